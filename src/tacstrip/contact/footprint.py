@@ -1,0 +1,194 @@
+"""Where a contact touches each strip: l and u [mm].
+
+An area touches a strip along the strip's centre line; a line or a point touches the strip's whole width.
+Coordinates across the strips are counted in pitches from the first centre line, so that strip i is the
+integer i, and what lies within 1e-9 pitches of a centre line is taken to lie on it (contacts are closed).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import shapely
+
+from tacstrip.arrays import FloatArray, IntArray
+from tacstrip.contact.shape import Contact
+from tacstrip.errors import ContactError
+from tacstrip.sensor.spec import Sensor
+
+_ON_LINE = 1e-9  # pitches
+
+
+@dataclass(frozen=True)
+class Footprint:
+    """The contact on each strip; iterates as (l, u).
+
+    Attributes
+    ----------
+    l, u
+        Lower and upper end of the contact [mm], (strips,) for one contact or (contacts, strips) for
+        many; NaN where a strip is not touched. Where a contact meets a strip in several pieces they
+        are the ends of the outer hull: see `pieces`.
+    clipped
+        Whether a part of the contact lay off the sensor and was cut away.
+    """
+
+    l: FloatArray
+    u: FloatArray
+    clipped: bool
+    _sensor: Sensor
+    _contacts: tuple[Contact, ...]
+
+    def __iter__(self) -> Iterator[FloatArray]:
+        return iter((self.l, self.u))
+
+    @cached_property
+    def pieces(self) -> IntArray:
+        """Number of separate pieces on each strip, shape of `l`; above 1 means that l, u is a hull."""
+        counts = [_pieces(self._sensor, contact) for contact in self._contacts]
+        return np.stack(counts).reshape(self.l.shape)
+
+
+def footprint(sensor: Sensor, contact: Contact | Sequence[Contact]) -> Footprint:
+    """Find l and u of one contact on every strip, or of many contacts at once.
+
+    Raises
+    ------
+    ContactError
+        A contact lies wholly outside the sensor.
+    """
+    many = not isinstance(contact, Contact)
+    given = tuple(contact) if many else (contact,)
+    outside = _sticks_out(sensor, given)
+    contacts = list(given)
+    for index in np.flatnonzero(outside):
+        contacts[index] = _clip(sensor, given[index])
+    shape = (len(contacts), sensor.strips)
+    l, u = np.full(shape, np.inf), np.full(shape, -np.inf)
+    area = _area_crossings(sensor, contacts)
+    for index, y0, y1 in (
+        (area.owner * sensor.strips + area.strip, area.y, area.y),
+        _thin_touches(sensor, contacts),
+    ):
+        np.minimum.at(l.reshape(-1), index, np.minimum(y0, y1))
+        np.maximum.at(u.reshape(-1), index, np.maximum(y0, y1))
+    untouched = l > u
+    l[untouched] = u[untouched] = np.nan
+    if not many:
+        l, u = l[0], u[0]
+    return Footprint(l, u, bool(outside.any()), sensor, tuple(contacts))
+
+
+def _sticks_out(sensor: Sensor, contacts: Sequence[Contact]) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    owner = np.repeat(np.arange(len(contacts)), [len(c.shapes) for c in contacts])
+    bounds = shapely.bounds(np.array([s for c in contacts for s in c.shapes]))  # (shapes, 4)
+    out = (bounds[:, :2] < 0.0).any(axis=1) | (bounds[:, 2:] > (sensor.width_mm, sensor.length_mm)).any(axis=1)
+    return np.bincount(owner, weights=out, minlength=len(contacts)) > 0
+
+
+def _clip(sensor: Sensor, contact: Contact) -> Contact:
+    """Cut away what lies off the sensor. A shape that only grazes the edge keeps what touches."""
+    area = shapely.box(0.0, 0.0, sensor.width_mm, sensor.length_mm)
+    inside = shapely.GeometryCollection([shapely.intersection(s, area) for s in contact.shapes])
+    if all(shapely.is_empty(g) for g in inside.geoms):
+        x0, y0, x1, y1 = shapely.GeometryCollection(list(contact.shapes)).bounds
+        raise ContactError(
+            f"the contact (x {x0:.6g} to {x1:.6g}, y {y0:.6g} to {y1:.6g} mm) lies outside the sensor "
+            f"(x 0 to {sensor.width_mm:.6g}, y 0 to {sensor.length_mm:.6g} mm); move it, or check its unit: mm"
+        )
+    return Contact(tuple(p for g in inside.geoms for p in (g.geoms if hasattr(g, "geoms") else (g,)) if not p.is_empty))
+
+
+def _edges(contacts: Sequence[Contact], kind: str) -> tuple[FloatArray, FloatArray, IntArray]:
+    """Return starts (E, 2), ends (E, 2) and owners (E,) of all edges of the shapes of one kind."""
+    pairs = [(s, i) for i, c in enumerate(contacts) for s in c.shapes if s.geom_type == kind]
+    lines = np.array([s for s, _ in pairs])
+    owner = np.array([i for _, i in pairs], dtype=np.int64)
+    if kind == "Polygon":
+        lines, part = shapely.get_rings(lines, return_index=True)
+        owner = owner[part]
+    xy, line = shapely.get_coordinates(lines, return_index=True)
+    if kind == "Point":
+        return xy, xy, owner[line]
+    joined = np.flatnonzero(line[1:] == line[:-1])
+    return xy[joined], xy[joined + 1], owner[line[joined]]
+
+
+def _strip_coordinate(sensor: Sensor, x_mm: FloatArray) -> FloatArray:
+    s = x_mm / sensor.pitch_mm - 0.5
+    nearest = np.round(s)
+    return np.where(np.abs(s - nearest) < _ON_LINE, nearest, s)
+
+
+def _over_strips(sensor: Sensor, low: FloatArray, high: FloatArray) -> tuple[IntArray, IntArray]:
+    """List, for ranges [low, high] in strip coordinates, each range's index with each strip in it."""
+    first = np.maximum(np.ceil(low), 0).astype(np.int64)
+    last = np.minimum(np.floor(high), sensor.strips - 1).astype(np.int64)
+    count = np.maximum(last - first + 1, 0)
+    which = np.repeat(np.arange(len(count)), count)
+    return which, np.arange(count.sum()) - np.repeat(np.cumsum(count) - count - first, count)
+
+
+@dataclass(frozen=True)
+class _Crossings:
+    """Where polygon edges cross centre lines, one entry per edge and strip."""
+
+    owner: IntArray
+    strip: IntArray
+    y: FloatArray
+    s0: FloatArray  # strip coordinates of the edge's ends
+    s1: FloatArray
+
+
+def _area_crossings(sensor: Sensor, contacts: Sequence[Contact]) -> _Crossings:
+    start, end, owner = _edges(contacts, "Polygon")
+    s0, s1 = _strip_coordinate(sensor, start[:, 0]), _strip_coordinate(sensor, end[:, 0])
+    edge, strip = _over_strips(sensor, np.minimum(s0, s1), np.maximum(s0, s1))
+    # An edge along a centre line adds its start; its neighbours add the rest.
+    run = np.where(s1 == s0, 1.0, s1 - s0)[edge]
+    t = (strip - s0[edge]) / run
+    y = (1.0 - t) * start[edge, 1] + t * end[edge, 1]
+    return _Crossings(owner[edge], strip, y, s0[edge], s1[edge])
+
+
+def _thin_touches(sensor: Sensor, contacts: Sequence[Contact]) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Cut lines and points to the strips' bands: flat (contact, strip) index and both ends' y."""
+    both = [_edges(contacts, kind) for kind in ("LineString", "Point")]
+    start, end, owner = (np.concatenate([b[i] for b in both]) for i in range(3))
+    s0, s1 = start[:, 0] / sensor.pitch_mm - 0.5, end[:, 0] / sensor.pitch_mm - 0.5
+    half = 0.5 * sensor.strip_width / sensor.pitch_mm
+    reach = half + _ON_LINE
+    edge, strip = _over_strips(sensor, np.minimum(s0, s1) - reach, np.maximum(s0, s1) + reach)
+    run = (s1 - s0)[edge]
+    safe = np.where(run == 0.0, 1.0, run)
+    a, b = (strip - half - s0[edge]) / safe, (strip + half - s0[edge]) / safe
+    t0 = np.where(run == 0.0, 0.0, np.clip(np.minimum(a, b), 0.0, 1.0))
+    t1 = np.where(run == 0.0, 1.0, np.clip(np.maximum(a, b), 0.0, 1.0))
+    y0, rise = start[edge, 1], (end - start)[edge, 1]
+    return owner[edge] * sensor.strips + strip, y0 + t0 * rise, y0 + t1 * rise
+
+
+def _pieces(sensor: Sensor, contact: Contact) -> IntArray:
+    """Count the separate intervals of one contact on each strip."""
+    touches = [_thin_touches(sensor, [contact])]
+    c = _area_crossings(sensor, [contact])
+    # On a centre line the contact is what lies just left of it and just right of it, both closed.
+    for beside in (np.less, np.less_equal):
+        crossing = beside(c.s0, c.strip) != beside(c.s1, c.strip)
+        order = np.lexsort((c.y[crossing], c.strip[crossing]))
+        ends, where = c.y[crossing][order], c.strip[crossing][order]
+        touches.append((where[::2], ends[::2], ends[1::2]))
+    strips, y0, y1 = (np.concatenate([t[i] for t in touches]) for i in range(3))
+    low, high = np.minimum(y0, y1), np.maximum(y0, y1)
+    order = np.lexsort((low, strips))
+    counts = np.zeros(sensor.strips, dtype=np.int64)
+    reach, before = -np.inf, -1
+    for i in order:
+        if strips[i] != before or low[i] > reach + _ON_LINE * sensor.pitch_mm:
+            counts[strips[i]] += 1
+            reach = high[i]
+        reach, before = max(reach, high[i]), strips[i]
+    return counts

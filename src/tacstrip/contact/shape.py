@@ -1,0 +1,176 @@
+"""What touches the sensor: polygons, lines and points, several at once, placed, turned and dragged."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from tacstrip.arrays import FloatArray
+from tacstrip.errors import ContactError
+
+
+@dataclass(frozen=True)
+class Contact:
+    """A set of closed shapes on the sensor's surface, in [mm]; y = 0 is the grounded end.
+
+    Make one with `polygon`, `line`, `points`, `from_wkt` or `from_geojson`, and join several with `+`.
+
+    Attributes
+    ----------
+    shapes
+        Shapely polygons, line strings and points; none is empty, none crosses itself.
+    """
+
+    shapes: tuple[BaseGeometry, ...]
+
+    @classmethod
+    def polygon(cls, vertices: npt.ArrayLike, *, holes: Sequence[npt.ArrayLike] = ()) -> Self:
+        """Make an area contact from its corners (N, 2) [mm], in either direction, closed or not.
+
+        Raises
+        ------
+        ContactError
+            Fewer than three corners, a number that is not finite, no area, or sides that cross.
+        """
+        shell = _coordinates(vertices, 3, "a polygon")
+        return cls._checked([shapely.Polygon(shell, [_coordinates(h, 3, "a hole") for h in holes])])
+
+    @classmethod
+    def line(cls, path: npt.ArrayLike) -> Self:
+        """Make a line contact from its points (N, 2) [mm], N at least 2."""
+        return cls._checked([shapely.LineString(_coordinates(path, 2, "a line"))])
+
+    @classmethod
+    def points(cls, points: npt.ArrayLike) -> Self:
+        """Make point contacts from (N, 2) [mm], or one from (2,)."""
+        return cls._checked([shapely.Point(p) for p in _coordinates(np.atleast_2d(points), 1, "points")])
+
+    @classmethod
+    def from_wkt(cls, text: str) -> Self:
+        """Read well-known text: POLYGON, LINESTRING, POINT, their MULTI kinds and GEOMETRYCOLLECTION."""
+        try:
+            geometry = shapely.from_wkt(text)
+        except (shapely.GEOSException, UnicodeError, ValueError, TypeError) as error:
+            raise ContactError(f"not well-known text ({error}); write for example POLYGON ((x y, ...))") from None
+        return cls._checked([geometry])
+
+    @classmethod
+    def from_geojson(cls, source: str | Mapping[str, Any]) -> Self:
+        """Read GeoJSON, text or parsed: a geometry, a Feature or a FeatureCollection, in [mm]."""
+        try:
+            parsed = json.loads(source) if isinstance(source, str) else source
+            geometry = shapely.from_geojson(json.dumps(parsed, allow_nan=False))
+        except json.JSONDecodeError as error:
+            raise ContactError(f"not JSON: {error}. Is the file complete?") from None
+        except (shapely.GEOSException, ValueError, TypeError, RecursionError) as error:
+            raise ContactError(f"not GeoJSON ({error}); a geometry or a FeatureCollection is needed") from None
+        return cls._checked([geometry])
+
+    @classmethod
+    def _checked(cls, geometries: Iterable[BaseGeometry]) -> Self:
+        parts = [p for g in geometries for p in _parts(g)]
+        if not parts:
+            raise ContactError("the contact is empty: it needs at least one polygon, line or point")
+        for number, part in enumerate(parts, start=1):
+            if not np.all(np.isfinite(shapely.get_coordinates(part))):
+                raise ContactError(f"shape {number} of {len(parts)} has a coordinate that is not a finite number")
+            if not shapely.is_valid(part):
+                why = shapely.is_valid_reason(part).replace("Self-intersection", "crosses itself at ")
+                raise ContactError(f"shape {number} of {len(parts)}: {why}; list its corners in order round it")
+            if part.geom_type == "Polygon" and part.area == 0.0:
+                raise ContactError(f"shape {number} of {len(parts)} has no area; make it a line")
+        return cls(tuple(parts))
+
+    def __add__(self, other: Contact) -> Contact:
+        return Contact(self.shapes + other.shapes)
+
+    @property
+    def vertices(self) -> FloatArray:
+        """Corners (N, 2) [mm] of the only polygon, counter-clockwise, not closed.
+
+        Raises
+        ------
+        ContactError
+            The contact is not exactly one polygon.
+        """
+        if len(self.shapes) != 1 or self.shapes[0].geom_type != "Polygon":
+            raise ContactError(f"the contact has {len(self.shapes)} shape(s) and is not exactly one polygon")
+        ring = shapely.get_exterior_ring(self.shapes[0])
+        corners: FloatArray = shapely.get_coordinates(ring)[:-1]
+        return corners if shapely.is_ccw(ring) else corners[::-1]
+
+    @property
+    def centroid(self) -> FloatArray:
+        """Centroid (2,) [mm] of all shapes together; of the areas alone where there are any."""
+        point = shapely.centroid(shapely.GeometryCollection(list(self.shapes)))
+        return np.array([point.x, point.y])
+
+    def moved(self, dx_mm: float, dy_mm: float) -> Contact:
+        """Return the contact moved by (dx, dy) [mm]."""
+        return self._mapped(lambda xy: xy + np.array([dx_mm, dy_mm]))
+
+    def placed(self, x_mm: float, y_mm: float) -> Contact:
+        """Return the contact with its centroid at (x, y) [mm]."""
+        dx, dy = np.array([x_mm, y_mm]) - self.centroid
+        return self.moved(dx, dy)
+
+    def turned(self, angle_rad: float, about: tuple[float, float] | None = None) -> Contact:
+        """Return the contact turned counter-clockwise by an angle [rad], about its centroid by default."""
+        centre = self.centroid if about is None else np.asarray(about, dtype=float)
+        c, s = np.cos(angle_rad), np.sin(angle_rad)
+        rotation = np.array([[c, s], [-s, c]])  # for row vectors
+        return self._mapped(lambda xy: (xy - centre) @ rotation + centre)
+
+    def dragged(self, path: npt.ArrayLike, steps: int, turn_rad: float = 0.0) -> list[Contact]:
+        """Return the contact at `steps` places evenly spaced along a path, turning as it goes.
+
+        Parameters
+        ----------
+        path
+            Way points (M, 2) [mm] for the centroid, M at least 2.
+        steps
+            Number of places, both ends of the path included; 2 or more.
+        turn_rad
+            Turn from one place to the next, counter-clockwise [rad]; the first place is not turned.
+        """
+        line = shapely.LineString(_coordinates(path, 2, "a path"))
+        if steps < 2:
+            raise ContactError(f"steps = {steps}: dragging needs at least 2 places")
+        stops = shapely.line_interpolate_point(line, np.linspace(0.0, line.length, steps))
+        return [self.placed(p.x, p.y).turned(i * turn_rad) for i, p in enumerate(stops)]
+
+    def _mapped(self, change: Any) -> Contact:
+        return Contact(tuple(shapely.transform(shape, change) for shape in self.shapes))
+
+
+def _parts(geometry: BaseGeometry) -> list[BaseGeometry]:
+    """Take collections apart into polygons, line strings and points; drop empty ones and z."""
+    if geometry is None or geometry.is_empty:
+        return []
+    if hasattr(geometry, "geoms"):
+        return [p for g in geometry.geoms for p in _parts(g)]
+    if geometry.geom_type == "LinearRing":
+        geometry = shapely.LineString(geometry)
+    return [shapely.force_2d(geometry)]
+
+
+def _coordinates(values: npt.ArrayLike, least: int, what: str) -> FloatArray:
+    try:
+        array = np.asarray(values, dtype=float)
+    except (TypeError, ValueError):
+        raise ContactError(f"{what} needs numbers: a list of (x_mm, y_mm)") from None
+    if array.ndim != 2 or array.shape[1] != 2:
+        raise ContactError(f"{what} needs a list of (x_mm, y_mm), not an array of shape {array.shape}")
+    if not np.all(np.isfinite(array)):
+        bad = int(np.flatnonzero(~np.isfinite(array).all(axis=1))[0])
+        raise ContactError(f"{what} has a coordinate that is not a finite number, at point {bad + 1}")
+    if len(array) < least:
+        raise ContactError(f"{what} needs at least {least} points, not {len(array)}")
+    return array

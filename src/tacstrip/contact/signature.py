@@ -1,0 +1,35 @@
+"""From l and u to the signatures: k_h, k_l, k, and the centres of section 4.1."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tacstrip.arrays import FloatArray
+from tacstrip.sensor.circuit import k_h, k_l, k_metal
+from tacstrip.sensor.spec import Sensor
+
+
+def signatures(sensor: Sensor, l_mm: FloatArray, u_mm: FloatArray) -> dict[str, FloatArray]:
+    """Return every signature of the construction, name to array of the shape of l and u.
+
+    NaN where a strip is not touched, and for a metal sheet that a contact of the strip's full length ties
+    to both ends (0 / 0).
+    """
+    l, w = np.asarray(l_mm, dtype=float), np.asarray(u_mm, dtype=float) - l_mm
+    length, ratio, lam = sensor.length_mm, sensor.sensing_ratio, sensor.contact_lambda_mm
+    forward = {
+        "kh": lambda: k_h(l, w, length, ratio, lam),
+        "kl": lambda: k_l(l, w, length, ratio, lam),
+        "k": lambda: k_metal(l, w, length, lam),
+    }
+    return {name: forward[name]() for name in sensor.signatures}
+
+
+def geometric_centre(l_mm: FloatArray, u_mm: FloatArray) -> FloatArray:
+    """Return l + w / 2 [mm]; over the strips in contact it is the geometric signature (4.1)."""
+    return np.asarray(0.5 * (np.asarray(l_mm, dtype=float) + u_mm))
+
+
+def pseudo_centres(sensor: Sensor, l_mm: FloatArray, u_mm: FloatArray) -> dict[str, FloatArray]:
+    """Return the pseudo-centres k_h L, k_l L or k L [mm] of each signature: (4.1), (4.2), (4.3)."""
+    return {name: k * sensor.length_mm for name, k in signatures(sensor, l_mm, u_mm).items()}

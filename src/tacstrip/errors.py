@@ -1,0 +1,36 @@
+"""One root for every error that a user can cause, so that one `except` catches them all.
+
+A message names the place, what was found there and what to do about it.
+"""
+
+from __future__ import annotations
+
+
+class TacstripError(Exception):
+    """Root of all errors raised on purpose by tacstrip."""
+
+
+class SpecError(TacstripError):
+    """A sensor specification that cannot be: unknown key, impossible value, unreadable file."""
+
+
+class ContactError(TacstripError):
+    """A contact that cannot be used: unreadable, crossing itself, off the sensor."""
+
+
+class ReadingError(TacstripError):
+    """Readings that cannot be used: missing column or strip, volts out of range, broken file."""
+
+
+class SignatureError(TacstripError):
+    """A signature that the construction or the scan does not have."""
+
+
+class OptionError(TacstripError):
+    """An option with a value that does not exist or cannot be."""
+
+
+def one_of(what: str, value: object, choices: object) -> str:
+    """Say that `value` is not one of `choices`, which are listed in the message."""
+    names = ", ".join(str(c) for c in choices)  # type: ignore[attr-defined]
+    return f"{what} {value!r} does not exist; choose one of: {names}"

@@ -1,0 +1,118 @@
+"""Where the vertices lie across the strips: given by the caller, or found by the gradient rule.
+
+The gradient rule, a stand-in for the thesis' "simple detection method" (5.4.1), which it does not print:
+
+1. At every strip, a straight line is fitted to the `reach` strips on either side, the strip itself in both;
+   g is the right slope minus the left. reach is a sixth of the strips in contact, between 2 and 40, and
+   less near the ends.
+2. The noise is the median absolute second difference of the signature over sqrt(6), made a standard
+   deviation. g counts where it exceeds 4 of its own standard deviations.
+3. A transition is a peak of |g| that is the highest within half a reach, stands out from the valleys on
+   both sides by half its height, and has a tenth of the highest peak's height.
+4. Its x is where the two lines cross, at most one strip away.
+5. The end vertices lie half a pitch outside the first and the last touched strip, on average.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from tacstrip.arrays import FloatArray, IntArray
+from tacstrip.errors import OptionError, one_of
+from tacstrip.scan import Scan
+from tacstrip.sensor.spec import Sensor
+
+_SIGNIFICANT = 4.0  # standard deviations of g
+_PROMINENT = 0.5  # of the peak's own height
+_SMALLEST = 0.1  # of the highest peak
+_RULES = ("auto", "gradient")
+
+
+def transitions_of_runs(
+    scan: Scan, sensor: Sensor, signature: str, transitions: str | npt.ArrayLike
+) -> list[FloatArray]:
+    """Return, for each run of touched strips, the x of all its vertices [mm], ends included.
+
+    Parameters
+    ----------
+    scan, sensor, signature
+        What was measured, and which signature to look at.
+    transitions
+        "gradient", "auto" (the same, for now), or ascending x of all vertices of all objects; an x goes to
+        the nearest run.
+
+    Raises
+    ------
+    OptionError
+        The rule does not exist, or the given x are not finite numbers in ascending order.
+    """
+    runs, x = scan.runs(), sensor.x_mm
+    if isinstance(transitions, str):
+        if transitions not in _RULES:
+            choices = (*_RULES, "or an ascending list of x")
+            raise OptionError(one_of("transitions", transitions, choices))
+        return [by_gradient(x[run], scan[signature][run], sensor.pitch_mm) for run in runs]
+    given = np.asarray(transitions, dtype=float)
+    if given.ndim != 1 or not np.all(np.isfinite(given)) or np.any(np.diff(given) < 0.0):
+        raise OptionError("transitions must be a list of finite x [mm] of all vertices, in ascending order")
+    if not runs:
+        return []
+    first, last = (np.array([x[run][end] for run in runs]) for end in (0, -1))
+    away = np.maximum(np.maximum(first - given[:, None], given[:, None] - last), 0.0)  # (x, runs)
+    nearest = away.argmin(axis=1)
+    return [given[nearest == i] for i in range(len(runs))]
+
+
+def by_gradient(x: FloatArray, k: FloatArray, pitch_mm: float) -> FloatArray:
+    """Find the transitions of one signature: x [mm], ends included, by the rule above."""
+    ends = (x[0] - pitch_mm / 2.0, x[-1] + pitch_mm / 2.0)
+    n = len(k)
+    if n < 5:
+        return np.array(ends)
+    reach = np.minimum(np.clip(round(n / 6), 2, 40), np.minimum(np.arange(n), np.arange(n)[::-1]))
+    left, left_at = _lines(k, reach, -1)
+    right, right_at = _lines(k, reach, +1)
+    g = np.where(reach >= 2, right - left, 0.0)  # per strip
+    second = np.diff(k, 2)
+    sigma = 1.4826 * np.median(np.abs(second - np.median(second))) / np.sqrt(6.0)
+    size = reach + 1.0
+    deviation = sigma * np.sqrt(24.0 / np.maximum(size**3 - size, 1.0))
+    peaks = _peaks(np.abs(g), int(reach.max()))
+    tallest = max((abs(g[i]) for i in peaks), default=0.0)
+    found = [
+        x[i] + pitch_mm * np.clip((left_at[i] - right_at[i]) / g[i], -1.0, 1.0)
+        for i in peaks
+        if abs(g[i]) > _SIGNIFICANT * deviation[i] and abs(g[i]) >= _SMALLEST * tallest
+    ]
+    return np.array([ends[0], *found, ends[1]])
+
+
+def _lines(k: FloatArray, reach: IntArray, towards: int) -> tuple[FloatArray, FloatArray]:
+    """Fit a line to every strip and its `reach` neighbours to one side: slope per strip, value there."""
+    at = np.arange(len(k))
+    first, last = (at, at + reach) if towards > 0 else (at - reach, at)
+    centred = at - at.mean()
+    sum_k = np.concatenate(([0.0], np.cumsum(k)))
+    sum_jk = np.concatenate(([0.0], np.cumsum(centred * k)))
+    size = reach + 1.0
+    total, moment = sum_k[last + 1] - sum_k[first], sum_jk[last + 1] - sum_jk[first]
+    middle = 0.5 * (first + last) - at.mean()
+    slope = 12.0 * (moment - middle * total) / np.maximum(size**3 - size, 1.0)
+    return slope, total / size - slope * (middle - centred)
+
+
+def _peaks(height: FloatArray, reach: int) -> list[int]:
+    """Return the strips where the height peaks: highest near by, and standing out from both sides."""
+    found = []
+    near = max(1, reach // 2)
+    for i in range(1, len(height) - 1):
+        window = height[max(0, i - near) : i + near + 1]
+        if height[i] <= 0.0 or height[i] < window.max() or (found and i - found[-1] <= near):
+            continue
+        higher = np.flatnonzero(height > height[i])
+        left = height[(higher[higher < i].max(initial=-1) + 1) : i].min()
+        right = height[i + 1 : (higher[higher > i].min(initial=len(height)))].min()
+        if height[i] - max(left, right) >= _PROMINENT * height[i]:
+            found.append(i)
+    return found

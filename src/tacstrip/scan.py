@@ -1,0 +1,95 @@
+"""One scan: what a sensor measured in one sampling cycle."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from tacstrip.arrays import BoolArray, FloatArray
+from tacstrip.errors import ReadingError, SignatureError
+from tacstrip.sensor.constructions import SIGNATURES
+from tacstrip.sensor.spec import Sensor
+
+
+@dataclass(frozen=True, eq=False)
+class Scan:
+    """Readings of all strips over Vref, one array (strips,) per signature; NaN where nothing touches.
+
+    Raises
+    ------
+    ReadingError
+        No signature, arrays of different lengths, a value outside 0..1, or a strip with one reading of
+        two; the message names the strip, counted from 0.
+    """
+
+    kh: FloatArray | None = None
+    kl: FloatArray | None = None
+    k: FloatArray | None = None
+    time_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in SIGNATURES:
+            if (values := getattr(self, name)) is not None:
+                object.__setattr__(self, name, _readings(name, values))
+        names = self.signatures
+        if not names:
+            raise ReadingError("a scan needs at least one signature: kh, kl or k")
+        first = self[names[0]]
+        for name in names[1:]:
+            if len(self[name]) != len(first):
+                raise ReadingError(f"{names[0]} has {len(first)} strips and {name} has {len(self[name])}")
+            half = np.flatnonzero(np.isnan(self[name]) != np.isnan(first))
+            if len(half):
+                raise ReadingError(
+                    f"strip {half[0]} has only one of {names[0]} and {name}; "
+                    "give both, or NaN for both where nothing touches"
+                )
+
+    def __getitem__(self, signature: str) -> FloatArray:
+        """Return one signature's readings (strips,).
+
+        Raises
+        ------
+        SignatureError
+            The scan does not have it.
+        """
+        values: FloatArray | None = getattr(self, signature) if signature in SIGNATURES else None
+        if values is None:
+            raise SignatureError(f"the scan has no {signature!r}; it has: {', '.join(self.signatures)}")
+        return values
+
+    @property
+    def signatures(self) -> tuple[str, ...]:
+        """Names of the signatures that were measured."""
+        return tuple(name for name in SIGNATURES if getattr(self, name) is not None)
+
+    @property
+    def touched(self) -> BoolArray:
+        """Whether each strip is touched (strips,)."""
+        return ~np.isnan(self[self.signatures[0]])
+
+    def runs(self) -> list[slice]:
+        """Return the runs of neighbouring touched strips: each is one signature, one object (4.2.4, step 1)."""
+        edges = np.diff(np.concatenate(([0], self.touched.astype(np.int8), [0])))
+        return [slice(int(a), int(b)) for a, b in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True)]
+
+    def check(self, sensor: Sensor) -> None:
+        """Refuse a scan that this sensor cannot have made: `ReadingError` or `SignatureError`."""
+        if len(self.touched) != sensor.strips:
+            raise ReadingError(f"the scan has {len(self.touched)} strips and the sensor has {sensor.strips}")
+        for name in self.signatures:
+            sensor.check_signature(name)
+
+
+def _readings(name: str, values: npt.ArrayLike) -> FloatArray:
+    array = np.array(values, dtype=float)
+    if array.ndim != 1 or not len(array):
+        raise ReadingError(f"{name} needs one value per strip, not an array of shape {array.shape}")
+    if len(bad := np.flatnonzero((array < 0.0) | (array > 1.0))):
+        raise ReadingError(
+            f"{name} of strip {bad[0]} is {array[bad[0]]:.6g}, outside 0..1: it is a voltage over Vref"
+        )
+    array.flags.writeable = False
+    return array

@@ -1,0 +1,148 @@
+"""Closed forms of chapter 3, forward and back, as plain functions of arrays.
+
+One formula carries all constructions. With rho_0 the resistivity of the energised strip, rho_1 that of
+the sensing layer and r = rho_1 / rho_0, the contact is rho_0 r / (1 + r) ohms per length. Let
+a = r / (1 + r) and D = L - (1 - a) w; then, over Vref,
+
+    upper end of the sensing strip   (l + a w) / D    (3.5)
+    lower end                        l / D            (3.6)
+
+a = 1/2 gives equal strips (3.3), (3.4); a = 0, a metal sheet, makes both of them (3.8).
+
+A contact of finite conductance g per length has the decay length lambda = 1 / sqrt((rho_0 + rho_1) g).
+It reads as an ideal contact on [l + T, u - T] with T = lambda tanh(w / (2 lambda)) (docs/decisions.md).
+
+l, w, L and lambda share one unit; arguments broadcast; NaN (no contact) passes through.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tacstrip.arrays import FloatArray
+
+_NEWTON_STEPS = 60  # quadratic: five or six do, more only where w is far below lambda
+
+
+def sensing_share(ratio: float) -> float:
+    """Return a = r / (1 + r), the share of a contact's resistance that the energised strip keeps."""
+    return ratio / (1.0 + ratio)
+
+
+def erosion(w: FloatArray, contact_lambda: float) -> FloatArray:
+    """Return T = lambda tanh(w / 2 lambda): how far contact resistance eats into each end [unit of w]."""
+    if contact_lambda == 0.0:
+        return np.zeros_like(w)
+    return np.asarray(contact_lambda * np.tanh(w / (2.0 * contact_lambda)))
+
+
+def k_h(
+    l: FloatArray, w: FloatArray, length: float, ratio: float = 1.0, contact_lambda: float = 0.0
+) -> FloatArray:
+    """Return k_h, the sensing strip's upper voltage over Vref: (3.3), (3.5).
+
+    Parameters
+    ----------
+    l, w
+        Lower end and length of the contact [mm], any shapes that broadcast.
+    length
+        Strip length L [mm].
+    ratio
+        Resistivity of the sensing strip over that of the energised strip.
+    contact_lambda
+        Decay length of the contact resistance [mm].
+    """
+    a = sensing_share(ratio)
+    t = erosion(w, contact_lambda)
+    wi = w - 2.0 * t
+    return np.asarray((l + t + a * wi) / (length - (1.0 - a) * wi))
+
+
+def k_l(
+    l: FloatArray, w: FloatArray, length: float, ratio: float = 1.0, contact_lambda: float = 0.0
+) -> FloatArray:
+    """Return k_l, the sensing strip's lower voltage over Vref: (3.4), (3.6). Arguments as for `k_h`."""
+    a = sensing_share(ratio)
+    t = erosion(w, contact_lambda)
+    return np.asarray((l + t) / (length - (1.0 - a) * (w - 2.0 * t)))
+
+
+def k_metal(l: FloatArray, w: FloatArray, length: float, contact_lambda: float = 0.0) -> FloatArray:
+    """Return k, the metal sheet's voltage over Vref: (3.8). A strip contact of length L leaves 0 / 0: NaN."""
+    with np.errstate(invalid="ignore"):
+        return k_l(l, w, length, 0.0, contact_lambda)
+
+
+def chain_weights(k: FloatArray, at_upper_end: bool, ratio: float) -> tuple[FloatArray, FloatArray]:
+    """Return (c_l, c_u) with c_l l + c_u u = k L and c_l + c_u = 1, for an ideal contact.
+
+    (3.5), (3.6) and (3.8) are each linear in l and u once the reading is known; steps 3 (a), (b), (c) of
+    section 4.2.4 are these weights for equal strips, divided by one of them.
+
+    Parameters
+    ----------
+    k
+        A reading over Vref, any shape.
+    at_upper_end
+        Whether it is the sensing strip's upper end (k_h) or its lower end (k_l, k).
+    ratio
+        Resistivity of the sensing layer over that of the energised strip; 0 for metal.
+    """
+    a = sensing_share(ratio)
+    c_u = (1.0 - a) * k + (a if at_upper_end else 0.0)
+    return 1.0 - c_u, c_u
+
+
+def lower_and_width(
+    kh: FloatArray, kl: FloatArray, length: float, ratio: float = 1.0, contact_lambda: float = 0.0
+) -> tuple[FloatArray, FloatArray]:
+    """Solve k_h and k_l for l and w: (4.36), for unequal strips and contact resistance too.
+
+    Noise can make w negative: nothing is clipped here.
+    """
+    d = length / (1.0 + (kh - kl) / ratio)
+    ideal = (1.0 + ratio) / ratio * (kh - kl) * d
+    w = _undo_erosion(ideal, contact_lambda)
+    return np.asarray(kl * d - (w - ideal) / 2.0), w
+
+
+def lower_from_width(k: FloatArray, w: FloatArray, length: float, contact_lambda: float = 0.0) -> FloatArray:
+    """Solve (3.8) for l where w is known."""
+    t = erosion(np.asarray(w, dtype=float), contact_lambda)
+    return np.asarray(k * (length - w + 2.0 * t) - t)
+
+
+def width_from_lower(k: FloatArray, l: FloatArray, length: float, contact_lambda: float = 0.0) -> FloatArray:
+    """Solve (3.8) for w where l is known; k = 0 says nothing of w (the contact is at the ground): NaN."""
+    k, l = np.broadcast_arrays(np.asarray(k, dtype=float), np.asarray(l, dtype=float))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        w = np.where(k > 0.0, length - l / k, np.nan)
+    if contact_lambda == 0.0:
+        return w
+    # k (L - w + 2 T) = l + T, that is g(w) = k w + (1 - 2 k) T(w) + l - k L = 0, and g grows with w.
+    for _ in range(_NEWTON_STEPS):
+        t = erosion(w, contact_lambda)
+        slope = 0.5 * (1.0 - (t / contact_lambda) ** 2)  # dT/dw
+        step = (k * w + (1.0 - 2.0 * k) * t + l - k * length) / (k + (1.0 - 2.0 * k) * slope)
+        w = w - step
+        if not np.nanmax(np.abs(step), initial=0.0) > 1e-15 * length:
+            break
+    return w
+
+
+def _undo_erosion(ideal: FloatArray, contact_lambda: float) -> FloatArray:
+    """Solve w - 2 lambda tanh(w / 2 lambda) = ideal for w; odd in w, so noise below zero stays below."""
+    ideal = np.asarray(ideal, dtype=float)
+    if contact_lambda == 0.0:
+        return ideal
+    # With z = w / 2 lambda: z - tanh z = c. Convex for z > 0, and (3 c)^(1/3) lies below the root, as does c.
+    c = np.abs(ideal) / (2.0 * contact_lambda)
+    z = np.maximum(np.cbrt(3.0 * c), c)
+    for _ in range(_NEWTON_STEPS):
+        tanh = np.tanh(z)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            step = np.where(z > 0.0, (z - tanh - c) / tanh**2, 0.0)
+        z = z - step
+        if not np.nanmax(np.abs(step), initial=0.0) > 1e-15 * np.nanmax(z, initial=1.0):
+            break
+    return np.asarray(np.copysign(2.0 * contact_lambda * z, ideal))

@@ -1,0 +1,209 @@
+"""The sensor as data: `Sensor`, and its TOML file in and out."""
+
+from __future__ import annotations
+
+import math
+import operator
+import re
+from pathlib import Path
+from typing import Any, Self
+
+import msgspec
+import numpy as np
+
+from tacstrip.arrays import FloatArray
+from tacstrip.data import spec_names, spec_path
+from tacstrip.errors import SpecError
+from tacstrip.sensor.constructions import CONSTRUCTIONS, Construction, check_signature, construction
+
+FORMAT = 1
+
+# Every key of the file, in its order, with the comment that `tacstrip init` writes beside it.
+KEYS: dict[str, tuple[str, str]] = {  # key: (an example where nothing is set, comment)
+    "format": ("", "version of this file's format"),
+    "construction": ("", "one of: " + ", ".join(CONSTRUCTIONS)),
+    "strips": ("", "number of strips, n"),
+    "pitch_mm": ("", "from centre line to centre line; along the arc on a tube"),
+    "length_mm": ("", "strip length L, from the grounded end (y = 0) to the end at Vref"),
+    "strip_width_mm": ("3.0", "width of the rubber; unset: strips without gaps, as wide as the pitch"),
+    "radius_mm": ("9.0", "radius of the tube that the strips lie on"),
+    "resistivity_ratio": ("", "resistivity of the sensing strip over that of the energised strip"),
+    "contact_lambda_mm": ("", "decay length of the contact resistance; 0: ideal contact"),
+    "vref_volt": ("", "reference voltage"),
+    "adc_bits": ("12", "resolution of the A/D converter; unset: not simulated, and codes cannot be read"),
+    "rest_volt": ("0.0", "for logs that give volts for untouched strips: the level they rest at"),
+    "touch_volt": ("0.05", "a strip counts as touched when a reading is further than this from rest_volt"),
+    "strip_base": ("", "number of the first strip in readings files, 0 or 1"),
+}
+# Keys that belong to some constructions only.
+_OWN_KEYS = frozenset().union(*(c.keys for c in CONSTRUCTIONS.values()))
+
+
+class Sensor(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A resistive hybrid tactile sensor; the keys of the spec file, in [mm] and [V].
+
+    Raises
+    ------
+    SpecError
+        A value is impossible or does not belong to the construction; the message names the key.
+    """
+
+    construction: str
+    strips: int
+    pitch_mm: float
+    length_mm: float
+    strip_width_mm: float | None = None
+    radius_mm: float | None = None
+    resistivity_ratio: float = 1.0
+    contact_lambda_mm: float = 0.0
+    vref_volt: float = 5.0
+    adc_bits: int | None = None
+    rest_volt: float | None = None
+    touch_volt: float | None = None
+    strip_base: int = 0
+    format: int = FORMAT
+
+    def __post_init__(self) -> None:
+        """Bring numbers to their type and refuse what cannot be."""
+        for name, kind in self.__annotations__.items():
+            value = getattr(self, name)
+            if name != "construction" and value is not None:
+                msgspec.structs.force_setattr(self, name, _number(name, value, whole="int" in kind))
+        _check(self)
+
+    @property
+    def kind(self) -> Construction:
+        """The construction's row in the table."""
+        return construction(self.construction)
+
+    @property
+    def signatures(self) -> tuple[str, ...]:
+        """Names of the signatures that this construction measures."""
+        return self.kind.signatures
+
+    @property
+    def sensing_ratio(self) -> float:
+        """Resistivity of the second layer over the energised strip's; 0 for metal."""
+        fixed = self.kind.sensing_ratio
+        return self.resistivity_ratio if fixed is None else fixed
+
+    @property
+    def strip_width(self) -> float:
+        """Width of a strip [mm]: the pitch where the spec gives none."""
+        return self.pitch_mm if self.strip_width_mm is None else self.strip_width_mm
+
+    @property
+    def width_mm(self) -> float:
+        """Extent of the digital dimension, n pitches [mm]."""
+        return self.strips * self.pitch_mm
+
+    @property
+    def x_mm(self) -> FloatArray:
+        """Centre lines of the strips (strips,) [mm]."""
+        return (np.arange(self.strips) + 0.5) * self.pitch_mm
+
+    def check_signature(self, signature: str) -> str:
+        """Return the name if this sensor has such a signature, else raise `SignatureError`."""
+        return check_signature(self.kind, signature).name
+
+    @classmethod
+    def load(cls, path: str | Path) -> Self:
+        """Read a spec file, or one of the shipped specs by its name (`prototype-crs-crs`, ...).
+
+        Raises
+        ------
+        SpecError
+            The file is missing, is not TOML, has an unknown key or an impossible value.
+        """
+        file = Path(path)
+        if not file.exists() and str(path) in spec_names():
+            file = spec_path(str(path))
+        try:
+            raw = msgspec.toml.decode(file.read_bytes())
+        except FileNotFoundError:
+            shipped = ", ".join(spec_names())
+            raise SpecError(
+                f"{path}: no such file. Write one with `tacstrip init`, or name a shipped spec: {shipped}"
+            ) from None
+        except (OSError, UnicodeDecodeError, msgspec.DecodeError) as error:
+            raise SpecError(f"{path}: not a readable TOML spec ({error}). See `tacstrip init`") from None
+        try:
+            return cls.from_dict(raw)
+        except SpecError as error:
+            raise SpecError(f"{path}: {error}") from None
+
+    @classmethod
+    def from_dict(cls, raw: dict[str, Any]) -> Self:
+        """Make a sensor from a spec file's keys and values; errors as for `load`."""
+        if unknown := [key for key in raw if key not in KEYS]:
+            raise SpecError(f"unknown key {unknown[0]!r}; the keys are: {', '.join(KEYS)}")
+        needed = ("format", "construction", "strips", "pitch_mm", "length_mm")
+        if missing := [key for key in needed if key not in raw]:
+            raise SpecError(f"key {missing[0]!r} is missing; a spec needs: {', '.join(needed)}")
+        try:
+            return msgspec.convert(raw, cls)
+        except msgspec.ValidationError as error:
+            text = re.sub(r" - at `\$\.?(.*)`$", "", str(error))
+            place = re.search(r"at `\$\.(.*)`$", str(error))
+            raise SpecError(f"{place[1]}: {text}" if place else text) from None
+
+    def to_toml(self) -> str:
+        """Return the spec file's text, with a comment per key; what is unset stands commented out."""
+        lines = ["# A resistive hybrid tactile sensor, for tacstrip. Millimetres and volts."]
+        for key, (example, comment) in KEYS.items():
+            value = getattr(self, key)
+            if key in _OWN_KEYS and key not in self.kind.keys:
+                continue
+            text = f'"{value}"' if isinstance(value, str) else repr(value)
+            line = f"# {key} = {example}" if value is None else f"{key} = {text}"
+            lines.append(f"{line:<32} # {comment}")
+        return "\n".join(lines) + "\n"
+
+    def save(self, path: str | Path) -> None:
+        """Write the spec file."""
+        Path(path).write_text(self.to_toml(), encoding="utf-8")
+
+
+def _number(name: str, value: Any, whole: bool) -> int | float:
+    try:
+        if isinstance(value, bool):
+            raise TypeError
+        number = operator.index(value) if whole else float(value)
+    except (TypeError, ValueError):
+        wanted = "a whole number" if whole else "a number"
+        raise SpecError(f"{name} = {value!r}: must be {wanted}") from None
+    if not math.isfinite(number):
+        raise SpecError(f"{name} = {value!r}: must be finite")
+    return number
+
+
+def _check(s: Sensor) -> None:
+    kind = s.kind
+    for key in ("pitch_mm", "length_mm", "strip_width_mm", "radius_mm", "resistivity_ratio", "vref_volt"):
+        value = getattr(s, key)
+        if value is not None and value <= 0.0:
+            raise SpecError(f"{key} = {value}: must be above 0")
+    own = {"radius_mm": s.radius_mm is not None, "resistivity_ratio": s.resistivity_ratio != 1.0}
+    for key, given in own.items():
+        if given and key not in kind.keys:
+            owners = ", ".join(c.name for c in CONSTRUCTIONS.values() if key in c.keys)
+            raise SpecError(f"{key} does not belong to a {kind.name} sensor, only to: {owners}")
+        if key in kind.required and not given:
+            raise SpecError(f"{key} is missing: a {kind.name} sensor needs it")
+    limits: tuple[tuple[str, bool, str], ...] = (
+        ("format", s.format == FORMAT, f"this tacstrip reads format {FORMAT}"),
+        ("strips", 1 <= s.strips <= 1_000_000, "must be 1 to 1000000"),
+        ("strip_width_mm", s.strip_width <= s.pitch_mm, f"must not exceed pitch_mm = {s.pitch_mm}"),
+        ("contact_lambda_mm", s.contact_lambda_mm >= 0.0, "must be 0 (ideal) or more"),
+        ("adc_bits", s.adc_bits is None or 1 <= s.adc_bits <= 32, "must be 1 to 32"),
+        ("strip_base", s.strip_base in (0, 1), "must be 0 or 1"),
+        ("rest_volt", s.rest_volt is None or 0 <= s.rest_volt <= s.vref_volt, "must be 0 to vref_volt"),
+        ("touch_volt", s.touch_volt is None or s.touch_volt > 0.0, "must be above 0"),
+        ("touch_volt", (s.touch_volt is None) == (s.rest_volt is None), "give it together with rest_volt"),
+    )
+    for key, good, advice in limits:
+        if not good:
+            raise SpecError(f"{key} = {getattr(s, key)}: {advice}")
+    if s.radius_mm is not None and s.width_mm > 2.0 * math.pi * s.radius_mm * (1.0 + 1e-9):
+        around = 2.0 * math.pi * s.radius_mm
+        raise SpecError(f"radius_mm = {s.radius_mm}: {s.width_mm} mm of strips do not fit round {around:.4g} mm")
