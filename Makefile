@@ -1,18 +1,25 @@
 # The front door: `make` lists what there is. Needs GNU make, a POSIX shell and Python >= 3.11.
-# uv comes from PATH or, when it is missing, in the version of uv.lock into .tools/.
+# uv is the one on PATH (0.5 or newer) or else the one that uv.lock pins, fetched into .tools/.
 
 EXE := $(if $(filter Windows_NT,$(OS)),.exe)
 BIN := .venv/$(if $(EXE),Scripts,bin)
 OWN_UV := .tools/uv$(EXE)
-UV := $(or $(shell uv --version >/dev/null 2>&1 && command -v uv),$(OWN_UV))
+UV := $(or $(shell uv --version 2>/dev/null | grep -Eq '^uv (0\.([5-9]|[1-9][0-9])|[1-9])' && command -v uv),$(OWN_UV))
 
 # Any Python on the machine that is new enough; make PYTHON=3.12 setup asks for a certain one.
 PYTHON := >=3.11
 PYTHONS := python3 python3.14 python3.13 python3.12 python3.11 python
+# Further options for pytest: make test ARGS="-k footprint".
+ARGS :=
 
-# What an environment of somebody else sets must not reach ours.
-unexport VIRTUAL_ENV PYTHONPATH PYTHONHOME UV_PYTHON UV_PROJECT_ENVIRONMENT UV_NO_DEV UV_FROZEN
+# What somebody else's environment sets must not reach ours.
+unexport VIRTUAL_ENV PYTHONPATH PYTHONHOME \
+  UV_PYTHON UV_PYTHON_PREFERENCE UV_PROJECT_ENVIRONMENT UV_SYSTEM_PYTHON UV_NO_DEV UV_FROZEN
 export UV_PYTHON_DOWNLOADS = never
+
+# The lock names its index, so behind a mirror `uv sync --locked` calls the lock stale (or cannot reach its files).
+# Then the same pins, under the same hashes, are installed from the mirror.
+MIRROR := $(UV_DEFAULT_INDEX)$(UV_INDEX_URL)
 
 .DEFAULT_GOAL := help
 .PHONY: help setup demo test check reproduce bench studies clean
@@ -53,8 +60,18 @@ clean: ## remove everything that make made
 	@find src tests tools benchmarks -name __pycache__ -exec rm -rf {} + 2>/dev/null || true
 
 .venv/.setup: pyproject.toml uv.lock | $(filter $(OWN_UV),$(UV))
-	@echo "Setting up .venv, a minute at most on a fair line"
-	@"$(UV)" sync --locked --quiet --python "$(PYTHON)"
+	@echo "Setting up .venv"
+ifeq ($(MIRROR),)
+	@"$(UV)" sync --locked --quiet --python "$(PYTHON)" || { \
+	  echo "If packages reach this machine only through a mirror, set UV_DEFAULT_INDEX to it and run make again." >&2; \
+	  exit 1; \
+	}
+else
+	@"$(UV)" venv --quiet --allow-existing --python "$(PYTHON)" .venv
+	@"$(UV)" export --frozen --quiet --no-emit-project --output-file .venv/pins.txt
+	@"$(UV)" pip sync --quiet --python .venv --require-hashes .venv/pins.txt
+	@"$(UV)" pip install --quiet --python .venv --no-deps --editable .
+endif
 	@touch $@
 
 $(OWN_UV): uv.lock

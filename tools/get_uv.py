@@ -162,16 +162,18 @@ def install_by_pip(wheels: Sequence[Wheel], target: Path) -> None:
     with tempfile.TemporaryDirectory(dir=target.parent) as folder:
         wanted = Path(folder, "requirements.txt")
         wanted.write_text(f"uv=={wheels[0].version} {hashes}\n", encoding="utf-8")
-        install = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--only-binary=:all:"]
+        pip = [
+            sys.executable,
+            "-m",
+            "pip",
+            "install",
+            "-q",
+            "--no-deps",
+            "--only-binary=:all:",
+            "--require-hashes",
+        ]
         run = subprocess.run(
-            [
-                *install,
-                "--require-hashes",
-                "--target",
-                str(Path(folder, "pip")),
-                "--requirement",
-                str(wanted),
-            ],
+            [*pip, "-t", str(Path(folder, "pip")), "-r", str(wanted)],
             env=os.environ | {"PIP_USER": "0", "PIP_REQUIRE_VIRTUALENV": "0"},
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
@@ -180,8 +182,9 @@ def install_by_pip(wheels: Sequence[Wheel], target: Path) -> None:
         )
         found = next((path for path in Path(folder).rglob(target.name) if path.is_file()), None)
         if run.returncode != 0 or found is None:
-            lines = [line for line in run.stderr.splitlines() if "[notice]" not in line and line.strip()]
-            raise FetchError(f"pip: {lines[-1] if lines else 'it brought no uv'}")
+            lines = [line for line in run.stderr.splitlines() if line.strip()] or ["it brought no uv"]
+            reason = next((line for line in lines if line.startswith("ERROR:")), lines[-1])
+            raise FetchError(f"pip: {reason.removeprefix('ERROR: ')}")
         _put(found, target)
 
 

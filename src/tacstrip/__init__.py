@@ -1,1 +1,8 @@
-"""tacstrip."""
+"""tacstrip: from the voltages of a resistive hybrid tactile sensor to the shape that touches it.
+
+The names that `import tacstrip as ts` gives are listed in `__init__.pyi`, once, and loaded when first used.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -73,7 +73,10 @@ class Scan:
     def runs(self) -> list[slice]:
         """Return the runs of neighbouring touched strips: each is one signature, one object (4.2.4, step 1)."""
         edges = np.diff(np.concatenate(([0], self.touched.astype(np.int8), [0])))
-        return [slice(int(a), int(b)) for a, b in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True)]
+        return [
+            slice(int(a), int(b))
+            for a, b in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True)
+        ]
 
     def check(self, sensor: Sensor) -> None:
         """Refuse a scan that this sensor cannot have made: `ReadingError` or `SignatureError`."""

@@ -60,12 +60,10 @@ def footprint(sensor: Sensor, contact: Contact | Sequence[Contact]) -> Footprint
     ContactError
         A contact lies wholly outside the sensor.
     """
-    many = not isinstance(contact, Contact)
-    given = tuple(contact) if many else (contact,)
-    outside = _sticks_out(sensor, given)
-    contacts = list(given)
-    for index in np.flatnonzero(outside):
-        contacts[index] = _clip(sensor, given[index])
+    contacts = [contact] if isinstance(contact, Contact) else list(contact)
+    outside = _sticks_out(sensor, contacts)
+    for number in np.flatnonzero(outside):
+        contacts[number] = _clip(sensor, contacts[number])
     shape = (len(contacts), sensor.strips)
     l, u = np.full(shape, np.inf), np.full(shape, -np.inf)
     area = _area_crossings(sensor, contacts)
@@ -77,7 +75,7 @@ def footprint(sensor: Sensor, contact: Contact | Sequence[Contact]) -> Footprint
         np.maximum.at(u.reshape(-1), index, np.maximum(y0, y1))
     untouched = l > u
     l[untouched] = u[untouched] = np.nan
-    if not many:
+    if isinstance(contact, Contact):
         l, u = l[0], u[0]
     return Footprint(l, u, bool(outside.any()), sensor, tuple(contacts))
 
@@ -85,7 +83,9 @@ def footprint(sensor: Sensor, contact: Contact | Sequence[Contact]) -> Footprint
 def _sticks_out(sensor: Sensor, contacts: Sequence[Contact]) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
     owner = np.repeat(np.arange(len(contacts)), [len(c.shapes) for c in contacts])
     bounds = shapely.bounds(np.array([s for c in contacts for s in c.shapes]))  # (shapes, 4)
-    out = (bounds[:, :2] < 0.0).any(axis=1) | (bounds[:, 2:] > (sensor.width_mm, sensor.length_mm)).any(axis=1)
+    out = (bounds[:, :2] < 0.0).any(axis=1) | (bounds[:, 2:] > (sensor.width_mm, sensor.length_mm)).any(
+        axis=1
+    )
     return np.bincount(owner, weights=out, minlength=len(contacts)) > 0
 
 
@@ -99,7 +99,9 @@ def _clip(sensor: Sensor, contact: Contact) -> Contact:
             f"the contact (x {x0:.6g} to {x1:.6g}, y {y0:.6g} to {y1:.6g} mm) lies outside the sensor "
             f"(x 0 to {sensor.width_mm:.6g}, y 0 to {sensor.length_mm:.6g} mm); move it, or check its unit: mm"
         )
-    return Contact(tuple(p for g in inside.geoms for p in (g.geoms if hasattr(g, "geoms") else (g,)) if not p.is_empty))
+    return Contact(
+        tuple(p for g in inside.geoms for p in (g.geoms if hasattr(g, "geoms") else (g,)) if not p.is_empty)
+    )
 
 
 def _edges(contacts: Sequence[Contact], kind: str) -> tuple[FloatArray, FloatArray, IntArray]:

@@ -81,7 +81,9 @@ def generator(rng: Rng) -> np.random.Generator:
     return rng if isinstance(rng, np.random.Generator) else np.random.default_rng(rng)
 
 
-def _draw(half_width: float, distribution: str, shape: tuple[int, ...], rng: np.random.Generator) -> FloatArray:
+def _draw(
+    half_width: float, distribution: str, shape: tuple[int, ...], rng: np.random.Generator
+) -> FloatArray:
     if distribution == "normal":
         return rng.normal(0.0, half_width / math.sqrt(3.0), shape)
     return rng.uniform(-half_width, half_width, shape)

@@ -58,7 +58,9 @@ class Contact:
         try:
             geometry = shapely.from_wkt(text)
         except (shapely.GEOSException, UnicodeError, ValueError, TypeError) as error:
-            raise ContactError(f"not well-known text ({error}); write for example POLYGON ((x y, ...))") from None
+            raise ContactError(
+                f"not well-known text ({error}); write for example POLYGON ((x y, ...))"
+            ) from None
         return cls._checked([geometry])
 
     @classmethod
@@ -70,7 +72,9 @@ class Contact:
         except json.JSONDecodeError as error:
             raise ContactError(f"not JSON: {error}. Is the file complete?") from None
         except (shapely.GEOSException, ValueError, TypeError, RecursionError) as error:
-            raise ContactError(f"not GeoJSON ({error}); a geometry or a FeatureCollection is needed") from None
+            raise ContactError(
+                f"not GeoJSON ({error}); a geometry or a FeatureCollection is needed"
+            ) from None
         return cls._checked([geometry])
 
     @classmethod
@@ -80,10 +84,14 @@ class Contact:
             raise ContactError("the contact is empty: it needs at least one polygon, line or point")
         for number, part in enumerate(parts, start=1):
             if not np.all(np.isfinite(shapely.get_coordinates(part))):
-                raise ContactError(f"shape {number} of {len(parts)} has a coordinate that is not a finite number")
+                raise ContactError(
+                    f"shape {number} of {len(parts)} has a coordinate that is not a finite number"
+                )
             if not shapely.is_valid(part):
                 why = shapely.is_valid_reason(part).replace("Self-intersection", "crosses itself at ")
-                raise ContactError(f"shape {number} of {len(parts)}: {why}; list its corners in order round it")
+                raise ContactError(
+                    f"shape {number} of {len(parts)}: {why}; list its corners in order round it"
+                )
             if part.geom_type == "Polygon" and part.area == 0.0:
                 raise ContactError(f"shape {number} of {len(parts)} has no area; make it a line")
         return cls(tuple(parts))

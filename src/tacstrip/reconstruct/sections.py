@@ -7,6 +7,7 @@ determine it; more average the noise.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -17,14 +18,19 @@ _ON_STRIP = 1e-9  # pitches: a vertex this near a strip lies on it, and the stri
 
 @dataclass(frozen=True)
 class Section:
-    """k(t) = (q + p t) / (1 + r t), t = (x - middle) / half, with its covariance over the noise's variance."""
+    """k(t) = (q + p t) / (1 + r t), t = (x - middle) / half; covariance over the noise's variance."""
 
     middle: float
     half: float
     coefficients: FloatArray  # q, p, r
     covariance: FloatArray  # (3, 3), rows and columns of what was not fitted are 0
     squared_residuals: float
-    freedom: int  # strips minus fitted numbers
+    strips: int
+
+    @property
+    def freedom(self) -> int:
+        """Strips beyond the fitted numbers."""
+        return max(self.strips - 3, 0)
 
     def reading(self, x: float) -> tuple[float, float]:
         """Return k at x, and its variance over the noise's."""
@@ -66,15 +72,16 @@ def fit_sections(x: FloatArray, k: FloatArray, transitions: FloatArray, ratio: f
     slack = _ON_STRIP * pitch
     # D = L - (1 - a) w lies between a L and L, a = ratio / (1 + ratio): so does the fitted denominator.
     steepest = 1.0 / (1.0 + 2.0 * ratio)
-    ranges = zip(transitions[:-1], transitions[1:], strict=True)
-    inside = [(x >= a - slack) & (x <= b + slack) for a, b in ranges]
+    inside = [(x >= a - slack) & (x <= b + slack) for a, b in pairwise(transitions)]
     return [_fit(x[m], k[m], steepest) if m.any() else None for m in inside]
 
 
 def noise_level(sections: list[Section | None]) -> float:
     """Return the noise's standard deviation, from what all sections left over; NaN where nothing was."""
     freedom = sum(s.freedom for s in sections if s)
-    return float(np.sqrt(sum(s.squared_residuals for s in sections if s) / freedom)) if freedom else float("nan")
+    return (
+        float(np.sqrt(sum(s.squared_residuals for s in sections if s) / freedom)) if freedom else float("nan")
+    )
 
 
 def _fit(x: FloatArray, k: FloatArray, steepest: float) -> Section:
@@ -86,7 +93,7 @@ def _fit(x: FloatArray, k: FloatArray, steepest: float) -> Section:
         found = np.linalg.solve(design, k)
         covariance = np.zeros((3, 3))
         covariance[:n, :n] = np.linalg.inv(design.T @ design)
-        return Section(middle, half, np.pad(found, (0, 3 - n)), covariance, 0.0, 0)
+        return Section(middle, half, np.pad(found, (0, 3 - n)), covariance, 0.0, n)
     t = (x - middle) / half
     mean = k.mean()
     # Multiplied out, k - mean = q' + p' t - r (k - mean) t: linear, and well scaled where k hardly varies.
@@ -95,7 +102,7 @@ def _fit(x: FloatArray, k: FloatArray, steepest: float) -> Section:
     model = (q + p * t) / (1.0 + r * t)
     jacobian = np.stack([np.ones(n), t, -model * t], axis=1) / (1.0 + r * t)[:, None]
     covariance = np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-13, hermitian=True)
-    return Section(middle, half, np.array([q, p, r]), covariance, float(((k - model) ** 2).sum()), n - 3)
+    return Section(middle, half, np.array([q, p, r]), covariance, float(((k - model) ** 2).sum()), n)
 
 
 def _refine(t: FloatArray, k: FloatArray, start: FloatArray, steepest: float) -> FloatArray:

@@ -3,12 +3,12 @@
 The gradient rule, a stand-in for the thesis' "simple detection method" (5.4.1), which it does not print:
 
 1. At every strip, a straight line is fitted to the `reach` strips on either side, the strip itself in both;
-   g is the right slope minus the left. reach is a sixth of the strips in contact, between 2 and 40, and
+   g is the right slope minus the left. reach is an eighth of the strips in contact, between 2 and 40, and
    less near the ends.
 2. The noise is the median absolute second difference of the signature over sqrt(6), made a standard
    deviation. g counts where it exceeds 4 of its own standard deviations.
 3. A transition is a peak of |g| that is the highest within half a reach, stands out from the valleys on
-   both sides by half its height, and has a tenth of the highest peak's height.
+   both sides by 0.3 of its height, and has a twentieth of the highest peak's height.
 4. Its x is where the two lines cross, at most one strip away.
 5. The end vertices lie half a pitch outside the first and the last touched strip, on average.
 """
@@ -24,8 +24,8 @@ from tacstrip.scan import Scan
 from tacstrip.sensor.spec import Sensor
 
 _SIGNIFICANT = 4.0  # standard deviations of g
-_PROMINENT = 0.5  # of the peak's own height
-_SMALLEST = 0.1  # of the highest peak
+_PROMINENT = 0.3  # of the peak's own height
+_SMALLEST = 0.05  # of the highest peak
 _RULES = ("auto", "gradient")
 
 
@@ -70,7 +70,7 @@ def by_gradient(x: FloatArray, k: FloatArray, pitch_mm: float) -> FloatArray:
     n = len(k)
     if n < 5:
         return np.array(ends)
-    reach = np.minimum(np.clip(round(n / 6), 2, 40), np.minimum(np.arange(n), np.arange(n)[::-1]))
+    reach = np.minimum(np.clip(round(n / 8), 2, 40), np.minimum(np.arange(n), np.arange(n)[::-1]))
     left, left_at = _lines(k, reach, -1)
     right, right_at = _lines(k, reach, +1)
     g = np.where(reach >= 2, right - left, 0.0)  # per strip
@@ -104,7 +104,7 @@ def _lines(k: FloatArray, reach: IntArray, towards: int) -> tuple[FloatArray, Fl
 
 def _peaks(height: FloatArray, reach: int) -> list[int]:
     """Return the strips where the height peaks: highest near by, and standing out from both sides."""
-    found = []
+    found: list[int] = []
     near = max(1, reach // 2)
     for i in range(1, len(height) - 1):
         window = height[max(0, i - near) : i + near + 1]

@@ -12,6 +12,7 @@ from tacstrip.errors import OptionError, one_of
 from tacstrip.reconstruct.result import RecoveredObject, Reconstruction, Status, close_chains
 from tacstrip.reconstruct.sections import Section, fit_sections, noise_level
 from tacstrip.reconstruct.transitions import transitions_of_runs
+from tacstrip.reconstruct.validity import judge
 from tacstrip.scan import Scan
 from tacstrip.sensor.circuit import chain_weights, erosion
 from tacstrip.sensor.constructions import SIGNATURES
@@ -19,8 +20,8 @@ from tacstrip.sensor.spec import Sensor
 
 _READINGS = ("section", "strip")
 _SAME_X = 1e-9  # of the strip length
+_EROSION_STEPS = 100
 _WEAK = 2.0  # standard deviations below which a kink's sign is not to be trusted
-_OFF_SENSOR = 1e-6  # of the strip length: rounding, not noise
 
 
 def vertex_reconstruction(
@@ -63,11 +64,18 @@ def vertex_reconstruction(
     k = scan[name]
     found = transitions_of_runs(scan, sensor, name, transitions)
     runs = zip(scan.runs(), found, strict=True)
-    return Reconstruction("vertex", tuple(_recover(sensor, name, run, k[run], x, reading) for run, x in runs), scan.time_s)
+    return Reconstruction(
+        "vertex", tuple(_recover(sensor, name, run, k[run], x, reading) for run, x in runs), scan.time_s
+    )
 
 
 def linear_system(
-    x: FloatArray, k: FloatArray, upper: BoolArray, y_ends: tuple[float, float], sensor: Sensor, signature: str
+    x: FloatArray,
+    k: FloatArray,
+    upper: BoolArray,
+    y_ends: tuple[float, float],
+    sensor: Sensor,
+    signature: str,
 ) -> tuple[FloatArray, FloatArray]:
     """Set up A y = b for the interior vertices' y: steps 3 and 4 of section 4.2.4.
 
@@ -122,120 +130,109 @@ def blocks(upper: BoolArray) -> list[tuple[int, int]]:
     return list(zip(starts, ends, strict=True))
 
 
+class _Refusal(Exception):  # noqa: N818 - not an error: why one object has no shape
+    """A status and advice instead of a shape."""
+
+    def __init__(self, status: Status, advice: str) -> None:
+        self.status = status
+        self.advice = advice
+
+
 def _recover(
     sensor: Sensor, signature: str, run: slice, k: FloatArray, x: FloatArray, reading: str
 ) -> RecoveredObject:
     """Recover one object from the readings of its strips and its vertices' x."""
-
-    def failed(status: Status, advice: str) -> RecoveredObject:
-        return RecoveredObject(run, status=status, advice=advice)
-
     strips = sensor.x_mm[run]
-    if len(strips) < 2:
-        return failed("too few strips", f"only the strip at x = {strips[0]:.6g} mm is touched: no shape shows across one strip")
+    try:
+        _check_counts(sensor, strips, x)
+        sections = fit_sections(strips, k, x, sensor.sensing_ratio)
+        k_at, jump, deviation = _by_section(sections, x) if reading == "section" else _by_strip(strips, k, x)
+        upper = np.concatenate(([False], jump < 0.0, [False]))  # the slope drops at an upper vertex (4.2.2)
+        y = _solve(sensor, signature, x, k_at, upper)
+    except _Refusal as refusal:
+        return RecoveredObject(run, status=refusal.status, advice=refusal.advice)
+    vertices = np.stack([x, y], axis=1)
+    on_low, on_high = _chains(upper)
+    polygon = close_chains(vertices[on_low], vertices[on_high])
+    # Where nothing was left over the noise is not known, sigma is NaN and no kink counts as weak.
+    weak = np.abs(jump) < _WEAK * deviation * noise_level(sections)
+    status, advice = judge(sensor, polygon, x[1:-1][weak])
+    if status == "too noisy":
+        return RecoveredObject(run, status=status, advice=advice)
+    np.clip(polygon[:, 1], 0.0, sensor.length_mm, out=polygon[:, 1])
+    profile = (strips, np.interp(strips, *vertices[on_low].T), np.interp(strips, *vertices[on_high].T))
+    return RecoveredObject(run, polygon, profile, None, status, advice)
+
+
+def _check_counts(sensor: Sensor, strips: FloatArray, x: FloatArray) -> None:
+    """Refuse what holds too little to tell a polygon, or is singular."""
     if len(x) < 3:
-        return failed("too few transitions", f"{len(x)} transitions are a line at most; a polygon needs 3 or more. Give them by hand, or use both signatures")
+        found = f"{len(x)} transitions are a line at most, and a polygon needs 3"
+        raise _Refusal("too few transitions", f"{found}; give them by hand, or use both signatures")
+    if len(strips) < len(x):
+        found = f"{len(strips)} strips are touched, and {len(x)} vertices need as many readings"
+        raise _Refusal("too few strips", f"{found}; use finer strips, or a larger object")
     near = np.flatnonzero(np.diff(x) <= _SAME_X * sensor.length_mm)
     if len(near):
-        return failed("shared x", f"two vertices share x = {x[near[0]]:.6g} mm: Vertex Reconstruction is singular there; turn the object a little")
-    sections = fit_sections(strips, k, x, sensor.sensing_ratio)
-    k_at, jump, deviation = _by_section(sections, x) if reading == "section" else _by_strip(strips, k, x)
-    if np.any(np.isnan(k_at)):
-        bad = x[np.flatnonzero(np.isnan(k_at))[0]]
-        return failed("too few strips", f"no strip is touched beside the vertex at x = {bad:.6g} mm; give transitions within the contact, or use finer strips")
-    upper = np.concatenate(([False], jump < 0.0, [False]))  # the slope drops at an upper vertex (4.2.2)
-    y = _solve(sensor, signature, x, k_at, upper)
-    if y is None:
-        return failed("singular", "the readings do not determine the vertices; turn or move the object a little")
-    vertices = np.stack([x, y], axis=1)
-    ends = np.zeros(len(x), dtype=bool)
-    ends[[0, -1]] = True
-    polygon = close_chains(vertices[~upper | ends], vertices[upper | ends])
-    sigma = noise_level(sections)
-    weak = x[1:-1][np.abs(jump) < _WEAK * deviation * sigma]  # NaN sigma: nothing known, nothing weak
-    status, advice = _judge(sensor, polygon, weak)
-    if status == "too noisy":
-        return failed(status, advice)
-    low = np.interp(strips, *vertices[~upper | ends].T)
-    high = np.interp(strips, *vertices[upper | ends].T)
-    return RecoveredObject(run, polygon, (strips, low, high), None, status, advice)
+        found = f"two vertices share x = {x[near[0]]:.6g} mm, where Vertex Reconstruction is singular"
+        raise _Refusal("shared x", f"{found}; turn the object a little")
 
 
 def _by_section(sections: list[Section | None], x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return k at the vertices (N,), the slope's jumps and their deviations over the noise's (N - 2,)."""
-    k_at = np.full(len(x), np.nan)
-    jump, deviation = np.zeros(len(x) - 2), np.zeros(len(x) - 2)
+    k_at, variance = np.empty(len(x)), np.empty(len(x))
     for i, at in enumerate(x):
-        sides = [s for s in (sections[i - 1] if i else None, sections[i] if i < len(sections) else None) if s]
-        if sides:
-            values, variances = np.array([s.reading(at) for s in sides]).T
-            k_at[i] = np.average(values, weights=1.0 / np.maximum(variances, 1e-12))
-        if 0 < i < len(x) - 1 and len(sides) == 2:
-            (left, v_left), (right, v_right) = (s.slope(at) for s in sides)
-            jump[i - 1], deviation[i - 1] = right - left, np.sqrt(v_left + v_right)
-    return k_at, jump, deviation
+        sides = [s.reading(at) for s in sections[max(i - 1, 0) : i + 1] if s]
+        if not sides:
+            advice = f"no strip is touched beside the vertex at x = {at:.6g} mm; give transitions in the contact"
+            raise _Refusal("too few strips", advice)
+        values, variances = np.array(sides).T
+        weights = 1.0 / np.maximum(variances, 1e-12)
+        k_at[i], variance[i] = np.average(values, weights=weights), 1.0 / weights.sum()
+    slopes = np.empty((len(sections), 2, 2))  # at both ends: slope, variance
+    for i, section in enumerate(sections):
+        if section and section.strips >= 2:
+            slopes[i] = section.slope(x[i]), section.slope(x[i + 1])
+        else:  # one strip or none has no slope of its own: the chord's
+            run = x[i + 1] - x[i]
+            slopes[i] = (k_at[i + 1] - k_at[i]) / run, (variance[i] + variance[i + 1]) / run**2
+    left, right = slopes[:-1, 1], slopes[1:, 0]
+    return k_at, right[:, 0] - left[:, 0], np.sqrt(right[:, 1] + left[:, 1])
 
 
 def _by_strip(strips: FloatArray, k: FloatArray, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the same by the thesis' rules: nearest strip, chords between vertices."""
-    k_at = k[np.abs(strips[:, None] - x).argmin(axis=0)]
-    run = np.diff(x)
+    nearest = np.abs(strips[:, None] - x).argmin(axis=0)
+    same = np.flatnonzero(np.diff(nearest) == 0)
+    if len(same):
+        found = f"the vertices at x = {x[same[0]]:.6g} and {x[same[0] + 1]:.6g} mm are nearest to the same strip"
+        raise _Refusal("too few strips", f'{found}; use finer strips, or reading="section"')
+    k_at, run = k[nearest], np.diff(x)
     a, b = 1.0 / run[:-1], 1.0 / run[1:]
     return k_at, np.diff(np.diff(k_at) / run), np.sqrt(a**2 + (a + b) ** 2 + b**2)
 
 
-def _solve(
-    sensor: Sensor, signature: str, x: FloatArray, k: FloatArray, upper: BoolArray
-) -> FloatArray | None:
-    """Solve for all vertices' y; None where the system is singular."""
+def _chains(upper: BoolArray) -> tuple[BoolArray, BoolArray]:
+    """Return which vertices are on the lower and on the upper chain; the ends are on both."""
+    low, high = ~upper, upper.copy()
+    high[[0, -1]] = True
+    return low, high
+
+
+def _solve(sensor: Sensor, signature: str, x: FloatArray, k: FloatArray, upper: BoolArray) -> FloatArray:
+    """Solve for all vertices' y."""
     y = k * sensor.length_mm  # w = 0 at the ends (4.2.2)
-    weights = chain_weights(k, SIGNATURES[signature].at_upper_end, sensor.sensing_ratio)
-    for _ in range(1 if sensor.contact_lambda_mm == 0.0 else 50):
+    c_l, c_u = chain_weights(k, SIGNATURES[signature].at_upper_end, sensor.sensing_ratio)
+    on_low, on_high = _chains(upper)
+    for _ in range(1 if sensor.contact_lambda_mm == 0.0 else _EROSION_STEPS):
         matrix, right = linear_system(x, k, upper, (y[0], y[-1]), sensor, signature)
         # Contact resistance: the reading is that of [l + T, u - T], so (c_l - c_u) T moves to the right.
-        eaten = erosion(_width(x, y, upper), sensor.contact_lambda_mm)
-        right -= ((weights[0] - weights[1]) * eaten)[1:-1]
-        if not np.all(np.isfinite(matrix)) or np.linalg.cond(matrix) > 1e12:
-            return None
+        w = np.interp(x, x[on_high], y[on_high]) - np.interp(x, x[on_low], y[on_low])
+        right -= ((c_l - c_u) * erosion(np.maximum(w, 0.0), sensor.contact_lambda_mm))[1:-1]
+        if np.linalg.cond(matrix) > 1e12:
+            raise _Refusal("singular", "the readings do not determine the vertices; turn or move the object a little")
         before = y[1:-1].copy()
         y[1:-1] = np.linalg.solve(matrix, right)
         if np.abs(y[1:-1] - before).max() <= 1e-12 * sensor.length_mm:
             break
     return y
-
-
-def _width(x: FloatArray, y: FloatArray, upper: BoolArray) -> FloatArray:
-    """Return the contact's length at each vertex, not below 0."""
-    on_low, on_high = ~upper, upper.copy()
-    on_high[[0, -1]] = True
-    return np.maximum(np.interp(x, x[on_high], y[on_high]) - np.interp(x, x[on_low], y[on_low]), 0.0)
-
-
-def _judge(sensor: Sensor, polygon: FloatArray, weak: FloatArray) -> tuple[Status, str]:
-    """Say whether the polygon can be what touched the sensor."""
-    edge = np.roll(polygon, -1, axis=0) - polygon
-    off = np.maximum(-polygon[:, 1], polygon[:, 1] - sensor.length_mm)
-    advice = "average more scans, recalibrate, or use both signatures"
-    if off.max() > _OFF_SENSOR * sensor.length_mm:
-        x, y = polygon[off.argmax()]
-        return "too noisy", f"a vertex falls off the sensor, at x = {x:.6g}, y = {y:.6g} mm; {advice}"
-    turn = edge[:, 0] * np.roll(edge[:, 1], -1) - edge[:, 1] * np.roll(edge[:, 0], -1)
-    angle = np.arctan2(edge[:, 1], edge[:, 0])
-    total = (np.remainder(np.diff(np.append(angle, angle[0])) + np.pi, 2.0 * np.pi) - np.pi).sum()
-    if _crosses(polygon) or abs(total - 2.0 * np.pi) > 1e-6:
-        return "too noisy", f"the vertices found do not make a polygon: upper and lower sides cross; {advice}"
-    np.clip(polygon[:, 1], 0.0, sensor.length_mm, out=polygon[:, 1])
-    if len(weak):
-        return "doubtful", f"the kink at x = {weak[0]:.6g} mm hides in the noise: its vertex may be on the other side; {advice}"
-    if turn.min() < 0.0:
-        x, y = np.roll(polygon, -1, axis=0)[turn.argmin()]
-        return "doubtful", f"the corner at x = {x:.6g}, y = {y:.6g} mm is not convex, which Vertex Reconstruction assumes; {advice}"
-    return "ok", ""
-
-
-def _crosses(polygon: FloatArray) -> bool:
-    """Whether the chains of an x-monotone polygon cross: the upper one falls below the lower."""
-    turn = int(polygon[:, 0].argmax())
-    low, high = polygon[: turn + 1], np.concatenate([polygon[turn:], polygon[:1]])[::-1]
-    x = polygon[1:, 0][polygon[1:, 0] < polygon[turn, 0]]
-    return bool(np.any(np.interp(x, *high.T) <= np.interp(x, *low.T)))

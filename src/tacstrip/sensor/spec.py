@@ -100,7 +100,7 @@ class Sensor(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     @property
     def x_mm(self) -> FloatArray:
         """Centre lines of the strips (strips,) [mm]."""
-        return (np.arange(self.strips) + 0.5) * self.pitch_mm
+        return np.asarray((np.arange(self.strips) + 0.5) * self.pitch_mm, dtype=np.float64)
 
     def check_signature(self, signature: str) -> str:
         """Return the name if this sensor has such a signature, else raise `SignatureError`."""
@@ -206,4 +206,6 @@ def _check(s: Sensor) -> None:
             raise SpecError(f"{key} = {getattr(s, key)}: {advice}")
     if s.radius_mm is not None and s.width_mm > 2.0 * math.pi * s.radius_mm * (1.0 + 1e-9):
         around = 2.0 * math.pi * s.radius_mm
-        raise SpecError(f"radius_mm = {s.radius_mm}: {s.width_mm} mm of strips do not fit round {around:.4g} mm")
+        raise SpecError(
+            f"radius_mm = {s.radius_mm}: {s.width_mm} mm of strips do not fit round {around:.4g} mm"
+        )

@@ -1,0 +1,58 @@
+"""The command line. Verbs load when they are called, so that `--help` is quick."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+
+import click
+
+from tacstrip.errors import TacstripError
+
+# Verb: what it is for, as `tacstrip --help` says it. Each verb is `command` in the module of its name.
+VERBS = {
+    "init": "Write a commented sensor spec to start from.",
+    "demo": "Recover a rectangle from packaged (synthetic) volts of the ten-strip prototype.",
+    "simulate": "Press a contact on a sensor and write the readings.",
+    "reconstruct": "Recover shapes from readings.",
+    "reproduce": "Make chapter 5 of the thesis again, beside its printed figures.",
+}
+
+
+class _Verbs(click.Group):
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(VERBS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name not in VERBS:
+            return None
+        command = importlib.import_module(f"tacstrip.cli.{cmd_name}").command
+        assert isinstance(command, click.Command)
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Commands"):
+            formatter.write_dl(list(VERBS.items()))
+
+
+@click.group(cls=_Verbs, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="tacstrip", message="tacstrip %(version)s")
+def cli() -> None:
+    """From the voltages of a resistive hybrid tactile sensor to the shape that touches it.
+
+    Exit code 0: done; 1: could not do it; 2: bad input. `tacstrip VERB --help` shows an example.
+    """
+
+
+def main() -> None:
+    """Run the command line; a known error becomes one clear line and exit code 2."""
+    try:
+        cli(standalone_mode=True)
+    except TacstripError as error:
+        click.echo(f"Error: {error}", err=True)
+        sys.exit(2)
+    except OSError as error:
+        if error.filename is None:
+            raise
+        click.echo(f"Error: {error.filename}: {error.strerror}", err=True)
+        sys.exit(2)

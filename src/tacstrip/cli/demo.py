@@ -1,0 +1,37 @@
+"""`tacstrip demo`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from tacstrip.io.geometry import write_geojson
+from tacstrip.plot.style import save
+from tacstrip.reconstruct.result import Reconstruction
+from tacstrip.studies.demo import picture, run, table
+
+
+@click.command()
+@click.option("--out", type=click.Path(path_type=Path), default="demo", show_default=True, help="Folder to write to.")
+def command(out: Path) -> None:
+    """Recover a rectangle from packaged volts of the ten-strip prototype, before and after calibration.
+
+    The volts are synthetic: the published geometry, a tilted 5 x 3.5 cm rectangle, the printed offsets and
+    the printed residual errors. Writes a picture and the recovered shape.
+
+    Example: tacstrip demo --out demo
+    """
+    demo = run()
+    click.echo("Synthetic readings of the thesis' CRS-CRS prototype (10 strips, 6.5 x 32.5 cm, 5 x 3.5 cm object).")
+    click.echo("P.R. and V.R.: Profile and Vertex Reconstruction. Transitions given: the true ones.\n")
+    click.echo(table(demo))
+    best = next(t for t in demo.trials if (t.readings, t.method) == ("after", "P.R."))
+    write_geojson(_folder(out) / "shape.geojson", [Reconstruction("profile", (best.recovered,))])
+    file = save(picture(demo), out / "demo.png")
+    click.echo(f"\n{file}: the picture\n{out / 'shape.geojson'}: the profile after calibration, in mm")
+
+
+def _folder(path: Path) -> Path:
+    path.mkdir(parents=True, exist_ok=True)
+    return path

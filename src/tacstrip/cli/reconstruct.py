@@ -1,0 +1,116 @@
+"""`tacstrip reconstruct`."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import click
+
+from tacstrip.contact.shape import Contact
+from tacstrip.errors import OptionError, ReadingError, one_of
+from tacstrip.io.geometry import feature_collection, read_contact, write_geojson
+from tacstrip.io.readings import read_readings
+from tacstrip.metrics import mismatch
+from tacstrip.reconstruct.profile import profile_reconstruction
+from tacstrip.reconstruct.result import Reconstruction
+from tacstrip.reconstruct.vertex import vertex_reconstruction
+from tacstrip.scan import Scan
+from tacstrip.sensor.spec import Sensor
+
+_METHODS = ("vertex", "profile")
+
+
+@click.command()
+@click.argument("sensor", metavar="SENSOR")
+@click.argument("readings", metavar="READINGS", type=click.Path(path_type=Path))
+@click.option("-o", "--output", type=click.Path(path_type=Path), help="GeoJSON file; printed if left out.")
+@click.option("--method", help="vertex or profile; by default profile where both k_h and k_l were read.")
+@click.option("--signature", help="For vertex: kh, kl or k.")
+@click.option("--transitions", default="auto", show_default=True, metavar="RULE|X,X,..",
+              help="For vertex: auto, gradient, or the x of all vertices [mm].")  # fmt: skip
+@click.option("--reading", default="section", show_default=True, help="For vertex: section or strip.")
+@click.option("--truth", type=click.Path(path_type=Path), help="What touched (.wkt, .geojson): prints the mismatch.")
+@click.option("--plot", type=click.Path(path_type=Path), help="Picture to write (.png, .svg, .pdf).")
+def command(
+    sensor: str,
+    readings: Path,
+    output: Path | None,
+    method: str | None,
+    signature: str | None,
+    transitions: str,
+    reading: str,
+    truth: Path | None,
+    plot: Path | None,
+) -> None:
+    """Recover the shapes that touched SENSOR (a spec file or a shipped spec) from READINGS (CSV).
+
+    Writes GeoJSON in mm, a Feature per object, with its status. Exit code 1: no shape could be recovered.
+
+    Example: tacstrip reconstruct sensor.toml readings.csv -o shapes.geojson --plot shapes.png
+    """
+    spec = Sensor.load(sensor)
+    scans = read_readings(readings, spec)
+    if not any(s.touched.any() for s in scans):
+        raise ReadingError(
+            f"{readings}: no strip is touched in any of {len(scans)} scan(s): every reading is empty, or within "
+            "touch_volt of rest_volt. Check the wiring and the spec"
+        )
+    chosen = method or ("profile" if {"kh", "kl"} <= set(scans[0].signatures) else "vertex")
+    if chosen not in _METHODS:
+        raise OptionError(one_of("method", chosen, _METHODS))
+    where = _transitions(transitions)
+    results = [
+        profile_reconstruction(s, spec)
+        if chosen == "profile"
+        else vertex_reconstruction(s, spec, signature, where, reading)  # type: ignore[arg-type]
+        for s in scans
+    ]
+    contact = read_contact(truth) if truth else None
+    _report(results, contact)
+    if output is None:
+        click.echo(json.dumps(feature_collection(results), indent=1))
+    else:
+        write_geojson(output, results)
+        click.echo(f"{output} written", err=True)
+    if plot is not None:
+        _plot(spec, scans, results, chosen, contact, plot)
+    if not any(o.found for r in results for o in r.objects):
+        sys.exit(1)
+
+
+def _transitions(text: str) -> str | list[float]:
+    if text.isalpha():
+        return text
+    try:
+        return [float(part) for part in text.split(",")]
+    except ValueError:
+        raise OptionError(f"--transitions {text}: give auto, gradient, or numbers such as 12,20.5,31") from None
+
+
+def _report(results: list[Reconstruction], truth: Contact | None) -> None:
+    """Say on standard error what was found, scan by scan."""
+    for number, result in enumerate(results):
+        for o in result.objects:
+            text = f"scan {number}, {result.method}: {o.status}"
+            if o.found:
+                x, y = o.centroid
+                text += f", {len(o.vertices)} corners, {o.area:.6g} mm2 at x = {x:.5g}, y = {y:.5g} mm"
+            click.echo(text + (f". {o.advice}" if o.advice else ""), err=True)
+            if truth is not None and o.found:
+                m = mismatch(truth.vertices, o.vertices)
+                numbers = f"M.C. {m.mc:.4g} rad, A.O.E. {m.aoe:.4g} rad, A.P.E. {m.ape:.4g} mm, IoU {m.iou:.3f}"
+                click.echo(f"    against {len(truth.vertices)}-corner truth: {numbers}", err=True)
+        if not result.objects:
+            click.echo(f"scan {number}: {result.status}", err=True)
+
+
+def _plot(
+    spec: Sensor, scans: list[Scan], results: list[Reconstruction], method: str, truth: Contact | None, path: Path
+) -> None:
+    from tacstrip.plot.result import reconstruction_figure
+    from tacstrip.plot.style import save
+
+    figure = reconstruction_figure(spec, scans, {method: results}, [truth] if truth else [])
+    click.echo(f"{save(figure, path)} written", err=True)

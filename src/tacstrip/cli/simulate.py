@@ -1,0 +1,81 @@
+"""`tacstrip simulate`."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import click
+import numpy as np
+
+from tacstrip.contact.footprint import footprint
+from tacstrip.contact.noise import Noise
+from tacstrip.errors import OptionError
+from tacstrip.io.geometry import read_contact
+from tacstrip.io.readings import write_readings
+from tacstrip.sensor.spec import Sensor
+from tacstrip.simulate import simulate
+
+_POINT = (float, float)
+
+
+@click.command()
+@click.argument("sensor", metavar="SENSOR")
+@click.argument("contact", metavar="CONTACT", type=click.Path(path_type=Path))
+@click.option("-o", "--output", type=click.Path(path_type=Path), required=True, help="Readings file (CSV).")
+@click.option("--at", type=_POINT, metavar="X Y", help="Put the contact's centroid here [mm].")
+@click.option("--turn", type=float, default=0.0, metavar="DEG", help="Turn it counter-clockwise.")
+@click.option("--drag", type=_POINT, multiple=True, metavar="X Y", help="Drag it on to here; repeat for a path.")
+@click.option("--steps", type=int, default=5, show_default=True, help="Scans along the path.")
+@click.option("--turn-per-step", type=float, default=0.0, metavar="DEG", help="Turn it while dragging.")
+@click.option("--rate", type=float, default=100.0, show_default=True, help="Scans a second while dragging [Hz].")
+@click.option("--quantisation", type=float, default=0.0, help="C.Q.E., half-width over Vref (thesis: 0.001).")
+@click.option("--positional", type=float, default=0.0, help="P.U., half-width over Vref (thesis: 0.005, 0.01).")
+@click.option("--distribution", default="uniform", show_default=True, help="uniform or normal.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Of the errors.")
+@click.option("--plot", type=click.Path(path_type=Path), help="Picture to write (.png, .svg, .pdf).")
+def command(
+    sensor: str,
+    contact: Path,
+    output: Path,
+    at: tuple[float, float] | None,
+    turn: float,
+    drag: tuple[tuple[float, float], ...],
+    steps: int,
+    turn_per_step: float,
+    rate: float,
+    quantisation: float,
+    positional: float,
+    distribution: str,
+    seed: int,
+    plot: Path | None,
+) -> None:
+    """Press CONTACT (.wkt or .geojson, mm) on SENSOR (a spec file or a shipped spec) and write the readings.
+
+    Example: tacstrip simulate prototype-crs-crs object.wkt -o readings.csv --at 32 160 --positional 0.005
+    """
+    spec = Sensor.load(sensor)
+    noise = Noise(quantisation, positional, distribution=distribution)  # type: ignore[arg-type]
+    if seed < 0 or not rate > 0.0:
+        raise OptionError(f"--seed {seed} --rate {rate}: the seed must be 0 or more, the rate above 0")
+    shape = read_contact(contact)
+    shape = (shape.placed(*at) if at else shape).turned(math.radians(turn))
+    start = tuple(shape.centroid)
+    places = shape.dragged([start, *drag], steps, math.radians(turn_per_step)) if drag else [shape]
+    random = np.random.default_rng(seed)
+    touch = footprint(spec, places)
+    scans = [simulate(spec, c, noise, random, time_s=i / rate) for i, c in enumerate(places)]
+    write_readings(output, spec, scans)
+    touched = int(np.isfinite(touch.l).sum())
+    click.echo(f"{output}: {len(scans)} scan(s) of {spec.strips} strips, {touched} readings in contact")
+    if touched == 0:
+        click.echo("Warning: no strip is touched: the contact falls between centre lines", err=True)
+    if touch.clipped:
+        click.echo("Warning: a part of the contact lies off the sensor and was cut away", err=True)
+    if (split := int((touch.pieces > 1).sum())) > 0:
+        click.echo(f"Warning: {split} readings see several pieces of the contact as one, from end to end", err=True)
+    if plot is not None:
+        from tacstrip.plot.result import reconstruction_figure
+        from tacstrip.plot.style import save
+
+        click.echo(f"{save(reconstruction_figure(spec, scans, {}, places), plot)}: picture")

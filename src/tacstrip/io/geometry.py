@@ -1,0 +1,75 @@
+"""Contacts from WKT and GeoJSON files; reconstructions to GeoJSON, in mm."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from tacstrip.contact.shape import Contact
+from tacstrip.errors import ContactError
+from tacstrip.reconstruct.result import RecoveredObject, Reconstruction
+
+_READERS = {".wkt": Contact.from_wkt, ".geojson": Contact.from_geojson, ".json": Contact.from_geojson}
+
+
+def read_contact(path: str | Path) -> Contact:
+    """Read a contact from a .wkt, .geojson or .json file, coordinates in mm.
+
+    Raises
+    ------
+    ContactError
+        The file is missing, is neither kind, or does not hold a usable contact.
+    """
+    file = Path(path)
+    if file.suffix.lower() not in _READERS:
+        raise ContactError(f"{path}: a contact is a file that ends in {', '.join(_READERS)}")
+    try:
+        text = file.read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        raise ContactError(f"{path}: no such file") from None
+    except UnicodeDecodeError:
+        raise ContactError(f"{path}: not a text file") from None
+    except OSError as error:
+        raise ContactError(f"{path}: cannot be read ({error.strerror})") from None
+    if not text.strip():
+        raise ContactError(f"{path}: the file is empty")
+    try:
+        return _READERS[file.suffix.lower()](text)
+    except ContactError as error:
+        raise ContactError(f"{path}: {error}") from None
+
+
+def feature_collection(results: Sequence[Reconstruction]) -> dict[str, Any]:
+    """Return a GeoJSON FeatureCollection [mm], a Feature per object; without a shape its geometry is null.
+
+    Properties: scan, time_s, method, status, advice, and where there is a shape area_mm2, centroid_mm and
+    orientation_rad (of the longer principal axis, from x).
+    """
+    features = []
+    for scan, result in enumerate(results):
+        about = {"scan": scan, "time_s": result.time_s, "method": result.method}
+        if not result.objects:
+            features.append(_feature(None, about | {"status": result.status, "advice": result.advice}))
+        features += [_feature(o, about | {"status": o.status, "advice": o.advice}) for o in result.objects]
+    return {"type": "FeatureCollection", "features": features}
+
+
+def write_geojson(path: str | Path, results: Sequence[Reconstruction]) -> None:
+    """Write `feature_collection` to a file."""
+    text = json.dumps(feature_collection(results), indent=1, allow_nan=False)
+    Path(path).write_text(text + "\n", encoding="utf-8")
+
+
+def _feature(recovered: RecoveredObject | None, properties: dict[str, Any]) -> dict[str, Any]:
+    geometry = None
+    if recovered is not None and recovered.found:
+        ring = [[round(float(c), 9) for c in p] for p in (*recovered.vertices, recovered.vertices[0])]
+        geometry = {"type": "Polygon", "coordinates": [ring]}
+        properties = properties | {
+            "area_mm2": recovered.area,
+            "centroid_mm": [float(c) for c in recovered.centroid],
+            "orientation_rad": recovered.orientation,
+        }
+    return {"type": "Feature", "geometry": geometry, "properties": properties}

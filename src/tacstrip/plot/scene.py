@@ -1,0 +1,88 @@
+"""The sensor from above: its strips, what touched it, what was recovered, and the signatures."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+from matplotlib.axes import Axes
+from matplotlib.patches import Polygon, Rectangle
+
+from tacstrip.contact.shape import Contact
+from tacstrip.plot.style import COLOURS, SENSOR, STRIP, TRUE
+from tacstrip.scan import Scan
+from tacstrip.sensor.constructions import SIGNATURES
+from tacstrip.sensor.spec import Sensor
+
+_MOST_STRIPS = 120  # more are drawn as one area
+
+
+def draw_sensor(axes: Axes, sensor: Sensor) -> None:
+    """Draw the sensor's outline and strips, and name the axes."""
+    width, length = sensor.width_mm, sensor.length_mm
+    axes.add_patch(Rectangle((0.0, 0.0), width, length, facecolor=SENSOR, edgecolor="none", zorder=0))
+    if sensor.strips <= _MOST_STRIPS:
+        for x in sensor.x_mm:
+            corner = (x - sensor.strip_width / 2.0, 0.0)
+            axes.add_patch(
+                Rectangle(corner, sensor.strip_width, length, facecolor=STRIP, edgecolor="none", zorder=0.5)
+            )
+    margin = 0.02 * max(width, length)
+    axes.set_xlim(-margin, width + margin)
+    axes.set_ylim(-margin, length + margin)
+    axes.set_aspect("equal")
+    axes.set_xlabel("digital dimension x [mm]")
+    axes.set_ylabel("analog dimension y [mm]")
+
+
+def draw_contact(axes: Axes, contact: Contact, label: str | None = None, colour: str = TRUE) -> None:
+    """Draw what touches: areas shaded, lines and points in full."""
+    for shape in contact.shapes:
+        xy = shapely.get_coordinates(shape)
+        if shape.geom_type == "Polygon":
+            for ring in shapely.get_rings(shape):
+                outline = shapely.get_coordinates(ring)
+                axes.add_patch(Polygon(outline, facecolor=colour, alpha=0.18, edgecolor="none", zorder=1))
+                axes.plot(*outline.T, color=colour, linewidth=1.0, label=label, zorder=2)
+                label = None
+        else:
+            axes.plot(*xy.T, "o-", color=colour, markersize=3.0, linewidth=1.0, label=label, zorder=2)
+        label = None
+
+
+def draw_polygon(
+    axes: Axes, vertices: npt.ArrayLike, colour: str, label: str | None = None, dashed: bool = False
+) -> None:
+    """Draw a recovered polygon's outline and corners; a raw profile's many corners stay unmarked."""
+    ring = np.asarray(vertices, dtype=float)
+    ring = np.concatenate([ring, ring[:1]])
+    marker = "o" if len(ring) < 25 else ""
+    axes.plot(
+        *ring.T, color=colour, linestyle="--" if dashed else "-", marker=marker, markersize=3.0, linewidth=1.3,
+        label=label, zorder=4,
+    )  # fmt: skip
+
+
+def draw_signatures(
+    axes: Axes, sensor: Sensor, scan: Scan, names: Iterable[str] | None = None, style: str = ".-"
+) -> None:
+    """Draw the pseudo-signatures k L [mm] of a scan over x (4.1)."""
+    for name in scan.signatures if names is None else names:
+        axes.plot(
+            sensor.x_mm, scan[name] * sensor.length_mm, style, color=COLOURS[name], markersize=3.0, linewidth=0.9,
+            label=f"${SIGNATURES[name].symbol} L$", zorder=3,
+        )  # fmt: skip
+
+
+def zoom(axes: Axes, points: npt.ArrayLike, sensor: Sensor, share: float = 0.25) -> None:
+    """Show the neighbourhood of points (N, 2) [mm] instead of the whole sensor."""
+    xy = np.asarray(points, dtype=float).reshape(-1, 2)
+    xy = xy[np.isfinite(xy).all(axis=1)]
+    low, high = xy.min(axis=0), xy.max(axis=0)
+    margin = share * (high - low).max() + 2.0 * sensor.pitch_mm
+    axes.set_xlim(
+        max(low[0] - margin, -sensor.pitch_mm), min(high[0] + margin, sensor.width_mm + sensor.pitch_mm)
+    )
+    axes.set_ylim(low[1] - margin, high[1] + margin)

@@ -1,0 +1,70 @@
+"""One look for all pictures: headless figures, colours, how a figure is saved.
+
+Figures are made without pyplot, so that no display, no global state and no leak of open figures is involved.
+"""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+TRUE = "#555555"  # the shape that touched
+SENSOR = "#e6e2d8"
+STRIP = "#cfc8b8"
+COLOURS = {"kh": "#c1440e", "kl": "#1f5fa8", "k": "#2a7f3f", "profile": "#7a3e9d", "geometric": "#333333"}
+RECOVERED = "#c1440e"
+OTHERS = ("#1f5fa8", "#2a7f3f", "#7a3e9d", "#b8860b")
+
+_RC: dict[Any, Any] = {
+    "font.size": 9.0,
+    "axes.titlesize": 10.0,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.linewidth": 0.7,
+    "legend.frameon": False,
+    "legend.fontsize": 8.0,
+    "lines.linewidth": 1.2,
+}
+
+
+def new_figure(width_inch: float = 5.0, height_inch: float = 4.2) -> Figure:
+    """Return an empty figure in the project's style, drawn by Agg."""
+    with mpl.rc_context(_RC):
+        figure = Figure(figsize=(width_inch, height_inch), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def new_axes(width_inch: float = 5.0, height_inch: float = 4.2) -> tuple[Figure, Axes]:
+    """Return a figure with one set of axes."""
+    figure = new_figure(width_inch, height_inch)
+    return figure, add_axes(figure, 1, 1, 1)
+
+
+def add_axes(figure: Figure, rows: int, columns: int, index: int, **options: Any) -> Axes:
+    """Add axes in the project's style to a grid of a figure; options as for `Figure.add_subplot`."""
+    with mpl.rc_context(_RC):
+        axes = figure.add_subplot(rows, columns, index, **options)
+    assert isinstance(axes, Axes)
+    return axes
+
+
+def save(figure: Figure, path: str | Path, dpi: int = 110) -> Path:
+    """Write a figure, its format by the file's ending, and make the folder if it is missing."""
+    file = Path(path)
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with mpl.rc_context(_RC), warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # a layout too tight for its labels is still a picture
+        figure.savefig(file, dpi=dpi, metadata={"Software": None} if file.suffix == ".png" else None)
+    return file
+
+
+def legend(axes: Axes, **options: Any) -> None:
+    """Add a legend without a frame; options as for `Axes.legend`."""
+    axes.legend(**{"frameon": False, "fontsize": 8.0, "loc": "best"} | options)

@@ -1,0 +1,72 @@
+"""The printed figures of the thesis, from `data/published.toml`."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from tacstrip.arrays import FloatArray
+from tacstrip.data import data_path
+
+METRICS = ("mc", "aoe", "ape")
+
+
+@dataclass(frozen=True)
+class Row:
+    """A row of tables 5.2-5.14: five positions of one shape under one noise.
+
+    Attributes
+    ----------
+    figure
+        Number of the figure that shows it, "5.5" to "5.60".
+    printed
+        Metric to its five printed values; None where the source is not readable, NaN where it prints "-".
+    """
+
+    table: str
+    figure: str
+    construction: str
+    algorithm: str
+    signature: str | None
+    shape: str
+    noise: str
+    printed: dict[str, FloatArray | None]
+
+
+@cache
+def published() -> dict[str, Any]:
+    """Return the whole file, as read."""
+    return tomllib.loads(data_path("published.toml").read_text(encoding="utf-8"))
+
+
+@cache
+def rows() -> tuple[Row, ...]:
+    """Return the 52 rows of tables 5.2-5.14 in their order."""
+    # Figures 5.9, 5.14, 5.19 and 5.32 stand between those of the rows.
+    between = (9, 14, 19, 32)
+    numbers = [n for n in range(5, 61) if n not in between]
+    return tuple(_row(raw, f"5.{number}") for raw, number in zip(published()["simulation"], numbers, strict=True))
+
+
+def offsets_volt(sensor: str, signature: str) -> FloatArray:
+    """Return the calibration factors of tables 6.1, 6.5 and 6.7 [V], one per strip."""
+    found = [c for c in published()["calibration"] if (c["sensor"], c["signature"]) == (sensor, signature)]
+    return np.array(found[0]["offset_volt"])
+
+
+def residuals(figure: str) -> FloatArray:
+    """Return the errors left after calibration in a figure's experiment (tables 6.8-6.11), over Vref."""
+    found = [r for r in published()["residual"] if r["figure"] == figure]
+    return np.array(found[0]["percent_of_vref"]) / 100.0
+
+
+def _row(raw: dict[str, Any], figure: str) -> Row:
+    printed = {m: np.array(raw[m]) if m in raw else None for m in METRICS}
+    return Row(
+        raw["table"], figure, raw["sensor"].lower(), raw["algorithm"], raw["signature"] or None, raw["shape"],
+        raw["noise"], printed,
+    )  # fmt: skip
