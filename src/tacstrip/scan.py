@@ -71,7 +71,7 @@ class Scan:
         return ~np.isnan(self[self.signatures[0]])
 
     def runs(self) -> list[slice]:
-        """Return the runs of neighbouring touched strips: each is one signature, one object (4.2.4, step 1)."""
+        """Return the runs of neighbouring touched strips: a signature, an object each (4.2.4, step 1)."""
         edges = np.diff(np.concatenate(([0], self.touched.astype(np.int8), [0])))
         return [
             slice(int(a), int(b))
@@ -87,7 +87,10 @@ class Scan:
 
 
 def _readings(name: str, values: npt.ArrayLike) -> FloatArray:
-    array = np.array(values, dtype=float)
+    try:
+        array = np.array(values, dtype=float)
+    except (TypeError, ValueError):
+        raise ReadingError(f"{name} needs one number per strip, NaN where nothing touches") from None
     if array.ndim != 1 or not len(array):
         raise ReadingError(f"{name} needs one value per strip, not an array of shape {array.shape}")
     if len(bad := np.flatnonzero((array < 0.0) | (array > 1.0))):

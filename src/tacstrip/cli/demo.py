@@ -13,7 +13,9 @@ from tacstrip.studies.demo import picture, run, table
 
 
 @click.command()
-@click.option("--out", type=click.Path(path_type=Path), default="demo", show_default=True, help="Folder to write to.")
+@click.option(
+    "--out", type=click.Path(path_type=Path), default="demo", show_default=True, help="Folder to write to."
+)
 def command(out: Path) -> None:
     """Recover a rectangle from packaged volts of the ten-strip prototype, before and after calibration.
 
@@ -23,7 +25,9 @@ def command(out: Path) -> None:
     Example: tacstrip demo --out demo
     """
     demo = run()
-    click.echo("Synthetic readings of the thesis' CRS-CRS prototype (10 strips, 6.5 x 32.5 cm, 5 x 3.5 cm object).")
+    click.echo(
+        "Synthetic readings of the thesis' CRS-CRS prototype (10 strips, 6.5 x 32.5 cm, 5 x 3.5 cm object)."
+    )
     click.echo("P.R. and V.R.: Profile and Vertex Reconstruction. Transitions given: the true ones.\n")
     click.echo(table(demo))
     best = next(t for t in demo.trials if (t.readings, t.method) == ("after", "P.R."))

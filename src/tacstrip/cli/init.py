@@ -16,8 +16,12 @@ from tacstrip.sensor.spec import Sensor
 @click.argument("file", type=click.Path(path_type=Path), default="sensor.toml")
 @click.option("--construction", default="crs-crs", show_default=True, help=", ".join(CONSTRUCTIONS) + ".")
 @click.option("--strips", type=int, default=10, show_default=True, help="Number of strips.")
-@click.option("--pitch", "pitch_mm", type=float, default=6.5, show_default=True, help="Centre to centre [mm].")
-@click.option("--length", "length_mm", type=float, default=325.0, show_default=True, help="Strip length [mm].")
+@click.option(
+    "--pitch", "pitch_mm", type=float, default=6.5, show_default=True, help="Centre to centre [mm]."
+)
+@click.option(
+    "--length", "length_mm", type=float, default=325.0, show_default=True, help="Strip length [mm]."
+)
 @click.option("--radius", "radius_mm", type=float, help="Radius of the tube [mm], for cyl-crs-m.")
 @click.option("--like", metavar="SPEC", help="Copy a shipped spec instead: " + ", ".join(spec_names()) + ".")
 @click.option("--force", is_flag=True, help="Write over a file that exists.")
@@ -41,7 +45,11 @@ def command(
         sensor = Sensor.load(like)
     else:
         sensor = Sensor(
-            construction=construction, strips=strips, pitch_mm=pitch_mm, length_mm=length_mm, radius_mm=radius_mm
+            construction=construction,
+            strips=strips,
+            pitch_mm=pitch_mm,
+            length_mm=length_mm,
+            radius_mm=radius_mm,
         )
     sensor.save(file)
     click.echo(f"{file} written. Edit it, then: tacstrip simulate {file} CONTACT.wkt -o readings.csv")

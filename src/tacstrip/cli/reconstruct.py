@@ -31,7 +31,9 @@ _METHODS = ("vertex", "profile")
 @click.option("--transitions", default="auto", show_default=True, metavar="RULE|X,X,..",
               help="For vertex: auto, gradient, or the x of all vertices [mm].")  # fmt: skip
 @click.option("--reading", default="section", show_default=True, help="For vertex: section or strip.")
-@click.option("--truth", type=click.Path(path_type=Path), help="What touched (.wkt, .geojson): prints the mismatch.")
+@click.option(
+    "--truth", type=click.Path(path_type=Path), help="What touched (.wkt, .geojson): prints the mismatch."
+)
 @click.option("--plot", type=click.Path(path_type=Path), help="Picture to write (.png, .svg, .pdf).")
 def command(
     sensor: str,
@@ -86,7 +88,9 @@ def _transitions(text: str) -> str | list[float]:
     try:
         return [float(part) for part in text.split(",")]
     except ValueError:
-        raise OptionError(f"--transitions {text}: give auto, gradient, or numbers such as 12,20.5,31") from None
+        raise OptionError(
+            f"--transitions {text}: give auto, gradient, or numbers such as 12,20.5,31"
+        ) from None
 
 
 def _report(results: list[Reconstruction], truth: Contact | None) -> None:
@@ -100,14 +104,21 @@ def _report(results: list[Reconstruction], truth: Contact | None) -> None:
             click.echo(text + (f". {o.advice}" if o.advice else ""), err=True)
             if truth is not None and o.found:
                 m = mismatch(truth.vertices, o.vertices)
-                numbers = f"M.C. {m.mc:.4g} rad, A.O.E. {m.aoe:.4g} rad, A.P.E. {m.ape:.4g} mm, IoU {m.iou:.3f}"
+                numbers = (
+                    f"M.C. {m.mc:.4g} rad, A.O.E. {m.aoe:.4g} rad, A.P.E. {m.ape:.4g} mm, IoU {m.iou:.3f}"
+                )
                 click.echo(f"    against {len(truth.vertices)}-corner truth: {numbers}", err=True)
         if not result.objects:
             click.echo(f"scan {number}: {result.status}", err=True)
 
 
 def _plot(
-    spec: Sensor, scans: list[Scan], results: list[Reconstruction], method: str, truth: Contact | None, path: Path
+    spec: Sensor,
+    scans: list[Scan],
+    results: list[Reconstruction],
+    method: str,
+    truth: Contact | None,
+    path: Path,
 ) -> None:
     from tacstrip.plot.result import reconstruction_figure
     from tacstrip.plot.style import save

@@ -25,12 +25,18 @@ _POINT = (float, float)
 @click.option("-o", "--output", type=click.Path(path_type=Path), required=True, help="Readings file (CSV).")
 @click.option("--at", type=_POINT, metavar="X Y", help="Put the contact's centroid here [mm].")
 @click.option("--turn", type=float, default=0.0, metavar="DEG", help="Turn it counter-clockwise.")
-@click.option("--drag", type=_POINT, multiple=True, metavar="X Y", help="Drag it on to here; repeat for a path.")
+@click.option(
+    "--drag", type=_POINT, multiple=True, metavar="X Y", help="Drag it on to here; repeat for a path."
+)
 @click.option("--steps", type=int, default=5, show_default=True, help="Scans along the path.")
 @click.option("--turn-per-step", type=float, default=0.0, metavar="DEG", help="Turn it while dragging.")
-@click.option("--rate", type=float, default=100.0, show_default=True, help="Scans a second while dragging [Hz].")
+@click.option(
+    "--rate", type=float, default=100.0, show_default=True, help="Scans a second while dragging [Hz]."
+)
 @click.option("--quantisation", type=float, default=0.0, help="C.Q.E., half-width over Vref (thesis: 0.001).")
-@click.option("--positional", type=float, default=0.0, help="P.U., half-width over Vref (thesis: 0.005, 0.01).")
+@click.option(
+    "--positional", type=float, default=0.0, help="P.U., half-width over Vref (thesis: 0.005, 0.01)."
+)
 @click.option("--distribution", default="uniform", show_default=True, help="uniform or normal.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the errors.")
 @click.option("--plot", type=click.Path(path_type=Path), help="Picture to write (.png, .svg, .pdf).")
@@ -73,7 +79,9 @@ def command(
     if touch.clipped:
         click.echo("Warning: a part of the contact lies off the sensor and was cut away", err=True)
     if (split := int((touch.pieces > 1).sum())) > 0:
-        click.echo(f"Warning: {split} readings see several pieces of the contact as one, from end to end", err=True)
+        click.echo(
+            f"Warning: {split} readings see several pieces of the contact as one, from end to end", err=True
+        )
     if plot is not None:
         from tacstrip.plot.result import reconstruction_figure
         from tacstrip.plot.style import save

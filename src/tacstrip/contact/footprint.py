@@ -97,7 +97,8 @@ def _clip(sensor: Sensor, contact: Contact) -> Contact:
         x0, y0, x1, y1 = shapely.GeometryCollection(list(contact.shapes)).bounds
         raise ContactError(
             f"the contact (x {x0:.6g} to {x1:.6g}, y {y0:.6g} to {y1:.6g} mm) lies outside the sensor "
-            f"(x 0 to {sensor.width_mm:.6g}, y 0 to {sensor.length_mm:.6g} mm); move it, or check its unit: mm"
+            f"(x 0 to {sensor.width_mm:.6g}, y 0 to {sensor.length_mm:.6g} mm); "
+            "move it, or check its unit: mm"
         )
     return Contact(
         tuple(p for g in inside.geoms for p in (g.geoms if hasattr(g, "geoms") else (g,)) if not p.is_empty)
@@ -176,11 +177,12 @@ def _thin_touches(sensor: Sensor, contacts: Sequence[Contact]) -> tuple[IntArray
 def _pieces(sensor: Sensor, contact: Contact) -> IntArray:
     """Count the separate intervals of one contact on each strip."""
     touches = [_thin_touches(sensor, [contact])]
-    c = _area_crossings(sensor, [contact])
+    # Shape by shape: areas that overlap are one piece.
+    c = _area_crossings(sensor, [Contact((shape,)) for shape in contact.shapes])
     # On a centre line the contact is what lies just left of it and just right of it, both closed.
     for beside in (np.less, np.less_equal):
         crossing = beside(c.s0, c.strip) != beside(c.s1, c.strip)
-        order = np.lexsort((c.y[crossing], c.strip[crossing]))
+        order = np.lexsort((c.y[crossing], c.owner[crossing], c.strip[crossing]))
         ends, where = c.y[crossing][order], c.strip[crossing][order]
         touches.append((where[::2], ends[::2], ends[1::2]))
     strips, y0, y1 = (np.concatenate([t[i] for t in touches]) for i in range(3))

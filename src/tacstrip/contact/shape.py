@@ -15,6 +15,8 @@ from shapely.geometry.base import BaseGeometry
 from tacstrip.arrays import FloatArray
 from tacstrip.errors import ContactError
 
+_FAR = 1e9  # mm; GEOS fails on numbers whose squares overflow
+
 
 @dataclass(frozen=True)
 class Contact:
@@ -50,14 +52,15 @@ class Contact:
     @classmethod
     def points(cls, points: npt.ArrayLike) -> Self:
         """Make point contacts from (N, 2) [mm], or one from (2,)."""
-        return cls._checked([shapely.Point(p) for p in _coordinates(np.atleast_2d(points), 1, "points")])
+        return cls._checked([shapely.Point(p) for p in _coordinates(points, 1, "points")])
 
     @classmethod
     def from_wkt(cls, text: str) -> Self:
         """Read well-known text: POLYGON, LINESTRING, POINT, their MULTI kinds and GEOMETRYCOLLECTION."""
         try:
-            geometry = shapely.from_wkt(text)
-        except (shapely.GEOSException, UnicodeError, ValueError, TypeError) as error:
+            with np.errstate(over="ignore"):  # 1e999 is infinite, and refused as that
+                geometry = shapely.from_wkt(text)
+        except (shapely.GEOSException, NotImplementedError, ValueError, TypeError) as error:
             raise ContactError(
                 f"not well-known text ({error}); write for example POLYGON ((x y, ...))"
             ) from None
@@ -83,17 +86,19 @@ class Contact:
         if not parts:
             raise ContactError("the contact is empty: it needs at least one polygon, line or point")
         for number, part in enumerate(parts, start=1):
-            if not np.all(np.isfinite(shapely.get_coordinates(part))):
+            if not np.all(np.abs(shapely.get_coordinates(part)) < _FAR):
                 raise ContactError(
-                    f"shape {number} of {len(parts)} has a coordinate that is not a finite number"
+                    f"shape {number} of {len(parts)} has a coordinate that is not a finite number below 1e9 mm"
                 )
+            if part.geom_type == "Polygon" and shapely.convex_hull(part).area == 0.0:
+                raise ContactError(f"shape {number} of {len(parts)} has no area; make it a line")
+            if part.geom_type == "LineString" and part.length == 0.0:
+                raise ContactError(f"shape {number} of {len(parts)} has no length; make it a point")
             if not shapely.is_valid(part):
                 why = shapely.is_valid_reason(part).replace("Self-intersection", "crosses itself at ")
                 raise ContactError(
                     f"shape {number} of {len(parts)}: {why}; list its corners in order round it"
                 )
-            if part.geom_type == "Polygon" and part.area == 0.0:
-                raise ContactError(f"shape {number} of {len(parts)} has no area; make it a line")
         return cls(tuple(parts))
 
     def __add__(self, other: Contact) -> Contact:
@@ -174,6 +179,8 @@ def _coordinates(values: npt.ArrayLike, least: int, what: str) -> FloatArray:
         array = np.asarray(values, dtype=float)
     except (TypeError, ValueError):
         raise ContactError(f"{what} needs numbers: a list of (x_mm, y_mm)") from None
+    if array.shape == (2,):
+        array = array[np.newaxis]
     if array.ndim != 2 or array.shape[1] != 2:
         raise ContactError(f"{what} needs a list of (x_mm, y_mm), not an array of shape {array.shape}")
     if not np.all(np.isfinite(array)):

@@ -57,7 +57,9 @@ def reconstruction_figure(
     return figure
 
 
-def _draw_shapes(axes: Axes, results: Mapping[str, Sequence[Reconstruction]], truth: Sequence[Contact]) -> None:
+def _draw_shapes(
+    axes: Axes, results: Mapping[str, Sequence[Reconstruction]], truth: Sequence[Contact]
+) -> None:
     for i, contact in enumerate(truth):
         draw_contact(axes, contact, label=None if i else "true shape")
     colours = (RECOVERED, *OTHERS)

@@ -12,6 +12,8 @@ from tacstrip.scan import Scan
 from tacstrip.sensor.circuit import lower_and_width
 from tacstrip.sensor.spec import Sensor
 
+_ROUNDING = 1e-9  # of the strip length
+
 
 def profile_reconstruction(scan: Scan, sensor: Sensor) -> Reconstruction:
     """Recover the profile of each run of touched strips: (4.36), strip by strip.
@@ -79,8 +81,8 @@ def _object(sensor: Sensor, run: slice, l: FloatArray, u: FloatArray) -> Recover
         where = f"x = {x[0]:.6g} mm, from y = {low[0]:.6g} to {high[0]:.6g} mm"
         advice = f"one strip is touched, at {where}: an interval, not a shape"
         return RecoveredObject(run, profile=(x, low, high), status="too few strips", advice=advice)
-    vertices = close_chains(np.stack([x, low], axis=1), np.stack([x, high], axis=1))
-    if len(vertices) < 3:
+    if (high - low).max() <= _ROUNDING * sensor.length_mm:
         advice = "the contact has no width on any strip: a line, given as its profile"
         return RecoveredObject(run, profile=(x, low, high), status="too few strips", advice=advice)
+    vertices = close_chains(np.stack([x, low], axis=1), np.stack([x, high], axis=1))
     return RecoveredObject(run, vertices, (x, low, high))

@@ -6,11 +6,15 @@ The gradient rule, a stand-in for the thesis' "simple detection method" (5.4.1),
    g is the right slope minus the left. reach is an eighth of the strips in contact, between 2 and 40, and
    less near the ends.
 2. The noise is the median absolute second difference of the signature over sqrt(6), made a standard
-   deviation. g counts where it exceeds 4 of its own standard deviations.
+   deviation; g's own follows from it and the reach.
 3. A transition is a peak of |g| that is the highest within half a reach, stands out from the valleys on
-   both sides by 0.3 of its height, and has a twentieth of the highest peak's height.
+   both sides by 0.3 of its height and by 4 of g's standard deviations (a curved section has a high |g|
+   all along), and has a twentieth of the highest peak's height.
 4. Its x is where the two lines cross, at most one strip away.
-5. The end vertices lie half a pitch outside the first and the last touched strip, on average.
+5. Curved sections bend g as a kink does. So sections are fitted between the transitions, and the one is
+   dropped whose two sections one fit can replace at the least cost, as long as that adds less than 25 of
+   the noise's variances to the squared residuals.
+6. The end vertices lie half a pitch outside the first and the last touched strip, on average.
 """
 
 from __future__ import annotations
@@ -20,12 +24,14 @@ import numpy.typing as npt
 
 from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.errors import OptionError, one_of
+from tacstrip.reconstruct.sections import fit_sections
 from tacstrip.scan import Scan
 from tacstrip.sensor.spec import Sensor
 
 _SIGNIFICANT = 4.0  # standard deviations of g
 _PROMINENT = 0.3  # of the peak's own height
 _SMALLEST = 0.05  # of the highest peak
+_NEEDED = 25.0  # of the noise's variances
 _RULES = ("auto", "gradient")
 
 
@@ -52,7 +58,8 @@ def transitions_of_runs(
         if transitions not in _RULES:
             choices = (*_RULES, "or an ascending list of x")
             raise OptionError(one_of("transitions", transitions, choices))
-        return [by_gradient(x[run], scan[signature][run], sensor.pitch_mm) for run in runs]
+        pitch, ratio = sensor.pitch_mm, sensor.sensing_ratio
+        return [by_gradient(x[run], scan[signature][run], pitch, ratio) for run in runs]
     given = np.asarray(transitions, dtype=float)
     if given.ndim != 1 or not np.all(np.isfinite(given)) or np.any(np.diff(given) < 0.0):
         raise OptionError("transitions must be a list of finite x [mm] of all vertices, in ascending order")
@@ -64,8 +71,18 @@ def transitions_of_runs(
     return [given[nearest == i] for i in range(len(runs))]
 
 
-def by_gradient(x: FloatArray, k: FloatArray, pitch_mm: float) -> FloatArray:
-    """Find the transitions of one signature: x [mm], ends included, by the rule above."""
+def by_gradient(x: FloatArray, k: FloatArray, pitch_mm: float, ratio: float = 1.0) -> FloatArray:
+    """Find the transitions of one signature: x [mm], ends included, by the rule above.
+
+    Parameters
+    ----------
+    x, k
+        Centre lines [mm] and readings of the neighbouring strips in contact (n,).
+    pitch_mm
+        Pitch of the strips [mm].
+    ratio
+        Resistivity of the sensing layer over the strip's, which bounds a section's curvature.
+    """
     ends = (x[0] - pitch_mm / 2.0, x[-1] + pitch_mm / 2.0)
     n = len(k)
     if n < 5:
@@ -78,14 +95,30 @@ def by_gradient(x: FloatArray, k: FloatArray, pitch_mm: float) -> FloatArray:
     sigma = 1.4826 * np.median(np.abs(second - np.median(second))) / np.sqrt(6.0)
     size = reach + 1.0
     deviation = sigma * np.sqrt(24.0 / np.maximum(size**3 - size, 1.0))
-    peaks = _peaks(np.abs(g), int(reach.max()))
+    peaks = _peaks(np.abs(g), int(reach.max()), _SIGNIFICANT * deviation)
     tallest = max((abs(g[i]) for i in peaks), default=0.0)
     found = [
         x[i] + pitch_mm * np.clip((left_at[i] - right_at[i]) / g[i], -1.0, 1.0)
         for i in peaks
-        if abs(g[i]) > _SIGNIFICANT * deviation[i] and abs(g[i]) >= _SMALLEST * tallest
+        if abs(g[i]) >= _SMALLEST * tallest
     ]
-    return np.array([ends[0], *found, ends[1]])
+    return _needed(x, k, np.array([ends[0], *found, ends[1]]), sigma**2, ratio)
+
+
+def _needed(x: FloatArray, k: FloatArray, transitions: FloatArray, variance: float, ratio: float) -> FloatArray:
+    """Drop the transitions, the least needed first, without which the sections fit as well."""
+
+    def left_over(chosen: FloatArray) -> FloatArray:
+        return np.array([s.squared_residuals if s else 0.0 for s in fit_sections(x, k, chosen, ratio)])
+
+    while len(transitions) > 2:
+        apart = left_over(transitions)
+        joined = [left_over(transitions[[i - 1, i + 1]])[0] for i in range(1, len(transitions) - 1)]
+        cost = np.array(joined) - apart[:-1] - apart[1:]
+        if cost.min() > _NEEDED * variance:
+            break
+        transitions = np.delete(transitions, cost.argmin() + 1)
+    return transitions
 
 
 def _lines(k: FloatArray, reach: IntArray, towards: int) -> tuple[FloatArray, FloatArray]:
@@ -102,8 +135,8 @@ def _lines(k: FloatArray, reach: IntArray, towards: int) -> tuple[FloatArray, Fl
     return slope, total / size - slope * (middle - centred)
 
 
-def _peaks(height: FloatArray, reach: int) -> list[int]:
-    """Return the strips where the height peaks: highest near by, and standing out from both sides."""
+def _peaks(height: FloatArray, reach: int, least: FloatArray) -> list[int]:
+    """Return the strips where the height peaks: highest near by, standing out by `least` (n,) on both sides."""
     found: list[int] = []
     near = max(1, reach // 2)
     for i in range(1, len(height) - 1):
@@ -113,6 +146,6 @@ def _peaks(height: FloatArray, reach: int) -> list[int]:
         higher = np.flatnonzero(height > height[i])
         left = height[(higher[higher < i].max(initial=-1) + 1) : i].min()
         right = height[i + 1 : (higher[higher > i].min(initial=len(height)))].min()
-        if height[i] - max(left, right) >= _PROMINENT * height[i]:
+        if height[i] - max(left, right) >= max(_PROMINENT * height[i], least[i]):
             found.append(i)
     return found

@@ -184,7 +184,9 @@ def _by_section(sections: list[Section | None], x: FloatArray) -> tuple[FloatArr
     for i, at in enumerate(x):
         sides = [s.reading(at) for s in sections[max(i - 1, 0) : i + 1] if s]
         if not sides:
-            advice = f"no strip is touched beside the vertex at x = {at:.6g} mm; give transitions in the contact"
+            advice = (
+                f"no strip is touched beside the vertex at x = {at:.6g} mm; give transitions in the contact"
+            )
             raise _Refusal("too few strips", advice)
         values, variances = np.array(sides).T
         weights = 1.0 / np.maximum(variances, 1e-12)
@@ -205,7 +207,9 @@ def _by_strip(strips: FloatArray, k: FloatArray, x: FloatArray) -> tuple[FloatAr
     nearest = np.abs(strips[:, None] - x).argmin(axis=0)
     same = np.flatnonzero(np.diff(nearest) == 0)
     if len(same):
-        found = f"the vertices at x = {x[same[0]]:.6g} and {x[same[0] + 1]:.6g} mm are nearest to the same strip"
+        found = (
+            f"the vertices at x = {x[same[0]]:.6g} and {x[same[0] + 1]:.6g} mm are nearest to the same strip"
+        )
         raise _Refusal("too few strips", f'{found}; use finer strips, or reading="section"')
     k_at, run = k[nearest], np.diff(x)
     a, b = 1.0 / run[:-1], 1.0 / run[1:]
@@ -230,7 +234,9 @@ def _solve(sensor: Sensor, signature: str, x: FloatArray, k: FloatArray, upper: 
         w = np.interp(x, x[on_high], y[on_high]) - np.interp(x, x[on_low], y[on_low])
         right -= ((c_l - c_u) * erosion(np.maximum(w, 0.0), sensor.contact_lambda_mm))[1:-1]
         if np.linalg.cond(matrix) > 1e12:
-            raise _Refusal("singular", "the readings do not determine the vertices; turn or move the object a little")
+            raise _Refusal(
+                "singular", "the readings do not determine the vertices; turn or move the object a little"
+            )
         before = y[1:-1].copy()
         y[1:-1] = np.linalg.solve(matrix, right)
         if np.abs(y[1:-1] - before).max() <= 1e-12 * sensor.length_mm:

@@ -21,7 +21,7 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 
-_NEWTON_STEPS = 60  # quadratic: five or six do, more only where w is far below lambda
+_NEWTON_STEPS = 60  # quadratic: five or six do, more only where w is far below lambda or k near 0
 
 
 def sensing_share(ratio: float) -> float:
@@ -119,7 +119,9 @@ def width_from_lower(k: FloatArray, l: FloatArray, length: float, contact_lambda
         w = np.where(k > 0.0, length - l / k, np.nan)
     if contact_lambda == 0.0:
         return w
-    # k (L - w + 2 T) = l + T, that is g(w) = k w + (1 - 2 k) T(w) + l - k L = 0, and g grows with w.
+    # k (L - w + 2 T) = l + T, that is g(w) = k w + (1 - 2 k) T(w) + l - k L = 0. g grows with w and bends
+    # one way on each side of 0, so Newton from 0 finds the root; from (3.8)'s w it diverges where k is small.
+    w = np.where(np.isnan(w), w, 0.0)
     for _ in range(_NEWTON_STEPS):
         t = erosion(w, contact_lambda)
         slope = 0.5 * (1.0 - (t / contact_lambda) ** 2)  # dT/dw

@@ -67,7 +67,7 @@ class Sensor(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
         """Bring numbers to their type and refuse what cannot be."""
         for name, kind in self.__annotations__.items():
             value = getattr(self, name)
-            if name != "construction" and value is not None:
+            if name != "construction" and not (value is None and "None" in kind):
                 msgspec.structs.force_setattr(self, name, _number(name, value, whole="int" in kind))
         _check(self)
 
@@ -116,16 +116,16 @@ class Sensor(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
             The file is missing, is not TOML, has an unknown key or an impossible value.
         """
         file = Path(path)
-        if not file.exists() and str(path) in spec_names():
-            file = spec_path(str(path))
         try:
+            if not file.exists() and str(path) in spec_names():
+                file = spec_path(str(path))
             raw = msgspec.toml.decode(file.read_bytes())
         except FileNotFoundError:
             shipped = ", ".join(spec_names())
             raise SpecError(
                 f"{path}: no such file. Write one with `tacstrip init`, or name a shipped spec: {shipped}"
             ) from None
-        except (OSError, UnicodeDecodeError, msgspec.DecodeError) as error:
+        except (OSError, ValueError, RecursionError, msgspec.DecodeError) as error:
             raise SpecError(f"{path}: not a readable TOML spec ({error}). See `tacstrip init`") from None
         try:
             return cls.from_dict(raw)
@@ -166,13 +166,15 @@ class Sensor(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 
 def _number(name: str, value: Any, whole: bool) -> int | float:
     try:
-        if isinstance(value, bool):
+        if isinstance(value, bool | str):
             raise TypeError
         number = operator.index(value) if whole else float(value)
+    except OverflowError:
+        number = math.inf
     except (TypeError, ValueError):
         wanted = "a whole number" if whole else "a number"
         raise SpecError(f"{name} = {value!r}: must be {wanted}") from None
-    if not math.isfinite(number):
+    if not abs(number) < math.inf:
         raise SpecError(f"{name} = {value!r}: must be finite")
     return number
 

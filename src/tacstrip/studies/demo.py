@@ -82,7 +82,11 @@ def table(demo: Demo) -> str:
     ]
     for t in demo.trials:
         m = t.mismatch
-        numbers = f"{m.mc:6.3f}  {m.mc_length / 10.0:7.2f}  {m.aoe:7.3f}  {m.ape:7.2f}  {m.iou:5.2f}" if m else f"{'-':>6}" + " " * 34
+        numbers = (
+            f"{m.mc:6.3f}  {m.mc_length / 10.0:7.2f}  {m.aoe:7.3f}  {m.ape:7.2f}  {m.iou:5.2f}"
+            if m
+            else f"{'-':>6}" + " " * 34
+        )
         lines.append(f"{t.readings:<9} {t.method:<10} {t.transitions:<12} {numbers}   {t.recovered.status}")
     return "\n".join(lines)
 
@@ -107,7 +111,9 @@ def picture(demo: Demo) -> Figure:
     axes.set_ylabel("reading times L [mm]")
     handles, labels = axes.get_legend_handles_labels()
     legend(axes, handles=handles[2:], labels=labels[2:])
-    figure.suptitle("Synthetic readings: closed forms + printed offsets and residual errors; no hardware was measured")
+    figure.suptitle(
+        "Synthetic readings: closed forms + printed offsets and residual errors; no hardware was measured"
+    )
     return figure
 
 

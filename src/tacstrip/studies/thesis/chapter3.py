@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon, Wedge
 
 from tacstrip.arrays import BoolArray, FloatArray
-from tacstrip.plot.style import COLOURS, SENSOR, STRIP, TRUE, add_axes, new_figure
+from tacstrip.plot.style import COLOURS, SENSOR, STRIP, TRUE, add_axes, legend, new_figure
 from tacstrip.sensor.circuit import k_h, k_l, k_metal
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
@@ -23,7 +23,6 @@ _FULL = 0.998  # longest contact drawn, over L: at w = L (3.8) is 0 / 0
 _VIEW = (22.0, -112.0)  # elevation and azimuth [deg]: the corners w = L and l = L stand apart
 _DEPTH_MM = 0.6  # how far the flat object of 3.10 sinks in, in the picture
 _THICK_MM = 1.0  # of the rubber, in the picture only
-_LEGEND: dict[str, Any] = {"frameon": False, "fontsize": 8.0}
 
 
 def figure_3_3() -> Figure:
@@ -134,7 +133,7 @@ def _strips_over_depth(axes: Axes, sensor: Sensor) -> None:
     axes.text(limit + 0.03, 0.15, f"{limit:.2f} mm: up to here never more than two", color=TRUE, va="center")
     axes.set(xlim=(0.0, 2.0), ylim=(-0.15, sensor.strips + 0.6), yticks=range(sensor.strips + 1))
     axes.set(xlabel="depth that the object sinks in [mm]", ylabel="strips touched")
-    axes.legend(loc="upper left", ncols=2, **_LEGEND)
+    legend(axes, loc="upper left", ncols=2)
 
 
 FIGURES: dict[str, Callable[[], Figure]] = {

@@ -49,7 +49,9 @@ def rows() -> tuple[Row, ...]:
     # Figures 5.9, 5.14, 5.19 and 5.32 stand between those of the rows.
     between = (9, 14, 19, 32)
     numbers = [n for n in range(5, 61) if n not in between]
-    return tuple(_row(raw, f"5.{number}") for raw, number in zip(published()["simulation"], numbers, strict=True))
+    return tuple(
+        _row(raw, f"5.{number}") for raw, number in zip(published()["simulation"], numbers, strict=True)
+    )
 
 
 def offsets_volt(sensor: str, signature: str) -> FloatArray:

@@ -1,0 +1,37 @@
+"""`tacstrip reproduce`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+from rich.progress import Progress
+
+from tacstrip.studies.thesis.reproduce import inside_counts, reproduce
+
+
+@click.command()
+@click.option(
+    "--out", type=click.Path(path_type=Path), default="reproduction", show_default=True, help="Folder."
+)
+@click.option("--seeds", type=click.IntRange(1), default=200, show_default=True, help="Draws per noisy cell.")
+@click.option("--workers", type=click.IntRange(1), help="Processes; by default one per core.")
+def command(out: Path, seeds: int, workers: int | None) -> None:
+    """Make tables 5.2-5.14 and the figures of chapters 3 to 5 again, beside the printed figures.
+
+    Writes tables.json, report.html and figures/. Example: tacstrip reproduce --out reproduction --seeds 20
+    """
+    with Progress(transient=True) as bar:
+        task = bar.add_task("cells and figures", total=None)
+        tables = reproduce(
+            out, seeds, workers, lambda done, total: bar.update(task, completed=done, total=total)
+        )
+    click.echo("Printed values inside our 5-95 % range:")
+    counts = inside_counts(tables)
+    for table, (good, total) in counts.items():
+        click.echo(f"  table {table:<5} {good:3d} of {total}")
+    good, total = (sum(c[i] for c in counts.values()) for i in (0, 1))
+    click.echo(f"  all         {good} of {total}\n\nConclusions of section 5.6:")
+    for claim in tables["claims"]:
+        click.echo(f"  {claim['verdict']:<14} {claim['claim']}")
+    click.echo(f"\n{out / 'report.html'}: the report\n{out / 'tables.json'}: the numbers")

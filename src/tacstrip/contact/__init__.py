@@ -1,0 +1,1 @@
+"""What touches, where, and the errors that readings of it have."""

@@ -1,0 +1,1 @@
+"""From scans back to shapes."""

@@ -1,0 +1,1 @@
+"""Constructions, the spec file, the closed forms, the surface."""

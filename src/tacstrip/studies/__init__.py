@@ -1,0 +1,1 @@
+"""Whole jobs: the demonstration, the thesis again."""

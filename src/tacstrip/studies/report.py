@@ -1,0 +1,75 @@
+"""One self-contained HTML page: claims, tables beside the printed figures, pictures inside."""
+
+from __future__ import annotations
+
+import base64
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from tacstrip.data import data_path
+
+METRIC_NAMES = {"mc": "M.C. [rad]", "aoe": "A.O.E. [rad]", "ape": "A.P.E. [units]"}
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure on disk with its caption."""
+
+    figure: str
+    caption: str
+    file: Path
+
+    @property
+    def source(self) -> str:
+        """The picture as a data address, so that the page needs no other file."""
+        return "data:image/png;base64," + base64.b64encode(self.file.read_bytes()).decode("ascii")
+
+
+def write_report(path: Path, tables: dict[str, Any], pictures: list[Picture]) -> None:
+    """Write the page for `tables` as `reproduce` makes them."""
+    import jinja2
+
+    template = data_path("report.html.j2").read_text(encoding="utf-8")
+    environment = jinja2.Environment(
+        autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    environment.filters["number"] = _number
+    page = environment.from_string(template).render(
+        seeds=tables["seeds"],
+        claims=tables["claims"],
+        tables=_by_table(tables["simulation"]),
+        chapters=_by_chapter(pictures),
+        metric_names=METRIC_NAMES,
+    )
+    path.write_text(page, encoding="utf-8")
+
+
+def _number(value: float | None) -> str:
+    """Print as the thesis does, with three decimals; a dash where there is no number."""
+    return "-" if value is None or math.isnan(value) else f"{value:.3f}"
+
+
+def _by_table(simulation: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Group the rows by table, with the count of printed values inside our range."""
+    grouped: dict[str, list[dict[str, Any]]] = {}
+    for row in simulation:
+        grouped.setdefault(row["table"], []).append(row)
+    result = []
+    for number, table_rows in grouped.items():
+        judged = [
+            v for r in table_rows for m in METRIC_NAMES for v in r["ours"]["inside"][m] if v is not None
+        ]
+        first = table_rows[0]
+        method = f"V.R. with {first['signature']}" if first["signature"] else "P.R."
+        title = f"Table {number}: {first['shape']}, {first['sensor']}, {method}"
+        result.append({"title": title, "rows": table_rows, "good": sum(judged), "total": len(judged)})
+    return result
+
+
+def _by_chapter(pictures: list[Picture]) -> dict[str, list[Picture]]:
+    grouped: dict[str, list[Picture]] = {}
+    for picture in pictures:
+        grouped.setdefault(picture.figure.split(".")[0], []).append(picture)
+    return grouped

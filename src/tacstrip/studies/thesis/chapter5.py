@@ -1,0 +1,128 @@
+"""Tables 5.2-5.14: what each method makes of noisy scans, beside the printed figures.
+
+A cell is one row of a table at one position. Each of its seeds draws the errors of 5.1 anew: readings get
+C.Q.E. and P.U., and the true transitions get T.E. before they are handed to Vertex Reconstruction, which
+reads the nearest strip, as the thesis does. Rows with P.U. are run a second time with transitions found by
+the gradient rule: a shape that fails there, or comes back with another number of vertices, counts as the
+thesis' "-". Profiles are compared as polygons at the original's vertex columns (`profile_at`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from tacstrip.arrays import FloatArray
+from tacstrip.contact.noise import Noise, on_transitions
+from tacstrip.metrics import mismatch
+from tacstrip.reconstruct.profile import profile_at, profile_reconstruction
+from tacstrip.reconstruct.vertex import vertex_reconstruction
+from tacstrip.scan import Scan
+from tacstrip.simulate import simulate
+from tacstrip.studies.thesis.published import METRICS, Row, rows
+from tacstrip.studies.thesis.shapes import POSITIONS, SHAPES, SIMULATED
+
+NOISES = {
+    "ideal": Noise(),
+    "quantisation": Noise(quantisation=0.001, transition_mm=5.0),
+    "quantisation + profile I": Noise(quantisation=0.001, positional=0.005, transition_mm=5.0),
+    "quantisation + profile II": Noise(quantisation=0.001, positional=0.01, transition_mm=5.0),
+}
+_HALF_DIGIT = 0.0005  # the thesis prints three decimals
+
+
+@dataclass(frozen=True)
+class Cell:
+    """All seeds of one row at one position.
+
+    Attributes
+    ----------
+    known, detected
+        M.C. [rad], A.O.E. [rad], A.P.E. [mm] of the shapes recovered (shapes, 3), with known transitions
+        and with detected ones; detected is None where the row is not run that way.
+    known_failed, detected_failed
+        Shares of the seeds without a shape; detected counts a wrong number of vertices too.
+    sample
+        The shape of the first seed that has one (N, 2) [mm], for the figure; empty where all failed.
+    """
+
+    known: FloatArray
+    known_failed: float
+    detected: FloatArray | None
+    detected_failed: float | None
+    sample: FloatArray
+
+
+def run_cell(number: int, position: int, seeds: int) -> Cell:
+    """Run one cell: row `number` of `rows()`, position 0 to 4."""
+    row = rows()[number]
+    noise = NOISES[row.noise]
+    corners = SHAPES[row.shape].contact(position).vertices
+    with_found = noise.positional > 0.0 and row.algorithm == "vertex"
+    known, detected = [], []
+    for seed in range(1 if noise == Noise() else seeds):
+        random = np.random.default_rng([number, position, seed])
+        scan = simulate(SIMULATED[row.construction], SHAPES[row.shape].contact(position), noise, random)
+        x = on_transitions(SHAPES[row.shape].transitions(position), noise, random)
+        known.append(_recover(row, scan, x, corners))
+        if with_found:
+            detected.append(_recover(row, scan, "gradient", corners))
+    good = [v for v in known if v is not None]
+    right = [v for v in detected if v is not None and len(v) == len(corners)]
+    return Cell(
+        known=_measure(corners, good),
+        known_failed=1.0 - len(good) / len(known),
+        detected=_measure(corners, right) if with_found else None,
+        detected_failed=1.0 - len(right) / len(detected) if with_found else None,
+        sample=good[0] if good else np.empty((0, 2)),
+    )
+
+
+def summarise(number: int, cells: list[Cell]) -> dict[str, Any]:
+    """Return a row's `ours`: median, 5 % and 95 % points, share of failures, whether the print is inside.
+
+    A printed value is inside where it lies between our 5 % and 95 % points, give or take half its last
+    digit. `failed` is judged on detected transitions where the row is run that way; `failed_known` and
+    `detected` say the rest. None stands for what does not exist.
+    """
+    row = rows()[number]
+    ours: dict[str, Any] = _points([c.known for c in cells])
+    ours["failed_known"] = [c.known_failed for c in cells]
+    ours["failed"] = [c.known_failed if c.detected_failed is None else c.detected_failed for c in cells]
+    found = [c.detected for c in cells if c.detected is not None]
+    ours["detected"] = _points(found) if found else None
+    ours["inside"] = {m: [_inside(row.printed[m], ours[m], i) for i in range(POSITIONS)] for m in METRICS}
+    return ours
+
+
+def _recover(row: Row, scan: Scan, x: FloatArray | str, corners: FloatArray) -> FloatArray | None:
+    """Return the recovered polygon, or None."""
+    sensor = SIMULATED[row.construction]
+    if row.algorithm == "profile":
+        return profile_at(profile_reconstruction(scan, sensor).objects[0], corners)
+    found = vertex_reconstruction(scan, sensor, row.signature, x, reading="strip").objects
+    return found[0].vertices if len(found) == 1 and found[0].found else None
+
+
+def _measure(corners: FloatArray, shapes: list[FloatArray]) -> FloatArray:
+    measured = [mismatch(corners, v) for v in shapes]
+    return np.array([(m.mc, m.aoe, m.ape) for m in measured]).reshape(-1, 3)
+
+
+def _points(values: list[FloatArray]) -> dict[str, dict[str, list[float | None]]]:
+    """Return metric to median, p05 and p95, a list over positions each."""
+    points: dict[str, dict[str, list[float | None]]] = {}
+    for column, metric in enumerate(METRICS):
+        at = [np.percentile(v[:, column], [50.0, 5.0, 95.0]) if len(v) else None for v in values]
+        names = enumerate(("median", "p05", "p95"))
+        points[metric] = {name: [None if p is None else float(p[i]) for p in at] for i, name in names}
+    return points
+
+
+def _inside(printed: FloatArray | None, ours: dict[str, list[float | None]], position: int) -> bool | None:
+    low, high = ours["p05"][position], ours["p95"][position]
+    if printed is None or np.isnan(printed[position]) or low is None or high is None:
+        return None
+    return bool(low - _HALF_DIGIT <= printed[position] <= high + _HALF_DIGIT)

@@ -1,0 +1,113 @@
+"""The house: arrows run one way, files stay small, names do not drift."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import tacstrip
+from tacstrip.cli import VERBS
+from tacstrip.sensor.constructions import CONSTRUCTIONS
+
+ROOT = Path(__file__).parents[1]
+SOURCE = ROOT / "src" / "tacstrip"
+
+# From the ground up: a file imports only what stands above it in this list.
+ORDER = [
+    "errors", "arrays", "data",
+    "sensor.constructions", "sensor.circuit", "sensor.spec", "sensor.surface",
+    "contact.shape", "contact.footprint", "contact.signature", "contact.noise",
+    "scan", "simulate",
+    "reconstruct.result", "reconstruct.sections", "reconstruct.transitions", "reconstruct.validity",
+    "reconstruct.vertex", "reconstruct.profile",
+    "io.readings", "io.geometry",
+    "metrics",
+    "plot.style", "plot.scene", "plot.result",
+    "studies.thesis.published", "studies.thesis.shapes", "studies.thesis.chapter3", "studies.thesis.chapter4",
+    "studies.thesis.metrics_figures", "studies.thesis.chapter5", "studies.thesis.chapter5_figures",
+    "studies.thesis.claims", "studies.report", "studies.thesis.reproduce", "studies.demo",
+    "cli",
+]  # fmt: skip
+
+
+def _modules() -> list[tuple[str, Path]]:
+    found = []
+    for file in sorted(SOURCE.rglob("*.py")):
+        parts = file.relative_to(SOURCE).with_suffix("").parts
+        name = ".".join(p for p in parts if p != "__init__")
+        if name:
+            found.append((name, file))
+    return found
+
+
+def _imports(file: Path) -> set[str]:
+    """Return the tacstrip modules that a file imports anywhere in it."""
+    names: set[str] = set()
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("tacstrip"):
+            base = node.module.removeprefix("tacstrip").lstrip(".")
+            submodules = {f"{base}.{a.name}".lstrip(".") for a in node.names}
+            known = {n for n in submodules if (SOURCE / Path(*n.split("."))).with_suffix(".py").exists()}
+            names |= known or {base}
+        elif isinstance(node, ast.Import):
+            names |= {a.name.removeprefix("tacstrip.") for a in node.names if a.name.startswith("tacstrip.")}
+    return {n for n in names if n}
+
+
+def _level(name: str) -> int:
+    return ORDER.index("cli" if name.split(".")[0] == "cli" else name)
+
+
+PACKAGES = {"sensor", "contact", "reconstruct", "io", "plot", "studies", "studies.thesis"}
+
+
+@pytest.mark.parametrize(("name", "file"), [m for m in _modules() if m[0] not in PACKAGES])
+def test_a_file_imports_only_what_stands_above_it(name: str, file: Path) -> None:
+    for imported in _imports(file):
+        assert imported not in PACKAGES, f"{name} imports the package {imported}, not a file of it"
+        if name.startswith("cli") and imported.startswith("cli"):
+            continue
+        assert _level(imported) < _level(name), f"{name} imports {imported}, which stands below it"
+
+
+def test_the_order_lists_every_file_once() -> None:
+    there = {n for n, _ in _modules()} - PACKAGES
+    assert sorted(ORDER) == sorted({"cli" if n.split(".")[0] == "cli" else n for n in there})
+
+
+@pytest.mark.parametrize("file", [f for _, f in _modules()])
+def test_files_are_small(file: Path) -> None:
+    assert len(file.read_text(encoding="utf-8").splitlines()) <= 250
+
+
+def test_nobody_else_compares_the_construction() -> None:
+    """Only the table knows constructions by name; shipped data and command-line defaults name one."""
+    for name, file in _modules():
+        if name == "sensor.constructions":
+            continue
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Compare):
+                texts = {n.value for n in ast.walk(node) if isinstance(n, ast.Constant)}
+                assert not texts & set(CONSTRUCTIONS), f"{file.name}:{node.lineno} compares the construction"
+
+
+def test_every_name_of_the_stub_is_there() -> None:
+    assert "vertex_reconstruction" in tacstrip.__all__
+    for name in tacstrip.__all__:
+        assert getattr(tacstrip, name) is not None
+        assert getattr(tacstrip, name).__doc__
+
+
+def test_verbs_are_the_modules_of_cli() -> None:
+    assert sorted(VERBS) == sorted(f.stem for f in (SOURCE / "cli").glob("*.py") if f.stem != "__init__")
+
+
+@pytest.mark.parametrize("code", ["import tacstrip", "import tacstrip.cli; tacstrip.cli.cli"])
+def test_importing_loads_nothing_heavy(code: str) -> None:
+    check = f"{code}; import sys; print([m for m in ('numpy', 'shapely', 'matplotlib', 'scipy') if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", check], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

@@ -1,0 +1,191 @@
+"""The command line as a user meets it: what it writes, what it says, how it ends."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import tacstrip as ts
+
+RECTANGLE = "POLYGON ((-25 -17.5, 25 -17.5, 25 17.5, -25 17.5, -25 -17.5))"
+HEAD = "scan,time_s,strip,v_h,v_l\n"
+
+
+def _run(folder: Path, *words: object) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-c", "from tacstrip.cli import main; main()", *map(str, words)]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, timeout=120)
+
+
+def _good(done: subprocess.CompletedProcess[str]) -> subprocess.CompletedProcess[str]:
+    assert done.returncode == 0, done.stderr
+    return done
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "rectangle.wkt").write_text(RECTANGLE)
+    (tmp_path / "small.toml").write_text(
+        ts.Sensor(construction="crs-crs", strips=3, pitch_mm=10.0, length_mm=100.0, vref_volt=5.0).to_toml()
+    )
+    return tmp_path
+
+
+def test_from_spec_to_shape(folder: Path) -> None:
+    _good(_run(folder, "init", "mine.toml", "--strips", 60, "--pitch", 1.1, "--length", 300))
+    assert ts.Sensor.load(folder / "mine.toml").strips == 60
+    done = _good(_run(folder, "simulate", "mine.toml", "rectangle.wkt", "-o", "r.csv", "--at", 33, 150, "--turn", 30,
+                      "--plot", "sim.png"))  # fmt: skip
+    assert "1 scan(s) of 60 strips" in done.stdout
+    done = _good(_run(folder, "reconstruct", "mine.toml", "r.csv", "-o", "o.geojson", "--plot", "pictures/o.png"))
+    assert "scan 0, profile: ok" in done.stderr
+    (feature,) = json.loads((folder / "o.geojson").read_text())["features"]
+    assert feature["properties"]["area_mm2"] == pytest.approx(50.0 * 35.0, rel=0.03)
+    for picture in ("sim.png", "pictures/o.png"):
+        assert (folder / picture).read_bytes()[:4] == b"\x89PNG"
+
+
+def test_dragging_turning_and_noise(folder: Path) -> None:
+    words = ["simulate", "prototype-crs-m", "rectangle.wkt", "-o", "r.csv", "--at", 20, 60, "--drag", 20, 180,
+             "--steps", 4, "--turn-per-step", 20, "--rate", 50, "--positional", 0.005]  # fmt: skip
+    done = _good(_run(folder, *words, "--seed", 3))
+    assert "a part of the contact lies off the sensor" in done.stderr
+    first = (folder / "r.csv").read_text()
+    sensor = ts.Sensor.load("prototype-crs-m")
+    scans = ts.read_readings(folder / "r.csv", sensor)
+    assert [s.time_s for s in scans] == pytest.approx([0.0, 0.02, 0.04, 0.06])
+    _good(_run(folder, *words, "--seed", 3))
+    assert (folder / "r.csv").read_text() == first
+    _good(_run(folder, *words, "--seed", 4))
+    assert (folder / "r.csv").read_text() != first
+
+
+def test_method_signature_transitions_and_truth(folder: Path) -> None:
+    polygon = "POLYGON ((100.5 500, 300.5 380, 420.5 520, 250.5 640, 100.5 500))"
+    (folder / "shape.wkt").write_text(polygon)
+    _good(_run(folder, "simulate", "simulated-crs-crs", "shape.wkt", "-o", "r.csv"))
+    done = _good(_run(folder, "reconstruct", "simulated-crs-crs", "r.csv", "--method", "vertex", "--signature", "kh",
+                      "--transitions", "100.5,250.5,300.5,420.5", "--truth", "shape.wkt"))  # fmt: skip
+    (feature,) = json.loads(done.stdout)["features"]
+    assert feature["properties"]["method"] == "vertex"
+    assert len(feature["geometry"]["coordinates"][0]) == 5
+    assert "M.C." in done.stderr
+    assert "IoU 1.000" in done.stderr
+
+
+def test_what_could_not_be_recovered_ends_with_1(folder: Path) -> None:
+    _good(_run(folder, "simulate", "simulated-crs-crs", "rectangle.wkt", "-o", "r.csv", "--at", 500, 500, "--turn", 30))
+    done = _run(folder, "reconstruct", "simulated-crs-crs", "r.csv", "--method", "vertex", "--transitions", "470,530")
+    assert done.returncode == 1
+    assert "too few transitions" in done.stderr
+    (feature,) = json.loads(done.stdout)["features"]
+    assert feature["geometry"] is None
+
+
+def test_demo(tmp_path: Path) -> None:
+    done = _good(_run(tmp_path, "demo", "--out", "made/here"))
+    assert "Synthetic readings" in done.stdout
+    assert (tmp_path / "made/here/demo.png").stat().st_size > 20_000
+    assert json.loads((tmp_path / "made/here/shape.geojson").read_text())["features"][0]["geometry"]
+
+
+def _write(name: str, data: str | bytes) -> tuple[str, bytes]:
+    return name, data if isinstance(data, bytes) else data.encode()
+
+
+_SIM = ("simulate", "small.toml", "c.wkt", "-o", "r.csv")
+_REC = ("reconstruct", "small.toml", "r.csv")
+BAD = {
+    "missing column": (_REC, _write("r.csv", "scan,strip,v_h,v_l\n"), "column 'time_s' is missing"),
+    "missing line": (_REC, _write("r.csv", HEAD + "0,0,0,1,1\n"), "has no line for strip 1"),
+    "unknown key": (
+        ("simulate", "s.toml", "rectangle.wkt", "-o", "r.csv"),
+        _write("s.toml", 'format = 1\nconstruction = "crs-m"\nstrips = 3\npitch_mm = 1\nlength_mm = 9\nwidth = 3\n'),
+        "s.toml: unknown key 'width'; the keys are: format, construction",
+    ),
+    "volts outside 0..Vref": (_REC, _write("r.csv", HEAD + "0,0,0,5.5,1\n"), "v_h = 5.5 V is outside 0 to 5 V"),
+    "all-empty scan": (
+        _REC,
+        _write("r.csv", HEAD + "".join(f"0,0,{i},,\n" for i in range(3))),
+        "no strip is touched in any of 1 scan(s)",
+    ),
+    "strip out of range": (_REC, _write("r.csv", HEAD + "0,0,7,1,1\n"), "strip 7 is out of range 0 to 2"),
+    "binary file": (_REC, _write("r.csv", b"\x00\x01\xff\xfe" * 50), "not a text file"),
+    "polygon crossing itself": (
+        _SIM,
+        _write("c.wkt", "POLYGON ((0 0, 20 20, 20 0, 0 20, 0 0))"),
+        "c.wkt: shape 1 of 1: crosses itself at [10 10]; list its corners in order round it",
+    ),
+    "contact outside the sensor": (
+        _SIM,
+        _write("c.wkt", "POINT (300 5)"),
+        "lies outside the sensor (x 0 to 30, y 0 to 100 mm); move it, or check its unit: mm",
+    ),
+    "signature not there": (
+        ("reconstruct", "small.toml", "r.csv", "--method", "vertex", "--signature", "k"),
+        _write("r.csv", HEAD + "".join(f"0,0,{i},1,1\n" for i in range(3))),
+        "a crs-crs sensor has no signature 'k'; it has: kh, kl",
+    ),
+    "empty file": (_REC, _write("r.csv", ""), "r.csv: the file is empty"),
+    "truncated JSON": (
+        ("simulate", "small.toml", "c.geojson", "-o", "r.csv"),
+        _write("c.geojson", '{"type": "Polygon", "coordinates": [[[0, 0], [5,'),
+        "c.geojson: not JSON",
+    ),
+    "no such spec": (("simulate", "none.toml", "c.wkt", "-o", "r.csv"), _write("c.wkt", "POINT (1 1)"), "no such file"),
+    "no such method": (
+        (*_REC, "--method", "magic"),
+        _write("r.csv", HEAD + "".join(f"0,0,{i},1,1\n" for i in range(3))),
+        "method 'magic' does not exist; choose one of: vertex, profile",
+    ),
+    "profile of one signature": (
+        (*_REC, "--method", "profile"),
+        _write("r.csv", "scan,time_s,strip,v_h\n" + "".join(f"0,0,{i},1\n" for i in range(3))),
+        "Profile Reconstruction needs kh and kl",
+    ),
+    "transitions": (
+        (*_REC, "--method", "vertex", "--transitions", "1,b"),
+        _write("r.csv", HEAD + "".join(f"0,0,{i},1,1\n" for i in range(3))),
+        "--transitions 1,b: give auto, gradient, or numbers",
+    ),
+    "folder to write to": (
+        ("simulate", "small.toml", "c.wkt", "-o", "no/such/r.csv"),
+        _write("c.wkt", "POINT (5 5)"),
+        "no/such/r.csv: No such file or directory",
+    ),
+    "noise in percent": (
+        (*_SIM, "--positional", "1.5"),
+        _write("c.wkt", "POINT (5 5)"),
+        "positional = 1.5: a fraction of Vref, 0.01 for 1 %",
+    ),
+    "spec exists": (("init", "small.toml"), _write("x", ""), "small.toml exists already"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_input_gets_a_clear_error(folder: Path, name: str) -> None:
+    words, (file, data), message = BAD[name]
+    (folder / file).write_bytes(data)
+    done = _run(folder, *words)
+    assert done.returncode == 2, (done.returncode, done.stdout, done.stderr)
+    assert message in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_bad_input_leaves_what_was_written_alone(folder: Path) -> None:
+    _good(_run(folder, "simulate", "prototype-crs-crs", "rectangle.wkt", "-o", "r.csv", "--at", 32, 160))
+    before = (folder / "r.csv").read_bytes()
+    assert _run(folder, "simulate", "prototype-crs-crs", "rectangle.wkt", "-o", "r.csv", "--at", 900, 0).returncode == 2
+    assert (folder / "r.csv").read_bytes() == before
+
+
+def test_help_shows_an_example_for_every_verb(tmp_path: Path) -> None:
+    from tacstrip.cli import VERBS
+
+    overview = _good(_run(tmp_path, "--help")).stdout
+    for verb in VERBS:
+        assert verb in overview
+        assert "Example: tacstrip " + verb in " ".join(_good(_run(tmp_path, verb, "--help")).stdout.split())

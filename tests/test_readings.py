@@ -1,0 +1,131 @@
+"""Readings files: every form comes back, every fault is named."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+import tacstrip as ts
+
+CRS = ts.Sensor(construction="crs-crs", strips=3, pitch_mm=1.0, length_mm=10.0, vref_volt=6.05, adc_bits=12)
+METAL = ts.Sensor(construction="crs-m", strips=3, pitch_mm=1.0, length_mm=10.0, strip_base=1)
+HEAD = "scan,time_s,strip,v_h,v_l\n"
+
+
+def _file(folder: Path, text: str | bytes) -> Path:
+    path = folder / "readings.csv"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return path
+
+
+def _read(folder: Path, text: str | bytes, sensor: ts.Sensor = CRS) -> list[ts.Scan]:
+    return ts.read_readings(_file(folder, text), sensor)
+
+
+@given(
+    readings=st.lists(
+        st.tuples(st.booleans(), st.floats(0.0, 1.0), st.floats(0.0, 1.0)), min_size=3, max_size=3
+    ),
+    scans=st.integers(1, 3),
+)
+@settings(derandomize=True, max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_written_readings_come_back(tmp_path: Path, readings: list[tuple[bool, float, float]], scans: int) -> None:
+    touched = np.array([r[0] for r in readings])
+    kh, kl = (np.where(touched, [r[i] for r in readings], np.nan) for i in (1, 2))
+    given_scans = [ts.Scan(kh=kh, kl=kl, time_s=0.1 * i) for i in range(scans)]
+    path = tmp_path / "out.csv"
+    ts.write_readings(path, CRS, given_scans)
+    back = ts.read_readings(path, CRS)
+    assert [s.time_s for s in back] == pytest.approx([s.time_s for s in given_scans])
+    for scan in back:
+        np.testing.assert_allclose(scan["kh"], kh, atol=1e-8)
+        np.testing.assert_allclose(scan["kl"], kl, atol=1e-8)
+
+
+def test_every_form(tmp_path: Path) -> None:
+    (volts,) = _read(tmp_path, HEAD + "0,0,0,6.05,0\n0,0,1,3.025,1.21\n0,0,2,,\n")
+    np.testing.assert_allclose(volts["kh"], [1.0, 0.5, np.nan])
+    np.testing.assert_allclose(volts["kl"], [0.0, 0.2, np.nan])  # 0 is a legal reading
+    (codes,) = _read(tmp_path, "scan,time_s,strip,code_h,code_l\n0,0,0,4095,0\n0,0,1,2048,819\n0,0,2,,\n")
+    np.testing.assert_allclose(codes["kh"], [1.0, 2048 / 4095, np.nan])
+    (single,) = _read(tmp_path, "scan,time_s,strip,v_h\n0,0,0,1\n0,0,1,2\n0,0,2,\n")
+    assert single.signatures == ("kh",)
+    (metal,) = _read(tmp_path, "scan,time_s,strip,v_out\n0,0,1,1\n0,0,2,2\n0,0,3,\n", METAL)
+    np.testing.assert_allclose(metal["k"], [0.2, 0.4, np.nan])
+    shuffled = "note,strip,v_l,time_s,v_h,scan\nx,2,,7.5,,a\n\ny,0,1.21,7.5,3.025,a\nz,1,1.21,7.5,3.025,a\n"
+    (any_order,) = _read(tmp_path, "﻿" + shuffled)  # columns and strips in any order, a spreadsheet's mark
+    assert any_order.time_s == 7.5
+    np.testing.assert_allclose(any_order["kl"], [0.2, 0.2, np.nan])
+
+
+def test_volts_of_untouched_strips(tmp_path: Path) -> None:
+    bench = ts.Sensor(
+        construction="crs-crs", strips=3, pitch_mm=1.0, length_mm=10.0, rest_volt=0.1, touch_volt=0.05
+    )
+    (scan,) = _read(tmp_path, HEAD + "0,0,0,0.12,0.09\n0,0,1,2.5,0.11\n0,0,2,0.04,0.1\n", bench)
+    np.testing.assert_array_equal(scan.touched, [False, True, True])
+
+
+FAULTS = {
+    "empty file": ("", "the file is empty; it needs a header line"),
+    "missing column": ("scan,strip,v_h,v_l\n", "column 'time_s' is missing; the header has: scan, strip, v_h, v_l"),
+    "no readings column": ("scan,time_s,strip\n", "a column of readings is missing: v_h, v_l"),
+    "both kinds": ("scan,time_s,strip,v_h,code_h\n", "the header has both volts and codes"),
+    "foreign signature": ("scan,time_s,strip,v_out\n", "column 'v_out' does not belong to a crs-crs sensor"),
+    "header only": (HEAD, "the file has a header but no readings"),
+    "missing line": (HEAD + "0,0,0,1,1\n0,0,2,1,1\n", r"scan 0 \(from line 2\) has no line for strip 1"),
+    "strip out of range": (HEAD + "0,0,3,1,1\n", "line 2: strip 3 is out of range 0 to 2; check strips and strip_base"),
+    "strip twice": (HEAD + "0,0,0,1,1\n0,0,0,1,1\n", "line 3: strip 0 of scan 0 is already on line 2"),
+    "strip no number": (HEAD + "0,0,a,1,1\n", "line 2: strip is 'a', not a whole number"),
+    "literal nan": (HEAD + "0,0,0,nan,1\n", "line 2: v_h is 'nan'; leave the field empty where nothing touches"),
+    "infinite": (HEAD + "0,0,0,1,inf\n", "line 2: v_l is 'inf'"),
+    "no number": (HEAD + "0,0,0,1V,1\n", "line 2: v_h is '1V', not a number"),
+    "time": (HEAD + "0,soon,0,1,1\n", "line 2: time_s is 'soon', not a number"),
+    "millivolts": (HEAD + "0,0,0,3025,1\n", "line 2: v_h = 3025 V is outside 0 to 6.05 V; is it in millivolts"),
+    "below ground": (HEAD + "0,0,0,-0.2,1\n", "line 2: v_h = -0.2 V is outside 0 to 6.05 V; check the wiring"),
+    "half a strip": (HEAD + "0,0,0,1,\n0,0,1,1,1\n0,0,2,1,1\n", "line 2: strip 0 has v_h but no v_l; give both or neither"),
+    "cut off": (HEAD + "0,0,0,1,1\n0,0,1,1", "line 3 has 4 fields and the header 5: is the file cut off"),
+    "scan comes back": (
+        HEAD + "".join(f"{s},0,{i},1,1\n" for s in (0, 1) for i in range(3)) + "0,0,0,1,1\n",
+        "line 8: scan 0 comes again",
+    ),
+    "code too large": ("scan,time_s,strip,code_h\n0,0,0,5000\n", "code_h = 5000 is outside 0 to 4095; check adc_bits"),
+    "code with a fraction": ("scan,time_s,strip,code_h\n0,0,0,10.5\n", "code_h = 10.5 is not a whole number"),
+    "binary": (b"\x89PNG\r\n\x1a\n\x00\xff\xfe", "not a text file; readings are CSV with a header line"),
+    "zero bytes": (b"scan,time_s\x00,strip\n", "line 1: not text"),
+}
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_faults_are_named(tmp_path: Path, name: str) -> None:
+    text, message = FAULTS[name]
+    with pytest.raises(ts.ReadingError, match=message) as caught:
+        _read(tmp_path, text)
+    assert "readings.csv" in str(caught.value)
+
+
+def test_codes_need_bits(tmp_path: Path) -> None:
+    with pytest.raises(ts.ReadingError, match="the spec has no adc_bits; add it, for example adc_bits = 12"):
+        _read(tmp_path, "scan,time_s,strip,code\n0,0,1,5\n", METAL)
+
+
+def test_missing_file(tmp_path: Path) -> None:
+    with pytest.raises(ts.ReadingError, match="no such file"):
+        ts.read_readings(tmp_path / "none.csv", CRS)
+    with pytest.raises(ts.ReadingError, match="cannot be read"):
+        ts.read_readings(tmp_path, CRS)
+
+
+@given(data=st.one_of(st.binary(max_size=300), st.text(max_size=200).map(lambda t: (HEAD + t).encode(errors="ignore"))))
+@settings(derandomize=True, max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_any_bytes_give_scans_or_a_clear_error(tmp_path: Path, data: bytes) -> None:
+    try:
+        scans = _read(tmp_path, data)
+    except ts.ReadingError as error:
+        assert str(error)
+    else:
+        assert all(len(s.touched) == 3 for s in scans)
