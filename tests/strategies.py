@@ -82,11 +82,11 @@ def areas(
     for _ in range(draw(st.integers(1, most_shapes))):
         cx, cy, radius = (draw(st.integers(0, 1000)) / 1009.0 for _ in range(3))
         centre = (x0 + cx * (x1 - x0), y0 + cy * (y1 - y0))
-        corners = draw(star_polygons(centre, (0.02 + 0.4 * radius) * min(x1 - x0, y1 - y0), step=step))
+        corners = draw(star_polygons(centre, (0.1 + 0.5 * radius) * min(x1 - x0, y1 - y0), step=step))
         polygon = shapely.Polygon(corners)
-        if convex:
+        if convex or not polygon.is_valid:  # rounding to a grid can make sides cross
             polygon = shapely.convex_hull(polygon)
-        if polygon.geom_type != "Polygon" or not polygon.is_valid or polygon.area == 0.0:
+        if polygon.area == 0.0:
             polygon = shapely.box(*np.floor(centre), *(np.floor(centre) + 4.0))
         shape = Contact.polygon(shapely.get_coordinates(polygon))
         contact = shape if contact is None else contact + shape

@@ -86,19 +86,16 @@ class Contact:
         if not parts:
             raise ContactError("the contact is empty: it needs at least one polygon, line or point")
         for number, part in enumerate(parts, start=1):
+            name = f"shape {number} of {len(parts)}"
             if not np.all(np.abs(shapely.get_coordinates(part)) < _FAR):
-                raise ContactError(
-                    f"shape {number} of {len(parts)} has a coordinate that is not a finite number below 1e9 mm"
-                )
+                raise ContactError(f"{name} has a coordinate that is not a finite number below 1e9 mm")
             if part.geom_type == "Polygon" and shapely.convex_hull(part).area == 0.0:
-                raise ContactError(f"shape {number} of {len(parts)} has no area; make it a line")
+                raise ContactError(f"{name} has no area; make it a line")
             if part.geom_type == "LineString" and part.length == 0.0:
-                raise ContactError(f"shape {number} of {len(parts)} has no length; make it a point")
+                raise ContactError(f"{name} has no length; make it a point")
             if not shapely.is_valid(part):
                 why = shapely.is_valid_reason(part).replace("Self-intersection", "crosses itself at ")
-                raise ContactError(
-                    f"shape {number} of {len(parts)}: {why}; list its corners in order round it"
-                )
+                raise ContactError(f"{name}: {why}; list its corners in order round it")
         return cls(tuple(parts))
 
     def __add__(self, other: Contact) -> Contact:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -17,6 +17,8 @@ from tacstrip.sensor.circuit import k_h, k_l, k_metal
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
 from tacstrip.sensor.surface import strip_angle, strips_under_flat, to_space
+
+Model: TypeAlias = Callable[[FloatArray, FloatArray, float], FloatArray]  # of l, w and L
 
 _LINES = 21  # of the net drawn on a surface, each way
 _FULL = 0.998  # longest contact drawn, over L: at w = L (3.8) is 0 / 0
@@ -49,6 +51,13 @@ def figure_3_10() -> Figure:
     return figure
 
 
+def surface_net(model: Model) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return l, w and a signature over the legal triangle, l + w up to L = 1, (lines, lines) each."""
+    along, across = np.meshgrid(np.linspace(0.0, 1.0, _LINES), np.linspace(0.0, _FULL, _LINES))
+    l = along * (1.0 - across)  # the net ends on l + w = L
+    return l, across, model(l, across, 1.0)
+
+
 def touched_strips(sensor: Sensor, angle_rad: float, depth_mm: float) -> BoolArray:
     """Tell which strips of a tube (strips,) a flat object touches that is pressed on at an angle [rad]."""
     assert sensor.radius_mm is not None
@@ -64,16 +73,14 @@ def depth_limit(sensor: Sensor, most: int) -> float:
     return float(max(d for d in depths if strips_under_flat(sensor, float(d))[1] <= most))
 
 
-def _surface(name: str, model: Callable[[FloatArray, FloatArray, float], FloatArray]) -> Figure:
+def _surface(name: str, model: Model) -> Figure:
     """Draw one signature over the legal triangle, in units of L: a net of lines of equal w."""
-    along, across = np.meshgrid(np.linspace(0.0, 1.0, _LINES), np.linspace(0.0, _FULL, _LINES))
-    w, l = across, along * (1.0 - across)  # the net ends on l + w = L
     colours = LinearSegmentedColormap.from_list(name, ["#f4f1ea", COLOURS[name]])
     figure = new_figure(5.2, 4.4)
     axes: Any = add_axes(figure, 1, 1, 1, projection="3d")
     axes.plot_surface(
-        l, w, model(l, w, 1.0), cmap=colours, vmin=-0.2, vmax=1.0, edgecolor=TRUE, linewidth=0.25,
-        rcount=_LINES, ccount=_LINES, antialiased=True,
+        *surface_net(model), cmap=colours, vmin=-0.2, vmax=1.0, edgecolor=TRUE, linewidth=0.25,
+        rcount=_LINES, ccount=_LINES,
     )  # fmt: skip
     axes.plot([0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 0], color=TRUE, linewidth=1.0)
     axes.set(xlim=(0, 1), ylim=(0, 1), zlim=(0, 1), xlabel="l / L", ylabel="w / L")

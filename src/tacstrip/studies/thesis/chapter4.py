@@ -155,9 +155,9 @@ def same_kh_pair() -> tuple[FloatArray, FloatArray]:
     With A = L + l and B = L - u, (3.3) is k_h = (A - B) / (A + B): it knows A / B only. Where that changes
     along x, another polygon has the same k_h only as A' = f A, B' = f B with a constant f, and f = 1 at end
     vertices, l = u. Where A / B stands still, A' may be any straight line. So X has A = 3 B, k_h = 1/2,
-    between its interior vertices, and Y leaves it there: f falls from 1.1 at its waist to 1 on both sides.
+    between its interior vertices, and Y leaves it there: f falls from 1.15 at its waist to 1 on both sides.
     """
-    length, f = _CRS.length_mm, 1.1
+    length, f = _CRS.length_mm, 1.15
     x = np.array([150.0, 400.0, 525.0, 650.0, 850.0])
     l = 0.6 * x - 90.0
     u = length - (length + l) / 3.0  # A = 3 B

@@ -18,6 +18,7 @@ from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import Noise, on_transitions
 from tacstrip.metrics import mismatch
 from tacstrip.reconstruct.profile import profile_at, profile_reconstruction
+from tacstrip.reconstruct.result import RecoveredObject
 from tacstrip.reconstruct.vertex import vertex_reconstruction
 from tacstrip.scan import Scan
 from tacstrip.simulate import simulate
@@ -45,7 +46,8 @@ class Cell:
     known_failed, detected_failed
         Shares of the seeds without a shape; detected counts a wrong number of vertices too.
     sample
-        The shape of the first seed that has one (N, 2) [mm], for the figure; empty where all failed.
+        The shape of the first seed that has one (N, 2) [mm], for the figure; empty where all failed. For
+        a profile it is the raw one, every strip.
     """
 
     known: FloatArray
@@ -61,22 +63,23 @@ def run_cell(number: int, position: int, seeds: int) -> Cell:
     noise = NOISES[row.noise]
     corners = SHAPES[row.shape].contact(position).vertices
     with_found = noise.positional > 0.0 and row.algorithm == "vertex"
-    known, detected = [], []
+    known: list[RecoveredObject] = []
+    detected: list[RecoveredObject] = []
     for seed in range(1 if noise == Noise() else seeds):
         random = np.random.default_rng([number, position, seed])
         scan = simulate(SIMULATED[row.construction], SHAPES[row.shape].contact(position), noise, random)
         x = on_transitions(SHAPES[row.shape].transitions(position), noise, random)
-        known.append(_recover(row, scan, x, corners))
+        known.append(_recover(row, scan, x))
         if with_found:
-            detected.append(_recover(row, scan, "gradient", corners))
-    good = [v for v in known if v is not None]
-    right = [v for v in detected if v is not None and len(v) == len(corners)]
+            detected.append(_recover(row, scan, "gradient"))
+    good = [r for r in known if r.found]
+    right = [r for r in detected if len(r.vertices) == len(corners)]
     return Cell(
-        known=_measure(corners, good),
+        known=_measure(row, corners, good),
         known_failed=1.0 - len(good) / len(known),
-        detected=_measure(corners, right) if with_found else None,
+        detected=_measure(row, corners, right) if with_found else None,
         detected_failed=1.0 - len(right) / len(detected) if with_found else None,
-        sample=good[0] if good else np.empty((0, 2)),
+        sample=good[0].vertices if good else np.empty((0, 2)),
     )
 
 
@@ -97,17 +100,16 @@ def summarise(number: int, cells: list[Cell]) -> dict[str, Any]:
     return ours
 
 
-def _recover(row: Row, scan: Scan, x: FloatArray | str, corners: FloatArray) -> FloatArray | None:
-    """Return the recovered polygon, or None."""
+def _recover(row: Row, scan: Scan, x: FloatArray | str) -> RecoveredObject:
     sensor = SIMULATED[row.construction]
     if row.algorithm == "profile":
-        return profile_at(profile_reconstruction(scan, sensor).objects[0], corners)
-    found = vertex_reconstruction(scan, sensor, row.signature, x, reading="strip").objects
-    return found[0].vertices if len(found) == 1 and found[0].found else None
+        return profile_reconstruction(scan, sensor).objects[0]
+    return vertex_reconstruction(scan, sensor, row.signature, x, reading="strip").objects[0]
 
 
-def _measure(corners: FloatArray, shapes: list[FloatArray]) -> FloatArray:
-    measured = [mismatch(corners, v) for v in shapes]
+def _measure(row: Row, corners: FloatArray, shapes: list[RecoveredObject]) -> FloatArray:
+    polygons = [profile_at(r, corners) if row.algorithm == "profile" else r.vertices for r in shapes]
+    measured = [mismatch(corners, v) for v in polygons]
     return np.array([(m.mc, m.aoe, m.ape) for m in measured]).reshape(-1, 3)
 
 

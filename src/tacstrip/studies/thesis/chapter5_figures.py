@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 
 import numpy as np
@@ -40,7 +41,7 @@ def recovery(row: Row, samples: Sequence[FloatArray]) -> Figure:
     colour = COLOURS[row.signature or "profile"]
     for position, sample in enumerate(samples):
         _draw_pair(axes, row.shape, position, sample, colour)
-    axes.set_title(recovery_caption(row))
+    axes.set_title(textwrap.fill(recovery_caption(row), 52))
     legend(axes, loc="upper left")
     return figure
 
@@ -68,7 +69,7 @@ def noisy_signature(figure: str) -> Figure:
     low = axes.get_ylim()[0]
     axes.plot(found, np.full(len(found), low), "^", color=COLOURS[name], clip_on=False,
               label=f"found by the gradient rule: {len(found)}")  # fmt: skip
-    axes.set_title(noisy_signature_caption(figure))
+    axes.set_title(textwrap.fill(noisy_signature_caption(figure), 60))
     axes.set_xlabel("x [mm]")
     axes.set_ylabel(f"${SIGNATURES[name].symbol}$")
     legend(axes)
@@ -99,7 +100,7 @@ def ambiguity(figure: str) -> tuple[Figure, list[dict[str, float]]]:
             again = signatures(sensor, found.profile[1], found.profile[2])[name]
             apart = float(np.abs(again - scan[name][found.strips]).max())
             facts.append({"mc": m.mc, "iou": m.iou, "signature_difference": apart})
-    axes.set_title(ambiguity_caption(figure))
+    axes.set_title(textwrap.fill(ambiguity_caption(figure), 52))
     legend(axes, loc="upper left")
     return drawing, facts
 
@@ -120,9 +121,9 @@ def _sensor_axes(construction: str) -> tuple[Figure, Axes]:
 def _draw_pair(axes: Axes, shape: str, position: int, recovered: FloatArray, colour: str) -> None:
     contact = SHAPES[shape].contact(position)
     draw_contact(axes, contact, label=None if position else "original")
-    x, y = contact.vertices.max(axis=0)
-    axes.annotate(str(position + 1), (x, y), fontsize=8.0, color="#555555")
+    axes.annotate(str(position + 1), contact.centroid, fontsize=8.0, ha="center", va="center", zorder=5)
     if len(recovered):
         draw_polygon(axes, recovered, colour, label=None if position else "recovered")
     else:
-        axes.annotate("not recovered", contact.centroid, fontsize=7.0, ha="center", color=colour)
+        below = (contact.centroid[0], contact.vertices[:, 1].min())
+        axes.annotate("not recovered", below, fontsize=7.0, ha="center", va="top", color=colour)

@@ -32,7 +32,7 @@ from tacstrip.simulate import simulate
 
 SENSOR = Sensor(construction="crs-crs", strips=16, pitch_mm=10.0, length_mm=160.0, strip_width_mm=7.0)
 OBJECT = Contact.polygon([(18, 62), (92, 21), (141, 88), (70, 134)])
-PRESSED = Contact.polygon([(18, 62), (92, 21), (136, 82), (106, 108), (70, 134)])  # an edge hovers
+PRESSED = Contact.polygon([(18, 62), (92, 21), (138.5, 85), (104, 109.5), (70, 134)])  # an edge hovers
 SKEW_RAD = np.deg2rad(3.0)  # of the upper strips over the lower ones
 A = np.array([(0.0, 0.0), (60.0, 0.0), (60.0, 40.0), (0.0, 40.0)])
 B = np.array([(85.0, 0.0), (155.0, 8.0), (143.0, 46.0), (105.0, 52.0), (79.0, 30.0)])
@@ -74,8 +74,9 @@ def figure_5_1() -> Figure:
     for end, label in ((l, "read: l and u of each strip"), (u, None)):
         axes.stairs(end, x, baseline=None, color=COLOURS["profile"], label=label)
     draw_contact(axes, OBJECT, "object")
-    steepest = np.abs(np.divide(*np.diff(OBJECT.vertices[[0, 1, 2, 3, 0]], axis=0).T[::-1])).max()
-    axes.set_title(f"an edge and its stair part by up to {half * steepest:.1f} mm", fontsize=9.0)
+    run, rise = (np.roll(OBJECT.vertices, -1, axis=0) - OBJECT.vertices).T
+    off = half * np.abs(rise / run).max()
+    axes.set_title(f"an edge's stair leaves it by up to {off:.1f} mm", fontsize=9.0)
     legend(axes, loc="upper right", frameon=True, framealpha=1.0)
     return figure
 
@@ -94,7 +95,7 @@ def figure_5_2() -> Figure:
     _draw_skewed_strips(top[0])
     top[0].set_title(f"(a) upper strips (green) {np.rad2deg(SKEW_RAD):.0f} degrees askew", fontsize=9.0)
     draw_contact(top[1], PRESSED, "in touch", COLOURS["profile"])
-    top[1].set_title("(b) uneven pressure: an edge hovers", fontsize=9.0)
+    top[1].set_title("(b) uneven pressure: touched (purple) but for an edge", fontsize=9.0)
     ideal, below = simulate(SENSOR, OBJECT)["kh"], add_axes(figure, 2, 2, 3)
     for axes, contact in ((below, skewed), (add_axes(figure, 2, 2, 4, sharey=below), PRESSED)):
         off = simulate(SENSOR, contact)["kh"] - ideal
