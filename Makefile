@@ -22,7 +22,7 @@ export UV_PYTHON_DOWNLOADS = never
 MIRROR := $(UV_DEFAULT_INDEX)$(UV_INDEX_URL)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test check reproduce bench studies clean
+.PHONY: help setup demo test check reproduce bench studies pictures clean
 
 help: ## list these targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/\1|\2/p' Makefile | \
@@ -54,6 +54,9 @@ bench: setup ## run every benchmark in turn
 
 studies: setup ## run the slow studies
 	@$(BIN)/pytest -m slow $(ARGS)
+
+pictures: setup ## draw the pictures of README and docs again
+	@$(BIN)/python tools/docs_pictures.py
 
 clean: ## remove everything that make made
 	@rm -rf .venv .tools demo reproduction dist .pytest_cache .hypothesis .mypy_cache .ruff_cache

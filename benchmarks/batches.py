@@ -7,7 +7,7 @@ Run: python benchmarks/batches.py
 from __future__ import annotations
 
 import numpy as np
-from timing import median_seconds
+from _timing import median_seconds
 
 import tacstrip as ts
 from tacstrip.arrays import FloatArray
@@ -35,9 +35,9 @@ def plain_loop(l: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:
             if np.isnan(l[scan, strip]):
                 continue
             a, w = l[scan, strip], u[scan, strip] - l[scan, strip]
-            kh = (a + w / 2) / (length - w / 2) + random.uniform(-0.001, 0.001) + random.uniform(-0.005, 0.005)
-            kl = a / (length - w / 2) + random.uniform(-0.001, 0.001) + random.uniform(-0.005, 0.005)
-            kh, kl = (round(min(max(k, 0.0), 1.0) * 4095) / 4095 for k in (kh, kl))
+            ideal = (a + w / 2) / (length - w / 2), a / (length - w / 2)
+            noisy = (k + random.uniform(-0.001, 0.001) + random.uniform(-0.005, 0.005) for k in ideal)
+            kh, kl = (round(min(max(k, 0.0), 1.0) * 4095) / 4095 for k in noisy)
             solved = np.linalg.solve(np.array([[1, (1 + kh) / 2], [1, kl / 2]]), np.array([kh, kl]) * length)
             low[scan, strip], high[scan, strip] = solved[0], solved[0] + solved[1]
     return low, high
@@ -51,7 +51,9 @@ def main() -> None:
     whole = median_seconds(lambda: batch(*ts.footprint(SENSOR, contacts)))
     few = 20
     slow = median_seconds(lambda: plain_loop(l[:few], u[:few]), 3) * SCANS / few
-    print(f"{SENSOR.strips} strips, {np.isfinite(l).sum() / SCANS:.0f} of them touched, batches of {SCANS} scans")
+    print(
+        f"{SENSOR.strips} strips, {np.isfinite(l).sum() / SCANS:.0f} of them touched, batches of {SCANS} scans"
+    )
     print(f"simulate + profile from l, u         {SCANS / fast:12,.0f} scans/s   (wanted: 50,000)")
     print(f"footprint + simulate + profile       {SCANS / whole:12,.0f} scans/s")
     print(f"plain loop, strip by strip           {SCANS / slow:12,.0f} scans/s   ratio {slow / fast:,.0f}")

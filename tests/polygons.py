@@ -19,7 +19,7 @@ def convex_polygon(seed: int, corners: int, size: float = 1000.0, least_gap: flo
         angle = np.sort(random.uniform(0.0, 2.0 * np.pi, corners))
         axes = random.uniform(0.1, 0.4, 2) * size
         low, high = axes + 0.02 * size, 0.98 * size - axes
-        polygon = axes * np.stack([np.cos(angle), np.sin(angle)], axis=1) + random.uniform(low, high)
+        polygon: Polygon = axes * np.stack([np.cos(angle), np.sin(angle)], axis=1) + random.uniform(low, high)
         widest = np.diff(np.append(angle, angle[0] + 2.0 * np.pi)).max()
         if widest < 0.95 * np.pi and np.diff(np.sort(polygon[:, 0])).min() >= least_gap:
             return polygon

@@ -96,8 +96,9 @@ def test_nobody_else_compares_the_construction() -> None:
 
 
 def test_every_name_of_the_stub_is_there() -> None:
-    assert "vertex_reconstruction" in tacstrip.__all__
-    for name in tacstrip.__all__:
+    names = dir(tacstrip)
+    assert "vertex_reconstruction" in names
+    for name in names:
         assert getattr(tacstrip, name) is not None
         assert getattr(tacstrip, name).__doc__
 

@@ -40,7 +40,9 @@ def test_from_spec_to_shape(folder: Path) -> None:
     done = _good(_run(folder, "simulate", "mine.toml", "rectangle.wkt", "-o", "r.csv", "--at", 33, 150, "--turn", 30,
                       "--plot", "sim.png"))  # fmt: skip
     assert "1 scan(s) of 60 strips" in done.stdout
-    done = _good(_run(folder, "reconstruct", "mine.toml", "r.csv", "-o", "o.geojson", "--plot", "pictures/o.png"))
+    done = _good(
+        _run(folder, "reconstruct", "mine.toml", "r.csv", "-o", "o.geojson", "--plot", "pictures/o.png")
+    )
     assert "scan 0, profile: ok" in done.stderr
     (feature,) = json.loads((folder / "o.geojson").read_text())["features"]
     assert feature["properties"]["area_mm2"] == pytest.approx(50.0 * 35.0, rel=0.03)
@@ -77,8 +79,24 @@ def test_method_signature_transitions_and_truth(folder: Path) -> None:
 
 
 def test_what_could_not_be_recovered_ends_with_1(folder: Path) -> None:
-    _good(_run(folder, "simulate", "simulated-crs-crs", "rectangle.wkt", "-o", "r.csv", "--at", 500, 500, "--turn", 30))
-    done = _run(folder, "reconstruct", "simulated-crs-crs", "r.csv", "--method", "vertex", "--transitions", "470,530")
+    _good(
+        _run(
+            folder,
+            "simulate",
+            "simulated-crs-crs",
+            "rectangle.wkt",
+            "-o",
+            "r.csv",
+            "--at",
+            500,
+            500,
+            "--turn",
+            30,
+        )
+    )
+    done = _run(
+        folder, "reconstruct", "simulated-crs-crs", "r.csv", "--method", "vertex", "--transitions", "470,530"
+    )
     assert done.returncode == 1
     assert "too few transitions" in done.stderr
     (feature,) = json.loads(done.stdout)["features"]
@@ -103,10 +121,17 @@ BAD = {
     "missing line": (_REC, _write("r.csv", HEAD + "0,0,0,1,1\n"), "has no line for strip 1"),
     "unknown key": (
         ("simulate", "s.toml", "rectangle.wkt", "-o", "r.csv"),
-        _write("s.toml", 'format = 1\nconstruction = "crs-m"\nstrips = 3\npitch_mm = 1\nlength_mm = 9\nwidth = 3\n'),
+        _write(
+            "s.toml",
+            'format = 1\nconstruction = "crs-m"\nstrips = 3\npitch_mm = 1\nlength_mm = 9\nwidth = 3\n',
+        ),
         "s.toml: unknown key 'width'; the keys are: format, construction",
     ),
-    "volts outside 0..Vref": (_REC, _write("r.csv", HEAD + "0,0,0,5.5,1\n"), "v_h = 5.5 V is outside 0 to 5 V"),
+    "volts outside 0..Vref": (
+        _REC,
+        _write("r.csv", HEAD + "0,0,0,5.5,1\n"),
+        "v_h = 5.5 V is outside 0 to 5 V",
+    ),
     "all-empty scan": (
         _REC,
         _write("r.csv", HEAD + "".join(f"0,0,{i},,\n" for i in range(3))),
@@ -135,7 +160,11 @@ BAD = {
         _write("c.geojson", '{"type": "Polygon", "coordinates": [[[0, 0], [5,'),
         "c.geojson: not JSON",
     ),
-    "no such spec": (("simulate", "none.toml", "c.wkt", "-o", "r.csv"), _write("c.wkt", "POINT (1 1)"), "no such file"),
+    "no such spec": (
+        ("simulate", "none.toml", "c.wkt", "-o", "r.csv"),
+        _write("c.wkt", "POINT (1 1)"),
+        "no such file",
+    ),
     "no such method": (
         (*_REC, "--method", "magic"),
         _write("r.csv", HEAD + "".join(f"0,0,{i},1,1\n" for i in range(3))),
@@ -178,7 +207,12 @@ def test_bad_input_gets_a_clear_error(folder: Path, name: str) -> None:
 def test_bad_input_leaves_what_was_written_alone(folder: Path) -> None:
     _good(_run(folder, "simulate", "prototype-crs-crs", "rectangle.wkt", "-o", "r.csv", "--at", 32, 160))
     before = (folder / "r.csv").read_bytes()
-    assert _run(folder, "simulate", "prototype-crs-crs", "rectangle.wkt", "-o", "r.csv", "--at", 900, 0).returncode == 2
+    assert (
+        _run(
+            folder, "simulate", "prototype-crs-crs", "rectangle.wkt", "-o", "r.csv", "--at", 900, 0
+        ).returncode
+        == 2
+    )
     assert (folder / "r.csv").read_bytes() == before
 
 

@@ -79,7 +79,7 @@ def test_convex_polygons(contact: Contact) -> None:
 
 
 @settings(FIXED, max_examples=60)
-@given(areas((12.0, 12.0, 36.0, 68.0)))
+@given(areas((16.0, 16.0, 32.0, 64.0)))
 def test_any_polygons(contact: Contact) -> None:
     assert_as_shapely(SENSOR, contact)
 
@@ -195,7 +195,7 @@ def test_points(points: list[tuple[int, int]]) -> None:
 
 
 @settings(FIXED, max_examples=40)
-@given(areas((12.0, 12.0, 36.0, 68.0)), st.integers(1, 996), st.integers(1, 996))
+@given(areas((16.0, 16.0, 32.0, 64.0)), st.integers(1, 996), st.integers(1, 996))
 def test_areas_lines_and_points_together(contact: Contact, x: int, y: int) -> None:
     place = np.array([x, y]) / 997.0 * (40.0, 70.0)
     thin = Contact.line([place, np.add(place, (7.3, 4.1))]) + Contact.points(place)

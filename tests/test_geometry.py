@@ -18,7 +18,9 @@ SENSOR = ts.Sensor(construction="crs-crs", strips=40, pitch_mm=1.0, length_mm=40
 def test_read_contact_by_ending(tmp_path: Path) -> None:
     polygon = shapely.Polygon(SQUARE)
     (tmp_path / "a.wkt").write_text(polygon.wkt)
-    (tmp_path / "a.GeoJSON").write_text(json.dumps({"type": "Feature", "geometry": polygon.__geo_interface__, "properties": {}}))
+    (tmp_path / "a.GeoJSON").write_text(
+        json.dumps({"type": "Feature", "geometry": polygon.__geo_interface__, "properties": {}})
+    )
     for name in ("a.wkt", "a.GeoJSON"):
         np.testing.assert_allclose(ts.read_contact(tmp_path / name).vertices, SQUARE)
 
@@ -30,7 +32,11 @@ def test_read_contact_by_ending(tmp_path: Path) -> None:
         ("a.wkt", b"", "a.wkt: the file is empty"),
         ("a.wkt", b"\x00\xff\xfe", "a.wkt: not a text file"),
         ("a.wkt", b"POLYGON((0 0, 1 1", "a.wkt: not well-known text"),
-        ("a.geojson", b'{"type": "Polygon", "coordinates": [[[0, 0], [1', "a.geojson: not JSON: .* Is the file complete"),
+        (
+            "a.geojson",
+            b'{"type": "Polygon", "coordinates": [[[0, 0], [1',
+            "a.geojson: not JSON: .* Is the file complete",
+        ),
         ("a.geojson", b'{"type": "Circle"}', "a.geojson: not GeoJSON"),
         ("a.wkt", b"POLYGON((0 0, 2 2, 2 0, 0 2, 0 0))", "crosses itself at"),
     ],
@@ -66,4 +72,6 @@ def test_geojson_out(tmp_path: Path) -> None:
     assert shape.symmetric_difference(shapely.Polygon(corners)).area < 0.02 * shape.area
     assert features[1]["geometry"] is None
     assert features[1]["properties"]["advice"]
-    np.testing.assert_allclose(ts.Contact.from_geojson(json.dumps(features[0])).vertices, good.objects[0].vertices)
+    np.testing.assert_allclose(
+        ts.Contact.from_geojson(json.dumps(features[0])).vertices, good.objects[0].vertices
+    )

@@ -7,9 +7,9 @@ import pytest
 import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from polygons import convex_polygon, from_left
 
 import tacstrip as ts
+from polygons import convex_polygon, from_left
 from tacstrip.reconstruct.profile import profile
 
 SENSOR = ts.Sensor(construction="crs-crs", strips=1000, pitch_mm=1.0, length_mm=1000.0)
@@ -52,7 +52,9 @@ def test_profile_at_keeps_the_originals_order() -> None:
 
 
 def test_contact_resistance_is_undone() -> None:
-    lossy = ts.Sensor(construction="crs-crs", strips=200, pitch_mm=1.0, length_mm=300.0, contact_lambda_mm=5.0)
+    lossy = ts.Sensor(
+        construction="crs-crs", strips=200, pitch_mm=1.0, length_mm=300.0, contact_lambda_mm=5.0
+    )
     ideal = ts.Sensor(construction="crs-crs", strips=200, pitch_mm=1.0, length_mm=300.0)
     contact = ts.Contact.polygon([(40.5, 150.0), (80.5, 110.0), (150.5, 140.0), (120.5, 190.0)])
     l, u = ts.footprint(lossy, contact)
@@ -71,7 +73,9 @@ def test_contact_resistance_is_undone() -> None:
 def test_noise_never_leaves_the_sensor() -> None:
     contact = ts.Contact.polygon([(300.5, 2.0), (500.5, 0.0), (700.5, 6.0), (600.5, 12.0)])
     for seed in range(20):
-        found = ts.profile_reconstruction(ts.simulate(SENSOR, contact, ts.Noise(positional=0.02), seed), SENSOR)
+        found = ts.profile_reconstruction(
+            ts.simulate(SENSOR, contact, ts.Noise(positional=0.02), seed), SENSOR
+        )
         assert found.objects[0].profile is not None
         _, l, u = found.objects[0].profile
         assert np.all((l >= 0.0) & (l <= u) & (u <= 1000.0))
@@ -113,7 +117,9 @@ def test_area_centroid_and_orientation_against_shapely(seed: int, corners: int) 
 def test_orientation_of_a_turned_rectangle() -> None:
     for degrees in (-80.0, -30.0, 0.0, 45.0, 85.0):
         rectangle = ts.Contact.polygon([(0, 0), (50, 0), (50, 20), (0, 20)]).turned(np.deg2rad(degrees))
-        assert ts.RecoveredObject(slice(0, 1), rectangle.vertices).orientation == pytest.approx(np.deg2rad(degrees))
+        assert ts.RecoveredObject(slice(0, 1), rectangle.vertices).orientation == pytest.approx(
+            np.deg2rad(degrees)
+        )
 
 
 def test_no_shape_has_no_numbers() -> None:

@@ -32,8 +32,15 @@ def _read(folder: Path, text: str | bytes, sensor: ts.Sensor = CRS) -> list[ts.S
     ),
     scans=st.integers(1, 3),
 )
-@settings(derandomize=True, max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_written_readings_come_back(tmp_path: Path, readings: list[tuple[bool, float, float]], scans: int) -> None:
+@settings(
+    derandomize=True,
+    max_examples=60,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
+def test_written_readings_come_back(
+    tmp_path: Path, readings: list[tuple[bool, float, float]], scans: int
+) -> None:
     touched = np.array([r[0] for r in readings])
     kh, kl = (np.where(touched, [r[i] for r in readings], np.nan) for i in (1, 2))
     given_scans = [ts.Scan(kh=kh, kl=kl, time_s=0.1 * i) for i in range(scans)]
@@ -70,30 +77,51 @@ def test_volts_of_untouched_strips(tmp_path: Path) -> None:
     np.testing.assert_array_equal(scan.touched, [False, True, True])
 
 
-FAULTS = {
+FAULTS: dict[str, tuple[str | bytes, str]] = {
     "empty file": ("", "the file is empty; it needs a header line"),
-    "missing column": ("scan,strip,v_h,v_l\n", "column 'time_s' is missing; the header has: scan, strip, v_h, v_l"),
+    "missing column": (
+        "scan,strip,v_h,v_l\n",
+        "column 'time_s' is missing; the header has: scan, strip, v_h, v_l",
+    ),
     "no readings column": ("scan,time_s,strip\n", "a column of readings is missing: v_h, v_l"),
     "both kinds": ("scan,time_s,strip,v_h,code_h\n", "the header has both volts and codes"),
     "foreign signature": ("scan,time_s,strip,v_out\n", "column 'v_out' does not belong to a crs-crs sensor"),
     "header only": (HEAD, "the file has a header but no readings"),
     "missing line": (HEAD + "0,0,0,1,1\n0,0,2,1,1\n", r"scan 0 \(from line 2\) has no line for strip 1"),
-    "strip out of range": (HEAD + "0,0,3,1,1\n", "line 2: strip 3 is out of range 0 to 2; check strips and strip_base"),
+    "strip out of range": (
+        HEAD + "0,0,3,1,1\n",
+        "line 2: strip 3 is out of range 0 to 2; check strips and strip_base",
+    ),
     "strip twice": (HEAD + "0,0,0,1,1\n0,0,0,1,1\n", "line 3: strip 0 of scan 0 is already on line 2"),
     "strip no number": (HEAD + "0,0,a,1,1\n", "line 2: strip is 'a', not a whole number"),
-    "literal nan": (HEAD + "0,0,0,nan,1\n", "line 2: v_h is 'nan'; leave the field empty where nothing touches"),
+    "literal nan": (
+        HEAD + "0,0,0,nan,1\n",
+        "line 2: v_h is 'nan'; leave the field empty where nothing touches",
+    ),
     "infinite": (HEAD + "0,0,0,1,inf\n", "line 2: v_l is 'inf'"),
     "no number": (HEAD + "0,0,0,1V,1\n", "line 2: v_h is '1V', not a number"),
     "time": (HEAD + "0,soon,0,1,1\n", "line 2: time_s is 'soon', not a number"),
-    "millivolts": (HEAD + "0,0,0,3025,1\n", "line 2: v_h = 3025 V is outside 0 to 6.05 V; is it in millivolts"),
-    "below ground": (HEAD + "0,0,0,-0.2,1\n", "line 2: v_h = -0.2 V is outside 0 to 6.05 V; check the wiring"),
-    "half a strip": (HEAD + "0,0,0,1,\n0,0,1,1,1\n0,0,2,1,1\n", "line 2: strip 0 has v_h but no v_l; give both or neither"),
+    "millivolts": (
+        HEAD + "0,0,0,3025,1\n",
+        "line 2: v_h = 3025 V is outside 0 to 6.05 V; is it in millivolts",
+    ),
+    "below ground": (
+        HEAD + "0,0,0,-0.2,1\n",
+        "line 2: v_h = -0.2 V is outside 0 to 6.05 V; check the wiring",
+    ),
+    "half a strip": (
+        HEAD + "0,0,0,1,\n0,0,1,1,1\n0,0,2,1,1\n",
+        "line 2: strip 0 has v_h but no v_l; give both or neither",
+    ),
     "cut off": (HEAD + "0,0,0,1,1\n0,0,1,1", "line 3 has 4 fields and the header 5: is the file cut off"),
     "scan comes back": (
         HEAD + "".join(f"{s},0,{i},1,1\n" for s in (0, 1) for i in range(3)) + "0,0,0,1,1\n",
         "line 8: scan 0 comes again",
     ),
-    "code too large": ("scan,time_s,strip,code_h\n0,0,0,5000\n", "code_h = 5000 is outside 0 to 4095; check adc_bits"),
+    "code too large": (
+        "scan,time_s,strip,code_h\n0,0,0,5000\n",
+        "code_h = 5000 is outside 0 to 4095; check adc_bits",
+    ),
     "code with a fraction": ("scan,time_s,strip,code_h\n0,0,0,10.5\n", "code_h = 10.5 is not a whole number"),
     "binary": (b"\x89PNG\r\n\x1a\n\x00\xff\xfe", "not a text file; readings are CSV with a header line"),
     "zero bytes": (b"scan,time_s\x00,strip\n", "line 1: not text"),
@@ -120,12 +148,20 @@ def test_missing_file(tmp_path: Path) -> None:
         ts.read_readings(tmp_path, CRS)
 
 
-@given(data=st.one_of(st.binary(max_size=300), st.text(max_size=200).map(lambda t: (HEAD + t).encode(errors="ignore"))))
-@settings(derandomize=True, max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    data=st.one_of(
+        st.binary(max_size=300), st.text(max_size=200).map(lambda t: (HEAD + t).encode(errors="ignore"))
+    )
+)
+@settings(
+    derandomize=True,
+    max_examples=300,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
 def test_any_bytes_give_scans_or_a_clear_error(tmp_path: Path, data: bytes) -> None:
     try:
         scans = _read(tmp_path, data)
-    except ts.ReadingError as error:
-        assert str(error)
-    else:
-        assert all(len(s.touched) == 3 for s in scans)
+    except ts.ReadingError:  # and nothing else
+        return
+    assert all(len(s.touched) == 3 for s in scans)

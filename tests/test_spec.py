@@ -185,7 +185,7 @@ def test_simulated_sensors_are_those_of_chapter_5(name: str) -> None:
         (FLAT, {"construction": []}, "construction [] does not exist; choose one of: {constructions}"),
         (FLAT, {"strips": 0}, "strips = 0: must be 1 to 1000000"),
         (FLAT, {"strips": 1_000_001}, "strips = 1000001: must be 1 to 1000000"),
-        (FLAT, {"strips": 10**400}, f"strips = {10**400}: must be 1 to 1000000"),
+        (FLAT, {"strips": 10**400}, "strips: the number is too large"),
         (FLAT, {"strips": 3.0}, "strips = 3.0: must be a whole number"),
         (FLAT, {"strips": True}, "strips = True: must be a whole number"),
         (FLAT, {"strips": "10"}, "strips = '10': must be a whole number"),
@@ -196,7 +196,7 @@ def test_simulated_sensors_are_those_of_chapter_5(name: str) -> None:
         (FLAT, {"pitch_mm": [5.0]}, "pitch_mm = [5.0]: must be a number"),
         (FLAT, {"pitch_mm": False}, "pitch_mm = False: must be a number"),
         (FLAT, {"pitch_mm": float("nan")}, "pitch_mm = nan: must be finite"),
-        (FLAT, {"pitch_mm": 10**400}, f"pitch_mm = {10**400}: must be finite"),
+        (FLAT, {"pitch_mm": 10**400}, "pitch_mm: the number is too large"),
         (FLAT, {"length_mm": -1.5}, "length_mm = -1.5: must be above 0"),
         (FLAT, {"length_mm": float("inf")}, "length_mm = inf: must be finite"),
         (FLAT, {"strip_width_mm": 0}, "strip_width_mm = 0.0: must be above 0"),
@@ -245,14 +245,14 @@ def test_a_tube_may_be_covered_to_the_last_bit() -> None:
         (("format = 1\n", ""), f"key 'format' is missing; a spec needs: {NEEDED}"),
         (("pitch_mm", "pitch"), f"unknown key 'pitch'; the keys are: {ALL_KEYS}"),
         (("format = 1", "format = 1\n[more]"), f"unknown key 'more'; the keys are: {ALL_KEYS}"),
-        (("5.0", '"5.0"'), "pitch_mm: Expected `float`, got `str`"),
-        (("5.0", "true"), "pitch_mm: Expected `float`, got `bool`"),
+        (("5.0", '"5.0"'), "pitch_mm = '5.0': must be a number"),
+        (("5.0", "true"), "pitch_mm = True: must be a number"),
         (("5.0", "nan"), "pitch_mm = nan: must be finite"),
         (("5.0", "-inf"), "pitch_mm = -inf: must be finite"),
-        (("5.0", "9" * 400), "pitch_mm: Number out of range"),
-        (("= 10\n", "= 10.5\n"), "strips: Expected `int`, got `float`"),
-        (("= 10\n", "= 2000-01-01\n"), "strips: Expected `int`, got `date`"),
-        (('"crs-crs"', "1"), "construction: Expected `str`, got `int`"),
+        (("5.0", "9" * 400), "pitch_mm: the number is too large"),
+        (("= 10\n", "= 10.5\n"), "strips = 10.5: must be a whole number"),
+        (("= 10\n", "= 2000-01-01\n"), "strips = datetime.date(2000, 1, 1): must be a whole number"),
+        (('"crs-crs"', "1"), f"construction 1 does not exist; choose one of: {', '.join(CONSTRUCTIONS)}"),
         (('"crs-crs"', '"cyl-crs-m"'), "radius_mm is missing: a cyl-crs-m sensor needs it"),
         (("5.0", "-5.0"), "pitch_mm = -5.0: must be above 0"),
     ],
@@ -270,7 +270,7 @@ def test_wrong_keys_and_values_in_a_file(tmp_path: Path, change: tuple[str, str]
         (b"\xff\xfe\x00\x01", "codec can't decode byte 0xff in position 0"),
         (b"PK\x03\x04 binary", "Illegal|Expected|Invalid"),
         ("strips = " + "9" * 5000, "Exceeds the limit"),
-        ("strips = " + "[" * 5000, "recursion"),
+        ("strips = " + "[" * 5000, "recursion|nested"),
     ],
     ids=["no value", "twice", "not utf-8", "binary", "long number", "deep"],
 )
@@ -281,9 +281,9 @@ def test_files_that_are_not_toml(tmp_path: Path, content: str | bytes, why: str)
 
 def test_a_huge_whole_number_is_refused(tmp_path: Path) -> None:
     text = message_of(tmp_path / "sensor.toml", GOOD.replace("= 10\n", f"= {'9' * 400}\n"))
-    assert text == f"strips = {'9' * 400}: must be 1 to 1000000"
+    assert text == "strips: the number is too large"
     too_long_to_print = GOOD.replace("= 10\n", f"= 0x{'F' * 5000}\n")
-    assert message_of(tmp_path / "sensor.toml", too_long_to_print).startswith("Exceeds the limit")
+    assert message_of(tmp_path / "sensor.toml", too_long_to_print) == "strips: the number is too large"
 
 
 def test_a_missing_file_lists_the_shipped_specs() -> None:

@@ -122,8 +122,14 @@ def test_strips_under_flat_of_the_prototype(depth: float, expected: tuple[int, i
     assert strips_under_flat(TUBE, depth) == expected
 
 
-def test_strips_without_gaps_meet_at_their_edges() -> None:
-    assert strips_under_flat(covered(12), 0.0) == (1, 2)
+@pytest.mark.parametrize("strips", [12, 17, 30, 41])
+def test_strips_without_gaps_meet_at_their_edges(strips: int) -> None:
+    # An object that covers just so many pitches ends on the edges of strips, and touches those beyond.
+    tube = covered(strips)
+    assert tube.radius_mm is not None
+    for pitches in range(strips // 2 - 1):
+        depth = tube.radius_mm * (1.0 - np.cos(np.pi * pitches / strips))
+        assert strips_under_flat(tube, depth) == (pitches + 1, pitches + 2)
 
 
 @FIXED

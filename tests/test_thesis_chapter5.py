@@ -63,7 +63,11 @@ def test_rows_are_the_printed_ones() -> None:
     assert {r.table for r in rows()} == {f"5.{n}" for n in range(2, 15)}
     by_figure = {r.figure: r for r in rows()}
     assert (by_figure["5.8"].shape, by_figure["5.8"].noise) == ("triangle", "quantisation + profile II")
-    assert (by_figure["5.10"].table, by_figure["5.18"].table, by_figure["5.20"].table) == ("5.3", "5.4", "5.5")
+    assert (by_figure["5.10"].table, by_figure["5.18"].table, by_figure["5.20"].table) == (
+        "5.3",
+        "5.4",
+        "5.5",
+    )
     assert (by_figure["5.33"].table, by_figure["5.60"].table) == ("5.8", "5.14")
     assert math.isnan(by_figure["5.8"].printed["mc"][4])  # type: ignore[index]
     assert by_figure["5.23"].printed["mc"] is None
@@ -102,7 +106,9 @@ def test_the_printed_dash_of_table_5_2_is_a_failure_here() -> None:
 def test_summary_counts_what_is_printed_inside() -> None:
     number = _row("5.2", "quantisation + profile II")  # mc printed: 0.194 0.077 0.080 0.135 -
     values = np.linspace(0.0, 0.2, 101)[:, None] * np.ones(3)
-    cells = [Cell(values, 0.1, values[:50], 0.4, np.empty((0, 2)))] * 4 + [Cell(values[:0], 1.0, values[:0], 1.0, np.empty((0, 2)))]
+    cells = [Cell(values, 0.1, values[:50], 0.4, np.empty((0, 2)))] * 4 + [
+        Cell(values[:0], 1.0, values[:0], 1.0, np.empty((0, 2)))
+    ]
     ours = summarise(number, cells)
     assert ours["mc"]["median"] == [pytest.approx(0.1)] * 4 + [None]
     assert ours["mc"]["p95"][0] == pytest.approx(0.19)
@@ -128,7 +134,9 @@ def test_amplification_is_what_noise_does() -> None:
     order = np.argsort(contact.vertices[:, 0])
     heights = []
     for seed in range(400):
-        scan = ts.simulate(CRS, contact, ts.Noise(positional=sigma * math.sqrt(3.0), distribution="normal"), seed)
+        scan = ts.simulate(
+            CRS, contact, ts.Noise(positional=sigma * math.sqrt(3.0), distribution="normal"), seed
+        )
         found = ts.vertex_reconstruction(scan, CRS, "kl", x, reading="strip").objects[0].vertices
         heights.append(found[np.argsort(found[:, 0]), 1])
     spread = np.std(np.array(heights) - contact.vertices[order, 1], axis=0)
@@ -147,7 +155,9 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]
 def test_tables_json_has_the_agreed_form(made: tuple[Path, dict[str, Any]]) -> None:
     out, _ = made
     tables = json.loads((out / "tables.json").read_text())
-    assert {"simulation", "experiment", "calibration", "residual", "prototype", "claims", "seeds"} <= set(tables)
+    assert {"simulation", "experiment", "calibration", "residual", "prototype", "claims", "seeds"} <= set(
+        tables
+    )
     assert len(tables["simulation"]) == 52
     for row in tables["simulation"]:
         for metric in METRICS:

@@ -42,12 +42,12 @@ def test_noise_alone_has_no_transitions(seed: int) -> None:
     """A straight signature under noise: at 4 standard deviations a false find is rare."""
     random = np.random.default_rng(seed)
     k = 0.5 + random.uniform(-0.01, 0.01, 200)
-    assert len(by_gradient(np.arange(200) + 0.5, k, 1.0)) == 2
+    assert len(by_gradient(np.arange(0.5, 200), k, 1.0)) == 2
 
 
 def test_a_constant_or_short_signature() -> None:
     for n in (1, 2, 4, 5, 9):
-        found = by_gradient(np.arange(n) + 0.5, np.full(n, 0.5), 1.0)
+        found = by_gradient(np.arange(0.5, n), np.full(n, 0.5), 1.0)
         np.testing.assert_allclose(found, [0.0, n])
 
 

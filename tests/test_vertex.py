@@ -6,15 +6,17 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from polygons import convex_polygon, from_left
 
 import tacstrip as ts
+from polygons import convex_polygon, from_left
 from tacstrip.reconstruct.validity import judge
 from tacstrip.reconstruct.vertex import blocks, linear_system
 
 CRS = ts.Sensor(construction="crs-crs", strips=1000, pitch_mm=1.0, length_mm=1000.0)
 METAL = ts.Sensor(construction="crs-m", strips=1000, pitch_mm=1.0, length_mm=1000.0)
-UNEQUAL = ts.Sensor(construction="crs-crs", strips=1000, pitch_mm=1.0, length_mm=1000.0, resistivity_ratio=0.3)
+UNEQUAL = ts.Sensor(
+    construction="crs-crs", strips=1000, pitch_mm=1.0, length_mm=1000.0, resistivity_ratio=0.3
+)
 TUBE = ts.Sensor(construction="cyl-crs-m", strips=1000, pitch_mm=1.0, length_mm=1000.0, radius_mm=200.0)
 CASES = [(CRS, "kh"), (CRS, "kl"), (METAL, "k"), (UNEQUAL, "kh"), (UNEQUAL, "kl"), (TUBE, "k")]
 IDS = ["equal kh", "equal kl", "metal k", "unequal kh", "unequal kl", "tube k"]
@@ -43,7 +45,9 @@ def test_nearest_strip_is_exact_where_vertices_lie_on_strips(sensor: ts.Sensor, 
 @pytest.mark.parametrize("signature", ["kh", "kl"])
 def test_contact_resistance_is_undone(signature: str) -> None:
     """Readings of [l + T, u - T] give the true corners back where they lie on strips."""
-    sensor = ts.Sensor(construction="crs-crs", strips=200, pitch_mm=1.0, length_mm=300.0, contact_lambda_mm=2.0)
+    sensor = ts.Sensor(
+        construction="crs-crs", strips=200, pitch_mm=1.0, length_mm=300.0, contact_lambda_mm=2.0
+    )
     corners = np.array([(40.5, 150.0), (80.5, 110.0), (150.5, 140.0), (120.5, 190.0)])
     scan = ts.simulate(sensor, ts.Contact.polygon(corners))
     found = ts.vertex_reconstruction(scan, sensor, signature, np.sort(corners[:, 0]), reading="strip")
@@ -63,7 +67,10 @@ def test_the_printed_system() -> None:
     matrix, right = linear_system(x, k, upper, (y1, y6), sensor, "kh")
     opposite = np.where(upper, 1.0 - k, 1.0 + k)[1:-1] / 2.0
     k2, k3, k4, k5 = k[1:-1]
-    run = lambda a, b: x[b - 1] - x[a - 1]  # noqa: E731
+
+    def run(a: int, b: int) -> float:
+        return float(x[b - 1] - x[a - 1])
+
     expected = [
         [(1 + k2) / (1 - k2), run(1, 2) / run(1, 3), 0.0, 0.0],
         [run(3, 4) / run(2, 4), (1 - k3) / (1 + k3), run(2, 3) / run(2, 4), 0.0],
@@ -95,7 +102,7 @@ def test_neighbouring_blocks_share_one_section(sides: str, expected: list[tuple[
 
 
 def test_several_objects_in_one_scan() -> None:
-    left, right = convex_polygon(3, 5, 400.0), convex_polygon(8, 4, 400.0) + [500.0, 300.0]
+    left, right = convex_polygon(3, 5, 400.0), convex_polygon(8, 4, 400.0) + np.array([500.0, 300.0])
     scan = ts.simulate(CRS, ts.Contact.polygon(left) + ts.Contact.polygon(right))
     x = np.sort(np.concatenate([left[:, 0], right[:, 0]]))
     found = ts.vertex_reconstruction(scan, CRS, "kh", x)
@@ -186,14 +193,36 @@ def test_a_concave_shape_comes_back_as_another_one() -> None:
     ("corners", "weak", "status", "words"),
     [
         ([(0, 50), (20, 20), (60, 50), (30, 80)], [], "ok", ""),
-        ([(0, 50), (20, 20), (60, 50), (30, 80)], [20.0], "doubtful", "the kink at x = 20 mm hides in the noise"),
-        ([(0, 50), (20, 20), (40, 25), (50, 10), (60, 50), (30, 80)], [], "doubtful", "the corner at x = 40, y = 25"),
+        (
+            [(0, 50), (20, 20), (60, 50), (30, 80)],
+            [20.0],
+            "doubtful",
+            "the kink at x = 20 mm hides in the noise",
+        ),
+        (
+            [(0, 50), (20, 20), (40, 25), (50, 10), (60, 50), (30, 80)],
+            [],
+            "doubtful",
+            "the corner at x = 40, y = 25",
+        ),
         ([(0, 50), (20, 60), (60, 50), (30, 30)], [], "too noisy", "upper and lower sides cross"),
-        ([(0, 50), (20, -1), (60, 50), (30, 80)], [], "too noisy", "falls off the sensor, at x = 20, y = -1 mm"),
-        ([(0, 50), (20, 20), (60, 50), (30, 101)], [], "too noisy", "falls off the sensor, at x = 30, y = 101 mm"),
+        (
+            [(0, 50), (20, -1), (60, 50), (30, 80)],
+            [],
+            "too noisy",
+            "falls off the sensor, at x = 20, y = -1 mm",
+        ),
+        (
+            [(0, 50), (20, 20), (60, 50), (30, 101)],
+            [],
+            "too noisy",
+            "falls off the sensor, at x = 30, y = 101 mm",
+        ),
     ],
 )
-def test_judging_a_polygon(corners: list[tuple[float, float]], weak: list[float], status: str, words: str) -> None:
+def test_judging_a_polygon(
+    corners: list[tuple[float, float]], weak: list[float], status: str, words: str
+) -> None:
     sensor = ts.Sensor(construction="crs-crs", strips=60, pitch_mm=1.0, length_mm=100.0)
     found, advice = judge(sensor, np.array(corners, dtype=float), np.array(weak))
     assert found == status
@@ -215,7 +244,11 @@ def test_a_vertex_off_the_sensor_is_refused() -> None:
         ({"signature": "k"}, ts.SignatureError, "a crs-crs sensor has no signature 'k'; it has: kh, kl"),
         ({"signature": "kx"}, ts.SignatureError, "signature 'kx' does not exist; choose one of: kh, kl, k"),
         ({"reading": "mean"}, ts.OptionError, "reading 'mean' does not exist; choose one of: section, strip"),
-        ({"transitions": "magic"}, ts.OptionError, "transitions 'magic' does not exist; choose one of: auto, gradient"),
+        (
+            {"transitions": "magic"},
+            ts.OptionError,
+            "transitions 'magic' does not exist; choose one of: auto, gradient",
+        ),
         ({"transitions": [3.0, 2.0]}, ts.OptionError, "in ascending order"),
         ({"transitions": [1.0, np.nan, 2.0]}, ts.OptionError, "finite x"),
     ],
@@ -238,7 +271,11 @@ def test_a_scan_of_another_sensor_is_refused() -> None:
 def test_any_readings_give_a_shape_on_the_sensor_or_a_status(seed: int) -> None:
     random = np.random.default_rng(seed)
     sensor = ts.Sensor(construction="crs-m", strips=40, pitch_mm=2.0, length_mm=100.0)
-    k = random.uniform(0.0, 1.0, 40) if seed % 2 else np.clip(0.5 + 0.1 * random.normal(size=40).cumsum(), 0.0, 1.0)
+    k = (
+        random.uniform(0.0, 1.0, 40)
+        if seed % 2
+        else np.clip(0.5 + 0.1 * random.normal(size=40).cumsum(), 0.0, 1.0)
+    )
     k[random.random(40) < 0.1] = np.nan
     x: object = "gradient" if seed % 3 else np.sort(random.uniform(-5.0, 85.0, 6))
     for reading in ("section", "strip"):

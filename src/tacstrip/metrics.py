@@ -123,13 +123,13 @@ def centroid(vertices: npt.ArrayLike, kind: CentroidKind = "area") -> FloatArray
 
 
 def clean_polygon(vertices: npt.ArrayLike) -> FloatArray:
-    """Return a polygon's corners (N, 2) counter-clockwise, each once and none on a straight side.
+    """Return a polygon's corners (N, 2) counter-clockwise, each once, none on a straight side or a spike.
 
     Raises
     ------
     ContactError
-        Not an (N, 2) array, a number that is not finite, fewer than three distinct corners, no area, a side
-        that runs back on itself, or a total turning other than 2 pi, which tells of sides that cross. (Sides
+        Not an (N, 2) array, a number that is not finite, fewer than three distinct corners, no area, or a
+        total turning other than 2 pi, which tells of sides that cross. (Sides
         can cross and still turn by 2 pi; the turning function is then sound, and the polygon is let through.)
     """
     return _coordinates(_clean(vertices, "the polygon"))
@@ -160,9 +160,10 @@ def _clean(vertices: npt.ArrayLike, name: str) -> _Polygon:
     if enclosed < 0.0:
         z = z[::-1]
     turn = _turns(z)
-    spikes = z[np.abs(turn) > np.pi - _STRAIGHT]
-    if len(spikes):
-        raise ContactError(f"{name} runs back on itself at {_coordinates(spikes[0])}; remove that corner")
+    while np.any(spikes := np.abs(turn) > np.pi - _STRAIGHT):
+        z = z[~spikes]
+        z = z[np.abs(_sides(z)) > _SAME * size]  # a spike's foot may stand there twice now
+        turn = _turns(z)
     if abs(turn.sum() - 2.0 * np.pi) > 1e-3:
         raise ContactError(f"{name} turns by {turn.sum() / np.pi:.3g} pi, not 2 pi: its sides cross; {_FIX}")
     return np.compress(np.abs(turn) > _STRAIGHT, z)

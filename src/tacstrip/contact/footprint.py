@@ -90,19 +90,22 @@ def _sticks_out(sensor: Sensor, contacts: Sequence[Contact]) -> np.ndarray[tuple
 
 
 def _clip(sensor: Sensor, contact: Contact) -> Contact:
-    """Cut away what lies off the sensor. A shape that only grazes the edge keeps what touches."""
-    area = shapely.box(0.0, 0.0, sensor.width_mm, sensor.length_mm)
-    inside = shapely.GeometryCollection([shapely.intersection(s, area) for s in contact.shapes])
-    if all(shapely.is_empty(g) for g in inside.geoms):
+    """Cut away what lies off the sensor. An area that only grazes the sensor's edge is off it."""
+    box = shapely.box(0.0, 0.0, sensor.width_mm, sensor.length_mm)
+    inside = [
+        part
+        for shape in contact.shapes
+        for part in shapely.get_parts(shapely.intersection(shape, box))
+        if not part.is_empty and (part.area > 0.0 or shape.area == 0.0)
+    ]
+    if not inside:
         x0, y0, x1, y1 = shapely.GeometryCollection(list(contact.shapes)).bounds
         raise ContactError(
             f"the contact (x {x0:.6g} to {x1:.6g}, y {y0:.6g} to {y1:.6g} mm) lies outside the sensor "
             f"(x 0 to {sensor.width_mm:.6g}, y 0 to {sensor.length_mm:.6g} mm); "
             "move it, or check its unit: mm"
         )
-    return Contact(
-        tuple(p for g in inside.geoms for p in (g.geoms if hasattr(g, "geoms") else (g,)) if not p.is_empty)
-    )
+    return Contact(tuple(inside))
 
 
 def _edges(contacts: Sequence[Contact], kind: str) -> tuple[FloatArray, FloatArray, IntArray]:

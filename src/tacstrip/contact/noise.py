@@ -42,8 +42,8 @@ class Noise:
             raise OptionError(one_of("distribution", self.distribution, _DISTRIBUTIONS))
         for name in ("quantisation", "positional", "transition_mm"):
             value = getattr(self, name)
-            if not (math.isfinite(value) and value >= 0.0):
-                raise OptionError(f"{name} = {value}: must be 0 or more")
+            if isinstance(value, str) or not 0.0 <= value < math.inf:
+                raise OptionError(f"{name} = {value!r}: must be 0 or more")
         for name in ("quantisation", "positional"):
             if getattr(self, name) > 1.0:
                 raise OptionError(f"{name} = {getattr(self, name)}: a fraction of Vref, 0.01 for 1 %")
@@ -77,7 +77,7 @@ def digitise(k: FloatArray, bits: int | None) -> FloatArray:
 
 
 def generator(rng: Rng) -> np.random.Generator:
-    """Return the generator for a seed; a generator is returned as it is."""
+    """Return the generator for a seed, 0 or above; a generator is returned as it is."""
     return rng if isinstance(rng, np.random.Generator) else np.random.default_rng(rng)
 
 

@@ -94,8 +94,10 @@ class Contact:
             if part.geom_type == "LineString" and part.length == 0.0:
                 raise ContactError(f"{name} has no length; make it a point")
             if not shapely.is_valid(part):
-                why = shapely.is_valid_reason(part).replace("Self-intersection", "crosses itself at ")
-                raise ContactError(f"{name}: {why}; list its corners in order round it")
+                why = shapely.is_valid_reason(part)
+                where = why.replace("Self-intersection", "crosses itself at ")
+                fix = "list its corners in order round it" if where != why else "correct its rings there"
+                raise ContactError(f"{name}: {where}; {fix}")
         return cls(tuple(parts))
 
     def __add__(self, other: Contact) -> Contact:
@@ -157,7 +159,10 @@ class Contact:
         return [self.placed(p.x, p.y).turned(i * turn_rad) for i, p in enumerate(stops)]
 
     def _mapped(self, change: Any) -> Contact:
-        return Contact(tuple(shapely.transform(shape, change) for shape in self.shapes))
+        shapes = tuple(shapely.transform(shape, change) for shape in self.shapes)
+        if not all(np.abs(shapely.get_coordinates(s)).max() < _FAR for s in shapes):
+            raise ContactError("a contact can be moved or turned by finite numbers only, within 1e9 mm")
+        return Contact(shapes)
 
 
 def _parts(geometry: BaseGeometry) -> list[BaseGeometry]:

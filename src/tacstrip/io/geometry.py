@@ -9,7 +9,7 @@ from typing import Any
 
 from tacstrip.contact.shape import Contact
 from tacstrip.errors import ContactError
-from tacstrip.reconstruct.result import RecoveredObject, Reconstruction
+from tacstrip.reconstruct.result import Reconstruction, RecoveredObject
 
 _READERS = {".wkt": Contact.from_wkt, ".geojson": Contact.from_geojson, ".json": Contact.from_geojson}
 

@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from tacstrip.arrays import FloatArray
 from tacstrip.errors import SignatureError
-from tacstrip.reconstruct.result import RecoveredObject, Reconstruction, close_chains
+from tacstrip.reconstruct.result import Reconstruction, RecoveredObject, close_chains
 from tacstrip.scan import Scan
 from tacstrip.sensor.circuit import lower_and_width
 from tacstrip.sensor.spec import Sensor

@@ -105,7 +105,9 @@ def by_gradient(x: FloatArray, k: FloatArray, pitch_mm: float, ratio: float = 1.
     return _needed(x, k, np.array([ends[0], *found, ends[1]]), sigma**2, ratio)
 
 
-def _needed(x: FloatArray, k: FloatArray, transitions: FloatArray, variance: float, ratio: float) -> FloatArray:
+def _needed(
+    x: FloatArray, k: FloatArray, transitions: FloatArray, variance: float, ratio: float
+) -> FloatArray:
     """Drop the transitions, the least needed first, without which the sections fit as well."""
 
     def left_over(chosen: FloatArray) -> FloatArray:

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.errors import OptionError, one_of
-from tacstrip.reconstruct.result import RecoveredObject, Reconstruction, Status, close_chains
+from tacstrip.reconstruct.result import Reconstruction, RecoveredObject, Status, close_chains
 from tacstrip.reconstruct.sections import Section, fit_sections, noise_level
 from tacstrip.reconstruct.transitions import transitions_of_runs
 from tacstrip.reconstruct.validity import judge

@@ -44,6 +44,8 @@ def from_space(sensor: Sensor, points_mm: FloatArray) -> tuple[FloatArray, Float
 def strips_under_flat(sensor: Sensor, depth_mm: float) -> tuple[int, int]:
     """Return the fewest and the most strips of a tube that a flat object can touch: figure 3.10.
 
+    For an object that lies over the strips, away from the outermost ones; off them it touches fewer.
+
     Parameters
     ----------
     sensor

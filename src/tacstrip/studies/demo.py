@@ -56,7 +56,7 @@ def run() -> Demo:
         name: np.clip(before[name] - offsets_volt("CRS-CRS", name) / sensor.vref_volt, 0.0, 1.0)
         for name in before.signatures
     }
-    scans = {"before": before, "after": Scan(**after)}
+    scans = {"before": before, "after": Scan(kh=after["kh"], kl=after["kl"])}
     trials = [t for name, scan in scans.items() for t in _trials(name, scan, sensor, contact)]
     return Demo(sensor, contact, scans, trials)
 

@@ -121,7 +121,9 @@ def _sensor_axes(construction: str) -> tuple[Figure, Axes]:
 def _draw_pair(axes: Axes, shape: str, position: int, recovered: FloatArray, colour: str) -> None:
     contact = SHAPES[shape].contact(position)
     draw_contact(axes, contact, label=None if position else "original")
-    axes.annotate(str(position + 1), contact.centroid, fontsize=8.0, ha="center", va="center", zorder=5)
+    axes.annotate(
+        str(position + 1), tuple(contact.centroid), fontsize=8.0, ha="center", va="center", zorder=5
+    )
     if len(recovered):
         draw_polygon(axes, recovered, colour, label=None if position else "recovered")
     else:

@@ -70,7 +70,7 @@ def amplification(signature: str, shape: str, position: int) -> FloatArray:
     k, x = simulate(sensor, contact)[signature], SHAPES[shape].transitions(position)
 
     def solve(readings: FloatArray) -> FloatArray:
-        scan = Scan(**{signature: readings})
+        scan = Scan(time_s=0.0, **{signature: readings})
         found = vertex_reconstruction(scan, sensor, signature, x, reading="strip").objects[0].vertices
         return np.asarray(found[np.argsort(found[:, 0]), 1])
 

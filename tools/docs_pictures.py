@@ -1,0 +1,34 @@
+"""Make the pictures of the README and the docs again, by the package's own code.
+
+Run: make pictures (writes docs/pictures/).
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from tacstrip.plot.style import save
+from tacstrip.studies.demo import picture, run
+from tacstrip.studies.thesis.chapter3 import FIGURES as CHAPTER_3
+from tacstrip.studies.thesis.chapter4 import FIGURES as CHAPTER_4
+from tacstrip.studies.thesis.chapter5_figures import ambiguity, noisy_signature
+
+PICTURES = Path(__file__).parents[1] / "docs" / "pictures"
+
+
+def main() -> None:
+    """Write all of them."""
+    drawn = {
+        "demo": picture(run()),
+        "touching_a_tube": CHAPTER_3["3.10"](),
+        "same_signature": CHAPTER_4["4.5"](),
+        "blocks": CHAPTER_4["4.9"](),
+        "hidden_kink": noisy_signature("5.9"),
+        "concave": ambiguity("5.19")[0],
+    }
+    for name, figure in drawn.items():
+        print(save(figure, PICTURES / f"{name}.png", dpi=90))
+
+
+if __name__ == "__main__":
+    main()
