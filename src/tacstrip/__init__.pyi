@@ -24,6 +24,12 @@ from .reconstruct.result import Reconstruction as Reconstruction
 from .reconstruct.result import RecoveredObject as RecoveredObject
 from .reconstruct.vertex import vertex_reconstruction as vertex_reconstruction
 from .scan import Scan as Scan
+from .sensor.circuit import k_h as k_h
+from .sensor.circuit import k_l as k_l
+from .sensor.circuit import k_metal as k_metal
+from .sensor.circuit import lower_and_width as lower_and_width
+from .sensor.circuit import lower_from_width as lower_from_width
+from .sensor.circuit import width_from_lower as width_from_lower
 from .sensor.spec import Sensor as Sensor
 from .sensor.surface import from_space as from_space
 from .sensor.surface import to_space as to_space

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from collections import Counter
 from pathlib import Path
 
 import click
@@ -14,12 +15,13 @@ from tacstrip.io.geometry import feature_collection, read_contact, write_geojson
 from tacstrip.io.readings import read_readings
 from tacstrip.metrics import mismatch
 from tacstrip.reconstruct.profile import profile_reconstruction
-from tacstrip.reconstruct.result import Reconstruction
+from tacstrip.reconstruct.result import Reconstruction, RecoveredObject
 from tacstrip.reconstruct.vertex import vertex_reconstruction
 from tacstrip.scan import Scan
 from tacstrip.sensor.spec import Sensor
 
 _METHODS = ("vertex", "profile")
+_MOST_LINES = 20
 
 
 @click.command()
@@ -94,22 +96,29 @@ def _transitions(text: str) -> str | list[float]:
 
 
 def _report(results: list[Reconstruction], truth: Contact | None) -> None:
-    """Say on standard error what was found, scan by scan."""
-    for number, result in enumerate(results):
-        for o in result.objects:
-            text = f"scan {number}, {result.method}: {o.status}"
-            if o.found:
-                x, y = o.centroid
-                text += f", {len(o.vertices)} corners, {o.area:.6g} mm2 at x = {x:.5g}, y = {y:.5g} mm"
-            click.echo(text + (f". {o.advice}" if o.advice else ""), err=True)
-            if truth is not None and o.found:
-                m = mismatch(truth.vertices, o.vertices)
-                numbers = (
-                    f"M.C. {m.mc:.4g} rad, A.O.E. {m.aoe:.4g} rad, A.P.E. {m.ape:.4g} mm, IoU {m.iou:.3f}"
-                )
-                click.echo(f"    against {len(truth.vertices)}-corner truth: {numbers}", err=True)
-        if not result.objects:
-            click.echo(f"scan {number}: {result.status}", err=True)
+    """Say on standard error what was found: scan by scan, or counted where there are many."""
+    lines = [_line(number, result, o, truth) for number, result in enumerate(results) for o in result.objects]
+    for line in lines[:_MOST_LINES]:
+        click.echo(line, err=True)
+    if len(lines) > _MOST_LINES:
+        click.echo(f"... and {len(lines) - _MOST_LINES} objects more", err=True)
+    counts = Counter(o.status for r in results for o in r.objects)
+    counts["no contact"] = sum(not r.objects for r in results)
+    told = ", ".join(f"{status}: {count}" for status, count in counts.most_common() if count)
+    click.echo(f"{len(results)} scan(s); {told}", err=True)
+
+
+def _line(number: int, result: Reconstruction, found: RecoveredObject, truth: Contact | None) -> str:
+    text = f"scan {number}, {result.method}: {found.status}"
+    if found.found:
+        x, y = found.centroid
+        text += f", {len(found.vertices)} corners, {found.area:.6g} mm2 at x = {x:.5g}, y = {y:.5g} mm"
+    text += f". {found.advice}" if found.advice else ""
+    if truth is None or not found.found:
+        return text
+    m = mismatch(truth.vertices, found.vertices)
+    numbers = f"M.C. {m.mc:.4g} rad, A.O.E. {m.aoe:.4g} rad, A.P.E. {m.ape:.4g} mm, IoU {m.iou:.3f}"
+    return f"{text}\n    against the truth: {numbers}"
 
 
 def _plot(
