@@ -21,6 +21,7 @@ ORDER = [
     "errors", "arrays", "data",
     "sensor.constructions", "sensor.circuit", "sensor.spec", "sensor.surface",
     "contact.shape", "contact.footprint", "contact.signature", "contact.noise",
+    "network.nodal", "network.wires", "network.build", "network.mesh", "network.strips", "network.ladder", "network.spice",
     "scan", "simulate",
     "reconstruct.result", "reconstruct.sections", "reconstruct.transitions", "reconstruct.validity",
     "reconstruct.vertex", "reconstruct.profile",
@@ -62,7 +63,7 @@ def _level(name: str) -> int:
     return ORDER.index("cli" if name.split(".")[0] == "cli" else name)
 
 
-PACKAGES = {"sensor", "contact", "reconstruct", "io", "plot", "studies", "studies.thesis"}
+PACKAGES = {"sensor", "contact", "network", "reconstruct", "io", "plot", "studies", "studies.thesis"}
 
 
 @pytest.mark.parametrize(("name", "file"), [m for m in _modules() if m[0] not in PACKAGES])

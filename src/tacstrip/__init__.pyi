@@ -6,6 +6,7 @@ from .contact.signature import geometric_centre as geometric_centre
 from .contact.signature import pseudo_centres as pseudo_centres
 from .contact.signature import signatures as signatures
 from .errors import ContactError as ContactError
+from .errors import NetworkError as NetworkError
 from .errors import OptionError as OptionError
 from .errors import ReadingError as ReadingError
 from .errors import SignatureError as SignatureError
@@ -18,6 +19,10 @@ from .io.readings import read_readings as read_readings
 from .io.readings import write_readings as write_readings
 from .metrics import Mismatch as Mismatch
 from .metrics import mismatch as mismatch
+from .network.build import Break as Break
+from .network.build import Build as Build
+from .network.build import Readout as Readout
+from .network.build import Short as Short
 from .reconstruct.profile import profile_at as profile_at
 from .reconstruct.profile import profile_reconstruction as profile_reconstruction
 from .reconstruct.result import Reconstruction as Reconstruction

@@ -26,6 +26,10 @@ class SignatureError(TacstripError):
     """A signature that the construction or the scan does not have."""
 
 
+class NetworkError(TacstripError):
+    """A network of resistors that cannot be solved: a resistance of 0 or less, a node that floats."""
+
+
 class OptionError(TacstripError):
     """An option with a value that does not exist or cannot be."""
 

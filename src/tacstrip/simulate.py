@@ -12,10 +12,12 @@ from tacstrip.contact.noise import Noise, Rng, digitise, generator, on_readings
 from tacstrip.contact.shape import Contact
 from tacstrip.contact.signature import signatures
 from tacstrip.errors import ContactError, OptionError, one_of
+from tacstrip.network.build import Build, Readout
+from tacstrip.network.ladder import fast_readings
 from tacstrip.scan import Scan
 from tacstrip.sensor.spec import Sensor
 
-_MODELS = ("closed",)
+_MODELS = ("closed", "network")
 _IDEAL = Noise()
 
 
@@ -24,8 +26,10 @@ def simulate(
     contact: Contact,
     noise: Noise = _IDEAL,
     rng: Rng = 0,
-    model: Literal["closed"] = "closed",
+    model: Literal["closed", "network"] = "closed",
     time_s: float = 0.0,
+    build: Build | None = None,
+    readout: Readout | None = None,
 ) -> Scan:
     """Return the scan that the sensor makes of a contact.
 
@@ -38,19 +42,29 @@ def simulate(
     rng
         A seed, or a NumPy generator to go on with.
     model
-        "closed": the closed forms of chapter 3.
+        "closed": the closed forms of chapter 3. "network": the sensor as a network of resistors, each
+        separate piece of the contact on its own.
     time_s
         The scan's time [s].
+    build, readout
+        With the network: the unit's imperfections, its wiring and electronics; ideal by default.
 
     Raises
     ------
     ContactError
         The contact lies outside the sensor, or ties a strip's both ends to a metal sheet.
     OptionError
-        There is no such model.
+        There is no such model, or the closed forms were asked for a build or a readout.
+    NetworkError
+        The network cannot be: a fault off the sensor, a sensing strip cut off, a resistance of 0 or less.
     """
     if model not in _MODELS:
         raise OptionError(one_of("model", model, _MODELS))
+    if model == "network":
+        ideal = fast_readings(sensor, contact, build, readout)
+        return Scan(**_measured(sensor, ideal, noise, rng), time_s=time_s)
+    if build is not None or readout is not None:
+        raise OptionError('build and readout need model="network": the closed forms know ideal units only')
     touch = footprint(sensor, contact)
     scan = readings(sensor, touch.l, touch.u, noise, rng)
     for values in scan.values():
@@ -71,6 +85,9 @@ def readings(
     l and u [mm] have the shape (strips,) for one scan or (scans, strips) for many, NaN where nothing
     touches; so have the results.
     """
+    return _measured(sensor, signatures(sensor, l_mm, u_mm), noise, rng)
+
+
+def _measured(sensor: Sensor, ideal: dict[str, FloatArray], noise: Noise, rng: Rng) -> dict[str, FloatArray]:
     random = generator(rng)
-    ideal = signatures(sensor, l_mm, u_mm)
     return {name: digitise(on_readings(k, noise, random), sensor.adc_bits) for name, k in ideal.items()}

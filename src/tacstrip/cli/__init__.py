@@ -15,6 +15,7 @@ VERBS = {
     "demo": "Recover a rectangle from packaged (synthetic) volts of the ten-strip prototype.",
     "simulate": "Press a contact on a sensor and write the readings.",
     "reconstruct": "Recover shapes from readings.",
+    "spice": "Write the sensor and its contact as a netlist for ngspice.",
     "reproduce": "Make chapter 5 of the thesis again, beside its printed figures.",
 }
 

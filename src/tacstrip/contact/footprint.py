@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 import shapely
@@ -18,6 +19,8 @@ from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.contact.shape import Contact
 from tacstrip.errors import ContactError
 from tacstrip.sensor.spec import Sensor
+
+Intervals: TypeAlias = tuple[IntArray, FloatArray, FloatArray]
 
 _ON_LINE = 1e-9  # pitches
 
@@ -46,9 +49,14 @@ class Footprint:
         return iter((self.l, self.u))
 
     @cached_property
+    def intervals(self) -> list[Intervals]:
+        """The separate pieces themselves, for each contact: strip (P,), low and high end (P,) [mm]."""
+        return [_intervals(self._sensor, contact) for contact in self._contacts]
+
+    @cached_property
     def pieces(self) -> IntArray:
         """Number of separate pieces on each strip, shape of `l`; above 1 means that l, u is a hull."""
-        counts = [_pieces(self._sensor, contact) for contact in self._contacts]
+        counts = [np.bincount(strip, minlength=self._sensor.strips) for strip, _, _ in self.intervals]
         return np.stack(counts).reshape(self.l.shape)
 
 
@@ -177,8 +185,8 @@ def _thin_touches(sensor: Sensor, contacts: Sequence[Contact]) -> tuple[IntArray
     return owner[edge] * sensor.strips + strip, y0 + t0 * rise, y0 + t1 * rise
 
 
-def _pieces(sensor: Sensor, contact: Contact) -> IntArray:
-    """Count the separate intervals of one contact on each strip."""
+def _intervals(sensor: Sensor, contact: Contact) -> Intervals:
+    """Find the separate intervals of one contact, strip by strip and upwards."""
     touches = [_thin_touches(sensor, [contact])]
     # Shape by shape: areas that overlap are one piece.
     c = _area_crossings(sensor, [Contact((shape,)) for shape in contact.shapes])
@@ -191,11 +199,11 @@ def _pieces(sensor: Sensor, contact: Contact) -> IntArray:
     strips, y0, y1 = (np.concatenate([t[i] for t in touches]) for i in range(3))
     low, high = np.minimum(y0, y1), np.maximum(y0, y1)
     order = np.lexsort((low, strips))
-    counts = np.zeros(sensor.strips, dtype=np.int64)
-    reach, before = -np.inf, -1
+    merged: list[tuple[int, float, float]] = []
     for i in order:
-        if strips[i] != before or low[i] > reach + _ON_LINE * sensor.pitch_mm:
-            counts[strips[i]] += 1
-            reach = high[i]
-        reach, before = max(reach, high[i]), strips[i]
-    return counts
+        if merged and merged[-1][0] == strips[i] and low[i] <= merged[-1][2] + _ON_LINE * sensor.pitch_mm:
+            merged[-1] = (merged[-1][0], merged[-1][1], max(merged[-1][2], high[i]))
+        else:
+            merged.append((int(strips[i]), float(low[i]), float(high[i])))
+    where, first, last = (np.array(c) for c in zip(*merged, strict=True)) if merged else (np.empty(0),) * 3
+    return where.astype(np.int64), first, last

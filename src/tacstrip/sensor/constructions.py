@@ -42,6 +42,7 @@ class Construction:
     keys: frozenset[str]  # keys of the spec that only some constructions have
     required: frozenset[str]
     cylindrical: bool
+    common_supply: bool  # all strips lie on Vref and ground for good; else their ends are switched in turn
     models: str  # equations of the thesis
 
     def connectors(self, strips: int) -> int:
@@ -60,6 +61,7 @@ CONSTRUCTIONS: dict[str, Construction] = {
             keys=frozenset({"resistivity_ratio"}),
             required=frozenset(),
             cylindrical=False,
+            common_supply=True,
             models="(3.1)-(3.6)",
         ),
         Construction(
@@ -70,6 +72,7 @@ CONSTRUCTIONS: dict[str, Construction] = {
             keys=frozenset(),
             required=frozenset(),
             cylindrical=False,
+            common_supply=False,
             models="(3.7)-(3.8)",
         ),
         Construction(
@@ -80,6 +83,7 @@ CONSTRUCTIONS: dict[str, Construction] = {
             keys=frozenset({"radius_mm"}),
             required=frozenset({"radius_mm"}),
             cylindrical=True,
+            common_supply=False,
             models="(3.7)-(3.8)",
         ),
     )

@@ -1,0 +1,53 @@
+"""`tacstrip spice`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from tacstrip.io.geometry import read_contact
+from tacstrip.network.build import Readout
+from tacstrip.network.spice import deck
+from tacstrip.network.strips import questions
+from tacstrip.sensor.spec import Sensor
+
+
+@click.command()
+@click.argument("sensor", metavar="SENSOR")
+@click.argument("contact", metavar="CONTACT", type=click.Path(path_type=Path))
+@click.option(
+    "-o", "--output", type=click.Path(path_type=Path), required=True, help="Netlist to write (.cir)."
+)
+@click.option(
+    "--cells", type=click.IntRange(1), help="Cells over each piece of contact; by default 40 per lambda."
+)
+@click.option("--strip-ohm", type=float, default=10_000.0, show_default=True, help="A strip from end to end.")
+@click.option("--mux-ohm", type=float, default=0.0, show_default=True, help="On-resistance of a switch.")
+@click.option("--adc-ohm", type=float, default=float("inf"), show_default=True, help="Input resistance.")
+@click.option("--tied-grounds", is_flag=True, help="CRS-M with all ground ends joined for good.")
+def command(
+    sensor: str,
+    contact: Path,
+    output: Path,
+    cells: int | None,
+    strip_ohm: float,
+    mux_ohm: float,
+    adc_ohm: float,
+    tied_grounds: bool,
+) -> None:
+    """Write SENSOR touched by CONTACT as a netlist for ngspice, a circuit of its own per touched strip.
+
+    `ngspice -b deck.cir` prints vh_<strip> and vl_<strip>, or vout_<strip>, in volts.
+
+    Example: tacstrip spice prototype-crs-crs object.wkt -o deck.cir
+    """
+    spec = Sensor.load(sensor)
+    readout = Readout(strip_ohm, mux_ohm, adc_ohm, tied_grounds)
+    asked = questions(spec, read_contact(contact), readout=readout, cells=cells)
+    named = {str(strip + spec.strip_base): question for strip, question in asked.items()}
+    title = f"{spec.construction}, {spec.strips} strips, {contact.name}, written by tacstrip"
+    output.write_text(deck(title, named, spec.vref_volt), encoding="utf-8")
+    click.echo(f"{output}: {len(named)} touched strip(s). Run it with: ngspice -b {output}")
+    if not named:
+        click.echo("Warning: no strip is touched: there is nothing to print", err=True)

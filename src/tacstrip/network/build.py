@@ -1,0 +1,127 @@
+"""How a real unit departs from the ideal one, and how it is read."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from tacstrip.arrays import FloatArray
+from tacstrip.errors import NetworkError, one_of
+from tacstrip.sensor.spec import Sensor
+
+Layer = Literal["energised", "sensing"]
+_LAYERS = ("energised", "sensing")
+
+
+@dataclass(frozen=True)
+class Break:
+    """A strip that is cut through: strip, counted from 0, where [mm], and which of the two."""
+
+    strip: int
+    y_mm: float
+    layer: Layer = "energised"
+
+
+@dataclass(frozen=True)
+class Short:
+    """A bridge from a strip to the next one: strip, counted from 0, where [mm], how many ohms, which layer."""
+
+    strip: int
+    y_mm: float
+    ohm: float
+    layer: Layer = "energised"
+
+
+@dataclass(frozen=True, eq=False)
+class Build:
+    """Imperfections of a unit; the ideal one by default.
+
+    Attributes
+    ----------
+    energised, sensing
+        Resistivity of the strips over the nominal one: a number, (strips,), or (strips, pieces) in pieces
+        of equal length from y = 0 upwards. A strip stretched over a part has more there.
+    shift_mm
+        How far each sensing strip lies above its partner [mm]: a number or (strips,). They touch only
+        where they overlap.
+    breaks, shorts
+        Strips cut through, and bridges between neighbours.
+    """
+
+    energised: npt.ArrayLike = 1.0
+    sensing: npt.ArrayLike = 1.0
+    shift_mm: npt.ArrayLike = 0.0
+    breaks: Sequence[Break] = ()
+    shorts: Sequence[Short] = ()
+
+    def profile(self, sensor: Sensor, strip: int, layer: Layer) -> FloatArray:
+        """Return one strip's resistivity over the nominal one, piece by piece (pieces,)."""
+        given = np.asarray(self.energised if layer == "energised" else self.sensing, dtype=float)
+        if given.ndim > 2 or (given.ndim and given.shape[0] != sensor.strips):
+            raise NetworkError(
+                f"{layer}: an array of shape {given.shape}; give a number, ({sensor.strips},) or "
+                f"({sensor.strips}, pieces)"
+            )
+        pieces = np.atleast_1d(given[strip] if given.ndim else given)
+        if not np.all((pieces > 0.0) & (pieces < np.inf)):
+            raise NetworkError(
+                f"{layer}: strip {strip} has a resistivity that is not a finite number above 0"
+            )
+        return pieces
+
+    def shift(self, sensor: Sensor, strip: int) -> float:
+        """Return how far one sensing strip lies above its partner [mm]."""
+        return float(np.broadcast_to(np.asarray(self.shift_mm, dtype=float), (sensor.strips,))[strip])
+
+    def check(self, sensor: Sensor) -> None:
+        """Refuse faults that are not on this sensor: `NetworkError` names the fault."""
+        faults: list[Break | Short] = [*self.breaks, *self.shorts]
+        for fault in faults:
+            last = sensor.strips - (2 if isinstance(fault, Short) else 1)
+            if fault.layer not in _LAYERS:
+                raise NetworkError(one_of("layer", fault.layer, _LAYERS))
+            if not 0 <= fault.strip <= last or not 0.0 <= fault.y_mm <= sensor.length_mm:
+                raise NetworkError(
+                    f"{fault} is not on the sensor: strips 0 to {last}, y 0 to {sensor.length_mm:.6g} mm"
+                )
+            if isinstance(fault, Short) and not 0.0 < fault.ohm < math.inf:
+                raise NetworkError(f"{fault}: ohm must be a finite number above 0")
+
+
+@dataclass(frozen=True)
+class Readout:
+    """How a unit is wired and read; ideal by default.
+
+    Attributes
+    ----------
+    strip_ohm
+        Resistance of an energised strip from end to end; everything else is relative to it.
+    mux_ohm
+        On-resistance of a switch of the multiplexer: at either end of the energised strip where strips are
+        switched in turn, else (CRS-CRS) between the sensing strip and the converter.
+    adc_ohm
+        Input resistance of the converter, from each end that is read to ground.
+    tied_grounds
+        CRS-M: all strips' ground ends are joined for good, so that n + 2 connectors do. The strips that
+        touch then load the sheet: the parallel path of figure 2.4.
+    """
+
+    strip_ohm: float = 10_000.0
+    mux_ohm: float = 0.0
+    adc_ohm: float = math.inf
+    tied_grounds: bool = False
+
+    def __post_init__(self) -> None:
+        for name, good in (
+            ("strip_ohm", 0.0 < self.strip_ohm < math.inf),
+            ("mux_ohm", 0.0 <= self.mux_ohm < math.inf),
+            ("adc_ohm", self.adc_ohm > 0.0),
+        ):
+            if not good:
+                least = "0 or more" if name == "mux_ohm" else "above 0"
+                raise NetworkError(f"{name} = {getattr(self, name)}: must be {least}")

@@ -1,0 +1,178 @@
+"""Nodal analysis: resistors between nodes, some nodes held at a potential, the others solved for.
+
+`Network` and `Question` describe, `Factored` prepares what does not change, `solve` and `answer` do both at once.
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from tacstrip.arrays import FloatArray, IntArray
+from tacstrip.errors import NetworkError
+
+# Symmetric positive definite: order for fill-in, never pivot (measured in design.md, Parts).
+_SPLU = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
+
+
+@dataclass(frozen=True, eq=False)
+class Network:
+    """Resistors between numbered nodes.
+
+    Attributes
+    ----------
+    nodes
+        Number of nodes.
+    start, end
+        The resistors' nodes (R,).
+    siemens
+        Their conductances (R,), in [S] or any one unit: potentials depend on ratios only.
+
+    Raises
+    ------
+    NetworkError
+        A conductance is not a finite number above 0, or a resistor ends at a node that does not exist.
+    """
+
+    nodes: int
+    start: IntArray
+    end: IntArray
+    siemens: FloatArray
+
+    def __post_init__(self) -> None:
+        bad = np.flatnonzero(~((self.siemens > 0.0) & (self.siemens < np.inf)))
+        if len(bad):
+            i = bad[0]
+            raise NetworkError(
+                f"the resistor between nodes {self.start[i]} and {self.end[i]} has a conductance of "
+                f"{self.siemens[i]:.6g}: resistances must be finite and above 0 ohm; join nodes for 0, leave it out "
+                "for an open one"
+            )
+        ends = np.concatenate([self.start, self.end])
+        if len(ends) and not 0 <= ends.min() <= ends.max() < self.nodes:
+            raise NetworkError(
+                f"a resistor ends at node {ends.min()} or {ends.max()}: nodes are 0 to {self.nodes - 1}"
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class Question:
+    """One measurement on a network: which nodes are held at which potential, and which are read.
+
+    Attributes
+    ----------
+    network
+        The resistors.
+    held
+        Node to its potential [Vref].
+    read
+        Name of a reading to its node.
+    """
+
+    network: Network
+    held: dict[int, float]
+    read: dict[str, int]
+
+
+class Factored:
+    """A network with its held nodes, factored once.
+
+    Nodes that no resistor joins, over others, to a held node float: their potential is not determined.
+    """
+
+    def __init__(self, network: Network, held: npt.ArrayLike) -> None:
+        from scipy.sparse import coo_array
+        from scipy.sparse.csgraph import connected_components
+        from scipy.sparse.linalg import splu
+
+        self.network = network
+        self.held = np.asarray(held, dtype=np.int64)
+        if len(np.unique(self.held)) != len(self.held) or not len(self.held):
+            raise NetworkError("hold at least one node, and each only once")
+        n, (a, b, g) = network.nodes, (network.start, network.end, network.siemens)
+        pairs = coo_array((g, (a, b)), shape=(n, n))
+        _, island = connected_components(pairs, directed=False)
+        self.floating = ~np.isin(island, island[self.held])
+        free = ~self.floating
+        free[self.held] = False
+        self._free = np.flatnonzero(free)
+        number = np.full(n, -1)
+        number[self._free] = np.arange(len(self._free))
+        place = np.full(n, -1)
+        place[self.held] = np.arange(len(self.held))
+        i, j, w = np.concatenate([a, b]), np.concatenate([b, a]), np.concatenate([g, g])
+        rows = number[i] >= 0
+        diagonal = np.bincount(number[i[rows]], weights=w[rows], minlength=len(self._free))
+        inside, border = rows & (number[j] >= 0), rows & (place[j] >= 0)
+        size = len(self._free)
+        every = np.arange(size)
+        matrix = coo_array(
+            (
+                np.concatenate([diagonal, -w[inside]]),
+                (np.concatenate([every, number[i[inside]]]), np.concatenate([every, number[j[inside]]])),
+            ),
+            shape=(size, size),
+        )
+        self._to_held = coo_array(
+            (w[border], (number[i[border]], place[j[border]])), shape=(size, len(self.held))
+        ).tocsr()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            self._factor = splu(matrix.tocsc(), **_SPLU) if size else None
+
+    def solve(self, volts: npt.ArrayLike, amperes: FloatArray | None = None) -> FloatArray:
+        """Return the potentials (nodes,) or, for many questions at once, (nodes, questions).
+
+        Parameters
+        ----------
+        volts
+            Potentials of the held nodes (held,) or (held, questions).
+        amperes
+            Currents fed into the nodes (nodes,) or (nodes, questions); none by default.
+
+        Returns
+        -------
+        ndarray
+            NaN where a node floats.
+        """
+        held = np.asarray(volts, dtype=float)
+        right = self._to_held @ held
+        if amperes is not None:
+            right = right + amperes[self._free]
+        potentials = np.full((self.network.nodes, *held.shape[1:]), np.nan)
+        potentials[self.held] = held
+        if self._factor is not None:
+            potentials[self._free] = self._factor.solve(right)
+        return potentials
+
+
+def solve(question: Question) -> FloatArray:
+    """Return all potentials (nodes,) [Vref]; NaN where a node that is not read floats.
+
+    Raises
+    ------
+    NetworkError
+        Nothing is held, or a node that is read floats.
+    """
+    held = question.held
+    potentials = Factored(question.network, list(held)).solve(list(held.values()))
+    for name, node in question.read.items():
+        if np.isnan(potentials[node]):
+            raise NetworkError(
+                f"{name} floats: no resistor joins node {node} to one that is held at a potential"
+            )
+    return potentials
+
+
+def answer(question: Question) -> dict[str, float]:
+    """Return every reading of a question, by its name [Vref]; errors as for `solve`."""
+    potentials = solve(question)
+    return {name: float(potentials[node]) for name, node in question.read.items()}
+
+
+def currents(network: Network, potentials: FloatArray) -> FloatArray:
+    """Return the current through each resistor, from its start to its end (R,)."""
+    return np.asarray(network.siemens * (potentials[network.start] - potentials[network.end]))

@@ -1,0 +1,52 @@
+"""Questions to networks as a netlist that ngspice runs as it is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from tacstrip.network.nodal import Question
+
+
+def deck(title: str, questions: Mapping[str, Question], vref_volt: float = 1.0) -> str:
+    """Return a netlist in which every question is a circuit of its own, and which prints every reading.
+
+    Parameters
+    ----------
+    title
+        The deck's first line.
+    questions
+        Suffix to question: reading `kh` of the question with suffix `3` is printed as `vh_3`; see `READS`.
+    vref_volt
+        The potential that 1 stands for [V].
+
+    Returns
+    -------
+    str
+        Run it with `ngspice -b FILE`: it prints a line `name = volts` per reading.
+    """
+    lines = [f"* {title}", "* node n<question>_<number>; 0 is ground for all of them"]
+    prints = []
+    for number, (suffix, question) in enumerate(questions.items()):
+        network, grounded = question.network, {n for n, volt in question.held.items() if volt == 0.0}
+
+        def name(node: int, number: int = number, grounded: set[int] = grounded) -> str:
+            return "0" if node in grounded else f"n{number}_{node}"
+
+        for i, (node, volt) in enumerate(question.held.items()):
+            if volt != 0.0:
+                lines.append(f"V{number}_{i} {name(node)} 0 DC {volt * vref_volt:.17g}")
+        for i, (a, b, g) in enumerate(zip(network.start, network.end, network.siemens, strict=True)):
+            if not {int(a), int(b)} <= grounded:
+                lines.append(f"R{number}_{i} {name(int(a))} {name(int(b))} {1.0 / g:.17g}")
+        for reading, node in question.read.items():
+            node_name = name(node)
+            value = "0" if node_name == "0" else f"v({node_name})"
+            prints.append((f"{READS.get(reading, reading)}_{suffix}", value))
+    lines += [".options numdgt=12 gmin=1e-18", ".control", "set numdgt=12", "op"]
+    for printed, value in prints:
+        lines += [f"let {printed} = {value}", f"print {printed}"]
+    return "\n".join([*lines, ".endc", ".end"]) + "\n"
+
+
+# Signature to the name that its voltage has in a deck.
+READS = {"kh": "vh", "kl": "vl", "k": "vout"}
