@@ -155,7 +155,10 @@ def test_simulate_takes_the_network() -> None:
 EQUAL = KINDS["equal"]
 WALL = ts.Contact.polygon([(0, 0), (20, 0), (20, 325), (0, 325)])
 IMPOSSIBLE: dict[str, tuple[ts.Build, str]] = {
-    "negative resistivity": (ts.Build(energised=-1.0), "energised: strip 0 has a resistivity that is not"),
+    "negative resistivity": (
+        ts.Build(energised=-1.0),
+        "energised: strip 0 has a value that is not a finite number above 0",
+    ),
     "wrong shape": (
         ts.Build(sensing=np.ones(3)),
         r"sensing: an array of shape \(3,\); give a number, \(10,\)",

@@ -59,27 +59,32 @@ class Build:
     breaks: Sequence[Break] = ()
     shorts: Sequence[Short] = ()
 
-    def profile(self, sensor: Sensor, strip: int, layer: Layer) -> FloatArray:
+    def profile(self, strip: int, layer: Layer) -> FloatArray:
         """Return one strip's resistivity over the nominal one, piece by piece (pieces,)."""
         given = np.asarray(self.energised if layer == "energised" else self.sensing, dtype=float)
-        if given.ndim > 2 or (given.ndim and given.shape[0] != sensor.strips):
-            raise NetworkError(
-                f"{layer}: an array of shape {given.shape}; give a number, ({sensor.strips},) or "
-                f"({sensor.strips}, pieces)"
-            )
-        pieces = np.atleast_1d(given[strip] if given.ndim else given)
-        if not np.all((pieces > 0.0) & (pieces < np.inf)):
-            raise NetworkError(
-                f"{layer}: strip {strip} has a resistivity that is not a finite number above 0"
-            )
-        return pieces
+        return np.atleast_1d(given[strip] if given.ndim else given)
 
-    def shift(self, sensor: Sensor, strip: int) -> float:
+    def shift(self, strip: int) -> float:
         """Return how far one sensing strip lies above its partner [mm]."""
-        return float(np.broadcast_to(np.asarray(self.shift_mm, dtype=float), (sensor.strips,))[strip])
+        given = np.asarray(self.shift_mm, dtype=float)
+        return float(given[strip] if given.ndim else given)
 
     def check(self, sensor: Sensor) -> None:
-        """Refuse faults that are not on this sensor: `NetworkError` names the fault."""
+        """Refuse what cannot be on this sensor: `NetworkError` names it."""
+        for name in ("energised", "sensing", "shift_mm"):
+            given = np.asarray(getattr(self, name), dtype=float)
+            if given.ndim > (1 if name == "shift_mm" else 2) or (
+                given.ndim and given.shape[0] != sensor.strips
+            ):
+                wanted = f"a number, ({sensor.strips},)" + (
+                    "" if name == "shift_mm" else f" or ({sensor.strips}, pieces)"
+                )
+                raise NetworkError(f"{name}: an array of shape {given.shape}; give {wanted}")
+            good = np.isfinite(given) & ((given > 0.0) | (name == "shift_mm"))
+            if not good.all():
+                strip = int(np.argwhere(~np.atleast_1d(good))[0][0])
+                least = "" if name == "shift_mm" else " above 0"
+                raise NetworkError(f"{name}: strip {strip} has a value that is not a finite number{least}")
         faults: list[Break | Short] = [*self.breaks, *self.shorts]
         for fault in faults:
             last = sensor.strips - (2 if isinstance(fault, Short) else 1)

@@ -41,7 +41,7 @@ class Mesh:
 
     def low(self, strip: int, layer: Layer) -> float:
         """Return where a strip's lower end lies [mm]."""
-        return 0.0 if layer == "energised" or self.metal else self.build.shift(self.sensor, strip)
+        return 0.0 if layer == "energised" or self.metal else self.build.shift(strip)
 
     def nodes(self, strip: int) -> list[FloatArray]:
         """Return the nodes of each piece of contact on a strip, positions (N,) [mm]; a point has one."""
@@ -50,10 +50,12 @@ class Mesh:
 
     def ohm(self, strip: int, layer: Layer, y: FloatArray) -> FloatArray:
         """Return a strip's resistance between neighbouring positions (N,): (N - 1,) [ohm]."""
-        relative = self.build.profile(self.sensor, strip, layer)
+        relative = self.build.profile(strip, layer)
         ratio = self.sensor.sensing_ratio if layer == "sensing" else 1.0
         if len(relative) == 1:
-            return np.asarray(self.readout.strip_ohm * ratio * relative[0] / self.sensor.length_mm * np.diff(y))
+            return np.asarray(
+                self.readout.strip_ohm * ratio * relative[0] / self.sensor.length_mm * np.diff(y)
+            )
         edges = self.low(strip, layer) + np.linspace(0.0, self.sensor.length_mm, len(relative) + 1)
         below = np.concatenate(([0.0], np.cumsum(relative))) / len(relative)  # of a nominal strip
         return np.asarray(self.readout.strip_ohm * ratio * np.diff(np.interp(y, edges, below)))
@@ -94,12 +96,13 @@ def make_mesh(
     build.check(sensor)
     mesh = Mesh(sensor, build, readout, cells, {})
     strip, low, high = footprint(sensor, contact).intervals[0]
-    for number in np.unique(strip):
-        here = strip == number
-        start = mesh.low(int(number), "sensing")
+    numbers, first = np.unique(strip, return_index=True)
+    for number, pieces in zip(
+        numbers.tolist(), np.split(np.stack([low, high], axis=1), first[1:]), strict=True
+    ):
+        start = mesh.low(number, "sensing")
         bottom, top = max(0.0, start), sensor.length_mm + min(0.0, start)
-        on_both = (high[here] >= bottom) & (low[here] <= top)
+        on_both = (pieces[:, 1] >= bottom) & (pieces[:, 0] <= top)
         if on_both.any():
-            pieces = np.clip(np.stack([low[here], high[here]], axis=1)[on_both], bottom, top)
-            mesh.pieces[int(number)] = pieces
+            mesh.pieces[number] = np.clip(pieces[on_both], bottom, top)
     return mesh
