@@ -15,16 +15,17 @@ from tacstrip.sensor.circuit import k_h, k_l, k_metal
 from tacstrip.sensor.spec import Sensor
 from tacstrip.sensor.surface import strip_angle, strips_under_flat
 from tacstrip.simulate import simulate
-from tacstrip.studies.thesis import chapter3, chapter4, metrics_figures
+from tacstrip.studies.thesis import chapter2, chapter3, chapter4, metrics_figures
 from tacstrip.studies.thesis.shapes import SIMULATED
 
-MODULES = (chapter3, chapter4, metrics_figures)
+MODULES = (chapter2, chapter3, chapter4, metrics_figures)
 FIGURES = {number: draw for module in MODULES for number, draw in module.FIGURES.items()}
 L = 1000.0
 OWNER = {name: sensor for sensor in SIMULATED.values() for name in sensor.signatures}
 
 
 def test_the_figures_are_those_asked_for() -> None:
+    assert list(chapter2.FIGURES) == ["2.3", "2.4"]
     assert list(chapter3.FIGURES) == ["3.3", "3.4", "3.7", "3.10"]
     assert list(chapter4.FIGURES) == [f"4.{n}" for n in range(1, 11)]
     assert list(metrics_figures.FIGURES) == ["5.1", "5.2", "5.3", "5.4"]

@@ -9,6 +9,9 @@ from pathlib import Path
 
 from tacstrip.plot.style import save
 from tacstrip.studies.demo import picture, run
+from tacstrip.studies.physics import FIGURES as PHYSICS
+from tacstrip.studies.thesis.chapter2 import EXTRA as PHANTOMS
+from tacstrip.studies.thesis.chapter2 import FIGURES as CHAPTER_2
 from tacstrip.studies.thesis.chapter3 import FIGURES as CHAPTER_3
 from tacstrip.studies.thesis.chapter4 import FIGURES as CHAPTER_4
 from tacstrip.studies.thesis.chapter5_figures import ambiguity, noisy_signature
@@ -25,6 +28,10 @@ def main() -> None:
         "blocks": CHAPTER_4["4.9"](),
         "hidden_kink": noisy_signature("5.9"),
         "concave": ambiguity("5.19")[0],
+        "three_sensors": CHAPTER_2["2.3"](),
+        "parallel_path": CHAPTER_2["2.4"](),
+        "phantoms": PHANTOMS["phantoms"](),
+        **{name: draw() for name, draw in PHYSICS.items()},
     }
     for name, figure in drawn.items():
         print(save(figure, PICTURES / f"{name}.png", dpi=90))

@@ -23,6 +23,12 @@ from .network.build import Break as Break
 from .network.build import Build as Build
 from .network.build import Readout as Readout
 from .network.build import Short as Short
+from .network.digital import ArrayScan as ArrayScan
+from .network.digital import ArrayWiring as ArrayWiring
+from .network.digital import phantoms as phantoms
+from .network.digital import scan_array as scan_array
+from .network.fourwire import FourWire as FourWire
+from .network.fourwire import four_wire as four_wire
 from .reconstruct.profile import profile_at as profile_at
 from .reconstruct.profile import profile_reconstruction as profile_reconstruction
 from .reconstruct.result import Reconstruction as Reconstruction

@@ -14,6 +14,7 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.contact.shape import Contact
+from tacstrip.errors import NetworkError
 from tacstrip.network.build import Build, Layer, Readout
 from tacstrip.network.mesh import Mesh, make_mesh
 from tacstrip.network.nodal import Question, answer
@@ -40,6 +41,30 @@ def network_readings(
         for name, value in answer(question).items():
             result[name][strip] = value
     return result
+
+
+def potentials_along(
+    sensor: Sensor,
+    contact: Contact,
+    strip: int,
+    build: Build | None = None,
+    readout: Readout | None = None,
+    cells: int | None = None,
+) -> dict[Layer, tuple[FloatArray, FloatArray]]:
+    """Return the potentials along one touched strip and its sensing strip: layer to (y [mm], over Vref).
+
+    Arguments and errors as for `questions`; `NetworkError` if nothing touches the strip.
+    """
+    mesh = make_mesh(sensor, contact, build, readout, cells)
+    if strip not in mesh.pieces:
+        raise NetworkError(f"nothing touches strip {strip}; the contact is on strips {sorted(mesh.pieces)}")
+    chains: dict[tuple[int, Layer], _Chain] = {}
+    read = answer(_question(mesh, strip, chains))
+    return {
+        layer: (chain.y, np.array([read[f"{layer} {i}"] for i in range(len(chain.y))]))
+        for (number, layer), chain in chains.items()
+        if number == strip
+    }
 
 
 def questions(
@@ -95,14 +120,18 @@ class _Chain:
         return np.asarray(self.node[after - (y - self.y[after - 1] < self.y[after] - y)])
 
 
-def _question(mesh: Mesh, strip: int) -> Question:
-    """Build the network that carries current while one strip is energised, and say what is read."""
+def _question(mesh: Mesh, strip: int, chains: dict[tuple[int, Layer], _Chain] | None = None) -> Question:
+    """Build the network that carries current while one strip is energised, and say what is read.
+
+    With `chains` to fill, every node along the strip is read too, as "<layer> <number>".
+    """
+    everywhere = chains is not None
+    chains = {} if chains is None else chains
     sensor, readout, wires = mesh.sensor, mesh.readout, Wires()
     ground, source = int(wires.new()[0]), int(wires.new()[0])
     metal = int(wires.new()[0]) if mesh.metal else None
-    chains: dict[tuple[int, Layer], _Chain] = {}
     for other in _island(mesh, strip):
-        chains |= _pair(mesh, wires, other, metal)
+        chains.update(_pair(mesh, wires, other, metal))
     for short in mesh.build.shorts:
         ends = [chains.get((short.strip + i, short.layer)) for i in (0, 1)]
         if ends[0] and ends[1]:
@@ -124,6 +153,11 @@ def _question(mesh: Mesh, strip: int) -> Question:
         wires.tie(read[name], int(end or 0), readout.mux_ohm if together else 0.0)
         if readout.adc_ohm < np.inf:
             wires.tie(read[name], ground, readout.adc_ohm)
+    if everywhere:
+        along = {layer: chain for (number, layer), chain in chains.items() if number == strip}
+        read |= {
+            f"{layer} {i}": int(node) for layer, chain in along.items() for i, node in enumerate(chain.node)
+        }
     return wires.question(held, read, strip)
 
 

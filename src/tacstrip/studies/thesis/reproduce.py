@@ -12,7 +12,7 @@ from typing import Any
 
 from tacstrip.plot.style import save
 from tacstrip.studies.report import Picture, write_report
-from tacstrip.studies.thesis import chapter3, chapter4, metrics_figures
+from tacstrip.studies.thesis import chapter2, chapter3, chapter4, metrics_figures
 from tacstrip.studies.thesis.chapter5 import Cell, run_cell, summarise
 from tacstrip.studies.thesis.chapter5_figures import (
     AMBIGUOUS,
@@ -28,7 +28,7 @@ from tacstrip.studies.thesis.claims import judge_claims
 from tacstrip.studies.thesis.published import METRICS, published, rows
 from tacstrip.studies.thesis.shapes import POSITIONS
 
-_DRAWN = {**chapter3.FIGURES, **chapter4.FIGURES, **metrics_figures.FIGURES}
+_DRAWN = {**chapter2.FIGURES, **chapter3.FIGURES, **chapter4.FIGURES, **metrics_figures.FIGURES}
 Progress = Callable[[int, int], None]
 
 

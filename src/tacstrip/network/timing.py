@@ -1,0 +1,96 @@
+"""How fast a unit can be scanned, and what a contact that moves meanwhile looks like."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from tacstrip.arrays import FloatArray
+from tacstrip.contact.footprint import footprint
+from tacstrip.contact.shape import Contact
+from tacstrip.errors import NetworkError
+from tacstrip.network.build import Readout
+from tacstrip.sensor.circuit import sensing_share
+from tacstrip.sensor.spec import Sensor
+
+
+def source_ohm(sensor: Sensor, readout: Readout, l_mm: FloatArray, u_mm: FloatArray) -> FloatArray:
+    """Return the resistance that the converter sees at a strip's worse reading [ohm], shape of l and u.
+
+    The energised strip's two ends in parallel, as seen from the contact's end that is read, then the sensing strip
+    from there to its own end, then the switches. Ideal contact.
+    """
+    per_mm = readout.strip_ohm / sensor.length_mm
+    switch = 0.0 if sensor.kind.common_supply else readout.mux_ohm
+    below, above = l_mm * per_mm + switch, (sensor.length_mm - np.asarray(u_mm)) * per_mm + switch
+    contact = sensing_share(sensor.sensing_ratio) * per_mm * (np.asarray(u_mm) - l_mm)
+    whole = below + contact + above
+    whole = np.where(whole > 0.0, whole, 1.0)
+    upper = (below + contact) * above / whole + (
+        sensor.length_mm - np.asarray(u_mm)
+    ) * per_mm * sensor.sensing_ratio
+    lower = below * (contact + above) / whole + l_mm * per_mm * sensor.sensing_ratio
+    return np.asarray(np.maximum(upper, lower) + (readout.mux_ohm if sensor.kind.common_supply else 0.0))
+
+
+def settling_s(ohm: float, farad: float, bits: int) -> float:
+    """Return how long a reading takes to settle to half a step of a converter [s]: RC ln 2^(bits + 1)."""
+    return ohm * farad * math.log(2.0) * (bits + 1)
+
+
+def fastest_scan_hz(sensor: Sensor, readout: Readout, farad: float, conversion_s: float = 0.0) -> float:
+    """Return how many full scans a second settle to half a step, wherever a point contact lies [Hz].
+
+    Parameters
+    ----------
+    sensor, readout
+        The unit and its electronics; the sensor needs `adc_bits`.
+    farad
+        Capacitance at the converter's input, with the wires [F].
+    conversion_s
+        Time of one conversion, after settling [s].
+
+    Raises
+    ------
+    NetworkError
+        The spec has no `adc_bits`, or the capacitance or the time is not 0 or more.
+    """
+    if sensor.adc_bits is None:
+        raise NetworkError("the spec has no adc_bits: how far a reading must settle is not known")
+    if not (0.0 <= farad < math.inf and 0.0 <= conversion_s < math.inf and farad + conversion_s > 0.0):
+        raise NetworkError(
+            f"farad = {farad}, conversion_s = {conversion_s}: must be 0 or more, and not both 0"
+        )
+    y = np.linspace(0.0, sensor.length_mm, 1001)
+    worst = float(source_ohm(sensor, readout, y, y).max())
+    samples = sensor.strips * len(sensor.signatures)
+    return 1.0 / (samples * (settling_s(worst, farad, sensor.adc_bits) + conversion_s))
+
+
+def skewed(
+    sensor: Sensor, contact: Contact, velocity_mm_s: tuple[float, float], scan_s: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return l and u (strips,) [mm] of a contact that moves while the strips are read one after another.
+
+    Strip i is read i / n of the scan's time after the first. NaN where a strip is not touched at its time.
+
+    Parameters
+    ----------
+    sensor, contact
+        What touches what, where it is when the scan starts.
+    velocity_mm_s
+        Speed across and along the strips [mm/s].
+    scan_s
+        Time of a scan [s].
+
+    Raises
+    ------
+    ContactError
+        The contact leaves the sensor before the scan ends.
+    """
+    when = scan_s * np.arange(sensor.strips) / sensor.strips
+    places = [contact.moved(velocity_mm_s[0] * t, velocity_mm_s[1] * t) for t in when]
+    touch = footprint(sensor, places)
+    every = np.arange(sensor.strips)
+    return touch.l[every, every], touch.u[every, every]
