@@ -8,6 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from tacstrip.plot.style import save
+from tacstrip.studies.budget import budget_figure
 from tacstrip.studies.demo import picture, run
 from tacstrip.studies.physics import FIGURES as PHYSICS
 from tacstrip.studies.thesis.chapter2 import EXTRA as PHANTOMS
@@ -30,6 +31,7 @@ def main() -> None:
         "concave": ambiguity("5.19")[0],
         "three_sensors": CHAPTER_2["2.3"](),
         "parallel_path": CHAPTER_2["2.4"](),
+        "budget": budget_figure(),
         "phantoms": PHANTOMS["phantoms"](),
         **{name: draw() for name, draw in PHYSICS.items()},
     }

@@ -66,7 +66,7 @@ def _leaky(sensor: Sensor, size: float, random: np.random.Generator) -> tuple[Se
 
 
 IMPERFECTIONS = (
-    Imperfection("resistivity uneven along strips, 2.5 cm pieces", "+-% of nominal", _uneven, 50.0),
+    Imperfection("resistivity uneven along strips, in 13 pieces", "+-% of nominal", _uneven, 50.0),
     Imperfection("sensing strips more resistive than energised ones", "%", _unequal, 300.0),
     Imperfection("contact resistance not known, lambda", "mm", _resistive, 50.0),
     Imperfection("on-resistance of switches over a strip's", "%", _switches, 20.0),
