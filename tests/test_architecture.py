@@ -32,7 +32,8 @@ ORDER = [
     "studies.thesis.published", "studies.thesis.shapes", "studies.thesis.chapter2", "studies.thesis.chapter3",
     "studies.thesis.chapter4",
     "studies.thesis.metrics_figures", "studies.thesis.chapter5", "studies.thesis.chapter5_figures",
-    "studies.thesis.claims", "studies.report", "studies.thesis.reproduce", "studies.demo", "studies.physics", "studies.budget",
+    "studies.thesis.claims", "studies.report", "studies.thesis.reproduce", "studies.demo", "studies.physics",
+    "studies.budget",
     "cli",
 ]  # fmt: skip
 
