@@ -190,6 +190,37 @@ BAD = {
         _write("c.wkt", "POINT (5 5)"),
         "positional = 1.5: a fraction of Vref, 0.01 for 1 %",
     ),
+    "output is input": (
+        ("simulate", "small.toml", "c.wkt", "-o", "small.toml"),
+        _write("c.wkt", "POINT (5 5)"),
+        "small.toml is read here and would be written over",
+    ),
+    "picture's ending": (
+        (*_SIM, "--plot", "c.bmp"),
+        _write("c.wkt", "POINT (5 5)"),
+        "c.bmp: a picture is a file that ends in .png, .svg, .pdf",
+    ),
+    "moved by nan": (
+        (*_SIM, "--at", "nan", "4"),
+        _write("c.wkt", "POINT (5 5)"),
+        "moved or turned by finite numbers",
+    ),
+    "steps without a path": ((*_SIM, "--steps", "3"), _write("c.wkt", "POINT (5 5)"), "--steps needs --drag"),
+    "transitions of a profile": (
+        (*_REC, "--method", "profile", "--transitions", "1,2,3"),
+        _write("r.csv", HEAD + "".join(f"0,0,{i},1,1\n" for i in range(3))),
+        "--signature and --transitions are for --method vertex",
+    ),
+    "copied and shaped": (
+        ("init", "n.toml", "--like", "prototype-crs-m", "--strips", "40"),
+        _write("x", ""),
+        "--like copies",
+    ),
+    "full disk": (
+        ("simulate", "small.toml", "c.wkt", "-o", "/dev/full"),
+        _write("c.wkt", "POINT (5 5)"),
+        "No space left",
+    ),
     "spec exists": (("init", "small.toml"), _write("x", ""), "small.toml exists already"),
 }
 

@@ -215,7 +215,7 @@ def test_impossible_drags(drag: Callable[[Contact], object], message: str) -> No
 
 # What is refused.
 
-WKT_HELP = "; write for example POLYGON ((x y, ...))"
+WKT_HELP = "; write POLYGON ((x y, ...)) with the first point again at the end"
 GEOJSON_HELP = "; a geometry or a FeatureCollection is needed"
 NOT_CLOSED = "IllegalArgumentException: Points of LinearRing do not form a closed linestring"
 

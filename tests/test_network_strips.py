@@ -253,7 +253,11 @@ def test_the_fast_ladder_agrees_with_the_network(kind: str, contact_lambda_mm: f
         [(0, 60), (60, 60), (60, 160), (0, 160), (0, 140), (50, 140), (50, 80), (0, 80)]
     )
     for contact in (CONTACT, fork):
-        for unit, readout in ((build, ts.Readout(mux_ohm=300.0)), (None, None), (None, ts.Readout(adc_ohm=1e6))):
+        for unit, readout in (
+            (build, ts.Readout(mux_ohm=300.0)),
+            (None, None),
+            (None, ts.Readout(adc_ohm=1e6)),
+        ):
             general = network_readings(sensor, contact, unit, readout, cells=60)
             fast = fast_readings(sensor, contact, unit, readout, cells=60)
             for name, values in general.items():

@@ -129,3 +129,17 @@ def test_no_shape_has_no_numbers() -> None:
     assert np.isnan(nothing.centroid).all()
     both = ts.Reconstruction("vertex", (ts.RecoveredObject(slice(0, 1), convex_polygon(1, 3)), nothing))
     assert (both.status, both.advice) == ("singular", "turn it")
+
+
+def test_exchanged_wires_are_noticed() -> None:
+    """The current flows down the strip: k_h is never below k_l."""
+    scan = ts.simulate(SENSOR, ts.Contact.polygon(DART), ts.Noise(positional=0.005))
+    assert ts.profile_reconstruction(scan, SENSOR).status == "ok"
+    every = ts.profile_reconstruction(ts.Scan(kh=scan.kl, kl=scan.kh), SENSOR)
+    assert every.status == "doubtful"
+    assert "are v_h and v_l exchanged there" in every.advice
+    kh, kl = np.array(scan["kh"]), np.array(scan["kl"])
+    kh[450], kl[450] = kl[450], kh[450]
+    one = ts.profile_reconstruction(ts.Scan(kh=kh, kl=kl), SENSOR)
+    assert one.status == "doubtful"
+    assert "k_h is below k_l on 1 of 261 strips (x = 450.5 mm)" in one.advice

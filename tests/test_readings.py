@@ -79,6 +79,12 @@ def test_volts_of_untouched_strips(tmp_path: Path) -> None:
 
 FAULTS: dict[str, tuple[str | bytes, str]] = {
     "empty file": ("", "the file is empty; it needs a header line"),
+    "semicolons": ("scan;time_s;strip;v_h\n", "columns are separated by ';'; separate them by commas"),
+    "column twice": ("scan,time_s,strip,v_h,v_h\n", "column 'v_h' is there twice"),
+    "decimal commas": (
+        HEAD + "0,0,0,1,5,1,5\n",
+        "line 2 has 7 fields and the header 5: are there decimal commas",
+    ),
     "missing column": (
         "scan,strip,v_h,v_l\n",
         "column 'time_s' is missing; the header has: scan, strip, v_h, v_l",
@@ -123,7 +129,10 @@ FAULTS: dict[str, tuple[str | bytes, str]] = {
         "code_h = 5000 is outside 0 to 4095; check adc_bits",
     ),
     "code with a fraction": ("scan,time_s,strip,code_h\n0,0,0,10.5\n", "code_h = 10.5 is not a whole number"),
-    "binary": (b"\x89PNG\r\n\x1a\n\x00\xff\xfe", "not a text file; readings are CSV with a header line"),
+    "binary": (
+        b"\x89PNG\r\n\x1a\n\x00\xff\xfe",
+        "not a text file in UTF-8; readings are CSV with a header line",
+    ),
     "zero bytes": (b"scan,time_s\x00,strip\n", "line 1: not text"),
 }
 

@@ -181,12 +181,34 @@ def test_status_too_noisy_and_doubtful() -> None:
 
 
 def test_a_concave_shape_comes_back_as_another_one() -> None:
-    """Figure 5.19: nothing in one signature tells, which is why the docs demand convexity."""
+    """Figure 5.19: a convex polygon nearly makes the same signature; without noise, "nearly" can be told."""
     dented = np.array([(300.5, 500.0), (500.5, 430.0), (600.5, 350.0), (700.5, 500.0), (450.5, 600.0)])
     scan = ts.simulate(CRS, ts.Contact.polygon(dented))
     found = ts.vertex_reconstruction(scan, CRS, "kl", np.sort(dented[:, 0]))
-    assert found.status == "ok"
+    assert found.status == "doubtful"
+    assert "the object is not convex" in found.advice
     assert ts.mismatch(dented, found.objects[0].vertices).iou < 0.9
+
+
+def test_a_missing_corner_is_doubted() -> None:
+    """Sixteen strips, a tetragon, the transition of one corner left out, or all of them searched for."""
+    sensor = ts.Sensor(construction="crs-crs", strips=16, pitch_mm=5.0, length_mm=200.0)
+    tetragon = ts.Contact.polygon([(8, 90), (45, 50), (72, 110), (28, 150)])
+    scans = [ts.simulate(sensor, tetragon, ts.Noise(positional=0.002), seed) for seed in range(40)]
+
+    def ok(x: object) -> int:
+        found = [ts.vertex_reconstruction(scan, sensor, "kl", x) for scan in scans]  # type: ignore[arg-type]
+        return sum(f.status == "ok" for f in found)
+
+    assert ok([8.0, 28.0, 45.0, 72.0]) >= 38
+    assert ok([8.0, 45.0, 72.0]) <= 2
+    assert ok("gradient") <= 2  # its transitions are half a pitch off, or one is missing
+
+
+def test_transitions_beside_the_contact_are_doubted() -> None:
+    found = _triangle([250.5, 500.5, 700.5])
+    assert found.status == "doubtful"
+    assert "the vertex at x = 250.5 mm lies beside the touched strips (300.5 to 700.5 mm)" in found.advice
 
 
 @pytest.mark.parametrize(
@@ -251,6 +273,7 @@ def test_a_vertex_off_the_sensor_is_refused() -> None:
         ),
         ({"transitions": [3.0, 2.0]}, ts.OptionError, "in ascending order"),
         ({"transitions": [1.0, np.nan, 2.0]}, ts.OptionError, "finite x"),
+        ({"transitions": [1.0, 2.0, 1001.0]}, ts.OptionError, "the transition at 1001 mm is off the sensor"),
     ],
 )
 def test_options_that_cannot_be(keywords: dict[str, object], error: type[Exception], message: str) -> None:
@@ -277,7 +300,7 @@ def test_any_readings_give_a_shape_on_the_sensor_or_a_status(seed: int) -> None:
         else np.clip(0.5 + 0.1 * random.normal(size=40).cumsum(), 0.0, 1.0)
     )
     k[random.random(40) < 0.1] = np.nan
-    x: object = "gradient" if seed % 3 else np.sort(random.uniform(-5.0, 85.0, 6))
+    x: object = "gradient" if seed % 3 else np.sort(random.uniform(0.0, 80.0, 6))
     for reading in ("section", "strip"):
         found = ts.vertex_reconstruction(ts.Scan(k=k), sensor, "k", x, reading)  # type: ignore[arg-type]
         for recovered in found.objects:

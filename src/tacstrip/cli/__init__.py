@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import importlib
 import sys
+from pathlib import Path
 
 import click
 
-from tacstrip.errors import TacstripError
+from tacstrip.errors import OptionError, TacstripError
 
 # Verb: what it is for, as `tacstrip --help` says it. Each verb is `command` in the module of its name.
 VERBS = {
@@ -16,7 +17,7 @@ VERBS = {
     "simulate": "Press a contact on a sensor and write the readings.",
     "reconstruct": "Recover shapes from readings.",
     "spice": "Write the sensor and its contact as a netlist for ngspice.",
-    "reproduce": "Make chapter 5 of the thesis again, beside its printed figures.",
+    "reproduce": "Make chapters 2 to 5 of the thesis again, beside its printed figures.",
 }
 
 
@@ -45,6 +46,14 @@ def cli() -> None:
     """
 
 
+def protect(output: Path | None, *inputs: str | Path | None) -> None:
+    """Refuse to write over a file that is read: `OptionError` names it."""
+    if output is not None and output.exists():
+        for file in inputs:
+            if file is not None and Path(file).exists() and output.samefile(file):
+                raise OptionError(f"{output} is read here and would be written over; choose another name")
+
+
 def main() -> None:
     """Run the command line; a known error becomes one clear line and exit code 2."""
     try:
@@ -53,7 +62,7 @@ def main() -> None:
         click.echo(f"Error: {error}", err=True)
         sys.exit(2)
     except OSError as error:
-        if error.filename is None:
-            raise
-        click.echo(f"Error: {error.filename}: {error.strerror}", err=True)
+        missing = " (is there such a folder?)" if isinstance(error, FileNotFoundError) else ""
+        place = "the output" if error.filename is None else error.filename
+        click.echo(f"Error: {place}: {error.strerror}{missing}", err=True)
         sys.exit(2)

@@ -5,11 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 import click
+from click.core import ParameterSource
 
 from tacstrip.data import spec_names
 from tacstrip.errors import SpecError
 from tacstrip.sensor.constructions import CONSTRUCTIONS
 from tacstrip.sensor.spec import Sensor
+
+_GIVEN = ParameterSource.COMMANDLINE
 
 
 @click.command()
@@ -41,6 +44,12 @@ def command(
     """
     if file.exists() and not force:
         raise SpecError(f"{file} exists already; choose another name, or write over it with --force")
+    source = click.get_current_context().get_parameter_source
+    shape = [
+        n for n in ("construction", "strips", "pitch_mm", "length_mm", "radius_mm") if source(n) is _GIVEN
+    ]
+    if like is not None and shape:
+        raise SpecError("--like copies a whole spec; leave the other options out and edit the file")
     if like is not None:
         sensor = Sensor.load(like)
     else:

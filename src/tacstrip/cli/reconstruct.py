@@ -9,6 +9,7 @@ from pathlib import Path
 
 import click
 
+from tacstrip.cli import protect
 from tacstrip.contact.shape import Contact
 from tacstrip.errors import OptionError, ReadingError, one_of
 from tacstrip.io.geometry import feature_collection, read_contact, write_geojson
@@ -28,7 +29,7 @@ _MOST_LINES = 20
 @click.argument("sensor", metavar="SENSOR")
 @click.argument("readings", metavar="READINGS", type=click.Path(path_type=Path))
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="GeoJSON file; printed if left out.")
-@click.option("--method", help="vertex or profile; by default profile where both k_h and k_l were read.")
+@click.option("--method", help="vertex or profile; by default profile where k_h and k_l were both read.")
 @click.option("--signature", help="For vertex: kh, kl or k.")
 @click.option("--transitions", default="auto", show_default=True, metavar="RULE|X,X,..",
               help="For vertex: auto, gradient, or the x of all vertices [mm].")  # fmt: skip
@@ -54,6 +55,12 @@ def command(
 
     Example: tacstrip reconstruct sensor.toml readings.csv -o shapes.geojson --plot shapes.png
     """
+    protect(output, sensor, readings, truth)
+    protect(plot, sensor, readings, truth, output)
+    if plot is not None:
+        from tacstrip.plot.style import check_picture
+
+        check_picture(plot)
     spec = Sensor.load(sensor)
     scans = read_readings(readings, spec)
     if not any(s.touched.any() for s in scans):
@@ -61,9 +68,13 @@ def command(
             f"{readings}: no strip is touched in any of {len(scans)} scan(s): every reading is empty, or within "
             "touch_volt of rest_volt. Check the wiring and the spec"
         )
-    chosen = method or ("profile" if {"kh", "kl"} <= set(scans[0].signatures) else "vertex")
+    for_vertex = signature is not None or transitions != "auto"
+    both = {"kh", "kl"} <= set(scans[0].signatures)
+    chosen = method or ("profile" if both and not for_vertex else "vertex")
     if chosen not in _METHODS:
         raise OptionError(one_of("method", chosen, _METHODS))
+    if chosen == "profile" and for_vertex:
+        raise OptionError("--signature and --transitions are for --method vertex; leave them out for profile")
     where = _transitions(transitions)
     results = [
         profile_reconstruction(s, spec)
@@ -105,7 +116,7 @@ def _report(results: list[Reconstruction], truth: Contact | None) -> None:
     counts = Counter(o.status for r in results for o in r.objects)
     counts["no contact"] = sum(not r.objects for r in results)
     told = ", ".join(f"{status}: {count}" for status, count in counts.most_common() if count)
-    click.echo(f"{len(results)} scan(s); {told}", err=True)
+    click.echo(f"{len(results)} scan(s), {len(lines)} object(s); {told}", err=True)
 
 
 def _line(number: int, result: Reconstruction, found: RecoveredObject, truth: Contact | None) -> str:

@@ -31,7 +31,7 @@ def command(out: Path, seeds: int, workers: int | None) -> None:
     for table, (good, total) in counts.items():
         click.echo(f"  table {table:<5} {good:3d} of {total}")
     good, total = (sum(c[i] for c in counts.values()) for i in (0, 1))
-    click.echo(f"  all         {good} of {total}\n\nConclusions of section 5.6:")
+    click.echo(f"  all         {good} of {total}\n\nConclusions of sections 5.4 and 5.6:")
     for claim in tables["claims"]:
         click.echo(f"  {claim['verdict']:<14} {claim['claim']}")
     click.echo(f"\n{out / 'report.html'}: the report\n{out / 'tables.json'}: the numbers")

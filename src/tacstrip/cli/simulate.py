@@ -7,7 +7,9 @@ from pathlib import Path
 
 import click
 import numpy as np
+from click.core import ParameterSource
 
+from tacstrip.cli import protect
 from tacstrip.contact.footprint import footprint
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError
@@ -60,10 +62,21 @@ def command(
 
     Example: tacstrip simulate prototype-crs-crs object.wkt -o readings.csv --at 32 160 --positional 0.005
     """
+    protect(output, sensor, contact)
+    protect(plot, sensor, contact, output)
+    if plot is not None:
+        from tacstrip.plot.style import check_picture
+
+        check_picture(plot)
     spec = Sensor.load(sensor)
     noise = Noise(quantisation, positional, distribution=distribution)  # type: ignore[arg-type]
     if seed < 0 or not rate > 0.0:
-        raise OptionError(f"--seed {seed} --rate {rate}: the seed must be 0 or more, the rate above 0")
+        bad = f"--seed {seed}: must be 0 or more" if seed < 0 else f"--rate {rate}: must be above 0"
+        raise OptionError(bad)
+    given = click.get_current_context().get_parameter_source
+    for option in ("steps", "turn_per_step", "rate"):
+        if not drag and given(option) is ParameterSource.COMMANDLINE:
+            raise OptionError(f"--{option.replace('_', '-')} needs --drag: there is one scan only")
     shape = read_contact(contact)
     shape = (shape.placed(*at) if at else shape).turned(math.radians(turn))
     start = tuple(shape.centroid)

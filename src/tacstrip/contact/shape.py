@@ -62,7 +62,7 @@ class Contact:
                 geometry = shapely.from_wkt(text)
         except (shapely.GEOSException, NotImplementedError, ValueError, TypeError) as error:
             raise ContactError(
-                f"not well-known text ({error}); write for example POLYGON ((x y, ...))"
+                f"not well-known text ({error}); write POLYGON ((x y, ...)) with the first point again at the end"
             ) from None
         return cls._checked([geometry])
 
@@ -159,10 +159,9 @@ class Contact:
         return [self.placed(p.x, p.y).turned(i * turn_rad) for i, p in enumerate(stops)]
 
     def _mapped(self, change: Any) -> Contact:
-        shapes = tuple(shapely.transform(shape, change) for shape in self.shapes)
-        if not all(np.abs(shapely.get_coordinates(s)).max() < _FAR for s in shapes):
+        if not all(np.abs(change(shapely.get_coordinates(s))).max() < _FAR for s in self.shapes):
             raise ContactError("a contact can be moved or turned by finite numbers only, within 1e9 mm")
-        return Contact(shapes)
+        return Contact(tuple(shapely.transform(shape, change) for shape in self.shapes))
 
 
 def _parts(geometry: BaseGeometry) -> list[BaseGeometry]:

@@ -39,7 +39,7 @@ def read_readings(path: str | Path, sensor: Sensor) -> list[Scan]:
     except FileNotFoundError:
         raise ReadingError(f"{path}: no such file") from None
     except (UnicodeDecodeError, csv.Error):
-        raise ReadingError(f"{path}: not a text file; readings are CSV with a header line") from None
+        raise ReadingError(f"{path}: not a text file in UTF-8; readings are CSV with a header line") from None
     except OSError as error:
         raise ReadingError(f"{path}: cannot be read ({error.strerror})") from None
     except ReadingError as error:
@@ -93,6 +93,12 @@ def _scans(rows: Iterator[tuple[int, list[str]]], sensor: Sensor) -> list[Scan]:
     _, header = next(rows, (0, None))
     if header is None:
         raise ReadingError("the file is empty; it needs a header line and a line per strip and scan")
+    if len(header) == 1 and (other := next((c for c in ";\t|" if c in header[0]), None)):
+        raise ReadingError(
+            f"columns are separated by {other!r}; separate them by commas, with decimal points"
+        )
+    if twice := [name for name in header if name and header.count(name) > 1]:
+        raise ReadingError(f"column {twice[0]!r} is there twice; leave one out")
     index = [_find(header, name) for name in _INDEX]
     columns = _value_columns(header, sensor)
     scans: list[Scan] = []
@@ -100,9 +106,8 @@ def _scans(rows: Iterator[tuple[int, list[str]]], sensor: Sensor) -> list[Scan]:
     now: _Open | None = None
     for line, row in rows:
         if len(row) != len(header):
-            raise ReadingError(
-                f"line {line} has {len(row)} fields and the header {len(header)}: is the file cut off?"
-            )
+            why = "is the file cut off?" if len(row) < len(header) else "are there decimal commas?"
+            raise ReadingError(f"line {line} has {len(row)} fields and the header {len(header)}: {why}")
         number, time_text, strip_text = (row[i] for i in index)
         if now is None or number != now.number:
             if now is not None:

@@ -42,7 +42,7 @@ def reconstruction_figure(
     draw_sensor(left, sensor)
     left.set_title("sensor")
     for axes in (left, middle):
-        _draw_shapes(axes, results, truth)
+        _draw_shapes(axes, sensor, results, truth)
     points = _points(results, truth)
     if len(points):
         middle.set_aspect("equal")
@@ -58,16 +58,31 @@ def reconstruction_figure(
 
 
 def _draw_shapes(
-    axes: Axes, results: Mapping[str, Sequence[Reconstruction]], truth: Sequence[Contact]
+    axes: Axes, sensor: Sensor, results: Mapping[str, Sequence[Reconstruction]], truth: Sequence[Contact]
 ) -> None:
     for i, contact in enumerate(truth):
         draw_contact(axes, contact, label=None if i else "true shape")
     colours = (RECOVERED, *OTHERS)
+    said: set[str] = set()
     for number, (name, reconstructions) in enumerate(results.items()):
-        label: str | None = name
-        for recovered in (o for r in reconstructions for o in r.objects if o.found):
-            draw_polygon(axes, recovered.vertices, colours[number % len(colours)], label)
-            label = None
+        colour = colours[number % len(colours)]
+        for recovered in (o for r in reconstructions for o in r.objects):
+            doubtful = recovered.status != "ok"
+            if recovered.found:
+                told = f"{name}: {recovered.status}"
+                draw_polygon(axes, recovered.vertices, colour, told if told not in said else None, doubtful)
+                said.add(told)
+            elif recovered.profile is not None:
+                told = f"{name}: {recovered.status}, strip by strip"
+                x, l, u = recovered.profile
+                axes.vlines(x, l, u, color=colour, linewidth=2.0, label=told if told not in said else "")
+                axes.plot(x, l, "_", color=colour)
+                said.add(told)
+            else:
+                x = sensor.x_mm[recovered.strips]
+                told = f"{name}: {recovered.status}"
+                axes.axvspan(x[0], x[-1], color=colour, alpha=0.12, label=told if told not in said else None)
+                said.add(told)
 
 
 def _points(results: Mapping[str, Sequence[Reconstruction]], truth: Sequence[Contact]) -> FloatArray:
@@ -82,7 +97,7 @@ def _draw_readings(axes: Axes, sensor: Sensor, scans: Sequence[Scan]) -> None:
         draw_signatures(axes, sensor, scan)
         if i == 0:
             legend(axes)
-    more = f", first {_MOST_SIGNATURES} of {len(touched)} scans" if len(touched) > _MOST_SIGNATURES else ""
-    axes.set_title("pseudo-signatures" + more)
+    more = f"\nfirst {_MOST_SIGNATURES} of {len(touched)} scans" if len(touched) > _MOST_SIGNATURES else ""
+    axes.set_title("pseudo-signatures" + more, fontsize=10.0)
     axes.set_xlabel("x [mm]")
-    axes.set_ylabel("reading times L [mm]")
+    axes.set_ylabel("k L [mm]")

@@ -23,7 +23,11 @@ def draw_sensor(axes: Axes, sensor: Sensor) -> None:
     """Draw the sensor's outline and strips, and name the axes."""
     width, length = sensor.width_mm, sensor.length_mm
     axes.add_patch(Rectangle((0.0, 0.0), width, length, facecolor=SENSOR, edgecolor="none", zorder=0))
-    if sensor.strips <= _MOST_STRIPS:
+    if sensor.strips <= _MOST_STRIPS and sensor.strip_width == sensor.pitch_mm:
+        axes.vlines(
+            np.arange(1, sensor.strips) * sensor.pitch_mm, 0.0, length, color=STRIP, linewidth=0.6, zorder=0.5
+        )
+    elif sensor.strips <= _MOST_STRIPS:
         for x in sensor.x_mm:
             corner = (x - sensor.strip_width / 2.0, 0.0)
             axes.add_patch(

@@ -14,6 +14,9 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from tacstrip.errors import OptionError
+
+ENDINGS = (".png", ".svg", ".pdf")
 TRUE = "#555555"  # the shape that touched
 SENSOR = "#e6e2d8"
 STRIP = "#cfc8b8"
@@ -55,8 +58,21 @@ def add_axes(figure: Figure, rows: int, columns: int, index: int, **options: Any
     return axes
 
 
+def check_picture(path: str | Path) -> None:
+    """Refuse a picture's file whose ending is no known kind, before any work is done for it.
+
+    Raises
+    ------
+    OptionError
+        The message lists the endings.
+    """
+    if Path(path).suffix.lower() not in ENDINGS:
+        raise OptionError(f"{path}: a picture is a file that ends in {', '.join(ENDINGS)}")
+
+
 def save(figure: Figure, path: str | Path, dpi: int = 110) -> Path:
     """Write a figure, its format by the file's ending, and make the folder if it is missing."""
+    check_picture(path)
     file = Path(path)
     file.parent.mkdir(parents=True, exist_ok=True)
     with mpl.rc_context(_RC), warnings.catch_warnings():

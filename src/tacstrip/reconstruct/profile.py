@@ -7,12 +7,13 @@ import numpy.typing as npt
 
 from tacstrip.arrays import FloatArray
 from tacstrip.errors import SignatureError
-from tacstrip.reconstruct.result import Reconstruction, RecoveredObject, close_chains
+from tacstrip.reconstruct.result import Reconstruction, RecoveredObject, Status, close_chains
 from tacstrip.scan import Scan
 from tacstrip.sensor.circuit import lower_and_width
 from tacstrip.sensor.spec import Sensor
 
 _ROUNDING = 1e-9  # of the strip length
+_NOISE = 0.02  # of Vref: twice P.U. profile II, which a contact without width may show
 
 
 def profile_reconstruction(scan: Scan, sensor: Sensor) -> Reconstruction:
@@ -36,7 +37,9 @@ def profile_reconstruction(scan: Scan, sensor: Sensor) -> Reconstruction:
             f"{', '.join(have)}. Use Vertex Reconstruction"
         )
     l, u = profile(sensor, scan["kh"], scan["kl"])
-    return Reconstruction("profile", tuple(_object(sensor, run, l, u) for run in scan.runs()), scan.time_s)
+    return Reconstruction(
+        "profile", tuple(_object(sensor, run, scan, l, u) for run in scan.runs()), scan.time_s
+    )
 
 
 def profile(sensor: Sensor, kh: FloatArray, kl: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -75,14 +78,25 @@ def profile_at(recovered: RecoveredObject, original_vertices: npt.ArrayLike) -> 
     return np.stack([x[nearest], y], axis=1)
 
 
-def _object(sensor: Sensor, run: slice, l: FloatArray, u: FloatArray) -> RecoveredObject:
+def _object(sensor: Sensor, run: slice, scan: Scan, l: FloatArray, u: FloatArray) -> RecoveredObject:
     x, low, high = sensor.x_mm[run], l[run], u[run]
+    status, advice = _plausible(x, scan["kh"][run], scan["kl"][run])
     if len(x) < 2:
         where = f"x = {x[0]:.6g} mm, from y = {low[0]:.6g} to {high[0]:.6g} mm"
-        advice = f"one strip is touched, at {where}: an interval, not a shape"
+        advice = advice or f"one strip is touched, at {where}: an interval, not a shape"
         return RecoveredObject(run, profile=(x, low, high), status="too few strips", advice=advice)
     if (high - low).max() <= _ROUNDING * sensor.length_mm:
-        advice = "the contact has no width on any strip: a line, given as its profile"
+        advice = advice or "the contact has no width on any strip: a line, given as its profile"
         return RecoveredObject(run, profile=(x, low, high), status="too few strips", advice=advice)
     vertices = close_chains(np.stack([x, low], axis=1), np.stack([x, high], axis=1))
-    return RecoveredObject(run, vertices, (x, low, high))
+    return RecoveredObject(run, vertices, (x, low, high), None, status, advice)
+
+
+def _plausible(x: FloatArray, kh: FloatArray, kl: FloatArray) -> tuple[Status, str]:
+    """Doubt readings that no contact makes: the current flows down, so k_h is never below k_l."""
+    wrong = np.flatnonzero(kl - kh > _NOISE)
+    if not len(wrong):
+        return "ok", ""
+    where = ", ".join(f"{at:.6g}" for at in x[wrong[:5]]) + (", ..." if len(wrong) > 5 else "")
+    found = f"k_h is below k_l on {len(wrong)} of {len(x)} strips (x = {where} mm), which no contact makes"
+    return "doubtful", f"{found}: are v_h and v_l exchanged there, or is a channel stuck?"

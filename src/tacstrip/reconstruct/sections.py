@@ -84,6 +84,14 @@ def noise_level(sections: list[Section | None]) -> float:
     )
 
 
+def reading_noise(k: FloatArray) -> float:
+    """Return the noise's standard deviation from the second differences of neighbouring readings, robustly."""
+    if len(k) < 3:
+        return 0.0
+    second = np.diff(k, 2)
+    return float(1.4826 * np.median(np.abs(second - np.median(second))) / np.sqrt(6.0))
+
+
 def _fit(x: FloatArray, k: FloatArray, steepest: float) -> Section:
     n = len(x)
     middle, half = 0.5 * (x[0] + x[-1]), 0.5 * (x[-1] - x[0])

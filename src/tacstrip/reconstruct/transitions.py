@@ -24,7 +24,7 @@ import numpy.typing as npt
 
 from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.errors import OptionError, one_of
-from tacstrip.reconstruct.sections import fit_sections
+from tacstrip.reconstruct.sections import fit_sections, reading_noise
 from tacstrip.scan import Scan
 from tacstrip.sensor.spec import Sensor
 
@@ -63,6 +63,11 @@ def transitions_of_runs(
     given = np.asarray(transitions, dtype=float)
     if given.ndim != 1 or not np.all(np.isfinite(given)) or np.any(np.diff(given) < 0.0):
         raise OptionError("transitions must be a list of finite x [mm] of all vertices, in ascending order")
+    if len(given) and not 0.0 <= given.min() <= given.max() <= sensor.width_mm:
+        off = given.min() if given.min() < 0.0 else given.max()
+        raise OptionError(
+            f"the transition at {off:.6g} mm is off the sensor: x runs from 0 to {sensor.width_mm:.6g} mm"
+        )
     if not runs:
         return []
     first, last = (np.array([x[run][end] for run in runs]) for end in (0, -1))
@@ -91,8 +96,7 @@ def by_gradient(x: FloatArray, k: FloatArray, pitch_mm: float, ratio: float = 1.
     left, left_at = _lines(k, reach, -1)
     right, right_at = _lines(k, reach, +1)
     g = np.where(reach >= 2, right - left, 0.0)  # per strip
-    second = np.diff(k, 2)
-    sigma = 1.4826 * np.median(np.abs(second - np.median(second))) / np.sqrt(6.0)
+    sigma = reading_noise(k)
     size = reach + 1.0
     deviation = sigma * np.sqrt(24.0 / np.maximum(size**3 - size, 1.0))
     peaks = _peaks(np.abs(g), int(reach.max()), _SIGNIFICANT * deviation)

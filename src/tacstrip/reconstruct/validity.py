@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from tacstrip.arrays import FloatArray
-from tacstrip.reconstruct.result import Status
+from tacstrip.contact.signature import signatures
+from tacstrip.reconstruct.result import Profile, Status
+from tacstrip.reconstruct.sections import reading_noise
 from tacstrip.sensor.spec import Sensor
 
 _ROUNDING = 1e-6  # of the strip length: off the sensor by less is rounding, not noise
@@ -44,6 +46,43 @@ def judge(sensor: Sensor, polygon: FloatArray, weak_x: FloatArray) -> tuple[Stat
         where = _at(np.roll(polygon, -1, axis=0)[turn.argmin()])
         corner = f"the corner at {where} is not convex, which Vertex Reconstruction assumes"
         return "doubtful", f"{corner}; {_REMEDY}"
+    return "ok", ""
+
+
+def judge_fit(
+    sensor: Sensor, signature: str, profile: Profile, k: FloatArray, x: FloatArray
+) -> tuple[Status, str]:
+    """Ask whether a polygon makes the signature that was measured: with a corner too few it does not.
+
+    Parameters
+    ----------
+    sensor, signature
+        What was measured.
+    profile
+        The polygon on the touched strips: x, l and u (strips,) [mm].
+    k
+        The readings (strips,).
+    x
+        The vertices' x [mm].
+
+    Returns
+    -------
+    tuple
+        "doubtful" where an end vertex lies beside the contact, or where the readings are further from the polygon's
+        than their noise explains; "ok".
+    """
+    strips, l, u = profile
+    outside = np.maximum(strips[0] - x, x - strips[-1])
+    if outside.max() > (1.0 + _ROUNDING) * sensor.pitch_mm:
+        far = f"the vertex at x = {x[outside.argmax()]:.6g} mm lies beside the touched strips"
+        return "doubtful", f"{far} ({strips[0]:.6g} to {strips[-1]:.6g} mm); give transitions within them"
+    off = k - signatures(sensor, l, u)[signature]
+    misfit = float(np.sqrt(np.mean(off**2)))
+    # The noise is estimated from as many strips, to some 3 / sqrt(n), and a little high on curved signatures.
+    if misfit > (1.15 + 3.0 / np.sqrt(len(k))) * reading_noise(k) + _ROUNDING:
+        said = f"the polygon's readings are {100.0 * misfit:.2g} % of Vref from the measured ones"
+        cause = "a corner may be missing, or the object is not convex"
+        return "doubtful", f"{said}: {cause}; give the transitions by hand, or use both signatures"
     return "ok", ""
 
 

@@ -12,7 +12,7 @@ from tacstrip.errors import OptionError, one_of
 from tacstrip.reconstruct.result import Reconstruction, RecoveredObject, Status, close_chains
 from tacstrip.reconstruct.sections import Section, fit_sections, noise_level
 from tacstrip.reconstruct.transitions import transitions_of_runs
-from tacstrip.reconstruct.validity import judge
+from tacstrip.reconstruct.validity import judge, judge_fit
 from tacstrip.scan import Scan
 from tacstrip.sensor.circuit import chain_weights, erosion
 from tacstrip.sensor.constructions import SIGNATURES
@@ -161,6 +161,8 @@ def _recover(
         return RecoveredObject(run, status=status, advice=advice)
     np.clip(polygon[:, 1], 0.0, sensor.length_mm, out=polygon[:, 1])
     profile = (strips, np.interp(strips, *vertices[on_low].T), np.interp(strips, *vertices[on_high].T))
+    if status == "ok":
+        status, advice = judge_fit(sensor, signature, profile, k, x)
     return RecoveredObject(run, polygon, profile, None, status, advice)
 
 
@@ -168,7 +170,8 @@ def _check_counts(sensor: Sensor, strips: FloatArray, x: FloatArray) -> None:
     """Refuse what holds too little to tell a polygon, or is singular."""
     if len(x) < 3:
         found = f"{len(x)} transitions are a line at most, and a polygon needs 3"
-        raise _Refusal("too few transitions", f"{found}; give them by hand, or use both signatures")
+        other = ", or use both signatures" if len(sensor.signatures) > 1 else ""
+        raise _Refusal("too few transitions", f"{found}; give them by hand{other}")
     if len(strips) < len(x):
         found = f"{len(strips)} strips are touched, and {len(x)} vertices need as many readings"
         raise _Refusal("too few strips", f"{found}; use finer strips, or a larger object")

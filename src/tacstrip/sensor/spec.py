@@ -121,7 +121,7 @@ class Sensor:
         try:
             if not file.exists() and str(path) in spec_names():
                 file = spec_path(str(path))
-            raw = tomllib.loads(file.read_text(encoding="utf-8"))
+            raw = tomllib.loads(file.read_text(encoding="utf-8-sig"))
         except FileNotFoundError:
             shipped = ", ".join(spec_names())
             raise SpecError(
@@ -191,6 +191,9 @@ def _check(s: Sensor) -> None:
             raise SpecError(f"{key} does not belong to a {kind.name} sensor, only to: {owners}")
         if key in kind.required and not given:
             raise SpecError(f"{key} is missing: a {kind.name} sensor needs it")
+    if (s.touch_volt is None) != (s.rest_volt is None):
+        here, missing = ("touch_volt", "rest_volt") if s.rest_volt is None else ("rest_volt", "touch_volt")
+        raise SpecError(f"{here} is set and {missing} is not: give both or neither")
     limits: tuple[tuple[str, bool, str], ...] = (
         ("format", s.format == FORMAT, f"this tacstrip reads format {FORMAT}"),
         ("strips", 1 <= s.strips <= 1_000_000, "must be 1 to 1000000"),
@@ -200,7 +203,6 @@ def _check(s: Sensor) -> None:
         ("strip_base", s.strip_base in (0, 1), "must be 0 or 1"),
         ("rest_volt", s.rest_volt is None or 0 <= s.rest_volt <= s.vref_volt, "must be 0 to vref_volt"),
         ("touch_volt", s.touch_volt is None or s.touch_volt > 0.0, "must be above 0"),
-        ("touch_volt", (s.touch_volt is None) == (s.rest_volt is None), "give it together with rest_volt"),
     )
     for key, good, advice in limits:
         if not good:

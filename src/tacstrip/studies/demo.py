@@ -108,7 +108,7 @@ def picture(demo: Demo) -> Figure:
         draw_signatures(axes, demo.sensor, demo.scans[name], style=style)
     axes.set_title("pseudo-signatures\n(dotted: before calibration)")
     axes.set_xlabel("x [mm]")
-    axes.set_ylabel("reading times L [mm]")
+    axes.set_ylabel("k L [mm]")
     handles, labels = axes.get_legend_handles_labels()
     legend(axes, handles=handles[2:], labels=labels[2:])
     figure.suptitle(

@@ -184,7 +184,7 @@ def _reasons() -> list[Claim]:
 def _concave_profile(medians: dict[Any, Any]) -> Claim:
     ours = medians["profile", "concave tetragon", "quantisation + profile II"]
     worst = max(ours["mc"]["median"])
-    text = "P.R. recovers a shape that is concave in the analog dimension only"
+    text = "P.R. recovers a concave shape that meets every strip in one piece"
     return Claim(
         text, "holds" if worst < 0.15 else "fails", f"largest median M.C. under profile II: {worst:.3f} rad"
     )
