@@ -23,6 +23,8 @@ ORDER = [
     "contact.shape", "contact.footprint", "contact.signature", "contact.noise",
     "network.nodal", "network.wires", "network.build", "network.mesh", "network.strips", "network.ladder",
     "network.spice", "network.timing", "network.arrays", "network.fourwire", "network.digital",
+    "network.crp_mesh", "network.crp_scan", "network.crp_readings", "network.crp_limits", "network.crp_bound",
+    "network.crp_descent", "network.crp", "network.sheet",
     "scan", "simulate",
     "reconstruct.result", "reconstruct.sections", "reconstruct.transitions", "reconstruct.validity",
     "reconstruct.vertex", "reconstruct.profile",

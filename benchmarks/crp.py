@@ -1,0 +1,113 @@
+"""A whole CRS-CRP scan in units of one factorisation, its growth, and what an inversion takes.
+
+All strips are touched: a disc of 90 % of the length, the worst case of many contact nodes, and a band of a fifth.
+The scan lays the resistors out, assembles, factors, solves for every strip and reads all electrodes.
+Run: python benchmarks/crp.py
+"""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.linalg import splu
+from sheet import in_turns
+
+import tacstrip as ts
+from tacstrip.arrays import FloatArray
+from tacstrip.network import crp
+from tacstrip.network.nodal import Factored
+from tacstrip.sensor.constructions import CONSTRUCTIONS
+
+KIND = "crs-crp" if "crs-crp" in CONSTRUCTIONS else "crs-crs"
+LENGTH = 100.0
+
+
+def a_sensor(strips: int) -> ts.Sensor:
+    """Return a square sensor."""
+    return ts.Sensor(
+        construction=KIND,
+        strips=strips,
+        pitch_mm=LENGTH / strips,
+        length_mm=LENGTH,
+        resistivity_ratio=100.0,
+        contact_lambda_mm=2.0,
+    )
+
+
+def disc(sensor: ts.Sensor) -> tuple[FloatArray, FloatArray]:
+    """Return l and u of a disc that touches all strips."""
+    half = 45.0 * np.sqrt(1.0 - ((sensor.x_mm - 50.0) / 50.0) ** 2)
+    return 50.0 - half, 50.0 + half
+
+
+def band(sensor: ts.Sensor) -> tuple[FloatArray, FloatArray]:
+    """Return l and u of a band over all strips."""
+    return np.full(sensor.strips, 40.0), np.full(sensor.strips, 60.0)
+
+
+def superlu(scan: crp.Scan) -> Callable[[], object]:
+    """Return the job that factors a scan's matrix, assembled beforehand, with the options of `nodal`."""
+    net = scan.wired.network
+    free = np.ones(net.nodes, dtype=bool)
+    free[scan.factored.held] = False
+    number = np.cumsum(free) - 1
+    inside = free[net.start] & free[net.end]
+    i, j, g = number[net.start[inside]], number[net.end[inside]], net.siemens[inside]
+    diagonal = np.bincount(net.start, net.siemens, net.nodes) + np.bincount(net.end, net.siemens, net.nodes)
+    every = np.arange(free.sum())
+    entries = np.concatenate([diagonal[free], -g, -g])
+    where = np.concatenate([every, i, j]), np.concatenate([every, j, i])
+    matrix = coo_array((entries, where), shape=(len(every), len(every))).tocsc()
+    options = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
+
+    def job() -> object:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return splu(matrix, **options)
+
+    return job
+
+
+def main() -> None:
+    """Print a scan's time over one factorisation for several meshes, then an inversion's."""
+    print(
+        "anew: the network's matrix assembled and factored, as `nodal.Factored` does; LU: SuperLU's part of it"
+    )
+    print(
+        f"{'contact':>8} {'strips':>6} {'rows':>5} {'nodes':>6}  anew [ms]  LU [ms]  scan [ms]  scan / anew  scan / LU"
+    )
+    for shape in (disc, band):
+        for strips, rows in ((25, 100), (50, 100), (100, 50), (100, 100), (100, 200), (200, 100)):
+            sensor = a_sensor(strips)
+            l, u = shape(sensor)
+            scan = crp.Scan.of_span(sensor, l, u, rows)
+            jobs = (
+                partial(Factored, scan.wired.network, scan.factored.held),
+                superlu(scan),
+                partial(crp.all_electrodes, sensor, l, u, rows),
+            )
+            anew, lu, whole = in_turns(jobs, 9)
+            print(
+                f"{shape.__name__:>8} {strips:6d} {rows:5d} {scan.wired.network.nodes:6d} {1e3 * anew:10.1f} "
+                f"{1e3 * lu:8.1f} {1e3 * whole:10.1f} {whole / anew:12.2f} {whole / lu:10.2f}"
+                + ("  (wanted: 3)" if strips == 100 else "")
+            )
+    for strips in (20, 50):
+        sensor = a_sensor(strips)
+        l, u = disc(sensor)
+        kh, kl = crp.own_electrodes(sensor, l, u, 100) + 1e-3 * np.random.default_rng(0).normal(
+            size=(2, strips)
+        )
+        start = time.perf_counter()
+        found = crp.invert(sensor, kh, kl, rows=100)
+        seconds = time.perf_counter() - start
+        print(f"inversion, {strips} strips, 0.1 % noise: {seconds:.2f} s, {found.iterations} networks")
+
+
+if __name__ == "__main__":
+    main()
