@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -76,6 +77,22 @@ def test_method_signature_transitions_and_truth(folder: Path) -> None:
     assert len(feature["geometry"]["coordinates"][0]) == 5
     assert "M.C." in done.stderr
     assert "IoU 1.000" in done.stderr
+
+
+def test_truth_with_several_polygons_as_placed(folder: Path) -> None:
+    (folder / "two.wkt").write_text("MULTIPOLYGON (((0 0, 20 0, 8 30, 0 0)), ((60 10, 90 20, 70 60, 60 10)))")
+    _good(_run(folder, "simulate", "simulated-crs-crs", "two.wkt", "-o", "r.csv", "--at", 500, 400, "--turn", 20,
+               "--placed", "placed.wkt"))  # fmt: skip
+    done = _good(
+        _run(folder, "reconstruct", "simulated-crs-crs", "r.csv", "-o", "o.geojson", "--truth", "placed.wkt")
+    )
+    overlaps = [float(v) for v in re.findall(r"IoU ([\d.]+)", done.stderr)]
+    assert len(overlaps) == 2
+    assert min(overlaps) > 0.9
+    (folder / "line.wkt").write_text("LINESTRING (0 0, 5 5)")
+    done = _run(folder, "reconstruct", "simulated-crs-crs", "r.csv", "--truth", "line.wkt")
+    assert done.returncode == 2
+    assert "--truth line.wkt: holds no polygon to compare with" in done.stderr
 
 
 def test_what_could_not_be_recovered_ends_with_1(folder: Path) -> None:

@@ -8,6 +8,7 @@ from collections import Counter
 from pathlib import Path
 
 import click
+import numpy as np
 
 from tacstrip.cli import protect
 from tacstrip.contact.shape import Contact
@@ -35,7 +36,9 @@ _MOST_LINES = 20
               help="For vertex: auto, gradient, or the x of all vertices [mm].")  # fmt: skip
 @click.option("--reading", default="section", show_default=True, help="For vertex: section or strip.")
 @click.option(
-    "--truth", type=click.Path(path_type=Path), help="What touched (.wkt, .geojson): prints the mismatch."
+    "--truth",
+    type=click.Path(path_type=Path),
+    help="What touched (.wkt, .geojson): prints the mismatch, against the nearest polygon.",
 )
 @click.option("--plot", type=click.Path(path_type=Path), help="Picture to write (.png, .svg, .pdf).")
 def command(
@@ -83,6 +86,10 @@ def command(
         for s in scans
     ]
     contact = read_contact(truth) if truth else None
+    if contact is not None and not _polygons(contact):
+        raise OptionError(
+            f"--truth {truth}: holds no polygon to compare with; a line or a point has no outline"
+        )
     _report(results, contact)
     if output is None:
         click.echo(json.dumps(feature_collection(results), indent=1))
@@ -127,9 +134,15 @@ def _line(number: int, result: Reconstruction, found: RecoveredObject, truth: Co
     text += f". {found.advice}" if found.advice else ""
     if truth is None or not found.found:
         return text
-    m = mismatch(truth.vertices, found.vertices)
+    near = min(_polygons(truth), key=lambda c: float(np.hypot(*(c.centroid - found.centroid))))
+    m = mismatch(near.vertices, found.vertices)
     numbers = f"M.C. {m.mc:.4g} rad, A.O.E. {m.aoe:.4g} rad, A.P.E. {m.ape:.4g} mm, IoU {m.iou:.3f}"
     return f"{text}\n    against the truth: {numbers}"
+
+
+def _polygons(truth: Contact) -> list[Contact]:
+    """Return the polygons of a contact, each on its own."""
+    return [Contact((shape,)) for shape in truth.shapes if shape.area > 0.0]
 
 
 def _plot(

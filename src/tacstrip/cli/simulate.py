@@ -7,6 +7,7 @@ from pathlib import Path
 
 import click
 import numpy as np
+import shapely
 from click.core import ParameterSource
 
 from tacstrip.cli import protect
@@ -41,6 +42,11 @@ _POINT = (float, float)
 )
 @click.option("--distribution", default="uniform", show_default=True, help="uniform or normal.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the errors.")
+@click.option(
+    "--placed",
+    type=click.Path(path_type=Path),
+    help="Write the contact as placed (.wkt), for reconstruct --truth.",
+)
 @click.option("--plot", type=click.Path(path_type=Path), help="Picture to write (.png, .svg, .pdf).")
 def command(
     sensor: str,
@@ -56,6 +62,7 @@ def command(
     positional: float,
     distribution: str,
     seed: int,
+    placed: Path | None,
     plot: Path | None,
 ) -> None:
     """Press CONTACT (.wkt or .geojson, mm) on SENSOR (a spec file or a shipped spec) and write the readings.
@@ -63,7 +70,10 @@ def command(
     Example: tacstrip simulate prototype-crs-crs object.wkt -o readings.csv --at 32 160 --positional 0.005
     """
     protect(output, sensor, contact)
+    protect(placed, sensor, contact, output)
     protect(plot, sensor, contact, output)
+    if placed is not None and drag:
+        raise OptionError("--placed writes one place; leave --drag out")
     if plot is not None:
         from tacstrip.plot.style import check_picture
 
@@ -85,6 +95,8 @@ def command(
     touch = footprint(spec, places)
     scans = [simulate(spec, c, noise, random, time_s=i / rate) for i, c in enumerate(places)]
     write_readings(output, spec, scans)
+    if placed is not None:
+        placed.write_text(shapely.GeometryCollection(list(shape.shapes)).wkt + "\n", encoding="utf-8")
     touched = int(np.isfinite(touch.l).sum())
     click.echo(f"{output}: {len(scans)} scan(s) of {spec.strips} strips, {touched} readings in contact")
     if touched == 0:
