@@ -17,7 +17,6 @@ import shapely
 
 from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.contact.shape import Contact
-from tacstrip.errors import ContactError
 from tacstrip.sensor.spec import Sensor
 
 Intervals: TypeAlias = tuple[IntArray, FloatArray, FloatArray]
@@ -71,7 +70,7 @@ def footprint(sensor: Sensor, contact: Contact | Sequence[Contact]) -> Footprint
     contacts = [contact] if isinstance(contact, Contact) else list(contact)
     outside = _sticks_out(sensor, contacts)
     for number in np.flatnonzero(outside):
-        contacts[number] = _clip(sensor, contacts[number])
+        contacts[number] = contacts[number].clipped(sensor.width_mm, sensor.length_mm, "sensor")
     shape = (len(contacts), sensor.strips)
     l, u = np.full(shape, np.inf), np.full(shape, -np.inf)
     area = _area_crossings(sensor, contacts)
@@ -95,25 +94,6 @@ def _sticks_out(sensor: Sensor, contacts: Sequence[Contact]) -> np.ndarray[tuple
         axis=1
     )
     return np.bincount(owner, weights=out, minlength=len(contacts)) > 0
-
-
-def _clip(sensor: Sensor, contact: Contact) -> Contact:
-    """Cut away what lies off the sensor. An area that only grazes the sensor's edge is off it."""
-    box = shapely.box(0.0, 0.0, sensor.width_mm, sensor.length_mm)
-    inside = [
-        part
-        for shape in contact.shapes
-        for part in shapely.get_parts(shapely.intersection(shape, box))
-        if not part.is_empty and (part.area > 0.0 or shape.area == 0.0)
-    ]
-    if not inside:
-        x0, y0, x1, y1 = shapely.GeometryCollection(list(contact.shapes)).bounds
-        raise ContactError(
-            f"the contact (x {x0:.6g} to {x1:.6g}, y {y0:.6g} to {y1:.6g} mm) lies outside the sensor "
-            f"(x 0 to {sensor.width_mm:.6g}, y 0 to {sensor.length_mm:.6g} mm); "
-            "move it, or check its unit: mm"
-        )
-    return Contact(tuple(inside))
 
 
 def _edges(contacts: Sequence[Contact], kind: str) -> tuple[FloatArray, FloatArray, IntArray]:

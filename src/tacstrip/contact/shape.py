@@ -158,6 +158,31 @@ class Contact:
         stops = shapely.line_interpolate_point(line, np.linspace(0.0, line.length, steps))
         return [self.placed(p.x, p.y).turned(i * turn_rad) for i, p in enumerate(stops)]
 
+    def clipped(self, width_mm: float, height_mm: float, surface: str) -> Contact:
+        """Return what lies on a surface that spans x 0 to width and y 0 to height [mm].
+
+        An area that only grazes the edge is off it.
+
+        Raises
+        ------
+        ContactError
+            All of it lies outside; `surface` is what the message calls it.
+        """
+        box = shapely.box(0.0, 0.0, width_mm, height_mm)
+        inside = [
+            part
+            for shape in self.shapes
+            for part in shapely.get_parts(shapely.intersection(shape, box))
+            if not part.is_empty and (part.area > 0.0 or shape.area == 0.0)
+        ]
+        if not inside:
+            x0, y0, x1, y1 = shapely.GeometryCollection(list(self.shapes)).bounds
+            raise ContactError(
+                f"the contact (x {x0:.6g} to {x1:.6g}, y {y0:.6g} to {y1:.6g} mm) lies outside the {surface} "
+                f"(x 0 to {width_mm:.6g}, y 0 to {height_mm:.6g} mm); move it, or check its unit: mm"
+            )
+        return Contact(tuple(inside))
+
     def _mapped(self, change: Any) -> Contact:
         if not all(np.abs(change(shapely.get_coordinates(s))).max() < _FAR for s in self.shapes):
             raise ContactError("a contact can be moved or turned by finite numbers only, within 1e9 mm")

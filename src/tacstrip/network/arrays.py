@@ -12,7 +12,7 @@ from shapely.geometry.base import BaseGeometry
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
 from tacstrip.contact.shape import Contact
-from tacstrip.errors import ContactError, OptionError
+from tacstrip.errors import OptionError
 
 MOST = 1000  # cells, rows or columns each way
 _ON_EDGE = 1e-9  # of a cell or a pitch
@@ -37,20 +37,8 @@ def on_surface(
     """
     surface = shapely.box(0.0, 0.0, width_mm, height_mm)
     areas = shapely.union_all([s for s in contact.shapes if s.area > 0.0])
-    thin = [s for s in contact.shapes if s.area == 0.0]
-    whole = [*shapely.get_parts(areas), *thin]
-    inside = [
-        part
-        for shape in whole
-        for part in shapely.get_parts(shapely.intersection(shape, surface))
-        if not part.is_empty and (part.area > 0.0 or shape.area == 0.0)
-    ]
-    if not inside:
-        x0, y0, x1, y1 = shapely.GeometryCollection(list(contact.shapes)).bounds
-        raise ContactError(
-            f"the contact (x {x0:.6g} to {x1:.6g}, y {y0:.6g} to {y1:.6g} mm) lies outside the {name} "
-            f"(x 0 to {width_mm:.6g}, y 0 to {height_mm:.6g} mm); move it, or check its unit: mm"
-        )
+    whole = [*shapely.get_parts(areas), *(s for s in contact.shapes if s.area == 0.0)]
+    inside = list(Contact(tuple(whole)).clipped(width_mm, height_mm, name).shapes)
     clipped = not all(shapely.covers(surface, shape) for shape in whole)
     return inside, clipped
 

@@ -38,7 +38,8 @@ def vertex_reconstruction(
     scan, sensor
         What was measured, with what.
     signature
-        "kh", "kl" or "k"; by default the last of these that the scan has (5.6: k_l beats k_h).
+        "kh", "kl" or "k"; by default the last of these that the scan has: k_l before k_h, as 5.6 advises
+        (docs/reconstruction.md says where that is wrong).
     transitions
         Ascending x [mm] of all vertices, ends included; or "auto" or "gradient" to find them.
     reading
