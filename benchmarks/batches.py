@@ -11,7 +11,7 @@ from _timing import median_seconds
 
 import tacstrip as ts
 from tacstrip.arrays import FloatArray
-from tacstrip.reconstruct.profile import profile
+from tacstrip.reconstruct.ends import closed_ends
 from tacstrip.simulate import readings
 
 SENSOR = ts.Sensor(construction="crs-crs", strips=100, pitch_mm=1.0, length_mm=100.0, adc_bits=12)
@@ -23,7 +23,7 @@ HEXAGON = ts.Contact.polygon([(0, 15), (15, 0), (50, 6), (62, 28), (40, 47), (8,
 def batch(l: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Simulate and reconstruct all scans at once."""
     scan = readings(SENSOR, l, u, NOISE, 0)
-    return profile(SENSOR, scan["kh"], scan["kl"])
+    return closed_ends(SENSOR, scan["kh"], scan["kl"])
 
 
 def plain_loop(l: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -46,7 +46,7 @@ def sensors(draw: st.DrawFn, construction: str | None = None, most_strips: int =
         strip_width_mm=width,
         radius_mm=around * strips * pitch / (2.0 * np.pi) if "radius_mm" in kind.keys else None,
         resistivity_ratio=draw(ratios()) if "resistivity_ratio" in kind.keys else 1.0,
-        contact_lambda_mm=draw(st.just(0.0) | size),
+        contact_lambda_mm=draw(size if "contact_lambda_mm" in kind.required else st.just(0.0) | size),
         vref_volt=vref,
         adc_bits=draw(st.none() | st.integers(1, 32)),
         rest_volt=rest,

@@ -18,7 +18,7 @@ SOURCE = ROOT / "src" / "tacstrip"
 
 # From the ground up: a file imports only what stands above it in this list.
 ORDER = [
-    "errors", "arrays", "data",
+    "errors", "arrays", "data", "fisher",
     "sensor.constructions", "sensor.circuit", "sensor.spec", "sensor.surface",
     "contact.shape", "contact.footprint", "contact.signature", "contact.noise",
     "network.nodal", "network.wires", "network.build", "network.mesh", "network.strips", "network.ladder",
@@ -26,9 +26,10 @@ ORDER = [
     "network.crp_mesh", "network.crp_scan", "network.crp_readings", "network.crp_limits", "network.crp_bound",
     "network.crp_descent", "network.crp", "network.sheet",
     "scan", "simulate",
-    "reconstruct.result", "reconstruct.sections", "reconstruct.transitions", "reconstruct.validity",
-    "reconstruct.vertex", "reconstruct.profile",
-    "io.readings", "io.geometry",
+    "reconstruct.moments", "reconstruct.region", "reconstruct.result", "reconstruct.outline", "reconstruct.bound",
+    "reconstruct.sections", "reconstruct.transitions", "reconstruct.validity",
+    "reconstruct.vertex", "reconstruct.ends", "reconstruct.profile",
+    "io.columns", "io.readings", "io.geometry",
     "metrics",
     "plot.style", "plot.scene", "plot.result",
     "studies.thesis.published", "studies.thesis.shapes", "studies.thesis.chapter2", "studies.thesis.chapter3",

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 import tacstrip as ts
 from polygons import convex_polygon, from_left
-from tacstrip.reconstruct.profile import profile
+from tacstrip.reconstruct.ends import closed_ends
 
 SENSOR = ts.Sensor(construction="crs-crs", strips=1000, pitch_mm=1.0, length_mm=1000.0)
 DART = np.array([(300.5, 480.0), (420.5, 500.0), (560.5, 470.0), (500.5, 610.0)])
@@ -61,10 +61,10 @@ def test_contact_resistance_is_undone() -> None:
     scan = ts.simulate(lossy, contact)
     assert scan.kh is not None
     assert scan.kl is not None
-    low, high = profile(lossy, scan.kh, scan.kl)
+    low, high = closed_ends(lossy, scan.kh, scan.kl)
     np.testing.assert_allclose(low, l, atol=1e-6)
     np.testing.assert_allclose(high, u, atol=1e-6)
-    low, high = profile(ideal, scan.kh, scan.kl)  # eroded at both ends by up to lambda
+    low, high = closed_ends(ideal, scan.kh, scan.kl)  # eroded at both ends by up to lambda
     wide = u - l > 40.0
     np.testing.assert_allclose((low - l)[wide], 5.0, atol=0.01)
     np.testing.assert_allclose((u - high)[wide], 5.0, atol=0.01)

@@ -29,9 +29,12 @@ def sensor_of(construction: str, **keys: Any) -> Sensor:
     """Return a sensor of 24 strips, 48 mm by 80 mm, of any construction."""
     if construction.startswith("cyl"):
         keys = {"radius_mm": 9.0} | keys
+    if construction == "crs-crp":
+        keys = {"resistivity_ratio": 100.0, "contact_lambda_mm": 1.5} | keys
     return Sensor(construction=construction, strips=24, pitch_mm=2.0, length_mm=80.0, **keys)
 
 
+CLOSED = sorted(name for name, kind in CONSTRUCTIONS.items() if kind.closed_form)
 RUBBER, METAL = sensor_of("crs-crs"), sensor_of("crs-m")
 
 # Scans.
@@ -138,7 +141,7 @@ def closed_form(sensor: Sensor, l: FloatArray, u: FloatArray) -> dict[str, Float
     return {name: {"kh": kh, "kl": kl, "k": k}[name] for name in sensor.signatures}
 
 
-@pytest.mark.parametrize("construction", sorted(CONSTRUCTIONS))
+@pytest.mark.parametrize("construction", CLOSED)
 def test_a_scan_is_the_closed_form_on_the_footprint(construction: str) -> None:
     sensor = sensor_of(construction)
 
@@ -199,7 +202,7 @@ def some_contacts(sensor: Sensor, scans: int = 5) -> tuple[FloatArray, FloatArra
     return l, l + rng.uniform(0.0, 39.0, l.shape)
 
 
-@pytest.mark.parametrize("construction", sorted(CONSTRUCTIONS))
+@pytest.mark.parametrize("construction", CLOSED)
 @pytest.mark.parametrize("bits", [None, 10])
 def test_many_scans_are_their_rows_one_by_one(construction: str, bits: int | None) -> None:
     sensor = sensor_of(construction, adc_bits=bits, contact_lambda_mm=1.5)

@@ -17,6 +17,10 @@ from tacstrip.sensor.spec import Sensor
 class Scan:
     """Readings of all strips over Vref, one array (strips,) per signature; NaN where nothing touches.
 
+    `electrodes` (strips, 2 strips), for CRS-CRP only: what every electrode of the sheet read while each strip was
+    energised, those at y = 0 first, then those at y = L; a row of NaN where nothing touches. k_l and k_h are its
+    two diagonals.
+
     Raises
     ------
     ReadingError
@@ -28,6 +32,7 @@ class Scan:
     kl: FloatArray | None = None
     k: FloatArray | None = None
     time_s: float = 0.0
+    electrodes: FloatArray | None = None
 
     def __post_init__(self) -> None:
         for name in SIGNATURES:
@@ -46,6 +51,17 @@ class Scan:
                     f"strip {half[0]} has only one of {names[0]} and {name}; "
                     "give both, or NaN for both where nothing touches"
                 )
+        if self.electrodes is not None:
+            object.__setattr__(self, "electrodes", _electrodes(self.electrodes, self.touched))
+
+    @classmethod
+    def of_electrodes(cls, electrodes: npt.ArrayLike, time_s: float = 0.0) -> Scan:
+        """Make a CRS-CRP scan of all electrodes' readings (strips, 2 strips); errors as for `Scan`."""
+        read = np.array(electrodes, dtype=float)
+        if read.ndim != 2 or read.shape[1] != 2 * len(read):
+            raise ReadingError(f"electrodes have shape {read.shape}; give (strips, 2 strips)")
+        each = np.arange(len(read))
+        return cls(kh=read[each, len(read) + each], kl=read[each, each], time_s=time_s, electrodes=read)
 
     def __getitem__(self, signature: str) -> FloatArray:
         """Return one signature's readings (strips,).
@@ -96,6 +112,24 @@ def _readings(name: str, values: npt.ArrayLike) -> FloatArray:
     if len(bad := np.flatnonzero((array < 0.0) | (array > 1.0))):
         raise ReadingError(
             f"{name} of strip {bad[0]} is {array[bad[0]]:.6g}, outside 0..1: it is a voltage over Vref"
+        )
+    array.flags.writeable = False
+    return array
+
+
+def _electrodes(values: npt.ArrayLike, touched: BoolArray) -> FloatArray:
+    array = np.array(values, dtype=float)
+    if array.shape != (len(touched), 2 * len(touched)):
+        raise ReadingError(
+            f"electrodes have shape {array.shape}; give ({len(touched)}, {2 * len(touched)}): all electrodes at "
+            "y = 0, then all at y = L, a row per energised strip"
+        )
+    wrong = (array < 0.0) | (array > 1.0) | (np.isnan(array) == touched[:, None])
+    if len(bad := np.argwhere(wrong)):
+        strip, electrode = bad[0]
+        raise ReadingError(
+            f"electrode {electrode} read {array[strip, electrode]:.6g} while strip {strip} was energised; give "
+            "0..1, a voltage over Vref, and NaN for all of an untouched strip"
         )
     array.flags.writeable = False
     return array

@@ -34,6 +34,7 @@ _MOST_LINES = 20
 @click.option("--signature", help="For vertex: kh, kl or k.")
 @click.option("--transitions", default="auto", show_default=True, metavar="RULE|X,X,..",
               help="For vertex: auto, gradient, or the x of all vertices [mm].")  # fmt: skip
+@click.option("--convex", is_flag=True, help="For profile of CRS-CRP: every contact is convex.")
 @click.option("--reading", default="section", show_default=True, help="For vertex: section or strip.")
 @click.option(
     "--truth",
@@ -48,6 +49,7 @@ def command(
     method: str | None,
     signature: str | None,
     transitions: str,
+    convex: bool,
     reading: str,
     truth: Path | None,
     plot: Path | None,
@@ -78,9 +80,11 @@ def command(
         raise OptionError(one_of("method", chosen, _METHODS))
     if chosen == "profile" and for_vertex:
         raise OptionError("--signature and --transitions are for --method vertex; leave them out for profile")
+    if convex and chosen != "profile":
+        raise OptionError("--convex is for --method profile; leave it out")
     where = _transitions(transitions)
     results = [
-        profile_reconstruction(s, spec)
+        profile_reconstruction(s, spec, convex=convex)
         if chosen == "profile"
         else vertex_reconstruction(s, spec, signature, where, reading)  # type: ignore[arg-type]
         for s in scans

@@ -41,6 +41,8 @@ _POINT = (float, float)
     "--positional", type=float, default=0.0, help="P.U., half-width over Vref (thesis: 0.005, 0.01)."
 )
 @click.option("--distribution", default="uniform", show_default=True, help="uniform or normal.")
+@click.option("--model", help="closed or network; by default closed where the construction has closed forms.")
+@click.option("--electrodes", default="own", show_default=True, help="CRS-CRP: own or all.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the errors.")
 @click.option(
     "--placed",
@@ -61,6 +63,8 @@ def command(
     quantisation: float,
     positional: float,
     distribution: str,
+    model: str | None,
+    electrodes: str,
     seed: int,
     placed: Path | None,
     plot: Path | None,
@@ -93,7 +97,10 @@ def command(
     places = shape.dragged([start, *drag], steps, math.radians(turn_per_step)) if drag else [shape]
     random = np.random.default_rng(seed)
     touch = footprint(spec, places)
-    scans = [simulate(spec, c, noise, random, time_s=i / rate) for i, c in enumerate(places)]
+    scans = [
+        simulate(spec, c, noise, random, model, i / rate, electrodes=electrodes)  # type: ignore[arg-type]
+        for i, c in enumerate(places)
+    ]
     write_readings(output, spec, scans)
     if placed is not None:
         placed.write_text(shapely.GeometryCollection(list(shape.shapes)).wkt + "\n", encoding="utf-8")

@@ -5,9 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import click
+from click.core import ParameterSource
 
+from tacstrip.cli import protect
+from tacstrip.errors import OptionError
 from tacstrip.io.geometry import read_contact
 from tacstrip.network.build import Readout
+from tacstrip.network.crp_readings import contact_questions
 from tacstrip.network.spice import deck
 from tacstrip.network.strips import questions
 from tacstrip.sensor.spec import Sensor
@@ -20,7 +24,9 @@ from tacstrip.sensor.spec import Sensor
     "-o", "--output", type=click.Path(path_type=Path), required=True, help="Netlist to write (.cir)."
 )
 @click.option(
-    "--cells", type=click.IntRange(1), help="Cells over each piece of contact; by default 40 per lambda."
+    "--cells",
+    type=click.IntRange(1),
+    help="Cells over each piece of contact, by default 40 per lambda; CRS-CRP: rows of the sheet, by default 4.",
 )
 @click.option("--strip-ohm", type=float, default=10_000.0, show_default=True, help="A strip from end to end.")
 @click.option("--mux-ohm", type=float, default=0.0, show_default=True, help="On-resistance of a switch.")
@@ -38,13 +44,30 @@ def command(
 ) -> None:
     """Write SENSOR touched by CONTACT as a netlist for ngspice, a circuit of its own per touched strip.
 
-    `ngspice -b deck.cir` prints vh_<strip> and vl_<strip>, or vout_<strip>, in volts.
+    `ngspice -b deck.cir` prints vh_<strip> and vl_<strip>, or vout_<strip>, in volts. Every circuit of a CRS-CRP
+    sensor has the whole sheet.
 
     Example: tacstrip spice prototype-crs-crs object.wkt -o deck.cir
     """
+    protect(output, sensor, contact)
     spec = Sensor.load(sensor)
-    readout = Readout(strip_ohm, mux_ohm, adc_ohm, tied_grounds)
-    asked = questions(spec, read_contact(contact), readout=readout, cells=cells)
+    given = click.get_current_context().get_parameter_source
+    loads = ("mux_ohm", "adc_ohm", "tied_grounds")
+    told = [o for o in loads if given(o) is ParameterSource.COMMANDLINE]
+    if tied_grounds and spec.kind.common_supply:
+        raise OptionError(
+            f"--tied-grounds is for strips that are switched in turn; a {spec.construction} sensor's never are"
+        )
+    shape = read_contact(contact)
+    if spec.kind.closed_form:
+        readout = Readout(strip_ohm, mux_ohm, adc_ohm, tied_grounds)
+        asked = questions(spec, shape, readout=readout, cells=cells)
+    else:
+        if told or given("strip_ohm") is ParameterSource.COMMANDLINE:
+            raise OptionError(
+                f"--{(told or ['strip_ohm'])[0].replace('_', '-')} is not for a {spec.construction} sensor"
+            )
+        asked = contact_questions(spec, shape, cells)
     named = {str(strip + spec.strip_base): question for strip, question in asked.items()}
     title = f"{spec.construction}, {spec.strips} strips, {contact.name}, written by tacstrip"
     output.write_text(deck(title, named, spec.vref_volt), encoding="utf-8")

@@ -6,6 +6,7 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.sensor.circuit import k_h, k_l, k_metal
+from tacstrip.sensor.constructions import check_closed_form
 from tacstrip.sensor.spec import Sensor
 
 
@@ -14,7 +15,13 @@ def signatures(sensor: Sensor, l_mm: FloatArray, u_mm: FloatArray) -> dict[str, 
 
     NaN where a strip is not touched, and for a metal sheet that a contact of the strip's full length ties
     to both ends (0 / 0).
+
+    Raises
+    ------
+    OptionError
+        The construction has no closed form (CRS-CRP).
     """
+    check_closed_form(sensor.kind, "a signature from l and u alone")
     l, w = np.asarray(l_mm, dtype=float), np.asarray(u_mm, dtype=float) - l_mm
     length, ratio, lam = sensor.length_mm, sensor.sensing_ratio, sensor.contact_lambda_mm
     forward = {

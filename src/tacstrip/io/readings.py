@@ -1,14 +1,14 @@
 """Readings as CSV: a header, then a line per strip and scan.
 
 Columns: scan, time_s, strip, and volts (v_h, v_l or v_out) or A/D codes (code_h, code_l or code); one of
-v_h and v_l alone is a single-measurement. Other columns are passed over. An empty field means that nothing
+v_h and v_l alone is a single-measurement. Of a CRS-CRP sheet all electrodes may be there instead: v_l_0, v_l_1, ...
+at y = 0 and v_h_0, ... at y = L (or code_l_0, ...). Other columns are passed over. An empty field means that nothing
 touches the strip. Codes run from 0 to 2^adc_bits - 1, which reads Vref.
 """
 
 from __future__ import annotations
 
 import csv
-import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,11 +17,10 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.errors import ReadingError
+from tacstrip.io.columns import ELECTRODES, INDEX, Column, electrode_names, finite, value, value_columns
 from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
-
-_INDEX = ("scan", "time_s", "strip")
 
 
 def read_readings(path: str | Path, sensor: Sensor) -> list[Scan]:
@@ -49,24 +48,17 @@ def read_readings(path: str | Path, sensor: Sensor) -> list[Scan]:
 def write_readings(path: str | Path, sensor: Sensor, scans: Sequence[Scan]) -> None:
     """Write scans as volts; every strip has its line, an empty field where nothing touches."""
     names = scans[0].signatures
+    whole = scans[0].electrodes is not None
+    columns = electrode_names(sensor) if whole else [SIGNATURES[n].volt_column for n in names]
     with Path(path).open("w", encoding="utf-8", newline="") as file:
         out = csv.writer(file, lineterminator="\n")
-        out.writerow([*_INDEX, *(SIGNATURES[n].volt_column for n in names)])
+        out.writerow([*INDEX, *columns])
         for number, scan in enumerate(scans):
-            volts = np.stack([scan[n] for n in names], axis=1) * sensor.vref_volt  # (strips, signatures)
+            read = np.stack([scan[n] for n in names], axis=1) if scan.electrodes is None else scan.electrodes
+            volts = read * sensor.vref_volt  # (strips, columns)
             for strip, row in enumerate(volts):
                 fields = ("" if np.isnan(v) else f"{v:.9g}" for v in row)
                 out.writerow([number, f"{scan.time_s:.9g}", strip + sensor.strip_base, *fields])
-
-
-@dataclass(frozen=True)
-class _Column:
-    index: int
-    name: str
-    signature: str
-    scale: float  # field times scale is over Vref
-    top: float  # largest legal field
-    unit: str
 
 
 @dataclass
@@ -99,8 +91,8 @@ def _scans(rows: Iterator[tuple[int, list[str]]], sensor: Sensor) -> list[Scan]:
         )
     if twice := [name for name in header if name and header.count(name) > 1]:
         raise ReadingError(f"column {twice[0]!r} is there twice; leave one out")
-    index = [_find(header, name) for name in _INDEX]
-    columns = _value_columns(header, sensor)
+    index = [_find(header, name) for name in INDEX]
+    columns = value_columns(header, sensor)
     scans: list[Scan] = []
     numbers: set[str] = set()
     now: _Open | None = None
@@ -118,7 +110,7 @@ def _scans(rows: Iterator[tuple[int, list[str]]], sensor: Sensor) -> list[Scan]:
                 )
             numbers.add(number)
             values = np.full((len(columns), sensor.strips), np.nan)
-            time_s = _finite(time_text, line, "time_s")
+            time_s = finite(time_text, line, "time_s")
             now = _Open(number, time_s, line, values, [0] * sensor.strips)
         strip = _strip(strip_text, line, sensor)
         if now.seen[strip]:
@@ -126,7 +118,7 @@ def _scans(rows: Iterator[tuple[int, list[str]]], sensor: Sensor) -> list[Scan]:
                 f"line {line}: strip {strip_text} of scan {number} is already on line {now.seen[strip]}"
             )
         now.seen[strip] = line
-        now.values[:, strip] = [_value(row[c.index], line, c, sensor) for c in columns]
+        now.values[:, strip] = [value(row[c.index], line, c) for c in columns]
     if now is None:
         raise ReadingError("the file has a header but no readings")
     return [*scans, _close(now, columns, sensor)]
@@ -136,52 +128,6 @@ def _find(header: list[str], name: str) -> int:
     if name not in header:
         raise ReadingError(f"column {name!r} is missing; the header has: {', '.join(header)}")
     return header.index(name)
-
-
-def _value_columns(header: list[str], sensor: Sensor) -> list[_Column]:
-    volts = [n for n in SIGNATURES if SIGNATURES[n].volt_column in header]
-    codes = [n for n in SIGNATURES if SIGNATURES[n].code_column in header]
-    wanted = ", ".join(SIGNATURES[n].volt_column for n in sensor.signatures)
-    wanted += " (or codes: " + ", ".join(SIGNATURES[n].code_column for n in sensor.signatures) + ")"
-    if volts and codes:
-        raise ReadingError("the header has both volts and codes; leave one kind out")
-    if not volts and not codes:
-        raise ReadingError(f"a column of readings is missing: {wanted}; the header has: {', '.join(header)}")
-    for name in volts + codes:
-        if name not in sensor.signatures:
-            raise ReadingError(
-                f"column {SIGNATURES[name].volt_column if volts else SIGNATURES[name].code_column!r} "
-                f"does not belong to a {sensor.construction} sensor; it has: {wanted}"
-            )
-    if volts:
-        v = sensor.vref_volt
-        return [
-            _Column(header.index(c), c, n, 1.0 / v, v, " V")
-            for n in volts
-            if (c := SIGNATURES[n].volt_column)
-        ]
-    if sensor.adc_bits is None:
-        raise ReadingError(
-            "the readings are A/D codes, and the spec has no adc_bits; add it, for example adc_bits = 12"
-        )
-    top = 2.0**sensor.adc_bits - 1.0
-    return [
-        _Column(header.index(c), c, n, 1.0 / top, top, "") for n in codes if (c := SIGNATURES[n].code_column)
-    ]
-
-
-def _finite(text: str, line: int, name: str) -> float:
-    try:
-        number = float(text)
-    except ValueError:
-        raise ReadingError(f"line {line}: {name} is {text!r}, not a number") from None
-    if not math.isfinite(number):
-        raise ReadingError(
-            f"line {line}: {name} is {text!r}; leave the field empty where nothing touches"
-            if name not in _INDEX
-            else f"line {line}: {name} is {text!r}, not a finite number"
-        )
-    return number
 
 
 def _strip(text: str, line: int, sensor: Sensor) -> int:
@@ -197,22 +143,7 @@ def _strip(text: str, line: int, sensor: Sensor) -> int:
     return strip - first
 
 
-def _value(text: str, line: int, column: _Column, sensor: Sensor) -> float:
-    if not text:
-        return float("nan")
-    number = _finite(text, line, column.name)
-    if not 0.0 <= number <= column.top * (1.0 + 1e-9):
-        hint = "is it in millivolts, or an A/D code?" if column.unit and number > column.top else ""
-        hint = hint or ("check adc_bits in the spec" if not column.unit else "check the wiring and vref_volt")
-        raise ReadingError(
-            f"line {line}: {column.name} = {text}{column.unit} is outside 0 to {column.top:.6g}{column.unit}; {hint}"
-        )
-    if not column.unit and number != round(number):
-        raise ReadingError(f"line {line}: {column.name} = {text} is not a whole number; codes are counts")
-    return min(number * column.scale, 1.0)
-
-
-def _close(scan: _Open, columns: list[_Column], sensor: Sensor) -> Scan:
+def _close(scan: _Open, columns: list[Column], sensor: Sensor) -> Scan:
     """Finish a scan: every strip must be there, with all its readings or with none."""
     if 0 in scan.seen:
         missing = scan.seen.index(0) + sensor.strip_base
@@ -229,4 +160,6 @@ def _close(scan: _Open, columns: list[_Column], sensor: Sensor) -> Scan:
     if sensor.rest_volt is not None and sensor.touch_volt is not None:
         away = np.abs(scan.values * sensor.vref_volt - sensor.rest_volt)
         scan.values[:, ~(away > sensor.touch_volt).any(axis=0)] = np.nan
+    if columns[0].signature == ELECTRODES:
+        return Scan.of_electrodes(scan.values.T, scan.time_s)
     return Scan(**{c.signature: v for c, v in zip(columns, scan.values, strict=True)}, time_s=scan.time_s)

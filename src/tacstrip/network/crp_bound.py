@@ -7,14 +7,15 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from tacstrip.arrays import FloatArray, IntArray
-from tacstrip.errors import NetworkError, ReadingError, one_of
+from tacstrip.errors import NetworkError, one_of
+from tacstrip.fisher import checked_sigma
+from tacstrip.fisher import covariance as bound
 from tacstrip.network.crp_mesh import Mesh, Wiring, checked_span
 from tacstrip.network.crp_scan import Scan
 from tacstrip.sensor.spec import Sensor
 
 Electrodes: TypeAlias = Literal["own", "all"]
 _ELECTRODES = ("own", "all")
-_TINY = 1e-14  # of the largest eigenvalue: information below is none
 
 
 def covariance(
@@ -29,18 +30,34 @@ def covariance(
     """Return the Cramer-Rao bound of l of all strips, then u (2 strips, 2 strips) [mm^2]; NaN where untouched.
 
     Its diagonal's square root is the least standard error that any unbiased method can have when every reading
-    has independent normal noise of `sigma` [Vref]. Other arguments and errors as for `own_electrodes`.
+    has independent normal noise of `sigma` [Vref]; inf where the readings do not tell. Other arguments and errors
+    as for `own_electrodes`.
+    """
+    strip, slope = slopes(sensor, l, u, electrodes, rows, wiring)
+    rooted = slope.reshape(-1, 2 * len(strip)) / checked_sigma(sigma)
+    return spread(bound(rooted), strip, sensor.strips)
+
+
+def slopes(
+    sensor: Sensor,
+    l: FloatArray,
+    u: FloatArray,
+    electrodes: Electrodes = "own",
+    rows: int | None = None,
+    wiring: Wiring | None = None,
+) -> tuple[IntArray, FloatArray]:
+    """Return the touched strips (T,), and the slopes of their readings by their l, then u (T, E, 2 T) [1/mm].
+
+    Own electrodes are k_h, then k_l; all of them are in the order of `all_electrodes`. Arguments and errors as
+    for `covariance`.
     """
     if electrodes not in _ELECTRODES:
         raise NetworkError(one_of("electrodes", electrodes, _ELECTRODES))
     mesh = Mesh.of(sensor, rows)
     strip, low, high = checked_span(mesh, l, u)
     scan = Scan(mesh, strip, mesh.hat_lengths(low, high), wiring or Wiring())
-    columns = used_columns(sensor, strip, electrodes)
-    slope = scan.jacobian(np.concatenate([low, high]), columns).reshape(columns.size, -1) / checked_sigma(
-        sigma
-    )
-    return spread(inverse(slope.T @ slope), strip, sensor.strips)
+    ends = np.concatenate([low, high])
+    return strip, np.asarray(scan.jacobian(ends, used_columns(sensor, strip, electrodes)))
 
 
 def used_columns(sensor: Sensor, strip: IntArray, electrodes: Electrodes) -> IntArray:
@@ -48,22 +65,6 @@ def used_columns(sensor: Sensor, strip: IntArray, electrodes: Electrodes) -> Int
     if electrodes == "own":
         return np.stack([sensor.strips + strip, strip], axis=1)
     return np.tile(np.arange(2 * sensor.strips), (len(strip), 1))
-
-
-def checked_sigma(sigma: float) -> float:
-    """Return sigma, or raise `ReadingError` where it is not a finite number above 0."""
-    if not 0.0 < sigma < np.inf:
-        raise ReadingError(
-            f"sigma = {sigma}: the noise of a reading over Vref must be a finite number above 0"
-        )
-    return sigma
-
-
-def inverse(information: FloatArray) -> FloatArray:
-    """Invert; what the readings do not tell at all becomes very large rather than infinite."""
-    value, vector = np.linalg.eigh(information)
-    floor = max(_TINY * value[-1], np.finfo(float).tiny)
-    return np.asarray((vector / np.maximum(value, floor)) @ vector.T)
 
 
 def spread(matrix: FloatArray, strip: IntArray, strips: int) -> FloatArray:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from tacstrip.arrays import FloatArray
+from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.contact.footprint import footprint
 from tacstrip.contact.shape import Contact
 from tacstrip.errors import NetworkError
-from tacstrip.network.crp_mesh import SHORTEST, Mesh, Wiring, checked_span, wire
+from tacstrip.network.crp_mesh import SHORTEST, Mesh, Wired, Wiring, checked_span, wire
 from tacstrip.network.crp_scan import Scan
 from tacstrip.network.nodal import Question
 from tacstrip.sensor.spec import Sensor
@@ -59,6 +59,11 @@ def contact_electrodes(
 ) -> FloatArray:
     """Return what `all_electrodes` does for a shape; each of its separate pieces on a strip counts."""
     mesh = Mesh.of(sensor, rows)
+    return _expand(sensor, Scan(mesh, *_pieces(mesh, sensor, contact), wiring or Wiring()))
+
+
+def _pieces(mesh: Mesh, sensor: Sensor, contact: Contact) -> tuple[IntArray, FloatArray]:
+    """Return the strips that a shape touches (T,) and what of it lies under each node's hat (T, nodes) [mm]."""
     strip, low, high = footprint(sensor, contact).intervals[0]
     shortest = SHORTEST * sensor.length_mm
     low = np.minimum(low, sensor.length_mm - shortest)
@@ -69,7 +74,7 @@ def contact_electrodes(
     if not len(touched):
         l = np.full(sensor.strips, np.nan)
         checked_span(mesh, l, l)
-    return _expand(sensor, Scan(mesh, touched, lengths, wiring or Wiring()))
+    return touched, lengths
 
 
 def _expand(sensor: Sensor, scan: Scan) -> FloatArray:
@@ -91,15 +96,29 @@ def question(
     Readings are named kh and kl, the strip's own electrodes. Arguments and errors as for `own_electrodes`;
     `NetworkError` where the strip is not touched.
     """
-    scan_wiring = wiring or Wiring()
     mesh = Mesh.of(sensor, rows)
     touched, low, high = checked_span(mesh, l, u)
-    wired = wire(mesh, touched, mesh.hat_lengths(low, high), scan_wiring)
     at = np.flatnonzero(touched == strip)
     if not len(at):
         raise NetworkError(f"strip {strip} is not touched: its electrodes read nothing; ask for one that is")
-    held = {int(wired.bottom[at[0]]): 0.0, int(wired.top[at[0]]): 1.0}
-    if scan_wiring.others == "grounded":
+    wired = wire(mesh, touched, mesh.hat_lengths(low, high), wiring or Wiring())
+    return _question(sensor, wired, int(at[0]), wiring or Wiring())
+
+
+def contact_questions(
+    sensor: Sensor, contact: Contact, rows: int | None = None, wiring: Wiring | None = None
+) -> dict[int, Question]:
+    """Return the measurement on each touched strip, strip to `question`, for a shape with all its pieces."""
+    mesh = Mesh.of(sensor, rows)
+    touched, lengths = _pieces(mesh, sensor, contact)
+    wired = wire(mesh, touched, lengths, wiring or Wiring())
+    return {int(strip): _question(sensor, wired, at, wiring or Wiring()) for at, strip in enumerate(touched)}
+
+
+def _question(sensor: Sensor, wired: Wired, at: int, wiring: Wiring) -> Question:
+    strip = int(wired.strip[at])
+    held = {int(wired.bottom[at]): 0.0, int(wired.top[at]): 1.0}
+    if wiring.others == "grounded":
         ends = (int(node) for node in np.concatenate([wired.bottom, wired.top]))
         held = dict.fromkeys(ends, 0.0) | held
     read = {"kh": int(wired.electrode[sensor.strips + strip]), "kl": int(wired.electrode[strip])}

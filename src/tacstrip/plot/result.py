@@ -13,6 +13,7 @@ from tacstrip.arrays import FloatArray
 from tacstrip.contact.shape import Contact
 from tacstrip.plot.scene import draw_contact, draw_polygon, draw_sensor, draw_signatures, zoom
 from tacstrip.plot.style import OTHERS, RECOVERED, add_axes, legend, new_figure
+from tacstrip.reconstruct.region import regions
 from tacstrip.reconstruct.result import Reconstruction
 from tacstrip.scan import Scan
 from tacstrip.sensor.spec import Sensor
@@ -71,6 +72,8 @@ def _draw_shapes(
             if recovered.found:
                 told = f"{name}: {recovered.status}"
                 draw_polygon(axes, recovered.vertices, colour, told if told not in said else None, doubtful)
+                for region in regions(recovered.vertices, recovered.covariance):
+                    axes.fill(*region.T, facecolor=colour, alpha=0.25, edgecolor=colour, linewidth=0.6)
                 said.add(told)
             elif recovered.profile is not None:
                 told = f"{name}: {recovered.status}, strip by strip"

@@ -7,7 +7,9 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from tacstrip.arrays import FloatArray
+from tacstrip.arrays import BoolArray, FloatArray
+from tacstrip.reconstruct.moments import deviations, moments, orientation
+from tacstrip.reconstruct.region import svg
 
 Status: TypeAlias = Literal[
     "ok",
@@ -18,6 +20,7 @@ Status: TypeAlias = Literal[
     "shared x",
     "singular",
     "too noisy",
+    "short contact",  # CRS-CRP: no strip is touched over 5 % of its length or more
 ]
 Profile: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
 
@@ -40,6 +43,8 @@ class RecoveredObject:
         "ok"; "doubtful": a shape is given but may be wrong; else what stood in the way.
     advice
         In words, what to do about it; empty when all is well.
+    strip_status
+        CRS-CRP: a word per strip in contact, "ok", "short contact" or "not converged"; else empty.
     """
 
     strips: slice
@@ -48,6 +53,7 @@ class RecoveredObject:
     covariance: FloatArray | None = None
     status: Status = "ok"
     advice: str = ""
+    strip_status: tuple[str, ...] = ()
 
     @property
     def found(self) -> bool:
@@ -57,20 +63,26 @@ class RecoveredObject:
     @property
     def area(self) -> float:
         """Area [mm^2]; 0 without a shape."""
-        return _moments(self.vertices)[0]
+        return moments(self.vertices)[0]
 
     @property
     def centroid(self) -> FloatArray:
         """Area centroid (2,) [mm]; NaN without a shape."""
-        return _moments(self.vertices)[1]
+        return moments(self.vertices)[1]
 
     @property
     def orientation(self) -> float:
         """Angle of the longer principal axis from x, in (-pi/2, pi/2] [rad]; NaN without a shape."""
-        if not self.found:
-            return float("nan")
-        xx, yy, xy = _moments(self.vertices)[2]
-        return float(0.5 * np.arctan2(2.0 * xy, xx - yy))
+        return orientation(self.vertices)
+
+    @property
+    def deviations(self) -> tuple[float, FloatArray, float] | None:
+        """Standard deviations of area [mm^2], centroid (2,) [mm] and orientation [rad]; None without a covariance."""
+        return None if self.covariance is None else deviations(self.vertices, self.covariance)
+
+    def _repr_svg_(self) -> str:
+        """Draw it in a notebook."""
+        return svg([(self.vertices, self.covariance)])
 
 
 @dataclass(frozen=True)
@@ -99,6 +111,10 @@ class Reconstruction:
         failed = [o for o in self.objects if not o.found]
         return next((o.status for o in (*failed, *self.objects) if o.status != "ok"), "ok")
 
+    def _repr_svg_(self) -> str:
+        """Draw all objects in a notebook."""
+        return svg([(o.vertices, o.covariance) for o in self.objects])
+
     @property
     def advice(self) -> str:
         """The advice of all objects, a line each."""
@@ -113,22 +129,9 @@ def close_chains(lower: FloatArray, upper: FloatArray) -> FloatArray:
     Points that both chains share, at the ends, appear once.
     """
     ring = np.concatenate([lower, upper[::-1]])
-    keep = np.any(ring != np.roll(ring, -1, axis=0), axis=1)
-    return np.asarray(ring[keep])
+    return np.asarray(ring[distinct(ring)])
 
 
-def _moments(v: FloatArray) -> tuple[float, FloatArray, tuple[float, float, float]]:
-    """Return area, centroid and central second moments (xx, yy, xy) of a polygon."""
-    if not len(v):
-        return 0.0, np.full(2, np.nan), (0.0, 0.0, 0.0)
-    origin = v.mean(axis=0)
-    (x0, y0), (x1, y1) = (v - origin).T, np.roll(v - origin, -1, axis=0).T
-    cross = x0 * y1 - x1 * y0
-    area = float(cross.sum() / 2.0)
-    if area == 0.0:
-        return 0.0, origin, (0.0, 0.0, 0.0)
-    cx, cy = ((x0 + x1) * cross).sum() / (6.0 * area), ((y0 + y1) * cross).sum() / (6.0 * area)
-    xx = float(((x0**2 + x0 * x1 + x1**2) * cross).sum() / 12.0 - area * cx**2)
-    yy = float(((y0**2 + y0 * y1 + y1**2) * cross).sum() / 12.0 - area * cy**2)
-    xy = float(((x0 * y1 + 2.0 * x0 * y0 + 2.0 * x1 * y1 + x1 * y0) * cross).sum() / 24.0 - area * cx * cy)
-    return area, origin + np.array([cx, cy]), (xx, yy, xy)
+def distinct(ring: FloatArray) -> BoolArray:
+    """Return which points of a ring (M, 2) differ from their next one (M,)."""
+    return np.asarray(np.any(ring != np.roll(ring, -1, axis=0), axis=1))

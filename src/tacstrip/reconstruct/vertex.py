@@ -15,7 +15,7 @@ from tacstrip.reconstruct.transitions import transitions_of_runs
 from tacstrip.reconstruct.validity import judge, judge_fit
 from tacstrip.scan import Scan
 from tacstrip.sensor.circuit import chain_weights, erosion
-from tacstrip.sensor.constructions import SIGNATURES
+from tacstrip.sensor.constructions import SIGNATURES, check_closed_form
 from tacstrip.sensor.spec import Sensor
 
 _READINGS = ("section", "strip")
@@ -56,9 +56,11 @@ def vertex_reconstruction(
     Raises
     ------
     ReadingError, SignatureError, OptionError
-        The scan is not of this sensor, lacks the signature, or an option does not exist.
+        The scan is not of this sensor, lacks the signature, an option does not exist, or the construction has no
+        closed form (CRS-CRP).
     """
     scan.check(sensor)
+    check_closed_form(sensor.kind, "Vertex Reconstruction")
     name = sensor.check_signature(scan.signatures[-1] if signature is None else signature)
     if reading not in _READINGS:
         raise OptionError(one_of("reading", reading, _READINGS))

@@ -93,6 +93,36 @@ def chain_weights(k: FloatArray, at_upper_end: bool, ratio: float) -> tuple[Floa
     return 1.0 - c_u, c_u
 
 
+def end_slopes(
+    k: FloatArray,
+    w: FloatArray,
+    length: float,
+    at_upper_end: bool,
+    ratio: float = 1.0,
+    contact_lambda: float = 0.0,
+) -> tuple[FloatArray, FloatArray]:
+    """Return dk/dl and dk/du [1/mm] of a reading.
+
+    Parameters
+    ----------
+    k
+        The reading over Vref, from `k_h`, `k_l` or `k_metal`, any shape.
+    w
+        Length of the contact [mm], of the same shape.
+    length, ratio, contact_lambda
+        As for `k_h`.
+    at_upper_end
+        Whether k is the sensing strip's upper end (k_h) or its lower end (k_l, k).
+    """
+    t = erosion(w, contact_lambda)
+    d = length - (w - 2.0 * t) / (1.0 + ratio)
+    c_l, c_u = chain_weights(k, at_upper_end, ratio)
+    # c_l l + c_u u = k L is linear in the ideal contact's ends; contact resistance mixes both by dT/dw.
+    mix = 0.5 * (1.0 - (t / contact_lambda) ** 2) if contact_lambda else np.zeros_like(t)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return (c_l + mix * (c_u - c_l)) / d, (c_u + mix * (c_l - c_u)) / d
+
+
 def lower_and_width(
     kh: FloatArray, kl: FloatArray, length: float, ratio: float = 1.0, contact_lambda: float = 0.0
 ) -> tuple[FloatArray, FloatArray]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from tacstrip.errors import SignatureError, SpecError, one_of
+from tacstrip.errors import OptionError, SignatureError, SpecError, one_of
 
 
 @dataclass(frozen=True)
@@ -43,11 +43,13 @@ class Construction:
     required: frozenset[str]
     cylindrical: bool
     common_supply: bool  # all strips lie on Vref and ground for good; else their ends are switched in turn
-    models: str  # equations of the thesis
+    closed_form: bool  # a strip's readings follow from its own l and u; else from the network of all strips
+    wires: tuple[int, int]  # connectors for all signatures: per strip, and once
+    models: str  # equations or section of the thesis
 
     def connectors(self, strips: int) -> int:
-        """Count the connectors for all signatures: 2n + 2 for every construction so far (3.1, 3.2)."""
-        return 2 * strips + 2
+        """Count the connectors that all signatures need (3.1, 3.2)."""
+        return self.wires[0] * strips + self.wires[1]
 
 
 CONSTRUCTIONS: dict[str, Construction] = {
@@ -62,6 +64,8 @@ CONSTRUCTIONS: dict[str, Construction] = {
             required=frozenset(),
             cylindrical=False,
             common_supply=True,
+            closed_form=True,
+            wires=(2, 2),
             models="(3.1)-(3.6)",
         ),
         Construction(
@@ -73,7 +77,25 @@ CONSTRUCTIONS: dict[str, Construction] = {
             required=frozenset(),
             cylindrical=False,
             common_supply=False,
+            closed_form=True,
+            wires=(2, 2),
             models="(3.7)-(3.8)",
+        ),
+        Construction(
+            name="crs-crp",
+            title="conductive-rubber strips over a sheet of more resistive rubber",
+            signatures=("kh", "kl"),
+            sensing_ratio=None,
+            keys=frozenset({"resistivity_ratio"}),
+            required=frozenset({"contact_lambda_mm"}),
+            cylindrical=False,
+            common_supply=False,
+            closed_form=False,
+            wires=(
+                4,
+                0,
+            ),  # both ends of a strip, and an electrode on either edge of the sheet in line with it
+            models="3.3",
         ),
         Construction(
             name="cyl-crs-m",
@@ -84,6 +106,8 @@ CONSTRUCTIONS: dict[str, Construction] = {
             required=frozenset({"radius_mm"}),
             cylindrical=True,
             common_supply=False,
+            closed_form=True,
+            wires=(2, 2),
             models="(3.7)-(3.8)",
         ),
     )
@@ -102,6 +126,21 @@ def construction(name: str) -> Construction:
         return CONSTRUCTIONS[name]
     except (KeyError, TypeError):
         raise SpecError(one_of("construction", name, CONSTRUCTIONS)) from None
+
+
+def check_closed_form(kind: Construction, what: str) -> None:
+    """Refuse `what`, the start of the message, for a construction without a closed form.
+
+    Raises
+    ------
+    OptionError
+        Its strips' readings follow only from the network of all of them.
+    """
+    if not kind.closed_form:
+        raise OptionError(
+            f"{what} needs a closed form, and a {kind.name} sensor has none (3.3): its strips shift each other's "
+            'readings. Use simulate(model="network") and profile_reconstruction, which take all strips together'
+        )
 
 
 def check_signature(kind: Construction, signature: str) -> Signature:

@@ -28,7 +28,7 @@ KEYS: dict[str, tuple[str, str]] = {  # key: (an example where nothing is set, c
     "length_mm": ("", "strip length L, from the grounded end (y = 0) to the end at Vref"),
     "strip_width_mm": ("3.0", "width of the rubber; unset: strips without gaps, as wide as the pitch"),
     "radius_mm": ("9.0", "radius of the tube that the strips lie on"),
-    "resistivity_ratio": ("", "resistivity of the sensing strip over that of the energised strip"),
+    "resistivity_ratio": ("", "resistivity of the second layer over that of the energised strip"),
     "contact_lambda_mm": ("", "decay length of the contact resistance; 0: ideal contact"),
     "vref_volt": ("", "reference voltage"),
     "adc_bits": ("12", "resolution of the A/D converter; unset: not simulated, and codes cannot be read"),
@@ -184,9 +184,13 @@ def _check(s: Sensor) -> None:
         value = getattr(s, key)
         if value is not None and value <= 0.0:
             raise SpecError(f"{key} = {value}: must be above 0")
-    own = {"radius_mm": s.radius_mm is not None, "resistivity_ratio": s.resistivity_ratio != 1.0}
-    for key, given in own.items():
-        if given and key not in kind.keys:
+    given_keys = {
+        "radius_mm": s.radius_mm is not None,
+        "resistivity_ratio": s.resistivity_ratio != 1.0,
+        "contact_lambda_mm": s.contact_lambda_mm != 0.0,
+    }
+    for key, given in given_keys.items():
+        if given and key in _OWN_KEYS and key not in kind.keys:
             owners = ", ".join(c.name for c in CONSTRUCTIONS.values() if key in c.keys)
             raise SpecError(f"{key} does not belong to a {kind.name} sensor, only to: {owners}")
         if key in kind.required and not given:

@@ -1,0 +1,113 @@
+"""Columns of a readings file: which there are, and what a field of theirs means."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from tacstrip.errors import ReadingError
+from tacstrip.sensor.constructions import SIGNATURES
+from tacstrip.sensor.spec import Sensor
+
+INDEX = ("scan", "time_s", "strip")
+
+
+ELECTRODES = "electrodes"  # stands for a signature where all of a sheet's electrodes were read
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column of readings: `field * scale` is over Vref, `top` the largest legal field."""
+
+    index: int
+    name: str
+    signature: str
+    scale: float
+    top: float
+    unit: str
+
+
+def electrode_names(sensor: Sensor, codes: bool = False) -> list[str]:
+    """Return the columns of all electrodes of a sheet: those at y = 0, strip by strip, then those at y = L."""
+    low, high = (
+        SIGNATURES[name].code_column if codes else SIGNATURES[name].volt_column for name in ("kl", "kh")
+    )
+    numbers = range(sensor.strip_base, sensor.strip_base + sensor.strips)
+    return [f"{end}_{number}" for end in (low, high) for number in numbers]
+
+
+def value_columns(header: list[str], sensor: Sensor) -> list[Column]:
+    """Return the header's columns of readings, in the order of the signatures or of the electrodes.
+
+    Raises
+    ------
+    ReadingError
+        There is none, there are both volts and codes, or one is not of this sensor.
+    """
+    volts = _named(header, sensor, codes=False)
+    codes = _named(header, sensor, codes=True)
+    wanted = ", ".join(SIGNATURES[n].volt_column for n in sensor.signatures)
+    wanted += " (or codes: " + ", ".join(SIGNATURES[n].code_column for n in sensor.signatures) + ")"
+    if volts and codes:
+        raise ReadingError("the header has both volts and codes; leave one kind out")
+    found = volts or codes
+    if not found:
+        raise ReadingError(f"a column of readings is missing: {wanted}; the header has: {', '.join(header)}")
+    for name, signature in found.items():
+        if signature not in (*sensor.signatures, ELECTRODES):
+            raise ReadingError(
+                f"column {name!r} does not belong to a {sensor.construction} sensor; it has: {wanted}"
+            )
+    if codes and sensor.adc_bits is None:
+        raise ReadingError(
+            "the readings are A/D codes, and the spec has no adc_bits; add it, for example adc_bits = 12"
+        )
+    top = 2.0 ** (sensor.adc_bits or 0) - 1.0 if codes else sensor.vref_volt
+    unit = "" if codes else " V"
+    return [Column(header.index(name), name, s, 1.0 / top, top, unit) for name, s in found.items()]
+
+
+def _named(header: list[str], sensor: Sensor, codes: bool) -> dict[str, str]:
+    """Return the columns of one kind that are there, name to signature."""
+    if not sensor.kind.closed_form:
+        names = electrode_names(sensor, codes)
+        there = set(names) & set(header)
+        if lack := [name for name in names if name not in header] if there else []:
+            raise ReadingError(
+                f"column {lack[0]!r} is missing: give all {len(names)} electrodes, or each strip's own two"
+            )
+        if there:
+            return dict.fromkeys(names, ELECTRODES)
+    own = {(s.code_column if codes else s.volt_column): name for name, s in SIGNATURES.items()}
+    return {column: name for column, name in own.items() if column in header}
+
+
+def finite(text: str, line: int, name: str) -> float:
+    """Return a field as a finite number, or raise `ReadingError` with its line."""
+    try:
+        number = float(text)
+    except ValueError:
+        raise ReadingError(f"line {line}: {name} is {text!r}, not a number") from None
+    if not math.isfinite(number):
+        raise ReadingError(
+            f"line {line}: {name} is {text!r}; leave the field empty where nothing touches"
+            if name not in INDEX
+            else f"line {line}: {name} is {text!r}, not a finite number"
+        )
+    return number
+
+
+def value(text: str, line: int, column: Column) -> float:
+    """Return a field over Vref, NaN where it is empty, or raise `ReadingError` with its line."""
+    if not text:
+        return float("nan")
+    number = finite(text, line, column.name)
+    if not 0.0 <= number <= column.top * (1.0 + 1e-9):
+        hint = "is it in millivolts, or an A/D code?" if column.unit and number > column.top else ""
+        hint = hint or ("check adc_bits in the spec" if not column.unit else "check the wiring and vref_volt")
+        raise ReadingError(
+            f"line {line}: {column.name} = {text}{column.unit} is outside 0 to {column.top:.6g}{column.unit}; {hint}"
+        )
+    if not column.unit and number != round(number):
+        raise ReadingError(f"line {line}: {column.name} = {text} is not a whole number; codes are counts")
+    return min(number * column.scale, 1.0)

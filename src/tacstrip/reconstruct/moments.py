@@ -1,0 +1,125 @@
+"""Area, centroid and orientation of a polygon, and how the uncertainty of its vertices reaches them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from tacstrip.arrays import FloatArray
+
+UNKNOWN_ANGLE = math.pi / math.sqrt(12.0)  # standard deviation of an axis that can lie anyhow [rad]
+
+
+def moments(vertices: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+    """Return area [mm^2], centroid (2,) [mm] and central second moments xx, yy, xy (3,) [mm^4].
+
+    Vertices (N, 2) [mm] are counter-clockwise. Without area the centroid is the vertices' mean, without
+    vertices NaN.
+    """
+    if not len(vertices):
+        return 0.0, np.full(2, np.nan), np.zeros(3)
+    origin = vertices.mean(axis=0)
+    area, first, _ = _sums(vertices - origin)
+    if area == 0.0:
+        return 0.0, origin, np.zeros(3)
+    centroid = origin + first / area
+    return area, centroid, _sums(vertices - centroid)[2]
+
+
+def orientation(vertices: FloatArray) -> float:
+    """Return the angle of the longer principal axis from x, in (-pi/2, pi/2] [rad]; NaN without vertices."""
+    if not len(vertices):
+        return math.nan
+    xx, yy, xy = moments(vertices)[2]
+    return float(0.5 * np.arctan2(2.0 * xy, xx - yy))
+
+
+def area_slope(vertices: FloatArray) -> FloatArray:
+    """Return the slope of the area by `vertices.ravel()` (2 N,) [mm]."""
+    return _slopes(vertices)[0]
+
+
+def centroid_slope(vertices: FloatArray) -> FloatArray:
+    """Return the slopes of the centroid's x and y by `vertices.ravel()` (2, 2 N); NaN without area."""
+    area, centroid, _ = moments(vertices)
+    if area == 0.0:
+        return np.full((2, vertices.size), np.nan)
+    return np.asarray(_slopes(vertices - centroid)[1:3] / area)
+
+
+def orientation_slope(vertices: FloatArray) -> FloatArray:
+    """Return the slope of the orientation by `vertices.ravel()` (2 N,) [rad/mm]; NaN where it has none."""
+    area, centroid, (xx, yy, xy) = moments(vertices)
+    reach = (xx - yy) ** 2 + 4.0 * xy**2
+    if area == 0.0 or reach == 0.0:
+        return np.full(vertices.size, np.nan)
+    # About the centroid the first moments vanish, so the central moments' slopes are the plain ones'.
+    by_xx, by_yy, by_xy = _slopes(vertices - centroid)[3:]
+    return np.asarray(((xx - yy) * by_xy - xy * (by_xx - by_yy)) / reach)
+
+
+def deviations(vertices: FloatArray, covariance: FloatArray) -> tuple[float, FloatArray, float]:
+    """Return the standard deviations of area [mm^2], centroid (2,) [mm] and orientation [rad].
+
+    Parameters
+    ----------
+    vertices
+        Corners (N, 2) [mm], counter-clockwise.
+    covariance
+        Theirs (2 N, 2 N) [mm^2], in the order of `vertices.ravel()`.
+
+    Returns
+    -------
+    tuple
+        By the delta method. What the covariance leaves open is inf; an orientation that is not known at all
+        has the deviation of an axis that can lie anyhow, `UNKNOWN_ANGLE`.
+    """
+    slopes = np.vstack([area_slope(vertices), centroid_slope(vertices), orientation_slope(vertices)])
+    with np.errstate(invalid="ignore"):
+        variance = np.einsum("ij,jk,ik->i", slopes, covariance, slopes)
+    sigma = np.sqrt(np.where(np.isnan(variance), np.inf, np.maximum(variance, 0.0)))
+    return float(sigma[0]), sigma[1:3], min(float(sigma[3]), UNKNOWN_ANGLE)
+
+
+def _edges(v: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+    (x0, y0), (x1, y1) = v.T, np.roll(v, -1, axis=0).T
+    return x0, y0, x1, y1, x0 * y1 - x1 * y0
+
+
+def _sums(v: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+    """Return area, first moments (2,) and second moments xx, yy, xy (3,) about the origin."""
+    x0, y0, x1, y1, cross = _edges(v)
+    first = np.array([((x0 + x1) * cross).sum(), ((y0 + y1) * cross).sum()]) / 6.0
+    xx, yy = x0**2 + x0 * x1 + x1**2, y0**2 + y0 * y1 + y1**2
+    xy = x0 * y1 + 2.0 * x0 * y0 + 2.0 * x1 * y1 + x1 * y0
+    second = np.array([(xx * cross).sum() / 12.0, (yy * cross).sum() / 12.0, (xy * cross).sum() / 24.0])
+    return float(cross.sum() / 2.0), first, second
+
+
+def _slopes(v: FloatArray) -> FloatArray:
+    """Return the slopes of area, the two first and the three second moments of `_sums` (6, 2 N)."""
+    x0, y0, x1, y1, cross = _edges(v)
+    one, none = np.ones_like(x0), np.zeros_like(x0)
+    # Each moment is a sum over edges of f cross / c: f, and its slopes by x0, y0, x1, y1.
+    rows = (
+        (2.0, one, none, none, none, none),
+        (6.0, x0 + x1, one, none, one, none),
+        (6.0, y0 + y1, none, one, none, one),
+        (12.0, x0**2 + x0 * x1 + x1**2, 2.0 * x0 + x1, none, 2.0 * x1 + x0, none),
+        (12.0, y0**2 + y0 * y1 + y1**2, none, 2.0 * y0 + y1, none, 2.0 * y1 + y0),
+        (
+            24.0,
+            x0 * y1 + 2.0 * x0 * y0 + 2.0 * x1 * y1 + x1 * y0,
+            y1 + 2.0 * y0,
+            x1 + 2.0 * x0,
+            2.0 * y1 + y0,
+            x0 + 2.0 * x1,
+        ),
+    )
+    slopes = np.empty((len(rows), len(v), 2))
+    for row, (c, f, by_x0, by_y0, by_x1, by_y1) in zip(slopes, rows, strict=True):
+        start = np.stack([by_x0 * cross + f * y1, by_y0 * cross - f * x1], axis=1)
+        end = np.stack([by_x1 * cross - f * y0, by_y1 * cross + f * x0], axis=1)
+        row[:] = (start + np.roll(end, 1, axis=0)) / c
+    return slopes.reshape(len(rows), -1)
