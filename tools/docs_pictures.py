@@ -9,6 +9,7 @@ from pathlib import Path
 
 from tacstrip.plot.style import save
 from tacstrip.studies.budget import budget_figure
+from tacstrip.studies.crp import FIGURES as CRP
 from tacstrip.studies.demo import picture, run
 from tacstrip.studies.physics import FIGURES as PHYSICS
 from tacstrip.studies.thesis.chapter2 import EXTRA as PHANTOMS
@@ -16,6 +17,7 @@ from tacstrip.studies.thesis.chapter2 import FIGURES as CHAPTER_2
 from tacstrip.studies.thesis.chapter3 import FIGURES as CHAPTER_3
 from tacstrip.studies.thesis.chapter4 import FIGURES as CHAPTER_4
 from tacstrip.studies.thesis.chapter5_figures import ambiguity, noisy_signature
+from tacstrip.studies.width import FIGURES as WIDTH
 
 PICTURES = Path(__file__).parents[1] / "docs" / "pictures"
 
@@ -33,7 +35,7 @@ def main() -> None:
         "parallel_path": CHAPTER_2["2.4"](),
         "budget": budget_figure(),
         "phantoms": PHANTOMS["phantoms"](),
-        **{name: draw() for name, draw in PHYSICS.items()},
+        **{name: draw() for name, draw in (PHYSICS | CRP | WIDTH).items()},
     }
     for name, figure in drawn.items():
         print(save(figure, PICTURES / f"{name}.png", dpi=90))

@@ -4,11 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import numpy as np
+
+from tacstrip.errors import NetworkError
 from tacstrip.network.nodal import Question
 
 
 def deck(title: str, questions: Mapping[str, Question], vref_volt: float = 1.0) -> str:
     """Return a netlist in which every question is a circuit of its own, and which prints every reading.
+
+    What floats is left out: ngspice would call the circuit singular.
 
     Parameters
     ----------
@@ -22,26 +27,38 @@ def deck(title: str, questions: Mapping[str, Question], vref_volt: float = 1.0) 
     Returns
     -------
     str
-        Run it with `ngspice -b FILE`: it prints a line `name = volts` per reading.
+        Run it with `ngspice -b FILE`: it prints a line `name = volts` per reading, amperes for a current.
+
+    Raises
+    ------
+    NetworkError
+        A node that is read floats.
     """
     lines = [f"* {title}", "* node n<question>_<number>; 0 is ground for all of them"]
     prints = []
     for number, (suffix, question) in enumerate(questions.items()):
-        network, grounded = question.network, {n for n, volt in question.held.items() if volt == 0.0}
+        network, metered = question.network, set(question.metered.values())
+        grounded = {n for n, volt in question.held.items() if volt == 0.0} - metered
+        floating = network.floating(np.array(list(question.held)))
 
         def name(node: int, number: int = number, grounded: set[int] = grounded) -> str:
             return "0" if node in grounded else f"n{number}_{node}"
 
-        for i, (node, volt) in enumerate(question.held.items()):
-            if volt != 0.0:
-                lines.append(f"V{number}_{i} {name(node)} 0 DC {volt * vref_volt:.17g}")
+        for node, volt in question.held.items():
+            if node not in grounded:
+                lines.append(f"V{number}_{node} {name(node)} 0 DC {volt * vref_volt:.17g}")
         for i, (a, b, g) in enumerate(zip(network.start, network.end, network.siemens, strict=True)):
-            if not {int(a), int(b)} <= grounded:
+            if not ({int(a), int(b)} <= grounded or floating[a]):
                 lines.append(f"R{number}_{i} {name(int(a))} {name(int(b))} {1.0 / g:.17g}")
         for reading, node in question.read.items():
+            if floating[node]:
+                raise NetworkError(f"{reading} of {suffix} floats: no resistor joins it to a held node")
             node_name = name(node)
             value = "0" if node_name == "0" else f"v({node_name})"
             prints.append((f"{READS.get(reading, reading)}_{suffix}", value))
+        prints += [
+            (f"{reading}_{suffix}", f"i(V{number}_{node})") for reading, node in question.metered.items()
+        ]
     lines += [".options numdgt=12 gmin=1e-18", ".control", "set numdgt=12", "op"]
     for printed, value in prints:
         lines += [f"let {printed} = {value}", f"print {printed}"]
