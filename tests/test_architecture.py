@@ -19,24 +19,43 @@ SOURCE = ROOT / "src" / "tacstrip"
 # From the ground up: a file imports only what stands above it in this list.
 ORDER = [
     "errors", "arrays", "data", "fisher",
-    "sensor.constructions", "sensor.circuit", "sensor.spec", "sensor.surface",
+    "sensor.constructions", "sensor.circuit", "sensor.channel", "sensor.calibration", "sensor.spec", "sensor.raw",
+    "sensor.surface",
     "contact.shape", "contact.footprint", "contact.signature", "contact.noise",
     "network.nodal", "network.wires", "network.build", "network.mesh", "network.strips", "network.ladder",
-    "network.spice", "network.timing", "network.arrays", "network.fourwire", "network.digital",
+    "network.spice", "network.timing", "network.arrays", "network.fourwire", "network.switches",
+    "network.digital",
     "network.crp_mesh", "network.crp_scan", "network.crp_readings", "network.crp_limits", "network.crp_bound",
     "network.crp_descent", "network.crp", "network.sheet",
+    "network.wide_mesh", "network.wide",
     "scan", "simulate",
     "reconstruct.moments", "reconstruct.region", "reconstruct.result", "reconstruct.outline", "reconstruct.bound",
-    "reconstruct.sections", "reconstruct.transitions", "reconstruct.validity",
-    "reconstruct.vertex", "reconstruct.ends", "reconstruct.profile",
-    "io.columns", "io.readings", "io.geometry",
+    "reconstruct.sections", "reconstruct.ends", "reconstruct.polygon_compiled",
+    "reconstruct.polygon_cholesky", "reconstruct.kernels", "reconstruct.polygon_descent",
+    "reconstruct.polygon_score", "reconstruct.polygon_moves", "reconstruct.polygon_plain",
+    "reconstruct.polygon_signal", "reconstruct.polygon_fit", "reconstruct.polygon_search",
+    "reconstruct.polygon_oval", "reconstruct.polygon_outliers", "reconstruct.polygon_run",
+    "reconstruct.polygon_verdict", "reconstruct.polygon", "reconstruct.blocks", "reconstruct.transitions",
+    "reconstruct.validity", "reconstruct.vertex", "reconstruct.profile", "reconstruct.methods",
+    "io.columns", "io.rows", "io.readings", "io.runs", "io.geometry",
+    "calibrate.residuals", "calibrate.offsets", "calibrate.model", "calibrate.fit", "calibrate.told",
+    "calibrate.choose", "calibrate.unit", "calibrate.plan", "calibrate.touch", "calibrate.drift",
+    "stream.source", "stream.codes", "stream.messages", "stream.framing", "stream.mcapfile", "stream.recording",
+    "stream.interrupt", "stream.replay", "stream.simulated", "stream.recover", "stream.pipeline", "stream.export",
+    "stream.summary",
+    "diagnose.finding", "diagnose.log", "diagnose.view", "diagnose.beside", "diagnose.channels", "diagnose.order",
+    "diagnose.shorts", "diagnose.converter", "diagnose.noise", "diagnose.drift", "diagnose.hum", "diagnose.doctor",
     "metrics",
-    "plot.style", "plot.scene", "plot.result",
-    "studies.thesis.published", "studies.thesis.shapes", "studies.thesis.chapter2", "studies.thesis.chapter3",
+    "plot.style", "plot.scene", "plot.result", "plot.doctor", "plot.calibration",
+    "studies.thesis.published", "studies.twin", "studies.thesis.shapes", "studies.thesis.chapter2", "studies.thesis.chapter3",
     "studies.thesis.chapter4",
-    "studies.thesis.metrics_figures", "studies.thesis.chapter5", "studies.thesis.chapter5_figures",
-    "studies.thesis.claims", "studies.report", "studies.thesis.reproduce", "studies.demo", "studies.physics",
-    "studies.budget",
+    "studies.thesis.metrics_figures", "studies.thesis.estimator", "studies.thesis.chapter5", "studies.thesis.chapter5_figures",
+    "studies.thesis.chapter6", "studies.thesis.chapter6_calibration", "studies.thesis.chapter6_figures",
+    "studies.thesis.chapter6_prototypes",
+    "studies.thesis.claims", "studies.thesis.chapter6_claims", "studies.report", "calibrate.report", "studies.thesis.reproduce", "studies.demo", "studies.physics",
+    "studies.crp", "studies.budget", "studies.width",
+    "studies.limits", "studies.design", "plot.limits",
+    "studies.faults", "studies.checkup",
     "cli",
 ]  # fmt: skip
 
@@ -69,7 +88,7 @@ def _level(name: str) -> int:
     return ORDER.index("cli" if name.split(".")[0] == "cli" else name)
 
 
-PACKAGES = {"sensor", "contact", "network", "reconstruct", "io", "plot", "studies", "studies.thesis"}
+PACKAGES = {"diagnose", "sensor", "contact", "network", "reconstruct", "io", "calibrate", "stream", "plot", "studies", "studies.thesis"}
 
 
 @pytest.mark.parametrize(("name", "file"), [m for m in _modules() if m[0] not in PACKAGES])

@@ -44,7 +44,7 @@ def test_from_spec_to_shape(folder: Path) -> None:
     done = _good(
         _run(folder, "reconstruct", "mine.toml", "r.csv", "-o", "o.geojson", "--plot", "pictures/o.png")
     )
-    assert "scan 0, profile: ok" in done.stderr
+    assert "scan 0, polygon: ok" in done.stderr
     (feature,) = json.loads((folder / "o.geojson").read_text())["features"]
     assert feature["properties"]["area_mm2"] == pytest.approx(50.0 * 35.0, rel=0.03)
     for picture in ("sim.png", "pictures/o.png"):
@@ -185,7 +185,7 @@ BAD = {
     "no such method": (
         (*_REC, "--method", "magic"),
         _write("r.csv", HEAD + "".join(f"0,0,{i},1,1\n" for i in range(3))),
-        "method 'magic' does not exist; choose one of: vertex, profile",
+        "method 'magic' does not exist; choose one of: polygon, vertex, profile",
     ),
     "profile of one signature": (
         (*_REC, "--method", "profile"),
@@ -226,7 +226,7 @@ BAD = {
     "transitions of a profile": (
         (*_REC, "--method", "profile", "--transitions", "1,2,3"),
         _write("r.csv", HEAD + "".join(f"0,0,{i},1,1\n" for i in range(3))),
-        "--signature and --transitions are for --method vertex",
+        "--transitions is for --method vertex; leave it out for profile",
     ),
     "copied and shaped": (
         ("init", "n.toml", "--like", "prototype-crs-m", "--strips", "40"),

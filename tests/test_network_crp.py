@@ -16,10 +16,8 @@ from tacstrip.network.crp import Wiring
 from tacstrip.network.crp_limits import constrained_step
 from tacstrip.network.crp_mesh import Mesh
 from tacstrip.network.nodal import answer, solve
-from tacstrip.sensor.constructions import CONSTRUCTIONS
 
 L = 100.0
-KIND = "crs-crp" if "crs-crp" in CONSTRUCTIONS else "crs-crs"
 WIRINGS = [
     Wiring(),
     Wiring(common_bars=True),
@@ -43,7 +41,7 @@ def a_sensor(**changed: Any) -> ts.Sensor:
         "resistivity_ratio": 100.0,
         "contact_lambda_mm": 2.0,
     }
-    return ts.Sensor(construction=KIND, **(spec | changed))
+    return ts.Sensor(construction="crs-crp", **(spec | changed))
 
 
 def span(sensor: ts.Sensor, shape: str = "hexagon") -> tuple[FloatArray, FloatArray]:
@@ -212,6 +210,26 @@ def test_clean_readings_give_l_and_u_back(shape: str, convex: bool) -> None:
         assert "not converged" not in found.status
         assert found.misfit < 1e-6
         assert found.iterations < 40
+
+
+@pytest.mark.parametrize("contact_lambda_mm", [0.5, 2.0, 6.0])
+def test_most_of_the_way_is_gone_on_a_coarser_mesh(
+    contact_lambda_mm: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sensor = a_sensor(contact_lambda_mm=contact_lambda_mm)
+    l, u = span(sensor, "triangle")
+    kh, kl = crp.own_electrodes(sensor, l, u)
+    rows: list[int] = []
+
+    def counted(mesh: Mesh, *rest: Any) -> crp.Scan:
+        rows.append(mesh.rows)
+        return crp.Scan(mesh, *rest)
+
+    monkeypatch.setattr("tacstrip.network.crp_descent.Scan", counted)
+    found = crp.invert(sensor, kh, kl)
+    assert np.nanmax(error(sensor, found, l, u)) < 1e-9
+    assert len(rows) == found.iterations <= 16
+    assert rows.count(Mesh.of(sensor).rows) <= 6
 
 
 @pytest.mark.parametrize("wiring", [Wiring("tied grounds"), Wiring("grounded")], ids=str)
@@ -399,8 +417,11 @@ def test_contacts_that_cannot_be(l: list[float], u: list[float], message: str) -
 
 def test_sensors_that_cannot_be() -> None:
     l, u = np.array([10.0]), np.array([20.0])
+    with pytest.raises(SpecError, match="contact_lambda_mm is missing: a crs-crp sensor needs it"):
+        a_sensor(contact_lambda_mm=0.0)
+    ideal = ts.Sensor(construction="crs-crs", strips=1, pitch_mm=1.0, length_mm=L)
     with pytest.raises(SpecError, match=r"contact_lambda_mm = 0.0: .*set it above 0"):
-        crp.own_electrodes(a_sensor(strips=1, contact_lambda_mm=0.0), l, u)
+        crp.own_electrodes(ideal, l, u)
     metal = ts.Sensor(construction="crs-m", strips=1, pitch_mm=1.0, length_mm=L, contact_lambda_mm=1.0)
     with pytest.raises(SpecError, match=r"resistivity_ratio = 0.0: .*metal is a CRS-M sensor"):
         crp.own_electrodes(metal, l, u)

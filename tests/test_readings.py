@@ -78,7 +78,7 @@ def test_volts_of_untouched_strips(tmp_path: Path) -> None:
 
 
 FAULTS: dict[str, tuple[str | bytes, str]] = {
-    "empty file": ("", "the file is empty; it needs a header line"),
+    "empty file": ("", "the file is empty; readings need a header line"),
     "semicolons": ("scan;time_s;strip;v_h\n", "columns are separated by ';'; separate them by commas"),
     "column twice": ("scan,time_s,strip,v_h,v_h\n", "column 'v_h' is there twice"),
     "decimal commas": (

@@ -10,7 +10,8 @@ from tacstrip.contact.footprint import footprint
 from tacstrip.contact.shape import Contact
 from tacstrip.metrics import mismatch, mismatch_coefficient
 from tacstrip.plot.style import save
-from tacstrip.reconstruct.vertex import blocks, linear_system, vertex_reconstruction
+from tacstrip.reconstruct.blocks import blocks, linear_system
+from tacstrip.reconstruct.vertex import vertex_reconstruction
 from tacstrip.sensor.circuit import k_h, k_l, k_metal
 from tacstrip.sensor.spec import Sensor
 from tacstrip.sensor.surface import strip_angle, strips_under_flat

@@ -1,9 +1,9 @@
 """Build the readings that `tacstrip demo` reads: synthetic, and said so.
 
 Nobody has measured hardware for this project. The volts are what the ten-strip CRS-CRS prototype of section
-6.1 would give for a tilted 5 x 3.5 cm rectangle: the closed forms (3.3) and (3.4), plus the residual errors
-printed for the middle of the sensor (tables 6.8 and 6.9, figures 6.7 and 6.13), plus the printed offsets
-(table 6.1), rounded to a millivolt.
+6.1 would give for the 5 x 3.5 cm rectangle, placed as its twin has it (`studies/twin.py`): the closed forms (3.3)
+and (3.4), plus the residual errors printed for the middle of the sensor (tables 6.8 and 6.9, figures 6.7 and
+6.13), plus the printed offsets (table 6.1), rounded to a millivolt.
 
 Run: python tools/build_demo.py (writes src/tacstrip/data/demo_readings.csv and demo_contact.wkt).
 """
@@ -11,28 +11,17 @@ Run: python tools/build_demo.py (writes src/tacstrip/data/demo_readings.csv and 
 from __future__ import annotations
 
 import csv
-import math
 
-from tacstrip.contact.footprint import footprint
-from tacstrip.contact.shape import Contact
-from tacstrip.contact.signature import signatures
 from tacstrip.data import data_path
-from tacstrip.sensor.spec import Sensor
-from tacstrip.studies.thesis.published import offsets_volt, residuals
-
-ERRORS = {"kh": "6.7", "kl": "6.13"}
+from tacstrip.studies.twin import PLACINGS, raw_scan, region_errors, twin
 
 
 def main() -> None:
     """Write both files."""
-    sensor = Sensor.load("prototype-crs-crs")
-    rectangle = Contact.polygon([(-25.0, -17.5), (25.0, -17.5), (25.0, 17.5), (-25.0, 17.5)])
-    contact = rectangle.turned(math.radians(30.0)).placed(32.5, 162.5)
-    ideal = signatures(sensor, *footprint(sensor, contact))
-    volts = {
-        name: (k + residuals(ERRORS[name])) * sensor.vref_volt + offsets_volt("CRS-CRS", name)
-        for name, k in ideal.items()
-    }
+    sensor = twin("CRS-CRS")
+    contact = PLACINGS["CRS-CRS"]["tilted"].contact(sensor, "middle")
+    scan = raw_scan(sensor, contact, region_errors("CRS-CRS", "middle"))
+    volts = {name: scan[name] * sensor.vref_volt for name in scan.signatures}
     with data_path("demo_readings.csv").open("w", encoding="utf-8", newline="") as file:
         out = csv.writer(file, lineterminator="\n")
         out.writerow(["scan", "time_s", "strip", "v_h", "v_l"])

@@ -30,6 +30,10 @@ class NetworkError(TacstripError):
     """A network of resistors that cannot be solved: a resistance of 0 or less, a node that floats."""
 
 
+class RecordingError(TacstripError):
+    """A recording that cannot be read or made: not one, damaged, already there, of another sensor."""
+
+
 class OptionError(TacstripError):
     """An option with a value that does not exist or cannot be."""
 

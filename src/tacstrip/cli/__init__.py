@@ -16,7 +16,13 @@ VERBS = {
     "demo": "Recover a rectangle from packaged (synthetic) volts of the ten-strip prototype.",
     "simulate": "Press a contact on a sensor and write the readings.",
     "reconstruct": "Recover shapes from readings.",
+    "calibrate": "Fit a unit's constants to contacts of known place; plan them, learn rest, take drift out.",
+    "record": "Record codes and shapes from a simulated sensor, readings or another recording.",
+    "replay": "Give a recording's scans again, at their pace or faster.",
+    "recover": "Make a cut or damaged recording whole again.",
+    "convert": "Turn recordings into CSV, NumPy or GeoJSON, and readings into recordings.",
     "spice": "Write the sensor and its contact as a netlist for ngspice.",
+    "limits": "Say how well a sensor can tell a contact's corners, and which designs reach a wanted error.",
     "reproduce": "Make chapters 2 to 5 of the thesis again, beside its printed figures.",
 }
 
@@ -52,6 +58,13 @@ def protect(output: Path | None, *inputs: str | Path | None) -> None:
         for file in inputs:
             if file is not None and Path(file).exists() and output.samefile(file):
                 raise OptionError(f"{output} is read here and would be written over; choose another name")
+
+
+def new_file(output: Path, force: bool, *inputs: str | Path) -> None:
+    """Refuse to write over a file that is read, and without `force` over any: `OptionError` names it."""
+    protect(output, *inputs)
+    if output.exists() and not force:
+        raise OptionError(f"{output} exists already; choose another name, or add --force to write over it")
 
 
 def main() -> None:

@@ -9,20 +9,22 @@ from pathlib import Path
 
 import click
 import numpy as np
+from click.core import ParameterSource
 
 from tacstrip.cli import protect
+from tacstrip.contact.noise import Noise
 from tacstrip.contact.shape import Contact
 from tacstrip.errors import OptionError, ReadingError, one_of
 from tacstrip.io.geometry import feature_collection, read_contact, write_geojson
 from tacstrip.io.readings import read_readings
 from tacstrip.metrics import mismatch
+from tacstrip.reconstruct.methods import METHODS, best_method, recover
 from tacstrip.reconstruct.profile import profile_reconstruction
 from tacstrip.reconstruct.result import Reconstruction, RecoveredObject
 from tacstrip.reconstruct.vertex import vertex_reconstruction
 from tacstrip.scan import Scan
 from tacstrip.sensor.spec import Sensor
 
-_METHODS = ("vertex", "profile")
 _MOST_LINES = 20
 
 
@@ -30,8 +32,13 @@ _MOST_LINES = 20
 @click.argument("sensor", metavar="SENSOR")
 @click.argument("readings", metavar="READINGS", type=click.Path(path_type=Path))
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="GeoJSON file; printed if left out.")
-@click.option("--method", help="vertex or profile; by default profile where k_h and k_l were both read.")
-@click.option("--signature", help="For vertex: kh, kl or k.")
+@click.option("--method", help="polygon (all strips, the default), vertex or profile (the thesis').")
+@click.option("--signature", help="Use one only, for polygon or vertex: kh, kl or k.")
+@click.option("--quantisation", type=float, help="C.Q.E. of the readings if known, half-width over Vref.")
+@click.option("--positional", type=float, help="P.U. of the readings if known, half-width over Vref.")
+@click.option(
+    "--distribution", default="uniform", show_default=True, help="Of these errors: uniform or normal."
+)
 @click.option("--transitions", default="auto", show_default=True, metavar="RULE|X,X,..",
               help="For vertex: auto, gradient, or the x of all vertices [mm].")  # fmt: skip
 @click.option("--convex", is_flag=True, help="For profile of CRS-CRP: every contact is convex.")
@@ -48,6 +55,9 @@ def command(
     output: Path | None,
     method: str | None,
     signature: str | None,
+    quantisation: float | None,
+    positional: float | None,
+    distribution: str,
     transitions: str,
     convex: bool,
     reading: str,
@@ -73,22 +83,28 @@ def command(
             f"{readings}: no strip is touched in any of {len(scans)} scan(s): every reading is empty, or within "
             "touch_volt of rest_volt. Check the wiring and the spec"
         )
-    for_vertex = signature is not None or transitions != "auto"
-    both = {"kh", "kl"} <= set(scans[0].signatures)
-    chosen = method or ("profile" if both and not for_vertex else "vertex")
-    if chosen not in _METHODS:
-        raise OptionError(one_of("method", chosen, _METHODS))
-    if chosen == "profile" and for_vertex:
-        raise OptionError("--signature and --transitions are for --method vertex; leave them out for profile")
+    given = click.get_current_context().get_parameter_source
+    for_vertex = [o for o in ("transitions", "reading") if given(o) is ParameterSource.COMMANDLINE]
+    chosen = method or ("vertex" if for_vertex else best_method(spec))
+    if chosen not in METHODS:
+        raise OptionError(one_of("method", chosen, METHODS))
+    if chosen != "vertex" and for_vertex:
+        raise OptionError(f"--{for_vertex[0]} is for --method vertex; leave it out for {chosen}")
+    if chosen == "profile" and signature is not None:
+        raise OptionError("--signature is for --method polygon or vertex; profile needs both k_h and k_l")
     if convex and chosen != "profile":
         raise OptionError("--convex is for --method profile; leave it out")
+    noise = Noise(quantisation or 0.0, positional or 0.0, distribution=distribution)  # type: ignore[arg-type]
+    known = noise if (quantisation, positional) != (None, None) else None
     where = _transitions(transitions)
-    results = [
-        profile_reconstruction(s, spec, convex=convex)
-        if chosen == "profile"
-        else vertex_reconstruction(s, spec, signature, where, reading)  # type: ignore[arg-type]
-        for s in scans
-    ]
+    results = []
+    for scan in scans:
+        if chosen == "profile":
+            results.append(profile_reconstruction(scan, spec, known, convex=convex))
+        elif chosen == "vertex":
+            results.append(vertex_reconstruction(scan, spec, signature, where, reading, known))  # type: ignore[arg-type]
+        else:
+            results.append(recover(_only(scan, signature), spec, chosen, known))
     contact = read_contact(truth) if truth else None
     if contact is not None and not _polygons(contact):
         raise OptionError(
@@ -104,6 +120,11 @@ def command(
         _plot(spec, scans, results, chosen, contact, plot)
     if not any(o.found for r in results for o in r.objects):
         sys.exit(1)
+
+
+def _only(scan: Scan, signature: str | None) -> Scan:
+    """Leave the scan's other signatures out."""
+    return scan if signature is None else Scan(**{signature: scan[signature]}, time_s=scan.time_s)
 
 
 def _transitions(text: str) -> str | list[float]:

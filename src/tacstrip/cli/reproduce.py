@@ -17,7 +17,7 @@ from tacstrip.studies.thesis.reproduce import inside_counts, reproduce
 @click.option("--seeds", type=click.IntRange(1), default=200, show_default=True, help="Draws per noisy cell.")
 @click.option("--workers", type=click.IntRange(1), help="Processes; by default one per core.")
 def command(out: Path, seeds: int, workers: int | None) -> None:
-    """Make tables 5.2-5.14 and the figures of chapters 3 to 5 again, beside the printed figures.
+    """Make tables 5.2-5.14, 6.1-6.11 and the figures of chapters 2 to 6 again, beside the printed ones.
 
     Writes tables.json, report.html and figures/. Example: tacstrip reproduce --out reproduction --seeds 20
     """
@@ -31,7 +31,7 @@ def command(out: Path, seeds: int, workers: int | None) -> None:
     for table, (good, total) in counts.items():
         click.echo(f"  table {table:<5} {good:3d} of {total}")
     good, total = (sum(c[i] for c in counts.values()) for i in (0, 1))
-    click.echo(f"  all         {good} of {total}\n\nConclusions of sections 5.4 and 5.6:")
+    click.echo(f"  all         {good} of {total}\n\nConclusions:")
     for claim in tables["claims"]:
-        click.echo(f"  {claim['verdict']:<14} {claim['claim']}")
+        click.echo(f"  {claim['section']:<6} {claim['verdict']:<14} {claim['claim']}")
     click.echo(f"\n{out / 'report.html'}: the report\n{out / 'tables.json'}: the numbers")

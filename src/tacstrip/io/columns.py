@@ -10,7 +10,7 @@ from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
 
 INDEX = ("scan", "time_s", "strip")
-
+PLACE = (*INDEX, "l_mm", "w_mm")  # columns that are no readings
 
 ELECTRODES = "electrodes"  # stands for a signature where all of a sheet's electrodes were read
 
@@ -82,6 +82,20 @@ def _named(header: list[str], sensor: Sensor, codes: bool) -> dict[str, str]:
     return {column: name for column, name in own.items() if column in header}
 
 
+def strip_index(text: str, line: int, sensor: Sensor) -> int:
+    """Return a strip's number in a file as its place from 0, or raise `ReadingError` with its line."""
+    first, last = sensor.strip_base, sensor.strip_base + sensor.strips - 1
+    try:
+        strip = int(text)
+    except ValueError:
+        raise ReadingError(f"line {line}: strip is {text!r}, not a whole number") from None
+    if not first <= strip <= last:
+        raise ReadingError(
+            f"line {line}: strip {strip} is out of range {first} to {last}; check strips and strip_base in the spec"
+        )
+    return strip - first
+
+
 def finite(text: str, line: int, name: str) -> float:
     """Return a field as a finite number, or raise `ReadingError` with its line."""
     try:
@@ -91,7 +105,7 @@ def finite(text: str, line: int, name: str) -> float:
     if not math.isfinite(number):
         raise ReadingError(
             f"line {line}: {name} is {text!r}; leave the field empty where nothing touches"
-            if name not in INDEX
+            if name not in PLACE
             else f"line {line}: {name} is {text!r}, not a finite number"
         )
     return number

@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from tacstrip.contact.shape import Contact
 from tacstrip.errors import ContactError
 from tacstrip.reconstruct.result import Reconstruction, RecoveredObject
@@ -45,7 +47,9 @@ def feature_collection(results: Sequence[Reconstruction]) -> dict[str, Any]:
     """Return a GeoJSON FeatureCollection [mm], a Feature per object; without a shape its geometry is null.
 
     Properties: scan, time_s, method, status, advice, and where there is a shape area_mm2, centroid_mm and
-    orientation_rad (of the longer principal axis, from x).
+    orientation_rad (of the longer principal axis, from x). Where the shape has a covariance, standard deviations:
+    area_sigma_mm2, centroid_sigma_mm, orientation_sigma_rad, and vertex_sigma_mm, x and y of every vertex; null for
+    what the readings leave open.
     """
     features = []
     for scan, result in enumerate(results):
@@ -67,9 +71,30 @@ def _feature(recovered: RecoveredObject | None, properties: dict[str, Any]) -> d
     if recovered is not None and recovered.found:
         ring = [[round(float(c), 9) for c in p] for p in (*recovered.vertices, recovered.vertices[0])]
         geometry = {"type": "Polygon", "coordinates": [ring]}
-        properties = properties | {
-            "area_mm2": recovered.area,
-            "centroid_mm": [float(c) for c in recovered.centroid],
-            "orientation_rad": recovered.orientation,
-        }
+        properties = (
+            properties
+            | {
+                "area_mm2": recovered.area,
+                "centroid_mm": [float(c) for c in recovered.centroid],
+                "orientation_rad": recovered.orientation,
+            }
+            | _deviations(recovered)
+        )
     return {"type": "Feature", "geometry": geometry, "properties": properties}
+
+
+def _deviations(recovered: RecoveredObject) -> dict[str, Any]:
+    if recovered.deviations is None or recovered.covariance is None:
+        return {}
+    area, centroid, turn = recovered.deviations
+    of_vertices = np.sqrt(np.diag(recovered.covariance)).reshape(-1, 2)
+    return {
+        "area_sigma_mm2": _told(area),
+        "centroid_sigma_mm": [_told(c) for c in centroid],
+        "orientation_sigma_rad": _told(turn),
+        "vertex_sigma_mm": [[_told(c) for c in v] for v in of_vertices],
+    }
+
+
+def _told(number: float) -> float | None:
+    return float(number) if np.isfinite(number) else None

@@ -1,8 +1,8 @@
 """CRS-CRP inverted: l and u of all touched strips from what the sheet's electrodes read.
 
 There is no closed form (3.3), and neighbours shift a reading by up to a tenth of Vref, so all strips are solved
-together: Levenberg-Marquardt on the network itself with its adjoint Jacobian (`crp_scan`), started from the middle
-of k_h and k_l with one width for all. Every step keeps to 0 <= l <= u <= L and, if asked to, to convex contacts.
+together: Levenberg-Marquardt on the network itself with its adjoint Jacobian (`crp_scan`), first on a coarser mesh,
+started from bands that read about the same. Every step keeps to 0 <= l <= u <= L and, if asked to, to convex contacts.
 """
 
 from __future__ import annotations
@@ -15,9 +15,10 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.errors import ReadingError
+from tacstrip.fisher import covariance as bound_of
 from tacstrip.network.crp_bound import Electrodes as Electrodes
 from tacstrip.network.crp_bound import covariance as covariance
-from tacstrip.network.crp_bound import inverse, spread
+from tacstrip.network.crp_bound import spread
 from tacstrip.network.crp_descent import POOR_FIT, Problem
 from tacstrip.network.crp_mesh import Wiring as Wiring
 from tacstrip.network.crp_readings import all_electrodes as all_electrodes
@@ -48,7 +49,7 @@ class Inverted:
     advice
         In words, what to do; empty when all is well.
     iterations
-        Networks that were factored.
+        Networks that were factored, those of coarser meshes included.
     misfit
         Root mean square of what the model leaves over, in units of sigma: about 1, or 0 with own electrodes,
         where there are as many readings as unknowns.
@@ -141,7 +142,7 @@ def _inverted(problem: Problem, most: int) -> Inverted:
     found, strips, length = problem.invert(most), problem.sensor.strips, problem.sensor.length_mm
     l, u = np.full((2, strips), np.nan)
     l[problem.strip], u[problem.strip] = np.split(found.x, 2)
-    bound = spread(inverse(found.slope.T @ found.slope), problem.strip, strips)
+    bound = spread(bound_of(found.slope), problem.strip, strips)
     misfit = float(np.sqrt(found.cost / problem.readings.size))
     status = _statuses(l, u, length, found.converged)
     return Inverted(l, u, bound, status, _advice(status, misfit), found.steps, misfit)

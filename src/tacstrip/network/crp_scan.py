@@ -20,41 +20,6 @@ from tacstrip.network.crp_mesh import Mesh, Wiring, checked_span, wire
 from tacstrip.network.nodal import Factored
 from tacstrip.sensor.spec import Sensor
 
-# Right-hand sides at once: more of them fall out of the cache, and from 8 on BLAS takes threads, which wait for each
-# other for long on a busy machine.
-_TOGETHER = 4
-
-
-class Fed(Factored):
-    """A factored network that currents are fed into; its held nodes are on ground, or one of them on Vref."""
-
-    def fed(self, into: IntArray, out: IntArray | None = None) -> FloatArray:
-        """Return the potentials (nodes, K) while a current of 1 flows into each of K nodes, and out of K others.
-
-        A node of `into` that is held is put on Vref instead. No node may float.
-        """
-        number = np.full(self.network.nodes, -1)
-        number[self._free] = np.arange(len(self._free))
-        potentials = np.zeros((self.network.nodes, len(into)), order="F")
-        whole = len(self._free) == len(potentials) - 1 and number[0] < 0
-        for first in range(0, len(into), _TOGETHER):
-            part = slice(first, first + _TOGETHER)
-            right = np.zeros((len(self._free), len(into[part])), order="F")
-            for k, node in enumerate(into[part]):
-                if number[node] >= 0:
-                    right[number[node], k] = 1.0
-                else:
-                    right[:, k] = self._to_held[:, self.held == node].toarray()[:, 0]
-                    potentials[node, first + k] = 1.0
-                if out is not None and number[out[first + k]] >= 0:
-                    right[number[out[first + k]], k] -= 1.0
-            solved = self._factor.solve(right) if self._factor is not None else right
-            if whole:
-                potentials[1:, part] = solved
-            else:
-                potentials[self._free, part] = solved
-        return potentials
-
 
 class Scan:
     """The network of one contact, factored once.
@@ -81,7 +46,10 @@ class Scan:
             held = wired.bottom[:1]
         else:
             held = wired.electrode[:1]
-        self.factored = Fed(wired.network, held)
+        self.factored = Factored(wired.network, held)
+        # Potentials are kept where readings and their slopes need them; all of them would not stay in the cache.
+        ends = np.concatenate([wired.electrode, wired.bottom, wired.top])
+        self._kept = np.unique(np.concatenate([ends, self._beside_ends(lengths)]))
         self._phi: FloatArray | None = None
 
     @classmethod
@@ -98,23 +66,37 @@ class Scan:
         strip, low, high = checked_span(mesh, l, u)
         return cls(mesh, strip, mesh.hat_lengths(low, high), wiring or Wiring())
 
+    def _beside_ends(self, lengths: FloatArray) -> IntArray:
+        """Return the nodes in the rows beside the outer ends of the contact, and one row further."""
+        touched = lengths > 0.0
+        last = touched.shape[1] - 1
+        outer = np.stack([touched.argmax(axis=1), last - touched[:, ::-1].argmax(axis=1)], axis=1)
+        rows = np.clip(outer[:, :, None] + np.array([-1, 0, 1]), 0, last).reshape(len(touched), -1)
+        each = np.arange(len(touched))[:, None]
+        nodes = np.concatenate([self.wired.strip_node[each, rows], self.wired.sheet_node[each, rows]])
+        return nodes[nodes >= 0]
+
+    def _place(self, node: IntArray) -> IntArray:
+        """Return where nodes stand among those whose potentials are kept."""
+        return np.searchsorted(self._kept, node)
+
     @property
     def phi(self) -> FloatArray:
-        """Potentials (nodes, T) while each touched strip carries 1, or, others grounded, is put on Vref."""
+        """Potentials (kept, T) while each touched strip carries 1, or, others grounded, is put on Vref."""
         if self._phi is None:
-            self._phi = self.factored.fed(self.wired.top, self.wired.bottom)
+            self._phi = self.factored.fed(self.wired.top, self.wired.bottom, self._kept)
         return self._phi
 
     def readings(self) -> FloatArray:
         """Return what all electrodes read while each touched strip is energised (T, 2 strips) [Vref]."""
-        phi, (ground, drop) = self.phi, self._ends()
-        return np.asarray((phi[self.wired.electrode].T - ground[:, None]) / drop[:, None])
+        read, (ground, drop) = self.phi[self._place(self.wired.electrode)], self._ends()
+        return np.asarray((read.T - ground[:, None]) / drop[:, None])
 
     def _ends(self) -> tuple[FloatArray, FloatArray]:
         """Return the potential of each energised strip's grounded end, and of its other end over that (T,)."""
         touched = np.arange(len(self.wired.strip))
-        ground = self.phi[self.wired.bottom, touched]
-        return ground, self.phi[self.wired.top, touched] - ground
+        ground = self.phi[self._place(self.wired.bottom), touched]
+        return ground, self.phi[self._place(self.wired.top), touched] - ground
 
     def jacobian(self, ends: FloatArray, electrodes: IntArray) -> FloatArray:
         """Return d readings / d (l, u).
@@ -131,16 +113,17 @@ class Scan:
         ndarray
             (T, E, 2 T) [1/mm]: the last axis has l of the touched strips, then u.
         """
-        strip, sheet, change = self._moving(ends)  # each (2 T, 2): both rows beside each moving end
+        above, below, change = self._moving(ends)  # each (2 T, 2): both rows beside each moving end
+        strip, sheet = self._place(above), self._place(below)
         used, column = np.unique(electrodes, return_inverse=True)
         column = column.reshape(electrodes.shape)
         d_phi = self.phi[strip] - self.phi[sheet]  # (2 T, 2, T)
-        psi = self.factored.fed(self.wired.electrode[used])
+        psi = self.factored.fed(self.wired.electrode[used], at=self._kept)
         d_read = psi[strip] - psi[sheet]  # (2 T, 2, used)
         readings = np.take_along_axis(self.readings(), electrodes, axis=1)
         result = np.empty((*electrodes.shape, len(strip)))
         if not self.by_voltage:
-            psi = self.factored.fed(self.wired.bottom)
+            psi = self.factored.fed(self.wired.bottom, at=self._kept)
             d_ground = psi[strip] - psi[sheet]
             _, drop = self._ends()
         for t, columns in enumerate(column):
@@ -168,7 +151,7 @@ class Scan:
     def profiles(self) -> Iterator[tuple[int, FloatArray]]:
         """Go through the touched strips: its number and the sheet's potentials (strips, rows + 1) [Vref]."""
         ground, drop = self._ends()
-        size = self.mesh.strips * (self.mesh.rows + 1)
+        sheet = np.arange(self.mesh.strips * (self.mesh.rows + 1))
+        phi = self.factored.fed(self.wired.top, self.wired.bottom, sheet)
         for t, strip in enumerate(self.wired.strip):
-            sheet = (self.phi[:size, t] - ground[t]) / drop[t]
-            yield int(strip), sheet.reshape(self.mesh.strips, -1)
+            yield int(strip), ((phi[:, t] - ground[t]) / drop[t]).reshape(self.mesh.strips, -1)

@@ -16,7 +16,7 @@ from tacstrip.errors import NetworkError
 
 # Symmetric positive definite: order for fill-in, never pivot (measured in design.md, Parts). Columns one by one are
 # 10 to 30 % faster than SuperLU's panels on meshes of 1,500 to 40,000 nodes.
-SPLU = {
+_SPLU = {
     "permc_spec": "MMD_AT_PLUS_A",
     "diag_pivot_thresh": 0.0,
     "panel_size": 1,
@@ -140,7 +140,7 @@ class Factored:
         ).tocsr()
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            self._factor = splu(matrix.tocsc(), **SPLU) if size else None
+            self._factor = splu(matrix.tocsc(), **_SPLU) if size else None
 
     def solve(self, volts: npt.ArrayLike, amperes: FloatArray | None = None) -> FloatArray:
         """Return the potentials (nodes,) or, for many questions at once, (nodes, questions).
@@ -167,16 +167,18 @@ class Factored:
             potentials[self._free] = self._factor.solve(right)
         return potentials
 
-    def fed(self, into: IntArray, out: IntArray | None = None) -> FloatArray:
-        """Return the potentials (nodes, K) while a current of 1 flows into each of K nodes, and out of K others.
+    def fed(self, into: IntArray, out: IntArray | None = None, at: IntArray | None = None) -> FloatArray:
+        """Return potentials while a current of 1 flows into each of K nodes, and out of each of K others.
 
         All held nodes are on ground, but for a node of `into` that is held: it is put on Vref instead of being fed.
-        No node may float.
+        No node may float. The potentials (P, K) are those of the nodes `at` (P,), by default of all.
         """
+        at = np.arange(self.network.nodes) if at is None else at
         number = np.full(self.network.nodes, -1)
         number[self._free] = np.arange(len(self._free))
-        potentials = np.zeros((self.network.nodes, len(into)), order="F")
-        whole = len(self._free) == len(potentials) - 1 and number[0] < 0
+        inner = number[at] >= 0
+        rows = number[at[inner]]
+        potentials = np.zeros((len(at), len(into)), order="F")
         for first in range(0, len(into), _TOGETHER):
             part = slice(first, first + _TOGETHER)
             right = np.zeros((len(self._free), len(into[part])), order="F")
@@ -185,14 +187,11 @@ class Factored:
                     right[number[node], k] = 1.0
                 else:
                     right[:, k] = self._to_held[:, self.held == node].toarray()[:, 0]
-                    potentials[node, first + k] = 1.0
+                    potentials[at == node, first + k] = 1.0
                 if out is not None and number[out[first + k]] >= 0:
                     right[number[out[first + k]], k] -= 1.0
             solved = self._factor.solve(right) if self._factor is not None else right
-            if whole:
-                potentials[1:, part] = solved
-            else:
-                potentials[self._free, part] = solved
+            potentials[inner, part] = solved[rows]
         return potentials
 
 

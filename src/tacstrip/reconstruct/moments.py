@@ -37,7 +37,7 @@ def orientation(vertices: FloatArray) -> float:
 
 def area_slope(vertices: FloatArray) -> FloatArray:
     """Return the slope of the area by `vertices.ravel()` (2 N,) [mm]."""
-    return _slopes(vertices)[0]
+    return np.asarray(_slopes(vertices)[0])
 
 
 def centroid_slope(vertices: FloatArray) -> FloatArray:

@@ -76,6 +76,11 @@ class Outline:
             back = back[1:]  # a vertical edge closes the polygon on the left
         return cls(v[: right[0] + 1], back)
 
+    def moved(self, dx_mm: float, dy_mm: float) -> Outline:
+        """Return the outline moved across and along the strips."""
+        by = np.array([dx_mm, dy_mm])
+        return Outline(self.lower + by, self.upper + by)
+
     @property
     def vertices(self) -> FloatArray:
         """Vertices (V, 2) [mm], counter-clockwise from the left-most, the lower one of two."""

@@ -1,4 +1,4 @@
-"""Where the vertices lie across the strips: given by the caller, or found by the gradient rule.
+"""Where the vertices lie across the strips: given by the caller, fitted, or found by the gradient rule.
 
 The gradient rule, a stand-in for the thesis' "simple detection method" (5.4.1), which it does not print:
 
@@ -23,6 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tacstrip.arrays import FloatArray, IntArray
+from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError, one_of
 from tacstrip.reconstruct.sections import fit_sections, reading_noise
 from tacstrip.scan import Scan
@@ -36,7 +37,11 @@ _RULES = ("auto", "gradient")
 
 
 def transitions_of_runs(
-    scan: Scan, sensor: Sensor, signature: str, transitions: str | npt.ArrayLike
+    scan: Scan,
+    sensor: Sensor,
+    signature: str,
+    transitions: str | npt.ArrayLike,
+    noise: Noise | None = None,
 ) -> list[FloatArray]:
     """Return, for each run of touched strips, the x of all its vertices [mm], ends included.
 
@@ -45,8 +50,10 @@ def transitions_of_runs(
     scan, sensor, signature
         What was measured, and which signature to look at.
     transitions
-        "gradient", "auto" (the same, for now), or ascending x of all vertices of all objects; an x goes to
-        the nearest run.
+        "auto" (those of the polygon that fits all strips best), "gradient", or ascending x of all vertices of
+        all objects; an x goes to the nearest run.
+    noise
+        The readings' errors, for "auto"; None: estimated.
 
     Raises
     ------
@@ -58,6 +65,10 @@ def transitions_of_runs(
         if transitions not in _RULES:
             choices = (*_RULES, "or an ascending list of x")
             raise OptionError(one_of("transitions", transitions, choices))
+        if transitions == "auto":
+            from tacstrip.reconstruct.polygon import fitted_transitions  # loads the compiled kernels
+
+            return fitted_transitions(scan, sensor, signature, noise)
         pitch, ratio = sensor.pitch_mm, sensor.sensing_ratio
         return [by_gradient(x[run], scan[signature][run], pitch, ratio) for run in runs]
     given = np.asarray(transitions, dtype=float)

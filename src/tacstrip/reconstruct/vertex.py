@@ -8,7 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from tacstrip.arrays import BoolArray, FloatArray
+from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError, one_of
+from tacstrip.reconstruct.blocks import linear_system
 from tacstrip.reconstruct.result import Reconstruction, RecoveredObject, Status, close_chains
 from tacstrip.reconstruct.sections import Section, fit_sections, noise_level
 from tacstrip.reconstruct.transitions import transitions_of_runs
@@ -30,6 +32,7 @@ def vertex_reconstruction(
     signature: str | None = None,
     transitions: str | npt.ArrayLike = "auto",
     reading: Literal["section", "strip"] = "section",
+    noise: Noise | None = None,
 ) -> Reconstruction:
     """Recover a strictly convex polygon from each run of touched strips.
 
@@ -41,11 +44,14 @@ def vertex_reconstruction(
         "kh", "kl" or "k"; by default the last of these that the scan has: k_l before k_h, as 5.6 advises
         (docs/reconstruction.md says where that is wrong).
     transitions
-        Ascending x [mm] of all vertices, ends included; or "auto" or "gradient" to find them.
+        Ascending x [mm] of all vertices, ends included; or to find them "auto" (those of the polygon
+        that fits all strips best) or "gradient" (as simple a rule as the thesis').
     reading
         "section" fits (p x + q) / (r x + s) to each section's strips and evaluates it at the vertex; a
         kink's sign is that of the slopes' difference there. "strip" reads the strip nearest to the vertex
         and takes the slopes of the chords between vertices, as the thesis does.
+    noise
+        The readings' errors, for "auto"; None: estimated from what the fit leaves over.
 
     Returns
     -------
@@ -65,72 +71,11 @@ def vertex_reconstruction(
     if reading not in _READINGS:
         raise OptionError(one_of("reading", reading, _READINGS))
     k = scan[name]
-    found = transitions_of_runs(scan, sensor, name, transitions)
+    found = transitions_of_runs(scan, sensor, name, transitions, noise)
     runs = zip(scan.runs(), found, strict=True)
     return Reconstruction(
         "vertex", tuple(_recover(sensor, name, run, k[run], x, reading) for run, x in runs), scan.time_s
     )
-
-
-def linear_system(
-    x: FloatArray,
-    k: FloatArray,
-    upper: BoolArray,
-    y_ends: tuple[float, float],
-    sensor: Sensor,
-    signature: str,
-) -> tuple[FloatArray, FloatArray]:
-    """Set up A y = b for the interior vertices' y: steps 3 and 4 of section 4.2.4.
-
-    A row says c_own y_i + c_opposite y_edge = k_i L. The thesis' row is this one over c_opposite, which
-    would divide by zero at k_l = 0.
-
-    Parameters
-    ----------
-    x
-        The vertices' x (N,) [mm].
-    k
-        Readings at the vertices (N,).
-    upper
-        Whether each vertex is on the upper chain (N,); the ends' entries do not count.
-    y_ends
-        y of the left-most and the right-most vertex [mm].
-    sensor, signature
-        Which closed form.
-
-    Returns
-    -------
-    tuple
-        A (N - 2, N - 2) and b (N - 2,) [mm].
-    """
-    n = len(x)
-    c_l, c_u = chain_weights(k, SIGNATURES[signature].at_upper_end, sensor.sensing_ratio)
-    own, opposite = np.where(upper, c_u, c_l), np.where(upper, c_l, c_u)
-    matrix = np.diag(own[1:-1])
-    right = k[1:-1] * sensor.length_mm
-    for start, end in blocks(upper):
-        inside = np.arange(start + 1, end)
-        to_end = (x[inside] - x[start]) / (x[end] - x[start])
-        # The four block types of table 4.1: an end of the block is known where it is an end of the polygon.
-        for vertex, weight in ((start, 1.0 - to_end), (end, to_end)):
-            if vertex in (0, n - 1):
-                right[inside - 1] -= opposite[inside] * weight * y_ends[0 if vertex == 0 else 1]
-            else:
-                matrix[inside - 1, vertex - 1] += opposite[inside] * weight
-    return matrix, right
-
-
-def blocks(upper: BoolArray) -> list[tuple[int, int]]:
-    """Return the blocks of 4.2.4 as (start, end) vertex indices; neighbouring blocks share one section.
-
-    Between a block's start and end all vertices are on one chain, and start and end are neighbours on the
-    other chain, so that the edge opposite the block's vertices runs from start to end.
-    """
-    n = len(upper)
-    turns = [i for i in range(2, n - 1) if upper[i] != upper[i - 1]]
-    starts = [0, *(i - 1 for i in turns)]
-    ends = [*turns, n - 1]
-    return list(zip(starts, ends, strict=True))
 
 
 class _Refusal(Exception):  # noqa: N818 - not an error: why one object has no shape

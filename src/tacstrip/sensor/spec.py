@@ -14,6 +14,7 @@ import numpy as np
 from tacstrip.arrays import FloatArray
 from tacstrip.data import spec_names, spec_path
 from tacstrip.errors import SpecError
+from tacstrip.sensor.calibration import Calibration
 from tacstrip.sensor.constructions import CONSTRUCTIONS, Construction, check_signature, construction
 
 FORMAT = 1
@@ -36,6 +37,7 @@ KEYS: dict[str, tuple[str, str]] = {  # key: (an example where nothing is set, c
     "touch_volt": ("0.05", "a strip counts as touched when a reading is further than this from rest_volt"),
     "strip_base": ("", "number of the first strip in readings files, 0 or 1"),
 }
+CALIBRATION = "calibration"  # the table that `tacstrip calibrate` adds to a spec file
 # Keys that belong to some constructions only.
 _OWN_KEYS = frozenset().union(*(c.keys for c in CONSTRUCTIONS.values()))
 
@@ -43,6 +45,9 @@ _OWN_KEYS = frozenset().union(*(c.keys for c in CONSTRUCTIONS.values()))
 @dataclass(frozen=True, kw_only=True)
 class Sensor:
     """A resistive hybrid tactile sensor; the keys of the spec file, in [mm] and [V].
+
+    `calibration` turns this unit's raw readings into corrected ones where they enter (`sensor.raw`): a `Scan` is
+    always a corrected one, and so is what `simulate` makes.
 
     Raises
     ------
@@ -64,14 +69,17 @@ class Sensor:
     touch_volt: float | None = None
     strip_base: int = 0
     format: int = FORMAT
+    calibration: Calibration | None = None
 
     def __post_init__(self) -> None:
         """Bring numbers to their type and refuse what cannot be."""
         for name, kind in self.__annotations__.items():
             value = getattr(self, name)
-            if name != "construction" and not (value is None and "None" in str(kind)):
+            if name not in ("construction", CALIBRATION) and not (value is None and "None" in str(kind)):
                 object.__setattr__(self, name, _number(name, value, whole="int" in str(kind)))
         _check(self)
+        if self.calibration is not None:
+            _check_calibration(self, self.calibration)
 
     @property
     def kind(self) -> Construction:
@@ -103,6 +111,12 @@ class Sensor:
     def x_mm(self) -> FloatArray:
         """Centre lines of the strips (strips,) [mm]."""
         return np.asarray((np.arange(self.strips) + 0.5) * self.pitch_mm, dtype=np.float64)
+
+    @property
+    def fingerprint(self) -> str:
+        """What a calibration must agree with: construction, strips, pitch and length."""
+        across = f"{self.strips} strips, pitch {self.pitch_mm:.6g} mm"
+        return f"{self.construction}, {across}, length {self.length_mm:.6g} mm"
 
     def check_signature(self, signature: str) -> str:
         """Return the name if this sensor has such a signature, else raise `SignatureError`."""
@@ -137,12 +151,14 @@ class Sensor:
     @classmethod
     def from_dict(cls, raw: dict[str, Any]) -> Self:
         """Make a sensor from a spec file's keys and values; errors as for `load`."""
-        if unknown := [key for key in raw if key not in KEYS]:
-            raise SpecError(f"unknown key {unknown[0]!r}; the keys are: {', '.join(KEYS)}")
+        known = [*KEYS, CALIBRATION]
+        if unknown := [key for key in raw if key not in known]:
+            raise SpecError(f"unknown key {unknown[0]!r}; the keys are: {', '.join(known)}")
         needed = ("format", "construction", "strips", "pitch_mm", "length_mm")
         if missing := [key for key in needed if key not in raw]:
             raise SpecError(f"key {missing[0]!r} is missing; a spec needs: {', '.join(needed)}")
-        return cls(**raw)
+        table = {CALIBRATION: Calibration.from_dict(raw[CALIBRATION])} if CALIBRATION in raw else {}
+        return cls(**{**raw, **table})
 
     def to_toml(self) -> str:
         """Return the spec file's text, with a comment per key; what is unset stands commented out."""
@@ -154,7 +170,8 @@ class Sensor:
             text = f'"{value}"' if isinstance(value, str) else repr(value)
             line = f"# {key} = {example}" if value is None else f"{key} = {text}"
             lines.append(f"{line:<32} # {comment}")
-        return "\n".join(lines) + "\n"
+        text = "\n".join(lines) + "\n"
+        return text if self.calibration is None else f"{text}\n{self.calibration.to_toml()}"
 
     def save(self, path: str | Path) -> None:
         """Write the spec file."""
@@ -216,3 +233,14 @@ def _check(s: Sensor) -> None:
         raise SpecError(
             f"radius_mm = {s.radius_mm}: {s.width_mm} mm of strips do not fit round {around:.4g} mm"
         )
+
+
+def _check_calibration(s: Sensor, calibration: Any) -> None:
+    if not isinstance(calibration, Calibration):
+        raise SpecError(f"calibration = {calibration!r}: must be a Calibration")
+    if not s.kind.closed_form:
+        raise SpecError(
+            f"a {s.construction} sensor takes no calibration: its strips shift each other's readings (3.3), so "
+            "constants per strip do not describe it"
+        )
+    calibration.check(s.strips, s.signatures, s.fingerprint)

@@ -21,7 +21,7 @@ from tacstrip.reconstruct.result import RecoveredObject
 from tacstrip.reconstruct.vertex import vertex_reconstruction
 from tacstrip.scan import Scan
 from tacstrip.sensor.spec import Sensor
-from tacstrip.studies.thesis.published import offsets_volt
+from tacstrip.studies.twin import calibrated, twin
 
 _COLOURS = {"P.R.": COLOURS["profile"], "V.R. k_h": COLOURS["kh"], "V.R. k_l": COLOURS["kl"]}
 
@@ -52,11 +52,7 @@ def run() -> Demo:
     sensor = Sensor.load("prototype-crs-crs")
     contact = read_contact(data_path("demo_contact.wkt"))
     before = read_readings(data_path("demo_readings.csv"), sensor)[0]
-    after = {
-        name: np.clip(before[name] - offsets_volt("CRS-CRS", name) / sensor.vref_volt, 0.0, 1.0)
-        for name in before.signatures
-    }
-    scans = {"before": before, "after": Scan(kh=after["kh"], kl=after["kl"])}
+    scans = {"before": before, "after": calibrated(twin("CRS-CRS"), before)}
     trials = [t for name, scan in scans.items() for t in _trials(name, scan, sensor, contact)]
     return Demo(sensor, contact, scans, trials)
 

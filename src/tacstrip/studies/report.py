@@ -11,6 +11,13 @@ from typing import Any
 from tacstrip.data import data_path
 
 METRIC_NAMES = {"mc": "M.C. [rad]", "aoe": "A.O.E. [rad]", "ape": "A.P.E. [units]"}
+EXPERIMENT_NAMES = {  # ours: (what it is, the printed one beside it)
+    "mc": ("M.C. times mean perimeter [rad cm]", "mc"),
+    "mc_rad": ("M.C. [rad]", "mc"),
+    "aoe": ("A.O.E. [rad]", "aoe"),
+    "ape": ("A.P.E. [cm]", "ape"),
+}
+_CONCLUSIONS = {"5": "Conclusions of sections 5.4 and 5.6", "6": "Conclusions of chapter 6"}
 
 
 @dataclass(frozen=True)
@@ -38,17 +45,22 @@ def write_report(path: Path, tables: dict[str, Any], pictures: list[Picture]) ->
     environment.filters["number"] = _number
     page = environment.from_string(template).render(
         seeds=tables["seeds"],
-        claims=tables["claims"],
+        conclusions={
+            title: [c for c in tables["claims"] if c["section"].startswith(chapter)]
+            for chapter, title in _CONCLUSIONS.items()
+        },
         tables=_by_table(tables["simulation"]),
         chapters=_by_chapter(pictures),
         metric_names=METRIC_NAMES,
+        experiment_names=EXPERIMENT_NAMES,
+        **{key: tables[key] for key in ("experiment", "calibration", "residual", "prototype")},
     )
     path.write_text(page, encoding="utf-8")
 
 
-def _number(value: float | None) -> str:
-    """Print as the thesis does, with three decimals; a dash where there is no number."""
-    return "-" if value is None or math.isnan(value) else f"{value:.3f}"
+def _number(value: float | None, digits: int = 3) -> str:
+    """Print as the thesis does, with so many decimals; a dash where there is no number."""
+    return "-" if value is None or math.isnan(value) else f"{value:.{digits}f}"
 
 
 def _by_table(simulation: list[dict[str, Any]]) -> list[dict[str, Any]]:

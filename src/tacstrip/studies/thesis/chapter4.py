@@ -17,7 +17,7 @@ from tacstrip.plot.scene import draw_contact, draw_polygon, draw_sensor, draw_si
 from tacstrip.plot.style import COLOURS, OTHERS, TRUE, add_axes, legend, new_axes, new_figure
 from tacstrip.reconstruct.result import close_chains
 from tacstrip.reconstruct.sections import fit_sections
-from tacstrip.reconstruct.vertex import blocks, linear_system
+from tacstrip.reconstruct.blocks import blocks, linear_system
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
 from tacstrip.simulate import simulate

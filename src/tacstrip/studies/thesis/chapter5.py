@@ -31,7 +31,7 @@ NOISES = {
     "quantisation + profile I": Noise(quantisation=0.001, positional=0.005, transition_mm=5.0),
     "quantisation + profile II": Noise(quantisation=0.001, positional=0.01, transition_mm=5.0),
 }
-_HALF_DIGIT = 0.0005  # the thesis prints three decimals
+HALF_DIGIT = 0.0005  # the thesis prints three decimals
 
 
 @dataclass(frozen=True)
@@ -127,4 +127,4 @@ def _inside(printed: FloatArray | None, ours: dict[str, list[float | None]], pos
     low, high = ours["p05"][position], ours["p95"][position]
     if printed is None or np.isnan(printed[position]) or low is None or high is None:
         return None
-    return bool(low - _HALF_DIGIT <= printed[position] <= high + _HALF_DIGIT)
+    return bool(low - HALF_DIGIT <= printed[position] <= high + HALF_DIGIT)

@@ -30,11 +30,14 @@ class Claim:
         "holds" (in at least 90 % of the cells it speaks of), "holds in part" (in more than half), "fails".
     evidence
         The count behind the verdict, in words.
+    section
+        Where the thesis says it.
     """
 
     claim: str
     verdict: str
     evidence: str
+    section: str = "5.6"
 
 
 def judge_claims(ours: Tables, ambiguity: dict[str, list[dict[str, float]]]) -> list[dict[str, str]]:
@@ -87,7 +90,8 @@ def _key(row: Row) -> tuple[str, str, str]:
     return row.signature or "profile", row.shape, row.noise
 
 
-def _verdict(good: int, total: int) -> str:
+def by_share(good: float, total: float) -> str:
+    """Return the verdict on a claim that is true of `good` cells out of `total`."""
     share = good / total
     return "holds" if share >= _CLEARLY else "holds in part" if share > 0.5 else "fails"
 
@@ -123,7 +127,7 @@ def _compare(
 def _better(medians: dict[Any, Any], a: str, b: str, text: str) -> Claim:
     good, total = _compare(medians, a, b, lambda one, other: one < other)
     return Claim(
-        text, _verdict(good, total), f"smaller median in {good} of {total} noisy cells (M.C. and A.P.E.)"
+        text, by_share(good, total), f"smaller median in {good} of {total} noisy cells (M.C. and A.P.E.)"
     )
 
 
@@ -131,7 +135,7 @@ def _alike(medians: dict[Any, Any]) -> Claim:
     good, total = _compare(medians, "k", "kl", lambda one, other: 0.5 <= one / other <= 2.0)
     text = "V.R. with k_l and with k give similar errors"
     return Claim(
-        text, _verdict(good, total), f"medians within a factor of 2 in {good} of {total} noisy cells"
+        text, by_share(good, total), f"medians within a factor of 2 in {good} of {total} noisy cells"
     )
 
 
@@ -144,7 +148,7 @@ def _regions(medians: dict[Any, Any], position: int, text: str) -> Claim:
                 if end is not None and middle is not None:
                     good, total = good + (end > middle), total + 1
     return Claim(
-        text, _verdict(good, total), f"position {position + 1} worse than 3 in {good} of {total} medians"
+        text, by_share(good, total), f"position {position + 1} worse than 3 in {good} of {total} medians"
     )
 
 

@@ -37,6 +37,32 @@ class Row:
     printed: dict[str, FloatArray | None]
 
 
+@dataclass(frozen=True)
+class Experiment:
+    """An entry of tables 6.2-6.4 or 6.6: one recovery of the rectangle.
+
+    Attributes
+    ----------
+    signature
+        None for Profile Reconstruction.
+    region
+        Where on the sensor it was pressed: "lower", "middle" or "upper".
+    calibrated
+        Whether the offsets of table 6.1 or 6.5 were subtracted.
+    printed
+        M.C. [rad cm], A.O.E. [rad], A.P.E. [cm].
+    """
+
+    table: str
+    figure: str
+    sensor: str
+    algorithm: str
+    signature: str | None
+    region: str
+    calibrated: bool
+    printed: dict[str, float]
+
+
 @cache
 def published() -> dict[str, Any]:
     """Return the whole file, as read."""
@@ -54,6 +80,18 @@ def rows() -> tuple[Row, ...]:
     )
 
 
+@cache
+def experiments() -> tuple[Experiment, ...]:
+    """Return the 16 entries of tables 6.2-6.4 and 6.6 in their order."""
+    return tuple(
+        Experiment(
+            raw["table"], raw["figure"], raw["sensor"], raw["algorithm"], raw["signature"] or None, raw["region"],
+            raw["calibrated"], {m: float(raw[m]) for m in METRICS},
+        )
+        for raw in published()["experiment"]
+    )  # fmt: skip
+
+
 def offsets_volt(sensor: str, signature: str) -> FloatArray:
     """Return the calibration factors of tables 6.1, 6.5 and 6.7 [V], one per strip."""
     found = [c for c in published()["calibration"] if (c["sensor"], c["signature"]) == (sensor, signature)]
@@ -64,6 +102,17 @@ def residuals(figure: str) -> FloatArray:
     """Return the errors left after calibration in a figure's experiment (tables 6.8-6.11), over Vref."""
     found = [r for r in published()["residual"] if r["figure"] == figure]
     return np.array(found[0]["percent_of_vref"]) / 100.0
+
+
+def region_residuals(sensor: str, signature: str, region: str) -> FloatArray:
+    """Return the errors (strips,) of a signature in the experiments in a region, over Vref.
+
+    The tables name figures; that of a calibrated experiment with this signature, in this region, is the one.
+    Its readings served Profile Reconstruction and the uncalibrated figures too (6.1.2-6.1.4).
+    """
+    wanted = (sensor, signature, region, True)
+    figures = [e.figure for e in experiments() if (e.sensor, e.signature, e.region, e.calibrated) == wanted]
+    return residuals(figures[0])
 
 
 def _row(raw: dict[str, Any], figure: str) -> Row:

@@ -1,4 +1,4 @@
-"""Chapter 5 again: all cells, all figures, `tables.json` and `report.html` in one folder."""
+"""Chapters 5 and 6 again: all cells, all figures, `tables.json` and `report.html` in one folder."""
 
 from __future__ import annotations
 
@@ -10,9 +10,18 @@ from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_complet
 from pathlib import Path
 from typing import Any
 
+from matplotlib.figure import Figure
+
 from tacstrip.plot.style import save
 from tacstrip.studies.report import Picture, write_report
-from tacstrip.studies.thesis import chapter2, chapter3, chapter4, metrics_figures
+from tacstrip.studies.thesis import (
+    chapter2,
+    chapter3,
+    chapter4,
+    chapter6_figures,
+    chapter6_prototypes,
+    metrics_figures,
+)
 from tacstrip.studies.thesis.chapter5 import Cell, run_cell, summarise
 from tacstrip.studies.thesis.chapter5_figures import (
     AMBIGUOUS,
@@ -24,23 +33,31 @@ from tacstrip.studies.thesis.chapter5_figures import (
     recovery,
     recovery_caption,
 )
+from tacstrip.studies.thesis.chapter6 import run_experiment
+from tacstrip.studies.thesis.chapter6_calibration import calibration_rows, prototype_rows, residual_rows
+from tacstrip.studies.thesis.chapter6_claims import judge_chapter6
 from tacstrip.studies.thesis.claims import judge_claims
-from tacstrip.studies.thesis.published import METRICS, published, rows
+from tacstrip.studies.thesis.published import METRICS, experiments, published, rows
 from tacstrip.studies.thesis.shapes import POSITIONS
 
-_DRAWN = {**chapter2.FIGURES, **chapter3.FIGURES, **chapter4.FIGURES, **metrics_figures.FIGURES}
+_CAPTIONED = (chapter6_figures, chapter6_prototypes)  # files whose `caption` knows each figure's words
+_DRAWN: dict[str, Callable[[], Figure]] = {
+    **chapter2.FIGURES, **chapter3.FIGURES, **chapter4.FIGURES, **metrics_figures.FIGURES,
+    **chapter6_figures.FIGURES, **chapter6_prototypes.FIGURES,
+}  # fmt: skip
+_OFFSETS = ("calibration", 0)  # a task
 Progress = Callable[[int, int], None]
 
 
 def reproduce(out: Path, seeds: int, workers: int | None, progress: Progress) -> dict[str, Any]:
-    """Make tables 5.2-5.14 and the figures of chapters 3 to 5.
+    """Make tables 5.2-5.14, 6.1-6.11 and the figures of chapters 2 to 6.
 
     Parameters
     ----------
     out
         Folder for `tables.json`, `report.html` and `figures/`; made if it is missing.
     seeds
-        Draws of the errors per noisy cell.
+        Draws of the errors per noisy cell, and of the rectangle's place per experiment of chapter 6.
     workers
         Processes; None: one per core.
     progress
@@ -54,17 +71,23 @@ def reproduce(out: Path, seeds: int, workers: int | None, progress: Progress) ->
     folder = out / "figures"
     folder.mkdir(parents=True, exist_ok=True)
     cells = [(number, position) for number in range(len(rows())) for position in range(POSITIONS)]
-    total = len(cells) + len(rows()) + len(_DRAWN) + len(NOISY) + len(AMBIGUOUS)
+    trials = [("experiment", number) for number in range(len(experiments()))]
+    total = len(cells) + len(rows()) + len(_DRAWN) + len(NOISY) + len(AMBIGUOUS) + len(trials) + 1
     done: dict[Any, Any] = {}
     with ProcessPoolExecutor(max_workers=workers or os.cpu_count()) as pool:
         tasks: dict[Future[Any], Any] = {pool.submit(run_cell, *c, seeds): c for c in cells}
+        tasks |= {pool.submit(run_experiment, task[1], seeds): task for task in trials}
+        tasks[pool.submit(calibration_rows, seeds)] = _OFFSETS
         for future in _finished(pool, tasks, folder):
             done[tasks[future]] = future.result()
             progress(len(done), total)
     by_row = [[done[number, position] for position in range(POSITIONS)] for number in range(len(rows()))]
     ours = [summarise(number, row_cells) for number, row_cells in enumerate(by_row)]
+    experiment = [done[task] for task in trials]
     claims = judge_claims(ours, {figure: done["figure", figure] for figure in AMBIGUOUS})
-    tables = _tables(ours, claims, seeds)
+    claims += judge_chapter6(experiment)
+    found = {"simulation": ours, "experiment": experiment, "calibration": done[_OFFSETS]}
+    tables = _tables(found | {"residual": residual_rows(), "prototype": prototype_rows()}, claims, seeds)
     text = json.dumps(_jsonable(tables), indent=1, allow_nan=False)
     (out / "tables.json").write_text(text + "\n", encoding="utf-8")
     write_report(out / "report.html", tables, _pictures(folder))
@@ -78,6 +101,10 @@ def inside_counts(tables: dict[str, Any]) -> dict[str, tuple[int, int]]:
         judged = [v for m in METRICS for v in row["ours"]["inside"][m] if v is not None]
         good, total = counts.get(row["table"], (0, 0))
         counts[row["table"]] = good + sum(judged), total + len(judged)
+    for row in tables["experiment"]:
+        good, total = counts.get(row["table"], (0, 0))
+        judged = [row["ours"]["inside"][m] for m in METRICS]
+        counts[row["table"]] = good + sum(map(bool, judged)), total + len(judged)
     return counts
 
 
@@ -125,6 +152,7 @@ def _draw_row(number: int, samples: list[Any], folder: Path) -> None:
 
 def _pictures(folder: Path) -> list[Picture]:
     captions = {f: f"Figure {f}: {(draw.__doc__ or '').splitlines()[0]}" for f, draw in _DRAWN.items()}
+    captions |= {f: file.caption(f) for file in _CAPTIONED for f in file.FIGURES}
     captions |= {f: noisy_signature_caption(f) for f in NOISY}
     captions |= {f: ambiguity_caption(f) for f in AMBIGUOUS}
     captions |= {row.figure: recovery_caption(row) for row in rows()}
@@ -132,14 +160,13 @@ def _pictures(folder: Path) -> list[Picture]:
     return [Picture(f, captions[f].replace("$", ""), _file(folder, f)) for f in ordered]
 
 
-def _tables(ours: list[dict[str, Any]], claims: list[dict[str, str]], seeds: int) -> dict[str, Any]:
+def _tables(
+    found: dict[str, list[dict[str, Any]]], claims: list[dict[str, str]], seeds: int
+) -> dict[str, Any]:
     """Return the keys of published.toml, each row with `ours`, and the claims."""
     tables: dict[str, Any] = {"seeds": seeds, "claims": claims}
-    for key, value in published().items():
-        if isinstance(value, list):
-            tables[key] = [{**row, "ours": None} for row in value]
-    for row, row_ours in zip(tables["simulation"], ours, strict=True):
-        row["ours"] = row_ours
+    for key, ours in found.items():
+        tables[key] = [{**row, "ours": own} for row, own in zip(published()[key], ours, strict=True)]
     return tables
 
 

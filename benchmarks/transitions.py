@@ -1,0 +1,209 @@
+"""Finding the vertices of random polygons: the polygon fit against libraries that find kinks, and against the bound.
+
+A row per cell and method: the share of right vertex counts; the median distance from a true transition to the nearest
+one found, in % of the contact's width, and over the median that the Cramer-Rao bound implies; the root mean square
+error of the vertices over the bound's, of the polygons with the right vertices (pooled: of all in mm, so that the
+least certain ones weigh most; scaled: each over its own bound); the share of true vertices in their 95 % regions;
+and milliseconds.
+Run: python benchmarks/transitions.py [--polygons 400] [--cells kh:0.005:100 ...] [--methods polygon savgol ...]
+piecewise-regression, skchange and ruptures take part if they are installed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from _protocol import SIGNATURES, Cell, Trial, trial
+
+import tacstrip as ts
+from tacstrip.arrays import FloatArray
+from tacstrip.reconstruct.bound import reading_sigma
+from tacstrip.reconstruct.polygon import fit_polygon
+from tacstrip.reconstruct.polygon_search import fit_counts
+from tacstrip.reconstruct.polygon_signal import Signal
+
+SEED = 20260501
+CELLS = [
+    Cell(kind, noise, n) for kind in ("kh", "k", "both") for noise in (0.005, 0.01) for n in (100, 300, 1000)
+]
+REGION = 5.991  # chi square of two numbers at 95 %
+_SLOW = {"piecewise-regression": 20, "skchange": 100, "ruptures": 100}  # polygons at most
+
+Finder = Callable[[Cell, Trial], FloatArray]
+
+
+@dataclass
+class Score:
+    """What one method did in one cell."""
+
+    right: list[bool] = field(default_factory=list)
+    away: list[float] = field(default_factory=list)  # of the width
+    implied: list[float] = field(default_factory=list)
+    seconds: list[float] = field(default_factory=list)
+    squares: list[float] = field(default_factory=list)  # of the vertices' errors [mm^2]
+    bounds: list[float] = field(default_factory=list)
+    scaled: list[float] = field(default_factory=list)
+    inside: list[bool] = field(default_factory=list)
+
+    def row(self) -> str:
+        """Return the table's cells."""
+        median, implied = 100.0 * np.median(self.away), 100.0 * np.median(self.implied)
+        first = f"{np.mean(self.right):.4f} | {median:.3f} | {median / implied:.2f}"
+        vertices = " | | "
+        if self.squares:
+            pooled = np.sqrt(np.sum(self.squares) / np.sum(self.bounds))
+            vertices = f"{pooled:.2f} | {np.sqrt(np.mean(self.scaled)):.2f} | {np.mean(self.inside):.3f}"
+        return f"{first} | {vertices} | {1e3 * np.median(self.seconds):.2f}"
+
+
+def by_fit(cell: Cell, of: Trial) -> FloatArray:
+    """Find transitions by the polygon fit alone, as `fit_polygon` does before it judges."""
+    sensor = cell.sensor
+    readings = {name: of.scan[name][of.scan.touched] for name in SIGNATURES[cell.kind]}
+    signal = Signal.of(sensor, of.x, readings, reading_sigma(ts.Noise(cell.noise), sensor))
+    return np.asarray(fit_counts(signal).chosen.transitions[1:-1] * signal.width_mm + signal.origin_mm)
+
+
+def by_savgol(cell: Cell, of: Trial) -> FloatArray:
+    """Take the peaks of a Savitzky-Golay second derivative, as high as three deviations of its noise."""
+    from scipy.signal import find_peaks, savgol_coeffs, savgol_filter
+
+    n = len(of.x)
+    window = max(n // 12 * 2 + 1, 5)
+    sigma = reading_sigma(ts.Noise(cell.noise), cell.sensor)
+    height = 3.0 * sigma * np.sqrt((savgol_coeffs(window, 2, deriv=2) ** 2).sum())
+    bend = sum(
+        np.abs(savgol_filter(of.scan[s][of.scan.touched], window, 2, deriv=2)) for s in SIGNATURES[cell.kind]
+    )
+    return np.asarray(of.x[find_peaks(bend, height=height, distance=n // 20)[0]])
+
+
+def by_piecewise(cell: Cell, of: Trial) -> FloatArray:
+    """Fit straight pieces; their count by the library's BIC."""
+    from piecewise_regression import Fit, ModelSelection
+
+    k = of.scan[SIGNATURES[cell.kind][0]][of.scan.touched]
+    chosen = ModelSelection(of.x, k, max_breakpoints=5, verbose=False)
+    scores = [m["bic"] if m["converged"] else np.inf for m in chosen.model_summaries]
+    count = int(chosen.model_summaries[int(np.argmin(scores))]["n_breakpoints"])
+    if count == 0:
+        return np.empty(0)
+    found = Fit(of.x, k, n_breakpoints=count, verbose=False).get_results()["estimates"]
+    return np.array([found[f"breakpoint{i + 1}"]["estimate"] for i in range(count)]) if found else np.empty(0)
+
+
+def by_skchange(cell: Cell, of: Trial) -> FloatArray:
+    """Find changes of slope with skchange's continuous piecewise linear score."""
+    from skchange.change_detectors import SeededBinarySegmentation
+    from skchange.change_scores import ContinuousLinearTrendScore
+
+    k = of.scan[SIGNATURES[cell.kind][0]][of.scan.touched] / reading_sigma(ts.Noise(cell.noise), cell.sensor)
+    detector = SeededBinarySegmentation(ContinuousLinearTrendScore())
+    at = detector.fit_predict(k[:, None])["ilocs"].to_numpy()
+    return np.asarray(of.x[at])
+
+
+def by_ruptures(cell: Cell, of: Trial) -> FloatArray:
+    """Find changes of slope with ruptures' continuous linear cost and dynamic programming's penalised twin."""
+    import ruptures
+
+    k = of.scan[SIGNATURES[cell.kind][0]][of.scan.touched]
+    step = max(len(k) // 50, 1)
+    detector = ruptures.Pelt(custom_cost=ruptures.costs.CostCLinear(), min_size=2 * step, jump=step).fit(
+        k[:, None]
+    )
+    variance = reading_sigma(ts.Noise(cell.noise), cell.sensor) ** 2
+    ends = detector.predict(pen=variance * 3.0 * np.log(len(k)))
+    return np.asarray(of.x[np.array(ends[:-1], dtype=int)])
+
+
+FINDERS: dict[str, tuple[Finder, str]] = {
+    "polygon": (by_fit, ""),
+    "savgol": (by_savgol, "scipy"),
+    "piecewise-regression": (by_piecewise, "piecewise_regression"),
+    "skchange": (by_skchange, "skchange"),
+    "ruptures": (by_ruptures, "ruptures"),
+}
+
+
+def score(cell: Cell, methods: Sequence[str], polygons: int, seed: int) -> dict[str, Score]:
+    """Put all methods to the same contacts."""
+    random = np.random.default_rng([seed, *cell_key(cell)])
+    scores = {m: Score() for m in methods}
+    noise = ts.Noise(cell.noise)
+    for number in range(polygons):
+        of = trial(cell, random)
+        sigma = np.sqrt(of.bound.diagonal())
+        for method in (m for m in methods if number < _SLOW.get(m, polygons)):
+            find, got = FINDERS[method][0], scores[method]
+            start = time.perf_counter()
+            x = find(cell, of)
+            got.seconds.append(time.perf_counter() - start)
+            got.right.append(len(x) == len(of.interior))
+            width = np.ptp(of.truth[:, 0])
+            far = np.abs(of.interior[:, None] - x).min(axis=1, initial=width)
+            got.away += list(far / width)
+            inner = np.isin(of.truth[:, 0], of.interior)
+            draws = np.random.default_rng(number).normal(size=(20, inner.sum()))
+            got.implied += list(np.abs(draws * sigma[::2][inner]).ravel() / width)
+            if method == "polygon" and got.right[-1]:
+                add_vertices(got, of, fit_polygon(of.scan, cell.sensor, noise))
+    return scores
+
+
+def add_vertices(got: Score, of: Trial, found: ts.Reconstruction) -> None:
+    """Note the vertices' errors where the polygon has the right ones."""
+    first = found.objects[0]
+    if first.vertices.shape != of.truth.shape or first.covariance is None:
+        return
+    error = first.vertices - of.truth
+    got.squares.append(float((error**2).sum()))
+    got.bounds.append(float(of.bound.trace()))
+    got.scaled.append(float(np.mean(error.ravel() ** 2 / of.bound.diagonal())))
+    for i, e in enumerate(error):
+        block = first.covariance[2 * i : 2 * i + 2, 2 * i : 2 * i + 2]
+        got.inside.append(bool(e @ np.linalg.solve(block, e) <= REGION))
+
+
+def cell_key(cell: Cell) -> tuple[int, int, int]:
+    """Return whole numbers that a generator can be seeded with."""
+    return sorted(SIGNATURES).index(cell.kind), round(1e6 * cell.noise), cell.strips
+
+
+def parse(text: str) -> Cell:
+    """Read a cell written as kind:noise:strips."""
+    kind, noise, strips = text.split(":")
+    if kind not in SIGNATURES:
+        raise argparse.ArgumentTypeError(f"{kind!r} is none of {', '.join(SIGNATURES)}")
+    return Cell(kind, float(noise), int(strips))
+
+
+def main() -> None:
+    """Print the table."""
+    there = [m for m, (_, needs) in FINDERS.items() if not needs or importlib.util.find_spec(needs)]
+    options = argparse.ArgumentParser(description=__doc__.splitlines()[0])  # type: ignore[union-attr]
+    options.add_argument("--polygons", type=int, default=400, help="a cell")
+    options.add_argument(
+        "--cells", nargs="+", type=parse, default=CELLS, help="kind:noise:strips, all by default"
+    )
+    options.add_argument("--methods", nargs="+", choices=there, default=there)
+    options.add_argument("--seed", type=int, default=SEED)
+    chosen = options.parse_args()
+    print(
+        "| signature | noise | strips | method | right | median % | / bound | RMS pooled | RMS scaled | in 95 % | ms |"
+    )
+    print("| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |")
+    warm = Cell("both", 0.005, 100)
+    by_fit(warm, trial(warm, np.random.default_rng(0)))  # compiles
+    for cell in chosen.cells:
+        for method, got in score(cell, chosen.methods, chosen.polygons, chosen.seed).items():
+            print(f"| {cell.kind} | {cell.noise:g} | {cell.strips} | {method} | {got.row()} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,217 @@
+"""What a calibration may fit: the parts of a model, its parameters, and the raw readings that follow from them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from tacstrip.arrays import FloatArray
+from tacstrip.sensor.calibration import Calibration
+from tacstrip.sensor.channel import Channel, across, fading
+from tacstrip.sensor.circuit import erosion, k_h, k_l
+from tacstrip.sensor.spec import Sensor
+
+# Part: what it is, in words.
+PARTS = {
+    "offset": "an offset per strip and signature",
+    "gain": "a gain per strip and signature",
+    "fade": "offsets that fade towards both ends of the scale",
+    "ratio": "the ratio of resistivities, one for all strips",
+    "ratios": "each strip's own ratio of resistivities",
+    "lambda": "contact resistance",
+    "warp": "resistivity that varies along y, strip by strip",
+    "curve": "a monotone curve per strip and signature, in place of offset and gain",
+}
+_LEAST_RATIO, _MOST_RATIO = 1e-3, 1e3
+_LEAST_FADE, _MOST_FADE = 0.01, 0.5
+
+
+@dataclass(frozen=True)
+class Model:
+    """The parts that are fitted, of `PARTS`; `pieces`: straight pieces of a warp or a curve."""
+
+    parts: frozenset[str]
+    pieces: int = 0
+
+    @property
+    def name(self) -> str:
+        """The parts in their order, joined by +."""
+        sized = {"warp", "curve"}
+        return "+".join(f"{p}{self.pieces}" if p in sized else p for p in PARTS if p in self.parts)
+
+    def has(self, part: str) -> bool:
+        """Whether a part is fitted."""
+        return part in self.parts
+
+    @property
+    def knots(self) -> FloatArray:
+        """Places of the knots of a warp or a curve, from 0 to 1 (knots,)."""
+        return np.linspace(0.0, 1.0, self.pieces + 1)
+
+    @property
+    def shared(self) -> tuple[str, ...]:
+        """Names of the parameters that all strips share."""
+        return tuple(p for p in ("ratio", "lambda", "fade") if self.has(p))
+
+    def own(self, signatures: tuple[str, ...]) -> tuple[str, ...]:
+        """Names of the parameters that each strip has of its own."""
+        each = [f"{part} {s}" for part in ("offset", "gain") if self.has(part) for s in signatures]
+        each += ["ratios"] if self.has("ratios") else []
+        each += [f"warp {i}" for i in range(1, self.pieces)] if self.has("warp") else []
+        if self.has("curve"):
+            each += [f"curve {s} {i}" for s in signatures for i in range(self.pieces + 1)]
+        return tuple(each)
+
+
+@dataclass(frozen=True, eq=False)
+class Constants:
+    """Values of a model's parameters.
+
+    Attributes
+    ----------
+    shared
+        By name: log ratio and lambda / L against the spec's, fade.
+    own
+        By name, (strips,): offsets, gain - 1, log of a strip's ratio over the shared one, a warp's or a curve's knots
+        less the straight line.
+    """
+
+    model: Model
+    signatures: tuple[str, ...]
+    shared: FloatArray  # (shared,)
+    own: FloatArray  # (strips, own)
+
+    def value(self, name: str) -> Any:
+        """Return a parameter, shared or (strips,); 0 where the model does not have it."""
+        if name in self.model.shared:
+            return self.shared[self.model.shared.index(name)]
+        names = self.model.own(self.signatures)
+        return self.own[:, names.index(name)] if name in names else 0.0
+
+    def strip(self, number: int) -> Constants:
+        """Return the constants of one strip alone."""
+        return replace(self, own=self.own[number : number + 1])
+
+    def knots(self, name: str, numbers: range) -> FloatArray:
+        """Return the knots' values (strips, knots) of a warp or a curve, ends of a warp included."""
+        straight = np.broadcast_to(self.model.knots, (len(self.own), self.model.pieces + 1)).copy()
+        for i in numbers:
+            straight[:, i] += self.value(f"{name} {i}")
+        return straight
+
+    @property
+    def warp(self) -> FloatArray:
+        """Electrical place of the knots along y (strips, knots)."""
+        return self.knots("warp", range(1, self.model.pieces))
+
+    def curve(self, signature: str) -> FloatArray:
+        """Raw readings at the knots of a signature's curve (strips, knots)."""
+        return self.knots(f"curve {signature}", range(self.model.pieces + 1))
+
+
+def start(
+    model: Model, sensor: Sensor, signatures: tuple[str, ...], old: Constants | None = None
+) -> Constants:
+    """Return parameters to start a fit from: those of a smaller model, else the spec's."""
+    first = {"lambda": sensor.contact_lambda_mm / sensor.length_mm, "fade": 0.1}
+    shared = np.array([first.get(p, 0.0) for p in model.shared])
+    own = np.zeros((sensor.strips, len(model.own(signatures))))
+    new = Constants(model, signatures, shared, own)
+    if old is not None:
+        for i, name in enumerate(model.shared):
+            shared[i] = old.value(name) if name in old.model.shared else shared[i]
+        for i, name in enumerate(model.own(signatures)):
+            if old.model.pieces == model.pieces or not name.startswith(("warp", "curve")):
+                own[:, i] = old.value(name)
+    return new
+
+
+def held(constants: Constants, sensor: Sensor) -> Constants:
+    """Return the constants with those that cannot be held at their bound."""
+    names, shared = constants.model.shared, constants.shared.copy()
+    offset = max(
+        (float(np.abs(constants.value(f"offset {s}") / (1.0 + constants.value(f"gain {s}"))).max())
+         for s in constants.signatures if constants.model.has("fade")),
+        default=0.0,
+    )  # fmt: skip
+    bounds = {
+        "ratio": (np.log(_LEAST_RATIO), np.log(_MOST_RATIO)),
+        "lambda": (0.0, 1.0),
+        "fade": (min(max(_LEAST_FADE, 1.05 * offset), _MOST_FADE), _MOST_FADE),
+    }
+    for i, name in enumerate(names):
+        shared[i] = np.clip(shared[i], *bounds[name])
+    return replace(constants, shared=shared)
+
+
+def predict(
+    constants: Constants, sensor: Sensor, l_mm: FloatArray, w_mm: FloatArray
+) -> dict[str, FloatArray]:
+    """Return the raw readings of contacts (contacts, strips) over Vref, by signature.
+
+    The forward way of what `Calibration.correct_pair` undoes, from the places themselves.
+    """
+    model, length = constants.model, sensor.length_mm
+    lam = constants.value("lambda") * length if model.has("lambda") else sensor.contact_lambda_mm
+    ratio: Any = sensor.sensing_ratio * np.exp(constants.value("ratio") + constants.value("ratios"))
+    t = erosion(w_mm, lam)
+    low, high = (l_mm + t) / length, (l_mm + w_mm - t) / length
+    if model.has("warp"):
+        low, high = (across(v, model.knots, constants.warp) for v in (low, high))
+    found = {}
+    for name in constants.signatures:
+        k = (k_h if name == "kh" else k_l)(low, high - low, 1.0, ratio)
+        if model.has("curve"):
+            found[name] = across(k, model.knots, constants.curve(name))
+        else:
+            fade = float(constants.value("fade"))
+            gain = 1.0 + constants.value(f"gain {name}")
+            found[name] = np.asarray(gain * k + constants.value(f"offset {name}") * fading(k, fade))
+    return found
+
+
+def apply(constants: Constants, sensor: Sensor) -> Sensor:
+    """Return the sensor with these constants in its keys and in its calibration.
+
+    Raises
+    ------
+    SpecError
+        They make no calibration: a curve or warp that does not rise.
+    """
+    model = constants.model
+    channels = []
+    for name in constants.signatures:
+        if model.has("curve"):
+            made = Channel(signature=name, curve_at=tuple(model.knots), curve=_rows(constants.curve(name)))
+        else:
+            made = Channel(
+                signature=name,
+                offset=tuple(constants.value(f"offset {name}")) if model.has("offset") else (),
+                gain=tuple(1.0 + constants.value(f"gain {name}")) if model.has("gain") else (),
+                fade=float(constants.value("fade")),
+            )
+        channels.append(made)
+    ratios = constants.value(
+        "ratios"
+    )  # their mean goes into the spec's key, what is left stays with the strip
+    mean = float(np.mean(ratios)) + float(constants.value("ratio"))
+    calibration = Calibration(
+        channels=tuple(channels),
+        ratio=tuple(np.exp(ratios - np.mean(ratios))) if model.has("ratios") else (),
+        warp_at=tuple(model.knots) if model.has("warp") else (),
+        warp=_rows(constants.warp) if model.has("warp") else (),
+        model=model.name,
+        sensor=sensor.fingerprint,
+    )
+    keys: dict[str, Any] = {"calibration": calibration}
+    if model.has("ratio") or model.has("ratios"):
+        keys["resistivity_ratio"] = float(sensor.resistivity_ratio * np.exp(mean))
+    if model.has("lambda"):
+        keys["contact_lambda_mm"] = float(constants.value("lambda") * sensor.length_mm)
+    return replace(sensor, **keys)
+
+
+def _rows(values: FloatArray) -> tuple[tuple[float, ...], ...]:
+    return tuple(tuple(float(v) for v in row) for row in values)

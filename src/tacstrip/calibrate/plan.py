@@ -1,0 +1,170 @@
+"""Which contacts to make: as few as give a wanted accuracy, by what each would tell.
+
+Contacts run across all strips, so one press tells every strip's own parameters and adds to those that all share. The
+next contact is always the one after which the worst predicted error of a corrected reading is least (G-optimal
+design, sequential).
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+
+import numpy as np
+
+from tacstrip.arrays import FloatArray
+from tacstrip.calibrate.choose import parts_of
+from tacstrip.calibrate.fit import slopes
+from tacstrip.calibrate.model import Model, start
+from tacstrip.calibrate.unit import check
+from tacstrip.contact.noise import Noise
+from tacstrip.errors import OptionError
+from tacstrip.sensor.spec import Sensor
+
+_MOST = 400  # contacts; more than five times the thesis' 81 and a long day
+# What is believed before the first contact: standard deviations of parameters, over Vref or L or as logarithms.
+_PRIOR = {
+    "ratio": 0.5,
+    "ratios": 0.5,
+    "lambda": 0.05,
+    "fade": 0.3,
+    "gain": 0.1,
+    "offset": 0.1,
+    "warp": 0.1,
+    "curve": 0.1,
+}
+_TOP = 14.0 / 15.0  # of the length
+_LENGTHS = (0, 5, 10)  # units, as in 6.1.1
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Contacts across all strips, and what they are predicted to give.
+
+    Attributes
+    ----------
+    contacts
+        Lower end, length [mm] and how many times, from the lowest up, short ones first.
+    worst_percent
+        The least accurate corrected reading: twice its predicted standard deviation [% of Vref].
+    sigma
+        Predicted standard deviation of each parameter, as fitted: over Vref or L, or of a logarithm.
+    model
+        The model that they are for.
+    reached
+        Whether `worst_percent` is as small as was wanted.
+    """
+
+    contacts: tuple[tuple[float, float, int], ...]
+    worst_percent: float
+    sigma: dict[str, float]
+    model: str
+    reached: bool
+
+    @property
+    def count(self) -> int:
+        """How many contacts there are, repeats counted."""
+        return sum(times for _, _, times in self.contacts)
+
+
+def plan(
+    sensor: Sensor, wanted_percent: float, noise: Noise, model: str = "", unit_mm: float | None = None
+) -> Plan:
+    """Return the contacts to make.
+
+    Parameters
+    ----------
+    sensor
+        Its spec's ratio and lambda are where the design is made.
+    wanted_percent
+        What every corrected reading shall be within, at twice its standard deviation [% of Vref]; the noise of the
+        reading itself is not in it, for no calibration removes that.
+    noise
+        Of a reading.
+    model
+        Parts to be fitted; by default offset, gain, lambda, and the ratio of two layers of rubber.
+    unit_mm
+        Step of the places, the thesis' unit; by default about a thirtieth of the length.
+
+    Raises
+    ------
+    OptionError
+        A value that cannot be, or a construction without a closed form.
+    """
+    check(sensor)
+    rubber = "resistivity_ratio" in sensor.kind.keys
+    parts = parts_of(
+        model or ("offset+gain+ratio+lambda" if rubber else "offset+gain+lambda"), sensor, sensor.signatures
+    )
+    step = sensor.length_mm / 32.5 if unit_mm is None else unit_mm
+    if not 0.0 < wanted_percent < 100.0:
+        raise OptionError(f"--wanted {wanted_percent}: a percentage of Vref above 0, such as 0.2")
+    if not 0.0 < step <= sensor.length_mm / 4.0 or sensor.length_mm / step > 1000.0:
+        raise OptionError(f"--unit-mm {step:g}: must divide the length into 4 to 1000 units")
+    sigma = np.sqrt((noise.quantisation**2 + noise.positional**2) / 3.0)
+    if not sigma > 0.0:
+        raise OptionError("--noise must be above 0: readings without noise need no plan")
+    places = _places(sensor, step)
+    told = _told(sensor, parts, places) / sigma  # (places, signatures, parameters)
+    counts, worst, spread = _design(
+        told, len(parts.shared), sensor.strips, 0.01 * wanted_percent / sigma, _prior(parts, sensor)
+    )
+    names = (*parts.shared, *parts.own(sensor.signatures))
+    contacts = tuple((float(l), float(w), counts[i]) for i, (l, w) in enumerate(places) if counts[i])
+    return Plan(
+        contacts, float(100.0 * worst * sigma), dict(zip(names, spread, strict=True)), parts.name,
+        bool(worst * sigma <= 0.01 * wanted_percent),
+    )  # fmt: skip
+
+
+def _places(sensor: Sensor, step: float) -> FloatArray:
+    """Return the contacts that may be made (places, 2), l and w [mm]: unit marks, 0, 5 and 10 units long.
+
+    None ends within a fifteenth of the length from the end at Vref, where an offset may take readings to Vref.
+    """
+    last = _TOP * sensor.length_mm / step + 1e-9
+    return np.array([(i * step, n * step) for n in _LENGTHS for i in range(1, int(last - n) + 1)])
+
+
+def _told(sensor: Sensor, model: Model, places: FloatArray) -> FloatArray:
+    """Return the slopes of one strip's readings (places, signatures, parameters)."""
+    constants = start(model, sensor, sensor.signatures)
+    l, w = (np.repeat(v[:, None], sensor.strips, axis=1)[:, :1] for v in places.T)
+    one = constants.strip(0)
+    return np.asarray(np.moveaxis(slopes(sensor, one, l, w)[:, :, 0], 0, 1))
+
+
+def _prior(model: Model, sensor: Sensor) -> FloatArray:
+    names = (*model.shared, *model.own(sensor.signatures))
+    return np.array([_PRIOR[name.split()[0]] ** -2.0 for name in names])
+
+
+def _design(
+    told: FloatArray, shared: int, strips: int, wanted: float, prior: FloatArray
+) -> tuple[Counter[int], float, FloatArray]:
+    """Return how often each place is pressed, the worst 2 sigma over a reading's noise, and parameters' sigmas."""
+    each = np.einsum("csp,csq->cpq", told, told)  # (places, P, P): what a contact tells
+    # A prior of the shared parameters belongs to all strips together: a part of it to each.
+    now = np.diag(np.where(np.arange(len(prior)) < shared, prior / strips, prior))
+    counts: Counter[int] = Counter()
+    worst = np.inf
+    # As many contacts as parameters at least, so that a spoiled row can be told from the others.
+    while (worst > wanted or counts.total() < len(prior)) and counts.total() < _MOST:
+        spread = _covariance(now + each, shared, strips)  # (places, P, P)
+        error = 2.0 * np.sqrt(
+            np.einsum("csp,npq,csq->ncs", told, spread, told, optimize=True).max(axis=(1, 2))
+        )
+        best = int(error.argmin())
+        worst = float(error[best])
+        counts[best] += 1
+        now = now + each[best]
+    return counts, worst, np.sqrt(np.diag(_covariance(now[None], shared, strips)[0]))
+
+
+def _covariance(information: FloatArray, shared: int, strips: int) -> FloatArray:
+    """Return the covariance of shared and one strip's parameters (n, P, P), all strips alike told."""
+    s, o = slice(None, shared), slice(shared, None)
+    total = information.copy()
+    own = np.linalg.solve(information[:, o, o], information[:, o, s])
+    total[:, s, s] += (strips - 1) * (information[:, s, s] - information[:, s, o] @ own)
+    return np.asarray(np.linalg.inv(total))

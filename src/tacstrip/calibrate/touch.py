@@ -1,0 +1,92 @@
+"""Touch detection learned from untouched strips: the level at which each rests, and how far noise takes it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from tacstrip.arrays import FloatArray
+from tacstrip.errors import ReadingError
+from tacstrip.sensor.calibration import Calibration
+from tacstrip.sensor.raw import distorted, touched
+from tacstrip.sensor.spec import Sensor
+
+_LEAST = 10  # readings: fewer say nothing of noise
+_SIGMAS = 6.0  # an untouched strip crosses this once in 5e8 readings of normal noise
+_MARGIN = 1.5  # over the furthest that any reading was from rest
+_RESTLESS = 0.02  # of Vref: a strip that moves by more is not at rest
+_MAD = 1.4826
+
+
+def learn_touch(sensor: Sensor, raw: Mapping[str, FloatArray], source: str = "") -> Sensor:
+    """Return the sensor with `rest_volt`, `touch_volt` and each strip's own level and noise from untouched readings.
+
+    Parameters
+    ----------
+    sensor
+        Of which the readings are.
+    raw
+        Raw readings over Vref by signature (scans, strips), NaN where there is none; nothing touched.
+    source
+        When and from which file, to be kept.
+
+    Raises
+    ------
+    ReadingError
+        Fewer than 10 readings of a strip, or a strip that is not at rest; the message names it.
+    """
+    levels = {name: at_rest(sensor, name, values) for name, values in raw.items()}
+    calibration = sensor.calibration or Calibration(sensor=sensor.fingerprint)
+    new = [
+        replace(calibration.channel(name), rest=tuple(rest), noise=tuple(noise), drift=())
+        for name, (rest, noise, _) in levels.items()
+    ]
+    kept = [c for c in calibration.channels if c.signature not in levels]
+    rest = float(np.median([rest for rest, _, _ in levels.values()]))
+    step = 0.0 if sensor.adc_bits is None else 1.0 / (2.0**sensor.adc_bits - 1.0)
+    touch = max(
+        max(_SIGMAS * float(noise.max()), _MARGIN * far, 2.0 * step) for _, noise, far in levels.values()
+    )
+    return replace(
+        sensor,
+        rest_volt=float(np.clip(rest, 0.0, 1.0)) * sensor.vref_volt,
+        touch_volt=max(touch, 1e-6) * sensor.vref_volt,
+        calibration=replace(calibration, channels=(*kept, *new), touch=source),
+    )
+
+
+def at_rest(sensor: Sensor, name: str, values: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+    """Return level and noise of untouched strips (strips,) over Vref, and the furthest that a reading was from it.
+
+    Readings beyond ten standard deviations by the median are left out: somebody touched the strip.
+    """
+    count = np.isfinite(values).sum(axis=0) if len(values) else np.zeros(sensor.strips, dtype=int)
+    if (few := np.flatnonzero(count < _LEAST)).size:
+        raise ReadingError(
+            f"strip {few[0] + sensor.strip_base} has {count[few[0]]} untouched readings of {name}; at least {_LEAST} "
+            "tell its noise. Record a second of readings with nothing on the sensor"
+        )
+    level = np.nanmedian(values, axis=0)
+    spread = _MAD * np.nanmedian(np.abs(values - level), axis=0)
+    if (loud := np.flatnonzero(spread > _RESTLESS)).size:
+        raise ReadingError(
+            f"strip {loud[0] + sensor.strip_base} is not at rest: its {name} varies by {100.0 * spread[loud[0]]:.2g} % "
+            "of Vref. Take everything off the sensor; an input that floats needs a resistor to ground"
+        )
+    near = np.where(np.abs(values - level) <= np.maximum(10.0 * spread, 1e-3), values, np.nan)
+    noise = np.nanstd(near, axis=0, ddof=1)
+    return np.nanmean(near, axis=0), noise, float(np.nanmax(np.abs(near - level)))
+
+
+def blind_mm(sensor: Sensor) -> tuple[FloatArray, FloatArray]:
+    """Return from where to where on each strip a point contact reads as rest (strips,) [mm]; NaN where none does."""
+    y = np.linspace(0.0, 1.0, 1001)[:, None] * np.ones(sensor.strips)  # (places, strips), over L
+    blind = ~touched(sensor, distorted(sensor, dict.fromkeys(sensor.signatures, y)))
+    place = np.where(blind, y * sensor.length_mm, np.nan)
+    some = blind.any(axis=0)
+    low, high = (
+        np.where(some, f(np.where(some, place, 0.0), axis=0), np.nan) for f in (np.nanmin, np.nanmax)
+    )
+    return low, high

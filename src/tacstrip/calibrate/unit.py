@@ -1,0 +1,243 @@
+"""Calibrate one unit: fit, judge, and write down where it comes from."""
+
+from __future__ import annotations
+
+import datetime as dt
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tacstrip.arrays import BoolArray, FloatArray
+from tacstrip.calibrate.choose import Trial, choose, named
+from tacstrip.calibrate.fit import Fit, at_rail
+from tacstrip.calibrate.model import apply
+from tacstrip.calibrate.offsets import mean_offsets, offset_sigma
+from tacstrip.calibrate.residuals import residuals, rms_percent
+from tacstrip.errors import OptionError
+from tacstrip.io.runs import Runs
+from tacstrip.sensor.calibration import Calibration
+from tacstrip.sensor.spec import Sensor
+
+MEAN = "mean"
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A fitted parameter: its strip, from 0, or None where all strips share it; value and standard deviation."""
+
+    name: str
+    strip: int | None
+    value: float
+    sigma: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class BadRow:
+    """A row of the runs that does not count: its line, strip from 0, contact [mm], and why."""
+
+    line: int
+    strip: int
+    l_mm: float
+    w_mm: float
+    why: str
+
+
+@dataclass(frozen=True, eq=False)
+class Calibrated:
+    """A calibrated unit and what the calibration leaves.
+
+    Attributes
+    ----------
+    sensor, plain
+        The sensor with its calibration, and as it was before, without any.
+    runs, model
+        What was fitted, by what.
+    before, mean, after
+        Corrected less expected readings by signature (contacts, strips) over Vref: of raw readings, of the thesis'
+        mean offsets, and of this calibration.
+    counted
+        Rows that count (contacts, strips).
+    parameters, bad, trials
+        Values with their uncertainty, rows that do not count, models that were tried.
+    """
+
+    sensor: Sensor
+    plain: Sensor
+    runs: Runs
+    model: str
+    before: dict[str, FloatArray]
+    mean: dict[str, FloatArray]
+    after: dict[str, FloatArray]
+    counted: BoolArray
+    parameters: tuple[Parameter, ...]
+    bad: tuple[BadRow, ...]
+    trials: tuple[Trial, ...]
+
+    def rms_percent(self, off: dict[str, FloatArray]) -> float:
+        """Return the root mean square over the rows that count [% of Vref]."""
+        return rms_percent({name: np.where(self.counted, v, np.nan) for name, v in off.items()})
+
+
+def calibrate_unit(sensor: Sensor, runs: Runs, model: str = "auto", unit: str = "") -> Calibrated:
+    """Calibrate a unit from contacts of known place.
+
+    Parameters
+    ----------
+    sensor, runs
+        The sensor, and what it read; a calibration that it has already is replaced.
+    model
+        "auto": what cross-validation bears out; "mean": the thesis' mean offsets; or parts, "offset+ratio+lambda".
+    unit
+        Name of this very unit, to be kept.
+
+    Raises
+    ------
+    OptionError
+        There is no such model, or the construction has no closed form.
+    ReadingError
+        The runs cannot tell a part of the model that was asked for.
+    """
+    check(sensor)
+    plain = replace(sensor, calibration=None)
+    thesis = replace(plain, calibration=mean_offsets(plain, runs))
+    found: Fit | None = None
+    trials: tuple[Trial, ...] = ()
+    if model == MEAN:
+        done = thesis
+    elif model == "auto":
+        found, trials = choose(plain, runs)
+        done = apply(found.constants, plain)
+    else:
+        found = named(model, plain, runs)
+        done = apply(found.constants, plain)
+    counted = np.isfinite(runs.l_mm) if found is None else found.weight > 0.0
+    after = residuals(done, runs)
+    before = residuals(plain, runs)
+    assert done.calibration is not None
+    kept = replace(
+        done.calibration,
+        made=now(),
+        source=one_line(runs.source),
+        unit=one_line(unit or runs.unit or (sensor.calibration.unit if sensor.calibration else "")),
+        before_percent=_counted_rms(before, counted),
+        after_percent=_counted_rms(after, counted),
+    )
+    return Calibrated(
+        replace(done, calibration=_with_rest(kept, sensor.calibration)), plain, runs, kept.model, before,
+        residuals(thesis, runs), after, counted, _parameters(done, found, runs), _bad(runs, counted, after), trials,
+    )  # fmt: skip
+
+
+def check(sensor: Sensor) -> None:
+    """Refuse a construction whose readings constants per strip do not describe: `OptionError`."""
+    if not sensor.kind.closed_form:
+        raise OptionError(
+            f"a {sensor.construction} sensor cannot be calibrated strip by strip: its strips shift each other's "
+            "readings (3.3), so what a contact should read depends on what touches the neighbours. Measure "
+            "resistivity_ratio and contact_lambda_mm and put them into the spec"
+        )
+
+
+def now() -> str:
+    """Return the present time, for provenance."""
+    return dt.datetime.now(dt.UTC).isoformat(timespec="seconds")
+
+
+def one_line(text: str) -> str:
+    """Return a text that a spec file can hold on one line."""
+    return "".join(c if c.isprintable() else "?" for c in text)
+
+
+def _counted_rms(off: dict[str, FloatArray], counted: BoolArray) -> float:
+    return rms_percent({name: np.where(counted, v, np.nan) for name, v in off.items()})
+
+
+def _with_rest(new: Calibration, old: Calibration | None) -> Calibration:
+    """Keep the untouched strips' learned levels: another fit does not change them."""
+    if old is None:
+        return new
+    levels = {c.signature: c for c in old.channels}
+    channels = tuple(
+        replace(c, rest=levels[c.signature].rest, noise=levels[c.signature].noise)
+        if c.signature in levels
+        else c
+        for c in new.channels
+    )
+    return replace(new, channels=channels, touch=old.touch)
+
+
+def _parameters(done: Sensor, found: Fit | None, runs: Runs) -> tuple[Parameter, ...]:
+    if found is None:
+        return tuple(
+            Parameter(
+                f"offset {channel.signature}", strip, value * done.vref_volt, sigma * done.vref_volt, "V"
+            )
+            for channel in (done.calibration.channels if done.calibration else ())
+            for strip, (value, sigma) in enumerate(
+                zip(channel.offset, offset_sigma(done, runs, channel.signature), strict=True)
+            )
+        )
+    constants, model = found.constants, found.constants.model
+    made = [
+        _natural(done, name, None, float(value), float(sigma))
+        for name, value, sigma in zip(model.shared, constants.shared, found.shared_sigma, strict=True)
+    ]
+    for i, name in enumerate(model.own(runs.signatures)):
+        made += [
+            _natural(
+                done,
+                name,
+                strip,
+                float(constants.own[strip, i]),
+                float(found.own_sigma[strip, i]),
+                model.pieces,
+            )
+            for strip in range(done.strips)
+        ]
+    return tuple(made)
+
+
+def _natural(
+    done: Sensor, name: str, strip: int | None, value: float, sigma: float, pieces: int = 0
+) -> Parameter:
+    """Return a parameter as a person reads it."""
+    part, *rest = name.split()
+    length, vref = done.length_mm, done.vref_volt
+    if part in ("ratio", "ratios"):
+        own = done.calibration.ratio[strip] if strip is not None and done.calibration else 1.0
+        ratio = done.resistivity_ratio * own
+        return Parameter("resistivity ratio", strip, ratio, ratio * sigma, "")
+    if part == "lambda":
+        return Parameter("contact lambda", strip, value * length, sigma * length, "mm")
+    if part == "fade":
+        return Parameter("fade", strip, value, sigma, "Vref")
+    if part == "gain":
+        return Parameter(name, strip, 1.0 + value, sigma, "")
+    if part == "offset":
+        return Parameter(name, strip, value * vref, sigma * vref, "V")
+    at = int(rest[-1]) / pieces
+    if part == "warp":
+        return Parameter(
+            f"place that has the share {at:.4g} of L",
+            strip,
+            (at + value) * length,
+            sigma * length,
+            "mm, electrical",
+        )
+    return Parameter(f"curve {rest[0]} at {at:.4g} Vref", strip, (at + value) * vref, sigma * vref, "V")
+
+
+def _bad(runs: Runs, counted: BoolArray, after: dict[str, FloatArray]) -> tuple[BadRow, ...]:
+    rail = at_rail(runs)
+    rows = []
+    for contact, strip in np.argwhere(np.isfinite(runs.l_mm) & ~counted):
+        off = ", ".join(f"{name} {100.0 * v[contact, strip]:+.2f} %" for name, v in after.items())
+        why = (
+            "reads 0 or Vref: nothing exact"
+            if rail[contact, strip]
+            else f"off by {off} of Vref from all other rows"
+        )
+        place = (float(runs.l_mm[contact, strip]), float(runs.w_mm[contact, strip]))
+        rows.append(BadRow(int(runs.line[contact, strip]), int(strip), *place, why))
+    return tuple(sorted(rows, key=lambda r: r.line))

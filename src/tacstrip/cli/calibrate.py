@@ -1,0 +1,220 @@
+"""`tacstrip calibrate`."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import click
+import numpy as np
+from click.core import ParameterSource
+
+from tacstrip.arrays import FloatArray
+from tacstrip.calibrate.drift import rezero
+from tacstrip.calibrate.plan import plan
+from tacstrip.calibrate.touch import blind_mm, learn_touch
+from tacstrip.calibrate.unit import Calibrated, calibrate_unit, check, now, one_line
+from tacstrip.cli import protect
+from tacstrip.contact.noise import Noise
+from tacstrip.errors import OptionError
+from tacstrip.io.readings import read_readings
+from tacstrip.io.runs import read_runs, write_plan
+from tacstrip.sensor.spec import Sensor
+
+_MOST_LINES = 20
+
+
+@click.command()
+@click.argument("sensor", metavar="SENSOR")
+@click.argument("data", metavar="[RUNS]", type=click.Path(path_type=Path), required=False)
+@click.option(
+    "-o", "--output", type=click.Path(path_type=Path), help="Calibrated spec (.toml), or the plan (.csv)."
+)
+@click.option("--report", type=click.Path(path_type=Path), help="Folder for report.html and its pictures.")
+@click.option("--model", default="auto", show_default=True, metavar="auto|mean|PARTS", help="mean: the thesis' mean "
+              "offsets. PARTS: of offset, gain, fade, ratio, ratios, lambda, warp8, curve8, joined by +.")  # fmt: skip
+@click.option("--touch", type=click.Path(path_type=Path), help="Readings (CSV) with nothing on the sensor: learn "
+              "rest_volt and touch_volt.")  # fmt: skip
+@click.option("--unit", default="", help="Name of this very unit, kept with its calibration.")
+@click.option("--force", is_flag=True, help="Take runs that say that they are of another unit.")
+@click.option(
+    "--plan", "planned", is_flag=True, help="Print the contacts to make; -o writes them as RUNS to fill in."
+)
+@click.option(
+    "--wanted", type=float, default=0.2, show_default=True, help="For --plan: accuracy [% of Vref]."
+)
+@click.option(
+    "--noise", type=float, default=0.2, show_default=True, help="For --plan: +- of a reading [% of Vref]."
+)
+@click.option("--unit-mm", type=float, help="For --plan: step of the places [mm]; by default L / 32.5.")
+@click.option("--rezero", "zeroed", is_flag=True, help="SENSOR is a calibrated spec, and in place of RUNS stand "
+              "readings (CSV) with nothing on the sensor: take the drift from them.")  # fmt: skip
+@click.option("--reference", type=(float, float), metavar="L W", help="For --rezero: this contact [mm] lies on "
+              "the strips instead.")  # fmt: skip
+def command(
+    sensor: str,
+    data: Path | None,
+    output: Path | None,
+    report: Path | None,
+    model: str,
+    touch: Path | None,
+    unit: str,
+    force: bool,
+    planned: bool,
+    wanted: float,
+    noise: float,
+    unit_mm: float | None,
+    zeroed: bool,
+    reference: tuple[float, float] | None,
+) -> None:
+    """Calibrate SENSOR (a spec file or a shipped spec) from RUNS (CSV): contacts of known l and w on each strip.
+
+    The calibrated spec stands in for SENSOR in all other verbs. `--plan` says which contacts to make, `--touch` learns
+    what an untouched strip reads, `--rezero` takes drift out again.
+
+    Example: tacstrip calibrate sensor.toml runs.csv -o calibrated.toml --report report
+    """
+    protect(output, sensor, data, touch)
+    _together(planned, zeroed, data is not None, report, reference)
+    spec = Sensor.load(sensor)
+    if planned:
+        chosen = "" if model == "auto" else model
+        _plan(spec, output, wanted, Noise(positional=noise / 100.0), chosen, unit_mm, unit)
+        return
+    if output is None:
+        raise OptionError("name the spec to write with -o, for example -o calibrated.toml")
+    if zeroed and data is not None:
+        _rezero(spec, data, reference).save(output)
+        click.echo(f"{output} written")
+        return
+    if data is None and touch is None:
+        raise OptionError("give RUNS to calibrate from, or one of --touch, --plan, --rezero")
+    check(spec)
+    if data is not None:
+        runs = read_runs(data, spec, unit, force)
+        if model == "auto":
+            click.echo("Trying models on contacts left out of the fit; this may take a minute", err=True)
+        result = calibrate_unit(spec, runs, model, unit)
+        _say(result)
+        spec = result.sensor
+        if touch is None and all(len(v) for v in runs.rest.values()):
+            spec = learn_touch(spec, runs.rest, f"{now()}, {runs.source}")
+        if report is not None:
+            from tacstrip.calibrate.report import write_report
+
+            click.echo(f"{write_report(result, report)}: report")
+    if touch is not None:
+        spec = learn_touch(spec, _raw(touch, spec), _source(touch))
+    if spec.touch_volt is not None and spec.calibration is not None and spec.calibration.touch:
+        _say_touch(spec)
+    spec.save(output)
+    click.echo(f"{output} written: use it in place of {sensor}")
+
+
+def _together(planned: bool, zeroed: bool, data: bool, report: Path | None, reference: object) -> None:
+    """Refuse options that have nothing to do with what was asked for."""
+    given = click.get_current_context().get_parameter_source
+    if planned and zeroed:
+        raise OptionError("--plan and --rezero are two jobs; give one of them")
+    if planned and data:
+        raise OptionError("--plan takes no RUNS: it says which to make; leave them out")
+    if zeroed and not data:
+        raise OptionError(
+            "--rezero needs readings: tacstrip calibrate --rezero CALIBRATED.toml READINGS.csv -o NEW.toml"
+        )
+    for name in ("wanted", "noise", "unit_mm"):
+        if not planned and given(name) is ParameterSource.COMMANDLINE:
+            raise OptionError(f"--{name.replace('_', '-')} is for --plan; leave it out")
+    if reference is not None and not zeroed:
+        raise OptionError("--reference is for --rezero; leave it out")
+    if report is not None and (planned or zeroed or not data):
+        raise OptionError("--report is of a calibration: give RUNS")
+
+
+def _plan(
+    spec: Sensor,
+    output: Path | None,
+    wanted: float,
+    noise: Noise,
+    model: str,
+    unit_mm: float | None,
+    unit: str,
+) -> None:
+    made = plan(spec, wanted, noise, model, unit_mm)
+    click.echo(
+        f"Contacts across all strips, from l over w, for a model {made.model}:\n     l [mm]    w [mm]  times"
+    )
+    for l, w, times in made.contacts:
+        click.echo(f"{l:11.4g}{w:10.4g}{times:7d}")
+    click.echo(
+        f"{made.count} contacts on each of {spec.strips} strips; corrected readings then lie within "
+        f"+-{made.worst_percent:.2g} % of Vref (95 %), the reading's own noise not counted"
+    )
+    if not made.reached:
+        click.echo(
+            f"Warning: +-{wanted:g} % is not reached; take quieter readings: the mean of several", err=True
+        )
+    if output is not None:
+        contacts = [
+            (s, l, w) for l, w, times in made.contacts for _ in range(times) for s in range(spec.strips)
+        ]
+        write_plan(output, spec, contacts, unit)
+        click.echo(
+            f"{output}: fill in the readings, then: tacstrip calibrate SENSOR {output} -o calibrated.toml"
+        )
+
+
+def _say(result: Calibrated) -> None:
+    click.echo(
+        f"{result.runs.count} contacts, model {result.model}: {result.rms_percent(result.before):.3g} % of Vref rms "
+        f"before, {result.rms_percent(result.mean):.3g} % after mean offsets, "
+        f"{result.rms_percent(result.after):.3g} % after this"
+    )
+    for p in result.parameters:
+        if p.strip is None:
+            click.echo(f"  {p.name} = {p.value:.5g} +- {p.sigma:.2g} {p.unit}".rstrip())
+    refused = [t for t in result.trials if t.verdict.startswith("refused")]
+    for trial in refused[:_MOST_LINES]:
+        click.echo(f"  not fitted: {trial.name}: {trial.verdict.removeprefix('refused: ')}", err=True)
+    for row in result.bad[:_MOST_LINES]:
+        strip = row.strip + result.plain.strip_base
+        click.echo(f"  line {row.line}, strip {strip}: left out, {row.why}", err=True)
+    if len(result.bad) > _MOST_LINES:
+        click.echo(f"  ... and {len(result.bad) - _MOST_LINES} rows more", err=True)
+
+
+def _say_touch(spec: Sensor) -> None:
+    low, high = blind_mm(spec)
+    click.echo(f"rest_volt = {spec.rest_volt:.4g}, touch_volt = {spec.touch_volt:.4g} learned")
+    if np.isfinite(low).any():
+        worst = int(np.nanargmax(high - low))
+        click.echo(
+            f"Warning: a point contact between y = {low[worst]:.3g} and {high[worst]:.3g} mm on strip "
+            f"{worst + spec.strip_base} reads as untouched",
+            err=True,
+        )
+
+
+def _rezero(spec: Sensor, readings: Path, reference: tuple[float, float] | None) -> Sensor:
+    check(spec)
+    sensor, told = rezero(spec, _raw(readings, spec), _source(readings), reference)
+    lost = [str(i + spec.strip_base) for i in np.flatnonzero(~told)]
+    click.echo(f"{int(told.sum())} of {spec.strips} strips re-zeroed")
+    if lost:
+        click.echo(
+            f"Warning: strips {', '.join(lost[:_MOST_LINES])} did not tell and keep their drift", err=True
+        )
+    for channel in sensor.calibration.channels if sensor.calibration else ():
+        worst = max(channel.drift, key=abs, default=0.0)
+        click.echo(f"  {channel.signature}: drift up to {100.0 * worst:+.3g} % of Vref")
+    return sensor
+
+
+def _raw(path: Path, spec: Sensor) -> dict[str, FloatArray]:
+    """Return the raw readings of a readings file by signature (scans, strips)."""
+    scans = read_readings(path, replace(spec, calibration=None, rest_volt=None, touch_volt=None))
+    return {name: np.stack([scan[name] for scan in scans]) for name in scans[0].signatures}
+
+
+def _source(path: Path) -> str:
+    return f"{now()}, {one_line(path.name)}"

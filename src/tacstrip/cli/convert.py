@@ -1,0 +1,70 @@
+"""`tacstrip convert`."""
+
+from __future__ import annotations
+
+import contextlib
+from pathlib import Path
+
+import click
+
+from tacstrip.cli import new_file
+from tacstrip.cli.record import save_recording
+from tacstrip.cli.replay import warn_of_cut
+from tacstrip.errors import OptionError, one_of
+from tacstrip.sensor.spec import Sensor
+from tacstrip.stream.export import write_csv, write_npz, write_shapes
+from tacstrip.stream.replay import Recording, open_source
+from tacstrip.stream.source import Source
+
+_KINDS = (".mcap", ".csv", ".npz", ".geojson", ".toml")
+
+
+@click.command()
+@click.argument("files", metavar="[SENSOR] INPUT", nargs=-1, required=True)
+@click.option("-o", "--output", type=click.Path(path_type=Path), required=True,
+              help="File to make: .csv, .npz, .geojson, .mcap or .toml.")  # fmt: skip
+@click.option("--codes", is_flag=True, help="A/D codes in a .csv, not volts.")
+@click.option("--force", is_flag=True, help="Write over a file that is there.")
+def command(files: tuple[str, ...], output: Path, codes: bool, force: bool) -> None:
+    """Turn INPUT, a recording (.mcap) or readings (.csv), into another kind of file.
+
+    Readings need the SENSOR (a spec file or a shipped spec) that they are of; a recording is read with its own spec
+    where none is named. Scans go to .csv, .npz and .mcap; shapes to .npz and .geojson, from recordings that hold
+    some; the spec to .toml.
+
+    Example: tacstrip convert session.mcap -o session.npz
+    """
+    if len(files) > 2:
+        raise OptionError(f"{files[2]}: one INPUT only, with its SENSOR before it")
+    kind = output.suffix.lower()
+    if kind not in _KINDS:
+        raise OptionError(f"-o {output}: " + one_of("ending", kind, _KINDS))
+    if codes and kind != ".csv":
+        raise OptionError(f"--codes is for a .csv, and {output} is none")
+    new_file(output, force, *files)
+    source = open_source(files[-1], Sensor.load(files[0]) if len(files) == 2 else None)
+    if kind == ".mcap":
+        save_recording(files, source, output, force=force)
+        return
+    with contextlib.closing(source):
+        told = _converted(files[-1], source, output, codes)
+    click.echo(f"{output}: {told}")
+    if kind != ".toml":
+        warn_of_cut(source)
+
+
+def _converted(name: str, source: Source, output: Path, codes: bool) -> str:
+    """Write a file by its ending and say what is in it."""
+    match output.suffix.lower():
+        case ".geojson":
+            if not isinstance(source, Recording):
+                raise OptionError(f"{name} holds no shapes; `tacstrip reconstruct` makes them of readings")
+            return f"{write_shapes(output, source)} shape(s)"
+        case ".toml":
+            source.sensor.save(output)
+            return f"the spec of a {source.sensor.construction} sensor of {source.sensor.strips} strips"
+        case ".csv":
+            many = write_csv(output, source, codes)
+        case _:
+            many = write_npz(output, source)
+    return f"{many} scan(s) of {source.sensor.strips} strips"

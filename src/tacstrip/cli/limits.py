@@ -1,0 +1,224 @@
+"""`tacstrip limits`."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+from click.core import ParameterSource
+
+from tacstrip.arrays import FloatArray
+from tacstrip.cli import protect
+from tacstrip.contact.noise import Noise
+from tacstrip.errors import OptionError
+from tacstrip.io.geometry import read_contact
+from tacstrip.reconstruct.outline import Outline
+from tacstrip.sensor.spec import Sensor
+from tacstrip.studies.design import BITS, CONVERSION_S, FARAD, Design, candidates, designs
+from tacstrip.studies.limits import Limit, Map, limit_map, limits, outline_of
+
+_MOST_LINES = 20
+_DESIGN_OPTIONS = ("construction", "pitch", "length", "try_bits", "picofarad", "conversion_us")
+
+
+@click.command()
+@click.argument("sensor", metavar="SENSOR")
+@click.argument("contact", metavar="CONTACT", type=click.Path(path_type=Path))
+@click.option("--at", type=(float, float), metavar="X Y", help="Put the contact's centroid here [mm].")
+@click.option("--turn", type=float, default=0.0, metavar="DEG", help="Turn it counter-clockwise.")
+@click.option("--quantisation", type=float, default=0.0, help="C.Q.E., half-width over Vref (thesis: 0.001).")
+@click.option(
+    "--positional", type=float, default=0.0, help="P.U., half-width over Vref (thesis: 0.005, 0.01)."
+)
+@click.option("--distribution", default="uniform", show_default=True, help="uniform or normal.")
+@click.option("--bits", type=int, help="Resolution of the A/D converter instead of the spec's.")
+@click.option(
+    "--grid",
+    type=click.IntRange(2, 200),
+    default=16,
+    show_default=True,
+    help="Places a side.",
+)
+@click.option("--plot", type=click.Path(path_type=Path), help="Picture to write (.png, .svg, .pdf).")
+@click.option("-o", "--output", type=click.Path(path_type=Path), help="All numbers, to a file (.json).")
+@click.option("--wanted-mm", type=float, help="Look for designs that reach this RMS vertex error.")
+@click.option(
+    "--construction", multiple=True, help="Design: try this one; repeat. Default: all flat, or all round."
+)
+@click.option("--pitch", type=float, multiple=True, metavar="MM", help="Design: try this pitch; repeat.")
+@click.option("--length", type=float, multiple=True, metavar="MM", help="Design: try this length; repeat.")
+@click.option(
+    "--try-bits", type=int, multiple=True, metavar="BITS", help="Design: try this A/D converter; repeat."
+)
+@click.option(
+    "--picofarad",
+    type=float,
+    default=FARAD * 1e12,
+    show_default=True,
+    help="Design: input capacitance.",
+)
+@click.option(
+    "--conversion-us",
+    type=float,
+    default=CONVERSION_S * 1e6,
+    show_default=True,
+    help="Design: a conversion.",
+)
+def command(
+    sensor: str,
+    contact: Path,
+    at: tuple[float, float] | None,
+    turn: float,
+    quantisation: float,
+    positional: float,
+    distribution: str,
+    bits: int | None,
+    grid: int,
+    plot: Path | None,
+    output: Path | None,
+    wanted_mm: float | None,
+    construction: tuple[str, ...],
+    pitch: tuple[float, ...],
+    length: tuple[float, ...],
+    try_bits: tuple[int, ...],
+    picofarad: float,
+    conversion_us: float,
+) -> None:
+    """Say how well SENSOR (a spec file or a shipped spec) can tell the corners of CONTACT (.wkt or .geojson, mm).
+
+    The Cramer-Rao bound: no unbiased method does better with normal noise of this variance. With --wanted-mm also
+    which designs reach an error, and which of Harmon's requirements (table 2.1) they fail; exit code 1: none does.
+
+    Example: tacstrip limits simulated-crs-crs object.wkt --at 500 400 --positional 0.005 --plot limits.png
+    """
+    protect(plot, sensor, contact)
+    protect(output, sensor, contact, plot)
+    given = click.get_current_context().get_parameter_source
+    for option in _DESIGN_OPTIONS:
+        if wanted_mm is None and given(option) is ParameterSource.COMMANDLINE:
+            raise OptionError(f"--{option.replace('_', '-')} is for designs: give --wanted-mm as well")
+    if plot is not None:
+        from tacstrip.plot.style import check_picture
+
+        check_picture(plot)
+    spec = Sensor.load(sensor)
+    spec = spec if bits is None else replace(spec, adc_bits=bits)
+    noise = Noise(quantisation, positional, distribution=distribution)  # type: ignore[arg-type]
+    shape = read_contact(contact)
+    shape = (shape.placed(*at) if at else shape).turned(math.radians(turn))
+    outline = outline_of(spec, shape)
+    found = limits(spec, outline, noise)
+    _tell(outline, found)
+    over = limit_map(spec, outline, noise, grid, grid)
+    _tell_map(over)
+    judged = None
+    if wanted_mm is not None:
+        sensors = list(candidates(spec, construction or None, pitch, length))
+        judged = designs(
+            sensors, outline, noise, wanted_mm, try_bits or BITS, picofarad * 1e-12, conversion_us * 1e-6
+        )
+    if plot is not None:
+        from tacstrip.plot.limits import limits_figure
+        from tacstrip.plot.style import save
+
+        click.echo(f"{save(limits_figure(spec, outline, found, over), plot)}: picture")
+    if output is not None:
+        output.write_text(json.dumps(_record(outline, found, over, judged), indent=1), encoding="utf-8")
+        click.echo(f"{output}: numbers")
+    if judged is not None and wanted_mm is not None:
+        reached = [d for d in judged if d.noise > 0.0]
+        _tell_designs(reached, len(judged), wanted_mm)
+        if not reached:
+            sys.exit(1)
+
+
+def _tell(outline: Outline, found: list[Limit]) -> None:
+    names = ["+".join(limit.signatures) for limit in found]
+    click.echo("Least standard errors of x and y of each vertex [mm], from " + ", ".join(names))
+    click.echo("    vertex x, y    " + "".join(f"{name:>20}" for name in names))
+    for i, (x, y) in enumerate(outline.vertices):
+        pairs = [limit.sigma[i] for limit in found]
+        click.echo(f"{x:9.6g} {y:9.6g}" + "".join(f"{_short(a):>11}{_short(b):>9}" for a, b in pairs))
+    click.echo("RMS over vertices  " + "".join(f"{_short(limit.rms):>20}" for limit in found))
+    if not all(math.isfinite(limit.rms) for limit in found):
+        click.echo("inf: the strips in contact do not tell it; a finer pitch or a wider contact would")
+
+
+def _tell_map(over: Map) -> None:
+    best, worst = over.rms_mm.min(), over.rms_mm.max()
+    click.echo(
+        f"Over the sensor, {over.rms_mm.size} places, all signatures: {_short(best)} to {_short(worst)} mm RMS, "
+        f"median {_short(float(np.median(over.rms_mm)))}"
+    )
+
+
+def _tell_designs(reached: list[Design], tried: int, wanted_mm: float) -> None:
+    click.echo(
+        f"{len(reached)} of {tried} designs reach {wanted_mm:.6g} mm RMS at nine places of ten, with no more than"
+    )
+    click.echo("the noise given here (half-width, % of Vref); `error` is with the noise that you gave")
+    if not reached:
+        click.echo("Try a longer --length list, finer --pitch, more --try-bits, or a larger error")
+        return
+    click.echo(
+        f"{'construction':<13}{'strips':>7}{'pitch':>8}{'length':>8}{'bits':>5}{'error':>9}{'noise %':>9}  fails"
+    )
+    for d in reached[:_MOST_LINES]:
+        s = d.sensor
+        click.echo(
+            f"{s.construction:<13}{s.strips:>7}{s.pitch_mm:>8.4g}{s.length_mm:>8.4g}{s.adc_bits:>5}"
+            f"{_short(d.error_mm):>9}{100.0 * d.noise:>9.3g}  {', '.join(d.unmet) or 'none'}"
+        )
+    if len(reached) > _MOST_LINES:
+        click.echo(f"... and {len(reached) - _MOST_LINES} more; -o writes all of them")
+    click.echo(
+        "`fails` are of Harmon's requirements (table 2.1); surface and sensitivity are not in the model"
+    )
+
+
+def _short(value: float) -> str:
+    return f"{value:.3g}"
+
+
+def _record(outline: Outline, found: list[Limit], over: Map, judged: list[Design] | None) -> dict[str, Any]:
+    """Return what goes into the file; null stands for what cannot be told."""
+    record: dict[str, Any] = {
+        "vertices_mm": outline.vertices.tolist(),
+        "limits": [
+            {
+                "signatures": limit.signatures,
+                "rms_mm": _plain(np.array(limit.rms)),
+                "sigma_mm": _plain(limit.sigma),
+                "covariance_mm2": _plain(limit.covariance),
+            }
+            for limit in found
+        ],
+        "map": {"x_mm": over.x_mm.tolist(), "y_mm": over.y_mm.tolist(), "rms_mm": _plain(over.rms_mm)},
+    }
+    if judged is not None:
+        record["designs"] = [
+            {
+                "construction": d.sensor.construction,
+                "strips": d.sensor.strips,
+                "pitch_mm": d.sensor.pitch_mm,
+                "length_mm": d.sensor.length_mm,
+                "adc_bits": d.sensor.adc_bits,
+                "error_mm": _plain(np.array(d.error_mm)),
+                "largest_noise": d.noise,
+                "unmet": d.unmet,
+            }
+            for d in judged
+        ]
+    return record
+
+
+def _plain(values: FloatArray) -> Any:
+    plain = values.astype(object)
+    plain[~np.isfinite(values)] = None
+    return plain.tolist()

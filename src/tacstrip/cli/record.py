@@ -1,0 +1,157 @@
+"""`tacstrip record`."""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import math
+import sys
+from pathlib import Path
+from typing import Any
+
+import click
+from click.core import ParameterSource
+
+from tacstrip.cli import new_file
+from tacstrip.cli.replay import warn_of_cut
+from tacstrip.contact.noise import Noise
+from tacstrip.errors import OptionError
+from tacstrip.io.geometry import read_contact
+from tacstrip.sensor.spec import Sensor
+from tacstrip.stream.codes import UNSET_BITS
+from tacstrip.stream.interrupt import Interrupt
+from tacstrip.stream.pipeline import record, with_shapes
+from tacstrip.stream.recording import Recorder
+from tacstrip.stream.replay import ReadingsSource, Recording, open_source
+from tacstrip.stream.simulated import Drag, SimulatedSource
+from tacstrip.stream.source import Source
+
+_POINT = (float, float)
+_CONTACTS = (".wkt", ".geojson", ".json")
+_CODE = 0.01  # steps of the converter that a reading may lie off its code by the rounding of a text file
+
+
+@click.command()
+@click.argument("files", metavar="[SENSOR] INPUT", nargs=-1, required=True)
+@click.option("-o", "--output", type=click.Path(path_type=Path), required=True, help="Recording (.mcap).")
+@click.option(
+    "--reconstruct", "method", metavar="METHOD", help="Store shapes too: vertex, profile or polygon."
+)
+@click.option("--paced", is_flag=True, help="At the pace of the scans; otherwise as fast as it goes.")
+@click.option("--force", is_flag=True, help="Write over a file that is there.")
+@click.option("--at", type=_POINT, metavar="X Y", help="Contact: put its centroid here [mm].")
+@click.option("--turn", type=float, default=0.0, metavar="DEG", help="Contact: turn it counter-clockwise.")
+@click.option("--drag", type=_POINT, multiple=True, metavar="X Y",
+              help="Contact: drag it on to here; repeat for a path.")  # fmt: skip
+@click.option("--turn-rate", type=float, default=0.0, metavar="DEG/S", help="Contact: keep turning it.")
+@click.option("--rate", type=float, default=100.0, show_default=True, help="Contact: scans a second [Hz].")
+@click.option("--seconds", type=float, default=1.0, show_default=True,
+              help="Contact: how long, from the path's start to its end.")  # fmt: skip
+@click.option("--quantisation", type=float, default=0.0, help="Contact: C.Q.E., half-width over Vref.")
+@click.option("--positional", type=float, default=0.0, help="Contact: P.U., half-width over Vref.")
+@click.option("--distribution", default="uniform", show_default=True, help="Contact: uniform or normal.")
+@click.option("--model", help="Contact: closed or network.")
+@click.option("--electrodes", default="own", show_default=True, help="Contact, CRS-CRP: own or all.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Contact: of the errors.")
+@click.pass_context
+def command(
+    context: click.Context,
+    /,
+    files: tuple[str, ...],
+    output: Path,
+    method: str | None,
+    paced: bool,
+    force: bool,
+    **simulation: Any,
+) -> None:
+    """Record A/D codes, and shapes if wanted, in one MCAP file with the sensor's spec.
+
+    INPUT is a contact (.wkt, .geojson) on a simulated SENSOR, readings of SENSOR (.csv), or another recording (.mcap),
+    which keeps its own spec where no SENSOR is named. Ctrl-C ends the recording. Exit code 1: a write failed, as on a
+    full disk; what was saved until then is a whole recording.
+
+    Example: tacstrip record prototype-crs-crs object.wkt -o session.mcap --at 32 160 --drag 32 250 --rate 1000 --paced
+    """
+    if len(files) > 2:
+        raise OptionError(f"{files[2]}: one INPUT only, with its SENSOR before it")
+    if output.suffix.lower() != ".mcap":
+        raise OptionError(f"-o {output}: a recording is a file that ends in .mcap")
+    new_file(output, force, *files)
+    if Path(files[-1]).suffix.lower() in _CONTACTS:
+        source: Source = _simulated(files, simulation)
+    else:
+        given = [o for o in simulation if context.get_parameter_source(o) is ParameterSource.COMMANDLINE]
+        if given:
+            raise OptionError(f"--{given[0].replace('_', '-')} is for a contact, and {files[-1]} is none")
+        source = open_source(files[-1], Sensor.load(files[0]) if len(files) == 2 else None)
+    save_recording(files, source, output, method, 1.0 if paced else math.inf, force)
+
+
+def _simulated(files: tuple[str, ...], given: dict[str, Any]) -> SimulatedSource:
+    if len(files) != 2:
+        raise OptionError(f"{files[0]}: a contact needs a SENSOR to touch; name its spec before it")
+    seconds, rate, seed = given["seconds"], given["rate"], given["seed"]
+    for name, value in {"seconds": seconds, "rate": rate}.items():
+        if not 0.0 < value < math.inf:
+            raise OptionError(f"--{name} {value}: must be above 0")
+    if seed < 0:
+        raise OptionError(f"--seed {seed}: must be 0 or more")
+    shape = read_contact(files[1]).turned(math.radians(given["turn"]))
+    start = given["at"] or tuple(shape.centroid)
+    motion = Drag(shape, [start, *given["drag"]], seconds, math.radians(given["turn_rate"]))
+    noise = Noise(given["quantisation"], given["positional"], distribution=given["distribution"])
+    return SimulatedSource(
+        Sensor.load(files[0]), motion, rate, max(1, round(seconds * rate)), noise, seed, given["model"],
+        given["electrodes"],
+    )  # fmt: skip
+
+
+def save_recording(
+    files: tuple[str, ...],
+    source: Source,
+    output: Path,
+    method: str | None = None,
+    speed: float = math.inf,
+    force: bool = False,
+) -> None:
+    """Record a source, opened from the command line's files, and say what was saved; exit code 1 if a write fails."""
+    about = {"source": Path(files[-1]).name, "sensor": Path(files[0]).name, "method": method or ""}
+    if isinstance(source, Recording) and not method:
+        about["method"] = source.about.get("method", "")
+    with contextlib.closing(source), Interrupt() as stop:
+        scans = iter(with_shapes(source, source.sensor, method) if method else source)
+        first = list(itertools.islice(scans, 1))  # what is wrong with the method shows before a file is made
+        recorder = Recorder(output, source.sensor, source.names, source.origin_ns, about, force)
+        try:
+            with recorder:
+                record(itertools.chain(first, scans), recorder, speed, stop)
+        except OSError as error:
+            click.echo(
+                f"Error: {error.filename}: {error.strerror}. {recorder.saved_scans} scan(s) are saved in it; "
+                "make room, or record to another disk",
+                err=True,
+            )
+            sys.exit(1)
+    told = "stopped: " if stop() else ""
+    shapes = f", {recorder.polygons} shape(s)" if recorder.polygons else ""
+    click.echo(
+        f"{output}: {told}{recorder.scans} scan(s) of {source.sensor.strips} strips{shapes}, "
+        f"{recorder.size_bytes / 1e6:.3g} MB"
+    )
+    _advise(files, source)
+
+
+def _advise(files: tuple[str, ...], source: Source) -> None:
+    """Warn of what was stored in another way than it came."""
+    if isinstance(source, ReadingsSource) and source.rounded_steps > _CODE:
+        bits = source.sensor.adc_bits
+        click.echo(
+            f"Warning: {files[-1]} has readings between the codes of {bits} bits; they are rounded, by up to "
+            f"{source.rounded_steps:.2g} of a step ({source.sensor.vref_volt / (2 ** (bits or 0) - 1):.3g} V)",
+            err=True,
+        )
+    if len(files) == 2 and Sensor.load(files[0]).adc_bits is None:
+        click.echo(
+            f"Warning: {files[0]} has no adc_bits: the recording holds codes of {UNSET_BITS} bits", err=True
+        )
+    warn_of_cut(source)

@@ -1,0 +1,42 @@
+"""`tacstrip recover`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import click
+
+from tacstrip.cli import new_file
+from tacstrip.stream.recover import recover
+
+
+@click.command()
+@click.argument("recording", type=click.Path(path_type=Path))
+@click.option("-o", "--output", type=click.Path(path_type=Path),
+              help="File to make; by default RECORDING-recovered.mcap beside it.")  # fmt: skip
+@click.option("--force", is_flag=True, help="Write over a file that is there.")
+def command(recording: Path, output: Path | None, force: bool) -> None:
+    """Make a new file with an index of all that is whole in a RECORDING that was cut or damaged.
+
+    Any MCAP file of ROS 2 will do. Exit code 1: the new file could not be written.
+
+    Example: tacstrip recover session.mcap -o session-whole.mcap
+    """
+    target = output or recording.with_name(f"{recording.stem}-recovered.mcap")
+    new_file(target, force, recording)
+    try:
+        saved = recover(recording, target, force)
+    except OSError as error:
+        click.echo(f"Error: {target}: {error.strerror}", err=True)
+        sys.exit(1)
+    found = saved.condition
+    for told in found.damage:
+        click.echo(f"Left out: {told}", err=True)
+    counts = ", ".join(f"{topic}: {count}" for topic, count in saved.messages.items() if count)
+    lost = f"{found.lost_bytes} bytes of {found.total_bytes} lie after the last whole chunk and are lost"
+    whole = not found.lost_bytes and not found.damage
+    click.echo(
+        f"{target}: {sum(saved.messages.values())} message(s) over {saved.seconds:.6g} s saved ({counts}); "
+        + (f"nothing was lost: {recording} is whole" if whole else lost)
+    )

@@ -1,0 +1,94 @@
+"""`tacstrip replay`."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from pathlib import Path
+
+import click
+
+from tacstrip.cli import protect
+from tacstrip.errors import OptionError
+from tacstrip.sensor.spec import Sensor
+from tacstrip.stream.codes import decode
+from tacstrip.stream.export import as_reconstruction, json_line
+from tacstrip.stream.interrupt import Interrupt
+from tacstrip.stream.pipeline import with_shapes
+from tacstrip.stream.replay import Recording
+from tacstrip.stream.source import RawScan, Source, paced
+from tacstrip.stream.summary import summary
+
+
+@click.command()
+@click.argument("recording", type=click.Path(path_type=Path))
+@click.option("--speed", type=float, default=1.0, show_default=True, help="Times the recorded pace.")
+@click.option("--fast", is_flag=True, help="As fast as it goes.")
+@click.option("--sensor", metavar="SENSOR", help="Read the codes with this spec, not with the one inside.")
+@click.option("--reconstruct", "method", metavar="METHOD",
+              help="Recover shapes anew: vertex, profile or polygon; otherwise those inside are given.")  # fmt: skip
+@click.option("--summary", "short", is_flag=True, help="Say what is in it, and give no scans.")
+@click.option(
+    "--plot", type=click.Path(path_type=Path), help="Picture of the last scan in contact (.png, .svg, .pdf)."
+)
+def command(
+    recording: Path,
+    speed: float,
+    fast: bool,
+    sensor: str | None,
+    method: str | None,
+    short: bool,
+    plot: Path | None,
+) -> None:
+    """Give a recording's scans again, one line of JSON each, when their time has come.
+
+    A line has the scan's readings over Vref, null where nothing touches, and its shapes in mm.
+
+    Example: tacstrip replay session.mcap --speed 0.5 | head -n 3
+    """
+    if short and plot is not None:
+        raise OptionError("--summary gives no scans; leave --plot out")
+    if not speed > 0.0:
+        raise OptionError(f"--speed {speed}: must be above 0")
+    protect(plot, recording)
+    if plot is not None:
+        from tacstrip.plot.style import check_picture
+
+        check_picture(plot)
+    source = Recording(recording, Sensor.load(sensor) if sensor else None)
+    touched: RawScan | None = None
+    with contextlib.closing(source), Interrupt() as stop:
+        scans = with_shapes(source, source.sensor, method) if method else iter(source)
+        if short:
+            click.echo("\n".join(summary(source, scans)))
+        else:
+            for number, raw in enumerate(paced(scans, math.inf if fast else speed, stop)):
+                scan = decode(raw, source.sensor)
+                touched = raw if scan.touched.any() else touched
+                click.echo(json_line(number, raw, scan))
+    if not stop():
+        warn_of_cut(source)
+    if plot is not None:
+        _plot(source.sensor, touched, method or source.about.get("method") or "shape", plot)
+
+
+def warn_of_cut(source: Source) -> None:
+    """Say on standard error that a recording, read to its end, had been cut."""
+    if isinstance(source, Recording) and not source.condition.whole:
+        click.echo(
+            f"Warning: {source.path} was cut: {source.condition.lost_bytes} bytes after its last whole chunk are lost; "
+            "`tacstrip recover` makes a complete file of the rest",
+            err=True,
+        )
+
+
+def _plot(sensor: Sensor, raw: RawScan | None, method: str, path: Path) -> None:
+    if raw is None:
+        click.echo(f"Warning: no strip is touched in any scan; {path} is not written", err=True)
+        return
+    from tacstrip.plot.result import reconstruction_figure
+    from tacstrip.plot.style import save
+
+    results = {method: [as_reconstruction(raw, method)]} if raw.shapes else {}
+    figure = reconstruction_figure(sensor, [decode(raw, sensor)], results)
+    click.echo(f"{save(figure, path)} written", err=True)

@@ -1,0 +1,1 @@
+"""What is wrong with the hardware, told from readings alone."""

@@ -1,0 +1,208 @@
+"""Channels that do not follow the contact: open strips, dead and stuck channels, saturation, silent strips."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from tacstrip.arrays import BoolArray, FloatArray
+from tacstrip.diagnose.finding import Finding
+from tacstrip.diagnose.view import Suspect, View, residuals
+
+_INSIDE = 0.15  # over Vref: expectations this far from both rails cannot be met by a reading on a rail
+_RAIL = 0.012  # over Vref
+_SHARE = 0.4  # of those places: elsewhere the contact bridges the break
+_SPREAD = 0.05  # over Vref: what the neighbours must move for a reading that does not
+_ALIKE = 0.7  # correlation of a strip's neighbours that are under one object
+_FEW, _SOME = 3, 8  # places
+
+
+def on_rails(view: View) -> list[Suspect]:
+    """Find strips whose readings lie on ground or Vref where their neighbours expect something between.
+
+    A strip cut below the contact floats up to Vref, one cut above it hangs on ground; a contact across the cut reads
+    as ever. A cut sensing strip takes away only the reading beyond the cut, a dead wire all of them.
+    """
+    near = max(_RAIL, 4.0 * view.sigma)
+    names = list(view.k)
+    values = np.stack([view.k[n] for n in names])  # (signatures, places, strips)
+    e, r = (np.stack(a) for a in zip(*(residuals(view, n) for n in names), strict=True))
+    inside = (e > _INSIDE) & (e < 1.0 - _INSIDE)
+    low, high = values <= _ground(view) + near, values >= 1.0 - near
+    ground, vref = (side.all(axis=0) & inside.any(axis=0) for side in (low, high))
+    # One channel on ground where the other is not: its wire has nothing to say.
+    lone = inside & low & ~low.all(axis=0) & (values.max(axis=0) > 2.0 * near)
+    places = inside.any(axis=0).sum(axis=0)
+    found = []
+    for strip in range(view.strips):
+        gain = float(np.nanmean(np.abs(r[:, :, strip]))) if places[strip] else 0.0
+        for finding in (
+            _open_strip(view, strip, ground[:, strip], vref[:, strip], int(places[strip]), e[0, :, strip]),
+            _one_channel(view, strip, dict(zip(names, lone[:, :, strip], strict=True)), inside[:, :, strip].sum(axis=1)),
+        ):
+            if finding is not None:
+                found.append(Suspect(finding, gain, partial(View.drop, strip=strip, signature=finding.signature)))
+    return found
+
+
+def _ground(view: View) -> float:
+    """Return what a wire that hangs free reads, over Vref."""
+    return (view.sensor.rest_volt or 0.0) / view.sensor.vref_volt
+
+
+def _open_strip(
+    view: View, strip: int, ground: BoolArray, vref: BoolArray, places: int, level: FloatArray
+) -> Finding | None:
+    count = int(ground.sum() + vref.sum())
+    if not count or count < _SHARE * places:
+        return None
+    where = ""
+    if ground.any() and vref.any():
+        y = sorted(float(v) * view.sensor.length_mm for v in (level[ground].max(), level[vref].min()))
+        where = f"; the cut lies near y = {y[0]:.4g} to {y[1]:.4g} mm"
+    return Finding(
+        "open-strip", (int(view.order[strip]),),
+        f"on ground in {int(ground.sum())} and on Vref in {int(vref.sum())} of {places} places where its neighbours expect "
+        f"0.15 to 0.85 of Vref{where}",
+        {"places": float(places), "at_ground": float(ground.sum()), "at_vref": float(vref.sum())},
+    )  # fmt: skip
+
+
+def _one_channel(
+    view: View, strip: int, lone: dict[str, BoolArray], places: np.ndarray  # type: ignore[type-arg]
+) -> Finding | None:
+    counts = {name: int(at.sum()) for name, at in lone.items()}
+    often = [n for n, of in zip(counts, places, strict=True) if counts[n] and counts[n] >= 0.25 * of]
+    number = (int(view.order[strip]),)
+    numbers = {f"{n}_at_ground": float(c) for n, c in counts.items()}
+    if len(often) == 2 or (len(often) == 1 and min(counts.values()) >= _FEW):
+        return Finding(
+            "open-sensing", number,
+            f"v_h is on ground in {counts['kh']} places and v_l in {counts['kl']} others, while the other of the two moves: "
+            "v_h for contacts below the cut, v_l above it", numbers,
+        )  # fmt: skip
+    for name, of in zip(counts, places, strict=True):
+        if name in often and counts[name] >= _SHARE * of:
+            return Finding(
+                "dead", number, f"on ground in {counts[name]} of {int(of)} places where its neighbours expect 0.15 to 0.85 of "
+                "Vref, while the strip's other channel moves", numbers, name,
+            )  # fmt: skip
+    return None
+
+
+def not_moving(view: View) -> list[Suspect]:
+    """Find channels that keep one value while their neighbours move."""
+    found = []
+    still = max(0.004, 3.0 * view.sigma)
+    for name, values in view.k.items():
+        e, r = residuals(view, name)
+        for strip in range(view.strips):
+            known = np.isfinite(e[:, strip])
+            if known.sum() < _SOME or not _alike(values[known], strip):
+                continue
+            own, theirs = (_spread(v[known, strip]) for v in (values, e))
+            whole = np.ptp(values[known, strip])
+            if own <= still and whole <= 3.0 * still and theirs > max(_SPREAD, 5.0 * own):
+                level = float(np.median(values[known, strip]))
+                fault = "dead" if abs(level - _ground(view)) < max(_RAIL, 4.0 * view.sigma) else "stuck"
+                finding = Finding(
+                    fault, (int(view.order[strip]),),
+                    f"stays within {100 * own:.2g} % of Vref of {level:.4g} Vref over {int(known.sum())} places, while its "
+                    f"neighbours move by {100 * theirs:.3g} %",
+                    {"level": level, "own_spread": own, "neighbours_spread": theirs}, name,
+                )  # fmt: skip
+                gain = float(np.abs(r[known, strip]).mean())
+                found.append(Suspect(finding, gain, partial(View.drop, strip=strip, signature=name)))
+    return found
+
+
+def _alike(values: FloatArray, strip: int) -> bool:
+    """Whether the two nearest strips with readings, one on each side where there are, move together."""
+    used = np.flatnonzero(np.isfinite(values).sum(axis=0) >= _SOME)
+    left, right = used[used < strip][::-1], used[used > strip]
+    two = [left[0], right[0]] if len(left) and len(right) else [*left[:2], *right[:2]]
+    if len(two) < 2:
+        return False
+    a, b = values[:, two[0]], values[:, two[1]]
+    known = np.isfinite(a) & np.isfinite(b)
+    if known.sum() < _SOME or min(np.std(a[known]), np.std(b[known])) < 1e-6:
+        return False
+    return bool(np.corrcoef(a[known], b[known])[0, 1] > _ALIKE)
+
+
+def clipped(view: View) -> list[Suspect]:
+    """Find channels that follow their neighbours up (or down) to a level, and no further."""
+    found = []
+    for name, values in view.k.items():
+        e, _ = residuals(view, name)
+        for strip in range(view.strips):
+            known = np.isfinite(e[:, strip])
+            if known.sum() < _SOME or not _alike(values[known], strip):
+                continue
+            own, theirs = values[known, strip], e[known, strip]
+            for sign, side in ((1.0, "above"), (-1.0, "below")):
+                stop = _ceiling(sign * own, sign * theirs, view.sigma)
+                if stop is None:
+                    continue
+                level, beyond, misfit = stop
+                found.append(
+                    Suspect(
+                        Finding(
+                            "saturation", (int(view.order[strip]),),
+                            f"never {side} {sign * level:.4g} Vref, {beyond} times just there while its neighbours went "
+                            f"further, by {100 * misfit:.3g} % of Vref in the mean",
+                            {"level": sign * level, "places": float(beyond), "misfit": misfit}, name,
+                        ),
+                        misfit,
+                        partial(_drop_end, strip=strip, name=name, level=sign * level, sign=sign),
+                    )
+                )  # fmt: skip
+    return found
+
+
+def _ceiling(own: FloatArray, theirs: FloatArray, sigma: float) -> tuple[float, int, float] | None:
+    """Return the level that readings stop at, how often, and what they miss; None where they do not stop."""
+    if _spread(own) < _SPREAD:
+        return None
+    level = float(own.max())
+    beyond = theirs > level + max(0.03, 5.0 * sigma)
+    at = own >= level - 0.003
+    if abs(level) < 0.015 or abs(level - 1.0) < 0.015 or beyond.sum() < _SOME or at[beyond].mean() < 0.8 or _spread(theirs[beyond]) < _SPREAD:
+        return None
+    return level, int(beyond.sum()), float((theirs - own)[beyond].mean())
+
+
+def _drop_end(view: View, strip: int, name: str, level: float, sign: float) -> None:
+    values = view.k[name][:, strip]
+    values[sign * (values - level) >= -0.003] = np.nan
+
+
+def silent(view: View) -> list[Suspect]:
+    """Find strips that nothing ever touches while a contact moves across them."""
+    found = []
+    for strip in np.flatnonzero(~view.there.any(axis=0)):
+        if strip in (0, view.strips - 1):
+            continue
+        over = view.there[:, strip - 1] & view.there[:, strip + 1]
+        edges = {(int(np.argmax(row)), int(np.argmax(row[::-1]))) for row in view.there[over]}
+        moved = len({a for a, _ in edges}) + len({b for _, b in edges}) >= _FEW
+        if over.sum() >= _FEW and moved:
+            count = int(over.sum())
+            found.append(
+                Suspect(
+                    Finding(
+                        "dead", (int(view.order[strip]),),
+                        f"reads no contact in {count} places where both its neighbours do, while the contact moves across",
+                        {"places": float(count)},
+                    ),
+                    1.0,
+                    partial(View.drop, strip=int(strip)),
+                )
+            )  # fmt: skip
+    return found
+
+
+def _spread(values: FloatArray) -> float:
+    a, b = np.percentile(values, [5.0, 95.0])
+    return float(b - a)

@@ -1,0 +1,134 @@
+"""What the raw readings say of the A/D converter, its reference and the amplifier before it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tacstrip.arrays import FloatArray
+from tacstrip.diagnose.finding import Finding
+from tacstrip.diagnose.log import Log
+
+_OVER = 0.005  # over Vref: what rounding and small offsets may add
+_BLOCKS = 16  # different settings of the bits above, before a bit that never changes is called stuck
+_WHOLE = 1e-3  # of a step: what printing volts may leave of a whole code
+
+
+def stuck_bits(log: Log) -> tuple[list[Finding], str]:
+    """Find bits that never change, in all channels together; else say why that could not be looked at."""
+    bits = log.sensor.adc_bits
+    if bits is None:
+        return [], "A/D bits: the spec has no adc_bits"
+    steps = np.concatenate([v[np.isfinite(v)] for v in log.raw.values()]) * (2.0**bits - 1.0)
+    codes = np.unique(np.round(steps[(steps > 0.5) & (steps < 2.0**bits - 1.5)]).astype(np.int64))
+    if len(steps) and float(np.abs(steps - np.round(steps)).max()) > _WHOLE:
+        return [], "A/D bits: the readings are no whole codes of adc_bits; record the codes themselves"
+    told = [b for b in range(bits) if len(np.unique(codes >> (b + 1))) >= _BLOCKS]
+    if not told:
+        return [], f"A/D bits: only {len(codes)} different codes; move the contact"
+    stuck = [b for b in told if len(np.unique((codes >> b) & 1)) == 1]
+    untold = f"A/D bits {max(told) + 1} and above: they change too seldom to tell" if max(told) < bits - 1 else ""
+    if not stuck:
+        return [], untold
+    at = [int(codes[0] >> b) & 1 for b in stuck]
+    names = ", ".join(f"{b} at {v}" for b, v in zip(stuck, at, strict=True))
+    left = f"; {bits - len(stuck)} of {bits} bits are left" if stuck == list(range(len(stuck))) else ""
+    finding = Finding(
+        "bits", (), f"bit(s) {names} in every one of {len(steps)} readings, {len(codes)} different codes{left}",
+        {"stuck_bits": float(len(stuck)), "lowest": float(stuck[0]), "codes": float(len(codes))},
+    )  # fmt: skip
+    return [finding], untold
+
+
+def wrong_reference(log: Log, sigma: float) -> tuple[list[Finding], float]:
+    """Find readings above Vref or below ground, and a ceiling below Vref for contacts that reach the end at Vref.
+
+    Returns
+    -------
+    findings, factor
+        Readings over their own Vref are the log's divided by `factor`.
+    """
+    margin = max(_OVER, 5.0 * sigma)
+    over = np.zeros((len(log.time_s), log.sensor.strips), dtype=bool)
+    for values in log.raw.values():
+        over |= (values > 1.0 + margin) | (values < -margin)
+    often = over.sum(axis=0) >= 2
+    alive = np.any([np.isfinite(v).any(axis=0) for v in log.raw.values()], axis=0)
+    top = max(float(np.nanmax(v)) for v in log.raw.values() if np.isfinite(v).any())
+    least = min(float(np.nanmin(v)) for v in log.raw.values() if np.isfinite(v).any())
+    if often.sum() >= max(2.0, 0.3 * alive.sum()):
+        volts = log.sensor.vref_volt
+        hint = "; millivolts?" if 200.0 < top < 1500.0 else ""
+        finding = Finding(
+            "wrong-vref", (),
+            f"{int(over.sum())} readings on {int(often.sum())} strips lie outside 0 to Vref = {volts:.6g} V: "
+            f"{least * volts:.5g} to {top * volts:.5g} V{hint}",
+            {"factor": top, "readings": float(over.sum()), "strips": float(often.sum())},
+        )  # fmt: skip
+        return [finding], max(top - margin, 1.0)
+    found = [
+        Finding(
+            "wrong-vref", (int(i),), f"{int(over[:, i].sum())} readings lie outside 0 to Vref, on this strip alone",
+            {"readings": float(over[:, i].sum())},
+        )
+        for i in np.flatnonzero(often)
+    ]  # fmt: skip
+    factor = _end_level(log, sigma)
+    if factor is None:
+        return found, 1.0
+    finding = Finding(
+        "wrong-vref", (),
+        f"contacts that reach the end at Vref read v_h = {factor:.4g} Vref, whatever v_l is: Vref is "
+        f"{factor * log.sensor.vref_volt:.4g} V, or the amplifier's gain {factor:.4g}", {"factor": factor},
+    )  # fmt: skip
+    return [finding, *found], factor
+
+
+def _end_level(log: Log, sigma: float) -> float | None:
+    """Return the level that k_h keeps on all strips while k_l moves: (3.3) is 1 for u = L, and so for nothing else."""
+    k = log.k
+    if not {"kh", "kl"} <= set(k):
+        return None
+    kh, kl = k["kh"], k["kl"]
+    known = np.isfinite(kh) & np.isfinite(kl)
+    if known.sum() < 100:
+        return None
+    level = float(np.quantile(kh[known], 0.995)) - 2.0 * sigma
+    near = known & (np.abs(kh - level) < max(0.004, 3.0 * sigma))
+    if near.sum() < 50 or near.any(axis=0).sum() < 3 or not 0.4 < level < 0.97:
+        return None
+    a, b = kl[near], kh[near]
+    width = float(np.percentile(a, 95.0) - np.percentile(a, 5.0))
+    if width < 0.15:
+        return None
+    slope, level = (float(c) for c in np.polyfit(a - a.mean(), b, 1))
+    error = sigma / (float(np.std(a)) * np.sqrt(len(a)))
+    return level if abs(slope) < 0.02 and error < 0.007 else None
+
+
+def common_ceiling(log: Log, sigma: float) -> list[Finding]:
+    """Find a level that many strips' readings stop at: an amplifier that saturates cuts the noise off too."""
+    step = 0.0 if log.sensor.adc_bits is None else 1.0 / (2.0**log.sensor.adc_bits - 1.0)
+    if sigma < max(2.0 * step, 2e-4):
+        return []
+    found = []
+    for sign, side in ((1.0, "above"), (-1.0, "below")):
+        values = [sign * np.where(log.touched, v, np.nan) for v in log.raw.values()]
+        level = max(float(np.nanmax(v)) for v in values)
+        if abs(level) < 0.015 or abs(level - 1.0) < 0.015 or level > 1.0:
+            continue
+        at, below, strips = _pile(values, level, 0.6 * step + 1e-9, 2.0 * sigma)
+        if at >= 20 and at > 2 * below and strips >= 3:
+            found.append(
+                Finding(
+                    "saturation", (), f"{at} readings on {strips} strips are exactly {sign * level:.5g} Vref and none is {side}; "
+                    f"noise alone would spread them by {100 * sigma:.2g} %", {"level": sign * level, "readings": float(at)},
+                )
+            )  # fmt: skip
+    return found
+
+
+def _pile(values: list[FloatArray], level: float, tie: float, near: float) -> tuple[int, int, int]:
+    """Count the readings at a level and those just below it, and the strips that have some at it."""
+    at = [v >= level - tie for v in values]
+    below = sum(int(((v < level - tie) & (v >= level - near)).sum()) for v in values)
+    return sum(int(a.sum()) for a in at), below, int(np.any([a.any(axis=0) for a in at], axis=0).sum())

@@ -1,0 +1,149 @@
+"""The examination: what is loudest is named and undone first, for it disturbs what its neighbours expect."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+
+from tacstrip.arrays import BoolArray
+from tacstrip.diagnose.channels import clipped, not_moving, on_rails, silent
+from tacstrip.diagnose.converter import common_ceiling, stuck_bits, wrong_reference
+from tacstrip.diagnose.drift import drift
+from tacstrip.diagnose.finding import Finding, Report
+from tacstrip.diagnose.hum import hum
+from tacstrip.diagnose.log import Log
+from tacstrip.diagnose.noise import excess_noise, measure, quality
+from tacstrip.diagnose.order import swapped_ends, swapped_strips, swapped_wires
+from tacstrip.diagnose.shorts import shorts
+from tacstrip.diagnose.view import Suspect, View, places, residuals, view_of
+
+_MOST_SCANS = 20_000  # of longer recordings, evenly spread stretches are examined
+_LEAST_SIGMA = 2e-4  # over Vref: no reading is trusted to less
+_OFFSET = 0.02  # over Vref: what a strip may lie beside its neighbours before calibration is advised
+_TESTS: tuple[Callable[[View], list[Suspect]], ...] = (
+    silent, on_rails, not_moving, clipped, swapped_wires, swapped_ends, swapped_strips, shorts,
+)  # fmt: skip
+_WORST = {"broken": 0, "degraded": 1, "note": 2}
+
+
+def diagnose(log: Log) -> Report:
+    """Examine a recording.
+
+    It should show every strip touched, by a contact four strips wide or more that moves along and across the strips
+    and turns (docs/doctor.md); what the recording cannot tell is listed as unchecked.
+
+    Returns
+    -------
+    Report
+        Faults with their evidence, notes, what was not checked, and the noise.
+    """
+    part = log.part(_MOST_SCANS)
+    measured = measure(part)
+    sigma = max(measured.sigma if np.isfinite(measured.sigma) else 0.0, _LEAST_SIGMA)
+    bits, no_bits = stuck_bits(part)
+    reference, factor = wrong_reference(part, sigma)
+    ceiling = common_ceiling(part, sigma)
+    view = view_of(part, sigma)
+    for name in view.k:
+        view.k[name] = view.k[name] / factor
+    rows = places(view)
+    geometric = log.sensor.kind.closed_form
+    tests = _TESTS if geometric else (silent, swapped_wires)
+    named = _peel(rows, tests if not ceiling else [t for t in tests if t is not clipped])
+    for suspect in named:
+        suspect.repair(view)
+    peeled = _merged([s.finding for s in named])
+    wandering, checked = drift(part, view)
+    humming, no_hum = hum(part, sigma)
+    loud = {i for f in humming for i in f.strips or range(log.sensor.strips)}
+    known = {i for f in peeled for i in f.strips}
+    noisy = [f for f in excess_noise(part, measured) if not loud & set(f.strips or range(log.sensor.strips))]
+    late = [f for f in (*wandering, *noisy) if not known & set(f.strips)]
+    findings = sorted([*bits, *reference, *ceiling, *peeled, *humming, *late], key=lambda f: (_WORST[f.kind.severity], f.strips))
+    return Report(
+        findings=tuple(findings),
+        notes=tuple(_notes(log, rows)),
+        unchecked=tuple(t for t in (*_untold(part, rows), no_bits, no_hum, *_undrifted(part, checked)) if t),
+        quality=quality(log.sensor, measured),
+        touched_scans=log.touched.sum(axis=0),
+        seconds=float(np.ptp(log.time_s)),
+        scans=len(log.time_s),
+        strip_base=log.sensor.strip_base,
+    )
+
+
+def _peel(rows: View, tests: Sequence[Callable[[View], list[Suspect]]]) -> list[Suspect]:
+    """Name and undo the fault that explains most, until nothing is left."""
+    named: dict[tuple[str, tuple[int, ...], str | None], Suspect] = {}
+    while len(rows.there):
+        suspects = [s for test in tests for s in test(rows) if s.finding.place not in named]
+        if not suspects:
+            break
+        worst = max(suspects, key=lambda s: s.gain)
+        worst.repair(rows)
+        named[worst.finding.place] = worst
+    return list(named.values())
+
+
+def _merged(findings: list[Finding]) -> list[Finding]:
+    """Leave out exchanged wires where the strip's ends are exchanged: with Vref and ground both look so."""
+    turned = {f.strips for f in findings if f.fault == "swapped-ends"}
+    return [f for f in findings if not (f.fault == "swapped-wires" and f.strips in turned)]
+
+
+def _notes(log: Log, view: View) -> Iterator[Finding]:
+    for strip in range(view.strips):
+        off = {n: r[np.isfinite(r)] for n, r in ((n, residuals(view, n)[1][:, strip]) for n in view.k)}
+        medians = [float(np.median(r)) for r in off.values() if len(r) >= 5]
+        worst = max(medians, key=abs, default=0.0)
+        if abs(worst) > max(_OFFSET, 4.0 * view.sigma):
+            yield Finding(
+                "calibration", (int(view.order[strip]),), f"reads {100 * worst:+.2g} % of Vref beside its neighbours",
+                {"offset": worst},
+            )  # fmt: skip
+    everything = all(np.isfinite(v).all() for v in log.raw.values())
+    if log.sensor.rest_volt is None and everything and len(log.time_s) > 1:
+        yield Finding("rest-level", (), "every strip has a reading in every scan, so every strip counts as touched")
+
+
+def _untold(log: Log, view: View) -> Iterator[str]:
+    """Say what this recording could not show."""
+    base = log.sensor.strip_base
+    if never := [i + base for i in np.flatnonzero(~log.touched.any(axis=0))]:
+        yield f"{_names(never)}: never touched; move the contact over them"
+    if not log.sensor.kind.closed_form:
+        yield "open strips, shorts, order and ends: a CRS-CRP sheet's strips shift each other; noise, wires and bits were checked"
+        return
+    wide = view.there.sum(axis=1).max(initial=0)
+    if wide < 4:
+        yield f"shorts and strips exchanged: no contact is four strips wide, the widest {wide}"
+    if len(view.there) < 6:
+        yield f"shorts, strips exchanged, stuck channels, saturation: the contact stood at {len(view.there)} place(s); move and turn it"
+    alone = []
+    for i in range(view.strips):
+        known = any(np.isfinite(residuals(view, n)[0][:, i]).any() for n in view.k)
+        if log.touched[:, view.order[i]].any() and not known:
+            alone.append(int(view.order[i]) + base)
+    if alone:
+        yield f"{_names(sorted(alone))}: no usable neighbours at the same time; touch two or more beside them too"
+    if log.time_s[0] == log.time_s[-1] and len(log.time_s) > 1:
+        yield "drift and hum: the scans have no times"
+
+
+def _undrifted(log: Log, checked: BoolArray) -> Iterator[str]:
+    missing = [i + log.sensor.strip_base for i in np.flatnonzero(~checked & log.touched.any(axis=0))]
+    if missing:
+        yield f"drift of {_names(missing)}: go over the same places again, early and late in the recording"
+
+
+def _names(strips: list[int]) -> str:
+    """Write strips as "strips 0-3, 7"."""
+    parts: list[list[int]] = []
+    for i in strips:
+        if parts and i == parts[-1][-1] + 1:
+            parts[-1].append(i)
+        else:
+            parts.append([i])
+    told = ", ".join(str(p[0]) if len(p) == 1 else f"{p[0]}-{p[-1]}" for p in parts)
+    return ("strip " if len(strips) == 1 else "strips ") + told

@@ -1,0 +1,229 @@
+"""What can be wrong, what was found, and the whole report."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+
+from tacstrip.arrays import FloatArray, IntArray
+
+Severity = Literal["broken", "degraded", "note"]
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A kind of fault: its name, how bad it is, and what to check."""
+
+    title: str
+    severity: Severity
+    check: str
+
+
+FAULTS: dict[str, Fault] = {
+    "open-strip": Fault(
+        "open strip", "broken",
+        "the energised strip, its clamps and its wires to Vref and ground: measure it from end to end",
+    ),
+    "open-sensing": Fault(
+        "open sensing strip", "broken",
+        "the sensing strip and its clamps: measure it from end to end",
+    ),
+    "short": Fault(
+        "short between neighbours", "broken",
+        "bridges between the two strips and between their wires: solder, frayed fabric, rubber that touches",
+    ),
+    "swapped-wires": Fault(
+        "v_h and v_l exchanged", "broken", "the two sensing wires of the strip: exchange them, or the two columns"
+    ),
+    "swapped-ends": Fault(
+        "ends exchanged", "broken", "which end of the strip is on Vref and which on ground: y runs the wrong way"
+    ),
+    "swapped-strips": Fault(
+        "strips exchanged", "broken", "the order of the wires at the multiplexer or the plug, and of the columns"
+    ),
+    "dead": Fault(
+        "dead channel", "broken", "the sensing wire, the multiplexer's input and its solder: nothing comes through"
+    ),
+    "stuck": Fault(
+        "stuck channel", "broken", "the multiplexer's address lines and the converter's input: the value never moves"
+    ),
+    "saturation": Fault(
+        "saturation", "broken", "gain and supply of the amplifier, and the converter's input range"
+    ),
+    "wrong-vref": Fault(
+        "wrong Vref", "broken", "vref_volt in the spec against a voltmeter on the strips, and the converter's reference"
+    ),
+    "drift": Fault(
+        "drift", "degraded", "temperature, supply and creeping rubber; zero again, and warm up before recording"
+    ),
+    "hum": Fault(
+        "mains hum", "degraded", "shields and ground loops; a sampling time that is a whole number of mains periods"
+    ),
+    "noise": Fault(
+        "excess noise", "degraded", "loose contacts, the wire's shield, the converter's reference; average scans"
+    ),
+    "bits": Fault(
+        "missing A/D bits", "degraded", "the converter's data lines and resolution, and adc_bits in the spec"
+    ),
+    "calibration": Fault("needs calibration", "note", "run `tacstrip calibrate` on this unit"),
+    "rest-level": Fault(
+        "rest level not given", "note", "set rest_volt and touch_volt in the spec if untouched strips have readings"
+    ),
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One fault and its evidence.
+
+    Attributes
+    ----------
+    fault
+        A key of `FAULTS`.
+    strips
+        The strips concerned, counted from 0; none: the whole sensor.
+    evidence
+        Why, in words and numbers.
+    numbers
+        The numbers alone, by name; voltages over Vref, lengths in mm.
+    signature
+        The channel, where it is one of two.
+    """
+
+    fault: str
+    strips: tuple[int, ...]
+    evidence: str
+    numbers: Mapping[str, float] = field(default_factory=dict)
+    signature: str | None = None
+
+    @property
+    def kind(self) -> Fault:
+        """The fault's row in the table."""
+        return FAULTS[self.fault]
+
+    @property
+    def place(self) -> tuple[str, tuple[int, ...], str | None]:
+        """What is found where: the same for the same finding on other evidence."""
+        return self.fault, self.strips, self.signature
+
+
+@dataclass(frozen=True, eq=False)
+class Quality:
+    """The noise of a recording.
+
+    Attributes
+    ----------
+    sigma
+        Standard deviation of a reading over Vref, all channels together; NaN where it could not be measured.
+    strips
+        The same for each strip (strips,), NaN where there was too little.
+    half_width_percent
+        P.U.: half-width of a uniform error of this sigma, in % of Vref (5.1.3).
+    profile
+        "I", "II" or "above II", the error profiles of table 5.1; "" where nothing was measured.
+    vertex_rms_mm
+        Least RMS vertex error to expect of one scan of a typical contact [mm].
+    """
+
+    sigma: float
+    strips: FloatArray
+    half_width_percent: float
+    profile: str
+    vertex_rms_mm: float
+
+
+@dataclass(frozen=True, eq=False)
+class Report:
+    """What the doctor found.
+
+    Attributes
+    ----------
+    findings
+        Faults, broken ones first.
+    notes
+        What is no fault, but should be known.
+    unchecked
+        What could not be told from this recording, and what would tell it.
+    touched_scans
+        In how many scans each strip was touched (strips,).
+    """
+
+    findings: tuple[Finding, ...]
+    notes: tuple[Finding, ...]
+    unchecked: tuple[str, ...]
+    quality: Quality
+    touched_scans: IntArray
+    seconds: float
+    scans: int
+    strip_base: int
+
+    @property
+    def healthy(self) -> bool:
+        """Whether no fault was found."""
+        return not self.findings
+
+    def of_strip(self, strip: int) -> tuple[Finding, ...]:
+        """Return the faults of one strip, counted from 0; those of the whole sensor are not among them."""
+        return tuple(f for f in self.findings if strip in f.strips)
+
+    def condition(self, strip: int) -> str:
+        """Return "broken", "degraded", "ok", or "unchecked" where nothing ever touched the strip."""
+        worst = {f.kind.severity for f in self.of_strip(strip)}
+        for severity in ("broken", "degraded"):
+            if severity in worst:
+                return severity
+        return "ok" if self.touched_scans[strip] else "unchecked"
+
+    def where(self, finding: Finding) -> str:
+        """Name a finding's strips as the readings file counts them."""
+        if not finding.strips:
+            return "all strips"
+        numbers = [str(i + self.strip_base) for i in finding.strips]
+        told = "strip " + numbers[0] if len(numbers) == 1 else "strips " + ", ".join(numbers)
+        return told if finding.signature is None else f"{told}, {finding.signature}"
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the report as JSON values; strips are counted as in the readings file, null is not measured."""
+        return {
+            "format": 1,
+            "healthy": self.healthy,
+            "scans": self.scans,
+            "seconds": self.seconds,
+            "findings": [self._entry(f) for f in self.findings],
+            "notes": [self._entry(f) for f in self.notes],
+            "unchecked": list(self.unchecked),
+            "noise": {
+                "sigma": _number(self.quality.sigma),
+                "half_width_percent": _number(self.quality.half_width_percent),
+                "profile": self.quality.profile or None,
+                "vertex_rms_mm": _number(self.quality.vertex_rms_mm),
+            },
+            "strips": [
+                {
+                    "strip": i + self.strip_base,
+                    "condition": self.condition(i),
+                    "touched_scans": int(self.touched_scans[i]),
+                    "sigma": _number(self.quality.strips[i]),
+                    "faults": [f.fault for f in self.of_strip(i)],
+                }
+                for i in range(len(self.touched_scans))
+            ],
+        }
+
+    def _entry(self, finding: Finding) -> dict[str, Any]:
+        return {
+            "fault": finding.fault,
+            "severity": finding.kind.severity,
+            "strips": [i + self.strip_base for i in finding.strips],
+            "signature": finding.signature,
+            "evidence": finding.evidence,
+            "numbers": {name: _number(v) for name, v in finding.numbers.items()},
+            "check": finding.kind.check,
+        }
+
+
+def _number(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

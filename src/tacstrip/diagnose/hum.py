@@ -1,0 +1,119 @@
+"""Hum of the mains: a line at 50 or 60 Hz, or where sampling folds it to."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import numpy.typing as npt
+
+from tacstrip.arrays import BoolArray, FloatArray
+from tacstrip.diagnose.finding import Finding
+from tacstrip.diagnose.log import Log
+
+MAINS = (50.0, 60.0)  # Hz
+_LINE = 25.0  # times the power beside it: a line, not noise
+_HUM = 0.0015  # over Vref: amplitude below which hum does not matter
+_SHORTEST, _LONGEST = 32, 1024  # scans of a stretch
+_APART = 4.0  # over a stretch's duration: what a Hann window keeps apart
+
+
+def hum(log: Log, sigma: float) -> tuple[list[Finding], str]:
+    """Find mains hum in touched and in untouched readings; else say why it could not be looked for.
+
+    On one strip alone it must stand out of `sigma`, the standard deviation of a reading over Vref.
+    """
+    step = np.diff(log.time_s)
+    if len(step) < _SHORTEST or float(np.median(step)) <= 0.0:
+        return [], f"hum: needs {_SHORTEST} scans or more that follow each other in time"
+    period = float(np.median(step))
+    power = np.zeros((len(MAINS), 2, log.sensor.strips))  # on the line, beside it
+    weight = np.zeros((len(MAINS), log.sensor.strips))
+    for strip, time_s, values in _stretches(log, period):
+        lasts = time_s[-1] - time_s[0]
+        window = np.hanning(len(time_s) + 2)[1:-1]
+        flat = values - np.polynomial.Polynomial.fit(time_s, values, 2)(time_s)
+        for i, mains in enumerate(MAINS):
+            if not _tells(mains, period, lasts):
+                continue
+            other = MAINS[1 - i]
+            shifts = np.array([s for s in (*range(-12, -3), *range(4, 13))]) / lasts
+            beside = mains + shifts[np.abs(mains + shifts - other) > _APART / lasts]
+            amplitudes = _amplitudes(flat * window, time_s, np.append(beside, mains)) * 2.0 / window.sum()
+            if not _rings(flat, amplitudes[-1], mains * period):
+                amplitudes[-1] = 0.0
+            power[i, 0, strip] += amplitudes[-1] ** 2 * len(time_s)
+            power[i, 1, strip] += float(np.median(amplitudes[:-1] ** 2)) * len(time_s)
+            weight[i, strip] += len(time_s)
+    if not weight.any():
+        told = " and ".join(f"{m:g}" for m in MAINS)
+        return [], f"hum at {told} Hz: scans come too seldom, at {1.0 / period:.4g} a second, or the contacts are too short"
+    return list(_lines(power, weight, sigma)), ""
+
+
+def _lines(power: FloatArray, weight: FloatArray, sigma: float) -> Iterator[Finding]:
+    """Judge the power on and beside each line (2, 2, strips): for all strips together, or one by one."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        amplitude = np.sqrt(power[:, 0] / weight)
+        ratio = power[:, 0] / np.maximum(power[:, 1], 1e-18)
+        every = power[:, 0].sum(axis=1) / np.maximum(power[:, 1].sum(axis=1), 1e-18)
+    loud = (ratio > _LINE) & (amplitude > _HUM)  # (mains, strips)
+    known = (weight > 0.0).any(axis=0)
+    i = int(np.argmax(np.where(weight.any(axis=1), every, 0.0)))
+    level = float(np.sqrt(power[i, 0].sum() / weight[i].sum()))
+    if loud[i].sum() > 0.5 * known.sum():
+        yield Finding(
+            "hum", (), f"{MAINS[i]:g} Hz of +-{100 * level:.2g} % of Vref, {every[i]:.3g} times the power beside that line, on "
+            f"{int(loud[i].sum())} of {int(known.sum())} strips",
+            {"hertz": MAINS[i], "amplitude": level, "ratio": float(every[i])},
+        )  # fmt: skip
+        return
+    loud &= amplitude > 1.5 * sigma
+    for strip in np.flatnonzero(loud.any(axis=0)):
+        j = int(np.argmax(np.where(loud[:, strip], ratio[:, strip], 0.0)))
+        yield Finding(
+            "hum", (int(strip),), f"{MAINS[j]:g} Hz of +-{100 * amplitude[j, strip]:.2g} % of Vref, {ratio[j, strip]:.3g} times the "
+            "power beside that line", {"hertz": MAINS[j], "amplitude": float(amplitude[j, strip])},
+        )  # fmt: skip
+
+
+def _stretches(log: Log, period: float) -> Iterator[tuple[int, FloatArray, FloatArray]]:
+    """Give every strip's unbroken stretches, touched or untouched: strip, times and readings."""
+    gap = np.append(np.diff(log.time_s) > 1.5 * period, True)
+    for values in log.raw.values():
+        for strip in range(log.sensor.strips):
+            alive = np.isfinite(values[:, strip])
+            for first, last in _runs(alive, log.touched[:, strip], gap):
+                for start in range(first, last - _SHORTEST + 1, _LONGEST):
+                    part = slice(start, min(start + _LONGEST, last))
+                    if part.stop - part.start >= _SHORTEST:
+                        yield strip, log.time_s[part], values[part, strip]
+
+
+def _runs(alive: BoolArray, touched: BoolArray, gap: BoolArray) -> Iterator[tuple[int, int]]:
+    """Give first and one past last of the runs in which nothing breaks off."""
+    breaks = gap.copy()
+    breaks[:-1] |= (alive[1:] != alive[:-1]) | (touched[1:] != touched[:-1])
+    first = 0
+    for end in np.flatnonzero(breaks) + 1:
+        if alive[first]:
+            yield first, int(end)
+        first = int(end)
+
+
+def _tells(mains: float, period: float, lasts: float) -> bool:
+    """Whether a line, where sampling folds it to, stands clear of standing still and of half the sampling rate."""
+    rate = 1.0 / period
+    folded = abs(mains - rate * round(mains / rate))
+    return folded > 2.0 * _APART / lasts and rate / 2.0 - folded > _APART / 2.0 / lasts
+
+
+def _rings(values: FloatArray, amplitude: float, turns_a_scan: float) -> bool:
+    """Whether a line of this amplitude is there all the time, not a few jumps: third differences tell."""
+    whole = amplitude * abs(2.0 * np.sin(np.pi * turns_a_scan)) ** 3 / np.sqrt(2.0)
+    return float(np.median(np.abs(np.diff(values, n=3)))) > 0.4 * whole
+
+
+def _amplitudes(values: FloatArray, time_s: FloatArray, hertz: npt.ArrayLike) -> FloatArray:
+    turns = np.exp(-2j * np.pi * np.outer(np.asarray(hertz), time_s - time_s[0]))
+    return np.asarray(np.abs(turns @ values))

@@ -1,0 +1,134 @@
+"""How noisy the readings are: from third differences in time, which smooth motion does not survive."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from tacstrip.arrays import FloatArray
+from tacstrip.contact.noise import Noise
+from tacstrip.diagnose.finding import Finding, Quality
+from tacstrip.diagnose.log import Log
+from tacstrip.diagnose.view import expected
+from tacstrip.errors import TacstripError
+from tacstrip.reconstruct.bound import reading_sigma, vertex_covariance, vertex_rms
+from tacstrip.reconstruct.outline import Outline
+from tacstrip.sensor.spec import Sensor
+
+PROFILE_I, PROFILE_II = 0.005, 0.01  # half-widths over Vref, table 5.1
+_ABOVE_II = 1.5  # times profile II's sigma: more is no sensor that the thesis could use
+_NOISIER = 4.0  # times the other strips
+_FEWEST = 24  # third differences
+_NORMAL = 1.4826  # sigma of normal errors over their median absolute deviation
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """Standard deviations of readings over Vref, NaN where not known.
+
+    Attributes
+    ----------
+    sigma
+        Of all channels together.
+    strips
+        Of each strip (strips,), the larger of its channels.
+    steady
+        Whether the scans followed each other closely enough for the noise to stand out from the motion.
+    """
+
+    sigma: float
+    strips: FloatArray
+    steady: bool
+
+
+def measure(log: Log) -> Measured:
+    """Measure the noise of touched strips, and of untouched ones that have readings."""
+    strips = np.full(log.sensor.strips, np.nan)
+    pooled, smoother = [], []
+    for values in log.raw.values():
+        alone = _third(values) / math.sqrt(20.0)
+        line, _ = expected(values, np.isfinite(values))
+        beside = _third(values - line) / math.sqrt(20.0 * 1.5)
+        here = np.array([_least(a, b) for a, b in zip(alone.T, beside.T, strict=True)])
+        strips = np.fmax(strips, here)
+        pooled.append(here)
+        smoother.append(np.array([_deviation(d) for d in (np.diff(values - line, axis=0) / math.sqrt(3.0)).T]))
+    known = np.concatenate(pooled)
+    known = known[np.isfinite(known)]
+    if not len(known):
+        return Measured(_across(log), strips, False)
+    sigma = float(np.median(known))
+    rough = float(np.nanmedian(np.concatenate(smoother))) if np.isfinite(np.concatenate(smoother)).any() else np.inf
+    return Measured(sigma, strips, sigma > 0.5 * rough)
+
+
+def excess_noise(log: Log, measured: Measured) -> list[Finding]:
+    """Find strips much noisier than the others, or a sensor noisier than profile II of the thesis."""
+    profile_i, profile_ii = (w / math.sqrt(3.0) for w in (PROFILE_I, PROFILE_II))
+    found = []
+    limit = max(_NOISIER * measured.sigma, profile_i)
+    for strip in np.flatnonzero(measured.strips > limit):
+        sigma = float(measured.strips[strip])
+        found.append(
+            Finding(
+                "noise", (int(strip),),
+                f"+-{100 * sigma * math.sqrt(3.0):.2g} % of Vref, {sigma / measured.sigma:.3g} times as noisy as the sensor as a "
+                "whole", {"sigma": sigma, "others": measured.sigma},
+            )
+        )  # fmt: skip
+    if measured.steady and measured.sigma > _ABOVE_II * profile_ii:
+        found.append(
+            Finding(
+                "noise", (), f"+-{100 * measured.sigma * math.sqrt(3.0):.2g} % of Vref: profile II of the thesis is +-1 %, and few "
+                "shapes are recovered at that", {"sigma": measured.sigma},
+            )
+        )  # fmt: skip
+    return found
+
+
+def quality(sensor: Sensor, measured: Measured) -> Quality:
+    """Put noise in the thesis' terms, and in the vertex error that no estimator can beat."""
+    sigma = measured.sigma
+    if not math.isfinite(sigma):
+        return Quality(sigma, measured.strips, math.nan, "", math.nan)
+    half = sigma * math.sqrt(3.0)
+    profile = "I" if half <= PROFILE_I else "II" if half <= PROFILE_II else "above II"
+    return Quality(sigma, measured.strips, 100.0 * half, profile, _vertex_error(sensor, sigma))
+
+
+def typical_contact(sensor: Sensor) -> Outline:
+    """Return a tilted four-sided contact in the middle, half the sensor wide and a third of it long."""
+    width, length = sensor.width_mm, sensor.length_mm
+    corners = [(0.25, 0.45), (0.6, 0.33), (0.75, 0.52), (0.4, 0.66)]
+    return Outline.of([(x * width, y * length) for x, y in corners])
+
+
+def _vertex_error(sensor: Sensor, sigma: float) -> float:
+    least = reading_sigma(Noise(), sensor)  # the converter's own steps
+    try:
+        rms = vertex_rms(vertex_covariance(typical_contact(sensor), sensor, max(sigma, least, 1e-6)))
+    except TacstripError:
+        return math.nan
+    return rms if math.isfinite(rms) else math.nan
+
+
+def _third(values: FloatArray) -> FloatArray:
+    return np.asarray(np.diff(values, n=3, axis=0))
+
+
+def _least(a: FloatArray, b: FloatArray) -> float:
+    return float(np.fmin(_deviation(a), _deviation(b)))
+
+
+def _deviation(differences: FloatArray) -> float:
+    known = differences[np.isfinite(differences)]
+    return _NORMAL * float(np.median(np.abs(known))) if len(known) >= _FEWEST else math.nan
+
+
+def _across(log: Log) -> float:
+    """Return sigma from second differences across strips, for a few scans: an upper bound, kinks included."""
+    found = [v[np.isfinite(v)] for v in (np.diff(k, n=2, axis=1) / math.sqrt(6.0) for k in log.k.values())]
+    together = np.abs(np.concatenate(found))
+    return _NORMAL * float(np.median(together)) if len(together) >= 5 else math.nan

@@ -1,0 +1,172 @@
+"""What is joined to the wrong place: v_h with v_l, Vref with ground, one strip with another."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from tacstrip.arrays import BoolArray
+from tacstrip.diagnose.beside import neighbours
+from tacstrip.diagnose.finding import Finding
+from tacstrip.diagnose.view import Suspect, View, residuals
+
+_CROSSED = 0.01  # over Vref: k_h - k_l below minus this cannot be (3.3), (3.4)
+_SHARE = 0.8  # of the places that tell
+_FEW = 8  # places
+_OFF_LINE = 0.75  # of the slope around: what two strips may lie off it together
+_UNUSUAL = 2.0  # times what other pairs differ from the slope around them
+
+
+def swapped_wires(view: View) -> list[Suspect]:
+    """Find strips with k_h below k_l: a contact's upper end is never lower than its lower end."""
+    if view.pair is None:
+        return []
+    found = []
+    difference = view.pair[0] - view.pair[1]
+    tell = np.abs(difference) > max(_CROSSED, 5.0 * view.sigma)
+    wrong = tell & (difference < 0.0)
+    for strip in np.flatnonzero(wrong.sum(axis=0) >= np.maximum(1, _SHARE * tell.sum(axis=0))):
+        count, of = int(wrong[:, strip].sum()), int(tell[:, strip].sum())
+        mean = float(difference[tell[:, strip], strip].mean())
+        found.append(
+            Suspect(
+                Finding(
+                    "swapped-wires", (int(view.order[strip]),),
+                    f"v_h lies {-100 * mean:.3g} % of Vref below v_l, in {count} of {of} places that tell",
+                    {"difference": mean, "places": float(count), "of": float(of)},
+                ),
+                -mean,
+                partial(_swap_wires, strip=int(strip)),
+            )
+        )  # fmt: skip
+    return found
+
+
+def _swap_wires(view: View, strip: int) -> None:
+    kh, kl = view.k["kh"], view.k["kl"]
+    kh[:, strip], kl[:, strip] = kl[:, strip].copy(), kh[:, strip].copy()
+
+
+def swapped_ends(view: View) -> list[Suspect]:
+    """Find strips that fit their neighbours upside down: 1 - k_l for k_h, 1 - k_h for k_l, 1 - k for k."""
+    found = []
+    turned = {"kh": "kl", "kl": "kh", "k": "k"}
+    as_is, upside_down = [], []
+    for name in view.k:
+        e, r = residuals(view, name)
+        as_is.append(np.abs(r))
+        upside_down.append(np.abs(1.0 - view.k.get(turned[name], view.k[name]) - e))
+    now, then = (np.mean(costs, axis=0) for costs in (as_is, upside_down))
+    known = np.isfinite(now) & np.isfinite(then)
+    for strip in np.flatnonzero(known.any(axis=0)):
+        a, b = now[known[:, strip], strip], then[known[:, strip], strip]
+        worth = float(a.mean() - b.mean())
+        if a.mean() > (0.15 if len(a) > 2 else 0.3) and b.mean() < 0.35 * a.mean():
+            found.append(
+                Suspect(
+                    Finding(
+                        "swapped-ends", (int(view.order[strip]),),
+                        f"lies {100 * a.mean():.3g} % of Vref from what its neighbours expect, and upside down "
+                        f"{100 * b.mean():.2g} %, over {len(a)} place(s)",
+                        {"misfit": float(a.mean()), "upside_down": float(b.mean()), "places": float(len(a))},
+                    ),
+                    worth,
+                    partial(_turn, strip=int(strip)),
+                )
+            )  # fmt: skip
+    return found
+
+
+def _turn(view: View, strip: int) -> None:
+    if view.pair is not None:
+        _swap_wires(view, strip)
+    for values in view.k.values():
+        values[:, strip] = 1.0 - values[:, strip]
+
+
+def swapped_strips(view: View) -> list[Suspect]:
+    """Find neighbours in the wrong order, by the edges of contacts and by the slope of signatures across them."""
+    tells = {i: _Slope.of(view, i) for i in range(view.strips - 1)}
+    usual = float(np.median([t.right for t in tells.values() if t.places] or [0.0]))
+    found = []
+    for strip, slope in tells.items():
+        against, by_edges = _edge_votes(view, strip)
+        edges = by_edges >= 4 and by_edges >= 5 * against
+        runs_back = slope.clear and slope.wrong < 0.4 * slope.right and slope.right > _UNUSUAL * usual
+        if runs_back or (edges and not (slope.clear and slope.right < 0.7 * slope.wrong)):
+            told = []
+            if runs_back:
+                told.append(
+                    "their difference runs against the slope of the strips around, which fits to "
+                    f"{100 * slope.right:.3g} % of Vref in {slope.places} places, and to {100 * slope.wrong:.2g} % with the two "
+                    "exchanged"
+                )
+            if edges:
+                told.append(f"the contact has a gap there in {by_edges} footprints, and none with the two exchanged")
+            finding = Finding(
+                "swapped-strips", tuple(sorted(int(i) for i in view.order[strip : strip + 2])), "; ".join(told),
+                {"misfit": slope.right, "exchanged": slope.wrong, "places": slope.places, "edges": by_edges},
+            )  # fmt: skip
+            found.append(Suspect(finding, max(slope.right, 0.05), partial(_exchange, strip=strip)))
+    return found
+
+
+@dataclass(frozen=True)
+class _Slope:
+    """Two neighbours' difference D against the slope E around them, over Vref.
+
+    right, wrong: root mean square of D - E and of D + E, without their means: these take up what a sensor without
+    calibration adds. clear: whether E changed by enough, in enough places, and the two lie on the line around them.
+    """
+
+    right: float
+    wrong: float
+    places: int
+    clear: bool
+
+    @classmethod
+    def of(cls, view: View, strip: int) -> _Slope:
+        pairs = [b for values in view.k.values() if (b := neighbours(values, strip))]
+        if not pairs:
+            return cls(0.0, 0.0, 0, False)
+        right, wrong, slope, off = (
+            float(np.sqrt(np.mean([np.var(v) for v in values])))
+            for values in (
+                [p.apart - p.slope for p in pairs],
+                [p.apart + p.slope for p in pairs],
+                [p.slope for p in pairs],
+                [p.together for p in pairs],
+            )
+        )
+        places = min(len(p.slope) for p in pairs)
+        clear = places >= _FEW and slope > max(0.004, 4.0 * view.sigma) and off < _OFF_LINE * slope
+        return cls(right, wrong, places, clear)
+
+
+def _exchange(view: View, strip: int) -> None:
+    for array in (*view.k.values(), view.there):
+        array[:, [strip, strip + 1]] = array[:, [strip + 1, strip]]
+    view.order[[strip, strip + 1]] = view.order[[strip + 1, strip]]
+
+
+def _edge_votes(view: View, strip: int) -> tuple[int, int]:
+    """Count the different footprints that exchanging two neighbours would tear apart, and those it would close."""
+    window = slice(max(0, strip - 1), strip + 3)
+    near = view.there[_clear(view, window), window]
+    mine = strip - max(0, strip - 1)
+    other = near.copy()
+    other[:, [mine, mine + 1]] = near[:, [mine + 1, mine]]
+    runs, after = (np.maximum(np.diff(a.astype(int), axis=1), 0).sum(axis=1) + a[:, 0] for a in (near, other))
+    whole = view.there[_clear(view, window)]
+    return tuple(len(np.unique(whole[rows], axis=0)) for rows in (after > runs, after < runs))
+
+
+def _clear(view: View, window: slice) -> BoolArray:
+    """Return the places where what touches a few strips reads so far from rest that no strip of it goes unnoticed."""
+    if view.sensor.rest_volt is None or view.sensor.touch_volt is None:
+        return np.ones(len(view.there), dtype=bool)
+    rest, touch = (v / view.sensor.vref_volt for v in (view.sensor.rest_volt, view.sensor.touch_volt))
+    away = np.min([np.abs(v[:, window] - rest) for v in view.k.values()], axis=0)
+    return np.asarray(~((away < 3.0 * touch) & view.there[:, window]).any(axis=1))

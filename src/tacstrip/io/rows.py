@@ -1,0 +1,75 @@
+"""A CSV file as a header and rows with their line numbers; every way in which it can be broken is named."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+from typing import TypeVar
+
+from tacstrip.errors import ReadingError
+
+Row = tuple[int, list[str]]  # line number, fields
+_Result = TypeVar("_Result")
+
+
+def read_csv(path: str | Path, what: str, parse: Callable[[list[str], Iterator[Row]], _Result]) -> _Result:
+    """Open a file and return what `parse` makes of its header and rows.
+
+    `what` names its content in messages, such as "readings".
+
+    Raises
+    ------
+    ReadingError
+        The file cannot be read, is no CSV with a header, or `parse` says so; the message starts with the file.
+    """
+    try:
+        with Path(path).open(encoding="utf-8-sig", newline="") as file:
+            rows = _rows(file, what)
+            header = _header(next(rows, (0, None))[1], what)
+            return parse(header, _whole(rows, len(header)))
+    except FileNotFoundError:
+        raise ReadingError(f"{path}: no such file") from None
+    except (UnicodeDecodeError, csv.Error):
+        raise ReadingError(f"{path}: not a text file in UTF-8; {what} are CSV with a header line") from None
+    except ReadingError as error:
+        raise ReadingError(f"{path}: {error}") from None
+    except (OSError, ValueError) as error:
+        why = getattr(error, "strerror", None) or error
+        raise ReadingError(f"{path}: cannot be read ({why})") from None
+
+
+def find(header: list[str], name: str) -> int:
+    """Return the place of a column that must be there."""
+    if name not in header:
+        raise ReadingError(f"column {name!r} is missing; the header has: {', '.join(header)}")
+    return header.index(name)
+
+
+def _rows(file: Iterable[str], what: str) -> Iterator[Row]:
+    reader = csv.reader(file, strict=True)
+    for row in reader:
+        if any("\0" in field for field in row):
+            raise ReadingError(f"line {reader.line_num}: not text; {what} are CSV with a header line")
+        if row:
+            yield reader.line_num, [field.strip() for field in row]
+
+
+def _header(header: list[str] | None, what: str) -> list[str]:
+    if header is None:
+        raise ReadingError(f"the file is empty; {what} need a header line and lines below it")
+    if len(header) == 1 and (other := next((c for c in ";\t|" if c in header[0]), None)):
+        raise ReadingError(
+            f"columns are separated by {other!r}; separate them by commas, with decimal points"
+        )
+    if twice := [name for name in header if name and header.count(name) > 1]:
+        raise ReadingError(f"column {twice[0]!r} is there twice; leave one out")
+    return header
+
+
+def _whole(rows: Iterator[Row], fields: int) -> Iterator[Row]:
+    for line, row in rows:
+        if len(row) != fields:
+            why = "is the file cut off?" if len(row) < fields else "are there decimal commas?"
+            raise ReadingError(f"line {line} has {len(row)} fields and the header {fields}: {why}")
+        yield line, row

@@ -1,0 +1,187 @@
+"""Calibration runs as CSV: contacts of known place and what the strips read, or are yet to read.
+
+Columns: strip, l_mm, w_mm, and readings as in a readings file (v_h, v_l, v_out or codes). Rows that repeat a contact
+are repeats. A row without readings is a contact still to be made; one with readings and without l_mm and w_mm is the
+strip untouched. `sensor` and `unit`, which a plan has, say of which sensor the file is.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from tacstrip.arrays import FloatArray, IntArray
+from tacstrip.errors import ReadingError
+from tacstrip.io.columns import Column, finite, strip_index, value, value_columns
+from tacstrip.io.rows import Row, find, read_csv
+from tacstrip.sensor.constructions import SIGNATURES
+from tacstrip.sensor.spec import Sensor
+
+
+@dataclass(frozen=True, eq=False)
+class Runs:
+    """Contacts strip by strip: column i of each array is strip i, the rows its contacts in the file's order.
+
+    Attributes
+    ----------
+    l_mm, w_mm
+        Lower end and length of the contacts (contacts, strips) [mm]; NaN below a strip's last contact.
+    raw
+        Raw readings over Vref by signature, of the same shape.
+    line
+        The file's line of each contact, of the same shape, 0 below the last.
+    rest
+        Raw readings of untouched strips by signature (rows, strips), NaN below the last.
+    source, unit
+        Name of the file, and of the unit where the file tells.
+    open
+        Rows without readings.
+    """
+
+    l_mm: FloatArray
+    w_mm: FloatArray
+    raw: dict[str, FloatArray]
+    line: IntArray
+    rest: dict[str, FloatArray]
+    source: str = ""
+    unit: str = ""
+    open: int = 0
+
+    @property
+    def signatures(self) -> tuple[str, ...]:
+        """Names of the signatures that were read."""
+        return tuple(self.raw)
+
+    @property
+    def count(self) -> int:
+        """How many contacts there are."""
+        return int(np.isfinite(self.l_mm).sum())
+
+
+def read_runs(path: str | Path, sensor: Sensor, unit: str = "", force: bool = False) -> Runs:
+    """Read calibration runs.
+
+    Parameters
+    ----------
+    path, sensor
+        The file and the sensor that it is of.
+    unit
+        Name of this very unit; the file's own name for it must agree. By default that of the calibration.
+    force
+        Take runs that say that they are of another sensor or unit.
+
+    Raises
+    ------
+    ReadingError
+        The file cannot be read, lacks a column, has a value that cannot be, or is of another unit; the message
+        names the line and the way out.
+    """
+    known = unit or (sensor.calibration.unit if sensor.calibration else "")
+    return read_csv(
+        path, "runs", lambda header, rows: _runs(header, rows, sensor, known, force, Path(path).name)
+    )
+
+
+def write_plan(
+    path: str | Path, sensor: Sensor, contacts: Sequence[tuple[int, float, float]], unit: str = ""
+) -> None:
+    """Write contacts (strip from 0, l and w [mm]) as runs whose readings are yet to be filled in."""
+    columns = [SIGNATURES[n].volt_column for n in sensor.signatures]
+    with Path(path).open("w", encoding="utf-8", newline="") as file:
+        out = csv.writer(file, lineterminator="\n")
+        out.writerow(["strip", "l_mm", "w_mm", *columns, "sensor", "unit"])
+        for strip, l, w in contacts:
+            place = [strip + sensor.strip_base, f"{l:.9g}", f"{w:.9g}"]
+            out.writerow([*place, *[""] * len(columns), sensor.fingerprint, unit])
+
+
+@dataclass
+class _Read:
+    """What was read of one strip so far."""
+
+    place: list[tuple[float, float, int]]  # l, w, line
+    raw: list[list[float]]
+    rest: list[list[float]]
+
+
+def _runs(
+    header: list[str], rows: Iterator[Row], sensor: Sensor, unit: str, force: bool, source: str
+) -> Runs:
+    at = {name: find(header, name) for name in ("strip", "l_mm", "w_mm")}
+    columns = value_columns(header, sensor)
+    named = {name: header.index(name) for name in ("sensor", "unit") if name in header}
+    read: dict[int, _Read] = {}
+    open_rows, told = 0, ""
+    for line, row in rows:
+        if not any(row):
+            continue
+        wanted = {"sensor": sensor.fingerprint, "unit": unit or told}
+        for name, index in named.items():
+            if row[index] and wanted[name] and row[index] != wanted[name] and not force:
+                raise ReadingError(
+                    f"line {line}: the runs are of {name} {row[index]!r} and this {name} is {wanted[name]!r}; a "
+                    "calibration holds for the unit it was made with. If they are one and the same, give --force"
+                )
+        told = told or (row[named["unit"]] if "unit" in named else "")
+        number = strip_index(row[at["strip"]], line, sensor)
+        fields = [value(row[c.index], line, c) for c in columns]
+        place = _place(row[at["l_mm"]], row[at["w_mm"]], line, sensor)
+        if all(np.isnan(fields)):
+            open_rows += 1
+            continue
+        if any(np.isnan(fields)):
+            have, lack = (columns[i].name for i in np.argsort(np.isnan(fields), kind="stable")[[0, -1]])
+            raise ReadingError(f"line {line}: {have} is there but no {lack}; give both or neither")
+        strip = read.setdefault(number, _Read([], [], []))
+        if place is None:
+            strip.rest.append(fields)
+        else:
+            strip.place.append((*place, line))
+            strip.raw.append(fields)
+    if not read:
+        why = f"all {open_rows} rows have empty readings" if open_rows else "it has a header and nothing else"
+        raise ReadingError(f"there are no readings: {why}; press each contact and write down what it reads")
+    if lack := [i for i in range(sensor.strips) if i not in read or not read[i].place][:10]:
+        names = ", ".join(str(i + sensor.strip_base) for i in lack)
+        raise ReadingError(f"no contact on strip {names} has readings; every strip needs contacts of its own")
+    return _gather([read[i] for i in range(sensor.strips)], columns, source, unit or told, open_rows)
+
+
+def _place(l_text: str, w_text: str, line: int, sensor: Sensor) -> tuple[float, float] | None:
+    """Return l and w [mm], None for an untouched strip."""
+    if not l_text and not w_text:
+        return None
+    if not l_text or not w_text:
+        lack = "w_mm" if l_text else "l_mm"
+        raise ReadingError(
+            f"line {line}: {lack} is empty; a point contact has w_mm = 0, an untouched strip neither"
+        )
+    l, w = finite(l_text, line, "l_mm"), finite(w_text, line, "w_mm")
+    length = sensor.length_mm
+    if l < 0.0 or w < 0.0 or l + w > length * (1.0 + 1e-9):
+        raise ReadingError(
+            f"line {line}: a contact from l_mm = {l_text} over w_mm = {w_text} is not on a strip of {length:.6g} mm; "
+            "l is the lower end from the grounded end of the strip, both in millimetres"
+        )
+    if sensor.sensing_ratio == 0.0 and w >= length:
+        raise ReadingError(
+            f"line {line}: the contact ties both ends of the strip to the metal; nothing can be read"
+        )
+    return l, w
+
+
+def _gather(strips: list[_Read], columns: list[Column], source: str, unit: str, open_rows: int) -> Runs:
+    def grid(lists: list[list[float]]) -> FloatArray:
+        full = np.full((max(map(len, lists), default=0), len(lists)), np.nan)
+        for strip, values in enumerate(lists):
+            full[: len(values), strip] = values
+        return full
+
+    l, w, line = (grid([[p[i] for p in s.place] for s in strips]) for i in range(3))
+    raw = {c.signature: grid([[r[i] for r in s.raw] for s in strips]) for i, c in enumerate(columns)}
+    rest = {c.signature: grid([[r[i] for r in s.rest] for s in strips]) for i, c in enumerate(columns)}
+    return Runs(l, w, raw, np.nan_to_num(line).astype(np.int64), rest, source, unit, open_rows)

@@ -1,0 +1,154 @@
+"""The outline and its vertices where the noise of a reading has a known bound.
+
+All outlines that stay within the bound of every reading are equally good, and they are far fewer than a normal
+distribution of the same variance would leave: the set shrinks with 1 / n, not 1 / sqrt(n). The estimate is the set's
+mean, the covariance its scatter, and `Bounded.regions` holds what is guaranteed. If no outline with few vertices stays
+within the bound, there are more; if none with any number does, the model or the bound is wrong.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from tacstrip.arrays import FloatArray
+from tacstrip.errors import ContactError
+from tacstrip.reconstruct.bounded_inside import inside
+from tacstrip.reconstruct.bounded_lines import Band, Lines
+from tacstrip.reconstruct.bounded_regions import guaranteed
+from tacstrip.reconstruct.bounded_sample import sample
+from tacstrip.reconstruct.bounded_set import feasible_set
+from tacstrip.reconstruct.outline import Outline
+
+_REACHES = (4.0, 12.0)  # standard errors of least squares within which a kink is looked for
+_LEVEL = 0.95
+
+
+@dataclass(frozen=True, eq=False)
+class Bounded:
+    """What bounded noise leaves of an outline.
+
+    Attributes
+    ----------
+    outline
+        The mean of all outlines that stay within the band.
+    covariance
+        Their scatter (2 V, 2 V) [mm^2], in the order of `vertices.ravel()`.
+    radii
+        Squared Mahalanobis distance within which 95 % of them have each vertex (V,): less than the 5.99 of a normal
+        distribution, because the set has an end.
+    band, lines, points
+        The readings' bounds, the outline's edges, and heights of edges (K, P) [mm] of outlines in the set.
+    """
+
+    outline: Outline
+    covariance: FloatArray
+    radii: FloatArray
+    band: Band
+    lines: Lines
+    points: FloatArray
+
+    @cached_property
+    def regions(self) -> list[FloatArray] | None:
+        """Where each vertex is guaranteed to lie: a convex polygon (K, 2) [mm] each; None where none was found.
+
+        See `bounded_regions.guaranteed` for what is guaranteed.
+        """
+        found = guaranteed(self.band, self.lines, self.points)
+        if found is None:
+            return None
+        lower, upper = self.outline.indices
+        split = self.lines.lower - 1
+        regions: list[FloatArray] = [np.empty((0, 2))] * len(self.outline.vertices)
+        for vertex, region in zip((*lower[1:-1], *upper[1:-1]), found.kinks, strict=True):
+            regions[vertex] = region
+        assert split == len(lower) - 2
+        for end, both in zip((0, -1), found.ends, strict=True):
+            regions[lower[end]], regions[upper[end]] = both
+        return regions
+
+
+def refine(outline: Outline, covariance: FloatArray, band: Band) -> Bounded | None:
+    """Return what the band leaves of an outline; None where no outline of its kind stays within it.
+
+    Parameters
+    ----------
+    outline
+        A least-squares fit: it says how many vertices there are, on which chain, and which ends are vertical.
+    covariance
+        Its covariance (2 V, 2 V) [mm^2]: kinks are looked for within four standard errors, then within twelve.
+    band
+        The readings' bounds.
+    """
+    lines, heights = Lines.of(outline)
+    points = _points(outline, covariance, band, lines, heights)
+    if points is None:
+        return None
+    lower, upper = outline.indices
+    windows = band.windows
+    # Where a vertical edge lies in its window nothing tells.
+    share = (np.random.default_rng(0).permutation(len(points)) + 0.5) / len(points)
+    blunt_x = windows[:, 0] + share[:, None] * (windows[:, 1] - windows[:, 0])
+    vertices = np.empty((len(points), *outline.vertices.shape))
+    vertices[:, lower], vertices[:, upper] = lines.chains(points, blunt_x)
+    mean = vertices.mean(axis=0)
+    off = vertices - mean
+    scatter = np.cov(off.reshape(len(off), -1), rowvar=False)
+    blocks = np.einsum("kvi,kvj->vij", off, off) / (len(off) - 1)
+    distance = np.einsum("kvi,vij,kvj->kv", off, np.linalg.pinv(blocks, hermitian=True), off)
+    try:
+        refined = Outline(mean[lower], mean[upper])
+    except ContactError:
+        return None
+    return Bounded(refined, scatter, np.quantile(distance, _LEVEL, axis=0), band, lines, points)
+
+
+def fewest(candidates: Sequence[tuple[Outline, FloatArray]], band: Band) -> tuple[int, Bounded] | None:
+    """Return the first of least-squares fits, fewest vertices first, that the band leaves something of, refined.
+
+    None, where no fit stays within the band, is an alarm: the contact is not of this kind, or the bound is wrong.
+    """
+    for number, (outline, covariance) in enumerate(candidates):
+        refined = refine(outline, covariance, band)
+        if refined is not None:
+            return number, refined
+    return None
+
+
+def _points(
+    outline: Outline, covariance: FloatArray, band: Band, lines: Lines, heights: FloatArray
+) -> FloatArray | None:
+    """Return heights (K, P) [mm] of outlines in the set; None where none was found."""
+    lower, upper = outline.indices
+    kinks = [*lower[1:-1], *upper[1:-1]]
+    error = np.sqrt(np.diag(covariance)[::2])[kinks]
+    error = np.where(np.isfinite(error), error, np.inf)
+    widths = _widths(band, outline)
+    for reach in _REACHES:
+        zones = within(lines, outline.vertices[kinks, 0], reach * error, band)
+        found = inside(band, lines, zones, widths, heights)
+        if found is not None:
+            return sample(feasible_set(band, lines, zones, widths), *found)
+    return None
+
+
+def within(lines: Lines, x: FloatArray, reach: FloatArray, band: Band) -> FloatArray:
+    """Return zones (kinks, 2) [mm] about x, that end halfway to the next kink of the chain and at the outer strips."""
+    zones = np.empty((len(x), 2))
+    for part in (slice(0, lines.lower - 1), slice(lines.lower - 1, None)):
+        own = x[part]
+        middle = 0.5 * (own[1:] + own[:-1])
+        zones[part, 0] = np.maximum(own - reach[part], np.append(band.x[0], middle)[: len(own)])
+        zones[part, 1] = np.minimum(
+            own + reach[part], np.append(middle, band.x[-1])[-len(own) :] if len(own) else own
+        )
+    return zones
+
+
+def _widths(band: Band, outline: Outline) -> FloatArray:
+    """Return the contact's length on each strip (1, n) [mm]."""
+    l, u = outline.ends(np.clip(band.x, outline.lower[0, 0], outline.lower[-1, 0]))
+    return np.asarray((u - l)[None])

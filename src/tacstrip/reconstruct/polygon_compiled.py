@@ -1,0 +1,52 @@
+"""What compiles the kernels, and throws their cached machine code away when any of them was edited.
+
+Numba looks only at a function's own file. The code of a function that it calls from another file would stay.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, TypeVar
+
+from numba import njit
+
+_FILES = ("polygon_cholesky", "kernels", "polygon_descent", "polygon_score", "polygon_moves", "polygon_oval")
+# Sums may be reordered; NaN and infinity keep their meaning.
+_FAST = {"reassoc", "contract", "nsz", "arcp"}
+
+# Numba's names of the types that `kernels` calls FloatArray and IntArray, by dimensions, Data and Model.
+F1, F2, I1, I2 = "float64[::1]", "float64[:,::1]", "int64[::1]", "int64[:,::1]"
+DATA = f"Tuple(({F1},{F2},{F2},float64))"
+MODEL = f"Tuple(({F1},float64,float64))"
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def compiled(signature: str | None = None, fast: bool = False) -> Callable[[F], F]:
+    """Compile a function and keep its machine code on disk.
+
+    Parameters
+    ----------
+    signature
+        Numba's types of result and arguments; compiled on import. Without one it is compiled when first called, and
+        again for each constant that it is called with.
+    fast
+        Whether sums may be taken in any order, so that several strips are worked at a time.
+    """
+    options = {"cache": True, "nogil": True, "error_model": "numpy", "fastmath": _FAST if fast else False}
+    decorate: Callable[[F], F] = njit(**options) if signature is None else njit(signature, **options)
+    return decorate
+
+
+def _forget(folder: Path) -> None:
+    newest = max((folder / f"{name}.py").stat().st_mtime for name in _FILES)
+    for index in (folder / "__pycache__").glob("*.nbi"):
+        with suppress(OSError):  # another process may be doing the same
+            if index.name.split(".")[0] in _FILES and index.stat().st_mtime < newest:
+                index.unlink()
+
+
+with suppress(OSError):
+    _forget(Path(__file__).parent)

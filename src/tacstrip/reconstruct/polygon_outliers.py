@@ -1,0 +1,63 @@
+"""Readings that no contact makes: a stuck channel, a dead strip. They are found, named and left out.
+
+Before a fit: a reading that neither the strips on its left, nor those on its right, nor both together foretell.
+After it: one that lies alone far from the fitted polygon.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tacstrip.arrays import BoolArray, FloatArray
+
+_FAR = 6.0  # sigmas from what the neighbours foretell
+_FAR_AT_ENDS = 14.0  # from what the line through two strips on one side foretells, itself uncertain by 2.2
+_MISFIT = 5.0  # sigmas from the polygon
+_MOST = 0.1  # of the strips: more are not outliers but a wrong model
+
+
+def spikes(k: FloatArray, sigma: float) -> BoolArray:
+    """Find the readings (n,) that stand out from their neighbours, the worst first, each then left out.
+
+    Parameters
+    ----------
+    k
+        One signature over neighbouring strips (n,); NaN is left out.
+    sigma
+        Standard deviation of a reading.
+    """
+    out = ~np.isfinite(k)
+    left = np.flatnonzero(~out)
+    for _ in range(int(_MOST * len(k)) + 1):
+        if len(left) < 5:
+            break
+        off = _unforetold(k[left])
+        worst = int(off.argmax())
+        if off[worst] <= sigma:
+            return out
+        out[left[worst]] = True
+        left = np.delete(left, worst)
+    # So many are no spikes: the signal itself is rough, or sigma far too small.
+    return out if len(left) < 5 else ~np.isfinite(k)
+
+
+def misfits(residuals: FloatArray) -> BoolArray:
+    """Find the readings (S, n) that lie alone, by their residuals over sigma; none where they are many."""
+    far = np.abs(residuals)
+    beside = np.zeros_like(far)
+    beside[:, 1:] = far[:, :-1]
+    beside[:, :-1] = np.maximum(beside[:, :-1], far[:, 1:])
+    out = (far > _MISFIT) & (beside < 0.5 * far)
+    return out if out.sum() <= max(_MOST * far.shape[1], 1.0) else np.zeros_like(out)
+
+
+def _unforetold(v: FloatArray) -> FloatArray:
+    """Return how far each reading is from the nearest of what its neighbours foretell, over what is far (n,)."""
+    off = np.full(len(v), np.inf)
+    off[1:-1] = np.abs(v[1:-1] - 0.5 * (v[:-2] + v[2:]))
+    right = np.abs(v[:-2] - 2.0 * v[1:-1] + v[2:])  # off from the line through the two strips on the right
+    off[:-2] = np.minimum(off[:-2], right)
+    off[2:] = np.minimum(off[2:], right)
+    off[1:-1] /= _FAR
+    off[[0, -1]] /= _FAR_AT_ENDS
+    return off

@@ -1,0 +1,157 @@
+"""One run of touched strips: its noise, its outliers, its polygon."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tacstrip.arrays import BoolArray, FloatArray
+from tacstrip.reconstruct.polygon_moves import MOST
+from tacstrip.reconstruct.polygon_outliers import misfits, spikes
+from tacstrip.reconstruct.polygon_oval import PARAMETERS, Oval, fit_oval
+from tacstrip.reconstruct.polygon_search import Fits, fit_counts, misfit, penalty
+from tacstrip.reconstruct.polygon_signal import Signal
+from tacstrip.reconstruct.sections import reading_noise
+from tacstrip.sensor.spec import Sensor
+
+FLOOR = 1e-7  # of Vref: readings are never taken for more exact
+_BEYOND = 0.5  # a reading that noise may drive so far beyond 0 or 1 is still one
+_ROUNDS = 3  # of leaving outliers out
+_SPARE = 1  # readings beyond the numbers fitted, without which nothing can be tested
+
+
+@dataclass(frozen=True, eq=False)
+class RunFit:
+    """Polygons, and an oval, fitted to one run of strips.
+
+    Attributes
+    ----------
+    signal
+        Readings, with weights 1 / sigma^2; sigma is the given one, or what the fit left over.
+    fits
+        Those compared, and the chosen one; None where the readings are too few.
+    sigma
+        Standard deviation of a reading [Vref].
+    left_out
+        Readings that were there but not used (S, n).
+    oval
+        An oval that was fitted too.
+    lead
+        How much better the oval's criterion is than the polygon's; -inf where none was fitted.
+    """
+
+    signal: Signal
+    fits: Fits | None
+    sigma: float
+    left_out: BoolArray
+    oval: Oval | None = None
+    lead: float = -np.inf
+
+    @property
+    def round(self) -> bool:
+        """Whether the oval explains the readings better than any polygon."""
+        return self.lead > 0.0
+
+    @property
+    def vertices(self) -> int:
+        """Interior vertices, or what an oval counts for."""
+        return 0 if self.fits is None else 1 if self.round else self.fits.chosen.count
+
+    @property
+    def parameters(self) -> int:
+        """Numbers that the readings determine."""
+        return 0 if self.fits is None else PARAMETERS if self.round else self.fits.chosen.parameters
+
+    @property
+    def residuals(self) -> FloatArray:
+        """Measured minus fitted readings over sigma (S, n), of the oval if it is the better one."""
+        if self.fits is None:
+            return np.zeros_like(self.signal.k)
+        best = self.oval if self.oval is not None and self.round else self.fits.chosen
+        return best.residuals(self.signal)
+
+    @property
+    def squares(self) -> float:
+        """Squared residuals [Vref^2]."""
+        return float((self.residuals**2).sum()) * self.sigma**2
+
+
+def fit_run(
+    sensor: Sensor,
+    x_mm: FloatArray,
+    readings: Mapping[str, FloatArray],
+    sigma: float | None = None,
+    most: int = MOST,
+) -> RunFit:
+    """Fit polygons to one run of strips.
+
+    Parameters
+    ----------
+    sensor
+        Its pitch, length and closed form.
+    x_mm
+        Centre lines of neighbouring strips (n,) [mm], ascending.
+    readings
+        Over Vref, signature to (n,); what is not finite, or far outside 0..1, is left out.
+    sigma
+        Standard deviation of a reading [Vref]; None: estimated from what the fit leaves over.
+    most
+        Interior vertices at most.
+    """
+    raw = np.stack([np.asarray(values, dtype=np.float64) for values in readings.values()])
+    there = (raw >= -_BEYOND) & (raw <= 1.0 + _BEYOND)
+    raw = np.where(there, raw, np.nan)
+    start = max(_roughly(sensor, raw) if sigma is None else sigma, FLOOR)
+    out = ~there
+    for row, values in zip(out, raw, strict=True):
+        row |= spikes(values, start)
+    for _ in range(_ROUNDS):
+        signal = Signal.of(sensor, x_mm, dict(zip(readings, raw, strict=True)), start, out)
+        if signal.readings < 2 * len(raw) + _SPARE + (2 if len(raw) == 1 else 0):
+            return RunFit(signal, None, start, out & there)
+        fits = fit_counts(signal, sigma is not None, most)
+        residuals = fits.chosen.residuals(signal)
+        scale = 1.0 if sigma is not None else _spread(residuals[signal.weight > 0.0])
+        new = misfits(residuals / scale)
+        if not new.any():
+            break
+        out |= new
+    run = _with_oval(RunFit(signal, fits, start, out & there), sigma is not None)
+    if sigma is not None:
+        return run
+    freedom = max(signal.readings - run.parameters, 1)
+    found = max(start * float(np.sqrt((run.residuals**2).sum() / freedom)), FLOOR)
+    return replace(run, signal=signal.scaled(found / start), sigma=found)
+
+
+def _with_oval(run: RunFit, known: bool) -> RunFit:
+    signal, fits = run.signal, run.fits
+    if fits is None or not fits.chosen.count:
+        return run
+    n = signal.readings
+    score = fits.scores[fits.best] - penalty(n)
+    oval = fit_oval(fits.chosen, signal, score if known else np.inf)
+    return replace(run, oval=oval, lead=score - misfit(oval.cost, n, known))
+
+
+def one_shape(left: RunFit, right: RunFit, joint: RunFit) -> bool:
+    """Whether two neighbouring runs are better explained as one contact, with strips missing in it."""
+    if joint.fits is None:
+        return False
+    variance = max(left.sigma, right.sigma) ** 2
+    n = joint.signal.readings
+    gain = penalty(n) * (left.vertices + right.vertices + 2 - joint.vertices)  # two ends become none
+    return (joint.squares - left.squares - right.squares) / variance < gain
+
+
+def _roughly(sensor: Sensor, raw: FloatArray) -> float:
+    """Return a first idea of sigma: from second differences, and at least what the A/D converter's steps make."""
+    step = 0.0 if sensor.adc_bits is None else 1.0 / (2.0**sensor.adc_bits - 1.0)
+    levels = [reading_noise(values[np.isfinite(values)]) for values in raw]
+    return max(float(np.sqrt(np.mean(np.square(levels)))), step / np.sqrt(12.0))
+
+
+def _spread(residuals: FloatArray) -> float:
+    return max(1.4826 * float(np.median(np.abs(residuals))), 1e-3) if len(residuals) else 1.0

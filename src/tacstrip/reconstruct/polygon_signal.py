@@ -1,0 +1,163 @@
+"""One run of strips as the polygon fit sees it: x and y from 0 to 1, readings, weights, the sensor's constants."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tacstrip.arrays import BoolArray, FloatArray
+from tacstrip.sensor.circuit import erosion, sensing_share
+from tacstrip.sensor.constructions import SIGNATURES
+from tacstrip.sensor.spec import Sensor
+
+_STRIPS = 100  # the search makes longer runs as short as that
+
+
+@dataclass(frozen=True, eq=False)
+class Signal:
+    """The readings of neighbouring strips, of S signatures.
+
+    Attributes
+    ----------
+    x
+        Centre lines (n,), ascending; half a pitch outside the first and the last is 0 and 1.
+    k
+        Readings (S, n).
+    weight
+        1 / sigma^2 of each reading (S, n); 0 leaves it out.
+    pitch
+        Of the strips, in units of x.
+    shares, narrow, lam
+        The closed form (3.3)-(3.8) with contact resistance: c_u of a contact without width per signature (S,),
+        1 - a, and lambda over L. See `sensor.circuit`.
+    origin_mm, width_mm, length_mm
+        x = 0, the extent of x from 0 to 1, and L.
+    """
+
+    x: FloatArray
+    k: FloatArray
+    weight: FloatArray
+    pitch: float
+    shares: FloatArray
+    narrow: float
+    lam: float
+    origin_mm: float
+    width_mm: float
+    length_mm: float
+
+    @classmethod
+    def of(
+        cls,
+        sensor: Sensor,
+        x_mm: FloatArray,
+        readings: Mapping[str, FloatArray],
+        sigma: float,
+        left_out: BoolArray | None = None,
+    ) -> Signal:
+        """Make the signal of strips at x_mm (n,), ascending.
+
+        Parameters
+        ----------
+        sensor
+            Its pitch, length and closed form.
+        x_mm, readings
+            Centre lines [mm] and readings over Vref, name to (n,). What is not finite is left out.
+        sigma
+            Standard deviation of a reading [Vref].
+        left_out
+            Readings not to be used (S, n), in the order of `readings`.
+        """
+        raw = np.stack([np.asarray(values, dtype=np.float64) for values in readings.values()])
+        use = np.isfinite(raw) if left_out is None else np.isfinite(raw) & ~left_out
+        k = np.empty_like(raw)
+        for row, values, used in zip(k, raw, use, strict=True):  # starts read all strips, fits the used ones
+            row[:] = (
+                values if used.all() else np.interp(x_mm, x_mm[used], values[used]) if used.any() else 0.0
+            )
+        a = sensing_share(sensor.sensing_ratio)
+        origin = float(x_mm[0]) - 0.5 * sensor.pitch_mm
+        width = float(x_mm[-1] - x_mm[0]) + sensor.pitch_mm
+        return cls(
+            (x_mm - origin) / width,
+            np.clip(k, -1.0, 2.0),
+            np.where(use, 1.0 / sigma**2, 0.0),
+            sensor.pitch_mm / width,
+            np.array([a if SIGNATURES[name].at_upper_end else 0.0 for name in readings]),
+            1.0 - a,
+            sensor.contact_lambda_mm / sensor.length_mm,
+            origin,
+            width,
+            sensor.length_mm,
+        )
+
+    @property
+    def readings(self) -> int:
+        """Readings that count."""
+        return int(np.count_nonzero(self.weight))
+
+    @property
+    def data(self) -> tuple[FloatArray, FloatArray, FloatArray, float]:
+        """What the kernels take as data."""
+        return self.x, self.k, self.weight, self.pitch
+
+    @property
+    def model(self) -> tuple[FloatArray, float, float]:
+        """What the kernels take as signal."""
+        return self.shares, self.narrow, self.lam
+
+    def slopes(self, l: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the slopes of all readings by l and by u, and the readings (S, n), of contacts l to u (n,)."""
+        w = u - l
+        t = erosion(w, self.lam)
+        dt = 0.5 * (1.0 - (t / self.lam) ** 2) if self.lam > 0.0 else np.zeros_like(w)
+        over = 1.0 / np.maximum(1.0 - self.narrow * (w - 2.0 * t), 1e-3)
+        share = self.shares[:, None]
+        k = ((1.0 - share) * (l + t) + share * (u - t)) * over
+        by_l, by_u = (1.0 - share - self.narrow * k) * over, (share + self.narrow * k) * over
+        return by_l * (1.0 - dt) + by_u * dt, by_u * (1.0 - dt) + by_l * dt, k
+
+    @property
+    def sigma(self) -> float:
+        """Standard deviation of the most certain reading."""
+        return float(1.0 / np.sqrt(max(self.weight.max(initial=0.0), np.finfo(float).tiny)))
+
+    def thinned(self) -> Signal:
+        """Return a long run as some `_STRIPS` strips.
+
+        Neighbours are averaged as far as the noise hides that, then every so many are taken. Averaging over
+        s pitches rounds a kink by its jump times s pitch / 8; jumps are about 1.
+        """
+        n = len(self.x)
+        wanted = n // _STRIPS if 2 * n >= 3 * _STRIPS else 1
+        hidden = int((8.0 * self.sigma / self.pitch) ** (2.0 / 3.0))
+        size = min(wanted, max(hidden, 1))
+        if wanted == 1:
+            return self
+        if size == 1:
+            return self._every(wanted)
+        starts = np.arange(0, n, size)
+        counts = np.diff(np.append(starts, n))
+        weight = np.add.reduceat(self.weight, starts, axis=1)
+        used = np.where(weight > 0.0, weight, 1.0)
+        k = np.add.reduceat(self.k * self.weight, starts, axis=1) / used
+        plain = np.add.reduceat(self.k, starts, axis=1) / counts
+        x = np.add.reduceat(self.x, starts) / counts
+        return replace(self, x=x, k=np.where(weight > 0.0, k, plain), weight=weight)._every(wanted // size)
+
+    def _every(self, stride: int) -> Signal:
+        if stride == 1:
+            return self
+        at = slice(stride // 2, None, stride)
+        kept = (np.ascontiguousarray(values[..., at]) for values in (self.x, self.k, self.weight))
+        x, k, weight = kept
+        return replace(self, x=x, k=k, weight=weight)
+
+    def scaled(self, factor: float) -> Signal:
+        """Return the signal with sigma times a factor."""
+        return replace(self, weight=self.weight / factor**2)
+
+    def without(self, out: BoolArray) -> Signal:
+        """Return the signal with the readings `out` (S, n) left out."""
+        return replace(self, weight=np.where(out, 0.0, self.weight))

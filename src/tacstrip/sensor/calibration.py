@@ -1,0 +1,211 @@
+"""How one unit's raw readings become corrected ones: constants of its channels and its rubber, with provenance."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any, Self
+
+import numpy as np
+import numpy.typing as npt
+
+from tacstrip.arrays import FloatArray
+from tacstrip.errors import SignatureError, SpecError, one_of
+from tacstrip.sensor.channel import Channel, Numbers, Table, across, check_rising, numbers, table
+from tacstrip.sensor.circuit import k_h, k_l, lower_and_width
+from tacstrip.sensor.constructions import SIGNATURES
+
+_TEXTS = ("made", "source", "model", "sensor", "unit", "zeroed", "touch")
+_PERCENTS = ("before_percent", "after_percent")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Calibration:
+    """Constants of one unit; the `[calibration]` table of its spec file.
+
+    Attributes
+    ----------
+    channels
+        One per signature; a signature without one is passed on as it is.
+    ratio
+        Each strip's own ratio of resistivities over the spec's `resistivity_ratio` (strips,).
+    warp_at, warp
+        Places along y over L, from 0 to 1 (knots,), and the share of each strip's resistance that lies below them
+        (strips, knots), from 0 to 1: rubber that is not uniform.
+    made, source, model, sensor, unit
+        When it was fitted, from which file, what was fitted, the sensor's fingerprint, the unit's name.
+    before_percent, after_percent
+        Root mean square of what readings are off by, before and after [% of Vref].
+    zeroed, touch
+        When and from what the drift and the untouched level were learned.
+
+    Raises
+    ------
+    SpecError
+        A value that cannot be; the message names the key.
+    """
+
+    channels: tuple[Channel, ...] = ()
+    ratio: Numbers = ()
+    warp_at: Numbers = ()
+    warp: Table = ()
+    made: str = ""
+    source: str = ""
+    model: str = ""
+    sensor: str = ""
+    unit: str = ""
+    before_percent: float | None = None
+    after_percent: float | None = None
+    zeroed: str = ""
+    touch: str = ""
+
+    def __post_init__(self) -> None:
+        for name in _TEXTS:
+            value = getattr(self, name)
+            if not isinstance(value, str) or not value.isprintable():
+                raise SpecError(f"{name}: must be a text of one line")
+        for name in _PERCENTS:
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, numbers(name, [getattr(self, name)])[0])
+        for name in ("ratio", "warp_at"):
+            object.__setattr__(self, name, numbers(name, getattr(self, name)))
+        object.__setattr__(self, "warp", table("warp", self.warp))
+        object.__setattr__(self, "channels", tuple(self.channels))
+        if any(r <= 0.0 for r in self.ratio):
+            raise SpecError("ratio: every ratio must be above 0")
+        check_rising("warp", self.warp_at, self.warp)
+        if any((row[0], row[-1]) != (0.0, 1.0) for row in self.warp):
+            raise SpecError("warp: every entry must rise from 0 to 1")
+        names = [c.signature for c in self.channels]
+        if len(set(names)) < len(names):
+            raise SpecError(f"signature {names[0]!r} has two channels")
+
+    def channel(self, signature: str) -> Channel:
+        """Return a signature's constants; `SignatureError` where there is no such signature."""
+        for channel in self.channels:
+            if channel.signature == signature:
+                return channel
+        if signature not in SIGNATURES:
+            raise SignatureError(one_of("signature", signature, SIGNATURES))
+        return Channel(signature=signature)
+
+    def correct(self, signature: str, k: npt.ArrayLike) -> FloatArray:
+        """Return the corrected readings of raw ones, one signature on its own.
+
+        Parameters
+        ----------
+        signature
+            kh, kl or k.
+        k
+            Raw readings over Vref, (strips,) or (scans, strips).
+
+        Returns
+        -------
+        FloatArray
+            Of the same shape, clipped to 0..1; NaN stays NaN. A strip's own scale along y is taken as for a
+            contact without length, and its own ratio is left out: `correct_pair` has both exactly.
+        """
+        k = self.channel(signature).undo(np.asarray(k, dtype=float))
+        if self.warp:
+            k = across(k, np.array(self.warp), np.array(self.warp_at))
+        return np.clip(k, 0.0, 1.0)
+
+    def distort(self, signature: str, k: npt.ArrayLike) -> FloatArray:
+        """Return the raw readings that `correct` turns into k, clipped to 0..1; arguments as there."""
+        k = np.asarray(k, dtype=float)
+        if self.warp:
+            k = across(k, np.array(self.warp_at), np.array(self.warp))
+        return np.clip(self.channel(signature).do(k), 0.0, 1.0)
+
+    def correct_pair(
+        self, kh: npt.ArrayLike, kl: npt.ArrayLike, ratio: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return corrected k_h and k_l of raw ones read together, as `correct`; `ratio` is the spec's."""
+        high, low = (
+            self.channel(name).undo(np.asarray(k, dtype=float)) for name, k in (("kh", kh), ("kl", kl))
+        )
+        high, low = self.to_nominal(high, low, ratio)
+        return np.clip(high, 0.0, 1.0), np.clip(low, 0.0, 1.0)
+
+    def distort_pair(
+        self, kh: npt.ArrayLike, kl: npt.ArrayLike, ratio: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the raw k_h and k_l that `correct_pair` turns into these."""
+        high, low = self.to_own(np.asarray(kh, dtype=float), np.asarray(kl, dtype=float), ratio)
+        return np.clip(self.channel("kh").do(high), 0.0, 1.0), np.clip(self.channel("kl").do(low), 0.0, 1.0)
+
+    def to_nominal(self, kh: FloatArray, kl: FloatArray, ratio: float) -> tuple[FloatArray, FloatArray]:
+        """Return what uniform strips of the spec's ratio read where these strips read kh and kl; not clipped."""
+        return self._swap(kh, kl, ratio * np.array(self.ratio or 1.0), ratio, self.warp, self.warp_at)
+
+    def to_own(self, kh: FloatArray, kl: FloatArray, ratio: float) -> tuple[FloatArray, FloatArray]:
+        """Return what these strips read where uniform strips of the spec's ratio read kh and kl; not clipped."""
+        return self._swap(kh, kl, ratio, ratio * np.array(self.ratio or 1.0), self.warp_at, self.warp)
+
+    def _swap(
+        self, kh: FloatArray, kl: FloatArray, old: Any, new: Any, start: Any, end: Any
+    ) -> tuple[FloatArray, FloatArray]:
+        """Exchange the rubber under the contact: readings to its electrical ends, over L, and back to readings.
+
+        `old` and `new`: a ratio or one per strip. Contact resistance only moves the electrical ends.
+        """
+        if not (self.ratio or self.warp):
+            return kh, kl
+        l, w = lower_and_width(kh, kl, 1.0, old)
+        u = l + w
+        if self.warp:
+            l, u = (across(v, np.array(start), np.array(end)) for v in (l, u))
+        return k_h(l, u - l, 1.0, new), k_l(l, u - l, 1.0, new)
+
+    def check(self, strips: int, signatures: tuple[str, ...], fingerprint: str) -> None:
+        """Refuse a sensor that this calibration is not of: `SpecError` names what differs."""
+        if self.sensor and self.sensor != fingerprint:
+            raise SpecError(
+                f"the calibration is of another sensor ({self.sensor}), and this one is {fingerprint}: calibrate it "
+                "anew; where only the spec was put right, put `sensor` in [calibration] right too"
+            )
+        lists: dict[str, Any] = {"ratio": self.ratio, "warp": self.warp}
+        for channel in self.channels:
+            if channel.signature not in signatures:
+                raise SpecError(
+                    f"calibration.{channel.signature}: this sensor has only {', '.join(signatures)}"
+                )
+            lists |= {f"{channel.signature}.{name}": values for name, values in channel.lists.items()}
+        if self.ratio and "kh" not in signatures:
+            raise SpecError("calibration.ratio: only a second layer of rubber has a ratio")
+        for name, values in lists.items():
+            if values and len(values) != strips:
+                raise SpecError(f"calibration.{name}: {len(values)} entries for {strips} strips")
+
+    @classmethod
+    def from_dict(cls, raw: Any) -> Self:
+        """Make a calibration from the `[calibration]` table of a spec file; errors as for the class."""
+        if not isinstance(raw, Mapping):
+            raise SpecError("calibration: must be a table")
+        known = [f.name for f in fields(cls)][1:]
+        if unknown := [key for key in raw if key not in known and key not in SIGNATURES]:
+            names = ", ".join([*known, *SIGNATURES])
+            raise SpecError(f"unknown key {f'calibration.{unknown[0]}'!r}; its keys are: {names}")
+        try:
+            channels = tuple(Channel.from_dict(name, raw[name]) for name in SIGNATURES if name in raw)
+            return cls(channels=channels, **{key: raw[key] for key in known if key in raw})
+        except SpecError as error:
+            raise SpecError(
+                str(error) if str(error).startswith("unknown") else f"calibration.{error}"
+            ) from None
+
+    def to_toml(self) -> str:
+        """Return the `[calibration]` table's text; `from_dict` of it is this calibration, to the last bit."""
+        parts = ["[calibration] # made by `tacstrip calibrate`; readings are over Vref, a number per strip"]
+        parts += _lines(self, [f.name for f in fields(self)][1:])
+        for channel in self.channels:
+            parts += ["", f"[calibration.{channel.signature}]"]
+            parts += _lines(channel, [f.name for f in fields(channel)][1:])
+        return "\n".join(parts) + "\n"
+
+
+def _lines(holder: Calibration | Channel, names: list[str]) -> list[str]:
+    empty = ("", (), None)
+    given = {n: getattr(holder, n) for n in names if getattr(holder, n) not in empty}
+    return [f"{n} = {json.dumps(v, ensure_ascii=False)}" for n, v in given.items()]

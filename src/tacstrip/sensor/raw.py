@@ -1,0 +1,69 @@
+"""From what a unit's converter gives to readings, and back: the one place where a calibration is applied.
+
+Files, wires and recordings hold raw readings; a `Scan` holds corrected ones. A sensor without a calibration has both
+the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from tacstrip.arrays import BoolArray, FloatArray
+from tacstrip.sensor.spec import Sensor
+
+
+def touched(sensor: Sensor, raw: Mapping[str, FloatArray]) -> BoolArray:
+    """Return which strips are touched: further than `touch_volt` from rest in any reading.
+
+    Rest is each strip's own learned level, else `rest_volt`. A sensor without `rest_volt` takes every strip that has
+    readings for touched. Arguments as for `corrected`.
+    """
+    found = np.any([np.isfinite(v) for v in raw.values()], axis=0)
+    if sensor.rest_volt is None or sensor.touch_volt is None:
+        return np.asarray(found)
+    away = [np.abs(v - _rest(sensor, name)) * sensor.vref_volt for name, v in raw.items()]
+    return np.asarray(found & np.any([a > sensor.touch_volt for a in away], axis=0))
+
+
+def corrected(sensor: Sensor, raw: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+    """Return a unit's readings for a `Scan`: NaN where nothing touches, corrected by its calibration elsewhere.
+
+    Parameters
+    ----------
+    sensor
+        Its `calibration`, `rest_volt` and `touch_volt` count.
+    raw
+        Raw readings over Vref by signature, (strips,) or (scans, strips). With k_h and k_l together a strip's own
+        rubber is exact; with one of them it is taken as for a contact without length (`Calibration.correct`).
+    """
+    there = touched(sensor, raw)
+    values = {name: np.where(there, v, np.nan) for name, v in raw.items()}
+    calibration = sensor.calibration
+    if calibration is None:
+        return values
+    if {"kh", "kl"} <= set(values):
+        pair = calibration.correct_pair(values["kh"], values["kl"], sensor.sensing_ratio)
+        return dict(zip(("kh", "kl"), pair, strict=True))
+    return {name: calibration.correct(name, v) for name, v in values.items()}
+
+
+def distorted(sensor: Sensor, readings: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+    """Return the raw readings that `corrected` turns into these; NaN, nothing touches, stays NaN."""
+    calibration = sensor.calibration
+    if calibration is None:
+        return dict(readings)
+    if {"kh", "kl"} <= set(readings):
+        pair = calibration.distort_pair(readings["kh"], readings["kl"], sensor.sensing_ratio)
+        return dict(zip(("kh", "kl"), pair, strict=True))
+    return {name: calibration.distort(name, v) for name, v in readings.items()}
+
+
+def _rest(sensor: Sensor, signature: str) -> FloatArray:
+    """Return the raw level of untouched strips, (strips,) or a number, over Vref; drift moves it too."""
+    level = (sensor.rest_volt or 0.0) / sensor.vref_volt
+    for channel in sensor.calibration.channels if sensor.calibration else ():
+        if channel.signature == signature:
+            return np.asarray(np.array(channel.rest or level) + channel.arrays["drift"])
+    return np.array(level)

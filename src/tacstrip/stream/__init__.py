@@ -1,0 +1,1 @@
+"""Scans as they come: sources, recordings, and the way between them."""

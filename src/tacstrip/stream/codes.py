@@ -1,0 +1,110 @@
+"""Scans to raw A/D codes and back.
+
+Codes run from 0 to 2^adc_bits - 1, which reads Vref, as `contact.noise.digitise` makes them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from tacstrip.arrays import BoolArray, FloatArray
+from tacstrip.errors import RecordingError
+from tacstrip.scan import Scan
+from tacstrip.sensor.raw import corrected, distorted
+from tacstrip.sensor.spec import Sensor
+from tacstrip.stream.source import CodeArray, RawScan
+
+ELECTRODES = "electrodes"
+UNSET_BITS = 16  # where the spec has no adc_bits
+
+
+def with_converter(sensor: Sensor) -> Sensor:
+    """Return the sensor with the resolution that its codes are stored in: 16 bits where it has none."""
+    return sensor if sensor.adc_bits is not None else replace(sensor, adc_bits=UNSET_BITS)
+
+
+def top_code(sensor: Sensor) -> int:
+    """Return the code that reads Vref."""
+    return int(2 ** (sensor.adc_bits or UNSET_BITS) - 1)
+
+
+def code_type(sensor: Sensor) -> np.dtype[np.unsignedinteger[Any]]:
+    """Return the unsigned type that holds the sensor's codes, of 16 or 32 bits."""
+    return np.dtype("<u2" if top_code(sensor) < 2**16 else "<u4")
+
+
+def code_shape(sensor: Sensor, name: str) -> tuple[int, ...]:
+    """Return the shape of one scan's codes of a name."""
+    return (sensor.strips, 2 * sensor.strips) if name == ELECTRODES else (sensor.strips,)
+
+
+def encode(scan: Scan, sensor: Sensor, sequence: int = 0) -> RawScan:
+    """Return a scan as the codes of this unit, each reading rounded to its nearest; 0 where nothing touches.
+
+    The sensor's calibration, if it has one, is undone: codes are what its converter reads.
+
+    Raises
+    ------
+    ReadingError, SignatureError
+        The scan is not of this sensor.
+    """
+    scan.check(sensor)
+    return RawScan(scan.time_s, to_codes(_raw(scan, sensor), sensor), scan.touched, sequence)
+
+
+def to_codes(raw: Mapping[str, FloatArray], sensor: Sensor) -> dict[str, CodeArray]:
+    """Return raw readings over Vref of any shape as codes, 0 for NaN."""
+    kind, top = code_type(sensor), top_code(sensor)
+    return {name: np.nan_to_num(np.round(values * top)).astype(kind) for name, values in raw.items()}
+
+
+def rounding(scan: Scan, sensor: Sensor) -> float:
+    """Return the furthest that a reading lies from its code, in steps of the converter, 0 to 0.5."""
+    steps = np.concatenate([v.ravel() for v in _raw(scan, sensor).values()]) * top_code(sensor)
+    return float(np.nanmax(np.abs(steps - np.round(steps)), initial=0.0))
+
+
+def decode(raw: RawScan, sensor: Sensor) -> Scan:
+    """Return the scan that codes mean to this sensor: over Vref, calibrated, NaN where nothing touches.
+
+    Where the spec has `rest_volt`, strips whose every reading is within `touch_volt` of it are untouched too.
+
+    Raises
+    ------
+    RecordingError
+        A code is above the converter's highest.
+    ReadingError
+        The codes make no scan.
+    """
+    read = over_vref(raw.codes, raw.touched, sensor)
+    if ELECTRODES in read:
+        return Scan.of_electrodes(read[ELECTRODES], raw.time_s)
+    return Scan(**read, time_s=raw.time_s)
+
+
+def over_vref(codes: Mapping[str, CodeArray], touched: BoolArray, sensor: Sensor) -> dict[str, FloatArray]:
+    """Return the readings that codes mean, NaN where nothing touches; of one scan or of many.
+
+    `touched` and the codes have the shape (strips,) or (scans, strips), electrodes one axis of 2 strips more; so have
+    the results. Errors as of `decode`.
+    """
+    top = top_code(sensor)
+    if (most := max(int(values.max(initial=0)) for values in codes.values())) > top:
+        raise RecordingError(
+            f"a scan has the code {most}, above {top}: adc_bits = {sensor.adc_bits} of the spec is wrong"
+        )
+    if ELECTRODES not in codes:
+        return corrected(sensor, {name: np.where(touched, v / top, np.nan) for name, v in codes.items()})
+    columns = np.moveaxis(codes[ELECTRODES], -1, 0)  # (2 strips, ..., strips)
+    raw = {str(i): np.where(touched, column / top, np.nan) for i, column in enumerate(columns)}
+    return {ELECTRODES: np.stack(list(corrected(sensor, raw).values()), axis=-1)}
+
+
+def _raw(scan: Scan, sensor: Sensor) -> dict[str, FloatArray]:
+    if scan.electrodes is not None:
+        return {ELECTRODES: scan.electrodes}
+    return distorted(sensor, {name: scan[name] for name in scan.signatures})

@@ -1,0 +1,141 @@
+"""Scans and recorded shapes to other programs: CSV, NumPy, GeoJSON, JSON lines."""
+
+from __future__ import annotations
+
+import csv
+import json
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from tacstrip.errors import RecordingError
+from tacstrip.io.columns import INDEX, electrode_names
+from tacstrip.io.geometry import feature_collection
+from tacstrip.reconstruct.result import Reconstruction, RecoveredObject
+from tacstrip.scan import Scan
+from tacstrip.sensor.constructions import SIGNATURES
+from tacstrip.stream.codes import ELECTRODES, code_shape, code_type, over_vref, top_code
+from tacstrip.stream.replay import Recording
+from tacstrip.stream.source import RawScan, Shape, Source
+
+
+def write_csv(path: str | Path, source: Source, codes: bool = False) -> int:
+    """Write a source as a readings file, in volts or in A/D codes; return the number of scans.
+
+    Strips that the source says nothing touches get empty fields; those that only `rest_volt` tells to be untouched
+    keep their readings, and are told again when the file is read.
+    """
+    sensor, names = source.sensor, source.names
+    header = electrode_names(sensor, codes) if ELECTRODES in names else [_column(n, codes) for n in names]
+    scale = sensor.vref_volt / top_code(sensor)
+    count = 0
+    with Path(path).open("w", encoding="utf-8", newline="") as file:
+        out = csv.writer(file, lineterminator="\n")
+        out.writerow([*INDEX, *header])
+        for raw in source:
+            rows = np.concatenate([raw.codes[n].reshape(sensor.strips, -1) for n in names], axis=1)
+            for strip, row in enumerate(rows.tolist()):
+                fields = (
+                    [f"{c}" if codes else f"{c * scale:.12g}" for c in row]
+                    if raw.touched[strip]
+                    else [""] * len(row)
+                )
+                out.writerow([count, f"{raw.time_s:.12g}", strip + sensor.strip_base, *fields])
+            count += 1
+    return count
+
+
+def write_npz(path: str | Path, source: Source) -> int:
+    """Write a source as NumPy arrays (docs/recordings.md lists them); return the number of scans."""
+    sensor = source.sensor
+    codes = {name: bytearray() for name in source.names}
+    touched, strip_times = bytearray(), bytearray()
+    times: list[float] = []
+    sequences: list[int] = []
+    shapes: list[tuple[int, Shape]] = []
+    for raw in source:
+        for name, data in codes.items():
+            data += raw.codes[name].tobytes()
+        touched += raw.touched.tobytes()
+        strip_times += b"" if raw.strip_time_s is None else raw.strip_time_s.tobytes()
+        shapes += [(len(times), shape) for shape in raw.shapes]
+        times.append(raw.time_s)
+        sequences.append(raw.sequence)
+    many = len(times)
+
+    def arrays() -> Iterator[tuple[str, npt.ArrayLike]]:
+        yield "time_s", np.array(times)
+        yield "sequence", np.array(sequences)
+        yield "touched", (mask := np.frombuffer(touched, bool).reshape(many, sensor.strips))
+        if len(strip_times) == 8 * mask.size:
+            yield "strip_time_s", np.frombuffer(strip_times).reshape(mask.shape)
+        blocks = {
+            name: np.frombuffer(data, code_type(sensor)).reshape(many, *code_shape(sensor, name))
+            for name, data in codes.items()
+        }
+        yield from ((f"code_{name}", block) for name, block in blocks.items())
+        yield from over_vref(blocks, mask, sensor).items()
+        corners = [shape.vertices for _, shape in shapes]
+        yield "polygon_scan", np.array([scan for scan, _ in shapes], dtype=np.int64)
+        yield "polygon_status", np.array([shape.status for _, shape in shapes], dtype=str)
+        yield "polygon_start", np.cumsum([0, *map(len, corners)])
+        yield "polygon_vertices_mm", np.concatenate([np.empty((0, 2)), *corners])
+        yield "sensor_toml", np.array(sensor.to_toml())
+        yield "origin_ns", np.array(source.origin_ns)
+
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, array in arrays():
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as file:
+                np.lib.format.write_array(file, np.asanyarray(array), allow_pickle=False)
+    return many
+
+
+def write_shapes(path: str | Path, source: Recording) -> int:
+    """Write the shapes that scans came with as GeoJSON, in mm; return their number.
+
+    Raises
+    ------
+    RecordingError
+        There are none.
+    """
+    method = source.about.get("method", "")
+    results = [as_reconstruction(raw, method) for raw in source]
+    collection = feature_collection(results)
+    features = [feature for feature in collection["features"] if feature["geometry"] is not None]
+    if not features:
+        raise RecordingError(
+            f"{source.path}: it holds no polygons; `tacstrip record {source.path} -o NEW.mcap --reconstruct METHOD` "
+            "adds them"
+        )
+    collection["features"] = features
+    Path(path).write_text(json.dumps(collection, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    return len(features)
+
+
+def json_line(number: int, raw: RawScan, scan: Scan) -> str:
+    """Return a scan as one line of JSON: its readings over Vref, null where nothing touches, and its shapes [mm]."""
+    line: dict[str, Any] = {"scan": number, "sequence": raw.sequence, "time_s": round(raw.time_s, 9)}
+    for name in scan.signatures:
+        line[name] = [None if value != value else round(value, 9) for value in scan[name].tolist()]
+    line["shapes"] = [
+        {"status": s.status, "vertices_mm": np.round(s.vertices, 6).tolist()} for s in raw.shapes
+    ]
+    return json.dumps(line, allow_nan=False)
+
+
+def _column(name: str, codes: bool) -> str:
+    return SIGNATURES[name].code_column if codes else SIGNATURES[name].volt_column
+
+
+def as_reconstruction(raw: RawScan, method: str) -> Reconstruction:
+    """Return the shapes that a scan came with as a reconstruction; which strips they are of is not known."""
+    return Reconstruction(method, tuple(_object(shape) for shape in raw.shapes), raw.time_s)
+
+
+def _object(shape: Shape) -> RecoveredObject:
+    status: Any = shape.status
+    return RecoveredObject(slice(0, 0), shape.vertices, status=status)

@@ -1,0 +1,168 @@
+"""The messages of a recording, as ROS 2 writes them (CDR): codes of a scan, polygons.
+
+Codes are stored as reference + change, because a recording of all strips is mostly noise in the low bits: the
+reference repeats from message to message and costs next to nothing, and the changes are small numbers. Every message
+stands on its own. Polygons are in metres, as ROS counts; z is 0.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Mapping
+from functools import cache
+from typing import Any
+
+import numpy as np
+from rosbags.serde import SerdeError
+from rosbags.typesys import TypesysError, get_types_from_msg
+from rosbags.typesys.store import Typestore
+
+from tacstrip.arrays import FloatArray
+from tacstrip.errors import RecordingError
+from tacstrip.sensor.constructions import SIGNATURES
+from tacstrip.sensor.spec import Sensor
+from tacstrip.stream.codes import ELECTRODES, code_shape, code_type
+from tacstrip.stream.source import CodeArray, RawScan, Shape
+
+POLYGON = "geometry_msgs/msg/PolygonStamped"
+SCANS = {2: "tacstrip_msgs/msg/Scan", 4: "tacstrip_msgs/msg/WideScan"}  # by the bytes of a code
+NAMES = (*SIGNATURES, ELECTRODES)
+FRAME = "tacstrip"  # x across the strips, y along them from the grounded end
+_GRAIN = (
+    2.0**20
+)  # parts of a metre that corners are rounded to; the bits below are noise that does not compress
+_SECOND = 1_000_000_000  # ns
+
+_COMMON = {
+    "builtin_interfaces/msg/Time": "int32 sec\nuint32 nanosec\n",
+    "std_msgs/msg/Header": "builtin_interfaces/Time stamp\nstring frame_id\n",
+    "geometry_msgs/msg/Point32": "float32 x\nfloat32 y\nfloat32 z\n",
+    "geometry_msgs/msg/Polygon": "Point32[] points\n",
+    POLYGON: "std_msgs/Header header\nPolygon polygon\n",
+}
+
+_SCAN_TEXT = """\
+# One scan of a resistive hybrid tactile sensor: A/D codes, strip by strip. What they mean: the attached sensor.toml.
+builtin_interfaces/Time stamp  # when the scan began
+uint32 sequence                # the source's own number; a gap is a scan that never reached the recorder
+uint8[] touched                # per strip: 0 where nothing touches, and the code means nothing
+float32[] strip_time           # per strip: when it was read, from stamp [s]; empty if not known
+# code = (reference + change) modulo 2^{bits}, and code / (2^adc_bits - 1) is the voltage over Vref. Arrays of what was
+# not measured are empty. kh, kl: upper and lower end of the sensing strip. k: the metal. electrodes: all of a sheet's,
+# a row per energised strip, those at y = 0 first.
+"""
+
+
+def scan_type(sensor: Sensor) -> str:
+    """Return the name of the message that holds this sensor's codes."""
+    return SCANS[code_type(sensor).itemsize]
+
+
+def definition(name: str) -> bytes:
+    """Return a message's definition, with those it uses, as an MCAP schema of the encoding ros2msg."""
+    own, bar, used = _store().generate_msgdef(name, ros_version=2)[0].partition("=" * 80)
+    for width, scan in SCANS.items():
+        own = _scan_definition(8 * width) if scan == name else own  # with its comments
+    return (own + bar + used).encode()
+
+
+def scan_message(raw: RawScan, sensor: Sensor, reference: Mapping[str, CodeArray], time_ns: int) -> bytes:
+    """Return a scan's codes as a message; `reference` are codes of a scan shortly before, or its own."""
+    width = code_type(sensor).itemsize
+    fields: dict[str, Any] = {}
+    for name in NAMES:
+        codes = raw.codes.get(name, np.empty(0, code_type(sensor)))
+        base = reference.get(name, codes)
+        fields[f"{name}_reference"] = base.ravel()
+        fields[f"{name}_change"] = (codes - base).view(f"<i{width}").ravel()  # wraps, and unwraps on reading
+    times = np.empty(0) if raw.strip_time_s is None else raw.strip_time_s
+    return _write(
+        scan_type(sensor),
+        stamp=_stamp(time_ns),
+        sequence=raw.sequence % 2**32,
+        touched=raw.touched.astype(np.uint8),
+        strip_time=times.astype("<f4"),
+        **fields,
+    )
+
+
+def read_scan(data: bytes, kind: str, sensor: Sensor, names: tuple[str, ...], time_s: float) -> RawScan:
+    """Return the raw scan in a message.
+
+    Raises
+    ------
+    RecordingError
+        It is no such message, or it is of another number of strips.
+    """
+    message = _read(kind, data)
+    codes: dict[str, CodeArray] = {}
+    for name in names:
+        base, change = getattr(message, f"{name}_reference"), getattr(message, f"{name}_change")
+        shape = code_shape(sensor, name)
+        if not len(base) == len(change) == int(np.prod(shape)):
+            raise RecordingError(f"a scan has {len(change)} codes {name} where {shape} belong")
+        codes[name] = (base + change.view(base.dtype)).reshape(shape)
+    times: FloatArray | None = message.strip_time.astype(np.float64) if len(message.strip_time) else None
+    if len(message.touched) != sensor.strips or (times is not None and len(times) != sensor.strips):
+        raise RecordingError(f"a scan has {len(message.touched)} strips where the spec has {sensor.strips}")
+    return RawScan(time_s, codes, message.touched != 0, message.sequence, times)
+
+
+def polygon_message(vertices: FloatArray, time_ns: int) -> bytes:
+    """Return corners (N, 2) [mm] as a message."""
+    header = _new("std_msgs/msg/Header", stamp=_stamp(time_ns), frame_id=FRAME)
+    empty = _write(POLYGON, header=header, polygon=_new("geometry_msgs/msg/Polygon", points=[]))
+    points = np.zeros((len(vertices), 3), "<f4")  # x, y, z [m]
+    points[:, :2] = np.round(vertices * (1e-3 * _GRAIN)) / _GRAIN
+    # The count of points stands last, and they follow it: a Python object per point would take ten times as long.
+    return empty[:-4] + struct.pack("<I", len(points)) + points.tobytes()
+
+
+def read_polygon(data: bytes, status: str) -> Shape:
+    """Return the polygon in a message; `RecordingError` where it is none."""
+    points = _read(POLYGON, data).polygon.points
+    corners = np.array([(p.x, p.y) for p in points], dtype=np.float64).reshape(-1, 2)
+    if len(corners) < 3 or not np.isfinite(corners).all():
+        raise RecordingError("a polygon has corners that are not numbers, or fewer than three")
+    return Shape(status, corners * 1e3)
+
+
+@cache
+def _store() -> Typestore:
+    """Return the types, made once: making them takes longer than importing the rest of this file."""
+    store = Typestore(max_sequence_length=2**24)
+    definitions = dict(_COMMON)
+    for width, name in SCANS.items():
+        definitions[name] = _scan_definition(8 * width)
+    for name, text in definitions.items():
+        store.register(get_types_from_msg(text, name))
+    return store
+
+
+def _scan_definition(bits: int) -> str:
+    fields = "".join(f"uint{bits}[] {name}_reference\nint{bits}[] {name}_change\n" for name in NAMES)
+    return _SCAN_TEXT.format(bits=bits) + fields
+
+
+def _stamp(time_ns: int) -> Any:
+    seconds, rest = divmod(time_ns, _SECOND)
+    if not -(2**31) <= seconds < 2**31:
+        raise RecordingError(
+            f"a scan at {seconds} s since 1970 is out of range for a recording; check time_s"
+        )
+    return _new("builtin_interfaces/msg/Time", sec=seconds, nanosec=rest)
+
+
+def _new(name: str, **fields: Any) -> Any:
+    return _store().types[name](**fields)
+
+
+def _write(name: str, **fields: Any) -> bytes:
+    return bytes(_store().serialize_cdr(_new(name, **fields), name))
+
+
+def _read(name: str, data: bytes) -> Any:
+    try:
+        return _store().deserialize_cdr(data, name)
+    except (SerdeError, TypesysError, IndexError, OverflowError, MemoryError) as error:
+        raise RecordingError(f"a message is no {name} ({error})") from None

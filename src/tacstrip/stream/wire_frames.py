@@ -1,0 +1,104 @@
+"""Frames on the wire: COBS between zero bytes, CRC-16, header (docs/protocol.md)."""
+
+from __future__ import annotations
+
+import enum
+import struct
+from binascii import crc_hqx
+from typing import NamedTuple
+
+VERSION = 1
+HEADER = struct.Struct("<BBII")  # version, kind, sequence, device time [us]
+CRC_BYTES = 2
+_CRC_START = 0xFFFF  # CRC-16/IBM-3740
+_BLOCK = 254  # bytes that one length byte of COBS covers at most
+
+
+class Kind(enum.IntEnum):
+    """What a frame's body is; commands to the device are 0x81 and above."""
+
+    SCAN = 0x01
+    HELLO = 0x02
+    REPLY = 0x03
+    TESTED = 0x04
+    IDENTIFY = 0x81
+    START = 0x82
+    STOP = 0x83
+    RATE = 0x84
+    TEST = 0x85
+
+
+class Frame(NamedTuple):
+    """An intact frame.
+
+    Attributes
+    ----------
+    version, kind
+        Of the protocol; of the message in the body.
+    sequence
+        The sender's count of its frames, modulo 2^32.
+    time_us
+        The sender's clock [us], modulo 2^32.
+    body
+        The message.
+    """
+
+    version: int
+    kind: int
+    sequence: int
+    time_us: int
+    body: bytes
+
+
+def seal(kind: int, body: bytes, sequence: int = 0, time_us: int = 0) -> bytes:
+    """Return a frame as it goes over the line, zero byte to zero byte; sequence and time are taken modulo 2^32."""
+    plain = HEADER.pack(VERSION, kind, sequence & 0xFFFFFFFF, time_us & 0xFFFFFFFF) + body
+    plain += crc_hqx(plain, _CRC_START).to_bytes(CRC_BYTES, "big")
+    return b"\0" + stuffed(plain) + b"\0"
+
+
+def unseal(stuff: bytes) -> bytes | None:
+    """Return header and body of the bytes between two zeros, or None where they are no intact frame."""
+    plain = unstuffed(stuff)
+    if plain is None or len(plain) < HEADER.size + CRC_BYTES or crc_hqx(plain, _CRC_START):
+        return None
+    return plain[:-CRC_BYTES]
+
+
+def parse(plain: bytes) -> Frame:
+    """Return a frame from its header and body."""
+    return Frame(*HEADER.unpack_from(plain), plain[HEADER.size :])
+
+
+def stuffed(plain: bytes) -> bytes:
+    """Return bytes with COBS applied: as many and one more for every 254, none of them 0."""
+    out = bytearray()
+    for piece in plain.split(b"\0"):
+        whole = max(len(piece) - 1, 0) // _BLOCK * _BLOCK  # so much goes in full blocks, which imply no zero
+        for at in range(0, whole, _BLOCK):
+            out.append(_BLOCK + 1)
+            out += piece[at : at + _BLOCK]
+        out.append(len(piece) - whole + 1)
+        out += piece[whole:]
+    return bytes(out)
+
+
+def unstuffed(stuff: bytes) -> bytes | None:
+    """Return what `stuffed` was given, or None where the bytes, none of them 0, are no COBS.
+
+    A length byte becomes the zero that it stands for, in place; the lengths of full blocks stand for none and go.
+    """
+    out = bytearray(stuff)
+    end = len(out)
+    at, full = 0, []
+    while at < end:
+        length = out[at]
+        out[at] = 0
+        at += length
+        if length == _BLOCK + 1:
+            full.append(at)
+    if at != end:
+        return None
+    for place in reversed(full):
+        del out[place : place + 1]
+    return bytes(out[1:])

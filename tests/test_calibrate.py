@@ -1,0 +1,314 @@
+"""Calibrating: what was put in comes out, bad rows do not matter, what runs cannot tell is refused in words."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import tacstrip as ts
+from tacstrip.arrays import FloatArray
+from tacstrip.calibrate.choose import choose, named
+from tacstrip.calibrate.fit import fit
+from tacstrip.calibrate.model import Constants, Model, apply, predict
+from tacstrip.calibrate.offsets import mean_offsets
+from tacstrip.calibrate.plan import plan
+from tacstrip.calibrate.residuals import residuals, rms_percent
+from tacstrip.io.runs import Runs
+from tacstrip.studies.thesis.published import offsets_volt
+
+CRS = ts.Sensor(construction="crs-crs", strips=3, pitch_mm=6.5, length_mm=325.0, vref_volt=6.05)
+METAL = ts.Sensor(construction="crs-m", strips=3, pitch_mm=4.5, length_mm=250.0, vref_volt=6.05)
+THESIS = [(l, w) for w in (0.0, 50.0, 100.0) for l in np.arange(10.0, 320.0 - w, 20.0)]
+Places = list[tuple[float, float]]
+
+
+def grids(sensor: ts.Sensor, places: Places, repeats: int = 1) -> tuple[FloatArray, FloatArray]:
+    each = np.repeat(np.array(places), repeats, axis=0)
+    l, w = (np.repeat(each[:, i : i + 1], sensor.strips, axis=1) for i in (0, 1))
+    return l, w
+
+
+def runs_of(
+    sensor: ts.Sensor, places: Places, raw: dict[str, FloatArray], noise: float = 0.0, repeats: int = 1
+) -> Runs:
+    """Return runs of raw readings (places, strips), each repeated with a uniform error of its own."""
+    rng = np.random.default_rng(1)
+    l, w = grids(sensor, places, repeats)
+    many = {n: np.repeat(v, repeats, axis=0) for n, v in raw.items()}
+    read = {n: np.clip(v + rng.uniform(-noise, noise, v.shape), 0.0, 1.0) for n, v in many.items()}
+    return Runs(l, w, read, np.arange(l.size).reshape(l.shape) + 2, {})
+
+
+def twin_runs(sensor: ts.Sensor, places: Places, build: ts.Build, noise: float, repeats: int) -> Runs:
+    """Return runs of a network with lambda = 2 mm and the thesis' offsets: no formula of the fit makes them."""
+    true = replace(sensor, contact_lambda_mm=2.0)
+    x = sensor.width_mm
+    raw: dict[str, list[FloatArray]] = {n: [] for n in sensor.signatures}
+    for l, w in places:
+        bar = (
+            ts.Contact.polygon([(0, l), (x, l), (x, l + w), (0, l + w)])
+            if w
+            else ts.Contact.line([(0, l), (x, l)])
+        )
+        scan = ts.simulate(true, bar, model="network", build=build)
+        for name in raw:
+            printed = offsets_volt(sensor.construction.upper(), name)[: sensor.strips]
+            raw[name].append(scan[name] + printed / 6.05)
+    return runs_of(sensor, places, {n: np.array(v) for n, v in raw.items()}, noise, repeats)
+
+
+def largest_percent(sensor: ts.Sensor, runs: Runs) -> float:
+    return max(float(100.0 * np.abs(v).max()) for v in residuals(sensor, runs).values())
+
+
+# The thesis' offsets.
+
+
+def test_mean_offsets_of_a_unit_with_the_printed_factors_are_the_printed_factors() -> None:
+    for name, key in (("crs-crs", "CRS-CRS"), ("crs-m", "CRS-M"), ("cyl-crs-m", "Cyl-CRS-M")):
+        sensor = ts.Sensor.load(f"prototype-{name}")
+        printed = {s: offsets_volt(key, s) for s in sensor.signatures}
+        places = [(l, w) for w in (0.0, 10.0, 20.0) for l in (10.0, 30.0, 50.0)]
+        l, w = grids(sensor, places)
+        ideal = ts.signatures(sensor, l, l + w)
+        runs = runs_of(sensor, places, {s: ideal[s] + printed[s] / sensor.vref_volt for s in ideal})
+        found = mean_offsets(sensor, runs)
+        for signature, volts in printed.items():
+            np.testing.assert_allclose(np.array(found.channel(signature).offset) * 6.05, volts, atol=1e-12)
+
+
+def test_each_length_counts_alike_in_mean_offsets() -> None:
+    """(6.1): the mean of the means for w = 0, 5 and 10, whatever the number of marks of each."""
+    places = [(10.0, 0.0), (20.0, 0.0), (30.0, 0.0), (10.0, 50.0)]
+    l, w = grids(METAL, places)
+    off = np.array([0.01, 0.02, 0.03, 0.05])[:, None]
+    runs = runs_of(METAL, places, {"k": ts.signatures(METAL, l, l + w)["k"] + off})
+    np.testing.assert_allclose(mean_offsets(METAL, runs).channel("k").offset, (0.02 + 0.05) / 2.0)
+
+
+# Embed, then calibrate.
+
+OFFSET = {"offset kh": [0.05, -0.01, 0.02], "offset kl": [0.04, 0.0, -0.02]}
+EMBEDDED: dict[str, tuple[int, dict[str, float], dict[str, list[float]]]] = {
+    "offset": (0, {}, OFFSET),
+    "offset+gain": (0, {}, OFFSET | {"gain kh": [0.1, 0.0, -0.1], "gain kl": [0.02, -0.03, 0.0]}),
+    "offset+ratio": (0, {"ratio": 0.05}, OFFSET),
+    "offset+ratios": (0, {}, OFFSET | {"ratios": [0.05, -0.1, 0.2]}),
+    "offset+lambda": (0, {"lambda": 0.006}, OFFSET),
+    "offset+fade": (0, {"fade": 0.12}, OFFSET),
+    "offset+gain+fade+ratio+lambda": (
+        0, {"ratio": -0.2, "lambda": 0.01, "fade": 0.2}, OFFSET | {"gain kh": [0.02] * 3, "gain kl": [-0.02] * 3},
+    ),
+    "offset+ratio+lambda+warp4": (
+        4, {"ratio": 0.05, "lambda": 0.006},
+        OFFSET | {"warp 1": [0.02, 0.0, -0.03], "warp 2": [0.05, 0.01, -0.04], "warp 3": [0.0, 0.02, 0.01]},
+    ),
+    "lambda+curve4": (
+        4, {"lambda": 0.006},
+        {f"curve {s} {i}": [0.01 * i, 0.03 - 0.01 * i, -0.01 * (i % 2)] for s in ("kh", "kl") for i in range(5)},
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", EMBEDDED)
+def test_embedded_constants_come_back(name: str) -> None:
+    pieces, shared, own = EMBEDDED[name]
+    model = Model(frozenset(part.rstrip("48") for part in name.split("+")), pieces)
+    names = CRS.signatures
+    true = Constants(
+        model, names, np.array([shared[p] for p in model.shared]), np.array([own[p] for p in model.own(names)]).T
+    )  # fmt: skip
+    places = [p for p in THESIS if p[0] + p[1] < 290.0]
+    l, w = grids(CRS, places)
+    raw = predict(true, CRS, l, w)
+    inside = [
+        i for i in range(len(places)) if all(v[i].min() > 0.0 and v[i].max() < 1.0 for v in raw.values())
+    ]
+    runs = runs_of(CRS, [places[i] for i in inside], {n: v[inside] for n, v in raw.items()})
+    found = named(name, CRS, runs)
+    np.testing.assert_allclose(found.constants.shared, true.shared, atol=1e-6)
+    np.testing.assert_allclose(found.constants.own, true.own, atol=1e-6)
+    # The calibrated sensor turns the raw readings into what its own spec expects.
+    assert largest_percent(apply(found.constants, CRS), runs) < 1e-4
+    assert largest_percent(CRS, runs) > 1.0
+
+
+# What it must reach.
+
+
+def test_offsets_mismatch_and_lambda_together() -> None:
+    """+-0.2 % noise, 3 repeats: mean offsets leave about 1 %, the chosen model no more than 0.3 %, noise included."""
+    build = ts.Build(sensing=1.05)
+    runs = twin_runs(CRS, [p for p in THESIS if sum(p) < 290.0], build, 0.002, 3)
+    fresh = [(l, w) for w in (0.0, 30.0, 80.0) for l in np.arange(16.0, 290.0 - w, 39.0)]
+    check = twin_runs(CRS, fresh, build, 0.002, 1)
+    found, trials = choose(CRS, runs)
+    assert found.constants.model.name == "offset+ratio+lambda"
+    assert [t.name for t in trials if t.verdict == "chosen"] == ["offset+ratio+lambda"]
+    best = largest_percent(apply(found.constants, CRS), check)
+    thesis = largest_percent(replace(CRS, calibration=mean_offsets(CRS, runs)), check)
+    assert best <= 0.3
+    assert 2.0 * best < thesis < 1.2
+    sensor = apply(found.constants, CRS)
+    ratio, lam = found.shared_sigma
+    assert abs(np.log(sensor.resistivity_ratio / 1.05)) < 4.0 * ratio < 0.02
+    assert abs(sensor.contact_lambda_mm - 2.0) < 4.0 * lam * 325.0 < 0.4
+
+
+def test_rubber_that_is_not_uniform() -> None:
+    layers = np.array([[1.15, 1.05, 0.95, 0.85], [0.9, 1.0, 1.0, 1.1], [1.0, 1.2, 0.8, 1.0]])
+    runs = twin_runs(
+        CRS, [p for p in THESIS if sum(p) < 290.0], ts.Build(energised=layers, sensing=layers), 0.002, 3
+    )
+    found = named("offset+lambda+warp4", CRS, runs)
+    assert rms_percent(residuals(apply(found.constants, CRS), runs)) < 0.13
+    share = np.cumsum(layers, axis=1)[:, :3] / layers.sum(axis=1, keepdims=True)
+    np.testing.assert_allclose(found.constants.warp[:, 1:4], share, atol=2e-3)
+
+
+def test_stated_uncertainties_are_those_of_many_repetitions() -> None:
+    places = [p for p in THESIS if sum(p) < 290.0][::4]
+    model = Model(frozenset({"offset", "ratio", "lambda"}))
+    true = Constants(model, CRS.signatures, np.array([0.05, 0.006]), np.full((3, 2), 0.03))
+    l, w = grids(CRS, places)
+    ideal = predict(true, CRS, l, w)
+    rng = np.random.default_rng(0)
+    fits = []
+    for _ in range(60):
+        raw = {n: v + rng.normal(0.0, 0.001, v.shape) for n, v in ideal.items()}
+        fits.append(fit(model, CRS, runs_of(CRS, places, raw), true))
+    spread = np.std([f.constants.shared for f in fits], axis=0)
+    np.testing.assert_allclose(np.mean([f.shared_sigma for f in fits], axis=0), spread, rtol=0.25)
+    own = np.std([f.constants.own for f in fits], axis=0)
+    np.testing.assert_allclose(np.mean([f.own_sigma for f in fits], axis=0), own, rtol=0.4)
+
+
+def test_bad_rows_are_left_out_and_do_not_matter() -> None:
+    places = [p for p in THESIS if sum(p) < 290.0]
+    runs = twin_runs(CRS, places, ts.Build(), 0.002, 2)
+    clean = ts.calibrate_unit(CRS, runs, "offset+lambda")
+    spoilt = {n: v.copy() for n, v in runs.raw.items()}
+    spoilt["kh"][5, 0] = 0.9
+    spoilt["kl"][[20, 21], 2] += 0.02
+    bad = ts.calibrate_unit(CRS, replace(runs, raw=spoilt), "offset+lambda")
+    assert {(5, 0), (20, 2), (21, 2)} <= {((b.line - 2) // 3, b.strip) for b in bad.bad}
+    assert len(bad.bad) <= len(clean.bad) + 3
+    assert "of Vref from all other rows" in bad.bad[0].why
+    assert abs(bad.sensor.contact_lambda_mm - clean.sensor.contact_lambda_mm) < 0.03
+    for name in ("kh", "kl"):
+        a, b = (
+            np.array(r.sensor.calibration.channel(name).offset) for r in (bad, clean) if r.sensor.calibration
+        )
+        np.testing.assert_allclose(a, b, atol=2e-4)
+
+
+# What the runs cannot tell.
+
+POINTS = [(l, 0.0) for l in np.arange(10.0, 320.0, 30.0)]
+
+
+@pytest.mark.parametrize(
+    ("model", "places", "message"),
+    [
+        ("offset+lambda", POINTS, "all contacts have w = 0, and such a contact reads the same with any contact"),
+        ("offset+ratio", POINTS, "any ratio of resistivities; press contacts of different lengths w"),
+        ("offset+gain", [(100.0, 0.0), (101.0, 0.0), (102.0, 0.0)], "a gain per strip and signature is told"),
+        ("offset+fade", [(l, 0.0) for l in (140.0, 160.0, 180.0, 200.0)], "press contacts nearer to both ends"),
+        ("offset+warp8", [(l, 0.0) for l in (20.0, 150.0, 300.0)], "resistivity that varies along y"),
+        ("curve4", [(l, 0.0) for l in (150.0, 160.0, 170.0)], "a monotone curve per strip and signature"),
+        ("offset+ratio+lambda", [(100.0, 30.0)], "is told"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_told_is_refused(model: str, places: Places, message: str) -> None:
+    runs = twin_runs(CRS, places, ts.Build(), 0.002, 2)
+    with pytest.raises(ts.ReadingError, match="the runs cannot tell a model") as caught:
+        ts.calibrate_unit(CRS, runs, model)
+    assert message in str(caught.value)
+
+
+def test_auto_says_what_it_refused_and_takes_the_rest() -> None:
+    runs = twin_runs(CRS, POINTS, ts.Build(sensing=1.05), 0.002, 2)
+    found, trials = choose(CRS, runs)
+    refused = {t.name: t.verdict for t in trials if t.error_percent is None}
+    assert "all contacts have w = 0" in refused["offset+lambda"]
+    assert "lambda" not in found.constants.model.name
+    assert found.constants.model.name == "offset"
+
+
+def test_a_single_place_gives_offsets_and_says_so() -> None:
+    runs = twin_runs(METAL, [(100.0, 0.0)], ts.Build(), 0.002, 3)
+    found, trials = choose(METAL, runs)
+    assert found.constants.model.name == "offset"
+    assert [t.verdict for t in trials] == ["chosen"]
+
+
+@pytest.mark.parametrize(
+    ("model", "sensor", "message"),
+    [
+        ("offsets", CRS, "model part 'offsets' does not exist; choose one of: auto, mean, offset, gain"),
+        ("offset+curve4", CRS, "these parts do not go together"),
+        ("ratio+ratios", CRS, "these parts do not go together"),
+        ("fade", CRS, "a fade needs an offset"),
+        ("offset+ratio", METAL, "ratio and ratios are for two layers of rubber"),
+        ("offset8", CRS, "only a warp or a curve has pieces"),
+        ("warp1+offset", CRS, "2 to 64 of them"),
+    ],
+)
+def test_models_that_cannot_be(model: str, sensor: ts.Sensor, message: str) -> None:
+    with pytest.raises(ts.OptionError) as caught:
+        ts.calibrate_unit(sensor, twin_runs(sensor, POINTS[:3], ts.Build(), 0.0, 1), model)
+    assert message in str(caught.value)
+
+
+def test_a_sheet_cannot_be_calibrated_strip_by_strip() -> None:
+    sheet = ts.Sensor(construction="crs-crp", strips=3, pitch_mm=6.5, length_mm=325.0, contact_lambda_mm=2.0)
+    runs = twin_runs(CRS, POINTS[:3], ts.Build(), 0.0, 1)
+    with pytest.raises(
+        ts.OptionError, match="cannot be calibrated strip by strip: its strips shift each other"
+    ):
+        ts.calibrate_unit(sheet, runs)
+    with pytest.raises(ts.OptionError, match="cannot be calibrated strip by strip"):
+        plan(sheet, 0.2, ts.Noise(positional=0.002))
+
+
+# Plans.
+
+
+@pytest.mark.parametrize("wanted", [0.3, 0.1])
+def test_a_plan_keeps_its_promise(wanted: float) -> None:
+    made = plan(CRS, wanted, ts.Noise(positional=0.002))
+    assert made.reached
+    assert made.worst_percent <= wanted
+    assert made.count < 81  # the thesis' procedure, without its repeats
+    places = [(l, w) for l, w, times in made.contacts for _ in range(times)]
+    model = Model(frozenset(made.model.split("+")))
+    fresh = [(l, w) for w in (0.0, 50.0, 100.0) for l in np.arange(10.0, 295.0 - w, 20.0)]
+    clean = twin_runs(CRS, fresh, ts.Build(sensing=1.05), 0.0, 1)
+    raw = twin_runs(CRS, places, ts.Build(sensing=1.05), 0.0, 1).raw
+    rng = np.random.default_rng(2)
+    inside = []
+    for _ in range(20):
+        noisy = {n: v + rng.uniform(-0.002, 0.002, v.shape) for n, v in raw.items()}
+        done = apply(fit(model, CRS, runs_of(CRS, places, noisy)).constants, CRS)
+        off = np.abs(np.concatenate([v.ravel() for v in residuals(done, clean).values()]))
+        inside.append(np.mean(100.0 * off <= made.worst_percent))
+    assert np.mean(inside) > 0.95
+
+
+def test_more_noise_needs_more_contacts_and_too_much_is_said() -> None:
+    counts = [plan(METAL, 0.2, ts.Noise(positional=p)).count for p in (0.001, 0.004, 0.008)]
+    assert counts == sorted(set(counts))
+    assert not plan(METAL, 0.01, ts.Noise(positional=0.05)).reached
+
+
+@pytest.mark.parametrize(
+    ("wanted", "noise", "unit", "message"),
+    [(0.0, 0.002, None, "--wanted 0.0"), (0.2, 0.0, None, "--noise must be above 0"),
+     (0.2, 0.002, 200.0, "--unit-mm 200"), (0.2, 0.002, float("nan"), "--unit-mm nan"),
+     (float("nan"), 0.002, None, "--wanted nan")],
+)  # fmt: skip
+def test_plans_that_cannot_be(wanted: float, noise: float, unit: float | None, message: str) -> None:
+    with pytest.raises(ts.OptionError, match=message):
+        plan(CRS, wanted, ts.Noise(positional=noise), unit_mm=unit)

@@ -1,0 +1,262 @@
+"""Runs files and the verb: every fault named, plans filled in and read back, one unit's runs refused for another."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+import tacstrip as ts
+from tacstrip.cli import cli
+from tacstrip.io.runs import read_runs, write_plan
+from tacstrip.sensor.raw import distorted
+
+CRS = ts.Sensor(
+    construction="crs-crs", strips=2, pitch_mm=6.5, length_mm=325.0, vref_volt=6.05, adc_bits=12, strip_base=1
+)
+METAL = ts.Sensor(construction="crs-m", strips=2, pitch_mm=4.5, length_mm=250.0)
+HEAD = "strip,l_mm,w_mm,v_h,v_l\n"
+ROWS = "1,10,0,1,1\n2,10,0,1,1\n"
+OFFSETS = ts.Calibration(
+    channels=tuple(ts.Channel(signature=s, offset=(0.05, 0.01), drift=(0.0, 0.0)) for s in ("kh", "kl"))
+)
+
+
+def read(folder: Path, text: str, sensor: ts.Sensor = CRS, unit: str = "", force: bool = False) -> ts.Runs:
+    file = folder / "runs.csv"
+    file.write_text(text, encoding="utf-8")
+    return read_runs(file, sensor, unit, force)
+
+
+def test_every_form(tmp_path: Path) -> None:
+    runs = read(
+        tmp_path, HEAD + "2,10,0,0.605,1.21\n1,20,50,6.05,0\n1,20,50,3.025,0\n,,,,\n1,,,0.0605,0\n1,30,0,,\n"
+    )
+    np.testing.assert_array_equal(runs.l_mm, [[20.0, 10.0], [20.0, np.nan]])
+    np.testing.assert_array_equal(runs.w_mm, [[50.0, 0.0], [50.0, np.nan]])
+    np.testing.assert_allclose(runs.raw["kh"], [[1.0, 0.1], [0.5, np.nan]])
+    np.testing.assert_array_equal(runs.line, [[3, 2], [4, 0]])
+    np.testing.assert_allclose(runs.rest["kh"], [[0.01, np.nan]])
+    assert (runs.count, runs.open, runs.source, runs.signatures) == (3, 1, "runs.csv", ("kh", "kl"))
+    codes = read(tmp_path, "code_h,note,strip,l_mm,w_mm\n4095,a,1,1,0\n0,b,2,1,0\n")
+    np.testing.assert_allclose(codes.raw["kh"], [[1.0, 0.0]])
+    assert codes.signatures == ("kh",)
+
+
+FAULTS = {
+    "empty": ("", "the file is empty; runs need a header line"),
+    "no l": ("strip,w_mm,v_h,v_l\n", "column 'l_mm' is missing; the header has: strip, w_mm, v_h, v_l"),
+    "no readings column": ("strip,l_mm,w_mm\n", "a column of readings is missing: v_h, v_l"),
+    "metal's": ("strip,l_mm,w_mm,v_out\n", "column 'v_out' does not belong to a crs-crs sensor"),
+    "header only": (HEAD, "there are no readings: it has a header and nothing else"),
+    "a plan": (HEAD + "1,10,0,,\n2,10,0,,\n", "there are no readings: all 2 rows have empty readings"),
+    "one of two": (HEAD + "1,10,0,1,\n", "line 2: v_h is there but no v_l; give both or neither"),
+    "the other of two": (HEAD + "1,10,0,,1\n", "line 2: v_l is there but no v_h; give both or neither"),
+    "strip": (HEAD + "0,10,0,1,1\n", "line 2: strip 0 is out of range 1 to 2; check strips and strip_base"),
+    "no strip": (HEAD + ",10,0,1,1\n", "line 2: strip is '', not a whole number"),
+    "no w": (HEAD + "1,10,,1,1\n", "line 2: w_mm is empty; a point contact has w_mm = 0"),
+    "no l there": (HEAD + "1,,5,1,1\n", "line 2: l_mm is empty"),
+    "off the strip": (HEAD + "1,300,50,1,1\n", "line 2: a contact from l_mm = 300 over w_mm = 50 is not on a strip"),
+    "below": (HEAD + "1,-1,5,1,1\n", "is not on a strip of 325 mm"),
+    "w below 0": (HEAD + "1,10,-5,1,1\n", "is not on a strip of 325 mm"),
+    "infinite l": (HEAD + "1,inf,0,1,1\n", "line 2: l_mm is 'inf', not a finite number"),
+    "millivolts": (HEAD + "1,10,0,3025,1\n", "line 2: v_h = 3025 V is outside 0 to 6.05 V; is it in millivolts"),
+    "one strip only": (HEAD + "1,10,0,1,1\n", "no contact on strip 2 has readings"),
+    "cut off": (HEAD + ROWS + "1,10,0", "line 4 has 3 fields and the header 5: is the file cut off"),
+    "semicolons": ("strip;l_mm;w_mm;v_h\n", "columns are separated by ';'"),
+    "another sensor": (
+        HEAD.replace("\n", ",sensor\n") + '1,10,0,1,1,"crs-m, 9 strips"\n',
+        "line 2: the runs are of sensor 'crs-m, 9 strips' and this sensor is 'crs-crs, 2 strips",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_faults_are_named(tmp_path: Path, name: str) -> None:
+    text, message = FAULTS[name]
+    with pytest.raises(ts.ReadingError) as caught:
+        read(tmp_path, text)
+    assert message in str(caught.value)
+    assert str(tmp_path / "runs.csv") in str(caught.value)
+
+
+def test_metal_from_end_to_end_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ts.ReadingError, match="line 2: the contact ties both ends of the strip to the metal"):
+        read(tmp_path, "strip,l_mm,w_mm,v_out\n0,0,250,1\n", METAL)
+
+
+def test_runs_of_another_unit_are_refused_unless_forced(tmp_path: Path) -> None:
+    text = "strip,l_mm,w_mm,v_h,v_l,unit\n1,10,0,1,1,left\n2,10,0,1,1,left\n"
+    assert read(tmp_path, text).unit == "left"
+    assert read(tmp_path, text, unit="left").unit == "left"
+    for sensor, unit in ((CRS, "right"), (replace(CRS, calibration=ts.Calibration(unit="right")), "")):
+        with pytest.raises(ts.ReadingError, match="the runs are of unit 'left' and this unit is 'right'"):
+            read(tmp_path, text, sensor, unit)
+        assert read(tmp_path, text, sensor, unit, force=True).count == 2
+    with pytest.raises(ts.ReadingError, match="line 3: the runs are of unit 'right' and this unit is 'left'"):
+        read(tmp_path, text.replace("1,left\n2,10,0,1,1,left", "1,left\n2,10,0,1,1,right"))
+
+
+FIELD = st.sampled_from(
+    ["", "1", "2", "0", "10", "50", "-1", "1e9", "nan", "x", "3.5", "left", '"', "\0", "1e999"]
+)
+LINES = st.lists(st.lists(FIELD, min_size=4, max_size=7).map(",".join), max_size=6).map("\n".join)
+
+
+@settings(
+    derandomize=True,
+    max_examples=500,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
+@given(
+    st.one_of(LINES.map(lambda t: HEAD + ROWS + t), LINES, st.text(max_size=80), st.integers(0, 400)),
+    st.booleans(),
+)
+def test_any_file_gives_runs_or_a_clear_error(tmp_path: Path, text: str | int, metal: bool) -> None:
+    sensor = METAL if metal else CRS
+    if isinstance(text, int):
+        text = (HEAD + ROWS * 9)[:text]
+    (tmp_path / "runs.csv").write_bytes(text.encode("utf-8", "surrogatepass"))
+    try:
+        runs = read_runs(tmp_path / "runs.csv", sensor)
+        done = ts.calibrate_unit(sensor, runs, "offset")
+    except ts.TacstripError:  # and nothing else
+        return
+    assert ts.Sensor.from_dict(tomllib.loads(done.sensor.to_toml())) == done.sensor
+
+
+# The verb.
+
+
+class Done(NamedTuple):
+    code: int
+    text: str  # both streams
+
+
+def run(*words: object) -> Done:
+    """Run the verb as `main` does: known errors become their message and exit code 2."""
+    result = CliRunner().invoke(cli, ["calibrate", *map(str, words)])
+    if isinstance(result.exception, ts.TacstripError):
+        return Done(2, str(result.exception))
+    assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
+    return Done(result.exit_code, result.output)
+
+
+def filled(plan: Path, sensor: ts.Sensor, calibration: ts.Calibration, seed: int = 0) -> None:
+    """Fill in what a unit with that calibration reads, with +-0.1 % noise."""
+    rng = np.random.default_rng(seed)
+    unit = replace(sensor, calibration=calibration)
+    head, *rows = plan.read_text(encoding="utf-8").splitlines()
+    out = [head]
+    for row in rows:
+        number, l, w, tail = re.match(r"(\d+),([\d.]+),([\d.]+),+(.*)", row).groups()  # type: ignore[union-attr]
+        low = np.full(sensor.strips, float(l))
+        raw = distorted(unit, ts.signatures(sensor, low, low + float(w)))
+        i = int(number) - sensor.strip_base
+        volts = [f"{(v[i] + rng.uniform(-0.001, 0.001)) * sensor.vref_volt:.5f}" for v in raw.values()]
+        out.append(",".join([number, l, w, *volts, tail]))
+    plan.write_text("\n".join(out) + "\n", encoding="utf-8")
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Path:
+    CRS.save(tmp_path / "sensor.toml")
+    return tmp_path
+
+
+def test_from_plan_to_calibrated_spec(bench: Path) -> None:
+    spec, runs, out = bench / "sensor.toml", bench / "runs.csv", bench / "calibrated.toml"
+    planned = run("--plan", spec, "-o", runs, "--wanted", 0.1, "--noise", 0.1, "--unit", "left")
+    assert planned.code == 0
+    count = int(re.search(r"(\d+) contacts on each of 2 strips", planned.text)[1])  # type: ignore[index]
+    assert len(runs.read_text().splitlines()) == 1 + 2 * count
+    assert "there are no readings" in run(spec, runs, "-o", out).text
+    filled(runs, CRS, OFFSETS)
+    with runs.open("a") as file:  # untouched strips in the same runs
+        for i in range(24):
+            file.write(f"{1 + i % 2},,,{0.2 + 0.001 * (i % 3)},0.1,,\n")
+    done = run(spec, runs, "-o", out, "--report", bench / "report")
+    assert done.code == 0
+    assert "learned" in done.text
+    sensor = ts.Sensor.load(out)
+    assert sensor.calibration is not None
+    assert (sensor.calibration.unit, sensor.calibration.source) == ("left", "runs.csv")
+    assert sensor.calibration.made
+    assert sensor.calibration.after_percent is not None
+    assert sensor.calibration.after_percent < 0.1 < 1.0 < (sensor.calibration.before_percent or 0.0)
+    np.testing.assert_allclose(sensor.calibration.channel("kh").offset, (0.05, 0.01), atol=1e-3)
+    assert sensor.rest_volt == pytest.approx(0.15, abs=0.06)
+    page = (bench / "report" / "report.html").read_text(encoding="utf-8")
+    assert page.count("data:image/png;base64,") == 4  # two of all strips, one a strip
+    for words in ("unit left", "mean offsets (6.1)-(6.5)", "P.U. profile", "offset kh", "Models on trial"):
+        assert words in page
+    assert (bench / "report" / "figures" / "strip-2.png").exists()
+    refused = run(out, runs, "-o", bench / "x.toml", "--unit", "right")
+    assert refused.code == 2
+    assert "give --force" in refused.text
+    assert run(out, runs, "-o", bench / "x.toml", "--unit", "right", "--force", "--model", "mean").code == 0
+
+
+def test_touch_and_rezero_on_the_command_line(bench: Path) -> None:
+    rows = "".join(f"{i},{0.01 * i},{s},{0.1 + 0.001 * (i % 2)},0.05\n" for i in range(20) for s in (1, 2))
+    head = "scan,time_s,strip,v_h,v_l\n"
+    (bench / "rest.csv").write_text(head + rows)
+    (bench / "later.csv").write_text(head + rows.replace(",0.1", ",0.15").replace(",0.05\n", ",0.1\n"))
+    learned = run(bench / "sensor.toml", "--touch", bench / "rest.csv", "-o", bench / "a.toml")
+    assert learned.code == 0
+    assert "reads as untouched" in learned.text
+    done = run("--rezero", bench / "a.toml", bench / "later.csv", "-o", bench / "b.toml")
+    assert done.code == 0
+    assert "2 of 2 strips re-zeroed" in done.text
+    calibration = ts.Sensor.load(bench / "b.toml").calibration
+    assert calibration is not None
+    np.testing.assert_allclose(calibration.channel("kl").drift, 0.05 / 6.05, atol=1e-6)
+    assert calibration.zeroed.endswith(", later.csv")
+    (quiet,) = ts.read_readings(bench / "later.csv", ts.Sensor.load(bench / "b.toml"))[:1]
+    assert not quiet.touched.any()
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["sensor.toml"], "name the spec to write with -o"),
+        (["sensor.toml", "-o", "x.toml"], "give RUNS to calibrate from, or one of --touch, --plan, --rezero"),
+        (["--plan", "sensor.toml", "runs.csv"], "--plan takes no RUNS"),
+        (["--plan", "--rezero", "sensor.toml"], "--plan and --rezero are two jobs"),
+        (["--rezero", "sensor.toml", "-o", "x.toml"], "--rezero needs readings"),
+        (["sensor.toml", "runs.csv", "-o", "x.toml", "--wanted", "1"], "--wanted is for --plan"),
+        (["sensor.toml", "runs.csv", "-o", "x.toml", "--reference", "1", "1"], "--reference is for --rezero"),
+        (["sensor.toml", "--report", "r", "-o", "x.toml"], "--report is of a calibration: give RUNS"),
+        (["sensor.toml", "runs.csv", "-o", "runs.csv"], "runs.csv is read here and would be written over"),
+        (["sheet.toml", "runs.csv", "-o", "x.toml"], "a crs-crp sensor cannot be calibrated strip by strip"),
+        (["--plan", "sheet.toml"], "a crs-crp sensor cannot be calibrated strip by strip"),
+    ],
+)
+def test_options_that_do_not_go_together(
+    bench: Path, monkeypatch: pytest.MonkeyPatch, words: list[str], message: str
+) -> None:
+    monkeypatch.chdir(bench)
+    Path("runs.csv").write_text(HEAD + ROWS)
+    ts.Sensor(construction="crs-crp", strips=2, pitch_mm=6.5, length_mm=325.0, contact_lambda_mm=2.0).save(
+        "sheet.toml"
+    )
+    result = run(*words)
+    assert result.code == 2
+    assert message in result.text
+
+
+def test_a_plan_can_be_read_back(tmp_path: Path) -> None:
+    write_plan(tmp_path / "p.csv", METAL, [(0, 10.0, 0.0), (1, 20.0, 50.0)], "left")
+    text = (tmp_path / "p.csv").read_text().replace(",,", ",1.5,")
+    runs = read(tmp_path, text, METAL)
+    np.testing.assert_array_equal(runs.l_mm, [[10.0, 20.0]])
+    assert runs.unit == "left"

@@ -1,0 +1,268 @@
+"""record, replay, recover, convert as a user meets them."""
+
+from __future__ import annotations
+
+import json
+import resource
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import tacstrip as ts
+from recordings import make, sensor
+from tacstrip.cli import main
+from tacstrip.stream.codes import decode
+
+RECTANGLE = "POLYGON ((-15 -10, 15 -10, 15 10, -15 10, -15 -10))"
+RECORD = ("record", "s.toml", "o.wkt", "-o", "a.mcap", "--at", "15", "40", "--drag", "15", "60", "--rate", "500",
+          "--seconds", "0.2", "--positional", "0.002")  # fmt: skip
+Run = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
+    """Give what runs a command in a folder with a spec and a contact: exit code, output, errors."""
+    monkeypatch.chdir(tmp_path)
+    sensor().save("s.toml")
+    Path("o.wkt").write_text(RECTANGLE)
+
+    def _run(*words: str) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["tacstrip", *words])
+        with pytest.raises(SystemExit) as left:
+            main()
+        out = capsys.readouterr()
+        assert "Traceback" not in out.err
+        return int(left.value.code or 0), out.out, out.err
+
+    return _run
+
+
+def _good(went: tuple[int, str, str]) -> str:
+    code, out, error = went
+    assert code == 0, error
+    assert not error
+    return out
+
+
+def test_record_and_replay(run: Run) -> None:
+    assert "a.mcap: 100 scan(s) of 30 strips, 100 shape(s)" in _good(run(*RECORD, "--reconstruct", "profile"))
+    lines = [json.loads(line) for line in _good(run("replay", "a.mcap", "--fast")).splitlines()]
+    assert [line["scan"] for line in lines] == list(range(100))
+    assert lines[-1]["time_s"] == pytest.approx(0.198)
+    file = ts.Recording("a.mcap")
+    for line, raw in zip(lines, file, strict=True):
+        scan = decode(raw, file.sensor)
+        kh = np.array([np.nan if k is None else k for k in line["kh"]])
+        np.testing.assert_allclose(kh, scan["kh"], atol=1e-9)
+        (shape,) = line["shapes"]
+        assert shape["status"] == "ok"
+        np.testing.assert_allclose(shape["vertices_mm"], raw.shapes[0].vertices, atol=1e-6)
+    out = _good(run("replay", "a.mcap", "--summary"))
+    assert "crs-crs, 30 strips, codes kh, kl of 12 bits" in out
+    assert "100 scan(s), 100 of them touched, 0 lost" in out
+    assert "500 scans a second" in out
+    assert "shapes: 100 ok" in out
+    assert "method: profile" in out
+
+
+def test_replay_with_another_spec_and_method_and_a_picture(run: Run) -> None:
+    _good(run(*RECORD))
+    longer = ts.Sensor.load("s.toml")
+    ts.Sensor(**{**{k: getattr(longer, k) for k in ("construction", "strips", "pitch_mm", "adc_bits")},
+                 "length_mm": 200.0}).save("long.toml")  # fmt: skip
+    code, out, error = run("replay", "a.mcap", "--speed", "10", "--sensor", "long.toml", "--reconstruct", "profile",
+                           "--plot", "last.png")  # fmt: skip
+    assert (code, error) == (0, "last.png written\n")
+    y = np.array(json.loads(out.splitlines()[-1])["shapes"][0]["vertices_mm"])[:, 1]
+    assert y.mean() == pytest.approx(2.0 * 60.0, abs=2.0)  # twice as long: twice as high
+    assert Path("last.png").read_bytes()[:4] == b"\x89PNG"
+
+
+def test_recover_a_cut_file(run: Run) -> None:
+    _good(run(*RECORD, "--reconstruct", "profile"))
+    data = Path("a.mcap").read_bytes()
+    Path("cut.mcap").write_bytes(data[: len(data) // 2])
+    code, out, error = run("replay", "cut.mcap", "--summary")
+    assert code == 0
+    assert "cut.mcap was cut" in error
+    assert "`tacstrip recover`" in error
+    out = _good(run("recover", "cut.mcap"))
+    assert "cut-recovered.mcap: " in out
+    count = len(list(ts.Recording("cut-recovered.mcap")))
+    assert 0 < count < 100
+    assert f"/tacstrip/scan: {count}, /tacstrip/polygon: {count}" in out
+    assert "lie after the last whole chunk and are lost" in out
+    assert "nothing was lost: a.mcap is whole" in _good(run("recover", "a.mcap", "-o", "b.mcap"))
+    assert len(list(ts.Recording("b.mcap"))) == 100
+
+
+def test_from_recording_to_csv_and_back(run: Run) -> None:
+    _good(run(*RECORD))
+    first = list(ts.Recording("a.mcap"))
+    for words in ([], ["--codes"]):
+        _good(run("convert", "a.mcap", "-o", "a.csv", "--force", *words))
+        _good(run("convert", "s.toml", "a.csv", "-o", "b.mcap", "--force"))
+        for one, other in zip(first, ts.Recording("b.mcap"), strict=True):
+            assert one.time_s == pytest.approx(other.time_s, abs=1e-9)
+            np.testing.assert_array_equal(one.touched, other.touched)
+            for name, codes in one.codes.items():
+                np.testing.assert_array_equal(codes[one.touched], other.codes[name][one.touched])
+    header, line = Path("a.csv").read_text().splitlines()[:2]
+    assert header == "scan,time_s,strip,code_h,code_l"
+    assert line == f"0,0,0,{first[0].codes['kh'][0]},{first[0].codes['kl'][0]}"
+
+
+def test_to_numpy(run: Run) -> None:
+    _good(run(*RECORD, "--reconstruct", "profile"))
+    _good(run("convert", "a.mcap", "-o", "a.npz"))
+    data = np.load("a.npz")
+    file = ts.Recording("a.mcap")
+    raws = list(file)
+    np.testing.assert_allclose(data["time_s"], [raw.time_s for raw in raws], atol=1e-9)
+    for name in ("kh", "kl"):
+        np.testing.assert_array_equal(data[name], [decode(raw, file.sensor)[name] for raw in raws])
+        np.testing.assert_array_equal(data[f"code_{name}"], [raw.codes[name] for raw in raws])
+    np.testing.assert_array_equal(data["touched"], [raw.touched for raw in raws])
+    start = data["polygon_start"]
+    for i, raw in enumerate(raws):
+        assert data["polygon_scan"][i] == i
+        corners = data["polygon_vertices_mm"][start[i] : start[i + 1]]
+        np.testing.assert_array_equal(corners, raw.shapes[0].vertices)
+    Path("again.toml").write_text(str(data["sensor_toml"]))
+    assert ts.Sensor.load("again.toml") == file.sensor
+
+
+def test_to_geojson_and_spec(run: Run) -> None:
+    _good(run(*RECORD, "--reconstruct", "profile"))
+    assert "100 shape(s)" in _good(run("convert", "a.mcap", "-o", "a.geojson"))
+    features = json.loads(Path("a.geojson").read_text())["features"]
+    raws = list(ts.Recording("a.mcap"))
+    for feature, raw in zip(features, raws, strict=True):
+        assert feature["properties"]["method"] == "profile"
+        assert feature["properties"]["status"] == "ok"
+        assert feature["properties"]["time_s"] == raw.time_s
+        ring = np.array(feature["geometry"]["coordinates"][0])
+        np.testing.assert_allclose(ring[:-1], raw.shapes[0].vertices, atol=1e-9)
+    _good(run("convert", "a.mcap", "-o", "again.toml"))
+    assert ts.Sensor.load("again.toml") == sensor()
+
+
+def test_a_recording_recorded_again_keeps_its_shapes_and_time(run: Run) -> None:
+    _good(run(*RECORD, "--reconstruct", "profile"))
+    _good(run("record", "a.mcap", "-o", "b.mcap"))
+    one, other = ts.Recording("a.mcap"), ts.Recording("b.mcap")
+    assert one.origin_ns == other.origin_ns
+    assert other.about["method"] == "profile"
+    for a, b in zip(one, other, strict=True):
+        assert a.time_s == b.time_s
+        np.testing.assert_allclose(a.shapes[0].vertices, b.shapes[0].vertices, atol=1e-6)
+    _good(run("record", "a.mcap", "-o", "c.mcap", "--reconstruct", "vertex"))
+    file = ts.Recording("c.mcap")
+    assert file.about["method"] == "vertex"
+    file.close()
+
+
+def test_what_is_stored_otherwise_than_it_came_is_told(run: Run) -> None:
+    Path("v.csv").write_text("scan,time_s,strip,v_out\n0,0,0,1.2345\n0,0,1,\n")
+    spec = ts.Sensor(construction="crs-m", strips=2, pitch_mm=1.0, length_mm=50.0)
+    spec.save("none.toml")
+    code, _, error = run("record", "none.toml", "v.csv", "-o", "v.mcap")
+    assert code == 0
+    assert "none.toml has no adc_bits: the recording holds codes of 16 bits" in error
+    ts.Sensor(construction="crs-m", strips=2, pitch_mm=1.0, length_mm=50.0, adc_bits=8).save("eight.toml")
+    code, _, error = run("record", "eight.toml", "v.csv", "-o", "w.mcap")
+    assert code == 0
+    assert "v.csv has readings between the codes of 8 bits; they are rounded" in error
+
+
+def test_full_disk(tmp_path: Path) -> None:
+    """The operating system's own limit on a file's size stands for the end of the disk."""
+    sensor().save(tmp_path / "s.toml")
+    (tmp_path / "o.wkt").write_text(RECTANGLE)
+    done = subprocess.run(
+        [sys.executable, "-c", "from tacstrip.cli import main; main()", *RECORD],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (12_000, 12_000)),
+    )
+    assert done.returncode == 1, done.stderr
+    assert "Error: a.mcap: File too large." in done.stderr
+    file = ts.Recording(tmp_path / "a.mcap")
+    read = list(file)
+    assert file.condition.whole
+    assert 0 < len(read) < 100
+    assert f"{len(read)} scan(s) are saved in it" in done.stderr
+
+
+BAD: dict[str, tuple[tuple[str, ...], str]] = {
+    "there already": (("record", "a.mcap", "-o", "b.mcap"), "b.mcap exists already"),
+    "over itself": (
+        ("record", "a.mcap", "-o", "a.mcap", "--force"),
+        "a.mcap is read here and would be written over",
+    ),
+    "no spec": (("record", "o.wkt", "-o", "c.mcap"), "o.wkt: a contact needs a SENSOR to touch"),
+    "no ending": (("record", "a.mcap", "-o", "c.bag"), "-o c.bag: a recording is a file that ends in .mcap"),
+    "three files": (("record", "s.toml", "a.mcap", "c", "-o", "c.mcap"), "c: one INPUT only"),
+    "contact options": (
+        ("record", "a.mcap", "-o", "c.mcap", "--rate", "5"),
+        "--rate is for a contact",
+    ),
+    "no rate": ((*RECORD[:3], "-o", "c.mcap", "--rate", "0"), "--rate 0.0: must be above 0"),
+    "nan seconds": ((*RECORD[:3], "-o", "c.mcap", "--seconds", "nan"), "--seconds nan: must be above 0"),
+    "negative seed": ((*RECORD[:3], "-o", "c.mcap", "--seed", "-1"), "--seed -1: must be 0 or more"),
+    "no method": (
+        ("record", "a.mcap", "-o", "c.mcap", "--reconstruct", "magic"),
+        "method 'magic' does not exist",
+    ),
+    "off the sensor": (
+        ("record", "s.toml", "o.wkt", "-o", "c.mcap", "--at", "500", "5"),
+        "lies outside the sensor",
+    ),
+    "no folder": (("record", "a.mcap", "-o", "no/c.mcap"), "no/c.mcap: No such file or directory"),
+    "replay nothing": (("replay", "none.mcap"), "none.mcap: no such file"),
+    "replay a spec": (("replay", "s.toml"), "s.toml: not a recording"),
+    "replay backwards": (("replay", "a.mcap", "--speed", "-1"), "--speed -1.0: must be above 0"),
+    "another sensor": (
+        ("replay", "a.mcap", "--sensor", "prototype-crs-m"),
+        "construction = crs-crs, and the",
+    ),
+    "picture": (("replay", "a.mcap", "--plot", "p.bmp"), "p.bmp: a picture is a file that ends in .png"),
+    "recover a spec": (("recover", "s.toml"), "s.toml: not a recording"),
+    "recover over": (("recover", "a.mcap", "-o", "b.mcap"), "b.mcap exists already"),
+    "to nothing": (
+        ("convert", "a.mcap", "-o", "a.doc"),
+        "ending '.doc' does not exist; choose one of: .mcap, .csv",
+    ),
+    "no shapes": (
+        ("convert", "a.mcap", "-o", "a.geojson"),
+        "a.mcap: it holds no polygons; `tacstrip record a.mcap",
+    ),
+    "shapes of readings": (("convert", "s.toml", "r.csv", "-o", "r.geojson"), "r.csv holds no shapes"),
+    "readings without spec": (
+        ("convert", "r.csv", "-o", "r.mcap"),
+        "r.csv: a readings file does not say what sensor",
+    ),
+    "codes to numpy": (("convert", "a.mcap", "-o", "a.npz", "--codes"), "--codes is for a .csv"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_input_gets_a_clear_error(run: Run, name: str) -> None:
+    make(Path("a.mcap"), sensor(), 3, None)
+    Path("b.mcap").write_text("precious")
+    Path("r.csv").write_text(
+        "scan,time_s,strip,code_h,code_l\n" + "".join(f"0,0,{i},9,8\n" for i in range(30))
+    )
+    words, told = BAD[name]
+    code, _, error = run(*words)
+    assert code == 2, error
+    assert told in error
+    assert Path("b.mcap").read_text() == "precious"
+    assert not Path("c.mcap").exists()
