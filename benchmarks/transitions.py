@@ -12,10 +12,14 @@ piecewise-regression, skchange and ruptures take part if they are installed.
 from __future__ import annotations
 
 import argparse
-import importlib.util
 import time
 from collections.abc import Callable, Sequence
+from contextlib import redirect_stdout
 from dataclasses import dataclass, field
+from functools import partial
+from importlib import import_module
+from importlib.util import find_spec
+from io import StringIO
 
 import numpy as np
 from _protocol import SIGNATURES, Cell, Trial, trial
@@ -24,7 +28,7 @@ import tacstrip as ts
 from tacstrip.arrays import FloatArray
 from tacstrip.reconstruct.bound import reading_sigma
 from tacstrip.reconstruct.polygon import fit_polygon
-from tacstrip.reconstruct.polygon_search import fit_counts
+from tacstrip.reconstruct.polygon_search import fit_counts, refine
 from tacstrip.reconstruct.polygon_signal import Signal
 
 SEED = 20260501
@@ -54,7 +58,7 @@ class Score:
         """Return the table's cells."""
         median, implied = 100.0 * np.median(self.away), 100.0 * np.median(self.implied)
         first = f"{np.mean(self.right):.4f} | {median:.3f} | {median / implied:.2f}"
-        vertices = " | | "
+        vertices = "- | - | -"
         if self.squares:
             pooled = np.sqrt(np.sum(self.squares) / np.sum(self.bounds))
             vertices = f"{pooled:.2f} | {np.sqrt(np.mean(self.scaled)):.2f} | {np.mean(self.inside):.3f}"
@@ -85,33 +89,29 @@ def by_savgol(cell: Cell, of: Trial) -> FloatArray:
 
 def by_piecewise(cell: Cell, of: Trial) -> FloatArray:
     """Fit straight pieces; their count by the library's BIC."""
-    from piecewise_regression import Fit, ModelSelection
-
+    library = import_module("piecewise_regression")
     k = of.scan[SIGNATURES[cell.kind][0]][of.scan.touched]
-    chosen = ModelSelection(of.x, k, max_breakpoints=5, verbose=False)
+    with redirect_stdout(StringIO()):  # it prints a table
+        chosen = library.ModelSelection(of.x, k, max_breakpoints=5, n_boot=5, verbose=False)
     scores = [m["bic"] if m["converged"] else np.inf for m in chosen.model_summaries]
     count = int(chosen.model_summaries[int(np.argmin(scores))]["n_breakpoints"])
     if count == 0:
         return np.empty(0)
-    found = Fit(of.x, k, n_breakpoints=count, verbose=False).get_results()["estimates"]
+    found = library.Fit(of.x, k, n_breakpoints=count, n_boot=5, verbose=False).get_results()["estimates"]
     return np.array([found[f"breakpoint{i + 1}"]["estimate"] for i in range(count)]) if found else np.empty(0)
 
 
 def by_skchange(cell: Cell, of: Trial) -> FloatArray:
     """Find changes of slope with skchange's continuous piecewise linear score."""
-    from skchange.change_detectors import SeededBinarySegmentation
-    from skchange.change_scores import ContinuousLinearTrendScore
-
+    detectors, scorers = import_module("skchange.detectors"), import_module("skchange.interval_scorers")
     k = of.scan[SIGNATURES[cell.kind][0]][of.scan.touched] / reading_sigma(ts.Noise(cell.noise), cell.sensor)
-    detector = SeededBinarySegmentation(ContinuousLinearTrendScore())
-    at = detector.fit_predict(k[:, None])["ilocs"].to_numpy()
-    return np.asarray(of.x[at])
+    detector = detectors.SeededBinarySegmentation(scorers.ContinuousLinearTrendScore())
+    return np.asarray(of.x[np.asarray(detector.fit_predict(k[:, None]), dtype=int)])
 
 
 def by_ruptures(cell: Cell, of: Trial) -> FloatArray:
     """Find changes of slope with ruptures' continuous linear cost and dynamic programming's penalised twin."""
-    import ruptures
-
+    ruptures = import_module("ruptures")
     k = of.scan[SIGNATURES[cell.kind][0]][of.scan.touched]
     step = max(len(k) // 50, 1)
     detector = ruptures.Pelt(custom_cost=ruptures.costs.CostCLinear(), min_size=2 * step, jump=step).fit(
@@ -170,6 +170,34 @@ def add_vertices(got: Score, of: Trial, found: ts.Reconstruction) -> None:
         got.inside.append(bool(e @ np.linalg.solve(block, e) <= REGION))
 
 
+def speeds(cell: Cell, seed: int, contacts: int = 60) -> str:
+    """Return milliseconds of a cold fit, of a warm one from the scan before, and of all of `fit_polygon`."""
+    random = np.random.default_rng([seed, *cell_key(cell)])
+    sensor, noise = cell.sensor, ts.Noise(cell.noise)
+    times = []
+    for _ in range(contacts):
+        of = trial(cell, random)
+        signals = []
+        for _ in range(2):
+            again = ts.simulate(sensor, ts.Contact.polygon(of.truth), noise, random)
+            readings = {name: again[name][again.touched] for name in SIGNATURES[cell.kind]}
+            signals.append(Signal.of(sensor, of.x, readings, reading_sigma(noise, sensor)))
+        before = fit_counts(signals[0]).chosen
+        jobs: list[Callable[[], object]] = [
+            partial(fit_counts, signals[1]),
+            partial(refine, before, signals[1]),
+            partial(fit_polygon, of.scan, sensor, noise),
+        ]
+        times.append([min(_seconds(job) for _ in range(3)) for job in jobs])
+    return " | ".join(f"{1e3 * t:.3f}" for t in np.median(times, axis=0))
+
+
+def _seconds(job: Callable[[], object]) -> float:
+    start = time.perf_counter()
+    job()
+    return time.perf_counter() - start
+
+
 def cell_key(cell: Cell) -> tuple[int, int, int]:
     """Return whole numbers that a generator can be seeded with."""
     return sorted(SIGNATURES).index(cell.kind), round(1e6 * cell.noise), cell.strips
@@ -185,8 +213,8 @@ def parse(text: str) -> Cell:
 
 def main() -> None:
     """Print the table."""
-    there = [m for m, (_, needs) in FINDERS.items() if not needs or importlib.util.find_spec(needs)]
-    options = argparse.ArgumentParser(description=__doc__.splitlines()[0])  # type: ignore[union-attr]
+    there = [m for m, (_, needs) in FINDERS.items() if not needs or find_spec(needs)]
+    options = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     options.add_argument("--polygons", type=int, default=400, help="a cell")
     options.add_argument(
         "--cells", nargs="+", type=parse, default=CELLS, help="kind:noise:strips, all by default"
@@ -203,6 +231,12 @@ def main() -> None:
     for cell in chosen.cells:
         for method, got in score(cell, chosen.methods, chosen.polygons, chosen.seed).items():
             print(f"| {cell.kind} | {cell.noise:g} | {cell.strips} | {method} | {got.row()} |", flush=True)
+    print("\nOne core, milliseconds, the best of three of each contact, median:\n")
+    print(
+        "| signature | noise | strips | cold fit | warm fit | fit_polygon |\n| --- | --- | --- | --- | --- | --- |"
+    )
+    for cell in chosen.cells:
+        print(f"| {cell.kind} | {cell.noise:g} | {cell.strips} | {speeds(cell, chosen.seed)} |", flush=True)
 
 
 if __name__ == "__main__":

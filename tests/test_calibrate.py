@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from dataclasses import replace
 
 import numpy as np
@@ -312,3 +313,32 @@ def test_more_noise_needs_more_contacts_and_too_much_is_said() -> None:
 def test_plans_that_cannot_be(wanted: float, noise: float, unit: float | None, message: str) -> None:
     with pytest.raises(ts.OptionError, match=message):
         plan(CRS, wanted, ts.Noise(positional=noise), unit_mm=unit)
+
+
+# Rubbish in.
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_rubbish_gives_constants_or_a_clear_error(seed: int) -> None:
+    """Readings that have nothing to do with their contacts, at any places: no warning, no other error."""
+    rng = np.random.default_rng(seed)
+    sensor, many = (CRS, METAL)[seed % 2], int(rng.integers(1, 25))
+    w = rng.choice([0.0, 0.0, 10.0, 60.0], (many, 3))
+    l = rng.uniform(0.0, 1.0, (many, 3)) * (250.0 - w)
+    raw = {
+        n: np.clip(rng.normal(0.5, (0.5, 0.1, 0.0)[seed % 3], (many, 3)), 0.0, 1.0) for n in sensor.signatures
+    }
+    runs = Runs(l, w, raw, np.ones((many, 3), dtype=int), {})
+    for model in ("mean", "offset+gain+lambda", "offset+warp4", "curve4", "offset+fade", "auto"):
+        try:
+            done = ts.calibrate_unit(sensor, runs, model)
+        except ts.ReadingError:  # and nothing else
+            continue
+        assert ts.Sensor.from_dict(tomllib.loads(done.sensor.to_toml())) == done.sensor
+
+
+def test_a_strip_that_reads_vref_throughout_is_named() -> None:
+    runs = twin_runs(CRS, POINTS, ts.Build(), 0.0, 1)
+    runs.raw["kh"][:, 1] = 1.0
+    with pytest.raises(ts.ReadingError, match="strip 1 reads 0 or Vref in every contact: is it connected"):
+        ts.calibrate_unit(CRS, runs)

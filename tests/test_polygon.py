@@ -266,7 +266,7 @@ def test_transitions_of_one_signature() -> None:
 
 
 def test_many_scans_give_what_each_gives() -> None:
-    scans = [simulate(CRS, Contact.polygon(PENTAGON), NOISE, rng=i) for i in range(6)]
+    scans = [simulate(CRS, Contact.polygon(PENTAGON), NOISE, rng=i) for i in range(60)]
     for many, scan in zip(fit_polygons(scans, CRS, NOISE, workers=2), scans, strict=True):
         np.testing.assert_array_equal(many.objects[0].vertices, _only(scan, CRS).vertices)
 

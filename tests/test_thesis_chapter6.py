@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +31,7 @@ from tacstrip.studies.thesis.chapter6_calibration import (
 from tacstrip.studies.thesis.chapter6_claims import judge_chapter6, most_upright_deg
 from tacstrip.studies.thesis.published import Experiment, experiments, published
 from tacstrip.studies.thesis.reproduce import inside_counts
-from tacstrip.studies.twin import PLACINGS, calibrated, twin
+from tacstrip.studies.twin import PLACINGS, twin
 
 BY_FIGURE = {e.figure: e for e in experiments()}
 NUMBER = {e.figure: i for i, e in enumerate(experiments())}
@@ -62,7 +61,10 @@ def test_without_errors_and_with_true_transitions_the_rectangle_comes_back(figur
 
 def test_variants_change_one_thing_at_a_time() -> None:
     kh, profile, raw, metal = (BY_FIGURE[f] for f in ("6.5", "6.17", "6.6", "6.27"))
-    names: Callable[[Experiment], set[str]] = lambda e: {n for n, v in VARIANTS.items() if applies(v, e)}
+
+    def names(e: Experiment) -> set[str]:
+        return {n for n, v in VARIANTS.items() if applies(v, e)}
+
     assert names(metal) == set(VARIANTS)
     assert set(VARIANTS) - names(kh) == {"overhanging", "overhanging, found transitions"}
     assert "found transitions" not in names(profile)
@@ -257,10 +259,3 @@ def test_the_report_has_chapter_6(made: Made) -> None:
         "overhanging",
     ):
         assert text in page
-
-
-def test_calibrating_a_twin_needs_its_own_offsets() -> None:
-    e = BY_FIGURE["6.27"]
-    _, raw, _ = at_nominal(e, Variant(raw=True))
-    _, good, _ = at_nominal(e, Variant())
-    np.testing.assert_allclose(calibrated(twin(e.sensor), raw)["k"], good["k"])

@@ -34,6 +34,10 @@ class RecordingError(TacstripError):
     """A recording that cannot be read or made: not one, damaged, already there, of another sensor."""
 
 
+class PortError(TacstripError):
+    """A device that cannot be used: no such port, no tacstrip firmware on it, another sensor than the spec."""
+
+
 class OptionError(TacstripError):
     """An option with a value that does not exist or cannot be."""
 

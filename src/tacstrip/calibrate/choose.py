@@ -210,12 +210,12 @@ def _left_out(found: Fit, sensor: Sensor, runs: Runs, groups: IntArray) -> Float
     if len(places) < 3:
         return None
     fold = np.random.default_rng(0).permutation(np.arange(len(places)) % min(_FOLDS, len(places)))
-    error = np.full(runs.l_mm.shape, np.nan)
+    error, rail = np.full(runs.l_mm.shape, np.nan), at_rail(runs)
     model = found.constants.model
     for number in range(int(fold.max()) + 1):
         out = np.isin(groups, places[fold == number])
         rest = replace(runs, l_mm=np.where(out, np.nan, runs.l_mm), w_mm=np.where(out, np.nan, runs.w_mm))
-        if not np.isfinite(rest.l_mm).any(axis=0).all():
+        if not (np.isfinite(rest.l_mm) & ~rail).any(axis=0).all():
             return None
         try:
             other = apply(fit(model, sensor, rest, found.constants).constants, sensor)
@@ -223,7 +223,7 @@ def _left_out(found: Fit, sensor: Sensor, runs: Runs, groups: IntArray) -> Float
             return None
         off = np.mean([np.abs(r) for r in residuals(other, runs).values()], axis=0)
         error[out] = off[out]
-    error[at_rail(runs)] = np.nan
+    error[rail] = np.nan
     return np.array([np.nanmean(e) for g in places if np.isfinite(e := error[groups == g]).any()])
 
 

@@ -83,7 +83,7 @@ def _with(constants: Constants, index: int, value: float) -> Constants:
 def _descend(sensor: Sensor, runs: Runs, constants: Constants, careful: int) -> Fit:
     """Improve the constants until readings settle; the first `careful` rounds let no row go."""
     if careful:
-        constants = held(_centred(sensor, runs, constants), sensor)
+        constants = held(_centred(sensor, runs, constants))
     there = np.isfinite(runs.l_mm) & ~at_rail(runs)
     weight = there.astype(float)
     gap = _gap(sensor, runs, constants)
@@ -108,7 +108,8 @@ def _descend(sensor: Sensor, runs: Runs, constants: Constants, careful: int) -> 
 def _gap(sensor: Sensor, runs: Runs, constants: Constants) -> FloatArray:
     """Return measured less predicted readings (signatures, contacts, strips), 0 where there is no contact."""
     told = predict(constants, sensor, runs.l_mm, runs.w_mm)
-    return np.nan_to_num(np.stack([runs.raw[s] - told[s] for s in runs.signatures]))
+    gap = np.stack([runs.raw[s] - told[s] for s in runs.signatures])
+    return np.where(np.isfinite(runs.l_mm), gap, 0.0)
 
 
 def _centred(sensor: Sensor, runs: Runs, constants: Constants) -> Constants:
@@ -204,7 +205,7 @@ def _go(
     before = _cost(here, sigma, weight)
     for part in (1.0, 0.5, 0.25, 0.1, 0.01):
         shared, own = constants.shared + part * step[0], constants.own + part * step[1]
-        there = held(replace(constants, shared=shared, own=own), sensor)
+        there = held(replace(constants, shared=shared, own=own))
         gap = _gap(sensor, runs, there)
         if np.isfinite(gap).all() and _cost(gap, sigma, weight) <= before + 1e-12:
             return there, gap, float(np.abs(gap - here).max(initial=0.0))

@@ -26,6 +26,8 @@ PARTS = {
 }
 _LEAST_RATIO, _MOST_RATIO = 1e-3, 1e3
 _LEAST_FADE, _MOST_FADE = 0.01, 0.5
+_LEAST_GAIN = 0.5
+_ANY = (-1.0, 1.0)  # of Vref or L: no reading and no place is further off
 
 
 @dataclass(frozen=True)
@@ -128,24 +130,32 @@ def start(
     return new
 
 
-def held(constants: Constants, sensor: Sensor) -> Constants:
+def held(constants: Constants) -> Constants:
     """Return the constants with those that cannot be held at their bound."""
-    names, shared = constants.model.shared, constants.shared.copy()
-    offset = max(
-        (float(np.abs(constants.value(f"offset {s}") / (1.0 + constants.value(f"gain {s}"))).max())
-         for s in constants.signatures if constants.model.has("fade")),
-        default=0.0,
-    )  # fmt: skip
+    model, signatures = constants.model, constants.signatures
+    gains = [np.maximum(1.0 + constants.value(f"gain {s}"), _LEAST_GAIN) for s in signatures]
+    offsets = [np.abs(constants.value(f"offset {s}")) for s in signatures]
+    # An offset that fades over less than itself would make readings fall where k rises.
+    least = 1.05 * max(float(np.max(o / g)) for o, g in zip(offsets, gains, strict=True))
     bounds = {
         "ratio": (np.log(_LEAST_RATIO), np.log(_MOST_RATIO)),
+        "ratios": (np.log(_LEAST_RATIO), np.log(_MOST_RATIO)),
         "lambda": (0.0, 1.0),
-        "fade": (min(max(_LEAST_FADE, 1.05 * offset), _MOST_FADE), _MOST_FADE),
+        "fade": (min(max(_LEAST_FADE, least), _MOST_FADE), _MOST_FADE),
+        "gain": (_LEAST_GAIN - 1.0, 1.0),
     }
-    for i, name in enumerate(names):
-        shared[i] = np.clip(shared[i], *bounds[name])
-    return replace(constants, shared=shared)
+    shared, own = (
+        np.clip(
+            values,
+            [bounds.get(n.split()[0], _ANY)[0] for n in names],
+            [bounds.get(n.split()[0], _ANY)[1] for n in names],
+        )
+        for values, names in ((constants.shared, model.shared), (constants.own, model.own(signatures)))
+    )
+    return replace(constants, shared=shared, own=own)
 
 
+@np.errstate(all="ignore")  # a step too far makes knots that do not rise; the fit takes it back
 def predict(
     constants: Constants, sensor: Sensor, l_mm: FloatArray, w_mm: FloatArray
 ) -> dict[str, FloatArray]:

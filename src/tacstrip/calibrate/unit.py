@@ -13,7 +13,7 @@ from tacstrip.calibrate.fit import Fit, at_rail
 from tacstrip.calibrate.model import apply
 from tacstrip.calibrate.offsets import mean_offsets, offset_sigma
 from tacstrip.calibrate.residuals import residuals, rms_percent
-from tacstrip.errors import OptionError
+from tacstrip.errors import OptionError, ReadingError
 from tacstrip.io.runs import Runs
 from tacstrip.sensor.calibration import Calibration
 from tacstrip.sensor.spec import Sensor
@@ -96,9 +96,14 @@ def calibrate_unit(sensor: Sensor, runs: Runs, model: str = "auto", unit: str = 
     OptionError
         There is no such model, or the construction has no closed form.
     ReadingError
-        The runs cannot tell a part of the model that was asked for.
+        The runs cannot tell a part of the model that was asked for, or a strip reads 0 or Vref throughout.
     """
     check(sensor)
+    dead = np.flatnonzero(~(np.isfinite(runs.l_mm) & ~at_rail(runs)).any(axis=0))
+    if len(dead):
+        raise ReadingError(
+            f"strip {dead[0] + sensor.strip_base} reads 0 or Vref in every contact: is it connected, and pressed?"
+        )
     plain = replace(sensor, calibration=None)
     thesis = replace(plain, calibration=mean_offsets(plain, runs))
     found: Fit | None = None

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tacstrip.arrays import FloatArray
+from tacstrip.arrays import FloatArray, IntArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,12 +23,20 @@ class Beside:
         How much both read above the line, in the mean.
     level
         The line, half way between the two.
+    rows
+        The places' rows.
     """
 
     apart: FloatArray
     slope: FloatArray
     together: FloatArray
     level: FloatArray
+    rows: IntArray
+
+    @property
+    def bent(self) -> FloatArray:
+        """How much further than the line's slope the two lie apart."""
+        return self.apart - self.slope
 
 
 def neighbours(values: FloatArray, strip: int) -> Beside | None:
@@ -53,7 +61,7 @@ def neighbours(values: FloatArray, strip: int) -> Beside | None:
     level = values[:, a] + slope * (strip + 0.5 - a)
     first, second = values[:, strip], values[:, strip + 1]
     together = (first + second) / 2.0 - level
-    known = np.isfinite(together)
-    if not known.any():
+    known = np.flatnonzero(np.isfinite(together))
+    if not len(known):
         return None
-    return Beside((second - first)[known], slope[known], together[known], level[known])
+    return Beside((second - first)[known], slope[known], together[known], level[known], known)

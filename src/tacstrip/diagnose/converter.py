@@ -40,7 +40,7 @@ def stuck_bits(log: Log) -> tuple[list[Finding], str]:
 
 
 def wrong_reference(log: Log, sigma: float) -> tuple[list[Finding], float]:
-    """Find readings above Vref or below ground, and a ceiling below Vref for contacts that reach the end at Vref.
+    """Find readings above Vref or below ground, and a common ceiling below Vref.
 
     Returns
     -------
@@ -77,38 +77,42 @@ def wrong_reference(log: Log, sigma: float) -> tuple[list[Finding], float]:
         return found, 1.0
     finding = Finding(
         "wrong-vref", (),
-        f"contacts that reach the end at Vref read v_h = {factor:.4g} Vref, whatever v_l is: Vref is "
-        f"{factor * log.sensor.vref_volt:.4g} V, or the amplifier's gain {factor:.4g}", {"factor": factor},
+        f"all strips' highest readings are {factor:.4g} of Vref, at different times, as of contacts that reach the end: Vref is "
+        f"{factor * log.sensor.vref_volt:.4g} V, or the gain {factor:.4g}", {"factor": factor},
     )  # fmt: skip
     return [finding, *found], factor
 
 
 def _end_level(log: Log, sigma: float) -> float | None:
-    """Return the level that k_h keeps on all strips while k_l moves: (3.3) is 1 for u = L, and so for nothing else."""
+    """Return the level below 1 that all strips' highest readings share, though contacts lie askew; None if there is none.
+
+    A contact at the end at Vref reads 1 (3.3), (3.8), whatever its length. Other contacts reach the same height on
+    all strips only if they lie straight, and then on all strips at once.
+    """
     k = log.k
-    if not {"kh", "kl"} <= set(k):
+    top = k.get("kh", k.get("k"))
+    if top is None:
         return None
-    kh, kl = k["kh"], k["kl"]
-    known = np.isfinite(kh) & np.isfinite(kl)
-    if known.sum() < 100:
+    often = np.isfinite(top).sum(axis=0) >= 20
+    if often.sum() < 4:
         return None
-    level = float(np.quantile(kh[known], 0.995)) - 2.0 * sigma
-    near = known & (np.abs(kh - level) < max(0.004, 3.0 * sigma))
-    if near.sum() < 50 or near.any(axis=0).sum() < 3 or not 0.4 < level < 0.97:
+    near = max(0.004, 2.0 * sigma)
+    highest = np.sort(np.nan_to_num(top[:, often], nan=-1.0), axis=0)[-3]
+    level = float(np.median(highest))
+    shared = np.abs(highest - level) < near
+    if not 0.4 < level < 0.97 or shared.mean() < 0.8 or (highest > level + 2.0 * near).any():
         return None
-    a, b = kl[near], kh[near]
-    width = float(np.percentile(a, 95.0) - np.percentile(a, 5.0))
-    if width < 0.15:
+    at = top > level - near
+    askew = (top < level - 0.03) & at.any(axis=1)[:, None]
+    if at.sum() < 5 * shared.sum() or askew.any(axis=1).sum() < 0.5 * at.any(axis=1).sum():
         return None
-    slope, level = (float(c) for c in np.polyfit(a - a.mean(), b, 1))
-    error = sigma / (float(np.std(a)) * np.sqrt(len(a)))
-    return level if abs(slope) < 0.02 and error < 0.007 else None
+    return float(np.median(top[at]))
 
 
 def common_ceiling(log: Log, sigma: float) -> list[Finding]:
     """Find a level that many strips' readings stop at: an amplifier that saturates cuts the noise off too."""
     step = 0.0 if log.sensor.adc_bits is None else 1.0 / (2.0**log.sensor.adc_bits - 1.0)
-    if sigma < max(2.0 * step, 2e-4):
+    if sigma < max(step, 2e-4):
         return []
     found = []
     for sign, side in ((1.0, "above"), (-1.0, "below")):

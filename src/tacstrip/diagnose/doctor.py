@@ -42,8 +42,8 @@ def diagnose(log: Log) -> Report:
     measured = measure(part)
     sigma = max(measured.sigma if np.isfinite(measured.sigma) else 0.0, _LEAST_SIGMA)
     bits, no_bits = stuck_bits(part)
-    reference, factor = wrong_reference(part, sigma)
     ceiling = common_ceiling(part, sigma)
+    reference, factor = wrong_reference(part, sigma) if not ceiling else ([], 1.0)
     view = view_of(part, sigma)
     for name in view.k:
         view.k[name] = view.k[name] / factor

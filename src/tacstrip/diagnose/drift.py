@@ -12,10 +12,11 @@ from tacstrip.diagnose.log import Log
 from tacstrip.diagnose.view import View, residuals
 
 _DRIFT = 0.01  # over Vref, over the recording: less is not worth a word
-_FEWEST = 40  # scans; an eighth of them in each quarter of the recording
+_FEWEST = 40  # scans; an eighth of them in each third of the recording
 _OWN = 0.2  # of time's variance, that place must leave over
-_EXPLAINED = 0.6  # of what place leaves over
-_NOISY = 2.0  # times sigma: what may be left in the end
+_BLOCKS, _STRAIGHT = 8, 5.0  # of untouched readings, and standard errors
+_BACK = 3  # times that the contact must come back to the same height: a passage in one direction is time itself
+_CERTAIN = 3.5  # standard errors, with as many independent looks as the contact came back
 
 
 def drift(log: Log, view: View) -> tuple[list[Finding], BoolArray]:
@@ -26,7 +27,7 @@ def drift(log: Log, view: View) -> tuple[list[Finding], BoolArray]:
     log
         Its untouched readings tell the drift at rest.
     view
-        All scans, repaired.
+        All scans, repaired; strips that wander are dropped from it.
 
     Returns
     -------
@@ -35,70 +36,120 @@ def drift(log: Log, view: View) -> tuple[list[Finding], BoolArray]:
     """
     seconds = float(np.ptp(log.time_s))
     tau = (log.time_s - log.time_s.min()) / seconds if seconds > 0.0 else np.zeros_like(log.time_s)
-    wander = np.full((2, view.strips), np.nan)  # at rest, beside its neighbours
+    found, rest = _at_rest(log, tau)
+    checked = np.isfinite(rest)
+    for finding in found:
+        for strip in finding.strips:
+            view.drop(int(np.flatnonzero(view.order == strip)[0]))
+    while not any(not f.strips for f in found):
+        changes, errors = _beside_neighbours(view, tau)  # (strips,) in the view's order
+        checked[view.order[np.isfinite(changes)]] = True
+        sure = np.where(np.abs(changes) > np.maximum(_DRIFT, _CERTAIN * errors), np.abs(changes) / errors, 0.0)
+        place = int(np.argmax(sure))
+        if not sure[place] > 0.0:
+            break
+        change = float(changes[place])
+        found.append(
+            Finding(
+                "drift", (int(view.order[place]),), f"moved by {100 * change:+.3g} +- {100 * errors[place]:.2g} % of Vref from "
+                "start to end, beside its neighbours", {"change": change, "error": float(errors[place])},
+            )
+        )  # fmt: skip
+        view.drop(place)
+    return found, checked
+
+
+def _at_rest(log: Log, tau: FloatArray) -> tuple[list[Finding], FloatArray]:
+    """Return what untouched readings tell, and each strip's change (strips,), NaN where it has none."""
+    change = np.full(log.sensor.strips, np.nan)
+    for values in log.raw.values():
+        rest = np.where(_near(log.touched), np.nan, values)
+        for strip in range(log.sensor.strips):
+            known = np.isfinite(rest[:, strip])
+            if not _spread_out(tau[known]):
+                continue
+            slope, error = _of_blocks(tau[known], rest[known, strip])
+            sure = slope if abs(slope) > _STRAIGHT * error else 0.0
+            if not abs(change[strip]) > abs(sure):
+                change[strip] = sure
+    known, moved = np.isfinite(change), np.abs(change) > _DRIFT
+    if known.sum() >= 3 and moved.sum() > 0.6 * known.sum():
+        mean = float(np.median(change[known]))
+        told = f"untouched strips moved by {100 * mean:+.3g} % of Vref from start to end, {int(moved.sum())} of {int(known.sum())}"
+        return [Finding("drift", (), told, {"change": mean, "strips": float(moved.sum())})], change
+    told = "moved by {:+.3g} % of Vref from start to end, untouched"
+    return [
+        Finding("drift", (int(i),), told.format(100 * change[i]), {"change": float(change[i])})
+        for i in np.flatnonzero(moved)
+    ], change
+
+
+def _beside_neighbours(view: View, tau: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return each strip's change beside what place explains, and its standard error (strips,), NaN where not known."""
+    change, error = np.full(view.strips, np.nan), np.full(view.strips, np.nan)
     for name, values in view.k.items():
-        rest = np.where(_near(log.touched), np.nan, log.raw[name])
-        line, _ = residuals(view, name)
+        line, r = residuals(view, name)
         rise = np.diff(values, axis=1)
-        for place, strip in enumerate(view.order):
+        for place in range(view.strips):
             sides = [rise[:, i] for i in (place - 2, place + 1) if 0 <= i < rise.shape[1]]
             terms = np.column_stack([line[:, place], line[:, place] ** 2, *map(np.nan_to_num, sides)])
-            at_rest = _change(rest[:, strip], np.empty((len(tau), 0)), tau, view.sigma)
-            beside = _change(values[:, place] - line[:, place], terms, tau, view.sigma)
-            for row, change in enumerate((at_rest, beside)):
-                if not abs(wander[row, strip]) > abs(change):
-                    wander[row, strip] = change
-    return list(_wandering(wander)), np.isfinite(wander).any(axis=0)
+            c, e = _change(r[:, place], terms, tau, view.sigma)
+            if np.isfinite(c) and not abs(change[place]) / error[place] > abs(c) / e:
+                change[place], error[place] = c, e
+    return change, error
 
 
-def _wandering(wander: FloatArray) -> Iterator[Finding]:
-    """Turn changes at rest and beside neighbours (2, strips) into findings: all strips together, or each."""
-    rest, beside = wander
-    known, moved = np.isfinite(rest), np.abs(rest) > _DRIFT
-    if known.sum() >= 3 and moved.sum() > 0.6 * known.sum():
-        mean = float(np.median(rest[known]))
-        yield Finding(
-            "drift", (), f"untouched strips moved by {100 * mean:+.3g} % of Vref from start to end, {int(moved.sum())} of "
-            f"{int(known.sum())} strips", {"change": mean, "strips": float(moved.sum())},
-        )  # fmt: skip
-        return
-    for strip in np.flatnonzero(moved | (np.abs(beside) > _DRIFT)):
-        change, how = (rest[strip], "untouched") if moved[strip] else (beside[strip], "beside its neighbours")
-        yield Finding(
-            "drift", (int(strip),), f"moved by {100 * change:+.3g} % of Vref from start to end, {how}",
-            {"change": float(change)},
-        )  # fmt: skip
+def _change(values: FloatArray, place: FloatArray, tau: FloatArray, sigma: float) -> tuple[float, float]:
+    """Return what values (scans,) change by over tau 0..1 beside what place (scans, terms) explains, and its error.
 
-
-def _change(values: FloatArray, place: FloatArray, tau: FloatArray, sigma: float) -> float:
-    """Return what values (scans,) change by over tau 0..1, beside what place (scans, terms) explains.
-
-    0 where nothing is certain; NaN where it cannot be told: too few scans, too short a part of the recording, or a
-    contact that moved one way all the time, so that place and time say the same.
+    NaN where it cannot be told: too few scans, too short a part of the recording, or a contact that did not come back
+    to where it was, so that place and time say the same.
     """
     known = np.isfinite(values) & np.isfinite(place).all(axis=1)
     for _ in range(3):
-        quarters = np.bincount(np.minimum(tau[known] * 4.0, 3.0).astype(int), minlength=4)
-        if known.sum() < _FEWEST or quarters.min() < _FEWEST / 8:
-            return np.nan
+        if not _spread_out(tau[known]):
+            return np.nan, np.nan
         terms = place[known]
+        level = terms[:, 0] - np.median(terms[:, 0])
         terms = terms[:, terms.std(axis=0) > max(0.003, 3.0 * sigma)]
+        moves = terms.shape[1] > 0
+        back = int((np.diff(np.sign(level[np.abs(level) > 2.0 * sigma])) != 0).sum()) if moves else int(known.sum())
         terms = np.column_stack([np.ones(len(terms)), terms])
-        own, rest = (_beside(v[known], terms) for v in (tau, values))
-        if own @ own < _OWN * len(own) / 12.0:
-            return np.nan
-        change = float(rest @ own / (own @ own))
+        own, rest = (_without(v[known], terms) for v in (tau, values))
+        if back < _BACK or own @ own < _OWN * len(own) / 12.0:
+            return np.nan, np.nan
+        change, error = _slope(own, rest, terms.shape[1], back)
         left = rest - change * own
         limit = 4.0 * float(np.median(np.abs(left))) + 1e-5  # a corner of the contact that passes is no drift
         known[np.flatnonzero(known)[np.abs(left) > limit]] = False
     plainly = tau[known] - tau[known].mean()
     seen = float(plainly @ values[known]) / float(plainly @ plainly)  # without regard to place
-    quiet = abs(seen - change) < 0.5 * abs(change) and float(np.std(left)) < _NOISY * max(sigma, 0.0005)
-    explained = 1.0 - float(left @ left) / float(rest @ rest) if rest.any() else 0.0
-    return change if quiet and explained > _EXPLAINED else 0.0
+    return (change, error) if abs(seen - change) < 0.6 * abs(change) else (0.0, error)
 
 
-def _beside(values: FloatArray, terms: FloatArray) -> FloatArray:
+def _spread_out(tau: FloatArray) -> bool:
+    """Whether there are enough scans, in every third of the recording."""
+    thirds = np.bincount(np.minimum(tau * 3.0, 2.0).astype(int), minlength=3)
+    return bool(len(tau) >= _FEWEST and thirds.min() >= _FEWEST / 8)
+
+
+def _of_blocks(tau: FloatArray, values: FloatArray) -> tuple[float, float]:
+    """Return the slope of values by tau, and its error, from eight medians: a contact near the ground passes for rest."""
+    parts = np.array_split(np.arange(len(tau)), _BLOCKS)
+    middle = np.array([np.median(tau[p]) for p in parts])
+    level = np.array([np.median(values[p]) for p in parts])
+    return _slope(middle - middle.mean(), level, 1, _BLOCKS)
+
+
+def _slope(own: FloatArray, rest: FloatArray, terms: int, looks: int) -> tuple[float, float]:
+    """Return the slope of rest by own, both without mean, and its standard error for so many independent looks."""
+    rest = rest - rest.mean()
+    change = float(rest @ own / (own @ own))
+    spread = float(np.std(rest - change * own))
+    return change, max(spread, 1e-5) / (float(np.std(own)) * float(np.sqrt(max(looks - terms, 1))))
+
+
+def _without(values: FloatArray, terms: FloatArray) -> FloatArray:
     return np.asarray(values - terms @ np.linalg.lstsq(terms, values, rcond=None)[0])
 
 

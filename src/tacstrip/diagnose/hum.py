@@ -105,7 +105,7 @@ def _tells(mains: float, period: float, lasts: float) -> bool:
     """Whether a line, where sampling folds it to, stands clear of standing still and of half the sampling rate."""
     rate = 1.0 / period
     folded = abs(mains - rate * round(mains / rate))
-    return folded > 2.0 * _APART / lasts and rate / 2.0 - folded > _APART / 2.0 / lasts
+    return folded > 5.0 / lasts and rate / 2.0 - folded > _APART / 2.0 / lasts
 
 
 def _rings(values: FloatArray, amplitude: float, turns_a_scan: float) -> bool:

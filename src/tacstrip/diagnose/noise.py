@@ -49,7 +49,7 @@ def measure(log: Log) -> Measured:
     pooled, smoother = [], []
     for values in log.raw.values():
         alone = _third(values) / math.sqrt(20.0)
-        line, _ = expected(values, np.isfinite(values))
+        line = expected(values, np.isfinite(values))[0]
         beside = _third(values - line) / math.sqrt(20.0 * 1.5)
         here = np.array([_least(a, b) for a, b in zip(alone.T, beside.T, strict=True)])
         strips = np.fmax(strips, here)

@@ -27,20 +27,22 @@ def swapped_wires(view: View) -> list[Suspect]:
     difference = view.pair[0] - view.pair[1]
     tell = np.abs(difference) > max(_CROSSED, 5.0 * view.sigma)
     wrong = tell & (difference < 0.0)
+    (e_h, r_h), (e_l, r_l) = (residuals(view, name) for name in ("kh", "kl"))
+    as_is = np.abs(r_h) + np.abs(r_l)
+    crossed = np.abs(view.pair[1] - e_h) + np.abs(view.pair[0] - e_l)
     for strip in np.flatnonzero(wrong.sum(axis=0) >= np.maximum(1, _SHARE * tell.sum(axis=0))):
+        known = np.isfinite(as_is[:, strip]) & tell[:, strip]
+        now, then = (float(c[known, strip].mean()) if known.any() else 0.0 for c in (as_is, crossed))
+        if then > _SHARE * now and known.any():  # a channel on its own is off: its neighbours know better
+            continue
         count, of = int(wrong[:, strip].sum()), int(tell[:, strip].sum())
         mean = float(difference[tell[:, strip], strip].mean())
-        found.append(
-            Suspect(
-                Finding(
-                    "swapped-wires", (int(view.order[strip]),),
-                    f"v_h lies {-100 * mean:.3g} % of Vref below v_l, in {count} of {of} places that tell",
-                    {"difference": mean, "places": float(count), "of": float(of)},
-                ),
-                -mean,
-                partial(_swap_wires, strip=int(strip)),
-            )
+        finding = Finding(
+            "swapped-wires", (int(view.order[strip]),),
+            f"v_h lies {-100 * mean:.3g} % of Vref below v_l, in {count} of {of} places that tell",
+            {"difference": mean, "places": count, "of": of},
         )  # fmt: skip
+        found.append(Suspect(finding, max(now - then, 1e-3) / 2.0, partial(_swap_wires, strip=int(strip))))
     return found
 
 
@@ -92,8 +94,9 @@ def swapped_strips(view: View) -> list[Suspect]:
     usual = float(np.median([t.right for t in tells.values() if t.places] or [0.0]))
     found = []
     for strip, slope in tells.items():
-        against, by_edges = _edge_votes(view, strip)
-        edges = by_edges >= 4 and by_edges >= 5 * against
+        against, left, right = _edges(view, strip)
+        one_sided = min(left, right) == 0 and not (slope.places >= _FEW and slope.wrong < 0.6 * slope.right)
+        edges = left + right >= 4 and left + right >= 5 * against and not one_sided
         runs_back = slope.clear and slope.wrong < 0.4 * slope.right and slope.right > _UNUSUAL * usual
         if runs_back or (edges and not (slope.clear and slope.right < 0.7 * slope.wrong)):
             told = []
@@ -104,10 +107,10 @@ def swapped_strips(view: View) -> list[Suspect]:
                     "exchanged"
                 )
             if edges:
-                told.append(f"the contact has a gap there in {by_edges} footprints, and none with the two exchanged")
+                told.append(f"a contact that ends there has a gap in {left + right} places, on either side of it, and none with the two exchanged")
             finding = Finding(
                 "swapped-strips", tuple(sorted(int(i) for i in view.order[strip : strip + 2])), "; ".join(told),
-                {"misfit": slope.right, "exchanged": slope.wrong, "places": slope.places, "edges": by_edges},
+                {"misfit": slope.right, "exchanged": slope.wrong, "places": slope.places, "edges": left + right},
             )  # fmt: skip
             found.append(Suspect(finding, max(slope.right, 0.05), partial(_exchange, strip=strip)))
     return found
@@ -131,15 +134,11 @@ class _Slope:
         pairs = [b for values in view.k.values() if (b := neighbours(values, strip))]
         if not pairs:
             return cls(0.0, 0.0, 0, False)
-        right, wrong, slope, off = (
+        right, wrong, slope = (
             float(np.sqrt(np.mean([np.var(v) for v in values])))
-            for values in (
-                [p.apart - p.slope for p in pairs],
-                [p.apart + p.slope for p in pairs],
-                [p.slope for p in pairs],
-                [p.together for p in pairs],
-            )
+            for values in ([p.bent for p in pairs], [p.apart + p.slope for p in pairs], [p.slope for p in pairs])
         )
+        off = float(np.median(np.concatenate([np.abs(p.together - np.median(p.together)) for p in pairs])))
         places = min(len(p.slope) for p in pairs)
         clear = places >= _FEW and slope > max(0.004, 4.0 * view.sigma) and off < _OFF_LINE * slope
         return cls(right, wrong, places, clear)
@@ -151,16 +150,16 @@ def _exchange(view: View, strip: int) -> None:
     view.order[[strip, strip + 1]] = view.order[[strip + 1, strip]]
 
 
-def _edge_votes(view: View, strip: int) -> tuple[int, int]:
-    """Count the different footprints that exchanging two neighbours would tear apart, and those it would close."""
-    window = slice(max(0, strip - 1), strip + 3)
-    near = view.there[_clear(view, window), window]
-    mine = strip - max(0, strip - 1)
-    other = near.copy()
-    other[:, [mine, mine + 1]] = near[:, [mine + 1, mine]]
-    runs, after = (np.maximum(np.diff(a.astype(int), axis=1), 0).sum(axis=1) + a[:, 0] for a in (near, other))
-    whole = view.there[_clear(view, window)]
-    return tuple(len(np.unique(whole[rows], axis=0)) for rows in (after > runs, after < runs))
+def _edges(view: View, strip: int) -> tuple[int, int, int]:
+    """Count the places where a contact ends between two neighbours, and those where it would with the two exchanged.
+
+    The latter for contacts to the left of the two and to the right: a contact with a gap has it on one side.
+    """
+    if not 0 < strip < view.strips - 2:
+        return 0, 0, 0
+    a, b, c, d = view.there[_clear(view, slice(strip - 1, strip + 3)), strip - 1 : strip + 3].T
+    ends = (a & b & ~c & ~d) | (~a & ~b & c & d)
+    return int(ends.sum()), int((a & ~b & c & ~d).sum()), int((~a & b & ~c & d).sum())
 
 
 def _clear(view: View, window: slice) -> BoolArray:

@@ -6,15 +6,21 @@ from functools import partial
 
 import numpy as np
 
+from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.diagnose.beside import Beside, neighbours
 from tacstrip.diagnose.finding import Finding
 from tacstrip.diagnose.view import Suspect, View
 
 _FEW = 8  # places
-_FOLLOWS = 0.35  # of the slope around; 1 for two strips of their own, 0 for two that are tied
+_FOLLOWS = 0.25  # of the slope around; 1 for two strips of their own, 0 for two that are tied
 _ALONE = 0.75  # of the slope: what tied strips may lie off the line together; 1.5 beside a jump
-_UNUSUAL = 2.0  # times what other pairs differ from the slope around them
-_EXCESS = 4.0  # times what other pairs do
+_MOST = (0.9, 0.6)  # of the places where the slope tells: those that differ little, and that lie near the line
+_AT_EDGE = 0.85  # in place of the latter at the sensor's edges, where the line is drawn further
+_UNUSUAL = 2.0  # times what four in five other pairs do together
+_SHAPE = 0.7  # of the slope's variance: where the contact lies must not say more, for then its shape does
+_BINS = 5  # of height
+_EXCESS = 4.0  # times what other pairs do, height by height
+_NEITHER = 0.09  # over Vref: more than two strips without calibration read beside their neighbours (table 6.1)
 
 
 def shorts(view: View) -> list[Suspect]:
@@ -25,7 +31,7 @@ def shorts(view: View) -> list[Suspect]:
     much for contacts below the bridge and too little above it. Between CRS-CRS's energised strips, all on one
     supply, a bridge changes next to nothing.
     """
-    return [*_tied(view), *(_second_way(view) if view.sensor.sensing_ratio == 0.0 else [])]
+    return _second_way(view) if view.sensor.sensing_ratio == 0.0 else _tied(view)
 
 
 def _tied(view: View) -> list[Suspect]:
@@ -34,54 +40,120 @@ def _tied(view: View) -> list[Suspect]:
         pairs = {i: b for i in range(view.strips - 1) if (b := neighbours(values, i)) and len(b.level) >= _FEW}
         free = {i: float(np.std(b.apart - b.slope)) for i, b in pairs.items()}
         for strip, pair in pairs.items():
-            if free[strip] < _UNUSUAL * float(np.median(list(free.values()))):
+            if free[strip] < 0.8 * float(np.median(list(free.values()))):
                 continue
+            edge, ends = strip in (0, view.strips - 2), _left_ends(view)
             above = pair.level >= np.median(pair.level)
             for part in (np.ones_like(above), ~above, above):  # a bridge half way up ties one end more than the other
-                d, e, both = pair.apart[part], pair.slope[part], pair.together[part]
+                d, e, both = (v[part] - np.median(v[part]) for v in (pair.apart, pair.slope, pair.together))
                 slope = float(np.std(e))
-                if len(d) < _FEW or slope < max(0.006, 5.0 * view.sigma):
+                tells = np.abs(e) > max(0.006, 3.5 * view.sigma)
+                if tells.sum() < 3 * _FEW or slope < 0.006 or _explained(e, ends[pair.rows[part], strip]) > _SHAPE:
                     continue
-                follows = float(np.sum((d - d.mean()) * (e - e.mean())) / np.sum((e - e.mean()) ** 2))
+                d, e, both = d[tells], e[tells], both[tells]
+                follows = float(np.sum(d * e) / np.sum(e**2))
                 # Two strips on one flat piece beside a jump differ as little, but then lie off the line together.
-                if abs(follows) > _FOLLOWS or np.std(d) > 0.5 * np.std(d - e) or np.std(both) > _ALONE * slope:
+                little = float(np.mean(np.abs(d) < 0.35 * np.abs(e) + 3.0 * view.sigma))
+                alone = float(np.mean(np.abs(both) < _ALONE * np.abs(e) + 1.5 * view.sigma))
+                if abs(follows) > _FOLLOWS or little < _MOST[0] or alone < (_AT_EDGE if edge else _MOST[1]):
                     continue
                 finding = Finding(
                     "short", _two(view, strip),
                     f"the two differ by {100 * np.mean(np.abs(d)):.2g} % of Vref where the strips around slope by "
                     f"+-{100 * slope:.2g} % a strip, over {len(d)} places: the difference follows the slope by "
                     f"{follows:.2f}, not 1",
-                    {"follows": follows, "slope": slope, "places": float(len(d))},
+                    {"follows": follows, "slope": slope, "places": len(d)},
                 )  # fmt: skip
                 found.append(Suspect(finding, free[strip], partial(_drop_two, strip=strip)))
     return found
 
 
 def _second_way(view: View) -> list[Suspect]:
-    pairs: dict[int, Beside] = {}
-    for strip in range(view.strips - 1):
-        for values in view.k.values():
-            beside = neighbours(values, strip)
-            if beside is not None and len(beside.level) >= _FEW:
-                pairs[strip] = beside
-    if not pairs:
+    (values,) = view.k.values()
+    pairs = {i: b for i in range(view.strips - 1) if (b := neighbours(values, i)) and len(b.level) >= 2 * _FEW}
+    together, scatter = _by_height(list(pairs.values()), "together")  # (pairs, heights)
+    apart, _ = _by_height(list(pairs.values()), "bent")
+    wide = np.isfinite(together).sum(axis=1) >= 3
+    if wide.sum() < 4:
         return []
-    usual = float(np.median([np.std(p.together) for p in pairs.values()]))
+    size, alone, left = (np.sqrt(np.mean(np.nan_to_num(v) ** 2, axis=1)) for v in (together, apart, scatter))
+    usual = float(np.median(size[wide]))
+    at = np.array(list(pairs))
+    inner = wide & (at > 0) & (at < view.strips - 2)  # at the edges, lines go further astray
     found = []
-    for strip, pair in pairs.items():
-        common, size = pair.together, float(np.std(pair.together))
-        alone = float(np.std(pair.apart - pair.slope))
-        if size > max(0.015, 5.0 * view.sigma, _EXCESS * usual) and alone < 0.25 * size:
-            low, high = (float(common[i]) for i in (np.argmin(pair.level), np.argmax(pair.level)))
-            finding = Finding(
-                "short", _two(view, strip),
-                f"both read {100 * common.min():+.3g} to {100 * common.max():+.3g} % of Vref beside their neighbours, "
-                f"{100 * low:+.3g} % for the lowest contact and {100 * high:+.3g} % for the highest: other pairs scatter by "
-                f"{100 * usual:.2g} %",
-                {"low": low, "high": high, "scatter": size, "others": usual, "places": float(len(common))},
-            )  # fmt: skip
-            found.append(Suspect(finding, size, partial(_drop_two, strip=strip)))
+    for row, strip in enumerate(pairs):
+        others = size[inner & (np.abs(at - strip) > 1)]
+        above = size[row] / max(float(np.quantile(others, 0.8)), 1e-6) if len(others) else 0.0
+        if above < _UNUSUAL:
+            continue
+        enough = size[row] > max(0.01, 4.0 * view.sigma, _EXCESS * usual, 0.8 * left[row])
+        heights = together[row][np.isfinite(together[row])]
+        if not wide[row] or not enough or alone[row] > 0.35 * size[row] or not _as_bridged(heights, above if inner[row] else 0.0):
+            continue
+        if not _both_ways(pairs[strip].level, _left_ends(view)[pairs[strip].rows, strip]):
+            continue
+        finding = Finding(
+            "short", _two(view, strip),
+            f"both read {100 * heights.max():+.3g} to {100 * heights.min():+.3g} % of Vref beside their neighbours, from one "
+            f"height of the contact to another: {size[row] / max(usual, 1e-9):.3g} times what other pairs do",
+            {"most": float(heights.max()), "least": float(heights.min()), "others": usual, "places": len(pairs[strip].level)},
+        )  # fmt: skip
+        found.append(Suspect(finding, float(size[row]), partial(_drop_two, strip=strip)))
     return found
+
+
+def _as_bridged(heights: FloatArray, above: float) -> bool:
+    """Whether two strips read too much below some height and too little above it, or else not as offsets explain.
+
+    Offsets are small, much alike for all heights, and other pairs have them too.
+    """
+    high, low = float(heights.max()), float(heights.min())
+    turns = min(high, -low) > 0.25 * max(high, -low) and heights.argmax() < heights.argmin()
+    varies = float(np.std(heights)) > 0.45 * float(np.sqrt(np.mean(heights**2)))
+    return turns or (above > 0.0 and max(high, -low) > _NEITHER) or (varies and above > 3.0 * _UNUSUAL)
+
+
+def _by_height(pairs: list[Beside], name: str) -> tuple[FloatArray, FloatArray]:
+    """Return pairs' means over Vref beside what is usual among them (pairs, heights), and what scatters about them.
+
+    Corners of the contact average out over places, or are alike for all pairs; NaN where there are few places.
+    """
+    edges = np.linspace(0.0, 1.0, _BINS + 1)[1:-1]
+    means = np.full((len(pairs), _BINS), np.nan)
+    scatter = np.full_like(means, np.nan)
+    for row, pair in enumerate(pairs):
+        height = np.searchsorted(edges, pair.level)
+        for b in range(_BINS):
+            at = getattr(pair, name)[height == b]
+            if len(at) >= _FEW // 2:
+                means[row, b], scatter[row, b] = at.mean(), at.std()
+    columns = (c[np.isfinite(c)] for c in means.T)
+    return means - [np.median(c) if len(c) else np.nan for c in columns], scatter
+
+
+def _left_ends(view: View) -> IntArray:
+    """Return where the contact on each strip begins (places, strips), a strip's number."""
+    starts = view.there.copy()
+    starts[:, 1:] &= ~view.there[:, :-1]
+    numbers = np.where(starts, np.arange(view.strips), 0)
+    return np.asarray(np.maximum.accumulate(numbers, axis=1))
+
+
+def _explained(values: FloatArray, ends: IntArray) -> float:
+    """Return which share of the variance of values the contact's left end explains."""
+    groups = [values[ends == e] for e in np.unique(ends)]
+    free = len(values) - len(groups)
+    if free < 1 or not np.ptp(values):
+        return 1.0
+    within = sum(float(np.sum((g - g.mean()) ** 2)) for g in groups) / free
+    return 1.0 - within / float(np.var(values, ddof=1))
+
+
+def _both_ways(level: FloatArray, ends: IntArray) -> bool:
+    """Whether the contact moved across and along the strips, and not along one line, on which its shape is height."""
+    if np.std(ends) < 1.0 or np.std(level) < 0.02:
+        return False
+    return abs(float(np.corrcoef(level, ends)[0, 1])) < 0.8
 
 
 def _two(view: View, strip: int) -> tuple[int, ...]:

@@ -14,6 +14,7 @@ from tacstrip.sensor.spec import Sensor
 
 _REACH = 3  # strips to either side that may stand in for a neighbour
 _MOVED = 0.01  # over Vref: a contact that changes a reading by this is at another place
+_ONE_CONTACT = 0.3  # over Vref: neighbours further apart are not taken to be under one contact
 _MOST_PLACES = 4000
 
 
@@ -55,10 +56,6 @@ class View:
             self.k[name][:, strip] = np.nan
         if signature is None and not self.there[:, strip].all():
             self.there[:, strip] |= _between(self.there)[:, strip]
-
-    def expected(self, name: str) -> tuple[FloatArray, BoolArray]:
-        """Return what the neighbours expect of every strip, and whether they stand on both sides (places, strips)."""
-        return expected(self.k[name], self.there)
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,59 +104,8 @@ def places(view: View) -> View:
     return View(view.sensor, parts, view.there[first][keep], view.sigma, view.order.copy())
 
 
-def expected(self, name: str) -> tuple[FloatArray, BoolArray]:
-        """Return what the neighbours expect of every strip, and whether they stand on both sides (places, strips)."""
-        return expected(self.k[name], self.there)
-
-
-@dataclass(frozen=True, eq=False)
-class Suspect:
-    """A fault that explains a misfit.
-
-    Attributes
-    ----------
-    gain
-        Mean misfit that it explains, over Vref: the largest is taken first, for it disturbs others' neighbours.
-    repair
-        Undoes it on a view.
-    """
-
-    finding: Finding
-    gain: float
-    repair: Callable[[View], None]
-
-
-def make_view(log: Log, sigma: float) -> View:
-    """Average scans that follow each other with the contact in one place.
-
-    A contact moved by less than the noise shows counts as in one place, so that every row is worth the same.
-    """
-    k = log.k
-    values = np.stack([k[name] for name in k], axis=2)  # (scans, strips, signatures)
-    there = log.touched
-    threshold = max(_MOVED, 6.0 * sigma)
-    group = np.zeros(len(values), dtype=int)
-    start, number = 0, 0
-    for t in range(1, len(values)):
-        same = (there[t] == there[start]).all()
-        moved = np.nanmax(np.abs(values[t] - values[start]), initial=0.0) > threshold
-        if moved or not same:
-            start, number = t, number + 1
-        group[t] = number
-    first = np.flatnonzero(np.diff(group, prepend=-1))
-    sums = np.add.reduceat(np.nan_to_num(values), first, axis=0)
-    counts = np.add.reduceat(np.isfinite(values), first, axis=0)
-    with np.errstate(invalid="ignore"):
-        means = np.where(counts > 0, sums / counts, np.nan)
-    touched = there[first].any(axis=1)
-    keep = np.flatnonzero(touched)
-    keep = keep[np.linspace(0, len(keep) - 1, min(len(keep), _MOST_PLACES)).astype(int)]
-    parts = {name: np.ascontiguousarray(means[keep, :, i]) for i, name in enumerate(k)}
-    return View(log.sensor, parts, there[first][keep].copy(), sigma, np.arange(there.shape[1]))
-
-
-def expected(values: FloatArray, there: BoolArray) -> tuple[FloatArray, BoolArray]:
-    """Return what neighbours expect of every strip (rows, strips), and whether they stand on both sides of it.
+def expected(values: FloatArray, there: BoolArray) -> tuple[FloatArray, BoolArray, FloatArray]:
+    """Return what neighbours expect of every strip, whether they stand on both sides, how they differ (rows, strips).
 
     The nearest usable strip on either side, up to three away and with nothing untouched in between, or the two
     nearest of one side; NaN where there are none. A straight line through them: (4.1)'s signatures are smooth but for
@@ -171,18 +117,21 @@ def expected(values: FloatArray, there: BoolArray) -> tuple[FloatArray, BoolArra
         between = (near_l * d_r + near_r * d_l) / (d_l + d_r)
         left = near_l + (near_l - far_l) * d_l / (e_l - d_l)
         right = near_r + (near_r - far_r) * d_r / (e_r - d_r)
-    beyond = np.where(np.isfinite(left), left, right)
-    return np.where(both, between, beyond), both
+    use_left = np.isfinite(left)
+    beyond = np.where(use_left, left, right)
+    gap = np.where(both, near_l - near_r, np.where(use_left, near_l - far_l, near_r - far_r))
+    return np.where(both, between, beyond), both, np.abs(gap)
 
 
 def residuals(view: View, name: str) -> tuple[FloatArray, FloatArray]:
     """Return what neighbours expect of every strip and what it reads above that (places, strips), where both are known.
 
-    A strip that ever is between two others counts only where it is: beyond the last strip lines go astray.
+    A strip that ever is between two others counts only where it is: beyond the last strip lines go astray. So they do
+    between two contacts.
     """
     values = view.k[name]
-    e, both = view.expected(name)
-    known = np.isfinite(e) & np.isfinite(values)
+    e, both, gap = expected(values, view.there)
+    known = np.isfinite(e) & np.isfinite(values) & ~(gap > _ONE_CONTACT)
     inside = both & known
     e = np.where(inside | (known & ~inside.any(axis=0)), e, np.nan)
     return e, values - e

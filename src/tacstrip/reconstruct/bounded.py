@@ -22,9 +22,9 @@ from tacstrip.reconstruct.bounded_regions import guaranteed
 from tacstrip.reconstruct.bounded_sample import sample
 from tacstrip.reconstruct.bounded_set import feasible_set
 from tacstrip.reconstruct.outline import Outline
+from tacstrip.reconstruct.region import LEVEL
 
 _REACHES = (4.0, 12.0)  # standard errors of least squares within which a kink is looked for
-_LEVEL = 0.95
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +51,12 @@ class Bounded:
     lines: Lines
     points: FloatArray
 
+    @property
+    def region_covariance(self) -> FloatArray:
+        """The scatter, scaled so that a normal distribution's 95 % region of a vertex holds 95 % of the outlines."""
+        scale = np.repeat(np.sqrt(self.radii / (-2.0 * np.log(1.0 - LEVEL))), 2)
+        return self.covariance * np.outer(scale, scale)
+
     @cached_property
     def regions(self) -> list[FloatArray] | None:
         """Where each vertex is guaranteed to lie: a convex polygon (K, 2) [mm] each; None where none was found.
@@ -61,11 +67,9 @@ class Bounded:
         if found is None:
             return None
         lower, upper = self.outline.indices
-        split = self.lines.lower - 1
         regions: list[FloatArray] = [np.empty((0, 2))] * len(self.outline.vertices)
         for vertex, region in zip((*lower[1:-1], *upper[1:-1]), found.kinks, strict=True):
             regions[vertex] = region
-        assert split == len(lower) - 2
         for end, both in zip((0, -1), found.ends, strict=True):
             regions[lower[end]], regions[upper[end]] = both
         return regions
@@ -84,12 +88,15 @@ def refine(outline: Outline, covariance: FloatArray, band: Band) -> Bounded | No
         The readings' bounds.
     """
     lines, heights = Lines.of(outline)
-    points = _points(outline, covariance, band, lines, heights)
+    try:
+        points = _points(outline, covariance, band, lines, heights)
+    except np.linalg.LinAlgError:  # a set too thin to compute with
+        return None
     if points is None:
         return None
     lower, upper = outline.indices
-    windows = band.windows
     # Where a vertical edge lies in its window nothing tells.
+    windows = band.windows
     share = (np.random.default_rng(0).permutation(len(points)) + 0.5) / len(points)
     blunt_x = windows[:, 0] + share[:, None] * (windows[:, 1] - windows[:, 0])
     vertices = np.empty((len(points), *outline.vertices.shape))
@@ -103,7 +110,7 @@ def refine(outline: Outline, covariance: FloatArray, band: Band) -> Bounded | No
         refined = Outline(mean[lower], mean[upper])
     except ContactError:
         return None
-    return Bounded(refined, scatter, np.quantile(distance, _LEVEL, axis=0), band, lines, points)
+    return Bounded(refined, scatter, np.quantile(distance, LEVEL, axis=0), band, lines, points)
 
 
 def fewest(candidates: Sequence[tuple[Outline, FloatArray]], band: Band) -> tuple[int, Bounded] | None:
@@ -126,29 +133,38 @@ def _points(
     kinks = [*lower[1:-1], *upper[1:-1]]
     error = np.sqrt(np.diag(covariance)[::2])[kinks]
     error = np.where(np.isfinite(error), error, np.inf)
-    widths = _widths(band, outline)
+    widths = _widths(band, outline.lower, outline.upper)
     for reach in _REACHES:
         zones = within(lines, outline.vertices[kinks, 0], reach * error, band)
-        found = inside(band, lines, zones, widths, heights)
-        if found is not None:
-            return sample(feasible_set(band, lines, zones, widths), *found)
+        bounds = feasible_set(band, lines, zones, widths)
+        found = inside(bounds, band, lines, widths, heights)
+        if found is None:
+            continue
+        points = sample(bounds, *found)
+        if not band.sensor.contact_lambda_mm:
+            return points
+        # What contact resistance eats depends on the contact's length: once more, with a better one.
+        heights = points.mean(axis=0)
+        widths = _widths(band, *lines.chains(heights, band.windows.mean(axis=1)))
+        bounds = feasible_set(band, lines, zones, widths)
+        found = inside(bounds, band, lines, widths, heights)
+        return points if found is None else sample(bounds, *found)
     return None
 
 
 def within(lines: Lines, x: FloatArray, reach: FloatArray, band: Band) -> FloatArray:
     """Return zones (kinks, 2) [mm] about x, that end halfway to the next kink of the chain and at the outer strips."""
-    zones = np.empty((len(x), 2))
-    for part in (slice(0, lines.lower - 1), slice(lines.lower - 1, None)):
-        own = x[part]
-        middle = 0.5 * (own[1:] + own[:-1])
-        zones[part, 0] = np.maximum(own - reach[part], np.append(band.x[0], middle)[: len(own)])
-        zones[part, 1] = np.minimum(
-            own + reach[part], np.append(middle, band.x[-1])[-len(own) :] if len(own) else own
-        )
-    return zones
+    least = 0.5 * band.sensor.pitch_mm
+    x, reach = np.clip(x, band.x[0] + least, band.x[-1] - least), np.maximum(reach, least)
+    zones = np.stack([x - reach, x + reach], axis=1)
+    for part in (zones[: lines.lower - 1], zones[lines.lower - 1 :]):
+        middle = 0.5 * (part[1:].sum(axis=1) + part[:-1].sum(axis=1)) / 2.0
+        part[1:, 0] = np.maximum(part[1:, 0], middle)
+        part[:-1, 1] = np.minimum(part[:-1, 1], middle)
+    return np.clip(zones, band.x[0], band.x[-1])
 
 
-def _widths(band: Band, outline: Outline) -> FloatArray:
-    """Return the contact's length on each strip (1, n) [mm]."""
-    l, u = outline.ends(np.clip(band.x, outline.lower[0, 0], outline.lower[-1, 0]))
-    return np.asarray((u - l)[None])
+def _widths(band: Band, lower: FloatArray, upper: FloatArray) -> FloatArray:
+    """Return the contact's length on each strip between two chains, thrice (3, n) [mm]: as expected, and no other."""
+    w = np.interp(band.x, *upper.T) - np.interp(band.x, *lower.T)
+    return np.tile(np.maximum(w, 0.0), (3, 1))

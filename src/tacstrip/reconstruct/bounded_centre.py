@@ -32,7 +32,7 @@ def interior(a: FloatArray, b: FloatArray, start: FloatArray, scale: float) -> t
         known to be empty.
     """
     at = start
-    t = float((a @ at - b).max())
+    t = worst = float((a @ at - b).max())
     if t < 0.0:
         return at, t, False
     t += 0.05 * t + 1e-3 * scale
@@ -43,6 +43,8 @@ def interior(a: FloatArray, b: FloatArray, start: FloatArray, scale: float) -> t
         # Newton on weight t - sum log(t + b - A h): self-concordant, so damped steps always get there.
         for _ in range(_STEPS):
             slack = b + t - a @ at
+            if slack.min() <= 0.0:  # t is lost in rounding
+                return at, worst, True
             scaled = rows / slack[:, None]
             gradient = scaled.sum(axis=0)
             gradient[-1] += weight
@@ -69,15 +71,19 @@ def centre(a: FloatArray, b: FloatArray, start: FloatArray) -> tuple[FloatArray,
 
     It maximises the product of all slacks b - A h.
     """
-    at = start
+    at, slack = start, b - a @ start
     for _ in range(_STEPS):
-        scaled = a / (b - a @ at)[:, None]
+        scaled = a / slack[:, None]
         gradient, curvature = scaled.sum(axis=0), scaled.T @ scaled
         step = _solve(curvature, -gradient)
-        at = at + _reach(scaled @ step) * step
+        moved = at + _reach(scaled @ step) * step
+        left = b - a @ moved
+        if left.min() <= 0.0:  # as far as rounding lets one go
+            break
+        at, slack = moved, left
         if -gradient @ step < _DONE:
             break
-    scaled = a / (b - a @ at)[:, None]
+    scaled = a / slack[:, None]
     return at, scaled.T @ scaled
 
 

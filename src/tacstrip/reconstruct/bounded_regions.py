@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from tacstrip.arrays import FloatArray
+from tacstrip.arrays import BoolArray, FloatArray, IntArray
 from tacstrip.reconstruct.bounded_lines import Band, Lines
 from tacstrip.reconstruct.bounded_set import feasible_set
 
@@ -36,7 +36,8 @@ def guaranteed(band: Band, lines: Lines, points: FloatArray) -> Regions | None:
     What is guaranteed: every outline (a) with these edges, turning the same way at each kink, (b) with its kinks in
     the zones searched, and (c) within the band, has its vertices in the regions. No such outline has a kink in a
     zone outside of its region, so that the set found is all there is from zone's end to zone's end. Outlines with more
-    vertices, or kinks further off, are not covered.
+    vertices, or kinks further off, are not covered. With contact resistance the contact's length on each strip is
+    searched within a range in the same way.
 
     Parameters
     ----------
@@ -53,11 +54,16 @@ def guaranteed(band: Band, lines: Lines, points: FloatArray) -> Regions | None:
         zones = np.stack([low - spread, high + spread], axis=1)
         if not _apart(zones, lines, band):
             return None
-        extents = _Search(band, lines, zones, points).extents()
-        if np.all((extents[:count] > zones[:, :1]) & (extents[:count] < zones[:, 1:])):
-            # Nothing lies between the extents and the zones' ends: the zones may shrink.
-            narrow = _Search(band, lines, extents[:count], points)
-            return narrow.regions()
+        widths = _searched_widths(band, lines, zones, points, margin)
+        try:
+            search = _Search(band, lines, zones, widths, points)
+            extents = search.extents()
+            inside = np.all((extents[:count] > zones[:, :1]) & (extents[:count] < zones[:, 1:]))
+            if inside and search.confirms(widths):
+                # Nothing lies between the extents and the zones' ends: the zones may shrink.
+                return _Search(band, lines, extents[:count], widths, points).regions()
+        except (np.linalg.LinAlgError, ArithmeticError):
+            return None  # a set too thin to compute with
     return None
 
 
@@ -71,9 +77,11 @@ def _apart(zones: FloatArray, lines: Lines, band: Band) -> bool:
 class _Search:
     """Linear programs over the polytope of given zones, in coordinates that make it round."""
 
-    def __init__(self, band: Band, lines: Lines, zones: FloatArray, points: FloatArray) -> None:
-        self.lines, self.points, self.pitch = lines, points, band.sensor.pitch_mm
-        self.bounds = feasible_set(band, lines, zones, _widths(band, lines, zones, points))
+    def __init__(
+        self, band: Band, lines: Lines, zones: FloatArray, widths: FloatArray, points: FloatArray
+    ) -> None:
+        self.band, self.lines, self.points, self.pitch = band, lines, points, band.sensor.pitch_mm
+        self.bounds = feasible_set(band, lines, zones, widths)
         self.middle = points.mean(axis=0)
         self.to_round = np.linalg.cholesky(np.cov(points, rowvar=False)).T  # h = middle + z @ to_round
         a = self.bounds.a @ self.to_round.T
@@ -92,6 +100,8 @@ class _Search:
         if not value > -np.inf:  # rounding can lead a warm start astray
             self._from_the_middle()
             value = lowest(self.to_round @ form, self.a, self.slack, self.at, self.active)
+        if not value > -np.inf:
+            raise ArithmeticError("no lowest point")
         return float(form @ self.middle + value)
 
     def _from_the_middle(self) -> None:
@@ -109,10 +119,25 @@ class _Search:
         seen = self.lines.cross(self.points)
         for c in np.flatnonzero(given):
             for end, start in ((0, seen[:, c].min()), (1, seen[:, c].max())):
-                found[c, end] = self._reach(c, pairs[c], turns[c], end, float(start))
+                found[c, end] = self._reach(int(c), pairs[c], turns[c], end, float(start))
         return found
 
-    def _reach(self, c: int, pair: FloatArray, turn: float, end: int, x: float) -> float:
+    def confirms(self, widths: FloatArray) -> bool:
+        """Whether no outline has a length of contact at or beyond those searched."""
+        if self.band.sensor.contact_lambda_mm == 0.0:
+            return True
+        x = self.band.x
+        sure, l, u = _sure(self.band, self.lines, self.bounds.zones[: len(self.lines.turns)])
+        # Between zones l and u are straight, so it is enough to look at the outer strips of each stretch.
+        outer = np.flatnonzero(sure & ~(np.append(False, sure[:-1]) & np.append(sure[1:], False)))
+        least, most = (
+            np.array([sign * self.lowest(sign * (u[i] - l[i])) for i in outer]) for sign in (1.0, -1.0)
+        )
+        low, high = np.interp(x[sure], x[outer], least), np.interp(x[sure], x[outer], most)
+        allowed = (low > widths[1, sure]) | (widths[1, sure] == 0.0)
+        return bool(np.all(allowed & (high < widths[2, sure])))
+
+    def _reach(self, c: int, pair: IntArray, turn: float, end: int, x: float) -> float:
         """Move x outwards to where no crossing is beyond it."""
         out = 1.0 if end else -1.0
         limit = self.bounds.zones[c, end]
@@ -127,7 +152,7 @@ class _Search:
             x = max(out * x, out * float(self.lines.cross(self.heights())[c])) * out
         return float(limit)
 
-    def _gap(self, pair: FloatArray, x: float) -> FloatArray:
+    def _gap(self, pair: IntArray, x: float) -> FloatArray:
         at = np.full(1, x)
         return np.asarray((self.lines.rows(pair[1:], at) - self.lines.rows(pair[:1], at))[0])
 
@@ -145,7 +170,7 @@ class _Search:
                 ends.append((both, both))
         return Regions(kinks, ends)
 
-    def _region(self, x: FloatArray, lines: FloatArray) -> FloatArray:
+    def _region(self, x: FloatArray, lines: IntArray) -> FloatArray:
         """Return where lines pass between two x: a line's highest place is convex in x, so below its chord."""
         shape = None
         for line in lines:
@@ -153,8 +178,27 @@ class _Search:
             (a, b), (d, e) = ([sign * self.lowest(sign * row) for row in rows] for sign in (1.0, -1.0))
             strip = shapely.Polygon([(x[0], a), (x[1], b), (x[1], e), (x[0], d)])
             shape = strip if shape is None else shapely.intersection(shape, strip)
-        return shapely.get_coordinates(shape)[:-1]
+        return np.asarray(shapely.get_coordinates(shape)[:-1])
 
 
-def _widths(band: Band, lines: Lines, zones: FloatArray, points: FloatArray) -> FloatArray:
-    return np.zeros((1, len(band.x)))
+def _searched_widths(
+    band: Band, lines: Lines, zones: FloatArray, points: FloatArray, margin: float
+) -> FloatArray:
+    """Return expected, least and greatest length of contact on each strip (3, n) [mm]; in a zone, any."""
+    if band.sensor.contact_lambda_mm == 0.0:
+        return np.zeros((3, len(band.x)))
+    sure, l, u = _sure(band, lines, zones)
+    w = np.maximum(points @ (u - l).T, 0.0)  # (K, n)
+    low, high = w.min(axis=0), w.max(axis=0)
+    spread = margin * (high - low) + _ROUNDING * band.sensor.length_mm
+    widths = np.array([w.mean(axis=0), np.zeros(len(band.x)), np.full(len(band.x), band.sensor.length_mm)])
+    widths[1:, sure] = np.maximum(low - spread, 0.0)[sure], (high + spread)[sure]
+    return widths
+
+
+def _sure(band: Band, lines: Lines, zones: FloatArray) -> tuple[BoolArray, FloatArray, FloatArray]:
+    """Return the strips outside of all zones (n,), and the rows of their l and u (n, P)."""
+    x, split = band.x, lines.lower - 1
+    sure = np.all((x <= zones[:, :1]) | (zones[:, 1:] <= x), axis=0)
+    first = [(part[:, 1:] <= x).sum(axis=0) for part in (zones[:split], zones[split:])]
+    return sure, lines.rows(first[0], x), lines.rows(lines.lower + first[1], x)

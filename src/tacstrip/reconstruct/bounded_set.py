@@ -68,7 +68,7 @@ def feasible_set(band: Band, lines: Lines, zones: FloatArray, widths: FloatArray
     zones
         Of the kinks (kinks, 2) [mm], in the order of `crossings`.
     widths
-        Least and greatest length of the contact on each strip (2, n) [mm]: they matter for contact resistance only.
+        Length of the contact on each strip, expected, least and greatest (3, n) [mm]: contact resistance needs them.
     """
     sensor, x = band.sensor, band.x
     split = lines.lower - 1
@@ -76,15 +76,19 @@ def feasible_set(band: Band, lines: Lines, zones: FloatArray, widths: FloatArray
     u_first, u_second, u_turn = _lines_at(x, zones[split:], lines.turns[split:], lines.lower)
     l_rows = lines.rows(l_first, x), lines.rows(l_second, x)
     u_rows = lines.rows(u_first, x), lines.rows(u_second, x)
-    eaten = erosion(widths, sensor.contact_lambda_mm)
+    eaten, per_width, bent = _eaten(widths, sensor.contact_lambda_mm)
     # A bound k L - c_l l - c_u u changes by D dk.
-    edge = band.edge * (sensor.length_mm - (widths - 2.0 * eaten).mean(axis=0) / (1.0 + sensor.sensing_ratio))
+    edge = band.edge * (sensor.length_mm - (widths[0] - 2.0 * eaten) / (1.0 + sensor.sensing_ratio))
     every: list[tuple[FloatArray, FloatArray, FloatArray]] = []
     pairs: list[tuple[FloatArray, FloatArray, FloatArray]] = []
     for name in band.low:
         for sign, k in ((1, band.high[name]), (-1, band.low[name])):
             c_l, c_u = chain_weights(k, SIGNATURES[name].at_upper_end, sensor.sensing_ratio)
-            room = (sign * (k * sensor.length_mm - (c_l - c_u) * eaten)).max(axis=0)
+            # With contact resistance c_l (l + T) + c_u (u - T) <= k L, and T = eaten + per_width (w - widths) + bent.
+            lean = (c_l - c_u) * per_width
+            fixed = k * sensor.length_mm - (c_l - c_u) * eaten + lean * widths[0]
+            room = sign * fixed + np.maximum(-sign * (c_l - c_u) * bent, 0.0)
+            c_l, c_u = c_l - lean, c_u + lean
             # A rising kink is the greater of two lines: an upper bound holds for both, a lower one for either.
             known = np.isfinite(k) & (l_turn != _LOST) & (u_turn != _LOST)
             l_or, u_or = l_turn == -sign, u_turn == -sign
@@ -120,6 +124,17 @@ def feasible_set(band: Band, lines: Lines, zones: FloatArray, widths: FloatArray
     either_a, either_b, either_edge = (np.concatenate(part) for part in zip(*pairs, strict=True))
     either_b = np.stack([either_b, either_b], axis=1)
     return FeasibleSet(np.concatenate([zones, band.windows]), a, b, edges, either_a, either_b, either_edge)
+
+
+def _eaten(widths: FloatArray, contact_lambda: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return T at the expected width, its slope there, and how far T falls below that tangent, each (n,)."""
+    expected, least, greatest = widths
+    eaten = erosion(expected, contact_lambda)
+    if contact_lambda == 0.0:
+        return eaten, eaten, eaten
+    slope = 0.5 * (1.0 - (eaten / contact_lambda) ** 2)
+    below = [erosion(w, contact_lambda) - eaten - slope * (w - expected) for w in (least, greatest)]
+    return eaten, slope, np.minimum(*below)
 
 
 def _lines_at(

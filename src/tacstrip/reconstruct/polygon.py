@@ -5,10 +5,13 @@ The vertices' number is chosen by a criterion, their places by the fit, and the 
 
 from __future__ import annotations
 
+import multiprocessing
 import os
+import threading
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -28,6 +31,7 @@ from tacstrip.sensor.spec import Sensor
 
 _BRIDGED = 3  # strips that may be missing inside a contact
 _THIN = 1e-6  # of the strip length: thinner is a line
+_FEW = 50  # scans that are done before other processes have begun
 _NAMED = 5  # strips that advice names
 
 
@@ -67,9 +71,20 @@ def fit_polygon(scan: Scan, sensor: Sensor, noise: Noise | None = None, most: in
 def fit_polygons(
     scans: Sequence[Scan], sensor: Sensor, noise: Noise | None = None, workers: int | None = None
 ) -> list[Reconstruction]:
-    """Fit many scans on all cores, or on `workers` of them; arguments and errors as for `fit_polygon`."""
-    with ThreadPoolExecutor(workers or os.cpu_count()) as pool:
-        return list(pool.map(lambda scan: fit_polygon(scan, sensor, noise), scans))
+    """Fit many scans on all cores, or on `workers` of them; arguments and errors as for `fit_polygon`.
+
+    By processes where this one can be forked; else by threads, which share the time outside the compiled kernels.
+    """
+    count = workers or os.cpu_count() or 1
+    fit = partial(fit_polygon, sensor=sensor, noise=noise)
+    if count == 1 or len(scans) < _FEW:
+        return [fit(scan) for scan in scans]
+    fork = "fork" in multiprocessing.get_all_start_methods() and threading.active_count() == 1
+    if not fork:
+        with ThreadPoolExecutor(count) as threads:
+            return list(threads.map(fit, scans))
+    with ProcessPoolExecutor(count, multiprocessing.get_context("fork")) as processes:
+        return list(processes.map(fit, scans, chunksize=max(len(scans) // (8 * count), 1)))
 
 
 def fitted_transitions(
@@ -158,7 +173,9 @@ def _raw_profile(scan: Scan, sensor: Sensor, strips: slice) -> Profile | None:
     """Return the contact strip by strip, which needs both signatures."""
     if not {"kh", "kl"} <= set(scan.signatures):
         return None
-    return (sensor.x_mm[strips], *closed_ends(sensor, scan["kh"][strips], scan["kl"][strips]))
+    with np.errstate(divide="ignore", invalid="ignore"):  # k_l far above k_h: no contact makes it
+        l, u = closed_ends(sensor, scan["kh"][strips], scan["kl"][strips])
+    return (sensor.x_mm[strips], l, u) if np.isfinite(l + u).all() else None
 
 
 def _notes(scan: Scan, sensor: Sensor, contact: _Contact) -> list[str]:

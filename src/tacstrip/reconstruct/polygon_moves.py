@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from tacstrip.arrays import FloatArray, IntArray
-from tacstrip.reconstruct.kernels import ENDS, Data, Model
+from tacstrip.reconstruct.kernels import ENDS, Data, Model, edge, knot
 from tacstrip.reconstruct.polygon_compiled import DATA, F1, F2, I1, I2, MODEL, compiled
 from tacstrip.reconstruct.polygon_descent import descend
 from tacstrip.reconstruct.polygon_score import places
@@ -55,6 +55,36 @@ def without_each(theta: FloatArray, chain: IntArray, m: int, starts: FloatArray,
     return m
 
 
+@compiled()
+def chord(theta: FloatArray, chain: IntArray, m: int, blunt: IntArray, j: int, upper: int) -> float:
+    """Return how high a chain would be at vertex j if that were not on it."""
+    before, after = -1, -1
+    for i in range(m):
+        if chain[i] == upper and i != j:
+            if i < j:
+                before = i
+            else:
+                after = i
+                break
+    line = np.empty(4)
+    edge(theta, knot(blunt, before, upper, False), knot(blunt, after, upper, True), line)
+    return float(line[1] + line[2] * (theta[ENDS + 2 * j] - line[0]))
+
+
+@compiled()
+def turned(theta: FloatArray, chain: IntArray, m: int, blunt: IntArray) -> int:
+    """Move each corner that turns inwards to the other chain, where it makes a kink of the same sign outwards."""
+    count = 0
+    for j in range(m):
+        y = ENDS + 2 * j + 1
+        lift = theta[y] - chord(theta, chain, m, blunt, j, chain[j])
+        if (lift < 0.0) == (chain[j] == 1) and lift != 0.0:
+            theta[y] = min(max(chord(theta, chain, m, blunt, j, 1 - chain[j]) + lift, 0.0), 1.0)
+            chain[j] = 1 - chain[j]
+            count += 1
+    return count
+
+
 @compiled(f"boolean(int64,{F2},{I2},{F1},int64,{I1},boolean,{DATA},{MODEL})")
 def improve(
     move_kind: int,
@@ -82,6 +112,10 @@ def improve(
     better = False
     for t in range(count):
         cost = descend(starts[t], chains[t], to, blunt, data, signal, ROUGH, ENOUGH, costs[to])
+        if convex and cost < costs[to] and turned(starts[t], chains[t], to, blunt):
+            cost = descend(starts[t], chains[t], to, blunt, data, signal, ROUGH, ENOUGH, costs[to])
+            if turned(starts[t], chains[t], to, blunt):
+                continue
         if cost < costs[to] - _ROUNDING:
             better = True
             costs[to] = cost

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,7 +18,8 @@ from tacstrip.sensor.spec import Sensor
 
 FLOOR = 1e-7  # of Vref: readings are never taken for more exact
 _BEYOND = 0.5  # a reading that noise may drive so far beyond 0 or 1 is still one
-_ROUNDS = 3  # of leaving outliers out
+_ROUNDS = 3  # of leaving outliers out, and of estimating sigma anew
+_SURER = 0.3  # so much less noise than first thought is worth another fit
 _SPARE = 1  # readings beyond the numbers fitted, without which nothing can be tested
 
 
@@ -103,23 +104,44 @@ def fit_run(
     raw = np.stack([np.asarray(values, dtype=np.float64) for values in readings.values()])
     there = (raw >= -_BEYOND) & (raw <= 1.0 + _BEYOND)
     raw = np.where(there, raw, np.nan)
-    start = max(_roughly(sensor, raw) if sigma is None else sigma, FLOOR)
+    if sigma is not None:
+        return _fit(sensor, x_mm, readings, raw, there, max(sigma, FLOOR), True, most)
+    start = max(_roughly(sensor, raw), FLOOR)
+    for _ in range(_ROUNDS):
+        run = _fit(sensor, x_mm, readings, raw, there, start, False, most)
+        if run.sigma > _SURER * start:
+            break
+        start = run.sigma  # curvature passed for noise, and made what is known of the ends weigh too much
+    return run
+
+
+def _fit(
+    sensor: Sensor,
+    x_mm: FloatArray,
+    names: Iterable[str],
+    raw: FloatArray,
+    there: BoolArray,
+    start: float,
+    known: bool,
+    most: int,
+) -> RunFit:
+    """Fit readings (S, n), leaving outliers out; `start` is sigma, or where it is not known a first idea of it."""
     out = ~there
     for row, values in zip(out, raw, strict=True):
         row |= spikes(values, start)
     for _ in range(_ROUNDS):
-        signal = Signal.of(sensor, x_mm, dict(zip(readings, raw, strict=True)), start, out)
+        signal = Signal.of(sensor, x_mm, dict(zip(names, raw, strict=True)), start, out)
         if signal.readings < 2 * len(raw) + _SPARE + (2 if len(raw) == 1 else 0):
             return RunFit(signal, None, start, out & there)
-        fits = fit_counts(signal, sigma is not None, most)
+        fits = fit_counts(signal, known, most)
         residuals = fits.chosen.residuals(signal)
-        scale = 1.0 if sigma is not None else _spread(residuals[signal.weight > 0.0])
+        scale = 1.0 if known else _spread(residuals[signal.weight > 0.0])
         new = misfits(residuals / scale)
         if not new.any():
             break
         out |= new
-    run = _with_oval(RunFit(signal, fits, start, out & there), sigma is not None)
-    if sigma is not None:
+    run = _with_oval(RunFit(signal, fits, start, out & there), known)
+    if known:
         return run
     freedom = max(signal.readings - run.parameters, 1)
     found = max(start * float(np.sqrt((run.residuals**2).sum() / freedom)), FLOOR)

@@ -27,6 +27,7 @@ _COARSE, _FINER = (
 )  # of Vref: sigma that the search takes at least at first, and steps down from there
 _HOPELESS = 100.0  # of chi square a reading: no polygon, so no finer stage
 _CLOSED = 1e-12  # of the strip length
+_FAR = 40.0  # of the criterion: a count that is so much worse on thinned strips is so on all
 _EQUAL = 8.0  # of the criterion
 _ROUNDS = 2  # of taking out and growing again
 
@@ -67,7 +68,7 @@ def penalty(readings: int) -> float:
     return 2.0 * math.log(max(readings, 2)) + 4.0
 
 
-def fit_counts(signal: Signal, known: bool = True, most: int = MOST) -> Fits:
+def fit_counts(signal: Signal, known: bool = True, most: int = MOST, every: bool = False) -> Fits:
     """Fit polygons of several counts, and choose one.
 
     Parameters
@@ -78,12 +79,14 @@ def fit_counts(signal: Signal, known: bool = True, most: int = MOST) -> Fits:
         Whether the weights are 1 / sigma^2; else they are so only roughly, and sigma counts as unknown.
     most
         Interior vertices at most; fewer where the readings do not hold as many.
+    every
+        Whether all counts that were searched are fitted to all strips, not only the best one's neighbours.
     """
     search = _Search(signal, known, min(most, MOST, _most(signal)))
     near = search.run()
     search.settle_ends(near)
     fits, scores = [], []
-    for m in range(max(near - 1, 0), min(near + 2, search.top + 1)):
+    for m in range(search.top + 1) if every else search.near(near):
         fits.append(refine(fit_of(search.fits[m], search.kinds[m], m, search.blunt, 0.0), signal))
         scores.append(criterion(fits[-1], signal, known))
     return Fits(tuple(fits), tuple(scores), int(np.argmin(scores)), search.equal())
@@ -181,6 +184,12 @@ class _Search:
     def _pointed_will_do(self, fit: Fit, m: int) -> bool:
         free = misfit(self.costs[m], self.signal.readings, self.known)
         return misfit(fit.cost, self.signal.readings, self.known) - free < self.penalty
+
+    def near(self, m: int) -> list[int]:
+        """Return m and the counts beside it that may yet turn out better."""
+        scores = self._scores()
+        beside = range(max(m - 1, 0), min(m + 2, self.top + 1))
+        return [j for j in beside if j == m or scores[j] < scores[m] + _FAR]
 
     def equal(self) -> int:
         """Count the counts whose criterion is near the best."""

@@ -16,6 +16,7 @@ _EQUAL = 3  # counts that fit as well as the best one
 _RIVAL = -6.0  # an oval whose criterion is worse by less than this is a rival
 _REFLEX = 3.0  # standard deviations by which a corner turns inwards
 _FAINT = 0.01  # of sigma^2
+_APART = 3.0  # standard deviations of their distance in x by which two corners are told apart
 _SPREAD = {"uniform": 0.8, "normal": 2.0}  # variance of a squared error over sigma^4
 
 
@@ -91,6 +92,11 @@ def _polygon(run: RunFit, vertices: FloatArray, covariance: FloatArray) -> tuple
             f"the vertex {_where(vertices[at])} is uncertain by {x_sigma[at]:.3g} mm in x; average more scans, or "
             "use both signatures"
         )
+    if len(run.signal.k) == 1 and (pair := _opposite(vertices, covariance)) is not None:
+        return "doubtful", (
+            f"the corners {_where(vertices[pair[0]])} and y = {vertices[pair[1], 1]:.6g} mm hardly differ in x: their "
+            "kinks hide each other, and both heights may be wrong; turn the object a little, or use both signatures"
+        )
     if len(run.signal.k) == 1 and (inward := _reflex(vertices, covariance)) is not None:
         return "doubtful", (
             f"the corner {_where(vertices[inward])} turns inwards, which one signature cannot tell from other shapes; "
@@ -101,6 +107,18 @@ def _polygon(run: RunFit, vertices: FloatArray, covariance: FloatArray) -> tuple
 
 def _where(vertex: FloatArray) -> str:
     return f"at x = {vertex[0]:.6g}, y = {vertex[1]:.6g} mm"
+
+
+def _opposite(vertices: FloatArray, covariance: FloatArray) -> tuple[int, int] | None:
+    """Return two corners, one on either chain, whose x cannot be told apart."""
+    x = vertices[:, 0]
+    right = int(x.argmax())
+    for i in range(1, right):
+        for j in range(right + 1, len(x)):
+            variance = covariance[2 * i, 2 * i] + covariance[2 * j, 2 * j] - 2.0 * covariance[2 * i, 2 * j]
+            if not abs(x[i] - x[j]) > _APART * math.sqrt(max(variance, 0.0)):
+                return i, j
+    return None
 
 
 def _reflex(vertices: FloatArray, covariance: FloatArray) -> int | None:

@@ -9,7 +9,7 @@ from typing import Self, TypeAlias
 
 from tacstrip.errors import OptionError
 from tacstrip.stream.wire_frames import Frame, Kind, seal
-from tacstrip.stream.wire_messages import Hello, Reply, Tested
+from tacstrip.stream.wire_messages import Hello, Reply, SelfTest
 
 LONGEST_PERIOD_US = 60_000_000
 _PERIOD = struct.Struct("<I")
@@ -69,7 +69,7 @@ class Command:
         return cls(frame.kind, frame.sequence, _PERIOD.unpack(frame.body)[0] if wanted else None)
 
 
-Message: TypeAlias = Hello | Reply | Tested | Command
+Message: TypeAlias = Hello | Reply | SelfTest | Command
 
 
 def parsed(frame: Frame) -> Message | None:
@@ -79,8 +79,8 @@ def parsed(frame: Frame) -> Message | None:
     return Command.parse(frame) if Kind.IDENTIFY <= frame.kind <= Kind.TEST else None
 
 
-_PARSERS: dict[int, type[Hello | Reply | Tested]] = {
+_PARSERS: dict[int, type[Hello | Reply | SelfTest]] = {
     Kind.HELLO: Hello,
     Kind.REPLY: Reply,
-    Kind.TESTED: Tested,
+    Kind.TESTED: SelfTest,
 }

@@ -1,4 +1,4 @@
-"""What the device says, apart from scans: who it is, how a command went, what its self-test found (docs/protocol.md)."""
+"""What the device says apart from scans: who it is, how a command went, what its self-test found."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ class Reply:
 
 
 @dataclass(frozen=True, eq=False)
-class Tested:
+class SelfTest:
     """What the self-test found: Vref [mV] or 0, scans that were late, and what is held.
 
     `held` tells by signature name which strips' lines (strips,) did not follow their pulls.

@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from tacstrip.arrays import BoolArray
 from tacstrip.errors import OptionError
+from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.stream.source import CodeArray, RawScan
 from tacstrip.stream.wire_frames import HEADER, Kind, seal
 from tacstrip.stream.wire_messages import mask_of, names_of
@@ -20,6 +21,7 @@ from tacstrip.stream.wire_messages import mask_of, names_of
 MOST_STRIPS = 4096
 LAYOUT = slice(HEADER.size, HEADER.size + 4)  # of a frame's bytes: what tells its layout
 _SCAN = struct.Struct("<HBBI")  # strips, signatures, bits, span [us]
+_EVERY = mask_of(tuple(SIGNATURES))
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,9 +70,11 @@ class ScanBatch:
         strips, mask, bits, _ = _SCAN.unpack_from(frames[0], HEADER.size)
         touched = np.unpackbits(rows["touched"], axis=1, count=strips, bitorder="little").view(np.bool_)
         codes = {name: rows["codes"][:, i] for i, name in enumerate(names_of(mask))}
-        before = int(rows["time_us"][0]) if before_us is None else before_us
-        steps = np.diff(rows["time_us"], prepend=np.uint32(before % 2**32)).astype(np.int32)  # modulo 2^32
-        times = before + np.cumsum(steps, dtype=np.int64)
+        raw = rows["time_us"]
+        before = int(raw[0]) if before_us is None else before_us
+        previous = np.concatenate((np.array([before % 2**32], np.uint32), raw[:-1]))
+        # The difference is taken modulo 2^32; as a signed number it is the shorter way round.
+        times = before + np.cumsum((raw - previous).astype(np.int32), dtype=np.int64)
         return cls(rows["sequence"], times, rows["span_us"], touched, codes, bits, restarts)
 
     def scans(self) -> Iterator[RawScan]:
@@ -91,7 +95,7 @@ def layout_of(key: bytes) -> np.dtype[Any] | None:
         return None
     strips, mask, bits = struct.unpack("<HBB", key)
     signatures = names_of(mask)
-    if not (1 <= strips <= MOST_STRIPS and 1 <= mask <= mask_of(names_of(0xFF)) and 1 <= bits <= 16):
+    if not (1 <= strips <= MOST_STRIPS and 1 <= mask <= _EVERY and 1 <= bits <= 16):
         return None
     head = [("version", "u1"), ("kind", "u1"), ("sequence", "<u4"), ("time_us", "<u4")]
     body = [("strips", "<u2"), ("signatures", "u1"), ("bits", "u1"), ("span_us", "<u4")]

@@ -17,7 +17,7 @@ from tacstrip.sensor.spec import Sensor
 from tacstrip.studies.faults import Defect, faulty_log
 
 RATE_HERTZ = 220.0
-_REST_VOLT, _TOUCH_VOLT = 0.1, 0.09
+_REST_VOLT, _TOUCH_VOLT = 0.25, 0.2
 _OFFSETS = 0.06  # over Vref: as large as in tables 6.1 and 6.5
 
 # Outlines on a unit square; the last three are concave, a ring open to one side among them.
@@ -86,9 +86,9 @@ def exercise(sensor: Sensor, random: np.random.Generator, scans: int, names: Seq
     wide = max(5.0, random.uniform(0.4, 0.7) * sensor.strips)
     contact = shape(sensor, random, names, wide)
     phase = np.linspace(0.0, 2.0 * np.pi, scans)
-    across = 0.5 - 0.5 * np.cos(4.0 * phase + random.uniform(0.0, 6.0))
-    along = 0.5 - 0.5 * np.cos(7.0 * phase + random.uniform(0.0, 6.0))
-    tilt = random.uniform(0.35, 0.6) * np.sin(11.0 * phase + random.uniform(0.0, 6.0))
+    across = 0.5 - 0.5 * np.cos(3.0 * phase + random.uniform(0.0, 6.0))
+    along = 0.5 - 0.5 * np.cos(5.0 * phase + random.uniform(0.0, 6.0))
+    tilt = random.uniform(0.35, 0.6) * np.sin(8.0 * phase + random.uniform(0.0, 6.0))
     # Long sensors are tilted over more of their length by the same angle.
     placed = [
         contact.turned(float(a)).placed(float(x) * sensor.width_mm, float(y) * sensor.length_mm)
@@ -182,8 +182,8 @@ def defect(fault: str, strip: int, sensor: Sensor, random: np.random.Generator) 
         "dead": (sensor.rest_volt or 0.0) / sensor.vref_volt,
         "stuck": random.uniform(0.1, 0.9),
         "saturation": random.uniform(0.5, 0.75),
-        "wrong-vref": random.choice([0.8, 0.9, 1.1, 1.25] if len(sensor.signatures) == 2 else [1.1, 1.25]),
-        "drift": random.choice([-1.0, 1.0]) * random.uniform(0.03, 0.06),
+        "wrong-vref": random.choice([0.8, 0.9, 1.1, 1.25]),
+        "drift": random.choice([-1.0, 1.0]) * random.uniform(0.025, 0.035 if sensor.rest_volt else 0.06),
         "hum": random.uniform(0.01, 0.03),
         "noise": random.uniform(0.02, 0.04),
         "bits": float(random.integers(2, 5)),

@@ -1,0 +1,36 @@
+"""What the live pipeline hands on: a scan, its readings, the objects found in it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from tacstrip.scan import Scan
+from tacstrip.sensor.spec import Sensor
+from tacstrip.stream.source import RawScan
+from tacstrip.stream.tracking import LiveObject
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Frame:
+    """A scan with what was made of it.
+
+    Attributes
+    ----------
+    number
+        Of the scan since the stream began, from 0.
+    raw
+        A/D codes, with the time of each strip where it is known.
+    sensor, scan
+        What it was read with, and the readings.
+    objects
+        What touches the sensor, left to right; each keeps its number while it stays.
+    latency_s
+        From the arrival of its last byte to `objects` [s].
+    """
+
+    number: int
+    raw: RawScan
+    sensor: Sensor
+    scan: Scan
+    objects: tuple[LiveObject, ...]
+    latency_s: float

@@ -1,0 +1,234 @@
+"""The live page's server: aiohttp in a thread of its own."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from aiohttp import WSMsgType, web
+
+from tacstrip.errors import PortError, TacstripError
+from tacstrip.view.access import Access
+from tacstrip.view.stage import Stage
+
+PAGE = Path(__file__).parent / "page"
+_FILES = {".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
+_POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; "
+    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+_SAFE = {
+    "Content-Security-Policy": _POLICY,
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cache-Control": "no-store",
+}
+_DRAW_S = 1.0 / 60.0
+_STATE_S = 0.25
+_LONGEST = 2**16  # bytes of a message from a page
+
+
+class Server:
+    """Serves the page until it is closed.
+
+    Parameters
+    ----------
+    stage
+        What is shown.
+    access
+        Where it listens, and who may do what.
+    port
+        0: any that is free.
+
+    Attributes
+    ----------
+    port
+        Where it listens.
+
+    Raises
+    ------
+    PortError
+        It cannot listen there.
+    """
+
+    def __init__(self, stage: Stage, access: Access, port: int = 0) -> None:
+        self.stage, self.access, self.port = stage, access, port
+        self._loop = asyncio.new_event_loop()
+        self._pages: set[_Watcher] = set()
+        self._ready = threading.Event()
+        self._failed: OSError | None = None
+        self._end: asyncio.Event | None = None
+        self._thread = threading.Thread(target=self._run, name="tacstrip view", daemon=True)
+        self._thread.start()
+        self._ready.wait()
+        if self._failed is not None:
+            raise PortError(
+                f"the page cannot be served on {access.host}:{port} ({self._failed.strerror}); choose another "
+                "--host or --http"
+            )
+
+    @property
+    def urls(self) -> dict[str, str]:
+        """The page's addresses by what one may do there."""
+        base = f"http://{self.access.host}:{self.port}/"
+        if self.access.local:
+            return {"control": base}
+        return {"control": f"{base}?token={self.access.control}", "look": f"{base}?token={self.access.look}"}
+
+    @property
+    def watching(self) -> int:
+        """Pages that are open."""
+        return len(self._pages)
+
+    def close(self) -> None:
+        """End the server; may be called twice."""
+        if self._end is not None and self._thread.is_alive():
+            self._loop.call_soon_threadsafe(self._end.set)
+            self._thread.join()
+
+    def _run(self) -> None:
+        asyncio.set_event_loop(self._loop)
+        try:
+            self._loop.run_until_complete(self._serve())
+        finally:
+            self._ready.set()
+            self._loop.close()
+
+    async def _serve(self) -> None:
+        self._end = asyncio.Event()
+        app = web.Application(middlewares=[self._guard])
+        app.router.add_get("/", self._file)
+        app.router.add_get("/ws", self._watch)
+        app.router.add_get("/{name}", self._file)
+        runner = web.AppRunner(app, access_log=None)
+        await runner.setup()
+        try:
+            site = web.TCPSite(runner, self.access.host, self.port)
+            await site.start()
+            self.port = runner.addresses[0][1]
+            self._ready.set()
+            drawing = asyncio.ensure_future(self._draw())
+            await self._end.wait()
+            drawing.cancel()
+            for page in list(self._pages):
+                await page.socket.close()
+        except OSError as error:
+            self._failed = error
+        finally:
+            await runner.cleanup()
+
+    @web.middleware
+    async def _guard(
+        self, request: web.Request, handler: Callable[[web.Request], Any]
+    ) -> web.StreamResponse:
+        if why := self.access.refused(request.headers.get("Host"), request.headers.get("Origin")):
+            return web.Response(status=403, text=why, headers=_SAFE)
+        answer: web.StreamResponse = await handler(request)
+        return answer
+
+    async def _file(self, request: web.Request) -> web.StreamResponse:
+        path = PAGE / (request.match_info.get("name") or "index.html")
+        kind = _FILES.get(path.suffix)
+        if kind is None or path.parent != PAGE or not path.is_file():
+            return web.Response(status=404, text="no such file", headers=_SAFE)
+        if path.suffix == ".html" and not self.access.may(request.query.get("token"))[0]:
+            why = "the address needs the token that `tacstrip live` printed: ...?token=..."
+            return web.Response(status=403, text=why, headers=_SAFE)
+        return web.Response(
+            body=path.read_bytes(), content_type=kind, charset="utf-8", headers=_SAFE
+        )
+
+    async def _watch(self, request: web.Request) -> web.StreamResponse:
+        look, control = self.access.may(request.query.get("token"))
+        if not look or request.headers.get("Origin") is None:
+            return web.Response(status=403, text="no token, or no page", headers=_SAFE)
+        socket = web.WebSocketResponse(max_msg_size=_LONGEST, heartbeat=20.0)
+        await socket.prepare(request)
+        page = _Watcher(socket, control)
+        self._pages.add(page)
+        try:
+            await socket.send_str(json.dumps(self.stage.hello(control)))
+            async for message in socket:
+                if message.type == WSMsgType.TEXT:
+                    await self._hear(page, message.data)
+        except ConnectionResetError:
+            pass  # the page is gone; others stay
+        finally:
+            self._pages.discard(page)
+        return socket
+
+    async def _hear(self, page: _Watcher, text: str) -> None:
+        """Take a page's message: `{"drawn": n}` after each picture, else what it wants done."""
+        try:
+            said = json.loads(text)
+            if not isinstance(said, dict):
+                raise TypeError
+        except (ValueError, TypeError, RecursionError):
+            return
+        if "drawn" in said:
+            page.free = True
+            return
+        if not page.control:
+            answer = {"kind": "refused", "text": "this page may look, not change anything; use the other address"}
+        else:
+            try:
+                answer = await asyncio.to_thread(self.stage.do, said)
+            except TacstripError as error:
+                answer = {"kind": "refused", "text": str(error)}
+            except (TypeError, ValueError, KeyError, AttributeError):
+                answer = {"kind": "refused", "text": "that message makes no sense"}
+        if answer:
+            await page.send(json.dumps(answer))
+
+    async def _draw(self) -> None:
+        """Send the newest frame to every page that has drawn the last one; slow pages get fewer."""
+        told_s = 0.0
+        while True:
+            await asyncio.sleep(_DRAW_S)
+            self.stage.watched(bool(self._pages))
+            text = self.stage.picture()
+            now_s = self._loop.time()
+            state = json.dumps(self.stage.state()) if now_s - told_s >= _STATE_S else ""
+            told_s = now_s if state else told_s
+            for page in list(self._pages):
+                page.offer(text, state)
+
+
+class _Watcher:
+    """A page that is open."""
+
+    def __init__(self, socket: web.WebSocketResponse, control: bool) -> None:
+        self.socket, self.control = socket, control
+        self.free = True  # it has drawn what it got
+        self.skipped = 0
+        self._task: asyncio.Task[None] | None = None
+
+    def offer(self, text: str, state: str) -> None:
+        """Send what the page has time for; the rest goes."""
+        if self._task is not None and not self._task.done():
+            self.skipped += bool(text)
+            return
+        parts = [state] if state else []
+        if text and self.free:
+            self.free = False
+            parts.append(text)
+        else:
+            self.skipped += bool(text)
+        if parts:
+            self._task = asyncio.ensure_future(self._send_all(parts))
+
+    async def send(self, text: str) -> None:
+        """Send a text, if the page is still there."""
+        if not self.socket.closed:
+            try:
+                await self.socket.send_str(text)
+            except ConnectionResetError:
+                pass  # gone meanwhile
+
+    async def _send_all(self, parts: list[str]) -> None:
+        for part in parts:
+            await self.send(part)
