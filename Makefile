@@ -22,7 +22,7 @@ export UV_PYTHON_DOWNLOADS = never
 MIRROR := $(UV_DEFAULT_INDEX)$(UV_INDEX_URL)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test check reproduce bench studies pictures clean
+.PHONY: help setup demo test check reproduce bench studies pictures firmware clean
 
 help: ## list these targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/\1|\2/p' Makefile | \
@@ -57,9 +57,13 @@ studies: setup ## run the slow studies
 
 pictures: setup ## draw the pictures of README and docs again
 	@$(BIN)/python tools/docs_pictures.py
+	@$(BIN)/python tools/wiring_diagram.py
+
+firmware: ## build the firmware for the Arduino Uno (avr-gcc, avr-libc) and print what it takes
+	@$(MAKE) --no-print-directory -C firmware
 
 clean: ## remove everything that make made
-	@rm -rf .venv .tools demo reproduction dist .pytest_cache .hypothesis .mypy_cache .ruff_cache
+	@rm -rf .venv .tools demo reproduction dist firmware/build .pytest_cache .hypothesis .mypy_cache .ruff_cache
 	@find src tests tools benchmarks -name __pycache__ -exec rm -rf {} + 2>/dev/null || true
 
 .venv/.setup: pyproject.toml uv.lock | $(filter $(OWN_UV),$(UV))

@@ -87,7 +87,7 @@ def _end_level(log: Log, sigma: float) -> float | None:
     """Return the level below 1 that all strips' highest readings share, though contacts lie askew; None if there is none.
 
     A contact at the end at Vref reads 1 (3.3), (3.8), whatever its length. Other contacts reach the same height on
-    all strips only if they lie straight, and then on all strips at once.
+    all strips only if they lie straight, and then on all strips at once, or if they are not moved along the strips.
     """
     k = log.k
     top = k.get("kh", k.get("k"))
@@ -104,7 +104,10 @@ def _end_level(log: Log, sigma: float) -> float | None:
         return None
     at = top > level - near
     askew = (top < level - 0.03) & at.any(axis=1)[:, None]
-    if at.sum() < 5 * shared.sum() or askew.any(axis=1).sum() < 0.5 * at.any(axis=1).sum():
+    heights = np.nanmax(np.where(np.isnan(top), -1.0, top), axis=1)
+    low, high = np.percentile(heights[heights >= 0.0], [5.0, 95.0])
+    lies_askew = askew.any(axis=1).sum() >= max(8.0, 0.1 * at.any(axis=1).sum())
+    if at.sum() < 5 * shared.sum() or not lies_askew or high - low < 0.15:
         return None
     return float(np.median(top[at]))
 

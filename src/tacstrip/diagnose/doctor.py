@@ -24,6 +24,7 @@ _OFFSET = 0.02  # over Vref: what a strip may lie beside its neighbours before c
 _TESTS: tuple[Callable[[View], list[Suspect]], ...] = (
     silent, on_rails, not_moving, clipped, swapped_wires, swapped_ends, swapped_strips, shorts,
 )  # fmt: skip
+_AT_EDGE = 0.3  # what a gain counts where neighbours stand on one side only
 _WORST = {"broken": 0, "degraded": 1, "note": 2}
 
 
@@ -77,10 +78,11 @@ def _peel(rows: View, tests: Sequence[Callable[[View], list[Suspect]]]) -> list[
     """Name and undo the fault that explains most, until nothing is left."""
     named: dict[tuple[str, tuple[int, ...], str | None], Suspect] = {}
     while len(rows.there):
+        edges = {int(rows.order[0]), int(rows.order[-1])}
         suspects = [s for test in tests for s in test(rows) if s.finding.place not in named]
         if not suspects:
             break
-        worst = max(suspects, key=lambda s: s.gain)
+        worst = max(suspects, key=lambda s: s.gain * (_AT_EDGE if edges & set(s.finding.strips) else 1.0))
         worst.repair(rows)
         named[worst.finding.place] = worst
     return list(named.values())

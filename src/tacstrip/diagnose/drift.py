@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from tacstrip.arrays import BoolArray, FloatArray
+from tacstrip.arrays import BoolArray, FloatArray, IntArray
 from tacstrip.diagnose.finding import Finding
 from tacstrip.diagnose.log import Log
 from tacstrip.diagnose.view import View, residuals
@@ -36,7 +36,7 @@ def drift(log: Log, view: View) -> tuple[list[Finding], BoolArray]:
     """
     seconds = float(np.ptp(log.time_s))
     tau = (log.time_s - log.time_s.min()) / seconds if seconds > 0.0 else np.zeros_like(log.time_s)
-    found, rest = _at_rest(log, tau)
+    found, rest = _at_rest(log, view.order, tau)
     checked = np.isfinite(rest)
     for finding in found:
         for strip in finding.strips:
@@ -59,14 +59,16 @@ def drift(log: Log, view: View) -> tuple[list[Finding], BoolArray]:
     return found, checked
 
 
-def _at_rest(log: Log, tau: FloatArray) -> tuple[list[Finding], FloatArray]:
+def _at_rest(log: Log, order: IntArray, tau: FloatArray) -> tuple[list[Finding], FloatArray]:
     """Return what untouched readings tell, and each strip's change (strips,), NaN where it has none."""
     change = np.full(log.sensor.strips, np.nan)
+    near = np.empty_like(log.touched)
+    near[:, order] = _near(log.touched[:, order])
     for values in log.raw.values():
-        rest = np.where(_near(log.touched), np.nan, values)
+        rest = np.where(near, np.nan, values)
         for strip in range(log.sensor.strips):
             known = np.isfinite(rest[:, strip])
-            if not _spread_out(tau[known]):
+            if not _spread_out(tau[known]) or known.sum() < 2 * _FEWEST:
                 continue
             slope, error = _of_blocks(tau[known], rest[known, strip])
             sure = slope if abs(slope) > _STRAIGHT * error else 0.0

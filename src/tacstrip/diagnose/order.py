@@ -30,7 +30,7 @@ def swapped_wires(view: View) -> list[Suspect]:
     (e_h, r_h), (e_l, r_l) = (residuals(view, name) for name in ("kh", "kl"))
     as_is = np.abs(r_h) + np.abs(r_l)
     crossed = np.abs(view.pair[1] - e_h) + np.abs(view.pair[0] - e_l)
-    for strip in np.flatnonzero(wrong.sum(axis=0) >= np.maximum(1, _SHARE * tell.sum(axis=0))):
+    for strip in np.flatnonzero(wrong.sum(axis=0) >= np.maximum(min(3, len(tell)), _SHARE * tell.sum(axis=0))):
         known = np.isfinite(as_is[:, strip]) & tell[:, strip]
         now, then = (float(c[known, strip].mean()) if known.any() else 0.0 for c in (as_is, crossed))
         if then > _SHARE * now and known.any():  # a channel on its own is off: its neighbours know better

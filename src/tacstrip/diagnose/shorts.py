@@ -11,7 +11,7 @@ from tacstrip.diagnose.beside import Beside, neighbours
 from tacstrip.diagnose.finding import Finding
 from tacstrip.diagnose.view import Suspect, View
 
-_FEW = 8  # places
+_FEW, _MANY = 8, 40  # places
 _FOLLOWS = 0.25  # of the slope around; 1 for two strips of their own, 0 for two that are tied
 _ALONE = 0.75  # of the slope: what tied strips may lie off the line together; 1.5 beside a jump
 _MOST = (0.9, 0.6)  # of the places where the slope tells: those that differ little, and that lie near the line
@@ -19,7 +19,6 @@ _AT_EDGE = 0.85  # in place of the latter at the sensor's edges, where the line 
 _UNUSUAL = 2.0  # times what four in five other pairs do together
 _SHAPE = 0.7  # of the slope's variance: where the contact lies must not say more, for then its shape does
 _BINS = 5  # of height
-_EXCESS = 4.0  # times what other pairs do, height by height
 _NEITHER = 0.09  # over Vref: more than two strips without calibration read beside their neighbours (table 6.1)
 
 
@@ -47,8 +46,8 @@ def _tied(view: View) -> list[Suspect]:
             for part in (np.ones_like(above), ~above, above):  # a bridge half way up ties one end more than the other
                 d, e, both = (v[part] - np.median(v[part]) for v in (pair.apart, pair.slope, pair.together))
                 slope = float(np.std(e))
-                tells = np.abs(e) > max(0.006, 3.5 * view.sigma)
-                if tells.sum() < 3 * _FEW or slope < 0.006 or _explained(e, ends[pair.rows[part], strip]) > _SHAPE:
+                tells = np.abs(e) > max(0.006, 3.0 * view.sigma)
+                if tells.sum() < _MANY or slope < 0.006 or _explained(e, ends[pair.rows[part], strip]) > _SHAPE:
                     continue
                 d, e, both = d[tells], e[tells], both[tells]
                 follows = float(np.sum(d * e) / np.sum(e**2))
@@ -72,12 +71,12 @@ def _second_way(view: View) -> list[Suspect]:
     (values,) = view.k.values()
     pairs = {i: b for i in range(view.strips - 1) if (b := neighbours(values, i)) and len(b.level) >= 2 * _FEW}
     together, scatter = _by_height(list(pairs.values()), "together")  # (pairs, heights)
-    apart, _ = _by_height(list(pairs.values()), "bent")
     wide = np.isfinite(together).sum(axis=1) >= 3
     if wide.sum() < 4:
         return []
+    apart, _ = _by_height(list(pairs.values()), "bent")
+    apart -= np.nanmean(np.where(wide[:, None], apart, 0.0), axis=1, keepdims=True)  # what a unit without calibration adds
     size, alone, left = (np.sqrt(np.mean(np.nan_to_num(v) ** 2, axis=1)) for v in (together, apart, scatter))
-    usual = float(np.median(size[wide]))
     at = np.array(list(pairs))
     inner = wide & (at > 0) & (at < view.strips - 2)  # at the edges, lines go further astray
     found = []
@@ -86,7 +85,7 @@ def _second_way(view: View) -> list[Suspect]:
         above = size[row] / max(float(np.quantile(others, 0.8)), 1e-6) if len(others) else 0.0
         if above < _UNUSUAL:
             continue
-        enough = size[row] > max(0.01, 4.0 * view.sigma, _EXCESS * usual, 0.8 * left[row])
+        enough = size[row] > max(0.01, 4.0 * view.sigma, 0.8 * left[row])
         heights = together[row][np.isfinite(together[row])]
         if not wide[row] or not enough or alone[row] > 0.35 * size[row] or not _as_bridged(heights, above if inner[row] else 0.0):
             continue
@@ -95,8 +94,8 @@ def _second_way(view: View) -> list[Suspect]:
         finding = Finding(
             "short", _two(view, strip),
             f"both read {100 * heights.max():+.3g} to {100 * heights.min():+.3g} % of Vref beside their neighbours, from one "
-            f"height of the contact to another: {size[row] / max(usual, 1e-9):.3g} times what other pairs do",
-            {"most": float(heights.max()), "least": float(heights.min()), "others": usual, "places": len(pairs[strip].level)},
+            f"height of the contact to another: {above:.3g} times what other pairs do",
+            {"most": float(heights.max()), "least": float(heights.min()), "times_others": above, "places": len(pairs[strip].level)},
         )  # fmt: skip
         found.append(Suspect(finding, float(size[row]), partial(_drop_two, strip=strip)))
     return found
@@ -151,7 +150,7 @@ def _explained(values: FloatArray, ends: IntArray) -> float:
 
 def _both_ways(level: FloatArray, ends: IntArray) -> bool:
     """Whether the contact moved across and along the strips, and not along one line, on which its shape is height."""
-    if np.std(ends) < 1.0 or np.std(level) < 0.02:
+    if np.std(ends) < 0.5 or np.std(level) < 0.02:
         return False
     return abs(float(np.corrcoef(level, ends)[0, 1])) < 0.8
 

@@ -202,9 +202,14 @@ def places(
                 top[slot], height[slot], where[slot], side[slot] = score, vr / own, i, upper
                 for q in range(f):
                     shifts[slot, q] = c[q]
+    worst = 0
+    for t in range(TRIED):
+        if top[t] < top[worst]:
+            worst = t
     count = 0
     for t in range(TRIED):
-        if top[t] <= 0.0:
+        # Two signatures tell the chain, and l and u are nearly linear in the readings: one place less is enough.
+        if top[t] <= 0.0 or (t == worst and not convex):
             continue
         p, upper, new = x[where[t]], side[t], starts[count]
         for q in range(f - 1, -1, -1):  # what the others do meanwhile: -(J'J)^-1 J'v times the height
