@@ -14,9 +14,10 @@ from tacstrip.diagnose.view import View, residuals
 _DRIFT = 0.01  # over Vref, over the recording: less is not worth a word
 _FEWEST = 40  # scans; an eighth of them in each third of the recording
 _OWN = 0.2  # of time's variance, that place must leave over
-_BLOCKS, _STRAIGHT = 8, 5.0  # of untouched readings, and standard errors
+_BLOCKS, _STRAIGHT = 8, 10.0  # of untouched readings, and standard errors
 _BACK = 3  # times that the contact must come back to the same height: a passage in one direction is time itself
-_CERTAIN = 3.5  # standard errors, with as many independent looks as the contact came back
+_PLACES = 6  # different heights that a strip must be touched at, beside one for each term
+_CERTAIN = 3.5  # standard errors, with as many independent looks as heights
 
 
 def drift(log: Log, view: View) -> tuple[list[Finding], BoolArray]:
@@ -89,6 +90,10 @@ def _at_rest(log: Log, order: IntArray, tau: FloatArray) -> tuple[list[Finding],
 def _beside_neighbours(view: View, tau: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return each strip's change beside what place explains, and its standard error (strips,), NaN where not known."""
     change, error = np.full(view.strips, np.nan), np.full(view.strips, np.nan)
+    numbers = np.where(view.there, np.arange(view.strips), 0).sum(axis=1) / np.maximum(view.there.sum(axis=1), 1)
+    across = numbers[view.there.any(axis=1)]
+    if len(across) and np.std(across) > 0.5 and _returns(across, 0.5) < _BACK:
+        return change, error
     for name, values in view.k.items():
         line, r = residuals(view, name)
         rise = np.diff(values, axis=1)
@@ -114,19 +119,25 @@ def _change(values: FloatArray, place: FloatArray, tau: FloatArray, sigma: float
         terms = place[known]
         level = terms[:, 0] - np.median(terms[:, 0])
         terms = terms[:, terms.std(axis=0) > max(0.003, 3.0 * sigma)]
-        moves = terms.shape[1] > 0
-        back = int((np.diff(np.sign(level[np.abs(level) > 2.0 * sigma])) != 0).sum()) if moves else int(known.sum())
+        back = _returns(terms[:, 0], max(0.01, 3.0 * sigma)) if terms.shape[1] else int(known.sum())
+        places = len(np.unique(np.round(level / max(0.01, 4.0 * sigma)))) if terms.shape[1] else _PLACES + 1
         terms = np.column_stack([np.ones(len(terms)), terms])
         own, rest = (_without(v[known], terms) for v in (tau, values))
-        if back < _BACK or own @ own < _OWN * len(own) / 12.0:
+        if back < _BACK or places < _PLACES + terms.shape[1] or own @ own < _OWN * len(own) / 12.0:
             return np.nan, np.nan
-        change, error = _slope(own, rest, terms.shape[1], back)
+        change, error = _slope(own, rest, terms.shape[1], places)
         left = rest - change * own
         limit = 4.0 * float(np.median(np.abs(left))) + 1e-5  # a corner of the contact that passes is no drift
         known[np.flatnonzero(known)[np.abs(left) > limit]] = False
     plainly = tau[known] - tau[known].mean()
     seen = float(plainly @ values[known]) / float(plainly @ plainly)  # without regard to place
     return (change, error) if abs(seen - change) < 0.6 * abs(change) else (0.0, error)
+
+
+def _returns(values: FloatArray, least: float) -> int:
+    """Count how often values cross their middle, going beyond it by `least` on both sides."""
+    aside = values - np.median(values)
+    return int(np.count_nonzero(np.diff(np.sign(aside[np.abs(aside) > least]))))
 
 
 def _spread_out(tau: FloatArray) -> bool:

@@ -14,12 +14,11 @@ from tacstrip.diagnose.view import Suspect, View
 _FEW, _MANY = 8, 40  # places
 _FOLLOWS = 0.25  # of the slope around; 1 for two strips of their own, 0 for two that are tied
 _ALONE = 0.75  # of the slope: what tied strips may lie off the line together; 1.5 beside a jump
-_MOST = (0.9, 0.6)  # of the places where the slope tells: those that differ little, and that lie near the line
+_MOST = (0.9, 0.5)  # of the places where the slope tells: those that differ little, and that lie near the line
 _AT_EDGE = 0.85  # in place of the latter at the sensor's edges, where the line is drawn further
 _UNUSUAL = 2.0  # times what four in five other pairs do together
 _SHAPE = 0.7  # of the slope's variance: where the contact lies must not say more, for then its shape does
 _BINS = 5  # of height
-_NEITHER = 0.09  # over Vref: more than two strips without calibration read beside their neighbours (table 6.1)
 
 
 def shorts(view: View) -> list[Suspect]:
@@ -71,12 +70,13 @@ def _second_way(view: View) -> list[Suspect]:
     (values,) = view.k.values()
     pairs = {i: b for i in range(view.strips - 1) if (b := neighbours(values, i)) and len(b.level) >= 2 * _FEW}
     together, scatter = _by_height(list(pairs.values()), "together")  # (pairs, heights)
+    apart, _ = _by_height(list(pairs.values()), "bent")
     wide = np.isfinite(together).sum(axis=1) >= 3
     if wide.sum() < 4:
         return []
-    apart, _ = _by_height(list(pairs.values()), "bent")
-    apart -= np.nanmean(np.where(wide[:, None], apart, 0.0), axis=1, keepdims=True)  # what a unit without calibration adds
-    size, alone, left = (np.sqrt(np.mean(np.nan_to_num(v) ** 2, axis=1)) for v in (together, apart, scatter))
+    # What does not change with height is a unit without calibration.
+    size, alone = (np.nanstd(np.where(wide[:, None], v, 0.0), axis=1) for v in (together, apart))
+    left = np.sqrt(np.mean(np.nan_to_num(scatter) ** 2, axis=1))
     at = np.array(list(pairs))
     inner = wide & (at > 0) & (at < view.strips - 2)  # at the edges, lines go further astray
     found = []
@@ -85,9 +85,13 @@ def _second_way(view: View) -> list[Suspect]:
         above = size[row] / max(float(np.quantile(others, 0.8)), 1e-6) if len(others) else 0.0
         if above < _UNUSUAL:
             continue
-        enough = size[row] > max(0.01, 4.0 * view.sigma, 0.8 * left[row])
         heights = together[row][np.isfinite(together[row])]
-        if not wide[row] or not enough or alone[row] > 0.35 * size[row] or not _as_bridged(heights, above if inner[row] else 0.0):
+        if not len(heights):
+            continue
+        enough = wide[row] and size[row] > max(0.008, 3.0 * view.sigma, 0.6 * left[row])
+        turns = bool(inner[row]) and min(heights.max(), -heights.min()) > 0.25 * np.abs(heights).max()
+        sure = above > 2.0 * _UNUSUAL or size[row] > 0.03 or turns
+        if not enough or not sure or alone[row] > 0.35 * size[row]:
             continue
         if not _both_ways(pairs[strip].level, _left_ends(view)[pairs[strip].rows, strip]):
             continue
@@ -99,17 +103,6 @@ def _second_way(view: View) -> list[Suspect]:
         )  # fmt: skip
         found.append(Suspect(finding, float(size[row]), partial(_drop_two, strip=strip)))
     return found
-
-
-def _as_bridged(heights: FloatArray, above: float) -> bool:
-    """Whether two strips read too much below some height and too little above it, or else not as offsets explain.
-
-    Offsets are small, much alike for all heights, and other pairs have them too.
-    """
-    high, low = float(heights.max()), float(heights.min())
-    turns = min(high, -low) > 0.25 * max(high, -low) and heights.argmax() < heights.argmin()
-    varies = float(np.std(heights)) > 0.45 * float(np.sqrt(np.mean(heights**2)))
-    return turns or (above > 0.0 and max(high, -low) > _NEITHER) or (varies and above > 3.0 * _UNUSUAL)
 
 
 def _by_height(pairs: list[Beside], name: str) -> tuple[FloatArray, FloatArray]:

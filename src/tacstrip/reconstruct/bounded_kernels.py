@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-_ROUNDING = 1e-10
+_ROUNDING = 1e-9
 _SLANTED = 1e-7  # a row less against the direction than this depends on the met ones; to pass it by is safe
 
 
@@ -79,8 +79,10 @@ def lowest(form, a, slack, at, active):  # type: ignore[no-untyped-def]
     rows, size = a.shape
     basis, root = np.empty((size, size)), np.zeros((size, size))
     direction, multiplier = np.empty(size), np.empty(size)
+    is_met = np.zeros(rows, np.bool_)
     met = 0
     while met < size and active[met] >= 0:
+        is_met[active[met]] = True
         met += 1
     scale = 0.0
     for p in range(size):
@@ -132,6 +134,7 @@ def lowest(form, a, slack, at, active):  # type: ignore[no-untyped-def]
                 for q in range(met):
                     value -= max(multiplier[q], 0.0) * slack[active[q]]
                 return value
+            is_met[active[worst]] = False
             for q in range(worst, met - 1):
                 active[q] = active[q + 1]
             met -= 1
@@ -139,6 +142,8 @@ def lowest(form, a, slack, at, active):  # type: ignore[no-untyped-def]
             continue
         step, row = np.inf, -1
         for i in range(rows):
+            if is_met[i]:
+                continue
             along, room = 0.0, slack[i]
             for p in range(size):
                 along += a[i, p] * direction[p]
@@ -150,5 +155,6 @@ def lowest(form, a, slack, at, active):  # type: ignore[no-untyped-def]
         for p in range(size):
             at[p] += step * direction[p]
         active[met] = row
+        is_met[row] = True
         met += 1
     return -np.inf

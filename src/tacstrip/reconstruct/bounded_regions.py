@@ -18,7 +18,7 @@ from tacstrip.reconstruct.bounded_set import feasible_set
 
 _MARGINS = (0.5, 1.5, 4.0)  # of the found kinks' span: how much wider the zones are on either side
 _NEAREST = 240  # bounds that are used; leaving some out makes the regions larger, never wrong
-_ROUNDING = 1e-6  # of the pitch
+_ROUNDING = 1e-6  # of the pitch: regions are larger by it than linear programs say
 _STEPS = 20
 
 
@@ -175,7 +175,10 @@ class _Search:
         shape = None
         for line in lines:
             rows = self.lines.rows(np.full(2, line), x)
-            (a, b), (d, e) = ([sign * self.lowest(sign * row) for row in rows] for sign in (1.0, -1.0))
+            (a, b), (d, e) = (
+                [sign * (self.lowest(sign * row) - _ROUNDING * self.pitch) for row in rows]
+                for sign in (1.0, -1.0)
+            )
             strip = shapely.Polygon([(x[0], a), (x[1], b), (x[1], e), (x[0], d)])
             shape = strip if shape is None else shapely.intersection(shape, strip)
         return np.asarray(shapely.get_coordinates(shape)[:-1])

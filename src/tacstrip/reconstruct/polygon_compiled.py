@@ -35,9 +35,10 @@ def compiled(signature: str | None = None, fast: bool = False) -> Callable[[F], 
     fast
         Whether sums may be taken in any order, so that several strips are worked at a time.
     """
-    options = {"cache": True, "nogil": True, "error_model": "numpy", "fastmath": _FAST if fast else False}
-    decorate: Callable[[F], F] = njit(**options) if signature is None else njit(signature, **options)
-    return decorate
+    sums: bool | set[str] = _FAST if fast else False
+    decorate: Any = njit(signature, cache=True, nogil=True, error_model="numpy", fastmath=sums)
+    done: Callable[[F], F] = decorate
+    return done
 
 
 def _forget(folder: Path) -> None:

@@ -172,7 +172,7 @@ def _roughly(sensor: Sensor, raw: FloatArray) -> float:
     """Return a first idea of sigma: from second differences, and at least what the A/D converter's steps make."""
     step = 0.0 if sensor.adc_bits is None else 1.0 / (2.0**sensor.adc_bits - 1.0)
     levels = [reading_noise(values[np.isfinite(values)]) for values in raw]
-    return max(float(np.sqrt(np.mean(np.square(levels)))), step / np.sqrt(12.0))
+    return float(max(np.sqrt(np.mean(np.square(levels))), step / np.sqrt(12.0)))
 
 
 def _spread(residuals: FloatArray) -> float:

@@ -112,7 +112,7 @@ def hat(
 ) -> float:
     """Return the sum of f times a hat with feet a, b and top p; column e has the running sums of f and of x f."""
     rise = (by_x[ip, e] - by_x[ia, e] - a * (plain[ip, e] - plain[ia, e])) / (p - a)
-    return rise + (b * (plain[ib, e] - plain[ip, e]) - (by_x[ib, e] - by_x[ip, e])) / (b - p)
+    return float(rise + (b * (plain[ib, e] - plain[ip, e]) - (by_x[ib, e] - by_x[ip, e])) / (b - p))
 
 
 @compiled()

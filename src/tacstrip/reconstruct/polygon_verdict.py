@@ -28,7 +28,7 @@ def misfit_score(run: RunFit, distribution: str) -> float:
     # Wilson and Hilferty's cube root makes chi square nearly normal; a uniform error's square spreads less.
     root = (float((run.residuals**2).sum()) / freedom) ** (1.0 / 3.0)
     small = _SPREAD[distribution] / (9.0 * freedom)
-    return (root - (1.0 - small)) / math.sqrt(small)
+    return float((root - (1.0 - small)) / math.sqrt(small))
 
 
 def run_score(run: RunFit) -> float:

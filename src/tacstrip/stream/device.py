@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 
 import numpy as np
 
 from tacstrip.errors import ContactError, PortError
 from tacstrip.sensor.spec import Sensor
-from tacstrip.stream.codes import code_type, with_converter
+from tacstrip.stream.codes import code_type, top_code, with_converter
 from tacstrip.stream.source import RawScan
 from tacstrip.stream.wire import Decoder
 from tacstrip.stream.wire_commands import LONGEST_PERIOD_US, Command, Status
@@ -63,8 +62,11 @@ class VirtualDevice:
         self._decoder = Decoder()
         assert self.sensor.adc_bits is not None
         self._bits = self.sensor.adc_bits
+        self._offsets = np.linspace(0.0, span_s, self.sensor.strips)
         self._untouched = np.zeros(self.sensor.strips, dtype=bool)
-        self._nothing = {n: np.zeros(self.sensor.strips, code_type(self.sensor)) for n in self.sensor.signatures}
+        rest = 0.5 if self.sensor.rest_volt is None else self.sensor.rest_volt / self.sensor.vref_volt
+        self._rest = code_type(self.sensor).type(rest * top_code(self.sensor))  # what an open line reads
+        self._nothing = {n: np.full(self.sensor.strips, self._rest) for n in self.sensor.signatures}
 
     @property
     def hello(self) -> Hello:
@@ -110,8 +112,9 @@ class VirtualDevice:
         except (ContactError, StopIteration) as error:
             self.trouble = str(error)
             raw = self._again()
-        span = np.linspace(0.0, self._span_s, self.sensor.strips) if self._span_s else None
-        frame = encode_scan(replace(raw, time_s=time_s, strip_time_s=span), self._bits, self._number)
+        codes = {name: np.where(raw.touched, values, self._rest) for name, values in raw.codes.items()}
+        raw = RawScan(time_s, codes, raw.touched, strip_time_s=self._offsets)
+        frame = encode_scan(raw, self._bits, self._number)
         self._number += 1
         return frame
 

@@ -27,7 +27,7 @@ from tacstrip.stream.source import RawScan, Shape, Source, paced
 from tacstrip.stream.tracking import Tracker
 
 _WAITING = 4096  # scans between reading and recovering; then the source waits
-_LATE_S = 0.05  # who waited longer is recorded, but its objects are not recovered
+_LATE_S = 0.02  # who waited longer, and is not the newest, is recorded without its objects
 _DETAIL_S = 1.0 / 60.0  # covariances are worked out so often, where anybody looks
 _SWITCH_S = 0.0005  # Python's own 5 ms would show as latency
 _LATENCIES = 2048
@@ -161,6 +161,11 @@ class Live:
         return np.quantile(values, parts).tolist() if values else [0.0] * len(parts)
 
     @property
+    def searches(self) -> int:
+        """How often corners were searched, and not only followed."""
+        return self._tracker.searches
+
+    @property
     def method_name(self) -> str:
         """The method that is used."""
         return self.method or best_method(self.source.sensor)
@@ -240,7 +245,7 @@ class Live:
         now_s = time.perf_counter()
         self._arrivals.append(arrived_s)
         number, self.frames = self.frames, self.frames + 1
-        if now_s - arrived_s > _LATE_S:
+        if now_s - arrived_s > _LATE_S and len(self._work):  # not the newest
             self.late += 1
             self._save(raw)
             return

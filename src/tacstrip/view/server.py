@@ -27,8 +27,9 @@ _SAFE = {
     "Referrer-Policy": "no-referrer",
     "Cache-Control": "no-store",
 }
-_DRAW_S = 1.0 / 60.0
+_DRAW_S = 0.012  # a little more often than screens draw
 _STATE_S = 0.25
+_AHEAD = 2  # frames under way to a page
 _LONGEST = 2**16  # bytes of a message from a page
 
 
@@ -144,8 +145,8 @@ class Server:
 
     async def _watch(self, request: web.Request) -> web.StreamResponse:
         look, control = self.access.may(request.query.get("token"))
-        if not look or request.headers.get("Origin") is None:
-            return web.Response(status=403, text="no token, or no page", headers=_SAFE)
+        if not look:
+            return web.Response(status=403, text="the address needs a token", headers=_SAFE)
         socket = web.WebSocketResponse(max_msg_size=_LONGEST, heartbeat=20.0)
         await socket.prepare(request)
         page = _Watcher(socket, control)
@@ -170,7 +171,7 @@ class Server:
         except (ValueError, TypeError, RecursionError):
             return
         if "drawn" in said:
-            page.free = True
+            page.sent = max(0, page.sent - 1)
             return
         if not page.control:
             answer = {"kind": "refused", "text": "this page may look, not change anything; use the other address"}
@@ -203,7 +204,7 @@ class _Watcher:
 
     def __init__(self, socket: web.WebSocketResponse, control: bool) -> None:
         self.socket, self.control = socket, control
-        self.free = True  # it has drawn what it got
+        self.sent = 0  # frames that it has not drawn yet
         self.skipped = 0
         self._task: asyncio.Task[None] | None = None
 
@@ -213,8 +214,8 @@ class _Watcher:
             self.skipped += bool(text)
             return
         parts = [state] if state else []
-        if text and self.free:
-            self.free = False
+        if text and self.sent < _AHEAD:
+            self.sent += 1
             parts.append(text)
         else:
             self.skipped += bool(text)

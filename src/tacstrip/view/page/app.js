@@ -1,0 +1,183 @@
+// The page: what comes in is kept, and the newest is drawn when the screen is ready.
+
+import { draw as drawChart } from "./chart.js";
+import { connect } from "./link.js";
+import { Objects } from "./objects.js";
+import { Surface } from "./surface.js";
+
+const get = (id) => document.getElementById(id);
+const surface = new Surface(get("surface"));
+let sensor = null, control = false, play = false, paused = false, frame = null, waiting = 0, drawing = false, told = 0, refusedAt = 0;
+const drawn = { count: 0, times: [], frame: null };
+window.tacstrip = drawn; // for the tests
+
+const line = (state, text) => Object.assign(get("line"), { textContent: text }).setAttribute("data-state", state);
+const link = connect(hear, line);
+const objects = new Objects(surface, (rings) => { placed = rings; if (!placing) sendPlaced(); });
+let placed = null, placing = false;
+
+// At most one message about objects a screen refresh, the newest.
+function sendPlaced() {
+  placing = true;
+  link.send({ do: "place", objects: placed });
+  placed = null;
+  requestAnimationFrame(() => { if (placed) sendPlaced(); else placing = false; });
+}
+
+function hear(message) {
+  if (message.kind === "frame") {
+    waiting += 1;
+    frame = message;
+    if (!drawing) { drawing = true; requestAnimationFrame(show); }
+  } else if (message.kind === "hello") { control = message.control; about(message); line("on", control ? "connected" : "connected, look only"); }
+  else if (message.kind === "state") state(message);
+  else if (message.kind === "told") say(message.text);
+  else if (message.kind === "refused" && performance.now() - refusedAt > 500) { refusedAt = performance.now(); say(message.text); }
+}
+
+function show() {
+  drawing = false;
+  for (; waiting > 0; waiting -= 1) link.send({ drawn: frame.number });
+  if (paused || !sensor || Object.values(frame.readings)[0].length !== sensor.strips) return;
+  surface.draw(frame);
+  if (frame.truth) objects.take(frame.truth);
+  drawChart(get("chart"), sensor, frame.readings);
+  const now = performance.now();
+  drawn.count += 1;
+  drawn.frame = frame;
+  drawn.times.push(now);
+  while (drawn.times[0] < now - 1000) drawn.times.shift();
+  if (drawn.count % 12 === 1) list(frame.objects);
+}
+
+function about(message) {
+  if (JSON.stringify(message.sensor) !== JSON.stringify(sensor)) {
+    sensor = message.sensor;
+    surface.begin(sensor);
+    objects.draw();
+    get("what").textContent = `${sensor.construction}, ${sensor.strips} strips, ${+(sensor.strips * sensor.pitch_mm).toFixed(1)} × ${sensor.length_mm} mm`;
+  }
+  play = Boolean(message.playground);
+  document.querySelectorAll(".play").forEach((e) => { e.hidden = !play; });
+  surface.svg.classList.toggle("surface-look", !control);
+  options(get("method"), message.methods, message.method);
+  if (play) {
+    options(get("construction"), message.constructions, sensor.construction);
+    value(get("strips"), sensor.strips);
+    value(get("noise"), +(100 * message.playground.noise).toFixed(3));
+    value(get("hz"), message.playground.rate_hz);
+  }
+  document.querySelectorAll("form button, form select, form input, #record, #examine, #method").forEach((e) => { e.disabled = !control; });
+}
+
+function options(select, names, chosen) {
+  if (select.dataset.names !== String(names)) {
+    select.dataset.names = String(names);
+    select.replaceChildren(...names.map((name) => new Option(name, name)));
+  }
+  value(select, chosen);
+}
+
+function value(field, now) { if (document.activeElement !== field) field.value = now; }
+
+function state(message) {
+  about(message);
+  const wire = message.wire, lost = (wire.lost || 0) + message.late + message.unreadable;
+  get("rate").textContent = message.rate_hz >= 100 ? message.rate_hz.toFixed(0) : message.rate_hz.toFixed(1);
+  get("p50").textContent = `${message.latency_ms[0].toFixed(2)} ms`;
+  get("p99").textContent = `${message.latency_ms[1].toFixed(2)} ms`;
+  get("lost").textContent = lost;
+  get("lost").title = `on the line: ${JSON.stringify(wire)}; recovered too late: ${message.late}; no readings: ${message.unreadable}`;
+  get("draws").textContent = paused ? "paused" : drawn.times.length;
+  line(message.running ? "on" : "off", !message.running ? "the stream has ended" : message.trouble || (control ? "connected" : "connected, look only"));
+  const recording = message.recording;
+  get("record").setAttribute("aria-pressed", Boolean(recording));
+  get("record-text").textContent = recording ? `${recording.scans} scans, ${(recording.bytes / 1e6).toFixed(1)} MB` : "Record";
+  for (const [number, text] of message.messages) if (number > told) { told = number; say(text); }
+  health(message.health);
+}
+
+function say(text) {
+  const item = document.createElement("li");
+  item.textContent = text;
+  get("said").prepend(item);
+  while (get("said").childElementCount > 20) get("said").lastElementChild.remove();
+}
+
+function list(found) {
+  const items = found.map((one) => {
+    const item = document.createElement("li");
+    const part = (kind, text, css) => { const e = document.createElement(kind); e.textContent = text; if (css) e.className = css; item.append(e); return e; };
+    part("b", one.id);
+    part("span", one.vertices.length ? `${one.vertices.length} corners, ${one.area.toFixed(0)} mm², at ${one.centroid[0]}, ${one.centroid[1]}` : "no shape");
+    part("span", one.status, "status").dataset.s = one.status;
+    if (one.advice) part("span", one.advice, "advice");
+    return item;
+  });
+  if (!items.length) {
+    const none = document.createElement("li");
+    none.className = "none";
+    none.textContent = "nothing touches the sensor";
+    items.push(none);
+  }
+  get("objects").replaceChildren(...items);
+}
+
+function health(told) {
+  const row = get("strips-health"), strips = told.strips || Array(sensor.strips).fill("unchecked");
+  get("examine").textContent = told.examining ? "Examining" : "Examine";
+  const key = JSON.stringify([told.strips, told.findings, told.trouble, sensor.strips]);
+  if (row.dataset.key === key) return;
+  row.dataset.key = key;
+  row.replaceChildren(...strips.map((condition, i) => {
+    const e = document.createElement("i");
+    e.dataset.c = condition;
+    e.title = `strip ${i + sensor.strip_base}: ${condition}${told.faults && told.faults[i].length ? `, ${told.faults[i].join(", ")}` : ""}`;
+    return e;
+  }));
+  const count = (name) => strips.filter((c) => c === name).length;
+  const words = `${count("ok")} ok, ${count("degraded")} degraded, ${count("broken")} broken, ${count("unchecked")} not touched yet`;
+  row.setAttribute("aria-label", words);
+  const noise = told.sigma ? ` Noise: ${(100 * told.sigma).toFixed(2)} % of Vref.` : "";
+  if (told.trouble) get("health-text").textContent = told.trouble;
+  else if (told.strips) get("health-text").textContent = `${words}.${noise} ${told.findings.join("; ")}`;
+}
+
+function pause() {
+  paused = !paused;
+  get("pause").setAttribute("aria-pressed", paused);
+  get("pause").textContent = paused ? "Go on" : "Pause";
+}
+
+function theme(name) {
+  document.documentElement.dataset.theme = name;
+  get("theme").textContent = name === "dark" ? "Light" : "Dark";
+  try { localStorage.setItem("theme", name); } catch { /* storage may be forbidden; the choice lasts as long as the page */ }
+}
+
+let kept = null;
+try { kept = localStorage.getItem("theme"); } catch { /* as above */ }
+theme(kept || (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light"));
+
+const record = () => { if (!get("record").disabled) link.send({ do: get("record").getAttribute("aria-pressed") === "true" ? "stop recording" : "record" }); };
+get("pause").onclick = pause;
+get("record").onclick = record;
+get("theme").onclick = () => theme(document.documentElement.dataset.theme === "dark" ? "light" : "dark");
+get("examine").onclick = () => link.send({ do: "examine" });
+get("method").onchange = (event) => link.send({ do: "method", method: event.target.value });
+get("add").onclick = () => objects.add();
+get("corner").onclick = () => objects.addCorner();
+get("left").onclick = () => objects.turn(Math.PI / 36);
+get("right").onclick = () => objects.turn(-Math.PI / 36);
+get("remove").onclick = () => objects.remove();
+get("play").onsubmit = (event) => event.preventDefault();
+const setting = (id, name, read) => { get(id).onchange = (event) => link.send({ do: "set", settings: { [name]: read(event.target.value) } }); };
+setting("construction", "construction", String);
+setting("strips", "strips", Number);
+setting("noise", "noise", (text) => Number(text) / 100);
+setting("hz", "rate_hz", Number);
+document.addEventListener("keydown", (event) => {
+  if (event.target.matches("input, select") || event.ctrlKey || event.metaKey || event.altKey) return;
+  if (event.key === "p") pause();
+  if (event.key === "r") record();
+});

@@ -1,0 +1,117 @@
+// The sensor's surface as SVG: strips, what was recovered. Millimetres, y upwards, so y is drawn as length - y.
+
+const SVG = "http://www.w3.org/2000/svg";
+
+export function make(kind, attributes, parent) {
+  const element = document.createElementNS(SVG, kind);
+  for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, value);
+  if (parent) parent.append(element);
+  return element;
+}
+
+// Give a group as many children of a kind as there are items, and set each; elements are kept and used again.
+function fill(group, kind, items, set) {
+  while (group.childElementCount > items.length) group.lastElementChild.remove();
+  while (group.childElementCount < items.length) make(kind, {}, group);
+  items.forEach((item, i) => set(group.children[i], item));
+}
+
+export class Surface {
+  constructor(svg) {
+    this.svg = svg;
+    this.layers = {};
+    for (const name of ["skin", "profiles", "truths", "shapes", "regions", "corners", "names", "handles"]) {
+      this.layers[name] = make("g", {}, svg);
+    }
+    new ResizeObserver(() => this.measure()).observe(svg);
+  }
+
+  // Draw the strips of another sensor.
+  begin(sensor) {
+    this.sensor = sensor;
+    this.width = sensor.strips * sensor.pitch_mm;
+    this.length = sensor.length_mm;
+    const margin = 0.07 * Math.max(this.width, this.length);
+    this.svg.setAttribute("viewBox", `${-margin} ${-0.4 * margin} ${this.width + 1.4 * margin} ${this.length + 1.4 * margin}`);
+    const skin = this.layers.skin;
+    skin.replaceChildren();
+    make("rect", { class: "skin", width: this.width, height: this.length, "vector-effect": "non-scaling-stroke" }, skin);
+    this.touched = make("path", { class: "touched" }, skin);
+    if (sensor.strips <= 250) {
+      const lines = Array.from({ length: sensor.strips - 1 }, (_, i) => `M${(i + 1) * sensor.pitch_mm} 0V${this.length}`);
+      make("path", { class: "gaps", d: lines.join(""), "stroke-width": Math.min(0.12 * sensor.pitch_mm, 1) }, skin);
+    }
+    this.axes = make("g", {}, skin);
+    this.measure();
+  }
+
+  y(value) { return this.length - value; }
+
+  // Millimetres a pixel, for what keeps its size on the screen.
+  measure() {
+    const map = this.svg.getScreenCTM();
+    if (!map || !this.sensor) return;
+    this.px = 1 / map.a;
+    this.axes.replaceChildren();
+    const size = 11 * this.px;
+    const text = (x, y, anchor, words) => {
+      const element = make("text", { class: "axis", x, y, "font-size": size, "text-anchor": anchor }, this.axes);
+      element.textContent = words;
+    };
+    const show = (value) => `${+value.toFixed(1)}`;
+    for (const part of [0, 0.5, 1]) {
+      text(part * this.width, this.length + 1.5 * size, "middle", show(part * this.width) + (part === 1 ? " mm" : ""));
+      text(-0.6 * size, this.y(part * this.length) + 0.35 * size, "end", show(part * this.length));
+    }
+    if (this.last) this.draw(this.last);
+  }
+
+  point(event) {
+    const place = new DOMPoint(event.clientX, event.clientY).matrixTransform(this.svg.getScreenCTM().inverse());
+    return [place.x, this.y(place.y)];
+  }
+
+  path(points) { return points.length ? `M${points.map(([x, y]) => `${x} ${this.y(y)}`).join("L")}Z` : ""; }
+
+  draw(frame) {
+    this.last = frame;
+    const readings = Object.values(frame.readings)[0] || [], pitch = this.sensor.pitch_mm;
+    let strips = "";
+    readings.forEach((value, i) => { if (value !== null) strips += `M${i * pitch} 0h${pitch}v${this.length}h${-pitch}z`; });
+    this.touched.setAttribute("d", strips);
+    const found = frame.objects.filter((o) => o.vertices.length);
+    const fixed = "non-scaling-stroke";
+    fill(this.layers.shapes, "path", found, (e, o) => {
+      e.setAttribute("class", "shape");
+      e.setAttribute("data-s", o.status);
+      e.setAttribute("vector-effect", fixed);
+      e.setAttribute("d", this.path(o.vertices));
+    });
+    const profiles = frame.objects.filter((o) => o.profile).map((o) => o.profile);
+    fill(this.layers.profiles, "path", profiles, (e, [x, l, u]) => {
+      e.setAttribute("class", "profile");
+      e.setAttribute("vector-effect", fixed);
+      const chain = (ends) => "M" + x.map((at, i) => (ends[i] === null ? null : `${at} ${this.y(ends[i])}`)).filter(Boolean).join("L");
+      e.setAttribute("d", chain(l) + chain(u));
+    });
+    fill(this.layers.regions, "path", found.flatMap((o) => o.regions), (e, region) => {
+      e.setAttribute("class", "region");
+      e.setAttribute("vector-effect", fixed);
+      e.setAttribute("d", this.path(region));
+    });
+    const corners = found.filter((o) => o.vertices.length <= 20).flatMap((o) => o.vertices);
+    fill(this.layers.corners, "circle", corners, (e, [x, y]) => {
+      e.setAttribute("class", "corner");
+      e.setAttribute("cx", x);
+      e.setAttribute("cy", this.y(y));
+      e.setAttribute("r", 2.5 * this.px);
+    });
+    fill(this.layers.names, "text", found, (e, o) => {
+      e.setAttribute("class", "name");
+      e.setAttribute("x", o.centroid[0] ?? 0);
+      e.setAttribute("y", this.y(o.centroid[1] ?? 0) + 5 * this.px);
+      e.setAttribute("font-size", 14 * this.px);
+      e.textContent = o.id;
+    });
+  }
+}
