@@ -22,7 +22,8 @@ from tacstrip.reconstruct.ends import closed_ends
 from tacstrip.reconstruct.outline import Outline
 from tacstrip.reconstruct.polygon_fit import information_root, thickness, untangled
 from tacstrip.reconstruct.polygon_moves import MOST
-from tacstrip.reconstruct.polygon_run import FLOOR, RunFit, fit_run, one_shape
+from tacstrip.reconstruct.polygon_run import RunFit, fit_run, one_shape
+from tacstrip.reconstruct.polygon_signal import FLOOR
 from tacstrip.reconstruct.polygon_verdict import judge
 from tacstrip.reconstruct.result import Profile, Reconstruction, RecoveredObject
 from tacstrip.scan import Scan

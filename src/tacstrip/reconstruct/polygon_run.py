@@ -12,11 +12,10 @@ from tacstrip.reconstruct.polygon_moves import MOST
 from tacstrip.reconstruct.polygon_outliers import misfits, spikes
 from tacstrip.reconstruct.polygon_oval import PARAMETERS, Oval, fit_oval
 from tacstrip.reconstruct.polygon_search import Fits, fit_counts, misfit, penalty
-from tacstrip.reconstruct.polygon_signal import Signal
+from tacstrip.reconstruct.polygon_signal import FLOOR, Signal
 from tacstrip.reconstruct.sections import reading_noise
 from tacstrip.sensor.spec import Sensor
 
-FLOOR = 1e-7  # of Vref: readings are never taken for more exact
 _BEYOND = 0.5  # a reading that noise may drive so far beyond 0 or 1 is still one
 _ROUNDS = 3  # of leaving outliers out, and of estimating sigma anew
 _SURER = 0.3  # so much less noise than first thought is worth another fit
@@ -155,7 +154,7 @@ def _with_oval(run: RunFit, known: bool) -> RunFit:
     n = signal.readings
     score = fits.scores[fits.best] - penalty(n)
     oval = fit_oval(fits.chosen, signal, score if known else np.inf)
-    return replace(run, oval=oval, lead=score - misfit(oval.cost, n, known))
+    return replace(run, oval=oval, lead=score - misfit(oval.cost, signal, known))
 
 
 def one_shape(left: RunFit, right: RunFit, joint: RunFit) -> bool:

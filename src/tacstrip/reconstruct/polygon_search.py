@@ -17,7 +17,7 @@ from tacstrip.reconstruct.kernels import ENDS
 from tacstrip.reconstruct.polygon_descent import descend
 from tacstrip.reconstruct.polygon_fit import Fit, fit_of
 from tacstrip.reconstruct.polygon_moves import ENOUGH, FIRST, GROW, MOST, ROUGH, SHRINK, improve
-from tacstrip.reconstruct.polygon_signal import Signal
+from tacstrip.reconstruct.polygon_signal import FLOOR, Signal
 
 _FINE, _SETTLED = 40, 1e-4  # steps of a last descent, and the gain in chi square that ends it
 _PAST = 2  # counts tried past the best
@@ -100,21 +100,22 @@ def refine(fit: Fit, signal: Signal) -> Fit:
             theta[3 * side + 1 : 3 * side + 3] = theta[3 * side + 1 : 3 * side + 3].mean()
     cost = descend(theta, chain, fit.count, fit.blunt, signal.data, signal.model, _FINE, _SETTLED, np.inf)
     height = np.array([theta[2] - theta[1], theta[5] - theta[4]])
-    closed = (fit.blunt == 1) & (height <= _CLOSED)  # a vertical edge without height is a point
-    for i in 3 * np.flatnonzero(closed):
-        theta[i + 1 : i + 3] = theta[i + 1 : i + 3].mean()
-    return Fit(theta, chain, np.where(closed, 0, fit.blunt), cost)
+    closed = (fit.blunt == 1) & (height <= _CLOSED)
+    if closed.any():  # a vertical edge without height is a point, whose x is free
+        return refine(Fit(theta, chain, np.where(closed, 0, fit.blunt), cost), signal)
+    return Fit(theta, chain, fit.blunt, cost)
 
 
 def criterion(fit: Fit, signal: Signal, known: bool = True) -> float:
     """Return what counts are compared by: misfit, and a penalty per vertex, one more for a vertical edge."""
     n = signal.readings
-    return misfit(fit.cost, n, known) + penalty(n) * (fit.count + int(fit.blunt.sum()))
+    return misfit(fit.cost, signal, known) + penalty(n) * (fit.count + int(fit.blunt.sum()))
 
 
-def misfit(cost: float, readings: int, known: bool) -> float:
-    """Return chi square, or n log of it where sigma is not known."""
-    return cost if known else readings * math.log(max(cost, 1e-300) / max(readings, 1))
+def misfit(cost: float, signal: Signal, known: bool) -> float:
+    """Return chi square, or n log of it where sigma is not known: never below what readings as exact as can be leave."""
+    n = max(signal.readings, 1)
+    return cost if known else n * math.log(max(cost / n, (FLOOR / signal.sigma) ** 2))
 
 
 def _most(signal: Signal) -> int:
@@ -182,8 +183,8 @@ class _Search:
                 break
 
     def _pointed_will_do(self, fit: Fit, m: int) -> bool:
-        free = misfit(self.costs[m], self.signal.readings, self.known)
-        return misfit(fit.cost, self.signal.readings, self.known) - free < self.penalty
+        free = misfit(self.costs[m], self.signal, self.known)
+        return misfit(fit.cost, self.signal, self.known) - free < self.penalty
 
     def near(self, m: int) -> list[int]:
         """Return m and the counts beside it that may yet turn out better."""
@@ -200,9 +201,8 @@ class _Search:
         return int(self._scores().argmin())
 
     def _scores(self) -> FloatArray:
-        n = self.signal.readings
         return np.array(
-            [misfit(self.costs[m], n, self.known) + self.penalty * m for m in range(self.top + 1)]
+            [misfit(self.costs[m], self.signal, self.known) + self.penalty * m for m in range(self.top + 1)]
         )
 
     def _try(self, move: int, m: int) -> None:

@@ -12,6 +12,7 @@ from tacstrip.sensor.circuit import erosion, sensing_share
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
 
+FLOOR = 1e-7  # of Vref: readings are never taken for more exact
 _STRIPS = 100  # the search makes longer runs as short as that
 
 

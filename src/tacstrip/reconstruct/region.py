@@ -48,7 +48,7 @@ def svg(shapes: Sequence[tuple[FloatArray, FloatArray | None]]) -> str:
     """Return polygons (N, 2) [mm] with their covariance (2N, 2N) or None as one SVG, y upwards, with 95 % regions."""
     shapes = [(v, c) for v, c in shapes if len(v)]
     if not shapes:
-        return f"<svg {_NAMESPACE} width=\"90\" height=\"24\"><text x=\"4\" y=\"16\">no shape</text></svg>"
+        return f'<svg {_NAMESPACE} width="90" height="24"><text x="4" y="16">no shape</text></svg>'
     around = [regions(v, c) for v, c in shapes]
     every = np.concatenate([*(v for v, _ in shapes), *(r for each in around for r in each)])
     low, high = every.min(axis=0), every.max(axis=0)

@@ -73,8 +73,10 @@ def parse(plain: bytes) -> Frame:
 def stuffed(plain: bytes) -> bytes:
     """Return bytes with COBS applied: as many and one more for every 254, none of them 0."""
     out = bytearray()
-    for piece in plain.split(b"\0"):
-        whole = max(len(piece) - 1, 0) // _BLOCK * _BLOCK  # so much goes in full blocks, which imply no zero
+    *_, last = pieces = plain.split(b"\0")
+    for piece in pieces:
+        # So much goes in full blocks, which imply no zero; the last piece has none after it, and may end with one.
+        whole = (len(piece) - (piece is last and len(piece) > 0)) // _BLOCK * _BLOCK
         for at in range(0, whole, _BLOCK):
             out.append(_BLOCK + 1)
             out += piece[at : at + _BLOCK]
