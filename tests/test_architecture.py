@@ -37,17 +37,23 @@ ORDER = [
     "reconstruct.polygon_score", "reconstruct.polygon_moves", "reconstruct.polygon_plain",
     "reconstruct.polygon_signal", "reconstruct.polygon_fit", "reconstruct.polygon_search",
     "reconstruct.polygon_oval", "reconstruct.polygon_outliers", "reconstruct.polygon_run",
-    "reconstruct.polygon_verdict", "reconstruct.polygon", "reconstruct.blocks", "reconstruct.transitions",
-    "reconstruct.validity", "reconstruct.vertex", "reconstruct.profile", "reconstruct.methods",
+    "reconstruct.polygon_verdict", "reconstruct.polygon_object", "reconstruct.polygon", "reconstruct.blocks",
+    "reconstruct.transitions", "reconstruct.validity", "reconstruct.vertex", "reconstruct.profile",
+    "reconstruct.methods",
     "io.columns", "io.rows", "io.readings", "io.runs", "io.geometry",
     "calibrate.residuals", "calibrate.offsets", "calibrate.model", "calibrate.fit", "calibrate.told",
     "calibrate.choose", "calibrate.unit", "calibrate.plan", "calibrate.touch", "calibrate.drift",
     "stream.source", "stream.codes", "stream.messages", "stream.framing", "stream.mcapfile", "stream.recording",
     "stream.interrupt", "stream.replay", "stream.simulated", "stream.recover", "stream.pipeline", "stream.export",
     "stream.summary",
-    "diagnose.finding", "diagnose.log", "diagnose.view", "diagnose.beside", "diagnose.channels", "diagnose.order",
+    "diagnose.finding", "diagnose.fits", "diagnose.log", "diagnose.view", "diagnose.beside", "diagnose.channels", "diagnose.order",
     "diagnose.shorts", "diagnose.converter", "diagnose.noise", "diagnose.drift", "diagnose.hum", "diagnose.doctor",
     "stream.wire_frames", "stream.wire_messages", "stream.wire_commands", "stream.wire_scans", "stream.wire",
+    "stream.port", "stream.mailbox", "stream.device", "stream.pty_device", "stream.greeting", "stream.serial_source",
+    "stream.readings",
+    "stream.following", "stream.tracking", "stream.frame", "stream.disk", "stream.meter", "stream.live", "stream.warm", "stream.start",
+    "stream.osc", "stream.sinks",
+    "view.access", "view.health", "view.picture", "view.playground", "view.stage", "view.server",
     "metrics",
     "plot.style", "plot.scene", "plot.result", "plot.doctor", "plot.calibration",
     "studies.thesis.published", "studies.twin", "studies.thesis.shapes", "studies.thesis.chapter2", "studies.thesis.chapter3",
@@ -56,7 +62,7 @@ ORDER = [
     "studies.thesis.chapter6", "studies.thesis.chapter6_calibration", "studies.thesis.chapter6_figures",
     "studies.thesis.chapter6_prototypes",
     "studies.thesis.claims", "studies.thesis.chapter6_claims", "studies.report", "calibrate.report", "studies.thesis.reproduce", "studies.demo", "studies.physics",
-    "studies.crp", "studies.budget", "studies.width",
+    "studies.crp", "studies.budget", "studies.width", "studies.estimation", "studies.estimation_figures",
     "studies.limits", "studies.design", "plot.limits",
     "studies.faults", "studies.checkup",
     "cli",
@@ -91,7 +97,7 @@ def _level(name: str) -> int:
     return ORDER.index("cli" if name.split(".")[0] == "cli" else name)
 
 
-PACKAGES = {"diagnose", "sensor", "contact", "network", "reconstruct", "io", "calibrate", "stream", "plot", "studies", "studies.thesis"}
+PACKAGES = {"diagnose", "view", "sensor", "contact", "network", "reconstruct", "io", "calibrate", "stream", "plot", "studies", "studies.thesis"}
 
 
 @pytest.mark.parametrize(("name", "file"), [m for m in _modules() if m[0] not in PACKAGES])

@@ -106,8 +106,8 @@ def test_the_printed_dash_of_table_5_2_is_a_failure_here() -> None:
 def test_summary_counts_what_is_printed_inside() -> None:
     number = _row("5.2", "quantisation + profile II")  # mc printed: 0.194 0.077 0.080 0.135 -
     values = np.linspace(0.0, 0.2, 101)[:, None] * np.ones(3)
-    cells = [Cell(values, 0.1, values[:50], 0.4, np.empty((0, 2)))] * 4 + [
-        Cell(values[:0], 1.0, values[:0], 1.0, np.empty((0, 2)))
+    cells = [Cell(values, 0.1, values[:50], 0.4, [], np.full(3, np.nan), np.empty((0, 2)))] * 4 + [
+        Cell(values[:0], 1.0, values[:0], 1.0, [], np.full(3, np.nan), np.empty((0, 2)))
     ]
     ours = summarise(number, cells)
     assert ours["mc"]["median"] == [pytest.approx(0.1)] * 4 + [None]

@@ -21,6 +21,8 @@ VERBS = {
     "replay": "Give a recording's scans again, at their pace or faster.",
     "recover": "Make a cut or damaged recording whole again.",
     "convert": "Turn recordings into CSV, NumPy or GeoJSON, and readings into recordings.",
+    "live": "Show, record and pass on what touches the sensor, from a device, a virtual one or a file.",
+    "doctor": "Say from readings what is wrong with the hardware.",
     "spice": "Write the sensor and its contact as a netlist for ngspice.",
     "limits": "Say how well a sensor can tell a contact's corners, and which designs reach a wanted error.",
     "reproduce": "Make chapters 2 to 5 of the thesis again, beside its printed figures.",

@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from tacstrip.arrays import BoolArray, FloatArray
+from tacstrip.arrays import BoolArray, FloatArray, IntArray
 from tacstrip.diagnose.finding import Finding
 from tacstrip.diagnose.view import Suspect, View, residuals
 
@@ -30,19 +30,24 @@ def on_rails(view: View) -> list[Suspect]:
     e, r = (np.stack(a) for a in zip(*(residuals(view, n) for n in names), strict=True))
     inside = (e > _INSIDE) & (e < 1.0 - _INSIDE)
     low, high = values <= _ground(view) + near, values >= 1.0 - near
-    ground, vref = (side.all(axis=0) & inside.any(axis=0) for side in (low, high))
+    ground, vref = (np.asarray(side.all(axis=0) & inside.any(axis=0)) for side in (low, high))
     # One channel on ground where the other is not: its wire has nothing to say.
     lone = inside & low & ~low.all(axis=0) & (values.max(axis=0) > 2.0 * near)
     places = inside.any(axis=0).sum(axis=0)
     found = []
     for strip in range(view.strips):
         gain = float(np.nanmean(np.abs(r[:, :, strip]))) if places[strip] else 0.0
-        for finding in (
+        channels = dict(zip(names, lone[:, :, strip], strict=True))
+        of = inside[:, :, strip].sum(axis=1)
+        named = (
             _open_strip(view, strip, ground[:, strip], vref[:, strip], int(places[strip]), e[0, :, strip]),
-            _one_channel(view, strip, dict(zip(names, lone[:, :, strip], strict=True)), inside[:, :, strip].sum(axis=1)),
-        ):
-            if finding is not None:
-                found.append(Suspect(finding, gain, partial(View.drop, strip=strip, signature=finding.signature)))
+            _one_channel(view, strip, channels, of),
+        )
+        found += [
+            Suspect(finding, gain, partial(View.drop, strip=strip, signature=finding.signature))
+            for finding in named
+            if finding is not None
+        ]
     return found
 
 
@@ -55,7 +60,8 @@ def _open_strip(
     view: View, strip: int, ground: BoolArray, vref: BoolArray, places: int, level: FloatArray
 ) -> Finding | None:
     count = int(ground.sum() + vref.sum())
-    if not count or count < _SHARE * places:
+    deep = count == places and bool((np.abs(level[ground | vref] - 0.5) < 0.25).any())
+    if not (count >= _FEW or deep) or count < _SHARE * places:
         return None
     where = ""
     if ground.any() and vref.any():
@@ -63,14 +69,17 @@ def _open_strip(
         where = f"; the cut lies near y = {y[0]:.4g} to {y[1]:.4g} mm"
     return Finding(
         "open-strip", (int(view.order[strip]),),
-        f"on ground in {int(ground.sum())} and on Vref in {int(vref.sum())} of {places} places where its neighbours expect "
-        f"0.15 to 0.85 of Vref{where}",
+        f"on ground in {int(ground.sum())} and on Vref in {int(vref.sum())} of {places} places where its neighbours "
+        f"expect 0.15 to 0.85 of Vref{where}",
         {"places": float(places), "at_ground": float(ground.sum()), "at_vref": float(vref.sum())},
     )  # fmt: skip
 
 
 def _one_channel(
-    view: View, strip: int, lone: dict[str, BoolArray], places: np.ndarray  # type: ignore[type-arg]
+    view: View,
+    strip: int,
+    lone: dict[str, BoolArray],
+    places: IntArray,
 ) -> Finding | None:
     counts = {name: int(at.sum()) for name, at in lone.items()}
     often = [n for n, of in zip(counts, places, strict=True) if counts[n] and counts[n] >= 0.25 * of]
@@ -79,14 +88,14 @@ def _one_channel(
     if len(often) == 2 or (len(often) == 1 and min(counts.values()) >= _FEW):
         return Finding(
             "open-sensing", number,
-            f"v_h is on ground in {counts['kh']} places and v_l in {counts['kl']} others, while the other of the two moves: "
-            "v_h for contacts below the cut, v_l above it", numbers,
+            f"v_h is on ground in {counts['kh']} places and v_l in {counts['kl']} others, while the other of the two "
+            "moves: v_h for contacts below the cut, v_l above it", numbers,
         )  # fmt: skip
     for name, of in zip(counts, places, strict=True):
         if name in often and counts[name] >= _SHARE * of:
             return Finding(
-                "dead", number, f"on ground in {counts[name]} of {int(of)} places where its neighbours expect 0.15 to 0.85 of "
-                "Vref, while the strip's other channel moves", numbers, name,
+                "dead", number, f"on ground in {counts[name]} of {int(of)} places where its neighbours expect 0.15 to "
+                "0.85 of Vref, while the strip's other channel moves", numbers, name,
             )  # fmt: skip
     return None
 
@@ -108,8 +117,8 @@ def not_moving(view: View) -> list[Suspect]:
                 fault = "dead" if abs(level - _ground(view)) < max(_RAIL, 4.0 * view.sigma) else "stuck"
                 finding = Finding(
                     fault, (int(view.order[strip]),),
-                    f"stays within {100 * own:.2g} % of Vref of {level:.4g} Vref over {int(known.sum())} places, while its "
-                    f"neighbours move by {100 * theirs:.3g} %",
+                    f"stays within {100 * own:.2g} % of Vref of {level:.4g} Vref over {int(known.sum())} places, while "
+                    f"its neighbours move by {100 * theirs:.3g} %",
                     {"level": level, "own_spread": own, "neighbours_spread": theirs}, name,
                 )  # fmt: skip
                 gain = float(np.abs(r[known, strip]).mean())
@@ -150,8 +159,8 @@ def clipped(view: View) -> list[Suspect]:
                     Suspect(
                         Finding(
                             "saturation", (int(view.order[strip]),),
-                            f"never {side} {sign * level:.4g} Vref, {beyond} times just there while its neighbours went "
-                            f"further, by {100 * misfit:.3g} % of Vref in the mean",
+                            f"never {side} {sign * level:.4g} Vref, {beyond} times just there while its neighbours "
+                            f"went further, by {100 * misfit:.3g} % of Vref in the mean",
                             {"level": sign * level, "places": float(beyond), "misfit": misfit}, name,
                         ),
                         misfit,
@@ -168,7 +177,13 @@ def _ceiling(own: FloatArray, theirs: FloatArray, sigma: float) -> tuple[float, 
     level = float(own.max())
     beyond = theirs > level + max(0.03, 5.0 * sigma)
     at = own >= level - 0.003
-    if abs(level) < 0.015 or abs(level - 1.0) < 0.015 or beyond.sum() < _SOME or at[beyond].mean() < 0.8 or _spread(theirs[beyond]) < _SPREAD:
+    if (
+        abs(level) < 0.015
+        or abs(level - 1.0) < 0.015
+        or beyond.sum() < _SOME
+        or at[beyond].mean() < 0.8
+        or _spread(theirs[beyond]) < _SPREAD
+    ):
         return None
     return level, int(beyond.sum()), float((theirs - own)[beyond].mean())
 
@@ -193,7 +208,7 @@ def silent(view: View) -> list[Suspect]:
                 Suspect(
                     Finding(
                         "dead", (int(view.order[strip]),),
-                        f"reads no contact in {count} places where both its neighbours do, while the contact moves across",
+                        f"reads no contact in {count} places where both its neighbours do, though the contact moves on",
                         {"places": float(count)},
                     ),
                     1.0,

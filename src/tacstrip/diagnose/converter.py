@@ -26,7 +26,9 @@ def stuck_bits(log: Log) -> tuple[list[Finding], str]:
     if not told:
         return [], f"A/D bits: only {len(codes)} different codes; move the contact"
     stuck = [b for b in told if len(np.unique((codes >> b) & 1)) == 1]
-    untold = f"A/D bits {max(told) + 1} and above: they change too seldom to tell" if max(told) < bits - 1 else ""
+    untold = (
+        f"A/D bits {max(told) + 1} and above: they change too seldom to tell" if max(told) < bits - 1 else ""
+    )
     if not stuck:
         return [], untold
     at = [int(codes[0] >> b) & 1 for b in stuck]
@@ -53,8 +55,8 @@ def wrong_reference(log: Log, sigma: float) -> tuple[list[Finding], float]:
         over |= (values > 1.0 + margin) | (values < -margin)
     often = over.sum(axis=0) >= 2
     alive = np.any([np.isfinite(v).any(axis=0) for v in log.raw.values()], axis=0)
-    top = max(float(np.nanmax(v)) for v in log.raw.values() if np.isfinite(v).any())
-    least = min(float(np.nanmin(v)) for v in log.raw.values() if np.isfinite(v).any())
+    every = np.concatenate([v[np.isfinite(v)] for v in log.raw.values()])
+    top, least = float(every.max()), float(every.min())
     if often.sum() >= max(2.0, 0.3 * alive.sum()):
         volts = log.sensor.vref_volt
         hint = "; millivolts?" if 200.0 < top < 1500.0 else ""
@@ -77,14 +79,14 @@ def wrong_reference(log: Log, sigma: float) -> tuple[list[Finding], float]:
         return found, 1.0
     finding = Finding(
         "wrong-vref", (),
-        f"all strips' highest readings are {factor:.4g} of Vref, at different times, as of contacts that reach the end: Vref is "
-        f"{factor * log.sensor.vref_volt:.4g} V, or the gain {factor:.4g}", {"factor": factor},
+        f"all strips' highest readings are {factor:.4g} of Vref, at different times, as of contacts up to the end: "
+        f"Vref is {factor * log.sensor.vref_volt:.4g} V, or the gain {factor:.4g}", {"factor": factor},
     )  # fmt: skip
     return [finding, *found], factor
 
 
 def _end_level(log: Log, sigma: float) -> float | None:
-    """Return the level below 1 that all strips' highest readings share, though contacts lie askew; None if there is none.
+    """Return the level below 1 that all strips' highest readings share, though contacts lie askew; None without one.
 
     A contact at the end at Vref reads 1 (3.3), (3.8), whatever its length. Other contacts reach the same height on
     all strips only if they lie straight, and then on all strips at once, or if they are not moved along the strips.
@@ -103,7 +105,7 @@ def _end_level(log: Log, sigma: float) -> float | None:
     if not 0.4 < level < 0.97 or shared.mean() < 0.8 or (highest > level + 2.0 * near).any():
         return None
     at = top > level - near
-    askew = (top < level - 0.03) & at.any(axis=1)[:, None]
+    askew = (top < level - 0.03) & at.any(axis=1, keepdims=True)
     heights = np.nanmax(np.where(np.isnan(top), -1.0, top), axis=1)
     low, high = np.percentile(heights[heights >= 0.0], [5.0, 95.0])
     lies_askew = askew.any(axis=1).sum() >= max(8.0, 0.1 * at.any(axis=1).sum())
@@ -120,15 +122,16 @@ def common_ceiling(log: Log, sigma: float) -> list[Finding]:
     found = []
     for sign, side in ((1.0, "above"), (-1.0, "below")):
         values = [sign * np.where(log.touched, v, np.nan) for v in log.raw.values()]
-        level = max(float(np.nanmax(v)) for v in values)
-        if abs(level) < 0.015 or abs(level - 1.0) < 0.015 or level > 1.0:
+        level = float(np.fmax.reduce([np.fmax.reduce(v, axis=None) for v in values]))
+        if not np.isfinite(level) or abs(level) < 0.015 or abs(level - 1.0) < 0.015 or level > 1.0:
             continue
         at, below, strips = _pile(values, level, 0.6 * step + 1e-9, 2.0 * sigma)
         if at >= 20 and at > 2 * below and strips >= 3:
             found.append(
                 Finding(
-                    "saturation", (), f"{at} readings on {strips} strips are exactly {sign * level:.5g} Vref and none is {side}; "
-                    f"noise alone would spread them by {100 * sigma:.2g} %", {"level": sign * level, "readings": float(at)},
+                    "saturation", (), f"{at} readings on {strips} strips are just {sign * level:.5g} Vref and none is "
+                    f"{side}; noise alone would spread them by {100 * sigma:.2g} %",
+                    {"level": sign * level, "side": sign, "readings": float(at)},
                 )
             )  # fmt: skip
     return found

@@ -24,6 +24,7 @@ _OFFSET = 0.02  # over Vref: what a strip may lie beside its neighbours before c
 _TESTS: tuple[Callable[[View], list[Suspect]], ...] = (
     silent, on_rails, not_moving, clipped, swapped_wires, swapped_ends, swapped_strips, shorts,
 )  # fmt: skip
+_AT = 0.003  # over Vref: what lies this near a ceiling is not used
 _AT_EDGE = 0.3  # what a gain counts where neighbours stand on one side only
 _WORST = {"broken": 0, "degraded": 1, "note": 2}
 
@@ -46,8 +47,11 @@ def diagnose(log: Log) -> Report:
     ceiling = common_ceiling(part, sigma)
     reference, factor = wrong_reference(part, sigma) if not ceiling else ([], 1.0)
     view = view_of(part, sigma)
-    for name in view.k:
-        view.k[name] = view.k[name] / factor
+    for name, values in view.k.items():
+        beyond = [c.numbers["side"] * (values - c.numbers["level"]) > -_AT for c in ceiling]
+        view.k[name] = (
+            np.where(np.any(beyond, axis=0), np.nan, values / factor) if beyond else values / factor
+        )
     rows = places(view)
     geometric = log.sensor.kind.closed_form
     tests = _TESTS if geometric else (silent, swapped_wires)
@@ -57,11 +61,14 @@ def diagnose(log: Log) -> Report:
     peeled = _merged([s.finding for s in named])
     wandering, checked = drift(part, view)
     humming, no_hum = hum(part, sigma)
-    loud = {i for f in humming for i in f.strips or range(log.sensor.strips)}
+    loud = {f.strips for f in humming}
     known = {i for f in peeled for i in f.strips}
-    noisy = [f for f in excess_noise(part, measured) if not loud & set(f.strips or range(log.sensor.strips))]
+    noisy = [f for f in excess_noise(part, measured) if f.strips not in loud]  # hum is noise too
     late = [f for f in (*wandering, *noisy) if not known & set(f.strips)]
-    findings = sorted([*bits, *reference, *ceiling, *peeled, *humming, *late], key=lambda f: (_WORST[f.kind.severity], f.strips))
+    findings = sorted(
+        [*bits, *reference, *ceiling, *peeled, *humming, *late],
+        key=lambda f: (_WORST[f.kind.severity], f.strips),
+    )
     return Report(
         findings=tuple(findings),
         notes=tuple(_notes(log, rows)),
@@ -80,6 +87,10 @@ def _peel(rows: View, tests: Sequence[Callable[[View], list[Suspect]]]) -> list[
     while len(rows.there):
         edges = {int(rows.order[0]), int(rows.order[-1])}
         suspects = [s for test in tests for s in test(rows) if s.finding.place not in named]
+        ill = {i for _, strips, _ in named for i in strips}
+        suspects = [
+            s for s in suspects if s.finding.fault != "swapped-strips" or not ill & set(s.finding.strips)
+        ]
         if not suspects:
             break
         worst = max(suspects, key=lambda s: s.gain * (_AT_EDGE if edges & set(s.finding.strips) else 1.0))
@@ -106,22 +117,25 @@ def _notes(log: Log, view: View) -> Iterator[Finding]:
             )  # fmt: skip
     everything = all(np.isfinite(v).all() for v in log.raw.values())
     if log.sensor.rest_volt is None and everything and len(log.time_s) > 1:
-        yield Finding("rest-level", (), "every strip has a reading in every scan, so every strip counts as touched")
+        yield Finding(
+            "rest-level", (), "every strip has a reading in every scan, so every strip counts as touched"
+        )
 
 
 def _untold(log: Log, view: View) -> Iterator[str]:
     """Say what this recording could not show."""
     base = log.sensor.strip_base
-    if never := [i + base for i in np.flatnonzero(~log.touched.any(axis=0))]:
+    if never := [int(i) + base for i in np.flatnonzero(~log.touched.any(axis=0))]:
         yield f"{_names(never)}: never touched; move the contact over them"
     if not log.sensor.kind.closed_form:
-        yield "open strips, shorts, order and ends: a CRS-CRP sheet's strips shift each other; noise, wires and bits were checked"
+        yield "open strips, shorts, order, ends: a CRS-CRP sheet's strips shift each other's readings"
         return
     wide = view.there.sum(axis=1).max(initial=0)
     if wide < 4:
         yield f"shorts and strips exchanged: no contact is four strips wide, the widest {wide}"
     if len(view.there) < 6:
-        yield f"shorts, strips exchanged, stuck channels, saturation: the contact stood at {len(view.there)} place(s); move and turn it"
+        what = "shorts, strips exchanged, stuck channels, saturation"
+        yield f"{what}: the contact stood at {len(view.there)} place(s); move and turn it"
     alone = []
     for i in range(view.strips):
         known = any(np.isfinite(residuals(view, n)[0][:, i]).any() for n in view.k)
@@ -134,7 +148,7 @@ def _untold(log: Log, view: View) -> Iterator[str]:
 
 
 def _undrifted(log: Log, checked: BoolArray) -> Iterator[str]:
-    missing = [i + log.sensor.strip_base for i in np.flatnonzero(~checked & log.touched.any(axis=0))]
+    missing = [int(i) + log.sensor.strip_base for i in np.flatnonzero(~checked & log.touched.any(axis=0))]
     if missing:
         yield f"drift of {_names(missing)}: go over the same places again, early and late in the recording"
 

@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
 from tacstrip.diagnose.finding import Finding
+from tacstrip.diagnose.fits import without
 from tacstrip.diagnose.log import Log
 from tacstrip.diagnose.view import View, residuals
 
-_DRIFT = 0.01  # over Vref, over the recording: less is not worth a word
+_DRIFT = 0.012  # over Vref, over the recording: less is not worth a word
 _FEWEST = 40  # scans; an eighth of them in each third of the recording
 _OWN = 0.2  # of time's variance, that place must leave over
+_BLAME = 1.4  # times as far, the other way
 _BLOCKS, _STRAIGHT = 8, 10.0  # of untouched readings, and standard errors
-_BACK = 3  # times that the contact must come back to the same height: a passage in one direction is time itself
+_BACK = (
+    3  # times that the contact must come back to the same height: a passage in one direction is time itself
+)
 _PLACES = 6  # different heights that a strip must be touched at, beside one for each term
-_CERTAIN = 3.5  # standard errors, with as many independent looks as heights
+_VISITS, _PAUSE = 5, 2  # visits of a contact to a strip, and the scans between two
+_CERTAIN = 7.0  # standard errors
 
 
 def drift(log: Log, view: View) -> tuple[list[Finding], BoolArray]:
@@ -45,15 +48,18 @@ def drift(log: Log, view: View) -> tuple[list[Finding], BoolArray]:
     while not any(not f.strips for f in found):
         changes, errors = _beside_neighbours(view, tau)  # (strips,) in the view's order
         checked[view.order[np.isfinite(changes)]] = True
-        sure = np.where(np.abs(changes) > np.maximum(_DRIFT, _CERTAIN * errors), np.abs(changes) / errors, 0.0)
-        place = int(np.argmax(sure))
-        if not sure[place] > 0.0:
+        sure = np.abs(changes) > np.maximum(max(_DRIFT, 1.5 * view.sigma), _CERTAIN * errors)
+        if not sure.any():
             break
+        if sure[1:-1].any():
+            sure[[0, -1]] = False  # lines drawn beyond the last strip but one magnify what wanders there
+        place = _blamed(changes, int(np.argmax(np.where(sure, np.abs(changes), 0.0))))
         change = float(changes[place])
         found.append(
             Finding(
-                "drift", (int(view.order[place]),), f"moved by {100 * change:+.3g} +- {100 * errors[place]:.2g} % of Vref from "
-                "start to end, beside its neighbours", {"change": change, "error": float(errors[place])},
+                "drift", (int(view.order[place]),),
+                f"moved by {100 * change:+.3g} +- {100 * errors[place]:.2g} % of Vref from start to end, beside others",
+                {"change": change, "error": float(errors[place])},
             )
         )  # fmt: skip
         view.drop(place)
@@ -78,7 +84,7 @@ def _at_rest(log: Log, order: IntArray, tau: FloatArray) -> tuple[list[Finding],
     known, moved = np.isfinite(change), np.abs(change) > _DRIFT
     if known.sum() >= 3 and moved.sum() > 0.6 * known.sum():
         mean = float(np.median(change[known]))
-        told = f"untouched strips moved by {100 * mean:+.3g} % of Vref from start to end, {int(moved.sum())} of {int(known.sum())}"
+        told = f"moved by {100 * mean:+.3g} % of Vref from start to end, {moved.sum()} of {known.sum()} strips at rest"
         return [Finding("drift", (), told, {"change": mean, "strips": float(moved.sum())})], change
     told = "moved by {:+.3g} % of Vref from start to end, untouched"
     return [
@@ -87,10 +93,21 @@ def _at_rest(log: Log, order: IntArray, tau: FloatArray) -> tuple[list[Finding],
     ], change
 
 
+def _blamed(changes: FloatArray, place: int) -> int:
+    """Return the strip that wanders: its neighbours seem to wander half as far the other way."""
+    beside = [
+        i for i in (place - 1, place + 1) if 0 <= i < len(changes) and changes[i] * changes[place] < 0.0
+    ]
+    beside = [i for i in beside if abs(changes[i]) > _BLAME * abs(changes[place])]
+    return max([place, *beside], key=lambda i: abs(changes[i]))
+
+
 def _beside_neighbours(view: View, tau: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return each strip's change beside what place explains, and its standard error (strips,), NaN where not known."""
     change, error = np.full(view.strips, np.nan), np.full(view.strips, np.nan)
-    numbers = np.where(view.there, np.arange(view.strips), 0).sum(axis=1) / np.maximum(view.there.sum(axis=1), 1)
+    numbers = np.where(view.there, np.arange(view.strips), 0).sum(axis=1) / np.maximum(
+        view.there.sum(axis=1), 1
+    )
     across = numbers[view.there.any(axis=1)]
     if len(across) and np.std(across) > 0.5 and _returns(across, 0.5) < _BACK:
         return change, error
@@ -114,6 +131,7 @@ def _change(values: FloatArray, place: FloatArray, tau: FloatArray, sigma: float
     """
     known = np.isfinite(values) & np.isfinite(place).all(axis=1)
     for _ in range(3):
+        before = known.copy()
         if not _spread_out(tau[known]):
             return np.nan, np.nan
         terms = place[known]
@@ -121,17 +139,29 @@ def _change(values: FloatArray, place: FloatArray, tau: FloatArray, sigma: float
         terms = terms[:, terms.std(axis=0) > max(0.003, 3.0 * sigma)]
         back = _returns(terms[:, 0], max(0.01, 3.0 * sigma)) if terms.shape[1] else int(known.sum())
         places = len(np.unique(np.round(level / max(0.01, 4.0 * sigma)))) if terms.shape[1] else _PLACES + 1
-        terms = np.column_stack([np.ones(len(terms)), terms])
-        own, rest = (_without(v[known], terms) for v in (tau, values))
+        own, rest = (without(v[known], *terms.T) for v in (tau, values))
         if back < _BACK or places < _PLACES + terms.shape[1] or own @ own < _OWN * len(own) / 12.0:
             return np.nan, np.nan
-        change, error = _slope(own, rest, terms.shape[1], places)
-        left = rest - change * own
+        left = rest - float(rest @ own / (own @ own)) * own
         limit = 4.0 * float(np.median(np.abs(left))) + 1e-5  # a corner of the contact that passes is no drift
         known[np.flatnonzero(known)[np.abs(left) > limit]] = False
+    change, error = _of_visits(
+        np.flatnonzero(known), *(without(v[known], *terms[known[before]].T) for v in (tau, values))
+    )
     plainly = tau[known] - tau[known].mean()
     seen = float(plainly @ values[known]) / float(plainly @ plainly)  # without regard to place
     return (change, error) if abs(seen - change) < 0.6 * abs(change) else (0.0, error)
+
+
+def _of_visits(rows: IntArray, own: FloatArray, rest: FloatArray) -> tuple[float, float]:
+    """Return the slope of rest by own, and its error, from the means of visits: neighbouring scans err alike."""
+    visit = np.cumsum(np.diff(rows, prepend=rows[0]) > _PAUSE)
+    visit = np.unique(visit * _BLOCKS + np.arange(len(rows)) * _BLOCKS // len(rows), return_inverse=True)[1]
+    count = np.bincount(visit)
+    means = [np.bincount(visit, v)[count >= 3] / count[count >= 3] for v in (own, rest)]
+    if len(means[0]) < _VISITS:
+        return np.nan, np.nan
+    return _slope(means[0] - means[0].mean(), means[1], 2, len(means[0]))
 
 
 def _returns(values: FloatArray, least: float) -> int:
@@ -147,7 +177,7 @@ def _spread_out(tau: FloatArray) -> bool:
 
 
 def _of_blocks(tau: FloatArray, values: FloatArray) -> tuple[float, float]:
-    """Return the slope of values by tau, and its error, from eight medians: a contact near the ground passes for rest."""
+    """Return the slope of values by tau, and its error, from eight medians: low contacts pass for rest."""
     parts = np.array_split(np.arange(len(tau)), _BLOCKS)
     middle = np.array([np.median(tau[p]) for p in parts])
     level = np.array([np.median(values[p]) for p in parts])
@@ -160,10 +190,6 @@ def _slope(own: FloatArray, rest: FloatArray, terms: int, looks: int) -> tuple[f
     change = float(rest @ own / (own @ own))
     spread = float(np.std(rest - change * own))
     return change, max(spread, 1e-5) / (float(np.std(own)) * float(np.sqrt(max(looks - terms, 1))))
-
-
-def _without(values: FloatArray, terms: FloatArray) -> FloatArray:
-    return np.asarray(values - terms @ np.linalg.lstsq(terms, values, rcond=None)[0])
 
 
 def _near(touched: BoolArray) -> BoolArray:

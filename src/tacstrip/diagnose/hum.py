@@ -9,10 +9,11 @@ import numpy.typing as npt
 
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.diagnose.finding import Finding
+from tacstrip.diagnose.fits import without
 from tacstrip.diagnose.log import Log
 
 MAINS = (50.0, 60.0)  # Hz
-_LINE = 25.0  # times the power beside it: a line, not noise
+_LINE = 14.0  # times the power beside it: a line, not noise
 _HUM = 0.0015  # over Vref: amplitude below which hum does not matter
 _SHORTEST, _LONGEST = 32, 1024  # scans of a stretch
 _APART = 4.0  # over a stretch's duration: what a Hann window keeps apart
@@ -32,12 +33,13 @@ def hum(log: Log, sigma: float) -> tuple[list[Finding], str]:
     for strip, time_s, values in _stretches(log, period):
         lasts = time_s[-1] - time_s[0]
         window = np.hanning(len(time_s) + 2)[1:-1]
-        flat = values - np.polynomial.Polynomial.fit(time_s, values, 2)(time_s)
+        share = np.linspace(-1.0, 1.0, len(values))
+        flat = without(values, share, share**2)
         for i, mains in enumerate(MAINS):
             if not _tells(mains, period, lasts):
                 continue
             other = MAINS[1 - i]
-            shifts = np.array([s for s in (*range(-12, -3), *range(4, 13))]) / lasts
+            shifts = np.concatenate([np.arange(-12, -3), np.arange(4, 13)]) / lasts
             beside = mains + shifts[np.abs(mains + shifts - other) > _APART / lasts]
             amplitudes = _amplitudes(flat * window, time_s, np.append(beside, mains)) * 2.0 / window.sum()
             if not _rings(flat, amplitudes[-1], mains * period):
@@ -47,7 +49,10 @@ def hum(log: Log, sigma: float) -> tuple[list[Finding], str]:
             weight[i, strip] += len(time_s)
     if not weight.any():
         told = " and ".join(f"{m:g}" for m in MAINS)
-        return [], f"hum at {told} Hz: scans come too seldom, at {1.0 / period:.4g} a second, or the contacts are too short"
+        return (
+            [],
+            f"hum at {told} Hz: scans come too seldom, at {1.0 / period:.4g} a second, or the contacts are too short",
+        )
     return list(_lines(power, weight, sigma)), ""
 
 
@@ -59,12 +64,12 @@ def _lines(power: FloatArray, weight: FloatArray, sigma: float) -> Iterator[Find
         every = power[:, 0].sum(axis=1) / np.maximum(power[:, 1].sum(axis=1), 1e-18)
     loud = (ratio > _LINE) & (amplitude > _HUM)  # (mains, strips)
     known = (weight > 0.0).any(axis=0)
-    i = int(np.argmax(np.where(weight.any(axis=1), every, 0.0)))
+    i = int(np.argmax(np.where(weight.any(axis=1), every, -1.0)))
     level = float(np.sqrt(power[i, 0].sum() / weight[i].sum()))
     if loud[i].sum() > 0.5 * known.sum():
         yield Finding(
-            "hum", (), f"{MAINS[i]:g} Hz of +-{100 * level:.2g} % of Vref, {every[i]:.3g} times the power beside that line, on "
-            f"{int(loud[i].sum())} of {int(known.sum())} strips",
+            "hum", (), f"{MAINS[i]:g} Hz of +-{100 * level:.2g} % of Vref on {loud[i].sum()} of {known.sum()} strips, "
+            f"{every[i]:.3g} times the power beside that line",
             {"hertz": MAINS[i], "amplitude": level, "ratio": float(every[i])},
         )  # fmt: skip
         return
@@ -72,8 +77,9 @@ def _lines(power: FloatArray, weight: FloatArray, sigma: float) -> Iterator[Find
     for strip in np.flatnonzero(loud.any(axis=0)):
         j = int(np.argmax(np.where(loud[:, strip], ratio[:, strip], 0.0)))
         yield Finding(
-            "hum", (int(strip),), f"{MAINS[j]:g} Hz of +-{100 * amplitude[j, strip]:.2g} % of Vref, {ratio[j, strip]:.3g} times the "
-            "power beside that line", {"hertz": MAINS[j], "amplitude": float(amplitude[j, strip])},
+            "hum", (int(strip),),
+            f"{MAINS[j]:g} Hz of +-{100 * amplitude[j, strip]:.2g} % of Vref, {ratio[j, strip]:.3g} times what is near",
+            {"hertz": MAINS[j], "amplitude": float(amplitude[j, strip])},
         )  # fmt: skip
 
 
@@ -111,7 +117,7 @@ def _tells(mains: float, period: float, lasts: float) -> bool:
 def _rings(values: FloatArray, amplitude: float, turns_a_scan: float) -> bool:
     """Whether a line of this amplitude is there all the time, not a few jumps: third differences tell."""
     whole = amplitude * abs(2.0 * np.sin(np.pi * turns_a_scan)) ** 3 / np.sqrt(2.0)
-    return float(np.median(np.abs(np.diff(values, n=3)))) > 0.4 * whole
+    return bool(np.median(np.abs(np.diff(values, n=3))) > 0.4 * whole)
 
 
 def _amplitudes(values: FloatArray, time_s: FloatArray, hertz: npt.ArrayLike) -> FloatArray:

@@ -15,7 +15,10 @@ from tacstrip.io.rows import Row, find, read_csv
 from tacstrip.scan import Scan
 from tacstrip.sensor.raw import corrected, distorted, touched
 from tacstrip.sensor.spec import Sensor
+from tacstrip.stream.codes import top_code
 from tacstrip.stream.source import RawScan
+
+_STRETCH, _STRETCHES = 2048, 16  # scans of a stretch, and how many of them a long recording leaves
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +58,10 @@ class Log:
                 raise ReadingError(f"{name} has shape {values.shape}; give (scans, strips), here {shape}")
         for name in self.raw:
             self.sensor.check_signature(name)
+        if not any(np.isfinite(values).any() for values in self.raw.values()):
+            raise ReadingError(
+                "there is no reading in any scan: nothing touched the sensor, or nothing came through"
+            )
 
     @classmethod
     def of(cls, sensor: Sensor, time_s: FloatArray, raw: Mapping[str, FloatArray]) -> Log:
@@ -82,22 +89,20 @@ class Log:
 
     @classmethod
     def of_codes(cls, sensor: Sensor, scans: Iterable[RawScan]) -> Log:
-        """Make a log of raw scans, as recordings and serial ports give them.
+        """Make a log of raw scans, as recordings and serial ports give them; of very many, stretches evenly spread.
 
         Raises
         ------
         ReadingError
             There is none.
         """
-        top = 2.0 ** (sensor.adc_bits or 16) - 1.0
-        kept = list(scans)
+        top = top_code(sensor)
+        kept = _spread(scans)
         if not kept:
             raise ReadingError("there is no scan to examine")
         raw: dict[str, FloatArray] = {}
         for name in kept[0].codes:
-            codes = np.stack([scan.codes[name] for scan in kept]) / top
-            for signature, values in _own(name, codes).items():
-                raw[signature] = values
+            raw |= _own(name, np.stack([scan.codes[name] for scan in kept]) / top)
         if sensor.rest_volt is None:
             there = np.stack([scan.touched for scan in kept])
             raw = {name: np.where(there, values, np.nan) for name, values in raw.items()}
@@ -175,6 +180,24 @@ def _whole(seen: Mapping[int, int], number: str | None, sensor: Sensor) -> None:
         raise ReadingError(
             f"scan {number} has no line for strip {missing}; an untouched strip needs its line too, with empty fields"
         )
+
+
+def _spread(scans: Iterable[RawScan]) -> list[RawScan]:
+    """Keep some 8 to 16 stretches, evenly spread, of a stream whose length nobody knows beforehand."""
+    kept: list[list[RawScan]] = []
+    every = 1
+    for number, scan in enumerate(scans):
+        stretch, at = divmod(number, _STRETCH)
+        if stretch % every:
+            continue
+        if at == 0:
+            if len(kept) == _STRETCHES:
+                kept, every = kept[::2], 2 * every
+                if stretch % every:
+                    continue
+            kept.append([])
+        kept[-1].append(scan)
+    return [scan for part in kept for scan in part]
 
 
 def _own(name: str, values: FloatArray) -> dict[str, FloatArray]:

@@ -20,6 +20,7 @@ from tacstrip.sensor.spec import Sensor
 PROFILE_I, PROFILE_II = 0.005, 0.01  # half-widths over Vref, table 5.1
 _ABOVE_II = 1.5  # times profile II's sigma: more is no sensor that the thesis could use
 _NOISIER = 4.0  # times the other strips
+_SPILL = 0.7  # of a neighbour's noise: less may be the neighbour's
 _FEWEST = 24  # third differences
 _NORMAL = 1.4826  # sigma of normal errors over their median absolute deviation
 
@@ -54,13 +55,19 @@ def measure(log: Log) -> Measured:
         here = np.array([_least(a, b) for a, b in zip(alone.T, beside.T, strict=True)])
         strips = np.fmax(strips, here)
         pooled.append(here)
-        smoother.append(np.array([_deviation(d) for d in (np.diff(values - line, axis=0) / math.sqrt(3.0)).T]))
+        smoother.append(
+            np.array([_deviation(d) for d in (np.diff(values - line, axis=0) / math.sqrt(3.0)).T])
+        )
     known = np.concatenate(pooled)
     known = known[np.isfinite(known)]
     if not len(known):
         return Measured(_across(log), strips, False)
     sigma = float(np.median(known))
-    rough = float(np.nanmedian(np.concatenate(smoother))) if np.isfinite(np.concatenate(smoother)).any() else np.inf
+    rough = (
+        float(np.nanmedian(np.concatenate(smoother)))
+        if np.isfinite(np.concatenate(smoother)).any()
+        else np.inf
+    )
     return Measured(sigma, strips, sigma > 0.5 * rough)
 
 
@@ -69,20 +76,24 @@ def excess_noise(log: Log, measured: Measured) -> list[Finding]:
     profile_i, profile_ii = (w / math.sqrt(3.0) for w in (PROFILE_I, PROFILE_II))
     found = []
     limit = max(_NOISIER * measured.sigma, profile_i)
-    for strip in np.flatnonzero(measured.strips > limit):
+    padded = np.pad(measured.strips, 1, constant_values=np.nan)
+    loudest = np.fmax(padded[:-2], padded[2:])
+    for strip in np.flatnonzero((measured.strips > limit) & ~(measured.strips < _SPILL * loudest)):
         sigma = float(measured.strips[strip])
         found.append(
             Finding(
                 "noise", (int(strip),),
-                f"+-{100 * sigma * math.sqrt(3.0):.2g} % of Vref, {sigma / measured.sigma:.3g} times as noisy as the sensor as a "
-                "whole", {"sigma": sigma, "others": measured.sigma},
+                f"+-{100 * sigma * math.sqrt(3.0):.2g} % of Vref, where the sensor as a whole has "
+                f"+-{100 * measured.sigma * math.sqrt(3.0):.2g} %",
+                {"sigma": sigma, "others": measured.sigma},
             )
         )  # fmt: skip
     if measured.steady and measured.sigma > _ABOVE_II * profile_ii:
         found.append(
             Finding(
-                "noise", (), f"+-{100 * measured.sigma * math.sqrt(3.0):.2g} % of Vref: profile II of the thesis is +-1 %, and few "
-                "shapes are recovered at that", {"sigma": measured.sigma},
+                "noise", (),
+                f"+-{100 * measured.sigma * math.sqrt(3.0):.2g} % of Vref; few shapes are recovered above profile II, +-1 %",
+                {"sigma": measured.sigma},
             )
         )  # fmt: skip
     return found

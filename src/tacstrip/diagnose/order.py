@@ -25,22 +25,30 @@ def swapped_wires(view: View) -> list[Suspect]:
         return []
     found = []
     difference = view.pair[0] - view.pair[1]
-    tell = np.abs(difference) > max(_CROSSED, 5.0 * view.sigma)
+    tell = np.abs(difference) > max(_CROSSED, 3.0 * view.sigma)
     wrong = tell & (difference < 0.0)
+    known = np.isfinite(difference).sum(axis=0)
+    mean = np.nan_to_num(difference).sum(axis=0) / np.maximum(known, 1)
+    clear = mean < -np.maximum(_CROSSED, 7.0 * view.sigma / np.sqrt(np.maximum(known, 1)))
+    often = wrong.sum(axis=0) >= np.maximum(min(3, len(tell)), _SHARE * tell.sum(axis=0))
     (e_h, r_h), (e_l, r_l) = (residuals(view, name) for name in ("kh", "kl"))
     as_is = np.abs(r_h) + np.abs(r_l)
     crossed = np.abs(view.pair[1] - e_h) + np.abs(view.pair[0] - e_l)
-    for strip in np.flatnonzero(wrong.sum(axis=0) >= np.maximum(min(3, len(tell)), _SHARE * tell.sum(axis=0))):
-        known = np.isfinite(as_is[:, strip]) & tell[:, strip]
-        now, then = (float(c[known, strip].mean()) if known.any() else 0.0 for c in (as_is, crossed))
-        if then > _SHARE * now and known.any():  # a channel on its own is off: its neighbours know better
+    exchanged = np.flatnonzero(clear & often)
+    if len(exchanged) > max(2, 0.6 * np.count_nonzero(known)):
+        told = f"v_h lies below v_l on {len(exchanged)} of {np.count_nonzero(known)} strips that were touched"
+        whole = Finding("swapped-wires", (), told, {"strips": len(exchanged)})
+        return [Suspect(whole, -float(mean[exchanged].mean()), _swap_all_wires)]
+    for strip in exchanged:
+        at = np.isfinite(as_is[:, strip]) & tell[:, strip]
+        now, then = (float(c[at, strip].mean()) if at.any() else 0.0 for c in (as_is, crossed))
+        if then > now and at.any():  # a channel on its own is off: its neighbours know better
             continue
         count, of = int(wrong[:, strip].sum()), int(tell[:, strip].sum())
-        mean = float(difference[tell[:, strip], strip].mean())
         finding = Finding(
             "swapped-wires", (int(view.order[strip]),),
-            f"v_h lies {-100 * mean:.3g} % of Vref below v_l, in {count} of {of} places that tell",
-            {"difference": mean, "places": count, "of": of},
+            f"v_h lies {-100 * mean[strip]:.3g} % of Vref below v_l, in {count} of {of} places that tell",
+            {"difference": float(mean[strip]), "places": count, "of": of},
         )  # fmt: skip
         found.append(Suspect(finding, max(now - then, 1e-3) / 2.0, partial(_swap_wires, strip=int(strip))))
     return found
@@ -49,6 +57,10 @@ def swapped_wires(view: View) -> list[Suspect]:
 def _swap_wires(view: View, strip: int) -> None:
     kh, kl = view.k["kh"], view.k["kl"]
     kh[:, strip], kl[:, strip] = kl[:, strip].copy(), kh[:, strip].copy()
+
+
+def _swap_all_wires(view: View) -> None:
+    view.k["kh"], view.k["kl"] = view.k["kl"], view.k["kh"]
 
 
 def swapped_ends(view: View) -> list[Suspect]:
@@ -96,23 +108,29 @@ def swapped_strips(view: View) -> list[Suspect]:
     for strip, slope in tells.items():
         against, left, right = _edges(view, strip)
         one_sided = min(left, right) == 0 and not (slope.places >= _FEW and slope.wrong < 0.6 * slope.right)
-        edges = left + right >= 4 and left + right >= 5 * against and not one_sided
+        at_edge = (
+            strip in (0, view.strips - 2) and left + right >= 2 * _FEW
+        )  # contacts there have one side only
+        edges = left + right >= 4 and left + right >= 5 * against and (at_edge or not one_sided)
         runs_back = slope.clear and slope.wrong < 0.4 * slope.right and slope.right > _UNUSUAL * usual
         if runs_back or (edges and not (slope.clear and slope.right < 0.7 * slope.wrong)):
             told = []
             if runs_back:
                 told.append(
-                    "their difference runs against the slope of the strips around, which fits to "
-                    f"{100 * slope.right:.3g} % of Vref in {slope.places} places, and to {100 * slope.wrong:.2g} % with the two "
-                    "exchanged"
+                    f"their difference runs against the slope around: {100 * slope.right:.3g} % of Vref off in "
+                    f"{slope.places} places, {100 * slope.wrong:.2g} % with the two exchanged"
                 )
             if edges:
-                told.append(f"a contact that ends there has a gap in {left + right} places, on either side of it, and none with the two exchanged")
+                told.append(
+                    f"contacts that end there have a gap in {left + right} places, and none with the two exchanged"
+                )
             finding = Finding(
                 "swapped-strips", tuple(sorted(int(i) for i in view.order[strip : strip + 2])), "; ".join(told),
                 {"misfit": slope.right, "exchanged": slope.wrong, "places": slope.places, "edges": left + right},
             )  # fmt: skip
-            found.append(Suspect(finding, max(slope.right, 0.05), partial(_exchange, strip=strip)))
+            found.append(
+                Suspect(finding, max(slope.right - slope.wrong, 0.03), partial(_exchange, strip=strip))
+            )
     return found
 
 
@@ -136,7 +154,11 @@ class _Slope:
             return cls(0.0, 0.0, 0, False)
         right, wrong, slope = (
             float(np.sqrt(np.mean([np.var(v) for v in values])))
-            for values in ([p.bent for p in pairs], [p.apart + p.slope for p in pairs], [p.slope for p in pairs])
+            for values in (
+                [p.bent for p in pairs],
+                [p.apart + p.slope for p in pairs],
+                [p.slope for p in pairs],
+            )
         )
         off = float(np.median(np.concatenate([np.abs(p.together - np.median(p.together)) for p in pairs])))
         places = min(len(p.slope) for p in pairs)
@@ -155,11 +177,16 @@ def _edges(view: View, strip: int) -> tuple[int, int, int]:
 
     The latter for contacts to the left of the two and to the right: a contact with a gap has it on one side.
     """
-    if not 0 < strip < view.strips - 2:
-        return 0, 0, 0
-    a, b, c, d = view.there[_clear(view, slice(strip - 1, strip + 3)), strip - 1 : strip + 3].T
-    ends = (a & b & ~c & ~d) | (~a & ~b & c & d)
-    return int(ends.sum()), int((a & ~b & c & ~d).sum()), int((~a & b & ~c & d).sum())
+    padded = np.pad(view.there, ((0, 0), (1, 1)))
+    a, b, c, d = padded[_clear(view, slice(max(strip - 1, 0), strip + 3)), strip : strip + 4].T
+    first, last = (
+        strip == 0,
+        strip == view.strips - 2,
+    )  # beside them lies nothing that a contact could go on to
+    ends = (a & b & ~c & ~d) | (~a & ~b & c & d) | (first & b & ~c & ~d) | (last & c & ~b & ~a)
+    left = (a | first) & ~b & c & ~d
+    right = ~a & b & ~c & (d | last)
+    return int(ends.sum()), int(left.sum()), int(right.sum())
 
 
 def _clear(view: View, window: slice) -> BoolArray:

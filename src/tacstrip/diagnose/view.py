@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
@@ -11,6 +12,8 @@ from tacstrip.arrays import BoolArray, FloatArray, IntArray
 from tacstrip.diagnose.finding import Finding
 from tacstrip.diagnose.log import Log
 from tacstrip.sensor.spec import Sensor
+
+Array = TypeVar("Array", FloatArray, BoolArray)
 
 _REACH = 3  # strips to either side that may stand in for a neighbour
 _MOVED = 0.01  # over Vref: a contact that changes a reading by this is at another place
@@ -158,7 +161,7 @@ def _side(
     return near, d_near, far, d_far
 
 
-def _shift(array: np.ndarray, by: int, fill: float) -> np.ndarray:  # type: ignore[type-arg]
+def _shift(array: Array, by: int, fill: float) -> Array:
     """Return the array whose column i is column i + by, `fill` beyond the edges."""
     out = np.full_like(array, fill)
     if abs(by) < array.shape[1]:

@@ -102,6 +102,7 @@ def refine(outline: Outline, covariance: FloatArray, band: Band) -> Bounded | No
     vertices = np.empty((len(points), *outline.vertices.shape))
     vertices[:, lower], vertices[:, upper] = lines.chains(points, blunt_x)
     mean = vertices.mean(axis=0)
+    mean[:, 1] = np.clip(mean[:, 1], 0.0, band.sensor.length_mm)
     off = vertices - mean
     scatter = np.cov(off.reshape(len(off), -1), rowvar=False)
     blocks = np.einsum("kvi,kvj->vij", off, off) / (len(off) - 1)

@@ -43,7 +43,7 @@ def interior(a: FloatArray, b: FloatArray, start: FloatArray, scale: float) -> t
         # Newton on weight t - sum log(t + b - A h): self-concordant, so damped steps always get there.
         for _ in range(_STEPS):
             slack = b + t - a @ at
-            if slack.min() <= 0.0:  # t is lost in rounding
+            if not slack.min() > 0.0:  # t is lost in rounding, or all is NaN
                 return at, worst, True
             scaled = rows / slack[:, None]
             gradient = scaled.sum(axis=0)

@@ -54,15 +54,16 @@ def inside(
 def _descend(bounds: FeasibleSet, at: FloatArray, scale: float) -> tuple[FloatArray, FloatArray] | None:
     """Keep of each pair the row that is met best, find the least violation, and so on while it falls."""
     before = np.inf
-    while True:
+    for _ in range(_MOST):
         kept = (bounds.either_a @ at - bounds.either_b).argmin(axis=1)
         a, b = bounds.part(kept)
         at, worst, _ = interior(a, b, at, scale)
         if worst < 0.0:
             return centre(a, b, at)
-        if not len(kept) or worst > before - _GAIN * scale:
+        if not len(kept) or not worst <= before - _GAIN * scale:  # NaN too
             return None
         before = worst
+    return None
 
 
 def _halves(zones: FloatArray, kink: int) -> list[FloatArray]:

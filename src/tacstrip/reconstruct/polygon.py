@@ -10,33 +10,29 @@ import os
 import threading
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import Noise
-from tacstrip.reconstruct.bound import reading_sigma, with_ends
-from tacstrip.reconstruct.ends import closed_ends
-from tacstrip.reconstruct.outline import Outline
-from tacstrip.reconstruct.polygon_fit import information_root, thickness, untangled
+from tacstrip.reconstruct.bound import reading_sigma
 from tacstrip.reconstruct.polygon_moves import MOST
+from tacstrip.reconstruct.polygon_object import FittedContact, recovered
 from tacstrip.reconstruct.polygon_run import RunFit, fit_run, one_shape
 from tacstrip.reconstruct.polygon_signal import FLOOR
-from tacstrip.reconstruct.polygon_verdict import judge
-from tacstrip.reconstruct.result import Profile, Reconstruction, RecoveredObject
+from tacstrip.reconstruct.result import Reconstruction
 from tacstrip.scan import Scan
-from tacstrip.sensor.constructions import SIGNATURES, check_closed_form
+from tacstrip.sensor.constructions import check_closed_form
 from tacstrip.sensor.spec import Sensor
 
 _BRIDGED = 3  # strips that may be missing inside a contact
-_THIN = 1e-6  # of the strip length: thinner is a line
 _FEW = 50  # scans that are done before other processes have begun
-_NAMED = 5  # strips that advice names
 
 
-def fit_polygon(scan: Scan, sensor: Sensor, noise: Noise | None = None, most: int = MOST) -> Reconstruction:
+def fit_polygon(
+    scan: Scan, sensor: Sensor, noise: Noise | None = None, most: int = MOST, bounded: bool = True
+) -> Reconstruction:
     """Recover a polygon from each contact by least squares over all strips and all signatures of the scan.
 
     Parameters
@@ -46,8 +42,12 @@ def fit_polygon(scan: Scan, sensor: Sensor, noise: Noise | None = None, most: in
         x-monotone, and its ends may be vertical edges.
     noise
         Of the readings; the A/D converter's steps come on top. None: estimated from what the fit leaves over.
+        "uniform" noise has a bound, and outlines that stay within it are far fewer than least squares leaves: the
+        estimate is then their mean, and `guaranteed` holds the regions that no such outline's vertices leave.
     most
         Vertices at most, those at the ends not counted.
+    bounded
+        False: least squares for uniform noise too, 5 to 10 ms faster.
 
     Returns
     -------
@@ -64,7 +64,10 @@ def fit_polygon(scan: Scan, sensor: Sensor, noise: Noise | None = None, most: in
     check_closed_form(sensor.kind, "fit_polygon")
     return Reconstruction(
         "polygon",
-        tuple(_object(scan, sensor, c, noise) for c in _contacts(scan, sensor, noise, most)),
+        tuple(
+            recovered(scan, sensor, c, noise, bounded and _has_bound(noise))
+            for c in _contacts(scan, sensor, noise, most)
+        ),
         scan.time_s,
     )
 
@@ -106,32 +109,23 @@ def fitted_transitions(
     return found
 
 
-@dataclass(frozen=True, eq=False)
-class _Contact:
-    """Strips that belong to one contact, those missing inside it, and its fit."""
-
-    strips: slice
-    missing: tuple[int, ...]
-    run: RunFit
-
-
-def _contacts(scan: Scan, sensor: Sensor, noise: Noise | None, most: int) -> list[_Contact]:
+def _contacts(scan: Scan, sensor: Sensor, noise: Noise | None, most: int) -> list[FittedContact]:
     sigma = _sigma(noise, sensor)
 
     def fit(strips: slice) -> RunFit:
         readings = {name: scan[name][strips] for name in scan.signatures}
         return fit_run(sensor, sensor.x_mm[strips], readings, sigma, most)
 
-    found: list[_Contact] = []
+    found: list[FittedContact] = []
     for strips in scan.runs():
-        contact = _Contact(strips, (), fit(strips))
+        contact = FittedContact(strips, (), fit(strips))
         if found and strips.start - found[-1].strips.stop <= _BRIDGED:
             before = found[-1]
             both = slice(before.strips.start, strips.stop)
             joint = fit(both)
             if one_shape(before.run, contact.run, joint):
                 gap = range(before.strips.stop, strips.start)
-                contact = _Contact(both, (*before.missing, *gap), joint)
+                contact = FittedContact(both, (*before.missing, *gap), joint)
                 found.pop()
         found.append(contact)
     return found
@@ -141,62 +135,9 @@ def _sigma(noise: Noise | None, sensor: Sensor) -> float | None:
     return None if noise is None else max(reading_sigma(noise, sensor), FLOOR)
 
 
-def _object(scan: Scan, sensor: Sensor, contact: _Contact, noise: Noise | None) -> RecoveredObject:
-    strips, run = contact.strips, contact.run
-    notes = _notes(scan, sensor, contact)
-    if run.fits is None:
-        few = f"{strips.stop - strips.start} strips are touched, too few for a polygon: use finer strips"
-        advice = "; ".join([few, *notes])
-        return RecoveredObject(
-            strips, profile=_raw_profile(scan, sensor, strips), status="too few strips", advice=advice
-        )
-    x = sensor.x_mm[strips]
-    if run.oval is not None and run.round:
-        lower, upper, covariance = run.oval.outline(run.signal)
-        outline = Outline(lower, upper)
-    else:
-        lower, upper = untangled(*run.fits.chosen.polygon(run.signal))
-        if thickness(lower, upper) <= _THIN * sensor.length_mm:
-            line = "no kink and no width stand out of the noise: a line, given as its profile"
-            profile = (x, np.interp(x, *lower.T), np.interp(x, *upper.T))
-            return RecoveredObject(
-                strips, profile=profile, status="too few transitions", advice="; ".join([line, *notes])
-            )
-        outline = Outline(lower, upper)
-        covariance = with_ends(outline, sensor, information_root(run.fits.chosen, run.signal))
-    status, advice = judge(run, noise.distribution if noise else None, outline.vertices, covariance)
-    profile = (x, np.interp(x, *lower.T), np.interp(x, *upper.T))
-    advice = "; ".join(n for n in (advice, *notes) if n)
-    return RecoveredObject(strips, outline.vertices, profile, covariance, status, advice)
-
-
-def _raw_profile(scan: Scan, sensor: Sensor, strips: slice) -> Profile | None:
-    """Return the contact strip by strip, which needs both signatures."""
-    if not {"kh", "kl"} <= set(scan.signatures):
-        return None
-    with np.errstate(divide="ignore", invalid="ignore"):  # k_l far above k_h: no contact makes it
-        l, u = closed_ends(sensor, scan["kh"][strips], scan["kl"][strips])
-    return (sensor.x_mm[strips], l, u) if np.isfinite(l + u).all() else None
-
-
-def _notes(scan: Scan, sensor: Sensor, contact: _Contact) -> list[str]:
-    """Name the strips that were bridged, and the readings that were left out."""
-    notes, base = [], sensor.strip_base
-    if contact.missing:
-        names = _list([str(i + base) for i in contact.missing])
-        notes.append(f"strip {names} reads nothing inside the contact and was bridged: is it broken?")
-    left_out = np.argwhere(contact.run.left_out)
-    if len(left_out):
-        names = _list(
-            [
-                f"{i + contact.strips.start + base} ({SIGNATURES[scan.signatures[s]].symbol} = "
-                f"{scan[scan.signatures[s]][i + contact.strips.start]:.3g})"
-                for s, i in left_out
-            ]
-        )
-        notes.append(f"strip {names} does not fit its neighbours and was left out: is a channel stuck?")
-    return notes
-
-
-def _list(names: list[str]) -> str:
-    return ", ".join(names[:_NAMED]) + (", ..." if len(names) > _NAMED else "")
+def _has_bound(noise: Noise | None) -> bool:
+    return (
+        noise is not None
+        and noise.distribution == "uniform"
+        and noise.quantisation + noise.positional > FLOOR
+    )

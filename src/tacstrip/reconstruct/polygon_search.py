@@ -113,7 +113,7 @@ def criterion(fit: Fit, signal: Signal, known: bool = True) -> float:
 
 
 def misfit(cost: float, signal: Signal, known: bool) -> float:
-    """Return chi square, or n log of it where sigma is not known: never below what readings as exact as can be leave."""
+    """Return chi square, or n log of it where sigma is not known, as if no reading were more exact than `FLOOR`."""
     n = max(signal.readings, 1)
     return cost if known else n * math.log(max(cost / n, (FLOOR / signal.sigma) ** 2))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal, TypeAlias
+from typing import Literal, Protocol, TypeAlias
 
 import numpy as np
 
@@ -23,6 +23,14 @@ Status: TypeAlias = Literal[
     "short contact",  # CRS-CRP: no strip is touched over 5 % of its length or more
 ]
 Profile: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
+
+
+class Guarantee(Protocol):
+    """What knows the guaranteed regions of an object's vertices, each (K, 2) [mm]."""
+
+    @property
+    def regions(self) -> list[FloatArray] | None:
+        """The regions, in the order of the vertices."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +53,8 @@ class RecoveredObject:
         In words, what to do about it; empty when all is well.
     strip_status
         CRS-CRP: a word per strip in contact, "ok", "short contact" or "not converged"; else empty.
+    guarantee
+        What `guaranteed` is computed from, where the noise has a known bound.
     """
 
     strips: slice
@@ -54,11 +64,21 @@ class RecoveredObject:
     status: Status = "ok"
     advice: str = ""
     strip_status: tuple[str, ...] = ()
+    guarantee: Guarantee | None = None
 
     @property
     def found(self) -> bool:
         """Whether there is a shape."""
         return len(self.vertices) > 0
+
+    @property
+    def guaranteed(self) -> list[FloatArray] | None:
+        """Per vertex the region (K, 2) [mm] that holds it for certain if no reading is off by more than its bound.
+
+        Computed when first asked for, in some 6 ms. None without such a bound, or where none was found. What exactly
+        is guaranteed: `bounded_regions.guaranteed`.
+        """
+        return None if self.guarantee is None else self.guarantee.regions
 
     @property
     def area(self) -> float:

@@ -53,7 +53,8 @@ class VirtualDevice:
     ) -> None:
         self.sensor = with_converter(sensor)
         self.trouble = ""
-        self._begin, self._scans = scans, iter(())
+        self._begin = scans
+        self._scans: Iterator[RawScan] = iter(())
         self._span_s, self._clock = span_s, clock
         self._period_us = round(1e6 / rate_hz)
         self._start_s = self._boot_s = clock()
@@ -134,7 +135,7 @@ class VirtualDevice:
             case Kind.IDENTIFY:
                 return self.hello.encode(self._number, now_us)
             case Kind.TEST:
-                held = {name: self._untouched for name in self.sensor.signatures}
+                held = dict.fromkeys(self.sensor.signatures, self._untouched)
                 return SelfTest(self.hello.supply_mv, self._late, held).encode(self._number, now_us)
             case Kind.START:
                 self._streaming, self._start_s, self._due, self._late = True, self._clock(), 0, 0

@@ -30,6 +30,7 @@ class DiskWriter:
         self._recorder, self._tell = recorder, tell
         self._box: Mailbox[RawScan] = Mailbox(_WAITING, keep=True)
         self.failed = False
+        self._end = threading.Event()
         self._thread = threading.Thread(target=self._run, name="tacstrip recorder", daemon=True)
         self._thread.start()
 
@@ -55,17 +56,19 @@ class DiskWriter:
     def close(self) -> None:
         """Write everything that waits, end the file and say what it holds."""
         self._box.close()
+        self._end.set()
         self._thread.join()
 
     def _run(self) -> None:
         recorder = self._recorder
         try:
             with recorder:
-                while not self._box.closed or len(self._box):
-                    if (raw := self._box.get(_NAP_S)) is not None:
+                ended = False
+                while not ended:
+                    ended = self._end.wait(_NAP_S)  # several at once cost less than one by one
+                    for raw in self._box.get_all():
                         recorder.add(raw)
-                    else:
-                        recorder.idle(_NAP_S)
+                    recorder.idle(_NAP_S)
         except (OSError, RecordingError) as error:
             self.failed = True
             self._box.close()

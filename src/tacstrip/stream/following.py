@@ -14,9 +14,8 @@ from tacstrip.reconstruct.kernels import ENDS
 from tacstrip.reconstruct.outline import Outline
 from tacstrip.reconstruct.polygon_fit import Fit, information_root, untangled
 from tacstrip.reconstruct.polygon_oval import PARAMETERS, fit_oval
-from tacstrip.reconstruct.polygon_run import FLOOR
 from tacstrip.reconstruct.polygon_search import refine
-from tacstrip.reconstruct.polygon_signal import Signal
+from tacstrip.reconstruct.polygon_signal import FLOOR, Signal
 from tacstrip.reconstruct.result import RecoveredObject, close_chains
 from tacstrip.scan import Scan
 from tacstrip.sensor.spec import Sensor
@@ -79,9 +78,7 @@ def started(shape: RecoveredObject, scan: Scan, sensor: Sensor) -> Followed | No
     return replace(last, sigma=max(level, _least(sensor)))
 
 
-def follow(
-    last: Followed, scan: Scan, sensor: Sensor, strips: slice, detail: bool
-) -> tuple[Followed, bool]:
+def follow(last: Followed, scan: Scan, sensor: Sensor, strips: slice, detail: bool) -> tuple[Followed, bool]:
     """Return the object in the next scan, and whether its shape explains the readings.
 
     Parameters

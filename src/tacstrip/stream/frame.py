@@ -26,6 +26,8 @@ class Frame:
         What touches the sensor, left to right; each keeps its number while it stays.
     latency_s
         From the arrival of its last byte to `objects` [s].
+    ready_s
+        When `objects` were there, by `time.perf_counter` [s].
     """
 
     number: int
@@ -34,3 +36,4 @@ class Frame:
     scan: Scan
     objects: tuple[LiveObject, ...]
     latency_s: float
+    ready_s: float

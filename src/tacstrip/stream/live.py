@@ -1,4 +1,8 @@
-"""From a source to whoever watches: read, record, calibrate, recover, hand on; each in a thread, queues bounded."""
+"""From a source to whoever watches: one thread reads, calibrates, recovers and hands on; whoever takes has its own.
+
+What comes while a scan is worked on waits in the operating system, which holds tens of milliseconds of it. Queues are
+bounded: the recording's waits for the disk, all others let the oldest go and count it.
+"""
 
 from __future__ import annotations
 
@@ -7,12 +11,11 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
-from typing import Self, TypeAlias
-
-import numpy as np
+from typing import Self
 
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import TacstripError
@@ -20,19 +23,16 @@ from tacstrip.reconstruct.methods import best_method
 from tacstrip.stream.disk import DiskWriter
 from tacstrip.stream.frame import Frame
 from tacstrip.stream.mailbox import Mailbox
+from tacstrip.stream.meter import Meter
 from tacstrip.stream.readings import Readings
 from tacstrip.stream.recording import Recorder
 from tacstrip.stream.serial_source import SerialSource
 from tacstrip.stream.source import RawScan, Shape, Source, paced
 from tacstrip.stream.tracking import Tracker
 
-_WAITING = 4096  # scans between reading and recovering; then the source waits
-_LATE_S = 0.02  # who waited longer, and is not the newest, is recorded without its objects
-_DETAIL_S = 1.0 / 60.0  # covariances are worked out so often, where anybody looks
-_SWITCH_S = 0.0005  # Python's own 5 ms would show as latency
-_LATENCIES = 2048
-
-Begin: TypeAlias = Source
+_LATE_S = 0.02  # who waited longer is recorded without its objects
+_DETAIL_S = 1.0 / 80.0  # covariances are worked out so often, where anybody looks
+_SWITCH_S = 0.0001  # between threads; Python's own 5 ms would show as latency
 
 
 class Live:
@@ -61,7 +61,11 @@ class Live:
     error
         What ended the stream, or None.
     messages
-        The last things told.
+        The last things told, each with its number.
+    meter
+        Rate and latency.
+    detail
+        Whether somebody looks: then covariances are worked out, 80 times a second.
     """
 
     def __init__(
@@ -77,52 +81,48 @@ class Live:
         self.source = source
         self.method, self.noise = method, noise
         self.frames = self.late = self.unreadable = 0
-        self.error: BaseException | None = None
+        self.error: TacstripError | OSError | None = None
         self.messages: deque[tuple[int, str]] = deque(maxlen=20)
-        self.detail = False
+        self.detail = self._started = False
         self._drift, self._speed, self._then, self._tell = drift, speed, then, tell
         self._told = 0
-        self._work: Mailbox[tuple[RawScan, float] | Source] = Mailbox(_WAITING, keep=True)
         self._outlets: list[Mailbox[Frame]] = []
-        self._latencies: deque[float] = deque(maxlen=_LATENCIES)
-        self._arrivals: deque[float] = deque(maxlen=_LATENCIES)
-        self._stopped = threading.Event()
-        self._writing = threading.Lock()
+        self._detailed: list[Mailbox[Frame]] = []
+        self.meter = Meter()
+        self._stopped, self._writing = threading.Event(), threading.Lock()
         self._writer: DiskWriter | None = None
-        self._threads = [
-            threading.Thread(target=self._guarded, args=(job,), name=f"tacstrip {name}", daemon=True)
-            for name, job in (("reader", self._read), ("recovery", self._recover))
-        ]
+        self._thread = threading.Thread(target=self._run, name="tacstrip stream", daemon=True)
+        self._beside = ThreadPoolExecutor(1, thread_name_prefix="tacstrip search")
         self._detailed_s = 0.0
         self._own: Mailbox[Frame] | None = None
+        self._switch_s = sys.getswitchinterval()
 
-    def outlet(self, size: int = 1) -> Mailbox[Frame]:
-        """Return a queue of the newest frames, so many at most."""
+    def outlet(self, size: int = 1, detailed: bool = False) -> Mailbox[Frame]:
+        """Return a queue of the newest frames, so many at most; `detailed`: of those with covariances alone."""
         box: Mailbox[Frame] = Mailbox(size)
-        self._outlets.append(box)
+        (self._detailed if detailed else self._outlets).append(box)
         return box
 
     def start(self) -> None:
         """Begin to read."""
-        self._switch_s = sys.getswitchinterval()
+        self._started = True
         sys.setswitchinterval(min(self._switch_s, _SWITCH_S))
-        for thread in self._threads:
-            thread.start()
+        self._thread.start()
 
     def stop(self) -> None:
         """End the stream and the recording, and let go of the source; may be called twice."""
         self._stopped.set()
         self.source.close()
-        for thread in self._threads:
-            if thread.ident is not None and thread is not threading.current_thread():
-                thread.join()
+        if self._started:
+            self._thread.join()
+            sys.setswitchinterval(self._switch_s)
+        self._beside.shutdown(cancel_futures=True)
         self.stop_recording()
-        sys.setswitchinterval(self._switch_s)
 
     @property
     def running(self) -> bool:
         """Whether frames may still come."""
-        return any(thread.is_alive() for thread in self._threads)
+        return self._thread.is_alive()
 
     def record(self, path: str | Path, about: Mapping[str, str] | None = None, force: bool = False) -> None:
         """Begin a recording of all scans from now on; errors as of `Recorder`."""
@@ -148,24 +148,6 @@ class Live:
         return None if writer is None or writer.failed else writer
 
     @property
-    def rate_hz(self) -> float:
-        """Scans a second, lately."""
-        times = list(self._arrivals)
-        if len(times) < 2 or times[-1] <= times[0] or time.perf_counter() - times[-1] > 1.0:
-            return 0.0
-        return (len(times) - 1) / (times[-1] - times[0])
-
-    def latency_s(self, *parts: float) -> list[float]:
-        """Return quantiles of the time from a scan's last byte to its objects [s], of the last 2,048 scans."""
-        values = list(self._latencies)
-        return np.quantile(values, parts).tolist() if values else [0.0] * len(parts)
-
-    @property
-    def searches(self) -> int:
-        """How often corners were searched, and not only followed."""
-        return self._tracker.searches
-
-    @property
     def method_name(self) -> str:
         """The method that is used."""
         return self.method or best_method(self.source.sensor)
@@ -173,7 +155,7 @@ class Live:
     def use(self, method: str | None) -> None:
         """Recover by another method from now on."""
         self.method = method
-        self._tracker = Tracker(self.source.sensor, method, self.noise)
+        self._tracker = Tracker(self.source.sensor, method, self.noise, self._beside)
 
     def tell(self, text: str) -> None:
         """Tell a user something."""
@@ -182,6 +164,13 @@ class Live:
         self._tell(text)
 
     def __iter__(self) -> Iterator[Frame]:
+        if self._started:
+            yield from self._newest()
+        else:
+            with self:
+                yield from self._newest()
+
+    def _newest(self) -> Iterator[Frame]:
         box = self._own = self._own or self.outlet()
         while self.running or len(box):
             if (frame := box.get(0.1)) is not None:
@@ -198,54 +187,40 @@ class Live:
     ) -> None:
         self.stop()
 
-    def _guarded(self, job: Callable[[], None]) -> None:
+    def _run(self) -> None:
         try:
-            job()
-        except BaseException as error:
-            self.error = self.error or error
-            self._stopped.set()
-            if not isinstance(error, TacstripError | OSError):
-                raise
+            source: Source | None = self.source
+            while source is not None and not self._stopped.is_set():
+                self._begin(source)
+                self._pass(source)
+                source = None if self._stopped.is_set() else self._then()
+        except (TacstripError, OSError) as error:
+            self.error = error
+            self.tell(str(error))
         finally:
-            self._work.close()
+            self.source.close()
 
-    def _read(self) -> None:
-        source: Source | None = self.source
-        while source is not None and not self._stopped.is_set():
-            self.source = source
-            self._work.put(source)
-            device = source if isinstance(source, SerialSource) else None
-            scans = source if device else paced(source, self._speed, self._stopped.is_set)
-            for raw in scans:
-                arrived_s = device.arrived_s if device else time.perf_counter()
-                if self._stopped.is_set() or not self._work.put((raw, arrived_s)):
-                    source.close()
-                    if not device:
-                        break
-            source.close()
-            source = None if self._stopped.is_set() else self._then()
-
-    def _recover(self) -> None:
-        while not self._work.closed or len(self._work):
-            item = self._work.get(0.1)
-            if item is None:
-                continue
-            if isinstance(item, tuple):
-                self._take(*item)
-            else:
-                self._begin(item)
+    def _pass(self, source: Source) -> None:
+        """Pass the scans of a source on, to its end."""
+        device = source if isinstance(source, SerialSource) else None
+        if device:
+            device.tell = self.tell
+        for raw in source if device else paced(source, self._speed, self._stopped.is_set):
+            self._take(raw, device.arrived_s if device else time.perf_counter())
 
     def _begin(self, source: Source) -> None:
-        if self.frames and self._writer is not None:
-            self.stop_recording()  # its spec is another's
+        self.source = source
+        if self.frames:
+            self.stop_recording()  # it is of another sensor
+        self.meter = Meter()
         self._readings = Readings(source.sensor, self._drift)
-        self._tracker = Tracker(source.sensor, self.method, self.noise)
+        self._tracker = Tracker(source.sensor, self.method, self.noise, self._beside)
 
     def _take(self, raw: RawScan, arrived_s: float) -> None:
         now_s = time.perf_counter()
-        self._arrivals.append(arrived_s)
+        self.meter.arrived(arrived_s)
         number, self.frames = self.frames, self.frames + 1
-        if now_s - arrived_s > _LATE_S and len(self._work):  # not the newest
+        if now_s - arrived_s > _LATE_S:
             self.late += 1
             self._save(raw)
             return
@@ -261,10 +236,10 @@ class Live:
                 self.tell(f"scan {number} cannot be used: {error}")
             self._save(raw)
             return
-        latency_s = time.perf_counter() - arrived_s
-        self._latencies.append(latency_s)
-        frame = Frame(number, raw, self._readings.sensor, scan, objects, latency_s)
-        for box in self._outlets:
+        ready_s = time.perf_counter()
+        self.meter.done(ready_s - arrived_s)
+        frame = Frame(number, raw, self._readings.sensor, scan, objects, ready_s - arrived_s, ready_s)
+        for box in (*self._outlets, *(self._detailed if detail else ())):
             box.put(frame)
         shapes = tuple(Shape(o.shape.status, o.shape.vertices) for o in objects if o.shape.found)
         self._save(raw, shapes)

@@ -69,6 +69,14 @@ class Mailbox(Generic[T]):
             self._change.notify_all()
             return item
 
+    def get_all(self) -> list[T]:
+        """Fetch everything that is there, the oldest first."""
+        with self._change:
+            items = list(self._items)
+            self._items.clear()
+            self._change.notify_all()
+            return items
+
     def close(self) -> None:
         """Take nothing more, and let go of whoever waits."""
         with self._change:

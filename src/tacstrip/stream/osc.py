@@ -1,6 +1,7 @@
 """Objects as TUIO 1.1 blobs over OSC: profile /tuio/2Dblb, as multitouch programs take it.
 
-Positions run from 0 to 1 over the sensor, y downwards from the Vref end, as TUIO has it; angles [rad] so turn clockwise.
+Positions run from 0 to 1 over the sensor, y downwards from the Vref end, as TUIO has it, so that angles [rad]
+turn clockwise.
 """
 
 from __future__ import annotations
@@ -64,15 +65,15 @@ class Tuio:
     """
 
     def __init__(self, target: str) -> None:
-        from pythonosc.udp_client import UDPClient
-
         host, _, port = target.rpartition(":")
         if not (host and port.isdigit() and 0 < int(port) < 65536):
             raise OptionError(f"--osc {target}: must be HOST:PORT, such as 127.0.0.1:3333")
         try:
-            self._client: Any = UDPClient(host, int(port))
+            found = socket.getaddrinfo(host, int(port), type=socket.SOCK_DGRAM)[0]
         except OSError as error:
             raise OptionError(f"--osc {target}: {error.strerror or error}") from None
+        self._address: Any = found[4]
+        self._socket = socket.socket(found[0], found[1])
         self._source = f"tacstrip@{socket.gethostname()}"
         self._sent = 0
         self._last: dict[int, tuple[float, Blob, tuple[float, float, float]]] = {}
@@ -80,7 +81,11 @@ class Tuio:
     def send(self, frame: Frame) -> None:
         """Send a frame as one bundle."""
         self._sent += 1
-        self._client.send(self._bundle(frame))
+        self._socket.sendto(self._bundle(frame).dgram, self._address)
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._socket.close()
 
     def _bundle(self, frame: Frame) -> Any:
         from pythonosc.osc_bundle_builder import IMMEDIATELY, OscBundleBuilder

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 
 import numpy as np
 
@@ -31,10 +32,8 @@ class Readings:
         self.sensor = sensor
         self._drift: DriftEstimator | None = None
         if drift and sensor.rest_volt is not None:
-            try:
+            with suppress(OptionError):  # no calibration, or no learned level: nothing to follow drift by
                 self._drift = DriftEstimator(sensor)
-            except OptionError:
-                pass  # no calibration, or no learned level: there is nothing to follow drift by
         self._looked_s = self._applied_s = -math.inf
 
     @property

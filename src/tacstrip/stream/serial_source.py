@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import replace
 
-from tacstrip.errors import PortError, SpecError
-from tacstrip.data import spec_names
+from tacstrip.errors import PortError
 from tacstrip.sensor.spec import Sensor
+from tacstrip.stream.greeting import OtherDeviceError, check_device, greet, sensor_of
 from tacstrip.stream.port import Port
 from tacstrip.stream.source import RawScan
 from tacstrip.stream.wire import Counts, Decoder
@@ -18,7 +19,6 @@ from tacstrip.stream.wire_messages import Hello
 from tacstrip.stream.wire_scans import ScanBatch
 
 _GREET_S = 5.0  # an Uno needs 2 to wake up
-_ASK_S = 0.5  # between two questions who it is
 _READ_S = 0.1  # the longest wait for a byte before a stop is noticed
 _SILENT_S = 1.0  # without a scan, or four periods: something is wrong
 _RETRY_S = 0.3  # between two attempts to open a port that is gone
@@ -46,6 +46,8 @@ class SerialSource:
         As of every source.
     hello
         Who the device says it is.
+    tell
+        As given; whoever takes the source over may set another.
     arrived_s
         When the bytes of the last scan came, by `time.perf_counter` [s].
 
@@ -64,7 +66,7 @@ class SerialSource:
         tell: Callable[[str], None] = lambda text: None,
         greet_s: float = _GREET_S,
     ) -> None:
-        self._open_port, self._tell, self._greet_s = open_port, tell, greet_s
+        self._open_port, self.tell, self._greet_s = open_port, tell, greet_s
         self._period_us = None if rate_hz is None else round(1e6 / rate_hz) if rate_hz else 0
         self._closed = False
         self._commands = 0
@@ -73,7 +75,7 @@ class SerialSource:
         self.arrived_s = 0.0
         self._wanted: Sensor | None = None
         self.hello = self._connect()
-        self.sensor = self._wanted = _sensor_of(self.hello, sensor)
+        self.sensor = self._wanted = sensor_of(self.hello, sensor)
         self.names = self.hello.signatures
         self.origin_ns, self._origin_s = time.time_ns(), time.monotonic()
 
@@ -91,7 +93,7 @@ class SerialSource:
                     yield raw
             except OSError as error:
                 if not self._closed:
-                    self._tell(f"the device is gone ({error}); plug it in again and it goes on")
+                    self.tell(f"the device is gone ({error}); plug it in again and it goes on")
                     self._reconnect()
         self._release()
 
@@ -112,7 +114,7 @@ class SerialSource:
             self.arrived_s = time.perf_counter()
             for message in self._decoder.feed(data) if data else ():
                 if isinstance(message, Hello) and not message.streaming:
-                    self._tell("the device started anew; it is told to send")
+                    self.tell("the device started anew; it is told to send")
                     self._start()
                 if not isinstance(message, ScanBatch):
                     continue
@@ -120,11 +122,13 @@ class SerialSource:
                 if offset_s is None or message.restarts != restarts:
                     restarts = message.restarts
                     now_s = time.monotonic() - self._origin_s
-                    offset_s = max(now_s - message.time_us[-1] * 1e-6, last_s + 1e-6 - message.time_us[0] * 1e-6)
+                    offset_s = max(
+                        now_s - message.time_us[-1] * 1e-6, last_s + 1e-6 - message.time_us[0] * 1e-6
+                    )
                 heard_s, corrupt = time.monotonic(), self._decoder.counts.corrupt
                 if said:
                     said = False
-                    self._tell("scans come again")
+                    self.tell("scans come again")
                 for raw in message.scans():
                     last_s = raw.time_s + offset_s
                     yield replace(raw, time_s=last_s)
@@ -134,43 +138,23 @@ class SerialSource:
                 if not said:
                     said = True
                     bad = self._decoder.counts.corrupt - corrupt
-                    why = f"{bad} broken frames came: is the cable sound?" if bad else "it is told to send again"
-                    self._tell(f"no scan came for {patience_s:.2g} s; {why}")
+                    why = (
+                        f"{bad} broken frames came: is the cable sound?"
+                        if bad
+                        else "it is told to send again"
+                    )
+                    self.tell(f"no scan came for {patience_s:.2g} s; {why}")
 
     def _connect(self) -> Hello:
         self._port, self._decoder = self._open_port(), Decoder()
         try:
-            hello = self._greet(self._port)
+            hello = greet(self._port, self._decoder, self._greet_s, lambda: self._closed)
             if self._wanted is not None:
                 check_device(hello, self._wanted)
             return hello
         except BaseException:
             self._port.close()
             raise
-
-    def _greet(self, port: Port) -> Hello:
-        """Ask who is there until it answers."""
-        heard, asked = 0, -_ASK_S
-        start = time.monotonic()
-        while (now := time.monotonic() - start) < self._greet_s and not self._closed:
-            if now - asked >= _ASK_S:
-                asked = now
-                port.write(self._command(Kind.IDENTIFY))
-            data = port.read(_READ_S)
-            heard += len(data)
-            for message in self._decoder.feed(data):
-                if isinstance(message, Hello):
-                    return message
-        counts = self._decoder.counts
-        if not heard:
-            why = "nothing came: is the firmware on it, and is this its port?"
-        elif counts.unknown:
-            why = "its frames are of another version of the protocol: flash the firmware of this tacstrip"
-        elif counts.frames:
-            why = "it sends, but does not say who it is: is its receiving line connected?"
-        else:
-            why = f"{heard} bytes came and no frame among them: another device, or another --baud"
-        raise PortError(f"no tacstrip device answered within {self._greet_s:g} s; {why}")
 
     def _reconnect(self) -> None:
         self._past = self.counts
@@ -182,11 +166,11 @@ class SerialSource:
             try:
                 self.hello = self._connect()
             except (OSError, PortError) as error:
-                if self._wanted is not None and isinstance(error, _OtherDevice):
+                if self._wanted is not None and isinstance(error, OtherDeviceError):
                     raise
                 time.sleep(_RETRY_S)
             else:
-                self._tell("the device is back")
+                self.tell("the device is back")
                 return
 
     def _start(self) -> None:
@@ -198,10 +182,8 @@ class SerialSource:
     def _release(self) -> None:
         if self._port is None:
             return
-        try:
+        with suppress(OSError, PortError):  # if it is gone, that stops it too
             self._port.write(self._command(Kind.STOP))
-        except (OSError, PortError):
-            pass  # it is gone, which stops it too
         self._port.close()
 
     def _command(self, kind: Kind, period_us: int | None = None) -> bytes:
@@ -211,41 +193,6 @@ class SerialSource:
     def _check_batch(self, batch: ScanBatch) -> None:
         same = batch.touched.shape[1] == self.sensor.strips and batch.adc_bits == self.sensor.adc_bits
         if not same or tuple(batch.codes) != self.names:
-            raise _OtherDevice("the device sends other scans than its hello said; flash its firmware anew")
-
-
-class _OtherDevice(PortError):
-    """What is plugged in now is not what the stream began with."""
-
-
-def check_device(hello: Hello, sensor: Sensor) -> None:
-    """Refuse a device that is not of this spec: `PortError` names both sides."""
-    device = {"construction": hello.construction, "strips": hello.strips, "adc_bits": hello.adc_bits}
-    for key, found in device.items():
-        wanted = getattr(sensor, key)
-        if wanted is not None and wanted != found:
-            raise _OtherDevice(
-                f"the device has {key} = {found} and the spec {wanted}: name the right spec with --sensor, or flash "
-                "the firmware for it"
+            raise OtherDeviceError(
+                "the device sends other scans than its hello said; flash its firmware anew"
             )
-    if unknown := [name for name in hello.signatures if name not in sensor.signatures]:
-        raise _OtherDevice(f"the device measures {unknown[0]}, which a {sensor.construction} sensor does not have")
-
-
-def _sensor_of(hello: Hello, sensor: Sensor | None) -> Sensor:
-    if sensor is None:
-        for name in spec_names():
-            shipped = Sensor.load(name)
-            if (shipped.construction, shipped.strips) == (hello.construction, hello.strips):
-                sensor = replace(shipped, adc_bits=None)
-                break
-        else:
-            raise PortError(
-                f"the device is a {hello.construction} sensor of {hello.strips} strips, and no shipped spec has that: "
-                "write one with `tacstrip init sensor.toml` and name it with --sensor"
-            )
-    check_device(hello, sensor)
-    try:
-        return replace(sensor, adc_bits=hello.adc_bits)
-    except SpecError as error:
-        raise PortError(f"the device and the spec do not go together: {error}") from None

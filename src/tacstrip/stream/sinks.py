@@ -30,10 +30,19 @@ class Sink:
         How many frames may wait.
     name
         In words, for messages.
+    release
+        Called when it has ended.
     """
 
-    def __init__(self, live: Live, take: Callable[[Frame, int], None], waiting: int, name: str) -> None:
-        self._live, self._take, self._name = live, take, name
+    def __init__(
+        self,
+        live: Live,
+        take: Callable[[Frame, int], None],
+        waiting: int,
+        name: str,
+        release: Callable[[], None] = lambda: None,
+    ) -> None:
+        self._live, self._take, self._name, self._release = live, take, name, release
         self._box = live.outlet(waiting)
         self._thread = threading.Thread(target=self._run, name=f"tacstrip {name}", daemon=True)
         self._thread.start()
@@ -54,6 +63,12 @@ class Sink:
         self._thread.join(timeout=2.0)  # a reader that hangs holds nobody up
 
     def _run(self) -> None:
+        try:
+            self._pass()
+        finally:
+            self._release()
+
+    def _pass(self) -> None:
         while not self._box.closed or len(self._box):
             if (frame := self._box.get(0.1)) is None:
                 continue
@@ -84,7 +99,7 @@ def tuio_sink(live: Live, target: str) -> Sink:
         tuio.send(frame)
         pause.wait(1.0 / _TUIO_HZ)
 
-    return Sink(live, send, 1, "TUIO")
+    return Sink(live, send, 1, "TUIO", tuio.close)
 
 
 def line(frame: Frame, dropped: int) -> dict[str, Any]:

@@ -14,7 +14,9 @@ _SCANS = 3
 def warm_up(sensor: Sensor, method: str | None = None) -> None:
     """Recover a quadrangle in the middle of the sensor; errors as of `Tracker`."""
     w, h = sensor.width_mm, sensor.length_mm
-    contact = Contact.polygon([(0.2 * w, 0.4 * h), (0.6 * w, 0.3 * h), (0.8 * w, 0.5 * h), (0.5 * w, 0.7 * h)])
+    contact = Contact.polygon(
+        [(0.2 * w, 0.4 * h), (0.6 * w, 0.3 * h), (0.8 * w, 0.5 * h), (0.5 * w, 0.7 * h)]
+    )
     tracker = Tracker(sensor, method)
     for number in range(_SCANS if sensor.kind.closed_form else 1):
         scan = simulate(sensor, contact, Noise(positional=0.002), number, time_s=number * 1e-3)

@@ -59,15 +59,16 @@ def unit(random: np.random.Generator, strips: int | None = None) -> Sensor:
     count = int(random.integers(8, 25)) if strips is None else strips
     rest = random.random() < 0.4
     pitch = float(random.uniform(1.0, 7.0))
+    length = float(random.uniform(1.0, 6.0)) * count * pitch
     rubber = construction == "crs-crs"
     return Sensor(
         construction=construction,
         strips=count,
         pitch_mm=pitch,
-        length_mm=float(random.uniform(1.0, 6.0)) * count * pitch,
+        length_mm=length,
         radius_mm=count * pitch / 5.0 if construction.startswith("cyl") else None,
         resistivity_ratio=float(random.uniform(0.5, 2.0)) if rubber else 1.0,
-        contact_lambda_mm=float(random.choice([0.0, 0.5])) * pitch,
+        contact_lambda_mm=float(random.choice([0.0, 0.006])) * length,
         adc_bits=int(random.choice([10, 12, 14])),
         rest_volt=_REST_VOLT if rest else None,
         touch_volt=_TOUCH_VOLT if rest else None,
@@ -81,15 +82,17 @@ def shape(sensor: Sensor, random: np.random.Generator, names: Sequence[str], wid
     return Contact.polygon(outline * size)
 
 
-def exercise(sensor: Sensor, random: np.random.Generator, scans: int, names: Sequence[str] = _CONVEX) -> list[Contact]:
+def exercise(
+    sensor: Sensor, random: np.random.Generator, scans: int, names: Sequence[str] = _CONVEX
+) -> list[Contact]:
     """Return what docs/doctor.md asks for: a wide contact that goes along and across all strips, and turns."""
     wide = max(5.0, random.uniform(0.4, 0.7) * sensor.strips)
     contact = shape(sensor, random, names, wide)
-    phase = np.linspace(0.0, 2.0 * np.pi, scans)
-    across = 0.5 - 0.5 * np.cos(3.0 * phase + random.uniform(0.0, 6.0))
-    along = 0.5 - 0.5 * np.cos(5.0 * phase + random.uniform(0.0, 6.0))
-    tilt = random.uniform(0.35, 0.6) * np.sin(8.0 * phase + random.uniform(0.0, 6.0))
-    # Long sensors are tilted over more of their length by the same angle.
+    share = np.linspace(0.0, 1.0, scans)
+    across, along, back = (
+        np.abs(2.0 * ((cycles * share + random.uniform(0.0, 1.0)) % 1.0) - 1.0) for cycles in (3.0, 5.0, 8.0)
+    )
+    tilt = random.uniform(0.35, 0.6) * (2.0 * back - 1.0)
     placed = [
         contact.turned(float(a)).placed(float(x) * sensor.width_mm, float(y) * sensor.length_mm)
         for a, x, y in zip(tilt, across, along, strict=True)
@@ -137,7 +140,9 @@ def _on(sensor: Sensor, contact: Contact) -> Contact:
     """Bring a contact back onto the sensor if it lies beside it; keep metal strips from being shorted end to end."""
     low, high = 0.04 * sensor.length_mm, 0.96 * sensor.length_mm
     x, y = contact.centroid
-    contact = contact.placed(float(np.clip(x, 0.0, sensor.width_mm)), float(np.clip(y, 0.0, sensor.length_mm)))
+    contact = contact.placed(
+        float(np.clip(x, 0.0, sensor.width_mm)), float(np.clip(y, 0.0, sensor.length_mm))
+    )
     bounds = np.array([s.bounds for s in contact.shapes])
     if bounds[:, 1].min() < low and bounds[:, 3].max() > high:
         contact = contact.placed(float(contact.centroid[0]), sensor.length_mm / 2.0)
@@ -145,11 +150,15 @@ def _on(sensor: Sensor, contact: Contact) -> Contact:
     return contact
 
 
-def faulty(seed: int, many: int = 1, scans: int = 480, faults: Sequence[str] = ()) -> Case:
+def faulty(seed: int, many: int = 1, scans: int = 600, faults: Sequence[str] = ()) -> Case:
     """Draw a unit with so many defects of different kinds on strips of their own, and the doctor's exercise."""
     random = np.random.default_rng([seed, 2, many])
     sensor = replace(unit(random), adc_bits=12)
-    kinds = [k for k in faults or [f for f, row in FAULTS.items() if row.severity != "note"] if _possible(k, sensor)]
+    kinds = [
+        k
+        for k in faults or [f for f, row in FAULTS.items() if row.severity != "note"]
+        if _possible(k, sensor)
+    ]
     first = kinds[seed % len(kinds)]
     others = [k for k in kinds if k != first]
     chosen = [first, *map(str, random.choice(others, many - 1, replace=False))]
@@ -166,13 +175,17 @@ def faulty(seed: int, many: int = 1, scans: int = 480, faults: Sequence[str] = (
 
 
 def _possible(fault: str, sensor: Sensor) -> bool:
-    """Whether a fault exists on a sensor: all strips over metal are read through one sheet, and have no wires to lose."""
+    """Whether a sensor can have a fault: strips over metal are read through one sheet, without wires of their own."""
     return fault not in ("open-sensing", "swapped-wires", "dead", "stuck") or len(sensor.signatures) == 2
 
 
 def defect(fault: str, strip: int, sensor: Sensor, random: np.random.Generator) -> Defect:
-    """Draw a defect's size; a fault that strips can have on their own or together is on one strip three times of four."""
-    together = ("saturation", "hum", "noise") if sensor.rest_volt is None else ("saturation", "drift", "hum", "noise")
+    """Draw a defect's size, and whether all strips have it where they can: one time of four."""
+    together = (
+        ("saturation", "hum", "noise")
+        if sensor.rest_volt is None
+        else ("saturation", "drift", "hum", "noise")
+    )
     alone = None if fault in together and random.random() < 0.25 else strip
     one_of_two = str(random.choice(list(sensor.signatures)))
     size = {
@@ -185,13 +198,15 @@ def defect(fault: str, strip: int, sensor: Sensor, random: np.random.Generator) 
         "wrong-vref": random.choice([0.8, 0.9, 1.1, 1.25]),
         "drift": random.choice([-1.0, 1.0]) * random.uniform(0.025, 0.035 if sensor.rest_volt else 0.06),
         "hum": random.uniform(0.01, 0.03),
-        "noise": random.uniform(0.02, 0.04),
+        "noise": random.uniform(0.012, 0.02) if alone is None else random.uniform(0.02, 0.04),
         "bits": float(random.integers(2, 5)),
         "swapped-ends": float(random.integers(0, 2)),
     }.get(fault, 0.0)
     signature = one_of_two if fault in ("dead", "stuck", "saturation") and alone is not None else None
     if fault == "short" and len(sensor.signatures) == 2:
-        signature = one_of_two  # of the sensing strips: between energised strips a bridge does next to nothing
+        signature = (
+            one_of_two  # of the sensing strips: between energised strips a bridge does next to nothing
+        )
     hertz = float(random.choice([50.0, 60.0]))
     return Defect(fault, alone, float(size), signature, hertz)
 

@@ -18,7 +18,7 @@ from tacstrip.contact.shape import Contact
 from tacstrip.diagnose.finding import FAULTS
 from tacstrip.diagnose.log import Log
 from tacstrip.errors import OptionError, one_of
-from tacstrip.network.build import Break, Build, Readout, Short
+from tacstrip.network.build import Break, Build, Layer, Readout, Short
 from tacstrip.network.strips import network_readings
 from tacstrip.sensor.spec import Sensor
 from tacstrip.simulate import readings
@@ -72,7 +72,9 @@ class Defect:
         if self.strip is None and self.fault not in whole:
             raise OptionError(f"{self.fault} needs a strip; all strips together can have: {', '.join(whole)}")
         if any(not 0 <= i < sensor.strips for i in self.strips()):
-            raise OptionError(f"{self.fault} of strip {self.strip}: the sensor has strips 0 to {sensor.strips - 1}")
+            raise OptionError(
+                f"{self.fault} of strip {self.strip}: the sensor has strips 0 to {sensor.strips - 1}"
+            )
         if self.signature is not None:
             sensor.check_signature(self.signature)
         if self.fault == "bits" and sensor.adc_bits is None:
@@ -131,7 +133,11 @@ def _through_network(
 ) -> None:
     """Put the network's readings of the strips concerned in place; the others do not know of the defect."""
     strips, y = defect.strips(), defect.size * sensor.length_mm
-    layer = "sensing" if defect.fault == "open-sensing" or (defect.signature and sensor.sensing_ratio) else "energised"
+    layer: Layer = (
+        "sensing"
+        if defect.fault == "open-sensing" or (defect.signature and sensor.sensing_ratio)
+        else "energised"
+    )
     build = Build(
         breaks=[Break(0, y, layer)] if len(strips) == 1 else (),
         shorts=[Short(0, y, defect.ohm, layer)] if len(strips) == 2 else (),
@@ -155,9 +161,9 @@ def _wired(k: dict[str, FloatArray], defect: Defect, time_s: FloatArray) -> None
     if defect.fault == "swapped-strips":
         for values in k.values():
             values[:, [i, i + 1]] = values[:, [i + 1, i]]
-    if defect.fault == "swapped-wires" or (defect.fault == "swapped-ends" and not defect.size):
-        if "kl" in k:
-            k["kh"][:, i], k["kl"][:, i] = k["kl"][:, i].copy(), k["kh"][:, i].copy()
+    crossed = defect.fault == "swapped-wires" or (defect.fault == "swapped-ends" and not defect.size)
+    if crossed and "kl" in k:
+        k["kh"][:, i], k["kl"][:, i] = k["kl"][:, i].copy(), k["kh"][:, i].copy()
     if defect.fault == "swapped-ends":
         for values in k.values():
             values[:, i] = 1.0 - values[:, i]
@@ -185,12 +191,11 @@ def _converted(sensor: Sensor, k: dict[str, FloatArray], defects: Sequence[Defec
             elif defect.fault in ("dead", "stuck"):
                 alive = np.isfinite(k[name][:, at])
                 k[name][:, at] = np.where(alive, defect.size, np.nan)
-    k = {name: digitise(values, sensor.adc_bits) for name, values in k.items()}
-    for defect in defects:
-        for name in k:
-            if defect.fault == "bits":
-                top, step = 2.0 ** (sensor.adc_bits or 0) - 1.0, 2.0**defect.size
-                k[name] = np.floor(np.round(k[name] * top) / step) * step / top
-            elif defect.fault == "wrong-vref":
-                k[name] = k[name] * defect.size
+    factor = float(np.prod([d.size for d in defects if d.fault == "wrong-vref"]))
+    reach = max(factor, 1.0)  # the converter's own reference lies above what the spec calls Vref
+    top = 2.0 ** (sensor.adc_bits or 0) - 1.0
+    k = {name: digitise(values * factor / reach, sensor.adc_bits) * reach for name, values in k.items()}
+    for defect in (d for d in defects if d.fault == "bits"):
+        step = reach * 2.0**defect.size / top
+        k = {name: np.floor(values / step + 1e-6) * step for name, values in k.items()}
     return k

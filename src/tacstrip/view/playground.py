@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import threading
-import time
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -35,7 +34,7 @@ class Settings:
 
     sensor: Sensor
     rate_hz: float = 1000.0
-    noise: Noise = Noise(positional=0.001)
+    noise: Noise = field(default_factory=lambda: Noise(positional=0.005))
 
 
 class Playground:
@@ -99,12 +98,16 @@ class Playground:
         self.settings = new
         return anew
 
-    def source(self, tell: Any = lambda text: None) -> SerialSource:
+    def source(self, tell: Callable[[str], None] = lambda text: None) -> SerialSource:
         """Return a new source: a virtual device on a line within the program."""
+        device = self.virtual_device()
+        return SerialSource(lambda: Loopback(device), self.settings.sensor, tell=tell)
+
+    def virtual_device(self) -> VirtualDevice:
+        """Return a new device with the settings as they are; the objects on it may move meanwhile."""
         now = self.settings
-        device = VirtualDevice(now.sensor, lambda: self._scans(now), now.rate_hz, _SPAN / now.rate_hz)
-        self.device = device
-        return SerialSource(lambda: Loopback(device), now.sensor, tell=tell)
+        self.device = VirtualDevice(now.sensor, lambda: self._scans(now), now.rate_hz, _SPAN / now.rate_hz)
+        return self.device
 
     @property
     def trouble(self) -> str:
@@ -116,7 +119,9 @@ class Playground:
         ahead = max(1, round(_AHEAD_S * now.rate_hz))
         while True:
             noise = self.settings.noise
-            source = SimulatedSource(now.sensor, self._now, now.rate_hz, None, noise, self._random, ahead=ahead)
+            source = SimulatedSource(
+                now.sensor, self._now, now.rate_hz, None, noise, self._random, ahead=ahead
+            )
             for raw in source:
                 yield raw
                 if self.settings.noise is not noise:
@@ -168,5 +173,3 @@ def _possible(settings: Settings) -> Settings:
     sensor = with_converter(settings.sensor)
     rate = settings.rate_hz if sensor.kind.closed_form else min(settings.rate_hz, _SHEET_HZ)
     return replace(settings, sensor=sensor, rate_hz=rate)
-
-

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import json
+import socket
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -75,7 +77,8 @@ class Server:
     @property
     def urls(self) -> dict[str, str]:
         """The page's addresses by what one may do there."""
-        base = f"http://{self.access.host}:{self.port}/"
+        host = socket.gethostname() if self.access.host in ("0.0.0.0", "::") else self.access.host
+        base = f"http://{host}:{self.port}/"
         if self.access.local:
             return {"control": base}
         return {"control": f"{base}?token={self.access.control}", "look": f"{base}?token={self.access.look}"}
@@ -123,9 +126,7 @@ class Server:
             await runner.cleanup()
 
     @web.middleware
-    async def _guard(
-        self, request: web.Request, handler: Callable[[web.Request], Any]
-    ) -> web.StreamResponse:
+    async def _guard(self, request: web.Request, handler: Callable[[web.Request], Any]) -> web.StreamResponse:
         if why := self.access.refused(request.headers.get("Host"), request.headers.get("Origin")):
             return web.Response(status=403, text=why, headers=_SAFE)
         answer: web.StreamResponse = await handler(request)
@@ -139,9 +140,7 @@ class Server:
         if path.suffix == ".html" and not self.access.may(request.query.get("token"))[0]:
             why = "the address needs the token that `tacstrip live` printed: ...?token=..."
             return web.Response(status=403, text=why, headers=_SAFE)
-        return web.Response(
-            body=path.read_bytes(), content_type=kind, charset="utf-8", headers=_SAFE
-        )
+        return web.Response(body=path.read_bytes(), content_type=kind, charset="utf-8", headers=_SAFE)
 
     async def _watch(self, request: web.Request) -> web.StreamResponse:
         look, control = self.access.may(request.query.get("token"))
@@ -173,8 +172,12 @@ class Server:
         if "drawn" in said:
             page.sent = max(0, page.sent - 1)
             return
+        answer: dict[str, Any] | None
         if not page.control:
-            answer = {"kind": "refused", "text": "this page may look, not change anything; use the other address"}
+            answer = {
+                "kind": "refused",
+                "text": "this page may look, not change anything; use the other address",
+            }
         else:
             try:
                 answer = await asyncio.to_thread(self.stage.do, said)
@@ -225,10 +228,8 @@ class _Watcher:
     async def send(self, text: str) -> None:
         """Send a text, if the page is still there."""
         if not self.socket.closed:
-            try:
+            with suppress(ConnectionResetError):  # gone meanwhile
                 await self.socket.send_str(text)
-            except ConnectionResetError:
-                pass  # gone meanwhile
 
     async def _send_all(self, parts: list[str]) -> None:
         for part in parts:

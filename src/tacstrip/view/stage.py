@@ -12,7 +12,6 @@ from tacstrip.errors import OptionError, one_of
 from tacstrip.reconstruct.methods import METHODS
 from tacstrip.sensor.constructions import CONSTRUCTIONS
 from tacstrip.stream.live import Live
-from tacstrip.stream.source import Source
 from tacstrip.view.health import Health
 from tacstrip.view.picture import frame_json, sensor_json
 from tacstrip.view.playground import Playground
@@ -38,9 +37,8 @@ class Stage:
         self.live, self.playground = live, playground
         self.folder = folder or Path.cwd()
         self.health = Health()
-        self._box = live.outlet()
+        self._box = live.outlet(detailed=True)
         self._examined_s = time.monotonic()
-        self._shown = 0
 
     def hello(self, control: bool) -> dict[str, Any]:
         """Return what a new page must know."""
@@ -60,13 +58,13 @@ class Stage:
     def state(self) -> dict[str, Any]:
         """Return the numbers beside the picture."""
         live, source = self.live, self.live.source
-        p50, p99 = live.latency_s(*_LATENCY)
+        p50, p99 = live.meter.latency_s(*_LATENCY)
         writer = live.recording
         counts = getattr(source, "counts", None)
         return {
             "kind": "state",
             "running": live.running,
-            "rate_hz": round(live.rate_hz, 1),
+            "rate_hz": round(live.meter.rate_hz, 1),
             "latency_ms": [round(1e3 * p50, 2), round(1e3 * p99, 2)],
             "frames": live.frames,
             "late": live.late,
@@ -114,14 +112,15 @@ class Stage:
                 self._needed().place(objects)
             case {"do": "set", "settings": settings}:
                 if self._needed().change(settings):
-                    self.live.source.close()  # the stream asks for the next one
+                    self.live.method = None  # the next sensor may not allow it
+                    self.live.source.close()  # then the stream asks for the next one
             case _:
                 raise OptionError("there is no such thing to do")
         return None
 
-    def next_source(self) -> Source | None:
-        """Return the source that follows one that has ended: a new one of the playground."""
-        return None if self.playground is None else self.playground.source(self.live.tell)
+    def close(self) -> None:
+        """Let go of the doctor."""
+        self.health.close()
 
     def _record(self) -> dict[str, Any]:
         path = self.folder / time.strftime("tacstrip-%Y%m%d-%H%M%S.mcap")
@@ -137,7 +136,10 @@ class Stage:
         return self.playground
 
     def _about(self) -> dict[str, Any]:
-        about: dict[str, Any] = {"sensor": sensor_json(self.live.source.sensor), "method": self.live.method_name}
+        about: dict[str, Any] = {
+            "sensor": sensor_json(self.live.source.sensor),
+            "method": self.live.method_name,
+        }
         if self.playground is not None:
             now = self.playground.settings
             about["playground"] = {"noise": now.noise.positional, "rate_hz": now.rate_hz}

@@ -15,9 +15,9 @@ from tacstrip.contact.shape import Contact
 from tacstrip.contact.signature import geometric_centre
 from tacstrip.plot.scene import draw_contact, draw_polygon, draw_sensor, draw_signatures, zoom
 from tacstrip.plot.style import COLOURS, OTHERS, TRUE, add_axes, legend, new_axes, new_figure
+from tacstrip.reconstruct.blocks import blocks, linear_system
 from tacstrip.reconstruct.result import close_chains
 from tacstrip.reconstruct.sections import fit_sections
-from tacstrip.reconstruct.blocks import blocks, linear_system
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
 from tacstrip.simulate import simulate

@@ -4,7 +4,8 @@ A cell is one row of a table at one position. Each of its seeds draws the errors
 C.Q.E. and P.U., and the true transitions get T.E. before they are handed to Vertex Reconstruction, which
 reads the nearest strip, as the thesis does. Rows with P.U. are run a second time with transitions found by
 the gradient rule: a shape that fails there, or comes back with another number of vertices, counts as the
-thesis' "-". Profiles are compared as polygons at the original's vertex columns (`profile_at`).
+thesis' "-". Profiles are compared as polygons at the original's vertex columns (`profile_at`). Beside them stands the
+polygon fit, which is told no transitions (`estimator`).
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from tacstrip.reconstruct.result import RecoveredObject
 from tacstrip.reconstruct.vertex import vertex_reconstruction
 from tacstrip.scan import Scan
 from tacstrip.simulate import simulate
+from tacstrip.studies.thesis.estimator import Fitted, beaten, bound_medians, fitted
 from tacstrip.studies.thesis.published import METRICS, Row, rows
 from tacstrip.studies.thesis.shapes import POSITIONS, SHAPES, SIMULATED
 
@@ -31,6 +33,7 @@ NOISES = {
     "quantisation + profile I": Noise(quantisation=0.001, positional=0.005, transition_mm=5.0),
     "quantisation + profile II": Noise(quantisation=0.001, positional=0.01, transition_mm=5.0),
 }
+FITTED = 50  # seeds that the polygon fit gets at most
 HALF_DIGIT = 0.0005  # the thesis prints three decimals
 
 
@@ -45,6 +48,10 @@ class Cell:
         and with detected ones; detected is None where the row is not run that way.
     known_failed, detected_failed
         Shares of the seeds without a shape; detected counts a wrong number of vertices too.
+    fitted
+        What the polygon fit makes of the first `FITTED` seeds at most; empty for an ideal row.
+    bound
+        Medians (3,) of the same measures at the Cramer-Rao bound.
     sample
         The shape of the first seed that has one (N, 2) [mm], for the figure; empty where all failed. For
         a profile it is the raw one, every strip.
@@ -54,6 +61,8 @@ class Cell:
     known_failed: float
     detected: FloatArray | None
     detected_failed: float | None
+    fitted: list[Fitted]
+    bound: FloatArray
     sample: FloatArray
 
 
@@ -65,6 +74,7 @@ def run_cell(number: int, position: int, seeds: int) -> Cell:
     with_found = noise.positional > 0.0 and row.algorithm == "vertex"
     known: list[RecoveredObject] = []
     detected: list[RecoveredObject] = []
+    fits: list[Fitted] = []
     for seed in range(1 if noise == Noise() else seeds):
         random = np.random.default_rng([number, position, seed])
         scan = simulate(SIMULATED[row.construction], SHAPES[row.shape].contact(position), noise, random)
@@ -72,6 +82,8 @@ def run_cell(number: int, position: int, seeds: int) -> Cell:
         known.append(_recover(row, scan, x))
         if with_found:
             detected.append(_recover(row, scan, "gradient"))
+        if noise != Noise() and seed < FITTED:
+            fits.append(fitted(row, position, noise, random))
     good = [r for r in known if r.found]
     right = [r for r in detected if len(r.vertices) == len(corners)]
     return Cell(
@@ -79,6 +91,8 @@ def run_cell(number: int, position: int, seeds: int) -> Cell:
         known_failed=1.0 - len(good) / len(known),
         detected=_measure(row, corners, right) if with_found else None,
         detected_failed=1.0 - len(right) / len(detected) if with_found else None,
+        fitted=fits,
+        bound=bound_medians(row, position, noise) if fits else np.full(3, np.nan),
         sample=good[0].vertices if good else np.empty((0, 2)),
     )
 
@@ -96,8 +110,30 @@ def summarise(number: int, cells: list[Cell]) -> dict[str, Any]:
     ours["failed"] = [c.known_failed if c.detected_failed is None else c.detected_failed for c in cells]
     found = [c.detected for c in cells if c.detected is not None]
     ours["detected"] = _points(found) if found else None
+    ours["polygon"] = _polygon(row, cells) if cells[0].fitted else None
     ours["inside"] = {m: [_inside(row.printed[m], ours[m], i) for i in range(POSITIONS)] for m in METRICS}
     return ours
+
+
+def _polygon(row: Row, cells: list[Cell]) -> dict[str, Any]:
+    """Return the polygon fit's points, shares without a shape and with the right vertices, and the bound's medians.
+
+    `reached` has, per metric and position, whether our median is below the printed value, and whether it is within
+    1.15 of the bound's; None where nothing is printed.
+    """
+    corners = len(SHAPES[row.shape].contact(0).vertices)
+    measured = [np.array([f.measures for f in c.fitted if f.vertices]).reshape(-1, 3) for c in cells]
+    points: dict[str, Any] = _points(measured)
+    points["failed"] = [float(np.mean([f.vertices == 0 for f in c.fitted])) for c in cells]
+    points["right"] = [float(np.mean([f.vertices == corners for f in c.fitted])) for c in cells]
+    bound = np.array([c.bound for c in cells])
+    points["bound"] = {
+        m: [float(b) if np.isfinite(b) else None for b in bound[:, i]] for i, m in enumerate(METRICS)
+    }
+    medians = np.array([points[m]["median"] for m in METRICS], dtype=float)
+    judged = [beaten(row, medians[:, p], bound[p], p) for p in range(POSITIONS)]
+    points["reached"] = {m: [judged[p][i] for p in range(POSITIONS)] for i, m in enumerate(METRICS)}
+    return points
 
 
 def _recover(row: Row, scan: Scan, x: FloatArray | str) -> RecoveredObject:

@@ -82,12 +82,14 @@ function value(field, now) { if (document.activeElement !== field) field.value =
 
 function state(message) {
   about(message);
-  const wire = message.wire, lost = (wire.lost || 0) + message.late + message.unreadable;
+  const wire = message.wire;
   get("rate").textContent = message.rate_hz >= 100 ? message.rate_hz.toFixed(0) : message.rate_hz.toFixed(1);
   get("p50").textContent = `${message.latency_ms[0].toFixed(2)} ms`;
   get("p99").textContent = `${message.latency_ms[1].toFixed(2)} ms`;
-  get("lost").textContent = lost;
-  get("lost").title = `on the line: ${JSON.stringify(wire)}; recovered too late: ${message.late}; no readings: ${message.unreadable}`;
+  get("lost").textContent = wire.lost || 0;
+  get("lost").title = Object.entries(wire).map(([name, count]) => `${name.replaceAll("_", " ")}: ${count}`).join(", ");
+  get("skipped").textContent = message.late + message.unreadable;
+  get("skipped").title = `recorded, but not recovered because the computer was behind: ${message.late}; no readings: ${message.unreadable}`;
   get("draws").textContent = paused ? "paused" : drawn.times.length;
   line(message.running ? "on" : "off", !message.running ? "the stream has ended" : message.trouble || (control ? "connected" : "connected, look only"));
   const recording = message.recording;

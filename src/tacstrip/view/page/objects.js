@@ -79,7 +79,7 @@ export class Objects {
         e.setAttribute("class", on ? "handle chosen" : "handle");
         e.setAttribute("cx", ring[corner][0]);
         e.setAttribute("cy", this.surface.y(ring[corner][1]));
-        e.setAttribute("r", 6 * px);
+        e.setAttribute("r", 8 * px);
       }
     }
     there.forEach((e) => e.remove());

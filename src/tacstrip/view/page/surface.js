@@ -31,8 +31,8 @@ export class Surface {
     this.sensor = sensor;
     this.width = sensor.strips * sensor.pitch_mm;
     this.length = sensor.length_mm;
-    const margin = 0.07 * Math.max(this.width, this.length);
-    this.svg.setAttribute("viewBox", `${-margin} ${-0.4 * margin} ${this.width + 1.4 * margin} ${this.length + 1.4 * margin}`);
+    const margin = 0.09 * Math.max(this.width, this.length);
+    this.svg.setAttribute("viewBox", `${-margin} ${-0.3 * margin} ${this.width + 2 * margin} ${this.length + 1.1 * margin}`);
     const skin = this.layers.skin;
     skin.replaceChildren();
     make("rect", { class: "skin", width: this.width, height: this.length, "vector-effect": "non-scaling-stroke" }, skin);
@@ -104,7 +104,7 @@ export class Surface {
       e.setAttribute("class", "corner");
       e.setAttribute("cx", x);
       e.setAttribute("cy", this.y(y));
-      e.setAttribute("r", 2.5 * this.px);
+      e.setAttribute("r", 1.5 * this.px);
     });
     fill(this.layers.names, "text", found, (e, o) => {
       e.setAttribute("class", "name");

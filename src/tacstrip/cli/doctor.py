@@ -1,0 +1,99 @@
+"""`tacstrip doctor`."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import click
+
+from tacstrip.cli import protect
+from tacstrip.diagnose.doctor import diagnose
+from tacstrip.diagnose.finding import Finding, Report
+from tacstrip.diagnose.log import Log, read_log
+from tacstrip.errors import OptionError
+from tacstrip.sensor.spec import Sensor
+from tacstrip.stream.replay import Recording
+
+
+@click.command()
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option("--sensor", metavar="SENSOR", help="Spec file or shipped spec; a recording holds its own.")
+@click.option("--json", "as_json", is_flag=True, help="Print the report as JSON.")
+@click.option(
+    "--plot", type=click.Path(path_type=Path), help="Picture of every strip's health (.png, .svg, .pdf)."
+)
+def command(file: Path, sensor: str | None, as_json: bool, plot: Path | None) -> None:
+    """Say what is wrong with the hardware that made FILE: readings (CSV) or a recording (.mcap).
+
+    Needs a contact four strips wide or more that goes across and along all strips and turns; docs/doctor.md says
+    which fault needs what, and the report lists what was not checked. Exit code 0: no fault found; 1: faults found;
+    2: bad input.
+
+    Example: tacstrip doctor readings.csv --sensor sensor.toml --plot health.png
+    """
+    protect(plot, file, sensor)
+    if plot is not None:
+        from tacstrip.plot.style import check_picture
+
+        check_picture(plot)
+    log = _log(file, sensor)
+    report = diagnose(log)
+    if as_json:
+        click.echo(json.dumps(report.to_json(), indent=1))
+    else:
+        click.echo("\n".join(_lines(log, report)))
+    if plot is not None:
+        from tacstrip.plot.doctor import health_figure
+        from tacstrip.plot.style import save
+
+        click.echo(f"{save(health_figure(log, report), plot)} written", err=True)
+    sys.exit(0 if report.healthy else 1)
+
+
+def _log(file: Path, sensor: str | None) -> Log:
+    if file.suffix.lower() == ".mcap":
+        source = Recording(file, Sensor.load(sensor) if sensor else None)
+        with contextlib.closing(source):
+            return Log.of_codes(source.sensor, source)
+    if sensor is None:
+        raise OptionError(f"{file} does not say what sensor it is of; name its spec: --sensor sensor.toml")
+    return read_log(file, Sensor.load(sensor))
+
+
+def _lines(log: Log, report: Report) -> Iterator[str]:
+    """Give the report in words."""
+    yield (
+        f"{log.sensor.construction}, {log.sensor.strips} strips: {report.scans} scan(s) over {report.seconds:.4g} s"
+    )
+    for finding in report.findings:
+        yield f"{finding.kind.severity.upper()}: {_told(report, finding)}"
+        yield f"    Check {finding.kind.check}."
+    for finding in report.notes:
+        yield f"Note: {_told(report, finding)} {finding.kind.check[0].upper()}{finding.kind.check[1:]}."
+    yield _noise(report)
+    for told in report.unchecked:
+        yield f"Not checked: {told}."
+    count = len(report.findings)
+    yield f"{count} fault(s) found" if count else "No fault found, as far as this recording tells"
+
+
+def _told(report: Report, finding: Finding) -> str:
+    return (
+        f"{report.where(finding)}: {finding.kind.title}. {finding.evidence[0].upper()}{finding.evidence[1:]}."
+    )
+
+
+def _noise(report: Report) -> str:
+    noise = report.quality
+    if not noise.profile:
+        return "Noise: not measured; it needs scans that follow each other closely"
+    told = f"Noise: P.U. +-{noise.half_width_percent:.2g} % of Vref, within profile {noise.profile}"
+    if noise.profile == "above II":
+        told = f"Noise: P.U. +-{noise.half_width_percent:.2g} % of Vref, above profile II (+-1 %)"
+    if noise.vertex_rms_mm == noise.vertex_rms_mm:
+        told += f"; corners of a typical contact to {noise.vertex_rms_mm:.3g} mm RMS at best"
+    return told

@@ -1,0 +1,64 @@
+"""Devices for the tests: virtual ones on ports that can be pulled out, answer nonsense, or be of another kind."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import tacstrip as ts
+from tacstrip.stream.device import Loopback, VirtualDevice
+
+SENSOR = ts.Sensor(construction="crs-crs", strips=20, pitch_mm=5.0, length_mm=100.0, adc_bits=12)
+SHAPE = ts.Contact.polygon([(22, 38), (62, 22), (80, 55), (45, 76)])
+
+
+def still(time_s: float) -> ts.Contact:
+    return SHAPE
+
+
+def device(
+    sensor: ts.Sensor = SENSOR, rate_hz: float = 200.0, contact: Callable[[float], ts.Contact] = still
+) -> VirtualDevice:
+    noise = ts.Noise(positional=0.002)
+    return VirtualDevice(
+        sensor,
+        lambda: iter(ts.SimulatedSource(sensor, contact, rate_hz, None, noise)),
+        rate_hz,
+        0.5 / rate_hz,
+    )
+
+
+class Line(Loopback):
+    """A line that can be cut: after `cut` bytes reading fails, as of a cable pulled out in the middle of a frame."""
+
+    def __init__(self, made: VirtualDevice, cut: int | None = None) -> None:
+        super().__init__(made)
+        self.left = cut
+
+    def read(self, wait_s: float) -> bytes:
+        if self.left is not None and self.left <= 0:
+            raise OSError(5, "device reports readiness to read but returned no data")
+        data = super().read(wait_s)
+        if self.left is not None:
+            data, self.left = data[: self.left], self.left - len(data)
+        return data
+
+
+class Noise:
+    """A line that carries the same bytes again and again, or none."""
+
+    def __init__(self, data: bytes) -> None:
+        self.data = data
+
+    def read(self, wait_s: float) -> bytes:
+        return self.data
+
+    def write(self, data: bytes) -> None:
+        """Nobody listens."""
+
+    def close(self) -> None:
+        """Nothing is open."""
+
+
+def with_strips(count: int) -> ts.Sensor:
+    return replace(SENSOR, strips=count, pitch_mm=100.0 / count)
