@@ -42,11 +42,10 @@ def main() -> None:
                 outcome(contacts, unit, Noise(positional=half_width), *how, chosen.signatures, chosen.draws)
                 for how in ((True, False), (False, False), (True, True))
             )
-            left = f"{bounded.rms_mm:.2f} | {bounded.of_bound:.2f} | {bounded.empty:.2f} | {bounded.doubtful:.2f}"
-            print(
-                f"| {unit} | {100.0 * half_width:g} % | {_fit(known)} | {_fit(unknown)} | {left} | {bounded.silent:.2f} |",
-                flush=True,
-            )
+            b = bounded
+            left = f"{b.rms_mm:.2f} | {b.of_bound:.2f} | {b.empty:.2f} | {b.doubtful:.2f} | {b.silent:.2f}"
+            row = f"{unit} | {100.0 * half_width:g} % | {_fit(known)} | {_fit(unknown)} | {left}"
+            print(f"| {row} |", flush=True)
 
 
 if __name__ == "__main__":

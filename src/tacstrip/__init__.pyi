@@ -13,8 +13,8 @@ from .contact.signature import signatures as signatures
 from .errors import ContactError as ContactError
 from .errors import NetworkError as NetworkError
 from .errors import OptionError as OptionError
-from .errors import ReadingError as ReadingError
 from .errors import PortError as PortError
+from .errors import ReadingError as ReadingError
 from .errors import RecordingError as RecordingError
 from .errors import SignatureError as SignatureError
 from .errors import SpecError as SpecError
@@ -32,6 +32,7 @@ from .network.build import Break as Break
 from .network.build import Build as Build
 from .network.build import Readout as Readout
 from .network.build import Short as Short
+from .network.crp_mesh import Wiring as Wiring
 from .network.digital import ArrayScan as ArrayScan
 from .network.digital import ArrayWiring as ArrayWiring
 from .network.digital import phantoms as phantoms
@@ -39,6 +40,12 @@ from .network.digital import scan_array as scan_array
 from .network.fourwire import FourWire as FourWire
 from .network.fourwire import four_wire as four_wire
 from .network.wide import wide_readings as wide_readings
+from .reconstruct.bound import reading_sigma as reading_sigma
+from .reconstruct.bound import vertex_covariance as vertex_covariance
+from .reconstruct.bound import vertex_rms as vertex_rms
+from .reconstruct.outline import Outline as Outline
+from .reconstruct.polygon import fit_polygon as fit_polygon
+from .reconstruct.polygon import fit_polygons as fit_polygons
 from .reconstruct.profile import profile_at as profile_at
 from .reconstruct.profile import profile_reconstruction as profile_reconstruction
 from .reconstruct.result import Reconstruction as Reconstruction
