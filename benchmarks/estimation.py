@@ -1,7 +1,8 @@
 """The polygon fit on real strips: voltages from networks that the fit's closed forms did not make.
 
 A row per unit and noise (`studies.estimation`): share of right vertex counts; RMS vertex error, in mm and over the
-Cramer-Rao bound's; share of true vertices in their 95 % regions; share of scans that are not "ok". First with the
+Cramer-Rao bound's; share of true vertices in their 95 % regions, and of the two ends alone; share of scans that are not
+"ok". First with the
 noise known to the fit, then estimated by it. Then with its bound used: error, scans that no polygon fits within the
 bound, scans not "ok", and silent ones ("ok", but a vertex too many or few, or one outside of its guaranteed region).
 Run: python benchmarks/estimation.py [--contacts 40] [--draws 2] [--units lambda all ...] [--signatures kh kl]
@@ -18,7 +19,7 @@ SEED = 1
 
 
 def _fit(o: Outcome) -> str:
-    return f"{o.right:.2f} | {o.rms_mm:.2f} | {o.of_bound:.2f} | {o.inside:.2f} | {o.doubtful:.2f}"
+    return f"{o.right:.2f} | {o.rms_mm:.2f} | {o.of_bound:.2f} | {o.inside:.2f} ({o.ends:.2f}) | {o.doubtful:.2f}"
 
 
 def main() -> None:
@@ -31,9 +32,9 @@ def main() -> None:
     chosen = options.parse_args()
     wide = any(UNITS[unit][0] in ("width", "all") for unit in chosen.units)
     contacts = real_contacts(chosen.contacts, SEED, wide)
+    fit = "right | mm | / bound | in 95 % (ends) | doubtful"
     print(
-        "| unit | noise | right | mm | / bound | in 95 % | doubtful | unknown: right | mm | / bound | in 95 % "
-        "| doubtful | bounded: mm | / bound | empty | doubtful | silent |"
+        f"| unit | noise | known: {fit} | unknown: {fit} | bounded: mm | / bound | empty | doubtful | silent |"
     )
     print("| --- " * 17 + "|")
     for unit in chosen.units:

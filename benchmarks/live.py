@@ -68,7 +68,7 @@ def host(path: str, seconds: float, file: Path) -> None:
     warm_up(SENSOR)
     source = SerialSource(lambda: SerialPort(path), SENSOR, tell=print)
     live = Live(source, tell=print)
-    latency, due = np.zeros((2, int(1.2 * RATE_HZ * seconds)))
+    latency, due = np.full((2, int(1.2 * RATE_HZ * seconds)), np.nan)  # takes its memory now
     count, held = 0, [0.0]
     with live:
         live.record(file)

@@ -2,28 +2,38 @@
 
 from __future__ import annotations
 
+import sys
+
 import numpy as np
 import pytest
 
 import tacstrip as ts
 from tacstrip.contact.noise import Noise
 from tacstrip.diagnose.doctor import diagnose
-from tacstrip.diagnose.finding import FAULTS, Finding, Report
+from tacstrip.diagnose.finding import Finding, Report
 from tacstrip.diagnose.log import Log
+from tacstrip.diagnose.noise import typical_contact
 from tacstrip.reconstruct.bound import vertex_covariance, vertex_rms
-from tacstrip.studies.checkup import HEALTHY, Case, confusion, exercise, faulty, healthy, said
+from tacstrip.studies.checkup import HEALTHY, Case, confusion, exercise, faulty, healthy, said, table_text
 from tacstrip.studies.faults import Defect, faulty_log
 
 RUBBER = ts.Sensor(construction="crs-crs", strips=12, pitch_mm=6.5, length_mm=325.0, adc_bits=12)
 METAL = ts.Sensor(construction="crs-m", strips=12, pitch_mm=6.5, length_mm=250.0, adc_bits=12)
 CRP = ts.Sensor(
-    construction="crs-crp", strips=6, pitch_mm=5.0, length_mm=60.0, resistivity_ratio=100.0, contact_lambda_mm=1.0
+    construction="crs-crp",
+    strips=6,
+    pitch_mm=5.0,
+    length_mm=60.0,
+    resistivity_ratio=100.0,
+    contact_lambda_mm=1.0,
 )
 PROFILE_I = Noise(positional=0.005)
 FAINT = Noise(positional=0.001)
 
 
-def _examined(sensor: ts.Sensor, *defects: Defect, noise: Noise = FAINT, scans: int = 480, seed: int = 5) -> Report:
+def _examined(
+    sensor: ts.Sensor, *defects: Defect, noise: Noise = FAINT, scans: int = 480, seed: int = 5
+) -> Report:
     contacts = exercise(sensor, np.random.default_rng(seed), scans)
     return diagnose(faulty_log(sensor, contacts, defects, noise, seed, 220.0))
 
@@ -155,8 +165,6 @@ def test_noise_in_the_terms_of_the_thesis(half_width: float) -> None:
     assert report.healthy
     assert noise.half_width_percent == pytest.approx(100.0 * half_width, rel=0.1)
     assert noise.profile in (("I",) if half_width < 0.004 else ("I", "II", "above II"))
-    from tacstrip.diagnose.noise import typical_contact
-
     bound = vertex_rms(vertex_covariance(typical_contact(RUBBER), RUBBER, half_width / np.sqrt(3.0)))
     assert noise.vertex_rms_mm == pytest.approx(bound, rel=0.1)
 
@@ -179,7 +187,9 @@ _EASY = ["open-strip", "swapped-ends", "swapped-strips", "saturation", "bits", "
 
 
 def test_a_unit_without_calibration_is_not_broken_but_is_told_so() -> None:
-    offsets = np.array([0.345, 0.016, 0.353, 0.317, 0.080, 0.161, 0.070, 0.261, 0.168, 0.291]) / 6.05  # table 6.1
+    offsets = (
+        np.array([0.345, 0.016, 0.353, 0.317, 0.080, 0.161, 0.070, 0.261, 0.168, 0.291]) / 6.05
+    )  # table 6.1
     sensor = ts.Sensor.load("prototype-crs-crs")
     contacts = exercise(sensor, np.random.default_rng(1), 240)
     report = diagnose(faulty_log(sensor, contacts, noise=FAINT, offsets=offsets))
@@ -234,21 +244,21 @@ def test_a_long_recording_is_examined_in_parts() -> None:
 
 
 @pytest.mark.slow
-def test_two_hundred_faults_alone_and_in_pairs_and_two_hundred_healthy_units() -> None:
-    """`make studies` prints the table with `ARGS="-k two_hundred -s"`."""
-    everything, wrong = confusion(healthy(seed) for seed in range(200))
-    print(f"healthy: {everything['-', '-']} of 200 with nothing named")
-    assert wrong == []
-    for many in (1, 2):
-        table, _ = confusion(faulty(seed, many) for seed in range(200))
-        right = sum(n for (put, named), n in table.items() if put == named)
-        print(f"{many} fault(s) a unit: {right} of {table.total()} named")
-        for put in FAULTS:
-            row = {named: n for (given, named), n in sorted(table.items()) if given == put}
-            if row:
-                print(f"  {put:15}", ", ".join(f"{named}: {n}" for named, n in row.items()))
-        assert right >= 0.95 * table.total()
+def test_two_hundred_faults_alone_and_in_pairs_and_two_hundred_healthy_units(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """`make studies ARGS="-k two_hundred"` prints the tables of docs/doctor.md."""
+    tables = [confusion(map(healthy, range(200)))[0]]
+    tables += [confusion(faulty(seed, many) for seed in range(200))[0] for many in (1, 2)]
+    with capsys.disabled():
+        sys.stdout.write("\n" + "\n".join(map(table_text, tables)))
+    assert tables[0] == {("-", "-"): 200}
+    for table in tables[1:]:
+        assert sum(n for (put, named), n in table.items() if put == named) >= 0.95 * table.total()
 
 
 def _fields(sensor: ts.Sensor) -> dict[str, object]:
-    return {name: getattr(sensor, name) for name in ("construction", "strips", "pitch_mm", "length_mm", "adc_bits")}
+    return {
+        name: getattr(sensor, name)
+        for name in ("construction", "strips", "pitch_mm", "length_mm", "adc_bits")
+    }

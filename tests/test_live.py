@@ -13,6 +13,7 @@ import time
 from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -298,7 +299,8 @@ def test_json_lines_and_a_reader_that_goes() -> None:
             time.sleep(0.01)
     assert said == ["the output of JSON lines ended: Broken pipe"]
     lines = [json.loads(line) for line in file.getvalue().splitlines()]
-    assert [line["scan"] for line in lines] == [0, 1, 2, 3]
+    assert len(lines) == 4
+    assert all(a["scan"] < b["scan"] for a, b in pairwise(lines))  # a busy computer skips some
     (one,) = lines[-1]["objects"]
     assert one["id"] == 1
     assert np.abs(np.array(one["vertices_mm"]) - SHAPE.vertices).max() < 5.0

@@ -219,7 +219,7 @@ def test_recording_from_the_page(server: Server, tmp_path: Path) -> None:
         async with session.ws_connect(f"{_base(server)}/ws") as socket:
             await socket.send_json({"do": "record"})
             assert (await _until(socket, "told"))["text"].startswith("recording to ")
-            while (state := await _until(socket, "state"))["recording"] is None:
+            while not ((state := await _until(socket, "state"))["recording"] or {}).get("scans"):
                 pass
             await socket.send_json({"do": "stop recording"})
             while (await _until(socket, "state"))["recording"] is not None:

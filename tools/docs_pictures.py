@@ -11,6 +11,7 @@ from tacstrip.plot.style import save
 from tacstrip.studies.budget import budget_figure
 from tacstrip.studies.crp import FIGURES as CRP
 from tacstrip.studies.demo import picture, run
+from tacstrip.studies.estimation_figures import FIGURES as ESTIMATION
 from tacstrip.studies.physics import FIGURES as PHYSICS
 from tacstrip.studies.thesis.chapter2 import EXTRA as PHANTOMS
 from tacstrip.studies.thesis.chapter2 import FIGURES as CHAPTER_2
@@ -35,7 +36,7 @@ def main() -> None:
         "parallel_path": CHAPTER_2["2.4"](),
         "budget": budget_figure(),
         "phantoms": PHANTOMS["phantoms"](),
-        **{name: draw() for name, draw in (PHYSICS | CRP | WIDTH).items()},
+        **{name: draw() for name, draw in (PHYSICS | CRP | WIDTH | ESTIMATION).items()},
     }
     for name, figure in drawn.items():
         print(save(figure, PICTURES / f"{name}.png", dpi=90))

@@ -92,7 +92,7 @@ def excess_noise(log: Log, measured: Measured) -> list[Finding]:
         found.append(
             Finding(
                 "noise", (),
-                f"+-{100 * measured.sigma * math.sqrt(3.0):.2g} % of Vref; few shapes are recovered above profile II, +-1 %",
+                f"+-{100 * measured.sigma * math.sqrt(3.0):.2g} % of Vref, above profile II: few shapes come back",
                 {"sigma": measured.sigma},
             )
         )  # fmt: skip

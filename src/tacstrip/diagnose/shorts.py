@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -11,15 +12,17 @@ from tacstrip.diagnose.beside import Beside, neighbours
 from tacstrip.diagnose.finding import Finding
 from tacstrip.diagnose.fits import without
 from tacstrip.diagnose.view import Suspect, View
+from tacstrip.sensor.constructions import SIGNATURES
 
-_FEW, _MANY = 8, 30  # places
-_FOLLOWS = 0.25  # of the slope around; 1 for two strips of their own, 0 for two that are tied
+_FEW, _MANY = 8, 25  # places
+_HEIGHTS = np.linspace(0.0, 1.0, 9)  # over L, at which a bridge is looked for
+_CLEAR = 0.1  # over Vref: contacts this far from a bridge lie wholly on one side
+_FOLLOWS = 0.15  # of the slope around; 1 for two strips of their own, 0 for two that are tied
 _ALONE = 0.75  # of the slope: what tied strips may lie off the line together; 1.5 beside a jump
 _MOST = (
-    0.9,
-    0.5,
+    0.95,
+    0.35,
 )  # of the places where the slope tells: those that differ little, and that lie near the line
-_AT_EDGE = 0.85  # in place of the latter at the sensor's edges, where the line is drawn further
 _UNUSUAL, _UNUSUAL_AT_EDGE = 3.0, 8.0  # times what four in five other pairs do together
 _MOST_UNUSUAL = 1.6  # times what any other pair does
 _SHAPE = 0.7  # of the slope's variance: where the contact lies must not say more, for then its shape does
@@ -40,55 +43,73 @@ def shorts(view: View) -> list[Suspect]:
 
 def _tied(view: View) -> list[Suspect]:
     found = []
-    for values in view.k.values():
-        pairs = {
-            i: b for i in range(view.strips - 1) if (b := neighbours(values, i)) and len(b.level) >= _FEW
-        }
-        free = {i: float(np.std(b.apart - b.slope)) for i, b in pairs.items()}
-        for strip, pair in pairs.items():
-            if free[strip] < 0.8 * float(np.median(list(free.values()))):
-                continue
-            edge, ends = strip in (0, view.strips - 2), _left_ends(view)
-            above = pair.level >= np.median(pair.level)
-            for part in (
-                np.ones_like(above),
-                ~above,
-                above,
-            ):  # a bridge half way up ties one end more than the other
-                if part.sum() < _FEW:
-                    continue
-                d, e, both = (
-                    _level_out(v[part], pair.level[part]) for v in (pair.apart, pair.slope, pair.together)
-                )
-                slope = float(np.std(e))
-                tells = np.abs(e) > max(0.006, 3.0 * view.sigma)
-                if (
-                    tells.sum() < _MANY
-                    or slope < 0.006
-                    or _explained(e, ends[pair.rows[part], strip]) > _SHAPE
-                ):
-                    continue
-                d, e, both = d[tells], e[tells], both[tells]
-                follows = float(np.sum(d * e) / np.sum(e**2))
-                # Two strips on one flat piece beside a jump differ as little, but then lie off the line together.
-                little = float(np.mean(np.abs(d) < 0.35 * np.abs(e) + 2.0 * view.sigma))
-                alone = float(np.mean(np.abs(both) < _ALONE * np.abs(e) + 1.5 * view.sigma))
-                if abs(follows) > _FOLLOWS or little < _MOST[0] or alone < (_AT_EDGE if edge else _MOST[1]):
-                    continue
-                finding = Finding(
-                    "short", _two(view, strip),
-                    f"the two differ by {100 * np.mean(np.abs(d)):.2g} % of Vref where the strips around slope by "
-                    f"+-{100 * slope:.2g} % a strip, over {len(d)} places: the difference follows the slope by "
-                    f"{follows:.2f}, not 1",
-                    {"follows": follows, "slope": slope, "places": len(d)},
-                )  # fmt: skip
-                found.append(Suspect(finding, free[strip], partial(_drop_two, strip=strip)))
+    ends = _left_ends(view)
+    signatures = [SIGNATURES[name] for name in view.k]
+    pairs = {i: [neighbours(view.k[s.name], i) for s in signatures] for i in range(view.strips - 1)}
+    free = {i: max([float(np.std(b.bent)) for b in of if b], default=0.0) for i, of in pairs.items()}
+    usual = float(np.median(list(free.values()))) if free else 0.0
+    for strip, of in pairs.items():
+        if free[strip] < 0.8 * usual:
+            continue
+        best: Finding | None = None
+        for height in _HEIGHTS:
+            # A bridge ties v_h of contacts below it, and v_l of contacts above it.
+            parts = [
+                (b, (b.level < height - _CLEAR) if s.at_upper_end else (b.level > height + _CLEAR))
+                for s, b in zip(signatures, of, strict=True)
+                if b is not None
+            ]
+            finding = _tied_at(
+                view, strip, [_Part.of(b, at, ends, strip) for b, at in parts if at.sum() >= _FEW]
+            )
+            if finding and (best is None or finding.numbers["places"] > best.numbers["places"]):
+                best = finding
+        if best is not None:
+            found.append(Suspect(best, float(free[strip]), partial(_drop_two, strip=strip)))
     return found
 
 
-def _level_out(values: FloatArray, level: FloatArray) -> FloatArray:
-    """Return values without what changes smoothly with height, as offsets that fade at the ends do."""
-    return without(values, level, level**2)
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """Two neighbours beside the strips around, without what changes smoothly with height."""
+
+    apart: FloatArray
+    slope: FloatArray
+    together: FloatArray
+    ends: IntArray
+
+    @classmethod
+    def of(cls, beside: Beside, at: BoolArray, ends: IntArray, strip: int) -> _Part:
+        level = beside.level[at]  # offsets that fade at the ends do
+        d, e, both = (without(v[at], level, level**2) for v in (beside.apart, beside.slope, beside.together))
+        return cls(d, e, both, ends[beside.rows[at], strip])
+
+
+def _tied_at(view: View, strip: int, parts: list[_Part]) -> Finding | None:
+    """Judge the places where a bridge at some height would tie two strips."""
+    if not parts:
+        return None
+    d, e, both = (
+        np.concatenate([getattr(p, name) for p in parts]) for name in ("apart", "slope", "together")
+    )
+    slope = float(np.std(e))
+    tells = np.abs(e) > max(0.006, 3.0 * view.sigma)
+    many = _MANY if 0 < strip < view.strips - 2 else 2 * _MANY  # at an edge the line is drawn further
+    if tells.sum() < many or _explained(e, np.concatenate([p.ends for p in parts])) > _SHAPE:
+        return None
+    d, e, both = d[tells], e[tells], both[tells]
+    follows = float(np.sum(d * e) / np.sum(e**2))
+    # Two strips on one flat piece beside a jump differ as little, but then lie off the line together.
+    little = float(np.mean(np.abs(d) < 0.35 * np.abs(e) + 2.0 * view.sigma))
+    alone = float(np.mean(np.abs(both) < _ALONE * np.abs(e) + 1.5 * view.sigma))
+    if abs(follows) > _FOLLOWS or little < _MOST[0] or alone < _MOST[1]:
+        return None
+    return Finding(
+        "short", _two(view, strip),
+        f"they differ by {100 * np.mean(np.abs(d)):.2g} % of Vref where the strips around slope by "
+        f"+-{100 * slope:.2g} % a strip, over {len(d)} readings: they follow the slope by {follows:.2f}, not 1",
+        {"follows": follows, "slope": slope, "places": len(d)},
+    )  # fmt: skip
 
 
 def _second_way(view: View) -> list[Suspect]:
@@ -111,7 +132,7 @@ def _second_way(view: View) -> list[Suspect]:
         heights = together[row][np.isfinite(together[row])]
         usual, most = _of_others(size, at, inner, strip)
         above = size[row] / max(usual, 1e-6)
-        plain = wide[row] and size[row] > max(0.008, 3.0 * view.sigma, 0.6 * left[row])
+        plain = wide[row] and size[row] > max(0.003, 2.0 * view.sigma, 0.6 * left[row])
         if (
             not plain
             or above < (_UNUSUAL if inner[row] else _UNUSUAL_AT_EDGE)
@@ -161,7 +182,9 @@ def _by_height(pairs: list[Beside], name: str) -> tuple[FloatArray, FloatArray]:
         aside = np.abs(pair.bent - np.median(pair.bent))
         for b in range(_BINS):
             here = np.flatnonzero(height == b)
-            if len(here) >= _FEW:  # a corner under one of the two bends them apart, a bridge does not: take the straighter
+            if (
+                len(here) >= _FEW
+            ):  # a corner under one of the two bends them apart, a bridge does not: take the straighter
                 at = getattr(pair, name)[here[np.argsort(aside[here])[: len(here) // 2]]]
                 means[row, b], scatter[row, b] = at.mean(), at.std()
     columns = (c[np.isfinite(c)] for c in means.T)

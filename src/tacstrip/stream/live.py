@@ -30,7 +30,7 @@ from tacstrip.stream.serial_source import SerialSource
 from tacstrip.stream.source import RawScan, Shape, Source, paced
 from tacstrip.stream.tracking import Tracker
 
-_LATE_S = 0.02  # who waited longer is recorded without its objects
+_LATE_S, _MANY = 0.02, 3  # scans that waited longer, or with more behind them, are recorded without objects
 _DETAIL_S = 1.0 / 80.0  # covariances are worked out so often, where anybody looks
 _SWITCH_S = 0.0001  # between threads; Python's own 5 ms would show as latency
 
@@ -126,8 +126,7 @@ class Live:
 
     def record(self, path: str | Path, about: Mapping[str, str] | None = None, force: bool = False) -> None:
         """Begin a recording of all scans from now on; errors as of `Recorder`."""
-        source = self.source
-        told = {"source": "live", "method": self.method or "best", **(about or {})}
+        source, told = self.source, {"source": "live", "method": self.method or "best", **(about or {})}
         recorder = Recorder(path, source.sensor, source.names, source.origin_ns, told, force)
         with self._writing:
             previous, self._writer = self._writer, DiskWriter(recorder, self.tell)
@@ -206,7 +205,8 @@ class Live:
         if device:
             device.tell = self.tell
         for raw in source if device else paced(source, self._speed, self._stopped.is_set):
-            self._take(raw, device.arrived_s if device else time.perf_counter())
+            arrived_s, waiting = (device.arrived_s, device.waiting) if device else (time.perf_counter(), 0)
+            self._take(raw, arrived_s, waiting)
 
     def _begin(self, source: Source) -> None:
         self.source = source
@@ -216,11 +216,11 @@ class Live:
         self._readings = Readings(source.sensor, self._drift)
         self._tracker = Tracker(source.sensor, self.method, self.noise, self._beside)
 
-    def _take(self, raw: RawScan, arrived_s: float) -> None:
+    def _take(self, raw: RawScan, arrived_s: float, waiting: int) -> None:
         now_s = time.perf_counter()
         self.meter.arrived(arrived_s)
         number, self.frames = self.frames, self.frames + 1
-        if now_s - arrived_s > _LATE_S:
+        if now_s - arrived_s > _LATE_S or waiting >= _MANY:
             self.late += 1
             self._save(raw)
             return

@@ -50,6 +50,8 @@ class SerialSource:
         As given; whoever takes the source over may set another.
     arrived_s
         When the bytes of the last scan came, by `time.perf_counter` [s].
+    waiting
+        How many newer scans were read together with the last one: above 0 where the reader is behind.
 
     Raises
     ------
@@ -73,6 +75,7 @@ class SerialSource:
         self._past = Counts()
         self._port: Port | None = None
         self.arrived_s = 0.0
+        self.waiting = 0
         self._wanted: Sensor | None = None
         self.hello = self._connect()
         self.sensor = self._wanted = sensor_of(self.hello, sensor)
@@ -112,7 +115,9 @@ class SerialSource:
         while not self._closed:
             data = self._port.read(_READ_S)
             self.arrived_s = time.perf_counter()
-            for message in self._decoder.feed(data) if data else ():
+            received = self._decoder.feed(data) if data else []
+            self.waiting = sum(len(batch) for batch in received if isinstance(batch, ScanBatch))
+            for message in received:
                 if isinstance(message, Hello) and not message.streaming:
                     self.tell("the device started anew; it is told to send")
                     self._start()
@@ -131,6 +136,7 @@ class SerialSource:
                     self.tell("scans come again")
                 for raw in message.scans():
                     last_s = raw.time_s + offset_s
+                    self.waiting -= 1
                     yield replace(raw, time_s=last_s)
             if time.monotonic() - heard_s > patience_s:
                 heard_s = time.monotonic()

@@ -231,3 +231,15 @@ def confusion(cases: Iterable[Case]) -> tuple[Counter[tuple[str, str]], list[Cas
         if found != wanted:
             wrong.append(case)
     return table, wrong
+
+
+def table_text(table: Counter[tuple[str, str]]) -> str:
+    """Write a table of `confusion`, a line per fault put in: how often it was named, and what was instead."""
+    lines = []
+    for put in dict.fromkeys(["-", *FAULTS]):
+        named = {n: count for (given, n), count in sorted(table.items()) if given == put}
+        if named:
+            other = ", ".join(f"{n} {count}" for n, count in named.items() if n != put)
+            lines.append(f"{put:16}{named.get(put, 0):4} of {sum(named.values()):4}   {other}".rstrip())
+    right = sum(count for (put, n), count in table.items() if put == n)
+    return "\n".join([*lines, f"{'all':16}{right:4} of {table.total():4}", ""])

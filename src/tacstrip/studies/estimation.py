@@ -80,8 +80,8 @@ class Outcome:
         Share of scans with one object of the right number of vertices.
     rms_mm, of_bound
         Root mean square error of the vertices [mm] where that was so, and over the Cramer-Rao bound's.
-    inside
-        Share of the true vertices in their 95 % regions.
+    inside, ends
+        Share of the true vertices in their 95 % regions: of all, and of the left and the right end.
     doubtful
         Share of scans whose status is not "ok".
     empty
@@ -95,6 +95,7 @@ class Outcome:
     rms_mm: float
     of_bound: float
     inside: float
+    ends: float
     doubtful: float
     empty: float
     silent: float
@@ -150,7 +151,7 @@ def outcome(
     sensor = replace(SENSOR, contact_lambda_mm=told)
     sigma = reading_sigma(noise, SENSOR)
     random = np.random.default_rng(0)
-    right, squares, bounds, inside, doubtful, empty, silent = ([] for _ in range(7))
+    right, squares, bounds, inside, ends, doubtful, empty, silent = ([] for _ in range(8))
     for contact in contacts:
         bound = np.trace(vertex_covariance(Outline.of(contact.truth), SENSOR, sigma, names))
         for _ in range(draws):
@@ -165,6 +166,7 @@ def outcome(
                 squares.append(((first.vertices - contact.truth) ** 2).sum())
                 bounds.append(bound)
                 inside += list(distances <= REGION)
+                ends += [inside[-len(distances)], inside[int(contact.truth[:, 0].argmax()) - len(distances)]]
             off = _off(first, contact.truth) if bounded and right[-1] else distances.max() > 25.0 * REGION
             silent.append(found.status == "ok" and off)
     vertices = len(inside) or np.nan
@@ -173,6 +175,7 @@ def outcome(
         float(np.sqrt(np.sum(squares) / vertices)),
         float(np.sqrt(np.sum(squares) / np.sum(bounds))) if bounds else np.nan,
         float(np.sum(inside) / vertices),
+        float(np.mean(ends)) if ends else np.nan,
         float(np.mean(doubtful)),
         float(np.mean(empty)) if bounded else np.nan,
         float(np.mean(silent)),
@@ -182,8 +185,11 @@ def outcome(
 def _scan(
     readings: Mapping[str, FloatArray], noise: Noise, random: np.random.Generator, names: Sequence[str]
 ) -> Scan:
-    read = {name: digitise(on_readings(readings[name], noise, random), SENSOR.adc_bits) for name in names}
-    return Scan(**read)
+    kh, kl = (
+        digitise(on_readings(readings[name], noise, random), SENSOR.adc_bits) if name in names else None
+        for name in ("kh", "kl")
+    )
+    return Scan(kh=kh, kl=kl)
 
 
 def _distances(found: RecoveredObject, truth: FloatArray) -> FloatArray:

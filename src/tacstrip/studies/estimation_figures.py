@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import shapely
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from tacstrip.arrays import FloatArray
+from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.contact.noise import Noise
 from tacstrip.contact.shape import Contact
 from tacstrip.contact.signature import signatures
-from tacstrip.plot.scene import draw_contact, draw_polygon, zoom
+from tacstrip.plot.scene import draw_contact, zoom
 from tacstrip.plot.style import COLOURS, OTHERS, RECOVERED, add_axes, legend, new_figure
 from tacstrip.reconstruct.bound import reading_sigma, vertex_covariance
 from tacstrip.reconstruct.bounded import Bounded
@@ -27,6 +28,7 @@ from tacstrip.sensor.spec import Sensor
 from tacstrip.simulate import simulate
 
 _SENSOR = Sensor(construction="crs-crs", strips=120, pitch_mm=3.0, length_mm=325.0, adc_bits=12)
+_COARSE = replace(_SENSOR, strips=60, pitch_mm=6.0)
 _SHAPE = np.array([(42.2, 150.0), (110.5, 55.0), (226.3, 80.0), (310.4, 190.0), (166.7, 265.0)])
 _NOISE = Noise(positional=0.01)
 _LEVELS = (0.001, 0.002, 0.005, 0.01, 0.02)
@@ -38,17 +40,14 @@ def fit_figure() -> Figure:
     """Draw a noisy signature with the sections and kinks fitted to it, and the polygon with its regions."""
     figure = new_figure(10.0, 4.4)
     left, right = add_axes(figure, 1, 2, 1), add_axes(figure, 1, 2, 2)
-    scan = _scan(_NOISE, seed=3)
-    found = _first(scan, _NOISE)
+    scan = simulate(_COARSE, Contact.polygon(_SHAPE), _NOISE, 4)
+    scan = Scan(kh=scan["kh"])
+    (found,) = fit_polygon(scan, _COARSE, _NOISE).objects
     outline = Outline.of(found.vertices)
-    x = np.linspace(*outline.lower[[0, -1], 0], 800)
-    fitted = signatures(_SENSOR, *outline.ends(x))
-    for name in scan.signatures:
-        k = scan[name]
-        left.plot(_SENSOR.x_mm, k, ".", color=COLOURS[name], markersize=3.0, alpha=0.6)
-        left.plot(
-            x, fitted[name], color=COLOURS[name], label=f"$k_{name[1]}$: readings, and the fit's sections"
-        )
+    left.plot(_COARSE.x_mm, scan["kh"], ".", color=COLOURS["kh"], markersize=4.0, label="$k_h$, as read")
+    x = np.linspace(found.vertices[:, 0].min(), found.vertices[:, 0].max(), 800)
+    fitted = signatures(_COARSE, *outline.ends(x))["kh"]
+    left.plot(x, fitted, color="black", linewidth=1.0, label="sections of the fit")
     for chain, style, where in ((outline.lower, ":", "lower"), (outline.upper, "--", "upper")):
         for i, at in enumerate(chain[1:-1, 0]):
             left.axvline(
@@ -60,16 +59,16 @@ def fit_figure() -> Figure:
             )
     left.set_xlabel("x [mm]")
     left.set_ylabel("reading over Vref")
-    left.set_ylim(0.1, 1.05)
-    legend(left, loc="upper left", ncols=2)
+    legend(left, loc="upper right", frameon=True, framealpha=1.0, edgecolor="none")
     _draw_found(right, found)
-    legend(right, loc="upper right")
+    legend(right, loc="upper left")
     return figure
 
 
 def _draw_found(axes: Axes, found: RecoveredObject) -> None:
     draw_contact(axes, Contact.polygon(_SHAPE), label="true shape")
-    draw_polygon(axes, found.vertices, RECOVERED, "fit", found.status != "ok")
+    ring = np.concatenate([found.vertices, found.vertices[:1]])
+    axes.plot(*ring.T, color=RECOVERED, linewidth=0.8, label="fit")
     for i, region in enumerate(found.guaranteed or []):
         axes.fill(
             *region.T,
@@ -99,7 +98,7 @@ def noise_figure() -> Figure:
         right.semilogx(percent, 100.0 * scores[:, 1], style, color=colour, markersize=4.0, label=method)
     bound = [_bound(a) for a in _LEVELS]
     left.loglog(percent, bound, color="black", linestyle=":", label="Cramer-Rao bound (normal errors)")
-    left.set_ylabel("from a true vertex to the nearest one, median [mm]")
+    left.set_ylabel("from a true inner vertex to the nearest, median [mm]")
     right.set_ylabel("scans with the right number of vertices [%]")
     right.set_ylim(-3.0, 103.0)
     for axes in (left, right):
@@ -124,14 +123,15 @@ _STYLES = (("#999999", "s-"), (_GAUSS, "o-"), (_BOUNDED, "^-"))
 
 
 def _scores(method: str, half_width: float) -> tuple[float, float]:
-    """Return the median distance to the nearest vertex [mm], none being far, and the share of right counts."""
+    """Return the median distance of inner vertices to the nearest one [mm], and the share of right counts."""
     noise, far, right = Noise(positional=half_width), [], []
     for seed in range(_DRAWS):
         truth = _shape(seed)
         scan = simulate(_SENSOR, Contact.polygon(truth), noise, seed)
         vertices = _METHODS[method](Scan(kh=scan["kh"]), noise)
         right.append(vertices.shape == truth.shape)
-        gaps = np.linalg.norm(truth[:, None] - vertices, axis=2).min(axis=1, initial=np.ptp(truth[:, 0]))
+        inner = truth[_inner(truth)]
+        gaps = np.linalg.norm(inner[:, None] - vertices, axis=2).min(axis=1, initial=np.ptp(truth[:, 0]))
         far += list(gaps)
     return float(np.median(far)), float(np.mean(right))
 
@@ -140,10 +140,17 @@ def _bound(half_width: float) -> float:
     """Return the median distance that the bound's covariance implies [mm]."""
     sigma, distances = reading_sigma(Noise(positional=half_width), _SENSOR), []
     for seed in range(_DRAWS):
-        covariance = vertex_covariance(Outline.of(_shape(seed)), _SENSOR, sigma, ("kh",))
+        outline = Outline.of(_shape(seed))
+        covariance = vertex_covariance(outline, _SENSOR, sigma, ("kh",))
         error = np.random.default_rng(seed).multivariate_normal(np.zeros(len(covariance)), covariance, 20)
-        distances.append(np.linalg.norm(error.reshape(20, -1, 2), axis=2))
+        distances.append(np.linalg.norm(error.reshape(20, -1, 2), axis=2)[:, _inner(outline.vertices)])
     return float(np.median(distances))
+
+
+def _inner(vertices: FloatArray) -> BoolArray:
+    """Return which vertices (N,) are not the left or the right end, whose x the touched strips tell."""
+    x = vertices[:, 0]
+    return np.asarray((x > x.min()) & (x < x.max()))
 
 
 def _shape(seed: int) -> FloatArray:
@@ -181,6 +188,7 @@ def bounded_figure() -> Figure:
         ring = shapely.get_coordinates(shapely.Polygon(region))
         axes.plot(*ring.T, color="black", linestyle="--", linewidth=0.9, label="guaranteed region")
         axes.plot(*vertex, "*", color="black", markersize=9.0, label="truth")
+        axes.locator_params(nbins=5)
         axes.set_xlabel("x [mm]")
         axes.set_ylabel("y [mm]")
     handles, labels = axes.get_legend_handles_labels()
