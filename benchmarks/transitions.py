@@ -152,7 +152,7 @@ def score(cell: Cell, methods: Sequence[str], polygons: int, seed: int) -> dict[
             draws = np.random.default_rng(number).normal(size=(20, inner.sum()))
             got.implied += list(np.abs(draws * sigma[::2][inner]).ravel() / width)
             if method == "polygon" and got.right[-1]:
-                add_vertices(got, of, fit_polygon(of.scan, cell.sensor, noise))
+                add_vertices(got, of, fit_polygon(of.scan, cell.sensor, noise, bounded=False))
     return scores
 
 
@@ -186,7 +186,7 @@ def speeds(cell: Cell, seed: int, contacts: int = 60) -> str:
         jobs: list[Callable[[], object]] = [
             partial(fit_counts, signals[1]),
             partial(refine, before, signals[1]),
-            partial(fit_polygon, of.scan, sensor, noise),
+            partial(fit_polygon, of.scan, sensor, noise, bounded=False),
         ]
         times.append([min(_seconds(job) for _ in range(3)) for job in jobs])
     return " | ".join(f"{1e3 * t:.3f}" for t in np.median(times, axis=0))

@@ -97,7 +97,20 @@ def _level(name: str) -> int:
     return ORDER.index("cli" if name.split(".")[0] == "cli" else name)
 
 
-PACKAGES = {"diagnose", "view", "sensor", "contact", "network", "reconstruct", "io", "calibrate", "stream", "plot", "studies", "studies.thesis"}
+PACKAGES = {
+    "diagnose",
+    "view",
+    "sensor",
+    "contact",
+    "network",
+    "reconstruct",
+    "io",
+    "calibrate",
+    "stream",
+    "plot",
+    "studies",
+    "studies.thesis",
+}
 
 
 @pytest.mark.parametrize(("name", "file"), [m for m in _modules() if m[0] not in PACKAGES])

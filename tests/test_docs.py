@@ -35,7 +35,7 @@ def test_the_readmes_example_runs(
     assert len([line for line in code.splitlines() if line.strip()]) <= 10
     exec(compile(code, "README.md", "exec"), {})
     lines = capsys.readouterr().out.splitlines()
-    assert [line.split()[:2] for line in lines] == [["profile", "ok"], ["vertex", "ok"]]
+    assert [line.split()[:2] for line in lines] == [["polygon", "ok"], ["profile", "ok"], ["vertex", "ok"]]
     assert all(float(line.split()[-1]) > 0.95 for line in lines)
 
 

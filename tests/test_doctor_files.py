@@ -16,6 +16,7 @@ from tacstrip.diagnose.doctor import diagnose
 from tacstrip.diagnose.log import Log, read_log
 from tacstrip.diagnose.view import expected, places, view_of
 from tacstrip.errors import OptionError, ReadingError, SignatureError
+from tacstrip.network.build import Layer
 from tacstrip.stream.source import RawScan
 from tacstrip.studies.checkup import exercise
 from tacstrip.studies.faults import Defect, faulty_log
@@ -189,7 +190,7 @@ def test_defects_of_the_network_are_those_of_the_whole_sensor(construction: str)
         construction=construction, strips=6, pitch_mm=6.0, length_mm=100.0, contact_lambda_mm=1.0
     )
     contact = ts.Contact.polygon([(5.0, 30.0), (32.0, 42.0), (31.0, 60.0), (4.0, 55.0)])
-    layer = "sensing" if construction == "crs-crs" else "energised"
+    layer: Layer = "sensing" if construction == "crs-crs" else "energised"
     for defect, build in (
         (Defect("open-strip", 2, 0.2), ts.Build(breaks=[ts.Break(2, 20.0)])),
         (Defect("short", 3, 0.7, sensor.signatures[0]), ts.Build(shorts=[ts.Short(3, 70.0, 20.0, layer)])),

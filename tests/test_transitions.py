@@ -65,8 +65,18 @@ def test_given_transitions_go_to_the_nearest_object() -> None:
     np.testing.assert_array_equal(second, given[3:])
 
 
-def test_auto_is_the_gradient_rule_for_now() -> None:
+def test_the_gradient_rule_by_name() -> None:
     scan = ts.simulate(SENSOR, ts.Contact.polygon(CORNERS))
-    for rule in ("auto", "gradient"):
-        (found,) = transitions_of_runs(scan, SENSOR, "kh", rule)
-        np.testing.assert_array_equal(found, by_gradient(*_signature("kh"), pitch_mm=1.0))
+    (found,) = transitions_of_runs(scan, SENSOR, "kh", "gradient")
+    np.testing.assert_array_equal(found, by_gradient(*_signature("kh"), pitch_mm=1.0))
+
+
+def test_auto_finds_the_vertices_of_the_fitted_polygon() -> None:
+    scan = ts.simulate(SENSOR, ts.Contact.polygon(CORNERS))
+    (found,) = transitions_of_runs(scan, SENSOR, "kh", "auto")
+    true = np.sort([x for x, _ in CORNERS])
+    np.testing.assert_allclose(found[1:-1], true[1:-1], atol=1e-6)
+    np.testing.assert_allclose(found[[0, -1]], true[[0, -1]], atol=1.0)  # a pitch: what touched strips tell
+    noisy = ts.simulate(SENSOR, ts.Contact.polygon(CORNERS), ts.Noise(positional=0.005), rng=1)
+    (found,) = transitions_of_runs(noisy, SENSOR, "kh", "auto", ts.Noise(positional=0.005))
+    np.testing.assert_allclose(found, true, atol=4.0)

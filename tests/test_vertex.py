@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 import tacstrip as ts
 from polygons import convex_polygon, from_left
-from tacstrip.reconstruct.validity import judge
 from tacstrip.reconstruct.blocks import blocks, linear_system
+from tacstrip.reconstruct.validity import judge
 
 CRS = ts.Sensor(construction="crs-crs", strips=1000, pitch_mm=1.0, length_mm=1000.0)
 METAL = ts.Sensor(construction="crs-m", strips=1000, pitch_mm=1.0, length_mm=1000.0)

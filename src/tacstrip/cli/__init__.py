@@ -25,7 +25,7 @@ VERBS = {
     "doctor": "Say from readings what is wrong with the hardware.",
     "spice": "Write the sensor and its contact as a netlist for ngspice.",
     "limits": "Say how well a sensor can tell a contact's corners, and which designs reach a wanted error.",
-    "reproduce": "Make chapters 2 to 5 of the thesis again, beside its printed figures.",
+    "reproduce": "Make chapters 2 to 6 of the thesis again, beside its printed figures.",
 }
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -91,9 +92,10 @@ def _noise(report: Report) -> str:
     noise = report.quality
     if not noise.profile:
         return "Noise: not measured; it needs scans that follow each other closely"
-    told = f"Noise: P.U. +-{noise.half_width_percent:.2g} % of Vref, within profile {noise.profile}"
-    if noise.profile == "above II":
-        told = f"Noise: P.U. +-{noise.half_width_percent:.2g} % of Vref, above profile II (+-1 %)"
-    if noise.vertex_rms_mm == noise.vertex_rms_mm:
+    where = "above profile II (+-1 %)" if noise.profile == "above II" else f"within profile {noise.profile}"
+    told = (
+        f"Noise: P.U. {'' if noise.steady else 'at most '}+-{noise.half_width_percent:.2g} % of Vref, {where}"
+    )
+    if math.isfinite(noise.vertex_rms_mm):
         told += f"; corners of a typical contact to {noise.vertex_rms_mm:.3g} mm RMS at best"
-    return told
+    return told if noise.steady else told + " (scans follow each other too loosely to tell noise from motion)"

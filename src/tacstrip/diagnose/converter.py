@@ -49,15 +49,15 @@ def wrong_reference(log: Log, sigma: float) -> tuple[list[Finding], float]:
     findings, factor
         Readings over their own Vref are the log's divided by `factor`.
     """
-    margin = max(_OVER, 5.0 * sigma)
+    margin = max(_OVER, 3.0 * sigma)
     over = np.zeros((len(log.time_s), log.sensor.strips), dtype=bool)
     for values in log.raw.values():
         over |= (values > 1.0 + margin) | (values < -margin)
-    often = over.sum(axis=0) >= 2
-    alive = np.any([np.isfinite(v).any(axis=0) for v in log.raw.values()], axis=0)
+    known = np.any([np.isfinite(v) for v in log.raw.values()], axis=0).sum(axis=0)
+    often = over.sum(axis=0) >= np.maximum(2.0, 0.01 * known)
     every = np.concatenate([v[np.isfinite(v)] for v in log.raw.values()])
     top, least = float(every.max()), float(every.min())
-    if often.sum() >= max(2.0, 0.3 * alive.sum()):
+    if often.sum() >= max(2.0, 0.3 * np.count_nonzero(known)):
         volts = log.sensor.vref_volt
         hint = "; millivolts?" if 200.0 < top < 1500.0 else ""
         finding = Finding(
@@ -93,7 +93,7 @@ def _end_level(log: Log, sigma: float) -> float | None:
     """
     k = log.k
     top = k.get("kh", k.get("k"))
-    if top is None:
+    if top is None or not log.sensor.kind.closed_form:
         return None
     often = np.isfinite(top).sum(axis=0) >= 20
     if often.sum() < 4:

@@ -106,7 +106,7 @@ def _merged(findings: list[Finding]) -> list[Finding]:
 
 
 def _notes(log: Log, view: View) -> Iterator[Finding]:
-    for strip in range(view.strips):
+    for strip in range(view.strips if log.sensor.kind.closed_form else 0):
         off = {n: r[np.isfinite(r)] for n, r in ((n, residuals(view, n)[1][:, strip]) for n in view.k)}
         medians = [float(np.median(r)) for r in off.values() if len(r) >= 5]
         worst = max(medians, key=abs, default=0.0)

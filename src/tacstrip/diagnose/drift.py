@@ -13,7 +13,7 @@ from tacstrip.diagnose.view import View, residuals
 _DRIFT = 0.012  # over Vref, over the recording: less is not worth a word
 _FEWEST = 40  # scans; an eighth of them in each third of the recording
 _OWN = 0.2  # of time's variance, that place must leave over
-_BLAME = 1.4  # times as far, the other way
+_BLAME = 1.05  # times as far, the other way: it should be twice
 _BLOCKS, _STRAIGHT = 8, 10.0  # of untouched readings, and standard errors
 _BACK = (
     3  # times that the contact must come back to the same height: a passage in one direction is time itself
@@ -45,7 +45,8 @@ def drift(log: Log, view: View) -> tuple[list[Finding], BoolArray]:
     for finding in found:
         for strip in finding.strips:
             view.drop(int(np.flatnonzero(view.order == strip)[0]))
-    while not any(not f.strips for f in found):
+    # A sheet's strips shift each other, so their neighbours know nothing of them; a common drift is told once.
+    while log.sensor.kind.closed_form and not any(not f.strips for f in found):
         changes, errors = _beside_neighbours(view, tau)  # (strips,) in the view's order
         checked[view.order[np.isfinite(changes)]] = True
         sure = np.abs(changes) > np.maximum(max(_DRIFT, 1.5 * view.sigma), _CERTAIN * errors)
@@ -53,7 +54,7 @@ def drift(log: Log, view: View) -> tuple[list[Finding], BoolArray]:
             break
         if sure[1:-1].any():
             sure[[0, -1]] = False  # lines drawn beyond the last strip but one magnify what wanders there
-        place = _blamed(changes, int(np.argmax(np.where(sure, np.abs(changes), 0.0))))
+        place = _blamed(changes, errors, int(np.argmax(np.where(sure, np.abs(changes), 0.0))))
         change = float(changes[place])
         found.append(
             Finding(
@@ -93,12 +94,14 @@ def _at_rest(log: Log, order: IntArray, tau: FloatArray) -> tuple[list[Finding],
     ], change
 
 
-def _blamed(changes: FloatArray, place: int) -> int:
+def _blamed(changes: FloatArray, errors: FloatArray, place: int) -> int:
     """Return the strip that wanders: its neighbours seem to wander half as far the other way."""
     beside = [
         i for i in (place - 1, place + 1) if 0 <= i < len(changes) and changes[i] * changes[place] < 0.0
     ]
-    beside = [i for i in beside if abs(changes[i]) > _BLAME * abs(changes[place])]
+    beside = [
+        i for i in beside if abs(changes[i]) > max(_BLAME * abs(changes[place]), 0.5 * _CERTAIN * errors[i])
+    ]
     return max([place, *beside], key=lambda i: abs(changes[i]))
 
 

@@ -126,6 +126,8 @@ class Quality:
         "I", "II" or "above II", the error profiles of table 5.1; "" where nothing was measured.
     vertex_rms_mm
         Least RMS vertex error to expect of one scan of a typical contact [mm].
+    steady
+        Whether noise stood out of the contact's motion; else all of these are upper bounds.
     """
 
     sigma: float
@@ -133,6 +135,7 @@ class Quality:
     half_width_percent: float
     profile: str
     vertex_rms_mm: float
+    steady: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,6 +203,7 @@ class Report:
                 "half_width_percent": _number(self.quality.half_width_percent),
                 "profile": self.quality.profile or None,
                 "vertex_rms_mm": _number(self.quality.vertex_rms_mm),
+                "upper_bound": not self.quality.steady,
             },
             "strips": [
                 {

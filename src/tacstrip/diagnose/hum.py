@@ -66,9 +66,10 @@ def _lines(power: FloatArray, weight: FloatArray, sigma: float) -> Iterator[Find
     known = (weight > 0.0).any(axis=0)
     i = int(np.argmax(np.where(weight.any(axis=1), every, -1.0)))
     level = float(np.sqrt(power[i, 0].sum() / weight[i].sum()))
-    if loud[i].sum() > 0.5 * known.sum():
+    every_strip = every[i] > _LINE / 2.0 and (ratio[i, known] > 3.0).mean() > 0.7 and level > _HUM
+    if every_strip or loud[i].sum() > 0.5 * known.sum():
         yield Finding(
-            "hum", (), f"{MAINS[i]:g} Hz of +-{100 * level:.2g} % of Vref on {loud[i].sum()} of {known.sum()} strips, "
+            "hum", (), f"{MAINS[i]:g} Hz of +-{100 * level:.2g} % of Vref on all strips, "
             f"{every[i]:.3g} times the power beside that line",
             {"hertz": MAINS[i], "amplitude": level, "ratio": float(every[i])},
         )  # fmt: skip

@@ -48,7 +48,8 @@ def measure(log: Log) -> Measured:
     """Measure the noise of touched strips, and of untouched ones that have readings."""
     strips = np.full(log.sensor.strips, np.nan)
     pooled, smoother = [], []
-    for values in log.raw.values():
+    for raw in log.raw.values():
+        values = _off_rails(raw)
         alone = _third(values) / math.sqrt(20.0)
         line = expected(values, np.isfinite(values))[0]
         beside = _third(values - line) / math.sqrt(20.0 * 1.5)
@@ -103,10 +104,12 @@ def quality(sensor: Sensor, measured: Measured) -> Quality:
     """Put noise in the thesis' terms, and in the vertex error that no estimator can beat."""
     sigma = measured.sigma
     if not math.isfinite(sigma):
-        return Quality(sigma, measured.strips, math.nan, "", math.nan)
+        return Quality(sigma, measured.strips, math.nan, "", math.nan, steady=False)
     half = sigma * math.sqrt(3.0)
     profile = "I" if half <= PROFILE_I else "II" if half <= PROFILE_II else "above II"
-    return Quality(sigma, measured.strips, 100.0 * half, profile, _vertex_error(sensor, sigma))
+    return Quality(
+        sigma, measured.strips, 100.0 * half, profile, _vertex_error(sensor, sigma), measured.steady
+    )
 
 
 def typical_contact(sensor: Sensor) -> Outline:
@@ -123,6 +126,16 @@ def _vertex_error(sensor: Sensor, sigma: float) -> float:
     except TacstripError:
         return math.nan
     return rms if math.isfinite(rms) else math.nan
+
+
+def _off_rails(values: FloatArray) -> FloatArray:
+    """Return readings without those that are cut off, at the highest and the lowest value: they have no noise."""
+    ends = (np.fmin.reduce(values, axis=None), np.fmax.reduce(values, axis=None))
+    many = [np.count_nonzero(values == e) > 0.02 * values.size for e in ends]
+    cut = np.any(
+        [values == e for e, m in zip(ends, many, strict=True) if m] or [np.zeros(values.shape, bool)], axis=0
+    )
+    return np.where(cut, np.nan, values)
 
 
 def _third(values: FloatArray) -> FloatArray:

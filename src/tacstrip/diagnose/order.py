@@ -16,6 +16,7 @@ _CROSSED = 0.01  # over Vref: k_h - k_l below minus this cannot be (3.3), (3.4)
 _SHARE = 0.8  # of the places that tell
 _FEW = 8  # places
 _OFF_LINE = 0.75  # of the slope around: what two strips may lie off it together
+_FOOTPRINTS = 5  # different ones of contacts that end between two strips, if all lie on one side
 _UNUSUAL = 2.0  # times what other pairs differ from the slope around them
 
 
@@ -106,12 +107,11 @@ def swapped_strips(view: View) -> list[Suspect]:
     usual = float(np.median([t.right for t in tells.values() if t.places] or [0.0]))
     found = []
     for strip, slope in tells.items():
-        against, left, right = _edges(view, strip)
+        against, left, right, footprints = _edges(view, strip)
         one_sided = min(left, right) == 0 and not (slope.places >= _FEW and slope.wrong < 0.6 * slope.right)
-        at_edge = (
-            strip in (0, view.strips - 2) and left + right >= 2 * _FEW
-        )  # contacts there have one side only
-        edges = left + right >= 4 and left + right >= 5 * against and (at_edge or not one_sided)
+        alike = footprints < _FOOTPRINTS and not _at_edge(view, strip) and slope.wrong > 0.9 * slope.right
+        often = left + right >= 2 * _FEW and against == 0 and not alike
+        edges = left + right >= 4 and left + right >= 5 * against and (often or not one_sided)
         runs_back = slope.clear and slope.wrong < 0.4 * slope.right and slope.right > _UNUSUAL * usual
         if runs_back or (edges and not (slope.clear and slope.right < 0.7 * slope.wrong)):
             told = []
@@ -172,13 +172,20 @@ def _exchange(view: View, strip: int) -> None:
     view.order[[strip, strip + 1]] = view.order[[strip + 1, strip]]
 
 
-def _edges(view: View, strip: int) -> tuple[int, int, int]:
+def _at_edge(view: View, strip: int) -> bool:
+    """Whether contacts go on to one side of two neighbours only."""
+    return strip in (0, view.strips - 2)
+
+
+def _edges(view: View, strip: int) -> tuple[int, int, int, int]:
     """Count the places where a contact ends between two neighbours, and those where it would with the two exchanged.
 
-    The latter for contacts to the left of the two and to the right: a contact with a gap has it on one side.
+    The latter for contacts to the left of the two and to the right, and how many different footprints these had: a
+    contact with a gap has it on one side, and moves it along.
     """
+    clear = _clear(view, slice(max(strip - 1, 0), strip + 3))
     padded = np.pad(view.there, ((0, 0), (1, 1)))
-    a, b, c, d = padded[_clear(view, slice(max(strip - 1, 0), strip + 3)), strip : strip + 4].T
+    a, b, c, d = padded[clear, strip : strip + 4].T
     first, last = (
         strip == 0,
         strip == view.strips - 2,
@@ -186,7 +193,8 @@ def _edges(view: View, strip: int) -> tuple[int, int, int]:
     ends = (a & b & ~c & ~d) | (~a & ~b & c & d) | (first & b & ~c & ~d) | (last & c & ~b & ~a)
     left = (a | first) & ~b & c & ~d
     right = ~a & b & ~c & (d | last)
-    return int(ends.sum()), int(left.sum()), int(right.sum())
+    footprints = len(np.unique(view.there[clear][left | right], axis=0))
+    return int(ends.sum()), int(left.sum()), int(right.sum()), footprints
 
 
 def _clear(view: View, window: slice) -> BoolArray:

@@ -158,8 +158,9 @@ def within(lines: Lines, x: FloatArray, reach: FloatArray, band: Band) -> FloatA
     least = 0.5 * band.sensor.pitch_mm
     x, reach = np.clip(x, band.x[0] + least, band.x[-1] - least), np.maximum(reach, least)
     zones = np.stack([x - reach, x + reach], axis=1)
-    for part in (zones[: lines.lower - 1], zones[lines.lower - 1 :]):
-        middle = 0.5 * (part[1:].sum(axis=1) + part[:-1].sum(axis=1)) / 2.0
+    split = lines.lower - 1
+    for part, at in ((zones[:split], x[:split]), (zones[split:], x[split:])):
+        middle = 0.5 * (at[1:] + at[:-1])
         part[1:, 0] = np.maximum(part[1:, 0], middle)
         part[:-1, 1] = np.minimum(part[:-1, 1], middle)
     return np.clip(zones, band.x[0], band.x[-1])

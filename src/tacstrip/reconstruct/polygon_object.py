@@ -23,7 +23,9 @@ from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
 
 _THIN = 1e-6  # of the strip length: thinner is a line
-_HOPELESS = 1.5  # times sigma: least squares that leaves more over on average, where sqrt(3) is the most, has no set
+_HOPELESS = (
+    1.5  # times sigma: least squares that leaves more over on average, where sqrt(3) is the most, has no set
+)
 _CORNERS = 12  # at most: the search for a set grows with them
 _NAMED = 5  # strips that advice names
 _FAINT = (

@@ -67,7 +67,8 @@ def unseal(stuff: bytes) -> bytes | None:
 
 def parse(plain: bytes) -> Frame:
     """Return a frame from its header and body."""
-    return Frame(*HEADER.unpack_from(plain), plain[HEADER.size :])
+    version, kind, sequence, time_us = HEADER.unpack_from(plain)
+    return Frame(version, kind, sequence, time_us, plain[HEADER.size :])
 
 
 def stuffed(plain: bytes) -> bytes:

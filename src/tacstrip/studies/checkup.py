@@ -13,6 +13,7 @@ from tacstrip.contact.noise import Noise
 from tacstrip.contact.shape import Contact
 from tacstrip.diagnose.doctor import diagnose
 from tacstrip.diagnose.finding import FAULTS, Report
+from tacstrip.sensor.constructions import CONSTRUCTIONS
 from tacstrip.sensor.spec import Sensor
 from tacstrip.studies.faults import Defect, faulty_log
 
@@ -60,13 +61,14 @@ def unit(random: np.random.Generator, strips: int | None = None) -> Sensor:
     rest = random.random() < 0.4
     pitch = float(random.uniform(1.0, 7.0))
     length = float(random.uniform(1.0, 6.0)) * count * pitch
-    rubber = construction == "crs-crs"
+    kind = CONSTRUCTIONS[construction]
+    rubber = "resistivity_ratio" in kind.keys
     return Sensor(
         construction=construction,
         strips=count,
         pitch_mm=pitch,
         length_mm=length,
-        radius_mm=count * pitch / 5.0 if construction.startswith("cyl") else None,
+        radius_mm=count * pitch / 5.0 if kind.cylindrical else None,
         resistivity_ratio=float(random.uniform(0.5, 2.0)) if rubber else 1.0,
         contact_lambda_mm=float(random.choice([0.0, 0.006])) * length,
         adc_bits=int(random.choice([10, 12, 14])),

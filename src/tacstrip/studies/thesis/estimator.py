@@ -24,7 +24,7 @@ from tacstrip.simulate import simulate
 from tacstrip.studies.thesis.published import METRICS, Row
 from tacstrip.studies.thesis.shapes import SHAPES, SIMULATED
 
-_DRAWS = 200  # of the bound
+_DRAWS = 100  # of the bound
 WITHIN = 1.15  # of the bound's median counts as reaching it
 
 
@@ -50,7 +50,7 @@ def fitted(row: Row, position: int, noise: Noise, random: np.random.Generator) -
     )
     scan = simulate(sensor, contact, noise, random)
     if row.signature is not None:
-        scan = Scan(**{row.signature: scan[row.signature]})
+        scan = Scan(time_s=0.0, **{row.signature: scan[row.signature]})
     objects = [o for o in fit_polygon(scan, sensor, noise).objects if o.found]
     if not objects:
         return Fitted(np.full(3, np.nan), 0)
