@@ -20,7 +20,6 @@ from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import Noise, on_readings
 from tacstrip.contact.shape import Contact
 from tacstrip.metrics import mismatch
-from tacstrip.reconstruct.polygon import fit_polygon
 from tacstrip.reconstruct.profile import profile_at, profile_reconstruction
 from tacstrip.reconstruct.vertex import vertex_reconstruction
 from tacstrip.scan import Scan
@@ -186,6 +185,8 @@ def _recover(
 ) -> FloatArray:
     """Return the recovered corners (N, 2) [mm]; empty where there is no shape, or transitions found are not 4."""
     if variant.method == "polygon":
+        from tacstrip.reconstruct.polygon import fit_polygon  # its compiler takes 60 MB: in the workers only
+
         return fit_polygon(scan, sensor, PROFILE_II).objects[0].vertices
     if e.algorithm == "profile":
         return profile_at(profile_reconstruction(scan, sensor).objects[0], contact.vertices)

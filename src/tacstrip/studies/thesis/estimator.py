@@ -18,7 +18,6 @@ from tacstrip.errors import ContactError
 from tacstrip.metrics import mismatch
 from tacstrip.reconstruct.bound import reading_sigma, vertex_covariance
 from tacstrip.reconstruct.outline import Outline
-from tacstrip.reconstruct.polygon import fit_polygon
 from tacstrip.scan import Scan
 from tacstrip.simulate import simulate
 from tacstrip.studies.thesis.published import METRICS, Row
@@ -42,6 +41,8 @@ def fitted(row: Row, position: int, noise: Noise, random: np.random.Generator) -
     Both ends of the shape are put anywhere within a pitch of their place, the rest stretched along: ours have their
     vertices on strips, and an end there lies at the limit of what the touched strips tell of it.
     """
+    from tacstrip.reconstruct.polygon import fit_polygon  # its compiler takes 60 MB: in the workers only
+
     sensor, contact = SIMULATED[row.construction], SHAPES[row.shape].contact(position)
     x, y = contact.vertices.T
     ends = np.array([x.min(), x.max()])
