@@ -213,7 +213,7 @@ def test_strips_are_named_as_the_file_counts_them() -> None:
     report = _examined(from_one, Defect("stuck", 4, 0.5, "kl"))
     entry = report.to_json()["findings"][0]
     assert entry["strips"] == [5]
-    assert report.where(report.findings[0]) == "strip 5, kl"
+    assert report.where(report.findings[0]) == "strip 5, v_l"
     assert report.to_json()["strips"][4] == {
         "strip": 5, "condition": "broken", "touched_scans": int(report.touched_scans[4]),
         "sigma": pytest.approx(report.quality.strips[4]), "faults": ["stuck"],

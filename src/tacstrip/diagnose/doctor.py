@@ -72,7 +72,9 @@ def diagnose(log: Log) -> Report:
     return Report(
         findings=tuple(findings),
         notes=tuple(_notes(log, rows)),
-        unchecked=tuple(t for t in (*_untold(part, rows), no_bits, no_hum, *_undrifted(part, checked)) if t),
+        unchecked=tuple(
+            t for t in (*_untold(part, rows, known), no_bits, no_hum, *_undrifted(part, checked, known)) if t
+        ),
         quality=quality(log.sensor, measured),
         touched_scans=log.touched.sum(axis=0),
         seconds=float(np.ptp(log.time_s)),
@@ -122,8 +124,8 @@ def _notes(log: Log, view: View) -> Iterator[Finding]:
         )
 
 
-def _untold(log: Log, view: View) -> Iterator[str]:
-    """Say what this recording could not show."""
+def _untold(log: Log, view: View, ill: set[int]) -> Iterator[str]:
+    """Say what this recording could not show; `ill` are strips that are named already."""
     base = log.sensor.strip_base
     if never := [int(i) + base for i in np.flatnonzero(~log.touched.any(axis=0))]:
         yield f"{_names(never)}: never touched; move the contact over them"
@@ -139,7 +141,7 @@ def _untold(log: Log, view: View) -> Iterator[str]:
     alone = []
     for i in range(view.strips):
         known = any(np.isfinite(residuals(view, n)[0][:, i]).any() for n in view.k)
-        if log.touched[:, view.order[i]].any() and not known:
+        if log.touched[:, view.order[i]].any() and not known and view.order[i] not in ill:
             alone.append(int(view.order[i]) + base)
     if alone:
         yield f"{_names(sorted(alone))}: no usable neighbours at the same time; touch two or more beside them too"
@@ -147,8 +149,9 @@ def _untold(log: Log, view: View) -> Iterator[str]:
         yield "drift and hum: the scans have no times"
 
 
-def _undrifted(log: Log, checked: BoolArray) -> Iterator[str]:
-    missing = [int(i) + log.sensor.strip_base for i in np.flatnonzero(~checked & log.touched.any(axis=0))]
+def _undrifted(log: Log, checked: BoolArray, ill: set[int]) -> Iterator[str]:
+    alive = ~checked & log.touched.any(axis=0)
+    missing = [int(i) + log.sensor.strip_base for i in np.flatnonzero(alive) if i not in ill]
     if missing:
         yield f"drift of {_names(missing)}: go over the same places again, early and late in the recording"
 

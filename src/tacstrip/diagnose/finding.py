@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from tacstrip.arrays import FloatArray, IntArray
+from tacstrip.sensor.constructions import SIGNATURES
 
 Severity = Literal["broken", "degraded", "note"]
 
@@ -186,7 +187,7 @@ class Report:
             return "all strips"
         numbers = [str(i + self.strip_base) for i in finding.strips]
         told = "strip " + numbers[0] if len(numbers) == 1 else "strips " + ", ".join(numbers)
-        return told if finding.signature is None else f"{told}, {finding.signature}"
+        return told if finding.signature is None else f"{told}, {SIGNATURES[finding.signature].volt_column}"
 
     def to_json(self) -> dict[str, Any]:
         """Return the report as JSON values; strips are counted as in the readings file, null is not measured."""

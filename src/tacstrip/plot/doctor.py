@@ -82,7 +82,9 @@ def _draw_health(axes: Axes, report: Report, strips: IntArray) -> None:
         )
         there.add(condition)
         names = "\n".join(sorted({FAULTS[f.fault].title for f in report.of_strip(i)}))
-        axes.text(strip, 0.5, names, rotation=90, ha="center", va="center", fontsize=7.0)
+        if names:
+            box = {"facecolor": "white", "edgecolor": "none", "boxstyle": "square,pad=0.2"}
+            axes.text(strip, 0.5, names, rotation=90, ha="center", va="center", fontsize=7.5, bbox=box)
     axes.set_ylim(0.0, 1.0)
     axes.set_yticks([])
     whole = sorted({FAULTS[f.fault].title for f in report.findings if not f.strips})
