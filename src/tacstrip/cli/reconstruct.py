@@ -18,7 +18,7 @@ from tacstrip.errors import OptionError, ReadingError, one_of
 from tacstrip.io.geometry import feature_collection, read_contact, write_geojson
 from tacstrip.io.readings import read_readings
 from tacstrip.metrics import mismatch
-from tacstrip.reconstruct.methods import METHODS, best_method, recover
+from tacstrip.reconstruct.methods import METHODS, best_method, must_compile, recover
 from tacstrip.reconstruct.profile import profile_reconstruction
 from tacstrip.reconstruct.result import Reconstruction, RecoveredObject
 from tacstrip.reconstruct.vertex import vertex_reconstruction
@@ -97,6 +97,8 @@ def command(
     noise = Noise(quantisation or 0.0, positional or 0.0, distribution=distribution)  # type: ignore[arg-type]
     known = noise if (quantisation, positional) != (None, None) else None
     where = _transitions(transitions)
+    if must_compile(chosen):
+        click.echo("Compiling the fit's kernels, this once: some 15 s ...", err=True)
     results = []
     for scan in scans:
         if chosen == "profile":
