@@ -228,6 +228,16 @@ BAD = {
         _write("r.csv", HEAD + "".join(f"0,0,{i},1,1\n" for i in range(3))),
         "--transitions is for --method vertex; leave it out for profile",
     ),
+    "vertices of a profile": (
+        (*_REC, "--method", "profile", "--vertices", "4"),
+        _write("r.csv", HEAD + "".join(f"0,0,{i},1,1\n" for i in range(3))),
+        "--vertices is for --method polygon; leave it out for profile",
+    ),
+    "two vertices": (
+        (*_REC, "--vertices", "2"),
+        _write("r.csv", HEAD + "".join(f"0,0,{i},1,1\n" for i in range(3))),
+        "vertices = 2: a polygon has 3 or more",
+    ),
     "copied and shaped": (
         ("init", "n.toml", "--like", "prototype-crs-m", "--strips", "40"),
         _write("x", ""),

@@ -18,7 +18,7 @@ from tacstrip.errors import OptionError, ReadingError, one_of
 from tacstrip.io.geometry import feature_collection, read_contact, write_geojson
 from tacstrip.io.readings import read_readings
 from tacstrip.metrics import mismatch
-from tacstrip.reconstruct.methods import METHODS, best_method, must_compile, recover
+from tacstrip.reconstruct.methods import METHODS, best_method, must_compile
 from tacstrip.reconstruct.profile import profile_reconstruction
 from tacstrip.reconstruct.result import Reconstruction, RecoveredObject
 from tacstrip.reconstruct.vertex import vertex_reconstruction
@@ -39,6 +39,7 @@ _MOST_LINES = 20
 @click.option(
     "--distribution", default="uniform", show_default=True, help="Of these errors: uniform or normal."
 )
+@click.option("--vertices", type=int, help="Of each contact, for polygon, where that is known; else found.")
 @click.option("--transitions", default="auto", show_default=True, metavar="RULE|X,X,..",
               help="For vertex: auto, gradient, or the x of all vertices [mm].")  # fmt: skip
 @click.option("--convex", is_flag=True, help="For profile of CRS-CRP: every contact is convex.")
@@ -58,6 +59,7 @@ def command(
     quantisation: float | None,
     positional: float | None,
     distribution: str,
+    vertices: int | None,
     transitions: str,
     convex: bool,
     reading: str,
@@ -92,6 +94,8 @@ def command(
         raise OptionError(f"--{for_vertex[0]} is for --method vertex; leave it out for {chosen}")
     if chosen == "profile" and signature is not None:
         raise OptionError("--signature is for --method polygon or vertex; profile needs both k_h and k_l")
+    if vertices is not None and chosen != "polygon":
+        raise OptionError(f"--vertices is for --method polygon; leave it out for {chosen}")
     if convex and chosen != "profile":
         raise OptionError("--convex is for --method profile; leave it out")
     noise = Noise(quantisation or 0.0, positional or 0.0, distribution=distribution)  # type: ignore[arg-type]
@@ -106,7 +110,9 @@ def command(
         elif chosen == "vertex":
             results.append(vertex_reconstruction(scan, spec, signature, where, reading, known))  # type: ignore[arg-type]
         else:
-            results.append(recover(_only(scan, signature), spec, chosen, known))
+            from tacstrip.reconstruct.polygon import fit_polygon  # late: the kernels take a second to load
+
+            results.append(fit_polygon(_only(scan, signature), spec, known, vertices=vertices))
     contact = read_contact(truth) if truth else None
     if contact is not None and not _polygons(contact):
         raise OptionError(

@@ -16,6 +16,7 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import Noise
+from tacstrip.errors import OptionError
 from tacstrip.reconstruct.bound import reading_sigma
 from tacstrip.reconstruct.polygon_moves import MOST
 from tacstrip.reconstruct.polygon_object import FittedContact, recovered
@@ -31,7 +32,12 @@ _FEW = 50  # scans that are done before other processes have begun
 
 
 def fit_polygon(
-    scan: Scan, sensor: Sensor, noise: Noise | None = None, most: int = MOST, bounded: bool = True
+    scan: Scan,
+    sensor: Sensor,
+    noise: Noise | None = None,
+    most: int = MOST,
+    bounded: bool = True,
+    vertices: int | None = None,
 ) -> Reconstruction:
     """Recover a polygon from each contact by least squares over all strips and all signatures of the scan.
 
@@ -48,6 +54,9 @@ def fit_polygon(
         Vertices at most, those at the ends not counted.
     bounded
         False: least squares for uniform noise too, 5 to 10 ms faster.
+    vertices
+        Of each contact, ends included, where that is known; None: found. Weak corners, which noise hides, then add
+        to the uncertainty instead of being left out.
 
     Returns
     -------
@@ -58,15 +67,18 @@ def fit_polygon(
     Raises
     ------
     ReadingError, SignatureError, OptionError
-        The scan is not of this sensor, or the construction has no closed form.
+        The scan is not of this sensor, the construction has no closed form, or there are no polygons of so many
+        vertices.
     """
     scan.check(sensor)
     check_closed_form(sensor.kind, "fit_polygon")
+    if vertices is not None and not 3 <= vertices <= MOST + 2:
+        raise OptionError(f"vertices = {vertices}: a polygon has 3 or more, and here {MOST + 2} at most")
     return Reconstruction(
         "polygon",
         tuple(
             recovered(scan, sensor, c, noise, bounded and _has_bound(noise))
-            for c in _contacts(scan, sensor, noise, most)
+            for c in _contacts(scan, sensor, noise, most, vertices)
         ),
         scan.time_s,
     )
@@ -109,12 +121,14 @@ def fitted_transitions(
     return found
 
 
-def _contacts(scan: Scan, sensor: Sensor, noise: Noise | None, most: int) -> list[FittedContact]:
+def _contacts(
+    scan: Scan, sensor: Sensor, noise: Noise | None, most: int, vertices: int | None
+) -> list[FittedContact]:
     sigma = _sigma(noise, sensor)
 
     def fit(strips: slice) -> RunFit:
         readings = {name: scan[name][strips] for name in scan.signatures}
-        return fit_run(sensor, sensor.x_mm[strips], readings, sigma, most)
+        return fit_run(sensor, sensor.x_mm[strips], readings, sigma, most, vertices)
 
     found: list[FittedContact] = []
     for strips in scan.runs():

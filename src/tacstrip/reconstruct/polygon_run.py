@@ -84,6 +84,7 @@ def fit_run(
     readings: Mapping[str, FloatArray],
     sigma: float | None = None,
     most: int = MOST,
+    corners: int | None = None,
 ) -> RunFit:
     """Fit polygons to one run of strips.
 
@@ -99,15 +100,17 @@ def fit_run(
         Standard deviation of a reading [Vref]; None: estimated from what the fit leaves over.
     most
         Interior vertices at most.
+    corners
+        Vertices in all, where that is known.
     """
     raw = np.stack([np.asarray(values, dtype=np.float64) for values in readings.values()])
     there = (raw >= -_BEYOND) & (raw <= 1.0 + _BEYOND)
     raw = np.where(there, raw, np.nan)
     if sigma is not None:
-        return _fit(sensor, x_mm, readings, raw, there, max(sigma, FLOOR), True, most)
+        return _fit(sensor, x_mm, readings, raw, there, max(sigma, FLOOR), True, most, corners)
     start = max(_roughly(sensor, raw), FLOOR)
     for _ in range(_ROUNDS):
-        run = _fit(sensor, x_mm, readings, raw, there, start, False, most)
+        run = _fit(sensor, x_mm, readings, raw, there, start, False, most, corners)
         if run.sigma > _SURER * start:
             break
         start = run.sigma  # curvature passed for noise, and made what is known of the ends weigh too much
@@ -123,6 +126,7 @@ def _fit(
     start: float,
     known: bool,
     most: int,
+    corners: int | None,
 ) -> RunFit:
     """Fit readings (S, n), leaving outliers out; `start` is sigma, or where it is not known a first idea of it."""
     out = ~there
@@ -132,14 +136,16 @@ def _fit(
         signal = Signal.of(sensor, x_mm, dict(zip(names, raw, strict=True)), start, out)
         if signal.readings < 2 * len(raw) + _SPARE + (2 if len(raw) == 1 else 0):
             return RunFit(signal, None, start, out & there)
-        fits = fit_counts(signal, known, most)
+        fits = fit_counts(signal, known, most, corners=corners)
         residuals = fits.chosen.residuals(signal)
         scale = 1.0 if known else _spread(residuals[signal.weight > 0.0])
         new = misfits(residuals / scale)
         if not new.any():
             break
         out |= new
-    run = _with_oval(RunFit(signal, fits, start, out & there), known)
+    run = RunFit(signal, fits, start, out & there)
+    if corners is None:
+        run = _with_oval(run, known)
     if known:
         return run
     freedom = max(signal.readings - run.parameters, 1)

@@ -30,6 +30,7 @@ _CLOSED = 1e-12  # of the strip length
 _FAR = 40.0  # of the criterion: a count that is so much worse on thinned strips is so on all
 _EQUAL = 8.0  # of the criterion
 _ROUNDS = 2  # of taking out and growing again
+_BLUNT = [np.array(c, dtype=np.int64) for c in ((0, 0), (0, 1), (1, 0), (1, 1))]  # which ends are vertical edges
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +69,9 @@ def penalty(readings: int) -> float:
     return 2.0 * math.log(max(readings, 2)) + 4.0
 
 
-def fit_counts(signal: Signal, known: bool = True, most: int = MOST, every: bool = False) -> Fits:
+def fit_counts(
+    signal: Signal, known: bool = True, most: int = MOST, every: bool = False, corners: int | None = None
+) -> Fits:
     """Fit polygons of several counts, and choose one.
 
     Parameters
@@ -81,9 +84,14 @@ def fit_counts(signal: Signal, known: bool = True, most: int = MOST, every: bool
         Interior vertices at most; fewer where the readings do not hold as many.
     every
         Whether all counts that were searched are fitted to all strips, not only the best one's neighbours.
+    corners
+        Vertices in all, where that is known: then there is one fit. Readings that do not hold as many give fewer.
     """
-    search = _Search(signal, known, min(most, MOST, _most(signal)))
+    search = _Search(signal, known, min(most, MOST, _most(signal)), corners)
     near = search.run()
+    if corners is not None:
+        fit = search.of_corners(corners)
+        return Fits((fit,), (criterion(fit, signal, known),), 0, 1)
     search.settle_ends(near)
     fits, scores = [], []
     for m in range(search.top + 1) if every else search.near(near):
@@ -127,8 +135,9 @@ def _most(signal: Signal) -> int:
 class _Search:
     """The best fit of each count so far, and which moves have been tried on it."""
 
-    def __init__(self, whole: Signal, known: bool, most: int) -> None:
+    def __init__(self, whole: Signal, known: bool, most: int, corners: int | None) -> None:
         self.whole, self.known, self.most, self.top = whole, known, most, 0
+        self.least = 0 if corners is None else corners - 2 + _PAST
         self.fits = np.zeros((MOST + 1, ENDS + 2 * MOST))
         self.kinds = np.zeros((MOST + 1, MOST), dtype=np.int64)
         # Two signatures tell both heights of an end; one does not, and only convex shapes are told apart.
@@ -155,7 +164,7 @@ class _Search:
             level = max(level / _FINER, sigma)
 
     def _count(self) -> None:
-        while self.top < min(self.most, self._best() + _PAST):
+        while self.top < min(self.most, max(self._best() + _PAST, self.least)):
             if self.top == 0 and not self.double:
                 self._try(FIRST, 0)
             self._try(GROW, self.top)
@@ -173,8 +182,7 @@ class _Search:
         if not self.double:
             return
         best = np.inf
-        choices = [np.array(c, dtype=np.int64) for c in ((0, 0), (0, 1), (1, 0), (1, 1))]
-        for blunt in choices:
+        for blunt in _BLUNT:
             fit = refine(fit_of(self.fits[m], self.kinds[m], m, blunt, 0.0), self.signal)
             score = criterion(fit, self.signal, self.known)
             if score < best:
@@ -185,6 +193,14 @@ class _Search:
     def _pointed_will_do(self, fit: Fit, m: int) -> bool:
         free = misfit(self.costs[m], self.signal, self.known)
         return misfit(fit.cost, self.signal, self.known) - free < self.penalty
+
+    def of_corners(self, corners: int) -> Fit:
+        """Return the best fit of so many vertices in all, or of as many as were found."""
+        found = []
+        for blunt in _BLUNT if self.double else _BLUNT[:1]:
+            m = min(max(corners - 2 - int(blunt.sum()), 0), self.top)
+            found.append(refine(fit_of(self.fits[m], self.kinds[m], m, blunt, 0.0), self.whole))
+        return min(found, key=lambda fit: (abs(fit.corners - corners), fit.cost))
 
     def near(self, m: int) -> list[int]:
         """Return m and the counts beside it that may yet turn out better."""

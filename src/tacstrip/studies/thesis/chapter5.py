@@ -5,7 +5,7 @@ C.Q.E. and P.U., and the true transitions get T.E. before they are handed to Ver
 reads the nearest strip, as the thesis does. Rows with P.U. are run a second time with transitions found by
 the gradient rule: a shape that fails there, or comes back with another number of vertices, counts as the
 thesis' "-". Profiles are compared as polygons at the original's vertex columns (`profile_at`). Beside them stands the
-polygon fit, which is told no transitions (`estimator`).
+polygon fit, which is told no transitions, at most their number (`estimator`).
 """
 
 from __future__ import annotations
@@ -119,7 +119,7 @@ def _polygon(row: Row, cells: list[Cell]) -> dict[str, Any]:
     """Return the polygon fit's points, shares without a shape and with the right vertices, and the bound's medians.
 
     `reached` has, per metric and position, whether our median is below the printed value, and whether it is within
-    1.15 of the bound's; None where nothing is printed.
+    1.15 of the bound's; None where nothing is printed. `told` has the same of the fit that is told the count.
     """
     corners = len(SHAPES[row.shape].contact(0).vertices)
     measured = [np.array([f.measures for f in c.fitted if f.vertices]).reshape(-1, 3) for c in cells]
@@ -130,9 +130,11 @@ def _polygon(row: Row, cells: list[Cell]) -> dict[str, Any]:
     points["bound"] = {
         m: [float(b) if np.isfinite(b) else None for b in bound[:, i]] for i, m in enumerate(METRICS)
     }
-    medians = np.array([points[m]["median"] for m in METRICS], dtype=float)
-    judged = [beaten(row, medians[:, p], bound[p], p) for p in range(POSITIONS)]
-    points["reached"] = {m: [judged[p][i] for p in range(POSITIONS)] for i, m in enumerate(METRICS)}
+    points["told"] = _points([np.array([f.told for f in c.fitted if f.vertices]).reshape(-1, 3) for c in cells])
+    for of in (points, points["told"]):
+        medians = np.array([of[m]["median"] for m in METRICS], dtype=float)
+        judged = [beaten(row, medians[:, p], bound[p], p) for p in range(POSITIONS)]
+        of["reached"] = {m: [judged[p][i] for p in range(POSITIONS)] for i, m in enumerate(METRICS)}
     return points
 
 

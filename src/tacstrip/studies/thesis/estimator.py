@@ -2,7 +2,8 @@
 
 The fit gets the readings that the table's method gets: one signature where the table is Vertex Reconstruction's, both
 where it is Profile Reconstruction's. It finds vertices and their number itself; the errors' half-widths are known to
-it. The bound is shown in the same measures: those of polygons drawn with the bound's covariance about the true one.
+it. Vertex Reconstruction is handed the transitions, and so their number: the fit is shown with that number told, too.
+The bound is shown in the same measures: those of polygons drawn with the bound's covariance about the true one.
 """
 
 from __future__ import annotations
@@ -29,10 +30,21 @@ WITHIN = 1.15  # of the bound's median counts as reaching it
 
 @dataclass(frozen=True)
 class Fitted:
-    """One scan fitted: M.C. [rad], A.O.E. [rad], A.P.E. [mm] (3,), NaN without a shape, and its vertex count."""
+    """One scan fitted.
+
+    Attributes
+    ----------
+    measures
+        M.C. [rad], A.O.E. [rad], A.P.E. [mm] (3,); NaN without a shape.
+    vertices
+        Found; 0 without a shape.
+    told
+        The same measures of the fit that is told how many there are.
+    """
 
     measures: FloatArray
     vertices: int
+    told: FloatArray
 
 
 def fitted(row: Row, position: int, noise: Noise, random: np.random.Generator) -> Fitted:
@@ -52,11 +64,16 @@ def fitted(row: Row, position: int, noise: Noise, random: np.random.Generator) -
     scan = simulate(sensor, contact, noise, random)
     if row.signature is not None:
         scan = Scan(time_s=0.0, **{row.signature: scan[row.signature]})
-    objects = [o for o in fit_polygon(scan, sensor, noise).objects if o.found]
-    if not objects:
-        return Fitted(np.full(3, np.nan), 0)
-    largest = max(objects, key=lambda o: o.area)
-    return Fitted(_measures(contact.vertices, largest.vertices), len(largest.vertices))
+
+    def of(count: int | None) -> tuple[FloatArray, int]:
+        objects = [o for o in fit_polygon(scan, sensor, noise, vertices=count).objects if o.found]
+        if not objects:
+            return np.full(3, np.nan), 0
+        largest = max(objects, key=lambda o: o.area)
+        return _measures(contact.vertices, largest.vertices), len(largest.vertices)
+
+    measures, found = of(None)
+    return Fitted(measures, found, measures if found == len(contact.vertices) else of(len(contact.vertices))[0])
 
 
 def bound_medians(row: Row, position: int, noise: Noise) -> FloatArray:
