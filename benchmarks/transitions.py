@@ -3,8 +3,8 @@
 A row per cell and method: the share of right vertex counts; the median distance from a true transition to the nearest
 one found, in % of the contact's width, and over the median that the Cramer-Rao bound implies; the root mean square
 error of the vertices over the bound's, of the polygons with the right vertices (pooled: of all in mm, so that the
-least certain ones weigh most; scaled: each over its own bound); the share of true vertices in their 95 % regions;
-and milliseconds.
+least certain ones weigh most; scaled: each over its own bound); the same of the least-squares fit that is begun at the
+truth, which no search can beat; the share of true vertices in their 95 % regions; and milliseconds.
 Run: python benchmarks/transitions.py [--polygons 400] [--cells kh:0.005:100 ...] [--methods polygon savgol ...]
 piecewise-regression, skchange and ruptures take part if they are installed.
 """
@@ -14,20 +14,20 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Callable, Sequence
-from contextlib import redirect_stdout
 from dataclasses import dataclass, field
 from functools import partial
-from importlib import import_module
 from importlib.util import find_spec
-from io import StringIO
 
 import numpy as np
+from _kinks import FINDERS, by_fit, signal_of
 from _protocol import SIGNATURES, Cell, Trial, trial
 
 import tacstrip as ts
 from tacstrip.arrays import FloatArray
 from tacstrip.reconstruct.bound import reading_sigma
+from tacstrip.reconstruct.outline import Outline
 from tacstrip.reconstruct.polygon import fit_polygon
+from tacstrip.reconstruct.polygon_fit import Fit, untangled
 from tacstrip.reconstruct.polygon_search import fit_counts, refine
 from tacstrip.reconstruct.polygon_signal import Signal
 
@@ -37,8 +37,6 @@ CELLS = [
 ]
 REGION = 5.991  # chi square of two numbers at 95 %
 _SLOW = {"piecewise-regression": 20, "skchange": 100, "ruptures": 100}  # polygons at most
-
-Finder = Callable[[Cell, Trial], FloatArray]
 
 
 @dataclass
@@ -52,83 +50,22 @@ class Score:
     squares: list[float] = field(default_factory=list)  # of the vertices' errors [mm^2]
     bounds: list[float] = field(default_factory=list)
     scaled: list[float] = field(default_factory=list)
+    told: list[tuple[float, float]] = field(default_factory=list)  # squares and scaled, begun at the truth
     inside: list[bool] = field(default_factory=list)
 
     def row(self) -> str:
         """Return the table's cells."""
         median, implied = 100.0 * np.median(self.away), 100.0 * np.median(self.implied)
         first = f"{np.mean(self.right):.4f} | {median:.3f} | {median / implied:.2f}"
-        vertices = "- | - | -"
+        vertices = "- | - | - | - | -"
         if self.squares:
-            pooled = np.sqrt(np.sum(self.squares) / np.sum(self.bounds))
-            vertices = f"{pooled:.2f} | {np.sqrt(np.mean(self.scaled)):.2f} | {np.mean(self.inside):.3f}"
+            squares, scaled = np.transpose(self.told)
+            pooled, least = (np.sqrt(np.sum(s) / np.sum(self.bounds)) for s in (self.squares, squares))
+            vertices = (
+                f"{pooled:.2f} | {np.sqrt(np.mean(self.scaled)):.2f} | {least:.2f} | {np.sqrt(np.mean(scaled)):.2f} | "
+                f"{np.mean(self.inside):.3f}"
+            )
         return f"{first} | {vertices} | {1e3 * np.median(self.seconds):.2f}"
-
-
-def by_fit(cell: Cell, of: Trial) -> FloatArray:
-    """Find transitions by the polygon fit alone, as `fit_polygon` does before it judges."""
-    sensor = cell.sensor
-    readings = {name: of.scan[name][of.scan.touched] for name in SIGNATURES[cell.kind]}
-    signal = Signal.of(sensor, of.x, readings, reading_sigma(ts.Noise(cell.noise), sensor))
-    return np.asarray(fit_counts(signal).chosen.transitions[1:-1] * signal.width_mm + signal.origin_mm)
-
-
-def by_savgol(cell: Cell, of: Trial) -> FloatArray:
-    """Take the peaks of a Savitzky-Golay second derivative, as high as three deviations of its noise."""
-    from scipy.signal import find_peaks, savgol_coeffs, savgol_filter
-
-    n = len(of.x)
-    window = max(n // 12 * 2 + 1, 5)
-    sigma = reading_sigma(ts.Noise(cell.noise), cell.sensor)
-    height = 3.0 * sigma * np.sqrt((savgol_coeffs(window, 2, deriv=2) ** 2).sum())
-    bend = sum(
-        np.abs(savgol_filter(of.scan[s][of.scan.touched], window, 2, deriv=2)) for s in SIGNATURES[cell.kind]
-    )
-    return np.asarray(of.x[find_peaks(bend, height=height, distance=n // 20)[0]])
-
-
-def by_piecewise(cell: Cell, of: Trial) -> FloatArray:
-    """Fit straight pieces; their count by the library's BIC."""
-    library = import_module("piecewise_regression")
-    k = of.scan[SIGNATURES[cell.kind][0]][of.scan.touched]
-    with redirect_stdout(StringIO()):  # it prints a table
-        chosen = library.ModelSelection(of.x, k, max_breakpoints=5, n_boot=5, verbose=False)
-    scores = [m["bic"] if m["converged"] else np.inf for m in chosen.model_summaries]
-    count = int(chosen.model_summaries[int(np.argmin(scores))]["n_breakpoints"])
-    if count == 0:
-        return np.empty(0)
-    found = library.Fit(of.x, k, n_breakpoints=count, n_boot=5, verbose=False).get_results()["estimates"]
-    return np.array([found[f"breakpoint{i + 1}"]["estimate"] for i in range(count)]) if found else np.empty(0)
-
-
-def by_skchange(cell: Cell, of: Trial) -> FloatArray:
-    """Find changes of slope with skchange's continuous piecewise linear score."""
-    detectors, scorers = import_module("skchange.detectors"), import_module("skchange.interval_scorers")
-    k = of.scan[SIGNATURES[cell.kind][0]][of.scan.touched] / reading_sigma(ts.Noise(cell.noise), cell.sensor)
-    detector = detectors.SeededBinarySegmentation(scorers.ContinuousLinearTrendScore())
-    return np.asarray(of.x[np.asarray(detector.fit_predict(k[:, None]), dtype=int)])
-
-
-def by_ruptures(cell: Cell, of: Trial) -> FloatArray:
-    """Find changes of slope with ruptures' continuous linear cost and dynamic programming's penalised twin."""
-    ruptures = import_module("ruptures")
-    k = of.scan[SIGNATURES[cell.kind][0]][of.scan.touched]
-    step = max(len(k) // 50, 1)
-    detector = ruptures.Pelt(custom_cost=ruptures.costs.CostCLinear(), min_size=2 * step, jump=step).fit(
-        k[:, None]
-    )
-    variance = reading_sigma(ts.Noise(cell.noise), cell.sensor) ** 2
-    ends = detector.predict(pen=variance * 3.0 * np.log(len(k)))
-    return np.asarray(of.x[np.array(ends[:-1], dtype=int)])
-
-
-FINDERS: dict[str, tuple[Finder, str]] = {
-    "polygon": (by_fit, ""),
-    "savgol": (by_savgol, "scipy"),
-    "piecewise-regression": (by_piecewise, "piecewise_regression"),
-    "skchange": (by_skchange, "skchange"),
-    "ruptures": (by_ruptures, "ruptures"),
-}
 
 
 def score(cell: Cell, methods: Sequence[str], polygons: int, seed: int) -> dict[str, Score]:
@@ -152,15 +89,25 @@ def score(cell: Cell, methods: Sequence[str], polygons: int, seed: int) -> dict[
             draws = np.random.default_rng(number).normal(size=(20, inner.sum()))
             got.implied += list(np.abs(draws * sigma[::2][inner]).ravel() / width)
             if method == "polygon" and got.right[-1]:
-                add_vertices(got, of, fit_polygon(of.scan, cell.sensor, noise, bounded=False))
+                add_vertices(
+                    got, of, fit_polygon(of.scan, cell.sensor, noise, bounded=False), from_truth(cell, of)
+                )
     return scores
 
 
-def add_vertices(got: Score, of: Trial, found: ts.Reconstruction) -> None:
+def from_truth(cell: Cell, of: Trial) -> FloatArray:
+    """Return the vertices of the least-squares fit that is begun at the true ones."""
+    start = Fit.of(Outline.of(of.truth), signal_of(cell, of))
+    return Outline(*untangled(*refine(start, signal_of(cell, of)).polygon(signal_of(cell, of)))).vertices
+
+
+def add_vertices(got: Score, of: Trial, found: ts.Reconstruction, told: FloatArray) -> None:
     """Note the vertices' errors where the polygon has the right ones."""
     first = found.objects[0]
-    if first.vertices.shape != of.truth.shape or first.covariance is None:
+    if not first.vertices.shape == of.truth.shape == told.shape or first.covariance is None:
         return
+    best = (told - of.truth) ** 2
+    got.told.append((float(best.sum()), float(np.mean(best.ravel() / of.bound.diagonal()))))
     error = first.vertices - of.truth
     got.squares.append(float((error**2).sum()))
     got.bounds.append(float(of.bound.trace()))
@@ -223,9 +170,10 @@ def main() -> None:
     options.add_argument("--seed", type=int, default=SEED)
     chosen = options.parse_args()
     print(
-        "| signature | noise | strips | method | right | median % | / bound | RMS pooled | RMS scaled | in 95 % | ms |"
+        "| signature | noise | strips | method | right | median % | / bound | RMS pooled | scaled | "
+        "from the truth | scaled | in 95 % | ms |"
     )
-    print("| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |")
+    print("|" + " --- |" * 13)
     warm = Cell("both", 0.005, 100)
     by_fit(warm, trial(warm, np.random.default_rng(0)))  # compiles
     for cell in chosen.cells:

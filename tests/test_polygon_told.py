@@ -24,7 +24,7 @@ NOISE = Noise(positional=0.005)
 @pytest.mark.parametrize("noise", [NOISE, None])
 def test_the_right_count_gives_what_is_found_without_it(names: tuple[str, ...], noise: Noise | None) -> None:
     scan = simulate(CRS, SQUARE, NOISE, rng=1)
-    scan = Scan(**{n: scan[n] for n in names})
+    scan = Scan(time_s=0.0, **{n: scan[n] for n in names})
     found, told = (fit_polygon(scan, CRS, noise, vertices=n).objects[0] for n in (None, 4))
     assert told.status == "ok"
     np.testing.assert_allclose(told.vertices, found.vertices, atol=0.2)
@@ -34,7 +34,7 @@ def test_the_right_count_gives_what_is_found_without_it(names: tuple[str, ...], 
 @pytest.mark.parametrize("names", [("kh", "kl"), ("kh",)])
 def test_as_many_as_told(count: int, names: tuple[str, ...]) -> None:
     scan = simulate(CRS, SQUARE, NOISE, rng=1)
-    told = fit_polygon(Scan(**{n: scan[n] for n in names}), CRS, NOISE, vertices=count).objects[0]
+    told = fit_polygon(Scan(time_s=0.0, **{n: scan[n] for n in names}), CRS, NOISE, vertices=count).objects[0]
     assert len(told.vertices) == count
     if count < 4:
         assert told.status == "doubtful"
@@ -57,7 +57,9 @@ def test_weak_corners_are_worth_telling() -> None:
             [
                 mismatch(hexagon.vertices, o.vertices).iou
                 for n in (None, 6)
-                for o in fit_polygon(simulate(sensor, hexagon, noise, rng=seed), sensor, noise, vertices=n).objects
+                for o in fit_polygon(
+                    simulate(sensor, hexagon, noise, rng=seed), sensor, noise, vertices=n
+                ).objects
             ]
             for seed in range(12)
         ]
@@ -87,4 +89,4 @@ def test_garbage() -> None:
             values[:, random.uniform(size=CRS.strips) < 0.1] = np.nan
             for o in fit_polygon(Scan(kh=values[0], kl=values[1]), CRS, NOISE, vertices=count).objects:
                 assert o.status == "ok" or o.advice
-                assert not o.found or (0.0 <= o.vertices[:, 1].min() and o.vertices[:, 1].max() <= 100.0)
+                assert not o.found or (o.vertices[:, 1].min() >= 0.0 and o.vertices[:, 1].max() <= 100.0)

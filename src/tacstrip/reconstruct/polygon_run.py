@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -64,7 +65,7 @@ class RunFit:
         """Numbers that the readings determine."""
         return 0 if self.fits is None else PARAMETERS if self.round else self.fits.chosen.parameters
 
-    @property
+    @cached_property
     def residuals(self) -> FloatArray:
         """Measured minus fitted readings over sigma (S, n), of the oval if it is the better one."""
         if self.fits is None:

@@ -30,7 +30,9 @@ _CLOSED = 1e-12  # of the strip length
 _FAR = 40.0  # of the criterion: a count that is so much worse on thinned strips is so on all
 _EQUAL = 8.0  # of the criterion
 _ROUNDS = 2  # of taking out and growing again
-_BLUNT = [np.array(c, dtype=np.int64) for c in ((0, 0), (0, 1), (1, 0), (1, 1))]  # which ends are vertical edges
+_BLUNT = [
+    np.array(c, dtype=np.int64) for c in ((0, 0), (0, 1), (1, 0), (1, 1))
+]  # which ends are vertical edges
 
 
 @dataclass(frozen=True, eq=False)

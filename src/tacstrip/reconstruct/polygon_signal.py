@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -93,7 +94,7 @@ class Signal:
             sensor.length_mm,
         )
 
-    @property
+    @cached_property
     def readings(self) -> int:
         """Readings that count."""
         return int(np.count_nonzero(self.weight))

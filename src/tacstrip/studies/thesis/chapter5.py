@@ -130,7 +130,9 @@ def _polygon(row: Row, cells: list[Cell]) -> dict[str, Any]:
     points["bound"] = {
         m: [float(b) if np.isfinite(b) else None for b in bound[:, i]] for i, m in enumerate(METRICS)
     }
-    points["told"] = _points([np.array([f.told for f in c.fitted if f.vertices]).reshape(-1, 3) for c in cells])
+    points["told"] = _points(
+        [np.array([f.told for f in c.fitted if f.vertices]).reshape(-1, 3) for c in cells]
+    )
     for of in (points, points["told"]):
         medians = np.array([of[m]["median"] for m in METRICS], dtype=float)
         judged = [beaten(row, medians[:, p], bound[p], p) for p in range(POSITIONS)]

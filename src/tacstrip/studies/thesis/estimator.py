@@ -73,7 +73,9 @@ def fitted(row: Row, position: int, noise: Noise, random: np.random.Generator) -
         return _measures(contact.vertices, largest.vertices), len(largest.vertices)
 
     measures, found = of(None)
-    return Fitted(measures, found, measures if found == len(contact.vertices) else of(len(contact.vertices))[0])
+    return Fitted(
+        measures, found, measures if found == len(contact.vertices) else of(len(contact.vertices))[0]
+    )
 
 
 def bound_medians(row: Row, position: int, noise: Noise) -> FloatArray:
