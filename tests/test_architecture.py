@@ -19,8 +19,8 @@ SOURCE = ROOT / "src" / "tacstrip"
 # From the ground up: a file imports only what stands above it in this list.
 ORDER = [
     "errors", "arrays", "data", "fisher",
-    "sensor.constructions", "sensor.circuit", "sensor.channel", "sensor.calibration", "sensor.spec", "sensor.raw",
-    "sensor.surface",
+    "sensor.constructions", "sensor.circuit", "sensor.slant", "sensor.channel", "sensor.calibration",
+    "sensor.spec", "sensor.raw", "sensor.surface",
     "contact.shape", "contact.footprint", "contact.signature", "contact.noise",
     "network.nodal", "network.wires", "network.build", "network.mesh", "network.strips", "network.ladder",
     "network.spice", "network.timing", "network.arrays", "network.fourwire", "network.switches",
@@ -38,9 +38,9 @@ ORDER = [
     "reconstruct.polygon_score", "reconstruct.polygon_moves", "reconstruct.polygon_plain",
     "reconstruct.polygon_signal", "reconstruct.polygon_fit", "reconstruct.polygon_search",
     "reconstruct.polygon_oval", "reconstruct.polygon_outliers", "reconstruct.polygon_run",
-    "reconstruct.polygon_verdict", "reconstruct.polygon_object", "reconstruct.polygon", "reconstruct.blocks",
-    "reconstruct.transitions", "reconstruct.validity", "reconstruct.vertex", "reconstruct.profile",
-    "reconstruct.methods",
+    "reconstruct.wide", "reconstruct.polygon_verdict", "reconstruct.polygon_object", "reconstruct.polygon",
+    "reconstruct.blocks", "reconstruct.transitions", "reconstruct.validity", "reconstruct.vertex",
+    "reconstruct.profile", "reconstruct.methods",
     "io.columns", "io.rows", "io.readings", "io.runs", "io.geometry",
     "calibrate.residuals", "calibrate.offsets", "calibrate.model", "calibrate.fit", "calibrate.told",
     "calibrate.choose", "calibrate.unit", "calibrate.plan", "calibrate.touch", "calibrate.drift",

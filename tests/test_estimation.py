@@ -37,7 +37,7 @@ def test_what_each_imperfection_does_to_the_readings() -> None:
         assert 0.001 < off["uneven"] < 0.01
         assert 0.0003 < off["width"] < 0.01
         assert max(off["uneven"], off["width"]) / 2.0 < off["all"] < off["uneven"] + off["width"]
-    assert set(contact.readings) == {readings for readings, _ in UNITS.values()}
+    assert set(contact.readings) == {readings for readings, *_ in UNITS.values()}
 
 
 # What the fit makes of them

@@ -14,7 +14,8 @@ from scipy.special import zeta
 import tacstrip as ts
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.signature import signatures
-from tacstrip.network.wide import MOST, slant_shift, wide_questions, wide_readings
+from tacstrip.network.wide import MOST, wide_questions, wide_readings
+from tacstrip.sensor.slant import slant_shift
 from tacstrip.studies.budget import PROFILE_I
 from tacstrip.studies.width import RULES, edge_shift, footprints, rule_errors, steepest
 
@@ -114,6 +115,20 @@ def test_slant_shift_between_its_limits() -> None:
 
 
 # Contact resistance
+
+
+@pytest.mark.parametrize("decay", [0.05, 0.2, 0.667, 2.0])
+@pytest.mark.parametrize("slope", [0.3, 1.0, 3.0])
+def test_slant_shift_with_contact_resistance_is_the_networks(slope: float, decay: float) -> None:
+    assert edge_shift(slope, decay, 48) == pytest.approx(float(slant_shift(slope, decay)), abs=0.022)
+
+
+def test_slant_shift_with_contact_resistance_between_its_limits() -> None:
+    slope = np.array([0.0, 0.5, -0.5, 2.0, 20.0])
+    np.testing.assert_allclose(slant_shift(slope, 1e-7), slant_shift(slope), atol=1e-4)
+    shifts = np.array([slant_shift(slope, decay) for decay in (0.0, 0.1, 0.5, 2.0, 50.0)])
+    assert np.all(np.diff(shifts[:, 1:], axis=0) < 0.0)
+    np.testing.assert_allclose(shifts[-1, 1:4], slope[1:4] ** 2 / (12.0 * 50.0), rtol=0.02)  # alike across
 
 
 @pytest.mark.parametrize("sensor", [PAIR, replace(PAIR, resistivity_ratio=3.0), METAL])

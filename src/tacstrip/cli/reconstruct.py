@@ -40,6 +40,9 @@ _MOST_LINES = 20
     "--distribution", default="uniform", show_default=True, help="Of these errors: uniform or normal."
 )
 @click.option("--vertices", type=int, help="Of each contact, for polygon, where that is known; else found.")
+@click.option(
+    "--wide", is_flag=True, help="For polygon: strips as wide as the spec says, as in measured readings."
+)
 @click.option("--transitions", default="auto", show_default=True, metavar="RULE|X,X,..",
               help="For vertex: auto, gradient, or the x of all vertices [mm].")  # fmt: skip
 @click.option("--convex", is_flag=True, help="For profile of CRS-CRP: every contact is convex.")
@@ -60,6 +63,7 @@ def command(
     positional: float | None,
     distribution: str,
     vertices: int | None,
+    wide: bool,
     transitions: str,
     convex: bool,
     reading: str,
@@ -96,6 +100,8 @@ def command(
         raise OptionError("--signature is for --method polygon or vertex; profile needs both k_h and k_l")
     if vertices is not None and chosen != "polygon":
         raise OptionError(f"--vertices is for --method polygon; leave it out for {chosen}")
+    if wide and chosen != "polygon":
+        raise OptionError(f"--wide is for --method polygon; leave it out for {chosen}")
     if convex and chosen != "profile":
         raise OptionError("--convex is for --method profile; leave it out")
     noise = Noise(quantisation or 0.0, positional or 0.0, distribution=distribution)  # type: ignore[arg-type]
@@ -112,7 +118,7 @@ def command(
         else:
             from tacstrip.reconstruct.polygon import fit_polygon  # late: the kernels take a second to load
 
-            results.append(fit_polygon(_only(scan, signature), spec, known, vertices=vertices))
+            results.append(fit_polygon(_only(scan, signature), spec, known, vertices=vertices, wide=wide))
     contact = read_contact(truth) if truth else None
     if contact is not None and not _polygons(contact):
         raise OptionError(

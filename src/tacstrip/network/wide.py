@@ -10,7 +10,6 @@ own: l + T and u - T at a straight edge (docs/decisions.md), and for a slanted e
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 from shapely.geometry.base import BaseGeometry
 
@@ -82,20 +81,6 @@ def wide_questions(sensor: Sensor, contact: Contact, across: int | None = None) 
         if question is not None:
             result[strip] = question
     return result
-
-
-def slant_shift(slope: npt.ArrayLike) -> FloatArray:
-    """Return how far an ideal contact reads beyond its edge's mean position, over the strip width: (...).
-
-    `slope` is dy/dx of a straight edge that crosses the whole width (...). Exact, by mapping the strip with its slanted
-    end onto one with a straight end (Schwarz and Christoffel): with a = 1/2 - arctan(slope) / pi,
-    -(gamma + ln 4 + (psi(a) + psi(1 - a)) / 2) / pi. It is .271 slope^2 where that is small, ln 2 / pi at 45 degrees,
-    and ln 4 / pi = .441 below the edge's furthest point, slope / 2, where that is large.
-    """
-    from scipy.special import digamma
-
-    a = 0.5 - np.arctan(np.abs(np.asarray(slope, dtype=float))) / np.pi
-    return np.asarray(-(np.euler_gamma + np.log(4.0) + 0.5 * (digamma(a) + digamma(1.0 - a))) / np.pi)
 
 
 def _question(sensor: Sensor, strip: int, contact: BaseGeometry, across: int) -> Question | None:

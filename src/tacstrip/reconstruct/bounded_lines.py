@@ -38,6 +38,8 @@ class Band:
         Bounds of each signature, name to (n,) [Vref]; NaN leaves a reading out.
     edge
         Width at either bound [Vref] over which a reading becomes less likely.
+    beyond_mm
+        How much further out the ends lie than within a pitch of the outer strips.
     """
 
     sensor: Sensor
@@ -45,9 +47,17 @@ class Band:
     low: dict[str, FloatArray]
     high: dict[str, FloatArray]
     edge: float
+    beyond_mm: float = 0.0
 
     @classmethod
-    def of(cls, sensor: Sensor, x: FloatArray, readings: Mapping[str, FloatArray], noise: Noise) -> Band:
+    def of(
+        cls,
+        sensor: Sensor,
+        x: FloatArray,
+        readings: Mapping[str, FloatArray],
+        noise: Noise,
+        beyond_mm: float = 0.0,
+    ) -> Band:
         """Make the band of readings, name to (n,), that are off by no more than the noise's half-widths.
 
         A converter clips: what reads 0 or 1 may be further off, but no contact reads beyond.
@@ -55,13 +65,13 @@ class Band:
         reach, flat = reading_bound(noise, sensor)
         low = {name: np.maximum(k - reach, 0.0) for name, k in readings.items()}
         high = {name: np.minimum(k + reach, 1.0) for name, k in readings.items()}
-        return cls(sensor, x, low, high, reach - flat)
+        return cls(sensor, x, low, high, reach - flat, beyond_mm)
 
     @property
     def windows(self) -> FloatArray:
         """Where the left and the right end of the contact lie (2, 2) [mm]: within a pitch of the outer strips."""
-        pitch = self.sensor.pitch_mm
-        return np.array([[self.x[0] - pitch, self.x[0]], [self.x[-1], self.x[-1] + pitch]])
+        near, far = self.beyond_mm, self.beyond_mm + self.sensor.pitch_mm
+        return np.array([[self.x[0] - far, self.x[0] - near], [self.x[-1] + near, self.x[-1] + far]])
 
 
 @dataclass(frozen=True, eq=False)

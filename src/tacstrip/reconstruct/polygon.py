@@ -20,14 +20,17 @@ from tacstrip.errors import OptionError
 from tacstrip.reconstruct.bound import reading_sigma
 from tacstrip.reconstruct.polygon_moves import MOST
 from tacstrip.reconstruct.polygon_object import FittedContact, recovered
-from tacstrip.reconstruct.polygon_run import RunFit, fit_run, one_shape
+from tacstrip.reconstruct.polygon_run import fit_run, one_shape
 from tacstrip.reconstruct.polygon_signal import FLOOR
 from tacstrip.reconstruct.result import Reconstruction
+from tacstrip.reconstruct.wide import ENDS, as_thin, reach_out
 from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import check_closed_form
 from tacstrip.sensor.spec import Sensor
 
 _BRIDGED = 3  # strips that may be missing inside a contact
+_ROUNDS = 2  # of taking away what the strips' width adds
+_SPARE = 8  # strips: of fewer none is left out
 _FEW = 50  # scans that are done before other processes have begun
 
 
@@ -38,6 +41,7 @@ def fit_polygon(
     most: int = MOST,
     bounded: bool = True,
     vertices: int | None = None,
+    wide: bool = False,
 ) -> Reconstruction:
     """Recover a polygon from each contact by least squares over all strips and all signatures of the scan.
 
@@ -57,6 +61,9 @@ def fit_polygon(
     vertices
         Of each contact, ends included, where that is known; None: found. Weak corners, which noise hides, then add
         to the uncertainty instead of being left out.
+    wide
+        Whether strips are read as wide as the spec's `strip_width` says, as those of a real sensor are, or at their
+        centre lines, as the closed forms of `simulate` have it. Takes three times as long.
 
     Returns
     -------
@@ -78,7 +85,7 @@ def fit_polygon(
         "polygon",
         tuple(
             recovered(scan, sensor, c, noise, bounded and _has_bound(noise))
-            for c in _contacts(scan, sensor, noise, most, vertices)
+            for c in _contacts(scan, sensor, noise, most, vertices, wide)
         ),
         scan.time_s,
     )
@@ -122,24 +129,33 @@ def fitted_transitions(
 
 
 def _contacts(
-    scan: Scan, sensor: Sensor, noise: Noise | None, most: int, vertices: int | None
+    scan: Scan, sensor: Sensor, noise: Noise | None, most: int, vertices: int | None, wide: bool
 ) -> list[FittedContact]:
     sigma = _sigma(noise, sensor)
 
-    def fit(strips: slice) -> RunFit:
-        readings = {name: scan[name][strips] for name in scan.signatures}
-        return fit_run(sensor, sensor.x_mm[strips], readings, sigma, most, vertices)
+    def fit(strips: slice, missing: tuple[int, ...] = ()) -> FittedContact:
+        partly = ENDS if wide and strips.stop - strips.start >= _SPARE else 0
+        fitted = slice(strips.start + partly, strips.stop - partly)
+        beyond_mm = reach_out(sensor) if partly else 0.0
+        x = sensor.x_mm[fitted]
+        measured = readings = {name: scan[name][fitted] for name in scan.signatures}
+        run = fit_run(sensor, x, readings, sigma, most, vertices, beyond_mm)
+        for _ in range(_ROUNDS if wide else 0):
+            if (outline := run.outline) is None:
+                break
+            readings = as_thin(sensor, outline, x, measured)
+            run = fit_run(sensor, x, readings, sigma, most, vertices, beyond_mm)
+        return FittedContact(strips, missing, fitted, readings, beyond_mm, run)
 
     found: list[FittedContact] = []
     for strips in scan.runs():
-        contact = FittedContact(strips, (), fit(strips))
+        contact = fit(strips)
         if found and strips.start - found[-1].strips.stop <= _BRIDGED:
             before = found[-1]
-            both = slice(before.strips.start, strips.stop)
-            joint = fit(both)
-            if one_shape(before.run, contact.run, joint):
-                gap = range(before.strips.stop, strips.start)
-                contact = FittedContact(both, (*before.missing, *gap), joint)
+            gap = range(before.strips.stop, strips.start)
+            joint = fit(slice(before.strips.start, strips.stop), (*before.missing, *gap))
+            if one_shape(before.run, contact.run, joint.run):
+                contact = joint
                 found.pop()
         found.append(contact)
     return found

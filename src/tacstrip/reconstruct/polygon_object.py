@@ -40,10 +40,29 @@ _EMPTY = (
 
 @dataclass(frozen=True, eq=False)
 class FittedContact:
-    """Strips that belong to one contact, those missing inside it, and its fit."""
+    """One contact and its fit.
+
+    Attributes
+    ----------
+    strips
+        That belong to it.
+    missing
+        Of these, the ones that read nothing.
+    fitted
+        The strips that the fit was made of: all, or without those that may be covered in part.
+    readings
+        That were fitted, signature to (fitted,): as measured, or without what the strips' width added.
+    beyond_mm
+        How much further out the ends lie than within half a pitch of the strips fitted.
+    run
+        The fit.
+    """
 
     strips: slice
     missing: tuple[int, ...]
+    fitted: slice
+    readings: dict[str, FloatArray]
+    beyond_mm: float
     run: RunFit
 
 
@@ -116,7 +135,7 @@ def _chosen(run: RunFit, known: bool) -> tuple[Fit, bool]:
 
 def _refined(scan: Scan, sensor: Sensor, contact: FittedContact, noise: Noise) -> Bounded | None:
     """Return what the noise's bound leaves of the fits, fewest vertices first; None where it leaves none."""
-    run, strips = contact.run, contact.strips
+    run = contact.run
     assert run.fits is not None
     freedom = max(run.signal.readings - run.parameters, 1)
     if (run.residuals**2).sum() > _HOPELESS**2 * freedom or run.fits.chosen.corners > _CORNERS:
@@ -128,10 +147,10 @@ def _refined(scan: Scan, sensor: Sensor, contact: FittedContact, noise: Noise) -
             outline = Outline(lower, upper)
             candidates.append((outline, with_ends(outline, sensor, information_root(fit, run.signal))))
     readings = {
-        name: np.where(out, np.nan, scan[name][strips])
+        name: np.where(out, np.nan, contact.readings[name])
         for name, out in zip(scan.signatures, run.left_out, strict=True)
     }
-    band = Band.of(sensor, sensor.x_mm[strips], readings, noise)
+    band = Band.of(sensor, sensor.x_mm[contact.fitted], readings, noise, contact.beyond_mm)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # rubbish readings leave rubbish sets
         found = fewest(candidates, band)
         if found is None or not np.isfinite(found[1].region_covariance).all():
@@ -158,8 +177,8 @@ def _notes(scan: Scan, sensor: Sensor, contact: FittedContact) -> list[str]:
     if len(left_out):
         names = _list(
             [
-                f"{i + contact.strips.start + base} ({SIGNATURES[scan.signatures[s]].symbol} = "
-                f"{scan[scan.signatures[s]][i + contact.strips.start]:.3g})"
+                f"{i + contact.fitted.start + base} ({SIGNATURES[scan.signatures[s]].symbol} = "
+                f"{scan[scan.signatures[s]][i + contact.fitted.start]:.3g})"
                 for s, i in left_out
             ]
         )

@@ -9,6 +9,8 @@ from functools import cached_property
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray
+from tacstrip.reconstruct.outline import Outline
+from tacstrip.reconstruct.polygon_fit import thickness, untangled
 from tacstrip.reconstruct.polygon_moves import MOST
 from tacstrip.reconstruct.polygon_outliers import misfits, spikes
 from tacstrip.reconstruct.polygon_oval import PARAMETERS, Oval, fit_oval
@@ -65,6 +67,16 @@ class RunFit:
         """Numbers that the readings determine."""
         return 0 if self.fits is None else PARAMETERS if self.round else self.fits.chosen.parameters
 
+    @property
+    def outline(self) -> Outline | None:
+        """The better one's outline [mm], if there is a fit and it is no line."""
+        if self.fits is None:
+            return None
+        if self.oval is not None and self.round:
+            return Outline(*self.oval.outline(self.signal)[:2])
+        lower, upper = untangled(*self.fits.chosen.polygon(self.signal))
+        return Outline(lower, upper) if thickness(lower, upper) > 0.0 else None
+
     @cached_property
     def residuals(self) -> FloatArray:
         """Measured minus fitted readings over sigma (S, n), of the oval if it is the better one."""
@@ -86,6 +98,7 @@ def fit_run(
     sigma: float | None = None,
     most: int = MOST,
     corners: int | None = None,
+    beyond_mm: float = 0.0,
 ) -> RunFit:
     """Fit polygons to one run of strips.
 
@@ -103,15 +116,17 @@ def fit_run(
         Interior vertices at most.
     corners
         Vertices in all, where that is known.
+    beyond_mm
+        How much further out the ends lie than within half a pitch of the outer strips.
     """
     raw = np.stack([np.asarray(values, dtype=np.float64) for values in readings.values()])
     there = (raw >= -_BEYOND) & (raw <= 1.0 + _BEYOND)
     raw = np.where(there, raw, np.nan)
     if sigma is not None:
-        return _fit(sensor, x_mm, readings, raw, there, max(sigma, FLOOR), True, most, corners)
+        return _fit(sensor, x_mm, readings, raw, there, max(sigma, FLOOR), True, most, corners, beyond_mm)
     start = max(_roughly(sensor, raw), FLOOR)
     for _ in range(_ROUNDS):
-        run = _fit(sensor, x_mm, readings, raw, there, start, False, most, corners)
+        run = _fit(sensor, x_mm, readings, raw, there, start, False, most, corners, beyond_mm)
         if run.sigma > _SURER * start:
             break
         start = run.sigma  # curvature passed for noise, and made what is known of the ends weigh too much
@@ -128,13 +143,14 @@ def _fit(
     known: bool,
     most: int,
     corners: int | None,
+    beyond_mm: float,
 ) -> RunFit:
     """Fit readings (S, n), leaving outliers out; `start` is sigma, or where it is not known a first idea of it."""
     out = ~there
     for row, values in zip(out, raw, strict=True):
         row |= spikes(values, start)
     for _ in range(_ROUNDS):
-        signal = Signal.of(sensor, x_mm, dict(zip(names, raw, strict=True)), start, out)
+        signal = Signal.of(sensor, x_mm, dict(zip(names, raw, strict=True)), start, out, beyond_mm)
         if signal.readings < 2 * len(raw) + _SPARE + (2 if len(raw) == 1 else 0):
             return RunFit(signal, None, start, out & there)
         fits = fit_counts(signal, known, most, corners=corners)

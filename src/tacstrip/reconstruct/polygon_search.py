@@ -145,8 +145,7 @@ class _Search:
         # Two signatures tell both heights of an end; one does not, and only convex shapes are told apart.
         self.double = len(whole.k) > 1
         self.blunt = np.full(2, int(self.double), dtype=np.int64)
-        left, right = whole.k[0, :1].mean(), whole.k[0, -1:].mean()
-        self.fits[0, :ENDS] = 0.0, left, left, 1.0, right, right
+        self.fits[0, :ENDS] = whole.straight()
 
     def run(self) -> int:
         """Search all counts, for readings without noise by stages; return the best."""

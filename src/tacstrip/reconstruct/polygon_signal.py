@@ -24,7 +24,7 @@ class Signal:
     Attributes
     ----------
     x
-        Centre lines (n,), ascending; half a pitch outside the first and the last is 0 and 1.
+        Centre lines (n,), ascending; 0 and 1 are where the ends are expected, half a pitch outside the outer ones.
     k
         Readings (S, n).
     weight
@@ -57,6 +57,7 @@ class Signal:
         readings: Mapping[str, FloatArray],
         sigma: float,
         left_out: BoolArray | None = None,
+        beyond_mm: float = 0.0,
     ) -> Signal:
         """Make the signal of strips at x_mm (n,), ascending.
 
@@ -70,6 +71,8 @@ class Signal:
             Standard deviation of a reading [Vref].
         left_out
             Readings not to be used (S, n), in the order of `readings`.
+        beyond_mm
+            How much further out the ends lie than within half a pitch of the outer strips.
         """
         raw = np.stack([np.asarray(values, dtype=np.float64) for values in readings.values()])
         use = np.isfinite(raw) if left_out is None else np.isfinite(raw) & ~left_out
@@ -79,8 +82,8 @@ class Signal:
                 values if used.all() else np.interp(x_mm, x_mm[used], values[used]) if used.any() else 0.0
             )
         a = sensing_share(sensor.sensing_ratio)
-        origin = float(x_mm[0]) - 0.5 * sensor.pitch_mm
-        width = float(x_mm[-1] - x_mm[0]) + sensor.pitch_mm
+        out = 0.5 * sensor.pitch_mm + beyond_mm
+        origin, width = float(x_mm[0]) - out, float(x_mm[-1] - x_mm[0]) + 2.0 * out
         return cls(
             (x_mm - origin) / width,
             np.clip(k, -1.0, 2.0),
@@ -98,6 +101,20 @@ class Signal:
     def readings(self) -> int:
         """Readings that count."""
         return int(np.count_nonzero(self.weight))
+
+    def straight(self) -> FloatArray:
+        """Return x, l, u of both ends (6,) to begin with: as they read, or with both signatures a line through each.
+
+        Between two pointed ends heights alone would begin without any width, where descents go astray.
+        """
+        if len(self.k) == 1:
+            left, right = self.k[0, [0, 0]], self.k[0, [-1, -1]]
+        else:
+            middle = self.x.mean()
+            off = self.x - middle
+            slope, mean = self.k @ off / max(float(off @ off), 1e-12), self.k.mean(axis=1)
+            left, right = (np.sort(np.clip(mean + slope * (end - middle), 0.0, 1.0)) for end in (0.0, 1.0))
+        return np.array([0.0, *left[[0, -1]], 1.0, *right[[0, -1]]])
 
     @property
     def data(self) -> tuple[FloatArray, FloatArray, FloatArray, float]:

@@ -12,7 +12,7 @@ from tacstrip.stream.recording import Recorder
 from tacstrip.stream.source import RawScan
 
 _WAITING = 20_000  # scans that may wait for the disk; then the source waits too
-_NAP_S = 0.005
+_NAP_S = 0.005  # a few scans at once: more would keep a core from the stream
 
 
 class DiskWriter:
@@ -65,7 +65,7 @@ class DiskWriter:
             with recorder:
                 ended = False
                 while not ended:
-                    ended = self._end.wait(_NAP_S)  # a few at once: more would keep the one core from the stream
+                    ended = self._end.wait(_NAP_S)
                     for raw in self._box.get_all():
                         recorder.add(raw)
                     recorder.idle(_NAP_S)

@@ -2,7 +2,7 @@
 
 A fit tested on readings from the formulas it inverts flatters itself (an "inverse crime"). Here the readings come from
 networks of resistors with contact resistance, uneven strips and strips of finite width; the fit is told of contact
-resistance at most.
+resistance and of the width at most.
 """
 
 from __future__ import annotations
@@ -42,14 +42,16 @@ _ACROSS = 4  # cells over a strip's width, two per lambda: 4e-5 of Vref from 32 
 _CORNERS, _LEAST_GAP = (3, 6), 0.12  # of the contact's width
 _ON = 1e-6  # mm: a vertex on the edge of its region
 
-# Which units there are, and what the fit is told of lambda.
-UNITS: dict[str, tuple[str, float]] = {
-    "lambda": ("lambda", 2.0),
-    "lambda, told 0": ("lambda", 0.0),
-    "uneven": ("uneven", 2.0),
-    "width": ("width", 2.0),
-    "all": ("all", 2.0),
-    "all, told 0": ("all", 0.0),
+# Which units there are, and what the fit is told of lambda and of the strips' width.
+UNITS: dict[str, tuple[str, float, bool]] = {
+    "lambda": ("lambda", 2.0, False),
+    "lambda, told 0": ("lambda", 0.0, False),
+    "uneven": ("uneven", 2.0, False),
+    "width": ("width", 2.0, False),
+    "width, told": ("width", 2.0, True),
+    "all": ("all", 2.0, False),
+    "all, told": ("all", 2.0, True),
+    "all, told 0": ("all", 0.0, False),
 }
 
 
@@ -147,7 +149,7 @@ def outcome(
     draws
         Of the noise per contact.
     """
-    readings_of, told = UNITS[unit]
+    readings_of, told, wide = UNITS[unit]
     sensor = replace(SENSOR, contact_lambda_mm=told)
     sigma = reading_sigma(noise, SENSOR)
     random = np.random.default_rng(0)
@@ -156,7 +158,7 @@ def outcome(
         bound = np.trace(vertex_covariance(Outline.of(contact.truth), SENSOR, sigma, names))
         for _ in range(draws):
             scan = _scan(contact.readings[readings_of], noise, random, names)
-            found = fit_polygon(scan, sensor, noise if known else None, bounded=bounded)
+            found = fit_polygon(scan, sensor, noise if known else None, bounded=bounded, wide=wide)
             first = found.objects[0]
             right.append(len(found.objects) == 1 and first.vertices.shape == contact.truth.shape)
             doubtful.append(found.status != "ok")

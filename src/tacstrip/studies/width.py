@@ -15,9 +15,10 @@ from tacstrip.arrays import FloatArray
 from tacstrip.contact.footprint import footprint
 from tacstrip.contact.shape import Contact
 from tacstrip.contact.signature import signatures
-from tacstrip.network.wide import slant_shift, wide_readings
+from tacstrip.network.wide import wide_readings
 from tacstrip.plot.style import COLOURS, OTHERS, add_axes, legend, new_figure
 from tacstrip.sensor.circuit import lower_and_width
+from tacstrip.sensor.slant import slant_shift
 from tacstrip.sensor.spec import Sensor
 from tacstrip.studies.budget import PROFILE_I, PROFILE_II
 
