@@ -200,9 +200,15 @@ def test_a_vertical_edge_has_one_x() -> None:
     assert found[0, 0] <= 0.5**2 / 12.0 * (1 + 1e-9)
 
 
-def test_vertices_that_no_strip_tells_are_infinite() -> None:
-    """Two strips touch it: four readings and two priors for eight numbers."""
+def test_vertices_that_no_strip_tells_are_known_to_a_pitch_across() -> None:
+    """Two strips touch it: four readings for eight numbers; the rest is where strips are."""
     found = vertex_covariance(Outline.of(KITE), a_sensor(strips=3, pitch_mm=30.0), 1e-3)
+    np.testing.assert_allclose(np.diag(found)[::2], 30.0**2 / 12.0, rtol=1e-6)
+    assert np.isfinite(found).all()
+
+
+def test_vertices_that_no_reading_tells_are_infinite() -> None:
+    found = vertex_covariance(Outline.of(KITE), a_sensor(strips=1, pitch_mm=80.0), 1e-3, ["kh"])
     assert np.isinf(np.diag(found)).any()
     assert np.isinf(vertex_rms(found))
 

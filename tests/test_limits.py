@@ -77,7 +77,7 @@ def test_the_picture_shows_what_can_be_told() -> None:
     figure = limits_figure(sensor, OUTLINE, limits(sensor, OUTLINE, NOISE), over)
     assert len(figure.axes[0].lines) == 1 + 12  # the contact, and three regions a corner
     assert len(figure.axes) == 3
-    blind = a_sensor(strips=3, pitch_mm=34.0)
+    blind = a_sensor(strips=1, pitch_mm=102.0)
     none = limit_map(blind, OUTLINE, NOISE, 2, 2)
     assert not np.isfinite(none.rms_mm).any()
     assert len(limits_figure(blind, OUTLINE, limits(blind, OUTLINE, NOISE), none).axes) == 2

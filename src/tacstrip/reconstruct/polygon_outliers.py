@@ -1,7 +1,7 @@
 """Readings that no contact makes: a stuck channel, a dead strip. They are found, named and left out.
 
-Before a fit: a reading that neither the strips on its left, nor those on its right, nor both together foretell.
-After it: one that lies alone far from the fitted polygon.
+Before a fit a reading is suspected that neither the strips on its left, nor those on its right, nor both together
+foretell. After it those are put back that lie near the polygon, and one is left out that lies alone far from it.
 """
 
 from __future__ import annotations
@@ -49,6 +49,11 @@ def misfits(residuals: FloatArray) -> BoolArray:
     beside[:, :-1] = np.maximum(beside[:, :-1], far[:, 1:])
     out = (far > _MISFIT) & (beside < 0.5 * far)
     return out if out.sum() <= max(_MOST * far.shape[1], 1.0) else np.zeros_like(out)
+
+
+def beyond(residuals: FloatArray, sigma: float) -> BoolArray:
+    """Whether each is further from the polygon than noise takes it."""
+    return np.asarray(np.abs(residuals) > _MISFIT * sigma)
 
 
 def _unforetold(v: FloatArray) -> FloatArray:

@@ -10,17 +10,18 @@ import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.reconstruct.outline import Outline
+from tacstrip.reconstruct.polygon_criterion import charge, misfit, penalty
 from tacstrip.reconstruct.polygon_fit import thickness, untangled
 from tacstrip.reconstruct.polygon_moves import MOST
-from tacstrip.reconstruct.polygon_outliers import misfits, spikes
+from tacstrip.reconstruct.polygon_outliers import beyond, misfits, spikes
 from tacstrip.reconstruct.polygon_oval import PARAMETERS, Oval, fit_oval
-from tacstrip.reconstruct.polygon_search import Fits, fit_counts, misfit, penalty
+from tacstrip.reconstruct.polygon_search import Fits, fit_counts
 from tacstrip.reconstruct.polygon_signal import FLOOR, Signal
 from tacstrip.reconstruct.sections import reading_noise
 from tacstrip.sensor.spec import Sensor
 
 _BEYOND = 0.5  # a reading that noise may drive so far beyond 0 or 1 is still one
-_ROUNDS = 3  # of leaving outliers out, and of estimating sigma anew
+_ROUNDS = 4  # of leaving outliers out, and of estimating sigma anew
 _SURER = 0.3  # so much less noise than first thought is worth another fit
 _SPARE = 1  # readings beyond the numbers fitted, without which nothing can be tested
 
@@ -149,6 +150,7 @@ def _fit(
     out = ~there
     for row, values in zip(out, raw, strict=True):
         row |= spikes(values, start)
+    suspected = out & there
     for _ in range(_ROUNDS):
         signal = Signal.of(sensor, x_mm, dict(zip(names, raw, strict=True)), start, out, beyond_mm)
         if signal.readings < 2 * len(raw) + _SPARE + (2 if len(raw) == 1 else 0):
@@ -157,9 +159,11 @@ def _fit(
         residuals = fits.chosen.residuals(signal)
         scale = 1.0 if known else _spread(residuals[signal.weight > 0.0])
         new = misfits(residuals / scale)
-        if not new.any():
+        # A corner is no spike: what the polygon foretells, though neighbours do not, is put back.
+        back = suspected & ~beyond(raw - fits.chosen.readings(signal), scale * start)
+        if not new.any() and not back.any():
             break
-        out |= new
+        out, suspected = (out | new) & ~back, suspected & ~back
     run = RunFit(signal, fits, start, out & there)
     if corners is None:
         run = _with_oval(run, known)
@@ -174,8 +178,7 @@ def _with_oval(run: RunFit, known: bool) -> RunFit:
     signal, fits = run.signal, run.fits
     if fits is None or not fits.chosen.count:
         return run
-    n = signal.readings
-    score = fits.scores[fits.best] - penalty(n)
+    score = fits.scores[fits.best] - charge(signal, 1, known)
     oval = fit_oval(fits.chosen, signal, score if known else np.inf)
     return replace(run, oval=oval, lead=score - misfit(oval.cost, signal, known))
 

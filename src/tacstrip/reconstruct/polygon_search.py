@@ -7,17 +7,17 @@ the best one are then fitted to all strips, and compared.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.reconstruct.kernels import ENDS
+from tacstrip.reconstruct.polygon_criterion import charge, criterion, misfit, penalty
 from tacstrip.reconstruct.polygon_descent import descend
 from tacstrip.reconstruct.polygon_fit import Fit, fit_of
 from tacstrip.reconstruct.polygon_moves import ENOUGH, FIRST, GROW, MOST, ROUGH, SHRINK, improve
-from tacstrip.reconstruct.polygon_signal import FLOOR, Signal
+from tacstrip.reconstruct.polygon_signal import Signal
 
 _FINE, _SETTLED = 40, 1e-4  # steps of a last descent, and the gain in chi square that ends it
 _PAST = 2  # counts tried past the best
@@ -63,14 +63,6 @@ class Fits:
         return self.fits[self.best]
 
 
-def penalty(readings: int) -> float:
-    """Return what a vertex must gain in chi square to be believed: BIC's 2 ln n for its two numbers, and 4.
-
-    The 4 is for its place: the best of many places gains more than one that is given.
-    """
-    return 2.0 * math.log(max(readings, 2)) + 4.0
-
-
 def fit_counts(
     signal: Signal, known: bool = True, most: int = MOST, every: bool = False, corners: int | None = None
 ) -> Fits:
@@ -114,18 +106,6 @@ def refine(fit: Fit, signal: Signal) -> Fit:
     if closed.any():  # a vertical edge without height is a point, whose x is free
         return refine(Fit(theta, chain, np.where(closed, 0, fit.blunt), cost), signal)
     return Fit(theta, chain, fit.blunt, cost)
-
-
-def criterion(fit: Fit, signal: Signal, known: bool = True) -> float:
-    """Return what counts are compared by: misfit, and a penalty per vertex, one more for a vertical edge."""
-    n = signal.readings
-    return misfit(fit.cost, signal, known) + penalty(n) * (fit.count + int(fit.blunt.sum()))
-
-
-def misfit(cost: float, signal: Signal, known: bool) -> float:
-    """Return chi square, or n log of it where sigma is not known, as if no reading were more exact than `FLOOR`."""
-    n = max(signal.readings, 1)
-    return cost if known else n * math.log(max(cost / n, (FLOOR / signal.sigma) ** 2))
 
 
 def _most(signal: Signal) -> int:
@@ -219,7 +199,10 @@ class _Search:
 
     def _scores(self) -> FloatArray:
         return np.array(
-            [misfit(self.costs[m], self.signal, self.known) + self.penalty * m for m in range(self.top + 1)]
+            [
+                misfit(self.costs[m], self.signal, self.known) + charge(self.signal, m, self.known)
+                for m in range(self.top + 1)
+            ]
         )
 
     def _try(self, move: int, m: int) -> None:

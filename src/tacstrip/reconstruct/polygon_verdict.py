@@ -80,17 +80,28 @@ def judge(
 
 def _polygon(run: RunFit, vertices: FloatArray, covariance: FloatArray) -> tuple[Status, str]:
     fits = run.fits
-    if fits is not None and (fits.equal >= _EQUAL or run.lead > _RIVAL):
-        rival = (
-            f"{fits.equal} vertex counts fit equally well" if fits.equal >= _EQUAL else "an oval fits as well"
+    if run.lead > _RIVAL:
+        return (
+            "doubtful",
+            "this contact looks round: an oval fits as well; take the outline, not the vertices",
         )
-        return "doubtful", f"this contact looks round: {rival}; take the outline, not the vertices"
+    if fits is not None and fits.equal >= _EQUAL:
+        return "doubtful", (
+            f"{fits.equal} vertex counts fit equally well: the contact is round, or say what is known, the noise or "
+            "the number of vertices; take the outline, not the vertices"
+        )
     x_sigma = np.sqrt(covariance.diagonal()[::2])
     at = int(np.argmax(x_sigma))
     if x_sigma[at] > _LOOSE * run.signal.width_mm:
-        return "doubtful", (
-            f"the vertex {_where(vertices[at])} is uncertain by {x_sigma[at]:.3g} mm in x; average more scans, or "
-            "use both signatures"
+        more = "average more scans" if len(run.signal.k) > 1 else "average more scans, or use both signatures"
+        if x_sigma[at] > run.signal.width_mm:
+            return "doubtful", (
+                f"the readings do not tell where along its edges the vertex {_where(vertices[at])} lies; is it one? "
+                f"Else {more}"
+            )
+        return (
+            "doubtful",
+            f"the vertex {_where(vertices[at])} is uncertain by {x_sigma[at]:.3g} mm in x; {more}",
         )
     if len(run.signal.k) == 1 and (pair := _opposite(vertices, covariance)) is not None:
         return "doubtful", (
