@@ -145,7 +145,7 @@ def _contacts(
                 break
             readings = as_thin(sensor, outline, x, measured)
             run = fit_run(sensor, x, readings, sigma, most, vertices, beyond_mm)
-        return FittedContact(strips, missing, fitted, readings, beyond_mm, run)
+        return FittedContact(strips, missing, fitted, readings, beyond_mm, vertices, run)
 
     found: list[FittedContact] = []
     for strips in scan.runs():

@@ -54,6 +54,8 @@ class FittedContact:
         That were fitted, signature to (fitted,): as measured, or without what the strips' width added.
     beyond_mm
         How much further out the ends lie than within half a pitch of the strips fitted.
+    told
+        Vertices that there are, where that is known.
     run
         The fit.
     """
@@ -63,6 +65,7 @@ class FittedContact:
     fitted: slice
     readings: dict[str, FloatArray]
     beyond_mm: float
+    told: int | None
     run: RunFit
 
 
@@ -103,6 +106,11 @@ def recovered(
     outline = Outline(lower, upper)
     covariance = with_ends(outline, sensor, information_root(fit, run.signal))
     status, advice = judge(run, noise.distribution if noise else None, outline.vertices, covariance)
+    if contact.told is not None and fit.corners < contact.told and status == "ok":
+        status, advice = (
+            "doubtful",
+            f"the readings hold {fit.corners} vertices, not the {contact.told} that were told",
+        )
     if faint:
         status, advice = "doubtful", _FAINT
     if noise is None or not bounded or faint:

@@ -1,7 +1,7 @@
 """Readings that no contact makes: a stuck channel, a dead strip. They are found, named and left out.
 
 Before a fit a reading is suspected that neither the strips on its left, nor those on its right, nor both together
-foretell. After it those are put back that lie near the polygon, and one is left out that lies alone far from it.
+foretell; whether it stays out is for the fit to say. After it one is left out that lies alone far from the polygon.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ _FAR = 6.0  # sigmas from what the neighbours foretell
 _FAR_AT_ENDS = 14.0  # from what the line through two strips on one side foretells, itself uncertain by 2.2
 _MISFIT = 5.0  # sigmas from the polygon
 _MOST = 0.1  # of the strips: more are not outliers but a wrong model
+_ALLOWED = 4  # suspects on few strips: a fault, and strips beside a corner, which the fit explains
 
 
 def spikes(k: FloatArray, sigma: float) -> BoolArray:
@@ -28,10 +29,10 @@ def spikes(k: FloatArray, sigma: float) -> BoolArray:
     """
     out = ~np.isfinite(k)
     left = np.flatnonzero(~out)
-    for _ in range(int(_MOST * len(k)) + 1):
+    for _ in range(max(int(_MOST * len(k)), _ALLOWED) + 1):
         if len(left) < 5:
             break
-        off = _unforetold(k[left])
+        off = _unforetold(left.astype(float), k[left])
         worst = int(off.argmax())
         if off[worst] <= sigma:
             return out
@@ -51,18 +52,16 @@ def misfits(residuals: FloatArray) -> BoolArray:
     return out if out.sum() <= max(_MOST * far.shape[1], 1.0) else np.zeros_like(out)
 
 
-def beyond(residuals: FloatArray, sigma: float) -> BoolArray:
-    """Whether each is further from the polygon than noise takes it."""
-    return np.asarray(np.abs(residuals) > _MISFIT * sigma)
-
-
-def _unforetold(v: FloatArray) -> FloatArray:
+def _unforetold(x: FloatArray, v: FloatArray) -> FloatArray:
     """Return how far each reading is from the nearest of what its neighbours foretell, over what is far (n,)."""
     off = np.full(len(v), np.inf)
-    off[1:-1] = np.abs(v[1:-1] - 0.5 * (v[:-2] + v[2:]))
-    right = np.abs(v[:-2] - 2.0 * v[1:-1] + v[2:])  # off from the line through the two strips on the right
-    off[:-2] = np.minimum(off[:-2], right)
-    off[2:] = np.minimum(off[2:], right)
+    apart = np.diff(x)  # of strips that are left, above 1 where some are not
+    bend = np.abs(np.diff(np.diff(v) / apart))
+    off[1:-1] = bend / (1.0 / apart[1:] + 1.0 / apart[:-1])
+    off[:-2] = np.minimum(
+        off[:-2], bend * apart[:-1]
+    )  # off from the line through the two strips on the right
+    off[2:] = np.minimum(off[2:], bend * apart[1:])
     off[1:-1] /= _FAR
     off[[0, -1]] /= _FAR_AT_ENDS
     return off

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -13,7 +13,7 @@ from tacstrip.reconstruct.outline import Outline
 from tacstrip.reconstruct.polygon_criterion import charge, misfit, penalty
 from tacstrip.reconstruct.polygon_fit import thickness, untangled
 from tacstrip.reconstruct.polygon_moves import MOST
-from tacstrip.reconstruct.polygon_outliers import beyond, misfits, spikes
+from tacstrip.reconstruct.polygon_outliers import misfits, spikes
 from tacstrip.reconstruct.polygon_oval import PARAMETERS, Oval, fit_oval
 from tacstrip.reconstruct.polygon_search import Fits, fit_counts
 from tacstrip.reconstruct.polygon_signal import FLOOR, Signal
@@ -21,8 +21,11 @@ from tacstrip.reconstruct.sections import reading_noise
 from tacstrip.sensor.spec import Sensor
 
 _BEYOND = 0.5  # a reading that noise may drive so far beyond 0 or 1 is still one
-_ROUNDS = 4  # of leaving outliers out, and of estimating sigma anew
+_ROUNDS = 3  # of leaving outliers out, and of estimating sigma anew
 _SURER = 0.3  # so much less noise than first thought is worth another fit
+_NORMAL = 1.4826  # sigma of normal errors over their median absolute deviation
+_NEAR = 6.0  # spreads from the polygon that was made without it: no outlier
+_BARELY = 0.5  # of the spread with all readings: few residuals can be small by chance
 _SPARE = 1  # readings beyond the numbers fitted, without which nothing can be tested
 
 
@@ -86,6 +89,25 @@ class RunFit:
         best = self.oval if self.oval is not None and self.round else self.fits.chosen
         return best.residuals(self.signal)
 
+    def spread(self, known: bool) -> float:
+        """Return the residuals' spread, over the sigma that the signal was given: 1 if that is known."""
+        if known or self.fits is None:
+            return 1.0
+        used = self.residuals[self.signal.weight > 0.0]
+        return max(_NORMAL * float(np.median(np.abs(used))), 1e-3) if len(used) else 1.0
+
+    def price(self, scale: float) -> float:
+        """Return what vertices and readings left out cost, with the misfit at a spread of residuals; inf: no fit.
+
+        A reading left out costs as much as a vertex: a notch one strip wide has at least three, a fault one or two
+        readings, and a corner cut off a whole side.
+        """
+        if self.fits is None:
+            return np.inf
+        chosen, each = self.fits.chosen, penalty(self.signal.readings)
+        paid = chosen.count + int(chosen.blunt.sum()) + int(self.left_out.sum())
+        return chosen.cost / scale**2 + each * paid
+
     @property
     def squares(self) -> float:
         """Squared residuals [Vref^2]."""
@@ -123,55 +145,68 @@ def fit_run(
     raw = np.stack([np.asarray(values, dtype=np.float64) for values in readings.values()])
     there = (raw >= -_BEYOND) & (raw <= 1.0 + _BEYOND)
     raw = np.where(there, raw, np.nan)
+    case = _Case(sensor, x_mm, tuple(readings), raw, there, sigma is not None, most, corners, beyond_mm)
     if sigma is not None:
-        return _fit(sensor, x_mm, readings, raw, there, max(sigma, FLOOR), True, most, corners, beyond_mm)
+        return case.fit(max(sigma, FLOOR))
     start = max(_roughly(sensor, raw), FLOOR)
     for _ in range(_ROUNDS):
-        run = _fit(sensor, x_mm, readings, raw, there, start, False, most, corners, beyond_mm)
+        run = case.fit(start)
         if run.sigma > _SURER * start:
             break
         start = run.sigma  # curvature passed for noise, and made what is known of the ends weigh too much
     return run
 
 
-def _fit(
-    sensor: Sensor,
-    x_mm: FloatArray,
-    names: Iterable[str],
-    raw: FloatArray,
-    there: BoolArray,
-    start: float,
-    known: bool,
-    most: int,
-    corners: int | None,
-    beyond_mm: float,
-) -> RunFit:
-    """Fit readings (S, n), leaving outliers out; `start` is sigma, or where it is not known a first idea of it."""
-    out = ~there
-    for row, values in zip(out, raw, strict=True):
-        row |= spikes(values, start)
-    suspected = out & there
-    for _ in range(_ROUNDS):
-        signal = Signal.of(sensor, x_mm, dict(zip(names, raw, strict=True)), start, out, beyond_mm)
-        if signal.readings < 2 * len(raw) + _SPARE + (2 if len(raw) == 1 else 0):
-            return RunFit(signal, None, start, out & there)
-        fits = fit_counts(signal, known, most, corners=corners)
-        residuals = fits.chosen.residuals(signal)
-        scale = 1.0 if known else _spread(residuals[signal.weight > 0.0])
-        new = misfits(residuals / scale)
-        # A corner is no spike: what the polygon foretells, though neighbours do not, is put back.
-        back = suspected & ~beyond(raw - fits.chosen.readings(signal), scale * start)
-        if not new.any() and not back.any():
-            break
-        out, suspected = (out | new) & ~back, suspected & ~back
-    run = RunFit(signal, fits, start, out & there)
-    if corners is None:
-        run = _with_oval(run, known)
-    if known:
+@dataclass(frozen=True, eq=False)
+class _Case:
+    """What is fitted, as for `fit_run`: readings (S, n), which are there, and whether their sigma is known."""
+
+    sensor: Sensor
+    x_mm: FloatArray
+    names: tuple[str, ...]
+    raw: FloatArray
+    there: BoolArray
+    known: bool
+    most: int
+    corners: int | None
+    beyond_mm: float
+
+    def fit(self, start: float) -> RunFit:
+        """Leave outliers out and fit; `start` is sigma, or where it is not known a first idea of it."""
+        suspected = np.stack([spikes(values, start) for values in self.raw]) & self.there
+        run = self._settled(start, suspected)
+        if suspected.any():
+            # Corners and steep ends are not foretold by neighbours either: are polygons of more readings cheaper?
+            others = [np.zeros_like(suspected)]
+            if run.fits is not None:
+                off = np.abs(self.raw - run.fits.chosen.readings(run.signal))
+                others.append(suspected & (off > _NEAR * start * run.spread(self.known)))
+            runs = [run, *(self._settled(start, out) for out in others if (out != suspected).any())]
+            scale = max(run.spread(self.known), runs[-1].spread(self.known) * _BARELY)
+            run = min(reversed(runs), key=lambda r: r.price(scale))
+        if self.corners is None:
+            run = _with_oval(run, self.known)
+        if self.known or run.fits is None:
+            return run
+        freedom = max(run.signal.readings - run.parameters, 1)
+        found = max(start * float(np.sqrt((run.residuals**2).sum() / freedom)), FLOOR)
+        return replace(run, signal=run.signal.scaled(found / start), sigma=found)
+
+    def _settled(self, start: float, out: BoolArray) -> RunFit:
+        """Fit without some readings (S, n), and then without those that lie alone far from the polygon."""
+        out, few = out | ~self.there, 2 * len(self.raw) + _SPARE + (2 if len(self.raw) == 1 else 0)
+        readings = dict(zip(self.names, self.raw, strict=True))
+        for _ in range(_ROUNDS):
+            signal = Signal.of(self.sensor, self.x_mm, readings, start, out, self.beyond_mm)
+            if signal.readings < few:
+                return RunFit(signal, None, start, out & self.there)
+            fits = fit_counts(signal, self.known, self.most, corners=self.corners)
+            run = RunFit(signal, fits, start, out & self.there)
+            new = misfits(run.residuals / run.spread(self.known))
+            if not new.any():
+                break
+            out = out | new
         return run
-    freedom = max(signal.readings - run.parameters, 1)
-    found = max(start * float(np.sqrt((run.residuals**2).sum() / freedom)), FLOOR)
-    return replace(run, signal=signal.scaled(found / start), sigma=found)
 
 
 def _with_oval(run: RunFit, known: bool) -> RunFit:
@@ -198,7 +233,3 @@ def _roughly(sensor: Sensor, raw: FloatArray) -> float:
     step = 0.0 if sensor.adc_bits is None else 1.0 / (2.0**sensor.adc_bits - 1.0)
     levels = [reading_noise(values[np.isfinite(values)]) for values in raw]
     return float(max(np.sqrt(np.mean(np.square(levels))), step / np.sqrt(12.0)))
-
-
-def _spread(residuals: FloatArray) -> float:
-    return max(1.4826 * float(np.median(np.abs(residuals))), 1e-3) if len(residuals) else 1.0
