@@ -34,8 +34,13 @@ setup: .venv/.setup ## make .venv with everything that uv.lock pins
 demo: setup ## reconstruct the bundled readings into demo/
 	@$(BIN)/tacstrip demo --out demo
 
-test: setup ## run the tests, the slow studies left out
+test: setup ## run the tests, the slow studies left out: two at a time, then those that take times alone
+ifeq ($(ARGS),)
+	@$(BIN)/pytest -m "not slow and not alone" -n 2 --dist loadfile
+	@$(BIN)/pytest -m "not slow and alone"
+else
 	@$(BIN)/pytest -m "not slow" $(ARGS)
+endif
 
 check: setup ## lint, format and types
 	@$(BIN)/ruff check

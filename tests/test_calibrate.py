@@ -215,11 +215,11 @@ POINTS = [(l, 0.0) for l in np.arange(10.0, 320.0, 30.0)]
     [
         ("offset+lambda", POINTS, "all contacts have w = 0, and such a contact reads the same with any contact"),
         ("offset+ratio", POINTS, "any ratio of resistivities; press contacts of different lengths w"),
-        ("offset+gain", [(100.0, 0.0), (101.0, 0.0), (102.0, 0.0)], "a gain per strip and signature is told"),
+        ("offset+gain", [(100.0, 0.0), (101.0, 0.0), (102.0, 0.0)], "tell a gain per strip and signature"),
         ("offset+fade", [(l, 0.0) for l in (140.0, 160.0, 180.0, 200.0)], "press contacts nearer to both ends"),
         ("offset+warp8", [(l, 0.0) for l in (20.0, 150.0, 300.0)], "resistivity that varies along y"),
         ("curve4", [(l, 0.0) for l in (150.0, 160.0, 170.0)], "a monotone curve per strip and signature"),
-        ("offset+ratio+lambda", [(100.0, 30.0)], "is told"),
+        ("offset+ratio+lambda", [(100.0, 30.0)], "the runs do not tell the ratio of resistivities"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_told_is_refused(model: str, places: Places, message: str) -> None:
@@ -249,6 +249,8 @@ def test_a_single_place_gives_offsets_and_says_so() -> None:
     ("model", "sensor", "message"),
     [
         ("offsets", CRS, "model part 'offsets' does not exist; choose one of: auto, mean, offset, gain"),
+        ("offset+gian", CRS, "model part 'gian' does not exist; choose one of: auto, mean, offset, gain, fade, "
+         "ratio, ratios, lambda, warp8, curve8"),
         ("offset+curve4", CRS, "these parts do not go together"),
         ("ratio+ratios", CRS, "these parts do not go together"),
         ("fade", CRS, "a fade needs an offset"),
@@ -256,7 +258,7 @@ def test_a_single_place_gives_offsets_and_says_so() -> None:
         ("offset8", CRS, "only a warp or a curve has pieces"),
         ("warp1+offset", CRS, "2 to 64 of them"),
     ],
-)
+)  # fmt: skip
 def test_models_that_cannot_be(model: str, sensor: ts.Sensor, message: str) -> None:
     with pytest.raises(ts.OptionError) as caught:
         ts.calibrate_unit(sensor, twin_runs(sensor, POINTS[:3], ts.Build(), 0.0, 1), model)

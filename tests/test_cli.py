@@ -32,6 +32,14 @@ def folder(tmp_path: Path) -> Path:
     (tmp_path / "small.toml").write_text(
         ts.Sensor(construction="crs-crs", strips=3, pitch_mm=10.0, length_mm=100.0, vref_volt=5.0).to_toml()
     )
+    ts.Sensor(
+        construction="crs-crp",
+        strips=5,
+        pitch_mm=10.0,
+        length_mm=100.0,
+        contact_lambda_mm=2.0,
+        resistivity_ratio=100.0,
+    ).save(tmp_path / "sheet.toml")
     return tmp_path
 
 
@@ -40,14 +48,12 @@ def test_from_spec_to_shape(folder: Path) -> None:
     assert ts.Sensor.load(folder / "mine.toml").strips == 60
     done = _good(_run(folder, "simulate", "mine.toml", "rectangle.wkt", "-o", "r.csv", "--at", 33, 150, "--turn", 30,
                       "--plot", "sim.png"))  # fmt: skip
-    assert "1 scan(s) of 60 strips" in done.stdout
-    done = _good(
-        _run(folder, "reconstruct", "mine.toml", "r.csv", "-o", "o.geojson", "--plot", "pictures/o.png")
-    )
+    assert "1 scan(s) of 60 strips, 56 of them touched" in done.stdout
+    done = _good(_run(folder, "reconstruct", "mine.toml", "r.csv", "-o", "o.geojson", "--plot", "o.png"))
     assert "scan 0, polygon: ok" in done.stderr
     (feature,) = json.loads((folder / "o.geojson").read_text())["features"]
     assert feature["properties"]["area_mm2"] == pytest.approx(50.0 * 35.0, rel=0.03)
-    for picture in ("sim.png", "pictures/o.png"):
+    for picture in ("sim.png", "o.png"):
         assert (folder / picture).read_bytes()[:4] == b"\x89PNG"
 
 
@@ -190,7 +196,7 @@ BAD = {
     "profile of one signature": (
         (*_REC, "--method", "profile"),
         _write("r.csv", "scan,time_s,strip,v_h\n" + "".join(f"0,0,{i},1\n" for i in range(3))),
-        "Profile Reconstruction needs kh and kl",
+        "--method profile needs both k_h and k_l, and here is kh alone; take --method polygon",
     ),
     "transitions": (
         (*_REC, "--method", "vertex", "--transitions", "1,b"),
@@ -200,7 +206,44 @@ BAD = {
     "folder to write to": (
         ("simulate", "small.toml", "c.wkt", "-o", "no/such/r.csv"),
         _write("c.wkt", "POINT (5 5)"),
-        "no/such/r.csv: No such file or directory",
+        "no/such/r.csv: No such file or directory (is there such a folder?)",
+    ),
+    "folder of a picture": (
+        (*_REC, "--plot", "no/such/r.png"),
+        _write("r.csv", HEAD + "".join(f"0,0,{i},1,1\n" for i in range(3))),
+        "no/such/r.png: No such file or directory (is there such a folder?)",
+    ),
+    "folder of a picture of the doctor's": (
+        ("doctor", "r.csv", "--sensor", "small.toml", "--plot", "no/r.png"),
+        _write("r.csv", HEAD + "".join(f"0,0,{i},1,1\n" for i in range(3))),
+        "no/r.png: No such file or directory (is there such a folder?)",
+    ),
+    "folder of a picture of limits": (
+        ("limits", "small.toml", "rectangle.wkt", "--plot", "no/r.png"),
+        _write("x", ""),
+        "no/r.png: No such file or directory (is there such a folder?)",
+    ),
+    "folder of a spec": (("init", "no/n.toml"), _write("x", ""), "(is there such a folder?)"),
+    "limits without noise": (
+        ("limits", "small.toml", "rectangle.wkt"),
+        _write("x", ""),
+        "such as --positional 0.005, --quantisation 0.001 or --bits 12",
+    ),
+    "polygon of a sheet": (
+        ("reconstruct", "sheet.toml", "r.csv", "--method", "polygon"),
+        _write("r.csv", HEAD + "".join(f"0,0,{i},2,1\n" for i in range(5))),
+        "--method polygon is not for a crs-crp sensor, whose strips shift each other's readings (3.3); "
+        "take --method profile",
+    ),
+    "signature of a sheet": (
+        ("reconstruct", "sheet.toml", "r.csv", "--signature", "kh"),
+        _write("r.csv", HEAD + "".join(f"0,0,{i},2,1\n" for i in range(5))),
+        "--signature is for --method polygon or vertex; leave it out",
+    ),
+    "misspelt column": (
+        _REC,
+        _write("r.csv", "scan,time_s,strip,vh,v_l\n"),
+        "r.csv: column 'vh' is not known, and 'v_h' is missing: write 'v_h'",
     ),
     "noise in percent": (
         (*_SIM, "--positional", "1.5"),
@@ -286,3 +329,78 @@ def test_help_shows_an_example_for_every_verb(tmp_path: Path) -> None:
     for verb in VERBS:
         assert verb in overview
         assert "Example: tacstrip " + verb in " ".join(_good(_run(tmp_path, verb, "--help")).stdout.split())
+
+
+def test_a_sheet_is_recovered_by_the_method_for_it(folder: Path) -> None:
+    _good(_run(folder, "simulate", "sheet.toml", "rectangle.wkt", "-o", "r.csv", "--at", 25, 50))
+    done = _good(_run(folder, "reconstruct", "sheet.toml", "r.csv", "-o", "o.geojson"))
+    assert "scan 0, profile: " in done.stderr
+
+
+_VOLTS = [(2.0, 1.0), (2.1, 1.0), (2.2, 1.1), (2.1, 1.2), (2.0, 1.2)]
+
+
+def _readings(folder: Path, columns: str, volts: list[tuple[float, float]] = _VOLTS) -> None:
+    """Write r.csv, and five.toml of the sensor that it is of."""
+    ts.Sensor(construction="crs-crs", strips=5, pitch_mm=10.0, length_mm=100.0).save(folder / "five.toml")
+    picked = [["v_h", "v_l"].index(c) for c in columns.split(",")]
+    lines = [f"0,0,{i},{','.join(str(v[p]) for p in picked)}\n" for i, v in enumerate(volts)]
+    (folder / "r.csv").write_text(f"scan,time_s,strip,{columns}\n" + "".join(lines))
+
+
+def test_half_of_the_readings_is_told(folder: Path) -> None:
+    _readings(folder, "v_l")
+    for words in (("reconstruct", "five.toml", "r.csv"), ("doctor", "r.csv", "--sensor", "five.toml")):
+        assert "Warning: using v_l only: r.csv has no v_h (or code_h)" in _run(folder, *words).stderr
+    _readings(folder, "v_h,v_l")
+    assert "Warning" not in _run(folder, "reconstruct", "five.toml", "r.csv").stderr
+
+
+def test_exchanged_columns_are_told(folder: Path) -> None:
+    _readings(folder, "v_h,v_l", [(low, high) for high, low in _VOLTS])
+    assert (
+        "Warning: k_h is below k_l on 5 of 5 strips: are the columns exchanged? "
+        "(`tacstrip doctor r.csv --sensor five.toml` says more)"
+    ) in _run(folder, "reconstruct", "five.toml", "r.csv").stderr
+
+
+def test_readings_over_vref_are_told(folder: Path) -> None:
+    _readings(folder, "v_h,v_l", [(high / 5.0, low / 5.0) for high, low in _VOLTS])
+    for words in (("reconstruct", "five.toml", "r.csv"), ("doctor", "r.csv", "--sensor", "five.toml")):
+        told = _run(folder, *words).stderr
+        assert "Warning: r.csv: no reading is above 1 V, and vref_volt is 5: are they over Vref?" in told
+
+
+def test_metres_are_told(folder: Path) -> None:
+    done = _good(_run(folder, "init", "metres.toml", "--pitch", 0.004, "--length", 0.12))
+    assert "Warning: pitch_mm = 0.004, length_mm = 0.12: mm, not m?" in done.stderr
+    (folder / "m.wkt").write_text("POLYGON ((0.02 0.03, 0.07 0.025, 0.06 0.08, 0.02 0.03))")
+    done = _good(_run(folder, "simulate", "small.toml", "m.wkt", "-o", "r.csv"))
+    assert (
+        "no strip is touched: the contact falls between centre lines; the contact is 0.055 mm" in done.stderr
+    )
+    done = _good(_run(folder, "simulate", "metres.toml", "m.wkt", "-o", "r.csv"))
+    assert "Warning: metres.toml: pitch_mm = 0.004" in done.stderr
+    (folder / "gap.wkt").write_text("POLYGON ((6 30, 14 30, 14 40, 6 30))")
+    done = _good(_run(folder, "simulate", "small.toml", "gap.wkt", "-o", "r.csv"))
+    assert "metres" not in done.stderr
+
+
+@pytest.mark.parametrize("words", [("spice",), ("simulate", "--model", "network")])
+def test_a_contact_between_centre_lines_is_told(folder: Path, words: tuple[str, ...]) -> None:
+    (folder / "gap.wkt").write_text("POLYGON ((6 30, 14 30, 14 40, 6 30))")
+    done = _good(_run(folder, words[0], "small.toml", "gap.wkt", "-o", "out", *words[1:]))
+    assert "Warning: no strip is touched" in done.stderr
+
+
+def test_a_spec_on_the_output(folder: Path) -> None:
+    done = _good(_run(folder, "init", "-", "--strips", 7))
+    assert not (folder / "-").exists()
+    (folder / "printed.toml").write_text(done.stdout)
+    assert ts.Sensor.load(folder / "printed.toml").strips == 7
+
+
+def test_the_table_of_limits_has_heads(folder: Path) -> None:
+    words = ("limits", "prototype-crs-crs", "rectangle.wkt", "--at", 32, 160, "--turn", 20, "--grid", 2)
+    done = _good(_run(folder, *words, "--positional", 0.01))
+    assert done.stdout.splitlines()[2].split() == ["x", "y"] * 4

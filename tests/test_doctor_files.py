@@ -60,11 +60,11 @@ def test_exit_codes_words_picture_and_json(folder: Path, contacts: list[ts.Conta
     assert (good.returncode, good.stderr) == (0, "")
     assert "No fault found, as far as this recording tells" in good.stdout
     assert "within profile I" in good.stdout
-    bad = _run(folder, "doctor", "bad.csv", "--sensor", "sensor.toml", "--plot", "pictures/health.png")
+    bad = _run(folder, "doctor", "bad.csv", "--sensor", "sensor.toml", "--plot", "health.png")
     assert bad.returncode == 1
     assert "BROKEN: strip 5, v_l: stuck channel. Stays within" in bad.stdout
     assert "Check the multiplexer's address lines" in bad.stdout
-    assert (folder / "pictures/health.png").read_bytes()[:4] == b"\x89PNG"
+    assert (folder / "health.png").read_bytes()[:4] == b"\x89PNG"
     told = _run(folder, "doctor", "bad.csv", "--sensor", "sensor.toml", "--json")
     report = json.loads(told.stdout)
     assert told.returncode == 1

@@ -37,14 +37,43 @@ def test_read_contact_by_ending(tmp_path: Path) -> None:
             b'{"type": "Polygon", "coordinates": [[[0, 0], [1',
             "a.geojson: not JSON: .* Is the file complete",
         ),
-        ("a.geojson", b'{"type": "Circle"}', "a.geojson: not GeoJSON"),
+        ("a.geojson", b'{"type": "Circle"}', """its "type" is 'Circle'; the types are: Point, """),
+        ("a.geojson", b"[1]", "this is a list"),
+        ("a.geojson", b"{}", 'it has no "type"'),
+        ("a.geojson", b'{"type": "Polygon"}', 'a Polygon needs "coordinates"'),
+        (
+            "a.geojson",
+            b'{"type": "Polygon", "coordinates": [[0, 0]]}',
+            r"numbers nested as in \[\[\[20, 30\]",
+        ),
+        ("a.geojson", b'{"type": "Polygon", "coordinates": [[["0", 0]]]}', "are numbers nested as in"),
+        (
+            "a.geojson",
+            b'{"type": "Polygon", "coordinates": [[[0, 0], [9, 0], [9, 9]]]}',
+            "must end with its first point again",
+        ),
+        ("a.geojson", b'{"type": "Feature", "geometry": null}', "this is null"),
+        (
+            "a.geojson",
+            b'{"type": "FeatureCollection", "features": [{"type": "Point"}]}',
+            "must hold Features",
+        ),
+        ("a.geojson", b'{"type": "Point", "coordinates": ' + 5000 * b"9" + b"}", "not GeoJSON"),
+        ("a.wkt", b"POLYGON ((0 0, 9 0, 9 9))", "must end with its first point again. A right one: POLYGON"),
+        ("a.wkt", b"LINESTRING (1 1)", "a line needs two points or more"),
+        ("a.wkt", b"CIRCLE (0 0)", "begins with 'CIRCLE', and must with one of POINT, LINESTRING"),
+        ("a.wkt", b"POLYGON ((0 0, 9 0", "2 brackets open and 0 close, so it is not complete"),
+        ("a.wkt", b"POLYGON ((0,0, 9,0, 9,9, 0,0))", "two numbers with a space between"),
+        ("a.wkt", b"POLYGON (0 0, 9 0, 9 9, 0 0)", "two pairs of brackets"),
+        ("a.wkt", b"POLYGON ((0 0, nan 0, 9 9, 0 0))", "a coordinate that is not a finite number"),
         ("a.wkt", b"POLYGON((0 0, 2 2, 2 0, 0 2, 0 0))", "crosses itself at"),
     ],
 )
 def test_faults_are_named(tmp_path: Path, name: str, data: bytes, message: str) -> None:
     (tmp_path / name).write_bytes(data)
-    with pytest.raises(ts.ContactError, match=message):
+    with pytest.raises(ts.ContactError, match=message) as caught:
         ts.read_contact(tmp_path / name)
+    assert "xception" not in str(caught.value)  # a library's own words
 
 
 def test_missing_contact(tmp_path: Path) -> None:

@@ -32,6 +32,8 @@ from tacstrip.stream.recording import Recorder
 from tacstrip.stream.sinks import json_sink, tuio_sink
 from tacstrip.stream.tracking import SEARCH_EVERY_S, SEARCHED_AGAIN
 
+pytestmark = pytest.mark.alone
+
 FINE = ts.Sensor(construction="crs-crs", strips=100, pitch_mm=1.0, length_mm=100.0, adc_bits=12)
 NOISE = ts.Noise(positional=0.002)
 TETRAGON = ts.Contact.polygon([(25, 35), (60, 22), (78, 56), (45, 76)])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -17,6 +18,8 @@ import tacstrip as ts
 from live_devices import SENSOR, device, with_strips
 from tacstrip.cli.live import command
 from tacstrip.stream.pty_device import PtyDevice
+
+pytestmark = pytest.mark.alone
 
 WAIT_S = 60.0
 
@@ -89,12 +92,44 @@ def test_another_sensor_and_a_missing_port_end_with_one_line(tmp_path: Path) -> 
         (["--simulate", "--seconds", "0"], "--seconds 0.0: must be above 0"),
         (["a", "b", "c"], "c: one INPUT only"),
         (["--simulate", "--osc", "nowhere", "--no-view"], "must be HOST:PORT"),
+        (["--simulate", "--http", "80000"], "--http 80000: must be 0 to 65535; 0 takes any that is free"),
+        (["--simulate", "--http", "-5"], "--http -5: must be 0 to 65535"),
+        (
+            ["--simulate", "--http", "0", "--host", "no.such.invalid"],
+            "'no.such.invalid' is no address of this computer; choose another --host, or leave it out",
+        ),
+        (["--simulate", "--http", "0", "--host", "a..b"], "'a..b' is no address of this computer"),
+        (
+            ["--simulate", "--sensor", "prototype-crs-m", "--method", "profile", "--http", "0"],
+            "--method profile needs both k_h and k_l, and here is k alone; take --method polygon",
+        ),
     ],
 )
 def test_bad_options_are_named(words: list[str], message: str) -> None:
     done = CliRunner().invoke(command, words)
     assert isinstance(done.exception, ts.OptionError)
     assert message in str(done.exception)
+
+
+def test_a_port_that_is_taken_begins_no_recording(tmp_path: Path) -> None:
+    file = tmp_path / "a.mcap"
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = str(taken.getsockname()[1])
+        done = CliRunner().invoke(command, ["--simulate", "--http", port, "-o", str(file)])
+    assert isinstance(done.exception, ts.OptionError)
+    assert f"127.0.0.1:{port}: the port is in use, perhaps by another `tacstrip live`" in str(done.exception)
+    assert not file.exists()
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+def test_the_wait_for_the_compiler_is_told_where_there_is_one(
+    compiled: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tacstrip.cli.live.must_compile", lambda method: not compiled)
+    words = ["--simulate", "--sensor", "prototype-crs-m", "--seconds", "0.2", "--no-view"]
+    done = CliRunner().invoke(command, words)
+    assert done.exit_code == 0
+    assert ("this first time on a computer" in done.stderr) is not compiled
 
 
 def test_the_virtual_device_for_other_programs() -> None:

@@ -24,6 +24,8 @@ from tacstrip.stream.wire_frames import Kind
 from tacstrip.stream.wire_messages import Hello, Reply, SelfTest
 from tacstrip.stream.wire_scans import ScanBatch
 
+pytestmark = pytest.mark.alone
+
 
 class Clock:
     now_s = 100.0

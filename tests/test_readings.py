@@ -134,6 +134,27 @@ FAULTS: dict[str, tuple[str | bytes, str]] = {
         "not a text file in UTF-8; readings are CSV with a header line",
     ),
     "zero bytes": (b"scan,time_s\x00,strip\n", "line 1: not text"),
+    "UTF-16": (HEAD.encode("utf-16"), "the text is in UTF-16; save it as UTF-8"),
+    "underscore left out": (
+        "scan,time_s,strip,vh,v_l\n",
+        "column 'vh' is not known, and 'v_h' is missing: write 'v_h'",
+    ),
+    "another case": ("scan,time_s,strip,v_h,V_L\n", "column 'V_L' is not known, and 'v_l' is missing"),
+    "with a unit": ("scan,time_s,strip,v_h,v_l (V)\n", "and 'v_l' is missing"),
+    "a letter off": ("scan,time_s,strip,v_j,v_l\n", "column 'v_j' is not known, and 'v_h' is missing"),
+    "letters exchanged": ("scan,time_s,strip,code_h,cdoe_l\n", "and 'code_l' is missing"),
+    "strip in capitals": (
+        "scan,time_s,Strip,v_h,v_l\n",
+        "column 'Strip' is not known, and 'strip' is missing",
+    ),
+    "no header": (
+        "0,0,0,1,1\n0,0,1,1,1\n",
+        "the header line is missing: .* such as scan,time_s,strip,v_h,v_l",
+    ),
+    "cut between lines": (
+        HEAD + "0,0,0,1,1\n0,0,1,1,1",
+        "no line for strip 2; .* the last line has no line end: is the file cut off",
+    ),
 }
 
 
@@ -143,6 +164,36 @@ def test_faults_are_named(tmp_path: Path, name: str) -> None:
     with pytest.raises(ts.ReadingError, match=message) as caught:
         _read(tmp_path, text)
     assert "readings.csv" in str(caught.value)
+
+
+def test_columns_that_nothing_is_missing_for_are_passed_over(tmp_path: Path) -> None:
+    head = "scan,time_s,strip,v_h,v_l,V_H,v_x,code_k,strips,\n"
+    (scan,) = _read(tmp_path, head + "".join(f"0,0,{i},1,1,a,b,c,d,\n" for i in range(3)))
+    assert scan.signatures == ("kh", "kl")
+    (single,) = _read(tmp_path, "scan,time_s,strip,v_l,note\n" + "".join(f"0,0,{i},1,a\n" for i in range(3)))
+    assert single.signatures == ("kl",)
+
+
+def test_a_file_is_not_called_cut_for_what_is_wrong_before_its_end(tmp_path: Path) -> None:
+    whole = "".join(f"1,0,{i},1,1\n" for i in range(3))
+    for text in (HEAD + "0,0,0,1,1\n" + whole, HEAD + "0,0,0,1,1\n" + whole.rstrip()):
+        with pytest.raises(ts.ReadingError, match="no line for strip 1") as caught:
+            _read(tmp_path, text)
+        assert "cut off" not in str(caught.value)
+
+
+def test_electrodes_with_a_misspelt_name(tmp_path: Path) -> None:
+    sheet = ts.Sensor(
+        construction="crs-crp", strips=3, pitch_mm=1.0, length_mm=10.0, contact_lambda_mm=0.1, strip_base=1
+    )
+    head = "scan,time_s,strip,v_l_1,v_l_2,v_l_3,v_h_1,vh_2,v_h_3\n"
+    with pytest.raises(ts.ReadingError, match="column 'vh_2' is not known, and 'v_h_2' is missing"):
+        _read(tmp_path, head, sheet)
+    # Counted from 0 where the spec counts from 1: no name is misspelt.
+    with pytest.raises(ts.ReadingError, match="column 'v_l_3' is missing: give all 6 electrodes"):
+        _read(tmp_path, "scan,time_s,strip,v_l_0,v_l_1,v_l_2,v_h_0,v_h_1,v_h_2\n", sheet)
+    with pytest.raises(ts.ReadingError, match="column 'V_L_1' is not known, and 'v_l_1' is missing"):
+        _read(tmp_path, head.upper().replace("SCAN,TIME_S,STRIP", "scan,time_s,strip"), sheet)
 
 
 def test_codes_need_bits(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import resource
 import subprocess
 import sys
@@ -11,10 +12,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
 
 import tacstrip as ts
 from recordings import make, sensor
 from tacstrip.cli import main
+from tacstrip.cli.record import _duration
 from tacstrip.stream.codes import decode
 
 RECTANGLE = "POLYGON ((-15 -10, 15 -10, 15 10, -15 10, -15 -10))"
@@ -95,9 +98,31 @@ def test_recover_a_cut_file(run: Run) -> None:
     count = len(list(ts.Recording("cut-recovered.mcap")))
     assert 0 < count < 100
     assert f"/tacstrip/scan: {count}, /tacstrip/polygon: {count}" in out
-    assert "lie after the last whole chunk and are lost" in out
-    assert "nothing was lost: a.mcap is whole" in _good(run("recover", "a.mcap", "-o", "b.mcap"))
+    assert "Lost: an unknown number of messages" in out
+    assert f"bytes of {len(data) // 2} lie after the last whole chunk" in out
+    assert "Nothing was lost: a.mcap is whole" in _good(run("recover", "a.mcap", "-o", "b.mcap"))
     assert len(list(ts.Recording("b.mcap"))) == 100
+
+
+def test_recover_past_damage(run: Run) -> None:
+    """The head of a chunk in the middle is gone: all others come back, and it is told in one place what does not."""
+    _good(run(*RECORD))
+    data = bytearray(Path("a.mcap").read_bytes())
+    with Path("a.mcap").open("rb") as stream:
+        index = make_reader(stream).get_summary()
+    assert index is not None
+    at = index.chunk_indexes[2].chunk_start_offset
+    data[at - 25 : at + 25] = bytes(b ^ 0xFF for b in data[at - 25 : at + 25])
+    Path("bad.mcap").write_bytes(data)
+    code, _, error = run("replay", "bad.mcap", "--summary")
+    assert code == 2
+    assert "are damaged; `tacstrip recover` keeps what is whole" in error
+    assert "cut" not in error
+    out = _good(run("recover", "bad.mcap"))
+    count = len(list(ts.Recording("bad-recovered.mcap")))
+    assert 50 < count < 100
+    assert f"Lost: {100 - count} of 100 messages\n  " in out
+    assert re.search(r"\n  \d+ bytes from byte \d+ on are damaged\n$", out)
 
 
 def test_from_recording_to_csv_and_back(run: Run) -> None:
@@ -179,6 +204,43 @@ def test_what_is_stored_otherwise_than_it_came_is_told(run: Run) -> None:
     assert "v.csv has readings between the codes of 8 bits; they are rounded" in error
 
 
+def test_half_of_the_readings_and_metres_are_told(run: Run) -> None:
+    Path("v.csv").write_text("scan,time_s,strip,code_l\n" + "".join(f"0,0,{i},9\n" for i in range(30)))
+    code, _, error = run("record", "s.toml", "v.csv", "-o", "v.mcap")
+    assert (code, error) == (0, "Warning: using v_l only: v.csv has no v_h (or code_h)\n")
+    Path("m.wkt").write_text("POLYGON ((0.02 0.03, 0.07 0.025, 0.06 0.08, 0.02 0.03))")
+    code, _, error = run("record", "s.toml", "m.wkt", "-o", "m.mcap")
+    assert code == 0
+    assert "Warning: the contact is 0.055 mm large, on a sensor of 30 x 100 mm: is it in metres?" in error
+
+
+def test_much_work_is_told_before_it_begins(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert not run(*RECORD, "--force")[2]
+    monkeypatch.setattr("tacstrip.cli.record._LONG_S", 0.0)
+    code, out, error = run(*RECORD, "--force")
+    assert code == 0
+    assert "a.mcap: 100 scan(s)" in out
+    assert re.fullmatch(r"100 scans: some [\d.e-]+ min of work and 0 MB\. Ctrl-C ends it, .*\n", error)
+    assert [raw.sequence for raw in ts.Recording("a.mcap")] == list(range(100))
+
+
+@pytest.mark.parametrize(("seconds", "words"), [(90.0, "1.5 min"), (14400.0, "4 h"), (864000.0, "10 days")])
+def test_durations(seconds: float, words: str) -> None:
+    assert _duration(seconds) == words
+
+
+@pytest.mark.parametrize("words", [("replay", "a.mcap", "--fast"), ("replay", "a.mcap", "--summary")])
+def test_a_reader_that_stops_is_no_error(run: Run, words: tuple[str, ...]) -> None:
+    _good(run(*RECORD))
+    line = [sys.executable, "-c", "from tacstrip.cli import main; main()", *words]
+    with subprocess.Popen(line, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.close()
+        assert not process.stderr.read()
+    assert process.returncode == 0
+
+
 def test_full_disk(tmp_path: Path) -> None:
     """The operating system's own limit on a file's size stands for the end of the disk."""
     sensor().save(tmp_path / "s.toml")
@@ -240,6 +302,30 @@ BAD: dict[str, tuple[tuple[str, ...], str]] = {
         ("convert", "a.mcap", "-o", "a.doc"),
         "ending '.doc' does not exist; choose one of: .mcap, .csv",
     ),
+    "recover into no folder": (
+        ("recover", "a.mcap", "-o", "no/c.mcap"),
+        "no/c.mcap: No such file or directory (is there such a folder?)",
+    ),
+    "profile of a metal": (
+        (
+            "record",
+            "prototype-crs-m",
+            "o.wkt",
+            "-o",
+            "c.mcap",
+            "--at",
+            "20",
+            "90",
+            "--reconstruct",
+            "profile",
+        ),
+        "--reconstruct profile needs both k_h and k_l, and here is k alone; take --reconstruct polygon",
+    ),
+    "polygon of a sheet": (
+        ("record", "sheet.toml", "o.wkt", "-o", "c.mcap", "--at", "4", "50", "--reconstruct", "polygon"),
+        "--reconstruct polygon is not for a crs-crp sensor, whose strips shift each other's readings (3.3); take "
+        "--reconstruct profile",
+    ),
     "no shapes": (
         ("convert", "a.mcap", "-o", "a.geojson"),
         "a.mcap: it holds no polygons; `tacstrip record a.mcap",
@@ -256,6 +342,7 @@ BAD: dict[str, tuple[tuple[str, ...], str]] = {
 @pytest.mark.parametrize("name", BAD)
 def test_bad_input_gets_a_clear_error(run: Run, name: str) -> None:
     make(Path("a.mcap"), sensor(), 3, None)
+    sensor("crs-crp", 8).save("sheet.toml")
     Path("b.mcap").write_text("precious")
     Path("r.csv").write_text(
         "scan,time_s,strip,code_h,code_l\n" + "".join(f"0,0,{i},9,8\n" for i in range(30))

@@ -18,10 +18,11 @@ from mcap.records import Attachment, Channel, Message, Metadata, Schema
 import tacstrip as ts
 from recordings import make, sensor
 from tacstrip.stream.codes import decode
-from tacstrip.stream.framing import MAGIC, Records
+from tacstrip.stream.framing import Records
 from tacstrip.stream.mcapfile import McapFile
 from tacstrip.stream.recover import recover
 from tacstrip.stream.replay import Recording
+from tacstrip.stream.resync import MAGIC
 from tacstrip.stream.summary import summary
 
 HUGE = [0, 1, 0x7F, 2**15, 2**31 - 1, 2**31, 2**32 - 1, 2**40, 2**62, 2**63 - 1, 2**64 - 1]

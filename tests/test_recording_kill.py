@@ -15,6 +15,8 @@ import tacstrip as ts
 from tacstrip.stream.recover import recover
 from tacstrip.stream.replay import Recording
 
+pytestmark = pytest.mark.alone
+
 ROOT = Path(__file__).parents[1]
 KILLS = 20
 RATE_HZ = 1000

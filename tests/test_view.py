@@ -22,6 +22,8 @@ from tacstrip.view.playground import Playground, Settings, sensor_of
 from tacstrip.view.server import PAGE, Server
 from tacstrip.view.stage import Stage
 
+pytestmark = pytest.mark.alone
+
 
 @pytest.fixture
 def playground() -> Playground:
@@ -136,7 +138,10 @@ def test_on_the_network_a_token_is_needed_and_the_looking_one_changes_nothing(
 
 
 def test_an_address_that_is_taken_is_named(server: Server, stage: Stage) -> None:
-    with pytest.raises(ts.PortError, match=rf"cannot be served on 127.0.0.1:{server.port} .* choose another"):
+    with pytest.raises(
+        ts.OptionError,
+        match=rf"cannot be served on 127.0.0.1:{server.port}: the port is in use, .* choose another",
+    ):
         Server(stage, Access("127.0.0.1"), server.port)
 
 

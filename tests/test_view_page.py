@@ -25,9 +25,12 @@ playwright = pytest.importorskip(
     "playwright.sync_api", reason="the page's tests need playwright, of the group dev", exc_type=ImportError
 )
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
-pytestmark = pytest.mark.skipif(
-    CHROMIUM is None, reason="the page's tests need the distribution's Chromium: apt-get install chromium"
-)
+pytestmark = [
+    pytest.mark.alone,
+    pytest.mark.skipif(
+        CHROMIUM is None, reason="the page's tests need the distribution's Chromium: apt-get install chromium"
+    ),
+]
 
 SENSOR = ts.Sensor(construction="crs-crs", strips=50, pitch_mm=2.0, length_mm=100.0, adc_bits=12)
 RATE_HZ = 1000.0

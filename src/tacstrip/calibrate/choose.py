@@ -134,7 +134,8 @@ def parts_of(text: str, sensor: Sensor, signatures: tuple[str, ...]) -> Model:
     for word in text.split("+"):
         part = word.strip().rstrip("0123456789")
         if part not in PARTS:
-            raise OptionError(one_of("model part", part, ["auto", "mean", *PARTS]))
+            names = [p + str(PIECES[1]) if p in _SIZED else p for p in PARTS]
+            raise OptionError(one_of("model part", word.strip(), ["auto", "mean", *names]))
         if number := word.strip()[len(part) :]:
             pieces = int(number[:4])
         parts.add(part)

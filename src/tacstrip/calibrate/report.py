@@ -10,7 +10,7 @@ import numpy as np
 from tacstrip.arrays import FloatArray
 from tacstrip.calibrate.unit import Calibrated
 from tacstrip.data import data_path
-from tacstrip.plot.calibration import draw_all
+from tacstrip.plot.calibration import draw_all, graphed
 from tacstrip.studies.report import Picture
 
 
@@ -48,7 +48,7 @@ def write_report(result: Calibrated, folder: Path) -> Path:
     page = environment.from_string(template).render(
         sensor=result.sensor, calibration=result.sensor.calibration, count=result.runs.count, bad=result.bad,
         model=result.model, verdict=verdict(result), stages=stages(result), strips=_strips(result),
-        trials=result.trials, pictures=pictures, parameters=result.parameters,
+        trials=result.trials, pictures=pictures, parameters=result.parameters, graphs=len(graphed(result)),
     )  # fmt: skip
     file.write_text(page, encoding="utf-8")
     return file

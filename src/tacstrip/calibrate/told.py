@@ -49,13 +49,11 @@ def untold(found: Fit, sensor: Sensor, runs: Runs) -> str:
     for name, sigma in sorted(spread.items(), key=lambda item: item[0].startswith("offset")):
         part = name.split()[0]
         if not sigma <= _VAGUE[part]:
-            told = f"only to +-{2.0 * sigma:.2g}" if np.isfinite(sigma) else "not at all"
-            unit = (
-                {"lambda": " L", "ratio": " of it", "ratios": " of it"}.get(part, " Vref")
-                if np.isfinite(sigma)
-                else ""
-            )
-            return f"{PARTS[part]} is told {told}{unit}; {_CURE[part]}"
+            # Wider than the value itself, or than the whole scale, a number would say nothing.
+            if not 2.0 * sigma < 1.0:
+                return f"the runs do not tell {PARTS[part]}; {_CURE[part]}"
+            unit = {"lambda": "L", "ratio": "of it", "ratios": "of it"}.get(part, "Vref")
+            return f"the runs tell {PARTS[part]} only to +-{2.0 * sigma:.2g} {unit}; {_CURE[part]}"
     try:
         apply(found.constants, sensor)
     except SpecError as error:

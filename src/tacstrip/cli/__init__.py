@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import errno
 import importlib
+import os
 import sys
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from tacstrip.errors import OptionError, TacstripError
+
+if TYPE_CHECKING:
+    from tacstrip.sensor.spec import Sensor
 
 # Verb: what it is for, as `tacstrip --help` says it. Each verb is `command` in the module of its name.
 VERBS = {
@@ -40,6 +47,15 @@ class _Verbs(click.Group):
         assert isinstance(command, click.Command)
         return command
 
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run the verb; whoever reads its output may stop, as `| head` does, and that is no error."""
+        try:
+            return super().invoke(ctx)
+        except BrokenPipeError:
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nowhere, sys.stdout.fileno())  # what is still to be flushed at the end
+            ctx.exit(0)
+
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         with formatter.section("Commands"):
             formatter.write_dl(list(VERBS.items()))
@@ -55,8 +71,18 @@ def cli() -> None:
 
 
 def protect(output: Path | None, *inputs: str | Path | None) -> None:
-    """Refuse to write over a file that is read: `OptionError` names it."""
-    if output is not None and output.exists():
+    """Refuse, before any work is done, to write over a file that is read, or into a folder that is not there.
+
+    Raises
+    ------
+    OptionError, FileNotFoundError
+        They name the output.
+    """
+    if output is None:
+        return
+    if not output.parent.exists():
+        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(output))
+    if output.exists():
         for file in inputs:
             if file is not None and Path(file).exists() and output.samefile(file):
                 raise OptionError(f"{output} is read here and would be written over; choose another name")
@@ -67,6 +93,51 @@ def new_file(output: Path, force: bool, *inputs: str | Path) -> None:
     protect(output, *inputs)
     if output.exists() and not force:
         raise OptionError(f"{output} exists already; choose another name, or add --force to write over it")
+
+
+def warn(*texts: str) -> None:
+    """Say on standard error what is probably not meant; empty texts say nothing."""
+    for text in texts:
+        if text:
+            click.echo(f"Warning: {text}", err=True)
+
+
+def load_sensor(spec: str | Path) -> Sensor:
+    """Load a spec file or a shipped spec, and warn where it looks like metres; errors as of `Sensor.load`."""
+    from tacstrip.io.suspicions import in_metres  # late, as all that loads NumPy
+    from tacstrip.sensor.spec import Sensor
+
+    sensor = Sensor.load(spec)
+    told = in_metres(sensor)
+    warn(f"{spec}: {told}" if told else "")
+    return sensor
+
+
+def check_method(option: str, method: str | None, sensor: Sensor, signatures: Sequence[str]) -> None:
+    """Refuse a method that this sensor, or what was read of it, cannot have, and name one that it can.
+
+    Parameters
+    ----------
+    option
+        The option that the user gives a method by, such as "--method".
+    method
+        The name of one, also one that does not exist: that is for others to say.
+    sensor, signatures
+        The sensor, and the names of what was read.
+
+    Raises
+    ------
+    OptionError
+    """
+    if method in ("polygon", "vertex") and not sensor.kind.closed_form:
+        raise OptionError(
+            f"{option} {method} is not for a {sensor.construction} sensor, whose strips shift each other's readings "
+            f"(3.3); take {option} profile"
+        )
+    if method == "profile" and len(have := [n for n in signatures if n in sensor.signatures]) == 1:
+        raise OptionError(
+            f"{option} profile needs both k_h and k_l, and here is {have[0]} alone; take {option} polygon"
+        )
 
 
 def main() -> None:

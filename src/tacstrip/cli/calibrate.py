@@ -14,11 +14,12 @@ from tacstrip.calibrate.drift import rezero
 from tacstrip.calibrate.plan import plan
 from tacstrip.calibrate.touch import blind_mm, learn_touch
 from tacstrip.calibrate.unit import Calibrated, calibrate_unit, check, now, one_line
-from tacstrip.cli import protect
+from tacstrip.cli import load_sensor, protect, warn
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError
 from tacstrip.io.readings import read_readings
 from tacstrip.io.runs import read_runs, write_plan
+from tacstrip.io.suspicions import half_read
 from tacstrip.sensor.spec import Sensor
 
 _MOST_LINES = 20
@@ -76,7 +77,7 @@ def command(
     """
     protect(output, sensor, data, touch)
     _together(planned, zeroed, data is not None, report, reference)
-    spec = Sensor.load(sensor)
+    spec = load_sensor(sensor)
     if planned:
         chosen = "" if model == "auto" else model
         _plan(spec, output, wanted, Noise(positional=noise / 100.0), chosen, unit_mm, unit)
@@ -92,6 +93,7 @@ def command(
     check(spec)
     if data is not None:
         runs = read_runs(data, spec, unit, force)
+        warn(half_read(data, spec, runs.signatures))
         if model == "auto":
             click.echo("Trying models on contacts left out of the fit; this may take a minute", err=True)
         result = calibrate_unit(spec, runs, model, unit)

@@ -7,11 +7,10 @@ from pathlib import Path
 
 import click
 
-from tacstrip.cli import new_file
+from tacstrip.cli import load_sensor, new_file
 from tacstrip.cli.record import save_recording
 from tacstrip.cli.replay import warn_of_cut
 from tacstrip.errors import OptionError, one_of
-from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.export import write_csv, write_npz, write_shapes
 from tacstrip.stream.replay import Recording, open_source
 from tacstrip.stream.source import Source
@@ -42,7 +41,7 @@ def command(files: tuple[str, ...], output: Path, codes: bool, force: bool) -> N
     if codes and kind != ".csv":
         raise OptionError(f"--codes is for a .csv, and {output} is none")
     new_file(output, force, *files)
-    source = open_source(files[-1], Sensor.load(files[0]) if len(files) == 2 else None)
+    source = open_source(files[-1], load_sensor(files[0]) if len(files) == 2 else None)
     if kind == ".mcap":
         save_recording(files, source, output, force=force)
         return

@@ -8,8 +8,8 @@ import click
 
 from tacstrip.io.geometry import write_geojson
 from tacstrip.plot.style import save
+from tacstrip.reconstruct.methods import must_compile
 from tacstrip.reconstruct.result import Reconstruction
-from tacstrip.studies.demo import picture, run, table
 
 
 @click.command()
@@ -24,16 +24,21 @@ def command(out: Path) -> None:
 
     Example: tacstrip demo --out demo
     """
+    if must_compile("polygon"):
+        click.echo("Compiling the fit's kernels, this once: some 15 s ...", err=True)
+    from tacstrip.studies.demo import FIT, picture, run, table  # late: it loads the kernels
+
     demo = run()
     click.echo(
         "Synthetic readings of the thesis' CRS-CRS prototype (10 strips, 6.5 x 32.5 cm, 5 x 3.5 cm object)."
     )
-    click.echo("P.R. and V.R.: Profile and Vertex Reconstruction. Transitions given: the true ones.\n")
+    click.echo("Polygon fit: what `tacstrip reconstruct` does. P.R. and V.R.: the thesis' Profile and Vertex")
+    click.echo("Reconstruction; transitions given: the true ones.\n")
     click.echo(table(demo))
-    best = next(t for t in demo.trials if (t.readings, t.method) == ("after", "P.R."))
-    write_geojson(_folder(out) / "shape.geojson", [Reconstruction("profile", (best.recovered,))])
+    best = next(t for t in demo.trials if (t.readings, t.method) == ("after", FIT))
+    write_geojson(_folder(out) / "shape.geojson", [Reconstruction("polygon", (best.recovered,))])
     file = save(picture(demo), out / "demo.png")
-    click.echo(f"\n{file}: the picture\n{out / 'shape.geojson'}: the profile after calibration, in mm")
+    click.echo(f"\n{file}: the picture\n{out / 'shape.geojson'}: the fitted polygon after calibration, in mm")
 
 
 def _folder(path: Path) -> Path:

@@ -10,13 +10,14 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import click
+import numpy as np
 
-from tacstrip.cli import protect
+from tacstrip.cli import load_sensor, protect, warn
 from tacstrip.diagnose.doctor import diagnose
 from tacstrip.diagnose.finding import Finding, Report
 from tacstrip.diagnose.log import Log, read_log
 from tacstrip.errors import OptionError
-from tacstrip.sensor.spec import Sensor
+from tacstrip.io.suspicions import half_read, over_vref
 from tacstrip.stream.replay import Recording
 
 
@@ -57,12 +58,18 @@ def command(file: Path, sensor: str | None, as_json: bool, plot: Path | None) ->
 
 def _log(file: Path, sensor: str | None) -> Log:
     if file.suffix.lower() == ".mcap":
-        source = Recording(file, Sensor.load(sensor) if sensor else None)
+        source = Recording(file, load_sensor(sensor) if sensor else None)
         with contextlib.closing(source):
             return Log.of_codes(source.sensor, source)
     if sensor is None:
         raise OptionError(f"{file} does not say what sensor it is of; name its spec: --sensor sensor.toml")
-    return read_log(file, Sensor.load(sensor))
+    log = read_log(file, load_sensor(sensor))
+    read = [values[np.isfinite(values)] for values in log.raw.values()]
+    warn(
+        half_read(file, log.sensor, tuple(log.raw)),
+        over_vref(file, log.sensor, float(np.concatenate(read).max())),
+    )
+    return log
 
 
 def _lines(log: Log, report: Report) -> Iterator[str]:

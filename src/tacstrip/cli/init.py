@@ -7,8 +7,10 @@ from pathlib import Path
 import click
 from click.core import ParameterSource
 
+from tacstrip.cli import protect, warn
 from tacstrip.data import spec_names
 from tacstrip.errors import SpecError
+from tacstrip.io.suspicions import in_metres
 from tacstrip.sensor.constructions import CONSTRUCTIONS
 from tacstrip.sensor.constructions import construction as construction_named
 from tacstrip.sensor.spec import Sensor
@@ -51,11 +53,13 @@ def command(
     like: str | None,
     force: bool,
 ) -> None:
-    """Write a commented sensor spec to FILE (sensor.toml by default), to edit by hand.
+    """Write a commented sensor spec to FILE (sensor.toml by default, - for the output), to edit by hand.
 
     Example: tacstrip init mysensor.toml --construction crs-m --strips 9 --pitch 4.5 --length 250
     """
-    if file.exists() and not force:
+    printed = str(file) == "-"
+    protect(None if printed else file)
+    if file.exists() and not force and not printed:
         raise SpecError(f"{file} exists already; choose another name, or write over it with --force")
     source = click.get_current_context().get_parameter_source
     shape = [
@@ -87,5 +91,9 @@ def command(
                 "matters most (docs/physics.md)",
                 err=True,
             )
+    warn(in_metres(sensor))
+    if printed:
+        click.echo(sensor.to_toml(), nl=False)
+        return
     sensor.save(file)
     click.echo(f"{file} written. Edit it, then: tacstrip simulate {file} CONTACT.wkt -o readings.csv")

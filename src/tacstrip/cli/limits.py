@@ -14,12 +14,13 @@ import numpy as np
 from click.core import ParameterSource
 
 from tacstrip.arrays import FloatArray
-from tacstrip.cli import protect
+from tacstrip.cli import load_sensor, protect, warn
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError
 from tacstrip.io.geometry import read_contact
+from tacstrip.io.suspicions import contact_in_metres
+from tacstrip.reconstruct.bound import reading_sigma
 from tacstrip.reconstruct.outline import Outline
-from tacstrip.sensor.spec import Sensor
 from tacstrip.studies.design import BITS, CONVERSION_S, FARAD, Design, candidates, designs
 from tacstrip.studies.limits import Limit, Map, limit_map, limits, outline_of
 
@@ -107,11 +108,17 @@ def command(
         from tacstrip.plot.style import check_picture
 
         check_picture(plot)
-    spec = Sensor.load(sensor)
+    spec = load_sensor(sensor)
     spec = spec if bits is None else replace(spec, adc_bits=bits)
     noise = Noise(quantisation, positional, distribution=distribution)  # type: ignore[arg-type]
+    if reading_sigma(noise, spec) == 0.0:
+        raise OptionError(
+            "without errors of the readings there is no limit: give what they are, such as --positional 0.005, "
+            "--quantisation 0.001 or --bits 12"
+        )
     shape = read_contact(contact)
     shape = (shape.placed(*at) if at else shape).turned(math.radians(turn))
+    warn(contact_in_metres(shape, spec))
     outline = outline_of(spec, shape)
     found = limits(spec, outline, noise)
     _tell(outline, found)
@@ -141,7 +148,8 @@ def command(
 def _tell(outline: Outline, found: list[Limit]) -> None:
     names = ["+".join(limit.signatures) for limit in found]
     click.echo("Least standard errors of x and y of each vertex [mm], from " + ", ".join(names))
-    click.echo("    vertex x, y    " + "".join(f"{name:>20}" for name in names))
+    click.echo("      vertex       " + "".join(f"{name:>20}" for name in names))
+    click.echo(f"{'x':>9} {'y':>9}" + "".join(f"{'x':>11}{'y':>9}" for _ in names))
     for i, (x, y) in enumerate(outline.vertices):
         pairs = [limit.sigma[i] for limit in found]
         click.echo(f"{x:9.6g} {y:9.6g}" + "".join(f"{_short(a):>11}{_short(b):>9}" for a, b in pairs))

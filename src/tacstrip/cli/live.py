@@ -13,20 +13,22 @@ from typing import Any
 
 import click
 
-from tacstrip.cli import new_file
+from tacstrip.cli import check_method, load_sensor, new_file, warn
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError, PortError
+from tacstrip.io.suspicions import half_read
+from tacstrip.reconstruct.methods import best_method, must_compile
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.interrupt import Interrupt
 from tacstrip.stream.live import Live
 from tacstrip.stream.port import BAUD, SerialPort
 from tacstrip.stream.pty_device import PtyDevice
-from tacstrip.stream.replay import open_source
+from tacstrip.stream.replay import ReadingsSource, open_source
 from tacstrip.stream.serial_source import SerialSource
 from tacstrip.stream.sinks import Sink, json_sink, tuio_sink
 from tacstrip.stream.source import Source
 from tacstrip.stream.warm import warm_up
-from tacstrip.view.access import Access
+from tacstrip.view.access import Access, check_port
 from tacstrip.view.playground import Playground, Settings
 from tacstrip.view.server import Server
 from tacstrip.view.stage import Stage
@@ -76,12 +78,13 @@ def command(files: tuple[str, ...], **given: Any) -> None:
     for name in ("rate", "speed", "seconds"):
         if given[name] is not None and not given[name] > 0.0:
             raise OptionError(f"--{name} {given[name]}: must be above 0")
+    check_port(given["http"], "--http")
     if given["output"] is not None:
         if given["output"].suffix.lower() != ".mcap":
             raise OptionError(f"-o {given['output']}: a recording is a file that ends in .mcap")
         new_file(given["output"], given["force"], *files)
     spec = files[0] if len(files) == 2 else given["sensor"]
-    sensor = Sensor.load(spec) if spec else None
+    sensor = load_sensor(spec) if spec else None
     with Interrupt() as stop:
         asked = _Asked(given, stop)
         if given["device"]:
@@ -138,18 +141,23 @@ def _stream(files: tuple[str, ...], sensor: Sensor | None, asked: _Asked) -> boo
         source = SerialSource(lambda: SerialPort(given["port"], given["baud"]), sensor, given["rate"], _tell)
     else:
         source = open_source(files[-1], sensor)
-    _tell("loading what recovers shapes; the first time on a computer takes a minute")
+    check_method("--method", given["method"], source.sensor, source.names)
+    if isinstance(source, ReadingsSource):
+        warn(half_read(files[-1], source.sensor, source.names))
+    if must_compile(given["method"] or best_method(source.sensor)):
+        _tell("compiling what recovers shapes, this first time on a computer: it takes a minute")
     warm_up(source.sensor, given["method"])
     noise = None if given["noise"] is None else Noise(positional=given["noise"])
     live = Live(
         source, given["method"], noise, not given["no_drift"], given["speed"], _next(playground), tell=_tell
     )
     with ExitStack() as stack:
-        if given["output"] is not None:
-            live.record(given["output"], force=given["force"])
+        # What may not be had comes first: no file is begun for nothing.
         sinks = list(_sinks(live, given))
         if not given["no_view"]:
             stack.enter_context(_page(live, playground, given))
+        if given["output"] is not None:
+            live.record(given["output"], force=given["force"])
         with live:
             while live.running and asked.going() and not (sinks and all(sink.ended for sink in sinks)):
                 pass

@@ -11,12 +11,13 @@ import click
 import numpy as np
 from click.core import ParameterSource
 
-from tacstrip.cli import protect
+from tacstrip.cli import check_method, load_sensor, protect, warn
 from tacstrip.contact.noise import Noise
 from tacstrip.contact.shape import Contact
 from tacstrip.errors import OptionError, ReadingError, one_of
 from tacstrip.io.geometry import feature_collection, read_contact, write_geojson
 from tacstrip.io.readings import read_readings
+from tacstrip.io.suspicions import exchanged, half_read, largest, over_vref
 from tacstrip.metrics import mismatch
 from tacstrip.reconstruct.methods import METHODS, best_method, must_compile
 from tacstrip.reconstruct.profile import profile_reconstruction
@@ -82,7 +83,7 @@ def command(
         from tacstrip.plot.style import check_picture
 
         check_picture(plot)
-    spec = Sensor.load(sensor)
+    spec = load_sensor(sensor)
     scans = read_readings(readings, spec)
     if not any(s.touched.any() for s in scans):
         raise ReadingError(
@@ -96,8 +97,11 @@ def command(
         raise OptionError(one_of("method", chosen, METHODS))
     if chosen != "vertex" and for_vertex:
         raise OptionError(f"--{for_vertex[0]} is for --method vertex; leave it out for {chosen}")
+    check_method("--method", chosen, spec, scans[0].signatures)
     if chosen == "profile" and signature is not None:
-        raise OptionError("--signature is for --method polygon or vertex; profile needs both k_h and k_l")
+        raise OptionError(
+            "--signature is for --method polygon or vertex; leave it out: profile needs both k_h and k_l"
+        )
     if vertices is not None and chosen != "polygon":
         raise OptionError(f"--vertices is for --method polygon; leave it out for {chosen}")
     if wide and chosen != "polygon":
@@ -107,6 +111,12 @@ def command(
     noise = Noise(quantisation or 0.0, positional or 0.0, distribution=distribution)  # type: ignore[arg-type]
     known = noise if (quantisation, positional) != (None, None) else None
     where = _transitions(transitions)
+    swapped = exchanged(scans, known)
+    warn(
+        half_read(readings, spec, scans[0].signatures) if signature is None else "",
+        over_vref(readings, spec, largest(scans)),
+        f"{swapped} (`tacstrip doctor {readings} --sensor {sensor}` says more)" if swapped else "",
+    )
     if must_compile(chosen):
         click.echo("Compiling the fit's kernels, this once: some 15 s ...", err=True)
     results = []

@@ -6,17 +6,20 @@ import contextlib
 import itertools
 import math
 import sys
+import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import click
 from click.core import ParameterSource
 
-from tacstrip.cli import new_file
+from tacstrip.cli import check_method, load_sensor, new_file, warn
 from tacstrip.cli.replay import warn_of_cut
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError
 from tacstrip.io.geometry import read_contact
+from tacstrip.io.suspicions import contact_in_metres, half_read
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.codes import UNSET_BITS
 from tacstrip.stream.interrupt import Interrupt
@@ -24,10 +27,16 @@ from tacstrip.stream.pipeline import record, with_shapes
 from tacstrip.stream.recording import Recorder
 from tacstrip.stream.replay import ReadingsSource, Recording, open_source
 from tacstrip.stream.simulated import Drag, SimulatedSource
-from tacstrip.stream.source import Source
+from tacstrip.stream.source import RawScan, Source
 
 _POINT = (float, float)
 _CONTACTS = (".wkt", ".geojson", ".json")
+_LONG_S = 60.0  # of work, from which on it is told before it begins
+_SAMPLE, _SAMPLE_S = 64, 0.5  # scans that tell how long one takes, and the time for them [s]
+_WRITE_S = (
+    6e-5  # a scan [s]; and bytes on disk of a scan, of a touched strip's code, of a shape, of its corner
+)
+_SCAN_BYTES, _CODE_BYTES, _SHAPE_BYTES, _CORNER_BYTES = 40.0, 1.2, 50.0, 3.0
 _CODE = 0.01  # steps of the converter that a reading may lie off its code by the rounding of a text file
 
 
@@ -77,14 +86,16 @@ def command(
     if output.suffix.lower() != ".mcap":
         raise OptionError(f"-o {output}: a recording is a file that ends in .mcap")
     new_file(output, force, *files)
+    count = 0
     if Path(files[-1]).suffix.lower() in _CONTACTS:
         source: Source = _simulated(files, simulation)
+        count = _count(simulation)
     else:
         given = [o for o in simulation if context.get_parameter_source(o) is ParameterSource.COMMANDLINE]
         if given:
             raise OptionError(f"--{given[0].replace('_', '-')} is for a contact, and {files[-1]} is none")
-        source = open_source(files[-1], Sensor.load(files[0]) if len(files) == 2 else None)
-    save_recording(files, source, output, method, 1.0 if paced else math.inf, force)
+        source = open_source(files[-1], load_sensor(files[0]) if len(files) == 2 else None)
+    save_recording(files, source, output, method, 1.0 if paced else math.inf, force, count)
 
 
 def _simulated(files: tuple[str, ...], given: dict[str, Any]) -> SimulatedSource:
@@ -100,10 +111,16 @@ def _simulated(files: tuple[str, ...], given: dict[str, Any]) -> SimulatedSource
     start = given["at"] or tuple(shape.centroid)
     motion = Drag(shape, [start, *given["drag"]], seconds, math.radians(given["turn_rate"]))
     noise = Noise(given["quantisation"], given["positional"], distribution=given["distribution"])
+    sensor = load_sensor(files[0])
+    warn(contact_in_metres(shape, sensor))
     return SimulatedSource(
-        Sensor.load(files[0]), motion, rate, max(1, round(seconds * rate)), noise, seed, given["model"],
-        given["electrodes"],
-    )  # fmt: skip
+        sensor, motion, rate, _count(given), noise, seed, given["model"], given["electrodes"]
+    )
+
+
+def _count(given: dict[str, Any]) -> int:
+    """Return how many scans of a contact are asked for."""
+    return max(1, round(float(given["seconds"]) * float(given["rate"])))
 
 
 def save_recording(
@@ -113,14 +130,23 @@ def save_recording(
     method: str | None = None,
     speed: float = math.inf,
     force: bool = False,
+    count: int = 0,
 ) -> None:
-    """Record a source, opened from the command line's files, and say what was saved; exit code 1 if a write fails."""
+    """Record a source, opened from the command line's files, and say what was saved; exit code 1 if a write fails.
+
+    `count`: how many scans it will give, where that is known; much work is then told before it begins.
+    """
+    check_method("--reconstruct", method, source.sensor, source.names)
+    if isinstance(source, ReadingsSource):
+        warn(half_read(files[-1], source.sensor, source.names))
     about = {"source": Path(files[-1]).name, "sensor": Path(files[0]).name, "method": method or ""}
     if isinstance(source, Recording) and not method:
         about["method"] = source.about.get("method", "")
     with contextlib.closing(source), Interrupt() as stop:
         scans = iter(with_shapes(source, source.sensor, method) if method else source)
         first = list(itertools.islice(scans, 1))  # what is wrong with the method shows before a file is made
+        if count > _SAMPLE:
+            first += _foresee(scans, count)
         recorder = Recorder(output, source.sensor, source.names, source.origin_ns, about, force)
         try:
             with recorder:
@@ -139,6 +165,40 @@ def save_recording(
         f"{recorder.size_bytes / 1e6:.3g} MB"
     )
     _advise(files, source)
+
+
+def _foresee(scans: Iterator[RawScan], count: int) -> list[RawScan]:
+    """Take a few scans, and say how long so many take and how large they are where that is much."""
+    began = time.monotonic()
+    taken: list[RawScan] = []
+    for raw in itertools.islice(scans, _SAMPLE):
+        taken.append(raw)
+        if time.monotonic() - began > _SAMPLE_S:
+            break
+    work_s = count * ((time.monotonic() - began) / max(len(taken), 1) + _WRITE_S)
+    if taken and work_s > _LONG_S:
+        size = count / len(taken) * sum(map(_disk_bytes, taken))
+        click.echo(
+            f"{count} scans: some {_duration(work_s)} of work and {size / 1e6:.0f} MB. Ctrl-C ends it, and the "
+            "recording is then complete as far as it goes",
+            err=True,
+        )
+    return taken
+
+
+def _disk_bytes(raw: RawScan) -> float:
+    """Return about how large a scan with its shapes is in a recording."""
+    codes = sum(values[raw.touched].size for values in raw.codes.values())
+    shapes = sum(_SHAPE_BYTES + _CORNER_BYTES * len(shape.vertices) for shape in raw.shapes)
+    return _SCAN_BYTES + _CODE_BYTES * codes + shapes
+
+
+def _duration(seconds: float) -> str:
+    """Return a time in minutes, hours or days."""
+    minutes = seconds / 60.0
+    if minutes < 120.0:
+        return f"{minutes:.3g} min"
+    return f"{minutes / 60.0:.3g} h" if minutes < 2880.0 else f"{minutes / 1440.0:.3g} days"
 
 
 def _advise(files: tuple[str, ...], source: Source) -> None:

@@ -30,13 +30,11 @@ def command(recording: Path, output: Path | None, force: bool) -> None:
     except OSError as error:
         click.echo(f"Error: {target}: {error.strerror}", err=True)
         sys.exit(1)
-    found = saved.condition
-    for told in found.damage:
-        click.echo(f"Left out: {told}", err=True)
     counts = ", ".join(f"{topic}: {count}" for topic, count in saved.messages.items() if count)
-    lost = f"{found.lost_bytes} bytes of {found.total_bytes} lie after the last whole chunk and are lost"
-    whole = not found.lost_bytes and not found.damage
     click.echo(
-        f"{target}: {sum(saved.messages.values())} message(s) over {saved.seconds:.6g} s saved ({counts}); "
-        + (f"nothing was lost: {recording} is whole" if whole else lost)
+        f"{target}: {sum(saved.messages.values())} message(s) over {saved.seconds:.6g} s saved ({counts})"
     )
+    if saved.lost:
+        click.echo("Lost: " + "\n  ".join(saved.lost))
+    else:
+        click.echo(f"Nothing was lost: {recording} is whole")

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from tacstrip.cli import protect
+from tacstrip.cli import check_method, load_sensor, protect
 from tacstrip.errors import OptionError
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.codes import decode
@@ -55,7 +55,8 @@ def command(
         from tacstrip.plot.style import check_picture
 
         check_picture(plot)
-    source = Recording(recording, Sensor.load(sensor) if sensor else None)
+    source = Recording(recording, load_sensor(sensor) if sensor else None)
+    check_method("--reconstruct", method, source.sensor, source.names)
     touched: RawScan | None = None
     with contextlib.closing(source), Interrupt() as stop:
         scans = with_shapes(source, source.sensor, method) if method else iter(source)
@@ -75,9 +76,10 @@ def command(
 def warn_of_cut(source: Source) -> None:
     """Say on standard error that a recording, read to its end, had been cut."""
     if isinstance(source, Recording) and not source.condition.whole:
+        lost = source.condition.lost_bytes
+        rest = f"{lost} bytes after its last whole chunk are lost" if lost else "it ends after a whole chunk"
         click.echo(
-            f"Warning: {source.path} was cut: {source.condition.lost_bytes} bytes after its last whole chunk are lost; "
-            "`tacstrip recover` makes a complete file of the rest",
+            f"Warning: {source.path} was cut: {rest}; `tacstrip recover` makes a complete file of the rest",
             err=True,
         )
 

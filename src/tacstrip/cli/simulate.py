@@ -10,13 +10,13 @@ import numpy as np
 import shapely
 from click.core import ParameterSource
 
-from tacstrip.cli import protect
+from tacstrip.cli import load_sensor, protect, warn
 from tacstrip.contact.footprint import footprint
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError
 from tacstrip.io.geometry import read_contact
 from tacstrip.io.readings import write_readings
-from tacstrip.sensor.spec import Sensor
+from tacstrip.io.suspicions import contact_in_metres
 from tacstrip.simulate import simulate
 
 _POINT = (float, float)
@@ -82,7 +82,7 @@ def command(
         from tacstrip.plot.style import check_picture
 
         check_picture(plot)
-    spec = Sensor.load(sensor)
+    spec = load_sensor(sensor)
     noise = Noise(quantisation, positional, distribution=distribution)  # type: ignore[arg-type]
     if seed < 0 or not rate > 0.0:
         bad = f"--seed {seed}: must be 0 or more" if seed < 0 else f"--rate {rate}: must be above 0"
@@ -104,16 +104,15 @@ def command(
     write_readings(output, spec, scans)
     if placed is not None:
         placed.write_text(shapely.GeometryCollection(list(shape.shapes)).wkt + "\n", encoding="utf-8")
-    touched = int(np.isfinite(touch.l).sum())
-    click.echo(f"{output}: {len(scans)} scan(s) of {spec.strips} strips, {touched} readings in contact")
+    touched, split = (int(strips.any(axis=0).sum()) for strips in (np.isfinite(touch.l), touch.pieces > 1))
+    click.echo(f"{output}: {len(scans)} scan(s) of {spec.strips} strips, {touched} of them touched")
     if touched == 0:
-        click.echo("Warning: no strip is touched: the contact falls between centre lines", err=True)
+        small = contact_in_metres(shape, spec)
+        warn("no strip is touched: the contact falls between centre lines" + (f"; {small}" if small else ""))
     if touch.clipped:
-        click.echo("Warning: a part of the contact lies off the sensor and was cut away", err=True)
-    if (split := int((touch.pieces > 1).sum())) > 0:
-        click.echo(
-            f"Warning: {split} readings see several pieces of the contact as one, from end to end", err=True
-        )
+        warn("a part of the contact lies off the sensor and was cut away")
+    if split:
+        warn(f"{split} strip(s) see several pieces of the contact as one, from end to end")
     if plot is not None:
         from tacstrip.plot.result import reconstruction_figure
         from tacstrip.plot.style import save

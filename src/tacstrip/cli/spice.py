@@ -7,14 +7,14 @@ from pathlib import Path
 import click
 from click.core import ParameterSource
 
-from tacstrip.cli import protect
+from tacstrip.cli import load_sensor, protect, warn
 from tacstrip.errors import OptionError
 from tacstrip.io.geometry import read_contact
+from tacstrip.io.suspicions import contact_in_metres
 from tacstrip.network.build import Readout
 from tacstrip.network.crp_readings import contact_questions
 from tacstrip.network.spice import deck
 from tacstrip.network.strips import questions
-from tacstrip.sensor.spec import Sensor
 
 
 @click.command()
@@ -50,7 +50,7 @@ def command(
     Example: tacstrip spice prototype-crs-crs object.wkt -o deck.cir
     """
     protect(output, sensor, contact)
-    spec = Sensor.load(sensor)
+    spec = load_sensor(sensor)
     given = click.get_current_context().get_parameter_source
     loads = ("mux_ohm", "adc_ohm", "tied_grounds")
     told = [o for o in loads if given(o) is ParameterSource.COMMANDLINE]
@@ -73,4 +73,4 @@ def command(
     output.write_text(deck(title, named, spec.vref_volt), encoding="utf-8")
     click.echo(f"{output}: {len(named)} touched strip(s). Run it with: ngspice -b {output}")
     if not named:
-        click.echo("Warning: no strip is touched: there is nothing to print", err=True)
+        warn("no strip is touched: there is nothing to print", contact_in_metres(shape, spec))

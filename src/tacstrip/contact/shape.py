@@ -13,6 +13,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from tacstrip.arrays import FloatArray
+from tacstrip.contact.unreadable import why_not_geojson, why_not_wkt
 from tacstrip.errors import ContactError
 
 _FAR = 1e9  # mm; GEOS fails on numbers whose squares overflow
@@ -58,12 +59,10 @@ class Contact:
     def from_wkt(cls, text: str) -> Self:
         """Read well-known text: POLYGON, LINESTRING, POINT, their MULTI kinds and GEOMETRYCOLLECTION."""
         try:
-            with np.errstate(over="ignore"):  # 1e999 is infinite, and refused as that
+            with np.errstate(over="ignore", invalid="ignore"):  # 1e999 is infinite, and refused as that
                 geometry = shapely.from_wkt(text)
-        except (shapely.GEOSException, NotImplementedError, ValueError, TypeError) as error:
-            raise ContactError(
-                f"not well-known text ({error}); write POLYGON ((x y, ...)) with the first point again at the end"
-            ) from None
+        except (shapely.GEOSException, NotImplementedError, ValueError, TypeError):
+            raise ContactError(why_not_wkt(str(text))) from None
         return cls._checked([geometry])
 
     @classmethod
@@ -71,13 +70,16 @@ class Contact:
         """Read GeoJSON, text or parsed: a geometry, a Feature or a FeatureCollection, in [mm]."""
         try:
             parsed = json.loads(source) if isinstance(source, str) else source
-            geometry = shapely.from_geojson(json.dumps(parsed, allow_nan=False))
         except json.JSONDecodeError as error:
             raise ContactError(f"not JSON: {error}. Is the file complete?") from None
-        except (shapely.GEOSException, ValueError, TypeError, RecursionError) as error:
+        except (ValueError, RecursionError):
             raise ContactError(
-                f"not GeoJSON ({error}); a geometry or a FeatureCollection is needed"
+                "not GeoJSON: a number has thousands of digits, or lists are nested too deeply"
             ) from None
+        try:
+            geometry = shapely.from_geojson(json.dumps(parsed, allow_nan=False))
+        except (shapely.GEOSException, ValueError, TypeError, RecursionError):
+            raise ContactError(why_not_geojson(parsed)) from None
         return cls._checked([geometry])
 
     @classmethod

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 from tacstrip.errors import ReadingError
+from tacstrip.io.names import nearly
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
 
@@ -42,7 +43,8 @@ def value_columns(header: list[str], sensor: Sensor) -> list[Column]:
     Raises
     ------
     ReadingError
-        There is none, there are both volts and codes, or one is not of this sensor.
+        There is none, there are both volts and codes, one is not of this sensor, or one is nearly, not quite, the
+        name of a column that is missing.
     """
     volts = _named(header, sensor, codes=False)
     codes = _named(header, sensor, codes=True)
@@ -51,6 +53,8 @@ def value_columns(header: list[str], sensor: Sensor) -> list[Column]:
     if volts and codes:
         raise ReadingError("the header has both volts and codes; leave one kind out")
     found = volts or codes
+    if misspelt := _misspelt(header, sensor, found):
+        raise ReadingError(misspelt)
     if not found:
         raise ReadingError(f"a column of readings is missing: {wanted}; the header has: {', '.join(header)}")
     for name, signature in found.items():
@@ -74,12 +78,33 @@ def _named(header: list[str], sensor: Sensor, codes: bool) -> dict[str, str]:
         there = set(names) & set(header)
         if lack := [name for name in names if name not in header] if there else []:
             raise ReadingError(
-                f"column {lack[0]!r} is missing: give all {len(names)} electrodes, or each strip's own two"
+                nearly(header, lack, names, letters=False)
+                or f"column {lack[0]!r} is missing: give all {len(names)} electrodes, or each strip's own two"
             )
         if there:
             return dict.fromkeys(names, ELECTRODES)
     own = {(s.code_column if codes else s.volt_column): name for name, s in SIGNATURES.items()}
     return {column: name for column, name in own.items() if column in header}
+
+
+def _misspelt(header: list[str], sensor: Sensor, found: dict[str, str]) -> str:
+    """Say which column is nearly one that the sensor has and the file lacks; nothing where none is.
+
+    Passed over as any other column, it would leave a sensor with half of its readings and no word about it.
+    """
+    if ELECTRODES in found.values():
+        return ""
+    every = {n for s in SIGNATURES.values() for n in (s.volt_column, s.code_column)}
+    own = [SIGNATURES[name] for name in sensor.signatures]
+    kinds = [[s.volt_column for s in own], [s.code_column for s in own]]
+    # Where volts are there, a column that is nearly one of codes is passed over, and the other way round.
+    wanted = [n for kind in kinds if not found or set(kind) & set(found) for n in kind if n not in header]
+    if misspelt := nearly(header, wanted, {*PLACE, *every}):
+        return misspelt
+    if found or sensor.kind.closed_form:
+        return ""
+    sheet = [*electrode_names(sensor), *electrode_names(sensor, codes=True)]
+    return nearly(header, sheet, sheet, letters=False)
 
 
 def strip_index(text: str, line: int, sensor: Sensor) -> int:

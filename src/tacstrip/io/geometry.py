@@ -32,7 +32,7 @@ def read_contact(path: str | Path) -> Contact:
     except FileNotFoundError:
         raise ContactError(f"{path}: no such file") from None
     except UnicodeDecodeError:
-        raise ContactError(f"{path}: not a text file") from None
+        raise ContactError(f"{path}: not a text file in UTF-8; save it as UTF-8") from None
     except OSError as error:
         raise ContactError(f"{path}: cannot be read ({error.strerror})") from None
     if not text.strip():

@@ -2,8 +2,9 @@
 
 Columns: scan, time_s, strip, and volts (v_h, v_l or v_out) or A/D codes (code_h, code_l or code); one of
 v_h and v_l alone is a single-measurement. Of a CRS-CRP sheet all electrodes may be there instead: v_l_0, v_l_1, ...
-at y = 0 and v_h_0, ... at y = L (or code_l_0, ...). Other columns are passed over. An empty field means that nothing
-touches the strip. Codes run from 0 to 2^adc_bits - 1, which reads Vref.
+at y = 0 and v_h_0, ... at y = L (or code_l_0, ...). Other columns are passed over, unless their
+name is nearly that of a column that is missing. An empty field means that nothing touches the strip. Codes run from 0
+to 2^adc_bits - 1, which reads Vref.
 """
 
 from __future__ import annotations
@@ -43,7 +44,8 @@ def read_readings(path: str | Path, sensor: Sensor) -> list[Scan]:
         The file cannot be read, lacks a column or a strip, or has a value that cannot be; the message
         names the line and the way out.
     """
-    return read_csv(path, "readings", lambda header, rows: _scans(header, rows, sensor))
+    example = ",".join([*INDEX, *(SIGNATURES[name].volt_column for name in sensor.signatures)])
+    return read_csv(path, "readings", lambda header, rows: _scans(header, rows, sensor), example)
 
 
 def write_readings(path: str | Path, sensor: Sensor, scans: Sequence[Scan]) -> None:

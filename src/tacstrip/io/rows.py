@@ -8,32 +8,68 @@ from pathlib import Path
 from typing import TypeVar
 
 from tacstrip.errors import ReadingError
+from tacstrip.io.columns import PLACE
+from tacstrip.io.names import nearly
 
 Row = tuple[int, list[str]]  # line number, fields
 _Result = TypeVar("_Result")
+_UTF16 = (b"\xff\xfe", b"\xfe\xff")  # marks at the start of such a file
 
 
-def read_csv(path: str | Path, what: str, parse: Callable[[list[str], Iterator[Row]], _Result]) -> _Result:
+class _Lines:
+    """A file's lines; knows how the last one ended."""
+
+    def __init__(self, file: Iterable[str]) -> None:
+        self._file = file
+        self._last = "\n"
+        self._done = False
+
+    def __iter__(self) -> Iterator[str]:
+        for line in self._file:
+            self._last = line
+            yield line
+        self._done = True
+
+    @property
+    def cut(self) -> bool:
+        """Whether all was read, and the last line has no end, as where writing it was broken off."""
+        return self._done and not self._last.endswith(("\n", "\r"))
+
+
+def read_csv(
+    path: str | Path,
+    what: str,
+    parse: Callable[[list[str], Iterator[Row]], _Result],
+    example: str = "scan,time_s,strip,v_h,v_l",
+) -> _Result:
     """Open a file and return what `parse` makes of its header and rows.
 
-    `what` names its content in messages, such as "readings".
+    `what` names its content in messages, such as "readings"; `example` is a header that it could have.
 
     Raises
     ------
     ReadingError
         The file cannot be read, is no CSV with a header, or `parse` says so; the message starts with the file.
     """
+    lines = _Lines(())
     try:
         with Path(path).open(encoding="utf-8-sig", newline="") as file:
-            rows = _rows(file, what)
-            header = _header(next(rows, (0, None))[1], what)
+            lines = _Lines(file)
+            rows = _rows(lines, what)
+            header = _header(next(rows, (0, None))[1], what, example)
             return parse(header, _whole(rows, len(header)))
     except FileNotFoundError:
         raise ReadingError(f"{path}: no such file") from None
     except (UnicodeDecodeError, csv.Error):
+        with Path(path).open("rb") as file:
+            if file.read(2) in _UTF16:
+                raise ReadingError(
+                    f"{path}: the text is in UTF-16; save it as UTF-8, in a spreadsheet as CSV UTF-8"
+                ) from None
         raise ReadingError(f"{path}: not a text file in UTF-8; {what} are CSV with a header line") from None
     except ReadingError as error:
-        raise ReadingError(f"{path}: {error}") from None
+        cut = "; the last line has no line end: is the file cut off?" if lines.cut else ""
+        raise ReadingError(f"{path}: {error}{cut}") from None
     except (OSError, ValueError) as error:
         why = getattr(error, "strerror", None) or error
         raise ReadingError(f"{path}: cannot be read ({why})") from None
@@ -42,7 +78,10 @@ def read_csv(path: str | Path, what: str, parse: Callable[[list[str], Iterator[R
 def find(header: list[str], name: str) -> int:
     """Return the place of a column that must be there."""
     if name not in header:
-        raise ReadingError(f"column {name!r} is missing; the header has: {', '.join(header)}")
+        raise ReadingError(
+            nearly(header, [name], PLACE)
+            or f"column {name!r} is missing; the header has: {', '.join(header)}"
+        )
     return header.index(name)
 
 
@@ -50,17 +89,23 @@ def _rows(file: Iterable[str], what: str) -> Iterator[Row]:
     reader = csv.reader(file, strict=True)
     for row in reader:
         if any("\0" in field for field in row):
-            raise ReadingError(f"line {reader.line_num}: not text; {what} are CSV with a header line")
+            raise ReadingError(
+                f"line {reader.line_num}: not text; {what} are CSV in UTF-8 with a header line"
+            )
         if row:
             yield reader.line_num, [field.strip() for field in row]
 
 
-def _header(header: list[str] | None, what: str) -> list[str]:
+def _header(header: list[str] | None, what: str, example: str) -> list[str]:
     if header is None:
         raise ReadingError(f"the file is empty; {what} need a header line and lines below it")
     if len(header) == 1 and (other := next((c for c in ";\t|" if c in header[0]), None)):
         raise ReadingError(
             f"columns are separated by {other!r}; separate them by commas, with decimal points"
+        )
+    if any(header) and all(_is_number(name) for name in header if name):
+        raise ReadingError(
+            f"the header line is missing: line 1 has numbers already; put names before it, such as {example}"
         )
     if twice := [name for name in header if name and header.count(name) > 1]:
         raise ReadingError(f"column {twice[0]!r} is there twice; leave one out")
@@ -73,3 +118,11 @@ def _whole(rows: Iterator[Row], fields: int) -> Iterator[Row]:
             why = "is the file cut off?" if len(row) < fields else "are there decimal commas?"
             raise ReadingError(f"line {line} has {len(row)} fields and the header {fields}: {why}")
         yield line, row
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True

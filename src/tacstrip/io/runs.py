@@ -81,8 +81,9 @@ def read_runs(path: str | Path, sensor: Sensor, unit: str = "", force: bool = Fa
         names the line and the way out.
     """
     known = unit or (sensor.calibration.unit if sensor.calibration else "")
+    example = ",".join(["strip", "l_mm", "w_mm", *(SIGNATURES[n].volt_column for n in sensor.signatures)])
     return read_csv(
-        path, "runs", lambda header, rows: _runs(header, rows, sensor, known, force, Path(path).name)
+        path, "runs", lambda header, rows: _runs(header, rows, sensor, known, force, Path(path).name), example
     )
 
 

@@ -98,7 +98,7 @@ def make_mesh(
     strip, low, high = footprint(sensor, contact).intervals[0]
     numbers, first = np.unique(strip, return_index=True)
     for number, pieces in zip(
-        numbers.tolist(), np.split(np.stack([low, high], axis=1), first[1:]), strict=True
+        numbers.tolist(), np.split(np.stack([low, high], axis=1), first)[1:], strict=True
     ):
         start = mesh.low(number, "sensing")
         bottom, top = max(0.0, start), sensor.length_mm + min(0.0, start)

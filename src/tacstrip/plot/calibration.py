@@ -11,12 +11,13 @@ from matplotlib.figure import Figure
 from tacstrip.arrays import FloatArray
 from tacstrip.calibrate.residuals import expected
 from tacstrip.calibrate.unit import Calibrated
-from tacstrip.plot.style import COLOURS, TRUE, add_axes, legend, new_figure, save
+from tacstrip.plot.style import COLOURS, TRUE, add_axes, legend_above, new_figure, save
 from tacstrip.sensor.constructions import SIGNATURES
 
 _PROFILES = {"I": 0.5, "II": 1.0}  # half-widths of the thesis' P.U. profiles [% of Vref] (5.1.3)
 _MOST_LENGTHS = 3
 _MOST_STRIPS = 12  # graphs; a report of more pictures than this is not looked at
+_LEAST_SPAN = 0.2  # of Vref, in a graph: a single point off by little must not look off by much
 
 
 def draw_all(result: Calibrated, folder: Path) -> list[tuple[str, Path]]:
@@ -32,11 +33,19 @@ def draw_all(result: Calibrated, folder: Path) -> list[tuple[str, Path]]:
             save(along_figure(result), folder / "along.png"),
         ),
     ]
-    for strip in range(min(result.plain.strips, _MOST_STRIPS)):
+    for strip in graphed(result):
         number = strip + result.plain.strip_base
         file = save(calibration_graphs(result, strip), folder / f"strip-{number}.png")
         made.append((f"Calibration graphs of strip {number}", file))
     return made
+
+
+def graphed(result: Calibrated) -> list[int]:
+    """Return the strips that get graphs, from 0: all, or of many those with the largest errors left."""
+    left = np.max(
+        [np.nanmax(np.where(result.counted, np.abs(v), 0.0), axis=0) for v in result.after.values()], axis=0
+    )
+    return sorted(int(strip) for strip in np.argsort(-left, kind="stable")[:_MOST_STRIPS])
 
 
 def calibration_graphs(result: Calibrated, strip: int) -> Figure:
@@ -56,7 +65,7 @@ def calibration_graphs(result: Calibrated, strip: int) -> Figure:
             l = runs.l_mm[here, strip]
             vref = sensor.vref_volt
             fitted = truth[name][here, strip]
-            axes.plot(l, vref * fitted, "-", color=TRUE, label="expected")
+            axes.plot(l, vref * fitted, "o-", color=TRUE, label="expected", ms=6.0, mfc="none", mew=0.7)
             axes.plot(
                 l, vref * runs.raw[name][here, strip], "x", color=COLOURS[name], label="measured", ms=5.0
             )
@@ -65,8 +74,12 @@ def calibration_graphs(result: Calibrated, strip: int) -> Figure:
             axes.set_title(f"strip {strip + sensor.strip_base}, {SIGNATURES[name].volt_column}, w = {w:g} mm")
             axes.set_xlabel("l [mm]")
             axes.set_ylabel(f"{SIGNATURES[name].volt_column} [V]")
+            low, high = axes.get_ylim()
+            wanting = max(_LEAST_SPAN * vref - (high - low), 0.0)
+            axes.set_ylim(low - 0.5 * wanting, high + 0.5 * wanting)
+            axes.set_xlim(-0.03 * sensor.length_mm, 1.03 * sensor.length_mm)
             if number == 1:
-                legend(axes)
+                legend_above(axes)
     return figure
 
 
@@ -85,7 +98,7 @@ def left_figure(result: Calibrated) -> Figure:
         axes.set_ylabel("error [% of Vref]")
         if number > 1:
             _bands(axes)
-        legend(axes)
+        legend_above(axes)
     return figure
 
 
@@ -107,7 +120,7 @@ def along_figure(result: Calibrated) -> Figure:
         axes.set_title(title)
         axes.set_xlabel("middle of the contact [mm]")
         axes.set_ylabel("error [% of Vref]")
-        legend(axes)
+        legend_above(axes)
     return figure
 
 
@@ -125,4 +138,5 @@ def _counted(result: Calibrated, values: FloatArray) -> tuple[FloatArray, FloatA
 def _bands(axes: Axes) -> None:
     """Draw the half-widths of P.U. profiles I and II."""
     for name, half in _PROFILES.items():
-        axes.axhspan(-half, half, color=TRUE, alpha=0.10, label=f"P.U. profile {name}", zorder=0)
+        alpha = 0.2 if half == min(_PROFILES.values()) else 0.08
+        axes.axhspan(-half, half, color=TRUE, alpha=alpha, label=f"P.U. profile {name}", zorder=0)

@@ -8,17 +8,31 @@ import numpy as np
 import shapely
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.shape import Contact
-from tacstrip.plot.scene import draw_contact, draw_polygon, draw_sensor, draw_signatures, zoom
-from tacstrip.plot.style import OTHERS, RECOVERED, add_axes, legend, new_figure
+from tacstrip.plot.numbered import Numbered, numbered
+from tacstrip.plot.scene import (
+    draw_contact,
+    draw_polygon,
+    draw_regions,
+    draw_sensor,
+    draw_signatures,
+    near,
+    x_label,
+    zoom,
+)
+from tacstrip.plot.style import TRUE, add_axes, legend_above, new_figure
 from tacstrip.reconstruct.region import regions
 from tacstrip.reconstruct.result import Reconstruction
 from tacstrip.scan import Scan
 from tacstrip.sensor.spec import Sensor
 
-_MOST_SIGNATURES = 6  # more scans than this overlap beyond reading
+_MOST_SCANS = 12  # more shapes than these overlap beyond reading
+_MOST_SIGNATURES = 6
+_MOST_WITH_REGIONS = 3  # scans
+_NEARLY_ALL = 0.5  # of the sensor: a closer view of so much shows nothing more
 
 
 def reconstruction_figure(
@@ -27,7 +41,7 @@ def reconstruction_figure(
     results: Mapping[str, Sequence[Reconstruction]],
     truth: Sequence[Contact] = (),
 ) -> Figure:
-    """Draw scans and what was recovered from them.
+    """Draw scans and what was recovered from them: of many scans some, spread over all that are in contact.
 
     Parameters
     ----------
@@ -36,71 +50,108 @@ def reconstruction_figure(
     results
         Reconstructions to compare, one per scan, by the name for the legend.
     truth
-        What touched, where that is known.
+        What touched, where that is known: one for all scans, or one per scan.
     """
+    touched = [i for i, scan in enumerate(scans) if scan.touched.any()]
+    shown = _spread(touched, _MOST_SCANS)
+    truth = [truth[i] for i in shown] if len(truth) == len(scans) else truth
+    objects = numbered(results, shown)
+    points = _points(objects, truth)
+    with_regions = len(shown) <= _MOST_WITH_REGIONS
+    closer = len(points) > 0 and not _nearly_all(sensor, points)
     figure = new_figure(9.5, 5.2)
-    left, middle, right = (add_axes(figure, 1, 3, i) for i in (1, 2, 3))
-    draw_sensor(left, sensor)
-    left.set_title("sensor")
-    for axes in (left, middle):
-        _draw_shapes(axes, sensor, results, truth)
-    points = _points(results, truth)
-    if len(points):
-        middle.set_aspect("equal")
-        zoom(middle, points, sensor)
-    middle.set_title("shapes")
-    middle.set_xlabel("x [mm]")
-    middle.set_ylabel("y [mm]")
-    if results or truth:
-        handles, labels = middle.get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False)
-    _draw_readings(right, sensor, scans)
+    panels = [add_axes(figure, 1, 2 + closer, i + 1) for i in range(2 + closer)]
+    draw_sensor(panels[0], sensor)
+    for axes in panels[:-1]:
+        _draw_shapes(axes, sensor, objects, truth, with_regions)
+    if closer:
+        panels[1].set_aspect("equal")
+        zoom(panels[1], points, sensor)
+        panels[1].set_xlabel(x_label(sensor))
+        panels[1].set_ylabel("y [mm]")
+        panels[0].set_title("sensor", fontsize=10.0)
+    panels[-2].set_title(_titled("shapes", shown, touched, scans), fontsize=10.0)
+    _draw_readings(panels[-1], sensor, scans, touched)
+    if objects or truth:
+        with_regions &= any(regions(o.found.vertices, o.found.covariance) for o in objects)
+        _explain(figure, panels[0], with_regions, len(shown) > 1 and len(objects) > 0)
     return figure
 
 
 def _draw_shapes(
-    axes: Axes, sensor: Sensor, results: Mapping[str, Sequence[Reconstruction]], truth: Sequence[Contact]
+    axes: Axes, sensor: Sensor, objects: Sequence[Numbered], truth: Sequence[Contact], with_regions: bool
 ) -> None:
     for i, contact in enumerate(truth):
         draw_contact(axes, contact, label=None if i else "true shape")
-    colours = (RECOVERED, *OTHERS)
-    said: set[str] = set()
-    for number, (name, reconstructions) in enumerate(results.items()):
-        colour = colours[number % len(colours)]
-        for recovered in (o for r in reconstructions for o in r.objects):
-            doubtful = recovered.status != "ok"
-            if recovered.found:
-                told = f"{name}: {recovered.status}"
-                draw_polygon(axes, recovered.vertices, colour, told if told not in said else None, doubtful)
-                for region in regions(recovered.vertices, recovered.covariance):
-                    axes.fill(*region.T, facecolor=colour, alpha=0.25, edgecolor=colour, linewidth=0.6)
-                said.add(told)
-            elif recovered.profile is not None:
-                told = f"{name}: {recovered.status}, strip by strip"
-                x, l, u = recovered.profile
-                axes.vlines(x, l, u, color=colour, linewidth=2.0, label=told if told not in said else "")
-                axes.plot(x, l, "_", color=colour)
-                said.add(told)
-            else:
-                x = sensor.x_mm[recovered.strips]
-                told = f"{name}: {recovered.status}"
-                axes.axvspan(x[0], x[-1], color=colour, alpha=0.12, label=told if told not in said else None)
-                said.add(told)
+    for drawn in objects:
+        found, colour = drawn.found, drawn.colour
+        if found.found:
+            draw_polygon(axes, found.vertices, colour, drawn.label, doubtful=found.status != "ok")
+            if with_regions:
+                draw_regions(axes, sensor, regions(found.vertices, found.covariance), colour)
+        elif found.profile is not None:
+            x, l, u = found.profile
+            axes.vlines(x, l, u, color=colour, linewidth=2.0, label=drawn.label or "")
+            axes.plot(x, l, "_", color=colour)
+        else:
+            x = sensor.x_mm[found.strips]
+            half = 0.5 * sensor.pitch_mm
+            axes.axvspan(x[0] - half, x[-1] + half, color=colour, alpha=0.12, label=drawn.label)
+        if drawn.number:
+            axes.annotate(
+                drawn.number, drawn.place(sensor), color=colour, ha="center", va="center", zorder=6, clip_on=True,
+                fontsize=8.0, bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.6, "pad": 0.5},
+            )  # fmt: skip
 
 
-def _points(results: Mapping[str, Sequence[Reconstruction]], truth: Sequence[Contact]) -> FloatArray:
-    corners = [o.vertices for rs in results.values() for r in rs for o in r.objects if o.found]
+def _explain(figure: Figure, axes: Axes, with_regions: bool, several: bool) -> None:
+    """Add the legend of the shapes."""
+    handles, labels = axes.get_legend_handles_labels()
+    if with_regions:
+        handles.append(Patch(facecolor=TRUE, alpha=0.25))
+        labels.append("95 % region of a corner")
+    if several:
+        handles.append(Patch(alpha=0.0))
+        labels.append("numbers: scans")
+    figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False)
+
+
+def _points(objects: Sequence[Numbered], truth: Sequence[Contact]) -> FloatArray:
+    corners = [o.found.vertices for o in objects if o.found.found]
     corners += [shapely.get_coordinates(list(c.shapes)) for c in truth]
     return np.concatenate(corners) if corners else np.empty((0, 2))
 
 
-def _draw_readings(axes: Axes, sensor: Sensor, scans: Sequence[Scan]) -> None:
-    touched = [s for s in scans if s.touched.any()]
-    for i, scan in enumerate(touched[:_MOST_SIGNATURES]):
-        draw_signatures(axes, sensor, scan)
-        if i == 0:
-            legend(axes)
-    more = f"\nfirst {_MOST_SIGNATURES} of {len(touched)} scans" if len(touched) > _MOST_SIGNATURES else ""
-    axes.set_title("pseudo-signatures" + more, fontsize=10.0)
-    axes.set_xlabel("x [mm]")
+def _nearly_all(sensor: Sensor, points: FloatArray) -> bool:
+    """Tell whether a closer view of points would show most of the sensor."""
+    x, y = near(points, sensor)
+    seen = (min(x[1], sensor.width_mm) - max(x[0], 0.0)) * (min(y[1], sensor.length_mm) - max(y[0], 0.0))
+    return seen > _NEARLY_ALL * sensor.width_mm * sensor.length_mm
+
+
+def _draw_readings(axes: Axes, sensor: Sensor, scans: Sequence[Scan], touched: Sequence[int]) -> None:
+    shown = _spread(touched, _MOST_SIGNATURES)
+    for i in shown:
+        draw_signatures(axes, sensor, scans[i])
+        if i == shown[0]:
+            handles, labels = axes.get_legend_handles_labels()
+    axes.set_title(_titled("pseudo-signatures", shown, touched, scans), fontsize=10.0)
+    axes.set_xlabel(x_label(sensor))
     axes.set_ylabel("k L [mm]")
+    if shown:
+        legend_above(axes, handles=handles, labels=labels)
+
+
+def _spread(numbers: Sequence[int], most: int) -> list[int]:
+    """Return at most so many of the numbers, evenly spread, the first and the last among them."""
+    places = np.linspace(0, len(numbers) - 1, min(most, len(numbers))).round().astype(int)
+    return [numbers[i] for i in places]
+
+
+def _titled(what: str, shown: Sequence[int], touched: Sequence[int], scans: Sequence[Scan]) -> str:
+    """Say in a title how many of the scans are drawn, where that is not all."""
+    if len(shown) == len(touched):
+        return what
+    return f"{what}\n{len(shown)} of {len(touched)} scans" + (
+        "" if len(touched) == len(scans) else " in contact"
+    )

@@ -8,8 +8,10 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 from matplotlib.axes import Axes
+from matplotlib.colors import to_rgba
 from matplotlib.patches import Polygon, Rectangle
 
+from tacstrip.arrays import FloatArray
 from tacstrip.contact.shape import Contact
 from tacstrip.plot.style import COLOURS, SENSOR, STRIP, TRUE
 from tacstrip.scan import Scan
@@ -37,8 +39,13 @@ def draw_sensor(axes: Axes, sensor: Sensor) -> None:
     axes.set_xlim(-margin, width + margin)
     axes.set_ylim(-margin, length + margin)
     axes.set_aspect("equal")
-    axes.set_xlabel("digital dimension x [mm]")
+    axes.set_xlabel(x_label(sensor, "digital dimension x [mm]"))
     axes.set_ylabel("analog dimension y [mm]")
+
+
+def x_label(sensor: Sensor, flat: str = "x [mm]") -> str:
+    """Name the x axis: on a tube x runs along the arc."""
+    return "arc length x [mm]" if sensor.kind.cylindrical else flat
 
 
 def draw_contact(axes: Axes, contact: Contact, label: str | None = None, colour: str = TRUE) -> None:
@@ -57,16 +64,41 @@ def draw_contact(axes: Axes, contact: Contact, label: str | None = None, colour:
 
 
 def draw_polygon(
-    axes: Axes, vertices: npt.ArrayLike, colour: str, label: str | None = None, dashed: bool = False
+    axes: Axes,
+    vertices: npt.ArrayLike,
+    colour: str,
+    label: str | None = None,
+    dashed: bool = False,
+    doubtful: bool = False,
 ) -> None:
-    """Draw a recovered polygon's outline and corners; a raw profile's many corners stay unmarked."""
+    """Draw a recovered polygon's outline and corners; a raw profile's many corners stay unmarked.
+
+    A doubtful one is dashed on white, with hollow corners: dashes alone vanish on the true shape's line.
+    """
     ring = np.asarray(vertices, dtype=float)
     ring = np.concatenate([ring, ring[:1]])
     marker = "o" if len(ring) < 25 else ""
     axes.plot(
-        *ring.T, color=colour, linestyle="--" if dashed else "-", marker=marker, markersize=3.0, linewidth=1.3,
+        *ring.T, color=colour, linestyle="--" if dashed or doubtful else "-", marker=marker,
+        markersize=4.5 if doubtful else 3.0, markerfacecolor="white" if doubtful else colour, linewidth=1.3,
         label=label, zorder=4,
     )  # fmt: skip
+    if doubtful:  # a whole white line lies under the dashes
+        axes.plot(*ring.T, color="white", linewidth=2.6, zorder=3.9)
+
+
+def draw_regions(axes: Axes, sensor: Sensor, found: Iterable[FloatArray], colour: str) -> None:
+    """Draw the regions (K, 2) [mm] of corners, convex, as far as they lie on the sensor."""
+    surface = shapely.box(0.0, 0.0, sensor.width_mm, sensor.length_mm)
+    for region in found:
+        # One larger than the sensor says only that nothing is known: its edges would be rays across the picture.
+        large = bool((np.ptp(region, axis=0) > (sensor.width_mm, sensor.length_mm)).any())
+        seen = shapely.intersection(shapely.convex_hull(shapely.MultiPoint(region)), surface)
+        if seen.geom_type == "Polygon" and not seen.is_empty:
+            face = to_rgba(colour, 0.08 if large else 0.25)
+            edge = "none" if large else colour
+            xy = shapely.get_coordinates(seen)
+            axes.add_patch(Polygon(xy, facecolor=face, edgecolor=edge, linewidth=0.6, zorder=3))
 
 
 def draw_signatures(
@@ -82,11 +114,20 @@ def draw_signatures(
 
 def zoom(axes: Axes, points: npt.ArrayLike, sensor: Sensor, share: float = 0.25) -> None:
     """Show the neighbourhood of points (N, 2) [mm] instead of the whole sensor."""
+    x, y = near(points, sensor, share)
+    axes.set_xlim(*x)
+    axes.set_ylim(*y)
+
+
+def near(
+    points: npt.ArrayLike, sensor: Sensor, share: float = 0.25
+) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Return the spans of x and y that `zoom` shows [mm]."""
     xy = np.asarray(points, dtype=float).reshape(-1, 2)
     xy = xy[np.isfinite(xy).all(axis=1)]
     low, high = xy.min(axis=0), xy.max(axis=0)
     margin = share * (high - low).max() + 2.0 * sensor.pitch_mm
-    axes.set_xlim(
-        max(low[0] - margin, -sensor.pitch_mm), min(high[0] + margin, sensor.width_mm + sensor.pitch_mm)
+    return (
+        (max(low[0] - margin, -sensor.pitch_mm), min(high[0] + margin, sensor.width_mm + sensor.pitch_mm)),
+        (low[1] - margin, high[1] + margin),
     )
-    axes.set_ylim(low[1] - margin, high[1] + margin)

@@ -5,6 +5,7 @@ Figures are made without pyplot, so that no display, no global state and no leak
 
 from __future__ import annotations
 
+import math
 import warnings
 from pathlib import Path
 from typing import Any
@@ -50,8 +51,8 @@ def new_axes(width_inch: float = 5.0, height_inch: float = 4.2) -> tuple[Figure,
     return figure, add_axes(figure, 1, 1, 1)
 
 
-def add_axes(figure: Figure, rows: int, columns: int, index: int, **options: Any) -> Axes:
-    """Add axes in the project's style to a grid of a figure; options as for `Figure.add_subplot`."""
+def add_axes(figure: Figure, rows: int, columns: int, index: int | tuple[int, int], **options: Any) -> Axes:
+    """Add axes in the project's style to a grid of a figure, over one or more cells, as `Figure.add_subplot` does."""
     with mpl.rc_context(_RC):
         axes = figure.add_subplot(rows, columns, index, **options)
     assert isinstance(axes, Axes)
@@ -84,3 +85,14 @@ def save(figure: Figure, path: str | Path, dpi: int = 110) -> Path:
 def legend(axes: Axes, **options: Any) -> None:
     """Add a legend without a frame; options as for `Axes.legend`."""
     axes.legend(**{"frameon": False, "fontsize": 8.0, "loc": "best"} | options)
+
+
+def legend_above(axes: Axes, columns: int = 2, **options: Any) -> None:
+    """Add a legend inside the axes above all that is drawn, in room made for it; options as for `legend`."""
+    entries = len(options.get("labels") or axes.get_legend_handles_labels()[1])
+    assert isinstance(axes.figure, Figure)
+    height = axes.get_position().height * axes.figure.get_size_inches()[1]
+    share = min((0.2 * math.ceil(entries / columns) + 0.1) / height, 0.6)
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, low + (high - low) / (1.0 - share))
+    legend(axes, loc="upper left", ncols=columns, **options)

@@ -139,7 +139,8 @@ def check_closed_form(kind: Construction, what: str) -> None:
     if not kind.closed_form:
         raise OptionError(
             f"{what} needs a closed form, and a {kind.name} sensor has none (3.3): its strips shift each other's "
-            'readings. Use simulate(model="network") and profile_reconstruction, which take all strips together'
+            'readings. Simulate with the model "network" and reconstruct with the method "profile": they take all '
+            "strips together"
         )
 
 

@@ -1,7 +1,7 @@
 """The records of an MCAP file, read so that no file, however broken, can take the memory or hang the reader.
 
 The mcap package reads what a record holds. Its readers trust the lengths in the file, need its end, and do not check
-attachments; ours reads a cut file up to where it was cut.
+attachments; ours reads a cut file up to where it was cut, and a damaged one past the damage.
 """
 
 from __future__ import annotations
@@ -18,19 +18,19 @@ import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Chunk, McapRecord, Message, Metadata, Schema
+from mcap.records import Attachment, Channel, Chunk, McapRecord, Message, Metadata, Schema, Statistics
 
 from tacstrip.errors import RecordingError
+from tacstrip.stream.resync import FRAME, LARGEST, MAGIC, head, is_chunk, resume
 
-MAGIC = b"\x89MCAP0\r\n"
-LARGEST = 2**26  # bytes; no record or chunk of ours comes near
-_FRAME = struct.Struct("<BQ")
+_MOST_READ = 8  # times the file's length: however the damage was made, reading ends
 _READERS: dict[int, Any] = {
     Opcode.ATTACHMENT: Attachment,
     Opcode.CHANNEL: Channel,
     Opcode.CHUNK: Chunk,
     Opcode.METADATA: Metadata,
     Opcode.SCHEMA: Schema,
+    Opcode.STATISTICS: Statistics,
 }
 
 
@@ -47,7 +47,7 @@ class Condition:
     total_bytes
         The file's length.
     damage
-        Records that had to be left out, in words, with their place.
+        What had to be left out before that, in words, with its place.
     """
 
     whole: bool
@@ -57,7 +57,7 @@ class Condition:
 
     @property
     def lost_bytes(self) -> int:
-        """Bytes after the last whole record of a file that was cut."""
+        """Bytes after the last whole record of a file that does not end as it should."""
         return 0 if self.whole else self.total_bytes - self.good_bytes
 
 
@@ -94,31 +94,51 @@ class Records:
         self._file.close()
 
     def __iter__(self) -> Iterator[McapRecord]:
-        now = self.condition
+        now, size = self.condition, self.condition.total_bytes
+        at = last = now.good_bytes  # where a record should begin, and where the one before it began
+        sure = True  # that one's length is right, so that nothing is looked for inside it
+        told = ""  # what is wrong with it
+        left = _MOST_READ * size
         with self._file:
-            for at, opcode, body in _frames(self._file, now.total_bytes):
+            while left > 0:
+                if (frame := head(self._file, at, size)) is None:
+                    to = resume(self._file, at if sure else last + 1, size)
+                    if to is None:
+                        break
+                    begin = last if told or to < at else at
+                    now.damage.append(f"{to - begin} bytes from byte {begin} on are damaged")
+                    at, sure, told = to, False, ""
+                    continue
+                now.damage += [told] if told else []
+                opcode, body = frame[0], self._file.read(frame[1])
+                left -= len(body)
+                told = ""
                 try:
                     yield from _records(opcode, body)
                 except _BROKEN as error:
-                    now.damage.append(f"the record at byte {at} is damaged ({str(error) or 'cut short'})")
-                now.good_bytes = self._file.tell()
+                    told = f"the record at byte {at} is damaged ({str(error) or 'cut short'})"
+                sure = is_chunk(body) or (opcode == Opcode.ATTACHMENT and not told)
+                last, at = at, at + FRAME.size + len(body)
+                now.good_bytes = at
                 if opcode == Opcode.FOOTER:
                     now.whole = self._file.read(len(MAGIC) + 1) == MAGIC
-                    return
+                    break
+            now.damage += [told] if told else []
 
 
 _BROKEN = (McapError, zstandard.ZstdError, struct.error, ValueError, MemoryError, OverflowError)
 
 
-def _frames(file: IO[bytes], size: int) -> Iterator[tuple[int, int, bytes]]:
-    """Give place, opcode and body of each whole record, up to the first that is cut or longer than can be."""
-    at = file.tell()
-    while len(head := file.read(_FRAME.size)) == _FRAME.size:
-        opcode, length = _FRAME.unpack(head)
-        if length > min(LARGEST, size - at - _FRAME.size) or opcode == 0:
-            return
-        yield at, opcode, file.read(length)
-        at += _FRAME.size + length
+def _frames(data: bytes) -> Iterator[tuple[int, bytes]]:
+    """Give opcode and body of each record in a chunk; raises ValueError where they do not fill it."""
+    file, size = io.BytesIO(data), len(data)
+    at = 0
+    while at < size:
+        frame = head(file, at, size)
+        if frame is None:
+            raise ValueError("the chunk ends in the middle of a record")
+        yield frame[0], file.read(frame[1])
+        at += FRAME.size + frame[1]
 
 
 def _records(opcode: int, body: bytes) -> Iterator[McapRecord]:
@@ -127,7 +147,9 @@ def _records(opcode: int, body: bytes) -> Iterator[McapRecord]:
         yield Message.read(_stream(body), len(body))
         return
     if opcode not in _READERS:
-        return
+        if not is_chunk(body):
+            return
+        opcode = Opcode.CHUNK  # only its opcode is damaged; its checksum guards the rest
     if opcode == Opcode.ATTACHMENT and body[-4:] != struct.pack("<I", zlib.crc32(body[:-4])):
         raise ValueError("the attachment's checksum is wrong")
     record = _READERS[opcode].read(_stream(body))
@@ -135,7 +157,7 @@ def _records(opcode: int, body: bytes) -> Iterator[McapRecord]:
         yield record
         return
     data = _unpacked(record)
-    for _, inner, content in _frames(io.BytesIO(data), len(data)):
+    for inner, content in _frames(data):
         if inner != Opcode.CHUNK:
             yield from _records(inner, content)
 

@@ -14,7 +14,7 @@ from mcap.records import DataEnd, Footer
 from mcap.writer import CompressionType, Writer
 
 from tacstrip.errors import RecordingError
-from tacstrip.stream.framing import MAGIC
+from tacstrip.stream.resync import MAGIC
 
 CHUNK_BYTES = 65536
 

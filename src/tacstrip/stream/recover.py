@@ -5,13 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from mcap.records import Attachment, Channel, Message, Metadata, Schema
+from mcap.records import Attachment, Channel, Message, Metadata, Schema, Statistics
 
 from tacstrip.errors import RecordingError
 from tacstrip.stream.framing import Condition, Records
 from tacstrip.stream.mcapfile import CHUNK_BYTES, McapFile
 
 RECOVERED = "tacstrip_recovered"  # name of the metadata that says so
+_MOST_PLACES = 20  # of damage that are told one by one
 
 
 @dataclass(frozen=True)
@@ -26,11 +27,36 @@ class Recovered:
         From the first to the last message [s].
     condition
         The state of the file that was read.
+    held
+        Messages that the file held by its own index; None where the index is lost too.
     """
 
     messages: dict[str, int]
     seconds: float
     condition: Condition
+    held: int | None = None
+
+    @property
+    def lost(self) -> list[str]:
+        """What was lost, in words, a line each; empty where the file is whole."""
+        found = self.condition
+        if found.whole and not found.damage:
+            return []
+        total = sum(self.messages.values())
+        if self.held is None or self.held < total:
+            count = "an unknown number of messages, as their index is lost too"
+        else:
+            count = f"{self.held - total} of {self.held} messages"
+        places = found.damage[:_MOST_PLACES]
+        if len(found.damage) > _MOST_PLACES:
+            places.append(f"and {len(found.damage) - _MOST_PLACES} places more")
+        if not found.whole:
+            places.append(
+                f"{found.lost_bytes} bytes of {found.total_bytes} lie after the last whole chunk"
+                if found.lost_bytes
+                else "the file was cut after a whole chunk"
+            )
+        return [count, *places]
 
 
 def recover(path: str | Path, output: str | Path, force: bool = False) -> Recovered:
@@ -47,6 +73,7 @@ def recover(path: str | Path, output: str | Path, force: bool = False) -> Recove
     schemas: dict[int, Schema] = {}
     channels: dict[int, Channel] = {}
     messages = 0
+    held: int | None = None
     first = Records(path)
     for record in first:
         match record:
@@ -56,6 +83,8 @@ def recover(path: str | Path, output: str | Path, force: bool = False) -> Recove
                 channels[record.id] = record
             case Message():
                 messages += 1
+            case Statistics() if sum(record.channel_message_counts.values()) == record.message_count:
+                held = record.message_count
             case _:
                 pass
     if not messages or not channels:
@@ -63,11 +92,11 @@ def recover(path: str | Path, output: str | Path, force: bool = False) -> Recove
     file = McapFile(output, force)
     saved = _copy(Records(path), file, schemas, channels)
     about = {"from": Path(path).name, "lost_bytes": str(first.condition.lost_bytes)}
-    about |= {f"damage_{i}": told for i, told in enumerate(first.condition.damage[:20])}
+    about |= {f"damage_{i}": told for i, told in enumerate(first.condition.damage[:_MOST_PLACES])}
     with file.guard():
         file.writer.add_metadata(RECOVERED, about)
     file.close()
-    return Recovered(*saved, first.condition)
+    return Recovered(*saved, first.condition, held)
 
 
 def _copy(

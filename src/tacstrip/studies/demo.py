@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.shape import Contact
@@ -14,16 +16,24 @@ from tacstrip.data import data_path
 from tacstrip.io.geometry import read_contact
 from tacstrip.io.readings import read_readings
 from tacstrip.metrics import Mismatch, mismatch
-from tacstrip.plot.scene import draw_contact, draw_polygon, draw_sensor, draw_signatures, zoom
-from tacstrip.plot.style import COLOURS, OTHERS, add_axes, legend, new_figure
+from tacstrip.plot.scene import draw_contact, draw_polygon, draw_regions, draw_sensor, draw_signatures, zoom
+from tacstrip.plot.style import COLOURS, TRUE, add_axes, legend_above, new_figure
+from tacstrip.reconstruct.polygon import fit_polygon
 from tacstrip.reconstruct.profile import profile_reconstruction
+from tacstrip.reconstruct.region import regions
 from tacstrip.reconstruct.result import RecoveredObject
 from tacstrip.reconstruct.vertex import vertex_reconstruction
 from tacstrip.scan import Scan
 from tacstrip.sensor.spec import Sensor
-from tacstrip.studies.twin import calibrated, twin
+from tacstrip.studies.twin import twin
 
-_COLOURS = {"P.R.": COLOURS["profile"], "V.R. k_h": COLOURS["kh"], "V.R. k_l": COLOURS["kl"]}
+FIT = "Polygon fit"
+_COLOURS = {
+    FIT: COLOURS["k"],
+    "P.R.": COLOURS["profile"],
+    "V.R. k_h": COLOURS["kh"],
+    "V.R. k_l": COLOURS["kl"],
+}
 
 
 @dataclass(frozen=True)
@@ -48,18 +58,19 @@ class Demo:
 
 
 def run() -> Demo:
-    """Read the packaged volts, subtract the offsets of table 6.1 as in (6.3), (6.4), and reconstruct."""
+    """Read the packaged volts without and with the calibration of table 6.1, (6.3), (6.4), and reconstruct."""
     sensor = Sensor.load("prototype-crs-crs")
     contact = read_contact(data_path("demo_contact.wkt"))
-    before = read_readings(data_path("demo_readings.csv"), sensor)[0]
-    scans = {"before": before, "after": calibrated(twin("CRS-CRS"), before)}
+    volts = data_path("demo_readings.csv")
+    units = {"before": sensor, "after": twin("CRS-CRS")}
+    scans = {name: read_readings(volts, unit)[0] for name, unit in units.items()}
     trials = [t for name, scan in scans.items() for t in _trials(name, scan, sensor, contact)]
     return Demo(sensor, contact, scans, trials)
 
 
 def _trials(name: str, scan: Scan, sensor: Sensor, contact: Contact) -> list[Trial]:
     true_x: FloatArray = np.sort(contact.vertices[:, 0])
-    found = [("P.R.", "", profile_reconstruction(scan, sensor))]
+    found = [(FIT, "", fit_polygon(scan, sensor)), ("P.R.", "", profile_reconstruction(scan, sensor))]
     for signature, method in (("kh", "V.R. k_h"), ("kl", "V.R. k_l")):
         found.append((method, "given", vertex_reconstruction(scan, sensor, signature, true_x)))
         found.append((method, "found", vertex_reconstruction(scan, sensor, signature)))
@@ -73,8 +84,8 @@ def _trials(name: str, scan: Scan, sensor: Sensor, contact: Contact) -> list[Tri
 def table(demo: Demo) -> str:
     """Return the mismatch table as text."""
     lines = [
-        "readings  method     transitions   M.C.    M.C.     A.O.E.   A.P.E.   IoU    status",
-        "                                   [rad]  [rad cm]  [rad]     [mm]",
+        "readings  method      transitions   M.C.    M.C.     A.O.E.   A.P.E.   IoU    status",
+        "                                    [rad]  [rad cm]  [rad]     [mm]",
     ]
     for t in demo.trials:
         m = t.mismatch
@@ -83,46 +94,66 @@ def table(demo: Demo) -> str:
             if m
             else f"{'-':>6}" + " " * 34
         )
-        lines.append(f"{t.readings:<9} {t.method:<10} {t.transitions:<12} {numbers}   {t.recovered.status}")
+        lines.append(f"{t.readings:<9} {t.method:<11} {t.transitions:<12} {numbers}   {t.recovered.status}")
     return "\n".join(lines)
 
 
 def picture(demo: Demo) -> Figure:
-    """Draw sensor, true shape, recovered shapes and signatures, before and after."""
-    figure = new_figure(11.0, 6.2)
-    axes = add_axes(figure, 1, 4, 1)
+    """Draw sensor, true shape and signatures, the polygon fit before and after, and the thesis' methods."""
+    figure = new_figure(9.5, 7.4)
+    axes = add_axes(figure, 2, 3, (1, 4))
     draw_sensor(axes, demo.sensor)
-    draw_contact(axes, demo.contact)
-    for t in demo.trials:
-        if t.readings == "after" and t.method == "P.R.":
-            draw_polygon(axes, t.recovered.vertices, _COLOURS["P.R."])
-    axes.set_title("prototype, 10 strips")
-    for column, name in enumerate(("before", "after"), start=2):
-        _draw_shapes(add_axes(figure, 1, 4, column), demo, name)
-    axes = add_axes(figure, 1, 4, 4)
+    _draw_shapes(axes, demo, "after", [FIT])
+    axes.set_title("Prototype, 10 strips")
+    panels = {2: ("before", [FIT]), 3: ("after", [FIT]), 5: ("after", ["P.R.", "V.R. k_h", "V.R. k_l"])}
+    for place, (name, methods) in panels.items():
+        axes = add_axes(figure, 2, 3, place)
+        _draw_shapes(axes, demo, name, methods)
+        axes.set_aspect("equal")
+        zoom(axes, np.concatenate([t.recovered.vertices for t in demo.trials if _shown(t)]), demo.sensor, 0.1)
+        axes.set_xlabel("x [mm]")
+        axes.set_ylabel("y [mm]")
+        if methods == [FIT]:
+            status = ", ".join(
+                t.recovered.status for t in demo.trials if (t.readings, t.method) == (name, FIT)
+            )
+            axes.set_title(f"{FIT} {name}\ncalibration: {status}")
+        else:
+            axes.set_title(f"The thesis' methods {name} calibration\n(V.R.: true transitions given)")
+    _explain(figure, demo)
+    axes = add_axes(figure, 2, 3, 6)
     for name, style in (("before", ":"), ("after", ".-")):
         draw_signatures(axes, demo.sensor, demo.scans[name], style=style)
-    axes.set_title("pseudo-signatures\n(dotted: before calibration)")
+    axes.set_title("Pseudo-signatures\n(dotted: before calibration)")
     axes.set_xlabel("x [mm]")
     axes.set_ylabel("k L [mm]")
     handles, labels = axes.get_legend_handles_labels()
-    legend(axes, handles=handles[2:], labels=labels[2:])
+    legend_above(axes, handles=handles[2:], labels=labels[2:])
     figure.suptitle(
         "Synthetic readings: closed forms + printed offsets and residual errors; no hardware was measured"
     )
     return figure
 
 
-def _draw_shapes(axes: Axes, demo: Demo, name: str) -> None:
+def _shown(trial: Trial) -> bool:
+    """Tell whether a trial is in the picture: all after calibration, and the fit before; given transitions only."""
+    return trial.transitions != "found" and (trial.readings == "after" or trial.method == FIT)
+
+
+def _draw_shapes(axes: Axes, demo: Demo, name: str, methods: list[str]) -> None:
     draw_contact(axes, demo.contact, label="true shape")
     for t in demo.trials:
-        if t.readings == name and t.recovered.found and t.transitions != "found":
-            label = f"{t.method}: {t.recovered.status}"
-            colour = _COLOURS.get(t.method, OTHERS[0])
-            draw_polygon(axes, t.recovered.vertices, colour, label, dashed=t.recovered.status != "ok")
-    axes.set_aspect("equal")
-    zoom(axes, demo.contact.vertices, demo.sensor, share=0.6)
-    axes.set_title(f"{name} calibration")
-    axes.set_xlabel("x [mm]")
-    axes.set_ylabel("y [mm]")
-    legend(axes, loc="upper left", fontsize=7.0)
+        if t.readings == name and t.method in methods and _shown(t):
+            colour, o = _COLOURS[t.method], t.recovered
+            draw_regions(axes, demo.sensor, regions(o.vertices, o.covariance), colour)
+            draw_polygon(axes, o.vertices, colour, t.method, doubtful=o.status != "ok")
+
+
+def _explain(figure: Figure, demo: Demo) -> None:
+    """Add one legend for all shapes."""
+    entries: dict[str, Artist] = {}
+    for axes in figure.axes:
+        handles, labels = axes.get_legend_handles_labels()
+        entries |= {str(label): h for h, label in zip(handles, labels, strict=True)}
+    entries["95 % region of a corner"] = Patch(facecolor=TRUE, alpha=0.25)
+    figure.legend(entries.values(), entries.keys(), loc="outside lower center", ncols=6, frameon=False)

@@ -1,12 +1,15 @@
-"""Who may look, and who may also touch: this computer both, others by the token that they bring."""
+"""Where the page may be served, who may look, and who may also touch: this computer both, others by their token."""
 
 from __future__ import annotations
 
+import errno
 import hmac
 import ipaddress
 import secrets
 from dataclasses import dataclass, field
 from urllib.parse import urlsplit
+
+from tacstrip.errors import OptionError
 
 LOCAL = ("127.0.0.1", "localhost", "::1")
 
@@ -17,6 +20,25 @@ def is_local(host: str) -> bool:
         return host == "localhost" or ipaddress.ip_address(host).is_loopback
     except ValueError:
         return False
+
+
+def check_port(port: int, what: str = "port") -> None:
+    """Refuse a port that is not 0 to 65535: `OptionError` calls it `what`."""
+    if not 0 <= port <= 65535:
+        raise OptionError(f"{what} {port}: must be 0 to 65535; 0 takes any that is free")
+
+
+def why_not_there(error: OSError | UnicodeError, host: str) -> str:
+    """Say why a server cannot listen on a host, and what to do."""
+    match getattr(error, "errno", None):
+        case errno.EADDRINUSE:
+            return (
+                "the port is in use, perhaps by another `tacstrip live`; choose another --http, or --http 0"
+            )
+        case errno.EACCES:
+            return "only an administrator may listen there; choose another --http, above 1023"
+        case _:
+            return f"{host!r} is no address of this computer; choose another --host, or leave it out"
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,8 @@ from typing import Any
 
 from aiohttp import WSMsgType, web
 
-from tacstrip.errors import PortError, TacstripError
-from tacstrip.view.access import Access
+from tacstrip.errors import OptionError, TacstripError
+from tacstrip.view.access import Access, check_port, why_not_there
 from tacstrip.view.stage import Stage
 
 PAGE = Path(__file__).parent / "page"
@@ -54,24 +54,24 @@ class Server:
 
     Raises
     ------
-    PortError
-        It cannot listen there.
+    OptionError
+        It cannot listen there; the message says why and what to do.
     """
 
     def __init__(self, stage: Stage, access: Access, port: int = 0) -> None:
+        check_port(port)
         self.stage, self.access, self.port = stage, access, port
         self._loop = asyncio.new_event_loop()
         self._pages: set[_Watcher] = set()
         self._ready = threading.Event()
-        self._failed: OSError | None = None
+        self._failed: OSError | UnicodeError | None = None
         self._end: asyncio.Event | None = None
         self._thread = threading.Thread(target=self._run, name="tacstrip view", daemon=True)
         self._thread.start()
         self._ready.wait()
         if self._failed is not None:
-            raise PortError(
-                f"the page cannot be served on {access.host}:{port} ({self._failed.strerror}); choose another "
-                "--host or --http"
+            raise OptionError(
+                f"the page cannot be served on {access.host}:{port}: {why_not_there(self._failed, access.host)}"
             )
 
     @property
@@ -120,7 +120,7 @@ class Server:
             drawing.cancel()
             for page in list(self._pages):
                 await page.socket.close()
-        except OSError as error:
+        except (OSError, UnicodeError) as error:  # the second of a name that can be none
             self._failed = error
         finally:
             await runner.cleanup()

@@ -1,0 +1,94 @@
+"""What can be read but is probably not meant: metres for millimetres, columns exchanged, half of the readings.
+
+Each function returns the words of a warning, nothing where all seems well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import shapely
+
+from tacstrip.contact.noise import Noise
+from tacstrip.contact.shape import Contact
+from tacstrip.io.columns import value_columns
+from tacstrip.io.rows import read_csv
+from tacstrip.scan import Scan
+from tacstrip.sensor.constructions import SIGNATURES
+from tacstrip.sensor.spec import Sensor
+
+_PITCH_MM = 0.1  # nobody cuts strips as fine
+_SMALL = 0.01  # of the sensor's shorter side: a contact in metres is a thousandth of itself
+_VREF_VOLT = 2.0  # above it, volts that all stay below 1 are seldom volts
+_NOISE = 0.005  # of Vref: P.U. profile I
+_FEW = 4  # touched strips: of fewer, noise alone can exchange most
+
+
+def in_metres(sensor: Sensor) -> str:
+    """Say that a spec's lengths look like metres."""
+    if sensor.pitch_mm >= _PITCH_MM:
+        return ""
+    return (
+        f"pitch_mm = {sensor.pitch_mm:.6g}, length_mm = {sensor.length_mm:.6g}: mm, not m? "
+        "All lengths in a spec are millimetres"
+    )
+
+
+def contact_in_metres(contact: Contact, sensor: Sensor) -> str:
+    """Say that a contact's coordinates look like metres: it is tiny beside the sensor. A point has no size to tell."""
+    x0, y0, x1, y1 = shapely.GeometryCollection(list(contact.shapes)).bounds
+    size = max(x1 - x0, y1 - y0)
+    if not 0.0 < size < _SMALL * min(sensor.width_mm, sensor.length_mm):
+        return ""
+    return (
+        f"the contact is {size:.3g} mm large, on a sensor of {sensor.width_mm:.6g} x {sensor.length_mm:.6g} mm: is it "
+        "in metres? Coordinates are millimetres"
+    )
+
+
+def over_vref(path: str | Path, sensor: Sensor, largest: float) -> str:
+    """Say that a readings file's volts look like readings over Vref; `largest` is its largest reading over Vref."""
+    if sensor.vref_volt <= _VREF_VOLT or not 0.0 < largest * sensor.vref_volt <= 1.0:
+        return ""
+    # A/D codes have no unit to be mistaken.
+    if not read_csv(path, "readings", lambda header, rows: value_columns(header, sensor)[0].unit):
+        return ""
+    return (
+        f"{path}: no reading is above 1 V, and vref_volt is {sensor.vref_volt:.6g}: are they over Vref? "
+        "The columns hold volts"
+    )
+
+
+def half_read(path: str | Path, sensor: Sensor, names: Sequence[str]) -> str:
+    """Say that readings have one of the sensor's two signatures only."""
+    lack = [name for name in sensor.signatures if name not in names]
+    have = [SIGNATURES[name] for name in names if name in sensor.signatures]
+    if not lack or not have:
+        return ""
+    missing = SIGNATURES[lack[0]]
+    return f"using {have[0].volt_column} only: {path} has no {missing.volt_column} (or {missing.code_column})"
+
+
+def exchanged(scans: Sequence[Scan], noise: Noise | None = None) -> str:
+    """Say that k_h is below k_l, beyond noise, on most strips of a scan: on no sensor can it be."""
+    beyond = max(_NOISE, noise.quantisation + noise.positional if noise is not None else 0.0)
+    found: list[tuple[int, int, int]] = []
+    for number, scan in enumerate(scans):
+        if scan.kh is None or scan.kl is None:
+            return ""
+        below, touched = int((scan.kh < scan.kl - beyond).sum()), int(scan.touched.sum())
+        if touched >= _FEW and 2 * below > touched:
+            found.append((number, below, touched))
+    if not found:
+        return ""
+    number, below, touched = found[0]
+    more = f" of scan {number}, and so in {len(found) - 1} scan(s) more" if len(found) > 1 else ""
+    return f"k_h is below k_l on {below} of {touched} strips{more}: are the columns exchanged?"
+
+
+def largest(scans: Sequence[Scan]) -> float:
+    """Return the largest reading of scans over Vref, 0 where nothing touches."""
+    values = np.concatenate([scan[name] for scan in scans for name in scan.signatures])
+    return float(np.nanmax(values)) if np.isfinite(values).any() else 0.0
