@@ -8,12 +8,13 @@ import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
 from tacstrip.diagnose.finding import Finding
-from tacstrip.diagnose.view import Suspect, View, residuals
+from tacstrip.diagnose.view import Suspect, View, expected, residuals
 
 _INSIDE = 0.15  # over Vref: expectations this far from both rails cannot be met by a reading on a rail
 _RAIL = 0.012  # over Vref
 _SHARE = 0.4  # of those places: elsewhere the contact bridges the break
 _SPREAD = 0.05  # over Vref: what the neighbours must move for a reading that does not
+_MOVES = 0.2  # over Vref: what the neighbours must move for a reading that should, and does not
 _ALIKE = 0.7  # correlation of a strip's neighbours that are under one object
 _FEW, _SOME = 3, 8  # places
 
@@ -28,7 +29,9 @@ def on_rails(view: View) -> list[Suspect]:
     names = list(view.k)
     values = np.stack([view.k[n] for n in names])  # (signatures, places, strips)
     e, r = (np.stack(a) for a in zip(*(residuals(view, n) for n in names), strict=True))
-    inside = (e > _INSIDE) & (e < 1.0 - _INSIDE)
+    # Beside one strip on a rail there may be another; not between two that are off it.
+    gap = np.stack([expected(view.k[n], view.there)[2] for n in names]) / 2.0
+    inside = (e - gap > _INSIDE / 2.0) & (e + gap < 1.0 - _INSIDE / 2.0) & (np.abs(e - 0.5) < 0.5 - _INSIDE)
     low, high = values <= _ground(view) + near, values >= 1.0 - near
     ground, vref = (np.asarray(side.all(axis=0) & inside.any(axis=0)) for side in (low, high))
     # One channel on ground where the other is not: its wire has nothing to say.
@@ -60,8 +63,8 @@ def _open_strip(
     view: View, strip: int, ground: BoolArray, vref: BoolArray, places: int, level: FloatArray
 ) -> Finding | None:
     count = int(ground.sum() + vref.sum())
-    deep = count == places and bool((np.abs(level[ground | vref] - 0.5) < 0.25).any())
-    if not (count >= _FEW or deep) or count < _SHARE * places:
+    # An object that reaches over the end of one strip does so at one height.
+    if count < max(_SOME, _SHARE * places) or _spread(level[ground | vref]) < _MOVES:
         return None
     where = ""
     if ground.any() and vref.any():
@@ -112,7 +115,7 @@ def not_moving(view: View) -> list[Suspect]:
                 continue
             own, theirs = (_spread(v[known, strip]) for v in (values, e))
             whole = np.ptp(values[known, strip])
-            if own <= still and whole <= 3.0 * still and theirs > max(_SPREAD, 5.0 * own):
+            if own <= still and whole <= 3.0 * still and theirs > max(_MOVES, 5.0 * own):
                 level = float(np.median(values[known, strip]))
                 fault = "dead" if abs(level - _ground(view)) < max(_RAIL, 4.0 * view.sigma) else "stuck"
                 finding = Finding(

@@ -10,6 +10,7 @@ from tacstrip.diagnose.log import Log
 
 _OVER = 0.005  # over Vref: what rounding and small offsets may add
 _BLOCKS = 16  # different settings of the bits above, before a bit that never changes is called stuck
+_VISITS = 3  # of the end at Vref
 _WHOLE = 1e-3  # of a step: what printing volts may leave of a whole code
 
 
@@ -102,7 +103,7 @@ def _end_level(log: Log, sigma: float) -> float | None:
     highest = np.sort(np.nan_to_num(top[:, often], nan=-1.0), axis=0)[-3]
     level = float(np.median(highest))
     shared = np.abs(highest - level) < near
-    if not 0.4 < level < 0.97 or shared.mean() < 0.8 or (highest > level + 2.0 * near).any():
+    if not 0.4 < level < 0.97 or shared.mean() < 0.75:  # two strips of eight may be ill themselves
         return None
     at = top > level - near
     askew = (top < level - 0.03) & at.any(axis=1, keepdims=True)
@@ -110,6 +111,11 @@ def _end_level(log: Log, sigma: float) -> float | None:
     low, high = np.percentile(heights[heights >= 0.0], [5.0, 95.0])
     lies_askew = askew.any(axis=1).sum() >= max(8.0, 0.1 * at.any(axis=1).sum())
     if at.sum() < 5 * shared.sum() or not lies_askew or high - low < 0.15:
+        return None
+    # Readings pile up at an end, each time that a contact gets there; at the top of a turn they do not.
+    below = (top > level - 3.0 * near) & ~at
+    visits = np.count_nonzero(np.diff(at.any(axis=1).astype(int)) == 1)
+    if 2 * at.sum() < below.sum() or visits < _VISITS:
         return None
     return float(np.median(top[at]))
 

@@ -6,11 +6,12 @@ from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
-from tacstrip.arrays import BoolArray
+from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.diagnose.channels import clipped, not_moving, on_rails, silent
 from tacstrip.diagnose.converter import common_ceiling, stuck_bits, wrong_reference
 from tacstrip.diagnose.drift import drift
 from tacstrip.diagnose.finding import Finding, Report
+from tacstrip.diagnose.fits import came_back
 from tacstrip.diagnose.hum import hum
 from tacstrip.diagnose.log import Log
 from tacstrip.diagnose.noise import excess_noise, measure, quality
@@ -24,6 +25,7 @@ _OFFSET = 0.02  # over Vref: what a strip may lie beside its neighbours before c
 _TESTS: tuple[Callable[[View], list[Suspect]], ...] = (
     silent, on_rails, not_moving, clipped, swapped_wires, swapped_ends, swapped_strips, shorts,
 )  # fmt: skip
+_FEWEST = 20  # places that tell an offset
 _AT = 0.003  # over Vref: what lies this near a ceiling is not used
 _AT_EDGE = 0.3  # what a gain counts where neighbours stand on one side only
 _WORST = {"broken": 0, "degraded": 1, "note": 2}
@@ -108,10 +110,10 @@ def _merged(findings: list[Finding]) -> list[Finding]:
 
 
 def _notes(log: Log, view: View) -> Iterator[Finding]:
-    for strip in range(view.strips if log.sensor.kind.closed_form else 0):
-        off = {n: r[np.isfinite(r)] for n, r in ((n, residuals(view, n)[1][:, strip]) for n in view.k)}
-        medians = [float(np.median(r)) for r in off.values() if len(r) >= 5]
-        worst = max(medians, key=abs, default=0.0)
+    beside = [residuals(view, n) for n in view.k] if log.sensor.kind.closed_form else []
+    # Lines drawn beyond the last strip but one go astray.
+    for strip in range(1, view.strips - 1):
+        worst = max((_offset(e[:, strip], r[:, strip], view.sigma) for e, r in beside), key=abs, default=0.0)
         if abs(worst) > max(_OFFSET, 4.0 * view.sigma):
             yield Finding(
                 "calibration", (int(view.order[strip]),), f"reads {100 * worst:+.2g} % of Vref beside its neighbours",
@@ -122,6 +124,15 @@ def _notes(log: Log, view: View) -> Iterator[Finding]:
         yield Finding(
             "rest-level", (), "every strip has a reading in every scan, so every strip counts as touched"
         )
+
+
+def _offset(expected: FloatArray, off: FloatArray, sigma: float) -> float:
+    """Return what a channel reads beside its neighbours wherever the contact is; 0 where only some contacts show it."""
+    known = np.isfinite(off)
+    if known.sum() < _FEWEST or not came_back(expected[known], sigma):
+        return 0.0
+    low, middle, high = np.percentile(off[known], [25.0, 50.0, 75.0])
+    return float(middle) if low * high > 0.0 else 0.0
 
 
 def _untold(log: Log, view: View, ill: set[int]) -> Iterator[str]:
@@ -138,11 +149,12 @@ def _untold(log: Log, view: View, ill: set[int]) -> Iterator[str]:
     if len(view.there) < 6:
         what = "shorts, strips exchanged, stuck channels, saturation"
         yield f"{what}: the contact stood at {len(view.there)} place(s); move and turn it"
-    alone = []
-    for i in range(view.strips):
-        known = any(np.isfinite(residuals(view, n)[0][:, i]).any() for n in view.k)
-        if log.touched[:, view.order[i]].any() and not known and view.order[i] not in ill:
-            alone.append(int(view.order[i]) + base)
+    known = np.any([np.isfinite(residuals(view, n)[0]).any(axis=0) for n in view.k], axis=0)
+    alone = [
+        int(number) + base
+        for number, told in zip(view.order, known, strict=True)
+        if log.touched[:, number].any() and not told and number not in ill
+    ]
     if alone:
         yield f"{_names(sorted(alone))}: no usable neighbours at the same time; touch two or more beside them too"
     if log.time_s[0] == log.time_s[-1] and len(log.time_s) > 1:

@@ -1,4 +1,4 @@
-"""Least squares that every test uses alike."""
+"""What every test uses alike: least squares, and whether a contact came back."""
 
 from __future__ import annotations
 
@@ -6,8 +6,23 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 
+_BACK = 3  # times: twice may be one movement to and fro
+_RANGE = 0.3  # over Vref: a contact that sways shows little else than its shape
+
 
 def without(values: FloatArray, *terms: FloatArray) -> FloatArray:
     """Return values (rows,) without their mean and what terms, each (rows,), explain by least squares."""
     design = np.column_stack([np.ones(len(values)), *terms])
     return np.asarray(values - design @ np.linalg.lstsq(design, values, rcond=None)[0])
+
+
+def returns(values: FloatArray, least: float) -> int:
+    """Count how often values cross their middle, going beyond it by `least` on both sides."""
+    aside = values - np.median(values)
+    return int(np.count_nonzero(np.diff(np.sign(aside[np.abs(aside) > least]))))
+
+
+def came_back(level: FloatArray, sigma: float, least: float = _RANGE) -> bool:
+    """Whether a contact went along the strips, over heights (places,) in order of time, three times, `least` far."""
+    low, high = np.percentile(level, [5.0, 95.0])
+    return bool(high - low >= least and returns(level, max(0.01, 3.0 * sigma)) >= _BACK)

@@ -42,7 +42,7 @@ def hum(log: Log, sigma: float) -> tuple[list[Finding], str]:
             shifts = np.concatenate([np.arange(-12, -3), np.arange(4, 13)]) / lasts
             beside = mains + shifts[np.abs(mains + shifts - other) > _APART / lasts]
             amplitudes = _amplitudes(flat * window, time_s, np.append(beside, mains)) * 2.0 / window.sum()
-            if not _rings(flat, amplitudes[-1], mains * period):
+            if amplitudes[-1] > sigma and not _rings(flat, time_s, mains):
                 amplitudes[-1] = 0.0
             power[i, 0, strip] += amplitudes[-1] ** 2 * len(time_s)
             power[i, 1, strip] += float(np.median(amplitudes[:-1] ** 2)) * len(time_s)
@@ -115,10 +115,13 @@ def _tells(mains: float, period: float, lasts: float) -> bool:
     return folded > 5.0 / lasts and rate / 2.0 - folded > _APART / 2.0 / lasts
 
 
-def _rings(values: FloatArray, amplitude: float, turns_a_scan: float) -> bool:
-    """Whether a line of this amplitude is there all the time, not a few jumps: third differences tell."""
-    whole = amplitude * abs(2.0 * np.sin(np.pi * turns_a_scan)) ** 3 / np.sqrt(2.0)
-    return bool(np.median(np.abs(np.diff(values, n=3))) > 0.4 * whole)
+def _rings(values: FloatArray, time_s: FloatArray, mains: float) -> bool:
+    """Whether a line is there all the time, not a few jumps: third differences are smaller without it."""
+    turn = 2.0 * np.pi * mains * (time_s - time_s[0])
+    with_line, without_line = (
+        np.median(np.abs(np.diff(v, n=3))) for v in (values, without(values, np.sin(turn), np.cos(turn)))
+    )
+    return bool(without_line < 0.85 * with_line)
 
 
 def _amplitudes(values: FloatArray, time_s: FloatArray, hertz: npt.ArrayLike) -> FloatArray:

@@ -21,6 +21,8 @@ PROFILE_I, PROFILE_II = 0.005, 0.01  # half-widths over Vref, table 5.1
 _ABOVE_II = 1.5  # times profile II's sigma: more is no sensor that the thesis could use
 _NOISIER = 4.0  # times the other strips
 _SPILL = 0.7  # of a neighbour's noise: less may be the neighbour's
+_WHITE = 0.6  # of what first differences say: motion leaves less of itself in third ones, noise the same
+_SLOW = 2.0  # times sigma: faster motion is in third differences too
 _FEWEST = 24  # third differences
 _NORMAL = 1.4826  # sigma of normal errors over their median absolute deviation
 
@@ -37,16 +39,19 @@ class Measured:
         Of each strip (strips,), the larger of its channels.
     steady
         Whether the scans followed each other closely enough for the noise to stand out from the motion.
+    least
+        Of each strip, the least that differences of any order say (strips,): noise is the same in all, motion is not.
     """
 
     sigma: float
     strips: FloatArray
     steady: bool
+    least: FloatArray
 
 
 def measure(log: Log) -> Measured:
     """Measure the noise of touched strips, and of untouched ones that have readings."""
-    strips = np.full(log.sensor.strips, np.nan)
+    strips, least = (np.full(log.sensor.strips, np.nan) for _ in range(2))
     pooled, smoother = [], []
     for raw in log.raw.values():
         values = _off_rails(raw)
@@ -55,6 +60,7 @@ def measure(log: Log) -> Measured:
         beside = _third(values - line) / math.sqrt(20.0 * 1.5)
         here = np.array([_least(a, b) for a, b in zip(alone.T, beside.T, strict=True)])
         strips = np.fmax(strips, here)
+        least = np.fmax(least, np.minimum(here, _any_order(values, values - line)))
         pooled.append(here)
         smoother.append(
             np.array([_deviation(d) for d in (np.diff(values - line, axis=0) / math.sqrt(3.0)).T])
@@ -62,14 +68,14 @@ def measure(log: Log) -> Measured:
     known = np.concatenate(pooled)
     known = known[np.isfinite(known)]
     if not len(known):
-        return Measured(_across(log), strips, False)
+        return Measured(_across(log), strips, False, least)
     sigma = float(np.median(known))
     rough = (
         float(np.nanmedian(np.concatenate(smoother)))
         if np.isfinite(np.concatenate(smoother)).any()
         else np.inf
     )
-    return Measured(sigma, strips, sigma > 0.5 * rough)
+    return Measured(sigma, strips, sigma > _WHITE * rough and _speed(log) < _SLOW * sigma, least)
 
 
 def excess_noise(log: Log, measured: Measured) -> list[Finding]:
@@ -79,7 +85,7 @@ def excess_noise(log: Log, measured: Measured) -> list[Finding]:
     limit = max(_NOISIER * measured.sigma, profile_i)
     padded = np.pad(measured.strips, 1, constant_values=np.nan)
     loudest = np.fmax(padded[:-2], padded[2:])
-    for strip in np.flatnonzero((measured.strips > limit) & ~(measured.strips < _SPILL * loudest)):
+    for strip in np.flatnonzero((measured.least > limit) & ~(measured.strips < _SPILL * loudest)):
         sigma = float(measured.strips[strip])
         found.append(
             Finding(
@@ -128,6 +134,13 @@ def _vertex_error(sensor: Sensor, sigma: float) -> float:
     return rms if math.isfinite(rms) else math.nan
 
 
+def _speed(log: Log) -> float:
+    """Return by how much readings change from scan to scan, in the middle, over Vref."""
+    steps = np.concatenate([np.abs(np.diff(v, axis=0)).ravel() for v in log.k.values()])
+    steps = steps[np.isfinite(steps)]
+    return float(np.median(steps)) if len(steps) else 0.0
+
+
 def _off_rails(values: FloatArray) -> FloatArray:
     """Return readings without those that are cut off, at the highest and the lowest value: they have no noise."""
     ends = (np.fmin.reduce(values, axis=None), np.fmax.reduce(values, axis=None))
@@ -136,6 +149,16 @@ def _off_rails(values: FloatArray) -> FloatArray:
         [values == e for e, m in zip(ends, many, strict=True) if m] or [np.zeros(values.shape, bool)], axis=0
     )
     return np.where(cut, np.nan, values)
+
+
+def _any_order(alone: FloatArray, beside: FloatArray) -> FloatArray:
+    """Return each strip's least deviation (strips,) by first, second and fourth differences, NaN where not known."""
+    found = [
+        [_deviation(d) for d in (np.diff(values, n=order, axis=0) / math.sqrt(power * share)).T]
+        for values, share in ((alone, 1.0), (beside, 1.5))
+        for order, power in ((1, 2.0), (2, 6.0), (4, 70.0))
+    ]
+    return np.asarray(np.fmin.reduce(found, axis=0))
 
 
 def _third(values: FloatArray) -> FloatArray:

@@ -7,14 +7,16 @@ from functools import partial
 
 import numpy as np
 
-from tacstrip.arrays import BoolArray
+from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.diagnose.beside import neighbours
 from tacstrip.diagnose.finding import Finding
+from tacstrip.diagnose.fits import came_back
 from tacstrip.diagnose.view import Suspect, View, residuals
 
 _CROSSED = 0.01  # over Vref: k_h - k_l below minus this cannot be (3.3), (3.4)
 _SHARE = 0.8  # of the places that tell
 _FEW = 8  # places
+_MOVES, _ALONG = 0.2, 0.4  # over Vref, what neighbours must move; correlation
 _OFF_LINE = 0.75  # of the slope around: what two strips may lie off it together
 _FOOTPRINTS = 5  # different ones of contacts that end between two strips, if all lie on one side
 _UNUSUAL = 2.0  # times what other pairs differ from the slope around them
@@ -68,14 +70,16 @@ def swapped_ends(view: View) -> list[Suspect]:
     """Find strips that fit their neighbours upside down: 1 - k_l for k_h, 1 - k_h for k_l, 1 - k for k."""
     found = []
     turned = {"kh": "kl", "kl": "kh", "k": "k"}
-    as_is, upside_down = [], []
+    as_is, upside_down, moves = [], [], []
     for name in view.k:
         e, r = residuals(view, name)
+        other = 1.0 - view.k.get(turned[name], view.k[name])
         as_is.append(np.abs(r))
-        upside_down.append(np.abs(1.0 - view.k.get(turned[name], view.k[name]) - e))
+        upside_down.append(np.abs(other - e))
+        moves.append([_goes_along(e[:, i], other[:, i]) for i in range(view.strips)])
     now, then = (np.mean(costs, axis=0) for costs in (as_is, upside_down))
     known = np.isfinite(now) & np.isfinite(then)
-    for strip in np.flatnonzero(known.any(axis=0)):
+    for strip in np.flatnonzero(known.any(axis=0) & np.all(moves, axis=0)):
         a, b = now[known[:, strip], strip], then[known[:, strip], strip]
         worth = float(a.mean() - b.mean())
         if a.mean() > (0.15 if len(a) > 2 else 0.3) and b.mean() < 0.35 * a.mean():
@@ -92,6 +96,15 @@ def swapped_ends(view: View) -> list[Suspect]:
                 )
             )  # fmt: skip
     return found
+
+
+def _goes_along(expected: FloatArray, values: FloatArray) -> bool:
+    """Whether values rise where they should: at one height alone, another contact may read the same upside down."""
+    known = np.isfinite(expected) & np.isfinite(values)
+    e, v = expected[known], values[known]
+    if len(e) < _FEW or np.ptp(np.percentile(e, [5.0, 95.0])) < _MOVES or not np.ptp(v):
+        return False
+    return bool(np.corrcoef(e, v)[0, 1] > _ALONG)
 
 
 def _turn(view: View, strip: int) -> None:
@@ -112,7 +125,12 @@ def swapped_strips(view: View) -> list[Suspect]:
         alike = footprints < _FOOTPRINTS and not _at_edge(view, strip) and slope.wrong > 0.9 * slope.right
         often = left + right >= 2 * _FEW and against == 0 and not alike
         edges = left + right >= 4 and left + right >= 5 * against and (often or not one_sided)
-        runs_back = slope.clear and slope.wrong < 0.4 * slope.right and slope.right > _UNUSUAL * usual
+        runs_back = (
+            slope.clear
+            and slope.wrong < (0.25 if _at_edge(view, strip) else 0.4) * slope.right
+            and slope.right > _UNUSUAL * usual
+            and slope.back
+        )
         if runs_back or (edges and not (slope.clear and slope.right < 0.7 * slope.wrong)):
             told = []
             if runs_back:
@@ -140,18 +158,20 @@ class _Slope:
 
     right, wrong: root mean square of D - E and of D + E, without their means: these take up what a sensor without
     calibration adds. clear: whether E changed by enough, in enough places, and the two lie on the line around them.
+    back: whether the contact came back to its heights.
     """
 
     right: float
     wrong: float
     places: int
     clear: bool
+    back: bool
 
     @classmethod
     def of(cls, view: View, strip: int) -> _Slope:
         pairs = [b for values in view.k.values() if (b := neighbours(values, strip))]
         if not pairs:
-            return cls(0.0, 0.0, 0, False)
+            return cls(0.0, 0.0, 0, False, False)
         right, wrong, slope = (
             float(np.sqrt(np.mean([np.var(v) for v in values])))
             for values in (
@@ -163,7 +183,7 @@ class _Slope:
         off = float(np.median(np.concatenate([np.abs(p.together - np.median(p.together)) for p in pairs])))
         places = min(len(p.slope) for p in pairs)
         clear = places >= _FEW and slope > max(0.004, 4.0 * view.sigma) and off < _OFF_LINE * slope
-        return cls(right, wrong, places, clear)
+        return cls(right, wrong, places, clear, all(came_back(p.level, view.sigma) for p in pairs))
 
 
 def _exchange(view: View, strip: int) -> None:

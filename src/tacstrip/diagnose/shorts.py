@@ -8,9 +8,9 @@ from functools import partial
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
-from tacstrip.diagnose.beside import Beside, neighbours
+from tacstrip.diagnose.beside import Beside, bridges, neighbours
 from tacstrip.diagnose.finding import Finding
-from tacstrip.diagnose.fits import without
+from tacstrip.diagnose.fits import came_back, without
 from tacstrip.diagnose.view import Suspect, View
 from tacstrip.sensor.constructions import SIGNATURES
 
@@ -23,11 +23,17 @@ _MOST = (
     0.95,
     0.35,
 )  # of the places where the slope tells: those that differ little, and that lie near the line
-_UNUSUAL, _UNUSUAL_AT_EDGE = 3.0, 8.0  # times what four in five other pairs do together
-_MOST_UNUSUAL = 1.6  # times what any other pair does
+_STRENGTH = (0.65, 2.0)  # times what a bridge does to readings
+_PLAIN = (0.7, 1.4)
+_OUTSTANDING = 1.5  # times what two strips lie off the line in the middle
+_LEFT, _LEFT_PLAIN, _LEFT_AT_EDGE = (
+    0.28,
+    0.42,
+    0.28,
+)  # of what two strips lie off the line, squared: what a bridge may leave
+_HIGH_AND_LOW = 0.5  # over L: a bridge adds on one side and takes away on the other, which must be seen
+_LENGTH = 0.6  # over L: contacts jump by their length at a bridge, and longer ones tell nothing
 _SHAPE = 0.7  # of the slope's variance: where the contact lies must not say more, for then its shape does
-_WINDOW = 2  # pairs to either side that see a pair's strips
-_BINS = 5  # of height
 
 
 def shorts(view: View) -> list[Suspect]:
@@ -38,7 +44,7 @@ def shorts(view: View) -> list[Suspect]:
     much for contacts below the bridge and too little above it. Between CRS-CRS's energised strips, all on one
     supply, a bridge changes next to nothing.
     """
-    return _second_way(view) if view.sensor.sensing_ratio == 0.0 else _tied(view)
+    return _bridged(view) if view.sensor.sensing_ratio == 0.0 else _tied(view)
 
 
 def _tied(view: View) -> list[Suspect]:
@@ -49,7 +55,7 @@ def _tied(view: View) -> list[Suspect]:
     free = {i: max([float(np.std(b.bent)) for b in of if b], default=0.0) for i, of in pairs.items()}
     usual = float(np.median(list(free.values()))) if free else 0.0
     for strip, of in pairs.items():
-        if free[strip] < 0.8 * usual:
+        if free[strip] < 0.5 * usual or not all(came_back(b.level, view.sigma) for b in of if b):
             continue
         best: Finding | None = None
         for height in _HEIGHTS:
@@ -112,83 +118,35 @@ def _tied_at(view: View, strip: int, parts: list[_Part]) -> Finding | None:
     )  # fmt: skip
 
 
-def _second_way(view: View) -> list[Suspect]:
-    (values,) = view.k.values()
-    pairs = {
-        i: b for i in range(view.strips - 1) if (b := neighbours(values, i)) and len(b.level) >= 2 * _FEW
-    }
-    together, scatter = _by_height(list(pairs.values()), "together")  # (pairs, heights)
-    apart, _ = _by_height(list(pairs.values()), "bent")
-    wide = np.isfinite(together).sum(axis=1) >= 3
-    if wide.sum() < 4:
-        return []
-    # What does not change with height is a unit without calibration.
-    size, alone = (np.nanstd(np.where(wide[:, None], v, 0.0), axis=1) for v in (together, apart))
-    left = np.sqrt(np.mean(np.nan_to_num(scatter) ** 2, axis=1))
-    at = np.array(list(pairs))
-    inner = wide & (at > 0) & (at < view.strips - 2)  # at the edges, lines go further astray
+def _bridged(view: View) -> list[Suspect]:
     found = []
-    for row, strip in enumerate(pairs):
-        heights = together[row][np.isfinite(together[row])]
-        usual, most = _of_others(size, at, inner, strip)
-        above = size[row] / max(usual, 1e-6)
-        plain = wide[row] and size[row] > max(0.003, 2.0 * view.sigma, 0.6 * left[row])
-        if (
-            not plain
-            or above < (_UNUSUAL if inner[row] else _UNUSUAL_AT_EDGE)
-            or size[row] < _MOST_UNUSUAL * most
+    fits = list(bridges(view))
+    usual = float(np.median([bridge.off for _, _, bridge in fits])) if fits else 0.0
+    for strip, pair, bridge in fits:
+        inner = 0 < strip < view.strips - 2  # at the edges, lines go further astray
+        clear = _PLAIN[0] < bridge.strength < _PLAIN[1] and bridge.size > _OUTSTANDING * usual
+        strength, left = (_PLAIN, _LEFT_PLAIN) if clear else (_STRENGTH, _LEFT)
+        if not strength[0] < bridge.strength < strength[1] or bridge.left > (
+            left if inner else _LEFT_AT_EDGE
         ):
             continue
-        if alone[row] > 0.45 * size[row] or not _falls(heights):
+        if (
+            bridge.size < max(0.003, view.sigma)
+            or bridge.places < _MANY
+            or bridge.high - bridge.low > _LENGTH
+        ):
             continue
-        if not _both_ways(pairs[strip].level, _left_ends(view)[pairs[strip].rows, strip]):
+        if not came_back(pair.level, view.sigma, _HIGH_AND_LOW):
             continue
         finding = Finding(
             "short", _two(view, strip),
-            f"both read {100 * heights.max():+.3g} to {100 * heights.min():+.3g} % of Vref beside their neighbours "
-            f"from height to height, {above:.3g} times what other pairs do",
-            {"most": float(heights.max()), "least": float(heights.min()), "times_others": above},
+            f"both read {100 * bridge.most:+.3g} to {100 * bridge.least:+.3g} % of Vref beside their neighbours from "
+            f"height to height, {bridge.strength:.2g} times what a bridge does; it leaves {100 * bridge.left:.2g} % "
+            "of what they lie off",
+            {"most": bridge.most, "least": bridge.least, "strength": bridge.strength, "left": bridge.left},
         )  # fmt: skip
-        found.append(Suspect(finding, float(size[row]), partial(_drop_two, strip=strip)))
+        found.append(Suspect(finding, bridge.size, partial(_drop_two, strip=strip)))
     return found
-
-
-def _of_others(size: FloatArray, at: IntArray, inner: BoolArray, strip: int) -> tuple[float, float]:
-    """Return what four in five other pairs do at most, and what all do but one that may be a second short."""
-    others = inner & (np.abs(at - strip) > _WINDOW)
-    if not others.any():
-        return np.inf, np.inf
-    worst = at[others][np.argmax(size[others])]
-    rest = others & (np.abs(at - worst) > _WINDOW)
-    return float(np.quantile(size[others], 0.8)), float(size[rest].max()) if rest.any() else 0.0
-
-
-def _falls(heights: FloatArray) -> bool:
-    """Whether what is read too much turns into too little as the contact goes up, at two heights or more."""
-    clear = heights[np.abs(heights) > 0.15 * np.abs(heights).max()]
-    return len(clear) >= 2 and bool((np.diff(np.sign(clear)) <= 0.0).all())
-
-
-def _by_height(pairs: list[Beside], name: str) -> tuple[FloatArray, FloatArray]:
-    """Return pairs' means over Vref beside what is usual among them (pairs, heights), and what scatters about them.
-
-    Corners of the contact average out over places, or are alike for all pairs; NaN where there are few places.
-    """
-    edges = np.linspace(0.0, 1.0, _BINS + 1)[1:-1]
-    means = np.full((len(pairs), _BINS), np.nan)
-    scatter = np.full_like(means, np.nan)
-    for row, pair in enumerate(pairs):
-        height = np.searchsorted(edges, pair.level)
-        aside = np.abs(pair.bent - np.median(pair.bent))
-        for b in range(_BINS):
-            here = np.flatnonzero(height == b)
-            if (
-                len(here) >= _FEW
-            ):  # a corner under one of the two bends them apart, a bridge does not: take the straighter
-                at = getattr(pair, name)[here[np.argsort(aside[here])[: len(here) // 2]]]
-                means[row, b], scatter[row, b] = at.mean(), at.std()
-    columns = (c[np.isfinite(c)] for c in means.T)
-    return means - [np.median(c) if len(c) else np.nan for c in columns], scatter
 
 
 def _left_ends(view: View) -> IntArray:
@@ -201,17 +159,13 @@ def _left_ends(view: View) -> IntArray:
 
 def _explained(values: FloatArray, ends: IntArray) -> float:
     """Return which share of the variance of values the contact's left end explains."""
-    groups = [values[ends == e] for e in np.unique(ends)]
-    free = len(values) - len(groups)
+    group = np.unique(ends, return_inverse=True)[1]
+    count, means = np.bincount(group), np.bincount(group, values) / np.bincount(group)
+    free = len(values) - len(count)
     if free < 1 or not np.ptp(values):
         return 1.0
-    within = sum(float(np.sum((g - g.mean()) ** 2)) for g in groups) / free
+    within = float(np.sum((values - means[group]) ** 2)) / free
     return 1.0 - within / float(np.var(values, ddof=1))
-
-
-def _both_ways(level: FloatArray, ends: IntArray) -> bool:
-    """Whether the contact moved across and along the strips, and not along one line, on which its shape is height."""
-    return float(np.std(ends)) >= 0.3 and float(np.std(level)) >= 0.02 and _explained(level, ends) < _SHAPE
 
 
 def _two(view: View, strip: int) -> tuple[int, ...]:
