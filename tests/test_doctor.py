@@ -235,3 +235,17 @@ def test_a_long_recording_is_examined_in_parts() -> None:
     report = diagnose(long)
     assert report.scans == 300 * many
     assert ("stuck", case.defects[0].strips()) in said(report)
+
+
+def test_one_reading_far_outside_is_told() -> None:
+    """`reconstruct` refuses such a file; the doctor says where it is."""
+    sensor = ts.Sensor(construction="crs-crs", strips=12, pitch_mm=4.0, length_mm=100.0)
+    contact = ts.Contact.polygon([(8, 20), (40, 30), (30, 80)])
+    noise = ts.Noise(positional=0.002)
+    scans = [ts.simulate(sensor, contact.moved(0.02 * i, 0.0), noise, i, time_s=0.01 * i) for i in range(100)]
+    raw = {name: np.stack([s[name] for s in scans]) for name in ("kh", "kl")}
+    raw["kh"][57, 5] = 1.46
+    log = Log.of(sensor, np.array([s.time_s for s in scans]), raw)
+    (found,) = [f for f in diagnose(log).findings if f.fault == "wrong-vref"]
+    assert found.strips == (5,)
+    assert "1 reading(s) lie outside 0 to Vref, the first in scan 57" in found.evidence

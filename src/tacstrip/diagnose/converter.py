@@ -9,6 +9,7 @@ from tacstrip.diagnose.finding import Finding
 from tacstrip.diagnose.log import Log
 
 _OVER = 0.005  # over Vref: what rounding and small offsets may add
+_FAR = 0.1  # over Vref: so far out one reading is enough to tell
 _BLOCKS = 16  # different settings of the bits above, before a bit that never changes is called stuck
 _VISITS = 3  # of the end at Vref
 _WHOLE = 1e-3  # of a step: what printing volts may leave of a whole code
@@ -51,9 +52,10 @@ def wrong_reference(log: Log, sigma: float) -> tuple[list[Finding], float]:
         Readings over their own Vref are the log's divided by `factor`.
     """
     margin = max(_OVER, 3.0 * sigma)
-    over = np.zeros((len(log.time_s), log.sensor.strips), dtype=bool)
+    over, far = np.zeros((2, len(log.time_s), log.sensor.strips), dtype=bool)
     for values in log.raw.values():
         over |= (values > 1.0 + margin) | (values < -margin)
+        far |= (values > 1.0 + _FAR) | (values < -_FAR)
     known = np.any([np.isfinite(v) for v in log.raw.values()], axis=0).sum(axis=0)
     often = over.sum(axis=0) >= np.maximum(2.0, 0.01 * known)
     every = np.concatenate([v[np.isfinite(v)] for v in log.raw.values()])
@@ -70,10 +72,12 @@ def wrong_reference(log: Log, sigma: float) -> tuple[list[Finding], float]:
         return [finding], max(top - margin, 1.0)
     found = [
         Finding(
-            "wrong-vref", (int(i),), f"{int(over[:, i].sum())} readings lie outside 0 to Vref, on this strip alone",
+            "wrong-vref", (int(i),),
+            f"{int(over[:, i].sum())} reading(s) lie outside 0 to Vref, the first in scan {int(over[:, i].argmax())}, on "
+            "this strip alone",
             {"readings": float(over[:, i].sum())},
         )
-        for i in np.flatnonzero(often)
+        for i in np.flatnonzero(often | far.any(axis=0))
     ]  # fmt: skip
     factor = _end_level(log, sigma)
     if factor is None:

@@ -126,4 +126,6 @@ def _rings(values: FloatArray, time_s: FloatArray, mains: float) -> bool:
 
 def _amplitudes(values: FloatArray, time_s: FloatArray, hertz: npt.ArrayLike) -> FloatArray:
     turns = np.exp(-2j * np.pi * np.outer(np.asarray(hertz), time_s - time_s[0]))
-    return np.asarray(np.abs(turns @ values))
+    return np.asarray(
+        np.abs(np.einsum("ft,t->f", turns, values))
+    )  # without BLAS and its threads, as in fits.py
