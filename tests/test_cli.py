@@ -93,6 +93,7 @@ def test_truth_with_several_polygons_as_placed(folder: Path) -> None:
         _run(folder, "reconstruct", "simulated-crs-crs", "r.csv", "-o", "o.geojson", "--truth", "placed.wkt")
     )
     overlaps = [float(v) for v in re.findall(r"IoU ([\d.]+)", done.stderr)]
+    assert "polygon 2: " in done.stderr  # numbered as in the picture
     assert len(overlaps) == 2
     assert min(overlaps) > 0.9
     (folder / "line.wkt").write_text("LINESTRING (0 0, 5 5)")

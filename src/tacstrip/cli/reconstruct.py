@@ -21,7 +21,7 @@ from tacstrip.io.suspicions import exchanged, half_read, largest, over_vref
 from tacstrip.metrics import mismatch
 from tacstrip.reconstruct.methods import METHODS, best_method, must_compile
 from tacstrip.reconstruct.profile import profile_reconstruction
-from tacstrip.reconstruct.result import Reconstruction, RecoveredObject
+from tacstrip.reconstruct.result import Reconstruction
 from tacstrip.reconstruct.vertex import vertex_reconstruction
 from tacstrip.scan import Scan
 from tacstrip.sensor.spec import Sensor
@@ -164,7 +164,11 @@ def _transitions(text: str) -> str | list[float]:
 
 def _report(results: list[Reconstruction], truth: Contact | None) -> None:
     """Say on standard error what was found: scan by scan, or counted where there are many."""
-    lines = [_line(number, result, o, truth) for number, result in enumerate(results) for o in result.objects]
+    lines = [
+        _line(number, result, k, truth)
+        for number, result in enumerate(results)
+        for k in range(len(result.objects))
+    ]
     for line in lines[:_MOST_LINES]:
         click.echo(line, err=True)
     if len(lines) > _MOST_LINES:
@@ -175,8 +179,11 @@ def _report(results: list[Reconstruction], truth: Contact | None) -> None:
     click.echo(f"{len(results)} scan(s), {len(lines)} object(s); {told}", err=True)
 
 
-def _line(number: int, result: Reconstruction, found: RecoveredObject, truth: Contact | None) -> str:
-    text = f"scan {number}, {result.method}: {found.status}"
+def _line(number: int, result: Reconstruction, at: int, truth: Contact | None) -> str:
+    """Say what was found of one object; several are numbered from 1, left to right, as in the picture."""
+    found = result.objects[at]
+    which = f" {at + 1}" if len(result.objects) > 1 else ""
+    text = f"scan {number}, {result.method}{which}: {found.status}"
     if found.found:
         x, y = found.centroid
         text += f", {len(found.vertices)} corners, {found.area:.6g} mm2 at x = {x:.5g}, y = {y:.5g} mm"

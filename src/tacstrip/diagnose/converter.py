@@ -73,8 +73,8 @@ def wrong_reference(log: Log, sigma: float) -> tuple[list[Finding], float]:
     found = [
         Finding(
             "wrong-vref", (int(i),),
-            f"{int(over[:, i].sum())} reading(s) lie outside 0 to Vref, the first in scan {int(over[:, i].argmax())}, on "
-            "this strip alone",
+            f"{int(over[:, i].sum())} reading(s) lie outside 0 to Vref, the first in scan "
+            f"{int(over[:, i].argmax())}, on this strip alone",
             {"readings": float(over[:, i].sum())},
         )
         for i in np.flatnonzero(often | far.any(axis=0))
