@@ -46,3 +46,12 @@ def one_of(what: str, value: object, choices: object) -> str:
     """Say that `value` is not one of `choices`, which are listed in the message."""
     names = ", ".join(str(c) for c in choices)  # type: ignore[attr-defined]
     return f"{what} {value!r} does not exist; choose one of: {names}"
+
+
+def is_number(text: str) -> bool:
+    """Whether a text that was to be a number is one; else messages say what it is."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True

@@ -6,6 +6,8 @@ import math
 import re
 from typing import Any
 
+from tacstrip.errors import is_number
+
 _WKT = (
     "POINT",
     "LINESTRING",
@@ -62,18 +64,10 @@ def why_not_geojson(parsed: Any) -> str:
 def _unfinished(text: str) -> bool:
     """Whether all points are good and a ring is not closed, or a line has one point only."""
     rings = [[p.split() for p in ring.split(",")] for ring in re.findall(r"\(([^()]*)\)", text)]
-    good = all(len(p) > 1 and all(map(_is_number, p)) for ring in rings for p in ring)
+    good = all(len(p) > 1 and all(map(is_number, p)) for ring in rings for p in ring)
     if "POLYGON" in text.upper():
         return good and "((" in text.replace(" ", "") and any(ring[0] != ring[-1] for ring in rings)
     return good and "LINESTRING" in text.upper() and any(len(ring) < 2 for ring in rings)
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 def _fault(parsed: Any) -> str:

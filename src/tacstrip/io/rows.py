@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import TypeVar
 
-from tacstrip.errors import ReadingError
+from tacstrip.errors import ReadingError, is_number
 from tacstrip.io.columns import PLACE
 from tacstrip.io.names import nearly
 
@@ -103,7 +103,7 @@ def _header(header: list[str] | None, what: str, example: str) -> list[str]:
         raise ReadingError(
             f"columns are separated by {other!r}; separate them by commas, with decimal points"
         )
-    if any(header) and all(_is_number(name) for name in header if name):
+    if any(header) and all(is_number(name) for name in header if name):
         raise ReadingError(
             f"the header line is missing: line 1 has numbers already; put names before it, such as {example}"
         )
@@ -118,11 +118,3 @@ def _whole(rows: Iterator[Row], fields: int) -> Iterator[Row]:
             why = "is the file cut off?" if len(row) < fields else "are there decimal commas?"
             raise ReadingError(f"line {line} has {len(row)} fields and the header {fields}: {why}")
         yield line, row
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
