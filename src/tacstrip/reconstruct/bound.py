@@ -84,8 +84,9 @@ def vertex_covariance(
     """Return the bound of the vertices' covariance (2 V, 2 V) [mm^2], in the order of `vertices.ravel()`.
 
     The number of vertices counts as known. The x of the end vertices has a prior: which strips are touched
-    tells it to within one pitch, which counts as a normal error of variance pitch^2 / 12. The two vertices of a
-    vertical edge have one x.
+    tells it to within one pitch, which counts as a normal error of variance pitch^2 / 12. So has that of both vertices
+    of an edge that crosses one strip or none, whose place readings alone do not tell. The two vertices of a vertical
+    edge have one x.
 
     Parameters
     ----------

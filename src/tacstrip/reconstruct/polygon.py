@@ -94,7 +94,7 @@ def fit_polygon(
 def fit_polygons(
     scans: Sequence[Scan], sensor: Sensor, noise: Noise | None = None, workers: int | None = None
 ) -> list[Reconstruction]:
-    """Fit many scans on all cores, or on `workers` of them; arguments and errors as for `fit_polygon`.
+    """Fit many scans on all cores, or on `workers` of them; arguments and errors as for `fit_polygon` by default.
 
     By processes where this one can be forked; else by threads, which share the time outside the compiled kernels.
     """
