@@ -10,6 +10,7 @@ import numpy as np
 from tacstrip.arrays import FloatArray
 from tacstrip.calibrate.unit import Calibrated
 from tacstrip.data import data_path
+from tacstrip.files import write_text
 from tacstrip.plot.calibration import draw_all, graphed
 from tacstrip.studies.report import Picture
 
@@ -50,7 +51,7 @@ def write_report(result: Calibrated, folder: Path) -> Path:
         model=result.model, verdict=verdict(result), stages=stages(result), strips=_strips(result),
         trials=result.trials, pictures=pictures, parameters=result.parameters, graphs=len(graphed(result)),
     )  # fmt: skip
-    file.write_text(page, encoding="utf-8")
+    write_text(file, page)
     return file
 
 

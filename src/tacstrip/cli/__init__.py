@@ -36,6 +36,10 @@ VERBS = {
 }
 
 
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+_COULD_NOT = (*_FULL, errno.EIO, errno.ENOMEM, errno.EMFILE, errno.ENFILE)  # whatever the input
+
+
 class _Verbs(click.Group):
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(VERBS)
@@ -141,7 +145,7 @@ def check_method(option: str, method: str | None, sensor: Sensor, signatures: Se
 
 
 def main() -> None:
-    """Run the command line; a known error becomes one clear line and exit code 2."""
+    """Run the command line; a known error becomes one clear line and exit code 2, a full disk or the like 1."""
     try:
         cli(standalone_mode=True)
     except TacstripError as error:
@@ -150,5 +154,7 @@ def main() -> None:
     except OSError as error:
         missing = " (is there such a folder?)" if isinstance(error, FileNotFoundError) else ""
         place = "the output" if error.filename is None else error.filename
-        click.echo(f"Error: {place}: {error.strerror}{missing}", err=True)
-        sys.exit(2)
+        failed = error.errno in _COULD_NOT
+        then = "; nothing is written there: make room, or choose another disk" if error.errno in _FULL else ""
+        click.echo(f"Error: {place}: {error.strerror}{missing}{then}", err=True)
+        sys.exit(1 if failed else 2)

@@ -14,7 +14,7 @@ from click.core import ParameterSource
 from tacstrip.cli import check_method, load_sensor, protect, warn
 from tacstrip.contact.noise import Noise
 from tacstrip.contact.shape import Contact
-from tacstrip.errors import OptionError, ReadingError, one_of
+from tacstrip.errors import OptionError, ReadingError, number, one_of
 from tacstrip.io.geometry import feature_collection, read_contact, write_geojson
 from tacstrip.io.readings import read_readings
 from tacstrip.io.suspicions import exchanged, half_read, largest, over_vref
@@ -108,7 +108,8 @@ def command(
         raise OptionError(f"--wide is for --method polygon; leave it out for {chosen}")
     if convex and chosen != "profile":
         raise OptionError("--convex is for --method profile; leave it out")
-    noise = Noise(quantisation or 0.0, positional or 0.0, distribution=distribution)  # type: ignore[arg-type]
+    halves = {"quantisation": quantisation or 0.0, "positional": positional or 0.0}
+    noise = Noise(**halves, distribution=distribution)  # type: ignore[arg-type]
     known = noise if (quantisation, positional) != (None, None) else None
     where = _transitions(transitions)
     swapped = exchanged(scans, known)
@@ -155,7 +156,7 @@ def _transitions(text: str) -> str | list[float]:
     if text.isalpha():
         return text
     try:
-        return [float(part) for part in text.split(",")]
+        return [number(part) for part in text.split(",")]
     except ValueError:
         raise OptionError(
             f"--transitions {text}: give auto, gradient, or numbers such as 12,20.5,31"

@@ -18,6 +18,7 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.errors import ReadingError
+from tacstrip.files import replacing
 from tacstrip.io.columns import (
     ELECTRODES,
     INDEX,
@@ -56,7 +57,7 @@ def write_readings(path: str | Path, sensor: Sensor, scans: Sequence[Scan]) -> N
     names = scans[0].signatures
     whole = scans[0].electrodes is not None
     columns = electrode_names(sensor) if whole else [SIGNATURES[n].volt_column for n in names]
-    with Path(path).open("w", encoding="utf-8", newline="") as file:
+    with replacing(path) as part, part.open("w", encoding="utf-8", newline="") as file:
         out = csv.writer(file, lineterminator="\n")
         out.writerow([*INDEX, *columns])
         for number, scan in enumerate(scans):

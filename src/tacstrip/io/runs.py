@@ -16,6 +16,7 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.errors import ReadingError
+from tacstrip.files import replacing
 from tacstrip.io.columns import Column, finite, strip_index, value, value_columns
 from tacstrip.io.rows import Row, find, read_csv
 from tacstrip.sensor.constructions import SIGNATURES
@@ -92,7 +93,7 @@ def write_plan(
 ) -> None:
     """Write contacts (strip from 0, l and w [mm]) as runs whose readings are yet to be filled in."""
     columns = [SIGNATURES[n].volt_column for n in sensor.signatures]
-    with Path(path).open("w", encoding="utf-8", newline="") as file:
+    with replacing(path) as part, part.open("w", encoding="utf-8", newline="") as file:
         out = csv.writer(file, lineterminator="\n")
         out.writerow(["strip", "l_mm", "w_mm", *columns, "sensor", "unit"])
         for strip, l, w in contacts:

@@ -94,6 +94,8 @@ class SerialSource:
                 for raw in self._scans(last_s):
                     last_s = raw.time_s
                     yield raw
+            except PortError:
+                raise
             except OSError as error:
                 if not self._closed:
                     self.tell(f"the device is gone ({error}); plug it in again and it goes on")
