@@ -20,7 +20,7 @@ SOURCE = ROOT / "src" / "tacstrip"
 ORDER = [
     "errors", "files", "arrays", "data", "fisher",
     "sensor.constructions", "sensor.circuit", "sensor.slant", "sensor.channel", "sensor.calibration",
-    "sensor.spec", "sensor.raw", "sensor.surface",
+    "sensor.spec", "sensor.raw", "sensor.rest_level", "sensor.surface",
     "contact.unreadable", "contact.shape", "contact.footprint", "contact.signature", "contact.noise",
     "network.nodal", "network.wires", "network.build", "network.mesh", "network.strips", "network.ladder",
     "network.spice", "network.timing", "network.arrays", "network.fourwire", "network.switches",
@@ -29,7 +29,8 @@ ORDER = [
     "network.crp_descent", "network.crp", "network.sheet",
     "network.wide_mesh", "network.wide",
     "scan", "simulate",
-    "reconstruct.moments", "reconstruct.region", "reconstruct.result", "reconstruct.outline", "reconstruct.bound",
+    "reconstruct.moments", "reconstruct.region", "reconstruct.result", "reconstruct.untouched", "reconstruct.outline",
+    "reconstruct.bound",
     "reconstruct.bounded_lines", "reconstruct.bounded_set", "reconstruct.bounded_centre",
     "reconstruct.bounded_inside",
     "reconstruct.bounded_kernels", "reconstruct.bounded_sample", "reconstruct.bounded_regions", "reconstruct.bounded",

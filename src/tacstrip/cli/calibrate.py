@@ -20,6 +20,7 @@ from tacstrip.errors import OptionError
 from tacstrip.io.readings import read_readings
 from tacstrip.io.runs import read_runs, write_plan
 from tacstrip.io.suspicions import half_read
+from tacstrip.sensor.rest_level import rest_hint
 from tacstrip.sensor.spec import Sensor
 
 _MOST_LINES = 20
@@ -93,7 +94,8 @@ def command(
     check(spec)
     if data is not None:
         runs = read_runs(data, spec, unit, force)
-        warn(half_read(data, spec, runs.signatures))
+        unset = rest_hint(spec, runs.raw)
+        warn(half_read(data, spec, runs.signatures), f"{data}: {unset}" if unset else "")
         if model == "auto":
             click.echo("Trying models on contacts left out of the fit; this may take a minute", err=True)
         result = calibrate_unit(spec, runs, model, unit)

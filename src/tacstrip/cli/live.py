@@ -13,7 +13,7 @@ from typing import Any
 
 import click
 
-from tacstrip.cli import check_method, load_sensor, new_file, warn
+from tacstrip.cli import check_method, load_sensor, new_file, warn, warn_untouched
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError, PortError
 from tacstrip.io.suspicions import half_read
@@ -144,6 +144,8 @@ def _stream(files: tuple[str, ...], sensor: Sensor | None, asked: _Asked) -> boo
     check_method("--method", given["method"], source.sensor, source.names)
     if isinstance(source, ReadingsSource):
         warn(half_read(files[-1], source.sensor, source.names))
+    if files:
+        warn_untouched(files[-1], source)
     if must_compile(given["method"] or best_method(source.sensor)):
         _tell("compiling what recovers shapes, this first time on a computer: it takes a minute")
     warm_up(source.sensor, given["method"])

@@ -24,6 +24,8 @@ from tacstrip.reconstruct.profile import profile_reconstruction
 from tacstrip.reconstruct.result import Reconstruction
 from tacstrip.reconstruct.vertex import vertex_reconstruction
 from tacstrip.scan import Scan
+from tacstrip.sensor.raw import distorted
+from tacstrip.sensor.rest_level import rest_hint
 from tacstrip.sensor.spec import Sensor
 
 _MOST_LINES = 20
@@ -113,9 +115,12 @@ def command(
     known = noise if (quantisation, positional) != (None, None) else None
     where = _transitions(transitions)
     swapped = exchanged(scans, known)
+    stacked = {name: np.stack([s[name] for s in scans]) for name in scans[0].signatures}
+    unset = rest_hint(spec, distorted(spec, stacked))
     warn(
         half_read(readings, spec, scans[0].signatures) if signature is None else "",
         over_vref(readings, spec, largest(scans)),
+        f"{readings}: {unset}" if unset else "",
         f"{swapped} (`tacstrip doctor {readings} --sensor {sensor}` says more)" if swapped else "",
     )
     if must_compile(chosen):

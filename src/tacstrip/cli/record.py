@@ -14,7 +14,7 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
-from tacstrip.cli import check_method, load_sensor, new_file, warn
+from tacstrip.cli import check_method, load_sensor, new_file, warn, warn_untouched
 from tacstrip.cli.replay import warn_of_cut
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError
@@ -141,6 +141,7 @@ def save_recording(
     check_method("--reconstruct", method, source.sensor, source.names)
     if isinstance(source, ReadingsSource):
         warn(half_read(files[-1], source.sensor, source.names))
+    warn_untouched(files[-1], source)
     about = {"source": Path(files[-1]).name, "sensor": Path(files[0]).name, "method": method or ""}
     if isinstance(source, Recording) and not method:
         about["method"] = source.about.get("method", "")

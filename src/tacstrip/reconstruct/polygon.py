@@ -23,6 +23,7 @@ from tacstrip.reconstruct.polygon_object import FittedContact, recovered
 from tacstrip.reconstruct.polygon_run import fit_run, one_shape
 from tacstrip.reconstruct.polygon_signal import FLOOR
 from tacstrip.reconstruct.result import Reconstruction
+from tacstrip.reconstruct.untouched import doubt_untouched
 from tacstrip.reconstruct.wide import ENDS, as_thin, reach_out
 from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import check_closed_form
@@ -81,7 +82,7 @@ def fit_polygon(
     check_closed_form(sensor.kind, "fit_polygon")
     if vertices is not None and not 3 <= vertices <= MOST + 2:
         raise OptionError(f"vertices = {vertices}: a polygon has 3 or more, and here {MOST + 2} at most")
-    return Reconstruction(
+    result = Reconstruction(
         "polygon",
         tuple(
             recovered(scan, sensor, c, noise, bounded and _has_bound(noise))
@@ -89,6 +90,7 @@ def fit_polygon(
         ),
         scan.time_s,
     )
+    return doubt_untouched(result, scan, sensor)
 
 
 def fit_polygons(

@@ -12,6 +12,7 @@ from tacstrip.network.crp_mesh import Wiring
 from tacstrip.reconstruct.bound import reading_sigma
 from tacstrip.reconstruct.ends import Ends, ends
 from tacstrip.reconstruct.result import Reconstruction, RecoveredObject, Status, distinct
+from tacstrip.reconstruct.untouched import doubt_untouched
 from tacstrip.scan import Scan
 from tacstrip.sensor.spec import Sensor
 
@@ -66,7 +67,7 @@ def profile_reconstruction(
     sigma = None if noise is None else reading_sigma(noise, sensor)
     found = ends(scan, sensor, sigma, convex, wiring)
     objects = tuple(_object(sensor, run, scan, found) for run in scan.runs())
-    return Reconstruction("profile", objects, scan.time_s)
+    return doubt_untouched(Reconstruction("profile", objects, scan.time_s), scan, sensor)
 
 
 def profile_at(recovered: RecoveredObject, original_vertices: npt.ArrayLike) -> FloatArray:
