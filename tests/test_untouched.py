@@ -65,7 +65,9 @@ def test_a_shape_of_untouched_strips_is_doubted_and_says_what_to_do(name: str, l
     advised = good = 0
     for _ in range(12):
         k = _read(sensor, [_small(random, sensor)], 0.002, random, level)
-        found = ts.fit_polygon(ts.Scan(k["kh"][0], k["kl"][0]) if len(k) > 1 else ts.Scan(k=k["k"][0]), sensor)
+        found = ts.fit_polygon(
+            ts.Scan(k["kh"][0], k["kl"][0]) if len(k) > 1 else ts.Scan(k=k["k"][0]), sensor
+        )
         assert "rest_volt and touch_volt" in found.advice or FIX.search(found.advice)
         assert found.status != "ok"
         if told := FIX.search(found.advice):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from tacstrip.arrays import BoolArray, FloatArray
+from tacstrip.arrays import BoolArray, FloatArray, extent, strips_told
 from tacstrip.errors import ReadingError, SignatureError
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
@@ -53,6 +53,12 @@ class Scan:
                 )
         if self.electrodes is not None:
             object.__setattr__(self, "electrodes", _electrodes(self.electrodes, self.touched))
+
+    def __repr__(self) -> str:
+        names = [n for n in (*SIGNATURES, "electrodes") if getattr(self, n) is not None]
+        ranges = [f", {name} {extent(getattr(self, name))}" for name in names]
+        strips = f"{len(self.touched)} strips at {self.time_s:.6g} s: {strips_told(self.touched)}"
+        return f"<Scan of {strips}{''.join(ranges)}>"
 
     @classmethod
     def of_electrodes(cls, electrodes: npt.ArrayLike, time_s: float = 0.0) -> Scan:

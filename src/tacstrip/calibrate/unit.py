@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tacstrip.arguments import takes
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.calibrate.choose import Trial, choose, named
 from tacstrip.calibrate.fit import Fit, at_rail
@@ -79,6 +80,7 @@ class Calibrated:
         return rms_percent({name: np.where(self.counted, v, np.nan) for name, v in off.items()})
 
 
+@takes(sensor=Sensor, runs=Runs)
 def calibrate_unit(sensor: Sensor, runs: Runs, model: str = "auto", unit: str = "") -> Calibrated:
     """Calibrate a unit from contacts of known place.
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from tacstrip.arguments import takes
 from tacstrip.contact.shape import Contact
 from tacstrip.errors import ContactError
 from tacstrip.files import why_unreadable, write_text
@@ -46,6 +47,7 @@ def read_contact(path: str | Path) -> Contact:
         raise ContactError(f"{path}: {error}") from None
 
 
+@takes(results=(Reconstruction,))
 def feature_collection(results: Sequence[Reconstruction]) -> dict[str, Any]:
     """Return a GeoJSON FeatureCollection [mm], a Feature per object; without a shape its geometry is null.
 
@@ -63,6 +65,7 @@ def feature_collection(results: Sequence[Reconstruction]) -> dict[str, Any]:
     return {"type": "FeatureCollection", "features": features}
 
 
+@takes(results=(Reconstruction,))
 def write_geojson(path: str | Path, results: Sequence[Reconstruction]) -> None:
     """Write `feature_collection` to a file."""
     text = json.dumps(feature_collection(results), indent=1, allow_nan=False)

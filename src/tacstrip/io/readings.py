@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from tacstrip.arguments import takes
 from tacstrip.arrays import FloatArray
 from tacstrip.errors import ReadingError
 from tacstrip.files import replacing
@@ -36,6 +37,7 @@ from tacstrip.sensor.raw import corrected, distorted
 from tacstrip.sensor.spec import Sensor
 
 
+@takes(sensor=Sensor)
 def read_readings(path: str | Path, sensor: Sensor) -> list[Scan]:
     """Read a readings file; the sensor's calibration, if it has one, corrects what the file holds.
 
@@ -49,6 +51,7 @@ def read_readings(path: str | Path, sensor: Sensor) -> list[Scan]:
     return read_csv(path, "readings", lambda header, rows: _scans(header, rows, sensor), example)
 
 
+@takes(sensor=Sensor, scans=(Scan,))
 def write_readings(path: str | Path, sensor: Sensor, scans: Sequence[Scan]) -> None:
     """Write scans as raw volts, which `read_readings` corrects again where the sensor has a calibration.
 

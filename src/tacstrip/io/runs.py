@@ -14,7 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-from tacstrip.arrays import FloatArray, IntArray
+from tacstrip.arguments import takes
+from tacstrip.arrays import FloatArray, IntArray, extent
 from tacstrip.errors import ReadingError
 from tacstrip.files import replacing
 from tacstrip.io.columns import Column, finite, strip_index, value, value_columns
@@ -52,6 +53,10 @@ class Runs:
     unit: str = ""
     open: int = 0
 
+    def __repr__(self) -> str:
+        strips, names = f"{self.l_mm.shape[1]} strips", ", ".join(self.raw)
+        return f"<Runs: {self.count} contacts on {strips}, {names}, l {extent(self.l_mm)}, w {extent(self.w_mm)} mm>"
+
     @property
     def signatures(self) -> tuple[str, ...]:
         """Names of the signatures that were read."""
@@ -63,6 +68,7 @@ class Runs:
         return int(np.isfinite(self.l_mm).sum())
 
 
+@takes(sensor=Sensor)
 def read_runs(path: str | Path, sensor: Sensor, unit: str = "", force: bool = False) -> Runs:
     """Read calibration runs.
 

@@ -14,6 +14,7 @@ from functools import partial
 
 import numpy as np
 
+from tacstrip.arguments import takes
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError
@@ -35,6 +36,7 @@ _SPARE = 8  # strips: of fewer none is left out
 _FEW = 50  # scans that are done before other processes have begun
 
 
+@takes(scan=Scan, sensor=Sensor, noise=Noise)
 def fit_polygon(
     scan: Scan,
     sensor: Sensor,
@@ -93,6 +95,7 @@ def fit_polygon(
     return doubt_untouched(result, scan, sensor)
 
 
+@takes(scans=(Scan,), sensor=Sensor, noise=Noise)
 def fit_polygons(
     scans: Sequence[Scan], sensor: Sensor, noise: Noise | None = None, workers: int | None = None
 ) -> list[Reconstruction]:

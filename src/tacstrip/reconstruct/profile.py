@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from tacstrip.arguments import takes
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError, SignatureError
@@ -20,6 +21,7 @@ _ROUNDING = 1e-9  # of the strip length
 _NOISE = 0.02  # of Vref: twice P.U. profile II, which a contact without width may show
 
 
+@takes(scan=Scan, sensor=Sensor, noise=Noise)
 def profile_reconstruction(
     scan: Scan,
     sensor: Sensor,
@@ -70,6 +72,7 @@ def profile_reconstruction(
     return doubt_untouched(Reconstruction("profile", objects, scan.time_s), scan, sensor)
 
 
+@takes(recovered=RecoveredObject)
 def profile_at(recovered: RecoveredObject, original_vertices: npt.ArrayLike) -> FloatArray:
     """Return the recovered profile at the original's vertex columns, as a polygon (N, 2) [mm].
 

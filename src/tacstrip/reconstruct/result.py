@@ -66,6 +66,14 @@ class RecoveredObject:
     strip_status: tuple[str, ...] = ()
     guarantee: Guarantee | None = None
 
+    def __repr__(self) -> str:
+        where = f"strips {self.strips.start} to {self.strips.stop - 1}"
+        if not self.found:
+            return f"<RecoveredObject: {self.status}, {where}>"
+        x, y = self.centroid
+        shape = f"{len(self.vertices)} vertices, {self.area:.4g} mm2 at x = {x:.4g}, y = {y:.4g} mm"
+        return f"<RecoveredObject: {self.status}, {shape}, {where}>"
+
     @property
     def found(self) -> bool:
         """Whether there is a shape."""
@@ -122,6 +130,11 @@ class Reconstruction:
     method: str
     objects: tuple[RecoveredObject, ...]
     time_s: float = 0.0
+
+    def __repr__(self) -> str:
+        objects = "".join(f", {o!r}" for o in self.objects) if len(self.objects) == 1 else ""
+        count = f"{len(self.objects)} object{'' if len(self.objects) == 1 else 's'}"
+        return f"<Reconstruction by {self.method} at {self.time_s:.6g} s: {self.status}, {count}{objects}>"
 
     @property
     def status(self) -> Status:

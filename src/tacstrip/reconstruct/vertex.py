@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from tacstrip.arguments import takes
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError, one_of
@@ -27,6 +28,7 @@ _EROSION_STEPS = 100
 _WEAK = 2.0  # standard deviations below which a kink's sign is not to be trusted
 
 
+@takes(scan=Scan, sensor=Sensor, noise=Noise)
 def vertex_reconstruction(
     scan: Scan,
     sensor: Sensor,

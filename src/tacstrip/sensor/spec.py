@@ -11,6 +11,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from tacstrip.arguments import refuse_positional
 from tacstrip.arrays import FloatArray
 from tacstrip.data import spec_names, spec_path
 from tacstrip.errors import SpecError
@@ -71,6 +72,23 @@ class Sensor:
     strip_base: int = 0
     format: int = FORMAT
     calibration: Calibration | None = None
+
+    def __new__(cls, *values: object, **named: object) -> Self:
+        """Refuse values without a name: `ArgumentError`."""
+        refuse_positional(
+            "ts.Sensor",
+            values,
+            'ts.Sensor.load("sensor.toml"), or ts.Sensor(construction="crs-crs", strips=10, ...)',
+        )
+        return super().__new__(cls)
+
+    def __repr__(self) -> str:
+        more = "".join(
+            f", {told}"
+            for told, there in ((f"{self.adc_bits} bits", self.adc_bits), ("calibrated", self.calibration))
+            if there
+        )
+        return f"<Sensor {self.fingerprint}{more}>"
 
     def __post_init__(self) -> None:
         """Bring numbers to their type and refuse what cannot be."""

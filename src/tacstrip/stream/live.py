@@ -17,6 +17,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+from tacstrip.arguments import takes
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import TacstripError
 from tacstrip.reconstruct.methods import best_method
@@ -68,6 +69,7 @@ class Live:
         Whether somebody looks: then covariances are worked out, 80 times a second.
     """
 
+    @takes(noise=Noise)
     def __init__(
         self,
         source: Source,

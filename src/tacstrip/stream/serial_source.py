@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import replace
 
+from tacstrip.arguments import takes
 from tacstrip.errors import PortError
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.greeting import OtherDeviceError, check_device, greet, sensor_of
@@ -60,6 +61,7 @@ class SerialSource:
         too, when another device is plugged in.
     """
 
+    @takes(sensor=Sensor)
     def __init__(
         self,
         open_port: Callable[[], Port],

@@ -10,7 +10,7 @@ from typing import Any, Protocol, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from tacstrip.arrays import BoolArray, FloatArray
+from tacstrip.arrays import BoolArray, FloatArray, strips_told
 from tacstrip.sensor.spec import Sensor
 
 CodeArray: TypeAlias = npt.NDArray[np.unsignedinteger[Any]]
@@ -53,6 +53,10 @@ class RawScan:
     sequence: int = 0
     strip_time_s: FloatArray | None = None
     shapes: tuple[Shape, ...] = ()
+
+    def __repr__(self) -> str:
+        strips = f"{len(self.touched)} strips at {self.time_s:.6g} s: {strips_told(self.touched)}"
+        return f"<RawScan {self.sequence} of {strips}, codes {', '.join(self.codes)}>"
 
 
 class Source(Protocol):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+from tacstrip.arguments import takes
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError
 from tacstrip.sensor.spec import Sensor
@@ -15,6 +16,7 @@ from tacstrip.stream.source import Source
 from tacstrip.stream.warm import warm_up
 
 
+@takes(sensor=Sensor, noise=Noise)
 def live(
     port: str | None = None,
     *,
