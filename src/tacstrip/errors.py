@@ -66,6 +66,15 @@ def number(text: str) -> float:
     return float(text)
 
 
+def in_words(error: BaseException) -> str:
+    """Say what an exception means: a message of ours as it is, of a system call what and where, else its kind too."""
+    if isinstance(error, TacstripError):
+        return str(error)
+    if isinstance(error, OSError) and error.strerror:
+        return error.strerror if error.filename is None else f"{error.filename}: {error.strerror}"
+    return f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+
+
 def is_number(text: str) -> bool:
     """Whether a text that was to be a number is one; else messages say what it is."""
     try:

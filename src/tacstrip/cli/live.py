@@ -156,6 +156,8 @@ def _stream(files: tuple[str, ...], sensor: Sensor | None, asked: _Asked) -> boo
     with ExitStack() as stack:
         # What may not be had comes first: no file is begun for nothing.
         sinks = list(_sinks(live, given))
+        for sink in sinks:
+            stack.callback(sink.close)
         if not given["no_view"]:
             stack.enter_context(_page(live, playground, given))
         if given["output"] is not None:
@@ -163,10 +165,9 @@ def _stream(files: tuple[str, ...], sensor: Sensor | None, asked: _Asked) -> boo
         with live:
             while live.running and asked.going() and not (sinks and all(sink.ended for sink in sinks)):
                 pass
-            broken = given["output"] is not None and live.recording is None
-        for sink in sinks:
-            sink.close()
-    return broken or live.error is not None
+    # A reader of the lines that goes ends them as it likes.
+    cut = any(sink.error and not isinstance(sink.error, BrokenPipeError) for sink in sinks)
+    return cut or live.recording_failed or live.error is not None
 
 
 def _next(playground: Playground | None) -> Callable[[], Source | None]:

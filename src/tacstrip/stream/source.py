@@ -75,7 +75,7 @@ class Source(Protocol):
         """Unix time of time_s = 0 [ns]."""
 
     def __iter__(self) -> Iterator[RawScan]:
-        """Give the scans; errors that end the stream are raised here."""
+        """Give the scans; errors that end the stream, of any kind, are raised here."""
 
     def close(self) -> None:
         """Let go of the file or the device; may be called twice."""

@@ -52,7 +52,8 @@ def live(
     Raises
     ------
     PortError
-        The port, or what is on it, cannot be used; while it is iterated: another device was plugged in.
+        The port, or what is on it, cannot be used; while it is iterated: another device was plugged in. Whatever else
+        the source raises, iterating raises too, after the last frame; a recording is then closed whole.
     OptionError
         Not exactly one of `port` and `source`.
     RecordingError, OSError
