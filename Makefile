@@ -9,6 +9,9 @@ UV := $(or $(shell uv --version 2>/dev/null | grep -Eq '^uv (0\.([5-9]|[1-9][0-9
 # Any Python on the machine that is new enough; make PYTHON=3.12 setup asks for a certain one.
 PYTHON := >=3.11
 PYTHONS := python3 python3.14 python3.13 python3.12 python3.11 python
+# The core is compiled again when one of these changes.
+CORE := $(wildcard src/tacstrip/core/*.[ch])
+INSTALL := "$(UV)" pip install --quiet --reinstall-package tacstrip --python .venv --no-deps --editable .
 # Further options for pytest: make test ARGS="-k footprint".
 ARGS :=
 
@@ -28,7 +31,7 @@ help: ## list these targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/\1|\2/p' Makefile | \
 	while IFS='|' read -r target what; do printf 'make %-10s %s\n' "$$target" "$$what"; done
 
-setup: .venv/.setup ## make .venv with everything that uv.lock pins
+setup: .venv/.core ## make .venv with everything that uv.lock pins, and compile the core
 	@:
 
 demo: setup ## reconstruct the bundled readings into demo/
@@ -42,10 +45,11 @@ else
 	@$(BIN)/pytest -m "not slow" $(ARGS)
 endif
 
-check: setup ## lint, format and types
+check: setup ## lint, format, types, and the core under sanitizers
 	@$(BIN)/ruff check
 	@$(BIN)/ruff format --check
 	@$(BIN)/mypy
+	@$(BIN)/python tools/check_core.py
 
 reproduce: setup ## make the published results again into reproduction/
 	@$(BIN)/tacstrip reproduce --out reproduction
@@ -69,12 +73,14 @@ firmware: ## build the firmware for the Arduino Uno (avr-gcc, avr-libc) and prin
 
 clean: ## remove everything that make made
 	@rm -rf .venv .tools demo reproduction dist firmware/build .pytest_cache .hypothesis .mypy_cache .ruff_cache
+	@rm -f src/tacstrip/core/*.so src/tacstrip/core/*.dll
 	@find src tests tools benchmarks -name __pycache__ -exec rm -rf {} + 2>/dev/null || true
 
-.venv/.setup: pyproject.toml uv.lock | $(filter $(OWN_UV),$(UV))
+# Installing anew compiles the core, whatever uv has in its cache.
+.venv/.setup: pyproject.toml uv.lock hatch_build.py | $(filter $(OWN_UV),$(UV))
 	@echo "Setting up .venv"
 ifeq ($(MIRROR),)
-	@"$(UV)" sync --locked --quiet --python "$(PYTHON)" || { \
+	@"$(UV)" sync --locked --quiet --reinstall-package tacstrip --python "$(PYTHON)" || { \
 	  echo "If packages reach this machine only through a mirror, set UV_DEFAULT_INDEX to it and run make again." >&2; \
 	  exit 1; \
 	}
@@ -82,8 +88,14 @@ else
 	@"$(UV)" venv --quiet --allow-existing --python "$(PYTHON)" .venv
 	@"$(UV)" export --frozen --quiet --no-emit-project --output-file .venv/pins.txt
 	@"$(UV)" pip sync --quiet --python .venv --require-hashes .venv/pins.txt
-	@"$(UV)" pip install --quiet --python .venv --no-deps --editable .
+	@$(INSTALL)
 endif
+	@touch $@
+
+# After a change to the C, the compiler alone; without one, the build back end brings its own.
+.venv/.core: $(CORE) tools/build_core.py | .venv/.setup
+	@$(BIN)/python tools/build_core.py || $(INSTALL)
+	@$(BIN)/tacstrip --version
 	@touch $@
 
 $(OWN_UV): uv.lock
