@@ -39,16 +39,17 @@ demo: setup ## reconstruct the bundled readings into demo/
 
 test: setup ## run the tests, the slow studies left out: two at a time, then those that take times alone
 ifeq ($(ARGS),)
-	@$(BIN)/pytest -m "not slow and not alone" -n 2 --dist loadfile
+	@$(BIN)/pytest -m "not slow and not builds and not alone" -n 2 --dist loadfile
 	@$(BIN)/pytest -m "not slow and alone"
 else
-	@$(BIN)/pytest -m "not slow" $(ARGS)
+	@$(BIN)/pytest -m "not slow and not builds" $(ARGS)
 endif
 
-check: setup ## lint, format, types, and the core under sanitizers
+check: setup ## lint, format and types; the core by other compilers and under sanitizers
 	@$(BIN)/ruff check
 	@$(BIN)/ruff format --check
 	@$(BIN)/mypy
+	@$(BIN)/pytest -m builds -rs tests/test_build_*.py
 	@$(BIN)/python tools/check_core.py
 
 reproduce: setup ## make the published results again into reproduction/

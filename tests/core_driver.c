@@ -20,10 +20,16 @@ static void show(const char *name, const void *bytes, unsigned long long count) 
   printf("%s %016llx\n", name, sum);
 }
 
+/* The compiler's own part: a contracted or reordered sum shows here, and chaos makes much of it. */
+static void chaos(void) {
+  double value = number();
+  for (int i = 0; i < 200; i++) value = 1.0 - 1.9 * value * value;
+  show("chaos", &value, sizeof value);
+}
+
 int main(void) {
   int version = tacstrip_core_version();
-  double start = number();
   show("version", &version, sizeof version);
-  show("numbers", &start, sizeof start);
+  chaos();
   return 0;
 }

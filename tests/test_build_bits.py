@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import platform
 import shutil
 import subprocess
 from pathlib import Path
@@ -12,7 +13,7 @@ import pytest
 
 from compiled import ROOT, build_core, compiler, needs_compiler, python, runs_v3
 
-pytestmark = needs_compiler
+pytestmark = [needs_compiler, pytest.mark.builds]
 DRIVER = ROOT / "tests" / "core_driver.c"
 NATIVE = {
     "gcc -O0": ["-O0"],
@@ -40,7 +41,7 @@ def _checksums(folder: Path, by: Any, *options: str) -> dict[str, str]:
 def _driven(folder: Path, by: Any, *options: str, under: str = "") -> list[str]:
     """Compile the core and tests/core_driver.c to a program and return what that prints, maybe under an emulator."""
     program = folder / "driver"
-    options = ("-O2", *options, *build_core.SAME_BITS, f"-I{build_core.CORE}")
+    options = ("-O2", *build_core.SAME_BITS, *options, f"-I{build_core.CORE}")
     by.compile(program, [DRIVER, *build_core.sources()], options)
     return subprocess.check_output([*([under] if under else []), program], text=True).splitlines()
 
@@ -72,3 +73,12 @@ def test_another_processor_and_another_c_library_compute_the_same_bits(
     if under and shutil.which(under) is None:
         pytest.skip(f"{under} is not installed")
     assert _driven(tmp_path, by, "-static", under=under) == usual_driven
+
+
+@pytest.mark.skipif(platform.machine() != "x86_64", reason="the option for fused multiply-add is of x86-64")
+def test_a_contracted_sum_would_be_seen(usual_driven: list[str], tmp_path: Path) -> None:
+    if not runs_v3():
+        pytest.skip("this processor has no x86-64-v3")
+    other = _driven(tmp_path, compiler("gcc"), "-std=gnu99", "-ffp-contract=fast", "-mfma")
+    assert other[0] == usual_driven[0]
+    assert other != usual_driven
