@@ -1,10 +1,11 @@
 # The front door: `make` lists what there is. Needs GNU make, a POSIX shell and Python >= 3.11.
-# uv is the one on PATH (0.5 or newer) or else the one that uv.lock pins, fetched into .tools/.
+# uv is the one on PATH (0.7 or newer; older ones know no pins of build tools) or else the one that uv.lock pins, fetched
+# into .tools/.
 
 EXE := $(if $(filter Windows_NT,$(OS)),.exe)
 BIN := .venv/$(if $(EXE),Scripts,bin)
 OWN_UV := .tools/uv$(EXE)
-UV := $(or $(shell uv --version 2>/dev/null | grep -Eq '^uv (0\.([5-9]|[1-9][0-9])|[1-9])' && command -v uv),$(OWN_UV))
+UV := $(or $(shell uv --version 2>/dev/null | grep -Eq '^uv (0\.([7-9]|[1-9][0-9])|[1-9])' && command -v uv),$(OWN_UV))
 
 # Any Python on the machine that is new enough; make PYTHON=3.12 setup asks for a certain one.
 PYTHON := >=3.11
@@ -77,20 +78,22 @@ clean: ## remove everything that make made
 	@rm -f src/tacstrip/core/*.so src/tacstrip/core/*.dll
 	@find src tests tools benchmarks -name __pycache__ -exec rm -rf {} + 2>/dev/null || true
 
-# Installing anew compiles the core, whatever uv has in its cache.
+# Installing anew compiles the core, whatever uv has in its cache. Bytecode is compiled here, for uv leaves it to the
+# first import, and an environment with PYTHONDONTWRITEBYTECODE, as containers have it, to every one.
 .venv/.setup: pyproject.toml uv.lock hatch_build.py | $(filter $(OWN_UV),$(UV))
 	@echo "Setting up .venv"
 ifeq ($(MIRROR),)
-	@"$(UV)" sync --locked --quiet --reinstall-package tacstrip --python "$(PYTHON)" || { \
+	@"$(UV)" sync --locked --quiet --compile-bytecode --reinstall-package tacstrip --python "$(PYTHON)" || { \
 	  echo "If packages reach this machine only through a mirror, set UV_DEFAULT_INDEX to it and run make again." >&2; \
 	  exit 1; \
 	}
 else
 	@"$(UV)" venv --quiet --allow-existing --python "$(PYTHON)" .venv
 	@"$(UV)" export --frozen --quiet --no-emit-project --output-file .venv/pins.txt
-	@"$(UV)" pip sync --quiet --python .venv --require-hashes .venv/pins.txt
+	@"$(UV)" pip sync --quiet --compile-bytecode --python .venv --require-hashes .venv/pins.txt
 	@$(INSTALL)
 endif
+	@$(BIN)/python -m compileall -q src
 	@touch $@
 
 # After a change to the C, the compiler alone; without one, the build back end brings its own.
