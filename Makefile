@@ -96,8 +96,9 @@ endif
 	@$(BIN)/python -m compileall -q src
 	@touch $@
 
-# After a change to the C, the compiler alone; without one, the build back end brings its own.
-.venv/.core: $(CORE) tools/build_core.py | .venv/.setup
+# After a change to the C, the compiler alone; without one, the build back end brings its own. The folder is newer than
+# what lies in it where a file came or went.
+.venv/.core: $(CORE) src/tacstrip/core tools/build_core.py | .venv/.setup
 	@$(BIN)/python tools/build_core.py || $(INSTALL)
 	@$(BIN)/tacstrip --version
 	@touch $@

@@ -148,6 +148,27 @@ def test_what_does_not_compile_is_said_and_leaves_no_library(
     assert list(folder.iterdir()) == []
 
 
+@needs_compiler
+def test_a_library_is_current_until_its_sources_change(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    core = tmp_path / "core"
+    core.mkdir()
+    for name in ("sources.py", "core.h", "version.c"):
+        shutil.copy(build_core.CORE / name, core)
+    monkeypatch.setattr(build_core, "CORE", core)
+    for change in (
+        lambda: None,
+        lambda: (core / "other.c").write_text("extern int other;\n", encoding="utf-8"),
+        lambda: (core / "other.c").unlink(),
+        lambda: (core / f"baseline{build_core.SUFFIX}").write_bytes(b"no library"),
+    ):
+        change()
+        assert not build_core.is_current()
+        assert build_core.main() == 0
+        assert build_core.is_current()
+
+
 @pytest.mark.builds
 @pytest.mark.parametrize("choice", ["cc", "none"])
 def test_wheels_are_for_a_platform_and_every_python(

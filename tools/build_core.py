@@ -73,10 +73,15 @@ def sources() -> list[Path]:
     return sorted(CORE.glob("*.c"))
 
 
+def fingerprint() -> str:
+    """Return the checksum of the core's sources and headers."""
+    total: str = runpy.run_path(str(CORE / "sources.py"))["fingerprint"](CORE)
+    return total
+
+
 def defined() -> tuple[str, ...]:
     """Return the options that tell a library what it is built from."""
-    fingerprint = runpy.run_path(str(CORE / "sources.py"))["fingerprint"](CORE)
-    return (f"-DTACSTRIP_FINGERPRINT={fingerprint:#x}u",)
+    return (f"-DTACSTRIP_FINGERPRINT={fingerprint()}",)
 
 
 def cc() -> Compiler | None:
@@ -214,15 +219,26 @@ def _finish(process: subprocess.Popen[str]) -> None:
         raise BuildError(f"{Path(str(process.args[0])).name}: {lines[0]}")  # type: ignore[index]
 
 
+def is_current() -> bool:
+    """Whether this checkout has libraries, all of its sources as they are and not older than this file."""
+    built = list(CORE.glob(f"*{SUFFIX}"))
+    return bool(built) and all(
+        file.stat().st_mtime >= Path(__file__).stat().st_mtime and fingerprint().encode() in file.read_bytes()
+        for file in built
+    )
+
+
 def main() -> int:
     """Compile the core of this checkout again where something changed; 1: no compiler here, install anew instead."""
-    built = [file.stat().st_mtime for file in CORE.glob(f"*{SUFFIX}")]
-    changed = max(file.stat().st_mtime for file in [*CORE.glob("*.[ch]"), Path(__file__)])
-    if built and min(built) >= changed:
-        return 0
-    if requirements():
-        return 1
-    for line in build(CORE):
+    try:
+        if is_current():
+            return 0
+        if requirements():
+            return 1
+        missing = build(CORE)
+    except (BuildError, OSError) as error:
+        missing = [str(error)]
+    for line in missing:
         print(line, file=sys.stderr)
     return 0
 

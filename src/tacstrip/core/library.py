@@ -10,6 +10,7 @@ import functools
 import os
 import sys
 from pathlib import Path
+from typing import Any
 
 from tacstrip.core.sources import fingerprint
 from tacstrip.errors import OptionError
@@ -59,7 +60,7 @@ def _chosen() -> tuple[ctypes.CDLL | None, str]:
 
         logging.getLogger("tacstrip").warning("the compiled core is not used, NumPy is slower: %s", error)
         return None, f"NumPy, as the compiled one is not used: {error}"
-    return core, _built(core)
+    return core, _text(core.tacstrip_core_built)
 
 
 def _asked(name: str) -> tuple[ctypes.CDLL, str]:
@@ -74,7 +75,7 @@ def _asked(name: str) -> tuple[ctypes.CDLL, str]:
         raise OptionError(
             f"TACSTRIP_CORE={name}: {error}; unset it, or take numpy, baseline, v3 or the path of a library"
         ) from error
-    return core, _built(core)
+    return core, _text(core.tacstrip_core_built)
 
 
 def _load(file: Path) -> ctypes.CDLL:
@@ -82,8 +83,7 @@ def _load(file: Path) -> ctypes.CDLL:
     core = ctypes.CDLL(str(file))
     try:
         version = core.tacstrip_core_version()
-        core.tacstrip_core_fingerprint.restype = ctypes.c_uint32
-        built_from = core.tacstrip_core_fingerprint()
+        built_from = _text(core.tacstrip_core_fingerprint)
     except AttributeError as error:
         raise OSError(f"{file} is not the compiled core of tacstrip") from error
     if version != VERSION:
@@ -93,7 +93,7 @@ def _load(file: Path) -> ctypes.CDLL:
     return core
 
 
-def _built(core: ctypes.CDLL) -> str:
-    core.tacstrip_core_built.restype = ctypes.c_char_p
-    text: bytes = core.tacstrip_core_built()
-    return text.decode()
+def _text(function: Any) -> str:
+    function.restype = ctypes.c_char_p
+    told: bytes = function()
+    return told.decode()

@@ -53,14 +53,14 @@
 #define SANITIZED ""
 #endif
 
-EXPORTED unsigned tacstrip_core_fingerprint(void);
+EXPORTED const char *tacstrip_core_fingerprint(void);
 EXPORTED const char *tacstrip_core_built(void);
 EXPORTED int tacstrip_core_v3_runs(void);
 
 int tacstrip_core_version(void) { return TACSTRIP_VERSION; }
 
 /* The fingerprint of the sources that this was built from. */
-unsigned tacstrip_core_fingerprint(void) { return TACSTRIP_FINGERPRINT; }
+const char *tacstrip_core_fingerprint(void) { return NUMBER(TACSTRIP_FINGERPRINT); }
 
 /* Compiler, level of the instruction set, and which checks are in, as `tacstrip --version` shows them. */
 const char *tacstrip_core_built(void) { return COMPILER LEVEL CHECKED SANITIZED; }
