@@ -18,7 +18,7 @@ SOURCE = ROOT / "src" / "tacstrip"
 
 # From the ground up: a file imports only what stands above it in this list.
 ORDER = [
-    "errors", "arguments", "files", "arrays", "data", "fisher",
+    "errors", "arguments", "files", "core.sources", "core.library", "arrays", "data", "fisher",
     "sensor.constructions", "sensor.circuit", "sensor.slant", "sensor.channel", "sensor.calibration",
     "sensor.spec", "sensor.raw", "sensor.rest_level", "sensor.surface",
     "contact.unreadable", "contact.shape", "contact.footprint", "contact.signature", "contact.noise",
@@ -106,6 +106,7 @@ def _level(name: str) -> int:
 
 
 PACKAGES = {
+    "core",
     "diagnose",
     "view",
     "sensor",
