@@ -110,6 +110,22 @@ def test_normal_equations_agree(which: tuple[str, float, float], seed: int) -> N
     np.testing.assert_allclose(gradient, wanted[2], rtol=1e-9, atol=1e-9 * np.abs(wanted[2]).max())
 
 
+def test_a_rounding_error_at_a_pointed_end_is_no_overlap() -> None:
+    """A pointed end may lie on the last strip, where l = u: rounding decides which of them comes out larger."""
+    model = _model("both", 5.0, 0.02)
+    theta, chain, blunt, data = _case(1, model, (0, 0))
+    theta[3] = data[0][-1]
+    found = []
+    for height in theta[4] + np.spacing(theta[4]) * np.arange(20):
+        theta[4] = theta[5] = height
+        matrix, gradient = np.empty((len(theta), len(theta))), np.empty(len(theta))
+        normal_equations(theta, chain, len(chain), blunt, data, model, matrix, gradient)
+        with_prior(theta, blunt, data[3], matrix, gradient)
+        found += [matrix, polygon_plain.normal_equations(theta, chain, blunt, data, model)[1]]
+    for matrix in found[1:]:
+        np.testing.assert_allclose(matrix, found[0], rtol=1e-9, atol=1e-9 * np.abs(found[0]).max())
+
+
 @pytest.mark.parametrize("seed", range(8))
 @pytest.mark.parametrize("which", MODELS)
 def test_descents_agree(which: tuple[str, float, float], seed: int) -> None:

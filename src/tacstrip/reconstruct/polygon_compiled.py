@@ -13,8 +13,6 @@ from typing import Any, TypeVar
 from numba import njit
 
 _FILES = ("polygon_cholesky", "kernels", "polygon_descent", "polygon_score", "polygon_moves", "polygon_oval")
-# Sums may be reordered; NaN and infinity keep their meaning.
-_FAST = {"reassoc", "contract", "nsz", "arcp"}
 
 # Numba's names of the types that `kernels` calls FloatArray and IntArray, by dimensions, Data and Model.
 F1, F2, I1, I2 = "float64[::1]", "float64[:,::1]", "int64[::1]", "int64[:,::1]"
@@ -24,19 +22,19 @@ MODEL = f"Tuple(({F1},float64,float64))"
 F = TypeVar("F", bound=Callable[..., Any])
 
 
-def compiled(signature: str | None = None, fast: bool = False) -> Callable[[F], F]:
+def compiled(signature: str | None = None) -> Callable[[F], F]:
     """Compile a function and keep its machine code on disk.
+
+    Sums are taken in the order that is written: reordered for the processor at hand, the same readings would give
+    other shapes on another one wherever two fits are nearly as good.
 
     Parameters
     ----------
     signature
         Numba's types of result and arguments; compiled on import. Without one it is compiled when first called, and
         again for each constant that it is called with.
-    fast
-        Whether sums may be taken in any order, so that several strips are worked at a time.
     """
-    sums: bool | set[str] = _FAST if fast else False
-    decorate: Any = njit(signature, cache=True, nogil=True, error_model="numpy", fastmath=sums)
+    decorate: Any = njit(signature, cache=True, nogil=True, error_model="numpy")
     done: Callable[[F], F] = decorate
     return done
 
