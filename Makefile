@@ -9,8 +9,10 @@ UV := $(or $(shell uv --version 2>/dev/null | grep -Eq '^uv (0\.([5-9]|[1-9][0-9
 # Any Python on the machine that is new enough; make PYTHON=3.12 setup asks for a certain one.
 PYTHON := >=3.11
 PYTHONS := python3 python3.14 python3.13 python3.12 python3.11 python
-# Further options for pytest: make test ARGS="-k footprint".
+# Options for pytest: make test ARGS="-k footprint".
 ARGS :=
+# Load what recovers shapes once; it says so where it has to be compiled, as for another processor.
+COMPILE := $(BIN)/python -c "import tacstrip as ts; from tacstrip.stream.warm import warm_up; warm_up(ts.Sensor.load('prototype-crs-crs'))"
 
 # What somebody else's environment sets must not reach ours.
 unexport VIRTUAL_ENV PYTHONPATH PYTHONHOME \
@@ -34,13 +36,9 @@ setup: .venv/.setup ## make .venv with everything that uv.lock pins
 demo: setup ## reconstruct the bundled readings into demo/
 	@$(BIN)/tacstrip demo --out demo
 
-test: setup ## run the tests, the slow studies left out: two at a time, then those that take times alone
-ifeq ($(ARGS),)
-	@$(BIN)/pytest -m "not slow and not alone" -n 2 --dist loadfile
-	@$(BIN)/pytest -m "not slow and alone"
-else
-	@$(BIN)/pytest -m "not slow" $(ARGS)
-endif
+test: setup ## run the tests, two at a time, the slow studies left out
+	@$(COMPILE)
+	@$(BIN)/pytest -m "not slow" $(or $(ARGS),-n 2 --dist loadfile)
 
 check: setup ## lint, format and types
 	@$(BIN)/ruff check
@@ -84,6 +82,9 @@ else
 	@"$(UV)" pip sync --quiet --python .venv --require-hashes .venv/pins.txt
 	@"$(UV)" pip install --quiet --python .venv --no-deps --editable .
 endif
+	@echo "Compiling Python's bytecode and the kernels: some 30 s"
+	@$(BIN)/python -m compileall -qq -j 0 .venv src || true # some packages hold examples that are no Python
+	@$(COMPILE)
 	@touch $@
 
 $(OWN_UV): uv.lock

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numba import njit
+from numba.core import event
 
 from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.reconstruct import polygon_compiled, polygon_plain
@@ -213,6 +215,26 @@ def test_the_information_of_an_oval_is_that_of_its_readings() -> None:
             sides.append(type(oval)(p, 0.0, oval.information).residuals(signal).ravel())
         slope = (sides[1] - sides[0]) / 2e-6
         assert oval.information[i, i] == pytest.approx(slope @ slope, rel=1e-5)
+
+
+def test_a_compile_is_announced_once_and_only_ours(caplog: pytest.LogCaptureFixture) -> None:
+    def compile_one(module: str) -> None:
+        def function(x: float) -> float:
+            return x
+
+        function.__module__ = module
+        njit("float64(float64)")(function)
+
+    announcement = polygon_compiled._Announcement()
+    with event.install_listener("numba:compile", announcement):
+        compile_one("somebody_else")
+        assert not announcement.said
+        caplog.clear()
+        compile_one("tacstrip.reconstruct.one")
+        said = caplog.messages
+        compile_one("tacstrip.reconstruct.another")
+    assert "compiling the fit's kernels, the first time on this computer: some 15 s" in said
+    assert caplog.messages == said
 
 
 def test_machine_code_of_an_edited_kernel_is_thrown_away(tmp_path: Path) -> None:

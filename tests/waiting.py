@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-HANG_S = 120.0  # nothing takes so long: whatever was awaited never comes
+HANG_S = 300.0  # nothing takes so long: whatever was awaited never comes
 
 
 def wait_until(ready: Callable[[], object]) -> None:

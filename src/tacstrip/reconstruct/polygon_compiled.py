@@ -1,16 +1,18 @@
-"""What compiles the kernels, and throws their cached machine code away when any of them was edited.
+"""Compiles the kernels, says so, and throws their cached machine code away when any of them was edited.
 
 Numba looks only at a function's own file. The code of a function that it calls from another file would stay.
 """
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
 from numba import njit
+from numba.core import event
 
 _FILES = ("polygon_cholesky", "kernels", "polygon_descent", "polygon_score", "polygon_moves", "polygon_oval")
 
@@ -37,6 +39,26 @@ def compiled(signature: str | None = None) -> Callable[[F], F]:
     decorate: Any = njit(signature, cache=True, nogil=True, error_model="numpy")
     done: Callable[[F], F] = decorate
     return done
+
+
+class _Announcement(event.Listener):
+    """Says once that kernels are compiled: whoever waits for it should know why."""
+
+    said = False
+
+    def on_start(self, event: event.Event) -> None:
+        """Numba begins to compile a function, perhaps somebody else's."""
+        if not self.said and event.data["dispatcher"].py_func.__module__.startswith("tacstrip."):
+            self.said = True
+            logging.getLogger(__name__).warning(
+                "compiling the fit's kernels, the first time on this computer: some 15 s"
+            )
+
+    def on_end(self, event: event.Event) -> None:
+        """Nothing to say."""
+
+
+event.register("numba:compile", _Announcement())  # type: ignore[no-untyped-call]
 
 
 def _forget(folder: Path) -> None:
