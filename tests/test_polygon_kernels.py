@@ -7,6 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numba import njit
+from numba.core import event
 
 from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.reconstruct import polygon_compiled, polygon_plain
@@ -110,6 +112,22 @@ def test_normal_equations_agree(which: tuple[str, float, float], seed: int) -> N
     np.testing.assert_allclose(gradient, wanted[2], rtol=1e-9, atol=1e-9 * np.abs(wanted[2]).max())
 
 
+def test_a_rounding_error_at_a_pointed_end_is_no_overlap() -> None:
+    """A pointed end may lie on the last strip, where l = u: rounding decides which of them comes out larger."""
+    model = _model("both", 5.0, 0.02)
+    theta, chain, blunt, data = _case(1, model, (0, 0))
+    theta[3] = data[0][-1]
+    found = []
+    for height in theta[4] + np.spacing(theta[4]) * np.arange(20):
+        theta[4] = theta[5] = height
+        matrix, gradient = np.empty((len(theta), len(theta))), np.empty(len(theta))
+        normal_equations(theta, chain, len(chain), blunt, data, model, matrix, gradient)
+        with_prior(theta, blunt, data[3], matrix, gradient)
+        found += [matrix, polygon_plain.normal_equations(theta, chain, blunt, data, model)[1]]
+    for matrix in found[1:]:
+        np.testing.assert_allclose(matrix, found[0], rtol=1e-9, atol=1e-9 * np.abs(found[0]).max())
+
+
 @pytest.mark.parametrize("seed", range(8))
 @pytest.mark.parametrize("which", MODELS)
 def test_descents_agree(which: tuple[str, float, float], seed: int) -> None:
@@ -197,6 +215,26 @@ def test_the_information_of_an_oval_is_that_of_its_readings() -> None:
             sides.append(type(oval)(p, 0.0, oval.information).residuals(signal).ravel())
         slope = (sides[1] - sides[0]) / 2e-6
         assert oval.information[i, i] == pytest.approx(slope @ slope, rel=1e-5)
+
+
+def test_a_compile_is_announced_once_and_only_ours(caplog: pytest.LogCaptureFixture) -> None:
+    def compile_one(module: str) -> None:
+        def function(x: float) -> float:
+            return x
+
+        function.__module__ = module
+        njit("float64(float64)")(function)
+
+    announcement = polygon_compiled._Announcement()
+    with event.install_listener("numba:compile", announcement):
+        compile_one("somebody_else")
+        assert not announcement.said
+        caplog.clear()
+        compile_one("tacstrip.reconstruct.one")
+        said = caplog.messages
+        compile_one("tacstrip.reconstruct.another")
+    assert "compiling the fit's kernels, the first time on this computer: some 15 s" in said
+    assert caplog.messages == said
 
 
 def test_machine_code_of_an_edited_kernel_is_thrown_away(tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ from tacstrip.io.geometry import feature_collection, read_contact, write_geojson
 from tacstrip.io.readings import read_readings
 from tacstrip.io.suspicions import exchanged, half_read, largest, over_vref
 from tacstrip.metrics import mismatch
-from tacstrip.reconstruct.methods import METHODS, best_method, must_compile
+from tacstrip.reconstruct.methods import METHODS, best_method
 from tacstrip.reconstruct.profile import profile_reconstruction
 from tacstrip.reconstruct.result import Reconstruction
 from tacstrip.reconstruct.vertex import vertex_reconstruction
@@ -123,8 +123,6 @@ def command(
         f"{readings}: {unset}" if unset else "",
         f"{swapped} (`tacstrip doctor {readings} --sensor {sensor}` says more)" if swapped else "",
     )
-    if must_compile(chosen):
-        click.echo("Compiling the fit's kernels, this once: some 15 s ...", err=True)
     results = []
     for scan in scans:
         if chosen == "profile":

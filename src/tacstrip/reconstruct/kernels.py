@@ -23,6 +23,9 @@ from tacstrip.reconstruct.polygon_compiled import DATA, F1, F2, I1, MODEL, compi
 ENDS = 6  # entries of theta before the first vertex
 LEAST_D = 1e-3  # of L: a metal sheet under a whole strip would divide by zero
 CROSSED = 100.0  # weight of l > u against a reading
+# Of L, from where on l > u counts. In a pointed end that lies on a strip l = u; a rounding error must not decide there
+# whether the weight above joins J'WJ.
+CROSSED_FROM = 1e-9
 # The pairs of columns in the order of section_sums.
 _PAIRS = ((0, 0), (0, 1), (1, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 2), (2, 3), (3, 3))
 
@@ -30,7 +33,7 @@ Data: TypeAlias = tuple[FloatArray, FloatArray, FloatArray, float]  # x (n,), k 
 Model: TypeAlias = tuple[FloatArray, float, float]  # shares (S,), narrow, lam
 
 
-@compiled(fast=True)
+@compiled()
 def strip_terms(
     l: float, u: float, k: float, weight: float, share: float, narrow: float, lam: float
 ) -> tuple[float, float, float, float, float, float]:
@@ -49,7 +52,7 @@ def strip_terms(
     gl = by_l * (1.0 - dt) + by_u * dt
     gu = by_u * (1.0 - dt) + by_l * dt
     r = k - model
-    c = CROSSED * weight if w < 0.0 else 0.0
+    c = CROSSED * weight if w < -CROSSED_FROM else 0.0
     rl, ru = weight * gl * r + c * w, weight * gu * r - c * w
     return (
         weight * gl * gl + c,
@@ -61,7 +64,7 @@ def strip_terms(
     )
 
 
-@compiled(fast=True)
+@compiled()
 def section_sums(
     x: FloatArray,
     k: FloatArray,

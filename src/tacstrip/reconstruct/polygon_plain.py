@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from tacstrip.arrays import FloatArray, IntArray
-from tacstrip.reconstruct.kernels import CROSSED, ENDS, LEAST_D, Data, Model
+from tacstrip.reconstruct.kernels import CROSSED, CROSSED_FROM, ENDS, LEAST_D, Data, Model
 from tacstrip.sensor.circuit import erosion
 
 
@@ -62,7 +62,7 @@ def rows(
         by_l.append(root * (gl * (1.0 - dt) + gu * dt))
         by_u.append(root * (gu * (1.0 - dt) + gl * dt))
         off.append(root * (row - model))
-    crossed = np.where(w < 0.0, np.sqrt(CROSSED * weight.sum(axis=0)), 0.0)
+    crossed = np.where(w < -CROSSED_FROM, np.sqrt(CROSSED * weight.sum(axis=0)), 0.0)
     by_l.append(-crossed)
     by_u.append(crossed)
     off.append(-crossed * w)
