@@ -12,6 +12,8 @@ from tacstrip.diagnose.view import Suspect, View, expected, residuals
 
 _INSIDE = 0.15  # over Vref: expectations this far from both rails cannot be met by a reading on a rail
 _RAIL = 0.012  # over Vref
+_NEAR_RAIL = 0.08  # over Vref: offsets take a channel that hangs on a rail no further from it
+_ALWAYS = 0.9  # of those places: an open end shows wherever the contact is
 _SHARE = 0.4  # of those places: elsewhere the contact bridges the break
 _SPREAD = 0.05  # over Vref: what the neighbours must move for a reading that does not
 _MOVES = 0.2  # over Vref: what the neighbours must move for a reading that should, and does not
@@ -35,7 +37,9 @@ def on_rails(view: View) -> list[Suspect]:
     low, high = values <= _ground(view) + near, values >= 1.0 - near
     ground, vref = (np.asarray(side.all(axis=0) & inside.any(axis=0)) for side in (low, high))
     # One channel on ground where the other is not: its wire has nothing to say.
-    lone = inside & low & ~low.all(axis=0) & (values.max(axis=0) > 2.0 * near)
+    lone = (
+        inside & low & ~low.all(axis=0) & (values.max(axis=0) > max(2.0 * near, _ground(view) + _NEAR_RAIL))
+    )
     places = inside.any(axis=0).sum(axis=0)
     found = []
     for strip in range(view.strips):
@@ -70,6 +74,8 @@ def _open_strip(
     if ground.any() and vref.any():
         y = sorted(float(v) * view.sensor.length_mm for v in (level[ground].max(), level[vref].min()))
         where = f"; the cut lies near y = {y[0]:.4g} to {y[1]:.4g} mm"
+    elif count >= _ALWAYS * places:
+        where = f"; {_open_end(bool(vref.any()))}"
     return Finding(
         "open-strip", (int(view.order[strip]),),
         f"on ground in {int(ground.sum())} and on Vref in {int(vref.sum())} of {places} places where its neighbours "
@@ -103,8 +109,41 @@ def _one_channel(
     return None
 
 
+def _open_end(at_vref: bool) -> str:
+    """Say which end is open of a strip that hangs on one rail wherever it is touched."""
+    end, wire = ("grounded end", "ground") if at_vref else ("end at Vref", "Vref")
+    return f"open at its {end}: look at that clamp and its wire to {wire}"
+
+
 def not_moving(view: View) -> list[Suspect]:
-    """Find channels that keep one value while their neighbours move."""
+    """Find channels that keep one value while their neighbours move.
+
+    Where all of a strip's channels keep to one rail, or as near to it as offsets leave them, it is the strip that
+    hangs there by its other end: one open clamp, not two dead wires.
+    """
+    found = _unmoved(view)
+    channels: dict[int, list[Suspect]] = {}
+    for suspect in found:
+        channels.setdefault(suspect.finding.strips[0], []).append(suspect)
+    for strip, of in channels.items():
+        level = np.array([s.finding.numbers["level"] for s in of])
+        at_vref = bool((level > 1.0 - _NEAR_RAIL).all())
+        if len(of) < len(view.k) or not (at_vref or (level < _ground(view) + _NEAR_RAIL).all()):
+            continue
+        told = " and ".join(f"{v:.3g}" for v in level)
+        finding = Finding(
+            "open-strip", (strip,),
+            f"reads {told} Vref wherever it is touched, while its neighbours move by "
+            f"{100 * of[0].finding.numbers['neighbours_spread']:.3g} %; {_open_end(at_vref)}",
+            {"level": float(level.mean()), "at_vref": float(at_vref)},
+        )  # fmt: skip
+        place = int(np.flatnonzero(view.order == strip)[0])
+        found = [s for s in found if s not in of]
+        found.append(Suspect(finding, max(s.gain for s in of), partial(View.drop, strip=place)))
+    return found
+
+
+def _unmoved(view: View) -> list[Suspect]:
     found = []
     still = max(0.004, 3.0 * view.sigma)
     for name, values in view.k.items():
