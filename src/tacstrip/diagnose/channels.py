@@ -35,6 +35,11 @@ def on_rails(view: View) -> list[Suspect]:
     gap = np.stack([expected(view.k[n], view.there)[2] for n in names]) / 2.0
     inside = (e - gap > _INSIDE / 2.0) & (e + gap < 1.0 - _INSIDE / 2.0) & (np.abs(e - 0.5) < 0.5 - _INSIDE)
     low, high = values <= _ground(view) + near, values >= 1.0 - near
+    # By offsets, a strip that hangs on a rail reads one value beside it.
+    low, high = (
+        side | (_constant(values, near) & close).all(axis=0)
+        for side, close in ((low, values <= _ground(view) + _NEAR_RAIL), (high, values >= 1.0 - _NEAR_RAIL))
+    )
     ground, vref = (np.asarray(side.all(axis=0) & inside.any(axis=0)) for side in (low, high))
     # One channel on ground where the other is not: its wire has nothing to say.
     lone = (
@@ -43,7 +48,10 @@ def on_rails(view: View) -> list[Suspect]:
     places = inside.any(axis=0).sum(axis=0)
     found = []
     for strip in range(view.strips):
-        gain = float(np.nanmean(np.abs(r[:, :, strip]))) if places[strip] else 0.0
+        # Of all channels together: what hangs on a rail is one strip, rather than two stuck channels.
+        gain = float(
+            np.nansum(np.abs(r[:, :, strip])) / max(np.isfinite(r[:, :, strip]).any(axis=0).sum(), 1)
+        )
         channels = dict(zip(names, lone[:, :, strip], strict=True))
         of = inside[:, :, strip].sum(axis=1)
         named = (
@@ -58,6 +66,12 @@ def on_rails(view: View) -> list[Suspect]:
     return found
 
 
+def _constant(values: FloatArray, near: float) -> BoolArray:
+    """Return which channels keep one value (signatures, 1, strips) wherever they are touched."""
+    low, high = (np.where(np.isfinite(values), values, fill) for fill in (np.inf, -np.inf))
+    return np.asarray(high.max(axis=1, keepdims=True) - low.min(axis=1, keepdims=True) <= 2.0 * near)
+
+
 def _ground(view: View) -> float:
     """Return what a wire that hangs free reads, over Vref."""
     return (view.sensor.rest_volt or 0.0) / view.sensor.vref_volt
@@ -67,14 +81,17 @@ def _open_strip(
     view: View, strip: int, ground: BoolArray, vref: BoolArray, places: int, level: FloatArray
 ) -> Finding | None:
     count = int(ground.sum() + vref.sum())
+    always = count >= _ALWAYS * places
+    # Two channels on one rail at every place are no object over the strip's end.
+    enough = _FEW if always and len(view.k) == 2 else _SOME
     # An object that reaches over the end of one strip does so at one height.
-    if count < max(_SOME, _SHARE * places) or _spread(level[ground | vref]) < _MOVES:
+    if count < max(enough, _SHARE * places) or _spread(level[ground | vref]) < _MOVES:
         return None
     where = ""
     if ground.any() and vref.any():
         y = sorted(float(v) * view.sensor.length_mm for v in (level[ground].max(), level[vref].min()))
         where = f"; the cut lies near y = {y[0]:.4g} to {y[1]:.4g} mm"
-    elif count >= _ALWAYS * places:
+    elif always:
         where = f"; {_open_end(bool(vref.any()))}"
     return Finding(
         "open-strip", (int(view.order[strip]),),
@@ -116,34 +133,7 @@ def _open_end(at_vref: bool) -> str:
 
 
 def not_moving(view: View) -> list[Suspect]:
-    """Find channels that keep one value while their neighbours move.
-
-    Where all of a strip's channels keep to one rail, or as near to it as offsets leave them, it is the strip that
-    hangs there by its other end: one open clamp, not two dead wires.
-    """
-    found = _unmoved(view)
-    channels: dict[int, list[Suspect]] = {}
-    for suspect in found:
-        channels.setdefault(suspect.finding.strips[0], []).append(suspect)
-    for strip, of in channels.items():
-        level = np.array([s.finding.numbers["level"] for s in of])
-        at_vref = bool((level > 1.0 - _NEAR_RAIL).all())
-        if len(of) < len(view.k) or not (at_vref or (level < _ground(view) + _NEAR_RAIL).all()):
-            continue
-        told = " and ".join(f"{v:.3g}" for v in level)
-        finding = Finding(
-            "open-strip", (strip,),
-            f"reads {told} Vref wherever it is touched, while its neighbours move by "
-            f"{100 * of[0].finding.numbers['neighbours_spread']:.3g} %; {_open_end(at_vref)}",
-            {"level": float(level.mean()), "at_vref": float(at_vref)},
-        )  # fmt: skip
-        place = int(np.flatnonzero(view.order == strip)[0])
-        found = [s for s in found if s not in of]
-        found.append(Suspect(finding, max(s.gain for s in of), partial(View.drop, strip=place)))
-    return found
-
-
-def _unmoved(view: View) -> list[Suspect]:
+    """Find channels that keep one value while their neighbours move."""
     found = []
     still = max(0.004, 3.0 * view.sigma)
     for name, values in view.k.items():
@@ -246,11 +236,15 @@ def silent(view: View) -> list[Suspect]:
         moved = len({a for a, _ in edges}) + len({b for _, b in edges}) >= _FEW
         if over.sum() >= _FEW and moved:
             count = int(over.sum())
+            told = f"reads no contact in {count} places where both its neighbours do, though the contact moves on"
+            if view.at_ground[view.order[strip]]:  # one open clamp, rather than all wires dead
+                told += (
+                    f", and is on ground throughout; {_open_end(at_vref=False)}, then at the sensing wires"
+                )
             found.append(
                 Suspect(
                     Finding(
-                        "dead", (int(view.order[strip]),),
-                        f"reads no contact in {count} places where both its neighbours do, though the contact moves on",
+                        "open-strip" if view.at_ground[view.order[strip]] else "dead", (int(view.order[strip]),), told,
                         {"places": float(count)},
                     ),
                     1.0,

@@ -14,7 +14,8 @@ from tacstrip.diagnose.fits import came_back
 from tacstrip.diagnose.view import Suspect, View, residuals
 
 _CROSSED = 0.01  # over Vref: k_h - k_l below minus this cannot be (3.3), (3.4)
-_OFFSETS = 0.06  # over Vref: what a unit without calibration may add to k_h - k_l
+_OFFSETS = 0.08  # over Vref: what a unit without calibration may add to k_h - k_l
+_TURNS = 0.8  # correlation of k_h - k_l with what the neighbours want, its sign turned
 _STRIPS, _SURE = 4, 5.0  # on so many strips offsets differ; standard errors of their mean
 _SHARE = 0.8  # of the places that tell
 _FEW = 8  # places
@@ -84,10 +85,10 @@ def _against(difference: FloatArray, wanted: FloatArray, mean: float, least: flo
     level = float(wanted.mean())
     below = -2.0 * mean > least and mean - level < -least and -mean > level / 2.0
     grows = float(np.std(wanted))
-    if len(wanted) < _FEW or grows < max(_CROSSED, 3.0 * sigma):
+    if len(wanted) < _FEW or grows < max(2.0 * _CROSSED, 3.0 * sigma) or not np.ptp(difference):
         return below
-    follows = float(np.mean((wanted - level) * (difference - difference.mean()))) / grows**2
-    return follows < -0.5 or (below and follows < 0.0)
+    along = float(np.corrcoef(wanted, difference)[0, 1])
+    return along < -_TURNS or (below and along < 0.0)
 
 
 def _swap_wires(view: View, strip: int) -> None:
