@@ -49,7 +49,8 @@ def write_report(result: Calibrated, folder: Path) -> Path:
     page = environment.from_string(template).render(
         sensor=result.sensor, calibration=result.sensor.calibration, count=result.runs.count, bad=result.bad,
         model=result.model, verdict=verdict(result), stages=stages(result), strips=_strips(result),
-        trials=result.trials, pictures=pictures, parameters=result.parameters, graphs=len(graphed(result)),
+        trials=result.trials, status=result.status, advice=result.advice, pictures=pictures,
+        parameters=result.parameters, graphs=len(graphed(result)),
     )  # fmt: skip
     write_text(file, page)
     return file

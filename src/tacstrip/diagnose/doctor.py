@@ -22,6 +22,7 @@ from tacstrip.sensor.rest_level import rest_hint
 
 _MOST_SCANS = 20_000  # of longer recordings, evenly spread stretches are examined
 _LEAST_SIGMA = 2e-4  # over Vref: no reading is trusted to less
+_MOST_SIGMA = 0.006  # over Vref, where motion hides the noise: that of P.U. profile II
 _OFFSET = 0.02  # over Vref: what a strip may lie beside its neighbours before calibration is advised
 _TESTS: tuple[Callable[[View], list[Suspect]], ...] = (
     silent, on_rails, not_moving, clipped, swapped_wires, swapped_ends, swapped_strips, shorts,
@@ -46,6 +47,8 @@ def diagnose(log: Log) -> Report:
     part = log.part(_MOST_SCANS)
     measured = measure(part)
     sigma = max(measured.sigma if np.isfinite(measured.sigma) else 0.0, _LEAST_SIGMA)
+    if not measured.steady:  # motion, for the most part
+        sigma = min(sigma, _MOST_SIGMA)
     bits, no_bits = stuck_bits(part)
     ceiling = common_ceiling(part, sigma)
     reference, factor = wrong_reference(part, sigma) if not ceiling else ([], 1.0)
