@@ -13,6 +13,7 @@ import numpy as np
 import shapely
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
+from tacstrip.reconstruct.bounded_centre import largest
 from tacstrip.reconstruct.bounded_lines import Band, Lines
 from tacstrip.reconstruct.bounded_set import feasible_set
 
@@ -88,7 +89,7 @@ class _Search:
         slack = self.bounds.b - self.bounds.a @ self.middle
         norm = np.linalg.norm(a, axis=1)
         a, slack = a / norm[:, None], slack / norm
-        near = np.argsort(slack)[:_NEAREST]
+        near = largest(-slack, _NEAREST)
         self.a, self.slack = np.ascontiguousarray(a[near]), slack[near]
         self._from_the_middle()
 

@@ -21,6 +21,7 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 
+_ROUNDING = 16.0 * np.finfo(float).eps  # of Vref
 _NEWTON_STEPS = 60  # quadratic: five or six do, more only where w is far below lambda or k near 0
 
 
@@ -55,7 +56,7 @@ def k_h(
     a = sensing_share(ratio)
     t = erosion(w, contact_lambda)
     wi = w - 2.0 * t
-    return np.asarray((l + t + a * wi) / (length - (1.0 - a) * wi))
+    return _over_vref(l + t + a * wi, length - (1.0 - a) * wi, length)
 
 
 def k_l(
@@ -64,13 +65,22 @@ def k_l(
     """Return k_l, the sensing strip's lower voltage over Vref: (3.4), (3.6). Arguments as for `k_h`."""
     a = sensing_share(ratio)
     t = erosion(w, contact_lambda)
-    return np.asarray((l + t) / (length - (1.0 - a) * (w - 2.0 * t)))
+    return _over_vref(l + t, length - (1.0 - a) * (w - 2.0 * t), length)
 
 
 def k_metal(l: FloatArray, w: FloatArray, length: float, contact_lambda: float = 0.0) -> FloatArray:
     """Return k, the metal sheet's voltage over Vref: (3.8). A strip contact of length L leaves 0 / 0: NaN."""
     with np.errstate(invalid="ignore"):
         return k_l(l, w, length, 0.0, contact_lambda)
+
+
+def _over_vref(numerator: FloatArray, d: FloatArray, length: float) -> FloatArray:
+    """Return numerator / d, with 0 or 1 where only rounding put it beyond; further out, l or w are impossible."""
+    k = np.asarray(numerator / d)
+    with np.errstate(divide="ignore"):
+        rounding = _ROUNDING * np.maximum(length / np.abs(d), 1.0)  # d is a difference of lengths
+    near = (k >= -rounding) & (k <= 1.0 + rounding) & np.isfinite(rounding)
+    return np.where(near, np.clip(k, 0.0, 1.0), k)
 
 
 def chain_weights(k: FloatArray, at_upper_end: bool, ratio: float) -> tuple[FloatArray, FloatArray]:
