@@ -141,7 +141,7 @@ def draw(
 ) -> Drawn:
     """Draw a contact over so many strips of CRS-CRS, and read it with errors uniform within +-noise [Vref]."""
     shape = KINDS[kind](random)
-    width = strips * pitch_mm
+    width = (strips + random.uniform(-0.5, 0.5)) * pitch_mm  # either end anywhere within a pitch
     shape = (shape - shape.min(axis=0)) / np.ptp(shape, axis=0)
     height = random.uniform(0.1, 0.6)
     low = random.uniform(0.02, 0.98 - height)

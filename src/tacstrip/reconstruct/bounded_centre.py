@@ -91,7 +91,11 @@ def centre(a: FloatArray, b: FloatArray, start: FloatArray) -> tuple[FloatArray,
 
 def largest(values: FloatArray, count: int) -> IntArray:
     """Return the places of the largest values, ascending: of equal ones the first, whatever the processor."""
-    return np.asarray(np.sort(np.argsort(-values, kind="stable")[:count]))
+    if count >= len(values):
+        return np.arange(len(values))
+    least = np.partition(values, len(values) - count)[len(values) - count]
+    above, equal = np.flatnonzero(values > least), np.flatnonzero(values == least)
+    return np.sort(np.concatenate([above, equal[: count - len(above)]]))
 
 
 def _solve(curvature: FloatArray, right: FloatArray) -> FloatArray:

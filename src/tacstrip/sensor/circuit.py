@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tacstrip.arrays import FloatArray
+from tacstrip.arrays import BoolArray, FloatArray
 
 _ROUNDING = 16.0 * np.finfo(float).eps  # of Vref
 _NEWTON_STEPS = 60  # quadratic: five or six do, more only where w is far below lambda or k near 0
@@ -83,7 +83,9 @@ def _over_vref(numerator: FloatArray, d: FloatArray, length: float) -> FloatArra
     return np.where(near, np.clip(k, 0.0, 1.0), k)
 
 
-def chain_weights(k: FloatArray, at_upper_end: bool, ratio: float) -> tuple[FloatArray, FloatArray]:
+def chain_weights(
+    k: FloatArray, at_upper_end: bool | BoolArray, ratio: float
+) -> tuple[FloatArray, FloatArray]:
     """Return (c_l, c_u) with c_l l + c_u u = k L and c_l + c_u = 1, for an ideal contact.
 
     (3.5), (3.6) and (3.8) are each linear in l and u once the reading is known; steps 3 (a), (b), (c) of
@@ -94,12 +96,12 @@ def chain_weights(k: FloatArray, at_upper_end: bool, ratio: float) -> tuple[Floa
     k
         A reading over Vref, any shape.
     at_upper_end
-        Whether it is the sensing strip's upper end (k_h) or its lower end (k_l, k).
+        Whether it is the sensing strip's upper end (k_h) or its lower end (k_l, k); broadcasts with k.
     ratio
         Resistivity of the sensing layer over that of the energised strip; 0 for metal.
     """
     a = sensing_share(ratio)
-    c_u = (1.0 - a) * k + (a if at_upper_end else 0.0)
+    c_u = (1.0 - a) * k + np.where(at_upper_end, a, 0.0)
     return 1.0 - c_u, c_u
 
 
