@@ -118,6 +118,12 @@ def _border(random: np.random.Generator) -> FloatArray:
     return _polygon(random)
 
 
+@_kind
+def _touching(random: np.random.Generator) -> FloatArray:
+    """Return a polygon whose lowest or highest corner lies on y = 0 or y = L; `draw` moves it there."""
+    return _polygon(random)
+
+
 def ends_of(outline: FloatArray, x: FloatArray, length_mm: float) -> tuple[FloatArray, FloatArray]:
     """Return l and u (n,) [mm] on lines at x (n,), by where they cross the outline's edges; NaN outside."""
     a, b = outline, np.roll(outline, -1, axis=0)
@@ -145,8 +151,8 @@ def draw(
     shape = (shape - shape.min(axis=0)) / np.ptp(shape, axis=0)
     height = random.uniform(0.1, 0.6)
     low = random.uniform(0.02, 0.98 - height)
-    if kind == "border":
-        low = -random.uniform(0.1, 0.6) * height
+    if kind in ("border", "touching"):
+        low = -random.uniform(0.1, 0.6) * height if kind == "border" else 0.0
         if random.random() < 0.5:
             low = 1.0 - height - low
     length = 1.2 * width

@@ -9,7 +9,7 @@ within the bound, there are more; if none with any number does, the model or the
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -26,7 +26,7 @@ from tacstrip.reconstruct.bounded_set import feasible_set
 from tacstrip.reconstruct.moments import LEVEL, MomentDeviations, sample_deviations
 from tacstrip.reconstruct.outline import Outline
 
-_EFFORT = 8_000.0  # for one outline
+_EFFORT = 2_500.0  # for one outline
 _REACHES = (4.0, 12.0)  # standard errors of least squares within which a kink is looked for
 _ALIKE = 0.1  # of the points drawn: if fewer are worth as much as all, they do not tell of vertices
 _BENT = 0.05  # of a reading's band: by how much the mean may leave it, as the set is not quite convex
@@ -79,7 +79,7 @@ class Bounded:
 
         See `bounded_regions.guaranteed` for what is guaranteed.
         """
-        found = guaranteed(self.band, self.lines, self.points)
+        found = guaranteed(self.band, self.lines, self.points) if len(self.points) > 1 else None
         if found is None:
             return None
         lower, upper = self.outline.indices
@@ -110,14 +110,15 @@ def refine(outline: Outline, covariance: FloatArray, band: Band) -> Bounded | No
         The readings' bounds.
     """
     lines, heights = Lines.of(outline)
+    normal = np.full(len(outline.vertices), -2.0 * np.log(1.0 - LEVEL))
+    least_squares = Bounded(outline, covariance, normal, None, band, lines, heights[None])
     try:
         points = _points(outline, covariance, band, lines, heights, Effort(_EFFORT))
-    except np.linalg.LinAlgError:  # a set too thin to compute with
-        return None
+    except np.linalg.LinAlgError:  # there are some, in a set too thin to compute with
+        return least_squares
     if points is None:
         return None
-    normal = np.full(len(outline.vertices), -2.0 * np.log(1.0 - LEVEL))
-    least_squares = Bounded(outline, covariance, normal, None, band, lines, points)
+    least_squares = replace(least_squares, points=points)
     drawn = _drawn(points, lines, band)
     mean = None if drawn is None else _mean(*drawn, lines, band)
     if drawn is None or mean is None:
@@ -145,6 +146,10 @@ def _drawn(points: FloatArray, lines: Lines, band: Band) -> tuple[FloatArray, Fl
     blunt_x = windows[:, 0] + (share + 0.5) / count * (windows[:, 1] - windows[:, 0])
     lower, upper = lines.chains(points, blunt_x)
     density = lines.log_density(points, lower, upper)
+    ends = lower[:, [0, -1], 0]
+    density[
+        np.any((ends < windows[:, 0]) | (ends > windows[:, 1]), axis=1)
+    ] = -np.inf  # a bound was too far to be met
     if not np.isfinite(density.max(initial=-np.inf)):
         return None
     weight = np.exp(density - density.max())

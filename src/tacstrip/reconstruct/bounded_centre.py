@@ -13,7 +13,7 @@ _ROUNDS = 12  # of adding the rows that are broken most
 _FIRST, _MORE = 6, 2  # rows to begin with and to add, per dimension
 _FLAT = 1e-8  # of the scale: a polytope as thin has no inside
 _NEAREST = 24  # rows per dimension that the centre keeps away from
-_SELECTIONS, _STEPS = 2, 12
+_SELECTIONS, _STEPS = 3, 10
 _DONE = 1e-3  # squared Newton decrement that counts as centred
 
 
@@ -70,8 +70,8 @@ def centre(a: FloatArray, b: FloatArray, start: FloatArray) -> tuple[FloatArray,
     It maximises the product of the slacks b - A h of the rows that are nearest.
     """
     at, slack = start, b - a @ start
+    near = largest(-slack, _NEAREST * len(start))
     for _ in range(_SELECTIONS):
-        near = largest(-slack, _NEAREST * len(start))
         for _ in range(_STEPS):
             scaled = a[near] / slack[near, None]
             gradient, curvature = scaled.sum(axis=0), scaled.T @ scaled
@@ -84,7 +84,10 @@ def centre(a: FloatArray, b: FloatArray, start: FloatArray) -> tuple[FloatArray,
             at, slack = at + size * step, left
             if -gradient @ step < _DONE:
                 break
-    near = largest(-slack, _NEAREST * len(start))
+        # Near is what is few steps of the barrier's own size away, in whichever direction.
+        scaled = a[near] / slack[near, None]
+        reach = np.sqrt(np.maximum((_solve(scaled.T @ scaled, a.T) * a.T).sum(axis=0), 0.0))
+        near = largest(reach / slack, _NEAREST * len(start))
     scaled = a[near] / slack[near, None]
     return at, scaled.T @ scaled
 
@@ -102,4 +105,4 @@ def _solve(curvature: FloatArray, right: FloatArray) -> FloatArray:
     scale = 1.0 / np.sqrt(np.diag(curvature))
     scaled = curvature * np.outer(scale, scale)
     scaled[np.diag_indices_from(scaled)] += 1e-13
-    return np.asarray(scale * np.linalg.solve(scaled, scale * right))
+    return np.asarray((np.linalg.solve(scaled, (scale * right.T).T).T * scale).T)

@@ -27,7 +27,7 @@ _HOPELESS = (
     1.5  # times sigma: least squares that leaves more over on average, where sqrt(3) is the most, has no set
 )
 _ANYWHERE = 0.9  # of the variance within a pitch
-_WORSE = 20.0  # of the criterion: so much worse, a count is not tried
+_WORSE, _FEWER = 20.0, 0.0  # of the criterion: so much worse, more vertices, or fewer, are not tried
 _CORNERS = 12  # at most: the search for a set grows with them
 _NAMED = 5  # strips that advice names
 _FAINT = (
@@ -162,7 +162,7 @@ def _refined(scan: Scan, sensor: Sensor, contact: FittedContact, noise: Noise) -
         return None
     candidates = []
     for fit, score in zip(run.fits.fits, run.fits.scores, strict=True):
-        if score > min(run.fits.scores) + _WORSE:
+        if score > run.fits.scores[run.fits.best] + (_FEWER if fit.count < run.fits.chosen.count else _WORSE):
             continue
         lower, upper = untangled(*fit.polygon(run.signal))
         if thickness(lower, upper) > _THIN * sensor.length_mm:
