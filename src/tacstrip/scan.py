@@ -12,6 +12,10 @@ from tacstrip.errors import ReadingError, SignatureError
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
 
+_ROUNDING = (
+    16.0 * np.finfo(float).eps
+)  # of Vref: sums and quotients of a handful of numbers end so far beyond 0 or 1
+
 
 @dataclass(frozen=True, eq=False)
 class Scan:
@@ -115,6 +119,7 @@ def _readings(name: str, values: npt.ArrayLike) -> FloatArray:
         raise ReadingError(f"{name} needs one number per strip, NaN where nothing touches") from None
     if array.ndim != 1 or not len(array):
         raise ReadingError(f"{name} needs one value per strip, not an array of shape {array.shape}")
+    array = _without_rounding(array)
     if len(bad := np.flatnonzero((array < 0.0) | (array > 1.0))):
         raise ReadingError(
             f"{name} of strip {bad[0]} is {array[bad[0]]:.6g}, outside 0..1: it is a voltage over Vref"
@@ -123,8 +128,14 @@ def _readings(name: str, values: npt.ArrayLike) -> FloatArray:
     return array
 
 
+def _without_rounding(array: FloatArray) -> FloatArray:
+    """Return readings with those set to 0 or 1 that are beyond by no more than rounding."""
+    near = (array >= -_ROUNDING) & (array <= 1.0 + _ROUNDING)
+    return np.where(near, np.clip(array, 0.0, 1.0), array)
+
+
 def _electrodes(values: npt.ArrayLike, touched: BoolArray) -> FloatArray:
-    array = np.array(values, dtype=float)
+    array = _without_rounding(np.array(values, dtype=float))
     if array.shape != (len(touched), 2 * len(touched)):
         raise ReadingError(
             f"electrodes have shape {array.shape}; give ({len(touched)}, {2 * len(touched)}): all electrodes at "

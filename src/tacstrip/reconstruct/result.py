@@ -8,7 +8,7 @@ from typing import Literal, Protocol, TypeAlias
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray
-from tacstrip.reconstruct.moments import deviations, moments, orientation
+from tacstrip.reconstruct.moments import MomentDeviations, deviations, moments, orientation
 from tacstrip.reconstruct.region import svg
 
 Status: TypeAlias = Literal[
@@ -26,11 +26,15 @@ Profile: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
 
 
 class Guarantee(Protocol):
-    """What knows the guaranteed regions of an object's vertices, each (K, 2) [mm]."""
+    """What is known of an object where the readings' noise has a bound."""
 
     @property
     def regions(self) -> list[FloatArray] | None:
-        """The regions, in the order of the vertices."""
+        """The guaranteed regions (K, 2) [mm], in the order of the vertices."""
+
+    @property
+    def deviations(self) -> MomentDeviations | None:
+        """Deviations of area, centroid and orientation, if they are known better than from the covariance."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +59,14 @@ class RecoveredObject:
         CRS-CRP: a word per strip in contact, "ok", "short contact" or "not converged"; else empty.
     guarantee
         What `guaranteed` is computed from, where the noise has a known bound.
+    uniform
+        Places in `vertices.ravel()` whose error is uniform, not normal: x of a vertical end, which lies anywhere
+        within a pitch.
+
+    Raises
+    ------
+    ValueError
+        Vertices and covariance are not of one size.
     """
 
     strips: slice
@@ -65,6 +77,13 @@ class RecoveredObject:
     advice: str = ""
     strip_status: tuple[str, ...] = ()
     guarantee: Guarantee | None = None
+    uniform: tuple[int, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.covariance is not None and self.covariance.shape != (2 * len(self.vertices),) * 2:
+            raise ValueError(
+                f"{len(self.vertices)} vertices, and a covariance of shape {self.covariance.shape}"
+            )
 
     def __repr__(self) -> str:
         where = f"strips {self.strips.start} to {self.strips.stop - 1}"
@@ -104,9 +123,15 @@ class RecoveredObject:
         return orientation(self.vertices)
 
     @property
-    def deviations(self) -> tuple[float, FloatArray, float] | None:
-        """Standard deviations of area [mm^2], centroid (2,) [mm] and orientation [rad]; None without a covariance."""
-        return None if self.covariance is None else deviations(self.vertices, self.covariance)
+    def deviations(self) -> MomentDeviations | None:
+        """Standard deviations of area [mm^2], centroid (2,) [mm] and orientation [rad]; None without a covariance.
+
+        1.96 of them to either side hold 95 %, also where an error is not normal.
+        """
+        if self.covariance is None:
+            return None
+        sampled = None if self.guarantee is None else self.guarantee.deviations
+        return sampled or deviations(self.vertices, self.covariance, self.uniform)
 
     def _repr_svg_(self) -> str:
         """Draw it in a notebook."""
