@@ -281,12 +281,11 @@ def test_a_sheet_cannot_be_calibrated_strip_by_strip() -> None:
 # Six presses are six places, however often each is repeated.
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_planned_presses_repeated_leave_what_the_plan_promised(seed: int) -> None:
+def test_planned_presses_repeated_leave_what_the_plan_promised() -> None:
     sensor = replace(CRS, strips=4)
     made = plan(sensor, 0.2, ts.Noise(positional=0.002))
     places = [(l, w) for l, w, times in made.contacts for _ in range(times)]
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     gain, offset = ({n: v + rng.uniform(-0.02, 0.02, 4) for n in sensor.signatures} for v in (1.0, 0.0))
 
     def read(where: Places) -> dict[str, FloatArray]:
@@ -322,7 +321,6 @@ def other_places(runs: Runs, l: FloatArray, w: FloatArray) -> Runs:
     return replace(runs, l_mm=l, w_mm=w)
 
 
-@pytest.mark.parametrize("sensor", [CRS, replace(METAL, length_mm=325.0)])
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
@@ -333,13 +331,11 @@ def other_places(runs: Runs, l: FloatArray, w: FloatArray) -> Runs:
         (lambda r: other_places(r, r.l_mm + r.w_mm / 2.0, r.w_mm), "l_mm holds the contact's middle"),
     ],
 )  # fmt: skip
-def test_runs_read_the_wrong_way_are_refused_in_words(
-    sensor: ts.Sensor, wrong: Callable[[Runs], Runs], message: str
-) -> None:
-    runs = twin_runs(sensor, MARKS, ts.Build(sensing=1.05), 0.002, 1)
-    assert ts.calibrate_unit(sensor, runs, "offset+gain+lambda").status == "ok"
+def test_runs_read_the_wrong_way_are_refused_in_words(wrong: Callable[[Runs], Runs], message: str) -> None:
+    runs = twin_runs(CRS, MARKS, ts.Build(sensing=1.05), 0.002, 1)
+    assert ts.calibrate_unit(CRS, runs, "offset+gain+lambda").status == "ok"
     with pytest.raises(ts.ReadingError) as caught:
-        ts.calibrate_unit(sensor, wrong(runs))
+        ts.calibrate_unit(CRS, wrong(runs))
     assert message in str(caught.value)
     assert "give --force" in str(caught.value)
 

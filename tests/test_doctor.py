@@ -165,33 +165,6 @@ def test_an_offset_between_the_wires_is_no_exchange_and_an_exchange_with_an_offs
         assert said(report) == ([("swapped-wires", (8,))] if crossed else [])
 
 
-@pytest.mark.parametrize("seed", [1, 3, 4])
-def test_motion_is_not_taken_for_noise_that_excuses_readings(seed: int) -> None:
-    """Forty scans of a fast drag: noise cannot be told, and nothing is on a rail or under a ceiling for it."""
-    contacts = exercise(RUBBER, np.random.default_rng(seed), 40)
-    report = diagnose(faulty_log(RUBBER, contacts, noise=Noise(positional=0.002)))
-    assert not report.quality.steady
-    assert said(report) == []
-
-
-def test_a_contact_that_keeps_its_shape_is_no_bridge_at_the_edge() -> None:
-    """CRS-M, dragged along without a turn: lines drawn beyond the last strips go astray as a bridge would."""
-    for shape in range(8):
-        rng = np.random.default_rng(shape)
-        low = np.sort(rng.uniform(0.0, 40.0, 3))
-        outline = [
-            (1.0, 0.0),
-            (20.0, low[0]),
-            (44.0, low[2]),
-            (46.0, 60.0),
-            (24.0, 60.0 + low[1]),
-            (2.0, 70.0),
-        ]
-        contact = ts.Contact.polygon(outline)
-        path = [contact.moved(0.0, float(y)) for y in 70.0 * (1.0 + np.sin(np.linspace(0.0, 20.0, 200)))]
-        assert said(diagnose(faulty_log(METAL, path, noise=FAINT, rng=shape))) == []
-
-
 def test_channels_that_do_not_move() -> None:
     assert _only(_examined(RUBBER, Defect("dead", 4, 0.0, "kl")), "dead", 4).signature == "kl"
     stuck = _only(_examined(RUBBER, Defect("stuck", 9, 0.37, "kh")), "stuck", 9)
