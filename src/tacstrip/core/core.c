@@ -1,0 +1,3 @@
+#include "core.h"
+
+int tacstrip_core_version(void) { return TACSTRIP_VERSION; }

@@ -1,0 +1,102 @@
+/* The compiled core: what every exported function takes.
+
+   C99 without the standard library but for sqrt, so that Tiny C builds it too. Nothing is kept between calls and
+   nothing is locked: any number of threads may call at once, each with results and workspace of its own.
+
+   Sums run in LANES fixed lanes and are joined in a fixed order, a * b + c is never contracted, and exp, tanh and log
+   are our own: every compiler and every CPU gives the same bits. Build with -ffp-contract=off and never with
+   -ffast-math. With -DTACSTRIP_DEBUG sizes are checked, and a wrong one stops the program.
+
+   Units: x counts from 0 to 1 over the run of strips, y from 0 to 1 over the strip, readings are over Vref.
+   Every core/<name>.py calls core/<name>.c, and has the same as readable NumPy. */
+
+#ifndef TACSTRIP_CORE_H
+#define TACSTRIP_CORE_H
+
+#define TACSTRIP_VERSION 1 /* goes up whenever a function or a struct of this file changes */
+
+#define MOST 16                /* interior vertices of a polygon */
+#define ENDS 6                 /* entries of theta before the first vertex */
+#define SIZE (ENDS + 2 * MOST) /* entries of theta */
+#define TRIED 3                /* places of one more vertex that a search tries */
+#define COARSEST 200           /* strips that a search has left after averaging, at most */
+
+#if defined(_WIN32)
+#define EXPORTED __declspec(dllexport)
+#else
+#define EXPORTED __attribute__((visibility("default")))
+#endif
+
+typedef long long Int;
+
+/* Readings of n neighbouring strips, of one signature or two. */
+typedef struct {
+  Int n, signatures;
+  const double *x;      /* centre lines (n,), ascending */
+  const double *k;      /* readings (signatures, n), finite */
+  const double *weight; /* 1 / sigma^2 (signatures, n); 0 leaves a reading out */
+  double pitch;         /* of the strips, in units of x */
+  double share[2];      /* of the closed form: c_u of a contact without width, per signature */
+  double narrow;        /* 1 - a */
+  double lam;           /* decay length of the contact resistance over the strip length; 0: ideal contact */
+} Problem;
+
+/* An x-monotone polygon: theta = x_left, l_left, u_left, x_right, l_right, u_right, then x and y of each interior
+   vertex, ascending in x. A pointed end has one height: its u follows its l. */
+typedef struct {
+  Int m;           /* interior vertices */
+  Int vertical[2]; /* whether the left and the right end are vertical edges, 0 or 1 */
+  Int upper[MOST]; /* whether a vertex is on the upper chain, 0 or 1 */
+  double theta[SIZE];
+  double cost;  /* squared residuals over sigma^2, and what the prior of the ends' x adds */
+  double score; /* the criterion that counts are compared by */
+} Polygon;
+
+/* TACSTRIP_VERSION; a loader refuses a library of another version. */
+EXPORTED int tacstrip_core_version(void);
+
+/* Write J'WJ (size, size) and J'Wr (size,) by theta, size = ENDS + 2 m, and return the cost; with `prior`, what the
+   touched strips say of the x of pointed ends is in all three. */
+EXPORTED double tacstrip_normal_equations(const Problem *problem, const Polygon *polygon, Int prior, double *matrix,
+                                          double *gradient);
+
+/* Write measured minus fitted readings over sigma (signatures, n). */
+EXPORTED void tacstrip_residuals(const Problem *problem, const Polygon *polygon, double *residuals);
+
+/* Improve a polygon in place by Levenberg-Marquardt, and return its cost. It ends after `steps` steps, when one gains
+   less than `least`, or when it is not on its way to cost less than `wanted`. */
+EXPORTED double tacstrip_descend(const Problem *problem, Polygon *polygon, Int steps, double least, double wanted);
+
+/* The least-squares polygon near a given one, in place. An end whose edge closed becomes a point. */
+EXPORTED void tacstrip_refine(const Problem *problem, Polygon *polygon);
+
+/* Write polygons of one vertex more to starts (TRIED,), where the score test gains most, and return how many. n is at
+   most COARSEST. workspace (tacstrip_search_workspace(),). */
+EXPORTED Int tacstrip_places(const Problem *problem, const Polygon *polygon, Int convex, Polygon *starts,
+                             double *workspace);
+
+/* The best polygon of each count of vertices that the readings may hold.
+   known: whether the weights are 1 / sigma^2, else only roughly so. most: interior vertices at most, up to MOST.
+   corners: vertices in all where that is known, else 0. every: all counts, not only the best one's neighbours.
+   found (MOST + 1,): those fitted to all strips, ascending in m. picked (2,): the best one's place in found, and how
+   many counts, of all that were searched, the criterion can hardly tell from the best.
+   workspace (tacstrip_search_workspace(),). Returns how many polygons were found. */
+EXPORTED Int tacstrip_fit_counts(const Problem *problem, Int known, Int most, Int corners, Int every, Polygon *found,
+                                 Int *picked, double *workspace);
+
+/* Doubles that a search needs to work in. */
+EXPORTED Int tacstrip_search_workspace(void);
+
+/* Improve an ellipse (5,) in place: left end, right end, height of the middle, rise from there to the right end,
+   half-height. Writes J'WJ (5, 5), the prior of the ends' x included, and returns the cost; ends early when it is not
+   on its way to cost less than `wanted`. */
+EXPORTED double tacstrip_fit_ellipse(const Problem *problem, double *ellipse, double wanted, double *information);
+
+/* Write the residuals of an ellipse, as tacstrip_residuals does. */
+EXPORTED void tacstrip_ellipse_residuals(const Problem *problem, const double *ellipse, double *residuals);
+
+/* Mark the readings k (n,) that stand out from their neighbours in out (n,), 0 or 1; NaN counts as out.
+   workspace (4 n,). */
+EXPORTED void tacstrip_spikes(const double *k, Int n, double sigma, unsigned char *out, double *workspace);
+
+#endif
