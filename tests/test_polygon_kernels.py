@@ -7,16 +7,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-from tacstrip.arrays import FloatArray, IntArray
-from tacstrip.reconstruct import polygon_compiled, polygon_plain
-from tacstrip.reconstruct.kernels import ENDS, Data, Model, normal_equations, with_prior
 from tacstrip.reconstruct.polygon_cholesky import cholesky, solve_cholesky
 from tacstrip.reconstruct.polygon_descent import descend, sort_vertices
-from tacstrip.reconstruct.polygon_oval import fit_oval
 from tacstrip.reconstruct.polygon_score import OWN, TRIED, places
-from tacstrip.reconstruct.polygon_search import fit_counts
-from tacstrip.reconstruct.polygon_signal import Signal
+
+from tacstrip.arrays import FloatArray, IntArray
+from tacstrip.core.ellipse import fit_ellipse
+from tacstrip.core.fit import ENDS, Data, Model, normal_equations, with_prior
+from tacstrip.core.search import fit_counts
+from tacstrip.core.signal import Signal
+from tacstrip.reconstruct import polygon_compiled, polygon_plain
 from tacstrip.sensor.circuit import k_h, k_l, k_metal
 from tacstrip.sensor.spec import Sensor
 
@@ -187,7 +187,7 @@ def test_the_information_of_an_oval_is_that_of_its_readings() -> None:
     empty = Signal.of(sensor, x, {"kh": np.zeros(80), "kl": np.zeros(80)}, 0.002)
     k = empty.slopes(middle - half, middle + half)[2] + np.random.default_rng(1).normal(0.0, 0.002, (2, 80))
     signal = Signal.of(sensor, x, {"kh": k[0], "kl": k[1]}, 0.002)
-    oval = fit_oval(fit_counts(signal).chosen, signal)
+    oval = fit_ellipse(fit_counts(signal).chosen, signal)
     np.testing.assert_allclose(oval.parameters[2:], [0.5, 0.1, 0.2], atol=0.003)
     for i in (2, 3, 4):  # the ends' x move strips in and out, where differences do not exist
         sides = []

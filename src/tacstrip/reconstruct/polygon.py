@@ -16,12 +16,12 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import Noise
+from tacstrip.core.fit import MOST
+from tacstrip.core.signal import FLOOR
 from tacstrip.errors import OptionError
 from tacstrip.reconstruct.bound import reading_sigma
-from tacstrip.reconstruct.polygon_moves import MOST
 from tacstrip.reconstruct.polygon_object import FittedContact, recovered
 from tacstrip.reconstruct.polygon_run import fit_run, one_shape
-from tacstrip.reconstruct.polygon_signal import FLOOR
 from tacstrip.reconstruct.result import Reconstruction
 from tacstrip.reconstruct.wide import ENDS, as_thin, reach_out
 from tacstrip.scan import Scan

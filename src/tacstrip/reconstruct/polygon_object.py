@@ -8,14 +8,15 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import Noise
+from tacstrip.core.fit import Fit
+from tacstrip.core.search import fit_counts
 from tacstrip.reconstruct.bound import with_ends
 from tacstrip.reconstruct.bounded import Bounded, fewest
 from tacstrip.reconstruct.bounded_lines import Band
 from tacstrip.reconstruct.ends import closed_ends
 from tacstrip.reconstruct.outline import Outline
-from tacstrip.reconstruct.polygon_fit import Fit, information_root, thickness, untangled
+from tacstrip.reconstruct.polygon_fit import information_root, thickness, untangled
 from tacstrip.reconstruct.polygon_run import RunFit
-from tacstrip.reconstruct.polygon_search import fit_counts
 from tacstrip.reconstruct.polygon_verdict import judge
 from tacstrip.reconstruct.result import Profile, RecoveredObject, Status
 from tacstrip.scan import Scan

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray
+from tacstrip.core.binding import at, exported
 
 _FAR = 6.0  # sigmas from what the neighbours foretell
 _FAR_AT_ENDS = 14.0  # from what the line through two strips on one side foretells, itself uncertain by 2.2
@@ -27,6 +28,17 @@ def spikes(k: FloatArray, sigma: float) -> BoolArray:
     sigma
         Standard deviation of a reading.
     """
+    core = exported("spikes")
+    if core is None:
+        return plain_spikes(k, sigma)
+    k, n = np.ascontiguousarray(k), len(k)
+    found, workspace = np.empty(n, dtype=np.bool_), np.empty(4 * n)
+    core(at(k), n, sigma, at(found), at(workspace))
+    return found
+
+
+def plain_spikes(k: FloatArray, sigma: float) -> BoolArray:
+    """Do as `spikes`, in NumPy."""
     out = ~np.isfinite(k)
     left = np.flatnonzero(~out)
     for _ in range(max(int(_MOST * len(k)), _ALLOWED) + 1):

@@ -1,0 +1,75 @@
+"""The exported functions of `core.h` for Python: their arguments, once."""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from tacstrip.core.library import library
+
+_INT, _DOUBLE, _POINTER = ctypes.c_longlong, ctypes.c_double, ctypes.c_void_p
+
+
+class Problem(ctypes.Structure):
+    """`Problem` of core.h; `arrays` keeps alive what it points to."""
+
+    arrays: tuple[npt.NDArray[np.float64], ...]
+    _fields_ = (
+        ("n", _INT),
+        ("signatures", _INT),
+        ("x", _POINTER),
+        ("k", _POINTER),
+        ("weight", _POINTER),
+        ("pitch", _DOUBLE),
+        ("share", _DOUBLE * 2),
+        ("narrow", _DOUBLE),
+        ("lam", _DOUBLE),
+    )
+
+
+_PROBLEM = ctypes.POINTER(Problem)
+# What each one returns and takes; a pointer stands for the array that core.h describes.
+_FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
+    "normal_equations": (_DOUBLE, (_PROBLEM, _POINTER, _INT, _POINTER, _POINTER)),
+    "descend": (_DOUBLE, (_PROBLEM, _POINTER, _INT, _DOUBLE, _DOUBLE)),
+    "refine": (None, (_PROBLEM, _POINTER)),
+    "places": (_INT, (_PROBLEM, _POINTER, _INT, _POINTER, _POINTER)),
+    "fit_counts": (_INT, (_PROBLEM, _INT, _INT, _INT, _INT, _POINTER, _POINTER, _POINTER)),
+    "search_workspace": (_INT, ()),
+    "fit_ellipse": (_DOUBLE, (_PROBLEM, _POINTER, _DOUBLE, _POINTER)),
+    "spikes": (None, (_POINTER, _INT, _DOUBLE, _POINTER, _POINTER)),
+}
+
+
+@functools.cache
+def exported(name: str) -> Callable[..., Any] | None:
+    """Return a function of the compiled core, its name without `tacstrip_`; None where NumPy has to do."""
+    core = library()
+    if core is None:
+        return None
+    function: Any = getattr(core, f"tacstrip_{name}")
+    function.restype, function.argtypes = _FUNCTIONS[name]
+    found: Callable[..., Any] = function
+    return found
+
+
+def at(array: npt.NDArray[Any]) -> int:
+    """Return where an array lies; it must be contiguous, and outlive the call that is given this."""
+    address: int = array.__array_interface__["data"][0]
+    return address
+
+
+@functools.cache
+def _search_doubles() -> int:
+    size = exported("search_workspace")
+    return 0 if size is None else int(size())
+
+
+def search_workspace() -> npt.NDArray[np.float64]:
+    """Return what a search works in."""
+    return np.empty(_search_doubles())
