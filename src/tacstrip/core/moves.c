@@ -71,6 +71,7 @@ static int turned(Polygon *p) {
 /* Try one kind of move on the polygon of m vertices; return whether one of one more, or less, got better. */
 int improve(const Problem *s, int kind, Polygon *best, Int m, int convex, double *workspace) {
   Polygon starts[2 * MOST], *goal = best + (kind == SHRINK ? m - 1 : m + 1);
+  double wanted = goal->cost; /* for all starts alike, which may be taken at once or in any order */
   Int count;
   int better = 0;
   if (kind == FIRST) count = first_places(s, best, starts);
@@ -78,9 +79,9 @@ int improve(const Problem *s, int kind, Polygon *best, Int m, int convex, double
   else count = without_each(best + m, starts);
   for (Int t = 0; t < count; t++) {
     Polygon *start = starts + t;
-    double cost = tacstrip_descend(s, start, ROUGH, ENOUGH, goal->cost);
-    if (convex && cost < goal->cost && turned(start)) {
-      cost = tacstrip_descend(s, start, ROUGH, ENOUGH, goal->cost);
+    double cost = tacstrip_descend(s, start, ROUGH, ENOUGH, wanted);
+    if (convex && cost < wanted && turned(start)) {
+      cost = tacstrip_descend(s, start, ROUGH, ENOUGH, wanted);
       if (turned(start)) continue;
     }
     if (cost < goal->cost - ROUNDING) {

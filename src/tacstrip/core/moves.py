@@ -30,11 +30,11 @@ def improve(move: int, fit: Fit, cost: float, convex: bool, signal: Signal) -> F
         theta, chain = without_each(fit.theta, fit.chain)
     if not len(theta):
         return None
-    best = None
-    theta, chain, costs = descend(theta, chain, fit.blunt, signal, ROUGH, ENOUGH, cost)
+    best, wanted = None, cost
+    theta, chain, costs = descend(theta, chain, fit.blunt, signal, ROUGH, ENOUGH, wanted)
     for start, kinds, found in zip(theta, chain, costs, strict=True):
-        if convex and found < cost and turned(start, kinds, fit.blunt):
-            again = descend(start[None], kinds[None], fit.blunt, signal, ROUGH, ENOUGH, cost)
+        if convex and found < wanted and turned(start, kinds, fit.blunt):
+            again = descend(start[None], kinds[None], fit.blunt, signal, ROUGH, ENOUGH, wanted)
             start, kinds, found = (values[0] for values in again)
             if turned(start, kinds, fit.blunt):
                 continue
