@@ -36,6 +36,8 @@ _PROBLEM = ctypes.POINTER(Problem)
 # What each one returns and takes; a pointer stands for the array that core.h describes.
 _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "normal_equations": (_DOUBLE, (_PROBLEM, _POINTER, _INT, _POINTER, _POINTER)),
+    "residuals": (None, (_PROBLEM, _POINTER, _POINTER)),
+    "covariance": (_INT, (_PROBLEM, _POINTER, _DOUBLE, _DOUBLE, _POINTER, _POINTER)),
     "descend": (_DOUBLE, (_PROBLEM, _POINTER, _INT, _DOUBLE, _DOUBLE)),
     "refine": (None, (_PROBLEM, _POINTER)),
     "places": (_INT, (_PROBLEM, _POINTER, _INT, _POINTER, _POINTER)),

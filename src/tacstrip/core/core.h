@@ -60,8 +60,14 @@ EXPORTED int tacstrip_core_version(void);
 EXPORTED double tacstrip_normal_equations(const Problem *problem, const Polygon *polygon, Int prior, double *matrix,
                                           double *gradient);
 
-/* Write measured minus fitted readings over sigma (signatures, n). */
+/* Write measured minus fitted readings over sigma (signatures, n); left and right of the polygon the ends count. */
 EXPORTED void tacstrip_residuals(const Problem *problem, const Polygon *polygon, double *residuals);
+
+/* Write the covariance (size, size) of theta, x in widths and y in lengths of the unit that is wanted: the inverse of
+   J'WJ with known (size,), 1 / variance in that unit, on its diagonal. The u of a pointed end is not told. Returns 0,
+   and writes nothing of use, where the readings hardly tell a direction: that needs a decomposition. */
+EXPORTED Int tacstrip_covariance(const Problem *problem, const Polygon *polygon, double width, double length,
+                                 const double *known, double *covariance);
 
 /* Improve a polygon in place by Levenberg-Marquardt, and return its cost. It ends after `steps` steps, when one gains
    less than `least`, or when it is not on its way to cost less than `wanted`. */
@@ -91,9 +97,6 @@ EXPORTED Int tacstrip_search_workspace(void);
    half-height. Writes J'WJ (5, 5), the prior of the ends' x included, and returns the cost; ends early when it is not
    on its way to cost less than `wanted`. */
 EXPORTED double tacstrip_fit_ellipse(const Problem *problem, double *ellipse, double wanted, double *information);
-
-/* Write the residuals of an ellipse, as tacstrip_residuals does. */
-EXPORTED void tacstrip_ellipse_residuals(const Problem *problem, const double *ellipse, double *residuals);
 
 /* Mark the readings k (n,) that stand out from their neighbours in out (n,), 0 or 1; NaN counts as out.
    workspace (4 n,). */

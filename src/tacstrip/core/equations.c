@@ -83,7 +83,25 @@ Int first_from(const double *x, Int n, double at) {
   return low;
 }
 
-static double without_prior(const Problem *s, const Polygon *p, Matrix a, double *g) {
+void chain_of(const Problem *s, const Polygon *p, int upper, Chain *chain) {
+  Int last = 0;
+  chain->at[0] = knot(p, -1, upper, 0);
+  for (Int j = 0; j < p->m; j++) if (p->upper[j] == upper) chain->at[++last] = knot(p, j, upper, 0);
+  chain->at[++last] = knot(p, -1, upper, 1);
+  chain->edges = last;
+  chain->first[0] = 0;
+  for (Int e = 0; e < last; e++) {
+    chain->line[e] = edge(p->theta, chain->at[e], chain->at[e + 1]);
+    chain->first[e + 1] = e + 1 < last ? first_from(s->x, s->n, p->theta[chain->at[e + 1].x]) : s->n;
+  }
+}
+
+Int edge_of(const Chain *chain, Int strip, Int e) {
+  while (e + 1 < chain->edges && strip >= chain->first[e + 1]) e++;
+  return e;
+}
+
+double without_prior(const Problem *s, const Polygon *p, Matrix a, double *g) {
   Int size = ENDS + 2 * p->m, left[2] = {-1, -1}, start = 0;
   double cost = 0.0, product[4][4], with_r[4];
   CHECK(0 <= p->m && p->m <= MOST);

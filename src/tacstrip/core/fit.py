@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tacstrip.arrays import FloatArray, IntArray
+from tacstrip.core.binding import at, exported
 from tacstrip.core.signal import Signal
 
 ENDS = 6  # entries of theta before the first vertex
@@ -105,7 +106,12 @@ class Fit:
 
     def residuals(self, signal: Signal) -> FloatArray:
         """Return measured minus fitted readings over sigma (S, n); 0 where a reading is left out."""
-        return np.asarray((signal.k - self.readings(signal)) * signal.root_weight)
+        core = exported("residuals")
+        if core is None:
+            return np.asarray((signal.k - self.readings(signal)) * signal.root_weight)
+        record, found = self.record, np.empty(signal.k.shape)
+        core(signal.problem, at(record), at(found))
+        return found
 
     def polygon(self, signal: Signal) -> tuple[FloatArray, FloatArray]:
         """Return lower and upper chain [mm]."""

@@ -48,6 +48,15 @@ HIDDEN Knot knot(const Polygon *p, Int vertex, int upper, int right); /* of a ve
 HIDDEN Line edge(const double *theta, Knot a, Knot b);
 HIDDEN Int first_from(const double *x, Int n, double at); /* the first strip whose x is not below `at` */
 HIDDEN double normal_equations(const Problem *s, const Polygon *p, Matrix a, double *g);
+HIDDEN double without_prior(const Problem *s, const Polygon *p, Matrix a, double *g);
+
+typedef struct {
+  Int edges, first[MOST + 2]; /* edge e has the strips first[e] to first[e + 1] */
+  Knot at[MOST + 2];
+  Line line[MOST + 1];
+} Chain;
+HIDDEN void chain_of(const Problem *s, const Polygon *p, int upper, Chain *chain);
+HIDDEN Int edge_of(const Chain *chain, Int strip, Int e); /* not before edge e */
 
 /* descent.c */
 HIDDEN Int free_entries(const Polygon *p, Int *free);

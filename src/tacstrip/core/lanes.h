@@ -76,25 +76,45 @@ enum { LL, LU, UU, LR, UR, RR, TERMS };
 
 double hyperbolic_tangent(double x);
 
-/* Pack j of a block, of contacts from l to u: the closed form (3.3)-(3.8) with contact resistance. */
-static inline void closed_form(const Problem *s, const Block *block, int j, Pack l, Pack u, Pack *terms) {
-  Pack w = u - l, t = all(0.0), keep = all(1.0), mix = all(0.0), none = all(0.0);
+/* Contacts from l to u as ideal ones: contact resistance eats t into each end (docs/decisions.md). */
+typedef struct {
+  Pack low, high, over, mix; /* l + t, u - t, 1 / D, dt/dw */
+} Ideal;
+
+static inline Ideal ideal(const Problem *s, Pack l, Pack u) {
+  Pack w = u - l, t = all(0.0);
+  Ideal contact;
+  contact.mix = t;
   if (s->lam > 0.0) {
     double lane[WIDTH];
     store(lane, w);
     for (int i = 0; i < WIDTH; i++) lane[i] = hyperbolic_tangent(lane[i] / (2.0 * s->lam));
     Pack h = load(lane);
     t = s->lam * h;
-    mix = 0.5 * (1.0 - h * h);
-    keep = 1.0 - mix;
+    contact.mix = 0.5 * (1.0 - h * h);
   }
-  Pack d = 1.0 - s->narrow * (w - 2.0 * t), low = l + t, high = u - t;
-  Pack over = 1.0 / where(d > LEAST_D, d, all(LEAST_D));
+  Pack d = 1.0 - s->narrow * (w - 2.0 * t);
+  contact.low = l + t;
+  contact.high = u - t;
+  contact.over = 1.0 / where(d > LEAST_D, d, all(LEAST_D));
+  return contact;
+}
+
+/* The closed form (3.3)-(3.8). */
+static inline Pack reading(double share, const Ideal *contact) {
+  return ((1.0 - share) * contact->low + share * contact->high) * contact->over;
+}
+
+/* Pack j of a block, of contacts from l to u. */
+static inline void closed_form(const Problem *s, const Block *block, int j, Pack l, Pack u, Pack *terms) {
+  Pack w = u - l, none = all(0.0);
+  Ideal contact = ideal(s, l, u);
+  Pack over = contact.over, mix = contact.mix, keep = 1.0 - mix;
   for (int q = 0; q < TERMS; q++) terms[q] = none;
   for (Int row = 0; row < s->signatures; row++) {
     double share = s->share[row];
     Pack weight = load(block->weight[row] + j * WIDTH);
-    Pack model = ((1.0 - share) * low + share * high) * over;
+    Pack model = reading(share, &contact);
     Pack by_l = (1.0 - share - s->narrow * model) * over, by_u = (share + s->narrow * model) * over;
     Pack gl = by_l * keep + by_u * mix, gu = by_u * keep + by_l * mix;
     Pack r = load(block->k[row] + j * WIDTH) - model;

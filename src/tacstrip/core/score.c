@@ -15,12 +15,6 @@
 
 enum { SUM_LL = 0, SUM_LU = 3, SUM_UU = 6, SUM_LR = 9, SUM_UR = 11, SUMS = 13 }; /* times 1, x and, for the first, x^2 */
 
-typedef struct {
-  Int edges, first[MOST + 2]; /* edge e has the strips first[e] to first[e + 1] */
-  Knot at[MOST + 2];
-  Line line[MOST + 1];
-} Chain;
-
 /* A hat over the strips start to end is a + b x there. */
 typedef struct {
   Int start, end;
@@ -32,24 +26,6 @@ typedef struct {
   Int strip;
   int upper;
 } Place;
-
-static void chain_of(const Problem *s, const Polygon *p, int upper, Chain *chain) {
-  Int last = 0;
-  chain->at[0] = knot(p, -1, upper, 0);
-  for (Int j = 0; j < p->m; j++) if (p->upper[j] == upper) chain->at[++last] = knot(p, j, upper, 0);
-  chain->at[++last] = knot(p, -1, upper, 1);
-  chain->edges = last;
-  chain->first[0] = 0;
-  for (Int e = 0; e < last; e++) {
-    chain->line[e] = edge(p->theta, chain->at[e], chain->at[e + 1]);
-    chain->first[e + 1] = e + 1 < last ? first_from(s->x, s->n, p->theta[chain->at[e + 1].x]) : s->n;
-  }
-}
-
-static Int edge_of(const Chain *chain, Int strip, Int e) {
-  while (e + 1 < chain->edges && strip >= chain->first[e + 1]) e++;
-  return e;
-}
 
 /* running (n + 1, SUMS): what the strips up to each one add up to. */
 static void running_sums(const Problem *s, const Chain *chain, double *running) {

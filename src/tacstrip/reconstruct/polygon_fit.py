@@ -2,28 +2,68 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
-from tacstrip.arrays import FloatArray
+from tacstrip.arrays import FloatArray, IntArray
+from tacstrip.core.binding import at, exported
 from tacstrip.core.equations import information
 from tacstrip.core.fit import ENDS, Fit
 from tacstrip.core.signal import Signal
+from tacstrip.reconstruct.bound import with_ends
+from tacstrip.reconstruct.outline import Outline
+from tacstrip.sensor.spec import Sensor
+
+
+def fitted_covariance(fit: Fit, outline: Outline, signal: Signal, sensor: Sensor) -> FloatArray:
+    """Return the covariance of the outline's vertices (2 V, 2 V) [mm^2], with what is known of x (`with_ends`)."""
+    core = exported("covariance")
+    if core is not None:
+        theta = _covariance(core, fit, signal, sensor)
+        if theta is not None:
+            flat = _entries(fit)
+            return np.asarray(theta[flat[:, None], flat])
+    return with_ends(outline, sensor, information_root(fit, signal))
+
+
+def _covariance(core: Callable[..., int], fit: Fit, signal: Signal, sensor: Sensor) -> FloatArray | None:
+    """Return the covariance of theta (P, P) [mm^2]; None where the readings hardly tell a direction."""
+    size, x_known = len(fit.theta), [0, 3]
+    for side in (0, 1):
+        entries = np.array([0, *(ENDS + 2 * np.flatnonzero(fit.chain == side)), 3])
+        crossed = np.diff(sensor.x_mm.searchsorted(fit.theta[entries] * signal.width_mm + signal.origin_mm))
+        for i in np.flatnonzero(crossed <= 1):  # an edge that crosses one strip or none
+            x_known += [entries[i], entries[i + 1]]
+    known, covariance, record = np.zeros(size), np.empty((size, size)), fit.record
+    known[x_known] = 12.0 / sensor.pitch_mm**2
+    told = core(signal.problem, at(record), signal.width_mm, signal.length_mm, at(known), at(covariance))
+    return covariance if told else None
 
 
 def information_root(fit: Fit, signal: Signal) -> FloatArray:
     """Return R (2 V, 2 V) with R'R = J'J, J the slopes of all readings over sigma by `vertices.ravel()` [mm]."""
-    matrix = information(fit, signal)
-    interior = [ENDS + 2 * np.flatnonzero(fit.chain == side) for side in (0, 1)]
-    x_of_upper_end = -1  # it has the lower one's x
-    places = [(0, 1), *((i, i + 1) for i in interior[0]), (3, 4)]
-    places += [(x_of_upper_end, 5)] * int(fit.blunt[1])
-    places += [(i, i + 1) for i in interior[1][::-1]]
-    places += [(x_of_upper_end, 2)] * int(fit.blunt[0])
-    flat = np.array(places).ravel()
-    scale = np.tile([signal.width_mm, signal.length_mm], len(places))
-    told = np.outer(flat >= 0, flat >= 0)
-    value, vector = np.linalg.eigh(np.where(told, matrix[np.ix_(flat, flat)], 0.0))
+    flat = _entries(fit)
+    second = np.zeros(len(flat), dtype=bool)
+    for end, place in ((1, 2 * (fit.chain == 0).sum() + 4), (0, len(flat) - 2)):
+        if fit.blunt[end]:
+            second[place] = True  # the upper vertex of a vertical edge has the lower one's x
+    scale = np.tile([signal.width_mm, signal.length_mm], len(flat) // 2)
+    told = np.outer(~second, ~second)
+    value, vector = np.linalg.eigh(np.where(told, information(fit, signal)[np.ix_(flat, flat)], 0.0))
     return np.asarray(np.sqrt(np.maximum(value, 0.0))[:, None] * vector.T / scale)
+
+
+def _entries(fit: Fit) -> IntArray:
+    """Return the entries of theta that are the outline's `vertices.ravel()` (2 V,)."""
+    lower, upper = (ENDS + 2 * np.flatnonzero(fit.chain == side) for side in (0, 1))
+    x = np.array([0, *lower, 3, *[3] * int(fit.blunt[1]), *upper[::-1], *[0] * int(fit.blunt[0])])
+    y = x + 1
+    if fit.blunt[1]:
+        y[len(lower) + 2] = 5
+    if fit.blunt[0]:
+        y[-1] = 2
+    return np.stack([x, y], axis=1).ravel()
 
 
 def untangled(lower: FloatArray, upper: FloatArray) -> tuple[FloatArray, FloatArray]:

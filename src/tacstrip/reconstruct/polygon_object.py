@@ -10,12 +10,11 @@ from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import Noise
 from tacstrip.core.fit import Fit
 from tacstrip.core.search import fit_counts
-from tacstrip.reconstruct.bound import with_ends
 from tacstrip.reconstruct.bounded import Bounded, fewest
 from tacstrip.reconstruct.bounded_lines import Band
 from tacstrip.reconstruct.ends import closed_ends
 from tacstrip.reconstruct.outline import Outline
-from tacstrip.reconstruct.polygon_fit import information_root, thickness, untangled
+from tacstrip.reconstruct.polygon_fit import fitted_covariance, thickness, untangled
 from tacstrip.reconstruct.polygon_run import RunFit
 from tacstrip.reconstruct.polygon_verdict import judge
 from tacstrip.reconstruct.result import Profile, RecoveredObject, Status
@@ -105,7 +104,7 @@ def recovered(
             strips, profile=profile, status="too few transitions", advice="; ".join([line, *notes])
         )
     outline = Outline(lower, upper)
-    covariance = with_ends(outline, sensor, information_root(fit, run.signal))
+    covariance = fitted_covariance(fit, outline, run.signal, sensor)
     status, advice = judge(run, noise.distribution if noise else None, outline.vertices, covariance)
     if contact.told is not None and fit.corners < contact.told and status == "ok":
         status, advice = (
@@ -154,7 +153,7 @@ def _refined(scan: Scan, sensor: Sensor, contact: FittedContact, noise: Noise) -
         lower, upper = untangled(*fit.polygon(run.signal))
         if thickness(lower, upper) > _THIN * sensor.length_mm:
             outline = Outline(lower, upper)
-            candidates.append((outline, with_ends(outline, sensor, information_root(fit, run.signal))))
+            candidates.append((outline, fitted_covariance(fit, outline, run.signal, sensor)))
     readings = {
         name: np.where(out, np.nan, contact.readings[name])
         for name, out in zip(scan.signatures, run.left_out, strict=True)

@@ -13,9 +13,8 @@ from tacstrip.core.ellipse import PARAMETERS, fit_ellipse
 from tacstrip.core.fit import ENDS, Fit
 from tacstrip.core.signal import FLOOR, Signal
 from tacstrip.errors import ContactError
-from tacstrip.reconstruct.bound import with_ends
 from tacstrip.reconstruct.outline import Outline
-from tacstrip.reconstruct.polygon_fit import information_root, untangled
+from tacstrip.reconstruct.polygon_fit import fitted_covariance, untangled
 from tacstrip.reconstruct.result import RecoveredObject, close_chains
 from tacstrip.scan import Scan
 from tacstrip.sensor.spec import Sensor
@@ -109,7 +108,7 @@ def follow(last: Followed, scan: Scan, sensor: Sensor, strips: slice, detail: bo
             raise Lost
         covariance = None
         if detail:
-            covariance = with_ends(Outline(lower, upper), sensor, information_root(found, signal))
+            covariance = fitted_covariance(found, Outline(lower, upper), signal, sensor)
     x = sensor.x_mm[strips]
     profile = (x, np.interp(x, *lower.T), np.interp(x, *upper.T))
     if (profile[2] - profile[1]).max() <= _THIN * sensor.length_mm:
