@@ -63,11 +63,13 @@ EXPORTED double tacstrip_normal_equations(const Problem *problem, const Polygon 
 /* Write measured minus fitted readings over sigma (signatures, n); left and right of the polygon the ends count. */
 EXPORTED void tacstrip_residuals(const Problem *problem, const Polygon *polygon, double *residuals);
 
-/* Write the covariance (size, size) of theta, x in widths and y in lengths of the unit that is wanted: the inverse of
-   J'WJ with known (size,), 1 / variance in that unit, on its diagonal. The u of a pointed end is not told. Returns 0,
-   and writes nothing of use, where the readings hardly tell a direction: that needs a decomposition. */
-EXPORTED Int tacstrip_covariance(const Problem *problem, const Polygon *polygon, double width, double length,
-                                 const double *known, double *covariance);
+/* Write the covariance (2 V, 2 V) [mm^2] of the polygon's V vertices in mm, counter-clockwise from the left end's lower
+   one: x, y of each. What the readings tell, and that the x of the ends and of both vertices of an edge that crosses one
+   strip or none is known to within a pitch. x = 0 to 1 is width_mm from origin_mm on, y = 1 is length_mm; x_mm (strips,)
+   [mm] are the centre lines of all strips of the sensor. Returns 0, and writes nothing of use, where a direction is
+   hardly told: that needs a decomposition. */
+EXPORTED Int tacstrip_vertex_covariance(const Problem *problem, const Polygon *polygon, double origin_mm, double width_mm,
+                                        double length_mm, const double *x_mm, Int strips, double *covariance);
 
 /* Improve a polygon in place by Levenberg-Marquardt, and return its cost. It ends after `steps` steps, when one gains
    less than `least`, or when it is not on its way to cost less than `wanted`. */
@@ -93,13 +95,18 @@ EXPORTED Int tacstrip_fit_counts(const Problem *problem, Int known, Int most, In
 /* Doubles that a search needs to work in. */
 EXPORTED Int tacstrip_search_workspace(void);
 
-/* Improve an ellipse (5,) in place: left end, right end, height of the middle, rise from there to the right end,
-   half-height. Writes J'WJ (5, 5), the prior of the ends' x included, and returns the cost; ends early when it is not
-   on its way to cost less than `wanted`. */
-EXPORTED double tacstrip_fit_ellipse(const Problem *problem, double *ellipse, double wanted, double *information);
+/* Fit an ellipse to the readings that a polygon was found for. Writes ellipse (5,): left end, right end, height of the
+   middle, rise from there to the right end, half-height; and J'WJ (5, 5), the prior of the ends' x included. Returns the
+   cost, and ends early when it is not on its way to cost less than `wanted`. */
+EXPORTED double tacstrip_fit_ellipse(const Problem *problem, const Polygon *start, double wanted, double *ellipse,
+                                     double *information);
 
 /* Mark the readings k (n,) that stand out from their neighbours in out (n,), 0 or 1; NaN counts as out.
-   workspace (4 n,). */
+   workspace (3 n,). */
 EXPORTED void tacstrip_spikes(const double *k, Int n, double sigma, unsigned char *out, double *workspace);
+
+/* Mark the residuals over sigma (signatures, n) that lie alone, far off, in out (signatures, n); none where they are
+   many. Returns how many. */
+EXPORTED Int tacstrip_misfits(const double *residuals, Int signatures, Int n, unsigned char *out);
 
 #endif

@@ -69,10 +69,28 @@ static double equations(const Problem *s, const double *p, Square a, double *g) 
   return cost;
 }
 
-double tacstrip_fit_ellipse(const Problem *s, double *p, double wanted, double *information) {
+/* Where a polygon is: its heights at five places, within what an ellipse is found from. */
+static void begin(const Polygon *polygon, double *p) {
+  double middle[5], rise, sum = 0.0, thick = 0.0;
+  for (int i = 0; i < 5; i++) {
+    double l = height_at(polygon, 0, 0.25 * (double)i), u = height_at(polygon, 1, 0.25 * (double)i);
+    middle[i] = 0.5 * (l + u);
+    sum += middle[i];
+    thick = larger(thick, u - l);
+  }
+  rise = 0.5 * (middle[4] - middle[0]);
+  p[0] = 0.0;
+  p[1] = 1.0;
+  p[2] = clip(sum / 5.0, 0.05, 0.95);
+  p[3] = rise;
+  p[4] = clip(0.5 * thick, 0.15, 0.4);
+}
+
+double tacstrip_fit_ellipse(const Problem *s, const Polygon *start, double wanted, double *p, double *information) {
   Square a, other;
   Matrix small;
   double g[5], other_g[5], step[5], trial[5], half = 0.5 * s->pitch, damping = 1e-3;
+  begin(start, p);
   double cost = equations(s, p, a, g);
   for (int round = 0; round < STEPS; round++) {
     for (int i = 0; i < 5; i++) {

@@ -74,20 +74,20 @@ class Ellipse:
 
 def fit_ellipse(start: Fit, signal: Signal, wanted: float = np.inf) -> Ellipse:
     """Fit an ellipse by least squares from where a polygon was found; in vain if it cannot cost less than `wanted`."""
+    core = exported("fit_ellipse")
+    if core is None:
+        return plain_fit_ellipse(start, signal, wanted)
+    record, p, matrix = start.record, np.empty(5), np.empty((5, 5))
+    cost: float = core(signal.problem, at(record), wanted, at(p), at(matrix))
+    return Ellipse(p, cost, matrix)
+
+
+def plain_fit_ellipse(start: Fit, signal: Signal, wanted: float = np.inf) -> Ellipse:
+    """Do as `fit_ellipse`, in NumPy."""
     l, u = start.ends(np.array([0.0, 0.25, 0.5, 0.75, 1.0]))
     middle = 0.5 * (l + u)
     rise, half = 0.5 * (middle[4] - middle[0]), min(max(0.5 * float((u - l).max()), 0.15), 0.4)
     p = np.array([0.0, 1.0, min(max(middle.mean(), 0.05), 0.95), rise, half])
-    core = exported("fit_ellipse")
-    if core is None:
-        return plain_descend(p, signal, wanted)
-    matrix = np.empty((5, 5))
-    cost: float = core(signal.problem, at(p), wanted, at(matrix))
-    return Ellipse(p, cost, matrix)
-
-
-def plain_descend(p: FloatArray, signal: Signal, wanted: float) -> Ellipse:
-    """Return the least-squares ellipse near p (5,), in NumPy."""
     half, damping = 0.5 * signal.pitch, 1e-3
     cost, matrix, gradient = _normal_equations(p, signal)
     for _ in range(_STEPS):

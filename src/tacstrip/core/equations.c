@@ -83,6 +83,17 @@ Int first_from(const double *x, Int n, double at) {
   return low;
 }
 
+double height_at(const Polygon *p, int upper, double x) {
+  Knot a = knot(p, -1, upper, 0), b = knot(p, -1, upper, 1);
+  x = clip(x, p->theta[0], p->theta[3]);
+  for (Int j = 0; j < p->m; j++) if (p->upper[j] == upper) {
+    if (p->theta[ENDS + 2 * j] > x) { b = knot(p, j, upper, 0); break; }
+    a = knot(p, j, upper, 0);
+  }
+  Line line = edge(p->theta, a, b);
+  return line.y + line.slope * (x - line.x);
+}
+
 void chain_of(const Problem *s, const Polygon *p, int upper, Chain *chain) {
   Int last = 0;
   chain->at[0] = knot(p, -1, upper, 0);

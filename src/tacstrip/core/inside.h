@@ -26,6 +26,7 @@ typedef double Matrix[SIZE][SIZE];
 
 static inline double smaller(double a, double b) { return a < b ? a : b; }
 static inline double larger(double a, double b) { return a > b ? a : b; }
+static inline double magnitude(double v) { return v < 0.0 ? -v : v; }
 static inline double clip(double v, double low, double high) { return smaller(larger(v, low), high); }
 
 /* mathematics.c */
@@ -50,6 +51,8 @@ HIDDEN Int first_from(const double *x, Int n, double at); /* the first strip who
 HIDDEN double normal_equations(const Problem *s, const Polygon *p, Matrix a, double *g);
 HIDDEN double without_prior(const Problem *s, const Polygon *p, Matrix a, double *g);
 
+/* Of one chain; left and right of the polygon as at its ends. */
+HIDDEN double height_at(const Polygon *p, int upper, double x);
 typedef struct {
   Int edges, first[MOST + 2]; /* edge e has the strips first[e] to first[e + 1] */
   Knot at[MOST + 2];

@@ -1,10 +1,11 @@
 /* Readings that no contact makes: before a fit a reading is suspected that neither the strips on its left, nor those on
-   its right, nor both together foretell. */
+   its right, nor both together foretell. After it one is left out that lies alone far from the polygon. */
 
 #include "inside.h"
 
 #define FAR 6.0          /* sigmas from what the neighbours foretell */
 #define FAR_AT_ENDS 14.0 /* from what the line through two strips on one side foretells, itself uncertain by 2.2 */
+#define MISFIT 5.0       /* sigmas from the polygon */
 #define SHARE 0.1        /* of the strips: more are not outliers but a wrong model */
 #define ALLOWED 4        /* suspects on few strips: a fault, and strips beside a corner, which the fit explains */
 
@@ -16,7 +17,7 @@ static Int furthest(const double *x, const double *v, Int n, double *off, double
   for (Int i = 1; i < n - 1; i++) {
     double before = x[i] - x[i - 1], after = x[i + 1] - x[i];
     double bend = (v[i + 1] - v[i]) / after - (v[i] - v[i - 1]) / before;
-    if (bend < 0.0) bend = -bend;
+    bend = magnitude(bend);
     off[i] = smaller(off[i], bend / (1.0 / after + 1.0 / before));
     off[i - 1] = smaller(off[i - 1], bend * before); /* off the line through the two strips on the right */
     off[i + 1] = smaller(off[i + 1], bend * after);
@@ -47,4 +48,18 @@ void tacstrip_spikes(const double *k, Int n, double sigma, unsigned char *out, d
   }
   if (left < 5) return;
   for (Int i = 0; i < n; i++) out[i] = !(k[i] - k[i] == 0.0); /* so many are no spikes: the signal itself is rough */
+}
+
+Int tacstrip_misfits(const double *residuals, Int signatures, Int n, unsigned char *out) {
+  Int count = 0;
+  for (Int row = 0; row < signatures; row++) for (Int i = 0; i < n; i++) {
+    const double *r = residuals + row * n;
+    double far = magnitude(r[i]), beside = i > 0 ? magnitude(r[i - 1]) : 0.0;
+    if (i < n - 1) beside = larger(beside, magnitude(r[i + 1]));
+    out[row * n + i] = far > MISFIT && beside < 0.5 * far;
+    count += out[row * n + i];
+  }
+  if ((double)count <= larger(SHARE * (double)n, 1.0)) return count;
+  for (Int i = 0; i < signatures * n; i++) out[i] = 0;
+  return 0;
 }

@@ -32,7 +32,7 @@ def spikes(k: FloatArray, sigma: float) -> BoolArray:
     if core is None:
         return plain_spikes(k, sigma)
     k, n = np.ascontiguousarray(k), len(k)
-    found, workspace = np.empty(n, dtype=np.bool_), np.empty(4 * n)
+    found, workspace = np.empty(n, dtype=np.bool_), np.empty(3 * n)
     core(at(k), n, sigma, at(found), at(workspace))
     return found
 
@@ -56,6 +56,17 @@ def plain_spikes(k: FloatArray, sigma: float) -> BoolArray:
 
 def misfits(residuals: FloatArray) -> BoolArray:
     """Find the readings (S, n) that lie alone, by their residuals over sigma; none where they are many."""
+    core = exported("misfits")
+    if core is None:
+        return plain_misfits(residuals)
+    residuals = np.ascontiguousarray(residuals)
+    out = np.empty(residuals.shape, dtype=np.bool_)
+    core(at(residuals), *residuals.shape, at(out))
+    return out
+
+
+def plain_misfits(residuals: FloatArray) -> BoolArray:
+    """Do as `misfits`, in NumPy."""
     far = np.abs(residuals)
     beside = np.zeros_like(far)
     beside[:, 1:] = far[:, :-1]

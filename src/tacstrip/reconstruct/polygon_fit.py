@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from tacstrip.arrays import FloatArray, IntArray
@@ -18,27 +16,13 @@ from tacstrip.sensor.spec import Sensor
 
 def fitted_covariance(fit: Fit, outline: Outline, signal: Signal, sensor: Sensor) -> FloatArray:
     """Return the covariance of the outline's vertices (2 V, 2 V) [mm^2], with what is known of x (`with_ends`)."""
-    core = exported("covariance")
+    core = exported("vertex_covariance")
     if core is not None:
-        theta = _covariance(core, fit, signal, sensor)
-        if theta is not None:
-            flat = _entries(fit)
-            return np.asarray(theta[flat[:, None], flat])
+        record, covariance, x_mm = fit.record, np.empty((2 * fit.corners, 2 * fit.corners)), sensor.x_mm
+        of_mm = (signal.origin_mm, signal.width_mm, signal.length_mm)
+        if core(signal.problem, at(record), *of_mm, at(x_mm), len(x_mm), at(covariance)):
+            return covariance
     return with_ends(outline, sensor, information_root(fit, signal))
-
-
-def _covariance(core: Callable[..., int], fit: Fit, signal: Signal, sensor: Sensor) -> FloatArray | None:
-    """Return the covariance of theta (P, P) [mm^2]; None where the readings hardly tell a direction."""
-    size, x_known = len(fit.theta), [0, 3]
-    for side in (0, 1):
-        entries = np.array([0, *(ENDS + 2 * np.flatnonzero(fit.chain == side)), 3])
-        crossed = np.diff(sensor.x_mm.searchsorted(fit.theta[entries] * signal.width_mm + signal.origin_mm))
-        for i in np.flatnonzero(crossed <= 1):  # an edge that crosses one strip or none
-            x_known += [entries[i], entries[i + 1]]
-    known, covariance, record = np.zeros(size), np.empty((size, size)), fit.record
-    known[x_known] = 12.0 / sensor.pitch_mm**2
-    told = core(signal.problem, at(record), signal.width_mm, signal.length_mm, at(known), at(covariance))
-    return covariance if told else None
 
 
 def information_root(fit: Fit, signal: Signal) -> FloatArray:
@@ -76,5 +60,5 @@ def untangled(lower: FloatArray, upper: FloatArray) -> tuple[FloatArray, FloatAr
 
 def thickness(lower: FloatArray, upper: FloatArray) -> float:
     """Return the greatest distance in y between both chains."""
-    x = np.union1d(lower[:, 0], upper[:, 0])
+    x = np.concatenate([lower[:, 0], upper[:, 0]])
     return float((np.interp(x, *upper.T) - np.interp(x, *lower.T)).max())
