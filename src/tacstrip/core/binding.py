@@ -34,6 +34,7 @@ class Problem(ctypes.Structure):
 
 _PROBLEM = ctypes.POINTER(Problem)
 _NOTHING = ctypes.c_char * 0
+_SEARCH_WORKSPACE = 3613  # doubles: SEARCH_WORKSPACE of core.h
 # What each one returns and takes; a pointer stands for the array that core.h describes.
 _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "normal_equations": (_DOUBLE, (_PROBLEM, _POINTER, _INT, _POINTER, _POINTER)),
@@ -46,7 +47,6 @@ _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "refine": (None, (_PROBLEM, _POINTER)),
     "places": (_INT, (_PROBLEM, _POINTER, _INT, _POINTER, _POINTER)),
     "fit_counts": (_INT, (_PROBLEM, _INT, _INT, _INT, _INT, _POINTER, _POINTER, _POINTER)),
-    "search_workspace": (_INT, ()),
     "fit_ellipse": (_DOUBLE, (_PROBLEM, _POINTER, _DOUBLE, _POINTER, _POINTER)),
     "misfits": (_INT, (_POINTER, _INT, _INT, _POINTER)),
     "spikes": (None, (_POINTER, _INT, _DOUBLE, _POINTER, _POINTER)),
@@ -57,8 +57,11 @@ _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
 def exported(name: str) -> Callable[..., Any] | None:
     """Return a function of the compiled core, its name without `tacstrip_`; None where NumPy has to do."""
     core = library()
-    if core is None:
-        return None
+    return None if core is None else bound(core, name)
+
+
+def bound(core: ctypes.CDLL, name: str) -> Callable[..., Any]:
+    """Return a function of a certain build."""
     function: Any = getattr(core, f"tacstrip_{name}")
     function.restype, function.argtypes = _FUNCTIONS[name]
     found: Callable[..., Any] = function
@@ -72,12 +75,6 @@ def at(array: npt.NDArray[Any]) -> int:
     return array.ctypes.data
 
 
-@functools.cache
-def _search_doubles() -> int:
-    size = exported("search_workspace")
-    return 0 if size is None else int(size())
-
-
 def search_workspace() -> npt.NDArray[np.float64]:
     """Return what a search works in."""
-    return np.empty(_search_doubles())
+    return np.empty(_SEARCH_WORKSPACE)

@@ -20,6 +20,7 @@
 #define SIZE (ENDS + 2 * MOST) /* entries of theta */
 #define TRIED 3                /* places of one more vertex that a search tries */
 #define COARSEST 200           /* strips that a search has left after averaging, at most */
+#define SEARCH_WORKSPACE 3613  /* doubles that a search works in: 5 COARSEST, and 13 for each strip and one more */
 
 #if defined(_WIN32)
 #define EXPORTED __declspec(dllexport)
@@ -79,7 +80,7 @@ EXPORTED double tacstrip_descend(const Problem *problem, Polygon *polygon, Int s
 EXPORTED void tacstrip_refine(const Problem *problem, Polygon *polygon);
 
 /* Write polygons of one vertex more to starts (TRIED,), where the score test gains most, and return how many. n is at
-   most COARSEST. workspace (tacstrip_search_workspace(),). */
+   most COARSEST. workspace (SEARCH_WORKSPACE,). */
 EXPORTED Int tacstrip_places(const Problem *problem, const Polygon *polygon, Int convex, Polygon *starts,
                              double *workspace);
 
@@ -88,12 +89,9 @@ EXPORTED Int tacstrip_places(const Problem *problem, const Polygon *polygon, Int
    corners: vertices in all where that is known, else 0. every: all counts, not only the best one's neighbours.
    found (MOST + 1,): those fitted to all strips, ascending in m. picked (2,): the best one's place in found, and how
    many counts, of all that were searched, the criterion can hardly tell from the best.
-   workspace (tacstrip_search_workspace(),). Returns how many polygons were found. */
+   workspace (SEARCH_WORKSPACE,). Returns how many polygons were found. */
 EXPORTED Int tacstrip_fit_counts(const Problem *problem, Int known, Int most, Int corners, Int every, Polygon *found,
                                  Int *picked, double *workspace);
-
-/* Doubles that a search needs to work in. */
-EXPORTED Int tacstrip_search_workspace(void);
 
 /* Fit an ellipse to the readings that a polygon was found for. Writes ellipse (5,): left end, right end, height of the
    middle, rise from there to the right end, half-height; and J'WJ (5, 5), the prior of the ends' x included. Returns the

@@ -12,7 +12,8 @@ from tacstrip.core.binding import at, exported
 from tacstrip.core.fit import ENDS, Fit
 from tacstrip.core.signal import Signal
 
-CROSSED = 100.0  # weight of l > u against a reading
+_CROSSED = 100.0  # weight of l > u against a reading
+_MEET = -1e-12  # of L: where both chains meet on a strip, rounding alone must not cross them
 
 
 def information(fit: Fit, signal: Signal) -> FloatArray:
@@ -80,7 +81,7 @@ def terms(l: FloatArray, u: FloatArray, signal: Signal) -> tuple[FloatArray, ...
     """
     by_l, by_u, k = signal.slopes(l, u)
     r, weight = signal.k - k, signal.weight
-    crossed = np.where(u < l, CROSSED * weight.sum(axis=0), 0.0)
+    crossed = np.where(u - l < _MEET, _CROSSED * weight.sum(axis=0), 0.0)
     push = crossed * (u - l)
     wl, wu = weight * by_l, weight * by_u
     return (

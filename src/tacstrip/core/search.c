@@ -225,8 +225,6 @@ static Polygon of_corners(const Search *t, Int corners) {
   return found;
 }
 
-Int tacstrip_search_workspace(void) { return COARSEST * 5 + (COARSEST + 1) * 13; }
-
 Int tacstrip_fit_counts(const Problem *s, Int known, Int most, Int corners, Int every, Polygon *found, Int *picked,
                         double *workspace) {
   Search t;
