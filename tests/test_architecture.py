@@ -29,16 +29,13 @@ ORDER = [
     "network.crp_descent", "network.crp", "network.sheet",
     "network.wide_mesh", "network.wide",
     "scan", "simulate",
+    "core.library", "core.binding", "core.signal", "core.fit", "core.equations", "core.descent", "core.score",
+    "core.moves", "core.criterion", "core.search", "core.ellipse", "core.outliers",
     "reconstruct.moments", "reconstruct.region", "reconstruct.result", "reconstruct.outline", "reconstruct.bound",
     "reconstruct.bounded_lines", "reconstruct.bounded_set", "reconstruct.bounded_centre",
     "reconstruct.bounded_inside",
     "reconstruct.bounded_kernels", "reconstruct.bounded_sample", "reconstruct.bounded_regions", "reconstruct.bounded",
-    "reconstruct.sections", "reconstruct.ends", "reconstruct.polygon_compiled",
-    "reconstruct.polygon_cholesky", "reconstruct.kernels", "reconstruct.polygon_descent",
-    "reconstruct.polygon_score", "reconstruct.polygon_moves", "reconstruct.polygon_plain",
-    "reconstruct.polygon_signal", "reconstruct.polygon_fit", "reconstruct.polygon_criterion",
-    "reconstruct.polygon_search",
-    "reconstruct.polygon_oval", "reconstruct.polygon_outliers", "reconstruct.polygon_run",
+    "reconstruct.sections", "reconstruct.ends", "reconstruct.polygon_fit", "reconstruct.polygon_run",
     "reconstruct.wide", "reconstruct.polygon_verdict", "reconstruct.polygon_object", "reconstruct.polygon",
     "reconstruct.blocks", "reconstruct.transitions", "reconstruct.validity", "reconstruct.vertex",
     "reconstruct.profile", "reconstruct.methods",
@@ -105,6 +102,7 @@ def _level(name: str) -> int:
 
 
 PACKAGES = {
+    "core",
     "diagnose",
     "view",
     "sensor",

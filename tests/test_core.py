@@ -204,12 +204,17 @@ def test_the_score_test_finds_the_best_places(which: tuple[str, float, float], s
         return
     record, compiled, workspace = fit.record, np.empty(TRIED, POLYGON), search_workspace()
     assert core(signal.problem, at(record), 0, at(compiled), at(workspace)) == len(starts)
-    wanted = {(round(float(s[-2]), 9), int(c[-1])): s for s, c in zip(starts, chains, strict=True)}
-    for start in compiled[: len(starts)]:
-        size = ENDS + 2 * int(start["m"])
-        theta = start["theta"][:size]
-        truth = wanted[round(float(theta[-2]), 9), int(start["upper"][m])]
-        np.testing.assert_allclose(theta, truth, atol=1e-6)
+    wanted = {(int(i), int(c[-1])): s for i, c, s in zip(strips, chains, starts, strict=True)}
+    thetas = [start["theta"][: ENDS + 2 * m + 2] for start in compiled[: len(starts)]]
+    which_places = [
+        (int(np.searchsorted(signal.x, theta[-2])), int(start["upper"][m]))
+        for theta, start in zip(thetas, compiled, strict=False)
+    ]
+    gained = sorted(gains[place] for place in which_places)
+    assert gained == pytest.approx(sorted(found), rel=1e-6)  # places of equal gain are equally good
+    for place, theta in zip(which_places, thetas, strict=True):
+        if place in wanted:
+            np.testing.assert_allclose(theta, wanted[place], atol=1e-6)
 
 
 def test_a_gain_is_what_a_descent_gains_from_a_small_kink() -> None:
