@@ -160,6 +160,19 @@ def test_normal_equations_agree(which: tuple[str, float, float], seed: int) -> N
     )
 
 
+@pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=needs_core)])
+def test_a_rounding_error_at_a_pointed_end_is_no_overlap(compiled: bool) -> None:
+    """A pointed end may lie on the last strip, where l = u: rounding decides which of them comes out larger."""
+    fit, signal = _case(1, MODELS[1])
+    fit.theta[3], found = signal.x[-1], []
+    for height in fit.theta[4] + np.spacing(fit.theta[4]) * np.arange(20):
+        fit.theta[4:6] = height
+        plain = normal_equations(*_batch(fit), signal, prior=False)[1][0]
+        found.append(information(fit, signal) if compiled else plain)
+    for matrix in found[1:]:
+        np.testing.assert_allclose(matrix, found[0], rtol=1e-9, atol=1e-9 * np.abs(found[0]).max())
+
+
 @needs_core
 @pytest.mark.parametrize("seed", range(8))
 @pytest.mark.parametrize("which", MODELS)

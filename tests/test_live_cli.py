@@ -121,17 +121,6 @@ def test_a_port_that_is_taken_begins_no_recording(tmp_path: Path) -> None:
     assert not file.exists()
 
 
-@pytest.mark.parametrize("compiled", [True, False])
-def test_the_wait_for_the_compiler_is_told_where_there_is_one(
-    compiled: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("tacstrip.cli.live.must_compile", lambda method: not compiled)
-    words = ["--simulate", "--sensor", "prototype-crs-m", "--seconds", "0.2", "--no-view"]
-    done = CliRunner().invoke(command, words)
-    assert done.exit_code == 0
-    assert ("this first time on a computer" in done.stderr) is not compiled
-
-
 def test_the_virtual_device_for_other_programs() -> None:
     run = _start("--device", "--seconds", "20")
     assert run.stderr is not None

@@ -8,7 +8,6 @@ import click
 
 from tacstrip.io.geometry import write_geojson
 from tacstrip.plot.style import save
-from tacstrip.reconstruct.methods import must_compile
 from tacstrip.reconstruct.result import Reconstruction
 
 
@@ -24,9 +23,7 @@ def command(out: Path) -> None:
 
     Example: tacstrip demo --out demo
     """
-    if must_compile("polygon"):
-        click.echo("Compiling the fit's kernels, this once: some 15 s ...", err=True)
-    from tacstrip.studies.demo import FIT, picture, run, table  # late: it loads the kernels
+    from tacstrip.studies.demo import FIT, picture, run, table  # late: --help does without it
 
     demo = run()
     click.echo(

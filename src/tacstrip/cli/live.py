@@ -17,7 +17,6 @@ from tacstrip.cli import check_method, load_sensor, new_file, warn
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError, PortError
 from tacstrip.io.suspicions import half_read
-from tacstrip.reconstruct.methods import best_method, must_compile
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.interrupt import Interrupt
 from tacstrip.stream.live import Live
@@ -144,8 +143,6 @@ def _stream(files: tuple[str, ...], sensor: Sensor | None, asked: _Asked) -> boo
     check_method("--method", given["method"], source.sensor, source.names)
     if isinstance(source, ReadingsSource):
         warn(half_read(files[-1], source.sensor, source.names))
-    if must_compile(given["method"] or best_method(source.sensor)):
-        _tell("compiling what recovers shapes, this first time on a computer: it takes a minute")
     warm_up(source.sensor, given["method"])
     noise = None if given["noise"] is None else Noise(positional=given["noise"])
     live = Live(

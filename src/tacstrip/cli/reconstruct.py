@@ -19,7 +19,7 @@ from tacstrip.io.geometry import feature_collection, read_contact, write_geojson
 from tacstrip.io.readings import read_readings
 from tacstrip.io.suspicions import exchanged, half_read, largest, over_vref
 from tacstrip.metrics import mismatch
-from tacstrip.reconstruct.methods import METHODS, best_method, must_compile
+from tacstrip.reconstruct.methods import METHODS, best_method
 from tacstrip.reconstruct.profile import profile_reconstruction
 from tacstrip.reconstruct.result import Reconstruction
 from tacstrip.reconstruct.vertex import vertex_reconstruction
@@ -117,8 +117,6 @@ def command(
         over_vref(readings, spec, largest(scans)),
         f"{swapped} (`tacstrip doctor {readings} --sensor {sensor}` says more)" if swapped else "",
     )
-    if must_compile(chosen):
-        click.echo("Compiling the fit's kernels, this once: some 15 s ...", err=True)
     results = []
     for scan in scans:
         if chosen == "profile":
@@ -126,7 +124,7 @@ def command(
         elif chosen == "vertex":
             results.append(vertex_reconstruction(scan, spec, signature, where, reading, known))  # type: ignore[arg-type]
         else:
-            from tacstrip.reconstruct.polygon import fit_polygon  # late: the kernels take a second to load
+            from tacstrip.reconstruct.polygon import fit_polygon  # late: other methods do without it
 
             results.append(fit_polygon(_only(scan, signature), spec, known, vertices=vertices, wide=wide))
     contact = read_contact(truth) if truth else None

@@ -107,4 +107,20 @@ EXPORTED void tacstrip_spikes(const double *k, Int n, double sigma, unsigned cha
    many. Returns how many. */
 EXPORTED Int tacstrip_misfits(const double *residuals, Int signatures, Int n, unsigned char *out);
 
+/* Walk through a set of bounds from z = 0, along one coordinate after the other to a random place between the bounds.
+   a (size, rows) and slack (rows,): every column of a holds z' column <= slack. pair_a (size, pairs, 2) and pair_slack
+   (pairs, 2): pairs, of which one holds at least. edge (rows,), pair_edge (pairs,): over how much slack an error becomes
+   less likely. draws (sweeps, rows + pairs + size), from 0 to 1. Slacks are changed; out (sweeps, size) is the way.
+   workspace (rows + pairs + size,). */
+EXPORTED void tacstrip_walk(const double *a, double *slack, const double *edge, const double *pair_a, double *pair_slack,
+                            const double *pair_edge, const double *draws, double *out, Int sweeps, Int rows, Int pairs,
+                            Int size, double *workspace);
+
+/* The least of form z (size,) where a z <= slack, a (rows, size); -inf where none was found. By an active set: downhill
+   along the rows that are met, which are given up where their multiplier is negative. at (size,) is a point inside and
+   active (size,) its met rows, -1 for none; both are moved to the lowest point.
+   workspace (2 size^2 + 2 size + rows,). */
+EXPORTED double tacstrip_lowest(const double *form, const double *a, const double *slack, double *at, Int *active,
+                                Int rows, Int size, double *workspace);
+
 #endif

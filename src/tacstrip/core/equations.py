@@ -13,7 +13,7 @@ from tacstrip.core.fit import ENDS, Fit
 from tacstrip.core.signal import Signal
 
 _CROSSED = 100.0  # weight of l > u against a reading
-_MEET = -1e-12  # of L: where both chains meet on a strip, rounding alone must not cross them
+_CROSSED_FROM = 1e-9  # of L: where both chains meet on a strip, a rounding error must not cross them
 
 
 def information(fit: Fit, signal: Signal) -> FloatArray:
@@ -81,7 +81,7 @@ def terms(l: FloatArray, u: FloatArray, signal: Signal) -> tuple[FloatArray, ...
     """
     by_l, by_u, k = signal.slopes(l, u)
     r, weight = signal.k - k, signal.weight
-    crossed = np.where(u - l < _MEET, _CROSSED * weight.sum(axis=0), 0.0)
+    crossed = np.where(u - l < -_CROSSED_FROM, _CROSSED * weight.sum(axis=0), 0.0)
     push = crossed * (u - l)
     wl, wu = weight * by_l, weight * by_u
     return (

@@ -73,7 +73,7 @@ enum { LL, LU, UU, LR, UR, RR, TERMS };
 
 #define LEAST_D 1e-3  /* of L: a metal sheet under a whole strip would divide by zero */
 #define CROSSED 100.0 /* weight of l > u against a reading */
-#define MEET -1e-12   /* of L: where both chains meet on a strip, rounding alone must not cross them */
+#define CROSSED_FROM 1e-9 /* of L: where both chains meet on a strip, a rounding error must not cross them */
 
 double hyperbolic_tangent(double x);
 
@@ -119,7 +119,7 @@ static inline void closed_form(const Problem *s, const Block *block, int j, Pack
     Pack by_l = (1.0 - share - s->narrow * model) * over, by_u = (share + s->narrow * model) * over;
     Pack gl = by_l * keep + by_u * mix, gu = by_u * keep + by_l * mix;
     Pack r = load(block->k[row] + j * WIDTH) - model;
-    Pack crossed = where(w < MEET, CROSSED * weight, none), push = crossed * w;
+    Pack crossed = where(w < -CROSSED_FROM, CROSSED * weight, none), push = crossed * w;
     Pack wl = weight * gl, wu = weight * gu;
     terms[LL] += wl * gl + crossed;
     terms[LU] += wl * gu - crossed;

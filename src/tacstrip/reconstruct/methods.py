@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
-from pathlib import Path
 
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError, one_of
@@ -16,7 +14,7 @@ from tacstrip.sensor.spec import Sensor
 
 
 def _polygon(scan: Scan, sensor: Sensor, noise: Noise | None) -> Reconstruction:
-    from tacstrip.reconstruct.polygon import fit_polygon  # late: its compiled kernels take a second to load
+    from tacstrip.reconstruct.polygon import fit_polygon  # late: other methods do without it
 
     return fit_polygon(scan, sensor, noise)
 
@@ -30,14 +28,6 @@ METHODS: dict[str, Callable[[Scan, Sensor, Noise | None], Reconstruction]] = {
     "vertex": _vertex,
     "profile": profile_reconstruction,
 }
-
-
-def must_compile(method: str) -> bool:
-    """Whether a method's kernels are not compiled yet, which takes some 15 s once."""
-    folder = Path(__file__).parent
-    kept = folder / "__pycache__"
-    new = os.access(kept if kept.exists() else folder, os.W_OK) and not any(kept.glob("kernels*.nbi"))
-    return method in ("polygon", "vertex") and new
 
 
 def best_method(sensor: Sensor) -> str:
