@@ -18,7 +18,7 @@ from tacstrip.core.binding import at, bound, exported, search_workspace
 from tacstrip.core.descent import descend, ordered, plain_refine, refine
 from tacstrip.core.ellipse import fit_ellipse, plain_fit_ellipse
 from tacstrip.core.equations import heights, information, normal_equations
-from tacstrip.core.fit import ENDS, POLYGON, Fit
+from tacstrip.core.fit import ENDS, MOST, POLYGON, Fit
 from tacstrip.core.outliers import misfits, plain_misfits, plain_spikes, spikes
 from tacstrip.core.score import NEW, TRIED, candidates, places
 from tacstrip.core.search import compiled_fit_counts, fit_counts, plain_fit_counts
@@ -306,6 +306,19 @@ def test_ellipses_agree(which: tuple[str, float, float]) -> None:
     assert got.cost == pytest.approx(truth.cost, rel=1e-9)
     np.testing.assert_allclose(got.parameters, truth.parameters, atol=1e-9)
     np.testing.assert_allclose(got.information, truth.information, rtol=1e-6)
+
+
+def test_an_ellipse_is_fitted_from_the_outline_of_an_ellipse() -> None:
+    """As tracking does: an outline of more vertices than a search takes."""
+    signal = _empty(MODELS[0], 81)
+    t = (signal.x - 0.5) / 0.5
+    half = 0.2 * np.sqrt(1.0 - t * t)
+    signal = _with(signal, signal.readings_of(0.5 - half, 0.5 + half), signal.weight)
+    first = fit_ellipse(fit_counts(signal).chosen, signal)
+    start = Fit.of(Outline(*first.outline(signal)[:2]), signal)
+    assert start.count > MOST
+    np.testing.assert_allclose(fit_ellipse(start, signal).parameters, first.parameters, atol=1e-4)
+    assert np.abs(start.residuals(signal)).max() < 3.0
 
 
 def test_the_information_of_an_ellipse_is_that_of_its_readings() -> None:

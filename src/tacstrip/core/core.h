@@ -93,7 +93,8 @@ EXPORTED Int tacstrip_places(const Problem *problem, const Polygon *polygon, Int
 EXPORTED Int tacstrip_fit_counts(const Problem *problem, Int known, Int most, Int corners, Int every, Polygon *found,
                                  Int *picked, double *workspace);
 
-/* Fit an ellipse to the readings that a polygon was found for. Writes ellipse (5,): left end, right end, height of the
+/* Fit an ellipse to the readings that a polygon was found for; where `start` is null, from the ellipse that is given.
+   Writes ellipse (5,): left end, right end, height of the
    middle, rise from there to the right end, half-height; and J'WJ (5, 5), the prior of the ends' x included. Returns the
    cost, and ends early when it is not on its way to cost less than `wanted`. */
 EXPORTED double tacstrip_fit_ellipse(const Problem *problem, const Polygon *start, double wanted, double *ellipse,

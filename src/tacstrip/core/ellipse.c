@@ -90,7 +90,7 @@ double tacstrip_fit_ellipse(const Problem *s, const Polygon *start, double wante
   Square a, other;
   Matrix small;
   double g[5], other_g[5], step[5], trial[5], half = 0.5 * s->pitch, damping = 1e-3;
-  begin(start, p);
+  if (start) begin(start, p);
   double cost = equations(s, p, a, g);
   for (int round = 0; round < STEPS; round++) {
     for (int i = 0; i < 5; i++) {

@@ -13,7 +13,7 @@ import numpy as np
 from tacstrip.arrays import FloatArray
 from tacstrip.core.binding import at, exported
 from tacstrip.core.equations import terms
-from tacstrip.core.fit import Fit
+from tacstrip.core.fit import MOST, Fit
 from tacstrip.core.signal import Signal
 from tacstrip.fisher import covariance
 
@@ -77,17 +77,18 @@ def fit_ellipse(start: Fit, signal: Signal, wanted: float = np.inf) -> Ellipse:
     core = exported("fit_ellipse")
     if core is None:
         return plain_fit_ellipse(start, signal, wanted)
-    record, p, matrix = start.record, np.empty(5), np.empty((5, 5))
-    cost: float = core(signal.problem, at(record), wanted, at(p), at(matrix))
+    matrix = np.empty((5, 5))
+    if start.count > MOST:  # an ellipse's outline, from the scan before
+        record, p = None, _begin(start)
+    else:
+        record, p = start.record, np.empty(5)
+    cost: float = core(signal.problem, None if record is None else at(record), wanted, at(p), at(matrix))
     return Ellipse(p, cost, matrix)
 
 
 def plain_fit_ellipse(start: Fit, signal: Signal, wanted: float = np.inf) -> Ellipse:
     """Do as `fit_ellipse`, in NumPy."""
-    l, u = start.ends(np.array([0.0, 0.25, 0.5, 0.75, 1.0]))
-    middle = 0.5 * (l + u)
-    rise, half = 0.5 * (middle[4] - middle[0]), min(max(0.5 * float((u - l).max()), 0.15), 0.4)
-    p = np.array([0.0, 1.0, min(max(middle.mean(), 0.05), 0.95), rise, half])
+    p = _begin(start)
     half, damping = 0.5 * signal.pitch, 1e-3
     cost, matrix, gradient = _normal_equations(p, signal)
     for _ in range(_STEPS):
@@ -133,3 +134,11 @@ def _normal_equations(p: FloatArray, signal: Signal) -> tuple[float, FloatArray,
     gradient = by_l.T @ lr + by_u.T @ ur
     gradient[:2] -= prior * off
     return float(rr.sum() + prior * (off @ off)), matrix, gradient
+
+
+def _begin(start: Fit) -> FloatArray:
+    """Return an ellipse (5,) where a polygon is."""
+    l, u = start.ends(np.array([0.0, 0.25, 0.5, 0.75, 1.0]))
+    middle = 0.5 * (l + u)
+    rise, half = 0.5 * (middle[4] - middle[0]), min(max(0.5 * float((u - l).max()), 0.15), 0.4)
+    return np.array([0.0, 1.0, min(max(middle.mean(), 0.05), 0.95), rise, half])

@@ -107,7 +107,7 @@ class Fit:
     def residuals(self, signal: Signal) -> FloatArray:
         """Return measured minus fitted readings over sigma (S, n); 0 where a reading is left out."""
         core = exported("residuals")
-        if core is None:
+        if core is None or self.count > MOST:
             return np.asarray((signal.k - self.readings(signal)) * signal.root_weight)
         record, found = self.record, np.empty(signal.k.shape)
         core(signal.problem, at(record), at(found))
@@ -140,7 +140,7 @@ class Fit:
 
     @property
     def record(self) -> npt.NDArray[Any]:
-        """A copy for the compiled core: a `POLYGON` (1,)."""
+        """A copy for the compiled core: a `POLYGON` (1,); there may be MOST vertices."""
         record, m = np.zeros(1, POLYGON), self.count
         record["m"], record["vertical"] = m, self.blunt
         record["theta"][0, : ENDS + 2 * m], record["upper"][0, :m] = self.theta, self.chain
