@@ -12,9 +12,9 @@ from _protocol import SIGNATURES, Cell, Trial
 
 import tacstrip as ts
 from tacstrip.arrays import FloatArray
+from tacstrip.core.search import fit_counts
+from tacstrip.core.signal import Signal
 from tacstrip.reconstruct.bound import reading_sigma
-from tacstrip.reconstruct.polygon_search import fit_counts
-from tacstrip.reconstruct.polygon_signal import Signal
 
 Finder = Callable[[Cell, Trial], FloatArray]
 

@@ -24,12 +24,14 @@ from _protocol import SIGNATURES, Cell, Trial, trial
 
 import tacstrip as ts
 from tacstrip.arrays import FloatArray
+from tacstrip.core.descent import refine
+from tacstrip.core.fit import Fit
+from tacstrip.core.search import fit_counts
+from tacstrip.core.signal import Signal
 from tacstrip.reconstruct.bound import reading_sigma
 from tacstrip.reconstruct.outline import Outline
 from tacstrip.reconstruct.polygon import fit_polygon
-from tacstrip.reconstruct.polygon_fit import Fit, untangled
-from tacstrip.reconstruct.polygon_search import fit_counts, refine
-from tacstrip.reconstruct.polygon_signal import Signal
+from tacstrip.reconstruct.polygon_fit import untangled
 
 SEED = 20260501
 CELLS = [

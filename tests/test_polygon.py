@@ -13,15 +13,16 @@ from strategies import FIXED, sensors
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import Noise
 from tacstrip.contact.shape import Contact
+from tacstrip.core.descent import refine
+from tacstrip.core.fit import Fit
+from tacstrip.core.signal import Signal
 from tacstrip.errors import OptionError, ReadingError
 from tacstrip.metrics import mismatch
 from tacstrip.reconstruct.bound import reading_sigma, vertex_covariance
 from tacstrip.reconstruct.outline import Outline
 from tacstrip.reconstruct.polygon import fit_polygon, fit_polygons, fitted_transitions
-from tacstrip.reconstruct.polygon_fit import Fit, information_root
+from tacstrip.reconstruct.polygon_fit import information_root
 from tacstrip.reconstruct.polygon_run import fit_run
-from tacstrip.reconstruct.polygon_search import refine
-from tacstrip.reconstruct.polygon_signal import Signal
 from tacstrip.reconstruct.result import RecoveredObject
 from tacstrip.scan import Scan
 from tacstrip.sensor.spec import Sensor

@@ -23,7 +23,7 @@ def command(out: Path) -> None:
 
     Example: tacstrip demo --out demo
     """
-    from tacstrip.studies.demo import FIT, picture, run, table  # late: it loads the kernels
+    from tacstrip.studies.demo import FIT, picture, run, table  # late: --help does without it
 
     demo = run()
     click.echo(

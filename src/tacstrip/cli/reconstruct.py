@@ -130,7 +130,7 @@ def command(
         elif chosen == "vertex":
             results.append(vertex_reconstruction(scan, spec, signature, where, reading, known))  # type: ignore[arg-type]
         else:
-            from tacstrip.reconstruct.polygon import fit_polygon  # late: the kernels take a second to load
+            from tacstrip.reconstruct.polygon import fit_polygon  # late: other methods do without it
 
             results.append(fit_polygon(_only(scan, signature), spec, known, vertices=vertices, wide=wide))
     contact = read_contact(truth) if truth else None

@@ -1,9 +1,26 @@
-/* The compiled core: what every exported function takes. */
+/* The compiled core: what every exported function takes.
+
+   C99 without the standard library but for sqrt, so that Tiny C builds it too. Nothing is kept between calls and
+   nothing is locked: any number of threads may call at once, each with results and workspace of its own.
+
+   Sums run in LANES fixed lanes and are joined in a fixed order, a * b + c is never contracted, and exp, tanh and log
+   are our own: every compiler and every CPU gives the same bits. Build with -ffp-contract=off and never with
+   -ffast-math. With -DTACSTRIP_DEBUG sizes are checked, and a wrong one stops the program.
+
+   Units: x counts from 0 to 1 over the run of strips, y from 0 to 1 over the strip, readings are over Vref.
+   Every core/<name>.py calls core/<name>.c, and has the same as readable NumPy. */
 
 #ifndef TACSTRIP_CORE_H
 #define TACSTRIP_CORE_H
 
 #define TACSTRIP_VERSION 1 /* goes up whenever a function or a struct of this file changes */
+
+#define MOST 16                /* interior vertices of a polygon */
+#define ENDS 6                 /* entries of theta before the first vertex */
+#define SIZE (ENDS + 2 * MOST) /* entries of theta */
+#define TRIED 3                /* places of one more vertex that a search tries */
+#define COARSEST 200           /* strips that a search has left after averaging, at most */
+#define SEARCH_WORKSPACE 3613  /* doubles that a search works in: 5 COARSEST, and 13 for each strip and one more */
 
 #if defined(_WIN32)
 #define EXPORTED __declspec(dllexport)
@@ -11,7 +28,100 @@
 #define EXPORTED __attribute__((visibility("default")))
 #endif
 
+typedef long long Int;
+
+/* Readings of n neighbouring strips, of one signature or two. */
+typedef struct {
+  Int n, signatures;
+  const double *x;      /* centre lines (n,), ascending */
+  const double *k;      /* readings (signatures, n), finite */
+  const double *weight; /* 1 / sigma^2 (signatures, n); 0 leaves a reading out */
+  double pitch;         /* of the strips, in units of x */
+  double share[2];      /* of the closed form: c_u of a contact without width, per signature */
+  double narrow;        /* 1 - a */
+  double lam;           /* decay length of the contact resistance over the strip length; 0: ideal contact */
+} Problem;
+
+/* An x-monotone polygon: theta = x_left, l_left, u_left, x_right, l_right, u_right, then x and y of each interior
+   vertex, ascending in x. A pointed end has one height: its u follows its l. */
+typedef struct {
+  Int m;           /* interior vertices */
+  Int vertical[2]; /* whether the left and the right end are vertical edges, 0 or 1 */
+  Int upper[MOST]; /* whether a vertex is on the upper chain, 0 or 1 */
+  double theta[SIZE];
+  double cost;  /* squared residuals over sigma^2, and what the prior of the ends' x adds */
+  double score; /* the criterion that counts are compared by */
+} Polygon;
+
 /* TACSTRIP_VERSION; a loader refuses a library of another version. */
 EXPORTED int tacstrip_core_version(void);
+
+/* Write J'WJ (size, size) and J'Wr (size,) by theta, size = ENDS + 2 m, and return the cost; with `prior`, what the
+   touched strips say of the x of pointed ends is in all three. */
+EXPORTED double tacstrip_normal_equations(const Problem *problem, const Polygon *polygon, Int prior, double *matrix,
+                                          double *gradient);
+
+/* Write measured minus fitted readings over sigma (signatures, n); left and right of the polygon the ends count. */
+EXPORTED void tacstrip_residuals(const Problem *problem, const Polygon *polygon, double *residuals);
+
+/* Write the covariance (2 V, 2 V) [mm^2] of the polygon's V vertices in mm, counter-clockwise from the left end's lower
+   one: x, y of each. What the readings tell, and that the x of the ends and of both vertices of an edge that crosses one
+   strip or none is known to within a pitch. x = 0 to 1 is width_mm from origin_mm on, y = 1 is length_mm; x_mm (strips,)
+   [mm] are the centre lines of all strips of the sensor. Returns 0, and writes nothing of use, where a direction is
+   hardly told: that needs a decomposition. */
+EXPORTED Int tacstrip_vertex_covariance(const Problem *problem, const Polygon *polygon, double origin_mm, double width_mm,
+                                        double length_mm, const double *x_mm, Int strips, double *covariance);
+
+/* Improve a polygon in place by Levenberg-Marquardt, and return its cost. It ends after `steps` steps, when one gains
+   less than `least`, or when it is not on its way to cost less than `wanted`. */
+EXPORTED double tacstrip_descend(const Problem *problem, Polygon *polygon, Int steps, double least, double wanted);
+
+/* The least-squares polygon near a given one, in place. An end whose edge closed becomes a point. */
+EXPORTED void tacstrip_refine(const Problem *problem, Polygon *polygon);
+
+/* Write polygons of one vertex more to starts (TRIED,), where the score test gains most, and return how many. n is at
+   most COARSEST. workspace (SEARCH_WORKSPACE,). */
+EXPORTED Int tacstrip_places(const Problem *problem, const Polygon *polygon, Int convex, Polygon *starts,
+                             double *workspace);
+
+/* The best polygon of each count of vertices that the readings may hold.
+   known: whether the weights are 1 / sigma^2, else only roughly so. most: interior vertices at most, up to MOST.
+   corners: vertices in all where that is known, else 0. every: all counts, not only the best one's neighbours.
+   found (MOST + 1,): those fitted to all strips, ascending in m. picked (2,): the best one's place in found, and how
+   many counts, of all that were searched, the criterion can hardly tell from the best.
+   workspace (SEARCH_WORKSPACE,). Returns how many polygons were found. */
+EXPORTED Int tacstrip_fit_counts(const Problem *problem, Int known, Int most, Int corners, Int every, Polygon *found,
+                                 Int *picked, double *workspace);
+
+/* Fit an ellipse to the readings that a polygon was found for; where `start` is null, from the ellipse that is given.
+   Writes ellipse (5,): left end, right end, height of the
+   middle, rise from there to the right end, half-height; and J'WJ (5, 5), the prior of the ends' x included. Returns the
+   cost, and ends early when it is not on its way to cost less than `wanted`. */
+EXPORTED double tacstrip_fit_ellipse(const Problem *problem, const Polygon *start, double wanted, double *ellipse,
+                                     double *information);
+
+/* Mark the readings k (n,) that stand out from their neighbours in out (n,), 0 or 1; NaN counts as out.
+   workspace (3 n,). */
+EXPORTED void tacstrip_spikes(const double *k, Int n, double sigma, unsigned char *out, double *workspace);
+
+/* Mark the residuals over sigma (signatures, n) that lie alone, far off, in out (signatures, n); none where they are
+   many. Returns how many. */
+EXPORTED Int tacstrip_misfits(const double *residuals, Int signatures, Int n, unsigned char *out);
+
+/* Walk through a set of bounds from z = 0, along one coordinate after the other to a random place between the bounds.
+   a (size, rows) and slack (rows,): every column of a holds z' column <= slack. pair_a (size, pairs, 2) and pair_slack
+   (pairs, 2): pairs, of which one holds at least. edge (rows,), pair_edge (pairs,): over how much slack an error becomes
+   less likely. draws (sweeps, rows + pairs + size), from 0 to 1. Slacks are changed; out (sweeps, size) is the way.
+   workspace (rows + pairs + size,). */
+EXPORTED void tacstrip_walk(const double *a, double *slack, const double *edge, const double *pair_a, double *pair_slack,
+                            const double *pair_edge, const double *draws, double *out, Int sweeps, Int rows, Int pairs,
+                            Int size, double *workspace);
+
+/* The least of form z (size,) where a z <= slack, a (rows, size); -inf where none was found. By an active set: downhill
+   along the rows that are met, which are given up where their multiplier is negative. at (size,) is a point inside and
+   active (size,) its met rows, -1 for none; both are moved to the lowest point.
+   workspace (2 size^2 + 2 size + rows,). */
+EXPORTED double tacstrip_lowest(const double *form, const double *a, const double *slack, double *at, Int *active,
+                                Int rows, Int size, double *workspace);
 
 #endif

@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from tacstrip.arrays import FloatArray, IntArray
+from tacstrip.core.polytope import lowest
 
 _ROUNDS = 12  # of adding the rows that are broken most
 _FIRST, _MORE = 6, 2  # rows to begin with and to add, per dimension
@@ -35,8 +36,6 @@ def interior(a: FloatArray, b: FloatArray, start: FloatArray, scale: float) -> t
         A point (P,); how far it is outside at most, in units of b, below 0 inside; and whether the polytope is
         known to be empty, or thinner than rounding.
     """
-    from tacstrip.reconstruct.bounded_kernels import lowest
-
     size = len(start)
     at = start
     broken = a @ at - b

@@ -13,6 +13,7 @@ import numpy as np
 import shapely
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
+from tacstrip.core.polytope import lowest
 from tacstrip.reconstruct.bounded_centre import largest
 from tacstrip.reconstruct.bounded_lines import Band, Lines
 from tacstrip.reconstruct.bounded_set import feasible_set
@@ -95,8 +96,6 @@ class _Search:
 
     def lowest(self, form: FloatArray) -> float:
         """Return the least of form h; `at` is where."""
-        from tacstrip.reconstruct.bounded_kernels import lowest
-
         value = lowest(self.to_round @ form, self.a, self.slack, self.at, self.active)
         if not value > -np.inf:  # rounding can lead a warm start astray
             self._from_the_middle()

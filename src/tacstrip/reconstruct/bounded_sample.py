@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from tacstrip.arrays import FloatArray
+from tacstrip.core.polytope import walk
 from tacstrip.reconstruct.bounded_centre import largest
 from tacstrip.reconstruct.bounded_set import FeasibleSet
 
@@ -36,8 +37,6 @@ def sample(
     sweeps
         Points wanted; neighbouring ones are alike.
     """
-    from tacstrip.reconstruct.bounded_kernels import walk
-
     to_round = np.linalg.inv(
         np.linalg.cholesky(curvature)
     )  # z = L' (h - middle), so h = middle + to_round' z
@@ -55,56 +54,3 @@ def sample(
     out = np.empty((_SETTLING + sweeps, size))
     walk(a, slack, bounds.edge[near], pair_a, pair_slack, bounds.either_edge[pairs], draws, out)
     return np.asarray(middle + out[_SETTLING:] @ to_round)
-
-
-def plain_walk(
-    a: FloatArray,
-    slack: FloatArray,
-    edge: FloatArray,
-    pair_a: FloatArray,
-    pair_slack: FloatArray,
-    pair_edge: FloatArray,
-    draws: FloatArray,
-    out: FloatArray,
-) -> None:
-    """Walk from z = 0, where rows have `slack`; the plain version of `bounded_kernels.walk`.
-
-    Parameters
-    ----------
-    a, slack, edge
-        By coordinate and row (P, M), and (M,): slack - z a stays above 0; edge is over how much of it a reading
-        becomes less likely.
-    pair_a, pair_slack, pair_edge
-        The same of pairs (P, E, 2), (E, 2), (E,), of which one at least holds.
-    draws
-        Uniform random numbers (sweeps, M + E + P).
-    out
-        Filled with the points (sweeps, P).
-    """
-    size, rows = a.shape
-    z = np.zeros(size)
-    for sweep, draw in enumerate(draws):
-        for_rows, for_pairs, for_steps = np.split(draw, [rows, len(draw) - size])
-        cut = for_rows * np.minimum(edge, slack)
-        pair_cut = for_pairs * np.minimum(pair_edge, pair_slack.max(axis=1))
-        for j, share in enumerate(for_steps):
-            with np.errstate(divide="ignore"):
-                ways = a[j] / (slack - cut)
-                high, low = 1.0 / max(ways.max(), 1e-300), 1.0 / min(ways.min(), -1e-300)
-            for s, r in zip(pair_slack - pair_cut[:, None], pair_a[j], strict=True):
-                high, low = min(high, _held(s, r)), max(low, -_held(s, -r))
-            step = low + (high - low) * share
-            z[j] += step
-            slack -= step * a[j]
-            pair_slack -= step * pair_a[j]
-        out[sweep] = z
-
-
-def _held(slack: FloatArray, row: FloatArray) -> float:
-    """Return how far one can go from d = 0 on while one of two slacks - d row is not below 0."""
-    first = int(slack.argmax())
-    reach = max(slack[first], 0.0) / row[first] if row[first] > 0.0 else np.inf
-    s, r = slack[1 - first], row[1 - first]
-    if s >= 0.0:
-        return float(max(reach, s / r if r > 0.0 else np.inf))
-    return float(np.inf if r < 0.0 and s / r <= reach else reach)

@@ -14,7 +14,7 @@ from tacstrip.sensor.spec import Sensor
 
 
 def _polygon(scan: Scan, sensor: Sensor, noise: Noise | None) -> Reconstruction:
-    from tacstrip.reconstruct.polygon import fit_polygon  # late: its compiled kernels take a second to load
+    from tacstrip.reconstruct.polygon import fit_polygon  # late: other methods do without it
 
     return fit_polygon(scan, sensor, noise)
 

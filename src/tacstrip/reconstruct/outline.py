@@ -45,7 +45,7 @@ class Outline:
                 raise ContactError(f"the {name} chain does not ascend at x = {at:.6g} mm: not x-monotone")
         if self.lower[0, 0] != self.upper[0, 0] or self.lower[-1, 0] != self.upper[-1, 0]:
             raise ContactError("the chains must begin on one x and end on one x")
-        x = np.union1d(self.lower[:, 0], self.upper[:, 0])
+        x = np.concatenate([self.lower[:, 0], self.upper[:, 0]])
         width = np.interp(x, *self.upper.T) - np.interp(x, *self.lower.T)
         if width.min() < 0.0:
             at = x[width.argmin()]

@@ -5,11 +5,9 @@ The vertices' number is chosen by a criterion, their places by the fit, and the 
 
 from __future__ import annotations
 
-import multiprocessing
 import os
-import threading
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 
 import numpy as np
@@ -17,12 +15,12 @@ import numpy as np
 from tacstrip.arguments import takes
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import Noise
+from tacstrip.core.fit import MOST
+from tacstrip.core.signal import FLOOR
 from tacstrip.errors import OptionError
 from tacstrip.reconstruct.bound import reading_sigma
-from tacstrip.reconstruct.polygon_moves import MOST
 from tacstrip.reconstruct.polygon_object import FittedContact, recovered
 from tacstrip.reconstruct.polygon_run import fit_run, one_shape
-from tacstrip.reconstruct.polygon_signal import FLOOR
 from tacstrip.reconstruct.result import Reconstruction
 from tacstrip.reconstruct.untouched import doubt_untouched
 from tacstrip.reconstruct.wide import ENDS, as_thin, reach_out
@@ -33,7 +31,6 @@ from tacstrip.sensor.spec import Sensor
 _BRIDGED = 3  # strips that may be missing inside a contact
 _ROUNDS = 2  # of taking away what the strips' width adds
 _SPARE = 8  # strips: of fewer none is left out
-_FEW = 50  # scans that are done before other processes have begun
 
 
 @takes(scan=Scan, sensor=Sensor, noise=Noise)
@@ -101,18 +98,14 @@ def fit_polygons(
 ) -> list[Reconstruction]:
     """Fit many scans on all cores, or on `workers` of them; arguments and errors as for `fit_polygon` by default.
 
-    By processes where this one can be forked; else by threads, which share the time outside the compiled kernels.
+    By threads, which share the time outside the compiled core.
     """
     count = workers or os.cpu_count() or 1
     fit = partial(fit_polygon, sensor=sensor, noise=noise)
-    if count == 1 or len(scans) < _FEW:
+    if count == 1 or len(scans) < 2:
         return [fit(scan) for scan in scans]
-    fork = "fork" in multiprocessing.get_all_start_methods() and threading.active_count() == 1
-    if not fork:
-        with ThreadPoolExecutor(count) as threads:
-            return list(threads.map(fit, scans))
-    with ProcessPoolExecutor(count, multiprocessing.get_context("fork")) as processes:
-        return list(processes.map(fit, scans, chunksize=max(len(scans) // (8 * count), 1)))
+    with ThreadPoolExecutor(count) as threads:
+        return list(threads.map(fit, scans))
 
 
 def fitted_transitions(

@@ -8,14 +8,14 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import Noise
-from tacstrip.reconstruct.bound import with_ends
+from tacstrip.core.fit import Fit
+from tacstrip.core.search import fit_counts
 from tacstrip.reconstruct.bounded import Bounded, fewest
 from tacstrip.reconstruct.bounded_lines import Band
 from tacstrip.reconstruct.ends import closed_ends
 from tacstrip.reconstruct.outline import Outline
-from tacstrip.reconstruct.polygon_fit import Fit, information_root, thickness, untangled
+from tacstrip.reconstruct.polygon_fit import fitted_covariance, thickness, untangled
 from tacstrip.reconstruct.polygon_run import RunFit
-from tacstrip.reconstruct.polygon_search import fit_counts
 from tacstrip.reconstruct.polygon_verdict import explains, judge
 from tacstrip.reconstruct.result import Profile, RecoveredObject, Status
 from tacstrip.scan import Scan
@@ -106,7 +106,7 @@ def recovered(
             strips, profile=profile, status="too few transitions", advice="; ".join([line, *notes])
         )
     outline = Outline(lower, upper)
-    covariance = with_ends(outline, sensor, information_root(fit, run.signal))
+    covariance = fitted_covariance(fit, outline, run.signal, sensor)
     guarantee, empty = None, False
     if noise is not None and bounded and not faint:
         refined = _refined(scan, sensor, contact, noise)
@@ -167,7 +167,7 @@ def _refined(scan: Scan, sensor: Sensor, contact: FittedContact, noise: Noise) -
         lower, upper = untangled(*fit.polygon(run.signal))
         if thickness(lower, upper) > _THIN * sensor.length_mm:
             outline = Outline(lower, upper)
-            candidates.append((outline, with_ends(outline, sensor, information_root(fit, run.signal))))
+            candidates.append((outline, fitted_covariance(fit, outline, run.signal, sensor)))
     readings = {
         name: np.where(out, np.nan, contact.readings[name])
         for name, out in zip(scan.signatures, run.left_out, strict=True)

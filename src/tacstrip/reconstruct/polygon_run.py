@@ -9,14 +9,14 @@ from functools import cached_property
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray
+from tacstrip.core.criterion import charge, misfit, penalty
+from tacstrip.core.ellipse import PARAMETERS, Ellipse, fit_ellipse
+from tacstrip.core.fit import MOST
+from tacstrip.core.outliers import misfits, spikes
+from tacstrip.core.search import Fits, fit_counts
+from tacstrip.core.signal import FLOOR, Signal
 from tacstrip.reconstruct.outline import Outline
-from tacstrip.reconstruct.polygon_criterion import charge, misfit, penalty
 from tacstrip.reconstruct.polygon_fit import thickness, untangled
-from tacstrip.reconstruct.polygon_moves import MOST
-from tacstrip.reconstruct.polygon_outliers import misfits, spikes
-from tacstrip.reconstruct.polygon_oval import PARAMETERS, Oval, fit_oval
-from tacstrip.reconstruct.polygon_search import Fits, fit_counts
-from tacstrip.reconstruct.polygon_signal import FLOOR, Signal
 from tacstrip.reconstruct.sections import reading_noise
 from tacstrip.sensor.spec import Sensor
 
@@ -53,7 +53,7 @@ class RunFit:
     fits: Fits | None
     sigma: float
     left_out: BoolArray
-    oval: Oval | None = None
+    oval: Ellipse | None = None
     lead: float = -np.inf
 
     @property
@@ -214,7 +214,7 @@ def _with_oval(run: RunFit, known: bool) -> RunFit:
     if fits is None or not fits.chosen.count:
         return run
     score = fits.scores[fits.best] - charge(signal, 1, known)
-    oval = fit_oval(fits.chosen, signal, score if known else np.inf)
+    oval = fit_ellipse(fits.chosen, signal, score if known else np.inf)
     return replace(run, oval=oval, lead=score - misfit(oval.cost, signal, known))
 
 

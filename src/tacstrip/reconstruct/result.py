@@ -192,4 +192,7 @@ def close_chains(lower: FloatArray, upper: FloatArray) -> FloatArray:
 
 def distinct(ring: FloatArray) -> BoolArray:
     """Return which points of a ring (M, 2) differ from their next one (M,)."""
-    return np.asarray(np.any(ring != np.roll(ring, -1, axis=0), axis=1))
+    found = np.empty(len(ring), dtype=np.bool_)
+    found[:-1] = (ring[1:] != ring[:-1]).any(axis=1)
+    found[-1:] = (ring[:1] != ring[-1:]).any(axis=1)
+    return found

@@ -66,7 +66,9 @@ def transitions_of_runs(
             choices = (*_RULES, "or an ascending list of x")
             raise OptionError(one_of("transitions", transitions, choices))
         if transitions == "auto":
-            from tacstrip.reconstruct.polygon import fitted_transitions  # loads the compiled kernels
+            from tacstrip.reconstruct.polygon import (
+                fitted_transitions,  # late: that one uses this file's runs
+            )
 
             return fitted_transitions(scan, sensor, signature, noise)
         pitch, ratio = sensor.pitch_mm, sensor.sensing_ratio

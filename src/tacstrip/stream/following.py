@@ -8,14 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray
+from tacstrip.core.descent import refine
+from tacstrip.core.ellipse import PARAMETERS, fit_ellipse
+from tacstrip.core.fit import ENDS, Fit
+from tacstrip.core.signal import FLOOR, Signal
 from tacstrip.errors import ContactError
-from tacstrip.reconstruct.bound import with_ends
-from tacstrip.reconstruct.kernels import ENDS
 from tacstrip.reconstruct.outline import Outline
-from tacstrip.reconstruct.polygon_fit import Fit, information_root, untangled
-from tacstrip.reconstruct.polygon_oval import PARAMETERS, fit_oval
-from tacstrip.reconstruct.polygon_search import refine
-from tacstrip.reconstruct.polygon_signal import FLOOR, Signal
+from tacstrip.reconstruct.polygon_fit import fitted_covariance, untangled
 from tacstrip.reconstruct.result import RecoveredObject, close_chains
 from tacstrip.scan import Scan
 from tacstrip.sensor.spec import Sensor
@@ -98,7 +97,7 @@ def follow(last: Followed, scan: Scan, sensor: Sensor, strips: slice, detail: bo
     signal = _signal(scan, sensor, strips, last.sigma, last.left_out)
     start = _on_strips(last.fit, signal)
     if last.round:
-        oval = fit_oval(start, signal)
+        oval = fit_ellipse(start, signal)
         lower, upper, covariance = oval.outline(signal)
         cost, fit = oval.cost, _in_mm(Fit.of(Outline(lower, upper), signal), signal)
     else:
@@ -109,7 +108,7 @@ def follow(last: Followed, scan: Scan, sensor: Sensor, strips: slice, detail: bo
             raise Lost
         covariance = None
         if detail:
-            covariance = with_ends(Outline(lower, upper), sensor, information_root(found, signal))
+            covariance = fitted_covariance(found, Outline(lower, upper), signal, sensor)
     x = sensor.x_mm[strips]
     profile = (x, np.interp(x, *lower.T), np.interp(x, *upper.T))
     if (profile[2] - profile[1]).max() <= _THIN * sensor.length_mm:

@@ -185,7 +185,7 @@ def _recover(
 ) -> FloatArray:
     """Return the recovered corners (N, 2) [mm]; empty where there is no shape, or transitions found are not 4."""
     if variant.method == "polygon":
-        from tacstrip.reconstruct.polygon import fit_polygon  # its compiler takes 60 MB: in the workers only
+        from tacstrip.reconstruct.polygon import fit_polygon  # in the workers only
 
         return fit_polygon(scan, sensor, PROFILE_II).objects[0].vertices
     if e.algorithm == "profile":

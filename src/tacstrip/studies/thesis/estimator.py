@@ -53,7 +53,7 @@ def fitted(row: Row, position: int, noise: Noise, random: np.random.Generator) -
     Both ends of the shape are put anywhere within a pitch of their place, the rest stretched along: ours have their
     vertices on strips, and an end there lies at the limit of what the touched strips tell of it.
     """
-    from tacstrip.reconstruct.polygon import fit_polygon  # its compiler takes 60 MB: in the workers only
+    from tacstrip.reconstruct.polygon import fit_polygon  # in the workers only
 
     sensor, contact = SIMULATED[row.construction], SHAPES[row.shape].contact(position)
     x, y = contact.vertices.T

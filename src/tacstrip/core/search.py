@@ -7,26 +7,22 @@ the best one are then fitted to all strips, and compared.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from tacstrip.arrays import FloatArray, IntArray
-from tacstrip.reconstruct.kernels import ENDS
-from tacstrip.reconstruct.polygon_criterion import charge, criterion, misfit, penalty
-from tacstrip.reconstruct.polygon_descent import descend
-from tacstrip.reconstruct.polygon_fit import Fit, fit_of
-from tacstrip.reconstruct.polygon_moves import ENOUGH, FIRST, GROW, MOST, ROUGH, SHRINK, improve
-from tacstrip.reconstruct.polygon_signal import Signal
+from tacstrip.core.binding import at, exported, search_workspace
+from tacstrip.core.criterion import charge, criterion, misfit, penalty
+from tacstrip.core.descent import descend, plain_refine
+from tacstrip.core.fit import MOST, POLYGON, Fit
+from tacstrip.core.moves import ENOUGH, FIRST, GROW, ROUGH, SHRINK, improve
+from tacstrip.core.signal import Signal
 
-_FINE, _SETTLED = 40, 1e-4  # steps of a last descent, and the gain in chi square that ends it
 _PAST = 2  # counts tried past the best
-_COARSE, _FINER = (
-    3e-4,
-    30.0,
-)  # of Vref: sigma that the search takes at least at first, and steps down from there
+_COARSE, _FINER = 3e-4, 30.0  # of Vref: sigma of the first stage at least, and steps down from there
 _HOPELESS = 100.0  # of chi square a reading: no polygon, so no finer stage
-_CLOSED = 1e-12  # of the strip length
 _FAR = 40.0  # of the criterion: a count that is so much worse on thinned strips is so on all
 _EQUAL = 8.0  # of the criterion
 _ROUNDS = 2  # of taking out and growing again
@@ -81,6 +77,31 @@ def fit_counts(
     corners
         Vertices in all, where that is known: then there is one fit. Readings that do not hold as many give fewer.
     """
+    core = exported("fit_counts")
+    if core is None:
+        return plain_fit_counts(signal, known, most, every, corners)
+    return compiled_fit_counts(core, signal, known, most, every, corners)
+
+
+def compiled_fit_counts(
+    core: Callable[..., int],
+    signal: Signal,
+    known: bool = True,
+    most: int = MOST,
+    every: bool = False,
+    corners: int | None = None,
+) -> Fits:
+    """Do as `fit_counts`, by a certain build of the core."""
+    found, picked, workspace = np.empty(MOST + 1, POLYGON), np.empty(2, dtype=np.int64), search_workspace()
+    count = core(signal.problem, known, most, corners or 0, every, at(found), at(picked), at(workspace))
+    fits = tuple(Fit.of_record(found[i : i + 1]) for i in range(count))
+    return Fits(fits, tuple(found["score"][:count].tolist()), int(picked[0]), int(picked[1]))
+
+
+def plain_fit_counts(
+    signal: Signal, known: bool = True, most: int = MOST, every: bool = False, corners: int | None = None
+) -> Fits:
+    """Do as `fit_counts`, in NumPy."""
     search = _Search(signal, known, min(most, MOST, _most(signal)), corners)
     near = search.run()
     if corners is not None:
@@ -89,23 +110,9 @@ def fit_counts(
     search.settle_ends(near)
     fits, scores = [], []
     for m in range(search.top + 1) if every else search.near(near):
-        fits.append(refine(fit_of(search.fits[m], search.kinds[m], m, search.blunt, 0.0), signal))
+        fits.append(plain_refine(search.with_ends(m, search.blunt), signal))
         scores.append(criterion(fits[-1], signal, known))
     return Fits(tuple(fits), tuple(scores), int(np.argmin(scores)), search.equal())
-
-
-def refine(fit: Fit, signal: Signal) -> Fit:
-    """Return the least-squares fit near a given one, on all strips: also the warm start of tracking."""
-    theta, chain = fit.theta.copy(), fit.chain.copy()
-    for side in (0, 1):
-        if not fit.blunt[side] and theta[3 * side + 1] != theta[3 * side + 2]:
-            theta[3 * side + 1 : 3 * side + 3] = theta[3 * side + 1 : 3 * side + 3].mean()
-    cost = descend(theta, chain, fit.count, fit.blunt, signal.data, signal.model, _FINE, _SETTLED, np.inf)
-    height = np.array([theta[2] - theta[1], theta[5] - theta[4]])
-    closed = (fit.blunt == 1) & (height <= _CLOSED)
-    if closed.any():  # a vertical edge without height is a point, whose x is free
-        return refine(Fit(theta, chain, np.where(closed, 0, fit.blunt), cost), signal)
-    return Fit(theta, chain, fit.blunt, cost)
 
 
 def _most(signal: Signal) -> int:
@@ -118,14 +125,17 @@ class _Search:
     """The best fit of each count so far, and which moves have been tried on it."""
 
     def __init__(self, whole: Signal, known: bool, most: int, corners: int | None) -> None:
-        self.whole, self.known, self.most, self.top = whole, known, most, 0
+        self.whole, self.known, self.most = whole, known, most
         self.least = 0 if corners is None else corners - 2 + _PAST
-        self.fits = np.zeros((MOST + 1, ENDS + 2 * MOST))
-        self.kinds = np.zeros((MOST + 1, MOST), dtype=np.int64)
         # Two signatures tell both heights of an end; one does not, and only convex shapes are told apart.
         self.double = len(whole.k) > 1
         self.blunt = np.full(2, int(self.double), dtype=np.int64)
-        self.fits[0, :ENDS] = whole.straight()
+        self.fits = [Fit(whole.straight(), np.empty(0, dtype=np.int64), self.blunt, np.inf)]
+
+    @property
+    def top(self) -> int:
+        """The most vertices so far."""
+        return len(self.fits) - 1
 
     def run(self) -> int:
         """Search all counts, for readings without noise by stages; return the best."""
@@ -134,24 +144,23 @@ class _Search:
         while True:
             self.signal = self.whole.scaled(level / sigma).thinned()
             self.penalty = penalty(self.signal.readings)
-            self.tried = np.zeros((3, MOST + 2), dtype=bool)
-            self.costs = np.full(MOST + 1, np.inf)
-            for m in range(self.top + 1):
-                self.costs[m] = self._descend(self.fits[m], self.kinds[m], m, self.blunt)
+            self.tried: set[tuple[int, int]] = set()
+            self.fits = [self._descended(fit) for fit in self.fits]
             self._count()
-            hopeless = self.costs[self._best()] > _HOPELESS * self.signal.readings
+            best = self._best()
+            hopeless = self.fits[best].cost > _HOPELESS * self.signal.readings
             if level <= sigma or hopeless:
-                return self._best()
+                return best
             level = max(level / _FINER, sigma)
 
     def _count(self) -> None:
         while self.top < min(self.most, max(self._best() + _PAST, self.least)):
-            if self.top == 0 and not self.double:
+            m = self.top
+            if m == 0 and not self.double:
                 self._try(FIRST, 0)
-            self._try(GROW, self.top)
-            if not self.costs[self.top + 1] < np.inf:
+            self._try(GROW, m)
+            if self.top == m:
                 break
-            self.top += 1
         for _ in range(_ROUNDS):
             for m in range(self.top, 1, -1):
                 self._try(SHRINK, m)
@@ -164,7 +173,7 @@ class _Search:
             return
         best = np.inf
         for blunt in _BLUNT:
-            fit = refine(fit_of(self.fits[m], self.kinds[m], m, blunt, 0.0), self.signal)
+            fit = plain_refine(self.with_ends(m, blunt), self.signal)
             score = criterion(fit, self.signal, self.known)
             if score < best:
                 best, self.blunt = score, blunt
@@ -172,7 +181,7 @@ class _Search:
                 break
 
     def _pointed_will_do(self, fit: Fit, m: int) -> bool:
-        free = misfit(self.costs[m], self.signal, self.known)
+        free = misfit(self.fits[m].cost, self.signal, self.known)
         return misfit(fit.cost, self.signal, self.known) - free < self.penalty
 
     def of_corners(self, corners: int) -> Fit:
@@ -180,8 +189,12 @@ class _Search:
         found = []
         for blunt in _BLUNT if self.double else _BLUNT[:1]:
             m = min(max(corners - 2 - int(blunt.sum()), 0), self.top)
-            found.append(refine(fit_of(self.fits[m], self.kinds[m], m, blunt, 0.0), self.whole))
+            found.append(plain_refine(self.with_ends(m, blunt), self.whole))
         return min(found, key=lambda fit: (abs(fit.corners - corners), fit.cost))
+
+    def with_ends(self, m: int, blunt: IntArray) -> Fit:
+        """Return the fit of m vertices with other ends, not fitted."""
+        return Fit(self.fits[m].theta, self.fits[m].chain, blunt, np.inf)
 
     def near(self, m: int) -> list[int]:
         """Return m and the counts beside it that may yet turn out better."""
@@ -198,25 +211,22 @@ class _Search:
         return int(self._scores().argmin())
 
     def _scores(self) -> FloatArray:
+        signal, known = self.signal, self.known
         return np.array(
-            [
-                misfit(self.costs[m], self.signal, self.known) + charge(self.signal, m, self.known)
-                for m in range(self.top + 1)
-            ]
+            [misfit(fit.cost, signal, known) + charge(signal, m, known) for m, fit in enumerate(self.fits)]
         )
 
     def _try(self, move: int, m: int) -> None:
-        if self.tried[move, m]:
+        if (move, m) in self.tried:
             return
-        self.tried[move, m] = True
-        signal = self.signal
-        if improve(
-            move, self.fits, self.kinds, self.costs, m, self.blunt, not self.double, signal.data, signal.model
-        ):
-            self.tried[:, m - 1 if move == SHRINK else m + 1] = False
+        self.tried.add((move, m))
+        to = m - 1 if move == SHRINK else m + 1
+        cost = self.fits[to].cost if to <= self.top else np.inf
+        found = improve(move, self.fits[m], cost, not self.double, self.signal)
+        if found is not None:
+            self.fits[to : to + 1] = [found]
+            self.tried -= {(other, to) for other in (FIRST, GROW, SHRINK)}
 
-    def _descend(self, theta: FloatArray, chain: IntArray, m: int, blunt: IntArray) -> float:
-        found: float = descend(
-            theta, chain, m, blunt, self.signal.data, self.signal.model, ROUGH, ENOUGH, np.inf
-        )
-        return found
+    def _descended(self, fit: Fit) -> Fit:
+        found = descend(fit.theta[None], fit.chain[None], fit.blunt, self.signal, ROUGH, ENOUGH, np.inf)
+        return Fit(found[0][0], found[1][0], fit.blunt, float(found[2][0]))

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray
+from tacstrip.core.binding import at, exported
 
 _FAR = 6.0  # sigmas from what the neighbours foretell
 _FAR_AT_ENDS = 14.0  # from what the line through two strips on one side foretells, itself uncertain by 2.2
@@ -27,6 +28,17 @@ def spikes(k: FloatArray, sigma: float) -> BoolArray:
     sigma
         Standard deviation of a reading.
     """
+    core = exported("spikes")
+    if core is None:
+        return plain_spikes(k, sigma)
+    k, n = np.ascontiguousarray(k), len(k)
+    found, workspace = np.empty(n, dtype=np.bool_), np.empty(3 * n)
+    core(at(k), n, sigma, at(found), at(workspace))
+    return found
+
+
+def plain_spikes(k: FloatArray, sigma: float) -> BoolArray:
+    """Do as `spikes`, in NumPy."""
     out = ~np.isfinite(k)
     left = np.flatnonzero(~out)
     for _ in range(max(int(_MOST * len(k)), _ALLOWED) + 1):
@@ -44,6 +56,17 @@ def spikes(k: FloatArray, sigma: float) -> BoolArray:
 
 def misfits(residuals: FloatArray) -> BoolArray:
     """Find the readings (S, n) that lie alone, by their residuals over sigma; none where they are many."""
+    core = exported("misfits")
+    if core is None:
+        return plain_misfits(residuals)
+    residuals = np.ascontiguousarray(residuals)
+    out = np.empty(residuals.shape, dtype=np.bool_)
+    core(at(residuals), *residuals.shape, at(out))
+    return out
+
+
+def plain_misfits(residuals: FloatArray) -> BoolArray:
+    """Do as `misfits`, in NumPy."""
     far = np.abs(residuals)
     beside = np.zeros_like(far)
     beside[:, 1:] = far[:, :-1]

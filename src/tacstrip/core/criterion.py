@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from tacstrip.reconstruct.polygon_fit import Fit
-from tacstrip.reconstruct.polygon_signal import FLOOR, Signal
+from tacstrip.core.fit import Fit
+from tacstrip.core.signal import FLOOR, Signal
 
 
 def penalty(readings: int) -> float:

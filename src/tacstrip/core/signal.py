@@ -9,11 +9,13 @@ from functools import cached_property
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray
+from tacstrip.core.binding import Problem, at
 from tacstrip.sensor.circuit import erosion, sensing_share
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
 
 FLOOR = 1e-7  # of Vref: readings are never taken for more exact
+LEAST_D = 1e-3  # of L: a metal sheet under a whole strip would divide by zero
 _STRIPS = 100  # the search makes longer runs as short as that
 
 
@@ -116,26 +118,38 @@ class Signal:
             left, right = (np.sort(np.clip(mean + slope * (end - middle), 0.0, 1.0)) for end in (0.0, 1.0))
         return np.array([0.0, *left[[0, -1]], 1.0, *right[[0, -1]]])
 
-    @property
-    def data(self) -> tuple[FloatArray, FloatArray, FloatArray, float]:
-        """What the kernels take as data."""
-        return self.x, self.k, self.weight, self.pitch
+    @cached_property
+    def problem(self) -> Problem:
+        """What the compiled core takes; the arrays are this signal's own."""
+        shares = (float(self.shares[0]), float(self.shares[-1]))
+        k, weight = np.ascontiguousarray(self.k), np.ascontiguousarray(self.weight)
+        x = np.ascontiguousarray(self.x)
+        made = Problem(len(x), len(k), at(x), at(k), at(weight), self.pitch, shares, self.narrow, self.lam)
+        made.arrays = (x, k, weight)
+        return made
 
-    @property
-    def model(self) -> tuple[FloatArray, float, float]:
-        """What the kernels take as signal."""
-        return self.shares, self.narrow, self.lam
+    @cached_property
+    def root_weight(self) -> FloatArray:
+        """1 / sigma of each reading (S, n)."""
+        return np.sqrt(self.weight)
 
     def slopes(self, l: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the slopes of all readings by l and by u, and the readings (S, n), of contacts l to u (n,)."""
-        w = u - l
-        t = erosion(w, self.lam)
-        dt = 0.5 * (1.0 - (t / self.lam) ** 2) if self.lam > 0.0 else np.zeros_like(w)
-        over = 1.0 / np.maximum(1.0 - self.narrow * (w - 2.0 * t), 1e-3)
-        share = self.shares[:, None]
-        k = ((1.0 - share) * (l + t) + share * (u - t)) * over
-        by_l, by_u = (1.0 - share - self.narrow * k) * over, (share + self.narrow * k) * over
-        return by_l * (1.0 - dt) + by_u * dt, by_u * (1.0 - dt) + by_l * dt, k
+        """Return slopes of all readings by l and by u, and the readings (..., S, n), of contacts l to u (..., n)."""
+        l, w, share = l[..., None, :], (u - l)[..., None, :], self.shares[:, None]
+        if self.lam > 0.0:
+            t = erosion(w, self.lam)
+            mix = 0.5 * (1.0 - (t / self.lam) ** 2)
+        else:
+            t = mix = np.zeros(())
+        over = 1.0 / np.maximum(1.0 - self.narrow * (w - 2.0 * t), LEAST_D)
+        k = (l + t + share * (w - 2.0 * t)) * over
+        by_u = (share + self.narrow * k) * over
+        by_l = over - by_u
+        return by_l + mix * (by_u - by_l), by_u + mix * (by_l - by_u), k
+
+    def readings_of(self, l: FloatArray, u: FloatArray) -> FloatArray:
+        """Return the readings (S, n) of contacts from l to u (n,)."""
+        return self.slopes(l, u)[2]
 
     @property
     def sigma(self) -> float:
@@ -150,8 +164,9 @@ class Signal:
         """
         n = len(self.x)
         wanted = n // _STRIPS if 2 * n >= 3 * _STRIPS else 1
-        hidden = int((8.0 * self.sigma / self.pitch) ** (2.0 / 3.0))
-        size = min(wanted, max(hidden, 1))
+        hidden, size = (8.0 * self.sigma / self.pitch) ** 2, 1
+        while size < wanted and (size + 1) ** 3 <= hidden:
+            size += 1
         if wanted == 1:
             return self
         if size == 1:

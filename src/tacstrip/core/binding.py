@@ -1,0 +1,82 @@
+"""The exported functions of `core.h` for Python: their arguments, once."""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from tacstrip.core.library import library
+
+_INT, _DOUBLE, _POINTER = ctypes.c_longlong, ctypes.c_double, ctypes.c_void_p
+
+
+class Problem(ctypes.Structure):
+    """`Problem` of core.h; `arrays` keeps alive what it points to."""
+
+    arrays: tuple[npt.NDArray[np.float64], ...]
+    _fields_ = (
+        ("n", _INT),
+        ("signatures", _INT),
+        ("x", _POINTER),
+        ("k", _POINTER),
+        ("weight", _POINTER),
+        ("pitch", _DOUBLE),
+        ("share", _DOUBLE * 2),
+        ("narrow", _DOUBLE),
+        ("lam", _DOUBLE),
+    )
+
+
+_PROBLEM = ctypes.POINTER(Problem)
+_NOTHING = ctypes.c_char * 0
+_SEARCH_WORKSPACE = 3613  # doubles: SEARCH_WORKSPACE of core.h
+# What each one returns and takes; a pointer stands for the array that core.h describes.
+_FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
+    "normal_equations": (_DOUBLE, (_PROBLEM, _POINTER, _INT, _POINTER, _POINTER)),
+    "residuals": (None, (_PROBLEM, _POINTER, _POINTER)),
+    "vertex_covariance": (
+        _INT,
+        (_PROBLEM, _POINTER, _DOUBLE, _DOUBLE, _DOUBLE, _POINTER, _INT, _POINTER),
+    ),
+    "descend": (_DOUBLE, (_PROBLEM, _POINTER, _INT, _DOUBLE, _DOUBLE)),
+    "refine": (None, (_PROBLEM, _POINTER)),
+    "places": (_INT, (_PROBLEM, _POINTER, _INT, _POINTER, _POINTER)),
+    "fit_counts": (_INT, (_PROBLEM, _INT, _INT, _INT, _INT, _POINTER, _POINTER, _POINTER)),
+    "fit_ellipse": (_DOUBLE, (_PROBLEM, _POINTER, _DOUBLE, _POINTER, _POINTER)),
+    "walk": (None, (*[_POINTER] * 8, *[_INT] * 4, _POINTER)),
+    "lowest": (_DOUBLE, (*[_POINTER] * 5, _INT, _INT, _POINTER)),
+    "misfits": (_INT, (_POINTER, _INT, _INT, _POINTER)),
+    "spikes": (None, (_POINTER, _INT, _DOUBLE, _POINTER, _POINTER)),
+}
+
+
+@functools.cache
+def exported(name: str) -> Callable[..., Any] | None:
+    """Return a function of the compiled core, its name without `tacstrip_`; None where NumPy has to do."""
+    core = library()
+    return None if core is None else bound(core, name)
+
+
+def bound(core: ctypes.CDLL, name: str) -> Callable[..., Any]:
+    """Return a function of a certain build."""
+    function: Any = getattr(core, f"tacstrip_{name}")
+    function.restype, function.argtypes = _FUNCTIONS[name]
+    found: Callable[..., Any] = function
+    return found
+
+
+def at(array: npt.NDArray[Any]) -> int:
+    """Return where an array lies; it must be contiguous, and outlive the call that is given this."""
+    if array.flags.writeable:
+        return ctypes.addressof(_NOTHING.from_buffer(array.data))  # half the time of array.ctypes.data
+    return array.ctypes.data
+
+
+def search_workspace() -> npt.NDArray[np.float64]:
+    """Return what a search works in."""
+    return np.empty(_SEARCH_WORKSPACE)

@@ -1,0 +1,146 @@
+"""An ellipse as a rival of the polygon: five numbers explain a round contact, which no count of vertices fits best.
+
+l and u are c + s t -+ b sqrt(1 - t^2), t from -1 to 1 over the contact: an ellipse in any position. From one
+signature the polygon with the fewest vertices that explains an ellipse has a fifth of its area.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tacstrip.arrays import FloatArray
+from tacstrip.core.binding import at, exported
+from tacstrip.core.equations import terms
+from tacstrip.core.fit import MOST, Fit
+from tacstrip.core.signal import Signal
+from tacstrip.fisher import covariance
+
+_STEPS, _ENOUGH, _HOPE = 25, 1e-2, 4.0
+PARAMETERS = 3  # that the readings determine; the ends' x have a prior
+_POINTS = 20  # interior points of either chain that draw it
+_CHORD = np.pi / (_POINTS + 1)  # angle between two of them
+_SAME_AREA = _CHORD / np.sin(_CHORD)  # they lie so much further out in y that chords hold the ellipse's area
+_EDGE = 0.03  # sqrt(1 - t^2) of the place nearest to an end where its slope is taken
+_LEAST = 1e-9  # added to the normal matrix
+
+
+@dataclass(frozen=True, eq=False)
+class Ellipse:
+    """An ellipse in units of a signal.
+
+    Attributes
+    ----------
+    parameters
+        Left end, right end, height c of the middle, rise s from there to the right end, half-height b (5,).
+    cost
+        Squared residuals over sigma^2, and what the prior of the ends' x adds.
+    information
+        J'J by the parameters (5, 5), the prior included.
+    """
+
+    parameters: FloatArray
+    cost: float
+    information: FloatArray
+
+    def residuals(self, signal: Signal) -> FloatArray:
+        """Return measured minus fitted readings over sigma (S, n); 0 where a reading is left out."""
+        left, right, c, s, b = self.parameters
+        t = np.clip((2.0 * signal.x - left - right) / (right - left), -1.0, 1.0)
+        middle, half = c + s * t, b * np.sqrt(1.0 - t * t)
+        k = signal.readings_of(np.clip(middle - half, 0.0, 1.0), np.clip(middle + half, 0.0, 1.0))
+        return np.asarray((signal.k - k) * signal.root_weight)
+
+    def outline(self, signal: Signal) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return lower and upper chain (22, 2) [mm], and the covariance (84, 84) [mm^2] of the 42 vertices."""
+        left, right, c, s, b = self.parameters
+        t = -np.cos(np.linspace(0.0, np.pi, _POINTS + 2))
+        r = _SAME_AREA * np.sqrt(np.maximum(1.0 - t * t, 0.0))
+        r[[0, -1]] = 0.0
+        x = 0.5 * (left + right) + 0.5 * (right - left) * t
+        scale, origin = np.array((signal.width_mm, signal.length_mm)), (signal.origin_mm, 0.0)
+        lower, upper = (
+            np.stack([x, np.clip(c + s * t + side * b * r, 0.0, 1.0)], axis=1) * scale + origin
+            for side in (-1, 1)
+        )
+        ring_t, ring_r = np.concatenate([t, t[-2:0:-1]]), np.concatenate([-r, r[-2:0:-1]])
+        slopes = np.zeros((len(ring_t), 2, 5))
+        slopes[:, 0, 0], slopes[:, 0, 1] = 0.5 * (1.0 - ring_t), 0.5 * (1.0 + ring_t)
+        slopes[:, 1, 2], slopes[:, 1, 3], slopes[:, 1, 4] = 1.0, ring_t, ring_r
+        by = (slopes * scale[:, None]).reshape(-1, 5)
+        value, vector = np.linalg.eigh(self.information)
+        told = covariance(np.sqrt(np.maximum(value, 0.0))[:, None] * vector.T)
+        return lower, upper, by @ told @ by.T
+
+
+def fit_ellipse(start: Fit, signal: Signal, wanted: float = np.inf) -> Ellipse:
+    """Fit an ellipse by least squares from where a polygon was found; in vain if it cannot cost less than `wanted`."""
+    core = exported("fit_ellipse")
+    if core is None:
+        return plain_fit_ellipse(start, signal, wanted)
+    matrix = np.empty((5, 5))
+    if start.count > MOST:  # an ellipse's outline, from the scan before
+        record, p = None, _begin(start)
+    else:
+        record, p = start.record, np.empty(5)
+    cost: float = core(signal.problem, None if record is None else at(record), wanted, at(p), at(matrix))
+    return Ellipse(p, cost, matrix)
+
+
+def plain_fit_ellipse(start: Fit, signal: Signal, wanted: float = np.inf) -> Ellipse:
+    """Do as `fit_ellipse`, in NumPy."""
+    p = _begin(start)
+    half, damping = 0.5 * signal.pitch, 1e-3
+    cost, matrix, gradient = _normal_equations(p, signal)
+    for _ in range(_STEPS):
+        small = matrix + np.diag(damping * matrix.diagonal() + _LEAST)
+        trial = p + np.linalg.solve(small, gradient)
+        trial[:2] = np.clip(trial[:2], (-half, 1.0 - half), (half, 1.0 + half))
+        trial[2] = np.clip(trial[2], 0.0, 1.0)
+        room = min(trial[2], 1.0 - trial[2])
+        trial[3:] = np.clip(trial[3:], (-room, 0.0), (room, 0.5))
+        new = _normal_equations(trial, signal)
+        gain = cost - new[0]
+        if gain >= 0.0:
+            p = trial
+            cost, matrix, gradient = new
+            damping = max(0.1 * damping, 1e-9)
+            if gain < _ENOUGH or cost - _HOPE * gain > wanted:
+                break
+        else:
+            damping *= 8.0
+            if damping > 1e8:
+                break
+    return Ellipse(p, cost, matrix)
+
+
+def _normal_equations(p: FloatArray, signal: Signal) -> tuple[float, FloatArray, FloatArray]:
+    left, right, c, s, b = p
+    t = np.clip((2.0 * signal.x - left - right) / (right - left), -1.0, 1.0)
+    r = np.sqrt(np.maximum(1.0 - t * t, 0.0))
+    l = np.clip(c + s * t - b * r, 0.0, 1.0)
+    u = np.minimum(np.maximum(c + s * t + b * r, l), 1.0)
+    bend, one = b * t / np.maximum(r, _EDGE), np.ones_like(t)
+    by_l, by_u = (
+        np.stack(
+            [by_t * (t - 1.0) / (right - left), by_t * (-1.0 - t) / (right - left), one, t, root], axis=1
+        )
+        for by_t, root in ((s + bend, -r), (s - bend, r))
+    )
+    ll, lu, uu, lr, ur, rr = terms(l, u, signal)
+    matrix = by_l.T @ (ll[:, None] * by_l + lu[:, None] * by_u)
+    matrix += by_u.T @ (lu[:, None] * by_l + uu[:, None] * by_u)
+    prior, off = 12.0 / signal.pitch**2, p[:2] - (0.0, 1.0)
+    matrix[[0, 1], [0, 1]] += prior
+    gradient = by_l.T @ lr + by_u.T @ ur
+    gradient[:2] -= prior * off
+    return float(rr.sum() + prior * (off @ off)), matrix, gradient
+
+
+def _begin(start: Fit) -> FloatArray:
+    """Return an ellipse (5,) where a polygon is."""
+    l, u = start.ends(np.array([0.0, 0.25, 0.5, 0.75, 1.0]))
+    middle = 0.5 * (l + u)
+    rise, half = 0.5 * (middle[4] - middle[0]), min(max(0.5 * float((u - l).max()), 0.15), 0.4)
+    return np.array([0.0, 1.0, min(max(middle.mean(), 0.05), 0.95), rise, half])

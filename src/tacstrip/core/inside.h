@@ -1,0 +1,73 @@
+/* What the core's files share among themselves: lanes, small helpers, and functions that are not exported. */
+
+#ifndef TACSTRIP_INSIDE_H
+#define TACSTRIP_INSIDE_H
+
+#include "lanes.h"
+
+#if defined(_WIN32) || defined(__TINYC__)
+#define HIDDEN
+#else
+#define HIDDEN __attribute__((visibility("hidden")))
+#endif
+
+#define INFINITE (1.0 / 0.0)
+
+#ifdef TACSTRIP_DEBUG
+void abort(void);
+#define CHECK(condition) ((condition) ? (void)0 : abort())
+#else
+#define CHECK(condition) ((void)0)
+#endif
+
+double sqrt(double);
+
+typedef double Matrix[SIZE][SIZE];
+
+static inline double smaller(double a, double b) { return a < b ? a : b; }
+static inline double larger(double a, double b) { return a > b ? a : b; }
+static inline double magnitude(double v) { return v < 0.0 ? -v : v; }
+static inline double clip(double v, double low, double high) { return smaller(larger(v, low), high); }
+
+/* mathematics.c */
+HIDDEN double natural_log(double x);        /* x > 0 */
+HIDDEN double hyperbolic_tangent(double x); /* any x */
+
+/* cholesky.c: the upper triangle of the leading n rows, U'U = a */
+HIDDEN int factor(Matrix a, Int n); /* in place; 0 where a is not positive definite */
+HIDDEN void solve(Matrix u, Int n, double *b);
+HIDDEN void solve_upper(Matrix u, Int n, double *b); /* U b' = b */
+
+/* equations.c */
+typedef struct {
+  double x, y, slope, run; /* one point, dy/dx, and 1 / extent in x */
+} Line;
+typedef struct {
+  Int x, y; /* entries of theta */
+} Knot;
+HIDDEN Knot knot(const Polygon *p, Int vertex, int upper, int right); /* of a vertex, or where that is < 0 of an end */
+HIDDEN Line edge(const double *theta, Knot a, Knot b);
+HIDDEN Int first_from(const double *x, Int n, double at); /* the first strip whose x is not below `at` */
+HIDDEN double normal_equations(const Problem *s, const Polygon *p, Matrix a, double *g);
+HIDDEN double without_prior(const Problem *s, const Polygon *p, Matrix a, double *g);
+
+/* Of one chain; left and right of the polygon as at its ends. */
+HIDDEN double height_at(const Polygon *p, int upper, double x);
+typedef struct {
+  Int edges, first[MOST + 2]; /* edge e has the strips first[e] to first[e + 1] */
+  Knot at[MOST + 2];
+  Line line[MOST + 1];
+} Chain;
+HIDDEN void chain_of(const Problem *s, const Polygon *p, int upper, Chain *chain);
+HIDDEN Int edge_of(const Chain *chain, Int strip, Int e); /* not before edge e */
+
+/* descent.c */
+HIDDEN Int free_entries(const Polygon *p, Int *free);
+HIDDEN void sort_vertices(Polygon *p);
+HIDDEN void move(const Polygon *p, const Int *free, Int n, const double *step, double pitch, double *trial);
+
+/* moves.c */
+enum { FIRST, GROW, SHRINK };
+HIDDEN int improve(const Problem *s, int kind, Polygon *best, Int m, int convex, double *workspace);
+
+#endif

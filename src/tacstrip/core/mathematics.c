@@ -1,0 +1,48 @@
+/* exp, tanh and log to about one unit in the last place, the same on every platform. */
+
+#include "inside.h"
+
+typedef union {
+  double value;
+  Int bits;
+} Word;
+
+static const double LN2_HIGH = 6.93147180369123816490e-01, LN2_LOW = 1.90821492927058770002e-10;
+
+/* |x| < 700. x = k ln 2 + r, |r| <= ln 2 / 2; e^r by its series, from r^13 / 13! down. */
+static double exponential(double x) {
+  static const double series[] = {
+      1.6059043836821613e-10, 2.08767569878681e-09,   2.505210838544172e-08, 2.755731922398589e-07, 2.7557319223985893e-06,
+      2.48015873015873e-05,   0.0001984126984126984,  0.001388888888888889,  0.008333333333333333,  0.041666666666666664,
+      0.16666666666666666,    0.5,                    1.0,                   1.0};
+  Int k = (Int)(x * 1.44269504088896338700 + (x < 0.0 ? -0.5 : 0.5));
+  double r = (x - (double)k * LN2_HIGH) - (double)k * LN2_LOW, sum = 0.0;
+  Word power;
+  for (int i = 0; i < 14; i++) sum = sum * r + series[i];
+  power.bits = (k + 1023) << 52;
+  return sum * power.value;
+}
+
+double hyperbolic_tangent(double x) {
+  double a = x < 0.0 ? -x : x, value;
+  if (!(a < 20.0)) value = 1.0;
+  else if (a < 0.3) { /* Lambert's continued fraction */
+    double z = a * a, below = 13.0;
+    for (int i = 11; i > 0; i -= 2) below = (double)i + z / below;
+    value = a / below;
+  } else value = 1.0 - 2.0 / (exponential(2.0 * a) + 1.0);
+  return x < 0.0 ? -value : value;
+}
+
+/* x = 2^k m with m about 1; log m = 2 artanh f, f = (m - 1) / (m + 1). */
+double natural_log(double x) {
+  Word word;
+  word.value = x;
+  Int k = (word.bits >> 52) - 1023;
+  word.bits = (word.bits & 0xfffffffffffffLL) | 0x3ff0000000000000LL;
+  double m = word.value;
+  if (m > 1.4142135623730951) { m *= 0.5; k++; }
+  double f = (m - 1.0) / (m + 1.0), z = f * f, sum = 0.0;
+  for (int i = 23; i > 0; i -= 2) sum = sum * z + 1.0 / (double)i;
+  return (double)k * LN2_HIGH + (2.0 * f * sum + (double)k * LN2_LOW);
+}
