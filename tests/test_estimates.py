@@ -133,7 +133,9 @@ def test_the_known_bound_never_makes_it_worse(kind: str) -> None:
             drawn = draw(kind, strips, 0.01, np.random.default_rng([seed, strips]))
             squares.append([off_area(drawn, fitted(drawn, 0.01, b)) ** 2 for b in (False, True)])
     least_squares, bounded = np.sqrt(np.mean(squares, axis=0))
-    assert bounded < 1.05 * least_squares  # by chance they differ by 2 % in 32 contacts; tilted ones were at 1.18
+    assert (
+        bounded < 1.05 * least_squares
+    )  # by chance they differ by 2 % in 32 contacts; tilted ones were at 1.18
 
 
 def test_an_end_edge_on_one_strip_stays_where_the_readings_put_it() -> None:
