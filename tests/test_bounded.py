@@ -19,7 +19,7 @@ from tacstrip.contact.noise import digitise
 from tacstrip.core.polytope import lowest, plain_lowest, plain_walk, walk
 from tacstrip.reconstruct.bound import reading_sigma, vertex_covariance, vertex_rms
 from tacstrip.reconstruct.bounded import Bounded, fewest, refine, within
-from tacstrip.reconstruct.bounded_centre import centre, interior
+from tacstrip.reconstruct.bounded_centre import centre, interior, largest
 from tacstrip.reconstruct.bounded_lines import Band, Lines, reading_bound
 from tacstrip.reconstruct.bounded_set import FeasibleSet, feasible_set
 from tacstrip.reconstruct.outline import Outline
@@ -213,6 +213,15 @@ def test_interior_finds_a_point_or_knows_that_there_is_none(seed: int) -> None:
 def test_a_set_without_inside_is_none() -> None:
     a = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
     assert interior(a, np.array([1.0, -1.0, 1.0, 1.0]), np.zeros(2), 1.0)[2]
+
+
+def test_of_equal_bounds_the_first_are_near_and_in_order() -> None:
+    """A partial sort leaves the order open, and with it which bound meets which random number."""
+    values = np.array([1.0, 3.0, 2.0, 3.0, 2.0, 2.0, 0.0])
+    np.testing.assert_array_equal(largest(values, 4), [1, 2, 3, 4])
+    np.testing.assert_array_equal(largest(values, 99), np.arange(7))
+    many = np.random.default_rng(0).integers(0, 50, 5000).astype(float)
+    np.testing.assert_array_equal(largest(many, 700), np.sort(np.argsort(-many, kind="stable")[:700]))
 
 
 def test_the_centre_of_a_box_is_its_middle() -> None:

@@ -375,3 +375,21 @@ def test_strips_and_scans_broadcast(contact_lambda: float) -> None:
     width = width_from_lower(k, l, L, contact_lambda)
     assert width.shape == (4, 6)
     np.testing.assert_allclose(width, w, atol=1e-9)
+
+
+def test_rounding_takes_no_closed_form_beyond_0_or_1() -> None:
+    """A contact that ends at L reads 1, one that begins at 0 reads 0, whatever its sum rounds to."""
+    random = np.random.default_rng(0)
+    assert k_h(at(10.000551647029065), at(32 - 10.000551647029065), 32.0) == 1.0
+    for length in (32.0, 1000.0, 0.07):
+        l = np.concatenate(
+            [random.uniform(0.0, length, 20_000), length * 10.0 ** random.uniform(-9, 0, 20_000)]
+        )
+        for read in (
+            k_h(l, length - l, length),
+            k_h(l, length - l, length, 0.3),
+            k_metal(l, length - l, length),
+        ):
+            assert np.nanmax(read) <= 1.0
+    beyond = k_h(np.array([30.0]), np.array([2.001]), 32.0)  # no rounding: the contact is too long
+    assert beyond[0] > 1.0

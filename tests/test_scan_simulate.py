@@ -268,3 +268,11 @@ def test_noise_cannot_push_a_scan_out_of_range() -> None:
 def test_transition_error_does_not_show_in_a_scan() -> None:
     noisy = simulate(METAL, CONTACT, Noise(transition_mm=50.0), rng=5)
     np.testing.assert_array_equal(noisy["k"], simulate(METAL, CONTACT)["k"])
+
+
+def test_a_reading_beyond_0_or_1_by_rounding_is_none() -> None:
+    scan = Scan(kh=np.array([np.nextafter(1.0, 2.0), np.nan]), kl=np.array([-1e-16, np.nan]))
+    np.testing.assert_array_equal(scan["kh"], [1.0, np.nan])
+    np.testing.assert_array_equal(scan["kl"], [0.0, np.nan])
+    with pytest.raises(ReadingError, match=r"outside 0\.\.1"):
+        Scan(kh=np.array([1.0 + 1e-12]))

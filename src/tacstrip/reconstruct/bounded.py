@@ -26,7 +26,7 @@ from tacstrip.reconstruct.bounded_set import feasible_set
 from tacstrip.reconstruct.moments import LEVEL, MomentDeviations, sample_deviations
 from tacstrip.reconstruct.outline import Outline
 
-_EFFORT = 2_500.0  # for one outline
+_EFFORT = 1_500.0  # for one outline
 _REACHES = (4.0, 12.0)  # standard errors of least squares within which a kink is looked for
 _ALIKE = 0.1  # of the points drawn: if fewer are worth as much as all, they do not tell of vertices
 _BENT = 0.05  # of a reading's band: by how much the mean may leave it, as the set is not quite convex

@@ -111,8 +111,20 @@ def recovered(
     if noise is not None and bounded and not faint:
         refined = _refined(scan, sensor, contact, noise)
         empty = refined is None
-        options = () if refined is None else (refined, refined.of_least_squares())
-        guarantee = next((o for o in options if explains(run, noise.distribution, o.outline)), None)
+        options = [] if refined is None else [refined, refined.of_least_squares()]
+        y = outline.vertices[:, 1] / sensor.length_mm
+        if y.min() <= _THIN or y.max() >= 1.0 - _THIN:
+            del options[:1]  # held to the strips, the mean lies inside of what passes over the border
+        guarantee = next(
+            (
+                o
+                for o in options
+                # Least squares has the count that its own criterion chose.
+                if (o.fallback is not None or len(o.outline.vertices) == len(outline.vertices))
+                and explains(run, noise.distribution, o.outline)
+            ),
+            None,
+        )
         if guarantee is not None:
             outline, covariance = guarantee.outline, guarantee.region_covariance
     status, advice = judge(run, noise.distribution if noise else None, outline.vertices, covariance)

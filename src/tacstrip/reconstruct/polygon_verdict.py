@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from tacstrip.arrays import FloatArray
-from tacstrip.reconstruct.outline import Outline
 from tacstrip.core.fit import Fit
+from tacstrip.reconstruct.outline import Outline
 from tacstrip.reconstruct.polygon_run import RunFit
 from tacstrip.reconstruct.result import Status
 
