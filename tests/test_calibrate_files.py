@@ -184,7 +184,7 @@ def test_from_plan_to_calibrated_spec(bench: Path) -> None:
     with runs.open("a") as file:  # untouched strips in the same runs
         for i in range(24):
             file.write(f"{1 + i % 2},,,{0.2 + 0.001 * (i % 3)},0.1,,\n")
-    done = run(spec, runs, "-o", out, "--model", "mean", "--report", bench / "report")
+    done = run(spec, runs, "-o", out, "--report", bench / "report")
     assert done.code == 0
     assert "learned" in done.text
     sensor = ts.Sensor.load(out)
