@@ -45,7 +45,7 @@ check: setup ## lint, format and types; the core by other compilers and under sa
 	@$(BIN)/ruff check
 	@$(BIN)/ruff format --check
 	@$(BIN)/mypy
-	@$(BIN)/pytest -m builds -rs tests/test_build_*.py
+	@$(BIN)/pytest -m builds -rs tests/core
 	@$(BIN)/python tools/check_core.py
 
 reproduce: setup ## make the published results again into reproduction/

@@ -12,9 +12,9 @@ from _protocol import SIGNATURES, Cell, Trial
 
 import tacstrip as ts
 from tacstrip.arrays import FloatArray
+from tacstrip.core.problem import Signal
 from tacstrip.core.search import fit_counts
-from tacstrip.core.signal import Signal
-from tacstrip.reconstruct.bound import reading_sigma
+from tacstrip.reconstruction.cramer_rao import reading_sigma
 
 Finder = Callable[[Cell, Trial], FloatArray]
 

@@ -14,8 +14,8 @@ import numpy as np
 
 import tacstrip as ts
 from tacstrip.arrays import FloatArray
-from tacstrip.reconstruct.bound import reading_sigma, vertex_covariance
-from tacstrip.reconstruct.outline import Outline
+from tacstrip.geometry.outline import Outline
+from tacstrip.reconstruction.cramer_rao import reading_sigma, vertex_covariance
 
 LENGTH_MM = 1000.0
 BITS = 12

@@ -11,8 +11,8 @@ from _timing import median_seconds
 
 import tacstrip as ts
 from tacstrip.arrays import FloatArray
-from tacstrip.reconstruct.ends import closed_ends
-from tacstrip.simulate import readings
+from tacstrip.reconstruction.contact_ends import closed_ends
+from tacstrip.simulation import readings
 
 SENSOR = ts.Sensor(construction="crs-crs", strips=100, pitch_mm=1.0, length_mm=100.0, adc_bits=12)
 NOISE = ts.Noise(quantisation=0.001, positional=0.005)

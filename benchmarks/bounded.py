@@ -26,8 +26,8 @@ from transitions import REGION, SEED, cell_key, parse
 
 import tacstrip as ts
 from tacstrip.arrays import FloatArray
-from tacstrip.reconstruct.polygon import fit_polygon
-from tacstrip.reconstruct.result import RecoveredObject
+from tacstrip.reconstruction.polygon.estimate import fit_polygon
+from tacstrip.reconstruction.result import RecoveredObject
 
 CELLS = [Cell(kind, noise, n) for kind in ("both", "kh") for noise in (0.005, 0.01) for n in (100, 300, 1000)]
 SIZES, NOISES = (6, 10, 20, 50, 100, 300, 1000), (0.001, 0.004, 0.015)

@@ -15,11 +15,11 @@ from _timing import median_seconds
 
 import tacstrip as ts
 from tacstrip.arrays import FloatArray
-from tacstrip.calibrate.choose import choose
 from tacstrip.calibrate.model import apply
+from tacstrip.calibrate.model_selection import choose
 from tacstrip.calibrate.offsets import mean_offsets
 from tacstrip.calibrate.residuals import residuals
-from tacstrip.studies.thesis.published import offsets_volt
+from tacstrip.data.published import offsets_volt
 
 Places = list[tuple[float, float]]
 UNIT, NOISE, LAMBDA, MISMATCH = 10.0, 0.002, 2.0, 1.05

@@ -19,7 +19,7 @@ from sheet import in_turns
 
 import tacstrip as ts
 from tacstrip.arrays import FloatArray
-from tacstrip.network import crp
+from tacstrip.network.crp import inversion as crp
 from tacstrip.network.nodal import Factored
 
 LENGTH = 100.0

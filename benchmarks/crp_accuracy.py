@@ -15,10 +15,10 @@ from crp_bounds import LENGTH, SCHEMES, span, wide
 from shapely import MultiPoint, Polygon
 
 import tacstrip as ts
+from studies.crp import SHAPES, SIGMA, a_sensor, end_bounds
 from tacstrip.arrays import FloatArray
-from tacstrip.network import crp
-from tacstrip.network.crp_mesh import Mesh
-from tacstrip.studies.crp import SHAPES, SIGMA, a_sensor, end_bounds
+from tacstrip.network.crp import inversion as crp
+from tacstrip.network.crp.mesh import Mesh
 
 POLYGONS, TAKES = 40, 2  # random contacts, and noisy scans of each
 

@@ -9,9 +9,9 @@ import numpy as np
 from _tables import head, print_asked, row
 
 import tacstrip as ts
+from studies.crp import SHAPES, SIGMA, a_sensor, end_bounds
 from tacstrip.arrays import BoolArray, FloatArray
-from tacstrip.network import crp
-from tacstrip.studies.crp import SHAPES, SIGMA, a_sensor, end_bounds
+from tacstrip.network.crp import inversion as crp
 
 LENGTH = a_sensor().length_mm
 SCHEMES: tuple[crp.Electrodes, ...] = ("own", "all")

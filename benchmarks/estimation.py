@@ -12,8 +12,8 @@ from __future__ import annotations
 
 import argparse
 
+from studies.estimation import NOISES, UNITS, Outcome, outcome, real_contacts
 from tacstrip.contact.noise import Noise
-from tacstrip.studies.estimation import NOISES, UNITS, Outcome, outcome, real_contacts
 
 SEED = 1
 

@@ -10,8 +10,8 @@ from functools import partial
 from _timing import median_seconds
 
 import tacstrip as ts
-from tacstrip.network.ladder import fast_readings
-from tacstrip.network.strips import network_readings
+from tacstrip.network.strips.ladder import fast_readings
+from tacstrip.network.strips.measurements import network_readings
 
 TALL = ts.Contact.polygon([(0, 20), (50, 5), (100, 30), (100, 80), (40, 95), (0, 60)])
 

@@ -23,12 +23,12 @@ from pathlib import Path
 import numpy as np
 
 import tacstrip as ts
-from tacstrip.stream.device import VirtualDevice
-from tacstrip.stream.live import Live
-from tacstrip.stream.port import SerialPort
-from tacstrip.stream.pty_device import PtyDevice
-from tacstrip.stream.serial_source import SerialSource
-from tacstrip.stream.warm import warm_up
+from tacstrip.stream.device.port import SerialPort
+from tacstrip.stream.device.pty import PtyDevice
+from tacstrip.stream.device.source import SerialSource
+from tacstrip.stream.device.virtual import VirtualDevice
+from tacstrip.stream.live.pipeline import Live
+from tacstrip.stream.live.warmup import warm_up
 
 RATE_HZ = 1000.0
 SENSOR = ts.Sensor(construction="crs-crs", strips=100, pitch_mm=1.0, length_mm=100.0, adc_bits=12)

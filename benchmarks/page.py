@@ -18,11 +18,11 @@ from typing import Any
 from playwright.sync_api import sync_playwright
 
 import tacstrip as ts
-from tacstrip.stream.live import Live
+from tacstrip.stream.live.pipeline import Live
 from tacstrip.view.access import Access
-from tacstrip.view.playground import Playground, Settings
+from tacstrip.view.controller import Stage
 from tacstrip.view.server import Server
-from tacstrip.view.stage import Stage
+from tacstrip.view.simulator import Playground, Settings
 
 SENSOR = ts.Sensor(construction="crs-crs", strips=50, pitch_mm=2.0, length_mm=100.0, adc_bits=12)
 RATE_HZ = 1000.0

@@ -22,9 +22,9 @@ from pathlib import Path
 import numpy as np
 
 import tacstrip as ts
-from tacstrip.simulate import readings
+from tacstrip.simulation import readings
 from tacstrip.stream.codes import top_code
-from tacstrip.stream.pipeline import with_shapes
+from tacstrip.stream.recording.record import with_shapes
 
 STRIPS, RATE_HZ, BLOCK = 100, 1000, 200
 SENSOR = ts.Sensor(construction="crs-crs", strips=STRIPS, pitch_mm=1.0, length_mm=100.0, adc_bits=12)

@@ -26,12 +26,12 @@ import tacstrip as ts
 from tacstrip.arrays import FloatArray
 from tacstrip.core.descent import refine
 from tacstrip.core.fit import Fit
+from tacstrip.core.problem import Signal
 from tacstrip.core.search import fit_counts
-from tacstrip.core.signal import Signal
-from tacstrip.reconstruct.bound import reading_sigma
-from tacstrip.reconstruct.outline import Outline
-from tacstrip.reconstruct.polygon import fit_polygon
-from tacstrip.reconstruct.polygon_fit import untangled
+from tacstrip.geometry.outline import Outline
+from tacstrip.reconstruction.cramer_rao import reading_sigma
+from tacstrip.reconstruction.polygon.estimate import fit_polygon
+from tacstrip.reconstruction.polygon.fit import untangled
 
 SEED = 20260501
 CELLS = [

@@ -17,7 +17,7 @@ from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import on_readings
 from tacstrip.sensor.constructions import CONSTRUCTIONS
 from tacstrip.sensor.rest_level import rest_hint
-from tacstrip.simulate import readings
+from tacstrip.simulation import readings
 
 KINDS = [kind for kind in CONSTRUCTIONS.values() if kind.closed_form]
 NOISE = (0.0, 0.001, 0.005, 0.01)

@@ -12,9 +12,9 @@ import time
 
 import numpy as np
 
+from tacstrip.stream.device.protocol.decoder import Decoder
+from tacstrip.stream.device.protocol.scans import ScanBatch, encode_scan
 from tacstrip.stream.source import RawScan
-from tacstrip.stream.wire import Decoder
-from tacstrip.stream.wire_scans import ScanBatch, encode_scan
 
 FRAMES, REPEATS = 20_000, 7
 BLOCKS = {"in one piece": 2**30, "64 KB at a time": 2**16, "4 KB at a time": 2**12, "frame by frame": 0}

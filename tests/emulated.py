@@ -12,10 +12,10 @@ import pytest
 
 import tacstrip as ts
 from tacstrip.arrays import FloatArray
-from tacstrip.stream.wire import Decoder, Received
-from tacstrip.stream.wire_commands import Command
-from tacstrip.stream.wire_frames import Kind
-from tacstrip.stream.wire_scans import ScanBatch
+from tacstrip.stream.device.protocol.commands import Command
+from tacstrip.stream.device.protocol.decoder import Decoder, Received
+from tacstrip.stream.device.protocol.frames import Kind
+from tacstrip.stream.device.protocol.scans import ScanBatch
 
 FIRMWARE = Path(__file__).parents[1] / "firmware"
 VREF_VOLT = 5.0

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import tacstrip as ts
-from tacstrip.stream.device import Loopback, VirtualDevice
+from tacstrip.stream.device.virtual import Loopback, VirtualDevice
 
 SENSOR = ts.Sensor(construction="crs-crs", strips=20, pitch_mm=5.0, length_mm=100.0, adc_bits=12)
 SHAPE = ts.Contact.polygon([(22, 38), (62, 22), (80, 55), (45, 76)])

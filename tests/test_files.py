@@ -16,7 +16,7 @@ import pytest
 import tacstrip as ts
 from tacstrip.files import replacing, why_unreadable, write_text
 from tacstrip.stream.codes import encode, with_converter
-from tacstrip.stream.recording import Recorder
+from tacstrip.stream.recording.recorder import Recorder
 from tacstrip.stream.source import Shape
 
 SENSOR = ts.Sensor(construction="crs-crs", strips=12, pitch_mm=5.0, length_mm=100.0, adc_bits=12)

@@ -1,6 +1,6 @@
 """What the core must pass besides the tests: no warning of a compiler, and no finding of the sanitizers.
 
-Those watch tests/test_core*.py, and tests/core_driver.c as a program of its own.
+Those watch tests/core/, and tests/core/core_driver.c as a program of its own.
 """
 
 from __future__ import annotations
@@ -51,7 +51,9 @@ def sanitized(folder: Path) -> str:
     same = (*SANITIZED, *build_core.SAME_BITS)
     gcc.compile(library, build_core.sources(), (*same, *build_core.SHARED, *build_core.defined()))
     gcc.compile(
-        driver, [ROOT / "tests" / "core_driver.c", *build_core.sources()], (*same, f"-I{build_core.CORE}")
+        driver,
+        [ROOT / "tests" / "core" / "core_driver.c", *build_core.sources()],
+        (*same, f"-I{build_core.CORE}"),
     )
     subprocess.run([driver], env=os.environ | OPTIONS, stdout=subprocess.DEVNULL, check=True)
 
@@ -61,7 +63,7 @@ def sanitized(folder: Path) -> str:
     print(f"The core's tests with {used}", flush=True)
     if "sanitized" not in used:
         raise SystemExit("these are not the sanitized build")
-    tests = sorted(str(f) for f in (ROOT / "tests").glob("test_core*.py"))
+    tests = sorted(str(f) for f in (ROOT / "tests" / "core").glob("test_[cl]*.py"))
     pytest = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "-m", "not slow"]
     subprocess.run([*pytest, *tests], env=env, cwd=ROOT, check=True)
     return ""

@@ -7,18 +7,18 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from studies.budget import budget_figure
+from studies.crp import FIGURES as CRP
+from studies.estimation_figures import FIGURES as ESTIMATION
+from studies.physics import FIGURES as PHYSICS
+from studies.width import FIGURES as WIDTH
 from tacstrip.plot.style import save
-from tacstrip.studies.budget import budget_figure
-from tacstrip.studies.crp import FIGURES as CRP
-from tacstrip.studies.demo import picture, run
-from tacstrip.studies.estimation_figures import FIGURES as ESTIMATION
-from tacstrip.studies.physics import FIGURES as PHYSICS
-from tacstrip.studies.thesis.chapter2 import EXTRA as PHANTOMS
-from tacstrip.studies.thesis.chapter2 import FIGURES as CHAPTER_2
-from tacstrip.studies.thesis.chapter3 import FIGURES as CHAPTER_3
-from tacstrip.studies.thesis.chapter4 import FIGURES as CHAPTER_4
-from tacstrip.studies.thesis.chapter5_figures import ambiguity, noisy_signature
-from tacstrip.studies.width import FIGURES as WIDTH
+from tacstrip.thesis.chapter2 import EXTRA as PHANTOMS
+from tacstrip.thesis.chapter2 import FIGURES as CHAPTER_2
+from tacstrip.thesis.chapter3 import FIGURES as CHAPTER_3
+from tacstrip.thesis.chapter4 import FIGURES as CHAPTER_4
+from tacstrip.thesis.chapter5.figures import ambiguity, noisy_signature
+from tacstrip.thesis.demo import picture, run
 
 PICTURES = Path(__file__).parents[1] / "docs" / "pictures"
 

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from tacstrip.arrays import FloatArray
-from tacstrip.calibrate.choose import told
 from tacstrip.calibrate.goodness import Goodness, judge_fit
+from tacstrip.calibrate.model_selection import told
 from tacstrip.calibrate.residuals import residuals
 from tacstrip.errors import SpecError
 from tacstrip.io.runs import Runs

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from tacstrip.arrays import FloatArray
-from tacstrip.calibrate.choose import parts_of, planned
 from tacstrip.calibrate.fit import slopes
 from tacstrip.calibrate.model import Model, start
+from tacstrip.calibrate.model_selection import parts_of, planned
 from tacstrip.calibrate.unit import check
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError

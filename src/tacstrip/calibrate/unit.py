@@ -9,11 +9,11 @@ import numpy as np
 
 from tacstrip.arguments import takes
 from tacstrip.arrays import BoolArray, FloatArray
-from tacstrip.calibrate.choose import Trial, choose, named, told
 from tacstrip.calibrate.fit import Fit, at_rail
 from tacstrip.calibrate.goodness import Goodness, judge, judge_fit
 from tacstrip.calibrate.interpretation import misread, other_order
 from tacstrip.calibrate.model import apply
+from tacstrip.calibrate.model_selection import Trial, choose, named, told
 from tacstrip.calibrate.offsets import mean_offsets, offset_sigma
 from tacstrip.calibrate.residuals import residuals, rms_percent
 from tacstrip.errors import OptionError, ReadingError

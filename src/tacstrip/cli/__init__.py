@@ -128,7 +128,7 @@ def warn(*texts: str) -> None:
 
 def load_sensor(spec: str | Path) -> Sensor:
     """Load a spec file or a shipped spec, and warn where it looks like metres; errors as of `Sensor.load`."""
-    from tacstrip.io.suspicions import in_metres  # late, as all that loads NumPy
+    from tacstrip.io.input_checks import in_metres  # late, as all that loads NumPy
     from tacstrip.sensor.spec import Sensor
 
     sensor = Sensor.load(spec)

@@ -18,9 +18,9 @@ from tacstrip.calibrate.unit import Calibrated, calibrate_unit, check, now, one_
 from tacstrip.cli import load_sensor, protect, warn
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError
+from tacstrip.io.input_checks import half_read
 from tacstrip.io.readings import read_readings
 from tacstrip.io.runs import read_runs, write_plan
-from tacstrip.io.suspicions import half_read
 from tacstrip.sensor.rest_level import rest_hint
 from tacstrip.sensor.spec import Sensor
 
@@ -109,7 +109,7 @@ def command(
         if touch is None and all(len(v) for v in runs.rest.values()):
             spec = learn_touch(spec, runs.rest, f"{now()}, {runs.source}")
         if report is not None:
-            from tacstrip.calibrate.report import write_report
+            from tacstrip.report.calibration import write_report
 
             click.echo(f"{write_report(result, report)}: report")
         warn(result.advice)

@@ -8,7 +8,7 @@ import click
 
 from tacstrip.io.geometry import write_geojson
 from tacstrip.plot.style import save
-from tacstrip.reconstruct.result import Reconstruction
+from tacstrip.reconstruction.result import Reconstruction
 
 
 @click.command()
@@ -23,7 +23,7 @@ def command(out: Path) -> None:
 
     Example: tacstrip demo --out demo
     """
-    from tacstrip.studies.demo import FIT, picture, run, table  # late: --help does without it
+    from tacstrip.thesis.demo import FIT, picture, run, table  # late: --help does without it
 
     demo = run()
     click.echo(

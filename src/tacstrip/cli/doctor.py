@@ -17,7 +17,7 @@ from tacstrip.diagnose.doctor import diagnose
 from tacstrip.diagnose.finding import Finding, Report
 from tacstrip.diagnose.log import Log, read_log
 from tacstrip.errors import OptionError
-from tacstrip.io.suspicions import half_read, over_vref
+from tacstrip.io.input_checks import half_read, over_vref
 from tacstrip.stream.replay import Recording
 
 
@@ -49,7 +49,7 @@ def command(file: Path, sensor: str | None, as_json: bool, plot: Path | None) ->
     else:
         click.echo("\n".join(_lines(log, report)))
     if plot is not None:
-        from tacstrip.plot.doctor import health_figure
+        from tacstrip.plot.health import health_figure
         from tacstrip.plot.style import save
 
         click.echo(f"{save(health_figure(log, report), plot)} written", err=True)

@@ -10,7 +10,7 @@ from click.core import ParameterSource
 from tacstrip.cli import protect, warn
 from tacstrip.data import spec_names
 from tacstrip.errors import SpecError
-from tacstrip.io.suspicions import in_metres
+from tacstrip.io.input_checks import in_metres
 from tacstrip.sensor.constructions import CONSTRUCTIONS
 from tacstrip.sensor.constructions import construction as construction_named
 from tacstrip.sensor.spec import Sensor

@@ -16,14 +16,14 @@ from click.core import ParameterSource
 from tacstrip.arrays import FloatArray
 from tacstrip.cli import load_sensor, protect, warn
 from tacstrip.contact.noise import Noise
+from tacstrip.design.candidates import BITS, CONVERSION_S, FARAD, Design, candidates, designs
+from tacstrip.design.limits import Limit, Map, limit_map, limits, outline_of
 from tacstrip.errors import OptionError
 from tacstrip.files import write_text
+from tacstrip.geometry.outline import Outline
 from tacstrip.io.geometry import read_contact
-from tacstrip.io.suspicions import contact_in_metres
-from tacstrip.reconstruct.bound import reading_sigma
-from tacstrip.reconstruct.outline import Outline
-from tacstrip.studies.design import BITS, CONVERSION_S, FARAD, Design, candidates, designs
-from tacstrip.studies.limits import Limit, Map, limit_map, limits, outline_of
+from tacstrip.io.input_checks import contact_in_metres
+from tacstrip.reconstruction.cramer_rao import reading_sigma
 
 _MOST_LINES = 20
 _DESIGN_OPTIONS = ("construction", "pitch", "length", "try_bits", "picofarad", "conversion_us")

@@ -16,21 +16,21 @@ import click
 from tacstrip.cli import check_method, load_sensor, new_file, warn, warn_untouched
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError, PortError
-from tacstrip.io.suspicions import half_read
+from tacstrip.io.input_checks import half_read
 from tacstrip.sensor.spec import Sensor
+from tacstrip.stream.device.port import BAUD, SerialPort
+from tacstrip.stream.device.pty import PtyDevice
+from tacstrip.stream.device.source import SerialSource
 from tacstrip.stream.interrupt import Interrupt
-from tacstrip.stream.live import Live
-from tacstrip.stream.port import BAUD, SerialPort
-from tacstrip.stream.pty_device import PtyDevice
+from tacstrip.stream.live.pipeline import Live
+from tacstrip.stream.live.sinks import Sink, json_sink, tuio_sink
+from tacstrip.stream.live.warmup import warm_up
 from tacstrip.stream.replay import ReadingsSource, open_source
-from tacstrip.stream.serial_source import SerialSource
-from tacstrip.stream.sinks import Sink, json_sink, tuio_sink
 from tacstrip.stream.source import Source
-from tacstrip.stream.warm import warm_up
 from tacstrip.view.access import Access, check_port
-from tacstrip.view.playground import Playground, Settings
+from tacstrip.view.controller import Stage
 from tacstrip.view.server import Server
-from tacstrip.view.stage import Stage
+from tacstrip.view.simulator import Playground, Settings
 
 _HTTP = 8360
 _NAP_S = 0.1

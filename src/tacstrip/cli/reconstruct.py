@@ -15,14 +15,14 @@ from tacstrip.cli import check_method, load_sensor, protect, warn
 from tacstrip.contact.noise import Noise
 from tacstrip.contact.shape import Contact
 from tacstrip.errors import OptionError, ReadingError, number, one_of
+from tacstrip.geometry.metrics import mismatch
 from tacstrip.io.geometry import feature_collection, read_contact, write_geojson
+from tacstrip.io.input_checks import exchanged, half_read, largest, over_vref
 from tacstrip.io.readings import read_readings
-from tacstrip.io.suspicions import exchanged, half_read, largest, over_vref
-from tacstrip.metrics import mismatch
-from tacstrip.reconstruct.methods import METHODS, best_method
-from tacstrip.reconstruct.profile import profile_reconstruction
-from tacstrip.reconstruct.result import Reconstruction
-from tacstrip.reconstruct.vertex import vertex_reconstruction
+from tacstrip.reconstruction.methods import METHODS, best_method
+from tacstrip.reconstruction.profile import profile_reconstruction
+from tacstrip.reconstruction.result import Reconstruction
+from tacstrip.reconstruction.vertex.estimate import vertex_reconstruction
 from tacstrip.scan import Scan
 from tacstrip.sensor.raw import distorted
 from tacstrip.sensor.rest_level import rest_hint
@@ -130,7 +130,9 @@ def command(
         elif chosen == "vertex":
             results.append(vertex_reconstruction(scan, spec, signature, where, reading, known))  # type: ignore[arg-type]
         else:
-            from tacstrip.reconstruct.polygon import fit_polygon  # late: other methods do without it
+            from tacstrip.reconstruction.polygon.estimate import (
+                fit_polygon,  # late: other methods do without it
+            )
 
             results.append(fit_polygon(_only(scan, signature), spec, known, vertices=vertices, wide=wide))
     contact = read_contact(truth) if truth else None

@@ -19,12 +19,12 @@ from tacstrip.cli.replay import warn_of_cut
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError
 from tacstrip.io.geometry import read_contact
-from tacstrip.io.suspicions import contact_in_metres, half_read
+from tacstrip.io.input_checks import contact_in_metres, half_read
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.codes import UNSET_BITS
 from tacstrip.stream.interrupt import Interrupt
-from tacstrip.stream.pipeline import record, with_shapes
-from tacstrip.stream.recording import Recorder
+from tacstrip.stream.recording.record import record, with_shapes
+from tacstrip.stream.recording.recorder import Recorder
 from tacstrip.stream.replay import ReadingsSource, Recording, open_source
 from tacstrip.stream.simulated import Drag, SimulatedSource
 from tacstrip.stream.source import RawScan, Source

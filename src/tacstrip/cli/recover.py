@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from tacstrip.cli import new_file
-from tacstrip.stream.recover import recover
+from tacstrip.stream.recording.recover import recover
 
 
 @click.command()

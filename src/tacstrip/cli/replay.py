@@ -14,10 +14,10 @@ from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.codes import decode
 from tacstrip.stream.export import as_reconstruction, json_line
 from tacstrip.stream.interrupt import Interrupt
-from tacstrip.stream.pipeline import with_shapes
+from tacstrip.stream.recording.record import with_shapes
+from tacstrip.stream.recording.summary import summary
 from tacstrip.stream.replay import Recording
 from tacstrip.stream.source import RawScan, Source, paced
-from tacstrip.stream.summary import summary
 
 
 @click.command()

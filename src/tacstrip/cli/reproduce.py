@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 from rich.progress import Progress
 
-from tacstrip.studies.thesis.reproduce import inside_counts, reproduce
+from tacstrip.thesis.reproduce import inside_counts, reproduce
 
 
 @click.command()

@@ -16,9 +16,9 @@ from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError
 from tacstrip.files import write_text
 from tacstrip.io.geometry import read_contact
+from tacstrip.io.input_checks import contact_in_metres
 from tacstrip.io.readings import write_readings
-from tacstrip.io.suspicions import contact_in_metres
-from tacstrip.simulate import simulate
+from tacstrip.simulation import simulate
 
 _POINT = (float, float)
 

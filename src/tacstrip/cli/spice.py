@@ -11,11 +11,11 @@ from tacstrip.cli import load_sensor, protect, warn
 from tacstrip.errors import OptionError
 from tacstrip.files import write_text
 from tacstrip.io.geometry import read_contact
-from tacstrip.io.suspicions import contact_in_metres
-from tacstrip.network.build import Readout
-from tacstrip.network.crp_readings import contact_questions
+from tacstrip.io.input_checks import contact_in_metres
+from tacstrip.network.crp.readings import contact_questions
+from tacstrip.network.imperfections import Readout
 from tacstrip.network.spice import deck
-from tacstrip.network.strips import questions
+from tacstrip.network.strips.measurements import questions
 
 
 @click.command()

@@ -14,7 +14,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from tacstrip.arrays import FloatArray
-from tacstrip.contact.unreadable import why_not_geojson, why_not_wkt
+from tacstrip.contact.parse_errors import why_not_geojson, why_not_wkt
 from tacstrip.errors import ArgumentError, ContactError
 
 _KINDS = {"Polygon": "polygon", "LineString": "line", "Point": "point"}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from tacstrip.core.fit import Fit
-from tacstrip.core.signal import FLOOR, Signal
+from tacstrip.core.problem import FLOOR, Signal
 
 
 def penalty(readings: int) -> float:

@@ -8,7 +8,7 @@ from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.core.binding import at, exported
 from tacstrip.core.equations import free_entries, normal_equations
 from tacstrip.core.fit import ENDS, Fit
-from tacstrip.core.signal import Signal
+from tacstrip.core.problem import Signal
 
 _DAMPING, _STUCK = 1e-3, 1e8  # of J'J's diagonal: at first, and where a descent gives up
 _ALWAYS = 1e-9  # damping that stays

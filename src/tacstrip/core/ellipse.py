@@ -14,7 +14,7 @@ from tacstrip.arrays import FloatArray
 from tacstrip.core.binding import at, exported
 from tacstrip.core.equations import terms
 from tacstrip.core.fit import MOST, Fit
-from tacstrip.core.signal import Signal
+from tacstrip.core.problem import Signal
 from tacstrip.fisher import covariance
 
 _STEPS, _ENOUGH, _HOPE = 25, 1e-2, 4.0

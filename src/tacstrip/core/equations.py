@@ -10,7 +10,7 @@ import numpy as np
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
 from tacstrip.core.binding import at, exported
 from tacstrip.core.fit import ENDS, Fit
-from tacstrip.core.signal import Signal
+from tacstrip.core.problem import Signal
 
 _CROSSED = 100.0  # weight of l > u against a reading
 _CROSSED_FROM = 1e-9  # of L: where both chains meet on a strip, a rounding error must not cross them

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.core.binding import at, exported
-from tacstrip.core.signal import Signal
+from tacstrip.core.problem import Signal
 
 ENDS = 6  # entries of theta before the first vertex
 MOST = 16  # interior vertices

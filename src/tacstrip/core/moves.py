@@ -10,8 +10,8 @@ import numpy as np
 from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.core.descent import descend
 from tacstrip.core.fit import ENDS, Fit
+from tacstrip.core.problem import Signal
 from tacstrip.core.score import places
-from tacstrip.core.signal import Signal
 
 FIRST, GROW, SHRINK = 0, 1, 2  # moves
 ROUGH = 12  # steps of a descent

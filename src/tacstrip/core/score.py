@@ -15,7 +15,7 @@ from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.core.descent import moved
 from tacstrip.core.equations import free_entries, heights, normal_equations, terms
 from tacstrip.core.fit import ENDS
-from tacstrip.core.signal import Signal
+from tacstrip.core.problem import Signal
 
 TRIED = 3  # best places of one more vertex that are tried
 _PLACES = 48  # positions that are tested

@@ -18,7 +18,7 @@ from tacstrip.core.criterion import charge, criterion, misfit, penalty
 from tacstrip.core.descent import descend, plain_refine
 from tacstrip.core.fit import MOST, POLYGON, Fit
 from tacstrip.core.moves import ENOUGH, FIRST, GROW, ROUGH, SHRINK, improve
-from tacstrip.core.signal import Signal
+from tacstrip.core.problem import Signal
 
 _PAST = 2  # counts tried past the best
 _COARSE, _FINER = 3e-4, 30.0  # of Vref: sigma of the first stage at least, and steps down from there

@@ -7,8 +7,8 @@ from functools import partial
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
+from tacstrip.diagnose.expected import Suspect, View, expected, residuals
 from tacstrip.diagnose.finding import Finding
-from tacstrip.diagnose.view import Suspect, View, expected, residuals
 
 _INSIDE = 0.15  # over Vref: expectations this far from both rails cannot be met by a reading on a rail
 _RAIL = 0.012  # over Vref

@@ -10,14 +10,14 @@ from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.diagnose.channels import clipped, not_moving, on_rails, silent
 from tacstrip.diagnose.converter import common_ceiling, stuck_bits, wrong_reference
 from tacstrip.diagnose.drift import drift
+from tacstrip.diagnose.expected import Suspect, View, places, residuals, view_of
 from tacstrip.diagnose.finding import Finding, Report
-from tacstrip.diagnose.fits import came_back
 from tacstrip.diagnose.hum import hum
 from tacstrip.diagnose.log import Log
 from tacstrip.diagnose.noise import excess_noise, measure, quality
-from tacstrip.diagnose.order import swapped_ends, swapped_strips, swapped_wires
+from tacstrip.diagnose.regression import came_back
 from tacstrip.diagnose.shorts import shorts
-from tacstrip.diagnose.view import Suspect, View, places, residuals, view_of
+from tacstrip.diagnose.wiring import swapped_ends, swapped_strips, swapped_wires
 from tacstrip.sensor.rest_level import rest_hint
 
 _MOST_SCANS = 20_000  # of longer recordings, evenly spread stretches are examined

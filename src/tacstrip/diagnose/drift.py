@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
+from tacstrip.diagnose.expected import View, residuals
 from tacstrip.diagnose.finding import Finding
-from tacstrip.diagnose.fits import came_back, returns, without
 from tacstrip.diagnose.log import Log
-from tacstrip.diagnose.view import View, residuals
+from tacstrip.diagnose.regression import came_back, returns, without
 
 _DRIFT = 0.012  # over Vref, over the recording: less is not worth a word
 _FEWEST = 40  # scans; an eighth of them in each third of the recording

@@ -9,8 +9,8 @@ import numpy.typing as npt
 
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.diagnose.finding import Finding
-from tacstrip.diagnose.fits import without
 from tacstrip.diagnose.log import Log
+from tacstrip.diagnose.regression import without
 
 MAINS = (50.0, 60.0)  # Hz
 _LINE = 14.0  # times the power beside it: a line, not noise

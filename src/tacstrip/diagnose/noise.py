@@ -9,12 +9,12 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import Noise
+from tacstrip.diagnose.expected import expected
 from tacstrip.diagnose.finding import Finding, Quality
 from tacstrip.diagnose.log import Log
-from tacstrip.diagnose.view import expected
 from tacstrip.errors import TacstripError
-from tacstrip.reconstruct.bound import reading_sigma, vertex_covariance, vertex_rms
-from tacstrip.reconstruct.outline import Outline
+from tacstrip.geometry.outline import Outline
+from tacstrip.reconstruction.cramer_rao import reading_sigma, vertex_covariance, vertex_rms
 from tacstrip.sensor.spec import Sensor
 
 PROFILE_I, PROFILE_II = 0.005, 0.01  # half-widths over Vref, table 5.1

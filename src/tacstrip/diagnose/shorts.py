@@ -8,10 +8,10 @@ from functools import partial
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
-from tacstrip.diagnose.beside import Beside, bridges, neighbours
+from tacstrip.diagnose.expected import Suspect, View
 from tacstrip.diagnose.finding import Finding
-from tacstrip.diagnose.fits import came_back, without
-from tacstrip.diagnose.view import Suspect, View
+from tacstrip.diagnose.neighbour_pairs import Beside, bridges, neighbours
+from tacstrip.diagnose.regression import came_back, without
 from tacstrip.sensor.constructions import SIGNATURES
 
 _FEW, _MANY = 8, 25  # places

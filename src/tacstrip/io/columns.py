@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from tacstrip.errors import ReadingError, number
-from tacstrip.io.names import nearly
+from tacstrip.io.column_names import nearly
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
 

@@ -13,7 +13,7 @@ from tacstrip.arguments import takes
 from tacstrip.contact.shape import Contact
 from tacstrip.errors import ContactError
 from tacstrip.files import why_unreadable, write_text
-from tacstrip.reconstruct.result import Reconstruction, RecoveredObject
+from tacstrip.reconstruction.result import Reconstruction, RecoveredObject
 
 _READERS = {".wkt": Contact.from_wkt, ".geojson": Contact.from_geojson, ".json": Contact.from_geojson}
 

@@ -9,8 +9,8 @@ from typing import TypeVar
 
 from tacstrip.errors import ReadingError, is_number
 from tacstrip.files import why_unreadable
+from tacstrip.io.column_names import nearly
 from tacstrip.io.columns import PLACE
-from tacstrip.io.names import nearly
 
 Row = tuple[int, list[str]]  # line number, fields
 _Result = TypeVar("_Result")

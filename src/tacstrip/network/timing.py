@@ -10,7 +10,7 @@ from tacstrip.arrays import FloatArray
 from tacstrip.contact.footprint import footprint
 from tacstrip.contact.shape import Contact
 from tacstrip.errors import NetworkError
-from tacstrip.network.build import Readout
+from tacstrip.network.imperfections import Readout
 from tacstrip.sensor.circuit import sensing_share
 from tacstrip.sensor.spec import Sensor
 

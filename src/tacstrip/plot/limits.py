@@ -8,13 +8,13 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter, NullLocator
 
+from tacstrip.design.limits import Limit, Map
+from tacstrip.geometry.outline import Outline
+from tacstrip.geometry.region import regions
 from tacstrip.plot.scene import draw_polygon, draw_sensor, zoom
 from tacstrip.plot.style import COLOURS, RECOVERED, TRUE, add_axes, new_figure
-from tacstrip.reconstruct.outline import Outline
-from tacstrip.reconstruct.region import regions
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
-from tacstrip.studies.limits import Limit, Map
 
 
 def limits_figure(sensor: Sensor, outline: Outline, found: list[Limit], over: Map) -> Figure:

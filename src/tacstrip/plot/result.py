@@ -12,7 +12,8 @@ from matplotlib.patches import Patch
 
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.shape import Contact
-from tacstrip.plot.numbered import Numbered, numbered
+from tacstrip.geometry.region import regions
+from tacstrip.plot.labels import Numbered, numbered
 from tacstrip.plot.scene import (
     draw_contact,
     draw_polygon,
@@ -24,8 +25,7 @@ from tacstrip.plot.scene import (
     zoom,
 )
 from tacstrip.plot.style import TRUE, add_axes, legend_above, new_figure
-from tacstrip.reconstruct.region import regions
-from tacstrip.reconstruct.result import Reconstruction
+from tacstrip.reconstruction.result import Reconstruction
 from tacstrip.scan import Scan
 from tacstrip.sensor.spec import Sensor
 

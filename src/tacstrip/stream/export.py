@@ -16,7 +16,7 @@ from tacstrip.errors import RecordingError
 from tacstrip.files import replacing, write_text
 from tacstrip.io.columns import INDEX, electrode_names
 from tacstrip.io.geometry import feature_collection
-from tacstrip.reconstruct.result import Reconstruction, RecoveredObject
+from tacstrip.reconstruction.result import Reconstruction, RecoveredObject
 from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.stream.codes import ELECTRODES, code_shape, code_type, over_vref, top_code

@@ -16,9 +16,9 @@ from tacstrip.errors import RecordingError, SpecError
 from tacstrip.io.readings import read_readings
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.codes import ELECTRODES, encode, rounding, with_converter
-from tacstrip.stream.framing import Condition, Records
-from tacstrip.stream.messages import NAMES, POLYGON, SCANS, read_polygon, read_scan
-from tacstrip.stream.recording import ABOUT, FORMAT, NANO, POLYGON_TOPICS, SCAN_TOPIC, SPEC
+from tacstrip.stream.recording.messages import NAMES, POLYGON, SCANS, read_polygon, read_scan
+from tacstrip.stream.recording.recorder import ABOUT, FORMAT, NANO, POLYGON_TOPICS, SCAN_TOPIC, SPEC
+from tacstrip.stream.recording.records import Condition, Records
 from tacstrip.stream.source import RawScan, Shape
 
 _EPOCH_S = 1e9  # a readings file whose times are above this counts them from 1970

@@ -20,7 +20,7 @@ from tacstrip.contact.shape import Contact
 from tacstrip.errors import OptionError
 from tacstrip.sensor.raw import distorted
 from tacstrip.sensor.spec import Sensor
-from tacstrip.simulate import readings, simulate
+from tacstrip.simulation import readings, simulate
 from tacstrip.stream.codes import encode, to_codes, with_converter
 from tacstrip.stream.source import RawScan
 

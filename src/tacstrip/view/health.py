@@ -14,7 +14,7 @@ from typing import Any
 from tacstrip.diagnose.log import Log
 from tacstrip.errors import TacstripError
 from tacstrip.sensor.spec import Sensor
-from tacstrip.stream.frame import Frame
+from tacstrip.stream.live.frame import Frame
 from tacstrip.stream.source import RawScan
 
 _KEPT = 400  # scans

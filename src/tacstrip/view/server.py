@@ -15,7 +15,7 @@ from aiohttp import WSMsgType, web
 
 from tacstrip.errors import OptionError, TacstripError
 from tacstrip.view.access import Access, check_port, why_not_there
-from tacstrip.view.stage import Stage
+from tacstrip.view.controller import Stage
 
 PAGE = Path(__file__).parent / "page"
 _FILES = {".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}

@@ -1,0 +1,209 @@
+"""Which sensor tells a contact's vertices to a wanted error, and which of Harmon's requirements it fails.
+
+A design is a construction, a pitch, a length and a converter. Over a grid of places of the contact the Cramer-Rao
+bound gives the largest noise that still reaches the wanted error at nine places of ten.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tacstrip.arrays import FloatArray
+from tacstrip.contact.noise import Noise
+from tacstrip.data.published import published
+from tacstrip.design.limits import places
+from tacstrip.errors import OptionError
+from tacstrip.geometry.outline import Outline
+from tacstrip.network.imperfections import Readout
+from tacstrip.network.timing import fastest_scan_hz
+from tacstrip.reconstruction.cramer_rao import reading_sigma, vertex_rms, vertex_slopes, with_ends
+from tacstrip.sensor.constructions import CONSTRUCTIONS, construction
+from tacstrip.sensor.spec import Sensor
+
+BITS = (8, 10, 12, 14, 16)
+PITCHES = (0.25, 0.5, 1.0, 2.0)  # of the sensor's own
+LENGTHS = (0.5, 1.0, 2.0)
+FARAD = 100e-12  # at the converter, wires included
+CONVERSION_S = 5e-6
+
+_COLUMNS, _ROWS = 3, 7  # places of the contact
+_MOST_PLACES = 0.9  # of them, where the wanted error must be reached
+_NOISE = (1e-8, 1.0)  # of Vref, where the largest noise is sought
+_HALVINGS = 14  # to 0.1 %
+_MOST_STRIPS = 1_000_000
+
+
+@dataclass(frozen=True)
+class Design:
+    """One design, judged.
+
+    Attributes
+    ----------
+    sensor
+        The design.
+    error_mm
+        RMS vertex error with the given noise, reached at nine places of ten [mm]; inf where not told.
+    noise
+        Largest half-width of a reading's error [Vref] that reaches the wanted error; 0 where none does.
+    unmet
+        Harmon's requirements (table 2.1) that it fails, with the smaller of the given and the largest noise.
+    """
+
+    sensor: Sensor
+    error_mm: float
+    noise: float
+    unmet: tuple[str, ...]
+
+
+def candidates(
+    sensor: Sensor,
+    constructions: Iterable[str] | None = None,
+    pitches_mm: Sequence[float] | None = None,
+    lengths_mm: Sequence[float] | None = None,
+) -> Iterator[Sensor]:
+    """Yield a sensor of the same width for each construction, pitch and length.
+
+    By default: the constructions with a closed form that are as flat, or as round, as the sensor, and its own;
+    pitches of a quarter to twice its own; lengths of half to twice its own.
+
+    Raises
+    ------
+    SpecError
+        There is no such construction, or a design cannot be.
+    """
+    if constructions is None:
+        kinds = [
+            c for c in CONSTRUCTIONS.values() if c.closed_form and c.cylindrical == sensor.kind.cylindrical
+        ]
+        kinds += [] if sensor.kind in kinds else [sensor.kind]
+    else:
+        kinds = [construction(name) for name in constructions]
+    for kind in kinds:
+        ratio = sensor.resistivity_ratio if "resistivity_ratio" in kind.keys else 1.0
+        radius = sensor.radius_mm if "radius_mm" in kind.keys else None
+        for pitch in pitches_mm or [p * sensor.pitch_mm for p in PITCHES]:
+            strips = min(max(1, int(sensor.width_mm / pitch + 1e-9)), _MOST_STRIPS) if pitch > 0.0 else 1
+            for length in lengths_mm or [part * sensor.length_mm for part in LENGTHS]:
+                yield replace(
+                    sensor, construction=kind.name, strips=strips, pitch_mm=pitch, length_mm=length,
+                    strip_width_mm=None, resistivity_ratio=ratio, radius_mm=radius,
+                )  # fmt: skip
+
+
+def designs(
+    sensors: Iterable[Sensor],
+    outline: Outline,
+    noise: Noise,
+    wanted_mm: float,
+    bits: Sequence[int] = BITS,
+    farad: float = FARAD,
+    conversion_s: float = CONVERSION_S,
+) -> list[Design]:
+    """Judge every sensor with every converter.
+
+    First come those that reach the wanted error with the given noise, then those that do with less; among them
+    those that fail fewest requirements, then those that bear most noise. A sensor that the contact does not fit
+    on is left out.
+
+    Parameters
+    ----------
+    sensors
+        Candidates; their own converters do not count.
+    outline
+        The contact; it is moved over each sensor.
+    noise
+        What is expected on a reading.
+    wanted_mm
+        The RMS vertex error that is wanted [mm].
+    bits
+        Converters to try.
+    farad, conversion_s
+        Input capacitance [F] and conversion time [s], for the sampling frequency.
+
+    Raises
+    ------
+    OptionError
+        The wanted error is not a finite number above 0.
+    """
+    if not 0.0 < wanted_mm < math.inf:
+        raise OptionError(f"wanted error {wanted_mm} mm: must be a finite number above 0")
+    found = []
+    size = np.ptp(outline.vertices, axis=0)
+    for sensor in sensors:
+        if size[0] > sensor.width_mm or size[1] > sensor.length_mm:
+            continue
+        told = _Told(sensor, outline)
+        largest = told.largest_sigma(wanted_mm)
+        for resolution in bits:
+            design = replace(sensor, adc_bits=resolution)
+            steps = reading_sigma(Noise(), design)
+            room = math.sqrt(3.0 * max(largest**2 - steps**2, 0.0))
+            given = math.hypot(noise.quantisation, noise.positional)
+            error = told.error(math.hypot(given / math.sqrt(3.0), steps))
+            unmet = requirements_unmet(design, min(given, room), farad, conversion_s)
+            found.append(Design(design, error, room, unmet))
+    return sorted(found, key=lambda d: (d.noise == 0.0, d.error_mm > wanted_mm, len(d.unmet), -d.noise))
+
+
+def requirements_unmet(
+    sensor: Sensor, noise: float, farad: float = FARAD, conversion_s: float = CONVERSION_S
+) -> tuple[str, ...]:
+    """Return those of Harmon's requirements that a design fails, in words with the figure.
+
+    Surface, sensitivity and stability are not in the model; the response is monotonic in l and in u.
+
+    Parameters
+    ----------
+    sensor
+        The design, with `adc_bits`.
+    noise
+        Half-width of a reading's error [Vref].
+    farad, conversion_s
+        As for `network.timing.fastest_scan_hz`.
+    """
+    asked = published()["requirements"]
+    assert sensor.adc_bits is not None
+    error = 2.0 * noise + 1.0 / (2.0**sensor.adc_bits - 1.0)  # full width, of Vref
+    coarsest = asked["spatial_resolution_mm"][1]
+    least, most = asked["sensing_elements"]
+    rate = fastest_scan_hz(sensor, Readout(), farad, conversion_s)
+    rules = (
+        (sensor.pitch_mm <= coarsest, f"resolution across {sensor.pitch_mm:.3g} mm"),
+        (error * sensor.length_mm <= coarsest, f"resolution along {error * sensor.length_mm:.3g} mm"),
+        (least <= sensor.strips <= most, f"{sensor.strips} elements"),
+        (rate > asked["sampling_frequency_hz"], f"{rate:.3g} Hz"),
+        (1.0 / error >= asked["dynamic_range"], f"range {1.0 / error:.3g}:1"),
+    )
+    return tuple(said for met, said in rules if not met)
+
+
+class _Told:
+    """What a sensor's readings tell of an outline at all its places, for any noise."""
+
+    def __init__(self, sensor: Sensor, outline: Outline) -> None:
+        across, along = places(sensor, outline, _COLUMNS, _ROWS)
+        self.sensor = sensor
+        self.at = [self._reduced(outline.moved(dx, dy)) for dx in across for dy in along]
+
+    def _reduced(self, outline: Outline) -> tuple[Outline, FloatArray]:
+        slopes = vertex_slopes(outline, self.sensor)
+        return outline, np.asarray(np.linalg.qr(slopes, mode="r"))
+
+    def error(self, sigma: float) -> float:
+        """Return the RMS vertex error [mm] that is reached at nine places of ten."""
+        errors = np.sort([vertex_rms(with_ends(o, self.sensor, slopes / sigma)) for o, slopes in self.at])
+        return float(errors[math.ceil(_MOST_PLACES * len(errors)) - 1])
+
+    def largest_sigma(self, wanted_mm: float) -> float:
+        """Return the largest noise [Vref] that reaches the error; 0 where none does."""
+        low, high = (math.log(s) for s in _NOISE)
+        if self.error(math.exp(low)) > wanted_mm:
+            return 0.0
+        for _ in range(_HALVINGS):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if self.error(math.exp(middle)) <= wanted_mm else (low, middle)
+        return math.exp(low)

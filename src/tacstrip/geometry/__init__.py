@@ -1,0 +1,1 @@
+"""Plane geometry of recovered and original shapes: outlines, moments, regions, mismatch."""

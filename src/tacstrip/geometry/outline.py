@@ -1,0 +1,158 @@
+"""A polygon as the sensor sees it: a lower and an upper chain of vertices, l(x) and u(x), and their slopes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from tacstrip.arrays import BoolArray, FloatArray, IntArray
+from tacstrip.errors import ContactError
+
+_ON_END = 1e-9  # of the width: a strip this near an end vertex touches it
+
+
+@dataclass(frozen=True, eq=False)
+class Outline:
+    """An x-monotone polygon, convex or not.
+
+    Attributes
+    ----------
+    lower, upper
+        Chains of vertices (M, 2) and (N, 2) [mm], x strictly ascending. At either end they share a vertex, or
+        have one x: a vertical edge.
+
+    Raises
+    ------
+    ContactError
+        The chains make no such polygon; the message names the place.
+    """
+
+    lower: FloatArray
+    upper: FloatArray
+
+    def __post_init__(self) -> None:
+        for name in ("lower", "upper"):
+            chain = np.array(getattr(self, name), dtype=float)
+            chain.flags.writeable = False
+            object.__setattr__(self, name, chain)
+            if chain.ndim != 2 or chain.shape[1] != 2 or len(chain) < 2 or not np.isfinite(chain).all():
+                raise ContactError(f"the {name} chain needs two or more finite vertices (x, y)")
+            if len(back := np.flatnonzero(np.diff(chain[:, 0]) <= 0.0)):
+                at = chain[back[0] + 1, 0]
+                raise ContactError(f"the {name} chain does not ascend at x = {at:.6g} mm: not x-monotone")
+        if self.lower[0, 0] != self.upper[0, 0] or self.lower[-1, 0] != self.upper[-1, 0]:
+            raise ContactError("the chains must begin on one x and end on one x")
+        x = np.concatenate([self.lower[:, 0], self.upper[:, 0]])
+        width = np.interp(x, *self.upper.T) - np.interp(x, *self.lower.T)
+        if width.min() < 0.0:
+            at = x[width.argmin()]
+            raise ContactError(f"the lower chain passes above the upper one at x = {at:.6g} mm")
+
+    @classmethod
+    def of(cls, vertices: npt.ArrayLike) -> Outline:
+        """Make the outline of an x-monotone polygon (N, 2) [mm], listed either way round.
+
+        Raises
+        ------
+        ContactError
+            It is not x-monotone, or crosses itself.
+        """
+        v = np.asarray(vertices, dtype=float)
+        if v.ndim != 2 or v.shape[1] != 2 or len(v) < 3 or not np.isfinite(v).all():
+            raise ContactError("an outline needs three or more finite vertices (x, y)")
+        x, y = v.T
+        if (x * np.roll(y, -1) - np.roll(x, -1) * y).sum() < 0.0:
+            v = v[::-1]
+        first = np.lexsort((v[:, 1], v[:, 0]))[0]  # left-most, the lower one of two
+        v = np.roll(v, -int(first), axis=0)
+        right = np.flatnonzero(v[:, 0] == v[:, 0].max())
+        if right[-1] - right[0] != len(right) - 1 or len(right) > 2:
+            raise ContactError(f"more than one edge ends at x = {v[right[0], 0]:.6g} mm: not x-monotone")
+        back = np.concatenate([v[right[-1] :], v[:1]])[::-1]
+        if len(back) > 1 and back[0, 0] == back[1, 0]:
+            back = back[1:]  # a vertical edge closes the polygon on the left
+        return cls(v[: right[0] + 1], back)
+
+    def moved(self, dx_mm: float, dy_mm: float) -> Outline:
+        """Return the outline moved across and along the strips."""
+        by = np.array([dx_mm, dy_mm])
+        return Outline(self.lower + by, self.upper + by)
+
+    @property
+    def vertices(self) -> FloatArray:
+        """Vertices (V, 2) [mm], counter-clockwise from the left-most, the lower one of two."""
+        return close_chains(self.lower, self.upper)
+
+    @property
+    def indices(self) -> tuple[IntArray, IntArray]:
+        """Rows of `vertices` that are the lower chain (M,) and the upper chain (N,)."""
+        m, n = len(self.lower), len(self.upper)
+        shared = int(np.array_equal(self.lower[-1], self.upper[-1]))
+        upper = m + n - 1 - shared - np.arange(n)
+        if np.array_equal(self.lower[0], self.upper[0]):
+            upper[0] = 0
+        return np.arange(m), upper
+
+    def touches(self, x: FloatArray) -> npt.NDArray[np.bool_]:
+        """Whether each x [mm] lies within the outline, ends included but for rounding."""
+        first, last = self.lower[0, 0], self.lower[-1, 0]
+        slack = _ON_END * (last - first)
+        return np.asarray((x >= first - slack) & (x <= last + slack))
+
+    def ends(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return l and u [mm] at x [mm], of its shape; NaN outside."""
+        x = np.asarray(x, dtype=float)
+        inside = self.touches(x)
+        return (
+            np.where(inside, np.interp(x, *self.lower.T), np.nan),
+            np.where(inside, np.interp(x, *self.upper.T), np.nan),
+        )
+
+    def slopes(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the slopes of l and of u at x (S,) by `vertices.ravel()`, each (S, 2 V); NaN outside.
+
+        At a vertex they are those of the section to its right.
+        """
+        x = np.asarray(x, dtype=float)
+        places = 2 * len(self.vertices)
+        found = tuple(
+            _slopes(chain, index, x, places)
+            for chain, index in zip((self.lower, self.upper), self.indices, strict=True)
+        )
+        outside = ~self.touches(x)
+        for slope in found:
+            slope[outside] = np.nan
+        return found[0], found[1]
+
+
+def _slopes(chain: FloatArray, index: IntArray, x: FloatArray, places: int) -> FloatArray:
+    """Return the slopes of a chain's height at x by all vertices (S, places)."""
+    left = np.clip(np.searchsorted(chain[:, 0], x, side="right") - 1, 0, len(chain) - 2)
+    (xa, ya), (xb, yb) = chain[left].T, chain[left + 1].T
+    share = np.clip((x - xa) / (xb - xa), 0.0, 1.0)
+    steepness = (yb - ya) / (xb - xa)
+    slope = np.zeros((len(x), places))
+    row = np.arange(len(x))
+    for vertex, weight in ((index[left], 1.0 - share), (index[left + 1], share)):
+        slope[row, 2 * vertex] = -steepness * weight
+        slope[row, 2 * vertex + 1] = weight
+    return slope
+
+
+def close_chains(lower: FloatArray, upper: FloatArray) -> FloatArray:
+    """Join a lower and an upper chain, both (M, 2) left to right, to a counter-clockwise polygon.
+
+    Points that both chains share, at the ends, appear once.
+    """
+    ring = np.concatenate([lower, upper[::-1]])
+    return np.asarray(ring[distinct(ring)])
+
+
+def distinct(ring: FloatArray) -> BoolArray:
+    """Return which points of a ring (M, 2) differ from their next one (M,)."""
+    found = np.empty(len(ring), dtype=np.bool_)
+    found[:-1] = (ring[1:] != ring[:-1]).any(axis=1)
+    found[-1:] = (ring[:1] != ring[-1:]).any(axis=1)
+    return found

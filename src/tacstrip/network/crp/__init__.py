@@ -1,0 +1,1 @@
+"""CRS-CRP as a network: mesh, scan, inversion and error bound."""

@@ -1,0 +1,157 @@
+"""The network of a CRS-CRP contact: one factor serves a whole scan, and how its readings change with l and u.
+
+While strip i is energised all others float, so every strip's question is put to one network: no strip held, one
+node of the sheet grounded. A unit current from the strip's end at Vref to its grounded end is one right-hand side;
+shifted and scaled so that these ends are at 0 and 1, the potentials are those of the energised strip.
+
+The Jacobian is the adjoint one: with phi the potentials of a unit current into the strip and psi those of a unit
+current from where a potential is read to where it is compared with, d reading / d conductance = - (delta phi)
+(delta psi), deltas taken over the contact's resistor. These right-hand sides share the factor too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from tacstrip.arrays import FloatArray, IntArray
+from tacstrip.network.crp.mesh import Mesh, Wiring, checked_span, wire
+from tacstrip.network.nodal import Factored
+from tacstrip.sensor.spec import Sensor
+
+
+class Scan:
+    """The network of one contact, factored once.
+
+    Parameters
+    ----------
+    mesh
+        The sensor cut into cells.
+    strip
+        The touched strips (T,).
+    lengths
+        Length of contact that each node stands for (T, rows + 1) [mm].
+    wiring
+        What the other strips and the sheet's edges are joined to.
+    """
+
+    def __init__(self, mesh: Mesh, strip: IntArray, lengths: FloatArray, wiring: Wiring) -> None:
+        self.mesh, self.wiring = mesh, wiring
+        self.wired = wired = wire(mesh, strip, np.maximum(lengths, 0.0), wiring)
+        self.by_voltage = wiring.others == "grounded"
+        if self.by_voltage:
+            held = np.concatenate([wired.top, wired.bottom])
+        elif wiring.others == "tied grounds":
+            held = wired.bottom[:1]
+        else:
+            held = wired.electrode[:1]
+        self.factored = Factored(wired.network, held)
+        # Potentials are kept where readings and their slopes need them; all of them would not stay in the cache.
+        ends = np.concatenate([wired.electrode, wired.bottom, wired.top])
+        self._kept = np.unique(np.concatenate([ends, self._beside_ends(lengths)]))
+        self._phi: FloatArray | None = None
+
+    @classmethod
+    def of_span(
+        cls,
+        sensor: Sensor,
+        l: FloatArray,
+        u: FloatArray,
+        rows: int | None = None,
+        wiring: Wiring | None = None,
+    ) -> Scan:
+        """Prepare the scan of a contact from l to u (strips,) [mm]; see `own_electrodes`."""
+        mesh = Mesh.of(sensor, rows)
+        strip, low, high = checked_span(mesh, l, u)
+        return cls(mesh, strip, mesh.hat_lengths(low, high), wiring or Wiring())
+
+    def _beside_ends(self, lengths: FloatArray) -> IntArray:
+        """Return the nodes in the rows beside the outer ends of the contact, and one row further."""
+        touched = lengths > 0.0
+        last = touched.shape[1] - 1
+        outer = np.stack([touched.argmax(axis=1), last - touched[:, ::-1].argmax(axis=1)], axis=1)
+        rows = np.clip(outer[:, :, None] + np.array([-1, 0, 1]), 0, last).reshape(len(touched), -1)
+        each = np.arange(len(touched))[:, None]
+        nodes = np.concatenate([self.wired.strip_node[each, rows], self.wired.sheet_node[each, rows]])
+        return nodes[nodes >= 0]
+
+    def _place(self, node: IntArray) -> IntArray:
+        """Return where nodes stand among those whose potentials are kept."""
+        return np.searchsorted(self._kept, node)
+
+    @property
+    def phi(self) -> FloatArray:
+        """Potentials (kept, T) while each touched strip carries 1, or, others grounded, is put on Vref."""
+        if self._phi is None:
+            self._phi = self.factored.fed(self.wired.top, self.wired.bottom, self._kept)
+        return self._phi
+
+    def readings(self) -> FloatArray:
+        """Return what all electrodes read while each touched strip is energised (T, 2 strips) [Vref]."""
+        read, (ground, drop) = self.phi[self._place(self.wired.electrode)], self._ends()
+        return np.asarray((read.T - ground[:, None]) / drop[:, None])
+
+    def _ends(self) -> tuple[FloatArray, FloatArray]:
+        """Return the potential of each energised strip's grounded end, and of its other end over that (T,)."""
+        touched = np.arange(len(self.wired.strip))
+        ground = self.phi[self._place(self.wired.bottom), touched]
+        return ground, self.phi[self._place(self.wired.top), touched] - ground
+
+    def jacobian(self, ends: FloatArray, electrodes: IntArray) -> FloatArray:
+        """Return d readings / d (l, u).
+
+        Parameters
+        ----------
+        ends
+            The l of the touched strips that this network was built for, then their u (2 T,) [mm].
+        electrodes
+            Columns of the readings (T, E) that are wanted of each touched strip.
+
+        Returns
+        -------
+        ndarray
+            (T, E, 2 T) [1/mm]: the last axis has l of the touched strips, then u.
+        """
+        above, below, change = self._moving(ends)  # each (2 T, 2): both rows beside each moving end
+        strip, sheet = self._place(above), self._place(below)
+        used, column = np.unique(electrodes, return_inverse=True)
+        column = column.reshape(electrodes.shape)
+        d_phi = self.phi[strip] - self.phi[sheet]  # (2 T, 2, T)
+        psi = self.factored.fed(self.wired.electrode[used], at=self._kept)
+        d_read = psi[strip] - psi[sheet]  # (2 T, 2, used)
+        readings = np.take_along_axis(self.readings(), electrodes, axis=1)
+        result = np.empty((*electrodes.shape, len(strip)))
+        if not self.by_voltage:
+            psi = self.factored.fed(self.wired.bottom, at=self._kept)
+            d_ground = psi[strip] - psi[sheet]
+            _, drop = self._ends()
+        for t, columns in enumerate(column):
+            weighted = -change * d_phi[:, :, t]  # (2 T, 2)
+            read = np.einsum("pr,pre->ep", weighted, d_read[:, :, columns])
+            if self.by_voltage:
+                result[t] = read
+                continue
+            ground = (weighted * d_ground[:, :, t]).sum(axis=1)
+            whole = (weighted * d_phi[:, :, t]).sum(axis=1)
+            result[t] = (read - ground - readings[t][:, None] * whole) / drop[t]
+        return result
+
+    def _moving(self, ends: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
+        """Return the resistors that an end's motion changes, and d conductance / d end, each (2 T, 2)."""
+        row, hats = self.mesh.hats_at(ends)
+        touched = np.tile(np.arange(len(ends) // 2), 2)
+        change = hats * self.mesh.contact * np.repeat([-1.0, 1.0], len(ends) // 2)[:, None]
+        beside = np.stack([row, row + 1], axis=1)
+        strip = self.wired.strip_node[touched[:, None], beside]
+        sheet = self.wired.sheet_node[touched[:, None], beside]
+        # A row that an end only grazes, within rounding, has no node: nothing there moves.
+        return np.where(strip < 0, sheet, strip), sheet, np.where(strip < 0, 0.0, change)
+
+    def profiles(self) -> Iterator[tuple[int, FloatArray]]:
+        """Go through the touched strips: its number and the sheet's potentials (strips, rows + 1) [Vref]."""
+        ground, drop = self._ends()
+        sheet = np.arange(self.mesh.strips * (self.mesh.rows + 1))
+        phi = self.factored.fed(self.wired.top, self.wired.bottom, sheet)
+        for t, strip in enumerate(self.wired.strip):
+            yield int(strip), ((phi[:, t] - ground[t]) / drop[t]).reshape(self.mesh.strips, -1)

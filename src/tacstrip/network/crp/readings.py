@@ -1,0 +1,125 @@
+"""What the electrodes of a CRS-CRP sensor read: strip by strip, for spans or for shapes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tacstrip.arrays import FloatArray, IntArray
+from tacstrip.contact.footprint import footprint
+from tacstrip.contact.shape import Contact
+from tacstrip.errors import NetworkError
+from tacstrip.network.crp.factored import Scan
+from tacstrip.network.crp.mesh import SHORTEST, Mesh, Wired, Wiring, checked_span, wire
+from tacstrip.network.nodal import Question
+from tacstrip.sensor.spec import Sensor
+
+
+def own_electrodes(
+    sensor: Sensor, l: FloatArray, u: FloatArray, rows: int | None = None, wiring: Wiring | None = None
+) -> tuple[FloatArray, FloatArray]:
+    """Return k_h and k_l (strips,) [Vref]: the electrodes in line with each energised strip, at y = L and y = 0.
+
+    Parameters
+    ----------
+    sensor
+        Its strips, pitch, strip width, length, `resistivity_ratio` (sheet over strips) and `contact_lambda_mm`.
+    l, u
+        Ends of the contact on each strip (strips,) [mm]; NaN where untouched, and so are the readings there.
+        A contact shorter than 1e-6 L is taken as one of 1e-6 L.
+    rows
+        Cells of the mesh over the length; by default 4 per lambda, 100 to 400.
+    wiring
+        What the other strips and the sheet's edges are joined to; nothing by default.
+
+    Raises
+    ------
+    SpecError
+        The sensor cannot be: ratio or lambda is not above 0.
+    ContactError
+        Nothing is touched, or l and u are not on the sensor.
+    """
+    readings = all_electrodes(sensor, l, u, rows, wiring)
+    each = np.arange(sensor.strips)
+    return readings[each, sensor.strips + each], readings[each, each]
+
+
+def all_electrodes(
+    sensor: Sensor, l: FloatArray, u: FloatArray, rows: int | None = None, wiring: Wiring | None = None
+) -> FloatArray:
+    """Return what all electrodes read while each strip is energised (strips, 2 strips) [Vref].
+
+    Columns: the electrodes at y = 0 in the order of the strips, then those at y = L. Arguments and errors as
+    for `own_electrodes`.
+    """
+    return _expand(sensor, Scan.of_span(sensor, l, u, rows, wiring))
+
+
+def contact_electrodes(
+    sensor: Sensor, contact: Contact, rows: int | None = None, wiring: Wiring | None = None
+) -> FloatArray:
+    """Return what `all_electrodes` does for a shape; each of its separate pieces on a strip counts."""
+    mesh = Mesh.of(sensor, rows)
+    return _expand(sensor, Scan(mesh, *_pieces(mesh, sensor, contact), wiring or Wiring()))
+
+
+def _pieces(mesh: Mesh, sensor: Sensor, contact: Contact) -> tuple[IntArray, FloatArray]:
+    """Return the strips that a shape touches (T,) and what of it lies under each node's hat (T, nodes) [mm]."""
+    strip, low, high = footprint(sensor, contact).intervals[0]
+    shortest = SHORTEST * sensor.length_mm
+    low = np.minimum(low, sensor.length_mm - shortest)
+    each = mesh.hat_lengths(low, np.maximum(high, low + shortest))
+    touched, where = np.unique(strip, return_inverse=True)
+    lengths = np.zeros((len(touched), mesh.rows + 1))
+    np.add.at(lengths, where, each)
+    if not len(touched):
+        l = np.full(sensor.strips, np.nan)
+        checked_span(mesh, l, l)
+    return touched, lengths
+
+
+def _expand(sensor: Sensor, scan: Scan) -> FloatArray:
+    readings = np.full((sensor.strips, 2 * sensor.strips), np.nan)
+    readings[scan.wired.strip] = scan.readings()
+    return readings
+
+
+def question(
+    sensor: Sensor,
+    strip: int,
+    l: FloatArray,
+    u: FloatArray,
+    rows: int | None = None,
+    wiring: Wiring | None = None,
+) -> Question:
+    """Return the measurement on one energised strip as it stands, for the plain solver and for netlists.
+
+    Readings are named kh and kl, the strip's own electrodes. Arguments and errors as for `own_electrodes`;
+    `NetworkError` where the strip is not touched.
+    """
+    mesh = Mesh.of(sensor, rows)
+    touched, low, high = checked_span(mesh, l, u)
+    at = np.flatnonzero(touched == strip)
+    if not len(at):
+        raise NetworkError(f"strip {strip} is not touched: its electrodes read nothing; ask for one that is")
+    wired = wire(mesh, touched, mesh.hat_lengths(low, high), wiring or Wiring())
+    return _question(sensor, wired, int(at[0]), wiring or Wiring())
+
+
+def contact_questions(
+    sensor: Sensor, contact: Contact, rows: int | None = None, wiring: Wiring | None = None
+) -> dict[int, Question]:
+    """Return the measurement on each touched strip, strip to `question`, for a shape with all its pieces."""
+    mesh = Mesh.of(sensor, rows)
+    touched, lengths = _pieces(mesh, sensor, contact)
+    wired = wire(mesh, touched, lengths, wiring or Wiring())
+    return {int(strip): _question(sensor, wired, at, wiring or Wiring()) for at, strip in enumerate(touched)}
+
+
+def _question(sensor: Sensor, wired: Wired, at: int, wiring: Wiring) -> Question:
+    strip = int(wired.strip[at])
+    held = {int(wired.bottom[at]): 0.0, int(wired.top[at]): 1.0}
+    if wiring.others == "grounded":
+        ends = (int(node) for node in np.concatenate([wired.bottom, wired.top]))
+        held = dict.fromkeys(ends, 0.0) | held
+    read = {"kh": int(wired.electrode[sensor.strips + strip]), "kl": int(wired.electrode[strip])}
+    return Question(wired.network, held, read)

@@ -1,0 +1,1 @@
+"""Sensors that strip sensors are measured against: four-wire sheet and digital array."""

@@ -1,0 +1,1 @@
+"""Strip sensors as networks of resistors: one ladder per strip, or strips resolved across their width."""

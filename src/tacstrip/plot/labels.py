@@ -1,0 +1,74 @@
+"""Recovered objects with the number, colour and legend that tell them apart in a picture."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import matplotlib as mpl
+from matplotlib.colors import to_hex
+
+from tacstrip.plot.style import OTHERS, RECOVERED
+from tacstrip.reconstruction.result import Reconstruction, RecoveredObject
+from tacstrip.sensor.spec import Sensor
+
+_MOST_NAMED = 8  # objects with a line of their own in the legend
+
+
+@dataclass(frozen=True)
+class Numbered:
+    """One object to draw.
+
+    Attributes
+    ----------
+    found
+        The object.
+    number
+        What is written on it: its number from 1, left to right; with several scans the scan's, as "3" or "3.1". Empty
+        where there is nothing to be told apart.
+    colour
+        Its own; its scan's where there are several; its method's where methods are compared.
+    label
+        Its line in the legend; None where another's line says the same.
+    """
+
+    found: RecoveredObject
+    number: str
+    colour: str
+    label: str | None
+
+    def place(self, sensor: Sensor) -> tuple[float, float]:
+        """Return where the number stands [mm]."""
+        if self.found.found:
+            x, y = self.found.centroid
+            return float(x), float(y)
+        return float(sensor.x_mm[self.found.strips].mean()), 0.5 * sensor.length_mm
+
+
+def numbered(results: Mapping[str, Sequence[Reconstruction]], shown: Sequence[int]) -> list[Numbered]:
+    """Return the objects of the scans that are shown, method by method."""
+    palette = (RECOVERED, *OTHERS)
+    several = len(shown) > 1
+    every = [
+        (method, name, order, i, k, found, len(reconstructions[i].objects))
+        for method, (name, reconstructions) in enumerate(results.items())
+        for order, i in enumerate(shown)
+        for k, found in enumerate(reconstructions[i].objects)
+    ]
+    made: list[Numbered] = []
+    said: set[str] = set()
+    for method, name, order, i, k, found, beside in every:
+        if len(results) > 1:
+            colour = palette[method % len(palette)]
+        elif several:  # from dark to light, as time goes; the lightest would not be seen
+            colour = to_hex(mpl.colormaps["viridis"](0.85 * order / (len(shown) - 1)))
+        else:
+            colour = palette[k % len(palette)]
+        own = f"{k + 1}" if beside > 1 else ""
+        number = (f"{i}.{own}" if own else f"{i}") if several else own
+        named = f"{name} {own}" if own and not several and len(every) <= _MOST_NAMED else name
+        strips = ", strip by strip" if not found.found and found.profile is not None else ""
+        label = f"{named}: {found.status}{strips}"
+        made.append(Numbered(found, number, colour, None if label in said else label))
+        said.add(label)
+    return made

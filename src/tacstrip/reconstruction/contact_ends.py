@@ -1,0 +1,94 @@
+"""l and u of every strip from k_h and k_l, with the error that the readings' noise makes.
+
+Where a strip's readings follow from its own contact, (4.36) gives both ends strip by strip. CRS-CRP has no closed form:
+all strips are solved together on the network.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tacstrip.arrays import FloatArray
+from tacstrip.network.crp.inversion import invert, invert_all
+from tacstrip.network.crp.mesh import Wiring
+from tacstrip.reconstruction.cramer_rao import reading_slopes
+from tacstrip.scan import Scan
+from tacstrip.sensor.circuit import lower_and_width
+from tacstrip.sensor.spec import Sensor
+
+_SIGMA = 1e-3  # of Vref: weighs nothing where the noise is not given, all readings being alike
+
+
+@dataclass(frozen=True, eq=False)
+class Ends:
+    """Both ends of the contact on every strip.
+
+    Attributes
+    ----------
+    l, u
+        (strips,) [mm], 0 <= l <= u <= L; NaN where nothing touches.
+    covariance
+        Of l of all strips, then u (2 strips, 2 strips) [mm^2], NaN where nothing touches; None
+        where no noise was given.
+    strip_status, advice
+        From the network's inversion, a word per strip; empty where closed forms do.
+    """
+
+    l: FloatArray
+    u: FloatArray
+    covariance: FloatArray | None = None
+    strip_status: tuple[str, ...] = ()
+    advice: str = ""
+
+
+def ends(
+    scan: Scan, sensor: Sensor, sigma: float | None = None, convex: bool = False, wiring: Wiring | None = None
+) -> Ends:
+    """Return l and u of a scan that has k_h and k_l.
+
+    Parameters
+    ----------
+    scan, sensor
+        What was measured, by what. All electrodes of a CRS-CRP sheet are used if the scan has them.
+    sigma
+        Standard deviation of a reading [Vref]; None if not known.
+    convex, wiring
+        CRS-CRP: whether every run of strips is taken for one convex contact; how the sensor is wired.
+    """
+    if sensor.kind.closed_form:
+        l, u = closed_ends(sensor, scan["kh"], scan["kl"])
+        return Ends(l, u, None if sigma is None else _covariance(sensor, l, u, sigma))
+    if not scan.touched.any():
+        return Ends(scan["kl"], scan["kl"])
+    weight = sigma or _SIGMA
+    if scan.electrodes is None:
+        found = invert(sensor, scan["kh"], scan["kl"], weight, convex, wiring=wiring)
+    else:
+        found = invert_all(sensor, scan.electrodes, weight, convex, wiring=wiring)
+    covariance = None if sigma is None else found.covariance * (sigma / weight) ** 2
+    return Ends(found.l, found.u, covariance, found.status, found.advice)
+
+
+def _covariance(sensor: Sensor, l: FloatArray, u: FloatArray, sigma: float) -> FloatArray:
+    """Return the covariance of l, then u (2 strips, 2 strips) [mm^2], of a strip's two readings alone."""
+    slopes = reading_slopes(sensor, l, u)
+    (a, b), (c, d) = slopes["kh"], slopes["kl"]
+    det = a * d - b * c
+    n = np.arange(len(l))
+    full = np.zeros((2 * len(l), 2 * len(l)))
+    full[n, n] = (b**2 + d**2) / det**2
+    full[len(l) + n, len(l) + n] = (a**2 + c**2) / det**2
+    full[n, len(l) + n] = full[len(l) + n, n] = -(a * b + c * d) / det**2
+    blank = np.isnan(np.concatenate([l, u]))
+    full[blank], full[:, blank] = np.nan, np.nan
+    return full * sigma**2
+
+
+def closed_ends(sensor: Sensor, kh: FloatArray, kl: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return l and u [mm] of readings of any shape by (4.36), held to 0 <= l <= u <= L; NaN stays NaN."""
+    l, w = lower_and_width(kh, kl, sensor.length_mm, sensor.sensing_ratio, sensor.contact_lambda_mm)
+    middle = l + 0.5 * w
+    half = 0.5 * np.maximum(w, 0.0)
+    return np.clip(middle - half, 0.0, sensor.length_mm), np.clip(middle + half, 0.0, sensor.length_mm)

@@ -1,0 +1,156 @@
+"""How well any unbiased method can tell a polygon's vertices from one scan: the Cramer-Rao bound."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+import numpy as np
+import numpy.typing as npt
+
+from tacstrip.arguments import takes
+from tacstrip.arrays import FloatArray
+from tacstrip.contact.noise import Noise
+from tacstrip.contact.signature import signatures as readings_of
+from tacstrip.fisher import checked_sigma, covariance
+from tacstrip.geometry.outline import Outline
+from tacstrip.network.crp.cramer_rao import slopes
+from tacstrip.sensor.circuit import end_slopes
+from tacstrip.sensor.constructions import SIGNATURES
+from tacstrip.sensor.spec import Sensor
+
+
+@takes(noise=Noise, sensor=Sensor)
+def reading_sigma(noise: Noise, sensor: Sensor) -> float:
+    """Return the standard deviation of a reading [Vref]: of the noise's errors, and of the A/D converter's steps.
+
+    An error uniform within +-a has a / sqrt(3); a step s of the converter has s / sqrt(12).
+    """
+    step = 0.0 if sensor.adc_bits is None else 1.0 / (2.0**sensor.adc_bits - 1.0)
+    return math.sqrt((noise.quantisation**2 + noise.positional**2) / 3.0 + step**2 / 12.0)
+
+
+def reading_slopes(
+    sensor: Sensor, l_mm: FloatArray, u_mm: FloatArray
+) -> dict[str, tuple[FloatArray, FloatArray]]:
+    """Return dk/dl and dk/du [1/mm] of every signature, name to two arrays of the shape of l and u."""
+    return {
+        name: end_slopes(
+            k,
+            np.asarray(u_mm - l_mm),
+            sensor.length_mm,
+            SIGNATURES[name].at_upper_end,
+            sensor.sensing_ratio,
+            sensor.contact_lambda_mm,
+        )
+        for name, k in readings_of(sensor, l_mm, u_mm).items()
+    }
+
+
+def vertex_slopes(
+    outline: Outline,
+    sensor: Sensor,
+    signatures: Iterable[str] | None = None,
+    x_mm: npt.ArrayLike | None = None,
+) -> FloatArray:
+    """Return the slopes of readings by `vertices.ravel()` (readings, 2 V) [1/mm]; arguments as `vertex_covariance`.
+
+    A row per strip of the first signature, then of the next. Without a closed form (CRS-CRP) they come from the
+    network of all touched strips: a strip's readings depend on its neighbours' ends too.
+    """
+    names = tuple(map(sensor.check_signature, sensor.signatures if signatures is None else signatures))
+    x = sensor.x_mm if x_mm is None else np.asarray(x_mm, dtype=float)
+    x = x[outline.touches(x)]
+    if not sensor.kind.closed_form:
+        return _network_slopes(outline, sensor, names, x)
+    by_l, by_u = outline.slopes(x)
+    of_ends = reading_slopes(sensor, *outline.ends(x))
+    pairs = [of_ends[n] for n in names]
+    return np.concatenate([a[:, None] * by_l + b[:, None] * by_u for a, b in pairs])
+
+
+def _network_slopes(outline: Outline, sensor: Sensor, names: tuple[str, ...], x: FloatArray) -> FloatArray:
+    strip, by_ends = slopes(sensor, *outline.ends(sensor.x_mm))  # (T, signatures, 2 T)
+    by_vertices = by_ends @ np.concatenate(outline.slopes(sensor.x_mm[strip]))
+    read = np.isclose(sensor.x_mm[strip][:, None], x).any(axis=1)
+    return np.concatenate([by_vertices[read, sensor.signatures.index(n)] for n in names])
+
+
+@takes(outline=Outline, sensor=Sensor)
+def vertex_covariance(
+    outline: Outline,
+    sensor: Sensor,
+    sigma: float,
+    signatures: Iterable[str] | None = None,
+    x_mm: npt.ArrayLike | None = None,
+) -> FloatArray:
+    """Return the bound of the vertices' covariance (2 V, 2 V) [mm^2], in the order of `vertices.ravel()`.
+
+    The number of vertices counts as known. The x of the end vertices has a prior: which strips are touched
+    tells it to within one pitch, which counts as a normal error of variance pitch^2 / 12. So has that of both vertices
+    of an edge that crosses one strip or none, whose place readings alone do not tell. The two vertices of a vertical
+    edge have one x.
+
+    Parameters
+    ----------
+    outline, sensor
+        What touches what.
+    sigma
+        Standard deviation of a reading [Vref], from `reading_sigma`.
+    signatures
+        Those that are read; all that the sensor has by default.
+    x_mm
+        Centre lines of the strips that are read [mm]; all of the sensor's by default. Strips that the outline
+        does not touch are left out.
+
+    Returns
+    -------
+    FloatArray
+        What the readings do not tell has variance inf and covariance NaN (`fisher.covariance`).
+
+    Raises
+    ------
+    ReadingError
+        sigma is not a finite number above 0.
+    SignatureError
+        The sensor does not have such a signature.
+    ContactError
+        CRS-CRP: the outline touches no strip, or leaves the sensor.
+    """
+    checked_sigma(sigma)
+    return with_ends(outline, sensor, vertex_slopes(outline, sensor, signatures, x_mm) / sigma)
+
+
+def with_ends(outline: Outline, sensor: Sensor, slopes: FloatArray) -> FloatArray:
+    """Return the covariance (2 V, 2 V) [mm^2] from slopes over their readings' sigma, and from what is known of x.
+
+    The ends' x is known to within a pitch, and so is that of two vertices with one strip between them or none, where
+    readings tell nothing of the edge.
+    """
+    lower, upper = outline.indices
+    column = np.arange(slopes.shape[1])
+    ends = ((lower[0], upper[0]), (lower[-1], upper[-1]))
+    for a, b in ends:
+        column[2 * b] = column[2 * a]  # the same vertex, or one x for a vertical edge
+    free, place = np.unique(column, return_inverse=True)
+    known = {int(place[2 * i]) for i in (*(a for a, _ in ends), *_steep(outline, sensor))}
+    joined = np.zeros((len(slopes) + len(known), len(free)))
+    np.add.at(joined[: len(slopes)].T, place, slopes.T)
+    for row, i in enumerate(sorted(known), len(slopes)):
+        joined[row, i] = math.sqrt(12.0) / sensor.pitch_mm
+    return np.asarray(covariance(joined)[np.ix_(place, place)])
+
+
+def _steep(outline: Outline, sensor: Sensor) -> list[int]:
+    """Return the vertices of edges that cross one strip or none."""
+    found: list[int] = []
+    for chain, index in zip((outline.lower, outline.upper), outline.indices, strict=True):
+        crossed = np.diff(np.searchsorted(sensor.x_mm, chain[:, 0]))
+        for i in np.flatnonzero(crossed <= 1):
+            found += [int(index[i]), int(index[i + 1])]
+    return found
+
+
+def vertex_rms(covariance: FloatArray) -> float:
+    """Return the root mean square over vertices of their distance from the truth [mm]: inf where one is not told."""
+    return float(np.sqrt(np.trace(covariance) / (len(covariance) / 2.0)))

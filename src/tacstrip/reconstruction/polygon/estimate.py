@@ -1,0 +1,171 @@
+"""The best estimate that the readings allow: a polygon fitted to all strips by least squares.
+
+The vertices' number is chosen by a criterion, their places by the fit, and the covariance says how sure they are.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+
+import numpy as np
+
+from tacstrip.arguments import takes
+from tacstrip.arrays import FloatArray
+from tacstrip.contact.noise import Noise
+from tacstrip.core.fit import MOST
+from tacstrip.core.problem import FLOOR
+from tacstrip.errors import OptionError
+from tacstrip.reconstruction.cramer_rao import reading_sigma
+from tacstrip.reconstruction.polygon.objects import FittedContact, recovered
+from tacstrip.reconstruction.polygon.run import fit_run, one_shape
+from tacstrip.reconstruction.result import Reconstruction
+from tacstrip.reconstruction.strip_width import ENDS, as_thin, reach_out
+from tacstrip.reconstruction.untouched import doubt_untouched
+from tacstrip.scan import Scan
+from tacstrip.sensor.constructions import check_closed_form
+from tacstrip.sensor.spec import Sensor
+
+_BRIDGED = 3  # strips that may be missing inside a contact
+_ROUNDS = 2  # of taking away what the strips' width adds
+_SPARE = 8  # strips: of fewer none is left out
+
+
+@takes(scan=Scan, sensor=Sensor, noise=Noise)
+def fit_polygon(
+    scan: Scan,
+    sensor: Sensor,
+    noise: Noise | None = None,
+    most: int = MOST,
+    bounded: bool = True,
+    vertices: int | None = None,
+    wide: bool = False,
+) -> Reconstruction:
+    """Recover a polygon from each contact by least squares over all strips and all signatures of the scan.
+
+    Parameters
+    ----------
+    scan, sensor
+        What was measured, with what. From one signature the polygon is convex; from k_h and k_l it is
+        x-monotone, and its ends may be vertical edges.
+    noise
+        Of the readings; the A/D converter's steps come on top. None: estimated from what the fit leaves over.
+        "uniform" noise has a bound, and outlines that stay within it are far fewer than least squares leaves: the
+        estimate is then their mean, and `guaranteed` holds the regions that no such outline's vertices leave.
+    most
+        Vertices at most, those at the ends not counted.
+    bounded
+        False: least squares for uniform noise too, 5 to 10 ms faster.
+    vertices
+        Of each contact, ends included, where that is known; None: found. Weak corners, which noise hides, then add
+        to the uncertainty instead of being left out.
+    wide
+        Whether strips are read as wide as the spec's `strip_width` says, as those of a real sensor are, or at their
+        centre lines, as the closed forms of `simulate` have it. Takes three times as long.
+
+    Returns
+    -------
+    Reconstruction
+        Objects with vertices, covariance, profile, status and advice. Outliers are left out and named; up to
+        three strips that read nothing inside a contact are bridged.
+
+    Raises
+    ------
+    ReadingError, SignatureError, OptionError
+        The scan is not of this sensor, the construction has no closed form, or there are no polygons of so many
+        vertices.
+    """
+    scan.check(sensor)
+    check_closed_form(sensor.kind, "fit_polygon")
+    if vertices is not None and not 3 <= vertices <= MOST + 2:
+        raise OptionError(f"vertices = {vertices}: a polygon has 3 or more, and here {MOST + 2} at most")
+    result = Reconstruction(
+        "polygon",
+        tuple(
+            recovered(scan, sensor, c, noise, bounded and _has_bound(noise))
+            for c in _contacts(scan, sensor, noise, most, vertices, wide)
+        ),
+        scan.time_s,
+    )
+    return doubt_untouched(result, scan, sensor)
+
+
+@takes(scans=(Scan,), sensor=Sensor, noise=Noise)
+def fit_polygons(
+    scans: Sequence[Scan], sensor: Sensor, noise: Noise | None = None, workers: int | None = None
+) -> list[Reconstruction]:
+    """Fit many scans on all cores, or on `workers` of them; arguments and errors as for `fit_polygon` by default.
+
+    By threads, which share the time outside the compiled core.
+    """
+    count = workers or os.cpu_count() or 1
+    fit = partial(fit_polygon, sensor=sensor, noise=noise)
+    if count == 1 or len(scans) < 2:
+        return [fit(scan) for scan in scans]
+    with ThreadPoolExecutor(count) as threads:
+        return list(threads.map(fit, scans))
+
+
+def fitted_transitions(
+    scan: Scan, sensor: Sensor, signature: str, noise: Noise | None = None
+) -> list[FloatArray]:
+    """Return the x [mm] of all vertices, ends included and ascending, of the polygon fitted to each run of strips.
+
+    Only one signature is used, as Vertex Reconstruction does. A run with too few strips gives its two ends.
+    """
+    scan.check(sensor)
+    check_closed_form(sensor.kind, "fit_polygon")
+    name, sigma = sensor.check_signature(signature), _sigma(noise, sensor)
+    found = []
+    for run in scan.runs():
+        of_run = fit_run(sensor, sensor.x_mm[run], {name: scan[name][run]}, sigma)
+        x = np.array([0.0, 1.0]) if of_run.fits is None else of_run.fits.chosen.transitions
+        found.append(x * of_run.signal.width_mm + of_run.signal.origin_mm)
+    return found
+
+
+def _contacts(
+    scan: Scan, sensor: Sensor, noise: Noise | None, most: int, vertices: int | None, wide: bool
+) -> list[FittedContact]:
+    sigma = _sigma(noise, sensor)
+
+    def fit(strips: slice, missing: tuple[int, ...] = ()) -> FittedContact:
+        partly = ENDS if wide and strips.stop - strips.start >= _SPARE else 0
+        fitted = slice(strips.start + partly, strips.stop - partly)
+        beyond_mm = reach_out(sensor) if partly else 0.0
+        x = sensor.x_mm[fitted]
+        measured = readings = {name: scan[name][fitted] for name in scan.signatures}
+        run = fit_run(sensor, x, readings, sigma, most, vertices, beyond_mm)
+        for _ in range(_ROUNDS if wide else 0):
+            if (outline := run.outline) is None:
+                break
+            readings = as_thin(sensor, outline, x, measured)
+            run = fit_run(sensor, x, readings, sigma, most, vertices, beyond_mm)
+        return FittedContact(strips, missing, fitted, readings, beyond_mm, vertices, run)
+
+    found: list[FittedContact] = []
+    for strips in scan.runs():
+        contact = fit(strips)
+        if found and strips.start - found[-1].strips.stop <= _BRIDGED:
+            before = found[-1]
+            gap = range(before.strips.stop, strips.start)
+            joint = fit(slice(before.strips.start, strips.stop), (*before.missing, *gap))
+            if one_shape(before.run, contact.run, joint.run):
+                contact = joint
+                found.pop()
+        found.append(contact)
+    return found
+
+
+def _sigma(noise: Noise | None, sensor: Sensor) -> float | None:
+    return None if noise is None else max(reading_sigma(noise, sensor), FLOOR)
+
+
+def _has_bound(noise: Noise | None) -> bool:
+    return (
+        noise is not None
+        and noise.distribution == "uniform"
+        and noise.quantisation + noise.positional > FLOOR
+    )

@@ -1,0 +1,158 @@
+"""Does the outline explain the readings, and do they determine it? Status and advice in words."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from tacstrip.arrays import FloatArray
+from tacstrip.core.fit import Fit
+from tacstrip.geometry.outline import Outline
+from tacstrip.reconstruction.polygon.run import RunFit
+from tacstrip.reconstruction.result import Status
+
+_ALARM = 3.5  # standard deviations of a test's statistic
+_LOOSE = 0.2  # of the contact's width: a vertex less certain in x is hardly one
+_EQUAL = 3  # counts that fit as well as the best one
+_RIVAL = -6.0  # an oval whose criterion is worse by less than this is a rival
+_REFLEX = 3.0  # standard deviations by which a corner turns inwards
+_FAINT = 0.01  # of sigma^2
+_APART = 3.0  # standard deviations of their distance in x by which two corners are told apart
+_SPREAD = {"uniform": 0.8, "normal": 2.0}  # variance of a squared error over sigma^4
+
+
+def misfit_score(residuals: FloatArray, freedom: int, distribution: str) -> float:
+    """Return how many standard deviations the squared residuals exceed what sigma allows."""
+    if freedom < 1:
+        return 0.0
+    # Wilson and Hilferty's cube root makes chi square nearly normal; a uniform error's square spreads less.
+    root = (float((residuals**2).sum()) / freedom) ** (1.0 / 3.0)
+    small = _SPREAD[distribution] / (9.0 * freedom)
+    return float((root - (1.0 - small)) / math.sqrt(small))
+
+
+def run_score(residuals: FloatArray, readings: int) -> float:
+    """Return how many standard deviations neighbouring residuals are more alike than chance makes them.
+
+    0 where they are far below the noise, or all rounding.
+    """
+    squares = float((residuals**2).sum())
+    if squares < _FAINT * readings:
+        return 0.0
+    pairs = float((residuals[:, 1:] * residuals[:, :-1]).sum())
+    return math.sqrt(readings) * pairs / squares
+
+
+def explains(run: RunFit, distribution: str, outline: Outline) -> bool:
+    """Whether an outline that is not the least-squares one leaves no more of a run's readings than noise does."""
+    residuals, readings = Fit.of(outline, run.signal).residuals(run.signal), run.signal.readings
+    # It follows the noise less than least squares does, so that nothing is taken off the freedom.
+    return max(misfit_score(residuals, readings, distribution), run_score(residuals, readings)) <= _ALARM
+
+
+def judge(
+    run: RunFit, distribution: str | None, vertices: FloatArray, covariance: FloatArray
+) -> tuple[Status, str]:
+    """Return a status and advice for a run's outline.
+
+    Parameters
+    ----------
+    run
+        What was fitted to what.
+    distribution
+        Of the noise, "uniform" or "normal"; None where its level was not known.
+    vertices, covariance
+        Of the outline, counter-clockwise (V, 2) [mm], (2 V, 2 V) [mm^2].
+    """
+    freedom = run.signal.readings - run.parameters
+    if distribution is not None and misfit_score(run.residuals, freedom, distribution) > _ALARM:
+        times = math.sqrt(float((run.residuals**2).sum()) / freedom)
+        return "doubtful", (
+            f"the readings are {times:.3g} times as far from the best outline as the noise explains: the contact "
+            "may be concave or two objects on the same strips, or the noise larger than given"
+        )
+    if run_score(run.residuals, run.signal.readings) > _ALARM:
+        return "doubtful", (
+            "what the best outline leaves over hangs together from strip to strip: the contact may be concave, "
+            "curved, or two objects on the same strips"
+        )
+    if run.round:
+        return (
+            "ok",
+            "this contact looks round: the outline is the oval that explains the readings better than corners",
+        )
+    return _polygon(run, vertices, covariance)
+
+
+def _polygon(run: RunFit, vertices: FloatArray, covariance: FloatArray) -> tuple[Status, str]:
+    fits = run.fits
+    if run.lead > _RIVAL:
+        return (
+            "doubtful",
+            "this contact looks round: an oval fits as well; take the outline, not the vertices",
+        )
+    if fits is not None and fits.equal >= _EQUAL:
+        return "doubtful", (
+            f"{fits.equal} vertex counts fit equally well: the contact is round, or say what is known, the noise or "
+            "the number of vertices; take the outline, not the vertices"
+        )
+    x_sigma = np.sqrt(covariance.diagonal()[::2])
+    at = int(np.argmax(x_sigma))
+    if x_sigma[at] > _LOOSE * run.signal.width_mm:
+        more = "average more scans" if len(run.signal.k) > 1 else "average more scans, or use both signatures"
+        if x_sigma[at] > run.signal.width_mm:
+            return "doubtful", (
+                f"the readings do not tell where along its edges the vertex {_where(vertices[at])} lies; is it one? "
+                f"Else {more}"
+            )
+        return (
+            "doubtful",
+            f"the vertex {_where(vertices[at])} is uncertain by {x_sigma[at]:.3g} mm in x; {more}",
+        )
+    if len(run.signal.k) == 1 and (pair := _opposite(vertices, covariance)) is not None:
+        return "doubtful", (
+            f"the corners {_where(vertices[pair[0]])} and y = {vertices[pair[1], 1]:.6g} mm hardly differ in x: their "
+            "kinks hide each other, and both heights may be wrong; turn the object a little, or use both signatures"
+        )
+    if len(run.signal.k) == 1 and (inward := _reflex(vertices, covariance)) is not None:
+        return "doubtful", (
+            f"the corner {_where(vertices[inward])} turns inwards, which one signature cannot tell from other shapes; "
+            "use both signatures"
+        )
+    return "ok", ""
+
+
+def _where(vertex: FloatArray) -> str:
+    return f"at x = {vertex[0]:.6g}, y = {vertex[1]:.6g} mm"
+
+
+def _opposite(vertices: FloatArray, covariance: FloatArray) -> tuple[int, int] | None:
+    """Return two corners, one on either chain, whose x cannot be told apart."""
+    x = vertices[:, 0]
+    right = int(x.argmax())
+    for i in range(1, right):
+        for j in range(right + 1, len(x)):
+            variance = covariance[2 * i, 2 * i] + covariance[2 * j, 2 * j] - 2.0 * covariance[2 * i, 2 * j]
+            if not abs(x[i] - x[j]) > _APART * math.sqrt(max(variance, 0.0)):
+                return i, j
+    return None
+
+
+def _reflex(vertices: FloatArray, covariance: FloatArray) -> int | None:
+    """Return the corner that turns inwards most surely, if one does."""
+    n = len(vertices)
+    edge = np.roll(vertices, -1, axis=0) - vertices
+    before, after = np.roll(edge, 1, axis=0), edge
+    turn = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
+    slope = np.zeros((n, n, 2))
+    i = np.arange(n)
+    by_before = np.stack([after[:, 1], -after[:, 0]], axis=1)
+    by_after = np.stack([-before[:, 1], before[:, 0]], axis=1)
+    slope[i, i - 1] -= by_before
+    slope[i, i] += by_before - by_after
+    slope[i, (i + 1) % n] += by_after
+    flat = slope.reshape(n, -1)
+    sigma = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", flat, np.nan_to_num(covariance), flat), 0.0))
+    sure = turn < -_REFLEX * sigma
+    return int(np.where(sure, turn, 0.0).argmin()) if sure.any() else None

@@ -1,0 +1,222 @@
+"""From the fit of one contact to an object: outline, covariance, what bounded noise leaves of it, and advice."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tacstrip.arrays import FloatArray
+from tacstrip.contact.noise import Noise
+from tacstrip.core.fit import Fit
+from tacstrip.core.search import fit_counts
+from tacstrip.geometry.outline import Outline
+from tacstrip.reconstruction.contact_ends import closed_ends
+from tacstrip.reconstruction.polygon.fit import fitted_covariance, thickness, untangled
+from tacstrip.reconstruction.polygon.goodness_of_fit import explains, judge
+from tacstrip.reconstruction.polygon.run import RunFit
+from tacstrip.reconstruction.result import Profile, RecoveredObject, Status
+from tacstrip.reconstruction.set_membership.edge_lines import Band
+from tacstrip.reconstruction.set_membership.estimate import Bounded, fewest
+from tacstrip.scan import Scan
+from tacstrip.sensor.constructions import SIGNATURES
+from tacstrip.sensor.spec import Sensor
+
+_THIN = 1e-6  # of the strip length: thinner is a line
+_HOPELESS = (
+    1.5  # times sigma: least squares that leaves more over on average, where sqrt(3) is the most, has no set
+)
+_ANYWHERE = 0.9  # of the variance within a pitch
+_WORSE, _FEWER = 20.0, 0.0  # of the criterion: so much worse, more vertices, or fewer, are not tried
+_CORNERS = 12  # at most: the search for a set grows with them
+_NAMED = 5  # strips that advice names
+_FAINT = (
+    "no kink stands out of the noise: a line fits as well as the triangle that is given; average more scans, or use "
+    "both signatures"
+)
+_EMPTY = (
+    "no polygon stays within the noise's bound on every strip: the noise is larger than given, or the contact is no "
+    "polygon of these vertices; the outline is that of least squares"
+)
+
+
+@dataclass(frozen=True, eq=False)
+class FittedContact:
+    """One contact and its fit.
+
+    Attributes
+    ----------
+    strips
+        That belong to it.
+    missing
+        Of these, the ones that read nothing.
+    fitted
+        The strips that the fit was made of: all, or without those that may be covered in part.
+    readings
+        That were fitted, signature to (fitted,): as measured, or without what the strips' width added.
+    beyond_mm
+        How much further out the ends lie than within half a pitch of the strips fitted.
+    told
+        Vertices that there are, where that is known.
+    run
+        The fit.
+    """
+
+    strips: slice
+    missing: tuple[int, ...]
+    fitted: slice
+    readings: dict[str, FloatArray]
+    beyond_mm: float
+    told: int | None
+    run: RunFit
+
+
+def recovered(
+    scan: Scan, sensor: Sensor, contact: FittedContact, noise: Noise | None, bounded: bool
+) -> RecoveredObject:
+    """Return the object that a contact's fit stands for.
+
+    Parameters
+    ----------
+    scan, sensor
+        What was measured, with what.
+    contact
+        One contact's strips and fits.
+    noise, bounded
+        The readings' errors if known, and whether to use that they have a bound.
+    """
+    strips, run = contact.strips, contact.run
+    notes = _notes(scan, sensor, contact)
+    x = sensor.x_mm[strips]
+    if run.fits is None:
+        few = f"{strips.stop - strips.start} strips are touched, too few for a polygon: use finer strips"
+        raw = _raw_profile(scan, sensor, strips)
+        return RecoveredObject(strips, profile=raw, status="too few strips", advice="; ".join([few, *notes]))
+    if run.oval is not None and run.round:
+        lower, upper, covariance = run.oval.outline(run.signal)
+        outline = Outline(lower, upper)
+        status, advice = judge(run, noise.distribution if noise else None, outline.vertices, covariance)
+        return _found(strips, x, outline, covariance, status, [advice, *notes])
+    fit, faint = _chosen(run, noise is not None)
+    lower, upper = untangled(*fit.polygon(run.signal))
+    if thickness(lower, upper) <= _THIN * sensor.length_mm:
+        line = "no kink and no width stand out of the noise: a line, given as its profile"
+        profile = (x, np.interp(x, *lower.T), np.interp(x, *upper.T))
+        return RecoveredObject(
+            strips, profile=profile, status="too few transitions", advice="; ".join([line, *notes])
+        )
+    outline = Outline(lower, upper)
+    covariance = fitted_covariance(fit, outline, run.signal, sensor)
+    guarantee, empty = None, False
+    if noise is not None and bounded and not faint:
+        refined = _refined(scan, sensor, contact, noise)
+        empty = refined is None
+        options = [] if refined is None else [refined, refined.of_least_squares()]
+        y = outline.vertices[:, 1] / sensor.length_mm
+        if y.min() <= _THIN or y.max() >= 1.0 - _THIN:
+            del options[:1]  # held to the strips, the mean lies inside of what passes over the border
+        guarantee = next(
+            (
+                o
+                for o in options
+                # Least squares has the count that its own criterion chose.
+                if (o.fallback is not None or len(o.outline.vertices) == len(outline.vertices))
+                and explains(run, noise.distribution, o.outline)
+            ),
+            None,
+        )
+        if guarantee is not None:
+            outline, covariance = guarantee.outline, guarantee.region_covariance
+    status, advice = judge(run, noise.distribution if noise else None, outline.vertices, covariance)
+    if contact.told is not None and fit.corners < contact.told and status == "ok":
+        status, advice = (
+            "doubtful",
+            f"the readings hold {fit.corners} vertices, not the {contact.told} that were told",
+        )
+    if faint:
+        status, advice = "doubtful", _FAINT
+    if empty and status == "ok":
+        status, advice = "doubtful", _EMPTY
+    found = _found(strips, x, outline, covariance, status, [advice, *notes])
+    return replace(found, guarantee=guarantee, uniform=_upright(outline, covariance, sensor))
+
+
+def _found(
+    strips: slice, x: FloatArray, outline: Outline, covariance: FloatArray, status: Status, words: list[str]
+) -> RecoveredObject:
+    profile = (x, np.interp(x, *outline.lower.T), np.interp(x, *outline.upper.T))
+    advice = "; ".join(w for w in words if w)
+    return RecoveredObject(strips, outline.vertices, profile, covariance, status, advice)
+
+
+def _upright(outline: Outline, covariance: FloatArray, sensor: Sensor) -> tuple[int, ...]:
+    """Return the places in `vertices.ravel()` of x of vertical ends of which no more than a pitch is known."""
+    lower, upper = outline.indices
+    places = [2 * int(lower[end]) for end in (0, -1) if lower[end] != upper[end]]
+    return tuple(i for i in places if covariance[i, i] > _ANYWHERE * sensor.pitch_mm**2 / 12.0)
+
+
+def _chosen(run: RunFit, known: bool) -> tuple[Fit, bool]:
+    """Return the fit to give, and whether it is a triangle that one signature cannot tell from a line."""
+    assert run.fits is not None
+    if run.fits.chosen.count or len(run.signal.k) > 1:
+        return run.fits.chosen, False
+    triangles = [f for f in fit_counts(run.signal, known, 1, every=True).fits if f.count]
+    return (triangles[0], True) if triangles else (run.fits.chosen, False)
+
+
+def _refined(scan: Scan, sensor: Sensor, contact: FittedContact, noise: Noise) -> Bounded | None:
+    """Return what the noise's bound leaves of the fits, fewest vertices first; None where it leaves none."""
+    run = contact.run
+    assert run.fits is not None
+    freedom = max(run.signal.readings - run.parameters, 1)
+    if (run.residuals**2).sum() > _HOPELESS**2 * freedom or run.fits.chosen.corners > _CORNERS:
+        return None
+    candidates = []
+    for fit, score in zip(run.fits.fits, run.fits.scores, strict=True):
+        if score > run.fits.scores[run.fits.best] + (_FEWER if fit.count < run.fits.chosen.count else _WORSE):
+            continue
+        lower, upper = untangled(*fit.polygon(run.signal))
+        if thickness(lower, upper) > _THIN * sensor.length_mm:
+            outline = Outline(lower, upper)
+            candidates.append((outline, fitted_covariance(fit, outline, run.signal, sensor)))
+    readings = {
+        name: np.where(out, np.nan, contact.readings[name])
+        for name, out in zip(scan.signatures, run.left_out, strict=True)
+    }
+    band = Band.of(sensor, sensor.x_mm[contact.fitted], readings, noise, contact.beyond_mm)
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # rubbish readings leave rubbish sets
+        found = fewest(candidates, band)
+    return None if found is None else found[1]
+
+
+def _raw_profile(scan: Scan, sensor: Sensor, strips: slice) -> Profile | None:
+    """Return the contact strip by strip, which needs both signatures."""
+    if not {"kh", "kl"} <= set(scan.signatures):
+        return None
+    with np.errstate(divide="ignore", invalid="ignore"):  # k_l far above k_h: no contact makes it
+        l, u = closed_ends(sensor, scan["kh"][strips], scan["kl"][strips])
+    return (sensor.x_mm[strips], l, u) if np.isfinite(l + u).all() else None
+
+
+def _notes(scan: Scan, sensor: Sensor, contact: FittedContact) -> list[str]:
+    """Name the strips that were bridged, and the readings that were left out."""
+    notes, base = [], sensor.strip_base
+    if contact.missing:
+        names = _list([str(i + base) for i in contact.missing])
+        notes.append(f"strip {names} reads nothing inside the contact and was bridged: is it broken?")
+    left_out = np.argwhere(contact.run.left_out)
+    if len(left_out):
+        names = _list(
+            [
+                f"{i + contact.fitted.start + base} ({SIGNATURES[scan.signatures[s]].symbol} = "
+                f"{scan[scan.signatures[s]][i + contact.fitted.start]:.3g})"
+                for s, i in left_out
+            ]
+        )
+        notes.append(f"strip {names} does not fit its neighbours and was left out: is a channel stuck?")
+    return notes
+
+
+def _list(names: list[str]) -> str:
+    return ", ".join(names[:_NAMED]) + (", ..." if len(names) > _NAMED else "")

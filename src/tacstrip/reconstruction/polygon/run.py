@@ -1,0 +1,235 @@
+"""One run of touched strips: its noise, its outliers, its polygon."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from tacstrip.arrays import BoolArray, FloatArray
+from tacstrip.core.criterion import charge, misfit, penalty
+from tacstrip.core.ellipse import PARAMETERS, Ellipse, fit_ellipse
+from tacstrip.core.fit import MOST
+from tacstrip.core.outliers import misfits, spikes
+from tacstrip.core.problem import FLOOR, Signal
+from tacstrip.core.search import Fits, fit_counts
+from tacstrip.geometry.outline import Outline
+from tacstrip.reconstruction.polygon.fit import thickness, untangled
+from tacstrip.reconstruction.sections import reading_noise
+from tacstrip.sensor.spec import Sensor
+
+_BEYOND = 0.5  # a reading that noise may drive so far beyond 0 or 1 is still one
+_ROUNDS = 3  # of leaving outliers out, and of estimating sigma anew
+_SURER = 0.3  # so much less noise than first thought is worth another fit
+_NORMAL = 1.4826  # sigma of normal errors over their median absolute deviation
+_NEAR = 6.0  # spreads from the polygon that was made without it: no outlier
+_BARELY = 0.5  # of the spread with all readings: few residuals can be small by chance
+_SPARE = 1  # readings beyond the numbers fitted, without which nothing can be tested
+
+
+@dataclass(frozen=True, eq=False)
+class RunFit:
+    """Polygons, and an oval, fitted to one run of strips.
+
+    Attributes
+    ----------
+    signal
+        Readings, with weights 1 / sigma^2; sigma is the given one, or what the fit left over.
+    fits
+        Those compared, and the chosen one; None where the readings are too few.
+    sigma
+        Standard deviation of a reading [Vref].
+    left_out
+        Readings that were there but not used (S, n).
+    oval
+        An oval that was fitted too.
+    lead
+        How much better the oval's criterion is than the polygon's; -inf where none was fitted.
+    """
+
+    signal: Signal
+    fits: Fits | None
+    sigma: float
+    left_out: BoolArray
+    oval: Ellipse | None = None
+    lead: float = -np.inf
+
+    @property
+    def round(self) -> bool:
+        """Whether the oval explains the readings better than any polygon."""
+        return self.lead > 0.0
+
+    @property
+    def vertices(self) -> int:
+        """Interior vertices, or what an oval counts for."""
+        return 0 if self.fits is None else 1 if self.round else self.fits.chosen.count
+
+    @property
+    def parameters(self) -> int:
+        """Numbers that the readings determine."""
+        return 0 if self.fits is None else PARAMETERS if self.round else self.fits.chosen.parameters
+
+    @property
+    def outline(self) -> Outline | None:
+        """The better one's outline [mm], if there is a fit and it is no line."""
+        if self.fits is None:
+            return None
+        if self.oval is not None and self.round:
+            return Outline(*self.oval.outline(self.signal)[:2])
+        lower, upper = untangled(*self.fits.chosen.polygon(self.signal))
+        return Outline(lower, upper) if thickness(lower, upper) > 0.0 else None
+
+    @cached_property
+    def residuals(self) -> FloatArray:
+        """Measured minus fitted readings over sigma (S, n), of the oval if it is the better one."""
+        if self.fits is None:
+            return np.zeros_like(self.signal.k)
+        best = self.oval if self.oval is not None and self.round else self.fits.chosen
+        return best.residuals(self.signal)
+
+    def spread(self, known: bool) -> float:
+        """Return the residuals' spread, over the sigma that the signal was given: 1 if that is known."""
+        if known or self.fits is None:
+            return 1.0
+        used = self.residuals[self.signal.weight > 0.0]
+        return max(_NORMAL * float(np.median(np.abs(used))), 1e-3) if len(used) else 1.0
+
+    def price(self, scale: float) -> float:
+        """Return what vertices and readings left out cost, with the misfit at a spread of residuals; inf: no fit.
+
+        A reading left out costs as much as a vertex: a notch one strip wide has at least three, a fault one or two
+        readings, and a corner cut off a whole side.
+        """
+        if self.fits is None:
+            return np.inf
+        chosen, each = self.fits.chosen, penalty(self.signal.readings)
+        paid = chosen.count + int(chosen.blunt.sum()) + int(self.left_out.sum())
+        return chosen.cost / scale**2 + each * paid
+
+    @property
+    def squares(self) -> float:
+        """Squared residuals [Vref^2]."""
+        return float((self.residuals**2).sum()) * self.sigma**2
+
+
+def fit_run(
+    sensor: Sensor,
+    x_mm: FloatArray,
+    readings: Mapping[str, FloatArray],
+    sigma: float | None = None,
+    most: int = MOST,
+    corners: int | None = None,
+    beyond_mm: float = 0.0,
+) -> RunFit:
+    """Fit polygons to one run of strips.
+
+    Parameters
+    ----------
+    sensor
+        Its pitch, length and closed form.
+    x_mm
+        Centre lines of neighbouring strips (n,) [mm], ascending.
+    readings
+        Over Vref, signature to (n,); what is not finite, or far outside 0..1, is left out.
+    sigma
+        Standard deviation of a reading [Vref]; None: estimated from what the fit leaves over.
+    most
+        Interior vertices at most.
+    corners
+        Vertices in all, where that is known.
+    beyond_mm
+        How much further out the ends lie than within half a pitch of the outer strips.
+    """
+    raw = np.stack([np.asarray(values, dtype=np.float64) for values in readings.values()])
+    there = (raw >= -_BEYOND) & (raw <= 1.0 + _BEYOND)
+    raw = np.where(there, raw, np.nan)
+    case = _Case(sensor, x_mm, tuple(readings), raw, there, sigma is not None, most, corners, beyond_mm)
+    if sigma is not None:
+        return case.fit(max(sigma, FLOOR))
+    start = max(_roughly(sensor, raw), FLOOR)
+    for _ in range(_ROUNDS):
+        run = case.fit(start)
+        if run.sigma > _SURER * start:
+            break
+        start = run.sigma  # curvature passed for noise, and made what is known of the ends weigh too much
+    return run
+
+
+@dataclass(frozen=True, eq=False)
+class _Case:
+    """What is fitted, as for `fit_run`: readings (S, n), which are there, and whether their sigma is known."""
+
+    sensor: Sensor
+    x_mm: FloatArray
+    names: tuple[str, ...]
+    raw: FloatArray
+    there: BoolArray
+    known: bool
+    most: int
+    corners: int | None
+    beyond_mm: float
+
+    def fit(self, start: float) -> RunFit:
+        """Leave outliers out and fit; `start` is sigma, or where it is not known a first idea of it."""
+        suspected = np.stack([spikes(values, start) for values in self.raw]) & self.there
+        run = self._settled(start, suspected)
+        if suspected.any():
+            # Corners and steep ends are not foretold by neighbours either: are polygons of more readings cheaper?
+            others = [np.zeros_like(suspected)]
+            if run.fits is not None:
+                off = np.abs(self.raw - run.fits.chosen.readings(run.signal))
+                others.append(suspected & (off > _NEAR * start * run.spread(self.known)))
+            runs = [run, *(self._settled(start, out) for out in others if (out != suspected).any())]
+            scale = max(run.spread(self.known), runs[-1].spread(self.known) * _BARELY)
+            run = min(reversed(runs), key=lambda r: r.price(scale))
+        if self.corners is None:
+            run = _with_oval(run, self.known)
+        if self.known or run.fits is None:
+            return run
+        freedom = max(run.signal.readings - run.parameters, 1)
+        found = max(start * float(np.sqrt((run.residuals**2).sum() / freedom)), FLOOR)
+        return replace(run, signal=run.signal.scaled(found / start), sigma=found)
+
+    def _settled(self, start: float, out: BoolArray) -> RunFit:
+        """Fit without some readings (S, n), and then without those that lie alone far from the polygon."""
+        out, few = out | ~self.there, 2 * len(self.raw) + _SPARE + (2 if len(self.raw) == 1 else 0)
+        readings = dict(zip(self.names, self.raw, strict=True))
+        for _ in range(_ROUNDS):
+            signal = Signal.of(self.sensor, self.x_mm, readings, start, out, self.beyond_mm)
+            if signal.readings < few:
+                return RunFit(signal, None, start, out & self.there)
+            fits = fit_counts(signal, self.known, self.most, corners=self.corners)
+            run = RunFit(signal, fits, start, out & self.there)
+            new = misfits(run.residuals / run.spread(self.known))
+            if not new.any():
+                break
+            out = out | new
+        return run
+
+
+def _with_oval(run: RunFit, known: bool) -> RunFit:
+    signal, fits = run.signal, run.fits
+    if fits is None or not fits.chosen.count:
+        return run
+    score = fits.scores[fits.best] - charge(signal, 1, known)
+    oval = fit_ellipse(fits.chosen, signal, score if known else np.inf)
+    return replace(run, oval=oval, lead=score - misfit(oval.cost, signal, known))
+
+
+def one_shape(left: RunFit, right: RunFit, joint: RunFit) -> bool:
+    """Whether two neighbouring runs are better explained as one contact, with strips missing in it."""
+    if joint.fits is None:
+        return False
+    variance = max(left.sigma, right.sigma) ** 2
+    n = joint.signal.readings
+    gain = penalty(n) * (left.vertices + right.vertices + 2 - joint.vertices)  # two ends become none
+    return (joint.squares - left.squares - right.squares) / variance < gain
+
+
+def _roughly(sensor: Sensor, raw: FloatArray) -> float:
+    """Return a first idea of sigma: from second differences, and at least what the A/D converter's steps make."""
+    step = 0.0 if sensor.adc_bits is None else 1.0 / (2.0**sensor.adc_bits - 1.0)
+    levels = [reading_noise(values[np.isfinite(values)]) for values in raw]
+    return float(max(np.sqrt(np.mean(np.square(levels))), step / np.sqrt(12.0)))

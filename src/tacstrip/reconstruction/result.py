@@ -1,0 +1,181 @@
+"""What a reconstruction returns: objects, a status each, and advice in words."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal, Protocol, TypeAlias
+
+import numpy as np
+
+from tacstrip.arrays import FloatArray
+from tacstrip.geometry.moments import MomentDeviations, deviations, moments, orientation
+from tacstrip.geometry.region import svg
+
+Status: TypeAlias = Literal[
+    "ok",
+    "doubtful",  # a shape is given, but read the advice
+    "no contact",
+    "too few strips",
+    "too few transitions",
+    "shared x",
+    "singular",
+    "too noisy",
+    "short contact",  # CRS-CRP: no strip is touched over 5 % of its length or more
+]
+Profile: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
+
+
+class Guarantee(Protocol):
+    """What is known of an object where the readings' noise has a bound."""
+
+    @property
+    def regions(self) -> list[FloatArray] | None:
+        """The guaranteed regions (K, 2) [mm], in the order of the vertices."""
+
+    @property
+    def deviations(self) -> MomentDeviations | None:
+        """Deviations of area, centroid and orientation, if they are known better than from the covariance."""
+
+
+@dataclass(frozen=True, eq=False)
+class RecoveredObject:
+    """One object on the sensor.
+
+    Attributes
+    ----------
+    strips
+        The touched strips it was recovered from, a slice of the scan.
+    vertices
+        Corners (N, 2) [mm], counter-clockwise from the left-most; (0, 2) where the status forbids a shape.
+    profile
+        x, l and u (strips in contact,) [mm], or None.
+    covariance
+        Covariance (2N, 2N) [mm^2] in the order of `vertices.ravel()`, or None where the method has none.
+    status
+        "ok"; "doubtful": a shape is given but may be wrong; else what stood in the way.
+    advice
+        In words, what to do about it; empty when all is well.
+    strip_status
+        CRS-CRP: a word per strip in contact, "ok", "short contact" or "not converged"; else empty.
+    guarantee
+        What `guaranteed` is computed from, where the noise has a known bound.
+    uniform
+        Places in `vertices.ravel()` whose error is uniform, not normal: x of a vertical end, which lies anywhere
+        within a pitch.
+
+    Raises
+    ------
+    ValueError
+        Vertices and covariance are not of one size.
+    """
+
+    strips: slice
+    vertices: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
+    profile: Profile | None = None
+    covariance: FloatArray | None = None
+    status: Status = "ok"
+    advice: str = ""
+    strip_status: tuple[str, ...] = ()
+    guarantee: Guarantee | None = None
+    uniform: tuple[int, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.covariance is not None and self.covariance.shape != (2 * len(self.vertices),) * 2:
+            raise ValueError(
+                f"{len(self.vertices)} vertices, and a covariance of shape {self.covariance.shape}"
+            )
+
+    def __repr__(self) -> str:
+        where = f"strips {self.strips.start} to {self.strips.stop - 1}"
+        if not self.found:
+            return f"<RecoveredObject: {self.status}, {where}>"
+        x, y = self.centroid
+        shape = f"{len(self.vertices)} vertices, {self.area:.4g} mm2 at x = {x:.4g}, y = {y:.4g} mm"
+        return f"<RecoveredObject: {self.status}, {shape}, {where}>"
+
+    @property
+    def found(self) -> bool:
+        """Whether there is a shape."""
+        return len(self.vertices) > 0
+
+    @property
+    def guaranteed(self) -> list[FloatArray] | None:
+        """Per vertex the region (K, 2) [mm] that holds it for certain if no reading is off by more than its bound.
+
+        Computed when first asked for, in some 6 ms. None without such a bound, or where none was found. What exactly
+        is guaranteed: `bounded_regions.guaranteed`.
+        """
+        return None if self.guarantee is None else self.guarantee.regions
+
+    @property
+    def area(self) -> float:
+        """Area [mm^2]; 0 without a shape."""
+        return moments(self.vertices)[0]
+
+    @property
+    def centroid(self) -> FloatArray:
+        """Area centroid (2,) [mm]; NaN without a shape."""
+        return moments(self.vertices)[1]
+
+    @property
+    def orientation(self) -> float:
+        """Angle of the longer principal axis from x, in (-pi/2, pi/2] [rad]; NaN without a shape."""
+        return orientation(self.vertices)
+
+    @property
+    def deviations(self) -> MomentDeviations | None:
+        """Standard deviations of area [mm^2], centroid (2,) [mm] and orientation [rad]; None without a covariance.
+
+        1.96 of them to either side hold 95 %, also where an error is not normal.
+        """
+        if self.covariance is None:
+            return None
+        sampled = None if self.guarantee is None else self.guarantee.deviations
+        return sampled or deviations(self.vertices, self.covariance, self.uniform)
+
+    def _repr_svg_(self) -> str:
+        """Draw it in a notebook."""
+        return svg([(self.vertices, self.covariance)])
+
+
+@dataclass(frozen=True)
+class Reconstruction:
+    """All objects of one scan.
+
+    Attributes
+    ----------
+    method
+        "vertex", "profile", ...
+    objects
+        One per run of touched strips, left to right.
+    time_s
+        The scan's time [s].
+    """
+
+    method: str
+    objects: tuple[RecoveredObject, ...]
+    time_s: float = 0.0
+
+    def __repr__(self) -> str:
+        objects = "".join(f", {o!r}" for o in self.objects) if len(self.objects) == 1 else ""
+        count = f"{len(self.objects)} object{'' if len(self.objects) == 1 else 's'}"
+        return f"<Reconstruction by {self.method} at {self.time_s:.6g} s: {self.status}, {count}{objects}>"
+
+    @property
+    def status(self) -> Status:
+        """The worst status of its objects; "no contact" without any."""
+        if not self.objects:
+            return "no contact"
+        failed = [o for o in self.objects if not o.found]
+        return next((o.status for o in (*failed, *self.objects) if o.status != "ok"), "ok")
+
+    def _repr_svg_(self) -> str:
+        """Draw all objects in a notebook."""
+        return svg([(o.vertices, o.covariance) for o in self.objects])
+
+    @property
+    def advice(self) -> str:
+        """The advice of all objects, a line each."""
+        if not self.objects:
+            return "no strip reads a contact; press harder, or check rest_volt and touch_volt in the spec"
+        return "\n".join(o.advice for o in self.objects if o.advice)

@@ -1,0 +1,246 @@
+"""The outline and its vertices where the noise of a reading has a known bound.
+
+All outlines that stay within the bound of every reading are equally good, and they are far fewer than a normal
+distribution of the same variance would leave: the set shrinks with 1 / n, not 1 / sqrt(n). The estimate is the set's
+mean, the covariance its scatter, and `Bounded.regions` holds what is guaranteed. If no outline with few vertices stays
+within the bound, there are more; if none with any number does, the model or the bound is wrong.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import shapely
+
+from tacstrip.arrays import FloatArray
+from tacstrip.contact.signature import signatures
+from tacstrip.errors import ContactError
+from tacstrip.geometry.moments import LEVEL, MomentDeviations, sample_deviations
+from tacstrip.geometry.outline import Outline
+from tacstrip.reconstruction.set_membership.edge_lines import Band, Lines
+from tacstrip.reconstruction.set_membership.feasible_point import Effort, inside
+from tacstrip.reconstruction.set_membership.feasible_set import feasible_set
+from tacstrip.reconstruction.set_membership.hit_and_run import sample
+from tacstrip.reconstruction.set_membership.regions import guaranteed
+
+_EFFORT = 1_500.0  # for one outline
+_REACHES = (4.0, 12.0)  # standard errors of least squares within which a kink is looked for
+_ALIKE = 0.1  # of the points drawn: if fewer are worth as much as all, they do not tell of vertices
+_BENT = 0.05  # of a reading's band: by how much the mean may leave it, as the set is not quite convex
+
+
+@dataclass(frozen=True, eq=False)
+class Bounded:
+    """What bounded noise leaves of an outline.
+
+    Attributes
+    ----------
+    outline
+        The mean of all outlines that stay within the band; the least-squares one where that is none of them, or
+        where an edge crosses too few strips for a mean.
+    covariance
+        Their scatter (2 V, 2 V) [mm^2], in the order of `vertices.ravel()`, or that of least squares.
+    radii
+        Squared Mahalanobis distance within which 95 % of them have each vertex (V,): less than the 5.99 of a normal
+        distribution, because the set has an end.
+    deviations
+        How far area, centroid and orientation of these outlines are from the mean's; None of least squares.
+    band, lines, points
+        The readings' bounds, the outline's edges, and heights of edges (K, P) [mm] of outlines in the set.
+    fallback
+        The same of least squares; None if this is it.
+    """
+
+    outline: Outline
+    covariance: FloatArray
+    radii: FloatArray
+    deviations: MomentDeviations | None
+    band: Band
+    lines: Lines
+    points: FloatArray
+    fallback: Bounded | None = None
+
+    def of_least_squares(self) -> Bounded:
+        """Return the same set with the least-squares outline, covariance and all."""
+        return self.fallback or self
+
+    @property
+    def region_covariance(self) -> FloatArray:
+        """The scatter, scaled so that a normal distribution's 95 % region of a vertex holds 95 % of the outlines."""
+        scale = np.repeat(np.sqrt(self.radii / (-2.0 * np.log(1.0 - LEVEL))), 2)
+        return self.covariance * np.outer(scale, scale)
+
+    @cached_property
+    def regions(self) -> list[FloatArray] | None:
+        """Where each vertex is guaranteed to lie: a convex polygon (K, 2) [mm] each; None where none was found.
+
+        See `bounded_regions.guaranteed` for what is guaranteed.
+        """
+        found = guaranteed(self.band, self.lines, self.points) if len(self.points) > 1 else None
+        if found is None:
+            return None
+        lower, upper = self.outline.indices
+        regions: list[FloatArray] = [np.empty((0, 2))] * len(self.outline.vertices)
+        for vertex, region in zip((*lower[1:-1], *upper[1:-1]), found.kinks, strict=True):
+            regions[vertex] = region
+        for end, both in zip((0, -1), found.ends, strict=True):
+            regions[lower[end]], regions[upper[end]] = both
+            if lower[end] == upper[end]:  # one vertex where the set has two
+                regions[lower[end]] = _hull(*both)
+        return regions
+
+
+def _hull(*regions: FloatArray) -> FloatArray:
+    return np.asarray(shapely.get_coordinates(shapely.MultiPoint(np.concatenate(regions)).convex_hull)[:-1])
+
+
+def refine(outline: Outline, covariance: FloatArray, band: Band) -> Bounded | None:
+    """Return what the band leaves of an outline; None where no outline of its kind stays within it.
+
+    Parameters
+    ----------
+    outline
+        A least-squares fit: it says how many vertices there are, on which chain, and which ends are vertical.
+    covariance
+        Its covariance (2 V, 2 V) [mm^2]: kinks are looked for within four standard errors, then within twelve.
+    band
+        The readings' bounds.
+    """
+    lines, heights = Lines.of(outline)
+    normal = np.full(len(outline.vertices), -2.0 * np.log(1.0 - LEVEL))
+    least_squares = Bounded(outline, covariance, normal, None, band, lines, heights[None])
+    try:
+        points = _points(outline, covariance, band, lines, heights, Effort(_EFFORT))
+    except np.linalg.LinAlgError:  # there are some, in a set too thin to compute with
+        return least_squares
+    if points is None:
+        return None
+    least_squares = replace(least_squares, points=points)
+    drawn = _drawn(points, lines, band)
+    mean = None if drawn is None else _mean(*drawn, lines, band)
+    if drawn is None or mean is None:
+        return least_squares
+    vertices = _by_vertex(mean, *drawn)
+    off = vertices - mean.vertices
+    scatter = np.cov(off.reshape(len(off), -1), rowvar=False)
+    blocks = np.einsum("kvi,kvj->vij", off, off) / (len(off) - 1)
+    distance = np.einsum("kvi,vij,kvj->kv", off, np.linalg.pinv(blocks, hermitian=True), off)
+    radii = np.quantile(distance, LEVEL, axis=0)
+    deviations = sample_deviations(mean.vertices, vertices)
+    refined = Bounded(mean, scatter, radii, deviations, band, lines, points, least_squares)
+    return refined if np.isfinite(refined.region_covariance).all() else least_squares
+
+
+def _drawn(points: FloatArray, lines: Lines, band: Band) -> tuple[FloatArray, FloatArray] | None:
+    """Return chains (K, M, 2) and (K, N, 2) [mm], as often as their vertices' places have room in the set.
+
+    None where that is too unlike the heights' room for points drawn by heights to tell: with an edge that crosses
+    hardly a strip, nearly all of them make it vertical.
+    """
+    random, count, windows = np.random.default_rng(0), len(points), band.windows
+    # Where a vertical edge lies in its window nothing tells, nor does one end tell of the other.
+    share = np.stack([random.permutation(count), random.permutation(count)], axis=1)
+    blunt_x = windows[:, 0] + (share + 0.5) / count * (windows[:, 1] - windows[:, 0])
+    lower, upper = lines.chains(points, blunt_x)
+    density = lines.log_density(points, lower, upper)
+    ends = lower[:, [0, -1], 0]
+    density[
+        np.any((ends < windows[:, 0]) | (ends > windows[:, 1]), axis=1)
+    ] = -np.inf  # a bound was too far to be met
+    if not np.isfinite(density.max(initial=-np.inf)):
+        return None
+    weight = np.exp(density - density.max())
+    if weight.sum() ** 2 < _ALIKE * count * (weight**2).sum():
+        return None
+    kept = np.searchsorted(np.cumsum(weight), (np.arange(count) + 0.5) / count * weight.sum())
+    on_strip = ([-np.inf, 0.0], [np.inf, band.sensor.length_mm])
+    return np.clip(lower[kept], *on_strip), np.clip(upper[kept], *on_strip)
+
+
+def _mean(lower: FloatArray, upper: FloatArray, lines: Lines, band: Band) -> Outline | None:
+    """Return the mean of drawn chains; None where it is none that the readings allow: the set is not convex."""
+    chains = lower.mean(axis=0), upper.mean(axis=0)
+    for end, window in zip((0, -1), band.windows, strict=True):
+        for chain in chains if lines.blunt[end] else ():
+            chain[end, 0] = window.mean()
+    try:
+        mean = Outline(*chains)
+    except ContactError:
+        return None
+    made = signatures(band.sensor, *mean.ends(np.clip(band.x, mean.lower[0, 0], mean.lower[-1, 0])))
+    for name, low in band.low.items():
+        slack = _BENT * (band.high[name] - low)
+        if np.any((made[name] < low - slack) | (made[name] > band.high[name] + slack)):
+            return None
+    return mean
+
+
+def _by_vertex(outline: Outline, lower: FloatArray, upper: FloatArray) -> FloatArray:
+    """Return drawn chains as vertices (K, V, 2) in the order of an outline's; where that has one of two, their mean."""
+    vertices = np.zeros((len(lower), *outline.vertices.shape))
+    times = np.zeros(len(outline.vertices))
+    for index, chain in zip(outline.indices, (lower, upper), strict=True):
+        vertices[:, index] += chain
+        times[index] += 1.0
+    return np.asarray(vertices / times[:, None])
+
+
+def fewest(candidates: Sequence[tuple[Outline, FloatArray]], band: Band) -> tuple[int, Bounded] | None:
+    """Return the first of least-squares fits, fewest vertices first, that the band leaves something of, refined.
+
+    None, where no fit stays within the band, is an alarm: the contact is not of this kind, or the bound is wrong.
+    """
+    for number, (outline, covariance) in enumerate(candidates):
+        refined = refine(outline, covariance, band)
+        if refined is not None:
+            return number, refined
+    return None
+
+
+def _points(
+    outline: Outline, covariance: FloatArray, band: Band, lines: Lines, heights: FloatArray, effort: Effort
+) -> FloatArray | None:
+    """Return heights (K, P) [mm] of outlines in the set; None where none was found."""
+    lower, upper = outline.indices
+    kinks = [*lower[1:-1], *upper[1:-1]]
+    error = np.sqrt(np.diag(covariance)[::2])[kinks]
+    error = np.where(np.isfinite(error), error, np.inf)
+    widths = _widths(band, outline.lower, outline.upper)
+    for reach in _REACHES:
+        zones = within(lines, outline.vertices[kinks, 0], reach * error, band)
+        bounds = feasible_set(band, lines, zones, widths)
+        found = inside(bounds, band, lines, widths, heights, effort)
+        if found is None:
+            continue
+        points = sample(bounds, *found)
+        if not band.sensor.contact_lambda_mm:
+            return points
+        # What contact resistance eats depends on the contact's length: once more, with a better one.
+        heights = points.mean(axis=0)
+        widths = _widths(band, *lines.chains(heights, band.windows.mean(axis=1)))
+        bounds = feasible_set(band, lines, zones, widths)
+        found = inside(bounds, band, lines, widths, heights, effort)
+        return points if found is None else sample(bounds, *found)
+    return None
+
+
+def within(lines: Lines, x: FloatArray, reach: FloatArray, band: Band) -> FloatArray:
+    """Return zones (kinks, 2) [mm] about x, that end halfway to the next kink of the chain and at the outer strips."""
+    least = 0.5 * band.sensor.pitch_mm
+    x, reach = np.clip(x, band.x[0] + least, band.x[-1] - least), np.maximum(reach, least)
+    zones = np.stack([x - reach, x + reach], axis=1)
+    split = lines.lower - 1
+    for part, at in ((zones[:split], x[:split]), (zones[split:], x[split:])):
+        middle = 0.5 * (at[1:] + at[:-1])
+        part[1:, 0] = np.maximum(part[1:, 0], middle)
+        part[:-1, 1] = np.minimum(part[:-1, 1], middle)
+    return np.clip(zones, band.x[0], band.x[-1])
+
+
+def _widths(band: Band, lower: FloatArray, upper: FloatArray) -> FloatArray:
+    """Return the contact's length on each strip between two chains, thrice (3, n) [mm]: as expected, and no other."""
+    w = np.interp(band.x, *upper.T) - np.interp(band.x, *lower.T)
+    return np.tile(np.maximum(w, 0.0), (3, 1))

@@ -1,0 +1,95 @@
+"""A first outline within the band, or the knowledge that there is none: branch and bound over the kinks' places."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tacstrip.arrays import FloatArray
+from tacstrip.reconstruction.set_membership.centre import centre, interior
+from tacstrip.reconstruction.set_membership.edge_lines import Band, Lines
+from tacstrip.reconstruction.set_membership.feasible_set import FeasibleSet, feasible_set
+
+_PARTS = 16  # looked at, at most
+_DESCENTS = 8  # rounds of one
+_GAIN = 1e-4  # of the scale: a fall by less is none
+_SCALE = 0.01  # of the strip length: far outside
+
+
+class Effort:
+    """How much searching is left, counted in work and not in time: the same on every computer.
+
+    A linear program of P heights takes P^2 of it; a set of n strips to be written down P n / 8.
+    """
+
+    def __init__(self, left: float) -> None:
+        self.left = left
+
+    def spend(self, work: float) -> bool:
+        """Take what a step costs, and say whether there was as much left."""
+        self.left -= work
+        return self.left >= 0.0
+
+
+def inside(
+    whole: FeasibleSet, band: Band, lines: Lines, widths: FloatArray, start: FloatArray, effort: Effort
+) -> tuple[FloatArray, FloatArray] | None:
+    """Return the analytic centre (P,) of a convex part of the set, and the barrier's curvature there (P, P).
+
+    None where there is no such outline, or none was found in 16 parts or with the effort. The set is not convex: where
+    the outlines that all bounds but the pairs allow are not enough to tell, the widest zone is halved.
+
+    Parameters
+    ----------
+    whole
+        The set.
+    band, lines, widths
+        What it was made of: as for `feasible_set`.
+    start
+        Heights (P,) near the set.
+    effort
+        What may be spent; it is less afterwards.
+    """
+    scale, size = _SCALE * band.sensor.length_mm, len(start)
+    zones = [whole.zones[: len(lines.turns)]]
+    for number in range(_PARTS):
+        if not zones or not effort.spend(size**2 + number * size * len(band.x) / 8):
+            return None
+        part = zones.pop(0)
+        bounds = whole if number == 0 else feasible_set(band, lines, part, widths)
+        middle, worst, _ = interior(bounds.a, bounds.b, start, scale)
+        if worst >= 0.0:
+            continue
+        for at in (start, middle):
+            found = _descend(bounds, at, scale, effort)
+            if found is not None:
+                return found
+        kinked = ((part[:, :1] < band.x) & (band.x < part[:, 1:])).sum(axis=1)
+        if kinked.max(initial=0) > 0:
+            zones += _halves(part, int(kinked.argmax()))
+    return None
+
+
+def _descend(
+    bounds: FeasibleSet, at: FloatArray, scale: float, effort: Effort
+) -> tuple[FloatArray, FloatArray] | None:
+    """Keep of each pair the row that is met best, find the least violation, and so on while it falls."""
+    before = np.inf
+    for _ in range(_DESCENTS):
+        if not effort.spend(len(at) ** 2):
+            return None
+        kept = (bounds.either_a @ at - bounds.either_b).argmin(axis=1)
+        a, b = bounds.part(kept)
+        at, worst, _ = interior(a, b, at, scale)
+        if worst < 0.0:
+            return centre(a, b, at)
+        if not len(kept) or not worst <= before - _GAIN * scale:  # NaN too
+            return None
+        before = worst
+    return None
+
+
+def _halves(zones: FloatArray, kink: int) -> list[FloatArray]:
+    middle = zones[kink].mean()
+    lower, upper = zones.copy(), zones.copy()
+    lower[kink, 1] = upper[kink, 0] = middle
+    return [lower, upper]

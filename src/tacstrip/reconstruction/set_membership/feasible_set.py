@@ -1,0 +1,169 @@
+"""All outlines that stay within the bounds of every reading, in terms of the heights of their edges' lines.
+
+Once it is known which edge lies on which strip, a bound of a reading is linear in the heights:
+c_l l + c_u u <= k L (`circuit.chain_weights`), so the set is a polytope. A kink is where two lines cross; on the
+strips of the zone where it may lie, the edge is the greater of two lines (the slope rises) or the smaller. A bound
+that holds for both lines is linear again; one that either may meet is kept as a pair, "either or".
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tacstrip.arrays import BoolArray, FloatArray, IntArray
+from tacstrip.reconstruction.set_membership.edge_lines import Band, Lines
+from tacstrip.sensor.circuit import chain_weights, erosion
+from tacstrip.sensor.constructions import SIGNATURES
+
+_LOST = 2  # the turn on a strip in two zones of one chain: any of three lines
+
+
+@dataclass(frozen=True, eq=False)
+class FeasibleSet:
+    """Heights h [mm] of lines with A h <= b, and of each pair of rows E h <= e at least one.
+
+    Without the pairs it is a polytope that holds the set.
+
+    Attributes
+    ----------
+    zones
+        Where each crossing may lie (C, 2) [mm]: kinks, then the ends' windows.
+    a, b
+        (M, P) and (M,) [mm].
+    edge
+        By how much a row's slack falls [mm] while its reading goes from likely to impossible (M,); 0 where the row
+        is no bound of a reading.
+    either_a, either_b, either_edge
+        The same of the pairs (E, 2, P), (E, 2) and (E,).
+    """
+
+    zones: FloatArray
+    a: FloatArray
+    b: FloatArray
+    edge: FloatArray
+    either_a: FloatArray
+    either_b: FloatArray
+    either_edge: FloatArray
+
+    def part(self, kept: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Return the rows and limits of the convex part where row `kept` (E,) of each pair holds."""
+        pair = np.arange(len(kept))
+        return np.concatenate([self.a, self.either_a[pair, kept]]), np.concatenate(
+            [self.b, self.either_b[pair, kept]]
+        )
+
+
+def feasible_set(band: Band, lines: Lines, zones: FloatArray, widths: FloatArray) -> FeasibleSet:
+    """Return the outlines within the band whose kinks lie in their zones, and turn as the lines do.
+
+    None is lost; on the rare strips in two zones of one chain, or where both chains have a choice in one bound,
+    a bound is left out.
+
+    Parameters
+    ----------
+    band, lines
+        The readings' bounds, and which edges there are.
+    zones
+        Of the kinks (kinks, 2) [mm], in the order of `crossings`.
+    widths
+        Length of the contact on each strip, expected, least and greatest (3, n) [mm]: contact resistance needs them.
+    """
+    sensor, x = band.sensor, band.x
+    split = lines.lower - 1
+    l_first, l_second, l_turn = _lines_at(x, zones[:split], lines.turns[:split], 0)
+    u_first, u_second, u_turn = _lines_at(x, zones[split:], lines.turns[split:], lines.lower)
+    l_rows, u_rows = (
+        np.stack([lines.rows(first, x), lines.rows(second, x)])
+        for first, second in ((l_first, l_second), (u_first, u_second))
+    )
+    eaten, per_width, bent = _eaten(widths, sensor.contact_lambda_mm)
+    # A bound k L - c_l l - c_u u changes by D dk.
+    edge = band.edge * (sensor.length_mm - (widths[0] - 2.0 * eaten) / (1.0 + sensor.sensing_ratio))
+    # Upper bounds of all signatures, then lower ones (B, n).
+    k = np.stack([*band.high.values(), *band.low.values()])
+    sign = np.repeat([1, -1], len(band.low))[:, None]
+    upper_end = np.tile([SIGNATURES[name].at_upper_end for name in band.low], 2)[:, None]
+    c_l, c_u = chain_weights(k, upper_end, sensor.sensing_ratio)
+    # With contact resistance c_l (l + T) + c_u (u - T) <= k L, and T = eaten + per_width (w - widths) + bent.
+    lean = (c_l - c_u) * per_width
+    fixed = k * sensor.length_mm - (c_l - c_u) * eaten + lean * widths[0]
+    room = sign * fixed + np.maximum(-sign * (c_l - c_u) * bent, 0.0)
+    c_l, c_u = sign * (c_l - lean), sign * (c_u + lean)
+
+    def rows(i: int, j: int, bound: IntArray, at: IntArray) -> FloatArray:
+        return np.asarray(c_l[bound, at, None] * l_rows[i, at] + c_u[bound, at, None] * u_rows[j, at])
+
+    # A rising kink is the greater of two lines: an upper bound holds for both, a lower one for either.
+    known = np.isfinite(k) & (l_turn != _LOST) & (u_turn != _LOST)
+    l_or, u_or = l_turn == -sign, u_turn == -sign
+    every: list[tuple[FloatArray, FloatArray, FloatArray]] = []
+    pairs: list[tuple[FloatArray, FloatArray, FloatArray]] = []
+    for i, j in np.ndindex(2, 2):
+        use = np.nonzero(known & ~l_or & ~u_or & ((i == 0) | (l_turn != 0)) & ((j == 0) | (u_turn != 0)))
+        every.append((rows(i, j, *use), room[use], edge[use[1]]))
+    for i in range(2):
+        use = np.nonzero(known & l_or & ~u_or & ((i == 0) | (u_turn != 0)))
+        pairs.append((np.stack([rows(0, i, *use), rows(1, i, *use)], axis=1), room[use], edge[use[1]]))
+        use = np.nonzero(known & u_or & ~l_or & ((i == 0) | (l_turn != 0)))
+        pairs.append((np.stack([rows(i, 0, *use), rows(i, 1, *use)], axis=1), room[use], edge[use[1]]))
+    l_sure, u_sure, both = _corners(l_turn), _corners(u_turn), _corners(l_turn | u_turn)
+    shape = np.concatenate(
+        [
+            -l_rows[0, l_sure],
+            u_rows[0, u_sure],
+            l_rows[0, both] - u_rows[0, both],
+            _crossing_rows(lines, zones, band.windows),
+        ]
+    )
+    limit = np.zeros(len(shape))
+    limit[l_sure.sum() : l_sure.sum() + u_sure.sum()] = sensor.length_mm
+    every.append((shape, limit, np.zeros(len(shape))))
+    a, b, edges = (np.concatenate(part) for part in zip(*every, strict=True))
+    either_a, either_b, either_edge = (np.concatenate(part) for part in zip(*pairs, strict=True))
+    either_b = np.stack([either_b, either_b], axis=1)
+    return FeasibleSet(np.concatenate([zones, band.windows]), a, b, edges, either_a, either_b, either_edge)
+
+
+def _eaten(widths: FloatArray, contact_lambda: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return T at the expected width, its slope there, and how far T falls below that tangent, each (n,)."""
+    expected, least, greatest = widths
+    eaten = erosion(expected, contact_lambda)
+    if contact_lambda == 0.0:
+        return eaten, eaten, eaten
+    slope = 0.5 * (1.0 - (eaten / contact_lambda) ** 2)
+    below = [erosion(w, contact_lambda) - eaten - slope * (w - expected) for w in (least, greatest)]
+    return eaten, slope, np.minimum(*below)
+
+
+def _lines_at(
+    x: FloatArray, zones: FloatArray, turns: IntArray, base: int
+) -> tuple[IntArray, IntArray, IntArray]:
+    """Return a chain's line at each x, the next one, and how they turn where either may be the edge: 0 for sure."""
+    inside = (zones[:, :1] < x) & (x < zones[:, 1:])  # (kinks, n)
+    first = base + (zones[:, 1:] <= x).sum(axis=0)
+    turn = (inside * turns[:, None]).sum(axis=0)
+    turn[inside.sum(axis=0) > 1] = _LOST
+    return first, np.minimum(first + 1, base + len(zones)), turn
+
+
+def _corners(turn: IntArray) -> BoolArray:
+    """Return the strips with a sure line that lie first, last or beside a kink: there a line is lowest or highest."""
+    sure = turn == 0
+    beside = np.ones_like(sure)
+    beside[1:-1] = ~(sure[:-2] & sure[2:])
+    return np.asarray(sure & beside)
+
+
+def _crossing_rows(lines: Lines, zones: FloatArray, windows: FloatArray) -> FloatArray:
+    """Return rows r with r h <= 0: two lines cross within their zone, and turn as they do."""
+    pairs, turns = lines.crossings, np.concatenate([lines.turns, [1, -1]])
+    inside = np.concatenate([zones, windows])
+    given = np.concatenate([np.full(len(zones), True), ~np.array(lines.blunt)])
+    pairs, turns, inside = pairs[given], turns[given], inside[given]
+    rows = []
+    for end, sign in ((0, 1.0), (1, -1.0)):
+        gap = lines.rows(pairs[:, 1], inside[:, end]) - lines.rows(pairs[:, 0], inside[:, end])
+        rows.append(sign * turns[:, None] * gap)
+    return np.concatenate(rows)

@@ -1,0 +1,139 @@
+"""Sensor + contact + noise -> scan."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+
+from tacstrip.arguments import takes
+from tacstrip.arrays import FloatArray
+from tacstrip.contact.footprint import footprint
+from tacstrip.contact.noise import Noise, Rng, digitise, generator, on_readings
+from tacstrip.contact.shape import Contact
+from tacstrip.contact.signature import signatures
+from tacstrip.errors import ContactError, OptionError, one_of
+from tacstrip.network.crp.mesh import Wiring
+from tacstrip.network.crp.readings import contact_electrodes
+from tacstrip.network.imperfections import Build, Readout
+from tacstrip.network.strips.ladder import fast_readings
+from tacstrip.scan import Scan
+from tacstrip.sensor.constructions import check_closed_form
+from tacstrip.sensor.spec import Sensor
+
+_MODELS = ("closed", "network")
+_ELECTRODES = ("own", "all")
+_IDEAL = Noise()
+
+
+@takes(sensor=Sensor, contact=Contact, noise=Noise)
+def simulate(
+    sensor: Sensor,
+    contact: Contact,
+    noise: Noise = _IDEAL,
+    rng: Rng = 0,
+    model: Literal["closed", "network"] | None = None,
+    time_s: float = 0.0,
+    build: Build | None = None,
+    readout: Readout | None = None,
+    wiring: Wiring | None = None,
+    electrodes: Literal["own", "all"] = "own",
+) -> Scan:
+    """Return the scan that the sensor makes of a contact.
+
+    Parameters
+    ----------
+    sensor, contact
+        What touches what.
+    noise
+        Errors on the readings; ideal by default. Its transition error does not show in a scan.
+    rng
+        A seed, or a NumPy generator to go on with.
+    model
+        "closed": the closed forms of chapter 3. "network": the sensor as a network of resistors, each
+        separate piece of the contact on its own. By default closed where there is one, so not for CRS-CRP.
+    time_s
+        The scan's time [s].
+    build, readout
+        With the network: the unit's imperfections, its wiring and electronics; ideal by default.
+    wiring, electrodes
+        CRS-CRP: what strips and sheet edges are joined to, nothing by default; and whether the scan keeps each
+        strip's own two electrodes or "all" of them, each with its own error.
+
+    Raises
+    ------
+    ContactError
+        The contact lies outside the sensor, or ties a strip's both ends to a metal sheet.
+    OptionError
+        There is no such model, or the closed forms were asked for a build or a readout.
+    NetworkError
+        The network cannot be: a fault off the sensor, a sensing strip cut off, a resistance of 0 or less.
+    """
+    if model is not None and model not in _MODELS:
+        raise OptionError(one_of("model", model, _MODELS))
+    if electrodes not in _ELECTRODES:
+        raise OptionError(one_of("electrodes", electrodes, _ELECTRODES))
+    if not sensor.kind.closed_form:
+        if model == "closed":
+            check_closed_form(sensor.kind, 'model="closed"')
+        if build is not None or readout is not None:
+            raise OptionError(
+                f"build and readout are not for a {sensor.construction} sensor; it has a wiring"
+            )
+        return _sheet_scan(sensor, contact, noise, rng, time_s, wiring, electrodes)
+    if wiring is not None or electrodes == "all":
+        raise OptionError(
+            f"wiring and electrodes are for crs-crp sensors; a {sensor.construction} sensor has no sheet electrodes"
+        )
+    if model == "network":
+        ideal = fast_readings(sensor, contact, build, readout)
+        return Scan(**_measured(sensor, ideal, noise, rng), time_s=time_s)
+    if build is not None or readout is not None:
+        raise OptionError('build and readout need model="network": the closed forms know ideal units only')
+    touch = footprint(sensor, contact)
+    scan = readings(sensor, touch.l, touch.u, noise, rng)
+    for values in scan.values():
+        shorted = np.flatnonzero(np.isnan(values) & ~np.isnan(touch.l))
+        if len(shorted):
+            raise ContactError(
+                f"the contact covers strip {shorted[0] + sensor.strip_base} from end to end: on metal that "
+                "shorts Vref to ground, and nothing can be read"
+            )
+    return Scan(**scan, time_s=time_s)
+
+
+def _sheet_scan(
+    sensor: Sensor,
+    contact: Contact,
+    noise: Noise,
+    rng: Rng,
+    time_s: float,
+    wiring: Wiring | None,
+    electrodes: str,
+) -> Scan:
+    """Return the scan of a sensor whose strips are read through a sheet (CRS-CRP)."""
+    n = sensor.strips
+    ideal = np.full((n, 2 * n), np.nan)
+    if np.isfinite(footprint(sensor, contact).l).any():
+        ideal = contact_electrodes(sensor, contact, wiring=wiring)
+    if electrodes == "all":
+        return Scan.of_electrodes(_measured(sensor, {"all": ideal}, noise, rng)["all"], time_s)
+    each = np.arange(n)
+    own = {"kh": ideal[each, n + each], "kl": ideal[each, each]}
+    return Scan(**_measured(sensor, own, noise, rng), time_s=time_s)
+
+
+def readings(
+    sensor: Sensor, l_mm: FloatArray, u_mm: FloatArray, noise: Noise = _IDEAL, rng: Rng = 0
+) -> dict[str, FloatArray]:
+    """Return the readings of contacts from l to u, name to array over Vref.
+
+    l and u [mm] have the shape (strips,) for one scan or (scans, strips) for many, NaN where nothing
+    touches; so have the results.
+    """
+    return _measured(sensor, signatures(sensor, l_mm, u_mm), noise, rng)
+
+
+def _measured(sensor: Sensor, ideal: dict[str, FloatArray], noise: Noise, rng: Rng) -> dict[str, FloatArray]:
+    random = generator(rng)
+    return {name: digitise(on_readings(k, noise, random), sensor.adc_bits) for name, k in ideal.items()}

@@ -1,0 +1,1 @@
+"""Live objects in the formats of other programs."""

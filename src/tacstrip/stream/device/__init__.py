@@ -1,0 +1,1 @@
+"""A device on a port: protocol, handshake, source; and virtual ones."""

@@ -1,0 +1,159 @@
+"""Bytes from a device to scans and messages, and scans to bytes (docs/protocol.md); no port is touched here."""
+
+from __future__ import annotations
+
+import struct
+from typing import NamedTuple, TypeAlias
+
+from tacstrip.stream.device.protocol.commands import Message, parsed
+from tacstrip.stream.device.protocol.frames import VERSION, Kind, parse, unseal
+from tacstrip.stream.device.protocol.messages import Hello
+from tacstrip.stream.device.protocol.scans import LAYOUT, ScanBatch, layout_of
+
+LONGEST = 2**15  # bytes between two zeros; a scan of the most strips and two signatures has 17,000
+# A scan number further ahead, or further behind, is taken for that of a device that started again; so are two numbers
+# in a row that are less far behind.
+AHEAD, BEHIND = 2**16, 2**10
+_KIND_AT, _SEQUENCE_AT = 1, struct.Struct("<xxI")
+
+
+class Counts(NamedTuple):
+    """What came in so far.
+
+    Attributes
+    ----------
+    frames
+        Intact frames that were handed on.
+    corrupt
+        Stretches between zeros that were no intact frame. The first, which may begin in mid-frame, does not count.
+    lost
+        Scans that never came, by the gaps in their numbers; those that came corrupt are among them.
+    out_of_order
+        Scans with a number that had its turn already, alone. They are left out.
+    unknown
+        Intact frames of another version, of no known kind or with a body that does not fit. They are left out.
+    restarts
+        Times that the device began to count anew.
+    """
+
+    frames: int = 0
+    corrupt: int = 0
+    lost: int = 0
+    out_of_order: int = 0
+    unknown: int = 0
+    restarts: int = 0
+
+
+Received: TypeAlias = ScanBatch | Message
+
+
+class Decoder:
+    """Takes bytes as they come, whole frames or not, and gives what they say; finds its place again after garbage.
+
+    Memory is bounded: more than `LONGEST` bytes without a zero are dropped.
+    """
+
+    def __init__(self) -> None:
+        self._rest = b""
+        self._dropping = False  # until the next zero
+        self._began = False  # a zero was seen
+        self._next: int | None = None  # the scan number that is due
+        self._clock_us: int | None = None  # of the newest scan, not wrapped
+        self._behind: bytes | None = None  # a scan whose number had its turn; the next tells what it is
+        self._counts = [0] * len(Counts._fields)
+
+    @property
+    def counts(self) -> Counts:
+        """What came in so far."""
+        return Counts(*self._counts)
+
+    def feed(self, data: bytes) -> list[Received]:
+        """Return what the frames that these bytes complete say, in their order; scans in batches."""
+        *pieces, rest = (self._rest + data).split(b"\0")
+        out: list[Received] = []
+        batch: list[bytes] = []
+        for piece in pieces:
+            if self._dropping or not piece:
+                self._dropping, self._began = False, True
+                continue
+            plain = unseal(piece)
+            if plain is None:
+                self._counts[_CORRUPT] += self._began
+            elif plain[0] == VERSION and plain[_KIND_AT] == Kind.SCAN:
+                self._take_scan(plain, batch, out)
+            else:
+                self._flush(batch, out)
+                self._take_message(plain, out)
+            self._began = True
+        self._flush(batch, out)
+        self._keep(rest)
+        return out
+
+    def _keep(self, rest: bytes) -> None:
+        if len(rest) > LONGEST or self._dropping:
+            self._counts[_CORRUPT] += not self._dropping and self._began
+            self._dropping, rest = True, b""
+        self._rest = rest
+
+    def _take_scan(self, plain: bytes, batch: list[bytes], out: list[Received]) -> None:
+        layout = layout_of(plain[LAYOUT])
+        if layout is None or layout.itemsize != len(plain):
+            self._counts[_UNKNOWN] += 1
+            return
+        number = _number(plain)
+        if number != self._next and self._next is not None:
+            step = (number - self._next + 2**31) % 2**32 - 2**31
+            if -BEHIND <= step < 0:
+                self._counts[_OUT_OF_ORDER] += 1
+                before, self._behind = self._behind, plain
+                if before is None or not 0 < (ahead := (number - _number(before)) % 2**32) <= BEHIND:
+                    return
+                self._counts[_OUT_OF_ORDER] -= 2
+                self._counts[_LOST] += ahead - 1
+                self._restart(batch, out)
+                batch.append(before)
+            elif 0 < step < AHEAD:
+                self._counts[_LOST] += step
+            else:
+                self._restart(batch, out)
+        self._next, self._behind = (number + 1) % 2**32, None
+        if batch and batch[0][LAYOUT] != plain[LAYOUT]:
+            self._flush(batch, out)
+        batch.append(plain)
+
+    def _take_message(self, plain: bytes, out: list[Received]) -> None:
+        frame = parse(plain)
+        message = parsed(frame) if frame.version == VERSION else None
+        if message is None:
+            self._counts[_UNKNOWN] += 1
+            return
+        if isinstance(message, Hello):
+            if frame.sequence == 0 and self._next:
+                self._restart([], out)
+            if self._next is None or frame.sequence == 0:
+                self._next, self._behind = frame.sequence, None
+        self._counts[_FRAMES] += 1
+        out.append(message)
+
+    def _restart(self, batch: list[bytes], out: list[Received]) -> None:
+        self._flush(batch, out)
+        self._counts[_RESTARTS] += 1
+        self._clock_us = None
+
+    def _flush(self, batch: list[bytes], out: list[Received]) -> None:
+        """Hand the gathered scans, all of one layout, on as one batch."""
+        if not batch:
+            return
+        scans = ScanBatch.of(batch, self._clock_us, self._counts[_RESTARTS])
+        self._clock_us = int(scans.time_us[-1])
+        self._counts[_FRAMES] += len(scans)
+        out.append(scans)
+        batch.clear()
+
+
+def _number(plain: bytes) -> int:
+    number: int = _SEQUENCE_AT.unpack_from(plain)[0]
+    return number
+
+
+_FRAMES, _CORRUPT, _LOST, _OUT_OF_ORDER, _UNKNOWN, _RESTARTS = range(len(Counts._fields))

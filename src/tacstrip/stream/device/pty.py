@@ -1,0 +1,92 @@
+"""A virtual device behind a serial port of its own, for other programs; Linux and macOS."""
+
+from __future__ import annotations
+
+import os
+import select
+import threading
+from contextlib import suppress
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from tacstrip.errors import PortError
+from tacstrip.stream.device.virtual import VirtualDevice
+
+_WAIT_S = 0.05
+_BYTES = 4096
+
+
+class PtyDevice:
+    """Serves a virtual device on a pseudo-terminal until it is closed; use it in `with`.
+
+    Parameters
+    ----------
+    device
+        What answers.
+    link
+        A path that shall lead to the port, so that a device can be pulled out and plugged in under one name.
+
+    Attributes
+    ----------
+    path
+        The port's name.
+
+    Raises
+    ------
+    PortError
+        This system has no pseudo-terminals.
+    """
+
+    def __init__(self, device: VirtualDevice, link: Path | None = None) -> None:
+        try:
+            import tty
+        except ImportError:
+            raise PortError("virtual serial ports need Linux or macOS; use --simulate instead") from None
+        self.device = device
+        self._master, self._slave = os.openpty()  # while we hold the slave, a host may come and go
+        tty.setraw(self._slave)
+        os.set_blocking(self._master, False)
+        self.path = os.ttyname(self._slave)
+        self._link = link
+        if link is not None:
+            link.unlink(missing_ok=True)
+            link.symlink_to(self.path)
+            self.path = str(link)
+        self._closed = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="tacstrip device", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Pull it out; may be called twice."""
+        if self._closed.is_set():
+            return
+        self._closed.set()
+        self._thread.join()
+        for end in (self._master, self._slave):
+            os.close(end)
+        if self._link is not None:
+            self._link.unlink(missing_ok=True)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _run(self) -> None:
+        out = b""
+        while not self._closed.is_set():
+            wait = 0.0 if out else min(_WAIT_S, self.device.wait_s())
+            readable, _, _ = select.select([self._master], [], [], wait)
+            if readable:
+                out += self.device.receive(os.read(self._master, _BYTES))
+            out += self.device.send()
+            if out:
+                select.select([], [self._master], [], _WAIT_S)
+                with suppress(BlockingIOError):  # the host does not read; a device cannot wait for it either
+                    out = out[os.write(self._master, out) :]
+            if len(out) > 64 * _BYTES:
+                out = b""

@@ -1,0 +1,175 @@
+"""A device that is not there: answers commands and sends scans as the firmware does (docs/protocol.md)."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from tacstrip.arguments import takes
+from tacstrip.errors import ContactError, PortError
+from tacstrip.sensor.spec import Sensor
+from tacstrip.stream.codes import code_type, top_code, with_converter
+from tacstrip.stream.device.protocol.commands import LONGEST_PERIOD_US, Command, Status
+from tacstrip.stream.device.protocol.decoder import Decoder
+from tacstrip.stream.device.protocol.frames import Kind
+from tacstrip.stream.device.protocol.messages import Hello, Reply, SelfTest
+from tacstrip.stream.device.protocol.scans import encode_scan
+from tacstrip.stream.source import RawScan
+
+_MOST = 256  # scans sent at once; who is later than that skips, and says so as `late`
+
+
+class VirtualDevice:
+    """A device without hardware; no port is touched here.
+
+    Parameters
+    ----------
+    sensor
+        What it is; the converter of a spec without `adc_bits` has 16 bits.
+    scans
+        Begins a stream of scans without end; their times and numbers are replaced by the device's own. Where a
+        contact cannot be, `ContactError`, nothing is touched until it can.
+    rate_hz
+        Scans a second, until the host asks for another rate.
+    span_s
+        From the reading of the first strip to that of the last [s].
+    clock
+        The device's time [s].
+
+    Attributes
+    ----------
+    trouble
+        What is wrong with the contact, in words; empty when all is well.
+    """
+
+    @takes(sensor=Sensor)
+    def __init__(
+        self,
+        sensor: Sensor,
+        scans: Callable[[], Iterator[RawScan]],
+        rate_hz: float,
+        span_s: float = 0.0,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.sensor = with_converter(sensor)
+        self.trouble = ""
+        self._begin = scans
+        self._scans: Iterator[RawScan] = iter(())
+        self._span_s, self._clock = span_s, clock
+        self._period_us = round(1e6 / rate_hz)
+        self._start_s = self._boot_s = clock()
+        self._due = self._number = self._late = 0  # scans since the start, since the reset, and skipped
+        self._streaming = False
+        self._decoder = Decoder()
+        assert self.sensor.adc_bits is not None
+        self._bits = self.sensor.adc_bits
+        self._offsets = np.linspace(0.0, span_s, self.sensor.strips)
+        self._untouched = np.zeros(self.sensor.strips, dtype=bool)
+        rest = 0.5 if self.sensor.rest_volt is None else self.sensor.rest_volt / self.sensor.vref_volt
+        self._rest = code_type(self.sensor).type(rest * top_code(self.sensor))  # what an open line reads
+        self._nothing = {n: np.full(self.sensor.strips, self._rest) for n in self.sensor.signatures}
+
+    @property
+    def hello(self) -> Hello:
+        """Who it says it is."""
+        return Hello(
+            construction=self.sensor.construction, strips=self.sensor.strips, signatures=self.sensor.signatures,
+            adc_bits=self._bits, streaming=self._streaming, supply_mv=round(1e3 * self.sensor.vref_volt),
+            period_us=self._period_us, cycle_us=round(1e6 * self._span_s), late=self._late, unit_name="virtual",
+        )  # fmt: skip
+
+    def receive(self, data: bytes) -> bytes:
+        """Obey the commands in bytes from the host; return the answers."""
+        said = self._decoder.feed(data)
+        return b"".join(self._obey(command) for command in said if isinstance(command, Command))
+
+    def send(self) -> bytes:
+        """Return the scans that are due by now."""
+        if not self._streaming:
+            return b""
+        passed_us = (self._clock() - self._start_s) * 1e6
+        due = int(passed_us / self._period_us) + 1 - self._due if self._period_us else 1
+        if due > _MOST:
+            self._late += due - _MOST
+            self._due += due - _MOST
+            due = _MOST
+        out = []
+        for _ in range(due):
+            at_us = self._due * self._period_us if self._period_us else passed_us
+            out.append(self._frame(self._start_s + at_us * 1e-6 - self._boot_s))
+            self._due += 1
+        return b"".join(out)
+
+    def wait_s(self) -> float:
+        """Return how long it is to the next scan [s]: infinite while it sends none."""
+        if not self._streaming:
+            return float("inf")
+        return max(0.0, self._start_s + self._due * self._period_us * 1e-6 - self._clock())
+
+    def _frame(self, time_s: float) -> bytes:
+        try:
+            raw = next(self._scans)
+            self.trouble = ""
+        except (ContactError, StopIteration) as error:
+            self.trouble = str(error)
+            raw = self._again()
+        codes = {name: np.where(raw.touched, values, self._rest) for name, values in raw.codes.items()}
+        raw = RawScan(time_s, codes, raw.touched, strip_time_s=self._offsets)
+        frame = encode_scan(raw, self._bits, self._number)
+        self._number += 1
+        return frame
+
+    def _again(self) -> RawScan:
+        """Begin the scans anew, for a stream that failed is over."""
+        try:
+            self._scans = self._begin()
+            return next(self._scans)
+        except ContactError as error:
+            self.trouble = str(error)
+            return RawScan(0.0, self._nothing, self._untouched)
+
+    def _obey(self, command: Command) -> bytes:
+        now_us = round((self._clock() - self._boot_s) * 1e6)
+        status, value = Status.DONE, self._period_us
+        match command.kind:
+            case Kind.IDENTIFY:
+                return self.hello.encode(self._number, now_us)
+            case Kind.TEST:
+                held = dict.fromkeys(self.sensor.signatures, self._untouched)
+                return SelfTest(self.hello.supply_mv, self._late, held).encode(self._number, now_us)
+            case Kind.START:
+                self._streaming, self._start_s, self._due, self._late = True, self._clock(), 0, 0
+            case Kind.STOP:
+                self._streaming = False
+            case Kind.RATE if command.period_us is not None and command.period_us <= LONGEST_PERIOD_US:
+                self._period_us = value = command.period_us
+                self._start_s, self._due = self._clock(), 0
+        return Reply(command.kind, command.sequence, status, value).encode(self._number, now_us)
+
+
+class Loopback:
+    """A line within the program to a virtual device: the port of `tacstrip live --simulate`."""
+
+    def __init__(self, device: VirtualDevice) -> None:
+        self.device = device
+        self._answers = b""
+        self._open = True
+
+    def read(self, wait_s: float) -> bytes:
+        """Return what the device has sent."""
+        if not self._open:
+            raise PortError("the virtual device is closed")
+        if not self._answers and (wait := min(wait_s, self.device.wait_s())) > 0.0:
+            time.sleep(wait)
+        data, self._answers = self._answers + self.device.send(), b""
+        return data
+
+    def write(self, data: bytes) -> None:
+        """Send commands to the device."""
+        self._answers += self.device.receive(data)
+
+    def close(self) -> None:
+        """Hang up."""
+        self._open = False

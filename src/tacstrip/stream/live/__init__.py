@@ -1,0 +1,1 @@
+"""A running stream: the pipeline from a source to recorders and sinks."""

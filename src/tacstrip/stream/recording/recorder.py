@@ -1,0 +1,160 @@
+"""Write a recording: codes and polygons in one MCAP file that explains itself (docs/recordings.md)."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from tacstrip.arguments import takes
+from tacstrip.errors import RecordingError
+from tacstrip.sensor.spec import Sensor
+from tacstrip.stream.recording import messages
+from tacstrip.stream.recording.mcap_file import CHUNK_BYTES, McapFile
+from tacstrip.stream.source import CodeArray, RawScan
+
+FORMAT = "1"
+SPEC = "sensor.toml"  # name of the attachment
+ABOUT = "tacstrip"  # name of the metadata
+SCAN_TOPIC = "/tacstrip/scan"
+POLYGON_TOPICS = {"ok": "/tacstrip/polygon", "doubtful": "/tacstrip/polygon_doubtful"}
+OLDEST_S = 0.08  # a scan waits in memory no longer, so that a killed recorder loses less than 0.1 s
+NANO = 1_000_000_000  # ns in a second
+
+
+class Recorder:
+    """A recording being made; use it in `with`, or `close` it.
+
+    Parameters
+    ----------
+    path
+        The file to make, .mcap.
+    sensor
+        What the scans are of; it is stored in the file, and its `adc_bits` must be set.
+    names
+        The names of the codes that every scan has.
+    origin_ns
+        Unix time of time_s = 0 [ns].
+    about
+        Where the scans come from, for the reader of the file: any keys and texts.
+    force
+        Write over a file that is there.
+
+    Raises
+    ------
+    RecordingError
+        The file exists already, the sensor has no `adc_bits`, or a scan's time is out of range.
+    OSError
+        The disk is full or the like. What was saved until then is a whole recording.
+    """
+
+    @takes(sensor=Sensor)
+    def __init__(
+        self,
+        path: str | Path,
+        sensor: Sensor,
+        names: tuple[str, ...],
+        origin_ns: int,
+        about: Mapping[str, str] | None = None,
+        force: bool = False,
+    ) -> None:
+        if sensor.adc_bits is None:
+            raise RecordingError(
+                "a recording holds A/D codes: give the spec its adc_bits (stream.codes.with_converter)"
+            )
+        self.scans = 0
+        self.polygons = 0
+        self.saved_scans = 0
+        self._sensor = sensor
+        self._origin_ns = origin_ns
+        self._file = McapFile(path, force)
+        self._begin(names, about or {})
+        self._reference: Mapping[str, CodeArray] = {}
+        self._waiting_bytes = 0
+        self._first_s = 0.0  # time of the first scan that waits, by its own clock and by ours
+        self._since = 0.0
+
+    def _begin(self, names: tuple[str, ...], about: Mapping[str, str]) -> None:
+        writer, now = self._file.writer, time.time_ns()
+        told = {
+            "format": FORMAT,
+            "names": ",".join(names),
+            "origin_ns": str(self._origin_ns),
+            "made": datetime.fromtimestamp(now / NANO, UTC).isoformat(timespec="seconds"),
+        }
+        with self._file.guard():
+            writer.add_attachment(now, now, SPEC, "application/toml", self._sensor.to_toml().encode())
+            writer.add_metadata(ABOUT, {**about, **told})
+            kind = messages.scan_type(self._sensor)
+            schema = writer.register_schema(kind, "ros2msg", messages.definition(kind))
+            self._scan_channel = writer.register_channel(SCAN_TOPIC, "cdr", schema)
+            schema = writer.register_schema(
+                messages.POLYGON, "ros2msg", messages.definition(messages.POLYGON)
+            )
+            self._polygon_channels = {
+                status: writer.register_channel(topic, "cdr", schema, {"status": status, "unit": "m"})
+                for status, topic in POLYGON_TOPICS.items()
+            }
+        self._file.flush()
+
+    @property
+    def path(self) -> Path:
+        """The file."""
+        return self._file.path
+
+    @property
+    def size_bytes(self) -> int:
+        """What is on disk by now."""
+        return self._file.size_bytes
+
+    def add(self, raw: RawScan) -> None:
+        """Record one scan, with the polygons that it has."""
+        try:
+            now_ns = self._origin_ns + round(raw.time_s * NANO)
+        except (OverflowError, ValueError):
+            raise RecordingError(
+                f"scan {raw.sequence} has the time {raw.time_s} s; a recording needs finite times"
+            ) from None
+        if not self._reference:
+            self._reference, self._first_s, self._since = raw.codes, raw.time_s, time.monotonic()
+        parts = [(self._scan_channel, messages.scan_message(raw, self._sensor, self._reference, now_ns))]
+        for shape in raw.shapes:
+            channel = self._polygon_channels["ok" if shape.status == "ok" else "doubtful"]
+            parts.append((channel, messages.polygon_message(shape.vertices, now_ns)))
+        with self._file.guard():
+            for channel, data in parts:
+                self._file.writer.add_message(channel, now_ns, data, now_ns, self.scans % 2**32)
+        self.scans += 1
+        self.polygons += len(raw.shapes)
+        self._waiting_bytes += sum(len(data) for _, data in parts)
+        age_s = max(abs(raw.time_s - self._first_s), time.monotonic() - self._since)
+        # The first scan goes at once: from then on the file says what it holds.
+        if self.scans == 1 or self._waiting_bytes >= CHUNK_BYTES or age_s >= OLDEST_S:
+            self.flush()
+
+    def idle(self, wait_s: float) -> None:
+        """Say that no scan comes for a while [s]: what would grow too old by then is put on disk."""
+        if self._reference and time.monotonic() + wait_s - self._since >= OLDEST_S:
+            self.flush()
+
+    def flush(self) -> None:
+        """Put every scan on disk now."""
+        self._file.flush()
+        self._reference, self._waiting_bytes, self.saved_scans = {}, 0, self.scans
+
+    def close(self) -> None:
+        """End the file; may be called twice."""
+        if not self._file.closed:
+            self.flush()
+            self._file.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()

@@ -1,0 +1,43 @@
+"""What is in a recording, in a few lines."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+from datetime import UTC, datetime
+
+from tacstrip.stream.recording.recorder import NANO
+from tacstrip.stream.replay import Recording
+from tacstrip.stream.source import RawScan
+
+
+def summary(source: Recording, scans: Iterable[RawScan]) -> list[str]:
+    """Read scans of a recording to their end and return what is to be said of them, a line each."""
+    count, lost, touched = 0, 0, 0
+    shapes: Counter[str] = Counter()
+    first: RawScan | None = None
+    last: RawScan | None = None
+    for raw in scans:
+        first = first or raw
+        lost += max(0, raw.sequence - last.sequence - 1) if last else 0
+        last = raw
+        count += 1
+        touched += bool(raw.touched.any())
+        shapes.update(shape.status for shape in raw.shapes)
+    sensor = source.sensor
+    began = datetime.fromtimestamp(source.origin_ns / NANO, UTC).isoformat(timespec="seconds")
+    lines = [
+        f"{source.path}: {sensor.construction}, {sensor.strips} strips, codes {', '.join(source.names)} of "
+        f"{sensor.adc_bits} bits, time 0 is {began}",
+        f"{count} scan(s), {touched} of them touched, {lost} lost on the way to the recorder",
+    ]
+    if first is not None and last is not None and (seconds := last.time_s - first.time_s) > 0.0:
+        lines.append(f"{seconds:.6g} s, {(count - 1) / seconds:.6g} scans a second")
+    told = ", ".join(f"{number} {status}" for status, number in shapes.most_common())
+    lines.append(f"shapes: {told or 'none'}")
+    lines += [
+        f"{key}: {text}"
+        for key, text in source.about.items()
+        if key in ("source", "sensor", "method", "made")
+    ]
+    return lines

@@ -1,1 +1,0 @@
-"""Whole jobs: the demonstration, the thesis again."""

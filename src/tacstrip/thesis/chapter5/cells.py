@@ -1,0 +1,170 @@
+"""Tables 5.2-5.14: what each method makes of noisy scans, beside the printed figures.
+
+A cell is one row of a table at one position. Each of its seeds draws the errors of 5.1 anew: readings get
+C.Q.E. and P.U., and the true transitions get T.E. before they are handed to Vertex Reconstruction, which
+reads the nearest strip, as the thesis does. Rows with P.U. are run a second time with transitions found by
+the gradient rule: a shape that fails there, or comes back with another number of vertices, counts as the
+thesis' "-". Profiles are compared as polygons at the original's vertex columns (`profile_at`). Beside them stands the
+polygon fit, which is told no transitions, at most their number (`estimator`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from tacstrip.arrays import FloatArray
+from tacstrip.contact.noise import Noise, on_transitions
+from tacstrip.data.published import METRICS, Row, rows
+from tacstrip.geometry.metrics import mismatch
+from tacstrip.reconstruction.profile import profile_at, profile_reconstruction
+from tacstrip.reconstruction.result import RecoveredObject
+from tacstrip.reconstruction.vertex.estimate import vertex_reconstruction
+from tacstrip.scan import Scan
+from tacstrip.simulation import simulate
+from tacstrip.thesis.chapter5.polygon_fit import Fitted, beaten, bound_medians, fitted
+from tacstrip.thesis.shapes import POSITIONS, SHAPES, SIMULATED
+
+NOISES = {
+    "ideal": Noise(),
+    "quantisation": Noise(quantisation=0.001, transition_mm=5.0),
+    "quantisation + profile I": Noise(quantisation=0.001, positional=0.005, transition_mm=5.0),
+    "quantisation + profile II": Noise(quantisation=0.001, positional=0.01, transition_mm=5.0),
+}
+_FITTED = 4  # of so many seeds the polygon fit gets one
+HALF_DIGIT = 0.0005  # the thesis prints three decimals
+
+
+@dataclass(frozen=True)
+class Cell:
+    """All seeds of one row at one position.
+
+    Attributes
+    ----------
+    known, detected
+        M.C. [rad], A.O.E. [rad], A.P.E. [mm] of the shapes recovered (shapes, 3), with known transitions
+        and with detected ones; detected is None where the row is not run that way.
+    known_failed, detected_failed
+        Shares of the seeds without a shape; detected counts a wrong number of vertices too.
+    fitted
+        What the polygon fit makes of every fourth seed; empty for an ideal row.
+    bound
+        Medians (3,) of the same measures at the Cramer-Rao bound.
+    sample
+        The shape of the first seed that has one (N, 2) [mm], for the figure; empty where all failed. For
+        a profile it is the raw one, every strip.
+    """
+
+    known: FloatArray
+    known_failed: float
+    detected: FloatArray | None
+    detected_failed: float | None
+    fitted: list[Fitted]
+    bound: FloatArray
+    sample: FloatArray
+
+
+def run_cell(number: int, position: int, seeds: int) -> Cell:
+    """Run one cell: row `number` of `rows()`, position 0 to 4."""
+    row = rows()[number]
+    noise = NOISES[row.noise]
+    corners = SHAPES[row.shape].contact(position).vertices
+    with_found = noise.positional > 0.0 and row.algorithm == "vertex"
+    known: list[RecoveredObject] = []
+    detected: list[RecoveredObject] = []
+    fits: list[Fitted] = []
+    for seed in range(1 if noise == Noise() else seeds):
+        random = np.random.default_rng([number, position, seed])
+        scan = simulate(SIMULATED[row.construction], SHAPES[row.shape].contact(position), noise, random)
+        x = on_transitions(SHAPES[row.shape].transitions(position), noise, random)
+        known.append(_recover(row, scan, x))
+        if with_found:
+            detected.append(_recover(row, scan, "gradient"))
+        if noise != Noise() and seed % _FITTED == 0:
+            fits.append(fitted(row, position, noise, random))
+    good = [r for r in known if r.found]
+    right = [r for r in detected if len(r.vertices) == len(corners)]
+    return Cell(
+        known=_measure(row, corners, good),
+        known_failed=1.0 - len(good) / len(known),
+        detected=_measure(row, corners, right) if with_found else None,
+        detected_failed=1.0 - len(right) / len(detected) if with_found else None,
+        fitted=fits,
+        bound=bound_medians(row, position, noise) if fits else np.full(3, np.nan),
+        sample=good[0].vertices if good else np.empty((0, 2)),
+    )
+
+
+def summarise(number: int, cells: list[Cell]) -> dict[str, Any]:
+    """Return a row's `ours`: median, 5 % and 95 % points, share of failures, whether the print is inside.
+
+    A printed value is inside where it lies between our 5 % and 95 % points, give or take half its last
+    digit. `failed` is judged on detected transitions where the row is run that way; `failed_known` and
+    `detected` say the rest. None stands for what does not exist.
+    """
+    row = rows()[number]
+    ours: dict[str, Any] = _points([c.known for c in cells])
+    ours["failed_known"] = [c.known_failed for c in cells]
+    ours["failed"] = [c.known_failed if c.detected_failed is None else c.detected_failed for c in cells]
+    found = [c.detected for c in cells if c.detected is not None]
+    ours["detected"] = _points(found) if found else None
+    ours["polygon"] = _polygon(row, cells) if cells[0].fitted else None
+    ours["inside"] = {m: [_inside(row.printed[m], ours[m], i) for i in range(POSITIONS)] for m in METRICS}
+    return ours
+
+
+def _polygon(row: Row, cells: list[Cell]) -> dict[str, Any]:
+    """Return the polygon fit's points, shares without a shape and with the right vertices, and the bound's medians.
+
+    `reached` has, per metric and position, whether our median is below the printed value, and whether it is within
+    1.15 of the bound's; None where nothing is printed. `told` has the same of the fit that is told the count.
+    """
+    corners = len(SHAPES[row.shape].contact(0).vertices)
+    measured = [np.array([f.measures for f in c.fitted if f.vertices]).reshape(-1, 3) for c in cells]
+    points: dict[str, Any] = _points(measured)
+    points["failed"] = [float(np.mean([f.vertices == 0 for f in c.fitted])) for c in cells]
+    points["right"] = [float(np.mean([f.vertices == corners for f in c.fitted])) for c in cells]
+    bound = np.array([c.bound for c in cells])
+    points["bound"] = {
+        m: [float(b) if np.isfinite(b) else None for b in bound[:, i]] for i, m in enumerate(METRICS)
+    }
+    points["told"] = _points(
+        [np.array([f.told for f in c.fitted if f.vertices]).reshape(-1, 3) for c in cells]
+    )
+    for of in (points, points["told"]):
+        medians = np.array([of[m]["median"] for m in METRICS], dtype=float)
+        judged = [beaten(row, medians[:, p], bound[p], p) for p in range(POSITIONS)]
+        of["reached"] = {m: [judged[p][i] for p in range(POSITIONS)] for i, m in enumerate(METRICS)}
+    return points
+
+
+def _recover(row: Row, scan: Scan, x: FloatArray | str) -> RecoveredObject:
+    sensor = SIMULATED[row.construction]
+    if row.algorithm == "profile":
+        return profile_reconstruction(scan, sensor).objects[0]
+    return vertex_reconstruction(scan, sensor, row.signature, x, reading="strip").objects[0]
+
+
+def _measure(row: Row, corners: FloatArray, shapes: list[RecoveredObject]) -> FloatArray:
+    polygons = [profile_at(r, corners) if row.algorithm == "profile" else r.vertices for r in shapes]
+    measured = [mismatch(corners, v) for v in polygons]
+    return np.array([(m.mc, m.aoe, m.ape) for m in measured]).reshape(-1, 3)
+
+
+def _points(values: list[FloatArray]) -> dict[str, dict[str, list[float | None]]]:
+    """Return metric to median, p05 and p95, a list over positions each."""
+    points: dict[str, dict[str, list[float | None]]] = {}
+    for column, metric in enumerate(METRICS):
+        at = [np.percentile(v[:, column], [50.0, 5.0, 95.0]) if len(v) else None for v in values]
+        names = enumerate(("median", "p05", "p95"))
+        points[metric] = {name: [None if p is None else float(p[i]) for p in at] for i, name in names}
+    return points
+
+
+def _inside(printed: FloatArray | None, ours: dict[str, list[float | None]], position: int) -> bool | None:
+    low, high = ours["p05"][position], ours["p95"][position]
+    if printed is None or np.isnan(printed[position]) or low is None or high is None:
+        return None
+    return bool(low - HALF_DIGIT <= printed[position] <= high + HALF_DIGIT)

@@ -1,0 +1,131 @@
+"""Figures 5.5-5.61: recovered shapes, two noisy signatures, and what V.R. makes of a concave shape."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from tacstrip.arrays import FloatArray
+from tacstrip.contact.signature import signatures
+from tacstrip.data.published import Row
+from tacstrip.geometry.metrics import mismatch
+from tacstrip.plot.scene import draw_contact, draw_polygon, draw_sensor
+from tacstrip.plot.style import COLOURS, legend, new_axes
+from tacstrip.reconstruction.vertex.estimate import vertex_reconstruction
+from tacstrip.reconstruction.vertex.transitions import by_gradient
+from tacstrip.sensor.constructions import SIGNATURES
+from tacstrip.simulation import simulate
+from tacstrip.thesis.chapter5.cells import NOISES
+from tacstrip.thesis.shapes import POSITIONS, SHAPES, SIMULATED
+
+# Figure: (shape, position, signature) whose noisy signature defeats the search for transitions.
+NOISY = {"5.9": ("triangle", 4, "kh"), "5.14": ("tetragon", 3, "kh")}
+# Figure: (construction, signature) of Vertex Reconstruction on the concave tetragon.
+AMBIGUOUS = {"5.19": ("crs-crs", "kh"), "5.32": ("crs-crs", "kl"), "5.61": ("crs-m", "k")}
+_CONCAVE = "concave tetragon"
+
+
+def recovery_caption(row: Row) -> str:
+    """Return the caption of a row's figure."""
+    method = "P.R." if row.algorithm == "profile" else f"V.R. with ${SIGNATURES[row.signature or ''].symbol}$"
+    return f"Figure {row.figure}: {row.shape}, {row.construction.upper()}, {method}; {row.noise}"
+
+
+def recovery(row: Row, samples: Sequence[FloatArray]) -> Figure:
+    """Draw the five placed shapes and one recovery of each (N, 2) [mm], empty where it failed."""
+    figure, axes = _sensor_axes(SIMULATED[row.construction].construction)
+    colour = COLOURS[row.signature or "profile"]
+    for position, sample in enumerate(samples):
+        _draw_pair(axes, row.shape, position, sample, colour)
+    axes.set_title(textwrap.fill(recovery_caption(row), 52))
+    legend(axes, loc="upper left")
+    return figure
+
+
+def noisy_signature_caption(figure: str) -> str:
+    """Return the caption of figure 5.9 or 5.14."""
+    shape, position, name = NOISY[figure]
+    symbol = SIGNATURES[name].symbol
+    return f"Figure {figure}: ${symbol}$-signature of {shape} {position + 1}, noise-free and with P.U. profile II"
+
+
+def noisy_signature(figure: str) -> Figure:
+    """Draw a noise-free and a noisy signature, the true transitions, and those that the gradient rule finds."""
+    shape, position, name = NOISY[figure]
+    sensor, contact = SIMULATED["crs-crs"], SHAPES[shape].contact(position)
+    clean, noisy = (simulate(sensor, contact, NOISES[n], 0) for n in ("ideal", "quantisation + profile II"))
+    run = clean.runs()[0]
+    x = sensor.x_mm[run]
+    drawing, axes = new_axes(6.0, 4.0)
+    axes.plot(x, noisy[name][run], color=COLOURS[name], linewidth=0.7, alpha=0.7, label="profile II")
+    axes.plot(x, clean[name][run], color="black", linewidth=1.4, label="noise-free")
+    for i, true in enumerate(SHAPES[shape].transitions(position)):
+        axes.axvline(true, color="#888888", linestyle=":", label=None if i else "true transitions")
+    found = by_gradient(x, noisy[name][run], sensor.pitch_mm)[1:-1]
+    low = axes.get_ylim()[0]
+    axes.plot(found, np.full(len(found), low), "^", color=COLOURS[name], clip_on=False,
+              label=f"found by the gradient rule: {len(found)}")  # fmt: skip
+    axes.set_title(textwrap.fill(noisy_signature_caption(figure), 60))
+    axes.set_xlabel("x [mm]")
+    axes.set_ylabel(f"${SIGNATURES[name].symbol}$")
+    legend(axes)
+    return drawing
+
+
+def ambiguity(figure: str) -> tuple[Figure, list[dict[str, float]]]:
+    """Draw what V.R. makes of the concave tetragon from ideal readings, and return how wrong it is.
+
+    Returns
+    -------
+    tuple
+        The figure; and per position M.C. [rad], IoU, and the largest difference [Vref] between the
+        recovered convex polygon's signature and the one measured: how little tells them apart.
+    """
+    construction, name = AMBIGUOUS[figure]
+    sensor = SIMULATED[construction]
+    drawing, axes = _sensor_axes(construction)
+    facts = []
+    for position in range(POSITIONS):
+        contact = SHAPES[_CONCAVE].contact(position)
+        scan = simulate(sensor, contact)
+        x = SHAPES[_CONCAVE].transitions(position)
+        found = vertex_reconstruction(scan, sensor, name, x, reading="strip").objects[0]
+        _draw_pair(axes, _CONCAVE, position, found.vertices, COLOURS[name])
+        if found.found and found.profile is not None:
+            m = mismatch(contact.vertices, found.vertices)
+            again = signatures(sensor, found.profile[1], found.profile[2])[name]
+            apart = float(np.abs(again - scan[name][found.strips]).max())
+            facts.append({"mc": m.mc, "iou": m.iou, "signature_difference": apart})
+    axes.set_title(textwrap.fill(ambiguity_caption(figure), 52))
+    legend(axes, loc="upper left")
+    return drawing, facts
+
+
+def ambiguity_caption(figure: str) -> str:
+    """Return the caption of figure 5.19, 5.32 or 5.61."""
+    construction, name = AMBIGUOUS[figure]
+    symbol = SIGNATURES[name].symbol
+    return f"Figure {figure}: concave tetragon, ideal {construction.upper()}, V.R. with ${symbol}$: another shape"
+
+
+def _sensor_axes(construction: str) -> tuple[Figure, Axes]:
+    figure, axes = new_axes(5.2, 5.2)
+    draw_sensor(axes, SIMULATED[construction])
+    return figure, axes
+
+
+def _draw_pair(axes: Axes, shape: str, position: int, recovered: FloatArray, colour: str) -> None:
+    contact = SHAPES[shape].contact(position)
+    draw_contact(axes, contact, label=None if position else "original")
+    axes.annotate(
+        str(position + 1), tuple(contact.centroid), fontsize=8.0, ha="center", va="center", zorder=5
+    )
+    if len(recovered):
+        draw_polygon(axes, recovered, colour, label=None if position else "recovered")
+    else:
+        below = (contact.centroid[0], contact.vertices[:, 1].min())
+        axes.annotate("not recovered", below, fontsize=7.0, ha="center", va="top", color=colour)

@@ -1,0 +1,1 @@
+"""Chapter 6: the three prototypes as digital twins."""

@@ -1,0 +1,206 @@
+"""Figures 6.1-6.4, 6.23-6.26 and 6.33-6.35: the prototypes, their calibration graphs, points on the tube."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from tacstrip.contact.signature import signatures
+from tacstrip.data.published import offsets_volt
+from tacstrip.plot.scene import draw_contact, draw_sensor
+from tacstrip.plot.style import COLOURS, OTHERS, SENSOR, STRIP, TRUE, add_axes, legend, new_figure
+from tacstrip.sensor.spec import Sensor
+from tacstrip.surface.cylinder import strip_angle, to_space
+from tacstrip.thesis.chapter6.calibration import (
+    UNIT_MM,
+    calibration_runs,
+    line_contact,
+    recovered_points,
+)
+from tacstrip.thesis.twin import LINES, PLACINGS, REGIONS, twin
+
+_TUBE = "Cyl-CRS-M"
+_RUBBER = "#b9b09b"
+_ELEVATION = 22.0  # of the eye above the tube's middle [degrees]
+
+
+def figure_6_1() -> Figure:
+    """Prototype of the CRS-CRS sensor with ten sensing elements; the rectangle where the twin has it."""
+    return _plane("CRS-CRS")
+
+
+def figure_6_23() -> Figure:
+    """Prototype of the CRS-M sensor with nine sensing elements; the rectangle, both readings of the text."""
+    return _plane("CRS-M")
+
+
+def figure_6_33() -> Figure:
+    """Prototype of the Cyl-CRS-M sensor with five sensing elements (the printed caption says nine)."""
+    figure = new_figure(5.6, 4.6)
+    sensor = twin(_TUBE)
+    axes = _tube(figure, sensor, 1, 1)
+    axes.set_title(
+        f"{sensor.strips} strips of {sensor.strip_width:g} mm round a tube of {2 * _radius(sensor):g} mm"
+    )
+    return figure
+
+
+def calibration_graph(name: str, w_units: int) -> Figure:
+    """Draw what a twin's first strip reads at the unit marks, and the closed form."""
+    sensor, width = twin(name), w_units * UNIT_MM
+    runs = calibration_runs(sensor, np.random.default_rng([6, 0]))
+    now = runs.w_mm[:, 0] == width
+    l = np.linspace(0.0, sensor.length_mm - width, 100, endpoint=width == 0.0)
+    line = signatures(sensor, *(np.repeat(v[:, None], sensor.strips, axis=1) for v in (l, l + width)))
+    figure = new_figure(4.4 * len(runs.raw), 3.7)
+    for column, (signature, raw) in enumerate(runs.raw.items(), start=1):
+        axes = add_axes(figure, 1, len(runs.raw), column)
+        colour, volt = COLOURS[signature], sensor.vref_volt
+        axes.plot(l / UNIT_MM, line[signature][:, 0] * volt, "-", color=TRUE, label="expected")
+        axes.plot(runs.l_mm[now, 0] / UNIT_MM, raw[now, 0] * volt, "x", color=colour, label="twin")
+        offset = offsets_volt(name, signature)[0]
+        axes.plot(
+            l / UNIT_MM, line[signature][:, 0] * volt + offset, ":", color=colour, label=f"+ {offset:.3f} V"
+        )
+        axes.axhline(volt, color=STRIP, linewidth=1.0)
+        axes.annotate("Vref", (0.0, volt), va="bottom", fontsize=8.0, color=TRUE)
+        axes.set(
+            xlabel="lower end l [units of 1 cm]", ylabel=f"{_volt_name(signature)} [V]", ylim=(-0.1, 6.5)
+        )
+        legend(axes, loc="lower right")
+    figure.suptitle(f"{name}, first strip, w = {w_units} units", fontsize=10.0)
+    return figure
+
+
+def figure_6_35() -> Figure:
+    """Two-point contacts on the tube: where they are, and where raw and calibrated readings put them."""
+    sensor = twin(_TUBE)
+    true, raw, good = recovered_points()
+    figure = new_figure(9.6, 4.8)
+    space, flat = _tube(figure, sensor, 2, 1), add_axes(figure, 1, 2, 2)
+    draw_sensor(flat, sensor)
+    kinds = (
+        ("touched", true, "o-", TRUE),
+        ("not calibrated", raw, "x:", OTHERS[3]),
+        ("calibrated", good, "+--", COLOURS["k"]),
+    )
+    for i, line in enumerate(LINES):
+        strips = np.array([float(strip) for strip, _ in line])
+        draw_contact(flat, line_contact(sensor, i))
+        for label, y, style, colour in kinds:
+            options: dict[str, Any] = {"color": colour, "markersize": 5.0 if style == "o-" else 8.0}
+            flat.plot(sensor.x_mm[strips.astype(int)], y[i], style, label=None if i else label, **options)
+            steps = np.linspace(strips[0], strips[1], 9)  # a straight line on the unrolled tube
+            points = to_space(sensor, steps, np.interp(steps, strips, y[i]))
+            space.plot(*points.T, style, markevery=[0, 8], zorder=10, **options)
+        flat.annotate(f"line {i + 1}", (sensor.x_mm[line[1][0]] + 1.2, true[i, 1]), fontsize=8.0, va="center")
+    worst = np.abs(raw - true).max(), np.abs(good - true).max()
+    flat.set_title(f"unrolled; largest error {worst[0]:.1f} mm raw, {worst[1]:.1f} mm calibrated")
+    flat.set_aspect("auto")
+    flat.legend(loc="upper left", frameon=False, fontsize=8.0)
+    return figure
+
+
+def _plane(name: str) -> Figure:
+    """Draw a flat prototype for each placing of the rectangle, with its sizes."""
+    sensor = twin(name)
+    placings = PLACINGS[name]
+    figure = new_figure(3.4 * len(placings) + 0.6, 6.2)
+    for column, (how, placing) in enumerate(placings.items(), start=1):
+        axes = add_axes(figure, 1, len(placings), column)
+        draw_sensor(axes, sensor)
+        for region in REGIONS:
+            contact = placing.contact(sensor, region)
+            draw_contact(axes, contact)
+            axes.annotate(region, tuple(contact.centroid), ha="center", va="center", fontsize=8.0)
+        _label_ends(axes, sensor)
+        low, high = min(contact.vertices[:, 0].min(), 0.0), max(contact.vertices[:, 0].max(), sensor.width_mm)
+        axes.set_xlim(low - 4.0, high + 4.0)
+        axes.set_title(f"rectangle {how}: {_tilt(placing.tilt_deg)}", fontsize=9.0)
+    pitch = f"{10.0 / sensor.pitch_mm:.2f} per cm"
+    figure.suptitle(
+        f"{name} twin: {sensor.strips} strips of {sensor.strip_width:g} mm, {pitch},\n"
+        f"{sensor.width_mm / 10.0:g} cm x {sensor.length_mm / 10.0:g} cm",
+        fontsize=10.0,
+    )
+    return figure
+
+
+def _tilt(tilt_deg: float) -> str:
+    turned = "clockwise" if tilt_deg < 0.0 else "counter-clockwise"
+    return f"5 cm side\n{abs(tilt_deg):g} degrees {turned} from x"
+
+
+def _label_ends(axes: Axes, sensor: Sensor) -> None:
+    """Write the first and the last strip's numbers above them."""
+    for i in (0, sensor.strips - 1):
+        at = (sensor.x_mm[i], sensor.length_mm + 2.0)
+        axes.annotate(str(i + sensor.strip_base), at, ha="center", va="bottom", fontsize=7.0)
+    axes.set_ylim(-6.0, sensor.length_mm + 16.0)
+
+
+def _tube(figure: Figure, sensor: Sensor, columns: int, column: int) -> Any:
+    """Add 3-D axes with the tube and its strips, as `to_space` lays them."""
+    axes: Any = add_axes(figure, 1, columns, column, projection="3d", computed_zorder=False)
+    around = np.linspace(-0.5, 2.0 * np.pi * _radius(sensor) / sensor.pitch_mm - 0.5, 60)
+    axes.plot_surface(
+        *_surface(sensor, around), color=SENSOR, alpha=0.6, linewidth=0.0, shade=False, zorder=0
+    )
+    half = 0.5 * sensor.strip_width / sensor.pitch_mm
+    for i in range(sensor.strips):
+        across = np.linspace(i - half, i + half, 8)
+        axes.plot_surface(
+            *_surface(sensor, across), color=_RUBBER, linewidth=0.0, shade=False, antialiased=False, zorder=1
+        )
+        below = to_space(sensor, np.array(float(i)), np.array(-6.0))
+        axes.text(*below, str(i + sensor.strip_base), ha="center", fontsize=8.0, zorder=12)
+    side = 1.02 * _radius(sensor)
+    for y, text in ((0.0, "0, ground"), (sensor.length_mm, f"{sensor.length_mm:g} mm, Vref")):
+        edge = to_space(sensor, np.array(-0.9), np.array(y))
+        axes.text(*edge, f"y = {text}  ", ha="right", fontsize=8.0)
+    axes.set(xlim=(-side, side), ylim=(-side, side), zlim=(-8.0, sensor.length_mm))
+    axes.set_box_aspect((2.0 * side, 2.0 * side, sensor.length_mm + 8.0), zoom=0.95)
+    axes.view_init(_ELEVATION, np.rad2deg(strip_angle(sensor, np.array(0.5 * (sensor.strips - 1)))))
+    axes.set_axis_off()
+    return axes
+
+
+def _surface(sensor: Sensor, strips: Any) -> Any:
+    net = to_space(sensor, strips[:, None], np.array([0.0, sensor.length_mm])[None, :])
+    return net[..., 0], net[..., 1], net[..., 2]
+
+
+def _radius(sensor: Sensor) -> float:
+    assert sensor.radius_mm is not None
+    return sensor.radius_mm
+
+
+def _volt_name(signature: str) -> str:
+    return {"kh": "$V_h$", "kl": "$V_l$", "k": "$V_{out}$"}[signature]
+
+
+_GRAPHS = {
+    "6.2": ("CRS-CRS", 0), "6.3": ("CRS-CRS", 5), "6.4": ("CRS-CRS", 10), "6.24": ("CRS-M", 0),
+    "6.25": ("CRS-M", 5), "6.26": ("CRS-M", 10), "6.34": (_TUBE, 0),
+}  # fmt: skip
+
+FIGURES: dict[str, Callable[[], Figure]] = {
+    "6.1": figure_6_1,
+    "6.23": figure_6_23,
+    "6.33": figure_6_33,
+    "6.35": figure_6_35,
+    **{figure: partial(calibration_graph, *which) for figure, which in _GRAPHS.items()},
+}
+
+
+def caption(figure: str) -> str:
+    """Return the caption of a figure of this file."""
+    if figure in _GRAPHS:
+        name, width = _GRAPHS[figure]
+        return f"Figure {figure}: calibration graphs of the {name} twin's first strip, w = {width} units"
+    return f"Figure {figure}: {(FIGURES[figure].__doc__ or '').splitlines()[0]}"

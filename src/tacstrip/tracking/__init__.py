@@ -1,0 +1,1 @@
+"""Objects from scan to scan."""

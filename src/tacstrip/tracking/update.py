@@ -1,0 +1,166 @@
+"""One object's outline from one scan to the next: least squares from where it was."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tacstrip.arrays import BoolArray, FloatArray
+from tacstrip.core.descent import refine
+from tacstrip.core.ellipse import PARAMETERS, fit_ellipse
+from tacstrip.core.fit import ENDS, Fit
+from tacstrip.core.problem import FLOOR, Signal
+from tacstrip.errors import ContactError
+from tacstrip.geometry.outline import Outline, close_chains
+from tacstrip.reconstruction.polygon.fit import fitted_covariance, untangled
+from tacstrip.reconstruction.result import RecoveredObject
+from tacstrip.scan import Scan
+from tacstrip.sensor.spec import Sensor
+
+_ALARM = 5.0  # standard deviations by which the squared residuals may exceed those of the search
+_WILD = 6.0  # times the residuals' spread: a reading that the search left out
+_SLOW = 0.02  # of the new level of residuals that is taken over with each scan
+_MAD = 1.4826
+_OVAL = 40  # vertices; only an oval's outline has so many
+_THIN = 1e-6  # of the strip length: thinner is a line
+_APART = 1e-6  # of the width: between two vertices that the ends drove together
+
+
+class Lost(Exception):  # noqa: N818 - no error that anybody sees: the object is searched
+    """The outline does not fit on the strips that are touched now."""
+
+
+@dataclass(frozen=True, eq=False)
+class Followed:
+    """What following an object needs.
+
+    Attributes
+    ----------
+    shape
+        The last one.
+    fit
+        The same in the layout of `kernels`, its theta in [mm].
+    sigma
+        Standard deviation of a reading, by what the outline left over [Vref].
+    left_out
+        Readings that are not used (S, strips).
+    """
+
+    shape: RecoveredObject
+    fit: Fit
+    sigma: float
+    left_out: BoolArray
+
+    @property
+    def round(self) -> bool:
+        """Whether it is an oval."""
+        return len(self.shape.vertices) >= _OVAL
+
+
+def started(shape: RecoveredObject, scan: Scan, sensor: Sensor) -> Followed | None:
+    """Return how to follow a shape that was searched in this scan; None where it has none that can be followed."""
+    left_out = np.zeros((len(scan.signatures), sensor.strips), dtype=bool)
+    signal = _signal(scan, sensor, shape.strips, 1.0, left_out)
+    try:
+        fit = Fit.of(Outline.of(shape.vertices), signal)
+    except ContactError:
+        return None
+    residuals, used = fit.residuals(signal), signal.weight > 0.0
+    spread = _MAD * float(np.median(np.abs(residuals[used])))
+    wild = np.abs(residuals) > max(_WILD * spread, FLOOR)
+    left_out[:, shape.strips] = wild
+    last = Followed(shape, _in_mm(fit, signal), 1.0, left_out)
+    freedom = max(int(np.count_nonzero(used & ~wild)) - _numbers(last), 1)
+    level = math.sqrt(float((residuals[~wild] ** 2).sum()) / freedom)
+    return replace(last, sigma=max(level, _least(sensor)))
+
+
+def follow(last: Followed, scan: Scan, sensor: Sensor, strips: slice, detail: bool) -> tuple[Followed, bool]:
+    """Return the object in the next scan, and whether its shape explains the readings.
+
+    Parameters
+    ----------
+    last
+        From `started`, or from here.
+    scan, sensor, strips
+        What was measured, with what, and the strips that the object touches now.
+    detail
+        Work out the covariance of a polygon too; an oval has one anyway.
+
+    Raises
+    ------
+    Lost
+        The outline cannot be put on these strips.
+    """
+    signal = _signal(scan, sensor, strips, last.sigma, last.left_out)
+    start = _on_strips(last.fit, signal)
+    if last.round:
+        oval = fit_ellipse(start, signal)
+        lower, upper, covariance = oval.outline(signal)
+        cost, fit = oval.cost, _in_mm(Fit.of(Outline(lower, upper), signal), signal)
+    else:
+        found = refine(start, signal)
+        lower, upper = untangled(*found.polygon(signal))
+        cost, fit = found.cost, _in_mm(found, signal)
+        if any((chain[1:, 0] <= chain[:-1, 0]).any() for chain in (lower, upper)):
+            raise Lost
+        covariance = None
+        if detail:
+            covariance = fitted_covariance(found, Outline(lower, upper), signal, sensor)
+    x = sensor.x_mm[strips]
+    profile = (x, np.interp(x, *lower.T), np.interp(x, *upper.T))
+    if (profile[2] - profile[1]).max() <= _THIN * sensor.length_mm:
+        raise Lost
+    vertices = close_chains(lower, upper)
+    shape = replace(last.shape, strips=strips, vertices=vertices, profile=profile, covariance=covariance)
+    freedom = max(signal.readings - _numbers(last), 1)
+    variance = cost / freedom
+    # Wilson and Hilferty's cube root makes chi square nearly normal; sigma comes from as many readings.
+    small = 2.0 / (9.0 * freedom)
+    explained = (variance ** (1.0 / 3.0) - (1.0 - small)) / math.sqrt(2.0 * small) <= _ALARM
+    level = last.sigma * math.sqrt(1.0 - _SLOW + _SLOW * variance) if explained else last.sigma
+    return Followed(shape, fit, max(level, _least(sensor)), last.left_out), explained
+
+
+def _signal(scan: Scan, sensor: Sensor, strips: slice, sigma: float, left_out: BoolArray) -> Signal:
+    readings = {name: scan[name][strips] for name in scan.signatures}
+    return Signal.of(sensor, sensor.x_mm[strips], readings, sigma, left_out[:, strips])
+
+
+def _in_mm(fit: Fit, signal: Signal) -> Fit:
+    theta = fit.theta * signal.length_mm
+    for at in _X:
+        theta[at] = fit.theta[at] * signal.width_mm + signal.origin_mm
+    return replace(fit, theta=theta)
+
+
+def _on_strips(fit: Fit, signal: Signal) -> Fit:
+    """Return a fit in [mm] in units of the signal, its ends brought to the strips that are touched now."""
+    theta = fit.theta / signal.length_mm
+    for at in _X:
+        theta[at] = (fit.theta[at] - signal.origin_mm) / signal.width_mm
+    reach = 0.5 * signal.pitch
+    theta[0] = min(max(theta[0], -reach), reach)
+    theta[3] = min(max(theta[3], 1.0 - reach), 1.0 + reach)
+    inner: FloatArray = theta[ENDS::2]
+    if len(inner) and not theta[0] < inner.min() <= inner.max() < theta[3]:
+        many = len(inner)
+        low, high = theta[0] + np.arange(1, many + 1) * _APART, theta[3] - np.arange(many, 0, -1) * _APART
+        inner[:] = np.clip(inner, low, high)
+    return replace(fit, theta=theta)
+
+
+_X = (slice(0, 4, 3), slice(ENDS, None, 2))  # the places of x in theta
+
+
+def _numbers(last: Followed) -> int:
+    """Return how many numbers of the shape the readings determine."""
+    return PARAMETERS if last.round else 2 * len(last.shape.vertices) - 2
+
+
+def _least(sensor: Sensor) -> float:
+    """Return the noise that a reading has at least: of the converter's steps [Vref]."""
+    step = 0.0 if sensor.adc_bits is None else 1.0 / (2.0**sensor.adc_bits - 1.0)
+    return max(step / math.sqrt(12.0), FLOOR)

@@ -1,0 +1,175 @@
+"""The simulated sensor that a page plays with: its construction, its noise, and the objects on it."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from tacstrip.contact.noise import Noise
+from tacstrip.contact.shape import Contact
+from tacstrip.errors import ContactError, OptionError, one_of
+from tacstrip.sensor.constructions import CONSTRUCTIONS
+from tacstrip.sensor.spec import Sensor
+from tacstrip.stream.codes import with_converter
+from tacstrip.stream.device.source import SerialSource
+from tacstrip.stream.device.virtual import Loopback, VirtualDevice
+from tacstrip.stream.simulated import SimulatedSource
+from tacstrip.stream.source import RawScan
+
+MOST_STRIPS, MOST_OBJECTS, MOST_VERTICES = 1000, 8, 40
+_AHEAD_S = 0.01  # scans are made in blocks as long as that
+_SHEET_HZ, _SHEET_STRIPS = 20.0, 24  # what a network of a sheet can do on any computer
+_SPAN = 0.5  # of the period that reading all strips takes
+
+Ring = list[tuple[float, float]]
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What the playground simulates; a change of `sensor` or `rate_hz` begins a new stream."""
+
+    sensor: Sensor
+    rate_hz: float = 1000.0
+    noise: Noise = field(default_factory=lambda: Noise(positional=0.005))
+
+
+class Playground:
+    """Holds the settings and the objects; every method may be called from any thread.
+
+    Attributes
+    ----------
+    settings
+        What is simulated.
+    objects
+        Corners of each object [mm].
+    """
+
+    def __init__(self, settings: Settings, objects: Sequence[Ring] | None = None, seed: int = 0) -> None:
+        self.settings = _possible(settings)
+        self.objects: list[Ring] = []
+        self.device: VirtualDevice | None = None
+        self._lock = threading.Lock()
+        self._contact: Contact | None = None
+        self._random = np.random.default_rng(seed)
+        self.place(example(self.settings.sensor) if objects is None else objects)
+
+    def place(self, objects: Sequence[Any]) -> None:
+        """Put these objects on the sensor in place of those there are.
+
+        Raises
+        ------
+        OptionError, ContactError
+            They are no polygons, or too many; the objects stay as they are.
+        """
+        if len(objects) > MOST_OBJECTS or any(len(ring) > MOST_VERTICES for ring in objects):
+            raise OptionError(f"at most {MOST_OBJECTS} objects of {MOST_VERTICES} corners")
+        contacts = [Contact.polygon(ring) for ring in objects]
+        contact = None
+        for one in contacts:
+            contact = one if contact is None else contact + one
+        with self._lock:
+            self.objects = [[(float(x), float(y)) for x, y in ring] for ring in objects]
+            self._contact = contact
+
+    def change(self, wanted: Mapping[str, Any]) -> bool:
+        """Change settings by name; return whether a new stream must begin.
+
+        Raises
+        ------
+        TacstripError
+            There is no such setting, or it cannot have this value; nothing is changed.
+        """
+        now = self.settings
+        unknown = [key for key in wanted if key not in ("construction", "strips", "noise", "rate_hz")]
+        if unknown:
+            raise OptionError(one_of("setting", unknown[0], ("construction", "strips", "noise", "rate_hz")))
+        sensor = now.sensor
+        if "construction" in wanted or "strips" in wanted:
+            sensor = sensor_of(
+                wanted.get("construction", sensor.construction), wanted.get("strips", sensor.strips), sensor
+            )
+        noise = Noise(positional=wanted["noise"]) if "noise" in wanted else now.noise
+        new = _possible(Settings(sensor, _rate(wanted.get("rate_hz", now.rate_hz)), noise))
+        anew = (new.sensor, new.rate_hz) != (now.sensor, now.rate_hz)
+        self.settings = new
+        return anew
+
+    def source(self, tell: Callable[[str], None] = lambda text: None) -> SerialSource:
+        """Return a new source: a virtual device on a line within the program."""
+        device = self.virtual_device()
+        return SerialSource(lambda: Loopback(device), self.settings.sensor, tell=tell)
+
+    def virtual_device(self) -> VirtualDevice:
+        """Return a new device with the settings as they are; the objects on it may move meanwhile."""
+        now = self.settings
+        self.device = VirtualDevice(now.sensor, lambda: self._scans(now), now.rate_hz, _SPAN / now.rate_hz)
+        return self.device
+
+    @property
+    def trouble(self) -> str:
+        """What is wrong with the objects, in words; empty when all is well."""
+        return "" if self.device is None else self.device.trouble
+
+    def _scans(self, now: Settings) -> Iterator[RawScan]:
+        """Give scans of the objects as they are; the noise may change meanwhile."""
+        ahead = max(1, round(_AHEAD_S * now.rate_hz))
+        while True:
+            noise = self.settings.noise
+            source = SimulatedSource(
+                now.sensor, self._now, now.rate_hz, None, noise, self._random, ahead=ahead
+            )
+            for raw in source:
+                yield raw
+                if self.settings.noise is not noise:
+                    break
+
+    def _now(self, time_s: float) -> Contact:
+        with self._lock:
+            contact = self._contact
+        if contact is None:
+            raise ContactError("nothing lies on the sensor")
+        return contact
+
+
+def sensor_of(construction: str, strips: Any, like: Sensor) -> Sensor:
+    """Return a sensor of this construction, as large as the one it is to be `like`."""
+    if construction not in CONSTRUCTIONS:
+        raise OptionError(one_of("construction", construction, CONSTRUCTIONS))
+    kind = CONSTRUCTIONS[construction]
+    most = MOST_STRIPS if kind.closed_form else _SHEET_STRIPS
+    if not isinstance(strips, int) or not 2 <= strips <= MOST_STRIPS:
+        raise OptionError(f"strips = {strips}: must be 2 to {MOST_STRIPS}")
+    count = min(strips, most)
+    pitch = like.width_mm / count
+    given: dict[str, Any] = {}
+    if "radius_mm" in kind.keys:
+        given["radius_mm"] = like.width_mm / 3.0
+    if not kind.closed_form:
+        given |= {"contact_lambda_mm": 0.02 * like.length_mm, "resistivity_ratio": 100.0}
+    return Sensor(
+        construction=construction, strips=count, pitch_mm=pitch, length_mm=like.length_mm,
+        vref_volt=like.vref_volt, adc_bits=like.adc_bits, **given,
+    )  # fmt: skip
+
+
+def example(sensor: Sensor) -> list[Ring]:
+    """Return an object to begin with, in the middle of the sensor."""
+    w, h = sensor.width_mm, sensor.length_mm
+    return [[(0.22 * w, 0.38 * h), (0.62 * w, 0.22 * h), (0.80 * w, 0.55 * h), (0.45 * w, 0.76 * h)]]
+
+
+def _rate(rate_hz: Any) -> float:
+    if not isinstance(rate_hz, int | float) or not 1.0 <= rate_hz <= 5000.0:
+        raise OptionError(f"rate_hz = {rate_hz}: must be 1 to 5000")
+    return float(rate_hz)
+
+
+def _possible(settings: Settings) -> Settings:
+    """Return the settings with a converter, and no faster than a network can be solved."""
+    sensor = with_converter(settings.sensor)
+    rate = settings.rate_hz if sensor.kind.closed_form else min(settings.rate_hz, _SHEET_HZ)
+    return replace(settings, sensor=sensor, rate_hz=rate)

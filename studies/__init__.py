@@ -1,0 +1,1 @@
+"""Studies behind the tables and pictures of the docs; not part of the package."""

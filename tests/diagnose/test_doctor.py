@@ -1,0 +1,312 @@
+"""The doctor names the fault, the strip and the size that were put in, and nothing on a healthy unit."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import tacstrip as ts
+from studies.checkup import Case, exercise, faulty, said
+from studies.faults import Defect, faulty_log
+from tacstrip.contact.noise import Noise
+from tacstrip.diagnose.doctor import diagnose
+from tacstrip.diagnose.finding import Finding, Report
+from tacstrip.diagnose.log import Log
+from tacstrip.diagnose.neighbour_pairs import second_way
+from tacstrip.diagnose.noise import typical_contact
+from tacstrip.reconstruction.cramer_rao import vertex_covariance, vertex_rms
+
+RUBBER = ts.Sensor(construction="crs-crs", strips=12, pitch_mm=6.5, length_mm=325.0, adc_bits=12)
+METAL = ts.Sensor(construction="crs-m", strips=12, pitch_mm=6.5, length_mm=250.0, adc_bits=12)
+CRP = ts.Sensor(
+    construction="crs-crp",
+    strips=6,
+    pitch_mm=5.0,
+    length_mm=60.0,
+    resistivity_ratio=100.0,
+    contact_lambda_mm=1.0,
+)
+PROFILE_I = Noise(positional=0.005)
+FAINT = Noise(positional=0.001)
+
+
+def _examined(
+    sensor: ts.Sensor, *defects: Defect, noise: Noise = FAINT, scans: int = 480, seed: int = 5
+) -> Report:
+    contacts = exercise(sensor, np.random.default_rng(seed), scans)
+    return diagnose(faulty_log(sensor, contacts, defects, noise, seed, 220.0))
+
+
+def _only(report: Report, fault: str, *strips: int) -> Finding:
+    assert said(report) == [(fault, strips)]
+    return report.findings[0]
+
+
+def test_a_cut_strip_and_where_it_is_cut() -> None:
+    for sensor in (RUBBER, METAL):
+        found = _only(_examined(sensor, Defect("open-strip", 7, 0.6)), "open-strip", 7)
+        assert found.numbers["at_ground"] > 10
+        assert found.numbers["at_vref"] > 10
+        low, high = (float(w) for w in found.evidence.split("y = ")[1].split(" mm")[0].split(" to "))
+        assert low - 30.0 < 0.6 * sensor.length_mm < high + 30.0
+
+
+@pytest.mark.parametrize("sensor", [RUBBER, METAL])
+@pytest.mark.parametrize(
+    ("end", "words"), [(0.0, "open at its grounded end"), (1.0, "open at its end at Vref")]
+)
+@pytest.mark.parametrize("offset", [0.0, 0.03])
+def test_an_open_end_is_a_clamp_and_not_two_dead_wires(
+    sensor: ts.Sensor, end: float, words: str, offset: float
+) -> None:
+    """Wherever it is touched, all of the strip's channels are on one rail; offsets take them beside it."""
+    log = faulty_log(sensor, exercise(sensor, np.random.default_rng(5), 240), noise=FAINT)
+    raw = {name: values.copy() for name, values in log.raw.items()}
+    for name, values in raw.items():
+        hangs = 1.0 - end + (0.5 - end) * (-offset if name == "kl" else -2.0 * offset)
+        values[:, 7] = np.where(np.isfinite(values[:, 7]), hangs, np.nan)
+    found = _only(diagnose(Log.of(sensor, log.time_s, raw)), "open-strip", 7)
+    assert words in found.evidence
+
+
+def test_an_open_end_in_a_few_presses() -> None:
+    contact = ts.Contact.polygon([(0.0, 0.0), (40.0, 10.0), (40.0, 90.0), (0.0, 60.0)])
+    presses = [contact.placed(39.0, y) for y in (80.0, 130.0, 180.0, 230.0) for _ in range(15)]
+    log = faulty_log(RUBBER, presses, [Defect("open-strip", 6, 0.0)], FAINT)
+    assert "open at its grounded end" in _only(diagnose(log), "open-strip", 6).evidence
+
+
+def test_an_open_end_that_reads_as_untouched() -> None:
+    """Rest is ground: the strip is never touched, while its neighbours are, and its wires are not all dead."""
+    resting = replace(RUBBER, rest_volt=0.0, touch_volt=0.1)
+    log = faulty_log(resting, exercise(resting, np.random.default_rng(5), 240), noise=FAINT)
+    raw = {name: np.clip(values, 0.0, 1.0) for name, values in log.raw.items()}
+    for values in raw.values():
+        values[:, 6] = 0.0
+    found = _only(diagnose(Log.of(resting, log.time_s, raw)), "open-strip", 6)
+    assert "open at its end at Vref" in found.evidence
+
+
+def test_a_cut_sensing_strip() -> None:
+    found = _only(_examined(RUBBER, Defect("open-sensing", 3, 0.5)), "open-sensing", 3)
+    assert min(found.numbers.values()) > 5
+
+
+def test_shorts_of_wires_and_over_metal() -> None:
+    tied = _only(_examined(RUBBER, Defect("short", 4, 1.0, "kh")), "short", 4, 5)
+    assert abs(tied.numbers["follows"]) < 0.25
+    bridged = _only(_examined(METAL, Defect("short", 4, 0.4)), "short", 4, 5)
+    assert bridged.numbers["most"] - bridged.numbers["least"] > 0.02
+
+
+def test_a_bridge_over_metal_gives_the_current_a_second_way() -> None:
+    """The closed form that the doctor fits is what the network says, but for the bridge's own 20 ohm."""
+    for y, low, high in ((60.0, 0.6, 0.6), (180.0, 0.6, 0.6)):
+        edge = [(7.0, y), (38.0, y), (38.0, y + 0.2), (7.0, y + 0.2)]
+        contact = ts.Contact.polygon(edge)
+        bridged = ts.simulate(
+            METAL, contact, model="network", build=ts.Build(shorts=[ts.Short(2, 150.0, 1e-3)])
+        )
+        ideal = ts.simulate(METAL, contact)["k"][2:4]
+        np.testing.assert_allclose(bridged["k"][2:4] - ideal, second_way(ideal, low, high), atol=2e-3)
+
+
+def test_a_bridge_between_energised_rubber_strips_does_next_to_nothing() -> None:
+    """docs/doctor.md says so: it cannot be told, and need not be."""
+    contacts = exercise(RUBBER, np.random.default_rng(5), 30)
+    build = ts.Build(shorts=[ts.Short(4, 160.0, 20.0)])
+    for contact in contacts:
+        ideal = ts.simulate(RUBBER, contact)
+        bridged = ts.simulate(RUBBER, contact, model="network", build=build)
+        both = ideal.touched[4] and ideal.touched[5]
+        for name in ("kh", "kl"):
+            off = np.nanmax(np.abs(bridged[name] - ideal[name])[[4, 5]], initial=0.0)
+            assert off < (0.02 if both else 0.03)
+
+
+@pytest.mark.parametrize("sensor", [RUBBER, METAL])
+def test_crossed_connections(sensor: ts.Sensor) -> None:
+    _only(_examined(sensor, Defect("swapped-strips", 6)), "swapped-strips", 6, 7)
+    for ends in (0.0, 1.0):
+        _only(_examined(sensor, Defect("swapped-ends", 5, ends)), "swapped-ends", 5)
+
+
+def test_crossed_wires_of_one_strip_and_of_all() -> None:
+    found = _only(_examined(RUBBER, Defect("swapped-wires", 8)), "swapped-wires", 8)
+    assert found.numbers["difference"] < -0.01
+    log = faulty_log(RUBBER, exercise(RUBBER, np.random.default_rng(5), 240), noise=FAINT)
+    _only(diagnose(Log.of(RUBBER, log.time_s, {"kh": log.raw["kl"], "kl": log.raw["kh"]})), "swapped-wires")
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_offsets_are_not_crossed_wires(seed: int) -> None:
+    """One thin press, each channel off by up to 1 % on its own: some v_h lie below their v_l, and nothing is wrong."""
+    rng = np.random.default_rng(seed)
+    bar = ts.Contact.polygon([(6.0, 150.0), (72.0, 156.0), (72.0, 157.0 + seed), (6.0, 151.0 + seed)])
+    for scans in (1, 40):
+        log = faulty_log(RUBBER, [bar] * scans, noise=FAINT)
+        raw = {name: values + rng.choice([-0.01, 0.01], 12) for name, values in log.raw.items()}
+        assert (raw["kh"] < raw["kl"] - 0.005).any()
+        assert said(diagnose(Log.of(RUBBER, log.time_s, raw))) == []
+
+
+def test_an_offset_between_the_wires_is_no_exchange_and_an_exchange_with_an_offset_is() -> None:
+    log = faulty_log(RUBBER, exercise(RUBBER, np.random.default_rng(5), 240), noise=FAINT)
+    for crossed in (False, True):
+        raw = {name: values.copy() for name, values in log.raw.items()}
+        if crossed:
+            for name, other in (("kh", "kl"), ("kl", "kh")):
+                raw[name][:, 8] = log.raw[other][:, 8]
+        raw["kh"][:, 8] = np.clip(raw["kh"][:, 8] - 0.03, 0.0, 1.0)
+        raw["kl"][:, 8] = np.clip(raw["kl"][:, 8] + 0.02, 0.0, 1.0)
+        report = diagnose(Log.of(RUBBER, log.time_s, raw))
+        assert said(report) == ([("swapped-wires", (8,))] if crossed else [])
+
+
+def test_channels_that_do_not_move() -> None:
+    assert _only(_examined(RUBBER, Defect("dead", 4, 0.0, "kl")), "dead", 4).signature == "kl"
+    stuck = _only(_examined(RUBBER, Defect("stuck", 9, 0.37, "kh")), "stuck", 9)
+    assert stuck.signature == "kh"
+    assert stuck.numbers["level"] == pytest.approx(0.37, abs=1e-3)
+
+
+def test_a_strip_that_never_reads_a_contact() -> None:
+    log = faulty_log(RUBBER, exercise(RUBBER, np.random.default_rng(5), 240), noise=FAINT)
+    raw = {name: values.copy() for name, values in log.raw.items()}
+    for values in raw.values():
+        values[:, 5] = np.nan
+    report = diagnose(Log.of(RUBBER, log.time_s, raw))
+    _only(report, "dead", 5)
+    assert any("strip 5: never touched" in told for told in report.unchecked)
+
+
+def test_saturation_of_one_channel_and_of_all() -> None:
+    one = _only(_examined(METAL, Defect("saturation", 4, 0.7)), "saturation", 4)
+    assert one.numbers["level"] == pytest.approx(0.7, abs=2e-3)
+    every = _only(_examined(METAL, Defect("saturation", None, 0.7)), "saturation")
+    assert every.numbers["level"] == pytest.approx(0.7, abs=2e-3)
+
+
+@pytest.mark.parametrize("factor", [0.85, 1.15])
+def test_wrong_vref(factor: float) -> None:
+    found = _only(_examined(RUBBER, Defect("wrong-vref", size=factor)), "wrong-vref")
+    assert found.numbers["factor"] == pytest.approx(factor, abs=0.02)
+
+
+def test_drift_of_one_strip_and_at_rest() -> None:
+    one = _only(_examined(RUBBER, Defect("drift", 6, 0.05)), "drift", 6)
+    assert one.numbers["change"] == pytest.approx(0.05, abs=0.01)
+    resting = replace(RUBBER, rest_volt=0.3, touch_volt=0.2)
+    every = _only(_examined(resting, Defect("drift", None, -0.03)), "drift")
+    assert every.numbers["change"] == pytest.approx(-0.03, abs=0.003)
+
+
+@pytest.mark.parametrize("hertz", [50.0, 60.0])
+def test_hum_of_one_strip_and_of_all(hertz: float) -> None:
+    for strip, strips in ((6, (6,)), (None, ())):
+        found = _only(_examined(RUBBER, Defect("hum", strip, 0.02, hertz=hertz), scans=600), "hum", *strips)
+        assert found.numbers["hertz"] == hertz
+        assert found.numbers["amplitude"] == pytest.approx(0.02, rel=0.3)
+
+
+def test_hum_that_sampling_hides_is_listed_as_unchecked() -> None:
+    contacts = exercise(RUBBER, np.random.default_rng(5), 480)
+    report = diagnose(faulty_log(RUBBER, contacts, [Defect("hum", size=0.02)], FAINT, 0, rate_hertz=10.0))
+    assert "hum" not in {f.fault for f in report.findings}
+    assert any("hum at 50 and 60 Hz" in told for told in report.unchecked)
+
+
+def test_excess_noise_of_one_strip_and_of_all() -> None:
+    one = _only(_examined(RUBBER, Defect("noise", 6, 0.03)), "noise", 6)
+    assert one.numbers["sigma"] == pytest.approx(0.03, rel=0.3)
+    _only(_examined(RUBBER, Defect("noise", None, 0.02)), "noise")
+
+
+def test_missing_bits() -> None:
+    found = _only(_examined(RUBBER, Defect("bits", size=3)), "bits")
+    assert found.numbers["stuck_bits"] == 3.0
+    assert "9 of 12 bits are left" in found.evidence
+
+
+@pytest.mark.parametrize("half_width", [0.002, 0.005, 0.01])
+def test_noise_in_the_terms_of_the_thesis(half_width: float) -> None:
+    report = _examined(RUBBER, noise=Noise(positional=half_width))
+    noise = report.quality
+    assert report.healthy
+    assert noise.half_width_percent == pytest.approx(100.0 * half_width, rel=0.2)
+    assert noise.profile in (("I",) if half_width < 0.004 else ("I", "II", "above II"))
+    bound = vertex_rms(vertex_covariance(typical_contact(RUBBER), RUBBER, half_width / np.sqrt(3.0)))
+    assert noise.vertex_rms_mm == pytest.approx(bound, rel=0.2)
+
+
+def test_a_unit_without_calibration_is_not_broken_but_is_told_so() -> None:
+    offsets = (
+        np.array([0.345, 0.016, 0.353, 0.317, 0.080, 0.161, 0.070, 0.261, 0.168, 0.291]) / 6.05
+    )  # table 6.1
+    sensor = ts.Sensor.load("prototype-crs-crs")
+    contacts = exercise(sensor, np.random.default_rng(1), 240)
+    report = diagnose(faulty_log(sensor, contacts, noise=FAINT, offsets=offsets))
+    assert report.healthy
+    assert {f.fault for f in report.notes} == {"calibration"}
+    low = next(f for f in report.notes if f.strips == (1,))
+    assert low.numbers["offset"] < -0.02
+
+
+def test_what_was_not_touched_is_not_called_healthy() -> None:
+    contact = ts.Contact.polygon([(20.0, 100.0), (45.0, 110.0), (45.0, 150.0), (20.0, 140.0)])
+    report = diagnose(Log.of_scans(RUBBER, [ts.simulate(RUBBER, contact, FAINT, seed) for seed in range(20)]))
+    assert report.healthy
+    assert report.condition(0) == "unchecked"
+    assert report.condition(4) == "ok"
+    assert "strips 0-2, 7-11: never touched; move the contact over them" in report.unchecked
+    assert any("the contact stood at 1 place(s)" in told for told in report.unchecked)
+
+
+def test_strips_are_named_as_the_file_counts_them() -> None:
+    from_one = replace(RUBBER, strip_base=1)
+    report = _examined(from_one, Defect("stuck", 4, 0.5, "kl"))
+    entry = report.to_json()["findings"][0]
+    assert entry["strips"] == [5]
+    assert report.where(report.findings[0]) == "strip 5, v_l"
+    assert report.to_json()["strips"][4] == {
+        "strip": 5, "condition": "broken", "touched_scans": int(report.touched_scans[4]),
+        "sigma": pytest.approx(report.quality.strips[4]), "faults": ["stuck"],
+    }  # fmt: skip
+
+
+def test_a_sheet_is_examined_as_far_as_its_channels_go() -> None:
+    square = ts.Contact.polygon([(6.0, 20.0), (24.0, 20.0), (24.0, 40.0), (6.0, 40.0)])
+    scan = ts.simulate(CRP, square)
+    report = diagnose(Log.of_scans(CRP, [scan] * 3))
+    assert report.healthy
+    assert any("CRS-CRP" in told for told in report.unchecked)
+
+
+def test_a_long_recording_is_examined_in_parts() -> None:
+    case = faulty(2, scans=300, faults=["stuck"])
+    assert isinstance(case, Case)
+    log = faulty_log(case.sensor, case.contacts, case.defects, case.noise, case.seed)
+    many = 80
+    long = Log(
+        log.sensor, np.arange(300 * many) / 220.0, {n: np.tile(v, (many, 1)) for n, v in log.raw.items()},
+        np.tile(log.touched, (many, 1)),
+    )  # fmt: skip
+    report = diagnose(long)
+    assert report.scans == 300 * many
+    assert ("stuck", case.defects[0].strips()) in said(report)
+
+
+def test_one_reading_far_outside_is_told() -> None:
+    """`reconstruct` refuses such a file; the doctor says where it is."""
+    sensor = ts.Sensor(construction="crs-crs", strips=12, pitch_mm=4.0, length_mm=100.0)
+    contact = ts.Contact.polygon([(8, 20), (40, 30), (30, 80)])
+    noise = ts.Noise(positional=0.002)
+    scans = [ts.simulate(sensor, contact.moved(0.02 * i, 0.0), noise, i, time_s=0.01 * i) for i in range(100)]
+    raw = {name: np.stack([s[name] for s in scans]) for name in ("kh", "kl")}
+    raw["kh"][57, 5] = 1.46
+    log = Log.of(sensor, np.array([s.time_s for s in scans]), raw)
+    (found,) = [f for f in diagnose(log).findings if f.fault == "wrong-vref"]
+    assert found.strips == (5,)
+    assert "1 reading(s) lie outside 0 to Vref, the first in scan 57" in found.evidence

@@ -1,0 +1,101 @@
+"""Slopes of area, centroid and orientation against differences; deviations against samples."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from polygons import convex_polygon
+from strategies import FIXED
+from tacstrip.geometry import moments as m
+
+RECTANGLE = np.array([(10.0, 20.0), (50.0, 20.0), (50.0, 30.0), (10.0, 30.0)])
+
+
+def test_a_rectangle_by_hand() -> None:
+    area, centroid, second = m.moments(RECTANGLE)
+    assert area == pytest.approx(400.0)
+    np.testing.assert_allclose(centroid, (30.0, 25.0))
+    np.testing.assert_allclose(second, (40.0**3 * 10 / 12, 10.0**3 * 40 / 12, 0.0), atol=1e-9)
+    assert m.orientation(RECTANGLE) == pytest.approx(0.0)
+    assert m.orientation(RECTANGLE[:, ::-1][::-1]) == pytest.approx(math.pi / 2)
+
+
+@FIXED
+@given(st.integers(0, 10_000), st.integers(3, 9))
+def test_slopes_agree_with_differences(seed: int, corners: int) -> None:
+    v = convex_polygon(seed, corners)
+    slopes = np.vstack([m.area_slope(v), m.centroid_slope(v), m.orientation_slope(v)])
+    for at in range(v.size):
+        step = np.zeros(v.size)
+        step[at] = 1e-4
+        after, before = v + step.reshape(-1, 2), v - step.reshape(-1, 2)
+        turned = (m.orientation(after) - m.orientation(before) + math.pi / 2) % math.pi - math.pi / 2
+        moved = np.array(
+            [
+                m.moments(after)[0] - m.moments(before)[0],
+                *(m.moments(after)[1] - m.moments(before)[1]),
+                turned,
+            ]
+        )
+        np.testing.assert_allclose(slopes[:, at], moved / 2e-4, rtol=1e-4, atol=1e-6)
+
+
+def test_deviations_are_those_of_samples() -> None:
+    random = np.random.default_rng(0)
+    root = 0.05 * random.standard_normal((8, 8))
+    samples = RECTANGLE + (root @ random.standard_normal((8, 4000))).T.reshape(-1, 4, 2)
+    drawn = np.array([(m.moments(v)[0], *m.moments(v)[1], m.orientation(v)) for v in samples])
+    area, centroid, angle = m.deviations(RECTANGLE, root @ root.T)
+    np.testing.assert_allclose((area, *centroid, angle), drawn.std(axis=0), rtol=0.05)
+
+
+def test_what_the_vertices_leave_open_stays_open() -> None:
+    open_x = np.diag([np.inf] + [1.0] * 7)
+    open_x[0, 1:] = open_x[1:, 0] = np.nan
+    area, centroid, angle = m.deviations(RECTANGLE, open_x)
+    assert area == math.inf
+    assert np.isinf(centroid).all()
+    assert angle == m.UNKNOWN_ANGLE
+    square = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
+    assert np.isnan(m.orientation_slope(square)).all()
+    assert m.deviations(square, np.eye(8))[2] == m.UNKNOWN_ANGLE
+
+
+def test_a_polygon_without_area() -> None:
+    flat = np.array([(0.0, 0.0), (1.0, 1.0), (2.0, 2.0)])
+    area, centroid, _ = m.moments(flat)
+    assert area == 0.0
+    np.testing.assert_allclose(centroid, (1.0, 1.0))
+    assert np.isnan(m.centroid_slope(flat)).all()
+    assert m.deviations(flat, np.eye(6))[2] == m.UNKNOWN_ANGLE
+    assert math.isnan(m.orientation(np.empty((0, 2))))
+    assert np.isnan(m.moments(np.empty((0, 2)))[1]).all()
+
+
+def test_a_uniform_error_counts_by_what_holds_95_percent_of_it() -> None:
+    """Both ends of a rectangle lie anywhere within 1 mm: 10 mm high, so the area is off by 10 (a - b)."""
+    x_left, x_right, var = [0, 6], [2, 4], 1.0 / 12.0
+    covariance = np.zeros((8, 8))
+    covariance[np.ix_(x_left, x_left)] = covariance[np.ix_(x_right, x_right)] = var
+    one_end = np.zeros((8, 8))
+    one_end[np.ix_(x_left, x_left)] = var
+    # One: uniform in +-5, 95 % within 4.75. Two: a triangle in +-10, 95 % within 10 (1 - sqrt(0.05)).
+    assert m.deviations(RECTANGLE, one_end, (0,))[0] == pytest.approx(4.75 / 1.96, rel=0.02)
+    both = m.deviations(RECTANGLE, covariance, (0, 2))[0]
+    assert both == pytest.approx(10.0 * (1.0 - math.sqrt(0.05)) / 1.96, rel=0.02)
+    assert m.deviations(RECTANGLE, covariance)[0] == pytest.approx(10.0 / math.sqrt(6.0))
+
+
+def test_deviations_of_a_sample_hold_95_percent_of_it() -> None:
+    random = np.random.default_rng(1)
+    drawn = RECTANGLE + 0.05 * random.standard_normal((600, 4, 2))
+    every = np.array([(m.moments(v)[0], *m.moments(v)[1], m.orientation(v)) for v in drawn])
+    at = np.array([m.moments(RECTANGLE)[0], *m.moments(RECTANGLE)[1], m.orientation(RECTANGLE)])
+    area, centroid, turn = m.sample_deviations(RECTANGLE, drawn)
+    inside = np.abs(every - at) <= 1.96 * np.array([area, *centroid, turn])
+    np.testing.assert_allclose(inside.mean(axis=0), 0.95, atol=0.004)

@@ -1,0 +1,457 @@
+"""CRS-CRP (3.3): readings against the plain solver, the Jacobian against differences, l and u back again."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import numpy as np
+import pytest
+
+import tacstrip as ts
+from tacstrip.arrays import BoolArray, FloatArray
+from tacstrip.errors import ContactError, NetworkError, ReadingError, SpecError
+from tacstrip.network.crp import inversion as crp
+from tacstrip.network.crp.constraints import constrained_step
+from tacstrip.network.crp.inversion import Wiring
+from tacstrip.network.crp.mesh import Mesh
+from tacstrip.network.nodal import answer, solve
+
+L = 100.0
+WIRINGS = [
+    Wiring(),
+    Wiring(common_bars=True),
+    Wiring("tied grounds"),
+    Wiring("tied grounds", common_bars=True),
+    Wiring("grounded"),
+]
+SHAPES = {
+    "hexagon": [(12, 15), (30, 5), (70, 10), (90, 40), (60, 85), (20, 70)],
+    "triangle": [(10, 20), (90, 30), (50, 90)],
+    "slanted band": [(15, 20), (85, 60), (85, 85), (15, 45)],
+}  # 12 to 15 of 20 strips wide
+
+
+def a_sensor(**changed: Any) -> ts.Sensor:
+    """20 strips of 100 mm, a sheet of 100 times their resistivity: the prototype of design.md."""
+    spec = {
+        "strips": 20,
+        "pitch_mm": 5.0,
+        "length_mm": L,
+        "resistivity_ratio": 100.0,
+        "contact_lambda_mm": 2.0,
+    }
+    return ts.Sensor(construction="crs-crp", **(spec | changed))
+
+
+def span(sensor: ts.Sensor, shape: str = "hexagon") -> tuple[FloatArray, FloatArray]:
+    l, u = ts.footprint(sensor, ts.Contact.polygon(SHAPES[shape]))
+    return l, u
+
+
+def a_small_case() -> tuple[ts.Sensor, FloatArray, FloatArray]:
+    """8 strips with gaps between them; contacts reach both edges, one strip is untouched."""
+    random = np.random.default_rng(0)
+    l = random.uniform(1.0, 50.0, 8)
+    u = l + random.uniform(5.0, 45.0, 8)
+    l[3], u[4], l[6], u[6] = 0.0, L, np.nan, np.nan
+    return a_sensor(strips=8, strip_width_mm=3.0, contact_lambda_mm=3.0), l, u
+
+
+# Forward
+
+
+@pytest.mark.parametrize("wiring", WIRINGS, ids=str)
+def test_a_scan_agrees_with_the_plain_solver_strip_by_strip(wiring: Wiring) -> None:
+    sensor, l, u = a_small_case()
+    kh, kl = crp.own_electrodes(sensor, l, u, 30, wiring)
+    every = crp.all_electrodes(sensor, l, u, 30, wiring)
+    for i in np.flatnonzero(np.isfinite(l)):
+        question = crp.question(sensor, int(i), l, u, 30, wiring)
+        plain = answer(question)
+        assert kh[i] == pytest.approx(plain["kh"], abs=1e-12)
+        assert kl[i] == pytest.approx(plain["kl"], abs=1e-12)
+        scan = crp.Scan.of_span(sensor, l, u, 30, wiring)
+        np.testing.assert_allclose(every[i], solve(question)[scan.wired.electrode], rtol=0, atol=1e-12)
+    assert np.isnan([kh[6], kl[6], *every[6]]).all()
+
+
+def test_one_strip_worked_by_hand() -> None:
+    """Two rows of cells, a whole strip touched: five resistors to a mirror-symmetric ladder of three rungs."""
+    sensor = a_sensor(
+        strips=1, pitch_mm=4.0, strip_width_mm=2.0, contact_lambda_mm=10.0, resistivity_ratio=3.0
+    )
+    r1 = 3.0 * 2.0 / 4.0
+    g = 1.0 / ((1.0 + r1) * 10.0**2)
+    # Half of the antisymmetric ladder: the middle is at 1/2. From an end at 0: rung g h / 2, then r1 h to the middle.
+    rung, along = 1.0 / (g * 25.0), r1 * 50.0
+    expected = 0.5 * rung / (rung + along)
+    kh, kl = crp.own_electrodes(sensor, np.array([0.0]), np.array([L]), rows=2)
+    assert kl[0] == pytest.approx(expected, abs=1e-14)
+    assert kh[0] == pytest.approx(1.0 - expected, abs=1e-14)
+
+
+def test_a_mirrored_contact_reads_mirrored() -> None:
+    sensor = a_sensor()
+    l, u = span(sensor)
+    kh, kl = crp.own_electrodes(sensor, l, u)
+    kh2, kl2 = crp.own_electrodes(sensor, L - u[::-1], L - l[::-1])
+    np.testing.assert_allclose(kh2, 1.0 - kl[::-1], rtol=0, atol=1e-11)
+    np.testing.assert_allclose(kl2, 1.0 - kh[::-1], rtol=0, atol=1e-11)
+
+
+def test_a_point_reads_its_place_whatever_the_sheet() -> None:
+    """No current flows through one point: the whole sheet takes the potential under it."""
+    sensor = a_sensor()
+    l = np.full(20, np.nan)
+    l[7] = 31.4
+    every = crp.all_electrodes(sensor, l, l)
+    np.testing.assert_allclose(every[7], 0.314, rtol=0, atol=1e-6)
+
+
+def test_readings_converge_with_the_square_of_the_cell() -> None:
+    sensor = a_sensor(contact_lambda_mm=8.0)
+    l, u = span(sensor)
+    fine = np.stack(crp.own_electrodes(sensor, l, u, 1600))
+    error = [np.nanmax(np.abs(crp.own_electrodes(sensor, l, u, rows) - fine)) for rows in (25, 50, 100, 200)]
+    order = np.log2(np.array(error[:-1]) / error[1:])
+    assert np.all((order > 1.7) & (order < 2.4)), order
+
+
+def test_two_pieces_on_a_strip_count_as_two() -> None:
+    sensor = a_sensor()
+    both = ts.Contact.from_wkt(
+        "MULTIPOLYGON(((10 10,90 10,90 30,10 30,10 10)),((10 60,90 60,90 80,10 80,10 60)))"
+    )
+    hull = crp.all_electrodes(sensor, *ts.footprint(sensor, both))
+    pieces = crp.contact_electrodes(sensor, both)
+    assert np.nanmax(np.abs(hull - pieces)) > 1e-3
+    one = ts.Contact.polygon(SHAPES["triangle"])
+    np.testing.assert_allclose(
+        crp.contact_electrodes(sensor, one),
+        crp.all_electrodes(sensor, *ts.footprint(sensor, one)),
+        atol=1e-13,
+    )
+
+
+def test_neighbours_shift_readings_by_a_tenth_of_vref() -> None:
+    sensor = a_sensor()
+    l, u = span(sensor)
+    kh, _ = crp.own_electrodes(sensor, l, u)
+    alone = np.full(20, np.nan)
+    for i in np.flatnonzero(np.isfinite(l)):
+        only = np.where(np.arange(20) == i, 0.0, np.nan)
+        alone[i] = crp.own_electrodes(sensor, l + only, u + only)[0][i]
+    assert 0.05 < np.nanmax(np.abs(kh - alone)) < 0.3
+
+
+def test_the_sheet_s_potentials_are_there_for_pictures() -> None:
+    sensor = a_sensor()
+    l, u = span(sensor)
+    kh, kl = crp.own_electrodes(sensor, l, u, 60)
+    for strip, sheet in crp.Scan.of_span(sensor, l, u, 60).profiles():
+        assert sheet.shape == (20, 61)
+        assert 0.0 <= sheet.min() < sheet.max() <= 1.0
+        assert (sheet[strip, 0], sheet[strip, -1]) == (kl[strip], kh[strip])
+
+
+# Slopes
+
+
+@pytest.mark.parametrize("wiring", WIRINGS, ids=str)
+def test_the_adjoint_jacobian_agrees_with_differences(wiring: Wiring) -> None:
+    sensor, l, u = a_small_case()
+    l[3], u[4] = 2.0, 97.0  # differences need room on both sides
+    touched = np.flatnonzero(np.isfinite(l))
+    scan = crp.Scan.of_span(sensor, l, u, 30, wiring)
+    slope = scan.jacobian(np.r_[l[touched], u[touched]], np.tile(np.arange(16), (7, 1)))
+    assert slope.shape == (7, 16, 14)
+    for at in range(14):
+        step = np.zeros((2, 8))
+        step[at // 7, touched[at % 7]] = 1e-4
+        after, before = (
+            crp.all_electrodes(sensor, l + sign * step[0], u + sign * step[1], 30, wiring) for sign in (1, -1)
+        )
+        np.testing.assert_allclose(slope[:, :, at], (after - before)[touched] / 2e-4, rtol=0, atol=1e-9)
+
+
+def test_slopes_do_not_jump_where_an_end_passes_a_node() -> None:
+    sensor, l, u = a_small_case()
+    touched = np.flatnonzero(np.isfinite(l))
+    columns = np.tile(np.arange(16), (7, 1))
+
+    def at(end: float) -> FloatArray:
+        l[0] = end
+        return crp.Scan.of_span(sensor, l, u, 50).jacobian(np.r_[l[touched], u[touched]], columns)
+
+    before, on, after = (at(20.0 + d) for d in (-1e-7, 0.0, 1e-7))
+    np.testing.assert_allclose(before, after, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(before, on, rtol=0, atol=1e-8)
+
+
+# Back
+
+
+def error(sensor: ts.Sensor, found: crp.Inverted, l: FloatArray, u: FloatArray) -> FloatArray:
+    """The larger error of both ends, over L (strips,)."""
+    assert set(np.flatnonzero(np.isnan(found.l))) == set(np.flatnonzero(np.isnan(l)))
+    return np.fmax(np.abs(found.l - l), np.abs(found.u - u)) / sensor.length_mm
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("convex", [False, True])
+def test_clean_readings_give_l_and_u_back(shape: str, convex: bool) -> None:
+    sensor = a_sensor()
+    l, u = span(sensor, shape)
+    own = crp.invert(sensor, *crp.own_electrodes(sensor, l, u, 60), convex=convex, rows=60)
+    every = crp.invert_all(sensor, crp.all_electrodes(sensor, l, u, 60), convex=convex, rows=60)
+    for found in (own, every):
+        assert np.nanmax(error(sensor, found, l, u)) < 1e-9
+        assert "not converged" not in found.status
+        assert found.misfit < 1e-6
+        assert found.iterations < 40
+
+
+@pytest.mark.parametrize("contact_lambda_mm", [0.5, 2.0, 6.0])
+def test_most_of_the_way_is_gone_on_a_coarser_mesh(
+    contact_lambda_mm: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sensor = a_sensor(contact_lambda_mm=contact_lambda_mm)
+    l, u = span(sensor, "triangle")
+    kh, kl = crp.own_electrodes(sensor, l, u)
+    rows: list[int] = []
+
+    def counted(mesh: Mesh, *rest: Any) -> crp.Scan:
+        rows.append(mesh.rows)
+        return crp.Scan(mesh, *rest)
+
+    monkeypatch.setattr("tacstrip.network.crp.descent.Scan", counted)
+    found = crp.invert(sensor, kh, kl)
+    assert np.nanmax(error(sensor, found, l, u)) < 1e-9
+    assert len(rows) == found.iterations <= 16
+    assert rows.count(Mesh.of(sensor).rows) <= 6
+
+
+@pytest.mark.parametrize("wiring", [Wiring("tied grounds"), Wiring("grounded")], ids=str)
+def test_other_wirings_invert_too(wiring: Wiring) -> None:
+    sensor = a_sensor()
+    l, u = span(sensor)
+    readings = crp.all_electrodes(sensor, l, u, 40, wiring)
+    found = crp.invert_all(sensor, readings, rows=40, wiring=wiring)
+    assert np.nanmax(error(sensor, found, l, u)) < 1e-9
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_readings_of_a_mesh_twice_as_fine(shape: str) -> None:
+    sensor = a_sensor(contact_lambda_mm=3.0)
+    l, u = span(sensor, shape)
+    rows = Mesh.of(sensor).rows
+    found = crp.invert(sensor, *crp.own_electrodes(sensor, l, u, 2 * rows))
+    assert np.nanmax(error(sensor, found, l, u)) < 1e-3
+
+
+def test_strip_by_strip_fails() -> None:
+    """Each strip alone on the sheet, neighbours ignored: wrong by far more than noise would explain."""
+    sensor = a_sensor()
+    l, u = span(sensor)
+    kh, kl = crp.own_electrodes(sensor, l, u, 50)
+    alone = np.full(20, np.nan)
+    for i in np.flatnonzero(np.isfinite(kh)):
+        only = np.where(np.arange(20) == i, 0.0, np.nan)
+        found = crp.invert(sensor, kh + only, kl + only, rows=50)
+        alone[i] = error(sensor, found, l + only, u + only)[i]
+    together = error(sensor, crp.invert(sensor, kh, kl, rows=50), l, u)
+    assert np.nanmax(together) < 1e-9
+    assert np.nanmedian(alone) > 0.1
+    assert np.nanmax(alone) > 0.15
+
+
+def noise_over_bound(
+    shape: str, electrodes: crp.Electrodes, trials: int, rows: int = 50
+) -> tuple[FloatArray, FloatArray]:
+    """Errors (trials, ends) and the bound (ends,) of strips with w >= 5 % of L, at 0.1 % noise."""
+    sensor, sigma, random = a_sensor(), 1e-3, np.random.default_rng(5)
+    l, u = span(sensor, shape)
+    wide: BoolArray = np.tile(u - l >= 0.05 * L, 2)
+    bound = np.sqrt(np.diag(crp.covariance(sensor, l, u, sigma, electrodes, rows)))[wide]
+    clean = crp.all_electrodes(sensor, l, u, rows)
+    each, errors = np.arange(20), []
+    for _ in range(trials):
+        k = clean + sigma * random.normal(size=clean.shape)
+        if electrodes == "own":
+            found = crp.invert(sensor, k[each, 20 + each], k[each, each], sigma, rows=rows)
+        else:
+            found = crp.invert_all(sensor, k, sigma, rows=rows)
+        errors.append(np.concatenate([found.l - l, found.u - u])[wide])
+    return np.array(errors), bound
+
+
+@pytest.mark.parametrize("electrodes", ["own", "all"])
+def test_noise_costs_what_the_bound_says(electrodes: crp.Electrodes) -> None:
+    errors, bound = noise_over_bound("hexagon", electrodes, 30, rows=25)
+    over = np.sqrt((errors**2).mean(axis=0)) / bound
+    assert 0.8 < np.sqrt((over**2).mean()) < 1.25
+    assert over.max() < 1.6  # of 30 trials
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("electrodes", ["own", "all"])
+def test_noise_costs_what_the_bound_says_end_by_end(shape: str, electrodes: crp.Electrodes) -> None:
+    errors, bound = noise_over_bound(shape, electrodes, 200)
+    over = np.sqrt((errors**2).mean(axis=0)) / bound
+    assert over.max() < 1.25
+
+
+def test_all_electrodes_of_a_wide_contact_reach_half_a_permille() -> None:
+    errors, bound = noise_over_bound("hexagon", "all", 8, rows=25)
+    assert np.median(np.abs(errors)) < 5e-4 * L
+    assert np.median(bound) < 5e-4 * L
+
+
+def test_convexity_helps() -> None:
+    sensor, random = a_sensor(), np.random.default_rng(3)
+    l, u = span(sensor, "slanted band")
+    clean = np.stack(crp.own_electrodes(sensor, l, u, 50))
+    total = {False: 0.0, True: 0.0}
+    for _ in range(6):
+        kh, kl = clean + 1e-3 * random.normal(size=clean.shape)
+        for convex in total:
+            found = crp.invert(sensor, kh, kl, convex=convex, rows=50)
+            total[convex] += float(np.nansum(error(sensor, found, l, u) ** 2))
+            if convex:
+                on = np.isfinite(l)
+                assert np.diff(found.l[on], 2).min() > -1e-9
+                assert np.diff(found.u[on], 2).max() < 1e-9
+    assert total[True] < 0.8 * total[False]
+
+
+def test_a_wrong_lambda_moves_both_ends_outwards_or_inwards() -> None:
+    sensor = a_sensor()
+    l, u = span(sensor, "triangle")
+    kh, kl = crp.own_electrodes(sensor, l, u, 50)
+    for wrong in (0.9, 1.1):
+        found = crp.invert(a_sensor(contact_lambda_mm=2.0 * wrong), kh, kl, rows=50)
+        shift = np.nanmedian(np.stack([l - found.l, found.u - u]), axis=1)
+        np.testing.assert_allclose(shift / (wrong - 1.0), 2.6, atol=0.3)  # [mm]: 1.3 lambda
+        assert found.misfit < 1e-6  # own electrodes cannot tell
+
+
+def test_floating_strips_and_free_edges_are_the_best_wiring() -> None:
+    sensor = a_sensor()
+    l, u = span(sensor)
+    bound = [
+        np.nanmedian(np.diag(crp.covariance(sensor, l, u, rows=50, wiring=wiring))) ** 0.5
+        for wiring in (Wiring(), Wiring(common_bars=True), Wiring("grounded"))
+    ]
+    assert 2.0 * bound[0] < bound[1] < bound[2] / 2.0
+
+
+def test_a_point_has_a_bound_that_is_large_and_finite() -> None:
+    sensor = a_sensor(strips=5)
+    l = np.full(5, 40.0)
+    bound = np.diag(crp.covariance(sensor, l, l, rows=50))
+    assert np.isfinite(bound).all()
+    assert bound.min() > L**2
+
+
+def test_short_contacts_say_so() -> None:
+    sensor = a_sensor()
+    l, u = np.full((2, 20), np.nan)
+    l[3:16] = 40.0
+    u[3:16] = 60.0
+    u[3] = 42.0
+    found = crp.invert(sensor, *crp.own_electrodes(sensor, l, u, 50), rows=50)
+    assert found.status[2:5] == ("no contact", "short contact", "ok")
+    assert found.advice.startswith("1 strips have a contact shorter than 5 % of their length")
+    assert found.l_sigma[3] > 2.0 * np.nanmedian(found.l_sigma)
+
+
+def test_the_covariance_is_that_of_the_noise() -> None:
+    sensor = a_sensor()
+    l, u = span(sensor)
+    found = crp.invert(sensor, *crp.own_electrodes(sensor, l, u, 50), sigma=2e-3, rows=50)
+    expected = crp.covariance(sensor, l, u, 2e-3, "own", 50)
+    assert found.covariance.shape == (40, 40)
+    np.testing.assert_allclose(found.covariance, expected, rtol=1e-5)
+    np.testing.assert_array_equal(np.isnan(found.l_sigma), np.isnan(l))
+    np.testing.assert_allclose(found.u_sigma**2, np.diag(expected)[20:], rtol=1e-5)
+
+
+def test_noise_beyond_all_measure_ends_on_the_sensor() -> None:
+    sensor, random = a_sensor(strips=12), np.random.default_rng(0)
+    kh, kl = random.uniform(0.0, 1.0, (2, 12))
+    for convex in (False, True):
+        found = crp.invert(sensor, kh, kl, convex=convex, rows=20, most=15)
+        assert np.all((found.l >= -1e-9) & (found.l <= found.u) & (found.u <= L + 1e-9))
+        assert not np.isnan(found.covariance).any()
+        assert found.advice
+
+
+def test_a_step_within_limits_is_the_best_one() -> None:
+    """Against a brute-force search: x^2 + 2 y^2 - ... with x + y >= 3 and x <= 1."""
+    curvature, downhill = np.diag([2.0, 4.0]), np.array([0.0, 0.0])
+    step = constrained_step(curvature, downhill, np.array([[1.0, 1.0], [-1.0, 0.0]]), np.array([3.0, -1.0]))
+    np.testing.assert_allclose(step, [1.0, 2.0], atol=1e-12)  # unbounded it is (2, 1)
+
+
+# Bad input
+
+
+@pytest.mark.parametrize(
+    ("l", "u", "message"),
+    [
+        ([np.nan] * 3, [np.nan] * 3, "nothing touches a strip"),
+        ([10, 20, 30], [20, 30, 120], "strip 2: a contact from 30 to 120 mm is not on the sensor"),
+        ([-1, 20, 30], [20, 30, 40], "strip 0: a contact from -1 to 20 mm"),
+        ([10, 40, 30], [20, 30, 40], "strip 1: a contact from 40 to 30 mm"),
+        ([10, np.nan, 30], [20, 30, 40], "NaN on the same strips"),
+        ([10, np.inf, 30], [20, np.inf, 40], "NaN on the same strips, and finite elsewhere"),
+        ([10, 20], [20, 30], "give two of (3,)"),
+    ],
+)
+def test_contacts_that_cannot_be(l: list[float], u: list[float], message: str) -> None:
+    with pytest.raises(ContactError, match=re.escape(message)):
+        crp.own_electrodes(a_sensor(strips=3), np.array(l, dtype=float), np.array(u, dtype=float))
+
+
+def test_sensors_that_cannot_be() -> None:
+    l, u = np.array([10.0]), np.array([20.0])
+    with pytest.raises(SpecError, match="contact_lambda_mm is missing: a crs-crp sensor needs it"):
+        a_sensor(contact_lambda_mm=0.0)
+    ideal = ts.Sensor(construction="crs-crs", strips=1, pitch_mm=1.0, length_mm=L)
+    with pytest.raises(SpecError, match=r"contact_lambda_mm = 0.0: .*set it above 0"):
+        crp.own_electrodes(ideal, l, u)
+    metal = ts.Sensor(construction="crs-m", strips=1, pitch_mm=1.0, length_mm=L, contact_lambda_mm=1.0)
+    with pytest.raises(SpecError, match=r"resistivity_ratio = 0.0: .*metal is a CRS-M sensor"):
+        crp.own_electrodes(metal, l, u)
+    for ratio in (0.0, -2.0):
+        with pytest.raises(SpecError, match="resistivity_ratio"):
+            a_sensor(resistivity_ratio=ratio)
+    with pytest.raises(SpecError, match="rows = 1: a mesh needs 2"):
+        crp.own_electrodes(a_sensor(strips=1), l, u, rows=1)
+
+
+def test_readings_that_cannot_be() -> None:
+    sensor, k = a_sensor(strips=3), np.array([0.5, 0.4, np.nan])
+    with pytest.raises(ReadingError, match="no strip reads a contact"):
+        crp.invert(sensor, np.full(3, np.nan), np.full(3, np.nan))
+    with pytest.raises(ReadingError, match="strip 2: some readings are finite"):
+        crp.invert(sensor, k, np.array([0.5, 0.4, 0.3]))
+    with pytest.raises(ReadingError, match=r"give two of \(3,\)"):
+        crp.invert(sensor, k, k[:2])
+    with pytest.raises(ReadingError, match=r"give \(3, 6\)"):
+        crp.invert_all(sensor, np.stack([k, k]))
+    with pytest.raises(ReadingError, match="sigma = 0"):
+        crp.invert(sensor, k, k, sigma=0.0)
+
+
+def test_options_that_do_not_exist() -> None:
+    with pytest.raises(NetworkError, match="others 'earthed' does not exist; choose one of: floating"):
+        Wiring("earthed")  # type: ignore[arg-type]
+    sensor = a_sensor(strips=2)
+    l, u = np.array([10.0, np.nan]), np.array([30.0, np.nan])
+    with pytest.raises(NetworkError, match="electrodes 'some' does not exist; choose one of: own, all"):
+        crp.covariance(sensor, l, u, electrodes="some")  # type: ignore[arg-type]
+    with pytest.raises(NetworkError, match="strip 1 is not touched"):
+        crp.question(sensor, 1, l, u)

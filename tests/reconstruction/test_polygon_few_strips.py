@@ -1,0 +1,54 @@
+"""The polygon fit on the few strips that a maker's sensor has."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tacstrip.contact.noise import Noise
+from tacstrip.contact.shape import Contact
+from tacstrip.geometry.metrics import mismatch
+from tacstrip.reconstruction.polygon.estimate import fit_polygon
+from tacstrip.scan import Scan
+from tacstrip.sensor.spec import Sensor
+from tacstrip.simulation import simulate
+
+FEW = Sensor(construction="crs-crs", strips=24, pitch_mm=4.0, length_mm=120.0)
+TRIANGLE = Contact.polygon([(20, 30), (70, 40), (45, 90)])
+
+
+@pytest.mark.parametrize("half_width", [0.0002, 0.002])
+@pytest.mark.parametrize("known", [True, False])
+def test_a_sharp_corner_is_no_stuck_channel_and_no_curve(half_width: float, known: bool) -> None:
+    """Sections of 13 strips are curved, so that beside the apex no line foretells a reading."""
+    noise, doubtful = Noise(positional=half_width), 0
+    for i in range(40):
+        contact = TRIANGLE.placed(46.5 + 0.05 * i, 55.0 + 0.05 * i)
+        scan = simulate(FEW, contact, noise, np.random.default_rng(i))
+        (found,) = fit_polygon(scan, FEW, noise if known else None).objects
+        assert "left out" not in found.advice
+        doubtful += found.status != "ok"
+        assert mismatch(contact.vertices, found.vertices).iou > 0.9
+    assert doubtful <= 3
+
+
+def test_a_channel_that_is_off_is_still_found() -> None:
+    noise = Noise(positional=0.002)
+    scan = simulate(FEW, TRIANGLE, noise, np.random.default_rng(1))
+    kh = scan["kh"].copy()
+    kh[14] += 0.05
+    scan = Scan(kh=kh, kl=scan["kl"])
+    (found,) = fit_polygon(scan, FEW, noise).objects
+    assert "strip 14 (k_h" in found.advice
+    assert mismatch(TRIANGLE.vertices, found.vertices).iou > 0.9
+
+
+def test_an_upright_step_is_uncertain_by_a_pitch_not_without_end() -> None:
+    step = Contact.polygon([(16, 20), (76, 20), (76, 50), (46, 50), (46, 95), (16, 95)])
+    noise = Noise(positional=0.002)
+    (found,) = fit_polygon(
+        simulate(FEW, step, noise, np.random.default_rng(3)), FEW, noise, bounded=False
+    ).objects
+    assert found.covariance is not None
+    assert np.sqrt(np.diag(found.covariance)[::2]).max() < 2.0 * FEW.pitch_mm
+    assert mismatch(step.vertices, found.vertices).iou > 0.9

@@ -1,0 +1,92 @@
+"""The polygon fit that is told how many vertices there are."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tacstrip.contact.noise import Noise
+from tacstrip.contact.shape import Contact
+from tacstrip.errors import OptionError
+from tacstrip.geometry.metrics import mismatch
+from tacstrip.reconstruction.polygon.estimate import fit_polygon
+from tacstrip.scan import Scan
+from tacstrip.sensor.spec import Sensor
+from tacstrip.simulation import simulate
+from tacstrip.thesis.shapes import SHAPES, SIMULATED
+
+CRS = Sensor(construction="crs-crs", strips=100, pitch_mm=1.0, length_mm=100.0)
+SQUARE = Contact.polygon([(20, 40), (55, 20), (80, 50), (45, 75)])
+NOISE = Noise(positional=0.005)
+
+
+@pytest.mark.parametrize("names", [("kh", "kl"), ("kl",)])
+@pytest.mark.parametrize("noise", [NOISE, None])
+def test_the_right_count_gives_what_is_found_without_it(names: tuple[str, ...], noise: Noise | None) -> None:
+    scan = simulate(CRS, SQUARE, NOISE, rng=1)
+    scan = Scan(time_s=0.0, **{n: scan[n] for n in names})
+    found, told = (fit_polygon(scan, CRS, noise, vertices=n).objects[0] for n in (None, 4))
+    assert told.status == "ok"
+    np.testing.assert_allclose(told.vertices, found.vertices, atol=0.2)
+
+
+@pytest.mark.parametrize("count", [3, 5, 6, 9])
+@pytest.mark.parametrize("names", [("kh", "kl"), ("kh",)])
+def test_as_many_as_told(count: int, names: tuple[str, ...]) -> None:
+    scan = simulate(CRS, SQUARE, NOISE, rng=1)
+    told = fit_polygon(Scan(time_s=0.0, **{n: scan[n] for n in names}), CRS, NOISE, vertices=count).objects[0]
+    assert len(told.vertices) == count
+    if count < 4:
+        assert told.status == "doubtful"
+        assert "times as far" in told.advice
+
+
+def test_a_corner_with_a_vertical_edge_counts_two() -> None:
+    rectangle = Contact.polygon([(20.5, 30), (70.5, 30), (70.5, 60), (20.5, 60)])
+    told = fit_polygon(simulate(CRS, rectangle, NOISE, rng=4), CRS, NOISE, vertices=4).objects[0]
+    assert len(told.vertices) == 4
+    assert mismatch(rectangle.vertices, told.vertices).iou > 0.95
+
+
+def test_weak_corners_are_worth_telling() -> None:
+    """The hexagon at position 5: noise hides some of its kinks in k, and the outline without them is another."""
+    sensor, hexagon = SIMULATED["crs-m"], SHAPES["hexagon"].contact(4)
+    noise = Noise(quantisation=0.001, positional=0.005)
+    overlap = np.array(
+        [
+            [
+                mismatch(hexagon.vertices, o.vertices).iou
+                for n in (None, 6)
+                for o in fit_polygon(
+                    simulate(sensor, hexagon, noise, rng=seed), sensor, noise, vertices=n
+                ).objects
+            ]
+            for seed in range(12)
+        ]
+    )
+    without, told = np.median(overlap, axis=0)
+    assert 1.0 - told < 0.7 * (1.0 - without)
+
+
+def test_more_than_the_strips_can_hold() -> None:
+    few = Contact.polygon([(20, 30), (27, 50), (22, 60)])
+    told = fit_polygon(simulate(CRS, few, NOISE, rng=2), CRS, NOISE, vertices=16).objects[0]
+    assert len(told.vertices) < 16
+    assert told.status == "doubtful"
+
+
+@pytest.mark.parametrize("count", [-1, 0, 2, 19])
+def test_no_polygon_has_so_many(count: int) -> None:
+    with pytest.raises(OptionError, match="3 or more, and here 18 at most"):
+        fit_polygon(simulate(CRS, SQUARE, NOISE, rng=1), CRS, NOISE, vertices=count)
+
+
+def test_garbage() -> None:
+    random = np.random.default_rng(0)
+    for count in (3, 4, 18):
+        for _ in range(2):
+            values = random.uniform(size=(2, CRS.strips))
+            values[:, random.uniform(size=CRS.strips) < 0.1] = np.nan
+            for o in fit_polygon(Scan(kh=values[0], kl=values[1]), CRS, NOISE, vertices=count).objects:
+                assert o.status == "ok" or o.advice
+                assert not o.found or (o.vertices[:, 1].min() >= 0.0 and o.vertices[:, 1].max() <= 100.0)

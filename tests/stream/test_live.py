@@ -1,0 +1,368 @@
+"""The live stream: objects followed, everything recorded, slow takers left behind."""
+
+from __future__ import annotations
+
+import errno
+import io
+import json
+import math
+import socket
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import closing
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pythonosc.osc_bundle import OscBundle
+from pythonosc.osc_message import OscMessage
+
+import tacstrip as ts
+from live_devices import SENSOR, SHAPE, Line, device, still, with_strips
+from tacstrip.stream.bridges.tuio import Tuio, blob
+from tacstrip.stream.device.virtual import Loopback
+from tacstrip.stream.live.bounded_queue import Mailbox
+from tacstrip.stream.live.pipeline import Live
+from tacstrip.stream.live.readings import Readings
+from tacstrip.stream.live.sinks import json_sink, tuio_sink
+from tacstrip.stream.recording.recorder import Recorder
+from tacstrip.tracking.tracker import SEARCH_EVERY_S, SEARCHED_AGAIN
+from waiting import HANG_S, wait_until
+
+FINE = ts.Sensor(construction="crs-crs", strips=100, pitch_mm=1.0, length_mm=100.0, adc_bits=12)
+NOISE = ts.Noise(positional=0.002)
+TETRAGON = ts.Contact.polygon([(25, 35), (60, 22), (78, 56), (45, 76)])
+ROUND = ts.Contact.polygon([(50 + 25 * math.cos(a), 50 + 16 * math.sin(a)) for a in np.linspace(0, 6.2, 60)])
+TWO = ts.Contact.polygon([(8, 30), (30, 20), (35, 60)]) + ts.Contact.polygon([(60, 30), (84, 20), (90, 60)])
+
+
+def _scan(contact: ts.Contact, number: int, sensor: ts.Sensor = FINE) -> ts.Scan:
+    return ts.simulate(sensor, contact, NOISE, number, time_s=number * 1e-3)
+
+
+@pytest.mark.parametrize(("contact", "many"), [(TETRAGON, 1), (ROUND, 1), (TWO, 2)])
+def test_followed_objects_are_those_that_a_search_finds(contact: ts.Contact, many: int) -> None:
+    tracker = ts.Tracker(FINE)
+    count = 200
+    for i in range(count):
+        moved = contact.moved(0.0, 0.03 * i).turned(0.0005 * i)
+        scan = _scan(moved, i)
+        found = tracker.update(scan)
+        assert [one.id for one in found] == list(range(1, many + 1))
+    assert tracker.searches <= 3
+    for one, shape in zip(found, moved.shapes, strict=True):
+        truth = np.array(shape.exterior.coords[:-1])
+        assert ts.mismatch(truth, one.shape.vertices).iou > 0.97
+        assert one.shape.profile is not None
+        assert one.shape.strips in scan.runs()
+
+
+def test_a_followed_polygon_is_as_good_as_the_searched_one() -> None:
+    from tacstrip.reconstruction.polygon.estimate import fit_polygon
+
+    tracker = ts.Tracker(FINE)
+    errors = []
+    for i in range(60):
+        moved = TETRAGON.moved(0.02 * i, 0.01 * i)
+        scan = _scan(moved, i)
+        (one,) = tracker.update(scan, detail=True)
+        found = (one.shape, fit_polygon(scan, FINE).objects[0])
+        if all(len(shape.vertices) == 4 for shape in found):
+            errors.append([np.abs(shape.vertices - moved.vertices).mean() for shape in found])
+            assert one.shape.covariance is not None
+            assert one.shape.covariance.shape == (8, 8)
+    followed, searched = np.mean(errors, axis=0)
+    assert len(errors) > 40
+    assert followed < 1.1 * searched
+
+
+def test_numbers_stay_with_objects_that_come_and_go() -> None:
+    tracker = ts.Tracker(FINE)
+    left, right = (ts.Contact((shape,)) for shape in TWO.shapes)
+    scenes = (left, left, TWO, TWO, right, right, TWO)
+    ids = [[one.id for one in tracker.update(_scan(scene, i))] for i, scene in enumerate(scenes)]
+    assert ids == [[1], [1], [1, 2], [1, 2], [2], [2], [3, 2]]
+    untouched = ts.Scan(kh=np.full(100, np.nan), kl=np.full(100, np.nan), time_s=1.0)
+    assert tracker.update(untouched) == ()
+
+
+def test_an_outline_that_no_longer_explains_the_readings_is_searched_again() -> None:
+    tracker = ts.Tracker(FINE)
+    for i in range(300, 304):
+        tracker.update(_scan(TETRAGON, i))
+    dented = ts.Contact.polygon([(25, 35), (50, 45), (60, 22), (78, 56), (45, 76)])
+    told = [tracker.update(_scan(dented, i))[0].shape for i in range(304, 420)]
+    assert told[0].status == "doubtful"
+    assert told[0].advice == SEARCHED_AGAIN
+    assert told[-1].advice != SEARCHED_AGAIN
+    assert len(told[-1].vertices) == 5
+    assert tracker.searches < 6
+
+
+def test_a_corner_that_is_gone_is_dropped_within_half_a_second() -> None:
+    tracker = ts.Tracker(FINE)
+    cut = ts.Contact.polygon([(25, 35), (60, 22), (70, 42), (78, 56), (68, 62), (45, 76)])
+    scenes = [cut] * 3 + [TETRAGON] * int(1000 * SEARCH_EVERY_S + 1)
+    counts = [len(tracker.update(_scan(scene, i))[0].shape.vertices) for i, scene in enumerate(scenes)]
+    assert counts[-1] == 4
+
+
+@pytest.mark.parametrize("method", ["profile", "vertex"])
+def test_other_methods_keep_numbers_too(method: str) -> None:
+    tracker = ts.Tracker(FINE, method)
+    assert [[o.id for o in tracker.update(_scan(TWO, i))] for i in range(3)] == [[1, 2]] * 3
+
+
+def test_a_mailbox_drops_the_oldest_or_waits() -> None:
+    newest: Mailbox[int] = Mailbox(2)
+    for i in range(5):
+        assert newest.put(i)
+    assert (newest.get(), newest.get(), newest.get(), newest.dropped) == (3, 4, None, 3)
+    kept: Mailbox[int] = Mailbox(2, keep=True)
+    thread = threading.Thread(target=lambda: [kept.put(i) for i in range(50)])
+    thread.start()
+    assert [kept.get(5.0) for _ in range(50)] == list(range(50))
+    thread.join()
+    assert kept.dropped == 0
+    kept.close()
+    assert not kept.put(1)
+    assert kept.get(5.0) is None
+
+
+def _live(rate_hz: float = 500.0, **options: object) -> Live:
+    return Live(ts.SerialSource(lambda: Loopback(device(rate_hz=rate_hz)), SENSOR), **options)  # type: ignore[arg-type]
+
+
+def test_frames_come_and_the_recording_is_complete(tmp_path: Path) -> None:
+    file, seen = tmp_path / "a.mcap", []
+    stream = ts.live(source=ts.SerialSource(lambda: Loopback(device(rate_hz=500.0)), SENSOR), record=file)
+    switch = sys.getswitchinterval()
+    for frame in stream:
+        seen.append(frame)
+        if frame.number > 150 and len(seen) > 20:
+            break
+    assert not stream.running
+    assert sys.getswitchinterval() == switch
+    recorded = list(ts.Recording(file))
+    assert [raw.sequence for raw in recorded] == list(range(stream.frames))
+    assert len(recorded) > 150
+    with closing(ts.Recording(file)) as recording:
+        assert recording.sensor == SENSOR
+    assert all(bool(recorded[frame.number].shapes) == bool(frame.objects) for frame in seen)
+    (one,) = seen[-1].objects
+    assert ts.mismatch(SHAPE.vertices, one.shape.vertices).iou > 0.95
+    assert all(frame.latency_s > 0.0 for frame in seen)
+    np.testing.assert_array_equal(recorded[seen[-1].number].codes["kh"], seen[-1].raw.codes["kh"])
+
+
+def test_a_recording_is_a_source_too(tmp_path: Path) -> None:
+    source = ts.SimulatedSource(SENSOR, still, 1000.0, 50, NOISE)
+    with ts.Recorder(tmp_path / "a.mcap", SENSOR, source.names, 0) as recorder:
+        ts.record(source, recorder)
+    stream = ts.live(source=ts.Recording(tmp_path / "a.mcap"), speed=math.inf)
+    assert list(stream)[-1].number == 49
+    assert stream.frames == 50
+    with pytest.raises(ts.OptionError, match="either a port or a source"):
+        ts.live()
+
+
+def test_a_slow_taker_gets_the_newest_and_holds_nobody_up(tmp_path: Path) -> None:
+    stream = _live()
+    slow = stream.outlet()
+    stream.record(tmp_path / "a.mcap")
+    with stream:
+        numbers = []
+        for _ in range(4):
+            frame = slow.get(HANG_S)
+            assert frame is not None
+            numbers.append(frame.number)
+            handed_on = slow.dropped
+            wait_until(lambda: slow.dropped > handed_on + 3)  # noqa: B023
+    assert min(np.diff(numbers)) > 3
+    assert slow.dropped + len(slow) + len(numbers) == stream.frames - stream.late
+    assert len(list(ts.Recording(tmp_path / "a.mcap"))) == stream.frames
+
+
+def test_a_full_disk_ends_the_recording_and_not_the_stream(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    add = Recorder.add
+
+    def full(self: Recorder, raw: ts.RawScan) -> None:
+        if self.scans >= 60:
+            with self._file.guard():
+                raise OSError(errno.ENOSPC, "No space left on device")
+        add(self, raw)
+
+    monkeypatch.setattr(Recorder, "add", full)
+    said: list[str] = []
+    stream = _live(tell=said.append)
+    stream.record(tmp_path / "a.mcap")
+    with stream:
+        wait_until(lambda: stream.frames >= 150)
+        assert stream.recording is None
+        assert stream.running
+    (text,) = said
+    assert "No space left on device" in text
+    saved = int(text.split(". ")[1].split(" scan")[0])
+    assert "make room, or record to another disk" in text
+    assert [raw.sequence for raw in ts.Recording(tmp_path / "a.mcap")] == list(range(saved))
+
+
+def test_pulled_out_and_plugged_in_while_recording(tmp_path: Path) -> None:
+    lines = iter([Line(device(rate_hz=500.0), cut=5000), Line(device(rate_hz=500.0))])
+    said: list[str] = []
+    stream = Live(ts.SerialSource(lambda: next(lines), SENSOR), tell=said.append)
+    stream.record(tmp_path / "a.mcap")
+    with stream:
+        wait_until(lambda: stream.frames >= 100)
+    assert [text.partition(" (")[0] for text in said][:2] == ["the device is gone", "the device is back"]
+    assert len(list(ts.Recording(tmp_path / "a.mcap"))) == stream.frames
+
+
+def test_another_device_ends_the_stream_with_its_message(tmp_path: Path) -> None:
+    lines = iter([Line(device(), cut=3000), Line(device(with_strips(30)))])
+    stream = Live(ts.SerialSource(lambda: next(lines), SENSOR))
+    stream.record(tmp_path / "a.mcap")
+    with pytest.raises(ts.PortError, match="strips = 30 and the spec 20"):
+        list(stream)
+    assert len(list(ts.Recording(tmp_path / "a.mcap"))) == stream.frames > 10
+
+
+class _Spoilt(ts.SimulatedSource):
+    def __iter__(self) -> Iterator[ts.RawScan]:
+        for raw in super().__iter__():
+            if raw.sequence % 2:
+                raw.codes["kh"][:] = 60_000
+            yield raw
+
+
+def test_scans_that_are_no_readings_are_counted_named_once_and_recorded(tmp_path: Path) -> None:
+    said: list[str] = []
+    stream = Live(_Spoilt(SENSOR, still, 1000.0, 40), speed=math.inf, tell=said.append)
+    stream.record(tmp_path / "a.mcap")
+    list(stream)
+    assert stream.unreadable == 20
+    assert (
+        said[0]
+        == "scan 1 cannot be used: a scan has the code 60000, above 4095: adc_bits = 12 of the spec is wrong"
+    )
+    assert len(list(ts.Recording(tmp_path / "a.mcap"))) == 40
+
+
+def test_drift_is_followed_from_untouched_strips() -> None:
+    channels = tuple(_channel(name) for name in ("kh", "kl"))
+    calibration = ts.Calibration(sensor=SENSOR.fingerprint, channels=channels)
+    sensor = replace(SENSOR, rest_volt=0.1, touch_volt=0.3, calibration=calibration)
+    readings = Readings(sensor)
+    assert readings.follows_drift
+    assert not Readings(SENSOR).follows_drift
+    assert not Readings(sensor, drift=False).follows_drift
+    moved = np.full(20, round((0.02 + 0.01) * 4095), dtype="<u2")  # rest is 0.02 of Vref; it went up by 0.01
+    for i in range(4000):
+        scan = readings.scan(ts.RawScan(0.05 * i, {"kh": moved, "kl": moved}, np.ones(20, dtype=bool), i))
+    assert not scan.touched.any()
+    assert readings.sensor.calibration is not None
+    drift = np.array(readings.sensor.calibration.channel("kh").drift)
+    np.testing.assert_allclose(drift, 0.01, atol=5e-4)
+
+
+def _channel(name: str) -> ts.Channel:
+    ones = (1.0,) * 20
+    return ts.Channel(
+        signature=name, rest=tuple(0.02 * v for v in ones), noise=tuple(0.001 * v for v in ones)
+    )
+
+
+class _Pipe(io.StringIO):
+    """Somebody reads four lines and goes."""
+
+    def write(self, text: str) -> int:
+        if self.getvalue().count("\n") >= 4:
+            raise BrokenPipeError(errno.EPIPE, "Broken pipe")
+        return super().write(text)
+
+
+def test_json_lines_and_a_reader_that_goes() -> None:
+    file = _Pipe()
+    said: list[str] = []
+    stream = _live(tell=said.append)
+    sink = json_sink(stream, file)
+    with stream:
+        wait_until(lambda: sink.ended)
+    assert said == ["the output of JSON lines ended: Broken pipe"]
+    lines = [json.loads(line) for line in file.getvalue().splitlines()]
+    assert len(lines) == 4
+    assert all(a["scan"] < b["scan"] for a, b in pairwise(lines))  # a busy computer skips some
+    (one,) = lines[-1]["objects"]
+    assert one["id"] == 1
+    assert np.abs(np.array(one["vertices_mm"]) - SHAPE.vertices).max() < 5.0
+
+
+def _received(listener: socket.socket) -> list[list[object]]:
+    bundle = OscBundle(listener.recv(65536))
+    messages = [part for part in bundle if isinstance(part, OscMessage)]
+    assert {message.address for message in messages} == {"/tuio/2Dblb"}
+    return [message.params for message in messages]
+
+
+def test_tuio_blobs_over_udp() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as listener:
+        listener.bind(("127.0.0.1", 0))
+        listener.settimeout(HANG_S)
+        stream = _live()
+        sink = tuio_sink(stream, f"127.0.0.1:{listener.getsockname()[1]}")
+        with stream:
+            bundles = [_received(listener) for _ in range(3)]
+        sink.close()
+    for number, (source, alive, blobs, fseq) in enumerate(bundles, start=1):
+        assert str(source[1]).startswith("tacstrip@")
+        assert alive == ["alive", 1]
+        assert fseq == ["fseq", number]
+        name, session, x, y, _, width, height, area, *speeds = blobs
+        assert (name, session) == ("set", 1)
+        cx, cy = SHAPE.centroid
+        assert isinstance(x, float)
+        assert x == pytest.approx(cx / 100.0, abs=0.03)
+        assert y == pytest.approx(1.0 - cy / 100.0, abs=0.03)
+        assert area == pytest.approx(SHAPE.shapes[0].area / 1e4, abs=0.02)
+        assert isinstance(width, float)
+        assert isinstance(height, float)
+        assert width > height > 0.2
+        assert len(speeds) == 5
+
+
+def test_tuio_turns_and_moves() -> None:
+    def frame(contact: ts.Contact, number: int) -> ts.Frame:
+        scan = _scan(contact, 0)
+        (one,) = tracker.update(scan)
+        raw = ts.RawScan(0.02 * number, {}, scan.touched)
+        return ts.Frame(number, raw, FINE, scan, (one,), 0.0, 0.0)
+
+    tracker = ts.Tracker(FINE, "profile")
+    bar = ts.Contact.polygon([(20, 46), (80, 46), (80, 54), (20, 54)])
+    flat = blob(frame(bar, 0).objects[0], FINE)
+    turned = blob(frame(bar.turned(0.5), 0).objects[0], FINE)
+    assert flat is not None
+    assert turned is not None
+    assert turned.angle == pytest.approx(math.pi - 0.5, abs=0.02)  # y points down, so it turns the other way
+    assert (turned.width, turned.height) == pytest.approx((flat.width, flat.height), abs=0.03)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as listener:
+        listener.bind(("127.0.0.1", 0))
+        listener.settimeout(HANG_S)
+        tuio = Tuio(f"127.0.0.1:{listener.getsockname()[1]}")
+        for i in range(30):
+            tuio.send(frame(bar.moved(0.2 * i, 0.4 * i), i))  # 10 and 20 mm/s
+            set_ = _received(listener)[2]
+        tuio.close()
+    assert set_[8] == pytest.approx(0.1, abs=0.04)
+    assert set_[9] == pytest.approx(-0.2, abs=0.04)
+
+
+@pytest.mark.parametrize("target", ["3333", "here:", "localhost:0", "localhost:x"])
+def test_a_wrong_osc_target_is_refused(target: str) -> None:
+    with pytest.raises(ts.OptionError, match=r"must be HOST:PORT, such as 127.0.0.1:3333"):
+        Tuio(target)

@@ -1,0 +1,51 @@
+"""The demonstration: the default method leads, and the picture shows all of it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from drawn import check_above, draw, legend_of
+from tacstrip.cli import cli
+from tacstrip.thesis.demo import FIT, Demo, picture, run, table
+
+
+@pytest.fixture(scope="module")
+def demo() -> Demo:
+    return run()
+
+
+def test_the_demo_shows_the_default_method_first(demo: Demo) -> None:
+    fits = {t.readings: t for t in demo.trials if t.method == FIT}
+    assert fits["after"].recovered.status == "ok"
+    assert fits["before"].recovered.status == "doubtful"
+    errors = {(t.readings, t.method): t.mismatch.ape for t in demo.trials if t.mismatch is not None}
+    assert min(errors, key=errors.__getitem__) == ("after", FIT)
+    lines = table(demo).splitlines()[2:]
+    assert [line.split()[:2] for line in lines].count(["after", "Polygon"]) == 1
+    assert len(lines) == len(demo.trials)
+
+
+def test_nothing_of_the_demo_is_cut_off(demo: Demo) -> None:
+    figure = picture(demo)
+    draw(figure)
+    assert "95 % region of a corner" in legend_of(figure)
+    for axes in figure.axes:
+        (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
+        for line in axes.lines:
+            x, y = np.asarray(line.get_xydata()).T
+            assert x0 <= np.nanmin(x) <= np.nanmax(x) <= x1
+            assert y0 <= np.nanmin(y) <= np.nanmax(y) <= y1
+    check_above(figure)
+
+
+def test_the_demo_tells_and_writes_what_it_recovered(tmp_path: Path) -> None:
+    done = CliRunner().invoke(cli, ["demo", "--out", str(tmp_path)])
+    assert done.exit_code == 0, done.output
+    assert "after     Polygon fit" in done.output
+    (shape,) = json.loads((tmp_path / "shape.geojson").read_text())["features"]
+    assert len(shape["geometry"]["coordinates"][0]) == 5  # the rectangle's corners, the first again

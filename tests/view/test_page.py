@@ -1,0 +1,204 @@
+"""The page in a real browser: the distribution's Chromium, without a window.
+
+With TACSTRIP_PICTURES=docs/pictures in the environment the screenshots of README and docs are written there.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import tacstrip as ts
+from tacstrip.stream.live.pipeline import Live
+from tacstrip.view.access import Access
+from tacstrip.view.controller import Stage
+from tacstrip.view.server import Server
+from tacstrip.view.simulator import Playground, Settings
+from waiting import wait_until
+
+playwright = pytest.importorskip(
+    "playwright.sync_api", reason="the page's tests need playwright, of the group dev", exc_type=ImportError
+)
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+pytestmark = pytest.mark.skipif(
+    CHROMIUM is None, reason="the page's tests need the distribution's Chromium: apt-get install chromium"
+)
+
+SENSOR = ts.Sensor(construction="crs-crs", strips=50, pitch_mm=2.0, length_mm=100.0, adc_bits=12)
+RATE_HZ = 1000.0
+OBJECTS = [
+    [(10.0, 58.0), (26.0, 30.0), (44.0, 44.0), (36.0, 80.0)],
+    [(60.0, 22.0), (88.0, 34.0), (70.0, 66.0)],
+]
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    with playwright.sync_playwright() as driver:
+        chromium = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield chromium
+        chromium.close()
+
+
+@pytest.fixture
+def server(tmp_path: Path) -> Iterator[Server]:
+    playground = Playground(Settings(SENSOR, RATE_HZ), OBJECTS)
+    with Live(playground.source(), then=playground.source) as live:
+        stage = Stage(live, playground, tmp_path)
+        made = Server(stage, Access("127.0.0.1"))
+        yield made
+        made.close()
+        stage.close()
+
+
+@pytest.fixture
+def open_page(browser: Any, server: Server) -> Iterator[Callable[..., Any]]:
+    faults: list[str] = []
+    pages = []
+
+    def opened(**options: Any) -> Any:
+        page = browser.new_page(**options)
+        pages.append(page)
+        page.on("console", lambda message: faults.append(message.text) if message.type != "log" else None)
+        page.on("pageerror", lambda error: faults.append(str(error)))
+        page.on("requestfailed", lambda request: faults.append(request.url))
+        page.goto(server.urls["control"])
+        wait_until(lambda: _drawn(page) > 20)
+        return page
+
+    yield opened
+    for page in pages:
+        page.close()
+    assert faults == []
+
+
+def _drawn(page: Any) -> int:
+    return int(page.evaluate("() => window.tacstrip ? window.tacstrip.count : 0"))
+
+
+def _objects(page: Any) -> list[dict[str, Any]]:
+    found: list[dict[str, Any]] = page.evaluate("() => window.tacstrip.frame.objects")
+    return found
+
+
+def _centre(page: Any, selector: str) -> tuple[float, float]:
+    box = page.locator(selector).bounding_box()
+    return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+
+
+def _nearest(page: Any, place: tuple[float, float]) -> float:
+    """Return how far the nearest recovered corner is [mm]."""
+    corners = [v for one in _objects(page) for v in one["vertices"]]
+    return min((((x - place[0]) ** 2 + (y - place[1]) ** 2) ** 0.5 for x, y in corners), default=1e9)
+
+
+def _size(page: Any) -> float:
+    """Return pixels a millimetre."""
+    return float(page.locator(".skin").bounding_box()["width"]) / SENSOR.width_mm
+
+
+def test_a_dragged_corner_changes_the_recovered_shape(open_page: Callable[..., Any]) -> None:
+    page = open_page(viewport={"width": 1280, "height": 860})
+    for target in ((40.0, 86.0), (32.0, 78.0), (38.0, 90.0)):
+        x, y = _centre(page, "[data-key='0.3']")
+        px = _size(page)
+        corner = page.evaluate("() => window.tacstrip.frame.truth[0]")[3]
+        assert _nearest(page, target) > 3.0
+        page.mouse.move(x, y)
+        page.mouse.down()
+        page.mouse.move(x + (target[0] - corner[0]) * px, y - (target[1] - corner[1]) * px)
+        wait_until(lambda: _nearest(page, target) < 3.0)  # noqa: B023
+        page.mouse.up()
+
+
+def test_keys_move_turn_add_and_remove(open_page: Callable[..., Any], server: Server) -> None:
+    page = open_page(viewport={"width": 1280, "height": 860})
+    playground = server.stage.playground
+    assert playground is not None
+    page.locator("[data-key='1.']").focus()
+    for key in ("ArrowRight", "ArrowUp", "Shift+ArrowDown"):
+        page.keyboard.press(key)
+    moved = [(x + 0.5, y + 0.5 - 5.0) for x, y in OBJECTS[1]]
+    wait_until(
+        lambda: [round(v, 6) for p in playground.objects[1] for v in p] == [v for p in moved for v in p]
+    )
+    page.keyboard.press("]")
+    wait_until(lambda: abs(playground.objects[1][0][0] - moved[0][0]) > 0.5)
+    page.keyboard.press("Tab")
+    page.locator("[data-key='1.2']").focus()
+    page.keyboard.press("+")
+    wait_until(lambda: len(playground.objects[1]) == 4)
+    page.keyboard.press("Delete")
+    wait_until(lambda: len(playground.objects[1]) == 3)
+    page.locator("[data-key='1.']").focus()
+    page.keyboard.press("Delete")
+    wait_until(lambda: len(playground.objects) == 1)
+    wait_until(lambda: len(_objects(page)) == 1)
+
+
+def test_settings_pause_theme_and_recording(
+    open_page: Callable[..., Any], server: Server, tmp_path: Path
+) -> None:
+    page = open_page(viewport={"width": 1280, "height": 860})
+    page.locator("#record").click()
+    wait_until(lambda: "scans" in page.locator("#record-text").inner_text())
+    page.locator("#record").click()
+    wait_until(lambda: page.locator("#record-text").inner_text() == "Record")
+    (file,) = tmp_path.glob("*.mcap")
+    assert len(list(ts.Recording(file))) > 10
+    page.locator("#pause").click()
+    count, came = _drawn(page), server.stage.live.frames
+    # What the page writes there when the server's next numbers come, between frames.
+    page.evaluate("() => { document.getElementById('draws').textContent = ''; }")
+    wait_until(lambda: page.locator("#draws").inner_text() == "paused")
+    assert server.stage.live.frames > came
+    assert _drawn(page) == count
+    page.locator("#pause").click()
+    wait_until(lambda: _drawn(page) > count)
+    page.locator("#theme").click()
+    assert page.evaluate("() => document.documentElement.dataset.theme") == "dark"
+    page.locator("#construction").select_option("crs-m")
+    wait_until(lambda: "crs-m" in page.locator("#what").inner_text())
+    wait_until(lambda: page.evaluate("() => Object.keys(window.tacstrip.frame.readings).join()") == "k")
+    page.locator("#strips").fill("30")
+    page.locator("#strips").press("Enter")
+    wait_until(lambda: "30 strips" in page.locator("#what").inner_text())
+    page.locator("#method").select_option("vertex")
+    wait_until(lambda: server.stage.live.method == "vertex")
+
+
+def test_the_page_on_a_phone(open_page: Callable[..., Any], tmp_path: Path) -> None:
+    page = open_page(viewport={"width": 390, "height": 844}, has_touch=True, is_mobile=True)
+    wide = page.evaluate("() => document.documentElement.scrollWidth")
+    assert wide <= 390
+    for key in ("pause", "record", "add", "left"):
+        assert page.locator(f"#{key}").bounding_box()["height"] >= 30.0
+    _picture(page, "live_phone", tmp_path)
+
+
+@pytest.mark.parametrize(("name", "scheme"), [("live", "light"), ("live_dark", "dark")])
+def test_pictures(
+    open_page: Callable[..., Any], server: Server, tmp_path: Path, name: str, scheme: str
+) -> None:
+    page = open_page(viewport={"width": 1280, "height": 860}, color_scheme=scheme)
+    assert page.evaluate("() => document.documentElement.dataset.theme") == scheme
+    for field, value in (("noise", "1"), ("hz", "250")):  # so that regions show
+        page.locator(f"#{field}").fill(value)
+        page.locator(f"#{field}").press("Enter")
+    page.locator(".region").first.wait_for(state="attached")
+    page.locator("#hz").blur()
+    settled = server.stage.live.frames + 500
+    wait_until(lambda: server.stage.live.frames > settled)
+    wait_until(lambda: [(one["status"], one["advice"]) for one in _objects(page)] == [("ok", "")] * 2)
+    _picture(page, name, tmp_path)
+
+
+def _picture(page: Any, name: str, otherwise: Path) -> None:
+    folder = Path(os.environ.get("TACSTRIP_PICTURES", otherwise))
+    page.screenshot(path=folder / f"{name}.png")
+    assert (folder / f"{name}.png").stat().st_size > 20_000

@@ -1,0 +1,300 @@
+"""The page's server: who may look and touch, what pages are told, and pages that are slow or go."""
+
+from __future__ import annotations
+
+import asyncio
+import itertools
+import json
+from collections.abc import Awaitable, Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import aiohttp
+import numpy as np
+import pytest
+
+import tacstrip as ts
+from live_devices import SENSOR
+from tacstrip.stream.live.bounded_queue import Mailbox
+from tacstrip.stream.live.pipeline import Live
+from tacstrip.view.access import Access
+from tacstrip.view.controller import Stage
+from tacstrip.view.drawing import frame_json
+from tacstrip.view.server import PAGE, Server
+from tacstrip.view.simulator import Playground, Settings, sensor_of
+from waiting import HANG_S, wait_until
+
+
+@pytest.fixture
+def playground() -> Playground:
+    return Playground(Settings(SENSOR, 500.0, ts.Noise(positional=0.002)))
+
+
+@pytest.fixture
+def live(playground: Playground) -> Iterator[Live]:
+    stream = Live(playground.source(), then=playground.source)
+    with stream:
+        yield stream
+
+
+@pytest.fixture
+def stage(live: Live, playground: Playground, tmp_path: Path) -> Iterator[Stage]:
+    made = Stage(live, playground, tmp_path)
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def server(stage: Stage) -> Iterator[Server]:
+    made = Server(stage, Access("127.0.0.1"))
+    yield made
+    made.close()
+
+
+def _base(server: Server) -> str:
+    return f"http://127.0.0.1:{server.port}"
+
+
+def _talk(work: Callable[[aiohttp.ClientSession], Awaitable[Any]]) -> Any:
+    async def run() -> Any:
+        async with aiohttp.ClientSession(timeout=aiohttp.ClientTimeout(HANG_S)) as session:
+            return await work(session)
+
+    return asyncio.run(run())
+
+
+async def _until(socket: aiohttp.ClientWebSocketResponse, kind: str, drawn: bool = True) -> dict[str, Any]:
+    while True:
+        message = await socket.receive_json(timeout=HANG_S)
+        if message["kind"] == "frame" and drawn:
+            await socket.send_json({"drawn": message["number"]})
+        if message["kind"] == kind:
+            found: dict[str, Any] = message
+            return found
+
+
+def _status(url: str, **headers: str) -> tuple[int, str]:
+    async def ask(session: aiohttp.ClientSession) -> tuple[int, str]:
+        async with session.get(url, headers=headers) as answer:
+            return answer.status, await answer.text()
+
+    found: tuple[int, str] = _talk(ask)
+    return found
+
+
+def test_the_page_and_its_files_come_from_here_alone(server: Server) -> None:
+    for file in PAGE.iterdir():
+        status, text = _status(f"{_base(server)}/{file.name}")
+        assert (status, text) == (200, file.read_text(encoding="utf-8"))
+        assert "http://" not in text.replace("http://www.w3.org", "")
+        assert "https://" not in text
+    assert _status(f"{_base(server)}/")[1].startswith("<!doctype html>")
+    for missing in ("server.py", "..%2Fserver.py", "%2e%2e/server.py", "page"):
+        assert _status(f"{_base(server)}/{missing}")[0] == 404
+
+
+def test_another_origin_and_another_name_are_refused(server: Server) -> None:
+    for path in ("/", "/ws", "/app.js"):
+        status, text = _status(_base(server) + path, Origin="https://evil.example")
+        assert (status, text) == (403, "a page of https://evil.example may not use this server")
+        status, text = _status(_base(server) + path, Host="evil.example")
+        assert status == 403
+        assert "not to evil.example" in text
+    assert _status(f"{_base(server)}/", Origin=_base(server))[0] == 200
+    assert _status(f"{_base(server)}/", Host=f"localhost:{server.port}")[0] == 200
+
+
+def test_on_the_network_a_token_is_needed_and_the_looking_one_changes_nothing(
+    stage: Stage, playground: Playground
+) -> None:
+    server = Server(stage, Access("0.0.0.0"))
+    access, base = server.access, _base(server)
+    try:
+        assert set(server.urls) == {"look", "control"}
+        for wrong in ("", "?token=", "?token=x", f"?token={access.look}x"):
+            assert _status(f"{base}/{wrong}")[0] == 403
+            assert _status(f"{base}/ws{wrong}")[0] == 403
+
+        async def look(session: aiohttp.ClientSession) -> None:
+            for token, control in ((access.look, False), (access.control, True)):
+                async with session.get(f"{base}/?token={token}") as answer:
+                    assert answer.status == 200
+                async with session.ws_connect(f"{base}/ws?token={token}") as socket:
+                    assert (await socket.receive_json())["control"] is control
+                    await socket.send_json({"do": "place", "objects": []})
+                    if not control:
+                        told = await _until(socket, "refused")
+                        assert told["text"].startswith("this page may look, not change")
+                        assert len(playground.objects) == 1
+                    else:
+                        await asyncio.to_thread(wait_until, lambda: not playground.objects)
+
+        _talk(look)
+    finally:
+        server.close()
+
+
+def test_an_address_that_is_taken_is_named(server: Server, stage: Stage) -> None:
+    with pytest.raises(
+        ts.OptionError,
+        match=rf"cannot be served on 127.0.0.1:{server.port}: the port is in use, .* choose another",
+    ):
+        Server(stage, Access("127.0.0.1"), server.port)
+
+
+def test_a_page_is_told_the_frames_and_the_numbers(server: Server, playground: Playground) -> None:
+    async def watch(session: aiohttp.ClientSession) -> None:
+        async with session.ws_connect(f"{_base(server)}/ws") as socket:
+            hello = await socket.receive_json()
+            assert hello["sensor"]["strips"] == 20
+            assert hello["control"] is True
+            while True:
+                frame = await _until(socket, "frame")
+                if frame["objects"] and frame["objects"][0].get("regions"):
+                    break
+            (one,) = frame["objects"]
+            assert len(frame["readings"]["kh"]) == 20
+            assert frame["truth"] == [[list(p) for p in ring] for ring in playground.objects]
+            truth = np.array(frame["truth"][0])
+            assert ts.mismatch(truth, np.array(one["vertices"])).iou > 0.95
+            assert len(one["regions"]) == len(one["vertices"])
+            state = await _until(socket, "state")
+            assert state["running"] is True
+            assert state["wire"]["lost"] == 0
+
+    _talk(watch)
+
+
+def _newest(box: Mailbox[ts.Frame]) -> int:
+    frame = box.get(HANG_S)
+    assert frame is not None
+    return frame.number
+
+
+def test_a_slow_page_gets_the_newest_and_a_page_that_goes_is_forgotten(server: Server, live: Live) -> None:
+    async def watch(session: aiohttp.ClientSession) -> list[int]:
+        async with session.ws_connect(f"{_base(server)}/ws") as socket:
+            numbers = []
+            for _ in range(3):
+                frame = await _until(socket, "frame", drawn=False)
+                numbers.append(frame["number"])
+                if len(numbers) == 2:  # two are under way, and no third comes
+                    await asyncio.to_thread(wait_until, lambda: _newest(box) > numbers[1] + 100)
+                    await socket.send_json({"drawn": 0})
+            assert server.watching == 1
+            return numbers
+
+    box = live.outlet(detailed=True)
+    _, second, third = _talk(watch)
+    assert third > second + 100
+    wait_until(lambda: server.watching == 0)
+    assert live.running
+
+
+@pytest.mark.parametrize(
+    ("text", "answer"),
+    [
+        ('{"do": "fly"}', "there is no such thing to do"),
+        ('{"do": "place", "objects": [[[0, 0], [1, 1]]]}', "a polygon needs at least 3 points"),
+        ('{"do": "place", "objects": [[[0, 0], [9, 9], [9, 0], [0, 9]]]}', "crosses itself"),
+        ('{"do": "place", "objects": 5}', "makes no sense"),
+        ('{"do": "place", "objects": [[[0, 0], [1, null], [3, 4]]]}', "number"),
+        ('{"do": "set", "settings": {"strips": 1}}', "strips = 1: must be 2 to 1000"),
+        ('{"do": "set", "settings": {"strips": "x"}}', "strips = x: must be 2 to 1000"),
+        ('{"do": "set", "settings": {"construction": "crs-x"}}', "construction 'crs-x' does not exist"),
+        ('{"do": "set", "settings": {"noise": 7}}', "positional = 7: a fraction of Vref"),
+        ('{"do": "set", "settings": {"rate_hz": 0}}', "rate_hz = 0: must be 1 to 5000"),
+        ('{"do": "set", "settings": {"colour": 1}}', "setting 'colour' does not exist"),
+        ('{"do": "method", "method": "magic"}', "method 'magic' does not exist"),
+        ('{"do": "examine"}', "too few to examine"),
+    ],
+)
+def test_what_cannot_be_done_is_said(server: Server, text: str, answer: str) -> None:
+    async def ask(session: aiohttp.ClientSession) -> str:
+        async with session.ws_connect(f"{_base(server)}/ws") as socket:
+            for nonsense in ("{", "[1]", "null"):
+                await socket.send_str(nonsense)
+            await socket.send_str(text)
+            return str((await _until(socket, "refused"))["text"])
+
+    assert answer in _talk(ask)
+
+
+def test_recording_from_the_page(server: Server, tmp_path: Path) -> None:
+    async def record(session: aiohttp.ClientSession) -> int:
+        async with session.ws_connect(f"{_base(server)}/ws") as socket:
+            await socket.send_json({"do": "record"})
+            assert (await _until(socket, "told"))["text"].startswith("recording to ")
+            while not ((state := await _until(socket, "state"))["recording"] or {}).get("scans"):
+                pass
+            await socket.send_json({"do": "stop recording"})
+            while (await _until(socket, "state"))["recording"] is not None:
+                pass
+            return int(state["recording"]["scans"])
+
+    scans = _talk(record)
+    (file,) = tmp_path.glob("*.mcap")
+    assert len(list(ts.Recording(file))) >= scans > 0
+
+
+@pytest.mark.parametrize("construction", ["crs-m", "cyl-crs-m", "crs-crp"])
+def test_the_playground_changes_its_sensor(
+    stage: Stage, live: Live, playground: Playground, construction: str
+) -> None:
+    assert stage.do({"do": "set", "settings": {"construction": construction, "strips": 16}}) is None
+    box = live.outlet()
+    while True:
+        frame = box.get(HANG_S)
+        assert frame is not None
+        if frame.sensor.construction == construction and frame.objects:
+            break
+    assert (frame.sensor.strips, frame.sensor.width_mm) == (16, 100.0)
+    assert live.error is None
+
+
+def test_sensors_of_the_playground() -> None:
+    assert sensor_of("crs-crp", 500, SENSOR).strips == 24
+    assert sensor_of("crs-crs", 20, SENSOR) == SENSOR
+    with pytest.raises(ts.OptionError):
+        sensor_of("crs-crs", 2.5, SENSOR)
+
+
+def test_a_contact_off_the_sensor_is_told_and_does_not_end_the_stream(stage: Stage, live: Live) -> None:
+    stage.do({"do": "place", "objects": [[[500, 0], [510, 0], [505, 9]]]})
+    box = live.outlet()
+    while (frame := box.get(HANG_S)) is not None and frame.objects:
+        pass
+    assert frame is not None
+    wait_until(lambda: "outside the sensor" in stage.state()["trouble"])
+    assert live.running
+
+
+def test_the_doctor_looks_at_what_was_measured(stage: Stage, live: Live) -> None:
+    ring = SENSOR.x_mm[[2, 12, 12, 2]]
+    places = itertools.cycle(range(0, 60, 3))
+    stage.watched(True)
+
+    def examined() -> bool:
+        x, y = next(places), np.array([20.0, 30.0, 70.0, 50.0])
+        stage.do({"do": "place", "objects": [np.stack([ring * 0.6 + x, y + 0.3 * x], axis=1).tolist()]})
+        stage.picture()
+        stage.health.examine(lambda: None)
+        return stage.health.report is not None
+
+    wait_until(examined)
+    assert stage.health.trouble == ""
+    told = stage.state()["health"]
+    assert len(told["strips"]) == 20
+    assert "broken" not in told["strips"]
+    assert told["strips"].count("ok") > 5
+
+
+def test_a_picture_is_json_with_no_nan() -> None:
+    contact = ts.Contact.polygon([(22, 38), (62, 22), (80, 55), (45, 76)])
+    scan = ts.simulate(SENSOR, contact, ts.Noise(positional=0.002))
+    objects = ts.Tracker(SENSOR).update(scan)
+    raw = ts.RawScan(0.0, {}, scan.touched)
+    told = frame_json(ts.Frame(3, raw, SENSOR, scan, objects, 0.0, 0.0))
+    text = json.dumps(told, allow_nan=False)
+    assert json.loads(text)["readings"]["kh"][0] is None
+    assert len(text) < 4000
