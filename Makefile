@@ -45,6 +45,7 @@ check: setup ## lint, format and types; the core by other compilers and under sa
 	@$(BIN)/ruff check
 	@$(BIN)/ruff format --check
 	@$(BIN)/mypy
+	@$(BIN)/lint-imports
 	@$(BIN)/pytest -m builds -rs tests/core
 	@$(BIN)/python tools/check_core.py
 
