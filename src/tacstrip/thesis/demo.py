@@ -25,7 +25,7 @@ from tacstrip.reconstruction.result import RecoveredObject
 from tacstrip.reconstruction.vertex.estimate import vertex_reconstruction
 from tacstrip.scan import Scan
 from tacstrip.sensor.spec import Sensor
-from tacstrip.thesis.twin import twin
+from tacstrip.thesis.chapter6.twin import twin
 
 FIT = "Polygon fit"
 _COLOURS = {

@@ -22,7 +22,7 @@ from tacstrip.io.runs import Runs
 from tacstrip.sensor.raw import distorted
 from tacstrip.sensor.spec import Sensor
 from tacstrip.thesis.chapter6.tables import PROFILE_II
-from tacstrip.thesis.twin import (
+from tacstrip.thesis.chapter6.twin import (
     LINES,
     PLACINGS,
     PROTOTYPES,

@@ -23,7 +23,7 @@ from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
 from tacstrip.thesis.chapter6.tables import Variant, at_nominal
-from tacstrip.thesis.twin import PLACINGS, nearest_strips, twin
+from tacstrip.thesis.chapter6.twin import PLACINGS, nearest_strips, twin
 
 _POLYGON = OTHERS[3]
 _BY_FIGURE = {e.figure: e for e in experiments()}
