@@ -40,7 +40,7 @@ _COLOURS = {
 class Trial:
     """One method on one set of readings."""
 
-    readings: str  # "before" or "after" the offsets were subtracted
+    readings: str  # "before" or "after" calibration
     method: str
     transitions: str  # "", "given" or "found"
     recovered: RecoveredObject

@@ -1,4 +1,4 @@
-"""Chapters 5 and 6 again: all cells, all figures, `tables.json` and `report.html` in one folder."""
+"""Chapters 5 and 6 reproduced: all cells, all figures, `tables.json` and `report.html` in one folder."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ Progress = Callable[[int, int], None]
 
 
 def reproduce(out: Path, seeds: int, workers: int | None, progress: Progress) -> dict[str, Any]:
-    """Make tables 5.2-5.14, 6.1-6.11 and the figures of chapters 2 to 6.
+    """Reproduce tables 5.2-5.14, 6.1-6.11 and the figures of chapters 2 to 6.
 
     Parameters
     ----------

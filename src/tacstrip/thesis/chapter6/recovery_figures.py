@@ -38,7 +38,7 @@ NOISY = {"6.8": "6.7", "6.12": "6.11", "6.14": "6.13", "6.16": "6.15", "6.28": "
 
 
 def recovery(figure: str) -> Figure:
-    """Draw what V.R. or P.R. and the polygon fit make of the twin's readings, and the readings."""
+    """Draw the results of V.R. or P.R. and of the polygon fit for the twin's readings, and the readings."""
     e = RECOVERIES[figure]
     placings = list(PLACINGS[e.sensor])
     drawing = new_figure(4.3 * (len(placings) + 1) - 1.0, 4.4)
