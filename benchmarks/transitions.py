@@ -128,7 +128,7 @@ def speeds(cell: Cell, seed: int, contacts: int = 60) -> str:
         of = trial(cell, random)
         signals = []
         for _ in range(2):
-            again = ts.simulate(sensor, ts.Contact.polygon(of.truth), noise, random)
+            again = ts.simulate(sensor, ts.Contact.polygon(of.truth), noise, rng=random)
             readings = {name: again[name][again.touched] for name in SIGNATURES[cell.kind]}
             signals.append(Signal.of(sensor, of.x, readings, reading_sigma(noise, sensor)))
         before = fit_counts(signals[0]).chosen
