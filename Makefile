@@ -1,14 +1,18 @@
 # The front door: `make` lists what there is. Needs GNU make, a POSIX shell and Python >= 3.11.
-# uv is the one on PATH (0.5 or newer) or else the one that uv.lock pins, fetched into .tools/.
+# uv is the one on PATH (0.7 or newer; older ones know no pins of build tools) or else the one that uv.lock pins, fetched
+# into .tools/.
 
 EXE := $(if $(filter Windows_NT,$(OS)),.exe)
 BIN := .venv/$(if $(EXE),Scripts,bin)
 OWN_UV := .tools/uv$(EXE)
-UV := $(or $(shell uv --version 2>/dev/null | grep -Eq '^uv (0\.([5-9]|[1-9][0-9])|[1-9])' && command -v uv),$(OWN_UV))
+UV := $(or $(shell uv --version 2>/dev/null | grep -Eq '^uv (0\.([7-9]|[1-9][0-9])|[1-9])' && command -v uv),$(OWN_UV))
 
 # Any Python on the machine that is new enough; make PYTHON=3.12 setup asks for a certain one.
 PYTHON := >=3.11
 PYTHONS := python3 python3.14 python3.13 python3.12 python3.11 python
+# The core is compiled again when one of these changes.
+CORE := $(wildcard src/tacstrip/core/*.[ch])
+INSTALL := "$(UV)" pip install --quiet --reinstall-package tacstrip --python .venv --no-deps --editable .
 # Further options for pytest: make test ARGS="-k footprint".
 ARGS :=
 
@@ -28,7 +32,7 @@ help: ## list these targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/\1|\2/p' Makefile | \
 	while IFS='|' read -r target what; do printf 'make %-10s %s\n' "$$target" "$$what"; done
 
-setup: .venv/.setup ## make .venv with everything that uv.lock pins
+setup: .venv/.core ## make .venv with everything that uv.lock pins, and compile the core
 	@:
 
 demo: setup ## reconstruct the bundled readings into demo/
@@ -36,16 +40,18 @@ demo: setup ## reconstruct the bundled readings into demo/
 
 test: setup ## run the tests, the slow studies left out: two at a time, then those that take times alone
 ifeq ($(ARGS),)
-	@$(BIN)/pytest -m "not slow and not alone" -n 2 --dist loadfile
+	@$(BIN)/pytest -m "not slow and not builds and not alone" -n 2 --dist loadfile
 	@$(BIN)/pytest -m "not slow and alone"
 else
-	@$(BIN)/pytest -m "not slow" $(ARGS)
+	@$(BIN)/pytest -m "not slow and not builds" $(ARGS)
 endif
 
-check: setup ## lint, format and types
+check: setup ## lint, format and types; the core by other compilers and under sanitizers
 	@$(BIN)/ruff check
 	@$(BIN)/ruff format --check
 	@$(BIN)/mypy
+	@$(BIN)/pytest -m builds -rs tests/test_build_*.py
+	@$(BIN)/python tools/check_core.py
 
 reproduce: setup ## make the published results again into reproduction/
 	@$(BIN)/tacstrip reproduce --out reproduction
@@ -69,21 +75,32 @@ firmware: ## build the firmware for the Arduino Uno (avr-gcc, avr-libc) and prin
 
 clean: ## remove everything that make made
 	@rm -rf .venv .tools demo reproduction dist firmware/build .pytest_cache .hypothesis .mypy_cache .ruff_cache
+	@rm -f src/tacstrip/core/*.so src/tacstrip/core/*.dll
 	@find src tests tools benchmarks -name __pycache__ -exec rm -rf {} + 2>/dev/null || true
 
-.venv/.setup: pyproject.toml uv.lock | $(filter $(OWN_UV),$(UV))
+# Installing anew compiles the core, whatever uv has in its cache. Bytecode is compiled here, for uv leaves it to the
+# first import, and an environment with PYTHONDONTWRITEBYTECODE, as containers have it, to every one.
+.venv/.setup: pyproject.toml uv.lock hatch_build.py | $(filter $(OWN_UV),$(UV))
 	@echo "Setting up .venv"
 ifeq ($(MIRROR),)
-	@"$(UV)" sync --locked --quiet --python "$(PYTHON)" || { \
+	@"$(UV)" sync --locked --quiet --compile-bytecode --reinstall-package tacstrip --python "$(PYTHON)" || { \
 	  echo "If packages reach this machine only through a mirror, set UV_DEFAULT_INDEX to it and run make again." >&2; \
 	  exit 1; \
 	}
 else
 	@"$(UV)" venv --quiet --allow-existing --python "$(PYTHON)" .venv
 	@"$(UV)" export --frozen --quiet --no-emit-project --output-file .venv/pins.txt
-	@"$(UV)" pip sync --quiet --python .venv --require-hashes .venv/pins.txt
-	@"$(UV)" pip install --quiet --python .venv --no-deps --editable .
+	@"$(UV)" pip sync --quiet --compile-bytecode --python .venv --require-hashes .venv/pins.txt
+	@$(INSTALL)
 endif
+	@$(BIN)/python -m compileall -q src
+	@touch $@
+
+# After a change to the C, the compiler alone; without one, the build back end brings its own. The folder is newer than
+# what lies in it where a file came or went.
+.venv/.core: $(CORE) src/tacstrip/core tools/build_core.py | .venv/.setup
+	@$(BIN)/python tools/build_core.py || $(INSTALL)
+	@$(BIN)/tacstrip --version
 	@touch $@
 
 $(OWN_UV): uv.lock

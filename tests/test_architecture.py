@@ -18,7 +18,7 @@ SOURCE = ROOT / "src" / "tacstrip"
 
 # From the ground up: a file imports only what stands above it in this list.
 ORDER = [
-    "errors", "arrays", "data", "fisher",
+    "errors", "core.sources", "core.library", "arrays", "data", "fisher",
     "sensor.constructions", "sensor.circuit", "sensor.slant", "sensor.channel", "sensor.calibration",
     "sensor.spec", "sensor.raw", "sensor.surface",
     "contact.unreadable", "contact.shape", "contact.footprint", "contact.signature", "contact.noise",
@@ -29,7 +29,7 @@ ORDER = [
     "network.crp_descent", "network.crp", "network.sheet",
     "network.wide_mesh", "network.wide",
     "scan", "simulate",
-    "core.library", "core.binding", "core.signal", "core.fit", "core.equations", "core.descent", "core.score",
+    "core.binding", "core.signal", "core.fit", "core.equations", "core.descent", "core.score",
     "core.moves", "core.criterion", "core.search", "core.ellipse", "core.outliers", "core.polytope",
     "reconstruct.moments", "reconstruct.region", "reconstruct.result", "reconstruct.outline", "reconstruct.bound",
     "reconstruct.bounded_lines", "reconstruct.bounded_set", "reconstruct.bounded_centre",

@@ -61,8 +61,25 @@ class _Verbs(click.Group):
             formatter.write_dl(list(VERBS.items()))
 
 
+def _show_version(ctx: click.Context, _: click.Parameter, asked: bool) -> None:
+    if asked and not ctx.resilient_parsing:
+        from importlib.metadata import version  # late, as all that `--help` does without
+
+        from tacstrip.core.library import description
+
+        click.echo(f"tacstrip {version('tacstrip')} (core: {description()})")
+        ctx.exit()
+
+
 @click.group(cls=_Verbs, context_settings={"help_option_names": ["-h", "--help"]})
-@click.version_option(package_name="tacstrip", message="tacstrip %(version)s")
+@click.option(
+    "--version",
+    is_flag=True,
+    is_eager=True,
+    expose_value=False,
+    callback=_show_version,
+    help="Show the version and which core is in use, and exit.",
+)
 def cli() -> None:
     """From the voltages of a resistive hybrid tactile sensor to the shape that touches it.
 
