@@ -13,7 +13,7 @@ PYTHONS := python3 python3.14 python3.13 python3.12 python3.11 python
 # The core is compiled again when one of these changes.
 CORE := $(wildcard src/tacstrip/core/*.[ch])
 INSTALL := "$(UV)" pip install --quiet --reinstall-package tacstrip --python .venv --no-deps --editable .
-# Further options for pytest: make test ARGS="-k footprint".
+# Options for pytest: make test ARGS="-k footprint".
 ARGS :=
 
 # What somebody else's environment sets must not reach ours.
@@ -38,13 +38,8 @@ setup: .venv/.core ## make .venv with everything that uv.lock pins, and compile 
 demo: setup ## reconstruct the bundled readings into demo/
 	@$(BIN)/tacstrip demo --out demo
 
-test: setup ## run the tests, the slow studies left out: two at a time, then those that take times alone
-ifeq ($(ARGS),)
-	@$(BIN)/pytest -m "not slow and not builds and not alone" -n 2 --dist loadfile
-	@$(BIN)/pytest -m "not slow and alone"
-else
-	@$(BIN)/pytest -m "not slow and not builds" $(ARGS)
-endif
+test: setup ## run the tests, two at a time, the slow studies left out
+	@$(BIN)/pytest -m "not slow and not builds" $(or $(ARGS),-n 2 --dist loadfile)
 
 check: setup ## lint, format and types; the core by other compilers and under sanitizers
 	@$(BIN)/ruff check

@@ -22,7 +22,9 @@ Finder = Callable[[Cell, Trial], FloatArray]
 def signal_of(cell: Cell, of: Trial) -> Signal:
     """Return the readings of the strips in contact, with the noise known."""
     readings = {name: of.scan[name][of.scan.touched] for name in SIGNATURES[cell.kind]}
-    return Signal.of(cell.sensor, of.x, readings, reading_sigma(ts.Noise(cell.noise), cell.sensor))
+    return Signal.of(
+        cell.sensor, of.x, readings, reading_sigma(ts.Noise(quantisation=cell.noise), cell.sensor)
+    )
 
 
 def by_fit(cell: Cell, of: Trial) -> FloatArray:
@@ -37,7 +39,7 @@ def by_savgol(cell: Cell, of: Trial) -> FloatArray:
 
     n = len(of.x)
     window = max(n // 12 * 2 + 1, 5)
-    sigma = reading_sigma(ts.Noise(cell.noise), cell.sensor)
+    sigma = reading_sigma(ts.Noise(quantisation=cell.noise), cell.sensor)
     height = 3.0 * sigma * np.sqrt((savgol_coeffs(window, 2, deriv=2) ** 2).sum())
     bend = sum(
         np.abs(savgol_filter(of.scan[s][of.scan.touched], window, 2, deriv=2)) for s in SIGNATURES[cell.kind]
@@ -62,7 +64,9 @@ def by_piecewise(cell: Cell, of: Trial) -> FloatArray:
 def by_skchange(cell: Cell, of: Trial) -> FloatArray:
     """Find changes of slope with skchange's continuous piecewise linear score."""
     detectors, scorers = import_module("skchange.detectors"), import_module("skchange.interval_scorers")
-    k = of.scan[SIGNATURES[cell.kind][0]][of.scan.touched] / reading_sigma(ts.Noise(cell.noise), cell.sensor)
+    k = of.scan[SIGNATURES[cell.kind][0]][of.scan.touched] / reading_sigma(
+        ts.Noise(quantisation=cell.noise), cell.sensor
+    )
     detector = detectors.SeededBinarySegmentation(scorers.ContinuousLinearTrendScore())
     return np.asarray(of.x[np.asarray(detector.fit_predict(k[:, None]), dtype=int)])
 
@@ -75,7 +79,7 @@ def by_ruptures(cell: Cell, of: Trial) -> FloatArray:
     detector = ruptures.Pelt(custom_cost=ruptures.costs.CostCLinear(), min_size=2 * step, jump=step).fit(
         k[:, None]
     )
-    variance = reading_sigma(ts.Noise(cell.noise), cell.sensor) ** 2
+    variance = reading_sigma(ts.Noise(quantisation=cell.noise), cell.sensor) ** 2
     ends = detector.predict(pen=variance * 3.0 * np.log(len(k)))
     return np.asarray(of.x[np.array(ends[:-1], dtype=int)])
 

@@ -55,7 +55,7 @@ class Score:
 def score(cell: Cell, polygons: int, seed: int) -> Score:
     """Fit a cell's contacts by least squares and within the bound."""
     random = np.random.default_rng([seed, *cell_key(cell)])
-    noise, got = ts.Noise(cell.noise), Score()
+    noise, got = ts.Noise(quantisation=cell.noise), Score()
     for _ in range(polygons):
         of = trial(cell, random)
         marks = [time.process_time()]

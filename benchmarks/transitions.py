@@ -74,7 +74,7 @@ def score(cell: Cell, methods: Sequence[str], polygons: int, seed: int) -> dict[
     """Put all methods to the same contacts."""
     random = np.random.default_rng([seed, *cell_key(cell)])
     scores = {m: Score() for m in methods}
-    noise = ts.Noise(cell.noise)
+    noise = ts.Noise(quantisation=cell.noise)
     for number in range(polygons):
         of = trial(cell, random)
         sigma = np.sqrt(of.bound.diagonal())
@@ -122,7 +122,7 @@ def add_vertices(got: Score, of: Trial, found: ts.Reconstruction, told: FloatArr
 def speeds(cell: Cell, seed: int, contacts: int = 60) -> str:
     """Return milliseconds of a cold fit, of a warm one from the scan before, and of all of `fit_polygon`."""
     random = np.random.default_rng([seed, *cell_key(cell)])
-    sensor, noise = cell.sensor, ts.Noise(cell.noise)
+    sensor, noise = cell.sensor, ts.Noise(quantisation=cell.noise)
     times = []
     for _ in range(contacts):
         of = trial(cell, random)

@@ -55,6 +55,13 @@ def command_line(at_s: float, *commands: Command) -> str:
     return f"bytes {at_s * 1e6:.0f} {b''.join(c.encode() for c in commands).hex()}\n"
 
 
+def memory_line(folder: Path, at_s: float, symbol: str, value: int, size: int = 4) -> str:
+    """Return the scenario's line that sets a variable of a folder's firmware."""
+    done = subprocess.run(["avr-nm", str(folder / "uno.elf")], capture_output=True, text=True, check=True)
+    (address,) = (line.split()[0] for line in done.stdout.splitlines() if line.split()[-1] == symbol)
+    return f"memory {at_s * 1e6:.0f} {address} {value.to_bytes(size, 'little').hex()}\n"
+
+
 def start_line(period_us: int) -> str:
     """Return the line that asks for a rate and starts the stream."""
     return command_line(STARTED_S, Command(Kind.RATE, 1, period_us), Command(Kind.START, 2))

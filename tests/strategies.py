@@ -35,6 +35,8 @@ def sensors(draw: st.DrawFn, construction: str | None = None, most_strips: int =
     kind = CONSTRUCTIONS[name]
     size = st.floats(1e-3, 1e4)
     strips, pitch, vref = draw(st.integers(1, most_strips)), draw(size), draw(st.floats(0.1, 48.0))
+    length = draw(size)
+    decay = st.floats(1e-3, 1.0).map(lambda part: part * length)
     width = draw(st.none() | st.floats(0.01, 1.0).map(lambda part: part * pitch))
     rest = draw(st.none() | st.floats(0.0, 1.0).map(lambda part: part * vref))
     around = draw(st.floats(1.0, 4.0))  # the tube's circumference over the strips' extent
@@ -42,11 +44,11 @@ def sensors(draw: st.DrawFn, construction: str | None = None, most_strips: int =
         construction=name,
         strips=strips,
         pitch_mm=pitch,
-        length_mm=draw(size),
+        length_mm=length,
         strip_width_mm=width,
         radius_mm=around * strips * pitch / (2.0 * np.pi) if "radius_mm" in kind.keys else None,
         resistivity_ratio=draw(ratios()) if "resistivity_ratio" in kind.keys else 1.0,
-        contact_lambda_mm=draw(size if "contact_lambda_mm" in kind.required else st.just(0.0) | size),
+        contact_lambda_mm=draw(decay if "contact_lambda_mm" in kind.required else st.just(0.0) | decay),
         vref_volt=vref,
         adc_bits=draw(st.none() | st.integers(1, 32)),
         rest_volt=rest,

@@ -79,8 +79,10 @@ CASES = {
 
 def test_errors_add_up_to_a_trapezoid() -> None:
     sensor = a_sensor(adc_bits=None)
-    assert reading_bound(ts.Noise(0.001, 0.005), sensor) == pytest.approx((0.006, 0.004))
-    assert reading_bound(ts.Noise(0.005, 0.005), sensor) == pytest.approx((0.01, 0.0))
+    assert reading_bound(ts.Noise(quantisation=0.001, positional=0.005), sensor) == pytest.approx(
+        (0.006, 0.004)
+    )
+    assert reading_bound(ts.Noise(quantisation=0.005, positional=0.005), sensor) == pytest.approx((0.01, 0.0))
     assert reading_bound(ts.Noise(), a_sensor(adc_bits=1)) == pytest.approx((0.5, 0.5))
     assert reading_bound(ts.Noise(), sensor) == (0.0, 0.0)
 

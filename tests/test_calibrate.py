@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -242,7 +243,8 @@ def test_a_single_place_gives_offsets_and_says_so() -> None:
     runs = twin_runs(METAL, [(100.0, 0.0)], ts.Build(), 0.002, 3)
     found, trials = choose(METAL, runs)
     assert found.constants.model.name == "offset"
-    assert [t.verdict for t in trials] == ["chosen"]
+    assert [t.name for t in trials if t.verdict == "chosen"] == ["offset"]
+    assert {t.verdict.split(":")[0] for t in trials} == {"chosen", "refused"}
 
 
 @pytest.mark.parametrize(
@@ -274,6 +276,117 @@ def test_a_sheet_cannot_be_calibrated_strip_by_strip() -> None:
         ts.calibrate_unit(sheet, runs)
     with pytest.raises(ts.OptionError, match="cannot be calibrated strip by strip"):
         plan(sheet, 0.2, ts.Noise(positional=0.002))
+
+
+# Six presses are six places, however often each is repeated.
+
+
+def test_planned_presses_repeated_leave_what_the_plan_promised() -> None:
+    sensor = replace(CRS, strips=4)
+    made = plan(sensor, 0.2, ts.Noise(positional=0.002))
+    places = [(l, w) for l, w, times in made.contacts for _ in range(times)]
+    rng = np.random.default_rng(0)
+    gain, offset = ({n: v + rng.uniform(-0.02, 0.02, 4) for n in sensor.signatures} for v in (1.0, 0.0))
+
+    def read(where: Places) -> dict[str, FloatArray]:
+        raw = twin_runs(sensor, where, ts.Build(sensing=1.05), 0.0, 1).raw
+        return {n: gain[n] * v + offset[n] for n, v in raw.items()}
+
+    runs = runs_of(sensor, places, read(places), 0.002, 3)
+    found, trials = choose(sensor, runs)
+    fresh = [(l, w) for w in (0.0, 50.0, 100.0) for l in np.arange(10.0, 270.0 - w, 20.0)]
+    off = residuals(apply(found.constants, sensor), runs_of(sensor, fresh, read(fresh)))
+    assert np.percentile(100.0 * np.abs(np.stack(list(off.values()))), 95.0) <= made.worst_percent
+    assert not found.constants.model.has("curve")
+    refused = {t.name: t.verdict for t in trials}
+    assert "press more places" in refused["ratio+lambda+curve4"]
+
+
+def test_places_that_differ_by_a_hair_are_repeats() -> None:
+    places = [(40.0, 0.0), (120.0, 30.0), (200.0, 80.0), (280.0, 0.0)]
+    jittered = [(l + 0.1 * i, w) for i in range(4) for l, w in places]
+    runs = twin_runs(CRS, jittered, ts.Build(sensing=1.05), 0.002, 1)
+    _, trials = choose(CRS, runs)
+    verdicts = [t.verdict for t in trials if "curve" in t.name or "warp" in t.name]
+    assert verdicts
+    assert all("press more places" in v for v in verdicts)
+
+
+# Runs that do not fit.
+
+MARKS: Places = [(l, w) for w in (0.0, 50.0, 100.0) for l in (20.0, 70.0, 130.0, 190.0)]
+
+
+def other_places(runs: Runs, l: FloatArray, w: FloatArray) -> Runs:
+    return replace(runs, l_mm=l, w_mm=w)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        (lambda r: other_places(r, r.l_mm / 10.0, r.w_mm / 10.0), "are in centimetres, not in millimetres"),
+        (lambda r: other_places(r, r.l_mm / 1000.0, r.w_mm / 1000.0), "are in metres, not in millimetres"),
+        (lambda r: other_places(r, 325.0 - r.l_mm - r.w_mm, r.w_mm), "counted from the end at Vref, not from ground"),
+        (lambda r: other_places(r, r.w_mm, r.l_mm), "the columns l_mm and w_mm are exchanged"),
+        (lambda r: other_places(r, r.l_mm + r.w_mm / 2.0, r.w_mm), "l_mm holds the contact's middle"),
+    ],
+)  # fmt: skip
+def test_runs_read_the_wrong_way_are_refused_in_words(wrong: Callable[[Runs], Runs], message: str) -> None:
+    runs = twin_runs(CRS, MARKS, ts.Build(sensing=1.05), 0.002, 1)
+    assert ts.calibrate_unit(CRS, runs, "offset+gain+lambda").status == "ok"
+    with pytest.raises(ts.ReadingError) as caught:
+        ts.calibrate_unit(CRS, wrong(runs))
+    assert message in str(caught.value)
+    assert "give --force" in str(caught.value)
+
+
+def test_exchanged_columns_and_reversed_strips_are_refused_in_words() -> None:
+    runs = twin_runs(CRS, MARKS, ts.Build(sensing=1.05), 0.002, 1)
+    with pytest.raises(ts.ReadingError, match="columns of v_h and v_l are exchanged"):
+        ts.calibrate_unit(CRS, replace(runs, raw={"kh": runs.raw["kl"], "kl": runs.raw["kh"]}))
+    turned = {"kh": 1.0 - runs.raw["kh"], "kl": 1.0 - runs.raw["kl"]}
+    with pytest.raises(ts.ReadingError, match="Vref and ground are exchanged on the unit"):
+        ts.calibrate_unit(CRS, replace(runs, raw=turned))
+    order = np.stack([np.random.default_rng(i).permutation(len(MARKS)) for i in range(3)], axis=1)
+    own = {n: np.take_along_axis(v, order, axis=0) for n, v in runs.raw.items()}
+    l, w = (np.take_along_axis(v, order, axis=0) for v in (runs.l_mm, runs.w_mm))
+    mixed = other_places(replace(runs, raw=own), l, w)
+    assert ts.calibrate_unit(CRS, mixed, "offset+gain").status == "ok"
+    backwards = replace(mixed, raw={n: v[:, ::-1] for n, v in own.items()})
+    with pytest.raises(ts.ReadingError, match="strips are in reversed order"):
+        ts.calibrate_unit(CRS, backwards)
+    # Bars across all strips have the same places on each: an older calibration tells.
+    apart = {n: v + np.array([-0.03, 0.0, 0.02]) for n, v in runs.raw.items()}
+    once = ts.calibrate_unit(CRS, replace(runs, raw=apart), "offset+gain+ratio+lambda").sensor
+    bars = replace(runs, raw={n: v[:, ::-1] for n, v in apart.items()})
+    with pytest.raises(ts.ReadingError, match="by the calibration that the spec has"):
+        ts.calibrate_unit(once, bars)
+
+
+@pytest.mark.parametrize("sensor", [CRS, METAL])
+@pytest.mark.parametrize("repeats", [1, 2])
+def test_runs_that_nothing_explains_are_doubtful(sensor: ts.Sensor, repeats: int) -> None:
+    marks = [p for p in MARKS if sum(p) < 240.0]
+    runs = twin_runs(sensor, marks, ts.Build(), 0.002, repeats)
+    order = np.random.default_rng(4).permutation(len(runs.l_mm))
+    mixed = {n: v[order] for n, v in runs.raw.items()}
+    other = ts.calibrate_unit(sensor, replace(runs, raw=mixed), "mean")
+    assert other.status == "doubtful"
+    assert "the runs do not describe this sensor" in other.advice
+    one = {n: np.stack([v[:, 0], mixed[n][:, 1], v[:, 2]], axis=1) for n, v in runs.raw.items()}
+    alone = ts.calibrate_unit(sensor, replace(runs, raw=one), "mean")
+    assert alone.status == "doubtful"
+    assert alone.advice.startswith("strip 1 is off by")
+
+
+def test_an_imperfect_unit_is_accepted_and_told_what_is_left() -> None:
+    """Rubber that varies by 10 %, other on each strip, pressed at twelve marks: more than noise, and no wrong runs."""
+    at = np.linspace(0.0, 6.0, 17) * np.array([[0.4], [0.6], [0.9]]) + np.array([[0.0], [2.0], [4.0]])
+    layers = 1.0 + 0.1 * np.sin(at)
+    build = ts.Build(energised=layers, sensing=1.05 * layers)
+    done = ts.calibrate_unit(CRS, twin_runs(CRS, MARKS, build, 0.0005, 2), "offset+gain+ratio+lambda")
+    assert done.status == "ok"
+    assert "is the rubber not uniform, or are places not exact? Press more places" in done.advice
 
 
 # Plans.

@@ -184,7 +184,7 @@ def test_from_plan_to_calibrated_spec(bench: Path) -> None:
     with runs.open("a") as file:  # untouched strips in the same runs
         for i in range(24):
             file.write(f"{1 + i % 2},,,{0.2 + 0.001 * (i % 3)},0.1,,\n")
-    done = run(spec, runs, "-o", out, "--report", bench / "report")
+    done = run(spec, runs, "-o", out, "--model", "mean", "--report", bench / "report")
     assert done.code == 0
     assert "learned" in done.text
     sensor = ts.Sensor.load(out)
@@ -204,6 +204,31 @@ def test_from_plan_to_calibrated_spec(bench: Path) -> None:
     assert refused.code == 2
     assert "give --force" in refused.text
     assert run(out, runs, "-o", bench / "x.toml", "--unit", "right", "--force", "--model", "mean").code == 0
+
+
+def test_runs_that_do_not_fit_make_no_spec(bench: Path) -> None:
+    spec, runs, out = bench / "sensor.toml", bench / "runs.csv", bench / "calibrated.toml"
+    run("--plan", spec, "-o", runs)
+    filled(runs, CRS, OFFSETS)
+    good = runs.read_text(encoding="utf-8")
+    runs.write_text(good.replace("v_h,v_l", "v_l,v_h"), encoding="utf-8")
+    exchanged = run(spec, runs, "-o", out)
+    assert exchanged.code == 2
+    assert "the columns of v_h and v_l are exchanged" in exchanged.text
+    head, *rows = [line.split(",") for line in good.splitlines()]
+    for i, row in enumerate(rows):  # the readings of other rows
+        row[3:5] = good.splitlines()[1 + (i + 5) % len(rows)].split(",")[3:5]
+    runs.write_text("\n".join(",".join(row) for row in (head, *rows)) + "\n", encoding="utf-8")
+    other = run(spec, runs, "-o", out, "--model", "mean", "--report", bench / "report")
+    assert other.code == 1
+    assert "the runs do not describe this sensor" in other.text
+    assert "use it" not in other.text
+    assert not out.exists()
+    assert "Doubtful:" in (bench / "report" / "report.html").read_text(encoding="utf-8")
+    forced = run(spec, runs, "-o", out, "--model", "mean", "--force")
+    assert forced.code == 0
+    assert "written, though it is in doubt" in forced.text
+    assert out.exists()
 
 
 def test_touch_and_rezero_on_the_command_line(bench: Path) -> None:

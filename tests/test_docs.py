@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+import tacstrip as ts
 from tacstrip.cli import VERBS
 from tacstrip.sensor.spec import KEYS
 
@@ -37,6 +40,52 @@ def test_the_readmes_example_runs(
     lines = capsys.readouterr().out.splitlines()
     assert [line.split()[:2] for line in lines] == [["polygon", "ok"], ["profile", "ok"], ["vertex", "ok"]]
     assert all(float(line.split()[-1]) > 0.95 for line in lines)
+
+
+def _snippet(page: str) -> str:
+    (code,) = re.findall(
+        r"```python\n(.*?)```", (ROOT / "docs" / page).read_text(encoding="utf-8"), re.DOTALL
+    )
+    return str(code)
+
+
+def test_the_doctors_snippet_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    sensor = ts.Sensor(construction="crs-crs", strips=8, pitch_mm=5.0, length_mm=100.0)
+    sensor.save("sensor.toml")
+    contact = ts.Contact.polygon([(2.0, 10.0), (38.0, 14.0), (38.0, 40.0), (2.0, 34.0)])
+    lines = ["scan,time_s,strip,v_h,v_l"]
+    for t in range(30):
+        scan = ts.simulate(sensor, contact.moved(0.0, 25.0 * (1.0 - math.cos(t))), rng=t)
+        volts = np.stack([scan["kh"], scan["kl"]], axis=1) * sensor.vref_volt
+        volts[5] = 0.0  # open at the end at Vref
+        lines += [f"{t},{0.01 * t:.2f},{i},{h:.5f},{low:.5f}" for i, (h, low) in enumerate(volts)]
+    Path("readings.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    exec(compile(_snippet("doctor.md"), "doctor.md", "exec"), {})
+    told = capsys.readouterr().out.splitlines()
+    assert told[0].startswith("strip 5 open strip")
+    assert told[-1].startswith("False")
+
+
+def test_the_calibrations_snippet_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    sensor = ts.Sensor(construction="crs-m", strips=2, pitch_mm=5.0, length_mm=100.0)
+    sensor.save("sensor.toml")
+    lines = ["strip,l_mm,w_mm,v_out"]
+    for l, w in ((10.0, 0.0), (30.0, 10.0), (50.0, 0.0), (60.0, 20.0), (90.0, 0.0)):
+        for i in range(2):
+            (k,) = ts.signatures(sensor, np.array([l]), np.array([l + w]))["k"]
+            lines.append(f"{i},{l},{w},{sensor.vref_volt * (k + 0.02 + 0.0005 * (-1) ** len(lines)):.5f}")
+    Path("runs.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    exec(compile(_snippet("calibration.md"), "calibration.md", "exec"), {})
+    assert capsys.readouterr().out.startswith("ok")
+    calibration = ts.Sensor.load("calibrated.toml").calibration
+    assert calibration is not None
+    np.testing.assert_allclose(calibration.correct("k", [0.52, 0.52]), 0.5, atol=2e-3)
 
 
 def test_the_readmes_table_has_every_verb() -> None:

@@ -53,6 +53,42 @@ def test_a_cut_strip_and_where_it_is_cut() -> None:
         assert low - 30.0 < 0.6 * sensor.length_mm < high + 30.0
 
 
+@pytest.mark.parametrize("sensor", [RUBBER, METAL])
+@pytest.mark.parametrize(
+    ("end", "words"), [(0.0, "open at its grounded end"), (1.0, "open at its end at Vref")]
+)
+@pytest.mark.parametrize("offset", [0.0, 0.03])
+def test_an_open_end_is_a_clamp_and_not_two_dead_wires(
+    sensor: ts.Sensor, end: float, words: str, offset: float
+) -> None:
+    """Wherever it is touched, all of the strip's channels are on one rail; offsets take them beside it."""
+    log = faulty_log(sensor, exercise(sensor, np.random.default_rng(5), 240), noise=FAINT)
+    raw = {name: values.copy() for name, values in log.raw.items()}
+    for name, values in raw.items():
+        hangs = 1.0 - end + (0.5 - end) * (-offset if name == "kl" else -2.0 * offset)
+        values[:, 7] = np.where(np.isfinite(values[:, 7]), hangs, np.nan)
+    found = _only(diagnose(Log.of(sensor, log.time_s, raw)), "open-strip", 7)
+    assert words in found.evidence
+
+
+def test_an_open_end_in_a_few_presses() -> None:
+    contact = ts.Contact.polygon([(0.0, 0.0), (40.0, 10.0), (40.0, 90.0), (0.0, 60.0)])
+    presses = [contact.placed(39.0, y) for y in (80.0, 130.0, 180.0, 230.0) for _ in range(15)]
+    log = faulty_log(RUBBER, presses, [Defect("open-strip", 6, 0.0)], FAINT)
+    assert "open at its grounded end" in _only(diagnose(log), "open-strip", 6).evidence
+
+
+def test_an_open_end_that_reads_as_untouched() -> None:
+    """Rest is ground: the strip is never touched, while its neighbours are, and its wires are not all dead."""
+    resting = replace(RUBBER, rest_volt=0.0, touch_volt=0.1)
+    log = faulty_log(resting, exercise(resting, np.random.default_rng(5), 240), noise=FAINT)
+    raw = {name: np.clip(values, 0.0, 1.0) for name, values in log.raw.items()}
+    for values in raw.values():
+        values[:, 6] = 0.0
+    found = _only(diagnose(Log.of(resting, log.time_s, raw)), "open-strip", 6)
+    assert "open at its end at Vref" in found.evidence
+
+
 def test_a_cut_sensing_strip() -> None:
     found = _only(_examined(RUBBER, Defect("open-sensing", 3, 0.5)), "open-sensing", 3)
     assert min(found.numbers.values()) > 5
@@ -102,6 +138,31 @@ def test_crossed_wires_of_one_strip_and_of_all() -> None:
     assert found.numbers["difference"] < -0.01
     log = faulty_log(RUBBER, exercise(RUBBER, np.random.default_rng(5), 240), noise=FAINT)
     _only(diagnose(Log.of(RUBBER, log.time_s, {"kh": log.raw["kl"], "kl": log.raw["kh"]})), "swapped-wires")
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_offsets_are_not_crossed_wires(seed: int) -> None:
+    """One thin press, each channel off by up to 1 % on its own: some v_h lie below their v_l, and nothing is wrong."""
+    rng = np.random.default_rng(seed)
+    bar = ts.Contact.polygon([(6.0, 150.0), (72.0, 156.0), (72.0, 157.0 + seed), (6.0, 151.0 + seed)])
+    for scans in (1, 40):
+        log = faulty_log(RUBBER, [bar] * scans, noise=FAINT)
+        raw = {name: values + rng.choice([-0.01, 0.01], 12) for name, values in log.raw.items()}
+        assert (raw["kh"] < raw["kl"] - 0.005).any()
+        assert said(diagnose(Log.of(RUBBER, log.time_s, raw))) == []
+
+
+def test_an_offset_between_the_wires_is_no_exchange_and_an_exchange_with_an_offset_is() -> None:
+    log = faulty_log(RUBBER, exercise(RUBBER, np.random.default_rng(5), 240), noise=FAINT)
+    for crossed in (False, True):
+        raw = {name: values.copy() for name, values in log.raw.items()}
+        if crossed:
+            for name, other in (("kh", "kl"), ("kl", "kh")):
+                raw[name][:, 8] = log.raw[other][:, 8]
+        raw["kh"][:, 8] = np.clip(raw["kh"][:, 8] - 0.03, 0.0, 1.0)
+        raw["kl"][:, 8] = np.clip(raw["kl"][:, 8] + 0.02, 0.0, 1.0)
+        report = diagnose(Log.of(RUBBER, log.time_s, raw))
+        assert said(report) == ([("swapped-wires", (8,))] if crossed else [])
 
 
 def test_channels_that_do_not_move() -> None:

@@ -20,6 +20,7 @@ from tacstrip.network.build import Layer
 from tacstrip.stream.source import RawScan
 from tacstrip.studies.checkup import exercise
 from tacstrip.studies.faults import Defect, faulty_log
+from waiting import HANG_S
 
 SENSOR = ts.Sensor(
     construction="crs-crs", strips=10, pitch_mm=6.5, length_mm=325.0, adc_bits=12, strip_base=1
@@ -29,7 +30,7 @@ FAINT = Noise(positional=0.001)
 
 def _run(folder: Path, *words: object) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-c", "from tacstrip.cli import main; main()", *map(str, words)]
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, timeout=120)
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, timeout=HANG_S)
 
 
 def _write(path: Path, log: Log) -> None:

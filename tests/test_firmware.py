@@ -11,10 +11,12 @@ import pytest
 import tacstrip as ts
 from emulated import (
     FIRMWARE,
+    STARTED_S,
     VREF_VOLT,
     command_line,
     heard,
     make,
+    memory_line,
     needs_compiler,
     needs_simavr,
     run,
@@ -181,6 +183,23 @@ def steady(folder: Path, seconds: float) -> None:
 
 def test_two_seconds_at_400_scans_a_second(units: dict[str, Path]) -> None:
     steady(units["crs-crs"], 2.0)
+
+
+@pytest.mark.parametrize("wrap", [2**16, 2**17], ids=["31 bits", "32 bits"])
+def test_time_goes_on_where_the_clock_begins_anew(units: dict[str, Path], wrap: int) -> None:
+    """The timer's overflows, 32.768 ms each, are set to a few before their count has 17 bits, or 18."""
+    folder = units["crs-crs"]
+    scenario = [memory_line(folder, STARTED_S - 0.01, "overflows", wrap - 5), start_line(2500)]
+    messages, scans, decoder = heard(
+        run(folder, [*scenario, command_line(0.45, Command(Kind.IDENTIFY))], 0.46, STRIPS)
+    )
+    assert decoder.counts.corrupt == decoder.counts.lost == 0
+    times = np.array([scan.time_s for scan in scans])
+    assert times[20] < wrap * 2**15 / 1e6 < times[149]
+    assert np.abs(np.diff(times[20:150]) - 2.5e-3).max() < 30e-6
+    hello = messages[-1]
+    assert isinstance(hello, Hello)
+    assert hello.late == 0
 
 
 @pytest.mark.slow

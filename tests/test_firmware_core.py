@@ -213,3 +213,36 @@ def test_seals_and_unstuffs_as_the_python_side(tmp_path: Path) -> None:
             assert core.frame_unstuff(back, count - 2) & 0xFFFF == len(whole)
             assert bytes(back[: len(whole)]) == whole
             assert core.frame_crc(back, len(whole)) == 0
+
+
+def _clock(desk: Desk, overflows: int, ticks: int, pending: bool) -> int:
+    told: int = desk.core.desk_clock_us(ctypes.c_uint32(overflows), ctypes.c_uint16(ticks), pending)
+    return told % 2**32
+
+
+def test_the_clock_has_all_of_its_32_bits(desk: Desk) -> None:
+    """Any moment within two of its rounds, told of the overflow at once or not yet."""
+    wraps = [k << 16 for k in (1, 2, 2**15, 2**16, 2**17, 3 << 16, 2**18)]  # ticks of half a us
+    moments = [at + d for at in wraps for d in (-(2**15), -2, -1, 0, 1, 2, 2**15 - 1)]
+    for moment in [*moments, *np.random.default_rng(9).integers(0, 2**34, 2000).tolist()]:
+        overflows, ticks = moment >> 16, moment & 0xFFFF
+        wanted = (moment >> 1) % 2**32
+        assert _clock(desk, overflows, ticks, pending=False) == wanted
+        if ticks < 2**15 and overflows:  # it has overflowed, and the interrupt waits
+            assert _clock(desk, overflows - 1, ticks, pending=True) == wanted
+        elif ticks >= 2**15:  # the ticks were read before, the flag after the overflow
+            assert _clock(desk, overflows, ticks, pending=True) == wanted
+
+
+@pytest.mark.parametrize("wrap", [2**31, 2**32])
+def test_the_rate_is_kept_where_the_clock_begins_anew(desk: Desk, wrap: int) -> None:
+    desk.turn()
+    ctypes.c_uint32.in_dll(desk.core, "desk_time_us").value = wrap - 200_000
+    desk.send(Command(Kind.RATE, 1, 20_000).encode() + Command(Kind.START, 2).encode())
+    times = np.concatenate([b.time_us for b in desk.turn(40_000) if isinstance(b, ScanBatch)])
+    assert times[0] < wrap < times[-1]  # the host counts on
+    assert len(times) >= 20
+    assert np.abs(np.diff(times) - 20_000).max() <= 10
+    desk.send(Command(Kind.IDENTIFY, 5).encode())
+    (hello,) = (x for x in desk.turn() if isinstance(x, Hello))
+    assert hello.late == 0

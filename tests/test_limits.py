@@ -18,6 +18,7 @@ from tacstrip.reconstruct.bound import vertex_covariance, vertex_rms
 from tacstrip.reconstruct.outline import Outline
 from tacstrip.studies.design import candidates, designs, requirements_unmet
 from tacstrip.studies.limits import limit_map, limits, outline_of
+from waiting import HANG_S
 
 KITE = np.array([(10.2, 50.0), (30.4, 22.0), (70.9, 60.0), (48.3, 85.0)])
 OUTLINE = Outline.of(KITE)
@@ -146,7 +147,7 @@ def test_harmon_s_requirements() -> None:
 
 def _run(folder: Path, *words: object) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-c", "from tacstrip.cli import main; main()", "limits", *map(str, words)]
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, timeout=120)
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, timeout=HANG_S)
 
 
 @pytest.fixture

@@ -9,7 +9,6 @@ import math
 import socket
 import sys
 import threading
-import time
 from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import replace
@@ -31,8 +30,7 @@ from tacstrip.stream.readings import Readings
 from tacstrip.stream.recording import Recorder
 from tacstrip.stream.sinks import json_sink, tuio_sink
 from tacstrip.stream.tracking import SEARCH_EVERY_S, SEARCHED_AGAIN
-
-pytestmark = pytest.mark.alone
+from waiting import HANG_S, wait_until
 
 FINE = ts.Sensor(construction="crs-crs", strips=100, pitch_mm=1.0, length_mm=100.0, adc_bits=12)
 NOISE = ts.Noise(positional=0.002)
@@ -144,7 +142,7 @@ def test_frames_come_and_the_recording_is_complete(tmp_path: Path) -> None:
     switch = sys.getswitchinterval()
     for frame in stream:
         seen.append(frame)
-        if frame.number > 150:
+        if frame.number > 150 and len(seen) > 20:
             break
     assert not stream.running
     assert sys.getswitchinterval() == switch
@@ -153,12 +151,11 @@ def test_frames_come_and_the_recording_is_complete(tmp_path: Path) -> None:
     assert len(recorded) > 150
     with closing(ts.Recording(file)) as recording:
         assert recording.sensor == SENSOR
-    assert sum(bool(raw.shapes) for raw in recorded) > 100
+    assert all(bool(recorded[frame.number].shapes) == bool(frame.objects) for frame in seen)
     (one,) = seen[-1].objects
     assert ts.mismatch(SHAPE.vertices, one.shape.vertices).iou > 0.95
-    assert 0.0 < seen[-1].latency_s < 1.0
+    assert all(frame.latency_s > 0.0 for frame in seen)
     np.testing.assert_array_equal(recorded[seen[-1].number].codes["kh"], seen[-1].raw.codes["kh"])
-    assert 400.0 < stream.meter.rate_hz < 600.0 or stream.meter.rate_hz == 0.0
 
 
 def test_a_recording_is_a_source_too(tmp_path: Path) -> None:
@@ -179,11 +176,12 @@ def test_a_slow_taker_gets_the_newest_and_holds_nobody_up(tmp_path: Path) -> Non
     with stream:
         numbers = []
         for _ in range(4):
-            frame = slow.get(2.0)
+            frame = slow.get(HANG_S)
             assert frame is not None
             numbers.append(frame.number)
-            time.sleep(0.15)
-    assert min(np.diff(numbers)) > 1
+            handed_on = slow.dropped
+            wait_until(lambda: slow.dropped > handed_on + 3)  # noqa: B023
+    assert min(np.diff(numbers)) > 3
     assert slow.dropped + len(slow) + len(numbers) == stream.frames - stream.late
     assert len(list(ts.Recording(tmp_path / "a.mcap"))) == stream.frames
 
@@ -204,8 +202,7 @@ def test_a_full_disk_ends_the_recording_and_not_the_stream(
     stream = _live(tell=said.append)
     stream.record(tmp_path / "a.mcap")
     with stream:
-        while stream.frames < 150:
-            time.sleep(0.01)
+        wait_until(lambda: stream.frames >= 150)
         assert stream.recording is None
         assert stream.running
     (text,) = said
@@ -221,8 +218,7 @@ def test_pulled_out_and_plugged_in_while_recording(tmp_path: Path) -> None:
     stream = Live(ts.SerialSource(lambda: next(lines), SENSOR), tell=said.append)
     stream.record(tmp_path / "a.mcap")
     with stream:
-        while stream.frames < 100:
-            time.sleep(0.01)
+        wait_until(lambda: stream.frames >= 100)
     assert [text.partition(" (")[0] for text in said][:2] == ["the device is gone", "the device is back"]
     assert len(list(ts.Recording(tmp_path / "a.mcap"))) == stream.frames
 
@@ -296,9 +292,7 @@ def test_json_lines_and_a_reader_that_goes() -> None:
     stream = _live(tell=said.append)
     sink = json_sink(stream, file)
     with stream:
-        end = time.monotonic() + 5.0
-        while not sink.ended and time.monotonic() < end:
-            time.sleep(0.01)
+        wait_until(lambda: sink.ended)
     assert said == ["the output of JSON lines ended: Broken pipe"]
     lines = [json.loads(line) for line in file.getvalue().splitlines()]
     assert len(lines) == 4
@@ -318,7 +312,7 @@ def _received(listener: socket.socket) -> list[list[object]]:
 def test_tuio_blobs_over_udp() -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as listener:
         listener.bind(("127.0.0.1", 0))
-        listener.settimeout(5.0)
+        listener.settimeout(HANG_S)
         stream = _live()
         sink = tuio_sink(stream, f"127.0.0.1:{listener.getsockname()[1]}")
         with stream:
@@ -358,7 +352,7 @@ def test_tuio_turns_and_moves() -> None:
     assert (turned.width, turned.height) == pytest.approx((flat.width, flat.height), abs=0.03)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as listener:
         listener.bind(("127.0.0.1", 0))
-        listener.settimeout(5.0)
+        listener.settimeout(HANG_S)
         tuio = Tuio(f"127.0.0.1:{listener.getsockname()[1]}")
         for i in range(30):
             tuio.send(frame(bar.moved(0.2 * i, 0.4 * i), i))  # 10 and 20 mm/s

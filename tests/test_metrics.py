@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import dataclasses
-import time
 import tracemalloc
 from typing import TYPE_CHECKING, Any
 
@@ -353,7 +352,6 @@ def test_an_unknown_centroid_is_refused() -> None:
 
 
 def test_a_raw_profile_of_2000_points() -> None:
-    begun = time.perf_counter()
     tracemalloc.start()
     found = mismatch(regular(6, 10.0), regular(2000, 10.0))
     peak = tracemalloc.get_traced_memory()[1]
@@ -363,7 +361,6 @@ def test_a_raw_profile_of_2000_points() -> None:
     assert found.aoe == pytest.approx(0.0, abs=1e-9)
     assert found.ape == pytest.approx(0.0, abs=1e-9)
     assert peak < 100e6
-    assert time.perf_counter() - begun < 20.0
 
 
 def test_a_spike_without_width_is_dropped() -> None:

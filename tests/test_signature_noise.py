@@ -172,7 +172,7 @@ def test_the_two_errors_are_independent(distribution: Distribution) -> None:
 @BOTH
 def test_readings_get_errors_of_their_own(distribution: Distribution) -> None:
     k = np.full((2, 50_000), 0.4)
-    error = on_readings(k, Noise(0.02, distribution=distribution), np.random.default_rng(4)) - k
+    error = on_readings(k, Noise(quantisation=0.02, distribution=distribution), np.random.default_rng(4)) - k
     assert abs(np.corrcoef(error)[0, 1]) < 0.02
     assert abs(np.corrcoef(error[0, 1:], error[0, :-1])[0, 1]) < 0.02
 
@@ -190,12 +190,14 @@ def test_no_noise_changes_nothing() -> None:
     np.testing.assert_array_equal(on_readings(k, Noise(), np.random.default_rng(0)), k)
     np.testing.assert_array_equal(on_readings(k, Noise(transition_mm=5.0), np.random.default_rng(0)), k)
     np.testing.assert_array_equal(on_transitions(x, Noise(), np.random.default_rng(0)), x)
-    np.testing.assert_array_equal(on_transitions(x, Noise(0.1, 0.1), np.random.default_rng(0)), x)
+    np.testing.assert_array_equal(
+        on_transitions(x, Noise(quantisation=0.1, positional=0.1), np.random.default_rng(0)), x
+    )
 
 
 def test_errors_leave_what_they_were_given() -> None:
     k = np.array([0.1, 0.2])
-    on_readings(k, Noise(0.1, 0.1), np.random.default_rng(0))
+    on_readings(k, Noise(quantisation=0.1, positional=0.1), np.random.default_rng(0))
     digitise(k, 2)
     np.testing.assert_array_equal(k, [0.1, 0.2])
 
@@ -218,7 +220,7 @@ def test_transitions_move_within_their_error() -> None:
 
 def test_a_seed_returns_its_errors_and_another_does_not() -> None:
     def draw(seed: int | np.random.Generator) -> FloatArray:
-        return on_readings(MANY[:100], Noise(0.01, 0.01), generator(seed))
+        return on_readings(MANY[:100], Noise(quantisation=0.01, positional=0.01), generator(seed))
 
     np.testing.assert_array_equal(draw(11), draw(11))
     assert (draw(11) != draw(12)).all()
@@ -285,6 +287,6 @@ def test_impossible_noise(keys: dict[str, Any], message: str) -> None:
 @settings(FIXED, max_examples=25)
 @given(st.floats(0.0, 1.0), st.floats(0.0, 1.0), st.floats(0.0, 1e6), st.sampled_from(["uniform", "normal"]))
 def test_possible_noise_is_kept(q: float, p: float, t: float, distribution: Distribution) -> None:
-    noise = Noise(q, p, t, distribution)
+    noise = Noise(quantisation=q, positional=p, transition_mm=t, distribution=distribution)
     assert (noise.quantisation, noise.positional, noise.transition_mm) == (q, p, t)
     assert noise.distribution == distribution

@@ -18,6 +18,7 @@ from tacstrip.network.nodal import Network, Question, answer
 from tacstrip.network.spice import deck
 from tacstrip.network.strips import network_readings, questions
 from tacstrip.network.wide import wide_questions, wide_readings
+from waiting import HANG_S
 
 needs_ngspice = pytest.mark.skipif(
     shutil.which("ngspice") is None, reason="ngspice is not installed; apt install ngspice"
@@ -29,7 +30,7 @@ FLAT: dict[str, Any] = {"strips": 10, "pitch_mm": 6.5, "length_mm": 325.0, "vref
 def _run(folder: Path, text: str) -> dict[str, float]:
     (folder / "deck.cir").write_text(text)
     done = subprocess.run(
-        ["ngspice", "-b", "deck.cir"], cwd=folder, capture_output=True, text=True, check=False, timeout=60
+        ["ngspice", "-b", "deck.cir"], cwd=folder, capture_output=True, text=True, check=False, timeout=HANG_S
     )
     return {
         name: float(value) for name, value in re.findall(r"^([vi]\w+) = (\S+)$", done.stdout, re.MULTILINE)

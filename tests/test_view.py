@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import itertools
 import json
-import time
 from collections.abc import Awaitable, Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -16,13 +16,13 @@ import pytest
 import tacstrip as ts
 from live_devices import SENSOR
 from tacstrip.stream.live import Live
+from tacstrip.stream.mailbox import Mailbox
 from tacstrip.view.access import Access
 from tacstrip.view.picture import frame_json
 from tacstrip.view.playground import Playground, Settings, sensor_of
 from tacstrip.view.server import PAGE, Server
 from tacstrip.view.stage import Stage
-
-pytestmark = pytest.mark.alone
+from waiting import HANG_S, wait_until
 
 
 @pytest.fixture
@@ -57,7 +57,7 @@ def _base(server: Server) -> str:
 
 def _talk(work: Callable[[aiohttp.ClientSession], Awaitable[Any]]) -> Any:
     async def run() -> Any:
-        async with aiohttp.ClientSession(timeout=aiohttp.ClientTimeout(10.0)) as session:
+        async with aiohttp.ClientSession(timeout=aiohttp.ClientTimeout(HANG_S)) as session:
             return await work(session)
 
     return asyncio.run(run())
@@ -65,7 +65,7 @@ def _talk(work: Callable[[aiohttp.ClientSession], Awaitable[Any]]) -> Any:
 
 async def _until(socket: aiohttp.ClientWebSocketResponse, kind: str, drawn: bool = True) -> dict[str, Any]:
     while True:
-        message = await socket.receive_json(timeout=5.0)
+        message = await socket.receive_json(timeout=HANG_S)
         if message["kind"] == "frame" and drawn:
             await socket.send_json({"drawn": message["number"]})
         if message["kind"] == kind:
@@ -127,10 +127,7 @@ def test_on_the_network_a_token_is_needed_and_the_looking_one_changes_nothing(
                         assert told["text"].startswith("this page may look, not change")
                         assert len(playground.objects) == 1
                     else:
-                        end = time.monotonic() + 5.0
-                        while playground.objects and time.monotonic() < end:
-                            await asyncio.sleep(0.01)
-                        assert not playground.objects
+                        await asyncio.to_thread(wait_until, lambda: not playground.objects)
 
         _talk(look)
     finally:
@@ -168,6 +165,12 @@ def test_a_page_is_told_the_frames_and_the_numbers(server: Server, playground: P
     _talk(watch)
 
 
+def _newest(box: Mailbox[ts.Frame]) -> int:
+    frame = box.get(HANG_S)
+    assert frame is not None
+    return frame.number
+
+
 def test_a_slow_page_gets_the_newest_and_a_page_that_goes_is_forgotten(server: Server, live: Live) -> None:
     async def watch(session: aiohttp.ClientSession) -> list[int]:
         async with session.ws_connect(f"{_base(server)}/ws") as socket:
@@ -176,17 +179,15 @@ def test_a_slow_page_gets_the_newest_and_a_page_that_goes_is_forgotten(server: S
                 frame = await _until(socket, "frame", drawn=False)
                 numbers.append(frame["number"])
                 if len(numbers) == 2:  # two are under way, and no third comes
-                    await asyncio.sleep(0.4)
+                    await asyncio.to_thread(wait_until, lambda: _newest(box) > numbers[1] + 100)
                     await socket.send_json({"drawn": 0})
             assert server.watching == 1
             return numbers
 
-    first, second, third = _talk(watch)
-    assert third - second > 2 * (second - first)
-    end = time.monotonic() + 5.0
-    while server.watching and time.monotonic() < end:
-        time.sleep(0.01)
-    assert server.watching == 0
+    box = live.outlet(detailed=True)
+    _, second, third = _talk(watch)
+    assert third > second + 100
+    wait_until(lambda: server.watching == 0)
     assert live.running
 
 
@@ -242,14 +243,12 @@ def test_the_playground_changes_its_sensor(
 ) -> None:
     assert stage.do({"do": "set", "settings": {"construction": construction, "strips": 16}}) is None
     box = live.outlet()
-    end = time.monotonic() + 20.0
-    while time.monotonic() < end:
-        frame = box.get(1.0)
-        if frame is not None and frame.sensor.construction == construction and frame.objects:
+    while True:
+        frame = box.get(HANG_S)
+        assert frame is not None
+        if frame.sensor.construction == construction and frame.objects:
             break
-    assert frame is not None
     assert (frame.sensor.strips, frame.sensor.width_mm) == (16, 100.0)
-    assert frame.objects
     assert live.error is None
 
 
@@ -262,27 +261,27 @@ def test_sensors_of_the_playground() -> None:
 
 def test_a_contact_off_the_sensor_is_told_and_does_not_end_the_stream(stage: Stage, live: Live) -> None:
     stage.do({"do": "place", "objects": [[[500, 0], [510, 0], [505, 9]]]})
-    box, end = live.outlet(), time.monotonic() + 5.0
-    while time.monotonic() < end:
-        frame = box.get(1.0)
-        if frame is not None and not frame.objects:
-            break
-    assert "outside the sensor" in stage.state()["trouble"]
+    box = live.outlet()
+    while (frame := box.get(HANG_S)) is not None and frame.objects:
+        pass
+    assert frame is not None
+    wait_until(lambda: "outside the sensor" in stage.state()["trouble"])
     assert live.running
 
 
 def test_the_doctor_looks_at_what_was_measured(stage: Stage, live: Live) -> None:
-    end = time.monotonic() + 60.0
     ring = SENSOR.x_mm[[2, 12, 12, 2]]
-    x = 0.0
+    places = itertools.cycle(range(0, 60, 3))
     stage.watched(True)
-    while stage.health.report is None and time.monotonic() < end:
-        x = (x + 3.0) % 60.0
-        y = np.array([20.0, 30.0, 70.0, 50.0])
+
+    def examined() -> bool:
+        x, y = next(places), np.array([20.0, 30.0, 70.0, 50.0])
         stage.do({"do": "place", "objects": [np.stack([ring * 0.6 + x, y + 0.3 * x], axis=1).tolist()]})
         stage.picture()
         stage.health.examine(lambda: None)
-        time.sleep(0.02)
+        return stage.health.report is not None
+
+    wait_until(examined)
     assert stage.health.trouble == ""
     told = stage.state()["health"]
     assert len(told["strips"]) == 20

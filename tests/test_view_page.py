@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import os
 import shutil
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -20,17 +19,15 @@ from tacstrip.view.access import Access
 from tacstrip.view.playground import Playground, Settings
 from tacstrip.view.server import Server
 from tacstrip.view.stage import Stage
+from waiting import wait_until
 
 playwright = pytest.importorskip(
     "playwright.sync_api", reason="the page's tests need playwright, of the group dev", exc_type=ImportError
 )
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
-pytestmark = [
-    pytest.mark.alone,
-    pytest.mark.skipif(
-        CHROMIUM is None, reason="the page's tests need the distribution's Chromium: apt-get install chromium"
-    ),
-]
+pytestmark = pytest.mark.skipif(
+    CHROMIUM is None, reason="the page's tests need the distribution's Chromium: apt-get install chromium"
+)
 
 SENSOR = ts.Sensor(construction="crs-crs", strips=50, pitch_mm=2.0, length_mm=100.0, adc_bits=12)
 RATE_HZ = 1000.0
@@ -38,22 +35,6 @@ OBJECTS = [
     [(10.0, 58.0), (26.0, 30.0), (44.0, 44.0), (36.0, 80.0)],
     [(60.0, 22.0), (88.0, 34.0), (70.0, 66.0)],
 ]
-WAIT_S = 10.0
-
-# Drags are timed inside the page: from the pointer's event to the first picture whose shape is there.
-_TIMER = """([x, y]) => {
-  const svg = document.getElementById("surface");
-  window.timed = null;
-  let moved = null;
-  svg.addEventListener("pointermove", () => { moved = moved ?? performance.now(); });
-  const look = () => {
-    const frame = window.tacstrip.frame;
-    const there = frame.objects.some((o) => o.vertices.some((v) => Math.hypot(v[0] - x, v[1] - y) < 3.0));
-    if (moved !== null && there) window.timed = performance.now() - moved;
-    else requestAnimationFrame(look);
-  };
-  look();
-}"""
 
 
 @pytest.fixture(scope="module")
@@ -87,7 +68,7 @@ def open_page(browser: Any, server: Server) -> Iterator[Callable[..., Any]]:
         page.on("pageerror", lambda error: faults.append(str(error)))
         page.on("requestfailed", lambda request: faults.append(request.url))
         page.goto(server.urls["control"])
-        _wait(lambda: _drawn(page) > 20)
+        wait_until(lambda: _drawn(page) > 20)
         return page
 
     yield opened
@@ -98,13 +79,6 @@ def open_page(browser: Any, server: Server) -> Iterator[Callable[..., Any]]:
 
 def _drawn(page: Any) -> int:
     return int(page.evaluate("() => window.tacstrip ? window.tacstrip.count : 0"))
-
-
-def _wait(ready: Callable[[], object]) -> None:
-    end = time.monotonic() + WAIT_S
-    while not ready():
-        assert time.monotonic() < end, "waited in vain"
-        time.sleep(0.02)
 
 
 def _objects(page: Any) -> list[dict[str, Any]]:
@@ -128,37 +102,18 @@ def _size(page: Any) -> float:
     return float(page.locator(".skin").bounding_box()["width"]) / SENSOR.width_mm
 
 
-def test_a_dragged_corner_changes_the_recovered_shape_at_once(open_page: Callable[..., Any]) -> None:
+def test_a_dragged_corner_changes_the_recovered_shape(open_page: Callable[..., Any]) -> None:
     page = open_page(viewport={"width": 1280, "height": 860})
-    times = []
     for target in ((40.0, 86.0), (32.0, 78.0), (38.0, 90.0)):
         x, y = _centre(page, "[data-key='0.3']")
         px = _size(page)
-        ring = page.evaluate("() => window.tacstrip.frame.truth[0]")
+        corner = page.evaluate("() => window.tacstrip.frame.truth[0]")[3]
+        assert _nearest(page, target) > 3.0
         page.mouse.move(x, y)
         page.mouse.down()
-        page.evaluate(_TIMER, list(target))
-        page.mouse.move(x + (target[0] - ring[3][0]) * px, y - (target[1] - ring[3][1]) * px)
-        _wait(lambda: page.evaluate("() => window.timed") is not None)
+        page.mouse.move(x + (target[0] - corner[0]) * px, y - (target[1] - corner[1]) * px)
+        wait_until(lambda: _nearest(page, target) < 3.0)  # noqa: B023
         page.mouse.up()
-        times.append(page.evaluate("() => window.timed"))
-        time.sleep(0.6)  # the page takes the server's word again
-        assert _nearest(page, target) < 3.0
-    assert min(times) <= 100.0, times
-
-
-def test_fifty_pictures_a_second_at_a_thousand_scans(open_page: Callable[..., Any], server: Server) -> None:
-    page = open_page(viewport={"width": 1280, "height": 860})
-    best = 0.0
-    for _ in range(8):  # the best of eight: other programs run here too
-        start, count, frames = time.monotonic(), _drawn(page), server.stage.live.frames
-        time.sleep(1.0)
-        passed = time.monotonic() - start
-        best = max(best, (_drawn(page) - count) / passed)
-        assert server.stage.live.frames - frames > 0.9 * RATE_HZ * passed
-        if best >= 50.0:
-            break
-    assert best >= 50.0
 
 
 def test_keys_move_turn_add_and_remove(open_page: Callable[..., Any], server: Server) -> None:
@@ -169,19 +124,21 @@ def test_keys_move_turn_add_and_remove(open_page: Callable[..., Any], server: Se
     for key in ("ArrowRight", "ArrowUp", "Shift+ArrowDown"):
         page.keyboard.press(key)
     moved = [(x + 0.5, y + 0.5 - 5.0) for x, y in OBJECTS[1]]
-    _wait(lambda: [round(v, 6) for p in playground.objects[1] for v in p] == [v for p in moved for v in p])
+    wait_until(
+        lambda: [round(v, 6) for p in playground.objects[1] for v in p] == [v for p in moved for v in p]
+    )
     page.keyboard.press("]")
-    _wait(lambda: abs(playground.objects[1][0][0] - moved[0][0]) > 0.5)
+    wait_until(lambda: abs(playground.objects[1][0][0] - moved[0][0]) > 0.5)
     page.keyboard.press("Tab")
     page.locator("[data-key='1.2']").focus()
     page.keyboard.press("+")
-    _wait(lambda: len(playground.objects[1]) == 4)
+    wait_until(lambda: len(playground.objects[1]) == 4)
     page.keyboard.press("Delete")
-    _wait(lambda: len(playground.objects[1]) == 3)
+    wait_until(lambda: len(playground.objects[1]) == 3)
     page.locator("[data-key='1.']").focus()
     page.keyboard.press("Delete")
-    _wait(lambda: len(playground.objects) == 1)
-    _wait(lambda: len(_objects(page)) == 1)
+    wait_until(lambda: len(playground.objects) == 1)
+    wait_until(lambda: len(_objects(page)) == 1)
 
 
 def test_settings_pause_theme_and_recording(
@@ -189,26 +146,30 @@ def test_settings_pause_theme_and_recording(
 ) -> None:
     page = open_page(viewport={"width": 1280, "height": 860})
     page.locator("#record").click()
-    _wait(lambda: "scans" in page.locator("#record-text").inner_text())
+    wait_until(lambda: "scans" in page.locator("#record-text").inner_text())
     page.locator("#record").click()
-    _wait(lambda: page.locator("#record-text").inner_text() == "Record")
+    wait_until(lambda: page.locator("#record-text").inner_text() == "Record")
     (file,) = tmp_path.glob("*.mcap")
     assert len(list(ts.Recording(file))) > 10
     page.locator("#pause").click()
-    count = _drawn(page)
-    time.sleep(0.3)
+    count, came = _drawn(page), server.stage.live.frames
+    # What the page writes there when the server's next numbers come, between frames.
+    page.evaluate("() => { document.getElementById('draws').textContent = ''; }")
+    wait_until(lambda: page.locator("#draws").inner_text() == "paused")
+    assert server.stage.live.frames > came
     assert _drawn(page) == count
     page.locator("#pause").click()
+    wait_until(lambda: _drawn(page) > count)
     page.locator("#theme").click()
     assert page.evaluate("() => document.documentElement.dataset.theme") == "dark"
     page.locator("#construction").select_option("crs-m")
-    _wait(lambda: "crs-m" in page.locator("#what").inner_text())
-    _wait(lambda: page.evaluate("() => Object.keys(window.tacstrip.frame.readings).join()") == "k")
+    wait_until(lambda: "crs-m" in page.locator("#what").inner_text())
+    wait_until(lambda: page.evaluate("() => Object.keys(window.tacstrip.frame.readings).join()") == "k")
     page.locator("#strips").fill("30")
     page.locator("#strips").press("Enter")
-    _wait(lambda: "30 strips" in page.locator("#what").inner_text())
+    wait_until(lambda: "30 strips" in page.locator("#what").inner_text())
     page.locator("#method").select_option("vertex")
-    _wait(lambda: server.stage.live.method == "vertex")
+    wait_until(lambda: server.stage.live.method == "vertex")
 
 
 def test_the_page_on_a_phone(open_page: Callable[..., Any], tmp_path: Path) -> None:
@@ -221,7 +182,9 @@ def test_the_page_on_a_phone(open_page: Callable[..., Any], tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize(("name", "scheme"), [("live", "light"), ("live_dark", "dark")])
-def test_pictures(open_page: Callable[..., Any], tmp_path: Path, name: str, scheme: str) -> None:
+def test_pictures(
+    open_page: Callable[..., Any], server: Server, tmp_path: Path, name: str, scheme: str
+) -> None:
     page = open_page(viewport={"width": 1280, "height": 860}, color_scheme=scheme)
     assert page.evaluate("() => document.documentElement.dataset.theme") == scheme
     for field, value in (("noise", "1"), ("hz", "250")):  # so that regions show
@@ -229,8 +192,9 @@ def test_pictures(open_page: Callable[..., Any], tmp_path: Path, name: str, sche
         page.locator(f"#{field}").press("Enter")
     page.locator(".region").first.wait_for(state="attached")
     page.locator("#hz").blur()
-    time.sleep(2.0)  # numbers settle
-    _wait(lambda: [(one["status"], one["advice"]) for one in _objects(page)] == [("ok", "")] * 2)
+    settled = server.stage.live.frames + 500
+    wait_until(lambda: server.stage.live.frames > settled)
+    wait_until(lambda: [(one["status"], one["advice"]) for one in _objects(page)] == [("ok", "")] * 2)
     _picture(page, name, tmp_path)
 
 

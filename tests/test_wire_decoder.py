@@ -263,3 +263,28 @@ def test_any_bytes_are_taken(pieces: list[bytes]) -> None:
     for piece in pieces:
         decoder.feed(piece)
     assert numbers(decoder.feed(frame(9))) == [9]
+
+
+@pytest.mark.parametrize("before", [2, 5, 186, BEHIND])
+@pytest.mark.parametrize("pieces", [1, 10_000])
+def test_two_low_numbers_in_a_row_are_a_device_that_started_again(before: int, pieces: int) -> None:
+    """Its hello was lost: none of its scans is."""
+    decoder = Decoder()
+    data = b"".join(frame(i) for i in (*range(before), *range(300)))
+    found = [m for at in range(0, len(data), len(data) // pieces or 1)
+             for m in decoder.feed(data[at : at + (len(data) // pieces or 1)])]  # fmt: skip
+    assert numbers(found) == [*range(before), *range(300)]
+    assert {b.restarts for b in found if isinstance(b, ScanBatch)} == {0, 1}
+    assert decoder.counts == Counts(frames=before + 300, restarts=1)
+
+
+def test_scans_lost_after_an_unheard_restart_are_counted() -> None:
+    decoder = Decoder()
+    assert numbers(decoder.feed(b"".join(frame(i) for i in (*range(50), 4, 7, 8)))) == [*range(50), 4, 7, 8]
+    assert decoder.counts == Counts(frames=53, lost=2, restarts=1)
+
+
+def test_one_scan_that_comes_twice_is_no_restart() -> None:
+    decoder = Decoder()
+    assert numbers(decoder.feed(b"".join(frame(i) for i in (0, 1, 1, 2, 3, 2, 4)))) == [0, 1, 2, 3, 4]
+    assert decoder.counts == Counts(frames=5, out_of_order=2)

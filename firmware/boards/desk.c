@@ -1,5 +1,6 @@
 /* No board at all: the core as a library on a desktop computer, for tests. Volts, time and bytes are the caller's. */
 #include "board.h"
+#include "clock.h"
 #include "settings.h"
 
 #define SENT 4096
@@ -38,6 +39,10 @@ uint16_t board_convert(uint8_t line, bool quick) {
 
 void board_wait_us(uint8_t time_us) {
     desk_time_us += time_us;
+}
+
+uint32_t desk_clock_us(uint32_t overflows, uint16_t ticks, bool pending) {
+    return clock_us(overflows, ticks, pending);
 }
 
 uint32_t board_now_us(void) {

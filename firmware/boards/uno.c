@@ -11,6 +11,7 @@
 #include <util/delay_basic.h>
 
 #include "board.h"
+#include "clock.h"
 #include "settings.h"
 
 #ifndef WAYS
@@ -36,7 +37,7 @@
 
 const uint8_t board_adc_bits = 10;
 
-static volatile uint16_t overflows; /* of timer 1, 32.768 ms each */
+static volatile uint32_t overflows; /* of timer 1, 32.768 ms each */
 static const uint8_t *volatile sent;
 static volatile uint16_t unsent;
 static uint8_t received[RECEIVED];
@@ -116,10 +117,11 @@ void board_wait_us(uint8_t time_us) {
 uint32_t board_now_us(void) {
     uint8_t status = SREG;
     cli();
-    uint16_t ticks = TCNT1, high = overflows;
-    if ((TIFR1 & _BV(TOV1)) && ticks < 0x8000) high++;
+    uint16_t ticks = TCNT1;
+    bool pending = TIFR1 & _BV(TOV1); /* after the ticks: they tell on which side of the overflow they were read */
+    uint32_t counted = overflows;
     SREG = status;
-    return (uint32_t)high << 15 | ticks >> 1;
+    return clock_us(counted, ticks, pending);
 }
 
 uint16_t board_supply_mv(void) {

@@ -7,6 +7,7 @@
    SCENARIO has lines in the order of their time:
      volts TIME_US V ...   from then on: the volts of all strips on line 0, then on line 1; nan: nothing touches
      bytes TIME_US HEX     the host sends these bytes
+     memory TIME_US ADDRESS HEX   these bytes are put into the firmware's RAM, as avr-nm tells the address
    BYTES is what the firmware sends. Exit code 0 done, 1 the firmware crashed or two multiplexers met, 2 bad input. */
 #include <math.h>
 #include <simavr/avr_adc.h>
@@ -104,6 +105,14 @@ static void apply_row(void) {
         avr_irq_t *in = avr_io_getirq(avr, AVR_IOCTL_UART_GETIRQ('0'), UART_IRQ_INPUT);
         unsigned byte;
         for (; sscanf(row_data, "%2x", &byte) == 1; row_data += 2) avr_raise_irq(in, byte);
+    } else if (strncmp(row, "memory ", 7) == 0) {
+        char *end;
+        unsigned long at = strtoul(row_data, &end, 16) & 0xFFFF; /* the linker counts RAM from 0x800000 */
+        unsigned byte;
+        for (end++; sscanf(end, "%2x", &byte) == 1; end += 2, at++) {
+            if (at > avr->ramend) quit("no such address: ", row);
+            avr->data[at] = (uint8_t)byte;
+        }
     } else {
         quit("no such line in a scenario: ", row);
     }

@@ -10,6 +10,7 @@ from .contact.shape import Contact as Contact
 from .contact.signature import geometric_centre as geometric_centre
 from .contact.signature import pseudo_centres as pseudo_centres
 from .contact.signature import signatures as signatures
+from .errors import ArgumentError as ArgumentError
 from .errors import ContactError as ContactError
 from .errors import NetworkError as NetworkError
 from .errors import OptionError as OptionError
@@ -86,3 +87,5 @@ from .stream.source import paced as paced
 from .stream.start import live as live
 from .stream.tracking import LiveObject as LiveObject
 from .stream.tracking import Tracker as Tracker
+
+__version__: str

@@ -1,4 +1,4 @@
-"""The array types that signatures of functions use."""
+"""The array types that signatures of functions use, and arrays in a few words."""
 
 from __future__ import annotations
 
@@ -10,3 +10,15 @@ import numpy.typing as npt
 FloatArray: TypeAlias = npt.NDArray[np.float64]
 IntArray: TypeAlias = npt.NDArray[np.int64]
 BoolArray: TypeAlias = npt.NDArray[np.bool_]
+
+
+def extent(values: FloatArray) -> str:
+    """Write the range of values in a few words, such as "0.2 to 0.51"; NaN does not count."""
+    known = values[np.isfinite(values)]
+    return f"{known.min():.3g} to {known.max():.3g}" if len(known) else "none"
+
+
+def strips_told(touched: BoolArray) -> str:
+    """Write which strips are touched in a few words, such as "31 touched (9 to 39)", counted from 0."""
+    which = np.flatnonzero(touched)
+    return f"{len(which)} touched ({which[0]} to {which[-1]})" if len(which) else "none touched"

@@ -7,10 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from tacstrip.arrays import BoolArray, FloatArray
+from tacstrip.arrays import BoolArray, FloatArray, extent, strips_told
 from tacstrip.errors import ReadingError, SignatureError
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
+
+_ROUNDING = (
+    16.0 * np.finfo(float).eps
+)  # of Vref: sums and quotients of a handful of numbers end so far beyond 0 or 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +57,12 @@ class Scan:
                 )
         if self.electrodes is not None:
             object.__setattr__(self, "electrodes", _electrodes(self.electrodes, self.touched))
+
+    def __repr__(self) -> str:
+        names = [n for n in (*SIGNATURES, "electrodes") if getattr(self, n) is not None]
+        ranges = [f", {name} {extent(getattr(self, name))}" for name in names]
+        strips = f"{len(self.touched)} strips at {self.time_s:.6g} s: {strips_told(self.touched)}"
+        return f"<Scan of {strips}{''.join(ranges)}>"
 
     @classmethod
     def of_electrodes(cls, electrodes: npt.ArrayLike, time_s: float = 0.0) -> Scan:
@@ -109,6 +119,7 @@ def _readings(name: str, values: npt.ArrayLike) -> FloatArray:
         raise ReadingError(f"{name} needs one number per strip, NaN where nothing touches") from None
     if array.ndim != 1 or not len(array):
         raise ReadingError(f"{name} needs one value per strip, not an array of shape {array.shape}")
+    array = _without_rounding(array)
     if len(bad := np.flatnonzero((array < 0.0) | (array > 1.0))):
         raise ReadingError(
             f"{name} of strip {bad[0]} is {array[bad[0]]:.6g}, outside 0..1: it is a voltage over Vref"
@@ -117,8 +128,14 @@ def _readings(name: str, values: npt.ArrayLike) -> FloatArray:
     return array
 
 
+def _without_rounding(array: FloatArray) -> FloatArray:
+    """Return readings with those set to 0 or 1 that are beyond by no more than rounding."""
+    near = (array >= -_ROUNDING) & (array <= 1.0 + _ROUNDING)
+    return np.where(near, np.clip(array, 0.0, 1.0), array)
+
+
 def _electrodes(values: npt.ArrayLike, touched: BoolArray) -> FloatArray:
-    array = np.array(values, dtype=float)
+    array = _without_rounding(np.array(values, dtype=float))
     if array.shape != (len(touched), 2 * len(touched)):
         raise ReadingError(
             f"electrodes have shape {array.shape}; give ({len(touched)}, {2 * len(touched)}): all electrodes at "

@@ -6,6 +6,7 @@ from typing import Literal
 
 import numpy as np
 
+from tacstrip.arguments import takes
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.footprint import footprint
 from tacstrip.contact.noise import Noise, Rng, digitise, generator, on_readings
@@ -25,6 +26,7 @@ _ELECTRODES = ("own", "all")
 _IDEAL = Noise()
 
 
+@takes(sensor=Sensor, contact=Contact, noise=Noise)
 def simulate(
     sensor: Sensor,
     contact: Contact,

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from tacstrip.arguments import takes
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.contact.signature import signatures
 from tacstrip.errors import OptionError, ReadingError
@@ -23,6 +24,7 @@ _RESTLESS = 5.0  # times the learned noise: a strip that varies more is touched
 _MAD = 1.4826
 
 
+@takes(sensor=Sensor)
 def rezero(
     sensor: Sensor,
     raw: Mapping[str, FloatArray],

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tacstrip.arrays import FloatArray
-from tacstrip.calibrate.choose import parts_of
+from tacstrip.calibrate.choose import parts_of, planned
 from tacstrip.calibrate.fit import slopes
 from tacstrip.calibrate.model import Model, start
 from tacstrip.calibrate.unit import check
@@ -92,10 +92,7 @@ def plan(
         A value that cannot be, or a construction without a closed form.
     """
     check(sensor)
-    rubber = "resistivity_ratio" in sensor.kind.keys
-    parts = parts_of(
-        model or ("offset+gain+ratio+lambda" if rubber else "offset+gain+lambda"), sensor, sensor.signatures
-    )
+    parts = parts_of(model or planned(sensor).name, sensor, sensor.signatures)
     step = sensor.length_mm / 32.5 if unit_mm is None else unit_mm
     if not 0.0 < wanted_percent < 100.0:
         raise OptionError(f"--wanted {wanted_percent}: a percentage of Vref above 0, such as 0.2")

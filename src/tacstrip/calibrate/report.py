@@ -10,6 +10,7 @@ import numpy as np
 from tacstrip.arrays import FloatArray
 from tacstrip.calibrate.unit import Calibrated
 from tacstrip.data import data_path
+from tacstrip.files import write_text
 from tacstrip.plot.calibration import draw_all, graphed
 from tacstrip.studies.report import Picture
 
@@ -48,9 +49,10 @@ def write_report(result: Calibrated, folder: Path) -> Path:
     page = environment.from_string(template).render(
         sensor=result.sensor, calibration=result.sensor.calibration, count=result.runs.count, bad=result.bad,
         model=result.model, verdict=verdict(result), stages=stages(result), strips=_strips(result),
-        trials=result.trials, pictures=pictures, parameters=result.parameters, graphs=len(graphed(result)),
+        trials=result.trials, status=result.status, advice=result.advice, pictures=pictures,
+        parameters=result.parameters, graphs=len(graphed(result)),
     )  # fmt: skip
-    file.write_text(page, encoding="utf-8")
+    write_text(file, page)
     return file
 
 

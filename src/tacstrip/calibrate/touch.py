@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from tacstrip.arguments import takes
 from tacstrip.arrays import FloatArray
 from tacstrip.errors import ReadingError
 from tacstrip.sensor.calibration import Calibration
@@ -20,6 +21,7 @@ _RESTLESS = 0.02  # of Vref: a strip that moves by more is not at rest
 _MAD = 1.4826
 
 
+@takes(sensor=Sensor)
 def learn_touch(sensor: Sensor, raw: Mapping[str, FloatArray], source: str = "") -> Sensor:
     """Return the sensor with `rest_volt`, `touch_volt` and each strip's own level and noise from untouched readings.
 

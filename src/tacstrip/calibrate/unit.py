@@ -7,9 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tacstrip.arguments import takes
 from tacstrip.arrays import BoolArray, FloatArray
-from tacstrip.calibrate.choose import Trial, choose, named
+from tacstrip.calibrate.choose import Trial, choose, named, told
 from tacstrip.calibrate.fit import Fit, at_rail
+from tacstrip.calibrate.goodness import Goodness, judge, judge_fit
+from tacstrip.calibrate.interpretation import misread, other_order
 from tacstrip.calibrate.model import apply
 from tacstrip.calibrate.offsets import mean_offsets, offset_sigma
 from tacstrip.calibrate.residuals import residuals, rms_percent
@@ -60,6 +63,8 @@ class Calibrated:
         Rows that count (contacts, strips).
     parameters, bad, trials
         Values with their uncertainty, rows that do not count, models that were tried.
+    goodness
+        What is left beside the noise.
     """
 
     sensor: Sensor
@@ -73,13 +78,45 @@ class Calibrated:
     parameters: tuple[Parameter, ...]
     bad: tuple[BadRow, ...]
     trials: tuple[Trial, ...]
+    goodness: Goodness
+
+    @property
+    def status(self) -> str:
+        """Whether these constants describe the unit, "ok", or not, "doubtful"; `advice` says why and what to do."""
+        return "doubtful" if self.goodness.doubt or self.goodness.ill_strips() else "ok"
+
+    @property
+    def advice(self) -> str:
+        """What to do about a fit that is doubtful, or leaves more than noise; "" where all is well."""
+        good = self.goodness
+        if good.doubt:
+            return (
+                f"{good.doubt}: the runs do not describe this sensor. Are they of this unit, in the order of their "
+                "rows, and the places in millimetres from the grounded end? The report draws each strip's readings"
+            )
+        if ill := good.ill_strips():
+            names = ", ".join(str(i + self.plain.strip_base) for i in ill)
+            worst = 100.0 * float(good.strips[ill].max())
+            return (
+                f"strip {names} is off by {worst:.2g} % of Vref, the median strip by {100.0 * good.left:.2g} %: "
+                "look at its wires (`tacstrip doctor`) and at its rows, and press it again"
+            )
+        if good.repeated and good.left > max(3.0 * good.noise, 0.001):
+            return (
+                f"{100.0 * good.left:.2g} % of Vref is left, and by its repeats the readings' noise is "
+                f"{100.0 * good.noise:.2g} %: is the rubber not uniform, or are places not exact? Press more places"
+            )
+        return ""
 
     def rms_percent(self, off: dict[str, FloatArray]) -> float:
         """Return the root mean square over the rows that count [% of Vref]."""
         return rms_percent({name: np.where(self.counted, v, np.nan) for name, v in off.items()})
 
 
-def calibrate_unit(sensor: Sensor, runs: Runs, model: str = "auto", unit: str = "") -> Calibrated:
+@takes(sensor=Sensor, runs=Runs)
+def calibrate_unit(
+    sensor: Sensor, runs: Runs, model: str = "auto", unit: str = "", *, force: bool = False
+) -> Calibrated:
     """Calibrate a unit from contacts of known place.
 
     Parameters
@@ -90,13 +127,22 @@ def calibrate_unit(sensor: Sensor, runs: Runs, model: str = "auto", unit: str = 
         "auto": what cross-validation bears out; "mean": the thesis' mean offsets; or parts, "offset+ratio+lambda".
     unit
         Name of this very unit, to be kept.
+    force
+        Take runs that look misread: in other units, with columns exchanged, from the other end.
+
+    Returns
+    -------
+    Calibrated
+        Look at its `status`: "doubtful" where what is left is far above the noise, or a constant is one that no sound
+        unit has.
 
     Raises
     ------
     OptionError
         There is no such model, or the construction has no closed form.
     ReadingError
-        The runs cannot tell a part of the model that was asked for, or a strip reads 0 or Vref throughout.
+        The runs cannot tell a part of the model that was asked for, a strip reads 0 or Vref throughout, or read in
+        another way the runs fit far better; the message says which.
     """
     check(sensor)
     dead = np.flatnonzero(~(np.isfinite(runs.l_mm) & ~at_rail(runs)).any(axis=0))
@@ -105,6 +151,10 @@ def calibrate_unit(sensor: Sensor, runs: Runs, model: str = "auto", unit: str = 
             f"strip {dead[0] + sensor.strip_base} reads 0 or Vref in every contact: is it connected, and pressed?"
         )
     plain = replace(sensor, calibration=None)
+    if not force:
+        as_read = judge_fit(plain, told(plain, runs), runs)
+        if why := misread(plain, runs, as_read) or other_order(sensor, runs):
+            raise ReadingError(f"{why}. Put it right; if the runs are right as they are, give --force")
     thesis = replace(plain, calibration=mean_offsets(plain, runs))
     found: Fit | None = None
     trials: tuple[Trial, ...] = ()
@@ -131,6 +181,7 @@ def calibrate_unit(sensor: Sensor, runs: Runs, model: str = "auto", unit: str = 
     return Calibrated(
         replace(done, calibration=_with_rest(kept, sensor.calibration)), plain, runs, kept.model, before,
         residuals(thesis, runs), after, counted, _parameters(done, found, runs), _bad(runs, counted, after), trials,
+        judge(plain, done, runs, found),
     )  # fmt: skip
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import importlib
 import os
@@ -12,10 +13,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tacstrip.errors import OptionError, TacstripError
+from tacstrip.errors import OptionError, ReadingError, RecordingError, TacstripError
 
 if TYPE_CHECKING:
     from tacstrip.sensor.spec import Sensor
+    from tacstrip.stream.source import Source
 
 # Verb: what it is for, as `tacstrip --help` says it. Each verb is `command` in the module of its name.
 VERBS = {
@@ -34,6 +36,11 @@ VERBS = {
     "limits": "Say how well a sensor can tell a contact's corners, and which designs reach a wanted error.",
     "reproduce": "Make chapters 2 to 6 of the thesis again, beside its printed figures.",
 }
+
+
+_LOOK_SCANS = 10_000  # of a recording, for a warning
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+_COULD_NOT = (*_FULL, errno.EIO, errno.ENOMEM, errno.EMFILE, errno.ENFILE)  # whatever the input
 
 
 class _Verbs(click.Group):
@@ -130,6 +137,29 @@ def load_sensor(spec: str | Path) -> Sensor:
     return sensor
 
 
+def warn_untouched(name: str | Path, source: Source) -> None:
+    """Warn where untouched strips have readings in a file that is a source, and its spec does not tell them apart."""
+    import itertools
+
+    import numpy as np
+
+    from tacstrip.diagnose.log import Log
+    from tacstrip.sensor.rest_level import rest_hint
+    from tacstrip.stream.replay import ReadingsSource, Recording
+
+    if not isinstance(source, ReadingsSource | Recording):
+        return
+    try:  # a recording is iterated once: another look at it, as far as it can be read
+        scans = source if isinstance(source, ReadingsSource) else Recording(name, source.sensor)
+        with contextlib.closing(scans):
+            log = Log.of_codes(scans.sensor, itertools.islice(scans, _LOOK_SCANS))
+    except (ReadingError, RecordingError):
+        return
+    raw = {n: np.where(log.touched, values, np.nan) for n, values in log.raw.items()}
+    hint = rest_hint(log.sensor, raw)
+    warn(f"{name}: {hint}" if hint else "")
+
+
 def check_method(option: str, method: str | None, sensor: Sensor, signatures: Sequence[str]) -> None:
     """Refuse a method that this sensor, or what was read of it, cannot have, and name one that it can.
 
@@ -158,7 +188,7 @@ def check_method(option: str, method: str | None, sensor: Sensor, signatures: Se
 
 
 def main() -> None:
-    """Run the command line; a known error becomes one clear line and exit code 2."""
+    """Run the command line; a known error becomes one clear line and exit code 2, a full disk or the like 1."""
     try:
         cli(standalone_mode=True)
     except TacstripError as error:
@@ -167,5 +197,7 @@ def main() -> None:
     except OSError as error:
         missing = " (is there such a folder?)" if isinstance(error, FileNotFoundError) else ""
         place = "the output" if error.filename is None else error.filename
-        click.echo(f"Error: {place}: {error.strerror}{missing}", err=True)
-        sys.exit(2)
+        failed = error.errno in _COULD_NOT
+        then = "; nothing is written there: make room, or choose another disk" if error.errno in _FULL else ""
+        click.echo(f"Error: {place}: {error.strerror}{missing}{then}", err=True)
+        sys.exit(1 if failed else 2)

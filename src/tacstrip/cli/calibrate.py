@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,6 +21,7 @@ from tacstrip.errors import OptionError
 from tacstrip.io.readings import read_readings
 from tacstrip.io.runs import read_runs, write_plan
 from tacstrip.io.suspicions import half_read
+from tacstrip.sensor.rest_level import rest_hint
 from tacstrip.sensor.spec import Sensor
 
 _MOST_LINES = 20
@@ -37,7 +39,9 @@ _MOST_LINES = 20
 @click.option("--touch", type=click.Path(path_type=Path), help="Readings (CSV) with nothing on the sensor: learn "
               "rest_volt and touch_volt.")  # fmt: skip
 @click.option("--unit", default="", help="Name of this very unit, kept with its calibration.")
-@click.option("--force", is_flag=True, help="Take runs that say that they are of another unit.")
+@click.option(
+    "--force", is_flag=True, help="Take runs that say that they are of another unit, or do not fit."
+)
 @click.option(
     "--plan", "planned", is_flag=True, help="Print the contacts to make; -o writes them as RUNS to fill in."
 )
@@ -71,7 +75,8 @@ def command(
     """Calibrate SENSOR (a spec file or a shipped spec) from RUNS (CSV): contacts of known l and w on each strip.
 
     The calibrated spec stands in for SENSOR in all other verbs. `--plan` says which contacts to make, `--touch` learns
-    what an untouched strip reads, `--rezero` takes drift out again.
+    what an untouched strip reads, `--rezero` takes drift out again. Exit code 2: the runs are bad, in other units say;
+    1: they do not describe this sensor, and no spec is written.
 
     Example: tacstrip calibrate sensor.toml runs.csv -o calibrated.toml --report report
     """
@@ -91,12 +96,14 @@ def command(
     if data is None and touch is None:
         raise OptionError("give RUNS to calibrate from, or one of --touch, --plan, --rezero")
     check(spec)
+    good = True
     if data is not None:
         runs = read_runs(data, spec, unit, force)
-        warn(half_read(data, spec, runs.signatures))
+        unset = rest_hint(spec, runs.raw)
+        warn(half_read(data, spec, runs.signatures), f"{data}: {unset}" if unset else "")
         if model == "auto":
             click.echo("Trying models on contacts left out of the fit; this may take a minute", err=True)
-        result = calibrate_unit(spec, runs, model, unit)
+        result = calibrate_unit(spec, runs, model, unit, force=force)
         _say(result)
         spec = result.sensor
         if touch is None and all(len(v) for v in runs.rest.values()):
@@ -105,12 +112,19 @@ def command(
             from tacstrip.calibrate.report import write_report
 
             click.echo(f"{write_report(result, report)}: report")
+        warn(result.advice)
+        good = result.status == "ok"
+        if not good and not force:
+            click.echo(f"Not calibrated, {output} is not written: with --force it is", err=True)
+            sys.exit(1)
     if touch is not None:
         spec = learn_touch(spec, _raw(touch, spec), _source(touch))
     if spec.touch_volt is not None and spec.calibration is not None and spec.calibration.touch:
         _say_touch(spec)
     spec.save(output)
-    click.echo(f"{output} written: use it in place of {sensor}")
+    click.echo(
+        f"{output} written" + (f": use it in place of {sensor}" if good else ", though it is in doubt")
+    )
 
 
 def _together(planned: bool, zeroed: bool, data: bool, report: Path | None, reference: object) -> None:
@@ -175,9 +189,12 @@ def _say(result: Calibrated) -> None:
     for p in result.parameters:
         if p.strip is None:
             click.echo(f"  {p.name} = {p.value:.5g} +- {p.sigma:.2g} {p.unit}".rstrip())
-    refused = [t for t in result.trials if t.verdict.startswith("refused")]
-    for trial in refused[:_MOST_LINES]:
-        click.echo(f"  not fitted: {trial.name}: {trial.verdict.removeprefix('refused: ')}", err=True)
+    refused: dict[str, list[str]] = {}
+    for trial in result.trials:
+        if trial.verdict.startswith("refused"):
+            refused.setdefault(trial.verdict.removeprefix("refused: "), []).append(trial.name)
+    for why, names in list(refused.items())[:_MOST_LINES]:
+        click.echo(f"  not fitted: {', '.join(names)}: {why}", err=True)
     for row in result.bad[:_MOST_LINES]:
         strip = row.strip + result.plain.strip_base
         click.echo(f"  line {row.line}, strip {strip}: left out, {row.why}", err=True)

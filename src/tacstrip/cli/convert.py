@@ -7,10 +7,11 @@ from pathlib import Path
 
 import click
 
-from tacstrip.cli import load_sensor, new_file
+from tacstrip.cli import load_sensor, new_file, warn_untouched
 from tacstrip.cli.record import save_recording
 from tacstrip.cli.replay import warn_of_cut
 from tacstrip.errors import OptionError, one_of
+from tacstrip.files import replacing
 from tacstrip.stream.export import write_csv, write_npz, write_shapes
 from tacstrip.stream.replay import Recording, open_source
 from tacstrip.stream.source import Source
@@ -43,8 +44,10 @@ def command(files: tuple[str, ...], output: Path, codes: bool, force: bool) -> N
     new_file(output, force, *files)
     source = open_source(files[-1], load_sensor(files[0]) if len(files) == 2 else None)
     if kind == ".mcap":
-        save_recording(files, source, output, force=force)
+        with replacing(output) as part:
+            save_recording(files, source, output, force=force, part=part)
         return
+    warn_untouched(files[-1], source)
     with contextlib.closing(source):
         told = _converted(files[-1], source, output, codes)
     click.echo(f"{output}: {told}")

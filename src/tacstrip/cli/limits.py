@@ -17,6 +17,7 @@ from tacstrip.arrays import FloatArray
 from tacstrip.cli import load_sensor, protect, warn
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError
+from tacstrip.files import write_text
 from tacstrip.io.geometry import read_contact
 from tacstrip.io.suspicions import contact_in_metres
 from tacstrip.reconstruct.bound import reading_sigma
@@ -110,7 +111,7 @@ def command(
         check_picture(plot)
     spec = load_sensor(sensor)
     spec = spec if bits is None else replace(spec, adc_bits=bits)
-    noise = Noise(quantisation, positional, distribution=distribution)  # type: ignore[arg-type]
+    noise = Noise(quantisation=quantisation, positional=positional, distribution=distribution)  # type: ignore[arg-type]
     if reading_sigma(noise, spec) == 0.0:
         raise OptionError(
             "without errors of the readings there is no limit: give what they are, such as --positional 0.005, "
@@ -136,7 +137,7 @@ def command(
 
         click.echo(f"{save(limits_figure(spec, outline, found, over), plot)}: picture")
     if output is not None:
-        output.write_text(json.dumps(_record(outline, found, over, judged), indent=1), encoding="utf-8")
+        write_text(output, json.dumps(_record(outline, found, over, judged), indent=1))
         click.echo(f"{output}: numbers")
     if judged is not None and wanted_mm is not None:
         reached = [d for d in judged if d.noise > 0.0]

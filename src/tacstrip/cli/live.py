@@ -13,7 +13,7 @@ from typing import Any
 
 import click
 
-from tacstrip.cli import check_method, load_sensor, new_file, warn
+from tacstrip.cli import check_method, load_sensor, new_file, warn, warn_untouched
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError, PortError
 from tacstrip.io.suspicions import half_read
@@ -143,6 +143,8 @@ def _stream(files: tuple[str, ...], sensor: Sensor | None, asked: _Asked) -> boo
     check_method("--method", given["method"], source.sensor, source.names)
     if isinstance(source, ReadingsSource):
         warn(half_read(files[-1], source.sensor, source.names))
+    if files:
+        warn_untouched(files[-1], source)
     warm_up(source.sensor, given["method"])
     noise = None if given["noise"] is None else Noise(positional=given["noise"])
     live = Live(
@@ -151,6 +153,8 @@ def _stream(files: tuple[str, ...], sensor: Sensor | None, asked: _Asked) -> boo
     with ExitStack() as stack:
         # What may not be had comes first: no file is begun for nothing.
         sinks = list(_sinks(live, given))
+        for sink in sinks:
+            stack.callback(sink.close)
         if not given["no_view"]:
             stack.enter_context(_page(live, playground, given))
         if given["output"] is not None:
@@ -158,10 +162,9 @@ def _stream(files: tuple[str, ...], sensor: Sensor | None, asked: _Asked) -> boo
         with live:
             while live.running and asked.going() and not (sinks and all(sink.ended for sink in sinks)):
                 pass
-            broken = given["output"] is not None and live.recording is None
-        for sink in sinks:
-            sink.close()
-    return broken or live.error is not None
+    # A reader of the lines that goes ends them as it likes.
+    cut = any(sink.error and not isinstance(sink.error, BrokenPipeError) for sink in sinks)
+    return cut or live.recording_failed or live.error is not None
 
 
 def _next(playground: Playground | None) -> Callable[[], Source | None]:

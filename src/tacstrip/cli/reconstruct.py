@@ -14,7 +14,7 @@ from click.core import ParameterSource
 from tacstrip.cli import check_method, load_sensor, protect, warn
 from tacstrip.contact.noise import Noise
 from tacstrip.contact.shape import Contact
-from tacstrip.errors import OptionError, ReadingError, one_of
+from tacstrip.errors import OptionError, ReadingError, number, one_of
 from tacstrip.io.geometry import feature_collection, read_contact, write_geojson
 from tacstrip.io.readings import read_readings
 from tacstrip.io.suspicions import exchanged, half_read, largest, over_vref
@@ -24,6 +24,8 @@ from tacstrip.reconstruct.profile import profile_reconstruction
 from tacstrip.reconstruct.result import Reconstruction
 from tacstrip.reconstruct.vertex import vertex_reconstruction
 from tacstrip.scan import Scan
+from tacstrip.sensor.raw import distorted
+from tacstrip.sensor.rest_level import rest_hint
 from tacstrip.sensor.spec import Sensor
 
 _MOST_LINES = 20
@@ -108,13 +110,17 @@ def command(
         raise OptionError(f"--wide is for --method polygon; leave it out for {chosen}")
     if convex and chosen != "profile":
         raise OptionError("--convex is for --method profile; leave it out")
-    noise = Noise(quantisation or 0.0, positional or 0.0, distribution=distribution)  # type: ignore[arg-type]
+    halves = {"quantisation": quantisation or 0.0, "positional": positional or 0.0}
+    noise = Noise(**halves, distribution=distribution)  # type: ignore[arg-type]
     known = noise if (quantisation, positional) != (None, None) else None
     where = _transitions(transitions)
     swapped = exchanged(scans, known)
+    stacked = {name: np.stack([s[name] for s in scans]) for name in scans[0].signatures}
+    unset = rest_hint(spec, distorted(spec, stacked))
     warn(
         half_read(readings, spec, scans[0].signatures) if signature is None else "",
         over_vref(readings, spec, largest(scans)),
+        f"{readings}: {unset}" if unset else "",
         f"{swapped} (`tacstrip doctor {readings} --sensor {sensor}` says more)" if swapped else "",
     )
     results = []
@@ -153,7 +159,7 @@ def _transitions(text: str) -> str | list[float]:
     if text.isalpha():
         return text
     try:
-        return [float(part) for part in text.split(",")]
+        return [number(part) for part in text.split(",")]
     except ValueError:
         raise OptionError(
             f"--transitions {text}: give auto, gradient, or numbers such as 12,20.5,31"

@@ -14,7 +14,7 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
-from tacstrip.cli import check_method, load_sensor, new_file, warn
+from tacstrip.cli import check_method, load_sensor, new_file, warn, warn_untouched
 from tacstrip.cli.replay import warn_of_cut
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError
@@ -110,7 +110,7 @@ def _simulated(files: tuple[str, ...], given: dict[str, Any]) -> SimulatedSource
     shape = read_contact(files[1]).turned(math.radians(given["turn"]))
     start = given["at"] or tuple(shape.centroid)
     motion = Drag(shape, [start, *given["drag"]], seconds, math.radians(given["turn_rate"]))
-    noise = Noise(given["quantisation"], given["positional"], distribution=given["distribution"])
+    noise = Noise(**{name: given[name] for name in ("quantisation", "positional", "distribution")})
     sensor = load_sensor(files[0])
     warn(contact_in_metres(shape, sensor))
     return SimulatedSource(
@@ -131,14 +131,17 @@ def save_recording(
     speed: float = math.inf,
     force: bool = False,
     count: int = 0,
+    part: Path | None = None,
 ) -> None:
     """Record a source, opened from the command line's files, and say what was saved; exit code 1 if a write fails.
 
-    `count`: how many scans it will give, where that is known; much work is then told before it begins.
+    `count`: how many scans it will give, where that is known; much work is then told before it begins. `part`: write
+    here in place of `output`, all scans or none; who says so puts it in its place.
     """
     check_method("--reconstruct", method, source.sensor, source.names)
     if isinstance(source, ReadingsSource):
         warn(half_read(files[-1], source.sensor, source.names))
+    warn_untouched(files[-1], source)
     about = {"source": Path(files[-1]).name, "sensor": Path(files[0]).name, "method": method or ""}
     if isinstance(source, Recording) and not method:
         about["method"] = source.about.get("method", "")
@@ -147,17 +150,21 @@ def save_recording(
         first = list(itertools.islice(scans, 1))  # what is wrong with the method shows before a file is made
         if count > _SAMPLE:
             first += _foresee(scans, count)
-        recorder = Recorder(output, source.sensor, source.names, source.origin_ns, about, force)
+        recorder = Recorder(part or output, source.sensor, source.names, source.origin_ns, about, force)
         try:
             with recorder:
                 record(itertools.chain(first, scans), recorder, speed, stop)
         except OSError as error:
+            if part is not None:
+                raise
             click.echo(
                 f"Error: {error.filename}: {error.strerror}. {recorder.saved_scans} scan(s) are saved in it; "
                 "make room, or record to another disk",
                 err=True,
             )
             sys.exit(1)
+    if part is not None and stop():
+        raise KeyboardInterrupt
     told = "stopped: " if stop() else ""
     shapes = f", {recorder.polygons} shape(s)" if recorder.polygons else ""
     click.echo(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import click
@@ -25,11 +24,7 @@ def command(recording: Path, output: Path | None, force: bool) -> None:
     """
     target = output or recording.with_name(f"{recording.stem}-recovered.mcap")
     new_file(target, force, recording)
-    try:
-        saved = recover(recording, target, force)
-    except OSError as error:
-        click.echo(f"Error: {target}: {error.strerror}", err=True)
-        sys.exit(1)
+    saved = recover(recording, target, force)
     counts = ", ".join(f"{topic}: {count}" for topic, count in saved.messages.items() if count)
     click.echo(
         f"{target}: {sum(saved.messages.values())} message(s) over {saved.seconds:.6g} s saved ({counts})"

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from tacstrip.cli import check_method, load_sensor, protect
+from tacstrip.cli import check_method, load_sensor, protect, warn_untouched
 from tacstrip.errors import OptionError
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.codes import decode
@@ -57,6 +57,7 @@ def command(
         check_picture(plot)
     source = Recording(recording, load_sensor(sensor) if sensor else None)
     check_method("--reconstruct", method, source.sensor, source.names)
+    warn_untouched(recording, source)
     touched: RawScan | None = None
     with contextlib.closing(source), Interrupt() as stop:
         scans = with_shapes(source, source.sensor, method) if method else iter(source)

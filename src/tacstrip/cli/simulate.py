@@ -14,6 +14,7 @@ from tacstrip.cli import load_sensor, protect, warn
 from tacstrip.contact.footprint import footprint
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError
+from tacstrip.files import write_text
 from tacstrip.io.geometry import read_contact
 from tacstrip.io.readings import write_readings
 from tacstrip.io.suspicions import contact_in_metres
@@ -83,7 +84,7 @@ def command(
 
         check_picture(plot)
     spec = load_sensor(sensor)
-    noise = Noise(quantisation, positional, distribution=distribution)  # type: ignore[arg-type]
+    noise = Noise(quantisation=quantisation, positional=positional, distribution=distribution)  # type: ignore[arg-type]
     if seed < 0 or not rate > 0.0:
         bad = f"--seed {seed}: must be 0 or more" if seed < 0 else f"--rate {rate}: must be above 0"
         raise OptionError(bad)
@@ -103,7 +104,7 @@ def command(
     ]
     write_readings(output, spec, scans)
     if placed is not None:
-        placed.write_text(shapely.GeometryCollection(list(shape.shapes)).wkt + "\n", encoding="utf-8")
+        write_text(placed, shapely.GeometryCollection(list(shape.shapes)).wkt + "\n")
     touched, split = (int(strips.any(axis=0).sum()) for strips in (np.isfinite(touch.l), touch.pieces > 1))
     click.echo(f"{output}: {len(scans)} scan(s) of {spec.strips} strips, {touched} of them touched")
     if touched == 0:

@@ -9,6 +9,7 @@ from click.core import ParameterSource
 
 from tacstrip.cli import load_sensor, protect, warn
 from tacstrip.errors import OptionError
+from tacstrip.files import write_text
 from tacstrip.io.geometry import read_contact
 from tacstrip.io.suspicions import contact_in_metres
 from tacstrip.network.build import Readout
@@ -70,7 +71,7 @@ def command(
         asked = contact_questions(spec, shape, cells)
     named = {str(strip + spec.strip_base): question for strip, question in asked.items()}
     title = f"{spec.construction}, {spec.strips} strips, {contact.name}, written by tacstrip"
-    output.write_text(deck(title, named, spec.vref_volt), encoding="utf-8")
+    write_text(output, deck(title, named, spec.vref_volt))
     click.echo(f"{output}: {len(named)} touched strip(s). Run it with: ngspice -b {output}")
     if not named:
         warn("no strip is touched: there is nothing to print", contact_in_metres(shape, spec))

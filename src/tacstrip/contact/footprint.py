@@ -15,7 +15,8 @@ from typing import TypeAlias
 import numpy as np
 import shapely
 
-from tacstrip.arrays import FloatArray, IntArray
+from tacstrip.arguments import takes
+from tacstrip.arrays import FloatArray, IntArray, extent, strips_told
 from tacstrip.contact.shape import Contact
 from tacstrip.sensor.spec import Sensor
 
@@ -44,6 +45,12 @@ class Footprint:
     _sensor: Sensor
     _contacts: tuple[Contact, ...]
 
+    def __repr__(self) -> str:
+        strips = strips_told(np.asarray(np.isfinite(np.atleast_2d(self.l)).any(axis=0)))
+        many = f" of {len(self._contacts)} contacts" if self.l.ndim > 1 else ""
+        cut = ", clipped" if self.clipped else ""
+        return f"<Footprint{many}: {strips}, l {extent(self.l)}, u {extent(self.u)} mm{cut}>"
+
     def __iter__(self) -> Iterator[FloatArray]:
         return iter((self.l, self.u))
 
@@ -59,6 +66,7 @@ class Footprint:
         return np.stack(counts).reshape(self.l.shape)
 
 
+@takes(sensor=Sensor, contact=(Contact, Sequence))
 def footprint(sensor: Sensor, contact: Contact | Sequence[Contact]) -> Footprint:
     """Find l and u of one contact on every strip, or of many contacts at once.
 

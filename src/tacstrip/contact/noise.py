@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import Literal, Self, TypeAlias
 
 import numpy as np
 
+from tacstrip.arguments import refuse_positional
 from tacstrip.arrays import FloatArray
 from tacstrip.errors import OptionError, one_of
 
@@ -16,9 +17,9 @@ Rng: TypeAlias = int | np.random.Generator
 _DISTRIBUTIONS = ("uniform", "normal")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Noise:
-    """Half-widths of independent errors.
+    """Half-widths of independent errors, each by its name: `Noise(positional=0.005)`.
 
     Attributes
     ----------
@@ -37,12 +38,17 @@ class Noise:
     transition_mm: float = 0.0
     distribution: Literal["uniform", "normal"] = "uniform"
 
+    def __new__(cls, *values: object, **named: object) -> Self:
+        """Refuse numbers without a name: `ArgumentError`."""
+        refuse_positional("ts.Noise", values, "ts.Noise(positional=0.005), or quantisation=, transition_mm=")
+        return super().__new__(cls)
+
     def __post_init__(self) -> None:
         if self.distribution not in _DISTRIBUTIONS:
             raise OptionError(one_of("distribution", self.distribution, _DISTRIBUTIONS))
         for name in ("quantisation", "positional", "transition_mm"):
             value = getattr(self, name)
-            if isinstance(value, str) or not 0.0 <= value < math.inf:
+            if not isinstance(value, int | float) or not 0.0 <= value < math.inf:
                 raise OptionError(f"{name} = {value!r}: must be 0 or more")
         for name in ("quantisation", "positional"):
             if getattr(self, name) > 1.0:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Self
@@ -14,8 +15,9 @@ from shapely.geometry.base import BaseGeometry
 
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.unreadable import why_not_geojson, why_not_wkt
-from tacstrip.errors import ContactError
+from tacstrip.errors import ArgumentError, ContactError
 
+_KINDS = {"Polygon": "polygon", "LineString": "line", "Point": "point"}
 _FAR = 1e9  # mm; GEOS fails on numbers whose squares overflow
 
 
@@ -32,6 +34,21 @@ class Contact:
     """
 
     shapes: tuple[BaseGeometry, ...]
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.shapes, tuple) or not all(isinstance(s, BaseGeometry) for s in self.shapes):
+            raise ArgumentError(
+                "ts.Contact(...) takes a tuple of Shapely shapes; of coordinates write ts.Contact.polygon([(x, y), "
+                "...]), .line or .points, of a file ts.read_contact(file)"
+            )
+
+    def __repr__(self) -> str:
+        counts = Counter(_KINDS.get(s.geom_type, s.geom_type) for s in self.shapes)
+        parts = [f"{count} {kind}{'s' if count > 1 else ''}" for kind, count in counts.items()]
+        if len(self.shapes) == 1 and counts["polygon"]:
+            parts = [f"polygon of {len(shapely.get_exterior_ring(self.shapes[0]).coords) - 1} vertices"]
+        x0, y0, x1, y1 = shapely.GeometryCollection(list(self.shapes)).bounds
+        return f"<Contact: {', '.join(parts)}, x {x0:.4g} to {x1:.4g}, y {y0:.4g} to {y1:.4g} mm>"
 
     @classmethod
     def polygon(cls, vertices: npt.ArrayLike, *, holes: Sequence[npt.ArrayLike] = ()) -> Self:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from tacstrip.arguments import takes
 from tacstrip.arrays import FloatArray
 from tacstrip.sensor.circuit import k_h, k_l, k_metal
 from tacstrip.sensor.constructions import check_closed_form
 from tacstrip.sensor.spec import Sensor
 
 
+@takes(sensor=Sensor)
 def signatures(sensor: Sensor, l_mm: FloatArray, u_mm: FloatArray) -> dict[str, FloatArray]:
     """Return every signature of the construction, name to array of the shape of l and u.
 
@@ -37,6 +39,7 @@ def geometric_centre(l_mm: FloatArray, u_mm: FloatArray) -> FloatArray:
     return np.asarray(0.5 * (np.asarray(l_mm, dtype=float) + u_mm))
 
 
+@takes(sensor=Sensor)
 def pseudo_centres(sensor: Sensor, l_mm: FloatArray, u_mm: FloatArray) -> dict[str, FloatArray]:
     """Return the pseudo-centres k_h L, k_l L or k L [mm] of each signature: (4.1), (4.2), (4.3)."""
     return {name: k * sensor.length_mm for name, k in signatures(sensor, l_mm, u_mm).items()}

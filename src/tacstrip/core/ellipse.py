@@ -20,6 +20,8 @@ from tacstrip.fisher import covariance
 _STEPS, _ENOUGH, _HOPE = 25, 1e-2, 4.0
 PARAMETERS = 3  # that the readings determine; the ends' x have a prior
 _POINTS = 20  # interior points of either chain that draw it
+_CHORD = np.pi / (_POINTS + 1)  # angle between two of them
+_SAME_AREA = _CHORD / np.sin(_CHORD)  # they lie so much further out in y that chords hold the ellipse's area
 _EDGE = 0.03  # sqrt(1 - t^2) of the place nearest to an end where its slope is taken
 _LEAST = 1e-9  # added to the normal matrix
 
@@ -54,7 +56,7 @@ class Ellipse:
         """Return lower and upper chain (22, 2) [mm], and the covariance (84, 84) [mm^2] of the 42 vertices."""
         left, right, c, s, b = self.parameters
         t = -np.cos(np.linspace(0.0, np.pi, _POINTS + 2))
-        r = np.sqrt(np.maximum(1.0 - t * t, 0.0))
+        r = _SAME_AREA * np.sqrt(np.maximum(1.0 - t * t, 0.0))
         r[[0, -1]] = 0.0
         x = 0.5 * (left + right) + 0.5 * (right - left) * t
         scale, origin = np.array((signal.width_mm, signal.length_mm)), (signal.origin_mm, 0.0)

@@ -12,6 +12,8 @@ from tacstrip.diagnose.view import Suspect, View, expected, residuals
 
 _INSIDE = 0.15  # over Vref: expectations this far from both rails cannot be met by a reading on a rail
 _RAIL = 0.012  # over Vref
+_NEAR_RAIL = 0.08  # over Vref: offsets take a channel that hangs on a rail no further from it
+_ALWAYS = 0.9  # of those places: an open end shows wherever the contact is
 _SHARE = 0.4  # of those places: elsewhere the contact bridges the break
 _SPREAD = 0.05  # over Vref: what the neighbours must move for a reading that does not
 _MOVES = 0.2  # over Vref: what the neighbours must move for a reading that should, and does not
@@ -33,13 +35,23 @@ def on_rails(view: View) -> list[Suspect]:
     gap = np.stack([expected(view.k[n], view.there)[2] for n in names]) / 2.0
     inside = (e - gap > _INSIDE / 2.0) & (e + gap < 1.0 - _INSIDE / 2.0) & (np.abs(e - 0.5) < 0.5 - _INSIDE)
     low, high = values <= _ground(view) + near, values >= 1.0 - near
+    # By offsets, a strip that hangs on a rail reads one value beside it.
+    low, high = (
+        side | (_constant(values, near) & close).all(axis=0)
+        for side, close in ((low, values <= _ground(view) + _NEAR_RAIL), (high, values >= 1.0 - _NEAR_RAIL))
+    )
     ground, vref = (np.asarray(side.all(axis=0) & inside.any(axis=0)) for side in (low, high))
     # One channel on ground where the other is not: its wire has nothing to say.
-    lone = inside & low & ~low.all(axis=0) & (values.max(axis=0) > 2.0 * near)
+    lone = (
+        inside & low & ~low.all(axis=0) & (values.max(axis=0) > max(2.0 * near, _ground(view) + _NEAR_RAIL))
+    )
     places = inside.any(axis=0).sum(axis=0)
     found = []
     for strip in range(view.strips):
-        gain = float(np.nanmean(np.abs(r[:, :, strip]))) if places[strip] else 0.0
+        # Of all channels together: what hangs on a rail is one strip, rather than two stuck channels.
+        gain = float(
+            np.nansum(np.abs(r[:, :, strip])) / max(np.isfinite(r[:, :, strip]).any(axis=0).sum(), 1)
+        )
         channels = dict(zip(names, lone[:, :, strip], strict=True))
         of = inside[:, :, strip].sum(axis=1)
         named = (
@@ -54,6 +66,12 @@ def on_rails(view: View) -> list[Suspect]:
     return found
 
 
+def _constant(values: FloatArray, near: float) -> BoolArray:
+    """Return which channels keep one value (signatures, 1, strips) wherever they are touched."""
+    low, high = (np.where(np.isfinite(values), values, fill) for fill in (np.inf, -np.inf))
+    return np.asarray(high.max(axis=1, keepdims=True) - low.min(axis=1, keepdims=True) <= 2.0 * near)
+
+
 def _ground(view: View) -> float:
     """Return what a wire that hangs free reads, over Vref."""
     return (view.sensor.rest_volt or 0.0) / view.sensor.vref_volt
@@ -63,13 +81,18 @@ def _open_strip(
     view: View, strip: int, ground: BoolArray, vref: BoolArray, places: int, level: FloatArray
 ) -> Finding | None:
     count = int(ground.sum() + vref.sum())
+    always = count >= _ALWAYS * places
+    # Two channels on one rail at every place are no object over the strip's end.
+    enough = _FEW if always and len(view.k) == 2 else _SOME
     # An object that reaches over the end of one strip does so at one height.
-    if count < max(_SOME, _SHARE * places) or _spread(level[ground | vref]) < _MOVES:
+    if count < max(enough, _SHARE * places) or _spread(level[ground | vref]) < _MOVES:
         return None
     where = ""
     if ground.any() and vref.any():
         y = sorted(float(v) * view.sensor.length_mm for v in (level[ground].max(), level[vref].min()))
         where = f"; the cut lies near y = {y[0]:.4g} to {y[1]:.4g} mm"
+    elif always:
+        where = f"; {_open_end(bool(vref.any()))}"
     return Finding(
         "open-strip", (int(view.order[strip]),),
         f"on ground in {int(ground.sum())} and on Vref in {int(vref.sum())} of {places} places where its neighbours "
@@ -101,6 +124,12 @@ def _one_channel(
                 "0.85 of Vref, while the strip's other channel moves", numbers, name,
             )  # fmt: skip
     return None
+
+
+def _open_end(at_vref: bool) -> str:
+    """Say which end is open of a strip that hangs on one rail wherever it is touched."""
+    end, wire = ("grounded end", "ground") if at_vref else ("end at Vref", "Vref")
+    return f"open at its {end}: look at that clamp and its wire to {wire}"
 
 
 def not_moving(view: View) -> list[Suspect]:
@@ -207,11 +236,15 @@ def silent(view: View) -> list[Suspect]:
         moved = len({a for a, _ in edges}) + len({b for _, b in edges}) >= _FEW
         if over.sum() >= _FEW and moved:
             count = int(over.sum())
+            told = f"reads no contact in {count} places where both its neighbours do, though the contact moves on"
+            if view.at_ground[view.order[strip]]:  # one open clamp, rather than all wires dead
+                told += (
+                    f", and is on ground throughout; {_open_end(at_vref=False)}, then at the sensing wires"
+                )
             found.append(
                 Suspect(
                     Finding(
-                        "dead", (int(view.order[strip]),),
-                        f"reads no contact in {count} places where both its neighbours do, though the contact moves on",
+                        "open-strip" if view.at_ground[view.order[strip]] else "dead", (int(view.order[strip]),), told,
                         {"places": float(count)},
                     ),
                     1.0,

@@ -18,9 +18,11 @@ from tacstrip.diagnose.noise import excess_noise, measure, quality
 from tacstrip.diagnose.order import swapped_ends, swapped_strips, swapped_wires
 from tacstrip.diagnose.shorts import shorts
 from tacstrip.diagnose.view import Suspect, View, places, residuals, view_of
+from tacstrip.sensor.rest_level import rest_hint
 
 _MOST_SCANS = 20_000  # of longer recordings, evenly spread stretches are examined
 _LEAST_SIGMA = 2e-4  # over Vref: no reading is trusted to less
+_MOST_SIGMA = 0.006  # over Vref, where motion hides the noise: that of P.U. profile II
 _OFFSET = 0.02  # over Vref: what a strip may lie beside its neighbours before calibration is advised
 _TESTS: tuple[Callable[[View], list[Suspect]], ...] = (
     silent, on_rails, not_moving, clipped, swapped_wires, swapped_ends, swapped_strips, shorts,
@@ -45,6 +47,8 @@ def diagnose(log: Log) -> Report:
     part = log.part(_MOST_SCANS)
     measured = measure(part)
     sigma = max(measured.sigma if np.isfinite(measured.sigma) else 0.0, _LEAST_SIGMA)
+    if not measured.steady:  # motion, for the most part
+        sigma = min(sigma, _MOST_SIGMA)
     bits, no_bits = stuck_bits(part)
     ceiling = common_ceiling(part, sigma)
     reference, factor = wrong_reference(part, sigma) if not ceiling else ([], 1.0)
@@ -119,11 +123,9 @@ def _notes(log: Log, view: View) -> Iterator[Finding]:
                 "calibration", (int(view.order[strip]),), f"reads {100 * worst:+.2g} % of Vref beside its neighbours",
                 {"offset": worst},
             )  # fmt: skip
-    everything = all(np.isfinite(v).all() for v in log.raw.values())
-    if log.sensor.rest_volt is None and everything and len(log.time_s) > 1:
-        yield Finding(
-            "rest-level", (), "every strip has a reading in every scan, so every strip counts as touched"
-        )
+    raw = {name: np.where(log.touched, values, np.nan) for name, values in log.raw.items()}
+    if told := rest_hint(log.sensor, raw, failed=len(log.time_s) > 1):
+        yield Finding("rest-level", (), told)
 
 
 def _offset(expected: FloatArray, off: FloatArray, sigma: float) -> float:

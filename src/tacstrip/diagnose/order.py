@@ -14,6 +14,9 @@ from tacstrip.diagnose.fits import came_back
 from tacstrip.diagnose.view import Suspect, View, residuals
 
 _CROSSED = 0.01  # over Vref: k_h - k_l below minus this cannot be (3.3), (3.4)
+_OFFSETS = 0.08  # over Vref: what a unit without calibration may add to k_h - k_l
+_TURNS = 0.8  # correlation of k_h - k_l with what the neighbours want, its sign turned
+_STRIPS, _SURE = 4, 5.0  # on so many strips offsets differ; standard errors of their mean
 _SHARE = 0.8  # of the places that tell
 _FEW = 8  # places
 _MOVES, _ALONG = 0.2, 0.4  # over Vref, what neighbours must move; correlation
@@ -38,14 +41,20 @@ def swapped_wires(view: View) -> list[Suspect]:
     as_is = np.abs(r_h) + np.abs(r_l)
     crossed = np.abs(view.pair[1] - e_h) + np.abs(view.pair[0] - e_l)
     exchanged = np.flatnonzero(clear & often)
-    if len(exchanged) > max(2, 0.6 * np.count_nonzero(known)):
-        told = f"v_h lies below v_l on {len(exchanged)} of {np.count_nonzero(known)} strips that were touched"
+    least = _OFFSETS if view.sensor.calibration is None else 2.0 * _CROSSED
+    touched = known > 0
+    if len(exchanged) > max(2, 0.6 * np.count_nonzero(touched)) and _all_below(mean[touched], least):
+        told = (
+            f"v_h lies below v_l on {len(exchanged)} of {np.count_nonzero(touched)} strips that were touched"
+        )
         whole = Finding("swapped-wires", (), told, {"strips": len(exchanged)})
         return [Suspect(whole, -float(mean[exchanged].mean()), _swap_all_wires)]
     for strip in exchanged:
         at = np.isfinite(as_is[:, strip]) & tell[:, strip]
         now, then = (float(c[at, strip].mean()) if at.any() else 0.0 for c in (as_is, crossed))
         if then > now and at.any():  # a channel on its own is off: its neighbours know better
+            continue
+        if not _against(difference[at, strip], (e_h - e_l)[at, strip], float(mean[strip]), least, view.sigma):
             continue
         count, of = int(wrong[:, strip].sum()), int(tell[:, strip].sum())
         finding = Finding(
@@ -55,6 +64,31 @@ def swapped_wires(view: View) -> list[Suspect]:
         )  # fmt: skip
         found.append(Suspect(finding, max(now - then, 1e-3) / 2.0, partial(_swap_wires, strip=int(strip))))
     return found
+
+
+def _all_below(mean: FloatArray, least: float) -> bool:
+    """Whether k_h - k_l (strips,) lies further below 0 than offsets take it: by much, or on all strips alike."""
+    if np.median(mean) < -least:
+        return True
+    doubt = _SURE * float(np.std(mean)) / np.sqrt(len(mean))
+    return len(mean) >= _STRIPS and float(np.mean(mean)) < -max(least / 2.0, doubt)
+
+
+def _against(difference: FloatArray, wanted: FloatArray, mean: float, least: float, sigma: float) -> bool:
+    """Whether k_h - k_l runs against what a strip's neighbours want of it (places,), and no offset explains that.
+
+    An offset adds one number to all places. Exchanged wires turn the sign: what is thick on the neighbours lies far
+    below 0, and where contacts grow the difference falls.
+    """
+    if not len(wanted):
+        return mean < -least
+    level = float(wanted.mean())
+    below = -2.0 * mean > least and mean - level < -least and -mean > level / 2.0
+    grows = float(np.std(wanted))
+    if len(wanted) < _FEW or grows < max(2.0 * _CROSSED, 3.0 * sigma) or not np.ptp(difference):
+        return below
+    along = float(np.corrcoef(wanted, difference)[0, 1])
+    return along < -_TURNS or (below and along < 0.0)
 
 
 def _swap_wires(view: View, strip: int) -> None:

@@ -29,8 +29,9 @@ _OUTSTANDING = 1.5  # times what two strips lie off the line in the middle
 _LEFT, _LEFT_PLAIN, _LEFT_AT_EDGE = (
     0.28,
     0.42,
-    0.28,
+    0.2,
 )  # of what two strips lie off the line, squared: what a bridge may leave
+_TURNED = 0.006  # over Vref a strip
 _HIGH_AND_LOW = 0.5  # over L: a bridge adds on one side and takes away on the other, which must be seen
 _LENGTH = 0.6  # over L: contacts jump by their length at a bridge, and longer ones tell nothing
 _SHAPE = 0.7  # of the slope's variance: where the contact lies must not say more, for then its shape does
@@ -136,7 +137,7 @@ def _bridged(view: View) -> list[Suspect]:
             or bridge.high - bridge.low > _LENGTH
         ):
             continue
-        if not came_back(pair.level, view.sigma, _HIGH_AND_LOW):
+        if not came_back(pair.level, view.sigma, _HIGH_AND_LOW) or not (inner or _turned(pair, view.sigma)):
             continue
         finding = Finding(
             "short", _two(view, strip),
@@ -147,6 +148,15 @@ def _bridged(view: View) -> list[Suspect]:
         )  # fmt: skip
         found.append(Suspect(finding, bridge.size, partial(_drop_two, strip=strip)))
     return found
+
+
+def _turned(pair: Beside, sigma: float) -> bool:
+    """Whether the line beside two strips had other slopes at one height.
+
+    At the sensor's edge it is drawn beyond the strips that it goes through, and goes astray by the contact's shape:
+    where that stayed the same, by an amount that goes with height, as a bridge's does.
+    """
+    return bool(np.std(without(pair.slope, pair.level, pair.level**2)) > max(_TURNED, 3.0 * sigma))
 
 
 def _left_ends(view: View) -> IntArray:

@@ -18,6 +18,7 @@ Array = TypeVar("Array", FloatArray, BoolArray)
 _REACH = 3  # strips to either side that may stand in for a neighbour
 _MOVED = 0.01  # over Vref: a contact that changes a reading by this is at another place
 _ONE_CONTACT = 0.3  # over Vref: neighbours further apart are not taken to be under one contact
+_GROUND = 0.02  # over Vref
 _MOST_PLACES = 4000
 
 
@@ -35,6 +36,8 @@ class View:
         Standard deviation of a reading over Vref.
     order
         The file's strip at each place across (strips,), counted from 0.
+    at_ground
+        Whether the file's strips (strips,) read ground, and no open input, where they count as untouched.
     """
 
     sensor: Sensor
@@ -42,6 +45,7 @@ class View:
     there: BoolArray
     sigma: float
     order: IntArray
+    at_ground: BoolArray
 
     @property
     def pair(self) -> tuple[FloatArray, FloatArray] | None:
@@ -80,7 +84,11 @@ class Suspect:
 
 def view_of(log: Log, sigma: float) -> View:
     """Put every scan of a recording on the bench, a row each."""
-    return View(log.sensor, dict(log.k), log.touched.copy(), sigma, np.arange(log.sensor.strips))
+    rest = log.sensor.rest_volt
+    grounded = rest is not None and rest <= _GROUND * log.sensor.vref_volt
+    there = np.isfinite(np.stack(list(log.raw.values()))).all(axis=(0, 1))
+    across = np.arange(log.sensor.strips)
+    return View(log.sensor, dict(log.k), log.touched.copy(), sigma, across, np.asarray(there & grounded))
 
 
 def places(view: View) -> View:
@@ -104,7 +112,7 @@ def places(view: View) -> View:
     keep = np.flatnonzero(view.there[first].any(axis=1))
     keep = keep[np.linspace(0, len(keep) - 1, min(len(keep), _MOST_PLACES)).astype(int)]
     parts = {name: np.ascontiguousarray(means[keep, :, i]) for i, name in enumerate(view.k)}
-    return View(view.sensor, parts, view.there[first][keep], view.sigma, view.order.copy())
+    return View(view.sensor, parts, view.there[first][keep], view.sigma, view.order.copy(), view.at_ground)
 
 
 def expected(values: FloatArray, there: BoolArray) -> tuple[FloatArray, BoolArray, FloatArray]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from tacstrip.errors import ReadingError
+from tacstrip.errors import ReadingError, number
 from tacstrip.io.names import nearly
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
@@ -111,6 +111,7 @@ def strip_index(text: str, line: int, sensor: Sensor) -> int:
     """Return a strip's number in a file as its place from 0, or raise `ReadingError` with its line."""
     first, last = sensor.strip_base, sensor.strip_base + sensor.strips - 1
     try:
+        number(text)
         strip = int(text)
     except ValueError:
         raise ReadingError(f"line {line}: strip is {text!r}, not a whole number") from None
@@ -124,29 +125,29 @@ def strip_index(text: str, line: int, sensor: Sensor) -> int:
 def finite(text: str, line: int, name: str) -> float:
     """Return a field as a finite number, or raise `ReadingError` with its line."""
     try:
-        number = float(text)
+        found = number(text)
     except ValueError:
         raise ReadingError(f"line {line}: {name} is {text!r}, not a number") from None
-    if not math.isfinite(number):
+    if not math.isfinite(found):
         raise ReadingError(
             f"line {line}: {name} is {text!r}; leave the field empty where nothing touches"
             if name not in PLACE
             else f"line {line}: {name} is {text!r}, not a finite number"
         )
-    return number
+    return found
 
 
 def value(text: str, line: int, column: Column) -> float:
     """Return a field over Vref, NaN where it is empty, or raise `ReadingError` with its line."""
     if not text:
         return float("nan")
-    number = finite(text, line, column.name)
-    if not 0.0 <= number <= column.top * (1.0 + 1e-9):
-        hint = "is it in millivolts, or an A/D code?" if column.unit and number > column.top else ""
+    found = finite(text, line, column.name)
+    if not 0.0 <= found <= column.top * (1.0 + 1e-9):
+        hint = "is it in millivolts, or an A/D code?" if column.unit and found > column.top else ""
         hint = hint or ("check adc_bits in the spec" if not column.unit else "check the wiring and vref_volt")
         raise ReadingError(
             f"line {line}: {column.name} = {text}{column.unit} is outside 0 to {column.top:.6g}{column.unit}; {hint}"
         )
-    if not column.unit and number != round(number):
+    if not column.unit and found != round(found):
         raise ReadingError(f"line {line}: {column.name} = {text} is not a whole number; codes are counts")
-    return min(number * column.scale, 1.0)
+    return min(found * column.scale, 1.0)

@@ -9,8 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from tacstrip.arguments import takes
 from tacstrip.contact.shape import Contact
 from tacstrip.errors import ContactError
+from tacstrip.files import why_unreadable, write_text
 from tacstrip.reconstruct.result import Reconstruction, RecoveredObject
 
 _READERS = {".wkt": Contact.from_wkt, ".geojson": Contact.from_geojson, ".json": Contact.from_geojson}
@@ -27,6 +29,8 @@ def read_contact(path: str | Path) -> Contact:
     file = Path(path)
     if file.suffix.lower() not in _READERS:
         raise ContactError(f"{path}: a contact is a file that ends in {', '.join(_READERS)}")
+    if why := why_unreadable(path):
+        raise ContactError(f"{path}: {why}")
     try:
         text = file.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
@@ -43,6 +47,7 @@ def read_contact(path: str | Path) -> Contact:
         raise ContactError(f"{path}: {error}") from None
 
 
+@takes(results=(Reconstruction,))
 def feature_collection(results: Sequence[Reconstruction]) -> dict[str, Any]:
     """Return a GeoJSON FeatureCollection [mm], a Feature per object; without a shape its geometry is null.
 
@@ -60,10 +65,11 @@ def feature_collection(results: Sequence[Reconstruction]) -> dict[str, Any]:
     return {"type": "FeatureCollection", "features": features}
 
 
+@takes(results=(Reconstruction,))
 def write_geojson(path: str | Path, results: Sequence[Reconstruction]) -> None:
     """Write `feature_collection` to a file."""
     text = json.dumps(feature_collection(results), indent=1, allow_nan=False)
-    Path(path).write_text(text + "\n", encoding="utf-8")
+    write_text(path, text + "\n")
 
 
 def _feature(recovered: RecoveredObject | None, properties: dict[str, Any]) -> dict[str, Any]:

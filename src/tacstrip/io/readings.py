@@ -16,8 +16,10 @@ from pathlib import Path
 
 import numpy as np
 
+from tacstrip.arguments import takes
 from tacstrip.arrays import FloatArray
 from tacstrip.errors import ReadingError
+from tacstrip.files import replacing
 from tacstrip.io.columns import (
     ELECTRODES,
     INDEX,
@@ -35,6 +37,7 @@ from tacstrip.sensor.raw import corrected, distorted
 from tacstrip.sensor.spec import Sensor
 
 
+@takes(sensor=Sensor)
 def read_readings(path: str | Path, sensor: Sensor) -> list[Scan]:
     """Read a readings file; the sensor's calibration, if it has one, corrects what the file holds.
 
@@ -48,6 +51,7 @@ def read_readings(path: str | Path, sensor: Sensor) -> list[Scan]:
     return read_csv(path, "readings", lambda header, rows: _scans(header, rows, sensor), example)
 
 
+@takes(sensor=Sensor, scans=(Scan,))
 def write_readings(path: str | Path, sensor: Sensor, scans: Sequence[Scan]) -> None:
     """Write scans as raw volts, which `read_readings` corrects again where the sensor has a calibration.
 
@@ -56,7 +60,7 @@ def write_readings(path: str | Path, sensor: Sensor, scans: Sequence[Scan]) -> N
     names = scans[0].signatures
     whole = scans[0].electrodes is not None
     columns = electrode_names(sensor) if whole else [SIGNATURES[n].volt_column for n in names]
-    with Path(path).open("w", encoding="utf-8", newline="") as file:
+    with replacing(path) as part, part.open("w", encoding="utf-8", newline="") as file:
         out = csv.writer(file, lineterminator="\n")
         out.writerow([*INDEX, *columns])
         for number, scan in enumerate(scans):

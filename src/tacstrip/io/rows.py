@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from tacstrip.errors import ReadingError, is_number
+from tacstrip.files import why_unreadable
 from tacstrip.io.columns import PLACE
 from tacstrip.io.names import nearly
 
@@ -51,6 +52,8 @@ def read_csv(
     ReadingError
         The file cannot be read, is no CSV with a header, or `parse` says so; the message starts with the file.
     """
+    if unreadable := why_unreadable(path):
+        raise ReadingError(f"{path}: {unreadable}")
     lines = _Lines(())
     try:
         with Path(path).open(encoding="utf-8-sig", newline="") as file:

@@ -14,8 +14,10 @@ from pathlib import Path
 
 import numpy as np
 
-from tacstrip.arrays import FloatArray, IntArray
+from tacstrip.arguments import takes
+from tacstrip.arrays import FloatArray, IntArray, extent
 from tacstrip.errors import ReadingError
+from tacstrip.files import replacing
 from tacstrip.io.columns import Column, finite, strip_index, value, value_columns
 from tacstrip.io.rows import Row, find, read_csv
 from tacstrip.sensor.constructions import SIGNATURES
@@ -51,6 +53,10 @@ class Runs:
     unit: str = ""
     open: int = 0
 
+    def __repr__(self) -> str:
+        strips, names = f"{self.l_mm.shape[1]} strips", ", ".join(self.raw)
+        return f"<Runs: {self.count} contacts on {strips}, {names}, l {extent(self.l_mm)}, w {extent(self.w_mm)} mm>"
+
     @property
     def signatures(self) -> tuple[str, ...]:
         """Names of the signatures that were read."""
@@ -62,6 +68,7 @@ class Runs:
         return int(np.isfinite(self.l_mm).sum())
 
 
+@takes(sensor=Sensor)
 def read_runs(path: str | Path, sensor: Sensor, unit: str = "", force: bool = False) -> Runs:
     """Read calibration runs.
 
@@ -92,7 +99,7 @@ def write_plan(
 ) -> None:
     """Write contacts (strip from 0, l and w [mm]) as runs whose readings are yet to be filled in."""
     columns = [SIGNATURES[n].volt_column for n in sensor.signatures]
-    with Path(path).open("w", encoding="utf-8", newline="") as file:
+    with replacing(path) as part, part.open("w", encoding="utf-8", newline="") as file:
         out = csv.writer(file, lineterminator="\n")
         out.writerow(["strip", "l_mm", "w_mm", *columns, "sensor", "unit"])
         for strip, l, w in contacts:

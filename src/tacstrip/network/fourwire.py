@@ -16,6 +16,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
+from tacstrip.arguments import takes
 from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.contact.shape import Contact
 from tacstrip.errors import ContactError, NetworkError, OptionError, one_of
@@ -49,6 +50,7 @@ class FourWire:
     clipped: bool = False
 
 
+@takes(contact=Contact)
 def four_wire(
     width_mm: float,
     height_mm: float,

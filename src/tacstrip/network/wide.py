@@ -13,6 +13,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from tacstrip.arguments import takes
 from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.contact.shape import Contact
 from tacstrip.errors import ContactError, NetworkError
@@ -28,6 +29,7 @@ _FEWEST, _MOST, _PER_LAMBDA = 32, 128, 4  # by default
 _SLIVER = 1e-10  # of the largest share of a contact; less is rounding
 
 
+@takes(sensor=Sensor, contact=Contact)
 def wide_readings(sensor: Sensor, contact: Contact, across: int | None = None) -> dict[str, FloatArray]:
     """Return what every strip reads over Vref, signature to (strips,), NaN where nothing touches.
 

@@ -16,6 +16,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from tacstrip.errors import OptionError
+from tacstrip.files import replacing
 
 ENDINGS = (".png", ".svg", ".pdf")
 TRUE = "#555555"  # the shape that touched
@@ -76,9 +77,10 @@ def save(figure: Figure, path: str | Path, dpi: int = 110) -> Path:
     check_picture(path)
     file = Path(path)
     file.parent.mkdir(parents=True, exist_ok=True)
-    with mpl.rc_context(_RC), warnings.catch_warnings():
+    kind = file.suffix[1:].lower()
+    with mpl.rc_context(_RC), warnings.catch_warnings(), replacing(file) as part:
         warnings.simplefilter("ignore", UserWarning)  # a layout too tight for its labels is still a picture
-        figure.savefig(file, dpi=dpi, metadata={"Software": None} if file.suffix == ".png" else None)
+        figure.savefig(part, dpi=dpi, format=kind, metadata={"Software": None} if kind == "png" else None)
     return file
 
 

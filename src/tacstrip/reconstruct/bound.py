@@ -8,6 +8,7 @@ from collections.abc import Iterable
 import numpy as np
 import numpy.typing as npt
 
+from tacstrip.arguments import takes
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import Noise
 from tacstrip.contact.signature import signatures as readings_of
@@ -19,6 +20,7 @@ from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
 
 
+@takes(noise=Noise, sensor=Sensor)
 def reading_sigma(noise: Noise, sensor: Sensor) -> float:
     """Return the standard deviation of a reading [Vref]: of the noise's errors, and of the A/D converter's steps.
 
@@ -74,6 +76,7 @@ def _network_slopes(outline: Outline, sensor: Sensor, names: tuple[str, ...], x:
     return np.concatenate([by_vertices[read, sensor.signatures.index(n)] for n in names])
 
 
+@takes(outline=Outline, sensor=Sensor)
 def vertex_covariance(
     outline: Outline,
     sensor: Sensor,

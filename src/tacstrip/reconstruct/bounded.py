@@ -9,22 +9,27 @@ within the bound, there are more; if none with any number does, the model or the
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import shapely
 
 from tacstrip.arrays import FloatArray
+from tacstrip.contact.signature import signatures
 from tacstrip.errors import ContactError
-from tacstrip.reconstruct.bounded_inside import inside
+from tacstrip.reconstruct.bounded_inside import Effort, inside
 from tacstrip.reconstruct.bounded_lines import Band, Lines
 from tacstrip.reconstruct.bounded_regions import guaranteed
 from tacstrip.reconstruct.bounded_sample import sample
 from tacstrip.reconstruct.bounded_set import feasible_set
+from tacstrip.reconstruct.moments import LEVEL, MomentDeviations, sample_deviations
 from tacstrip.reconstruct.outline import Outline
-from tacstrip.reconstruct.region import LEVEL
 
+_EFFORT = 2_500.0  # for one outline
 _REACHES = (4.0, 12.0)  # standard errors of least squares within which a kink is looked for
+_ALIKE = 0.1  # of the points drawn: if fewer are worth as much as all, they do not tell of vertices
+_BENT = 0.05  # of a reading's band: by how much the mean may leave it, as the set is not quite convex
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,22 +39,33 @@ class Bounded:
     Attributes
     ----------
     outline
-        The mean of all outlines that stay within the band.
+        The mean of all outlines that stay within the band; the least-squares one where that is none of them, or
+        where an edge crosses too few strips for a mean.
     covariance
-        Their scatter (2 V, 2 V) [mm^2], in the order of `vertices.ravel()`.
+        Their scatter (2 V, 2 V) [mm^2], in the order of `vertices.ravel()`, or that of least squares.
     radii
         Squared Mahalanobis distance within which 95 % of them have each vertex (V,): less than the 5.99 of a normal
         distribution, because the set has an end.
+    deviations
+        How far area, centroid and orientation of these outlines are from the mean's; None of least squares.
     band, lines, points
         The readings' bounds, the outline's edges, and heights of edges (K, P) [mm] of outlines in the set.
+    fallback
+        The same of least squares; None if this is it.
     """
 
     outline: Outline
     covariance: FloatArray
     radii: FloatArray
+    deviations: MomentDeviations | None
     band: Band
     lines: Lines
     points: FloatArray
+    fallback: Bounded | None = None
+
+    def of_least_squares(self) -> Bounded:
+        """Return the same set with the least-squares outline, covariance and all."""
+        return self.fallback or self
 
     @property
     def region_covariance(self) -> FloatArray:
@@ -63,7 +79,7 @@ class Bounded:
 
         See `bounded_regions.guaranteed` for what is guaranteed.
         """
-        found = guaranteed(self.band, self.lines, self.points)
+        found = guaranteed(self.band, self.lines, self.points) if len(self.points) > 1 else None
         if found is None:
             return None
         lower, upper = self.outline.indices
@@ -72,7 +88,13 @@ class Bounded:
             regions[vertex] = region
         for end, both in zip((0, -1), found.ends, strict=True):
             regions[lower[end]], regions[upper[end]] = both
+            if lower[end] == upper[end]:  # one vertex where the set has two
+                regions[lower[end]] = _hull(*both)
         return regions
+
+
+def _hull(*regions: FloatArray) -> FloatArray:
+    return np.asarray(shapely.get_coordinates(shapely.MultiPoint(np.concatenate(regions)).convex_hull)[:-1])
 
 
 def refine(outline: Outline, covariance: FloatArray, band: Band) -> Bounded | None:
@@ -88,30 +110,82 @@ def refine(outline: Outline, covariance: FloatArray, band: Band) -> Bounded | No
         The readings' bounds.
     """
     lines, heights = Lines.of(outline)
+    normal = np.full(len(outline.vertices), -2.0 * np.log(1.0 - LEVEL))
+    least_squares = Bounded(outline, covariance, normal, None, band, lines, heights[None])
     try:
-        points = _points(outline, covariance, band, lines, heights)
-    except np.linalg.LinAlgError:  # a set too thin to compute with
-        return None
+        points = _points(outline, covariance, band, lines, heights, Effort(_EFFORT))
+    except np.linalg.LinAlgError:  # there are some, in a set too thin to compute with
+        return least_squares
     if points is None:
         return None
-    lower, upper = outline.indices
-    # Where a vertical edge lies in its window nothing tells.
-    windows = band.windows
-    share = (np.random.default_rng(0).permutation(len(points)) + 0.5) / len(points)
-    blunt_x = windows[:, 0] + share[:, None] * (windows[:, 1] - windows[:, 0])
-    vertices = np.empty((len(points), *outline.vertices.shape))
-    vertices[:, lower], vertices[:, upper] = lines.chains(points, blunt_x)
-    mean = vertices.mean(axis=0)
-    mean[:, 1] = np.clip(mean[:, 1], 0.0, band.sensor.length_mm)
-    off = vertices - mean
+    least_squares = replace(least_squares, points=points)
+    drawn = _drawn(points, lines, band)
+    mean = None if drawn is None else _mean(*drawn, lines, band)
+    if drawn is None or mean is None:
+        return least_squares
+    vertices = _by_vertex(mean, *drawn)
+    off = vertices - mean.vertices
     scatter = np.cov(off.reshape(len(off), -1), rowvar=False)
     blocks = np.einsum("kvi,kvj->vij", off, off) / (len(off) - 1)
     distance = np.einsum("kvi,vij,kvj->kv", off, np.linalg.pinv(blocks, hermitian=True), off)
+    radii = np.quantile(distance, LEVEL, axis=0)
+    deviations = sample_deviations(mean.vertices, vertices)
+    refined = Bounded(mean, scatter, radii, deviations, band, lines, points, least_squares)
+    return refined if np.isfinite(refined.region_covariance).all() else least_squares
+
+
+def _drawn(points: FloatArray, lines: Lines, band: Band) -> tuple[FloatArray, FloatArray] | None:
+    """Return chains (K, M, 2) and (K, N, 2) [mm], as often as their vertices' places have room in the set.
+
+    None where that is too unlike the heights' room for points drawn by heights to tell: with an edge that crosses
+    hardly a strip, nearly all of them make it vertical.
+    """
+    random, count, windows = np.random.default_rng(0), len(points), band.windows
+    # Where a vertical edge lies in its window nothing tells, nor does one end tell of the other.
+    share = np.stack([random.permutation(count), random.permutation(count)], axis=1)
+    blunt_x = windows[:, 0] + (share + 0.5) / count * (windows[:, 1] - windows[:, 0])
+    lower, upper = lines.chains(points, blunt_x)
+    density = lines.log_density(points, lower, upper)
+    ends = lower[:, [0, -1], 0]
+    density[
+        np.any((ends < windows[:, 0]) | (ends > windows[:, 1]), axis=1)
+    ] = -np.inf  # a bound was too far to be met
+    if not np.isfinite(density.max(initial=-np.inf)):
+        return None
+    weight = np.exp(density - density.max())
+    if weight.sum() ** 2 < _ALIKE * count * (weight**2).sum():
+        return None
+    kept = np.searchsorted(np.cumsum(weight), (np.arange(count) + 0.5) / count * weight.sum())
+    on_strip = ([-np.inf, 0.0], [np.inf, band.sensor.length_mm])
+    return np.clip(lower[kept], *on_strip), np.clip(upper[kept], *on_strip)
+
+
+def _mean(lower: FloatArray, upper: FloatArray, lines: Lines, band: Band) -> Outline | None:
+    """Return the mean of drawn chains; None where it is none that the readings allow: the set is not convex."""
+    chains = lower.mean(axis=0), upper.mean(axis=0)
+    for end, window in zip((0, -1), band.windows, strict=True):
+        for chain in chains if lines.blunt[end] else ():
+            chain[end, 0] = window.mean()
     try:
-        refined = Outline(mean[lower], mean[upper])
+        mean = Outline(*chains)
     except ContactError:
         return None
-    return Bounded(refined, scatter, np.quantile(distance, LEVEL, axis=0), band, lines, points)
+    made = signatures(band.sensor, *mean.ends(np.clip(band.x, mean.lower[0, 0], mean.lower[-1, 0])))
+    for name, low in band.low.items():
+        slack = _BENT * (band.high[name] - low)
+        if np.any((made[name] < low - slack) | (made[name] > band.high[name] + slack)):
+            return None
+    return mean
+
+
+def _by_vertex(outline: Outline, lower: FloatArray, upper: FloatArray) -> FloatArray:
+    """Return drawn chains as vertices (K, V, 2) in the order of an outline's; where that has one of two, their mean."""
+    vertices = np.zeros((len(lower), *outline.vertices.shape))
+    times = np.zeros(len(outline.vertices))
+    for index, chain in zip(outline.indices, (lower, upper), strict=True):
+        vertices[:, index] += chain
+        times[index] += 1.0
+    return np.asarray(vertices / times[:, None])
 
 
 def fewest(candidates: Sequence[tuple[Outline, FloatArray]], band: Band) -> tuple[int, Bounded] | None:
@@ -127,7 +201,7 @@ def fewest(candidates: Sequence[tuple[Outline, FloatArray]], band: Band) -> tupl
 
 
 def _points(
-    outline: Outline, covariance: FloatArray, band: Band, lines: Lines, heights: FloatArray
+    outline: Outline, covariance: FloatArray, band: Band, lines: Lines, heights: FloatArray, effort: Effort
 ) -> FloatArray | None:
     """Return heights (K, P) [mm] of outlines in the set; None where none was found."""
     lower, upper = outline.indices
@@ -138,7 +212,7 @@ def _points(
     for reach in _REACHES:
         zones = within(lines, outline.vertices[kinks, 0], reach * error, band)
         bounds = feasible_set(band, lines, zones, widths)
-        found = inside(bounds, band, lines, widths, heights)
+        found = inside(bounds, band, lines, widths, heights, effort)
         if found is None:
             continue
         points = sample(bounds, *found)
@@ -148,7 +222,7 @@ def _points(
         heights = points.mean(axis=0)
         widths = _widths(band, *lines.chains(heights, band.windows.mean(axis=1)))
         bounds = feasible_set(band, lines, zones, widths)
-        found = inside(bounds, band, lines, widths, heights)
+        found = inside(bounds, band, lines, widths, heights, effort)
         return points if found is None else sample(bounds, *found)
     return None
 

@@ -9,18 +9,34 @@ from tacstrip.reconstruct.bounded_centre import centre, interior
 from tacstrip.reconstruct.bounded_lines import Band, Lines
 from tacstrip.reconstruct.bounded_set import FeasibleSet, feasible_set
 
-_MOST = 16  # parts looked at
+_PARTS = 16  # looked at, at most
+_DESCENTS = 8  # rounds of one
 _GAIN = 1e-4  # of the scale: a fall by less is none
 _SCALE = 0.01  # of the strip length: far outside
 
 
+class Effort:
+    """How much searching is left, counted in work and not in time: the same on every computer.
+
+    A linear program of P heights takes P^2 of it; a set of n strips to be written down P n / 8.
+    """
+
+    def __init__(self, left: float) -> None:
+        self.left = left
+
+    def spend(self, work: float) -> bool:
+        """Take what a step costs, and say whether there was as much left."""
+        self.left -= work
+        return self.left >= 0.0
+
+
 def inside(
-    whole: FeasibleSet, band: Band, lines: Lines, widths: FloatArray, start: FloatArray
+    whole: FeasibleSet, band: Band, lines: Lines, widths: FloatArray, start: FloatArray, effort: Effort
 ) -> tuple[FloatArray, FloatArray] | None:
     """Return the analytic centre (P,) of a convex part of the set, and the barrier's curvature there (P, P).
 
-    None where there is no such outline, or none was found in 16 parts. The set is not convex: where the outlines
-    that all bounds but the pairs allow are not enough to tell, the widest zone is halved.
+    None where there is no such outline, or none was found in 16 parts or with the effort. The set is not convex: where
+    the outlines that all bounds but the pairs allow are not enough to tell, the widest zone is halved.
 
     Parameters
     ----------
@@ -30,11 +46,13 @@ def inside(
         What it was made of: as for `feasible_set`.
     start
         Heights (P,) near the set.
+    effort
+        What may be spent; it is less afterwards.
     """
-    scale = _SCALE * band.sensor.length_mm
+    scale, size = _SCALE * band.sensor.length_mm, len(start)
     zones = [whole.zones[: len(lines.turns)]]
-    for number in range(_MOST):
-        if not zones:
+    for number in range(_PARTS):
+        if not zones or not effort.spend(size**2 + number * size * len(band.x) / 8):
             return None
         part = zones.pop(0)
         bounds = whole if number == 0 else feasible_set(band, lines, part, widths)
@@ -42,7 +60,7 @@ def inside(
         if worst >= 0.0:
             continue
         for at in (start, middle):
-            found = _descend(bounds, at, scale)
+            found = _descend(bounds, at, scale, effort)
             if found is not None:
                 return found
         kinked = ((part[:, :1] < band.x) & (band.x < part[:, 1:])).sum(axis=1)
@@ -51,10 +69,14 @@ def inside(
     return None
 
 
-def _descend(bounds: FeasibleSet, at: FloatArray, scale: float) -> tuple[FloatArray, FloatArray] | None:
+def _descend(
+    bounds: FeasibleSet, at: FloatArray, scale: float, effort: Effort
+) -> tuple[FloatArray, FloatArray] | None:
     """Keep of each pair the row that is met best, find the least violation, and so on while it falls."""
     before = np.inf
-    for _ in range(_MOST):
+    for _ in range(_DESCENTS):
+        if not effort.spend(len(at) ** 2):
+            return None
         kept = (bounds.either_a @ at - bounds.either_b).argmin(axis=1)
         a, b = bounds.part(kept)
         at, worst, _ = interior(a, b, at, scale)

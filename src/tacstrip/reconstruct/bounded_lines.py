@@ -158,3 +158,20 @@ class Lines:
             if not self.blunt[end]:
                 chains[1][..., end, :] = chains[0][..., end, :]
         return chains[0], chains[1]
+
+    def log_density(self, heights: FloatArray, lower: FloatArray, upper: FloatArray) -> FloatArray:
+        """Return, but for a constant, the logarithm (...,) of how much room in the vertices' places heights have.
+
+        It is the determinant of the vertices, `chains` (..., M, 2) and (..., N, 2), by the heights (..., 2 Q). Steep
+        edges have much room in heights and hardly any in places.
+        """
+        run = np.concatenate([np.diff(lower[..., 0]), np.diff(upper[..., 0])], axis=-1)  # (..., Q)
+        h = heights.reshape(*heights.shape[:-1], -1, 2)
+        slope = (h[..., 1] - h[..., 0]) / np.diff(self.reach, axis=1)[:, 0]
+        given = np.append(np.full(len(self.turns), True), ~np.array(self.blunt))
+        first, second = self.crossings[given].T
+        with np.errstate(divide="ignore"):
+            return np.asarray(
+                np.log(np.maximum(run, 0.0)).sum(axis=-1)
+                - np.log(np.abs(slope[..., second] - slope[..., first])).sum(axis=-1)
+            )

@@ -14,10 +14,11 @@ import shapely
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
 from tacstrip.core.polytope import lowest
+from tacstrip.reconstruct.bounded_centre import largest
 from tacstrip.reconstruct.bounded_lines import Band, Lines
 from tacstrip.reconstruct.bounded_set import feasible_set
 
-_MARGINS = (0.5, 1.5, 4.0)  # of the found kinks' span: how much wider the zones are on either side
+_MARGINS = (0.25, 0.5, 1.5, 4.0)  # of the found kinks' span: how much wider the zones are on either side
 _NEAREST = 240  # bounds that are used; leaving some out makes the regions larger, never wrong
 _ROUNDING = 1e-6  # of the pitch: regions are larger by it than linear programs say
 _STEPS = 20
@@ -89,7 +90,7 @@ class _Search:
         slack = self.bounds.b - self.bounds.a @ self.middle
         norm = np.linalg.norm(a, axis=1)
         a, slack = a / norm[:, None], slack / norm
-        near = np.argsort(slack)[:_NEAREST]
+        near = largest(-slack, _NEAREST)
         self.a, self.slack = np.ascontiguousarray(a[near]), slack[near]
         self._from_the_middle()
 

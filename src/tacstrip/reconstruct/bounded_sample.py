@@ -12,11 +12,12 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.core.polytope import walk
+from tacstrip.reconstruct.bounded_centre import largest
 from tacstrip.reconstruct.bounded_set import FeasibleSet
 
 SWEEPS = 600
 _SETTLING = 60  # sweeps that forget where the walk began
-_NEAREST = 112  # bounds that the walk can meet; all others are too far
+_NEAREST, _NEAREST_PAIRS = 112, 48  # bounds and pairs that the walk can meet; all others are too far
 _SEED = 20
 
 
@@ -41,14 +42,15 @@ def sample(
     )  # z = L' (h - middle), so h = middle + to_round' z
     a = to_round @ bounds.a.T  # (P, M)
     slack = bounds.b - bounds.a @ middle
-    near = np.arange(len(slack))
-    if len(slack) > _NEAREST:
-        near = np.argpartition(slack / np.linalg.norm(a, axis=0), _NEAREST)[:_NEAREST]
-    pair_a = np.ascontiguousarray(np.moveaxis(bounds.either_a @ to_round.T, -1, 0))  # (P, E, 2)
+    pair_a = np.moveaxis(bounds.either_a @ to_round.T, -1, 0)  # (P, E, 2)
     pair_slack = bounds.either_b - bounds.either_a @ middle
+    # In the order of the strips, so that draws meet the same bounds whatever the order of a sort.
+    near = largest(-slack / np.linalg.norm(a, axis=0), _NEAREST)
+    pairs = largest(-(pair_slack / np.linalg.norm(pair_a, axis=0)).max(axis=1), _NEAREST_PAIRS)
     a, slack, size = np.ascontiguousarray(a[:, near]), slack[near], len(middle)
+    pair_a, pair_slack = np.ascontiguousarray(pair_a[:, pairs]), pair_slack[pairs]
     random = np.random.default_rng(_SEED)
-    draws = random.random((_SETTLING + sweeps, len(near) + len(pair_slack) + size))
+    draws = random.random((_SETTLING + sweeps, len(near) + len(pairs) + size))
     out = np.empty((_SETTLING + sweeps, size))
-    walk(a, slack, bounds.edge[near], pair_a, pair_slack, bounds.either_edge, draws, out)
+    walk(a, slack, bounds.edge[near], pair_a, pair_slack, bounds.either_edge[pairs], draws, out)
     return np.asarray(middle + out[_SETTLING:] @ to_round)

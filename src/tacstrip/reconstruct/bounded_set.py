@@ -74,46 +74,46 @@ def feasible_set(band: Band, lines: Lines, zones: FloatArray, widths: FloatArray
     split = lines.lower - 1
     l_first, l_second, l_turn = _lines_at(x, zones[:split], lines.turns[:split], 0)
     u_first, u_second, u_turn = _lines_at(x, zones[split:], lines.turns[split:], lines.lower)
-    l_rows = lines.rows(l_first, x), lines.rows(l_second, x)
-    u_rows = lines.rows(u_first, x), lines.rows(u_second, x)
+    l_rows, u_rows = (
+        np.stack([lines.rows(first, x), lines.rows(second, x)])
+        for first, second in ((l_first, l_second), (u_first, u_second))
+    )
     eaten, per_width, bent = _eaten(widths, sensor.contact_lambda_mm)
     # A bound k L - c_l l - c_u u changes by D dk.
     edge = band.edge * (sensor.length_mm - (widths[0] - 2.0 * eaten) / (1.0 + sensor.sensing_ratio))
+    # Upper bounds of all signatures, then lower ones (B, n).
+    k = np.stack([*band.high.values(), *band.low.values()])
+    sign = np.repeat([1, -1], len(band.low))[:, None]
+    upper_end = np.tile([SIGNATURES[name].at_upper_end for name in band.low], 2)[:, None]
+    c_l, c_u = chain_weights(k, upper_end, sensor.sensing_ratio)
+    # With contact resistance c_l (l + T) + c_u (u - T) <= k L, and T = eaten + per_width (w - widths) + bent.
+    lean = (c_l - c_u) * per_width
+    fixed = k * sensor.length_mm - (c_l - c_u) * eaten + lean * widths[0]
+    room = sign * fixed + np.maximum(-sign * (c_l - c_u) * bent, 0.0)
+    c_l, c_u = sign * (c_l - lean), sign * (c_u + lean)
+
+    def rows(i: int, j: int, bound: IntArray, at: IntArray) -> FloatArray:
+        return np.asarray(c_l[bound, at, None] * l_rows[i, at] + c_u[bound, at, None] * u_rows[j, at])
+
+    # A rising kink is the greater of two lines: an upper bound holds for both, a lower one for either.
+    known = np.isfinite(k) & (l_turn != _LOST) & (u_turn != _LOST)
+    l_or, u_or = l_turn == -sign, u_turn == -sign
     every: list[tuple[FloatArray, FloatArray, FloatArray]] = []
     pairs: list[tuple[FloatArray, FloatArray, FloatArray]] = []
-    for name in band.low:
-        for sign, k in ((1, band.high[name]), (-1, band.low[name])):
-            c_l, c_u = chain_weights(k, SIGNATURES[name].at_upper_end, sensor.sensing_ratio)
-            # With contact resistance c_l (l + T) + c_u (u - T) <= k L, and T = eaten + per_width (w - widths) + bent.
-            lean = (c_l - c_u) * per_width
-            fixed = k * sensor.length_mm - (c_l - c_u) * eaten + lean * widths[0]
-            room = sign * fixed + np.maximum(-sign * (c_l - c_u) * bent, 0.0)
-            c_l, c_u = c_l - lean, c_u + lean
-            # A rising kink is the greater of two lines: an upper bound holds for both, a lower one for either.
-            known = np.isfinite(k) & (l_turn != _LOST) & (u_turn != _LOST)
-            l_or, u_or = l_turn == -sign, u_turn == -sign
-
-            def row(
-                i: int, j: int, use: IntArray, l: FloatArray = sign * c_l, u: FloatArray = sign * c_u
-            ) -> FloatArray:
-                return np.asarray(l[use, None] * l_rows[i][use] + u[use, None] * u_rows[j][use])
-
-            for i, j in np.ndindex(2, 2):
-                use = np.flatnonzero(
-                    known & ~l_or & ~u_or & ((i == 0) | (l_turn != 0)) & ((j == 0) | (u_turn != 0))
-                )
-                every.append((row(i, j, use), room[use], edge[use]))
-            for i in range(2):
-                use = np.flatnonzero(known & l_or & ~u_or & ((i == 0) | (u_turn != 0)))
-                pairs.append((np.stack([row(0, i, use), row(1, i, use)], axis=1), room[use], edge[use]))
-                use = np.flatnonzero(known & u_or & ~l_or & ((i == 0) | (l_turn != 0)))
-                pairs.append((np.stack([row(i, 0, use), row(i, 1, use)], axis=1), room[use], edge[use]))
+    for i, j in np.ndindex(2, 2):
+        use = np.nonzero(known & ~l_or & ~u_or & ((i == 0) | (l_turn != 0)) & ((j == 0) | (u_turn != 0)))
+        every.append((rows(i, j, *use), room[use], edge[use[1]]))
+    for i in range(2):
+        use = np.nonzero(known & l_or & ~u_or & ((i == 0) | (u_turn != 0)))
+        pairs.append((np.stack([rows(0, i, *use), rows(1, i, *use)], axis=1), room[use], edge[use[1]]))
+        use = np.nonzero(known & u_or & ~l_or & ((i == 0) | (l_turn != 0)))
+        pairs.append((np.stack([rows(i, 0, *use), rows(i, 1, *use)], axis=1), room[use], edge[use[1]]))
     l_sure, u_sure, both = _corners(l_turn), _corners(u_turn), _corners(l_turn | u_turn)
     shape = np.concatenate(
         [
-            -l_rows[0][l_sure],
-            u_rows[0][u_sure],
-            l_rows[0][both] - u_rows[0][both],
+            -l_rows[0, l_sure],
+            u_rows[0, u_sure],
+            l_rows[0, both] - u_rows[0, both],
             _crossing_rows(lines, zones, band.windows),
         ]
     )

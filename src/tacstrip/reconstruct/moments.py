@@ -3,11 +3,21 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from functools import cache
+from typing import TypeAlias
 
 import numpy as np
 
 from tacstrip.arrays import FloatArray
 
+MomentDeviations: TypeAlias = tuple[
+    float, FloatArray, float
+]  # of area, of the centroid's x and y, of orientation
+LEVEL, _NORMAL = (
+    0.95,
+    1.959964,
+)  # a region's probability, and how many standard deviations a normal one reaches
 UNKNOWN_ANGLE = math.pi / math.sqrt(12.0)  # standard deviation of an axis that can lie anyhow [rad]
 
 
@@ -20,7 +30,7 @@ def moments(vertices: FloatArray) -> tuple[float, FloatArray, FloatArray]:
     if not len(vertices):
         return 0.0, np.full(2, np.nan), np.zeros(3)
     origin = vertices.mean(axis=0)
-    area, first, _ = _sums(vertices - origin)
+    area, first = float(_sums(vertices - origin)[0]), _sums(vertices - origin)[1]
     if area == 0.0:
         return 0.0, origin, np.zeros(3)
     centroid = origin + first / area
@@ -59,7 +69,7 @@ def orientation_slope(vertices: FloatArray) -> FloatArray:
     return np.asarray(((xx - yy) * by_xy - xy * (by_xx - by_yy)) / reach)
 
 
-def deviations(vertices: FloatArray, covariance: FloatArray) -> tuple[float, FloatArray, float]:
+def deviations(vertices: FloatArray, covariance: FloatArray, uniform: Sequence[int] = ()) -> MomentDeviations:
     """Return the standard deviations of area [mm^2], centroid (2,) [mm] and orientation [rad].
 
     Parameters
@@ -68,33 +78,86 @@ def deviations(vertices: FloatArray, covariance: FloatArray) -> tuple[float, Flo
         Corners (N, 2) [mm], counter-clockwise.
     covariance
         Theirs (2 N, 2 N) [mm^2], in the order of `vertices.ravel()`.
+    uniform
+        Places in `vertices.ravel()` whose error is uniform, not normal: x of ends of which only a window is known.
 
     Returns
     -------
     tuple
-        By the delta method. What the covariance leaves open is inf; an orientation that is not known at all
+        By the delta method. 1.96 of them to either side hold 95 %, so that they are less than the root of the variance
+        where an error is uniform. What the covariance leaves open is inf; an orientation that is not known at all
         has the deviation of an axis that can lie anyhow, `UNKNOWN_ANGLE`.
     """
     slopes = np.vstack([area_slope(vertices), centroid_slope(vertices), orientation_slope(vertices)])
     with np.errstate(invalid="ignore"):
         variance = np.einsum("ij,jk,ik->i", slopes, covariance, slopes)
     sigma = np.sqrt(np.where(np.isnan(variance), np.inf, np.maximum(variance, 0.0)))
+    for i in np.flatnonzero(np.isfinite(sigma)) if len(uniform) else ():
+        at = list(uniform)
+        spread = slopes[i] @ covariance[:, at] / np.sqrt(covariance[at, at])
+        rest = math.sqrt(max(float(sigma[i] ** 2 - spread @ spread), 0.0))
+        sigma[i] = _half_width(spread, rest) / _NORMAL
     return float(sigma[0]), sigma[1:3], min(float(sigma[3]), UNKNOWN_ANGLE)
 
 
+def _half_width(uniform: FloatArray, normal: float) -> float:
+    """Return what holds 95 % of a sum of uniform errors and a normal one, of these standard deviations."""
+    drawn = _errors()
+    total = normal * drawn[0] + uniform @ drawn[1 : 1 + len(uniform)]
+    return float(np.quantile(np.abs(total), LEVEL))
+
+
+@cache
+def _errors() -> FloatArray:
+    """Return draws (3, 8000) of a normal and of two uniform errors, each of variance 1."""
+    random = np.random.default_rng(0)
+    return np.vstack([random.standard_normal(8000), math.sqrt(3.0) * random.uniform(-1.0, 1.0, (2, 8000))])
+
+
+def sample_deviations(vertices: FloatArray, drawn: FloatArray) -> MomentDeviations:
+    """Return the deviations of a polygon's area, centroid and orientation from a sample of what it may be.
+
+    Parameters
+    ----------
+    vertices
+        The estimate (N, 2) [mm], counter-clockwise.
+    drawn
+        Polygons (K, N, 2) [mm], each as likely as the others.
+    """
+    at, among = _of_moments(vertices), _of_moments(drawn)
+    off = among - at
+    off[:, 3] = np.remainder(off[:, 3] + 0.5 * math.pi, math.pi) - 0.5 * math.pi
+    area, x, y, turn = np.quantile(np.abs(off), LEVEL, axis=0) / _NORMAL
+    return float(area), np.array([x, y]), min(float(turn), UNKNOWN_ANGLE)
+
+
+def _of_moments(v: FloatArray) -> FloatArray:
+    """Return area, centroid and orientation of polygons (..., N, 2) that have an area: (..., 4)."""
+    origin = v.mean(axis=-2, keepdims=True)
+    area, first, _ = _sums(v - origin)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        centroid = origin[..., 0, :] + first / np.asarray(area)[..., None]
+        second = _sums(v - centroid[..., None, :])[2]
+    turn = 0.5 * np.arctan2(2.0 * second[..., 2], second[..., 0] - second[..., 1])
+    return np.stack([area, centroid[..., 0], centroid[..., 1], turn], axis=-1)
+
+
 def _edges(v: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-    (x0, y0), (x1, y1) = v.T, np.roll(v, -1, axis=0).T
+    x0, y0 = v[..., 0], v[..., 1]
+    x1, y1 = np.roll(x0, -1, axis=-1), np.roll(y0, -1, axis=-1)
     return x0, y0, x1, y1, x0 * y1 - x1 * y0
 
 
-def _sums(v: FloatArray) -> tuple[float, FloatArray, FloatArray]:
-    """Return area, first moments (2,) and second moments xx, yy, xy (3,) about the origin."""
+def _sums(v: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return area (...,), first moments (..., 2) and second moments xx, yy, xy (..., 3) about the origin."""
     x0, y0, x1, y1, cross = _edges(v)
-    first = np.array([((x0 + x1) * cross).sum(), ((y0 + y1) * cross).sum()]) / 6.0
+    first = np.stack([((x0 + x1) * cross).sum(axis=-1), ((y0 + y1) * cross).sum(axis=-1)], axis=-1) / 6.0
     xx, yy = x0**2 + x0 * x1 + x1**2, y0**2 + y0 * y1 + y1**2
     xy = x0 * y1 + 2.0 * x0 * y0 + 2.0 * x1 * y1 + x1 * y0
-    second = np.array([(xx * cross).sum() / 12.0, (yy * cross).sum() / 12.0, (xy * cross).sum() / 24.0])
-    return float(cross.sum() / 2.0), first, second
+    second = np.stack(
+        [(m * cross).sum(axis=-1) / c for m, c in ((xx, 12.0), (yy, 12.0), (xy, 24.0))], axis=-1
+    )
+    return np.asarray(cross.sum(axis=-1) / 2.0), first, second
 
 
 def _slopes(v: FloatArray) -> FloatArray:

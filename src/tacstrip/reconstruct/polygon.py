@@ -12,6 +12,7 @@ from functools import partial
 
 import numpy as np
 
+from tacstrip.arguments import takes
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import Noise
 from tacstrip.core.fit import MOST
@@ -21,6 +22,7 @@ from tacstrip.reconstruct.bound import reading_sigma
 from tacstrip.reconstruct.polygon_object import FittedContact, recovered
 from tacstrip.reconstruct.polygon_run import fit_run, one_shape
 from tacstrip.reconstruct.result import Reconstruction
+from tacstrip.reconstruct.untouched import doubt_untouched
 from tacstrip.reconstruct.wide import ENDS, as_thin, reach_out
 from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import check_closed_form
@@ -31,6 +33,7 @@ _ROUNDS = 2  # of taking away what the strips' width adds
 _SPARE = 8  # strips: of fewer none is left out
 
 
+@takes(scan=Scan, sensor=Sensor, noise=Noise)
 def fit_polygon(
     scan: Scan,
     sensor: Sensor,
@@ -78,7 +81,7 @@ def fit_polygon(
     check_closed_form(sensor.kind, "fit_polygon")
     if vertices is not None and not 3 <= vertices <= MOST + 2:
         raise OptionError(f"vertices = {vertices}: a polygon has 3 or more, and here {MOST + 2} at most")
-    return Reconstruction(
+    result = Reconstruction(
         "polygon",
         tuple(
             recovered(scan, sensor, c, noise, bounded and _has_bound(noise))
@@ -86,8 +89,10 @@ def fit_polygon(
         ),
         scan.time_s,
     )
+    return doubt_untouched(result, scan, sensor)
 
 
+@takes(scans=(Scan,), sensor=Sensor, noise=Noise)
 def fit_polygons(
     scans: Sequence[Scan], sensor: Sensor, noise: Noise | None = None, workers: int | None = None
 ) -> list[Reconstruction]:

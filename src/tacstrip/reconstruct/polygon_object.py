@@ -16,7 +16,7 @@ from tacstrip.reconstruct.ends import closed_ends
 from tacstrip.reconstruct.outline import Outline
 from tacstrip.reconstruct.polygon_fit import fitted_covariance, thickness, untangled
 from tacstrip.reconstruct.polygon_run import RunFit
-from tacstrip.reconstruct.polygon_verdict import judge
+from tacstrip.reconstruct.polygon_verdict import explains, judge
 from tacstrip.reconstruct.result import Profile, RecoveredObject, Status
 from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import SIGNATURES
@@ -26,6 +26,8 @@ _THIN = 1e-6  # of the strip length: thinner is a line
 _HOPELESS = (
     1.5  # times sigma: least squares that leaves more over on average, where sqrt(3) is the most, has no set
 )
+_ANYWHERE = 0.9  # of the variance within a pitch
+_WORSE, _FEWER = 20.0, 0.0  # of the criterion: so much worse, more vertices, or fewer, are not tried
 _CORNERS = 12  # at most: the search for a set grows with them
 _NAMED = 5  # strips that advice names
 _FAINT = (
@@ -105,6 +107,14 @@ def recovered(
         )
     outline = Outline(lower, upper)
     covariance = fitted_covariance(fit, outline, run.signal, sensor)
+    guarantee, empty = None, False
+    if noise is not None and bounded and not faint:
+        refined = _refined(scan, sensor, contact, noise)
+        empty = refined is None
+        options = () if refined is None else (refined, refined.of_least_squares())
+        guarantee = next((o for o in options if explains(run, noise.distribution, o.outline)), None)
+        if guarantee is not None:
+            outline, covariance = guarantee.outline, guarantee.region_covariance
     status, advice = judge(run, noise.distribution if noise else None, outline.vertices, covariance)
     if contact.told is not None and fit.corners < contact.told and status == "ok":
         status, advice = (
@@ -113,15 +123,10 @@ def recovered(
         )
     if faint:
         status, advice = "doubtful", _FAINT
-    if noise is None or not bounded or faint:
-        return _found(strips, x, outline, covariance, status, [advice, *notes])
-    refined = _refined(scan, sensor, contact, noise)
-    if refined is None:
-        if status == "ok":
-            status, advice = "doubtful", _EMPTY
-        return _found(strips, x, outline, covariance, status, [advice, *notes])
-    found = _found(strips, x, refined.outline, refined.region_covariance, status, [advice, *notes])
-    return replace(found, guarantee=refined)
+    if empty and status == "ok":
+        status, advice = "doubtful", _EMPTY
+    found = _found(strips, x, outline, covariance, status, [advice, *notes])
+    return replace(found, guarantee=guarantee, uniform=_upright(outline, covariance, sensor))
 
 
 def _found(
@@ -130,6 +135,13 @@ def _found(
     profile = (x, np.interp(x, *outline.lower.T), np.interp(x, *outline.upper.T))
     advice = "; ".join(w for w in words if w)
     return RecoveredObject(strips, outline.vertices, profile, covariance, status, advice)
+
+
+def _upright(outline: Outline, covariance: FloatArray, sensor: Sensor) -> tuple[int, ...]:
+    """Return the places in `vertices.ravel()` of x of vertical ends of which no more than a pitch is known."""
+    lower, upper = outline.indices
+    places = [2 * int(lower[end]) for end in (0, -1) if lower[end] != upper[end]]
+    return tuple(i for i in places if covariance[i, i] > _ANYWHERE * sensor.pitch_mm**2 / 12.0)
 
 
 def _chosen(run: RunFit, known: bool) -> tuple[Fit, bool]:
@@ -149,7 +161,9 @@ def _refined(scan: Scan, sensor: Sensor, contact: FittedContact, noise: Noise) -
     if (run.residuals**2).sum() > _HOPELESS**2 * freedom or run.fits.chosen.corners > _CORNERS:
         return None
     candidates = []
-    for fit in run.fits.fits:
+    for fit, score in zip(run.fits.fits, run.fits.scores, strict=True):
+        if score > run.fits.scores[run.fits.best] + (_FEWER if fit.count < run.fits.chosen.count else _WORSE):
+            continue
         lower, upper = untangled(*fit.polygon(run.signal))
         if thickness(lower, upper) > _THIN * sensor.length_mm:
             outline = Outline(lower, upper)
@@ -161,9 +175,7 @@ def _refined(scan: Scan, sensor: Sensor, contact: FittedContact, noise: Noise) -
     band = Band.of(sensor, sensor.x_mm[contact.fitted], readings, noise, contact.beyond_mm)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # rubbish readings leave rubbish sets
         found = fewest(candidates, band)
-        if found is None or not np.isfinite(found[1].region_covariance).all():
-            return None
-    return found[1]
+    return None if found is None else found[1]
 
 
 def _raw_profile(scan: Scan, sensor: Sensor, strips: slice) -> Profile | None:

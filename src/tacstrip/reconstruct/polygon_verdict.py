@@ -7,6 +7,8 @@ import math
 import numpy as np
 
 from tacstrip.arrays import FloatArray
+from tacstrip.core.fit import Fit
+from tacstrip.reconstruct.outline import Outline
 from tacstrip.reconstruct.polygon_run import RunFit
 from tacstrip.reconstruct.result import Status
 
@@ -20,28 +22,33 @@ _APART = 3.0  # standard deviations of their distance in x by which two corners 
 _SPREAD = {"uniform": 0.8, "normal": 2.0}  # variance of a squared error over sigma^4
 
 
-def misfit_score(run: RunFit, distribution: str) -> float:
+def misfit_score(residuals: FloatArray, freedom: int, distribution: str) -> float:
     """Return how many standard deviations the squared residuals exceed what sigma allows."""
-    freedom = run.signal.readings - run.parameters
     if freedom < 1:
         return 0.0
     # Wilson and Hilferty's cube root makes chi square nearly normal; a uniform error's square spreads less.
-    root = (float((run.residuals**2).sum()) / freedom) ** (1.0 / 3.0)
+    root = (float((residuals**2).sum()) / freedom) ** (1.0 / 3.0)
     small = _SPREAD[distribution] / (9.0 * freedom)
     return float((root - (1.0 - small)) / math.sqrt(small))
 
 
-def run_score(run: RunFit) -> float:
+def run_score(residuals: FloatArray, readings: int) -> float:
     """Return how many standard deviations neighbouring residuals are more alike than chance makes them.
 
     0 where they are far below the noise, or all rounding.
     """
-    residuals = run.residuals
     squares = float((residuals**2).sum())
-    if squares < _FAINT * run.signal.readings:
+    if squares < _FAINT * readings:
         return 0.0
     pairs = float((residuals[:, 1:] * residuals[:, :-1]).sum())
-    return math.sqrt(run.signal.readings) * pairs / squares
+    return math.sqrt(readings) * pairs / squares
+
+
+def explains(run: RunFit, distribution: str, outline: Outline) -> bool:
+    """Whether an outline that is not the least-squares one leaves no more of a run's readings than noise does."""
+    residuals, readings = Fit.of(outline, run.signal).residuals(run.signal), run.signal.readings
+    # It follows the noise less than least squares does, so that nothing is taken off the freedom.
+    return max(misfit_score(residuals, readings, distribution), run_score(residuals, readings)) <= _ALARM
 
 
 def judge(
@@ -58,14 +65,14 @@ def judge(
     vertices, covariance
         Of the outline, counter-clockwise (V, 2) [mm], (2 V, 2 V) [mm^2].
     """
-    if distribution is not None and misfit_score(run, distribution) > _ALARM:
-        freedom = max(run.signal.readings - run.parameters, 1)
+    freedom = run.signal.readings - run.parameters
+    if distribution is not None and misfit_score(run.residuals, freedom, distribution) > _ALARM:
         times = math.sqrt(float((run.residuals**2).sum()) / freedom)
         return "doubtful", (
             f"the readings are {times:.3g} times as far from the best outline as the noise explains: the contact "
             "may be concave or two objects on the same strips, or the noise larger than given"
         )
-    if run_score(run) > _ALARM:
+    if run_score(run.residuals, run.signal.readings) > _ALARM:
         return "doubtful", (
             "what the best outline leaves over hangs together from strip to strip: the contact may be concave, "
             "curved, or two objects on the same strips"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from tacstrip.arguments import takes
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError, SignatureError
@@ -12,6 +13,7 @@ from tacstrip.network.crp_mesh import Wiring
 from tacstrip.reconstruct.bound import reading_sigma
 from tacstrip.reconstruct.ends import Ends, ends
 from tacstrip.reconstruct.result import Reconstruction, RecoveredObject, Status, distinct
+from tacstrip.reconstruct.untouched import doubt_untouched
 from tacstrip.scan import Scan
 from tacstrip.sensor.spec import Sensor
 
@@ -19,6 +21,7 @@ _ROUNDING = 1e-9  # of the strip length
 _NOISE = 0.02  # of Vref: twice P.U. profile II, which a contact without width may show
 
 
+@takes(scan=Scan, sensor=Sensor, noise=Noise)
 def profile_reconstruction(
     scan: Scan,
     sensor: Sensor,
@@ -66,9 +69,10 @@ def profile_reconstruction(
     sigma = None if noise is None else reading_sigma(noise, sensor)
     found = ends(scan, sensor, sigma, convex, wiring)
     objects = tuple(_object(sensor, run, scan, found) for run in scan.runs())
-    return Reconstruction("profile", objects, scan.time_s)
+    return doubt_untouched(Reconstruction("profile", objects, scan.time_s), scan, sensor)
 
 
+@takes(recovered=RecoveredObject)
 def profile_at(recovered: RecoveredObject, original_vertices: npt.ArrayLike) -> FloatArray:
     """Return the recovered profile at the original's vertex columns, as a polygon (N, 2) [mm].
 

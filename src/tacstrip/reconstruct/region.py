@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from tacstrip.arrays import FloatArray
+from tacstrip.reconstruct.moments import LEVEL
 
-LEVEL = 0.95
 _NAMESPACE = 'xmlns="http://www.w3.org/2000/svg"'
 _SIZE = 320.0  # of the picture's longer side [px]
 

@@ -8,7 +8,7 @@ from typing import Literal, Protocol, TypeAlias
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray
-from tacstrip.reconstruct.moments import deviations, moments, orientation
+from tacstrip.reconstruct.moments import MomentDeviations, deviations, moments, orientation
 from tacstrip.reconstruct.region import svg
 
 Status: TypeAlias = Literal[
@@ -26,11 +26,15 @@ Profile: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
 
 
 class Guarantee(Protocol):
-    """What knows the guaranteed regions of an object's vertices, each (K, 2) [mm]."""
+    """What is known of an object where the readings' noise has a bound."""
 
     @property
     def regions(self) -> list[FloatArray] | None:
-        """The regions, in the order of the vertices."""
+        """The guaranteed regions (K, 2) [mm], in the order of the vertices."""
+
+    @property
+    def deviations(self) -> MomentDeviations | None:
+        """Deviations of area, centroid and orientation, if they are known better than from the covariance."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +59,14 @@ class RecoveredObject:
         CRS-CRP: a word per strip in contact, "ok", "short contact" or "not converged"; else empty.
     guarantee
         What `guaranteed` is computed from, where the noise has a known bound.
+    uniform
+        Places in `vertices.ravel()` whose error is uniform, not normal: x of a vertical end, which lies anywhere
+        within a pitch.
+
+    Raises
+    ------
+    ValueError
+        Vertices and covariance are not of one size.
     """
 
     strips: slice
@@ -65,6 +77,21 @@ class RecoveredObject:
     advice: str = ""
     strip_status: tuple[str, ...] = ()
     guarantee: Guarantee | None = None
+    uniform: tuple[int, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.covariance is not None and self.covariance.shape != (2 * len(self.vertices),) * 2:
+            raise ValueError(
+                f"{len(self.vertices)} vertices, and a covariance of shape {self.covariance.shape}"
+            )
+
+    def __repr__(self) -> str:
+        where = f"strips {self.strips.start} to {self.strips.stop - 1}"
+        if not self.found:
+            return f"<RecoveredObject: {self.status}, {where}>"
+        x, y = self.centroid
+        shape = f"{len(self.vertices)} vertices, {self.area:.4g} mm2 at x = {x:.4g}, y = {y:.4g} mm"
+        return f"<RecoveredObject: {self.status}, {shape}, {where}>"
 
     @property
     def found(self) -> bool:
@@ -96,9 +123,15 @@ class RecoveredObject:
         return orientation(self.vertices)
 
     @property
-    def deviations(self) -> tuple[float, FloatArray, float] | None:
-        """Standard deviations of area [mm^2], centroid (2,) [mm] and orientation [rad]; None without a covariance."""
-        return None if self.covariance is None else deviations(self.vertices, self.covariance)
+    def deviations(self) -> MomentDeviations | None:
+        """Standard deviations of area [mm^2], centroid (2,) [mm] and orientation [rad]; None without a covariance.
+
+        1.96 of them to either side hold 95 %, also where an error is not normal.
+        """
+        if self.covariance is None:
+            return None
+        sampled = None if self.guarantee is None else self.guarantee.deviations
+        return sampled or deviations(self.vertices, self.covariance, self.uniform)
 
     def _repr_svg_(self) -> str:
         """Draw it in a notebook."""
@@ -122,6 +155,11 @@ class Reconstruction:
     method: str
     objects: tuple[RecoveredObject, ...]
     time_s: float = 0.0
+
+    def __repr__(self) -> str:
+        objects = "".join(f", {o!r}" for o in self.objects) if len(self.objects) == 1 else ""
+        count = f"{len(self.objects)} object{'' if len(self.objects) == 1 else 's'}"
+        return f"<Reconstruction by {self.method} at {self.time_s:.6g} s: {self.status}, {count}{objects}>"
 
     @property
     def status(self) -> Status:

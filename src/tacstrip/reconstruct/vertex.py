@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from tacstrip.arguments import takes
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError, one_of
@@ -14,6 +15,7 @@ from tacstrip.reconstruct.blocks import linear_system
 from tacstrip.reconstruct.result import Reconstruction, RecoveredObject, Status, close_chains
 from tacstrip.reconstruct.sections import Section, fit_sections, noise_level
 from tacstrip.reconstruct.transitions import transitions_of_runs
+from tacstrip.reconstruct.untouched import doubt_untouched
 from tacstrip.reconstruct.validity import judge, judge_fit
 from tacstrip.scan import Scan
 from tacstrip.sensor.circuit import chain_weights, erosion
@@ -26,6 +28,7 @@ _EROSION_STEPS = 100
 _WEAK = 2.0  # standard deviations below which a kink's sign is not to be trusted
 
 
+@takes(scan=Scan, sensor=Sensor, noise=Noise)
 def vertex_reconstruction(
     scan: Scan,
     sensor: Sensor,
@@ -73,9 +76,8 @@ def vertex_reconstruction(
     k = scan[name]
     found = transitions_of_runs(scan, sensor, name, transitions, noise)
     runs = zip(scan.runs(), found, strict=True)
-    return Reconstruction(
-        "vertex", tuple(_recover(sensor, name, run, k[run], x, reading) for run, x in runs), scan.time_s
-    )
+    objects = tuple(_recover(sensor, name, run, k[run], x, reading) for run, x in runs)
+    return doubt_untouched(Reconstruction("vertex", objects, scan.time_s), scan, sensor)
 
 
 class _Refusal(Exception):  # noqa: N818 - not an error: why one object has no shape

@@ -19,8 +19,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from tacstrip.arrays import FloatArray
+from tacstrip.arrays import BoolArray, FloatArray
 
+_ROUNDING = 16.0 * np.finfo(float).eps  # of Vref
 _NEWTON_STEPS = 60  # quadratic: five or six do, more only where w is far below lambda or k near 0
 
 
@@ -55,7 +56,7 @@ def k_h(
     a = sensing_share(ratio)
     t = erosion(w, contact_lambda)
     wi = w - 2.0 * t
-    return np.asarray((l + t + a * wi) / (length - (1.0 - a) * wi))
+    return _over_vref(l + t + a * wi, length - (1.0 - a) * wi, length)
 
 
 def k_l(
@@ -64,7 +65,7 @@ def k_l(
     """Return k_l, the sensing strip's lower voltage over Vref: (3.4), (3.6). Arguments as for `k_h`."""
     a = sensing_share(ratio)
     t = erosion(w, contact_lambda)
-    return np.asarray((l + t) / (length - (1.0 - a) * (w - 2.0 * t)))
+    return _over_vref(l + t, length - (1.0 - a) * (w - 2.0 * t), length)
 
 
 def k_metal(l: FloatArray, w: FloatArray, length: float, contact_lambda: float = 0.0) -> FloatArray:
@@ -73,7 +74,18 @@ def k_metal(l: FloatArray, w: FloatArray, length: float, contact_lambda: float =
         return k_l(l, w, length, 0.0, contact_lambda)
 
 
-def chain_weights(k: FloatArray, at_upper_end: bool, ratio: float) -> tuple[FloatArray, FloatArray]:
+def _over_vref(numerator: FloatArray, d: FloatArray, length: float) -> FloatArray:
+    """Return numerator / d, with 0 or 1 where only rounding put it beyond; further out, l or w are impossible."""
+    k = np.asarray(numerator / d)
+    with np.errstate(divide="ignore"):
+        rounding = _ROUNDING * np.maximum(length / np.abs(d), 1.0)  # d is a difference of lengths
+    near = (k >= -rounding) & (k <= 1.0 + rounding) & np.isfinite(rounding)
+    return np.where(near, np.clip(k, 0.0, 1.0), k)
+
+
+def chain_weights(
+    k: FloatArray, at_upper_end: bool | BoolArray, ratio: float
+) -> tuple[FloatArray, FloatArray]:
     """Return (c_l, c_u) with c_l l + c_u u = k L and c_l + c_u = 1, for an ideal contact.
 
     (3.5), (3.6) and (3.8) are each linear in l and u once the reading is known; steps 3 (a), (b), (c) of
@@ -84,12 +96,12 @@ def chain_weights(k: FloatArray, at_upper_end: bool, ratio: float) -> tuple[Floa
     k
         A reading over Vref, any shape.
     at_upper_end
-        Whether it is the sensing strip's upper end (k_h) or its lower end (k_l, k).
+        Whether it is the sensing strip's upper end (k_h) or its lower end (k_l, k); broadcasts with k.
     ratio
         Resistivity of the sensing layer over that of the energised strip; 0 for metal.
     """
     a = sensing_share(ratio)
-    c_u = (1.0 - a) * k + (a if at_upper_end else 0.0)
+    c_u = (1.0 - a) * k + np.where(at_upper_end, a, 0.0)
     return 1.0 - c_u, c_u
 
 

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from tacstrip.arguments import takes
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.sensor.spec import Sensor
 
@@ -27,6 +28,7 @@ def touched(sensor: Sensor, raw: Mapping[str, FloatArray]) -> BoolArray:
     return np.asarray(found & np.any([a > sensor.touch_volt for a in away], axis=0))
 
 
+@takes(sensor=Sensor)
 def corrected(sensor: Sensor, raw: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
     """Return a unit's readings for a `Scan`: NaN where nothing touches, corrected by its calibration elsewhere.
 
@@ -49,6 +51,7 @@ def corrected(sensor: Sensor, raw: Mapping[str, FloatArray]) -> dict[str, FloatA
     return {name: calibration.correct(name, v) for name, v in values.items()}
 
 
+@takes(sensor=Sensor)
 def distorted(sensor: Sensor, readings: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
     """Return the raw readings that `corrected` turns into these; NaN, nothing touches, stays NaN."""
     calibration = sensor.calibration

@@ -11,9 +11,11 @@ from typing import Any, Self
 
 import numpy as np
 
+from tacstrip.arguments import refuse_positional
 from tacstrip.arrays import FloatArray
 from tacstrip.data import spec_names, spec_path
 from tacstrip.errors import SpecError
+from tacstrip.files import why_unreadable, write_text
 from tacstrip.sensor.calibration import Calibration
 from tacstrip.sensor.constructions import CONSTRUCTIONS, Construction, check_signature, construction
 
@@ -70,6 +72,23 @@ class Sensor:
     strip_base: int = 0
     format: int = FORMAT
     calibration: Calibration | None = None
+
+    def __new__(cls, *values: object, **named: object) -> Self:
+        """Refuse values without a name: `ArgumentError`."""
+        refuse_positional(
+            "ts.Sensor",
+            values,
+            'ts.Sensor.load("sensor.toml"), or ts.Sensor(construction="crs-crs", strips=10, ...)',
+        )
+        return super().__new__(cls)
+
+    def __repr__(self) -> str:
+        more = "".join(
+            f", {told}"
+            for told, there in ((f"{self.adc_bits} bits", self.adc_bits), ("calibrated", self.calibration))
+            if there
+        )
+        return f"<Sensor {self.fingerprint}{more}>"
 
     def __post_init__(self) -> None:
         """Bring numbers to their type and refuse what cannot be."""
@@ -135,12 +154,16 @@ class Sensor:
         try:
             if not file.exists() and str(path) in spec_names():
                 file = spec_path(str(path))
+            if why := why_unreadable(file):
+                raise SpecError(f"{path}: {why}")
             raw = tomllib.loads(file.read_text(encoding="utf-8-sig"))
         except FileNotFoundError:
             shipped = ", ".join(spec_names())
             raise SpecError(
                 f"{path}: no such file. Write one with `tacstrip init`, or name a shipped spec: {shipped}"
             ) from None
+        except SpecError:
+            raise
         except (OSError, ValueError, RecursionError) as error:
             raise SpecError(f"{path}: not a readable TOML spec ({error}). See `tacstrip init`") from None
         try:
@@ -175,7 +198,7 @@ class Sensor:
 
     def save(self, path: str | Path) -> None:
         """Write the spec file."""
-        Path(path).write_text(self.to_toml(), encoding="utf-8")
+        write_text(path, self.to_toml())
 
 
 def _number(name: str, value: Any, whole: bool) -> int | float:
@@ -220,6 +243,11 @@ def _check(s: Sensor) -> None:
         ("strips", 1 <= s.strips <= 1_000_000, "must be 1 to 1000000"),
         ("strip_width_mm", s.strip_width <= s.pitch_mm, f"must not exceed pitch_mm = {s.pitch_mm}"),
         ("contact_lambda_mm", s.contact_lambda_mm >= 0.0, "must be 0 (ideal) or more"),
+        (
+            "contact_lambda_mm",
+            s.contact_lambda_mm <= s.length_mm,
+            f"must not exceed length_mm = {s.length_mm}; both are millimetres",
+        ),
         ("adc_bits", s.adc_bits is None or 1 <= s.adc_bits <= 32, "must be 1 to 32"),
         ("strip_base", s.strip_base in (0, 1), "must be 0 or 1"),
         ("rest_volt", s.rest_volt is None or 0 <= s.rest_volt <= s.vref_volt, "must be 0 to vref_volt"),

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from tacstrip.arguments import takes
 from tacstrip.arrays import FloatArray
 from tacstrip.errors import SpecError
 from tacstrip.sensor.spec import Sensor
@@ -18,6 +19,7 @@ def strip_angle(sensor: Sensor, strip: FloatArray) -> FloatArray:
     return np.asarray((np.asarray(strip, dtype=float) + 0.5) * sensor.pitch_mm / _radius(sensor))
 
 
+@takes(sensor=Sensor)
 def to_space(sensor: Sensor, strip: FloatArray, y_mm: FloatArray) -> FloatArray:
     """Return points (..., 3) [mm] for strip coordinates and positions y along the strip, any shapes."""
     strip, y = np.broadcast_arrays(np.asarray(strip, dtype=float), np.asarray(y_mm, dtype=float))
@@ -27,6 +29,7 @@ def to_space(sensor: Sensor, strip: FloatArray, y_mm: FloatArray) -> FloatArray:
     return np.stack([radius * np.cos(angle), radius * np.sin(angle), y], axis=-1)
 
 
+@takes(sensor=Sensor)
 def from_space(sensor: Sensor, points_mm: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return strip coordinates and y [mm] of points (..., 3) [mm], the inverse of `to_space`.
 

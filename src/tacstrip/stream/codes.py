@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from tacstrip.arguments import takes
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.errors import RecordingError
 from tacstrip.scan import Scan
@@ -42,6 +43,7 @@ def code_shape(sensor: Sensor, name: str) -> tuple[int, ...]:
     return (sensor.strips, 2 * sensor.strips) if name == ELECTRODES else (sensor.strips,)
 
 
+@takes(scan=Scan, sensor=Sensor)
 def encode(scan: Scan, sensor: Sensor, sequence: int = 0) -> RawScan:
     """Return a scan as the codes of this unit, each reading rounded to its nearest; 0 where nothing touches.
 
@@ -68,6 +70,7 @@ def rounding(scan: Scan, sensor: Sensor) -> float:
     return float(np.nanmax(np.abs(steps - np.round(steps)), initial=0.0))
 
 
+@takes(raw=RawScan, sensor=Sensor)
 def decode(raw: RawScan, sensor: Sensor) -> Scan:
     """Return the scan that codes mean to this sensor: over Vref, calibrated, NaN where nothing touches.
 

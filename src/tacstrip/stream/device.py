@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from tacstrip.arguments import takes
 from tacstrip.errors import ContactError, PortError
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.codes import code_type, top_code, with_converter
@@ -43,6 +44,7 @@ class VirtualDevice:
         What is wrong with the contact, in words; empty when all is well.
     """
 
+    @takes(sensor=Sensor)
     def __init__(
         self,
         sensor: Sensor,

@@ -6,7 +6,7 @@ import threading
 from collections.abc import Callable
 from pathlib import Path
 
-from tacstrip.errors import RecordingError
+from tacstrip.errors import in_words
 from tacstrip.stream.mailbox import Mailbox
 from tacstrip.stream.recording import Recorder
 from tacstrip.stream.source import RawScan
@@ -69,13 +69,14 @@ class DiskWriter:
                     for raw in self._box.get_all():
                         recorder.add(raw)
                     recorder.idle(_NAP_S)
-        except (OSError, RecordingError) as error:
+        except Exception as error:
             self.failed = True
             self._box.close()
-            why = f"{error.strerror}" if isinstance(error, OSError) else str(error)
+            why, advice = in_words(error), ""
+            if isinstance(error, OSError):
+                why, advice = error.strerror or why, "; make room, or record to another disk"
             self._tell(
-                f"recording to {recorder.path} ended: {why}. {recorder.saved_scans} scan(s) are saved in it; make "
-                "room, or record to another disk"
+                f"recording to {recorder.path} ended: {why}. {recorder.saved_scans} scan(s) are saved in it{advice}"
             )
             return
         self._tell(f"{recorder.path}: {recorder.scans} scan(s), {recorder.size_bytes / 1e6:.3g} MB")

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tacstrip.errors import RecordingError
+from tacstrip.files import replacing, write_text
 from tacstrip.io.columns import INDEX, electrode_names
 from tacstrip.io.geometry import feature_collection
 from tacstrip.reconstruct.result import Reconstruction, RecoveredObject
@@ -33,7 +34,7 @@ def write_csv(path: str | Path, source: Source, codes: bool = False) -> int:
     header = electrode_names(sensor, codes) if ELECTRODES in names else [_column(n, codes) for n in names]
     scale = sensor.vref_volt / top_code(sensor)
     count = 0
-    with Path(path).open("w", encoding="utf-8", newline="") as file:
+    with replacing(path) as part, part.open("w", encoding="utf-8", newline="") as file:
         out = csv.writer(file, lineterminator="\n")
         out.writerow([*INDEX, *header])
         for raw in source:
@@ -87,7 +88,7 @@ def write_npz(path: str | Path, source: Source) -> int:
         yield "sensor_toml", np.array(sensor.to_toml())
         yield "origin_ns", np.array(source.origin_ns)
 
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+    with replacing(path) as part, zipfile.ZipFile(part, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, array in arrays():
             with archive.open(f"{name}.npy", "w", force_zip64=True) as file:
                 np.lib.format.write_array(file, np.asanyarray(array), allow_pickle=False)
@@ -112,7 +113,7 @@ def write_shapes(path: str | Path, source: Recording) -> int:
             "adds them"
         )
     collection["features"] = features
-    Path(path).write_text(json.dumps(collection, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    write_text(path, json.dumps(collection, indent=1, allow_nan=False) + "\n")
     return len(features)
 
 

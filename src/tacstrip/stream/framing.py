@@ -21,6 +21,7 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, McapRecord, Message, Metadata, Schema, Statistics
 
 from tacstrip.errors import RecordingError
+from tacstrip.files import why_unreadable
 from tacstrip.stream.resync import FRAME, LARGEST, MAGIC, head, is_chunk, resume
 
 _MOST_READ = 8  # times the file's length: however the damage was made, reading ends
@@ -75,6 +76,8 @@ class Records:
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
+        if why := why_unreadable(path):
+            raise RecordingError(f"{path}: {why}")
         try:
             self._file: IO[bytes] = self.path.open("rb")
             size = self.path.stat().st_size

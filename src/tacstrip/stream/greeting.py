@@ -80,6 +80,17 @@ def check_device(hello: Hello, sensor: Sensor) -> None:
         )
 
 
+def check_unit(hello: Hello, first: Hello) -> None:
+    """Refuse a device that is not the one that the stream began with: `OtherDeviceError` names both."""
+    for key in ("unit_name", "construction", "strips", "signatures", "adc_bits"):
+        now, before = getattr(hello, key), getattr(first, key)
+        if now != before:
+            raise OtherDeviceError(
+                f"another device is on the port: it has {key} = {now!r}, and the stream began with {before!r}, whose "
+                "spec and calibration are not its own; start again with those of the new one"
+            )
+
+
 def sensor_of(hello: Hello, sensor: Sensor | None) -> Sensor:
     """Return the sensor of a device, with its A/D bits: of this spec or a fitting shipped one; else `PortError`."""
     if sensor is None:

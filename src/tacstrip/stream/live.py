@@ -12,13 +12,15 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+from tacstrip.arguments import takes
 from tacstrip.contact.noise import Noise
-from tacstrip.errors import TacstripError
+from tacstrip.errors import TacstripError, in_words
 from tacstrip.reconstruct.methods import best_method
 from tacstrip.stream.disk import DiskWriter
 from tacstrip.stream.frame import Frame
@@ -32,6 +34,7 @@ from tacstrip.stream.tracking import Tracker
 
 _LATE_S, _MANY = 0.02, 3  # scans that waited longer, or with more behind them, are recorded without objects
 _DETAIL_S = 1.0 / 80.0  # covariances are worked out so often, where anybody looks
+_WAIT_S = 0.1  # the longest wait for a frame at a time
 _SWITCH_S = 0.0001  # between threads; Python's own 5 ms would show as latency
 
 
@@ -59,7 +62,10 @@ class Live:
         Scans that came; those whose objects were not recovered because the computer was behind; those that are no
         readings.
     error
-        What ended the stream, or None.
+        What ended the stream, or went wrong as its source was closed, of whatever kind; None where nothing did.
+        Iterating raises it, after the last frame.
+    recording_failed
+        Whether a recording broke off.
     messages
         The last things told, each with its number.
     meter
@@ -68,6 +74,7 @@ class Live:
         Whether somebody looks: then covariances are worked out, 80 times a second.
     """
 
+    @takes(noise=Noise)
     def __init__(
         self,
         source: Source,
@@ -81,9 +88,10 @@ class Live:
         self.source = source
         self.method, self.noise = method, noise
         self.frames = self.late = self.unreadable = 0
-        self.error: TacstripError | OSError | None = None
+        self.error: BaseException | None = None
+        self.recording_failed = False
         self.messages: deque[tuple[int, str]] = deque(maxlen=20)
-        self.detail = self._started = False
+        self.detail = self._started = self._over = False
         self._drift, self._speed, self._then, self._tell = drift, speed, then, tell
         self._told = 0
         self._outlets: list[Mailbox[Frame]] = []
@@ -94,13 +102,15 @@ class Live:
         self._thread = threading.Thread(target=self._run, name="tacstrip stream", daemon=True)
         self._beside = ThreadPoolExecutor(1, thread_name_prefix="tacstrip search")
         self._detailed_s = 0.0
-        self._own: Mailbox[Frame] | None = None
+        self._own = self.outlet()
         self._switch_s = sys.getswitchinterval()
 
     def outlet(self, size: int = 1, detailed: bool = False) -> Mailbox[Frame]:
         """Return a queue of the newest frames, so many at most; `detailed`: of those with covariances alone."""
         box: Mailbox[Frame] = Mailbox(size)
         (self._detailed if detailed else self._outlets).append(box)
+        if self._over:
+            box.close()
         return box
 
     def start(self) -> None:
@@ -110,14 +120,21 @@ class Live:
         self._thread.start()
 
     def stop(self) -> None:
-        """End the stream and the recording, and let go of the source; may be called twice."""
+        """End the stream and the recording, and let go of the source; may be called twice.
+
+        What the source raises as it is closed is told, and kept as `error`.
+        """
         self._stopped.set()
-        self.source.close()
+        try:
+            self.source.close()
+        except Exception as error:
+            self._fail(error)
         if self._started:
             self._thread.join()
             sys.setswitchinterval(self._switch_s)
         self._beside.shutdown(cancel_futures=True)
         self.stop_recording()
+        self._close_outlets()
 
     @property
     def running(self) -> bool:
@@ -130,15 +147,18 @@ class Live:
         recorder = Recorder(path, source.sensor, source.names, source.origin_ns, told, force)
         with self._writing:
             previous, self._writer = self._writer, DiskWriter(recorder, self.tell)
-        if previous is not None:
-            previous.close()
+        self._end(previous)
 
     def stop_recording(self) -> None:
         """End the recording, if there is one."""
         with self._writing:
             writer, self._writer = self._writer, None
+        self._end(writer)
+
+    def _end(self, writer: DiskWriter | None) -> None:
         if writer is not None:
             writer.close()
+            self.recording_failed |= writer.failed
 
     @property
     def recording(self) -> DiskWriter | None:
@@ -160,7 +180,13 @@ class Live:
         """Tell a user something."""
         self._told += 1
         self.messages.append((self._told, text))
-        self._tell(text)
+        try:
+            self._tell(text)
+        except Exception as error:
+            self._fail(error)
+            self._stopped.set()
+            with suppress(Exception):  # the first error counts
+                self.source.close()
 
     def __iter__(self) -> Iterator[Frame]:
         if self._started:
@@ -170,9 +196,8 @@ class Live:
                 yield from self._newest()
 
     def _newest(self) -> Iterator[Frame]:
-        box = self._own = self._own or self.outlet()
-        while self.running or len(box):
-            if (frame := box.get(0.1)) is not None:
+        while not self._own.closed or len(self._own):
+            if (frame := self._own.get(_WAIT_S)) is not None:
                 yield frame
         if self.error is not None:
             raise self.error
@@ -193,11 +218,27 @@ class Live:
                 self._begin(source)
                 self._pass(source)
                 source = None if self._stopped.is_set() else self._then()
-        except (TacstripError, OSError) as error:
-            self.error = error
-            self.tell(str(error))
-        finally:
+        except BaseException as error:
+            self._fail(error)
+        try:
             self.source.close()
+        except BaseException as error:
+            self._fail(error)
+        self.stop_recording()
+        self._close_outlets()
+
+    def _close_outlets(self) -> None:
+        self._over = True
+        for box in (*self._outlets, *self._detailed):
+            box.close()
+
+    def _fail(self, error: BaseException) -> None:
+        """Keep and tell what went wrong first; what follows from it is not told."""
+        if self.error is None:
+            self.error = error
+            self.tell(
+                str(error) if isinstance(error, TacstripError) else f"the stream broke off: {in_words(error)}"
+            )
 
     def _pass(self, source: Source) -> None:
         """Pass the scans of a source on, to its end."""
@@ -230,11 +271,13 @@ class Live:
         try:
             scan = self._readings.scan(raw)
             objects = self._tracker.update(scan, detail)
-        except TacstripError as error:
+        except Exception as error:
+            self._save(raw)
+            if not isinstance(error, TacstripError):
+                raise
             self.unreadable += 1
             if self.unreadable == 1:
                 self.tell(f"scan {number} cannot be used: {error}")
-            self._save(raw)
             return
         ready_s = time.perf_counter()
         self.meter.done(ready_s - arrived_s)

@@ -70,6 +70,11 @@ class _Ended:
             left = left[self.raw.write(left) :]
 
 
+def already_there(path: str | Path) -> str:
+    """Say that a file is not written over."""
+    return f"{path} exists already; choose another name, or add --force (force=True) to write over it"
+
+
 class McapFile:
     """A new MCAP file of the profile ros2, zstd; `writer` writes into it, inside `guard`.
 
@@ -93,9 +98,7 @@ class McapFile:
         try:
             self._file = _Ended(self.path, force)
         except FileExistsError:
-            raise RecordingError(
-                f"{path} exists already; choose another name, or add --force (force=True) to write over it"
-            ) from None
+            raise RecordingError(already_there(path)) from None
         # Chunks are ended by `flush`: the writer's own limit would end them behind our back.
         self.writer = Writer(cast(IO[Any], self._file), chunk_size=2**62, compression=CompressionType.ZSTD)
         with self.guard():

@@ -9,6 +9,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+from tacstrip.arguments import takes
 from tacstrip.errors import RecordingError
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream import messages
@@ -50,6 +51,7 @@ class Recorder:
         The disk is full or the like. What was saved until then is a whole recording.
     """
 
+    @takes(sensor=Sensor)
     def __init__(
         self,
         path: str | Path,

@@ -8,8 +8,9 @@ from pathlib import Path
 from mcap.records import Attachment, Channel, Message, Metadata, Schema, Statistics
 
 from tacstrip.errors import RecordingError
+from tacstrip.files import replacing
 from tacstrip.stream.framing import Condition, Records
-from tacstrip.stream.mcapfile import CHUNK_BYTES, McapFile
+from tacstrip.stream.mcapfile import CHUNK_BYTES, McapFile, already_there
 
 RECOVERED = "tacstrip_recovered"  # name of the metadata that says so
 _MOST_PLACES = 20  # of damage that are told one by one
@@ -89,13 +90,16 @@ def recover(path: str | Path, output: str | Path, force: bool = False) -> Recove
                 pass
     if not messages or not channels:
         raise RecordingError(f"{path}: it holds no whole chunk, so there is nothing to recover")
-    file = McapFile(output, force)
-    saved = _copy(Records(path), file, schemas, channels)
+    if Path(output).exists() and not force:
+        raise RecordingError(already_there(output))
     about = {"from": Path(path).name, "lost_bytes": str(first.condition.lost_bytes)}
     about |= {f"damage_{i}": told for i, told in enumerate(first.condition.damage[:_MOST_PLACES])}
-    with file.guard():
-        file.writer.add_metadata(RECOVERED, about)
-    file.close()
+    with replacing(output) as part:
+        file = McapFile(part, force=True)
+        saved = _copy(Records(path), file, schemas, channels)
+        with file.guard():
+            file.writer.add_metadata(RECOVERED, about)
+        file.close()
     return Recovered(*saved, first.condition, held)
 
 

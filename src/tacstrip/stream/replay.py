@@ -11,6 +11,7 @@ from typing import NoReturn
 
 from mcap.records import Attachment, Channel, Message, Metadata, Schema
 
+from tacstrip.arguments import takes
 from tacstrip.errors import RecordingError, SpecError
 from tacstrip.io.readings import read_readings
 from tacstrip.sensor.spec import Sensor
@@ -48,6 +49,7 @@ class Recording:
         strips or A/D bits than the codes.
     """
 
+    @takes(sensor=Sensor)
     def __init__(self, path: str | Path, sensor: Sensor | None = None) -> None:
         self.path = Path(path)
         self._records = Records(path)
@@ -187,6 +189,7 @@ class ReadingsSource:
         As of `read_readings`.
     """
 
+    @takes(sensor=Sensor)
     def __init__(self, path: str | Path, sensor: Sensor) -> None:
         self.sensor = with_converter(sensor)
         # As it was measured: touch and calibration are looked at anew by whoever reads the codes.

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
+from tacstrip.arguments import takes
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.footprint import footprint
 from tacstrip.contact.noise import Noise, Rng, generator
@@ -87,6 +88,7 @@ class SimulatedSource:
         contact leaves the sensor.
     """
 
+    @takes(sensor=Sensor, noise=Noise)
     def __init__(
         self,
         sensor: Sensor,

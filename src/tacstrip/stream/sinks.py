@@ -9,6 +9,7 @@ from typing import IO, Any
 
 import numpy as np
 
+from tacstrip.errors import in_words
 from tacstrip.stream.frame import Frame
 from tacstrip.stream.live import Live
 from tacstrip.stream.osc import Tuio
@@ -25,13 +26,18 @@ class Sink:
     live
         The stream.
     take
-        Called with every frame that is not dropped, and with how many were; an `OSError` ends the sink.
+        Called with every frame that is not dropped, and with how many were; what it raises ends the sink.
     waiting
         How many frames may wait.
     name
         In words, for messages.
     release
         Called when it has ended.
+
+    Attributes
+    ----------
+    error
+        What ended it before the stream did; None where nothing did.
     """
 
     def __init__(
@@ -43,6 +49,7 @@ class Sink:
         release: Callable[[], None] = lambda: None,
     ) -> None:
         self._live, self._take, self._name, self._release = live, take, name, release
+        self.error: Exception | None = None
         self._box = live.outlet(waiting)
         self._thread = threading.Thread(target=self._run, name=f"tacstrip {name}", daemon=True)
         self._thread.start()
@@ -74,9 +81,10 @@ class Sink:
                 continue
             try:
                 self._take(frame, self._box.dropped)
-            except OSError as error:
+            except Exception as error:
+                self.error = error
                 self._box.close()
-                self._live.tell(f"{self._name} ended: {error.strerror or error}")
+                self._live.tell(f"{self._name} ended: {in_words(error)}")
                 return
 
 

@@ -10,7 +10,7 @@ from typing import Any, Protocol, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from tacstrip.arrays import BoolArray, FloatArray
+from tacstrip.arrays import BoolArray, FloatArray, strips_told
 from tacstrip.sensor.spec import Sensor
 
 CodeArray: TypeAlias = npt.NDArray[np.unsignedinteger[Any]]
@@ -54,6 +54,10 @@ class RawScan:
     strip_time_s: FloatArray | None = None
     shapes: tuple[Shape, ...] = ()
 
+    def __repr__(self) -> str:
+        strips = f"{len(self.touched)} strips at {self.time_s:.6g} s: {strips_told(self.touched)}"
+        return f"<RawScan {self.sequence} of {strips}, codes {', '.join(self.codes)}>"
+
 
 class Source(Protocol):
     """Scans in the order of their time; iterate it once, then close it."""
@@ -71,7 +75,7 @@ class Source(Protocol):
         """Unix time of time_s = 0 [ns]."""
 
     def __iter__(self) -> Iterator[RawScan]:
-        """Give the scans; errors that end the stream are raised here."""
+        """Give the scans; errors that end the stream, of any kind, are raised here."""
 
     def close(self) -> None:
         """Let go of the file or the device; may be called twice."""

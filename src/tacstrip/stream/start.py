@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+from tacstrip.arguments import takes
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError
 from tacstrip.sensor.spec import Sensor
@@ -15,6 +16,7 @@ from tacstrip.stream.source import Source
 from tacstrip.stream.warm import warm_up
 
 
+@takes(sensor=Sensor, noise=Noise)
 def live(
     port: str | None = None,
     *,
@@ -50,7 +52,8 @@ def live(
     Raises
     ------
     PortError
-        The port, or what is on it, cannot be used; while it is iterated: another device was plugged in.
+        The port, or what is on it, cannot be used; while it is iterated: another device was plugged in. Whatever else
+        the source raises, iterating raises too, after the last frame; a recording is then closed whole.
     OptionError
         Not exactly one of `port` and `source`.
     RecordingError, OSError

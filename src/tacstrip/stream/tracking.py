@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass, replace
 
+from tacstrip.arguments import takes
 from tacstrip.contact.noise import Noise
 from tacstrip.reconstruct.methods import best_method, recover
 from tacstrip.reconstruct.result import RecoveredObject
@@ -66,6 +67,7 @@ class Tracker:
         With the first scan: there is no such method, or it is not for this sensor.
     """
 
+    @takes(sensor=Sensor, noise=Noise)
     def __init__(
         self,
         sensor: Sensor,

@@ -11,7 +11,8 @@ from tacstrip.stream.wire_messages import Hello
 from tacstrip.stream.wire_scans import LAYOUT, ScanBatch, layout_of
 
 LONGEST = 2**15  # bytes between two zeros; a scan of the most strips and two signatures has 17,000
-# A scan number further ahead, or further behind, is taken for that of a device that started again.
+# A scan number further ahead, or further behind, is taken for that of a device that started again; so are two numbers
+# in a row that are less far behind.
 AHEAD, BEHIND = 2**16, 2**10
 _KIND_AT, _SEQUENCE_AT = 1, struct.Struct("<xxI")
 
@@ -28,7 +29,7 @@ class Counts(NamedTuple):
     lost
         Scans that never came, by the gaps in their numbers; those that came corrupt are among them.
     out_of_order
-        Scans with a number that had its turn already. They are left out.
+        Scans with a number that had its turn already, alone. They are left out.
     unknown
         Intact frames of another version, of no known kind or with a body that does not fit. They are left out.
     restarts
@@ -58,6 +59,7 @@ class Decoder:
         self._began = False  # a zero was seen
         self._next: int | None = None  # the scan number that is due
         self._clock_us: int | None = None  # of the newest scan, not wrapped
+        self._behind: bytes | None = None  # a scan whose number had its turn; the next tells what it is
         self._counts = [0] * len(Counts._fields)
 
     @property
@@ -98,17 +100,23 @@ class Decoder:
         if layout is None or layout.itemsize != len(plain):
             self._counts[_UNKNOWN] += 1
             return
-        (number,) = _SEQUENCE_AT.unpack_from(plain)
+        number = _number(plain)
         if number != self._next and self._next is not None:
             step = (number - self._next + 2**31) % 2**32 - 2**31
             if -BEHIND <= step < 0:
                 self._counts[_OUT_OF_ORDER] += 1
-                return
-            if 0 < step < AHEAD:
+                before, self._behind = self._behind, plain
+                if before is None or not 0 < (ahead := (number - _number(before)) % 2**32) <= BEHIND:
+                    return
+                self._counts[_OUT_OF_ORDER] -= 2
+                self._counts[_LOST] += ahead - 1
+                self._restart(batch, out)
+                batch.append(before)
+            elif 0 < step < AHEAD:
                 self._counts[_LOST] += step
             else:
                 self._restart(batch, out)
-        self._next = (number + 1) % 2**32
+        self._next, self._behind = (number + 1) % 2**32, None
         if batch and batch[0][LAYOUT] != plain[LAYOUT]:
             self._flush(batch, out)
         batch.append(plain)
@@ -123,7 +131,7 @@ class Decoder:
             if frame.sequence == 0 and self._next:
                 self._restart([], out)
             if self._next is None or frame.sequence == 0:
-                self._next = frame.sequence
+                self._next, self._behind = frame.sequence, None
         self._counts[_FRAMES] += 1
         out.append(message)
 
@@ -141,6 +149,11 @@ class Decoder:
         self._counts[_FRAMES] += len(scans)
         out.append(scans)
         batch.clear()
+
+
+def _number(plain: bytes) -> int:
+    number: int = _SEQUENCE_AT.unpack_from(plain)[0]
+    return number
 
 
 _FRAMES, _CORRUPT, _LOST, _OUT_OF_ORDER, _UNKNOWN, _RESTARTS = range(len(Counts._fields))

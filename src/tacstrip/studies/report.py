@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from tacstrip.data import data_path
+from tacstrip.files import write_text
 
 METRIC_NAMES = {"mc": "M.C. [rad]", "aoe": "A.O.E. [rad]", "ape": "A.P.E. [units]"}
 EXPERIMENT_NAMES = {  # ours: (what it is, the printed one beside it)
@@ -55,7 +56,7 @@ def write_report(path: Path, tables: dict[str, Any], pictures: list[Picture]) ->
         experiment_names=EXPERIMENT_NAMES,
         **{key: tables[key] for key in ("experiment", "calibration", "residual", "prototype")},
     )
-    path.write_text(page, encoding="utf-8")
+    write_text(path, page)
 
 
 def _number(value: float | None, digits: int = 3) -> str:

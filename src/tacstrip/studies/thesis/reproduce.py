@@ -12,6 +12,7 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
+from tacstrip.files import write_text
 from tacstrip.plot.style import save
 from tacstrip.studies.report import Picture, write_report
 from tacstrip.studies.thesis import (
@@ -89,7 +90,7 @@ def reproduce(out: Path, seeds: int, workers: int | None, progress: Progress) ->
     found = {"simulation": ours, "experiment": experiment, "calibration": done[_OFFSETS]}
     tables = _tables(found | {"residual": residual_rows(), "prototype": prototype_rows()}, claims, seeds)
     text = json.dumps(_jsonable(tables), indent=1, allow_nan=False)
-    (out / "tables.json").write_text(text + "\n", encoding="utf-8")
+    write_text(out / "tables.json", text + "\n")
     write_report(out / "report.html", tables, _pictures(folder))
     return tables
 

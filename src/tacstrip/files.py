@@ -1,0 +1,72 @@
+"""Files in and out: what is written takes its name when it is whole, and what has no end is not read."""
+
+from __future__ import annotations
+
+import errno
+import os
+import secrets
+import shutil
+import stat
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+_HANDED_OVER = ("/dev/stdin", "/dev/fd/", "/proc/self/fd/")  # what the caller opened: its end is the caller's
+
+
+@contextmanager
+def replacing(path: str | Path) -> Iterator[Path]:
+    """Give a new name beside `path` to write to; the file made there takes its place once the block has ended well.
+
+    When the block raises, as on a full disk, `path` is as it was before. A device or a pipe, which has no place to
+    take, is given as it is.
+
+    Raises
+    ------
+    OSError
+        It names `path`, not the file beside it.
+    """
+    target = Path(os.path.realpath(path))  # a link stays a link
+    there = target.exists()
+    part = target.with_name(f".tacstrip-{secrets.token_hex(4)}.part")
+    if there and not target.is_file():
+        part = target
+    try:
+        if there and not os.access(target, os.W_OK):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+        yield part
+        if part != target:
+            if there:
+                shutil.copymode(target, part)
+            part.replace(target)
+    except OSError as error:
+        if error.errno is None or error.filename not in (None, str(part)):
+            raise
+        raise OSError(error.errno, error.strerror, str(path)) from error
+    finally:
+        if part != target:
+            with suppress(OSError):
+                part.unlink(missing_ok=True)
+
+
+def write_text(path: str | Path, text: str) -> None:
+    """Write a text file in UTF-8, whole or not at all; errors as of `replacing`."""
+    with replacing(path) as part:
+        part.write_text(text, encoding="utf-8")
+
+
+def why_unreadable(path: str | Path) -> str:
+    """Say why a path is nothing to read to its end: a device or a pipe; nothing where it may be a file.
+
+    What the caller hands over, standard input or another open pipe, ends where the caller ends it.
+    """
+    try:
+        mode = Path(path).stat().st_mode
+    except (OSError, ValueError):
+        return ""  # reading it says why
+    if stat.S_ISREG(mode) or stat.S_ISDIR(mode):
+        return ""
+    if stat.S_ISFIFO(mode) and str(path).startswith(_HANDED_OVER):
+        return ""
+    what = "a pipe" if stat.S_ISFIFO(mode) else "a device" if not stat.S_ISSOCK(mode) else "a socket"
+    return f"is {what}, not a file; save what it gives to a file, and name that"

@@ -1,0 +1,56 @@
+"""The build guide's rubber: resistivity, dimensions and resistance agree, and the electronics can read it."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PAGE = (ROOT / "docs" / "build.md").read_text(encoding="utf-8")
+
+
+def _tool() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("strip_resistance", ROOT / "tools" / "strip_resistance.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+TOOL = _tool()
+
+
+def test_the_pages_table_is_the_tools() -> None:
+    lines = re.findall(r"^\| [\d.]+ \([\d.]+\) \|.*\|$", PAGE, re.MULTILINE)
+    assert lines == [f"| {' | '.join(row)} |" for row in TOOL.rows()]
+
+
+def test_the_rubber_that_the_page_asks_for_makes_the_strips_that_it_asks_for() -> None:
+    (part,) = re.findall(
+        r"sheet of carbon-filled silicone rubber, ([\d.]+) mm, ([\d.]+) to ([\d.]+) Ω m", PAGE
+    )
+    (cut,) = re.findall(r"Cut ten strips, (\d+) mm wide .* and (\d+) mm of each is free: L", PAGE, re.DOTALL)
+    thick, low, high = map(float, part)
+    width, length = map(float, cut)
+    assert (thick, width, length) == (TOOL.THICK_MM, TOOL.WIDTH_MM, TOOL.LENGTH_MM)
+    (asked,) = re.findall(
+        r"should have (\d+) to (\d+) kΩ from clamp to clamp on CRS-CRS, (\d+) to (\d+) on CRS-M", PAGE
+    )
+    crs_low, crs_high, metal_low, metal_high = (1e3 * float(kilo) for kilo in asked)
+    for resistivity in (low, high):
+        assert crs_low <= TOOL.strip_ohm(resistivity) <= crs_high
+    assert TOOL.largest_ohm("crs-crs") == pytest.approx(crs_high, rel=0.1)
+    assert TOOL.largest_ohm("crs-m") == pytest.approx(metal_high, rel=0.1)
+    assert TOOL.switch_error(metal_low) < 0.04
+    assert TOOL.STRIPS * TOOL.VREF_VOLT / crs_low <= 0.1  # A, of the 0.5 that USB gives
+
+
+def test_strips_of_forty_kilohm_cannot_be_read() -> None:
+    assert TOOL.verdict("crs-crs", 40e3) == "no: touch is missed"
+    assert TOOL.verdict("crs-crs", 25e3).endswith("codes unsettled")
+    assert TOOL.verdict("crs-m", 40e3) == "yes"

@@ -1,0 +1,138 @@
+"""The table of docs/build.md: which rubber the ten-strip sensor can be made of. `python tools/strip_resistance.py`."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+import tacstrip as ts
+from tacstrip.arrays import FloatArray
+from tacstrip.contact.signature import signatures
+from tacstrip.network.timing import source_ohm
+
+SETTINGS = (Path(__file__).parents[1] / "firmware" / "core" / "settings.h").read_text(encoding="utf-8")
+WIDTH_MM, THICK_MM, LENGTH_MM, STRIPS = 6.0, 1.0, 100.0, 10
+PULL_OHM, SWITCH_OHM, NODE_FARAD, VREF_VOLT, BITS = 100e3, 70.0, 100e-12, 5.0, 10
+SAMPLER_FARAD, SAMPLE_S = 14e-12, 1.5 / 250e3  # of the ATmega328P's converter, at its clock of 250 kHz
+RESISTIVITIES = (0.03, 0.1, 0.3, 1.0, 1.5, 2.0, 4.0, 10.0)  # [ohm m]
+FEW_CODES = 1.0  # the converter itself promises 2
+
+
+def setting(name: str) -> float:
+    """Return a number that the firmware is built with."""
+    (value,) = re.findall(rf"#define {name} (\d+)", SETTINGS)
+    return float(value)
+
+
+def strip_ohm(resistivity: float) -> float:
+    """Return a strip's resistance between its clamps [ohm], of a resistivity [ohm m]."""
+    return resistivity * LENGTH_MM / (WIDTH_MM * THICK_MM) * 1e3
+
+
+def sensor(construction: str) -> ts.Sensor:
+    """Return the guide's sensor."""
+    return ts.Sensor(
+        construction=construction, strips=STRIPS, pitch_mm=10.0, length_mm=LENGTH_MM, adc_bits=BITS
+    )
+
+
+def grid() -> tuple[FloatArray, FloatArray]:
+    """Return lower and upper ends of contacts of any place and length (contacts,) [mm]."""
+    ends = np.linspace(0.0, LENGTH_MM, 101)
+    l, u = np.meshgrid(ends, ends)
+    return l[l <= u], u[l <= u]
+
+
+def touch_is_told(construction: str, ohm: float) -> bool:
+    """Tell whether the pulls of a touched line lie close enough together, wherever it is touched."""
+    seen = float(source_ohm(sensor(construction), ts.Readout(ohm, SWITCH_OHM), *grid()).max())
+    return seen / (seen + PULL_OHM) < 1.0 / setting("TOUCH_PART")
+
+
+def unsettled_codes(construction: str, ohm: float) -> float:
+    """Return how far a reading may be from its line as it should be [codes], at the worst contact.
+
+    The line comes back from its pull for the firmware's pause. Then the converter's own capacitor is joined to it,
+    which has what was converted before: the pulled line, or the strip's other end.
+    """
+    unit, (l, u) = sensor(construction), grid()
+    seen = source_ohm(unit, ts.Readout(ohm, SWITCH_OHM), l, u)
+    pulled = seen / (seen + PULL_OHM)
+    back = pulled * np.exp(-setting("RELEASED_US") * 1e-6 / (seen * NODE_FARAD))
+    joined = SAMPLER_FARAD / (NODE_FARAD + SAMPLER_FARAD)
+    sampled = np.exp(-SAMPLE_S / (seen * (NODE_FARAD + SAMPLER_FARAD)))
+    off = ((1.0 - joined) * back + joined * pulled) * sampled
+    if not unit.kind.common_supply:
+        return float(off.max()) * (2.0**BITS - 1.0)
+    ideal = signatures(unit, l, u)
+    other = joined * np.abs(ideal["kh"] - ideal["kl"]) * sampled
+    return max(float(off.max()), float(other.max())) * (2.0**BITS - 1.0)
+
+
+def switch_error(ohm: float) -> float:
+    """Return how far CRS-M's k is off for its switches, before calibration [Vref]: points along the strips."""
+    unit = replace(sensor("crs-m"), adc_bits=None)
+    ys = np.linspace(0.0, LENGTH_MM, 5)
+    errors = []
+    for y in ys.tolist():
+        touch = ts.Contact.points([(45.0, y)])
+        real = ts.simulate(unit, touch, model="network", readout=ts.Readout(ohm, SWITCH_OHM))
+        errors.append(float(np.nanmax(np.abs(real["k"] - ts.simulate(unit, touch)["k"]))))
+    return max(errors)
+
+
+def verdict(construction: str, ohm: float) -> str:
+    """Return in words whether such strips can be used."""
+    if not touch_is_told(construction, ohm):
+        return "no: touch is missed"
+    if (codes := unsettled_codes(construction, ohm)) > FEW_CODES:
+        return f"no: {rounded(codes)} codes unsettled"
+    return "yes"
+
+
+def rounded(value: float) -> str:
+    """Return a number with two digits that count."""
+    return f"{float(f'{value:.2g}'):g}"
+
+
+def rows() -> list[tuple[str, ...]]:
+    """Return the table's cells."""
+    table: list[tuple[str, ...]] = []
+    for resistivity in RESISTIVITIES:
+        ohm = strip_ohm(resistivity)
+        table.append(
+            (
+                f"{resistivity:g} ({100.0 * resistivity:g})",
+                f"{rounded(ohm / 1e3)} kΩ",
+                f"{rounded(1e3 * STRIPS * VREF_VOLT / ohm)} mA",
+                verdict("crs-crs", ohm),
+                f"{rounded(100.0 * switch_error(ohm))} %",
+                verdict("crs-m", ohm),
+            )
+        )
+    return table
+
+
+def largest_ohm(construction: str) -> float:
+    """Return the largest strip that can be used [ohm]."""
+    low, high = 100.0, 1e6
+    while high / low > 1.001:
+        middle = math.sqrt(low * high)
+        low, high = (middle, high) if verdict(construction, middle) == "yes" else (low, middle)
+    return low
+
+
+def main() -> None:
+    """Print the table, and where it ends."""
+    for row in rows():
+        print(f"| {' | '.join(row)} |")
+    for construction in ("crs-crs", "crs-m"):
+        print(f"{construction}: up to {largest_ohm(construction) / 1e3:.3g} kΩ")
+
+
+if __name__ == "__main__":
+    main()
