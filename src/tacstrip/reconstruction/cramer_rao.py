@@ -26,8 +26,7 @@ def reading_sigma(noise: Noise, sensor: Sensor) -> float:
 
     An error uniform within +-a has a / sqrt(3); a step s of the converter has s / sqrt(12).
     """
-    step = 0.0 if sensor.adc_bits is None else 1.0 / (2.0**sensor.adc_bits - 1.0)
-    return math.sqrt((noise.quantisation**2 + noise.positional**2) / 3.0 + step**2 / 12.0)
+    return math.sqrt((noise.quantisation**2 + noise.positional**2) / 3.0 + sensor.adc_step**2 / 12.0)
 
 
 def reading_slopes(
