@@ -19,7 +19,7 @@ from functools import partial
 from importlib.util import find_spec
 
 import numpy as np
-from _kinks import FINDERS, by_fit, signal_of
+from _kinks import FINDERS, signal_of
 from _protocol import SIGNATURES, Cell, Trial, trial
 
 import tacstrip as ts
@@ -128,7 +128,7 @@ def speeds(cell: Cell, seed: int, contacts: int = 60) -> str:
         of = trial(cell, random)
         signals = []
         for _ in range(2):
-            again = ts.simulate(sensor, ts.Contact.polygon(of.truth), noise, random)
+            again = ts.simulate(sensor, ts.Contact.polygon(of.truth), noise, rng=random)
             readings = {name: again[name][again.touched] for name in SIGNATURES[cell.kind]}
             signals.append(Signal.of(sensor, of.x, readings, reading_sigma(noise, sensor)))
         before = fit_counts(signals[0]).chosen
@@ -176,8 +176,6 @@ def main() -> None:
         "from the truth | scaled | in 95 % | ms |"
     )
     print("|" + " --- |" * 13)
-    warm = Cell("both", 0.005, 100)
-    by_fit(warm, trial(warm, np.random.default_rng(0)))  # compiles
     for cell in chosen.cells:
         for method, got in score(cell, chosen.methods, chosen.polygons, chosen.seed).items():
             print(f"| {cell.kind} | {cell.noise:g} | {cell.strips} | {method} | {got.row()} |", flush=True)

@@ -112,7 +112,9 @@ def test_4_5_vertex_reconstruction_finds_the_convex_one_from_either() -> None:
     x, y = chapter4.same_kh_pair()
     for corners in (x, y):
         scan = simulate(SIMULATED["crs-crs"], Contact.polygon(corners))
-        found = vertex_reconstruction(scan, SIMULATED["crs-crs"], "kh", np.sort(x[:, 0]))
+        found = vertex_reconstruction(
+            scan, SIMULATED["crs-crs"], signature="kh", transitions=np.sort(x[:, 0])
+        )
         assert found.status == "ok"
         np.testing.assert_allclose(found.objects[0].vertices, x, atol=1e-6)
 

@@ -72,8 +72,10 @@ def _trials(name: str, scan: Scan, sensor: Sensor, contact: Contact) -> list[Tri
     true_x: FloatArray = np.sort(contact.vertices[:, 0])
     found = [(FIT, "", fit_polygon(scan, sensor)), ("P.R.", "", profile_reconstruction(scan, sensor))]
     for signature, method in (("kh", "V.R. k_h"), ("kl", "V.R. k_l")):
-        found.append((method, "given", vertex_reconstruction(scan, sensor, signature, true_x)))
-        found.append((method, "found", vertex_reconstruction(scan, sensor, signature)))
+        found.append(
+            (method, "given", vertex_reconstruction(scan, sensor, signature=signature, transitions=true_x))
+        )
+        found.append((method, "found", vertex_reconstruction(scan, sensor, signature=signature)))
     return [
         Trial(name, method, how, o, mismatch(contact.vertices, o.vertices) if o.found else None)
         for method, how, result in found

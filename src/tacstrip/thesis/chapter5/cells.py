@@ -77,7 +77,7 @@ def run_cell(number: int, position: int, seeds: int) -> Cell:
     fits: list[Fitted] = []
     for seed in range(1 if noise == Noise() else seeds):
         random = np.random.default_rng([number, position, seed])
-        scan = simulate(SIMULATED[row.construction], SHAPES[row.shape].contact(position), noise, random)
+        scan = simulate(SIMULATED[row.construction], SHAPES[row.shape].contact(position), noise, rng=random)
         x = on_transitions(SHAPES[row.shape].transitions(position), noise, random)
         known.append(_recover(row, scan, x))
         if with_found:
@@ -144,7 +144,9 @@ def _recover(row: Row, scan: Scan, x: FloatArray | str) -> RecoveredObject:
     sensor = SIMULATED[row.construction]
     if row.algorithm == "profile":
         return profile_reconstruction(scan, sensor).objects[0]
-    return vertex_reconstruction(scan, sensor, row.signature, x, reading="strip").objects[0]
+    return vertex_reconstruction(
+        scan, sensor, signature=row.signature, transitions=x, reading="strip"
+    ).objects[0]
 
 
 def _measure(row: Row, corners: FloatArray, shapes: list[RecoveredObject]) -> FloatArray:

@@ -76,7 +76,11 @@ def amplification(signature: str, shape: str, position: int) -> FloatArray:
 
     def solve(readings: FloatArray) -> FloatArray:
         scan = Scan(time_s=0.0, **{signature: readings})
-        found = vertex_reconstruction(scan, sensor, signature, x, reading="strip").objects[0].vertices
+        found = (
+            vertex_reconstruction(scan, sensor, signature=signature, transitions=x, reading="strip")
+            .objects[0]
+            .vertices
+        )
         return np.asarray(found[np.argsort(found[:, 0]), 1])
 
     columns = []

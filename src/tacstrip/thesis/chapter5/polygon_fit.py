@@ -61,7 +61,7 @@ def fitted(row: Row, position: int, noise: Noise, random: np.random.Generator) -
     contact = Contact.polygon(
         np.stack([np.interp(x, ends, ends + sensor.pitch_mm * random.uniform(-0.5, 0.5, 2)), y], 1)
     )
-    scan = simulate(sensor, contact, noise, random)
+    scan = simulate(sensor, contact, noise, rng=random)
     if row.signature is not None:
         scan = Scan(time_s=0.0, **{row.signature: scan[row.signature]})
 

@@ -191,16 +191,24 @@ def _recover(
     if e.algorithm == "profile":
         return profile_at(profile_reconstruction(scan, sensor).objects[0], contact.vertices)
     if variant.method == "gradient":
-        found = vertex_reconstruction(scan, sensor, e.signature, "gradient").objects[0].vertices
+        found = (
+            vertex_reconstruction(scan, sensor, signature=e.signature, transitions="gradient")
+            .objects[0]
+            .vertices
+        )
         return found if len(found) == 4 else found[:0]
     if variant.method == "section":
         x = np.clip(np.sort(contact.vertices[:, 0]), 0.0, sensor.width_mm)
-        return vertex_reconstruction(scan, sensor, e.signature, x).objects[0].vertices
+        return vertex_reconstruction(scan, sensor, signature=e.signature, transitions=x).objects[0].vertices
     strips = nearest_strips(sensor, contact.vertices)
     if variant.method == "one strip off":
         strips[1:-1] = np.clip(strips[1:-1] + random.choice([-1, 1], 2), 1, sensor.strips - 2)
     x = sensor.x_mm[strips]
-    return vertex_reconstruction(scan, sensor, e.signature, x, reading="strip").objects[0].vertices
+    return (
+        vertex_reconstruction(scan, sensor, signature=e.signature, transitions=x, reading="strip")
+        .objects[0]
+        .vertices
+    )
 
 
 def _measured(contact: Contact, vertices: FloatArray) -> dict[str, float] | None:
