@@ -17,7 +17,7 @@ from tacstrip.errors import OptionError, ReadingError
 from tacstrip.robust import robust_sigma
 from tacstrip.sensor.calibration import Calibration
 from tacstrip.sensor.channel import Channel
-from tacstrip.sensor.raw import distorted, touched
+from tacstrip.sensor.raw import invert_calibration, touched
 from tacstrip.sensor.spec import Sensor
 
 _FURTHEST = 0.05  # of Vref: who moved more is touched, or broken
@@ -99,7 +99,7 @@ def _levels(
     each = np.full(sensor.strips, l)
     still = with_drift(sensor, {name: np.zeros(sensor.strips) for name in names}, "")
     ideal = signatures(sensor, each, each + w)
-    return distorted(still, {name: ideal[name] for name in names})
+    return invert_calibration(still, {name: ideal[name] for name in names})
 
 
 def _channel(sensor: Sensor, name: str) -> Channel:

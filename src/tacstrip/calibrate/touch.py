@@ -12,7 +12,7 @@ from tacstrip.arrays import FloatArray
 from tacstrip.errors import ReadingError
 from tacstrip.robust import robust_sigma
 from tacstrip.sensor.calibration import Calibration
-from tacstrip.sensor.raw import distorted, touched
+from tacstrip.sensor.raw import invert_calibration, touched
 from tacstrip.sensor.spec import Sensor
 
 _LEAST = 10  # readings: fewer say nothing of noise
@@ -85,7 +85,7 @@ def at_rest(sensor: Sensor, name: str, values: FloatArray) -> tuple[FloatArray, 
 def blind_mm(sensor: Sensor) -> tuple[FloatArray, FloatArray]:
     """Return from where to where on each strip a point contact reads as rest (strips,) [mm]; NaN where none does."""
     y = np.linspace(0.0, 1.0, 1001)[:, None] * np.ones(sensor.strips)  # (places, strips), over L
-    blind = ~touched(sensor, distorted(sensor, dict.fromkeys(sensor.signatures, y)))
+    blind = ~touched(sensor, invert_calibration(sensor, dict.fromkeys(sensor.signatures, y)))
     place = np.where(blind, y * sensor.length_mm, np.nan)
     some = blind.any(axis=0)
     low, high = (

@@ -14,8 +14,8 @@ from tacstrip.contact.noise import Noise
 from tacstrip.contact.signature import signatures as readings_of
 from tacstrip.fisher import checked_sigma, covariance
 from tacstrip.geometry.outline import Outline
-from tacstrip.network.crp.cramer_rao import slopes
-from tacstrip.sensor.circuit import end_slopes
+from tacstrip.network.crp.cramer_rao import jacobian
+from tacstrip.sensor.circuit import reading_jacobian
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
 
@@ -34,7 +34,7 @@ def reading_slopes(
 ) -> dict[str, tuple[FloatArray, FloatArray]]:
     """Return dk/dl and dk/du [1/mm] of every signature, name to two arrays of the shape of l and u."""
     return {
-        name: end_slopes(
+        name: reading_jacobian(
             k,
             np.asarray(u_mm - l_mm),
             sensor.length_mm,
@@ -69,7 +69,7 @@ def vertex_slopes(
 
 
 def _network_slopes(outline: Outline, sensor: Sensor, names: tuple[str, ...], x: FloatArray) -> FloatArray:
-    strip, by_ends = slopes(sensor, *outline.ends(sensor.x_mm))  # (T, signatures, 2 T)
+    strip, by_ends = jacobian(sensor, *outline.ends(sensor.x_mm))  # (T, signatures, 2 T)
     by_vertices = by_ends @ np.concatenate(outline.slopes(sensor.x_mm[strip]))
     read = np.isclose(sensor.x_mm[strip][:, None], x).any(axis=1)
     return np.concatenate([by_vertices[read, sensor.signatures.index(n)] for n in names])
