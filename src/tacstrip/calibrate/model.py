@@ -10,7 +10,7 @@ import numpy as np
 from tacstrip.arrays import FloatArray
 from tacstrip.sensor.calibration import Calibration
 from tacstrip.sensor.channel import Channel, across, fading
-from tacstrip.sensor.circuit import erosion, k_h, k_l
+from tacstrip.sensor.circuit import k_h, k_l, transfer_length
 from tacstrip.sensor.spec import Sensor
 
 # Part: what it is, in words.
@@ -166,7 +166,7 @@ def predict(
     model, length = constants.model, sensor.length_mm
     lam = constants.value("lambda") * length if model.has("lambda") else sensor.contact_lambda_mm
     ratio: Any = sensor.sensing_ratio * np.exp(constants.value("ratio") + constants.value("ratios"))
-    t = erosion(w_mm, lam)
+    t = transfer_length(w_mm, lam)
     low, high = (l_mm + t) / length, (l_mm + w_mm - t) / length
     if model.has("warp"):
         low, high = (across(v, model.knots, constants.warp) for v in (low, high))
