@@ -22,3 +22,8 @@ def strips_told(touched: BoolArray) -> str:
     """Write which strips are touched in a few words, such as "31 touched (9 to 39)", counted from 0."""
     which = np.flatnonzero(touched)
     return f"{len(which)} touched ({which[0]} to {which[-1]})" if len(which) else "none touched"
+
+
+def robust_sigma(deviations: FloatArray, axis: int | None = None) -> FloatArray:
+    """Return the standard deviation of normal errors by the median of their magnitudes; NaN does not count."""
+    return np.asarray(1.4826 * np.nanmedian(np.abs(deviations), axis=axis))

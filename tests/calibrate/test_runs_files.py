@@ -227,7 +227,7 @@ def test_runs_that_do_not_fit_make_no_spec(bench: Path) -> None:
     assert "Doubtful:" in (bench / "report" / "report.html").read_text(encoding="utf-8")
     forced = run(spec, runs, "-o", out, "--model", "mean", "--force")
     assert forced.code == 0
-    assert "written, though it is in doubt" in forced.text
+    assert "written, but its constants are doubtful" in forced.text
     assert out.exists()
 
 

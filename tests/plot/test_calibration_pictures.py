@@ -12,7 +12,12 @@ from test_unit import CRS, grids, runs_of
 import tacstrip as ts
 from drawn import check_above
 from tacstrip.calibrate.unit import Calibrated
-from tacstrip.plot.calibration import along_figure, calibration_graphs, graphed, left_figure
+from tacstrip.plot.calibration import (
+    along_figure,
+    calibration_graphs,
+    graphed,
+    left_figure,
+)
 from tacstrip.report.calibration import write_report
 
 PLACES = [(10.0, 0.0), (310.0, 0.0), (150.0, 50.0), (10.0, 100.0), (70.0, 100.0), (200.0, 100.0)]
