@@ -445,8 +445,8 @@ def test_rubbish_gives_constants_or_a_clear_error(seed: int) -> None:
     }
     runs = Runs(l, w, raw, np.ones((many, 3), dtype=int), {})
     for model in ("mean", "offset+gain+lambda", "offset+warp4", "curve4", "offset+fade", "auto"):
-        try:
-            done = ts.calibrate_unit(sensor, runs, model)
+        try:  # whether the runs are misread does not depend on the model: looked at once
+            done = ts.calibrate_unit(sensor, runs, model, force=model != "mean")
         except ts.ReadingError:  # and nothing else
             continue
         assert ts.Sensor.from_dict(tomllib.loads(done.sensor.to_toml())) == done.sensor

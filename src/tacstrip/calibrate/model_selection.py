@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import combinations
 
 import numpy as np
@@ -79,21 +80,27 @@ def select_model(sensor: Sensor, runs: Runs) -> tuple[ModelFit, tuple[Trial, ...
         as_good = [r for r in found if r and search.as_good(r, now)]
         if shrinking := bool(as_good):
             now = min(as_good, key=lambda r: (r.size, r.mean))
-    chosen = now.model.name
-    trials = (trial for _, trial in search.tried.values())
-    return now.fit, tuple(replace(t, verdict="chosen") if t.name == chosen else t for t in trials)
+    tried = search.tried.values()
+    return now.fit, tuple(t if isinstance(t, Trial) else t.trial(now.model) for t in tried)
 
 
 @dataclass(frozen=True, eq=False)
 class _Result:
-    """A fitted model and its errors on left-out places (places,) over Vref."""
+    """A fitted model."""
 
     fit: ModelFit
-    errors: FloatArray | None
+    sensor: Sensor
+    runs: Runs
+    places: IntArray
 
     @property
     def model(self) -> Model:
         return self.fit.constants.model
+
+    @cached_property
+    def errors(self) -> FloatArray | None:
+        """Its errors on left-out places (places,) over Vref; None where it cannot be compared."""
+        return _left_out_errors(self.fit, self.sensor, self.runs, self.places)
 
     @property
     def mean(self) -> float:
@@ -103,11 +110,14 @@ class _Result:
     def size(self) -> int:
         return self.fit.constants.size
 
-    @property
-    def trial(self) -> Trial:
+    def trial(self, chosen: Model) -> Trial:
+        name = self.model.name
+        verdict = "chosen" if self.model == chosen else "tried"
         if self.errors is None:
-            return Trial(self.model.name, None, "cannot be compared: too few places")
-        return Trial(self.model.name, 100.0 * self.mean, "tried")
+            return Trial(
+                name, None, verdict if self.model == chosen else "cannot be compared: too few places"
+            )
+        return Trial(name, 100.0 * self.mean, verdict)
 
 
 class _Search:
@@ -116,7 +126,7 @@ class _Search:
     def __init__(self, sensor: Sensor, runs: Runs) -> None:
         self.sensor, self.runs, self.places = sensor, runs, _place_numbers(sensor, runs)
         self.planned = planned_model(sensor).parts
-        self.tried: dict[str, tuple[_Result | None, Trial]] = {}
+        self.tried: dict[str, _Result | Trial] = {}  # by name; a trial where it was refused
 
     def first(self) -> _Result:
         """Return the largest part of the planned model that the runs determine, offsets at least."""
@@ -126,27 +136,28 @@ class _Search:
             possible = [m for m in models if _applicable(m, self.sensor, self.runs.signatures)]
             if found := [r for m in possible if (r := self.attempt(m, None))]:
                 return min(found, key=lambda r: r.fit.cost)
-        fit = fit_model(Model(frozenset({"offset"})), self.sensor, self.runs)
-        result = _Result(fit, _left_out_errors(fit, self.sensor, self.runs, self.places))
-        self.tried[result.model.name] = result, result.trial
+        offsets = Model(frozenset({"offset"}))
+        fit = fit_model(offsets, self.sensor, self.runs)
+        result = self.tried[offsets.name] = _Result(fit, self.sensor, self.runs, self.places)
         return result
 
     def attempt(self, model: Model, old: ModelFit | None) -> _Result | None:
-        """Return the model's fit and errors, None where the runs do not determine it or cannot compare it."""
+        """Return the fitted model, None where the runs do not determine it or cannot compare it."""
         if model.name not in self.tried:
             self.tried[model.name] = self._try(model, old)
-        return self.tried[model.name][0]
+        result = self.tried[model.name]
+        if isinstance(result, Trial) or (not model.parts <= self.planned and result.errors is None):
+            return None
+        return result
 
-    def _try(self, model: Model, old: ModelFit | None) -> tuple[_Result | None, Trial]:
-        extra = not model.parts <= self.planned
-        if extra and not _enough_places(model, self.runs, self.places):
+    def _try(self, model: Model, old: ModelFit | None) -> _Result | Trial:
+        if not model.parts <= self.planned and not _enough_places(model, self.runs, self.places):
             why = "a constant of a strip needs a place of its own; press more places"
-            return None, Trial(model.name, None, f"refused: {why}")
+            return Trial(model.name, None, f"refused: {why}")
         fit = fit_model(model, self.sensor, self.runs, old.constants if old else None)
         if why := unidentifiable(fit, self.sensor, self.runs):
-            return None, Trial(model.name, None, f"refused: {why}")
-        result = _Result(fit, _left_out_errors(fit, self.sensor, self.runs, self.places))
-        return None if extra and result.errors is None else result, result.trial
+            return Trial(model.name, None, f"refused: {why}")
+        return _Result(fit, self.sensor, self.runs, self.places)
 
     def as_good(self, small: _Result, large: _Result) -> bool:
         """Whether a smaller model does as well.

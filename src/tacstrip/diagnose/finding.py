@@ -118,13 +118,13 @@ class Quality:
     Attributes
     ----------
     sigma
-        Standard deviation of a reading over Vref, all channels together; NaN where it could not be measured.
+        Standard deviation of a reading over Vref, all channels together; NaN where it could not be noise.
     strips
         The same for each strip (strips,), NaN where there was too little.
     half_width_percent
         P.U.: half-width of a uniform error of this sigma, in % of Vref (5.1.3).
     profile
-        "I", "II" or "above II", the error profiles of table 5.1; "" where nothing was measured.
+        "I", "II" or "above II", the error profiles of table 5.1; "" where nothing was noise.
     vertex_rms_mm
         Least RMS vertex error to expect of one scan of a typical contact [mm].
     steady
@@ -190,7 +190,7 @@ class Report:
         return told if finding.signature is None else f"{told}, {SIGNATURES[finding.signature].volt_column}"
 
     def to_json(self) -> dict[str, Any]:
-        """Return the report as JSON values; strips are counted as in the readings file, null is not measured."""
+        """Return the report as JSON values; strips are counted as in the readings file, null is not noise."""
         return {
             "format": 1,
             "healthy": self.healthy,
