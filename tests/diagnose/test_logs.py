@@ -59,7 +59,7 @@ def test_exit_codes_words_picture_and_json(folder: Path, contacts: list[ts.Conta
     _write(folder / "bad.csv", faulty_log(SENSOR, contacts, [Defect("stuck", 4, 0.5, "kl")], FAINT))
     good = _run(folder, "doctor", "good.csv", "--sensor", "sensor.toml")
     assert (good.returncode, good.stderr) == (0, "")
-    assert "No fault found, as far as this recording tells" in good.stdout
+    assert "No fault found, as far as this recording shows" in good.stdout
     assert "within profile I" in good.stdout
     bad = _run(folder, "doctor", "bad.csv", "--sensor", "sensor.toml", "--plot", "health.png")
     assert bad.returncode == 1

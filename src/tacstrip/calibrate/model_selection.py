@@ -12,7 +12,7 @@ from scipy.special import chdtri, stdtrit
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
 from tacstrip.calibrate.fit import ModelFit, fit_model, usable_rows
-from tacstrip.calibrate.identifiability import unidentifiable
+from tacstrip.calibrate.identifiability import needs_lengths, unidentifiable
 from tacstrip.calibrate.model import PARTS, Model, apply
 from tacstrip.calibrate.residuals import residuals
 from tacstrip.errors import OptionError, ReadingError, one_of
@@ -153,6 +153,8 @@ class _Search:
     def _try(self, model: Model, old: ModelFit | None) -> _Result | Trial:
         if not model.parts <= self.planned and not _enough_places(model, self.runs, self.places):
             why = "a constant of a strip needs a place of its own; press more places"
+            return Trial(model.name, None, f"refused: {why}")
+        if why := needs_lengths(model, self.runs):
             return Trial(model.name, None, f"refused: {why}")
         fit = fit_model(model, self.sensor, self.runs, old.constants if old else None)
         if why := unidentifiable(fit, self.sensor, self.runs):

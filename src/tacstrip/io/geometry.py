@@ -95,12 +95,12 @@ def _deviations(recovered: RecoveredObject) -> dict[str, Any]:
     area, centroid, turn = recovered.deviations
     of_vertices = np.sqrt(np.diag(recovered.covariance)).reshape(-1, 2)
     return {
-        "area_sigma_mm2": _told(area),
-        "centroid_sigma_mm": [_told(c) for c in centroid],
-        "orientation_sigma_rad": _told(turn),
-        "vertex_sigma_mm": [[_told(c) for c in v] for v in of_vertices],
+        "area_sigma_mm2": _finite_or_none(area),
+        "centroid_sigma_mm": [_finite_or_none(c) for c in centroid],
+        "orientation_sigma_rad": _finite_or_none(turn),
+        "vertex_sigma_mm": [[_finite_or_none(c) for c in v] for v in of_vertices],
     }
 
 
-def _told(number: float) -> float | None:
+def _finite_or_none(number: float) -> float | None:
     return float(number) if np.isfinite(number) else None
