@@ -14,7 +14,7 @@ from tacstrip.diagnose.finding import Finding, Report
 from tacstrip.diagnose.hum import hum
 from tacstrip.diagnose.log import Log
 from tacstrip.diagnose.neighbour_prediction import (
-    SuspectedFault,
+    Suspect,
     WorkingCopy,
     neighbour_residuals,
     places,
@@ -30,7 +30,7 @@ _MOST_SCANS = 20_000  # of longer recordings, evenly spread stretches are examin
 _LEAST_SIGMA = 2e-4  # over Vref: no reading is trusted to less
 _MOST_SIGMA = 0.006  # over Vref, where motion hides the noise: that of P.U. profile II
 _OFFSET = 0.02  # over Vref: what a strip may lie beside its neighbours before calibration is advised
-_TESTS: tuple[Callable[[WorkingCopy], list[SuspectedFault]], ...] = (
+_TESTS: tuple[Callable[[WorkingCopy], list[Suspect]], ...] = (
     never_touched, on_rails, not_moving, clipped, swapped_wires, swapped_ends, swapped_strips, shorts,
 )  # fmt: skip
 _FEWEST = 20  # places that determine an offset
@@ -58,20 +58,20 @@ def diagnose(log: Log) -> Report:
     bits, no_bits = stuck_bits(part)
     ceiling = common_ceiling(part, sigma)
     reference, factor = wrong_reference(part, sigma) if not ceiling else ([], 1.0)
-    working = working_copy(part, sigma)
-    for name, values in working.k.items():
+    work = working_copy(part, sigma)
+    for name, values in work.k.items():
         beyond = [c.numbers["side"] * (values - c.numbers["level"]) > -_AT for c in ceiling]
-        working.k[name] = (
+        work.k[name] = (
             np.where(np.any(beyond, axis=0), np.nan, values / factor) if beyond else values / factor
         )
-    rows = places(working)
+    rows = places(work)
     geometric = log.sensor.kind.closed_form
     tests = _TESTS if geometric else (never_touched, swapped_wires)
     named = _remove_dominant(rows, tests if not ceiling else [t for t in tests if t is not clipped])
     for suspect in named:
-        suspect.repair(working)
+        suspect.repair(work)
     removed = _merged([s.finding for s in named])
-    drifting, checked = drift(part, working)
+    drifting, checked = drift(part, work)
     humming, no_hum = hum(part, sigma)
     loud = {f.strips for f in humming}
     known = {i for f in removed for i in f.strips}
@@ -103,10 +103,10 @@ def diagnose(log: Log) -> Report:
 
 
 def _remove_dominant(
-    rows: WorkingCopy, tests: Sequence[Callable[[WorkingCopy], list[SuspectedFault]]]
-) -> list[SuspectedFault]:
+    rows: WorkingCopy, tests: Sequence[Callable[[WorkingCopy], list[Suspect]]]
+) -> list[Suspect]:
     """Name and undo the fault that explains the largest misfit, again and again until none is found."""
-    named: dict[tuple[str, tuple[int, ...], str | None], SuspectedFault] = {}
+    named: dict[tuple[str, tuple[int, ...], str | None], Suspect] = {}
     while len(rows.there):
         edges = {int(rows.order[0]), int(rows.order[-1])}
         suspected = [s for test in tests for s in test(rows) if s.finding.place not in named]
@@ -130,16 +130,14 @@ def _merged(findings: list[Finding]) -> list[Finding]:
     return [f for f in findings if not (f.fault == "swapped-wires" and f.strips in turned)]
 
 
-def _notes(log: Log, working: WorkingCopy) -> Iterator[Finding]:
-    pairs = [neighbour_residuals(working, n) for n in working.k] if log.sensor.kind.closed_form else []
+def _notes(log: Log, work: WorkingCopy) -> Iterator[Finding]:
+    pairs = [neighbour_residuals(work, n) for n in work.k] if log.sensor.kind.closed_form else []
     # Extrapolation to the outermost strips is inaccurate.
-    for strip in range(1, working.strips - 1):
-        worst = max(
-            (_offset(e[:, strip], r[:, strip], working.sigma) for e, r in pairs), key=abs, default=0.0
-        )
-        if abs(worst) > max(_OFFSET, 4.0 * working.sigma):
+    for strip in range(1, work.strips - 1):
+        worst = max((_offset(e[:, strip], r[:, strip], work.sigma) for e, r in pairs), key=abs, default=0.0)
+        if abs(worst) > max(_OFFSET, 4.0 * work.sigma):
             yield Finding(
-                "calibration", (int(working.order[strip]),),
+                "calibration", (int(work.order[strip]),),
                 f"reads {100 * worst:+.2g} % of Vref beside its neighbours", {"offset": worst},
             )  # fmt: skip
     raw = {name: np.where(log.touched, values, np.nan) for name, values in log.raw.items()}
@@ -156,7 +154,7 @@ def _offset(expected: FloatArray, off: FloatArray, sigma: float) -> float:
     return float(middle) if low * high > 0.0 else 0.0
 
 
-def _not_checked(log: Log, working: WorkingCopy, ill: set[int]) -> Iterator[str]:
+def _not_checked(log: Log, work: WorkingCopy, ill: set[int]) -> Iterator[str]:
     """Yield what this recording could not show; `ill` are strips that are named already."""
     base = log.sensor.strip_base
     if never := [int(i) + base for i in np.flatnonzero(~log.touched.any(axis=0))]:
@@ -164,16 +162,16 @@ def _not_checked(log: Log, working: WorkingCopy, ill: set[int]) -> Iterator[str]
     if not log.sensor.kind.closed_form:
         yield "open strips, shorts, order, ends: a CRS-CRP sheet's strips shift each other's readings"
         return
-    wide = working.there.sum(axis=1).max(initial=0)
+    wide = work.there.sum(axis=1).max(initial=0)
     if wide < 4:
         yield f"shorts and strips exchanged: no contact is four strips wide, the widest {wide}"
-    if len(working.there) < 6:
+    if len(work.there) < 6:
         what = "shorts, strips exchanged, stuck channels, saturation"
-        yield f"{what}: the contact stood at {len(working.there)} place(s); move and turn it"
-    known = np.any([np.isfinite(neighbour_residuals(working, n)[0]).any(axis=0) for n in working.k], axis=0)
+        yield f"{what}: the contact stood at {len(work.there)} place(s); move and turn it"
+    known = np.any([np.isfinite(neighbour_residuals(work, n)[0]).any(axis=0) for n in work.k], axis=0)
     alone = [
         int(number) + base
-        for number, compared in zip(working.order, known, strict=True)
+        for number, compared in zip(work.order, known, strict=True)
         if log.touched[:, number].any() and not compared and number not in ill
     ]
     if alone:

@@ -20,13 +20,10 @@ _BACK = 3  # times that the contact must cross back: one passage cannot be separ
 _STANDS = 1.2  # times sigma: the prediction from two neighbours scatters less while the contact rests
 _PLACES = 6  # different heights that a strip must be touched at, and one more for each term
 _VISITS, _PAUSE = 6, 2  # independent looks, and one more for each term; scans between two visits
-_CERTAIN, _AT_EDGE = (
-    7.0,
-    2.0,
-)  # standard errors, and times as many for the outermost strips
+_CERTAIN, _AT_EDGE = (7.0, 2.0)  # standard errors, and times as many for the outermost strips
 
 
-def drift(log: Log, working: WorkingCopy) -> tuple[list[Finding], BoolArray]:
+def drift(log: Log, work: WorkingCopy) -> tuple[list[Finding], BoolArray]:
     """Find strips whose readings drift: untouched, or relative to neighbours under the same contact.
 
     Parameters
@@ -43,18 +40,18 @@ def drift(log: Log, working: WorkingCopy) -> tuple[list[Finding], BoolArray]:
     """
     seconds = float(np.ptp(log.time_s))
     tau = (log.time_s - log.time_s.min()) / seconds if seconds > 0.0 else np.zeros_like(log.time_s)
-    found, rest = _untouched_drift(log, working.order, tau)
+    found, rest = _untouched_drift(log, work.order, tau)
     checked = np.isfinite(rest)
     for finding in found:
         for strip in finding.strips:
-            working.drop(int(np.flatnonzero(working.order == strip)[0]))
+            work.drop(int(np.flatnonzero(work.order == strip)[0]))
     # A sheet's strips shift each other, so neighbours do not predict them; a common drift is reported once.
     while log.sensor.kind.closed_form and not any(not f.strips for f in found):
-        changes, errors = _touched_drift(working, tau)  # (strips,) in the view's order
-        checked[working.order[np.isfinite(changes)]] = True
+        changes, errors = _touched_drift(work, tau)  # (strips,) in the view's order
+        checked[work.order[np.isfinite(changes)]] = True
         certain = np.full(len(changes), _CERTAIN)
         certain[[0, -1]] *= _AT_EDGE
-        sure = np.abs(changes) > np.maximum(max(_DRIFT, 1.5 * working.sigma), certain * errors)
+        sure = np.abs(changes) > np.maximum(max(_DRIFT, 1.5 * work.sigma), certain * errors)
         if not sure.any():
             break
         if sure[1:-1].any():
@@ -63,13 +60,13 @@ def drift(log: Log, working: WorkingCopy) -> tuple[list[Finding], BoolArray]:
         change = float(changes[place])
         found.append(
             Finding(
-                "drift", (int(working.order[place]),),
+                "drift", (int(work.order[place]),),
                 f"moved by {100 * change:+.3g} +- {100 * errors[place]:.2g} % of Vref from start to end, relative to "
                 "its neighbours",
                 {"change": change, "error": float(errors[place])},
             )
         )  # fmt: skip
-        working.drop(place)
+        work.drop(place)
     return found, checked
 
 
@@ -138,22 +135,22 @@ def _drifting_strip(changes: FloatArray, errors: FloatArray, place: int) -> int:
     return found
 
 
-def _touched_drift(working: WorkingCopy, tau: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _touched_drift(work: WorkingCopy, tau: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return each strip's change that place does not explain, and its standard error (strips,), NaN where not known."""
-    change, error = np.full(working.strips, np.nan), np.full(working.strips, np.nan)
-    numbers = np.where(working.there, np.arange(working.strips), 0).sum(axis=1) / np.maximum(
-        working.there.sum(axis=1), 1
+    change, error = np.full(work.strips, np.nan), np.full(work.strips, np.nan)
+    numbers = np.where(work.there, np.arange(work.strips), 0).sum(axis=1) / np.maximum(
+        work.there.sum(axis=1), 1
     )
-    across = numbers[working.there.any(axis=1)]
+    across = numbers[work.there.any(axis=1)]
     if len(across) and np.std(across) > 0.5 and median_crossings(across, 0.5) < _BACK:
         return change, error
-    for name, values in working.k.items():
-        line, r = neighbour_residuals(working, name)
+    for name, values in work.k.items():
+        line, r = neighbour_residuals(work, name)
         rise = np.diff(values, axis=1)
-        for place in range(working.strips):
+        for place in range(work.strips):
             sides = [rise[:, i] for i in (place - 2, place + 1) if 0 <= i < rise.shape[1]]
             terms = np.column_stack([line[:, place], line[:, place] ** 2, *map(np.nan_to_num, sides)])
-            c, e = _change(r[:, place], terms, tau, working.sigma)
+            c, e = _change(r[:, place], terms, tau, work.sigma)
             if np.isfinite(c) and not abs(change[place]) / error[place] > abs(c) / e:
                 change[place], error[place] = c, e
     return change, error

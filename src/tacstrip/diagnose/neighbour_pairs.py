@@ -125,11 +125,11 @@ def bridge_effect(level: FloatArray, low: float, high: float) -> FloatArray:
     )
 
 
-def bridges(working: WorkingCopy) -> Iterator[tuple[int, NeighbourPair, Bridge]]:
+def bridges(work: WorkingCopy) -> Iterator[tuple[int, NeighbourPair, Bridge]]:
     """Yield all pairs of neighbours with the bridge that fits them best."""
-    (values,) = working.k.values()
+    (values,) = work.k.values()
     pairs = {
-        i: b for i in range(working.strips - 1) if (b := neighbour_pair(values, i)) and len(b.level) >= _FEW
+        i: b for i in range(work.strips - 1) if (b := neighbour_pair(values, i)) and len(b.level) >= _FEW
     }
     typical = _typical_offset(_binned_medians(list(pairs.values())))
     for strip, pair in pairs.items():

@@ -66,7 +66,7 @@ class WorkingCopy:
 
 
 @dataclass(frozen=True, eq=False)
-class SuspectedFault:
+class Suspect:
     """A fault that explains a misfit.
 
     Attributes
@@ -74,7 +74,7 @@ class SuspectedFault:
     explained
         Mean misfit that it explains, over Vref: the largest is taken first, because it disturbs its neighbours.
     repair
-        Undoes it on a working.
+        Undoes it on a work.
     """
 
     finding: Finding
@@ -93,34 +93,29 @@ def working_copy(log: Log, sigma: float) -> WorkingCopy:
     )
 
 
-def places(working: WorkingCopy) -> WorkingCopy:
+def places(work: WorkingCopy) -> WorkingCopy:
     """Average successive scans with the contact at one place; drop those without a contact.
 
     A contact that moves by less than the noise stays at one place, so that all rows carry equal information.
     """
-    values = np.stack(list(working.k.values()), axis=2)  # (scans, strips, signatures)
-    threshold = max(_MOVED, 6.0 * working.sigma)
+    values = np.stack(list(work.k.values()), axis=2)  # (scans, strips, signatures)
+    threshold = max(_MOVED, 6.0 * work.sigma)
     group = np.zeros(len(values), dtype=int)
     start, number = 0, 0
     for t in range(1, len(values)):
         moved = np.nanmax(np.abs(values[t] - values[start]), initial=0.0) > threshold
-        if moved or not (working.there[t] == working.there[start]).all():
+        if moved or not (work.there[t] == work.there[start]).all():
             start, number = t, number + 1
         group[t] = number
     first = np.flatnonzero(np.diff(group, prepend=-1))
     sums = np.add.reduceat(np.nan_to_num(values), first, axis=0)
     counts = np.add.reduceat(np.isfinite(values).astype(int), first, axis=0)
     means = np.where(counts > 0, sums / np.maximum(counts, 1), np.nan)
-    keep = np.flatnonzero(working.there[first].any(axis=1))
+    keep = np.flatnonzero(work.there[first].any(axis=1))
     keep = keep[np.linspace(0, len(keep) - 1, min(len(keep), _MOST_PLACES)).astype(int)]
-    parts = {name: np.ascontiguousarray(means[keep, :, i]) for i, name in enumerate(working.k)}
+    parts = {name: np.ascontiguousarray(means[keep, :, i]) for i, name in enumerate(work.k)}
     return WorkingCopy(
-        working.sensor,
-        parts,
-        working.there[first][keep],
-        working.sigma,
-        working.order.copy(),
-        working.at_ground,
+        work.sensor, parts, work.there[first][keep], work.sigma, work.order.copy(), work.at_ground
     )
 
 
@@ -148,14 +143,14 @@ def predict_from_neighbours(values: FloatArray, there: BoolArray) -> tuple[Float
     return np.where(both, between, beyond), both, np.abs(gap)
 
 
-def neighbour_residuals(working: WorkingCopy, name: str) -> tuple[FloatArray, FloatArray]:
+def neighbour_residuals(work: WorkingCopy, name: str) -> tuple[FloatArray, FloatArray]:
     """Return each strip's prediction from its neighbours and its residual (places, strips), NaN where not known.
 
     A strip that is ever between two others counts only where it is: extrapolation is inaccurate. So is interpolation
     between two contacts.
     """
-    values = working.k[name]
-    e, both, gap = predict_from_neighbours(values, working.there)
+    values = work.k[name]
+    e, both, gap = predict_from_neighbours(values, work.there)
     known = np.isfinite(e) & np.isfinite(values) & ~(gap > _ONE_CONTACT)
     inside = both & known
     e = np.where(inside | (known & ~inside.any(axis=0)), e, np.nan)

@@ -10,7 +10,7 @@ import numpy as np
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
 from tacstrip.diagnose.finding import Finding
 from tacstrip.diagnose.neighbour_pairs import NeighbourPair, bridges, neighbour_pair
-from tacstrip.diagnose.neighbour_prediction import SuspectedFault, WorkingCopy
+from tacstrip.diagnose.neighbour_prediction import Suspect, WorkingCopy
 from tacstrip.diagnose.regression import moved_to_and_fro, regress_out
 from tacstrip.sensor.constructions import SIGNATURES
 
@@ -19,10 +19,7 @@ _HEIGHTS = np.linspace(0.0, 1.0, 9)  # over L, at which a bridge is looked for
 _CLEAR = 0.1  # over Vref: contacts this far from a bridge lie wholly on one side
 _FOLLOWS = 0.15  # of the slope around: 1 for two separate strips, 0 for two that are tied
 _MOST_OFFSET = 0.75  # of the slope: largest offset of tied strips; 1.5 beside a jump
-_MOST = (
-    0.95,
-    0.35,
-)  # of the places with a slope: those that differ little, and those that lie near the line
+_MOST = (0.95, 0.35)  # of the places with a slope: those that differ little, and those that lie near the line
 _STRENGTH = (0.65, 2.0)  # times what a bridge does to readings
 _PLAIN = (0.7, 1.4)
 _OUTSTANDING = 1.5  # times the median offset of all pairs
@@ -37,7 +34,7 @@ _LENGTH = 0.6  # over L: readings jump by the contact's length at a bridge; long
 _SHAPE = 0.7  # of the slope's variance: if the contact's place explains more, its shape does
 
 
-def shorts(working: WorkingCopy) -> list[SuspectedFault]:
+def shorts(work: WorkingCopy) -> list[Suspect]:
     """Find neighbours that are tied together.
 
     Tied sensing strips or wires read one voltage, whatever the slope of the contact. Over metal, where strips are
@@ -45,18 +42,18 @@ def shorts(working: WorkingCopy) -> list[SuspectedFault]:
     much for contacts below the bridge and too little above it. Between CRS-CRS's energised strips, all on one
     supply, a bridge changes next to nothing.
     """
-    return _bridged_energised(working) if working.sensor.sensing_ratio == 0.0 else _tied_sensing(working)
+    return _bridged_energised(work) if work.sensor.sensing_ratio == 0.0 else _tied_sensing(work)
 
 
-def _tied_sensing(working: WorkingCopy) -> list[SuspectedFault]:
+def _tied_sensing(work: WorkingCopy) -> list[Suspect]:
     found = []
-    ends = _left_ends(working)
-    signatures = [SIGNATURES[name] for name in working.k]
-    pairs = {i: [neighbour_pair(working.k[s.name], i) for s in signatures] for i in range(working.strips - 1)}
+    ends = _left_ends(work)
+    signatures = [SIGNATURES[name] for name in work.k]
+    pairs = {i: [neighbour_pair(work.k[s.name], i) for s in signatures] for i in range(work.strips - 1)}
     free = {i: max([float(np.std(b.excess)) for b in of if b], default=0.0) for i, of in pairs.items()}
     usual = float(np.median(list(free.values()))) if free else 0.0
     for strip, of in pairs.items():
-        if free[strip] < 0.5 * usual or not all(moved_to_and_fro(b.level, working.sigma) for b in of if b):
+        if free[strip] < 0.5 * usual or not all(moved_to_and_fro(b.level, work.sigma) for b in of if b):
             continue
         best: Finding | None = None
         for height in _HEIGHTS:
@@ -67,12 +64,12 @@ def _tied_sensing(working: WorkingCopy) -> list[SuspectedFault]:
                 if b is not None
             ]
             finding = _tied_at(
-                working, strip, [_Part.of(b, at, ends, strip) for b, at in parts if at.sum() >= _FEW]
+                work, strip, [_Part.of(b, at, ends, strip) for b, at in parts if at.sum() >= _FEW]
             )
             if finding and (best is None or finding.numbers["places"] > best.numbers["places"]):
                 best = finding
         if best is not None:
-            found.append(SuspectedFault(best, float(free[strip]), partial(_drop_two, strip=strip)))
+            found.append(Suspect(best, float(free[strip]), partial(_drop_two, strip=strip)))
     return found
 
 
@@ -92,7 +89,7 @@ class _Part:
         return cls(d, e, both, ends[pair.rows[at], strip])
 
 
-def _tied_at(working: WorkingCopy, strip: int, parts: list[_Part]) -> Finding | None:
+def _tied_at(work: WorkingCopy, strip: int, parts: list[_Part]) -> Finding | None:
     """Judge the places where a bridge at some height would tie two strips."""
     if not parts:
         return None
@@ -100,31 +97,31 @@ def _tied_at(working: WorkingCopy, strip: int, parts: list[_Part]) -> Finding | 
         np.concatenate([getattr(p, name) for p in parts]) for name in ("difference", "slope", "offset")
     )
     slope = float(np.std(e))
-    steep = np.abs(e) > max(0.006, 3.0 * working.sigma)
-    many = _MANY if 0 < strip < working.strips - 2 else 2 * _MANY  # at an edge the line is extrapolated
+    steep = np.abs(e) > max(0.006, 3.0 * work.sigma)
+    many = _MANY if 0 < strip < work.strips - 2 else 2 * _MANY  # at an edge the line is extrapolated
     if steep.sum() < many or _explained(e, np.concatenate([p.ends for p in parts])) > _SHAPE:
         return None
     d, e, both = d[steep], e[steep], both[steep]
     follows = float(np.sum(d * e) / np.sum(e**2))
     # Two strips on one flat piece beside a jump differ as little, but both lie off the line.
-    little = float(np.mean(np.abs(d) < 0.35 * np.abs(e) + 2.0 * working.sigma))
-    near = float(np.mean(np.abs(both) < _MOST_OFFSET * np.abs(e) + 1.5 * working.sigma))
+    little = float(np.mean(np.abs(d) < 0.35 * np.abs(e) + 2.0 * work.sigma))
+    near = float(np.mean(np.abs(both) < _MOST_OFFSET * np.abs(e) + 1.5 * work.sigma))
     if abs(follows) > _FOLLOWS or little < _MOST[0] or near < _MOST[1]:
         return None
     return Finding(
-        "short", _two(working, strip),
+        "short", _two(work, strip),
         f"they differ by {100 * np.mean(np.abs(d)):.2g} % of Vref where the strips around slope by "
         f"+-{100 * slope:.2g} % a strip, over {len(d)} readings: they follow the slope by {follows:.2f}, not 1",
         {"follows": follows, "slope": slope, "places": len(d)},
     )  # fmt: skip
 
 
-def _bridged_energised(working: WorkingCopy) -> list[SuspectedFault]:
+def _bridged_energised(work: WorkingCopy) -> list[Suspect]:
     found = []
-    fits = list(bridges(working))
+    fits = list(bridges(work))
     usual = float(np.median([bridge.rms for _, _, bridge in fits])) if fits else 0.0
     for strip, pair, bridge in fits:
-        inner = 0 < strip < working.strips - 2  # at the edges, extrapolation is inaccurate
+        inner = 0 < strip < work.strips - 2  # at the edges, extrapolation is inaccurate
         clear = _PLAIN[0] < bridge.strength < _PLAIN[1] and bridge.size > _OUTSTANDING * usual
         strength, unexplained = (_PLAIN, _UNEXPLAINED_PLAIN) if clear else (_STRENGTH, _UNEXPLAINED)
         if not strength[0] < bridge.strength < strength[1] or bridge.unexplained > (
@@ -132,24 +129,24 @@ def _bridged_energised(working: WorkingCopy) -> list[SuspectedFault]:
         ):
             continue
         if (
-            bridge.size < max(0.003, working.sigma)
+            bridge.size < max(0.003, work.sigma)
             or bridge.places < _MANY
             or bridge.high - bridge.low > _LENGTH
         ):
             continue
-        if not moved_to_and_fro(pair.level, working.sigma, _HIGH_AND_LOW) or not (
-            inner or _slope_varied(pair, working.sigma)
+        if not moved_to_and_fro(pair.level, work.sigma, _HIGH_AND_LOW) or not (
+            inner or _slope_varied(pair, work.sigma)
         ):
             continue
         finding = Finding(
-            "short", _two(working, strip),
+            "short", _two(work, strip),
             f"both read {100 * bridge.most:+.3g} to {100 * bridge.least:+.3g} % of Vref beside their neighbours from "
             f"height to height, {bridge.strength:.2g} times the effect of an ideal bridge, which leaves "
             f"{100 * bridge.unexplained:.2g} % of the variance unexplained",
             {"most": bridge.most, "least": bridge.least, "strength": bridge.strength,
              "unexplained": bridge.unexplained},
         )  # fmt: skip
-        found.append(SuspectedFault(finding, bridge.size, partial(_drop_two, strip=strip)))
+        found.append(Suspect(finding, bridge.size, partial(_drop_two, strip=strip)))
     return found
 
 
@@ -162,11 +159,11 @@ def _slope_varied(pair: NeighbourPair, sigma: float) -> bool:
     return bool(np.std(regress_out(pair.slope, pair.level, pair.level**2)) > max(_SLOPE_VARIES, 3.0 * sigma))
 
 
-def _left_ends(working: WorkingCopy) -> IntArray:
+def _left_ends(work: WorkingCopy) -> IntArray:
     """Return where the contact on each strip begins (places, strips), a strip's number."""
-    starts = working.there.copy()
-    starts[:, 1:] &= ~working.there[:, :-1]
-    numbers = np.where(starts, np.arange(working.strips), 0)
+    starts = work.there.copy()
+    starts[:, 1:] &= ~work.there[:, :-1]
+    numbers = np.where(starts, np.arange(work.strips), 0)
     return np.asarray(np.maximum.accumulate(numbers, axis=1))
 
 
@@ -181,10 +178,10 @@ def _explained(values: FloatArray, ends: IntArray) -> float:
     return 1.0 - within / float(np.var(values, ddof=1))
 
 
-def _two(working: WorkingCopy, strip: int) -> tuple[int, ...]:
-    return tuple(sorted(int(i) for i in working.order[strip : strip + 2]))
+def _two(work: WorkingCopy, strip: int) -> tuple[int, ...]:
+    return tuple(sorted(int(i) for i in work.order[strip : strip + 2]))
 
 
-def _drop_two(working: WorkingCopy, strip: int) -> None:
-    working.drop(strip)
-    working.drop(strip + 1)
+def _drop_two(work: WorkingCopy, strip: int) -> None:
+    work.drop(strip)
+    work.drop(strip + 1)

@@ -10,7 +10,7 @@ import numpy as np
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.diagnose.finding import Finding
 from tacstrip.diagnose.neighbour_pairs import neighbour_pair
-from tacstrip.diagnose.neighbour_prediction import SuspectedFault, WorkingCopy, neighbour_residuals
+from tacstrip.diagnose.neighbour_prediction import Suspect, WorkingCopy, neighbour_residuals
 from tacstrip.diagnose.regression import moved_to_and_fro
 
 _CROSSED = 0.01  # over Vref: k_h - k_l below minus this cannot be (3.3), (3.4)
@@ -25,48 +25,46 @@ _FOOTPRINTS = 5  # different ones of contacts that end between two strips, if al
 _UNUSUAL = 2.0  # times the median misfit of all pairs
 
 
-def swapped_wires(working: WorkingCopy) -> list[SuspectedFault]:
+def swapped_wires(work: WorkingCopy) -> list[Suspect]:
     """Find strips with k_h below k_l: a contact's upper end is never lower than its lower end."""
-    if working.pair is None:
+    if work.pair is None:
         return []
     found = []
-    difference = working.pair[0] - working.pair[1]
-    clear_at = np.abs(difference) > max(_CROSSED, 3.0 * working.sigma)
+    difference = work.pair[0] - work.pair[1]
+    clear_at = np.abs(difference) > max(_CROSSED, 3.0 * work.sigma)
     wrong = clear_at & (difference < 0.0)
     known = np.isfinite(difference).sum(axis=0)
     mean = np.nan_to_num(difference).sum(axis=0) / np.maximum(known, 1)
-    clear = mean < -np.maximum(_CROSSED, 7.0 * working.sigma / np.sqrt(np.maximum(known, 1)))
+    clear = mean < -np.maximum(_CROSSED, 7.0 * work.sigma / np.sqrt(np.maximum(known, 1)))
     often = wrong.sum(axis=0) >= np.maximum(min(3, len(clear_at)), _SHARE * clear_at.sum(axis=0))
-    (e_h, r_h), (e_l, r_l) = (neighbour_residuals(working, name) for name in ("kh", "kl"))
+    (e_h, r_h), (e_l, r_l) = (neighbour_residuals(work, name) for name in ("kh", "kl"))
     as_is = np.abs(r_h) + np.abs(r_l)
-    crossed = np.abs(working.pair[1] - e_h) + np.abs(working.pair[0] - e_l)
+    crossed = np.abs(work.pair[1] - e_h) + np.abs(work.pair[0] - e_l)
     exchanged = np.flatnonzero(clear & often)
-    least = _OFFSETS if working.sensor.calibration is None else 2.0 * _CROSSED
+    least = _OFFSETS if work.sensor.calibration is None else 2.0 * _CROSSED
     touched = known > 0
     if len(exchanged) > max(2, 0.6 * np.count_nonzero(touched)) and _all_below(mean[touched], least):
         evidence = (
             f"v_h lies below v_l on {len(exchanged)} of {np.count_nonzero(touched)} strips that were touched"
         )
         whole = Finding("swapped-wires", (), evidence, {"strips": len(exchanged)})
-        return [SuspectedFault(whole, -float(mean[exchanged].mean()), _swap_all_wires)]
+        return [Suspect(whole, -float(mean[exchanged].mean()), _swap_all_wires)]
     for strip in exchanged:
         at = np.isfinite(as_is[:, strip]) & clear_at[:, strip]
         now, then = (float(c[at, strip].mean()) if at.any() else 0.0 for c in (as_is, crossed))
         if then > now and at.any():  # one channel alone is off, by its neighbours' prediction
             continue
         if not _sign_reversed(
-            difference[at, strip], (e_h - e_l)[at, strip], float(mean[strip]), least, working.sigma
+            difference[at, strip], (e_h - e_l)[at, strip], float(mean[strip]), least, work.sigma
         ):
             continue
         count, of = int(wrong[:, strip].sum()), int(clear_at[:, strip].sum())
         finding = Finding(
-            "swapped-wires", (int(working.order[strip]),),
+            "swapped-wires", (int(work.order[strip]),),
             f"v_h lies {-100 * mean[strip]:.3g} % of Vref below v_l, in {count} of {of} places with a clear difference",
             {"difference": float(mean[strip]), "places": count, "of": of},
         )  # fmt: skip
-        found.append(
-            SuspectedFault(finding, max(now - then, 1e-3) / 2.0, partial(_swap_wires, strip=int(strip)))
-        )
+        found.append(Suspect(finding, max(now - then, 1e-3) / 2.0, partial(_swap_wires, strip=int(strip))))
     return found
 
 
@@ -97,26 +95,26 @@ def _sign_reversed(
     return along < -_TURNS or (below and along < 0.0)
 
 
-def _swap_wires(working: WorkingCopy, strip: int) -> None:
-    kh, kl = working.k["kh"], working.k["kl"]
+def _swap_wires(work: WorkingCopy, strip: int) -> None:
+    kh, kl = work.k["kh"], work.k["kl"]
     kh[:, strip], kl[:, strip] = kl[:, strip].copy(), kh[:, strip].copy()
 
 
-def _swap_all_wires(working: WorkingCopy) -> None:
-    working.k["kh"], working.k["kl"] = working.k["kl"], working.k["kh"]
+def _swap_all_wires(work: WorkingCopy) -> None:
+    work.k["kh"], work.k["kl"] = work.k["kl"], work.k["kh"]
 
 
-def swapped_ends(working: WorkingCopy) -> list[SuspectedFault]:
+def swapped_ends(work: WorkingCopy) -> list[Suspect]:
     """Find strips that fit their neighbours with the ends exchanged: 1 - k_l for k_h, 1 - k_h for k_l, 1 - k for k."""
     found = []
     turned = {"kh": "kl", "kl": "kh", "k": "k"}
     as_is, reversed_ends, moves = [], [], []
-    for name in working.k:
-        e, r = neighbour_residuals(working, name)
-        other = 1.0 - working.k.get(turned[name], working.k[name])
+    for name in work.k:
+        e, r = neighbour_residuals(work, name)
+        other = 1.0 - work.k.get(turned[name], work.k[name])
         as_is.append(np.abs(r))
         reversed_ends.append(np.abs(other - e))
-        moves.append([_correlates(e[:, i], other[:, i]) for i in range(working.strips)])
+        moves.append([_correlates(e[:, i], other[:, i]) for i in range(work.strips)])
     now, then = (np.mean(costs, axis=0) for costs in (as_is, reversed_ends))
     known = np.isfinite(now) & np.isfinite(then)
     for strip in np.flatnonzero(known.any(axis=0) & np.all(moves, axis=0)):
@@ -124,9 +122,9 @@ def swapped_ends(working: WorkingCopy) -> list[SuspectedFault]:
         explained = float(a.mean() - b.mean())
         if a.mean() > (0.15 if len(a) > 2 else 0.3) and b.mean() < 0.35 * a.mean():
             found.append(
-                SuspectedFault(
+                Suspect(
                     Finding(
-                        "swapped-ends", (int(working.order[strip]),),
+                        "swapped-ends", (int(work.order[strip]),),
                         f"lies {100 * a.mean():.3g} % of Vref from its neighbours' prediction, and with the ends "
                         f"exchanged {100 * b.mean():.2g} %, over {len(a)} place(s)",
                         {"misfit": float(a.mean()), "reversed_ends": float(b.mean()), "places": float(len(a))},
@@ -147,33 +145,33 @@ def _correlates(expected: FloatArray, values: FloatArray) -> bool:
     return bool(np.corrcoef(e, v)[0, 1] > _ALONG)
 
 
-def _turn(working: WorkingCopy, strip: int) -> None:
-    if working.pair is not None:
-        _swap_wires(working, strip)
-    for values in working.k.values():
+def _turn(work: WorkingCopy, strip: int) -> None:
+    if work.pair is not None:
+        _swap_wires(work, strip)
+    for values in work.k.values():
         values[:, strip] = 1.0 - values[:, strip]
 
 
-def swapped_strips(working: WorkingCopy) -> list[SuspectedFault]:
+def swapped_strips(work: WorkingCopy) -> list[Suspect]:
     """Find neighbours in the wrong order, by the edges of contacts and by the slope of signatures across them."""
-    slopes = {i: _Slope.of(working, i) for i in range(working.strips - 1)}
+    slopes = {i: _Slope.of(work, i) for i in range(work.strips - 1)}
     usual = float(np.median([t.misfit for t in slopes.values() if t.places] or [0.0]))
     found = []
     for strip, slope in slopes.items():
-        against, left, right, footprints = _edges(working, strip)
+        against, left, right, footprints = _edges(work, strip)
         one_sided = min(left, right) == 0 and not (
             slope.places >= _FEW and slope.misfit_exchanged < 0.6 * slope.misfit
         )
         alike = (
             footprints < _FOOTPRINTS
-            and not _at_edge(working, strip)
+            and not _at_edge(work, strip)
             and slope.misfit_exchanged > 0.9 * slope.misfit
         )
         often = left + right >= 2 * _FEW and against == 0 and not alike
         edges = left + right >= 4 and left + right >= 5 * against and (often or not one_sided)
         runs_back = (
             slope.clear
-            and slope.misfit_exchanged < (0.25 if _at_edge(working, strip) else 0.4) * slope.misfit
+            and slope.misfit_exchanged < (0.25 if _at_edge(work, strip) else 0.4) * slope.misfit
             and slope.misfit > _UNUSUAL * usual
             and slope.to_and_fro
         )
@@ -189,12 +187,12 @@ def swapped_strips(working: WorkingCopy) -> list[SuspectedFault]:
                     f"contacts that end there have a gap in {left + right} places, and none with the two exchanged"
                 )
             finding = Finding(
-                "swapped-strips", tuple(sorted(int(i) for i in working.order[strip : strip + 2])), "; ".join(evidence),
+                "swapped-strips", tuple(sorted(int(i) for i in work.order[strip : strip + 2])), "; ".join(evidence),
                 {"misfit": slope.misfit, "exchanged": slope.misfit_exchanged, "places": slope.places,
                  "edges": left + right},
             )  # fmt: skip
             found.append(
-                SuspectedFault(
+                Suspect(
                     finding, max(slope.misfit - slope.misfit_exchanged, 0.03), partial(_exchange, strip=strip)
                 )
             )
@@ -217,8 +215,8 @@ class _Slope:
     to_and_fro: bool
 
     @classmethod
-    def of(cls, working: WorkingCopy, strip: int) -> _Slope:
-        pairs = [b for values in working.k.values() if (b := neighbour_pair(values, strip))]
+    def of(cls, work: WorkingCopy, strip: int) -> _Slope:
+        pairs = [b for values in work.k.values() if (b := neighbour_pair(values, strip))]
         if not pairs:
             return cls(0.0, 0.0, 0, False, False)
         misfit, misfit_exchanged, slope = (
@@ -231,53 +229,44 @@ class _Slope:
         )
         off = float(np.median(np.concatenate([np.abs(p.offset - np.median(p.offset)) for p in pairs])))
         places = min(len(p.slope) for p in pairs)
-        clear = places >= _FEW and slope > max(0.004, 4.0 * working.sigma) and off < _OFF_LINE * slope
+        clear = places >= _FEW and slope > max(0.004, 4.0 * work.sigma) and off < _OFF_LINE * slope
         return cls(
-            misfit,
-            misfit_exchanged,
-            places,
-            clear,
-            all(moved_to_and_fro(p.level, working.sigma) for p in pairs),
+            misfit, misfit_exchanged, places, clear, all(moved_to_and_fro(p.level, work.sigma) for p in pairs)
         )
 
 
-def _exchange(working: WorkingCopy, strip: int) -> None:
-    for array in (*working.k.values(), working.there):
+def _exchange(work: WorkingCopy, strip: int) -> None:
+    for array in (*work.k.values(), work.there):
         array[:, [strip, strip + 1]] = array[:, [strip + 1, strip]]
-    working.order[[strip, strip + 1]] = working.order[[strip + 1, strip]]
+    work.order[[strip, strip + 1]] = work.order[[strip + 1, strip]]
 
 
-def _at_edge(working: WorkingCopy, strip: int) -> bool:
+def _at_edge(work: WorkingCopy, strip: int) -> bool:
     """Whether contacts go on to one side of two neighbours only."""
-    return strip in (0, working.strips - 2)
+    return strip in (0, work.strips - 2)
 
 
-def _edges(working: WorkingCopy, strip: int) -> tuple[int, int, int, int]:
+def _edges(work: WorkingCopy, strip: int) -> tuple[int, int, int, int]:
     """Count the places where a contact ends between two neighbours, and those where it would with the two exchanged.
 
     The latter for contacts to the left of the two and to the right, and how many different footprints these had: a
     contact with a gap has it on one side, and moves it along.
     """
-    clear = _clear(working, slice(max(strip - 1, 0), strip + 3))
-    padded = np.pad(working.there, ((0, 0), (1, 1)))
+    clear = _clear(work, slice(max(strip - 1, 0), strip + 3))
+    padded = np.pad(work.there, ((0, 0), (1, 1)))
     a, b, c, d = padded[clear, strip : strip + 4].T
-    first, last = (
-        strip == 0,
-        strip == working.strips - 2,
-    )  # nothing lies beyond them
+    first, last = (strip == 0, strip == work.strips - 2)  # nothing lies beyond them
     ends = (a & b & ~c & ~d) | (~a & ~b & c & d) | (first & b & ~c & ~d) | (last & c & ~b & ~a)
     left = (a | first) & ~b & c & ~d
     right = ~a & b & ~c & (d | last)
-    footprints = len(np.unique(working.there[clear][left | right], axis=0))
+    footprints = len(np.unique(work.there[clear][left | right], axis=0))
     return int(ends.sum()), int(left.sum()), int(right.sum()), footprints
 
 
-def _clear(working: WorkingCopy, window: slice) -> BoolArray:
+def _clear(work: WorkingCopy, window: slice) -> BoolArray:
     """Return the places where all touched strips of the window read far enough from rest not to go unnoticed."""
-    if working.sensor.rest_volt is None or working.sensor.touch_volt is None:
-        return np.ones(len(working.there), dtype=bool)
-    rest, touch = (
-        v / working.sensor.vref_volt for v in (working.sensor.rest_volt, working.sensor.touch_volt)
-    )
-    away = np.min([np.abs(v[:, window] - rest) for v in working.k.values()], axis=0)
-    return np.asarray(~((away < 3.0 * touch) & working.there[:, window]).any(axis=1))
+    if work.sensor.rest_volt is None or work.sensor.touch_volt is None:
+        return np.ones(len(work.there), dtype=bool)
+    rest, touch = (v / work.sensor.vref_volt for v in (work.sensor.rest_volt, work.sensor.touch_volt))
+    away = np.min([np.abs(v[:, window] - rest) for v in work.k.values()], axis=0)
+    return np.asarray(~((away < 3.0 * touch) & work.there[:, window]).any(axis=1))
