@@ -46,7 +46,7 @@ class ExcludedRow:
 
 @dataclass(frozen=True, eq=False)
 class Calibrated:
-    """A calibrated unit and its residuals.
+    """A calibrated unit and its residuals, as `calibrate_unit` returns it.
 
     Attributes
     ----------
@@ -63,6 +63,10 @@ class Calibrated:
         Values with their uncertainty, rows that do not count, models that were tried.
     goodness
         Residual and noise.
+
+    Examples
+    --------
+    Of a `calibrate_unit(...)`, `result.sensor.save("calibrated.toml")` keeps the constants if `result.status == "ok"`.
     """
 
     sensor: Sensor

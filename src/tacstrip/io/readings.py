@@ -39,13 +39,35 @@ from tacstrip.sensor.spec import Sensor
 
 @takes(sensor=Sensor)
 def read_readings(path: str | Path, sensor: Sensor) -> list[Scan]:
-    """Read a readings file; the sensor's calibration, if it has one, corrects what the file holds.
+    r"""Read a readings file (CSV); the sensor's calibration, if it has one, corrects what the file holds.
+
+    Parameters
+    ----------
+    path
+        The file: a line per strip and scan, in volts or A/D codes (docs/files.md).
+    sensor
+        The sensor that it is of.
+
+    Returns
+    -------
+    list of Scan
+        In the file's order.
 
     Raises
     ------
     ReadingError
         The file cannot be read, lacks a column or a strip, or has a value that cannot be; the message
-        names the line and the way out.
+        names the line and the remedy.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> import tacstrip as ts
+    >>> sensor = ts.Sensor(construction="crs-m", strips=2, pitch_mm=6.5, length_mm=325.0, vref_volt=5.0)
+    >>> file = pathlib.Path(tempfile.mkdtemp()) / "readings.csv"
+    >>> _ = file.write_text("scan,time_s,strip,v_out\n0,0,0,2.5\n0,0,1,\n")
+    >>> ts.read_readings(file, sensor)[0].k
+    array([0.5, nan])
     """
     example = ",".join([*INDEX, *(SIGNATURES[name].volt_column for name in sensor.signatures)])
     return read_csv(path, "readings", lambda header, rows: _scans(header, rows, sensor), example)
@@ -53,9 +75,29 @@ def read_readings(path: str | Path, sensor: Sensor) -> list[Scan]:
 
 @takes(sensor=Sensor, scans=(Scan,))
 def write_readings(path: str | Path, sensor: Sensor, scans: Sequence[Scan]) -> None:
-    """Write scans as raw volts, which `read_readings` corrects again where the sensor has a calibration.
+    """Write scans as raw volts (CSV), which `read_readings` corrects again where the sensor has a calibration.
 
     Every strip has its line, an empty field where nothing touches.
+
+    Parameters
+    ----------
+    path
+        The file to write.
+    sensor, scans
+        The sensor, and scans of it with the same signatures.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> import numpy as np
+    >>> import tacstrip as ts
+    >>> sensor = ts.Sensor(construction="crs-m", strips=2, pitch_mm=6.5, length_mm=325.0, vref_volt=5.0)
+    >>> file = pathlib.Path(tempfile.mkdtemp()) / "readings.csv"
+    >>> ts.write_readings(file, sensor, [ts.Scan(k=np.array([0.5, np.nan]))])
+    >>> print(file.read_text(), end="")
+    scan,time_s,strip,v_out
+    0,0,0,2.5
+    0,0,1,
     """
     names = scans[0].signatures
     whole = scans[0].electrodes is not None

@@ -42,6 +42,14 @@ class Runs:
         Name of the file, and of the unit where the file has it.
     open
         Rows without readings.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import tacstrip as ts
+    >>> l_mm = np.repeat([[50.0], [150.0], [250.0]], 2, axis=1)  # three contacts across two strips
+    >>> ts.Runs(l_mm, np.zeros((3, 2)), {"k": l_mm / 325.0}, line=np.arange(2, 8).reshape(3, 2), rest={})
+    <Runs: 6 contacts on 2 strips, k, l 50 to 250, w 0 to 0 mm>
     """
 
     l_mm: FloatArray
@@ -70,7 +78,7 @@ class Runs:
 
 @takes(sensor=Sensor)
 def read_runs(path: str | Path, sensor: Sensor, unit: str = "", force: bool = False) -> Runs:
-    """Read calibration runs.
+    r"""Read calibration runs.
 
     Parameters
     ----------
@@ -85,7 +93,17 @@ def read_runs(path: str | Path, sensor: Sensor, unit: str = "", force: bool = Fa
     ------
     ReadingError
         The file cannot be read, lacks a column, has a value that cannot be, or is of another unit; the message
-        names the line and the way out.
+        names the line and the remedy.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> import tacstrip as ts
+    >>> sensor = ts.Sensor(construction="crs-m", strips=1, pitch_mm=6.5, length_mm=325.0, vref_volt=5.0)
+    >>> file = pathlib.Path(tempfile.mkdtemp()) / "runs.csv"
+    >>> _ = file.write_text("strip,l_mm,w_mm,v_out\n0,65,0,1.05\n0,130,0,2.03\n")
+    >>> ts.read_runs(file, sensor)
+    <Runs: 2 contacts on 1 strips, k, l 65 to 130, w 0 to 0 mm>
     """
     known = unit or (sensor.calibration.unit if sensor.calibration else "")
     example = ",".join(["strip", "l_mm", "w_mm", *(SIGNATURES[n].volt_column for n in sensor.signatures)])
