@@ -54,10 +54,11 @@ def rezero(
     --------
     >>> import numpy as np
     >>> import tacstrip as ts
+    >>> from tacstrip.calibrate import DriftEstimator, rezero
     >>> sensor = ts.Sensor(construction="crs-m", strips=2, pitch_mm=6.5, length_mm=325.0)
     >>> noise = np.random.default_rng(0).normal(0.0, 0.001, (50, 2))
     >>> learned = ts.learn_touch(sensor, {"k": 0.02 + noise})
-    >>> today, measured = ts.rezero(learned, {"k": np.full((20, 2), 0.025)})
+    >>> today, measured = rezero(learned, {"k": np.full((20, 2), 0.025)})
     >>> np.round(today.calibration.channel("k").drift, 3), measured
     (array([0.005, 0.005]), array([ True,  True]))
     """
@@ -141,9 +142,10 @@ class DriftEstimator:
     --------
     >>> import numpy as np
     >>> import tacstrip as ts
+    >>> from tacstrip.calibrate import DriftEstimator, rezero
     >>> sensor = ts.Sensor(construction="crs-m", strips=2, pitch_mm=6.5, length_mm=325.0)
     >>> noise = np.random.default_rng(0).normal(0.0, 0.001, (50, 2))
-    >>> estimator = ts.DriftEstimator(ts.learn_touch(sensor, {"k": 0.02 + noise}), time_constant_s=1.0)
+    >>> estimator = DriftEstimator(ts.learn_touch(sensor, {"k": 0.02 + noise}), time_constant_s=1.0)
     >>> for i in range(1000):
     ...     estimator.update({"k": np.array([0.023, 0.019])}, time_s=0.01 * i)
     >>> estimator.drift["k"].round(3)

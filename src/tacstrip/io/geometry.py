@@ -85,10 +85,11 @@ def feature_collection(results: Sequence[Reconstruction]) -> dict[str, Any]:
     Examples
     --------
     >>> import tacstrip as ts
+    >>> from tacstrip.io import feature_collection
     >>> sensor = ts.Sensor.load("prototype-crs-crs")
     >>> contact = ts.Contact.polygon([(10.0, 100.0), (55.0, 100.0), (30.0, 200.0)])
     >>> found = ts.fit_polygon(ts.simulate(sensor, contact), sensor)
-    >>> feature = ts.feature_collection([found])["features"][0]
+    >>> feature = feature_collection([found])["features"][0]
     >>> feature["geometry"]["type"], feature["properties"]["method"]
     ('Polygon', 'polygon')
     """

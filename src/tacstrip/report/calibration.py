@@ -9,7 +9,7 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.calibrate.unit import Calibrated
-from tacstrip.plot.calibration import draw_all, graphed
+from tacstrip.plot.calibration import draw_all, graphed_strips
 from tacstrip.report.page import Picture, write_page
 
 
@@ -41,7 +41,7 @@ def write_report(result: Calibrated, folder: Path) -> Path:
     write_page(
         file, "calibration.html.j2", result=result, sensor=result.sensor, calibration=result.sensor.calibration,
         equivalent_noise=equivalent_noise(result), summaries=error_summaries(result), strips=_strips(result),
-        pictures=pictures, graphs=len(graphed(result)),
+        pictures=pictures, graphs=len(graphed_strips(result)),
     )  # fmt: skip
     return file
 

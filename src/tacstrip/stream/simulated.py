@@ -130,7 +130,7 @@ class SimulatedSource:
     def _scan(self, number: int) -> RawScan:
         time_s = number / self._rate_hz
         scan = simulate(
-            self.sensor, self._contact(time_s), self._noise, self._random, self._model, time_s,
+            self.sensor, self._contact(time_s), self._noise, rng=self._random, model=self._model, time_s=time_s,
             electrodes=self._electrodes,
         )  # fmt: skip
         return encode(scan, self.sensor, number)

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 from tacstrip.arguments import takes
 from tacstrip.contact.noise import Noise
-from tacstrip.reconstruction.methods import best_method, recover
+from tacstrip.reconstruction.methods import chosen_method, reconstruct
 from tacstrip.reconstruction.result import RecoveredObject
 from tacstrip.scan import Scan
 from tacstrip.sensor.spec import Sensor
@@ -76,7 +76,7 @@ class Tracker:
         beside: Executor | None = None,
     ) -> None:
         self.sensor, self.noise = sensor, noise
-        self.method = method or best_method(sensor)
+        self.method = chosen_method(method, sensor)
         self.searches = 0
         self._beside = beside
         self._pending: Future[list[_Track]] | None = None
@@ -88,7 +88,9 @@ class Tracker:
     def update(self, scan: Scan, detail: bool = False) -> tuple[LiveObject, ...]:
         """Return the objects of the next scan, left to right; with `detail` followed ones have a covariance too."""
         if self.method != "polygon":
-            self._number(_tracks(recover(scan, self.sensor, self.method, self.noise).objects, scan))
+            self._number(
+                _tracks(reconstruct(scan, self.sensor, self.noise, method=self.method).objects, scan)
+            )
             return self._objects()
         runs = scan.runs()
         if self._pending is not None and self._pending.done():
@@ -140,7 +142,7 @@ class Tracker:
         self._searched_s = scan.time_s
 
     def _search(self, scan: Scan) -> list[_Track]:
-        found = _tracks(recover(scan, self.sensor, self.method, self.noise).objects, scan)
+        found = _tracks(reconstruct(scan, self.sensor, self.noise, method=self.method).objects, scan)
         for track in found:
             track.followed = started(track.shape, scan, self.sensor)
         return found

@@ -41,7 +41,7 @@ class Followed:
     shape
         The last one.
     fit
-        The same in the layout of `kernels`, its theta in [mm].
+        The same, its theta in [mm].
     sigma
         Standard deviation of a reading, by what the outline left over [Vref].
     left_out

@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from tacstrip.errors import OptionError, one_of
-from tacstrip.reconstruction.methods import METHODS
+from tacstrip.errors import OptionError
+from tacstrip.reconstruction.methods import METHODS, chosen_method
 from tacstrip.sensor.constructions import CONSTRUCTIONS
 from tacstrip.stream.live.pipeline import Live
 from tacstrip.view.drawing import frame_json, sensor_json
@@ -105,8 +105,7 @@ class Stage:
                 if why := self.health.examine(lambda: None):
                     raise OptionError(why)
             case {"do": "method", "method": method}:
-                if method not in METHODS:
-                    raise OptionError(one_of("method", method, METHODS))
+                chosen_method(method, self.live.source.sensor)
                 self.live.use(method)
             case {"do": "place", "objects": objects}:
                 self._needed().place(objects)

@@ -21,7 +21,7 @@ from typing import Self
 from tacstrip.arguments import takes
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import TacstripError, in_words
-from tacstrip.reconstruction.methods import best_method
+from tacstrip.reconstruction.methods import chosen_method
 from tacstrip.stream.device.source import SerialSource
 from tacstrip.stream.live.background_recorder import DiskWriter
 from tacstrip.stream.live.bounded_queue import Mailbox
@@ -169,7 +169,7 @@ class Live:
     @property
     def method_name(self) -> str:
         """The method that is used."""
-        return self.method or best_method(self.source.sensor)
+        return chosen_method(self.method, self.source.sensor)
 
     def use(self, method: str | None) -> None:
         """Recover by another method from now on."""
