@@ -87,7 +87,7 @@ def test_a_recording_brings_its_sensor(folder: Path, contacts: list[ts.Contact])
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("scan,time_s,strip,v_h,v_l\n0,0,1,1,1\n", "scan 0 has no line for strip 2"),
+        ("scan,time_s,strip,v_h,v_l\n0,0,1,1,1\n", "scan 0 (from line 2) has no line for strip 2"),
         ("scan,time_s,strip,v_h,v_l\n0,0,1,1,1\n0,0,1,1,1\n", "strip 1 of scan 0 is already on line 2"),
         ("scan,time_s,strip,v_out\n0,0,1,1\n", "does not belong to a crs-crs sensor"),
         ("scan,time_s,strip,v_h\n0,0,1,abc\n", "line 2: v_h is 'abc', not a number"),
