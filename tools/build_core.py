@@ -180,10 +180,10 @@ def _tiny(path: str, folder: Path | None = None) -> Compiler:
     if sys.platform != "linux":
         return Compiler((path,) if folder is None else (path, f"-B{folder}"), (), tiny=True)
     if folder is None:
-        told = subprocess.run(
+        listing = subprocess.run(
             [path, "-print-search-dirs"], capture_output=True, text=True, check=False
         ).stdout
-        folder = Path(told.partition("install:")[2].partition("\n")[0].strip())
+        folder = Path(listing.partition("install:")[2].partition("\n")[0].strip())
     own = folder / "libtcc1.a"
     return Compiler(
         (path, f"-B{folder}", "-nostdlib", "-Wl,-Bsymbolic"), (str(own),) if own.exists() else (), tiny=True

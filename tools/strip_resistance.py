@@ -48,7 +48,7 @@ def grid() -> tuple[FloatArray, FloatArray]:
     return l[l <= u], u[l <= u]
 
 
-def touch_is_told(construction: str, ohm: float) -> bool:
+def touch_is_detected(construction: str, ohm: float) -> bool:
     """Tell whether the pulls of a touched line lie close enough together, wherever it is touched."""
     seen = float(source_ohm(sensor(construction), Readout(ohm, SWITCH_OHM), *grid()).max())
     return seen / (seen + PULL_OHM) < 1.0 / setting("TOUCH_PART")
@@ -88,7 +88,7 @@ def switch_error(ohm: float) -> float:
 
 def verdict(construction: str, ohm: float) -> str:
     """Return in words whether such strips can be used."""
-    if not touch_is_told(construction, ohm):
+    if not touch_is_detected(construction, ohm):
         return "no: touch is missed"
     if (codes := unsettled_codes(construction, ohm)) > FEW_CODES:
         return f"no: {rounded(codes)} codes unsettled"

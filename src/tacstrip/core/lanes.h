@@ -76,7 +76,7 @@ enum { LL, LU, UU, LR, UR, RR, TERMS };
 
 double hyperbolic_tangent(double x);
 
-/* Contacts from l to u as ideal ones: contact resistance eats t into each end (docs/decisions.md). */
+/* Contacts from l to u as ideal ones: contact resistance eats t into each end (docs/decisions/, one closed form). */
 typedef struct {
   Pack low, high, over, mix; /* l + t, u - t, 1 / D, dt/dw */
 } Ideal;

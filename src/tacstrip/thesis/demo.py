@@ -25,7 +25,7 @@ from tacstrip.reconstruction.result import RecoveredObject
 from tacstrip.reconstruction.vertex.estimate import vertex_reconstruction
 from tacstrip.scan import Scan
 from tacstrip.sensor.spec import Sensor
-from tacstrip.thesis.twin import twin
+from tacstrip.thesis.chapter6.twin import twin
 
 FIT = "Polygon fit"
 _COLOURS = {
@@ -40,7 +40,7 @@ _COLOURS = {
 class Trial:
     """One method on one set of readings."""
 
-    readings: str  # "before" or "after" the offsets were subtracted
+    readings: str  # "before" or "after" calibration
     method: str
     transitions: str  # "", "given" or "found"
     recovered: RecoveredObject

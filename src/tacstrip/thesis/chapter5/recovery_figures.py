@@ -1,4 +1,4 @@
-"""Figures 5.5-5.61: recovered shapes, two noisy signatures, and what V.R. makes of a concave shape."""
+"""Figures 5.5-5.61: recovered shapes, two noisy signatures, and Vertex Reconstruction of a concave shape."""
 
 from __future__ import annotations
 
@@ -79,13 +79,13 @@ def noisy_signature(figure: str) -> Figure:
 
 
 def ambiguity(figure: str) -> tuple[Figure, list[dict[str, float]]]:
-    """Draw what V.R. makes of the concave tetragon from ideal readings, and return how wrong it is.
+    """Draw V.R.'s result for the concave tetragon from ideal readings, and return its errors.
 
     Returns
     -------
     tuple
         The figure; and per position M.C. [rad], IoU, and the largest difference [Vref] between the
-        recovered convex polygon's signature and the one measured: how little tells them apart.
+        recovered convex polygon's signature and the one measured.
     """
     construction, name = AMBIGUOUS[figure]
     sensor = SIMULATED[construction]
