@@ -17,7 +17,7 @@ import tacstrip as ts
 from tacstrip.arrays import FloatArray
 from tacstrip.calibrate import DriftEstimator
 from tacstrip.calibrate.model import apply
-from tacstrip.calibrate.model_selection import choose
+from tacstrip.calibrate.model_selection import select_model
 from tacstrip.calibrate.offsets import mean_offsets
 from tacstrip.calibrate.residuals import residuals
 from tacstrip.data.published import offsets_volt
@@ -99,7 +99,7 @@ def main() -> None:
         measured = runs(sensor, imperfections, unit, marks, 3, NOISE)
         check = runs(sensor, imperfections, unit, fresh, 1, 0.0)
         begin = time.perf_counter()
-        found, _ = choose(sensor, measured)
+        found, _ = select_model(sensor, measured)
         seconds = time.perf_counter() - begin
         thesis = replace(sensor, calibration=mean_offsets(sensor, measured))
         errors = [largest(s, check) for s in (sensor, thesis, apply(found.constants, sensor))]

@@ -186,7 +186,7 @@ def direction(out: FloatArray) -> str:
 
 def constants_table() -> None:
     """Show how far ends move outwards when the spec's lambda or ratio is wrong, and what all electrodes leave over."""
-    head("", *(f"{shape}, {e}" for shape in SHAPES for e in SCHEMES), "left over, all [sigma]")
+    head("", *(f"{shape}, {e}" for shape in SHAPES for e in SCHEMES), "residual, all [sigma]")
     wrongs = [("lambda", "contact_lambda_mm", f) for f in (1.05, 1.1, 0.9, 2.0, 0.5)]
     wrongs += [("ratio", "resistivity_ratio", f) for f in (1.1, 0.9, 2.0, 0.5)]
     true = a_sensor()

@@ -65,7 +65,7 @@ class RealContact:
         Its vertices (N, 2) [mm], counter-clockwise from the left-most.
     readings
         Unit to signature to (strips,) [Vref]: "lambda" has contact resistance and no more; "uneven" and "width" have
-        uneven strips, or strips of finite width, besides; "all" has both, their effects added.
+        uneven strips, or strips of finite width, too; "all" has both, their effects added.
     """
 
     truth: FloatArray

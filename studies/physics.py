@@ -67,7 +67,7 @@ def contact_transfer_length() -> Figure:
             axes.plot(width, l - 100.0, "o", color=colour, markersize=4.0)
     axes.plot([0.0, 40.0], [0.0, 20.0], color="#999999", linestyle=":", label="w / 2: nothing is left")
     axes.set_xlabel("true length of the contact w [mm]")
-    axes.set_ylabel("eaten from either end T [mm]")
+    axes.set_ylabel("transfer length T at either end [mm]")
     axes.set_title("lines: closed form; dots: network, read as an ideal sensor", fontsize=9.0)
     legend(axes)
     return figure

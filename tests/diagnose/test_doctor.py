@@ -14,7 +14,7 @@ from tacstrip.contact.noise import Noise
 from tacstrip.diagnose.doctor import diagnose
 from tacstrip.diagnose.finding import Finding, Report
 from tacstrip.diagnose.log import Log
-from tacstrip.diagnose.neighbour_pairs import second_way
+from tacstrip.diagnose.neighbour_pairs import bridge_effect
 from tacstrip.diagnose.noise import typical_contact
 from tacstrip.network import Imperfections, Short
 from tacstrip.reconstruction.cramer_rao import vertex_covariance, vertex_rms
@@ -111,7 +111,7 @@ def test_a_bridge_over_metal_gives_the_current_a_second_way() -> None:
             METAL, contact, model="network", imperfections=Imperfections(shorts=[Short(2, 150.0, 1e-3)])
         )
         ideal = ts.simulate(METAL, contact)["k"][2:4]
-        np.testing.assert_allclose(bridged["k"][2:4] - ideal, second_way(ideal, low, high), atol=2e-3)
+        np.testing.assert_allclose(bridged["k"][2:4] - ideal, bridge_effect(ideal, low, high), atol=2e-3)
 
 
 def test_a_bridge_between_energised_rubber_strips_does_next_to_nothing() -> None:

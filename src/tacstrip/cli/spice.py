@@ -54,7 +54,7 @@ def command(
     spec = load_sensor(sensor)
     given = click.get_current_context().get_parameter_source
     loads = ("mux_ohm", "adc_ohm", "tied_grounds")
-    told = [o for o in loads if given(o) is ParameterSource.COMMANDLINE]
+    given_loads = [o for o in loads if given(o) is ParameterSource.COMMANDLINE]
     if tied_grounds and spec.kind.common_supply:
         raise OptionError(
             f"--tied-grounds is for strips that are switched in turn; a {spec.construction} sensor's never are"
@@ -64,9 +64,9 @@ def command(
         readout = Readout(strip_ohm, mux_ohm, adc_ohm, tied_grounds)
         asked = measurements(spec, shape, readout=readout, cells=cells)
     else:
-        if told or given("strip_ohm") is ParameterSource.COMMANDLINE:
+        if given_loads or given("strip_ohm") is ParameterSource.COMMANDLINE:
             raise OptionError(
-                f"--{(told or ['strip_ohm'])[0].replace('_', '-')} is not for a {spec.construction} sensor"
+                f"--{(given_loads or ['strip_ohm'])[0].replace('_', '-')} is not for a {spec.construction} sensor"
             )
         asked = contact_measurements(spec, shape, cells)
     named = {str(strip + spec.strip_base): measurement for strip, measurement in asked.items()}
