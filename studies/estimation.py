@@ -14,7 +14,7 @@ import numpy as np
 import shapely
 
 from tacstrip.arrays import FloatArray
-from tacstrip.contact.noise import Noise, digitise, on_readings
+from tacstrip.contact.noise import Noise, add_reading_errors, digitise
 from tacstrip.contact.shape import Contact
 from tacstrip.geometry.outline import Outline
 from tacstrip.network.imperfections import Imperfections
@@ -191,7 +191,9 @@ def _scan(
     readings: Mapping[str, FloatArray], noise: Noise, random: np.random.Generator, names: Sequence[str]
 ) -> Scan:
     kh, kl = (
-        digitise(on_readings(readings[name], noise, random), SENSOR.adc_bits) if name in names else None
+        digitise(add_reading_errors(readings[name], noise, random), SENSOR.adc_bits)
+        if name in names
+        else None
         for name in ("kh", "kl")
     )
     return Scan(kh=kh, kl=kl)

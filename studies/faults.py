@@ -13,7 +13,7 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.footprint import footprint
-from tacstrip.contact.noise import Noise, digitise, generator, on_readings
+from tacstrip.contact.noise import Noise, add_reading_errors, digitise, generator
 from tacstrip.contact.shape import Contact
 from tacstrip.diagnose.finding import FAULTS
 from tacstrip.diagnose.log import Log
@@ -120,7 +120,7 @@ def faulty_log(
     for stage in (_wired, _wandering):
         for defect in defects:
             stage(k, defect, time_s)
-    k = {name: on_readings(v, noise or Noise(), random) for name, v in k.items()}
+    k = {name: add_reading_errors(v, noise or Noise(), random) for name, v in k.items()}
     for defect in (d for d in defects if d.fault == "noise"):
         for values in k.values():
             at = slice(None) if defect.strip is None else defect.strip

@@ -30,6 +30,11 @@ class Scan:
     ReadingError
         No signature, arrays of different lengths, a value outside 0..1, or a strip with one reading of
         two; the message names the strip, counted from 0.
+
+    Examples
+    --------
+    >>> Scan(kh=[float("nan"), 0.4, 0.4], kl=[float("nan"), 0.2, 0.3]).touched.tolist()
+    [False, True, True]
     """
 
     kh: FloatArray | None = None

@@ -9,7 +9,7 @@ import numpy as np
 from tacstrip.arguments import takes
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.footprint import footprint
-from tacstrip.contact.noise import Noise, Rng, digitise, generator, on_readings
+from tacstrip.contact.noise import Noise, Rng, add_reading_errors, digitise, generator
 from tacstrip.contact.shape import Contact
 from tacstrip.contact.signature import signatures
 from tacstrip.errors import ContactError, OptionError, one_of
@@ -69,6 +69,13 @@ def simulate(
         There is no such model, or the closed forms were given imperfections or a readout.
     NetworkError
         The network cannot be: a fault off the sensor, a sensing strip cut off, a resistance of 0 or less.
+
+    Examples
+    --------
+    >>> import tacstrip as ts
+    >>> sensor = ts.Sensor(construction="crs-crs", strips=4, pitch_mm=10.0, length_mm=100.0)
+    >>> ts.simulate(sensor, ts.Contact.line([(12, 30), (28, 30)])).touched.tolist()
+    [False, True, True, False]
     """
     if model is not None and model not in _MODELS:
         raise OptionError(one_of("model", model, _MODELS))
@@ -139,4 +146,6 @@ def readings(
 
 def _measured(sensor: Sensor, ideal: dict[str, FloatArray], noise: Noise, rng: Rng) -> dict[str, FloatArray]:
     random = generator(rng)
-    return {name: digitise(on_readings(k, noise, random), sensor.adc_bits) for name, k in ideal.items()}
+    return {
+        name: digitise(add_reading_errors(k, noise, random), sensor.adc_bits) for name, k in ideal.items()
+    }

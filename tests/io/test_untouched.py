@@ -13,7 +13,7 @@ from click.testing import CliRunner
 import tacstrip as ts
 from tacstrip.arrays import FloatArray
 from tacstrip.cli import cli
-from tacstrip.contact.noise import on_readings
+from tacstrip.contact.noise import add_reading_errors
 from tacstrip.diagnose.doctor import diagnose
 from tacstrip.diagnose.log import Log
 from tacstrip.sensor import apply_calibration
@@ -49,7 +49,7 @@ def _read(
     k = readings(replace(sensor, adc_bits=None), *ts.footprint(sensor, contacts))
     noise = ts.Noise(positional=half)
     return {
-        n: np.clip(on_readings(np.where(np.isnan(v), level, v), noise, random), 0.0, 1.0)
+        n: np.clip(add_reading_errors(np.where(np.isnan(v), level, v), noise, random), 0.0, 1.0)
         for n, v in k.items()
     }
 

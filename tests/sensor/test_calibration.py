@@ -130,8 +130,8 @@ def test_offsets_are_the_thesis_adjustment() -> None:
 def test_a_fading_offset_is_whole_inside_and_gone_at_both_ends() -> None:
     channel = Channel(signature="k", offset=(0.05,), fade=0.1)
     k = np.array([[0.0], [0.05], [0.1], [0.5], [0.9], [0.95], [1.0]])
-    np.testing.assert_allclose(channel.do(k)[:, 0], [0.0, 0.075, 0.15, 0.55, 0.95, 0.975, 1.0])
-    np.testing.assert_allclose(channel.undo(channel.do(k)), k, atol=1e-15)
+    np.testing.assert_allclose(channel.distort(k)[:, 0], [0.0, 0.075, 0.15, 0.55, 0.95, 0.975, 1.0])
+    np.testing.assert_allclose(channel.correct(channel.distort(k)), k, atol=1e-15)
 
 
 def test_a_strips_own_ratio_is_the_closed_form_with_that_ratio() -> None:

@@ -70,10 +70,30 @@ class Footprint:
 def footprint(sensor: Sensor, contact: Contact | Sequence[Contact]) -> Footprint:
     """Find l and u of one contact on every strip, or of many contacts at once.
 
+    Parameters
+    ----------
+    sensor
+        Its strips, pitch, length and strip width count.
+    contact
+        One contact, or a sequence of them.
+
+    Returns
+    -------
+    Footprint
+        l and u [mm], (strips,) for one contact, (contacts, strips) for a sequence; NaN where nothing touches.
+
     Raises
     ------
     ContactError
         A contact lies wholly outside the sensor.
+
+    Examples
+    --------
+    >>> import tacstrip as ts
+    >>> sensor = ts.Sensor(construction="crs-crs", strips=4, pitch_mm=10.0, length_mm=100.0)
+    >>> l, u = ts.footprint(sensor, ts.Contact.polygon([(10, 20), (30, 20), (30, 50), (10, 50)]))
+    >>> u.tolist()
+    [nan, 50.0, 50.0, nan]
     """
     contacts = [contact] if isinstance(contact, Contact) else list(contact)
     outside = _sticks_out(sensor, contacts)

@@ -31,7 +31,7 @@ def sensing_share(ratio: float) -> float:
 
 
 def transfer_length(w: FloatArray, contact_lambda: float) -> FloatArray:
-    """Return T = lambda tanh(w / 2 lambda): how far contact resistance eats into each end [unit of w]."""
+    """Return the transfer length T = lambda tanh(w / 2 lambda), lost to contact resistance at each end [unit of w]."""
     if contact_lambda == 0.0:
         return np.zeros_like(w)
     return np.asarray(contact_lambda * np.tanh(w / (2.0 * contact_lambda)))
@@ -52,6 +52,19 @@ def k_h(
         Resistivity of the sensing strip over that of the energised strip.
     contact_lambda
         Decay length of the contact resistance [mm].
+
+    Returns
+    -------
+    FloatArray
+        Over Vref, of the broadcast shape; NaN where l or w is NaN.
+
+    Examples
+    --------
+    A contact from 20 to 50 mm on a strip of 100 mm:
+
+    >>> import numpy as np
+    >>> round(float(k_h(np.array(20.0), np.array(30.0), 100.0)), 6)
+    0.411765
     """
     a = sensing_share(ratio)
     t = transfer_length(w, contact_lambda)
@@ -62,14 +75,32 @@ def k_h(
 def k_l(
     l: FloatArray, w: FloatArray, length: float, ratio: float = 1.0, contact_lambda: float = 0.0
 ) -> FloatArray:
-    """Return k_l, the sensing strip's lower voltage over Vref: (3.4), (3.6). Arguments as for `k_h`."""
+    """Return k_l, the sensing strip's lower voltage over Vref: (3.4), (3.6).
+
+    Arguments and result as for `k_h`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> round(float(k_l(np.array(20.0), np.array(30.0), 100.0)), 6)
+    0.235294
+    """
     a = sensing_share(ratio)
     t = transfer_length(w, contact_lambda)
     return _over_vref(l + t, length - (1.0 - a) * (w - 2.0 * t), length)
 
 
 def k_metal(l: FloatArray, w: FloatArray, length: float, contact_lambda: float = 0.0) -> FloatArray:
-    """Return k, the metal sheet's voltage over Vref: (3.8). A strip contact of length L leaves 0 / 0: NaN."""
+    """Return k, the metal sheet's voltage over Vref: (3.8).
+
+    Arguments and result as for `k_h`; NaN, 0 / 0, for a contact of the whole strip length.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> round(float(k_metal(np.array(20.0), np.array(30.0), 100.0)), 6)
+    0.285714
+    """
     with np.errstate(invalid="ignore"):
         return k_l(l, w, length, 0.0, contact_lambda)
 
@@ -139,6 +170,13 @@ def lower_and_width(
     """Solve k_h and k_l for l and w: (4.36), for unequal strips and contact resistance too.
 
     Noise can make w negative: nothing is clipped here.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> l, w = lower_and_width(np.array(7.0 / 17.0), np.array(4.0 / 17.0), 100.0)
+    >>> round(float(l), 6), round(float(w), 6)
+    (20.0, 30.0)
     """
     d = length / (1.0 + (kh - kl) / ratio)
     ideal = (1.0 + ratio) / ratio * (kh - kl) * d

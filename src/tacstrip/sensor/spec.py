@@ -55,6 +55,12 @@ class Sensor:
     ------
     SpecError
         A value is impossible or does not belong to the construction; the message names the key.
+
+    Examples
+    --------
+    >>> sensor = Sensor(construction="crs-crs", strips=10, pitch_mm=8.0, length_mm=100.0)
+    >>> sensor.width_mm
+    80.0
     """
 
     construction: str
