@@ -17,7 +17,7 @@ import tacstrip as ts
 from recordings import ORIGIN, make, sensor, source
 from strategies import FIXED
 from tacstrip.reconstruction.methods import METHODS, recover
-from tacstrip.stream.codes import code_shape, code_type, decode, encode, rounding, top_code
+from tacstrip.stream.codes import code_shape, code_type, decode, encode, quantisation_error, top_code
 from tacstrip.stream.recording.record import record, with_shapes
 from tacstrip.stream.recording.recorder import Recorder
 from tacstrip.stream.replay import open_source
@@ -105,7 +105,7 @@ def test_encode_then_decode_is_exact_on_codes(bits: int, seed: int, construction
         for name in spec.signatures
     }
     scan = ts.Scan(**values, time_s=3.5)
-    assert rounding(scan, spec) == pytest.approx(0.0, abs=1e-5)
+    assert quantisation_error(scan, spec) == pytest.approx(0.0, abs=1e-5)
     back = decode(encode(scan, spec), spec)
     for name in spec.signatures:
         np.testing.assert_allclose(back[name], scan[name], rtol=0.0, atol=1e-15)
@@ -120,8 +120,8 @@ def test_without_converter_sixteen_bits() -> None:
 
 def test_rounding_tells_what_a_converter_cannot_hold() -> None:
     spec = sensor("crs-m", 3)
-    assert rounding(ts.Scan(k=np.array([np.nan, 0.3 / 4095, 1.0])), spec) == pytest.approx(0.3)
-    assert rounding(ts.Scan(k=np.full(3, np.nan)), spec) == 0.0
+    assert quantisation_error(ts.Scan(k=np.array([np.nan, 0.3 / 4095, 1.0])), spec) == pytest.approx(0.3)
+    assert quantisation_error(ts.Scan(k=np.full(3, np.nan)), spec) == 0.0
 
 
 def test_a_code_above_the_converter() -> None:
