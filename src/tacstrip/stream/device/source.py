@@ -82,8 +82,8 @@ class SerialSource:
     >>> source = ts.SerialSource(lambda: Loopback(device), sensor)
     >>> source.hello.strips, source.names
     (8, ('k',))
-    >>> next(iter(source)).touched.sum()
-    np.int64(4)
+    >>> int(next(iter(source)).touched.sum())
+    4
     """
 
     @takes(sensor=Sensor)
