@@ -70,7 +70,7 @@ def trial(cell: Cell, random: np.random.Generator) -> Trial:
     pitch, shape = sensor.pitch_mm, _polygon(cell, random)
     left, right = random.uniform(-0.5, 0.5, 2) * pitch + (pitch, LENGTH_MM + pitch)
     truth = np.stack([left + shape[:, 0] * (right - left), shape[:, 1] * LENGTH_MM], axis=1)
-    scan = ts.simulate(sensor, ts.Contact.polygon(truth), ts.Noise(quantisation=cell.noise), random)
+    scan = ts.simulate(sensor, ts.Contact.polygon(truth), ts.Noise(quantisation=cell.noise), rng=random)
     outline = Outline.of(truth)
     bound = vertex_covariance(
         outline, sensor, reading_sigma(ts.Noise(quantisation=cell.noise), sensor), names

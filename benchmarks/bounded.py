@@ -161,7 +161,7 @@ def main() -> None:
         "| in 95 % | guaranteed | empty | ms more | ms regions |"
     )
     print("| --- " * 12 + "|")
-    score(CELLS[0], 1, 0)  # compiles
+    score(CELLS[0], 1, 0)  # loads
     for cell in chosen.cells:
         row = score(cell, chosen.polygons, chosen.seed).row()
         print(f"| {cell.kind} | {cell.noise:g} | {cell.strips} | {row} |", flush=True)

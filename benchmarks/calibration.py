@@ -15,11 +15,14 @@ from _timing import median_seconds
 
 import tacstrip as ts
 from tacstrip.arrays import FloatArray
+from tacstrip.calibrate import DriftEstimator
 from tacstrip.calibrate.model import apply
 from tacstrip.calibrate.model_selection import choose
 from tacstrip.calibrate.offsets import mean_offsets
 from tacstrip.calibrate.residuals import residuals
 from tacstrip.data.published import offsets_volt
+from tacstrip.network import Build
+from tacstrip.sensor import Channel, corrected
 
 Places = list[tuple[float, float]]
 UNIT, NOISE, LAMBDA, MISMATCH = 10.0, 0.002, 2.0, 1.05
@@ -33,29 +36,28 @@ def offsets(construction: str, fade: float = 0.0) -> ts.Calibration:
     names = {"CRS-CRS": ("kh", "kl"), "CRS-M": ("k",)}[construction]
     return ts.Calibration(
         channels=tuple(
-            ts.Channel(signature=n, offset=tuple(offsets_volt(construction, n) / 6.05), fade=fade)
-            for n in names
+            Channel(signature=n, offset=tuple(offsets_volt(construction, n) / 6.05), fade=fade) for n in names
         )
     )
 
 
-CASES: dict[str, tuple[str, ts.Build, ts.Calibration]] = {
-    "mismatch 5 %": ("crs-crs", ts.Build(sensing=MISMATCH), offsets("CRS-CRS")),
+CASES: dict[str, tuple[str, Build, ts.Calibration]] = {
+    "mismatch 5 %": ("crs-crs", Build(sensing=MISMATCH), offsets("CRS-CRS")),
     "own mismatch within 5 %": (
-        "crs-crs", ts.Build(sensing=1.0 + RNG.uniform(-0.05, 0.05, 10)), offsets("CRS-CRS")
+        "crs-crs", Build(sensing=1.0 + RNG.uniform(-0.05, 0.05, 10)), offsets("CRS-CRS")
     ),
-    "mismatch, offsets fade": ("crs-crs", ts.Build(sensing=MISMATCH), offsets("CRS-CRS", 0.12)),
+    "mismatch, offsets fade": ("crs-crs", Build(sensing=MISMATCH), offsets("CRS-CRS", 0.12)),
     "mismatch, rubber varies": (
-        "crs-crs", ts.Build(energised=PATCHY, sensing=MISMATCH * PATCHY), offsets("CRS-CRS")
+        "crs-crs", Build(energised=PATCHY, sensing=MISMATCH * PATCHY), offsets("CRS-CRS")
     ),
-    "CRS-M": ("crs-m", ts.Build(), offsets("CRS-M")),
-    "CRS-M, offsets fade": ("crs-m", ts.Build(), offsets("CRS-M", 0.15)),
-    "CRS-M, fade, rubber varies": ("crs-m", ts.Build(energised=np.tile(BEND, (9, 1))), offsets("CRS-M", 0.15)),
+    "CRS-M": ("crs-m", Build(), offsets("CRS-M")),
+    "CRS-M, offsets fade": ("crs-m", Build(), offsets("CRS-M", 0.15)),
+    "CRS-M, fade, rubber varies": ("crs-m", Build(energised=np.tile(BEND, (9, 1))), offsets("CRS-M", 0.15)),
 }  # fmt: skip
 
 
 def runs(
-    sensor: ts.Sensor, build: ts.Build, unit: ts.Calibration, places: Places, repeats: int, noise: float
+    sensor: ts.Sensor, build: Build, unit: ts.Calibration, places: Places, repeats: int, noise: float
 ) -> ts.Runs:
     """Return what a unit reads of contacts across all strips."""
     true, x, rng = replace(sensor, contact_lambda_mm=LAMBDA), sensor.width_mm, np.random.default_rng(0)
@@ -103,7 +105,7 @@ def main() -> None:
     )
     at = tuple(float(v) for v in np.linspace(0.0, 1.0, 9))
     ends = tuple(
-        ts.Channel(signature=n, offset=(0.02,) * 100, gain=(0.98,) * 100, rest=(0.02,) * 100)
+        Channel(signature=n, offset=(0.02,) * 100, gain=(0.98,) * 100, rest=(0.02,) * 100)
         for n in ("kh", "kl")
     )
     raw = {"kh": np.linspace(0.3, 0.8, 100), "kl": np.linspace(0.1, 0.2, 100)}
@@ -111,10 +113,10 @@ def main() -> None:
     warped = replace(
         many, calibration=ts.Calibration(channels=ends, ratio=(1.1,) * 100, warp_at=at, warp=(at,) * 100)
     )
-    drift = ts.DriftEstimator(plain)
+    drift = DriftEstimator(plain)
     print("100 strips, double measurement, one core, microseconds a scan:")
-    print(f"  offset, gain, touch      {1e6 * median_seconds(lambda: ts.corrected(plain, raw)):.0f}")
-    print(f"  with ratios and warp     {1e6 * median_seconds(lambda: ts.corrected(warped, raw)):.0f}")
+    print(f"  offset, gain, touch      {1e6 * median_seconds(lambda: corrected(plain, raw)):.0f}")
+    print(f"  with ratios and warp     {1e6 * median_seconds(lambda: corrected(warped, raw)):.0f}")
     print(
         f"  drift estimate           {1e6 * median_seconds(lambda: drift.update(raw, drift.scans * 1e-3)):.0f}"
     )

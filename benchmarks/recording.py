@@ -23,6 +23,7 @@ import numpy as np
 
 import tacstrip as ts
 from tacstrip.simulation import readings
+from tacstrip.stream import Drag, RawScan, Shape, paced
 from tacstrip.stream.codes import top_code
 from tacstrip.stream.recording.record import with_shapes
 
@@ -38,7 +39,7 @@ SCENES = {  # name: strips touched, half-width of the noise over Vref, corners s
 PACED_S = 20.0
 
 
-def scans(touched: int, noise: float, corners: bool, count: int) -> Iterator[ts.RawScan]:
+def scans(touched: int, noise: float, corners: bool, count: int) -> Iterator[RawScan]:
     """Make scans of a tetragon that moves at 20 mm/s, every one with errors of its own."""
     half, random = touched / 2.0, np.random.default_rng(1)
     shape = np.array([(-half, -5.0), (0.0, -30.0), (half, 5.0), (5.0, 30.0)]) + 50.0
@@ -53,9 +54,9 @@ def scans(touched: int, noise: float, corners: bool, count: int) -> Iterator[ts.
         there = ~np.isnan(touch.l)
         for i, time_s in enumerate(times.tolist()):
             found = shape + np.array((0.0, lift[i])) + random.normal(0.0, 0.05, shape.shape)
-            shapes = (ts.Shape("ok", found),) if corners else ()
+            shapes = (Shape("ok", found),) if corners else ()
             row = {name: v[i] for name, v in codes.items()}
-            yield ts.RawScan(time_s, row, there[i], start + i, shapes=shapes)
+            yield RawScan(time_s, row, there[i], start + i, shapes=shapes)
 
 
 def full_speed(scene: str, path: Path, seconds: float) -> None:
@@ -86,16 +87,16 @@ def full_speed(scene: str, path: Path, seconds: float) -> None:
     print(f"  read back: {read} scans in order, {polygons} polygons, {count - read} lost")
 
 
-def paced(path: Path, seconds: float) -> None:
+def at_real_pace(path: Path, seconds: float) -> None:
     """Record at the real pace: simulated sensor, Profile Reconstruction, recorder, all on one core."""
     contact = ts.Contact.polygon([(-30, -5), (0, -30), (30, 5), (5, 30)])
-    drag = ts.Drag(contact, [(50, 40), (50, 60)], 1.0)
+    drag = Drag(contact, [(50, 40), (50, 60)], 1.0)
     count = round(seconds * RATE_HZ)
     source = ts.SimulatedSource(SENSOR, drag, RATE_HZ, count, ts.Noise(positional=0.002))
     late: list[float] = []
     start, used = time.monotonic(), time.process_time()
     with ts.Recorder(path, SENSOR, source.names, source.origin_ns) as recorder:
-        for raw in ts.paced(with_shapes(source, SENSOR, "profile"), idle=recorder.idle):
+        for raw in paced(with_shapes(source, SENSOR, "profile"), idle=recorder.idle):
             recorder.add(raw)
             late.append(time.monotonic() - start - raw.time_s)
     used = time.process_time() - used
@@ -121,7 +122,7 @@ def main() -> None:
             if sys.argv[2] in SCENES:
                 full_speed(sys.argv[2], path, float(sys.argv[1]))
             else:
-                paced(path, float(sys.argv[1]))
+                at_real_pace(path, float(sys.argv[1]))
         return
     seconds = sys.argv[1] if len(sys.argv) > 1 else str(TEN_MINUTES)
     one_thread = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}

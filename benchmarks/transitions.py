@@ -19,7 +19,7 @@ from functools import partial
 from importlib.util import find_spec
 
 import numpy as np
-from _kinks import FINDERS, by_fit, signal_of
+from _kinks import FINDERS, signal_of
 from _protocol import SIGNATURES, Cell, Trial, trial
 
 import tacstrip as ts
@@ -52,7 +52,9 @@ class Score:
     squares: list[float] = field(default_factory=list)  # of the vertices' errors [mm^2]
     bounds: list[float] = field(default_factory=list)
     scaled: list[float] = field(default_factory=list)
-    told: list[tuple[float, float]] = field(default_factory=list)  # squares and scaled, begun at the truth
+    from_truth: list[tuple[float, float]] = field(
+        default_factory=list
+    )  # squares and scaled, started at the truth
     inside: list[bool] = field(default_factory=list)
 
     def row(self) -> str:
@@ -61,7 +63,7 @@ class Score:
         first = f"{np.mean(self.right):.4f} | {median:.3f} | {median / implied:.2f}"
         vertices = "- | - | - | - | -"
         if self.squares:
-            squares, scaled = np.transpose(self.told)
+            squares, scaled = np.transpose(self.from_truth)
             pooled, least = (np.sqrt(np.sum(s) / np.sum(self.bounds)) for s in (self.squares, squares))
             vertices = (
                 f"{pooled:.2f} | {np.sqrt(np.mean(self.scaled)):.2f} | {least:.2f} | {np.sqrt(np.mean(scaled)):.2f} | "
@@ -103,13 +105,13 @@ def from_truth(cell: Cell, of: Trial) -> FloatArray:
     return Outline(*untangled(*refine(start, signal_of(cell, of)).polygon(signal_of(cell, of)))).vertices
 
 
-def add_vertices(got: Score, of: Trial, found: ts.Reconstruction, told: FloatArray) -> None:
+def add_vertices(got: Score, of: Trial, found: ts.Reconstruction, from_truth: FloatArray) -> None:
     """Note the vertices' errors where the polygon has the right ones."""
     first = found.objects[0]
-    if not first.vertices.shape == of.truth.shape == told.shape or first.covariance is None:
+    if not first.vertices.shape == of.truth.shape == from_truth.shape or first.covariance is None:
         return
-    best = (told - of.truth) ** 2
-    got.told.append((float(best.sum()), float(np.mean(best.ravel() / of.bound.diagonal()))))
+    best = (from_truth - of.truth) ** 2
+    got.from_truth.append((float(best.sum()), float(np.mean(best.ravel() / of.bound.diagonal()))))
     error = first.vertices - of.truth
     got.squares.append(float((error**2).sum()))
     got.bounds.append(float(of.bound.trace()))
@@ -128,7 +130,7 @@ def speeds(cell: Cell, seed: int, contacts: int = 60) -> str:
         of = trial(cell, random)
         signals = []
         for _ in range(2):
-            again = ts.simulate(sensor, ts.Contact.polygon(of.truth), noise, random)
+            again = ts.simulate(sensor, ts.Contact.polygon(of.truth), noise, rng=random)
             readings = {name: again[name][again.touched] for name in SIGNATURES[cell.kind]}
             signals.append(Signal.of(sensor, of.x, readings, reading_sigma(noise, sensor)))
         before = fit_counts(signals[0]).chosen
@@ -176,8 +178,6 @@ def main() -> None:
         "from the truth | scaled | in 95 % | ms |"
     )
     print("|" + " --- |" * 13)
-    warm = Cell("both", 0.005, 100)
-    by_fit(warm, trial(warm, np.random.default_rng(0)))  # compiles
     for cell in chosen.cells:
         for method, got in score(cell, chosen.methods, chosen.polygons, chosen.seed).items():
             print(f"| {cell.kind} | {cell.noise:g} | {cell.strips} | {method} | {got.row()} |", flush=True)

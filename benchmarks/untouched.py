@@ -1,4 +1,4 @@
-"""How often untouched strips with readings are told, and how often contacts over all strips are taken for them.
+"""How often untouched strips with readings are recognised, and how often contacts over all strips are taken for them.
 
 Random sensors of 5 to 100 strips and random contacts, noise none to P.U. profile II; k_h and k_l together and alone.
 Run: python benchmarks/untouched.py [recordings]
@@ -102,10 +102,10 @@ def main(recordings: int) -> None:
             continue
         for k in read(random, unit, [contact], level):
             what = "k_h and k_l" if len(k) > 1 else "one signature"
-            told = re.search(r"set rest_volt = ([\d.e+-]+)", rest_hint(unit, k))
+            advice = re.search(r"set rest_volt = ([\d.e+-]+)", rest_hint(unit, k))
             of_all[what] += 1
-            named[what] += told is not None and abs(float(told[1]) / unit.vref_volt - level) < 0.02
-    print("untouched strips with readings, one scan: told, the level within 2 % of Vref")
+            named[what] += advice is not None and abs(float(advice[1]) / unit.vref_volt - level) < 0.02
+    print("untouched strips with readings, one scan: recognised, the level within 2 % of Vref")
     for what, count in of_all.items():
         print(f"  {what:<15}{named[what]:>5} of {count}")
 

@@ -1,7 +1,7 @@
 """The polygon fit on voltages that its own closed forms did not make: real strips, read by networks.
 
 A fit tested on readings from the formulas it inverts flatters itself (an "inverse crime"). Here the readings come from
-networks of resistors with contact resistance, uneven strips and strips of finite width; the fit is told of contact
+networks of resistors with contact resistance, uneven strips and strips of finite width; the fit knows of contact
 resistance and of the width at most.
 """
 
@@ -42,16 +42,16 @@ _ACROSS = 4  # cells over a strip's width, two per lambda: 4e-5 of Vref from 32 
 _CORNERS, _LEAST_GAP = (3, 6), 0.12  # of the contact's width
 _ON = 1e-6  # mm: a vertex on the edge of its region
 
-# Which units there are, and what the fit is told of lambda and of the strips' width.
+# Which units there are, and what the fit knows of lambda and of the strips' width.
 UNITS: dict[str, tuple[str, float, bool]] = {
     "lambda": ("lambda", 2.0, False),
-    "lambda, told 0": ("lambda", 0.0, False),
+    "lambda, given 0": ("lambda", 0.0, False),
     "uneven": ("uneven", 2.0, False),
     "width": ("width", 2.0, False),
-    "width, told": ("width", 2.0, True),
+    "width, given": ("width", 2.0, True),
     "all": ("all", 2.0, False),
-    "all, told": ("all", 2.0, True),
-    "all, told 0": ("all", 0.0, False),
+    "all, given": ("all", 2.0, True),
+    "all, given 0": ("all", 0.0, False),
 }
 
 
@@ -141,7 +141,7 @@ def outcome(
     contacts, unit
         What was read by what.
     noise, known
-        Of the readings, and whether the fit is told of it.
+        Of the readings, and whether the fit knows it.
     bounded
         Whether the fit uses that uniform noise has a bound.
     names
@@ -149,8 +149,8 @@ def outcome(
     draws
         Of the noise per contact.
     """
-    readings_of, told, wide = UNITS[unit]
-    sensor = replace(SENSOR, contact_lambda_mm=told)
+    readings_of, known_lambda, wide = UNITS[unit]
+    sensor = replace(SENSOR, contact_lambda_mm=known_lambda)
     sigma = reading_sigma(noise, SENSOR)
     random = np.random.default_rng(0)
     right, squares, bounds, inside, ends, doubtful, empty, silent = ([] for _ in range(8))

@@ -40,7 +40,7 @@ def fit_figure() -> Figure:
     """Draw a noisy signature with the sections and kinks fitted to it, and the polygon with its regions."""
     figure = new_figure(10.0, 4.4)
     left, right = add_axes(figure, 1, 2, 1), add_axes(figure, 1, 2, 2)
-    scan = simulate(_COARSE, Contact.polygon(_SHAPE), _NOISE, 4)
+    scan = simulate(_COARSE, Contact.polygon(_SHAPE), _NOISE, rng=4)
     scan = Scan(kh=scan["kh"])
     (found,) = fit_polygon(scan, _COARSE, _NOISE).objects
     outline = Outline.of(found.vertices)
@@ -110,7 +110,7 @@ def noise_figure() -> Figure:
 
 
 def _by_gradient(scan: Scan, noise: Noise) -> FloatArray:
-    made = vertex_reconstruction(scan, _SENSOR, "kh", "gradient", noise=noise).objects
+    made = vertex_reconstruction(scan, _SENSOR, signature="kh", transitions="gradient", noise=noise).objects
     return made[0].vertices if made else np.empty((0, 2))
 
 
@@ -127,7 +127,7 @@ def _scores(method: str, half_width: float) -> tuple[float, float]:
     noise, far, right = Noise(positional=half_width), [], []
     for seed in range(_DRAWS):
         truth = _shape(seed)
-        scan = simulate(_SENSOR, Contact.polygon(truth), noise, seed)
+        scan = simulate(_SENSOR, Contact.polygon(truth), noise, rng=seed)
         vertices = _METHODS[method](Scan(kh=scan["kh"]), noise)
         right.append(vertices.shape == truth.shape)
         inner = truth[_inner(truth)]
@@ -206,7 +206,7 @@ def _outlines(bounded: Bounded) -> FloatArray:
 
 
 def _scan(noise: Noise, seed: int) -> Scan:
-    return simulate(_SENSOR, Contact.polygon(_SHAPE), noise, seed)
+    return simulate(_SENSOR, Contact.polygon(_SHAPE), noise, rng=seed)
 
 
 def _first(scan: Scan, noise: Noise, bounded: bool = True) -> RecoveredObject:

@@ -12,6 +12,7 @@ import pytest
 
 import tacstrip as ts
 from tacstrip.arrays import FloatArray
+from tacstrip.stream import RawScan
 from tacstrip.stream.device.protocol.commands import Command
 from tacstrip.stream.device.protocol.decoder import Decoder, Received
 from tacstrip.stream.device.protocol.frames import Kind
@@ -79,7 +80,7 @@ def run(
     return done.stdout
 
 
-def heard(data: bytes) -> tuple[list[Received], list[ts.RawScan], Decoder]:
+def heard(data: bytes) -> tuple[list[Received], list[RawScan], Decoder]:
     """Return messages, scans and the decoder of a stream; its last frame may be cut."""
     decoder = Decoder()
     received = decoder.feed(data)
@@ -87,7 +88,7 @@ def heard(data: bytes) -> tuple[list[Received], list[ts.RawScan], Decoder]:
     return [x for x in received if not isinstance(x, ScanBatch)], scans, decoder
 
 
-def scans_per_second(scans: list[ts.RawScan]) -> float:
+def scans_per_second(scans: list[RawScan]) -> float:
     """Return the rate of scans, those of the first moments left out."""
     times = np.array([s.time_s for s in scans[5:]])
     return float((len(times) - 1) / (times[-1] - times[0]))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import importlib
 import subprocess
 import sys
 from pathlib import Path
@@ -55,3 +56,13 @@ def test_importing_loads_nothing_heavy(code: str) -> None:
     check = f"{code}; import sys; print([m for m in ('numpy', 'shapely', 'matplotlib', 'scipy') if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", check], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_a_name_that_moved_says_where_to() -> None:
+    for name, room in {"Short": "network", "Tracker": "tracking", "k_of_nobody": ""}.items():
+        with pytest.raises(AttributeError) as error:
+            getattr(tacstrip, name)
+        assert not room or f"write `from tacstrip.{room} import {name}`" in str(error.value)
+    for room, names in vars(tacstrip)["_MOVED"].items():
+        for name in names.split():
+            assert getattr(importlib.import_module(f"tacstrip.{room}"), name).__doc__

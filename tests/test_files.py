@@ -15,6 +15,7 @@ import pytest
 
 import tacstrip as ts
 from tacstrip.files import replacing, why_unreadable, write_text
+from tacstrip.stream import RawScan, ReadingsSource, recover
 from tacstrip.stream.codes import encode, with_converter
 from tacstrip.stream.recording.recorder import Recorder
 from tacstrip.stream.source import Shape
@@ -160,7 +161,7 @@ def full(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[tuple[int
         for number, scan in enumerate(scans):
             raw = encode(scan, spec, number)
             recorder.add(
-                ts.RawScan(raw.time_s, raw.codes, raw.touched, number, None, (Shape("ok", SHAPE.vertices),))
+                RawScan(raw.time_s, raw.codes, raw.touched, number, None, (Shape("ok", SHAPE.vertices),))
             )
     for _, name in WRITES:
         (folder / name).write_text("old")
@@ -205,7 +206,7 @@ def test_what_has_no_end_is_not_read(tmp_path: Path) -> None:
         with pytest.raises(ts.SpecError, match=r"toml: is a (pipe|device), not a file; save what it gives"):
             ts.Sensor.load(file)
     for file in _endless(tmp_path, ".csv"):
-        for read in (ts.read_readings, ts.read_runs, ts.ReadingsSource):
+        for read in (ts.read_readings, ts.read_runs, ReadingsSource):
             with pytest.raises(ts.ReadingError, match=r"csv: is a (pipe|device), not a file"):
                 read(file, SENSOR)
     for file in _endless(tmp_path, ".wkt"):
@@ -215,7 +216,7 @@ def test_what_has_no_end_is_not_read(tmp_path: Path) -> None:
         with pytest.raises(ts.RecordingError, match=r"mcap: is a (pipe|device), not a file"):
             ts.Recording(file)
         with pytest.raises(ts.RecordingError, match=r"mcap: is a (pipe|device), not a file"):
-            ts.recover(file, tmp_path / "out.mcap")
+            recover(file, tmp_path / "out.mcap")
     assert why_unreadable(tmp_path) == why_unreadable(tmp_path / "none") == ""
 
 

@@ -244,7 +244,7 @@ def test_a_seed_returns_its_scan(construction: str) -> None:
 
 def test_a_generator_goes_on() -> None:
     rng = np.random.default_rng(1)
-    first, second = simulate(METAL, CONTACT, NOISE, rng), simulate(METAL, CONTACT, NOISE, rng)
+    first, second = simulate(METAL, CONTACT, NOISE, rng=rng), simulate(METAL, CONTACT, NOISE, rng=rng)
     np.testing.assert_array_equal(first["k"], simulate(METAL, CONTACT, NOISE, rng=1)["k"])
     assert (first["k"] != second["k"])[first.touched].all()
 

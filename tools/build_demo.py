@@ -1,7 +1,7 @@
 """Build the readings that `tacstrip demo` reads: synthetic, and said so.
 
 Nobody has measured hardware for this project. The volts are what the ten-strip CRS-CRS prototype of section
-6.1 would give for the 5 x 3.5 cm rectangle, placed as its twin has it (`thesis/twin.py`): the closed forms (3.3)
+6.1 would give for the 5 x 3.5 cm rectangle, placed as in its twin (`thesis/chapter6/twin.py`): the closed forms (3.3)
 and (3.4), plus the residual errors printed for the middle of the sensor (tables 6.8 and 6.9, figures 6.7 and
 6.13), plus the printed offsets (table 6.1), rounded to a millivolt.
 
@@ -13,7 +13,7 @@ from __future__ import annotations
 import csv
 
 from tacstrip.data import data_path
-from tacstrip.thesis.twin import PLACINGS, raw_scan, region_errors, twin
+from tacstrip.thesis.chapter6.twin import PLACINGS, raw_scan, region_errors, twin
 
 
 def main() -> None:

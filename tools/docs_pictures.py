@@ -17,7 +17,7 @@ from tacstrip.thesis.chapter2 import EXTRA as PHANTOMS
 from tacstrip.thesis.chapter2 import FIGURES as CHAPTER_2
 from tacstrip.thesis.chapter3 import FIGURES as CHAPTER_3
 from tacstrip.thesis.chapter4 import FIGURES as CHAPTER_4
-from tacstrip.thesis.chapter5.figures import ambiguity, noisy_signature
+from tacstrip.thesis.chapter5.recovery_figures import ambiguity, noisy_signature
 from tacstrip.thesis.demo import picture, run
 
 PICTURES = Path(__file__).parents[1] / "docs" / "pictures"

@@ -19,21 +19,19 @@ import urllib.parse
 import urllib.request
 import zipfile
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
 TIMEOUT_S = 60
-MISFIT = (-1, -1)  # below every version
+INCOMPATIBLE = (-1, -1)  # below every version
 BY_HAND = "Install uv by hand, have it on PATH, and run make again."
 
 
 class FetchError(Exception):
-    """A way to get uv that did not work out; the text says why."""
+    """A way to get uv that failed; the text says why."""
 
 
-@dataclass(frozen=True)
-class Wheel:
+class Wheel(NamedTuple):
     """One wheel as the lock names it."""
 
     url: str
@@ -46,7 +44,7 @@ class Wheel:
 
     @property
     def version(self) -> str:
-        """The version, out of the file name."""
+        """The version, from the file name."""
         return self.name.split("-")[1]
 
     @property
@@ -56,15 +54,11 @@ class Wheel:
 
 
 class Platform(NamedTuple):
-    """What platform tags speak of: `version` is that of the C library or of macOS."""
+    """A platform as wheel tags describe it; `version` is that of the C library or of macOS."""
 
     family: str  # "manylinux" (glibc), "musllinux", "macosx", "win", or a system without wheels
     machine: str
     version: tuple[int, int] = (0, 0)
-
-    def __str__(self) -> str:
-        """Return the name as messages give it."""
-        return f"{self.family} {self.machine}"
 
 
 def this_platform() -> Platform:
@@ -104,34 +98,27 @@ def pinned_wheels(lock_text: str) -> list[Wheel]:
 
 
 def pick_wheel(wheels: Sequence[Wheel], platform: Platform) -> Wheel:
-    """Return the wheel made for the newest system that `platform` still satisfies."""
-    fitting = [
-        (needs, wheel)
-        for wheel in wheels
-        if (needs := max(_needs(tag, platform) for tag in wheel.tags)) != MISFIT
-    ]
-    if not fitting:
-        raise FetchError(f"uv.lock has no wheel of uv for {platform}")
-    return max(fitting, key=lambda pair: pair[0])[1]
+    """Return the wheel for the newest system version that `platform` still satisfies."""
+    needs = {wheel: max(_required_version(tag, platform) for tag in wheel.tags) for wheel in wheels}
+    best = max(wheels, key=lambda wheel: needs[wheel])
+    if needs[best] == INCOMPATIBLE:
+        raise FetchError(f"uv.lock has no wheel of uv for {platform.family} {platform.machine}")
+    return best
 
 
-def _needs(tag: str, platform: Platform) -> tuple[int, int]:
-    """Return the version of the platform that `tag` asks for, `MISFIT` if `platform` will not do."""
+def _required_version(tag: str, platform: Platform) -> tuple[int, int]:
+    """Return the version of the platform that `tag` asks for, `INCOMPATIBLE` for another platform."""
     family, machine, version = platform
-    if family in {"manylinux", "musllinux"} and tag == f"linux_{machine}":
+    windows = "win32" if machine == "x86" else f"win_{machine}"
+    if tag == {"manylinux": f"linux_{machine}", "musllinux": f"linux_{machine}", "win": windows}.get(family):
         return (0, 0)
-    if family == "win" and tag == ("win32" if machine == "x86" else f"win_{machine}"):
-        return (0, 0)
-    versioned = re.fullmatch(r"(manylinux|musllinux|macosx)_(\d+)_(\d+)_(\w+)", tag)
-    if versioned and versioned[1] == family and versioned[4] == machine:
-        needs = (int(versioned[2]), int(versioned[3]))
-        if needs <= version:
-            return needs
-    return MISFIT
+    versioned = re.fullmatch(rf"{family}_(\d+)_(\d+)_{machine}", tag)
+    needs = (int(versioned[1]), int(versioned[2])) if versioned else INCOMPATIBLE
+    return needs if needs <= version else INCOMPATIBLE
 
 
 def download(wheel: Wheel) -> bytes:
-    """Return the bytes of `wheel`, whose hash was found right."""
+    """Return the bytes of `wheel` after checking their hash."""
     try:
         with urllib.request.urlopen(wheel.url, timeout=TIMEOUT_S) as response:
             content: bytes = response.read()
@@ -142,59 +129,47 @@ def download(wheel: Wheel) -> bytes:
     return content
 
 
-def extract(content: bytes, target: Path) -> None:
-    """Put the program called `target.name` out of the wheel at `target`, at once or not at all."""
-    with zipfile.ZipFile(io.BytesIO(content)) as archive:
-        wanted = f".data/scripts/{target.name}"
-        member = next((name for name in archive.namelist() if name.endswith(wanted)), None)
-        if member is None:
-            raise FetchError(f"download: the wheel holds no program {target.name}")
-        program = archive.read(member)
-    with tempfile.TemporaryDirectory(dir=target.parent) as folder:
-        fresh = Path(folder, target.name)
-        fresh.write_bytes(program)
-        _put(fresh, target)
-
-
-def install_by_pip(wheels: Sequence[Wheel], target: Path) -> None:
-    """Let pip, with whatever mirror it is set up for, fetch the same uv under the same hashes."""
+def download_by_pip(wheels: Sequence[Wheel]) -> bytes:
+    """Return the bytes of the wheel that pip, with its own mirror settings, fetches under the same hashes."""
     hashes = " ".join(f"--hash=sha256:{wheel.sha256}" for wheel in wheels)
-    with tempfile.TemporaryDirectory(dir=target.parent) as folder:
-        wanted = Path(folder, "requirements.txt")
-        wanted.write_text(f"uv=={wheels[0].version} {hashes}\n", encoding="utf-8")
-        pip = [
-            sys.executable,
-            "-m",
-            "pip",
-            "install",
-            "-q",
-            "--no-deps",
-            "--only-binary=:all:",
-            "--require-hashes",
-        ]
+    options = ["-q", "--no-deps", "--only-binary=:all:", "--require-hashes"]
+    with tempfile.TemporaryDirectory() as folder:
+        requirements = Path(folder, "requirements.txt")
+        requirements.write_text(f"uv=={wheels[0].version} {hashes}\n", encoding="utf-8")
         run = subprocess.run(
-            [*pip, "-t", str(Path(folder, "pip")), "-r", str(wanted)],
-            env=os.environ | {"PIP_USER": "0", "PIP_REQUIRE_VIRTUALENV": "0"},
+            [sys.executable, "-m", "pip", "download", *options, "-d", folder, "-r", str(requirements)],
+            env=os.environ | {"PIP_REQUIRE_VIRTUALENV": "0"},
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
             text=True,
             check=False,
         )
-        found = next((path for path in Path(folder).rglob(target.name) if path.is_file()), None)
-        if run.returncode != 0 or found is None:
-            lines = [line for line in run.stderr.splitlines() if line.strip()] or ["it brought no uv"]
+        files = list(Path(folder).glob("*.whl"))
+        if run.returncode != 0 or not files:
+            lines = [line for line in run.stderr.splitlines() if line.strip()] or [
+                "it downloaded no wheel of uv"
+            ]
             reason = next((line for line in lines if line.startswith("ERROR:")), lines[-1])
             raise FetchError(f"pip: {reason.removeprefix('ERROR: ')}")
-        _put(found, target)
+        return files[0].read_bytes()
 
 
-def _put(program: Path, target: Path) -> None:
-    program.chmod(0o755)
-    program.replace(target)
+def extract(content: bytes, target: Path) -> None:
+    """Put the program called `target.name` from the wheel at `target`, whole or not at all."""
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        suffix = f".data/scripts/{target.name}"
+        member = next((name for name in archive.namelist() if name.endswith(suffix)), None)
+        if member is None:
+            raise FetchError(f"download: the wheel holds no program {target.name}")
+        with tempfile.TemporaryDirectory(dir=target.parent) as folder:
+            program = Path(folder, target.name)
+            program.write_bytes(archive.read(member))
+            program.chmod(0o755)
+            program.replace(target)
 
 
 def version_of(program: Path) -> str | None:
-    """Return the version that `program` tells, None if it does not run."""
+    """Return the version that `program` prints, None if it does not run."""
     try:
         run = subprocess.run([program, "--version"], capture_output=True, text=True, check=False)
     except OSError:
@@ -204,7 +179,7 @@ def version_of(program: Path) -> str | None:
 
 
 def get_uv(lock: Path, target: Path) -> None:
-    """Have the uv of `lock` at `target`."""
+    """Put the uv that `lock` pins at `target`, unless it is there already."""
     wheels = pinned_wheels(lock.read_text(encoding="utf-8"))
     version = wheels[0].version
     if version_of(target) == version:
@@ -214,15 +189,16 @@ def get_uv(lock: Path, target: Path) -> None:
     print(f"Fetching uv {version} into {target.parent.name}/", flush=True)
     target.parent.mkdir(exist_ok=True)
     try:
-        extract(download(wheel), target)
+        content = download(wheel)
     except FetchError as no_download:
         try:
-            install_by_pip(wheels, target)
+            content = download_by_pip(wheels)
         except FetchError as no_pip:
             raise FetchError(f"uv {version} could not be fetched ({no_download}; {no_pip})") from no_pip
+    extract(content, target)
     if version_of(target) != version:
         target.unlink()
-        raise FetchError(f"uv {version} was fetched but does not run on this machine ({this_platform()})")
+        raise FetchError(f"uv {version} was fetched but does not run on this machine ({wheel.name})")
 
 
 def main(root: Path) -> int:

@@ -12,6 +12,7 @@ import numpy as np
 import tacstrip as ts
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.signature import signatures
+from tacstrip.network import Readout
 from tacstrip.network.timing import source_ohm
 
 SETTINGS = (Path(__file__).parents[1] / "firmware" / "core" / "settings.h").read_text(encoding="utf-8")
@@ -47,9 +48,9 @@ def grid() -> tuple[FloatArray, FloatArray]:
     return l[l <= u], u[l <= u]
 
 
-def touch_is_told(construction: str, ohm: float) -> bool:
+def touch_is_detected(construction: str, ohm: float) -> bool:
     """Tell whether the pulls of a touched line lie close enough together, wherever it is touched."""
-    seen = float(source_ohm(sensor(construction), ts.Readout(ohm, SWITCH_OHM), *grid()).max())
+    seen = float(source_ohm(sensor(construction), Readout(ohm, SWITCH_OHM), *grid()).max())
     return seen / (seen + PULL_OHM) < 1.0 / setting("TOUCH_PART")
 
 
@@ -60,7 +61,7 @@ def unsettled_codes(construction: str, ohm: float) -> float:
     which has what was converted before: the pulled line, or the strip's other end.
     """
     unit, (l, u) = sensor(construction), grid()
-    seen = source_ohm(unit, ts.Readout(ohm, SWITCH_OHM), l, u)
+    seen = source_ohm(unit, Readout(ohm, SWITCH_OHM), l, u)
     pulled = seen / (seen + PULL_OHM)
     back = pulled * np.exp(-setting("RELEASED_US") * 1e-6 / (seen * NODE_FARAD))
     joined = SAMPLER_FARAD / (NODE_FARAD + SAMPLER_FARAD)
@@ -80,14 +81,14 @@ def switch_error(ohm: float) -> float:
     errors = []
     for y in ys.tolist():
         touch = ts.Contact.points([(45.0, y)])
-        real = ts.simulate(unit, touch, model="network", readout=ts.Readout(ohm, SWITCH_OHM))
+        real = ts.simulate(unit, touch, model="network", readout=Readout(ohm, SWITCH_OHM))
         errors.append(float(np.nanmax(np.abs(real["k"] - ts.simulate(unit, touch)["k"]))))
     return max(errors)
 
 
 def verdict(construction: str, ohm: float) -> str:
     """Return in words whether such strips can be used."""
-    if not touch_is_told(construction, ohm):
+    if not touch_is_detected(construction, ohm):
         return "no: touch is missed"
     if (codes := unsettled_codes(construction, ohm)) > FEW_CODES:
         return f"no: {rounded(codes)} codes unsettled"

@@ -7,10 +7,27 @@ import lazy_loader
 
 _load, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
+# Where names went that version 0.1 had here; the sentence about them goes with version 0.3.
+_MOVED = {
+    "calibrate": "DriftEstimator rezero",
+    "contact": "geometric_centre pseudo_centres",
+    "io": "feature_collection",
+    "network": "ArrayScan ArrayWiring Break Build FourWire Readout Short Wiring four_wire phantoms "
+    "scan_array wide_readings",
+    "reconstruction": "profile_at reading_sigma",
+    "sensor": "Channel corrected distorted lower_and_width lower_from_width width_from_lower",
+    "stream": "Drag RawScan ReadingsSource Shape Source VirtualDevice decode encode paced recover",
+    "surface": "from_space to_space",
+    "tracking": "LiveObject Tracker",
+}
+
 
 def __getattr__(name: str) -> object:
     if name == "__version__":
         from importlib.metadata import version
 
         return version(__name__)
+    for room, names in _MOVED.items():
+        if name in names.split():
+            raise AttributeError(f"tacstrip.{name} moved: write `from tacstrip.{room} import {name}`")
     return _load(name)

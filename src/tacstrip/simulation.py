@@ -31,6 +31,7 @@ def simulate(
     sensor: Sensor,
     contact: Contact,
     noise: Noise = _IDEAL,
+    *,
     rng: Rng = 0,
     model: Literal["closed", "network"] | None = None,
     time_s: float = 0.0,

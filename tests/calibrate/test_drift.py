@@ -9,12 +9,14 @@ import pytest
 
 import tacstrip as ts
 from tacstrip.arrays import FloatArray
+from tacstrip.calibrate import DriftEstimator, rezero
 from tacstrip.calibrate.touch import blind_mm
+from tacstrip.sensor import Channel, corrected
 from tacstrip.sensor.raw import distorted, touched
 
 LEVEL = {"kh": np.array([0.05, 0.01, 0.02, 0.03]), "kl": np.array([0.04, 0.01, 0.02, 0.01])}
 PLAIN = ts.Sensor(construction="crs-crs", strips=4, pitch_mm=6.5, length_mm=325.0, vref_volt=5.0)
-OFFSETS = tuple(ts.Channel(signature=n, offset=tuple(v)) for n, v in LEVEL.items())
+OFFSETS = tuple(Channel(signature=n, offset=tuple(v)) for n, v in LEVEL.items())
 UNIT = replace(PLAIN, calibration=ts.Calibration(channels=OFFSETS))
 SIGMA = 0.0005
 
@@ -46,7 +48,7 @@ def test_where_a_point_contact_reads_as_rest() -> None:
     np.testing.assert_allclose(low, 0.0)  # rest is the offset: contacts at the ground look like none
     assert LEARNED.touch_volt is not None
     np.testing.assert_allclose(high, LEARNED.touch_volt / 5.0 * 325.0, atol=0.5)
-    channels = (ts.Channel(signature="kh", rest=(0.9,) * 4), ts.Channel(signature="kl", rest=(0.1,) * 4))
+    channels = (Channel(signature="kh", rest=(0.9,) * 4), Channel(signature="kl", rest=(0.1,) * 4))
     far = replace(LEARNED, calibration=ts.Calibration(channels=channels))
     assert np.isnan(blind_mm(far)).all()  # no reading is near both
 
@@ -71,23 +73,23 @@ def test_a_touch_in_passing_does_not_spoil_the_level() -> None:
 def test_rezero_finds_the_shift_of_untouched_strips() -> None:
     raw = at_rest(100, 0.01, seed=3)
     raw["kh"][:, 3], raw["kl"][:, 3] = 0.6, 0.5  # something lies on strip 3
-    sensor, told = ts.rezero(LEARNED, raw, "later")
+    sensor, told = rezero(LEARNED, raw, "later")
     np.testing.assert_array_equal(told, [True, True, True, False])
     assert sensor.calibration is not None
     assert sensor.calibration.zeroed == "later"
     np.testing.assert_allclose(sensor.calibration.channel("kh").drift, [0.01, 0.01, 0.01, 0.0], atol=3e-4)
-    again, _ = ts.rezero(sensor, raw, "later")
+    again, _ = rezero(sensor, raw, "later")
     assert again == sensor  # the drift is since the calibration, not since the last time
     k = {n: np.full(4, 0.5) for n in LEVEL}
-    for name, corrected in ts.corrected(sensor, {n: k[n] + LEVEL[n] + 0.01 for n in k}).items():
-        np.testing.assert_allclose(corrected[:3], k[name][:3], atol=3e-4)
+    for name, values in corrected(sensor, {n: k[n] + LEVEL[n] + 0.01 for n in k}).items():
+        np.testing.assert_allclose(values[:3], k[name][:3], atol=3e-4)
 
 
 def test_rezero_by_a_reference_contact() -> None:
     places = np.full(4, 100.0)
     raw = distorted(UNIT, ts.signatures(PLAIN, places, places + 50.0))
     shifted = {n: np.tile(v - 0.02, (20, 1)) for n, v in raw.items()}
-    sensor, told = ts.rezero(UNIT, shifted, "bar", (100.0, 50.0))
+    sensor, told = rezero(UNIT, shifted, "bar", (100.0, 50.0))
     assert told.all()
     assert sensor.calibration is not None
     for channel in sensor.calibration.channels:
@@ -96,20 +98,20 @@ def test_rezero_by_a_reference_contact() -> None:
 
 def test_what_cannot_be_rezeroed() -> None:
     with pytest.raises(ts.OptionError, match="no calibration to re-zero"):
-        ts.rezero(PLAIN, at_rest(20))
+        rezero(PLAIN, at_rest(20))
     with pytest.raises(
         ts.OptionError, match="does not know the untouched strips' level: learn it with --touch"
     ):
-        ts.rezero(UNIT, at_rest(20))
+        rezero(UNIT, at_rest(20))
     with pytest.raises(ts.OptionError, match="--reference 300 50 is not on strips of 325 mm"):
-        ts.rezero(UNIT, at_rest(20), "", (300.0, 50.0))
+        rezero(UNIT, at_rest(20), "", (300.0, 50.0))
     with pytest.raises(ts.ReadingError, match="no strip is untouched"):
-        ts.rezero(LEARNED, at_rest(20, 0.3))
+        rezero(LEARNED, at_rest(20, 0.3))
 
 
 def test_the_stream_follows_a_drift_and_no_touch() -> None:
     """0.6 % of Vref in 10 minutes, and strip 1 pressed in the middle: the drift lags by rate times time constant."""
-    estimator = ts.DriftEstimator(LEARNED, time_constant_s=10.0)
+    estimator = DriftEstimator(LEARNED, time_constant_s=10.0)
     rng = np.random.default_rng(4)
     for i in range(6000):
         time_s = 0.1 * i
@@ -128,8 +130,8 @@ def test_the_stream_follows_a_drift_and_no_touch() -> None:
 
 
 def test_the_stream_goes_on_from_an_earlier_drift() -> None:
-    sensor, _ = ts.rezero(LEARNED, at_rest(100, 0.01), "before")
-    estimator = ts.DriftEstimator(sensor, settle_s=0.0)
+    sensor, _ = rezero(LEARNED, at_rest(100, 0.01), "before")
+    estimator = DriftEstimator(sensor, settle_s=0.0)
     for i in range(100):
         estimator.update({n: v + 0.01 for n, v in LEVEL.items()}, 0.1 * i)
     np.testing.assert_allclose(estimator.drift["kh"], 0.01, atol=2e-4)
@@ -137,6 +139,6 @@ def test_the_stream_goes_on_from_an_earlier_drift() -> None:
 
 def test_an_estimator_needs_a_level_and_a_time() -> None:
     with pytest.raises(ts.OptionError, match="learn it with --touch"):
-        ts.DriftEstimator(UNIT)
+        DriftEstimator(UNIT)
     with pytest.raises(ts.OptionError, match="time_constant_s must be above 0"):
-        ts.DriftEstimator(LEARNED, time_constant_s=0.0)
+        DriftEstimator(LEARNED, time_constant_s=0.0)

@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 import tacstrip as ts
 from tacstrip.cli import cli
 from tacstrip.io.runs import read_runs, write_plan
+from tacstrip.sensor import Channel
 from tacstrip.sensor.raw import distorted
 
 CRS = ts.Sensor(
@@ -26,7 +27,7 @@ METAL = ts.Sensor(construction="crs-m", strips=2, pitch_mm=4.5, length_mm=250.0)
 HEAD = "strip,l_mm,w_mm,v_h,v_l\n"
 ROWS = "1,10,0,1,1\n2,10,0,1,1\n"
 OFFSETS = ts.Calibration(
-    channels=tuple(ts.Channel(signature=s, offset=(0.05, 0.01), drift=(0.0, 0.0)) for s in ("kh", "kl"))
+    channels=tuple(Channel(signature=s, offset=(0.05, 0.01), drift=(0.0, 0.0)) for s in ("kh", "kl"))
 )
 
 

@@ -14,7 +14,11 @@ from numpy.typing import ArrayLike
 
 import tacstrip as ts
 from polygons import convex_polygon
+from tacstrip.core.ellipse import fit_ellipse
 from tacstrip.core.library import library
+from tacstrip.core.polytope import lowest, walk
+from tacstrip.core.problem import Signal
+from tacstrip.core.search import fit_counts
 
 Case = Callable[[], Iterable[ArrayLike]]
 CASES: dict[str, Case] = {}
@@ -47,6 +51,42 @@ def polygon_fits() -> Iterable[ArrayLike]:
                 yield found.vertices
                 if found.covariance is not None:
                     yield found.covariance
+
+
+@case
+def round_contacts() -> Iterable[ArrayLike]:
+    """Ellipses, with contact resistance too, and what is left over of readings with faults."""
+    for seed, lam in enumerate((0.0, 0.0, 2.0)):
+        sensor = ts.Sensor(
+            construction="crs-crs", strips=90, pitch_mm=1.0, length_mm=60.0, contact_lambda_mm=lam
+        )
+        x, random = sensor.x_mm, np.random.default_rng(seed)
+        t = (x - x.mean()) / (0.5 * len(x))
+        half = 0.2 * np.sqrt(1.0 - t * t)
+        empty = Signal.of(sensor, x, {"kh": 0.0 * x, "kl": 0.0 * x}, 0.002)
+        k = empty.readings_of(0.5 - half, 0.5 + half) + random.normal(0.0, 0.002, (2, len(x)))
+        k[0, 30] += 0.1
+        signal = Signal.of(sensor, x, {"kh": k[0], "kl": k[1]}, 0.002)
+        fits = fit_counts(signal, every=True)
+        ellipse = fit_ellipse(fits.chosen, signal)
+        yield from (fit.theta for fit in fits.fits)
+        yield from (fits.scores, ellipse.parameters, ellipse.information, fits.chosen.residuals(signal))
+
+
+@case
+def walks_and_linear_programs() -> Iterable[ArrayLike]:
+    random = np.random.default_rng(0)
+    a, slack = random.normal(size=(7, 101)), random.uniform(0.5, 1.0, 101)
+    pair_a, pair_slack, out = (
+        random.normal(size=(7, 9, 2)),
+        random.uniform(0.1, 1.0, (9, 2)),
+        np.empty((50, 7)),
+    )
+    at, active = np.zeros(7), np.full(7, -1)
+    yield [lowest(form, np.ascontiguousarray(a.T), slack, at, active) for form in random.normal(size=(5, 7))]
+    yield at
+    walk(a, slack, 0.1 * slack, pair_a, pair_slack, np.zeros(9), random.random((50, 117)), out)
+    yield out
 
 
 def checksums() -> dict[str, str]:

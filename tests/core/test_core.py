@@ -1,20 +1,14 @@
-"""The compiled core does what its NumPy truth does, whatever compiled it; and the truth is that of the closed forms."""
+"""The compiled core does what its NumPy truth does, and the truth is that of the closed forms."""
 
 from __future__ import annotations
 
-import ctypes
-import os
-import shutil
-import subprocess
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-import tacstrip.core
 from tacstrip.arrays import FloatArray, IntArray
-from tacstrip.core.binding import at, bound, exported, search_workspace
+from tacstrip.core.binding import at, exported, search_workspace
 from tacstrip.core.descent import descend, ordered, plain_refine, refine
 from tacstrip.core.ellipse import fit_ellipse, plain_fit_ellipse
 from tacstrip.core.equations import heights, information, normal_equations
@@ -22,14 +16,13 @@ from tacstrip.core.fit import ENDS, MOST, POLYGON, Fit
 from tacstrip.core.outliers import misfits, plain_misfits, plain_spikes, spikes
 from tacstrip.core.problem import Signal
 from tacstrip.core.score import NEW, TRIED, candidates, places
-from tacstrip.core.search import compiled_fit_counts, fit_counts, plain_fit_counts
+from tacstrip.core.search import fit_counts, plain_fit_counts
 from tacstrip.geometry.outline import Outline
 from tacstrip.reconstruction.cramer_rao import with_ends
 from tacstrip.reconstruction.polygon.fit import fitted_covariance, information_root, untangled
 from tacstrip.sensor.circuit import k_h, k_l, k_metal
 from tacstrip.sensor.spec import Sensor
 
-FOLDER = Path(tacstrip.core.__file__).parent
 MODELS = (
     ("both", 1.0, 0.0),
     ("both", 5.0, 0.02),
@@ -373,43 +366,6 @@ def test_vertices_are_brought_into_order_with_their_chains() -> None:
     found, chain = ordered(theta, np.array([[0, 1, 0]]))
     assert found[0, ENDS:].tolist() == [0.2, 0.9, 0.4, 0.3, 0.7, 0.1]
     assert chain[0].tolist() == [1, 0, 0]
-
-
-BUILDS = {
-    "cc -O0": ["cc", "-O0", "-ffp-contract=off", "-lm"],
-    "cc -O2 -march=native": ["cc", "-O2", "-march=native", "-ffp-contract=off", "-lm"],
-    "tcc": ["tcc"],
-}
-
-
-@pytest.fixture(scope="module")
-def builds(tmp_path_factory: pytest.TempPathFactory) -> dict[str, ctypes.CDLL]:
-    """The core as several compilers make it."""
-    folder, running = tmp_path_factory.mktemp("core"), {}
-    for number, (name, (compiler, *options)) in enumerate(BUILDS.items()):
-        if shutil.which(compiler):
-            file = folder / f"{number}.so"
-            sources = [str(f) for f in sorted(FOLDER.glob("*.c"))]
-            line = [compiler, "-std=c99", "-shared", "-fPIC", "-o", str(file), *sources, *options]
-            running[name] = file, subprocess.Popen(line)
-    assert all(process.wait() == 0 for _, process in running.values())
-    return {name: ctypes.CDLL(str(file)) for name, (file, _) in running.items()}
-
-
-@pytest.mark.skipif(os.name != "posix", reason="compilers take other options there")
-def test_every_compiler_gives_the_same_bits(builds: dict[str, ctypes.CDLL]) -> None:
-    if len(builds) < 2:
-        pytest.skip("fewer than two compilers here")
-    for seed, which in enumerate(MODELS):
-        signal, found = _convex(seed, which, 60 + 83 * seed), {}
-        for name, core in builds.items():
-            fits = compiled_fit_counts(bound(core, "fit_counts"), signal, every=True)
-            ellipse, p, record = np.empty((5, 5)), np.empty(5), fits.chosen.record
-            bound(core, "fit_ellipse")(signal.problem, at(record), np.inf, at(p), at(ellipse))
-            theta = [fit.theta.tobytes() for fit in fits.fits]
-            found[name] = theta, fits.scores, fits.best, fits.equal, p.tobytes(), ellipse.tobytes()
-        first = next(iter(found.values()))
-        assert [name for name, bits in found.items() if bits != first] == []
 
 
 def test_threads_do_not_disturb_each_other() -> None:

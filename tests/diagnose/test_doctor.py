@@ -16,6 +16,7 @@ from tacstrip.diagnose.finding import Finding, Report
 from tacstrip.diagnose.log import Log
 from tacstrip.diagnose.neighbour_pairs import second_way
 from tacstrip.diagnose.noise import typical_contact
+from tacstrip.network import Build, Short
 from tacstrip.reconstruction.cramer_rao import vertex_covariance, vertex_rms
 
 RUBBER = ts.Sensor(construction="crs-crs", strips=12, pitch_mm=6.5, length_mm=325.0, adc_bits=12)
@@ -106,9 +107,7 @@ def test_a_bridge_over_metal_gives_the_current_a_second_way() -> None:
     for y, low, high in ((60.0, 0.6, 0.6), (180.0, 0.6, 0.6)):
         edge = [(7.0, y), (38.0, y), (38.0, y + 0.2), (7.0, y + 0.2)]
         contact = ts.Contact.polygon(edge)
-        bridged = ts.simulate(
-            METAL, contact, model="network", build=ts.Build(shorts=[ts.Short(2, 150.0, 1e-3)])
-        )
+        bridged = ts.simulate(METAL, contact, model="network", build=Build(shorts=[Short(2, 150.0, 1e-3)]))
         ideal = ts.simulate(METAL, contact)["k"][2:4]
         np.testing.assert_allclose(bridged["k"][2:4] - ideal, second_way(ideal, low, high), atol=2e-3)
 
@@ -116,7 +115,7 @@ def test_a_bridge_over_metal_gives_the_current_a_second_way() -> None:
 def test_a_bridge_between_energised_rubber_strips_does_next_to_nothing() -> None:
     """docs/doctor.md says so: it cannot be told, and need not be."""
     contacts = exercise(RUBBER, np.random.default_rng(5), 30)
-    build = ts.Build(shorts=[ts.Short(4, 160.0, 20.0)])
+    build = Build(shorts=[Short(4, 160.0, 20.0)])
     for contact in contacts:
         ideal = ts.simulate(RUBBER, contact)
         bridged = ts.simulate(RUBBER, contact, model="network", build=build)
@@ -256,7 +255,9 @@ def test_a_unit_without_calibration_is_not_broken_but_is_told_so() -> None:
 
 def test_what_was_not_touched_is_not_called_healthy() -> None:
     contact = ts.Contact.polygon([(20.0, 100.0), (45.0, 110.0), (45.0, 150.0), (20.0, 140.0)])
-    report = diagnose(Log.of_scans(RUBBER, [ts.simulate(RUBBER, contact, FAINT, seed) for seed in range(20)]))
+    report = diagnose(
+        Log.of_scans(RUBBER, [ts.simulate(RUBBER, contact, FAINT, rng=seed) for seed in range(20)])
+    )
     assert report.healthy
     assert report.condition(0) == "unchecked"
     assert report.condition(4) == "ok"
@@ -303,7 +304,9 @@ def test_one_reading_far_outside_is_told() -> None:
     sensor = ts.Sensor(construction="crs-crs", strips=12, pitch_mm=4.0, length_mm=100.0)
     contact = ts.Contact.polygon([(8, 20), (40, 30), (30, 80)])
     noise = ts.Noise(positional=0.002)
-    scans = [ts.simulate(sensor, contact.moved(0.02 * i, 0.0), noise, i, time_s=0.01 * i) for i in range(100)]
+    scans = [
+        ts.simulate(sensor, contact.moved(0.02 * i, 0.0), noise, rng=i, time_s=0.01 * i) for i in range(100)
+    ]
     raw = {name: np.stack([s[name] for s in scans]) for name in ("kh", "kl")}
     raw["kh"][57, 5] = 1.46
     log = Log.of(sensor, np.array([s.time_s for s in scans]), raw)

@@ -18,6 +18,7 @@ from tacstrip.diagnose.doctor import diagnose
 from tacstrip.diagnose.expected import expected, places, view_of
 from tacstrip.diagnose.log import Log, read_log
 from tacstrip.errors import OptionError, ReadingError, SignatureError
+from tacstrip.network import Break, Build, Short
 from tacstrip.network.imperfections import Layer
 from tacstrip.stream.source import RawScan
 from waiting import HANG_S
@@ -134,7 +135,9 @@ def test_half_a_strip_may_be_missing(folder: Path) -> None:
 
 
 def test_codes_and_scans_make_the_same_log(contacts: list[ts.Contact]) -> None:
-    scans = [ts.simulate(SENSOR, c, FAINT, seed, time_s=0.01 * seed) for seed, c in enumerate(contacts[:30])]
+    scans = [
+        ts.simulate(SENSOR, c, FAINT, rng=seed, time_s=0.01 * seed) for seed, c in enumerate(contacts[:30])
+    ]
     log = Log.of_scans(SENSOR, scans)
     codes = [
         RawScan(
@@ -193,8 +196,8 @@ def test_defects_of_the_network_are_those_of_the_whole_sensor(construction: str)
     contact = ts.Contact.polygon([(5.0, 30.0), (32.0, 42.0), (31.0, 60.0), (4.0, 55.0)])
     layer: Layer = "sensing" if construction == "crs-crs" else "energised"
     for defect, build in (
-        (Defect("open-strip", 2, 0.2), ts.Build(breaks=[ts.Break(2, 20.0)])),
-        (Defect("short", 3, 0.7, sensor.signatures[0]), ts.Build(shorts=[ts.Short(3, 70.0, 20.0, layer)])),
+        (Defect("open-strip", 2, 0.2), Build(breaks=[Break(2, 20.0)])),
+        (Defect("short", 3, 0.7, sensor.signatures[0]), Build(shorts=[Short(3, 70.0, 20.0, layer)])),
     ):
         whole = ts.simulate(sensor, contact, model="network", build=build)
         log = faulty_log(sensor, [contact], [defect])

@@ -26,6 +26,7 @@ from emulated import (
     volts_line,
 )
 from tacstrip.arrays import FloatArray
+from tacstrip.stream import Drag, decode
 from tacstrip.stream.device.protocol.commands import Command
 from tacstrip.stream.device.protocol.frames import Kind
 from tacstrip.stream.device.protocol.messages import Hello, SelfTest
@@ -142,7 +143,7 @@ def test_from_a_shape_to_its_polygon(units: dict[str, Path], construction: str) 
     scenario = [scan_line(0.0, truth), start_line(2500)]
     _, scans, _ = heard(run(units[construction], scenario, 0.1, STRIPS, CONSTRUCTIONS[construction]))
     spec = sensor(construction)
-    scan = ts.decode(scans[-1], spec)
+    scan = decode(scans[-1], spec)
     assert np.array_equal(scan.touched, truth.touched)
     for name in truth.signatures:
         assert np.nanmax(np.abs(scan[name] - truth[name])) < 1.5 / TOP
@@ -160,7 +161,7 @@ def test_from_a_shape_to_its_polygon(units: dict[str, Path], construction: str) 
 def steady(folder: Path, seconds: float) -> None:
     """Ten strips, double measurement, 400 scans/s, under a moving contact: no bad frame, none lost, none late."""
     spec = sensor()
-    drag = ts.Drag(SHAPE, [(40, 45), (60, 50)], 1.0, turn_rad_s=0.5)
+    drag = Drag(SHAPE, [(40, 45), (60, 50)], 1.0, turn_rad_s=0.5)
     volts = [scan_line(0.02 * i, ts.simulate(spec, drag(0.02 * i))) for i in range(int(seconds * 50))]
     scenario = [
         *volts[:3],

@@ -85,7 +85,7 @@ def test_geojson_out(tmp_path: Path) -> None:
     corners = [(5.5, 20.0), (20.5, 8.0), (33.5, 22.0), (18.5, 31.0)]
     scan = ts.simulate(SENSOR, ts.Contact.polygon(corners), time_s=1.5)
     good = ts.profile_reconstruction(scan, SENSOR)
-    failed = ts.vertex_reconstruction(scan, SENSOR, "kh", [5.5, 33.5])
+    failed = ts.vertex_reconstruction(scan, SENSOR, signature="kh", transitions=[5.5, 33.5])
     empty = ts.profile_reconstruction(ts.Scan(kh=np.full(40, np.nan), kl=np.full(40, np.nan)), SENSOR)
     path = tmp_path / "out.geojson"
     ts.write_geojson(path, [good, failed, empty])

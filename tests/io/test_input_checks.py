@@ -22,7 +22,7 @@ SHAPE = [(20, 30), (70, 25), (60, 80), (30, 90)]
 
 
 def _scan(noise: float = 0.0, seed: int = 0, shape: object = SHAPE) -> ts.Scan:
-    return ts.simulate(SENSOR, ts.Contact.polygon(shape), ts.Noise(positional=noise), seed)  # type: ignore[arg-type]
+    return ts.simulate(SENSOR, ts.Contact.polygon(shape), ts.Noise(positional=noise), rng=seed)  # type: ignore[arg-type]
 
 
 def test_a_spec_in_metres() -> None:
@@ -53,7 +53,7 @@ def test_a_line_under_noise_is_not_exchanged() -> None:
     """Where k_h and k_l are the same, noise puts one of them below the other."""
     line = ts.Contact.line([(10.0, 60.0), (90.0, 60.0)])
     for seed in range(50):
-        scan = ts.simulate(SENSOR, line, ts.Noise(positional=0.01), seed)
+        scan = ts.simulate(SENSOR, line, ts.Noise(positional=0.01), rng=seed)
         assert exchanged([scan], ts.Noise(positional=0.01)) == ""
 
 

@@ -17,6 +17,7 @@ from studies.width import RULES, edge_shift, footprints, rule_errors, steepest
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.signature import signatures
 from tacstrip.network.strips.resolved import MOST, wide_questions, wide_readings
+from tacstrip.sensor import lower_and_width
 from tacstrip.sensor.slant import slant_shift
 
 B, L = 10.0, 100.0  # width and length of the strips [mm]
@@ -38,7 +39,7 @@ def above(slope: float, l: float = 25.0, u: float = 60.0) -> ts.Contact:
 def read_ends(sensor: ts.Sensor, contact: ts.Contact, across: int | None = None) -> tuple[float, float]:
     """Return l', u' of strip 1: the ideal contact that reads the same."""
     read = wide_readings(sensor, contact, across)
-    l, w = ts.lower_and_width(read["kh"], read["kl"], sensor.length_mm, sensor.sensing_ratio)
+    l, w = lower_and_width(read["kh"], read["kl"], sensor.length_mm, sensor.sensing_ratio)
     return float(l[1]), float(l[1] + w[1])
 
 
@@ -177,7 +178,7 @@ def test_any_shape_reads_as_one_ideal_contact_on_rubber_and_on_metal(
 
 def _all_ends(sensor: ts.Sensor, shape: ts.Contact) -> tuple[FloatArray, FloatArray]:
     read = wide_readings(sensor, shape, 6)
-    l, w = ts.lower_and_width(read["kh"], read["kl"], L, sensor.sensing_ratio)
+    l, w = lower_and_width(read["kh"], read["kl"], L, sensor.sensing_ratio)
     return l, l + w
 
 

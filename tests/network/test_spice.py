@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import tacstrip as ts
+from tacstrip.network import ArrayWiring, Build, Readout, Short, scan_array
 from tacstrip.network.crp import inversion as crp
 from tacstrip.network.devices.digital_array import ISOLATIONS, array_questions
 from tacstrip.network.nodal import Network, Question, answer
@@ -49,11 +50,11 @@ def _run(folder: Path, text: str) -> dict[str, float]:
         (ts.Sensor(construction="crs-m", contact_lambda_mm=2.0, **FLAT), {"cells": 100}),
         (
             ts.Sensor(construction="crs-m", **FLAT),
-            {"readout": ts.Readout(1e4, 100.0, 1e6, tied_grounds=True)},
+            {"readout": Readout(1e4, 100.0, 1e6, tied_grounds=True)},
         ),
         (
             ts.Sensor(construction="crs-crs", **FLAT),
-            {"build": ts.Build(shorts=[ts.Short(3, 130.0, 500.0, "sensing")])},
+            {"build": Build(shorts=[Short(3, 130.0, 500.0, "sensing")])},
         ),
     ],
     ids=["ideal", "unequal, lambda", "metal, lambda", "tied grounds, loaded", "short"],
@@ -95,8 +96,8 @@ def test_ngspice_agrees_on_the_digital_array(tmp_path: Path, isolation: str, wir
     """All rows of a random pattern; a row without a contact floats, and its wire is left out."""
     pattern = np.random.default_rng(3).random((12, 9)) < 0.25
     pattern[5] = False
-    wiring = ts.ArrayWiring(wire_ohm=wire_ohm)
-    ours = ts.scan_array(pattern, isolation, wiring).volts
+    wiring = ArrayWiring(wire_ohm=wire_ohm)
+    ours = scan_array(pattern, isolation, wiring).volts
     unit = wiring.contact_ohm if isolation == "zero-potential" else 1.0
     kind = "i" if isolation == "zero-potential" else "v"
     asked = array_questions(pattern, isolation, wiring)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import tacstrip as ts
+from tacstrip.network import Break, Build, Readout, Short
 from tacstrip.network.nodal import Factored, Network, Question, answer, currents, solve
 from tacstrip.network.strips.ladder import fast_readings
 from tacstrip.network.strips.measurements import network_readings, questions
@@ -74,7 +75,7 @@ def test_tied_grounds_follow_the_parallel_path() -> None:
     sensor = KINDS["metal"]
     l, u = ts.footprint(sensor, CONTACT)
     lp = 1.0 / np.nansum(1.0 / l)
-    tied = network_readings(sensor, CONTACT, readout=ts.Readout(tied_grounds=True))["k"]
+    tied = network_readings(sensor, CONTACT, readout=Readout(tied_grounds=True))["k"]
     np.testing.assert_allclose(tied, lp / (lp + 325.0 - u), atol=1e-10)
     assert np.nanmin(ts.signatures(sensor, l, u)["k"] - tied) > 0.2  # not a small error
 
@@ -82,11 +83,11 @@ def test_tied_grounds_follow_the_parallel_path() -> None:
 def test_a_uniformly_stretched_strip_changes_nothing_but_a_part_does() -> None:
     sensor = KINDS["equal"]
     ideal = network_readings(sensor, CONTACT)
-    both = ts.Build(energised=np.linspace(0.8, 1.2, 10), sensing=np.linspace(0.8, 1.2, 10))
+    both = Build(energised=np.linspace(0.8, 1.2, 10), sensing=np.linspace(0.8, 1.2, 10))
     np.testing.assert_allclose(network_readings(sensor, CONTACT, both)["kh"], ideal["kh"], atol=1e-10)
     profile = np.ones((10, 13))
     profile[3, :4] = 1.5  # 100 mm near the ground, below the contact, half as much again
-    bent = network_readings(sensor, CONTACT, ts.Build(energised=profile))
+    bent = network_readings(sensor, CONTACT, Build(energised=profile))
     l, u = ts.footprint(sensor, CONTACT)
     a, w = l[3] + 50.0, (u - l)[3]
     assert bent["kl"][3] == pytest.approx(a / (375.0 - w / 2), abs=1e-10)
@@ -96,26 +97,26 @@ def test_a_uniformly_stretched_strip_changes_nothing_but_a_part_does() -> None:
 def test_misaligned_pairs_touch_where_they_overlap() -> None:
     sensor = KINDS["equal"]
     contact = ts.Contact.polygon([(0, 300), (65, 300), (65, 325), (0, 325)])
-    lowered = network_readings(sensor, contact, ts.Build(shift_mm=-10.0))
+    lowered = network_readings(sensor, contact, Build(shift_mm=-10.0))
     shorter = ts.Contact.polygon([(0, 300), (65, 300), (65, 315), (0, 315)])
     np.testing.assert_allclose(lowered["kh"], network_readings(sensor, shorter)["kh"], atol=1e-10)
-    gone = network_readings(sensor, contact, ts.Build(shift_mm=-40.0))
+    gone = network_readings(sensor, contact, Build(shift_mm=-40.0))
     assert np.isnan(gone["kh"]).all()
 
 
 def test_a_broken_energised_strip_reads_a_pole() -> None:
-    below = network_readings(KINDS["equal"], CONTACT, ts.Build(breaks=[ts.Break(3, 50.0)]))
-    above = network_readings(KINDS["equal"], CONTACT, ts.Build(breaks=[ts.Break(3, 300.0)]))
+    below = network_readings(KINDS["equal"], CONTACT, Build(breaks=[Break(3, 50.0)]))
+    above = network_readings(KINDS["equal"], CONTACT, Build(breaks=[Break(3, 300.0)]))
     assert (below["kh"][3], above["kh"][3]) == (pytest.approx(1.0), pytest.approx(0.0))
     whole = network_readings(KINDS["equal"], CONTACT)
     np.testing.assert_allclose(np.delete(below["kh"], 3), np.delete(whole["kh"], 3), atol=1e-12)
 
 
 def test_a_sensing_strip_cut_off_from_its_reading_is_named() -> None:
-    cut = ts.Build(breaks=[ts.Break(3, 250.0, "sensing")])
+    cut = Build(breaks=[Break(3, 250.0, "sensing")])
     with pytest.raises(ts.NetworkError, match="kh floats"):
         network_readings(KINDS["equal"], CONTACT, cut)
-    pulled = network_readings(KINDS["equal"], CONTACT, cut, ts.Readout(adc_ohm=1e9))
+    pulled = network_readings(KINDS["equal"], CONTACT, cut, Readout(adc_ohm=1e9))
     assert pulled["kh"][3] == pytest.approx(0.0)  # the converter's input pulls it to ground
 
 
@@ -123,12 +124,12 @@ def test_a_short_between_neighbours_pulls_both_together() -> None:
     sensor = KINDS["equal"]
     ideal = network_readings(sensor, CONTACT)["kl"]
     for ohm, least in ((1e5, 0.0), (10.0, 1e-3)):
-        short = network_readings(sensor, CONTACT, ts.Build(shorts=[ts.Short(3, 20.0, ohm, "sensing")]))["kl"]
+        short = network_readings(sensor, CONTACT, Build(shorts=[Short(3, 20.0, ohm, "sensing")]))["kl"]
         assert abs(short[3] - short[4]) < abs(ideal[3] - ideal[4])
         assert abs(short[3] - ideal[3]) > least
         np.testing.assert_allclose(np.delete(short, [3, 4]), np.delete(ideal, [3, 4]), atol=1e-12)
     # Over metal the other strip floats: one bridge carries nothing.
-    metal = network_readings(KINDS["metal"], CONTACT, ts.Build(shorts=[ts.Short(3, 20.0, 10.0)]))["k"]
+    metal = network_readings(KINDS["metal"], CONTACT, Build(shorts=[Short(3, 20.0, 10.0)]))["k"]
     assert np.nanmax(np.abs(metal - network_readings(KINDS["metal"], CONTACT)["k"])) > 1e-4
 
 
@@ -138,35 +139,36 @@ def test_switches_and_inputs_load_the_reading() -> None:
     ohm, mux, adc = 10_000.0, 200.0, 1e6
     low, high = l / 325.0 * ohm + mux, (325.0 - u) / 325.0 * ohm + mux
     loaded = 1.0 / (1.0 / low + 1.0 / adc)
-    read = network_readings(sensor, CONTACT, readout=ts.Readout(ohm, mux, adc))["k"]
+    read = network_readings(sensor, CONTACT, readout=Readout(ohm, mux, adc))["k"]
     np.testing.assert_allclose(read, loaded / (loaded + high), atol=1e-10)
 
 
 def test_simulate_takes_the_network() -> None:
     sensor = _with_lambda(KINDS["equal"], 2.0)
     closed, network = (
-        ts.simulate(sensor, CONTACT, ts.Noise(positional=0.005), 3, model=m) for m in ("closed", "network")
+        ts.simulate(sensor, CONTACT, ts.Noise(positional=0.005), rng=3, model=m)
+        for m in ("closed", "network")
     )
     np.testing.assert_allclose(network["kh"], closed["kh"], atol=1e-6)  # the same noise on both
     with pytest.raises(ts.OptionError, match='build and readout need model="network"'):
-        ts.simulate(sensor, CONTACT, build=ts.Build())
+        ts.simulate(sensor, CONTACT, build=Build())
 
 
 EQUAL = KINDS["equal"]
 WALL = ts.Contact.polygon([(0, 0), (20, 0), (20, 325), (0, 325)])
-IMPOSSIBLE: dict[str, tuple[ts.Build, str]] = {
+IMPOSSIBLE: dict[str, tuple[Build, str]] = {
     "negative resistivity": (
-        ts.Build(energised=-1.0),
+        Build(energised=-1.0),
         "energised: strip 0 has a value that is not a finite number above 0",
     ),
     "wrong shape": (
-        ts.Build(sensing=np.ones(3)),
+        Build(sensing=np.ones(3)),
         r"sensing: an array of shape \(3,\); give a number, \(10,\)",
     ),
-    "break off the sensor": (ts.Build(breaks=[ts.Break(10, 5.0)]), "is not on the sensor: strips 0 to 9"),
-    "short off the sensor": (ts.Build(shorts=[ts.Short(9, 5.0, 1.0)]), "is not on the sensor: strips 0 to 8"),
-    "short of 0 ohm": (ts.Build(shorts=[ts.Short(2, 5.0, 0.0)]), "ohm must be a finite number above 0"),
-    "no such layer": (ts.Build(breaks=[ts.Break(2, 5.0, "lower")]), "layer 'lower' does not exist"),  # type: ignore[arg-type]
+    "break off the sensor": (Build(breaks=[Break(10, 5.0)]), "is not on the sensor: strips 0 to 9"),
+    "short off the sensor": (Build(shorts=[Short(9, 5.0, 1.0)]), "is not on the sensor: strips 0 to 8"),
+    "short of 0 ohm": (Build(shorts=[Short(2, 5.0, 0.0)]), "ohm must be a finite number above 0"),
+    "no such layer": (Build(breaks=[Break(2, 5.0, "lower")]), "layer 'lower' does not exist"),  # type: ignore[arg-type]
 }
 
 
@@ -179,9 +181,9 @@ def test_builds_that_cannot_be_are_named(name: str) -> None:
 
 def test_readouts_and_contacts_that_cannot_be_are_named() -> None:
     with pytest.raises(ts.NetworkError, match=r"strip_ohm = 0.0: must be above 0"):
-        ts.Readout(strip_ohm=0.0)
+        Readout(strip_ohm=0.0)
     with pytest.raises(ts.NetworkError, match=r"mux_ohm = -1.0: must be 0 or more"):
-        ts.Readout(mux_ohm=-1.0)
+        Readout(mux_ohm=-1.0)
     with pytest.raises(ts.NetworkError, match="shorts Vref to ground; make it shorter than the strip"):
         network_readings(KINDS["metal"], WALL)
     with pytest.raises(ts.ContactError, match="lies outside the sensor"):
@@ -236,7 +238,7 @@ def test_a_question_has_only_what_carries_current() -> None:
     asked = questions(KINDS["metal"], CONTACT)
     assert list(asked) == list(range(9))
     assert asked[0].network.nodes < 40
-    tied = questions(KINDS["metal"], CONTACT, readout=ts.Readout(tied_grounds=True))
+    tied = questions(KINDS["metal"], CONTACT, readout=Readout(tied_grounds=True))
     assert len(tied[0].network.siemens) == 2 * 9  # every touched strip's two ends, through the metal
 
 
@@ -246,7 +248,7 @@ def test_the_fast_ladder_agrees_with_the_network(kind: str, contact_lambda_mm: f
     """Non-uniform, shifted strips, switches, several pieces: the same mesh solved two ways."""
     sensor = _with_lambda(KINDS[kind], contact_lambda_mm)
     random = np.random.default_rng(0)
-    build = ts.Build(
+    build = Build(
         random.uniform(0.8, 1.2, (10, 20)), random.uniform(0.8, 1.2, (10, 20)), random.uniform(-3, 3, 10)
     )
     fork = ts.Contact.polygon(
@@ -254,9 +256,9 @@ def test_the_fast_ladder_agrees_with_the_network(kind: str, contact_lambda_mm: f
     )
     for contact in (CONTACT, fork):
         for unit, readout in (
-            (build, ts.Readout(mux_ohm=300.0)),
+            (build, Readout(mux_ohm=300.0)),
             (None, None),
-            (None, ts.Readout(adc_ohm=1e6)),
+            (None, Readout(adc_ohm=1e6)),
         ):
             general = network_readings(sensor, contact, unit, readout, cells=60)
             fast = fast_readings(sensor, contact, unit, readout, cells=60)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import tacstrip as ts
+from tacstrip.network import Readout
 from tacstrip.network.nodal import Factored
 from tacstrip.network.strips.measurements import questions
 from tacstrip.network.timing import fastest_scan_hz, settling_s, skewed, source_ohm
@@ -22,7 +23,7 @@ BLOCK = ts.Contact.polygon([(0, 120), (65, 120), (65, 200), (0, 200)])
 @pytest.mark.parametrize("sensor", [CRS, METAL], ids=["rubber", "metal"])
 def test_source_resistance_is_that_of_the_network(sensor: ts.Sensor) -> None:
     """Feed 1 A into the node that is read, supplies at 0: its potential is the source's resistance."""
-    readout = ts.Readout(strip_ohm=8000.0, mux_ohm=150.0)
+    readout = Readout(strip_ohm=8000.0, mux_ohm=150.0)
     for l, u in ((120.0, 200.0), (120.0, 120.0), (10.0, 40.0), (290.0, 325.0)):
         contact = (
             ts.Contact.polygon([(0, l), (65, l), (65, u), (0, u)]) if u > l else ts.Contact.points([22.75, l])
@@ -45,7 +46,7 @@ def test_settling_reaches_half_a_step() -> None:
 
 
 def test_the_fastest_scan() -> None:
-    readout = ts.Readout(strip_ohm=10_000.0)
+    readout = Readout(strip_ohm=10_000.0)
     worst = source_ohm(METAL, readout, np.array(162.5), np.array(162.5))
     assert worst == pytest.approx(2500.0)
     rate = fastest_scan_hz(METAL, readout, farad=50e-12, conversion_s=10e-6)

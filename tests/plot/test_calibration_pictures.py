@@ -2,33 +2,41 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from test_unit import CRS, grids, runs_of
 
 import tacstrip as ts
 from drawn import check_above
 from tacstrip.calibrate.unit import Calibrated
-from tacstrip.plot.calibration import along_figure, calibration_graphs, graphed, left_figure
+from tacstrip.contact.signature import signatures
+from tacstrip.io.runs import Runs
+from tacstrip.plot.calibration import (
+    calibration_graphs,
+    graphed_strips,
+    residuals_along_strips,
+    residuals_by_strip,
+)
 from tacstrip.report.calibration import write_report
 
+CRS = ts.Sensor(construction="crs-crs", strips=24, pitch_mm=6.5, length_mm=325.0, vref_volt=6.05)
 PLACES = [(10.0, 0.0), (310.0, 0.0), (150.0, 50.0), (10.0, 100.0), (70.0, 100.0), (200.0, 100.0)]
 
 
 @pytest.fixture(scope="module")
 def unit() -> Calibrated:
-    sensor = replace(CRS, strips=24)
-    l, w = grids(sensor, PLACES)
-    raw = {name: k + 0.02 for name, k in ts.signatures(sensor, l, l + w).items()}
-    raw["kh"][2, 20] += 0.004  # what is left is largest here
-    return ts.calibrate_unit(sensor, runs_of(sensor, PLACES, raw, 0.0005), "offset")
+    l, w = np.repeat(np.array(PLACES).T[:, :, None], CRS.strips, axis=2)  # (places, strips)
+    raw = {name: k + 0.02 for name, k in signatures(CRS, l, l + w).items()}
+    raw["kh"][2, 20] += 0.004  # the largest residual is here
+    random = np.random.default_rng(1)
+    read = {name: np.clip(k + random.uniform(-0.0005, 0.0005, k.shape), 0.0, 1.0) for name, k in raw.items()}
+    runs = Runs(l, w, read, np.arange(l.size).reshape(l.shape) + 2, {})
+    return ts.calibrate_unit(CRS, runs, "offset")
 
 
 def test_legends_lie_above_the_points(unit: Calibrated) -> None:
-    for figure in (left_figure(unit), along_figure(unit)):
+    for figure in (residuals_by_strip(unit), residuals_along_strips(unit)):
         for axes in figure.axes:
             check_above(figure, axes)
     figure = calibration_graphs(unit, 0)
@@ -42,8 +50,8 @@ def test_a_single_point_is_not_blown_up(unit: Calibrated) -> None:
 
 
 def test_the_report_says_which_strips_have_graphs(unit: Calibrated, tmp_path: Path) -> None:
-    assert len(graphed(unit)) == 12
-    assert 20 in graphed(unit)
+    assert len(graphed_strips(unit)) == 12
+    assert 20 in graphed_strips(unit)
     page = write_report(unit, tmp_path).read_text(encoding="utf-8")
     assert "Calibration graphs of 12 of the 24 strips: those with the largest errors left." in page
     assert "Calibration graphs of strip 20" in page

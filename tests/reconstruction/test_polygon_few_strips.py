@@ -24,7 +24,7 @@ def test_a_sharp_corner_is_no_stuck_channel_and_no_curve(half_width: float, know
     noise, doubtful = Noise(positional=half_width), 0
     for i in range(40):
         contact = TRIANGLE.placed(46.5 + 0.05 * i, 55.0 + 0.05 * i)
-        scan = simulate(FEW, contact, noise, np.random.default_rng(i))
+        scan = simulate(FEW, contact, noise, rng=np.random.default_rng(i))
         (found,) = fit_polygon(scan, FEW, noise if known else None).objects
         assert "left out" not in found.advice
         doubtful += found.status != "ok"
@@ -34,7 +34,7 @@ def test_a_sharp_corner_is_no_stuck_channel_and_no_curve(half_width: float, know
 
 def test_a_channel_that_is_off_is_still_found() -> None:
     noise = Noise(positional=0.002)
-    scan = simulate(FEW, TRIANGLE, noise, np.random.default_rng(1))
+    scan = simulate(FEW, TRIANGLE, noise, rng=np.random.default_rng(1))
     kh = scan["kh"].copy()
     kh[14] += 0.05
     scan = Scan(kh=kh, kl=scan["kl"])
@@ -47,7 +47,7 @@ def test_an_upright_step_is_uncertain_by_a_pitch_not_without_end() -> None:
     step = Contact.polygon([(16, 20), (76, 20), (76, 50), (46, 50), (46, 95), (16, 95)])
     noise = Noise(positional=0.002)
     (found,) = fit_polygon(
-        simulate(FEW, step, noise, np.random.default_rng(3)), FEW, noise, bounded=False
+        simulate(FEW, step, noise, rng=np.random.default_rng(3)), FEW, noise, bounded=False
     ).objects
     assert found.covariance is not None
     assert np.sqrt(np.diag(found.covariance)[::2]).max() < 2.0 * FEW.pitch_mm

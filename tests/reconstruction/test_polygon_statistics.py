@@ -37,7 +37,7 @@ def _trials(
         random = np.random.default_rng(seed)
         shape = convex_polygon(seed % 40, 3 + seed % 3, least_gap=60.0) + random.uniform(-3.0, 3.0, 2)
         truth = from_left(shape)
-        scan = simulate(sensor, Contact.polygon(truth), noise, random)
+        scan = simulate(sensor, Contact.polygon(truth), noise, rng=random)
         kh, kl, k = (scan[n] if n in names else None for n in ("kh", "kl", "k"))
         (found,) = fit_polygon(Scan(kh, kl, k), sensor, noise if known else None).objects
         right.append(found.vertices.shape == truth.shape)

@@ -13,7 +13,7 @@ CORNERS = np.array([(80.5, 200.0), (160.5, 110.0), (300.5, 180.0), (220.5, 290.0
 
 
 def _signature(name: str, noise: ts.Noise | None = None, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
-    scan = ts.simulate(SENSOR, ts.Contact.polygon(CORNERS), noise or ts.Noise(), seed)
+    scan = ts.simulate(SENSOR, ts.Contact.polygon(CORNERS), noise or ts.Noise(), rng=seed)
     run = scan.runs()[0]
     return SENSOR.x_mm[run], scan[name][run]
 

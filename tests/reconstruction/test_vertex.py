@@ -28,7 +28,7 @@ IDS = ["equal kh", "equal kl", "metal k", "unequal kh", "unequal kl", "tube k"]
 def test_vertices_come_back_without_noise(sensor: ts.Sensor, signature: str, seed: int, corners: int) -> None:
     polygon = convex_polygon(seed, corners)
     scan = ts.simulate(sensor, ts.Contact.polygon(polygon))
-    found = ts.vertex_reconstruction(scan, sensor, signature, np.sort(polygon[:, 0]))
+    found = ts.vertex_reconstruction(scan, sensor, signature=signature, transitions=np.sort(polygon[:, 0]))
     assert found.status == "ok", found.advice
     np.testing.assert_allclose(found.objects[0].vertices, from_left(polygon), rtol=0.0, atol=1e-6)
 
@@ -37,7 +37,9 @@ def test_vertices_come_back_without_noise(sensor: ts.Sensor, signature: str, see
 def test_nearest_strip_is_exact_where_vertices_lie_on_strips(sensor: ts.Sensor, signature: str) -> None:
     corners = np.array([(300.5, 500.0), (420.5, 380.0), (610.5, 430.0), (700.5, 520.0), (540.5, 640.0)])
     scan = ts.simulate(sensor, ts.Contact.polygon(corners))
-    found = ts.vertex_reconstruction(scan, sensor, signature, np.sort(corners[:, 0]), reading="strip")
+    found = ts.vertex_reconstruction(
+        scan, sensor, signature=signature, transitions=np.sort(corners[:, 0]), reading="strip"
+    )
     assert found.status == "ok", found.advice
     np.testing.assert_allclose(found.objects[0].vertices, corners, rtol=0.0, atol=1e-8)
 
@@ -50,10 +52,14 @@ def test_contact_resistance_is_undone(signature: str) -> None:
     )
     corners = np.array([(40.5, 150.0), (80.5, 110.0), (150.5, 140.0), (120.5, 190.0)])
     scan = ts.simulate(sensor, ts.Contact.polygon(corners))
-    found = ts.vertex_reconstruction(scan, sensor, signature, np.sort(corners[:, 0]), reading="strip")
+    found = ts.vertex_reconstruction(
+        scan, sensor, signature=signature, transitions=np.sort(corners[:, 0]), reading="strip"
+    )
     np.testing.assert_allclose(found.objects[0].vertices, corners, rtol=0.0, atol=1e-6)
     ideal = ts.Sensor(construction="crs-crs", strips=200, pitch_mm=1.0, length_mm=300.0)
-    naive = ts.vertex_reconstruction(scan, ideal, signature, np.sort(corners[:, 0]), reading="strip")
+    naive = ts.vertex_reconstruction(
+        scan, ideal, signature=signature, transitions=np.sort(corners[:, 0]), reading="strip"
+    )
     assert np.abs(naive.objects[0].vertices - corners).max() > 1.0  # the test would notice no correction
 
 
@@ -105,7 +111,7 @@ def test_several_objects_in_one_scan() -> None:
     left, right = convex_polygon(3, 5, 400.0), convex_polygon(8, 4, 400.0) + np.array([500.0, 300.0])
     scan = ts.simulate(CRS, ts.Contact.polygon(left) + ts.Contact.polygon(right))
     x = np.sort(np.concatenate([left[:, 0], right[:, 0]]))
-    found = ts.vertex_reconstruction(scan, CRS, "kh", x)
+    found = ts.vertex_reconstruction(scan, CRS, signature="kh", transitions=x)
     assert [o.status for o in found.objects] == ["ok", "ok"]
     for recovered, polygon in zip(found.objects, (left, right), strict=True):
         np.testing.assert_allclose(recovered.vertices, from_left(polygon), atol=1e-6)
@@ -115,7 +121,7 @@ def test_default_signature_is_the_last_that_the_scan_has() -> None:
     polygon = convex_polygon(5, 5)
     scan = ts.simulate(CRS, ts.Contact.polygon(polygon), ts.Noise(positional=0.001))
     by_default = ts.vertex_reconstruction(scan, CRS, transitions=np.sort(polygon[:, 0]))
-    by_name = ts.vertex_reconstruction(scan, CRS, "kl", np.sort(polygon[:, 0]))
+    by_name = ts.vertex_reconstruction(scan, CRS, signature="kl", transitions=np.sort(polygon[:, 0]))
     np.testing.assert_array_equal(by_default.objects[0].vertices, by_name.objects[0].vertices)
 
 
@@ -124,12 +130,14 @@ TRIANGLE = np.array([(300.5, 500.0), (500.5, 400.0), (700.5, 550.0)])
 
 def _triangle(x: object, reading: str = "section", noise: ts.Noise | None = None) -> ts.Reconstruction:
     scan = ts.simulate(CRS, ts.Contact.polygon(TRIANGLE), noise or ts.Noise())
-    return ts.vertex_reconstruction(scan, CRS, "kh", x, reading)  # type: ignore[arg-type]
+    return ts.vertex_reconstruction(scan, CRS, signature="kh", transitions=x, reading=reading)  # type: ignore[arg-type]
 
 
 def test_status_shared_x() -> None:
     square = ts.Contact.polygon([(300.5, 300.0), (600.5, 300.0), (600.5, 600.0), (300.5, 600.0)])
-    found = ts.vertex_reconstruction(ts.simulate(CRS, square), CRS, "kh", [300.5, 300.5, 600.5, 600.5])
+    found = ts.vertex_reconstruction(
+        ts.simulate(CRS, square), CRS, signature="kh", transitions=[300.5, 300.5, 600.5, 600.5]
+    )
     assert found.status == "shared x"
     assert not found.objects[0].found
     assert "two vertices share x = 300.5 mm" in found.advice
@@ -145,7 +153,7 @@ def test_status_too_few_transitions() -> None:
 def test_status_too_few_strips() -> None:
     sensor = ts.Sensor(construction="crs-crs", strips=4, pitch_mm=10.0, length_mm=100.0)
     scan = ts.simulate(sensor, ts.Contact.polygon([(4.0, 50.0), (20.0, 30.0), (36.0, 45.0), (22.0, 70.0)]))
-    found = ts.vertex_reconstruction(scan, sensor, "kh", [4.0, 12.0, 20.0, 22.0, 36.0])
+    found = ts.vertex_reconstruction(scan, sensor, signature="kh", transitions=[4.0, 12.0, 20.0, 22.0, 36.0])
     assert found.status == "too few strips"
     assert "4 strips are touched, and 5 vertices need as many readings" in found.advice
     one = ts.Scan(kh=np.array([np.nan, 0.4, np.nan, np.nan]))
@@ -170,8 +178,8 @@ def test_status_too_noisy_and_doubtful() -> None:
     x = [300.5, 350.5, 400.5, 420.5]
     seen = set()
     for seed in range(40):
-        scan = ts.simulate(CRS, near_top, ts.Noise(positional=0.01), seed)
-        found = ts.vertex_reconstruction(scan, CRS, "kh", x)
+        scan = ts.simulate(CRS, near_top, ts.Noise(positional=0.01), rng=seed)
+        found = ts.vertex_reconstruction(scan, CRS, signature="kh", transitions=x)
         seen.add(found.status)
         if found.status == "ok":  # then it must be near
             assert ts.mismatch(near_top.vertices, found.objects[0].vertices).ape < 50.0
@@ -184,7 +192,7 @@ def test_a_concave_shape_comes_back_as_another_one() -> None:
     """Figure 5.19: a convex polygon nearly makes the same signature; without noise, "nearly" can be told."""
     dented = np.array([(300.5, 500.0), (500.5, 430.0), (600.5, 350.0), (700.5, 500.0), (450.5, 600.0)])
     scan = ts.simulate(CRS, ts.Contact.polygon(dented))
-    found = ts.vertex_reconstruction(scan, CRS, "kl", np.sort(dented[:, 0]))
+    found = ts.vertex_reconstruction(scan, CRS, signature="kl", transitions=np.sort(dented[:, 0]))
     assert found.status == "doubtful"
     assert "the object is not convex" in found.advice
     assert ts.mismatch(dented, found.objects[0].vertices).iou < 0.9
@@ -194,10 +202,10 @@ def test_a_missing_corner_is_doubted() -> None:
     """Sixteen strips, a tetragon, the transition of one corner left out, or all of them searched for."""
     sensor = ts.Sensor(construction="crs-crs", strips=16, pitch_mm=5.0, length_mm=200.0)
     tetragon = ts.Contact.polygon([(8, 90), (45, 50), (72, 110), (28, 150)])
-    scans = [ts.simulate(sensor, tetragon, ts.Noise(positional=0.002), seed) for seed in range(40)]
+    scans = [ts.simulate(sensor, tetragon, ts.Noise(positional=0.002), rng=seed) for seed in range(40)]
 
     def ok(x: object) -> int:
-        found = [ts.vertex_reconstruction(scan, sensor, "kl", x) for scan in scans]  # type: ignore[arg-type]
+        found = [ts.vertex_reconstruction(scan, sensor, signature="kl", transitions=x) for scan in scans]  # type: ignore[arg-type]
         return sum(f.status == "ok" for f in found)
 
     assert ok([8.0, 28.0, 45.0, 72.0]) >= 38
@@ -255,7 +263,7 @@ def test_a_vertex_off_the_sensor_is_refused() -> None:
     """Readings that fall towards the ground faster than any contact can."""
     k = np.full(1000, np.nan)
     k[300:401] = np.concatenate([np.linspace(0.5, 0.02, 50), np.linspace(0.02, 0.5, 51)])
-    found = ts.vertex_reconstruction(ts.Scan(kh=k), CRS, "kh", [300.5, 350.0, 400.5])
+    found = ts.vertex_reconstruction(ts.Scan(kh=k), CRS, signature="kh", transitions=[300.5, 350.0, 400.5])
     assert found.status == "too noisy"
     assert "falls off the sensor" in found.advice
 
@@ -286,7 +294,7 @@ def test_a_scan_of_another_sensor_is_refused() -> None:
     with pytest.raises(ts.ReadingError, match="the scan has 5 strips and the sensor has 1000"):
         ts.vertex_reconstruction(ts.Scan(kh=np.full(5, 0.5)), CRS)
     with pytest.raises(ts.SignatureError, match="the scan has no 'kl'; it has: kh"):
-        ts.vertex_reconstruction(ts.Scan(kh=np.full(1000, 0.5)), CRS, "kl")
+        ts.vertex_reconstruction(ts.Scan(kh=np.full(1000, 0.5)), CRS, signature="kl")
 
 
 @given(seed=st.integers(0, 10**9))
@@ -302,7 +310,7 @@ def test_any_readings_give_a_shape_on_the_sensor_or_a_status(seed: int) -> None:
     k[random.random(40) < 0.1] = np.nan
     x: object = "gradient" if seed % 3 else np.sort(random.uniform(0.0, 80.0, 6))
     for reading in ("section", "strip"):
-        found = ts.vertex_reconstruction(ts.Scan(k=k), sensor, "k", x, reading)  # type: ignore[arg-type]
+        found = ts.vertex_reconstruction(ts.Scan(k=k), sensor, signature="k", transitions=x, reading=reading)  # type: ignore[arg-type]
         for recovered in found.objects:
             assert recovered.found == (recovered.status in ("ok", "doubtful"))
             assert recovered.found or recovered.advice

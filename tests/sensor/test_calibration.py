@@ -15,6 +15,8 @@ from hypothesis import strategies as st
 import tacstrip as ts
 from strategies import FIXED
 from tacstrip.data.published import offsets_volt
+from tacstrip.network import Build
+from tacstrip.sensor import Channel, corrected, distorted
 from tacstrip.sensor.raw import touched
 
 N = 3
@@ -43,12 +45,12 @@ def rising(draw: st.DrawFn, pinned: bool) -> tuple[tuple[float, ...], tuple[tupl
 
 
 @st.composite
-def channels(draw: st.DrawFn, signature: str) -> ts.Channel:
+def channels(draw: st.DrawFn, signature: str) -> Channel:
     drift, rest = draw(NONE | lists(-0.05, 0.05)), draw(NONE | lists(-0.05, 0.05))
     if draw(st.booleans()):
         at, rows = draw(rising(pinned=False))
-        return ts.Channel(signature=signature, curve_at=at, curve=rows, drift=drift, rest=rest)
-    return ts.Channel(
+        return Channel(signature=signature, curve_at=at, curve=rows, drift=drift, rest=rest)
+    return Channel(
         signature=signature,
         offset=draw(NONE | lists(-0.07, 0.07)),
         gain=draw(NONE | lists(0.8, 1.2)),
@@ -99,8 +101,8 @@ def test_correct_undoes_distort(calibration: ts.Calibration, seed: int) -> None:
     l[0, 0] = np.nan
     k = ts.signatures(CRS, l, l + rng.uniform(0.0, 60.0, (5, N)))
     sensor = replace(CRS, calibration=calibration)
-    back = ts.corrected(sensor, ts.distorted(sensor, k))
-    one = ts.corrected(sensor, ts.distorted(sensor, {n: v[1] for n, v in k.items()}))
+    back = corrected(sensor, distorted(sensor, k))
+    one = corrected(sensor, distorted(sensor, {n: v[1] for n, v in k.items()}))
     for name, values in k.items():
         np.testing.assert_allclose(back[name], values, atol=1e-12)
         np.testing.assert_allclose(one[name], values[1], atol=1e-12)
@@ -120,13 +122,13 @@ def test_offsets_are_the_thesis_adjustment() -> None:
     """(6.3): the offset is subtracted from the measured voltage."""
     sensor = ts.Sensor.load("prototype-crs-crs")
     volts = offsets_volt("CRS-CRS", "kh")
-    calibration = ts.Calibration(channels=(ts.Channel(signature="kh", offset=tuple(volts / 6.05)),))
+    calibration = ts.Calibration(channels=(Channel(signature="kh", offset=tuple(volts / 6.05)),))
     np.testing.assert_allclose(calibration.correct("kh", np.full(10, 3.0 / 6.05)) * 6.05, 3.0 - volts)
     assert replace(sensor, calibration=calibration).calibration is calibration
 
 
 def test_a_fading_offset_is_whole_inside_and_gone_at_both_ends() -> None:
-    channel = ts.Channel(signature="k", offset=(0.05,), fade=0.1)
+    channel = Channel(signature="k", offset=(0.05,), fade=0.1)
     k = np.array([[0.0], [0.05], [0.1], [0.5], [0.9], [0.95], [1.0]])
     np.testing.assert_allclose(channel.do(k)[:, 0], [0.0, 0.075, 0.15, 0.55, 0.95, 0.975, 1.0])
     np.testing.assert_allclose(channel.undo(channel.do(k)), k, atol=1e-15)
@@ -139,7 +141,7 @@ def test_a_strips_own_ratio_is_the_closed_form_with_that_ratio() -> None:
     own = [
         ts.k_h(l[i : i + 1], w[i : i + 1], 325.0, 1.05 * r, 2.0)[0] for i, r in enumerate(calibration.ratio)
     ]
-    raw = ts.distorted(sensor, ts.signatures(replace(sensor, calibration=None), l, l + w))
+    raw = distorted(sensor, ts.signatures(replace(sensor, calibration=None), l, l + w))
     np.testing.assert_allclose(raw["kh"], own, atol=1e-14)
 
 
@@ -149,16 +151,16 @@ def test_warp_is_the_network_with_that_rubber() -> None:
     sensor = replace(CRS, calibration=ts.Calibration(warp_at=at, warp=(share,) * N))
     contact = ts.Contact.polygon([(0, 120), (20, 120), (20, 230), (0, 230)])
     layers = np.array([[1.0, 2.0]] * N)
-    scan = ts.simulate(CRS, contact, model="network", build=ts.Build(energised=layers, sensing=layers))
+    scan = ts.simulate(CRS, contact, model="network", build=Build(energised=layers, sensing=layers))
     ideal = ts.simulate(CRS, contact)
-    back = ts.corrected(sensor, {"kh": scan["kh"], "kl": scan["kl"]})
+    back = corrected(sensor, {"kh": scan["kh"], "kl": scan["kl"]})
     for name in ("kh", "kl"):
         assert np.abs(scan[name] - ideal[name]).max() > 0.1
         np.testing.assert_allclose(back[name], ideal[name], atol=1e-9)
 
 
 def test_files_hold_raw_readings_and_scans_corrected_ones(tmp_path: Path) -> None:
-    channel = ts.Channel(signature="k", offset=(0.05, 0.0, -0.02), gain=(0.9, 1.0, 1.1))
+    channel = Channel(signature="k", offset=(0.05, 0.0, -0.02), gain=(0.9, 1.0, 1.1))
     sensor = replace(METAL, calibration=ts.Calibration(channels=(channel,)))
     scan = ts.simulate(sensor, ts.Contact.line([(0.0, 100.0), (8.9, 100.0)]))
     np.testing.assert_allclose(scan["k"], [0.4, 0.4, np.nan])  # simulate is ideal
@@ -170,7 +172,7 @@ def test_files_hold_raw_readings_and_scans_corrected_ones(tmp_path: Path) -> Non
 
 
 def test_each_strip_rests_at_its_own_learned_level() -> None:
-    channel = ts.Channel(
+    channel = Channel(
         signature="k", rest=(0.06, 0.01, 0.03), drift=(0.0, 0.002, 0.0), offset=(0.06, 0.01, 0.03)
     )
     calibration = ts.Calibration(channels=(channel,))
@@ -179,7 +181,7 @@ def test_each_strip_rests_at_its_own_learned_level() -> None:
     )  # 0.02 V are 0.004 of Vref
     raw = {"k": np.array([[0.062, 0.012, 0.03], [0.07, 0.01, 0.02]])}
     np.testing.assert_array_equal(touched(sensor, raw), [[False, False, False], [True, False, True]])
-    np.testing.assert_allclose(ts.corrected(sensor, raw)["k"][1], [0.01, np.nan, 0.0], atol=1e-15)
+    np.testing.assert_allclose(corrected(sensor, raw)["k"][1], [0.01, np.nan, 0.0], atol=1e-15)
 
 
 CURVE = {"curve_at": [0.0, 1.0], "curve": [[0.0, 1.0]] * N}
@@ -229,9 +231,9 @@ def test_what_is_no_calibration_is_refused() -> None:
         ts.Sensor(construction="crs-crp", strips=2, pitch_mm=1.0, length_mm=9.0, contact_lambda_mm=1.0,
                   calibration=ts.Calibration())  # fmt: skip
     with pytest.raises(ts.SpecError, match="has two channels"):
-        ts.Calibration(channels=(ts.Channel(signature="k"), ts.Channel(signature="k")))
+        ts.Calibration(channels=(Channel(signature="k"), Channel(signature="k")))
     with pytest.raises(ts.SpecError, match="signature 'x' does not exist"):
-        ts.Channel(signature="x")
+        Channel(signature="x")
     with pytest.raises(ts.SignatureError, match="signature 'x' does not exist"):
         ts.Calibration().correct("x", [0.5])
 
@@ -262,4 +264,4 @@ def test_no_table_brings_another_error(table: Any) -> None:
     except ts.SpecError:
         return
     assert ts.Sensor.from_dict(tomllib.loads(sensor.to_toml())) == sensor
-    ts.corrected(sensor, {"kh": np.full(N, 0.5), "kl": np.full(N, 0.4)})
+    corrected(sensor, {"kh": np.full(N, 0.5), "kl": np.full(N, 0.4)})

@@ -22,6 +22,8 @@ from pythonosc.osc_message import OscMessage
 
 import tacstrip as ts
 from live_devices import SENSOR, SHAPE, Line, Stepped, device, still, with_strips
+from tacstrip.sensor import Channel
+from tacstrip.stream import RawScan
 from tacstrip.stream.bridges.tuio import Tuio, blob
 from tacstrip.stream.device.virtual import Loopback
 from tacstrip.stream.live.bounded_queue import BoundedQueue
@@ -29,6 +31,7 @@ from tacstrip.stream.live.drift import DriftCorrectingDecoder
 from tacstrip.stream.live.pipeline import Live
 from tacstrip.stream.live.sinks import json_sink, tuio_sink
 from tacstrip.stream.recording.recorder import Recorder
+from tacstrip.tracking import Tracker
 from tacstrip.tracking.tracker import SEARCH_INTERVAL_S, SEARCHED_AGAIN
 from waiting import HANG_S, wait_until
 
@@ -40,12 +43,12 @@ TWO = ts.Contact.polygon([(8, 30), (30, 20), (35, 60)]) + ts.Contact.polygon([(6
 
 
 def _scan(contact: ts.Contact, number: int, sensor: ts.Sensor = FINE) -> ts.Scan:
-    return ts.simulate(sensor, contact, NOISE, number, time_s=number * 1e-3)
+    return ts.simulate(sensor, contact, NOISE, rng=number, time_s=number * 1e-3)
 
 
 @pytest.mark.parametrize(("contact", "many"), [(TETRAGON, 1), (ROUND, 1), (TWO, 2)])
 def test_followed_objects_are_those_that_a_search_finds(contact: ts.Contact, many: int) -> None:
-    tracker = ts.Tracker(FINE)
+    tracker = Tracker(FINE)
     count = 200
     for i in range(count):
         moved = contact.moved(0.0, 0.03 * i).turned(0.0005 * i)
@@ -63,7 +66,7 @@ def test_followed_objects_are_those_that_a_search_finds(contact: ts.Contact, man
 def test_a_followed_polygon_is_as_good_as_the_searched_one() -> None:
     from tacstrip.reconstruction.polygon.estimate import fit_polygon
 
-    tracker = ts.Tracker(FINE)
+    tracker = Tracker(FINE)
     errors = []
     for i in range(60):
         moved = TETRAGON.moved(0.02 * i, 0.01 * i)
@@ -80,7 +83,7 @@ def test_a_followed_polygon_is_as_good_as_the_searched_one() -> None:
 
 
 def test_numbers_stay_with_objects_that_come_and_go() -> None:
-    tracker = ts.Tracker(FINE)
+    tracker = Tracker(FINE)
     left, right = (ts.Contact((shape,)) for shape in TWO.shapes)
     scenes = (left, left, TWO, TWO, right, right, TWO)
     ids = [[one.id for one in tracker.update(_scan(scene, i))] for i, scene in enumerate(scenes)]
@@ -90,7 +93,7 @@ def test_numbers_stay_with_objects_that_come_and_go() -> None:
 
 
 def test_an_outline_that_no_longer_explains_the_readings_is_searched_again() -> None:
-    tracker = ts.Tracker(FINE)
+    tracker = Tracker(FINE)
     for i in range(300, 304):
         tracker.update(_scan(TETRAGON, i))
     dented = ts.Contact.polygon([(25, 35), (50, 45), (60, 22), (78, 56), (45, 76)])
@@ -103,7 +106,7 @@ def test_an_outline_that_no_longer_explains_the_readings_is_searched_again() -> 
 
 
 def test_a_corner_that_is_gone_is_dropped_within_half_a_second() -> None:
-    tracker = ts.Tracker(FINE)
+    tracker = Tracker(FINE)
     cut = ts.Contact.polygon([(25, 35), (60, 22), (70, 42), (78, 56), (68, 62), (45, 76)])
     scenes = [cut] * 3 + [TETRAGON] * int(1000 * SEARCH_INTERVAL_S + 1)
     counts = [len(tracker.update(_scan(scene, i))[0].shape.vertices) for i, scene in enumerate(scenes)]
@@ -112,7 +115,7 @@ def test_a_corner_that_is_gone_is_dropped_within_half_a_second() -> None:
 
 @pytest.mark.parametrize("method", ["profile", "vertex"])
 def test_other_methods_keep_numbers_too(method: str) -> None:
-    tracker = ts.Tracker(FINE, method)
+    tracker = Tracker(FINE, method)
     assert [[o.id for o in tracker.update(_scan(TWO, i))] for i in range(3)] == [[1, 2]] * 3
 
 
@@ -191,7 +194,7 @@ def test_a_full_disk_ends_the_recording_and_not_the_stream(
 ) -> None:
     add = Recorder.add
 
-    def full(self: Recorder, raw: ts.RawScan) -> None:
+    def full(self: Recorder, raw: RawScan) -> None:
         if self.scans >= 60:
             with self._file.guard():
                 raise OSError(errno.ENOSPC, "No space left on device")
@@ -233,7 +236,7 @@ def test_another_device_ends_the_stream_with_its_message(tmp_path: Path) -> None
 
 
 class _Spoilt(ts.SimulatedSource):
-    def __iter__(self) -> Iterator[ts.RawScan]:
+    def __iter__(self) -> Iterator[RawScan]:
         for raw in super().__iter__():
             if raw.sequence % 2:
                 raw.codes["kh"][:] = 60_000
@@ -263,18 +266,16 @@ def test_drift_is_followed_from_untouched_strips() -> None:
     assert not DriftCorrectingDecoder(sensor, drift=False).corrects_drift
     moved = np.full(20, round((0.02 + 0.01) * 4095), dtype="<u2")  # rest is 0.02 of Vref; it went up by 0.01
     for i in range(4000):
-        scan = decoder.decode(ts.RawScan(0.05 * i, {"kh": moved, "kl": moved}, np.ones(20, dtype=bool), i))
+        scan = decoder.decode(RawScan(0.05 * i, {"kh": moved, "kl": moved}, np.ones(20, dtype=bool), i))
     assert not scan.touched.any()
     assert decoder.sensor.calibration is not None
     drift = np.array(decoder.sensor.calibration.channel("kh").drift)
     np.testing.assert_allclose(drift, 0.01, atol=5e-4)
 
 
-def _channel(name: str) -> ts.Channel:
+def _channel(name: str) -> Channel:
     ones = (1.0,) * 20
-    return ts.Channel(
-        signature=name, rest=tuple(0.02 * v for v in ones), noise=tuple(0.001 * v for v in ones)
-    )
+    return Channel(signature=name, rest=tuple(0.02 * v for v in ones), noise=tuple(0.001 * v for v in ones))
 
 
 class _Pipe(io.StringIO):
@@ -339,10 +340,10 @@ def test_tuio_turns_and_moves() -> None:
     def frame(contact: ts.Contact, number: int) -> ts.Frame:
         scan = _scan(contact, 0)
         (one,) = tracker.update(scan)
-        raw = ts.RawScan(0.02 * number, {}, scan.touched)
+        raw = RawScan(0.02 * number, {}, scan.touched)
         return ts.Frame(number, raw, FINE, scan, (one,), 0.0, 0.0)
 
-    tracker = ts.Tracker(FINE, "profile")
+    tracker = Tracker(FINE, "profile")
     bar = ts.Contact.polygon([(20, 46), (80, 46), (80, 54), (20, 54)])
     flat = blob(frame(bar, 0).objects[0], FINE)
     turned = blob(frame(bar.turned(0.5), 0).objects[0], FINE)

@@ -17,6 +17,7 @@ import pytest
 
 import tacstrip as ts
 from live_devices import SENSOR, still
+from tacstrip.stream import RawScan
 from tacstrip.stream.device.clocks import DeviceClock, HostClock
 from tacstrip.stream.device.protocol.commands import Command
 from tacstrip.stream.device.protocol.frames import Kind, check_frame, encode_frame, parse_frame
@@ -187,8 +188,8 @@ def test_a_sound_clock_is_believed_for_long(kind: str, rate_hz: float) -> None:
             last_s = times[-1]
 
 
-def _raw(number: int, time_s: float) -> ts.RawScan:
-    return ts.RawScan(time_s, {}, np.zeros(0, dtype=bool), number)
+def _raw(number: int, time_s: float) -> RawScan:
+    return RawScan(time_s, {}, np.zeros(0, dtype=bool), number)
 
 
 @pytest.mark.parametrize("rate_hz", [1.0, 20.0, 400.0])
@@ -366,7 +367,7 @@ def test_another_unit_ends_the_stream_before_its_first_scan(
     assert len(list(islice(scans, before))) == before
     switch(bench, Unit(clock, "right"))
     began_s = clock.now_s
-    left: list[ts.RawScan] = []
+    left: list[RawScan] = []
     with pytest.raises(ts.PortError, match=r"unit_name = 'right', and the stream began with 'left'"):
         left.extend(islice(scans, 100))
     assert left == []
@@ -411,7 +412,7 @@ class _Switching(ts.SerialSource):
         super().__init__(lambda: bench, SENSOR)
         self.bench = bench
 
-    def __iter__(self) -> Iterator[ts.RawScan]:
+    def __iter__(self) -> Iterator[RawScan]:
         for number, raw in enumerate(super().__iter__(), start=1):
             yield raw
             if number == 60:

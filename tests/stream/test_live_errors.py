@@ -14,9 +14,11 @@ from click.testing import CliRunner
 import tacstrip as ts
 from live_devices import SENSOR, still
 from tacstrip.cli.live import command
+from tacstrip.stream import RawScan
 from tacstrip.stream.live.pipeline import Live
 from tacstrip.stream.live.sinks import Sink, json_sink
 from tacstrip.stream.recording.recorder import Recorder
+from tacstrip.tracking import Tracker
 
 SCANS = 40
 
@@ -32,7 +34,7 @@ class _Breaks(ts.SimulatedSource):
         super().__init__(SENSOR, still, 1000.0, SCANS, ts.Noise(positional=0.002))
         self.error, self.after, self.at_close = error, after, at_close
 
-    def __iter__(self) -> Iterator[ts.RawScan]:
+    def __iter__(self) -> Iterator[RawScan]:
         for raw in super().__iter__():
             if raw.sequence == self.after:
                 raise self.error
@@ -102,14 +104,14 @@ def test_an_error_in_the_recovery_is_handed_on_and_its_scan_recorded(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     stream = ts.live(source=_Breaks(_OddError("never")), record=tmp_path / "a.mcap", speed=math.inf)
-    update, calls = ts.Tracker.update, iter(range(100))
+    update, calls = Tracker.update, iter(range(100))
 
-    def broken(self: ts.Tracker, scan: ts.Scan, detail: bool = False) -> object:
+    def broken(self: Tracker, scan: ts.Scan, detail: bool = False) -> object:
         if next(calls) == 10:
             raise ZeroDivisionError("in the fit")
         return update(self, scan, detail)
 
-    monkeypatch.setattr(ts.Tracker, "update", broken)
+    monkeypatch.setattr(Tracker, "update", broken)
     with pytest.raises(ZeroDivisionError, match="in the fit"):
         list(stream)
     assert len(list(ts.Recording(tmp_path / "a.mcap"))) == stream.frames >= 11
@@ -132,7 +134,7 @@ def test_a_recorder_that_cannot_go_on_holds_nobody_up(
     monkeypatch.setattr("tacstrip.stream.live.background_recorder._QUEUE_SCANS", 4)
     add = Recorder.add
 
-    def broken(self: Recorder, raw: ts.RawScan) -> None:
+    def broken(self: Recorder, raw: RawScan) -> None:
         if self.scans >= 10:
             raise _OddError("no such code")
         add(self, raw)

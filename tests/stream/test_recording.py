@@ -18,7 +18,9 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 import tacstrip as ts
 from recordings import ORIGIN, make, sensor, source
+from tacstrip.sensor import Channel
 from tacstrip.sensor.constructions import CONSTRUCTIONS
+from tacstrip.stream import Drag
 from tacstrip.stream.codes import decode
 from tacstrip.stream.recording import mcap_file as mcapfile
 from tacstrip.stream.recording.messages import FRAME
@@ -166,9 +168,9 @@ def test_a_rest_level_is_looked_at_when_reading(tmp_path: Path) -> None:
 def test_codes_are_raw_and_the_calibration_is_inside(tmp_path: Path) -> None:
     """The file holds what the unit's converter read; whoever reads it gets corrected readings."""
     plain = sensor()
-    offset = ts.Channel(signature="kh", offset=tuple(np.linspace(-0.05, 0.05, plain.strips)))
+    offset = Channel(signature="kh", offset=tuple(np.linspace(-0.05, 0.05, plain.strips)))
     spec = replace(plain, calibration=ts.Calibration(channels=(offset,)))
-    still = ts.Drag(ts.Contact.polygon([(0, 0), (16, 4), (6, 30)]), [(15, 50)], 1.0)
+    still = Drag(ts.Contact.polygon([(0, 0), (16, 4), (6, 30)]), [(15, 50)], 1.0)
     for ahead in (1, 8):
         made = ts.SimulatedSource(spec, still, scans=8, ahead=ahead)
         with Recorder(tmp_path / "a.mcap", spec, made.names, ORIGIN, force=True) as recorder:

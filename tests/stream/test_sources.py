@@ -16,39 +16,40 @@ from hypothesis import strategies as st
 import tacstrip as ts
 from recordings import ORIGIN, make, sensor, source
 from strategies import FIXED
-from tacstrip.reconstruction.methods import METHODS, recover
+from tacstrip.reconstruction.methods import METHODS, reconstruct
+from tacstrip.stream import Drag, RawScan, ReadingsSource, Source, paced
 from tacstrip.stream.codes import code_shape, code_type, decode, encode, quantisation_error, top_code
 from tacstrip.stream.recording.record import record, with_shapes
 from tacstrip.stream.recording.recorder import Recorder
 from tacstrip.stream.replay import open_source
 
 COUNT = 30
-STILL = ts.Drag(ts.Contact.points((0, 0)), [(15, 50)], 1.0)
+STILL = Drag(ts.Contact.points((0, 0)), [(15, 50)], 1.0)
 
 
-def _simulated(folder: Path) -> ts.Source:
+def _simulated(folder: Path) -> Source:
     return source(sensor(), COUNT)
 
 
-def _network(folder: Path) -> ts.Source:
+def _network(folder: Path) -> Source:
     spec = sensor("crs-m", 6)
-    still = ts.Drag(ts.Contact.polygon([(0, 20), (6, 30), (3, 60)]), [(3.0, 40.0)], 1.0)
+    still = Drag(ts.Contact.polygon([(0, 20), (6, 30), (3, 60)]), [(3.0, 40.0)], 1.0)
     return ts.SimulatedSource(spec, still, 50.0, COUNT, model="network", origin_ns=ORIGIN)
 
 
-def _recorded(folder: Path) -> ts.Source:
+def _recorded(folder: Path) -> Source:
     if not (folder / "a.mcap").exists():
         make(folder / "a.mcap", sensor(), COUNT)
     return ts.Recording(folder / "a.mcap")
 
 
-def _readings(folder: Path) -> ts.Source:
+def _readings(folder: Path) -> Source:
     spec = sensor()
     ts.write_readings(folder / "a.csv", spec, [decode(raw, spec) for raw in source(spec, COUNT)])
-    return ts.ReadingsSource(folder / "a.csv", spec)
+    return ReadingsSource(folder / "a.csv", spec)
 
 
-SOURCES: dict[str, Callable[[Path], ts.Source]] = {
+SOURCES: dict[str, Callable[[Path], Source]] = {
     "simulated": _simulated,
     "simulated by a network": _network,
     "recorded": _recorded,
@@ -126,7 +127,7 @@ def test_rounding_tells_what_a_converter_cannot_hold() -> None:
 
 def test_a_code_above_the_converter() -> None:
     spec = replace(sensor("crs-m", 2), adc_bits=10)
-    raw = ts.RawScan(0.0, {"k": np.array([1, 1024], "<u2")}, np.ones(2, bool))
+    raw = RawScan(0.0, {"k": np.array([1, 1024], "<u2")}, np.ones(2, bool))
     with pytest.raises(ts.RecordingError, match="code 1024, above 1023: adc_bits = 10"):
         decode(raw, spec)
 
@@ -134,7 +135,7 @@ def test_a_code_above_the_converter() -> None:
 def test_blocks_are_what_one_by_one_is() -> None:
     spec, drag = (
         sensor(),
-        ts.Drag(ts.Contact.polygon([(-8, -9), (7, -3), (2, 12)]), [(12, 40), (18, 55)], 0.1, 3.0),
+        Drag(ts.Contact.polygon([(-8, -9), (7, -3), (2, 12)]), [(12, 40), (18, 55)], 0.1, 3.0),
     )
     fast = ts.SimulatedSource(spec, drag, 500.0, 150)
     slow = ts.SimulatedSource(spec, drag, 500.0, 150, ahead=1)
@@ -146,19 +147,19 @@ def test_blocks_are_what_one_by_one_is() -> None:
 
 
 def test_a_contact_that_leaves_or_shorts_the_sensor() -> None:
-    away = ts.Drag(ts.Contact.polygon([(0, 0), (4, 0), (2, 5)]), [(15, 50), (15, 200)], 0.1)
+    away = Drag(ts.Contact.polygon([(0, 0), (4, 0), (2, 5)]), [(15, 50), (15, 200)], 0.1)
     with pytest.raises(ts.ContactError, match="outside the sensor"):
         list(ts.SimulatedSource(sensor(), away, 1000.0, 200))
-    tall = ts.Drag(ts.Contact.polygon([(0, 0), (40, 0), (40, 100), (0, 100)]), [(45, 50), (25, 50)], 0.1)
+    tall = Drag(ts.Contact.polygon([(0, 0), (40, 0), (40, 100), (0, 100)]), [(45, 50), (25, 50)], 0.1)
     with pytest.raises(ts.ContactError, match="covers strip"):
         list(ts.SimulatedSource(sensor("crs-m", 30), tall, 1000.0, 200))
 
 
 def test_a_drag_goes_there_and_back() -> None:
-    drag = ts.Drag(ts.Contact.polygon([(0, 0), (2, 0), (1, 3)]), [(10, 10), (20, 10), (20, 20)], 2.0)
+    drag = Drag(ts.Contact.polygon([(0, 0), (2, 0), (1, 3)]), [(10, 10), (20, 10), (20, 20)], 2.0)
     where = [tuple(drag(t).centroid.round(9).tolist()) for t in (0.0, 0.5, 1.0, 2.0, 3.0, 4.0)]
     assert where == [(10, 10), (15, 10), (20, 10), (20, 20), (20, 10), (10, 10)]
-    turned = ts.Drag(ts.Contact.polygon([(-2, 0), (2, 0), (2, 1), (-2, 1)]), [(10, 10)], 1.0, math.pi / 2.0)
+    turned = Drag(ts.Contact.polygon([(-2, 0), (2, 0), (2, 1), (-2, 1)]), [(10, 10)], 1.0, math.pi / 2.0)
     box = np.ptp(turned(1.0).vertices, axis=0)
     np.testing.assert_allclose(box, [1.0, 4.0], atol=1e-9)
 
@@ -173,27 +174,25 @@ def test_pace(monkeypatch: pytest.MonkeyPatch) -> None:
         now[0] += seconds
 
     monkeypatch.setattr(time, "sleep", sleep)
-    raws = [
-        ts.RawScan(t, {"k": np.zeros(1, "<u2")}, np.ones(1, bool)) for t in (5.0, 5.1, 5.1, 4.0, 5.2, 6.2)
-    ]
-    came = [now[0] - 50.0 for _ in ts.paced(raws, 2.0, idle=told.append)]
+    raws = [RawScan(t, {"k": np.zeros(1, "<u2")}, np.ones(1, bool)) for t in (5.0, 5.1, 5.1, 4.0, 5.2, 6.2)]
+    came = [now[0] - 50.0 for _ in paced(raws, 2.0, idle=told.append)]
     np.testing.assert_allclose(came, [0.0, 0.05, 0.05, 0.05, 0.1, 0.6])
     np.testing.assert_allclose(told, [0.05, 0.05, 0.5])
     now[0] = 50.0
-    assert [now[0] for _ in ts.paced(raws, math.inf)] == [50.0] * 6
-    late = ts.paced(raws, 1.0)
+    assert [now[0] for _ in paced(raws, math.inf)] == [50.0] * 6
+    late = paced(raws, 1.0)
     next(late)
     now[0] += 100.0
     assert len(list(late)) == 5  # late scans are not left out
     count = iter(range(100))
-    assert len(list(ts.paced(raws, math.inf, stop=lambda: next(count) > 6))) < 6
+    assert len(list(paced(raws, math.inf, stop=lambda: next(count) > 6))) < 6
 
 
 def test_shapes_beside_the_codes() -> None:
     spec = sensor()
     for method in METHODS:
         scan = next(iter(with_shapes(source(spec, 1), spec, method)))
-        wanted = recover(decode(scan, spec), spec, method)
+        wanted = reconstruct(decode(scan, spec), spec, method=method)
         assert [s.status for s in scan.shapes] == [o.status for o in wanted.objects if o.found]
     with pytest.raises(ts.OptionError, match="method 'magic' does not exist; choose one of: polygon"):
         next(iter(with_shapes(source(spec, 1), spec, "magic")))
@@ -203,7 +202,7 @@ def test_readings_keep_what_untouched_strips_read(tmp_path: Path) -> None:
     """Rest and calibration belong to whoever reads the codes, not to the recording."""
     spec = replace(sensor("crs-m", 3), rest_volt=0.0, touch_volt=0.5)
     (tmp_path / "a.csv").write_text("scan,time_s,strip,code\n0,1.5,0,7\n0,1.5,1,2000\n0,1.5,2,\n")
-    made = ts.ReadingsSource(tmp_path / "a.csv", spec)
+    made = ReadingsSource(tmp_path / "a.csv", spec)
     (raw,) = made
     assert raw.codes["k"].tolist() == [7, 2000, 0]
     assert raw.touched.tolist() == [True, True, False]
@@ -213,7 +212,7 @@ def test_readings_keep_what_untouched_strips_read(tmp_path: Path) -> None:
 def test_times_since_1970_stay(tmp_path: Path) -> None:
     spec = sensor("crs-m", 1)
     (tmp_path / "a.csv").write_text("scan,time_s,strip,code\n0,1700000000.5,0,7\n")
-    made = ts.ReadingsSource(tmp_path / "a.csv", spec)
+    made = ReadingsSource(tmp_path / "a.csv", spec)
     with Recorder(tmp_path / "a.mcap", made.sensor, made.names, made.origin_ns) as recorder:
         record(made, recorder)
     assert made.origin_ns == 0
@@ -228,7 +227,7 @@ def test_times_since_1970_stay(tmp_path: Path) -> None:
         (lambda: ts.SimulatedSource(sensor(), STILL, scans=0), "scans = 0: must be 1 or more"),
         (lambda: ts.SimulatedSource(sensor(), STILL, ahead=0), "ahead = 0: must be 1 or more"),
         (lambda: ts.SimulatedSource(sensor(), STILL, -1.0), "rate_hz = -1.0: must be above 0"),
-        (lambda: ts.Drag(ts.Contact.points((1, 1)), [(0, 0)], 0.0), "a drag takes a time above 0"),
+        (lambda: Drag(ts.Contact.points((1, 1)), [(0, 0)], 0.0), "seconds = 0.0: must be above 0"),
     ],
 )
 def test_what_a_source_refuses(make_it: Callable[[], object], told: str) -> None:

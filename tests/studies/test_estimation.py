@@ -45,7 +45,7 @@ def test_what_each_imperfection_does_to_the_readings() -> None:
 
 @pytest.mark.parametrize("half_width", [0.001, 0.005])
 @pytest.mark.parametrize("known", [True, False])
-def test_with_lambda_told_a_network_is_as_good_as_the_closed_form(
+def test_with_lambda_known_a_network_is_as_good_as_the_closed_form(
     contacts: list[RealContact], half_width: float, known: bool
 ) -> None:
     o = outcome(contacts, "lambda", noise(half_width), known)
@@ -63,9 +63,9 @@ def test_the_bound_of_the_noise_still_pays(contacts: list[RealContact]) -> None:
     assert o.empty < 0.1
 
 
-def test_a_lambda_that_is_not_told_costs_lambda_and_hardly_shows(contacts: list[RealContact]) -> None:
+def test_a_lambda_that_is_unknown_costs_lambda_and_hardly_shows(contacts: list[RealContact]) -> None:
     """The contact shrunk by lambda at both ends is a polygon too, so nothing in the readings contradicts it."""
-    o = outcome(contacts, "lambda, told 0", noise(0.002))
+    o = outcome(contacts, "lambda, given 0", noise(0.002))
     assert 0.5 * SENSOR.contact_lambda_mm < o.rms_mm < 2.0 * SENSOR.contact_lambda_mm
     assert o.inside < 0.2
     assert o.doubtful < 0.6

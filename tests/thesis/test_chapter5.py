@@ -11,7 +11,7 @@ import tacstrip as ts
 from tacstrip.data.published import offsets_volt, residuals, rows
 from tacstrip.thesis.chapter5.cells import Cell, run_cell, summarise
 from tacstrip.thesis.chapter5.claims import amplification
-from tacstrip.thesis.chapter5.figures import AMBIGUOUS, ambiguity
+from tacstrip.thesis.chapter5.recovery_figures import AMBIGUOUS, ambiguity
 from tacstrip.thesis.shapes import POSITIONS, SHAPES, SIMULATED
 
 CRS = SIMULATED["crs-crs"]
@@ -131,9 +131,13 @@ def test_amplification_is_what_noise_does() -> None:
     heights = []
     for seed in range(400):
         scan = ts.simulate(
-            CRS, contact, ts.Noise(positional=sigma * math.sqrt(3.0), distribution="normal"), seed
+            CRS, contact, ts.Noise(positional=sigma * math.sqrt(3.0), distribution="normal"), rng=seed
         )
-        found = ts.vertex_reconstruction(scan, CRS, "kl", x, reading="strip").objects[0].vertices
+        found = (
+            ts.vertex_reconstruction(scan, CRS, signature="kl", transitions=x, reading="strip")
+            .objects[0]
+            .vertices
+        )
         heights.append(found[np.argsort(found[:, 0]), 1])
     spread = np.std(np.array(heights) - contact.vertices[order, 1], axis=0)
     np.testing.assert_allclose(spread, gain * sigma * CRS.length_mm, rtol=0.15)

@@ -11,8 +11,7 @@ import pytest
 import tacstrip as ts
 from tacstrip.calibrate.offsets import mean_offsets
 from tacstrip.data.published import Experiment, experiments, published
-from tacstrip.thesis.chapter6 import figures as chapter6_figures
-from tacstrip.thesis.chapter6 import prototypes as chapter6_prototypes
+from tacstrip.thesis.chapter6 import prototype_figures, recovery_figures
 from tacstrip.thesis.chapter6.calibration import (
     calibration_runs,
     prototype_rows,
@@ -28,7 +27,7 @@ from tacstrip.thesis.chapter6.tables import (
     at_nominal,
     run_experiment,
 )
-from tacstrip.thesis.twin import PLACINGS, twin
+from tacstrip.thesis.chapter6.twin import PLACINGS, twin
 
 BY_FIGURE = {e.figure: e for e in experiments()}
 NUMBER = {e.figure: i for i, e in enumerate(experiments())}
@@ -140,18 +139,18 @@ def test_points_on_the_tube_are_off_by_the_printed_errors() -> None:
 
 
 def test_every_figure_of_chapter_6_is_drawn() -> None:
-    drawn = {**chapter6_figures.FIGURES, **chapter6_prototypes.FIGURES}
+    drawn = {**recovery_figures.FIGURES, **prototype_figures.FIGURES}
     assert set(drawn) == {f"6.{n}" for n in range(1, 36)}
-    for module in (chapter6_figures, chapter6_prototypes):
+    for module in (recovery_figures, prototype_figures):
         for figure in module.FIGURES:
             assert module.caption(figure).startswith(f"Figure {figure}: ")
 
 
 @pytest.mark.parametrize("figure", ["6.5", "6.17", "6.22", "6.29", "6.10"])
 def test_a_recovery_shows_what_the_table_measures(figure: str) -> None:
-    e = chapter6_figures.RECOVERIES[figure]
+    e = recovery_figures.RECOVERIES[figure]
     contact, _, vertices = at_nominal(e, Variant(raw=not e.calibrated))
-    drawing = chapter6_figures.recovery(figure)
+    drawing = recovery_figures.recovery(figure)
     shapes, readings = drawing.axes[0], drawing.axes[-1]
     lines = {str(line.get_label()): np.asarray(line.get_xydata()) for line in shapes.lines}
     (label,) = [n for n in lines if n.startswith(("V.R.", "P.R., at"))]
@@ -165,7 +164,7 @@ def test_a_recovery_shows_what_the_table_measures(figure: str) -> None:
 
 
 def test_a_noisy_signature_is_raw_beside_calibrated() -> None:
-    axes = chapter6_figures.noisy("6.12").axes[0]
+    axes = recovery_figures.noisy("6.12").axes[0]
     y = {str(line.get_label()): np.asarray(line.get_ydata()) for line in axes.lines}
     offsets = next(c["offset_volt"] for c in published()["calibration"] if c["signature"] == "kl")
     np.testing.assert_allclose(y["as read"] - y["calibrated"], np.array(offsets) / 6.05, atol=1e-12)
@@ -173,7 +172,7 @@ def test_a_noisy_signature_is_raw_beside_calibrated() -> None:
 
 
 def test_a_calibration_graph_shows_the_printed_offset_and_vref() -> None:
-    axes = chapter6_prototypes.FIGURES["6.2"]().axes[0]
+    axes = prototype_figures.FIGURES["6.2"]().axes[0]
     lines = {str(line.get_label()): line for line in axes.lines}
     l, volt = np.asarray(lines["expected"].get_xydata()).T
     np.testing.assert_allclose(volt, 6.05 * l / 32.5, atol=1e-9)
@@ -182,7 +181,7 @@ def test_a_calibration_graph_shows_the_printed_offset_and_vref() -> None:
 
 
 def test_the_tubes_points_lie_on_its_surface() -> None:
-    figure = chapter6_prototypes.FIGURES["6.35"]()
+    figure = prototype_figures.FIGURES["6.35"]()
     space: Any = figure.axes[0]
     for line in space.lines:
         x, y, _ = line.get_data_3d()

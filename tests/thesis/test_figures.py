@@ -17,10 +17,10 @@ from tacstrip.sensor.spec import Sensor
 from tacstrip.simulation import simulate
 from tacstrip.surface.cylinder import strip_angle, strips_under_flat
 from tacstrip.thesis import chapter2, chapter3, chapter4
-from tacstrip.thesis.chapter5 import metrics_figures
+from tacstrip.thesis.chapter5 import error_figures
 from tacstrip.thesis.shapes import SIMULATED
 
-MODULES = (chapter2, chapter3, chapter4, metrics_figures)
+MODULES = (chapter2, chapter3, chapter4, error_figures)
 FIGURES = {number: draw for module in MODULES for number, draw in module.FIGURES.items()}
 L = 1000.0
 OWNER = {name: sensor for sensor in SIMULATED.values() for name in sensor.signatures}
@@ -30,7 +30,7 @@ def test_the_figures_are_those_asked_for() -> None:
     assert list(chapter2.FIGURES) == ["2.3", "2.4"]
     assert list(chapter3.FIGURES) == ["3.3", "3.4", "3.7", "3.10"]
     assert list(chapter4.FIGURES) == [f"4.{n}" for n in range(1, 11)]
-    assert list(metrics_figures.FIGURES) == ["5.1", "5.2", "5.3", "5.4"]
+    assert list(error_figures.FIGURES) == ["5.1", "5.2", "5.3", "5.4"]
 
 
 @pytest.mark.parametrize("number", FIGURES)
@@ -112,7 +112,9 @@ def test_4_5_vertex_reconstruction_finds_the_convex_one_from_either() -> None:
     x, y = chapter4.same_kh_pair()
     for corners in (x, y):
         scan = simulate(SIMULATED["crs-crs"], Contact.polygon(corners))
-        found = vertex_reconstruction(scan, SIMULATED["crs-crs"], "kh", np.sort(x[:, 0]))
+        found = vertex_reconstruction(
+            scan, SIMULATED["crs-crs"], signature="kh", transitions=np.sort(x[:, 0])
+        )
         assert found.status == "ok"
         np.testing.assert_allclose(found.objects[0].vertices, x, atol=1e-6)
 
@@ -161,7 +163,7 @@ def test_4_10_has_three_blocks_that_share_a_section_each() -> None:
 
 
 def test_5_1_draws_the_ends_that_strips_read() -> None:
-    l, u = footprint(metrics_figures.SENSOR, metrics_figures.OBJECT)
+    l, u = footprint(error_figures.SENSOR, error_figures.OBJECT)
     stairs = [p.get_data().values for p in _stairs(FIGURES["5.1"]())]
     np.testing.assert_array_equal(stairs, [l, u])
 
@@ -173,13 +175,13 @@ def test_5_2_errors_are_of_the_size_of_the_thesis_profiles() -> None:
 
 
 def test_5_3_a_turning_function_goes_round_once() -> None:
-    s, theta = metrics_figures.turning_function(metrics_figures.A)
+    s, theta = error_figures.turning_function(error_figures.A)
     np.testing.assert_allclose(s, [0.0, 0.3, 0.5, 0.8, 1.0])
     np.testing.assert_allclose(theta, [0.0, 0.5 * np.pi, np.pi, 1.5 * np.pi])
 
 
 def test_5_4_the_shaded_area_is_the_mismatch_coefficient() -> None:
-    a, b = metrics_figures.A, metrics_figures.B
+    a, b = error_figures.A, error_figures.B
     shaded, first, second = (p.get_data() for p in _stairs(FIGURES["5.4"]()))
     area = float(np.diff(shaded.edges) @ np.abs(shaded.values - shaded.baseline))
     assert area == pytest.approx(mismatch_coefficient(a, b), abs=1e-12)
@@ -192,7 +194,7 @@ def test_best_alignment_agrees_with_the_metric_on_many_pairs() -> None:
     rng = np.random.default_rng(5)
     for _ in range(20):
         a, b = (_star(rng, int(rng.integers(3, 8))) for _ in range(2))
-        found = metrics_figures.best_alignment(a, b)
+        found = error_figures.best_alignment(a, b)
         assert found.mc == pytest.approx(mismatch_coefficient(a, b), abs=1e-12)
 
 

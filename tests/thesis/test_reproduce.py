@@ -70,38 +70,38 @@ def test_claims_are_judged_on_our_tables(made: tuple[Path, dict[str, Any]]) -> N
     assert all(c["evidence"] for c in tables["claims"])
 
 
-def _told(ours: list[dict[str, Any]]) -> dict[str, dict[str, str]]:
+def _by_claim(ours: list[dict[str, Any]]) -> dict[str, dict[str, str]]:
     return {c["claim"]: c for c in judge_chapter6(ours)}
 
 
 def test_claims_are_judged_and_can_be_refuted(made: Made) -> None:
     ours = [row["ours"] for row in made[1]["experiment"]]
-    told = _told(ours)
-    assert len(told) == 14
-    assert {c["section"] for c in told.values()} == {"6.1.2", "6.2.2", "6.3.2", "6.4"}
-    assert all(c["evidence"] for c in told.values())
+    judged = _by_claim(ours)
+    assert len(judged) == 14
+    assert {c["section"] for c in judged.values()} == {"6.1.2", "6.2.2", "6.3.2", "6.4"}
+    assert all(c["evidence"] for c in judged.values())
     calibration, lower = (
         "calibration is important to V.R. with k_h",
         "with k_h the lower region suffers most from noise",
     )
-    assert told[calibration]["verdict"] == "holds"
-    assert told[lower]["verdict"] == "fails"
+    assert judged[calibration]["verdict"] == "holds"
+    assert judged[lower]["verdict"] == "fails"
     other = copy.deepcopy(ours)
     for figure in ("6.5", "6.7", "6.9"):
         for measure in MEASURES:
             other[NUMBER[figure]]["variants"]["not calibrated"][measure]["median"] = 0.0
             if figure == "6.5":
                 other[NUMBER[figure]][measure]["median"] = 99.0
-    assert _told(other)[calibration]["verdict"] == "fails"
-    assert _told(other)[lower]["verdict"] == "holds"
+    assert _by_claim(other)[calibration]["verdict"] == "fails"
+    assert _by_claim(other)[lower]["verdict"] == "holds"
 
 
 def test_claims_of_the_printed_figures_alone(made: Made) -> None:
-    told = {c["claim"]: c for c in made[1]["claims"]}
-    over = told["mean offsets over-adjust in the lower region"]
+    judged = {c["claim"]: c for c in made[1]["claims"]}
+    over = judged["mean offsets over-adjust in the lower region"]
     assert over["verdict"] == "fails"
     assert "lower: 0 of 29 below 0" in over["evidence"]
-    like = told["errors after calibration are like P.U. profile II"]
+    like = judged["errors after calibration are like P.U. profile II"]
     assert like["verdict"] == "holds"
     assert "0.70 % of Vref" in like["evidence"]
     lean, x = most_upright_deg()
@@ -118,7 +118,7 @@ def test_tables_json_has_chapter_6(made: Made) -> None:
         assert set(row["ours"]["mc"]) == {"median", "p05", "p95"}
     metal = next(r["ours"] for r in tables["experiment"] if r["figure"] == "6.29")
     assert metal["variants"]["overhanging"]["ape"]["median"] != metal["ape"]["median"]
-    assert metal["mc"]["median"] > 10.0 * metal["mc_rad"]["median"]  # both units are told apart
+    assert metal["mc"]["median"] > 10.0 * metal["mc_rad"]["median"]  # both units differ
     counts = inside_counts(made[1])
     assert [counts[t][1] for t in ("6.2", "6.3", "6.4", "6.6")] == [15, 9, 9, 15]
 

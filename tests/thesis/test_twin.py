@@ -9,7 +9,7 @@ import tacstrip as ts
 from tacstrip.data import data_path
 from tacstrip.data.published import offsets_volt, published, residuals
 from tacstrip.sensor.circuit import k_metal
-from tacstrip.thesis.twin import (
+from tacstrip.thesis.chapter6.twin import (
     LINES,
     PLACINGS,
     PROTOTYPES,

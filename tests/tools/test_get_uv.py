@@ -13,7 +13,7 @@ from types import ModuleType
 
 import pytest
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parent.parent.parent
 SAYS_ITS_VERSION = "#!/bin/sh\necho uv 9.9.9\n"
 posix = pytest.mark.skipif(os.name == "nt", reason="the stand-in programs are shell scripts")
 
@@ -23,7 +23,7 @@ def _load() -> ModuleType:
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
-    sys.modules["get_uv"] = module  # dataclasses look their module up here
+    sys.modules["get_uv"] = module
     spec.loader.exec_module(module)
     return module
 
@@ -227,12 +227,11 @@ def test_pip_takes_over_with_the_pinned_version_and_hash(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     root = _checkout(tmp_path, None, sha256="5" * 64)
+    (tmp_path / "mirrored").write_bytes(UV_WHEEL)
     script = f"""
-while [ "$1" != "-t" ]; do shift; done
+while [ "$1" != "-d" ]; do shift; done
 cp "$4" '{tmp_path}/asked'
-mkdir -p "$2/uv" "$2/bin"
-cat > "$2/bin/uv" <<'END'
-{SAYS_ITS_VERSION}END
+cp '{tmp_path}/mirrored' "$2/uv-9.9.9-py3-none-any.whl"
 """
     monkeypatch.setattr(sys, "executable", _python_stand_in(tmp_path, script))
     assert get_uv.main(root) == 0
@@ -247,7 +246,7 @@ cat > "$2/bin/uv" <<'END'
     [
         ("python: No module named pip", "python: No module named pip"),
         ("WARNING: retrying\nERROR: No matching distribution\nmore", "No matching distribution"),
-        ("", "it brought no uv"),
+        ("", "it downloaded no wheel of uv"),
     ],
 )
 def test_without_pip_too_one_sentence_tells_what_to_do(

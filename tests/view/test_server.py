@@ -15,8 +15,10 @@ import pytest
 
 import tacstrip as ts
 from live_devices import SENSOR
+from tacstrip.stream import RawScan
 from tacstrip.stream.live.bounded_queue import BoundedQueue
 from tacstrip.stream.live.pipeline import Live
+from tacstrip.tracking import Tracker
 from tacstrip.view.access import Access
 from tacstrip.view.controller import Controller
 from tacstrip.view.drawing import frame_json
@@ -294,8 +296,8 @@ def test_the_doctor_looks_at_what_was_measured(controller: Controller, live: Liv
 def test_a_picture_is_json_with_no_nan() -> None:
     contact = ts.Contact.polygon([(22, 38), (62, 22), (80, 55), (45, 76)])
     scan = ts.simulate(SENSOR, contact, ts.Noise(positional=0.002))
-    objects = ts.Tracker(SENSOR).update(scan)
-    raw = ts.RawScan(0.0, {}, scan.touched)
+    objects = Tracker(SENSOR).update(scan)
+    raw = RawScan(0.0, {}, scan.touched)
     told = frame_json(ts.Frame(3, raw, SENSOR, scan, objects, 0.0, 0.0))
     text = json.dumps(told, allow_nan=False)
     assert json.loads(text)["readings"]["kh"][0] is None

@@ -16,10 +16,10 @@ from tacstrip.reconstruction.result import Reconstruction
     "--out", type=click.Path(path_type=Path), default="demo", show_default=True, help="Folder to write to."
 )
 def command(out: Path) -> None:
-    """Recover a rectangle from packaged volts of the ten-strip prototype, before and after calibration.
+    """Reconstruct a rectangle from packaged volts of the ten-strip prototype, before and after calibration.
 
     The volts are synthetic: the published geometry, a tilted 5 x 3.5 cm rectangle, the printed offsets and
-    the printed residual errors. Writes a picture and the recovered shape.
+    the printed residual errors. Writes a picture and the reconstructed shape.
 
     Example: tacstrip demo --out demo
     """
@@ -29,15 +29,13 @@ def command(out: Path) -> None:
     click.echo(
         "Synthetic readings of the thesis' CRS-CRS prototype (10 strips, 6.5 x 32.5 cm, 5 x 3.5 cm object)."
     )
-    click.echo("Polygon fit: what `tacstrip reconstruct` does. P.R. and V.R.: the thesis' Profile and Vertex")
+    click.echo(
+        "Polygon fit: the default of `tacstrip reconstruct`. P.R. and V.R.: the thesis' Profile and Vertex"
+    )
     click.echo("Reconstruction; transitions given: the true ones.\n")
     click.echo(table(demo))
     best = next(t for t in demo.trials if (t.readings, t.method) == ("after", FIT))
-    write_geojson(_folder(out) / "shape.geojson", [Reconstruction("polygon", (best.recovered,))])
+    out.mkdir(parents=True, exist_ok=True)
+    write_geojson(out / "shape.geojson", [Reconstruction("polygon", (best.recovered,))])
     file = save(picture(demo), out / "demo.png")
     click.echo(f"\n{file}: the picture\n{out / 'shape.geojson'}: the fitted polygon after calibration, in mm")
-
-
-def _folder(path: Path) -> Path:
-    path.mkdir(parents=True, exist_ok=True)
-    return path

@@ -6,6 +6,7 @@ import json
 import sys
 from collections import Counter
 from pathlib import Path
+from typing import Any
 
 import click
 import numpy as np
@@ -14,15 +15,13 @@ from click.core import ParameterSource
 from tacstrip.cli import check_method, load_sensor, protect, warn
 from tacstrip.contact.noise import Noise
 from tacstrip.contact.shape import Contact
-from tacstrip.errors import OptionError, ReadingError, number, one_of
+from tacstrip.errors import OptionError, ReadingError, number
 from tacstrip.geometry.metrics import mismatch
 from tacstrip.io.geometry import feature_collection, read_contact, write_geojson
 from tacstrip.io.input_checks import exchanged, half_read, largest, over_vref
 from tacstrip.io.readings import read_readings
-from tacstrip.reconstruction.methods import METHODS, best_method
-from tacstrip.reconstruction.profile import profile_reconstruction
+from tacstrip.reconstruction.methods import chosen_method, reconstruct
 from tacstrip.reconstruction.result import Reconstruction
-from tacstrip.reconstruction.vertex.estimate import vertex_reconstruction
 from tacstrip.scan import Scan
 from tacstrip.sensor.raw import distorted
 from tacstrip.sensor.rest_level import rest_hint
@@ -94,9 +93,7 @@ def command(
         )
     given = click.get_current_context().get_parameter_source
     for_vertex = [o for o in ("transitions", "reading") if given(o) is ParameterSource.COMMANDLINE]
-    chosen = method or ("vertex" if for_vertex else best_method(spec))
-    if chosen not in METHODS:
-        raise OptionError(one_of("method", chosen, METHODS))
+    chosen = chosen_method(method or ("vertex" if for_vertex else None), spec)
     if chosen != "vertex" and for_vertex:
         raise OptionError(f"--{for_vertex[0]} is for --method vertex; leave it out for {chosen}")
     check_method("--method", chosen, spec, scans[0].signatures)
@@ -123,18 +120,13 @@ def command(
         f"{readings}: {unset}" if unset else "",
         f"{swapped} (`tacstrip doctor {readings} --sensor {sensor}` says more)" if swapped else "",
     )
-    results = []
-    for scan in scans:
-        if chosen == "profile":
-            results.append(profile_reconstruction(scan, spec, known, convex=convex))
-        elif chosen == "vertex":
-            results.append(vertex_reconstruction(scan, spec, signature, where, reading, known))  # type: ignore[arg-type]
-        else:
-            from tacstrip.reconstruction.polygon.estimate import (
-                fit_polygon,  # late: other methods do without it
-            )
-
-            results.append(fit_polygon(_only(scan, signature), spec, known, vertices=vertices, wide=wide))
+    by_method: dict[str, dict[str, Any]] = {
+        "polygon": {"vertices": vertices, "wide": wide},
+        "vertex": {"signature": signature, "transitions": where, "reading": reading},
+        "profile": {"convex": convex},
+    }
+    used = scans if signature is None else [_only(scan, signature) for scan in scans]
+    results = [reconstruct(scan, spec, known, method=chosen, **by_method[chosen]) for scan in used]
     contact = read_contact(truth) if truth else None
     if contact is not None and not _polygons(contact):
         raise OptionError(
@@ -152,9 +144,9 @@ def command(
         sys.exit(1)
 
 
-def _only(scan: Scan, signature: str | None) -> Scan:
+def _only(scan: Scan, signature: str) -> Scan:
     """Leave the scan's other signatures out."""
-    return scan if signature is None else Scan(**{signature: scan[signature]}, time_s=scan.time_s)
+    return Scan(**{signature: scan[signature]}, time_s=scan.time_s)
 
 
 def _transitions(text: str) -> str | list[float]:

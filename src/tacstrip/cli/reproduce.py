@@ -17,7 +17,7 @@ from tacstrip.thesis.reproduce import inside_counts, reproduce
 @click.option("--seeds", type=click.IntRange(1), default=200, show_default=True, help="Draws per noisy cell.")
 @click.option("--workers", type=click.IntRange(1), help="Processes; by default one per core.")
 def command(out: Path, seeds: int, workers: int | None) -> None:
-    """Make tables 5.2-5.14, 6.1-6.11 and the figures of chapters 2 to 6 again, beside the printed ones.
+    """Reproduce tables 5.2-5.14, 6.1-6.11 and the figures of chapters 2 to 6, with the printed values.
 
     Writes tables.json, report.html and figures/. Example: tacstrip reproduce --out reproduction --seeds 20
     """

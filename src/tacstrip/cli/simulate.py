@@ -99,7 +99,7 @@ def command(
     random = np.random.default_rng(seed)
     touch = footprint(spec, places)
     scans = [
-        simulate(spec, c, noise, random, model, i / rate, electrodes=electrodes)  # type: ignore[arg-type]
+        simulate(spec, c, noise, rng=random, model=model, time_s=i / rate, electrodes=electrodes)  # type: ignore[arg-type]
         for i, c in enumerate(places)
     ]
     write_readings(output, spec, scans)

@@ -59,11 +59,8 @@ _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
 def exported(name: str) -> Callable[..., Any] | None:
     """Return a function of the compiled core, its name without `tacstrip_`; None where NumPy has to do."""
     core = library()
-    return None if core is None else bound(core, name)
-
-
-def bound(core: ctypes.CDLL, name: str) -> Callable[..., Any]:
-    """Return a function of a certain build."""
+    if core is None:
+        return None
     function: Any = getattr(core, f"tacstrip_{name}")
     function.restype, function.argtypes = _FUNCTIONS[name]
     found: Callable[..., Any] = function

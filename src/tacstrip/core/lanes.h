@@ -24,11 +24,10 @@ static inline Pack where(Mask yes, Pack a, Pack b) { return (Pack)((yes & (Mask)
 #else
 #define WIDTH 1
 typedef double Pack;
-typedef int Mask;
-static inline Pack load(const double *a) { return *a; }
-static inline void store(double *a, Pack v) { *a = v; }
-static inline Pack all(double v) { return v; }
-static inline Pack where(Mask yes, Pack a, Pack b) { return yes ? a : b; }
+#define load(a) (*(a)) /* macros, for Tiny C inlines nothing */
+#define store(a, v) (*(a) = (v))
+#define all(v) ((Pack)(v))
+#define where(yes, a, b) ((yes) ? (a) : (b))
 #endif
 
 #define PACKS (LANES / WIDTH)
@@ -77,7 +76,7 @@ enum { LL, LU, UU, LR, UR, RR, TERMS };
 
 double hyperbolic_tangent(double x);
 
-/* Contacts from l to u as ideal ones: contact resistance eats t into each end (docs/decisions.md). */
+/* Contacts from l to u as ideal ones: contact resistance eats t into each end (docs/decisions/, one closed form). */
 typedef struct {
   Pack low, high, over, mix; /* l + t, u - t, 1 / D, dt/dw */
 } Ideal;

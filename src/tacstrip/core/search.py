@@ -7,7 +7,6 @@ the best one are then fitted to all strips, and compared.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -80,18 +79,6 @@ def fit_counts(
     core = exported("fit_counts")
     if core is None:
         return plain_fit_counts(signal, known, most, every, corners)
-    return compiled_fit_counts(core, signal, known, most, every, corners)
-
-
-def compiled_fit_counts(
-    core: Callable[..., int],
-    signal: Signal,
-    known: bool = True,
-    most: int = MOST,
-    every: bool = False,
-    corners: int | None = None,
-) -> Fits:
-    """Do as `fit_counts`, by a certain build of the core."""
     found, picked, workspace = np.empty(MOST + 1, POLYGON), np.empty(2, dtype=np.int64), search_workspace()
     count = core(signal.problem, known, most, corners or 0, every, at(found), at(picked), at(workspace))
     fits = tuple(Fit.of_record(found[i : i + 1]) for i in range(count))

@@ -1,1 +1,8 @@
-"""Sensors as networks of resistors: what a real one does, and the check of the closed forms."""
+"""Sensors as networks of resistors: what a real one does, and the check of the closed forms.
+
+The names that this package gives are listed in `__init__.pyi`, once, and loaded when first used.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

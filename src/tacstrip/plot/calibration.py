@@ -1,4 +1,4 @@
-"""Pictures of a calibration: the thesis' calibration graphs (figures 6.2-6.4, 6.24-6.26, 6.34), and what is left."""
+"""Pictures of a calibration: the thesis' calibration graphs (figures 6.2-6.4, 6.24-6.26, 6.34), and its residuals."""
 
 from __future__ import annotations
 
@@ -16,36 +16,31 @@ from tacstrip.sensor.constructions import SIGNATURES
 
 _PROFILES = {"I": 0.5, "II": 1.0}  # half-widths of the thesis' P.U. profiles [% of Vref] (5.1.3)
 _MOST_LENGTHS = 3
-_MOST_STRIPS = 12  # graphs; a report of more pictures than this is not looked at
-_LEAST_SPAN = 0.2  # of Vref, in a graph: a single point off by little must not look off by much
+_MOST_STRIPS = 12  # with graphs: nobody looks through more
+_LEAST_SPAN = 0.2  # of Vref, in a graph: the error of a single point must not be exaggerated
 
 
 def draw_all(result: Calibrated, folder: Path) -> list[tuple[str, Path]]:
     """Write all pictures into a folder and return caption and file of each."""
     folder.mkdir(parents=True, exist_ok=True)
-    made = [
-        (
-            "What readings of known contacts are off by, strip by strip",
-            save(left_figure(result), folder / "left.png"),
-        ),
-        (
-            "What is left along the strips, all strips together",
-            save(along_figure(result), folder / "along.png"),
-        ),
-    ]
-    for strip in graphed(result):
+    figures = {
+        "errors": ("Errors of readings of known contacts, strip by strip", residuals_by_strip(result)),
+        "residuals": ("Residuals along the strips, all strips together", residuals_along_strips(result)),
+    }
+    made = [(caption, save(figure, folder / f"{name}.png")) for name, (caption, figure) in figures.items()]
+    for strip in graphed_strips(result):
         number = strip + result.plain.strip_base
         file = save(calibration_graphs(result, strip), folder / f"strip-{number}.png")
         made.append((f"Calibration graphs of strip {number}", file))
     return made
 
 
-def graphed(result: Calibrated) -> list[int]:
-    """Return the strips that get graphs, from 0: all, or of many those with the largest errors left."""
-    left = np.max(
+def graphed_strips(result: Calibrated) -> list[int]:
+    """Return the strips that get graphs, from 0: all, or of many those with the largest residuals."""
+    largest = np.max(
         [np.nanmax(np.where(result.counted, np.abs(v), 0.0), axis=0) for v in result.after.values()], axis=0
     )
-    return sorted(int(strip) for strip in np.argsort(-left, kind="stable")[:_MOST_STRIPS])
+    return sorted(int(strip) for strip in np.argsort(-largest, kind="stable")[:_MOST_STRIPS])
 
 
 def calibration_graphs(result: Calibrated, strip: int) -> Figure:
@@ -75,15 +70,15 @@ def calibration_graphs(result: Calibrated, strip: int) -> Figure:
             axes.set_xlabel("l [mm]")
             axes.set_ylabel(f"{SIGNATURES[name].volt_column} [V]")
             low, high = axes.get_ylim()
-            wanting = max(_LEAST_SPAN * vref - (high - low), 0.0)
-            axes.set_ylim(low - 0.5 * wanting, high + 0.5 * wanting)
+            missing = max(_LEAST_SPAN * vref - (high - low), 0.0)
+            axes.set_ylim(low - 0.5 * missing, high + 0.5 * missing)
             axes.set_xlim(-0.03 * sensor.length_mm, 1.03 * sensor.length_mm)
             if number == 1:
                 legend_above(axes)
     return figure
 
 
-def left_figure(result: Calibrated) -> Figure:
+def residuals_by_strip(result: Calibrated) -> Figure:
     """Draw every row's error by strip: raw, after the thesis' mean offsets, after this calibration."""
     figure = new_figure(11.0, 3.6)
     stages = {"raw": result.before, "mean offsets (6.1)-(6.5)": result.mean, result.model: result.after}
@@ -102,8 +97,8 @@ def left_figure(result: Calibrated) -> Figure:
     return figure
 
 
-def along_figure(result: Calibrated) -> Figure:
-    """Draw what mean offsets and this calibration leave, over the contact's middle, by its length."""
+def residuals_along_strips(result: Calibrated) -> Figure:
+    """Draw the residuals of mean offsets and of this calibration over the contact's middle, by its length."""
     figure = new_figure(9.0, 3.6)
     middle = result.runs.l_mm + 0.5 * result.runs.w_mm
     for number, (title, off) in enumerate(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -13,7 +15,7 @@ from tacstrip.diagnose.noise import PROFILE_I, PROFILE_II
 from tacstrip.plot.style import COLOURS, add_axes, legend, new_figure
 from tacstrip.sensor.constructions import SIGNATURES
 
-# Colour and hatch: told apart without colour too.
+# Colour and hatch: distinguishable without colour too.
 CONDITIONS = {
     "ok": ("#7fb069", ""),
     "degraded": ("#e6a23c", "//"),
@@ -28,7 +30,7 @@ def health_figure(log: Log, report: Report) -> Figure:
     Parameters
     ----------
     log, report
-        A recording, and what `diagnose` said of it.
+        A recording, and the findings of `diagnose`.
     """
     figure = new_figure(9.0, 6.4)
     health, readings, noise = (add_axes(figure, 3, 1, i) for i in (1, 2, 3))
@@ -50,13 +52,8 @@ def health_figure(log: Log, report: Report) -> Figure:
     noise.bar(strips, np.nan_to_num(half), width=0.8, color="#8ea6c4")
     for number, level in (("I", PROFILE_I), ("II", PROFILE_II)):
         noise.axhline(100.0 * level, color="#555555", linewidth=0.8, linestyle="--")
-        noise.annotate(
-            f"profile {number}",
-            (1.0, 100.0 * level),
-            xycoords=("axes fraction", "data"),
-            fontsize=8.0,
-            va="center",
-        )
+        at = noise.get_yaxis_transform()  # x in parts of the axes
+        noise.text(1.0, 100.0 * level, f"profile {number}", transform=at, fontsize=8.0, va="center")
     noise.set_ylabel("P.U. [+-% of Vref]")
     noise.set_xlabel("strip")
     for axes in (health, readings, noise):
@@ -65,22 +62,14 @@ def health_figure(log: Log, report: Report) -> Figure:
 
 
 def _draw_health(axes: Axes, report: Report, strips: IntArray) -> None:
-    there = set()
+    in_legend = set()
     for i, strip in enumerate(strips):
         condition = report.condition(i)
         colour, hatch = CONDITIONS[condition]
-        label = None if condition in there else condition
-        axes.bar(
-            strip,
-            1.0,
-            width=0.9,
-            color=colour,
-            hatch=hatch,
-            edgecolor="white",
-            linewidth=0.0,
-            label=label,
-        )
-        there.add(condition)
+        label = None if condition in in_legend else condition
+        style: dict[str, Any] = {"color": colour, "hatch": hatch, "edgecolor": "white", "linewidth": 0.0}
+        axes.bar(strip, 1.0, width=0.9, label=label, **style)
+        in_legend.add(condition)
         names = "\n".join(sorted({FAULTS[f.fault].title for f in report.of_strip(i)}))
         if names:
             box = {"facecolor": "white", "edgecolor": "none", "boxstyle": "square,pad=0.2"}

@@ -1,4 +1,4 @@
-"""Recovered objects with the number, colour and legend that tell them apart in a picture."""
+"""Recovered objects with the number, colour and legend entry that distinguish them in a picture."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from tacstrip.plot.style import OTHERS, RECOVERED
 from tacstrip.reconstruction.result import Reconstruction, RecoveredObject
 from tacstrip.sensor.spec import Sensor
 
-_MOST_NAMED = 8  # objects with a line of their own in the legend
+_MOST_NAMED = 8  # objects with an entry of their own in the legend
 
 
 @dataclass(frozen=True)
-class Numbered:
+class LabelledObject:
     """One object to draw.
 
     Attributes
@@ -25,11 +25,11 @@ class Numbered:
         The object.
     number
         What is written on it: its number from 1, left to right; with several scans the scan's, as "3" or "3.1". Empty
-        where there is nothing to be told apart.
+        for a single object.
     colour
-        Its own; its scan's where there are several; its method's where methods are compared.
+        Its own; its scan's if there are several; its method's if methods are compared.
     label
-        Its line in the legend; None where another's line says the same.
+        Its entry in the legend; None where an entry with the same text exists.
     """
 
     found: RecoveredObject
@@ -45,7 +45,9 @@ class Numbered:
         return float(sensor.x_mm[self.found.strips].mean()), 0.5 * sensor.length_mm
 
 
-def numbered(results: Mapping[str, Sequence[Reconstruction]], shown: Sequence[int]) -> list[Numbered]:
+def labelled_objects(
+    results: Mapping[str, Sequence[Reconstruction]], shown: Sequence[int]
+) -> list[LabelledObject]:
     """Return the objects of the scans that are shown, method by method."""
     palette = (RECOVERED, *OTHERS)
     several = len(shown) > 1
@@ -55,20 +57,20 @@ def numbered(results: Mapping[str, Sequence[Reconstruction]], shown: Sequence[in
         for order, i in enumerate(shown)
         for k, found in enumerate(reconstructions[i].objects)
     ]
-    made: list[Numbered] = []
-    said: set[str] = set()
-    for method, name, order, i, k, found, beside in every:
+    labelled: list[LabelledObject] = []
+    labels: set[str] = set()
+    for method, name, order, i, k, found, n_objects in every:
         if len(results) > 1:
             colour = palette[method % len(palette)]
-        elif several:  # from dark to light, as time goes; the lightest would not be seen
+        elif several:  # from dark to light over time; the lightest would be invisible
             colour = to_hex(mpl.colormaps["viridis"](0.85 * order / (len(shown) - 1)))
         else:
             colour = palette[k % len(palette)]
-        own = f"{k + 1}" if beside > 1 else ""
+        own = f"{k + 1}" if n_objects > 1 else ""
         number = (f"{i}.{own}" if own else f"{i}") if several else own
         named = f"{name} {own}" if own and not several and len(every) <= _MOST_NAMED else name
         strips = ", strip by strip" if not found.found and found.profile is not None else ""
         label = f"{named}: {found.status}{strips}"
-        made.append(Numbered(found, number, colour, None if label in said else label))
-        said.add(label)
-    return made
+        labelled.append(LabelledObject(found, number, colour, None if label in labels else label))
+        labels.add(label)
+    return labelled

@@ -27,7 +27,7 @@ def limits_figure(sensor: Sensor, outline: Outline, found: list[Limit], over: Ma
     found
         The bounds, a colour each.
     over
-        The map; places where the vertices cannot be told stay grey.
+        The map; places where the readings do not determine the vertices stay grey.
     """
     figure = new_figure(9.5, 4.6)
     left, right = (add_axes(figure, 1, 2, i) for i in (1, 2))

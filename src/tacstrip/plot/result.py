@@ -13,14 +13,14 @@ from matplotlib.patches import Patch
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.shape import Contact
 from tacstrip.geometry.region import regions
-from tacstrip.plot.labels import Numbered, numbered
+from tacstrip.plot.labels import LabelledObject, labelled_objects
 from tacstrip.plot.scene import (
     draw_contact,
     draw_polygon,
     draw_regions,
     draw_sensor,
     draw_signatures,
-    near,
+    neighbourhood,
     x_label,
     zoom,
 )
@@ -55,7 +55,7 @@ def reconstruction_figure(
     touched = [i for i, scan in enumerate(scans) if scan.touched.any()]
     shown = _spread(touched, _MOST_SCANS)
     truth = [truth[i] for i in shown] if len(truth) == len(scans) else truth
-    objects = numbered(results, shown)
+    objects = labelled_objects(results, shown)
     points = _points(objects, truth)
     with_regions = len(shown) <= _MOST_WITH_REGIONS
     closer = len(points) > 0 and not _nearly_all(sensor, points)
@@ -79,7 +79,11 @@ def reconstruction_figure(
 
 
 def _draw_shapes(
-    axes: Axes, sensor: Sensor, objects: Sequence[Numbered], truth: Sequence[Contact], with_regions: bool
+    axes: Axes,
+    sensor: Sensor,
+    objects: Sequence[LabelledObject],
+    truth: Sequence[Contact],
+    with_regions: bool,
 ) -> None:
     for i, contact in enumerate(truth):
         draw_contact(axes, contact, label=None if i else "true shape")
@@ -116,7 +120,7 @@ def _explain(figure: Figure, axes: Axes, with_regions: bool, several: bool) -> N
     figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False)
 
 
-def _points(objects: Sequence[Numbered], truth: Sequence[Contact]) -> FloatArray:
+def _points(objects: Sequence[LabelledObject], truth: Sequence[Contact]) -> FloatArray:
     corners = [o.found.vertices for o in objects if o.found.found]
     corners += [shapely.get_coordinates(list(c.shapes)) for c in truth]
     return np.concatenate(corners) if corners else np.empty((0, 2))
@@ -124,7 +128,7 @@ def _points(objects: Sequence[Numbered], truth: Sequence[Contact]) -> FloatArray
 
 def _nearly_all(sensor: Sensor, points: FloatArray) -> bool:
     """Tell whether a closer view of points would show most of the sensor."""
-    x, y = near(points, sensor)
+    x, y = neighbourhood(points, sensor)
     seen = (min(x[1], sensor.width_mm) - max(x[0], 0.0)) * (min(y[1], sensor.length_mm) - max(y[0], 0.0))
     return seen > _NEARLY_ALL * sensor.width_mm * sensor.length_mm
 

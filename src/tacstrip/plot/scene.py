@@ -114,12 +114,12 @@ def draw_signatures(
 
 def zoom(axes: Axes, points: npt.ArrayLike, sensor: Sensor, share: float = 0.25) -> None:
     """Show the neighbourhood of points (N, 2) [mm] instead of the whole sensor."""
-    x, y = near(points, sensor, share)
+    x, y = neighbourhood(points, sensor, share)
     axes.set_xlim(*x)
     axes.set_ylim(*y)
 
 
-def near(
+def neighbourhood(
     points: npt.ArrayLike, sensor: Sensor, share: float = 0.25
 ) -> tuple[tuple[float, float], tuple[float, float]]:
     """Return the spans of x and y that `zoom` shows [mm]."""

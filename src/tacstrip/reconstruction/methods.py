@@ -1,9 +1,11 @@
-"""The methods by name, for whoever lets a user choose one."""
+"""The one door to all methods, by name."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
+from tacstrip.arguments import takes
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError, one_of
 from tacstrip.reconstruction.profile import profile_reconstruction
@@ -13,19 +15,15 @@ from tacstrip.scan import Scan
 from tacstrip.sensor.spec import Sensor
 
 
-def _polygon(scan: Scan, sensor: Sensor, noise: Noise | None) -> Reconstruction:
+def _polygon(scan: Scan, sensor: Sensor, noise: Noise | None, **options: Any) -> Reconstruction:
     from tacstrip.reconstruction.polygon.estimate import fit_polygon  # late: other methods do without it
 
-    return fit_polygon(scan, sensor, noise)
+    return fit_polygon(scan, sensor, noise, **options)
 
 
-def _vertex(scan: Scan, sensor: Sensor, noise: Noise | None) -> Reconstruction:
-    return vertex_reconstruction(scan, sensor, noise=noise)
-
-
-METHODS: dict[str, Callable[[Scan, Sensor, Noise | None], Reconstruction]] = {
+METHODS: dict[str, Callable[..., Reconstruction]] = {
     "polygon": _polygon,
-    "vertex": _vertex,
+    "vertex": vertex_reconstruction,
     "profile": profile_reconstruction,
 }
 
@@ -35,10 +33,42 @@ def best_method(sensor: Sensor) -> str:
     return "polygon" if sensor.kind.closed_form else "profile"
 
 
-def recover(
-    scan: Scan, sensor: Sensor, method: str | None = None, noise: Noise | None = None
+def chosen_method(method: str | None, sensor: Sensor) -> str:
+    """Return the name of a method that exists: the given one, or for None and "auto" the best for this sensor.
+
+    Raises
+    ------
+    OptionError
+        There is no such method.
+    """
+    name = best_method(sensor) if method is None or method == "auto" else method
+    if name not in METHODS:
+        raise OptionError(one_of("method", name, METHODS))
+    return name
+
+
+@takes(scan=Scan, sensor=Sensor, noise=Noise)
+def reconstruct(
+    scan: Scan, sensor: Sensor, noise: Noise | None = None, *, method: str | None = "auto", **options: Any
 ) -> Reconstruction:
-    """Recover shapes by the method of that name, by default the best for this sensor.
+    """Reconstruct what touches the sensor from one scan.
+
+    Parameters
+    ----------
+    scan, sensor
+        What was measured, with what.
+    noise
+        The errors of the readings, if they are known; None: estimated from the readings where the method needs them.
+    method
+        "polygon" (`fit_polygon`), "vertex" (`vertex_reconstruction`), "profile" (`profile_reconstruction`), or
+        "auto", the best for this sensor.
+    **options
+        Of that method's function.
+
+    Returns
+    -------
+    Reconstruction
+        An object per contact, each with a status and advice.
 
     Raises
     ------
@@ -46,8 +76,15 @@ def recover(
         There is no such method, or it is not for this construction.
     SignatureError, ReadingError
         The scan lacks what the method needs, or is not of this sensor.
+
+    Examples
+    --------
+    >>> import tacstrip as ts
+    >>> sensor = ts.Sensor(construction="crs-crs", strips=100, pitch_mm=1.0, length_mm=100.0)
+    >>> contact = ts.Contact.polygon([(20, 40), (55, 20), (80, 50), (45, 75)])
+    >>> noise = ts.Noise(positional=0.002)
+    >>> found = ts.reconstruct(ts.simulate(sensor, contact, noise, rng=1), sensor, noise)
+    >>> found.status, len(found.objects[0].vertices)
+    ('ok', 4)
     """
-    name = best_method(sensor) if method is None else method
-    if name not in METHODS:
-        raise OptionError(one_of("method", name, METHODS))
-    return METHODS[name](scan, sensor, noise)
+    return METHODS[chosen_method(method, sensor)](scan, sensor, noise=noise, **options)

@@ -27,6 +27,7 @@ def profile_reconstruction(
     scan: Scan,
     sensor: Sensor,
     noise: Noise | None = None,
+    *,
     convex: bool = False,
     wiring: Wiring | None = None,
 ) -> Reconstruction:

@@ -11,7 +11,7 @@ from tacstrip.arrays import FloatArray
 from tacstrip.calibrate.unit import Calibrated
 from tacstrip.data import data_path
 from tacstrip.files import write_text
-from tacstrip.plot.calibration import draw_all, graphed
+from tacstrip.plot.calibration import draw_all, graphed_strips
 from tacstrip.report.page import Picture
 
 
@@ -50,7 +50,7 @@ def write_report(result: Calibrated, folder: Path) -> Path:
         sensor=result.sensor, calibration=result.sensor.calibration, count=result.runs.count, bad=result.bad,
         model=result.model, verdict=verdict(result), stages=stages(result), strips=_strips(result),
         trials=result.trials, status=result.status, advice=result.advice, pictures=pictures,
-        parameters=result.parameters, graphs=len(graphed(result)),
+        parameters=result.parameters, graphs=len(graphed_strips(result)),
     )  # fmt: skip
     write_text(file, page)
     return file

@@ -10,7 +10,7 @@ a = r / (1 + r) and D = L - (1 - a) w; then, over Vref,
 a = 1/2 gives equal strips (3.3), (3.4); a = 0, a metal sheet, makes both of them (3.8).
 
 A contact of finite conductance g per length has the decay length lambda = 1 / sqrt((rho_0 + rho_1) g).
-It reads as an ideal contact on [l + T, u - T] with T = lambda tanh(w / (2 lambda)) (docs/decisions.md).
+It reads as an ideal contact on [l + T, u - T] with T = lambda tanh(w / (2 lambda)) (docs/decisions/, one closed form).
 
 l, w, L and lambda share one unit; arguments broadcast; NaN (no contact) passes through.
 """

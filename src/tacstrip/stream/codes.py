@@ -71,8 +71,9 @@ def encode(scan: Scan, sensor: Sensor, sequence: int = 0) -> RawScan:
     Examples
     --------
     >>> import tacstrip as ts
+    >>> from tacstrip.stream import encode
     >>> sensor = ts.Sensor(construction="crs-m", strips=2, pitch_mm=5.0, length_mm=100.0, adc_bits=10)
-    >>> raw = ts.encode(ts.Scan(k=[0.5, float("nan")]), sensor)
+    >>> raw = encode(ts.Scan(k=[0.5, float("nan")]), sensor)
     >>> raw.codes["k"].tolist(), raw.touched.tolist()
     ([512, 0], [True, False])
     """
@@ -115,8 +116,9 @@ def decode(raw: RawScan, sensor: Sensor) -> Scan:
     Examples
     --------
     >>> import tacstrip as ts
+    >>> from tacstrip.stream import decode, encode
     >>> sensor = ts.Sensor(construction="crs-m", strips=2, pitch_mm=5.0, length_mm=100.0, adc_bits=1)
-    >>> ts.decode(ts.encode(ts.Scan(k=[1.0, float("nan")]), sensor), sensor).k
+    >>> decode(encode(ts.Scan(k=[1.0, float("nan")]), sensor), sensor).k
     array([ 1., nan])
     """
     read = over_vref(raw.codes, raw.touched, sensor)

@@ -54,6 +54,7 @@ class Recording:
     --------
     >>> import tempfile, pathlib
     >>> import tacstrip as ts
+    >>> from tacstrip.stream import decode
     >>> sensor = ts.Sensor(construction="crs-m", strips=8, pitch_mm=5.0, length_mm=100.0, adc_bits=10)
     >>> contact = ts.Contact.polygon([(8, 40), (32, 40), (20, 70)])
     >>> source = ts.SimulatedSource(sensor, lambda time_s: contact, scans=5)
@@ -62,7 +63,7 @@ class Recording:
     ...     with ts.Recorder(file, source.sensor, source.names, source.origin_ns) as recorder:
     ...         ts.record(source, recorder)
     ...     recording = ts.Recording(file)
-    ...     scans = [ts.decode(raw, recording.sensor) for raw in recording]
+    ...     scans = [decode(raw, recording.sensor) for raw in recording]
     >>> len(scans), scans[0].signatures
     (5, ('k',))
     """
@@ -206,11 +207,12 @@ class ReadingsSource:
     --------
     >>> import tempfile, pathlib
     >>> import tacstrip as ts
+    >>> from tacstrip.stream import ReadingsSource
     >>> sensor = ts.Sensor(construction="crs-m", strips=2, pitch_mm=5.0, length_mm=100.0, adc_bits=10)
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     file = pathlib.Path(folder) / "readings.csv"
     ...     _ = file.write_text("scan,time_s,strip,code\n0,0.0,0,512\n0,0.0,1,\n")
-    ...     [raw.codes["k"].tolist() for raw in ts.ReadingsSource(file, sensor)]
+    ...     [raw.codes["k"].tolist() for raw in ReadingsSource(file, sensor)]
     [[512, 0]]
     """
 

@@ -45,7 +45,8 @@ class Drag:
     Examples
     --------
     >>> import tacstrip as ts
-    >>> drag = ts.Drag(ts.Contact.polygon([(0, 0), (6, 0), (3, 6)]), [(10, 50), (30, 50)], seconds=2.0)
+    >>> from tacstrip.stream import Drag
+    >>> drag = Drag(ts.Contact.polygon([(0, 0), (6, 0), (3, 6)]), [(10, 50), (30, 50)], seconds=2.0)
     >>> [drag(time_s).centroid.round(6).tolist() for time_s in (0.0, 1.0, 3.0)]
     [[10.0, 50.0], [20.0, 50.0], [20.0, 50.0]]
     """
@@ -147,7 +148,7 @@ class SimulatedSource:
     def _scan(self, number: int) -> RawScan:
         time_s = number / self._rate_hz
         scan = simulate(
-            self.sensor, self._contact(time_s), self._noise, self._random, self._model, time_s,
+            self.sensor, self._contact(time_s), self._noise, rng=self._random, model=self._model, time_s=time_s,
             electrodes=self._electrodes,
         )  # fmt: skip
         return encode(scan, self.sensor, number)

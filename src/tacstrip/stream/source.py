@@ -60,9 +60,10 @@ class RawScan:
     Examples
     --------
     >>> import tacstrip as ts
+    >>> from tacstrip.stream import encode
     >>> sensor = ts.Sensor(construction="crs-m", strips=3, pitch_mm=5.0, length_mm=100.0, adc_bits=10)
     >>> scan = ts.Scan(k=[0.25, 0.5, float("nan")])
-    >>> ts.encode(scan, sensor, sequence=7).codes["k"].tolist()
+    >>> encode(scan, sensor, sequence=7).codes["k"].tolist()
     [256, 512, 0]
     """
 

@@ -1,1 +1,8 @@
-"""Where a point of the sensor lies in space: (strip, y) to a curved skin and back."""
+"""Where a point of the sensor lies in space: (strip, y) to a curved skin and back.
+
+The names that this package gives are listed in `__init__.pyi`, once, and loaded when first used.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,4 +1,4 @@
-"""The figures of chapter 2 that a model stands behind: 2.3 and 2.4, made again, and how common phantoms are."""
+"""The figures of chapter 2 that a model stands behind: 2.3 and 2.4, reproduced, and how common phantoms are."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The figures of chapter 3 that a model stands behind: 3.3, 3.4, 3.7 and 3.10, made again."""
+"""The figures of chapter 3 that a model stands behind: 3.3, 3.4, 3.7 and 3.10, reproduced."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tacstrip.plot.style import COLOURS, SENSOR, STRIP, TRUE, add_axes, legend, 
 from tacstrip.sensor.circuit import k_h, k_l, k_metal
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
-from tacstrip.surface.cylinder import strip_angle, strips_under_flat, to_space
+from tacstrip.surface.cylinder import strip_angle, strips_under_flat
 
 Model: TypeAlias = Callable[[FloatArray, FloatArray, float], FloatArray]  # of l, w and L
 
@@ -103,7 +103,7 @@ def _cross_section(axes: Axes, sensor: Sensor) -> None:
         angle = np.rad2deg(strip_angle(sensor, np.array(float(i))) + turn)
         colour = COLOURS["k"] if touched[i] else STRIP
         axes.add_patch(Wedge((0, 0), radius, angle - half, angle + half, width=_THICK_MM, facecolor=colour))
-        x, y = 0.66 * _turned(to_space(sensor, np.array(i), np.array(0.0))[:2], turn)
+        x, y = 0.66 * radius * np.array([np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))])
         axes.text(x, y, f"{i + sensor.strip_base}", ha="center", va="center")
     bottom, side = radius - _DEPTH_MM, 0.95 * radius
     block = [(-side, bottom), (side, bottom), (side, bottom + 3.0), (-side, bottom + 3.0)]
@@ -116,25 +116,13 @@ def _cross_section(axes: Axes, sensor: Sensor) -> None:
     axes.set_title(f"green: the {touched.sum()} of {sensor.strips} strips in touch", fontsize=9.0)
 
 
-def _turned(point: FloatArray, angle: float) -> FloatArray:
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([c * point[0] - s * point[1], s * point[0] + c * point[1]])
-
-
 def _strips_over_depth(axes: Axes, sensor: Sensor) -> None:
     """Plot the fewest and the most strips that can be touched over the depth."""
     depth = np.linspace(0.0, 2.0, 801)
     fewest, most = np.array([strips_under_flat(sensor, float(d)) for d in depth]).T
     axes.fill_between(depth, fewest, most, step="post", color=COLOURS["k"], alpha=0.15, linewidth=0.0)
     axes.step(depth, most, where="post", color=COLOURS["k"], label="most")
-    axes.step(
-        depth,
-        fewest,
-        where="post",
-        color=COLOURS["k"],
-        linestyle="--",
-        label="fewest",
-    )
+    axes.step(depth, fewest, "--", where="post", color=COLOURS["k"], label="fewest")
     limit = depth_limit(sensor, 2)
     axes.axvline(limit, ymax=0.88, color=TRUE, linewidth=0.8, linestyle=":")
     axes.text(limit + 0.03, 0.15, f"{limit:.2f} mm: up to here never more than two", color=TRUE, va="center")

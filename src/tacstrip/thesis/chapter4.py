@@ -1,4 +1,4 @@
-"""The figures of chapter 4, made again: signatures, their ambiguity, their kinks, the blocks of sections."""
+"""The figures of chapter 4, reproduced: signatures, their ambiguity, their kinks, the blocks of sections."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ from tacstrip.reconstruction.result import RecoveredObject
 from tacstrip.reconstruction.vertex.estimate import vertex_reconstruction
 from tacstrip.scan import Scan
 from tacstrip.sensor.spec import Sensor
-from tacstrip.thesis.twin import twin
+from tacstrip.thesis.chapter6.twin import twin
 
 FIT = "Polygon fit"
 _COLOURS = {
@@ -40,7 +40,7 @@ _COLOURS = {
 class Trial:
     """One method on one set of readings."""
 
-    readings: str  # "before" or "after" the offsets were subtracted
+    readings: str  # "before" or "after" calibration
     method: str
     transitions: str  # "", "given" or "found"
     recovered: RecoveredObject
@@ -72,8 +72,10 @@ def _trials(name: str, scan: Scan, sensor: Sensor, contact: Contact) -> list[Tri
     true_x: FloatArray = np.sort(contact.vertices[:, 0])
     found = [(FIT, "", fit_polygon(scan, sensor)), ("P.R.", "", profile_reconstruction(scan, sensor))]
     for signature, method in (("kh", "V.R. k_h"), ("kl", "V.R. k_l")):
-        found.append((method, "given", vertex_reconstruction(scan, sensor, signature, true_x)))
-        found.append((method, "found", vertex_reconstruction(scan, sensor, signature)))
+        found.append(
+            (method, "given", vertex_reconstruction(scan, sensor, signature=signature, transitions=true_x))
+        )
+        found.append((method, "found", vertex_reconstruction(scan, sensor, signature=signature)))
     return [
         Trial(name, method, how, o, mismatch(contact.vertices, o.vertices) if o.found else None)
         for method, how, result in found

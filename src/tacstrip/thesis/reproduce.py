@@ -1,4 +1,4 @@
-"""Chapters 5 and 6 again: all cells, all figures, `tables.json` and `report.html` in one folder."""
+"""Chapters 5 and 6 reproduced: all cells, all figures, `tables.json` and `report.html` in one folder."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from tacstrip.files import write_text
 from tacstrip.plot.style import save
 from tacstrip.report.page import Picture, write_report
 from tacstrip.thesis import chapter2, chapter3, chapter4
-from tacstrip.thesis.chapter5 import metrics_figures
+from tacstrip.thesis.chapter5 import error_figures
 from tacstrip.thesis.chapter5.cells import Cell, run_cell, summarise
 from tacstrip.thesis.chapter5.claims import judge_claims
-from tacstrip.thesis.chapter5.figures import (
+from tacstrip.thesis.chapter5.recovery_figures import (
     AMBIGUOUS,
     NOISY,
     ambiguity,
@@ -30,24 +30,23 @@ from tacstrip.thesis.chapter5.figures import (
     recovery,
     recovery_caption,
 )
-from tacstrip.thesis.chapter6 import figures as chapter6_figures
-from tacstrip.thesis.chapter6 import prototypes as chapter6_prototypes
+from tacstrip.thesis.chapter6 import prototype_figures, recovery_figures
 from tacstrip.thesis.chapter6.calibration import calibration_rows, prototype_rows, residual_rows
 from tacstrip.thesis.chapter6.claims import judge_chapter6
 from tacstrip.thesis.chapter6.tables import run_experiment
 from tacstrip.thesis.shapes import POSITIONS
 
-_CAPTIONED = (chapter6_figures, chapter6_prototypes)  # files whose `caption` knows each figure's words
+_CAPTIONED = (recovery_figures, prototype_figures)  # files whose `caption` knows each figure's words
 _DRAWN: dict[str, Callable[[], Figure]] = {
-    **chapter2.FIGURES, **chapter3.FIGURES, **chapter4.FIGURES, **metrics_figures.FIGURES,
-    **chapter6_figures.FIGURES, **chapter6_prototypes.FIGURES,
+    **chapter2.FIGURES, **chapter3.FIGURES, **chapter4.FIGURES, **error_figures.FIGURES,
+    **recovery_figures.FIGURES, **prototype_figures.FIGURES,
 }  # fmt: skip
 _OFFSETS = ("calibration", 0)  # a task
 Progress = Callable[[int, int], None]
 
 
 def reproduce(out: Path, seeds: int, workers: int | None, progress: Progress) -> dict[str, Any]:
-    """Make tables 5.2-5.14, 6.1-6.11 and the figures of chapters 2 to 6.
+    """Reproduce tables 5.2-5.14, 6.1-6.11 and the figures of chapters 2 to 6.
 
     Parameters
     ----------

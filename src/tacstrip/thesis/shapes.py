@@ -1,11 +1,11 @@
 """The shapes of chapter 5: dragged in 5 steps from lower left to upper right, turned 36 degrees a step.
 
-The thesis does not print its coordinates. These meet what its text says (tests/test_thesis_shapes.py):
+The thesis does not print its coordinates. These meet what its text says (tests/thesis/test_chapter5.py):
 the triangle's k_h runs from 0.05 to 0.12 at position 1 and from 0.86 to 0.87 at position 5; the hexagon's
 runs from 0.10 to 0.20 at position 1 and its span stays between 0.1 and 0.2, to a decimal, everywhere.
 Among random candidates those were kept whose vertices stay furthest apart in x over all positions, by
-more than twice the transition error, so that no error of 5.1.2 swaps two of them. The printed results had
-no part in the choice. Every placed vertex's x is snapped to a strip centre, so that ideal rows can be exact.
+more than twice the transition error, so that no error of 5.1.2 swaps two of them. The printed results were
+not used in the choice. Every placed vertex's x is snapped to a strip centre, so that ideal rows can be exact.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ TURN_RAD = np.deg2rad(36.0)
 
 @dataclass(frozen=True)
 class ThesisShape:
-    """A polygon by its corners and its centroid's way [mm]."""
+    """A polygon by its corners, and the path of its centroid [mm]."""
 
     name: str
     corners: tuple[tuple[float, float], ...]

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 from tacstrip.arguments import takes
 from tacstrip.contact.noise import Noise
-from tacstrip.reconstruction.methods import best_method, recover
+from tacstrip.reconstruction.methods import chosen_method, reconstruct
 from tacstrip.reconstruction.result import RecoveredObject
 from tacstrip.scan import Scan
 from tacstrip.sensor.spec import Sensor
@@ -71,17 +71,18 @@ class Tracker:
 
     Raises
     ------
-    OptionError, SignatureError
-        From the first `update`: the method does not exist, or does not suit this sensor.
+    OptionError
+        The method does not exist. From the first `update`, also `SignatureError`: it does not suit this sensor.
 
     Examples
     --------
     >>> import tacstrip as ts
+    >>> from tacstrip.tracking import Tracker
     >>> sensor = ts.Sensor(construction="crs-crs", strips=100, pitch_mm=1.0, length_mm=100.0)
     >>> contact = ts.Contact.polygon([(25, 35), (60, 22), (78, 56), (45, 76)])
-    >>> tracker = ts.Tracker(sensor)
+    >>> tracker = Tracker(sensor)
     >>> for i in range(3):
-    ...     scan = ts.simulate(sensor, contact.moved(0.1 * i, 0.0), ts.Noise(positional=0.002), i, time_s=0.001 * i)
+    ...     scan = ts.simulate(sensor, contact.moved(0.1 * i, 0.0), ts.Noise(positional=0.002), rng=i, time_s=0.001 * i)
     ...     objects = tracker.update(scan)
     >>> [(one.id, one.shape.status, len(one.shape.vertices)) for one in objects]
     [(1, 'ok', 4)]
@@ -96,7 +97,7 @@ class Tracker:
         executor: Executor | None = None,
     ) -> None:
         self.sensor, self.noise = sensor, noise
-        self.method = method or best_method(sensor)
+        self.method = chosen_method(method, sensor)
         self.searches = 0
         self._executor = executor
         self._pending: Future[list[_Track]] | None = None
@@ -116,7 +117,8 @@ class Tracker:
             Compute the covariance of updated polygons too.
         """
         if self.method != "polygon":
-            self._assign_ids(_tracks(recover(scan, self.sensor, self.method, self.noise).objects, scan))
+            result = reconstruct(scan, self.sensor, self.noise, method=self.method)
+            self._assign_ids(_tracks(result.objects, scan))
             return self._numbered()
         runs = scan.runs()
         if self._pending is not None and self._pending.done():
@@ -168,7 +170,7 @@ class Tracker:
         self._searched_s = scan.time_s
 
     def _search(self, scan: Scan) -> list[_Track]:
-        found = _tracks(recover(scan, self.sensor, self.method, self.noise).objects, scan)
+        found = _tracks(reconstruct(scan, self.sensor, self.noise, method=self.method).objects, scan)
         for track in found:
             track.state = initialise(track.shape, scan, self.sensor)
         return found

@@ -9,8 +9,8 @@ from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any
 
-from tacstrip.errors import OptionError, one_of
-from tacstrip.reconstruction.methods import METHODS
+from tacstrip.errors import OptionError
+from tacstrip.reconstruction.methods import METHODS, chosen_method
 from tacstrip.sensor.constructions import CONSTRUCTIONS
 from tacstrip.stream.live.pipeline import Live
 from tacstrip.stream.source import DeviceSource
@@ -110,8 +110,7 @@ class Controller:
                 if reason := self.health.examine():
                     raise OptionError(reason)
             case {"do": "method", "method": method}:
-                if method not in METHODS:
-                    raise OptionError(one_of("method", method, METHODS))
+                chosen_method(method, self.live.source.sensor)
                 self.live.use(method)
             case {"do": "place", "objects": objects}:
                 self._required_simulator().place(objects)

@@ -4,7 +4,8 @@ Whatever the shape, a strip reads as an ideal contact on some [l', u']. For with
 strips and R_0, R_1 their resistances per square, phi_0 / R_0 + phi_1 / R_1 grows evenly from bar to bar, and the
 difference d = phi_0 - phi_1 obeys div grad d = d / lambda^2 under the contact and 0 beside it, whatever R_1 / R_0 is.
 So l' and u' are the same on rubber and on metal. If the contact is long, over the width and lambda, either end has its
-own: l + T and u - T at a straight edge (docs/decisions.md), and for a slanted edge under ideal contact `slant_shift`.
+own: l + T and u - T at a straight edge (docs/decisions/, one closed form), and for a slanted edge under ideal contact
+`slant_shift`.
 """
 
 from __future__ import annotations

@@ -38,6 +38,7 @@ def fit_polygon(
     scan: Scan,
     sensor: Sensor,
     noise: Noise | None = None,
+    *,
     most: int = MOST,
     bounded: bool = True,
     vertices: int | None = None,
@@ -94,7 +95,7 @@ def fit_polygon(
 
 @takes(scans=(Scan,), sensor=Sensor, noise=Noise)
 def fit_polygons(
-    scans: Sequence[Scan], sensor: Sensor, noise: Noise | None = None, workers: int | None = None
+    scans: Sequence[Scan], sensor: Sensor, noise: Noise | None = None, *, workers: int | None = None
 ) -> list[Reconstruction]:
     """Fit many scans on all cores, or on `workers` of them; arguments and errors as for `fit_polygon` by default.
 

@@ -33,10 +33,11 @@ _WEAK = 2.0  # standard deviations below which a kink's sign is not to be truste
 def vertex_reconstruction(
     scan: Scan,
     sensor: Sensor,
+    noise: Noise | None = None,
+    *,
     signature: str | None = None,
     transitions: str | npt.ArrayLike = "auto",
     reading: Literal["section", "strip"] = "section",
-    noise: Noise | None = None,
 ) -> Reconstruction:
     """Recover a strictly convex polygon from each run of touched strips.
 

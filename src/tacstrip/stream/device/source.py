@@ -74,11 +74,12 @@ class SerialSource:
     A virtual device in place of one on a port:
 
     >>> import tacstrip as ts
+    >>> from tacstrip.stream import VirtualDevice
     >>> from tacstrip.stream.device.virtual import Loopback
     >>> sensor = ts.Sensor(construction="crs-m", strips=8, pitch_mm=5.0, length_mm=100.0, adc_bits=10)
     >>> contact = ts.Contact.polygon([(8, 40), (32, 40), (20, 70)])
     >>> scans = ts.SimulatedSource(sensor, lambda time_s: contact)
-    >>> device = ts.VirtualDevice(sensor, lambda: iter(scans), rate_hz=100.0)
+    >>> device = VirtualDevice(sensor, lambda: iter(scans), rate_hz=100.0)
     >>> source = ts.SerialSource(lambda: Loopback(device), sensor)
     >>> source.hello.strips, source.names
     (8, ('k',))

@@ -46,11 +46,12 @@ class VirtualDevice:
     Examples
     --------
     >>> import tacstrip as ts
+    >>> from tacstrip.stream import VirtualDevice
     >>> from tacstrip.stream.device.virtual import Loopback
     >>> sensor = ts.Sensor(construction="crs-crs", strips=10, pitch_mm=6.5, length_mm=365.0)
     >>> contact = ts.Contact.polygon([(10, 100), (50, 100), (30, 200)])
     >>> scans = ts.SimulatedSource(sensor, lambda time_s: contact, rate_hz=200.0)
-    >>> device = ts.VirtualDevice(sensor, lambda: iter(scans), rate_hz=200.0)
+    >>> device = VirtualDevice(sensor, lambda: iter(scans), rate_hz=200.0)
     >>> source = ts.SerialSource(lambda: Loopback(device), sensor)
     >>> int(next(iter(source)).touched.sum())
     6

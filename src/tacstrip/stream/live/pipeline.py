@@ -21,7 +21,7 @@ from typing import Self
 from tacstrip.arguments import takes
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import TacstripError, in_words
-from tacstrip.reconstruction.methods import best_method
+from tacstrip.reconstruction.methods import chosen_method
 from tacstrip.stream.live.background_recorder import BackgroundRecorder
 from tacstrip.stream.live.bounded_queue import BoundedQueue
 from tacstrip.stream.live.drift import DriftCorrectingDecoder
@@ -31,13 +31,11 @@ from tacstrip.stream.recording.recorder import Recorder
 from tacstrip.stream.source import DeviceSource, RawScan, Shape, Source, paced
 from tacstrip.tracking.tracker import Tracker
 
-_LATE_S, _MAX_BACKLOG = (
-    0.02,
-    3,
-)  # scans that waited longer, or with more behind them, are recorded without objects
+# Scans that waited longer, or with more behind them, are recorded without objects.
+_LATE_S, _MAX_BACKLOG = 0.02, 3
 _DETAIL_S = 1.0 / 80.0  # between two frames with covariances, while a consumer wants them
 _WAIT_S = 0.1  # longest single wait for a frame
-_SWITCH_S = 0.0001  # between threads; Python's default of 5 ms would show as latency (docs/decisions.md)
+_SWITCH_S = 0.0001  # between threads; Python's default of 5 ms would show as latency (docs/decisions/)
 
 
 class Live:
@@ -197,7 +195,7 @@ class Live:
     @property
     def method_name(self) -> str:
         """The method in use."""
-        return self.method or best_method(self.source.sensor)
+        return chosen_method(self.method, self.source.sensor)
 
     def use(self, method: str | None) -> None:
         """Reconstruct by another method from now on."""

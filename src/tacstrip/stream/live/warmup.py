@@ -19,5 +19,5 @@ def warm_up(sensor: Sensor, method: str | None = None) -> None:
     )
     tracker = Tracker(sensor, method)
     for number in range(_SCANS if sensor.kind.closed_form else 1):
-        scan = simulate(sensor, contact, Noise(positional=0.002), number, time_s=number * 1e-3)
+        scan = simulate(sensor, contact, Noise(positional=0.002), rng=number, time_s=number * 1e-3)
         tracker.update(scan, detail=True)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 
-from tacstrip.reconstruction.methods import recover
+from tacstrip.reconstruction.methods import reconstruct
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.codes import decode
 from tacstrip.stream.recording.recorder import Recorder
@@ -22,7 +22,7 @@ def with_shapes(scans: Iterable[RawScan], sensor: Sensor, method: str) -> Iterat
         At the first scan: the method does not exist, or does not suit this sensor.
     """
     for raw in scans:
-        found = recover(decode(raw, sensor), sensor, method).objects
+        found = reconstruct(decode(raw, sensor), sensor, method=method).objects
         yield replace(raw, shapes=tuple(Shape(o.status, o.vertices) for o in found if o.found))
 
 

@@ -1,7 +1,7 @@
 """Read the records of an MCAP file, cut or damaged as it may be, with bounded memory and time.
 
 The mcap package parses single records. Its StreamReader is not used: it takes the memory that a compressed chunk
-claims, does not check attachments' CRC, and cannot resume after damage (docs/decisions.md). This reader reads a cut
+claims, does not check attachments' CRC, and cannot resume after damage (docs/decisions/). This reader reads a cut
 file up to the cut, and a damaged one past the damage.
 """
 

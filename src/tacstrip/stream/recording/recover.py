@@ -88,6 +88,7 @@ def recover(path: str | Path, output: str | Path, force: bool = False) -> Recove
     --------
     >>> import tempfile, pathlib
     >>> import tacstrip as ts
+    >>> from tacstrip.stream import recover
     >>> sensor = ts.Sensor(construction="crs-m", strips=8, pitch_mm=5.0, length_mm=100.0, adc_bits=10)
     >>> source = ts.SimulatedSource(sensor, lambda time_s: ts.Contact.polygon([(8, 40), (32, 40), (20, 70)]), scans=5)
     >>> with tempfile.TemporaryDirectory() as folder:
@@ -95,7 +96,7 @@ def recover(path: str | Path, output: str | Path, force: bool = False) -> Recove
     ...     with ts.Recorder(file, source.sensor, source.names, source.origin_ns) as recorder:
     ...         ts.record(source, recorder)
     ...     size = cut.write_bytes(file.read_bytes()[:-100])
-    ...     recovered = ts.recover(cut, pathlib.Path(folder) / "recovered.mcap")
+    ...     recovered = recover(cut, pathlib.Path(folder) / "recovered.mcap")
     >>> recovered.messages["/tacstrip/scan"]
     5
     """

@@ -1,11 +1,11 @@
-"""Tables 5.2-5.14: what each method makes of noisy scans, beside the printed figures.
+"""Tables 5.2-5.14: the errors of each method on noisy scans, compared with the printed values.
 
 A cell is one row of a table at one position. Each of its seeds draws the errors of 5.1 anew: readings get
 C.Q.E. and P.U., and the true transitions get T.E. before they are handed to Vertex Reconstruction, which
 reads the nearest strip, as the thesis does. Rows with P.U. are run a second time with transitions found by
 the gradient rule: a shape that fails there, or comes back with another number of vertices, counts as the
-thesis' "-". Profiles are compared as polygons at the original's vertex columns (`profile_at`). Beside them stands the
-polygon fit, which is told no transitions, at most their number (`estimator`).
+thesis' "-". Profiles are compared as polygons at the original's vertex columns (`profile_at`). The polygon fit is run
+on the same cells without transitions, and once more with their number known (`polygon_fit.py`).
 """
 
 from __future__ import annotations
@@ -24,7 +24,8 @@ from tacstrip.reconstruction.result import RecoveredObject
 from tacstrip.reconstruction.vertex.estimate import vertex_reconstruction
 from tacstrip.scan import Scan
 from tacstrip.simulation import simulate
-from tacstrip.thesis.chapter5.polygon_fit import Fitted, beaten, bound_medians, fitted
+from tacstrip.thesis.chapter5.polygon_fit import FitErrors, bound_medians, fit_errors, reached
+from tacstrip.thesis.ranges import POINTS, is_inside, ranges
 from tacstrip.thesis.shapes import POSITIONS, SHAPES, SIMULATED
 
 NOISES = {
@@ -33,8 +34,7 @@ NOISES = {
     "quantisation + profile I": Noise(quantisation=0.001, positional=0.005, transition_mm=5.0),
     "quantisation + profile II": Noise(quantisation=0.001, positional=0.01, transition_mm=5.0),
 }
-_FITTED = 4  # of so many seeds the polygon fit gets one
-HALF_DIGIT = 0.0005  # the thesis prints three decimals
+_SEEDS_PER_FIT = 4  # the polygon fit takes much longer
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class Cell:
     known_failed, detected_failed
         Shares of the seeds without a shape; detected counts a wrong number of vertices too.
     fitted
-        What the polygon fit makes of every fourth seed; empty for an ideal row.
+        Errors of the polygon fit on every fourth seed; empty for an ideal row.
     bound
         Medians (3,) of the same measures at the Cramer-Rao bound.
     sample
@@ -61,7 +61,7 @@ class Cell:
     known_failed: float
     detected: FloatArray | None
     detected_failed: float | None
-    fitted: list[Fitted]
+    fitted: list[FitErrors]
     bound: FloatArray
     sample: FloatArray
 
@@ -74,16 +74,16 @@ def run_cell(number: int, position: int, seeds: int) -> Cell:
     with_found = noise.positional > 0.0 and row.algorithm == "vertex"
     known: list[RecoveredObject] = []
     detected: list[RecoveredObject] = []
-    fits: list[Fitted] = []
+    fits: list[FitErrors] = []
     for seed in range(1 if noise == Noise() else seeds):
         random = np.random.default_rng([number, position, seed])
-        scan = simulate(SIMULATED[row.construction], SHAPES[row.shape].contact(position), noise, random)
+        scan = simulate(SIMULATED[row.construction], SHAPES[row.shape].contact(position), noise, rng=random)
         x = on_transitions(SHAPES[row.shape].transitions(position), noise, random)
         known.append(_recover(row, scan, x))
         if with_found:
             detected.append(_recover(row, scan, "gradient"))
-        if noise != Noise() and seed % _FITTED == 0:
-            fits.append(fitted(row, position, noise, random))
+        if noise != Noise() and seed % _SEEDS_PER_FIT == 0:
+            fits.append(fit_errors(row, position, noise, random))
     good = [r for r in known if r.found]
     right = [r for r in detected if len(r.vertices) == len(corners)]
     return Cell(
@@ -98,11 +98,11 @@ def run_cell(number: int, position: int, seeds: int) -> Cell:
 
 
 def summarise(number: int, cells: list[Cell]) -> dict[str, Any]:
-    """Return a row's `ours`: median, 5 % and 95 % points, share of failures, whether the print is inside.
+    """Return a row's `ours`: median, 5 % and 95 % points, share of failures, which printed values are inside.
 
     A printed value is inside where it lies between our 5 % and 95 % points, give or take half its last
-    digit. `failed` is judged on detected transitions where the row is run that way; `failed_known` and
-    `detected` say the rest. None stands for what does not exist.
+    digit. `failed` counts detected transitions where the row is run that way, `failed_known` known ones;
+    `detected` has the points of the former. None stands for what does not exist.
     """
     row = rows()[number]
     ours: dict[str, Any] = _points([c.known for c in cells])
@@ -111,7 +111,7 @@ def summarise(number: int, cells: list[Cell]) -> dict[str, Any]:
     found = [c.detected for c in cells if c.detected is not None]
     ours["detected"] = _points(found) if found else None
     ours["polygon"] = _polygon(row, cells) if cells[0].fitted else None
-    ours["inside"] = {m: [_inside(row.printed[m], ours[m], i) for i in range(POSITIONS)] for m in METRICS}
+    ours["inside"] = {m: _inside(row.printed[m], ours[m]) for m in METRICS}
     return ours
 
 
@@ -119,32 +119,36 @@ def _polygon(row: Row, cells: list[Cell]) -> dict[str, Any]:
     """Return the polygon fit's points, shares without a shape and with the right vertices, and the bound's medians.
 
     `reached` has, per metric and position, whether our median is below the printed value, and whether it is within
-    1.15 of the bound's; None where nothing is printed. `told` has the same of the fit that is told the count.
+    1.15 of the bound's; None where nothing is printed. `known_count` has the same of the fit with a known vertex count.
     """
     corners = len(SHAPES[row.shape].contact(0).vertices)
-    measured = [np.array([f.measures for f in c.fitted if f.vertices]).reshape(-1, 3) for c in cells]
-    points: dict[str, Any] = _points(measured)
+    points: dict[str, Any] = _points([_found(c.fitted, "measures") for c in cells])
     points["failed"] = [float(np.mean([f.vertices == 0 for f in c.fitted])) for c in cells]
     points["right"] = [float(np.mean([f.vertices == corners for f in c.fitted])) for c in cells]
     bound = np.array([c.bound for c in cells])
     points["bound"] = {
         m: [float(b) if np.isfinite(b) else None for b in bound[:, i]] for i, m in enumerate(METRICS)
     }
-    points["told"] = _points(
-        [np.array([f.told for f in c.fitted if f.vertices]).reshape(-1, 3) for c in cells]
-    )
-    for of in (points, points["told"]):
+    points["known_count"] = _points([_found(c.fitted, "known_count") for c in cells])
+    for of in (points, points["known_count"]):
         medians = np.array([of[m]["median"] for m in METRICS], dtype=float)
-        judged = [beaten(row, medians[:, p], bound[p], p) for p in range(POSITIONS)]
+        judged = [reached(row, medians[:, p], bound[p], p) for p in range(POSITIONS)]
         of["reached"] = {m: [judged[p][i] for p in range(POSITIONS)] for i, m in enumerate(METRICS)}
     return points
+
+
+def _found(fits: list[FitErrors], which: str) -> FloatArray:
+    """Return the measures (shapes, 3) of the fits that found a shape."""
+    return np.array([getattr(f, which) for f in fits if f.vertices]).reshape(-1, 3)
 
 
 def _recover(row: Row, scan: Scan, x: FloatArray | str) -> RecoveredObject:
     sensor = SIMULATED[row.construction]
     if row.algorithm == "profile":
         return profile_reconstruction(scan, sensor).objects[0]
-    return vertex_reconstruction(scan, sensor, row.signature, x, reading="strip").objects[0]
+    return vertex_reconstruction(
+        scan, sensor, signature=row.signature, transitions=x, reading="strip"
+    ).objects[0]
 
 
 def _measure(row: Row, corners: FloatArray, shapes: list[RecoveredObject]) -> FloatArray:
@@ -155,16 +159,10 @@ def _measure(row: Row, corners: FloatArray, shapes: list[RecoveredObject]) -> Fl
 
 def _points(values: list[FloatArray]) -> dict[str, dict[str, list[float | None]]]:
     """Return metric to median, p05 and p95, a list over positions each."""
-    points: dict[str, dict[str, list[float | None]]] = {}
-    for column, metric in enumerate(METRICS):
-        at = [np.percentile(v[:, column], [50.0, 5.0, 95.0]) if len(v) else None for v in values]
-        names = enumerate(("median", "p05", "p95"))
-        points[metric] = {name: [None if p is None else float(p[i]) for p in at] for i, name in names}
-    return points
+    at = [ranges(v, METRICS) for v in values]
+    return {m: {point: [r[m][point] for r in at] for point in POINTS} for m in METRICS}
 
 
-def _inside(printed: FloatArray | None, ours: dict[str, list[float | None]], position: int) -> bool | None:
-    low, high = ours["p05"][position], ours["p95"][position]
-    if printed is None or np.isnan(printed[position]) or low is None or high is None:
-        return None
-    return bool(low - HALF_DIGIT <= printed[position] <= high + HALF_DIGIT)
+def _inside(printed: FloatArray | None, ours: dict[str, list[float | None]]) -> list[bool | None]:
+    values = [None] * POSITIONS if printed is None else printed
+    return [is_inside(*value) for value in zip(values, ours["p05"], ours["p95"], strict=True)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -14,31 +14,11 @@ from tacstrip.reconstruction.vertex.estimate import vertex_reconstruction
 from tacstrip.scan import Scan
 from tacstrip.simulation import simulate
 from tacstrip.thesis.chapter5.polygon_fit import WITHIN
+from tacstrip.thesis.claims import Claim, checked, counted
 from tacstrip.thesis.shapes import POSITIONS, SHAPES, SIMULATED
 
 Tables = list[dict[str, Any]]  # `ours` of each row, in the order of rows()
-_CLEARLY = 0.9  # share of the cells that makes a claim hold
 _STEP = 1e-6  # of Vref, for derivatives
-
-
-@dataclass(frozen=True)
-class Claim:
-    """A conclusion of the thesis, and what our tables say of it.
-
-    Attributes
-    ----------
-    verdict
-        "holds" (in at least 90 % of the cells it speaks of), "holds in part" (in more than half), "fails".
-    evidence
-        The count behind the verdict, in words.
-    section
-        Where the thesis says it.
-    """
-
-    claim: str
-    verdict: str
-    evidence: str
-    section: str = "5.6"
 
 
 def judge_claims(ours: Tables, ambiguity: dict[str, list[dict[str, float]]]) -> list[dict[str, str]]:
@@ -76,7 +56,11 @@ def amplification(signature: str, shape: str, position: int) -> FloatArray:
 
     def solve(readings: FloatArray) -> FloatArray:
         scan = Scan(time_s=0.0, **{signature: readings})
-        found = vertex_reconstruction(scan, sensor, signature, x, reading="strip").objects[0].vertices
+        found = (
+            vertex_reconstruction(scan, sensor, signature=signature, transitions=x, reading="strip")
+            .objects[0]
+            .vertices
+        )
         return np.asarray(found[np.argsort(found[:, 0]), 1])
 
     columns = []
@@ -92,21 +76,11 @@ def _key(row: Row) -> tuple[str, str, str]:
     return row.signature or "profile", row.shape, row.noise
 
 
-def by_share(good: float, total: float) -> str:
-    """Return the verdict on a claim that is true of `good` cells out of `total`."""
-    share = good / total
-    return "holds" if share >= _CLEARLY else "holds in part" if share > 0.5 else "fails"
-
-
 def _ideal(ours: Tables) -> Claim:
     ideal = [o for row, o in zip(rows(), ours, strict=True) if row.noise == "ideal"]
     worst = max(v for o in ideal for m in METRICS for v in o[m]["median"])
-    verdict = "holds" if worst <= 1e-9 else "fails"
-    return Claim(
-        "ideal readings give the shape back exactly",
-        verdict,
-        f"largest mismatch of any ideal cell: {worst:.1e}",
-    )
+    evidence = f"largest mismatch of any ideal cell: {worst:.1e}"
+    return checked("ideal readings give the shape back exactly", worst <= 1e-9, evidence)
 
 
 def _compare(
@@ -126,22 +100,19 @@ def _compare(
     return good, total
 
 
-def _better(medians: dict[Any, Any], a: str, b: str, text: str) -> Claim:
+def _better(medians: dict[Any, Any], a: str, b: str, claim: str) -> Claim:
     good, total = _compare(medians, a, b, lambda one, other: one < other)
-    return Claim(
-        text, by_share(good, total), f"smaller median in {good} of {total} noisy cells (M.C. and A.P.E.)"
-    )
+    evidence = f"smaller median in {good} of {total} noisy cells (M.C. and A.P.E.)"
+    return counted(claim, good, total, evidence)
 
 
 def _alike(medians: dict[Any, Any]) -> Claim:
     good, total = _compare(medians, "k", "kl", lambda one, other: 0.5 <= one / other <= 2.0)
-    text = "V.R. with k_l and with k give similar errors"
-    return Claim(
-        text, by_share(good, total), f"medians within a factor of 2 in {good} of {total} noisy cells"
-    )
+    evidence = f"medians within a factor of 2 in {good} of {total} noisy cells"
+    return counted("V.R. with k_l and with k give similar errors", good, total, evidence)
 
 
-def _regions(medians: dict[Any, Any], position: int, text: str) -> Claim:
+def _regions(medians: dict[Any, Any], position: int, claim: str) -> Claim:
     good = total = 0
     for (signature, _, noise), ours in medians.items():
         if signature == "kh" and noise != "ideal":
@@ -149,9 +120,8 @@ def _regions(medians: dict[Any, Any], position: int, text: str) -> Claim:
                 end, middle = (ours[metric]["median"][i] for i in (position, POSITIONS // 2))
                 if end is not None and middle is not None:
                     good, total = good + (end > middle), total + 1
-    return Claim(
-        text, by_share(good, total), f"position {position + 1} worse than 3 in {good} of {total} medians"
-    )
+    evidence = f"position {position + 1} worse than 3 in {good} of {total} medians"
+    return counted(claim, good, total, evidence)
 
 
 def _reasons() -> list[Claim]:
@@ -161,26 +131,24 @@ def _reasons() -> list[Claim]:
         s: [float(np.median([amplification(s, f, p).max() for f in shapes])) for p in range(POSITIONS)]
         for s in ("kh", "kl", "k")
     }
-    told = "; ".join(f"{s}: " + ", ".join(f"{v:.1f}" for v in typical[s]) for s in typical)
-    low = typical["kh"][0] > 1.5 * typical["kh"][2]
-    high = typical["kh"][-1] > 1.5 * typical["kh"][2]
-    numbers = f"worst vertex's y moves by so many L per Vref of reading error, positions 1-5, {told}"
+    listed = "; ".join(f"{s}: " + ", ".join(f"{v:.1f}" for v in typical[s]) for s in typical)
+    numbers = f"worst vertex's y moves by so many L per Vref of reading error, positions 1-5, {listed}"
     return [
-        Claim(
+        checked(
             "the lower region suffers because the same error is larger relative to a small k_h",
-            "holds" if low else "fails",
+            typical["kh"][0] > 1.5 * typical["kh"][2],
             f"{numbers}. Relative size does not enter the equations: what counts is how the kink fades, and with "
             "k_h it fades for lower vertices near the top, with k_l for upper vertices near the ground",
         ),
-        Claim(
+        checked(
             "the upper region suffers because k_h hardly varies there",
-            "holds" if high else "fails",
+            typical["kh"][-1] > 1.5 * typical["kh"][2],
             f"k_h: {typical['kh'][-1]:.1f} at position 5 against {typical['kh'][2]:.1f} at position 3: a lower "
             "vertex moves k_h by 2 (L - u) / D^2 only, so the signature is flat and an error moves the vertex far",
         ),
-        Claim(
+        checked(
             "k_l and k are better than k_h because constants in A and b carry no error",
-            "holds" if np.mean(typical["kl"]) < 0.9 * np.mean(typical["kh"]) else "fails",
+            np.mean(typical["kl"]) < 0.9 * np.mean(typical["kh"]),
             f"mean over the positions: k_h {np.mean(typical['kh']):.1f}, k_l {np.mean(typical['kl']):.1f}, "
             f"k {np.mean(typical['k']):.1f}; the order depends on where the shape lies: k_l is worst where k_h is best",
         ),
@@ -190,10 +158,8 @@ def _reasons() -> list[Claim]:
 def _concave_profile(medians: dict[Any, Any]) -> Claim:
     ours = medians["profile", "concave tetragon", "quantisation + profile II"]
     worst = max(ours["mc"]["median"])
-    text = "P.R. recovers a concave shape that meets every strip in one piece"
-    return Claim(
-        text, "holds" if worst < 0.15 else "fails", f"largest median M.C. under profile II: {worst:.3f} rad"
-    )
+    claim = "P.R. recovers a concave shape that meets every strip in one piece"
+    return checked(claim, worst < 0.15, f"largest median M.C. under profile II: {worst:.3f} rad")
 
 
 def _ambiguous(facts: dict[str, list[dict[str, float]]]) -> Claim:
@@ -204,39 +170,36 @@ def _ambiguous(facts: dict[str, list[dict[str, float]]]) -> Claim:
         f"V.R. gives a convex shape in {len(all_facts)} of {len(facts) * POSITIONS} ideal cells, overlapping the "
         f"true one with IoU {best:.2f} at best; their signatures differ by {apart[0]:.2f} to {apart[-1]:.2f} % of Vref"
     )
-    return Claim(
-        "V.R. must assume convexity: a concave shape comes back as another one",
-        "holds" if best < 0.9 else "fails",
-        evidence,
-    )
+    claim = "V.R. must assume convexity: a concave shape comes back as another one"
+    return checked(claim, best < 0.9, evidence)
 
 
 def _polygon_fit(ours: Tables) -> list[Claim]:
     """Judge the polygon fit, which the thesis does not have, on the noisy cells."""
     fits = [(row, o["polygon"]) for row, o in zip(rows(), ours, strict=True) if o["polygon"]]
-    printed_none = [
+    failed = [
         fit["failed"][p]
         for row, fit in fits
         for p in range(POSITIONS)
         if (mc := row.printed["mc"]) is not None and np.isnan(mc[p])
     ]
-    least = "errs less than print, or as little as can be"
+    worst, least = max(failed, default=0.0), "errs less than print, or as little as can be"
     return [
-        _fit_reaches(f"beyond the thesis: the polygon fit, told nothing, {least}", [fit for _, fit in fits]),
+        _fit_reaches(f"beyond the thesis: the polygon fit {least}", [fit for _, fit in fits]),
         _fit_reaches(
-            f"beyond the thesis: the polygon fit, told how many vertices there are, {least}",
-            [fit["told"] for _, fit in fits],
+            f"beyond the thesis: the polygon fit with the number of vertices known {least}",
+            [fit["known_count"] for _, fit in fits],
         ),
-        Claim(
+        checked(
             "beyond the thesis: the polygon fit gives a shape where the thesis prints none",
-            "holds" if max(printed_none, default=0.0) == 0.0 else "fails",
-            f"largest share without a shape in {len(printed_none)} such cells: {max(printed_none, default=0.0):.2f}",
+            worst == 0.0,
+            f"largest share without a shape in {len(failed)} such cells: {worst:.2f}",
             "5.4",
         ),
     ]
 
 
-def _fit_reaches(text: str, fits: list[dict[str, Any]]) -> Claim:
+def _fit_reaches(claim: str, fits: list[dict[str, Any]]) -> Claim:
     judged = [v for fit in fits for m in METRICS for v in fit["reached"][m] if v is not None]
     below, at = (sum(v[i] for v in judged) for i in (0, 1))
     either = sum(any(v) for v in judged)
@@ -244,4 +207,4 @@ def _fit_reaches(text: str, fits: list[dict[str, Any]]) -> Claim:
         f"median below the printed value in {below}, within {WITHIN} of the Cramer-Rao bound's in {at}, either in "
         f"{either} of {len(judged)} noisy values"
     )
-    return Claim(text, by_share(either, len(judged)), evidence, "5.4")
+    return counted(claim, either, len(judged), evidence, "5.4")

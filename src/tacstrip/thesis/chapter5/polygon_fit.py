@@ -1,9 +1,9 @@
-"""The polygon fit on the noisy cells of tables 5.2-5.14, beside its Cramer-Rao bound.
+"""The polygon fit on the noisy cells of tables 5.2-5.14, and its Cramer-Rao bound.
 
 The fit gets the readings that the table's method gets: one signature where the table is Vertex Reconstruction's, both
 where it is Profile Reconstruction's. It finds vertices and their number itself; the errors' half-widths are known to
-it. Vertex Reconstruction is handed the transitions, and so their number: the fit is shown with that number told, too.
-The bound is shown in the same measures: those of polygons drawn with the bound's covariance about the true one.
+it. Vertex Reconstruction is given the transitions, and so their number: the fit is run with that number known, too.
+The bound is given in the same measures: those of polygons drawn with the bound's covariance about the true one.
 """
 
 from __future__ import annotations
@@ -29,29 +29,29 @@ WITHIN = 1.15  # of the bound's median counts as reaching it
 
 
 @dataclass(frozen=True)
-class Fitted:
-    """One scan fitted.
+class FitErrors:
+    """Errors of the polygon fit on one scan.
 
     Attributes
     ----------
     measures
         M.C. [rad], A.O.E. [rad], A.P.E. [mm] (3,); NaN without a shape.
     vertices
-        Found; 0 without a shape.
-    told
-        The same measures of the fit that is told how many there are.
+        Their number; 0 without a shape.
+    known_count
+        The same measures of the fit that knows the number of vertices.
     """
 
     measures: FloatArray
     vertices: int
-    told: FloatArray
+    known_count: FloatArray
 
 
-def fitted(row: Row, position: int, noise: Noise, random: np.random.Generator) -> Fitted:
+def fit_errors(row: Row, position: int, noise: Noise, random: np.random.Generator) -> FitErrors:
     """Simulate and fit one scan of a cell, with the signatures that the row's method uses.
 
-    Both ends of the shape are put anywhere within a pitch of their place, the rest stretched along: ours have their
-    vertices on strips, and an end there lies at the limit of what the touched strips tell of it.
+    Both ends of the shape are moved at random within a pitch and the rest stretched with them: ours have their
+    vertices on strips, and an end there lies at the limit of what the touched strips say about it.
     """
     from tacstrip.reconstruction.polygon.estimate import fit_polygon  # in the workers only
 
@@ -61,7 +61,7 @@ def fitted(row: Row, position: int, noise: Noise, random: np.random.Generator) -
     contact = Contact.polygon(
         np.stack([np.interp(x, ends, ends + sensor.pitch_mm * random.uniform(-0.5, 0.5, 2)), y], 1)
     )
-    scan = simulate(sensor, contact, noise, random)
+    scan = simulate(sensor, contact, noise, rng=random)
     if row.signature is not None:
         scan = Scan(time_s=0.0, **{row.signature: scan[row.signature]})
 
@@ -72,14 +72,13 @@ def fitted(row: Row, position: int, noise: Noise, random: np.random.Generator) -
         largest = max(objects, key=lambda o: o.area)
         return _measures(contact.vertices, largest.vertices), len(largest.vertices)
 
+    count = len(contact.vertices)
     measures, found = of(None)
-    return Fitted(
-        measures, found, measures if found == len(contact.vertices) else of(len(contact.vertices))[0]
-    )
+    return FitErrors(measures, found, measures if found == count else of(count)[0])
 
 
 def bound_medians(row: Row, position: int, noise: Noise) -> FloatArray:
-    """Return the medians (3,) of M.C., A.O.E. and A.P.E. at the bound; inf where a vertex is not told at all."""
+    """Return the medians (3,) of M.C., A.O.E. and A.P.E. at the bound; inf where a vertex is undetermined."""
     sensor = SIMULATED[row.construction]
     outline = Outline.of(SHAPES[row.shape].contact(position).vertices)
     names = None if row.signature is None else (row.signature,)
@@ -89,7 +88,7 @@ def bound_medians(row: Row, position: int, noise: Noise) -> FloatArray:
     true = outline.vertices
     random = np.random.default_rng([position, 5])
     error = random.multivariate_normal(np.zeros(true.size), covariance, _DRAWS, method="eigh")
-    # The x of an end, which the touched strips tell to within a pitch, errs uniformly; the rest follows from it.
+    # The touched strips give the x of an end to within a pitch: a uniform error. The rest is conditional on it.
     ends = 2 * np.array([true[:, 0].argmin(), true[:, 0].argmax()])
     wide = np.sqrt(3.0 * covariance[ends, ends])
     lean = covariance[:, ends] @ np.linalg.inv(covariance[np.ix_(ends, ends)])
@@ -98,8 +97,10 @@ def bound_medians(row: Row, position: int, noise: Noise) -> FloatArray:
     return np.asarray(np.nanmedian([_measures(true, polygon) for polygon in drawn], axis=0))
 
 
-def beaten(row: Row, medians: FloatArray, bound: FloatArray, position: int) -> list[tuple[bool, bool] | None]:
-    """Compare a cell's medians (3,) with the printed values and with the bound's: (below print, at the bound).
+def reached(
+    row: Row, medians: FloatArray, bound: FloatArray, position: int
+) -> list[tuple[bool, bool] | None]:
+    """Compare a cell's medians (3,) with print and bound: (below the printed value, at the bound's median).
 
     None where nothing is printed.
     """

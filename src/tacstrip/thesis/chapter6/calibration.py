@@ -2,7 +2,7 @@
 
 A run touches every strip at the unit marks, a centimetre each, over w = 0, 5 and 10 units (6.1.1); on the tube with
 w = 0 only (6.3.1). The twin's reading is the closed form, plus an error drawn from P.U. profile II, plus the printed
-offset, held between 0 and Vref; the thesis' mean offsets are then fitted to it.
+offset, clipped at 0 and Vref; the thesis' mean offsets are then fitted to it.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from tacstrip.io.runs import Runs
 from tacstrip.sensor.raw import distorted
 from tacstrip.sensor.spec import Sensor
 from tacstrip.thesis.chapter6.tables import PROFILE_II
-from tacstrip.thesis.twin import (
+from tacstrip.thesis.chapter6.twin import (
     LINES,
     PLACINGS,
     PROTOTYPES,

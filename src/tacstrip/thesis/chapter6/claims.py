@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from tacstrip.data.published import experiments, published
-from tacstrip.thesis.chapter5.claims import Claim, by_share
 from tacstrip.thesis.chapter6.calibration import recovered_points
-from tacstrip.thesis.twin import PLACINGS, REGIONS, centred, nearest_strips, twin
+from tacstrip.thesis.chapter6.twin import PLACINGS, REGIONS, centred, nearest_strips, twin
+from tacstrip.thesis.claims import Claim, checked, counted
 
 Rows = list[dict[str, Any]]  # `ours` of each entry of experiments()
 _MEASURES = ("mc_rad", "aoe", "ape")
@@ -75,13 +75,13 @@ def _less(a: float, b: float) -> bool:
     return a < b
 
 
-def _calibration(ours: Rows, table: str, section: str, text: str) -> Claim:
+def _calibration(ours: Rows, table: str, section: str, claim: str) -> Claim:
     rows = _of_table(ours, table).values()
     good, total = _sum([_count(o, o["variants"]["not calibrated"], _less) for o in rows])
     failed = [100.0 * o["variants"]["not calibrated"]["failed"] for o in rows]
-    told = f"smaller median with calibration in {good} of {total} (M.C., A.O.E., A.P.E.; three regions); without it "
-    told += f"no shape at all in {failed[0]:.0f}, {failed[1]:.0f} and {failed[2]:.0f} % of the places"
-    return Claim(text, by_share(good, total), told, section)
+    evidence = f"smaller median with calibration in {good} of {total} (M.C., A.O.E., A.P.E.; three regions); without "
+    evidence += f"it no shape at all in {failed[0]:.0f}, {failed[1]:.0f} and {failed[2]:.0f} % of the places"
+    return counted(claim, good, total, evidence, section)
 
 
 def _lower_region(ours: Rows) -> Claim:
@@ -92,12 +92,12 @@ def _lower_region(ours: Rows) -> Claim:
     equal = _sum([_count(high, low, _less) for low, high in same])
     printed = {e.region: e.printed for e in experiments() if e.table == "6.2" and e.calibrated}
     in_print = sum(printed["lower"][m] > printed[r][m] for m in ("mc", "aoe", "ape") for r in REGIONS[1:])
-    told = (
+    evidence = (
         f"with the printed errors the lower region is worse in {good} of {total} medians, with errors of P.U. "
         f"profile II everywhere in {equal[0]} of {equal[1]}; in print in {in_print} of 6. k_h "
         "loses its lower kinks near the top, not near the ground"
     )
-    return Claim("with k_h the lower region suffers most from noise", by_share(good, total), told, "6.1.2")
+    return counted("with k_h the lower region suffers most from noise", good, total, evidence, "6.1.2")
 
 
 def _over_adjusted() -> Claim:
@@ -107,25 +107,25 @@ def _over_adjusted() -> Claim:
         if row["figure"] in figures:
             by_region[figures[row["figure"]]] += row["percent_of_vref"]
     low = {region: (sum(v < 0.0 for v in values), len(values)) for region, values in by_region.items()}
-    told = "; ".join(f"{region}: {a} of {b} below 0" for region, (a, b) in low.items())
+    counts = "; ".join(f"{region}: {a} of {b} below 0" for region, (a, b) in low.items())
     evidence = (
-        f"printed errors after calibration, {told}. Taken as measured minus true, readings were adjusted too little "
+        f"printed errors after calibration, {counts}. Taken as measured minus true, readings were adjusted too little "
         "in the lower region and too much above; only the other sign would bear the sentence out"
     )
-    return Claim("mean offsets over-adjust in the lower region", by_share(*low["lower"]), evidence, "6.1.2")
+    return counted("mean offsets over-adjust in the lower region", *low["lower"], evidence, "6.1.2")
 
 
 def _transitions_decide(ours: Rows) -> Claim:
     rows = _of_table(ours, "6.2")
     counts = [_count(rows[r], rows[r]["variants"]["one strip off"], _less) for r in REGIONS[1:]]
     good, total = _sum(counts)
-    text = "in the middle and above, finding the transitions decides whether V.R. with k_h succeeds"
+    claim = "in the middle and above, finding the transitions decides whether V.R. with k_h succeeds"
     found = [100.0 * (1.0 - rows[r]["variants"]["found transitions"]["failed"]) for r in REGIONS[1:]]
-    told = (
+    evidence = (
         "perfect readings with both inner transitions a strip off are worse than the printed errors with right ones "
         f"in {good} of {total} medians; the gradient rule finds four vertices in {found[0]:.0f} and {found[1]:.0f} %"
     )
-    return Claim(text, by_share(good, total), told, "6.1.2")
+    return counted(claim, good, total, evidence, "6.1.2")
 
 
 def _easy_transitions(ours: Rows) -> Claim:
@@ -135,12 +135,12 @@ def _easy_transitions(ours: Rows) -> Claim:
         for name in ("found transitions", "overhanging, found transitions")
     }
     best = max(min(values) for values in shares.values())
-    told = (
+    evidence = (
         "the gradient rule finds four vertices at {:.0f}, {:.0f}, {:.0f} % of the upright and {:.0f}, {:.0f}, {:.0f} % "
         "of the overhanging places (lower, middle, upper): nine strips are few for it"
     ).format(*(v for values in shares.values() for v in values))
-    text = "transitions of k are detected easily on the CRS-M prototype"
-    return Claim(text, by_share(best, 100.0), told, "6.2.2")
+    claim = "transitions of k are detected easily on the CRS-M prototype"
+    return counted(claim, best, 100.0, evidence, "6.2.2")
 
 
 def _middle_is_best(ours: Rows) -> Claim:
@@ -149,17 +149,21 @@ def _middle_is_best(ours: Rows) -> Claim:
     hung = [r["variants"]["overhanging"] for r in (rows["middle"], rows["lower"], rows["upper"])]
     good, total = _sum([*away, *(_count(hung[0], other, _less) for other in hung[1:])])
     ape = ", ".join(f"{rows[r]['ape']['median']:.2f}" for r in REGIONS)
-    told = f"the middle has the smaller median in {good} of {total}, both placings; A.P.E. upright, upwards: {ape} cm"
-    text = "with k the rectangle is recovered best in the middle region"
-    return Claim(text, by_share(good, total), told, "6.2.2")
+    evidence = (
+        f"smaller median in the middle in {good} of {total}, both placings; A.P.E. upright, upwards: {ape} cm"
+    )
+    claim = "with k the rectangle is recovered best in the middle region"
+    return counted(claim, good, total, evidence, "6.2.2")
 
 
 def _lower_right(ours: Rows) -> Claim:
     upper = _of_table(ours, "6.6")["upper"]
     shares = [100.0 * o["worst_vertex"][2] for o in (upper, upper["variants"]["overhanging"])]
-    told = f"the vertex furthest off at {shares[0]:.0f} % of the upright, {shares[1]:.0f} % of the overhanging places"
-    text = "in the upper region the lower right vertex suffers from the seventh strip's error"
-    return Claim(text, by_share(max(shares), 100.0), told, "6.2.2")
+    evidence = (
+        f"it is furthest off at {shares[0]:.0f} % of the upright, {shares[1]:.0f} % of the overhanging places"
+    )
+    claim = "in the upper region the lower right vertex suffers from the seventh strip's error"
+    return counted(claim, max(shares), 100.0, evidence, "6.2.2")
 
 
 def _seventh_strip() -> Claim:
@@ -167,33 +171,33 @@ def _seventh_strip() -> Claim:
     lean, x = most_upright_deg()
     strip = int(np.abs(sensor.x_mm - x).argmin()) + sensor.strip_base
     hung = PLACINGS["CRS-M"]["overhanging"].contact(sensor, "middle").vertices
-    told = (
+    evidence = (
         f"between the edges it fits within {lean:.1f} degrees of upright, and there its lower right vertex is at "
         f"x >= {x:.1f} mm, nearest to strip {strip}; with that vertex at strip "
         f"{nearest_strips(sensor, hung)[2] + sensor.strip_base} it hangs over by {-hung[:, 0].min():.1f} mm on the "
         "left. Both placings are shown; the text allows neither in full"
     )
-    text = "the 5 cm x 3.5 cm rectangle lay on the 4 cm wide CRS-M sensor, its lower right vertex at the seventh strip"
-    return Claim(text, "holds" if strip == 7 else "fails", told, "6.2.2")
+    claim = "the 5 cm x 3.5 cm rectangle lay on the 4 cm wide CRS-M sensor, its lower right vertex at the seventh strip"
+    return checked(claim, strip == 7, evidence, "6.2.2")
 
 
 def _points() -> Claim:
     true, raw, good = recovered_points()
     before, after = np.abs(raw - true).max(), np.abs(good - true).max()
-    told = (
+    evidence = (
         f"largest error {after:.1f} mm on {twin('Cyl-CRS-M').length_mm:g} mm, {before:.1f} mm without calibration; at "
         "w = 0 that is the printed error times L. The text speaks of five contacts, the table has four"
     )
     close = after <= 1.0  # the resolution of the measure that the thesis used, 0.1 cm
-    return Claim("points on the tube are recovered closely", "holds" if close else "fails", told, "6.3.2")
+    return checked("points on the tube are recovered closely", close, evidence, "6.3.2")
 
 
 def _converter() -> Claim:
     steps = {name: 1.0 / twin(name).length_mm for name in ("CRS-CRS", "CRS-M", "Cyl-CRS-M")}
     ratio = min(steps.values()) * 8192.0
-    told = f"1/8192 is {1 / 81.92:.3f} % of Vref; 1 mm of length is at least {ratio:.0f} times that"
-    text = "the converter's error is insignificant beside the quantisation of length"
-    return Claim(text, "holds" if ratio > 10.0 else "fails", told, "6.4")
+    evidence = f"1/8192 is {1 / 81.92:.3f} % of Vref; 1 mm of length is at least {ratio:.0f} times that"
+    claim = "the converter's error is insignificant beside the quantisation of length"
+    return checked(claim, ratio > 10.0, evidence, "6.4")
 
 
 def _quantised(ours: Rows) -> Claim:
@@ -202,9 +206,11 @@ def _quantised(ours: Rows) -> Claim:
 
     rows = [o for e, o in zip(experiments(), ours, strict=True) if e.calibrated]
     good, total = _sum([_count(o, o["variants"]["quantised"], alike) for o in rows])
-    told = f"with errors of 1 mm over L on top, medians stay within a factor of {_SAME} in {good} of {total}"
-    text = "quantisation of length, larger than in the simulations, has no significant impact"
-    return Claim(text, by_share(good, total), told, "6.4")
+    evidence = (
+        f"with errors of 1 mm over L on top, medians stay within a factor of {_SAME} in {good} of {total}"
+    )
+    claim = "quantisation of length, larger than in the simulations, has no significant impact"
+    return counted(claim, good, total, evidence, "6.4")
 
 
 def _like_profile_2() -> Claim:
@@ -212,15 +218,13 @@ def _like_profile_2() -> Claim:
     rms = float(np.sqrt(np.mean(errors**2)))
     beyond = int((np.abs(errors) > 1.0).sum())
     ratio = rms / _PROFILE_RMS["II"]
-    told = (
+    evidence = (
         f"root mean square {rms:.2f} % of Vref, profile I {_PROFILE_RMS['I']:.2f}, II {_PROFILE_RMS['II']:.2f}; "
         f"{errors.min():.1f} to {errors.max():.1f} %, {beyond} of {len(errors)} beyond 1 % (6.4 prints V_l up to +1.1, "
         "table 6.9 has 1.2). Not independent as profile II's: all of one sign in the lower region. 7.2 says profile I"
     )
     alike = max(ratio, 1.0 / ratio) <= _SAME
-    return Claim(
-        "errors after calibration are like P.U. profile II", "holds" if alike else "fails", told, "6.4"
-    )
+    return checked("errors after calibration are like P.U. profile II", alike, evidence, "6.4")
 
 
 def _matches_profile_2(ours: Rows) -> Claim:
@@ -234,13 +238,9 @@ def _matches_profile_2(ours: Rows) -> Claim:
         ]
         counts[name] = sum(inside), len(inside)
     good, total = counts["profile II"]
-    told = (
+    evidence = (
         f"printed A.O.E. and A.P.E. inside the 5-95 % range of twins with errors of profile II: {good} of {total}, of "
         f"profile I: {counts['profile I'][0]} of {total}"
     )
-    return Claim(
-        "recovery in the experiments matches the simulation with P.U. profile II",
-        by_share(good, total),
-        told,
-        "6.4",
-    )
+    claim = "recovery in the experiments matches the simulation with P.U. profile II"
+    return counted(claim, good, total, evidence, "6.4")

@@ -1,7 +1,7 @@
-"""Tables 6.2-6.4 and 6.6: what each method makes of the twins' readings, beside the printed figures.
+"""Tables 6.2-6.4 and 6.6: the errors of each method on the twins' readings, compared with the printed values.
 
-The printed errors leave nothing to chance; where the rectangle lay is what the thesis does not print. So a row is run
-at places drawn from those that its text allows (`thesis/twin.py`), the same ones in every row of a sensor and region.
+The printed errors are fixed; the thesis does not print where the rectangle lay. So a row is run at places drawn from
+those that its text allows (`chapter6/twin.py`), the same ones in every row of a sensor and region.
 Vertex Reconstruction gets the strips nearest to the true vertices, as "the transition at the seventh sensing element"
 says, and reads them; profiles are compared at the original's vertex columns. `VARIANTS` changes one thing at a time.
 M.C. is un-normalised by the mean perimeter, `mc` [rad cm], and as defined in 5.3, `mc_rad` [rad]: which of them, if
@@ -25,8 +25,7 @@ from tacstrip.reconstruction.profile import profile_at, profile_reconstruction
 from tacstrip.reconstruction.vertex.estimate import vertex_reconstruction
 from tacstrip.scan import Scan
 from tacstrip.sensor.spec import Sensor
-from tacstrip.thesis.chapter5.cells import HALF_DIGIT
-from tacstrip.thesis.twin import (
+from tacstrip.thesis.chapter6.twin import (
     PLACINGS,
     PROTOTYPES,
     REGIONS,
@@ -37,6 +36,7 @@ from tacstrip.thesis.twin import (
     region_errors,
     twin,
 )
+from tacstrip.thesis.ranges import is_inside, ranges
 
 MEASURES = {"mc": "mc", "mc_rad": "mc", "aoe": "aoe", "ape": "ape"}  # ours: the printed one beside it
 _PROFILES = {"profile I": Noise(positional=0.005), "profile II": Noise(positional=0.01)}
@@ -45,7 +45,7 @@ PROFILE_II = _PROFILES["profile II"]
 
 @dataclass(frozen=True)
 class Variant:
-    """What is done otherwise than in the thesis' experiment.
+    """What differs from the thesis' experiment.
 
     Attributes
     ----------
@@ -95,12 +95,14 @@ def run_experiment(number: int, seeds: int) -> dict[str, Any]:
     """Return the `ours` of entry `number` of `experiments()`, over as many places as seeds.
 
     Per measure its median, 5 % and 95 % points; the share of failures; which printed values lie inside; the same
-    at the nominal place; how often each vertex, left to right, is the one furthest off; and the variants.
+    at the nominal place; how often each vertex, left to right, has the largest error; and the variants.
     """
     e = experiments()[number]
     own = Variant(raw=not e.calibrated)
     ours = _over_places(e, own, seeds)
-    ours["inside"] = {m: _inside(e.printed[printed], ours[m]) for m, printed in MEASURES.items()}
+    ours["inside"] = {
+        m: is_inside(e.printed[printed], ours[m]["p05"], ours[m]["p95"]) for m, printed in MEASURES.items()
+    }
     contact, _, vertices = at_nominal(e, own)
     ours["nominal"] = _measured(contact, vertices)
     chosen = {name: v for name, v in VARIANTS.items() if applies(v, e)}
@@ -148,12 +150,8 @@ def _over_places(e: Experiment, variant: Variant, seeds: int) -> dict[str, Any]:
         if len(vertices) == 4:
             apart = np.linalg.norm(_left_to_right(vertices) - _left_to_right(contact.vertices), axis=1)
             worst[apart.argmax()] += 1.0 / seeds
-    points = np.percentile(values, [50.0, 5.0, 95.0], axis=0).T if values else [[None] * 3] * len(MEASURES)
-    named = {
-        m: dict(zip(("median", "p05", "p95"), map(_plain, row), strict=True))
-        for m, row in zip(MEASURES, points, strict=True)
-    }
-    return {**named, "failed": 1.0 - len(values) / seeds, "worst_vertex": worst.tolist()}
+    found_ranges = ranges(np.array(values), list(MEASURES))
+    return {**found_ranges, "failed": 1.0 - len(values) / seeds, "worst_vertex": worst.tolist()}
 
 
 def _scan(
@@ -191,16 +189,24 @@ def _recover(
     if e.algorithm == "profile":
         return profile_at(profile_reconstruction(scan, sensor).objects[0], contact.vertices)
     if variant.method == "gradient":
-        found = vertex_reconstruction(scan, sensor, e.signature, "gradient").objects[0].vertices
+        found = (
+            vertex_reconstruction(scan, sensor, signature=e.signature, transitions="gradient")
+            .objects[0]
+            .vertices
+        )
         return found if len(found) == 4 else found[:0]
     if variant.method == "section":
         x = np.clip(np.sort(contact.vertices[:, 0]), 0.0, sensor.width_mm)
-        return vertex_reconstruction(scan, sensor, e.signature, x).objects[0].vertices
+        return vertex_reconstruction(scan, sensor, signature=e.signature, transitions=x).objects[0].vertices
     strips = nearest_strips(sensor, contact.vertices)
     if variant.method == "one strip off":
         strips[1:-1] = np.clip(strips[1:-1] + random.choice([-1, 1], 2), 1, sensor.strips - 2)
     x = sensor.x_mm[strips]
-    return vertex_reconstruction(scan, sensor, e.signature, x, reading="strip").objects[0].vertices
+    return (
+        vertex_reconstruction(scan, sensor, signature=e.signature, transitions=x, reading="strip")
+        .objects[0]
+        .vertices
+    )
 
 
 def _measured(contact: Contact, vertices: FloatArray) -> dict[str, float] | None:
@@ -213,12 +219,3 @@ def _measured(contact: Contact, vertices: FloatArray) -> dict[str, float] | None
 
 def _left_to_right(corners: FloatArray) -> FloatArray:
     return np.asarray(corners[np.argsort(corners[:, 0])])
-
-
-def _plain(value: float | None) -> float | None:
-    return None if value is None else float(value)
-
-
-def _inside(printed: float, ours: dict[str, float | None]) -> bool | None:
-    low, high = ours["p05"], ours["p95"]
-    return None if low is None or high is None else bool(low - HALF_DIGIT <= printed <= high + HALF_DIGIT)

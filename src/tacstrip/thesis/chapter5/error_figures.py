@@ -1,4 +1,4 @@
-"""The figures of 5.1 and 5.3, made again: where errors come from, and what M.C. measures."""
+"""Figures 5.1-5.4, reproduced: where errors come from, and what the mismatch coefficient measures."""
 
 from __future__ import annotations
 
@@ -17,16 +17,7 @@ from tacstrip.contact.footprint import footprint
 from tacstrip.contact.shape import Contact
 from tacstrip.geometry.metrics import clean_polygon, mismatch_coefficient
 from tacstrip.plot.scene import draw_contact, draw_polygon, draw_sensor
-from tacstrip.plot.style import (
-    COLOURS,
-    OTHERS,
-    RECOVERED,
-    TRUE,
-    add_axes,
-    legend,
-    new_axes,
-    new_figure,
-)
+from tacstrip.plot.style import COLOURS, OTHERS, RECOVERED, TRUE, add_axes, legend, new_axes, new_figure
 from tacstrip.sensor.spec import Sensor
 from tacstrip.simulation import simulate
 
@@ -43,7 +34,7 @@ _PROFILE_II = 0.01  # of Vref: P.U. profile II (table 5.1)
 
 @dataclass(frozen=True)
 class Alignment:
-    """Two turning functions laid over each other as M.C. asks for.
+    """Two turning functions in the alignment of the mismatch coefficient.
 
     Attributes
     ----------
@@ -150,19 +141,19 @@ def turning_function(corners: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
 
 
 def best_alignment(a: npt.ArrayLike, b: npt.ArrayLike) -> Alignment:
-    """Find start and turn that leave the least area between two turning functions.
+    """Find the start and rotation with the least area between two turning functions.
 
     For a start the best turn is the median difference, and the area has its least where a corner of one meets
     a corner of the other: all such starts are tried. `metrics.mismatch_coefficient` gives the area alone.
     """
     first, second = clean_polygon(a), clean_polygon(b)
     starts = ((i, j) for i in range(len(first)) for j in range(len(second)))
-    laid = (_lay(np.roll(first, -i, axis=0), np.roll(second, -j, axis=0)) for i, j in starts)
-    return min(laid, key=lambda alignment: alignment.mc)
+    aligned = (_align(np.roll(first, -i, axis=0), np.roll(second, -j, axis=0)) for i, j in starts)
+    return min(aligned, key=lambda alignment: alignment.mc)
 
 
-def _lay(a: FloatArray, b: FloatArray) -> Alignment:
-    """Lay the turning functions of two polygons over each other, both from their first corner."""
+def _align(a: FloatArray, b: FloatArray) -> Alignment:
+    """Align the turning functions of two polygons that both start at their first corner."""
     (s_a, theta_a), (s_b, theta_b) = turning_function(a), turning_function(b)
     s = np.union1d(s_a, s_b)
     middle, part = 0.5 * (s[:-1] + s[1:]), np.diff(s)
@@ -178,17 +169,9 @@ def _draw_skewed_strips(axes: Axes) -> None:
     turn = Affine2D().rotate_around(x, y, SKEW_RAD) + axes.transData
     for at in SENSOR.x_mm:
         corner = (at - 0.5 * SENSOR.strip_width, 0.0)
-        axes.add_patch(
-            Rectangle(
-                corner,
-                SENSOR.strip_width,
-                SENSOR.length_mm,
-                fill=False,
-                edgecolor=COLOURS["k"],
-                linewidth=0.6,
-                transform=turn,
-            )
-        )
+        strip = Rectangle(corner, SENSOR.strip_width, SENSOR.length_mm, fill=False, edgecolor=COLOURS["k"])
+        strip.set(linewidth=0.6, transform=turn)
+        axes.add_patch(strip)
 
 
 def _name_turning_axes(axes: Axes) -> None:

@@ -22,7 +22,7 @@ from tacstrip.thesis.chapter6.calibration import (
     line_contact,
     recovered_points,
 )
-from tacstrip.thesis.twin import LINES, PLACINGS, REGIONS, twin
+from tacstrip.thesis.chapter6.twin import LINES, PLACINGS, REGIONS, twin
 
 _TUBE = "Cyl-CRS-M"
 _RUBBER = "#b9b09b"

@@ -1,4 +1,4 @@
-"""Figures 5.5-5.61: recovered shapes, two noisy signatures, and what V.R. makes of a concave shape."""
+"""Figures 5.5-5.61: recovered shapes, two noisy signatures, and Vertex Reconstruction of a concave shape."""
 
 from __future__ import annotations
 
@@ -57,7 +57,9 @@ def noisy_signature(figure: str) -> Figure:
     """Draw a noise-free and a noisy signature, the true transitions, and those that the gradient rule finds."""
     shape, position, name = NOISY[figure]
     sensor, contact = SIMULATED["crs-crs"], SHAPES[shape].contact(position)
-    clean, noisy = (simulate(sensor, contact, NOISES[n], 0) for n in ("ideal", "quantisation + profile II"))
+    clean, noisy = (
+        simulate(sensor, contact, NOISES[n], rng=0) for n in ("ideal", "quantisation + profile II")
+    )
     run = clean.runs()[0]
     x = sensor.x_mm[run]
     drawing, axes = new_axes(6.0, 4.0)
@@ -77,13 +79,13 @@ def noisy_signature(figure: str) -> Figure:
 
 
 def ambiguity(figure: str) -> tuple[Figure, list[dict[str, float]]]:
-    """Draw what V.R. makes of the concave tetragon from ideal readings, and return how wrong it is.
+    """Draw V.R.'s result for the concave tetragon from ideal readings, and return its errors.
 
     Returns
     -------
     tuple
         The figure; and per position M.C. [rad], IoU, and the largest difference [Vref] between the
-        recovered convex polygon's signature and the one measured: how little tells them apart.
+        recovered convex polygon's signature and the one measured.
     """
     construction, name = AMBIGUOUS[figure]
     sensor = SIMULATED[construction]
@@ -93,7 +95,7 @@ def ambiguity(figure: str) -> tuple[Figure, list[dict[str, float]]]:
         contact = SHAPES[_CONCAVE].contact(position)
         scan = simulate(sensor, contact)
         x = SHAPES[_CONCAVE].transitions(position)
-        found = vertex_reconstruction(scan, sensor, name, x, reading="strip").objects[0]
+        found = vertex_reconstruction(scan, sensor, signature=name, transitions=x, reading="strip").objects[0]
         _draw_pair(axes, _CONCAVE, position, found.vertices, COLOURS[name])
         if found.found and found.profile is not None:
             m = mismatch(contact.vertices, found.vertices)

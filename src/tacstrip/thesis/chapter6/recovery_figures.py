@@ -23,7 +23,7 @@ from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
 from tacstrip.thesis.chapter6.tables import Variant, at_nominal
-from tacstrip.thesis.twin import PLACINGS, nearest_strips, twin
+from tacstrip.thesis.chapter6.twin import PLACINGS, nearest_strips, twin
 
 _POLYGON = OTHERS[3]
 _BY_FIGURE = {e.figure: e for e in experiments()}
@@ -38,7 +38,7 @@ NOISY = {"6.8": "6.7", "6.12": "6.11", "6.14": "6.13", "6.16": "6.15", "6.28": "
 
 
 def recovery(figure: str) -> Figure:
-    """Draw what V.R. or P.R. and the polygon fit make of the twin's readings, and the readings."""
+    """Draw the results of V.R. or P.R. and of the polygon fit for the twin's readings, and the readings."""
     e = RECOVERIES[figure]
     placings = list(PLACINGS[e.sensor])
     drawing = new_figure(4.3 * (len(placings) + 1) - 1.0, 4.4)

@@ -1,0 +1,2 @@
+from .drift import DriftEstimator as DriftEstimator
+from .drift import rezero as rezero

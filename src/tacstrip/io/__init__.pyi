@@ -1,0 +1,1 @@
+from .geometry import feature_collection as feature_collection

@@ -1,0 +1,10 @@
+from .codes import decode as decode
+from .codes import encode as encode
+from .device.virtual import VirtualDevice as VirtualDevice
+from .recording.recover import recover as recover
+from .replay import ReadingsSource as ReadingsSource
+from .simulated import Drag as Drag
+from .source import RawScan as RawScan
+from .source import Shape as Shape
+from .source import Source as Source
+from .source import paced as paced

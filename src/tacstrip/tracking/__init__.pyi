@@ -1,0 +1,2 @@
+from .tracker import LiveObject as LiveObject
+from .tracker import Tracker as Tracker
