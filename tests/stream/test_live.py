@@ -206,7 +206,8 @@ def test_a_full_disk_ends_the_recording_and_not_the_stream(
     stream.record(tmp_path / "a.mcap")
     with stream:
         wait_until(lambda: stream.frames >= 150)
-        assert stream.recording is None
+        wait_until(lambda: stream.recording is None)
+        wait_until(lambda: said)  # and it goes on
         assert stream.running
     (text,) = said
     assert "No space left on device" in text

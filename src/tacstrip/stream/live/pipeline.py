@@ -154,11 +154,12 @@ class Live:
             self.source.close()
         except Exception as error:
             self._fail(error)
-        if self._started:
-            self._thread.join()
-            sys.setswitchinterval(self._switch_s)
-        self._searches.shutdown(cancel_futures=True)
-        self._end()
+        finally:
+            if self._started:
+                self._thread.join()
+                sys.setswitchinterval(self._switch_s)
+            self._searches.shutdown(cancel_futures=True)
+            self._end()
 
     @property
     def _started(self) -> bool:
