@@ -44,7 +44,7 @@ def plain_loop(l: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def main() -> None:
-    """Print scans per second of each way, and the ratio."""
+    """Print scans per second of each method, and the ratio."""
     contacts = HEXAGON.dragged([(35.0, 30.0), (65.0, 70.0)], SCANS, 0.01)
     l, u = ts.footprint(SENSOR, contacts)
     fast = median_seconds(lambda: batch(l, u))

@@ -1,4 +1,4 @@
-"""How well CRS-CRP can tell l and u at best, by contact, build and wiring: tables of docs/physics.md.
+"""The Cramer-Rao bound of l and u for CRS-CRP, by contact, build and wiring: tables of docs/physics.md.
 
 Run: python benchmarks/crp_bounds.py [mesh | places | builds | wirings ...]
 """

@@ -2,8 +2,9 @@
 
 A virtual device runs in a process of its own and writes each scan when it is due. This process,
 held to one core, reads, decodes, reconstructs and records. The latency is given twice: from
-when the last byte was read, and from when the scan was due, less its least, with what the device's process and the
-line add. Wanted for 10 minutes: no scan lost, latency 1 ms (median) and 3 ms (99 %) at most, memory flat.
+when the last byte was read, and from when the scan was due, less its minimum: with
+what the device's process and the line add.
+Wanted for 10 minutes: no scan lost, latency 1 ms (median) and 3 ms (99 %) at most, memory flat.
 
 Run: python benchmarks/live.py [seconds, 60 by default, 600 for the whole]
 """

@@ -3,7 +3,7 @@
 A row per cell and method: the share of right vertex counts; the median distance from a true transition to the nearest
 one found, in % of the contact's width, and over the median that the Cramer-Rao bound implies; the root mean square
 error of the vertices over the bound's, of the polygons with the right vertices (pooled: of all in mm, so that the
-least certain ones weigh most; scaled: each over its own bound); the same of the least-squares fit that is begun at the
+least certain ones weigh most; scaled: each over its own bound); the same of the least-squares fit that starts at the
 truth, which no search can beat; the share of true vertices in their 95 % regions; and milliseconds.
 Run: python benchmarks/transitions.py [--polygons 400] [--cells kh:0.005:100 ...] [--methods polygon savgol ...]
 piecewise-regression, skchange and ruptures take part if they are installed.
@@ -100,7 +100,7 @@ def score(cell: Cell, methods: Sequence[str], polygons: int, seed: int) -> dict[
 
 
 def from_truth(cell: Cell, of: Trial) -> FloatArray:
-    """Return the vertices of the least-squares fit that is begun at the true ones."""
+    """Return the vertices of the least-squares fit that starts at the true ones."""
     start = Fit.of(Outline.of(of.truth), signal_of(cell, of))
     return Outline(*untangled(*refine(start, signal_of(cell, of)).polygon(signal_of(cell, of)))).vertices
 

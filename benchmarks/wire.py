@@ -1,7 +1,7 @@
 """The wire decoder: frames a second in batches, and what one frame costs when it comes alone.
 
 Wanted: 200,000 frames/s of 20 channels (10 strips, double measurement) in batches. The time of the process is what
-counts on a busy machine; that of the clock is printed beside it.
+counts on a busy machine; wall-clock time is printed too.
 
 Run: python benchmarks/wire.py
 """

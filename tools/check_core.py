@@ -1,4 +1,4 @@
-"""What the core must pass besides the tests: no warning of a compiler, and no finding of the sanitizers.
+"""Checks of the core in addition to the tests: no compiler warning, no finding of the sanitizers.
 
 Those watch tests/core/, and tests/core/core_driver.c as a program of its own.
 """

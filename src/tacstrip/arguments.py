@@ -21,7 +21,7 @@ _MAKE = {
     "Noise": "ts.Noise(positional=0.005)",
     "Footprint": "ts.footprint(sensor, contact)",
     "Runs": "ts.read_runs(file, sensor)",
-    "RawScan": "encode(scan, sensor)",
+    "RawScan": "tacstrip.stream.encode(scan, sensor)",
     "Reconstruction": "ts.fit_polygon(scan, sensor)",
     "RecoveredObject": "ts.fit_polygon(scan, sensor).objects[0]",
     "Outline": "ts.Outline(vertices)",

@@ -18,7 +18,7 @@ import tacstrip as ts
 from tacstrip.cli import cli
 from tacstrip.io.runs import read_runs, write_plan
 from tacstrip.sensor import Channel
-from tacstrip.sensor.raw import distorted
+from tacstrip.sensor.raw import invert_calibration
 
 CRS = ts.Sensor(
     construction="crs-crs", strips=2, pitch_mm=6.5, length_mm=325.0, vref_volt=6.05, adc_bits=12, strip_base=1
@@ -109,6 +109,7 @@ def test_runs_of_another_unit_are_refused_unless_forced(tmp_path: Path) -> None:
 FIELD = st.sampled_from(
     ["", "1", "2", "0", "10", "50", "-1", "1e9", "nan", "x", "3.5", "left", '"', "\0", "1e999"]
 )
+_CALIBRATED: set[tuple[object, ...]] = set()  # different files hold the same runs
 LINES = st.lists(st.lists(FIELD, min_size=4, max_size=7).map(",".join), max_size=6).map("\n".join)
 
 
@@ -129,6 +130,11 @@ def test_any_file_gives_runs_or_a_clear_error(tmp_path: Path, text: str | int, m
     (tmp_path / "runs.csv").write_bytes(text.encode("utf-8", "surrogatepass"))
     try:
         runs = read_runs(tmp_path / "runs.csv", sensor)
+        if (
+            contents := (metal, *(v.tobytes() for v in (runs.l_mm, runs.w_mm, *runs.raw.values())))
+        ) in _CALIBRATED:
+            return
+        _CALIBRATED.add(contents)
         done = ts.calibrate_unit(sensor, runs, "offset")
     except ts.TacstripError:  # and nothing else
         return
@@ -161,7 +167,7 @@ def filled(plan: Path, sensor: ts.Sensor, calibration: ts.Calibration, seed: int
     for row in rows:
         number, l, w, tail = re.match(r"(\d+),([\d.]+),([\d.]+),+(.*)", row).groups()  # type: ignore[union-attr]
         low = np.full(sensor.strips, float(l))
-        raw = distorted(unit, ts.signatures(sensor, low, low + float(w)))
+        raw = invert_calibration(unit, ts.signatures(sensor, low, low + float(w)))
         i = int(number) - sensor.strip_base
         volts = [f"{(v[i] + rng.uniform(-0.001, 0.001)) * sensor.vref_volt:.5f}" for v in raw.values()]
         out.append(",".join([number, l, w, *volts, tail]))
@@ -228,7 +234,7 @@ def test_runs_that_do_not_fit_make_no_spec(bench: Path) -> None:
     assert "Doubtful:" in (bench / "report" / "report.html").read_text(encoding="utf-8")
     forced = run(spec, runs, "-o", out, "--model", "mean", "--force")
     assert forced.code == 0
-    assert "written, though it is in doubt" in forced.text
+    assert "written, but its constants are doubtful" in forced.text
     assert out.exists()
 
 

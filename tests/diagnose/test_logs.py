@@ -15,10 +15,10 @@ from studies.checkup import exercise
 from studies.faults import Defect, faulty_log
 from tacstrip.contact.noise import Noise
 from tacstrip.diagnose.doctor import diagnose
-from tacstrip.diagnose.expected import expected, places, view_of
 from tacstrip.diagnose.log import Log, read_log
+from tacstrip.diagnose.neighbour_prediction import places, predict_from_neighbours, working_copy
 from tacstrip.errors import OptionError, ReadingError, SignatureError
-from tacstrip.network import Break, Build, Short
+from tacstrip.network import Break, Imperfections, Short
 from tacstrip.network.imperfections import Layer
 from tacstrip.stream.source import RawScan
 from waiting import HANG_S
@@ -60,7 +60,7 @@ def test_exit_codes_words_picture_and_json(folder: Path, contacts: list[ts.Conta
     _write(folder / "bad.csv", faulty_log(SENSOR, contacts, [Defect("stuck", 4, 0.5, "kl")], FAINT))
     good = _run(folder, "doctor", "good.csv", "--sensor", "sensor.toml")
     assert (good.returncode, good.stderr) == (0, "")
-    assert "No fault found, as far as this recording tells" in good.stdout
+    assert "No fault found, as far as this recording shows" in good.stdout
     assert "within profile I" in good.stdout
     bad = _run(folder, "doctor", "bad.csv", "--sensor", "sensor.toml", "--plot", "health.png")
     assert bad.returncode == 1
@@ -171,18 +171,18 @@ def test_a_log_says_what_does_not_fit() -> None:
 def test_neighbours_expect_a_straight_line() -> None:
     there = np.ones((1, 6), dtype=bool)
     values = np.array([[0.1, 0.2, np.nan, 0.9, 0.5, 0.6]])
-    line, both, gap = expected(values, there)
+    line, both, gap = predict_from_neighbours(values, there)
     np.testing.assert_allclose(line[0], [-0.15, 1.1 / 3.0, 0.55, 0.4, 0.75, 0.1], atol=1e-12)
     assert both[0].tolist() == [False, True, True, True, True, False]
     assert gap[0, 2] == pytest.approx(0.7)
     apart = there.copy()
     apart[0, 2] = False  # two contacts: nothing reaches across
-    assert not expected(values, apart)[1][0, [1, 3]].any()
+    assert not predict_from_neighbours(values, apart)[1][0, [1, 3]].any()
 
 
 def test_a_contact_that_stands_is_one_place(contacts: list[ts.Contact]) -> None:
     log = faulty_log(SENSOR, [contacts[7]] * 20 + [contacts[20]] * 20, noise=FAINT)
-    rows = places(view_of(log, 0.0006))
+    rows = places(working_copy(log, 0.0006))
     assert len(rows.there) == 2
     np.testing.assert_allclose(rows.k["kh"][0], log.raw["kh"][:20].mean(axis=0), atol=1e-12)
 
@@ -196,10 +196,10 @@ def test_defects_of_the_network_are_those_of_the_whole_sensor(construction: str)
     contact = ts.Contact.polygon([(5.0, 30.0), (32.0, 42.0), (31.0, 60.0), (4.0, 55.0)])
     layer: Layer = "sensing" if construction == "crs-crs" else "energised"
     for defect, build in (
-        (Defect("open-strip", 2, 0.2), Build(breaks=[Break(2, 20.0)])),
-        (Defect("short", 3, 0.7, sensor.signatures[0]), Build(shorts=[Short(3, 70.0, 20.0, layer)])),
+        (Defect("open-strip", 2, 0.2), Imperfections(breaks=[Break(2, 20.0)])),
+        (Defect("short", 3, 0.7, sensor.signatures[0]), Imperfections(shorts=[Short(3, 70.0, 20.0, layer)])),
     ):
-        whole = ts.simulate(sensor, contact, model="network", build=build)
+        whole = ts.simulate(sensor, contact, model="network", imperfections=build)
         log = faulty_log(sensor, [contact], [defect])
         for name in sensor.signatures:
             np.testing.assert_allclose(log.raw[name][0], whole[name], atol=1e-6)

@@ -53,5 +53,5 @@ def test_the_report_says_which_strips_have_graphs(unit: Calibrated, tmp_path: Pa
     assert len(graphed_strips(unit)) == 12
     assert 20 in graphed_strips(unit)
     page = write_report(unit, tmp_path).read_text(encoding="utf-8")
-    assert "Calibration graphs of 12 of the 24 strips: those with the largest errors left." in page
+    assert "Calibration graphs of 12 of the 24 strips: those with the largest residuals." in page
     assert "Calibration graphs of strip 20" in page

@@ -14,7 +14,7 @@ from matplotlib.patches import Polygon
 import tacstrip as ts
 from drawn import check_above, draw, legend_of
 from recordings import sensor
-from tacstrip.design.limits import Limit, Map
+from tacstrip.design.limits import ErrorMap, Limit
 from tacstrip.geometry.outline import Outline
 from tacstrip.plot.limits import limits_figure
 from tacstrip.plot.result import reconstruction_figure
@@ -142,7 +142,7 @@ def test_a_legend_lies_above_the_data() -> None:
 def test_the_colour_bar_of_limits_reads_plain_numbers() -> None:
     outline = Outline(TRIANGLE[[0, 1]], TRIANGLE[[0, 2, 1]])
     for low, high in ((0.30, 0.34), (0.3, 40.0)):
-        over = Map(
+        over = ErrorMap(
             np.array([20.0, 40.0]), np.array([30.0, 50.0]), np.array([[low, high], [low, high]]), np.zeros(2)
         )
         figure = limits_figure(SENSOR, outline, [Limit(("kh",), np.eye(6))], over)

@@ -1,12 +1,12 @@
-"""Drift: what raw readings have moved by since the calibration, from untouched strips or a contact of known place.
+"""Drift since the calibration, from untouched strips or a contact of known place.
 
-Drift is taken for a shift of the raw reading that is the same touched and untouched, as of an amplifier's zero.
+Drift is modelled as a shift of the raw reading that is the same touched and untouched, as of an amplifier's zero.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,14 +14,14 @@ from tacstrip.arguments import takes
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.contact.signature import signatures
 from tacstrip.errors import OptionError, ReadingError
+from tacstrip.robust import robust_sigma
 from tacstrip.sensor.calibration import Calibration
 from tacstrip.sensor.channel import Channel
-from tacstrip.sensor.raw import distorted, touched
+from tacstrip.sensor.raw import invert_calibration, touched
 from tacstrip.sensor.spec import Sensor
 
-_FURTHEST = 0.05  # of Vref: who moved more is touched, or broken
+_FURTHEST = 0.05  # of Vref: a strip that moved more is touched, or broken
 _RESTLESS = 5.0  # times the learned noise: a strip that varies more is touched
-_MAD = 1.4826
 
 
 @takes(sensor=Sensor)
@@ -31,16 +31,16 @@ def rezero(
     source: str = "",
     reference: tuple[float, float] | None = None,
 ) -> tuple[Sensor, BoolArray]:
-    """Return the sensor with its drift as these readings have it, and which strips told (strips,).
+    """Return the sensor with the drift that these readings show, and on which strips it was measured (strips,).
 
     Parameters
     ----------
     sensor
-        A calibrated one; with its untouched levels learned where there is no reference.
+        A calibrated sensor, with learned untouched levels where there is no reference.
     raw
         Raw readings over Vref by signature (scans, strips), NaN where there is none.
     source
-        When and from which file, to be kept.
+        When and from which file, kept with the drift.
     reference
         Lower end and length [mm] of a contact across the strips; None: nothing touches.
 
@@ -49,27 +49,38 @@ def rezero(
     OptionError
         The sensor has no calibration, no learned level, or the reference is not on it.
     ReadingError
-        No strip tells; the message says why.
+        The drift cannot be measured on any strip; the message says why.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import tacstrip as ts
+    >>> from tacstrip.calibrate import DriftEstimator, rezero
+    >>> sensor = ts.Sensor(construction="crs-m", strips=2, pitch_mm=6.5, length_mm=325.0)
+    >>> noise = np.random.default_rng(0).normal(0.0, 0.001, (50, 2))
+    >>> learned = ts.learn_touch(sensor, {"k": 0.02 + noise})
+    >>> today, measured = rezero(learned, {"k": np.full((20, 2), 0.025)})
+    >>> np.round(today.calibration.channel("k").drift, 3), measured
+    (array([0.005, 0.005]), array([ True,  True]))
     """
-    levels = _levels(sensor, tuple(raw), reference)
-    shift, good = {}, np.ones(sensor.strips, dtype=bool)
+    levels = _readings_without_drift(sensor, tuple(raw), reference)
+    shift, usable = {}, np.ones(sensor.strips, dtype=bool)
     for name, values in raw.items():
         there = np.isfinite(values).any(axis=0)
-        some = np.where(there, values, 0.0)
-        middle = np.nanmedian(some, axis=0)
-        spread = _MAD * np.nanmedian(np.abs(some - middle), axis=0)
-        shift[name] = middle - levels[name]
+        known = np.where(there, values, 0.0)
+        median = np.nanmedian(known, axis=0)
+        sigma = robust_sigma(known - median, axis=0)
+        shift[name] = median - levels[name]
         noise = np.array(_channel(sensor, name).noise or np.inf)
-        good &= there & (np.abs(shift[name]) <= _FURTHEST) & (spread <= _RESTLESS * np.maximum(noise, 1e-4))
-    if not good.any():
+        usable &= there & (np.abs(shift[name]) <= _FURTHEST) & (sigma <= _RESTLESS * np.maximum(noise, 1e-4))
+    if not usable.any():
         what = "touched as the reference says" if reference else "untouched"
         raise ReadingError(
             f"no strip is {what}: each has no readings, varies, or is more than {100.0 * _FURTHEST:.0f} % of Vref "
             "from where it was. Clear the sensor and record again, or calibrate anew"
         )
-    return with_drift(
-        sensor, {n: np.where(good, s, _drift(sensor, n)) for n, s in shift.items()}, source
-    ), good
+    drift = {n: np.where(usable, s, _drift(sensor, n)) for n, s in shift.items()}
+    return with_drift(sensor, drift, source), usable
 
 
 def with_drift(sensor: Sensor, drift: Mapping[str, FloatArray], source: str) -> Sensor:
@@ -80,7 +91,7 @@ def with_drift(sensor: Sensor, drift: Mapping[str, FloatArray], source: str) -> 
     return replace(sensor, calibration=replace(old, channels=(*kept, *new), zeroed=source))
 
 
-def _levels(
+def _readings_without_drift(
     sensor: Sensor, names: tuple[str, ...], reference: tuple[float, float] | None
 ) -> dict[str, FloatArray]:
     """Return what raw readings (strips,) would be without drift."""
@@ -99,7 +110,7 @@ def _levels(
     each = np.full(sensor.strips, l)
     still = with_drift(sensor, {name: np.zeros(sensor.strips) for name in names}, "")
     ideal = signatures(sensor, each, each + w)
-    return distorted(still, {name: ideal[name] for name in names})
+    return invert_calibration(still, {name: ideal[name] for name in names})
 
 
 def _channel(sensor: Sensor, name: str) -> Channel:
@@ -111,57 +122,68 @@ def _drift(sensor: Sensor, name: str) -> FloatArray:
     return np.array(_channel(sensor, name).drift or np.zeros(sensor.strips))
 
 
-@dataclass
 class DriftEstimator:
-    """Follows the drift scan by scan from the strips that nothing touches; O(strips) a scan.
+    """Tracks the drift scan by scan on the strips that nothing touches, by an exponential average.
 
-    Attributes
+    Parameters
     ----------
     sensor
         A calibrated sensor with learned levels, as for `rezero`; its drift is where the estimate starts.
     time_constant_s
-        Of the average: longer is quieter and later.
+        Of the average [s]: longer is less noisy and slower.
     settle_s
-        A strip counts only when it has been untouched this long, so that pressing and letting go leave no trace.
+        A strip counts only when it has been untouched this long [s], so that pressing and letting go have no effect.
+
+    Raises
+    ------
+    OptionError
+        The sensor has no calibration or no learned level, or a time that cannot be.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import tacstrip as ts
+    >>> from tacstrip.calibrate import DriftEstimator, rezero
+    >>> sensor = ts.Sensor(construction="crs-m", strips=2, pitch_mm=6.5, length_mm=325.0)
+    >>> noise = np.random.default_rng(0).normal(0.0, 0.001, (50, 2))
+    >>> estimator = DriftEstimator(ts.learn_touch(sensor, {"k": 0.02 + noise}), time_constant_s=1.0)
+    >>> for i in range(1000):
+    ...     estimator.update({"k": np.array([0.023, 0.019])}, time_s=0.01 * i)
+    >>> estimator.drift["k"].round(3)
+    array([ 0.003, -0.001])
     """
 
-    sensor: Sensor
-    time_constant_s: float = 30.0
-    settle_s: float = 1.0
-    scans: int = 0
-    _level: dict[str, FloatArray] = field(default_factory=dict)
-    _since_s: FloatArray | None = None  # when each strip was last touched (strips,)
-    _time_s: float | None = None
-
-    def __post_init__(self) -> None:
-        if not self.time_constant_s > 0.0 or not self.settle_s >= 0.0:
+    def __init__(self, sensor: Sensor, time_constant_s: float = 30.0, settle_s: float = 1.0) -> None:
+        if not time_constant_s > 0.0 or not settle_s >= 0.0:
             raise OptionError("time_constant_s must be above 0 and settle_s 0 or more")
-        _levels(self.sensor, self.sensor.signatures, None)
-        self._level = {name: _drift(self.sensor, name) for name in self.sensor.signatures}
+        _readings_without_drift(sensor, sensor.signatures, None)
+        self.sensor, self.time_constant_s, self.settle_s = sensor, time_constant_s, settle_s
+        self.scans = 0
+        self._drift = {name: _drift(sensor, name) for name in sensor.signatures}
+        self._touched_s = np.full(sensor.strips, np.nan)  # when each strip was last touched
+        self._time_s = np.nan  # of the last scan
 
     def update(self, raw: Mapping[str, FloatArray], time_s: float) -> None:
         """Take a scan: raw readings over Vref by signature (strips,), at a time that does not run backwards [s]."""
-        moved = {n: v - (self._level[n] - _drift(self.sensor, n)) for n, v in raw.items()}
-        touch = touched(self.sensor, moved)
-        if self._since_s is None or self._time_s is None:
-            self._since_s, self._time_s = np.full(len(touch), time_s), time_s
-        self._since_s[touch] = time_s
-        part = 1.0 - np.exp(-max(0.0, time_s - self._time_s) / self.time_constant_s)
-        quiet = ~touch & (time_s - self._since_s >= self.settle_s)
+        without = {n: v - (self._drift[n] - _drift(self.sensor, n)) for n, v in raw.items()}
+        now_touched = touched(self.sensor, without) | np.isnan(
+            self._touched_s
+        )  # before the first scan, unknown
+        self._touched_s[now_touched] = time_s
+        elapsed_s = max(0.0, time_s - self._time_s) if self.scans else 0.0
+        weight = 1.0 - np.exp(-elapsed_s / self.time_constant_s)
+        settled = ~now_touched & (time_s - self._touched_s >= self.settle_s)
         for name, values in raw.items():
-            rest = np.array(_channel(self.sensor, name).rest)
-            use = quiet & np.isfinite(values)
-            self._level[name] = np.where(
-                use, self._level[name] + part * (values - rest - self._level[name]), self._level[name]
-            )
+            change = values - np.array(_channel(self.sensor, name).rest) - self._drift[name]
+            self._drift[name] += np.where(settled & np.isfinite(values), weight * change, 0.0)
         self._time_s = time_s
         self.scans += 1
 
     @property
     def drift(self) -> dict[str, FloatArray]:
         """The drift by signature (strips,) over Vref."""
-        return dict(self._level)
+        return {name: values.copy() for name, values in self._drift.items()}
 
     def zeroed(self, source: str) -> Sensor:
         """Return the sensor with the drift as it is now; `source` says when and from what."""
-        return with_drift(self.sensor, self._level, f"{source}, {self.scans} scans")
+        return with_drift(self.sensor, self._drift, f"{source}, {self.scans} scans")

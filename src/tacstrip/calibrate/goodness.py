@@ -1,4 +1,4 @@
-"""Whether constants describe a unit: what they leave beside the noise, and whether any unit can have them."""
+"""Goodness of fit: whether constants describe a unit, by their residual against the noise and by their values."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from tacstrip.arrays import FloatArray
-from tacstrip.calibrate.fit import Fit, at_rail
+from tacstrip.calibrate.fit import ModelFit, usable_rows
 from tacstrip.calibrate.model import apply
 from tacstrip.calibrate.residuals import residuals
+from tacstrip.contact.noise import Noise
 from tacstrip.io.runs import Runs
+from tacstrip.reconstruction.cramer_rao import reading_sigma
+from tacstrip.robust import robust_sigma
 from tacstrip.sensor.spec import Sensor
 
-_PLAUSIBLE_NOISE = (
-    0.003  # over Vref: where nothing was repeated, P.U. profile I (5.1.3) as a standard deviation
-)
+_PROFILE_I = 0.003  # over Vref: P.U. profile I (5.1.3) as a standard deviation, for runs without repeats
 _FAR = 5.0  # times the noise
 _MOST, _MOST_OF_STRIP = 0.02, 0.03  # over Vref: what uneven rubber and few presses leave at worst
 _ROWS = 0.75  # of the rows must be described: the others may be spoilt
-_MAD = 1.4826
 _LOUD = 0.03  # over Vref: repeats further apart are no repeats
 _QUARTILE = 1.15  # standard deviations: three quarters of normal errors are smaller
 # Of a sound unit: its strips' median offset [Vref], any strip's, median gain, ratio over the spec's, lambda / L.
@@ -28,108 +28,106 @@ _OFFSET, _ANY_OFFSET, _GAIN, _RATIO, _LAMBDA = 0.1, 0.25, 1.25, 10.0, 0.1
 
 @dataclass(frozen=True, eq=False)
 class Goodness:
-    """What constants leave of the runs' readings.
+    """How well constants describe the runs' readings.
 
     Attributes
     ----------
     noise
-        Standard deviation of a reading over Vref, by repeats, of the converter's step at least.
+        Standard deviation of a reading over Vref, from repeats; at least that of the converter's step.
     repeated
-        Whether there were repeats to tell it; else it is what is plausible.
-    left
-        What is left on the median strip, as `strips`.
+        Whether there were repeats to estimate it from; else it is P.U. profile I.
+    residual
+        Residual of the median strip, as `strips`.
     strips
-        What is left of each strip (strips,), as a standard deviation over Vref that a quarter of spoilt rows cannot
-        raise.
+        Residual of each strip (strips,), as a standard deviation over Vref that a quarter of spoilt rows cannot raise.
     implausible
-        Which constant no sound unit has, in words; "" where none.
+        Which constant has a value that no sound unit has, in words; "" where none.
     """
 
     noise: float
     repeated: bool
-    left: float
+    residual: float
     strips: FloatArray
     implausible: str = ""
 
     @property
     def beyond_noise(self) -> bool:
-        """Whether more is left than noise explains."""
-        return self.left > (2.0 if self.repeated else 1.0) * self.noise
+        """Whether the residual is larger than noise explains."""
+        return self.residual > (2.0 if self.repeated else 1.0) * self.noise
 
     @property
     def doubt(self) -> str:
-        """Why these constants must not be used, without which strip; "" where they may."""
+        """Why these constants must not be used, on any strip; "" where they may."""
         if self.implausible:
             return self.implausible
         if self.noise > _LOUD:
             return f"repeats of one place differ by {100.0 * self.noise:.2g} % of Vref"
-        if self.left > max(_MOST, _FAR * self.noise):
-            return f"{100.0 * self.left:.2g} % of Vref is left, and the readings' noise is {self._noise()}"
+        if self.residual > max(_MOST, _FAR * self.noise):
+            source = "by its repeats" if self.repeated else "hardly more than"
+            noise = f"the readings' noise is {source} {100.0 * self.noise:.2g} %"
+            return f"the residual is {100.0 * self.residual:.2g} % of Vref, and {noise}"
         return ""
 
-    def ill_strips(self) -> list[int]:
-        """Return the strips that the constants do not describe, though they do the others."""
+    @property
+    def poor_strips(self) -> list[int]:
+        """The strips, from 0, that the constants do not describe, though they describe the others."""
         limit = max(_MOST_OF_STRIP, _FAR * self.noise)
         return [int(i) for i in np.flatnonzero(self.strips > limit)]
 
-    def _noise(self) -> str:
-        known = "by its repeats" if self.repeated else "hardly more than"
-        return f"{known} {100.0 * self.noise:.2g} %"
 
-
-def judge(sensor: Sensor, done: Sensor, runs: Runs, found: Fit | None = None) -> Goodness:
-    """Judge a calibration by its runs.
+def assess(sensor: Sensor, calibrated: Sensor, runs: Runs, fit: ModelFit | None = None) -> Goodness:
+    """Return the goodness of a calibration on its runs.
 
     Parameters
     ----------
-    sensor, done
-        As it was, and with its constants.
+    sensor, calibrated
+        Without and with its constants.
     runs
         What they were fitted to.
-    found
-        The fit, where there was one: its constants are looked at.
+    fit
+        Where there was one, its constants are checked.
     """
-    there = np.isfinite(runs.l_mm) & ~at_rail(runs)
-    off = np.stack(list(residuals(done, runs).values()))
-    row = np.where(there, np.sqrt(np.mean(off**2, axis=0)), np.nan)
+    off = np.stack(list(residuals(calibrated, runs).values()))
+    row = np.where(usable_rows(runs), np.sqrt(np.mean(off**2, axis=0)), np.nan)
     repeats = repeat_noise(runs)
-    step = 0.0 if sensor.adc_bits is None else 1.0 / (2.0**sensor.adc_bits - 1.0)
-    noise = max(_PLAUSIBLE_NOISE if repeats is None else repeats, step / np.sqrt(12.0))
-    strips = np.array([_spread(column[np.isfinite(column)]) for column in row.T])
-    implausible = _implausible(found) if found is not None else ""
+    noise = max(_PROFILE_I if repeats is None else repeats, reading_sigma(Noise(), sensor))
+    strips = np.array([_upper_quartile(column[np.isfinite(column)]) for column in row.T])
+    implausible = "" if fit is None else _implausible(fit)
     return Goodness(noise, repeats is not None, float(np.median(strips)), strips, implausible)
 
 
-def judge_fit(sensor: Sensor, found: Fit, runs: Runs) -> Goodness:
-    """Judge a fit by its runs."""
-    return judge(sensor, apply(found.constants, sensor), runs, found)
+def assess_fit(sensor: Sensor, fit: ModelFit, runs: Runs) -> Goodness:
+    """Return the goodness of a fit on its runs; `SpecError` where its constants make no calibration."""
+    return assess(sensor, apply(fit.constants, sensor), runs, fit)
 
 
 def repeat_noise(runs: Runs) -> float | None:
-    """Return the standard deviation of repeats over Vref, by their median; None where nothing was repeated."""
-    aside: list[FloatArray] = []
-    there = np.isfinite(runs.l_mm) & ~at_rail(runs)
-    for strip in range(there.shape[1]):
-        rows = there[:, strip]
+    """Return the robust standard deviation of repeats over Vref; None where nothing was repeated."""
+    deviations: list[FloatArray] = []
+    usable = usable_rows(runs)
+    for strip in range(usable.shape[1]):
+        rows = usable[:, strip]
         place = np.stack([runs.l_mm[rows, strip], runs.w_mm[rows, strip]], axis=1)
         _, group, count = np.unique(place, axis=0, return_inverse=True, return_counts=True)
         group, count = group.ravel(), count.astype(float)
-        grown = np.sqrt(count / np.maximum(count - 1.0, 1.0))[group]  # a mean of few follows each of them
+        enlarged = np.sqrt(count / np.maximum(count - 1.0, 1.0))[
+            group
+        ]  # the mean of few follows each of them
         for values in runs.raw.values():
             read = values[rows, strip]
-            off = np.abs(read - (np.bincount(group, read) / count)[group]) * grown
-            aside.append(off[count[group] > 1.0])
-    every = np.concatenate(aside)
-    return _MAD * float(np.median(every)) if len(every) else None
+            deviation = (read - (np.bincount(group, read) / count)[group]) * enlarged
+            deviations.append(deviation[count[group] > 1.0])
+    every = np.concatenate(deviations)
+    return float(robust_sigma(every)) if len(every) else None
 
 
-def _spread(rows: FloatArray) -> float:
+def _upper_quartile(rows: FloatArray) -> float:
     return float(np.quantile(rows, _ROWS, method="lower")) / _QUARTILE if len(rows) else 0.0
 
 
-def _implausible(found: Fit) -> str:
-    """Say which constant no sound unit has."""
-    c = found.constants
+def _implausible(fit: ModelFit) -> str:
+    """Say which constant has a value that no sound unit has; "" where none."""
+    c = fit.constants
     for name in c.signatures:
         if c.model.has("offset"):
             offset = c.value(f"offset {name}")

@@ -8,15 +8,15 @@ from dataclasses import replace
 import numpy as np
 
 from tacstrip.arrays import FloatArray
-from tacstrip.calibrate.goodness import Goodness, judge_fit
-from tacstrip.calibrate.model_selection import told
+from tacstrip.calibrate.goodness import Goodness, assess_fit
+from tacstrip.calibrate.model_selection import fit_planned
 from tacstrip.calibrate.residuals import residuals
 from tacstrip.errors import SpecError
 from tacstrip.io.runs import Runs
 from tacstrip.sensor.spec import Sensor
 
-_FAR_BETTER = 1.0 / 3.0  # of what is left as the runs are read: another way to read them must leave less
-_LEAST = 0.003  # over Vref: a misfit below this is no misreading
+_FAR_BETTER = 1.0 / 3.0  # of the residual as the runs are read: another interpretation must leave less
+_LEAST = 0.003  # over Vref: a residual below this is no misreading
 _UNITS = {
     10.0: "centimetres",
     1000.0: "metres",
@@ -27,40 +27,40 @@ _UNITS = {
 
 
 def misread(sensor: Sensor, runs: Runs, as_read: Goodness) -> str:
-    """Say how the runs must be read instead, where that leaves far less; "" where nothing is told.
+    """Say how the runs must be read instead, where that leaves a far smaller residual; "" otherwise.
 
     Parameters
     ----------
     sensor
         The spec, without a calibration.
     as_read
-        What the fit of the runs as they are leaves.
+        Goodness of fit of the runs as they are.
     """
-    if not as_read.implausible and not (as_read.beyond_noise and as_read.left > _LEAST):
+    if not as_read.implausible and not (as_read.beyond_noise and as_read.residual > _LEAST):
         return ""
     best: tuple[float, str] | None = None
-    for words, other in _readings(sensor, runs):
+    for words, other in _interpretations(sensor, runs):
         try:
-            found = judge_fit(sensor, told(sensor, other), other)
+            found = assess_fit(sensor, fit_planned(sensor, other), other)
         except SpecError:
             continue
-        if found.implausible or found.doubt or found.ill_strips():
+        if found.implausible or found.doubt or found.poor_strips:
             continue
-        enough = found.left < _FAR_BETTER * as_read.left or (
-            bool(as_read.implausible) and found.left < max(as_read.left, found.noise)
+        enough = found.residual < _FAR_BETTER * as_read.residual or (
+            bool(as_read.implausible) and found.residual < max(as_read.residual, found.noise)
         )
-        if enough and (best is None or found.left < best[0]):
-            best = found.left, words
+        if enough and (best is None or found.residual < best[0]):
+            best = found.residual, words
     if best is None:
         return ""
-    left, words = best
+    residual, words = best
     return (
-        f"{words}: read so, the fit leaves {100.0 * left:.2g} % of Vref, and {100.0 * as_read.left:.2g} % as the runs "
-        "are" + (f" ({as_read.implausible})" if as_read.implausible else "")
+        f"{words}: read so, the fit leaves {100.0 * residual:.2g} % of Vref, and {100.0 * as_read.residual:.2g} % as "
+        "the runs are" + (f" ({as_read.implausible})" if as_read.implausible else "")
     )
 
 
-def other_order(sensor: Sensor, runs: Runs) -> str:
+def reversed_order(sensor: Sensor, runs: Runs) -> str:
     """Say that the strips are in reversed order, by the calibration that the spec has; "" where it has none or agrees.
 
     Presses across all strips cannot tell: every strip then has the same places.
@@ -69,7 +69,7 @@ def other_order(sensor: Sensor, runs: Runs) -> str:
         return ""
     as_is, reversed_ = (
         float(np.nanmedian(np.abs(np.stack(list(residuals(sensor, r).values())))))
-        for r in (runs, replace(_backwards(runs), l_mm=runs.l_mm[:, ::-1], w_mm=runs.w_mm[:, ::-1]))
+        for r in (runs, replace(_reversed_strips(runs), l_mm=runs.l_mm[:, ::-1], w_mm=runs.w_mm[:, ::-1]))
     )
     if as_is < _LEAST or reversed_ > _FAR_BETTER * as_is:
         return ""
@@ -80,35 +80,37 @@ def other_order(sensor: Sensor, runs: Runs) -> str:
     )
 
 
-def _readings(sensor: Sensor, runs: Runs) -> Iterator[tuple[str, Runs]]:
-    """Give what people get wrong, in words, and the runs as then meant; only those that lie on the strips."""
+def _interpretations(sensor: Sensor, runs: Runs) -> Iterator[tuple[str, Runs]]:
+    """Yield common mistakes, in words, and the runs as then meant; only those whose contacts lie on the strips."""
     l, w, length = runs.l_mm, runs.w_mm, sensor.length_mm
     for factor, unit in _UNITS.items():
-        yield from _placed(
+        yield from _with_places(
             runs, sensor, l * factor, w * factor, f"l_mm and w_mm are in {unit}, not in millimetres"
         )
-    yield from _placed(runs, sensor, w, l, "the columns l_mm and w_mm are exchanged")
-    yield from _placed(runs, sensor, l, w - l, "w_mm holds the contact's upper end, not its length")
-    yield from _placed(runs, sensor, l - w / 2.0, w, "l_mm holds the contact's middle, not its lower end")
-    yield from _placed(runs, sensor, l - w, w, "l_mm holds the contact's upper end, not its lower one")
+    yield from _with_places(runs, sensor, w, l, "the columns l_mm and w_mm are exchanged")
+    yield from _with_places(runs, sensor, l, w - l, "w_mm holds the contact's upper end, not its length")
+    yield from _with_places(
+        runs, sensor, l - w / 2.0, w, "l_mm holds the contact's middle, not its lower end"
+    )
+    yield from _with_places(runs, sensor, l - w, w, "l_mm holds the contact's upper end, not its lower one")
     mirrored = list(
-        _placed(runs, sensor, length - l - w, w, "l_mm is counted from the end at Vref, not from ground")
+        _with_places(runs, sensor, length - l - w, w, "l_mm is counted from the end at Vref, not from ground")
     )
     yield from mirrored
     if "kh" in runs.raw and "kl" in runs.raw:
-        yield "the columns of v_h and v_l are exchanged, or the wires are", _crossed(runs)
+        yield "the columns of v_h and v_l are exchanged, or the wires are", _exchanged(runs)
         for _, other in mirrored:
             yield (
                 "Vref and ground are exchanged on the unit, or l_mm is counted from the end at Vref",
-                _crossed(other),
+                _exchanged(other),
             )
-    yield "the strips are in reversed order: they are counted from the other side", _backwards(runs)
+    yield "the strips are in reversed order: they are counted from the other side", _reversed_strips(runs)
 
 
-def _placed(
+def _with_places(
     runs: Runs, sensor: Sensor, l: FloatArray, w: FloatArray, words: str
 ) -> Iterator[tuple[str, Runs]]:
-    """Give the runs with other places, where all of these lie on the strips and can be read."""
+    """Yield the runs with other places, if all of them lie on the strips and can be read."""
     length = sensor.length_mm
     slack = 1e-6 * length
     longest = length - slack if sensor.sensing_ratio == 0.0 else length  # metal from end to end reads nothing
@@ -121,12 +123,12 @@ def _placed(
         yield words, replace(runs, l_mm=l, w_mm=np.clip(w, 0.0, length - l))
 
 
-def _crossed(runs: Runs) -> Runs:
+def _exchanged(runs: Runs) -> Runs:
     return replace(runs, raw={"kh": runs.raw["kl"], "kl": runs.raw["kh"]})
 
 
-def _backwards(runs: Runs) -> Runs:
-    """Return the runs with each strip's readings given to the strip as far from the other side."""
+def _reversed_strips(runs: Runs) -> Runs:
+    """Return the runs with the strips' readings in reversed order."""
     if not (np.isfinite(runs.l_mm) == np.isfinite(runs.l_mm[:, ::-1])).all():
         return runs
     return replace(runs, raw={name: values[:, ::-1] for name, values in runs.raw.items()})

@@ -10,7 +10,7 @@ import numpy as np
 from tacstrip.arrays import FloatArray
 from tacstrip.sensor.calibration import Calibration
 from tacstrip.sensor.channel import Channel, across, fading
-from tacstrip.sensor.circuit import erosion, k_h, k_l
+from tacstrip.sensor.circuit import k_h, k_l, transfer_length
 from tacstrip.sensor.spec import Sensor
 
 # Part: what it is, in words.
@@ -32,7 +32,7 @@ _ANY = (-1.0, 1.0)  # of Vref or L: no reading and no place is further off
 
 @dataclass(frozen=True)
 class Model:
-    """The parts that are fitted, of `PARTS`; `pieces`: straight pieces of a warp or a curve."""
+    """The parts of `PARTS` that are fitted, and how many straight pieces a warp or a curve has."""
 
     parts: frozenset[str]
     pieces: int = 0
@@ -92,9 +92,10 @@ class Constants:
         names = self.model.own(self.signatures)
         return self.own[:, names.index(name)] if name in names else 0.0
 
-    def strip(self, number: int) -> Constants:
-        """Return the constants of one strip alone."""
-        return replace(self, own=self.own[number : number + 1])
+    @property
+    def size(self) -> int:
+        """How many parameters there are, those of all strips counted."""
+        return self.shared.size + self.own.size
 
     def knots(self, name: str, numbers: range) -> FloatArray:
         """Return the knots' values (strips, knots) of a warp or a curve, ends of a warp included."""
@@ -113,10 +114,10 @@ class Constants:
         return self.knots(f"curve {signature}", range(self.model.pieces + 1))
 
 
-def start(
+def initial_constants(
     model: Model, sensor: Sensor, signatures: tuple[str, ...], old: Constants | None = None
 ) -> Constants:
-    """Return parameters to start a fit from: those of a smaller model, else the spec's."""
+    """Return the parameters that a fit starts from: those of a smaller model, else the spec's."""
     first = {"lambda": sensor.contact_lambda_mm / sensor.length_mm, "fade": 0.1}
     shared = np.array([first.get(p, 0.0) for p in model.shared])
     own = np.zeros((sensor.strips, len(model.own(signatures))))
@@ -130,8 +131,8 @@ def start(
     return new
 
 
-def held(constants: Constants) -> Constants:
-    """Return the constants with those that cannot be held at their bound."""
+def within_bounds(constants: Constants) -> Constants:
+    """Return the constants clipped to their bounds."""
     model, signatures = constants.model, constants.signatures
     gains = [np.maximum(1.0 + constants.value(f"gain {s}"), _LEAST_GAIN) for s in signatures]
     offsets = [np.abs(constants.value(f"offset {s}")) for s in signatures]
@@ -155,18 +156,18 @@ def held(constants: Constants) -> Constants:
     return replace(constants, shared=shared, own=own)
 
 
-@np.errstate(all="ignore")  # a step too far makes knots that do not rise; the fit takes it back
+@np.errstate(all="ignore")  # too long a step makes knots that do not rise; the line search rejects it
 def predict(
     constants: Constants, sensor: Sensor, l_mm: FloatArray, w_mm: FloatArray
 ) -> dict[str, FloatArray]:
     """Return the raw readings of contacts (contacts, strips) over Vref, by signature.
 
-    The forward way of what `Calibration.correct_pair` undoes, from the places themselves.
+    The forward model of what `Calibration.correct_pair` inverts.
     """
     model, length = constants.model, sensor.length_mm
     lam = constants.value("lambda") * length if model.has("lambda") else sensor.contact_lambda_mm
     ratio: Any = sensor.sensing_ratio * np.exp(constants.value("ratio") + constants.value("ratios"))
-    t = erosion(w_mm, lam)
+    t = transfer_length(w_mm, lam)
     low, high = (l_mm + t) / length, (l_mm + w_mm - t) / length
     if model.has("warp"):
         low, high = (across(v, model.knots, constants.warp) for v in (low, high))
@@ -205,7 +206,7 @@ def apply(constants: Constants, sensor: Sensor) -> Sensor:
         channels.append(made)
     ratios = constants.value(
         "ratios"
-    )  # their mean goes into the spec's key, what is left stays with the strip
+    )  # their mean goes into the spec's key, the deviation from it stays with the strip
     mean = float(np.mean(ratios)) + float(constants.value("ratio"))
     calibration = Calibration(
         channels=tuple(channels),

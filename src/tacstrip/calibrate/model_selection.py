@@ -1,18 +1,19 @@
-"""Which model the runs bear: what a plan is made for, and what errors on left-out places show to be needed beyond."""
+"""Model selection: the planned model, and what cross-validation over left-out places adds to it."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import combinations
 
 import numpy as np
 from scipy.special import chdtri, stdtrit
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
-from tacstrip.calibrate.fit import Fit, at_rail, fit
-from tacstrip.calibrate.identifiability import untold
-from tacstrip.calibrate.model import PARTS, Model, apply, predict
+from tacstrip.calibrate.fit import ModelFit, fit_model, usable_rows
+from tacstrip.calibrate.identifiability import needs_lengths, unidentifiable
+from tacstrip.calibrate.model import PARTS, Model, apply
 from tacstrip.calibrate.residuals import residuals
 from tacstrip.errors import OptionError, ReadingError, one_of
 from tacstrip.io.runs import Runs
@@ -46,28 +47,28 @@ class Trial:
     verdict: str
 
 
-def planned(sensor: Sensor) -> Model:
+def planned_model(sensor: Sensor) -> Model:
     """Return the model that a plan is made for, by default: what any unit has."""
     rubber = "resistivity_ratio" in sensor.kind.keys
     return Model(frozenset(("offset", "gain", "lambda", *(("ratio",) if rubber else ()))))
 
 
-def told(sensor: Sensor, runs: Runs) -> Fit:
-    """Return the fit of the planned model, or of the largest part of it that the runs tell."""
+def fit_planned(sensor: Sensor, runs: Runs) -> ModelFit:
+    """Return the fit of the planned model, or of the largest part of it that the runs determine."""
     return _Search(sensor, runs).first().fit
 
 
-def choose(sensor: Sensor, runs: Runs) -> tuple[Fit, tuple[Trial, ...]]:
-    """Return the fit of the simplest model that leaves no more error than larger ones, and all trials.
+def select_model(sensor: Sensor, runs: Runs) -> tuple[ModelFit, tuple[Trial, ...]]:
+    """Return the fit of the simplest model that has no larger error than others, and all trials.
 
-    The planned model comes first, as far as the runs tell it: presses by a plan bear it out. The part that lowers the
-    error on left-out places most is added, while one does. Then goes again what left-out places do not surely need,
-    and of the planned model, what the readings' noise alone explains: a few places are too few to show by being left
-    out that they need a gain.
+    The search starts from the planned model, as far as the runs determine it. It adds the part that lowers the
+    cross-validated error most (places are left out in turn), while one does. Then it removes parts that do not lower
+    that error significantly, and planned parts whose effect the readings' noise alone explains: cross-validation over
+    a few places cannot show that a gain is needed.
     """
     search = _Search(sensor, runs)
     now = search.first()
-    while now.loss is not None:
+    while now.errors is not None:
         found = [search.attempt(m, now.fit) for m in _larger(now.model, sensor, runs)]
         lower = [r for r in found if r and r.mean < (1.0 - _WORTH) * now.mean]
         if not lower:
@@ -76,91 +77,101 @@ def choose(sensor: Sensor, runs: Runs) -> tuple[Fit, tuple[Trial, ...]]:
     shrinking = True
     while shrinking:
         found = [search.attempt(m, now.fit) for m in _smaller(now.model)]
-        enough = [r for r in found if r and search.as_good(r, now)]
-        if shrinking := bool(enough):
-            now = min(enough, key=lambda r: (r.size, r.mean))
-    chosen = now.model.name
-    trials = [replace(t, verdict="chosen") if t.name == chosen else t for t in search.trials.values()]
-    return now.fit, tuple(trials)
+        as_good = [r for r in found if r and search.as_good(r, now)]
+        if shrinking := bool(as_good):
+            now = min(as_good, key=lambda r: (r.size, r.mean))
+    tried = search.tried.values()
+    return now.fit, tuple(t if isinstance(t, Trial) else t.trial(now.model) for t in tried)
 
 
 @dataclass(frozen=True, eq=False)
 class _Result:
-    """A fitted model and its errors on left-out places (places,) over Vref."""
+    """A fitted model."""
 
-    fit: Fit
-    loss: FloatArray | None
+    fit: ModelFit
+    sensor: Sensor
+    runs: Runs
+    places: IntArray
 
     @property
     def model(self) -> Model:
         return self.fit.constants.model
 
+    @cached_property
+    def errors(self) -> FloatArray | None:
+        """Its errors on left-out places (places,) over Vref; None where it cannot be compared."""
+        return _left_out_errors(self.fit, self.sensor, self.runs, self.places)
+
     @property
     def mean(self) -> float:
-        return float("inf") if self.loss is None else float(self.loss.mean())
+        return float("inf") if self.errors is None else float(self.errors.mean())
 
     @property
     def size(self) -> int:
-        return self.fit.constants.own.size + self.fit.constants.shared.size
+        return self.fit.constants.size
+
+    def trial(self, chosen: Model) -> Trial:
+        name = self.model.name
+        verdict = "chosen" if self.model == chosen else "tried"
+        if self.errors is None:
+            return Trial(
+                name, None, verdict if self.model == chosen else "cannot be compared: too few places"
+            )
+        return Trial(name, 100.0 * self.mean, verdict)
 
 
 class _Search:
     """Models tried so far, each once."""
 
     def __init__(self, sensor: Sensor, runs: Runs) -> None:
-        self.sensor, self.runs, self.groups = sensor, runs, _groups(sensor, runs)
-        self.planned = planned(sensor).parts
-        self.trials: dict[str, Trial] = {}
-        self.done: dict[str, _Result | None] = {}
+        self.sensor, self.runs, self.places = sensor, runs, _place_numbers(sensor, runs)
+        self.planned = planned_model(sensor).parts
+        self.tried: dict[str, _Result | Trial] = {}  # by name; a trial where it was refused
 
     def first(self) -> _Result:
-        """Return the largest part of the planned model that the runs tell, offsets at least."""
+        """Return the largest part of the planned model that the runs determine, offsets at least."""
         rest = self.planned - {"offset"}
         for size in range(len(rest), 0, -1):
             models = [Model(frozenset({"offset", *parts})) for parts in combinations(sorted(rest), size)]
-            sound = [m for m in models if _fits(m, self.sensor, self.runs.signatures)]
-            if found := [r for m in sound if (r := self.attempt(m, None))]:
+            possible = [m for m in models if _applicable(m, self.sensor, self.runs.signatures)]
+            if found := [r for m in possible if (r := self.attempt(m, None))]:
                 return min(found, key=lambda r: r.fit.cost)
-        only = Model(frozenset({"offset"}))
-        new = fit(only, self.sensor, self.runs)
-        loss = _left_out(new, self.sensor, self.runs, self.groups)
-        self.trials[only.name] = _trial(only, loss)
-        return _Result(new, loss)
+        offsets = Model(frozenset({"offset"}))
+        fit = fit_model(offsets, self.sensor, self.runs)
+        result = self.tried[offsets.name] = _Result(fit, self.sensor, self.runs, self.places)
+        return result
 
-    def attempt(self, model: Model, old: Fit | None) -> _Result | None:
-        """Return the model's fit and errors, None where the runs cannot tell it or cannot compare it."""
-        if model.name not in self.done:
-            self.done[model.name] = self._try(model, old)
-        return self.done[model.name]
+    def attempt(self, model: Model, old: ModelFit | None) -> _Result | None:
+        """Return the fitted model, None where the runs do not determine it or cannot compare it."""
+        if model.name not in self.tried:
+            self.tried[model.name] = self._try(model, old)
+        result = self.tried[model.name]
+        if isinstance(result, Trial) or (not model.parts <= self.planned and result.errors is None):
+            return None
+        return result
 
-    def _try(self, model: Model, old: Fit | None) -> _Result | None:
-        extra = not model.parts <= self.planned
-        if extra and not _enough_places(model, self.runs, self.groups):
+    def _try(self, model: Model, old: ModelFit | None) -> _Result | Trial:
+        if not model.parts <= self.planned and not _enough_places(model, self.runs, self.places):
             why = "a constant of a strip needs a place of its own; press more places"
-            self.trials[model.name] = Trial(model.name, None, f"refused: {why}")
-            return None
-        new = fit(model, self.sensor, self.runs, old.constants if old else None)
-        if why := untold(new, self.sensor, self.runs):
-            self.trials[model.name] = Trial(model.name, None, f"refused: {why}")
-            return None
-        loss = _left_out(new, self.sensor, self.runs, self.groups)
-        self.trials[model.name] = _trial(model, loss)
-        return None if extra and loss is None else _Result(new, loss)
+            return Trial(model.name, None, f"refused: {why}")
+        if why := needs_lengths(model, self.runs):
+            return Trial(model.name, None, f"refused: {why}")
+        fit = fit_model(model, self.sensor, self.runs, old.constants if old else None)
+        if why := unidentifiable(fit, self.sensor, self.runs):
+            return Trial(model.name, None, f"refused: {why}")
+        return _Result(fit, self.sensor, self.runs, self.places)
 
     def as_good(self, small: _Result, large: _Result) -> bool:
-        """Whether a smaller model does as well: by its noise where only planned parts go, else on left-out places."""
+        """Whether a smaller model does as well.
+
+        By the readings' noise where only planned parts go, else by the errors on left-out places.
+        """
         if large.model.parts - small.model.parts <= self.planned and small.model.parts <= large.model.parts:
-            return _by_chance(small.fit, large.fit, self.sensor, self.runs)
-        return not _better(large.loss, small.loss)
+            return _noise_explains(small.fit, large.fit, self.runs)
+        return not _significantly_lower(large.errors, small.errors)
 
 
-def _trial(model: Model, loss: FloatArray | None) -> Trial:
-    if loss is None:
-        return Trial(model.name, None, "cannot be compared: too few places")
-    return Trial(model.name, float(100.0 * loss.mean()), "tried")
-
-
-def named(text: str, sensor: Sensor, runs: Runs) -> Fit:
+def fit_named(text: str, sensor: Sensor, runs: Runs) -> ModelFit:
     """Return the fit of a model by name, such as "offset+ratio+lambda" or "warp4+offset".
 
     Raises
@@ -168,16 +179,16 @@ def named(text: str, sensor: Sensor, runs: Runs) -> Fit:
     OptionError
         There is no such part, or these do not go together.
     ReadingError
-        The runs cannot tell one of its parameters; the message says what would.
+        The runs do not determine one of its parameters; the message says what would.
     """
-    model = parts_of(text, sensor, runs.signatures)
-    found = fit(model, sensor, runs)
-    if why := untold(found, sensor, runs):
-        raise ReadingError(f"the runs cannot tell a model {model.name}: {why}")
-    return found
+    model = parse_model(text, sensor, runs.signatures)
+    fit = fit_model(model, sensor, runs)
+    if why := unidentifiable(fit, sensor, runs):
+        raise ReadingError(f"the runs do not determine a model {model.name}: {why}")
+    return fit
 
 
-def parts_of(text: str, sensor: Sensor, signatures: tuple[str, ...]) -> Model:
+def parse_model(text: str, sensor: Sensor, signatures: tuple[str, ...]) -> Model:
     """Return the model of a name, such as "offset+ratio+lambda" or "offset+warp8"; `OptionError` where it cannot be."""
     parts, pieces = set(), 0
     for word in text.split("+"):
@@ -192,7 +203,7 @@ def parts_of(text: str, sensor: Sensor, signatures: tuple[str, ...]) -> Model:
     model = Model(frozenset(parts), (pieces or PIECES[0]) if sized else 0)
     if (pieces and not sized) or not model.pieces <= 64 or (sized and model.pieces < 2):
         raise OptionError(f"model {text!r}: only a warp or a curve has pieces, 2 to 64 of them, as in warp8")
-    if not _sound(model) or not _fits(model, sensor, signatures):
+    if not _consistent(model) or not _applicable(model, sensor, signatures):
         raise OptionError(
             f"model {text!r}: these parts do not go together on this sensor. A curve stands in place of offset, gain, "
             "fade and warp; ratio and ratios are for two layers of rubber, one of them, and ratios need k_h and k_l; "
@@ -201,8 +212,8 @@ def parts_of(text: str, sensor: Sensor, signatures: tuple[str, ...]) -> Model:
     return model
 
 
-def _sound(model: Model) -> bool:
-    """Whether parts go together: every reading has an offset or a curve, and nothing is said twice."""
+def _consistent(model: Model) -> bool:
+    """Whether parts go together: at least one, and none that describes what another does."""
     has = model.has
     twice = has("curve") and any(has(p) for p in ("offset", "gain", "fade", "warp"))
     return (
@@ -213,8 +224,8 @@ def _sound(model: Model) -> bool:
     )
 
 
-def _fits(model: Model, sensor: Sensor, signatures: tuple[str, ...]) -> bool:
-    """Whether the sensor and its readings have what the model is about."""
+def _applicable(model: Model, sensor: Sensor, signatures: tuple[str, ...]) -> bool:
+    """Whether the model suits the sensor's construction and the signatures that were read."""
     rubber = "resistivity_ratio" in sensor.kind.keys
     return not (model.has("ratio") or model.has("ratios")) or (
         rubber and (model.has("ratio") or len(signatures) == 2)
@@ -231,7 +242,7 @@ def _larger(model: Model, sensor: Sensor, runs: Runs) -> list[Model]:
         found += [replace(model, pieces=n) for n in PIECES if n > model.pieces]
     else:
         found += [Model(parts | {"warp"}, PIECES[0]), Model(stiff | {"curve"}, PIECES[0])]
-    return [m for m in found if m != model and _sound(m) and _fits(m, sensor, runs.signatures)]
+    return [m for m in found if m != model and _consistent(m) and _applicable(m, sensor, runs.signatures)]
 
 
 def _smaller(model: Model) -> list[Model]:
@@ -243,10 +254,10 @@ def _smaller(model: Model) -> list[Model]:
     if model.has("ratios"):
         found.append(replace(model, parts=model.parts - {"ratios"} | {"ratio"}))
     found += [replace(model, pieces=n) for n in PIECES if n < model.pieces]
-    return [m for m in found if _sound(m)]
+    return [m for m in found if _consistent(m)]
 
 
-def _groups(sensor: Sensor, runs: Runs) -> IntArray:
+def _place_numbers(sensor: Sensor, runs: Runs) -> IntArray:
     """Return the number of each contact's place (contacts, strips): repeats, on any strip, have one number."""
     step = _ONE_PLACE * sensor.length_mm
     place = np.stack([np.nan_to_num(v, nan=-1e9).ravel() for v in (runs.l_mm, runs.w_mm)], axis=1)
@@ -259,67 +270,65 @@ def _groups(sensor: Sensor, runs: Runs) -> IntArray:
     return np.asarray(number[back].reshape(runs.l_mm.shape))
 
 
-def _folds(runs: Runs, groups: IntArray) -> Iterator[BoolArray]:
-    """Give the contacts (contacts, strips) of the places that are left out together."""
-    places = np.unique(groups[np.isfinite(runs.l_mm)])
-    fold = np.random.default_rng(0).permutation(np.arange(len(places)) % min(_FOLDS, len(places)))
+def _folds(runs: Runs, places: IntArray) -> Iterator[BoolArray]:
+    """Yield which contacts (contacts, strips) are left out together: all of some places."""
+    every = np.unique(places[np.isfinite(runs.l_mm)])
+    fold = np.random.default_rng(0).permutation(np.arange(len(every)) % min(_FOLDS, len(every)))
     for number in range(int(fold.max()) + 1):
-        yield np.isin(groups, places[fold == number])
+        yield np.isin(places, every[fold == number])
 
 
-def _enough_places(model: Model, runs: Runs, groups: IntArray) -> bool:
-    """Whether every strip has more places, without those left out, than numbers of its own that a signature tells.
+def _enough_places(model: Model, runs: Runs, places: IntArray) -> bool:
+    """Whether every strip has more places, without those left out, than own parameters of one signature.
 
-    Repeats are no places: a curve through as many places as it has knots goes through each, and anywhere between.
+    Repeats are not places: a curve with as many knots as there are places passes through each, and anywhere between.
     """
     numbers = len(model.own(runs.signatures[:1]))
-    usable = np.isfinite(runs.l_mm) & ~at_rail(runs)
+    usable = usable_rows(runs)
     return all(
-        len(np.unique(groups[usable[:, strip] & ~out[:, strip], strip])) > numbers
-        for out in _folds(runs, groups)
+        len(np.unique(places[usable[:, strip] & ~out[:, strip], strip])) > numbers
+        for out in _folds(runs, places)
         for strip in range(usable.shape[1])
     )
 
 
-def _left_out(found: Fit, sensor: Sensor, runs: Runs, groups: IntArray) -> FloatArray | None:
+def _left_out_errors(fit: ModelFit, sensor: Sensor, runs: Runs, places: IntArray) -> FloatArray | None:
     """Return the mean error of each place (places,) over Vref, fitted without it; None where that cannot be."""
-    places = np.unique(groups[np.isfinite(runs.l_mm)])
-    if len(places) < 3:
+    every = np.unique(places[np.isfinite(runs.l_mm)])
+    if len(every) < 3:
         return None
-    error, rail = np.full(runs.l_mm.shape, np.nan), at_rail(runs)
-    for out in _folds(runs, groups):
+    model, usable = fit.constants.model, usable_rows(runs)
+    error = np.full(runs.l_mm.shape, np.nan)
+    for out in _folds(runs, places):
+        if not (usable & ~out).any(axis=0).all():
+            return None
         rest = replace(runs, l_mm=np.where(out, np.nan, runs.l_mm), w_mm=np.where(out, np.nan, runs.w_mm))
-        if not (np.isfinite(rest.l_mm) & ~rail).any(axis=0).all():
+        refit = fit_model(model, sensor, rest, fit.constants)
+        if model.parts != {"offset"} and unidentifiable(refit, sensor, rest):
             return None
-        less = fit(found.constants.model, sensor, rest, found.constants)
-        if found.constants.model.parts != {"offset"} and untold(less, sensor, rest):
-            return None
-        off = np.mean([np.abs(r) for r in residuals(apply(less.constants, sensor), runs).values()], axis=0)
+        off = np.mean([np.abs(r) for r in residuals(apply(refit.constants, sensor), runs).values()], axis=0)
         error[out] = off[out]
-    error[rail] = np.nan
-    return np.array([np.nanmean(e) for g in places if np.isfinite(e := error[groups == g]).any()])
+    error[~usable] = np.nan
+    return np.array([np.nanmean(e) for p in every if np.isfinite(e := error[places == p]).any()])
 
 
-def _by_chance(small: Fit, large: Fit, sensor: Sensor, runs: Runs) -> bool:
-    """Whether noise alone explains what a model leaves that is part of another: a chi-square test."""
-    more = sum(v.size for v in (large.constants.own, large.constants.shared))
-    fewer = sum(v.size for v in (small.constants.own, small.constants.shared))
+def _noise_explains(small: ModelFit, large: ModelFit, runs: Runs) -> bool:
+    """Whether noise alone explains the larger residual of a model that is part of another: a chi-square test."""
+    more, fewer = large.constants.size, small.constants.size
     readings = len(runs.signatures) * np.count_nonzero(large.weight)
     if readings - more < more:  # the noise is not known well enough
         return False
-    rise = 0.0
-    for found, sign in ((small, 1.0), (large, -1.0)):
-        told = predict(found.constants, sensor, runs.l_mm, runs.w_mm)
-        for name, sigma in large.sigma.items():
-            gap = np.where(large.weight > 0.0, runs.raw[name] - told[name], 0.0)
-            rise += sign * float((large.weight * (gap / sigma) ** 2).sum())
+    rise = sum(
+        float((large.weight * ((s / sigma) ** 2 - (b / sigma) ** 2)).sum())
+        for s, b, sigma in zip(small.residual, large.residual, large.sigma.values(), strict=True)
+    )
     return bool(rise < chdtri(more - fewer, _CHANCE))
 
 
-def _better(new: FloatArray | None, old: FloatArray | None) -> bool:
-    """Whether errors fell, place by place, by more than chance and by an amount that matters."""
+def _significantly_lower(new: FloatArray | None, old: FloatArray | None) -> bool:
+    """Whether errors fell, place by place, by more than chance and by an amount that matters (paired t-test)."""
     if new is None or old is None or len(new) != len(old):
         return False
-    less = old - new
-    doubt = less.std(ddof=1) / np.sqrt(len(less))
-    return bool(less.mean() > max(stdtrit(len(less) - 1, _SURE) * doubt, _WORTH * old.mean(), 1e-7))
+    gain = old - new
+    error = gain.std(ddof=1) / np.sqrt(len(gain))
+    return bool(gain.mean() > max(stdtrit(len(gain) - 1, _SURE) * error, _WORTH * old.mean(), 1e-7))

@@ -30,7 +30,7 @@ def mean_offsets(sensor: Sensor, runs: Runs) -> Calibration:
     )
 
 
-def offset_sigma(sensor: Sensor, runs: Runs, signature: str) -> FloatArray:
+def mean_offset_sigma(sensor: Sensor, runs: Runs, signature: str) -> FloatArray:
     """Return the standard deviation of each strip's offset (strips,) over Vref: the spread of its rows' differences."""
     plain = replace(sensor, calibration=None)
     gap = runs.raw[signature] - expected(plain, runs)[signature]

@@ -1,28 +1,27 @@
-"""Which contacts to make: as few as give a wanted accuracy, by what each would tell.
+"""Which contacts to make: as few as give a wanted accuracy (sequential G-optimal design).
 
-Contacts run across all strips, so one press tells every strip's own parameters and adds to those that all share. The
-next contact is always the one after which the worst predicted error of a corrected reading is least (G-optimal
-design, sequential).
+Contacts run across all strips, so one press informs every strip's own parameters and the shared ones. The next
+contact is always the one after which the worst predicted error of a corrected reading is least.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tacstrip.arrays import FloatArray
-from tacstrip.calibrate.fit import slopes
-from tacstrip.calibrate.model import Model, start
-from tacstrip.calibrate.model_selection import parts_of, planned
-from tacstrip.calibrate.unit import check
+from tacstrip.calibrate.fit import jacobian
+from tacstrip.calibrate.model import Model, initial_constants
+from tacstrip.calibrate.model_selection import parse_model, planned_model
+from tacstrip.calibrate.unit import require_closed_form
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError
 from tacstrip.sensor.spec import Sensor
 
 _MOST = 400  # contacts; more than five times the thesis' 81 and a long day
-# What is believed before the first contact: standard deviations of parameters, over Vref or L or as logarithms.
+# Prior standard deviations of parameters, over Vref or L or as logarithms.
 _PRIOR = {
     "ratio": 0.5,
     "ratios": 0.5,
@@ -46,7 +45,7 @@ class Plan:
     contacts
         Lower end, length [mm] and how many times, from the lowest up, short ones first.
     worst_percent
-        The least accurate corrected reading: twice its predicted standard deviation [% of Vref].
+        Twice the predicted standard deviation of the least accurate corrected reading [% of Vref].
     sigma
         Predicted standard deviation of each parameter, as fitted: over Vref or L, or of a logarithm.
     model
@@ -75,10 +74,10 @@ def plan(
     Parameters
     ----------
     sensor
-        Its spec's ratio and lambda are where the design is made.
+        The design is made for its spec's ratio and lambda.
     wanted_percent
-        What every corrected reading shall be within, at twice its standard deviation [% of Vref]; the noise of the
-        reading itself is not in it, for no calibration removes that.
+        Twice the standard deviation that no corrected reading shall exceed [% of Vref]; the reading's own noise is
+        not counted, as no calibration removes it.
     noise
         Of a reading.
     model
@@ -91,8 +90,8 @@ def plan(
     OptionError
         A value that cannot be, or a construction without a closed form.
     """
-    check(sensor)
-    parts = parts_of(model or planned(sensor).name, sensor, sensor.signatures)
+    require_closed_form(sensor)
+    parts = parse_model(model or planned_model(sensor).name, sensor, sensor.signatures)
     step = sensor.length_mm / 32.5 if unit_mm is None else unit_mm
     if not 0.0 < wanted_percent < 100.0:
         raise OptionError(f"--wanted {wanted_percent}: a percentage of Vref above 0, such as 0.2")
@@ -102,9 +101,9 @@ def plan(
     if not sigma > 0.0:
         raise OptionError("--noise must be above 0: readings without noise need no plan")
     places = _places(sensor, step)
-    told = _told(sensor, parts, places) / sigma  # (places, signatures, parameters)
+    by = _reading_jacobian(sensor, parts, places) / sigma  # (places, signatures, parameters)
     counts, worst, spread = _design(
-        told, len(parts.shared), sensor.strips, 0.01 * wanted_percent / sigma, _prior(parts, sensor)
+        by, len(parts.shared), sensor.strips, 0.01 * wanted_percent / sigma, _prior_information(parts, sensor)
     )
     names = (*parts.shared, *parts.own(sensor.signatures))
     contacts = tuple((float(l), float(w), counts[i]) for i, (l, w) in enumerate(places) if counts[i])
@@ -123,34 +122,31 @@ def _places(sensor: Sensor, step: float) -> FloatArray:
     return np.array([(i * step, n * step) for n in _LENGTHS for i in range(1, int(last - n) + 1)])
 
 
-def _told(sensor: Sensor, model: Model, places: FloatArray) -> FloatArray:
-    """Return the slopes of one strip's readings (places, signatures, parameters)."""
-    constants = start(model, sensor, sensor.signatures)
-    l, w = (np.repeat(v[:, None], sensor.strips, axis=1)[:, :1] for v in places.T)
-    one = constants.strip(0)
-    return np.asarray(np.moveaxis(slopes(sensor, one, l, w)[:, :, 0], 0, 1))
+def _reading_jacobian(sensor: Sensor, model: Model, places: FloatArray) -> FloatArray:
+    """Return the derivatives of one strip's readings by its parameters (places, signatures, parameters)."""
+    constants = initial_constants(model, replace(sensor, strips=1, calibration=None), sensor.signatures)
+    l, w = places[:, :1], places[:, 1:]
+    return np.asarray(np.moveaxis(jacobian(sensor, constants, l, w)[:, :, 0], 0, 1))
 
 
-def _prior(model: Model, sensor: Sensor) -> FloatArray:
+def _prior_information(model: Model, sensor: Sensor) -> FloatArray:
     names = (*model.shared, *model.own(sensor.signatures))
     return np.array([_PRIOR[name.split()[0]] ** -2.0 for name in names])
 
 
 def _design(
-    told: FloatArray, shared: int, strips: int, wanted: float, prior: FloatArray
+    by: FloatArray, shared: int, strips: int, wanted: float, prior: FloatArray
 ) -> tuple[Counter[int], float, FloatArray]:
     """Return how often each place is pressed, the worst 2 sigma over a reading's noise, and parameters' sigmas."""
-    each = np.einsum("csp,csq->cpq", told, told)  # (places, P, P): what a contact tells
+    each = np.einsum("csp,csq->cpq", by, by)  # (places, P, P): Fisher information of a contact
     # A prior of the shared parameters belongs to all strips together: a part of it to each.
     now = np.diag(np.where(np.arange(len(prior)) < shared, prior / strips, prior))
     counts: Counter[int] = Counter()
     worst = np.inf
-    # As many contacts as parameters at least, so that a spoiled row can be told from the others.
+    # As many contacts as parameters at least, so that a spoilt row stands out from the others.
     while (worst > wanted or counts.total() < len(prior)) and counts.total() < _MOST:
         spread = _covariance(now + each, shared, strips)  # (places, P, P)
-        error = 2.0 * np.sqrt(
-            np.einsum("csp,npq,csq->ncs", told, spread, told, optimize=True).max(axis=(1, 2))
-        )
+        error = 2.0 * np.sqrt(np.einsum("csp,npq,csq->ncs", by, spread, by, optimize=True).max(axis=(1, 2)))
         best = int(error.argmin())
         worst = float(error[best])
         counts[best] += 1
@@ -159,7 +155,7 @@ def _design(
 
 
 def _covariance(information: FloatArray, shared: int, strips: int) -> FloatArray:
-    """Return the covariance of shared and one strip's parameters (n, P, P), all strips alike told."""
+    """Return the covariance of shared and one strip's parameters (n, P, P), all strips with the same information."""
     s, o = slice(None, shared), slice(shared, None)
     total = information.copy()
     own = np.linalg.solve(information[:, o, o], information[:, o, s])

@@ -1,4 +1,4 @@
-"""What readings of known contacts are off by."""
+"""Residuals: what readings of known contacts are off by."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from tacstrip.arrays import FloatArray
+from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.contact.signature import signatures
 from tacstrip.io.runs import Runs
-from tacstrip.sensor.raw import corrected
+from tacstrip.sensor.raw import apply_calibration
 from tacstrip.sensor.spec import Sensor
 
 
@@ -22,10 +22,10 @@ def expected(sensor: Sensor, runs: Runs) -> dict[str, FloatArray]:
 def residuals(sensor: Sensor, runs: Runs) -> dict[str, FloatArray]:
     """Return corrected less expected readings, by signature (contacts, strips) over Vref."""
     plain = replace(sensor, rest_volt=None, touch_volt=None)  # a contact counts even where it reads as rest
-    ideal, read = expected(sensor, runs), corrected(plain, runs.raw)
+    ideal, read = expected(sensor, runs), apply_calibration(plain, runs.raw)
     return {name: read[name] - ideal[name] for name in runs.signatures}
 
 
-def rms_percent(off: dict[str, FloatArray]) -> float:
-    """Return the root mean square over all readings [% of Vref]."""
-    return float(100.0 * np.sqrt(np.nanmean(np.square(np.stack(list(off.values()))))))
+def rms_percent(off: dict[str, FloatArray], counted: BoolArray) -> float:
+    """Return the root mean square over the rows that count (contacts, strips) [% of Vref]."""
+    return float(100.0 * np.sqrt(np.nanmean(np.square([v[counted] for v in off.values()]))))

@@ -10,15 +10,15 @@ import numpy as np
 from tacstrip.arguments import takes
 from tacstrip.arrays import FloatArray
 from tacstrip.errors import ReadingError
+from tacstrip.robust import robust_sigma
 from tacstrip.sensor.calibration import Calibration
-from tacstrip.sensor.raw import distorted, touched
+from tacstrip.sensor.raw import invert_calibration, touched
 from tacstrip.sensor.spec import Sensor
 
-_LEAST = 10  # readings: fewer say nothing of noise
+_LEAST = 10  # readings: fewer do not determine the noise
 _SIGMAS = 6.0  # an untouched strip crosses this once in 5e8 readings of normal noise
 _MARGIN = 1.5  # over the furthest that any reading was from rest
 _RESTLESS = 0.02  # of Vref: a strip that moves by more is not at rest
-_MAD = 1.4826
 
 
 @takes(sensor=Sensor)
@@ -32,14 +32,24 @@ def learn_touch(sensor: Sensor, raw: Mapping[str, FloatArray], source: str = "")
     raw
         Raw readings over Vref by signature (scans, strips), NaN where there is none; nothing touched.
     source
-        When and from which file, to be kept.
+        When and from which file, kept with the levels.
 
     Raises
     ------
     ReadingError
         Fewer than 10 readings of a strip, or a strip that is not at rest; the message names it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import tacstrip as ts
+    >>> sensor = ts.Sensor(construction="crs-m", strips=2, pitch_mm=6.5, length_mm=325.0)
+    >>> noise = np.random.default_rng(0).normal(0.0, 0.001, (50, 2))
+    >>> learned = ts.learn_touch(sensor, {"k": 0.02 + noise})
+    >>> round(learned.rest_volt, 2), round(learned.touch_volt, 3)
+    (0.1, 0.03)
     """
-    levels = {name: at_rest(sensor, name, values) for name, values in raw.items()}
+    levels = {name: _untouched_level(sensor, name, values) for name, values in raw.items()}
     calibration = sensor.calibration or Calibration(sensor=sensor.fingerprint)
     new = [
         replace(calibration.channel(name), rest=tuple(rest), noise=tuple(noise), drift=())
@@ -47,9 +57,9 @@ def learn_touch(sensor: Sensor, raw: Mapping[str, FloatArray], source: str = "")
     ]
     kept = [c for c in calibration.channels if c.signature not in levels]
     rest = float(np.median([rest for rest, _, _ in levels.values()]))
-    step = 0.0 if sensor.adc_bits is None else 1.0 / (2.0**sensor.adc_bits - 1.0)
     touch = max(
-        max(_SIGMAS * float(noise.max()), _MARGIN * far, 2.0 * step) for _, noise, far in levels.values()
+        max(_SIGMAS * float(noise.max()), _MARGIN * far, 2.0 * sensor.adc_step)
+        for _, noise, far in levels.values()
     )
     return replace(
         sensor,
@@ -59,19 +69,19 @@ def learn_touch(sensor: Sensor, raw: Mapping[str, FloatArray], source: str = "")
     )
 
 
-def at_rest(sensor: Sensor, name: str, values: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+def _untouched_level(sensor: Sensor, name: str, values: FloatArray) -> tuple[FloatArray, FloatArray, float]:
     """Return level and noise of untouched strips (strips,) over Vref, and the furthest that a reading was from it.
 
-    Readings beyond ten standard deviations by the median are left out: somebody touched the strip.
+    Readings beyond ten robust standard deviations are rejected: somebody touched the strip.
     """
     count = np.isfinite(values).sum(axis=0) if len(values) else np.zeros(sensor.strips, dtype=int)
     if (few := np.flatnonzero(count < _LEAST)).size:
         raise ReadingError(
             f"strip {few[0] + sensor.strip_base} has {count[few[0]]} untouched readings of {name}; at least {_LEAST} "
-            "tell its noise. Record a second of readings with nothing on the sensor"
+            "determine its noise. Record a second of readings with nothing on the sensor"
         )
     level = np.nanmedian(values, axis=0)
-    spread = _MAD * np.nanmedian(np.abs(values - level), axis=0)
+    spread = robust_sigma(values - level, axis=0)
     if (loud := np.flatnonzero(spread > _RESTLESS)).size:
         raise ReadingError(
             f"strip {loud[0] + sensor.strip_base} is not at rest: its {name} varies by {100.0 * spread[loud[0]]:.2g} % "
@@ -82,10 +92,10 @@ def at_rest(sensor: Sensor, name: str, values: FloatArray) -> tuple[FloatArray, 
     return np.nanmean(near, axis=0), noise, float(np.nanmax(np.abs(near - level)))
 
 
-def blind_mm(sensor: Sensor) -> tuple[FloatArray, FloatArray]:
-    """Return from where to where on each strip a point contact reads as rest (strips,) [mm]; NaN where none does."""
+def undetectable_mm(sensor: Sensor) -> tuple[FloatArray, FloatArray]:
+    """Return the lowest and the highest y of a point contact that reads as untouched (strips,) [mm]; NaN: none does."""
     y = np.linspace(0.0, 1.0, 1001)[:, None] * np.ones(sensor.strips)  # (places, strips), over L
-    blind = ~touched(sensor, distorted(sensor, dict.fromkeys(sensor.signatures, y)))
+    blind = ~touched(sensor, invert_calibration(sensor, dict.fromkeys(sensor.signatures, y)))
     place = np.where(blind, y * sensor.length_mm, np.nan)
     some = blind.any(axis=0)
     low, high = (

@@ -1,4 +1,4 @@
-"""Calibrate one unit: fit, judge, and write down where it comes from."""
+"""Calibrate one unit: fit its constants, assess them, and record where they come from."""
 
 from __future__ import annotations
 
@@ -9,19 +9,17 @@ import numpy as np
 
 from tacstrip.arguments import takes
 from tacstrip.arrays import BoolArray, FloatArray
-from tacstrip.calibrate.fit import Fit, at_rail
-from tacstrip.calibrate.goodness import Goodness, judge, judge_fit
-from tacstrip.calibrate.interpretation import misread, other_order
+from tacstrip.calibrate.fit import ModelFit, usable_rows
+from tacstrip.calibrate.goodness import Goodness, assess, assess_fit
+from tacstrip.calibrate.interpretation import misread, reversed_order
 from tacstrip.calibrate.model import apply
-from tacstrip.calibrate.model_selection import Trial, choose, named, told
-from tacstrip.calibrate.offsets import mean_offsets, offset_sigma
+from tacstrip.calibrate.model_selection import Trial, fit_named, fit_planned, select_model
+from tacstrip.calibrate.offsets import mean_offset_sigma, mean_offsets
 from tacstrip.calibrate.residuals import residuals, rms_percent
 from tacstrip.errors import OptionError, ReadingError
 from tacstrip.io.runs import Runs
 from tacstrip.sensor.calibration import Calibration
 from tacstrip.sensor.spec import Sensor
-
-MEAN = "mean"
 
 
 @dataclass(frozen=True)
@@ -36,7 +34,7 @@ class Parameter:
 
 
 @dataclass(frozen=True)
-class BadRow:
+class ExcludedRow:
     """A row of the runs that does not count: its line, strip from 0, contact [mm], and why."""
 
     line: int
@@ -48,11 +46,11 @@ class BadRow:
 
 @dataclass(frozen=True, eq=False)
 class Calibrated:
-    """A calibrated unit and what the calibration leaves.
+    """A calibrated unit and its residuals, as `calibrate_unit` returns it.
 
     Attributes
     ----------
-    sensor, plain
+    sensor, uncalibrated
         The sensor with its calibration, and as it was before, without any.
     runs, model
         What was fitted, by what.
@@ -61,14 +59,18 @@ class Calibrated:
         mean offsets, and of this calibration.
     counted
         Rows that count (contacts, strips).
-    parameters, bad, trials
+    parameters, excluded, trials
         Values with their uncertainty, rows that do not count, models that were tried.
     goodness
-        What is left beside the noise.
+        Residual and noise.
+
+    Examples
+    --------
+    Of a `calibrate_unit(...)`, `result.sensor.save("calibrated.toml")` keeps the constants if `result.status == "ok"`.
     """
 
     sensor: Sensor
-    plain: Sensor
+    uncalibrated: Sensor
     runs: Runs
     model: str
     before: dict[str, FloatArray]
@@ -76,41 +78,41 @@ class Calibrated:
     after: dict[str, FloatArray]
     counted: BoolArray
     parameters: tuple[Parameter, ...]
-    bad: tuple[BadRow, ...]
+    excluded: tuple[ExcludedRow, ...]
     trials: tuple[Trial, ...]
     goodness: Goodness
 
     @property
     def status(self) -> str:
         """Whether these constants describe the unit, "ok", or not, "doubtful"; `advice` says why and what to do."""
-        return "doubtful" if self.goodness.doubt or self.goodness.ill_strips() else "ok"
+        return "doubtful" if self.goodness.doubt or self.goodness.poor_strips else "ok"
 
     @property
     def advice(self) -> str:
-        """What to do about a fit that is doubtful, or leaves more than noise; "" where all is well."""
+        """What to do about a fit that is doubtful, or whose residual is more than noise; "" where all is well."""
         good = self.goodness
         if good.doubt:
             return (
                 f"{good.doubt}: the runs do not describe this sensor. Are they of this unit, in the order of their "
                 "rows, and the places in millimetres from the grounded end? The report draws each strip's readings"
             )
-        if ill := good.ill_strips():
-            names = ", ".join(str(i + self.plain.strip_base) for i in ill)
-            worst = 100.0 * float(good.strips[ill].max())
+        if good.poor_strips:
+            names = ", ".join(str(i + self.uncalibrated.strip_base) for i in good.poor_strips)
+            worst = 100.0 * float(good.strips[good.poor_strips].max())
             return (
-                f"strip {names} is off by {worst:.2g} % of Vref, the median strip by {100.0 * good.left:.2g} %: "
+                f"strip {names} is off by {worst:.2g} % of Vref, the median strip by {100.0 * good.residual:.2g} %: "
                 "look at its wires (`tacstrip doctor`) and at its rows, and press it again"
             )
-        if good.repeated and good.left > max(3.0 * good.noise, 0.001):
+        if good.repeated and good.residual > max(3.0 * good.noise, 0.001):
             return (
-                f"{100.0 * good.left:.2g} % of Vref is left, and by its repeats the readings' noise is "
+                f"the residual is {100.0 * good.residual:.2g} % of Vref, and by its repeats the readings' noise is "
                 f"{100.0 * good.noise:.2g} %: is the rubber not uniform, or are places not exact? Press more places"
             )
         return ""
 
     def rms_percent(self, off: dict[str, FloatArray]) -> float:
         """Return the root mean square over the rows that count [% of Vref]."""
-        return rms_percent({name: np.where(self.counted, v, np.nan) for name, v in off.items()})
+        return rms_percent(off, self.counted)
 
 
 @takes(sensor=Sensor, runs=Runs)
@@ -124,68 +126,90 @@ def calibrate_unit(
     sensor, runs
         The sensor, and what it read; a calibration that it has already is replaced.
     model
-        "auto": what cross-validation bears out; "mean": the thesis' mean offsets; or parts, "offset+ratio+lambda".
+        "auto": chosen by cross-validation; "mean": the thesis' mean offsets; or parts, "offset+ratio+lambda".
     unit
-        Name of this very unit, to be kept.
+        Name of this very unit, kept with its calibration.
     force
         Take runs that look misread: in other units, with columns exchanged, from the other end.
 
     Returns
     -------
     Calibrated
-        Look at its `status`: "doubtful" where what is left is far above the noise, or a constant is one that no sound
-        unit has.
+        Look at its `status`: "doubtful" where the residual is far above the noise, or a constant has a value that no
+        sound unit has.
 
     Raises
     ------
     OptionError
         There is no such model, or the construction has no closed form.
     ReadingError
-        The runs cannot tell a part of the model that was asked for, a strip reads 0 or Vref throughout, or read in
-        another way the runs fit far better; the message says which.
+        The runs do not determine a part of the model that was asked for, a strip reads 0 or Vref throughout, or read
+        in another way the runs fit far better; the message says which.
+
+    References
+    ----------
+    The thesis' mean offsets: (6.1)-(6.5).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import tacstrip as ts
+    >>> sensor = ts.Sensor(construction="crs-m", strips=2, pitch_mm=6.5, length_mm=325.0)
+    >>> l_mm = np.repeat([[50.0], [150.0], [250.0]], 2, axis=1)  # (contacts, strips)
+    >>> w_mm = np.zeros((3, 2))
+    >>> raw = {"k": ts.signatures(sensor, l_mm, l_mm + w_mm)["k"] + np.array([0.02, -0.01])}
+    >>> runs = ts.Runs(l_mm, w_mm, raw, line=np.arange(2, 8).reshape(3, 2), rest={})
+    >>> result = ts.calibrate_unit(sensor, runs, "offset")
+    >>> result.status, np.round(result.sensor.calibration.channel("k").offset, 3)
+    ('ok', array([ 0.02, -0.01]))
     """
-    check(sensor)
-    dead = np.flatnonzero(~(np.isfinite(runs.l_mm) & ~at_rail(runs)).any(axis=0))
+    require_closed_form(sensor)
+    dead = np.flatnonzero(~usable_rows(runs).any(axis=0))
     if len(dead):
         raise ReadingError(
             f"strip {dead[0] + sensor.strip_base} reads 0 or Vref in every contact: is it connected, and pressed?"
         )
     plain = replace(sensor, calibration=None)
     if not force:
-        as_read = judge_fit(plain, told(plain, runs), runs)
-        if why := misread(plain, runs, as_read) or other_order(sensor, runs):
+        as_read = assess_fit(plain, fit_planned(plain, runs), runs)
+        if why := misread(plain, runs, as_read) or reversed_order(sensor, runs):
             raise ReadingError(f"{why}. Put it right; if the runs are right as they are, give --force")
-    thesis = replace(plain, calibration=mean_offsets(plain, runs))
-    found: Fit | None = None
+    with_means = replace(plain, calibration=mean_offsets(plain, runs))
+    fit: ModelFit | None = None
     trials: tuple[Trial, ...] = ()
-    if model == MEAN:
-        done = thesis
-    elif model == "auto":
-        found, trials = choose(plain, runs)
-        done = apply(found.constants, plain)
-    else:
-        found = named(model, plain, runs)
-        done = apply(found.constants, plain)
-    counted = np.isfinite(runs.l_mm) if found is None else found.weight > 0.0
-    after = residuals(done, runs)
-    before = residuals(plain, runs)
+    if model == "auto":
+        fit, trials = select_model(plain, runs)
+    elif model != "mean":
+        fit = fit_named(model, plain, runs)
+    done = with_means if fit is None else apply(fit.constants, plain)
+    counted = np.isfinite(runs.l_mm) if fit is None else fit.weight > 0.0
+    before, after = residuals(plain, runs), residuals(done, runs)
     assert done.calibration is not None
-    kept = replace(
+    calibration = replace(
         done.calibration,
-        made=now(),
+        made=timestamp(),
         source=one_line(runs.source),
         unit=one_line(unit or runs.unit or (sensor.calibration.unit if sensor.calibration else "")),
-        before_percent=_counted_rms(before, counted),
-        after_percent=_counted_rms(after, counted),
+        before_percent=rms_percent(before, counted),
+        after_percent=rms_percent(after, counted),
     )
     return Calibrated(
-        replace(done, calibration=_with_rest(kept, sensor.calibration)), plain, runs, kept.model, before,
-        residuals(thesis, runs), after, counted, _parameters(done, found, runs), _bad(runs, counted, after), trials,
-        judge(plain, done, runs, found),
-    )  # fmt: skip
+        sensor=replace(done, calibration=_with_rest_levels(calibration, sensor.calibration)),
+        uncalibrated=plain,
+        runs=runs,
+        model=calibration.model,
+        before=before,
+        mean=residuals(with_means, runs),
+        after=after,
+        counted=counted,
+        parameters=_mean_parameters(done, runs) if fit is None else _parameters(done, fit),
+        excluded=_excluded(runs, counted, after),
+        trials=trials,
+        goodness=assess(plain, done, runs, fit),
+    )
 
 
-def check(sensor: Sensor) -> None:
+def require_closed_form(sensor: Sensor) -> None:
     """Refuse a construction whose readings constants per strip do not describe: `OptionError`."""
     if not sensor.kind.closed_form:
         raise OptionError(
@@ -195,7 +219,7 @@ def check(sensor: Sensor) -> None:
         )
 
 
-def now() -> str:
+def timestamp() -> str:
     """Return the present time, for provenance."""
     return dt.datetime.now(dt.UTC).isoformat(timespec="seconds")
 
@@ -205,59 +229,45 @@ def one_line(text: str) -> str:
     return "".join(c if c.isprintable() else "?" for c in text)
 
 
-def _counted_rms(off: dict[str, FloatArray], counted: BoolArray) -> float:
-    return rms_percent({name: np.where(counted, v, np.nan) for name, v in off.items()})
-
-
-def _with_rest(new: Calibration, old: Calibration | None) -> Calibration:
+def _with_rest_levels(new: Calibration, old: Calibration | None) -> Calibration:
     """Keep the untouched strips' learned levels: another fit does not change them."""
     if old is None:
         return new
-    levels = {c.signature: c for c in old.channels}
-    channels = tuple(
-        replace(c, rest=levels[c.signature].rest, noise=levels[c.signature].noise)
-        if c.signature in levels
-        else c
-        for c in new.channels
+    levels = ((c, old.channel(c.signature)) for c in new.channels)
+    return replace(
+        new, channels=tuple(replace(c, rest=o.rest, noise=o.noise) for c, o in levels), touch=old.touch
     )
-    return replace(new, channels=channels, touch=old.touch)
 
 
-def _parameters(done: Sensor, found: Fit | None, runs: Runs) -> tuple[Parameter, ...]:
-    if found is None:
-        return tuple(
-            Parameter(
-                f"offset {channel.signature}", strip, value * done.vref_volt, sigma * done.vref_volt, "V"
-            )
-            for channel in (done.calibration.channels if done.calibration else ())
-            for strip, (value, sigma) in enumerate(
-                zip(channel.offset, offset_sigma(done, runs, channel.signature), strict=True)
-            )
+def _mean_parameters(done: Sensor, runs: Runs) -> tuple[Parameter, ...]:
+    vref = done.vref_volt
+    return tuple(
+        Parameter(f"offset {channel.signature}", strip, value * vref, sigma * vref, "V")
+        for channel in (done.calibration.channels if done.calibration else ())
+        for strip, (value, sigma) in enumerate(
+            zip(channel.offset, mean_offset_sigma(done, runs, channel.signature), strict=True)
         )
-    constants, model = found.constants, found.constants.model
-    made = [
-        _natural(done, name, None, float(value), float(sigma))
-        for name, value, sigma in zip(model.shared, constants.shared, found.shared_sigma, strict=True)
-    ]
-    for i, name in enumerate(model.own(runs.signatures)):
-        made += [
-            _natural(
-                done,
-                name,
-                strip,
-                float(constants.own[strip, i]),
-                float(found.own_sigma[strip, i]),
-                model.pieces,
-            )
-            for strip in range(done.strips)
-        ]
-    return tuple(made)
+    )
 
 
-def _natural(
-    done: Sensor, name: str, strip: int | None, value: float, sigma: float, pieces: int = 0
+def _parameters(done: Sensor, fit: ModelFit) -> tuple[Parameter, ...]:
+    constants, model = fit.constants, fit.constants.model
+    shared = zip(model.shared, constants.shared, fit.shared_sigma, strict=True)
+    own = zip(model.own(constants.signatures), constants.own.T, fit.own_sigma.T, strict=True)
+    return (
+        *(_physical(done, name, None, float(v), float(s), model.pieces) for name, v, s in shared),
+        *(
+            _physical(done, name, strip, float(v), float(s), model.pieces)
+            for name, values, sigmas in own
+            for strip, (v, s) in enumerate(zip(values, sigmas, strict=True))
+        ),
+    )
+
+
+def _physical(
+    done: Sensor, name: str, strip: int | None, value: float, sigma: float, pieces: int
 ) -> Parameter:
-    """Return a parameter as a person reads it."""
+    """Return a parameter in physical units; `pieces` of the model's warp or curve."""
     part, *rest = name.split()
     length, vref = done.length_mm, done.vref_volt
     if part in ("ratio", "ratios"):
@@ -274,26 +284,20 @@ def _natural(
         return Parameter(name, strip, value * vref, sigma * vref, "V")
     at = int(rest[-1]) / pieces
     if part == "warp":
-        return Parameter(
-            f"place that has the share {at:.4g} of L",
-            strip,
-            (at + value) * length,
-            sigma * length,
-            "mm, electrical",
-        )
+        name = f"place that has the share {at:.4g} of L"
+        return Parameter(name, strip, (at + value) * length, sigma * length, "mm, electrical")
     return Parameter(f"curve {rest[0]} at {at:.4g} Vref", strip, (at + value) * vref, sigma * vref, "V")
 
 
-def _bad(runs: Runs, counted: BoolArray, after: dict[str, FloatArray]) -> tuple[BadRow, ...]:
-    rail = at_rail(runs)
+def _excluded(runs: Runs, counted: BoolArray, after: dict[str, FloatArray]) -> tuple[ExcludedRow, ...]:
+    usable = usable_rows(runs)
     rows = []
     for contact, strip in np.argwhere(np.isfinite(runs.l_mm) & ~counted):
         off = ", ".join(f"{name} {100.0 * v[contact, strip]:+.2f} %" for name, v in after.items())
         why = (
-            "reads 0 or Vref: nothing exact"
-            if rail[contact, strip]
-            else f"off by {off} of Vref from all other rows"
-        )
+            f"off by {off} of Vref from all other rows" if usable[contact, strip]
+            else "reads 0 or Vref, where the converter clips"
+        )  # fmt: skip
         place = (float(runs.l_mm[contact, strip]), float(runs.w_mm[contact, strip]))
-        rows.append(BadRow(int(runs.line[contact, strip]), int(strip), *place, why))
+        rows.append(ExcludedRow(int(runs.line[contact, strip]), int(strip), *place, why))
     return tuple(sorted(rows, key=lambda r: r.line))

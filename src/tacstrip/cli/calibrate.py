@@ -13,8 +13,8 @@ from click.core import ParameterSource
 from tacstrip.arrays import FloatArray
 from tacstrip.calibrate.drift import rezero
 from tacstrip.calibrate.plan import plan
-from tacstrip.calibrate.touch import blind_mm, learn_touch
-from tacstrip.calibrate.unit import Calibrated, calibrate_unit, check, now, one_line
+from tacstrip.calibrate.touch import learn_touch, undetectable_mm
+from tacstrip.calibrate.unit import Calibrated, calibrate_unit, one_line, require_closed_form, timestamp
 from tacstrip.cli import load_sensor, protect, warn
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError
@@ -75,60 +75,61 @@ def command(
     """Calibrate SENSOR (a spec file or a shipped spec) from RUNS (CSV): contacts of known l and w on each strip.
 
     The calibrated spec stands in for SENSOR in all other verbs. `--plan` says which contacts to make, `--touch` learns
-    what an untouched strip reads, `--rezero` takes drift out again. Exit code 2: the runs are bad, in other units say;
-    1: they do not describe this sensor, and no spec is written.
+    what an untouched strip reads, `--rezero` removes drift. Exit code 2: the runs are wrong, in other units for
+    example; 1: they do not describe this sensor, and no spec is written.
 
     Example: tacstrip calibrate sensor.toml runs.csv -o calibrated.toml --report report
     """
     protect(output, sensor, data, touch)
-    _together(planned, zeroed, data is not None, report, reference)
+    _check_options(planned, zeroed, data is not None, report, reference)
     spec = load_sensor(sensor)
     if planned:
         chosen = "" if model == "auto" else model
-        _plan(spec, output, wanted, Noise(positional=noise / 100.0), chosen, unit_mm, unit)
+        _show_plan(spec, output, wanted, Noise(positional=noise / 100.0), chosen, unit_mm, unit)
         return
     if output is None:
         raise OptionError("name the spec to write with -o, for example -o calibrated.toml")
     if zeroed and data is not None:
-        _rezero(spec, data, reference).save(output)
+        _rezeroed(spec, data, reference).save(output)
         click.echo(f"{output} written")
         return
     if data is None and touch is None:
         raise OptionError("give RUNS to calibrate from, or one of --touch, --plan, --rezero")
-    check(spec)
-    good = True
+    require_closed_form(spec)
+    accepted = True
     if data is not None:
         runs = read_runs(data, spec, unit, force)
         unset = rest_hint(spec, runs.raw)
         warn(half_read(data, spec, runs.signatures), f"{data}: {unset}" if unset else "")
         if model == "auto":
-            click.echo("Trying models on contacts left out of the fit; this may take a minute", err=True)
+            click.echo("Comparing models by cross-validation; this may take a minute", err=True)
         result = calibrate_unit(spec, runs, model, unit, force=force)
-        _say(result)
+        _show_result(result)
         spec = result.sensor
         if touch is None and all(len(v) for v in runs.rest.values()):
-            spec = learn_touch(spec, runs.rest, f"{now()}, {runs.source}")
+            spec = learn_touch(spec, runs.rest, f"{timestamp()}, {runs.source}")
         if report is not None:
             from tacstrip.report.calibration import write_report
 
             click.echo(f"{write_report(result, report)}: report")
         warn(result.advice)
-        good = result.status == "ok"
-        if not good and not force:
-            click.echo(f"Not calibrated, {output} is not written: with --force it is", err=True)
+        accepted = result.status == "ok"
+        if not accepted and not force:
+            click.echo(f"Not calibrated: {output} is written with --force only", err=True)
             sys.exit(1)
     if touch is not None:
         spec = learn_touch(spec, _raw(touch, spec), _source(touch))
     if spec.touch_volt is not None and spec.calibration is not None and spec.calibration.touch:
-        _say_touch(spec)
+        _show_touch(spec)
     spec.save(output)
     click.echo(
-        f"{output} written" + (f": use it in place of {sensor}" if good else ", though it is in doubt")
+        f"{output} written"
+        + (f": use it in place of {sensor}" if accepted else ", but its constants are doubtful")
     )
 
 
-def _together(planned: bool, zeroed: bool, data: bool, report: Path | None, reference: object) -> None:
-    """Refuse options that have nothing to do with what was asked for."""
+def _check_options(planned: bool, zeroed: bool, data: bool, report: Path | None, reference: object) -> None:
+    """Refuse options that do not belong to the job that was asked for."""
     given = click.get_current_context().get_parameter_source
     if planned and zeroed:
         raise OptionError("--plan and --rezero are two jobs; give one of them")
@@ -147,7 +148,7 @@ def _together(planned: bool, zeroed: bool, data: bool, report: Path | None, refe
         raise OptionError("--report is of a calibration: give RUNS")
 
 
-def _plan(
+def _show_plan(
     spec: Sensor,
     output: Path | None,
     wanted: float,
@@ -167,9 +168,7 @@ def _plan(
         f"+-{made.worst_percent:.2g} % of Vref (95 %), the reading's own noise not counted"
     )
     if not made.reached:
-        click.echo(
-            f"Warning: +-{wanted:g} % is not reached; take quieter readings: the mean of several", err=True
-        )
+        warn(f"+-{wanted:g} % is not reached; take less noisy readings: the mean of several")
     if output is not None:
         contacts = [
             (s, l, w) for l, w, times in made.contacts for _ in range(times) for s in range(spec.strips)
@@ -180,7 +179,7 @@ def _plan(
         )
 
 
-def _say(result: Calibrated) -> None:
+def _show_result(result: Calibrated) -> None:
     click.echo(
         f"{result.runs.count} contacts, model {result.model}: {result.rms_percent(result.before):.3g} % of Vref rms "
         f"before, {result.rms_percent(result.mean):.3g} % after mean offsets, "
@@ -195,33 +194,32 @@ def _say(result: Calibrated) -> None:
             refused.setdefault(trial.verdict.removeprefix("refused: "), []).append(trial.name)
     for why, names in list(refused.items())[:_MOST_LINES]:
         click.echo(f"  not fitted: {', '.join(names)}: {why}", err=True)
-    for row in result.bad[:_MOST_LINES]:
-        strip = row.strip + result.plain.strip_base
-        click.echo(f"  line {row.line}, strip {strip}: left out, {row.why}", err=True)
-    if len(result.bad) > _MOST_LINES:
-        click.echo(f"  ... and {len(result.bad) - _MOST_LINES} rows more", err=True)
+    for row in result.excluded[:_MOST_LINES]:
+        strip = row.strip + result.uncalibrated.strip_base
+        click.echo(f"  line {row.line}, strip {strip}: excluded, {row.why}", err=True)
+    if len(result.excluded) > _MOST_LINES:
+        click.echo(f"  ... and {len(result.excluded) - _MOST_LINES} more rows", err=True)
 
 
-def _say_touch(spec: Sensor) -> None:
-    low, high = blind_mm(spec)
+def _show_touch(spec: Sensor) -> None:
+    low, high = undetectable_mm(spec)
     click.echo(f"rest_volt = {spec.rest_volt:.4g}, touch_volt = {spec.touch_volt:.4g} learned")
     if np.isfinite(low).any():
         worst = int(np.nanargmax(high - low))
-        click.echo(
-            f"Warning: a point contact between y = {low[worst]:.3g} and {high[worst]:.3g} mm on strip "
-            f"{worst + spec.strip_base} reads as untouched",
-            err=True,
+        warn(
+            f"a point contact between y = {low[worst]:.3g} and {high[worst]:.3g} mm on strip "
+            f"{worst + spec.strip_base} reads as untouched"
         )
 
 
-def _rezero(spec: Sensor, readings: Path, reference: tuple[float, float] | None) -> Sensor:
-    check(spec)
-    sensor, told = rezero(spec, _raw(readings, spec), _source(readings), reference)
-    lost = [str(i + spec.strip_base) for i in np.flatnonzero(~told)]
-    click.echo(f"{int(told.sum())} of {spec.strips} strips re-zeroed")
-    if lost:
-        click.echo(
-            f"Warning: strips {', '.join(lost[:_MOST_LINES])} did not tell and keep their drift", err=True
+def _rezeroed(spec: Sensor, readings: Path, reference: tuple[float, float] | None) -> Sensor:
+    require_closed_form(spec)
+    sensor, measured = rezero(spec, _raw(readings, spec), _source(readings), reference)
+    kept = [str(i + spec.strip_base) for i in np.flatnonzero(~measured)]
+    click.echo(f"{int(measured.sum())} of {spec.strips} strips re-zeroed")
+    if kept:
+        warn(
+            f"strips {', '.join(kept[:_MOST_LINES])} are touched, vary or moved too far, and keep their drift"
         )
     for channel in sensor.calibration.channels if sensor.calibration else ():
         worst = max(channel.drift, key=abs, default=0.0)
@@ -236,4 +234,4 @@ def _raw(path: Path, spec: Sensor) -> dict[str, FloatArray]:
 
 
 def _source(path: Path) -> str:
-    return f"{now()}, {one_line(path.name)}"
+    return f"{timestamp()}, {one_line(path.name)}"

@@ -78,18 +78,18 @@ def _lines(log: Log, report: Report) -> Iterator[str]:
         f"{log.sensor.construction}, {log.sensor.strips} strips: {report.scans} scan(s) over {report.seconds:.4g} s"
     )
     for finding in report.findings:
-        yield f"{finding.kind.severity.upper()}: {_told(report, finding)}"
+        yield f"{finding.kind.severity.upper()}: {_sentence(report, finding)}"
         yield f"    Check {finding.kind.check}."
     for finding in report.notes:
-        yield f"Note: {_told(report, finding)} {finding.kind.check[0].upper()}{finding.kind.check[1:]}."
+        yield f"Note: {_sentence(report, finding)} {finding.kind.check[0].upper()}{finding.kind.check[1:]}."
     yield _noise(report)
-    for told in report.unchecked:
-        yield f"Not checked: {told}."
+    for reason in report.unchecked:
+        yield f"Not checked: {reason}."
     count = len(report.findings)
-    yield f"{count} fault(s) found" if count else "No fault found, as far as this recording tells"
+    yield f"{count} fault(s) found" if count else "No fault found, as far as this recording shows"
 
 
-def _told(report: Report, finding: Finding) -> str:
+def _sentence(report: Report, finding: Finding) -> str:
     return (
         f"{report.where(finding)}: {finding.kind.title}. {finding.evidence[0].upper()}{finding.evidence[1:]}."
     )
@@ -100,9 +100,9 @@ def _noise(report: Report) -> str:
     if not noise.profile:
         return "Noise: not measured; it needs scans that follow each other closely"
     where = "above profile II (+-1 %)" if noise.profile == "above II" else f"within profile {noise.profile}"
-    told = (
+    text = (
         f"Noise: P.U. {'' if noise.steady else 'at most '}+-{noise.half_width_percent:.2g} % of Vref, {where}"
     )
     if math.isfinite(noise.vertex_rms_mm):
-        told += f"; corners of a typical contact to {noise.vertex_rms_mm:.3g} mm RMS at best"
-    return told if noise.steady else told + " (scans follow each other too loosely to tell noise from motion)"
+        text += f"; corners of a typical contact to {noise.vertex_rms_mm:.3g} mm RMS at best"
+    return text if noise.steady else text + " (the scan rate is too low to separate noise from motion)"

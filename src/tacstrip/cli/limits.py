@@ -17,7 +17,7 @@ from tacstrip.arrays import FloatArray
 from tacstrip.cli import load_sensor, protect, warn
 from tacstrip.contact.noise import Noise
 from tacstrip.design.candidates import BITS, CONVERSION_S, FARAD, Design, candidates, designs
-from tacstrip.design.limits import Limit, Map, limit_map, limits, outline_of
+from tacstrip.design.limits import ErrorMap, Limit, limit_map, limits, outline_of
 from tacstrip.errors import OptionError
 from tacstrip.files import write_text
 from tacstrip.geometry.outline import Outline
@@ -92,7 +92,7 @@ def command(
     picofarad: float,
     conversion_us: float,
 ) -> None:
-    """Say how well SENSOR (a spec file or a shipped spec) can tell the corners of CONTACT (.wkt or .geojson, mm).
+    """Say how well SENSOR (a spec file or a shipped spec) can locate the corners of CONTACT (.wkt or .geojson, mm).
 
     The Cramer-Rao bound: no unbiased method does better with normal noise of this variance. With --wanted-mm also
     which designs reach an error, and which of Harmon's requirements (table 2.1) they fail; exit code 1: none does.
@@ -122,9 +122,9 @@ def command(
     warn(contact_in_metres(shape, spec))
     outline = outline_of(spec, shape)
     found = limits(spec, outline, noise)
-    _tell(outline, found)
+    _show_limits(outline, found)
     over = limit_map(spec, outline, noise, grid, grid)
-    _tell_map(over)
+    _show_map(over)
     judged = None
     if wanted_mm is not None:
         sensors = list(candidates(spec, construction or None, pitch, length))
@@ -141,12 +141,12 @@ def command(
         click.echo(f"{output}: numbers")
     if judged is not None and wanted_mm is not None:
         reached = [d for d in judged if d.noise > 0.0]
-        _tell_designs(reached, len(judged), wanted_mm)
+        _show_designs(reached, len(judged), wanted_mm)
         if not reached:
             sys.exit(1)
 
 
-def _tell(outline: Outline, found: list[Limit]) -> None:
+def _show_limits(outline: Outline, found: list[Limit]) -> None:
     names = ["+".join(limit.signatures) for limit in found]
     click.echo("Least standard errors of x and y of each vertex [mm], from " + ", ".join(names))
     click.echo("      vertex       " + "".join(f"{name:>20}" for name in names))
@@ -156,10 +156,10 @@ def _tell(outline: Outline, found: list[Limit]) -> None:
         click.echo(f"{x:9.6g} {y:9.6g}" + "".join(f"{_short(a):>11}{_short(b):>9}" for a, b in pairs))
     click.echo("RMS over vertices  " + "".join(f"{_short(limit.rms):>20}" for limit in found))
     if not all(math.isfinite(limit.rms) for limit in found):
-        click.echo("inf: the strips in contact do not tell it; a finer pitch or a wider contact would")
+        click.echo("inf: the strips in contact do not determine it; a finer pitch or a wider contact would")
 
 
-def _tell_map(over: Map) -> None:
+def _show_map(over: ErrorMap) -> None:
     best, worst = over.rms_mm.min(), over.rms_mm.max()
     click.echo(
         f"Over the sensor, {over.rms_mm.size} places, all signatures: {_short(best)} to {_short(worst)} mm RMS, "
@@ -167,7 +167,7 @@ def _tell_map(over: Map) -> None:
     )
 
 
-def _tell_designs(reached: list[Design], tried: int, wanted_mm: float) -> None:
+def _show_designs(reached: list[Design], tried: int, wanted_mm: float) -> None:
     click.echo(
         f"{len(reached)} of {tried} designs reach {wanted_mm:.6g} mm RMS at nine places of ten, with no more than"
     )
@@ -195,8 +195,10 @@ def _short(value: float) -> str:
     return f"{value:.3g}"
 
 
-def _record(outline: Outline, found: list[Limit], over: Map, judged: list[Design] | None) -> dict[str, Any]:
-    """Return what goes into the file; null stands for what cannot be told."""
+def _record(
+    outline: Outline, found: list[Limit], over: ErrorMap, judged: list[Design] | None
+) -> dict[str, Any]:
+    """Return what goes into the file; null stands for what the readings do not determine."""
     record: dict[str, Any] = {
         "vertices_mm": outline.vertices.tolist(),
         "limits": [

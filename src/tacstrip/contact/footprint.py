@@ -16,7 +16,7 @@ import numpy as np
 import shapely
 
 from tacstrip.arguments import takes
-from tacstrip.arrays import FloatArray, IntArray, extent, strips_told
+from tacstrip.arrays import FloatArray, IntArray, extent, touched_strips
 from tacstrip.contact.shape import Contact
 from tacstrip.sensor.spec import Sensor
 
@@ -46,7 +46,7 @@ class Footprint:
     _contacts: tuple[Contact, ...]
 
     def __repr__(self) -> str:
-        strips = strips_told(np.asarray(np.isfinite(np.atleast_2d(self.l)).any(axis=0)))
+        strips = touched_strips(np.asarray(np.isfinite(np.atleast_2d(self.l)).any(axis=0)))
         many = f" of {len(self._contacts)} contacts" if self.l.ndim > 1 else ""
         cut = ", clipped" if self.clipped else ""
         return f"<Footprint{many}: {strips}, l {extent(self.l)}, u {extent(self.u)} mm{cut}>"

@@ -10,7 +10,7 @@ import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.core.binding import Problem, at
-from tacstrip.sensor.circuit import erosion, sensing_share
+from tacstrip.sensor.circuit import sensing_share, transfer_length
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
 
@@ -137,7 +137,7 @@ class Signal:
         """Return slopes of all readings by l and by u, and the readings (..., S, n), of contacts l to u (..., n)."""
         l, w, share = l[..., None, :], (u - l)[..., None, :], self.shares[:, None]
         if self.lam > 0.0:
-            t = erosion(w, self.lam)
+            t = transfer_length(w, self.lam)
             mix = 0.5 * (1.0 - (t / self.lam) ** 2)
         else:
             t = mix = np.zeros(())

@@ -1,4 +1,4 @@
-"""Which sensor tells a contact's vertices to a wanted error, and which of Harmon's requirements it fails.
+"""Which designs reach a wanted vertex error, and which of Harmon's requirements they fail.
 
 A design is a construction, a pitch, a length and a converter. Over a grid of places of the contact the Cramer-Rao
 bound gives the largest noise that still reaches the wanted error at nine places of ten.
@@ -46,7 +46,8 @@ class Design:
     sensor
         The design.
     error_mm
-        RMS vertex error with the given noise, reached at nine places of ten [mm]; inf where not told.
+        RMS vertex error with the given noise, reached at nine places of ten [mm]; inf where the readings do not
+        determine the vertices.
     noise
         Largest half-width of a reading's error [Vref] that reaches the wanted error; 0 where none does.
     unmet
@@ -106,8 +107,8 @@ def designs(
     """Judge every sensor with every converter.
 
     First come those that reach the wanted error with the given noise, then those that do with less; among them
-    those that fail fewest requirements, then those that bear most noise. A sensor that the contact does not fit
-    on is left out.
+    those that fail fewest requirements, then those that allow most noise. A sensor that the contact does not fit
+    on is skipped.
 
     Parameters
     ----------
@@ -136,14 +137,14 @@ def designs(
     for sensor in sensors:
         if size[0] > sensor.width_mm or size[1] > sensor.length_mm:
             continue
-        told = _Told(sensor, outline)
-        largest = told.largest_sigma(wanted_mm)
+        bounds = _BoundsOverSensor(sensor, outline)
+        largest = bounds.largest_sigma(wanted_mm)
         for resolution in bits:
             design = replace(sensor, adc_bits=resolution)
             steps = reading_sigma(Noise(), design)
             room = math.sqrt(3.0 * max(largest**2 - steps**2, 0.0))
             given = math.hypot(noise.quantisation, noise.positional)
-            error = told.error(math.hypot(given / math.sqrt(3.0), steps))
+            error = bounds.error(math.hypot(given / math.sqrt(3.0), steps))
             unmet = requirements_unmet(design, min(given, room), farad, conversion_s)
             found.append(Design(design, error, room, unmet))
     return sorted(found, key=lambda d: (d.noise == 0.0, d.error_mm > wanted_mm, len(d.unmet), -d.noise))
@@ -166,8 +167,7 @@ def requirements_unmet(
         As for `network.timing.fastest_scan_hz`.
     """
     asked = published()["requirements"]
-    assert sensor.adc_bits is not None
-    error = 2.0 * noise + 1.0 / (2.0**sensor.adc_bits - 1.0)  # full width, of Vref
+    error = 2.0 * noise + sensor.adc_step  # full width, of Vref
     coarsest = asked["spatial_resolution_mm"][1]
     least, most = asked["sensing_elements"]
     rate = fastest_scan_hz(sensor, Readout(), farad, conversion_s)
@@ -181,8 +181,8 @@ def requirements_unmet(
     return tuple(said for met, said in rules if not met)
 
 
-class _Told:
-    """What a sensor's readings tell of an outline at all its places, for any noise."""
+class _BoundsOverSensor:
+    """Cramer-Rao bounds of an outline at all its places on a sensor, for any noise."""
 
     def __init__(self, sensor: Sensor, outline: Outline) -> None:
         across, along = places(sensor, outline, _COLUMNS, _ROWS)

@@ -1,4 +1,4 @@
-"""What a sensor can tell of a contact at best: the Cramer-Rao bound at one place, and over the surface."""
+"""Limits of a sensor: the Cramer-Rao bound of a contact's vertices at one place, and over the surface."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tacstrip.geometry.outline import Outline
 from tacstrip.reconstruction.cramer_rao import reading_sigma, vertex_covariance, vertex_rms
 from tacstrip.sensor.spec import Sensor
 
-_OVER = 1e-9  # of the sensor: off it by less is rounding
+_TOLERANCE = 1e-9  # of the sensor's size
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +28,7 @@ class Limit:
         Those that are read.
     covariance
         Of the vertices (2 V, 2 V) [mm^2], in the order of `vertices.ravel()`; inf and NaN where the readings do
-        not tell (`vertex_covariance`).
+        not determine them (`vertex_covariance`).
     """
 
     signatures: tuple[str, ...]
@@ -46,7 +46,7 @@ class Limit:
 
 
 @dataclass(frozen=True, eq=False)
-class Map:
+class ErrorMap:
     """RMS vertex error with the contact's centroid at a grid of places.
 
     Attributes
@@ -54,7 +54,7 @@ class Map:
     x_mm, y_mm
         Places of the centroid (columns,) and (rows,) [mm], from one edge of the sensor to the other.
     rms_mm
-        (rows, columns) [mm]; inf where the vertices cannot be told.
+        (rows, columns) [mm]; inf where the readings do not determine the vertices.
     centroid
         Where the contact itself lies (2,) [mm].
     """
@@ -76,7 +76,7 @@ def outline_of(sensor: Sensor, contact: Contact) -> Outline:
     outline = Outline.of(contact.vertices)
     low, high = outline.vertices.min(axis=0), outline.vertices.max(axis=0)
     size = np.array([sensor.width_mm, sensor.length_mm])
-    if np.any(low < -_OVER * size) or np.any(high > (1.0 + _OVER) * size):
+    if np.any(low < -_TOLERANCE * size) or np.any(high > (1.0 + _TOLERANCE) * size):
         raise ContactError(
             f"the contact spans x = {low[0]:.6g} to {high[0]:.6g}, y = {low[1]:.6g} to {high[1]:.6g} mm: not wholly "
             f"on the sensor of {size[0]:.6g} x {size[1]:.6g} mm. Move it (--at)"
@@ -112,7 +112,7 @@ def places(sensor: Sensor, outline: Outline, columns: int, rows: int) -> tuple[F
     )
 
 
-def limit_map(sensor: Sensor, outline: Outline, noise: Noise, columns: int = 24, rows: int = 24) -> Map:
+def limit_map(sensor: Sensor, outline: Outline, noise: Noise, columns: int = 24, rows: int = 24) -> ErrorMap:
     """Return the RMS vertex error, from all signatures, with the contact moved over the surface."""
     sigma = checked_noise(sensor, noise)
     across, along = places(sensor, outline, columns, rows)
@@ -120,4 +120,4 @@ def limit_map(sensor: Sensor, outline: Outline, noise: Noise, columns: int = 24,
         [vertex_rms(vertex_covariance(outline.moved(dx, dy), sensor, sigma)) for dx in across] for dy in along
     ]
     centroid = moments(outline.vertices)[1]
-    return Map(centroid[0] + across, centroid[1] + along, np.array(rms), centroid)
+    return ErrorMap(centroid[0] + across, centroid[1] + along, np.array(rms), centroid)

@@ -1,4 +1,4 @@
-"""What is wrong with the hardware, told from readings alone.
+"""What is wrong with the hardware, from its readings alone.
 
 The names that this package gives are listed in `__init__.pyi`, once, and loaded when first used.
 """

@@ -1,4 +1,4 @@
-"""Channels that do not follow the contact: open strips, dead and stuck channels, saturation, silent strips."""
+"""Channels that do not follow the contact: open strips, dead and stuck channels, saturation, never_touched strips."""
 
 from __future__ import annotations
 
@@ -7,12 +7,17 @@ from functools import partial
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
-from tacstrip.diagnose.expected import Suspect, View, expected, residuals
 from tacstrip.diagnose.finding import Finding
+from tacstrip.diagnose.neighbour_prediction import (
+    Suspect,
+    WorkingCopy,
+    neighbour_residuals,
+    predict_from_neighbours,
+)
 
-_INSIDE = 0.15  # over Vref: expectations this far from both rails cannot be met by a reading on a rail
+_INSIDE = 0.15  # over Vref: predictions this far from both rails do not agree with a reading on a rail
 _RAIL = 0.012  # over Vref
-_NEAR_RAIL = 0.08  # over Vref: offsets take a channel that hangs on a rail no further from it
+_NEAR_RAIL = 0.08  # over Vref: largest offset of a channel that lies on a rail
 _ALWAYS = 0.9  # of those places: an open end shows wherever the contact is
 _SHARE = 0.4  # of those places: elsewhere the contact bridges the break
 _SPREAD = 0.05  # over Vref: what the neighbours must move for a reading that does not
@@ -21,45 +26,45 @@ _ALIKE = 0.7  # correlation of a strip's neighbours that are under one object
 _FEW, _SOME = 3, 8  # places
 
 
-def on_rails(view: View) -> list[Suspect]:
+def on_rails(work: WorkingCopy) -> list[Suspect]:
     """Find strips whose readings lie on ground or Vref where their neighbours expect something between.
 
-    A strip cut below the contact floats up to Vref, one cut above it hangs on ground; a contact across the cut reads
-    as ever. A cut sensing strip takes away only the reading beyond the cut, a dead wire all of them.
+    A strip cut below the contact floats up to Vref, one cut above it stays on ground; a contact across the cut reads
+    as usual. A cut sensing strip loses only the reading beyond the cut, a dead wire all of them.
     """
-    near = max(_RAIL, 4.0 * view.sigma)
-    names = list(view.k)
-    values = np.stack([view.k[n] for n in names])  # (signatures, places, strips)
-    e, r = (np.stack(a) for a in zip(*(residuals(view, n) for n in names), strict=True))
-    # Beside one strip on a rail there may be another; not between two that are off it.
-    gap = np.stack([expected(view.k[n], view.there)[2] for n in names]) / 2.0
+    near = max(_RAIL, 4.0 * work.sigma)
+    names = list(work.k)
+    values = np.stack([work.k[n] for n in names])  # (signatures, places, strips)
+    e, r = (np.stack(a) for a in zip(*(neighbour_residuals(work, n) for n in names), strict=True))
+    # NeighbourPair one strip on a rail there may be another; not between two that are off it.
+    gap = np.stack([predict_from_neighbours(work.k[n], work.there)[2] for n in names]) / 2.0
     inside = (e - gap > _INSIDE / 2.0) & (e + gap < 1.0 - _INSIDE / 2.0) & (np.abs(e - 0.5) < 0.5 - _INSIDE)
-    low, high = values <= _ground(view) + near, values >= 1.0 - near
-    # By offsets, a strip that hangs on a rail reads one value beside it.
+    low, high = values <= _ground(work) + near, values >= 1.0 - near
+    # With an offset, a strip that lies on a rail reads one value next to it.
     low, high = (
         side | (_constant(values, near) & close).all(axis=0)
-        for side, close in ((low, values <= _ground(view) + _NEAR_RAIL), (high, values >= 1.0 - _NEAR_RAIL))
+        for side, close in ((low, values <= _ground(work) + _NEAR_RAIL), (high, values >= 1.0 - _NEAR_RAIL))
     )
     ground, vref = (np.asarray(side.all(axis=0) & inside.any(axis=0)) for side in (low, high))
-    # One channel on ground where the other is not: its wire has nothing to say.
-    lone = (
-        inside & low & ~low.all(axis=0) & (values.max(axis=0) > max(2.0 * near, _ground(view) + _NEAR_RAIL))
+    # One channel on ground where the other is not: its wire is dead.
+    single = (
+        inside & low & ~low.all(axis=0) & (values.max(axis=0) > max(2.0 * near, _ground(work) + _NEAR_RAIL))
     )
     places = inside.any(axis=0).sum(axis=0)
     found = []
-    for strip in range(view.strips):
-        # Of all channels together: what hangs on a rail is one strip, rather than two stuck channels.
+    for strip in range(work.strips):
+        # Of all channels together: one strip on a rail is more likely than two stuck channels.
         gain = float(
             np.nansum(np.abs(r[:, :, strip])) / max(np.isfinite(r[:, :, strip]).any(axis=0).sum(), 1)
         )
-        channels = dict(zip(names, lone[:, :, strip], strict=True))
+        channels = dict(zip(names, single[:, :, strip], strict=True))
         of = inside[:, :, strip].sum(axis=1)
         named = (
-            _open_strip(view, strip, ground[:, strip], vref[:, strip], int(places[strip]), e[0, :, strip]),
-            _one_channel(view, strip, channels, of),
+            _open_strip(work, strip, ground[:, strip], vref[:, strip], int(places[strip]), e[0, :, strip]),
+            _one_channel(work, strip, channels, of),
         )
         found += [
-            Suspect(finding, gain, partial(View.drop, strip=strip, signature=finding.signature))
+            Suspect(finding, gain, partial(WorkingCopy.drop, strip=strip, signature=finding.signature))
             for finding in named
             if finding is not None
         ]
@@ -72,29 +77,29 @@ def _constant(values: FloatArray, near: float) -> BoolArray:
     return np.asarray(high.max(axis=1, keepdims=True) - low.min(axis=1, keepdims=True) <= 2.0 * near)
 
 
-def _ground(view: View) -> float:
-    """Return what a wire that hangs free reads, over Vref."""
-    return (view.sensor.rest_volt or 0.0) / view.sensor.vref_volt
+def _ground(work: WorkingCopy) -> float:
+    """Return what an unconnected wire reads, over Vref."""
+    return (work.sensor.rest_volt or 0.0) / work.sensor.vref_volt
 
 
 def _open_strip(
-    view: View, strip: int, ground: BoolArray, vref: BoolArray, places: int, level: FloatArray
+    work: WorkingCopy, strip: int, ground: BoolArray, vref: BoolArray, places: int, level: FloatArray
 ) -> Finding | None:
     count = int(ground.sum() + vref.sum())
     always = count >= _ALWAYS * places
-    # Two channels on one rail at every place are no object over the strip's end.
-    enough = _FEW if always and len(view.k) == 2 else _SOME
+    # An object over the strip's end does not put two channels on one rail at every place.
+    enough = _FEW if always and len(work.k) == 2 else _SOME
     # An object that reaches over the end of one strip does so at one height.
     if count < max(enough, _SHARE * places) or _spread(level[ground | vref]) < _MOVES:
         return None
     where = ""
     if ground.any() and vref.any():
-        y = sorted(float(v) * view.sensor.length_mm for v in (level[ground].max(), level[vref].min()))
+        y = sorted(float(v) * work.sensor.length_mm for v in (level[ground].max(), level[vref].min()))
         where = f"; the cut lies near y = {y[0]:.4g} to {y[1]:.4g} mm"
     elif always:
         where = f"; {_open_end(bool(vref.any()))}"
     return Finding(
-        "open-strip", (int(view.order[strip]),),
+        "open-strip", (int(work.order[strip]),),
         f"on ground in {int(ground.sum())} and on Vref in {int(vref.sum())} of {places} places where its neighbours "
         f"expect 0.15 to 0.85 of Vref{where}",
         {"places": float(places), "at_ground": float(ground.sum()), "at_vref": float(vref.sum())},
@@ -102,14 +107,11 @@ def _open_strip(
 
 
 def _one_channel(
-    view: View,
-    strip: int,
-    lone: dict[str, BoolArray],
-    places: IntArray,
+    work: WorkingCopy, strip: int, single: dict[str, BoolArray], places: IntArray
 ) -> Finding | None:
-    counts = {name: int(at.sum()) for name, at in lone.items()}
+    counts = {name: int(at.sum()) for name, at in single.items()}
     often = [n for n, of in zip(counts, places, strict=True) if counts[n] and counts[n] >= 0.25 * of]
-    number = (int(view.order[strip]),)
+    number = (int(work.order[strip]),)
     numbers = {f"{n}_at_ground": float(c) for n, c in counts.items()}
     if len(often) == 2 or (len(often) == 1 and min(counts.values()) >= _FEW):
         return Finding(
@@ -127,34 +129,34 @@ def _one_channel(
 
 
 def _open_end(at_vref: bool) -> str:
-    """Say which end is open of a strip that hangs on one rail wherever it is touched."""
+    """Say which end is open of a strip that lies on one rail wherever it is touched."""
     end, wire = ("grounded end", "ground") if at_vref else ("end at Vref", "Vref")
     return f"open at its {end}: look at that clamp and its wire to {wire}"
 
 
-def not_moving(view: View) -> list[Suspect]:
+def not_moving(work: WorkingCopy) -> list[Suspect]:
     """Find channels that keep one value while their neighbours move."""
     found = []
-    still = max(0.004, 3.0 * view.sigma)
-    for name, values in view.k.items():
-        e, r = residuals(view, name)
-        for strip in range(view.strips):
+    still = max(0.004, 3.0 * work.sigma)
+    for name, values in work.k.items():
+        e, r = neighbour_residuals(work, name)
+        for strip in range(work.strips):
             known = np.isfinite(e[:, strip])
             if known.sum() < _SOME or not _alike(values[known], strip):
                 continue
-            own, theirs = (_spread(v[known, strip]) for v in (values, e))
+            own, predicted = (_spread(v[known, strip]) for v in (values, e))
             whole = np.ptp(values[known, strip])
-            if own <= still and whole <= 3.0 * still and theirs > max(_MOVES, 5.0 * own):
+            if own <= still and whole <= 3.0 * still and predicted > max(_MOVES, 5.0 * own):
                 level = float(np.median(values[known, strip]))
-                fault = "dead" if abs(level - _ground(view)) < max(_RAIL, 4.0 * view.sigma) else "stuck"
+                fault = "dead" if abs(level - _ground(work)) < max(_RAIL, 4.0 * work.sigma) else "stuck"
                 finding = Finding(
-                    fault, (int(view.order[strip]),),
+                    fault, (int(work.order[strip]),),
                     f"stays within {100 * own:.2g} % of Vref of {level:.4g} Vref over {int(known.sum())} places, while "
-                    f"its neighbours move by {100 * theirs:.3g} %",
-                    {"level": level, "own_spread": own, "neighbours_spread": theirs}, name,
+                    f"its neighbours move by {100 * predicted:.3g} %",
+                    {"level": level, "own_spread": own, "neighbours_spread": predicted}, name,
                 )  # fmt: skip
                 gain = float(np.abs(r[known, strip]).mean())
-                found.append(Suspect(finding, gain, partial(View.drop, strip=strip, signature=name)))
+                found.append(Suspect(finding, gain, partial(WorkingCopy.drop, strip=strip, signature=name)))
     return found
 
 
@@ -172,25 +174,25 @@ def _alike(values: FloatArray, strip: int) -> bool:
     return bool(np.corrcoef(a[known], b[known])[0, 1] > _ALIKE)
 
 
-def clipped(view: View) -> list[Suspect]:
+def clipped(work: WorkingCopy) -> list[Suspect]:
     """Find channels that follow their neighbours up (or down) to a level, and no further."""
     found = []
-    for name, values in view.k.items():
-        e, _ = residuals(view, name)
-        for strip in range(view.strips):
+    for name, values in work.k.items():
+        e, _ = neighbour_residuals(work, name)
+        for strip in range(work.strips):
             known = np.isfinite(e[:, strip])
             if known.sum() < _SOME or not _alike(values[known], strip):
                 continue
-            own, theirs = values[known, strip], e[known, strip]
+            own, predicted = values[known, strip], e[known, strip]
             for sign, side in ((1.0, "above"), (-1.0, "below")):
-                stop = _ceiling(sign * own, sign * theirs, view.sigma)
+                stop = _saturation_level(sign * own, sign * predicted, work.sigma)
                 if stop is None:
                     continue
                 level, beyond, misfit = stop
                 found.append(
                     Suspect(
                         Finding(
-                            "saturation", (int(view.order[strip]),),
+                            "saturation", (int(work.order[strip]),),
                             f"never {side} {sign * level:.4g} Vref, {beyond} times just there while its neighbours "
                             f"went further, by {100 * misfit:.3g} % of Vref in the mean",
                             {"level": sign * level, "places": float(beyond), "misfit": misfit}, name,
@@ -202,53 +204,55 @@ def clipped(view: View) -> list[Suspect]:
     return found
 
 
-def _ceiling(own: FloatArray, theirs: FloatArray, sigma: float) -> tuple[float, int, float] | None:
-    """Return the level that readings stop at, how often, and what they miss; None where they do not stop."""
+def _saturation_level(
+    own: FloatArray, predicted: FloatArray, sigma: float
+) -> tuple[float, int, float] | None:
+    """Return the level that readings stop at, how often, and the mean misfit; None where they do not stop."""
     if _spread(own) < _SPREAD:
         return None
     level = float(own.max())
-    beyond = theirs > level + max(0.03, 5.0 * sigma)
+    beyond = predicted > level + max(0.03, 5.0 * sigma)
     at = own >= level - 0.003
     if (
         abs(level) < 0.015
         or abs(level - 1.0) < 0.015
         or beyond.sum() < _SOME
         or at[beyond].mean() < 0.8
-        or _spread(theirs[beyond]) < _SPREAD
+        or _spread(predicted[beyond]) < _SPREAD
     ):
         return None
-    return level, int(beyond.sum()), float((theirs - own)[beyond].mean())
+    return level, int(beyond.sum()), float((predicted - own)[beyond].mean())
 
 
-def _drop_end(view: View, strip: int, name: str, level: float, sign: float) -> None:
-    values = view.k[name][:, strip]
+def _drop_end(work: WorkingCopy, strip: int, name: str, level: float, sign: float) -> None:
+    values = work.k[name][:, strip]
     values[sign * (values - level) >= -0.003] = np.nan
 
 
-def silent(view: View) -> list[Suspect]:
-    """Find strips that nothing ever touches while a contact moves across them."""
+def never_touched(work: WorkingCopy) -> list[Suspect]:
+    """Find strips that are never touched while a contact moves across them."""
     found = []
-    for strip in np.flatnonzero(~view.there.any(axis=0)):
-        if strip in (0, view.strips - 1):
+    for strip in np.flatnonzero(~work.there.any(axis=0)):
+        if strip in (0, work.strips - 1):
             continue
-        over = view.there[:, strip - 1] & view.there[:, strip + 1]
-        edges = {(int(np.argmax(row)), int(np.argmax(row[::-1]))) for row in view.there[over]}
+        over = work.there[:, strip - 1] & work.there[:, strip + 1]
+        edges = {(int(np.argmax(row)), int(np.argmax(row[::-1]))) for row in work.there[over]}
         moved = len({a for a, _ in edges}) + len({b for _, b in edges}) >= _FEW
         if over.sum() >= _FEW and moved:
-            count = int(over.sum())
-            told = f"reads no contact in {count} places where both its neighbours do, though the contact moves on"
-            if view.at_ground[view.order[strip]]:  # one open clamp, rather than all wires dead
-                told += (
+            count, number = int(over.sum()), int(work.order[strip])
+            grounded = work.at_ground[number]  # one open clamp, rather than all wires dead
+            evidence = f"reads no contact in {count} places where both its neighbours do, though the contact moves on"
+            if grounded:
+                evidence += (
                     f", and is on ground throughout; {_open_end(at_vref=False)}, then at the sensing wires"
                 )
             found.append(
                 Suspect(
                     Finding(
-                        "open-strip" if view.at_ground[view.order[strip]] else "dead", (int(view.order[strip]),), told,
-                        {"places": float(count)},
+                        "open-strip" if grounded else "dead", (number,), evidence, {"places": float(count)}
                     ),
                     1.0,
-                    partial(View.drop, strip=int(strip)),
+                    partial(WorkingCopy.drop, strip=int(strip)),
                 )
             )  # fmt: skip
     return found

@@ -1,4 +1,4 @@
-"""What the raw readings say of the A/D converter, its reference and the amplifier before it."""
+"""Faults of the A/D converter, its reference and the amplifier, from raw readings."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from tacstrip.diagnose.finding import Finding
 from tacstrip.diagnose.log import Log
 
 _OVER = 0.005  # over Vref: what rounding and small offsets may add
-_FAR = 0.1  # over Vref: so far out one reading is enough to tell
-_BLOCKS = 16  # different settings of the bits above, before a bit that never changes is called stuck
+_FAR = 0.1  # over Vref: one reading so far out is enough
+_BLOCKS = 16  # different settings of the higher bits, before a bit that never changes is called stuck
 _VISITS = 3  # of the end at Vref
-_WHOLE = 1e-3  # of a step: what printing volts may leave of a whole code
+_WHOLE = 1e-3  # of a step: rounding of printed volts
 
 
 def stuck_bits(log: Log) -> tuple[list[Finding], str]:
@@ -24,15 +24,15 @@ def stuck_bits(log: Log) -> tuple[list[Finding], str]:
     codes = np.unique(np.round(steps[(steps > 0.5) & (steps < 2.0**bits - 1.5)]).astype(np.int64))
     if len(steps) and float(np.abs(steps - np.round(steps)).max()) > _WHOLE:
         return [], "A/D bits: the readings are no whole codes of adc_bits; record the codes themselves"
-    told = [b for b in range(bits) if len(np.unique(codes >> (b + 1))) >= _BLOCKS]
-    if not told:
+    tested = [b for b in range(bits) if len(np.unique(codes >> (b + 1))) >= _BLOCKS]
+    if not tested:
         return [], f"A/D bits: only {len(codes)} different codes; move the contact"
-    stuck = [b for b in told if len(np.unique((codes >> b) & 1)) == 1]
-    untold = (
-        f"A/D bits {max(told) + 1} and above: they change too seldom to tell" if max(told) < bits - 1 else ""
+    stuck = [b for b in tested if len(np.unique((codes >> b) & 1)) == 1]
+    not_tested = (
+        f"A/D bits {max(tested) + 1} and above: they change too seldom" if max(tested) < bits - 1 else ""
     )
     if not stuck:
-        return [], untold
+        return [], not_tested
     at = [int(codes[0] >> b) & 1 for b in stuck]
     names = ", ".join(f"{b} at {v}" for b, v in zip(stuck, at, strict=True))
     left = f"; {bits - len(stuck)} of {bits} bits are left" if stuck == list(range(len(stuck))) else ""
@@ -40,7 +40,7 @@ def stuck_bits(log: Log) -> tuple[list[Finding], str]:
         "bits", (), f"bit(s) {names} in every one of {len(steps)} readings, {len(codes)} different codes{left}",
         {"stuck_bits": float(len(stuck)), "lowest": float(stuck[0]), "codes": float(len(codes))},
     )  # fmt: skip
-    return [finding], untold
+    return [finding], not_tested
 
 
 def wrong_reference(log: Log, sigma: float) -> tuple[list[Finding], float]:
@@ -126,8 +126,7 @@ def _end_level(log: Log, sigma: float) -> float | None:
 
 def common_ceiling(log: Log, sigma: float) -> list[Finding]:
     """Find a level that many strips' readings stop at: an amplifier that saturates cuts the noise off too."""
-    step = 0.0 if log.sensor.adc_bits is None else 1.0 / (2.0**log.sensor.adc_bits - 1.0)
-    if sigma < max(step, 2e-4):
+    if sigma < max(log.sensor.adc_step, 2e-4):
         return []
     found = []
     for sign, side in ((1.0, "above"), (-1.0, "below")):
@@ -135,7 +134,7 @@ def common_ceiling(log: Log, sigma: float) -> list[Finding]:
         level = float(np.fmax.reduce([np.fmax.reduce(v, axis=None) for v in values]))
         if not np.isfinite(level) or abs(level) < 0.015 or abs(level - 1.0) < 0.015 or level > 1.0:
             continue
-        at, below, strips = _pile(values, level, 0.6 * step + 1e-9, 2.0 * sigma)
+        at, below, strips = _count_at_level(values, level, 0.6 * log.sensor.adc_step + 1e-9, 2.0 * sigma)
         if at >= 20 and at > 2 * below and strips >= 3:
             found.append(
                 Finding(
@@ -147,7 +146,7 @@ def common_ceiling(log: Log, sigma: float) -> list[Finding]:
     return found
 
 
-def _pile(values: list[FloatArray], level: float, tie: float, near: float) -> tuple[int, int, int]:
+def _count_at_level(values: list[FloatArray], level: float, tie: float, near: float) -> tuple[int, int, int]:
     """Count the readings at a level and those just below it, and the strips that have some at it."""
     at = [v >= level - tie for v in values]
     below = sum(int(((v < level - tie) & (v >= level - near)).sum()) for v in values)

@@ -1,4 +1,4 @@
-"""The examination: what is loudest is named and undone first, for it disturbs what its neighbours expect."""
+"""The examination: the dominant fault is named and undone first, because it disturbs its neighbours' predictions."""
 
 from __future__ import annotations
 
@@ -7,15 +7,21 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray
-from tacstrip.diagnose.channels import clipped, not_moving, on_rails, silent
+from tacstrip.diagnose.channels import clipped, never_touched, not_moving, on_rails
 from tacstrip.diagnose.converter import common_ceiling, stuck_bits, wrong_reference
 from tacstrip.diagnose.drift import drift
-from tacstrip.diagnose.expected import Suspect, View, places, residuals, view_of
 from tacstrip.diagnose.finding import Finding, Report
 from tacstrip.diagnose.hum import hum
 from tacstrip.diagnose.log import Log
+from tacstrip.diagnose.neighbour_prediction import (
+    Suspect,
+    WorkingCopy,
+    neighbour_residuals,
+    places,
+    working_copy,
+)
 from tacstrip.diagnose.noise import excess_noise, measure, quality
-from tacstrip.diagnose.regression import came_back
+from tacstrip.diagnose.regression import moved_to_and_fro
 from tacstrip.diagnose.shorts import shorts
 from tacstrip.diagnose.wiring import swapped_ends, swapped_strips, swapped_wires
 from tacstrip.sensor.rest_level import rest_hint
@@ -24,12 +30,12 @@ _MOST_SCANS = 20_000  # of longer recordings, evenly spread stretches are examin
 _LEAST_SIGMA = 2e-4  # over Vref: no reading is trusted to less
 _MOST_SIGMA = 0.006  # over Vref, where motion hides the noise: that of P.U. profile II
 _OFFSET = 0.02  # over Vref: what a strip may lie beside its neighbours before calibration is advised
-_TESTS: tuple[Callable[[View], list[Suspect]], ...] = (
-    silent, on_rails, not_moving, clipped, swapped_wires, swapped_ends, swapped_strips, shorts,
+_TESTS: tuple[Callable[[WorkingCopy], list[Suspect]], ...] = (
+    never_touched, on_rails, not_moving, clipped, swapped_wires, swapped_ends, swapped_strips, shorts,
 )  # fmt: skip
-_FEWEST = 20  # places that tell an offset
-_AT = 0.003  # over Vref: what lies this near a ceiling is not used
-_AT_EDGE = 0.3  # what a gain counts where neighbours stand on one side only
+_FEWEST = 20  # places that determine an offset
+_AT = 0.003  # over Vref: readings this near to a ceiling are not used
+_AT_EDGE = 0.3  # weight of a fault where neighbours stand on one side only
 _WORST = {"broken": 0, "degraded": 1, "note": 2}
 
 
@@ -37,7 +43,7 @@ def diagnose(log: Log) -> Report:
     """Examine a recording.
 
     It should show every strip touched, by a contact four strips wide or more that moves along and across the strips
-    and turns (docs/doctor.md); what the recording cannot tell is listed as unchecked.
+    and turns (docs/doctor.md); what the recording cannot show is listed as unchecked.
 
     Returns
     -------
@@ -45,43 +51,50 @@ def diagnose(log: Log) -> Report:
         Faults with their evidence, notes, what was not checked, and the noise.
     """
     part = log.part(_MOST_SCANS)
-    measured = measure(part)
-    sigma = max(measured.sigma if np.isfinite(measured.sigma) else 0.0, _LEAST_SIGMA)
-    if not measured.steady:  # motion, for the most part
+    noise = measure(part)
+    sigma = max(noise.sigma if np.isfinite(noise.sigma) else 0.0, _LEAST_SIGMA)
+    if not noise.steady:  # motion, for the most part
         sigma = min(sigma, _MOST_SIGMA)
     bits, no_bits = stuck_bits(part)
     ceiling = common_ceiling(part, sigma)
     reference, factor = wrong_reference(part, sigma) if not ceiling else ([], 1.0)
-    view = view_of(part, sigma)
-    for name, values in view.k.items():
+    work = working_copy(part, sigma)
+    for name, values in work.k.items():
         beyond = [c.numbers["side"] * (values - c.numbers["level"]) > -_AT for c in ceiling]
-        view.k[name] = (
+        work.k[name] = (
             np.where(np.any(beyond, axis=0), np.nan, values / factor) if beyond else values / factor
         )
-    rows = places(view)
+    rows = places(work)
     geometric = log.sensor.kind.closed_form
-    tests = _TESTS if geometric else (silent, swapped_wires)
-    named = _peel(rows, tests if not ceiling else [t for t in tests if t is not clipped])
+    tests = _TESTS if geometric else (never_touched, swapped_wires)
+    named = _remove_dominant(rows, tests if not ceiling else [t for t in tests if t is not clipped])
     for suspect in named:
-        suspect.repair(view)
-    peeled = _merged([s.finding for s in named])
-    wandering, checked = drift(part, view)
+        suspect.repair(work)
+    removed = _merged([s.finding for s in named])
+    drifting, checked = drift(part, work)
     humming, no_hum = hum(part, sigma)
     loud = {f.strips for f in humming}
-    known = {i for f in peeled for i in f.strips}
-    noisy = [f for f in excess_noise(part, measured) if f.strips not in loud]  # hum is noise too
-    late = [f for f in (*wandering, *noisy) if not known & set(f.strips)]
+    known = {i for f in removed for i in f.strips}
+    noisy = [f for f in excess_noise(part, noise) if f.strips not in loud]  # hum is noise too
+    late = [f for f in (*drifting, *noisy) if not known & set(f.strips)]
     findings = sorted(
-        [*bits, *reference, *ceiling, *peeled, *humming, *late],
+        [*bits, *reference, *ceiling, *removed, *humming, *late],
         key=lambda f: (_WORST[f.kind.severity], f.strips),
     )
     return Report(
         findings=tuple(findings),
         notes=tuple(_notes(log, rows)),
         unchecked=tuple(
-            t for t in (*_untold(part, rows, known), no_bits, no_hum, *_undrifted(part, checked, known)) if t
+            t
+            for t in (
+                *_not_checked(part, rows, known),
+                no_bits,
+                no_hum,
+                *_drift_not_checked(part, checked, known),
+            )
+            if t
         ),
-        quality=quality(log.sensor, measured),
+        quality=quality(log.sensor, noise),
         touched_scans=log.touched.sum(axis=0),
         seconds=float(np.ptp(log.time_s)),
         scans=len(log.time_s),
@@ -89,73 +102,77 @@ def diagnose(log: Log) -> Report:
     )
 
 
-def _peel(rows: View, tests: Sequence[Callable[[View], list[Suspect]]]) -> list[Suspect]:
-    """Name and undo the fault that explains most, until nothing is left."""
+def _remove_dominant(
+    rows: WorkingCopy, tests: Sequence[Callable[[WorkingCopy], list[Suspect]]]
+) -> list[Suspect]:
+    """Name and undo the fault that explains the largest misfit, again and again until none is found."""
     named: dict[tuple[str, tuple[int, ...], str | None], Suspect] = {}
     while len(rows.there):
         edges = {int(rows.order[0]), int(rows.order[-1])}
-        suspects = [s for test in tests for s in test(rows) if s.finding.place not in named]
+        suspected = [s for test in tests for s in test(rows) if s.finding.place not in named]
         ill = {i for _, strips, _ in named for i in strips}
-        suspects = [
-            s for s in suspects if s.finding.fault != "swapped-strips" or not ill & set(s.finding.strips)
+        suspected = [
+            s for s in suspected if s.finding.fault != "swapped-strips" or not ill & set(s.finding.strips)
         ]
-        if not suspects:
+        if not suspected:
             break
-        worst = max(suspects, key=lambda s: s.gain * (_AT_EDGE if edges & set(s.finding.strips) else 1.0))
+        worst = max(
+            suspected, key=lambda s: s.explained * (_AT_EDGE if edges & set(s.finding.strips) else 1.0)
+        )
         worst.repair(rows)
         named[worst.finding.place] = worst
     return list(named.values())
 
 
 def _merged(findings: list[Finding]) -> list[Finding]:
-    """Leave out exchanged wires where the strip's ends are exchanged: with Vref and ground both look so."""
+    """Drop exchanged wires where the strip's ends are exchanged: exchanging Vref and ground looks like both."""
     turned = {f.strips for f in findings if f.fault == "swapped-ends"}
     return [f for f in findings if not (f.fault == "swapped-wires" and f.strips in turned)]
 
 
-def _notes(log: Log, view: View) -> Iterator[Finding]:
-    beside = [residuals(view, n) for n in view.k] if log.sensor.kind.closed_form else []
-    # Lines drawn beyond the last strip but one go astray.
-    for strip in range(1, view.strips - 1):
-        worst = max((_offset(e[:, strip], r[:, strip], view.sigma) for e, r in beside), key=abs, default=0.0)
-        if abs(worst) > max(_OFFSET, 4.0 * view.sigma):
+def _notes(log: Log, work: WorkingCopy) -> Iterator[Finding]:
+    pairs = [neighbour_residuals(work, n) for n in work.k] if log.sensor.kind.closed_form else []
+    # Extrapolation to the outermost strips is inaccurate.
+    for strip in range(1, work.strips - 1):
+        worst = max((_offset(e[:, strip], r[:, strip], work.sigma) for e, r in pairs), key=abs, default=0.0)
+        if abs(worst) > max(_OFFSET, 4.0 * work.sigma):
             yield Finding(
-                "calibration", (int(view.order[strip]),), f"reads {100 * worst:+.2g} % of Vref beside its neighbours",
-                {"offset": worst},
+                "calibration", (int(work.order[strip]),),
+                f"reads {100 * worst:+.2g} % of Vref beside its neighbours", {"offset": worst},
             )  # fmt: skip
     raw = {name: np.where(log.touched, values, np.nan) for name, values in log.raw.items()}
-    if told := rest_hint(log.sensor, raw, failed=len(log.time_s) > 1):
-        yield Finding("rest-level", (), told)
+    if hint := rest_hint(log.sensor, raw, failed=len(log.time_s) > 1):
+        yield Finding("rest-level", (), hint)
 
 
 def _offset(expected: FloatArray, off: FloatArray, sigma: float) -> float:
-    """Return what a channel reads beside its neighbours wherever the contact is; 0 where only some contacts show it."""
+    """Return a channel's median deviation from its neighbours' prediction; 0 where only some contacts show it."""
     known = np.isfinite(off)
-    if known.sum() < _FEWEST or not came_back(expected[known], sigma):
+    if known.sum() < _FEWEST or not moved_to_and_fro(expected[known], sigma):
         return 0.0
     low, middle, high = np.percentile(off[known], [25.0, 50.0, 75.0])
     return float(middle) if low * high > 0.0 else 0.0
 
 
-def _untold(log: Log, view: View, ill: set[int]) -> Iterator[str]:
-    """Say what this recording could not show; `ill` are strips that are named already."""
+def _not_checked(log: Log, work: WorkingCopy, ill: set[int]) -> Iterator[str]:
+    """Yield what this recording could not show; `ill` are strips that are named already."""
     base = log.sensor.strip_base
     if never := [int(i) + base for i in np.flatnonzero(~log.touched.any(axis=0))]:
         yield f"{_names(never)}: never touched; move the contact over them"
     if not log.sensor.kind.closed_form:
         yield "open strips, shorts, order, ends: a CRS-CRP sheet's strips shift each other's readings"
         return
-    wide = view.there.sum(axis=1).max(initial=0)
+    wide = work.there.sum(axis=1).max(initial=0)
     if wide < 4:
         yield f"shorts and strips exchanged: no contact is four strips wide, the widest {wide}"
-    if len(view.there) < 6:
+    if len(work.there) < 6:
         what = "shorts, strips exchanged, stuck channels, saturation"
-        yield f"{what}: the contact stood at {len(view.there)} place(s); move and turn it"
-    known = np.any([np.isfinite(residuals(view, n)[0]).any(axis=0) for n in view.k], axis=0)
+        yield f"{what}: the contact stood at {len(work.there)} place(s); move and turn it"
+    known = np.any([np.isfinite(neighbour_residuals(work, n)[0]).any(axis=0) for n in work.k], axis=0)
     alone = [
         int(number) + base
-        for number, told in zip(view.order, known, strict=True)
-        if log.touched[:, number].any() and not told and number not in ill
+        for number, compared in zip(work.order, known, strict=True)
+        if log.touched[:, number].any() and not compared and number not in ill
     ]
     if alone:
         yield f"{_names(sorted(alone))}: no usable neighbours at the same time; touch two or more beside them too"
@@ -163,7 +180,7 @@ def _untold(log: Log, view: View, ill: set[int]) -> Iterator[str]:
         yield "drift and hum: the scans have no times"
 
 
-def _undrifted(log: Log, checked: BoolArray, ill: set[int]) -> Iterator[str]:
+def _drift_not_checked(log: Log, checked: BoolArray, ill: set[int]) -> Iterator[str]:
     alive = ~checked & log.touched.any(axis=0)
     missing = [int(i) + log.sensor.strip_base for i in np.flatnonzero(alive) if i not in ill]
     if missing:
@@ -178,5 +195,5 @@ def _names(strips: list[int]) -> str:
             parts[-1].append(i)
         else:
             parts.append([i])
-    told = ", ".join(str(p[0]) if len(p) == 1 else f"{p[0]}-{p[-1]}" for p in parts)
-    return ("strip " if len(strips) == 1 else "strips ") + told
+    ranges = ", ".join(str(p[0]) if len(p) == 1 else f"{p[0]}-{p[-1]}" for p in parts)
+    return ("strip " if len(strips) == 1 else "strips ") + ranges

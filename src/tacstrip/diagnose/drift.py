@@ -1,40 +1,37 @@
-"""What changes with time and not with the contact."""
+"""Drift: readings that change with time and not with the contact."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
-from tacstrip.diagnose.expected import View, residuals
 from tacstrip.diagnose.finding import Finding
 from tacstrip.diagnose.log import Log
-from tacstrip.diagnose.regression import came_back, returns, without
+from tacstrip.diagnose.neighbour_prediction import WorkingCopy, neighbour_residuals
+from tacstrip.diagnose.regression import median_crossings, moved_to_and_fro, regress_out
 
-_DRIFT = 0.012  # over Vref, over the recording: less is not worth a word
+_DRIFT = 0.012  # over Vref, over the recording: less is not reported
 _FEWEST = 40  # scans; an eighth of them in each third of the recording
-_OWN = 0.2  # of time's variance, that place must leave over
-_BLAME = 1.05  # times as far, the other way: it should be twice
+_OWN = 0.2  # of time's variance that place must not explain
+_OPPOSITE = 1.05  # times the neighbour's change, with the opposite sign: ideally twice
 _BLOCKS, _STRAIGHT = 8, 10.0  # of untouched readings, and standard errors
-_SPAN = 0.8  # of the recording, that untouched readings must cover
-_BACK = 3  # times that the contact must come back across: a passage in one direction is time itself
-_STANDS = 1.2  # times sigma: what the line through two neighbours scatters by is less, of a contact at rest
-_PLACES = 6  # different heights that a strip must be touched at, beside one for each term
-_VISITS, _PAUSE = 6, 2  # looks beside one for each term, and the scans between two visits
-_CERTAIN, _AT_EDGE = (
-    7.0,
-    2.0,
-)  # standard errors; more of them where lines are drawn beyond the last strip but one
+_SPAN = 0.8  # of the recording that untouched readings must cover
+_BACK = 3  # times that the contact must cross back: one passage cannot be separated from time
+_STANDS = 1.2  # times sigma: the prediction from two neighbours scatters less while the contact rests
+_PLACES = 6  # different heights that a strip must be touched at, and one more for each term
+_VISITS, _PAUSE = 6, 2  # independent looks, and one more for each term; scans between two visits
+_CERTAIN, _AT_EDGE = (7.0, 2.0)  # standard errors, and times as many for the outermost strips
 
 
-def drift(log: Log, view: View) -> tuple[list[Finding], BoolArray]:
-    """Find strips whose readings wander: at rest, or beside neighbours that see the same contact.
+def drift(log: Log, work: WorkingCopy) -> tuple[list[Finding], BoolArray]:
+    """Find strips whose readings drift: untouched, or relative to neighbours under the same contact.
 
     Parameters
     ----------
     log
-        Its untouched readings tell the drift at rest.
+        Its untouched readings show the drift at rest.
     view
-        All scans, repaired; strips that wander are dropped from it.
+        All scans, repaired; strips that drift are dropped from it.
 
     Returns
     -------
@@ -43,68 +40,71 @@ def drift(log: Log, view: View) -> tuple[list[Finding], BoolArray]:
     """
     seconds = float(np.ptp(log.time_s))
     tau = (log.time_s - log.time_s.min()) / seconds if seconds > 0.0 else np.zeros_like(log.time_s)
-    found, rest = _at_rest(log, view.order, tau)
+    found, rest = _untouched_drift(log, work.order, tau)
     checked = np.isfinite(rest)
     for finding in found:
         for strip in finding.strips:
-            view.drop(int(np.flatnonzero(view.order == strip)[0]))
-    # A sheet's strips shift each other, so their neighbours know nothing of them; a common drift is told once.
+            work.drop(int(np.flatnonzero(work.order == strip)[0]))
+    # A sheet's strips shift each other, so neighbours do not predict them; a common drift is reported once.
     while log.sensor.kind.closed_form and not any(not f.strips for f in found):
-        changes, errors = _beside_neighbours(view, tau)  # (strips,) in the view's order
-        checked[view.order[np.isfinite(changes)]] = True
+        changes, errors = _touched_drift(work, tau)  # (strips,) in the view's order
+        checked[work.order[np.isfinite(changes)]] = True
         certain = np.full(len(changes), _CERTAIN)
         certain[[0, -1]] *= _AT_EDGE
-        sure = np.abs(changes) > np.maximum(max(_DRIFT, 1.5 * view.sigma), certain * errors)
+        sure = np.abs(changes) > np.maximum(max(_DRIFT, 1.5 * work.sigma), certain * errors)
         if not sure.any():
             break
         if sure[1:-1].any():
-            sure[[0, -1]] = False  # lines drawn beyond the last strip but one magnify what wanders there
-        place = _blamed(changes, errors, int(np.argmax(np.where(sure, np.abs(changes), 0.0))))
+            sure[[0, -1]] = False  # extrapolation magnifies their neighbours' drift
+        place = _drifting_strip(changes, errors, int(np.argmax(np.where(sure, np.abs(changes), 0.0))))
         change = float(changes[place])
         found.append(
             Finding(
-                "drift", (int(view.order[place]),),
-                f"moved by {100 * change:+.3g} +- {100 * errors[place]:.2g} % of Vref from start to end, beside others",
+                "drift", (int(work.order[place]),),
+                f"moved by {100 * change:+.3g} +- {100 * errors[place]:.2g} % of Vref from start to end, relative to "
+                "its neighbours",
                 {"change": change, "error": float(errors[place])},
             )
         )  # fmt: skip
-        view.drop(place)
+        work.drop(place)
     return found, checked
 
 
-def _at_rest(log: Log, order: IntArray, tau: FloatArray) -> tuple[list[Finding], FloatArray]:
-    """Return what untouched readings tell, and each strip's change (strips,), NaN where it has none."""
+def _untouched_drift(log: Log, order: IntArray, tau: FloatArray) -> tuple[list[Finding], FloatArray]:
+    """Return the drift of untouched readings, and each strip's change (strips,), NaN where it has none."""
     change, slopes, errors = (np.full(log.sensor.strips, np.nan) for _ in range(3))
     near = np.empty_like(log.touched)
-    near[:, order] = _near(log.touched[:, order])
+    near[:, order] = _near_touched(log.touched[:, order])
     for values in log.raw.values():
         rest = np.where(near, np.nan, values)
         for strip in range(log.sensor.strips):
             known = np.isfinite(rest[:, strip])
-            # A contact near rest that slides past says more than its time on the strip can hold.
+            # A contact that slides past near rest must not pass for drift.
             if not _spread_out(tau[known]) or known.sum() < 2 * _FEWEST or np.ptp(tau[known]) < _SPAN:
                 continue
-            slope, error = _of_blocks(tau[known], rest[known, strip])
+            slope, error = _slope_of_medians(tau[known], rest[known, strip])
             if not errors[strip] < error:
                 slopes[strip], errors[strip] = slope, error
             sure = slope if abs(slope) > _STRAIGHT * error else 0.0
             if not abs(change[strip]) > abs(sure):
                 change[strip] = sure
     moved = np.abs(change) > _DRIFT
-    mean, alike = _together(slopes, errors)
-    if alike:
+    mean, sharing = _common_drift(slopes, errors)
+    if sharing:
         known = np.isfinite(slopes).sum()
-        told = f"moved by {100 * mean:+.3g} % of Vref from start to end, {alike} of {known} strips at rest"
-        return [Finding("drift", (), told, {"change": mean, "strips": float(alike)})], change
-    told = "moved by {:+.3g} % of Vref from start to end, untouched"
+        evidence = (
+            f"moved by {100 * mean:+.3g} % of Vref from start to end, {sharing} of {known} strips at rest"
+        )
+        return [Finding("drift", (), evidence, {"change": mean, "strips": float(sharing)})], change
+    evidence = "moved by {:+.3g} % of Vref from start to end, untouched"
     return [
-        Finding("drift", (int(i),), told.format(100 * change[i]), {"change": float(change[i])})
+        Finding("drift", (int(i),), evidence.format(100 * change[i]), {"change": float(change[i])})
         for i in np.flatnonzero(moved)
     ], change
 
 
-def _together(slopes: FloatArray, errors: FloatArray) -> tuple[float, int]:
-    """Return by how much strips moved as one (strips,), and how many did; none where they did not."""
+def _common_drift(slopes: FloatArray, errors: FloatArray) -> tuple[float, int]:
+    """Return the common drift of all strips, and how many share it; 0 and 0 where there is none."""
     known = np.isfinite(slopes)
     if known.sum() < 3:
         return 0.0, 0
@@ -116,51 +116,51 @@ def _together(slopes: FloatArray, errors: FloatArray) -> tuple[float, int]:
     return (mean, int(alike.sum())) if sure and several and alike.mean() > 0.7 else (0.0, 0)
 
 
-def _blamed(changes: FloatArray, errors: FloatArray, place: int) -> int:
-    """Return the strip that wanders: its neighbours seem to wander half as far the other way.
+def _drifting_strip(changes: FloatArray, errors: FloatArray, place: int) -> int:
+    """Return the strip that drifts: its neighbours seem to drift half as far the other way.
 
-    The last strip of all has one neighbour, and seems to wander twice as far as that one does: it is blamed only if
-    the neighbour's other neighbour stands still.
+    An outermost strip has one neighbour, and seems to drift twice as far as that one does: it is the one only if the
+    neighbour's other neighbour does not drift.
     """
     last = len(changes) - 1
     found = place
-    for beside, beyond in ((place - 1, place + 1), (place + 1, place - 1)):
-        if not 0 <= beside <= last or changes[beside] * changes[place] >= 0.0:
+    for neighbour, beyond in ((place - 1, place + 1), (place + 1, place - 1)):
+        if not 0 <= neighbour <= last or changes[neighbour] * changes[place] >= 0.0:
             continue
         still = 0 <= beyond <= last and abs(changes[beyond]) < 0.25 * abs(changes[place])
-        least = _CERTAIN * (1.0 if beside in (0, last) else 0.5) * errors[beside]
-        sure = abs(changes[beside]) > max(_BLAME * abs(changes[found]), least)
-        if sure and (still or beside not in (0, last)):
-            found = beside
+        least = _CERTAIN * (1.0 if neighbour in (0, last) else 0.5) * errors[neighbour]
+        sure = abs(changes[neighbour]) > max(_OPPOSITE * abs(changes[found]), least)
+        if sure and (still or neighbour not in (0, last)):
+            found = neighbour
     return found
 
 
-def _beside_neighbours(view: View, tau: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return each strip's change beside what place explains, and its standard error (strips,), NaN where not known."""
-    change, error = np.full(view.strips, np.nan), np.full(view.strips, np.nan)
-    numbers = np.where(view.there, np.arange(view.strips), 0).sum(axis=1) / np.maximum(
-        view.there.sum(axis=1), 1
+def _touched_drift(work: WorkingCopy, tau: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return each strip's change that place does not explain, and its standard error (strips,), NaN where not known."""
+    change, error = np.full(work.strips, np.nan), np.full(work.strips, np.nan)
+    numbers = np.where(work.there, np.arange(work.strips), 0).sum(axis=1) / np.maximum(
+        work.there.sum(axis=1), 1
     )
-    across = numbers[view.there.any(axis=1)]
-    if len(across) and np.std(across) > 0.5 and returns(across, 0.5) < _BACK:
+    across = numbers[work.there.any(axis=1)]
+    if len(across) and np.std(across) > 0.5 and median_crossings(across, 0.5) < _BACK:
         return change, error
-    for name, values in view.k.items():
-        line, r = residuals(view, name)
+    for name, values in work.k.items():
+        line, r = neighbour_residuals(work, name)
         rise = np.diff(values, axis=1)
-        for place in range(view.strips):
+        for place in range(work.strips):
             sides = [rise[:, i] for i in (place - 2, place + 1) if 0 <= i < rise.shape[1]]
             terms = np.column_stack([line[:, place], line[:, place] ** 2, *map(np.nan_to_num, sides)])
-            c, e = _change(r[:, place], terms, tau, view.sigma)
+            c, e = _change(r[:, place], terms, tau, work.sigma)
             if np.isfinite(c) and not abs(change[place]) / error[place] > abs(c) / e:
                 change[place], error[place] = c, e
     return change, error
 
 
 def _change(values: FloatArray, place: FloatArray, tau: FloatArray, sigma: float) -> tuple[float, float]:
-    """Return what values (scans,) change by over tau 0..1 beside what place (scans, terms) explains, and its error.
+    """Return what values (scans,) change by over tau 0..1 that place (scans, terms) does not explain, and its error.
 
-    NaN where it cannot be told: too few scans, too short a part of the recording, or a contact that did not come back
-    to where it was, so that place and time say the same.
+    NaN where it is not identifiable: too few scans, too short a part of the recording, or a contact that did not come
+    back to where it was, so that place and time cannot be separated.
     """
     known = np.isfinite(values) & np.isfinite(place).all(axis=1)
     for _ in range(3):
@@ -172,33 +172,35 @@ def _change(values: FloatArray, place: FloatArray, tau: FloatArray, sigma: float
         terms = terms[:, terms.std(axis=0) > max(0.003, 3.0 * sigma)]
         stands = bool(np.std(level) < max(0.002, _STANDS * sigma))
         places = len(np.unique(np.round(level / max(0.01, 4.0 * sigma)))) if terms.shape[1] else _PLACES + 1
-        own, rest = (without(v[known], *terms.T) for v in (tau, values))
+        own, rest = (regress_out(v[known], *terms.T) for v in (tau, values))
         if (
-            not (stands or came_back(level, sigma))
+            not (stands or moved_to_and_fro(level, sigma))
             or places < _PLACES + terms.shape[1]
             or own @ own < _OWN * len(own) / 12.0
         ):
             return np.nan, np.nan
         left = rest - float(rest @ own / (own @ own)) * own
-        limit = 4.0 * float(np.median(np.abs(left))) + 1e-5  # a corner of the contact that passes is no drift
+        limit = 4.0 * float(np.median(np.abs(left))) + 1e-5  # a passing corner of the contact is no drift
         known[np.flatnonzero(known)[np.abs(left) > limit]] = False
     terms = terms[known[before]]
-    visit = _looks(np.flatnonzero(known), place[known, 0] if terms.shape[1] else None, max(0.01, 3.0 * sigma))
-    own, rest = (without(v[known], *terms.T) for v in (tau, values))
+    visit = _independent_looks(
+        np.flatnonzero(known), place[known, 0] if terms.shape[1] else None, max(0.01, 3.0 * sigma)
+    )
+    own, rest = (regress_out(v[known], *terms.T) for v in (tau, values))
     count = np.bincount(visit)
     own, rest = (np.bincount(visit, v)[count >= 3] / count[count >= 3] for v in (own, rest))
     if len(own) < _VISITS + terms.shape[1]:
         return np.nan, np.nan
     change, error = _slope(own - own.mean(), rest, 2 + terms.shape[1], len(own))
-    plainly = tau[known] - tau[known].mean()
-    seen = float(plainly @ values[known]) / float(plainly @ plainly)  # without regard to place
-    return (change, error) if abs(seen - change) < 0.6 * abs(change) else (0.0, error)
+    since = tau[known] - tau[known].mean()
+    overall = float(since @ values[known]) / float(since @ since)  # whatever the place
+    return (change, error) if abs(overall - change) < 0.6 * abs(change) else (0.0, error)
 
 
-def _looks(rows: IntArray, level: FloatArray | None, least: float) -> IntArray:
-    """Return numbers of the looks that are worth one each: visits of the contact, in eight parts of the recording.
+def _independent_looks(rows: IntArray, level: FloatArray | None, least: float) -> IntArray:
+    """Return the number of the independent look that each row belongs to: visits, in eight parts of the recording.
 
-    A contact that stands on one height, `level`, is one look however long it stands.
+    A contact that rests at one height, `level`, is one look however long it rests.
     """
     visit = np.cumsum(np.diff(rows, prepend=rows[0]) > _PAUSE)
     number = visit * _BLOCKS + np.arange(len(rows)) * _BLOCKS // len(rows)
@@ -217,8 +219,8 @@ def _spread_out(tau: FloatArray) -> bool:
     return bool(len(tau) >= _FEWEST and thirds.min() >= _FEWEST / 8)
 
 
-def _of_blocks(tau: FloatArray, values: FloatArray) -> tuple[float, float]:
-    """Return the slope of values by tau, and its error, from eight medians: low contacts pass for rest."""
+def _slope_of_medians(tau: FloatArray, values: FloatArray) -> tuple[float, float]:
+    """Return the slope of values by tau, and its error, from eight medians, as low contacts pass for untouched."""
     parts = np.array_split(np.arange(len(tau)), _BLOCKS)
     middle = np.array([np.median(tau[p]) for p in parts])
     level = np.array([np.median(values[p]) for p in parts])
@@ -233,7 +235,7 @@ def _slope(own: FloatArray, rest: FloatArray, terms: int, looks: int) -> tuple[f
     return change, max(spread, 1e-5) / (float(np.std(own)) * float(np.sqrt(max(looks - terms, 1))))
 
 
-def _near(touched: BoolArray) -> BoolArray:
+def _near_touched(touched: BoolArray) -> BoolArray:
     """Return which strips are touched or beside one that is: a contact at the ground end can pass for none."""
     near = touched.copy()
     near[:, 1:] |= touched[:, :-1]

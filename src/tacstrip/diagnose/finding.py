@@ -107,7 +107,7 @@ class Finding:
 
     @property
     def place(self) -> tuple[str, tuple[int, ...], str | None]:
-        """What is found where: the same for the same finding on other evidence."""
+        """What was found where, whatever the evidence."""
         return self.fault, self.strips, self.signature
 
 
@@ -118,17 +118,17 @@ class Quality:
     Attributes
     ----------
     sigma
-        Standard deviation of a reading over Vref, all channels together; NaN where it could not be measured.
+        Standard deviation of a reading over Vref, all channels together; NaN where it could not be noise.
     strips
         The same for each strip (strips,), NaN where there was too little.
     half_width_percent
         P.U.: half-width of a uniform error of this sigma, in % of Vref (5.1.3).
     profile
-        "I", "II" or "above II", the error profiles of table 5.1; "" where nothing was measured.
+        "I", "II" or "above II", the error profiles of table 5.1; "" where nothing was noise.
     vertex_rms_mm
         Least RMS vertex error to expect of one scan of a typical contact [mm].
     steady
-        Whether noise stood out of the contact's motion; else all of these are upper bounds.
+        Whether noise could be separated from the contact's motion; else all of these are upper bounds.
     """
 
     sigma: float
@@ -148,9 +148,9 @@ class Report:
     findings
         Faults, broken ones first.
     notes
-        What is no fault, but should be known.
+        Not faults, but worth knowing.
     unchecked
-        What could not be told from this recording, and what would tell it.
+        What could not be checked in this recording, and what it would need.
     touched_scans
         In how many scans each strip was touched (strips,).
     """
@@ -186,11 +186,11 @@ class Report:
         if not finding.strips:
             return "all strips"
         numbers = [str(i + self.strip_base) for i in finding.strips]
-        told = "strip " + numbers[0] if len(numbers) == 1 else "strips " + ", ".join(numbers)
-        return told if finding.signature is None else f"{told}, {SIGNATURES[finding.signature].volt_column}"
+        names = "strip " + numbers[0] if len(numbers) == 1 else "strips " + ", ".join(numbers)
+        return names if finding.signature is None else f"{names}, {SIGNATURES[finding.signature].volt_column}"
 
     def to_json(self) -> dict[str, Any]:
-        """Return the report as JSON values; strips are counted as in the readings file, null is not measured."""
+        """Return the report as JSON values; strips are counted as in the readings file, null is not noise."""
         return {
             "format": 1,
             "healthy": self.healthy,

@@ -1,4 +1,4 @@
-"""Readings as the doctor takes them: raw, of every source, before anything is refused or called untouched."""
+"""Readings as the doctor takes them: raw, from every source, none refused."""
 
 from __future__ import annotations
 
@@ -10,20 +10,21 @@ import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.errors import ReadingError
-from tacstrip.io.columns import ELECTRODES, INDEX, Column, finite, strip_index, value_columns
-from tacstrip.io.rows import Row, find, read_csv
+from tacstrip.io.columns import ELECTRODES, Column, finite, value_columns
+from tacstrip.io.readings import scan_lines
+from tacstrip.io.rows import Row, read_csv
 from tacstrip.scan import Scan
-from tacstrip.sensor.raw import corrected, distorted, touched
+from tacstrip.sensor.raw import apply_calibration, invert_calibration, touched
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.codes import top_code
 from tacstrip.stream.source import RawScan
 
-_STRETCH, _STRETCHES = 2048, 16  # scans of a stretch, and how many of them a long recording leaves
+_STRETCH, _STRETCHES = 2048, 16  # scans of a stretch, and how many stretches are kept of a long recording
 
 
 @dataclass(frozen=True, eq=False)
 class Log:
-    """What a sensor read over a while.
+    """Raw readings of a sensor over time.
 
     Attributes
     ----------
@@ -32,8 +33,7 @@ class Log:
     time_s
         Time of each scan (scans,) [s].
     raw
-        What the converter gave over Vref, by signature (scans, strips). Below 0 and above 1 are kept; NaN where there
-        is no reading.
+        Raw readings over Vref by signature (scans, strips), those below 0 and above 1 too; NaN where there is none.
     touched
         Which strips are touched (scans, strips): those with a reading, further than `touch_volt` from rest where the
         spec has a rest level.
@@ -85,7 +85,9 @@ class Log:
                 raise ReadingError("the scans have different signatures; examine those of one kind together")
         stacked = {name: np.stack([scan[name] for scan in scans]) for name in scans[0].signatures}
         there = np.stack([scan.touched for scan in scans])
-        return cls(sensor, np.array([scan.time_s for scan in scans]), distorted(sensor, stacked), there)
+        return cls(
+            sensor, np.array([scan.time_s for scan in scans]), invert_calibration(sensor, stacked), there
+        )
 
     @classmethod
     def of_codes(cls, sensor: Sensor, scans: Iterable[RawScan]) -> Log:
@@ -102,7 +104,7 @@ class Log:
             raise ReadingError("there is no scan to examine")
         raw: dict[str, FloatArray] = {}
         for name in kept[0].codes:
-            raw |= _own(name, np.stack([scan.codes[name] for scan in kept]) / top)
+            raw |= _own_electrodes(name, np.stack([scan.codes[name] for scan in kept]) / top)
         if sensor.rest_volt is None:
             there = np.stack([scan.touched for scan in kept])
             raw = {name: np.where(there, values, np.nan) for name, values in raw.items()}
@@ -112,7 +114,7 @@ class Log:
     def k(self) -> dict[str, FloatArray]:
         """Readings corrected by the sensor's calibration (scans, strips), NaN where nothing touches."""
         raw = {name: np.where(self.touched, values, np.nan) for name, values in self.raw.items()}
-        return raw if self.sensor.calibration is None else corrected(self.sensor, raw)
+        return raw if self.sensor.calibration is None else apply_calibration(self.sensor, raw)
 
     def part(self, most: int) -> Log:
         """Return at most so many scans: 8 stretches of neighbouring ones, evenly spread."""
@@ -136,54 +138,28 @@ def read_log(path: str | Path, sensor: Sensor) -> Log:
     ReadingError
         The file cannot be read, or lacks a column or a strip; the message names the line and the way out.
     """
-    return read_csv(path, "readings", lambda header, rows: _parse(header, rows, sensor))
+    return read_csv(path, "readings", lambda header, rows: _log(header, rows, sensor))
 
 
-def _parse(header: list[str], rows: Iterator[Row], sensor: Sensor) -> Log:
-    index = [find(header, name) for name in INDEX]
+def _log(header: list[str], rows: Iterator[Row], sensor: Sensor) -> Log:
     columns = value_columns(header, sensor)
-    time_s: list[float] = []
-    lines: list[FloatArray] = []
-    seen: dict[int, int] = {}
-    number: str | None = None
-    for line, row in rows:
-        scan, time_text, strip_text = (row[i] for i in index)
-        if scan != number:
-            _whole(seen, number, sensor)
-            seen, number = {}, scan
-            time_s.append(finite(time_text, line, "time_s"))
-            lines.append(np.full((len(columns), sensor.strips), np.nan))
-        strip = strip_index(strip_text, line, sensor)
-        if strip in seen:
-            raise ReadingError(
-                f"line {line}: strip {strip_text} of scan {scan} is already on line {seen[strip]}"
-            )
-        seen[strip] = line
-        lines[-1][:, strip] = [_field(row[c.index], line, c) for c in columns]
-    if number is None:
-        raise ReadingError("the file has a header but no readings")
-    _whole(seen, number, sensor)
-    values = np.stack(lines, axis=1)  # (columns, scans, strips)
+    scans = list(scan_lines(header, rows, columns, sensor, _any_voltage))
+    for scan in scans:
+        scan.check_complete(sensor)
+    time_s = np.array([scan.time_s for scan in scans])
+    values = np.stack([scan.values for scan in scans], axis=1)  # (columns, scans, strips)
     if columns[0].signature == ELECTRODES:
-        return Log.of(sensor, np.array(time_s), _own("electrodes", np.moveaxis(values, 0, 2)))
-    raw = {c.signature: v for c, v in zip(columns, values, strict=True)}
-    return Log.of(sensor, np.array(time_s), raw)
+        return Log.of(sensor, time_s, _own_electrodes("electrodes", np.moveaxis(values, 0, 2)))
+    return Log.of(sensor, time_s, {c.signature: v for c, v in zip(columns, values, strict=True)})
 
 
-def _field(text: str, line: int, column: Column) -> float:
+def _any_voltage(text: str, line: int, column: Column) -> float:
+    """Return a field over Vref, in range or not; NaN where it is empty."""
     return finite(text, line, column.name) * column.scale if text else float("nan")
 
 
-def _whole(seen: Mapping[int, int], number: str | None, sensor: Sensor) -> None:
-    if number is not None and len(seen) < sensor.strips:
-        missing = next(i for i in range(sensor.strips) if i not in seen) + sensor.strip_base
-        raise ReadingError(
-            f"scan {number} has no line for strip {missing}; an untouched strip needs its line too, with empty fields"
-        )
-
-
 def _spread(scans: Iterable[RawScan]) -> list[RawScan]:
-    """Keep some 8 to 16 stretches, evenly spread, of a stream whose length nobody knows beforehand."""
+    """Keep some 8 to 16 stretches, evenly spread, of a stream of unknown length."""
     kept: list[list[RawScan]] = []
     every = 1
     for number, scan in enumerate(scans):
@@ -200,7 +176,7 @@ def _spread(scans: Iterable[RawScan]) -> list[RawScan]:
     return [scan for part in kept for scan in part]
 
 
-def _own(name: str, values: FloatArray) -> dict[str, FloatArray]:
+def _own_electrodes(name: str, values: FloatArray) -> dict[str, FloatArray]:
     """Return each strip's own two of a sheet's electrodes (scans, strips, 2 strips); else the values as they are."""
     if values.ndim == 2:
         return {name: values}

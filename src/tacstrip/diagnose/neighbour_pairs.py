@@ -1,4 +1,4 @@
-"""Two neighbouring strips beside the strips around them: how far apart they are, how far off, and by what bridge.
+"""Pairs of neighbouring strips compared with the strips around them, and the bridge that explains a deviation.
 
 Over metal, strips are energised in turn, and a bridge between two gives the current a second way to the sheet.
 """
@@ -11,46 +11,46 @@ from dataclasses import dataclass
 import numpy as np
 
 from tacstrip.arrays import FloatArray, IntArray
-from tacstrip.diagnose.expected import View
+from tacstrip.diagnose.neighbour_prediction import WorkingCopy
 
 _FEW = 16  # places
 _BINS = 8  # of height
-_OTHERS = 3  # pairs that say what is usual
-_STRAIGHT = 0.6  # of the places: the others have a corner of the contact under one of the two
+_OTHERS = 3  # pairs that determine the typical offset
+_STRAIGHT = 0.6  # of the places; at the others a corner of the contact lies under one of the two
 _GRID = np.linspace(0.0, 1.0, 11)
 
 
 @dataclass(frozen=True, eq=False)
-class Beside:
-    """Two neighbours, i and i + 1, and the line through the strips around them, over Vref (places,).
+class NeighbourPair:
+    """Neighbours i and i + 1, and the straight line through the strips around them, over Vref (places,).
 
     Attributes
     ----------
-    apart
-        How much i + 1 reads above i.
+    difference
+        Reading of i + 1 less that of i.
     slope
-        How much the line rises from strip to strip.
-    together
-        How much both read above the line, in the mean.
+        Rise of the line from strip to strip.
+    offset
+        Mean of both readings less the line.
     level
         The line, half way between the two.
     rows
         The places' rows.
     """
 
-    apart: FloatArray
+    difference: FloatArray
     slope: FloatArray
-    together: FloatArray
+    offset: FloatArray
     level: FloatArray
     rows: IntArray
 
     @property
-    def bent(self) -> FloatArray:
-        """How much further than the line's slope the two lie apart."""
-        return self.apart - self.slope
+    def excess(self) -> FloatArray:
+        """By how much the difference exceeds the line's slope."""
+        return self.difference - self.slope
 
 
-def neighbours(values: FloatArray, strip: int) -> Beside | None:
+def neighbour_pair(values: FloatArray, strip: int) -> NeighbourPair | None:
     """Compare a strip and the next one, at the places where all four strips have readings.
 
     Parameters
@@ -71,24 +71,36 @@ def neighbours(values: FloatArray, strip: int) -> Beside | None:
     slope = (values[:, b] - values[:, a]) / (b - a)
     level = values[:, a] + slope * (strip + 0.5 - a)
     first, second = values[:, strip], values[:, strip + 1]
-    together = (first + second) / 2.0 - level
-    known = np.flatnonzero(np.isfinite(together))
+    offset = (first + second) / 2.0 - level
+    known = np.flatnonzero(np.isfinite(offset))
     if not len(known):
         return None
-    return Beside((second - first)[known], slope[known], together[known], level[known], known)
+    return NeighbourPair((second - first)[known], slope[known], offset[known], level[known], known)
 
 
 @dataclass(frozen=True, eq=False)
 class Bridge:
-    """A bridge that explains what two neighbours read together beside the others.
+    """The bridge that best explains the offset of two neighbours.
 
-    strength: of what a bridge would do. off: the root mean square of the misfit over Vref. left: of its square. most,
-    least: what the bridge adds over Vref, at some height.
+    Attributes
+    ----------
+    strength
+        Its effect over that of an ideal bridge.
+    rms
+        Root mean square of the offset over Vref.
+    unexplained
+        Share of the offset's variance that the bridge does not explain.
+    size, most, least
+        Standard deviation, maximum and minimum of its effect over Vref.
+    low, high
+        Where it lies over L: readings while the contact lies on it.
+    places
+        How many there were.
     """
 
     strength: float
-    off: float
-    left: float
+    rms: float
+    unexplained: float
     size: float
     most: float
     least: float
@@ -97,11 +109,11 @@ class Bridge:
     places: int
 
 
-def second_way(level: FloatArray, low: float, high: float) -> FloatArray:
+def bridge_effect(level: FloatArray, low: float, high: float) -> FloatArray:
     """Return what a bridge adds to readings over Vref, of contacts that read `level`.
 
-    Between contact and bridge the strip's neighbour lies beside it, and halves the resistance there. A contact has
-    some length: its readings go from `low` to `high` while it lies on the bridge, which then does nothing.
+    Between contact and bridge the neighbour is parallel to the strip, which halves the resistance there. A contact
+    has some length: its readings go from `low` to `high` while it lies on the bridge, which then has no effect.
     """
     below = np.minimum(level, low)
     above = np.maximum(level, high)
@@ -113,16 +125,18 @@ def second_way(level: FloatArray, low: float, high: float) -> FloatArray:
     )
 
 
-def bridges(view: View) -> Iterator[tuple[int, Beside, Bridge]]:
-    """Give every two neighbours with the bridge that fits them best."""
-    (values,) = view.k.values()
-    pairs = {i: b for i in range(view.strips - 1) if (b := neighbours(values, i)) and len(b.level) >= _FEW}
-    usual = _usual(_means(list(pairs.values())))
+def bridges(work: WorkingCopy) -> Iterator[tuple[int, NeighbourPair, Bridge]]:
+    """Yield all pairs of neighbours with the bridge that fits them best."""
+    (values,) = work.k.values()
+    pairs = {
+        i: b for i in range(work.strips - 1) if (b := neighbour_pair(values, i)) and len(b.level) >= _FEW
+    }
+    typical = _typical_offset(_binned_medians(list(pairs.values())))
     for strip, pair in pairs.items():
-        aside = np.abs(pair.bent - np.median(pair.bent))
+        aside = np.abs(pair.excess - np.median(pair.excess))
         keep = aside <= np.quantile(aside, _STRAIGHT)
         level = np.clip(pair.level[keep], 0.0, 1.0)
-        best = _best(level, pair.together[keep] - np.interp(level, *usual))
+        best = _best(level, pair.offset[keep] - np.interp(level, *typical))
         if best is not None:
             yield strip, pair, best
 
@@ -135,37 +149,37 @@ def _best(level: FloatArray, off: FloatArray) -> Bridge | None:
     found = None
     for i, low in enumerate(_GRID):
         for high in _GRID[i:]:
-            way = second_way(level, float(low), float(high))
+            way = bridge_effect(level, float(low), float(high))
             own = way - (way @ fade) * fade
             power = float(own @ own)
             if power < 1e-9 * len(level):
                 continue
             strength = float(own @ rest) / power
-            left = 1.0 - strength * float(own @ rest) / max(whole, 1e-12)
-            if strength > 0.0 and (found is None or left < found.left):
+            unexplained = 1.0 - strength * float(own @ rest) / max(whole, 1e-12)
+            if strength > 0.0 and (found is None or unexplained < found.unexplained):
                 added = strength * way
                 found = Bridge(
-                    strength, float(np.sqrt(whole / len(level))), left, float(np.std(added)), float(added.max()),
+                    strength, float(np.sqrt(whole / len(level))), unexplained, float(np.std(added)), float(added.max()),
                     float(added.min()), float(low), float(high), len(level),
                 )  # fmt: skip
     return found
 
 
-def _means(pairs: list[Beside]) -> FloatArray:
-    """Return what pairs lie off the line, in the middle (pairs, heights), NaN where there are few places."""
+def _binned_medians(pairs: list[NeighbourPair]) -> FloatArray:
+    """Return the median offset of each pair by height (pairs, heights), NaN where there are few places."""
     edges = np.linspace(0.0, 1.0, _BINS + 1)
     means = np.full((len(pairs), _BINS), np.nan)
     for row, pair in enumerate(pairs):
         height = np.searchsorted(edges[1:-1], pair.level)
         for b in range(_BINS):
-            here = pair.together[height == b]
+            here = pair.offset[height == b]
             if len(here) >= 4:
                 means[row, b] = np.median(here)
     return means
 
 
-def _usual(means: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return heights and what pairs usually lie off the line there: a contact's curve is the same for all."""
+def _typical_offset(means: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return heights and the median offset of all pairs there: that of the contact's curvature, the same for all."""
     middle = (np.arange(_BINS) + 0.5) / _BINS
     known = np.isfinite(means).sum(axis=0) >= _OTHERS
     if not known.any():

@@ -1,4 +1,4 @@
-"""How noisy the readings are: from third differences in time, which smooth motion does not survive."""
+"""Noise of readings, from third differences in time, which remove smooth motion."""
 
 from __future__ import annotations
 
@@ -9,26 +9,26 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import Noise
-from tacstrip.diagnose.expected import expected
 from tacstrip.diagnose.finding import Finding, Quality
 from tacstrip.diagnose.log import Log
+from tacstrip.diagnose.neighbour_prediction import predict_from_neighbours
 from tacstrip.errors import TacstripError
 from tacstrip.geometry.outline import Outline
 from tacstrip.reconstruction.cramer_rao import reading_sigma, vertex_covariance, vertex_rms
+from tacstrip.robust import robust_sigma
 from tacstrip.sensor.spec import Sensor
 
 PROFILE_I, PROFILE_II = 0.005, 0.01  # half-widths over Vref, table 5.1
 _ABOVE_II = 1.5  # times profile II's sigma: more is no sensor that the thesis could use
 _NOISIER = 4.0  # times the other strips
-_SPILL = 0.7  # of a neighbour's noise: less may be the neighbour's
-_WHITE = 0.6  # of what first differences say: motion leaves less of itself in third ones, noise the same
-_SLOW = 2.0  # times sigma: faster motion is in third differences too
+_SPILL = 0.7  # of a neighbour's noise: a strip with less may only show its neighbour's
+_WHITE = 0.6  # of the estimate from first differences: for noise it is the same, for motion larger
+_SLOW = 2.0  # times sigma: faster motion shows in third differences too
 _FEWEST = 24  # third differences
-_NORMAL = 1.4826  # sigma of normal errors over their median absolute deviation
 
 
 @dataclass(frozen=True, eq=False)
-class Measured:
+class NoiseEstimate:
     """Standard deviations of readings over Vref, NaN where not known.
 
     Attributes
@@ -38,9 +38,9 @@ class Measured:
     strips
         Of each strip (strips,), the larger of its channels.
     steady
-        Whether the scans followed each other closely enough for the noise to stand out from the motion.
+        Whether the scan rate was high enough to separate noise from motion.
     least
-        Of each strip, the least that differences of any order say (strips,): noise is the same in all, motion is not.
+        Of each strip, the least estimate from differences of any order (strips,): noise is the same in all.
     """
 
     sigma: float
@@ -49,73 +49,66 @@ class Measured:
     least: FloatArray
 
 
-def measure(log: Log) -> Measured:
+def measure(log: Log) -> NoiseEstimate:
     """Measure the noise of touched strips, and of untouched ones that have readings."""
     strips, least = (np.full(log.sensor.strips, np.nan) for _ in range(2))
-    pooled, smoother = [], []
+    pooled: list[FloatArray] = []
+    first_order: list[float] = []
     for raw in log.raw.values():
         values = _off_rails(raw)
         alone = _third(values) / math.sqrt(20.0)
-        line = expected(values, np.isfinite(values))[0]
-        beside = _third(values - line) / math.sqrt(20.0 * 1.5)
-        here = np.array([_least(a, b) for a, b in zip(alone.T, beside.T, strict=True)])
+        line = predict_from_neighbours(values, np.isfinite(values))[0]
+        relative = _third(values - line) / math.sqrt(20.0 * 1.5)
+        here = np.array([_least(a, b) for a, b in zip(alone.T, relative.T, strict=True)])
         strips = np.fmax(strips, here)
         least = np.fmax(least, np.minimum(here, _any_order(values, values - line)))
         pooled.append(here)
-        smoother.append(
-            np.array([_deviation(d) for d in (np.diff(values - line, axis=0) / math.sqrt(3.0)).T])
-        )
+        first_order += [_deviation(d) for d in (np.diff(values - line, axis=0) / math.sqrt(3.0)).T]
     known = np.concatenate(pooled)
     known = known[np.isfinite(known)]
     if not len(known):
-        return Measured(_across(log), strips, False, least)
+        return NoiseEstimate(_sigma_across_strips(log), strips, False, least)
     sigma = float(np.median(known))
-    rough = (
-        float(np.nanmedian(np.concatenate(smoother)))
-        if np.isfinite(np.concatenate(smoother)).any()
-        else np.inf
-    )
-    return Measured(sigma, strips, sigma > _WHITE * rough and _speed(log) < _SLOW * sigma, least)
+    rough = float(np.nanmedian(first_order)) if np.isfinite(first_order).any() else math.inf
+    return NoiseEstimate(sigma, strips, sigma > _WHITE * rough and _speed(log) < _SLOW * sigma, least)
 
 
-def excess_noise(log: Log, measured: Measured) -> list[Finding]:
+def excess_noise(log: Log, noise: NoiseEstimate) -> list[Finding]:
     """Find strips much noisier than the others, or a sensor noisier than profile II of the thesis."""
     profile_i, profile_ii = (w / math.sqrt(3.0) for w in (PROFILE_I, PROFILE_II))
     found = []
-    limit = max(_NOISIER * measured.sigma, profile_i)
-    padded = np.pad(measured.strips, 1, constant_values=np.nan)
+    limit = max(_NOISIER * noise.sigma, profile_i)
+    padded = np.pad(noise.strips, 1, constant_values=np.nan)
     loudest = np.fmax(padded[:-2], padded[2:])
-    for strip in np.flatnonzero((measured.least > limit) & ~(measured.strips < _SPILL * loudest)):
-        sigma = float(measured.strips[strip])
+    for strip in np.flatnonzero((noise.least > limit) & ~(noise.strips < _SPILL * loudest)):
+        sigma = float(noise.strips[strip])
         found.append(
             Finding(
                 "noise", (int(strip),),
                 f"+-{100 * sigma * math.sqrt(3.0):.2g} % of Vref, where the sensor as a whole has "
-                f"+-{100 * measured.sigma * math.sqrt(3.0):.2g} %",
-                {"sigma": sigma, "others": measured.sigma},
+                f"+-{100 * noise.sigma * math.sqrt(3.0):.2g} %",
+                {"sigma": sigma, "others": noise.sigma},
             )
         )  # fmt: skip
-    if measured.steady and measured.sigma > _ABOVE_II * profile_ii:
+    if noise.steady and noise.sigma > _ABOVE_II * profile_ii:
         found.append(
             Finding(
                 "noise", (),
-                f"+-{100 * measured.sigma * math.sqrt(3.0):.2g} % of Vref, above profile II: few shapes come back",
-                {"sigma": measured.sigma},
+                f"+-{100 * noise.sigma * math.sqrt(3.0):.2g} % of Vref, above profile II: few shapes are recovered",
+                {"sigma": noise.sigma},
             )
         )  # fmt: skip
     return found
 
 
-def quality(sensor: Sensor, measured: Measured) -> Quality:
-    """Put noise in the thesis' terms, and in the vertex error that no estimator can beat."""
-    sigma = measured.sigma
+def quality(sensor: Sensor, noise: NoiseEstimate) -> Quality:
+    """Return the noise in the thesis' terms, and the Cramer-Rao bound of a typical contact's vertices."""
+    sigma = noise.sigma
     if not math.isfinite(sigma):
-        return Quality(sigma, measured.strips, math.nan, "", math.nan, steady=False)
+        return Quality(sigma, noise.strips, math.nan, "", math.nan, steady=False)
     half = sigma * math.sqrt(3.0)
     profile = "I" if half <= PROFILE_I else "II" if half <= PROFILE_II else "above II"
-    return Quality(
-        sigma, measured.strips, 100.0 * half, profile, _vertex_error(sensor, sigma), measured.steady
-    )
+    return Quality(sigma, noise.strips, 100.0 * half, profile, _vertex_error(sensor, sigma), noise.steady)
 
 
 def typical_contact(sensor: Sensor) -> Outline:
@@ -135,14 +128,14 @@ def _vertex_error(sensor: Sensor, sigma: float) -> float:
 
 
 def _speed(log: Log) -> float:
-    """Return by how much readings change from scan to scan, in the middle, over Vref."""
+    """Return the median change of readings from scan to scan, over Vref."""
     steps = np.concatenate([np.abs(np.diff(v, axis=0)).ravel() for v in log.k.values()])
     steps = steps[np.isfinite(steps)]
     return float(np.median(steps)) if len(steps) else 0.0
 
 
 def _off_rails(values: FloatArray) -> FloatArray:
-    """Return readings without those that are cut off, at the highest and the lowest value: they have no noise."""
+    """Return readings without those clipped at the highest and the lowest value, which have no noise."""
     ends = (np.fmin.reduce(values, axis=None), np.fmax.reduce(values, axis=None))
     many = [np.count_nonzero(values == e) > 0.02 * values.size for e in ends]
     cut = np.any(
@@ -151,11 +144,11 @@ def _off_rails(values: FloatArray) -> FloatArray:
     return np.where(cut, np.nan, values)
 
 
-def _any_order(alone: FloatArray, beside: FloatArray) -> FloatArray:
+def _any_order(alone: FloatArray, relative: FloatArray) -> FloatArray:
     """Return each strip's least deviation (strips,) by first, second and fourth differences, NaN where not known."""
     found = [
         [_deviation(d) for d in (np.diff(values, n=order, axis=0) / math.sqrt(power * share)).T]
-        for values, share in ((alone, 1.0), (beside, 1.5))
+        for values, share in ((alone, 1.0), (relative, 1.5))
         for order, power in ((1, 2.0), (2, 6.0), (4, 70.0))
     ]
     return np.asarray(np.fmin.reduce(found, axis=0))
@@ -171,11 +164,11 @@ def _least(a: FloatArray, b: FloatArray) -> float:
 
 def _deviation(differences: FloatArray) -> float:
     known = differences[np.isfinite(differences)]
-    return _NORMAL * float(np.median(np.abs(known))) if len(known) >= _FEWEST else math.nan
+    return float(robust_sigma(known)) if len(known) >= _FEWEST else math.nan
 
 
-def _across(log: Log) -> float:
+def _sigma_across_strips(log: Log) -> float:
     """Return sigma from second differences across strips, for a few scans: an upper bound, kinks included."""
     found = [v[np.isfinite(v)] for v in (np.diff(k, n=2, axis=1) / math.sqrt(6.0) for k in log.k.values())]
-    together = np.abs(np.concatenate(found))
-    return _NORMAL * float(np.median(together)) if len(together) >= 5 else math.nan
+    known = np.concatenate(found)
+    return float(robust_sigma(known)) if len(known) >= 5 else math.nan

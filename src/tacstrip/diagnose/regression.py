@@ -1,4 +1,4 @@
-"""What every test uses alike: least squares, and whether a contact came back."""
+"""Least squares on a few terms, and whether a contact moved to and fro."""
 
 from __future__ import annotations
 
@@ -6,38 +6,38 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 
-_DEPENDENT = 1e-9  # of a term's length: what is left of one that others say already
+_DEPENDENT = 1e-9  # of a term's length: a shorter orthogonal part means that it depends on the others
 _BACK = 3  # times: twice may be one movement to and fro
 _RANGE = 0.3  # over Vref: a contact that sways shows little else than its shape
 
 
-def without(values: FloatArray, *terms: FloatArray) -> FloatArray:
-    """Return values (rows,) without their mean and what terms, each (rows,), explain by least squares.
+def regress_out(values: FloatArray, *terms: FloatArray) -> FloatArray:
+    """Return the residual of values (rows,) after regression on a constant and the terms, each (rows,).
 
-    By hand: BLAS would start threads for these few columns, which wait for each other on a busy machine.
+    Gram-Schmidt by hand: BLAS would start threads for these few columns, which wait for each other on a busy machine.
     """
-    own: list[FloatArray] = []  # orthogonal, of length 1
+    basis: list[FloatArray] = []  # orthonormal
     for term in (np.ones(len(values)), *terms):
-        rest = _beside(_beside(term, own), own)  # twice, for rounding
+        rest = _orthogonal_part(_orthogonal_part(term, basis), basis)  # twice, for rounding
         length = np.sqrt(np.sum(rest**2))
         if length > _DEPENDENT * np.sqrt(np.sum(term**2)):
-            own.append(rest / length)
-    return _beside(values, own)
+            basis.append(rest / length)
+    return _orthogonal_part(values, basis)
 
 
-def _beside(values: FloatArray, own: list[FloatArray]) -> FloatArray:
-    for axis in own:
+def _orthogonal_part(values: FloatArray, basis: list[FloatArray]) -> FloatArray:
+    for axis in basis:
         values = values - np.sum(values * axis) * axis
     return values
 
 
-def returns(values: FloatArray, least: float) -> int:
-    """Count how often values cross their middle, going beyond it by `least` on both sides."""
-    aside = values - np.median(values)
-    return int(np.count_nonzero(np.diff(np.sign(aside[np.abs(aside) > least]))))
+def median_crossings(values: FloatArray, least: float) -> int:
+    """Count how often values cross their median, going beyond it by `least` on both sides."""
+    deviation = values - np.median(values)
+    return int(np.count_nonzero(np.diff(np.sign(deviation[np.abs(deviation) > least]))))
 
 
-def came_back(level: FloatArray, sigma: float, least: float = _RANGE) -> bool:
-    """Whether a contact went along the strips, over heights (places,) in order of time, three times, `least` far."""
+def moved_to_and_fro(level: FloatArray, sigma: float, least: float = _RANGE) -> bool:
+    """Whether a contact moved along the strips, over heights (places,) in order of time, three times, `least` far."""
     low, high = np.percentile(level, [5.0, 95.0])
-    return bool(high - low >= least and returns(level, max(0.01, 3.0 * sigma)) >= _BACK)
+    return bool(high - low >= least and median_crossings(level, max(0.01, 3.0 * sigma)) >= _BACK)

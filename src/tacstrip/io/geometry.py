@@ -19,12 +19,30 @@ _READERS = {".wkt": Contact.from_wkt, ".geojson": Contact.from_geojson, ".json":
 
 
 def read_contact(path: str | Path) -> Contact:
-    """Read a contact from a .wkt, .geojson or .json file, coordinates in mm.
+    """Read a contact from a file.
+
+    Parameters
+    ----------
+    path
+        A .wkt, .geojson or .json file; coordinates in mm.
+
+    Returns
+    -------
+    Contact
 
     Raises
     ------
     ContactError
         The file is missing, is neither kind, or does not hold a usable contact.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> import tacstrip as ts
+    >>> file = pathlib.Path(tempfile.mkdtemp()) / "object.wkt"
+    >>> _ = file.write_text("POLYGON ((0 0, 20 0, 10 30, 0 0))")
+    >>> ts.read_contact(file).vertices.tolist()
+    [[0.0, 0.0], [20.0, 0.0], [10.0, 30.0]]
     """
     file = Path(path)
     if file.suffix.lower() not in _READERS:
@@ -49,12 +67,31 @@ def read_contact(path: str | Path) -> Contact:
 
 @takes(results=(Reconstruction,))
 def feature_collection(results: Sequence[Reconstruction]) -> dict[str, Any]:
-    """Return a GeoJSON FeatureCollection [mm], a Feature per object; without a shape its geometry is null.
+    """Return reconstructions as a GeoJSON FeatureCollection [mm], a Feature per object.
 
-    Properties: scan, time_s, method, status, advice, and where there is a shape area_mm2, centroid_mm and
-    orientation_rad (of the longer principal axis, from x). Where the shape has a covariance, standard deviations:
-    area_sigma_mm2, centroid_sigma_mm, orientation_sigma_rad, and vertex_sigma_mm, x and y of every vertex; null for
-    what the readings leave open.
+    Parameters
+    ----------
+    results
+        Reconstructions of successive scans.
+
+    Returns
+    -------
+    dict
+        Without a shape the geometry is null. Properties: scan, time_s, method, status, advice, and where there is a
+        shape area_mm2, centroid_mm and orientation_rad (of the longer principal axis, from x). Where the shape has a
+        covariance, standard deviations: area_sigma_mm2, centroid_sigma_mm, orientation_sigma_rad, and
+        vertex_sigma_mm, x and y of every vertex; null for what the readings do not determine.
+
+    Examples
+    --------
+    >>> import tacstrip as ts
+    >>> from tacstrip.io import feature_collection
+    >>> sensor = ts.Sensor.load("prototype-crs-crs")
+    >>> contact = ts.Contact.polygon([(10.0, 100.0), (55.0, 100.0), (30.0, 200.0)])
+    >>> found = ts.fit_polygon(ts.simulate(sensor, contact), sensor)
+    >>> feature = feature_collection([found])["features"][0]
+    >>> feature["geometry"]["type"], feature["properties"]["method"]
+    ('Polygon', 'polygon')
     """
     features = []
     for scan, result in enumerate(results):
@@ -67,7 +104,24 @@ def feature_collection(results: Sequence[Reconstruction]) -> dict[str, Any]:
 
 @takes(results=(Reconstruction,))
 def write_geojson(path: str | Path, results: Sequence[Reconstruction]) -> None:
-    """Write `feature_collection` to a file."""
+    """Write reconstructions to a GeoJSON file, as `feature_collection` has them.
+
+    Parameters
+    ----------
+    path
+        The file to write.
+    results
+        Reconstructions of successive scans.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> import tacstrip as ts
+    >>> sensor = ts.Sensor.load("prototype-crs-crs")
+    >>> scan = ts.simulate(sensor, ts.Contact.polygon([(10.0, 100.0), (55.0, 100.0), (30.0, 200.0)]))
+    >>> file = pathlib.Path(tempfile.mkdtemp()) / "result.geojson"
+    >>> ts.write_geojson(file, [ts.profile_reconstruction(scan, sensor)])
+    """
     text = json.dumps(feature_collection(results), indent=1, allow_nan=False)
     write_text(path, text + "\n")
 
@@ -95,12 +149,12 @@ def _deviations(recovered: RecoveredObject) -> dict[str, Any]:
     area, centroid, turn = recovered.deviations
     of_vertices = np.sqrt(np.diag(recovered.covariance)).reshape(-1, 2)
     return {
-        "area_sigma_mm2": _told(area),
-        "centroid_sigma_mm": [_told(c) for c in centroid],
-        "orientation_sigma_rad": _told(turn),
-        "vertex_sigma_mm": [[_told(c) for c in v] for v in of_vertices],
+        "area_sigma_mm2": _finite_or_none(area),
+        "centroid_sigma_mm": [_finite_or_none(c) for c in centroid],
+        "orientation_sigma_rad": _finite_or_none(turn),
+        "vertex_sigma_mm": [[_finite_or_none(c) for c in v] for v in of_vertices],
     }
 
 
-def _told(number: float) -> float | None:
+def _finite_or_none(number: float) -> float | None:
     return float(number) if np.isfinite(number) else None

@@ -37,7 +37,7 @@ def in_metres(sensor: Sensor) -> str:
 
 
 def contact_in_metres(contact: Contact, sensor: Sensor) -> str:
-    """Say that a contact's coordinates look like metres: it is tiny beside the sensor. A point has no size to tell."""
+    """Say that a contact's coordinates look like metres: it is tiny compared with the sensor. A point has no size."""
     x0, y0, x1, y1 = shapely.GeometryCollection(list(contact.shapes)).bounds
     size = max(x1 - x0, y1 - y0)
     if not 0.0 < size < _SMALL * min(sensor.width_mm, sensor.length_mm):

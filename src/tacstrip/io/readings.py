@@ -10,14 +10,14 @@ to 2^adc_bits - 1, which reads Vref.
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from tacstrip.arguments import takes
-from tacstrip.arrays import FloatArray
+from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.errors import ReadingError
 from tacstrip.files import replacing
 from tacstrip.io.columns import (
@@ -33,19 +33,41 @@ from tacstrip.io.columns import (
 from tacstrip.io.rows import Row, find, read_csv
 from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import SIGNATURES
-from tacstrip.sensor.raw import corrected, distorted
+from tacstrip.sensor.raw import apply_calibration, invert_calibration
 from tacstrip.sensor.spec import Sensor
 
 
 @takes(sensor=Sensor)
 def read_readings(path: str | Path, sensor: Sensor) -> list[Scan]:
-    """Read a readings file; the sensor's calibration, if it has one, corrects what the file holds.
+    r"""Read a readings file (CSV); the sensor's calibration, if it has one, corrects what the file holds.
+
+    Parameters
+    ----------
+    path
+        The file: a line per strip and scan, in volts or A/D codes (docs/files.md).
+    sensor
+        The sensor that it is of.
+
+    Returns
+    -------
+    list of Scan
+        In the file's order.
 
     Raises
     ------
     ReadingError
         The file cannot be read, lacks a column or a strip, or has a value that cannot be; the message
-        names the line and the way out.
+        names the line and the remedy.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> import tacstrip as ts
+    >>> sensor = ts.Sensor(construction="crs-m", strips=2, pitch_mm=6.5, length_mm=325.0, vref_volt=5.0)
+    >>> file = pathlib.Path(tempfile.mkdtemp()) / "readings.csv"
+    >>> _ = file.write_text("scan,time_s,strip,v_out\n0,0,0,2.5\n0,0,1,\n")
+    >>> ts.read_readings(file, sensor)[0].k
+    array([0.5, nan])
     """
     example = ",".join([*INDEX, *(SIGNATURES[name].volt_column for name in sensor.signatures)])
     return read_csv(path, "readings", lambda header, rows: _scans(header, rows, sensor), example)
@@ -53,9 +75,29 @@ def read_readings(path: str | Path, sensor: Sensor) -> list[Scan]:
 
 @takes(sensor=Sensor, scans=(Scan,))
 def write_readings(path: str | Path, sensor: Sensor, scans: Sequence[Scan]) -> None:
-    """Write scans as raw volts, which `read_readings` corrects again where the sensor has a calibration.
+    """Write scans as raw volts (CSV), which `read_readings` corrects again where the sensor has a calibration.
 
     Every strip has its line, an empty field where nothing touches.
+
+    Parameters
+    ----------
+    path
+        The file to write.
+    sensor, scans
+        The sensor, and scans of it with the same signatures.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> import numpy as np
+    >>> import tacstrip as ts
+    >>> sensor = ts.Sensor(construction="crs-m", strips=2, pitch_mm=6.5, length_mm=325.0, vref_volt=5.0)
+    >>> file = pathlib.Path(tempfile.mkdtemp()) / "readings.csv"
+    >>> ts.write_readings(file, sensor, [ts.Scan(k=np.array([0.5, np.nan]))])
+    >>> print(file.read_text(), end="")
+    scan,time_s,strip,v_out
+    0,0,0,2.5
+    0,0,1,
     """
     names = scans[0].signatures
     whole = scans[0].electrodes is not None
@@ -64,7 +106,7 @@ def write_readings(path: str | Path, sensor: Sensor, scans: Sequence[Scan]) -> N
         out = csv.writer(file, lineterminator="\n")
         out.writerow([*INDEX, *columns])
         for number, scan in enumerate(scans):
-            raw = distorted(sensor, {n: scan[n] for n in names})
+            raw = invert_calibration(sensor, {n: scan[n] for n in names})
             read = np.stack(list(raw.values()), axis=1) if scan.electrodes is None else scan.electrodes
             volts = read * sensor.vref_volt  # (strips, columns)
             for strip, row in enumerate(volts):
@@ -72,64 +114,100 @@ def write_readings(path: str | Path, sensor: Sensor, scans: Sequence[Scan]) -> N
                 out.writerow([number, f"{scan.time_s:.9g}", strip + sensor.strip_base, *fields])
 
 
-@dataclass
-class _Open:
-    """The scan being read."""
+@dataclass(eq=False)
+class ScanLines:
+    """The lines of one scan.
+
+    Attributes
+    ----------
+    number, line, time_s
+        Its number in the file, the file's line where it begins, and its time [s].
+    values
+        Values of the fields (columns, strips).
+    strip_lines
+        The file's line of each strip (strips,), 0 where there is none.
+    """
 
     number: str
-    time_s: float
     line: int
-    values: FloatArray  # (columns, strips)
-    seen: list[int]  # line of each strip, 0 before it came
+    time_s: float
+    values: FloatArray
+    strip_lines: IntArray
+
+    def check_complete(self, sensor: Sensor) -> None:
+        """Refuse a scan that lacks a strip: `ReadingError` names it."""
+        if not self.strip_lines.all():
+            missing = int(self.strip_lines.argmin()) + sensor.strip_base
+            raise ReadingError(
+                f"scan {self.number} (from line {self.line}) has no line for strip {missing}; an untouched strip "
+                "needs its line too, with empty fields"
+            )
+
+
+def scan_lines(
+    header: list[str],
+    rows: Iterator[Row],
+    columns: Sequence[Column],
+    sensor: Sensor,
+    parse: Callable[[str, int, Column], float],
+) -> Iterator[ScanLines]:
+    """Yield a file's scans, complete or not; `parse` returns the value of a field on a line in a column.
+
+    Raises
+    ------
+    ReadingError
+        There is none, or a line has no time or no strip, or a strip for the second time.
+    """
+    index = [find(header, name) for name in INDEX]
+    scan: ScanLines | None = None
+    for line, row in rows:
+        number, time_text, strip_text = (row[i] for i in index)
+        if scan is None or number != scan.number:
+            if scan is not None:
+                yield scan
+            values = np.full((len(columns), sensor.strips), np.nan)
+            time_s = finite(time_text, line, "time_s")
+            scan = ScanLines(number, line, time_s, values, np.zeros(sensor.strips, dtype=np.int64))
+        strip = strip_index(strip_text, line, sensor)
+        if earlier := scan.strip_lines[strip]:
+            raise ReadingError(
+                f"line {line}: strip {strip_text} of scan {number} is already on line {earlier}"
+            )
+        scan.strip_lines[strip] = line
+        scan.values[:, strip] = [parse(row[c.index], line, c) for c in columns]
+    if scan is None:
+        raise ReadingError("the file has a header but no readings")
+    yield scan
 
 
 def _scans(header: list[str], rows: Iterator[Row], sensor: Sensor) -> list[Scan]:
-    index = [find(header, name) for name in INDEX]
     columns = value_columns(header, sensor)
     scans: list[Scan] = []
     numbers: set[str] = set()
-    now: _Open | None = None
-    for line, row in rows:
-        number, time_text, strip_text = (row[i] for i in index)
-        if now is None or number != now.number:
-            if now is not None:
-                scans.append(_close(now, columns, sensor))
-            if number in numbers:
-                raise ReadingError(
-                    f"line {line}: scan {number} comes again; the lines of a scan must be together"
-                )
-            numbers.add(number)
-            values = np.full((len(columns), sensor.strips), np.nan)
-            time_s = finite(time_text, line, "time_s")
-            now = _Open(number, time_s, line, values, [0] * sensor.strips)
-        strip = strip_index(strip_text, line, sensor)
-        if now.seen[strip]:
+    for lines in scan_lines(header, rows, columns, sensor, value):
+        if lines.number in numbers:
             raise ReadingError(
-                f"line {line}: strip {strip_text} of scan {number} is already on line {now.seen[strip]}"
+                f"line {lines.line}: scan {lines.number} comes again; the lines of a scan must be together"
             )
-        now.seen[strip] = line
-        now.values[:, strip] = [value(row[c.index], line, c) for c in columns]
-    if now is None:
-        raise ReadingError("the file has a header but no readings")
-    return [*scans, _close(now, columns, sensor)]
+        numbers.add(lines.number)
+        scans.append(_scan(lines, columns, sensor))
+    return scans
 
 
-def _close(scan: _Open, columns: list[Column], sensor: Sensor) -> Scan:
-    """Finish a scan: every strip must be there, with all its readings or with none."""
-    if 0 in scan.seen:
-        missing = scan.seen.index(0) + sensor.strip_base
-        raise ReadingError(
-            f"scan {scan.number} (from line {scan.line}) has no line for strip {missing}; an untouched strip "
-            "needs its line too, with empty fields"
-        )
-    empty = np.isnan(scan.values)
+def _scan(lines: ScanLines, columns: list[Column], sensor: Sensor) -> Scan:
+    """Return a scan; every strip must be there, with all its readings or with none."""
+    lines.check_complete(sensor)
+    empty = np.isnan(lines.values)
     for strip in np.flatnonzero(empty.any(axis=0) & ~empty.all(axis=0)):
         have, lack = (columns[int(i)].name for i in (empty[:, strip].argmin(), empty[:, strip].argmax()))
         raise ReadingError(
-            f"line {scan.seen[strip]}: strip {strip + sensor.strip_base} has {have} but no {lack}; give both or neither"
+            f"line {lines.strip_lines[strip]}: strip {strip + sensor.strip_base} has {have} but no {lack}; "
+            "give both or neither"
         )
-    raw = {c.name: v for c, v in zip(columns, scan.values, strict=True)}
     if columns[0].signature == ELECTRODES:
-        return Scan.of_electrodes(np.stack(list(corrected(sensor, raw).values()), axis=1), scan.time_s)
-    raw = {c.signature: raw[c.name] for c in columns}
-    return Scan(**corrected(sensor, raw), time_s=scan.time_s)
+        raw = {c.name: v for c, v in zip(columns, lines.values, strict=True)}
+        return Scan.of_electrodes(
+            np.stack(list(apply_calibration(sensor, raw).values()), axis=1), lines.time_s
+        )
+    raw = {c.signature: v for c, v in zip(columns, lines.values, strict=True)}
+    return Scan(**apply_calibration(sensor, raw), time_s=lines.time_s)

@@ -2,7 +2,7 @@
 
 Columns: strip, l_mm, w_mm, and readings as in a readings file (v_h, v_l, v_out or codes). Rows that repeat a contact
 are repeats. A row without readings is a contact still to be made; one with readings and without l_mm and w_mm is the
-strip untouched. `sensor` and `unit`, which a plan has, say of which sensor the file is.
+strip untouched. `sensor` and `unit`, which a plan has, name the sensor and the unit that the file is of.
 """
 
 from __future__ import annotations
@@ -39,9 +39,17 @@ class Runs:
     rest
         Raw readings of untouched strips by signature (rows, strips), NaN below the last.
     source, unit
-        Name of the file, and of the unit where the file tells.
+        Name of the file, and of the unit where the file has it.
     open
         Rows without readings.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import tacstrip as ts
+    >>> l_mm = np.repeat([[50.0], [150.0], [250.0]], 2, axis=1)  # three contacts across two strips
+    >>> ts.Runs(l_mm, np.zeros((3, 2)), {"k": l_mm / 325.0}, line=np.arange(2, 8).reshape(3, 2), rest={})
+    <Runs: 6 contacts on 2 strips, k, l 50 to 250, w 0 to 0 mm>
     """
 
     l_mm: FloatArray
@@ -70,7 +78,7 @@ class Runs:
 
 @takes(sensor=Sensor)
 def read_runs(path: str | Path, sensor: Sensor, unit: str = "", force: bool = False) -> Runs:
-    """Read calibration runs.
+    r"""Read calibration runs.
 
     Parameters
     ----------
@@ -85,7 +93,17 @@ def read_runs(path: str | Path, sensor: Sensor, unit: str = "", force: bool = Fa
     ------
     ReadingError
         The file cannot be read, lacks a column, has a value that cannot be, or is of another unit; the message
-        names the line and the way out.
+        names the line and the remedy.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> import tacstrip as ts
+    >>> sensor = ts.Sensor(construction="crs-m", strips=1, pitch_mm=6.5, length_mm=325.0, vref_volt=5.0)
+    >>> file = pathlib.Path(tempfile.mkdtemp()) / "runs.csv"
+    >>> _ = file.write_text("strip,l_mm,w_mm,v_out\n0,65,0,1.05\n0,130,0,2.03\n")
+    >>> ts.read_runs(file, sensor)
+    <Runs: 2 contacts on 1 strips, k, l 65 to 130, w 0 to 0 mm>
     """
     known = unit or (sensor.calibration.unit if sensor.calibration else "")
     example = ",".join(["strip", "l_mm", "w_mm", *(SIGNATURES[n].volt_column for n in sensor.signatures)])
@@ -108,8 +126,8 @@ def write_plan(
 
 
 @dataclass
-class _Read:
-    """What was read of one strip so far."""
+class _StripRows:
+    """Contacts, readings and untouched readings of one strip."""
 
     place: list[tuple[float, float, int]]  # l, w, line
     raw: list[list[float]]
@@ -122,19 +140,19 @@ def _runs(
     at = {name: find(header, name) for name in ("strip", "l_mm", "w_mm")}
     columns = value_columns(header, sensor)
     named = {name: header.index(name) for name in ("sensor", "unit") if name in header}
-    read: dict[int, _Read] = {}
-    open_rows, told = 0, ""
+    read: dict[int, _StripRows] = {}
+    open_rows, found_unit = 0, ""
     for line, row in rows:
         if not any(row):
             continue
-        wanted = {"sensor": sensor.fingerprint, "unit": unit or told}
+        wanted = {"sensor": sensor.fingerprint, "unit": unit or found_unit}
         for name, index in named.items():
             if row[index] and wanted[name] and row[index] != wanted[name] and not force:
                 raise ReadingError(
                     f"line {line}: the runs are of {name} {row[index]!r} and this {name} is {wanted[name]!r}; a "
                     "calibration holds for the unit it was made with. If they are one and the same, give --force"
                 )
-        told = told or (row[named["unit"]] if "unit" in named else "")
+        found_unit = found_unit or (row[named["unit"]] if "unit" in named else "")
         number = strip_index(row[at["strip"]], line, sensor)
         fields = [value(row[c.index], line, c) for c in columns]
         place = _place(row[at["l_mm"]], row[at["w_mm"]], line, sensor)
@@ -144,7 +162,7 @@ def _runs(
         if any(np.isnan(fields)):
             have, lack = (columns[i].name for i in np.argsort(np.isnan(fields), kind="stable")[[0, -1]])
             raise ReadingError(f"line {line}: {have} is there but no {lack}; give both or neither")
-        strip = read.setdefault(number, _Read([], [], []))
+        strip = read.setdefault(number, _StripRows([], [], []))
         if place is None:
             strip.rest.append(fields)
         else:
@@ -156,7 +174,7 @@ def _runs(
     if lack := [i for i in range(sensor.strips) if i not in read or not read[i].place][:10]:
         names = ", ".join(str(i + sensor.strip_base) for i in lack)
         raise ReadingError(f"no contact on strip {names} has readings; every strip needs contacts of its own")
-    return _gather([read[i] for i in range(sensor.strips)], columns, source, unit or told, open_rows)
+    return _gather([read[i] for i in range(sensor.strips)], columns, source, unit or found_unit, open_rows)
 
 
 def _place(l_text: str, w_text: str, line: int, sensor: Sensor) -> tuple[float, float] | None:
@@ -182,7 +200,7 @@ def _place(l_text: str, w_text: str, line: int, sensor: Sensor) -> tuple[float, 
     return l, w
 
 
-def _gather(strips: list[_Read], columns: list[Column], source: str, unit: str, open_rows: int) -> Runs:
+def _gather(strips: list[_StripRows], columns: list[Column], source: str, unit: str, open_rows: int) -> Runs:
     def grid(lists: list[list[float]]) -> FloatArray:
         full = np.full((max(map(len, lists), default=0), len(lists)), np.nan)
         for strip, values in enumerate(lists):

@@ -29,7 +29,7 @@ def draw_all(result: Calibrated, folder: Path) -> list[tuple[str, Path]]:
     }
     made = [(caption, save(figure, folder / f"{name}.png")) for name, (caption, figure) in figures.items()]
     for strip in graphed_strips(result):
-        number = strip + result.plain.strip_base
+        number = strip + result.uncalibrated.strip_base
         file = save(calibration_graphs(result, strip), folder / f"strip-{number}.png")
         made.append((f"Calibration graphs of strip {number}", file))
     return made
@@ -45,7 +45,7 @@ def graphed_strips(result: Calibrated) -> list[int]:
 
 def calibration_graphs(result: Calibrated, strip: int) -> Figure:
     """Draw measured, corrected and expected voltages of a strip over l: a row per signature, a column per length w."""
-    sensor, runs = result.plain, result.runs
+    sensor, runs = result.uncalibrated, result.runs
     lengths = _lengths(runs.w_mm[:, strip])
     names = runs.signatures
     figure = new_figure(3.6 * len(lengths), 2.9 * len(names))
@@ -127,7 +127,7 @@ def _lengths(w_mm: FloatArray) -> list[float]:
 
 def _counted(result: Calibrated, values: FloatArray) -> tuple[FloatArray, FloatArray]:
     strips = np.nonzero(result.counted)[1]
-    return strips.astype(np.float64) + result.plain.strip_base, 100.0 * values[result.counted]
+    return strips.astype(np.float64) + result.uncalibrated.strip_base, 100.0 * values[result.counted]
 
 
 def _bands(axes: Axes) -> None:

@@ -8,7 +8,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter, NullLocator
 
-from tacstrip.design.limits import Limit, Map
+from tacstrip.design.limits import ErrorMap, Limit
 from tacstrip.geometry.outline import Outline
 from tacstrip.geometry.region import regions
 from tacstrip.plot.scene import draw_polygon, draw_sensor, zoom
@@ -17,7 +17,7 @@ from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
 
 
-def limits_figure(sensor: Sensor, outline: Outline, found: list[Limit], over: Map) -> Figure:
+def limits_figure(sensor: Sensor, outline: Outline, found: list[Limit], over: ErrorMap) -> Figure:
     """Draw a contact's 95 % regions, and the RMS vertex error with its centroid at each place of the sensor.
 
     Parameters

@@ -35,16 +35,23 @@ class Picture:
         return "data:image/png;base64," + base64.b64encode(self.file.read_bytes()).decode("ascii")
 
 
-def write_report(path: Path, tables: dict[str, Any], pictures: list[Picture]) -> None:
-    """Write the page for `tables` as `reproduce` makes them."""
+def write_page(path: Path, template: str, **values: object) -> None:
+    """Write a page from the packaged template of that name and its values."""
     import jinja2
 
-    template = data_path("report.html.j2").read_text(encoding="utf-8")
     environment = jinja2.Environment(
         autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     environment.filters["number"] = _number
-    page = environment.from_string(template).render(
+    source = data_path(template).read_text(encoding="utf-8")
+    write_text(path, environment.from_string(source).render(values))
+
+
+def write_report(path: Path, tables: dict[str, Any], pictures: list[Picture]) -> None:
+    """Write the page for `tables` as `reproduce` makes them."""
+    write_page(
+        path,
+        "report.html.j2",
         seeds=tables["seeds"],
         conclusions={
             title: [c for c in tables["claims"] if c["section"].startswith(chapter)]
@@ -56,7 +63,6 @@ def write_report(path: Path, tables: dict[str, Any], pictures: list[Picture]) ->
         experiment_names=EXPERIMENT_NAMES,
         **{key: tables[key] for key in ("experiment", "calibration", "residual", "prototype")},
     )
-    write_text(path, page)
 
 
 def _number(value: float | None, digits: int = 3) -> str:

@@ -30,7 +30,7 @@ def sensing_share(ratio: float) -> float:
     return ratio / (1.0 + ratio)
 
 
-def erosion(w: FloatArray, contact_lambda: float) -> FloatArray:
+def transfer_length(w: FloatArray, contact_lambda: float) -> FloatArray:
     """Return T = lambda tanh(w / 2 lambda): how far contact resistance eats into each end [unit of w]."""
     if contact_lambda == 0.0:
         return np.zeros_like(w)
@@ -54,7 +54,7 @@ def k_h(
         Decay length of the contact resistance [mm].
     """
     a = sensing_share(ratio)
-    t = erosion(w, contact_lambda)
+    t = transfer_length(w, contact_lambda)
     wi = w - 2.0 * t
     return _over_vref(l + t + a * wi, length - (1.0 - a) * wi, length)
 
@@ -64,7 +64,7 @@ def k_l(
 ) -> FloatArray:
     """Return k_l, the sensing strip's lower voltage over Vref: (3.4), (3.6). Arguments as for `k_h`."""
     a = sensing_share(ratio)
-    t = erosion(w, contact_lambda)
+    t = transfer_length(w, contact_lambda)
     return _over_vref(l + t, length - (1.0 - a) * (w - 2.0 * t), length)
 
 
@@ -83,9 +83,7 @@ def _over_vref(numerator: FloatArray, d: FloatArray, length: float) -> FloatArra
     return np.where(near, np.clip(k, 0.0, 1.0), k)
 
 
-def chain_weights(
-    k: FloatArray, at_upper_end: bool | BoolArray, ratio: float
-) -> tuple[FloatArray, FloatArray]:
+def end_weights(k: FloatArray, at_upper_end: bool | BoolArray, ratio: float) -> tuple[FloatArray, FloatArray]:
     """Return (c_l, c_u) with c_l l + c_u u = k L and c_l + c_u = 1, for an ideal contact.
 
     (3.5), (3.6) and (3.8) are each linear in l and u once the reading is known; steps 3 (a), (b), (c) of
@@ -105,7 +103,7 @@ def chain_weights(
     return 1.0 - c_u, c_u
 
 
-def end_slopes(
+def reading_jacobian(
     k: FloatArray,
     w: FloatArray,
     length: float,
@@ -126,9 +124,9 @@ def end_slopes(
     at_upper_end
         Whether k is the sensing strip's upper end (k_h) or its lower end (k_l, k).
     """
-    t = erosion(w, contact_lambda)
+    t = transfer_length(w, contact_lambda)
     d = length - (w - 2.0 * t) / (1.0 + ratio)
-    c_l, c_u = chain_weights(k, at_upper_end, ratio)
+    c_l, c_u = end_weights(k, at_upper_end, ratio)
     # c_l l + c_u u = k L is linear in the ideal contact's ends; contact resistance mixes both by dT/dw.
     mix = 0.5 * (1.0 - (t / contact_lambda) ** 2) if contact_lambda else np.zeros_like(t)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -144,13 +142,13 @@ def lower_and_width(
     """
     d = length / (1.0 + (kh - kl) / ratio)
     ideal = (1.0 + ratio) / ratio * (kh - kl) * d
-    w = _undo_erosion(ideal, contact_lambda)
+    w = _width_from_ideal(ideal, contact_lambda)
     return np.asarray(kl * d - (w - ideal) / 2.0), w
 
 
 def lower_from_width(k: FloatArray, w: FloatArray, length: float, contact_lambda: float = 0.0) -> FloatArray:
     """Solve (3.8) for l where w is known."""
-    t = erosion(np.asarray(w, dtype=float), contact_lambda)
+    t = transfer_length(np.asarray(w, dtype=float), contact_lambda)
     return np.asarray(k * (length - w + 2.0 * t) - t)
 
 
@@ -165,7 +163,7 @@ def width_from_lower(k: FloatArray, l: FloatArray, length: float, contact_lambda
     # one way on each side of 0, so Newton from 0 finds the root; from (3.8)'s w it diverges where k is small.
     w = np.where(np.isnan(w), w, 0.0)
     for _ in range(_NEWTON_STEPS):
-        t = erosion(w, contact_lambda)
+        t = transfer_length(w, contact_lambda)
         slope = 0.5 * (1.0 - (t / contact_lambda) ** 2)  # dT/dw
         step = (k * w + (1.0 - 2.0 * k) * t + l - k * length) / (k + (1.0 - 2.0 * k) * slope)
         w = w - step
@@ -174,7 +172,7 @@ def width_from_lower(k: FloatArray, l: FloatArray, length: float, contact_lambda
     return w
 
 
-def _undo_erosion(ideal: FloatArray, contact_lambda: float) -> FloatArray:
+def _width_from_ideal(ideal: FloatArray, contact_lambda: float) -> FloatArray:
     """Solve w - 2 lambda tanh(w / 2 lambda) = ideal for w; odd in w, so noise below zero stays below."""
     ideal = np.asarray(ideal, dtype=float)
     if contact_lambda == 0.0:

@@ -127,6 +127,11 @@ class Sensor:
         return self.strips * self.pitch_mm
 
     @property
+    def adc_step(self) -> float:
+        """Step of the A/D converter over Vref, 1 / (2^bits - 1); 0 where the spec gives no `adc_bits`."""
+        return 0.0 if self.adc_bits is None else 1.0 / (2.0**self.adc_bits - 1.0)
+
+    @property
     def x_mm(self) -> FloatArray:
         """Centre lines of the strips (strips,) [mm]."""
         return np.asarray((np.arange(self.strips) + 0.5) * self.pitch_mm, dtype=np.float64)

@@ -56,7 +56,7 @@ def figure_2_3() -> Figure:
 
 
 def figure_2_4() -> Figure:
-    """Parallel path: row i is driven; what its columns read, and where current flows, by the way of isolation."""
+    """Parallel path: row i is driven; what its columns read, and where current flows, for each kind of isolation."""
     figure = new_figure(10.2, 3.9)
     for number, isolation in enumerate(ISOLATIONS, start=1):
         axes = add_axes(figure, 1, 3, number)

@@ -168,7 +168,7 @@ def same_kh_pair() -> tuple[FloatArray, FloatArray]:
 
 
 def at_vertices(signature: str, contact: Contact) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return a polygon's corners, left to right (N, 2), k there (N,), slopes beside inner ones (N - 2, 2)."""
+    """Return a polygon's corners, left to right (N, 2), k there (N,), slopes on both sides of inner ones (N - 2, 2)."""
     sensor, corners = _OWNER[signature], contact.vertices[np.argsort(contact.vertices[:, 0])]
     k, x = simulate(sensor, contact)[signature], corners[:, 0]
     touched = ~np.isnan(k)

@@ -16,13 +16,13 @@ from tacstrip.errors import ContactError
 from tacstrip.geometry.outline import Outline, close_chains
 from tacstrip.reconstruction.polygon.fit import fitted_covariance, untangled
 from tacstrip.reconstruction.result import RecoveredObject
+from tacstrip.robust import robust_sigma
 from tacstrip.scan import Scan
 from tacstrip.sensor.spec import Sensor
 
 _MAX_EXCESS_SIGMA = 5.0  # standard deviations by which the squared residuals may exceed those of the search
 _OUTLIER_SIGMA = 6.0  # times the residuals' spread: a larger residual is an outlier
 _SIGMA_UPDATE = 0.02  # weight of a new scan in the running estimate of the noise
-_MAD = 1.4826
 _ELLIPSE_VERTICES = 40  # only the outline of an ellipse has so many
 _MIN_WIDTH = 1e-6  # of the strip length: a narrower outline is a line
 _MIN_SEPARATION = 1e-6  # of the width: between vertices that the ends have pushed together
@@ -68,7 +68,7 @@ def initialise(shape: RecoveredObject, scan: Scan, sensor: Sensor) -> TrackState
     except ContactError:
         return None
     residuals, used = fit.residuals(signal), signal.weight > 0.0
-    spread = _MAD * float(np.median(np.abs(residuals[used])))
+    spread = float(robust_sigma(residuals[used]))
     outlying = np.abs(residuals) > max(_OUTLIER_SIGMA * spread, FLOOR)
     outliers[:, shape.strips] = outlying
     last = TrackState(shape, _in_mm(fit, signal), 1.0, outliers)
@@ -169,5 +169,4 @@ def _n_determined(last: TrackState) -> int:
 
 def _sigma_floor(sensor: Sensor) -> float:
     """Return the least standard deviation of a reading: the converter's quantisation [Vref]."""
-    step = 0.0 if sensor.adc_bits is None else 1.0 / (2.0**sensor.adc_bits - 1.0)
-    return max(step / math.sqrt(12.0), FLOOR)
+    return max(sensor.adc_step / math.sqrt(12.0), FLOOR)

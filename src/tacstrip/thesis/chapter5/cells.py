@@ -1,7 +1,7 @@
 """Tables 5.2-5.14: the errors of each method on noisy scans, compared with the printed values.
 
 A cell is one row of a table at one position. Each of its seeds draws the errors of 5.1 anew: readings get
-C.Q.E. and P.U., and the true transitions get T.E. before they are handed to Vertex Reconstruction, which
+C.Q.E. and P.U., and the true transitions get T.E. before Vertex Reconstruction gets them, which
 reads the nearest strip, as the thesis does. Rows with P.U. are run a second time with transitions found by
 the gradient rule: a shape that fails there, or comes back with another number of vertices, counts as the
 thesis' "-". Profiles are compared as polygons at the original's vertex columns (`profile_at`). The polygon fit is run
@@ -45,7 +45,7 @@ class Cell:
     ----------
     known, detected
         M.C. [rad], A.O.E. [rad], A.P.E. [mm] of the shapes recovered (shapes, 3), with known transitions
-        and with detected ones; detected is None where the row is not run that way.
+        and with detected ones; detected is None for rows that are run with known ones only.
     known_failed, detected_failed
         Shares of the seeds without a shape; detected counts a wrong number of vertices too.
     fitted
@@ -101,7 +101,7 @@ def summarise(number: int, cells: list[Cell]) -> dict[str, Any]:
     """Return a row's `ours`: median, 5 % and 95 % points, share of failures, which printed values are inside.
 
     A printed value is inside where it lies between our 5 % and 95 % points, give or take half its last
-    digit. `failed` counts detected transitions where the row is run that way, `failed_known` known ones;
+    digit. `failed` is with detected transitions where the row has them, `failed_known` with known ones;
     `detected` has the points of the former. None stands for what does not exist.
     """
     row = rows()[number]

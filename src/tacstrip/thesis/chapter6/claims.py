@@ -196,7 +196,7 @@ def _converter() -> Claim:
     steps = {name: 1.0 / twin(name).length_mm for name in ("CRS-CRS", "CRS-M", "Cyl-CRS-M")}
     ratio = min(steps.values()) * 8192.0
     evidence = f"1/8192 is {1 / 81.92:.3f} % of Vref; 1 mm of length is at least {ratio:.0f} times that"
-    claim = "the converter's error is insignificant beside the quantisation of length"
+    claim = "the converter's error is insignificant compared with the quantisation of length"
     return checked(claim, ratio > 10.0, evidence, "6.4")
 
 

@@ -38,7 +38,12 @@ from tacstrip.thesis.chapter6.twin import (
 )
 from tacstrip.thesis.ranges import is_inside, ranges
 
-MEASURES = {"mc": "mc", "mc_rad": "mc", "aoe": "aoe", "ape": "ape"}  # ours: the printed one beside it
+MEASURES = {
+    "mc": "mc",
+    "mc_rad": "mc",
+    "aoe": "aoe",
+    "ape": "ape",
+}  # ours: the printed measure it is compared with
 _PROFILES = {"profile I": Noise(positional=0.005), "profile II": Noise(positional=0.01)}
 PROFILE_II = _PROFILES["profile II"]
 

@@ -1,4 +1,4 @@
-"""A recording on the bench: one row per place of the contact, what a strip's neighbours expect of it, and repairs."""
+"""A recording with one row per place of the contact, the prediction of each strip from its neighbours, and repairs."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ _MOST_PLACES = 4000
 
 
 @dataclass(eq=False)
-class View:
-    """Readings that hypotheses are tried on; repairs change it.
+class WorkingCopy:
+    """A copy of the readings that tests examine and repairs change.
 
     Attributes
     ----------
@@ -37,7 +37,7 @@ class View:
     order
         The file's strip at each place across (strips,), counted from 0.
     at_ground
-        Whether the file's strips (strips,) read ground, and no open input, where they count as untouched.
+        Whether the file's strips (strips,) read ground, rather than nothing, where they count as untouched.
     """
 
     sensor: Sensor
@@ -58,7 +58,7 @@ class View:
         return len(self.order)
 
     def drop(self, strip: int, signature: str | None = None) -> None:
-        """Use a strip's readings, or one signature's, no more; its neighbours reach across."""
+        """Discard a strip's readings, or one signature's; its neighbours are then each other's nearest."""
         for name in self.k if signature is None else (signature,):
             self.k[name][:, strip] = np.nan
         if signature is None and not self.there[:, strip].all():
@@ -71,56 +71,65 @@ class Suspect:
 
     Attributes
     ----------
-    gain
-        Mean misfit that it explains, over Vref: the largest is taken first, for it disturbs others' neighbours.
+    explained
+        Mean misfit that it explains, over Vref: the largest is taken first, because it disturbs its neighbours.
     repair
-        Undoes it on a view.
+        Undoes it on a work.
     """
 
     finding: Finding
-    gain: float
-    repair: Callable[[View], None]
+    explained: float
+    repair: Callable[[WorkingCopy], None]
 
 
-def view_of(log: Log, sigma: float) -> View:
-    """Put every scan of a recording on the bench, a row each."""
+def working_copy(log: Log, sigma: float) -> WorkingCopy:
+    """Return a working copy of a recording, a row for each scan."""
     rest = log.sensor.rest_volt
     grounded = rest is not None and rest <= _GROUND * log.sensor.vref_volt
     there = np.isfinite(np.stack(list(log.raw.values()))).all(axis=(0, 1))
     across = np.arange(log.sensor.strips)
-    return View(log.sensor, dict(log.k), log.touched.copy(), sigma, across, np.asarray(there & grounded))
+    return WorkingCopy(
+        log.sensor, dict(log.k), log.touched.copy(), sigma, across, np.asarray(there & grounded)
+    )
 
 
-def places(view: View) -> View:
-    """Average scans that follow each other with the contact in one place; leave out those without a contact.
+def places(work: WorkingCopy) -> WorkingCopy:
+    """Average successive scans with the contact at one place; drop those without a contact.
 
-    A contact moved by less than the noise shows counts as in one place, so that every row is worth the same.
+    A contact that moves by less than the noise stays at one place, so that all rows carry equal information.
     """
-    values = np.stack(list(view.k.values()), axis=2)  # (scans, strips, signatures)
-    threshold = max(_MOVED, 6.0 * view.sigma)
+    values = np.stack(list(work.k.values()), axis=2)  # (scans, strips, signatures)
+    threshold = max(_MOVED, 6.0 * work.sigma)
     group = np.zeros(len(values), dtype=int)
     start, number = 0, 0
     for t in range(1, len(values)):
         moved = np.nanmax(np.abs(values[t] - values[start]), initial=0.0) > threshold
-        if moved or not (view.there[t] == view.there[start]).all():
+        if moved or not (work.there[t] == work.there[start]).all():
             start, number = t, number + 1
         group[t] = number
     first = np.flatnonzero(np.diff(group, prepend=-1))
     sums = np.add.reduceat(np.nan_to_num(values), first, axis=0)
     counts = np.add.reduceat(np.isfinite(values).astype(int), first, axis=0)
     means = np.where(counts > 0, sums / np.maximum(counts, 1), np.nan)
-    keep = np.flatnonzero(view.there[first].any(axis=1))
+    keep = np.flatnonzero(work.there[first].any(axis=1))
     keep = keep[np.linspace(0, len(keep) - 1, min(len(keep), _MOST_PLACES)).astype(int)]
-    parts = {name: np.ascontiguousarray(means[keep, :, i]) for i, name in enumerate(view.k)}
-    return View(view.sensor, parts, view.there[first][keep], view.sigma, view.order.copy(), view.at_ground)
+    parts = {name: np.ascontiguousarray(means[keep, :, i]) for i, name in enumerate(work.k)}
+    return WorkingCopy(
+        work.sensor, parts, work.there[first][keep], work.sigma, work.order.copy(), work.at_ground
+    )
 
 
-def expected(values: FloatArray, there: BoolArray) -> tuple[FloatArray, BoolArray, FloatArray]:
-    """Return what neighbours expect of every strip, whether they stand on both sides, how they differ (rows, strips).
+def predict_from_neighbours(values: FloatArray, there: BoolArray) -> tuple[FloatArray, BoolArray, FloatArray]:
+    """Return the prediction of every strip from its neighbours (rows, strips).
 
-    The nearest usable strip on either side, up to three away and with nothing untouched in between, or the two
-    nearest of one side; NaN where there are none. A straight line through them: (4.1)'s signatures are smooth but for
-    their kinks.
+    A straight line through the nearest usable strip on either side, up to three away and with nothing untouched in
+    between, or through the two nearest on one side; NaN where there are none. The signatures of (4.1) are smooth but
+    for their kinks.
+
+    Returns
+    -------
+    prediction, both, gap
+        Over Vref; whether there are neighbours on both sides; by how much the two neighbours differ.
     """
     (near_l, d_l, far_l, e_l), (near_r, d_r, far_r, e_r) = (_side(values, there, step) for step in (-1, 1))
     both = np.isfinite(near_l) & np.isfinite(near_r)
@@ -134,14 +143,14 @@ def expected(values: FloatArray, there: BoolArray) -> tuple[FloatArray, BoolArra
     return np.where(both, between, beyond), both, np.abs(gap)
 
 
-def residuals(view: View, name: str) -> tuple[FloatArray, FloatArray]:
-    """Return what neighbours expect of every strip and what it reads above that (places, strips), where both are known.
+def neighbour_residuals(work: WorkingCopy, name: str) -> tuple[FloatArray, FloatArray]:
+    """Return each strip's prediction from its neighbours and its residual (places, strips), NaN where not known.
 
-    A strip that ever is between two others counts only where it is: beyond the last strip lines go astray. So they do
+    A strip that is ever between two others counts only where it is: extrapolation is inaccurate. So is interpolation
     between two contacts.
     """
-    values = view.k[name]
-    e, both, gap = expected(values, view.there)
+    values = work.k[name]
+    e, both, gap = predict_from_neighbours(values, work.there)
     known = np.isfinite(e) & np.isfinite(values) & ~(gap > _ONE_CONTACT)
     inside = both & known
     e = np.where(inside | (known & ~inside.any(axis=0)), e, np.nan)
@@ -151,7 +160,7 @@ def residuals(view: View, name: str) -> tuple[FloatArray, FloatArray]:
 def _side(
     values: FloatArray, there: BoolArray, step: int
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return the nearest usable value on one side and its distance, then the next one's (rows, strips)."""
+    """Return the nearest usable value on one side and its distance, then those of the next one (rows, strips)."""
     near, far = np.full_like(values, np.nan), np.full_like(values, np.nan)
     d_near, d_far = np.full_like(values, np.nan), np.full_like(values, np.nan)
     alive = np.ones_like(there)
