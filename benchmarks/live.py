@@ -71,13 +71,13 @@ def host(path: str, seconds: float, file: Path) -> None:
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
     warm_up(SENSOR)
-    source = SerialSource(lambda: SerialPort(path), SENSOR, tell=print)
-    live = Live(source, tell=print)
+    source = SerialSource(lambda: SerialPort(path), SENSOR, on_message=print)
+    live = Live(source, on_message=print)
     latency, due = np.full((2, int(1.2 * RATE_HZ * seconds)), np.nan)  # takes its memory now
     count, held = 0, [0.0]
     with live:
         live.record(file)
-        box = live.outlet(4096)
+        box = live.subscribe(4096)
         used, start = time.process_time(), time.monotonic()
         while (passed := time.monotonic() - start) < seconds:
             if (frame := box.get(0.5)) is not None:

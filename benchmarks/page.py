@@ -20,9 +20,10 @@ from playwright.sync_api import sync_playwright
 import tacstrip as ts
 from tacstrip.stream.live.pipeline import Live
 from tacstrip.view.access import Access
-from tacstrip.view.controller import Stage
+from tacstrip.view.controller import Controller
+from tacstrip.view.health import background_process
 from tacstrip.view.server import Server
-from tacstrip.view.simulator import Playground, Settings
+from tacstrip.view.simulator import Settings, Simulator
 
 SENSOR = ts.Sensor(construction="crs-crs", strips=50, pitch_mm=2.0, length_mm=100.0, adc_bits=12)
 RATE_HZ = 1000.0
@@ -65,19 +66,19 @@ def drag_ms(page: Any, target: tuple[float, float]) -> float:
 
 
 def main() -> None:
-    """Serve the playground, open the page and print both figures."""
+    """Serve the simulator, open the page and print both figures."""
     chromium = shutil.which("chromium") or shutil.which("chromium-browser")
     if chromium is None:
         print("left out: needs the distribution's Chromium (apt-get install chromium)")
         return
-    playground = Playground(Settings(SENSOR, RATE_HZ), OBJECTS)
+    simulator = Simulator(Settings(SENSOR, RATE_HZ), OBJECTS)
     with (
         tempfile.TemporaryDirectory() as folder,
-        Live(playground.source(), then=playground.source) as live,
+        Live(simulator.source(), next_source=simulator.source) as live,
         sync_playwright() as driver,
+        background_process() as executor,
     ):
-        stage = Stage(live, playground, Path(folder))
-        server = Server(stage, Access("127.0.0.1"))
+        server = Server(Controller(live, executor, simulator, Path(folder)), Access("127.0.0.1"))
         browser = driver.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
         page = browser.new_page(viewport={"width": 1280, "height": 860})
         page.goto(server.urls["control"])
@@ -90,7 +91,6 @@ def main() -> None:
         frames = live.frames - frames
         browser.close()
         server.close()
-        stage.close()
     print(f"a dragged corner is seen after {statistics.median(drags):.0f} ms (median), {min(drags):.0f} (least), "
           f"{max(drags):.0f} (worst of {len(drags)})")  # fmt: skip
     print(f"{drawn / passed:.0f} pictures a second at {frames / passed:.0f} scans a second")

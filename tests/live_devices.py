@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -17,7 +19,10 @@ def still(time_s: float) -> ts.Contact:
 
 
 def device(
-    sensor: ts.Sensor = SENSOR, rate_hz: float = 200.0, contact: Callable[[float], ts.Contact] = still
+    sensor: ts.Sensor = SENSOR,
+    rate_hz: float = 200.0,
+    contact: Callable[[float], ts.Contact] = still,
+    clock: Callable[[], float] = time.monotonic,
 ) -> VirtualDevice:
     noise = ts.Noise(positional=0.002)
     return VirtualDevice(
@@ -25,7 +30,21 @@ def device(
         lambda: iter(ts.SimulatedSource(sensor, contact, rate_hz, None, noise)),
         rate_hz,
         0.5 / rate_hz,
+        clock,
     )
+
+
+class Stepped(Loopback):
+    """A line that gives one scan at each reading, whatever time that takes: no scan waits for a busy computer."""
+
+    def __init__(self, rate_hz: float) -> None:
+        self._now_s = 0.0
+        super().__init__(device(rate_hz=rate_hz, clock=lambda: self._now_s))
+
+    def read(self, wait_s: float) -> bytes:
+        due_s = self.device.wait_s()
+        self._now_s += due_s if math.isfinite(due_s) else 0.0
+        return super().read(wait_s)
 
 
 class Line(Loopback):

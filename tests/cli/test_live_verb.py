@@ -45,7 +45,7 @@ def test_ctrl_c_leaves_a_complete_recording(tmp_path: Path, spec: Path) -> None:
     assert recording.condition.whole
     assert [raw.sequence for raw in scans] == list(range(len(scans)))
     assert f"{file}: {len(scans)} scan(s)" in said
-    assert "see it on http://127.0.0.1:" in said
+    assert "the page is at http://127.0.0.1:" in said
 
 
 def test_json_lines_of_the_simulated_device_and_of_its_recording(tmp_path: Path, spec: Path) -> None:
@@ -88,7 +88,7 @@ def test_another_sensor_and_a_missing_port_end_with_one_line(tmp_path: Path) -> 
         (["--simulate", "--seconds", "0"], "--seconds 0.0: must be above 0"),
         (["a", "b", "c"], "c: one INPUT only"),
         (["--simulate", "--osc", "nowhere", "--no-view"], "must be HOST:PORT"),
-        (["--simulate", "--http", "80000"], "--http 80000: must be 0 to 65535; 0 takes any that is free"),
+        (["--simulate", "--http", "80000"], "--http 80000: must be 0 to 65535; 0: any free one"),
         (["--simulate", "--http", "-5"], "--http -5: must be 0 to 65535"),
         (
             ["--simulate", "--http", "0", "--host", "no.such.invalid"],

@@ -14,7 +14,7 @@ from emulated import make, needs_compiler
 from tacstrip.arrays import FloatArray
 from tacstrip.stream.device.protocol.commands import Command, Status
 from tacstrip.stream.device.protocol.decoder import Decoder, Received
-from tacstrip.stream.device.protocol.frames import CRC_BYTES, Kind, seal, stuffed, unstuffed
+from tacstrip.stream.device.protocol.frames import CRC_BYTES, Kind, cobs_decode, cobs_encode, encode_frame
 from tacstrip.stream.device.protocol.messages import Hello, Reply, SelfTest
 from tacstrip.stream.device.protocol.scans import ScanBatch
 
@@ -155,11 +155,11 @@ def test_the_self_test_finds_what_holds_a_line(desk: Desk) -> None:
 @pytest.mark.parametrize(
     ("data", "reply"),
     [
-        (seal(0x99, b"", 5), Reply(0x99, 5, Status.UNKNOWN, 0)),
-        (seal(Kind.SCAN, b"", 5), Reply(Kind.SCAN, 5, Status.UNKNOWN, 0)),
-        (seal(Kind.RATE, b"\1\2\3", 6), Reply(Kind.RATE, 6, Status.BAD_BODY, 3)),
-        (seal(Kind.START, b"\1", 6), Reply(Kind.START, 6, Status.BAD_BODY, 1)),
-        (seal(Kind.RATE, b"\xff" * 4, 6), Reply(Kind.RATE, 6, Status.BAD_BODY, 60_000_000)),
+        (encode_frame(0x99, b"", 5), Reply(0x99, 5, Status.UNKNOWN, 0)),
+        (encode_frame(Kind.SCAN, b"", 5), Reply(Kind.SCAN, 5, Status.UNKNOWN, 0)),
+        (encode_frame(Kind.RATE, b"\1\2\3", 6), Reply(Kind.RATE, 6, Status.BAD_BODY, 3)),
+        (encode_frame(Kind.START, b"\1", 6), Reply(Kind.START, 6, Status.BAD_BODY, 1)),
+        (encode_frame(Kind.RATE, b"\xff" * 4, 6), Reply(Kind.RATE, 6, Status.BAD_BODY, 60_000_000)),
     ],
 )
 def test_commands_that_cannot_be_are_answered_so(desk: Desk, data: bytes, reply: Reply) -> None:
@@ -172,7 +172,7 @@ def test_a_command_of_another_version_is_answered_so(desk: Desk) -> None:
     plain = bytes([9, Kind.START, 4, 0, 0, 0, 0, 0, 0, 0])
     plain += crc_hqx(plain, 0xFFFF).to_bytes(2, "big")
     desk.turn()
-    desk.send(b"\0" + stuffed(plain) + b"\0")
+    desk.send(b"\0" + cobs_encode(plain) + b"\0")
     assert desk.turn() == [Reply(Kind.START, 4, Status.OTHER_VERSION, 1)]
 
 
@@ -207,8 +207,8 @@ def test_seals_and_unstuffs_as_the_python_side(tmp_path: Path) -> None:
             count = core.frame_seal(ctypes.byref(frame), wire) & 0xFFFF
             crc = crc_hqx(plain.tobytes(), 0xFFFF).to_bytes(CRC_BYTES, "big")
             whole = plain.tobytes() + crc
-            assert bytes(wire[:count]) == b"\0" + stuffed(whole) + b"\0"
-            assert unstuffed(bytes(wire[1 : count - 1])) == whole
+            assert bytes(wire[:count]) == b"\0" + cobs_encode(whole) + b"\0"
+            assert cobs_decode(bytes(wire[1 : count - 1])) == whole
             back = (ctypes.c_uint8 * 1100)(*wire[1 : count - 1])
             assert core.frame_unstuff(back, count - 2) & 0xFFFF == len(whole)
             assert bytes(back[: len(whole)]) == whole

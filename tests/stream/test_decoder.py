@@ -12,10 +12,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tacstrip.stream.device.protocol.commands import Command
-from tacstrip.stream.device.protocol.decoder import AHEAD, BEHIND, LONGEST, Counts, Decoder, Received
-from tacstrip.stream.device.protocol.frames import HEADER, VERSION, Kind, seal, stuffed
+from tacstrip.stream.device.protocol.decoder import (
+    MAX_AHEAD,
+    MAX_BEHIND,
+    MAX_FRAME_BYTES,
+    Counts,
+    Decoder,
+    Received,
+)
+from tacstrip.stream.device.protocol.frames import HEADER, VERSION, Kind, cobs_encode, encode_frame
 from tacstrip.stream.device.protocol.messages import Hello, Reply, SelfTest
-from tacstrip.stream.device.protocol.scans import MOST_STRIPS, ScanBatch, encode_scan
+from tacstrip.stream.device.protocol.scans import MAX_STRIPS, ScanBatch, encode_scan
 from tacstrip.stream.source import RawScan
 
 HELLO = Hello(construction="crs-crs", strips=10, signatures=("kh", "kl"), adc_bits=10)
@@ -101,7 +108,7 @@ def test_numbers_and_clock_go_on_where_32_bits_begin_anew() -> None:
     assert decoder.counts == Counts(frames=7)
 
 
-@pytest.mark.parametrize("number", [1000 + AHEAD + 1, 1000 - BEHIND])
+@pytest.mark.parametrize("number", [1000 + MAX_AHEAD + 1, 1000 - MAX_BEHIND])
 def test_a_number_far_away_is_a_device_that_started_again(number: int) -> None:
     decoder = Decoder()
     before, after = decoder.feed(frame(1000, 4_000_000_000) + frame(number % 2**32, 5000))
@@ -129,7 +136,7 @@ def test_scans_missing_after_a_hello_are_lost() -> None:
 
 def _other_version() -> bytes:
     plain = HEADER.pack(VERSION + 1, Kind.SCAN, 0, 0)
-    return b"\0" + stuffed(plain + crc_hqx(plain, 0xFFFF).to_bytes(2, "big")) + b"\0"
+    return b"\0" + cobs_encode(plain + crc_hqx(plain, 0xFFFF).to_bytes(2, "big")) + b"\0"
 
 
 SCAN_HEAD = bytes.fromhex("0300 04 0a 00000000 07")  # 3 strips, k, 10 bits
@@ -139,16 +146,16 @@ SCAN_HEAD = bytes.fromhex("0300 04 0a 00000000 07")  # 3 strips, k, 10 bits
     "odd",
     [
         _other_version(),
-        seal(0x55, b""),
-        seal(Kind.HELLO, b"too short"),
-        seal(Kind.SCAN, b""),
-        seal(Kind.SCAN, SCAN_HEAD + bytes(5)),
-        seal(Kind.SCAN, SCAN_HEAD + bytes(7)),
-        seal(Kind.SCAN, b"\0\0" + SCAN_HEAD[2:]),
-        seal(Kind.SCAN, b"\3\0\0" + SCAN_HEAD[3:]),
-        seal(Kind.SCAN, b"\3\0\x08" + SCAN_HEAD[3:] + bytes(6)),
-        seal(Kind.SCAN, b"\3\0\4\0" + SCAN_HEAD[4:] + bytes(6)),
-        seal(Kind.SCAN, b"\3\0\4\x11" + SCAN_HEAD[4:] + bytes(6)),
+        encode_frame(0x55, b""),
+        encode_frame(Kind.HELLO, b"too short"),
+        encode_frame(Kind.SCAN, b""),
+        encode_frame(Kind.SCAN, SCAN_HEAD + bytes(5)),
+        encode_frame(Kind.SCAN, SCAN_HEAD + bytes(7)),
+        encode_frame(Kind.SCAN, b"\0\0" + SCAN_HEAD[2:]),
+        encode_frame(Kind.SCAN, b"\3\0\0" + SCAN_HEAD[3:]),
+        encode_frame(Kind.SCAN, b"\3\0\x08" + SCAN_HEAD[3:] + bytes(6)),
+        encode_frame(Kind.SCAN, b"\3\0\4\0" + SCAN_HEAD[4:] + bytes(6)),
+        encode_frame(Kind.SCAN, b"\3\0\4\x11" + SCAN_HEAD[4:] + bytes(6)),
     ],
 )
 def test_intact_frames_that_say_nothing_we_know_are_counted_apart(odd: bytes) -> None:
@@ -158,7 +165,7 @@ def test_intact_frames_that_say_nothing_we_know_are_counted_apart(odd: bytes) ->
 
 
 def test_the_good_neighbour_of_those_is_taken() -> None:
-    batch = Decoder().feed(seal(Kind.SCAN, SCAN_HEAD + bytes(6)))
+    batch = Decoder().feed(encode_frame(Kind.SCAN, SCAN_HEAD + bytes(6)))
     assert numbers(batch) == [0]
 
 
@@ -170,15 +177,15 @@ def test_memory_is_bounded_and_the_next_frame_found() -> None:
         assert decoder.feed(b"\x11" * 10_000) == []
     most = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    assert most < 4 * LONGEST
+    assert most < 4 * MAX_FRAME_BYTES
     assert numbers(decoder.feed(frame(1))) == [1]
     assert decoder.counts == Counts(frames=2, corrupt=1)
 
 
 def test_the_longest_scan_goes_through() -> None:
-    codes = {name: np.full(MOST_STRIPS, 0xFFFF, "<u2") for name in ("kh", "kl", "k")}
-    data = encode_scan(RawScan(0.0, codes, np.ones(MOST_STRIPS, bool)), 16)
-    assert len(data) < LONGEST
+    codes = {name: np.full(MAX_STRIPS, 0xFFFF, "<u2") for name in ("kh", "kl", "k")}
+    data = encode_scan(RawScan(0.0, codes, np.ones(MAX_STRIPS, bool)), 16)
+    assert len(data) < MAX_FRAME_BYTES
     decoder = Decoder()
     assert [n for at in range(0, len(data), 100) for n in numbers(decoder.feed(data[at : at + 100]))] == [0]
 
@@ -265,7 +272,7 @@ def test_any_bytes_are_taken(pieces: list[bytes]) -> None:
     assert numbers(decoder.feed(frame(9))) == [9]
 
 
-@pytest.mark.parametrize("before", [2, 5, 186, BEHIND])
+@pytest.mark.parametrize("before", [2, 5, 186, MAX_BEHIND])
 @pytest.mark.parametrize("pieces", [1, 10_000])
 def test_two_low_numbers_in_a_row_are_a_device_that_started_again(before: int, pieces: int) -> None:
     """Its hello was lost: none of its scans is."""

@@ -86,8 +86,10 @@ def test_a_virtual_device_sends_what_is_due_and_leaves_out_what_is_far_too_late(
 def test_scans_have_the_time_of_every_strip_and_codes_that_decode() -> None:
     begun_s = time.time()
     source = ts.SerialSource(lambda: Loopback(device(rate_hz=500.0)), SENSOR)
-    scans = list(islice(source, 60))
-    ended_s = time.time()
+    stream = iter(source)
+    scans = [next(stream)]
+    arrived_s = time.time()
+    scans += islice(stream, 59)
     source.close()
     for raw in scans:
         assert raw.strip_time_s is not None
@@ -96,7 +98,7 @@ def test_scans_have_the_time_of_every_strip_and_codes_that_decode() -> None:
         assert found[5:15].all()
         assert not found[:4].any()
     np.testing.assert_allclose(np.diff([raw.time_s for raw in scans]), 0.002, atol=1e-6)
-    assert begun_s < source.origin_ns * 1e-9 + scans[-1].time_s < ended_s + 0.01
+    assert begun_s < source.origin_ns * 1e-9 + scans[0].time_s < arrived_s + 0.01
     assert source.counts.lost == source.counts.corrupt == 0
 
 
@@ -149,7 +151,7 @@ def test_a_device_of_another_spec_is_refused(spec: ts.Sensor, message: str) -> N
 )
 def test_what_is_no_device_is_named(data: bytes, message: str) -> None:
     with pytest.raises(ts.PortError, match=message):
-        ts.SerialSource(lambda: Noise(data), SENSOR, greet_s=0.05)
+        ts.SerialSource(lambda: Noise(data), SENSOR, handshake_s=0.05)
 
 
 def test_a_port_that_is_not_there_is_named() -> None:
@@ -167,7 +169,7 @@ def test_pulled_out_within_a_frame_and_plugged_in_again() -> None:
             raise ts.PortError("no such port")
         return next(lines)
 
-    source = ts.SerialSource(plug, SENSOR, tell=said.append)
+    source = ts.SerialSource(plug, SENSOR, on_message=said.append)
     scans = list(islice(source, 40))
     assert [text.partition(" (")[0] for text in said] == ["the device is gone", "the device is back"]
     assert all(a.time_s < b.time_s for a, b in pairwise(scans))
@@ -199,7 +201,7 @@ class _Deaf(Loopback):
 
 def test_a_silent_device_is_told_to_send_again() -> None:
     said: list[str] = []
-    source = ts.SerialSource(lambda: _Deaf(device()), SENSOR, tell=said.append)
+    source = ts.SerialSource(lambda: _Deaf(device()), SENSOR, on_message=said.append)
     assert len(list(islice(source, 60))) == 60
     assert said == ["no scan came for 1 s; it is told to send again", "scans come again"]
 
@@ -230,7 +232,7 @@ def served(tmp_path: Path) -> Iterator[PtyDevice]:
 
 def test_a_device_behind_a_serial_port(served: PtyDevice, tmp_path: Path) -> None:
     said: list[str] = []
-    source = ts.SerialSource(lambda: SerialPort(served.path), SENSOR, tell=said.append)
+    source = ts.SerialSource(lambda: SerialPort(served.path), SENSOR, on_message=said.append)
     scans = iter(source)
     numbers = [next(scans).sequence for _ in range(50)]
     assert numbers == list(range(50))
@@ -253,8 +255,8 @@ def test_where_a_contact_cannot_be_nothing_is_touched() -> None:
     source = ts.SerialSource(lambda: Loopback(made), SENSOR)
     scans = iter(source)
     assert not next(scans).touched.any()
-    assert "outside the sensor" in made.trouble
+    assert "outside the sensor" in made.problem
     place[0] = 20.0
     assert any(next(scans).touched.any() for _ in range(100))
-    assert made.trouble == ""
+    assert made.problem == ""
     source.close()

@@ -21,18 +21,18 @@ from pythonosc.osc_bundle import OscBundle
 from pythonosc.osc_message import OscMessage
 
 import tacstrip as ts
-from live_devices import SENSOR, SHAPE, Line, device, still, with_strips
+from live_devices import SENSOR, SHAPE, Line, Stepped, device, still, with_strips
 from tacstrip.sensor import Channel
 from tacstrip.stream import RawScan
 from tacstrip.stream.bridges.tuio import Tuio, blob
 from tacstrip.stream.device.virtual import Loopback
-from tacstrip.stream.live.bounded_queue import Mailbox
+from tacstrip.stream.live.bounded_queue import BoundedQueue
+from tacstrip.stream.live.drift import DriftCorrectingDecoder
 from tacstrip.stream.live.pipeline import Live
-from tacstrip.stream.live.readings import Readings
 from tacstrip.stream.live.sinks import json_sink, tuio_sink
 from tacstrip.stream.recording.recorder import Recorder
 from tacstrip.tracking import Tracker
-from tacstrip.tracking.tracker import SEARCH_EVERY_S, SEARCHED_AGAIN
+from tacstrip.tracking.tracker import SEARCH_INTERVAL_S, SEARCHED_AGAIN
 from waiting import HANG_S, wait_until
 
 FINE = ts.Sensor(construction="crs-crs", strips=100, pitch_mm=1.0, length_mm=100.0, adc_bits=12)
@@ -108,7 +108,7 @@ def test_an_outline_that_no_longer_explains_the_readings_is_searched_again() -> 
 def test_a_corner_that_is_gone_is_dropped_within_half_a_second() -> None:
     tracker = Tracker(FINE)
     cut = ts.Contact.polygon([(25, 35), (60, 22), (70, 42), (78, 56), (68, 62), (45, 76)])
-    scenes = [cut] * 3 + [TETRAGON] * int(1000 * SEARCH_EVERY_S + 1)
+    scenes = [cut] * 3 + [TETRAGON] * int(1000 * SEARCH_INTERVAL_S + 1)
     counts = [len(tracker.update(_scan(scene, i))[0].shape.vertices) for i, scene in enumerate(scenes)]
     assert counts[-1] == 4
 
@@ -119,12 +119,12 @@ def test_other_methods_keep_numbers_too(method: str) -> None:
     assert [[o.id for o in tracker.update(_scan(TWO, i))] for i in range(3)] == [[1, 2]] * 3
 
 
-def test_a_mailbox_drops_the_oldest_or_waits() -> None:
-    newest: Mailbox[int] = Mailbox(2)
+def test_a_bounded_queue_drops_the_oldest_or_waits() -> None:
+    newest: BoundedQueue[int] = BoundedQueue(2)
     for i in range(5):
         assert newest.put(i)
     assert (newest.get(), newest.get(), newest.get(), newest.dropped) == (3, 4, None, 3)
-    kept: Mailbox[int] = Mailbox(2, keep=True)
+    kept: BoundedQueue[int] = BoundedQueue(2, keep=True)
     thread = threading.Thread(target=lambda: [kept.put(i) for i in range(50)])
     thread.start()
     assert [kept.get(5.0) for _ in range(50)] == list(range(50))
@@ -141,7 +141,7 @@ def _live(rate_hz: float = 500.0, **options: object) -> Live:
 
 def test_frames_come_and_the_recording_is_complete(tmp_path: Path) -> None:
     file, seen = tmp_path / "a.mcap", []
-    stream = ts.live(source=ts.SerialSource(lambda: Loopback(device(rate_hz=500.0)), SENSOR), record=file)
+    stream = ts.live(source=ts.SerialSource(lambda: Stepped(500.0), SENSOR), record=file)
     switch = sys.getswitchinterval()
     for frame in stream:
         seen.append(frame)
@@ -174,7 +174,7 @@ def test_a_recording_is_a_source_too(tmp_path: Path) -> None:
 
 def test_a_slow_taker_gets_the_newest_and_holds_nobody_up(tmp_path: Path) -> None:
     stream = _live()
-    slow = stream.outlet()
+    slow = stream.subscribe()
     stream.record(tmp_path / "a.mcap")
     with stream:
         numbers = []
@@ -202,11 +202,12 @@ def test_a_full_disk_ends_the_recording_and_not_the_stream(
 
     monkeypatch.setattr(Recorder, "add", full)
     said: list[str] = []
-    stream = _live(tell=said.append)
+    stream = _live(on_message=said.append)
     stream.record(tmp_path / "a.mcap")
     with stream:
         wait_until(lambda: stream.frames >= 150)
-        assert stream.recording is None
+        wait_until(lambda: stream.recording is None)
+        wait_until(lambda: said)  # and it goes on
         assert stream.running
     (text,) = said
     assert "No space left on device" in text
@@ -218,7 +219,7 @@ def test_a_full_disk_ends_the_recording_and_not_the_stream(
 def test_pulled_out_and_plugged_in_while_recording(tmp_path: Path) -> None:
     lines = iter([Line(device(rate_hz=500.0), cut=5000), Line(device(rate_hz=500.0))])
     said: list[str] = []
-    stream = Live(ts.SerialSource(lambda: next(lines), SENSOR), tell=said.append)
+    stream = Live(ts.SerialSource(lambda: next(lines), SENSOR), on_message=said.append)
     stream.record(tmp_path / "a.mcap")
     with stream:
         wait_until(lambda: stream.frames >= 100)
@@ -245,7 +246,7 @@ class _Spoilt(ts.SimulatedSource):
 
 def test_scans_that_are_no_readings_are_counted_named_once_and_recorded(tmp_path: Path) -> None:
     said: list[str] = []
-    stream = Live(_Spoilt(SENSOR, still, 1000.0, 40), speed=math.inf, tell=said.append)
+    stream = Live(_Spoilt(SENSOR, still, 1000.0, 40), speed=math.inf, on_message=said.append)
     stream.record(tmp_path / "a.mcap")
     list(stream)
     assert stream.unreadable == 20
@@ -260,16 +261,16 @@ def test_drift_is_followed_from_untouched_strips() -> None:
     channels = tuple(_channel(name) for name in ("kh", "kl"))
     calibration = ts.Calibration(sensor=SENSOR.fingerprint, channels=channels)
     sensor = replace(SENSOR, rest_volt=0.1, touch_volt=0.3, calibration=calibration)
-    readings = Readings(sensor)
-    assert readings.follows_drift
-    assert not Readings(SENSOR).follows_drift
-    assert not Readings(sensor, drift=False).follows_drift
+    decoder = DriftCorrectingDecoder(sensor)
+    assert decoder.corrects_drift
+    assert not DriftCorrectingDecoder(SENSOR).corrects_drift
+    assert not DriftCorrectingDecoder(sensor, drift=False).corrects_drift
     moved = np.full(20, round((0.02 + 0.01) * 4095), dtype="<u2")  # rest is 0.02 of Vref; it went up by 0.01
     for i in range(4000):
-        scan = readings.scan(RawScan(0.05 * i, {"kh": moved, "kl": moved}, np.ones(20, dtype=bool), i))
+        scan = decoder.decode(RawScan(0.05 * i, {"kh": moved, "kl": moved}, np.ones(20, dtype=bool), i))
     assert not scan.touched.any()
-    assert readings.sensor.calibration is not None
-    drift = np.array(readings.sensor.calibration.channel("kh").drift)
+    assert decoder.sensor.calibration is not None
+    drift = np.array(decoder.sensor.calibration.channel("kh").drift)
     np.testing.assert_allclose(drift, 0.01, atol=5e-4)
 
 
@@ -290,7 +291,7 @@ class _Pipe(io.StringIO):
 def test_json_lines_and_a_reader_that_goes() -> None:
     file = _Pipe()
     said: list[str] = []
-    stream = _live(tell=said.append)
+    stream = _live(on_message=said.append)
     sink = json_sink(stream, file)
     with stream:
         wait_until(lambda: sink.ended)

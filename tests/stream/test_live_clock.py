@@ -20,7 +20,7 @@ from live_devices import SENSOR, still
 from tacstrip.stream import RawScan
 from tacstrip.stream.device.clocks import DeviceClock, HostClock
 from tacstrip.stream.device.protocol.commands import Command
-from tacstrip.stream.device.protocol.frames import Kind, parse, seal, unseal
+from tacstrip.stream.device.protocol.frames import Kind, check_frame, encode_frame, parse_frame
 from tacstrip.stream.device.protocol.messages import Hello
 from tacstrip.stream.device.virtual import VirtualDevice
 from tacstrip.stream.live.pipeline import Live
@@ -83,10 +83,10 @@ class Bench:
     def _arrive(self) -> None:
         for piece in self.unit.send().split(b"\0"):
             if piece and len(self.waits) < 4096:
-                plain = unseal(piece)
+                plain = check_frame(piece)
                 assert plain is not None
-                frame = parse(plain)
-                self.waits += seal(frame.kind, frame.body, frame.sequence, self.stamp(frame.time_us))
+                frame = parse_frame(plain)
+                self.waits += encode_frame(frame.kind, frame.body, frame.sequence, self.stamp(frame.time_us))
 
     def write(self, data: bytes) -> None:
         if not self.deaf:
@@ -109,7 +109,7 @@ class Run:
 
     def __init__(self, bench: Bench, rate_hz: float | None = None) -> None:
         self.bench, self.said = bench, list[str]()
-        self.source = ts.SerialSource(lambda: bench, SENSOR, rate_hz, tell=self.said.append)
+        self.source = ts.SerialSource(lambda: bench, SENSOR, rate_hz, on_message=self.said.append)
         self.scans = iter(self.source)
         self.times: list[float] = []
         self.given: list[float] = []
@@ -181,7 +181,7 @@ def test_a_sound_clock_is_believed_for_long(kind: str, rate_hz: float) -> None:
             batch = range(number, max(number, int(now_s * rate_hz)) + 1)
             scans = [_raw(n, stamp(round(n * 1e6 / rate_hz)) / 1e6) for n in batch]
             number = batch.stop
-            assert clock.of_this_run(scans, now_s) == len(scans)
+            assert clock.n_of_same_run(scans, now_s) == len(scans)
             times = clock.times(scans, now_s, prompt)
             assert clock.fault == ""
             assert times[0] > last_s

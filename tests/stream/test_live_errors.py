@@ -20,8 +20,6 @@ from tacstrip.stream.live.sinks import Sink, json_sink
 from tacstrip.stream.recording.recorder import Recorder
 from tacstrip.tracking import Tracker
 
-pytestmark = pytest.mark.alone
-
 SCANS = 40
 
 
@@ -63,7 +61,9 @@ def test_what_a_source_raises_reaches_the_consumer(
     error: BaseException, after: int, at_close: bool, tmp_path: Path
 ) -> None:
     file, seen, said = tmp_path / "a.mcap", list[ts.Frame](), list[str]()
-    stream = ts.live(source=_Breaks(error, after, at_close), record=file, speed=math.inf, tell=said.append)
+    stream = ts.live(
+        source=_Breaks(error, after, at_close), record=file, speed=math.inf, on_message=said.append
+    )
     with pytest.raises(type(error)) as caught:
         seen.extend(stream)
     assert caught.value is error
@@ -121,7 +121,7 @@ def test_whoever_is_told_may_raise_too() -> None:
     def tell(text: str) -> None:
         raise BrokenPipeError(32, "Broken pipe")
 
-    stream = Live(_Breaks(ts.PortError("gone"), 5), speed=math.inf, tell=tell)
+    stream = Live(_Breaks(ts.PortError("gone"), 5), speed=math.inf, on_message=tell)
     with pytest.raises(ts.PortError, match="gone"):
         list(stream)
     assert _own_threads() == set()
@@ -131,7 +131,7 @@ def test_a_recorder_that_cannot_go_on_holds_nobody_up(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Not only a full disk; the queue to it is small, so that a writer who died would stop the stream."""
-    monkeypatch.setattr("tacstrip.stream.live.background_recorder._WAITING", 4)
+    monkeypatch.setattr("tacstrip.stream.live.background_recorder._QUEUE_SCANS", 4)
     add = Recorder.add
 
     def broken(self: Recorder, raw: RawScan) -> None:
@@ -142,7 +142,7 @@ def test_a_recorder_that_cannot_go_on_holds_nobody_up(
     monkeypatch.setattr(Recorder, "add", broken)
     said: list[str] = []
     source = ts.SimulatedSource(SENSOR, still, 1000.0, SCANS)
-    stream = ts.live(source=source, record=tmp_path / "a.mcap", speed=math.inf, tell=said.append)
+    stream = ts.live(source=source, record=tmp_path / "a.mcap", speed=math.inf, on_message=said.append)
     assert list(stream)[-1].number == SCANS - 1
     assert stream.error is None
     assert stream.recording_failed
@@ -158,7 +158,7 @@ def test_a_sink_that_raises_ends_alone() -> None:
 
     released = threading.Event()
     said: list[str] = []
-    stream = Live(ts.SimulatedSource(SENSOR, still, 1000.0, SCANS), speed=math.inf, tell=said.append)
+    stream = Live(ts.SimulatedSource(SENSOR, still, 1000.0, SCANS), speed=math.inf, on_message=said.append)
     sink = Sink(stream, take, 10, "the plotter", released.set)
     other = json_sink(stream, file := io.StringIO())
     with stream:

@@ -15,11 +15,19 @@ from hypothesis import strategies as st
 
 from tacstrip.arrays import FloatArray
 from tacstrip.errors import OptionError
-from tacstrip.stream.device.protocol.commands import Command, Status, parsed
+from tacstrip.stream.device.protocol.commands import Command, Status, parse_message
 from tacstrip.stream.device.protocol.decoder import Decoder, Received
-from tacstrip.stream.device.protocol.frames import Frame, Kind, parse, seal, stuffed, unseal, unstuffed
+from tacstrip.stream.device.protocol.frames import (
+    Kind,
+    WireFrame,
+    check_frame,
+    cobs_decode,
+    cobs_encode,
+    encode_frame,
+    parse_frame,
+)
 from tacstrip.stream.device.protocol.messages import Hello, Reply, SelfTest
-from tacstrip.stream.device.protocol.scans import MOST_STRIPS, ScanBatch, encode_scan
+from tacstrip.stream.device.protocol.scans import MAX_STRIPS, ScanBatch, encode_scan
 from tacstrip.stream.source import RawScan
 
 PAGE = (Path(__file__).parents[2] / "docs" / "protocol.md").read_text(encoding="utf-8")
@@ -96,7 +104,7 @@ def test_the_pages_bytes_lie_where_its_tables_say() -> None:
     """Written from the tables alone, without our encoder: the first vector before COBS."""
     (text,) = re.findall(r"before COBS.*?```\n(.*?)\n```", PAGE, re.DOTALL)
     plain = bytes.fromhex(text.replace("|", ""))
-    assert unstuffed(bytes.fromhex(VECTORS[0]["hex"])[1:-1]) == plain
+    assert cobs_decode(bytes.fromhex(VECTORS[0]["hex"])[1:-1]) == plain
     assert plain[:2] == b"\x01\x01"
 
     def number(at: int, count: int) -> int:
@@ -144,16 +152,16 @@ def test_stuffing_and_back(length: int, rarity: int, seed: int) -> None:
     random = np.random.default_rng(seed)
     plain = random.integers(1, 256, length, np.uint8)
     plain[random.integers(0, rarity, length) == rarity - 1] = 0
-    stuff = stuffed(plain.tobytes())
+    stuff = cobs_encode(plain.tobytes())
     assert stuff == slow_stuffed(plain.tobytes())
     assert 0 not in stuff
-    assert unstuffed(stuff) == plain.tobytes()
+    assert cobs_decode(stuff) == plain.tobytes()
 
 
 @pytest.mark.parametrize("stuff", [b"\x05\x01", b"\xff\x01\x02", b"\x02"])
 def test_what_is_no_stuffing_is_told(stuff: bytes) -> None:
-    assert unstuffed(stuff) is None
-    assert unseal(stuff) is None
+    assert cobs_decode(stuff) is None
+    assert check_frame(stuff) is None
 
 
 @st.composite
@@ -201,7 +209,7 @@ def _scan(strips: int = 3, code: int = 5, name: str = "k") -> RawScan:
     [
         (lambda: encode_scan(_scan(code=1024), 10), "enough for the code 1024"),
         (lambda: encode_scan(_scan(), 17), "adc_bits = 17: must be 1 to 16"),
-        (lambda: encode_scan(_scan(MOST_STRIPS + 1), 10), "has 1 to 4096"),
+        (lambda: encode_scan(_scan(MAX_STRIPS + 1), 10), "has 1 to 4096"),
         (lambda: encode_scan(_scan(name="electrodes"), 10), "'electrodes' does not go over the wire"),
         (lambda: Command(Kind.HELLO).encode(), "is no command; commands are 0x81 to 0x85"),
         (lambda: Command(Kind.RATE).encode(), "period_us belongs to the command RATE"),
@@ -222,11 +230,11 @@ def test_what_does_not_fit_is_refused(make: Any, message: str) -> None:
 @pytest.mark.parametrize("kind", [Kind.HELLO, Kind.REPLY, Kind.TESTED, *range(0x81, 0x86)])
 def test_bodies_of_another_length_say_nothing(kind: int) -> None:
     for length in (1, 3, 5, 9, 57, 59):
-        assert parsed(Frame(1, kind, 0, 0, b"\x07" * length)) is None
+        assert parse_message(WireFrame(1, kind, 0, 0, b"\x07" * length)) is None
 
 
 def test_header_fields_wrap() -> None:
-    stuff = seal(Kind.START, b"", 2**32 + 5, 2**32 + 6)[1:-1]
-    plain = unseal(stuff)
+    stuff = encode_frame(Kind.START, b"", 2**32 + 5, 2**32 + 6)[1:-1]
+    plain = check_frame(stuff)
     assert plain is not None
-    assert parse(plain)[:4] == (1, Kind.START, 5, 6)
+    assert parse_frame(plain)[:4] == (1, Kind.START, 5, 6)

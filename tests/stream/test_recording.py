@@ -294,7 +294,7 @@ def test_recover_leaves_a_damaged_chunk_out(tmp_path: Path) -> None:
 def test_what_cannot_be_recorded(tmp_path: Path) -> None:
     spec = sensor()
     raw = next(iter(source(spec)))
-    with pytest.raises(ts.RecordingError, match="give the spec its adc_bits"):
+    with pytest.raises(ts.RecordingError, match="set adc_bits in the spec"):
         Recorder(tmp_path / "a.mcap", replace(spec, adc_bits=None), ("kh",), ORIGIN)
     with Recorder(tmp_path / "a.mcap", spec, ("kh", "kl"), ORIGIN) as recorder:
         for time_s in (float("nan"), 1e300, 1e10, -1e12):

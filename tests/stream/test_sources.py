@@ -18,7 +18,7 @@ from recordings import ORIGIN, make, sensor, source
 from strategies import FIXED
 from tacstrip.reconstruction.methods import METHODS, reconstruct
 from tacstrip.stream import Drag, RawScan, ReadingsSource, Source, paced
-from tacstrip.stream.codes import code_shape, code_type, decode, encode, rounding, top_code
+from tacstrip.stream.codes import code_shape, code_type, decode, encode, quantisation_error, top_code
 from tacstrip.stream.recording.record import record, with_shapes
 from tacstrip.stream.recording.recorder import Recorder
 from tacstrip.stream.replay import open_source
@@ -106,7 +106,7 @@ def test_encode_then_decode_is_exact_on_codes(bits: int, seed: int, construction
         for name in spec.signatures
     }
     scan = ts.Scan(**values, time_s=3.5)
-    assert rounding(scan, spec) == pytest.approx(0.0, abs=1e-5)
+    assert quantisation_error(scan, spec) == pytest.approx(0.0, abs=1e-5)
     back = decode(encode(scan, spec), spec)
     for name in spec.signatures:
         np.testing.assert_allclose(back[name], scan[name], rtol=0.0, atol=1e-15)
@@ -121,8 +121,8 @@ def test_without_converter_sixteen_bits() -> None:
 
 def test_rounding_tells_what_a_converter_cannot_hold() -> None:
     spec = sensor("crs-m", 3)
-    assert rounding(ts.Scan(k=np.array([np.nan, 0.3 / 4095, 1.0])), spec) == pytest.approx(0.3)
-    assert rounding(ts.Scan(k=np.full(3, np.nan)), spec) == 0.0
+    assert quantisation_error(ts.Scan(k=np.array([np.nan, 0.3 / 4095, 1.0])), spec) == pytest.approx(0.3)
+    assert quantisation_error(ts.Scan(k=np.full(3, np.nan)), spec) == 0.0
 
 
 def test_a_code_above_the_converter() -> None:
@@ -227,7 +227,7 @@ def test_times_since_1970_stay(tmp_path: Path) -> None:
         (lambda: ts.SimulatedSource(sensor(), STILL, scans=0), "scans = 0: must be 1 or more"),
         (lambda: ts.SimulatedSource(sensor(), STILL, ahead=0), "ahead = 0: must be 1 or more"),
         (lambda: ts.SimulatedSource(sensor(), STILL, -1.0), "rate_hz = -1.0: must be above 0"),
-        (lambda: Drag(ts.Contact.points((1, 1)), [(0, 0)], 0.0), "a drag takes a time above 0"),
+        (lambda: Drag(ts.Contact.points((1, 1)), [(0, 0)], 0.0), "seconds = 0.0: must be above 0"),
     ],
 )
 def test_what_a_source_refuses(make_it: Callable[[], object], told: str) -> None:

@@ -16,9 +16,10 @@ import pytest
 import tacstrip as ts
 from tacstrip.stream.live.pipeline import Live
 from tacstrip.view.access import Access
-from tacstrip.view.controller import Stage
+from tacstrip.view.controller import Controller
+from tacstrip.view.health import background_process
 from tacstrip.view.server import Server
-from tacstrip.view.simulator import Playground, Settings
+from tacstrip.view.simulator import Settings, Simulator
 from waiting import wait_until
 
 playwright = pytest.importorskip(
@@ -47,13 +48,11 @@ def browser() -> Iterator[Any]:
 
 @pytest.fixture
 def server(tmp_path: Path) -> Iterator[Server]:
-    playground = Playground(Settings(SENSOR, RATE_HZ), OBJECTS)
-    with Live(playground.source(), then=playground.source) as live:
-        stage = Stage(live, playground, tmp_path)
-        made = Server(stage, Access("127.0.0.1"))
+    simulator = Simulator(Settings(SENSOR, RATE_HZ), OBJECTS)
+    with Live(simulator.source(), next_source=simulator.source) as live, background_process() as executor:
+        made = Server(Controller(live, executor, simulator, tmp_path), Access("127.0.0.1"))
         yield made
         made.close()
-        stage.close()
 
 
 @pytest.fixture
@@ -118,26 +117,26 @@ def test_a_dragged_corner_changes_the_recovered_shape(open_page: Callable[..., A
 
 def test_keys_move_turn_add_and_remove(open_page: Callable[..., Any], server: Server) -> None:
     page = open_page(viewport={"width": 1280, "height": 860})
-    playground = server.stage.playground
-    assert playground is not None
+    simulator = server.controller.simulator
+    assert simulator is not None
     page.locator("[data-key='1.']").focus()
     for key in ("ArrowRight", "ArrowUp", "Shift+ArrowDown"):
         page.keyboard.press(key)
     moved = [(x + 0.5, y + 0.5 - 5.0) for x, y in OBJECTS[1]]
     wait_until(
-        lambda: [round(v, 6) for p in playground.objects[1] for v in p] == [v for p in moved for v in p]
+        lambda: [round(v, 6) for p in simulator.objects[1] for v in p] == [v for p in moved for v in p]
     )
     page.keyboard.press("]")
-    wait_until(lambda: abs(playground.objects[1][0][0] - moved[0][0]) > 0.5)
+    wait_until(lambda: abs(simulator.objects[1][0][0] - moved[0][0]) > 0.5)
     page.keyboard.press("Tab")
     page.locator("[data-key='1.2']").focus()
     page.keyboard.press("+")
-    wait_until(lambda: len(playground.objects[1]) == 4)
+    wait_until(lambda: len(simulator.objects[1]) == 4)
     page.keyboard.press("Delete")
-    wait_until(lambda: len(playground.objects[1]) == 3)
+    wait_until(lambda: len(simulator.objects[1]) == 3)
     page.locator("[data-key='1.']").focus()
     page.keyboard.press("Delete")
-    wait_until(lambda: len(playground.objects) == 1)
+    wait_until(lambda: len(simulator.objects) == 1)
     wait_until(lambda: len(_objects(page)) == 1)
 
 
@@ -152,11 +151,11 @@ def test_settings_pause_theme_and_recording(
     (file,) = tmp_path.glob("*.mcap")
     assert len(list(ts.Recording(file))) > 10
     page.locator("#pause").click()
-    count, came = _drawn(page), server.stage.live.frames
+    count, came = _drawn(page), server.controller.live.frames
     # What the page writes there when the server's next numbers come, between frames.
     page.evaluate("() => { document.getElementById('draws').textContent = ''; }")
     wait_until(lambda: page.locator("#draws").inner_text() == "paused")
-    assert server.stage.live.frames > came
+    wait_until(lambda: server.controller.live.frames > came)
     assert _drawn(page) == count
     page.locator("#pause").click()
     wait_until(lambda: _drawn(page) > count)
@@ -169,7 +168,7 @@ def test_settings_pause_theme_and_recording(
     page.locator("#strips").press("Enter")
     wait_until(lambda: "30 strips" in page.locator("#what").inner_text())
     page.locator("#method").select_option("vertex")
-    wait_until(lambda: server.stage.live.method == "vertex")
+    wait_until(lambda: server.controller.live.method == "vertex")
 
 
 def test_the_page_on_a_phone(open_page: Callable[..., Any], tmp_path: Path) -> None:
@@ -192,8 +191,8 @@ def test_pictures(
         page.locator(f"#{field}").press("Enter")
     page.locator(".region").first.wait_for(state="attached")
     page.locator("#hz").blur()
-    settled = server.stage.live.frames + 500
-    wait_until(lambda: server.stage.live.frames > settled)
+    settled = server.controller.live.frames + 500
+    wait_until(lambda: server.controller.live.frames > settled)
     wait_until(lambda: [(one["status"], one["advice"]) for one in _objects(page)] == [("ok", "")] * 2)
     _picture(page, name, tmp_path)
 

@@ -16,39 +16,39 @@ import pytest
 import tacstrip as ts
 from live_devices import SENSOR
 from tacstrip.stream import RawScan
-from tacstrip.stream.live.bounded_queue import Mailbox
+from tacstrip.stream.live.bounded_queue import BoundedQueue
 from tacstrip.stream.live.pipeline import Live
 from tacstrip.tracking import Tracker
 from tacstrip.view.access import Access
-from tacstrip.view.controller import Stage
+from tacstrip.view.controller import Controller
 from tacstrip.view.drawing import frame_json
+from tacstrip.view.health import background_process
 from tacstrip.view.server import PAGE, Server
-from tacstrip.view.simulator import Playground, Settings, sensor_of
+from tacstrip.view.simulator import Settings, Simulator, sensor_of
 from waiting import HANG_S, wait_until
 
 
 @pytest.fixture
-def playground() -> Playground:
-    return Playground(Settings(SENSOR, 500.0, ts.Noise(positional=0.002)))
+def simulator() -> Simulator:
+    return Simulator(Settings(SENSOR, 500.0, ts.Noise(positional=0.002)))
 
 
 @pytest.fixture
-def live(playground: Playground) -> Iterator[Live]:
-    stream = Live(playground.source(), then=playground.source)
+def live(simulator: Simulator) -> Iterator[Live]:
+    stream = Live(simulator.source(), next_source=simulator.source)
     with stream:
         yield stream
 
 
 @pytest.fixture
-def stage(live: Live, playground: Playground, tmp_path: Path) -> Iterator[Stage]:
-    made = Stage(live, playground, tmp_path)
-    yield made
-    made.close()
+def controller(live: Live, simulator: Simulator, tmp_path: Path) -> Iterator[Controller]:
+    with background_process() as executor:
+        yield Controller(live, executor, simulator, tmp_path)
 
 
 @pytest.fixture
-def server(stage: Stage) -> Iterator[Server]:
-    made = Server(stage, Access("127.0.0.1"))
+def server(controller: Controller) -> Iterator[Server]:
+    made = Server(controller, Access("127.0.0.1"))
     yield made
     made.close()
 
@@ -107,9 +107,9 @@ def test_another_origin_and_another_name_are_refused(server: Server) -> None:
 
 
 def test_on_the_network_a_token_is_needed_and_the_looking_one_changes_nothing(
-    stage: Stage, playground: Playground
+    controller: Controller, simulator: Simulator
 ) -> None:
-    server = Server(stage, Access("0.0.0.0"))
+    server = Server(controller, Access("0.0.0.0"))
     access, base = server.access, _base(server)
     try:
         assert set(server.urls) == {"look", "control"}
@@ -126,25 +126,25 @@ def test_on_the_network_a_token_is_needed_and_the_looking_one_changes_nothing(
                     await socket.send_json({"do": "place", "objects": []})
                     if not control:
                         told = await _until(socket, "refused")
-                        assert told["text"].startswith("this page may look, not change")
-                        assert len(playground.objects) == 1
+                        assert told["text"].startswith("this address is for viewing only")
+                        assert len(simulator.objects) == 1
                     else:
-                        await asyncio.to_thread(wait_until, lambda: not playground.objects)
+                        await asyncio.to_thread(wait_until, lambda: not simulator.objects)
 
         _talk(look)
     finally:
         server.close()
 
 
-def test_an_address_that_is_taken_is_named(server: Server, stage: Stage) -> None:
+def test_an_address_that_is_taken_is_named(server: Server, controller: Controller) -> None:
     with pytest.raises(
         ts.OptionError,
         match=rf"cannot be served on 127.0.0.1:{server.port}: the port is in use, .* choose another",
     ):
-        Server(stage, Access("127.0.0.1"), server.port)
+        Server(controller, Access("127.0.0.1"), server.port)
 
 
-def test_a_page_is_told_the_frames_and_the_numbers(server: Server, playground: Playground) -> None:
+def test_a_page_is_told_the_frames_and_the_numbers(server: Server, simulator: Simulator) -> None:
     async def watch(session: aiohttp.ClientSession) -> None:
         async with session.ws_connect(f"{_base(server)}/ws") as socket:
             hello = await socket.receive_json()
@@ -156,7 +156,7 @@ def test_a_page_is_told_the_frames_and_the_numbers(server: Server, playground: P
                     break
             (one,) = frame["objects"]
             assert len(frame["readings"]["kh"]) == 20
-            assert frame["truth"] == [[list(p) for p in ring] for ring in playground.objects]
+            assert frame["truth"] == [[list(p) for p in ring] for ring in simulator.objects]
             truth = np.array(frame["truth"][0])
             assert ts.mismatch(truth, np.array(one["vertices"])).iou > 0.95
             assert len(one["regions"]) == len(one["vertices"])
@@ -167,7 +167,7 @@ def test_a_page_is_told_the_frames_and_the_numbers(server: Server, playground: P
     _talk(watch)
 
 
-def _newest(box: Mailbox[ts.Frame]) -> int:
+def _newest(box: BoundedQueue[ts.Frame]) -> int:
     frame = box.get(HANG_S)
     assert frame is not None
     return frame.number
@@ -186,7 +186,7 @@ def test_a_slow_page_gets_the_newest_and_a_page_that_goes_is_forgotten(server: S
             assert server.watching == 1
             return numbers
 
-    box = live.outlet(detailed=True)
+    box = live.subscribe(detailed=True)
     _, second, third = _talk(watch)
     assert third > second + 100
     wait_until(lambda: server.watching == 0)
@@ -196,10 +196,10 @@ def test_a_slow_page_gets_the_newest_and_a_page_that_goes_is_forgotten(server: S
 @pytest.mark.parametrize(
     ("text", "answer"),
     [
-        ('{"do": "fly"}', "there is no such thing to do"),
+        ('{"do": "fly"}', "unknown request"),
         ('{"do": "place", "objects": [[[0, 0], [1, 1]]]}', "a polygon needs at least 3 points"),
         ('{"do": "place", "objects": [[[0, 0], [9, 9], [9, 0], [0, 9]]]}', "crosses itself"),
-        ('{"do": "place", "objects": 5}', "makes no sense"),
+        ('{"do": "place", "objects": 5}', "is malformed"),
         ('{"do": "place", "objects": [[[0, 0], [1, null], [3, 4]]]}', "number"),
         ('{"do": "set", "settings": {"strips": 1}}', "strips = 1: must be 2 to 1000"),
         ('{"do": "set", "settings": {"strips": "x"}}', "strips = x: must be 2 to 1000"),
@@ -240,11 +240,11 @@ def test_recording_from_the_page(server: Server, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("construction", ["crs-m", "cyl-crs-m", "crs-crp"])
-def test_the_playground_changes_its_sensor(
-    stage: Stage, live: Live, playground: Playground, construction: str
+def test_the_simulator_changes_its_sensor(
+    controller: Controller, live: Live, simulator: Simulator, construction: str
 ) -> None:
-    assert stage.do({"do": "set", "settings": {"construction": construction, "strips": 16}}) is None
-    box = live.outlet()
+    assert controller.do({"do": "set", "settings": {"construction": construction, "strips": 16}}) is None
+    box = live.subscribe()
     while True:
         frame = box.get(HANG_S)
         assert frame is not None
@@ -254,38 +254,40 @@ def test_the_playground_changes_its_sensor(
     assert live.error is None
 
 
-def test_sensors_of_the_playground() -> None:
+def test_sensors_of_the_simulator() -> None:
     assert sensor_of("crs-crp", 500, SENSOR).strips == 24
     assert sensor_of("crs-crs", 20, SENSOR) == SENSOR
     with pytest.raises(ts.OptionError):
         sensor_of("crs-crs", 2.5, SENSOR)
 
 
-def test_a_contact_off_the_sensor_is_told_and_does_not_end_the_stream(stage: Stage, live: Live) -> None:
-    stage.do({"do": "place", "objects": [[[500, 0], [510, 0], [505, 9]]]})
-    box = live.outlet()
+def test_a_contact_off_the_sensor_is_told_and_does_not_end_the_stream(
+    controller: Controller, live: Live
+) -> None:
+    controller.do({"do": "place", "objects": [[[500, 0], [510, 0], [505, 9]]]})
+    box = live.subscribe()
     while (frame := box.get(HANG_S)) is not None and frame.objects:
         pass
     assert frame is not None
-    wait_until(lambda: "outside the sensor" in stage.state()["trouble"])
+    wait_until(lambda: "outside the sensor" in controller.state()["problem"])
     assert live.running
 
 
-def test_the_doctor_looks_at_what_was_measured(stage: Stage, live: Live) -> None:
+def test_the_doctor_looks_at_what_was_measured(controller: Controller, live: Live) -> None:
     ring = SENSOR.x_mm[[2, 12, 12, 2]]
     places = itertools.cycle(range(0, 60, 3))
-    stage.watched(True)
+    controller.watched(True)
 
     def examined() -> bool:
         x, y = next(places), np.array([20.0, 30.0, 70.0, 50.0])
-        stage.do({"do": "place", "objects": [np.stack([ring * 0.6 + x, y + 0.3 * x], axis=1).tolist()]})
-        stage.picture()
-        stage.health.examine(lambda: None)
-        return stage.health.report is not None
+        controller.do({"do": "place", "objects": [np.stack([ring * 0.6 + x, y + 0.3 * x], axis=1).tolist()]})
+        controller.picture()
+        controller.health.examine()
+        return controller.health.report is not None
 
     wait_until(examined)
-    assert stage.health.trouble == ""
-    told = stage.state()["health"]
+    assert controller.health.problem == ""
+    told = controller.state()["health"]
     assert len(told["strips"]) == 20
     assert "broken" not in told["strips"]
     assert told["strips"].count("ok") > 5

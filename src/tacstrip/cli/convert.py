@@ -22,14 +22,14 @@ _KINDS = (".mcap", ".csv", ".npz", ".geojson", ".toml")
 @click.command()
 @click.argument("files", metavar="[SENSOR] INPUT", nargs=-1, required=True)
 @click.option("-o", "--output", type=click.Path(path_type=Path), required=True,
-              help="File to make: .csv, .npz, .geojson, .mcap or .toml.")  # fmt: skip
-@click.option("--codes", is_flag=True, help="A/D codes in a .csv, not volts.")
-@click.option("--force", is_flag=True, help="Write over a file that is there.")
+              help="New file: .csv, .npz, .geojson, .mcap or .toml.")  # fmt: skip
+@click.option("--codes", is_flag=True, help="A/D codes instead of volts in a .csv.")
+@click.option("--force", is_flag=True, help="Overwrite an existing file.")
 def command(files: tuple[str, ...], output: Path, codes: bool, force: bool) -> None:
-    """Turn INPUT, a recording (.mcap) or readings (.csv), into another kind of file.
+    """Convert INPUT, a recording (.mcap) or readings (.csv), to another format.
 
-    Readings need the SENSOR (a spec file or a shipped spec) that they are of; a recording is read with its own spec
-    where none is named. Scans go to .csv, .npz and .mcap; shapes to .npz and .geojson, from recordings that hold
+    Readings need their SENSOR (a spec file or a shipped spec); a recording is decoded with its own spec where none
+    is named. Scans go to .csv, .npz and .mcap; shapes to .npz and .geojson, from recordings that hold
     some; the spec to .toml.
 
     Example: tacstrip convert session.mcap -o session.npz
@@ -56,11 +56,11 @@ def command(files: tuple[str, ...], output: Path, codes: bool, force: bool) -> N
 
 
 def _converted(name: str, source: Source, output: Path, codes: bool) -> str:
-    """Write a file by its ending and say what is in it."""
+    """Write a file by its ending; return a description of its contents."""
     match output.suffix.lower():
         case ".geojson":
             if not isinstance(source, Recording):
-                raise OptionError(f"{name} holds no shapes; `tacstrip reconstruct` makes them of readings")
+                raise OptionError(f"{name} holds no shapes; `tacstrip reconstruct` makes them from readings")
             return f"{write_shapes(output, source)} shape(s)"
         case ".toml":
             source.sensor.save(output)

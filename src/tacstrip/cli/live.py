@@ -7,7 +7,6 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -28,15 +27,15 @@ from tacstrip.stream.live.warmup import warm_up
 from tacstrip.stream.replay import ReadingsSource, open_source
 from tacstrip.stream.source import Source
 from tacstrip.view.access import Access, check_port
-from tacstrip.view.controller import Stage
+from tacstrip.view.controller import Controller
+from tacstrip.view.health import background_process
 from tacstrip.view.server import Server
-from tacstrip.view.simulator import Playground, Settings
+from tacstrip.view.simulator import Settings, Simulator
 
 _HTTP = 8360
-_NAP_S = 0.1
-_OWN = Sensor(
-    construction="crs-crs", strips=50, pitch_mm=2.0, length_mm=100.0, adc_bits=12
-)  # the playground's
+_POLL_S = 0.1
+# The simulator's, where no spec is given.
+_SENSOR = Sensor(construction="crs-crs", strips=50, pitch_mm=2.0, length_mm=100.0, adc_bits=12)
 _RATE_HZ = 1000.0
 
 
@@ -44,28 +43,34 @@ _RATE_HZ = 1000.0
 @click.argument("files", metavar="[[SENSOR] INPUT]", nargs=-1)
 @click.option("--port", help="Serial port of the device, such as /dev/ttyACM0.")
 @click.option("--baud", type=int, default=BAUD, show_default=True, help="Speed of the line.")
-@click.option("--simulate", is_flag=True, help="A virtual device, and a playground on the page.")
-@click.option("--device", is_flag=True, help="Be a virtual device on a serial port, for another program.")
-@click.option("--sensor", metavar="SENSOR", help="Spec of the device, the playground or the recording.")
-@click.option("--rate", type=float, help="Scans a second to ask the device for; the playground's are 1000.")
-@click.option("--method", help="Recover shapes by this: polygon, vertex or profile.")
+@click.option("--simulate", is_flag=True, help="A simulated device, controlled from the page.")
+@click.option(
+    "--device", is_flag=True, help="Serve a simulated device on a serial port, for another program."
+)
+@click.option("--sensor", metavar="SENSOR", help="Spec of the device, the simulator or the recording.")
+@click.option(
+    "--rate", type=float, help="Scan rate to request from the device; the simulator's is 1000 [Hz]."
+)
+@click.option("--method", help="Method of reconstruction: polygon, vertex or profile.")
 @click.option("--noise", type=float, help="Half-width of the readings' errors over Vref, where it is known.")
-@click.option("--no-drift", is_flag=True, help="Do not follow drift, as a calibrated sensor's otherwise is.")
-@click.option("--speed", type=float, default=1.0, show_default=True, help="INPUT: times its own pace.")
+@click.option("--no-drift", is_flag=True, help="Do not remove the drift of a calibrated sensor.")
+@click.option(
+    "--speed", type=float, default=1.0, show_default=True, help="INPUT: speed relative to its own times."
+)
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="Record to this file (.mcap).")
-@click.option("--force", is_flag=True, help="Write over a file that is there.")
+@click.option("--force", is_flag=True, help="Overwrite an existing file.")
 @click.option("--no-view", is_flag=True, help="No page.")
-@click.option("--http", type=int, default=_HTTP, show_default=True, help="The page's port; 0: any.")
+@click.option("--http", type=int, default=_HTTP, show_default=True, help="The page's port; 0: any free one.")
 @click.option("--host", default="127.0.0.1", show_default=True,
-              help="Where the page listens; 0.0.0.0 lets the local network in, with a token.")  # fmt: skip
+              help="Address of the page; 0.0.0.0 lets the local network in, with a token.")  # fmt: skip
 @click.option("--json", "lines", is_flag=True, help="Objects as JSON lines on standard output.")
 @click.option("--osc", metavar="HOST:PORT", help="Objects as TUIO 1.1 blobs over UDP.")
-@click.option("--seconds", type=float, default=math.inf, help="End after so long.")
+@click.option("--seconds", type=float, default=math.inf, help="End after so many seconds.")
 def command(files: tuple[str, ...], **given: Any) -> None:
-    """Show shapes as they touch the sensor, on a page of this computer; record them and pass them on.
+    """Show the shapes that touch the sensor on a page of this computer; record them and pass them on.
 
-    Scans come from a device (--port), a virtual one (--simulate), or INPUT: a recording (.mcap), or readings (.csv)
-    of SENSOR. Ctrl-C ends it, and a recording is then complete. Exit code 1: the stream or the recording broke off.
+    Scans come from a device (--port), a simulated one (--simulate), or INPUT: a recording (.mcap), or readings (.csv)
+    of SENSOR. Ctrl-C ends it, and a recording is then complete. Exit code 1: the stream or the recording failed.
 
     Example: tacstrip live --simulate
     """
@@ -85,57 +90,46 @@ def command(files: tuple[str, ...], **given: Any) -> None:
     spec = files[0] if len(files) == 2 else given["sensor"]
     sensor = load_sensor(spec) if spec else None
     with Interrupt() as stop:
-        asked = _Asked(given, stop)
+        end_s = time.monotonic() + given["seconds"]
+
+        def running() -> bool:
+            time.sleep(_POLL_S)
+            return not stop() and time.monotonic() < end_s
+
         if given["device"]:
-            _be_device(Playground(Settings(sensor or _OWN, given["rate"] or _RATE_HZ)), asked)
+            _serve_device(Simulator(Settings(sensor or _SENSOR, given["rate"] or _RATE_HZ)), running)
             return
         try:
-            bad = _stream(files, sensor, asked)
+            failed = _stream(files, sensor, given, running)
         except PortError as error:
             click.echo(f"Error: {error}", err=True)
-            bad = True
-    sys.exit(1 if bad else 0)
-
-
-@dataclass
-class _Asked:
-    """The options, and when to end."""
-
-    given: dict[str, Any]
-    stop: Callable[[], bool]
-    _end_s: float = field(init=False)
-
-    def __post_init__(self) -> None:
-        self._end_s = time.monotonic() + self.given["seconds"]
-
-    def going(self) -> bool:
-        """Wait a little; tell whether to go on."""
-        time.sleep(_NAP_S)
-        return not self.stop() and time.monotonic() < self._end_s
+            failed = True
+    sys.exit(1 if failed else 0)
 
 
 def _tell(text: str) -> None:
     click.echo(text, err=True)
 
 
-def _be_device(playground: Playground, asked: _Asked) -> None:
-    with PtyDevice(playground.virtual_device()) as served:
+def _serve_device(simulator: Simulator, running: Callable[[], bool]) -> None:
+    with PtyDevice(simulator.virtual_device()) as served:
         _tell(
-            f"a virtual {playground.settings.sensor.construction} device is on {served.path}; Ctrl-C pulls it out"
+            f"a simulated {simulator.settings.sensor.construction} device is on {served.path}; Ctrl-C unplugs it"
         )
-        while asked.going():
+        while running():
             pass
 
 
-def _stream(files: tuple[str, ...], sensor: Sensor | None, asked: _Asked) -> bool:
-    """Run the stream to its end; return whether it, or its recording, broke off."""
-    given = asked.given
-    playground = (
-        Playground(Settings(sensor or _OWN, given["rate"] or _RATE_HZ)) if given["simulate"] else None
+def _stream(
+    files: tuple[str, ...], sensor: Sensor | None, given: dict[str, Any], running: Callable[[], bool]
+) -> bool:
+    """Run the stream to its end; return whether it, or its recording, failed."""
+    simulator = (
+        Simulator(Settings(sensor or _SENSOR, given["rate"] or _RATE_HZ)) if given["simulate"] else None
     )
     source: Source
-    if playground is not None:
-        source = playground.source(_tell)
+    if simulator is not None:
+        source = simulator.source(_tell)
     elif given["port"]:
         source = SerialSource(lambda: SerialPort(given["port"], given["baud"]), sensor, given["rate"], _tell)
     else:
@@ -148,28 +142,34 @@ def _stream(files: tuple[str, ...], sensor: Sensor | None, asked: _Asked) -> boo
     warm_up(source.sensor, given["method"])
     noise = None if given["noise"] is None else Noise(positional=given["noise"])
     live = Live(
-        source, given["method"], noise, not given["no_drift"], given["speed"], _next(playground), tell=_tell
+        source,
+        given["method"],
+        noise,
+        not given["no_drift"],
+        given["speed"],
+        _next(simulator),
+        on_message=_tell,
     )
     with ExitStack() as stack:
-        # What may not be had comes first: no file is begun for nothing.
+        # The page and the sinks come first: where they fail, no recording has been begun.
         sinks = list(_sinks(live, given))
         for sink in sinks:
             stack.callback(sink.close)
         if not given["no_view"]:
-            stack.enter_context(_page(live, playground, given))
+            stack.enter_context(_page(live, simulator, given))
         if given["output"] is not None:
             live.record(given["output"], force=given["force"])
         with live:
-            while live.running and asked.going() and not (sinks and all(sink.ended for sink in sinks)):
+            while live.running and running() and not (sinks and all(sink.ended for sink in sinks)):
                 pass
-    # A reader of the lines that goes ends them as it likes.
-    cut = any(sink.error and not isinstance(sink.error, BrokenPipeError) for sink in sinks)
-    return cut or live.recording_failed or live.error is not None
+    # The reader of the lines may close them at any time.
+    sink_failed = any(sink.error and not isinstance(sink.error, BrokenPipeError) for sink in sinks)
+    return sink_failed or live.recording_failed or live.error is not None
 
 
-def _next(playground: Playground | None) -> Callable[[], Source | None]:
-    """Return what gives the source after one that ended: a playground's, whose settings were changed."""
-    return (lambda: None) if playground is None else lambda: playground.source(_tell)
+def _next(simulator: Simulator | None) -> Callable[[], Source | None]:
+    """Return the function that gives the next source: of a simulator whose settings were changed."""
+    return (lambda: None) if simulator is None else lambda: simulator.source(_tell)
 
 
 def _sinks(live: Live, given: dict[str, Any]) -> Iterator[Sink]:
@@ -180,15 +180,16 @@ def _sinks(live: Live, given: dict[str, Any]) -> Iterator[Sink]:
 
 
 @contextmanager
-def _page(live: Live, playground: Playground | None, given: dict[str, Any]) -> Iterator[None]:
-    stage = Stage(live, playground)
-    server = Server(stage, Access(given["host"]), given["http"])
+def _page(live: Live, simulator: Simulator | None, given: dict[str, Any]) -> Iterator[None]:
+    executor = background_process()
+    controller = Controller(live, executor, simulator)
+    server = Server(controller, Access(given["host"]), given["http"])
     urls = server.urls
-    _tell(f"see it on {urls.pop('control')}")
+    _tell(f"the page is at {urls.pop('control')}")
     for url in urls.values():
-        _tell(f"to look only: {url}")
+        _tell(f"view only: {url}")
     try:
         yield
     finally:
         server.close()
-        stage.close()
+        executor.shutdown(wait=False, cancel_futures=True)

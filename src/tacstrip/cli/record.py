@@ -31,37 +31,39 @@ from tacstrip.stream.source import RawScan, Source
 
 _POINT = (float, float)
 _CONTACTS = (".wkt", ".geojson", ".json")
-_LONG_S = 60.0  # of work, from which on it is told before it begins
-_SAMPLE, _SAMPLE_S = 64, 0.5  # scans that tell how long one takes, and the time for them [s]
-_WRITE_S = (
-    6e-5  # a scan [s]; and bytes on disk of a scan, of a touched strip's code, of a shape, of its corner
-)
+_LONG_S = 60.0  # of work; more is announced before it begins
+_SAMPLE, _SAMPLE_S = 64, 0.5  # most scans, and longest time, to estimate the time per scan
+_WRITE_S = 6e-5  # per scan
+# Bytes on disk of a scan, of a touched strip's code, of a shape, of its vertex.
 _SCAN_BYTES, _CODE_BYTES, _SHAPE_BYTES, _CORNER_BYTES = 40.0, 1.2, 50.0, 3.0
-_CODE = 0.01  # steps of the converter that a reading may lie off its code by the rounding of a text file
+_TEXT_ROUNDING = 0.01  # steps of the converter by which the rounding of a text file may move a reading
 
 
 @click.command()
 @click.argument("files", metavar="[SENSOR] INPUT", nargs=-1, required=True)
 @click.option("-o", "--output", type=click.Path(path_type=Path), required=True, help="Recording (.mcap).")
 @click.option(
-    "--reconstruct", "method", metavar="METHOD", help="Store shapes too: vertex, profile or polygon."
+    "--reconstruct",
+    "method",
+    metavar="METHOD",
+    help="Store reconstructed shapes too: vertex, profile or polygon.",
 )
-@click.option("--paced", is_flag=True, help="At the pace of the scans; otherwise as fast as it goes.")
-@click.option("--force", is_flag=True, help="Write over a file that is there.")
+@click.option("--paced", is_flag=True, help="In real time; otherwise as fast as possible.")
+@click.option("--force", is_flag=True, help="Overwrite an existing file.")
 @click.option("--at", type=_POINT, metavar="X Y", help="Contact: put its centroid here [mm].")
 @click.option("--turn", type=float, default=0.0, metavar="DEG", help="Contact: turn it counter-clockwise.")
 @click.option("--drag", type=_POINT, multiple=True, metavar="X Y",
-              help="Contact: drag it on to here; repeat for a path.")  # fmt: skip
+              help="Contact: move it to here; repeat for a path.")  # fmt: skip
 @click.option("--turn-rate", type=float, default=0.0, metavar="DEG/S", help="Contact: keep turning it.")
-@click.option("--rate", type=float, default=100.0, show_default=True, help="Contact: scans a second [Hz].")
+@click.option("--rate", type=float, default=100.0, show_default=True, help="Contact: scan rate [Hz].")
 @click.option("--seconds", type=float, default=1.0, show_default=True,
-              help="Contact: how long, from the path's start to its end.")  # fmt: skip
+              help="Contact: duration, from the path's start to its end.")  # fmt: skip
 @click.option("--quantisation", type=float, default=0.0, help="Contact: C.Q.E., half-width over Vref.")
 @click.option("--positional", type=float, default=0.0, help="Contact: P.U., half-width over Vref.")
 @click.option("--distribution", default="uniform", show_default=True, help="Contact: uniform or normal.")
 @click.option("--model", help="Contact: closed or network.")
 @click.option("--electrodes", default="own", show_default=True, help="Contact, CRS-CRP: own or all.")
-@click.option("--seed", type=int, default=0, show_default=True, help="Contact: of the errors.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Contact: seed of the random errors.")
 @click.pass_context
 def command(
     context: click.Context,
@@ -73,11 +75,11 @@ def command(
     force: bool,
     **simulation: Any,
 ) -> None:
-    """Record A/D codes, and shapes if wanted, in one MCAP file with the sensor's spec.
+    """Record A/D codes, and shapes if wanted, to one MCAP file with the sensor's spec.
 
     INPUT is a contact (.wkt, .geojson) on a simulated SENSOR, readings of SENSOR (.csv), or another recording (.mcap),
-    which keeps its own spec where no SENSOR is named. Ctrl-C ends the recording. Exit code 1: a write failed, as on a
-    full disk; what was saved until then is a whole recording.
+    which keeps its own spec where no SENSOR is named. Ctrl-C ends the recording. Exit code 1: writing failed, as on a
+    full disk; the scans saved until then are a complete recording.
 
     Example: tacstrip record prototype-crs-crs object.wkt -o session.mcap --at 32 160 --drag 32 250 --rate 1000 --paced
     """
@@ -119,7 +121,7 @@ def _simulated(files: tuple[str, ...], given: dict[str, Any]) -> SimulatedSource
 
 
 def _count(given: dict[str, Any]) -> int:
-    """Return how many scans of a contact are asked for."""
+    """Return the number of scans of a contact."""
     return max(1, round(float(given["seconds"]) * float(given["rate"])))
 
 
@@ -133,10 +135,10 @@ def save_recording(
     count: int = 0,
     part: Path | None = None,
 ) -> None:
-    """Record a source, opened from the command line's files, and say what was saved; exit code 1 if a write fails.
+    """Record a source, opened from the command line's files, and print what was saved; exit code 1 if writing fails.
 
-    `count`: how many scans it will give, where that is known; much work is then told before it begins. `part`: write
-    here in place of `output`, all scans or none; who says so puts it in its place.
+    `count`: the number of scans, where it is known, so that long work is announced. `part`: write to this file, all
+    scans or none; the caller then moves it to `output`.
     """
     check_method("--reconstruct", method, source.sensor, source.names)
     if isinstance(source, ReadingsSource):
@@ -147,9 +149,9 @@ def save_recording(
         about["method"] = source.about.get("method", "")
     with contextlib.closing(source), Interrupt() as stop:
         scans = iter(with_shapes(source, source.sensor, method) if method else source)
-        first = list(itertools.islice(scans, 1))  # what is wrong with the method shows before a file is made
+        first = list(itertools.islice(scans, 1))  # errors of the method come before a file is made
         if count > _SAMPLE:
-            first += _foresee(scans, count)
+            first += _announce(scans, count)
         recorder = Recorder(part or output, source.sensor, source.names, source.origin_ns, about, force)
         try:
             with recorder:
@@ -171,11 +173,11 @@ def save_recording(
         f"{output}: {told}{recorder.scans} scan(s) of {source.sensor.strips} strips{shapes}, "
         f"{recorder.size_bytes / 1e6:.3g} MB"
     )
-    _advise(files, source)
+    _warn_of_changes(files, source)
 
 
-def _foresee(scans: Iterator[RawScan], count: int) -> list[RawScan]:
-    """Take a few scans, and say how long so many take and how large they are where that is much."""
+def _announce(scans: Iterator[RawScan], count: int) -> list[RawScan]:
+    """Take a few scans, and print the time and size of all of them where that is much."""
     began = time.monotonic()
     taken: list[RawScan] = []
     for raw in itertools.islice(scans, _SAMPLE):
@@ -194,7 +196,7 @@ def _foresee(scans: Iterator[RawScan], count: int) -> list[RawScan]:
 
 
 def _disk_bytes(raw: RawScan) -> float:
-    """Return about how large a scan with its shapes is in a recording."""
+    """Return the approximate size of a scan with its shapes in a recording."""
     codes = sum(values[raw.touched].size for values in raw.codes.values())
     shapes = sum(_SHAPE_BYTES + _CORNER_BYTES * len(shape.vertices) for shape in raw.shapes)
     return _SCAN_BYTES + _CODE_BYTES * codes + shapes
@@ -208,9 +210,9 @@ def _duration(seconds: float) -> str:
     return f"{minutes / 60.0:.3g} h" if minutes < 2880.0 else f"{minutes / 1440.0:.3g} days"
 
 
-def _advise(files: tuple[str, ...], source: Source) -> None:
-    """Warn of what was stored in another way than it came."""
-    if isinstance(source, ReadingsSource) and source.rounded_steps > _CODE:
+def _warn_of_changes(files: tuple[str, ...], source: Source) -> None:
+    """Warn of readings that were rounded, of assumed A/D bits and of a cut file."""
+    if isinstance(source, ReadingsSource) and source.rounded_steps > _TEXT_ROUNDING:
         bits = source.sensor.adc_bits
         click.echo(
             f"Warning: {files[-1]} has readings between the codes of {bits} bits; they are rounded, by up to "

@@ -13,12 +13,12 @@ from tacstrip.stream.recording.recover import recover
 @click.command()
 @click.argument("recording", type=click.Path(path_type=Path))
 @click.option("-o", "--output", type=click.Path(path_type=Path),
-              help="File to make; by default RECORDING-recovered.mcap beside it.")  # fmt: skip
-@click.option("--force", is_flag=True, help="Write over a file that is there.")
+              help="New file; default: RECORDING-recovered.mcap in the same folder.")  # fmt: skip
+@click.option("--force", is_flag=True, help="Overwrite an existing file.")
 def command(recording: Path, output: Path | None, force: bool) -> None:
-    """Make a new file with an index of all that is whole in a RECORDING that was cut or damaged.
+    """Copy the undamaged part of a cut or damaged RECORDING to a new file with an index.
 
-    Any MCAP file of ROS 2 will do. Exit code 1: the new file could not be written.
+    It may be any MCAP file of ROS 2. Exit code 1: the new file could not be written.
 
     Example: tacstrip recover session.mcap -o session-whole.mcap
     """

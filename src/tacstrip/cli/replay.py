@@ -22,12 +22,14 @@ from tacstrip.stream.source import RawScan, Source, paced
 
 @click.command()
 @click.argument("recording", type=click.Path(path_type=Path))
-@click.option("--speed", type=float, default=1.0, show_default=True, help="Times the recorded pace.")
-@click.option("--fast", is_flag=True, help="As fast as it goes.")
-@click.option("--sensor", metavar="SENSOR", help="Read the codes with this spec, not with the one inside.")
+@click.option(
+    "--speed", type=float, default=1.0, show_default=True, help="Speed relative to the recorded times."
+)
+@click.option("--fast", is_flag=True, help="As fast as possible.")
+@click.option("--sensor", metavar="SENSOR", help="Decode with this spec, not with the recorded one.")
 @click.option("--reconstruct", "method", metavar="METHOD",
-              help="Recover shapes anew: vertex, profile or polygon; otherwise those inside are given.")  # fmt: skip
-@click.option("--summary", "short", is_flag=True, help="Say what is in it, and give no scans.")
+              help="Reconstruct anew: vertex, profile or polygon; otherwise recorded shapes are printed.")  # fmt: skip
+@click.option("--summary", "short", is_flag=True, help="Print a summary only.")
 @click.option(
     "--plot", type=click.Path(path_type=Path), help="Picture of the last scan in contact (.png, .svg, .pdf)."
 )
@@ -40,14 +42,14 @@ def command(
     short: bool,
     plot: Path | None,
 ) -> None:
-    """Give a recording's scans again, one line of JSON each, when their time has come.
+    """Play back the scans of a recording in real time, one line of JSON each.
 
     A line has the scan's readings over Vref, null where nothing touches, and its shapes in mm.
 
     Example: tacstrip replay session.mcap --speed 0.5 | head -n 3
     """
     if short and plot is not None:
-        raise OptionError("--summary gives no scans; leave --plot out")
+        raise OptionError("--summary prints no scans; leave --plot out")
     if not speed > 0.0:
         raise OptionError(f"--speed {speed}: must be above 0")
     protect(plot, recording)
@@ -75,7 +77,7 @@ def command(
 
 
 def warn_of_cut(source: Source) -> None:
-    """Say on standard error that a recording, read to its end, had been cut."""
+    """Warn where a recording, read to its end, was cut."""
     if isinstance(source, Recording) and not source.condition.whole:
         lost = source.condition.lost_bytes
         rest = f"{lost} bytes after its last whole chunk are lost" if lost else "it ends after a whole chunk"

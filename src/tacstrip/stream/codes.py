@@ -1,4 +1,4 @@
-"""Scans to raw A/D codes and back.
+"""Convert scans to raw A/D codes and back.
 
 Codes run from 0 to 2^adc_bits - 1, which reads Vref, as `contact.noise.digitise` makes them.
 """
@@ -24,7 +24,7 @@ UNSET_BITS = 16  # where the spec has no adc_bits
 
 
 def with_converter(sensor: Sensor) -> Sensor:
-    """Return the sensor with the resolution that its codes are stored in: 16 bits where it has none."""
+    """Return the sensor with the resolution of its stored codes: 16 bits where the spec gives none."""
     return sensor if sensor.adc_bits is not None else replace(sensor, adc_bits=UNSET_BITS)
 
 
@@ -45,14 +45,37 @@ def code_shape(sensor: Sensor, name: str) -> tuple[int, ...]:
 
 @takes(scan=Scan, sensor=Sensor)
 def encode(scan: Scan, sensor: Sensor, sequence: int = 0) -> RawScan:
-    """Return a scan as the codes of this unit, each reading rounded to its nearest; 0 where nothing touches.
+    """Return a scan as A/D codes, each reading rounded to the nearest code; 0 where nothing touches.
 
-    The sensor's calibration, if it has one, is undone: codes are what its converter reads.
+    A calibration of the sensor is inverted, so that the codes are those that its converter would read.
+
+    Parameters
+    ----------
+    scan
+        The readings over Vref.
+    sensor
+        The sensor that the scan was made with; a spec without `adc_bits` gives codes of 16 bits.
+    sequence
+        Number of the scan.
+
+    Returns
+    -------
+    RawScan
+        The codes, 0 to 2^adc_bits - 1.
 
     Raises
     ------
     ReadingError, SignatureError
         The scan is not of this sensor.
+
+    Examples
+    --------
+    >>> import tacstrip as ts
+    >>> from tacstrip.stream import encode
+    >>> sensor = ts.Sensor(construction="crs-m", strips=2, pitch_mm=5.0, length_mm=100.0, adc_bits=10)
+    >>> raw = encode(ts.Scan(k=[0.5, float("nan")]), sensor)
+    >>> raw.codes["k"].tolist(), raw.touched.tolist()
+    ([512, 0], [True, False])
     """
     scan.check(sensor)
     return RawScan(scan.time_s, to_codes(_raw(scan, sensor), sensor), scan.touched, sequence)
@@ -64,24 +87,39 @@ def to_codes(raw: Mapping[str, FloatArray], sensor: Sensor) -> dict[str, CodeArr
     return {name: np.nan_to_num(np.round(values * top)).astype(kind) for name, values in raw.items()}
 
 
-def rounding(scan: Scan, sensor: Sensor) -> float:
-    """Return the furthest that a reading lies from its code, in steps of the converter, 0 to 0.5."""
+def quantisation_error(scan: Scan, sensor: Sensor) -> float:
+    """Return the largest distance of a reading from its code, in steps of the converter, 0 to 0.5."""
     steps = np.concatenate([v.ravel() for v in _raw(scan, sensor).values()]) * top_code(sensor)
     return float(np.nanmax(np.abs(steps - np.round(steps)), initial=0.0))
 
 
 @takes(raw=RawScan, sensor=Sensor)
 def decode(raw: RawScan, sensor: Sensor) -> Scan:
-    """Return the scan that codes mean to this sensor: over Vref, calibrated, NaN where nothing touches.
+    """Return the readings of A/D codes: over Vref, calibrated, NaN where nothing touches.
 
     Where the spec has `rest_volt`, strips whose every reading is within `touch_volt` of it are untouched too.
+
+    Parameters
+    ----------
+    raw
+        The codes.
+    sensor
+        The sensor, with its `adc_bits` and calibration.
 
     Raises
     ------
     RecordingError
-        A code is above the converter's highest.
+        A code is above the converter's range.
     ReadingError
-        The codes make no scan.
+        The codes do not form a scan.
+
+    Examples
+    --------
+    >>> import tacstrip as ts
+    >>> from tacstrip.stream import decode, encode
+    >>> sensor = ts.Sensor(construction="crs-m", strips=2, pitch_mm=5.0, length_mm=100.0, adc_bits=1)
+    >>> decode(encode(ts.Scan(k=[1.0, float("nan")]), sensor), sensor).k
+    array([ 1., nan])
     """
     read = over_vref(raw.codes, raw.touched, sensor)
     if ELECTRODES in read:
@@ -90,10 +128,10 @@ def decode(raw: RawScan, sensor: Sensor) -> Scan:
 
 
 def over_vref(codes: Mapping[str, CodeArray], touched: BoolArray, sensor: Sensor) -> dict[str, FloatArray]:
-    """Return the readings that codes mean, NaN where nothing touches; of one scan or of many.
+    """Return the calibrated readings of A/D codes over Vref, NaN where nothing touches.
 
-    `touched` and the codes have the shape (strips,) or (scans, strips), electrodes one axis of 2 strips more; so have
-    the results. Errors as of `decode`.
+    `touched`, the codes and the results have the shape (strips,) or (scans, strips); electrodes have a further axis of
+    2 strips. Errors as of `decode`.
     """
     top = top_code(sensor)
     if (most := max(int(values.max(initial=0)) for values in codes.values())) > top:

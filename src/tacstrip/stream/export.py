@@ -1,4 +1,4 @@
-"""Scans and recorded shapes to other programs: CSV, NumPy, GeoJSON, JSON lines."""
+"""Export scans and recorded shapes: CSV, NumPy, GeoJSON, JSON lines."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ from tacstrip.stream.source import RawScan, Shape, Source
 def write_csv(path: str | Path, source: Source, codes: bool = False) -> int:
     """Write a source as a readings file, in volts or in A/D codes; return the number of scans.
 
-    Strips that the source says nothing touches get empty fields; those that only `rest_volt` tells to be untouched
-    keep their readings, and are told again when the file is read.
+    Strips that the source marks as untouched get empty fields; those that are untouched by `rest_volt` alone keep
+    their readings, and the file's reader decides again.
     """
     sensor, names = source.sensor, source.names
     header = electrode_names(sensor, codes) if ELECTRODES in names else [_column(n, codes) for n in names]
@@ -96,12 +96,12 @@ def write_npz(path: str | Path, source: Source) -> int:
 
 
 def write_shapes(path: str | Path, source: Recording) -> int:
-    """Write the shapes that scans came with as GeoJSON, in mm; return their number.
+    """Write the shapes stored with the scans as GeoJSON, in mm; return their number.
 
     Raises
     ------
     RecordingError
-        There are none.
+        The recording holds none.
     """
     method = source.about.get("method", "")
     results = [as_reconstruction(raw, method) for raw in source]
@@ -133,10 +133,10 @@ def _column(name: str, codes: bool) -> str:
 
 
 def as_reconstruction(raw: RawScan, method: str) -> Reconstruction:
-    """Return the shapes that a scan came with as a reconstruction; which strips they are of is not known."""
-    return Reconstruction(method, tuple(_object(shape) for shape in raw.shapes), raw.time_s)
-
-
-def _object(shape: Shape) -> RecoveredObject:
-    status: Any = shape.status
-    return RecoveredObject(slice(0, 0), shape.vertices, status=status)
+    """Return the shapes stored with a scan as a reconstruction; their strips are not known."""
+    statuses: list[Any] = [shape.status for shape in raw.shapes]
+    objects = (
+        RecoveredObject(slice(0, 0), shape.vertices, status=status)
+        for shape, status in zip(raw.shapes, statuses, strict=True)
+    )
+    return Reconstruction(method, tuple(objects), raw.time_s)

@@ -1,4 +1,4 @@
-"""Ctrl-C as a question that a loop asks, so that no write is cut in two."""
+"""Defer Ctrl-C to a flag that a loop checks, so that it interrupts no write."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ from typing import Any, Self
 
 
 class Interrupt:
-    """Within it, Ctrl-C and a termination signal break nothing off; calling it tells whether one came."""
+    """While entered, Ctrl-C and a termination signal only set a flag; calling the object returns it."""
 
     _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
     def __init__(self) -> None:
-        self._came = False
+        self._interrupted = False
         self._before: dict[signal.Signals, Any] = {}
 
     def __call__(self) -> bool:
-        """Return whether to stop."""
-        return self._came
+        """Return whether a signal has come."""
+        return self._interrupted
 
     def _note(self, number: int, frame: FrameType | None) -> None:
-        self._came = True
+        self._interrupted = True
 
     def __enter__(self) -> Self:
         self._before = {s: signal.signal(s, self._note) for s in self._SIGNALS}

@@ -1,23 +1,25 @@
-"""Read recordings and readings files as sources of scans."""
+"""Recordings and readings files as sources of scans."""
 
 from __future__ import annotations
 
+import itertools
 import time
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import NoReturn
 
-from mcap.records import Attachment, Channel, Message, Metadata, Schema
+from mcap.records import Attachment, Channel, McapRecord, Message, Metadata, Schema
 
 from tacstrip.arguments import takes
 from tacstrip.errors import RecordingError, SpecError
 from tacstrip.io.readings import read_readings
 from tacstrip.sensor.spec import Sensor
-from tacstrip.stream.codes import ELECTRODES, encode, rounding, with_converter
-from tacstrip.stream.recording.messages import NAMES, POLYGON, SCANS, read_polygon, read_scan
-from tacstrip.stream.recording.recorder import ABOUT, FORMAT, NANO, POLYGON_TOPICS, SCAN_TOPIC, SPEC
+from tacstrip.stream.codes import ELECTRODES, encode, quantisation_error, with_converter
+from tacstrip.stream.recording.messages import NAMES, NANO, POLYGON, SCANS, read_polygon, read_scan
+from tacstrip.stream.recording.recorder import ABOUT, FORMAT, POLYGON_TOPICS, SCAN_TOPIC, SPEC
 from tacstrip.stream.recording.records import Condition, Records
 from tacstrip.stream.source import RawScan, Shape
 
@@ -26,179 +28,204 @@ _STATUS = {topic: status for status, topic in POLYGON_TOPICS.items()}
 
 
 class Recording:
-    """A recording as a source; a cut one is read up to its last whole chunk. Iterate it once.
+    """A recording as a source; of a cut file, the scans up to its last whole chunk. Iterate it once.
 
     Parameters
     ----------
     path
         The file.
     sensor
-        Another spec for the same codes, such as one calibrated later; by default the one in the file.
+        Another spec to decode the codes with, such as one calibrated later; None: the one in the file.
 
     Attributes
     ----------
     sensor, names, origin_ns
         As of every source.
     about
-        What the recorder said of its scans: texts by key.
+        What the recorder noted about the scans: texts by key.
 
     Raises
     ------
     RecordingError
-        The file is no recording of tacstrip, or is damaged; also while it is iterated. Or `sensor` has other
-        strips or A/D bits than the codes.
+        The file is not a recording of tacstrip, or is damaged; also while iterating. Or `sensor` has another
+        construction, number of strips or `adc_bits` than the codes.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> import tacstrip as ts
+    >>> from tacstrip.stream import decode
+    >>> sensor = ts.Sensor(construction="crs-m", strips=8, pitch_mm=5.0, length_mm=100.0, adc_bits=10)
+    >>> contact = ts.Contact.polygon([(8, 40), (32, 40), (20, 70)])
+    >>> source = ts.SimulatedSource(sensor, lambda time_s: contact, scans=5)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = pathlib.Path(folder) / "session.mcap"
+    ...     with ts.Recorder(file, source.sensor, source.names, source.origin_ns) as recorder:
+    ...         ts.record(source, recorder)
+    ...     recording = ts.Recording(file)
+    ...     scans = [decode(raw, recording.sensor) for raw in recording]
+    >>> len(scans), scans[0].signatures
+    (5, ('k',))
     """
 
     @takes(sensor=Sensor)
     def __init__(self, path: str | Path, sensor: Sensor | None = None) -> None:
         self.path = Path(path)
         self._records = Records(path)
-        self._scans = self._read()
-        self.about: dict[str, str] = {}
-        self._own: Sensor | None = None
-        self._names: tuple[str, ...] = ()
-        self._origin_ns = 0
-        self._ahead = next(self._scans, None)  # reads what stands before the first scan
-        if self._own is None or not self._names:
-            self._stop(f"it has no attachment {SPEC} and no metadata {ABOUT!r}: not a recording of tacstrip")
-        self._own = self._checked(sensor or self.sensor)
-
-    @property
-    def sensor(self) -> Sensor:
-        """The sensor that the codes are read with."""
-        assert self._own is not None
-        return self._own
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """The names of the codes."""
-        return self._names
-
-    @property
-    def origin_ns(self) -> int:
-        """Unix time of time_s = 0 [ns]."""
-        return self._origin_ns
+        self._schemas: dict[int, str] = {}
+        self._channels: dict[int, Channel] = {}
+        self._rest = self._undamaged()
+        spec: bytes | None = None
+        about: dict[str, str] | None = None
+        for record in self._rest:
+            match record:
+                case Attachment(name=name) if name == SPEC:
+                    spec = record.data
+                case Metadata(name=name) if name == ABOUT:
+                    about = record.metadata
+                case Message():
+                    self._rest = itertools.chain([record], self._rest)
+                    break
+                case _:
+                    self._note(record)
+        if spec is None or about is None:
+            self._fail(f"it has no attachment {SPEC} or no metadata {ABOUT!r}: not a recording of tacstrip")
+        self.about = about
+        self.names = self._names_in(about)
+        self.origin_ns = self._origin_in(about)
+        self.sensor = self._matching(sensor, self._sensor_in(spec))
 
     @property
     def condition(self) -> Condition:
-        """The state of the file; known once the last scan was read."""
+        """The condition of the file; complete once the last scan was read."""
         return self._records.condition
 
     def __iter__(self) -> Iterator[RawScan]:
-        if self._ahead is not None:
-            yield self._ahead
-        yield from self._scans
+        """Yield each scan with the polygons that follow it."""
+        last: RawScan | None = None
+        shapes: list[Shape] = []
+        for record in self._rest:
+            self._note(record)
+            if not isinstance(record, Message) or (channel := self._channels.get(record.channel_id)) is None:
+                continue
+            schema = self._schemas.get(channel.schema_id, "")
+            if channel.topic == SCAN_TOPIC and schema in SCANS.values():
+                if last is not None:
+                    yield replace(last, shapes=tuple(shapes))
+                time_s = (record.log_time - self.origin_ns) / NANO
+                with self._located():
+                    last, shapes = read_scan(record.data, schema, self.sensor, self.names, time_s), []
+            elif channel.topic in _STATUS and schema == POLYGON and last is not None:
+                with self._located():
+                    shapes.append(read_polygon(record.data, _STATUS[channel.topic]))
+        if last is not None:
+            yield replace(last, shapes=tuple(shapes))
 
     def close(self) -> None:
         """Close the file; may be called twice."""
         self._records.close()
 
-    def _read(self) -> Iterator[RawScan]:
-        """Give the scans with the polygons that follow each."""
-        schemas: dict[int, str] = {}
-        channels: dict[int, Channel] = {}
-        last: RawScan | None = None
-        shapes: list[Shape] = []
+    def _undamaged(self) -> Iterator[McapRecord]:
+        """Yield the records of the file; raise `RecordingError` where it is damaged."""
         for record in self._records:
-            if self.condition.damage:
-                break
-            match record:
-                case Attachment(name=name) if name == SPEC:
-                    self._own = self._spec(record.data)
-                case Metadata(name=name) if name == ABOUT:
-                    self._told(record.metadata)
-                case Schema():
-                    schemas[record.id] = record.name
-                case Channel():
-                    channels[record.id] = record
-                case Message() if (channel := channels.get(record.channel_id)) is not None:
-                    kind = schemas.get(channel.schema_id, "")
-                    if channel.topic == SCAN_TOPIC and kind in SCANS.values():
-                        if last is not None:
-                            yield replace(last, shapes=tuple(shapes))
-                        last, shapes = self._scan(record, kind), []
-                    elif channel.topic in _STATUS and kind == POLYGON and last is not None:
-                        shapes.append(self._shape(record, _STATUS[channel.topic]))
-                case _:
-                    pass
+            self._refuse_damage()
+            yield record
+        self._refuse_damage()
+
+    def _refuse_damage(self) -> None:
         if self.condition.damage:
-            self._stop(f"{self.condition.damage[0]}; `tacstrip recover` keeps what is whole")
-        if last is not None:
-            yield replace(last, shapes=tuple(shapes))
+            self._fail(f"{self.condition.damage[0]}; `tacstrip recover` keeps what is whole")
 
-    def _scan(self, message: Message, kind: str) -> RawScan:
-        if self._own is None or not self._names:
-            self._stop(f"scans come before the attachment {SPEC} and the metadata {ABOUT!r}")
-        time_s = (message.log_time - self._origin_ns) / NANO
-        try:
-            return read_scan(message.data, kind, self.sensor, self._names, time_s)
-        except RecordingError as error:
-            self._stop(str(error))
+    def _note(self, record: McapRecord) -> None:
+        if isinstance(record, Schema):
+            self._schemas[record.id] = record.name
+        elif isinstance(record, Channel):
+            self._channels[record.id] = record
 
-    def _shape(self, message: Message, status: str) -> Shape:
+    def _sensor_in(self, spec: bytes) -> Sensor:
         try:
-            return read_polygon(message.data, status)
-        except RecordingError as error:
-            self._stop(str(error))
-
-    def _spec(self, data: bytes) -> Sensor:
-        try:
-            return with_converter(Sensor.from_dict(tomllib.loads(data.decode())))
+            return with_converter(Sensor.from_dict(tomllib.loads(spec.decode())))
         except (SpecError, ValueError, RecursionError) as error:
-            self._stop(f"its attachment {SPEC} is no sensor spec ({error})")
+            self._fail(f"its attachment {SPEC} is no sensor spec ({error})")
 
-    def _told(self, about: dict[str, str]) -> None:
-        self.about = about
-        self._names = tuple(about.get("names", "").split(","))
+    def _names_in(self, about: Mapping[str, str]) -> tuple[str, ...]:
         if about.get("format") != FORMAT:
-            self._stop(f"its format is {about.get('format')!r:.20}; this tacstrip reads format {FORMAT}")
-        if unknown := [name for name in self._names if name not in NAMES]:
-            self._stop(f"it has codes of the name {unknown[0]!r:.20}; known are: {', '.join(NAMES)}")
+            self._fail(f"its format is {about.get('format')!r:.20}; this tacstrip reads format {FORMAT}")
+        names = tuple(about.get("names", "").split(","))
+        if unknown := [name for name in names if name not in NAMES]:
+            self._fail(f"it has codes of the name {unknown[0]!r:.20}; known are: {', '.join(NAMES)}")
+        return names
+
+    def _origin_in(self, about: Mapping[str, str]) -> int:
         origin = about.get("origin_ns", "")
         if not (origin.isascii() and origin.isdigit() and len(origin) < 20 and int(origin) < 2**63):
-            self._stop(f"its origin_ns is {origin!r:.20}, not a time since 1970 [ns]")
-        self._origin_ns = int(origin)
+            self._fail(f"its origin_ns is {origin!r:.20}, not a time since 1970 [ns]")
+        return int(origin)
 
-    def _checked(self, sensor: Sensor) -> Sensor:
+    def _matching(self, given: Sensor | None, stored: Sensor) -> Sensor:
+        """Return the sensor to decode with; refuse one that the codes cannot be of."""
+        sensor = stored if given is None else with_converter(given)
         for key in ("construction", "strips", "adc_bits"):
-            mine, given = getattr(self.sensor, key), getattr(with_converter(sensor), key)
-            if mine != given:
-                self._stop(f"its codes are of a sensor with {key} = {mine}, and the spec given has {given}")
-        for name in self._names:
+            if getattr(stored, key) != getattr(sensor, key):
+                self._fail(
+                    f"its codes are of a sensor with {key} = {getattr(stored, key)}, and the spec given has "
+                    f"{getattr(sensor, key)}"
+                )
+        for name in self.names:
             if name not in sensor.signatures and (name != ELECTRODES or sensor.kind.closed_form):
-                self._stop(f"it has codes {name}, which a {sensor.construction} sensor does not measure")
-        return with_converter(sensor)
+                self._fail(f"it has codes {name}, which a {sensor.construction} sensor does not measure")
+        return sensor
 
-    def _stop(self, why: str) -> NoReturn:
+    @contextmanager
+    def _located(self) -> Iterator[None]:
+        """Name the file in errors of its messages."""
+        try:
+            yield
+        except RecordingError as error:
+            self._fail(str(error))
+
+    def _fail(self, reason: str) -> NoReturn:
         self.close()
-        raise RecordingError(f"{self.path}: {why}")
+        raise RecordingError(f"{self.path}: {reason}")
 
 
 class ReadingsSource:
-    """The scans of a readings file (CSV) as a source.
+    r"""The scans of a readings file (CSV) as a source.
 
     Attributes
     ----------
     rounded_steps
-        The furthest that a reading lies from its code, in steps of the converter; above 0.01 the file held more
-        than the converter's bits.
+        Largest distance of a reading from its code, in steps of the converter; above 0.01 the file held more than the
+        converter's bits.
 
     Raises
     ------
     ReadingError
         As of `read_readings`.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> import tacstrip as ts
+    >>> from tacstrip.stream import ReadingsSource
+    >>> sensor = ts.Sensor(construction="crs-m", strips=2, pitch_mm=5.0, length_mm=100.0, adc_bits=10)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = pathlib.Path(folder) / "readings.csv"
+    ...     _ = file.write_text("scan,time_s,strip,code\n0,0.0,0,512\n0,0.0,1,\n")
+    ...     [raw.codes["k"].tolist() for raw in ReadingsSource(file, sensor)]
+    [[512, 0]]
     """
 
     @takes(sensor=Sensor)
     def __init__(self, path: str | Path, sensor: Sensor) -> None:
         self.sensor = with_converter(sensor)
-        # As it was measured: touch and calibration are looked at anew by whoever reads the codes.
+        # The codes are stored as measured: calibration and touch thresholds are applied when they are decoded.
         plain = replace(self.sensor, calibration=None, rest_volt=None, touch_volt=None)
         scans = read_readings(path, plain)
         self._scans = [encode(scan, plain, number) for number, scan in enumerate(scans)]
         self.names = tuple(self._scans[0].codes)
         self.origin_ns = 0 if scans[0].time_s > _EPOCH_S else time.time_ns()
-        self.rounded_steps = max(rounding(scan, plain) for scan in scans)
+        self.rounded_steps = max(quantisation_error(scan, plain) for scan in scans)
 
     def __iter__(self) -> Iterator[RawScan]:
         return iter(self._scans)
@@ -213,7 +240,7 @@ def open_source(path: str | Path, sensor: Sensor | None = None) -> Recording | R
     Raises
     ------
     RecordingError, ReadingError
-        As of both; or the file's ending is neither.
+        As of both; or the file has another ending.
     """
     match Path(path).suffix.lower():
         case ".mcap":

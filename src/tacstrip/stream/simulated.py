@@ -1,4 +1,4 @@
-"""A sensor that is not there: a contact that moves on it, read at a rate."""
+"""A simulated sensor as a source: a contact that moves on it, sampled at a fixed rate."""
 
 from __future__ import annotations
 
@@ -29,18 +29,26 @@ _IDEAL = Noise()
 
 @dataclass(frozen=True)
 class Drag:
-    """A contact that is dragged along a path, to its end and back again, and turns as it goes.
+    """A contact that moves along a path to its end and back again, and turns.
 
     Attributes
     ----------
     contact
-        What moves; its centroid follows the path.
+        The contact; its centroid follows the path.
     path
-        Way points (M, 2) [mm]; one point stands still.
+        Way points (M, 2) [mm]; with one point the contact does not move.
     seconds
-        From the path's start to its end [s].
+        Time from the path's start to its end [s].
     turn_rad_s
-        Turn counter-clockwise [rad/s].
+        Angular velocity, counter-clockwise [rad/s].
+
+    Examples
+    --------
+    >>> import tacstrip as ts
+    >>> from tacstrip.stream import Drag
+    >>> drag = Drag(ts.Contact.polygon([(0, 0), (6, 0), (3, 6)]), [(10, 50), (30, 50)], seconds=2.0)
+    >>> [drag(time_s).centroid.round(6).tolist() for time_s in (0.0, 1.0, 3.0)]
+    [[10.0, 50.0], [20.0, 50.0], [20.0, 50.0]]
     """
 
     contact: Contact
@@ -50,10 +58,10 @@ class Drag:
 
     def __post_init__(self) -> None:
         if not 0.0 < self.seconds < math.inf:
-            raise OptionError(f"seconds = {self.seconds}: a drag takes a time above 0")
+            raise OptionError(f"seconds = {self.seconds}: must be above 0")
 
     def __call__(self, time_s: float) -> Contact:
-        """Return the contact as it lies at a time [s]."""
+        """Return the contact at a time [s]."""
         points = np.atleast_2d(np.asarray(self.path, dtype=float))  # (M, 2)
         there_and_back = 1.0 - abs(time_s / self.seconds % 2.0 - 1.0)
         x, y = _along(points, there_and_back)
@@ -67,25 +75,35 @@ class SimulatedSource:
     Parameters
     ----------
     sensor
-        The sensor; without `adc_bits` it has a converter of 16 bits.
+        The sensor; a spec without `adc_bits` gets a converter of 16 bits.
     contact
-        What touches it at a time [s]: a `Drag`, or any function.
+        Function of time [s] that returns the contact, such as a `Drag`.
     rate_hz
-        Scans a second.
+        Scan rate [Hz].
     scans
-        How many; None: without end.
+        Number of scans; None: endless.
     noise, rng, model, electrodes
         As of `simulate`.
     origin_ns
-        Unix time of the first scan [ns]; by default now.
+        Unix time of the first scan [ns]; None: now.
     ahead
-        How many scans are made at once, where the closed forms serve; 1 for a contact that somebody moves meanwhile.
+        Number of scans that are computed together, where the closed forms apply; 1: one by one, for a changing contact.
 
     Raises
     ------
     OptionError
-        A rate that is not above 0, or an option that does not exist; `ContactError` while it is iterated, when the
-        contact leaves the sensor.
+        A number is out of range, or an option does not exist.
+    ContactError
+        The contact is not on the sensor; also while iterating.
+
+    Examples
+    --------
+    >>> import tacstrip as ts
+    >>> sensor = ts.Sensor(construction="crs-crs", strips=10, pitch_mm=6.5, length_mm=365.0, adc_bits=10)
+    >>> contact = ts.Contact.polygon([(10, 100), (50, 100), (30, 200)])
+    >>> source = ts.SimulatedSource(sensor, lambda time_s: contact, rate_hz=100.0, scans=3)
+    >>> [(raw.sequence, raw.time_s) for raw in source]
+    [(0, 0.0), (1, 0.01), (2, 0.02)]
     """
 
     @takes(sensor=Sensor, noise=Noise)
@@ -113,7 +131,7 @@ class SimulatedSource:
         self._noise, self._random = noise, generator(rng)
         self._model, self._electrodes = model, electrodes
         self._ahead = ahead if self.sensor.kind.closed_form and model != "network" else 1
-        self._first = self._scan(0)  # finds what is wrong before anything is recorded
+        self._first = self._scan(0)  # raises errors before anything is recorded
         self.names = tuple(self._first.codes)
 
     def __iter__(self) -> Iterator[RawScan]:
@@ -136,13 +154,15 @@ class SimulatedSource:
         return encode(scan, self.sensor, number)
 
     def _block(self, first: int, count: int) -> Iterator[RawScan]:
-        """Give many scans, made at once with the closed forms: thirty times as fast as one by one."""
+        """Yield scans that the closed forms compute together, thirty times as fast as one by one."""
         numbers = range(first, first + count)
         contacts = [self._contact(number / self._rate_hz) for number in numbers]
         touch = footprint(self.sensor, contacts)
         values = readings(self.sensor, touch.l, touch.u, self._noise, self._random)
         touched = ~np.isnan(touch.l)
-        if any(np.isnan(v[touched]).any() for v in values.values()):  # a short: `simulate` says where
+        if any(
+            np.isnan(v[touched]).any() for v in values.values()
+        ):  # a short circuit: `simulate` names the strip
             yield from (self._scan(number) for number in numbers)
             return
         codes = to_codes(invert_calibration(self.sensor, values), self.sensor)
@@ -151,9 +171,9 @@ class SimulatedSource:
             yield RawScan(number / self._rate_hz, own, touched[i], number)
 
 
-def _along(points: FloatArray, part: float) -> tuple[float, float]:
-    """Return the point at a part of a path's length, 0 to 1."""
+def _along(points: FloatArray, fraction: float) -> tuple[float, float]:
+    """Return the point at a fraction of a path's length."""
     if len(points) == 1:
         return float(points[0, 0]), float(points[0, 1])
-    point = shapely.line_interpolate_point(shapely.LineString(points), part, normalized=True)
+    point = shapely.line_interpolate_point(shapely.LineString(points), fraction, normalized=True)
     return point.x, point.y

@@ -1,11 +1,11 @@
-"""What every source of scans hands on, be it simulated, recorded or a serial port: raw scans with their times."""
+"""Sources of raw scans: what a simulation, a recording and a device have in common."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
@@ -13,14 +13,25 @@ import numpy.typing as npt
 from tacstrip.arrays import BoolArray, FloatArray, touched_strips
 from tacstrip.sensor.spec import Sensor
 
+if TYPE_CHECKING:
+    from tacstrip.stream.device.protocol.decoder import Counts
+
 CodeArray: TypeAlias = npt.NDArray[np.unsignedinteger[Any]]
 
-_NAP = 0.05  # s; the longest sleep before a stop is noticed
+_POLL_S = 0.05  # longest sleep before a stop is noticed
 
 
 @dataclass(frozen=True)
 class Shape:
-    """A polygon that came with a scan: corners (N, 2) [mm], counter-clockwise, and "ok" or "doubtful"."""
+    """A polygon that was stored with a scan.
+
+    Attributes
+    ----------
+    status
+        "ok" or "doubtful".
+    vertices
+        Vertices (N, 2) [mm], counter-clockwise.
+    """
 
     status: str
     vertices: FloatArray
@@ -28,23 +39,32 @@ class Shape:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class RawScan:
-    """What the A/D converter read in one sampling cycle.
+    """The A/D codes of one sampling cycle.
 
     Attributes
     ----------
     time_s
-        When the cycle began [s], counted from the source's `origin_ns`.
+        Begin of the cycle [s], counted from the source's `origin_ns`.
     codes
         A/D codes by name: "kh", "kl", "k" (strips,), or "electrodes" (strips, 2 strips) of a CRS-CRP sheet.
     touched
-        Which strips the source says are touched (strips,). The code of one that is not means nothing, unless
-        the spec has `rest_volt`: then every code counts, and touch is decided from them.
+        Strips that are touched, by the source (strips,). The codes of the others are meaningless, unless the spec
+        has `rest_volt`: then all codes count, and touch is decided from them.
     sequence
-        The source's own number of the scan; a gap tells of scans that were lost on the way.
+        The source's own number of the scan; a gap in the numbers means lost scans.
     strip_time_s
-        When each strip was read (strips,) [s], counted from `time_s`; None where that is not known.
+        Time of each strip's reading (strips,) [s], counted from `time_s`; None where it is not known.
     shapes
-        Polygons that the source had beside the codes, as a recording may.
+        Polygons that are stored with the scan, as a recording may have them.
+
+    Examples
+    --------
+    >>> import tacstrip as ts
+    >>> from tacstrip.stream import encode
+    >>> sensor = ts.Sensor(construction="crs-m", strips=3, pitch_mm=5.0, length_mm=100.0, adc_bits=10)
+    >>> scan = ts.Scan(k=[0.25, 0.5, float("nan")])
+    >>> encode(scan, sensor, sequence=7).codes["k"].tolist()
+    [256, 512, 0]
     """
 
     time_s: float
@@ -60,25 +80,51 @@ class RawScan:
 
 
 class Source(Protocol):
-    """Scans in the order of their time; iterate it once, then close it."""
+    """Scans in the order of their times; iterate it once, then close it.
+
+    Any object with these members is a source.
+    """
 
     @property
     def sensor(self) -> Sensor:
-        """What is measured with; its `adc_bits` are set."""
+        """The sensor; its `adc_bits` are set."""
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The names of the codes that every scan has."""
+        """Names of the codes that every scan has."""
 
     @property
     def origin_ns(self) -> int:
         """Unix time of time_s = 0 [ns]."""
 
     def __iter__(self) -> Iterator[RawScan]:
-        """Give the scans; errors that end the stream, of any kind, are raised here."""
+        """Yield the scans; any exception raised here ends the stream."""
 
     def close(self) -> None:
-        """Let go of the file or the device; may be called twice."""
+        """Close the file or the device; may be called twice."""
+
+
+@runtime_checkable
+class DeviceSource(Source, Protocol):
+    """A source that sets the pace itself, such as a device on a port: its scans are taken as they arrive.
+
+    Attributes
+    ----------
+    on_message
+        Called with messages for the user, a line each.
+    arrived_s
+        Arrival of the last scan's bytes, by `time.perf_counter` [s].
+    waiting
+        Number of newer scans that were read together with the last one; above 0 where the reader is behind.
+    """
+
+    on_message: Callable[[str], None]
+    arrived_s: float
+    waiting: int
+
+    @property
+    def counts(self) -> Counts:
+        """Number of frames that came, and that were lost or corrupt."""
 
 
 def paced(
@@ -87,18 +133,18 @@ def paced(
     stop: Callable[[], bool] = lambda: False,
     idle: Callable[[float], None] = lambda wait_s: None,
 ) -> Iterator[RawScan]:
-    """Hand scans on when their time has come, `speed` times as fast as they were made.
+    """Yield scans at the pace of their times, or `speed` times as fast.
 
-    A scan that is late is handed on at once, and none is left out.
+    A scan that is late follows at once; none is left out.
 
     Parameters
     ----------
     scans
-        Scans in the order of their time; those whose times go backwards are not waited for.
+        Scans in the order of their times; one whose time runs backwards follows at once.
     speed
-        Above 0; infinite: as fast as it goes.
+        Above 0; infinite: as fast as possible.
     stop
-        Asked before every scan and at least 20 times a second; True ends the stream.
+        Called before every scan and at least 20 times a second; True ends the stream.
     idle
         Called before every wait, with its length [s].
     """
@@ -110,7 +156,7 @@ def paced(
         if (wait := due - time.monotonic()) > 0.0:
             idle(wait)
         while not stop() and (wait := due - time.monotonic()) > 0.0:
-            time.sleep(min(wait, _NAP))
+            time.sleep(min(wait, _POLL_S))
         if stop():
             return
         yield scan

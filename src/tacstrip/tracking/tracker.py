@@ -1,8 +1,8 @@
-"""Follow objects from scan to scan: each keeps its number, and the fit begins where the last one ended.
+"""Track objects from scan to scan: each keeps its number, and its fit starts from the previous scan's.
 
-A search for corners takes 3 ms, following one 0.2. A search is made where an object appears, where the followed outline
-no longer explains the readings, and now and then, for a corner that is no longer needed shows in nothing else. All but
-the first kind can be made beside the stream.
+A search for vertices takes 3 ms, an update from the previous scan 0.2. A search is made when an object appears, when
+the tracked outline no longer explains the readings, and at regular intervals, because nothing else reveals a vertex
+that is no longer needed. All but the first kind can run in the background.
 """
 
 from __future__ import annotations
@@ -18,16 +18,24 @@ from tacstrip.reconstruction.methods import chosen_method, reconstruct
 from tacstrip.reconstruction.result import RecoveredObject
 from tacstrip.scan import Scan
 from tacstrip.sensor.spec import Sensor
-from tacstrip.tracking.update import Followed, Lost, follow, started
+from tacstrip.tracking.update import TrackLost, TrackState, initialise, update
 
-SEARCH_EVERY_S = 0.5
-SOONEST_S = 0.05  # after a search that did not help; twice as long each time, up to `SEARCH_EVERY_S`
-SEARCHED_AGAIN = "the outline no longer explains the readings; it is being searched anew"
+SEARCH_INTERVAL_S = 0.5
+MIN_SEARCH_INTERVAL_S = 0.05  # after a search that did not help; doubles each time, up to `SEARCH_INTERVAL_S`
+SEARCHED_AGAIN = "the outline no longer explains the readings; a new search is under way"
 
 
 @dataclass(frozen=True, eq=False)
 class LiveObject:
-    """An object with the number that it keeps while it stays on the sensor, from 1."""
+    """An object with the number that it keeps while it stays on the sensor.
+
+    Attributes
+    ----------
+    id
+        Its number, counted from 1; no number is used twice.
+    shape
+        The reconstructed object: vertices [mm], profile, status and advice.
+    """
 
     id: int
     shape: RecoveredObject
@@ -37,34 +45,47 @@ class LiveObject:
 class _Track:
     id: int
     shape: RecoveredObject
-    runs: int  # of touched strips; above 1 where strips inside are silent
-    followed: Followed | None
+    runs: int  # of touched strips; above 1 where strips within the object read nothing
+    state: TrackState | None
 
 
 class Tracker:
-    """Recovers the objects of scans that come one after the other.
+    """Reconstructs the objects of successive scans of one sensor.
 
     Parameters
     ----------
     sensor
-        What the scans are of.
+        The sensor that the scans were made with.
     method
-        "polygon", "vertex" or "profile"; None: the best for the sensor. Polygons are followed, the others are made
-        anew from each scan and only keep their numbers.
+        "polygon", "vertex" or "profile"; None: the best for the sensor. Polygons are updated from scan to scan; the
+        other methods reconstruct each scan on its own, and objects only keep their numbers.
     noise
-        Of the readings; None: taken from what the fits leave over.
-    beside
-        Where searches are made that need not be waited for; None: at once, in `update`.
+        Noise of the readings; None: estimated from the residuals of the fits.
+    executor
+        Runs the searches whose result can wait; None: every search runs at once, in `update`.
 
     Attributes
     ----------
     searches
-        How many there were.
+        Number of searches so far.
 
     Raises
     ------
-    OptionError, SignatureError
-        With the first scan: there is no such method, or it is not for this sensor.
+    OptionError
+        The method does not exist. From the first `update`, also `SignatureError`: it does not suit this sensor.
+
+    Examples
+    --------
+    >>> import tacstrip as ts
+    >>> from tacstrip.tracking import Tracker
+    >>> sensor = ts.Sensor(construction="crs-crs", strips=100, pitch_mm=1.0, length_mm=100.0)
+    >>> contact = ts.Contact.polygon([(25, 35), (60, 22), (78, 56), (45, 76)])
+    >>> tracker = Tracker(sensor)
+    >>> for i in range(3):
+    ...     scan = ts.simulate(sensor, contact.moved(0.1 * i, 0.0), ts.Noise(positional=0.002), rng=i, time_s=0.001 * i)
+    ...     objects = tracker.update(scan)
+    >>> [(one.id, one.shape.status, len(one.shape.vertices)) for one in objects]
+    [(1, 'ok', 4)]
     """
 
     @takes(sensor=Sensor, noise=Noise)
@@ -73,82 +94,89 @@ class Tracker:
         sensor: Sensor,
         method: str | None = None,
         noise: Noise | None = None,
-        beside: Executor | None = None,
+        executor: Executor | None = None,
     ) -> None:
         self.sensor, self.noise = sensor, noise
         self.method = chosen_method(method, sensor)
         self.searches = 0
-        self._beside = beside
+        self._executor = executor
         self._pending: Future[list[_Track]] | None = None
         self._tracks: list[_Track] = []
         self._ids = 0
         self._searched_s = -math.inf
-        self._wait_s = SOONEST_S
+        self._wait_s = MIN_SEARCH_INTERVAL_S
 
     def update(self, scan: Scan, detail: bool = False) -> tuple[LiveObject, ...]:
-        """Return the objects of the next scan, left to right; with `detail` followed ones have a covariance too."""
+        """Return the objects of the next scan, in the order of their strips.
+
+        Parameters
+        ----------
+        scan
+            The next scan.
+        detail
+            Compute the covariance of updated polygons too.
+        """
         if self.method != "polygon":
-            self._number(
-                _tracks(reconstruct(scan, self.sensor, self.noise, method=self.method).objects, scan)
-            )
-            return self._objects()
+            result = reconstruct(scan, self.sensor, self.noise, method=self.method)
+            self._assign_ids(_tracks(result.objects, scan))
+            return self._numbered()
         runs = scan.runs()
         if self._pending is not None and self._pending.done():
             found, self._pending = self._pending.result(), None
             if _spans(found, runs) is not None:
-                self._number(found)
-        if not self._follow(scan, runs, detail):
-            self._pending = None  # older than what is found now
+                self._assign_ids(found)
+        if not self._update_all(scan, runs, detail):
+            self._pending = None  # superseded by this search
             self._count_search(scan)
-            self._number(self._search(scan))
-        return self._objects()
+            self._assign_ids(self._search(scan))
+        return self._numbered()
 
-    def _objects(self) -> tuple[LiveObject, ...]:
+    def _numbered(self) -> tuple[LiveObject, ...]:
         return tuple(LiveObject(t.id, t.shape) for t in self._tracks)
 
-    def _follow(self, scan: Scan, runs: Sequence[slice], detail: bool) -> bool:
-        """Follow every object; False where a search must be made at once."""
+    def _update_all(self, scan: Scan, runs: Sequence[slice], detail: bool) -> bool:
+        """Update every object from its previous state; return False where a search must be made at once."""
         spans = _spans(self._tracks, runs)
         if spans is None:
             return False
         since = scan.time_s - self._searched_s
-        due = bool(self._tracks) and not 0.0 <= since < SEARCH_EVERY_S
+        due = bool(self._tracks) and not 0.0 <= since < SEARCH_INTERVAL_S
         for track, span in zip(self._tracks, spans, strict=True):
             explained = False
-            if track.followed is not None:
+            if track.state is not None:
                 try:
-                    track.followed, explained = follow(track.followed, scan, self.sensor, span, detail)
-                except Lost:
+                    track.state, explained = update(track.state, scan, self.sensor, span, detail)
+                except TrackLost:
                     return False
-                track.shape = track.followed.shape
+                track.shape = track.state.shape
             if not explained:
                 due |= since >= self._wait_s
-                if track.followed is not None:
+                if track.state is not None:
                     track.shape = replace(track.shape, status="doubtful", advice=SEARCHED_AGAIN)
         if not due:
             return True
-        if self._beside is None:
+        if self._executor is None:
             return False
         if self._pending is None:
             self._count_search(scan)
-            self._pending = self._beside.submit(self._search, scan)
+            self._pending = self._executor.submit(self._search, scan)
         return True
 
     def _count_search(self, scan: Scan) -> None:
-        """Note when a search is made: after one that came soon, the next may come later."""
+        """Note the time of a search; frequent searches lengthen the wait before the next."""
         self.searches += 1
         soon = 0.0 <= scan.time_s - self._searched_s < 2.0 * self._wait_s
-        self._wait_s = min(2.0 * self._wait_s, SEARCH_EVERY_S) if soon else SOONEST_S
+        self._wait_s = min(2.0 * self._wait_s, SEARCH_INTERVAL_S) if soon else MIN_SEARCH_INTERVAL_S
         self._searched_s = scan.time_s
 
     def _search(self, scan: Scan) -> list[_Track]:
         found = _tracks(reconstruct(scan, self.sensor, self.noise, method=self.method).objects, scan)
         for track in found:
-            track.followed = started(track.shape, scan, self.sensor)
+            track.state = initialise(track.shape, scan, self.sensor)
         return found
 
-    def _number(self, found: list[_Track]) -> None:
-        """Take new tracks for the old ones: each gets the number of the one that it overlaps most."""
+    def _assign_ids(self, found: list[_Track]) -> None:
+        """Replace the tracks by new ones; each takes the number of the old track that it overlaps most."""
         old = {t.id: t.shape.strips for t in self._tracks}
         for track in found:
             shared = {i: _overlap(strips, track.shape.strips) for i, strips in old.items()}
@@ -162,14 +190,14 @@ class Tracker:
 
 
 def _tracks(objects: Sequence[RecoveredObject], scan: Scan) -> list[_Track]:
-    """Return objects, not numbered yet, with how many runs of strips each covers."""
+    """Return objects as tracks without number, each with its number of runs of touched strips."""
     starts = [run.start for run in scan.runs()]
     counts = [sum(o.strips.start <= at < o.strips.stop for at in starts) for o in objects]
     return [_Track(0, o, max(n, 1), None) for o, n in zip(objects, counts, strict=True)]
 
 
 def _spans(tracks: Sequence[_Track], runs: Sequence[slice]) -> list[slice] | None:
-    """Return the strips that each track has now, or None where runs and tracks do not match one to one."""
+    """Return the strips of each track in this scan, or None where runs and tracks do not match one to one."""
     spans, left = [], list(runs)
     for track in tracks:
         own, left = left[: track.runs], left[track.runs :]
@@ -180,5 +208,5 @@ def _spans(tracks: Sequence[_Track], runs: Sequence[slice]) -> list[slice] | Non
 
 
 def _overlap(a: slice, b: slice) -> int:
-    """Return how many strips two spans share; neighbours count as sharing one."""
+    """Return the number of strips that two spans share; adjacent spans count as sharing one."""
     return max(0, int(min(a.stop, b.stop) - max(a.start, b.start)) + 1)

@@ -1,4 +1,4 @@
-"""Where the page may be served, who may look, and who may also touch: this computer both, others by their token."""
+"""Access to the page: this computer may view and control it, others need a token."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ LOCAL = ("127.0.0.1", "localhost", "::1")
 
 
 def is_local(host: str) -> bool:
-    """Whether a server on this address is reached from this computer alone."""
+    """Return whether a server on this address can be reached from this computer only."""
     try:
         return host == "localhost" or ipaddress.ip_address(host).is_loopback
     except ValueError:
@@ -23,13 +23,13 @@ def is_local(host: str) -> bool:
 
 
 def check_port(port: int, what: str = "port") -> None:
-    """Refuse a port that is not 0 to 65535: `OptionError` calls it `what`."""
+    """Raise `OptionError` where a port is not 0 to 65535; `what` names it in the message."""
     if not 0 <= port <= 65535:
-        raise OptionError(f"{what} {port}: must be 0 to 65535; 0 takes any that is free")
+        raise OptionError(f"{what} {port}: must be 0 to 65535; 0: any free one")
 
 
-def why_not_there(error: OSError | UnicodeError, host: str) -> str:
-    """Say why a server cannot listen on a host, and what to do."""
+def listen_error(error: OSError | UnicodeError, host: str) -> str:
+    """Return why a server cannot listen on a host, and what to do."""
     match getattr(error, "errno", None):
         case errno.EADDRINUSE:
             return (
@@ -43,14 +43,14 @@ def why_not_there(error: OSError | UnicodeError, host: str) -> str:
 
 @dataclass(frozen=True)
 class Access:
-    """The rules of one server.
+    """The access rules of a server.
 
     Attributes
     ----------
     host
-        The address that it listens on. On one of this computer alone nobody needs a token; on others everybody does.
+        The address that it listens on; tokens are needed unless it is local to this computer.
     look, control
-        The tokens: to look, and to change things too.
+        The tokens: to view, and to control as well.
     """
 
     host: str
@@ -59,14 +59,14 @@ class Access:
 
     @property
     def local(self) -> bool:
-        """Whether only this computer reaches the server."""
+        """Whether only this computer can reach the server."""
         return is_local(self.host)
 
     def refused(self, host: str | None, origin: str | None) -> str:
-        """Return why a request is refused, by its Host and Origin; empty where it is not.
+        """Return why a request is refused, by its headers Host and Origin; empty where it is accepted.
 
-        A page of another site can send requests here, with its own Origin; a name that its owner makes point here
-        comes with that name as Host.
+        A page of another site can send requests here with its own Origin; a foreign name that resolves to this address
+        (DNS rebinding) arrives as Host.
         """
         name = urlsplit(f"//{host or ''}").hostname or ""
         if self.local and name not in LOCAL and name != self.host:
@@ -76,7 +76,7 @@ class Access:
         return ""
 
     def may(self, token: str | None) -> tuple[bool, bool]:
-        """Return whether a bearer of this token may look, and whether they may control."""
+        """Return whether the holder of a token may view, and whether they may control."""
         if self.local:
             return True, True
         given = (token or "").encode()

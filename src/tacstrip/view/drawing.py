@@ -1,4 +1,4 @@
-"""A frame as the page draws it: JSON, numbers no finer than a screen shows."""
+"""Frames as JSON for the page, rounded to what a screen can show."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from tacstrip.stream.live.frame import Frame
 from tacstrip.tracking.tracker import LiveObject
 
 _REGION_POINTS = 20
-_MANY = 20  # vertices: an outline, whose regions would only blacken it
+_MAX_REGIONS = 20  # an outline of more vertices is drawn without regions
 
 
 def sensor_json(sensor: Sensor) -> dict[str, Any]:
-    """Return what the page must know of the sensor."""
+    """Return the sensor's properties that the page needs."""
     return {
         "construction": sensor.construction,
         "strips": sensor.strips,
@@ -52,7 +52,7 @@ def _object(one: LiveObject, sensor: Sensor) -> dict[str, Any]:
 
 
 def _regions(vertices: FloatArray, covariance: FloatArray | None) -> list[list[list[float]]]:
-    if len(vertices) > _MANY:
+    if len(vertices) > _MAX_REGIONS:
         return []
     every = regions(vertices, covariance)
     return [np.round(region[:: max(1, len(region) // _REGION_POINTS)], 3).tolist() for region in every]

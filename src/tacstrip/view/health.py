@@ -1,12 +1,10 @@
-"""The doctor beside a live stream: the last scans, examined now and then in a process of its own."""
+"""The doctor beside a live stream: the latest scans, examined in the background."""
 
 from __future__ import annotations
 
 import os
-import threading
 from collections import deque
-from collections.abc import Callable
-from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from contextlib import suppress
 from multiprocessing import get_context
 from typing import Any
@@ -18,86 +16,86 @@ from tacstrip.stream.live.frame import Frame
 from tacstrip.stream.source import RawScan
 
 _KEPT = 400  # scans
-_APART_S = 0.02  # between two that are kept
-_LEAST = 50  # scans without which nothing is examined
+_SAMPLE_S = 0.02  # between two scans that are kept
+_MIN_SCANS = 50  # for an examination
 
 
 class Health:
-    """Keeps scans and has them examined; results are the doctor's report as JSON.
+    """Keeps the latest scans and examines them.
+
+    Parameters
+    ----------
+    executor
+        Runs the examinations.
 
     Attributes
     ----------
     report
-        The last one; None before.
-    trouble
-        Why the last examination failed, in words; empty when it did not.
+        The doctor's latest report as JSON; None before the first.
+    problem
+        Why the latest examination failed; empty where it did not.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, executor: Executor) -> None:
+        self._executor = executor
         self.report: dict[str, Any] | None = None
-        self.trouble = ""
+        self.problem = ""
         self._kept: deque[RawScan] = deque(maxlen=_KEPT)
         self._sensor: Sensor | None = None
         self._last_s = -1.0
-        self._lock = threading.Lock()
-        self._pool: ProcessPoolExecutor | None = None
         self._running: Future[dict[str, Any]] | None = None
 
     def add(self, frame: Frame) -> None:
-        """Keep a frame's scan, where the last kept one is old enough."""
+        """Keep a frame's scan, unless the last kept one is too recent."""
         if self._sensor is None or frame.sensor.fingerprint != self._sensor.fingerprint:
             self._kept.clear()
             self.report, self._last_s = None, -1.0
         self._sensor = frame.sensor
-        if not 0.0 <= frame.raw.time_s - self._last_s < _APART_S:
+        if not 0.0 <= frame.raw.time_s - self._last_s < _SAMPLE_S:
             self._last_s = frame.raw.time_s
             self._kept.append(frame.raw)
 
     @property
     def examining(self) -> bool:
-        """Whether an examination is under way."""
+        """Whether an examination is in progress."""
         return self._running is not None and not self._running.done()
 
-    def examine(self, done: Callable[[], None]) -> str:
-        """Begin an examination; return why not, or an empty text. `done` is called, in any thread, at its end."""
+    def examine(self) -> str:
+        """Begin an examination; return the reason where that is not possible, else an empty text."""
         if self.examining:
             return "the examination is under way"
         scans, sensor = list(self._kept), self._sensor
-        if sensor is None or len(scans) < _LEAST:
-            return f"{len(scans)} scans are too few to examine; {_LEAST} are needed"
-        if self._pool is None:
-            self._pool = ProcessPoolExecutor(1, mp_context=get_context("spawn"), initializer=_gently)
-        self._running = self._pool.submit(examined, sensor, scans)
-        self._running.add_done_callback(lambda future: self._finish(future, done))
+        if sensor is None or len(scans) < _MIN_SCANS:
+            return f"{len(scans)} scans are too few to examine; {_MIN_SCANS} are needed"
+        self._running = self._executor.submit(examined, sensor, scans)
+        self._running.add_done_callback(self._finish)
         return ""
 
-    def close(self) -> None:
-        """End the process."""
-        if self._pool is not None:
-            self._pool.shutdown(wait=False, cancel_futures=True)
-
-    def _finish(self, future: Future[dict[str, Any]], done: Callable[[], None]) -> None:
+    def _finish(self, future: Future[dict[str, Any]]) -> None:
         if future.cancelled():
             return
         error = future.exception()
-        with self._lock:
-            self.trouble = "" if error is None else str(error)
-            if error is None:
-                self.report = future.result()
-        done()
+        self.problem = "" if error is None else str(error)
+        if error is None:
+            self.report = future.result()
+
+
+def background_process() -> Executor:
+    """Return an executor for `Health`: one process of low priority, started with the first examination."""
+    return ProcessPoolExecutor(1, mp_context=get_context("spawn"), initializer=_lower_priority)
 
 
 def examined(sensor: Sensor, scans: list[RawScan]) -> dict[str, Any]:
-    """Return the doctor's report on some scans, as JSON."""
+    """Return the doctor's report on scans as JSON."""
     from tacstrip.diagnose.doctor import diagnose
 
     try:
         return diagnose(Log.of_codes(sensor, scans)).to_json()
     except TacstripError as error:
-        raise RuntimeError(str(error)) from None  # errors with arguments of their own do not cross processes
+        raise RuntimeError(str(error)) from None  # ours cannot be passed between processes
 
 
-def _gently() -> None:
-    """Let the live stream go first."""
+def _lower_priority() -> None:
+    """Let the live stream run first."""
     with suppress(AttributeError, OSError):
         os.nice(10)

@@ -14,8 +14,8 @@ from typing import Any
 from aiohttp import WSMsgType, web
 
 from tacstrip.errors import OptionError, TacstripError
-from tacstrip.view.access import Access, check_port, why_not_there
-from tacstrip.view.controller import Stage
+from tacstrip.view.access import Access, check_port, listen_error
+from tacstrip.view.controller import Controller
 
 PAGE = Path(__file__).parent / "page"
 _FILES = {".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
@@ -29,10 +29,10 @@ _SAFE = {
     "Referrer-Policy": "no-referrer",
     "Cache-Control": "no-store",
 }
-_DRAW_S = 0.012  # a little more often than screens draw
+_DRAW_S = 0.012  # slightly less than the period of a screen
 _STATE_S = 0.25
-_AHEAD = 2  # frames under way to a page
-_LONGEST = 2**16  # bytes of a message from a page
+_MAX_UNDRAWN = 2  # frames that were sent to a page and are not drawn yet
+_MAX_MESSAGE_BYTES = 2**16  # from a page
 
 
 class Server:
@@ -40,29 +40,29 @@ class Server:
 
     Parameters
     ----------
-    stage
-        What is shown.
+    controller
+        The controller that answers the page.
     access
-        Where it listens, and who may do what.
+        The address that it listens on, and who may do what.
     port
-        0: any that is free.
+        Its port; 0: any free one.
 
     Attributes
     ----------
     port
-        Where it listens.
+        The port in use.
 
     Raises
     ------
     OptionError
-        It cannot listen there; the message says why and what to do.
+        It cannot listen on this address; the message says why and what to do.
     """
 
-    def __init__(self, stage: Stage, access: Access, port: int = 0) -> None:
+    def __init__(self, controller: Controller, access: Access, port: int = 0) -> None:
         check_port(port)
-        self.stage, self.access, self.port = stage, access, port
+        self.controller, self.access, self.port = controller, access, port
         self._loop = asyncio.new_event_loop()
-        self._pages: set[_Watcher] = set()
+        self._pages: set[_Page] = set()
         self._ready = threading.Event()
         self._failed: OSError | UnicodeError | None = None
         self._end: asyncio.Event | None = None
@@ -71,12 +71,12 @@ class Server:
         self._ready.wait()
         if self._failed is not None:
             raise OptionError(
-                f"the page cannot be served on {access.host}:{port}: {why_not_there(self._failed, access.host)}"
+                f"the page cannot be served on {access.host}:{port}: {listen_error(self._failed, access.host)}"
             )
 
     @property
     def urls(self) -> dict[str, str]:
-        """The page's addresses by what one may do there."""
+        """The page's addresses by what they permit."""
         host = socket.gethostname() if self.access.host in ("0.0.0.0", "::") else self.access.host
         base = f"http://{host}:{self.port}/"
         if self.access.local:
@@ -85,7 +85,7 @@ class Server:
 
     @property
     def watching(self) -> int:
-        """Pages that are open."""
+        """Number of open pages."""
         return len(self._pages)
 
     def close(self) -> None:
@@ -106,7 +106,7 @@ class Server:
         self._end = asyncio.Event()
         app = web.Application(middlewares=[self._guard])
         app.router.add_get("/", self._file)
-        app.router.add_get("/ws", self._watch)
+        app.router.add_get("/ws", self._connect)
         app.router.add_get("/{name}", self._file)
         runner = web.AppRunner(app, access_log=None)
         await runner.setup()
@@ -120,15 +120,15 @@ class Server:
             drawing.cancel()
             for page in list(self._pages):
                 await page.socket.close()
-        except (OSError, UnicodeError) as error:  # the second of a name that can be none
+        except (OSError, UnicodeError) as error:  # UnicodeError: an impossible host name
             self._failed = error
         finally:
             await runner.cleanup()
 
     @web.middleware
     async def _guard(self, request: web.Request, handler: Callable[[web.Request], Any]) -> web.StreamResponse:
-        if why := self.access.refused(request.headers.get("Host"), request.headers.get("Origin")):
-            return web.Response(status=403, text=why, headers=_SAFE)
+        if reason := self.access.refused(request.headers.get("Host"), request.headers.get("Origin")):
+            return web.Response(status=403, text=reason, headers=_SAFE)
         answer: web.StreamResponse = await handler(request)
         return answer
 
@@ -138,72 +138,72 @@ class Server:
         if kind is None or path.parent != PAGE or not path.is_file():
             return web.Response(status=404, text="no such file", headers=_SAFE)
         if path.suffix == ".html" and not self.access.may(request.query.get("token"))[0]:
-            why = "the address needs the token that `tacstrip live` printed: ...?token=..."
-            return web.Response(status=403, text=why, headers=_SAFE)
+            reason = "the address needs the token that `tacstrip live` printed: ...?token=..."
+            return web.Response(status=403, text=reason, headers=_SAFE)
         return web.Response(body=path.read_bytes(), content_type=kind, charset="utf-8", headers=_SAFE)
 
-    async def _watch(self, request: web.Request) -> web.StreamResponse:
+    async def _connect(self, request: web.Request) -> web.StreamResponse:
         look, control = self.access.may(request.query.get("token"))
         if not look:
             return web.Response(status=403, text="the address needs a token", headers=_SAFE)
-        socket = web.WebSocketResponse(max_msg_size=_LONGEST, heartbeat=20.0)
+        socket = web.WebSocketResponse(max_msg_size=_MAX_MESSAGE_BYTES, heartbeat=20.0)
         await socket.prepare(request)
-        page = _Watcher(socket, control)
+        page = _Page(socket, control)
         self._pages.add(page)
         try:
-            await socket.send_str(json.dumps(self.stage.hello(control)))
+            await socket.send_str(json.dumps(self.controller.hello(control)))
             async for message in socket:
                 if message.type == WSMsgType.TEXT:
-                    await self._hear(page, message.data)
+                    await self._receive(page, message.data)
         except ConnectionResetError:
-            pass  # the page is gone; others stay
+            pass  # the page was closed
         finally:
             self._pages.discard(page)
         return socket
 
-    async def _hear(self, page: _Watcher, text: str) -> None:
-        """Take a page's message: `{"drawn": n}` after each picture, else what it wants done."""
+    async def _receive(self, page: _Page, text: str) -> None:
+        """Handle a page's message: `{"drawn": n}` after each picture, else a request."""
         try:
-            said = json.loads(text)
-            if not isinstance(said, dict):
+            request = json.loads(text)
+            if not isinstance(request, dict):
                 raise TypeError
         except (ValueError, TypeError, RecursionError):
             return
-        if "drawn" in said:
+        if "drawn" in request:
             page.sent = max(0, page.sent - 1)
             return
         answer: dict[str, Any] | None
         if not page.control:
             answer = {
                 "kind": "refused",
-                "text": "this page may look, not change anything; use the other address",
+                "text": "this address is for viewing only; use the other one to change things",
             }
         else:
             try:
-                answer = await asyncio.to_thread(self.stage.do, said)
+                answer = await asyncio.to_thread(self.controller.do, request)
             except TacstripError as error:
                 answer = {"kind": "refused", "text": str(error)}
             except (TypeError, ValueError, KeyError, AttributeError):
-                answer = {"kind": "refused", "text": "that message makes no sense"}
+                answer = {"kind": "refused", "text": "the request is malformed"}
         if answer:
             await page.send(json.dumps(answer))
 
     async def _draw(self) -> None:
-        """Send the newest frame to every page that has drawn the last one; slow pages get fewer."""
-        told_s = 0.0
+        """Send the newest frame to each page that has drawn the previous ones; slow pages get fewer."""
+        state_s = 0.0
         while True:
             await asyncio.sleep(_DRAW_S)
-            self.stage.watched(bool(self._pages))
-            text = self.stage.picture()
+            self.controller.watched(bool(self._pages))
+            text = self.controller.picture()
             now_s = self._loop.time()
-            state = json.dumps(self.stage.state()) if now_s - told_s >= _STATE_S else ""
-            told_s = now_s if state else told_s
+            state = json.dumps(self.controller.state()) if now_s - state_s >= _STATE_S else ""
+            state_s = now_s if state else state_s
             for page in list(self._pages):
                 page.offer(text, state)
 
 
-class _Watcher:
-    """A page that is open."""
+class _Page:
+    """An open page."""
 
     def __init__(self, socket: web.WebSocketResponse, control: bool) -> None:
         self.socket, self.control = socket, control
@@ -212,12 +212,12 @@ class _Watcher:
         self._task: asyncio.Task[None] | None = None
 
     def offer(self, text: str, state: str) -> None:
-        """Send what the page has time for; the rest goes."""
+        """Send a frame and the state, unless the page is still busy with earlier ones."""
         if self._task is not None and not self._task.done():
             self.skipped += bool(text)
             return
         parts = [state] if state else []
-        if text and self.sent < _AHEAD:
+        if text and self.sent < _MAX_UNDRAWN:
             self.sent += 1
             parts.append(text)
         else:
@@ -226,9 +226,9 @@ class _Watcher:
             self._task = asyncio.ensure_future(self._send_all(parts))
 
     async def send(self, text: str) -> None:
-        """Send a text, if the page is still there."""
+        """Send a text, unless the page was closed."""
         if not self.socket.closed:
-            with suppress(ConnectionResetError):  # gone meanwhile
+            with suppress(ConnectionResetError):  # closed meanwhile
                 await self.socket.send_str(text)
 
     async def _send_all(self, parts: list[str]) -> None:

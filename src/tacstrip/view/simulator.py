@@ -1,4 +1,4 @@
-"""The simulated sensor that a page plays with: its construction, its noise, and the objects on it."""
+"""The simulated sensor that a page controls: its construction, its noise, and the objects on it."""
 
 from __future__ import annotations
 
@@ -20,36 +20,38 @@ from tacstrip.stream.device.virtual import Loopback, VirtualDevice
 from tacstrip.stream.simulated import SimulatedSource
 from tacstrip.stream.source import RawScan
 
-MOST_STRIPS, MOST_OBJECTS, MOST_VERTICES = 1000, 8, 40
-_AHEAD_S = 0.01  # scans are made in blocks as long as that
-_SHEET_HZ, _SHEET_STRIPS = 20.0, 24  # what a network of a sheet can do on any computer
-_SPAN = 0.5  # of the period that reading all strips takes
+MAX_STRIPS, MAX_OBJECTS, MAX_VERTICES = 1000, 8, 40
+_BLOCK_S = 0.01  # duration of the scans that are computed together
+_SHEET_HZ, _SHEET_STRIPS = 20.0, 24  # a network of a sheet is computed so fast on any computer
+_READ_SHARE = 0.5  # of the period, to read all strips
+
+_SETTINGS = ("construction", "strips", "noise", "rate_hz")
 
 Ring = list[tuple[float, float]]
 
 
 @dataclass(frozen=True)
 class Settings:
-    """What the playground simulates; a change of `sensor` or `rate_hz` begins a new stream."""
+    """Settings of the simulator; a change of `sensor` or `rate_hz` begins a new stream."""
 
     sensor: Sensor
     rate_hz: float = 1000.0
     noise: Noise = field(default_factory=lambda: Noise(positional=0.005))
 
 
-class Playground:
+class Simulator:
     """Holds the settings and the objects; every method may be called from any thread.
 
     Attributes
     ----------
     settings
-        What is simulated.
+        The present settings.
     objects
-        Corners of each object [mm].
+        Vertices of each object [mm].
     """
 
     def __init__(self, settings: Settings, objects: Sequence[Ring] | None = None, seed: int = 0) -> None:
-        self.settings = _possible(settings)
+        self.settings = _feasible(settings)
         self.objects: list[Ring] = []
         self.device: VirtualDevice | None = None
         self._lock = threading.Lock()
@@ -58,15 +60,15 @@ class Playground:
         self.place(example(self.settings.sensor) if objects is None else objects)
 
     def place(self, objects: Sequence[Any]) -> None:
-        """Put these objects on the sensor in place of those there are.
+        """Replace the objects on the sensor.
 
         Raises
         ------
         OptionError, ContactError
-            They are no polygons, or too many; the objects stay as they are.
+            They are not polygons, or too many; the objects then stay as they are.
         """
-        if len(objects) > MOST_OBJECTS or any(len(ring) > MOST_VERTICES for ring in objects):
-            raise OptionError(f"at most {MOST_OBJECTS} objects of {MOST_VERTICES} corners")
+        if len(objects) > MAX_OBJECTS or any(len(ring) > MAX_VERTICES for ring in objects):
+            raise OptionError(f"at most {MAX_OBJECTS} objects of {MAX_VERTICES} vertices")
         contacts = [Contact.polygon(ring) for ring in objects]
         contact = None
         for one in contacts:
@@ -76,47 +78,48 @@ class Playground:
             self._contact = contact
 
     def change(self, wanted: Mapping[str, Any]) -> bool:
-        """Change settings by name; return whether a new stream must begin.
+        """Change settings by name; return whether that needs a new stream.
 
         Raises
         ------
         TacstripError
-            There is no such setting, or it cannot have this value; nothing is changed.
+            The setting does not exist, or cannot have this value; nothing is changed.
         """
         now = self.settings
-        unknown = [key for key in wanted if key not in ("construction", "strips", "noise", "rate_hz")]
-        if unknown:
-            raise OptionError(one_of("setting", unknown[0], ("construction", "strips", "noise", "rate_hz")))
+        if unknown := [key for key in wanted if key not in _SETTINGS]:
+            raise OptionError(one_of("setting", unknown[0], _SETTINGS))
         sensor = now.sensor
         if "construction" in wanted or "strips" in wanted:
             sensor = sensor_of(
                 wanted.get("construction", sensor.construction), wanted.get("strips", sensor.strips), sensor
             )
         noise = Noise(positional=wanted["noise"]) if "noise" in wanted else now.noise
-        new = _possible(Settings(sensor, _rate(wanted.get("rate_hz", now.rate_hz)), noise))
-        anew = (new.sensor, new.rate_hz) != (now.sensor, now.rate_hz)
+        new = _feasible(Settings(sensor, _rate(wanted.get("rate_hz", now.rate_hz)), noise))
+        restart = (new.sensor, new.rate_hz) != (now.sensor, now.rate_hz)
         self.settings = new
-        return anew
+        return restart
 
-    def source(self, tell: Callable[[str], None] = lambda text: None) -> SerialSource:
-        """Return a new source: a virtual device on a line within the program."""
+    def source(self, on_message: Callable[[str], None] = lambda text: None) -> SerialSource:
+        """Return a new source: a virtual device in the same program."""
         device = self.virtual_device()
-        return SerialSource(lambda: Loopback(device), self.settings.sensor, tell=tell)
+        return SerialSource(lambda: Loopback(device), self.settings.sensor, on_message=on_message)
 
     def virtual_device(self) -> VirtualDevice:
-        """Return a new device with the settings as they are; the objects on it may move meanwhile."""
+        """Return a new device with the present settings; its objects may move meanwhile."""
         now = self.settings
-        self.device = VirtualDevice(now.sensor, lambda: self._scans(now), now.rate_hz, _SPAN / now.rate_hz)
+        self.device = VirtualDevice(
+            now.sensor, lambda: self._scans(now), now.rate_hz, _READ_SHARE / now.rate_hz
+        )
         return self.device
 
     @property
-    def trouble(self) -> str:
-        """What is wrong with the objects, in words; empty when all is well."""
-        return "" if self.device is None else self.device.trouble
+    def problem(self) -> str:
+        """Why the objects cannot be simulated; empty where they can."""
+        return "" if self.device is None else self.device.problem
 
     def _scans(self, now: Settings) -> Iterator[RawScan]:
-        """Give scans of the objects as they are; the noise may change meanwhile."""
-        ahead = max(1, round(_AHEAD_S * now.rate_hz))
+        """Yield scans of the objects; objects and noise may change meanwhile."""
+        ahead = max(1, round(_BLOCK_S * now.rate_hz))
         while True:
             noise = self.settings.noise
             source = SimulatedSource(
@@ -131,19 +134,19 @@ class Playground:
         with self._lock:
             contact = self._contact
         if contact is None:
-            raise ContactError("nothing lies on the sensor")
+            raise ContactError("no object is on the sensor")
         return contact
 
 
 def sensor_of(construction: str, strips: Any, like: Sensor) -> Sensor:
-    """Return a sensor of this construction, as large as the one it is to be `like`."""
+    """Return a sensor of this construction, of the size of `like`."""
     if construction not in CONSTRUCTIONS:
         raise OptionError(one_of("construction", construction, CONSTRUCTIONS))
     kind = CONSTRUCTIONS[construction]
-    most = MOST_STRIPS if kind.closed_form else _SHEET_STRIPS
-    if not isinstance(strips, int) or not 2 <= strips <= MOST_STRIPS:
-        raise OptionError(f"strips = {strips}: must be 2 to {MOST_STRIPS}")
-    count = min(strips, most)
+    max_count = MAX_STRIPS if kind.closed_form else _SHEET_STRIPS
+    if not isinstance(strips, int) or not 2 <= strips <= MAX_STRIPS:
+        raise OptionError(f"strips = {strips}: must be 2 to {MAX_STRIPS}")
+    count = min(strips, max_count)
     pitch = like.width_mm / count
     given: dict[str, Any] = {}
     if "radius_mm" in kind.keys:
@@ -157,7 +160,7 @@ def sensor_of(construction: str, strips: Any, like: Sensor) -> Sensor:
 
 
 def example(sensor: Sensor) -> list[Ring]:
-    """Return an object to begin with, in the middle of the sensor."""
+    """Return a first object, in the middle of the sensor."""
     w, h = sensor.width_mm, sensor.length_mm
     return [[(0.22 * w, 0.38 * h), (0.62 * w, 0.22 * h), (0.80 * w, 0.55 * h), (0.45 * w, 0.76 * h)]]
 
@@ -168,8 +171,8 @@ def _rate(rate_hz: Any) -> float:
     return float(rate_hz)
 
 
-def _possible(settings: Settings) -> Settings:
-    """Return the settings with a converter, and no faster than a network can be solved."""
+def _feasible(settings: Settings) -> Settings:
+    """Return the settings with a converter, and the rate limited to what a network can be solved at."""
     sensor = with_converter(settings.sensor)
     rate = settings.rate_hz if sensor.kind.closed_form else min(settings.rate_hz, _SHEET_HZ)
     return replace(settings, sensor=sensor, rate_hz=rate)

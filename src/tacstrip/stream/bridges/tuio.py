@@ -1,6 +1,6 @@
-"""Objects as TUIO 1.1 blobs over OSC: profile /tuio/2Dblb, as multitouch programs take it.
+"""Send objects as TUIO 1.1 blobs over OSC, profile /tuio/2Dblb, which multitouch programs read.
 
-Positions run from 0 to 1 over the sensor, y downwards from the Vref end, as TUIO has it, so that angles [rad]
+Positions run from 0 to 1 over the sensor with y downwards from the Vref end, as TUIO defines it; angles [rad] therefore
 turn clockwise.
 """
 
@@ -19,12 +19,12 @@ from tacstrip.stream.live.frame import Frame
 from tacstrip.tracking.tracker import LiveObject
 
 _ADDRESS = "/tuio/2Dblb"
-_SMOOTH_S = 0.05  # of velocities
+_SMOOTHING_S = 0.05  # time constant of the velocities
 
 
 @dataclass(frozen=True)
 class Blob:
-    """A blob's place: centre, angle [rad], extents along its axes, area; all but the angle from 0 to 1."""
+    """Centre, angle [rad], extents along the axes and area of a blob; all but the angle relative to the sensor."""
 
     x: float
     y: float
@@ -35,7 +35,7 @@ class Blob:
 
 
 def blob(one: LiveObject, sensor: Sensor) -> Blob | None:
-    """Return an object as a blob, or None where it has no shape."""
+    """Return an object's blob, or None where it has no shape."""
     shape = one.shape
     if not shape.found or not np.isfinite(shape.centroid).all():
         return None
@@ -43,25 +43,25 @@ def blob(one: LiveObject, sensor: Sensor) -> Blob | None:
     axes = np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]])
     along, across = np.ptp((shape.vertices - shape.centroid) @ axes, axis=0)
     x, y = shape.centroid
-    whole = sensor.width_mm * sensor.length_mm
+    sensor_area = sensor.width_mm * sensor.length_mm
     return Blob(
         float(x / sensor.width_mm), float(1.0 - y / sensor.length_mm), -turn % math.pi,
-        float(along / sensor.width_mm), float(across / sensor.length_mm), shape.area / whole,
+        float(along / sensor.width_mm), float(across / sensor.length_mm), shape.area / sensor_area,
     )  # fmt: skip
 
 
 class Tuio:
-    """Sends frames; calls are not to overlap.
+    """Sends frames to a TUIO receiver; calls must not overlap.
 
     Parameters
     ----------
     target
-        HOST:PORT of the receiver; 3333 is TUIO's own port.
+        HOST:PORT of the receiver; the standard port of TUIO is 3333.
 
     Raises
     ------
     OptionError
-        The target is no such thing, or its name is not known.
+        The target is not HOST:PORT, or the host is not known.
     """
 
     def __init__(self, target: str) -> None:
@@ -95,18 +95,18 @@ class Tuio:
         bundle.add_content(_message("source", self._source))
         bundle.add_content(_message("alive", *found))
         for number, one in found.items():
-            bundle.add_content(_message("set", number, *self._moving(number, one, frame.raw.time_s)))
+            bundle.add_content(_message("set", number, *self._fields(number, one, frame.raw.time_s)))
         bundle.add_content(_message("fseq", self._sent))
         self._last = {number: self._last[number] for number in found}
         return bundle.build()
 
-    def _moving(self, number: int, now: Blob, time_s: float) -> tuple[float, ...]:
-        """Return TUIO's x y a w h f X Y A m r of a blob, its velocities smoothed."""
+    def _fields(self, number: int, now: Blob, time_s: float) -> tuple[float, ...]:
+        """Return the fields x y a w h f X Y A m r of a blob, its velocities smoothed."""
         speed, change = (0.0, 0.0, 0.0), (0.0, 0.0)
         last_s, last, last_speed = self._last.get(number, (time_s, now, speed))
         if (passed := time_s - last_s) > 0.0:
             turned = (now.angle - last.angle + 0.5 * math.pi) % math.pi - 0.5 * math.pi
-            part = 1.0 - math.exp(-passed / _SMOOTH_S)
+            part = 1.0 - math.exp(-passed / _SMOOTHING_S)
             raw = (now.x - last.x, now.y - last.y, turned)
             vx, vy, va = (v + part * (d / passed - v) for v, d in zip(last_speed, raw, strict=True))
             before = math.hypot(*last_speed[:2])

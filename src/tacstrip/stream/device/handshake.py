@@ -1,4 +1,4 @@
-"""The first words with a device: who it is, and whether that is what was asked for."""
+"""The handshake with a device: identify it, and check that it is the one that the spec describes."""
 
 from __future__ import annotations
 
@@ -15,84 +15,84 @@ from tacstrip.stream.device.protocol.decoder import Decoder
 from tacstrip.stream.device.protocol.frames import Kind
 from tacstrip.stream.device.protocol.messages import Hello
 
-_ASK_S = 0.5  # between two questions who it is
+_ASK_S = 0.5  # between two requests to identify itself
 _READ_S = 0.1
 
 
-class OtherDeviceError(PortError):
-    """What is plugged in is not what the stream is of."""
+class WrongDeviceError(PortError):
+    """The device is not the one that the spec or the stream is for."""
 
 
-def greet(port: Port, decoder: Decoder, wait_s: float, given_up: Callable[[], bool]) -> Hello:
-    """Ask a device who it is until it answers.
+def handshake(port: Port, decoder: Decoder, wait_s: float, cancelled: Callable[[], bool]) -> Hello:
+    """Ask a device to identify itself until it answers.
 
     Parameters
     ----------
     port, decoder
-        The line, and what has read it so far.
+        The line, and the decoder of what comes from it.
     wait_s
-        How long to ask [s].
-    given_up
-        Whether somebody no longer wants to know.
+        Longest time to wait for the answer [s].
+    cancelled
+        Whether the caller has given up.
 
     Raises
     ------
     PortError
-        Nothing answers that speaks the protocol; the message says what came instead.
+        No device that speaks the protocol answers; the message says what came instead.
     OSError
-        The device is gone.
+        The device was unplugged.
     """
-    heard, asked_s, start_s = 0, -_ASK_S, time.monotonic()
-    while (now_s := time.monotonic() - start_s) < wait_s and not given_up():
+    n_bytes, asked_s, start_s = 0, -_ASK_S, time.monotonic()
+    while (now_s := time.monotonic() - start_s) < wait_s and not cancelled():
         if now_s - asked_s >= _ASK_S:
             asked_s = now_s
             port.write(Command(Kind.IDENTIFY).encode())
         data = port.read(_READ_S)
-        heard += len(data)
+        n_bytes += len(data)
         for message in decoder.feed(data):
             if isinstance(message, Hello):
                 return message
     counts = decoder.counts
-    if not heard:
-        why = "nothing came: is the firmware on it, and is this its port?"
+    if not n_bytes:
+        reason = "nothing came: is the firmware on it, and is this its port?"
     elif counts.unknown:
-        why = "its frames are of another version of the protocol: flash the firmware of this tacstrip"
+        reason = "its frames are of another version of the protocol: flash the firmware of this tacstrip"
     elif counts.frames:
-        why = "it sends, but does not say who it is: is its receiving line connected?"
+        reason = "it sends, but does not say who it is: is its receiving line connected?"
     else:
-        why = f"{heard} bytes came and no frame among them: another device, or another --baud"
-    raise PortError(f"no tacstrip device answered within {wait_s:g} s; {why}")
+        reason = f"{n_bytes} bytes came and no frame among them: another device, or another --baud"
+    raise PortError(f"no tacstrip device answered within {wait_s:g} s; {reason}")
 
 
 def check_device(hello: Hello, sensor: Sensor) -> None:
-    """Refuse a device that is not of this spec: `PortError` names both sides."""
+    """Raise `WrongDeviceError` where the device is not the one of this spec; it names both values."""
     device = {"construction": hello.construction, "strips": hello.strips, "adc_bits": hello.adc_bits}
     for key, found in device.items():
         wanted = getattr(sensor, key)
         if wanted is not None and wanted != found:
-            raise OtherDeviceError(
+            raise WrongDeviceError(
                 f"the device has {key} = {found} and the spec {wanted}: name the right spec with --sensor, or flash "
                 "the firmware for it"
             )
     if unknown := [name for name in hello.signatures if name not in sensor.signatures]:
-        raise OtherDeviceError(
+        raise WrongDeviceError(
             f"the device measures {unknown[0]}, which a {sensor.construction} sensor does not have"
         )
 
 
 def check_unit(hello: Hello, first: Hello) -> None:
-    """Refuse a device that is not the one that the stream began with: `OtherDeviceError` names both."""
+    """Raise `WrongDeviceError` where the device is not the one that the stream began with; it names both."""
     for key in ("unit_name", "construction", "strips", "signatures", "adc_bits"):
         now, before = getattr(hello, key), getattr(first, key)
         if now != before:
-            raise OtherDeviceError(
+            raise WrongDeviceError(
                 f"another device is on the port: it has {key} = {now!r}, and the stream began with {before!r}, whose "
                 "spec and calibration are not its own; start again with those of the new one"
             )
 
 
 def sensor_of(hello: Hello, sensor: Sensor | None) -> Sensor:
-    """Return the sensor of a device, with its A/D bits: of this spec or a fitting shipped one; else `PortError`."""
+    """Return the sensor of a device, with its A/D bits: this spec, or a matching shipped one; else `PortError`."""
     if sensor is None:
         for name in spec_names():
             shipped = Sensor.load(name)

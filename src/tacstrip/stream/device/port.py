@@ -1,4 +1,4 @@
-"""A line to a device: what can be read from, written to and pulled out; a serial port is one."""
+"""The line to a device, such as a serial port."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ class Port(Protocol):
     """Bytes to and from a device. Reading and writing raise `OSError` once it is gone."""
 
     def read(self, wait_s: float) -> bytes:
-        """Return what has come, after waiting for the first byte for at most so long [s]."""
+        """Return the bytes that have come, after waiting for the first for at most `wait_s` [s]."""
 
     def write(self, data: bytes) -> None:
         """Send bytes."""
 
     def close(self) -> None:
-        """Let go of it; may be called twice."""
+        """Close it; may be called twice."""
 
 
 class SerialPort:
-    """A serial port, opened for this program alone.
+    """A serial port, opened exclusively.
 
     Raises
     ------
     PortError
-        There is no such port, it is in use, or may not be opened; the message says what to do.
+        The port does not exist, is in use, or may not be opened; the message says what to do.
     """
 
     def __init__(self, path: str, baud: int = BAUD) -> None:
@@ -37,10 +37,10 @@ class SerialPort:
         try:
             self._serial: Any = serial.Serial(path, baud, timeout=0.0, write_timeout=1.0, exclusive=True)
         except (OSError, ValueError) as error:
-            raise PortError(_why(path, baud, error)) from None
+            raise PortError(_open_error(path, baud, error)) from None
 
     def read(self, wait_s: float) -> bytes:
-        """Return what has come."""
+        """Return the bytes that have come."""
         self._serial.timeout = wait_s
         data: bytes = self._serial.read(1)
         return data + self._serial.read(self._serial.in_waiting) if data else data
@@ -50,18 +50,18 @@ class SerialPort:
         self._serial.write(data)
 
     def close(self) -> None:
-        """Let go of the port."""
+        """Close the port."""
         self._serial.close()
 
 
 def ports() -> list[str]:
-    """Return the names of the serial ports that there are."""
+    """Return the names of the serial ports of this computer."""
     from serial.tools.list_ports import comports
 
     return sorted(port.device for port in comports())
 
 
-def _why(path: str, baud: int, error: Exception) -> str:
+def _open_error(path: str, baud: int, error: Exception) -> str:
     text = str(error)
     if "Permission" in text or "Access is denied" in text:
         return f"{path}: you may not open it. On Linux add yourself to the group dialout and log in again"

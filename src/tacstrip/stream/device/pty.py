@@ -1,4 +1,4 @@
-"""A virtual device behind a serial port of its own, for other programs; Linux and macOS."""
+"""A virtual device on a pseudo-terminal, as a serial port for other programs; Linux and macOS."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ class PtyDevice:
     Parameters
     ----------
     device
-        What answers.
+        The device.
     link
-        A path that shall lead to the port, so that a device can be pulled out and plugged in under one name.
+        A path that links to the port, so that a device can be unplugged and plugged in again under one name.
 
     Attributes
     ----------
     path
-        The port's name.
+        Name of the port.
 
     Raises
     ------
@@ -44,7 +44,7 @@ class PtyDevice:
         except ImportError:
             raise PortError("virtual serial ports need Linux or macOS; use --simulate instead") from None
         self.device = device
-        self._master, self._slave = os.openpty()  # while we hold the slave, a host may come and go
+        self._master, self._slave = os.openpty()  # the slave stays open here, so that a host may come and go
         tty.setraw(self._slave)
         os.set_blocking(self._master, False)
         self.path = os.ttyname(self._slave)
@@ -58,7 +58,7 @@ class PtyDevice:
         self._thread.start()
 
     def close(self) -> None:
-        """Pull it out; may be called twice."""
+        """Unplug it; may be called twice."""
         if self._closed.is_set():
             return
         self._closed.set()
@@ -86,7 +86,9 @@ class PtyDevice:
             out += self.device.send()
             if out:
                 select.select([], [self._master], [], _WAIT_S)
-                with suppress(BlockingIOError):  # the host does not read; a device cannot wait for it either
+                with suppress(
+                    BlockingIOError
+                ):  # the host does not read; like a device, this does not wait for it
                     out = out[os.write(self._master, out) :]
             if len(out) > 64 * _BYTES:
                 out = b""

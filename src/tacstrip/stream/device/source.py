@@ -1,4 +1,4 @@
-"""A device on a port as a source of scans: greets it, starts it, and finds it again when it was unplugged."""
+"""A device on a port as a source of scans; it survives being unplugged and plugged in again."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from tacstrip.arguments import takes
 from tacstrip.errors import PortError
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.device.clocks import DeviceClock, HostClock
-from tacstrip.stream.device.handshake import OtherDeviceError, check_device, check_unit, greet, sensor_of
+from tacstrip.stream.device.handshake import WrongDeviceError, check_device, check_unit, handshake, sensor_of
 from tacstrip.stream.device.port import Port
 from tacstrip.stream.device.protocol.commands import Command
 from tacstrip.stream.device.protocol.decoder import Counts, Decoder
@@ -20,18 +20,18 @@ from tacstrip.stream.device.protocol.messages import Hello
 from tacstrip.stream.device.protocol.scans import ScanBatch
 from tacstrip.stream.source import RawScan
 
-_GREET_S = 5.0  # an Uno needs 2 to wake up
-_READ_S = 0.1  # the longest wait for a byte before a stop is noticed
-_SILENT_S = 1.0  # without a scan, or four periods: something is wrong
-_RETRY_S = 0.3  # between two attempts to open a port that is gone
-_ASK_S = 0.5  # between two questions who the device is
-# A reader had been waiting for scans where it waited for a fifth of a period, within these limits [s].
+_HANDSHAKE_S = 5.0  # an Arduino Uno needs 2 to boot
+_READ_S = 0.1  # longest wait for a byte before a stop is noticed
+_SILENT_S = 1.0  # the least time without a scan, and four periods, that count as silence
+_RETRY_S = 0.3  # between two attempts to reopen a port
+_ASK_S = 0.5  # between two requests to identify itself
+# A reader that waited for a fifth of a period, within these limits [s], was waiting for the scans.
 _PROMPT_S = (0.0002, 0.02)
 
 
 @dataclass
-class _Unsure:
-    """Scans of a device that may be another one, since when it is asked who it is [s], and how often."""
+class _HeldScans:
+    """Scans held back until the device has identified itself, the time of the first request [s], and their number."""
 
     since_s: float
     asked: int = 1
@@ -39,39 +39,52 @@ class _Unsure:
 
 
 class SerialSource:
-    """The scans of a device. Iterate it once, in one thread; `close` may come from another.
+    """The scans of a device. Iterate it once, in one thread; `close` may be called from another.
 
     Parameters
     ----------
     open_port
         Opens the line: called at once, and again after the device was unplugged.
     sensor
-        Its spec; None: the shipped one of the same construction and strips.
+        Its spec; None: the shipped spec of the same construction and number of strips.
     rate_hz
-        Scans a second to ask for; None: what the device does by itself, 0: as fast as it goes.
-    tell
-        Called with what a user should know, a line each.
-    greet_s
-        How long to wait for the device to say who it is [s].
+        Scan rate to request [Hz]; None: the device's own, 0: as fast as possible.
+    on_message
+        Called with messages for the user, a line each.
+    handshake_s
+        Longest time to wait for the device to identify itself [s].
 
     Attributes
     ----------
     sensor, names, origin_ns
         As of every source.
     hello
-        Who the device says it is.
-    tell
-        As given; whoever takes the source over may set another.
-    arrived_s
-        When the bytes of the last scan came, by `time.perf_counter` [s].
-    waiting
-        How many newer scans were read together with the last one: above 0 where the reader is behind.
+        The device's latest identification.
+    on_message, arrived_s, waiting
+        As of every `DeviceSource`.
 
     Raises
     ------
     PortError
-        The port cannot be opened, nothing on it speaks the protocol, or the device is not of this spec. Later: another
-        device is plugged in, or one that started anew does not say who it is.
+        The port cannot be opened, nothing on it speaks the protocol, or the device is not the one of the spec. While
+        iterating: another device was plugged in, or a restarted one does not identify itself.
+
+    Examples
+    --------
+    A virtual device in place of one on a port:
+
+    >>> import tacstrip as ts
+    >>> from tacstrip.stream import VirtualDevice
+    >>> from tacstrip.stream.device.virtual import Loopback
+    >>> sensor = ts.Sensor(construction="crs-m", strips=8, pitch_mm=5.0, length_mm=100.0, adc_bits=10)
+    >>> contact = ts.Contact.polygon([(8, 40), (32, 40), (20, 70)])
+    >>> scans = ts.SimulatedSource(sensor, lambda time_s: contact)
+    >>> device = VirtualDevice(sensor, lambda: iter(scans), rate_hz=100.0)
+    >>> source = ts.SerialSource(lambda: Loopback(device), sensor)
+    >>> source.hello.strips, source.names
+    (8, ('k',))
+    >>> int(next(iter(source)).touched.sum())
+    4
     """
 
     @takes(sensor=Sensor)
@@ -80,14 +93,14 @@ class SerialSource:
         open_port: Callable[[], Port],
         sensor: Sensor | None = None,
         rate_hz: float | None = None,
-        tell: Callable[[str], None] = lambda text: None,
-        greet_s: float = _GREET_S,
+        on_message: Callable[[str], None] = lambda text: None,
+        handshake_s: float = _HANDSHAKE_S,
     ) -> None:
-        self._open_port, self.tell, self._greet_s = open_port, tell, greet_s
+        self._open_port, self.on_message, self._handshake_s = open_port, on_message, handshake_s
         self._period_us = None if rate_hz is None else round(1e6 / rate_hz) if rate_hz else 0
         self._closed = False
         self._commands = 0
-        self._past = Counts()
+        self._previous_counts = Counts()
         self._port: Port | None = None
         self.arrived_s = 0.0
         self.waiting = 0
@@ -99,13 +112,13 @@ class SerialSource:
         period_us = self.hello.period_us if self._period_us is None else self._period_us
         self._period_s = max(period_us, self.hello.cycle_us) * 1e-6
         self._clock = DeviceClock(self._period_s)
-        self._run = 0  # restarts by the last scan
-        self._unsure: _Unsure | None = None
+        self._run = 0  # the decoder's count of restarts at the last scan
+        self._held: _HeldScans | None = None
 
     @property
     def counts(self) -> Counts:
-        """What came in, and what was lost or spoilt, since the source was made."""
-        return Counts(*(a + b for a, b in zip(self._past, self._decoder.counts, strict=True)))
+        """Frames that came, and that were lost or corrupt, since the source was made."""
+        return Counts(*(a + b for a, b in zip(self._previous_counts, self._decoder.counts, strict=True)))
 
     def __iter__(self) -> Iterator[RawScan]:
         while not self._closed:
@@ -115,25 +128,25 @@ class SerialSource:
                 raise
             except OSError as error:
                 if not self._closed:
-                    self.tell(f"the device is gone ({error}); plug it in again and it goes on")
+                    self.on_message(f"the device is gone ({error}); plug it in again and it goes on")
                     self._reconnect()
-        self._release()
+        self._disconnect()
 
     def close(self) -> None:
-        """End the stream: the thread that iterates stops the device and lets go of the port."""
+        """End the stream: the thread that iterates stops the device and closes the port."""
         self._closed = True
 
     def _scans(self) -> Iterator[RawScan]:
-        """Give the scans of one connection, their times by our clock."""
+        """Yield the scans of one connection, their times by the computer's clock."""
         assert self._port is not None
         self._clock.restart()
         self._start()
-        self._unsure = None
+        self._held = None
         self._run = self._decoder.counts.restarts
         patience_s = max(_SILENT_S, 4e-6 * self.hello.period_us)
         prompt_s = min(max(_PROMPT_S[0], self._period_s / 5.0), _PROMPT_S[1])
-        heard_s, came, said, corrupt = self._host(), False, False, self._decoder.counts.corrupt
-        greeted = False  # the device started anew, said hello, and sent nothing since
+        heard_s, streaming, silent, corrupt = self._host(), False, False, self._decoder.counts.corrupt
+        identified = False  # the device restarted, identified itself, and has sent no scan since
         while not self._closed:
             began_s = self._host()
             data = self._port.read(_READ_S)
@@ -144,107 +157,112 @@ class SerialSource:
                 if isinstance(message, Hello):
                     check_unit(message, self.hello)
                     if not message.streaming:
-                        greeted = True
-                        if came:
-                            self.tell("the device started anew; it is told to send")
+                        identified = True
+                        if streaming:
+                            self.on_message("the device started anew; it is told to send")
                         self._start()
-                    if self._unsure is not None:
-                        held, self._unsure = self._unsure.scans, None
-                        yield from self._given(held)
+                    if self._held is not None:
+                        held, self._held = self._held.scans, None
+                        yield from self._release_scans(held)
                 if not isinstance(message, ScanBatch):
                     continue
                 self._check_batch(message)
-                came, corrupt = True, self._decoder.counts.corrupt
-                if said:
-                    said = False
-                    self.tell("scans come again")
-                yield from self._given(self._timed(message, now_s, now_s - began_s > prompt_s, greeted))
-                greeted, heard_s = False, self._host()  # whoever takes the scans may have taken long
-            if self._unsure is not None:
-                self._ask_again()
+                streaming, corrupt = True, self._decoder.counts.corrupt
+                if silent:
+                    silent = False
+                    self.on_message("scans come again")
+                yield from self._release_scans(
+                    self._timed(message, now_s, now_s - began_s > prompt_s, identified)
+                )
+                identified, heard_s = False, self._host()  # the consumer may have taken long
+            if self._held is not None:
+                self._ask_identity()
             if self._host() - heard_s > patience_s:
                 heard_s = self._host()
                 self._start()
-                self._doubt()  # who it is: the silence may have been a change of cables
-                if not said:
-                    said = True
-                    bad = self._decoder.counts.corrupt - corrupt
-                    why = (
-                        f"{bad} broken frames came: is the cable sound?"
-                        if bad
+                self._hold_scans()  # the silence may have been a change of cables
+                if not silent:
+                    silent = True
+                    n_corrupt = self._decoder.counts.corrupt - corrupt
+                    reason = (
+                        f"{n_corrupt} broken frames came: is the cable sound?"
+                        if n_corrupt
                         else "it is told to send again"
                     )
-                    self.tell(f"no scan came for {patience_s:.2g} s; {why}")
+                    self.on_message(f"no scan came for {patience_s:.2g} s; {reason}")
 
-    def _timed(self, batch: ScanBatch, now_s: float, prompt: bool, greeted: bool) -> list[RawScan]:
-        """Return a batch's scans with their times by our clock; begin to doubt the unit where they are of a new run.
+    def _timed(self, batch: ScanBatch, now_s: float, prompt: bool, identified: bool) -> list[RawScan]:
+        """Return a batch's scans with their times by the computer's clock; hold scans back where they are of a new run.
 
-        `greeted`: the device has said since its last scan that it started anew, and who it is.
+        `identified`: since its last scan the device has restarted and identified itself.
         """
         scans = list(batch.scans())
-        believed = not self._clock.fault
+        trusted = not self._clock.fault
         out: list[RawScan] = []
         if batch.restarts != self._run:
             self._run = batch.restarts
-            if not greeted:
-                self._doubt()
-            if not self._clock.goes_on(scans[0], now_s):
-                self._begin_anew(greeted)
+            if not identified:
+                self._hold_scans()
+            if not self._clock.continues_run(scans[0], now_s):
+                self._restart_clock(identified)
         while scans:
-            many = self._clock.of_this_run(scans, now_s)
-            if many < len(scans):
+            n_same = self._clock.n_of_same_run(scans, now_s)
+            if n_same < len(scans):
                 prompt = False
-            if part := scans[:many]:
+            if part := scans[:n_same]:
                 out += self._with_times(part, now_s, prompt)
-            scans = scans[many:]
+            scans = scans[n_same:]
             if scans:
-                self._doubt()
-                self._begin_anew(greeted=False)
-        if believed and self._clock.fault:
-            self.tell(f"{self._clock.fault}; from now on times are the computer's")
+                self._hold_scans()
+                self._restart_clock(identified=False)
+        if trusted and self._clock.fault:
+            self.on_message(f"{self._clock.fault}; from now on times are the computer's")
         return out
 
     def _with_times(self, scans: list[RawScan], now_s: float, prompt: bool) -> list[RawScan]:
         times = self._clock.times(scans, now_s, prompt)
         return [replace(raw, time_s=time_s) for raw, time_s in zip(scans, times, strict=True)]
 
-    def _given(self, scans: list[RawScan]) -> Iterator[RawScan]:
-        """Give scans, or keep them until it is known whose they are."""
-        if self._unsure is not None:
-            self._unsure.scans += scans
+    def _release_scans(self, scans: list[RawScan]) -> Iterator[RawScan]:
+        """Yield scans, or hold them back until the device has identified itself."""
+        if self._held is not None:
+            self._held.scans += scans
             return
         self.waiting = max(self.waiting, len(scans))
         for raw in scans:
             self.waiting -= 1
             yield raw
 
-    def _begin_anew(self, greeted: bool) -> None:
+    def _restart_clock(self, identified: bool) -> None:
         self._clock.restart()
-        if not greeted:
-            self.tell("the device started anew without a word, or is another one; it is asked who it is")
+        if not identified:
+            self.on_message(
+                "the device started anew without a word, or is another one; it is asked who it is"
+            )
 
-    def _doubt(self) -> None:
-        """Keep scans back until the device has said who it is."""
-        if self._unsure is None:
-            self._unsure = _Unsure(self._host())
+    def _hold_scans(self) -> None:
+        """Hold scans back until the device has identified itself."""
+        if self._held is None:
+            self._held = _HeldScans(self._host())
             self._write(Kind.IDENTIFY)
 
-    def _ask_again(self) -> None:
-        assert self._unsure is not None
-        since_s = self._host() - self._unsure.since_s
-        if self._unsure.scans and since_s > self._greet_s:
+    def _ask_identity(self) -> None:
+        assert self._held is not None
+        since_s = self._host() - self._held.since_s
+        if self._held.scans and since_s > self._handshake_s:
             raise PortError(
-                f"the device began anew and has not said for {self._greet_s:g} s who it is: {len(self._unsure.scans)} "
-                "scan(s) are left out, for they may be another unit's. Is its receiving line connected?"
+                f"the device began anew and has not said for {self._handshake_s:g} s who it is: "
+                f"{len(self._held.scans)} scan(s) are left out, as they may be another unit's. Is its receiving line "
+                "connected?"
             )
-        if since_s > _ASK_S * self._unsure.asked:
-            self._unsure.asked += 1
+        if since_s > _ASK_S * self._held.asked:
+            self._held.asked += 1
             self._write(Kind.IDENTIFY)
 
     def _connect(self) -> Hello:
         self._port, self._decoder = self._open_port(), Decoder()
         try:
-            hello = greet(self._port, self._decoder, self._greet_s, lambda: self._closed)
+            hello = handshake(self._port, self._decoder, self._handshake_s, lambda: self._closed)
             if self._wanted is not None:
                 check_device(hello, self._wanted)
                 check_unit(hello, self.hello)
@@ -254,7 +272,7 @@ class SerialSource:
             raise
 
     def _reconnect(self) -> None:
-        self._past = self.counts
+        self._previous_counts = self.counts
         self._decoder = Decoder()
         if self._port is not None:
             self._port.close()
@@ -263,11 +281,11 @@ class SerialSource:
             try:
                 self.hello = self._connect()
             except (OSError, PortError) as error:
-                if self._wanted is not None and isinstance(error, OtherDeviceError):
+                if self._wanted is not None and isinstance(error, WrongDeviceError):
                     raise
                 time.sleep(_RETRY_S)
             else:
-                self.tell("the device is back")
+                self.on_message("the device is back")
                 return
 
     def _start(self) -> None:
@@ -275,7 +293,7 @@ class SerialSource:
             self._write(Kind.RATE, self._period_us)
         self._write(Kind.START)
 
-    def _release(self) -> None:
+    def _disconnect(self) -> None:
         if self._port is None:
             return
         with suppress(OSError, PortError):  # if it is gone, that stops it too
@@ -290,6 +308,6 @@ class SerialSource:
     def _check_batch(self, batch: ScanBatch) -> None:
         same = batch.touched.shape[1] == self.sensor.strips and batch.adc_bits == self.sensor.adc_bits
         if not same or tuple(batch.codes) != self.names:
-            raise OtherDeviceError(
+            raise WrongDeviceError(
                 "the device sends other scans than its hello said; flash its firmware anew"
             )

@@ -1,4 +1,4 @@
-"""A device that is not there: answers commands and sends scans as the firmware does (docs/protocol.md)."""
+"""A simulated device: it answers commands and sends scans as the firmware does (docs/protocol.md)."""
 
 from __future__ import annotations
 
@@ -11,37 +11,50 @@ from tacstrip.arguments import takes
 from tacstrip.errors import ContactError, PortError
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.codes import code_type, top_code, with_converter
-from tacstrip.stream.device.protocol.commands import LONGEST_PERIOD_US, Command, Status
+from tacstrip.stream.device.protocol.commands import MAX_PERIOD_US, Command, Status
 from tacstrip.stream.device.protocol.decoder import Decoder
 from tacstrip.stream.device.protocol.frames import Kind
 from tacstrip.stream.device.protocol.messages import Hello, Reply, SelfTest
 from tacstrip.stream.device.protocol.scans import encode_scan
 from tacstrip.stream.source import RawScan
 
-_MOST = 256  # scans sent at once; who is later than that skips, and says so as `late`
+_MAX_BURST = 256  # scans sent at once; older ones are skipped and counted as `late`
 
 
 class VirtualDevice:
-    """A device without hardware; no port is touched here.
+    """A simulated device. It turns received bytes into bytes to send; a port is not part of it.
 
     Parameters
     ----------
     sensor
-        What it is; the converter of a spec without `adc_bits` has 16 bits.
+        The sensor; a spec without `adc_bits` gets a converter of 16 bits.
     scans
-        Begins a stream of scans without end; their times and numbers are replaced by the device's own. Where a
-        contact cannot be, `ContactError`, nothing is touched until it can.
+        Returns an endless iterator of scans; their times and numbers are replaced by the device's own. While it
+        raises `ContactError`, nothing is touched.
     rate_hz
-        Scans a second, until the host asks for another rate.
+        Scan rate until the host asks for another [Hz].
     span_s
-        From the reading of the first strip to that of the last [s].
+        Time from the reading of the first strip to that of the last [s].
     clock
-        The device's time [s].
+        The device's clock [s].
 
     Attributes
     ----------
-    trouble
-        What is wrong with the contact, in words; empty when all is well.
+    problem
+        Why the contact cannot be simulated; empty where it can.
+
+    Examples
+    --------
+    >>> import tacstrip as ts
+    >>> from tacstrip.stream import VirtualDevice
+    >>> from tacstrip.stream.device.virtual import Loopback
+    >>> sensor = ts.Sensor(construction="crs-crs", strips=10, pitch_mm=6.5, length_mm=365.0)
+    >>> contact = ts.Contact.polygon([(10, 100), (50, 100), (30, 200)])
+    >>> scans = ts.SimulatedSource(sensor, lambda time_s: contact, rate_hz=200.0)
+    >>> device = VirtualDevice(sensor, lambda: iter(scans), rate_hz=200.0)
+    >>> source = ts.SerialSource(lambda: Loopback(device), sensor)
+    >>> int(next(iter(source)).touched.sum())
+    6
     """
 
     @takes(sensor=Sensor)
@@ -54,13 +67,15 @@ class VirtualDevice:
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.sensor = with_converter(sensor)
-        self.trouble = ""
+        self.problem = ""
         self._begin = scans
         self._scans: Iterator[RawScan] = iter(())
         self._span_s, self._clock = span_s, clock
         self._period_us = round(1e6 / rate_hz)
         self._start_s = self._boot_s = clock()
-        self._due = self._number = self._late = 0  # scans since the start, since the reset, and skipped
+        self._due = self._number = self._late = (
+            0  # scans due since the start, sent since the reset, and skipped
+        )
         self._streaming = False
         self._decoder = Decoder()
         assert self.sensor.adc_bits is not None
@@ -68,12 +83,12 @@ class VirtualDevice:
         self._offsets = np.linspace(0.0, span_s, self.sensor.strips)
         self._untouched = np.zeros(self.sensor.strips, dtype=bool)
         rest = 0.5 if self.sensor.rest_volt is None else self.sensor.rest_volt / self.sensor.vref_volt
-        self._rest = code_type(self.sensor).type(rest * top_code(self.sensor))  # what an open line reads
-        self._nothing = {n: np.full(self.sensor.strips, self._rest) for n in self.sensor.signatures}
+        self._rest = code_type(self.sensor).type(rest * top_code(self.sensor))  # the code of an open line
+        self._untouched_codes = {n: np.full(self.sensor.strips, self._rest) for n in self.sensor.signatures}
 
     @property
     def hello(self) -> Hello:
-        """Who it says it is."""
+        """The message that identifies it."""
         return Hello(
             construction=self.sensor.construction, strips=self.sensor.strips, signatures=self.sensor.signatures,
             adc_bits=self._bits, streaming=self._streaming, supply_mv=round(1e3 * self.sensor.vref_volt),
@@ -81,9 +96,9 @@ class VirtualDevice:
         )  # fmt: skip
 
     def receive(self, data: bytes) -> bytes:
-        """Obey the commands in bytes from the host; return the answers."""
-        said = self._decoder.feed(data)
-        return b"".join(self._obey(command) for command in said if isinstance(command, Command))
+        """Execute the commands in bytes from the host; return the replies."""
+        received = self._decoder.feed(data)
+        return b"".join(self._execute(command) for command in received if isinstance(command, Command))
 
     def send(self) -> bytes:
         """Return the scans that are due by now."""
@@ -91,10 +106,10 @@ class VirtualDevice:
             return b""
         passed_us = (self._clock() - self._start_s) * 1e6
         due = int(passed_us / self._period_us) + 1 - self._due if self._period_us else 1
-        if due > _MOST:
-            self._late += due - _MOST
-            self._due += due - _MOST
-            due = _MOST
+        if due > _MAX_BURST:
+            self._late += due - _MAX_BURST
+            self._due += due - _MAX_BURST
+            due = _MAX_BURST
         out = []
         for _ in range(due):
             at_us = self._due * self._period_us if self._period_us else passed_us
@@ -103,7 +118,7 @@ class VirtualDevice:
         return b"".join(out)
 
     def wait_s(self) -> float:
-        """Return how long it is to the next scan [s]: infinite while it sends none."""
+        """Return the time until the next scan [s]; infinite while it sends none."""
         if not self._streaming:
             return float("inf")
         return max(0.0, self._start_s + self._due * self._period_us * 1e-6 - self._clock())
@@ -111,26 +126,26 @@ class VirtualDevice:
     def _frame(self, time_s: float) -> bytes:
         try:
             raw = next(self._scans)
-            self.trouble = ""
+            self.problem = ""
         except (ContactError, StopIteration) as error:
-            self.trouble = str(error)
-            raw = self._again()
+            self.problem = str(error)
+            raw = self._restart()
         codes = {name: np.where(raw.touched, values, self._rest) for name, values in raw.codes.items()}
         raw = RawScan(time_s, codes, raw.touched, strip_time_s=self._offsets)
         frame = encode_scan(raw, self._bits, self._number)
         self._number += 1
         return frame
 
-    def _again(self) -> RawScan:
-        """Begin the scans anew, for a stream that failed is over."""
+    def _restart(self) -> RawScan:
+        """Restart the scans after their iterator has failed."""
         try:
             self._scans = self._begin()
             return next(self._scans)
         except ContactError as error:
-            self.trouble = str(error)
-            return RawScan(0.0, self._nothing, self._untouched)
+            self.problem = str(error)
+            return RawScan(0.0, self._untouched_codes, self._untouched)
 
-    def _obey(self, command: Command) -> bytes:
+    def _execute(self, command: Command) -> bytes:
         now_us = round((self._clock() - self._boot_s) * 1e6)
         status, value = Status.DONE, self._period_us
         match command.kind:
@@ -143,14 +158,14 @@ class VirtualDevice:
                 self._streaming, self._start_s, self._due, self._late = True, self._clock(), 0, 0
             case Kind.STOP:
                 self._streaming = False
-            case Kind.RATE if command.period_us is not None and command.period_us <= LONGEST_PERIOD_US:
+            case Kind.RATE if command.period_us is not None and command.period_us <= MAX_PERIOD_US:
                 self._period_us = value = command.period_us
                 self._start_s, self._due = self._clock(), 0
         return Reply(command.kind, command.sequence, status, value).encode(self._number, now_us)
 
 
 class Loopback:
-    """A line within the program to a virtual device: the port of `tacstrip live --simulate`."""
+    """The line to a virtual device in the same program, as of `tacstrip live --simulate`."""
 
     def __init__(self, device: VirtualDevice) -> None:
         self.device = device
@@ -158,7 +173,7 @@ class Loopback:
         self._open = True
 
     def read(self, wait_s: float) -> bytes:
-        """Return what the device has sent."""
+        """Return the bytes that the device has sent."""
         if not self._open:
             raise PortError("the virtual device is closed")
         if not self._answers and (wait := min(wait_s, self.device.wait_s())) > 0.0:
@@ -171,5 +186,5 @@ class Loopback:
         self._answers += self.device.receive(data)
 
     def close(self) -> None:
-        """Hang up."""
+        """Close the line."""
         self._open = False

@@ -1,82 +1,74 @@
-"""A recording made beside a live stream, in a thread of its own so that a slow disk delays nothing else."""
+"""A recording written in a thread of its own, so that a slow disk does not delay a live stream."""
 
 from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from pathlib import Path
 
 from tacstrip.errors import in_words
-from tacstrip.stream.live.bounded_queue import Mailbox
+from tacstrip.stream.live.bounded_queue import BoundedQueue
 from tacstrip.stream.recording.recorder import Recorder
 from tacstrip.stream.source import RawScan
 
-_WAITING = 20_000  # scans that may wait for the disk; then the source waits too
-_NAP_S = 0.005  # a few scans at once: more would keep a core from the stream
+_QUEUE_SCANS = 20_000  # that may wait for the disk; a longer queue makes the stream wait
+_BATCH_S = 0.005  # between two writes: larger batches would keep a core from the stream
 
 
-class DiskWriter:
-    """Records whatever it is given; nothing given is dropped while the disk takes it.
+class BackgroundRecorder:
+    """Writes scans to a recording in the background; no scan is dropped unless writing fails.
 
     Parameters
     ----------
     recorder
-        The open recording; closed here.
-    tell
-        Called, in the writing thread, with what a user should know.
+        The open recording; closed by the writing thread.
+    on_message
+        Called, in the writing thread, with messages for the user.
+
+    Attributes
+    ----------
+    recorder
+        As given.
+    failed
+        Whether writing failed; the recording then ends with the scans that had been saved.
     """
 
-    def __init__(self, recorder: Recorder, tell: Callable[[str], None]) -> None:
-        self._recorder, self._tell = recorder, tell
-        self._box: Mailbox[RawScan] = Mailbox(_WAITING, keep=True)
+    def __init__(self, recorder: Recorder, on_message: Callable[[str], None]) -> None:
+        self.recorder, self._on_message = recorder, on_message
         self.failed = False
+        self._queue: BoundedQueue[RawScan] = BoundedQueue(_QUEUE_SCANS, keep=True)
         self._end = threading.Event()
         self._thread = threading.Thread(target=self._run, name="tacstrip recorder", daemon=True)
         self._thread.start()
 
-    @property
-    def path(self) -> Path:
-        """The file."""
-        return self._recorder.path
-
-    @property
-    def scans(self) -> int:
-        """Scans recorded by now."""
-        return self._recorder.scans
-
-    @property
-    def size_bytes(self) -> int:
-        """What is on disk by now."""
-        return self._recorder.size_bytes
-
     def add(self, raw: RawScan) -> None:
-        """Record a scan; waits where the disk is 20,000 scans behind."""
-        self._box.put(raw)
+        """Record a scan; waits while 20,000 scans wait for the disk."""
+        self._queue.put(raw)
 
     def close(self) -> None:
-        """Write everything that waits, end the file and say what it holds."""
-        self._box.close()
+        """Write all scans that wait, complete the file and report its contents."""
+        self._queue.close()
         self._end.set()
         self._thread.join()
 
     def _run(self) -> None:
-        recorder = self._recorder
+        recorder = self.recorder
         try:
             with recorder:
                 ended = False
                 while not ended:
-                    ended = self._end.wait(_NAP_S)
-                    for raw in self._box.get_all():
+                    ended = self._end.wait(_BATCH_S)
+                    for raw in self._queue.get_all():
                         recorder.add(raw)
-                    recorder.idle(_NAP_S)
+                    recorder.idle(_BATCH_S)
         except Exception as error:
             self.failed = True
-            self._box.close()
-            why, advice = in_words(error), ""
+            self._queue.close()
+            reason, advice = in_words(error), ""
             if isinstance(error, OSError):
-                why, advice = error.strerror or why, "; make room, or record to another disk"
-            self._tell(
-                f"recording to {recorder.path} ended: {why}. {recorder.saved_scans} scan(s) are saved in it{advice}"
+                reason, advice = error.strerror or reason, "; make room, or record to another disk"
+            self._on_message(
+                f"recording to {recorder.path} ended: {reason}. {recorder.saved_scans} scan(s) are saved in it{advice}"
             )
-            return
-        self._tell(f"{recorder.path}: {recorder.scans} scan(s), {recorder.size_bytes / 1e6:.3g} MB")
+        else:
+            size_mb = recorder.size_bytes / 1e6
+            self._on_message(f"{recorder.path}: {recorder.scans} scan(s), {size_mb:.3g} MB")

@@ -1,29 +1,29 @@
-"""A bounded queue between two threads that either waits or lets the oldest go, and counts what went."""
+"""A bounded queue between threads that either waits for room or discards its oldest item, and counts those."""
 
 from __future__ import annotations
 
 import threading
-import time
 from collections import deque
 from typing import Generic, TypeVar
 
 T = TypeVar("T")
 
 
-class Mailbox(Generic[T]):
-    """What one thread leaves for another.
+class BoundedQueue(Generic[T]):
+    """A first-in, first-out queue of limited length.
 
     Parameters
     ----------
     size
-        How many wait at most.
+        Largest number of items that wait.
     keep
-        True: `put` waits until there is room, and nothing is lost; False: the oldest goes.
+        What `put` does when the queue is full. True: wait for room, so that nothing is lost; False: discard the
+        oldest item.
 
     Attributes
     ----------
     dropped
-        How many went before they were fetched.
+        Number of items that were discarded.
     """
 
     def __init__(self, size: int, keep: bool = False) -> None:
@@ -38,39 +38,33 @@ class Mailbox(Generic[T]):
 
     @property
     def closed(self) -> bool:
-        """Whether nothing will come any more; what waits can still be fetched."""
+        """Whether no more items will come; those that wait can still be fetched."""
         return self._closed
 
     def put(self, item: T) -> bool:
-        """Leave an item; return False where the box is closed."""
+        """Append an item; return False where the queue is closed."""
         with self._change:
-            while len(self._items) >= self._size and not self._closed:
-                if self._keep:
-                    self._change.wait()
-                else:
-                    self._items.popleft()
-                    self.dropped += 1
+            if self._keep:
+                self._change.wait_for(lambda: self._closed or len(self._items) < self._size)
             if self._closed:
                 return False
+            if len(self._items) >= self._size:
+                self._items.popleft()
+                self.dropped += 1
             self._items.append(item)
             self._change.notify_all()
             return True
 
     def get(self, wait_s: float = 0.0) -> T | None:
-        """Fetch the oldest item, waiting for one so long [s] at most; None where there is none."""
+        """Fetch the oldest item, after waiting for one for at most `wait_s` [s]; None where there is none."""
         with self._change:
-            if not self._items and not self._closed and wait_s > 0.0:
-                end = time.monotonic() + wait_s
-                while not self._items and not self._closed and (left := end - time.monotonic()) > 0.0:
-                    self._change.wait(left)
-            if not self._items:
-                return None
-            item = self._items.popleft()
+            self._change.wait_for(lambda: self._closed or len(self._items) > 0, wait_s)
+            item = self._items.popleft() if self._items else None
             self._change.notify_all()
             return item
 
     def get_all(self) -> list[T]:
-        """Fetch everything that is there, the oldest first."""
+        """Fetch all items that wait, the oldest first."""
         with self._change:
             items = list(self._items)
             self._items.clear()
@@ -78,7 +72,7 @@ class Mailbox(Generic[T]):
             return items
 
     def close(self) -> None:
-        """Take nothing more, and let go of whoever waits."""
+        """Accept no more items, and release the threads that wait."""
         with self._change:
             self._closed = True
             self._change.notify_all()

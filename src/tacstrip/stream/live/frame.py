@@ -1,4 +1,4 @@
-"""What the live pipeline hands on: a scan, its readings, the objects found in it."""
+"""A scan of a live stream with its readings and the objects found in it."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from tacstrip.tracking.tracker import LiveObject
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Frame:
-    """A scan with what was made of it.
+    """One scan of a live stream, decoded and reconstructed.
 
     Attributes
     ----------
     number
-        Of the scan since the stream began, from 0.
+        Number of the scan since the stream began, counted from 0.
     raw
         A/D codes, with the time of each strip where it is known.
     sensor, scan
-        What it was read with, and the readings.
+        The sensor with its calibration at that time, and the readings over Vref.
     objects
-        What touches the sensor, left to right; each keeps its number while it stays.
+        Objects that touch the sensor, in the order of their strips; each keeps its number while it stays.
     latency_s
-        From the arrival of its last byte to `objects` [s].
+        Time from the arrival of the scan's last byte until `objects` were ready [s].
     ready_s
-        When `objects` were there, by `time.perf_counter` [s].
+        When `objects` were ready, by `time.perf_counter` [s].
     """
 
     number: int

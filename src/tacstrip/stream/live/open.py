@@ -1,4 +1,4 @@
-"""`ts.live`: a running stream in one call."""
+"""`ts.live`: start a live stream in one call."""
 
 from __future__ import annotations
 
@@ -28,46 +28,65 @@ def live(
     noise: Noise | None = None,
     speed: float = 1.0,
     record: str | Path | None = None,
-    tell: Callable[[str], None] = lambda text: None,
+    on_message: Callable[[str], None] = lambda text: None,
 ) -> Live:
-    """Return a stream to iterate: `for frame in ts.live("/dev/ttyACM0"): ...` gives the newest frames.
+    """Return a live stream; iterating it gives the newest frames.
 
     Parameters
     ----------
     port, baud, rate_hz
-        A device's serial port, the speed of its line, and the scans a second to ask it for.
+        Serial port of a device, speed of its line [baud], and the scan rate to request [Hz]; None: the device's own.
     source
-        Or any source of scans: a `Recording`, a `SimulatedSource`, your own.
+        Any other source of scans: a `Recording`, a `SimulatedSource`, your own.
     sensor
-        The device's spec; None: the shipped one of its construction and strips.
-    method, noise
-        "polygon", "vertex" or "profile", by default the best; and the readings' noise where it is known.
+        Spec of the device; None: the shipped spec of its construction and number of strips.
+    method
+        "polygon", "vertex" or "profile"; None: the best for the sensor.
+    noise
+        Noise of the readings, where it is known.
     speed
-        Of a source that is no device: times its own pace.
+        Playback speed of a source that is not a device, relative to its own times.
     record
-        Write all scans, none left out, to this new file (.mcap).
-    tell
-        Called, from any thread, with what a user should know.
+        New file (.mcap) that all scans are recorded to.
+    on_message
+        Called, from any thread, with messages for the user.
+
+    Returns
+    -------
+    Live
+        Iterate it, or use it in `with`.
 
     Raises
     ------
-    PortError
-        The port, or what is on it, cannot be used; while it is iterated: another device was plugged in. Whatever else
-        the source raises, iterating raises too, after the last frame; a recording is then closed whole.
     OptionError
-        Not exactly one of `port` and `source`.
+        Not exactly one of `port` and `source` is given.
+    PortError
+        The port or the device on it cannot be used; while iterating: another device was plugged in. Any other
+        exception of the source is raised while iterating too, after the last frame; a recording is then complete.
     RecordingError, OSError
         The recording cannot be made.
+
+    Examples
+    --------
+    >>> import math
+    >>> import tacstrip as ts
+    >>> sensor = ts.Sensor(construction="crs-crs", strips=20, pitch_mm=5.0, length_mm=100.0)
+    >>> contact = ts.Contact.polygon([(22, 38), (62, 22), (80, 55), (45, 76)])
+    >>> source = ts.SimulatedSource(sensor, lambda time_s: contact, rate_hz=200.0, scans=20)
+    >>> for frame in ts.live(source=source, speed=math.inf):
+    ...     ids = [one.id for one in frame.objects]
+    >>> ids
+    [1]
     """
     if (port is None) == (source is None):
         raise OptionError("give either a port or a source")
     if port is not None:
         name = port
-        source = SerialSource(lambda: SerialPort(name, baud), sensor, rate_hz, tell)
+        source = SerialSource(lambda: SerialPort(name, baud), sensor, rate_hz, on_message)
     assert source is not None
     try:
         warm_up(source.sensor, method)
-        stream = Live(source, method, noise, speed=speed, tell=tell)
+        stream = Live(source, method, noise, speed=speed, on_message=on_message)
         if record is not None:
             stream.record(record)
     except BaseException:

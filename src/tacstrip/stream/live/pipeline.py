@@ -1,7 +1,7 @@
-"""From a source to whoever watches: one thread reads, calibrates, recovers and hands on; whoever takes has its own.
+"""The live pipeline: one thread reads, decodes, reconstructs and distributes; each consumer has a thread of its own.
 
-What comes while a scan is worked on waits in the operating system, which holds tens of milliseconds of it. Queues are
-bounded: the recording's waits for the disk, all others let the oldest go and count it.
+Bytes that arrive while a scan is processed wait in the operating system, which holds tens of milliseconds of them.
+Queues are bounded: that of the recording waits for the disk, all others discard their oldest frame and count it.
 """
 
 from __future__ import annotations
@@ -22,56 +22,70 @@ from tacstrip.arguments import takes
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import TacstripError, in_words
 from tacstrip.reconstruction.methods import chosen_method
-from tacstrip.stream.device.source import SerialSource
-from tacstrip.stream.live.background_recorder import DiskWriter
-from tacstrip.stream.live.bounded_queue import Mailbox
+from tacstrip.stream.live.background_recorder import BackgroundRecorder
+from tacstrip.stream.live.bounded_queue import BoundedQueue
+from tacstrip.stream.live.drift import DriftCorrectingDecoder
 from tacstrip.stream.live.frame import Frame
-from tacstrip.stream.live.latency import Meter
-from tacstrip.stream.live.readings import Readings
+from tacstrip.stream.live.latency import LatencyMeter
 from tacstrip.stream.recording.recorder import Recorder
-from tacstrip.stream.source import RawScan, Shape, Source, paced
+from tacstrip.stream.source import DeviceSource, RawScan, Shape, Source, paced
 from tacstrip.tracking.tracker import Tracker
 
-_LATE_S, _MANY = 0.02, 3  # scans that waited longer, or with more behind them, are recorded without objects
-_DETAIL_S = 1.0 / 80.0  # covariances are worked out so often, where anybody looks
-_WAIT_S = 0.1  # the longest wait for a frame at a time
-_SWITCH_S = 0.0001  # between threads; Python's own 5 ms would show as latency
+# Scans that waited longer, or with more behind them, are recorded without objects.
+_LATE_S, _MAX_BACKLOG = 0.02, 3
+_DETAIL_S = 1.0 / 80.0  # between two frames with covariances, while a consumer wants them
+_WAIT_S = 0.1  # longest single wait for a frame
+_SWITCH_S = 0.0001  # between threads; Python's default of 5 ms would show as latency (docs/decisions/)
 
 
 class Live:
-    """A running stream; use it in `with`. Iterating gives the newest frames.
+    """A live stream; use it in `with`. Iterating it gives the newest frames.
 
     Parameters
     ----------
     source
-        Where scans come from.
+        Source of the scans.
     method, noise
         As of `Tracker`.
     drift
-        Whether drift is followed, where the calibration allows it.
+        Whether to remove drift, where the calibration allows it.
     speed
-        Of recordings and readings files: times their own pace; infinite: as fast as it goes.
-    then
-        Asked for the next source when one has ended; None ends the stream.
-    tell
-        Called, from any thread, with what a user should know, a line each.
+        Playback speed of a source that is not a device, relative to its own times; infinite: as fast as possible.
+    next_source
+        Called for another source when one has ended; None ends the stream.
+    on_message
+        Called, from any thread, with messages for the user, a line each.
 
     Attributes
     ----------
+    source, method, noise
+        Those in use.
     frames, late, unreadable
-        Scans that came; those whose objects were not recovered because the computer was behind; those that are no
-        readings.
+        Number of scans that came, that were not reconstructed because the computer was behind, and that could not be
+        decoded.
     error
-        What ended the stream, or went wrong as its source was closed, of whatever kind; None where nothing did.
-        Iterating raises it, after the last frame.
+        The exception that ended the stream, or that closing its source raised; None where there was none. Iterating
+        raises it, after the last frame.
     recording_failed
-        Whether a recording broke off.
+        Whether a recording failed.
     messages
-        The last things told, each with its number.
+        The latest messages for the user, each with its number.
     meter
         Rate and latency.
     detail
-        Whether somebody looks: then covariances are worked out, 80 times a second.
+        Whether to compute covariances, 80 times a second, for the queues that are `detailed`.
+
+    Examples
+    --------
+    >>> import math
+    >>> import tacstrip as ts
+    >>> sensor = ts.Sensor(construction="crs-crs", strips=20, pitch_mm=5.0, length_mm=100.0)
+    >>> contact = ts.Contact.polygon([(22, 38), (62, 22), (80, 55), (45, 76)])
+    >>> source = ts.SimulatedSource(sensor, lambda time_s: contact, rate_hz=200.0, scans=20)
+    >>> with ts.Live(source, speed=math.inf) as stream:
+    ...     newest = list(stream)[-1]
+    >>> stream.frames, len(newest.objects)
+    (20, 1)
     """
 
     @takes(noise=Noise)
@@ -82,59 +96,74 @@ class Live:
         noise: Noise | None = None,
         drift: bool = True,
         speed: float = 1.0,
-        then: Callable[[], Source | None] = lambda: None,
-        tell: Callable[[str], None] = lambda text: None,
+        next_source: Callable[[], Source | None] = lambda: None,
+        on_message: Callable[[str], None] = lambda text: None,
     ) -> None:
-        self.source = source
         self.method, self.noise = method, noise
         self.frames = self.late = self.unreadable = 0
         self.error: BaseException | None = None
-        self.recording_failed = False
+        self.recording_failed = self.detail = False
         self.messages: deque[tuple[int, str]] = deque(maxlen=20)
-        self.detail = self._started = self._over = False
-        self._drift, self._speed, self._then, self._tell = drift, speed, then, tell
-        self._told = 0
-        self._outlets: list[Mailbox[Frame]] = []
-        self._detailed: list[Mailbox[Frame]] = []
-        self.meter = Meter()
+        self._drift, self._speed, self._next_source, self._on_message = drift, speed, next_source, on_message
+        self._n_messages = 0
+        self._newest: BoundedQueue[Frame] = BoundedQueue(1)
+        self._queues = [self._newest]
+        self._detailed_queues: list[BoundedQueue[Frame]] = []
         self._stopped, self._writing = threading.Event(), threading.Lock()
-        self._writer: DiskWriter | None = None
+        self._writer: BackgroundRecorder | None = None
         self._thread = threading.Thread(target=self._run, name="tacstrip stream", daemon=True)
-        self._beside = ThreadPoolExecutor(1, thread_name_prefix="tacstrip search")
-        self._detailed_s = 0.0
-        self._own = self.outlet()
+        self._searches = ThreadPoolExecutor(1, thread_name_prefix="tacstrip search")
+        self._detail_s = 0.0
         self._switch_s = sys.getswitchinterval()
+        self._take_over(source)
 
-    def outlet(self, size: int = 1, detailed: bool = False) -> Mailbox[Frame]:
-        """Return a queue of the newest frames, so many at most; `detailed`: of those with covariances alone."""
-        box: Mailbox[Frame] = Mailbox(size)
-        (self._detailed if detailed else self._outlets).append(box)
-        if self._over:
-            box.close()
-        return box
+    def _take_over(self, source: Source) -> None:
+        self.source = source
+        self.meter = LatencyMeter()
+        self._decoder = DriftCorrectingDecoder(source.sensor, self._drift)
+        self._tracker = Tracker(source.sensor, self.method, self.noise, self._searches)
+
+    def subscribe(self, size: int = 1, detailed: bool = False) -> BoundedQueue[Frame]:
+        """Return a queue of the newest frames.
+
+        Parameters
+        ----------
+        size
+            Largest number of frames that wait; then the oldest is discarded.
+        detailed
+            Only frames with covariances.
+        """
+        queue: BoundedQueue[Frame] = BoundedQueue(size)
+        (self._detailed_queues if detailed else self._queues).append(queue)
+        if self._newest.closed:
+            queue.close()
+        return queue
 
     def start(self) -> None:
         """Begin to read."""
-        self._started = True
         sys.setswitchinterval(min(self._switch_s, _SWITCH_S))
         self._thread.start()
 
     def stop(self) -> None:
-        """End the stream and the recording, and let go of the source; may be called twice.
+        """End the stream and the recording, and close the source; may be called twice.
 
-        What the source raises as it is closed is told, and kept as `error`.
+        An exception of the source while it is closed becomes a message, and is kept as `error`.
         """
         self._stopped.set()
         try:
             self.source.close()
         except Exception as error:
             self._fail(error)
-        if self._started:
-            self._thread.join()
-            sys.setswitchinterval(self._switch_s)
-        self._beside.shutdown(cancel_futures=True)
-        self.stop_recording()
-        self._close_outlets()
+        finally:
+            if self._started:
+                self._thread.join()
+                sys.setswitchinterval(self._switch_s)
+            self._searches.shutdown(cancel_futures=True)
+            self._end()
+
+    @property
+    def _started(self) -> bool:
+        return self._thread.ident is not None
 
     @property
     def running(self) -> bool:
@@ -142,46 +171,44 @@ class Live:
         return self._thread.is_alive()
 
     def record(self, path: str | Path, about: Mapping[str, str] | None = None, force: bool = False) -> None:
-        """Begin a recording of all scans from now on; errors as of `Recorder`."""
+        """Begin a recording of all scans from now on; parameters and errors as of `Recorder`."""
         source, told = self.source, {"source": "live", "method": self.method or "best", **(about or {})}
         recorder = Recorder(path, source.sensor, source.names, source.origin_ns, told, force)
-        with self._writing:
-            previous, self._writer = self._writer, DiskWriter(recorder, self.tell)
-        self._end(previous)
+        self._replace_writer(BackgroundRecorder(recorder, self.notify))
 
     def stop_recording(self) -> None:
         """End the recording, if there is one."""
-        with self._writing:
-            writer, self._writer = self._writer, None
-        self._end(writer)
+        self._replace_writer(None)
 
-    def _end(self, writer: DiskWriter | None) -> None:
-        if writer is not None:
-            writer.close()
-            self.recording_failed |= writer.failed
+    def _replace_writer(self, writer: BackgroundRecorder | None) -> None:
+        with self._writing:
+            previous, self._writer = self._writer, writer
+        if previous is not None:
+            previous.close()
+            self.recording_failed |= previous.failed
 
     @property
-    def recording(self) -> DiskWriter | None:
-        """The recording that is being made."""
+    def recording(self) -> Recorder | None:
+        """The recording in progress."""
         writer = self._writer
-        return None if writer is None or writer.failed else writer
+        return None if writer is None or writer.failed else writer.recorder
 
     @property
     def method_name(self) -> str:
-        """The method that is used."""
+        """The method in use."""
         return chosen_method(self.method, self.source.sensor)
 
     def use(self, method: str | None) -> None:
-        """Recover by another method from now on."""
+        """Reconstruct by another method from now on."""
         self.method = method
-        self._tracker = Tracker(self.source.sensor, method, self.noise, self._beside)
+        self._tracker = Tracker(self.source.sensor, method, self.noise, self._searches)
 
-    def tell(self, text: str) -> None:
-        """Tell a user something."""
-        self._told += 1
-        self.messages.append((self._told, text))
+    def notify(self, text: str) -> None:
+        """Send a message to the user."""
+        self._n_messages += 1
+        self.messages.append((self._n_messages, text))
         try:
-            self._tell(text)
+            self._on_message(text)
         except Exception as error:
             self._fail(error)
             self._stopped.set()
@@ -190,14 +217,14 @@ class Live:
 
     def __iter__(self) -> Iterator[Frame]:
         if self._started:
-            yield from self._newest()
+            yield from self._frames()
         else:
             with self:
-                yield from self._newest()
+                yield from self._frames()
 
-    def _newest(self) -> Iterator[Frame]:
-        while not self._own.closed or len(self._own):
-            if (frame := self._own.get(_WAIT_S)) is not None:
+    def _frames(self) -> Iterator[Frame]:
+        while not self._newest.closed or len(self._newest):
+            if (frame := self._newest.get(_WAIT_S)) is not None:
                 yield frame
         if self.error is not None:
             raise self.error
@@ -213,63 +240,56 @@ class Live:
 
     def _run(self) -> None:
         try:
-            source: Source | None = self.source
-            while source is not None and not self._stopped.is_set():
-                self._begin(source)
-                self._pass(source)
-                source = None if self._stopped.is_set() else self._then()
+            self._read(self.source)
+            while not self._stopped.is_set() and (source := self._next_source()) is not None:
+                self.stop_recording()  # it is of another sensor
+                self._take_over(source)
+                self._read(source)
         except BaseException as error:
             self._fail(error)
         try:
             self.source.close()
         except BaseException as error:
             self._fail(error)
-        self.stop_recording()
-        self._close_outlets()
+        self._end()
 
-    def _close_outlets(self) -> None:
-        self._over = True
-        for box in (*self._outlets, *self._detailed):
-            box.close()
+    def _end(self) -> None:
+        self.stop_recording()
+        self._newest.close()  # first: whoever subscribes from now on finds the stream ended
+        for queue in (*self._queues, *self._detailed_queues):
+            queue.close()
 
     def _fail(self, error: BaseException) -> None:
-        """Keep and tell what went wrong first; what follows from it is not told."""
+        """Keep the first error and report it; later ones follow from it."""
         if self.error is None:
             self.error = error
-            self.tell(
+            self.notify(
                 str(error) if isinstance(error, TacstripError) else f"the stream broke off: {in_words(error)}"
             )
 
-    def _pass(self, source: Source) -> None:
-        """Pass the scans of a source on, to its end."""
-        device = source if isinstance(source, SerialSource) else None
-        if device:
-            device.tell = self.tell
-        for raw in source if device else paced(source, self._speed, self._stopped.is_set):
-            arrived_s, waiting = (device.arrived_s, device.waiting) if device else (time.perf_counter(), 0)
-            self._take(raw, arrived_s, waiting)
+    def _read(self, source: Source) -> None:
+        """Process the scans of a source until it ends."""
+        if isinstance(source, DeviceSource):
+            source.on_message = self.notify
+            for raw in source:
+                self._process(raw, source.arrived_s, source.waiting)
+        else:
+            for raw in paced(source, self._speed, self._stopped.is_set):
+                self._process(raw, time.perf_counter(), 0)
 
-    def _begin(self, source: Source) -> None:
-        self.source = source
-        if self.frames:
-            self.stop_recording()  # it is of another sensor
-        self.meter = Meter()
-        self._readings = Readings(source.sensor, self._drift)
-        self._tracker = Tracker(source.sensor, self.method, self.noise, self._beside)
-
-    def _take(self, raw: RawScan, arrived_s: float, waiting: int) -> None:
+    def _process(self, raw: RawScan, arrived_s: float, waiting: int) -> None:
         now_s = time.perf_counter()
         self.meter.arrived(arrived_s)
         number, self.frames = self.frames, self.frames + 1
-        if now_s - arrived_s > _LATE_S or waiting >= _MANY:
+        if now_s - arrived_s > _LATE_S or waiting >= _MAX_BACKLOG:
             self.late += 1
             self._save(raw)
             return
-        detail = self.detail and now_s - self._detailed_s >= _DETAIL_S
+        detail = self.detail and now_s - self._detail_s >= _DETAIL_S
         if detail:
-            self._detailed_s = now_s
+            self._detail_s = now_s
         try:
-            scan = self._readings.scan(raw)
+            scan = self._decoder.decode(raw)
             objects = self._tracker.update(scan, detail)
         except Exception as error:
             self._save(raw)
@@ -277,15 +297,14 @@ class Live:
                 raise
             self.unreadable += 1
             if self.unreadable == 1:
-                self.tell(f"scan {number} cannot be used: {error}")
+                self.notify(f"scan {number} cannot be used: {error}")
             return
         ready_s = time.perf_counter()
         self.meter.done(ready_s - arrived_s)
-        frame = Frame(number, raw, self._readings.sensor, scan, objects, ready_s - arrived_s, ready_s)
-        for box in (*self._outlets, *(self._detailed if detail else ())):
-            box.put(frame)
-        shapes = tuple(Shape(o.shape.status, o.shape.vertices) for o in objects if o.shape.found)
-        self._save(raw, shapes)
+        frame = Frame(number, raw, self._decoder.sensor, scan, objects, ready_s - arrived_s, ready_s)
+        for queue in (*self._queues, *(self._detailed_queues if detail else ())):
+            queue.put(frame)
+        self._save(raw, tuple(Shape(o.shape.status, o.shape.vertices) for o in objects if o.shape.found))
 
     def _save(self, raw: RawScan, shapes: tuple[Shape, ...] = ()) -> None:
         writer = self._writer

@@ -1,4 +1,4 @@
-"""Where frames go apart from the page: each sink in a thread of its own, which nothing else waits for."""
+"""Consumers of a live stream beside the page: JSON lines and TUIO, each in a thread of its own."""
 
 from __future__ import annotations
 
@@ -14,30 +14,30 @@ from tacstrip.stream.bridges.tuio import Tuio
 from tacstrip.stream.live.frame import Frame
 from tacstrip.stream.live.pipeline import Live
 
-LINES_WAITING = 1000  # frames that wait for whoever reads the lines; then the oldest go
+_QUEUE_LINES = 1000  # frames that wait for the reader of the lines; then the oldest is dropped
 _TUIO_HZ = 100.0
 
 
 class Sink:
-    """Takes the frames of a stream, the oldest of which go when it is slow.
+    """Passes the frames of a stream to a function, in a thread of its own; drops the oldest while it is slow.
 
     Parameters
     ----------
     live
         The stream.
     take
-        Called with every frame that is not dropped, and with how many were; what it raises ends the sink.
+        Called with each frame and the number of frames dropped so far; an exception ends the sink.
     waiting
-        How many frames may wait.
+        Largest number of frames that wait.
     name
-        In words, for messages.
+        Its name in messages.
     release
-        Called when it has ended.
+        Called when the sink has ended.
 
     Attributes
     ----------
     error
-        What ended it before the stream did; None where nothing did.
+        The exception that ended it before the stream did; None where there was none.
     """
 
     def __init__(
@@ -50,56 +50,50 @@ class Sink:
     ) -> None:
         self._live, self._take, self._name, self._release = live, take, name, release
         self.error: Exception | None = None
-        self._box = live.outlet(waiting)
+        self._queue = live.subscribe(waiting)
         self._thread = threading.Thread(target=self._run, name=f"tacstrip {name}", daemon=True)
         self._thread.start()
 
     @property
     def dropped(self) -> int:
-        """Frames that went because it was slow."""
-        return self._box.dropped
+        """Number of frames dropped because it was slow."""
+        return self._queue.dropped
 
     @property
     def ended(self) -> bool:
-        """Whether it takes no more."""
+        """Whether it takes no more frames."""
         return not self._thread.is_alive()
 
     def close(self) -> None:
-        """Let it take what waits, and end."""
-        self._box.close()
-        self._thread.join(timeout=2.0)  # a reader that hangs holds nobody up
+        """Pass on the frames that wait, and end."""
+        self._queue.close()
+        self._thread.join(timeout=2.0)  # a reader that hangs must not block the end of the stream
 
     def _run(self) -> None:
         try:
-            self._pass()
+            while not self._queue.closed or len(self._queue):
+                if (frame := self._queue.get(0.1)) is not None:
+                    self._take(frame, self._queue.dropped)
+        except Exception as error:
+            self.error = error
+            self._queue.close()
+            self._live.notify(f"{self._name} ended: {in_words(error)}")
         finally:
             self._release()
 
-    def _pass(self) -> None:
-        while not self._box.closed or len(self._box):
-            if (frame := self._box.get(0.1)) is None:
-                continue
-            try:
-                self._take(frame, self._box.dropped)
-            except Exception as error:
-                self.error = error
-                self._box.close()
-                self._live.tell(f"{self._name} ended: {in_words(error)}")
-                return
-
 
 def json_sink(live: Live, file: IO[str]) -> Sink:
-    """Write a line of JSON for every frame: its objects [mm], and how many frames were dropped before."""
+    """Write a line of JSON per frame: its objects [mm], and the number of frames dropped before it."""
 
     def write(frame: Frame, dropped: int) -> None:
-        file.write(json.dumps(line(frame, dropped), allow_nan=False) + "\n")
+        file.write(json.dumps(_fields(frame, dropped), allow_nan=False) + "\n")
         file.flush()
 
-    return Sink(live, write, LINES_WAITING, "the output of JSON lines")
+    return Sink(live, write, _QUEUE_LINES, "the output of JSON lines")
 
 
 def tuio_sink(live: Live, target: str) -> Sink:
-    """Send the newest frame as TUIO blobs, 100 times a second at most."""
+    """Send the newest frame as TUIO blobs to HOST:PORT, at most 100 times a second."""
     tuio = Tuio(target)
     pause = threading.Event()
 
@@ -110,8 +104,8 @@ def tuio_sink(live: Live, target: str) -> Sink:
     return Sink(live, send, 1, "TUIO", tuio.close)
 
 
-def line(frame: Frame, dropped: int) -> dict[str, Any]:
-    """Return what a line of JSON says of a frame."""
+def _fields(frame: Frame, dropped: int) -> dict[str, Any]:
+    """Return the fields of a frame's line of JSON."""
     return {
         "scan": frame.number,
         "sequence": frame.raw.sequence,

@@ -1,4 +1,4 @@
-"""Load and run once what recovers shapes, so that the first scan of a stream does not wait for it."""
+"""Run the reconstruction once before a stream begins, so that the first scan does not wait for imports."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _SCANS = 3
 
 
 def warm_up(sensor: Sensor, method: str | None = None) -> None:
-    """Recover a quadrangle in the middle of the sensor; errors as of `Tracker`."""
+    """Reconstruct a simulated quadrangle in the middle of the sensor; errors as of `Tracker`."""
     w, h = sensor.width_mm, sensor.length_mm
     contact = Contact.polygon(
         [(0.2 * w, 0.4 * h), (0.6 * w, 0.3 * h), (0.8 * w, 0.5 * h), (0.5 * w, 0.7 * h)]

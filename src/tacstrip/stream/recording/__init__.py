@@ -1,1 +1,1 @@
-"""Recordings in MCAP: written, read, summed up, repaired."""
+"""Recordings in MCAP: written, read, summarised, recovered."""

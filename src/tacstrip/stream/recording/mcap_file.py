@@ -1,4 +1,4 @@
-"""An MCAP file being written: whole after every flush, so that it stays readable when a write fails."""
+"""Write an MCAP file that is complete after every flush, so that it stays readable when a write fails."""
 
 from __future__ import annotations
 
@@ -19,51 +19,51 @@ from tacstrip.stream.recording.resync import MAGIC
 CHUNK_BYTES = 65536
 
 
-class _Ended:
-    """A file that is a whole MCAP file after every `flush`: what was written, then an end that the next flush replaces.
+class _EndedFile:
+    """A file that is a complete MCAP file after every `flush`: the data, then an end that the next flush overwrites.
 
-    The end says that there is no index. Its place is taken already, so that a full disk cannot refuse it.
+    The end says that there is no index. Its space is allocated already, so that a full disk cannot refuse it.
     """
 
     def __init__(self, path: Path, force: bool) -> None:
         self.raw = FileIO(path, "w" if force else "x")
-        self.saved = 0  # bytes before the end
-        self._waiting = bytearray()
+        self.saved = 0  # bytes on disk before the end
+        self._buffer = bytearray()
         ending = RecordBuilder()
         DataEnd(0).write(ending)
         Footer(0, 0, 0).write(ending)
         self._end = bytes(ending.end()) + MAGIC  # type: ignore[no-untyped-call]
 
     def write(self, data: bytes) -> int:
-        self._waiting += data
+        self._buffer += data
         return len(data)
 
     def tell(self) -> int:
-        return self.saved + len(self._waiting)
+        return self.saved + len(self._buffer)
 
     def flush(self) -> None:
-        """Put on disk what was written."""
-        if self._waiting:
-            self._put(bytes(self._waiting) + self._end)
+        """Write the buffer to disk."""
+        if self._buffer:
+            self._write(bytes(self._buffer) + self._end)
             self.saved = self.tell()
-            self._waiting.clear()
+            self._buffer.clear()
 
     def finish(self) -> None:
-        """Put the rest on disk, an end of its own with it, and close."""
-        self._put(bytes(self._waiting))
+        """Write the buffer, which has an end of its own, and close."""
+        self._write(bytes(self._buffer))
         self.saved = self.tell()
         self.raw.truncate(self.saved)
         self.raw.close()
 
     def rescue(self) -> None:
-        """After a failed write: end the file after what had been saved, and close."""
-        with suppress(OSError):  # where not even this goes, `recover` reads what there is
-            self._put(self._end)
+        """After a failed write: end the file after the data that had been saved, and close."""
+        with suppress(OSError):  # if this fails too, `recover` reads the rest
+            self._write(self._end)
             self.raw.truncate(self.saved + len(self._end))
         with suppress(OSError):
             self.raw.close()
 
-    def _put(self, data: bytes) -> None:
+    def _write(self, data: bytes) -> None:
         self.raw.seek(self.saved)
         left = memoryview(data)
         while left:
@@ -71,19 +71,19 @@ class _Ended:
 
 
 def already_there(path: str | Path) -> str:
-    """Say that a file is not written over."""
-    return f"{path} exists already; choose another name, or add --force (force=True) to write over it"
+    """Return the message that a file is not overwritten."""
+    return f"{path} exists already; choose another name, or overwrite it with --force (force=True)"
 
 
 class McapFile:
-    """A new MCAP file of the profile ros2, zstd; `writer` writes into it, inside `guard`.
+    """A new MCAP file of profile ros2, compressed by zstd; `writer` writes into it, within `guard`.
 
     Parameters
     ----------
     path
         The file to make.
     force
-        Write over a file that is there.
+        Overwrite an existing file.
 
     Raises
     ------
@@ -96,27 +96,27 @@ class McapFile:
     def __init__(self, path: str | Path, force: bool = False) -> None:
         self.path = Path(path)
         try:
-            self._file = _Ended(self.path, force)
+            self._file = _EndedFile(self.path, force)
         except FileExistsError:
             raise RecordingError(already_there(path)) from None
-        # Chunks are ended by `flush`: the writer's own limit would end them behind our back.
+        # `flush` ends the chunks; the writer's own limit would end them in between.
         self.writer = Writer(cast(IO[Any], self._file), chunk_size=2**62, compression=CompressionType.ZSTD)
         with self.guard():
             self.writer.start(profile="ros2", library=f"tacstrip {version('tacstrip')}")
 
     @property
     def closed(self) -> bool:
-        """Whether the file is finished."""
+        """Whether the file is complete."""
         return self._file.raw.closed
 
     @property
     def size_bytes(self) -> int:
-        """What is on disk by now."""
+        """Bytes on disk so far."""
         return self._file.saved
 
     @contextmanager
     def guard(self) -> Iterator[None]:
-        """Write in here: when a write fails, the file ends with what was saved before, and the error goes on."""
+        """Context for writing: when a write fails, end the file with the data saved before, and raise the error."""
         try:
             yield
         except OSError as error:
@@ -124,7 +124,7 @@ class McapFile:
             raise OSError(error.errno, error.strerror, str(self.path)) from error
 
     def flush(self) -> None:
-        """End the chunk and put everything on disk."""
+        """End the chunk and write everything to disk."""
         with self.guard():
             self.writer.flush()  # type: ignore[no-untyped-call]
 

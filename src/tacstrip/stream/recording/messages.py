@@ -1,8 +1,8 @@
-"""The messages of a recording, as ROS 2 writes them (CDR): codes of a scan, polygons.
+"""The messages of a recording in the encoding of ROS 2 (CDR): codes of a scan, polygons.
 
 Codes are stored as reference + change, because a recording of all strips is mostly noise in the low bits: the
-reference repeats from message to message and costs next to nothing, and the changes are small numbers. Every message
-stands on its own. Polygons are in metres, as ROS counts; z is 0.
+reference repeats from message to message and compresses to almost nothing, and the changes are small numbers. Every
+message can be read on its own. Polygons are in metres, as ROS requires; z is 0.
 """
 
 from __future__ import annotations
@@ -25,13 +25,12 @@ from tacstrip.stream.codes import ELECTRODES, code_shape, code_type
 from tacstrip.stream.source import CodeArray, RawScan, Shape
 
 POLYGON = "geometry_msgs/msg/PolygonStamped"
-SCANS = {2: "tacstrip_msgs/msg/Scan", 4: "tacstrip_msgs/msg/WideScan"}  # by the bytes of a code
+SCANS = {2: "tacstrip_msgs/msg/Scan", 4: "tacstrip_msgs/msg/WideScan"}  # by bytes per code
 NAMES = (*SIGNATURES, ELECTRODES)
 FRAME = "tacstrip"  # x across the strips, y along them from the grounded end
-_GRAIN = (
-    2.0**20
-)  # parts of a metre that corners are rounded to; the bits below are noise that does not compress
-_SECOND = 1_000_000_000  # ns
+# Steps per metre that vertices are rounded to; finer bits are noise, which does not compress.
+_GRAIN = 2.0**20
+NANO = 1_000_000_000  # ns in a second
 
 _COMMON = {
     "builtin_interfaces/msg/Time": "int32 sec\nuint32 nanosec\n",
@@ -54,12 +53,12 @@ float32[] strip_time           # per strip: when it was read, from stamp [s]; em
 
 
 def scan_type(sensor: Sensor) -> str:
-    """Return the name of the message that holds this sensor's codes."""
+    """Return the message type that holds this sensor's codes."""
     return SCANS[code_type(sensor).itemsize]
 
 
 def definition(name: str) -> bytes:
-    """Return a message's definition, with those it uses, as an MCAP schema of the encoding ros2msg."""
+    """Return the definition of a message type, with those it uses, as an MCAP schema of the encoding ros2msg."""
     own, bar, used = _store().generate_msgdef(name, ros_version=2)[0].partition("=" * 80)
     for width, scan in SCANS.items():
         own = _scan_definition(8 * width) if scan == name else own  # with its comments
@@ -67,14 +66,16 @@ def definition(name: str) -> bytes:
 
 
 def scan_message(raw: RawScan, sensor: Sensor, reference: Mapping[str, CodeArray], time_ns: int) -> bytes:
-    """Return a scan's codes as a message; `reference` are codes of a scan shortly before, or its own."""
+    """Return a scan's codes as a message; `reference` are the codes of a recent scan, or its own."""
     width = code_type(sensor).itemsize
     fields: dict[str, Any] = {}
     for name in NAMES:
         codes = raw.codes.get(name, np.empty(0, code_type(sensor)))
         base = reference.get(name, codes)
         fields[f"{name}_reference"] = base.ravel()
-        fields[f"{name}_change"] = (codes - base).view(f"<i{width}").ravel()  # wraps, and unwraps on reading
+        fields[f"{name}_change"] = (
+            (codes - base).view(f"<i{width}").ravel()
+        )  # wraps here, and again when it is read
     times = np.empty(0) if raw.strip_time_s is None else raw.strip_time_s
     return _write(
         scan_type(sensor),
@@ -92,7 +93,7 @@ def read_scan(data: bytes, kind: str, sensor: Sensor, names: tuple[str, ...], ti
     Raises
     ------
     RecordingError
-        It is no such message, or it is of another number of strips.
+        It is not such a message, or has another number of strips.
     """
     message = _read(kind, data)
     codes: dict[str, CodeArray] = {}
@@ -109,17 +110,17 @@ def read_scan(data: bytes, kind: str, sensor: Sensor, names: tuple[str, ...], ti
 
 
 def polygon_message(vertices: FloatArray, time_ns: int) -> bytes:
-    """Return corners (N, 2) [mm] as a message."""
+    """Return vertices (N, 2) [mm] as a message."""
     header = _new("std_msgs/msg/Header", stamp=_stamp(time_ns), frame_id=FRAME)
     empty = _write(POLYGON, header=header, polygon=_new("geometry_msgs/msg/Polygon", points=[]))
     points = np.zeros((len(vertices), 3), "<f4")  # x, y, z [m]
     points[:, :2] = np.round(vertices * (1e-3 * _GRAIN)) / _GRAIN
-    # The count of points stands last, and they follow it: a Python object per point would take ten times as long.
+    # The number of points comes last and the points follow it: a Python object per point would take ten times as long.
     return empty[:-4] + struct.pack("<I", len(points)) + points.tobytes()
 
 
 def read_polygon(data: bytes, status: str) -> Shape:
-    """Return the polygon in a message; `RecordingError` where it is none."""
+    """Return the polygon in a message; `RecordingError` where it is not one."""
     points = _read(POLYGON, data).polygon.points
     corners = np.array([(p.x, p.y) for p in points], dtype=np.float64).reshape(-1, 2)
     if len(corners) < 3 or not np.isfinite(corners).all():
@@ -129,7 +130,7 @@ def read_polygon(data: bytes, status: str) -> Shape:
 
 @cache
 def _store() -> Typestore:
-    """Return the types, made once: making them takes longer than importing the rest of this file."""
+    """Return the message types, made once: making them takes longer than importing the rest of this file."""
     store = Typestore(max_sequence_length=2**24)
     definitions = dict(_COMMON)
     for width, name in SCANS.items():
@@ -145,7 +146,7 @@ def _scan_definition(bits: int) -> str:
 
 
 def _stamp(time_ns: int) -> Any:
-    seconds, rest = divmod(time_ns, _SECOND)
+    seconds, rest = divmod(time_ns, NANO)
     if not -(2**31) <= seconds < 2**31:
         raise RecordingError(
             f"a scan at {seconds} s since 1970 is out of range for a recording; check time_s"

@@ -1,4 +1,4 @@
-"""Write a recording: codes and polygons in one MCAP file that explains itself (docs/recordings.md)."""
+"""Write a recording: codes and polygons in one self-describing MCAP file (docs/recordings.md)."""
 
 from __future__ import annotations
 
@@ -21,8 +21,7 @@ SPEC = "sensor.toml"  # name of the attachment
 ABOUT = "tacstrip"  # name of the metadata
 SCAN_TOPIC = "/tacstrip/scan"
 POLYGON_TOPICS = {"ok": "/tacstrip/polygon", "doubtful": "/tacstrip/polygon_doubtful"}
-OLDEST_S = 0.08  # a scan waits in memory no longer, so that a killed recorder loses less than 0.1 s
-NANO = 1_000_000_000  # ns in a second
+MAX_AGE_S = 0.08  # longest time that a scan waits in memory, so that a killed recorder loses less than 0.1 s
 
 
 class Recorder:
@@ -31,24 +30,45 @@ class Recorder:
     Parameters
     ----------
     path
-        The file to make, .mcap.
+        The new file, .mcap.
     sensor
-        What the scans are of; it is stored in the file, and its `adc_bits` must be set.
+        The sensor of the scans; it is stored in the file, and its `adc_bits` must be set.
     names
-        The names of the codes that every scan has.
+        Names of the codes that every scan has.
     origin_ns
         Unix time of time_s = 0 [ns].
     about
-        Where the scans come from, for the reader of the file: any keys and texts.
+        Notes on the scans for the reader of the file: texts by key.
     force
-        Write over a file that is there.
+        Overwrite an existing file.
+
+    Attributes
+    ----------
+    scans, polygons
+        Number of scans and polygons recorded so far.
+    saved_scans
+        Number of scans on disk.
 
     Raises
     ------
     RecordingError
         The file exists already, the sensor has no `adc_bits`, or a scan's time is out of range.
     OSError
-        The disk is full or the like. What was saved until then is a whole recording.
+        Writing failed, as on a full disk. The scans saved until then are a complete recording.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> import tacstrip as ts
+    >>> sensor = ts.Sensor(construction="crs-m", strips=8, pitch_mm=5.0, length_mm=100.0, adc_bits=10)
+    >>> source = ts.SimulatedSource(sensor, lambda time_s: ts.Contact.polygon([(8, 40), (32, 40), (20, 70)]), scans=5)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = pathlib.Path(folder) / "session.mcap"
+    ...     with ts.Recorder(file, source.sensor, source.names, source.origin_ns) as recorder:
+    ...         for raw in source:
+    ...             recorder.add(raw)
+    >>> recorder.scans
+    5
     """
 
     @takes(sensor=Sensor)
@@ -63,7 +83,7 @@ class Recorder:
     ) -> None:
         if sensor.adc_bits is None:
             raise RecordingError(
-                "a recording holds A/D codes: give the spec its adc_bits (stream.codes.with_converter)"
+                "a recording holds A/D codes: set adc_bits in the spec (stream.codes.with_converter)"
             )
         self.scans = 0
         self.polygons = 0
@@ -74,8 +94,8 @@ class Recorder:
         self._begin(names, about or {})
         self._reference: Mapping[str, CodeArray] = {}
         self._waiting_bytes = 0
-        self._first_s = 0.0  # time of the first scan that waits, by its own clock and by ours
-        self._since = 0.0
+        self._first_s = 0.0  # time of the first scan that waits, by its own clock
+        self._since = 0.0  # and by the monotonic clock
 
     def _begin(self, names: tuple[str, ...], about: Mapping[str, str]) -> None:
         writer, now = self._file.writer, time.time_ns()
@@ -83,7 +103,7 @@ class Recorder:
             "format": FORMAT,
             "names": ",".join(names),
             "origin_ns": str(self._origin_ns),
-            "made": datetime.fromtimestamp(now / NANO, UTC).isoformat(timespec="seconds"),
+            "made": datetime.fromtimestamp(now / messages.NANO, UTC).isoformat(timespec="seconds"),
         }
         with self._file.guard():
             writer.add_attachment(now, now, SPEC, "application/toml", self._sensor.to_toml().encode())
@@ -107,13 +127,13 @@ class Recorder:
 
     @property
     def size_bytes(self) -> int:
-        """What is on disk by now."""
+        """Bytes on disk so far."""
         return self._file.size_bytes
 
     def add(self, raw: RawScan) -> None:
-        """Record one scan, with the polygons that it has."""
+        """Record one scan with its polygons."""
         try:
-            now_ns = self._origin_ns + round(raw.time_s * NANO)
+            now_ns = self._origin_ns + round(raw.time_s * messages.NANO)
         except (OverflowError, ValueError):
             raise RecordingError(
                 f"scan {raw.sequence} has the time {raw.time_s} s; a recording needs finite times"
@@ -131,22 +151,22 @@ class Recorder:
         self.polygons += len(raw.shapes)
         self._waiting_bytes += sum(len(data) for _, data in parts)
         age_s = max(abs(raw.time_s - self._first_s), time.monotonic() - self._since)
-        # The first scan goes at once: from then on the file says what it holds.
-        if self.scans == 1 or self._waiting_bytes >= CHUNK_BYTES or age_s >= OLDEST_S:
+        # The first scan is written at once: from then on the file is a recording.
+        if self.scans == 1 or self._waiting_bytes >= CHUNK_BYTES or age_s >= MAX_AGE_S:
             self.flush()
 
     def idle(self, wait_s: float) -> None:
-        """Say that no scan comes for a while [s]: what would grow too old by then is put on disk."""
-        if self._reference and time.monotonic() + wait_s - self._since >= OLDEST_S:
+        """Announce that no scan comes for `wait_s` [s]: write what would become too old by then."""
+        if self._reference and time.monotonic() + wait_s - self._since >= MAX_AGE_S:
             self.flush()
 
     def flush(self) -> None:
-        """Put every scan on disk now."""
+        """Write all scans to disk."""
         self._file.flush()
         self._reference, self._waiting_bytes, self.saved_scans = {}, 0, self.scans
 
     def close(self) -> None:
-        """End the file; may be called twice."""
+        """Complete the file; may be called twice."""
         if not self._file.closed:
             self.flush()
             self._file.close()

@@ -1,7 +1,8 @@
-"""The records of an MCAP file, read so that no file, however broken, can take the memory or hang the reader.
+"""Read the records of an MCAP file, cut or damaged as it may be, with bounded memory and time.
 
-The mcap package reads what a record holds. Its readers trust the lengths in the file, need its end, and do not check
-attachments; ours reads a cut file up to where it was cut, and a damaged one past the damage.
+The mcap package parses single records. Its StreamReader is not used: it takes the memory that a compressed chunk
+claims, does not check attachments' CRC, and cannot resume after damage (docs/decisions/). This reader reads a cut
+file up to the cut, and a damaged one past the damage.
 """
 
 from __future__ import annotations
@@ -22,9 +23,9 @@ from mcap.records import Attachment, Channel, Chunk, McapRecord, Message, Metada
 
 from tacstrip.errors import RecordingError
 from tacstrip.files import why_unreadable
-from tacstrip.stream.recording.resync import FRAME, LARGEST, MAGIC, head, is_chunk, resume
+from tacstrip.stream.recording.resync import MAGIC, MAX_RECORD_BYTES, RECORD_HEAD, head, is_chunk, resume
 
-_MOST_READ = 8  # times the file's length: however the damage was made, reading ends
+_MAX_READ_FACTOR = 8  # times the file's length: a limit for files made to be read again and again
 _READERS: dict[int, Any] = {
     Opcode.ATTACHMENT: Attachment,
     Opcode.CHANNEL: Channel,
@@ -37,18 +38,18 @@ _READERS: dict[int, Any] = {
 
 @dataclass
 class Condition:
-    """In what state a file is; complete once it was read to its end.
+    """Condition of a file; complete once it was read to its end.
 
     Attributes
     ----------
     whole
-        It ends as an MCAP file does.
+        Whether the file has the end of an MCAP file.
     good_bytes
-        Where the last whole record ends.
+        Offset of the end of the last whole record.
     total_bytes
-        The file's length.
+        Length of the file.
     damage
-        What had to be left out before that, in words, with its place.
+        Description and offset of each damaged place before that.
     """
 
     whole: bool
@@ -58,20 +59,20 @@ class Condition:
 
     @property
     def lost_bytes(self) -> int:
-        """Bytes after the last whole record of a file that does not end as it should."""
+        """Number of bytes after the last whole record of a file without its end."""
         return 0 if self.whole else self.total_bytes - self.good_bytes
 
 
 class Records:
     """The records of a file's data section and of its summary: iterate once, then read `condition`.
 
-    Attachments, metadata, schemas, channels and messages are given, messages out of their chunks; a record that is
-    damaged is left out and told in `condition`.
+    It yields attachments, metadata, schemas, channels, statistics and messages, the contents of chunks one by one; a
+    damaged record is skipped and described in `condition`.
 
     Raises
     ------
     RecordingError
-        The file cannot be read or is no MCAP file.
+        The file cannot be read or is not an MCAP file.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -98,42 +99,42 @@ class Records:
 
     def __iter__(self) -> Iterator[McapRecord]:
         now, size = self.condition, self.condition.total_bytes
-        at = last = now.good_bytes  # where a record should begin, and where the one before it began
-        sure = True  # that one's length is right, so that nothing is looked for inside it
-        told = ""  # what is wrong with it
-        left = _MOST_READ * size
+        at = last = now.good_bytes  # offset where a record should begin, and where the previous one began
+        trusted = True  # the previous record's length is right, so that no record begins inside it
+        fault = ""  # what is wrong with it
+        budget = _MAX_READ_FACTOR * size
         with self._file:
-            while left > 0:
-                if (frame := head(self._file, at, size)) is None:
-                    to = resume(self._file, at if sure else last + 1, size)
+            while budget > 0:
+                if (found := head(self._file, at, size)) is None:
+                    to = resume(self._file, at if trusted else last + 1, size)
                     if to is None:
                         break
-                    begin = last if told or to < at else at
+                    begin = last if fault or to < at else at
                     now.damage.append(f"{to - begin} bytes from byte {begin} on are damaged")
-                    at, sure, told = to, False, ""
+                    at, trusted, fault = to, False, ""
                     continue
-                now.damage += [told] if told else []
-                opcode, body = frame[0], self._file.read(frame[1])
-                left -= len(body)
-                told = ""
+                now.damage += [fault] if fault else []
+                opcode, body = found[0], self._file.read(found[1])
+                budget -= len(body)
+                fault = ""
                 try:
                     yield from _records(opcode, body)
                 except _BROKEN as error:
-                    told = f"the record at byte {at} is damaged ({str(error) or 'cut short'})"
-                sure = is_chunk(body) or (opcode == Opcode.ATTACHMENT and not told)
-                last, at = at, at + FRAME.size + len(body)
+                    fault = f"the record at byte {at} is damaged ({str(error) or 'cut short'})"
+                trusted = is_chunk(body) or (opcode == Opcode.ATTACHMENT and not fault)
+                last, at = at, at + RECORD_HEAD.size + len(body)
                 now.good_bytes = at
                 if opcode == Opcode.FOOTER:
                     now.whole = self._file.read(len(MAGIC) + 1) == MAGIC
                     break
-            now.damage += [told] if told else []
+            now.damage += [fault] if fault else []
 
 
 _BROKEN = (McapError, zstandard.ZstdError, struct.error, ValueError, MemoryError, OverflowError)
 
 
-def _frames(data: bytes) -> Iterator[tuple[int, bytes]]:
-    """Give opcode and body of each record in a chunk; raises ValueError where they do not fill it."""
+def _chunk_records(data: bytes) -> Iterator[tuple[int, bytes]]:
+    """Yield opcode and body of each record in a chunk; raise `ValueError` where they do not fill it."""
     file, size = io.BytesIO(data), len(data)
     at = 0
     while at < size:
@@ -141,36 +142,36 @@ def _frames(data: bytes) -> Iterator[tuple[int, bytes]]:
         if frame is None:
             raise ValueError("the chunk ends in the middle of a record")
         yield frame[0], file.read(frame[1])
-        at += FRAME.size + frame[1]
+        at += RECORD_HEAD.size + frame[1]
 
 
 def _records(opcode: int, body: bytes) -> Iterator[McapRecord]:
-    """Give what one record holds; raises one of `_BROKEN` where it is damaged."""
+    """Yield the contents of one record; raise one of `_BROKEN` where it is damaged."""
     if opcode == Opcode.MESSAGE:
         yield Message.read(_stream(body), len(body))
         return
     if opcode not in _READERS:
         if not is_chunk(body):
             return
-        opcode = Opcode.CHUNK  # only its opcode is damaged; its checksum guards the rest
+        opcode = Opcode.CHUNK  # only its opcode is damaged; its checksum covers the rest
     if opcode == Opcode.ATTACHMENT and body[-4:] != struct.pack("<I", zlib.crc32(body[:-4])):
         raise ValueError("the attachment's checksum is wrong")
     record = _READERS[opcode].read(_stream(body))
     if not isinstance(record, Chunk):
         yield record
         return
-    data = _unpacked(record)
-    for inner, content in _frames(data):
+    data = _decompressed(record)
+    for inner, content in _chunk_records(data):
         if inner != Opcode.CHUNK:
             yield from _records(inner, content)
 
 
-def _unpacked(chunk: Chunk) -> bytes:
+def _decompressed(chunk: Chunk) -> bytes:
     if chunk.compression not in ("zstd", ""):
-        raise ValueError(f"compression {chunk.compression!r:.20} is not known here, only zstd")
+        raise ValueError(f"compression {chunk.compression!r:.20} is not supported, only zstd")
     if chunk.compression == "zstd":
-        reader = zstandard.ZstdDecompressor(max_window_size=LARGEST).stream_reader(chunk.data)
-        data = reader.read(min(chunk.uncompressed_size, LARGEST))
+        reader = zstandard.ZstdDecompressor(max_window_size=MAX_RECORD_BYTES).stream_reader(chunk.data)
+        data = reader.read(min(chunk.uncompressed_size, MAX_RECORD_BYTES))
     else:
         data = chunk.data
     if chunk.uncompressed_crc not in (0, zlib.crc32(data)):

@@ -1,4 +1,4 @@
-"""Make a cut or damaged MCAP file whole again, as far as it goes."""
+"""Recover the undamaged part of a cut or damaged MCAP file."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ from tacstrip.files import replacing
 from tacstrip.stream.recording.mcap_file import CHUNK_BYTES, McapFile, already_there
 from tacstrip.stream.recording.records import Condition, Records
 
-RECOVERED = "tacstrip_recovered"  # name of the metadata that says so
-_MOST_PLACES = 20  # of damage that are told one by one
+RECOVERED = "tacstrip_recovered"  # name of the metadata of a recovered file
+_MAX_DAMAGE_LISTED = 20  # damaged places that are listed one by one
 
 
 @dataclass(frozen=True)
 class Recovered:
-    """What was saved.
+    """Result of a recovery.
 
     Attributes
     ----------
     messages
-        Messages by topic.
+        Number of messages by topic.
     seconds
-        From the first to the last message [s].
+        Time from the first to the last message [s].
     condition
-        The state of the file that was read.
+        Condition of the damaged file.
     held
-        Messages that the file held by its own index; None where the index is lost too.
+        Number of messages of the damaged file by its index; None where the index is lost.
     """
 
     messages: dict[str, int]
@@ -39,7 +39,7 @@ class Recovered:
 
     @property
     def lost(self) -> list[str]:
-        """What was lost, in words, a line each; empty where the file is whole."""
+        """Description of the losses, line by line; empty where the file is whole."""
         found = self.condition
         if found.whole and not found.damage:
             return []
@@ -48,9 +48,9 @@ class Recovered:
             count = "an unknown number of messages, as their index is lost too"
         else:
             count = f"{self.held - total} of {self.held} messages"
-        places = found.damage[:_MOST_PLACES]
-        if len(found.damage) > _MOST_PLACES:
-            places.append(f"and {len(found.damage) - _MOST_PLACES} places more")
+        places = found.damage[:_MAX_DAMAGE_LISTED]
+        if len(found.damage) > _MAX_DAMAGE_LISTED:
+            places.append(f"and {len(found.damage) - _MAX_DAMAGE_LISTED} places more")
         if not found.whole:
             places.append(
                 f"{found.lost_bytes} bytes of {found.total_bytes} lie after the last whole chunk"
@@ -61,16 +61,46 @@ class Recovered:
 
 
 def recover(path: str | Path, output: str | Path, force: bool = False) -> Recovered:
-    """Copy all that is whole in an MCAP file to a new, complete file; any MCAP file of ROS 2 will do.
+    """Copy all undamaged records of an MCAP file to a new, complete file; it need not be a recording of tacstrip.
+
+    Parameters
+    ----------
+    path
+        The damaged file.
+    output
+        The new file.
+    force
+        Overwrite an existing output.
+
+    Returns
+    -------
+    Recovered
+        What was saved, and what was lost.
 
     Raises
     ------
     RecordingError
-        It is no MCAP file, holds no whole message, or the output exists already.
+        The file is no MCAP file or holds no undamaged message, or the output exists already.
     OSError
         The output cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> import tacstrip as ts
+    >>> from tacstrip.stream import recover
+    >>> sensor = ts.Sensor(construction="crs-m", strips=8, pitch_mm=5.0, length_mm=100.0, adc_bits=10)
+    >>> source = ts.SimulatedSource(sensor, lambda time_s: ts.Contact.polygon([(8, 40), (32, 40), (20, 70)]), scans=5)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file, cut = (pathlib.Path(folder) / name for name in ("session.mcap", "cut.mcap"))
+    ...     with ts.Recorder(file, source.sensor, source.names, source.origin_ns) as recorder:
+    ...         ts.record(source, recorder)
+    ...     size = cut.write_bytes(file.read_bytes()[:-100])
+    ...     recovered = recover(cut, pathlib.Path(folder) / "recovered.mcap")
+    >>> recovered.messages["/tacstrip/scan"]
+    5
     """
-    # First what the messages are: the chunk that says so may be the damaged one, and the summary says it again.
+    # Schemas and channels come first: the chunk that defines them may be damaged, and the summary repeats them.
     schemas: dict[int, Schema] = {}
     channels: dict[int, Channel] = {}
     messages = 0
@@ -93,7 +123,7 @@ def recover(path: str | Path, output: str | Path, force: bool = False) -> Recove
     if Path(output).exists() and not force:
         raise RecordingError(already_there(output))
     about = {"from": Path(path).name, "lost_bytes": str(first.condition.lost_bytes)}
-    about |= {f"damage_{i}": told for i, told in enumerate(first.condition.damage[:_MOST_PLACES])}
+    about |= {f"damage_{i}": told for i, told in enumerate(first.condition.damage[:_MAX_DAMAGE_LISTED])}
     with replacing(output) as part:
         file = McapFile(part, force=True)
         saved = _copy(Records(path), file, schemas, channels)

@@ -1,4 +1,4 @@
-"""What is in a recording, in a few lines."""
+"""Summarise a recording in a few lines."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from collections import Counter
 from collections.abc import Iterable
 from datetime import UTC, datetime
 
-from tacstrip.stream.recording.recorder import NANO
+from tacstrip.stream.recording.messages import NANO
 from tacstrip.stream.replay import Recording
 from tacstrip.stream.source import RawScan
 
 
 def summary(source: Recording, scans: Iterable[RawScan]) -> list[str]:
-    """Read scans of a recording to their end and return what is to be said of them, a line each."""
+    """Read all scans of a recording and return its summary, line by line."""
     count, lost, touched = 0, 0, 0
     shapes: Counter[str] = Counter()
     first: RawScan | None = None

@@ -57,15 +57,15 @@ function about(message) {
     objects.draw();
     get("what").textContent = `${sensor.construction}, ${sensor.strips} strips, ${+(sensor.strips * sensor.pitch_mm).toFixed(1)} × ${sensor.length_mm} mm`;
   }
-  play = Boolean(message.playground);
+  play = Boolean(message.simulator);
   document.querySelectorAll(".play").forEach((e) => { e.hidden = !play; });
   surface.svg.classList.toggle("surface-look", !control);
   options(get("method"), message.methods, message.method);
   if (play) {
     options(get("construction"), message.constructions, sensor.construction);
     value(get("strips"), sensor.strips);
-    value(get("noise"), +(100 * message.playground.noise).toFixed(3));
-    value(get("hz"), message.playground.rate_hz);
+    value(get("noise"), +(100 * message.simulator.noise).toFixed(3));
+    value(get("hz"), message.simulator.rate_hz);
   }
   document.querySelectorAll("form button, form select, form input, #record, #examine, #method").forEach((e) => { e.disabled = !control; });
 }
@@ -91,7 +91,7 @@ function state(message) {
   get("skipped").textContent = message.late + message.unreadable;
   get("skipped").title = `recorded, but not recovered because the computer was behind: ${message.late}; no readings: ${message.unreadable}`;
   get("draws").textContent = paused ? "paused" : drawn.times.length;
-  line(message.running ? "on" : "off", !message.running ? "the stream has ended" : message.trouble || (control ? "connected" : "connected, look only"));
+  line(message.running ? "on" : "off", !message.running ? "the stream has ended" : message.problem || (control ? "connected" : "connected, look only"));
   const recording = message.recording;
   get("record").setAttribute("aria-pressed", Boolean(recording));
   get("record-text").textContent = recording ? `${recording.scans} scans, ${(recording.bytes / 1e6).toFixed(1)} MB` : "Record";
@@ -128,7 +128,7 @@ function list(found) {
 function health(told) {
   const row = get("strips-health"), strips = told.strips || Array(sensor.strips).fill("unchecked");
   get("examine").textContent = told.examining ? "Examining" : "Examine";
-  const key = JSON.stringify([told.strips, told.findings, told.trouble, sensor.strips]);
+  const key = JSON.stringify([told.strips, told.findings, told.problem, sensor.strips]);
   if (row.dataset.key === key) return;
   row.dataset.key = key;
   row.replaceChildren(...strips.map((condition, i) => {
@@ -141,7 +141,7 @@ function health(told) {
   const words = `${count("ok")} ok, ${count("degraded")} degraded, ${count("broken")} broken, ${count("unchecked")} not touched yet`;
   row.setAttribute("aria-label", words);
   const noise = told.sigma ? ` Noise: ${(100 * told.sigma).toFixed(2)} % of Vref.` : "";
-  if (told.trouble) get("health-text").textContent = told.trouble;
+  if (told.problem) get("health-text").textContent = told.problem;
   else if (told.strips) get("health-text").textContent = `${words}.${noise} ${told.findings.join("; ")}`;
 }
 

@@ -1,4 +1,4 @@
-// The true objects of the playground: drag, turn, reshape, by pointer and by keyboard.
+// The true objects of the simulated sensor: drag, turn, reshape, by pointer and by keyboard.
 
 import { make } from "./surface.js";
 

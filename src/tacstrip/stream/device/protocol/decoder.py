@@ -1,39 +1,39 @@
-"""Bytes from a device to scans and messages, and scans to bytes (docs/protocol.md); no port is touched here."""
+"""Decode the bytes of a device into scans and messages (docs/protocol.md)."""
 
 from __future__ import annotations
 
 import struct
 from typing import NamedTuple, TypeAlias
 
-from tacstrip.stream.device.protocol.commands import Message, parsed
-from tacstrip.stream.device.protocol.frames import VERSION, Kind, parse, unseal
+from tacstrip.stream.device.protocol.commands import Message, parse_message
+from tacstrip.stream.device.protocol.frames import VERSION, Kind, check_frame, parse_frame
 from tacstrip.stream.device.protocol.messages import Hello
 from tacstrip.stream.device.protocol.scans import LAYOUT, ScanBatch, layout_of
 
-LONGEST = 2**15  # bytes between two zeros; a scan of the most strips and two signatures has 17,000
-# A scan number further ahead, or further behind, is taken for that of a device that started again; so are two numbers
-# in a row that are less far behind.
-AHEAD, BEHIND = 2**16, 2**10
+MAX_FRAME_BYTES = 2**15  # between two zeros; a scan of 4,096 strips and two signatures has 17,000
+# A scan number further ahead or behind means that the device has restarted; so do two consecutive numbers that are
+# less far behind.
+MAX_AHEAD, MAX_BEHIND = 2**16, 2**10
 _KIND_AT, _SEQUENCE_AT = 1, struct.Struct("<xxI")
 
 
 class Counts(NamedTuple):
-    """What came in so far.
+    """What a decoder has received so far.
 
     Attributes
     ----------
     frames
-        Intact frames that were handed on.
+        Intact frames that were decoded.
     corrupt
-        Stretches between zeros that were no intact frame. The first, which may begin in mid-frame, does not count.
+        Byte sequences between zeros that are not an intact frame, except the first, which may begin in mid-frame.
     lost
-        Scans that never came, by the gaps in their numbers; those that came corrupt are among them.
+        Missing scans, by the gaps in their numbers; corrupt ones are included.
     out_of_order
-        Scans with a number that had its turn already, alone. They are left out.
+        Single scans whose number had come before; they are discarded.
     unknown
-        Intact frames of another version, of no known kind or with a body that does not fit. They are left out.
+        Intact frames of another version, of unknown kind or with a body of wrong length; they are discarded.
     restarts
-        Times that the device began to count anew.
+        Number of times that the device has restarted its count.
     """
 
     frames: int = 0
@@ -48,9 +48,9 @@ Received: TypeAlias = ScanBatch | Message
 
 
 class Decoder:
-    """Takes bytes as they come, whole frames or not, and gives what they say; finds its place again after garbage.
+    """Decodes bytes as they come, in pieces of any length, and resynchronises after corrupt ones.
 
-    Memory is bounded: more than `LONGEST` bytes without a zero are dropped.
+    Memory is bounded: more than `MAX_FRAME_BYTES` bytes without a zero are discarded.
     """
 
     def __init__(self) -> None:
@@ -59,16 +59,18 @@ class Decoder:
         self._began = False  # a zero was seen
         self._next: int | None = None  # the scan number that is due
         self._clock_us: int | None = None  # of the newest scan, not wrapped
-        self._behind: bytes | None = None  # a scan whose number had its turn; the next tells what it is
+        self._behind: bytes | None = (
+            None  # a scan with an old number; the next tells whether the device restarted
+        )
         self._counts = [0] * len(Counts._fields)
 
     @property
     def counts(self) -> Counts:
-        """What came in so far."""
+        """What a decoder has received so far."""
         return Counts(*self._counts)
 
     def feed(self, data: bytes) -> list[Received]:
-        """Return what the frames that these bytes complete say, in their order; scans in batches."""
+        """Return the scans, in batches, and messages of the frames that these bytes complete, in order."""
         *pieces, rest = (self._rest + data).split(b"\0")
         out: list[Received] = []
         batch: list[bytes] = []
@@ -76,7 +78,7 @@ class Decoder:
             if self._dropping or not piece:
                 self._dropping, self._began = False, True
                 continue
-            plain = unseal(piece)
+            plain = check_frame(piece)
             if plain is None:
                 self._counts[_CORRUPT] += self._began
             elif plain[0] == VERSION and plain[_KIND_AT] == Kind.SCAN:
@@ -90,7 +92,7 @@ class Decoder:
         return out
 
     def _keep(self, rest: bytes) -> None:
-        if len(rest) > LONGEST or self._dropping:
+        if len(rest) > MAX_FRAME_BYTES or self._dropping:
             self._counts[_CORRUPT] += not self._dropping and self._began
             self._dropping, rest = True, b""
         self._rest = rest
@@ -103,16 +105,16 @@ class Decoder:
         number = _number(plain)
         if number != self._next and self._next is not None:
             step = (number - self._next + 2**31) % 2**32 - 2**31
-            if -BEHIND <= step < 0:
+            if -MAX_BEHIND <= step < 0:
                 self._counts[_OUT_OF_ORDER] += 1
                 before, self._behind = self._behind, plain
-                if before is None or not 0 < (ahead := (number - _number(before)) % 2**32) <= BEHIND:
+                if before is None or not 0 < (ahead := (number - _number(before)) % 2**32) <= MAX_BEHIND:
                     return
                 self._counts[_OUT_OF_ORDER] -= 2
                 self._counts[_LOST] += ahead - 1
                 self._restart(batch, out)
                 batch.append(before)
-            elif 0 < step < AHEAD:
+            elif 0 < step < MAX_AHEAD:
                 self._counts[_LOST] += step
             else:
                 self._restart(batch, out)
@@ -122,8 +124,8 @@ class Decoder:
         batch.append(plain)
 
     def _take_message(self, plain: bytes, out: list[Received]) -> None:
-        frame = parse(plain)
-        message = parsed(frame) if frame.version == VERSION else None
+        frame = parse_frame(plain)
+        message = parse_message(frame) if frame.version == VERSION else None
         if message is None:
             self._counts[_UNKNOWN] += 1
             return
@@ -141,7 +143,7 @@ class Decoder:
         self._clock_us = None
 
     def _flush(self, batch: list[bytes], out: list[Received]) -> None:
-        """Hand the gathered scans, all of one layout, on as one batch."""
+        """Append the collected scans, all of one layout, to the output as one batch."""
         if not batch:
             return
         scans = ScanBatch.of(batch, self._clock_us, self._counts[_RESTARTS])

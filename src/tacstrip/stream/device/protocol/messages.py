@@ -1,4 +1,4 @@
-"""What the device says apart from scans: who it is, how a command went, what its self-test found."""
+"""Messages from the device other than scans: identification, replies to commands, self-test (docs/protocol.md)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from tacstrip.arrays import BoolArray
 from tacstrip.errors import OptionError
 from tacstrip.sensor.constructions import SIGNATURES
-from tacstrip.stream.device.protocol.frames import Kind, seal
+from tacstrip.stream.device.protocol.frames import Kind, encode_frame
 
 _BITS = {name: 1 << i for i, name in enumerate(SIGNATURES)}  # kh 1, kl 2, k 4
 _HELLO = struct.Struct("<HB5BHIIII16s16s")
@@ -21,28 +21,28 @@ _TESTED = struct.Struct("<HHI")
 
 @dataclass(frozen=True, kw_only=True)
 class Hello:
-    """Who the device is: sent when it starts, and when it is asked.
+    """Identification of a device: sent when it starts, and on request.
 
     Attributes
     ----------
     construction, unit_name
         Up to 16 characters of ASCII each.
     strips, signatures, adc_bits
-        What its scans have.
+        Contents of its scans.
     version
-        Of the firmware.
+        Version of the firmware.
     streaming
-        It is sending scans.
+        Whether it is sending scans.
     supply_mv
-        Its Vref [mV]; 0: it cannot tell.
+        Its Vref [mV]; 0 where it cannot measure that.
     baud
-        The line's speed.
+        Speed of the line [baud].
     period_us
-        From scan to scan [us]; 0: as fast as it goes.
+        Time from scan to scan [us]; 0: as fast as possible.
     cycle_us
-        What reading all strips takes [us].
+        Time to read all strips [us].
     late
-        Scans that began a period or more too late, since the last start.
+        Number of scans since the last start that began a period or more too late.
     """
 
     construction: str
@@ -66,32 +66,32 @@ class Hello:
         OptionError
             A value does not fit its field.
         """
-        names = (_text("construction", self.construction), _text("unit_name", self.unit_name))
+        names = (_encoded("construction", self.construction), _encoded("unit_name", self.unit_name))
         numbers = (self.supply_mv, self.baud, self.period_us, self.cycle_us, self.late)
         head = (self.strips, mask_of(self.signatures), self.adc_bits, *self.version, self.streaming)
         try:
-            return seal(Kind.HELLO, _HELLO.pack(*head, *numbers, *names), sequence, time_us)
+            return encode_frame(Kind.HELLO, _HELLO.pack(*head, *numbers, *names), sequence, time_us)
         except struct.error as error:
             raise OptionError(f"a number does not fit its field of a hello frame ({error})") from None
 
     @classmethod
     def parse(cls, body: bytes) -> Self | None:
-        """Return the message, or None where the body is none."""
+        """Return the message, or None where the body has the wrong length."""
         if len(body) != _HELLO.size:
             return None
         strips, mask, bits, *version, streaming, supply, baud, period, cycle, late, kind, name = (
             _HELLO.unpack(body)
         )
         return cls(
-            construction=_read(kind), strips=strips, signatures=names_of(mask), adc_bits=bits,
+            construction=_decoded(kind), strips=strips, signatures=names_of(mask), adc_bits=bits,
             version=(version[0], version[1], version[2]), streaming=bool(streaming), supply_mv=supply, baud=baud,
-            period_us=period, cycle_us=cycle, late=late, unit_name=_read(name),
+            period_us=period, cycle_us=cycle, late=late, unit_name=_decoded(name),
         )  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Reply:
-    """How a command went: its kind and sequence, the status, and a number (docs/protocol.md says which)."""
+    """Reply to a command: its kind and sequence, the status, and a number (see docs/protocol.md)."""
 
     command: int
     command_sequence: int
@@ -104,19 +104,26 @@ class Reply:
             body = _REPLY.pack(self.command, self.command_sequence, self.status, self.value)
         except struct.error as error:
             raise OptionError(f"a number does not fit its field of a reply frame ({error})") from None
-        return seal(Kind.REPLY, body, sequence, time_us)
+        return encode_frame(Kind.REPLY, body, sequence, time_us)
 
     @classmethod
     def parse(cls, body: bytes) -> Self | None:
-        """Return the message, or None where the body is none."""
+        """Return the message, or None where the body has the wrong length."""
         return cls(*_REPLY.unpack(body)) if len(body) == _REPLY.size else None
 
 
 @dataclass(frozen=True, eq=False)
 class SelfTest:
-    """What the self-test found: Vref [mV] or 0, scans that were late, and what is held.
+    """Result of the self-test.
 
-    `held` tells by signature name which strips' lines (strips,) did not follow their pulls.
+    Attributes
+    ----------
+    supply_mv
+        Vref [mV]; 0 where the device cannot measure it.
+    late
+        Number of late scans, as of `Hello`.
+    held
+        By signature, the strips (strips,) whose line did not follow its pull-up and pull-down.
     """
 
     supply_mv: int
@@ -130,11 +137,11 @@ class SelfTest:
             body = _TESTED.pack(len(flags), self.supply_mv, self.late) + flags.astype(np.uint8).tobytes()
         except struct.error as error:
             raise OptionError(f"a number does not fit its field of a test frame ({error})") from None
-        return seal(Kind.TESTED, body, sequence, time_us)
+        return encode_frame(Kind.TESTED, body, sequence, time_us)
 
     @classmethod
     def parse(cls, body: bytes) -> Self | None:
-        """Return the message, or None where the body is none."""
+        """Return the message, or None where the body has the wrong length."""
         if len(body) < _TESTED.size:
             return None
         strips, supply, late = _TESTED.unpack_from(body)
@@ -156,11 +163,11 @@ def names_of(mask: int) -> tuple[str, ...]:
     return tuple(name for name, bit in _BITS.items() if mask & bit)
 
 
-def _text(name: str, value: str) -> bytes:
+def _encoded(name: str, value: str) -> bytes:
     if not (value.isascii() and value.isprintable() and len(value) <= 16):
         raise OptionError(f"{name} = {value!r}: must be up to 16 printable ASCII characters")
     return value.encode()
 
 
-def _read(field: bytes) -> str:
+def _decoded(field: bytes) -> str:
     return field.rstrip(b"\0").decode("ascii", "replace")

@@ -1,4 +1,4 @@
-"""Scans on the wire: how their frames lie, many of them as arrays, one of them to bytes (docs/protocol.md)."""
+"""Scans on the wire: the layout of their frames, batches of them as arrays, and encoding (docs/protocol.md)."""
 
 from __future__ import annotations
 
@@ -14,36 +14,36 @@ import numpy.typing as npt
 from tacstrip.arrays import BoolArray
 from tacstrip.errors import OptionError
 from tacstrip.sensor.constructions import SIGNATURES
-from tacstrip.stream.device.protocol.frames import HEADER, Kind, seal
+from tacstrip.stream.device.protocol.frames import HEADER, Kind, encode_frame
 from tacstrip.stream.device.protocol.messages import mask_of, names_of
 from tacstrip.stream.source import CodeArray, RawScan
 
-MOST_STRIPS = 4096
-LAYOUT = slice(HEADER.size, HEADER.size + 4)  # of a frame's bytes: what tells its layout
+MAX_STRIPS = 4096
+LAYOUT = slice(HEADER.size, HEADER.size + 4)  # the bytes of a frame that define its layout
 _SCAN = struct.Struct("<HBBI")  # strips, signatures, bits, span [us]
 _EVERY = mask_of(tuple(SIGNATURES))
 
 
 @dataclass(frozen=True, eq=False)
 class ScanBatch:
-    """Scans of one layout that came one after the other.
+    """Consecutive scans of one layout.
 
     Attributes
     ----------
     sequence
-        The device's numbers of the scans (scans,).
+        Numbers of the scans (scans,).
     time_us
-        When the first strip was read (scans,) [us], by the device's clock, which was 0 when it was switched on.
+        Time of the first strip's reading (scans,) [us], by the device's clock, which counts from its start.
     span_us
-        From the first strip to the last (scans,) [us]; strips between are read at even steps.
+        Time from the first strip to the last (scans,) [us]; those between are read at equal intervals.
     touched
-        (scans, strips).
+        Touched strips (scans, strips).
     codes
         A/D codes by signature (scans, strips).
     adc_bits
         Codes run from 0 to 2^adc_bits - 1.
     restarts
-        `Counts.restarts` when they came: where it changes, the device's clock began anew.
+        `Counts.restarts` at their arrival; a new value means that the device's clock has restarted.
     """
 
     sequence: npt.NDArray[np.uint32]
@@ -59,10 +59,10 @@ class ScanBatch:
 
     @classmethod
     def of(cls, frames: list[bytes], before_us: int | None, restarts: int) -> Self:
-        """Return frames, of one layout that exists, as a batch.
+        """Return frames of one valid layout as a batch.
 
-        `before_us` is the time of the scan before them, from which times go on where 32 bits begin anew; no gap may
-        be longer than half their range, 35 minutes.
+        `before_us` is the time of the previous scan, from which the wrapped 32-bit times continue; no gap may be longer
+        than half their range, 35 minutes.
         """
         layout = layout_of(frames[0][LAYOUT])
         assert layout is not None
@@ -73,12 +73,12 @@ class ScanBatch:
         raw = rows["time_us"]
         before = int(raw[0]) if before_us is None else before_us
         previous = np.concatenate((np.array([before % 2**32], np.uint32), raw[:-1]))
-        # The difference is taken modulo 2^32; as a signed number it is the shorter way round.
+        # Differences are modulo 2^32; as signed numbers they take the shorter direction.
         times = before + np.cumsum((raw - previous).astype(np.int32), dtype=np.int64)
         return cls(rows["sequence"], times, rows["span_us"], touched, codes, bits, restarts)
 
     def scans(self) -> Iterator[RawScan]:
-        """Give the scans, their times by the device's clock."""
+        """Yield the scans, their times by the device's clock."""
         strips = self.touched.shape[1]
         steps = np.arange(strips) / max(strips - 1, 1) * 1e-6
         offsets = self.span_us[:, None] * steps  # (scans, strips) [s]
@@ -90,12 +90,12 @@ class ScanBatch:
 
 @lru_cache(maxsize=64)
 def layout_of(key: bytes) -> np.dtype[Any] | None:
-    """Return how header and body of a scan lie, from its first 4 bytes; None where there is no such scan."""
+    """Return the layout of a scan's header and body, from the body's first 4 bytes; None where they are invalid."""
     if len(key) != 4:
         return None
     strips, mask, bits = struct.unpack("<HBB", key)
     signatures = names_of(mask)
-    if not (1 <= strips <= MOST_STRIPS and 1 <= mask <= _EVERY and 1 <= bits <= 16):
+    if not (1 <= strips <= MAX_STRIPS and 1 <= mask <= _EVERY and 1 <= bits <= 16):
         return None
     head = [("version", "u1"), ("kind", "u1"), ("sequence", "<u4"), ("time_us", "<u4")]
     body = [("strips", "<u2"), ("signatures", "u1"), ("bits", "u1"), ("span_us", "<u4")]
@@ -109,13 +109,13 @@ def encode_scan(scan: RawScan, adc_bits: int, sequence: int | None = None) -> by
     Raises
     ------
     OptionError
-        It has codes that do not go over the wire, more strips than `MOST_STRIPS`, or a code that needs more bits.
+        It has codes that the protocol does not know, more than `MAX_STRIPS` strips, or a code that needs more bits.
     """
     names = names_of(mask_of(tuple(scan.codes)))
     codes = np.stack([scan.codes[name] for name in names])
     strips = len(scan.touched)
-    if not 1 <= strips <= MOST_STRIPS:
-        raise OptionError(f"{strips} strips: a scan on the wire has 1 to {MOST_STRIPS}")
+    if not 1 <= strips <= MAX_STRIPS:
+        raise OptionError(f"{strips} strips: a scan on the wire has 1 to {MAX_STRIPS}")
     if not 1 <= adc_bits <= 16 or codes.max() >= 2**adc_bits:
         raise OptionError(f"adc_bits = {adc_bits}: must be 1 to 16, and enough for the code {codes.max()}")
     first, last = (0.0, 0.0) if scan.strip_time_s is None else scan.strip_time_s[[0, -1]].tolist()
@@ -123,4 +123,4 @@ def encode_scan(scan: RawScan, adc_bits: int, sequence: int | None = None) -> by
     touched = np.packbits(scan.touched, bitorder="little").tobytes()
     number = scan.sequence if sequence is None else sequence
     time_us = round((scan.time_s + first) * 1e6)
-    return seal(Kind.SCAN, body + touched + codes.astype("<u2").tobytes(), number, time_us)
+    return encode_frame(Kind.SCAN, body + touched + codes.astype("<u2").tobytes(), number, time_us)
