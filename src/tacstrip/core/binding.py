@@ -50,7 +50,7 @@ _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "fit_ellipse": (_DOUBLE, (_PROBLEM, _POINTER, _DOUBLE, _POINTER, _POINTER)),
     "walk": (None, (*[_POINTER] * 8, *[_INT] * 4, _POINTER)),
     "lowest": (_DOUBLE, (*[_POINTER] * 5, _INT, _INT, _POINTER)),
-    "misfits": (_INT, (_POINTER, _INT, _INT, _POINTER)),
+    "isolated_outliers": (_INT, (_POINTER, _INT, _INT, _POINTER)),
     "spikes": (None, (_POINTER, _INT, _DOUBLE, _POINTER, _POINTER)),
 }
 

@@ -13,8 +13,8 @@ import numpy as np
 from tacstrip.arrays import FloatArray
 from tacstrip.core.binding import at, exported
 from tacstrip.core.equations import terms
-from tacstrip.core.fit import MOST, Fit
-from tacstrip.core.problem import Signal
+from tacstrip.core.fit import MAX_VERTICES, PolygonFit
+from tacstrip.core.problem import FitProblem
 from tacstrip.fisher import covariance
 
 _STEPS, _ENOUGH, _HOPE = 25, 1e-2, 4.0
@@ -28,7 +28,7 @@ _LEAST = 1e-9  # added to the normal matrix
 
 @dataclass(frozen=True, eq=False)
 class Ellipse:
-    """An ellipse in units of a signal.
+    """An ellipse in units of a problem.
 
     Attributes
     ----------
@@ -44,22 +44,22 @@ class Ellipse:
     cost: float
     information: FloatArray
 
-    def residuals(self, signal: Signal) -> FloatArray:
+    def residuals(self, problem: FitProblem) -> FloatArray:
         """Return measured minus fitted readings over sigma (S, n); 0 where a reading is left out."""
         left, right, c, s, b = self.parameters
-        t = np.clip((2.0 * signal.x - left - right) / (right - left), -1.0, 1.0)
+        t = np.clip((2.0 * problem.x - left - right) / (right - left), -1.0, 1.0)
         middle, half = c + s * t, b * np.sqrt(1.0 - t * t)
-        k = signal.readings_of(np.clip(middle - half, 0.0, 1.0), np.clip(middle + half, 0.0, 1.0))
-        return np.asarray((signal.k - k) * signal.root_weight)
+        k = problem.readings_of(np.clip(middle - half, 0.0, 1.0), np.clip(middle + half, 0.0, 1.0))
+        return np.asarray((problem.k - k) * problem.root_weight)
 
-    def outline(self, signal: Signal) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def outline(self, problem: FitProblem) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return lower and upper chain (22, 2) [mm], and the covariance (84, 84) [mm^2] of the 42 vertices."""
         left, right, c, s, b = self.parameters
         t = -np.cos(np.linspace(0.0, np.pi, _POINTS + 2))
         r = _SAME_AREA * np.sqrt(np.maximum(1.0 - t * t, 0.0))
         r[[0, -1]] = 0.0
         x = 0.5 * (left + right) + 0.5 * (right - left) * t
-        scale, origin = np.array((signal.width_mm, signal.length_mm)), (signal.origin_mm, 0.0)
+        scale, origin = np.array((problem.width_mm, problem.length_mm)), (problem.origin_mm, 0.0)
         lower, upper = (
             np.stack([x, np.clip(c + s * t + side * b * r, 0.0, 1.0)], axis=1) * scale + origin
             for side in (-1, 1)
@@ -74,25 +74,25 @@ class Ellipse:
         return lower, upper, by @ told @ by.T
 
 
-def fit_ellipse(start: Fit, signal: Signal, wanted: float = np.inf) -> Ellipse:
+def fit_ellipse(start: PolygonFit, problem: FitProblem, wanted: float = np.inf) -> Ellipse:
     """Fit an ellipse by least squares from where a polygon was found; in vain if it cannot cost less than `wanted`."""
     core = exported("fit_ellipse")
     if core is None:
-        return plain_fit_ellipse(start, signal, wanted)
+        return plain_fit_ellipse(start, problem, wanted)
     matrix = np.empty((5, 5))
-    if start.count > MOST:  # an ellipse's outline, from the scan before
+    if start.n_interior > MAX_VERTICES:  # an ellipse's outline, from the scan before
         record, p = None, _begin(start)
     else:
         record, p = start.record, np.empty(5)
-    cost: float = core(signal.problem, None if record is None else at(record), wanted, at(p), at(matrix))
+    cost: float = core(problem.compiled, None if record is None else at(record), wanted, at(p), at(matrix))
     return Ellipse(p, cost, matrix)
 
 
-def plain_fit_ellipse(start: Fit, signal: Signal, wanted: float = np.inf) -> Ellipse:
+def plain_fit_ellipse(start: PolygonFit, problem: FitProblem, wanted: float = np.inf) -> Ellipse:
     """Do as `fit_ellipse`, in NumPy."""
     p = _begin(start)
-    half, damping = 0.5 * signal.pitch, 1e-3
-    cost, matrix, gradient = _normal_equations(p, signal)
+    half, damping = 0.5 * problem.pitch, 1e-3
+    cost, matrix, gradient = _normal_equations(p, problem)
     for _ in range(_STEPS):
         small = matrix + np.diag(damping * matrix.diagonal() + _LEAST)
         trial = p + np.linalg.solve(small, gradient)
@@ -100,7 +100,7 @@ def plain_fit_ellipse(start: Fit, signal: Signal, wanted: float = np.inf) -> Ell
         trial[2] = np.clip(trial[2], 0.0, 1.0)
         room = min(trial[2], 1.0 - trial[2])
         trial[3:] = np.clip(trial[3:], (-room, 0.0), (room, 0.5))
-        new = _normal_equations(trial, signal)
+        new = _normal_equations(trial, problem)
         gain = cost - new[0]
         if gain >= 0.0:
             p = trial
@@ -115,9 +115,9 @@ def plain_fit_ellipse(start: Fit, signal: Signal, wanted: float = np.inf) -> Ell
     return Ellipse(p, cost, matrix)
 
 
-def _normal_equations(p: FloatArray, signal: Signal) -> tuple[float, FloatArray, FloatArray]:
+def _normal_equations(p: FloatArray, problem: FitProblem) -> tuple[float, FloatArray, FloatArray]:
     left, right, c, s, b = p
-    t = np.clip((2.0 * signal.x - left - right) / (right - left), -1.0, 1.0)
+    t = np.clip((2.0 * problem.x - left - right) / (right - left), -1.0, 1.0)
     r = np.sqrt(np.maximum(1.0 - t * t, 0.0))
     l = np.clip(c + s * t - b * r, 0.0, 1.0)
     u = np.minimum(np.maximum(c + s * t + b * r, l), 1.0)
@@ -128,17 +128,17 @@ def _normal_equations(p: FloatArray, signal: Signal) -> tuple[float, FloatArray,
         )
         for by_t, root in ((s + bend, -r), (s - bend, r))
     )
-    ll, lu, uu, lr, ur, rr = terms(l, u, signal)
+    ll, lu, uu, lr, ur, rr = terms(l, u, problem)
     matrix = by_l.T @ (ll[:, None] * by_l + lu[:, None] * by_u)
     matrix += by_u.T @ (lu[:, None] * by_l + uu[:, None] * by_u)
-    prior, off = 12.0 / signal.pitch**2, p[:2] - (0.0, 1.0)
+    prior, off = 12.0 / problem.pitch**2, p[:2] - (0.0, 1.0)
     matrix[[0, 1], [0, 1]] += prior
     gradient = by_l.T @ lr + by_u.T @ ur
     gradient[:2] -= prior * off
     return float(rr.sum() + prior * (off @ off)), matrix, gradient
 
 
-def _begin(start: Fit) -> FloatArray:
+def _begin(start: PolygonFit) -> FloatArray:
     """Return an ellipse (5,) where a polygon is."""
     l, u = start.ends(np.array([0.0, 0.25, 0.5, 0.75, 1.0]))
     middle = 0.5 * (l + u)

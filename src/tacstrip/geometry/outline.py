@@ -110,7 +110,7 @@ class Outline:
             np.where(inside, np.interp(x, *self.upper.T), np.nan),
         )
 
-    def slopes(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def jacobian(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the slopes of l and of u at x (S,) by `vertices.ravel()`, each (S, 2 V); NaN outside.
 
         At a vertex they are those of the section to its right.

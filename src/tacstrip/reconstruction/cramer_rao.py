@@ -30,7 +30,7 @@ def reading_sigma(noise: Noise, sensor: Sensor) -> float:
     return math.sqrt((noise.quantisation**2 + noise.positional**2) / 3.0 + step**2 / 12.0)
 
 
-def reading_slopes(
+def signature_jacobians(
     sensor: Sensor, l_mm: FloatArray, u_mm: FloatArray
 ) -> dict[str, tuple[FloatArray, FloatArray]]:
     """Return dk/dl and dk/du [1/mm] of every signature, name to two arrays of the shape of l and u."""
@@ -47,7 +47,7 @@ def reading_slopes(
     }
 
 
-def vertex_slopes(
+def vertex_jacobian(
     outline: Outline,
     sensor: Sensor,
     signatures: Iterable[str] | None = None,
@@ -63,15 +63,15 @@ def vertex_slopes(
     x = x[outline.touches(x)]
     if not sensor.kind.closed_form:
         return _network_slopes(outline, sensor, names, x)
-    by_l, by_u = outline.slopes(x)
-    of_ends = reading_slopes(sensor, *outline.ends(x))
+    by_l, by_u = outline.jacobian(x)
+    of_ends = signature_jacobians(sensor, *outline.ends(x))
     pairs = [of_ends[n] for n in names]
     return np.concatenate([a[:, None] * by_l + b[:, None] * by_u for a, b in pairs])
 
 
 def _network_slopes(outline: Outline, sensor: Sensor, names: tuple[str, ...], x: FloatArray) -> FloatArray:
     strip, by_ends = slopes(sensor, *outline.ends(sensor.x_mm))  # (T, signatures, 2 T)
-    by_vertices = by_ends @ np.concatenate(outline.slopes(sensor.x_mm[strip]))
+    by_vertices = by_ends @ np.concatenate(outline.jacobian(sensor.x_mm[strip]))
     read = np.isclose(sensor.x_mm[strip][:, None], x).any(axis=1)
     return np.concatenate([by_vertices[read, sensor.signatures.index(n)] for n in names])
 
@@ -118,10 +118,12 @@ def vertex_covariance(
         CRS-CRP: the outline touches no strip, or leaves the sensor.
     """
     checked_sigma(sigma)
-    return with_ends(outline, sensor, vertex_slopes(outline, sensor, signatures, x_mm) / sigma)
+    return covariance_with_x_priors(
+        outline, sensor, vertex_jacobian(outline, sensor, signatures, x_mm) / sigma
+    )
 
 
-def with_ends(outline: Outline, sensor: Sensor, slopes: FloatArray) -> FloatArray:
+def covariance_with_x_priors(outline: Outline, sensor: Sensor, slopes: FloatArray) -> FloatArray:
     """Return the covariance (2 V, 2 V) [mm^2] from slopes over their readings' sigma, and from what is known of x.
 
     The ends' x is known to within a pitch, and so is that of two vertices with one strip between them or none, where

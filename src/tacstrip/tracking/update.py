@@ -10,11 +10,11 @@ import numpy as np
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.core.descent import refine
 from tacstrip.core.ellipse import PARAMETERS, fit_ellipse
-from tacstrip.core.fit import ENDS, Fit
-from tacstrip.core.problem import FLOOR, Signal
+from tacstrip.core.fit import END_ENTRIES, PolygonFit
+from tacstrip.core.problem import FLOOR, FitProblem
 from tacstrip.errors import ContactError
 from tacstrip.geometry.outline import Outline, close_chains
-from tacstrip.reconstruction.polygon.fit import fitted_covariance, untangled
+from tacstrip.reconstruction.polygon.fit import fitted_covariance, uncrossed
 from tacstrip.reconstruction.result import RecoveredObject
 from tacstrip.scan import Scan
 from tacstrip.sensor.spec import Sensor
@@ -44,14 +44,14 @@ class Followed:
         The same, its theta in [mm].
     sigma
         Standard deviation of a reading, by what the outline left over [Vref].
-    left_out
+    excluded
         Readings that are not used (S, strips).
     """
 
     shape: RecoveredObject
-    fit: Fit
+    fit: PolygonFit
     sigma: float
-    left_out: BoolArray
+    excluded: BoolArray
 
     @property
     def round(self) -> bool:
@@ -61,17 +61,17 @@ class Followed:
 
 def started(shape: RecoveredObject, scan: Scan, sensor: Sensor) -> Followed | None:
     """Return how to follow a shape that was searched in this scan; None where it has none that can be followed."""
-    left_out = np.zeros((len(scan.signatures), sensor.strips), dtype=bool)
-    signal = _signal(scan, sensor, shape.strips, 1.0, left_out)
+    excluded = np.zeros((len(scan.signatures), sensor.strips), dtype=bool)
+    problem = _problem(scan, sensor, shape.strips, 1.0, excluded)
     try:
-        fit = Fit.of(Outline.of(shape.vertices), signal)
+        fit = PolygonFit.of(Outline.of(shape.vertices), problem)
     except ContactError:
         return None
-    residuals, used = fit.residuals(signal), signal.weight > 0.0
+    residuals, used = fit.residuals(problem), problem.weight > 0.0
     spread = _MAD * float(np.median(np.abs(residuals[used])))
     wild = np.abs(residuals) > max(_WILD * spread, FLOOR)
-    left_out[:, shape.strips] = wild
-    last = Followed(shape, _in_mm(fit, signal), 1.0, left_out)
+    excluded[:, shape.strips] = wild
+    last = Followed(shape, _in_mm(fit, problem), 1.0, excluded)
     freedom = max(int(np.count_nonzero(used & ~wild)) - _numbers(last), 1)
     level = math.sqrt(float((residuals[~wild] ** 2).sum()) / freedom)
     return replace(last, sigma=max(level, _least(sensor)))
@@ -94,57 +94,57 @@ def follow(last: Followed, scan: Scan, sensor: Sensor, strips: slice, detail: bo
     Lost
         The outline cannot be put on these strips.
     """
-    signal = _signal(scan, sensor, strips, last.sigma, last.left_out)
-    start = _on_strips(last.fit, signal)
+    problem = _problem(scan, sensor, strips, last.sigma, last.excluded)
+    start = _on_strips(last.fit, problem)
     if last.round:
-        oval = fit_ellipse(start, signal)
-        lower, upper, covariance = oval.outline(signal)
-        cost, fit = oval.cost, _in_mm(Fit.of(Outline(lower, upper), signal), signal)
+        oval = fit_ellipse(start, problem)
+        lower, upper, covariance = oval.outline(problem)
+        cost, fit = oval.cost, _in_mm(PolygonFit.of(Outline(lower, upper), problem), problem)
     else:
-        found = refine(start, signal)
-        lower, upper = untangled(*found.polygon(signal))
-        cost, fit = found.cost, _in_mm(found, signal)
+        found = refine(start, problem)
+        lower, upper = uncrossed(*found.polygon(problem))
+        cost, fit = found.cost, _in_mm(found, problem)
         if any((chain[1:, 0] <= chain[:-1, 0]).any() for chain in (lower, upper)):
             raise Lost
         covariance = None
         if detail:
-            covariance = fitted_covariance(found, Outline(lower, upper), signal, sensor)
+            covariance = fitted_covariance(found, Outline(lower, upper), problem, sensor)
     x = sensor.x_mm[strips]
     profile = (x, np.interp(x, *lower.T), np.interp(x, *upper.T))
     if (profile[2] - profile[1]).max() <= _THIN * sensor.length_mm:
         raise Lost
     vertices = close_chains(lower, upper)
     shape = replace(last.shape, strips=strips, vertices=vertices, profile=profile, covariance=covariance)
-    freedom = max(signal.readings - _numbers(last), 1)
+    freedom = max(problem.readings - _numbers(last), 1)
     variance = cost / freedom
     # Wilson and Hilferty's cube root makes chi square nearly normal; sigma comes from as many readings.
     small = 2.0 / (9.0 * freedom)
     explained = (variance ** (1.0 / 3.0) - (1.0 - small)) / math.sqrt(2.0 * small) <= _ALARM
     level = last.sigma * math.sqrt(1.0 - _SLOW + _SLOW * variance) if explained else last.sigma
-    return Followed(shape, fit, max(level, _least(sensor)), last.left_out), explained
+    return Followed(shape, fit, max(level, _least(sensor)), last.excluded), explained
 
 
-def _signal(scan: Scan, sensor: Sensor, strips: slice, sigma: float, left_out: BoolArray) -> Signal:
+def _problem(scan: Scan, sensor: Sensor, strips: slice, sigma: float, excluded: BoolArray) -> FitProblem:
     readings = {name: scan[name][strips] for name in scan.signatures}
-    return Signal.of(sensor, sensor.x_mm[strips], readings, sigma, left_out[:, strips])
+    return FitProblem.of(sensor, sensor.x_mm[strips], readings, sigma, excluded[:, strips])
 
 
-def _in_mm(fit: Fit, signal: Signal) -> Fit:
-    theta = fit.theta * signal.length_mm
+def _in_mm(fit: PolygonFit, problem: FitProblem) -> PolygonFit:
+    theta = fit.theta * problem.length_mm
     for at in _X:
-        theta[at] = fit.theta[at] * signal.width_mm + signal.origin_mm
+        theta[at] = fit.theta[at] * problem.width_mm + problem.origin_mm
     return replace(fit, theta=theta)
 
 
-def _on_strips(fit: Fit, signal: Signal) -> Fit:
-    """Return a fit in [mm] in units of the signal, its ends brought to the strips that are touched now."""
-    theta = fit.theta / signal.length_mm
+def _on_strips(fit: PolygonFit, problem: FitProblem) -> PolygonFit:
+    """Return a fit in [mm] in units of the problem, its ends brought to the strips that are touched now."""
+    theta = fit.theta / problem.length_mm
     for at in _X:
-        theta[at] = (fit.theta[at] - signal.origin_mm) / signal.width_mm
-    reach = 0.5 * signal.pitch
+        theta[at] = (fit.theta[at] - problem.origin_mm) / problem.width_mm
+    reach = 0.5 * problem.pitch
     theta[0] = min(max(theta[0], -reach), reach)
     theta[3] = min(max(theta[3], 1.0 - reach), 1.0 + reach)
-    inner: FloatArray = theta[ENDS::2]
+    inner: FloatArray = theta[END_ENTRIES::2]
     if len(inner) and not theta[0] < inner.min() <= inner.max() < theta[3]:
         many = len(inner)
         low, high = theta[0] + np.arange(1, many + 1) * _APART, theta[3] - np.arange(many, 0, -1) * _APART
@@ -152,7 +152,7 @@ def _on_strips(fit: Fit, signal: Signal) -> Fit:
     return replace(fit, theta=theta)
 
 
-_X = (slice(0, 4, 3), slice(ENDS, None, 2))  # the places of x in theta
+_X = (slice(0, 4, 3), slice(END_ENTRIES, None, 2))  # the places of x in theta
 
 
 def _numbers(last: Followed) -> int:

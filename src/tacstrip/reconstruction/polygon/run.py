@@ -9,14 +9,14 @@ from functools import cached_property
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray
-from tacstrip.core.criterion import charge, misfit, penalty
+from tacstrip.core.criterion import complexity_penalty, deviance, per_vertex_penalty
 from tacstrip.core.ellipse import PARAMETERS, Ellipse, fit_ellipse
-from tacstrip.core.fit import MOST
-from tacstrip.core.outliers import misfits, spikes
-from tacstrip.core.problem import FLOOR, Signal
-from tacstrip.core.search import Fits, fit_counts
+from tacstrip.core.fit import MAX_VERTICES
+from tacstrip.core.outliers import isolated_outliers, spikes
+from tacstrip.core.problem import FLOOR, FitProblem
+from tacstrip.core.search import ModelSelection, fit_counts
 from tacstrip.geometry.outline import Outline
-from tacstrip.reconstruction.polygon.fit import thickness, untangled
+from tacstrip.reconstruction.polygon.fit import max_height, uncrossed
 from tacstrip.reconstruction.sections import reading_noise
 from tacstrip.sensor.spec import Sensor
 
@@ -35,13 +35,13 @@ class RunFit:
 
     Attributes
     ----------
-    signal
+    problem
         Readings, with weights 1 / sigma^2; sigma is the given one, or what the fit left over.
     fits
         Those compared, and the chosen one; None where the readings are too few.
     sigma
         Standard deviation of a reading [Vref].
-    left_out
+    excluded
         Readings that were there but not used (S, n).
     oval
         An oval that was fitted too.
@@ -49,10 +49,10 @@ class RunFit:
         How much better the oval's criterion is than the polygon's; -inf where none was fitted.
     """
 
-    signal: Signal
-    fits: Fits | None
+    problem: FitProblem
+    fits: ModelSelection | None
     sigma: float
-    left_out: BoolArray
+    excluded: BoolArray
     oval: Ellipse | None = None
     lead: float = -np.inf
 
@@ -64,7 +64,7 @@ class RunFit:
     @property
     def vertices(self) -> int:
         """Interior vertices, or what an oval counts for."""
-        return 0 if self.fits is None else 1 if self.round else self.fits.chosen.count
+        return 0 if self.fits is None else 1 if self.round else self.fits.chosen.n_interior
 
     @property
     def parameters(self) -> int:
@@ -77,35 +77,35 @@ class RunFit:
         if self.fits is None:
             return None
         if self.oval is not None and self.round:
-            return Outline(*self.oval.outline(self.signal)[:2])
-        lower, upper = untangled(*self.fits.chosen.polygon(self.signal))
-        return Outline(lower, upper) if thickness(lower, upper) > 0.0 else None
+            return Outline(*self.oval.outline(self.problem)[:2])
+        lower, upper = uncrossed(*self.fits.chosen.polygon(self.problem))
+        return Outline(lower, upper) if max_height(lower, upper) > 0.0 else None
 
     @cached_property
     def residuals(self) -> FloatArray:
         """Measured minus fitted readings over sigma (S, n), of the oval if it is the better one."""
         if self.fits is None:
-            return np.zeros_like(self.signal.k)
+            return np.zeros_like(self.problem.k)
         best = self.oval if self.oval is not None and self.round else self.fits.chosen
-        return best.residuals(self.signal)
+        return best.residuals(self.problem)
 
-    def spread(self, known: bool) -> float:
-        """Return the residuals' spread, over the sigma that the signal was given: 1 if that is known."""
-        if known or self.fits is None:
+    def spread(self, sigma_known: bool) -> float:
+        """Return the residuals' spread, over the sigma that the problem was given: 1 if that is known."""
+        if sigma_known or self.fits is None:
             return 1.0
-        used = self.residuals[self.signal.weight > 0.0]
+        used = self.residuals[self.problem.weight > 0.0]
         return max(_NORMAL * float(np.median(np.abs(used))), 1e-3) if len(used) else 1.0
 
     def price(self, scale: float) -> float:
-        """Return what vertices and readings left out cost, with the misfit at a spread of residuals; inf: no fit.
+        """Return what vertices and readings left out cost, with the deviance at a spread of residuals; inf: no fit.
 
         A reading left out costs as much as a vertex: a notch one strip wide has at least three, a fault one or two
         readings, and a corner cut off a whole side.
         """
         if self.fits is None:
             return np.inf
-        chosen, each = self.fits.chosen, penalty(self.signal.readings)
-        paid = chosen.count + int(chosen.blunt.sum()) + int(self.left_out.sum())
+        chosen, each = self.fits.chosen, per_vertex_penalty(self.problem.readings)
+        paid = chosen.n_interior + int(chosen.vertical_ends.sum()) + int(self.excluded.sum())
         return chosen.cost / scale**2 + each * paid
 
     @property
@@ -119,9 +119,9 @@ def fit_run(
     x_mm: FloatArray,
     readings: Mapping[str, FloatArray],
     sigma: float | None = None,
-    most: int = MOST,
-    corners: int | None = None,
-    beyond_mm: float = 0.0,
+    max_vertices: int = MAX_VERTICES,
+    n_vertices: int | None = None,
+    margin_mm: float = 0.0,
 ) -> RunFit:
     """Fit polygons to one run of strips.
 
@@ -135,17 +135,19 @@ def fit_run(
         Over Vref, signature to (n,); what is not finite, or far outside 0..1, is left out.
     sigma
         Standard deviation of a reading [Vref]; None: estimated from what the fit leaves over.
-    most
+    max_vertices
         Interior vertices at most.
-    corners
+    n_vertices
         Vertices in all, where that is known.
-    beyond_mm
+    margin_mm
         How much further out the ends lie than within half a pitch of the outer strips.
     """
     raw = np.stack([np.asarray(values, dtype=np.float64) for values in readings.values()])
     there = (raw >= -_BEYOND) & (raw <= 1.0 + _BEYOND)
     raw = np.where(there, raw, np.nan)
-    case = _Case(sensor, x_mm, tuple(readings), raw, there, sigma is not None, most, corners, beyond_mm)
+    case = _Case(
+        sensor, x_mm, tuple(readings), raw, there, sigma is not None, max_vertices, n_vertices, margin_mm
+    )
     if sigma is not None:
         return case.fit(max(sigma, FLOOR))
     start = max(_roughly(sensor, raw), FLOOR)
@@ -166,10 +168,10 @@ class _Case:
     names: tuple[str, ...]
     raw: FloatArray
     there: BoolArray
-    known: bool
-    most: int
-    corners: int | None
-    beyond_mm: float
+    sigma_known: bool
+    max_vertices: int
+    n_vertices: int | None
+    margin_mm: float
 
     def fit(self, start: float) -> RunFit:
         """Leave outliers out and fit; `start` is sigma, or where it is not known a first idea of it."""
@@ -179,52 +181,54 @@ class _Case:
             # Corners and steep ends are not foretold by neighbours either: are polygons of more readings cheaper?
             others = [np.zeros_like(suspected)]
             if run.fits is not None:
-                off = np.abs(self.raw - run.fits.chosen.readings(run.signal))
-                others.append(suspected & (off > _NEAR * start * run.spread(self.known)))
+                off = np.abs(self.raw - run.fits.chosen.readings(run.problem))
+                others.append(suspected & (off > _NEAR * start * run.spread(self.sigma_known)))
             runs = [run, *(self._settled(start, out) for out in others if (out != suspected).any())]
-            scale = max(run.spread(self.known), runs[-1].spread(self.known) * _BARELY)
+            scale = max(run.spread(self.sigma_known), runs[-1].spread(self.sigma_known) * _BARELY)
             run = min(reversed(runs), key=lambda r: r.price(scale))
-        if self.corners is None:
-            run = _with_oval(run, self.known)
-        if self.known or run.fits is None:
+        if self.n_vertices is None:
+            run = _with_oval(run, self.sigma_known)
+        if self.sigma_known or run.fits is None:
             return run
-        freedom = max(run.signal.readings - run.parameters, 1)
+        freedom = max(run.problem.readings - run.parameters, 1)
         found = max(start * float(np.sqrt((run.residuals**2).sum() / freedom)), FLOOR)
-        return replace(run, signal=run.signal.scaled(found / start), sigma=found)
+        return replace(run, problem=run.problem.scaled(found / start), sigma=found)
 
     def _settled(self, start: float, out: BoolArray) -> RunFit:
         """Fit without some readings (S, n), and then without those that lie alone far from the polygon."""
         out, few = out | ~self.there, 2 * len(self.raw) + _SPARE + (2 if len(self.raw) == 1 else 0)
         readings = dict(zip(self.names, self.raw, strict=True))
         for _ in range(_ROUNDS):
-            signal = Signal.of(self.sensor, self.x_mm, readings, start, out, self.beyond_mm)
-            if signal.readings < few:
-                return RunFit(signal, None, start, out & self.there)
-            fits = fit_counts(signal, self.known, self.most, corners=self.corners)
-            run = RunFit(signal, fits, start, out & self.there)
-            new = misfits(run.residuals / run.spread(self.known))
+            problem = FitProblem.of(self.sensor, self.x_mm, readings, start, out, self.margin_mm)
+            if problem.readings < few:
+                return RunFit(problem, None, start, out & self.there)
+            fits = fit_counts(problem, self.sigma_known, self.max_vertices, n_vertices=self.n_vertices)
+            run = RunFit(problem, fits, start, out & self.there)
+            new = isolated_outliers(run.residuals / run.spread(self.sigma_known))
             if not new.any():
                 break
             out = out | new
         return run
 
 
-def _with_oval(run: RunFit, known: bool) -> RunFit:
-    signal, fits = run.signal, run.fits
-    if fits is None or not fits.chosen.count:
+def _with_oval(run: RunFit, sigma_known: bool) -> RunFit:
+    problem, fits = run.problem, run.fits
+    if fits is None or not fits.chosen.n_interior:
         return run
-    score = fits.scores[fits.best] - charge(signal, 1, known)
-    oval = fit_ellipse(fits.chosen, signal, score if known else np.inf)
-    return replace(run, oval=oval, lead=score - misfit(oval.cost, signal, known))
+    score = fits.scores[fits.best] - complexity_penalty(problem, 1, sigma_known)
+    oval = fit_ellipse(fits.chosen, problem, score if sigma_known else np.inf)
+    return replace(run, oval=oval, lead=score - deviance(oval.cost, problem, sigma_known))
 
 
-def one_shape(left: RunFit, right: RunFit, joint: RunFit) -> bool:
+def should_merge(left: RunFit, right: RunFit, joint: RunFit) -> bool:
     """Whether two neighbouring runs are better explained as one contact, with strips missing in it."""
     if joint.fits is None:
         return False
     variance = max(left.sigma, right.sigma) ** 2
-    n = joint.signal.readings
-    gain = penalty(n) * (left.vertices + right.vertices + 2 - joint.vertices)  # two ends become none
+    n = joint.problem.readings
+    gain = per_vertex_penalty(n) * (
+        left.vertices + right.vertices + 2 - joint.vertices
+    )  # two ends become none
     return (joint.squares - left.squares - right.squares) / variance < gain
 
 
