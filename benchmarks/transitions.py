@@ -24,14 +24,12 @@ from _protocol import SIGNATURES, Cell, Trial, trial
 
 import tacstrip as ts
 from tacstrip.arrays import FloatArray
-from tacstrip.core.descent import refine
-from tacstrip.core.fit import PolygonFit
+from tacstrip.core.fit import PolygonFit, refine
 from tacstrip.core.problem import FitProblem
 from tacstrip.core.search import fit_counts
 from tacstrip.geometry.outline import Outline
 from tacstrip.reconstruction.cramer_rao import reading_sigma
 from tacstrip.reconstruction.polygon.estimate import fit_polygon
-from tacstrip.reconstruction.polygon.fit import uncrossed
 
 SEED = 20260501
 CELLS = [
@@ -100,7 +98,7 @@ def score(cell: Cell, methods: Sequence[str], polygons: int, seed: int) -> dict[
 def from_truth(cell: Cell, of: Trial) -> FloatArray:
     """Return the vertices of the least-squares fit that is begun at the true ones."""
     start = PolygonFit.of(Outline.of(of.truth), problem_of(cell, of))
-    return Outline(*uncrossed(*refine(start, problem_of(cell, of)).polygon(problem_of(cell, of)))).vertices
+    return Outline(*refine(start, problem_of(cell, of)).chains_mm(problem_of(cell, of))).vertices
 
 
 def add_vertices(got: Score, of: Trial, found: ts.Reconstruction, told: FloatArray) -> None:

@@ -8,18 +8,17 @@ import numpy as np
 import pytest
 
 from tacstrip.arrays import FloatArray, IntArray
-from tacstrip.core.binding import at, exported, search_workspace
-from tacstrip.core.descent import descend, ordered, plain_refine, refine
+from tacstrip.core.binding import END_ENTRIES, MAX_VERTICES, POLYGON, at, exported, search_workspace
+from tacstrip.core.descent import descend, ordered
 from tacstrip.core.ellipse import fit_ellipse, plain_fit_ellipse
-from tacstrip.core.equations import heights, information, normal_equations
-from tacstrip.core.fit import END_ENTRIES, MAX_VERTICES, POLYGON, PolygonFit
+from tacstrip.core.equations import heights, normal_equations
+from tacstrip.core.fit import PolygonFit, plain_refine, refine
 from tacstrip.core.outliers import isolated_outliers, plain_isolated_outliers, plain_spikes, spikes
 from tacstrip.core.problem import FitProblem
 from tacstrip.core.score import NEW, TRIED, candidates, places
 from tacstrip.core.search import fit_counts, plain_fit_counts
+from tacstrip.core.vertex_covariance import covariance_with_x_priors
 from tacstrip.geometry.outline import Outline
-from tacstrip.reconstruction.cramer_rao import covariance_with_x_priors
-from tacstrip.reconstruction.polygon.fit import fitted_covariance, information_root, uncrossed
 from tacstrip.sensor.circuit import k_h, k_l, k_metal
 from tacstrip.sensor.spec import Sensor
 
@@ -155,7 +154,7 @@ def test_normal_equations_agree(which: tuple[str, float, float], seed: int) -> N
     fit = PolygonFit(theta[0], chain[0], vertical_ends, 0.0)
     without = normal_equations(theta, chain, vertical_ends, problem, prior=False)[1][0]
     np.testing.assert_allclose(
-        information(fit, problem), without, rtol=1e-9, atol=1e-10 * np.abs(without).max()
+        fit.information(problem), without, rtol=1e-9, atol=1e-10 * np.abs(without).max()
     )
 
 
@@ -167,7 +166,7 @@ def test_a_rounding_error_at_a_pointed_end_is_no_overlap(compiled: bool) -> None
     for height in fit.theta[4] + np.spacing(fit.theta[4]) * np.arange(20):
         fit.theta[4:6] = height
         plain = normal_equations(*_batch(fit), problem, prior=False)[1][0]
-        found.append(information(fit, problem) if compiled else plain)
+        found.append(fit.information(problem) if compiled else plain)
     for matrix in found[1:]:
         np.testing.assert_allclose(matrix, found[0], rtol=1e-9, atol=1e-9 * np.abs(found[0]).max())
 
@@ -318,7 +317,7 @@ def test_an_ellipse_is_fitted_from_the_outline_of_an_ellipse() -> None:
     half = 0.2 * np.sqrt(1.0 - t * t)
     problem = _with(problem, problem.readings_of(0.5 - half, 0.5 + half), problem.weight)
     first = fit_ellipse(fit_counts(problem).chosen, problem)
-    start = PolygonFit.of(Outline(*first.outline(problem)[:2]), problem)
+    start = PolygonFit.of(Outline(*first.chains_mm(problem)), problem)
     assert start.n_interior > MAX_VERTICES
     np.testing.assert_allclose(fit_ellipse(start, problem).parameters, first.parameters, atol=1e-4)
     assert np.abs(start.residuals(problem)).max() < 3.0
@@ -332,16 +331,16 @@ def test_the_information_of_an_ellipse_is_that_of_its_readings() -> None:
     empty = FitProblem.of(sensor, x, {"kh": np.zeros(80), "kl": np.zeros(80)}, 0.002)
     k = empty.readings_of(middle - half, middle + half) + np.random.default_rng(1).normal(0.0, 0.002, (2, 80))
     problem = FitProblem.of(sensor, x, {"kh": k[0], "kl": k[1]}, 0.002)
-    oval = fit_ellipse(fit_counts(problem).chosen, problem)
-    np.testing.assert_allclose(oval.parameters[2:], [0.5, 0.1, 0.2], atol=0.003)
+    ellipse = fit_ellipse(fit_counts(problem).chosen, problem)
+    np.testing.assert_allclose(ellipse.parameters[2:], [0.5, 0.1, 0.2], atol=0.003)
     for i in (2, 3, 4):  # the ends' x move strips in and out, where differences do not exist
         sides = []
         for sign in (-1.0, 1.0):
-            p = oval.parameters.copy()
+            p = ellipse.parameters.copy()
             p[i] += sign * 1e-6
-            sides.append(type(oval)(p, 0.0, oval.information).residuals(problem).ravel())
+            sides.append(type(ellipse)(p, 0.0, ellipse.information).residuals(problem).ravel())
         slope = (sides[1] - sides[0]) / 2e-6
-        assert oval.information[i, i] == pytest.approx(slope @ slope, rel=1e-5)
+        assert ellipse.information[i, i] == pytest.approx(slope @ slope, rel=1e-5)
 
 
 @needs_core
@@ -366,9 +365,9 @@ def test_covariances_agree(vertical_ends: tuple[int, int]) -> None:
         fit.theta[END_ENTRIES + 2] = (
             fit.theta[END_ENTRIES] + 0.5 / 60
         )  # an edge that crosses one strip or none
-    outline = Outline(*uncrossed(*fit.polygon(problem)))
-    got = fitted_covariance(fit, outline, problem, sensor)
-    wanted = covariance_with_x_priors(outline, sensor, information_root(fit, problem))
+    outline = Outline(*fit.chains_mm(problem))
+    got = fit.covariance(problem, sensor)
+    wanted = covariance_with_x_priors(outline, sensor, fit.information_root(problem))
     scale = np.sqrt(wanted.diagonal())
     np.testing.assert_allclose(got / np.outer(scale, scale), wanted / np.outer(scale, scale), atol=1e-6)
 

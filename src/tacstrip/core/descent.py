@@ -5,41 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from tacstrip.arrays import FloatArray, IntArray
-from tacstrip.core.binding import at, exported
+from tacstrip.core.binding import END_ENTRIES
 from tacstrip.core.equations import free_entries, normal_equations
-from tacstrip.core.fit import END_ENTRIES, PolygonFit
 from tacstrip.core.problem import FitProblem
 
 _DAMPING, _STUCK = 1e-3, 1e8  # of J'J's diagonal: at first, and where a descent gives up
 _ALWAYS = 1e-9  # damping that stays
 _HOPE = 2.0  # a descent will not gain more than twice what its last step did
-_FINE, _SETTLED = 40, 1e-4  # steps of a last descent, and the gain in chi square that ends it
-_CLOSED = 1e-12  # of the strip length
-
-
-def refine(fit: PolygonFit, problem: FitProblem) -> PolygonFit:
-    """Return the least-squares fit near a given one, on all strips: also the warm start of tracking."""
-    core = exported("refine")
-    if core is None:
-        return plain_refine(fit, problem)
-    record = fit.record
-    core(problem.compiled, at(record))
-    return PolygonFit.of_record(record)
-
-
-def plain_refine(fit: PolygonFit, problem: FitProblem) -> PolygonFit:
-    """Do as `refine`, in NumPy."""
-    theta = fit.theta.copy()
-    for end in (0, 1):
-        if not fit.vertical_ends[end]:
-            theta[3 * end + 1 : 3 * end + 3] = theta[3 * end + 1 : 3 * end + 3].mean()
-    found = descend(theta[None], fit.chain[None], fit.vertical_ends, problem, _FINE, _SETTLED, np.inf)
-    theta, chain, cost = found[0][0], found[1][0], float(found[2][0])
-    height = np.array([theta[2] - theta[1], theta[5] - theta[4]])
-    closed = (fit.vertical_ends == 1) & (height <= _CLOSED)
-    if closed.any():  # a vertical edge without height is a point, whose x is free
-        return plain_refine(PolygonFit(theta, chain, np.where(closed, 0, fit.vertical_ends), cost), problem)
-    return PolygonFit(theta, chain, fit.vertical_ends, cost)
 
 
 def descend(

@@ -11,14 +11,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from tacstrip.arrays import FloatArray
-from tacstrip.core.binding import at, exported
+from tacstrip.core.binding import MAX_VERTICES, at, exported
 from tacstrip.core.equations import terms
-from tacstrip.core.fit import MAX_VERTICES, PolygonFit
+from tacstrip.core.fit import PolygonFit
 from tacstrip.core.problem import FitProblem
 from tacstrip.fisher import covariance
+from tacstrip.sensor.spec import Sensor
 
 _STEPS, _ENOUGH, _HOPE = 25, 1e-2, 4.0
-PARAMETERS = 3  # that the readings determine; the ends' x have a prior
 _POINTS = 20  # interior points of either chain that draw it
 _CHORD = np.pi / (_POINTS + 1)  # angle between two of them
 _SAME_AREA = _CHORD / np.sin(_CHORD)  # they lie so much further out in y that chords hold the ellipse's area
@@ -28,7 +28,7 @@ _LEAST = 1e-9  # added to the normal matrix
 
 @dataclass(frozen=True, eq=False)
 class Ellipse:
-    """An ellipse in units of a problem.
+    """An ellipse as outline model, in units of a `FitProblem`.
 
     Attributes
     ----------
@@ -44,6 +44,21 @@ class Ellipse:
     cost: float
     information: FloatArray
 
+    @classmethod
+    def fitted(cls, start: PolygonFit, problem: FitProblem) -> Ellipse:
+        """Return the least-squares ellipse near an outline: `fit_ellipse`."""
+        return fit_ellipse(start, problem)
+
+    @property
+    def n_parameters(self) -> int:
+        """Numbers that the readings determine: three, for the ends' x have a prior."""
+        return 3
+
+    @property
+    def complexity(self) -> int:
+        """What it counts for in the criterion: one vertex."""
+        return 1
+
     def residuals(self, problem: FitProblem) -> FloatArray:
         """Return measured minus fitted readings over sigma (S, n); 0 where a reading is left out."""
         left, right, c, s, b = self.parameters
@@ -52,26 +67,37 @@ class Ellipse:
         k = problem.readings_of(np.clip(middle - half, 0.0, 1.0), np.clip(middle + half, 0.0, 1.0))
         return np.asarray((problem.k - k) * problem.root_weight)
 
-    def outline(self, problem: FitProblem) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return lower and upper chain (22, 2) [mm], and the covariance (84, 84) [mm^2] of the 42 vertices."""
+    def chains_mm(self, problem: FitProblem) -> tuple[FloatArray, FloatArray]:
+        """Return lower and upper chain (22, 2) [mm], which together have 42 vertices."""
         left, right, c, s, b = self.parameters
-        t = -np.cos(np.linspace(0.0, np.pi, _POINTS + 2))
-        r = _SAME_AREA * np.sqrt(np.maximum(1.0 - t * t, 0.0))
-        r[[0, -1]] = 0.0
+        t, r = _drawn()
         x = 0.5 * (left + right) + 0.5 * (right - left) * t
         scale, origin = np.array((problem.width_mm, problem.length_mm)), (problem.origin_mm, 0.0)
         lower, upper = (
             np.stack([x, np.clip(c + s * t + side * b * r, 0.0, 1.0)], axis=1) * scale + origin
             for side in (-1, 1)
         )
-        ring_t, ring_r = np.concatenate([t, t[-2:0:-1]]), np.concatenate([-r, r[-2:0:-1]])
-        slopes = np.zeros((len(ring_t), 2, 5))
-        slopes[:, 0, 0], slopes[:, 0, 1] = 0.5 * (1.0 - ring_t), 0.5 * (1.0 + ring_t)
-        slopes[:, 1, 2], slopes[:, 1, 3], slopes[:, 1, 4] = 1.0, ring_t, ring_r
-        by = (slopes * scale[:, None]).reshape(-1, 5)
+        return lower, upper
+
+    def covariance(self, problem: FitProblem, sensor: Sensor) -> FloatArray:
+        """Return the covariance (84, 84) [mm^2] of the 42 vertices."""
+        t, r = _drawn()
+        t, r = np.concatenate([t, t[-2:0:-1]]), np.concatenate([-r, r[-2:0:-1]])  # (42,) counter-clockwise
+        jacobian = np.zeros((len(t), 2, 5))
+        jacobian[:, 0, 0], jacobian[:, 0, 1] = 0.5 * (1.0 - t), 0.5 * (1.0 + t)
+        jacobian[:, 1, 2], jacobian[:, 1, 3], jacobian[:, 1, 4] = 1.0, t, r
+        in_mm = (jacobian * np.array((problem.width_mm, problem.length_mm))[:, None]).reshape(-1, 5)
         value, vector = np.linalg.eigh(self.information)
-        told = covariance(np.sqrt(np.maximum(value, 0.0))[:, None] * vector.T)
-        return lower, upper, by @ told @ by.T
+        of_parameters = covariance(np.sqrt(np.maximum(value, 0.0))[:, None] * vector.T)
+        return np.asarray(in_mm @ of_parameters @ in_mm.T)
+
+
+def _drawn() -> tuple[FloatArray, FloatArray]:
+    """Return t and sqrt(1 - t^2) (22,) of the places that draw a chain, so much larger that chords hold the area."""
+    t = -np.cos(np.linspace(0.0, np.pi, _POINTS + 2))
+    r = _SAME_AREA * np.sqrt(np.maximum(1.0 - t * t, 0.0))
+    r[[0, -1]] = 0.0
+    return t, r
 
 
 def fit_ellipse(start: PolygonFit, problem: FitProblem, wanted: float = np.inf) -> Ellipse:

@@ -8,25 +8,11 @@ from __future__ import annotations
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
-from tacstrip.core.binding import at, exported
-from tacstrip.core.fit import END_ENTRIES, PolygonFit
+from tacstrip.core.binding import END_ENTRIES
 from tacstrip.core.problem import FitProblem
 
 _CROSSED = 100.0  # weight of l > u against a reading
 _CROSSED_FROM = 1e-9  # of L: where both chains meet on a strip, a rounding error must not cross them
-
-
-def information(fit: PolygonFit, problem: FitProblem) -> FloatArray:
-    """Return J'J (6 + 2 m, 6 + 2 m), J the slopes of all readings over sigma by theta."""
-    core = exported("normal_equations")
-    if core is None:
-        found = normal_equations(fit.theta[None], fit.chain[None], fit.vertical_ends, problem, prior=False)
-        return np.asarray(found[1][0])
-    size = len(fit.theta)
-    matrix, gradient = np.empty((size, size)), np.empty(size)
-    record = fit.record
-    core(problem.compiled, at(record), 0, at(matrix), at(gradient))
-    return matrix
 
 
 def normal_equations(

@@ -8,8 +8,9 @@ from __future__ import annotations
 import numpy as np
 
 from tacstrip.arrays import FloatArray, IntArray
+from tacstrip.core.binding import END_ENTRIES
 from tacstrip.core.descent import descend
-from tacstrip.core.fit import END_ENTRIES, PolygonFit
+from tacstrip.core.fit import PolygonFit
 from tacstrip.core.problem import FitProblem
 from tacstrip.core.score import places
 

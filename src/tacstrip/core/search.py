@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from tacstrip.arrays import FloatArray, IntArray
-from tacstrip.core.binding import at, exported, search_workspace
+from tacstrip.core.binding import MAX_VERTICES, POLYGON, at, exported, search_workspace
 from tacstrip.core.criterion import complexity_penalty, criterion, deviance, per_vertex_penalty
-from tacstrip.core.descent import descend, plain_refine
-from tacstrip.core.fit import MAX_VERTICES, POLYGON, PolygonFit
+from tacstrip.core.descent import descend
+from tacstrip.core.fit import PolygonFit, plain_refine
 from tacstrip.core.moves import ENOUGH, FIRST, GROW, ROUGH, SHRINK, improve
 from tacstrip.core.problem import FitProblem
 

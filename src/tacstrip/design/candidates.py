@@ -14,6 +14,7 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import Noise
+from tacstrip.core.vertex_covariance import covariance_with_x_priors
 from tacstrip.data.published import published
 from tacstrip.design.limits import places
 from tacstrip.errors import OptionError
@@ -21,7 +22,6 @@ from tacstrip.geometry.outline import Outline
 from tacstrip.network.imperfections import Readout
 from tacstrip.network.timing import fastest_scan_hz
 from tacstrip.reconstruction.cramer_rao import (
-    covariance_with_x_priors,
     reading_sigma,
     vertex_jacobian,
     vertex_rms,

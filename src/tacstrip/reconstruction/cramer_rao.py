@@ -12,7 +12,8 @@ from tacstrip.arguments import takes
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import Noise
 from tacstrip.contact.signature import signatures as readings_of
-from tacstrip.fisher import checked_sigma, covariance
+from tacstrip.core.vertex_covariance import covariance_with_x_priors
+from tacstrip.fisher import checked_sigma
 from tacstrip.geometry.outline import Outline
 from tacstrip.network.crp.cramer_rao import slopes
 from tacstrip.sensor.circuit import end_slopes
@@ -121,36 +122,6 @@ def vertex_covariance(
     return covariance_with_x_priors(
         outline, sensor, vertex_jacobian(outline, sensor, signatures, x_mm) / sigma
     )
-
-
-def covariance_with_x_priors(outline: Outline, sensor: Sensor, slopes: FloatArray) -> FloatArray:
-    """Return the covariance (2 V, 2 V) [mm^2] from slopes over their readings' sigma, and from what is known of x.
-
-    The ends' x is known to within a pitch, and so is that of two vertices with one strip between them or none, where
-    readings tell nothing of the edge.
-    """
-    lower, upper = outline.indices
-    column = np.arange(slopes.shape[1])
-    ends = ((lower[0], upper[0]), (lower[-1], upper[-1]))
-    for a, b in ends:
-        column[2 * b] = column[2 * a]  # the same vertex, or one x for a vertical edge
-    free, place = np.unique(column, return_inverse=True)
-    known = {int(place[2 * i]) for i in (*(a for a, _ in ends), *_steep(outline, sensor))}
-    joined = np.zeros((len(slopes) + len(known), len(free)))
-    np.add.at(joined[: len(slopes)].T, place, slopes.T)
-    for row, i in enumerate(sorted(known), len(slopes)):
-        joined[row, i] = math.sqrt(12.0) / sensor.pitch_mm
-    return np.asarray(covariance(joined)[np.ix_(place, place)])
-
-
-def _steep(outline: Outline, sensor: Sensor) -> list[int]:
-    """Return the vertices of edges that cross one strip or none."""
-    found: list[int] = []
-    for chain, index in zip((outline.lower, outline.upper), outline.indices, strict=True):
-        crossed = np.diff(np.searchsorted(sensor.x_mm, chain[:, 0]))
-        for i in np.flatnonzero(crossed <= 1):
-            found += [int(index[i]), int(index[i + 1])]
-    return found
 
 
 def vertex_rms(covariance: FloatArray) -> float:

@@ -8,13 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray
-from tacstrip.core.descent import refine
-from tacstrip.core.ellipse import PARAMETERS, fit_ellipse
-from tacstrip.core.fit import END_ENTRIES, PolygonFit
+from tacstrip.core.binding import END_ENTRIES
+from tacstrip.core.fit import PolygonFit
+from tacstrip.core.outline_model import OutlineModel
 from tacstrip.core.problem import FLOOR, FitProblem
 from tacstrip.errors import ContactError
 from tacstrip.geometry.outline import Outline, close_chains
-from tacstrip.reconstruction.polygon.fit import fitted_covariance, uncrossed
 from tacstrip.reconstruction.result import RecoveredObject
 from tacstrip.scan import Scan
 from tacstrip.sensor.spec import Sensor
@@ -23,7 +22,7 @@ _ALARM = 5.0  # standard deviations by which the squared residuals may exceed th
 _WILD = 6.0  # times the residuals' spread: a reading that the search left out
 _SLOW = 0.02  # of the new level of residuals that is taken over with each scan
 _MAD = 1.4826
-_OVAL = 40  # vertices; only an oval's outline has so many
+_CURVE_PARAMETERS = 3  # of an ellipse that the readings determine
 _THIN = 1e-6  # of the strip length: thinner is a line
 _APART = 1e-6  # of the width: between two vertices that the ends drove together
 
@@ -54,9 +53,9 @@ class Followed:
     excluded: BoolArray
 
     @property
-    def round(self) -> bool:
-        """Whether it is an oval."""
-        return len(self.shape.vertices) >= _OVAL
+    def model(self) -> type[OutlineModel]:
+        """What is fitted to the next scan."""
+        return self.shape.model or PolygonFit
 
 
 def started(shape: RecoveredObject, scan: Scan, sensor: Sensor) -> Followed | None:
@@ -87,7 +86,7 @@ def follow(last: Followed, scan: Scan, sensor: Sensor, strips: slice, detail: bo
     scan, sensor, strips
         What was measured, with what, and the strips that the object touches now.
     detail
-        Work out the covariance of a polygon too; an oval has one anyway.
+        Work out the covariance of a polygon too; an ellipse has one anyway.
 
     Raises
     ------
@@ -96,19 +95,13 @@ def follow(last: Followed, scan: Scan, sensor: Sensor, strips: slice, detail: bo
     """
     problem = _problem(scan, sensor, strips, last.sigma, last.excluded)
     start = _on_strips(last.fit, problem)
-    if last.round:
-        oval = fit_ellipse(start, problem)
-        lower, upper, covariance = oval.outline(problem)
-        cost, fit = oval.cost, _in_mm(PolygonFit.of(Outline(lower, upper), problem), problem)
-    else:
-        found = refine(start, problem)
-        lower, upper = uncrossed(*found.polygon(problem))
-        cost, fit = found.cost, _in_mm(found, problem)
-        if any((chain[1:, 0] <= chain[:-1, 0]).any() for chain in (lower, upper)):
-            raise Lost
-        covariance = None
-        if detail:
-            covariance = fitted_covariance(found, Outline(lower, upper), problem, sensor)
+    found = last.model.fitted(start, problem)
+    lower, upper = found.chains_mm(problem)
+    if any((chain[1:, 0] <= chain[:-1, 0]).any() for chain in (lower, upper)):
+        raise Lost
+    drawn = found if isinstance(found, PolygonFit) else PolygonFit.of(Outline(lower, upper), problem)
+    cost, fit = found.cost, _in_mm(drawn, problem)
+    covariance = found.covariance(problem, sensor) if detail or drawn is not found else None
     x = sensor.x_mm[strips]
     profile = (x, np.interp(x, *lower.T), np.interp(x, *upper.T))
     if (profile[2] - profile[1]).max() <= _THIN * sensor.length_mm:
@@ -157,7 +150,7 @@ _X = (slice(0, 4, 3), slice(END_ENTRIES, None, 2))  # the places of x in theta
 
 def _numbers(last: Followed) -> int:
     """Return how many numbers of the shape the readings determine."""
-    return PARAMETERS if last.round else 2 * len(last.shape.vertices) - 2
+    return 2 * len(last.shape.vertices) - 2 if last.shape.model is None else _CURVE_PARAMETERS
 
 
 def _least(sensor: Sensor) -> float:

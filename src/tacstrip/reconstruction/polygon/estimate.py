@@ -15,7 +15,7 @@ import numpy as np
 from tacstrip.arguments import takes
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import Noise
-from tacstrip.core.fit import MAX_VERTICES
+from tacstrip.core.binding import MAX_VERTICES
 from tacstrip.core.problem import FLOOR
 from tacstrip.errors import OptionError
 from tacstrip.reconstruction.cramer_rao import reading_sigma
@@ -124,7 +124,7 @@ def fitted_transitions(
     found = []
     for run in scan.runs():
         of_run = fit_run(sensor, sensor.x_mm[run], {name: scan[name][run]}, sigma)
-        x = np.array([0.0, 1.0]) if of_run.fits is None else of_run.fits.chosen.transitions
+        x = np.array([0.0, 1.0]) if of_run.selection is None else of_run.selection.chosen.transitions
         found.append(x * of_run.problem.width_mm + of_run.problem.origin_mm)
     return found
 

@@ -15,7 +15,7 @@ from tacstrip.reconstruction.result import Status
 _ALARM = 3.5  # standard deviations of a test's statistic
 _LOOSE = 0.2  # of the contact's width: a vertex less certain in x is hardly one
 _EQUAL = 3  # counts that fit as well as the best one
-_RIVAL = -6.0  # an oval whose criterion is worse by less than this is a rival
+_RIVAL = -6.0  # an ellipse whose criterion is worse by less than this is a rival
 _REFLEX = 3.0  # standard deviations by which a corner turns inwards
 _FAINT = 0.01  # of sigma^2
 _APART = 3.0  # standard deviations of their distance in x by which two corners are told apart
@@ -68,7 +68,7 @@ def judge(
     vertices, covariance
         Of the outline, counter-clockwise (V, 2) [mm], (2 V, 2 V) [mm^2].
     """
-    freedom = run.problem.readings - run.parameters
+    freedom = run.freedom
     if distribution is not None and chi_square_score(run.residuals, freedom, distribution) > _ALARM:
         times = math.sqrt(float((run.residuals**2).sum()) / freedom)
         return "doubtful", (
@@ -80,25 +80,25 @@ def judge(
             "what the best outline leaves over hangs together from strip to strip: the contact may be concave, "
             "curved, or two objects on the same strips"
         )
-    if run.round:
+    if not isinstance(run.model, PolygonFit):
         return (
             "ok",
-            "this contact looks round: the outline is the oval that explains the readings better than corners",
+            "this contact looks round: the outline is the ellipse that explains the readings better than corners",
         )
     return _polygon(run, vertices, covariance)
 
 
 def _polygon(run: RunFit, vertices: FloatArray, covariance: FloatArray) -> tuple[Status, str]:
-    fits = run.fits
-    if run.lead > _RIVAL:
+    selection = run.selection
+    if run.ellipse_advantage > _RIVAL:
         return (
             "doubtful",
-            "this contact looks round: an oval fits as well; take the outline, not the vertices",
+            "this contact looks round: an ellipse fits as well; take the outline, not the vertices",
         )
-    if fits is not None and fits.equal >= _EQUAL:
+    if selection is not None and selection.equal >= _EQUAL:
         return "doubtful", (
-            f"{fits.equal} vertex counts fit equally well: the contact is round, or say what is known, the noise or "
-            "the number of vertices; take the outline, not the vertices"
+            f"{selection.equal} vertex counts fit equally well: the contact is round, or say what is known, the noise "
+            "or the number of vertices; take the outline, not the vertices"
         )
     x_sigma = np.sqrt(covariance.diagonal()[::2])
     at = int(np.argmax(x_sigma))

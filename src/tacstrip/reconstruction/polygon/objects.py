@@ -10,9 +10,8 @@ from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import Noise
 from tacstrip.core.fit import PolygonFit
 from tacstrip.core.search import fit_counts
-from tacstrip.geometry.outline import Outline
+from tacstrip.geometry.outline import Outline, max_height
 from tacstrip.reconstruction.contact_ends import closed_ends
-from tacstrip.reconstruction.polygon.fit import fitted_covariance, max_height, uncrossed
 from tacstrip.reconstruction.polygon.goodness_of_fit import explains, judge
 from tacstrip.reconstruction.polygon.run import RunFit
 from tacstrip.reconstruction.result import Profile, RecoveredObject, Status
@@ -88,17 +87,19 @@ def reconstruct_object(
     strips, run = contact.strips, contact.run
     notes = _notes(scan, sensor, contact)
     x = sensor.x_mm[strips]
-    if run.fits is None:
+    if run.selection is None:
         few = f"{strips.stop - strips.start} strips are touched, too few for a polygon: use finer strips"
         raw = _raw_profile(scan, sensor, strips)
         return RecoveredObject(strips, profile=raw, status="too few strips", advice="; ".join([few, *notes]))
-    if run.oval is not None and run.round:
-        lower, upper, covariance = run.oval.outline(run.problem)
-        outline = Outline(lower, upper)
-        status, advice = judge(run, noise.distribution if noise else None, outline.vertices, covariance)
-        return _found(strips, x, outline, covariance, status, [advice, *notes])
+    distribution = None if noise is None else noise.distribution
+    if run.model is not None and not isinstance(run.model, PolygonFit):
+        outline = Outline(*run.model.chains_mm(run.problem))
+        covariance = run.model.covariance(run.problem, sensor)
+        status, advice = judge(run, distribution, outline.vertices, covariance)
+        found = _found(strips, x, outline, covariance, status, [advice, *notes])
+        return replace(found, model=type(run.model))
     fit, faint = _chosen(run, noise is not None)
-    lower, upper = uncrossed(*fit.polygon(run.problem))
+    lower, upper = fit.chains_mm(run.problem)
     if max_height(lower, upper) <= _THIN * sensor.length_mm:
         line = "no kink and no width stand out of the noise: a line, given as its profile"
         profile = (x, np.interp(x, *lower.T), np.interp(x, *upper.T))
@@ -106,7 +107,7 @@ def reconstruct_object(
             strips, profile=profile, status="too few transitions", advice="; ".join([line, *notes])
         )
     outline = Outline(lower, upper)
-    covariance = fitted_covariance(fit, outline, run.problem, sensor)
+    covariance = fit.covariance(run.problem, sensor)
     guarantee, empty = None, False
     if noise is not None and bounded and not faint:
         refined = _refined(scan, sensor, contact, noise)
@@ -127,7 +128,7 @@ def reconstruct_object(
         )
         if guarantee is not None:
             outline, covariance = guarantee.outline, guarantee.region_covariance
-    status, advice = judge(run, noise.distribution if noise else None, outline.vertices, covariance)
+    status, advice = judge(run, distribution, outline.vertices, covariance)
     if contact.known_count is not None and fit.n_vertices < contact.known_count and status == "ok":
         status, advice = (
             "doubtful",
@@ -158,30 +159,30 @@ def _upright(outline: Outline, covariance: FloatArray, sensor: Sensor) -> tuple[
 
 def _chosen(run: RunFit, known: bool) -> tuple[PolygonFit, bool]:
     """Return the fit to give, and whether it is a triangle that one signature cannot tell from a line."""
-    assert run.fits is not None
-    if run.fits.chosen.n_interior or len(run.problem.k) > 1:
-        return run.fits.chosen, False
+    assert run.selection is not None
+    if run.selection.chosen.n_interior or len(run.problem.k) > 1:
+        return run.selection.chosen, False
     triangles = [f for f in fit_counts(run.problem, known, 1, every=True).fits if f.n_interior]
-    return (triangles[0], True) if triangles else (run.fits.chosen, False)
+    return (triangles[0], True) if triangles else (run.selection.chosen, False)
 
 
 def _refined(scan: Scan, sensor: Sensor, contact: FittedContact, noise: Noise) -> Bounded | None:
     """Return what the noise's bound leaves of the fits, fewest vertices first; None where it leaves none."""
     run = contact.run
-    assert run.fits is not None
-    freedom = max(run.problem.readings - run.parameters, 1)
-    if (run.residuals**2).sum() > _HOPELESS**2 * freedom or run.fits.chosen.n_vertices > _CORNERS:
+    assert run.selection is not None
+    freedom = max(run.freedom, 1)
+    if (run.residuals**2).sum() > _HOPELESS**2 * freedom or run.selection.chosen.n_vertices > _CORNERS:
         return None
     candidates = []
-    for fit, score in zip(run.fits.fits, run.fits.scores, strict=True):
-        if score > run.fits.scores[run.fits.best] + (
-            _FEWER if fit.n_interior < run.fits.chosen.n_interior else _WORSE
+    for fit, score in zip(run.selection.fits, run.selection.scores, strict=True):
+        if score > run.selection.scores[run.selection.best] + (
+            _FEWER if fit.n_interior < run.selection.chosen.n_interior else _WORSE
         ):
             continue
-        lower, upper = uncrossed(*fit.polygon(run.problem))
+        lower, upper = fit.chains_mm(run.problem)
         if max_height(lower, upper) > _THIN * sensor.length_mm:
             outline = Outline(lower, upper)
-            candidates.append((outline, fitted_covariance(fit, outline, run.problem, sensor)))
+            candidates.append((outline, fit.covariance(run.problem, sensor)))
     readings = {
         name: np.where(out, np.nan, contact.readings[name])
         for name, out in zip(scan.signatures, run.excluded, strict=True)

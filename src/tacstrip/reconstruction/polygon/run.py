@@ -9,14 +9,14 @@ from functools import cached_property
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray
+from tacstrip.core.binding import MAX_VERTICES
 from tacstrip.core.criterion import complexity_penalty, deviance, per_vertex_penalty
-from tacstrip.core.ellipse import PARAMETERS, Ellipse, fit_ellipse
-from tacstrip.core.fit import MAX_VERTICES
+from tacstrip.core.ellipse import Ellipse, fit_ellipse
 from tacstrip.core.outliers import isolated_outliers, spikes
+from tacstrip.core.outline_model import OutlineModel
 from tacstrip.core.problem import FLOOR, FitProblem
 from tacstrip.core.search import ModelSelection, fit_counts
-from tacstrip.geometry.outline import Outline
-from tacstrip.reconstruction.polygon.fit import max_height, uncrossed
+from tacstrip.geometry.outline import Outline, max_height
 from tacstrip.reconstruction.sections import reading_noise
 from tacstrip.sensor.spec import Sensor
 
@@ -31,80 +31,77 @@ _SPARE = 1  # readings beyond the numbers fitted, without which nothing can be t
 
 @dataclass(frozen=True, eq=False)
 class RunFit:
-    """Polygons, and an oval, fitted to one run of strips.
+    """Polygons, and an ellipse, fitted to one run of strips.
 
     Attributes
     ----------
     problem
-        Readings, with weights 1 / sigma^2; sigma is the given one, or what the fit left over.
-    fits
-        Those compared, and the chosen one; None where the readings are too few.
+        Readings, with weights 1 / sigma^2; sigma is the given one, or estimated from the residuals.
+    selection
+        The polygons compared, and the chosen one; None where the readings are too few.
     sigma
         Standard deviation of a reading [Vref].
     excluded
         Readings that were there but not used (S, n).
-    oval
-        An oval that was fitted too.
-    lead
-        How much better the oval's criterion is than the polygon's; -inf where none was fitted.
+    ellipse
+        An ellipse that was fitted too.
+    ellipse_advantage
+        How much better the ellipse's criterion is than the polygon's; -inf where none was fitted.
     """
 
     problem: FitProblem
-    fits: ModelSelection | None
+    selection: ModelSelection | None
     sigma: float
     excluded: BoolArray
-    oval: Ellipse | None = None
-    lead: float = -np.inf
+    ellipse: Ellipse | None = None
+    ellipse_advantage: float = -np.inf
 
     @property
-    def round(self) -> bool:
-        """Whether the oval explains the readings better than any polygon."""
-        return self.lead > 0.0
+    def model(self) -> OutlineModel | None:
+        """The model that explains the readings best; None where they are too few."""
+        if self.ellipse is not None and self.ellipse_advantage > 0.0:
+            return self.ellipse
+        return None if self.selection is None else self.selection.chosen
 
     @property
-    def vertices(self) -> int:
-        """Interior vertices, or what an oval counts for."""
-        return 0 if self.fits is None else 1 if self.round else self.fits.chosen.n_interior
+    def complexity(self) -> int:
+        """Vertices that the criterion counts the model for."""
+        return 0 if self.model is None else self.model.complexity
 
     @property
-    def parameters(self) -> int:
-        """Numbers that the readings determine."""
-        return 0 if self.fits is None else PARAMETERS if self.round else self.fits.chosen.parameters
+    def freedom(self) -> int:
+        """Degrees of freedom: readings beyond the numbers that they determine."""
+        return self.problem.readings - (0 if self.model is None else self.model.n_parameters)
 
     @property
     def outline(self) -> Outline | None:
-        """The better one's outline [mm], if there is a fit and it is no line."""
-        if self.fits is None:
+        """The model's outline [mm], if there is one and it is no line."""
+        if self.model is None:
             return None
-        if self.oval is not None and self.round:
-            return Outline(*self.oval.outline(self.problem)[:2])
-        lower, upper = uncrossed(*self.fits.chosen.polygon(self.problem))
+        lower, upper = self.model.chains_mm(self.problem)
         return Outline(lower, upper) if max_height(lower, upper) > 0.0 else None
 
     @cached_property
     def residuals(self) -> FloatArray:
-        """Measured minus fitted readings over sigma (S, n), of the oval if it is the better one."""
-        if self.fits is None:
-            return np.zeros_like(self.problem.k)
-        best = self.oval if self.oval is not None and self.round else self.fits.chosen
-        return best.residuals(self.problem)
+        """Measured minus fitted readings over sigma (S, n)."""
+        return np.zeros_like(self.problem.k) if self.model is None else self.model.residuals(self.problem)
 
-    def spread(self, sigma_known: bool) -> float:
+    def residual_scale(self, sigma_known: bool) -> float:
         """Return the residuals' spread, over the sigma that the problem was given: 1 if that is known."""
-        if sigma_known or self.fits is None:
+        if sigma_known or self.selection is None:
             return 1.0
         used = self.residuals[self.problem.weight > 0.0]
         return max(_NORMAL * float(np.median(np.abs(used))), 1e-3) if len(used) else 1.0
 
-    def price(self, scale: float) -> float:
+    def penalised_cost(self, scale: float) -> float:
         """Return what vertices and readings left out cost, with the deviance at a spread of residuals; inf: no fit.
 
         A reading left out costs as much as a vertex: a notch one strip wide has at least three, a fault one or two
         readings, and a corner cut off a whole side.
         """
-        if self.fits is None:
+        if self.selection is None:
             return np.inf
-        chosen, each = self.fits.chosen, per_vertex_penalty(self.problem.readings)
+        chosen, each = self.selection.chosen, per_vertex_penalty(self.problem.readings)
         paid = chosen.n_interior + int(chosen.vertical_ends.sum()) + int(self.excluded.sum())
         return chosen.cost / scale**2 + each * paid
 
@@ -145,14 +142,14 @@ def fit_run(
     raw = np.stack([np.asarray(values, dtype=np.float64) for values in readings.values()])
     there = (raw >= -_BEYOND) & (raw <= 1.0 + _BEYOND)
     raw = np.where(there, raw, np.nan)
-    case = _Case(
+    fitter = _RunFitter(
         sensor, x_mm, tuple(readings), raw, there, sigma is not None, max_vertices, n_vertices, margin_mm
     )
     if sigma is not None:
-        return case.fit(max(sigma, FLOOR))
-    start = max(_roughly(sensor, raw), FLOOR)
+        return fitter.fit(max(sigma, FLOOR))
+    start = max(_initial_sigma(sensor, raw), FLOOR)
     for _ in range(_ROUNDS):
-        run = case.fit(start)
+        run = fitter.fit(start)
         if run.sigma > _SURER * start:
             break
         start = run.sigma  # curvature passed for noise, and made what is known of the ends weigh too much
@@ -160,7 +157,7 @@ def fit_run(
 
 
 @dataclass(frozen=True, eq=False)
-class _Case:
+class _RunFitter:
     """What is fitted, as for `fit_run`: readings (S, n), which are there, and whether their sigma is known."""
 
     sensor: Sensor
@@ -176,25 +173,30 @@ class _Case:
     def fit(self, start: float) -> RunFit:
         """Leave outliers out and fit; `start` is sigma, or where it is not known a first idea of it."""
         suspected = np.stack([spikes(values, start) for values in self.raw]) & self.there
-        run = self._settled(start, suspected)
+        run = self._fit_without_outliers(start, suspected)
         if suspected.any():
             # Corners and steep ends are not foretold by neighbours either: are polygons of more readings cheaper?
             others = [np.zeros_like(suspected)]
-            if run.fits is not None:
-                off = np.abs(self.raw - run.fits.chosen.readings(run.problem))
-                others.append(suspected & (off > _NEAR * start * run.spread(self.sigma_known)))
-            runs = [run, *(self._settled(start, out) for out in others if (out != suspected).any())]
-            scale = max(run.spread(self.sigma_known), runs[-1].spread(self.sigma_known) * _BARELY)
-            run = min(reversed(runs), key=lambda r: r.price(scale))
+            if run.selection is not None:
+                off = np.abs(self.raw - run.selection.chosen.readings(run.problem))
+                others.append(suspected & (off > _NEAR * start * run.residual_scale(self.sigma_known)))
+            runs = [
+                run,
+                *(self._fit_without_outliers(start, out) for out in others if (out != suspected).any()),
+            ]
+            scale = max(
+                run.residual_scale(self.sigma_known), runs[-1].residual_scale(self.sigma_known) * _BARELY
+            )
+            run = min(reversed(runs), key=lambda r: r.penalised_cost(scale))
         if self.n_vertices is None:
-            run = _with_oval(run, self.sigma_known)
-        if self.sigma_known or run.fits is None:
+            run = _with_ellipse(run, self.sigma_known)
+        if self.sigma_known or run.selection is None:
             return run
-        freedom = max(run.problem.readings - run.parameters, 1)
+        freedom = max(run.freedom, 1)
         found = max(start * float(np.sqrt((run.residuals**2).sum() / freedom)), FLOOR)
         return replace(run, problem=run.problem.scaled(found / start), sigma=found)
 
-    def _settled(self, start: float, out: BoolArray) -> RunFit:
+    def _fit_without_outliers(self, start: float, out: BoolArray) -> RunFit:
         """Fit without some readings (S, n), and then without those that lie alone far from the polygon."""
         out, few = out | ~self.there, 2 * len(self.raw) + _SPARE + (2 if len(self.raw) == 1 else 0)
         readings = dict(zip(self.names, self.raw, strict=True))
@@ -204,35 +206,37 @@ class _Case:
                 return RunFit(problem, None, start, out & self.there)
             fits = fit_counts(problem, self.sigma_known, self.max_vertices, n_vertices=self.n_vertices)
             run = RunFit(problem, fits, start, out & self.there)
-            new = isolated_outliers(run.residuals / run.spread(self.sigma_known))
+            new = isolated_outliers(run.residuals / run.residual_scale(self.sigma_known))
             if not new.any():
                 break
             out = out | new
         return run
 
 
-def _with_oval(run: RunFit, sigma_known: bool) -> RunFit:
-    problem, fits = run.problem, run.fits
-    if fits is None or not fits.chosen.n_interior:
+def _with_ellipse(run: RunFit, sigma_known: bool) -> RunFit:
+    problem, selection = run.problem, run.selection
+    if selection is None or not selection.chosen.n_interior:
         return run
-    score = fits.scores[fits.best] - complexity_penalty(problem, 1, sigma_known)
-    oval = fit_ellipse(fits.chosen, problem, score if sigma_known else np.inf)
-    return replace(run, oval=oval, lead=score - deviance(oval.cost, problem, sigma_known))
+    score = selection.scores[selection.best] - complexity_penalty(problem, 1, sigma_known)
+    ellipse = fit_ellipse(selection.chosen, problem, score if sigma_known else np.inf)
+    return replace(
+        run, ellipse=ellipse, ellipse_advantage=score - deviance(ellipse.cost, problem, sigma_known)
+    )
 
 
 def should_merge(left: RunFit, right: RunFit, joint: RunFit) -> bool:
     """Whether two neighbouring runs are better explained as one contact, with strips missing in it."""
-    if joint.fits is None:
+    if joint.selection is None:
         return False
     variance = max(left.sigma, right.sigma) ** 2
     n = joint.problem.readings
     gain = per_vertex_penalty(n) * (
-        left.vertices + right.vertices + 2 - joint.vertices
+        left.complexity + right.complexity + 2 - joint.complexity
     )  # two ends become none
     return (joint.squares - left.squares - right.squares) / variance < gain
 
 
-def _roughly(sensor: Sensor, raw: FloatArray) -> float:
+def _initial_sigma(sensor: Sensor, raw: FloatArray) -> float:
     """Return a first idea of sigma: from second differences, and at least what the A/D converter's steps make."""
     step = 0.0 if sensor.adc_bits is None else 1.0 / (2.0**sensor.adc_bits - 1.0)
     levels = [reading_noise(values[np.isfinite(values)]) for values in raw]
