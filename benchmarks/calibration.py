@@ -21,8 +21,8 @@ from tacstrip.calibrate.model_selection import choose
 from tacstrip.calibrate.offsets import mean_offsets
 from tacstrip.calibrate.residuals import residuals
 from tacstrip.data.published import offsets_volt
-from tacstrip.network import Build
-from tacstrip.sensor import Channel, corrected
+from tacstrip.network import Imperfections
+from tacstrip.sensor import Channel, apply_calibration
 
 Places = list[tuple[float, float]]
 UNIT, NOISE, LAMBDA, MISMATCH = 10.0, 0.002, 2.0, 1.05
@@ -41,23 +41,28 @@ def offsets(construction: str, fade: float = 0.0) -> ts.Calibration:
     )
 
 
-CASES: dict[str, tuple[str, Build, ts.Calibration]] = {
-    "mismatch 5 %": ("crs-crs", Build(sensing=MISMATCH), offsets("CRS-CRS")),
+CASES: dict[str, tuple[str, Imperfections, ts.Calibration]] = {
+    "mismatch 5 %": ("crs-crs", Imperfections(sensing=MISMATCH), offsets("CRS-CRS")),
     "own mismatch within 5 %": (
-        "crs-crs", Build(sensing=1.0 + RNG.uniform(-0.05, 0.05, 10)), offsets("CRS-CRS")
+        "crs-crs", Imperfections(sensing=1.0 + RNG.uniform(-0.05, 0.05, 10)), offsets("CRS-CRS")
     ),
-    "mismatch, offsets fade": ("crs-crs", Build(sensing=MISMATCH), offsets("CRS-CRS", 0.12)),
+    "mismatch, offsets fade": ("crs-crs", Imperfections(sensing=MISMATCH), offsets("CRS-CRS", 0.12)),
     "mismatch, rubber varies": (
-        "crs-crs", Build(energised=PATCHY, sensing=MISMATCH * PATCHY), offsets("CRS-CRS")
+        "crs-crs", Imperfections(energised=PATCHY, sensing=MISMATCH * PATCHY), offsets("CRS-CRS")
     ),
-    "CRS-M": ("crs-m", Build(), offsets("CRS-M")),
-    "CRS-M, offsets fade": ("crs-m", Build(), offsets("CRS-M", 0.15)),
-    "CRS-M, fade, rubber varies": ("crs-m", Build(energised=np.tile(BEND, (9, 1))), offsets("CRS-M", 0.15)),
+    "CRS-M": ("crs-m", Imperfections(), offsets("CRS-M")),
+    "CRS-M, offsets fade": ("crs-m", Imperfections(), offsets("CRS-M", 0.15)),
+    "CRS-M, fade, rubber varies": ("crs-m", Imperfections(energised=np.tile(BEND, (9, 1))), offsets("CRS-M", 0.15)),
 }  # fmt: skip
 
 
 def runs(
-    sensor: ts.Sensor, build: Build, unit: ts.Calibration, places: Places, repeats: int, noise: float
+    sensor: ts.Sensor,
+    imperfections: Imperfections,
+    unit: ts.Calibration,
+    places: Places,
+    repeats: int,
+    noise: float,
 ) -> ts.Runs:
     """Return what a unit reads of contacts across all strips."""
     true, x, rng = replace(sensor, contact_lambda_mm=LAMBDA), sensor.width_mm, np.random.default_rng(0)
@@ -68,7 +73,7 @@ def runs(
             if w
             else ts.Contact.line([(0, l), (x, l)])
         )
-        scan = ts.simulate(true, bar, model="network", build=build)
+        scan = ts.simulate(true, bar, model="network", imperfections=imperfections)
         for name, rows in raw.items():
             rows += [unit.distort(name, scan[name])] * repeats
     read = {n: np.array(v) + rng.uniform(-noise, noise, (len(v), sensor.strips)) for n, v in raw.items()}
@@ -85,14 +90,14 @@ def largest(sensor: ts.Sensor, check: ts.Runs) -> float:
 def main() -> None:
     """Print the table and the speeds."""
     print(f"{'unit':<28}{'raw':>6}{'mean':>7}{'model':>7}  chosen (largest error, % of Vref)")
-    for name, (construction, build, unit) in CASES.items():
+    for name, (construction, imperfections, unit) in CASES.items():
         sensor = replace(ts.Sensor.load(f"prototype-{construction}"), strip_width_mm=None)
         length = sensor.length_mm
         marks = [(float(l), w) for w in (0.0, 5 * UNIT, 10 * UNIT) for l in np.arange(UNIT, length - w, UNIT)]
         fresh = [(float(l), s * length) for s in (0.0, 0.08, 0.23, 0.4)
                  for l in np.arange(5.0, (0.93 - s) * length, 0.052 * length)]  # fmt: skip
-        measured = runs(sensor, build, unit, marks, 3, NOISE)
-        check = runs(sensor, build, unit, fresh, 1, 0.0)
+        measured = runs(sensor, imperfections, unit, marks, 3, NOISE)
+        check = runs(sensor, imperfections, unit, fresh, 1, 0.0)
         begin = time.perf_counter()
         found, _ = choose(sensor, measured)
         seconds = time.perf_counter() - begin
@@ -115,8 +120,8 @@ def main() -> None:
     )
     drift = DriftEstimator(plain)
     print("100 strips, double measurement, one core, microseconds a scan:")
-    print(f"  offset, gain, touch      {1e6 * median_seconds(lambda: corrected(plain, raw)):.0f}")
-    print(f"  with ratios and warp     {1e6 * median_seconds(lambda: corrected(warped, raw)):.0f}")
+    print(f"  offset, gain, touch      {1e6 * median_seconds(lambda: apply_calibration(plain, raw)):.0f}")
+    print(f"  with ratios and warp     {1e6 * median_seconds(lambda: apply_calibration(warped, raw)):.0f}")
     print(
         f"  drift estimate           {1e6 * median_seconds(lambda: drift.update(raw, drift.scans * 1e-3)):.0f}"
     )

@@ -50,9 +50,9 @@ def band(sensor: ts.Sensor) -> tuple[FloatArray, FloatArray]:
     return np.full(sensor.strips, 40.0), np.full(sensor.strips, 60.0)
 
 
-def superlu(scan: crp.Scan) -> Callable[[], object]:
+def superlu(scan: crp.FactoredScan) -> Callable[[], object]:
     """Return the job that factors a scan's matrix, assembled beforehand, with the options of design.md."""
-    net = scan.wired.network
+    net = scan.resistors.network
     free = np.ones(net.nodes, dtype=bool)
     free[scan.factored.held] = False
     number = np.cumsum(free) - 1
@@ -84,15 +84,15 @@ def main() -> None:
         for strips, rows in ((25, 100), (50, 100), (100, 50), (100, 100), (100, 200), (200, 100)):
             sensor = a_sensor(strips)
             l, u = shape(sensor)
-            scan = crp.Scan.of_span(sensor, l, u, rows)
+            scan = crp.FactoredScan.of_span(sensor, l, u, rows)
             jobs = (
-                partial(Factored, scan.wired.network, scan.factored.held),
+                partial(Factored, scan.resistors.network, scan.factored.held),
                 superlu(scan),
                 partial(crp.all_electrodes, sensor, l, u, rows),
             )
             anew, lu, whole = in_turns(jobs, 9)
             print(
-                f"{shape.__name__:>8} {strips:6d} {rows:5d} {scan.wired.network.nodes:6d} {1e3 * anew:10.1f} "
+                f"{shape.__name__:>8} {strips:6d} {rows:5d} {scan.resistors.network.nodes:6d} {1e3 * anew:10.1f} "
                 f"{1e3 * lu:8.1f} {1e3 * whole:10.1f} {whole / anew:12.2f} {whole / lu:10.2f}"
                 + ("  (wanted: 3)" if strips == 100 else "")
             )

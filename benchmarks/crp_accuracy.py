@@ -18,7 +18,7 @@ import tacstrip as ts
 from studies.crp import SHAPES, SIGMA, a_sensor, end_bounds
 from tacstrip.arrays import FloatArray
 from tacstrip.network.crp import inversion as crp
-from tacstrip.network.crp.mesh import Mesh
+from tacstrip.network.crp.mesh import SheetMesh
 
 POLYGONS, TAKES = 40, 2  # random contacts, and noisy scans of each
 
@@ -29,7 +29,7 @@ def invert(
     electrodes: crp.Electrodes,
     convex: bool = False,
     rows: int | None = None,
-) -> crp.Inverted:
+) -> crp.InversionResult:
     """Invert readings of all electrodes (strips, 2 strips) by either scheme."""
     if electrodes == "all":
         return crp.invert_all(sensor, readings, SIGMA, convex, rows)
@@ -38,7 +38,7 @@ def invert(
     return crp.invert(sensor, kh, kl, SIGMA, convex, rows)
 
 
-def off(found: crp.Inverted, l: FloatArray, u: FloatArray) -> FloatArray:
+def off(found: crp.InversionResult, l: FloatArray, u: FloatArray) -> FloatArray:
     """Return the error of both ends of the strips with w >= 5 % of L (2, those strips) [% of L]."""
     return np.asarray(100.0 * np.abs(np.stack([found.l - l, found.u - u]))[:, wide(l, u)] / LENGTH)
 
@@ -129,7 +129,7 @@ class Trials:
 def try_out(electrodes: crp.Electrodes) -> Trials:
     """Invert readings of the random contacts."""
     sensor, random, trials = a_sensor(), np.random.default_rng(2), Trials()
-    rows = Mesh.of(sensor).rows
+    rows = SheetMesh.of(sensor).rows
     for l, u in random_spans():
         on = wide(l, u)
         readings = crp.all_electrodes(sensor, l, u, rows)
@@ -194,13 +194,13 @@ def constants_table() -> None:
         sensor, cells, over = a_sensor(**{key: factor * getattr(true, key)}), [], []
         for shape in SHAPES:
             l, u = span(true, shape)
-            rows = Mesh.of(true).rows
+            rows = SheetMesh.of(true).rows
             readings = crp.all_electrodes(true, l, u, rows)
             for e in SCHEMES:
                 found = invert(sensor, readings, e, rows=rows)
                 out = 100.0 * np.stack([l - found.l, found.u - u])[:, wide(l, u)] / LENGTH
                 cells.append(direction(out))
-                over += [found.misfit] if e == "all" else []
+                over += [found.residual_rms] if e == "all" else []
         row(f"{name} x {factor:g}", *cells, f"{min(over):.2f} to {max(over):.2f}")
 
 

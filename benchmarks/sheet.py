@@ -19,8 +19,8 @@ from pathlib import Path
 import numpy as np
 from _timing import median_seconds
 
+from studies.sheet import MOST_BY_GREEN, Sheet, Touch, by_factor, by_green, solve
 from tacstrip.arrays import FloatArray
-from tacstrip.network.sheet import MOST_BY_GREEN, Sheet, Touch, by_factor, by_green, solve
 
 SHEET = Sheet(100, 100)
 SIZES = (1, 10, 30, 70, 100, 128, 129, 200, 356, 700, 1000, 2920, 9000)

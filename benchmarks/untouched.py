@@ -14,7 +14,7 @@ import numpy as np
 
 import tacstrip as ts
 from tacstrip.arrays import FloatArray
-from tacstrip.contact.noise import on_readings
+from tacstrip.contact.noise import add_reading_errors
 from tacstrip.sensor.constructions import CONSTRUCTIONS
 from tacstrip.sensor.rest_level import rest_hint
 from tacstrip.simulation import readings
@@ -65,7 +65,7 @@ def read(
     """Return readings (scans, strips), `level` where nothing touches: all signatures, then each alone."""
     noise = ts.Noise(positional=float(random.choice(NOISE)))
     k = {
-        name: np.clip(on_readings(np.where(np.isnan(v), level, v), noise, random), 0.0, 1.0)
+        name: np.clip(add_reading_errors(np.where(np.isnan(v), level, v), noise, random), 0.0, 1.0)
         for name, v in readings(of, *ts.footprint(of, contacts)).items()
     }
     return [k, *({name: v} for name, v in k.items() if len(k) > 1)]

@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tacstrip.contact.shape import Contact
-from tacstrip.network.imperfections import Build, Readout
+from tacstrip.network.imperfections import Imperfections, Readout
 from tacstrip.network.strips.ladder import fast_readings
 from tacstrip.plot.style import COLOURS, legend, new_axes
 from tacstrip.sensor.spec import Sensor
@@ -32,37 +32,45 @@ class Imperfection:
     name, unit
         For tables.
     unit_at
-        Size to (spec, build, readout), drawn with the generator where it is random.
+        Size to (spec, imperfections, readout), drawn with the generator where it is random.
     largest
         Where the search for the tolerance ends.
     """
 
     name: str
     unit: str
-    unit_at: Callable[[Sensor, float, np.random.Generator], tuple[Sensor, Build, Readout]]
+    unit_at: Callable[[Sensor, float, np.random.Generator], tuple[Sensor, Imperfections, Readout]]
     largest: float
 
 
-def _uneven(sensor: Sensor, size: float, random: np.random.Generator) -> tuple[Sensor, Build, Readout]:
+def _uneven(
+    sensor: Sensor, size: float, random: np.random.Generator
+) -> tuple[Sensor, Imperfections, Readout]:
     shape = (sensor.strips, _PIECES)
     energised, sensing = (1.0 + size / 100.0 * random.uniform(-1.0, 1.0, shape) for _ in range(2))
-    return sensor, Build(energised, sensing), Readout()
+    return sensor, Imperfections(energised, sensing), Readout()
 
 
-def _unequal(sensor: Sensor, size: float, random: np.random.Generator) -> tuple[Sensor, Build, Readout]:
-    return sensor, Build(sensing=1.0 + size / 100.0), Readout()
+def _unequal(
+    sensor: Sensor, size: float, random: np.random.Generator
+) -> tuple[Sensor, Imperfections, Readout]:
+    return sensor, Imperfections(sensing=1.0 + size / 100.0), Readout()
 
 
-def _resistive(sensor: Sensor, size: float, random: np.random.Generator) -> tuple[Sensor, Build, Readout]:
-    return replace(sensor, contact_lambda_mm=size), Build(), Readout()
+def _resistive(
+    sensor: Sensor, size: float, random: np.random.Generator
+) -> tuple[Sensor, Imperfections, Readout]:
+    return replace(sensor, contact_lambda_mm=size), Imperfections(), Readout()
 
 
-def _switches(sensor: Sensor, size: float, random: np.random.Generator) -> tuple[Sensor, Build, Readout]:
-    return sensor, Build(), Readout(mux_ohm=size / 100.0 * Readout().strip_ohm)
+def _switches(
+    sensor: Sensor, size: float, random: np.random.Generator
+) -> tuple[Sensor, Imperfections, Readout]:
+    return sensor, Imperfections(), Readout(mux_ohm=size / 100.0 * Readout().strip_ohm)
 
 
-def _leaky(sensor: Sensor, size: float, random: np.random.Generator) -> tuple[Sensor, Build, Readout]:
-    return sensor, Build(), Readout(adc_ohm=100.0 / size * Readout().strip_ohm)
+def _leaky(sensor: Sensor, size: float, random: np.random.Generator) -> tuple[Sensor, Imperfections, Readout]:
+    return sensor, Imperfections(), Readout(adc_ohm=100.0 / size * Readout().strip_ohm)
 
 
 IMPERFECTIONS = (
@@ -80,9 +88,9 @@ def cost(sensor: Sensor, imperfection: Imperfection, size: float, seed: int = 0)
     errors = []
     for _ in range(_CONTACTS):
         contact = _contact(sensor, random)
-        spec, build, readout = imperfection.unit_at(sensor, size, random)
+        spec, imperfections, readout = imperfection.unit_at(sensor, size, random)
         ideal = fast_readings(sensor, contact, cells=_CELLS)
-        real = fast_readings(spec, contact, build, readout, cells=_CELLS)
+        real = fast_readings(spec, contact, imperfections, readout, cells=_CELLS)
         errors += [np.abs(real[name] - ideal[name]) for name in ideal]
     return float(np.nanpercentile(np.concatenate(errors), 95.0))
 

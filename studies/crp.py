@@ -155,7 +155,7 @@ def strip_bounds_figure() -> Figure:
 
 def sheet_potentials(strip: int, l: FloatArray, u: FloatArray, sensor: Sensor | None = None) -> FloatArray:
     """Return the sheet's potentials (strips, rows + 1) [Vref] while one strip is energised, the others floating."""
-    return dict(crp.Scan.of_span(sensor or a_sensor(), l, u).profiles())[strip]
+    return dict(crp.FactoredScan.of_span(sensor or a_sensor(), l, u).profiles())[strip]
 
 
 def sheet_figure() -> Figure:

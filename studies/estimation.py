@@ -14,10 +14,10 @@ import numpy as np
 import shapely
 
 from tacstrip.arrays import FloatArray
-from tacstrip.contact.noise import Noise, digitise, on_readings
+from tacstrip.contact.noise import Noise, add_reading_errors, digitise
 from tacstrip.contact.shape import Contact
 from tacstrip.geometry.outline import Outline
-from tacstrip.network.imperfections import Build
+from tacstrip.network.imperfections import Imperfections
 from tacstrip.network.strips.ladder import fast_readings
 from tacstrip.network.strips.resolved import wide_readings
 from tacstrip.reconstruction.cramer_rao import reading_sigma, vertex_covariance
@@ -113,7 +113,10 @@ def real_contacts(contacts: int, seed: int = 0, wide: bool = True) -> list[RealC
         shape = (2, SENSOR.strips, PIECES)
         energised, sensing = 1.0 + UNEVEN * random.uniform(-1.0, 1.0, shape)
         plain = fast_readings(SENSOR, contact)
-        readings = {"lambda": plain, "uneven": fast_readings(SENSOR, contact, Build(energised, sensing))}
+        readings = {
+            "lambda": plain,
+            "uneven": fast_readings(SENSOR, contact, Imperfections(energised, sensing)),
+        }
         if wide:
             readings["width"] = wide_readings(SENSOR, contact, _ACROSS)
             # A strip's edge may be touched where its centre line is not: no more is known of it.
@@ -188,7 +191,9 @@ def _scan(
     readings: Mapping[str, FloatArray], noise: Noise, random: np.random.Generator, names: Sequence[str]
 ) -> Scan:
     kh, kl = (
-        digitise(on_readings(readings[name], noise, random), SENSOR.adc_bits) if name in names else None
+        digitise(add_reading_errors(readings[name], noise, random), SENSOR.adc_bits)
+        if name in names
+        else None
         for name in ("kh", "kl")
     )
     return Scan(kh=kh, kl=kl)

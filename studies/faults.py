@@ -13,12 +13,12 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.footprint import footprint
-from tacstrip.contact.noise import Noise, digitise, generator, on_readings
+from tacstrip.contact.noise import Noise, add_reading_errors, digitise, generator
 from tacstrip.contact.shape import Contact
 from tacstrip.diagnose.finding import FAULTS
 from tacstrip.diagnose.log import Log
 from tacstrip.errors import OptionError, one_of
-from tacstrip.network.imperfections import Break, Build, Layer, Readout, Short
+from tacstrip.network.imperfections import Break, Imperfections, Layer, Readout, Short
 from tacstrip.network.strips.measurements import network_readings
 from tacstrip.sensor.spec import Sensor
 from tacstrip.simulation import readings
@@ -120,7 +120,7 @@ def faulty_log(
     for stage in (_wired, _wandering):
         for defect in defects:
             stage(k, defect, time_s)
-    k = {name: on_readings(v, noise or Noise(), random) for name, v in k.items()}
+    k = {name: add_reading_errors(v, noise or Noise(), random) for name, v in k.items()}
     for defect in (d for d in defects if d.fault == "noise"):
         for values in k.values():
             at = slice(None) if defect.strip is None else defect.strip
@@ -138,7 +138,7 @@ def _through_network(
         if defect.fault == "open-sensing" or (defect.signature and sensor.sensing_ratio)
         else "energised"
     )
-    build = Build(
+    imperfections = Imperfections(
         breaks=[Break(0, y, layer)] if len(strips) == 1 else (),
         shorts=[Short(0, y, defect.ohm, layer)] if len(strips) == 2 else (),
     )
@@ -149,7 +149,7 @@ def _through_network(
         moved = contact.moved(-strips[0] * sensor.pitch_mm, 0.0)
         if np.isnan(touch[scan, list(strips)]).all():
             continue
-        read = network_readings(piece, moved, build, readout)
+        read = network_readings(piece, moved, imperfections, readout)
         for name in k:
             k[name][scan, list(strips)] = read[name]
 

@@ -14,7 +14,7 @@ from tacstrip.network.imperfections import Readout
 from tacstrip.network.strips.measurements import network_readings, potentials_along
 from tacstrip.plot.scene import draw_contact, draw_sensor
 from tacstrip.plot.style import COLOURS, OTHERS, add_axes, legend, new_axes, new_figure
-from tacstrip.sensor.circuit import erosion, lower_and_width
+from tacstrip.sensor.circuit import lower_and_width, transfer_length
 from tacstrip.sensor.spec import Sensor
 
 _STRIP = 4
@@ -53,12 +53,12 @@ def potentials() -> Figure:
     return figure
 
 
-def contact_erosion() -> Figure:
+def contact_transfer_length() -> Figure:
     """Contact resistance shortens what is read: each end by T = lambda tanh(w / 2 lambda)."""
     figure, axes = new_axes(5.6, 3.8)
     for lam, colour in zip((2.0, 5.0, 20.0), (COLOURS["kh"], *OTHERS), strict=False):
         w = np.linspace(0.0, 100.0, 201)
-        axes.plot(w, erosion(w, lam), color=colour, label=f"lambda = {lam:.0f} mm")
+        axes.plot(w, transfer_length(w, lam), color=colour, label=f"lambda = {lam:.0f} mm")
         for width in (5.0, 20.0, 60.0, 95.0):
             read = network_readings(
                 _pair(lam), Contact.polygon([(0, 100), (65, 100), (65, 100 + width), (0, 100 + width)])
@@ -94,6 +94,6 @@ def tied_grounds() -> Figure:
 
 FIGURES: dict[str, Callable[[], Figure]] = {
     "potentials": potentials,
-    "erosion": contact_erosion,
+    "transfer_length": contact_transfer_length,
     "tied_grounds": tied_grounds,
 }

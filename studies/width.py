@@ -38,7 +38,7 @@ def edge_shift(slope: float, lambda_widths: float, across: int | None = None) ->
     lambda_widths
         Decay length of the contact resistance over the strip width; 0: ideal.
     across
-        Cells over the width; see `wide_questions`.
+        Cells over the width; see `wide_measurements`.
     """
     margin = 0.5 * abs(slope) + 5.0 + 20.0 * lambda_widths
     sensor = Sensor(

@@ -12,13 +12,21 @@ _MOVED = {
     "calibrate": "DriftEstimator rezero",
     "contact": "geometric_centre pseudo_centres",
     "io": "feature_collection",
-    "network": "ArrayScan ArrayWiring Break Build FourWire Readout Short Wiring four_wire phantoms "
+    "network": "ArrayScan ArrayWiring Break Imperfections FourWire Readout Short Wiring four_wire phantoms "
     "scan_array wide_readings",
     "reconstruction": "profile_at reading_sigma",
-    "sensor": "Channel corrected distorted lower_and_width lower_from_width width_from_lower",
+    "sensor": "Channel apply_calibration invert_calibration lower_and_width lower_from_width width_from_lower",
     "stream": "Drag RawScan ReadingsSource Shape Source VirtualDevice decode encode paced recover",
-    "surface": "from_space to_space",
+    "surface": "from_cartesian to_cartesian",
     "tracking": "LiveObject Tracker",
+}
+# What some of them are called now.
+_RENAMED = {
+    "Build": "Imperfections",
+    "corrected": "apply_calibration",
+    "distorted": "invert_calibration",
+    "from_space": "from_cartesian",
+    "to_space": "to_cartesian",
 }
 
 
@@ -27,7 +35,8 @@ def __getattr__(name: str) -> object:
         from importlib.metadata import version
 
         return version(__name__)
+    now = _RENAMED.get(name, name)
     for room, names in _MOVED.items():
-        if name in names.split():
-            raise AttributeError(f"tacstrip.{name} moved: write `from tacstrip.{room} import {name}`")
+        if now in names.split():
+            raise AttributeError(f"tacstrip.{name} moved: write `from tacstrip.{room} import {now}`")
     return _load(name)

@@ -21,7 +21,7 @@ _MAKE = {
     "Noise": "ts.Noise(positional=0.005)",
     "Footprint": "ts.footprint(sensor, contact)",
     "Runs": "ts.read_runs(file, sensor)",
-    "RawScan": "encode(scan, sensor)",
+    "RawScan": "tacstrip.stream.encode(scan, sensor)",
     "Reconstruction": "ts.fit_polygon(scan, sensor)",
     "RecoveredObject": "ts.fit_polygon(scan, sensor).objects[0]",
     "Outline": "ts.Outline(vertices)",
@@ -48,7 +48,7 @@ def takes(**kinds: type | tuple[type, ...]) -> Callable[[Callable[_P, _T]], Call
                 if value is call or _fits(value, kind) or (value is None and name in optional):
                     continue
                 given = dict(zip(places, args, strict=False)) | kwargs
-                raise ArgumentError(_told(function.__qualname__, places, name, kind, given, kinds))
+                raise ArgumentError(_explanation(function.__qualname__, places, name, kind, given, kinds))
             return function(*args, **kwargs)
 
         return call
@@ -75,7 +75,7 @@ def _fits(value: object, kind: type | tuple[type, ...]) -> bool:
     )  # an iterator is not used up
 
 
-def _told(
+def _explanation(
     function: str, places: Sequence[str], name: str, kind: type | tuple[type, ...], given: Mapping[str, Any],
     kinds: Mapping[str, type | tuple[type, ...]],
 ) -> str:  # fmt: skip

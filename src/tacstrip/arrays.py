@@ -18,7 +18,7 @@ def extent(values: FloatArray) -> str:
     return f"{known.min():.3g} to {known.max():.3g}" if len(known) else "none"
 
 
-def strips_told(touched: BoolArray) -> str:
+def touched_strips(touched: BoolArray) -> str:
     """Write which strips are touched in a few words, such as "31 touched (9 to 39)", counted from 0."""
     which = np.flatnonzero(touched)
     return f"{len(which)} touched ({which[0]} to {which[-1]})" if len(which) else "none touched"

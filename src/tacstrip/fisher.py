@@ -1,7 +1,7 @@
-"""The Cramer-Rao bound, once for all models: from the slopes of readings to a covariance.
+"""The Cramer-Rao bound, for all models: from the Jacobian of the readings to a covariance.
 
-With J the slopes of all readings by the parameters, each over its reading's standard deviation, the information
-of independent normal noise is J'J, and the bound its inverse. A direction that no reading tells has no bound: it
+With J the Jacobian of all readings by the parameters, each row over its reading's standard deviation, the information
+of independent normal noise is J'J, and the bound its inverse. A direction that no reading identifies has no bound: it
 comes out as inf, never as the 0 that a pseudo-inverse would put there.
 """
 
@@ -12,8 +12,10 @@ import numpy as np
 from tacstrip.arrays import FloatArray
 from tacstrip.errors import ReadingError
 
-_ROUNDING = 1e-13  # of the largest singular value, columns scaled to length 1: below, nothing is told
-_LEAN = 1e-6  # a parameter that leans by less on what is not told does not need it
+_ROUNDING = (
+    1e-13  # of the largest singular value, columns scaled to length 1: below, a direction is not identified
+)
+_UNIDENTIFIED = 1e-6  # a parameter with a larger component along such directions is not identified
 
 
 def checked_sigma(sigma: float) -> float:
@@ -25,29 +27,37 @@ def checked_sigma(sigma: float) -> float:
     return sigma
 
 
-def covariance(slopes: FloatArray) -> FloatArray:
+def covariance(jacobian: FloatArray) -> FloatArray:
     """Return the least covariance (P, P) that any unbiased method can have.
 
     Parameters
     ----------
-    slopes
+    jacobian
         Of the readings by the parameters, each row over its reading's standard deviation (readings, P). A prior
         is a reading of a parameter itself.
 
     Returns
     -------
     FloatArray
-        A parameter that is not told has variance inf and covariances NaN; the others have their bound all the same.
+        A parameter that is not identified has variance inf and covariances NaN; the others have their bound.
+
+    Examples
+    --------
+    Two readings of a parameter with sigma = 0.2 bound its variance by 0.02:
+
+    >>> import numpy as np
+    >>> covariance(np.array([[1.0], [1.0]]) / 0.2).round(6).tolist()
+    [[0.02]]
     """
-    count = slopes.shape[1]
-    norm = np.linalg.norm(slopes, axis=0)
+    count = jacobian.shape[1]
+    norm = np.linalg.norm(jacobian, axis=0)
     scale = 1.0 / np.where(norm > 0.0, norm, 1.0)  # parameters of any unit or strength compare
-    rows = np.concatenate([slopes * scale, np.zeros((max(0, count - len(slopes)), count))])
+    rows = np.concatenate([jacobian * scale, np.zeros((max(0, count - len(jacobian)), count))])
     value, vector = np.linalg.svd(rows, full_matrices=False)[1:]
-    told = value > _ROUNDING * max(value.max(initial=0.0), np.finfo(float).tiny)
-    root = (vector[told].T / value[told]) * scale[:, None]
+    identified = value > _ROUNDING * max(value.max(initial=0.0), np.finfo(float).tiny)
+    root = (vector[identified].T / value[identified]) * scale[:, None]
     found = root @ root.T
-    blind = np.linalg.norm(vector[~told], axis=0) > _LEAN
-    found[blind, :] = found[:, blind] = np.nan
-    found[blind, blind] = np.inf
+    unbounded = np.linalg.norm(vector[~identified], axis=0) > _UNIDENTIFIED
+    found[unbounded, :] = found[:, unbounded] = np.nan
+    found[unbounded, unbounded] = np.inf
     return np.asarray(found)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from tacstrip.arrays import BoolArray, FloatArray, extent, strips_told
+from tacstrip.arrays import BoolArray, FloatArray, extent, touched_strips
 from tacstrip.errors import ReadingError, SignatureError
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
@@ -30,6 +30,11 @@ class Scan:
     ReadingError
         No signature, arrays of different lengths, a value outside 0..1, or a strip with one reading of
         two; the message names the strip, counted from 0.
+
+    Examples
+    --------
+    >>> Scan(kh=[float("nan"), 0.4, 0.4], kl=[float("nan"), 0.2, 0.3]).touched.tolist()
+    [False, True, True]
     """
 
     kh: FloatArray | None = None
@@ -61,7 +66,7 @@ class Scan:
     def __repr__(self) -> str:
         names = [n for n in (*SIGNATURES, "electrodes") if getattr(self, n) is not None]
         ranges = [f", {name} {extent(getattr(self, name))}" for name in names]
-        strips = f"{len(self.touched)} strips at {self.time_s:.6g} s: {strips_told(self.touched)}"
+        strips = f"{len(self.touched)} strips at {self.time_s:.6g} s: {touched_strips(self.touched)}"
         return f"<Scan of {strips}{''.join(ranges)}>"
 
     @classmethod

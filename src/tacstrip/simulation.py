@@ -9,13 +9,13 @@ import numpy as np
 from tacstrip.arguments import takes
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.footprint import footprint
-from tacstrip.contact.noise import Noise, Rng, digitise, generator, on_readings
+from tacstrip.contact.noise import Noise, Rng, add_reading_errors, digitise, generator
 from tacstrip.contact.shape import Contact
 from tacstrip.contact.signature import signatures
 from tacstrip.errors import ContactError, OptionError, one_of
 from tacstrip.network.crp.mesh import Wiring
 from tacstrip.network.crp.readings import contact_electrodes
-from tacstrip.network.imperfections import Build, Readout
+from tacstrip.network.imperfections import Imperfections, Readout
 from tacstrip.network.strips.ladder import fast_readings
 from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import check_closed_form
@@ -35,7 +35,7 @@ def simulate(
     rng: Rng = 0,
     model: Literal["closed", "network"] | None = None,
     time_s: float = 0.0,
-    build: Build | None = None,
+    imperfections: Imperfections | None = None,
     readout: Readout | None = None,
     wiring: Wiring | None = None,
     electrodes: Literal["own", "all"] = "own",
@@ -55,7 +55,7 @@ def simulate(
         separate piece of the contact on its own. By default closed where there is one, so not for CRS-CRP.
     time_s
         The scan's time [s].
-    build, readout
+    imperfections, readout
         With the network: the unit's imperfections, its wiring and electronics; ideal by default.
     wiring, electrodes
         CRS-CRP: what strips and sheet edges are joined to, nothing by default; and whether the scan keeps each
@@ -66,9 +66,16 @@ def simulate(
     ContactError
         The contact lies outside the sensor, or ties a strip's both ends to a metal sheet.
     OptionError
-        There is no such model, or the closed forms were asked for a build or a readout.
+        There is no such model, or the closed forms were given imperfections or a readout.
     NetworkError
         The network cannot be: a fault off the sensor, a sensing strip cut off, a resistance of 0 or less.
+
+    Examples
+    --------
+    >>> import tacstrip as ts
+    >>> sensor = ts.Sensor(construction="crs-crs", strips=4, pitch_mm=10.0, length_mm=100.0)
+    >>> ts.simulate(sensor, ts.Contact.line([(12, 30), (28, 30)])).touched.tolist()
+    [False, True, True, False]
     """
     if model is not None and model not in _MODELS:
         raise OptionError(one_of("model", model, _MODELS))
@@ -77,9 +84,9 @@ def simulate(
     if not sensor.kind.closed_form:
         if model == "closed":
             check_closed_form(sensor.kind, 'model="closed"')
-        if build is not None or readout is not None:
+        if imperfections is not None or readout is not None:
             raise OptionError(
-                f"build and readout are not for a {sensor.construction} sensor; it has a wiring"
+                f"imperfections and readout are not for a {sensor.construction} sensor; it has a wiring"
             )
         return _sheet_scan(sensor, contact, noise, rng, time_s, wiring, electrodes)
     if wiring is not None or electrodes == "all":
@@ -87,10 +94,12 @@ def simulate(
             f"wiring and electrodes are for crs-crp sensors; a {sensor.construction} sensor has no sheet electrodes"
         )
     if model == "network":
-        ideal = fast_readings(sensor, contact, build, readout)
+        ideal = fast_readings(sensor, contact, imperfections, readout)
         return Scan(**_measured(sensor, ideal, noise, rng), time_s=time_s)
-    if build is not None or readout is not None:
-        raise OptionError('build and readout need model="network": the closed forms know ideal units only')
+    if imperfections is not None or readout is not None:
+        raise OptionError(
+            'imperfections and readout need model="network": the closed forms know ideal units only'
+        )
     touch = footprint(sensor, contact)
     scan = readings(sensor, touch.l, touch.u, noise, rng)
     for values in scan.values():
@@ -137,4 +146,6 @@ def readings(
 
 def _measured(sensor: Sensor, ideal: dict[str, FloatArray], noise: Noise, rng: Rng) -> dict[str, FloatArray]:
     random = generator(rng)
-    return {name: digitise(on_readings(k, noise, random), sensor.adc_bits) for name, k in ideal.items()}
+    return {
+        name: digitise(add_reading_errors(k, noise, random), sensor.adc_bits) for name, k in ideal.items()
+    }

@@ -11,8 +11,8 @@ import tacstrip as ts
 from tacstrip.arrays import FloatArray
 from tacstrip.calibrate import DriftEstimator, rezero
 from tacstrip.calibrate.touch import blind_mm
-from tacstrip.sensor import Channel, corrected
-from tacstrip.sensor.raw import distorted, touched
+from tacstrip.sensor import Channel, apply_calibration
+from tacstrip.sensor.raw import invert_calibration, touched
 
 LEVEL = {"kh": np.array([0.05, 0.01, 0.02, 0.03]), "kl": np.array([0.04, 0.01, 0.02, 0.01])}
 PLAIN = ts.Sensor(construction="crs-crs", strips=4, pitch_mm=6.5, length_mm=325.0, vref_volt=5.0)
@@ -81,13 +81,13 @@ def test_rezero_finds_the_shift_of_untouched_strips() -> None:
     again, _ = rezero(sensor, raw, "later")
     assert again == sensor  # the drift is since the calibration, not since the last time
     k = {n: np.full(4, 0.5) for n in LEVEL}
-    for name, values in corrected(sensor, {n: k[n] + LEVEL[n] + 0.01 for n in k}).items():
+    for name, values in apply_calibration(sensor, {n: k[n] + LEVEL[n] + 0.01 for n in k}).items():
         np.testing.assert_allclose(values[:3], k[name][:3], atol=3e-4)
 
 
 def test_rezero_by_a_reference_contact() -> None:
     places = np.full(4, 100.0)
-    raw = distorted(UNIT, ts.signatures(PLAIN, places, places + 50.0))
+    raw = invert_calibration(UNIT, ts.signatures(PLAIN, places, places + 50.0))
     shifted = {n: np.tile(v - 0.02, (20, 1)) for n, v in raw.items()}
     sensor, told = rezero(UNIT, shifted, "bar", (100.0, 50.0))
     assert told.all()

@@ -18,7 +18,7 @@ import tacstrip as ts
 from tacstrip.cli import cli
 from tacstrip.io.runs import read_runs, write_plan
 from tacstrip.sensor import Channel
-from tacstrip.sensor.raw import distorted
+from tacstrip.sensor.raw import invert_calibration
 
 CRS = ts.Sensor(
     construction="crs-crs", strips=2, pitch_mm=6.5, length_mm=325.0, vref_volt=6.05, adc_bits=12, strip_base=1
@@ -161,7 +161,7 @@ def filled(plan: Path, sensor: ts.Sensor, calibration: ts.Calibration, seed: int
     for row in rows:
         number, l, w, tail = re.match(r"(\d+),([\d.]+),([\d.]+),+(.*)", row).groups()  # type: ignore[union-attr]
         low = np.full(sensor.strips, float(l))
-        raw = distorted(unit, ts.signatures(sensor, low, low + float(w)))
+        raw = invert_calibration(unit, ts.signatures(sensor, low, low + float(w)))
         i = int(number) - sensor.strip_base
         volts = [f"{(v[i] + rng.uniform(-0.001, 0.001)) * sensor.vref_volt:.5f}" for v in raw.values()]
         out.append(",".join([number, l, w, *volts, tail]))

@@ -19,7 +19,7 @@ from tacstrip.calibrate.plan import plan
 from tacstrip.calibrate.residuals import residuals, rms_percent
 from tacstrip.data.published import offsets_volt
 from tacstrip.io.runs import Runs
-from tacstrip.network import Build
+from tacstrip.network import Imperfections
 
 CRS = ts.Sensor(construction="crs-crs", strips=3, pitch_mm=6.5, length_mm=325.0, vref_volt=6.05)
 METAL = ts.Sensor(construction="crs-m", strips=3, pitch_mm=4.5, length_mm=250.0, vref_volt=6.05)
@@ -44,7 +44,9 @@ def runs_of(
     return Runs(l, w, read, np.arange(l.size).reshape(l.shape) + 2, {})
 
 
-def twin_runs(sensor: ts.Sensor, places: Places, build: Build, noise: float, repeats: int) -> Runs:
+def twin_runs(
+    sensor: ts.Sensor, places: Places, imperfections: Imperfections, noise: float, repeats: int
+) -> Runs:
     """Return runs of a network with lambda = 2 mm and the thesis' offsets: no formula of the fit makes them."""
     true = replace(sensor, contact_lambda_mm=2.0)
     x = sensor.width_mm
@@ -55,7 +57,7 @@ def twin_runs(sensor: ts.Sensor, places: Places, build: Build, noise: float, rep
             if w
             else ts.Contact.line([(0, l), (x, l)])
         )
-        scan = ts.simulate(true, bar, model="network", build=build)
+        scan = ts.simulate(true, bar, model="network", imperfections=imperfections)
         for name in raw:
             printed = offsets_volt(sensor.construction.upper(), name)[: sensor.strips]
             raw[name].append(scan[name] + printed / 6.05)
@@ -143,10 +145,10 @@ def test_embedded_constants_come_back(name: str) -> None:
 
 def test_offsets_mismatch_and_lambda_together() -> None:
     """+-0.2 % noise, 3 repeats: mean offsets leave about 1 %, the chosen model no more than 0.3 %, noise included."""
-    build = Build(sensing=1.05)
-    runs = twin_runs(CRS, [p for p in THESIS if sum(p) < 290.0], build, 0.002, 3)
+    imperfections = Imperfections(sensing=1.05)
+    runs = twin_runs(CRS, [p for p in THESIS if sum(p) < 290.0], imperfections, 0.002, 3)
     fresh = [(l, w) for w in (0.0, 30.0, 80.0) for l in np.arange(16.0, 290.0 - w, 39.0)]
-    check = twin_runs(CRS, fresh, build, 0.002, 1)
+    check = twin_runs(CRS, fresh, imperfections, 0.002, 1)
     found, trials = choose(CRS, runs)
     assert found.constants.model.name == "offset+ratio+lambda"
     assert [t.name for t in trials if t.verdict == "chosen"] == ["offset+ratio+lambda"]
@@ -163,7 +165,7 @@ def test_offsets_mismatch_and_lambda_together() -> None:
 def test_rubber_that_is_not_uniform() -> None:
     layers = np.array([[1.15, 1.05, 0.95, 0.85], [0.9, 1.0, 1.0, 1.1], [1.0, 1.2, 0.8, 1.0]])
     runs = twin_runs(
-        CRS, [p for p in THESIS if sum(p) < 290.0], Build(energised=layers, sensing=layers), 0.002, 3
+        CRS, [p for p in THESIS if sum(p) < 290.0], Imperfections(energised=layers, sensing=layers), 0.002, 3
     )
     found = named("offset+lambda+warp4", CRS, runs)
     assert rms_percent(residuals(apply(found.constants, CRS), runs)) < 0.13
@@ -190,7 +192,7 @@ def test_stated_uncertainties_are_those_of_many_repetitions() -> None:
 
 def test_bad_rows_are_left_out_and_do_not_matter() -> None:
     places = [p for p in THESIS if sum(p) < 290.0]
-    runs = twin_runs(CRS, places, Build(), 0.002, 2)
+    runs = twin_runs(CRS, places, Imperfections(), 0.002, 2)
     clean = ts.calibrate_unit(CRS, runs, "offset+lambda")
     spoilt = {n: v.copy() for n, v in runs.raw.items()}
     spoilt["kh"][5, 0] = 0.9
@@ -225,14 +227,14 @@ POINTS = [(l, 0.0) for l in np.arange(10.0, 320.0, 30.0)]
     ],
 )  # fmt: skip
 def test_what_cannot_be_told_is_refused(model: str, places: Places, message: str) -> None:
-    runs = twin_runs(CRS, places, Build(), 0.002, 2)
+    runs = twin_runs(CRS, places, Imperfections(), 0.002, 2)
     with pytest.raises(ts.ReadingError, match="the runs cannot tell a model") as caught:
         ts.calibrate_unit(CRS, runs, model)
     assert message in str(caught.value)
 
 
 def test_auto_says_what_it_refused_and_takes_the_rest() -> None:
-    runs = twin_runs(CRS, POINTS, Build(sensing=1.05), 0.002, 2)
+    runs = twin_runs(CRS, POINTS, Imperfections(sensing=1.05), 0.002, 2)
     found, trials = choose(CRS, runs)
     refused = {t.name: t.verdict for t in trials if t.error_percent is None}
     assert "all contacts have w = 0" in refused["offset+lambda"]
@@ -241,7 +243,7 @@ def test_auto_says_what_it_refused_and_takes_the_rest() -> None:
 
 
 def test_a_single_place_gives_offsets_and_says_so() -> None:
-    runs = twin_runs(METAL, [(100.0, 0.0)], Build(), 0.002, 3)
+    runs = twin_runs(METAL, [(100.0, 0.0)], Imperfections(), 0.002, 3)
     found, trials = choose(METAL, runs)
     assert found.constants.model.name == "offset"
     assert [t.name for t in trials if t.verdict == "chosen"] == ["offset"]
@@ -264,13 +266,13 @@ def test_a_single_place_gives_offsets_and_says_so() -> None:
 )  # fmt: skip
 def test_models_that_cannot_be(model: str, sensor: ts.Sensor, message: str) -> None:
     with pytest.raises(ts.OptionError) as caught:
-        ts.calibrate_unit(sensor, twin_runs(sensor, POINTS[:3], Build(), 0.0, 1), model)
+        ts.calibrate_unit(sensor, twin_runs(sensor, POINTS[:3], Imperfections(), 0.0, 1), model)
     assert message in str(caught.value)
 
 
 def test_a_sheet_cannot_be_calibrated_strip_by_strip() -> None:
     sheet = ts.Sensor(construction="crs-crp", strips=3, pitch_mm=6.5, length_mm=325.0, contact_lambda_mm=2.0)
-    runs = twin_runs(CRS, POINTS[:3], Build(), 0.0, 1)
+    runs = twin_runs(CRS, POINTS[:3], Imperfections(), 0.0, 1)
     with pytest.raises(
         ts.OptionError, match="cannot be calibrated strip by strip: its strips shift each other"
     ):
@@ -290,7 +292,7 @@ def test_planned_presses_repeated_leave_what_the_plan_promised() -> None:
     gain, offset = ({n: v + rng.uniform(-0.02, 0.02, 4) for n in sensor.signatures} for v in (1.0, 0.0))
 
     def read(where: Places) -> dict[str, FloatArray]:
-        raw = twin_runs(sensor, where, Build(sensing=1.05), 0.0, 1).raw
+        raw = twin_runs(sensor, where, Imperfections(sensing=1.05), 0.0, 1).raw
         return {n: gain[n] * v + offset[n] for n, v in raw.items()}
 
     runs = runs_of(sensor, places, read(places), 0.002, 3)
@@ -306,7 +308,7 @@ def test_planned_presses_repeated_leave_what_the_plan_promised() -> None:
 def test_places_that_differ_by_a_hair_are_repeats() -> None:
     places = [(40.0, 0.0), (120.0, 30.0), (200.0, 80.0), (280.0, 0.0)]
     jittered = [(l + 0.1 * i, w) for i in range(4) for l, w in places]
-    runs = twin_runs(CRS, jittered, Build(sensing=1.05), 0.002, 1)
+    runs = twin_runs(CRS, jittered, Imperfections(sensing=1.05), 0.002, 1)
     _, trials = choose(CRS, runs)
     verdicts = [t.verdict for t in trials if "curve" in t.name or "warp" in t.name]
     assert verdicts
@@ -333,7 +335,7 @@ def other_places(runs: Runs, l: FloatArray, w: FloatArray) -> Runs:
     ],
 )  # fmt: skip
 def test_runs_read_the_wrong_way_are_refused_in_words(wrong: Callable[[Runs], Runs], message: str) -> None:
-    runs = twin_runs(CRS, MARKS, Build(sensing=1.05), 0.002, 1)
+    runs = twin_runs(CRS, MARKS, Imperfections(sensing=1.05), 0.002, 1)
     assert ts.calibrate_unit(CRS, runs, "offset+gain+lambda").status == "ok"
     with pytest.raises(ts.ReadingError) as caught:
         ts.calibrate_unit(CRS, wrong(runs))
@@ -342,7 +344,7 @@ def test_runs_read_the_wrong_way_are_refused_in_words(wrong: Callable[[Runs], Ru
 
 
 def test_exchanged_columns_and_reversed_strips_are_refused_in_words() -> None:
-    runs = twin_runs(CRS, MARKS, Build(sensing=1.05), 0.002, 1)
+    runs = twin_runs(CRS, MARKS, Imperfections(sensing=1.05), 0.002, 1)
     with pytest.raises(ts.ReadingError, match="columns of v_h and v_l are exchanged"):
         ts.calibrate_unit(CRS, replace(runs, raw={"kh": runs.raw["kl"], "kl": runs.raw["kh"]}))
     turned = {"kh": 1.0 - runs.raw["kh"], "kl": 1.0 - runs.raw["kl"]}
@@ -368,7 +370,7 @@ def test_exchanged_columns_and_reversed_strips_are_refused_in_words() -> None:
 @pytest.mark.parametrize("repeats", [1, 2])
 def test_runs_that_nothing_explains_are_doubtful(sensor: ts.Sensor, repeats: int) -> None:
     marks = [p for p in MARKS if sum(p) < 240.0]
-    runs = twin_runs(sensor, marks, Build(), 0.002, repeats)
+    runs = twin_runs(sensor, marks, Imperfections(), 0.002, repeats)
     order = np.random.default_rng(4).permutation(len(runs.l_mm))
     mixed = {n: v[order] for n, v in runs.raw.items()}
     other = ts.calibrate_unit(sensor, replace(runs, raw=mixed), "mean")
@@ -384,8 +386,8 @@ def test_an_imperfect_unit_is_accepted_and_told_what_is_left() -> None:
     """Rubber that varies by 10 %, other on each strip, pressed at twelve marks: more than noise, and no wrong runs."""
     at = np.linspace(0.0, 6.0, 17) * np.array([[0.4], [0.6], [0.9]]) + np.array([[0.0], [2.0], [4.0]])
     layers = 1.0 + 0.1 * np.sin(at)
-    build = Build(energised=layers, sensing=1.05 * layers)
-    done = ts.calibrate_unit(CRS, twin_runs(CRS, MARKS, build, 0.0005, 2), "offset+gain+ratio+lambda")
+    imperfections = Imperfections(energised=layers, sensing=1.05 * layers)
+    done = ts.calibrate_unit(CRS, twin_runs(CRS, MARKS, imperfections, 0.0005, 2), "offset+gain+ratio+lambda")
     assert done.status == "ok"
     assert "is the rubber not uniform, or are places not exact? Press more places" in done.advice
 
@@ -402,8 +404,8 @@ def test_a_plan_keeps_its_promise(wanted: float) -> None:
     places = [(l, w) for l, w, times in made.contacts for _ in range(times)]
     model = Model(frozenset(made.model.split("+")))
     fresh = [(l, w) for w in (0.0, 50.0, 100.0) for l in np.arange(10.0, 295.0 - w, 20.0)]
-    clean = twin_runs(CRS, fresh, Build(sensing=1.05), 0.0, 1)
-    raw = twin_runs(CRS, places, Build(sensing=1.05), 0.0, 1).raw
+    clean = twin_runs(CRS, fresh, Imperfections(sensing=1.05), 0.0, 1)
+    raw = twin_runs(CRS, places, Imperfections(sensing=1.05), 0.0, 1).raw
     rng = np.random.default_rng(2)
     inside = []
     for _ in range(20):
@@ -454,7 +456,7 @@ def test_rubbish_gives_constants_or_a_clear_error(seed: int) -> None:
 
 
 def test_a_strip_that_reads_vref_throughout_is_named() -> None:
-    runs = twin_runs(CRS, POINTS, Build(), 0.0, 1)
+    runs = twin_runs(CRS, POINTS, Imperfections(), 0.0, 1)
     runs.raw["kh"][:, 1] = 1.0
     with pytest.raises(ts.ReadingError, match="strip 1 reads 0 or Vref in every contact: is it connected"):
         ts.calibrate_unit(CRS, runs)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from strategies import FIXED, ratios, spans
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.footprint import footprint
-from tacstrip.contact.noise import Noise, digitise, generator, on_readings, on_transitions
+from tacstrip.contact.noise import Noise, add_reading_errors, add_transition_errors, digitise, generator
 from tacstrip.contact.shape import Contact
 from tacstrip.contact.signature import geometric_centre, pseudo_centres, signatures
 from tacstrip.errors import OptionError
@@ -144,7 +144,7 @@ Distribution = Literal["uniform", "normal"]
 
 @pytest.mark.parametrize("noise", [Noise(quantisation=0.02), Noise(positional=0.02)], ids=["cqe", "pu"])
 def test_a_uniform_error_fills_its_bounds(noise: Noise) -> None:
-    error = on_readings(MANY, noise, np.random.default_rng(1)) - MANY
+    error = add_reading_errors(MANY, noise, np.random.default_rng(1)) - MANY
     assert np.abs(error).max() <= 0.02 * (1.0 + 1e-12)
     assert np.abs(error).max() > 0.0199
     assert error.var() == pytest.approx(0.02**2 / 3.0, rel=0.01)
@@ -154,7 +154,8 @@ def test_a_uniform_error_fills_its_bounds(noise: Noise) -> None:
 
 def test_a_normal_error_has_the_same_variance_and_no_bounds() -> None:
     error = (
-        on_readings(MANY, Noise(quantisation=0.02, distribution="normal"), np.random.default_rng(2)) - MANY
+        add_reading_errors(MANY, Noise(quantisation=0.02, distribution="normal"), np.random.default_rng(2))
+        - MANY
     )
     assert error.var() == pytest.approx(0.02**2 / 3.0, rel=0.01)
     assert (np.abs(error) > 0.02).mean() == pytest.approx(0.0833, abs=0.003)  # beyond sqrt(3) sigma
@@ -165,21 +166,24 @@ def test_a_normal_error_has_the_same_variance_and_no_bounds() -> None:
 def test_the_two_errors_are_independent(distribution: Distribution) -> None:
     # One shared draw would give (0.02 + 0.01)^2 / 3 instead of the sum of the two variances.
     noise = Noise(quantisation=0.02, positional=0.01, distribution=distribution)
-    error = on_readings(MANY, noise, np.random.default_rng(3)) - MANY
+    error = add_reading_errors(MANY, noise, np.random.default_rng(3)) - MANY
     assert error.var() == pytest.approx((0.02**2 + 0.01**2) / 3.0, rel=0.01)
 
 
 @BOTH
 def test_readings_get_errors_of_their_own(distribution: Distribution) -> None:
     k = np.full((2, 50_000), 0.4)
-    error = on_readings(k, Noise(quantisation=0.02, distribution=distribution), np.random.default_rng(4)) - k
+    error = (
+        add_reading_errors(k, Noise(quantisation=0.02, distribution=distribution), np.random.default_rng(4))
+        - k
+    )
     assert abs(np.corrcoef(error)[0, 1]) < 0.02
     assert abs(np.corrcoef(error[0, 1:], error[0, :-1])[0, 1]) < 0.02
 
 
 def test_errors_neither_clip_nor_fill_gaps() -> None:
     k = np.array([0.0, 1.0, np.nan] * 1000)
-    noisy = on_readings(k, Noise(positional=0.1), np.random.default_rng(5))
+    noisy = add_reading_errors(k, Noise(positional=0.1), np.random.default_rng(5))
     np.testing.assert_array_equal(np.isnan(noisy), np.isnan(k))
     assert np.nanmin(noisy) < -0.09
     assert np.nanmax(noisy) > 1.09
@@ -187,17 +191,19 @@ def test_errors_neither_clip_nor_fill_gaps() -> None:
 
 def test_no_noise_changes_nothing() -> None:
     k, x = np.array([0.1, np.nan, 1.0]), np.array([3.0, 7.0])
-    np.testing.assert_array_equal(on_readings(k, Noise(), np.random.default_rng(0)), k)
-    np.testing.assert_array_equal(on_readings(k, Noise(transition_mm=5.0), np.random.default_rng(0)), k)
-    np.testing.assert_array_equal(on_transitions(x, Noise(), np.random.default_rng(0)), x)
+    np.testing.assert_array_equal(add_reading_errors(k, Noise(), np.random.default_rng(0)), k)
     np.testing.assert_array_equal(
-        on_transitions(x, Noise(quantisation=0.1, positional=0.1), np.random.default_rng(0)), x
+        add_reading_errors(k, Noise(transition_mm=5.0), np.random.default_rng(0)), k
+    )
+    np.testing.assert_array_equal(add_transition_errors(x, Noise(), np.random.default_rng(0)), x)
+    np.testing.assert_array_equal(
+        add_transition_errors(x, Noise(quantisation=0.1, positional=0.1), np.random.default_rng(0)), x
     )
 
 
 def test_errors_leave_what_they_were_given() -> None:
     k = np.array([0.1, 0.2])
-    on_readings(k, Noise(quantisation=0.1, positional=0.1), np.random.default_rng(0))
+    add_reading_errors(k, Noise(quantisation=0.1, positional=0.1), np.random.default_rng(0))
     digitise(k, 2)
     np.testing.assert_array_equal(k, [0.1, 0.2])
 
@@ -207,10 +213,13 @@ def test_errors_leave_what_they_were_given() -> None:
 
 def test_transitions_move_within_their_error() -> None:
     x = np.linspace(100.0, 900.0, 100_000)
-    error = on_transitions(x, Noise(transition_mm=5.0), np.random.default_rng(6)) - x
+    error = add_transition_errors(x, Noise(transition_mm=5.0), np.random.default_rng(6)) - x
     assert 4.99 < np.abs(error).max() <= 5.0 + ROUNDING
     assert error.var() == pytest.approx(25.0 / 3.0, rel=0.02)
-    normal = on_transitions(x, Noise(transition_mm=5.0, distribution="normal"), np.random.default_rng(7)) - x
+    normal = (
+        add_transition_errors(x, Noise(transition_mm=5.0, distribution="normal"), np.random.default_rng(7))
+        - x
+    )
     assert normal.var() == pytest.approx(25.0 / 3.0, rel=0.02)
     assert np.abs(normal).max() > 10.0
 
@@ -220,7 +229,7 @@ def test_transitions_move_within_their_error() -> None:
 
 def test_a_seed_returns_its_errors_and_another_does_not() -> None:
     def draw(seed: int | np.random.Generator) -> FloatArray:
-        return on_readings(MANY[:100], Noise(quantisation=0.01, positional=0.01), generator(seed))
+        return add_reading_errors(MANY[:100], Noise(quantisation=0.01, positional=0.01), generator(seed))
 
     np.testing.assert_array_equal(draw(11), draw(11))
     assert (draw(11) != draw(12)).all()

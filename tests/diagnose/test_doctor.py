@@ -16,7 +16,7 @@ from tacstrip.diagnose.finding import Finding, Report
 from tacstrip.diagnose.log import Log
 from tacstrip.diagnose.neighbour_pairs import second_way
 from tacstrip.diagnose.noise import typical_contact
-from tacstrip.network import Build, Short
+from tacstrip.network import Imperfections, Short
 from tacstrip.reconstruction.cramer_rao import vertex_covariance, vertex_rms
 
 RUBBER = ts.Sensor(construction="crs-crs", strips=12, pitch_mm=6.5, length_mm=325.0, adc_bits=12)
@@ -107,7 +107,9 @@ def test_a_bridge_over_metal_gives_the_current_a_second_way() -> None:
     for y, low, high in ((60.0, 0.6, 0.6), (180.0, 0.6, 0.6)):
         edge = [(7.0, y), (38.0, y), (38.0, y + 0.2), (7.0, y + 0.2)]
         contact = ts.Contact.polygon(edge)
-        bridged = ts.simulate(METAL, contact, model="network", build=Build(shorts=[Short(2, 150.0, 1e-3)]))
+        bridged = ts.simulate(
+            METAL, contact, model="network", imperfections=Imperfections(shorts=[Short(2, 150.0, 1e-3)])
+        )
         ideal = ts.simulate(METAL, contact)["k"][2:4]
         np.testing.assert_allclose(bridged["k"][2:4] - ideal, second_way(ideal, low, high), atol=2e-3)
 
@@ -115,10 +117,10 @@ def test_a_bridge_over_metal_gives_the_current_a_second_way() -> None:
 def test_a_bridge_between_energised_rubber_strips_does_next_to_nothing() -> None:
     """docs/doctor.md says so: it cannot be told, and need not be."""
     contacts = exercise(RUBBER, np.random.default_rng(5), 30)
-    build = Build(shorts=[Short(4, 160.0, 20.0)])
+    build = Imperfections(shorts=[Short(4, 160.0, 20.0)])
     for contact in contacts:
         ideal = ts.simulate(RUBBER, contact)
-        bridged = ts.simulate(RUBBER, contact, model="network", build=build)
+        bridged = ts.simulate(RUBBER, contact, model="network", imperfections=build)
         both = ideal.touched[4] and ideal.touched[5]
         for name in ("kh", "kl"):
             off = np.nanmax(np.abs(bridged[name] - ideal[name])[[4, 5]], initial=0.0)

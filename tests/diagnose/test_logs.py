@@ -18,7 +18,7 @@ from tacstrip.diagnose.doctor import diagnose
 from tacstrip.diagnose.expected import expected, places, view_of
 from tacstrip.diagnose.log import Log, read_log
 from tacstrip.errors import OptionError, ReadingError, SignatureError
-from tacstrip.network import Break, Build, Short
+from tacstrip.network import Break, Imperfections, Short
 from tacstrip.network.imperfections import Layer
 from tacstrip.stream.source import RawScan
 from waiting import HANG_S
@@ -196,10 +196,10 @@ def test_defects_of_the_network_are_those_of_the_whole_sensor(construction: str)
     contact = ts.Contact.polygon([(5.0, 30.0), (32.0, 42.0), (31.0, 60.0), (4.0, 55.0)])
     layer: Layer = "sensing" if construction == "crs-crs" else "energised"
     for defect, build in (
-        (Defect("open-strip", 2, 0.2), Build(breaks=[Break(2, 20.0)])),
-        (Defect("short", 3, 0.7, sensor.signatures[0]), Build(shorts=[Short(3, 70.0, 20.0, layer)])),
+        (Defect("open-strip", 2, 0.2), Imperfections(breaks=[Break(2, 20.0)])),
+        (Defect("short", 3, 0.7, sensor.signatures[0]), Imperfections(shorts=[Short(3, 70.0, 20.0, layer)])),
     ):
-        whole = ts.simulate(sensor, contact, model="network", build=build)
+        whole = ts.simulate(sensor, contact, model="network", imperfections=build)
         log = faulty_log(sensor, [contact], [defect])
         for name in sensor.signatures:
             np.testing.assert_allclose(log.raw[name][0], whole[name], atol=1e-6)

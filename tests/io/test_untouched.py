@@ -13,10 +13,10 @@ from click.testing import CliRunner
 import tacstrip as ts
 from tacstrip.arrays import FloatArray
 from tacstrip.cli import cli
-from tacstrip.contact.noise import on_readings
+from tacstrip.contact.noise import add_reading_errors
 from tacstrip.diagnose.doctor import diagnose
 from tacstrip.diagnose.log import Log
-from tacstrip.sensor import corrected
+from tacstrip.sensor import apply_calibration
 from tacstrip.sensor.constructions import CONSTRUCTIONS
 from tacstrip.sensor.rest_level import rest_hint
 from tacstrip.simulation import readings
@@ -49,7 +49,7 @@ def _read(
     k = readings(replace(sensor, adc_bits=None), *ts.footprint(sensor, contacts))
     noise = ts.Noise(positional=half)
     return {
-        n: np.clip(on_readings(np.where(np.isnan(v), level, v), noise, random), 0.0, 1.0)
+        n: np.clip(add_reading_errors(np.where(np.isnan(v), level, v), noise, random), 0.0, 1.0)
         for n, v in k.items()
     }
 
@@ -76,7 +76,7 @@ def test_a_shape_of_untouched_strips_is_doubted_and_says_what_to_do(name: str, l
             advised += 1
             mended = replace(sensor, rest_volt=float(told[1]), touch_volt=float(told[2]))
             assert float(told[1]) == pytest.approx(5.0 * level, abs=0.02)
-            right = corrected(mended, {n: v[0] for n, v in k.items()})
+            right = apply_calibration(mended, {n: v[0] for n, v in k.items()})
             scan = ts.Scan(right.get("kh"), right.get("kl"), right.get("k"))
             good += ts.fit_polygon(scan, mended).status in ("ok", "doubtful") and not scan.touched.all()
     assert advised >= 10
@@ -128,7 +128,7 @@ def test_a_wrong_rest_level_is_told_too() -> None:
     k = _read(sensor, [_small(random, sensor)], 0.002, random, 0.5)
     assert "in the spec in place of 0 and 0.05" in rest_hint(sensor, k)
     right = replace(sensor, rest_volt=2.5, touch_volt=0.05)
-    assert not rest_hint(right, corrected(right, k))
+    assert not rest_hint(right, apply_calibration(right, k))
 
 
 @pytest.fixture(scope="module", params=[0.3, None], ids=["untouched strips read", "healthy"])

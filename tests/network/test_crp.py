@@ -14,8 +14,8 @@ from tacstrip.errors import ContactError, NetworkError, ReadingError, SpecError
 from tacstrip.network.crp import inversion as crp
 from tacstrip.network.crp.constraints import constrained_step
 from tacstrip.network.crp.inversion import Wiring
-from tacstrip.network.crp.mesh import Mesh
-from tacstrip.network.nodal import answer, solve
+from tacstrip.network.crp.mesh import SheetMesh
+from tacstrip.network.nodal import solve, solve_measurement
 
 L = 100.0
 WIRINGS = [
@@ -67,12 +67,12 @@ def test_a_scan_agrees_with_the_plain_solver_strip_by_strip(wiring: Wiring) -> N
     kh, kl = crp.own_electrodes(sensor, l, u, 30, wiring)
     every = crp.all_electrodes(sensor, l, u, 30, wiring)
     for i in np.flatnonzero(np.isfinite(l)):
-        question = crp.question(sensor, int(i), l, u, 30, wiring)
-        plain = answer(question)
+        measurement = crp.measurement(sensor, int(i), l, u, 30, wiring)
+        plain = solve_measurement(measurement)
         assert kh[i] == pytest.approx(plain["kh"], abs=1e-12)
         assert kl[i] == pytest.approx(plain["kl"], abs=1e-12)
-        scan = crp.Scan.of_span(sensor, l, u, 30, wiring)
-        np.testing.assert_allclose(every[i], solve(question)[scan.wired.electrode], rtol=0, atol=1e-12)
+        scan = crp.FactoredScan.of_span(sensor, l, u, 30, wiring)
+        np.testing.assert_allclose(every[i], solve(measurement)[scan.resistors.electrode], rtol=0, atol=1e-12)
     assert np.isnan([kh[6], kl[6], *every[6]]).all()
 
 
@@ -149,7 +149,7 @@ def test_the_sheet_s_potentials_are_there_for_pictures() -> None:
     sensor = a_sensor()
     l, u = span(sensor)
     kh, kl = crp.own_electrodes(sensor, l, u, 60)
-    for strip, sheet in crp.Scan.of_span(sensor, l, u, 60).profiles():
+    for strip, sheet in crp.FactoredScan.of_span(sensor, l, u, 60).profiles():
         assert sheet.shape == (20, 61)
         assert 0.0 <= sheet.min() < sheet.max() <= 1.0
         assert (sheet[strip, 0], sheet[strip, -1]) == (kl[strip], kh[strip])
@@ -163,7 +163,7 @@ def test_the_adjoint_jacobian_agrees_with_differences(wiring: Wiring) -> None:
     sensor, l, u = a_small_case()
     l[3], u[4] = 2.0, 97.0  # differences need room on both sides
     touched = np.flatnonzero(np.isfinite(l))
-    scan = crp.Scan.of_span(sensor, l, u, 30, wiring)
+    scan = crp.FactoredScan.of_span(sensor, l, u, 30, wiring)
     slope = scan.jacobian(np.r_[l[touched], u[touched]], np.tile(np.arange(16), (7, 1)))
     assert slope.shape == (7, 16, 14)
     for at in range(14):
@@ -182,7 +182,7 @@ def test_slopes_do_not_jump_where_an_end_passes_a_node() -> None:
 
     def at(end: float) -> FloatArray:
         l[0] = end
-        return crp.Scan.of_span(sensor, l, u, 50).jacobian(np.r_[l[touched], u[touched]], columns)
+        return crp.FactoredScan.of_span(sensor, l, u, 50).jacobian(np.r_[l[touched], u[touched]], columns)
 
     before, on, after = (at(20.0 + d) for d in (-1e-7, 0.0, 1e-7))
     np.testing.assert_allclose(before, after, rtol=0, atol=1e-8)
@@ -192,7 +192,7 @@ def test_slopes_do_not_jump_where_an_end_passes_a_node() -> None:
 # Back
 
 
-def error(sensor: ts.Sensor, found: crp.Inverted, l: FloatArray, u: FloatArray) -> FloatArray:
+def error(sensor: ts.Sensor, found: crp.InversionResult, l: FloatArray, u: FloatArray) -> FloatArray:
     """The larger error of both ends, over L (strips,)."""
     assert set(np.flatnonzero(np.isnan(found.l))) == set(np.flatnonzero(np.isnan(l)))
     return np.fmax(np.abs(found.l - l), np.abs(found.u - u)) / sensor.length_mm
@@ -208,7 +208,7 @@ def test_clean_readings_give_l_and_u_back(shape: str, convex: bool) -> None:
     for found in (own, every):
         assert np.nanmax(error(sensor, found, l, u)) < 1e-9
         assert "not converged" not in found.status
-        assert found.misfit < 1e-6
+        assert found.residual_rms < 1e-6
         assert found.iterations < 40
 
 
@@ -221,15 +221,15 @@ def test_most_of_the_way_is_gone_on_a_coarser_mesh(
     kh, kl = crp.own_electrodes(sensor, l, u)
     rows: list[int] = []
 
-    def counted(mesh: Mesh, *rest: Any) -> crp.Scan:
+    def counted(mesh: SheetMesh, *rest: Any) -> crp.FactoredScan:
         rows.append(mesh.rows)
-        return crp.Scan(mesh, *rest)
+        return crp.FactoredScan(mesh, *rest)
 
-    monkeypatch.setattr("tacstrip.network.crp.descent.Scan", counted)
+    monkeypatch.setattr("tacstrip.network.crp.descent.FactoredScan", counted)
     found = crp.invert(sensor, kh, kl)
     assert np.nanmax(error(sensor, found, l, u)) < 1e-9
     assert len(rows) == found.iterations <= 16
-    assert rows.count(Mesh.of(sensor).rows) <= 6
+    assert rows.count(SheetMesh.of(sensor).rows) <= 6
 
 
 @pytest.mark.parametrize("wiring", [Wiring("tied grounds"), Wiring("grounded")], ids=str)
@@ -245,7 +245,7 @@ def test_other_wirings_invert_too(wiring: Wiring) -> None:
 def test_readings_of_a_mesh_twice_as_fine(shape: str) -> None:
     sensor = a_sensor(contact_lambda_mm=3.0)
     l, u = span(sensor, shape)
-    rows = Mesh.of(sensor).rows
+    rows = SheetMesh.of(sensor).rows
     found = crp.invert(sensor, *crp.own_electrodes(sensor, l, u, 2 * rows))
     assert np.nanmax(error(sensor, found, l, u)) < 1e-3
 
@@ -334,7 +334,7 @@ def test_a_wrong_lambda_moves_both_ends_outwards_or_inwards() -> None:
         found = crp.invert(a_sensor(contact_lambda_mm=2.0 * wrong), kh, kl, rows=50)
         shift = np.nanmedian(np.stack([l - found.l, found.u - u]), axis=1)
         np.testing.assert_allclose(shift / (wrong - 1.0), 2.6, atol=0.3)  # [mm]: 1.3 lambda
-        assert found.misfit < 1e-6  # own electrodes cannot tell
+        assert found.residual_rms < 1e-6  # own electrodes cannot tell
 
 
 def test_floating_strips_and_free_edges_are_the_best_wiring() -> None:
@@ -382,7 +382,7 @@ def test_noise_beyond_all_measure_ends_on_the_sensor() -> None:
     sensor, random = a_sensor(strips=12), np.random.default_rng(0)
     kh, kl = random.uniform(0.0, 1.0, (2, 12))
     for convex in (False, True):
-        found = crp.invert(sensor, kh, kl, convex=convex, rows=20, most=15)
+        found = crp.invert(sensor, kh, kl, convex=convex, rows=20, max_networks=15)
         assert np.all((found.l >= -1e-9) & (found.l <= found.u) & (found.u <= L + 1e-9))
         assert not np.isnan(found.covariance).any()
         assert found.advice
@@ -454,4 +454,4 @@ def test_options_that_do_not_exist() -> None:
     with pytest.raises(NetworkError, match="electrodes 'some' does not exist; choose one of: own, all"):
         crp.covariance(sensor, l, u, electrodes="some")  # type: ignore[arg-type]
     with pytest.raises(NetworkError, match="strip 1 is not touched"):
-        crp.question(sensor, 1, l, u)
+        crp.measurement(sensor, 1, l, u)

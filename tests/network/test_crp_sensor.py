@@ -11,7 +11,7 @@ from click.testing import CliRunner
 
 import tacstrip as ts
 from tacstrip.cli import cli
-from tacstrip.network import Build
+from tacstrip.network import Imperfections
 from tacstrip.network.crp.inversion import own_electrodes
 
 SHEET = ts.Sensor(
@@ -89,7 +89,7 @@ def test_what_needs_a_closed_form_is_refused() -> None:
         lambda: ts.vertex_reconstruction(scan, SHEET),
         lambda: ts.signatures(SHEET, *ts.footprint(SHEET, HEXAGON)),
         lambda: ts.simulate(SHEET, HEXAGON, model="closed"),
-        lambda: ts.simulate(SHEET, HEXAGON, build=Build()),
+        lambda: ts.simulate(SHEET, HEXAGON, imperfections=Imperfections()),
     ):
         with pytest.raises(ts.OptionError, match="crs-crp"):
             call()

@@ -16,7 +16,7 @@ from studies.budget import PROFILE_I
 from studies.width import RULES, edge_shift, footprints, rule_errors, steepest
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.signature import signatures
-from tacstrip.network.strips.resolved import MOST, wide_questions, wide_readings
+from tacstrip.network.strips.resolved import MOST, wide_measurements, wide_readings
 from tacstrip.sensor import lower_and_width
 from tacstrip.sensor.slant import slant_shift
 
@@ -194,7 +194,7 @@ def test_a_strip_reads_where_any_part_of_it_is_touched() -> None:
     np.testing.assert_array_equal(np.isnan(wide_readings(PAIR, grazing, 8)["kh"]), [True, False, True])
     gaps = replace(PAIR, strip_width_mm=2.0)
     between = ts.Contact.polygon([(12, 30), (13, 30), (13, 70), (12, 70)])
-    assert not wide_questions(gaps, between)
+    assert not wide_measurements(gaps, between)
 
 
 def test_a_speck_reads_its_place() -> None:

@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 
 import tacstrip as ts
-from tacstrip.network import ArrayWiring, Build, Readout, Short, scan_array
+from tacstrip.network import ArrayWiring, Imperfections, Readout, Short, scan_array
 from tacstrip.network.crp import inversion as crp
-from tacstrip.network.devices.digital_array import ISOLATIONS, array_questions
-from tacstrip.network.nodal import Network, Question, answer
+from tacstrip.network.devices.digital_array import ISOLATIONS, array_measurements
+from tacstrip.network.nodal import Measurement, Network, solve_measurement
 from tacstrip.network.spice import deck
-from tacstrip.network.strips.measurements import network_readings, questions
-from tacstrip.network.strips.resolved import wide_questions, wide_readings
+from tacstrip.network.strips.measurements import measurements, network_readings
+from tacstrip.network.strips.resolved import wide_measurements, wide_readings
 from waiting import HANG_S
 
 needs_ngspice = pytest.mark.skipif(
@@ -54,7 +54,7 @@ def _run(folder: Path, text: str) -> dict[str, float]:
         ),
         (
             ts.Sensor(construction="crs-crs", **FLAT),
-            {"build": Build(shorts=[Short(3, 130.0, 500.0, "sensing")])},
+            {"imperfections": Imperfections(shorts=[Short(3, 130.0, 500.0, "sensing")])},
         ),
     ],
     ids=["ideal", "unequal, lambda", "metal, lambda", "tied grounds, loaded", "short"],
@@ -63,7 +63,7 @@ def test_ngspice_finds_the_same_voltages(
     tmp_path: Path, sensor: ts.Sensor, keywords: dict[str, object]
 ) -> None:
     ours = network_readings(sensor, CONTACT, **keywords)  # type: ignore[arg-type]
-    asked = questions(sensor, CONTACT, **keywords)  # type: ignore[arg-type]
+    asked = measurements(sensor, CONTACT, **keywords)  # type: ignore[arg-type]
     printed = _run(tmp_path, deck("test", {str(s): q for s, q in asked.items()}, sensor.vref_volt))
     names = {"kh": "vh", "kl": "vl", "k": "vout"}
     assert len(printed) == len(ours) * len(asked)
@@ -81,10 +81,10 @@ def test_ngspice_agrees_on_a_sheet_of_50_by_50(tmp_path: Path) -> None:
     end = np.concatenate([node[:, 1:].ravel(), node[1:].ravel()])
     siemens = np.random.default_rng(0).uniform(0.5, 2.0, len(start))
     read = {f"p{i}": int(node[i, 3 * i % n]) for i in range(0, n, 7)}
-    question = Question(Network(n * n, start, end, siemens), {0: 1.0, n * n - 1: 0.0, 77: 0.25}, read)
-    ours = answer(question)
+    measurement = Measurement(Network(n * n, start, end, siemens), {0: 1.0, n * n - 1: 0.0, 77: 0.25}, read)
+    ours = solve_measurement(measurement)
     printed = _run(
-        tmp_path, deck("sheet", {"s": question}).replace("print p", "print vp").replace("let p", "let vp")
+        tmp_path, deck("sheet", {"s": measurement}).replace("print p", "print vp").replace("let p", "let vp")
     )
     assert {name: printed[f"v{name}_s"] for name in read} == pytest.approx(ours, abs=1e-6)
 
@@ -100,11 +100,11 @@ def test_ngspice_agrees_on_the_digital_array(tmp_path: Path, isolation: str, wir
     ours = scan_array(pattern, isolation, wiring).volts
     unit = wiring.contact_ohm if isolation == "zero-potential" else 1.0
     kind = "i" if isolation == "zero-potential" else "v"
-    asked = array_questions(pattern, isolation, wiring)
-    printed = _run(tmp_path, deck("array", {str(row): question for row, question in asked.items()}))
-    for row, question in asked.items():
+    asked = array_measurements(pattern, isolation, wiring)
+    printed = _run(tmp_path, deck("array", {str(row): measurement for row, measurement in asked.items()}))
+    for row, measurement in asked.items():
         names = [f"{kind}column{j}" for j in range(9)]
-        plain, spice = answer(question), [printed[f"{name}_{row}"] for name in names]
+        plain, spice = solve_measurement(measurement), [printed[f"{name}_{row}"] for name in names]
         np.testing.assert_allclose(np.array(spice) * unit, ours[row], rtol=0, atol=1e-6)
         np.testing.assert_allclose([plain[name] * unit for name in names], ours[row], rtol=0, atol=1e-9)
     assert ours.max() > 0.9
@@ -132,7 +132,7 @@ def test_ngspice_agrees_on_strips_over_a_resistive_sheet(tmp_path: Path, wiring:
     l, u = ts.footprint(sensor, contact)
     kh, kl = crp.own_electrodes(sensor, l, u, 50, wiring)
     touched = np.flatnonzero(~np.isnan(l))
-    asked = {str(strip): crp.question(sensor, int(strip), l, u, 50, wiring) for strip in touched}
+    asked = {str(strip): crp.measurement(sensor, int(strip), l, u, 50, wiring) for strip in touched}
     printed = _run(tmp_path, deck("crs-crp", asked, sensor.vref_volt))
     assert len(printed) == 2 * len(touched) > 10
     for name, values in (("vh", kh), ("vl", kl)):
@@ -144,7 +144,7 @@ def test_ngspice_agrees_on_strips_over_a_resistive_sheet(tmp_path: Path, wiring:
 @pytest.mark.parametrize("lam", [0.0, 3.0])
 def test_ngspice_agrees_on_a_strip_resolved_across_its_width(tmp_path: Path, lam: float) -> None:
     sensor = ts.Sensor(construction="crs-crs", contact_lambda_mm=lam, resistivity_ratio=0.3, **FLAT)
-    asked = wide_questions(sensor, CONTACT, 6)
+    asked = wide_measurements(sensor, CONTACT, 6)
     printed = _run(tmp_path, deck("wide", {str(s): q for s, q in asked.items()}))
     for name, values in wide_readings(sensor, CONTACT, 6).items():
         spice = [printed[f"v{name[1]}_{strip}"] for strip in asked]
@@ -171,20 +171,20 @@ def test_the_command_writes_a_deck_that_runs(tmp_path: Path) -> None:
 def test_a_deck_meters_currents_and_leaves_out_what_floats() -> None:
     start, end, siemens = np.array([0, 1, 3]), np.array([1, 2, 4]), np.array([0.5, 0.25, 1.0])
     network = Network(5, start, end, siemens)
-    question = Question(network, {0: 1.0, 2: 0.0}, {}, {"i": 2})
-    assert answer(question)["i"] == pytest.approx(1.0 / 6.0, abs=1e-15)
-    text = deck("current", {"1": question})
+    measurement = Measurement(network, {0: 1.0, 2: 0.0}, {}, {"i": 2})
+    assert solve_measurement(measurement)["i"] == pytest.approx(1.0 / 6.0, abs=1e-15)
+    text = deck("current", {"1": measurement})
     assert "V0_2 n0_2 0 DC 0\n" in text
     assert "let i_1 = i(V0_2)\nprint i_1\n" in text
     assert "R0_1 n0_1 n0_2 4\n" in text
     assert "R0_2" not in text
     with pytest.raises(ts.NetworkError, match="kh of 7 floats: no resistor joins it to a held node"):
-        deck("floating", {"7": Question(network, {0: 1.0, 2: 0.0}, {"kh": 3})})
+        deck("floating", {"7": Measurement(network, {0: 1.0, 2: 0.0}, {"kh": 3})})
 
 
 def test_a_deck_names_its_parts() -> None:
     network = Network(3, np.array([0, 1]), np.array([1, 2]), np.array([0.5, 0.25]))
-    text = deck("two resistors", {"1": Question(network, {0: 1.0, 2: 0.0}, {"k": 1})}, 5.0)
+    text = deck("two resistors", {"1": Measurement(network, {0: 1.0, 2: 0.0}, {"k": 1})}, 5.0)
     assert "V0_0 n0_0 0 DC 5\n" in text
     assert "R0_0 n0_0 n0_1 2\n" in text
     assert "R0_1 n0_1 0 4\n" in text

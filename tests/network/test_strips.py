@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import tacstrip as ts
-from tacstrip.network import Break, Build, Readout, Short
-from tacstrip.network.nodal import Factored, Network, Question, answer, currents, solve
+from tacstrip.network import Break, Imperfections, Readout, Short
+from tacstrip.network.nodal import Factored, Measurement, Network, currents, solve, solve_measurement
 from tacstrip.network.strips.ladder import fast_readings
-from tacstrip.network.strips.measurements import network_readings, questions
+from tacstrip.network.strips.measurements import measurements, network_readings
 
 CONTACT = ts.Contact.polygon([(2, 120), (60, 100), (50, 160)])
 FLAT: dict[str, Any] = {"strips": 10, "pitch_mm": 6.5, "length_mm": 325.0}
@@ -83,11 +83,11 @@ def test_tied_grounds_follow_the_parallel_path() -> None:
 def test_a_uniformly_stretched_strip_changes_nothing_but_a_part_does() -> None:
     sensor = KINDS["equal"]
     ideal = network_readings(sensor, CONTACT)
-    both = Build(energised=np.linspace(0.8, 1.2, 10), sensing=np.linspace(0.8, 1.2, 10))
+    both = Imperfections(energised=np.linspace(0.8, 1.2, 10), sensing=np.linspace(0.8, 1.2, 10))
     np.testing.assert_allclose(network_readings(sensor, CONTACT, both)["kh"], ideal["kh"], atol=1e-10)
     profile = np.ones((10, 13))
     profile[3, :4] = 1.5  # 100 mm near the ground, below the contact, half as much again
-    bent = network_readings(sensor, CONTACT, Build(energised=profile))
+    bent = network_readings(sensor, CONTACT, Imperfections(energised=profile))
     l, u = ts.footprint(sensor, CONTACT)
     a, w = l[3] + 50.0, (u - l)[3]
     assert bent["kl"][3] == pytest.approx(a / (375.0 - w / 2), abs=1e-10)
@@ -97,23 +97,23 @@ def test_a_uniformly_stretched_strip_changes_nothing_but_a_part_does() -> None:
 def test_misaligned_pairs_touch_where_they_overlap() -> None:
     sensor = KINDS["equal"]
     contact = ts.Contact.polygon([(0, 300), (65, 300), (65, 325), (0, 325)])
-    lowered = network_readings(sensor, contact, Build(shift_mm=-10.0))
+    lowered = network_readings(sensor, contact, Imperfections(shift_mm=-10.0))
     shorter = ts.Contact.polygon([(0, 300), (65, 300), (65, 315), (0, 315)])
     np.testing.assert_allclose(lowered["kh"], network_readings(sensor, shorter)["kh"], atol=1e-10)
-    gone = network_readings(sensor, contact, Build(shift_mm=-40.0))
+    gone = network_readings(sensor, contact, Imperfections(shift_mm=-40.0))
     assert np.isnan(gone["kh"]).all()
 
 
 def test_a_broken_energised_strip_reads_a_pole() -> None:
-    below = network_readings(KINDS["equal"], CONTACT, Build(breaks=[Break(3, 50.0)]))
-    above = network_readings(KINDS["equal"], CONTACT, Build(breaks=[Break(3, 300.0)]))
+    below = network_readings(KINDS["equal"], CONTACT, Imperfections(breaks=[Break(3, 50.0)]))
+    above = network_readings(KINDS["equal"], CONTACT, Imperfections(breaks=[Break(3, 300.0)]))
     assert (below["kh"][3], above["kh"][3]) == (pytest.approx(1.0), pytest.approx(0.0))
     whole = network_readings(KINDS["equal"], CONTACT)
     np.testing.assert_allclose(np.delete(below["kh"], 3), np.delete(whole["kh"], 3), atol=1e-12)
 
 
 def test_a_sensing_strip_cut_off_from_its_reading_is_named() -> None:
-    cut = Build(breaks=[Break(3, 250.0, "sensing")])
+    cut = Imperfections(breaks=[Break(3, 250.0, "sensing")])
     with pytest.raises(ts.NetworkError, match="kh floats"):
         network_readings(KINDS["equal"], CONTACT, cut)
     pulled = network_readings(KINDS["equal"], CONTACT, cut, Readout(adc_ohm=1e9))
@@ -124,12 +124,14 @@ def test_a_short_between_neighbours_pulls_both_together() -> None:
     sensor = KINDS["equal"]
     ideal = network_readings(sensor, CONTACT)["kl"]
     for ohm, least in ((1e5, 0.0), (10.0, 1e-3)):
-        short = network_readings(sensor, CONTACT, Build(shorts=[Short(3, 20.0, ohm, "sensing")]))["kl"]
+        short = network_readings(sensor, CONTACT, Imperfections(shorts=[Short(3, 20.0, ohm, "sensing")]))[
+            "kl"
+        ]
         assert abs(short[3] - short[4]) < abs(ideal[3] - ideal[4])
         assert abs(short[3] - ideal[3]) > least
         np.testing.assert_allclose(np.delete(short, [3, 4]), np.delete(ideal, [3, 4]), atol=1e-12)
     # Over metal the other strip floats: one bridge carries nothing.
-    metal = network_readings(KINDS["metal"], CONTACT, Build(shorts=[Short(3, 20.0, 10.0)]))["k"]
+    metal = network_readings(KINDS["metal"], CONTACT, Imperfections(shorts=[Short(3, 20.0, 10.0)]))["k"]
     assert np.nanmax(np.abs(metal - network_readings(KINDS["metal"], CONTACT)["k"])) > 1e-4
 
 
@@ -150,33 +152,36 @@ def test_simulate_takes_the_network() -> None:
         for m in ("closed", "network")
     )
     np.testing.assert_allclose(network["kh"], closed["kh"], atol=1e-6)  # the same noise on both
-    with pytest.raises(ts.OptionError, match='build and readout need model="network"'):
-        ts.simulate(sensor, CONTACT, build=Build())
+    with pytest.raises(ts.OptionError, match='imperfections and readout need model="network"'):
+        ts.simulate(sensor, CONTACT, imperfections=Imperfections())
 
 
 EQUAL = KINDS["equal"]
 WALL = ts.Contact.polygon([(0, 0), (20, 0), (20, 325), (0, 325)])
-IMPOSSIBLE: dict[str, tuple[Build, str]] = {
+IMPOSSIBLE: dict[str, tuple[Imperfections, str]] = {
     "negative resistivity": (
-        Build(energised=-1.0),
+        Imperfections(energised=-1.0),
         "energised: strip 0 has a value that is not a finite number above 0",
     ),
     "wrong shape": (
-        Build(sensing=np.ones(3)),
+        Imperfections(sensing=np.ones(3)),
         r"sensing: an array of shape \(3,\); give a number, \(10,\)",
     ),
-    "break off the sensor": (Build(breaks=[Break(10, 5.0)]), "is not on the sensor: strips 0 to 9"),
-    "short off the sensor": (Build(shorts=[Short(9, 5.0, 1.0)]), "is not on the sensor: strips 0 to 8"),
-    "short of 0 ohm": (Build(shorts=[Short(2, 5.0, 0.0)]), "ohm must be a finite number above 0"),
-    "no such layer": (Build(breaks=[Break(2, 5.0, "lower")]), "layer 'lower' does not exist"),  # type: ignore[arg-type]
+    "break off the sensor": (Imperfections(breaks=[Break(10, 5.0)]), "is not on the sensor: strips 0 to 9"),
+    "short off the sensor": (
+        Imperfections(shorts=[Short(9, 5.0, 1.0)]),
+        "is not on the sensor: strips 0 to 8",
+    ),
+    "short of 0 ohm": (Imperfections(shorts=[Short(2, 5.0, 0.0)]), "ohm must be a finite number above 0"),
+    "no such layer": (Imperfections(breaks=[Break(2, 5.0, "lower")]), "layer 'lower' does not exist"),  # type: ignore[arg-type]
 }
 
 
 @pytest.mark.parametrize("name", IMPOSSIBLE)
 def test_builds_that_cannot_be_are_named(name: str) -> None:
-    build, message = IMPOSSIBLE[name]
+    imperfections, message = IMPOSSIBLE[name]
     with pytest.raises(ts.NetworkError, match=message):
-        network_readings(EQUAL, CONTACT, build)
+        network_readings(EQUAL, CONTACT, imperfections)
 
 
 def test_readouts_and_contacts_that_cannot_be_are_named() -> None:
@@ -201,7 +206,7 @@ def _random_network(seed: int, nodes: int = 30) -> Network:
 def test_potentials_obey_kirchhoff() -> None:
     for seed in range(10):
         network = _random_network(seed)
-        potentials = solve(Question(network, {0: 0.0, 17: 1.0, 29: -0.5}, {}))
+        potentials = solve(Measurement(network, {0: 0.0, 17: 1.0, 29: -0.5}, {}))
         into = np.bincount(network.start, -currents(network, potentials), 30)
         into += np.bincount(network.end, currents(network, potentials), 30)
         np.testing.assert_allclose(np.delete(into, [0, 17, 29]), 0.0, atol=1e-12)
@@ -222,11 +227,11 @@ def test_one_factor_serves_many_questions() -> None:
 
 def test_floating_nodes_and_bad_resistors_are_named() -> None:
     chain = Network(4, np.array([0, 2]), np.array([1, 3]), np.array([1.0, 1.0]))
-    assert answer(Question(chain, {0: 1.0}, {"near": 1})) == {"near": pytest.approx(1.0)}
+    assert solve_measurement(Measurement(chain, {0: 1.0}, {"near": 1})) == {"near": pytest.approx(1.0)}
     with pytest.raises(ts.NetworkError, match="far floats: no resistor joins node 3"):
-        answer(Question(chain, {0: 1.0}, {"far": 3}))
+        solve_measurement(Measurement(chain, {0: 1.0}, {"far": 3}))
     with pytest.raises(ts.NetworkError, match="hold at least one node"):
-        solve(Question(chain, {}, {}))
+        solve(Measurement(chain, {}, {}))
     for siemens in (0.0, -1.0, np.inf, np.nan):
         with pytest.raises(ts.NetworkError, match=r"the resistor between nodes 0 and 1 has a conductance of"):
             Network(2, np.array([0]), np.array([1]), np.array([siemens]))
@@ -235,10 +240,10 @@ def test_floating_nodes_and_bad_resistors_are_named() -> None:
 
 
 def test_a_question_has_only_what_carries_current() -> None:
-    asked = questions(KINDS["metal"], CONTACT)
+    asked = measurements(KINDS["metal"], CONTACT)
     assert list(asked) == list(range(9))
     assert asked[0].network.nodes < 40
-    tied = questions(KINDS["metal"], CONTACT, readout=Readout(tied_grounds=True))
+    tied = measurements(KINDS["metal"], CONTACT, readout=Readout(tied_grounds=True))
     assert len(tied[0].network.siemens) == 2 * 9  # every touched strip's two ends, through the metal
 
 
@@ -248,7 +253,7 @@ def test_the_fast_ladder_agrees_with_the_network(kind: str, contact_lambda_mm: f
     """Non-uniform, shifted strips, switches, several pieces: the same mesh solved two ways."""
     sensor = _with_lambda(KINDS[kind], contact_lambda_mm)
     random = np.random.default_rng(0)
-    build = Build(
+    imperfections = Imperfections(
         random.uniform(0.8, 1.2, (10, 20)), random.uniform(0.8, 1.2, (10, 20)), random.uniform(-3, 3, 10)
     )
     fork = ts.Contact.polygon(
@@ -256,7 +261,7 @@ def test_the_fast_ladder_agrees_with_the_network(kind: str, contact_lambda_mm: f
     )
     for contact in (CONTACT, fork):
         for unit, readout in (
-            (build, Readout(mux_ohm=300.0)),
+            (imperfections, Readout(mux_ohm=300.0)),
             (None, None),
             (None, Readout(adc_ohm=1e6)),
         ):

@@ -10,7 +10,7 @@ import pytest
 import tacstrip as ts
 from tacstrip.network import Readout
 from tacstrip.network.nodal import Factored
-from tacstrip.network.strips.measurements import questions
+from tacstrip.network.strips.measurements import measurements
 from tacstrip.network.timing import fastest_scan_hz, settling_s, skewed, source_ohm
 
 CRS = ts.Sensor(
@@ -28,13 +28,13 @@ def test_source_resistance_is_that_of_the_network(sensor: ts.Sensor) -> None:
         contact = (
             ts.Contact.polygon([(0, l), (65, l), (65, u), (0, u)]) if u > l else ts.Contact.points([22.75, l])
         )
-        question = questions(sensor, contact, readout=readout)[3]
-        factored = Factored(question.network, list(question.held))
+        measurement = measurements(sensor, contact, readout=readout)[3]
+        factored = Factored(measurement.network, list(measurement.held))
         seen = []
-        for node in question.read.values():
-            amperes = np.zeros(question.network.nodes)
+        for node in measurement.read.values():
+            amperes = np.zeros(measurement.network.nodes)
             amperes[node] = 1.0
-            seen.append(factored.solve(np.zeros(len(question.held)), amperes)[node])
+            seen.append(factored.solve(np.zeros(len(measurement.held)), amperes)[node])
         assert max(seen) == pytest.approx(
             float(source_ohm(sensor, readout, np.array(l), np.array(u))), rel=1e-9
         )

@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 import tacstrip as ts
 from strategies import FIXED
 from tacstrip.data.published import offsets_volt
-from tacstrip.network import Build
-from tacstrip.sensor import Channel, corrected, distorted
+from tacstrip.network import Imperfections
+from tacstrip.sensor import Channel, apply_calibration, invert_calibration
 from tacstrip.sensor.raw import touched
 
 N = 3
@@ -101,8 +101,8 @@ def test_correct_undoes_distort(calibration: ts.Calibration, seed: int) -> None:
     l[0, 0] = np.nan
     k = ts.signatures(CRS, l, l + rng.uniform(0.0, 60.0, (5, N)))
     sensor = replace(CRS, calibration=calibration)
-    back = corrected(sensor, distorted(sensor, k))
-    one = corrected(sensor, distorted(sensor, {n: v[1] for n, v in k.items()}))
+    back = apply_calibration(sensor, invert_calibration(sensor, k))
+    one = apply_calibration(sensor, invert_calibration(sensor, {n: v[1] for n, v in k.items()}))
     for name, values in k.items():
         np.testing.assert_allclose(back[name], values, atol=1e-12)
         np.testing.assert_allclose(one[name], values[1], atol=1e-12)
@@ -130,8 +130,8 @@ def test_offsets_are_the_thesis_adjustment() -> None:
 def test_a_fading_offset_is_whole_inside_and_gone_at_both_ends() -> None:
     channel = Channel(signature="k", offset=(0.05,), fade=0.1)
     k = np.array([[0.0], [0.05], [0.1], [0.5], [0.9], [0.95], [1.0]])
-    np.testing.assert_allclose(channel.do(k)[:, 0], [0.0, 0.075, 0.15, 0.55, 0.95, 0.975, 1.0])
-    np.testing.assert_allclose(channel.undo(channel.do(k)), k, atol=1e-15)
+    np.testing.assert_allclose(channel.distort(k)[:, 0], [0.0, 0.075, 0.15, 0.55, 0.95, 0.975, 1.0])
+    np.testing.assert_allclose(channel.correct(channel.distort(k)), k, atol=1e-15)
 
 
 def test_a_strips_own_ratio_is_the_closed_form_with_that_ratio() -> None:
@@ -141,7 +141,7 @@ def test_a_strips_own_ratio_is_the_closed_form_with_that_ratio() -> None:
     own = [
         ts.k_h(l[i : i + 1], w[i : i + 1], 325.0, 1.05 * r, 2.0)[0] for i, r in enumerate(calibration.ratio)
     ]
-    raw = distorted(sensor, ts.signatures(replace(sensor, calibration=None), l, l + w))
+    raw = invert_calibration(sensor, ts.signatures(replace(sensor, calibration=None), l, l + w))
     np.testing.assert_allclose(raw["kh"], own, atol=1e-14)
 
 
@@ -151,9 +151,11 @@ def test_warp_is_the_network_with_that_rubber() -> None:
     sensor = replace(CRS, calibration=ts.Calibration(warp_at=at, warp=(share,) * N))
     contact = ts.Contact.polygon([(0, 120), (20, 120), (20, 230), (0, 230)])
     layers = np.array([[1.0, 2.0]] * N)
-    scan = ts.simulate(CRS, contact, model="network", build=Build(energised=layers, sensing=layers))
+    scan = ts.simulate(
+        CRS, contact, model="network", imperfections=Imperfections(energised=layers, sensing=layers)
+    )
     ideal = ts.simulate(CRS, contact)
-    back = corrected(sensor, {"kh": scan["kh"], "kl": scan["kl"]})
+    back = apply_calibration(sensor, {"kh": scan["kh"], "kl": scan["kl"]})
     for name in ("kh", "kl"):
         assert np.abs(scan[name] - ideal[name]).max() > 0.1
         np.testing.assert_allclose(back[name], ideal[name], atol=1e-9)
@@ -181,7 +183,7 @@ def test_each_strip_rests_at_its_own_learned_level() -> None:
     )  # 0.02 V are 0.004 of Vref
     raw = {"k": np.array([[0.062, 0.012, 0.03], [0.07, 0.01, 0.02]])}
     np.testing.assert_array_equal(touched(sensor, raw), [[False, False, False], [True, False, True]])
-    np.testing.assert_allclose(corrected(sensor, raw)["k"][1], [0.01, np.nan, 0.0], atol=1e-15)
+    np.testing.assert_allclose(apply_calibration(sensor, raw)["k"][1], [0.01, np.nan, 0.0], atol=1e-15)
 
 
 CURVE = {"curve_at": [0.0, 1.0], "curve": [[0.0, 1.0]] * N}
@@ -264,4 +266,4 @@ def test_no_table_brings_another_error(table: Any) -> None:
     except ts.SpecError:
         return
     assert ts.Sensor.from_dict(tomllib.loads(sensor.to_toml())) == sensor
-    corrected(sensor, {"kh": np.full(N, 0.5), "kl": np.full(N, 0.4)})
+    apply_calibration(sensor, {"kh": np.full(N, 0.5), "kl": np.full(N, 0.4)})

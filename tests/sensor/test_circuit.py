@@ -13,14 +13,14 @@ from hypothesis import strategies as st
 from strategies import FIXED, ratios, spans
 from tacstrip.arrays import FloatArray
 from tacstrip.sensor.circuit import (
-    chain_weights,
-    erosion,
+    end_weights,
     k_h,
     k_l,
     k_metal,
     lower_and_width,
     lower_from_width,
     sensing_share,
+    transfer_length,
     width_from_lower,
 )
 
@@ -60,10 +60,12 @@ def test_sensing_share(ratio: float, share: float) -> None:
 
 
 def test_erosion_is_half_a_short_contact_and_lambda_of_a_long_one() -> None:
-    assert erosion(at(0.02), 10.0) == pytest.approx(0.01, rel=1e-6)
-    assert erosion(at(900.0), 10.0) == pytest.approx(10.0, rel=1e-15)
-    assert erosion(at(20.0), 10.0) == pytest.approx(10.0 * (np.e**2 - 1.0) / (np.e**2 + 1.0), rel=1e-15)
-    assert erosion(at(20.0), 0.0) == 0.0
+    assert transfer_length(at(0.02), 10.0) == pytest.approx(0.01, rel=1e-6)
+    assert transfer_length(at(900.0), 10.0) == pytest.approx(10.0, rel=1e-15)
+    assert transfer_length(at(20.0), 10.0) == pytest.approx(
+        10.0 * (np.e**2 - 1.0) / (np.e**2 + 1.0), rel=1e-15
+    )
+    assert transfer_length(at(20.0), 0.0) == 0.0
 
 
 # The equations as the thesis prints them.
@@ -282,7 +284,7 @@ def test_chain_weights_make_the_reading_linear(
 ) -> None:
     l, w = span
     k = (k_h if at_upper_end else k_l)(at(l), at(w), L, ratio)
-    c_l, c_u = chain_weights(k, at_upper_end, ratio)
+    c_l, c_u = end_weights(k, at_upper_end, ratio)
     assert c_l * l + c_u * (l + w) == pytest.approx(k * L, abs=1e-11)
     assert c_l + c_u == pytest.approx(1.0, abs=ROUNDING)
 
@@ -292,7 +294,7 @@ def test_chain_weights_make_the_reading_linear(
 def test_chain_weights_of_metal(span: tuple[float, float]) -> None:
     l, w = span
     k = k_metal(at(l), at(w), L)
-    c_l, c_u = chain_weights(k, False, 0.0)
+    c_l, c_u = end_weights(k, False, 0.0)
     assert c_l * l + c_u * (l + w) == pytest.approx(k * L, abs=1e-9)
 
 
@@ -318,7 +320,7 @@ def test_chain_weights_are_step_3(
     above: Callable[[float], tuple[float, float]],
     below: Callable[[float], tuple[float, float]],
 ) -> None:
-    c_l, c_u = (float(c) for c in chain_weights(at(k), at_upper_end, ratio))
+    c_l, c_u = (float(c) for c in end_weights(at(k), at_upper_end, ratio))
     assert (c_u / c_l, k / c_l) == pytest.approx(above(k), rel=1e-13)
     assert (c_l / c_u, k / c_u) == pytest.approx(below(k), rel=1e-13)
 
@@ -349,7 +351,7 @@ def test_nan_passes_through_and_spares_its_neighbours() -> None:
         kh, kl = k_h(l, w, L, 1.0, contact_lambda), k_l(l, w, L, 1.0, contact_lambda)
         k = k_metal(l, w, L, contact_lambda)
         back_l, back_w = lower_and_width(kh, kl, L, 1.0, contact_lambda)
-        c_l, c_u = chain_weights(kh, True, 1.0)
+        c_l, c_u = end_weights(kh, True, 1.0)
         for result in (kh, kl, k, back_l, back_w, c_l, c_u):
             np.testing.assert_array_equal(np.isnan(result), [False, True, False])
         np.testing.assert_allclose(back_l, l, atol=1e-9)

@@ -11,7 +11,7 @@ from strategies import FIXED, sensors
 from tacstrip.arrays import FloatArray
 from tacstrip.errors import SpecError
 from tacstrip.sensor.spec import Sensor
-from tacstrip.surface.cylinder import from_space, strip_angle, strips_under_flat, to_space
+from tacstrip.surface.cylinder import from_cartesian, strip_angle, strips_under_flat, to_cartesian
 
 FLAT = Sensor(construction="crs-crs", strips=10, pitch_mm=5.0, length_mm=100.0)
 TUBE = Sensor(
@@ -32,7 +32,7 @@ def covered(strips: int, strip_width: float = 1.0) -> Sensor:
 
 
 def test_places_on_a_plane() -> None:
-    points = to_space(FLAT, np.array([0.0, 3.0, 9.5]), np.array([0.0, 40.0, 100.0]))
+    points = to_cartesian(FLAT, np.array([0.0, 3.0, 9.5]), np.array([0.0, 40.0, 100.0]))
     np.testing.assert_allclose(points, [(2.5, 0.0, 0.0), (17.5, 40.0, 0.0), (50.0, 100.0, 0.0)], rtol=1e-15)
 
 
@@ -40,7 +40,7 @@ def test_places_on_a_tube() -> None:
     # Eight strips round: centre lines at odd multiples of 22.5 degrees, the first strip's edge at 0.
     tube, r = covered(8), 8 / (2.0 * np.pi)
     np.testing.assert_allclose(strip_angle(tube, np.arange(8.0)), np.pi / 8 * np.arange(1, 16, 2), rtol=1e-14)
-    points = to_space(tube, np.array([-0.5, 1.5, 3.5, 5.5]), np.array([0.0, 1.0, 2.0, 3.0]))
+    points = to_cartesian(tube, np.array([-0.5, 1.5, 3.5, 5.5]), np.array([0.0, 1.0, 2.0, 3.0]))
     np.testing.assert_allclose(points, [(r, 0, 0), (0, r, 1), (-r, 0, 2), (0, -r, 3)], atol=1e-14)
 
 
@@ -49,9 +49,9 @@ def test_places_on_a_tube() -> None:
 def test_space_returns_strip_and_y(sensor: Sensor, parts: list[float], y: float) -> None:
     strip = np.array(parts) * (sensor.strips - 1)  # from the first centre line to the last
     y_mm = np.linspace(0.0, y * sensor.length_mm, len(parts))
-    points = to_space(sensor, strip, y_mm)
+    points = to_cartesian(sensor, strip, y_mm)
     assert points.shape == (len(parts), 3)
-    back_strip, back_y = from_space(sensor, points)
+    back_strip, back_y = from_cartesian(sensor, points)
     np.testing.assert_allclose(back_strip, strip, atol=1e-12 * sensor.strips)
     np.testing.assert_array_equal(back_y, y_mm)
 
@@ -60,14 +60,14 @@ def test_space_returns_strip_and_y(sensor: Sensor, parts: list[float], y: float)
 @given(sensors("cyl-crs-m", most_strips=500), st.floats(0.01, 100.0))
 def test_points_off_a_tube_are_taken_along_the_normal(sensor: Sensor, times: float) -> None:
     strip, y = np.linspace(0.0, sensor.strips - 1.0, 7), np.linspace(0.0, sensor.length_mm, 7)
-    points = to_space(sensor, strip, y) * (times, times, 1.0)
-    back_strip, back_y = from_space(sensor, points)
+    points = to_cartesian(sensor, strip, y) * (times, times, 1.0)
+    back_strip, back_y = from_cartesian(sensor, points)
     np.testing.assert_allclose(back_strip, strip, atol=1e-12 * sensor.strips)
     np.testing.assert_array_equal(back_y, y)
 
 
 def test_points_off_a_plane_are_taken_along_the_normal() -> None:
-    strip, y = from_space(FLAT, np.array([[(17.5, 40.0, -3.0)], [(2.5, -1.0, 8.0)]]))
+    strip, y = from_cartesian(FLAT, np.array([[(17.5, 40.0, -3.0)], [(2.5, -1.0, 8.0)]]))
     np.testing.assert_allclose(strip, [[3.0], [0.0]], atol=1e-14)
     np.testing.assert_array_equal(y, [[40.0], [-1.0]])
 
@@ -76,16 +76,18 @@ def test_the_seam_lies_opposite_the_strips() -> None:
     # 5 strips of 4 mm on 56.5 mm: their middle is strip 2, and half a round from there is the seam.
     half_round = np.pi * 9.0 / 4.0  # in pitches
     inside = np.array([2.0 - half_round + 1e-9, -3.0, -0.5, 4.5, 7.0, 2.0 + half_round - 1e-9])
-    np.testing.assert_allclose(from_space(TUBE, to_space(TUBE, inside, np.zeros(6)))[0], inside, atol=1e-12)
-    beyond, _ = from_space(TUBE, to_space(TUBE, np.array([2.0 + half_round + 0.25]), np.zeros(1)))
+    np.testing.assert_allclose(
+        from_cartesian(TUBE, to_cartesian(TUBE, inside, np.zeros(6)))[0], inside, atol=1e-12
+    )
+    beyond, _ = from_cartesian(TUBE, to_cartesian(TUBE, np.array([2.0 + half_round + 0.25]), np.zeros(1)))
     np.testing.assert_allclose(beyond, 2.0 - half_round + 0.25, atol=1e-12)
 
 
 def test_across_the_seam_of_a_covered_tube_the_last_strip_meets_the_first() -> None:
     tube = covered(12)
-    ends = to_space(tube, np.array([-0.5, 11.5]), np.array([7.0, 7.0]))
+    ends = to_cartesian(tube, np.array([-0.5, 11.5]), np.array([7.0, 7.0]))
     np.testing.assert_allclose(ends[0], ends[1], atol=1e-14)
-    strip, _ = from_space(tube, to_space(tube, np.array([-0.49, 11.49]), np.zeros(2)))
+    strip, _ = from_cartesian(tube, to_cartesian(tube, np.array([-0.49, 11.49]), np.zeros(2)))
     np.testing.assert_allclose(strip, [-0.49, 11.49], atol=1e-12)
 
 

@@ -14,14 +14,14 @@ from tacstrip.arguments import takes
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.contact.signature import signatures
 from tacstrip.errors import OptionError, ReadingError
+from tacstrip.robust import robust_sigma
 from tacstrip.sensor.calibration import Calibration
 from tacstrip.sensor.channel import Channel
-from tacstrip.sensor.raw import distorted, touched
+from tacstrip.sensor.raw import invert_calibration, touched
 from tacstrip.sensor.spec import Sensor
 
 _FURTHEST = 0.05  # of Vref: who moved more is touched, or broken
 _RESTLESS = 5.0  # times the learned noise: a strip that varies more is touched
-_MAD = 1.4826
 
 
 @takes(sensor=Sensor)
@@ -57,7 +57,7 @@ def rezero(
         there = np.isfinite(values).any(axis=0)
         some = np.where(there, values, 0.0)
         middle = np.nanmedian(some, axis=0)
-        spread = _MAD * np.nanmedian(np.abs(some - middle), axis=0)
+        spread = robust_sigma(some - middle, axis=0)
         shift[name] = middle - levels[name]
         noise = np.array(_channel(sensor, name).noise or np.inf)
         good &= there & (np.abs(shift[name]) <= _FURTHEST) & (spread <= _RESTLESS * np.maximum(noise, 1e-4))
@@ -99,7 +99,7 @@ def _levels(
     each = np.full(sensor.strips, l)
     still = with_drift(sensor, {name: np.zeros(sensor.strips) for name in names}, "")
     ideal = signatures(sensor, each, each + w)
-    return distorted(still, {name: ideal[name] for name in names})
+    return invert_calibration(still, {name: ideal[name] for name in names})
 
 
 def _channel(sensor: Sensor, name: str) -> Channel:

@@ -14,6 +14,7 @@ from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.calibrate.model import Constants, Model, held, predict, start
 from tacstrip.fisher import covariance
 from tacstrip.io.runs import Runs
+from tacstrip.robust import robust_sigma
 from tacstrip.sensor.spec import Sensor
 
 _STEP = 1e-6  # of derivatives: parameters are of order 1, readings smooth
@@ -22,7 +23,6 @@ _CAREFUL = 3  # rounds with Huber's weights before Tukey's
 _SETTLED = 1e-7  # change of the readings over Vref
 _FLOOR = 1e-5  # of Vref: noise is never taken for less
 _TUKEY = 4.685  # standard deviations at which a row no longer counts; 95 % efficient for normal noise
-_MAD = 1.4826
 _LEAST_SLACK = 0.02
 _FADES = (0.05, 0.15, 0.35)
 
@@ -127,7 +127,7 @@ def _centred(sensor: Sensor, runs: Runs, constants: Constants) -> Constants:
 def _sigma(gap: FloatArray, weight: FloatArray) -> FloatArray:
     """Return the spread of each signature's readings about the fit (signatures,), by the median."""
     there = weight > 0.0
-    return np.array([max(_FLOOR, _MAD * float(np.median(np.abs(g[there])))) for g in gap])
+    return np.array([max(_FLOOR, float(robust_sigma(g[there]))) for g in gap])
 
 
 def _slack(by: FloatArray, weight: FloatArray) -> FloatArray:

@@ -11,6 +11,7 @@ from tacstrip.calibrate.fit import Fit, at_rail
 from tacstrip.calibrate.model import apply
 from tacstrip.calibrate.residuals import residuals
 from tacstrip.io.runs import Runs
+from tacstrip.robust import robust_sigma
 from tacstrip.sensor.spec import Sensor
 
 _PLAUSIBLE_NOISE = (
@@ -19,7 +20,6 @@ _PLAUSIBLE_NOISE = (
 _FAR = 5.0  # times the noise
 _MOST, _MOST_OF_STRIP = 0.02, 0.03  # over Vref: what uneven rubber and few presses leave at worst
 _ROWS = 0.75  # of the rows must be described: the others may be spoilt
-_MAD = 1.4826
 _LOUD = 0.03  # over Vref: repeats further apart are no repeats
 _QUARTILE = 1.15  # standard deviations: three quarters of normal errors are smaller
 # Of a sound unit: its strips' median offset [Vref], any strip's, median gain, ratio over the spec's, lambda / L.
@@ -93,8 +93,7 @@ def judge(sensor: Sensor, done: Sensor, runs: Runs, found: Fit | None = None) ->
     off = np.stack(list(residuals(done, runs).values()))
     row = np.where(there, np.sqrt(np.mean(off**2, axis=0)), np.nan)
     repeats = repeat_noise(runs)
-    step = 0.0 if sensor.adc_bits is None else 1.0 / (2.0**sensor.adc_bits - 1.0)
-    noise = max(_PLAUSIBLE_NOISE if repeats is None else repeats, step / np.sqrt(12.0))
+    noise = max(_PLAUSIBLE_NOISE if repeats is None else repeats, sensor.adc_step / np.sqrt(12.0))
     strips = np.array([_spread(column[np.isfinite(column)]) for column in row.T])
     implausible = _implausible(found) if found is not None else ""
     return Goodness(noise, repeats is not None, float(np.median(strips)), strips, implausible)
@@ -120,7 +119,7 @@ def repeat_noise(runs: Runs) -> float | None:
             off = np.abs(read - (np.bincount(group, read) / count)[group]) * grown
             aside.append(off[count[group] > 1.0])
     every = np.concatenate(aside)
-    return _MAD * float(np.median(every)) if len(every) else None
+    return float(robust_sigma(every)) if len(every) else None
 
 
 def _spread(rows: FloatArray) -> float:

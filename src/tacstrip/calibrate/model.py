@@ -9,8 +9,8 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.sensor.calibration import Calibration
-from tacstrip.sensor.channel import Channel, across, fading
-from tacstrip.sensor.circuit import erosion, k_h, k_l
+from tacstrip.sensor.channel import Channel, fading, piecewise_map
+from tacstrip.sensor.circuit import k_h, k_l, transfer_length
 from tacstrip.sensor.spec import Sensor
 
 # Part: what it is, in words.
@@ -166,15 +166,15 @@ def predict(
     model, length = constants.model, sensor.length_mm
     lam = constants.value("lambda") * length if model.has("lambda") else sensor.contact_lambda_mm
     ratio: Any = sensor.sensing_ratio * np.exp(constants.value("ratio") + constants.value("ratios"))
-    t = erosion(w_mm, lam)
+    t = transfer_length(w_mm, lam)
     low, high = (l_mm + t) / length, (l_mm + w_mm - t) / length
     if model.has("warp"):
-        low, high = (across(v, model.knots, constants.warp) for v in (low, high))
+        low, high = (piecewise_map(v, model.knots, constants.warp) for v in (low, high))
     found = {}
     for name in constants.signatures:
         k = (k_h if name == "kh" else k_l)(low, high - low, 1.0, ratio)
         if model.has("curve"):
-            found[name] = across(k, model.knots, constants.curve(name))
+            found[name] = piecewise_map(k, model.knots, constants.curve(name))
         else:
             fade = float(constants.value("fade"))
             gain = 1.0 + constants.value(f"gain {name}")

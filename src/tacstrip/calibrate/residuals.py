@@ -9,7 +9,7 @@ import numpy as np
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.signature import signatures
 from tacstrip.io.runs import Runs
-from tacstrip.sensor.raw import corrected
+from tacstrip.sensor.raw import apply_calibration
 from tacstrip.sensor.spec import Sensor
 
 
@@ -22,7 +22,7 @@ def expected(sensor: Sensor, runs: Runs) -> dict[str, FloatArray]:
 def residuals(sensor: Sensor, runs: Runs) -> dict[str, FloatArray]:
     """Return corrected less expected readings, by signature (contacts, strips) over Vref."""
     plain = replace(sensor, rest_volt=None, touch_volt=None)  # a contact counts even where it reads as rest
-    ideal, read = expected(sensor, runs), corrected(plain, runs.raw)
+    ideal, read = expected(sensor, runs), apply_calibration(plain, runs.raw)
     return {name: read[name] - ideal[name] for name in runs.signatures}
 
 

@@ -10,15 +10,15 @@ import numpy as np
 from tacstrip.arguments import takes
 from tacstrip.arrays import FloatArray
 from tacstrip.errors import ReadingError
+from tacstrip.robust import robust_sigma
 from tacstrip.sensor.calibration import Calibration
-from tacstrip.sensor.raw import distorted, touched
+from tacstrip.sensor.raw import invert_calibration, touched
 from tacstrip.sensor.spec import Sensor
 
 _LEAST = 10  # readings: fewer say nothing of noise
 _SIGMAS = 6.0  # an untouched strip crosses this once in 5e8 readings of normal noise
 _MARGIN = 1.5  # over the furthest that any reading was from rest
 _RESTLESS = 0.02  # of Vref: a strip that moves by more is not at rest
-_MAD = 1.4826
 
 
 @takes(sensor=Sensor)
@@ -47,9 +47,9 @@ def learn_touch(sensor: Sensor, raw: Mapping[str, FloatArray], source: str = "")
     ]
     kept = [c for c in calibration.channels if c.signature not in levels]
     rest = float(np.median([rest for rest, _, _ in levels.values()]))
-    step = 0.0 if sensor.adc_bits is None else 1.0 / (2.0**sensor.adc_bits - 1.0)
     touch = max(
-        max(_SIGMAS * float(noise.max()), _MARGIN * far, 2.0 * step) for _, noise, far in levels.values()
+        max(_SIGMAS * float(noise.max()), _MARGIN * far, 2.0 * sensor.adc_step)
+        for _, noise, far in levels.values()
     )
     return replace(
         sensor,
@@ -71,7 +71,7 @@ def at_rest(sensor: Sensor, name: str, values: FloatArray) -> tuple[FloatArray, 
             "tell its noise. Record a second of readings with nothing on the sensor"
         )
     level = np.nanmedian(values, axis=0)
-    spread = _MAD * np.nanmedian(np.abs(values - level), axis=0)
+    spread = robust_sigma(values - level, axis=0)
     if (loud := np.flatnonzero(spread > _RESTLESS)).size:
         raise ReadingError(
             f"strip {loud[0] + sensor.strip_base} is not at rest: its {name} varies by {100.0 * spread[loud[0]]:.2g} % "
@@ -85,7 +85,7 @@ def at_rest(sensor: Sensor, name: str, values: FloatArray) -> tuple[FloatArray, 
 def blind_mm(sensor: Sensor) -> tuple[FloatArray, FloatArray]:
     """Return from where to where on each strip a point contact reads as rest (strips,) [mm]; NaN where none does."""
     y = np.linspace(0.0, 1.0, 1001)[:, None] * np.ones(sensor.strips)  # (places, strips), over L
-    blind = ~touched(sensor, distorted(sensor, dict.fromkeys(sensor.signatures, y)))
+    blind = ~touched(sensor, invert_calibration(sensor, dict.fromkeys(sensor.signatures, y)))
     place = np.where(blind, y * sensor.length_mm, np.nan)
     some = blind.any(axis=0)
     low, high = (

@@ -23,7 +23,7 @@ from tacstrip.io.readings import read_readings
 from tacstrip.reconstruction.methods import chosen_method, reconstruct
 from tacstrip.reconstruction.result import Reconstruction
 from tacstrip.scan import Scan
-from tacstrip.sensor.raw import distorted
+from tacstrip.sensor.raw import invert_calibration
 from tacstrip.sensor.rest_level import rest_hint
 from tacstrip.sensor.spec import Sensor
 
@@ -113,7 +113,7 @@ def command(
     where = _transitions(transitions)
     swapped = exchanged(scans, known)
     stacked = {name: np.stack([s[name] for s in scans]) for name in scans[0].signatures}
-    unset = rest_hint(spec, distorted(spec, stacked))
+    unset = rest_hint(spec, invert_calibration(spec, stacked))
     warn(
         half_read(readings, spec, scans[0].signatures) if signature is None else "",
         over_vref(readings, spec, largest(scans)),

@@ -12,10 +12,10 @@ from tacstrip.errors import OptionError
 from tacstrip.files import write_text
 from tacstrip.io.geometry import read_contact
 from tacstrip.io.input_checks import contact_in_metres
-from tacstrip.network.crp.readings import contact_questions
+from tacstrip.network.crp.readings import contact_measurements
 from tacstrip.network.imperfections import Readout
 from tacstrip.network.spice import deck
-from tacstrip.network.strips.measurements import questions
+from tacstrip.network.strips.measurements import measurements
 
 
 @click.command()
@@ -62,14 +62,14 @@ def command(
     shape = read_contact(contact)
     if spec.kind.closed_form:
         readout = Readout(strip_ohm, mux_ohm, adc_ohm, tied_grounds)
-        asked = questions(spec, shape, readout=readout, cells=cells)
+        asked = measurements(spec, shape, readout=readout, cells=cells)
     else:
         if told or given("strip_ohm") is ParameterSource.COMMANDLINE:
             raise OptionError(
                 f"--{(told or ['strip_ohm'])[0].replace('_', '-')} is not for a {spec.construction} sensor"
             )
-        asked = contact_questions(spec, shape, cells)
-    named = {str(strip + spec.strip_base): question for strip, question in asked.items()}
+        asked = contact_measurements(spec, shape, cells)
+    named = {str(strip + spec.strip_base): measurement for strip, measurement in asked.items()}
     title = f"{spec.construction}, {spec.strips} strips, {contact.name}, written by tacstrip"
     write_text(output, deck(title, named, spec.vref_volt))
     click.echo(f"{output}: {len(named)} touched strip(s). Run it with: ngspice -b {output}")

@@ -16,7 +16,7 @@ import numpy as np
 import shapely
 
 from tacstrip.arguments import takes
-from tacstrip.arrays import FloatArray, IntArray, extent, strips_told
+from tacstrip.arrays import FloatArray, IntArray, extent, touched_strips
 from tacstrip.contact.shape import Contact
 from tacstrip.sensor.spec import Sensor
 
@@ -46,7 +46,7 @@ class Footprint:
     _contacts: tuple[Contact, ...]
 
     def __repr__(self) -> str:
-        strips = strips_told(np.asarray(np.isfinite(np.atleast_2d(self.l)).any(axis=0)))
+        strips = touched_strips(np.asarray(np.isfinite(np.atleast_2d(self.l)).any(axis=0)))
         many = f" of {len(self._contacts)} contacts" if self.l.ndim > 1 else ""
         cut = ", clipped" if self.clipped else ""
         return f"<Footprint{many}: {strips}, l {extent(self.l)}, u {extent(self.u)} mm{cut}>"
@@ -70,10 +70,30 @@ class Footprint:
 def footprint(sensor: Sensor, contact: Contact | Sequence[Contact]) -> Footprint:
     """Find l and u of one contact on every strip, or of many contacts at once.
 
+    Parameters
+    ----------
+    sensor
+        Its strips, pitch, length and strip width count.
+    contact
+        One contact, or a sequence of them.
+
+    Returns
+    -------
+    Footprint
+        l and u [mm], (strips,) for one contact, (contacts, strips) for a sequence; NaN where nothing touches.
+
     Raises
     ------
     ContactError
         A contact lies wholly outside the sensor.
+
+    Examples
+    --------
+    >>> import tacstrip as ts
+    >>> sensor = ts.Sensor(construction="crs-crs", strips=4, pitch_mm=10.0, length_mm=100.0)
+    >>> l, u = ts.footprint(sensor, ts.Contact.polygon([(10, 20), (30, 20), (30, 50), (10, 50)]))
+    >>> u.tolist()
+    [nan, 50.0, 50.0, nan]
     """
     contacts = [contact] if isinstance(contact, Contact) else list(contact)
     outside = _sticks_out(sensor, contacts)

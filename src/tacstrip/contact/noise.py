@@ -31,6 +31,18 @@ class Noise:
         Transition error T.E. on the x of every transition handed to a reconstruction [mm] (5.1.2).
     distribution
         "uniform" as in the thesis, or "normal" with sigma = half-width / sqrt(3), the same variance.
+
+    Raises
+    ------
+    OptionError
+        A half-width is below 0, or above 1 where it is a fraction of Vref; there is no such distribution.
+    ArgumentError
+        A value has no name.
+
+    Examples
+    --------
+    >>> Noise(positional=0.005).positional
+    0.005
     """
 
     quantisation: float = 0.0
@@ -55,7 +67,7 @@ class Noise:
                 raise OptionError(f"{name} = {getattr(self, name)}: a fraction of Vref, 0.01 for 1 %")
 
 
-def on_readings(k: FloatArray, noise: Noise, rng: np.random.Generator) -> FloatArray:
+def add_reading_errors(k: FloatArray, noise: Noise, rng: np.random.Generator) -> FloatArray:
     """Return readings with their errors added (5.1)-(5.3), any shape; not clipped. NaN stays NaN."""
     for half_width in (noise.quantisation, noise.positional):
         if half_width:
@@ -63,7 +75,7 @@ def on_readings(k: FloatArray, noise: Noise, rng: np.random.Generator) -> FloatA
     return k
 
 
-def on_transitions(x_mm: FloatArray, noise: Noise, rng: np.random.Generator) -> FloatArray:
+def add_transition_errors(x_mm: FloatArray, noise: Noise, rng: np.random.Generator) -> FloatArray:
     """Return transitions [mm] with their error added (5.1.2)."""
     if not noise.transition_mm:
         return x_mm

@@ -31,6 +31,11 @@ class Contact:
     ----------
     shapes
         Shapely polygons, line strings and points; none is empty, none crosses itself.
+
+    Examples
+    --------
+    >>> Contact.polygon([(10, 20), (30, 20), (30, 50)]).centroid.round(3).tolist()
+    [23.333, 30.0]
     """
 
     shapes: tuple[BaseGeometry, ...]

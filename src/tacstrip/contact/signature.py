@@ -18,10 +18,25 @@ def signatures(sensor: Sensor, l_mm: FloatArray, u_mm: FloatArray) -> dict[str, 
     NaN where a strip is not touched, and for a metal sheet that a contact of the strip's full length ties
     to both ends (0 / 0).
 
+    Parameters
+    ----------
+    sensor
+        Its construction says which signatures there are.
+    l_mm, u_mm
+        Lower and upper ends of the contact [mm], any shapes that broadcast; NaN where nothing touches.
+
     Raises
     ------
     OptionError
         The construction has no closed form (CRS-CRP).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import tacstrip as ts
+    >>> sensor = ts.Sensor(construction="crs-m", strips=1, pitch_mm=10.0, length_mm=100.0)
+    >>> {name: k.round(6).tolist() for name, k in signatures(sensor, np.array([20.0]), np.array([50.0])).items()}
+    {'k': [0.285714]}
     """
     check_closed_form(sensor.kind, "a signature from l and u alone")
     l, w = np.asarray(l_mm, dtype=float), np.asarray(u_mm, dtype=float) - l_mm

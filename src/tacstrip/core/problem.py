@@ -10,7 +10,7 @@ import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.core.binding import Problem, at
-from tacstrip.sensor.circuit import erosion, sensing_share
+from tacstrip.sensor.circuit import reading_jacobian, sensing_share, transfer_length
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
 
@@ -134,18 +134,14 @@ class FitProblem:
         return np.sqrt(self.weight)
 
     def jacobian(self, l: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return slopes of all readings by l and by u, and the readings (..., S, n), of contacts l to u (..., n)."""
+        """Return dk/dl and dk/du of all readings, and the readings k (..., S, n), of contacts l to u (..., n)."""
         l, w, share = l[..., None, :], (u - l)[..., None, :], self.shares[:, None]
-        if self.lam > 0.0:
-            t = erosion(w, self.lam)
-            mix = 0.5 * (1.0 - (t / self.lam) ** 2)
-        else:
-            t = mix = np.zeros(())
-        over = 1.0 / np.maximum(1.0 - self.narrow * (w - 2.0 * t), LEAST_D)
-        k = (l + t + share * (w - 2.0 * t)) * over
-        by_u = (share + self.narrow * k) * over
-        by_l = over - by_u
-        return by_l + mix * (by_u - by_l), by_u + mix * (by_l - by_u), k
+        t = transfer_length(w, self.lam)
+        d = 1.0 - self.narrow * (w - 2.0 * t)
+        k = (l + t + share * (w - 2.0 * t)) / np.maximum(d, LEAST_D)
+        length = 1.0 + np.maximum(LEAST_D - d, 0.0)  # where D would be less the strip counts as longer
+        by_l, by_u = reading_jacobian(k, w, length, share > 0.0, 1.0 / self.narrow - 1.0, self.lam)
+        return by_l, by_u, k
 
     def readings_of(self, l: FloatArray, u: FloatArray) -> FloatArray:
         """Return the readings (S, n) of contacts from l to u (n,)."""

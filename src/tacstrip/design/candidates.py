@@ -171,8 +171,7 @@ def requirements_unmet(
         As for `network.timing.fastest_scan_hz`.
     """
     asked = published()["requirements"]
-    assert sensor.adc_bits is not None
-    error = 2.0 * noise + 1.0 / (2.0**sensor.adc_bits - 1.0)  # full width, of Vref
+    error = 2.0 * noise + sensor.adc_step  # full width, of Vref
     coarsest = asked["spatial_resolution_mm"][1]
     least, most = asked["sensing_elements"]
     rate = fastest_scan_hz(sensor, Readout(), farad, conversion_s)

@@ -126,8 +126,7 @@ def _end_level(log: Log, sigma: float) -> float | None:
 
 def common_ceiling(log: Log, sigma: float) -> list[Finding]:
     """Find a level that many strips' readings stop at: an amplifier that saturates cuts the noise off too."""
-    step = 0.0 if log.sensor.adc_bits is None else 1.0 / (2.0**log.sensor.adc_bits - 1.0)
-    if sigma < max(step, 2e-4):
+    if sigma < max(log.sensor.adc_step, 2e-4):
         return []
     found = []
     for sign, side in ((1.0, "above"), (-1.0, "below")):
@@ -135,7 +134,7 @@ def common_ceiling(log: Log, sigma: float) -> list[Finding]:
         level = float(np.fmax.reduce([np.fmax.reduce(v, axis=None) for v in values]))
         if not np.isfinite(level) or abs(level) < 0.015 or abs(level - 1.0) < 0.015 or level > 1.0:
             continue
-        at, below, strips = _pile(values, level, 0.6 * step + 1e-9, 2.0 * sigma)
+        at, below, strips = _pile(values, level, 0.6 * log.sensor.adc_step + 1e-9, 2.0 * sigma)
         if at >= 20 and at > 2 * below and strips >= 3:
             found.append(
                 Finding(

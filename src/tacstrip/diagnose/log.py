@@ -13,7 +13,7 @@ from tacstrip.errors import ReadingError
 from tacstrip.io.columns import ELECTRODES, INDEX, Column, finite, strip_index, value_columns
 from tacstrip.io.rows import Row, find, read_csv
 from tacstrip.scan import Scan
-from tacstrip.sensor.raw import corrected, distorted, touched
+from tacstrip.sensor.raw import apply_calibration, invert_calibration, touched
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.codes import top_code
 from tacstrip.stream.source import RawScan
@@ -85,7 +85,9 @@ class Log:
                 raise ReadingError("the scans have different signatures; examine those of one kind together")
         stacked = {name: np.stack([scan[name] for scan in scans]) for name in scans[0].signatures}
         there = np.stack([scan.touched for scan in scans])
-        return cls(sensor, np.array([scan.time_s for scan in scans]), distorted(sensor, stacked), there)
+        return cls(
+            sensor, np.array([scan.time_s for scan in scans]), invert_calibration(sensor, stacked), there
+        )
 
     @classmethod
     def of_codes(cls, sensor: Sensor, scans: Iterable[RawScan]) -> Log:
@@ -112,7 +114,7 @@ class Log:
     def k(self) -> dict[str, FloatArray]:
         """Readings corrected by the sensor's calibration (scans, strips), NaN where nothing touches."""
         raw = {name: np.where(self.touched, values, np.nan) for name, values in self.raw.items()}
-        return raw if self.sensor.calibration is None else corrected(self.sensor, raw)
+        return raw if self.sensor.calibration is None else apply_calibration(self.sensor, raw)
 
     def part(self, most: int) -> Log:
         """Return at most so many scans: 8 stretches of neighbouring ones, evenly spread."""

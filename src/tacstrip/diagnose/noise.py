@@ -15,6 +15,7 @@ from tacstrip.diagnose.log import Log
 from tacstrip.errors import TacstripError
 from tacstrip.geometry.outline import Outline
 from tacstrip.reconstruction.cramer_rao import reading_sigma, vertex_covariance, vertex_rms
+from tacstrip.robust import robust_sigma
 from tacstrip.sensor.spec import Sensor
 
 PROFILE_I, PROFILE_II = 0.005, 0.01  # half-widths over Vref, table 5.1
@@ -24,7 +25,6 @@ _SPILL = 0.7  # of a neighbour's noise: less may be the neighbour's
 _WHITE = 0.6  # of what first differences say: motion leaves less of itself in third ones, noise the same
 _SLOW = 2.0  # times sigma: faster motion is in third differences too
 _FEWEST = 24  # third differences
-_NORMAL = 1.4826  # sigma of normal errors over their median absolute deviation
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,11 +171,11 @@ def _least(a: FloatArray, b: FloatArray) -> float:
 
 def _deviation(differences: FloatArray) -> float:
     known = differences[np.isfinite(differences)]
-    return _NORMAL * float(np.median(np.abs(known))) if len(known) >= _FEWEST else math.nan
+    return float(robust_sigma(known)) if len(known) >= _FEWEST else math.nan
 
 
 def _across(log: Log) -> float:
     """Return sigma from second differences across strips, for a few scans: an upper bound, kinks included."""
     found = [v[np.isfinite(v)] for v in (np.diff(k, n=2, axis=1) / math.sqrt(6.0) for k in log.k.values())]
-    together = np.abs(np.concatenate(found))
-    return _NORMAL * float(np.median(together)) if len(together) >= 5 else math.nan
+    together = np.concatenate(found)
+    return float(robust_sigma(together)) if len(together) >= 5 else math.nan

@@ -33,7 +33,7 @@ from tacstrip.io.columns import (
 from tacstrip.io.rows import Row, find, read_csv
 from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import SIGNATURES
-from tacstrip.sensor.raw import corrected, distorted
+from tacstrip.sensor.raw import apply_calibration, invert_calibration
 from tacstrip.sensor.spec import Sensor
 
 
@@ -64,7 +64,7 @@ def write_readings(path: str | Path, sensor: Sensor, scans: Sequence[Scan]) -> N
         out = csv.writer(file, lineterminator="\n")
         out.writerow([*INDEX, *columns])
         for number, scan in enumerate(scans):
-            raw = distorted(sensor, {n: scan[n] for n in names})
+            raw = invert_calibration(sensor, {n: scan[n] for n in names})
             read = np.stack(list(raw.values()), axis=1) if scan.electrodes is None else scan.electrodes
             volts = read * sensor.vref_volt  # (strips, columns)
             for strip, row in enumerate(volts):
@@ -130,6 +130,8 @@ def _close(scan: _Open, columns: list[Column], sensor: Sensor) -> Scan:
         )
     raw = {c.name: v for c, v in zip(columns, scan.values, strict=True)}
     if columns[0].signature == ELECTRODES:
-        return Scan.of_electrodes(np.stack(list(corrected(sensor, raw).values()), axis=1), scan.time_s)
+        return Scan.of_electrodes(
+            np.stack(list(apply_calibration(sensor, raw).values()), axis=1), scan.time_s
+        )
     raw = {c.signature: raw[c.name] for c in columns}
-    return Scan(**corrected(sensor, raw), time_s=scan.time_s)
+    return Scan(**apply_calibration(sensor, raw), time_s=scan.time_s)

@@ -6,7 +6,7 @@ from .devices.digital_array import scan_array as scan_array
 from .devices.four_wire import FourWire as FourWire
 from .devices.four_wire import four_wire as four_wire
 from .imperfections import Break as Break
-from .imperfections import Build as Build
+from .imperfections import Imperfections as Imperfections
 from .imperfections import Readout as Readout
 from .imperfections import Short as Short
 from .strips.resolved import wide_readings as wide_readings

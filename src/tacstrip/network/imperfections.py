@@ -38,7 +38,7 @@ class Short:
 
 
 @dataclass(frozen=True, eq=False)
-class Build:
+class Imperfections:
     """Imperfections of a unit; the ideal one by default.
 
     Attributes

@@ -1,6 +1,6 @@
 """Nodal analysis: resistors between nodes, some nodes held at a potential, the others solved for.
 
-`Network` and `Question` describe, `Factored` prepares what does not change, `solve` and `answer` do both at once.
+`Network` and `Measurement` describe, `Factored` prepares what does not change, `solve_measurement` does all at once.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ class Network:
 
 
 @dataclass(frozen=True, eq=False)
-class Question:
+class Measurement:
     """One measurement on a network: which nodes are held at which potential, and what is read.
 
     Attributes
@@ -143,14 +143,14 @@ class Factored:
             self._factor = splu(matrix.tocsc(), **_SPLU) if size else None
 
     def solve(self, volts: npt.ArrayLike, amperes: FloatArray | None = None) -> FloatArray:
-        """Return the potentials (nodes,) or, for many questions at once, (nodes, questions).
+        """Return the potentials (nodes,) or, for many measurements at once, (nodes, measurements).
 
         Parameters
         ----------
         volts
-            Potentials of the held nodes (held,) or (held, questions).
+            Potentials of the held nodes (held,) or (held, measurements).
         amperes
-            Currents fed into the nodes (nodes,) or (nodes, questions); none by default.
+            Currents fed into the nodes (nodes,) or (nodes, measurements); none by default.
 
         Returns
         -------
@@ -195,7 +195,7 @@ class Factored:
         return potentials
 
 
-def solve(question: Question) -> FloatArray:
+def solve(measurement: Measurement) -> FloatArray:
     """Return all potentials (nodes,) [Vref]; NaN where a node that is not read floats.
 
     Raises
@@ -203,9 +203,9 @@ def solve(question: Question) -> FloatArray:
     NetworkError
         Nothing is held, or a node that is read floats.
     """
-    held = question.held
-    potentials = Factored(question.network, list(held)).solve(list(held.values()))
-    for name, node in question.read.items():
+    held = measurement.held
+    potentials = Factored(measurement.network, list(held)).solve(list(held.values()))
+    for name, node in measurement.read.items():
         if np.isnan(potentials[node]):
             raise NetworkError(
                 f"{name} floats: no resistor joins node {node} to one that is held at a potential"
@@ -213,13 +213,13 @@ def solve(question: Question) -> FloatArray:
     return potentials
 
 
-def answer(question: Question) -> dict[str, float]:
-    """Return every reading of a question, by its name; errors as for `solve`."""
-    potentials, network = solve(question), question.network
-    result = {name: float(potentials[node]) for name, node in question.read.items()}
-    if question.metered:
+def solve_measurement(measurement: Measurement) -> dict[str, float]:
+    """Return every reading of a measurement, by its name; errors as for `solve`."""
+    potentials, network = solve(measurement), measurement.network
+    result = {name: float(potentials[node]) for name, node in measurement.read.items()}
+    if measurement.metered:
         flow = currents(network, potentials)
-        for name, node in question.metered.items():
+        for name, node in measurement.metered.items():
             result[name] = float(flow[network.end == node].sum() - flow[network.start == node].sum())
     return result
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.errors import NetworkError
-from tacstrip.network.nodal import Network, Question
+from tacstrip.network.nodal import Measurement, Network
 
 
 @dataclass
@@ -28,8 +28,8 @@ class Wires:
         """Add resistors, all of shape (R,)."""
         self.resistors.append((start, end, siemens))
 
-    def question(self, held: dict[int, float], read: dict[str, int], strip: int) -> Question:
-        """Return the question to the network: nodes that are the same become one, resistors on one node go.
+    def measurement(self, held: dict[int, float], read: dict[str, int], strip: int) -> Measurement:
+        """Return the measurement on the network: nodes that are the same become one, resistors on one node go.
 
         Raises
         ------
@@ -55,7 +55,7 @@ class Wires:
                     "ground; make it shorter than the strip"
                 )
         network = Network(int(count), start[real], end[real], siemens[real])
-        return Question(network, potentials, {name: int(label[node]) for name, node in read.items()})
+        return Measurement(network, potentials, {name: int(label[node]) for name, node in read.items()})
 
     def tie(self, a: int, b: int, ohm: float) -> None:
         """Join two nodes by a resistor, or for good where it has 0 ohm."""

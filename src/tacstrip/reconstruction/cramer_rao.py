@@ -15,8 +15,8 @@ from tacstrip.contact.signature import signatures as readings_of
 from tacstrip.core.vertex_covariance import covariance_with_x_priors
 from tacstrip.fisher import checked_sigma
 from tacstrip.geometry.outline import Outline
-from tacstrip.network.crp.cramer_rao import slopes
-from tacstrip.sensor.circuit import end_slopes
+from tacstrip.network.crp.cramer_rao import jacobian
+from tacstrip.sensor.circuit import reading_jacobian
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
 
@@ -27,8 +27,7 @@ def reading_sigma(noise: Noise, sensor: Sensor) -> float:
 
     An error uniform within +-a has a / sqrt(3); a step s of the converter has s / sqrt(12).
     """
-    step = 0.0 if sensor.adc_bits is None else 1.0 / (2.0**sensor.adc_bits - 1.0)
-    return math.sqrt((noise.quantisation**2 + noise.positional**2) / 3.0 + step**2 / 12.0)
+    return math.sqrt((noise.quantisation**2 + noise.positional**2) / 3.0 + sensor.adc_step**2 / 12.0)
 
 
 def signature_jacobians(
@@ -36,7 +35,7 @@ def signature_jacobians(
 ) -> dict[str, tuple[FloatArray, FloatArray]]:
     """Return dk/dl and dk/du [1/mm] of every signature, name to two arrays of the shape of l and u."""
     return {
-        name: end_slopes(
+        name: reading_jacobian(
             k,
             np.asarray(u_mm - l_mm),
             sensor.length_mm,
@@ -71,7 +70,7 @@ def vertex_jacobian(
 
 
 def _network_slopes(outline: Outline, sensor: Sensor, names: tuple[str, ...], x: FloatArray) -> FloatArray:
-    strip, by_ends = slopes(sensor, *outline.ends(sensor.x_mm))  # (T, signatures, 2 T)
+    strip, by_ends = jacobian(sensor, *outline.ends(sensor.x_mm))  # (T, signatures, 2 T)
     by_vertices = by_ends @ np.concatenate(outline.jacobian(sensor.x_mm[strip]))
     read = np.isclose(sensor.x_mm[strip][:, None], x).any(axis=1)
     return np.concatenate([by_vertices[read, sensor.signatures.index(n)] for n in names])

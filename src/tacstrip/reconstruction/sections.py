@@ -12,6 +12,7 @@ from itertools import pairwise
 import numpy as np
 
 from tacstrip.arrays import FloatArray
+from tacstrip.robust import robust_sigma
 
 _ON_STRIP = 1e-9  # pitches: a vertex this near a strip lies on it, and the strip belongs to both sections
 
@@ -89,7 +90,7 @@ def reading_noise(k: FloatArray) -> float:
     if len(k) < 3:
         return 0.0
     second = np.diff(k, 2)
-    return float(1.4826 * np.median(np.abs(second - np.median(second))) / np.sqrt(6.0))
+    return float(robust_sigma(second - np.median(second)) / np.sqrt(6.0))
 
 
 def _fit(x: FloatArray, k: FloatArray, steepest: float) -> Section:

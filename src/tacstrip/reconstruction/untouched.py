@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from tacstrip.reconstruction.result import Reconstruction, RecoveredObject
 from tacstrip.scan import Scan
-from tacstrip.sensor.raw import distorted
+from tacstrip.sensor.raw import invert_calibration
 from tacstrip.sensor.rest_level import rest_hint
 from tacstrip.sensor.spec import Sensor
 
@@ -15,7 +15,7 @@ def doubt_untouched(result: Reconstruction, scan: Scan, sensor: Sensor) -> Recon
     """Return the result; where untouched strips seem to have readings "doubtful" in place of "ok", and with advice."""
     if not scan.touched.all():
         return result
-    raw = distorted(sensor, {name: scan[name] for name in scan.signatures})
+    raw = invert_calibration(sensor, {name: scan[name] for name in scan.signatures})
     hint = rest_hint(sensor, raw, failed=result.status != "ok")
     if not hint:
         return result

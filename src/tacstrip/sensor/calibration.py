@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from tacstrip.arrays import FloatArray
 from tacstrip.errors import SignatureError, SpecError, one_of
-from tacstrip.sensor.channel import Channel, Numbers, Table, across, check_rising, numbers, table
+from tacstrip.sensor.channel import Channel, Numbers, Table, check_rising, numbers, piecewise_map, table
 from tacstrip.sensor.circuit import k_h, k_l, lower_and_width
 from tacstrip.sensor.constructions import SIGNATURES
 
@@ -106,24 +106,24 @@ class Calibration:
             Of the same shape, clipped to 0..1; NaN stays NaN. A strip's own scale along y is taken as for a
             contact without length, and its own ratio is left out: `correct_pair` has both exactly.
         """
-        k = self.channel(signature).undo(np.asarray(k, dtype=float))
+        k = self.channel(signature).correct(np.asarray(k, dtype=float))
         if self.warp:
-            k = across(k, np.array(self.warp), np.array(self.warp_at))
+            k = piecewise_map(k, np.array(self.warp), np.array(self.warp_at))
         return np.clip(k, 0.0, 1.0)
 
     def distort(self, signature: str, k: npt.ArrayLike) -> FloatArray:
         """Return the raw readings that `correct` turns into k, clipped to 0..1; arguments as there."""
         k = np.asarray(k, dtype=float)
         if self.warp:
-            k = across(k, np.array(self.warp_at), np.array(self.warp))
-        return np.clip(self.channel(signature).do(k), 0.0, 1.0)
+            k = piecewise_map(k, np.array(self.warp_at), np.array(self.warp))
+        return np.clip(self.channel(signature).distort(k), 0.0, 1.0)
 
     def correct_pair(
         self, kh: npt.ArrayLike, kl: npt.ArrayLike, ratio: float
     ) -> tuple[FloatArray, FloatArray]:
         """Return corrected k_h and k_l of raw ones read together, as `correct`; `ratio` is the spec's."""
         high, low = (
-            self.channel(name).undo(np.asarray(k, dtype=float)) for name, k in (("kh", kh), ("kl", kl))
+            self.channel(name).correct(np.asarray(k, dtype=float)) for name, k in (("kh", kh), ("kl", kl))
         )
         high, low = self.to_nominal(high, low, ratio)
         return np.clip(high, 0.0, 1.0), np.clip(low, 0.0, 1.0)
@@ -133,7 +133,9 @@ class Calibration:
     ) -> tuple[FloatArray, FloatArray]:
         """Return the raw k_h and k_l that `correct_pair` turns into these."""
         high, low = self.to_own(np.asarray(kh, dtype=float), np.asarray(kl, dtype=float), ratio)
-        return np.clip(self.channel("kh").do(high), 0.0, 1.0), np.clip(self.channel("kl").do(low), 0.0, 1.0)
+        return np.clip(self.channel("kh").distort(high), 0.0, 1.0), np.clip(
+            self.channel("kl").distort(low), 0.0, 1.0
+        )
 
     def to_nominal(self, kh: FloatArray, kl: FloatArray, ratio: float) -> tuple[FloatArray, FloatArray]:
         """Return what uniform strips of the spec's ratio read where these strips read kh and kl; not clipped."""
@@ -155,7 +157,7 @@ class Calibration:
         l, w = lower_and_width(kh, kl, 1.0, old)
         u = l + w
         if self.warp:
-            l, u = (across(v, np.array(start), np.array(end)) for v in (l, u))
+            l, u = (piecewise_map(v, np.array(start), np.array(end)) for v in (l, u))
         return k_h(l, u - l, 1.0, new), k_l(l, u - l, 1.0, new)
 
     def check(self, strips: int, signatures: tuple[str, ...], fingerprint: str) -> None:

@@ -109,12 +109,12 @@ class Channel:
             "curve": np.array(self.curve),
         }
 
-    def undo(self, raw: FloatArray) -> FloatArray:
+    def correct(self, raw: FloatArray) -> FloatArray:
         """Return the readings behind raw ones, (strips,) or (scans, strips); not clipped, NaN stays NaN."""
         c = self.arrays
         v = raw - c["drift"]
         if self.curve:
-            return across(v, c["curve"], c["curve_at"])
+            return piecewise_map(v, c["curve"], c["curve_at"])
         gain, offset, fade = c["gain"], c["offset"], self.fade
         if not fade:
             return np.asarray((v - offset) / gain)
@@ -123,11 +123,11 @@ class Channel:
         middle = (v - offset) / gain
         return np.where(low < fade, low, np.where(high > 1.0 - fade, high, middle))
 
-    def do(self, k: FloatArray) -> FloatArray:
-        """Return the raw readings that `undo` turns into k."""
+    def distort(self, k: FloatArray) -> FloatArray:
+        """Return the raw readings that `correct` turns into k."""
         c = self.arrays
         if self.curve:
-            return np.asarray(across(k, c["curve_at"], c["curve"]) + c["drift"])
+            return np.asarray(piecewise_map(k, c["curve_at"], c["curve"]) + c["drift"])
         return np.asarray(c["gain"] * k + c["offset"] * fading(k, self.fade) + c["drift"])
 
     @classmethod
@@ -148,7 +148,7 @@ def fading(k: FloatArray, fade: float) -> FloatArray:
     return np.asarray(np.minimum(np.minimum(k, 1.0 - k) / fade, 1.0))
 
 
-def across(values: FloatArray, start: FloatArray, end: FloatArray) -> FloatArray:
+def piecewise_map(values: FloatArray, start: FloatArray, end: FloatArray) -> FloatArray:
     """Carry values (.., strips) along straight pieces through the knots (start, end), and beyond the last.
 
     Each of start and end is (knots,) or (strips, knots), rising.

@@ -30,8 +30,8 @@ def sensing_share(ratio: float) -> float:
     return ratio / (1.0 + ratio)
 
 
-def erosion(w: FloatArray, contact_lambda: float) -> FloatArray:
-    """Return T = lambda tanh(w / 2 lambda): how far contact resistance eats into each end [unit of w]."""
+def transfer_length(w: FloatArray, contact_lambda: float) -> FloatArray:
+    """Return the transfer length T = lambda tanh(w / 2 lambda), lost to contact resistance at each end [unit of w]."""
     if contact_lambda == 0.0:
         return np.zeros_like(w)
     return np.asarray(contact_lambda * np.tanh(w / (2.0 * contact_lambda)))
@@ -52,9 +52,22 @@ def k_h(
         Resistivity of the sensing strip over that of the energised strip.
     contact_lambda
         Decay length of the contact resistance [mm].
+
+    Returns
+    -------
+    FloatArray
+        Over Vref, of the broadcast shape; NaN where l or w is NaN.
+
+    Examples
+    --------
+    A contact from 20 to 50 mm on a strip of 100 mm:
+
+    >>> import numpy as np
+    >>> round(float(k_h(np.array(20.0), np.array(30.0), 100.0)), 6)
+    0.411765
     """
     a = sensing_share(ratio)
-    t = erosion(w, contact_lambda)
+    t = transfer_length(w, contact_lambda)
     wi = w - 2.0 * t
     return _over_vref(l + t + a * wi, length - (1.0 - a) * wi, length)
 
@@ -62,14 +75,32 @@ def k_h(
 def k_l(
     l: FloatArray, w: FloatArray, length: float, ratio: float = 1.0, contact_lambda: float = 0.0
 ) -> FloatArray:
-    """Return k_l, the sensing strip's lower voltage over Vref: (3.4), (3.6). Arguments as for `k_h`."""
+    """Return k_l, the sensing strip's lower voltage over Vref: (3.4), (3.6).
+
+    Arguments and result as for `k_h`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> round(float(k_l(np.array(20.0), np.array(30.0), 100.0)), 6)
+    0.235294
+    """
     a = sensing_share(ratio)
-    t = erosion(w, contact_lambda)
+    t = transfer_length(w, contact_lambda)
     return _over_vref(l + t, length - (1.0 - a) * (w - 2.0 * t), length)
 
 
 def k_metal(l: FloatArray, w: FloatArray, length: float, contact_lambda: float = 0.0) -> FloatArray:
-    """Return k, the metal sheet's voltage over Vref: (3.8). A strip contact of length L leaves 0 / 0: NaN."""
+    """Return k, the metal sheet's voltage over Vref: (3.8).
+
+    Arguments and result as for `k_h`; NaN, 0 / 0, for a contact of the whole strip length.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> round(float(k_metal(np.array(20.0), np.array(30.0), 100.0)), 6)
+    0.285714
+    """
     with np.errstate(invalid="ignore"):
         return k_l(l, w, length, 0.0, contact_lambda)
 
@@ -83,9 +114,7 @@ def _over_vref(numerator: FloatArray, d: FloatArray, length: float) -> FloatArra
     return np.where(near, np.clip(k, 0.0, 1.0), k)
 
 
-def chain_weights(
-    k: FloatArray, at_upper_end: bool | BoolArray, ratio: float
-) -> tuple[FloatArray, FloatArray]:
+def end_weights(k: FloatArray, at_upper_end: bool | BoolArray, ratio: float) -> tuple[FloatArray, FloatArray]:
     """Return (c_l, c_u) with c_l l + c_u u = k L and c_l + c_u = 1, for an ideal contact.
 
     (3.5), (3.6) and (3.8) are each linear in l and u once the reading is known; steps 3 (a), (b), (c) of
@@ -105,11 +134,11 @@ def chain_weights(
     return 1.0 - c_u, c_u
 
 
-def end_slopes(
+def reading_jacobian(
     k: FloatArray,
     w: FloatArray,
-    length: float,
-    at_upper_end: bool,
+    length: float | FloatArray,
+    at_upper_end: bool | BoolArray,
     ratio: float = 1.0,
     contact_lambda: float = 0.0,
 ) -> tuple[FloatArray, FloatArray]:
@@ -126,9 +155,9 @@ def end_slopes(
     at_upper_end
         Whether k is the sensing strip's upper end (k_h) or its lower end (k_l, k).
     """
-    t = erosion(w, contact_lambda)
+    t = transfer_length(w, contact_lambda)
     d = length - (w - 2.0 * t) / (1.0 + ratio)
-    c_l, c_u = chain_weights(k, at_upper_end, ratio)
+    c_l, c_u = end_weights(k, at_upper_end, ratio)
     # c_l l + c_u u = k L is linear in the ideal contact's ends; contact resistance mixes both by dT/dw.
     mix = 0.5 * (1.0 - (t / contact_lambda) ** 2) if contact_lambda else np.zeros_like(t)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -141,16 +170,23 @@ def lower_and_width(
     """Solve k_h and k_l for l and w: (4.36), for unequal strips and contact resistance too.
 
     Noise can make w negative: nothing is clipped here.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> l, w = lower_and_width(np.array(7.0 / 17.0), np.array(4.0 / 17.0), 100.0)
+    >>> round(float(l), 6), round(float(w), 6)
+    (20.0, 30.0)
     """
     d = length / (1.0 + (kh - kl) / ratio)
     ideal = (1.0 + ratio) / ratio * (kh - kl) * d
-    w = _undo_erosion(ideal, contact_lambda)
+    w = _width_from_ideal(ideal, contact_lambda)
     return np.asarray(kl * d - (w - ideal) / 2.0), w
 
 
 def lower_from_width(k: FloatArray, w: FloatArray, length: float, contact_lambda: float = 0.0) -> FloatArray:
     """Solve (3.8) for l where w is known."""
-    t = erosion(np.asarray(w, dtype=float), contact_lambda)
+    t = transfer_length(np.asarray(w, dtype=float), contact_lambda)
     return np.asarray(k * (length - w + 2.0 * t) - t)
 
 
@@ -165,7 +201,7 @@ def width_from_lower(k: FloatArray, l: FloatArray, length: float, contact_lambda
     # one way on each side of 0, so Newton from 0 finds the root; from (3.8)'s w it diverges where k is small.
     w = np.where(np.isnan(w), w, 0.0)
     for _ in range(_NEWTON_STEPS):
-        t = erosion(w, contact_lambda)
+        t = transfer_length(w, contact_lambda)
         slope = 0.5 * (1.0 - (t / contact_lambda) ** 2)  # dT/dw
         step = (k * w + (1.0 - 2.0 * k) * t + l - k * length) / (k + (1.0 - 2.0 * k) * slope)
         w = w - step
@@ -174,7 +210,7 @@ def width_from_lower(k: FloatArray, l: FloatArray, length: float, contact_lambda
     return w
 
 
-def _undo_erosion(ideal: FloatArray, contact_lambda: float) -> FloatArray:
+def _width_from_ideal(ideal: FloatArray, contact_lambda: float) -> FloatArray:
     """Solve w - 2 lambda tanh(w / 2 lambda) = ideal for w; odd in w, so noise below zero stays below."""
     ideal = np.asarray(ideal, dtype=float)
     if contact_lambda == 0.0:

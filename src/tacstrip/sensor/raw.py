@@ -19,7 +19,7 @@ def touched(sensor: Sensor, raw: Mapping[str, FloatArray]) -> BoolArray:
     """Return which strips are touched: further than `touch_volt` from rest in any reading.
 
     Rest is each strip's own learned level, else `rest_volt`. A sensor without `rest_volt` takes every strip that has
-    readings for touched. Arguments as for `corrected`.
+    readings for touched. Arguments as for `apply_calibration`.
     """
     found = np.any([np.isfinite(v) for v in raw.values()], axis=0)
     if sensor.rest_volt is None or sensor.touch_volt is None:
@@ -29,7 +29,7 @@ def touched(sensor: Sensor, raw: Mapping[str, FloatArray]) -> BoolArray:
 
 
 @takes(sensor=Sensor)
-def corrected(sensor: Sensor, raw: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+def apply_calibration(sensor: Sensor, raw: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
     """Return a unit's readings for a `Scan`: NaN where nothing touches, corrected by its calibration elsewhere.
 
     Parameters
@@ -52,8 +52,8 @@ def corrected(sensor: Sensor, raw: Mapping[str, FloatArray]) -> dict[str, FloatA
 
 
 @takes(sensor=Sensor)
-def distorted(sensor: Sensor, readings: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-    """Return the raw readings that `corrected` turns into these; NaN, nothing touches, stays NaN."""
+def invert_calibration(sensor: Sensor, readings: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+    """Return the raw readings that `apply_calibration` turns into these; NaN, nothing touches, stays NaN."""
     calibration = sensor.calibration
     if calibration is None:
         return dict(readings)

@@ -1,6 +1,6 @@
-"""Whether untouched strips have readings that the spec does not tell from a contact's: all then count as touched.
+"""Recordings whose untouched strips have readings that the spec does not separate from those of a contact.
 
-What tells it: strips at a border read one level, k_h and k_l the same where there are both, and readings jump from
+The sign: strips at a border read one level, k_h and k_l the same where there are both, and readings jump from
 it. Of all contacts over every strip only a thin line with a block on it does so: the readings of a convex one are a
 smooth curve with kinks, and its k_h lies above k_l.
 """
@@ -21,7 +21,7 @@ _BAND = (
 )
 _JUMP = 0.05  # over Vref: from the level to the first strip that is touched
 _STEEPER = 3.0  # such a jump over the next step: along an edge of a contact steps differ by less
-_FEWEST = 6  # strips: of fewer, nothing is told
+_FEWEST = 6  # strips: with fewer, no hint is given
 _SHARE = 0.5  # of the scans with a contact
 _MOST_SCANS = 400  # of longer recordings, scans evenly spread are looked at
 _EVERY = "every strip has a reading, so every strip counts as touched"
@@ -33,7 +33,7 @@ def rest_hint(sensor: Sensor, raw: Mapping[str, FloatArray], failed: bool = Fals
     Parameters
     ----------
     sensor
-        Its `rest_volt` and `touch_volt` did not tell the strips apart.
+        Its `rest_volt` and `touch_volt` did not separate touched from untouched strips.
     raw
         Raw readings over Vref by signature, (strips,) or (scans, strips), NaN where nothing touches.
     failed
@@ -46,28 +46,28 @@ def rest_hint(sensor: Sensor, raw: Mapping[str, FloatArray], failed: bool = Fals
     looked = values[whole][np.linspace(0, whole.sum() - 1, min(whole.sum(), _MOST_SCANS)).astype(int)]
     found = [_resting(scan) for scan in looked]
     sure = [f for f in found if f is not None and f.level is not None]
-    telling = [f for f in found if f is not None]
-    if sure and len(sure) >= _SHARE * len(telling):
+    decisive = [f for f in found if f is not None]
+    if sure and len(sure) >= _SHARE * len(decisive):
         levels = np.array([f.level for f in sure])
         middle = float(np.median(levels))
         alike = np.abs(levels - middle) <= _BAND
         if alike.mean() >= _SHARE:
-            return _told(sensor, middle, [f for f, same in zip(sure, alike, strict=True) if same])
+            return _hint(sensor, middle, [f for f, same in zip(sure, alike, strict=True) if same])
     if failed and whole.all() and sensor.rest_volt is None:
         return f"{_EVERY}: if untouched strips have readings too, set rest_volt and touch_volt in the spec"
     return ""
 
 
 @dataclass(frozen=True)
-class _Scan:
-    """What one scan tells: the level of strips at rest, None where none are; how many are, and how far off it."""
+class _Rest:
+    """The level of the strips at rest in one scan, None where none are; their number and largest deviation."""
 
     level: float | None = None
     count: int = 0
     off: float = 0.0
 
 
-def _told(sensor: Sensor, level: float, scans: list[_Scan]) -> str:
+def _hint(sensor: Sensor, level: float, scans: list[_Rest]) -> str:
     n, vref = int(np.median([s.count for s in scans])), sensor.vref_volt
     off = max(abs((s.level or 0.0) - level) + s.off for s in scans)
     now = (
@@ -80,23 +80,23 @@ def _told(sensor: Sensor, level: float, scans: list[_Scan]) -> str:
     )
 
 
-def _resting(k: FloatArray) -> _Scan | None:
-    """Find strips at rest in one scan (signatures, strips), all with readings; None where it cannot tell."""
+def _resting(k: FloatArray) -> _Rest | None:
+    """Find strips at rest in one scan (signatures, strips), all with readings; None where the scan does not decide."""
     middle = k.mean(axis=0)
     thin = np.ptp(k, axis=0) <= _BAND
     level = _commonest(middle[thin])
     if math.isnan(level):
-        return _Scan()
+        return _Rest()
     rest = thin & (np.abs(middle - level) <= _BAND / 2.0)
     count = int(rest.sum())
     if rest.all():
         return None  # no contact, or a line along all strips
     if count < (2 if len(k) > 1 else 3) or not (rest[:2].all() or rest[-2:].all()):
-        return _Scan()
+        return _Rest()
     jumps = _jumps(k, level, rest)
     if 2 * sum(jumps) < len(jumps):
-        return _Scan()
-    return _Scan(level, count, float(np.abs(k[:, rest] - level).max()))
+        return _Rest()
+    return _Rest(level, count, float(np.abs(k[:, rest] - level).max()))
 
 
 def _commonest(values: FloatArray) -> float:

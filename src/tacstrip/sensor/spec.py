@@ -55,6 +55,12 @@ class Sensor:
     ------
     SpecError
         A value is impossible or does not belong to the construction; the message names the key.
+
+    Examples
+    --------
+    >>> sensor = Sensor(construction="crs-crs", strips=10, pitch_mm=8.0, length_mm=100.0)
+    >>> sensor.width_mm
+    80.0
     """
 
     construction: str
@@ -125,6 +131,11 @@ class Sensor:
     def width_mm(self) -> float:
         """Extent of the digital dimension, n pitches [mm]."""
         return self.strips * self.pitch_mm
+
+    @property
+    def adc_step(self) -> float:
+        """Step of the A/D converter over Vref, 1 / (2^bits - 1); 0 where the spec gives no `adc_bits`."""
+        return 0.0 if self.adc_bits is None else 1.0 / (2.0**self.adc_bits - 1.0)
 
     @property
     def x_mm(self) -> FloatArray:

@@ -15,7 +15,7 @@ from tacstrip.arguments import takes
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.errors import RecordingError
 from tacstrip.scan import Scan
-from tacstrip.sensor.raw import corrected, distorted
+from tacstrip.sensor.raw import apply_calibration, invert_calibration
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.source import CodeArray, RawScan
 
@@ -101,13 +101,15 @@ def over_vref(codes: Mapping[str, CodeArray], touched: BoolArray, sensor: Sensor
             f"a scan has the code {most}, above {top}: adc_bits = {sensor.adc_bits} of the spec is wrong"
         )
     if ELECTRODES not in codes:
-        return corrected(sensor, {name: np.where(touched, v / top, np.nan) for name, v in codes.items()})
+        return apply_calibration(
+            sensor, {name: np.where(touched, v / top, np.nan) for name, v in codes.items()}
+        )
     columns = np.moveaxis(codes[ELECTRODES], -1, 0)  # (2 strips, ..., strips)
     raw = {str(i): np.where(touched, column / top, np.nan) for i, column in enumerate(columns)}
-    return {ELECTRODES: np.stack(list(corrected(sensor, raw).values()), axis=-1)}
+    return {ELECTRODES: np.stack(list(apply_calibration(sensor, raw).values()), axis=-1)}
 
 
 def _raw(scan: Scan, sensor: Sensor) -> dict[str, FloatArray]:
     if scan.electrodes is not None:
         return {ELECTRODES: scan.electrodes}
-    return distorted(sensor, {name: scan[name] for name in scan.signatures})
+    return invert_calibration(sensor, {name: scan[name] for name in scan.signatures})

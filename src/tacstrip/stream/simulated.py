@@ -18,7 +18,7 @@ from tacstrip.contact.footprint import footprint
 from tacstrip.contact.noise import Noise, Rng, generator
 from tacstrip.contact.shape import Contact
 from tacstrip.errors import OptionError
-from tacstrip.sensor.raw import distorted
+from tacstrip.sensor.raw import invert_calibration
 from tacstrip.sensor.spec import Sensor
 from tacstrip.simulation import readings, simulate
 from tacstrip.stream.codes import encode, to_codes, with_converter
@@ -145,7 +145,7 @@ class SimulatedSource:
         if any(np.isnan(v[touched]).any() for v in values.values()):  # a short: `simulate` says where
             yield from (self._scan(number) for number in numbers)
             return
-        codes = to_codes(distorted(self.sensor, values), self.sensor)
+        codes = to_codes(invert_calibration(self.sensor, values), self.sensor)
         for i, number in enumerate(numbers):
             own = {name: rows[i] for name, rows in codes.items()}
             yield RawScan(number / self._rate_hz, own, touched[i], number)

@@ -10,7 +10,7 @@ from typing import Any, Protocol, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from tacstrip.arrays import BoolArray, FloatArray, strips_told
+from tacstrip.arrays import BoolArray, FloatArray, touched_strips
 from tacstrip.sensor.spec import Sensor
 
 CodeArray: TypeAlias = npt.NDArray[np.unsignedinteger[Any]]
@@ -55,7 +55,7 @@ class RawScan:
     shapes: tuple[Shape, ...] = ()
 
     def __repr__(self) -> str:
-        strips = f"{len(self.touched)} strips at {self.time_s:.6g} s: {strips_told(self.touched)}"
+        strips = f"{len(self.touched)} strips at {self.time_s:.6g} s: {touched_strips(self.touched)}"
         return f"<RawScan {self.sequence} of {strips}, codes {', '.join(self.codes)}>"
 
 

@@ -1,2 +1,2 @@
-from .cylinder import from_space as from_space
-from .cylinder import to_space as to_space
+from .cylinder import from_cartesian as from_cartesian
+from .cylinder import to_cartesian as to_cartesian

@@ -20,7 +20,7 @@ def strip_angle(sensor: Sensor, strip: FloatArray) -> FloatArray:
 
 
 @takes(sensor=Sensor)
-def to_space(sensor: Sensor, strip: FloatArray, y_mm: FloatArray) -> FloatArray:
+def to_cartesian(sensor: Sensor, strip: FloatArray, y_mm: FloatArray) -> FloatArray:
     """Return points (..., 3) [mm] for strip coordinates and positions y along the strip, any shapes."""
     strip, y = np.broadcast_arrays(np.asarray(strip, dtype=float), np.asarray(y_mm, dtype=float))
     if not sensor.kind.cylindrical:
@@ -30,8 +30,8 @@ def to_space(sensor: Sensor, strip: FloatArray, y_mm: FloatArray) -> FloatArray:
 
 
 @takes(sensor=Sensor)
-def from_space(sensor: Sensor, points_mm: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return strip coordinates and y [mm] of points (..., 3) [mm], the inverse of `to_space`.
+def from_cartesian(sensor: Sensor, points_mm: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return strip coordinates and y [mm] of points (..., 3) [mm], the inverse of `to_cartesian`.
 
     A point off the surface is taken along the normal. The seam of a tube lies opposite its strips.
     """

@@ -16,7 +16,7 @@ from tacstrip.plot.style import COLOURS, SENSOR, STRIP, TRUE, add_axes, legend, 
 from tacstrip.sensor.circuit import k_h, k_l, k_metal
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
-from tacstrip.surface.cylinder import strip_angle, strips_under_flat, to_space
+from tacstrip.surface.cylinder import strip_angle, strips_under_flat, to_cartesian
 
 Model: TypeAlias = Callable[[FloatArray, FloatArray, float], FloatArray]  # of l, w and L
 
@@ -103,7 +103,7 @@ def _cross_section(axes: Axes, sensor: Sensor) -> None:
         angle = np.rad2deg(strip_angle(sensor, np.array(float(i))) + turn)
         colour = COLOURS["k"] if touched[i] else STRIP
         axes.add_patch(Wedge((0, 0), radius, angle - half, angle + half, width=_THICK_MM, facecolor=colour))
-        x, y = 0.66 * _turned(to_space(sensor, np.array(i), np.array(0.0))[:2], turn)
+        x, y = 0.66 * _turned(to_cartesian(sensor, np.array(i), np.array(0.0))[:2], turn)
         axes.text(x, y, f"{i + sensor.strip_base}", ha="center", va="center")
     bottom, side = radius - _DEPTH_MM, 0.95 * radius
     block = [(-side, bottom), (side, bottom), (side, bottom + 3.0), (-side, bottom + 3.0)]

@@ -30,7 +30,7 @@ from tacstrip.data.published import offsets_volt, region_residuals, residuals
 from tacstrip.scan import Scan
 from tacstrip.sensor.calibration import Calibration
 from tacstrip.sensor.channel import Channel
-from tacstrip.sensor.raw import corrected, distorted
+from tacstrip.sensor.raw import apply_calibration, invert_calibration
 from tacstrip.sensor.spec import Sensor
 
 PROTOTYPES = {
@@ -135,12 +135,14 @@ def line_errors() -> FloatArray:
 def raw_scan(sensor: Sensor, contact: Contact, errors: dict[str, FloatArray]) -> Scan:
     """Return a twin's raw readings, as its meter shows them, of a contact that may hang over the edges."""
     ideal = signatures(sensor, *footprint(sensor, contact))
-    return Scan(time_s=0.0, **distorted(sensor, {name: k + errors[name] for name, k in ideal.items()}))
+    return Scan(
+        time_s=0.0, **invert_calibration(sensor, {name: k + errors[name] for name, k in ideal.items()})
+    )
 
 
 def calibrated(sensor: Sensor, raw: Scan) -> Scan:
     """Return raw readings with the printed offsets subtracted: (6.3), (6.4)."""
-    return Scan(time_s=0.0, **corrected(sensor, {name: raw[name] for name in raw.signatures}))
+    return Scan(time_s=0.0, **apply_calibration(sensor, {name: raw[name] for name in raw.signatures}))
 
 
 def nearest_strips(sensor: Sensor, corners: FloatArray) -> IntArray:

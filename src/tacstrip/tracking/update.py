@@ -21,7 +21,6 @@ from tacstrip.sensor.spec import Sensor
 _ALARM = 5.0  # standard deviations by which the squared residuals may exceed those of the search
 _WILD = 6.0  # times the residuals' spread: a reading that the search left out
 _SLOW = 0.02  # of the new level of residuals that is taken over with each scan
-_MAD = 1.4826
 _CURVE_PARAMETERS = 3  # of an ellipse that the readings determine
 _THIN = 1e-6  # of the strip length: thinner is a line
 _APART = 1e-6  # of the width: between two vertices that the ends drove together
@@ -67,7 +66,7 @@ def started(shape: RecoveredObject, scan: Scan, sensor: Sensor) -> Followed | No
     except ContactError:
         return None
     residuals, used = fit.residuals(problem), problem.weight > 0.0
-    spread = _MAD * float(np.median(np.abs(residuals[used])))
+    spread = float(robust_sigma(residuals[used]))
     wild = np.abs(residuals) > max(_WILD * spread, FLOOR)
     excluded[:, shape.strips] = wild
     last = Followed(shape, _in_mm(fit, problem), 1.0, excluded)
@@ -155,5 +154,4 @@ def _numbers(last: Followed) -> int:
 
 def _least(sensor: Sensor) -> float:
     """Return the noise that a reading has at least: of the converter's steps [Vref]."""
-    step = 0.0 if sensor.adc_bits is None else 1.0 / (2.0**sensor.adc_bits - 1.0)
-    return max(step / math.sqrt(12.0), FLOOR)
+    return max(sensor.adc_step / math.sqrt(12.0), FLOOR)

@@ -1,4 +1,4 @@
-"""What a contact's ends must keep to, and least-squares steps that do.
+"""Linear constraints on a contact's ends, and least-squares steps within them.
 
 A step d minimises d C d / 2 - f d under G d >= h. With C = R' R this is the point of a polyhedron that lies nearest
 to the origin, which non-negative least squares finds: C. L. Lawson and R. J. Hanson, Solving Least Squares Problems
@@ -12,8 +12,10 @@ import numpy as np
 from tacstrip.arrays import FloatArray, IntArray
 
 
-def rules(strip: IntArray, length: float, shortest: float, convex: bool) -> tuple[FloatArray, FloatArray]:
-    """Return G (rules, 2 T) and h (rules,) so that G x >= h for ends x = l, then u, of the touched strips (T,).
+def linear_constraints(
+    strip: IntArray, length: float, shortest: float, convex: bool
+) -> tuple[FloatArray, FloatArray]:
+    """Return G (C, 2 T) and h (C,) of G x >= h for the ends x = l, then u, of the touched strips (T,).
 
     0 <= l, l + shortest <= u, u <= length; and, for convex contacts, l bends up only and u down only over any
     three strips in a row.
@@ -31,30 +33,30 @@ def rules(strip: IntArray, length: float, shortest: float, convex: bool) -> tupl
 
 
 def constrained_step(
-    curvature: FloatArray, downhill: FloatArray, rule: FloatArray, least: FloatArray
+    curvature: FloatArray, descent: FloatArray, constraints: FloatArray, limits: FloatArray
 ) -> FloatArray:
     """Return the d that minimises d C d / 2 - f d under G d >= h.
 
     Parameters
     ----------
-    curvature, downhill
+    curvature, descent
         C (N, N), positive definite, and f (N,).
-    rule, least
-        G (rules, N) and h (rules,); some d must keep to them.
+    constraints, limits
+        G (constraints, N) and h (constraints,); at least one d must satisfy them.
     """
     from scipy.linalg import cholesky, solve_triangular
     from scipy.optimize import nnls
 
     scale = 1.0 / np.sqrt(np.diag(curvature))
     root = cholesky(curvature * np.outer(scale, scale))  # upper
-    free = solve_triangular(root, downhill * scale, trans="T")
+    free = solve_triangular(root, descent * scale, trans="T")
     step = scale * solve_triangular(root, free)
-    if np.all(rule @ step >= least):
+    if np.all(constraints @ step >= limits):
         return np.asarray(step)
     # In z = R d / scale - free: the nearest point to the origin with G z >= h.
-    tilted = solve_triangular(root, (rule * scale).T, trans="T").T
+    tilted = solve_triangular(root, (constraints * scale).T, trans="T").T
     norm = np.linalg.norm(tilted, axis=1)
-    tilted, lack = tilted / norm[:, None], (least - rule @ step) / norm
+    tilted, lack = tilted / norm[:, None], (limits - constraints @ step) / norm
     far = np.abs(lack[lack > 0.0]).max()
     system = np.vstack([tilted.T, lack / far])
     aim = np.zeros(len(system))

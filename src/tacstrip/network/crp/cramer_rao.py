@@ -1,4 +1,4 @@
-"""How well the readings of a CRS-CRP sensor can tell l and u at best: the Cramer-Rao bound."""
+"""The Cramer-Rao bound of l and u from the readings of a CRS-CRP sensor."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import numpy as np
 from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.errors import NetworkError, one_of
 from tacstrip.fisher import checked_sigma
-from tacstrip.fisher import covariance as bound
-from tacstrip.network.crp.factored import Scan
-from tacstrip.network.crp.mesh import Mesh, Wiring, checked_span
+from tacstrip.fisher import covariance as covariance_bound
+from tacstrip.network.crp.factored import FactoredScan
+from tacstrip.network.crp.mesh import SheetMesh, Wiring, checked_span
 from tacstrip.sensor.spec import Sensor
 
 Electrodes: TypeAlias = Literal["own", "all"]
@@ -30,15 +30,15 @@ def covariance(
     """Return the Cramer-Rao bound of l of all strips, then u (2 strips, 2 strips) [mm^2]; NaN where untouched.
 
     Its diagonal's square root is the least standard error that any unbiased method can have when every reading
-    has independent normal noise of `sigma` [Vref]; inf where the readings do not tell. Other arguments and errors
-    as for `own_electrodes`.
+    has independent normal noise of `sigma` [Vref]; inf where the readings do not identify an end.
+    Other arguments and errors as for `own_electrodes`.
     """
-    strip, slope = slopes(sensor, l, u, electrodes, rows, wiring)
-    rooted = slope.reshape(-1, 2 * len(strip)) / checked_sigma(sigma)
-    return spread(bound(rooted), strip, sensor.strips)
+    strip, by_ends = jacobian(sensor, l, u, electrodes, rows, wiring)
+    scaled = by_ends.reshape(-1, 2 * len(strip)) / checked_sigma(sigma)
+    return embed_touched(covariance_bound(scaled), strip, sensor.strips)
 
 
-def slopes(
+def jacobian(
     sensor: Sensor,
     l: FloatArray,
     u: FloatArray,
@@ -46,16 +46,16 @@ def slopes(
     rows: int | None = None,
     wiring: Wiring | None = None,
 ) -> tuple[IntArray, FloatArray]:
-    """Return the touched strips (T,), and the slopes of their readings by their l, then u (T, E, 2 T) [1/mm].
+    """Return the touched strips (T,), and d readings / d (l, u) of them (T, E, 2 T) [1/mm].
 
     Own electrodes are k_h, then k_l; all of them are in the order of `all_electrodes`. Arguments and errors as
     for `covariance`.
     """
     if electrodes not in _ELECTRODES:
         raise NetworkError(one_of("electrodes", electrodes, _ELECTRODES))
-    mesh = Mesh.of(sensor, rows)
+    mesh = SheetMesh.of(sensor, rows)
     strip, low, high = checked_span(mesh, l, u)
-    scan = Scan(mesh, strip, mesh.hat_lengths(low, high), wiring or Wiring())
+    scan = FactoredScan(mesh, strip, mesh.hat_lengths(low, high), wiring or Wiring())
     ends = np.concatenate([low, high])
     return strip, np.asarray(scan.jacobian(ends, used_columns(sensor, strip, electrodes)))
 
@@ -67,7 +67,7 @@ def used_columns(sensor: Sensor, strip: IntArray, electrodes: Electrodes) -> Int
     return np.tile(np.arange(2 * sensor.strips), (len(strip), 1))
 
 
-def spread(matrix: FloatArray, strip: IntArray, strips: int) -> FloatArray:
+def embed_touched(matrix: FloatArray, strip: IntArray, strips: int) -> FloatArray:
     """Put a matrix of the touched strips (2 T, 2 T) among NaN for all strips (2 strips, 2 strips)."""
     where = np.concatenate([strip, strips + strip])
     full = np.full((2 * strips, 2 * strips), np.nan)

@@ -1,6 +1,6 @@
 """The network of a CRS-CRP contact: one factor serves a whole scan, and how its readings change with l and u.
 
-While strip i is energised all others float, so every strip's question is put to one network: no strip held, one
+While strip i is energised all others float, so every strip is measured on one network: no strip held, one
 node of the sheet grounded. A unit current from the strip's end at Vref to its grounded end is one right-hand side;
 shifted and scaled so that these ends are at 0 and 1, the potentials are those of the energised strip.
 
@@ -12,16 +12,17 @@ current from where a potential is read to where it is compared with, d reading /
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cached_property
 
 import numpy as np
 
 from tacstrip.arrays import FloatArray, IntArray
-from tacstrip.network.crp.mesh import Mesh, Wiring, checked_span, wire
+from tacstrip.network.crp.mesh import SheetMesh, Wiring, checked_span, contact_network
 from tacstrip.network.nodal import Factored
 from tacstrip.sensor.spec import Sensor
 
 
-class Scan:
+class FactoredScan:
     """The network of one contact, factored once.
 
     Parameters
@@ -36,21 +37,20 @@ class Scan:
         What the other strips and the sheet's edges are joined to.
     """
 
-    def __init__(self, mesh: Mesh, strip: IntArray, lengths: FloatArray, wiring: Wiring) -> None:
+    def __init__(self, mesh: SheetMesh, strip: IntArray, lengths: FloatArray, wiring: Wiring) -> None:
         self.mesh, self.wiring = mesh, wiring
-        self.wired = wired = wire(mesh, strip, np.maximum(lengths, 0.0), wiring)
+        self.resistors = resistors = contact_network(mesh, strip, np.maximum(lengths, 0.0), wiring)
         self.by_voltage = wiring.others == "grounded"
         if self.by_voltage:
-            held = np.concatenate([wired.top, wired.bottom])
+            held = np.concatenate([resistors.top, resistors.bottom])
         elif wiring.others == "tied grounds":
-            held = wired.bottom[:1]
+            held = resistors.bottom[:1]
         else:
-            held = wired.electrode[:1]
-        self.factored = Factored(wired.network, held)
+            held = resistors.electrode[:1]
+        self.factored = Factored(resistors.network, held)
         # Potentials are kept where readings and their slopes need them; all of them would not stay in the cache.
-        ends = np.concatenate([wired.electrode, wired.bottom, wired.top])
+        ends = np.concatenate([resistors.electrode, resistors.bottom, resistors.top])
         self._kept = np.unique(np.concatenate([ends, self._beside_ends(lengths)]))
-        self._phi: FloatArray | None = None
 
     @classmethod
     def of_span(
@@ -60,9 +60,9 @@ class Scan:
         u: FloatArray,
         rows: int | None = None,
         wiring: Wiring | None = None,
-    ) -> Scan:
+    ) -> FactoredScan:
         """Prepare the scan of a contact from l to u (strips,) [mm]; see `own_electrodes`."""
-        mesh = Mesh.of(sensor, rows)
+        mesh = SheetMesh.of(sensor, rows)
         strip, low, high = checked_span(mesh, l, u)
         return cls(mesh, strip, mesh.hat_lengths(low, high), wiring or Wiring())
 
@@ -73,30 +73,28 @@ class Scan:
         outer = np.stack([touched.argmax(axis=1), last - touched[:, ::-1].argmax(axis=1)], axis=1)
         rows = np.clip(outer[:, :, None] + np.array([-1, 0, 1]), 0, last).reshape(len(touched), -1)
         each = np.arange(len(touched))[:, None]
-        nodes = np.concatenate([self.wired.strip_node[each, rows], self.wired.sheet_node[each, rows]])
+        nodes = np.concatenate([self.resistors.strip_node[each, rows], self.resistors.sheet_node[each, rows]])
         return nodes[nodes >= 0]
 
     def _place(self, node: IntArray) -> IntArray:
         """Return where nodes stand among those whose potentials are kept."""
         return np.searchsorted(self._kept, node)
 
-    @property
+    @cached_property
     def phi(self) -> FloatArray:
         """Potentials (kept, T) while each touched strip carries 1, or, others grounded, is put on Vref."""
-        if self._phi is None:
-            self._phi = self.factored.fed(self.wired.top, self.wired.bottom, self._kept)
-        return self._phi
+        return self.factored.fed(self.resistors.top, self.resistors.bottom, self._kept)
 
     def readings(self) -> FloatArray:
         """Return what all electrodes read while each touched strip is energised (T, 2 strips) [Vref]."""
-        read, (ground, drop) = self.phi[self._place(self.wired.electrode)], self._ends()
+        read, (ground, drop) = self.phi[self._place(self.resistors.electrode)], self._ends()
         return np.asarray((read.T - ground[:, None]) / drop[:, None])
 
     def _ends(self) -> tuple[FloatArray, FloatArray]:
         """Return the potential of each energised strip's grounded end, and of its other end over that (T,)."""
-        touched = np.arange(len(self.wired.strip))
-        ground = self.phi[self._place(self.wired.bottom), touched]
-        return ground, self.phi[self._place(self.wired.top), touched] - ground
+        touched = np.arange(len(self.resistors.strip))
+        ground = self.phi[self._place(self.resistors.bottom), touched]
+        return ground, self.phi[self._place(self.resistors.top), touched] - ground
 
     def jacobian(self, ends: FloatArray, electrodes: IntArray) -> FloatArray:
         """Return d readings / d (l, u).
@@ -118,12 +116,12 @@ class Scan:
         used, column = np.unique(electrodes, return_inverse=True)
         column = column.reshape(electrodes.shape)
         d_phi = self.phi[strip] - self.phi[sheet]  # (2 T, 2, T)
-        psi = self.factored.fed(self.wired.electrode[used], at=self._kept)
+        psi = self.factored.fed(self.resistors.electrode[used], at=self._kept)
         d_read = psi[strip] - psi[sheet]  # (2 T, 2, used)
         readings = np.take_along_axis(self.readings(), electrodes, axis=1)
         result = np.empty((*electrodes.shape, len(strip)))
         if not self.by_voltage:
-            psi = self.factored.fed(self.wired.bottom, at=self._kept)
+            psi = self.factored.fed(self.resistors.bottom, at=self._kept)
             d_ground = psi[strip] - psi[sheet]
             _, drop = self._ends()
         for t, columns in enumerate(column):
@@ -143,8 +141,8 @@ class Scan:
         touched = np.tile(np.arange(len(ends) // 2), 2)
         change = hats * self.mesh.contact * np.repeat([-1.0, 1.0], len(ends) // 2)[:, None]
         beside = np.stack([row, row + 1], axis=1)
-        strip = self.wired.strip_node[touched[:, None], beside]
-        sheet = self.wired.sheet_node[touched[:, None], beside]
+        strip = self.resistors.strip_node[touched[:, None], beside]
+        sheet = self.resistors.sheet_node[touched[:, None], beside]
         # A row that an end only grazes, within rounding, has no node: nothing there moves.
         return np.where(strip < 0, sheet, strip), sheet, np.where(strip < 0, 0.0, change)
 
@@ -152,6 +150,6 @@ class Scan:
         """Go through the touched strips: its number and the sheet's potentials (strips, rows + 1) [Vref]."""
         ground, drop = self._ends()
         sheet = np.arange(self.mesh.strips * (self.mesh.rows + 1))
-        phi = self.factored.fed(self.wired.top, self.wired.bottom, sheet)
-        for t, strip in enumerate(self.wired.strip):
+        phi = self.factored.fed(self.resistors.top, self.resistors.bottom, sheet)
+        for t, strip in enumerate(self.resistors.strip):
             yield int(strip), ((phi[:, t] - ground[t]) / drop[t]).reshape(self.mesh.strips, -1)

@@ -1,7 +1,7 @@
 """CRS-CRP inverted: l and u of all touched strips from what the sheet's electrodes read.
 
 There is no closed form (3.3), and neighbours shift a reading by up to a tenth of Vref, so all strips are solved
-together: Levenberg-Marquardt on the network itself with its adjoint Jacobian (`crp_scan`), first on a coarser mesh,
+together: Levenberg-Marquardt on the network itself with its adjoint Jacobian (`factored`), first on a coarser mesh,
 started from bands that read about the same. Every step keeps to 0 <= l <= u <= L and, if asked to, to convex contacts.
 """
 
@@ -15,17 +15,17 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.errors import ReadingError
-from tacstrip.fisher import covariance as bound_of
+from tacstrip.fisher import covariance as covariance_bound
 from tacstrip.network.crp.cramer_rao import Electrodes as Electrodes
 from tacstrip.network.crp.cramer_rao import covariance as covariance
-from tacstrip.network.crp.cramer_rao import spread
-from tacstrip.network.crp.descent import POOR_FIT, Problem
-from tacstrip.network.crp.factored import Scan as Scan
+from tacstrip.network.crp.cramer_rao import embed_touched
+from tacstrip.network.crp.descent import POOR_FIT, InversionProblem
+from tacstrip.network.crp.factored import FactoredScan as FactoredScan
 from tacstrip.network.crp.mesh import Wiring as Wiring
 from tacstrip.network.crp.readings import all_electrodes as all_electrodes
 from tacstrip.network.crp.readings import contact_electrodes as contact_electrodes
+from tacstrip.network.crp.readings import measurement as measurement
 from tacstrip.network.crp.readings import own_electrodes as own_electrodes
-from tacstrip.network.crp.readings import question as question
 from tacstrip.sensor.spec import Sensor
 
 StripStatus: TypeAlias = Literal["ok", "no contact", "short contact", "not converged"]
@@ -34,8 +34,8 @@ SHORT = 0.05  # of L: below, l and u are poorly known one by one, only their mid
 
 
 @dataclass(frozen=True, eq=False)
-class Inverted:
-    """What the readings of one scan say.
+class InversionResult:
+    """The l and u of one scan, with their uncertainty.
 
     Attributes
     ----------
@@ -50,8 +50,8 @@ class Inverted:
         In words, what to do; empty when all is well.
     iterations
         Networks that were factored, those of coarser meshes included.
-    misfit
-        Root mean square of what the model leaves over, in units of sigma: about 1, or 0 with own electrodes,
+    residual_rms
+        Root mean square of the residuals, in units of sigma: about 1, or 0 with own electrodes,
         where there are as many readings as unknowns.
     """
 
@@ -61,7 +61,7 @@ class Inverted:
     status: tuple[StripStatus, ...]
     advice: str
     iterations: int
-    misfit: float
+    residual_rms: float
 
     @property
     def l_sigma(self) -> FloatArray:
@@ -82,8 +82,8 @@ def invert(
     convex: bool = False,
     rows: int | None = None,
     wiring: Wiring | None = None,
-    most: int = 60,
-) -> Inverted:
+    max_networks: int = 60,
+) -> InversionResult:
     """Find l and u of all strips from each strip's own two electrodes.
 
     Parameters
@@ -93,12 +93,12 @@ def invert(
     kh, kl
         Readings at y = L and y = 0 while each strip is energised (strips,) [Vref]; NaN where untouched.
     sigma
-        Standard deviation of a reading's noise [Vref]; it scales covariance and misfit, and does not move l and u.
+        Standard deviation of a reading's noise [Vref]; it scales covariance and residual_rms, not l and u.
     convex
         Whether each run of touched strips is taken for one convex contact: l(x) bends up only, u(x) down only.
     rows, wiring
         Mesh and wiring, as for `own_electrodes`.
-    most
+    max_networks
         Networks to factor at most, for each of three starts.
 
     Raises
@@ -112,7 +112,7 @@ def invert(
     if kh.shape != (sensor.strips,) or kl.shape != (sensor.strips,):
         raise ReadingError(f"kh and kl have shapes {kh.shape} and {kl.shape}; give two of ({sensor.strips},)")
     readings = np.stack([kh, kl], axis=1)
-    return _inverted(Problem(sensor, readings, "own", sigma, convex, rows, wiring), most)
+    return _invert(InversionProblem(sensor, readings, "own", sigma, convex, rows, wiring), max_networks)
 
 
 def invert_all(
@@ -122,8 +122,8 @@ def invert_all(
     convex: bool = False,
     rows: int | None = None,
     wiring: Wiring | None = None,
-    most: int = 60,
-) -> Inverted:
+    max_networks: int = 60,
+) -> InversionResult:
     """Find l and u of all strips from all electrodes, read while each strip is energised.
 
     `readings` (strips, 2 strips) [Vref] are in the order of `all_electrodes`, a row of NaN where a strip is
@@ -135,17 +135,17 @@ def invert_all(
             f"readings have shape {readings.shape}; give ({sensor.strips}, {2 * sensor.strips}): "
             "all electrodes at y = 0, then all at y = L, a row per energised strip"
         )
-    return _inverted(Problem(sensor, readings, "all", sigma, convex, rows, wiring), most)
+    return _invert(InversionProblem(sensor, readings, "all", sigma, convex, rows, wiring), max_networks)
 
 
-def _inverted(problem: Problem, most: int) -> Inverted:
-    found, strips, length = problem.invert(most), problem.sensor.strips, problem.sensor.length_mm
+def _invert(problem: InversionProblem, max_networks: int) -> InversionResult:
+    found, strips, length = problem.invert(max_networks), problem.sensor.strips, problem.sensor.length_mm
     l, u = np.full((2, strips), np.nan)
     l[problem.strip], u[problem.strip] = np.split(found.x, 2)
-    bound = spread(bound_of(found.slope), problem.strip, strips)
-    misfit = float(np.sqrt(found.cost / problem.readings.size))
+    bound = embed_touched(covariance_bound(found.jacobian), problem.strip, strips)
+    residual_rms = float(np.sqrt(found.cost / problem.readings.size))
     status = _statuses(l, u, length, found.converged)
-    return Inverted(l, u, bound, status, _advice(status, misfit), found.steps, misfit)
+    return InversionResult(l, u, bound, status, _advice(status, residual_rms), found.steps, residual_rms)
 
 
 def _statuses(l: FloatArray, u: FloatArray, length: float, converged: bool) -> tuple[StripStatus, ...]:
@@ -159,15 +159,16 @@ def _statuses(l: FloatArray, u: FloatArray, length: float, converged: bool) -> t
     return tuple(one(w) for w in u - l)
 
 
-def _advice(status: Sequence[StripStatus], misfit: float) -> str:
+def _advice(status: Sequence[StripStatus], residual_rms: float) -> str:
     lines = []
     if "not converged" in status:
         lines.append(
-            "the iteration stopped early; try a larger `most`, or check contact_lambda_mm and the ratio"
+            "the iteration stopped early; try a larger `max_networks`, or check contact_lambda_mm and the ratio"
         )
-    elif misfit > POOR_FIT:
+    elif residual_rms > POOR_FIT:
         lines.append(
-            f"the model misses the readings by {misfit:.3g} sigma; check contact_lambda_mm, resistivity_ratio and sigma"
+            f"the model misses the readings by {residual_rms:.3g} sigma; check contact_lambda_mm, "
+            "resistivity_ratio and sigma"
         )
     if short := status.count("short contact"):
         lines.append(

@@ -34,7 +34,7 @@ SHORTEST = 1e-6
 
 @dataclass(frozen=True)
 class Wiring:
-    """How a CRS-CRP sensor is wired; the prototype of design.md by default.
+    """How a CRS-CRP sensor is resistors; the prototype of design.md by default.
 
     Attributes
     ----------
@@ -54,7 +54,7 @@ class Wiring:
 
 
 @dataclass(frozen=True)
-class Mesh:
+class SheetMesh:
     """The sensor cut into cells; [mm], and conductances for r0 = 1 per [mm].
 
     Attributes
@@ -73,7 +73,7 @@ class Mesh:
     contact: float
 
     @classmethod
-    def of(cls, sensor: Sensor, rows: int | None = None) -> Mesh:
+    def of(cls, sensor: Sensor, rows: int | None = None) -> SheetMesh:
         """Cut a sensor into `rows` cells over its length; by default 4 per lambda, 100 to 400.
 
         Raises
@@ -125,7 +125,7 @@ def _hat_integral(t: FloatArray) -> FloatArray:
     return np.asarray(np.where(t < 0.0, 0.5 * (1.0 + t) ** 2, 1.0 - 0.5 * (1.0 - t) ** 2))
 
 
-def checked_span(mesh: Mesh, l: FloatArray, u: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
+def checked_span(mesh: SheetMesh, l: FloatArray, u: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
     """Return the touched strips (T,) and their l and u (T,), no shorter than 1e-6 L.
 
     Raises
@@ -157,7 +157,7 @@ def checked_span(mesh: Mesh, l: FloatArray, u: FloatArray) -> tuple[IntArray, Fl
 
 
 @dataclass(frozen=True, eq=False)
-class Wired:
+class ContactNetwork:
     """The resistors of one contact.
 
     Attributes
@@ -183,7 +183,7 @@ class Wired:
     sheet_node: IntArray = field(repr=False)
 
 
-def wire(mesh: Mesh, strip: IntArray, lengths: FloatArray, wiring: Wiring) -> Wired:
+def contact_network(mesh: SheetMesh, strip: IntArray, lengths: FloatArray, wiring: Wiring) -> ContactNetwork:
     """Join sheet, touched strips (T,) and contact, whose length at each node is (T, rows + 1) [mm]."""
     n, last = mesh.strips, mesh.rows
     sheet = np.arange(n * (last + 1)).reshape(n, last + 1)  # column, row
@@ -216,7 +216,7 @@ def wire(mesh: Mesh, strip: IntArray, lengths: FloatArray, wiring: Wiring) -> Wi
     real = label[start] != label[end]
     network = Network(len(label), label[start][real], label[end][real], siemens[real])
     electrode = label[np.concatenate([sheet[:, 0], sheet[:, -1]])]
-    return Wired(
+    return ContactNetwork(
         network,
         strip,
         label[node[:, 0]],

@@ -8,9 +8,16 @@ from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.contact.footprint import footprint
 from tacstrip.contact.shape import Contact
 from tacstrip.errors import NetworkError
-from tacstrip.network.crp.factored import Scan
-from tacstrip.network.crp.mesh import SHORTEST, Mesh, Wired, Wiring, checked_span, wire
-from tacstrip.network.nodal import Question
+from tacstrip.network.crp.factored import FactoredScan
+from tacstrip.network.crp.mesh import (
+    SHORTEST,
+    ContactNetwork,
+    SheetMesh,
+    Wiring,
+    checked_span,
+    contact_network,
+)
+from tacstrip.network.nodal import Measurement
 from tacstrip.sensor.spec import Sensor
 
 
@@ -51,18 +58,18 @@ def all_electrodes(
     Columns: the electrodes at y = 0 in the order of the strips, then those at y = L. Arguments and errors as
     for `own_electrodes`.
     """
-    return _expand(sensor, Scan.of_span(sensor, l, u, rows, wiring))
+    return _expand(sensor, FactoredScan.of_span(sensor, l, u, rows, wiring))
 
 
 def contact_electrodes(
     sensor: Sensor, contact: Contact, rows: int | None = None, wiring: Wiring | None = None
 ) -> FloatArray:
     """Return what `all_electrodes` does for a shape; each of its separate pieces on a strip counts."""
-    mesh = Mesh.of(sensor, rows)
-    return _expand(sensor, Scan(mesh, *_pieces(mesh, sensor, contact), wiring or Wiring()))
+    mesh = SheetMesh.of(sensor, rows)
+    return _expand(sensor, FactoredScan(mesh, *_pieces(mesh, sensor, contact), wiring or Wiring()))
 
 
-def _pieces(mesh: Mesh, sensor: Sensor, contact: Contact) -> tuple[IntArray, FloatArray]:
+def _pieces(mesh: SheetMesh, sensor: Sensor, contact: Contact) -> tuple[IntArray, FloatArray]:
     """Return the strips that a shape touches (T,) and what of it lies under each node's hat (T, nodes) [mm]."""
     strip, low, high = footprint(sensor, contact).intervals[0]
     shortest = SHORTEST * sensor.length_mm
@@ -77,49 +84,52 @@ def _pieces(mesh: Mesh, sensor: Sensor, contact: Contact) -> tuple[IntArray, Flo
     return touched, lengths
 
 
-def _expand(sensor: Sensor, scan: Scan) -> FloatArray:
+def _expand(sensor: Sensor, scan: FactoredScan) -> FloatArray:
     readings = np.full((sensor.strips, 2 * sensor.strips), np.nan)
-    readings[scan.wired.strip] = scan.readings()
+    readings[scan.resistors.strip] = scan.readings()
     return readings
 
 
-def question(
+def measurement(
     sensor: Sensor,
     strip: int,
     l: FloatArray,
     u: FloatArray,
     rows: int | None = None,
     wiring: Wiring | None = None,
-) -> Question:
+) -> Measurement:
     """Return the measurement on one energised strip as it stands, for the plain solver and for netlists.
 
     Readings are named kh and kl, the strip's own electrodes. Arguments and errors as for `own_electrodes`;
     `NetworkError` where the strip is not touched.
     """
-    mesh = Mesh.of(sensor, rows)
+    mesh = SheetMesh.of(sensor, rows)
     touched, low, high = checked_span(mesh, l, u)
     at = np.flatnonzero(touched == strip)
     if not len(at):
         raise NetworkError(f"strip {strip} is not touched: its electrodes read nothing; ask for one that is")
-    wired = wire(mesh, touched, mesh.hat_lengths(low, high), wiring or Wiring())
-    return _question(sensor, wired, int(at[0]), wiring or Wiring())
+    resistors = contact_network(mesh, touched, mesh.hat_lengths(low, high), wiring or Wiring())
+    return _measurement(sensor, resistors, int(at[0]), wiring or Wiring())
 
 
-def contact_questions(
+def contact_measurements(
     sensor: Sensor, contact: Contact, rows: int | None = None, wiring: Wiring | None = None
-) -> dict[int, Question]:
-    """Return the measurement on each touched strip, strip to `question`, for a shape with all its pieces."""
-    mesh = Mesh.of(sensor, rows)
+) -> dict[int, Measurement]:
+    """Return the measurement on each touched strip, strip to `measurement`, for a shape with all its pieces."""
+    mesh = SheetMesh.of(sensor, rows)
     touched, lengths = _pieces(mesh, sensor, contact)
-    wired = wire(mesh, touched, lengths, wiring or Wiring())
-    return {int(strip): _question(sensor, wired, at, wiring or Wiring()) for at, strip in enumerate(touched)}
+    resistors = contact_network(mesh, touched, lengths, wiring or Wiring())
+    return {
+        int(strip): _measurement(sensor, resistors, at, wiring or Wiring())
+        for at, strip in enumerate(touched)
+    }
 
 
-def _question(sensor: Sensor, wired: Wired, at: int, wiring: Wiring) -> Question:
-    strip = int(wired.strip[at])
-    held = {int(wired.bottom[at]): 0.0, int(wired.top[at]): 1.0}
+def _measurement(sensor: Sensor, resistors: ContactNetwork, at: int, wiring: Wiring) -> Measurement:
+    strip = int(resistors.strip[at])
+    held = {int(resistors.bottom[at]): 0.0, int(resistors.top[at]): 1.0}
     if wiring.others == "grounded":
-        ends = (int(node) for node in np.concatenate([wired.bottom, wired.top]))
+        ends = (int(node) for node in np.concatenate([resistors.bottom, resistors.top]))
         held = dict.fromkeys(ends, 0.0) | held
-    read = {"kh": int(wired.electrode[sensor.strips + strip]), "kl": int(wired.electrode[strip])}
-    return Question(wired.network, held, read)
+    read = {"kh": int(resistors.electrode[sensor.strips + strip]), "kl": int(resistors.electrode[strip])}
+    return Measurement(resistors.network, held, read)

@@ -17,7 +17,7 @@ from tacstrip.network.devices.switches import ISOLATIONS as ISOLATIONS
 from tacstrip.network.devices.switches import Array
 from tacstrip.network.devices.switches import ArrayWiring as ArrayWiring
 from tacstrip.network.grid import MOST
-from tacstrip.network.nodal import Question
+from tacstrip.network.nodal import Measurement
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,16 +85,16 @@ def switch_currents(
     return flow
 
 
-def array_questions(
+def array_measurements(
     pattern: npt.ArrayLike, isolation: str = "none", wiring: ArrayWiring = _IDEAL
-) -> dict[int, Question]:
-    """Return the scan as questions to networks: row to its measurement, for the plain solver and for netlists.
+) -> dict[int, Measurement]:
+    """Return the scan as measurements on networks: row to its measurement, for the plain solver and for netlists.
 
     Readings are `vcolumn<j>` [Vref] or, for "zero-potential", the currents `icolumn<j>` [Vref / ohm]. A diode that
     blocks is left out, one that conducts is a closed switch. Arguments and errors as for `scan_array`.
     """
     array = Array(_pattern(pattern), wiring)
-    return {row: array.question(isolation, row) for row in range(array.rows)}
+    return {row: array.measurement(isolation, row) for row in range(array.rows)}
 
 
 def _pattern(pattern: npt.ArrayLike) -> BoolArray:

@@ -21,7 +21,7 @@ from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.contact.shape import Contact
 from tacstrip.errors import ContactError, NetworkError, OptionError, one_of
 from tacstrip.network.grid import MOST, Grid, check_count, check_mm, joints, on_surface
-from tacstrip.network.nodal import Network, Question, answer
+from tacstrip.network.nodal import Measurement, Network, solve_measurement
 
 Read: TypeAlias = Literal["both", "low", "high"]
 _READS = ("both", "low", "high")
@@ -167,7 +167,9 @@ def _measure(
         )
     network = Network(int(name.max()) + 1, start[kept], end[kept], siemens[kept])
     bar = name[passive[1][0] if read == "high" else passive[0][0]]
-    return answer(Question(network, {int(ground): 0.0, int(supply): 1.0}, {"bar": int(bar)}))["bar"]
+    return solve_measurement(Measurement(network, {int(ground): 0.0, int(supply): 1.0}, {"bar": int(bar)}))[
+        "bar"
+    ]
 
 
 def _merge(nodes: int, same: list[tuple[IntArray, IntArray]]) -> IntArray:

@@ -12,7 +12,7 @@ import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
 from tacstrip.errors import NetworkError, OptionError, one_of
-from tacstrip.network.nodal import Factored, Network, Question
+from tacstrip.network.nodal import Factored, Measurement, Network
 
 ISOLATIONS = {
     "none": "the other rows float, every column has its load: figure 2.4's parallel path",
@@ -127,7 +127,7 @@ class Array:
         volts[fed[alone], which[alone]] = 1.0
         return volts
 
-    def question(self, isolation: str, row: int) -> Question:
+    def measurement(self, isolation: str, row: int) -> Measurement:
         """Return the measurement while one row is driven: `vcolumn<j>`, or `icolumn<j>` where currents are read.
 
         Diodes that block are left out, those that conduct are closed switches.
@@ -136,12 +136,12 @@ class Array:
         if isolation == "zero-potential":
             held = dict.fromkeys([*self.row_end.tolist(), *ends], 0.0) | {int(self.row_end[row]): 1.0}
             metered = {f"i{name}": end for name, end in zip(names, ends, strict=True)}
-            return Question(self.network(loads=False), held, {}, metered)
+            return Measurement(self.network(loads=False), held, {}, metered)
         if isolation not in ISOLATIONS:
             raise OptionError(one_of("isolation", isolation, ISOLATIONS))
         network = self.network(self._rectified(row)[0]) if isolation == "diodes" else self.network()
         read = {f"v{name}": end for name, end in zip(names, ends, strict=True)}
-        return Question(network, {int(self.row_end[row]): 1.0, self.ground: 0.0}, read)
+        return Measurement(network, {int(self.row_end[row]): 1.0, self.ground: 0.0}, read)
 
     def _rectified(self, row: int) -> tuple[BoolArray, FloatArray]:
         """Find the diodes that conduct, and the potentials (nodes,) over Vref.

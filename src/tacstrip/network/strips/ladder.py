@@ -18,9 +18,9 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.shape import Contact
-from tacstrip.network.imperfections import Build, Readout
+from tacstrip.network.imperfections import Imperfections, Readout
 from tacstrip.network.strips.measurements import network_readings
-from tacstrip.network.strips.mesh import Mesh, make_mesh
+from tacstrip.network.strips.mesh import StripMesh, make_mesh
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
 
@@ -30,7 +30,7 @@ _CACHED = 4096  # nodes
 def fast_readings(
     sensor: Sensor,
     contact: Contact,
-    build: Build | None = None,
+    imperfections: Imperfections | None = None,
     readout: Readout | None = None,
     cells: int | None = None,
 ) -> dict[str, FloatArray]:
@@ -39,9 +39,9 @@ def fast_readings(
     As `network.strips.network_readings`, which it calls where strips disturb each other or a fault or a load
     makes more than a ladder of one; errors as there.
     """
-    mesh = make_mesh(sensor, contact, build, readout, cells)
+    mesh = make_mesh(sensor, contact, imperfections, readout, cells)
     if not _independent(mesh):
-        return network_readings(sensor, contact, build, readout, cells)
+        return network_readings(sensor, contact, imperfections, readout, cells)
     result = {name: np.full(sensor.strips, np.nan) for name in sensor.signatures}
     for strips in _groups(mesh):
         low, high = _ends(mesh, strips)
@@ -50,14 +50,14 @@ def fast_readings(
     return result
 
 
-def _independent(mesh: Mesh) -> bool:
-    build, readout = mesh.build, mesh.readout
-    ladders = not (build.breaks or build.shorts or readout.adc_ohm < np.inf)
+def _independent(mesh: StripMesh) -> bool:
+    imperfections, readout = mesh.imperfections, mesh.readout
+    ladders = not (imperfections.breaks or imperfections.shorts or readout.adc_ohm < np.inf)
     shorted = any(p[0, 0] <= 0.0 and p[-1, 1] >= mesh.sensor.length_mm for p in mesh.pieces.values())
     return ladders and not (mesh.metal and (readout.tied_grounds or shorted))
 
 
-def _groups(mesh: Mesh) -> Iterator[dict[int, list[FloatArray]]]:
+def _groups(mesh: StripMesh) -> Iterator[dict[int, list[FloatArray]]]:
     """Yield the touched strips with their nodes, in groups that stay in the processor's cache."""
     group: dict[int, list[FloatArray]] = {}
     size = 0
@@ -71,7 +71,7 @@ def _groups(mesh: Mesh) -> Iterator[dict[int, list[FloatArray]]]:
         yield group
 
 
-def _ends(mesh: Mesh, strips: dict[int, list[FloatArray]]) -> tuple[FloatArray, FloatArray]:
+def _ends(mesh: StripMesh, strips: dict[int, list[FloatArray]]) -> tuple[FloatArray, FloatArray]:
     """Return the potentials of the strips' sensing layers, lower and upper end (strips,) [Vref]."""
     y = [np.concatenate(pieces) for pieces in strips.values()]
     first = np.concatenate(([0], np.cumsum([len(part) for part in y])))  # of each strip's nodes

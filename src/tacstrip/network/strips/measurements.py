@@ -15,9 +15,9 @@ import numpy as np
 from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.contact.shape import Contact
 from tacstrip.errors import NetworkError
-from tacstrip.network.imperfections import Build, Layer, Readout
-from tacstrip.network.nodal import Question, answer
-from tacstrip.network.strips.mesh import Mesh, make_mesh
+from tacstrip.network.imperfections import Imperfections, Layer, Readout
+from tacstrip.network.nodal import Measurement, solve_measurement
+from tacstrip.network.strips.mesh import StripMesh, make_mesh
 from tacstrip.network.wires import Wires
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
@@ -28,17 +28,17 @@ _SAME_Y = 1e-12  # of the strip length
 def network_readings(
     sensor: Sensor,
     contact: Contact,
-    build: Build | None = None,
+    imperfections: Imperfections | None = None,
     readout: Readout | None = None,
     cells: int | None = None,
 ) -> dict[str, FloatArray]:
     """Return what every strip reads over Vref, signature to (strips,), NaN where nothing touches.
 
-    Arguments and errors as for `questions`.
+    Arguments and errors as for `measurements`.
     """
     result = {name: np.full(sensor.strips, np.nan) for name in sensor.signatures}
-    for strip, question in questions(sensor, contact, build, readout, cells).items():
-        for name, value in answer(question).items():
+    for strip, measurement in measurements(sensor, contact, imperfections, readout, cells).items():
+        for name, value in solve_measurement(measurement).items():
             result[name][strip] = value
     return result
 
@@ -47,19 +47,19 @@ def potentials_along(
     sensor: Sensor,
     contact: Contact,
     strip: int,
-    build: Build | None = None,
+    imperfections: Imperfections | None = None,
     readout: Readout | None = None,
     cells: int | None = None,
 ) -> dict[Layer, tuple[FloatArray, FloatArray]]:
     """Return the potentials along one touched strip and its sensing strip: layer to (y [mm], over Vref).
 
-    Arguments and errors as for `questions`; `NetworkError` if nothing touches the strip.
+    Arguments and errors as for `measurements`; `NetworkError` if nothing touches the strip.
     """
-    mesh = make_mesh(sensor, contact, build, readout, cells)
+    mesh = make_mesh(sensor, contact, imperfections, readout, cells)
     if strip not in mesh.pieces:
         raise NetworkError(f"nothing touches strip {strip}; the contact is on strips {sorted(mesh.pieces)}")
     chains: dict[tuple[int, Layer], _Chain] = {}
-    read = answer(_question(mesh, strip, chains))
+    read = solve_measurement(_measurement(mesh, strip, chains))
     return {
         layer: (chain.y, np.array([read[f"{layer} {i}"] for i in range(len(chain.y))]))
         for (number, layer), chain in chains.items()
@@ -67,16 +67,16 @@ def potentials_along(
     }
 
 
-def questions(
+def measurements(
     sensor: Sensor,
     contact: Contact,
-    build: Build | None = None,
+    imperfections: Imperfections | None = None,
     readout: Readout | None = None,
     cells: int | None = None,
-) -> dict[int, Question]:
-    """Return the scan as questions to networks: touched strip, counted from 0, to its measurement.
+) -> dict[int, Measurement]:
+    """Return the scan as measurements on networks: touched strip, counted from 0, to its measurement.
 
-    Every question has a network of its own, with what can carry current while that strip is read. CRS-CRS strips
+    Every measurement has a network of its own, with what can carry current while that strip is read. CRS-CRS strips
     all lie on Vref and ground (2n + 2 connectors, 3.1); over metal their ends are switched in turn and the other
     strips float, unless their grounds are tied.
 
@@ -84,7 +84,7 @@ def questions(
     ----------
     sensor, contact
         What touches what; each separate piece of the contact counts.
-    build
+    imperfections
         The unit's imperfections.
     readout
         Its wiring and electronics.
@@ -103,8 +103,8 @@ def questions(
     ContactError
         The contact lies outside the sensor.
     """
-    mesh = make_mesh(sensor, contact, build, readout, cells)
-    return {strip: _question(mesh, strip) for strip in mesh.pieces}
+    mesh = make_mesh(sensor, contact, imperfections, readout, cells)
+    return {strip: _measurement(mesh, strip) for strip in mesh.pieces}
 
 
 @dataclass(frozen=True)
@@ -120,8 +120,10 @@ class _Chain:
         return np.asarray(self.node[after - (y - self.y[after - 1] < self.y[after] - y)])
 
 
-def _question(mesh: Mesh, strip: int, chains: dict[tuple[int, Layer], _Chain] | None = None) -> Question:
-    """Build the network that carries current while one strip is energised, and say what is read.
+def _measurement(
+    mesh: StripMesh, strip: int, chains: dict[tuple[int, Layer], _Chain] | None = None
+) -> Measurement:
+    """Imperfections the network that carries current while one strip is energised, and say what is read.
 
     With `chains` to fill, every node along the strip is read too, as "<layer> <number>".
     """
@@ -132,7 +134,7 @@ def _question(mesh: Mesh, strip: int, chains: dict[tuple[int, Layer], _Chain] | 
     metal = int(wires.new()[0]) if mesh.metal else None
     for other in _island(mesh, strip):
         chains.update(_pair(mesh, wires, other, metal))
-    for short in mesh.build.shorts:
+    for short in mesh.imperfections.shorts:
         ends = [chains.get((short.strip + i, short.layer)) for i in (0, 1)]
         if ends[0] and ends[1]:
             a, b = (c.nodes(np.array([short.y_mm])) for c in ends if c)
@@ -158,21 +160,21 @@ def _question(mesh: Mesh, strip: int, chains: dict[tuple[int, Layer], _Chain] | 
         read |= {
             f"{layer} {i}": int(node) for layer, chain in along.items() for i, node in enumerate(chain.node)
         }
-    return wires.question(held, read, strip)
+    return wires.measurement(held, read, strip)
 
 
-def _island(mesh: Mesh, strip: int) -> list[int]:
+def _island(mesh: StripMesh, strip: int) -> list[int]:
     """Return the strips that can carry current while this one is read."""
     reached = {strip, *mesh.pieces} if mesh.readout.tied_grounds and mesh.metal else {strip}
     while True:
-        bridges = ({short.strip, short.strip + 1} for short in mesh.build.shorts)
+        bridges = ({short.strip, short.strip + 1} for short in mesh.imperfections.shorts)
         grown = reached.union(*(b for b in bridges if b & reached))
         if grown == reached:
             return sorted(reached)
         reached = grown
 
 
-def _pair(mesh: Mesh, wires: Wires, strip: int, metal: int | None) -> dict[tuple[int, Layer], _Chain]:
+def _pair(mesh: StripMesh, wires: Wires, strip: int, metal: int | None) -> dict[tuple[int, Layer], _Chain]:
     """Add a strip, its sensing layer and their contact."""
     pieces = mesh.nodes(strip)
     chains: dict[tuple[int, Layer], _Chain] = {}
@@ -190,16 +192,18 @@ def _pair(mesh: Mesh, wires: Wires, strip: int, metal: int | None) -> dict[tuple
     return chains
 
 
-def _chain(mesh: Mesh, wires: Wires, strip: int, layer: Layer, pieces: list[FloatArray]) -> _Chain:
+def _chain(mesh: StripMesh, wires: Wires, strip: int, layer: Layer, pieces: list[FloatArray]) -> _Chain:
     """Add one strip of one layer, with nodes at its ends, its contacts and its shorts."""
     length, low = mesh.sensor.length_mm, mesh.low(strip, layer)
-    shorts = [s.y_mm for s in mesh.build.shorts if s.layer == layer and strip in (s.strip, s.strip + 1)]
+    shorts = [
+        s.y_mm for s in mesh.imperfections.shorts if s.layer == layer and strip in (s.strip, s.strip + 1)
+    ]
     y = np.concatenate([[low, low + length], np.clip(shorts, low, low + length), *pieces])
     y = np.unique(np.round(y / (_SAME_Y * length)) * (_SAME_Y * length))
     node = wires.new(len(y))
     ohm = mesh.ohm(strip, layer, y)
     whole = np.ones(len(ohm), dtype=bool)
-    for cut in mesh.build.breaks:
+    for cut in mesh.imperfections.breaks:
         if (cut.strip, cut.layer) == (strip, layer):
             whole[np.clip(np.searchsorted(y, cut.y_mm, side="right") - 1, 0, len(ohm) - 1)] = False
     wires.join(node[:-1][whole], node[1:][whole], 1.0 / ohm[whole])

@@ -9,7 +9,7 @@ import numpy as np
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.footprint import footprint
 from tacstrip.contact.shape import Contact
-from tacstrip.network.imperfections import Build, Layer, Readout
+from tacstrip.network.imperfections import Imperfections, Layer, Readout
 from tacstrip.sensor.spec import Sensor
 
 _CELLS_PER_LAMBDA = 40
@@ -17,7 +17,7 @@ _FEWEST, _MOST = 16, 20_000
 
 
 @dataclass(frozen=True, eq=False)
-class Mesh:
+class StripMesh:
     """A unit, its readout and the contact on it, cut into cells; see `make_mesh`.
 
     Attributes
@@ -29,7 +29,7 @@ class Mesh:
     """
 
     sensor: Sensor
-    build: Build
+    imperfections: Imperfections
     readout: Readout
     cells: int | None
     pieces: dict[int, FloatArray]
@@ -41,7 +41,7 @@ class Mesh:
 
     def low(self, strip: int, layer: Layer) -> float:
         """Return where a strip's lower end lies [mm]."""
-        return 0.0 if layer == "energised" or self.metal else self.build.shift(strip)
+        return 0.0 if layer == "energised" or self.metal else self.imperfections.shift(strip)
 
     def nodes(self, strip: int) -> list[FloatArray]:
         """Return the nodes of each piece of contact on a strip, positions (N,) [mm]; a point has one."""
@@ -50,7 +50,7 @@ class Mesh:
 
     def ohm(self, strip: int, layer: Layer, y: FloatArray) -> FloatArray:
         """Return a strip's resistance between neighbouring positions (N,): (N - 1,) [ohm]."""
-        relative = self.build.profile(strip, layer)
+        relative = self.imperfections.profile(strip, layer)
         ratio = self.sensor.sensing_ratio if layer == "sensing" else 1.0
         if len(relative) == 1:
             return np.asarray(
@@ -81,8 +81,12 @@ class Mesh:
 
 
 def make_mesh(
-    sensor: Sensor, contact: Contact, build: Build | None, readout: Readout | None, cells: int | None
-) -> Mesh:
+    sensor: Sensor,
+    contact: Contact,
+    imperfections: Imperfections | None,
+    readout: Readout | None,
+    cells: int | None,
+) -> StripMesh:
     """Lay a contact on a unit; pieces are kept where they lie on both layers.
 
     Raises
@@ -92,9 +96,9 @@ def make_mesh(
     ContactError
         The contact lies outside the sensor.
     """
-    build, readout = build or Build(), readout or Readout()
-    build.check(sensor)
-    mesh = Mesh(sensor, build, readout, cells, {})
+    imperfections, readout = imperfections or Imperfections(), readout or Readout()
+    imperfections.check(sensor)
+    mesh = StripMesh(sensor, imperfections, readout, cells, {})
     strip, low, high = footprint(sensor, contact).intervals[0]
     numbers, first = np.unique(strip, return_index=True)
     for number, pieces in zip(

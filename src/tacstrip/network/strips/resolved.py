@@ -18,7 +18,7 @@ from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.contact.shape import Contact
 from tacstrip.errors import ContactError, NetworkError
 from tacstrip.network.grid import check_count
-from tacstrip.network.nodal import Question, answer
+from tacstrip.network.nodal import Measurement, solve_measurement
 from tacstrip.network.strips.resolved_mesh import Cells, Chains, cells, chains, on_strip
 from tacstrip.network.wires import Wires
 from tacstrip.sensor.constructions import SIGNATURES
@@ -33,17 +33,17 @@ _SLIVER = 1e-10  # of the largest share of a contact; less is rounding
 def wide_readings(sensor: Sensor, contact: Contact, across: int | None = None) -> dict[str, FloatArray]:
     """Return what every strip reads over Vref, signature to (strips,), NaN where nothing touches.
 
-    A strip is touched where any part of its width is. Arguments and errors as for `wide_questions`.
+    A strip is touched where any part of its width is. Arguments and errors as for `wide_measurements`.
     """
     result = {name: np.full(sensor.strips, np.nan) for name in sensor.signatures}
-    for strip, question in wide_questions(sensor, contact, across).items():
-        for name, value in answer(question).items():
+    for strip, measurement in wide_measurements(sensor, contact, across).items():
+        for name, value in solve_measurement(measurement).items():
             result[name][strip] = value
     return result
 
 
-def wide_questions(sensor: Sensor, contact: Contact, across: int | None = None) -> dict[int, Question]:
-    """Return the scan as questions to networks: touched strip, counted from 0, to its measurement.
+def wide_measurements(sensor: Sensor, contact: Contact, across: int | None = None) -> dict[int, Measurement]:
+    """Return the scan as measurements on networks: touched strip, counted from 0, to its measurement.
 
     Parameters
     ----------
@@ -79,14 +79,14 @@ def wide_questions(sensor: Sensor, contact: Contact, across: int | None = None) 
     shapes = contact.clipped(sensor.width_mm, sensor.length_mm, "sensor").shapes
     result = {}
     for strip, x in enumerate(sensor.x_mm.tolist()):
-        question = _question(sensor, strip, on_strip(shapes, x, width, sensor.length_mm), across)
-        if question is not None:
-            result[strip] = question
+        measurement = _measurement(sensor, strip, on_strip(shapes, x, width, sensor.length_mm), across)
+        if measurement is not None:
+            result[strip] = measurement
     return result
 
 
-def _question(sensor: Sensor, strip: int, contact: BaseGeometry, across: int) -> Question | None:
-    """Build both layers of a strip and their contact, and say what is read; None where nothing touches."""
+def _measurement(sensor: Sensor, strip: int, contact: BaseGeometry, across: int) -> Measurement | None:
+    """Imperfections both layers of a strip and their contact, and say what is read; None where nothing touches."""
     if contact.is_empty:
         return None
     lam, width, ratio = sensor.contact_lambda_mm, sensor.strip_width, sensor.sensing_ratio
@@ -110,7 +110,7 @@ def _question(sensor: Sensor, strip: int, contact: BaseGeometry, across: int) ->
         return None
     sensing = [metal, metal] if metal is not None else [int(layers[1][0]), int(layers[1][-1])]
     read = {name: sensing[SIGNATURES[name].at_upper_end] for name in sensor.signatures}
-    return wires.question({int(layers[0][0]): 0.0, int(layers[0][-1]): 1.0}, read, strip)
+    return wires.measurement({int(layers[0][0]): 0.0, int(layers[0][-1]): 1.0}, read, strip)
 
 
 def _nodes(wires: Wires, grid: Cells) -> IntArray:

@@ -18,12 +18,12 @@ from tacstrip.core.problem import FLOOR, FitProblem
 from tacstrip.core.search import ModelSelection, fit_counts
 from tacstrip.geometry.outline import Outline, max_height
 from tacstrip.reconstruction.sections import reading_noise
+from tacstrip.robust import robust_sigma
 from tacstrip.sensor.spec import Sensor
 
 _BEYOND = 0.5  # a reading that noise may drive so far beyond 0 or 1 is still one
 _ROUNDS = 3  # of leaving outliers out, and of estimating sigma anew
 _SURER = 0.3  # so much less noise than first thought is worth another fit
-_NORMAL = 1.4826  # sigma of normal errors over their median absolute deviation
 _NEAR = 6.0  # spreads from the polygon that was made without it: no outlier
 _BARELY = 0.5  # of the spread with all readings: few residuals can be small by chance
 _SPARE = 1  # readings beyond the numbers fitted, without which nothing can be tested
@@ -91,7 +91,7 @@ class RunFit:
         if sigma_known or self.selection is None:
             return 1.0
         used = self.residuals[self.problem.weight > 0.0]
-        return max(_NORMAL * float(np.median(np.abs(used))), 1e-3) if len(used) else 1.0
+        return max(float(robust_sigma(used)), 1e-3) if len(used) else 1.0
 
     def penalised_cost(self, scale: float) -> float:
         """Return what vertices and readings left out cost, with the deviance at a spread of residuals; inf: no fit.
@@ -238,6 +238,5 @@ def should_merge(left: RunFit, right: RunFit, joint: RunFit) -> bool:
 
 def _initial_sigma(sensor: Sensor, raw: FloatArray) -> float:
     """Return a first idea of sigma: from second differences, and at least what the A/D converter's steps make."""
-    step = 0.0 if sensor.adc_bits is None else 1.0 / (2.0**sensor.adc_bits - 1.0)
     levels = [reading_noise(values[np.isfinite(values)]) for values in raw]
-    return float(max(np.sqrt(np.mean(np.square(levels))), step / np.sqrt(12.0)))
+    return float(max(np.sqrt(np.mean(np.square(levels))), sensor.adc_step / np.sqrt(12.0)))

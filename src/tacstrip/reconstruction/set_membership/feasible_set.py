@@ -1,7 +1,7 @@
 """All outlines that stay within the bounds of every reading, in terms of the heights of their edges' lines.
 
 Once it is known which edge lies on which strip, a bound of a reading is linear in the heights:
-c_l l + c_u u <= k L (`circuit.chain_weights`), so the set is a polytope. A kink is where two lines cross; on the
+c_l l + c_u u <= k L (`circuit.end_weights`), so the set is a polytope. A kink is where two lines cross; on the
 strips of the zone where it may lie, the edge is the greater of two lines (the slope rises) or the smaller. A bound
 that holds for both lines is linear again; one that either may meet is kept as a pair, "either or".
 """
@@ -14,7 +14,7 @@ import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
 from tacstrip.reconstruction.set_membership.edge_lines import Band, Lines
-from tacstrip.sensor.circuit import chain_weights, erosion
+from tacstrip.sensor.circuit import end_weights, transfer_length
 from tacstrip.sensor.constructions import SIGNATURES
 
 _LOST = 2  # the turn on a strip in two zones of one chain: any of three lines
@@ -85,7 +85,7 @@ def feasible_set(band: Band, lines: Lines, zones: FloatArray, widths: FloatArray
     k = np.stack([*band.high.values(), *band.low.values()])
     sign = np.repeat([1, -1], len(band.low))[:, None]
     upper_end = np.tile([SIGNATURES[name].at_upper_end for name in band.low], 2)[:, None]
-    c_l, c_u = chain_weights(k, upper_end, sensor.sensing_ratio)
+    c_l, c_u = end_weights(k, upper_end, sensor.sensing_ratio)
     # With contact resistance c_l (l + T) + c_u (u - T) <= k L, and T = eaten + per_width (w - widths) + bent.
     lean = (c_l - c_u) * per_width
     fixed = k * sensor.length_mm - (c_l - c_u) * eaten + lean * widths[0]
@@ -129,11 +129,11 @@ def feasible_set(band: Band, lines: Lines, zones: FloatArray, widths: FloatArray
 def _eaten(widths: FloatArray, contact_lambda: float) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return T at the expected width, its slope there, and how far T falls below that tangent, each (n,)."""
     expected, least, greatest = widths
-    eaten = erosion(expected, contact_lambda)
+    eaten = transfer_length(expected, contact_lambda)
     if contact_lambda == 0.0:
         return eaten, eaten, eaten
     slope = 0.5 * (1.0 - (eaten / contact_lambda) ** 2)
-    below = [erosion(w, contact_lambda) - eaten - slope * (w - expected) for w in (least, greatest)]
+    below = [transfer_length(w, contact_lambda) - eaten - slope * (w - expected) for w in (least, greatest)]
     return eaten, slope, np.minimum(*below)
 
 

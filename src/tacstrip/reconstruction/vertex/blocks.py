@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray
-from tacstrip.sensor.circuit import chain_weights
+from tacstrip.sensor.circuit import end_weights
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
 
@@ -42,7 +42,7 @@ def linear_system(
         A (N - 2, N - 2) and b (N - 2,) [mm].
     """
     n = len(x)
-    c_l, c_u = chain_weights(k, SIGNATURES[signature].at_upper_end, sensor.sensing_ratio)
+    c_l, c_u = end_weights(k, SIGNATURES[signature].at_upper_end, sensor.sensing_ratio)
     own, opposite = np.where(upper, c_u, c_l), np.where(upper, c_l, c_u)
     matrix = np.diag(own[1:-1])
     right = k[1:-1] * sensor.length_mm

@@ -19,7 +19,7 @@ from tacstrip.reconstruction.vertex.blocks import linear_system
 from tacstrip.reconstruction.vertex.transitions import transitions_of_runs
 from tacstrip.reconstruction.vertex.validity import judge, judge_fit
 from tacstrip.scan import Scan
-from tacstrip.sensor.circuit import chain_weights, erosion
+from tacstrip.sensor.circuit import end_weights, transfer_length
 from tacstrip.sensor.constructions import SIGNATURES, check_closed_form
 from tacstrip.sensor.spec import Sensor
 
@@ -181,13 +181,13 @@ def _chains(upper: BoolArray) -> tuple[BoolArray, BoolArray]:
 def _solve(sensor: Sensor, signature: str, x: FloatArray, k: FloatArray, upper: BoolArray) -> FloatArray:
     """Solve for all vertices' y."""
     y = k * sensor.length_mm  # w = 0 at the ends (4.2.2)
-    c_l, c_u = chain_weights(k, SIGNATURES[signature].at_upper_end, sensor.sensing_ratio)
+    c_l, c_u = end_weights(k, SIGNATURES[signature].at_upper_end, sensor.sensing_ratio)
     on_low, on_high = _chains(upper)
     for _ in range(1 if sensor.contact_lambda_mm == 0.0 else _EROSION_STEPS):
         matrix, right = linear_system(x, k, upper, (y[0], y[-1]), sensor, signature)
         # Contact resistance: the reading is that of [l + T, u - T], so (c_l - c_u) T moves to the right.
         w = np.interp(x, x[on_high], y[on_high]) - np.interp(x, x[on_low], y[on_low])
-        right -= ((c_l - c_u) * erosion(np.maximum(w, 0.0), sensor.contact_lambda_mm))[1:-1]
+        right -= ((c_l - c_u) * transfer_length(np.maximum(w, 0.0), sensor.contact_lambda_mm))[1:-1]
         if np.linalg.cond(matrix) > 1e12:
             raise _Refusal(
                 "singular", "the readings do not determine the vertices; turn or move the object a little"

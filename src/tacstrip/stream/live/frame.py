@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from tacstrip.arrays import strips_told
+from tacstrip.arrays import touched_strips
 from tacstrip.scan import Scan
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.source import RawScan
@@ -41,5 +41,5 @@ class Frame:
 
     def __repr__(self) -> str:
         count = f"{len(self.objects)} object{'' if len(self.objects) == 1 else 's'}"
-        strips, late = strips_told(self.scan.touched), f"{1e3 * self.latency_s:.3g} ms"
+        strips, late = touched_strips(self.scan.touched), f"{1e3 * self.latency_s:.3g} ms"
         return f"<Frame {self.number} at {self.raw.time_s:.6g} s: {count}, {strips}, after {late}>"

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from tacstrip.arrays import FloatArray
-from tacstrip.contact.noise import Noise, on_transitions
+from tacstrip.contact.noise import Noise, add_transition_errors
 from tacstrip.data.published import METRICS, Row, rows
 from tacstrip.geometry.metrics import mismatch
 from tacstrip.reconstruction.profile import profile_at, profile_reconstruction
@@ -78,7 +78,7 @@ def run_cell(number: int, position: int, seeds: int) -> Cell:
     for seed in range(1 if noise == Noise() else seeds):
         random = np.random.default_rng([number, position, seed])
         scan = simulate(SIMULATED[row.construction], SHAPES[row.shape].contact(position), noise, rng=random)
-        x = on_transitions(SHAPES[row.shape].transitions(position), noise, random)
+        x = add_transition_errors(SHAPES[row.shape].transitions(position), noise, random)
         known.append(_recover(row, scan, x))
         if with_found:
             detected.append(_recover(row, scan, "gradient"))

@@ -14,12 +14,12 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.calibrate.offsets import mean_offsets
-from tacstrip.contact.noise import on_readings
+from tacstrip.contact.noise import add_reading_errors
 from tacstrip.contact.shape import Contact
 from tacstrip.contact.signature import signatures
 from tacstrip.data.published import offsets_volt, published
 from tacstrip.io.runs import Runs
-from tacstrip.sensor.raw import distorted
+from tacstrip.sensor.raw import invert_calibration
 from tacstrip.sensor.spec import Sensor
 from tacstrip.thesis.chapter6.tables import PROFILE_II
 from tacstrip.thesis.twin import (
@@ -52,7 +52,9 @@ def calibration_runs(sensor: Sensor, random: np.random.Generator) -> Runs:
     ]  # fmt: skip
     l_mm, w_mm = np.repeat(np.array(marks).T[:, :, None], sensor.strips, axis=2)  # (contacts, strips)
     ideal = signatures(sensor, l_mm, l_mm + w_mm)
-    raw = distorted(sensor, {name: on_readings(k, PROFILE_II, random) for name, k in ideal.items()})
+    raw = invert_calibration(
+        sensor, {name: add_reading_errors(k, PROFILE_II, random) for name, k in ideal.items()}
+    )
     return Runs(l_mm=l_mm, w_mm=w_mm, raw=raw, line=np.zeros(l_mm.shape, dtype=np.intp), rest={})
 
 

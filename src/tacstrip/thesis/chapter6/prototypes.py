@@ -15,7 +15,7 @@ from tacstrip.data.published import offsets_volt
 from tacstrip.plot.scene import draw_contact, draw_sensor
 from tacstrip.plot.style import COLOURS, OTHERS, SENSOR, STRIP, TRUE, add_axes, legend, new_figure
 from tacstrip.sensor.spec import Sensor
-from tacstrip.surface.cylinder import strip_angle, to_space
+from tacstrip.surface.cylinder import strip_angle, to_cartesian
 from tacstrip.thesis.chapter6.calibration import (
     UNIT_MM,
     calibration_runs,
@@ -96,7 +96,7 @@ def figure_6_35() -> Figure:
             options: dict[str, Any] = {"color": colour, "markersize": 5.0 if style == "o-" else 8.0}
             flat.plot(sensor.x_mm[strips.astype(int)], y[i], style, label=None if i else label, **options)
             steps = np.linspace(strips[0], strips[1], 9)  # a straight line on the unrolled tube
-            points = to_space(sensor, steps, np.interp(steps, strips, y[i]))
+            points = to_cartesian(sensor, steps, np.interp(steps, strips, y[i]))
             space.plot(*points.T, style, markevery=[0, 8], zorder=10, **options)
         flat.annotate(f"line {i + 1}", (sensor.x_mm[line[1][0]] + 1.2, true[i, 1]), fontsize=8.0, va="center")
     worst = np.abs(raw - true).max(), np.abs(good - true).max()
@@ -145,7 +145,7 @@ def _label_ends(axes: Axes, sensor: Sensor) -> None:
 
 
 def _tube(figure: Figure, sensor: Sensor, columns: int, column: int) -> Any:
-    """Add 3-D axes with the tube and its strips, as `to_space` lays them."""
+    """Add 3-D axes with the tube and its strips, as `to_cartesian` lays them."""
     axes: Any = add_axes(figure, 1, columns, column, projection="3d", computed_zorder=False)
     around = np.linspace(-0.5, 2.0 * np.pi * _radius(sensor) / sensor.pitch_mm - 0.5, 60)
     axes.plot_surface(
@@ -157,11 +157,11 @@ def _tube(figure: Figure, sensor: Sensor, columns: int, column: int) -> Any:
         axes.plot_surface(
             *_surface(sensor, across), color=_RUBBER, linewidth=0.0, shade=False, antialiased=False, zorder=1
         )
-        below = to_space(sensor, np.array(float(i)), np.array(-6.0))
+        below = to_cartesian(sensor, np.array(float(i)), np.array(-6.0))
         axes.text(*below, str(i + sensor.strip_base), ha="center", fontsize=8.0, zorder=12)
     side = 1.02 * _radius(sensor)
     for y, text in ((0.0, "0, ground"), (sensor.length_mm, f"{sensor.length_mm:g} mm, Vref")):
-        edge = to_space(sensor, np.array(-0.9), np.array(y))
+        edge = to_cartesian(sensor, np.array(-0.9), np.array(y))
         axes.text(*edge, f"y = {text}  ", ha="right", fontsize=8.0)
     axes.set(xlim=(-side, side), ylim=(-side, side), zlim=(-8.0, sensor.length_mm))
     axes.set_box_aspect((2.0 * side, 2.0 * side, sensor.length_mm + 8.0), zoom=0.95)
@@ -171,7 +171,7 @@ def _tube(figure: Figure, sensor: Sensor, columns: int, column: int) -> Any:
 
 
 def _surface(sensor: Sensor, strips: Any) -> Any:
-    net = to_space(sensor, strips[:, None], np.array([0.0, sensor.length_mm])[None, :])
+    net = to_cartesian(sensor, strips[:, None], np.array([0.0, sensor.length_mm])[None, :])
     return net[..., 0], net[..., 1], net[..., 2]
 
 

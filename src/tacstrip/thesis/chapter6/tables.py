@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from tacstrip.arrays import FloatArray
-from tacstrip.contact.noise import Noise, on_readings
+from tacstrip.contact.noise import Noise, add_reading_errors
 from tacstrip.contact.shape import Contact
 from tacstrip.data.published import Experiment, experiments
 from tacstrip.geometry.metrics import mismatch
@@ -177,7 +177,7 @@ def _scan(
 
 def _drawn(noise: Noise, sensor: Sensor, random: np.random.Generator) -> FloatArray:
     """Return errors (strips,) over Vref: readings at half scale, which nothing clips, less one half."""
-    return on_readings(np.full(sensor.strips, 0.5), noise, random) - 0.5
+    return add_reading_errors(np.full(sensor.strips, 0.5), noise, random) - 0.5
 
 
 def _recover(

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from studies import sheet as module
+from studies.sheet import Sheet, Touch, by_factor, by_green, solve
 from tacstrip.arrays import FloatArray
 from tacstrip.errors import ContactError, NetworkError
-from tacstrip.network import sheet as module
-from tacstrip.network.sheet import Sheet, Touch, by_factor, by_green, solve
 
 
 def laplacian(sheet: Sheet) -> FloatArray:
@@ -25,11 +25,11 @@ def laplacian(sheet: Sheet) -> FloatArray:
     return matrix
 
 
-def random_touch(sheet: Sheet, count: int, seed: int = 0, questions: tuple[int, ...] = ()) -> Touch:
+def random_touch(sheet: Sheet, count: int, seed: int = 0, sets: tuple[int, ...] = ()) -> Touch:
     random = np.random.default_rng(seed)
     node = random.choice(sheet.columns * sheet.rows, count, replace=False)
     ohm = random.choice([0.0, 0.3, 5.0], count)
-    return Touch(node // sheet.rows, node % sheet.rows, ohm, random.uniform(0.0, 1.0, (count, *questions)))
+    return Touch(node // sheet.rows, node % sheet.rows, ohm, random.uniform(0.0, 1.0, (count, *sets)))
 
 
 @pytest.mark.parametrize("sheet", [Sheet(7, 5, 2.0, 0.3), Sheet(1, 6), Sheet(6, 1, 0.2, 9.0), Sheet(1, 1)])

@@ -36,7 +36,7 @@ class Touch:
     ohm
         Resistance of each node's contact (K,); 0 holds the node itself.
     volt
-        What the other sides are held at (K,), or (K, questions) for many at once [Vref].
+        What the other sides are held at (K,), or (K, sets) for many at once [Vref].
     """
 
     column: IntArray
@@ -130,7 +130,7 @@ class Sheet:
 
 
 def solve(sheet: Sheet, touch: Touch) -> FloatArray:
-    """Return the sheet's potentials (columns, rows) or (columns, rows, questions) [Vref].
+    """Return the sheet's potentials (columns, rows) or (columns, rows, sets) [Vref].
 
     Raises
     ------

@@ -1,0 +1,33 @@
+"""Statistics that outliers do not move."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tacstrip.arrays import FloatArray
+
+_NORMAL_MAD = 1.4826  # standard deviation of normal errors over their median absolute deviation
+
+
+def robust_sigma(residuals: FloatArray, axis: int | None = None) -> FloatArray:
+    """Return the standard deviation of normal errors from their median absolute value.
+
+    Parameters
+    ----------
+    residuals
+        Errors about 0, any shape, at least one along `axis`; NaN is ignored.
+    axis
+        The axis to reduce; all by default.
+
+    Returns
+    -------
+    FloatArray
+        In the unit of the residuals. Up to half of them may be outliers.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> round(float(robust_sigma(np.array([-0.1, 0.1, -0.1, 0.1, 50.0]))), 4)
+    0.1483
+    """
+    return np.asarray(_NORMAL_MAD * np.nanmedian(np.abs(residuals), axis=axis))
