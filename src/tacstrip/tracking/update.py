@@ -15,6 +15,7 @@ from tacstrip.core.problem import FLOOR, FitProblem
 from tacstrip.errors import ContactError
 from tacstrip.geometry.outline import Outline, close_chains
 from tacstrip.reconstruction.result import RecoveredObject
+from tacstrip.robust import robust_sigma
 from tacstrip.scan import Scan
 from tacstrip.sensor.spec import Sensor
 
