@@ -12,25 +12,25 @@ from _protocol import SIGNATURES, Cell, Trial
 
 import tacstrip as ts
 from tacstrip.arrays import FloatArray
-from tacstrip.core.problem import Signal
+from tacstrip.core.problem import FitProblem
 from tacstrip.core.search import fit_counts
 from tacstrip.reconstruction.cramer_rao import reading_sigma
 
 Finder = Callable[[Cell, Trial], FloatArray]
 
 
-def signal_of(cell: Cell, of: Trial) -> Signal:
+def problem_of(cell: Cell, of: Trial) -> FitProblem:
     """Return the readings of the strips in contact, with the noise known."""
     readings = {name: of.scan[name][of.scan.touched] for name in SIGNATURES[cell.kind]}
-    return Signal.of(
+    return FitProblem.of(
         cell.sensor, of.x, readings, reading_sigma(ts.Noise(quantisation=cell.noise), cell.sensor)
     )
 
 
 def by_fit(cell: Cell, of: Trial) -> FloatArray:
     """Find transitions by the polygon fit alone, as `fit_polygon` does before it judges."""
-    signal = signal_of(cell, of)
-    return np.asarray(fit_counts(signal).chosen.transitions[1:-1] * signal.width_mm + signal.origin_mm)
+    problem = problem_of(cell, of)
+    return np.asarray(fit_counts(problem).chosen.transitions[1:-1] * problem.width_mm + problem.origin_mm)
 
 
 def by_savgol(cell: Cell, of: Trial) -> FloatArray:

@@ -19,19 +19,17 @@ from functools import partial
 from importlib.util import find_spec
 
 import numpy as np
-from _kinks import FINDERS, signal_of
+from _kinks import FINDERS, problem_of
 from _protocol import SIGNATURES, Cell, Trial, trial
 
 import tacstrip as ts
 from tacstrip.arrays import FloatArray
-from tacstrip.core.descent import refine
-from tacstrip.core.fit import Fit
-from tacstrip.core.problem import Signal
+from tacstrip.core.fit import PolygonFit, refine
+from tacstrip.core.problem import FitProblem
 from tacstrip.core.search import fit_counts
 from tacstrip.geometry.outline import Outline
 from tacstrip.reconstruction.cramer_rao import reading_sigma
 from tacstrip.reconstruction.polygon.estimate import fit_polygon
-from tacstrip.reconstruction.polygon.fit import untangled
 
 SEED = 20260501
 CELLS = [
@@ -101,8 +99,8 @@ def score(cell: Cell, methods: Sequence[str], polygons: int, seed: int) -> dict[
 
 def from_truth(cell: Cell, of: Trial) -> FloatArray:
     """Return the vertices of the least-squares fit that starts at the true ones."""
-    start = Fit.of(Outline.of(of.truth), signal_of(cell, of))
-    return Outline(*untangled(*refine(start, signal_of(cell, of)).polygon(signal_of(cell, of)))).vertices
+    start = PolygonFit.of(Outline.of(of.truth), problem_of(cell, of))
+    return Outline(*refine(start, problem_of(cell, of)).chains_mm(problem_of(cell, of))).vertices
 
 
 def add_vertices(got: Score, of: Trial, found: ts.Reconstruction, from_truth: FloatArray) -> None:
@@ -128,15 +126,15 @@ def speeds(cell: Cell, seed: int, contacts: int = 60) -> str:
     times = []
     for _ in range(contacts):
         of = trial(cell, random)
-        signals = []
+        problems = []
         for _ in range(2):
             again = ts.simulate(sensor, ts.Contact.polygon(of.truth), noise, rng=random)
             readings = {name: again[name][again.touched] for name in SIGNATURES[cell.kind]}
-            signals.append(Signal.of(sensor, of.x, readings, reading_sigma(noise, sensor)))
-        before = fit_counts(signals[0]).chosen
+            problems.append(FitProblem.of(sensor, of.x, readings, reading_sigma(noise, sensor)))
+        before = fit_counts(problems[0]).chosen
         jobs: list[Callable[[], object]] = [
-            partial(fit_counts, signals[1]),
-            partial(refine, before, signals[1]),
+            partial(fit_counts, problems[1]),
+            partial(refine, before, problems[1]),
             partial(fit_polygon, of.scan, sensor, noise, bounded=False),
         ]
         times.append([min(_seconds(job) for _ in range(3)) for job in jobs])

@@ -17,7 +17,7 @@ from polygons import convex_polygon
 from tacstrip.core.ellipse import fit_ellipse
 from tacstrip.core.library import library
 from tacstrip.core.polytope import lowest, walk
-from tacstrip.core.problem import Signal
+from tacstrip.core.problem import FitProblem
 from tacstrip.core.search import fit_counts
 
 Case = Callable[[], Iterable[ArrayLike]]
@@ -39,7 +39,7 @@ def version() -> Iterable[ArrayLike]:
 
 @case
 def polygon_fits() -> Iterable[ArrayLike]:
-    """Fits as users make them, of few and many strips, one signature and both, with their covariances."""
+    """ModelSelection as users make them, of few and many strips, one signature and both, with their covariances."""
     for seed, strips in enumerate((8, 10, 16, 40, 100, 300)):
         for construction in ("crs-crs", "crs-m"):
             sensor = ts.Sensor(
@@ -63,14 +63,14 @@ def round_contacts() -> Iterable[ArrayLike]:
         x, random = sensor.x_mm, np.random.default_rng(seed)
         t = (x - x.mean()) / (0.5 * len(x))
         half = 0.2 * np.sqrt(1.0 - t * t)
-        empty = Signal.of(sensor, x, {"kh": 0.0 * x, "kl": 0.0 * x}, 0.002)
+        empty = FitProblem.of(sensor, x, {"kh": 0.0 * x, "kl": 0.0 * x}, 0.002)
         k = empty.readings_of(0.5 - half, 0.5 + half) + random.normal(0.0, 0.002, (2, len(x)))
         k[0, 30] += 0.1
-        signal = Signal.of(sensor, x, {"kh": k[0], "kl": k[1]}, 0.002)
-        fits = fit_counts(signal, every=True)
-        ellipse = fit_ellipse(fits.chosen, signal)
+        problem = FitProblem.of(sensor, x, {"kh": k[0], "kl": k[1]}, 0.002)
+        fits = fit_counts(problem, every=True)
+        ellipse = fit_ellipse(fits.chosen, problem)
         yield from (fit.theta for fit in fits.fits)
-        yield from (fits.scores, ellipse.parameters, ellipse.information, fits.chosen.residuals(signal))
+        yield from (fits.scores, ellipse.parameters, ellipse.information, fits.chosen.residuals(problem))
 
 
 @case

@@ -19,10 +19,10 @@ from tacstrip.geometry.outline import Outline
 from tacstrip.network.crp.readings import own_electrodes
 from tacstrip.reconstruction.cramer_rao import (
     reading_sigma,
-    reading_slopes,
+    signature_jacobians,
     vertex_covariance,
+    vertex_jacobian,
     vertex_rms,
-    vertex_slopes,
 )
 
 SQUARE = [(10.0, 20.0), (50.0, 20.0), (50.0, 60.0), (10.0, 60.0)]
@@ -96,7 +96,7 @@ def test_ends_and_slopes_agree_with_the_footprint_and_differences(seed: int, cor
     l, u = ts.footprint(sensor, ts.Contact.polygon(vertices))
     np.testing.assert_allclose(outline.ends(sensor.x_mm), (l, u), rtol=0, atol=1e-9)
     x = np.linspace(vertices[:, 0].min(), vertices[:, 0].max(), 7)[1:-1]
-    by_l, by_u = outline.slopes(x)
+    by_l, by_u = outline.jacobian(x)
     step = 1e-5
     for at in range(vertices.size):
         moved = [vertices.ravel().copy() for _ in range(2)]
@@ -105,7 +105,7 @@ def test_ends_and_slopes_agree_with_the_footprint_and_differences(seed: int, cor
         (l1, u1), (l0, u0) = (Outline.of(m.reshape(-1, 2)).ends(x) for m in moved)
         np.testing.assert_allclose(by_l[:, at], (l1 - l0) / (2 * step), rtol=1e-6, atol=1e-6)
         np.testing.assert_allclose(by_u[:, at], (u1 - u0) / (2 * step), rtol=1e-6, atol=1e-6)
-    assert np.isnan(outline.slopes(np.array([-1.0]))[0]).all()
+    assert np.isnan(outline.jacobian(np.array([-1.0]))[0]).all()
 
 
 # Slopes of readings
@@ -126,7 +126,7 @@ def test_slopes_of_readings_agree_with_differences(
         return ts.signatures(sensor, l + dl, u + du)
 
     step = 1e-4
-    for name, (by_l, by_u) in reading_slopes(sensor, l, u).items():
+    for name, (by_l, by_u) in signature_jacobians(sensor, l, u).items():
         numeric_l = (at(step, 0)[name] - at(-step, 0)[name]) / (2 * step)
         numeric_u = (at(0, step)[name] - at(0, -step)[name]) / (2 * step)
         np.testing.assert_allclose(by_l, numeric_l, rtol=1e-4, atol=1e-9)
@@ -233,8 +233,8 @@ def test_least_squares_scatters_as_the_bound_says() -> None:
             at = Outline.of(guess.reshape(-1, 2))
             inside = at.touches(x)
             l, u = at.ends(x[inside])
-            by_l, by_u = at.slopes(x[inside])
-            a, b = reading_slopes(sensor, l, u)["k"]
+            by_l, by_u = at.jacobian(x[inside])
+            a, b = signature_jacobians(sensor, l, u)["k"]
             slope = a[:, None] * by_l + b[:, None] * by_u
             left = measured[inside] - ts.signatures(sensor, l, u)["k"]
             told = slope.T @ slope / sigma**2 + np.diag(prior)
@@ -260,12 +260,12 @@ def test_without_a_closed_form_the_network_says_what_the_vertices_move() -> None
     """CRS-CRP: slopes of its readings by the vertices against differences of its network."""
     sensor = a_sensor("crs-crp", strips=12, pitch_mm=8.0, resistivity_ratio=100.0, contact_lambda_mm=4.0)
     outline = Outline.of(KITE)
-    slope = vertex_slopes(outline, sensor)
+    slope = vertex_jacobian(outline, sensor)
     touched = outline.touches(sensor.x_mm)
     assert slope.shape == (2 * touched.sum(), 8)
-    np.testing.assert_array_equal(vertex_slopes(outline, sensor, ["kl"]), slope[touched.sum() :])
+    np.testing.assert_array_equal(vertex_jacobian(outline, sensor, ["kl"]), slope[touched.sum() :])
     np.testing.assert_array_equal(
-        vertex_slopes(outline, sensor, x_mm=sensor.x_mm[3:5]), slope[[2, 3, 10, 11]]
+        vertex_jacobian(outline, sensor, x_mm=sensor.x_mm[3:5]), slope[[2, 3, 10, 11]]
     )
     step = 1e-3
     for at in range(8):

@@ -13,15 +13,13 @@ from strategies import FIXED, sensors
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import Noise
 from tacstrip.contact.shape import Contact
-from tacstrip.core.descent import refine
-from tacstrip.core.fit import Fit
-from tacstrip.core.problem import Signal
+from tacstrip.core.fit import PolygonFit, refine
+from tacstrip.core.problem import FitProblem
 from tacstrip.errors import OptionError, ReadingError
 from tacstrip.geometry.metrics import mismatch
 from tacstrip.geometry.outline import Outline
 from tacstrip.reconstruction.cramer_rao import reading_sigma, vertex_covariance
 from tacstrip.reconstruction.polygon.estimate import fit_polygon, fit_polygons, fitted_transitions
-from tacstrip.reconstruction.polygon.fit import information_root
 from tacstrip.reconstruction.polygon.run import fit_run
 from tacstrip.reconstruction.result import RecoveredObject
 from tacstrip.scan import Scan
@@ -114,13 +112,13 @@ def test_an_outline_in_units_of_a_signal_and_back() -> None:
     square = Outline.of([(200.0, 100.0), (600.0, 100.0), (600.0, 500.0), (200.0, 700.0)])
     scan = simulate(CRS, Contact.polygon(square.vertices))
     run = scan.runs()[0]
-    signal = Signal.of(CRS, CRS.x_mm[run], {"kh": scan["kh"][run], "kl": scan["kl"][run]}, 0.001)
-    fit = Fit.of(square, signal)
-    assert fit.blunt.tolist() == [1, 1]
-    for back, chain in zip(fit.polygon(signal), (square.lower, square.upper), strict=True):
+    problem = FitProblem.of(CRS, CRS.x_mm[run], {"kh": scan["kh"][run], "kl": scan["kl"][run]}, 0.001)
+    fit = PolygonFit.of(square, problem)
+    assert fit.vertical_ends.tolist() == [1, 1]
+    for back, chain in zip(fit.chains_mm(problem), (square.lower, square.upper), strict=True):
         np.testing.assert_allclose(back, chain, atol=1e-9)
-    assert information_root(fit, signal).shape == (8, 8)
-    np.testing.assert_allclose(fit.readings(signal), signal.k, atol=2e-4)
+    assert fit.information_root(problem).shape == (8, 8)
+    np.testing.assert_allclose(fit.readings(problem), problem.k, atol=2e-4)
 
 
 def test_tracking_goes_on_from_the_polygon_before() -> None:
@@ -129,11 +127,11 @@ def test_tracking_goes_on_from_the_polygon_before() -> None:
     after = simulate(CRS, Contact.polygon(moved), NOISE, rng=6)
     found = _only(before, CRS)
     run = after.runs()[0]
-    signal = Signal.of(
+    problem = FitProblem.of(
         CRS, CRS.x_mm[run], {n: after[n][run] for n in ("kh", "kl")}, reading_sigma(NOISE, CRS)
     )
-    warm = refine(Fit.of(Outline.of(found.vertices), signal), signal)
-    lower, upper = warm.polygon(signal)
+    warm = refine(PolygonFit.of(Outline.of(found.vertices), problem), problem)
+    lower, upper = warm.chains_mm(problem)
     cold = _only(after, CRS, bounded=False)
     np.testing.assert_allclose(Outline(lower, upper).vertices, cold.vertices, atol=0.2)
 
@@ -329,7 +327,7 @@ def test_readings_that_are_none_are_left_out(bad: float) -> None:
     readings = {name: scan[name][run].copy() for name in ("kh", "kl")}
     readings["kh"][[5, 30, 31]] = bad
     found = fit_run(CRS, CRS.x_mm[run], readings, reading_sigma(NOISE, CRS))
-    assert found.fits is not None
-    assert found.fits.chosen.count == 3
+    assert found.selection is not None
+    assert found.selection.chosen.n_interior == 3
     readings["kh"][:], readings["kl"][:] = bad, bad
-    assert fit_run(CRS, CRS.x_mm[run], readings).fits is None
+    assert fit_run(CRS, CRS.x_mm[run], readings).selection is None

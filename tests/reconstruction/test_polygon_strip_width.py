@@ -14,7 +14,7 @@ from tacstrip.geometry.outline import Outline
 from tacstrip.network.strips.resolved import wide_readings
 from tacstrip.reconstruction.cramer_rao import reading_sigma, vertex_covariance
 from tacstrip.reconstruction.polygon.estimate import fit_polygon
-from tacstrip.reconstruction.strip_width import as_thin, wide_ends
+from tacstrip.reconstruction.strip_width import equivalent_ends, remove_width_effect
 
 SIZE = {"strips": 40, "pitch_mm": 3.25, "length_mm": 130.0, "strip_width_mm": 3.0, "contact_lambda_mm": 2.0}
 SENSORS = {name: ts.Sensor(construction=name, **SIZE) for name in ("crs-crs", "crs-m")}  # type: ignore[arg-type]
@@ -33,7 +33,7 @@ def test_the_closed_form_of_a_wide_strip_is_the_networks(
     """But for strips that are covered in part, or have a corner on them."""
     sensor, read = unit
     outline, x = Outline.of(TRUTH), sensor.x_mm
-    wide = signatures(sensor, *wide_ends(sensor, outline, x))
+    wide = signatures(sensor, *equivalent_ends(sensor, outline, x))
     thin = signatures(sensor, *(np.interp(x, *c.T) for c in (outline.lower, outline.upper)))
     far = np.abs(x[:, None] - TRUTH[:, 0]).min(axis=1) > sensor.strip_width
     inside = np.isfinite(next(iter(read.values()))) & far
@@ -95,7 +95,7 @@ def test_bounds_and_bridges_know_of_the_width() -> None:
 def test_what_the_width_adds_vanishes_with_it() -> None:
     sensor = replace(SENSORS["crs-crs"], strip_width_mm=1e-6)
     readings = {"kh": np.array([0.5, 0.6]), "kl": np.array([0.4, 0.5])}
-    thin = as_thin(sensor, Outline.of(TRUTH), np.array([50.0, 70.0]), readings)
+    thin = remove_width_effect(sensor, Outline.of(TRUTH), np.array([50.0, 70.0]), readings)
     for name, k in readings.items():
         np.testing.assert_allclose(thin[name], k, atol=1e-7)
 

@@ -32,6 +32,21 @@ class Problem(ctypes.Structure):
     )
 
 
+MAX_VERTICES = 16  # interior vertices of a polygon
+END_ENTRIES = 6  # entries of theta before the first vertex
+SIZE = END_ENTRIES + 2 * MAX_VERTICES
+# `Polygon` of core.h.
+POLYGON = np.dtype(
+    [
+        ("m", np.int64),
+        ("vertical", np.int64, 2),
+        ("upper", np.int64, MAX_VERTICES),
+        ("theta", np.float64, SIZE),
+        ("cost", np.float64),
+        ("score", np.float64),
+    ]
+)
+
 _PROBLEM = ctypes.POINTER(Problem)
 _NOTHING = ctypes.c_char * 0
 _SEARCH_WORKSPACE = 3613  # doubles: SEARCH_WORKSPACE of core.h
@@ -50,7 +65,7 @@ _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "fit_ellipse": (_DOUBLE, (_PROBLEM, _POINTER, _DOUBLE, _POINTER, _POINTER)),
     "walk": (None, (*[_POINTER] * 8, *[_INT] * 4, _POINTER)),
     "lowest": (_DOUBLE, (*[_POINTER] * 5, _INT, _INT, _POINTER)),
-    "misfits": (_INT, (_POINTER, _INT, _INT, _POINTER)),
+    "isolated_outliers": (_INT, (_POINTER, _INT, _INT, _POINTER)),
     "spikes": (None, (_POINTER, _INT, _DOUBLE, _POINTER, _POINTER)),
 }
 

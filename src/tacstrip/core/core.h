@@ -13,11 +13,11 @@
 #ifndef TACSTRIP_CORE_H
 #define TACSTRIP_CORE_H
 
-#define TACSTRIP_VERSION 1 /* goes up whenever a function or a struct of this file changes */
+#define TACSTRIP_VERSION 2 /* goes up whenever a function or a struct of this file changes */
 
-#define MOST 16                /* interior vertices of a polygon */
-#define ENDS 6                 /* entries of theta before the first vertex */
-#define SIZE (ENDS + 2 * MOST) /* entries of theta */
+#define MAX_VERTICES 16        /* interior vertices of a polygon */
+#define END_ENTRIES 6          /* entries of theta before the first vertex */
+#define SIZE (END_ENTRIES + 2 * MAX_VERTICES) /* entries of theta */
 #define TRIED 3                /* places of one more vertex that a search tries */
 #define COARSEST 200           /* strips that a search has left after averaging, at most */
 #define SEARCH_WORKSPACE 3613  /* doubles that a search works in: 5 COARSEST, and 13 for each strip and one more */
@@ -47,7 +47,7 @@ typedef struct {
 typedef struct {
   Int m;           /* interior vertices */
   Int vertical[2]; /* whether the left and the right end are vertical edges, 0 or 1 */
-  Int upper[MOST]; /* whether a vertex is on the upper chain, 0 or 1 */
+  Int upper[MAX_VERTICES]; /* whether a vertex is on the upper chain, 0 or 1 */
   double theta[SIZE];
   double cost;  /* squared residuals over sigma^2, and what the prior of the ends' x adds */
   double score; /* the criterion that counts are compared by */
@@ -56,7 +56,7 @@ typedef struct {
 /* TACSTRIP_VERSION; a loader refuses a library of another version. */
 EXPORTED int tacstrip_core_version(void);
 
-/* Write J'WJ (size, size) and J'Wr (size,) by theta, size = ENDS + 2 m, and return the cost; with `prior`, what the
+/* Write J'WJ (size, size) and J'Wr (size,) by theta, size = END_ENTRIES + 2 m, and return the cost; with `prior`, what the
    touched strips say of the x of pointed ends is in all three. */
 EXPORTED double tacstrip_normal_equations(const Problem *problem, const Polygon *polygon, Int prior, double *matrix,
                                           double *gradient);
@@ -85,13 +85,14 @@ EXPORTED Int tacstrip_places(const Problem *problem, const Polygon *polygon, Int
                              double *workspace);
 
 /* The best polygon of each count of vertices that the readings may hold.
-   known: whether the weights are 1 / sigma^2, else only roughly so. most: interior vertices at most, up to MOST.
-   corners: vertices in all where that is known, else 0. every: all counts, not only the best one's neighbours.
-   found (MOST + 1,): those fitted to all strips, ascending in m. picked (2,): the best one's place in found, and how
+   sigma_known: whether the weights are 1 / sigma^2, else only roughly so. max_vertices: interior vertices at most, up
+   to MAX_VERTICES.
+   n_vertices: vertices in all where that is known, else 0. every: all counts, not only the best one's neighbours.
+   found (MAX_VERTICES + 1,): those fitted to all strips, ascending in m. picked (2,): the best one's place in found, and how
    many counts, of all that were searched, the criterion can hardly tell from the best.
    workspace (SEARCH_WORKSPACE,). Returns how many polygons were found. */
-EXPORTED Int tacstrip_fit_counts(const Problem *problem, Int known, Int most, Int corners, Int every, Polygon *found,
-                                 Int *picked, double *workspace);
+EXPORTED Int tacstrip_fit_counts(const Problem *problem, Int sigma_known, Int max_vertices, Int n_vertices, Int every,
+                                 Polygon *found, Int *picked, double *workspace);
 
 /* Fit an ellipse to the readings that a polygon was found for; where `start` is null, from the ellipse that is given.
    Writes ellipse (5,): left end, right end, height of the
@@ -106,7 +107,7 @@ EXPORTED void tacstrip_spikes(const double *k, Int n, double sigma, unsigned cha
 
 /* Mark the residuals over sigma (signatures, n) that lie alone, far off, in out (signatures, n); none where they are
    many. Returns how many. */
-EXPORTED Int tacstrip_misfits(const double *residuals, Int signatures, Int n, unsigned char *out);
+EXPORTED Int tacstrip_isolated_outliers(const double *residuals, Int signatures, Int n, unsigned char *out);
 
 /* Walk through a set of bounds from z = 0, along one coordinate after the other to a random place between the bounds.
    a (size, rows) and slack (rows,): every column of a holds z' column <= slack. pair_a (size, pairs, 2) and pair_slack

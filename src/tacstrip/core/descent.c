@@ -18,21 +18,21 @@ Int free_entries(const Polygon *p, Int *free) {
     free[n++] = 3 * side + 1;
     if (p->vertical[side]) free[n++] = 3 * side + 2;
   }
-  for (Int i = ENDS; i < ENDS + 2 * p->m; i++) free[n++] = i;
+  for (Int i = END_ENTRIES; i < END_ENTRIES + 2 * p->m; i++) free[n++] = i;
   return n;
 }
 
 void sort_vertices(Polygon *p) {
   for (Int j = 1; j < p->m; j++) {
-    double x = p->theta[ENDS + 2 * j], y = p->theta[ENDS + 2 * j + 1];
+    double x = p->theta[END_ENTRIES + 2 * j], y = p->theta[END_ENTRIES + 2 * j + 1];
     Int upper = p->upper[j], i = j;
-    for (; i > 0 && x < p->theta[ENDS + 2 * i - 2]; i--) {
-      p->theta[ENDS + 2 * i] = p->theta[ENDS + 2 * i - 2];
-      p->theta[ENDS + 2 * i + 1] = p->theta[ENDS + 2 * i - 1];
+    for (; i > 0 && x < p->theta[END_ENTRIES + 2 * i - 2]; i--) {
+      p->theta[END_ENTRIES + 2 * i] = p->theta[END_ENTRIES + 2 * i - 2];
+      p->theta[END_ENTRIES + 2 * i + 1] = p->theta[END_ENTRIES + 2 * i - 1];
       p->upper[i] = p->upper[i - 1];
     }
-    p->theta[ENDS + 2 * i] = x;
-    p->theta[ENDS + 2 * i + 1] = y;
+    p->theta[END_ENTRIES + 2 * i] = x;
+    p->theta[END_ENTRIES + 2 * i + 1] = y;
     p->upper[i] = upper;
   }
 }
@@ -42,13 +42,13 @@ void sort_vertices(Polygon *p) {
 void move(const Polygon *p, const Int *free, Int n, const double *step, double pitch, double *trial) {
   const double *theta = p->theta;
   Int m = p->m;
-  for (Int i = 0; i < ENDS + 2 * m; i++) trial[i] = theta[i];
+  for (Int i = 0; i < END_ENTRIES + 2 * m; i++) trial[i] = theta[i];
   for (Int i = 0; i < n; i++) trial[free[i]] += step[i];
   trial[0] = clip(trial[0], -0.5 * pitch, 0.5 * pitch);
   trial[3] = clip(trial[3], 1.0 - 0.5 * pitch, 1.0 + 0.5 * pitch);
   if (m > 0) {
-    double left = 0.5 * (theta[0] + theta[ENDS]) - 0.25 * pitch;
-    double right = 0.5 * (theta[3] + theta[ENDS + 2 * m - 2]) + 0.25 * pitch;
+    double left = 0.5 * (theta[0] + theta[END_ENTRIES]) - 0.25 * pitch;
+    double right = 0.5 * (theta[3] + theta[END_ENTRIES + 2 * m - 2]) + 0.25 * pitch;
     trial[0] = smaller(trial[0], larger(theta[0], left));
     trial[3] = larger(trial[3], smaller(theta[3], right));
   }
@@ -58,10 +58,10 @@ void move(const Polygon *p, const Int *free, Int n, const double *step, double p
     trial[u] = p->vertical[side] ? clip(trial[u], 0.0, 1.0) : trial[l];
   }
   for (Int j = 0; j < m; j++) {
-    Int at = ENDS + 2 * j;
+    Int at = END_ENTRIES + 2 * j;
     double here = theta[at], before = theta[0], after = theta[3];
-    for (Int i = 0; i < j; i++) if (p->upper[i] == p->upper[j]) before = theta[ENDS + 2 * i];
-    for (Int i = m - 1; i > j; i--) if (p->upper[i] == p->upper[j]) after = theta[ENDS + 2 * i];
+    for (Int i = 0; i < j; i++) if (p->upper[i] == p->upper[j]) before = theta[END_ENTRIES + 2 * i];
+    for (Int i = m - 1; i > j; i--) if (p->upper[i] == p->upper[j]) after = theta[END_ENTRIES + 2 * i];
     double low = here - larger(0.5 * (here - before) - 0.25 * pitch, 0.0);
     double high = here + larger(0.5 * (after - here) - 0.25 * pitch, 0.0);
     trial[at] = clip(trial[at], low, high);
@@ -78,7 +78,7 @@ static Int not_held(const Polygon *p, const double *gradient, double pitch, Int 
     if (at == 0 || at == 3) {
       low = (double)(at / 3) - 0.5 * pitch;
       high = (double)(at / 3) + 0.5 * pitch;
-    } else if (at < ENDS || at % 2 == 1) {
+    } else if (at < END_ENTRIES || at % 2 == 1) {
       low = 0.0;
       high = 1.0;
     }
@@ -88,12 +88,12 @@ static Int not_held(const Polygon *p, const double *gradient, double pitch, Int 
 }
 
 double tacstrip_descend(const Problem *s, Polygon *p, Int steps, double least, double wanted) {
-  Int size = ENDS + 2 * p->m, free[SIZE];
+  Int size = END_ENTRIES + 2 * p->m, free[SIZE];
   Matrix one, two, small;
   double first[SIZE], second[SIZE], step[SIZE];
   double (*a)[SIZE] = one, (*other)[SIZE] = two, *g = first, *other_g = second, damping = DAMPING;
   Polygon trial;
-  CHECK(0 <= p->m && p->m <= MOST && (s->signatures == 1 || s->signatures == 2));
+  CHECK(0 <= p->m && p->m <= MAX_VERTICES && (s->signatures == 1 || s->signatures == 2));
   sort_vertices(p);
   double cost = normal_equations(s, p, a, g);
   trial.m = p->m;

@@ -5,48 +5,20 @@ from __future__ import annotations
 import numpy as np
 
 from tacstrip.arrays import FloatArray, IntArray
-from tacstrip.core.binding import at, exported
+from tacstrip.core.binding import END_ENTRIES
 from tacstrip.core.equations import free_entries, normal_equations
-from tacstrip.core.fit import ENDS, Fit
-from tacstrip.core.problem import Signal
+from tacstrip.core.problem import FitProblem
 
 _DAMPING, _STUCK = 1e-3, 1e8  # of J'J's diagonal: at first, and where a descent gives up
 _ALWAYS = 1e-9  # damping that stays
 _HOPE = 2.0  # a descent will not gain more than twice what its last step did
-_FINE, _SETTLED = 40, 1e-4  # steps of a last descent, and the gain in chi square that ends it
-_CLOSED = 1e-12  # of the strip length
-
-
-def refine(fit: Fit, signal: Signal) -> Fit:
-    """Return the least-squares fit near a given one, on all strips: also the warm start of tracking."""
-    core = exported("refine")
-    if core is None:
-        return plain_refine(fit, signal)
-    record = fit.record
-    core(signal.problem, at(record))
-    return Fit.of_record(record)
-
-
-def plain_refine(fit: Fit, signal: Signal) -> Fit:
-    """Do as `refine`, in NumPy."""
-    theta = fit.theta.copy()
-    for end in (0, 1):
-        if not fit.blunt[end]:
-            theta[3 * end + 1 : 3 * end + 3] = theta[3 * end + 1 : 3 * end + 3].mean()
-    found = descend(theta[None], fit.chain[None], fit.blunt, signal, _FINE, _SETTLED, np.inf)
-    theta, chain, cost = found[0][0], found[1][0], float(found[2][0])
-    height = np.array([theta[2] - theta[1], theta[5] - theta[4]])
-    closed = (fit.blunt == 1) & (height <= _CLOSED)
-    if closed.any():  # a vertical edge without height is a point, whose x is free
-        return plain_refine(Fit(theta, chain, np.where(closed, 0, fit.blunt), cost), signal)
-    return Fit(theta, chain, fit.blunt, cost)
 
 
 def descend(
     theta: FloatArray,
     chain: IntArray,
-    blunt: IntArray,
-    signal: Signal,
+    vertical_ends: IntArray,
+    problem: FitProblem,
     steps: int,
     least: float,
     wanted: float,
@@ -55,9 +27,9 @@ def descend(
 
     Parameters
     ----------
-    theta, chain, blunt
+    theta, chain, vertical_ends
         The starts, as `equations` has a batch.
-    signal
+    problem
         Readings and weights.
     steps, least, wanted
         A descent ends after so many steps, when one gains less than `least`, or when it is not on its way to cost less
@@ -69,12 +41,12 @@ def descend(
         theta (B, P), chain (B, m) and the costs (B,).
     """
     theta, chain = ordered(theta, chain)
-    cost, matrix, gradient = normal_equations(theta, chain, blunt, signal)
-    size, half = theta.shape[1], 0.5 * signal.pitch
+    cost, matrix, gradient = normal_equations(theta, chain, vertical_ends, problem)
+    size, half = theta.shape[1], 0.5 * problem.pitch
     low, high = np.zeros(size), np.ones(size)
     low[[0, 3]], high[[0, 3]] = (-half, 1.0 - half), (half, 1.0 + half)
-    low[ENDS::2], high[ENDS::2] = -np.inf, np.inf
-    free, diagonal = free_entries(size, blunt), np.arange(size)
+    low[END_ENTRIES::2], high[END_ENTRIES::2] = -np.inf, np.inf
+    free, diagonal = free_entries(size, vertical_ends), np.arange(size)
     damping, going = np.full(len(theta), _DAMPING), np.arange(len(theta))
     found = theta.copy(), chain.copy(), cost.copy()
     for _ in range(steps):
@@ -84,8 +56,8 @@ def descend(
         own = normal[:, diagonal, diagonal] * (1.0 + damping[:, None]) + _ALWAYS
         normal[:, diagonal, diagonal] = np.where(moves, own, 1.0)
         step = np.linalg.solve(normal, np.where(moves, gradient, 0.0)[..., None])[..., 0]
-        trial, trial_chain = ordered(moved(theta, chain, blunt, step, signal.pitch), chain)
-        new_cost, new_matrix, new_gradient = normal_equations(trial, trial_chain, blunt, signal)
+        trial, trial_chain = ordered(moved(theta, chain, vertical_ends, step, problem.pitch), chain)
+        new_cost, new_matrix, new_gradient = normal_equations(trial, trial_chain, vertical_ends, problem)
         gain = cost - new_cost
         better = gain >= 0.0
         theta, chain = np.where(better[:, None], trial, theta), np.where(better[:, None], trial_chain, chain)
@@ -103,16 +75,18 @@ def descend(
 
 def ordered(theta: FloatArray, chain: IntArray) -> tuple[FloatArray, IntArray]:
     """Return a batch with its vertices in ascending x; opposite chains may pass each other."""
-    order = np.argsort(theta[:, ENDS::2], axis=1, kind="stable")
+    order = np.argsort(theta[:, END_ENTRIES::2], axis=1, kind="stable")
     theta = theta.copy()
-    for entry in (ENDS, ENDS + 1):
+    for entry in (END_ENTRIES, END_ENTRIES + 1):
         theta[:, entry::2] = np.take_along_axis(theta[:, entry::2], order, 1)
     return theta, np.take_along_axis(chain, order, 1)
 
 
-def moved(theta: FloatArray, chain: IntArray, blunt: IntArray, step: FloatArray, pitch: float) -> FloatArray:
+def moved(
+    theta: FloatArray, chain: IntArray, vertical_ends: IntArray, step: FloatArray, pitch: float
+) -> FloatArray:
     """Return theta + step (B, P), held to the sensor, to the ends' pitch and to the order on each chain."""
-    trial, half, x = theta + step, 0.5 * pitch, theta[:, ENDS::2]
+    trial, half, x = theta + step, 0.5 * pitch, theta[:, END_ENTRIES::2]
     first, last, m = theta[:, :1], theta[:, 3:4], chain.shape[1]
     for at_end, other in ((0, x[:, :1]), (3, x[:, -1:])):
         end = at_end // 3
@@ -125,7 +99,7 @@ def moved(theta: FloatArray, chain: IntArray, blunt: IntArray, step: FloatArray,
                 trial[:, 0] = np.minimum(trial[:, 0], np.maximum(own, middle - 0.5 * half))
         both = slice(at_end + 1, at_end + 3)
         trial[:, both] = np.clip(trial[:, both], 0.0, 1.0)
-        if not blunt[end]:
+        if not vertical_ends[end]:
             trial[:, at_end + 2] = trial[:, at_end + 1]
     # Halfway to the neighbour at most, so that two that approach each other never pass.
     same, earlier = chain[:, :, None] == chain[:, None, :], np.tri(m, k=-1, dtype=bool)
@@ -135,6 +109,6 @@ def moved(theta: FloatArray, chain: IntArray, blunt: IntArray, step: FloatArray,
     knots = np.concatenate([first, x, last], axis=1)
     room_before = np.maximum(0.5 * (x - np.take_along_axis(knots, before + 1, 1)) - 0.5 * half, 0.0)
     room_after = np.maximum(0.5 * (np.take_along_axis(knots, after + 1, 1) - x) - 0.5 * half, 0.0)
-    trial[:, ENDS::2] = np.clip(trial[:, ENDS::2], x - room_before, x + room_after)
-    trial[:, ENDS + 1 :: 2] = np.clip(trial[:, ENDS + 1 :: 2], 0.0, 1.0)
+    trial[:, END_ENTRIES::2] = np.clip(trial[:, END_ENTRIES::2], x - room_before, x + room_after)
+    trial[:, END_ENTRIES + 1 :: 2] = np.clip(trial[:, END_ENTRIES + 1 :: 2], 0.0, 1.0)
     return trial

@@ -11,14 +11,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from tacstrip.arrays import FloatArray
-from tacstrip.core.binding import at, exported
+from tacstrip.core.binding import MAX_VERTICES, at, exported
 from tacstrip.core.equations import terms
-from tacstrip.core.fit import MOST, Fit
-from tacstrip.core.problem import Signal
+from tacstrip.core.fit import PolygonFit
+from tacstrip.core.problem import FitProblem
 from tacstrip.fisher import covariance
+from tacstrip.sensor.spec import Sensor
 
 _STEPS, _ENOUGH, _HOPE = 25, 1e-2, 4.0
-PARAMETERS = 3  # that the readings determine; the ends' x have a prior
 _POINTS = 20  # interior points of either chain that draw it
 _CHORD = np.pi / (_POINTS + 1)  # angle between two of them
 _SAME_AREA = _CHORD / np.sin(_CHORD)  # they lie so much further out in y that chords hold the ellipse's area
@@ -28,7 +28,7 @@ _LEAST = 1e-9  # added to the normal matrix
 
 @dataclass(frozen=True, eq=False)
 class Ellipse:
-    """An ellipse in units of a signal.
+    """An ellipse as outline model, in units of a `FitProblem`.
 
     Attributes
     ----------
@@ -44,55 +44,81 @@ class Ellipse:
     cost: float
     information: FloatArray
 
-    def residuals(self, signal: Signal) -> FloatArray:
+    @classmethod
+    def fitted(cls, start: PolygonFit, problem: FitProblem) -> Ellipse:
+        """Return the least-squares ellipse near an outline: `fit_ellipse`."""
+        return fit_ellipse(start, problem)
+
+    @property
+    def n_parameters(self) -> int:
+        """Numbers that the readings determine: three, for the ends' x have a prior."""
+        return 3
+
+    @property
+    def complexity(self) -> int:
+        """What it counts for in the criterion: one vertex."""
+        return 1
+
+    def residuals(self, problem: FitProblem) -> FloatArray:
         """Return measured minus fitted readings over sigma (S, n); 0 where a reading is left out."""
         left, right, c, s, b = self.parameters
-        t = np.clip((2.0 * signal.x - left - right) / (right - left), -1.0, 1.0)
+        t = np.clip((2.0 * problem.x - left - right) / (right - left), -1.0, 1.0)
         middle, half = c + s * t, b * np.sqrt(1.0 - t * t)
-        k = signal.readings_of(np.clip(middle - half, 0.0, 1.0), np.clip(middle + half, 0.0, 1.0))
-        return np.asarray((signal.k - k) * signal.root_weight)
+        k = problem.readings_of(np.clip(middle - half, 0.0, 1.0), np.clip(middle + half, 0.0, 1.0))
+        return np.asarray((problem.k - k) * problem.root_weight)
 
-    def outline(self, signal: Signal) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return lower and upper chain (22, 2) [mm], and the covariance (84, 84) [mm^2] of the 42 vertices."""
+    def chains_mm(self, problem: FitProblem) -> tuple[FloatArray, FloatArray]:
+        """Return lower and upper chain (22, 2) [mm], which together have 42 vertices."""
         left, right, c, s, b = self.parameters
-        t = -np.cos(np.linspace(0.0, np.pi, _POINTS + 2))
-        r = _SAME_AREA * np.sqrt(np.maximum(1.0 - t * t, 0.0))
-        r[[0, -1]] = 0.0
+        t, r = _drawn()
         x = 0.5 * (left + right) + 0.5 * (right - left) * t
-        scale, origin = np.array((signal.width_mm, signal.length_mm)), (signal.origin_mm, 0.0)
+        scale, origin = np.array((problem.width_mm, problem.length_mm)), (problem.origin_mm, 0.0)
         lower, upper = (
             np.stack([x, np.clip(c + s * t + side * b * r, 0.0, 1.0)], axis=1) * scale + origin
             for side in (-1, 1)
         )
-        ring_t, ring_r = np.concatenate([t, t[-2:0:-1]]), np.concatenate([-r, r[-2:0:-1]])
-        slopes = np.zeros((len(ring_t), 2, 5))
-        slopes[:, 0, 0], slopes[:, 0, 1] = 0.5 * (1.0 - ring_t), 0.5 * (1.0 + ring_t)
-        slopes[:, 1, 2], slopes[:, 1, 3], slopes[:, 1, 4] = 1.0, ring_t, ring_r
-        by = (slopes * scale[:, None]).reshape(-1, 5)
+        return lower, upper
+
+    def covariance(self, problem: FitProblem, sensor: Sensor) -> FloatArray:
+        """Return the covariance (84, 84) [mm^2] of the 42 vertices."""
+        t, r = _drawn()
+        t, r = np.concatenate([t, t[-2:0:-1]]), np.concatenate([-r, r[-2:0:-1]])  # (42,) counter-clockwise
+        jacobian = np.zeros((len(t), 2, 5))
+        jacobian[:, 0, 0], jacobian[:, 0, 1] = 0.5 * (1.0 - t), 0.5 * (1.0 + t)
+        jacobian[:, 1, 2], jacobian[:, 1, 3], jacobian[:, 1, 4] = 1.0, t, r
+        in_mm = (jacobian * np.array((problem.width_mm, problem.length_mm))[:, None]).reshape(-1, 5)
         value, vector = np.linalg.eigh(self.information)
-        told = covariance(np.sqrt(np.maximum(value, 0.0))[:, None] * vector.T)
-        return lower, upper, by @ told @ by.T
+        of_parameters = covariance(np.sqrt(np.maximum(value, 0.0))[:, None] * vector.T)
+        return np.asarray(in_mm @ of_parameters @ in_mm.T)
 
 
-def fit_ellipse(start: Fit, signal: Signal, wanted: float = np.inf) -> Ellipse:
+def _drawn() -> tuple[FloatArray, FloatArray]:
+    """Return t and sqrt(1 - t^2) (22,) of the places that draw a chain, so much larger that chords hold the area."""
+    t = -np.cos(np.linspace(0.0, np.pi, _POINTS + 2))
+    r = _SAME_AREA * np.sqrt(np.maximum(1.0 - t * t, 0.0))
+    r[[0, -1]] = 0.0
+    return t, r
+
+
+def fit_ellipse(start: PolygonFit, problem: FitProblem, wanted: float = np.inf) -> Ellipse:
     """Fit an ellipse by least squares from where a polygon was found; in vain if it cannot cost less than `wanted`."""
     core = exported("fit_ellipse")
     if core is None:
-        return plain_fit_ellipse(start, signal, wanted)
+        return plain_fit_ellipse(start, problem, wanted)
     matrix = np.empty((5, 5))
-    if start.count > MOST:  # an ellipse's outline, from the scan before
+    if start.n_interior > MAX_VERTICES:  # an ellipse's outline, from the scan before
         record, p = None, _begin(start)
     else:
         record, p = start.record, np.empty(5)
-    cost: float = core(signal.problem, None if record is None else at(record), wanted, at(p), at(matrix))
+    cost: float = core(problem.compiled, None if record is None else at(record), wanted, at(p), at(matrix))
     return Ellipse(p, cost, matrix)
 
 
-def plain_fit_ellipse(start: Fit, signal: Signal, wanted: float = np.inf) -> Ellipse:
+def plain_fit_ellipse(start: PolygonFit, problem: FitProblem, wanted: float = np.inf) -> Ellipse:
     """Do as `fit_ellipse`, in NumPy."""
     p = _begin(start)
-    half, damping = 0.5 * signal.pitch, 1e-3
-    cost, matrix, gradient = _normal_equations(p, signal)
+    half, damping = 0.5 * problem.pitch, 1e-3
+    cost, matrix, gradient = _normal_equations(p, problem)
     for _ in range(_STEPS):
         small = matrix + np.diag(damping * matrix.diagonal() + _LEAST)
         trial = p + np.linalg.solve(small, gradient)
@@ -100,7 +126,7 @@ def plain_fit_ellipse(start: Fit, signal: Signal, wanted: float = np.inf) -> Ell
         trial[2] = np.clip(trial[2], 0.0, 1.0)
         room = min(trial[2], 1.0 - trial[2])
         trial[3:] = np.clip(trial[3:], (-room, 0.0), (room, 0.5))
-        new = _normal_equations(trial, signal)
+        new = _normal_equations(trial, problem)
         gain = cost - new[0]
         if gain >= 0.0:
             p = trial
@@ -115,9 +141,9 @@ def plain_fit_ellipse(start: Fit, signal: Signal, wanted: float = np.inf) -> Ell
     return Ellipse(p, cost, matrix)
 
 
-def _normal_equations(p: FloatArray, signal: Signal) -> tuple[float, FloatArray, FloatArray]:
+def _normal_equations(p: FloatArray, problem: FitProblem) -> tuple[float, FloatArray, FloatArray]:
     left, right, c, s, b = p
-    t = np.clip((2.0 * signal.x - left - right) / (right - left), -1.0, 1.0)
+    t = np.clip((2.0 * problem.x - left - right) / (right - left), -1.0, 1.0)
     r = np.sqrt(np.maximum(1.0 - t * t, 0.0))
     l = np.clip(c + s * t - b * r, 0.0, 1.0)
     u = np.minimum(np.maximum(c + s * t + b * r, l), 1.0)
@@ -128,17 +154,17 @@ def _normal_equations(p: FloatArray, signal: Signal) -> tuple[float, FloatArray,
         )
         for by_t, root in ((s + bend, -r), (s - bend, r))
     )
-    ll, lu, uu, lr, ur, rr = terms(l, u, signal)
+    ll, lu, uu, lr, ur, rr = terms(l, u, problem)
     matrix = by_l.T @ (ll[:, None] * by_l + lu[:, None] * by_u)
     matrix += by_u.T @ (lu[:, None] * by_l + uu[:, None] * by_u)
-    prior, off = 12.0 / signal.pitch**2, p[:2] - (0.0, 1.0)
+    prior, off = 12.0 / problem.pitch**2, p[:2] - (0.0, 1.0)
     matrix[[0, 1], [0, 1]] += prior
     gradient = by_l.T @ lr + by_u.T @ ur
     gradient[:2] -= prior * off
     return float(rr.sum() + prior * (off @ off)), matrix, gradient
 
 
-def _begin(start: Fit) -> FloatArray:
+def _begin(start: PolygonFit) -> FloatArray:
     """Return an ellipse (5,) where a polygon is."""
     l, u = start.ends(np.array([0.0, 0.25, 0.5, 0.75, 1.0]))
     middle = 0.5 * (l + u)

@@ -59,7 +59,7 @@ static double section(const Problem *s, Int start, Int end, Line low, Line high,
 Knot knot(const Polygon *p, Int vertex, int upper, int right) {
   Knot at;
   CHECK(vertex < p->m);
-  if (vertex >= 0) { at.x = ENDS + 2 * vertex; at.y = at.x + 1; }
+  if (vertex >= 0) { at.x = END_ENTRIES + 2 * vertex; at.y = at.x + 1; }
   else { at.x = right ? 3 : 0; at.y = at.x + (upper && p->vertical[right] ? 2 : 1); }
   return at;
 }
@@ -87,7 +87,7 @@ double height_at(const Polygon *p, int upper, double x) {
   Knot a = knot(p, -1, upper, 0), b = knot(p, -1, upper, 1);
   x = clip(x, p->theta[0], p->theta[3]);
   for (Int j = 0; j < p->m; j++) if (p->upper[j] == upper) {
-    if (p->theta[ENDS + 2 * j] > x) { b = knot(p, j, upper, 0); break; }
+    if (p->theta[END_ENTRIES + 2 * j] > x) { b = knot(p, j, upper, 0); break; }
     a = knot(p, j, upper, 0);
   }
   Line line = edge(p->theta, a, b);
@@ -113,9 +113,9 @@ Int edge_of(const Chain *chain, Int strip, Int e) {
 }
 
 double without_prior(const Problem *s, const Polygon *p, Matrix a, double *g) {
-  Int size = ENDS + 2 * p->m, left[2] = {-1, -1}, start = 0;
+  Int size = END_ENTRIES + 2 * p->m, left[2] = {-1, -1}, start = 0;
   double cost = 0.0, product[4][4], with_r[4];
-  CHECK(0 <= p->m && p->m <= MOST);
+  CHECK(0 <= p->m && p->m <= MAX_VERTICES);
   for (Int i = 0; i < size; i++) {
     g[i] = 0.0;
     for (Int j = 0; j < size; j++) a[i][j] = 0.0;
@@ -124,7 +124,7 @@ double without_prior(const Problem *s, const Polygon *p, Matrix a, double *g) {
     Int end = s->n;
     if (piece > 0) left[p->upper[piece - 1]] = piece - 1;
     if (piece < p->m) {
-      end = first_from(s->x, s->n, p->theta[ENDS + 2 * piece]);
+      end = first_from(s->x, s->n, p->theta[END_ENTRIES + 2 * piece]);
       if (end < start) end = start;
     }
     if (end == start) continue;
@@ -171,7 +171,7 @@ double normal_equations(const Problem *s, const Polygon *p, Matrix a, double *g)
 
 double tacstrip_normal_equations(const Problem *s, const Polygon *p, Int prior, double *matrix, double *gradient) {
   Matrix a;
-  Int size = ENDS + 2 * p->m;
+  Int size = END_ENTRIES + 2 * p->m;
   double cost = prior ? normal_equations(s, p, a, gradient) : without_prior(s, p, a, gradient);
   for (Int i = 0; i < size; i++) for (Int j = 0; j < size; j++) matrix[i * size + j] = a[i][j];
   return cost;

@@ -1,6 +1,6 @@
 """The normal equations of the polygon fit in NumPy, of many polygons at once.
 
-A batch is theta (B, P), P = 6 + 2 m, in the layout of `Fit`, and chain (B, m); all have the same kinds of ends.
+A batch is theta (B, P), P = 6 + 2 m, in the layout of `PolygonFit`, and chain (B, m); all have the same kinds of ends.
 """
 
 from __future__ import annotations
@@ -8,40 +8,26 @@ from __future__ import annotations
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
-from tacstrip.core.binding import at, exported
-from tacstrip.core.fit import ENDS, Fit
-from tacstrip.core.problem import Signal
+from tacstrip.core.binding import END_ENTRIES
+from tacstrip.core.problem import FitProblem
 
 _CROSSED = 100.0  # weight of l > u against a reading
 _CROSSED_FROM = 1e-9  # of L: where both chains meet on a strip, a rounding error must not cross them
 
 
-def information(fit: Fit, signal: Signal) -> FloatArray:
-    """Return J'J (6 + 2 m, 6 + 2 m), J the slopes of all readings over sigma by theta."""
-    core = exported("normal_equations")
-    if core is None:
-        found = normal_equations(fit.theta[None], fit.chain[None], fit.blunt, signal, prior=False)
-        return np.asarray(found[1][0])
-    size = len(fit.theta)
-    matrix, gradient = np.empty((size, size)), np.empty(size)
-    record = fit.record
-    core(signal.problem, at(record), 0, at(matrix), at(gradient))
-    return matrix
-
-
 def normal_equations(
-    theta: FloatArray, chain: IntArray, blunt: IntArray, signal: Signal, prior: bool = True
+    theta: FloatArray, chain: IntArray, vertical_ends: IntArray, problem: FitProblem, prior: bool = True
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the cost (B,), J'WJ (B, P, P) and J'Wr (B, P); with the prior of pointed ends' x, or without."""
-    (l, by_l), (u, by_u) = heights(theta, chain, blunt, signal.x)
-    ll, lu, uu, lr, ur, rr = terms(l, u, signal)
+    (l, by_l), (u, by_u) = heights(theta, chain, vertical_ends, problem.x)
+    ll, lu, uu, lr, ur, rr = terms(l, u, problem)
     left, right = np.swapaxes(by_l, 1, 2), np.swapaxes(by_u, 1, 2)
     matrix = left @ (ll[..., None] * by_l + lu[..., None] * by_u)
     matrix += right @ (lu[..., None] * by_l + uu[..., None] * by_u)
     gradient = (left @ lr[..., None] + right @ ur[..., None])[..., 0]
     cost = rr.sum(axis=1)
-    for end in np.flatnonzero(np.asarray(blunt) == 0) if prior else ():
-        weight, off = 12.0 / signal.pitch**2, theta[:, 3 * end] - end
+    for end in np.flatnonzero(np.asarray(vertical_ends) == 0) if prior else ():
+        weight, off = 12.0 / problem.pitch**2, theta[:, 3 * end] - end
         matrix[:, 3 * end, 3 * end] += weight
         gradient[:, 3 * end] -= weight * off
         cost = cost + weight * off * off
@@ -49,21 +35,21 @@ def normal_equations(
 
 
 def heights(
-    theta: FloatArray, chain: IntArray, blunt: IntArray, x: FloatArray
+    theta: FloatArray, chain: IntArray, vertical_ends: IntArray, x: FloatArray
 ) -> list[tuple[FloatArray, FloatArray]]:
     """Return l and u at x (B, n), each with its slopes by theta (B, n, P)."""
     found, b, i = [], np.arange(len(theta))[:, None], np.arange(len(x))
     m = chain.shape[1]
-    passed = theta[:, None, ENDS::2] <= x[:, None]  # (B, n, m)
+    passed = theta[:, None, END_ENTRIES::2] <= x[:, None]  # (B, n, m)
     for upper in (0, 1):
         mine = (chain == upper)[:, None]
         before = np.where(passed & mine, np.arange(m), -1).max(axis=2, initial=-1)
         after = np.where(~passed & mine, np.arange(m), m).min(axis=2, initial=m)
-        y_left, y_right = (3 * end + (1 + upper if blunt[end] else 1) for end in (0, 1))
-        ax = np.where(before >= 0, ENDS + 2 * before, 0)
-        ay = np.where(before >= 0, ENDS + 1 + 2 * before, y_left)
-        bx = np.where(after < m, ENDS + 2 * after, 3)
-        by = np.where(after < m, ENDS + 1 + 2 * after, y_right)
+        y_left, y_right = (3 * end + (1 + upper if vertical_ends[end] else 1) for end in (0, 1))
+        ax = np.where(before >= 0, END_ENTRIES + 2 * before, 0)
+        ay = np.where(before >= 0, END_ENTRIES + 1 + 2 * before, y_left)
+        bx = np.where(after < m, END_ENTRIES + 2 * after, 3)
+        by = np.where(after < m, END_ENTRIES + 1 + 2 * after, y_right)
         run = np.maximum(theta[b, bx] - theta[b, ax], 1e-12)
         slope, share = (theta[b, by] - theta[b, ay]) / run, (x - theta[b, ax]) / run
         slopes = np.zeros((*before.shape, theta.shape[1]))
@@ -73,14 +59,14 @@ def heights(
     return found
 
 
-def terms(l: FloatArray, u: FloatArray, signal: Signal) -> tuple[FloatArray, ...]:
+def terms(l: FloatArray, u: FloatArray, problem: FitProblem) -> tuple[FloatArray, ...]:
     """Return sums over the signatures of weight times g_l^2, g_l g_u, g_u^2, g_l r, g_u r and r^2, each as l and u.
 
     g_l and g_u are the slopes of a reading by l and by u, r is what is measured less what l and u make. l > u costs
     extra.
     """
-    by_l, by_u, k = signal.slopes(l, u)
-    r, weight = signal.k - k, signal.weight
+    by_l, by_u, k = problem.jacobian(l, u)
+    r, weight = problem.k - k, problem.weight
     crossed = np.where(u - l < -_CROSSED_FROM, _CROSSED * weight.sum(axis=0), 0.0)
     push = crossed * (u - l)
     wl, wu = weight * by_l, weight * by_u
@@ -94,9 +80,9 @@ def terms(l: FloatArray, u: FloatArray, signal: Signal) -> tuple[FloatArray, ...
     )
 
 
-def free_entries(size: int, blunt: IntArray) -> BoolArray:
+def free_entries(size: int, vertical_ends: IntArray) -> BoolArray:
     """Return which entries of theta (P,) a descent moves."""
     free = np.ones(size, dtype=bool)
     for end in (0, 1):
-        free[3 * end], free[3 * end + 2] = not blunt[end], bool(blunt[end])
+        free[3 * end], free[3 * end + 2] = not vertical_ends[end], bool(vertical_ends[end])
     return free

@@ -50,11 +50,17 @@ static Int ring(const Polygon *p, Int *entry) {
   Knot left = knot(p, -1, 0, 0), right = knot(p, -1, 0, 1);
   entry[n++] = left.x;
   entry[n++] = left.y;
-  for (Int j = 0; j < p->m; j++) if (!p->upper[j]) { entry[n++] = ENDS + 2 * j; entry[n++] = ENDS + 2 * j + 1; }
+  for (Int j = 0; j < p->m; j++) if (!p->upper[j]) {
+    entry[n++] = END_ENTRIES + 2 * j;
+    entry[n++] = END_ENTRIES + 2 * j + 1;
+  }
   entry[n++] = right.x;
   entry[n++] = right.y;
   if (p->vertical[1]) { entry[n++] = right.x; entry[n++] = right.y + 1; }
-  for (Int j = p->m - 1; j >= 0; j--) if (p->upper[j]) { entry[n++] = ENDS + 2 * j; entry[n++] = ENDS + 2 * j + 1; }
+  for (Int j = p->m - 1; j >= 0; j--) if (p->upper[j]) {
+    entry[n++] = END_ENTRIES + 2 * j;
+    entry[n++] = END_ENTRIES + 2 * j + 1;
+  }
   if (p->vertical[0]) { entry[n++] = left.x; entry[n++] = left.y + 1; }
   return n;
 }
@@ -63,13 +69,13 @@ Int tacstrip_vertex_covariance(const Problem *s, const Polygon *p, double origin
                                const double *x_mm, Int strips, double *covariance) {
   Matrix a, u, inverse;
   double gradient[SIZE], scale[SIZE], unit[SIZE], b[SIZE], pitch = s->pitch * width;
-  Int size = ENDS + 2 * p->m, n = 0, at[SIZE], entry[SIZE + 2], known[SIZE] = {0};
+  Int size = END_ENTRIES + 2 * p->m, n = 0, at[SIZE], entry[SIZE + 2], known[SIZE] = {0};
   without_prior(s, p, a, gradient);
   known[0] = known[3] = 1;
   steep(p, origin, width, x_mm, strips, known);
   for (Int i = 0; i < size; i++) {
     if ((i == 2 && !p->vertical[0]) || (i == 5 && !p->vertical[1])) continue; /* the u of a pointed end */
-    unit[n] = i == 0 || i == 3 || (i >= ENDS && i % 2 == 0) ? width : length;
+    unit[n] = i == 0 || i == 3 || (i >= END_ENTRIES && i % 2 == 0) ? width : length;
     at[n++] = i;
   }
   for (Int i = 0; i < n; i++) {

@@ -1,47 +1,29 @@
-"""A polygon in units of a signal: what a search finds, and what tracking goes on with."""
+"""A polygon fitted to a run of strips: what a search finds, and what tracking goes on with."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from tacstrip.arrays import FloatArray, IntArray
-from tacstrip.core.binding import at, exported
-from tacstrip.core.problem import Signal
+from tacstrip.core.binding import END_ENTRIES, MAX_VERTICES, POLYGON, at, exported
+from tacstrip.core.descent import descend
+from tacstrip.core.equations import normal_equations
+from tacstrip.core.problem import FitProblem
+from tacstrip.core.vertex_covariance import covariance_with_x_priors
+from tacstrip.geometry.outline import Outline, uncrossed
+from tacstrip.sensor.spec import Sensor
 
-ENDS = 6  # entries of theta before the first vertex
-MOST = 16  # interior vertices
-SIZE = ENDS + 2 * MOST
-
-# `Polygon` of core.h.
-POLYGON = np.dtype(
-    [
-        ("m", np.int64),
-        ("vertical", np.int64, 2),
-        ("upper", np.int64, MOST),
-        ("theta", np.float64, SIZE),
-        ("cost", np.float64),
-        ("score", np.float64),
-    ]
-)
-
-
-class Chains(Protocol):
-    """An outline's lower and upper chain (M, 2), (N, 2) [mm]."""
-
-    @property
-    def lower(self) -> FloatArray: ...  # noqa: D102
-
-    @property
-    def upper(self) -> FloatArray: ...  # noqa: D102
+_FINE, _SETTLED = 40, 1e-4  # steps of a last descent, and the gain in chi square that ends it
+_CLOSED = 1e-12  # of the strip length
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
-    """An outline in units of a `Signal`: x from 0 to 1 over the run, y from 0 to 1 over the strip.
+class PolygonFit:
+    """A polygon as outline model, in units of a `FitProblem`: x from 0 to 1 over the run, y from 0 to 1 over the strip.
 
     Attributes
     ----------
@@ -50,7 +32,7 @@ class Fit:
         (6 + 2 m,). A pointed end has one height: its u follows its l.
     chain
         0: the vertex is on the lower chain, 1: on the upper one (m,).
-    blunt
+    vertical_ends
         Whether the left and the right end are vertical edges (2,), 0 or 1.
     cost
         Squared residuals over sigma^2, and what the prior of the ends' x adds.
@@ -58,33 +40,43 @@ class Fit:
 
     theta: FloatArray
     chain: IntArray
-    blunt: IntArray
+    vertical_ends: IntArray
     cost: float
 
+    @classmethod
+    def fitted(cls, start: PolygonFit, problem: FitProblem) -> PolygonFit:
+        """Return the least-squares polygon near an outline: `refine`."""
+        return refine(start, problem)
+
     @property
-    def count(self) -> int:
+    def n_interior(self) -> int:
         """Interior vertices, m."""
         return len(self.chain)
 
     @property
-    def corners(self) -> int:
+    def n_vertices(self) -> int:
         """Vertices in all."""
-        return self.count + 2 + int(self.blunt[0] + self.blunt[1])
+        return self.n_interior + 2 + int(self.vertical_ends[0] + self.vertical_ends[1])
 
     @property
-    def parameters(self) -> int:
+    def n_parameters(self) -> int:
         """Numbers that the readings determine; a pointed end's x is not one, its prior comes along."""
-        return 2 * self.count + 2 + int(self.blunt[0] + self.blunt[1])
+        return 2 * self.n_interior + 2 + int(self.vertical_ends[0] + self.vertical_ends[1])
+
+    @property
+    def complexity(self) -> int:
+        """Interior vertices, m."""
+        return self.n_interior
 
     @property
     def transitions(self) -> FloatArray:
-        """Where all vertices are in x, ends included, ascending (m + 2,), in units of the signal."""
-        return np.concatenate([self.theta[:1], self.theta[ENDS::2], self.theta[3:4]])
+        """Where all vertices are in x, ends included, ascending (m + 2,), in units of the problem."""
+        return np.concatenate([self.theta[:1], self.theta[END_ENTRIES::2], self.theta[3:4]])
 
     @property
     def chains(self) -> tuple[FloatArray, FloatArray]:
-        """Lower and upper chain (M, 2), (N, 2) in units of the signal, held to l <= u."""
-        vertices = self.theta[ENDS:].reshape(-1, 2)
+        """Lower and upper chain (M, 2), (N, 2) in units of the problem, held to l <= u."""
+        vertices = self.theta[END_ENTRIES:].reshape(-1, 2)
         both = []
         for side in (0, 1):
             inner = vertices[self.chain == side]
@@ -96,53 +88,128 @@ class Fit:
         return both[0], both[1]
 
     def ends(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return l and u at x, in units of the signal."""
+        """Return l and u at x, in units of the problem."""
         lower, upper = self.chains
         return np.interp(x, *lower.T), np.interp(x, *upper.T)
 
-    def readings(self, signal: Signal) -> FloatArray:
+    def readings(self, problem: FitProblem) -> FloatArray:
         """Return the readings that it makes (S, n)."""
-        return signal.readings_of(*self.ends(signal.x))
+        return problem.readings_of(*self.ends(problem.x))
 
-    def residuals(self, signal: Signal) -> FloatArray:
+    def residuals(self, problem: FitProblem) -> FloatArray:
         """Return measured minus fitted readings over sigma (S, n); 0 where a reading is left out."""
         core = exported("residuals")
-        if core is None or self.count > MOST:
-            return np.asarray((signal.k - self.readings(signal)) * signal.root_weight)
-        record, found = self.record, np.empty(signal.k.shape)
-        core(signal.problem, at(record), at(found))
+        if core is None or self.n_interior > MAX_VERTICES:
+            return np.asarray((problem.k - self.readings(problem)) * problem.root_weight)
+        record, found = self.record, np.empty(problem.k.shape)
+        core(problem.compiled, at(record), at(found))
         return found
 
-    def polygon(self, signal: Signal) -> tuple[FloatArray, FloatArray]:
-        """Return lower and upper chain [mm]."""
-        scale, origin = (signal.width_mm, signal.length_mm), (signal.origin_mm, 0.0)
+    def chains_mm(self, problem: FitProblem) -> tuple[FloatArray, FloatArray]:
+        """Return lower and upper chain (M, 2), (N, 2) [mm]; where noise crossed them they touch instead."""
+        scale, origin = (problem.width_mm, problem.length_mm), (problem.origin_mm, 0.0)
         lower, upper = self.chains
-        return lower * scale + origin, upper * scale + origin
+        return uncrossed(lower * scale + origin, upper * scale + origin)
+
+    def information(self, problem: FitProblem) -> FloatArray:
+        """Return J'J (6 + 2 m, 6 + 2 m), J the Jacobian of all readings over sigma by theta."""
+        core = exported("normal_equations")
+        if core is None:
+            found = normal_equations(
+                self.theta[None], self.chain[None], self.vertical_ends, problem, prior=False
+            )
+            return np.asarray(found[1][0])
+        size = len(self.theta)
+        matrix, gradient, record = np.empty((size, size)), np.empty(size), self.record
+        core(problem.compiled, at(record), 0, at(matrix), at(gradient))
+        return matrix
+
+    def information_root(self, problem: FitProblem) -> FloatArray:
+        """Return R (2 V, 2 V) with R'R = J'J, J the Jacobian of all readings over sigma by `vertices.ravel()` [mm]."""
+        entries = self._vertex_entries()
+        repeated = np.zeros(len(entries), dtype=bool)
+        for end, place in ((1, 2 * (self.chain == 0).sum() + 4), (0, len(entries) - 2)):
+            if self.vertical_ends[end]:
+                repeated[place] = True  # the upper vertex of a vertical edge has the lower one's x
+        scale = np.tile([problem.width_mm, problem.length_mm], len(entries) // 2)
+        own = np.outer(~repeated, ~repeated)
+        matrix = self.information(problem)[np.ix_(entries, entries)]
+        value, vector = np.linalg.eigh(np.where(own, matrix, 0.0))
+        return np.asarray(np.sqrt(np.maximum(value, 0.0))[:, None] * vector.T / scale)
+
+    def _vertex_entries(self) -> IntArray:
+        """Return the entries of theta that are the outline's `vertices.ravel()` (2 V,)."""
+        lower, upper = (END_ENTRIES + 2 * np.flatnonzero(self.chain == side) for side in (0, 1))
+        left, right = (int(end) for end in self.vertical_ends)
+        x = np.array([0, *lower, 3, *[3] * right, *upper[::-1], *[0] * left])
+        y = x + 1
+        if right:
+            y[len(lower) + 2] = 5
+        if left:
+            y[-1] = 2
+        return np.stack([x, y], axis=1).ravel()
+
+    def covariance(self, problem: FitProblem, sensor: Sensor) -> FloatArray:
+        """Return the covariance of the vertices (2 V, 2 V) [mm^2], see `covariance_with_x_priors`."""
+        core = exported("vertex_covariance")
+        if core is not None:
+            record, x_mm = self.record, sensor.x_mm
+            covariance = np.empty((2 * self.n_vertices, 2 * self.n_vertices))
+            in_mm = (problem.origin_mm, problem.width_mm, problem.length_mm)
+            if core(problem.compiled, at(record), *in_mm, at(x_mm), len(x_mm), at(covariance)):
+                return covariance
+        outline = Outline(*self.chains_mm(problem))
+        return covariance_with_x_priors(outline, sensor, self.information_root(problem))
 
     @classmethod
-    def of(cls, outline: Chains, signal: Signal) -> Fit:
-        """Return an outline [mm] in units of a signal, not fitted: a start, or the truth to compare with."""
-        scale, origin = np.array((signal.width_mm, signal.length_mm)), (signal.origin_mm, 0.0)
+    def of(cls, outline: Outline, problem: FitProblem) -> PolygonFit:
+        """Return an outline [mm] in units of a problem, not fitted: a start, or the truth to compare with."""
+        scale, origin = np.array((problem.width_mm, problem.length_mm)), (problem.origin_mm, 0.0)
         lower, upper = ((c - origin) / scale for c in (outline.lower, outline.upper))
         inner = np.concatenate([lower[1:-1], upper[1:-1]])
         chain = np.repeat((0, 1), (len(lower) - 2, len(upper) - 2))
         order = np.argsort(inner[:, 0], kind="stable")
         ends = (*lower[0], upper[0, 1], *lower[-1], upper[-1, 1])
-        blunt = np.array((ends[1] != ends[2], ends[4] != ends[5]), dtype=np.int64)
-        return cls(np.concatenate([ends, inner[order].ravel()]), chain[order], blunt, np.inf)
+        vertical_ends = np.array((ends[1] != ends[2], ends[4] != ends[5]), dtype=np.int64)
+        return cls(np.concatenate([ends, inner[order].ravel()]), chain[order], vertical_ends, np.inf)
 
     @classmethod
-    def of_record(cls, record: npt.NDArray[np.void]) -> Fit:
+    def of_record(cls, record: npt.NDArray[np.void]) -> PolygonFit:
         """Return a copy of what the compiled core left in a `POLYGON` (1,)."""
         m = int(record["m"][0])
-        theta, upper = record["theta"][0, : ENDS + 2 * m], record["upper"][0, :m]
+        theta, upper = record["theta"][0, : END_ENTRIES + 2 * m], record["upper"][0, :m]
         return cls(theta.copy(), upper.copy(), record["vertical"][0].copy(), float(record["cost"][0]))
 
     @property
     def record(self) -> npt.NDArray[Any]:
-        """A copy for the compiled core: a `POLYGON` (1,); there may be MOST vertices."""
-        record, m = np.zeros(1, POLYGON), self.count
-        record["m"], record["vertical"] = m, self.blunt
-        record["theta"][0, : ENDS + 2 * m], record["upper"][0, :m] = self.theta, self.chain
+        """A copy for the compiled core: a `POLYGON` (1,); there may be MAX_VERTICES vertices."""
+        record, m = np.zeros(1, POLYGON), self.n_interior
+        record["m"], record["vertical"] = m, self.vertical_ends
+        record["theta"][0, : END_ENTRIES + 2 * m], record["upper"][0, :m] = self.theta, self.chain
         record["cost"] = self.cost
         return record
+
+
+def refine(fit: PolygonFit, problem: FitProblem) -> PolygonFit:
+    """Return the least-squares fit near a given one, on all strips: also the warm start of tracking."""
+    core = exported("refine")
+    if core is None:
+        return plain_refine(fit, problem)
+    record = fit.record
+    core(problem.compiled, at(record))
+    return PolygonFit.of_record(record)
+
+
+def plain_refine(fit: PolygonFit, problem: FitProblem) -> PolygonFit:
+    """Do as `refine`, in NumPy."""
+    theta = fit.theta.copy()
+    for end in (0, 1):
+        if not fit.vertical_ends[end]:
+            theta[3 * end + 1 : 3 * end + 3] = theta[3 * end + 1 : 3 * end + 3].mean()
+    found = descend(theta[None], fit.chain[None], fit.vertical_ends, problem, _FINE, _SETTLED, np.inf)
+    theta, chain, cost = found[0][0], found[1][0], float(found[2][0])
+    height = np.array([theta[2] - theta[1], theta[5] - theta[4]])
+    closed = (fit.vertical_ends == 1) & (height <= _CLOSED)
+    if closed.any():  # a vertical edge without height is a point, whose x is free
+        return plain_refine(PolygonFit(theta, chain, np.where(closed, 0, fit.vertical_ends), cost), problem)
+    return PolygonFit(theta, chain, fit.vertical_ends, cost)

@@ -54,9 +54,9 @@ HIDDEN double without_prior(const Problem *s, const Polygon *p, Matrix a, double
 /* Of one chain; left and right of the polygon as at its ends. */
 HIDDEN double height_at(const Polygon *p, int upper, double x);
 typedef struct {
-  Int edges, first[MOST + 2]; /* edge e has the strips first[e] to first[e + 1] */
-  Knot at[MOST + 2];
-  Line line[MOST + 1];
+  Int edges, first[MAX_VERTICES + 2]; /* edge e has the strips first[e] to first[e + 1] */
+  Knot at[MAX_VERTICES + 2];
+  Line line[MAX_VERTICES + 1];
 } Chain;
 HIDDEN void chain_of(const Problem *s, const Polygon *p, int upper, Chain *chain);
 HIDDEN Int edge_of(const Chain *chain, Int strip, Int e); /* not before edge e */

@@ -22,8 +22,8 @@ static Int first_places(const Problem *s, const Polygon *p, Polygon *starts) {
       double opposite = p->theta[2 - upper] + (p->theta[5 - upper] - p->theta[2 - upper]) * s->x[i];
       double own = upper ? by_u : 1.0 - by_u;
       *start = *p;
-      start->theta[ENDS] = s->x[i];
-      start->theta[ENDS + 1] = clip((reading - (1.0 - own) * opposite) / larger(own, 1e-3), 0.0, 1.0);
+      start->theta[END_ENTRIES] = s->x[i];
+      start->theta[END_ENTRIES + 1] = clip((reading - (1.0 - own) * opposite) / larger(own, 1e-3), 0.0, 1.0);
       start->upper[0] = upper;
       start->m = 1;
     }
@@ -37,8 +37,8 @@ static Int without_each(const Polygon *p, Polygon *starts) {
     *start = *p;
     start->m--;
     for (Int j = out; j < start->m; j++) {
-      start->theta[ENDS + 2 * j] = p->theta[ENDS + 2 * j + 2];
-      start->theta[ENDS + 2 * j + 1] = p->theta[ENDS + 2 * j + 3];
+      start->theta[END_ENTRIES + 2 * j] = p->theta[END_ENTRIES + 2 * j + 2];
+      start->theta[END_ENTRIES + 2 * j + 1] = p->theta[END_ENTRIES + 2 * j + 3];
       start->upper[j] = p->upper[j + 1];
     }
   }
@@ -51,14 +51,14 @@ static double chord(const Polygon *p, Int vertex, int upper) {
   for (Int i = 0; i < vertex; i++) if (p->upper[i] == upper) before = i;
   for (Int i = p->m - 1; i > vertex; i--) if (p->upper[i] == upper) after = i;
   Line line = edge(p->theta, knot(p, before, upper, 0), knot(p, after, upper, 1));
-  return line.y + line.slope * (p->theta[ENDS + 2 * vertex] - line.x);
+  return line.y + line.slope * (p->theta[END_ENTRIES + 2 * vertex] - line.x);
 }
 
 /* Move each corner that turns inwards to the other chain, where it makes a kink of the same sign outwards. */
 static int turned(Polygon *p) {
   int count = 0;
   for (Int j = 0; j < p->m; j++) {
-    double *y = p->theta + ENDS + 2 * j + 1, lift = *y - chord(p, j, (int)p->upper[j]);
+    double *y = p->theta + END_ENTRIES + 2 * j + 1, lift = *y - chord(p, j, (int)p->upper[j]);
     if ((lift < 0.0) == (p->upper[j] == 1) && lift != 0.0) {
       *y = clip(chord(p, j, 1 - (int)p->upper[j]) + lift, 0.0, 1.0);
       p->upper[j] = 1 - p->upper[j];
@@ -70,7 +70,7 @@ static int turned(Polygon *p) {
 
 /* Try one kind of move on the polygon of m vertices; return whether one of one more, or less, got better. */
 int improve(const Problem *s, int kind, Polygon *best, Int m, int convex, double *workspace) {
-  Polygon starts[2 * MOST], *goal = best + (kind == SHRINK ? m - 1 : m + 1);
+  Polygon starts[2 * MAX_VERTICES], *goal = best + (kind == SHRINK ? m - 1 : m + 1);
   double wanted = goal->cost; /* for all starts alike, which may be taken at once or in any order */
   Int count;
   int better = 0;

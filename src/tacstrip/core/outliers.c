@@ -5,7 +5,7 @@
 
 #define FAR 6.0          /* sigmas from what the neighbours foretell */
 #define FAR_AT_ENDS 14.0 /* from what the line through two strips on one side foretells, itself uncertain by 2.2 */
-#define MISFIT 5.0       /* sigmas from the polygon */
+#define FAR_FROM_FIT 5.0       /* sigmas from the polygon */
 #define SHARE 0.1        /* of the strips: more are not outliers but a wrong model */
 #define ALLOWED 4        /* suspects on few strips: a fault, and strips beside a corner, which the fit explains */
 
@@ -50,13 +50,13 @@ void tacstrip_spikes(const double *k, Int n, double sigma, unsigned char *out, d
   for (Int i = 0; i < n; i++) out[i] = !(k[i] - k[i] == 0.0); /* so many are no spikes: the signal itself is rough */
 }
 
-Int tacstrip_misfits(const double *residuals, Int signatures, Int n, unsigned char *out) {
+Int tacstrip_isolated_outliers(const double *residuals, Int signatures, Int n, unsigned char *out) {
   Int count = 0;
   for (Int row = 0; row < signatures; row++) for (Int i = 0; i < n; i++) {
     const double *r = residuals + row * n;
     double far = magnitude(r[i]), beside = i > 0 ? magnitude(r[i - 1]) : 0.0;
     if (i < n - 1) beside = larger(beside, magnitude(r[i + 1]));
-    out[row * n + i] = far > MISFIT && beside < 0.5 * far;
+    out[row * n + i] = far > FAR_FROM_FIT && beside < 0.5 * far;
     count += out[row * n + i];
   }
   if ((double)count <= larger(SHARE * (double)n, 1.0)) return count;

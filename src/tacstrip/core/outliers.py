@@ -13,7 +13,7 @@ from tacstrip.core.binding import at, exported
 
 _FAR = 6.0  # sigmas from what the neighbours foretell
 _FAR_AT_ENDS = 14.0  # from what the line through two strips on one side foretells, itself uncertain by 2.2
-_MISFIT = 5.0  # sigmas from the polygon
+_FAR_FROM_FIT = 5.0  # sigmas from the polygon
 _MOST = 0.1  # of the strips: more are not outliers but a wrong model
 _ALLOWED = 4  # suspects on few strips: a fault, and strips beside a corner, which the fit explains
 
@@ -44,38 +44,38 @@ def plain_spikes(k: FloatArray, sigma: float) -> BoolArray:
     for _ in range(max(int(_MOST * len(k)), _ALLOWED) + 1):
         if len(left) < 5:
             break
-        off = _unforetold(left.astype(float), k[left])
+        off = _prediction_errors(left.astype(float), k[left])
         worst = int(off.argmax())
         if off[worst] <= sigma:
             return out
         out[left[worst]] = True
         left = np.delete(left, worst)
-    # So many are no spikes: the signal itself is rough, or sigma far too small.
+    # So many are no spikes: the problem itself is rough, or sigma far too small.
     return out if len(left) < 5 else ~np.isfinite(k)
 
 
-def misfits(residuals: FloatArray) -> BoolArray:
+def isolated_outliers(residuals: FloatArray) -> BoolArray:
     """Find the readings (S, n) that lie alone, by their residuals over sigma; none where they are many."""
-    core = exported("misfits")
+    core = exported("isolated_outliers")
     if core is None:
-        return plain_misfits(residuals)
+        return plain_isolated_outliers(residuals)
     residuals = np.ascontiguousarray(residuals)
     out = np.empty(residuals.shape, dtype=np.bool_)
     core(at(residuals), *residuals.shape, at(out))
     return out
 
 
-def plain_misfits(residuals: FloatArray) -> BoolArray:
-    """Do as `misfits`, in NumPy."""
+def plain_isolated_outliers(residuals: FloatArray) -> BoolArray:
+    """Do as `isolated_outliers`, in NumPy."""
     far = np.abs(residuals)
     beside = np.zeros_like(far)
     beside[:, 1:] = far[:, :-1]
     beside[:, :-1] = np.maximum(beside[:, :-1], far[:, 1:])
-    out = (far > _MISFIT) & (beside < 0.5 * far)
+    out = (far > _FAR_FROM_FIT) & (beside < 0.5 * far)
     return out if out.sum() <= max(_MOST * far.shape[1], 1.0) else np.zeros_like(out)
 
 
-def _unforetold(x: FloatArray, v: FloatArray) -> FloatArray:
+def _prediction_errors(x: FloatArray, v: FloatArray) -> FloatArray:
     """Return how far each reading is from the nearest of what its neighbours foretell, over what is far (n,)."""
     off = np.full(len(v), np.inf)
     apart = np.diff(x)  # of strips that are left, above 1 where some are not

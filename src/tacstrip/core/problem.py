@@ -10,7 +10,7 @@ import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.core.binding import Problem, at
-from tacstrip.sensor.circuit import sensing_share, transfer_length
+from tacstrip.sensor.circuit import reading_jacobian, sensing_share, transfer_length
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
 
@@ -20,7 +20,7 @@ _STRIPS = 100  # the search makes longer runs as short as that
 
 
 @dataclass(frozen=True, eq=False)
-class Signal:
+class FitProblem:
     """The readings of neighbouring strips, of S signatures.
 
     Attributes
@@ -58,10 +58,10 @@ class Signal:
         x_mm: FloatArray,
         readings: Mapping[str, FloatArray],
         sigma: float,
-        left_out: BoolArray | None = None,
-        beyond_mm: float = 0.0,
-    ) -> Signal:
-        """Make the signal of strips at x_mm (n,), ascending.
+        excluded: BoolArray | None = None,
+        margin_mm: float = 0.0,
+    ) -> FitProblem:
+        """Make the problem of strips at x_mm (n,), ascending.
 
         Parameters
         ----------
@@ -71,20 +71,20 @@ class Signal:
             Centre lines [mm] and readings over Vref, name to (n,). What is not finite is left out.
         sigma
             Standard deviation of a reading [Vref].
-        left_out
+        excluded
             Readings not to be used (S, n), in the order of `readings`.
-        beyond_mm
+        margin_mm
             How much further out the ends lie than within half a pitch of the outer strips.
         """
         raw = np.stack([np.asarray(values, dtype=np.float64) for values in readings.values()])
-        use = np.isfinite(raw) if left_out is None else np.isfinite(raw) & ~left_out
+        use = np.isfinite(raw) if excluded is None else np.isfinite(raw) & ~excluded
         k = np.empty_like(raw)
         for row, values, used in zip(k, raw, use, strict=True):  # starts read all strips, fits the used ones
             row[:] = (
                 values if used.all() else np.interp(x_mm, x_mm[used], values[used]) if used.any() else 0.0
             )
         a = sensing_share(sensor.sensing_ratio)
-        out = 0.5 * sensor.pitch_mm + beyond_mm
+        out = 0.5 * sensor.pitch_mm + margin_mm
         origin, width = float(x_mm[0]) - out, float(x_mm[-1] - x_mm[0]) + 2.0 * out
         return cls(
             (x_mm - origin) / width,
@@ -119,8 +119,8 @@ class Signal:
         return np.array([0.0, *left[[0, -1]], 1.0, *right[[0, -1]]])
 
     @cached_property
-    def problem(self) -> Problem:
-        """What the compiled core takes; the arrays are this signal's own."""
+    def compiled(self) -> Problem:
+        """What the compiled core takes; the arrays are this problem's own."""
         shares = (float(self.shares[0]), float(self.shares[-1]))
         k, weight = np.ascontiguousarray(self.k), np.ascontiguousarray(self.weight)
         x = np.ascontiguousarray(self.x)
@@ -133,30 +133,26 @@ class Signal:
         """1 / sigma of each reading (S, n)."""
         return np.sqrt(self.weight)
 
-    def slopes(self, l: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return slopes of all readings by l and by u, and the readings (..., S, n), of contacts l to u (..., n)."""
+    def jacobian(self, l: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return dk/dl and dk/du of all readings, and the readings k (..., S, n), of contacts l to u (..., n)."""
         l, w, share = l[..., None, :], (u - l)[..., None, :], self.shares[:, None]
-        if self.lam > 0.0:
-            t = transfer_length(w, self.lam)
-            mix = 0.5 * (1.0 - (t / self.lam) ** 2)
-        else:
-            t = mix = np.zeros(())
-        over = 1.0 / np.maximum(1.0 - self.narrow * (w - 2.0 * t), LEAST_D)
-        k = (l + t + share * (w - 2.0 * t)) * over
-        by_u = (share + self.narrow * k) * over
-        by_l = over - by_u
-        return by_l + mix * (by_u - by_l), by_u + mix * (by_l - by_u), k
+        t = transfer_length(w, self.lam)
+        d = 1.0 - self.narrow * (w - 2.0 * t)
+        k = (l + t + share * (w - 2.0 * t)) / np.maximum(d, LEAST_D)
+        length = 1.0 + np.maximum(LEAST_D - d, 0.0)  # where D would be less the strip counts as longer
+        by_l, by_u = reading_jacobian(k, w, length, share > 0.0, 1.0 / self.narrow - 1.0, self.lam)
+        return by_l, by_u, k
 
     def readings_of(self, l: FloatArray, u: FloatArray) -> FloatArray:
         """Return the readings (S, n) of contacts from l to u (n,)."""
-        return self.slopes(l, u)[2]
+        return self.jacobian(l, u)[2]
 
     @property
     def sigma(self) -> float:
         """Standard deviation of the most certain reading."""
         return float(1.0 / np.sqrt(max(self.weight.max(initial=0.0), np.finfo(float).tiny)))
 
-    def thinned(self) -> Signal:
+    def thinned(self) -> FitProblem:
         """Return a long run as some `_STRIPS` strips.
 
         Neighbours are averaged as far as the noise hides that, then every so many are taken. Averaging over
@@ -180,7 +176,7 @@ class Signal:
         x = np.add.reduceat(self.x, starts) / counts
         return replace(self, x=x, k=np.where(weight > 0.0, k, plain), weight=weight)._every(wanted // size)
 
-    def _every(self, stride: int) -> Signal:
+    def _every(self, stride: int) -> FitProblem:
         if stride == 1:
             return self
         at = slice(stride // 2, None, stride)
@@ -188,10 +184,10 @@ class Signal:
         x, k, weight = kept
         return replace(self, x=x, k=k, weight=weight)
 
-    def scaled(self, factor: float) -> Signal:
-        """Return the signal with sigma times a factor."""
+    def scaled(self, factor: float) -> FitProblem:
+        """Return the problem with sigma times a factor."""
         return replace(self, weight=self.weight / factor**2)
 
-    def without(self, out: BoolArray) -> Signal:
-        """Return the signal with the readings `out` (S, n) left out."""
+    def without(self, out: BoolArray) -> FitProblem:
+        """Return the problem with the readings `out` (S, n) left out."""
         return replace(self, weight=np.where(out, 0.0, self.weight))

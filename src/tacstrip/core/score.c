@@ -109,14 +109,14 @@ static void add_vertex(Polygon *p, int upper, double x, double height) {
   const double *theta = p->theta;
   double before_x = theta[0], before_y = theta[1 + upper], after_x = theta[3], after_y = theta[4 + upper];
   for (Int j = 0; j < p->m; j++) if (p->upper[j] == upper) {
-    double at_x = theta[ENDS + 2 * j], at_y = theta[ENDS + 2 * j + 1];
+    double at_x = theta[END_ENTRIES + 2 * j], at_y = theta[END_ENTRIES + 2 * j + 1];
     if (at_x > x) { after_x = at_x; after_y = at_y; break; }
     before_x = at_x;
     before_y = at_y;
   }
   double line = before_y + (after_y - before_y) * (x - before_x) / (after_x - before_x);
-  p->theta[ENDS + 2 * p->m] = x;
-  p->theta[ENDS + 2 * p->m + 1] = clip(line + height, 0.0, 1.0);
+  p->theta[END_ENTRIES + 2 * p->m] = x;
+  p->theta[END_ENTRIES + 2 * p->m + 1] = clip(line + height, 0.0, 1.0);
   p->upper[p->m++] = upper;
 }
 
@@ -157,11 +157,11 @@ static void rate(Batch *b, Matrix u, const Int *free, Int n, int upper, Int stri
 Int tacstrip_places(const Problem *s, const Polygon *p, Int convex, Polygon *starts, double *running) {
   Matrix a, u;
   double gradient[SIZE];
-  Int free[SIZE], stride = s->n / PLACES > 1 ? s->n / PLACES : 1, size = ENDS + 2 * p->m, count = 0;
+  Int free[SIZE], stride = s->n / PLACES > 1 ? s->n / PLACES : 1, size = END_ENTRIES + 2 * p->m, count = 0;
   Chain chain[2];
   Place found[TRIED];
   Batch batch;
-  CHECK(s->n <= COARSEST && p->m < MOST);
+  CHECK(s->n <= COARSEST && p->m < MAX_VERTICES);
   normal_equations(s, p, a, gradient);
   Int n = free_entries(p, free);
   for (Int i = 0; i < n; i++) {

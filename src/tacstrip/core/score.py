@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from tacstrip.arrays import FloatArray, IntArray
+from tacstrip.core.binding import END_ENTRIES
 from tacstrip.core.descent import moved
 from tacstrip.core.equations import free_entries, heights, normal_equations, terms
-from tacstrip.core.fit import ENDS
-from tacstrip.core.problem import Signal
+from tacstrip.core.problem import FitProblem
 
 TRIED = 3  # best places of one more vertex that are tried
 _PLACES = 48  # positions that are tested
@@ -36,12 +36,14 @@ class Candidate:
 
 
 def places(
-    theta: FloatArray, chain: IntArray, blunt: IntArray, convex: bool, signal: Signal
+    theta: FloatArray, chain: IntArray, vertical_ends: IntArray, convex: bool, problem: FitProblem
 ) -> tuple[FloatArray, IntArray]:
     """Return starts with one vertex more than a fit (P,), (m,), where the score test gains most; not sorted."""
-    stride = max(len(signal.x) // _PLACES, 1)
+    stride = max(len(problem.x) // _PLACES, 1)
     best: list[Candidate] = []
-    for new in candidates(theta, chain, blunt, signal, np.arange(stride, len(signal.x) - 1, stride)):
+    for new in candidates(
+        theta, chain, vertical_ends, problem, np.arange(stride, len(problem.x) - 1, stride)
+    ):
         if convex and (new.height > 0.0) != (new.upper == 1):
             continue
         # Near an earlier place on the same chain the better of both counts, else the worst gives way.
@@ -62,8 +64,8 @@ def places(
         np.empty((len(best), len(chain) + 1), dtype=np.int64),
     )
     for start, kinds, new in zip(starts, chains, best, strict=True):
-        start[:-2] = moved(theta[None], chain[None], blunt, new.shift[None], signal.pitch)[0]
-        inner, x = start[ENDS:-2].reshape(-1, 2)[chain == new.upper], signal.x[new.strip]
+        start[:-2] = moved(theta[None], chain[None], vertical_ends, new.shift[None], problem.pitch)[0]
+        inner, x = start[END_ENTRIES:-2].reshape(-1, 2)[chain == new.upper], problem.x[new.strip]
         knots = np.array([start[[0, 1 + new.upper]], *inner, start[[3, 4 + new.upper]]])
         start[-2:] = x, np.clip(np.interp(x, *knots.T) + new.height, 0.0, 1.0)
         kinds[:-1], kinds[-1] = chain, new.upper
@@ -71,24 +73,24 @@ def places(
 
 
 def candidates(
-    theta: FloatArray, chain: IntArray, blunt: IntArray, signal: Signal, strips: IntArray
+    theta: FloatArray, chain: IntArray, vertical_ends: IntArray, problem: FitProblem, strips: IntArray
 ) -> list[Candidate]:
     """Return what a vertex at the x of each strip would gain on either chain, where it would be anything new."""
-    x, found = signal.x, []
-    free = np.flatnonzero(free_entries(len(theta), blunt))
-    normal = normal_equations(theta[None], chain[None], blunt, signal)[1][0][np.ix_(free, free)]
+    x, found = problem.x, []
+    free = np.flatnonzero(free_entries(len(theta), vertical_ends))
+    normal = normal_equations(theta[None], chain[None], vertical_ends, problem)[1][0][np.ix_(free, free)]
     normal += np.diag(_FIRM * normal.diagonal() + _LITTLE)
-    (l, by_l), (u, by_u) = heights(theta[None], chain[None], blunt, x)
-    ll, lu, uu, lr, ur, _ = (term[0] for term in terms(l, u, signal))
+    (l, by_l), (u, by_u) = heights(theta[None], chain[None], vertical_ends, x)
+    ll, lu, uu, lr, ur, _ = (term[0] for term in terms(l, u, problem))
     with_jacobian = (
         ll[:, None] * by_l[0] + lu[:, None] * by_u[0],
         lu[:, None] * by_l[0] + uu[:, None] * by_u[0],
     )
     for upper, own, with_r in ((0, ll, lr), (1, uu, ur)):
-        knots = np.array([theta[0], *theta[ENDS::2][chain == upper], theta[3]])
+        knots = np.array([theta[0], *theta[END_ENTRIES::2][chain == upper], theta[3]])
         after = np.searchsorted(knots, x[strips], side="right").clip(1, len(knots) - 1)
         left, right, top = knots[after - 1], knots[after], x[strips]
-        room = (top - left >= signal.pitch) & (right - top >= signal.pitch)
+        room = (top - left >= problem.pitch) & (right - top >= problem.pitch)
         at, left, right, top = strips[room], left[room, None], right[room, None], top[room, None]
         hat = np.maximum(np.minimum((x - left) / (top - left), (right - x) / (right - top)), 0.0)
         vr, vv, vj = hat @ with_r, hat**2 @ own, hat @ with_jacobian[upper][:, free]

@@ -22,10 +22,11 @@
 typedef struct {
   const Problem *whole;
   Problem now; /* the readings of this stage, averaged */
-  Int known, twin, top, most, atleast, readings; /* twin: two signatures; readings: that count, of this stage */
-  double sigma;                                  /* of this stage */
-  Polygon best[MOST + 1];
-  int tried[3][MOST + 2];
+  Int sigma_known, two_signatures, top, max_vertices, atleast;
+  Int readings; /* of this stage, that count */
+  double sigma; /* of this stage */
+  Polygon best[MAX_VERTICES + 1];
+  int tried[3][MAX_VERTICES + 2];
   double *strips, *running;
 } Search;
 
@@ -42,24 +43,26 @@ static double sigma_of(const Problem *s) {
 }
 
 /* What a vertex must gain in chi square to be believed: BIC's 2 ln n for its two numbers, and 4 for its place. */
-static double penalty(Int readings) { return 2.0 * natural_log((double)(readings > 2 ? readings : 2)) + 4.0; }
+static double per_vertex_penalty(Int readings) {
+  return 2.0 * natural_log((double)(readings > 2 ? readings : 2)) + 4.0;
+}
 
 /* What so many vertices must gain together. Where sigma is not known few readings are soon fitted too well: the
    correction of small samples (AICc's) makes vertices dearer. */
-static double charge(Int readings, Int vertices, Int known) {
-  double price = penalty(readings) * (double)vertices;
+static double complexity_penalty(Int readings, Int vertices, Int sigma_known) {
+  double price = per_vertex_penalty(readings) * (double)vertices;
   Int spare = readings - 2 * vertices - 3;
-  return known ? price : price * (double)readings / (double)(spare > 1 ? spare : 1);
+  return sigma_known ? price : price * (double)readings / (double)(spare > 1 ? spare : 1);
 }
 
-static double misfit(double cost, Int readings, double sigma, Int known) {
+static double deviance(double cost, Int readings, double sigma, Int sigma_known) {
   double n = (double)(readings > 1 ? readings : 1), floor = FLOOR / sigma;
-  return known ? cost : n * natural_log(larger(cost / n, floor * floor));
+  return sigma_known ? cost : n * natural_log(larger(cost / n, floor * floor));
 }
 
-static double criterion(const Polygon *p, Int readings, double sigma, Int known) {
+static double criterion(const Polygon *p, Int readings, double sigma, Int sigma_known) {
   Int vertices = p->m + p->vertical[0] + p->vertical[1];
-  return misfit(p->cost, readings, sigma, known) + charge(readings, vertices, known);
+  return deviance(p->cost, readings, sigma, sigma_known) + complexity_penalty(readings, vertices, sigma_known);
 }
 
 /* Write the whole run with sigma times `factor` as at most COARSEST strips: neighbours are averaged as far as the noise
@@ -102,7 +105,8 @@ static void thin(Search *t, double factor) {
 }
 
 static double score_of(const Search *t, Int m) {
-  return misfit(t->best[m].cost, t->readings, t->sigma, t->known) + charge(t->readings, m, t->known);
+  return deviance(t->best[m].cost, t->readings, t->sigma, t->sigma_known) +
+         complexity_penalty(t->readings, m, t->sigma_known);
 }
 
 static Int best_of(const Search *t) {
@@ -114,7 +118,7 @@ static Int best_of(const Search *t) {
 static void try_move(Search *t, int kind, Int m) {
   if (t->tried[kind][m]) return;
   t->tried[kind][m] = 1;
-  if (improve(&t->now, kind, t->best, m, !t->twin, t->running)) {
+  if (improve(&t->now, kind, t->best, m, !t->two_signatures, t->running)) {
     Int to = kind == SHRINK ? m - 1 : m + 1;
     for (int other = FIRST; other <= SHRINK; other++) t->tried[other][to] = 0;
   }
@@ -124,8 +128,8 @@ static void count(Search *t) {
   for (;;) {
     Int past = best_of(t) + PAST;
     if (past < t->atleast) past = t->atleast;
-    if (t->top >= (past < t->most ? past : t->most)) break;
-    if (t->top == 0 && !t->twin) try_move(t, FIRST, 0);
+    if (t->top >= (past < t->max_vertices ? past : t->max_vertices)) break;
+    if (t->top == 0 && !t->two_signatures) try_move(t, FIRST, 0);
     try_move(t, GROW, t->top);
     if (!(t->best[t->top + 1].cost < INFINITE)) break;
     t->top++;
@@ -172,8 +176,8 @@ static Int run(Search *t) {
   double sigma = sigma_of(t->whole), level = larger(sigma, COARSE);
   for (;;) {
     thin(t, level / sigma);
-    for (int kind = FIRST; kind <= SHRINK; kind++) for (int m = 0; m < MOST + 2; m++) t->tried[kind][m] = 0;
-    for (Int m = 0; m <= MOST; m++) t->best[m].cost = INFINITE;
+    for (int kind = FIRST; kind <= SHRINK; kind++) for (int m = 0; m < MAX_VERTICES + 2; m++) t->tried[kind][m] = 0;
+    for (Int m = 0; m <= MAX_VERTICES; m++) t->best[m].cost = INFINITE;
     for (Int m = 0; m <= t->top; m++) tacstrip_descend(&t->now, t->best + m, ROUGH, ENOUGH, INFINITE);
     count(t);
     Int best = best_of(t);
@@ -182,7 +186,7 @@ static Int run(Search *t) {
   }
 }
 
-static Polygon with_ends(const Search *t, Int m, int left, int right) {
+static Polygon with_vertical_ends(const Search *t, Int m, int left, int right) {
   Polygon p = t->best[m];
   p.vertical[0] = left;
   p.vertical[1] = right;
@@ -191,32 +195,33 @@ static Polygon with_ends(const Search *t, Int m, int left, int right) {
 
 /* Make the ends points where that explains the readings of the polygon of m vertices as well. */
 static void settle_ends(const Search *t, Int m, Int *vertical) {
-  double least = INFINITE, free = misfit(t->best[m].cost, t->readings, t->sigma, t->known);
-  vertical[0] = vertical[1] = t->twin;
-  for (int ends = 0; ends < 4 && t->twin; ends++) {
-    Polygon p = with_ends(t, m, ends / 2, ends % 2);
+  double least = INFINITE, free = deviance(t->best[m].cost, t->readings, t->sigma, t->sigma_known);
+  vertical[0] = vertical[1] = t->two_signatures;
+  for (int ends = 0; ends < 4 && t->two_signatures; ends++) {
+    Polygon p = with_vertical_ends(t, m, ends / 2, ends % 2);
     tacstrip_refine(&t->now, &p);
-    double score = criterion(&p, t->readings, t->sigma, t->known);
+    double score = criterion(&p, t->readings, t->sigma, t->sigma_known);
     if (score < least) {
       least = score;
       vertical[0] = ends / 2;
       vertical[1] = ends % 2;
     }
-    if (ends == 0 && misfit(p.cost, t->readings, t->sigma, t->known) - free < penalty(t->readings)) break;
+    double own = deviance(p.cost, t->readings, t->sigma, t->sigma_known);
+    if (ends == 0 && own - free < per_vertex_penalty(t->readings)) break;
   }
 }
 
-static Int corners_of(const Polygon *p) { return p->m + 2 + p->vertical[0] + p->vertical[1]; }
+static Int n_vertices_of(const Polygon *p) { return p->m + 2 + p->vertical[0] + p->vertical[1]; }
 
 /* The best polygon of so many vertices in all, or of as many as were found. */
-static Polygon of_corners(const Search *t, Int corners) {
+static Polygon of_n_vertices(const Search *t, Int n_vertices) {
   Polygon found = t->best[0];
   Int least = -1;
-  for (int ends = 0; ends < (t->twin ? 4 : 1); ends++) {
-    Int m = corners - 2 - ends / 2 - ends % 2;
-    Polygon p = with_ends(t, m < 0 ? 0 : m < t->top ? m : t->top, ends / 2, ends % 2);
+  for (int ends = 0; ends < (t->two_signatures ? 4 : 1); ends++) {
+    Int m = n_vertices - 2 - ends / 2 - ends % 2;
+    Polygon p = with_vertical_ends(t, m < 0 ? 0 : m < t->top ? m : t->top, ends / 2, ends % 2);
     tacstrip_refine(t->whole, &p);
-    Int off = corners_of(&p) > corners ? corners_of(&p) - corners : corners - corners_of(&p);
+    Int off = n_vertices_of(&p) > n_vertices ? n_vertices_of(&p) - n_vertices : n_vertices - n_vertices_of(&p);
     if (least < 0 || off < least || (off == least && p.cost < found.cost)) {
       least = off;
       found = p;
@@ -225,33 +230,33 @@ static Polygon of_corners(const Search *t, Int corners) {
   return found;
 }
 
-Int tacstrip_fit_counts(const Problem *s, Int known, Int most, Int corners, Int every, Polygon *found, Int *picked,
-                        double *workspace) {
+Int tacstrip_fit_counts(const Problem *s, Int sigma_known, Int max_vertices, Int n_vertices, Int every, Polygon *found,
+                        Int *picked, double *workspace) {
   Search t;
   Int whole = readings_of(s), holds = (whole - 2 * s->signatures - 1) / 2, count = 0, vertical[2];
   double sigma = sigma_of(s);
   CHECK(s->n > 0 && (s->signatures == 1 || s->signatures == 2));
   t.whole = s;
-  t.known = known;
-  t.twin = s->signatures > 1;
+  t.sigma_known = sigma_known;
+  t.two_signatures = s->signatures > 1;
   t.top = 0;
-  t.most = most < MOST ? most : MOST;
-  if (t.most > holds) t.most = holds > 0 ? holds : 0;
-  t.atleast = corners ? corners - 2 + PAST : 0;
+  t.max_vertices = max_vertices < MAX_VERTICES ? max_vertices : MAX_VERTICES;
+  if (t.max_vertices > holds) t.max_vertices = holds > 0 ? holds : 0;
+  t.atleast = n_vertices ? n_vertices - 2 + PAST : 0;
   t.strips = workspace;
   t.running = workspace + 5 * COARSEST;
-  for (Int m = 0; m <= MOST; m++) {
+  for (Int m = 0; m <= MAX_VERTICES; m++) {
     t.best[m].m = m;
-    t.best[m].vertical[0] = t.best[m].vertical[1] = t.twin;
+    t.best[m].vertical[0] = t.best[m].vertical[1] = t.two_signatures;
     t.best[m].score = INFINITE;
   }
   straight(s, t.best[0].theta);
   Int best = run(&t);
   picked[0] = 0;
   picked[1] = 1;
-  if (corners) {
-    *found = of_corners(&t, corners);
-    found->score = criterion(found, whole, sigma, known);
+  if (n_vertices) {
+    *found = of_n_vertices(&t, n_vertices);
+    found->score = criterion(found, whole, sigma, sigma_known);
     return 1;
   }
   settle_ends(&t, best, vertical);
@@ -260,9 +265,9 @@ Int tacstrip_fit_counts(const Problem *s, Int known, Int most, Int corners, Int 
     int beside = m == best || ((m == best - 1 || m == best + 1) && score_of(&t, m) < least + FAR);
     if (!every && !beside) continue;
     Polygon *p = found + count;
-    *p = with_ends(&t, m, (int)vertical[0], (int)vertical[1]);
+    *p = with_vertical_ends(&t, m, (int)vertical[0], (int)vertical[1]);
     tacstrip_refine(s, p);
-    p->score = criterion(p, whole, sigma, known);
+    p->score = criterion(p, whole, sigma, sigma_known);
     if (p->score < found[picked[0]].score) picked[0] = count;
     count++;
   }

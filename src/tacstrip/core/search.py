@@ -1,4 +1,4 @@
-"""How many vertices a signal holds: the best fit of each count, and the count with the best criterion.
+"""How many vertices a problem holds: the best fit of each count, and the count with the best criterion.
 
 Counts grow until two past the best. Then every vertex is taken out in turn, and the shorter fits grow again: a
 vertex that was right among few can be wrong among many. All this happens on averaged strips; the counts beside
@@ -12,12 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from tacstrip.arrays import FloatArray, IntArray
-from tacstrip.core.binding import at, exported, search_workspace
-from tacstrip.core.criterion import charge, criterion, misfit, penalty
-from tacstrip.core.descent import descend, plain_refine
-from tacstrip.core.fit import MOST, POLYGON, Fit
+from tacstrip.core.binding import MAX_VERTICES, POLYGON, at, exported, search_workspace
+from tacstrip.core.criterion import complexity_penalty, criterion, deviance, per_vertex_penalty
+from tacstrip.core.descent import descend
+from tacstrip.core.fit import PolygonFit, plain_refine
 from tacstrip.core.moves import ENOUGH, FIRST, GROW, ROUGH, SHRINK, improve
-from tacstrip.core.problem import Signal
+from tacstrip.core.problem import FitProblem
 
 _PAST = 2  # counts tried past the best
 _COARSE, _FINER = 3e-4, 30.0  # of Vref: sigma of the first stage at least, and steps down from there
@@ -25,14 +25,14 @@ _HOPELESS = 100.0  # of chi square a reading: no polygon, so no finer stage
 _FAR = 40.0  # of the criterion: a count that is so much worse on thinned strips is so on all
 _EQUAL = 8.0  # of the criterion
 _ROUNDS = 2  # of taking out and growing again
-_BLUNT = [
+_END_KINDS = [
     np.array(c, dtype=np.int64) for c in ((0, 0), (0, 1), (1, 0), (1, 1))
 ]  # which ends are vertical edges
 
 
 @dataclass(frozen=True, eq=False)
-class Fits:
-    """Fits of several counts to one signal.
+class ModelSelection:
+    """Polygons of several vertex counts, fitted to one run, and the one that the criterion chooses.
 
     Attributes
     ----------
@@ -44,80 +44,103 @@ class Fits:
         The place of the chosen one.
     equal
         How many counts, of all that were searched, the criterion can hardly tell from the best: 1 for a polygon
-        with clear corners, more for a round contact.
+        with clear n_vertices, more for a round contact.
     """
 
-    fits: tuple[Fit, ...]
+    fits: tuple[PolygonFit, ...]
     scores: tuple[float, ...]
     best: int
     equal: int
 
     @property
-    def chosen(self) -> Fit:
+    def chosen(self) -> PolygonFit:
         """The fit with the least criterion."""
         return self.fits[self.best]
 
 
 def fit_counts(
-    signal: Signal, known: bool = True, most: int = MOST, every: bool = False, corners: int | None = None
-) -> Fits:
+    problem: FitProblem,
+    sigma_known: bool = True,
+    max_vertices: int = MAX_VERTICES,
+    every: bool = False,
+    n_vertices: int | None = None,
+) -> ModelSelection:
     """Fit polygons of several counts, and choose one.
 
     Parameters
     ----------
-    signal
+    problem
         Readings and weights.
-    known
+    sigma_known
         Whether the weights are 1 / sigma^2; else they are so only roughly, and sigma counts as unknown.
-    most
+    max_vertices
         Interior vertices at most; fewer where the readings do not hold as many.
     every
         Whether all counts that were searched are fitted to all strips, not only the best one's neighbours.
-    corners
-        Vertices in all, where that is known: then there is one fit. Readings that do not hold as many give fewer.
+    n_vertices
+        Vertices in all, where that is sigma_known: then there is one fit. Readings that do not hold as many give fewer.
     """
     core = exported("fit_counts")
     if core is None:
-        return plain_fit_counts(signal, known, most, every, corners)
-    found, picked, workspace = np.empty(MOST + 1, POLYGON), np.empty(2, dtype=np.int64), search_workspace()
-    count = core(signal.problem, known, most, corners or 0, every, at(found), at(picked), at(workspace))
-    fits = tuple(Fit.of_record(found[i : i + 1]) for i in range(count))
-    return Fits(fits, tuple(found["score"][:count].tolist()), int(picked[0]), int(picked[1]))
+        return plain_fit_counts(problem, sigma_known, max_vertices, every, n_vertices)
+    found, picked, workspace = (
+        np.empty(MAX_VERTICES + 1, POLYGON),
+        np.empty(2, dtype=np.int64),
+        search_workspace(),
+    )
+    count = core(
+        problem.compiled,
+        sigma_known,
+        max_vertices,
+        n_vertices or 0,
+        every,
+        at(found),
+        at(picked),
+        at(workspace),
+    )
+    fits = tuple(PolygonFit.of_record(found[i : i + 1]) for i in range(count))
+    return ModelSelection(fits, tuple(found["score"][:count].tolist()), int(picked[0]), int(picked[1]))
 
 
 def plain_fit_counts(
-    signal: Signal, known: bool = True, most: int = MOST, every: bool = False, corners: int | None = None
-) -> Fits:
+    problem: FitProblem,
+    sigma_known: bool = True,
+    max_vertices: int = MAX_VERTICES,
+    every: bool = False,
+    n_vertices: int | None = None,
+) -> ModelSelection:
     """Do as `fit_counts`, in NumPy."""
-    search = _Search(signal, known, min(most, MOST, _most(signal)), corners)
+    search = _Search(problem, sigma_known, min(max_vertices, MAX_VERTICES, _most(problem)), n_vertices)
     near = search.run()
-    if corners is not None:
-        fit = search.of_corners(corners)
-        return Fits((fit,), (criterion(fit, signal, known),), 0, 1)
+    if n_vertices is not None:
+        fit = search.of_n_vertices(n_vertices)
+        return ModelSelection((fit,), (criterion(fit, problem, sigma_known),), 0, 1)
     search.settle_ends(near)
     fits, scores = [], []
     for m in range(search.top + 1) if every else search.near(near):
-        fits.append(plain_refine(search.with_ends(m, search.blunt), signal))
-        scores.append(criterion(fits[-1], signal, known))
-    return Fits(tuple(fits), tuple(scores), int(np.argmin(scores)), search.equal())
+        fits.append(plain_refine(search.with_vertical_ends(m, search.vertical_ends), problem))
+        scores.append(criterion(fits[-1], problem, sigma_known))
+    return ModelSelection(tuple(fits), tuple(scores), int(np.argmin(scores)), search.equal())
 
 
-def _most(signal: Signal) -> int:
+def _most(problem: FitProblem) -> int:
     """Return how many interior vertices leave readings over to test the fit by."""
-    ends = 2 * len(signal.k)
-    return max((signal.readings - ends - 1) // 2, 0)
+    ends = 2 * len(problem.k)
+    return max((problem.readings - ends - 1) // 2, 0)
 
 
 class _Search:
     """The best fit of each count so far, and which moves have been tried on it."""
 
-    def __init__(self, whole: Signal, known: bool, most: int, corners: int | None) -> None:
-        self.whole, self.known, self.most = whole, known, most
-        self.least = 0 if corners is None else corners - 2 + _PAST
+    def __init__(
+        self, whole: FitProblem, sigma_known: bool, max_vertices: int, n_vertices: int | None
+    ) -> None:
+        self.whole, self.sigma_known, self.max_vertices = whole, sigma_known, max_vertices
+        self.least = 0 if n_vertices is None else n_vertices - 2 + _PAST
         # Two signatures tell both heights of an end; one does not, and only convex shapes are told apart.
-        self.double = len(whole.k) > 1
-        self.blunt = np.full(2, int(self.double), dtype=np.int64)
-        self.fits = [Fit(whole.straight(), np.empty(0, dtype=np.int64), self.blunt, np.inf)]
+        self.two_signatures = len(whole.k) > 1
+        self.vertical_ends = np.full(2, int(self.two_signatures), dtype=np.int64)
+        self.fits = [PolygonFit(whole.straight(), np.empty(0, dtype=np.int64), self.vertical_ends, np.inf)]
 
     @property
     def top(self) -> int:
@@ -129,21 +152,21 @@ class _Search:
         sigma = self.whole.sigma
         level = max(sigma, _COARSE)
         while True:
-            self.signal = self.whole.scaled(level / sigma).thinned()
-            self.penalty = penalty(self.signal.readings)
+            self.problem = self.whole.scaled(level / sigma).thinned()
+            self.per_vertex_penalty = per_vertex_penalty(self.problem.readings)
             self.tried: set[tuple[int, int]] = set()
             self.fits = [self._descended(fit) for fit in self.fits]
             self._count()
             best = self._best()
-            hopeless = self.fits[best].cost > _HOPELESS * self.signal.readings
+            hopeless = self.fits[best].cost > _HOPELESS * self.problem.readings
             if level <= sigma or hopeless:
                 return best
             level = max(level / _FINER, sigma)
 
     def _count(self) -> None:
-        while self.top < min(self.most, max(self._best() + _PAST, self.least)):
+        while self.top < min(self.max_vertices, max(self._best() + _PAST, self.least)):
             m = self.top
-            if m == 0 and not self.double:
+            if m == 0 and not self.two_signatures:
                 self._try(FIRST, 0)
             self._try(GROW, m)
             if self.top == m:
@@ -156,32 +179,32 @@ class _Search:
 
     def settle_ends(self, m: int) -> None:
         """Make the ends points where that explains the readings of the fit of m vertices as well."""
-        if not self.double:
+        if not self.two_signatures:
             return
         best = np.inf
-        for blunt in _BLUNT:
-            fit = plain_refine(self.with_ends(m, blunt), self.signal)
-            score = criterion(fit, self.signal, self.known)
+        for vertical_ends in _END_KINDS:
+            fit = plain_refine(self.with_vertical_ends(m, vertical_ends), self.problem)
+            score = criterion(fit, self.problem, self.sigma_known)
             if score < best:
-                best, self.blunt = score, blunt
-            if not blunt.any() and self._pointed_will_do(fit, m):
+                best, self.vertical_ends = score, vertical_ends
+            if not vertical_ends.any() and self._points_suffice(fit, m):
                 break
 
-    def _pointed_will_do(self, fit: Fit, m: int) -> bool:
-        free = misfit(self.fits[m].cost, self.signal, self.known)
-        return misfit(fit.cost, self.signal, self.known) - free < self.penalty
+    def _points_suffice(self, fit: PolygonFit, m: int) -> bool:
+        free = deviance(self.fits[m].cost, self.problem, self.sigma_known)
+        return deviance(fit.cost, self.problem, self.sigma_known) - free < self.per_vertex_penalty
 
-    def of_corners(self, corners: int) -> Fit:
+    def of_n_vertices(self, n_vertices: int) -> PolygonFit:
         """Return the best fit of so many vertices in all, or of as many as were found."""
         found = []
-        for blunt in _BLUNT if self.double else _BLUNT[:1]:
-            m = min(max(corners - 2 - int(blunt.sum()), 0), self.top)
-            found.append(plain_refine(self.with_ends(m, blunt), self.whole))
-        return min(found, key=lambda fit: (abs(fit.corners - corners), fit.cost))
+        for vertical_ends in _END_KINDS if self.two_signatures else _END_KINDS[:1]:
+            m = min(max(n_vertices - 2 - int(vertical_ends.sum()), 0), self.top)
+            found.append(plain_refine(self.with_vertical_ends(m, vertical_ends), self.whole))
+        return min(found, key=lambda fit: (abs(fit.n_vertices - n_vertices), fit.cost))
 
-    def with_ends(self, m: int, blunt: IntArray) -> Fit:
+    def with_vertical_ends(self, m: int, vertical_ends: IntArray) -> PolygonFit:
         """Return the fit of m vertices with other ends, not fitted."""
-        return Fit(self.fits[m].theta, self.fits[m].chain, blunt, np.inf)
+        return PolygonFit(self.fits[m].theta, self.fits[m].chain, vertical_ends, np.inf)
 
     def near(self, m: int) -> list[int]:
         """Return m and the counts beside it that may yet turn out better."""
@@ -198,9 +221,12 @@ class _Search:
         return int(self._scores().argmin())
 
     def _scores(self) -> FloatArray:
-        signal, known = self.signal, self.known
+        problem, sigma_known = self.problem, self.sigma_known
         return np.array(
-            [misfit(fit.cost, signal, known) + charge(signal, m, known) for m, fit in enumerate(self.fits)]
+            [
+                deviance(fit.cost, problem, sigma_known) + complexity_penalty(problem, m, sigma_known)
+                for m, fit in enumerate(self.fits)
+            ]
         )
 
     def _try(self, move: int, m: int) -> None:
@@ -209,11 +235,13 @@ class _Search:
         self.tried.add((move, m))
         to = m - 1 if move == SHRINK else m + 1
         cost = self.fits[to].cost if to <= self.top else np.inf
-        found = improve(move, self.fits[m], cost, not self.double, self.signal)
+        found = improve(move, self.fits[m], cost, not self.two_signatures, self.problem)
         if found is not None:
             self.fits[to : to + 1] = [found]
             self.tried -= {(other, to) for other in (FIRST, GROW, SHRINK)}
 
-    def _descended(self, fit: Fit) -> Fit:
-        found = descend(fit.theta[None], fit.chain[None], fit.blunt, self.signal, ROUGH, ENOUGH, np.inf)
-        return Fit(found[0][0], found[1][0], fit.blunt, float(found[2][0]))
+    def _descended(self, fit: PolygonFit) -> PolygonFit:
+        found = descend(
+            fit.theta[None], fit.chain[None], fit.vertical_ends, self.problem, ROUGH, ENOUGH, np.inf
+        )
+        return PolygonFit(found[0][0], found[1][0], fit.vertical_ends, float(found[2][0]))

@@ -14,13 +14,18 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import Noise
+from tacstrip.core.vertex_covariance import covariance_with_x_priors
 from tacstrip.data.published import published
 from tacstrip.design.limits import places
 from tacstrip.errors import OptionError
 from tacstrip.geometry.outline import Outline
 from tacstrip.network.imperfections import Readout
 from tacstrip.network.timing import fastest_scan_hz
-from tacstrip.reconstruction.cramer_rao import reading_sigma, vertex_rms, vertex_slopes, with_ends
+from tacstrip.reconstruction.cramer_rao import (
+    reading_sigma,
+    vertex_jacobian,
+    vertex_rms,
+)
 from tacstrip.sensor.constructions import CONSTRUCTIONS, construction
 from tacstrip.sensor.spec import Sensor
 
@@ -190,12 +195,14 @@ class _BoundsOverSensor:
         self.at = [self._reduced(outline.moved(dx, dy)) for dx in across for dy in along]
 
     def _reduced(self, outline: Outline) -> tuple[Outline, FloatArray]:
-        slopes = vertex_slopes(outline, self.sensor)
+        slopes = vertex_jacobian(outline, self.sensor)
         return outline, np.asarray(np.linalg.qr(slopes, mode="r"))
 
     def error(self, sigma: float) -> float:
         """Return the RMS vertex error [mm] that is reached at nine places of ten."""
-        errors = np.sort([vertex_rms(with_ends(o, self.sensor, slopes / sigma)) for o, slopes in self.at])
+        errors = np.sort(
+            [vertex_rms(covariance_with_x_priors(o, self.sensor, slopes / sigma)) for o, slopes in self.at]
+        )
         return float(errors[math.ceil(_MOST_PLACES * len(errors)) - 1])
 
     def largest_sigma(self, wanted_mm: float) -> float:

@@ -45,12 +45,12 @@ def orientation(vertices: FloatArray) -> float:
     return float(0.5 * np.arctan2(2.0 * xy, xx - yy))
 
 
-def area_slope(vertices: FloatArray) -> FloatArray:
+def area_gradient(vertices: FloatArray) -> FloatArray:
     """Return the slope of the area by `vertices.ravel()` (2 N,) [mm]."""
     return np.asarray(_slopes(vertices)[0])
 
 
-def centroid_slope(vertices: FloatArray) -> FloatArray:
+def centroid_jacobian(vertices: FloatArray) -> FloatArray:
     """Return the slopes of the centroid's x and y by `vertices.ravel()` (2, 2 N); NaN without area."""
     area, centroid, _ = moments(vertices)
     if area == 0.0:
@@ -58,7 +58,7 @@ def centroid_slope(vertices: FloatArray) -> FloatArray:
     return np.asarray(_slopes(vertices - centroid)[1:3] / area)
 
 
-def orientation_slope(vertices: FloatArray) -> FloatArray:
+def orientation_gradient(vertices: FloatArray) -> FloatArray:
     """Return the slope of the orientation by `vertices.ravel()` (2 N,) [rad/mm]; NaN where it has none."""
     area, centroid, (xx, yy, xy) = moments(vertices)
     reach = (xx - yy) ** 2 + 4.0 * xy**2
@@ -88,7 +88,7 @@ def deviations(vertices: FloatArray, covariance: FloatArray, uniform: Sequence[i
         where an error is uniform. What the covariance leaves open is inf; an orientation that is not known at all
         has the deviation of an axis that can lie anyhow, `UNKNOWN_ANGLE`.
     """
-    slopes = np.vstack([area_slope(vertices), centroid_slope(vertices), orientation_slope(vertices)])
+    slopes = np.vstack([area_gradient(vertices), centroid_jacobian(vertices), orientation_gradient(vertices)])
     with np.errstate(invalid="ignore"):
         variance = np.einsum("ij,jk,ik->i", slopes, covariance, slopes)
     sigma = np.sqrt(np.where(np.isnan(variance), np.inf, np.maximum(variance, 0.0)))

@@ -110,7 +110,7 @@ class Outline:
             np.where(inside, np.interp(x, *self.upper.T), np.nan),
         )
 
-    def slopes(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def jacobian(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the slopes of l and of u at x (S,) by `vertices.ravel()`, each (S, 2 V); NaN outside.
 
         At a vertex they are those of the section to its right.
@@ -139,6 +139,20 @@ def _slopes(chain: FloatArray, index: IntArray, x: FloatArray, places: int) -> F
         slope[row, 2 * vertex] = -steepness * weight
         slope[row, 2 * vertex + 1] = weight
     return slope
+
+
+def uncrossed(lower: FloatArray, upper: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return both chains (M, 2), (N, 2) with no part of the lower one above the upper one."""
+    lower, upper = lower.copy(), upper.copy()
+    lower[1:-1, 1] = np.minimum(lower[1:-1, 1], np.interp(lower[1:-1, 0], *upper.T))
+    upper[1:-1, 1] = np.maximum(upper[1:-1, 1], np.interp(upper[1:-1, 0], *lower.T))
+    return lower, upper
+
+
+def max_height(lower: FloatArray, upper: FloatArray) -> float:
+    """Return the greatest distance in y between two chains (M, 2), (N, 2)."""
+    x = np.concatenate([lower[:, 0], upper[:, 0]])
+    return float((np.interp(x, *upper.T) - np.interp(x, *lower.T)).max())
 
 
 def close_chains(lower: FloatArray, upper: FloatArray) -> FloatArray:

@@ -13,7 +13,7 @@ import numpy as np
 from tacstrip.arrays import FloatArray
 from tacstrip.network.crp.inversion import invert, invert_all
 from tacstrip.network.crp.mesh import Wiring
-from tacstrip.reconstruction.cramer_rao import reading_slopes
+from tacstrip.reconstruction.cramer_rao import signature_jacobians
 from tacstrip.scan import Scan
 from tacstrip.sensor.circuit import lower_and_width
 from tacstrip.sensor.spec import Sensor
@@ -73,7 +73,7 @@ def ends(
 
 def _covariance(sensor: Sensor, l: FloatArray, u: FloatArray, sigma: float) -> FloatArray:
     """Return the covariance of l, then u (2 strips, 2 strips) [mm^2], of a strip's two readings alone."""
-    slopes = reading_slopes(sensor, l, u)
+    slopes = signature_jacobians(sensor, l, u)
     (a, b), (c, d) = slopes["kh"], slopes["kl"]
     det = a * d - b * c
     n = np.arange(len(l))

@@ -12,7 +12,8 @@ from tacstrip.arguments import takes
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import Noise
 from tacstrip.contact.signature import signatures as readings_of
-from tacstrip.fisher import checked_sigma, covariance
+from tacstrip.core.vertex_covariance import covariance_with_x_priors
+from tacstrip.fisher import checked_sigma
 from tacstrip.geometry.outline import Outline
 from tacstrip.network.crp.cramer_rao import jacobian
 from tacstrip.sensor.circuit import reading_jacobian
@@ -29,7 +30,7 @@ def reading_sigma(noise: Noise, sensor: Sensor) -> float:
     return math.sqrt((noise.quantisation**2 + noise.positional**2) / 3.0 + sensor.adc_step**2 / 12.0)
 
 
-def reading_slopes(
+def signature_jacobians(
     sensor: Sensor, l_mm: FloatArray, u_mm: FloatArray
 ) -> dict[str, tuple[FloatArray, FloatArray]]:
     """Return dk/dl and dk/du [1/mm] of every signature, name to two arrays of the shape of l and u."""
@@ -46,7 +47,7 @@ def reading_slopes(
     }
 
 
-def vertex_slopes(
+def vertex_jacobian(
     outline: Outline,
     sensor: Sensor,
     signatures: Iterable[str] | None = None,
@@ -62,15 +63,15 @@ def vertex_slopes(
     x = x[outline.touches(x)]
     if not sensor.kind.closed_form:
         return _network_slopes(outline, sensor, names, x)
-    by_l, by_u = outline.slopes(x)
-    of_ends = reading_slopes(sensor, *outline.ends(x))
+    by_l, by_u = outline.jacobian(x)
+    of_ends = signature_jacobians(sensor, *outline.ends(x))
     pairs = [of_ends[n] for n in names]
     return np.concatenate([a[:, None] * by_l + b[:, None] * by_u for a, b in pairs])
 
 
 def _network_slopes(outline: Outline, sensor: Sensor, names: tuple[str, ...], x: FloatArray) -> FloatArray:
     strip, by_ends = jacobian(sensor, *outline.ends(sensor.x_mm))  # (T, signatures, 2 T)
-    by_vertices = by_ends @ np.concatenate(outline.slopes(sensor.x_mm[strip]))
+    by_vertices = by_ends @ np.concatenate(outline.jacobian(sensor.x_mm[strip]))
     read = np.isclose(sensor.x_mm[strip][:, None], x).any(axis=1)
     return np.concatenate([by_vertices[read, sensor.signatures.index(n)] for n in names])
 
@@ -117,37 +118,9 @@ def vertex_covariance(
         CRS-CRP: the outline touches no strip, or leaves the sensor.
     """
     checked_sigma(sigma)
-    return with_ends(outline, sensor, vertex_slopes(outline, sensor, signatures, x_mm) / sigma)
-
-
-def with_ends(outline: Outline, sensor: Sensor, slopes: FloatArray) -> FloatArray:
-    """Return the covariance (2 V, 2 V) [mm^2] from slopes over their readings' sigma, and from what is known of x.
-
-    The ends' x is known to within a pitch, and so is that of two vertices with one strip between them or none, where
-    readings tell nothing of the edge.
-    """
-    lower, upper = outline.indices
-    column = np.arange(slopes.shape[1])
-    ends = ((lower[0], upper[0]), (lower[-1], upper[-1]))
-    for a, b in ends:
-        column[2 * b] = column[2 * a]  # the same vertex, or one x for a vertical edge
-    free, place = np.unique(column, return_inverse=True)
-    known = {int(place[2 * i]) for i in (*(a for a, _ in ends), *_steep(outline, sensor))}
-    joined = np.zeros((len(slopes) + len(known), len(free)))
-    np.add.at(joined[: len(slopes)].T, place, slopes.T)
-    for row, i in enumerate(sorted(known), len(slopes)):
-        joined[row, i] = math.sqrt(12.0) / sensor.pitch_mm
-    return np.asarray(covariance(joined)[np.ix_(place, place)])
-
-
-def _steep(outline: Outline, sensor: Sensor) -> list[int]:
-    """Return the vertices of edges that cross one strip or none."""
-    found: list[int] = []
-    for chain, index in zip((outline.lower, outline.upper), outline.indices, strict=True):
-        crossed = np.diff(np.searchsorted(sensor.x_mm, chain[:, 0]))
-        for i in np.flatnonzero(crossed <= 1):
-            found += [int(index[i]), int(index[i + 1])]
-    return found
+    return covariance_with_x_priors(
+        outline, sensor, vertex_jacobian(outline, sensor, signatures, x_mm) / sigma
+    )
 
 
 def vertex_rms(covariance: FloatArray) -> float:

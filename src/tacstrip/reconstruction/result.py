@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Literal, Protocol, TypeAlias
 
 import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.geometry.moments import MomentDeviations, deviations, moments, orientation
 from tacstrip.geometry.region import svg
+
+if TYPE_CHECKING:
+    from tacstrip.core.outline_model import OutlineModel
 
 Status: TypeAlias = Literal[
     "ok",
@@ -62,6 +65,8 @@ class RecoveredObject:
     uniform
         Places in `vertices.ravel()` whose error is uniform, not normal: x of a vertical end, which lies anywhere
         within a pitch.
+    model
+        The model whose outline this is, where it is no polygon: the vertices then draw a curve, and are no corners.
 
     Raises
     ------
@@ -78,6 +83,7 @@ class RecoveredObject:
     strip_status: tuple[str, ...] = ()
     guarantee: Guarantee | None = None
     uniform: tuple[int, ...] = ()
+    model: type[OutlineModel] | None = None
 
     def __post_init__(self) -> None:
         if self.covariance is not None and self.covariance.shape != (2 * len(self.vertices),) * 2:

@@ -18,17 +18,17 @@ from tacstrip.geometry.outline import Outline
 from tacstrip.sensor.slant import slant_shift
 from tacstrip.sensor.spec import Sensor
 
-ENDS = 1  # strips at either end of a contact that may be covered in part
+PARTIAL_STRIPS = 1  # strips at either end of a contact that may be covered in part
 _PARTS = 16  # of a strip's width
 _ANGLES = 512  # of the table of shifts
 
 
-def reach_out(sensor: Sensor) -> float:
+def end_margin_mm(sensor: Sensor) -> float:
     """Return how much further out the ends are than the strips left, read at their centre lines, would say [mm]."""
-    return ENDS * sensor.pitch_mm - 0.5 * sensor.strip_width
+    return PARTIAL_STRIPS * sensor.pitch_mm - 0.5 * sensor.strip_width
 
 
-def wide_ends(sensor: Sensor, outline: Outline, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+def equivalent_ends(sensor: Sensor, outline: Outline, x: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the l and u (n,) [mm] that ideal contact would have where wide strips at x (n,) [mm] read the same."""
     lower, upper = (
         _edge(sensor, chain, x, sign) for chain, sign in ((outline.lower, -1.0), (outline.upper, 1.0))
@@ -37,12 +37,12 @@ def wide_ends(sensor: Sensor, outline: Outline, x: FloatArray) -> tuple[FloatArr
     return lower, np.clip(upper, lower, sensor.length_mm)
 
 
-def as_thin(
+def remove_width_effect(
     sensor: Sensor, outline: Outline, x: FloatArray, readings: Mapping[str, FloatArray]
 ) -> dict[str, FloatArray]:
     """Return readings (n,) over Vref without what the width adds to those of an outline."""
     l, u = (np.interp(x, *chain.T) for chain in (outline.lower, outline.upper))
-    thin, wide = signatures(sensor, l, u), signatures(sensor, *wide_ends(sensor, outline, x))
+    thin, wide = signatures(sensor, l, u), signatures(sensor, *equivalent_ends(sensor, outline, x))
     return {name: k - (wide[name] - thin[name]) for name, k in readings.items()}
 
 

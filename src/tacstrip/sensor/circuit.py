@@ -137,8 +137,8 @@ def end_weights(k: FloatArray, at_upper_end: bool | BoolArray, ratio: float) -> 
 def reading_jacobian(
     k: FloatArray,
     w: FloatArray,
-    length: float,
-    at_upper_end: bool,
+    length: float | FloatArray,
+    at_upper_end: bool | BoolArray,
     ratio: float = 1.0,
     contact_lambda: float = 0.0,
 ) -> tuple[FloatArray, FloatArray]:

@@ -15,14 +15,14 @@ import numpy as np
 from tacstrip.arguments import takes
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import Noise
-from tacstrip.core.fit import MOST
+from tacstrip.core.binding import MAX_VERTICES
 from tacstrip.core.problem import FLOOR
 from tacstrip.errors import OptionError
 from tacstrip.reconstruction.cramer_rao import reading_sigma
-from tacstrip.reconstruction.polygon.objects import FittedContact, recovered
-from tacstrip.reconstruction.polygon.run import fit_run, one_shape
+from tacstrip.reconstruction.polygon.objects import FittedContact, reconstruct_object
+from tacstrip.reconstruction.polygon.run import fit_run, should_merge
 from tacstrip.reconstruction.result import Reconstruction
-from tacstrip.reconstruction.strip_width import ENDS, as_thin, reach_out
+from tacstrip.reconstruction.strip_width import PARTIAL_STRIPS, end_margin_mm, remove_width_effect
 from tacstrip.reconstruction.untouched import doubt_untouched
 from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import check_closed_form
@@ -39,7 +39,7 @@ def fit_polygon(
     sensor: Sensor,
     noise: Noise | None = None,
     *,
-    most: int = MOST,
+    max_vertices: int = MAX_VERTICES,
     bounded: bool = True,
     vertices: int | None = None,
     wide: bool = False,
@@ -55,7 +55,7 @@ def fit_polygon(
         Of the readings; the A/D converter's steps come on top. None: estimated from what the fit leaves over.
         "uniform" noise has a bound, and outlines that stay within it are far fewer than least squares leaves: the
         estimate is then their mean, and `guaranteed` holds the regions that no such outline's vertices leave.
-    most
+    max_vertices
         Vertices at most, those at the ends not counted.
     bounded
         False: least squares for uniform noise too, 5 to 10 ms faster.
@@ -80,13 +80,15 @@ def fit_polygon(
     """
     scan.check(sensor)
     check_closed_form(sensor.kind, "fit_polygon")
-    if vertices is not None and not 3 <= vertices <= MOST + 2:
-        raise OptionError(f"vertices = {vertices}: a polygon has 3 or more, and here {MOST + 2} at most")
+    if vertices is not None and not 3 <= vertices <= MAX_VERTICES + 2:
+        raise OptionError(
+            f"vertices = {vertices}: a polygon has 3 or more, and here {MAX_VERTICES + 2} at most"
+        )
     result = Reconstruction(
         "polygon",
         tuple(
-            recovered(scan, sensor, c, noise, bounded and _has_bound(noise))
-            for c in _contacts(scan, sensor, noise, most, vertices, wide)
+            reconstruct_object(scan, sensor, c, noise, bounded and _has_bound(noise))
+            for c in _contacts(scan, sensor, noise, max_vertices, vertices, wide)
         ),
         scan.time_s,
     )
@@ -122,29 +124,29 @@ def fitted_transitions(
     found = []
     for run in scan.runs():
         of_run = fit_run(sensor, sensor.x_mm[run], {name: scan[name][run]}, sigma)
-        x = np.array([0.0, 1.0]) if of_run.fits is None else of_run.fits.chosen.transitions
-        found.append(x * of_run.signal.width_mm + of_run.signal.origin_mm)
+        x = np.array([0.0, 1.0]) if of_run.selection is None else of_run.selection.chosen.transitions
+        found.append(x * of_run.problem.width_mm + of_run.problem.origin_mm)
     return found
 
 
 def _contacts(
-    scan: Scan, sensor: Sensor, noise: Noise | None, most: int, vertices: int | None, wide: bool
+    scan: Scan, sensor: Sensor, noise: Noise | None, max_vertices: int, vertices: int | None, wide: bool
 ) -> list[FittedContact]:
     sigma = _sigma(noise, sensor)
 
     def fit(strips: slice, missing: tuple[int, ...] = ()) -> FittedContact:
-        partly = ENDS if wide and strips.stop - strips.start >= _SPARE else 0
-        fitted = slice(strips.start + partly, strips.stop - partly)
-        beyond_mm = reach_out(sensor) if partly else 0.0
+        partial = PARTIAL_STRIPS if wide and strips.stop - strips.start >= _SPARE else 0
+        fitted = slice(strips.start + partial, strips.stop - partial)
+        margin_mm = end_margin_mm(sensor) if partial else 0.0
         x = sensor.x_mm[fitted]
         measured = readings = {name: scan[name][fitted] for name in scan.signatures}
-        run = fit_run(sensor, x, readings, sigma, most, vertices, beyond_mm)
+        run = fit_run(sensor, x, readings, sigma, max_vertices, vertices, margin_mm)
         for _ in range(_ROUNDS if wide else 0):
             if (outline := run.outline) is None:
                 break
-            readings = as_thin(sensor, outline, x, measured)
-            run = fit_run(sensor, x, readings, sigma, most, vertices, beyond_mm)
-        return FittedContact(strips, missing, fitted, readings, beyond_mm, vertices, run)
+            readings = remove_width_effect(sensor, outline, x, measured)
+            run = fit_run(sensor, x, readings, sigma, max_vertices, vertices, margin_mm)
+        return FittedContact(strips, missing, fitted, readings, margin_mm, vertices, run)
 
     found: list[FittedContact] = []
     for strips in scan.runs():
@@ -153,7 +155,7 @@ def _contacts(
             before = found[-1]
             gap = range(before.strips.stop, strips.start)
             joint = fit(slice(before.strips.start, strips.stop), (*before.missing, *gap))
-            if one_shape(before.run, contact.run, joint.run):
+            if should_merge(before.run, contact.run, joint.run):
                 contact = joint
                 found.pop()
         found.append(contact)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from tacstrip.arrays import FloatArray
-from tacstrip.core.fit import Fit
+from tacstrip.core.fit import PolygonFit
 from tacstrip.geometry.outline import Outline
 from tacstrip.reconstruction.polygon.run import RunFit
 from tacstrip.reconstruction.result import Status
@@ -15,14 +15,14 @@ from tacstrip.reconstruction.result import Status
 _ALARM = 3.5  # standard deviations of a test's statistic
 _LOOSE = 0.2  # of the contact's width: a vertex less certain in x is hardly one
 _EQUAL = 3  # counts that fit as well as the best one
-_RIVAL = -6.0  # an oval whose criterion is worse by less than this is a rival
+_RIVAL = -6.0  # an ellipse whose criterion is worse by less than this is a rival
 _REFLEX = 3.0  # standard deviations by which a corner turns inwards
 _FAINT = 0.01  # of sigma^2
 _APART = 3.0  # standard deviations of their distance in x by which two corners are told apart
 _SPREAD = {"uniform": 0.8, "normal": 2.0}  # variance of a squared error over sigma^4
 
 
-def misfit_score(residuals: FloatArray, freedom: int, distribution: str) -> float:
+def chi_square_score(residuals: FloatArray, freedom: int, distribution: str) -> float:
     """Return how many standard deviations the squared residuals exceed what sigma allows."""
     if freedom < 1:
         return 0.0
@@ -32,7 +32,7 @@ def misfit_score(residuals: FloatArray, freedom: int, distribution: str) -> floa
     return float((root - (1.0 - small)) / math.sqrt(small))
 
 
-def run_score(residuals: FloatArray, readings: int) -> float:
+def autocorrelation_score(residuals: FloatArray, readings: int) -> float:
     """Return how many standard deviations neighbouring residuals are more alike than chance makes them.
 
     0 where they are far below the noise, or all rounding.
@@ -46,9 +46,12 @@ def run_score(residuals: FloatArray, readings: int) -> float:
 
 def explains(run: RunFit, distribution: str, outline: Outline) -> bool:
     """Whether an outline that is not the least-squares one leaves no more of a run's readings than noise does."""
-    residuals, readings = Fit.of(outline, run.signal).residuals(run.signal), run.signal.readings
+    residuals, readings = PolygonFit.of(outline, run.problem).residuals(run.problem), run.problem.readings
     # It follows the noise less than least squares does, so that nothing is taken off the freedom.
-    return max(misfit_score(residuals, readings, distribution), run_score(residuals, readings)) <= _ALARM
+    return (
+        max(chi_square_score(residuals, readings, distribution), autocorrelation_score(residuals, readings))
+        <= _ALARM
+    )
 
 
 def judge(
@@ -65,43 +68,45 @@ def judge(
     vertices, covariance
         Of the outline, counter-clockwise (V, 2) [mm], (2 V, 2 V) [mm^2].
     """
-    freedom = run.signal.readings - run.parameters
-    if distribution is not None and misfit_score(run.residuals, freedom, distribution) > _ALARM:
+    freedom = run.freedom
+    if distribution is not None and chi_square_score(run.residuals, freedom, distribution) > _ALARM:
         times = math.sqrt(float((run.residuals**2).sum()) / freedom)
         return "doubtful", (
             f"the readings are {times:.3g} times as far from the best outline as the noise explains: the contact "
             "may be concave or two objects on the same strips, or the noise larger than given"
         )
-    if run_score(run.residuals, run.signal.readings) > _ALARM:
+    if autocorrelation_score(run.residuals, run.problem.readings) > _ALARM:
         return "doubtful", (
             "what the best outline leaves over hangs together from strip to strip: the contact may be concave, "
             "curved, or two objects on the same strips"
         )
-    if run.round:
+    if not isinstance(run.model, PolygonFit):
         return (
             "ok",
-            "this contact looks round: the outline is the oval that explains the readings better than corners",
+            "this contact looks round: the outline is the ellipse that explains the readings better than corners",
         )
     return _polygon(run, vertices, covariance)
 
 
 def _polygon(run: RunFit, vertices: FloatArray, covariance: FloatArray) -> tuple[Status, str]:
-    fits = run.fits
-    if run.lead > _RIVAL:
+    selection = run.selection
+    if run.ellipse_advantage > _RIVAL:
         return (
             "doubtful",
-            "this contact looks round: an oval fits as well; take the outline, not the vertices",
+            "this contact looks round: an ellipse fits as well; take the outline, not the vertices",
         )
-    if fits is not None and fits.equal >= _EQUAL:
+    if selection is not None and selection.equal >= _EQUAL:
         return "doubtful", (
-            f"{fits.equal} vertex counts fit equally well: the contact is round, or say what is known, the noise or "
-            "the number of vertices; take the outline, not the vertices"
+            f"{selection.equal} vertex counts fit equally well: the contact is round, or say what is known, the noise "
+            "or the number of vertices; take the outline, not the vertices"
         )
     x_sigma = np.sqrt(covariance.diagonal()[::2])
     at = int(np.argmax(x_sigma))
-    if x_sigma[at] > _LOOSE * run.signal.width_mm:
-        more = "average more scans" if len(run.signal.k) > 1 else "average more scans, or use both signatures"
-        if x_sigma[at] > run.signal.width_mm:
+    if x_sigma[at] > _LOOSE * run.problem.width_mm:
+        more = (
+            "average more scans" if len(run.problem.k) > 1 else "average more scans, or use both signatures"
+        )
+        if x_sigma[at] > run.problem.width_mm:
             return "doubtful", (
                 f"the readings do not tell where along its edges the vertex {_where(vertices[at])} lies; is it one? "
                 f"Else {more}"
@@ -110,12 +115,12 @@ def _polygon(run: RunFit, vertices: FloatArray, covariance: FloatArray) -> tuple
             "doubtful",
             f"the vertex {_where(vertices[at])} is uncertain by {x_sigma[at]:.3g} mm in x; {more}",
         )
-    if len(run.signal.k) == 1 and (pair := _opposite(vertices, covariance)) is not None:
+    if len(run.problem.k) == 1 and (pair := _opposite(vertices, covariance)) is not None:
         return "doubtful", (
             f"the corners {_where(vertices[pair[0]])} and y = {vertices[pair[1], 1]:.6g} mm hardly differ in x: their "
             "kinks hide each other, and both heights may be wrong; turn the object a little, or use both signatures"
         )
-    if len(run.signal.k) == 1 and (inward := _reflex(vertices, covariance)) is not None:
+    if len(run.problem.k) == 1 and (inward := _reflex(vertices, covariance)) is not None:
         return "doubtful", (
             f"the corner {_where(vertices[inward])} turns inwards, which one signature cannot tell from other shapes; "
             "use both signatures"

@@ -8,11 +8,10 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import Noise
-from tacstrip.core.fit import Fit
+from tacstrip.core.fit import PolygonFit
 from tacstrip.core.search import fit_counts
-from tacstrip.geometry.outline import Outline
+from tacstrip.geometry.outline import Outline, max_height
 from tacstrip.reconstruction.contact_ends import closed_ends
-from tacstrip.reconstruction.polygon.fit import fitted_covariance, thickness, untangled
 from tacstrip.reconstruction.polygon.goodness_of_fit import explains, judge
 from tacstrip.reconstruction.polygon.run import RunFit
 from tacstrip.reconstruction.result import Profile, RecoveredObject, Status
@@ -54,9 +53,9 @@ class FittedContact:
         The strips that the fit was made of: all, or without those that may be covered in part.
     readings
         That were fitted, signature to (fitted,): as measured, or without what the strips' width added.
-    beyond_mm
+    margin_mm
         How much further out the ends lie than within half a pitch of the strips fitted.
-    told
+    known_count
         Vertices that there are, where that is known.
     run
         The fit.
@@ -66,12 +65,12 @@ class FittedContact:
     missing: tuple[int, ...]
     fitted: slice
     readings: dict[str, FloatArray]
-    beyond_mm: float
-    told: int | None
+    margin_mm: float
+    known_count: int | None
     run: RunFit
 
 
-def recovered(
+def reconstruct_object(
     scan: Scan, sensor: Sensor, contact: FittedContact, noise: Noise | None, bounded: bool
 ) -> RecoveredObject:
     """Return the object that a contact's fit stands for.
@@ -88,25 +87,27 @@ def recovered(
     strips, run = contact.strips, contact.run
     notes = _notes(scan, sensor, contact)
     x = sensor.x_mm[strips]
-    if run.fits is None:
+    if run.selection is None:
         few = f"{strips.stop - strips.start} strips are touched, too few for a polygon: use finer strips"
         raw = _raw_profile(scan, sensor, strips)
         return RecoveredObject(strips, profile=raw, status="too few strips", advice="; ".join([few, *notes]))
-    if run.oval is not None and run.round:
-        lower, upper, covariance = run.oval.outline(run.signal)
-        outline = Outline(lower, upper)
-        status, advice = judge(run, noise.distribution if noise else None, outline.vertices, covariance)
-        return _found(strips, x, outline, covariance, status, [advice, *notes])
+    distribution = None if noise is None else noise.distribution
+    if run.model is not None and not isinstance(run.model, PolygonFit):
+        outline = Outline(*run.model.chains_mm(run.problem))
+        covariance = run.model.covariance(run.problem, sensor)
+        status, advice = judge(run, distribution, outline.vertices, covariance)
+        found = _found(strips, x, outline, covariance, status, [advice, *notes])
+        return replace(found, model=type(run.model))
     fit, faint = _chosen(run, noise is not None)
-    lower, upper = untangled(*fit.polygon(run.signal))
-    if thickness(lower, upper) <= _THIN * sensor.length_mm:
+    lower, upper = fit.chains_mm(run.problem)
+    if max_height(lower, upper) <= _THIN * sensor.length_mm:
         line = "no kink and no width stand out of the noise: a line, given as its profile"
         profile = (x, np.interp(x, *lower.T), np.interp(x, *upper.T))
         return RecoveredObject(
             strips, profile=profile, status="too few transitions", advice="; ".join([line, *notes])
         )
     outline = Outline(lower, upper)
-    covariance = fitted_covariance(fit, outline, run.signal, sensor)
+    covariance = fit.covariance(run.problem, sensor)
     guarantee, empty = None, False
     if noise is not None and bounded and not faint:
         refined = _refined(scan, sensor, contact, noise)
@@ -127,11 +128,11 @@ def recovered(
         )
         if guarantee is not None:
             outline, covariance = guarantee.outline, guarantee.region_covariance
-    status, advice = judge(run, noise.distribution if noise else None, outline.vertices, covariance)
-    if contact.told is not None and fit.corners < contact.told and status == "ok":
+    status, advice = judge(run, distribution, outline.vertices, covariance)
+    if contact.known_count is not None and fit.n_vertices < contact.known_count and status == "ok":
         status, advice = (
             "doubtful",
-            f"the readings hold {fit.corners} vertices, not the {contact.told} that were told",
+            f"the readings hold {fit.n_vertices} vertices, not the {contact.known_count} that were given",
         )
     if faint:
         status, advice = "doubtful", _FAINT
@@ -156,35 +157,37 @@ def _upright(outline: Outline, covariance: FloatArray, sensor: Sensor) -> tuple[
     return tuple(i for i in places if covariance[i, i] > _ANYWHERE * sensor.pitch_mm**2 / 12.0)
 
 
-def _chosen(run: RunFit, known: bool) -> tuple[Fit, bool]:
+def _chosen(run: RunFit, known: bool) -> tuple[PolygonFit, bool]:
     """Return the fit to give, and whether it is a triangle that one signature cannot tell from a line."""
-    assert run.fits is not None
-    if run.fits.chosen.count or len(run.signal.k) > 1:
-        return run.fits.chosen, False
-    triangles = [f for f in fit_counts(run.signal, known, 1, every=True).fits if f.count]
-    return (triangles[0], True) if triangles else (run.fits.chosen, False)
+    assert run.selection is not None
+    if run.selection.chosen.n_interior or len(run.problem.k) > 1:
+        return run.selection.chosen, False
+    triangles = [f for f in fit_counts(run.problem, known, 1, every=True).fits if f.n_interior]
+    return (triangles[0], True) if triangles else (run.selection.chosen, False)
 
 
 def _refined(scan: Scan, sensor: Sensor, contact: FittedContact, noise: Noise) -> Bounded | None:
     """Return what the noise's bound leaves of the fits, fewest vertices first; None where it leaves none."""
     run = contact.run
-    assert run.fits is not None
-    freedom = max(run.signal.readings - run.parameters, 1)
-    if (run.residuals**2).sum() > _HOPELESS**2 * freedom or run.fits.chosen.corners > _CORNERS:
+    assert run.selection is not None
+    freedom = max(run.freedom, 1)
+    if (run.residuals**2).sum() > _HOPELESS**2 * freedom or run.selection.chosen.n_vertices > _CORNERS:
         return None
     candidates = []
-    for fit, score in zip(run.fits.fits, run.fits.scores, strict=True):
-        if score > run.fits.scores[run.fits.best] + (_FEWER if fit.count < run.fits.chosen.count else _WORSE):
+    for fit, score in zip(run.selection.fits, run.selection.scores, strict=True):
+        if score > run.selection.scores[run.selection.best] + (
+            _FEWER if fit.n_interior < run.selection.chosen.n_interior else _WORSE
+        ):
             continue
-        lower, upper = untangled(*fit.polygon(run.signal))
-        if thickness(lower, upper) > _THIN * sensor.length_mm:
+        lower, upper = fit.chains_mm(run.problem)
+        if max_height(lower, upper) > _THIN * sensor.length_mm:
             outline = Outline(lower, upper)
-            candidates.append((outline, fitted_covariance(fit, outline, run.signal, sensor)))
+            candidates.append((outline, fit.covariance(run.problem, sensor)))
     readings = {
         name: np.where(out, np.nan, contact.readings[name])
-        for name, out in zip(scan.signatures, run.left_out, strict=True)
+        for name, out in zip(scan.signatures, run.excluded, strict=True)
     }
-    band = Band.of(sensor, sensor.x_mm[contact.fitted], readings, noise, contact.beyond_mm)
+    band = Band.of(sensor, sensor.x_mm[contact.fitted], readings, noise, contact.margin_mm)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # rubbish readings leave rubbish sets
         found = fewest(candidates, band)
     return None if found is None else found[1]
@@ -205,13 +208,13 @@ def _notes(scan: Scan, sensor: Sensor, contact: FittedContact) -> list[str]:
     if contact.missing:
         names = _list([str(i + base) for i in contact.missing])
         notes.append(f"strip {names} reads nothing inside the contact and was bridged: is it broken?")
-    left_out = np.argwhere(contact.run.left_out)
-    if len(left_out):
+    excluded = np.argwhere(contact.run.excluded)
+    if len(excluded):
         names = _list(
             [
                 f"{i + contact.fitted.start + base} ({SIGNATURES[scan.signatures[s]].symbol} = "
                 f"{scan[scan.signatures[s]][i + contact.fitted.start]:.3g})"
-                for s, i in left_out
+                for s, i in excluded
             ]
         )
         notes.append(f"strip {names} does not fit its neighbours and was left out: is a channel stuck?")

@@ -9,14 +9,14 @@ from functools import cached_property
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray
-from tacstrip.core.criterion import charge, misfit, penalty
-from tacstrip.core.ellipse import PARAMETERS, Ellipse, fit_ellipse
-from tacstrip.core.fit import MOST
-from tacstrip.core.outliers import misfits, spikes
-from tacstrip.core.problem import FLOOR, Signal
-from tacstrip.core.search import Fits, fit_counts
-from tacstrip.geometry.outline import Outline
-from tacstrip.reconstruction.polygon.fit import thickness, untangled
+from tacstrip.core.binding import MAX_VERTICES
+from tacstrip.core.criterion import complexity_penalty, deviance, per_vertex_penalty
+from tacstrip.core.ellipse import Ellipse, fit_ellipse
+from tacstrip.core.outliers import isolated_outliers, spikes
+from tacstrip.core.outline_model import OutlineModel
+from tacstrip.core.problem import FLOOR, FitProblem
+from tacstrip.core.search import ModelSelection, fit_counts
+from tacstrip.geometry.outline import Outline, max_height
 from tacstrip.reconstruction.sections import reading_noise
 from tacstrip.robust import robust_sigma
 from tacstrip.sensor.spec import Sensor
@@ -31,81 +31,78 @@ _SPARE = 1  # readings beyond the numbers fitted, without which nothing can be t
 
 @dataclass(frozen=True, eq=False)
 class RunFit:
-    """Polygons, and an oval, fitted to one run of strips.
+    """Polygons, and an ellipse, fitted to one run of strips.
 
     Attributes
     ----------
-    signal
-        Readings, with weights 1 / sigma^2; sigma is the given one, or what the fit left over.
-    fits
-        Those compared, and the chosen one; None where the readings are too few.
+    problem
+        Readings, with weights 1 / sigma^2; sigma is the given one, or estimated from the residuals.
+    selection
+        The polygons compared, and the chosen one; None where the readings are too few.
     sigma
         Standard deviation of a reading [Vref].
-    left_out
+    excluded
         Readings that were there but not used (S, n).
-    oval
-        An oval that was fitted too.
-    lead
-        How much better the oval's criterion is than the polygon's; -inf where none was fitted.
+    ellipse
+        An ellipse that was fitted too.
+    ellipse_advantage
+        How much better the ellipse's criterion is than the polygon's; -inf where none was fitted.
     """
 
-    signal: Signal
-    fits: Fits | None
+    problem: FitProblem
+    selection: ModelSelection | None
     sigma: float
-    left_out: BoolArray
-    oval: Ellipse | None = None
-    lead: float = -np.inf
+    excluded: BoolArray
+    ellipse: Ellipse | None = None
+    ellipse_advantage: float = -np.inf
 
     @property
-    def round(self) -> bool:
-        """Whether the oval explains the readings better than any polygon."""
-        return self.lead > 0.0
+    def model(self) -> OutlineModel | None:
+        """The model that explains the readings best; None where they are too few."""
+        if self.ellipse is not None and self.ellipse_advantage > 0.0:
+            return self.ellipse
+        return None if self.selection is None else self.selection.chosen
 
     @property
-    def vertices(self) -> int:
-        """Interior vertices, or what an oval counts for."""
-        return 0 if self.fits is None else 1 if self.round else self.fits.chosen.count
+    def complexity(self) -> int:
+        """Vertices that the criterion counts the model for."""
+        return 0 if self.model is None else self.model.complexity
 
     @property
-    def parameters(self) -> int:
-        """Numbers that the readings determine."""
-        return 0 if self.fits is None else PARAMETERS if self.round else self.fits.chosen.parameters
+    def freedom(self) -> int:
+        """Degrees of freedom: readings beyond the numbers that they determine."""
+        return self.problem.readings - (0 if self.model is None else self.model.n_parameters)
 
     @property
     def outline(self) -> Outline | None:
-        """The better one's outline [mm], if there is a fit and it is no line."""
-        if self.fits is None:
+        """The model's outline [mm], if there is one and it is no line."""
+        if self.model is None:
             return None
-        if self.oval is not None and self.round:
-            return Outline(*self.oval.outline(self.signal)[:2])
-        lower, upper = untangled(*self.fits.chosen.polygon(self.signal))
-        return Outline(lower, upper) if thickness(lower, upper) > 0.0 else None
+        lower, upper = self.model.chains_mm(self.problem)
+        return Outline(lower, upper) if max_height(lower, upper) > 0.0 else None
 
     @cached_property
     def residuals(self) -> FloatArray:
-        """Measured minus fitted readings over sigma (S, n), of the oval if it is the better one."""
-        if self.fits is None:
-            return np.zeros_like(self.signal.k)
-        best = self.oval if self.oval is not None and self.round else self.fits.chosen
-        return best.residuals(self.signal)
+        """Measured minus fitted readings over sigma (S, n)."""
+        return np.zeros_like(self.problem.k) if self.model is None else self.model.residuals(self.problem)
 
-    def spread(self, known: bool) -> float:
-        """Return the residuals' spread, over the sigma that the signal was given: 1 if that is known."""
-        if known or self.fits is None:
+    def residual_scale(self, sigma_known: bool) -> float:
+        """Return the residuals' spread, over the sigma that the problem was given: 1 if that is known."""
+        if sigma_known or self.selection is None:
             return 1.0
-        used = self.residuals[self.signal.weight > 0.0]
+        used = self.residuals[self.problem.weight > 0.0]
         return max(float(robust_sigma(used)), 1e-3) if len(used) else 1.0
 
-    def price(self, scale: float) -> float:
-        """Return what vertices and readings left out cost, with the misfit at a spread of residuals; inf: no fit.
+    def penalised_cost(self, scale: float) -> float:
+        """Return what vertices and readings left out cost, with the deviance at a spread of residuals; inf: no fit.
 
         A reading left out costs as much as a vertex: a notch one strip wide has at least three, a fault one or two
         readings, and a corner cut off a whole side.
         """
-        if self.fits is None:
+        if self.selection is None:
             return np.inf
-        chosen, each = self.fits.chosen, penalty(self.signal.readings)
-        paid = chosen.count + int(chosen.blunt.sum()) + int(self.left_out.sum())
+        chosen, each = self.selection.chosen, per_vertex_penalty(self.problem.readings)
+        paid = chosen.n_interior + int(chosen.vertical_ends.sum()) + int(self.excluded.sum())
         return chosen.cost / scale**2 + each * paid
 
     @property
@@ -119,9 +116,9 @@ def fit_run(
     x_mm: FloatArray,
     readings: Mapping[str, FloatArray],
     sigma: float | None = None,
-    most: int = MOST,
-    corners: int | None = None,
-    beyond_mm: float = 0.0,
+    max_vertices: int = MAX_VERTICES,
+    n_vertices: int | None = None,
+    margin_mm: float = 0.0,
 ) -> RunFit:
     """Fit polygons to one run of strips.
 
@@ -135,22 +132,24 @@ def fit_run(
         Over Vref, signature to (n,); what is not finite, or far outside 0..1, is left out.
     sigma
         Standard deviation of a reading [Vref]; None: estimated from what the fit leaves over.
-    most
+    max_vertices
         Interior vertices at most.
-    corners
+    n_vertices
         Vertices in all, where that is known.
-    beyond_mm
+    margin_mm
         How much further out the ends lie than within half a pitch of the outer strips.
     """
     raw = np.stack([np.asarray(values, dtype=np.float64) for values in readings.values()])
     there = (raw >= -_BEYOND) & (raw <= 1.0 + _BEYOND)
     raw = np.where(there, raw, np.nan)
-    case = _Case(sensor, x_mm, tuple(readings), raw, there, sigma is not None, most, corners, beyond_mm)
+    fitter = _RunFitter(
+        sensor, x_mm, tuple(readings), raw, there, sigma is not None, max_vertices, n_vertices, margin_mm
+    )
     if sigma is not None:
-        return case.fit(max(sigma, FLOOR))
-    start = max(_roughly(sensor, raw), FLOOR)
+        return fitter.fit(max(sigma, FLOOR))
+    start = max(_initial_sigma(sensor, raw), FLOOR)
     for _ in range(_ROUNDS):
-        run = case.fit(start)
+        run = fitter.fit(start)
         if run.sigma > _SURER * start:
             break
         start = run.sigma  # curvature passed for noise, and made what is known of the ends weigh too much
@@ -158,7 +157,7 @@ def fit_run(
 
 
 @dataclass(frozen=True, eq=False)
-class _Case:
+class _RunFitter:
     """What is fitted, as for `fit_run`: readings (S, n), which are there, and whether their sigma is known."""
 
     sensor: Sensor
@@ -166,69 +165,78 @@ class _Case:
     names: tuple[str, ...]
     raw: FloatArray
     there: BoolArray
-    known: bool
-    most: int
-    corners: int | None
-    beyond_mm: float
+    sigma_known: bool
+    max_vertices: int
+    n_vertices: int | None
+    margin_mm: float
 
     def fit(self, start: float) -> RunFit:
         """Leave outliers out and fit; `start` is sigma, or where it is not known a first idea of it."""
         suspected = np.stack([spikes(values, start) for values in self.raw]) & self.there
-        run = self._settled(start, suspected)
+        run = self._fit_without_outliers(start, suspected)
         if suspected.any():
             # Corners and steep ends are not foretold by neighbours either: are polygons of more readings cheaper?
             others = [np.zeros_like(suspected)]
-            if run.fits is not None:
-                off = np.abs(self.raw - run.fits.chosen.readings(run.signal))
-                others.append(suspected & (off > _NEAR * start * run.spread(self.known)))
-            runs = [run, *(self._settled(start, out) for out in others if (out != suspected).any())]
-            scale = max(run.spread(self.known), runs[-1].spread(self.known) * _BARELY)
-            run = min(reversed(runs), key=lambda r: r.price(scale))
-        if self.corners is None:
-            run = _with_oval(run, self.known)
-        if self.known or run.fits is None:
+            if run.selection is not None:
+                off = np.abs(self.raw - run.selection.chosen.readings(run.problem))
+                others.append(suspected & (off > _NEAR * start * run.residual_scale(self.sigma_known)))
+            runs = [
+                run,
+                *(self._fit_without_outliers(start, out) for out in others if (out != suspected).any()),
+            ]
+            scale = max(
+                run.residual_scale(self.sigma_known), runs[-1].residual_scale(self.sigma_known) * _BARELY
+            )
+            run = min(reversed(runs), key=lambda r: r.penalised_cost(scale))
+        if self.n_vertices is None:
+            run = _with_ellipse(run, self.sigma_known)
+        if self.sigma_known or run.selection is None:
             return run
-        freedom = max(run.signal.readings - run.parameters, 1)
+        freedom = max(run.freedom, 1)
         found = max(start * float(np.sqrt((run.residuals**2).sum() / freedom)), FLOOR)
-        return replace(run, signal=run.signal.scaled(found / start), sigma=found)
+        return replace(run, problem=run.problem.scaled(found / start), sigma=found)
 
-    def _settled(self, start: float, out: BoolArray) -> RunFit:
+    def _fit_without_outliers(self, start: float, out: BoolArray) -> RunFit:
         """Fit without some readings (S, n), and then without those that lie alone far from the polygon."""
         out, few = out | ~self.there, 2 * len(self.raw) + _SPARE + (2 if len(self.raw) == 1 else 0)
         readings = dict(zip(self.names, self.raw, strict=True))
         for _ in range(_ROUNDS):
-            signal = Signal.of(self.sensor, self.x_mm, readings, start, out, self.beyond_mm)
-            if signal.readings < few:
-                return RunFit(signal, None, start, out & self.there)
-            fits = fit_counts(signal, self.known, self.most, corners=self.corners)
-            run = RunFit(signal, fits, start, out & self.there)
-            new = misfits(run.residuals / run.spread(self.known))
+            problem = FitProblem.of(self.sensor, self.x_mm, readings, start, out, self.margin_mm)
+            if problem.readings < few:
+                return RunFit(problem, None, start, out & self.there)
+            fits = fit_counts(problem, self.sigma_known, self.max_vertices, n_vertices=self.n_vertices)
+            run = RunFit(problem, fits, start, out & self.there)
+            new = isolated_outliers(run.residuals / run.residual_scale(self.sigma_known))
             if not new.any():
                 break
             out = out | new
         return run
 
 
-def _with_oval(run: RunFit, known: bool) -> RunFit:
-    signal, fits = run.signal, run.fits
-    if fits is None or not fits.chosen.count:
+def _with_ellipse(run: RunFit, sigma_known: bool) -> RunFit:
+    problem, selection = run.problem, run.selection
+    if selection is None or not selection.chosen.n_interior:
         return run
-    score = fits.scores[fits.best] - charge(signal, 1, known)
-    oval = fit_ellipse(fits.chosen, signal, score if known else np.inf)
-    return replace(run, oval=oval, lead=score - misfit(oval.cost, signal, known))
+    score = selection.scores[selection.best] - complexity_penalty(problem, 1, sigma_known)
+    ellipse = fit_ellipse(selection.chosen, problem, score if sigma_known else np.inf)
+    return replace(
+        run, ellipse=ellipse, ellipse_advantage=score - deviance(ellipse.cost, problem, sigma_known)
+    )
 
 
-def one_shape(left: RunFit, right: RunFit, joint: RunFit) -> bool:
+def should_merge(left: RunFit, right: RunFit, joint: RunFit) -> bool:
     """Whether two neighbouring runs are better explained as one contact, with strips missing in it."""
-    if joint.fits is None:
+    if joint.selection is None:
         return False
     variance = max(left.sigma, right.sigma) ** 2
-    n = joint.signal.readings
-    gain = penalty(n) * (left.vertices + right.vertices + 2 - joint.vertices)  # two ends become none
+    n = joint.problem.readings
+    gain = per_vertex_penalty(n) * (
+        left.complexity + right.complexity + 2 - joint.complexity
+    )  # two ends become none
     return (joint.squares - left.squares - right.squares) / variance < gain
 
 
-def _roughly(sensor: Sensor, raw: FloatArray) -> float:
+def _initial_sigma(sensor: Sensor, raw: FloatArray) -> float:
     """Return a first idea of sigma: from second differences, and at least what the A/D converter's steps make."""
     levels = [reading_noise(values[np.isfinite(values)]) for values in raw]
     return float(max(np.sqrt(np.mean(np.square(levels))), sensor.adc_step / np.sqrt(12.0)))
