@@ -25,7 +25,7 @@ def reading_bound(noise: Noise, sensor: Sensor) -> tuple[float, float]:
 
 
 @dataclass(frozen=True, eq=False)
-class Band:
+class ReadingBounds:
     """What the readings of neighbouring strips allow.
 
     Attributes
@@ -57,7 +57,7 @@ class Band:
         readings: Mapping[str, FloatArray],
         noise: Noise,
         beyond_mm: float = 0.0,
-    ) -> Band:
+    ) -> ReadingBounds:
         """Make the band of readings, name to (n,), that are off by no more than the noise's half-widths.
 
         A converter clips: what reads 0 or 1 may be further off, but no contact reads beyond.
@@ -75,7 +75,7 @@ class Band:
 
 
 @dataclass(frozen=True, eq=False)
-class Lines:
+class EdgeLines:
     """The edges of an outline but its vertical ones: lower chain, then upper, each left to right.
 
     Heights (2 Q,) [mm] say where they lie: of each line at its two abscissae.
@@ -98,7 +98,7 @@ class Lines:
     turns: IntArray
 
     @classmethod
-    def of(cls, outline: Outline) -> tuple[Lines, FloatArray]:
+    def of(cls, outline: Outline) -> tuple[EdgeLines, FloatArray]:
         """Return the lines of an outline and their heights (2 Q,) [mm]."""
         chains = (outline.lower, outline.upper)
         reach, heights = (

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
-from tacstrip.reconstruction.set_membership.edge_lines import Band, Lines
+from tacstrip.reconstruction.set_membership.edge_lines import EdgeLines, ReadingBounds
 from tacstrip.sensor.circuit import chain_weights, erosion
 from tacstrip.sensor.constructions import SIGNATURES
 
@@ -47,15 +47,18 @@ class FeasibleSet:
     either_b: FloatArray
     either_edge: FloatArray
 
-    def part(self, kept: IntArray) -> tuple[FloatArray, FloatArray]:
-        """Return the rows and limits of the convex part where row `kept` (E,) of each pair holds."""
-        pair = np.arange(len(kept))
-        return np.concatenate([self.a, self.either_a[pair, kept]]), np.concatenate(
-            [self.b, self.either_b[pair, kept]]
-        )
+    @property
+    def rows(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The rows that all hold: a, b and edge."""
+        return self.a, self.b, self.edge
+
+    @property
+    def pairs(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The pairs of which one row holds at least: either_a, either_b and either_edge."""
+        return self.either_a, self.either_b, self.either_edge
 
 
-def feasible_set(band: Band, lines: Lines, zones: FloatArray, widths: FloatArray) -> FeasibleSet:
+def feasible_set(band: ReadingBounds, lines: EdgeLines, zones: FloatArray, widths: FloatArray) -> FeasibleSet:
     """Return the outlines within the band whose kinks lie in their zones, and turn as the lines do.
 
     None is lost; on the rare strips in two zones of one chain, or where both chains have a choice in one bound,
@@ -78,7 +81,7 @@ def feasible_set(band: Band, lines: Lines, zones: FloatArray, widths: FloatArray
         np.stack([lines.rows(first, x), lines.rows(second, x)])
         for first, second in ((l_first, l_second), (u_first, u_second))
     )
-    eaten, per_width, bent = _eaten(widths, sensor.contact_lambda_mm)
+    eaten, per_width, bent = _transfer_length(widths, sensor.contact_lambda_mm)
     # A bound k L - c_l l - c_u u changes by D dk.
     edge = band.edge * (sensor.length_mm - (widths[0] - 2.0 * eaten) / (1.0 + sensor.sensing_ratio))
     # Upper bounds of all signatures, then lower ones (B, n).
@@ -126,7 +129,7 @@ def feasible_set(band: Band, lines: Lines, zones: FloatArray, widths: FloatArray
     return FeasibleSet(np.concatenate([zones, band.windows]), a, b, edges, either_a, either_b, either_edge)
 
 
-def _eaten(widths: FloatArray, contact_lambda: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _transfer_length(widths: FloatArray, contact_lambda: float) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return T at the expected width, its slope there, and how far T falls below that tangent, each (n,)."""
     expected, least, greatest = widths
     eaten = erosion(expected, contact_lambda)
@@ -156,7 +159,7 @@ def _corners(turn: IntArray) -> BoolArray:
     return np.asarray(sure & beside)
 
 
-def _crossing_rows(lines: Lines, zones: FloatArray, windows: FloatArray) -> FloatArray:
+def _crossing_rows(lines: EdgeLines, zones: FloatArray, windows: FloatArray) -> FloatArray:
     """Return rows r with r h <= 0: two lines cross within their zone, and turn as they do."""
     pairs, turns = lines.crossings, np.concatenate([lines.turns, [1, -1]])
     inside = np.concatenate([zones, windows])
