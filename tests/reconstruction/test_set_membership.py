@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import platform
+import subprocess
+import sys
 from collections.abc import Callable
 from typing import Any
 
@@ -17,7 +21,17 @@ from strategies import FIXED
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import digitise
 from tacstrip.core.hit_and_run import hit_and_run, plain_hit_and_run
-from tacstrip.core.polytope import analytic_centre, largest, lowest, minimax, plain_lowest
+from tacstrip.core.polytope import (
+    analytic_centre,
+    feasible_part,
+    largest,
+    lowest,
+    minimax,
+    plain_analytic_centre,
+    plain_feasible_part,
+    plain_lowest,
+    plain_minimax,
+)
 from tacstrip.geometry.outline import Outline
 from tacstrip.reconstruction.cramer_rao import reading_sigma, vertex_covariance, vertex_rms
 from tacstrip.reconstruction.set_membership.edge_lines import EdgeLines, ReadingBounds, reading_bound
@@ -419,3 +433,59 @@ def test_whatever_is_read_there_is_an_answer(
         assert found.outline.vertices[:, 1].min() > -1e-6 * L
         assert found.outline.vertices[:, 1].max() < (1.0 + 1e-6) * L
         assert found.regions is None or all(np.isfinite(region).all() for region in found.regions)
+
+
+# Everywhere the same
+
+_FITS = """
+import numpy as np, tacstrip as ts
+print(np.show_config(mode="dicts")["Build Dependencies"]["blas"]["name"])
+noise = ts.Noise(positional=0.004, quantisation=0.001)
+for seed in range(12):
+    sensor = ts.Sensor(construction="crs-crs", strips=30 + 20 * seed, pitch_mm=100.0 / (30 + 20 * seed),
+                       length_mm=100.0, contact_lambda_mm=2.0 * (seed % 3 == 2))
+    contact = ts.Contact.polygon([(2.0, 40.0), (35.0 + seed, 20.0), (97.0, 35.0), (60.0, 80.0 - seed)])
+    for found in ts.fit_polygon(ts.simulate(sensor, contact, noise, rng=seed), sensor, noise).objects:
+        print(found.vertices.tobytes().hex())
+"""
+
+
+def test_no_other_linear_algebra_moves_an_outline() -> None:
+    """OpenBLAS has other kernels for other processors, and they round differently."""
+    if platform.machine() != "x86_64":
+        pytest.skip("the kernels named here are of x86-64")
+    said = []
+    for kernels in ("Prescott", "Haswell"):
+        surroundings = {**os.environ, "OPENBLAS_CORETYPE": kernels, "OPENBLAS_NUM_THREADS": "1"}
+        said.append(subprocess.check_output([sys.executable, "-c", _FITS], env=surroundings, text=True))
+    if "openblas" not in said[0].partition("\n")[0]:
+        pytest.skip("NumPy was not built with OpenBLAS here")
+    assert len(said[0].splitlines()) > 10
+    assert said[0] == said[1]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_points_inside_and_centres_are_the_plain_ones(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    size, count, either = 4 + 6 * seed, 300 + 200 * seed, 20 * seed
+    a, b = a_polytope(seed, size, count)
+    middle = minimax(a, b, np.zeros(size), 1.0)[0]
+    pair_a = random.normal(size=(either, 2, size))
+    pair_b = pair_a @ middle + np.stack([random.uniform(-1.0, 1.0, either), np.full(either, 0.1)], axis=1)
+    start = middle + 10.0 * random.normal(size=size)
+    for limit in (b, b - 3.0):
+        (at, outside, empty), (plain_at, plain_outside, plain_empty) = (
+            find(a, limit, start, 1.0) for find in (minimax, plain_minimax)
+        )
+        np.testing.assert_allclose(at, plain_at, rtol=0, atol=1e-9)
+        assert outside == pytest.approx(plain_outside, abs=1e-9)
+        assert empty == plain_empty
+    for got, truth in zip(analytic_centre(a, b, middle), plain_analytic_centre(a, b, middle), strict=True):
+        np.testing.assert_allclose(got, truth, rtol=1e-7, atol=1e-9)
+    for begin, is_found in ((middle, True), (start, None)):
+        given = (a, b), (pair_a, pair_b), begin, 1.0, 8
+        (found, rounds), (plain, plain_rounds) = feasible_part(*given), plain_feasible_part(*given)
+        assert (rounds, found is None) == (plain_rounds, plain is None)
+        assert found is not None or not is_found
+        if found is not None and plain is not None:
+            np.testing.assert_allclose(found[0], plain[0], rtol=0, atol=1e-9)

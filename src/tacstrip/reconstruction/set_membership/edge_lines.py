@@ -116,10 +116,14 @@ class EdgeLines:
         inner = [(q, q + 1) for q in range(count - 1) if q != self.lower - 1]
         return np.array([*inner, (0, self.lower), (self.lower - 1, count - 1)])
 
+    def share(self, line: IntArray, x: FloatArray) -> FloatArray:
+        """Return the weight of a line's second height in its height at x, line (..., n) and x (n,): (..., n)."""
+        ends = self.reach[line]
+        return np.asarray((x - ends[..., 0]) / (ends[..., 1] - ends[..., 0]))
+
     def rows(self, line: IntArray, x: FloatArray) -> FloatArray:
         """Return the weights of all heights in the height of a line at x, both (n,): (n, 2 Q)."""
-        e0, e1 = self.reach[line].T
-        share = (x - e0) / (e1 - e0)
+        share = self.share(line, x)
         rows = np.zeros((len(x), self.reach.size))
         at = np.arange(len(x))
         rows[at, 2 * line], rows[at, 2 * line + 1] = 1.0 - share, share
