@@ -15,8 +15,9 @@ from numpy.typing import ArrayLike
 import tacstrip as ts
 from polygons import convex_polygon
 from tacstrip.core.ellipse import fit_ellipse
+from tacstrip.core.hit_and_run import hit_and_run
 from tacstrip.core.library import library
-from tacstrip.core.polytope import lowest, walk
+from tacstrip.core.polytope import analytic_centre, feasible_part, lowest, minimax
 from tacstrip.core.problem import FitProblem
 from tacstrip.core.search import fit_counts
 
@@ -74,19 +75,42 @@ def round_contacts() -> Iterable[ArrayLike]:
 
 
 @case
-def walks_and_linear_programs() -> Iterable[ArrayLike]:
+def sets() -> Iterable[ArrayLike]:
+    """Linear programs, points inside, centres and walks, with and without pairs and fading errors."""
     random = np.random.default_rng(0)
-    a, slack = random.normal(size=(7, 101)), random.uniform(0.5, 1.0, 101)
-    pair_a, pair_slack, out = (
-        random.normal(size=(7, 9, 2)),
-        random.uniform(0.1, 1.0, (9, 2)),
-        np.empty((50, 7)),
-    )
-    at, active = np.zeros(7), np.full(7, -1)
-    yield [lowest(form, np.ascontiguousarray(a.T), slack, at, active) for form in random.normal(size=(5, 7))]
-    yield at
-    walk(a, slack, 0.1 * slack, pair_a, pair_slack, np.zeros(9), random.random((50, 117)), out)
-    yield out
+    for size, rows, pairs in ((5, 60, 0), (7, 301, 9), (24, 1500, 90)):
+        a, slack = random.normal(size=(rows, size)), random.uniform(0.5, 1.0, rows)
+        pair_a, pair_slack = random.normal(size=(pairs, 2, size)), random.uniform(-0.2, 1.0, (pairs, 2))
+        pair_slack[:, 1] = np.abs(pair_slack[:, 1])
+        at, active = np.zeros(size), np.full(size, -1)
+        yield [lowest(form, a, slack, at, active) for form in random.normal(size=(5, size))]
+        yield at
+        for lack in (0.0, 3.0):
+            at, outside, empty = minimax(a, slack - lack, random.normal(size=size), 1.0)
+            yield from (at, outside, empty)
+        found, rounds = feasible_part((a, slack), (pair_a, pair_slack), random.normal(size=size), 1.0, 8)
+        yield rounds
+        at, curvature = found or analytic_centre(a, slack, np.zeros(size))
+        yield from (at, curvature)
+        edges = np.linspace(0.0, 0.1, rows), np.linspace(0.0, 0.1, pairs)
+        yield hit_and_run((a, slack, edges[0]), (pair_a, pair_slack, edges[1]), at, curvature, 50)
+
+
+@case
+def bounded_fits() -> Iterable[ArrayLike]:
+    """Means and scatters of sets, with contact resistance too."""
+    for seed, strips in enumerate((20, 60, 300)):
+        sensor = ts.Sensor(
+            construction="crs-crs",
+            strips=strips,
+            pitch_mm=1000.0 / strips,
+            length_mm=1000.0,
+            contact_lambda_mm=10.0 * (seed == 1),
+        )
+        contact = ts.Contact.polygon(convex_polygon(seed, 4 + seed % 3))
+        noise = ts.Noise(positional=0.004, quantisation=0.001)
+        scan = ts.simulate(sensor, contact, noise, rng=seed)
+        yield from (found.vertices for found in ts.fit_polygon(scan, sensor, noise).objects)
 
 
 def checksums() -> dict[str, str]:

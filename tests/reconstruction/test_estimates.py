@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,10 +15,10 @@ from hypothesis import strategies as st
 import tacstrip as ts
 from strategies import FIXED
 from tacstrip.arrays import FloatArray
+from tacstrip.core import polytope
 from tacstrip.io.geometry import feature_collection
 from tacstrip.reconstruction.result import RecoveredObject
-from tacstrip.reconstruction.set_membership import centre as bounded_centre
-from tacstrip.reconstruction.set_membership import feasible_point as bounded_inside
+from tacstrip.reconstruction.set_membership import feasible_point as search
 from tacstrip.reconstruction.set_membership.estimate import _EFFORT
 from tacstrip.reconstruction.set_membership.feasible_point import Effort
 
@@ -160,15 +161,18 @@ def test_an_end_edge_on_one_strip_stays_where_the_readings_put_it() -> None:
 def test_the_search_for_a_set_keeps_to_its_effort(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Linear programs are what takes time: at most three counts of vertices may spend all they have."""
     spent = []
-    interior = bounded_centre.interior
 
-    def counted(
-        a: FloatArray, b: FloatArray, start: FloatArray, scale: float
-    ) -> tuple[FloatArray, float, bool]:
-        spent.append(len(start) ** 2)
-        return interior(a, b, start, scale)
+    def minimax(a: FloatArray, *given: Any) -> Any:
+        spent.append(a.shape[1] ** 2)
+        return polytope.minimax(a, *given)
 
-    monkeypatch.setattr(bounded_inside, "interior", counted)
+    def feasible_part(rows: Any, *given: Any) -> Any:
+        found, rounds = polytope.feasible_part(rows, *given)
+        spent.append(rounds * rows[0].shape[1] ** 2)
+        return found, rounds
+
+    monkeypatch.setattr(search, "minimax", minimax)
+    monkeypatch.setattr(search, "feasible_part", feasible_part)
     for strips in (20, 300):
         for seed in range(3):
             spent.clear()

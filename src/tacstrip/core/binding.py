@@ -63,8 +63,11 @@ _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "places": (_INT, (_PROBLEM, _POINTER, _INT, _POINTER, _POINTER)),
     "fit_counts": (_INT, (_PROBLEM, _INT, _INT, _INT, _INT, _POINTER, _POINTER, _POINTER)),
     "fit_ellipse": (_DOUBLE, (_PROBLEM, _POINTER, _DOUBLE, _POINTER, _POINTER)),
-    "walk": (None, (*[_POINTER] * 8, *[_INT] * 4, _POINTER)),
     "lowest": (_DOUBLE, (*[_POINTER] * 5, _INT, _INT, _POINTER)),
+    "minimax": (_INT, (*[_POINTER] * 3, _DOUBLE, _INT, _INT, _POINTER, _POINTER)),
+    "analytic_centre": (None, (*[_POINTER] * 4, _INT, _INT, _POINTER)),
+    "feasible_part": (_INT, (*[_POINTER] * 6, _DOUBLE, *[_INT] * 4, _POINTER)),
+    "hit_and_run": (_INT, (*[_POINTER] * 9, *[_INT] * 4, _POINTER)),
     "isolated_outliers": (_INT, (_POINTER, _INT, _INT, _POINTER)),
     "spikes": (None, (_POINTER, _INT, _DOUBLE, _POINTER, _POINTER)),
 }

@@ -109,20 +109,45 @@ EXPORTED void tacstrip_spikes(const double *k, Int n, double sigma, unsigned cha
    many. Returns how many. */
 EXPORTED Int tacstrip_isolated_outliers(const double *residuals, Int signatures, Int n, unsigned char *out);
 
-/* Walk through a set of bounds from z = 0, along one coordinate after the other to a random place between the bounds.
-   a (size, rows) and slack (rows,): every column of a holds z' column <= slack. pair_a (size, pairs, 2) and pair_slack
-   (pairs, 2): pairs, of which one holds at least. edge (rows,), pair_edge (pairs,): over how much slack an error becomes
-   less likely. draws (sweeps, rows + pairs + size), from 0 to 1. Slacks are changed; out (sweeps, size) is the way.
-   workspace (rows + pairs + size,). */
-EXPORTED void tacstrip_walk(const double *a, double *slack, const double *edge, const double *pair_a, double *pair_slack,
-                            const double *pair_edge, const double *draws, double *out, Int sweeps, Int rows, Int pairs,
-                            Int size, double *workspace);
+/* Polytopes: a z <= b in z (size,), size at most SIZE. The rows lie beside each other: a (size, rows), b (rows,). */
 
-/* The least of form z (size,) where a z <= slack, a (rows, size); -inf where none was found. By an active set: downhill
+/* The least of form z (size,) where a z <= slack; -inf where none was found. By an active set: downhill
    along the rows that are met, which are given up where their multiplier is negative. at (size,) is a point inside and
-   active (size,) its met rows, -1 for none; both are moved to the lowest point.
-   workspace (2 size^2 + 2 size + rows,). */
+   active (size,) its met rows, -1 for none; both are moved to the lowest point. size is at most SIZE + 1.
+   workspace (2 size^2 + 2 size + 3 rows,). */
 EXPORTED double tacstrip_lowest(const double *form, const double *a, const double *slack, double *at, Int *active,
                                 Int rows, Int size, double *workspace);
+
+/* Move `at` (size,) to where the row that is broken most is broken least, by linear programs over the rows that it takes
+   to know. It ends at the first point inside, and looks no deeper than `scale`, in units of b. outside (1,): how far
+   `at` is outside at most, negative inside. Returns whether there is no inside, or one thinner than rounding.
+   workspace (3 rows + (size + 5) (used + 1) + 2 (size + 1) (size + 2),), used the lesser of rows and 30 size. */
+EXPORTED Int tacstrip_minimax(const double *a, const double *b, double *at, double scale, Int rows, Int size,
+                              double *outside, double *workspace);
+
+/* Move `at` (size,) from a point strictly inside to where the product of the slacks of the nearest rows is largest, and
+   write the curvature (size, size) of that barrier. workspace (4 rows + 64 size + size (near + 4),), near the lesser of
+   rows and 24 size. */
+EXPORTED void tacstrip_analytic_centre(const double *a, const double *b, double *at, double *curvature, Int rows,
+                                       Int size, double *workspace);
+
+/* The same of a convex part of a set where of each of some pairs of rows, pair_a (size, 2, pairs) and pair_b (2, pairs),
+   one holds at least: of each the one that holds best at `at` is kept, the minimax found, and so on while that falls.
+   scale is minimax's. Returns the rounds it took, negative where no part was found in `most`.
+   workspace (total (size + 1) + 2 pairs,) with total = rows + pairs, and that of minimax or of the centre of total
+   rows, whichever is more. */
+EXPORTED Int tacstrip_feasible_part(const double *a, const double *b, const double *pair_a, const double *pair_b,
+                                    double *at, double *curvature, double scale, Int most, Int rows, Int pairs,
+                                    Int size, double *workspace);
+
+/* Walk through such a set from `middle` (size,), along one coordinate after the other to a random place between the
+   bounds, in coordinates in which `curvature` (size, size) is 1. out (sweeps, size) is the way; the same for the same
+   set. edges (rows,) and pair_edges (pairs,): over how much slack an error becomes less likely.
+   workspace (208 size + most (size + 4),), most the larger of rows and 2 pairs. Returns 0, and writes nothing, where the
+   curvature is not positive definite. */
+EXPORTED Int tacstrip_hit_and_run(const double *a, const double *b, const double *edges, const double *pair_a,
+                                  const double *pair_b, const double *pair_edges, const double *middle,
+                                  const double *curvature, double *out, Int sweeps, Int rows, Int pairs, Int size,
+                                  double *workspace);
 
 #endif

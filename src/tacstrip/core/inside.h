@@ -66,6 +66,12 @@ HIDDEN Int free_entries(const Polygon *p, Int *free);
 HIDDEN void sort_vertices(Polygon *p);
 HIDDEN void move(const Polygon *p, const Int *free, Int n, const double *step, double pitch, double *trial);
 
+/* polytope.c: rows beside each other, a (size, rows) */
+HIDDEN void row_products(const double *a, Int rows, Int size, const double *v, double *out); /* a' v, (rows,) */
+HIDDEN void forward_rows(Matrix u, const double *a, Int stride, Int rows, Int size, double *out); /* U' out = a */
+/* Mark the largest, of equal ones the first, in marked (n,) with 1, and return how many are marked. scratch (n,) */
+HIDDEN Int mark_largest(const double *values, Int n, Int count, double *marked, double *scratch);
+
 /* moves.c */
 enum { FIRST, GROW, SHRINK };
 HIDDEN int improve(const Problem *s, int kind, Polygon *best, Int m, int convex, double *workspace);

@@ -1,4 +1,8 @@
-"""A walk through a set of bounds, and the least value of a linear form in a polytope."""
+"""Linear programs over a polytope A z <= b, and its analytic centre.
+
+Of the thousands of rows a few dozen decide: all work on those, and check against all. The core takes the rows beside
+each other; an A (M, P) that is the transpose of a contiguous array is not copied.
+"""
 
 from __future__ import annotations
 
@@ -8,90 +12,16 @@ from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.core.binding import at as address
 from tacstrip.core.binding import exported
 
+MOST_DIMENSIONS = 38  # SIZE of core.h
 _ROUNDING = 1e-9
 _SLANTED = 1e-7  # a row less against the direction than this depends on the met ones; to pass it by is safe
-
-
-def walk(
-    a: FloatArray,
-    slack: FloatArray,
-    edge: FloatArray,
-    pair_a: FloatArray,
-    pair_slack: FloatArray,
-    pair_edge: FloatArray,
-    draws: FloatArray,
-    out: FloatArray,
-) -> None:
-    """Walk from z = 0, where rows have `slack`; the arrays are contiguous, and slacks are changed in place.
-
-    Parameters
-    ----------
-    a, slack, edge
-        By coordinate and row (P, M), and (M,): slack - z a stays above 0; edge is over how much of it a reading
-        becomes less likely.
-    pair_a, pair_slack, pair_edge
-        The same of pairs (P, E, 2), (E, 2), (E,), of which one at least holds.
-    draws
-        Uniform random numbers (sweeps, M + E + P).
-    out
-        Filled with the points (sweeps, P).
-    """
-    core = exported("walk")
-    if core is None:
-        plain_walk(a, slack, edge, pair_a, pair_slack, pair_edge, draws, out)
-        return
-    given = (
-        a,
-        slack,
-        np.ascontiguousarray(edge),
-        pair_a,
-        pair_slack,
-        np.ascontiguousarray(pair_edge),
-        draws,
-        out,
-    )
-    sizes = len(out), a.shape[1], pair_a.shape[1], len(a)
-    workspace = np.empty(sum(sizes[1:]))
-    core(*map(address, given), *sizes, address(workspace))
-
-
-def plain_walk(
-    a: FloatArray,
-    slack: FloatArray,
-    edge: FloatArray,
-    pair_a: FloatArray,
-    pair_slack: FloatArray,
-    pair_edge: FloatArray,
-    draws: FloatArray,
-    out: FloatArray,
-) -> None:
-    """Do as `walk`, in NumPy."""
-    size, rows = a.shape
-    z = np.zeros(size)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        for sweep, draw in enumerate(draws):
-            for_rows, for_pairs, for_steps = draw[:rows], draw[rows:-size], draw[-size:]
-            cut = for_rows * np.minimum(edge, slack)
-            pair_cut = (for_pairs * np.minimum(pair_edge, pair_slack.max(axis=1)))[:, None]
-            for j, share in enumerate(for_steps):
-                ways, room = a[j] / (slack - cut), pair_slack - pair_cut
-                high, low = 1.0 / max(ways.max(), 1e-300), 1.0 / min(ways.min(), -1e-300)
-                high = _held(room, pair_a[j]).min(initial=high)
-                low = (-_held(room, -pair_a[j])).max(initial=low)
-                step = low + (high - low) * share
-                z[j] += step
-                slack -= step * a[j]
-                pair_slack -= step * pair_a[j]
-            out[sweep] = z
-
-
-def _held(slack: FloatArray, row: FloatArray) -> FloatArray:
-    """Return how far one can go from d = 0 on while one of two slacks - d row (E, 2) is not below 0 (E,)."""
-    swap = (slack[:, 0] < slack[:, 1])[:, None]
-    (s, t), (r, q) = np.where(swap, slack[:, ::-1], slack).T, np.where(swap, row[:, ::-1], row).T
-    reach = np.where(r > 0.0, np.maximum(s, 0.0) / r, np.inf)
-    longer = np.maximum(reach, np.where(q > 0.0, t / q, np.inf))
-    return np.where(t >= 0.0, longer, np.where((q < 0.0) & (t / q <= reach), np.inf, reach))
+_ROUNDS = 12  # of adding the rows that are broken most
+_FIRST, _MORE = 6, 2  # rows to begin with and to add, per dimension
+_FLAT = 1e-8  # of the scale: a polytope as thin has no inside
+_NEAREST = 24  # rows per dimension that the centre keeps away from
+_SELECTIONS, _STEPS = 3, 10
+_CENTRED = 1e-3  # squared Newton decrement
+_GAIN = 1e-4  # of the scale: a fall by less is none
 
 
 def lowest(form: FloatArray, a: FloatArray, slack: FloatArray, at: FloatArray, active: IntArray) -> float:
@@ -101,11 +31,11 @@ def lowest(form: FloatArray, a: FloatArray, slack: FloatArray, at: FloatArray, a
     at (P,) is a point inside and active (P,) its met rows, -1 for none; both are moved to the lowest point.
     """
     core = exported("lowest")
+    rows, size = a.shape
     if core is None:
         return plain_lowest(form, a, slack, at, active)
-    rows, size = a.shape
-    given = (*(np.ascontiguousarray(values) for values in (form, a, slack)), at, active)
-    workspace = np.empty(2 * size * size + 2 * size + rows)
+    given = (*(np.ascontiguousarray(values) for values in (form, a.T, slack)), at, active)
+    workspace = np.empty(2 * size * size + 2 * size + 3 * rows)
     value: float = core(*map(address, given), rows, size, address(workspace))
     return value
 
@@ -140,3 +70,203 @@ def plain_lowest(
         at += steps[row] * direction
         active[len(met)] = row
     return -np.inf
+
+
+def minimax(a: FloatArray, b: FloatArray, start: FloatArray, scale: float) -> tuple[FloatArray, float, bool]:
+    """Look for a point strictly inside: the minimax fit over as many rows as it takes to know.
+
+    Parameters
+    ----------
+    a, b
+        The polytope (M, P) and (M,).
+    start
+        A point (P,).
+    scale
+        What counts as far outside, in units of b; deeper inside than that is not looked for.
+
+    Returns
+    -------
+    tuple
+        A point (P,); how far it is outside at most, in units of b, below 0 inside; and whether the polytope is
+        known to be empty, or thinner than rounding.
+    """
+    core = exported("minimax")
+    rows, size = a.shape
+    if core is None or size > MOST_DIMENSIONS:
+        return plain_minimax(a, b, start, scale)
+    at, outside, workspace = start.copy(), np.empty(1), np.empty(_minimax_workspace(rows, size))
+    given = np.ascontiguousarray(a.T), np.ascontiguousarray(b)
+    empty = core(*map(address, (*given, at)), scale, rows, size, address(outside), address(workspace))
+    return at, float(outside[0]), bool(empty)
+
+
+def plain_minimax(
+    a: FloatArray, b: FloatArray, start: FloatArray, scale: float
+) -> tuple[FloatArray, float, bool]:
+    """Do as `minimax`, in NumPy."""
+    size = len(start)
+    at = start
+    broken = a @ at - b
+    worst = float(broken.max())
+    if worst < 0.0 or not np.isfinite(worst):
+        return at, worst, not worst < 0.0
+    used = largest(broken, _FIRST * size)
+    form = np.append(np.zeros(size), 1.0)
+    for _ in range(_ROUNDS):
+        # Least t with A h - t <= b over the rows in use, and t >= -scale.
+        rows = np.vstack([np.hstack([a[used], -np.ones((len(used), 1))]), -form])
+        slack = np.append(-broken[used], scale)
+        point, active = np.append(np.zeros(size), worst), np.full(size + 1, -1)
+        least = plain_lowest(form, rows, slack, point, active)
+        if not least > -np.inf:  # rounding led it astray
+            return at, worst, False
+        if least > -_FLAT * scale:
+            return at + point[:-1], max(worst, 0.0), True
+        at = at + point[:-1]
+        broken = a @ at - b
+        worst = float(broken.max())
+        if worst < 0.0 or np.isnan(worst):
+            return at, worst, False
+        used = np.union1d(used, largest(broken, _MORE * size))
+    return at, worst, False
+
+
+def analytic_centre(a: FloatArray, b: FloatArray, start: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the analytic centre (P,) from a point strictly inside, and the barrier's curvature there (P, P).
+
+    It maximises the product of the slacks b - A h of the rows that are nearest.
+    """
+    core = exported("analytic_centre")
+    rows, size = a.shape
+    if core is None or size > MOST_DIMENSIONS:
+        return plain_analytic_centre(a, b, start)
+    at, curvature, workspace = start.copy(), np.empty((size, size)), np.empty(_centre_workspace(rows, size))
+    given = np.ascontiguousarray(a.T), np.ascontiguousarray(b)
+    core(*map(address, (*given, at, curvature)), rows, size, address(workspace))
+    return at, curvature
+
+
+def plain_analytic_centre(a: FloatArray, b: FloatArray, start: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Do as `analytic_centre`, in NumPy."""
+    at, slack = start, b - a @ start
+    near = largest(-slack, _NEAREST * len(start))
+    for _ in range(_SELECTIONS):
+        for _ in range(_STEPS):
+            scaled = a[near] / slack[near, None]
+            gradient, curvature = scaled.sum(axis=0), scaled.T @ scaled
+            scale, lower = _factor_scaled(curvature)
+            if lower is None:
+                return at, curvature
+            step = -scale * np.linalg.solve(lower.T, np.linalg.solve(lower, scale * gradient))
+            along = a @ step
+            size = min(1.0, 0.7 / max(float((along / slack).max()), 1e-300))
+            left = slack - size * along
+            if left.min() <= 0.0:  # as far as rounding lets one go
+                break
+            at, slack = at + size * step, left
+            if -gradient @ step < _CENTRED:
+                break
+        # Near is what is few steps of the barrier's own size away, in whichever direction.
+        scaled = a[near] / slack[near, None]
+        curvature = scaled.T @ scaled
+        scale, lower = _factor_scaled(curvature)
+        if lower is None:
+            return at, curvature
+        reach = np.linalg.norm(np.linalg.solve(lower, (a * scale).T), axis=0)
+        near = largest(reach / slack, _NEAREST * len(start))
+    scaled = a[near] / slack[near, None]
+    return at, scaled.T @ scaled
+
+
+def _factor_scaled(curvature: FloatArray) -> tuple[FloatArray, FloatArray | None]:
+    """Return what makes the diagonal 1, and the lower Cholesky factor then; None where there is none."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        scale = 1.0 / np.sqrt(np.diag(curvature))
+        try:
+            scaled = curvature * np.outer(scale, scale) + 1e-13 * np.eye(len(curvature))
+            return scale, np.asarray(np.linalg.cholesky(scaled), dtype=np.float64)
+        except np.linalg.LinAlgError:
+            return scale, None
+
+
+def feasible_part(
+    rows: tuple[FloatArray, FloatArray],
+    pairs: tuple[FloatArray, FloatArray],
+    start: FloatArray,
+    scale: float,
+    most: int,
+) -> tuple[tuple[FloatArray, FloatArray] | None, int]:
+    """Look for a convex part with an inside, of a set where all rows hold and of each pair one at least.
+
+    Of each pair the row that is met best is kept, the least violation found, and so on while it falls.
+
+    Parameters
+    ----------
+    rows
+        A and b (M, P) and (M,).
+    pairs
+        The same of the pairs (E, 2, P) and (E, 2).
+    start
+        A point (P,).
+    scale
+        As for `minimax`.
+    most
+        Rounds at most.
+
+    Returns
+    -------
+    tuple
+        The part's analytic centre (P,) and the barrier's curvature there (P, P), or None; and the rounds that it took.
+    """
+    core = exported("feasible_part")
+    count, size = rows[0].shape
+    if core is None or size > MOST_DIMENSIONS:
+        return plain_feasible_part(rows, pairs, start, scale, most)
+    either = len(pairs[1])
+    total = count + either
+    given = [np.ascontiguousarray(part.T) for part in (*rows, *pairs)]
+    at, curvature = start.copy(), np.empty((size, size))
+    inner = max(_minimax_workspace(total, size), _centre_workspace(total, size))
+    workspace = np.empty(total * (size + 1) + 2 * either + inner)
+    rounds = int(
+        core(*map(address, (*given, at, curvature)), scale, most, count, either, size, address(workspace))
+    )
+    return (at, curvature) if rounds > 0 else None, abs(rounds)
+
+
+def plain_feasible_part(
+    rows: tuple[FloatArray, FloatArray],
+    pairs: tuple[FloatArray, FloatArray],
+    start: FloatArray,
+    scale: float,
+    most: int,
+) -> tuple[tuple[FloatArray, FloatArray] | None, int]:
+    """Do as `feasible_part`, in NumPy."""
+    at, before, every = start, np.inf, np.arange(len(pairs[1]))
+    for number in range(1, most + 1):
+        kept = (pairs[0] @ at - pairs[1]).argmin(axis=1)
+        a, b = (np.concatenate([row, pair[every, kept]]) for row, pair in zip(rows, pairs, strict=True))
+        at, worst, _ = plain_minimax(a, b, at, scale)
+        if worst < 0.0:
+            return plain_analytic_centre(a, b, at), number
+        if not len(every) or not worst <= before - _GAIN * scale:  # NaN too
+            return None, number
+        before = worst
+    return None, most
+
+
+def largest(values: FloatArray, count: int) -> IntArray:
+    """Return the places of the largest values, ascending: of equal ones the first, whatever the processor."""
+    if count >= len(values):
+        return np.arange(len(values))
+    least = np.partition(values, len(values) - count)[len(values) - count]
+    above, equal = np.flatnonzero(values > least), np.flatnonzero(values == least)
+    return np.sort(np.concatenate([above, equal[: count - len(above)]]))
+
+
+def _minimax_workspace(rows: int, size: int) -> int:
+    return 3 * rows + (size + 5) * (min(rows, 30 * size) + 1) + 2 * (size + 1) * (size + 2)
+
+
+def _centre_workspace(rows: int, size: int) -> int:
+    return 4 * rows + 64 * size + size * (min(rows, _NEAREST * size) + 4)

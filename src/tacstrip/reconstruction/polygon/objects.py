@@ -15,7 +15,7 @@ from tacstrip.reconstruction.contact_ends import closed_ends
 from tacstrip.reconstruction.polygon.goodness_of_fit import explains, judge
 from tacstrip.reconstruction.polygon.run import RunFit
 from tacstrip.reconstruction.result import Profile, RecoveredObject, Status
-from tacstrip.reconstruction.set_membership.edge_lines import Band
+from tacstrip.reconstruction.set_membership.edge_lines import ReadingBounds
 from tacstrip.reconstruction.set_membership.estimate import Bounded, fewest
 from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import SIGNATURES
@@ -187,7 +187,7 @@ def _refined(scan: Scan, sensor: Sensor, contact: FittedContact, noise: Noise) -
         name: np.where(out, np.nan, contact.readings[name])
         for name, out in zip(scan.signatures, run.excluded, strict=True)
     }
-    band = Band.of(sensor, sensor.x_mm[contact.fitted], readings, noise, contact.margin_mm)
+    band = ReadingBounds.of(sensor, sensor.x_mm[contact.fitted], readings, noise, contact.margin_mm)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # rubbish readings leave rubbish sets
         found = fewest(candidates, band)
     return None if found is None else found[1]

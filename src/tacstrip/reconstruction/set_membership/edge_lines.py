@@ -24,7 +24,7 @@ def reading_bound(noise: Noise, sensor: Sensor) -> tuple[float, float]:
 
 
 @dataclass(frozen=True, eq=False)
-class Band:
+class ReadingBounds:
     """What the readings of neighbouring strips allow.
 
     Attributes
@@ -56,7 +56,7 @@ class Band:
         readings: Mapping[str, FloatArray],
         noise: Noise,
         beyond_mm: float = 0.0,
-    ) -> Band:
+    ) -> ReadingBounds:
         """Make the band of readings, name to (n,), that are off by no more than the noise's half-widths.
 
         A converter clips: what reads 0 or 1 may be further off, but no contact reads beyond.
@@ -74,7 +74,7 @@ class Band:
 
 
 @dataclass(frozen=True, eq=False)
-class Lines:
+class EdgeLines:
     """The edges of an outline but its vertical ones: lower chain, then upper, each left to right.
 
     Heights (2 Q,) [mm] say where they lie: of each line at its two abscissae.
@@ -97,7 +97,7 @@ class Lines:
     turns: IntArray
 
     @classmethod
-    def of(cls, outline: Outline) -> tuple[Lines, FloatArray]:
+    def of(cls, outline: Outline) -> tuple[EdgeLines, FloatArray]:
         """Return the lines of an outline and their heights (2 Q,) [mm]."""
         chains = (outline.lower, outline.upper)
         reach, heights = (
@@ -115,10 +115,14 @@ class Lines:
         inner = [(q, q + 1) for q in range(count - 1) if q != self.lower - 1]
         return np.array([*inner, (0, self.lower), (self.lower - 1, count - 1)])
 
+    def share(self, line: IntArray, x: FloatArray) -> FloatArray:
+        """Return the weight of a line's second height in its height at x, line (..., n) and x (n,): (..., n)."""
+        ends = self.reach[line]
+        return np.asarray((x - ends[..., 0]) / (ends[..., 1] - ends[..., 0]))
+
     def rows(self, line: IntArray, x: FloatArray) -> FloatArray:
         """Return the weights of all heights in the height of a line at x, both (n,): (n, 2 Q)."""
-        e0, e1 = self.reach[line].T
-        share = (x - e0) / (e1 - e0)
+        share = self.share(line, x)
         rows = np.zeros((len(x), self.reach.size))
         at = np.arange(len(x))
         rows[at, 2 * line], rows[at, 2 * line + 1] = 1.0 - share, share

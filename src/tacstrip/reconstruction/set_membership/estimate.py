@@ -17,13 +17,13 @@ import shapely
 
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.signature import signatures
+from tacstrip.core.hit_and_run import hit_and_run
 from tacstrip.errors import ContactError
 from tacstrip.geometry.moments import LEVEL, MomentDeviations, sample_deviations
 from tacstrip.geometry.outline import Outline
-from tacstrip.reconstruction.set_membership.edge_lines import Band, Lines
-from tacstrip.reconstruction.set_membership.feasible_point import Effort, inside
+from tacstrip.reconstruction.set_membership.edge_lines import EdgeLines, ReadingBounds
+from tacstrip.reconstruction.set_membership.feasible_point import Effort, feasible_point
 from tacstrip.reconstruction.set_membership.feasible_set import feasible_set
-from tacstrip.reconstruction.set_membership.hit_and_run import sample
 from tacstrip.reconstruction.set_membership.regions import guaranteed
 
 _EFFORT = 1_500.0  # for one outline
@@ -58,8 +58,8 @@ class Bounded:
     covariance: FloatArray
     radii: FloatArray
     deviations: MomentDeviations | None
-    band: Band
-    lines: Lines
+    band: ReadingBounds
+    lines: EdgeLines
     points: FloatArray
     fallback: Bounded | None = None
 
@@ -77,7 +77,7 @@ class Bounded:
     def regions(self) -> list[FloatArray] | None:
         """Where each vertex is guaranteed to lie: a convex polygon (K, 2) [mm] each; None where none was found.
 
-        See `bounded_regions.guaranteed` for what is guaranteed.
+        See `regions.guaranteed` for what is guaranteed.
         """
         found = guaranteed(self.band, self.lines, self.points) if len(self.points) > 1 else None
         if found is None:
@@ -97,7 +97,7 @@ def _hull(*regions: FloatArray) -> FloatArray:
     return np.asarray(shapely.get_coordinates(shapely.MultiPoint(np.concatenate(regions)).convex_hull)[:-1])
 
 
-def refine(outline: Outline, covariance: FloatArray, band: Band) -> Bounded | None:
+def refine(outline: Outline, covariance: FloatArray, band: ReadingBounds) -> Bounded | None:
     """Return what the band leaves of an outline; None where no outline of its kind stays within it.
 
     Parameters
@@ -109,7 +109,7 @@ def refine(outline: Outline, covariance: FloatArray, band: Band) -> Bounded | No
     band
         The readings' bounds.
     """
-    lines, heights = Lines.of(outline)
+    lines, heights = EdgeLines.of(outline)
     normal = np.full(len(outline.vertices), -2.0 * np.log(1.0 - LEVEL))
     least_squares = Bounded(outline, covariance, normal, None, band, lines, heights[None])
     try:
@@ -134,7 +134,7 @@ def refine(outline: Outline, covariance: FloatArray, band: Band) -> Bounded | No
     return refined if np.isfinite(refined.region_covariance).all() else least_squares
 
 
-def _drawn(points: FloatArray, lines: Lines, band: Band) -> tuple[FloatArray, FloatArray] | None:
+def _drawn(points: FloatArray, lines: EdgeLines, band: ReadingBounds) -> tuple[FloatArray, FloatArray] | None:
     """Return chains (K, M, 2) and (K, N, 2) [mm], as often as their vertices' places have room in the set.
 
     None where that is too unlike the heights' room for points drawn by heights to tell: with an edge that crosses
@@ -160,7 +160,7 @@ def _drawn(points: FloatArray, lines: Lines, band: Band) -> tuple[FloatArray, Fl
     return np.clip(lower[kept], *on_strip), np.clip(upper[kept], *on_strip)
 
 
-def _mean(lower: FloatArray, upper: FloatArray, lines: Lines, band: Band) -> Outline | None:
+def _mean(lower: FloatArray, upper: FloatArray, lines: EdgeLines, band: ReadingBounds) -> Outline | None:
     """Return the mean of drawn chains; None where it is none that the readings allow: the set is not convex."""
     chains = lower.mean(axis=0), upper.mean(axis=0)
     for end, window in zip((0, -1), band.windows, strict=True):
@@ -188,7 +188,9 @@ def _by_vertex(outline: Outline, lower: FloatArray, upper: FloatArray) -> FloatA
     return np.asarray(vertices / times[:, None])
 
 
-def fewest(candidates: Sequence[tuple[Outline, FloatArray]], band: Band) -> tuple[int, Bounded] | None:
+def fewest(
+    candidates: Sequence[tuple[Outline, FloatArray]], band: ReadingBounds
+) -> tuple[int, Bounded] | None:
     """Return the first of least-squares fits, fewest vertices first, that the band leaves something of, refined.
 
     None, where no fit stays within the band, is an alarm: the contact is not of this kind, or the bound is wrong.
@@ -201,7 +203,12 @@ def fewest(candidates: Sequence[tuple[Outline, FloatArray]], band: Band) -> tupl
 
 
 def _points(
-    outline: Outline, covariance: FloatArray, band: Band, lines: Lines, heights: FloatArray, effort: Effort
+    outline: Outline,
+    covariance: FloatArray,
+    band: ReadingBounds,
+    lines: EdgeLines,
+    heights: FloatArray,
+    effort: Effort,
 ) -> FloatArray | None:
     """Return heights (K, P) [mm] of outlines in the set; None where none was found."""
     lower, upper = outline.indices
@@ -212,22 +219,22 @@ def _points(
     for reach in _REACHES:
         zones = within(lines, outline.vertices[kinks, 0], reach * error, band)
         bounds = feasible_set(band, lines, zones, widths)
-        found = inside(bounds, band, lines, widths, heights, effort)
+        found = feasible_point(bounds, band, lines, widths, heights, effort)
         if found is None:
             continue
-        points = sample(bounds, *found)
+        points = hit_and_run(bounds.rows, bounds.pairs, *found)
         if not band.sensor.contact_lambda_mm:
             return points
         # What contact resistance eats depends on the contact's length: once more, with a better one.
         heights = points.mean(axis=0)
         widths = _widths(band, *lines.chains(heights, band.windows.mean(axis=1)))
         bounds = feasible_set(band, lines, zones, widths)
-        found = inside(bounds, band, lines, widths, heights, effort)
-        return points if found is None else sample(bounds, *found)
+        found = feasible_point(bounds, band, lines, widths, heights, effort)
+        return points if found is None else hit_and_run(bounds.rows, bounds.pairs, *found)
     return None
 
 
-def within(lines: Lines, x: FloatArray, reach: FloatArray, band: Band) -> FloatArray:
+def within(lines: EdgeLines, x: FloatArray, reach: FloatArray, band: ReadingBounds) -> FloatArray:
     """Return zones (kinks, 2) [mm] about x, that end halfway to the next kink of the chain and at the outer strips."""
     least = 0.5 * band.sensor.pitch_mm
     x, reach = np.clip(x, band.x[0] + least, band.x[-1] - least), np.maximum(reach, least)
@@ -240,7 +247,7 @@ def within(lines: Lines, x: FloatArray, reach: FloatArray, band: Band) -> FloatA
     return np.clip(zones, band.x[0], band.x[-1])
 
 
-def _widths(band: Band, lower: FloatArray, upper: FloatArray) -> FloatArray:
+def _widths(band: ReadingBounds, lower: FloatArray, upper: FloatArray) -> FloatArray:
     """Return the contact's length on each strip between two chains, thrice (3, n) [mm]: as expected, and no other."""
     w = np.interp(band.x, *upper.T) - np.interp(band.x, *lower.T)
     return np.tile(np.maximum(w, 0.0), (3, 1))

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from tacstrip.arrays import FloatArray
-from tacstrip.reconstruction.set_membership.centre import centre, interior
-from tacstrip.reconstruction.set_membership.edge_lines import Band, Lines
+from tacstrip.core.polytope import feasible_part, minimax
+from tacstrip.reconstruction.set_membership.edge_lines import EdgeLines, ReadingBounds
 from tacstrip.reconstruction.set_membership.feasible_set import FeasibleSet, feasible_set
 
 _PARTS = 16  # looked at, at most
 _DESCENTS = 8  # rounds of one
-_GAIN = 1e-4  # of the scale: a fall by less is none
 _SCALE = 0.01  # of the strip length: far outside
 
 
@@ -30,8 +27,13 @@ class Effort:
         return self.left >= 0.0
 
 
-def inside(
-    whole: FeasibleSet, band: Band, lines: Lines, widths: FloatArray, start: FloatArray, effort: Effort
+def feasible_point(
+    whole: FeasibleSet,
+    band: ReadingBounds,
+    lines: EdgeLines,
+    widths: FloatArray,
+    start: FloatArray,
+    effort: Effort,
 ) -> tuple[FloatArray, FloatArray] | None:
     """Return the analytic centre (P,) of a convex part of the set, and the barrier's curvature there (P, P).
 
@@ -56,7 +58,7 @@ def inside(
             return None
         part = zones.pop(0)
         bounds = whole if number == 0 else feasible_set(band, lines, part, widths)
-        middle, worst, _ = interior(bounds.a, bounds.b, start, scale)
+        middle, worst, _ = minimax(bounds.a, bounds.b, start, scale)
         if worst >= 0.0:
             continue
         for at in (start, middle):
@@ -72,20 +74,14 @@ def inside(
 def _descend(
     bounds: FeasibleSet, at: FloatArray, scale: float, effort: Effort
 ) -> tuple[FloatArray, FloatArray] | None:
-    """Keep of each pair the row that is met best, find the least violation, and so on while it falls."""
-    before = np.inf
-    for _ in range(_DESCENTS):
-        if not effort.spend(len(at) ** 2):
-            return None
-        kept = (bounds.either_a @ at - bounds.either_b).argmin(axis=1)
-        a, b = bounds.part(kept)
-        at, worst, _ = interior(a, b, at, scale)
-        if worst < 0.0:
-            return centre(a, b, at)
-        if not len(kept) or not worst <= before - _GAIN * scale:  # NaN too
-            return None
-        before = worst
-    return None
+    """Look from a point for a convex part that has an inside, with what effort is left."""
+    work = len(at) ** 2
+    most = min(_DESCENTS, int(effort.left // work))
+    if most < 1:
+        return None
+    found, rounds = feasible_part((bounds.a, bounds.b), (bounds.either_a, bounds.either_b), at, scale, most)
+    effort.spend(rounds * work)
+    return found
 
 
 def _halves(zones: FloatArray, kink: int) -> list[FloatArray]:

@@ -8,12 +8,13 @@ that holds for both lines is linear again; one that either may meet is kept as a
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
-from tacstrip.reconstruction.set_membership.edge_lines import Band, Lines
+from tacstrip.reconstruction.set_membership.edge_lines import EdgeLines, ReadingBounds
 from tacstrip.sensor.circuit import end_weights, transfer_length
 from tacstrip.sensor.constructions import SIGNATURES
 
@@ -47,15 +48,18 @@ class FeasibleSet:
     either_b: FloatArray
     either_edge: FloatArray
 
-    def part(self, kept: IntArray) -> tuple[FloatArray, FloatArray]:
-        """Return the rows and limits of the convex part where row `kept` (E,) of each pair holds."""
-        pair = np.arange(len(kept))
-        return np.concatenate([self.a, self.either_a[pair, kept]]), np.concatenate(
-            [self.b, self.either_b[pair, kept]]
-        )
+    @property
+    def rows(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The rows that all hold: a, b and edge."""
+        return self.a, self.b, self.edge
+
+    @property
+    def pairs(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The pairs of which one row holds at least: either_a, either_b and either_edge."""
+        return self.either_a, self.either_b, self.either_edge
 
 
-def feasible_set(band: Band, lines: Lines, zones: FloatArray, widths: FloatArray) -> FeasibleSet:
+def feasible_set(band: ReadingBounds, lines: EdgeLines, zones: FloatArray, widths: FloatArray) -> FeasibleSet:
     """Return the outlines within the band whose kinks lie in their zones, and turn as the lines do.
 
     None is lost; on the rare strips in two zones of one chain, or where both chains have a choice in one bound,
@@ -74,11 +78,9 @@ def feasible_set(band: Band, lines: Lines, zones: FloatArray, widths: FloatArray
     split = lines.lower - 1
     l_first, l_second, l_turn = _lines_at(x, zones[:split], lines.turns[:split], 0)
     u_first, u_second, u_turn = _lines_at(x, zones[split:], lines.turns[split:], lines.lower)
-    l_rows, u_rows = (
-        np.stack([lines.rows(first, x), lines.rows(second, x)])
-        for first, second in ((l_first, l_second), (u_first, u_second))
-    )
-    eaten, per_width, bent = _eaten(widths, sensor.contact_lambda_mm)
+    l_line, u_line = np.stack([l_first, l_second]), np.stack([u_first, u_second])
+    l_share, u_share = lines.share(l_line, x), lines.share(u_line, x)
+    eaten, per_width, bent = _transfer_length(widths, sensor.contact_lambda_mm)
     # A bound k L - c_l l - c_u u changes by D dk.
     edge = band.edge * (sensor.length_mm - (widths[0] - 2.0 * eaten) / (1.0 + sensor.sensing_ratio))
     # Upper bounds of all signatures, then lower ones (B, n).
@@ -92,41 +94,75 @@ def feasible_set(band: Band, lines: Lines, zones: FloatArray, widths: FloatArray
     room = sign * fixed + np.maximum(-sign * (c_l - c_u) * bent, 0.0)
     c_l, c_u = sign * (c_l - lean), sign * (c_u + lean)
 
-    def rows(i: int, j: int, bound: IntArray, at: IntArray) -> FloatArray:
-        return np.asarray(c_l[bound, at, None] * l_rows[i, at] + c_u[bound, at, None] * u_rows[j, at])
+    def rows(
+        i: IntArray, j: IntArray, at: IntArray, by_l: FloatArray, by_u: FloatArray, more: FloatArray
+    ) -> FloatArray:
+        # Of a row two heights of either chain's line count. The core takes rows beside each other.
+        transposed = np.zeros((lines.reach.size, len(at) + len(more)))
+        column = np.arange(len(at))
+        for line, share, by in (
+            (l_line[i, at], l_share[i, at], by_l),
+            (u_line[j, at], u_share[j, at], by_u),
+        ):
+            transposed[2 * line, column] = by * (1.0 - share)
+            transposed[2 * line + 1, column] = by * share
+        transposed[:, len(at) :] = more.T
+        return transposed
 
     # A rising kink is the greater of two lines: an upper bound holds for both, a lower one for either.
     known = np.isfinite(k) & (l_turn != _LOST) & (u_turn != _LOST)
     l_or, u_or = l_turn == -sign, u_turn == -sign
-    every: list[tuple[FloatArray, FloatArray, FloatArray]] = []
-    pairs: list[tuple[FloatArray, FloatArray, FloatArray]] = []
-    for i, j in np.ndindex(2, 2):
-        use = np.nonzero(known & ~l_or & ~u_or & ((i == 0) | (l_turn != 0)) & ((j == 0) | (u_turn != 0)))
-        every.append((rows(i, j, *use), room[use], edge[use[1]]))
-    for i in range(2):
-        use = np.nonzero(known & l_or & ~u_or & ((i == 0) | (u_turn != 0)))
-        pairs.append((np.stack([rows(0, i, *use), rows(1, i, *use)], axis=1), room[use], edge[use[1]]))
-        use = np.nonzero(known & u_or & ~l_or & ((i == 0) | (l_turn != 0)))
-        pairs.append((np.stack([rows(i, 0, *use), rows(i, 1, *use)], axis=1), room[use], edge[use[1]]))
-    l_sure, u_sure, both = _corners(l_turn), _corners(u_turn), _corners(l_turn | u_turn)
-    shape = np.concatenate(
-        [
-            -l_rows[0, l_sure],
-            u_rows[0, u_sure],
-            l_rows[0, both] - u_rows[0, both],
-            _crossing_rows(lines, zones, band.windows),
-        ]
+    sure = _indices(
+        (i, j, known & ~l_or & ~u_or & ((i == 0) | (l_turn != 0)) & ((j == 0) | (u_turn != 0)))
+        for i, j in np.ndindex(2, 2)
     )
-    limit = np.zeros(len(shape))
-    limit[l_sure.sum() : l_sure.sum() + u_sure.sum()] = sensor.length_mm
-    every.append((shape, limit, np.zeros(len(shape))))
-    a, b, edges = (np.concatenate(part) for part in zip(*every, strict=True))
-    either_a, either_b, either_edge = (np.concatenate(part) for part in zip(*pairs, strict=True))
-    either_b = np.stack([either_b, either_b], axis=1)
+    l_pairs, u_pairs = known & l_or & ~u_or, known & u_or & ~l_or
+    either = []
+    for i in range(2):
+        either.append((0, i, 1, i, l_pairs & ((i == 0) | (u_turn != 0))))
+        either.append((i, 0, i, 1, u_pairs & ((i == 0) | (l_turn != 0))))
+    first, second, bound, at = sure
+    l_sure, u_sure, both = (np.flatnonzero(_corners(turn)) for turn in (l_turn, u_turn, l_turn | u_turn))
+    # Lower lines are not below 0, upper ones not above L, and the lower is not above the upper.
+    bare = np.concatenate([l_sure, u_sure, both])
+    parts = np.repeat([0, 1, 2], [len(l_sure), len(u_sure), len(both)])
+    crossing = _crossing_rows(lines, zones, band.windows)
+    none = np.zeros(len(bare), dtype=np.int64)
+    a = rows(
+        np.concatenate([first, none]),
+        np.concatenate([second, none]),
+        np.concatenate([at, bare]),
+        np.concatenate([c_l[bound, at], np.array([-1.0, 0.0, 1.0])[parts]]),
+        np.concatenate([c_u[bound, at], np.array([0.0, 1.0, -1.0])[parts]]),
+        crossing,
+    ).T
+    b = np.concatenate(
+        [room[bound, at], np.array([0.0, sensor.length_mm, 0.0])[parts], np.zeros(len(crossing))]
+    )
+    edges = np.concatenate([edge[at], np.zeros(len(bare) + len(crossing))])
+    nothing = np.zeros((0, lines.reach.size))
+    sides = []
+    for side in (0, 2):
+        first, second, bound, at = _indices((choice[side], choice[side + 1], choice[4]) for choice in either)
+        sides.append(rows(first, second, at, c_l[bound, at], c_u[bound, at], nothing))
+    either_a = np.stack(sides, axis=1).T
+    either_b, either_edge = np.stack([room[bound, at]] * 2).T, edge[at]
     return FeasibleSet(np.concatenate([zones, band.windows]), a, b, edges, either_a, either_b, either_edge)
 
 
-def _eaten(widths: FloatArray, contact_lambda: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _indices(
+    chosen: Iterable[tuple[int, int, BoolArray]],
+) -> tuple[IntArray, IntArray, IntArray, IntArray]:
+    """Return the lines of both chains, bounds and strips, all (N,), of choices of lines and where (B, n) they hold."""
+    parts = []
+    for i, j, where in chosen:
+        bound, at = np.nonzero(where)
+        parts.append(np.stack([np.full(len(at), i), np.full(len(at), j), bound, at]))
+    first, second, bound, at = np.concatenate(parts, axis=1)
+    return first, second, bound, at
+
+
+def _transfer_length(widths: FloatArray, contact_lambda: float) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return T at the expected width, its slope there, and how far T falls below that tangent, each (n,)."""
     expected, least, greatest = widths
     eaten = transfer_length(expected, contact_lambda)
@@ -156,7 +192,7 @@ def _corners(turn: IntArray) -> BoolArray:
     return np.asarray(sure & beside)
 
 
-def _crossing_rows(lines: Lines, zones: FloatArray, windows: FloatArray) -> FloatArray:
+def _crossing_rows(lines: EdgeLines, zones: FloatArray, windows: FloatArray) -> FloatArray:
     """Return rows r with r h <= 0: two lines cross within their zone, and turn as they do."""
     pairs, turns = lines.crossings, np.concatenate([lines.turns, [1, -1]])
     inside = np.concatenate([zones, windows])

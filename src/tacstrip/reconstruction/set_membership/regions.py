@@ -13,9 +13,8 @@ import numpy as np
 import shapely
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
-from tacstrip.core.polytope import lowest
-from tacstrip.reconstruction.set_membership.centre import largest
-from tacstrip.reconstruction.set_membership.edge_lines import Band, Lines
+from tacstrip.core.polytope import largest, lowest
+from tacstrip.reconstruction.set_membership.edge_lines import EdgeLines, ReadingBounds
 from tacstrip.reconstruction.set_membership.feasible_set import feasible_set
 
 _MARGINS = (0.25, 0.5, 1.5, 4.0)  # of the found kinks' span: how much wider the zones are on either side
@@ -32,7 +31,7 @@ class Regions:
     ends: list[tuple[FloatArray, FloatArray]]
 
 
-def guaranteed(band: Band, lines: Lines, points: FloatArray) -> Regions | None:
+def guaranteed(band: ReadingBounds, lines: EdgeLines, points: FloatArray) -> Regions | None:
     """Return a region for every vertex; None where the readings do not confine a kink.
 
     What is guaranteed: every outline (a) with these edges, turning the same way at each kink, (b) with its kinks in
@@ -69,7 +68,7 @@ def guaranteed(band: Band, lines: Lines, points: FloatArray) -> Regions | None:
     return None
 
 
-def _apart(zones: FloatArray, lines: Lines, band: Band) -> bool:
+def _apart(zones: FloatArray, lines: EdgeLines, band: ReadingBounds) -> bool:
     """Whether zones of one chain do not overlap, and lie between the outer strips."""
     inside = np.all(zones[:, 0] > band.x[0]) and np.all(zones[:, 1] < band.x[-1])
     split = lines.lower - 1
@@ -80,7 +79,7 @@ class _Search:
     """Linear programs over the polytope of given zones, in coordinates that make it round."""
 
     def __init__(
-        self, band: Band, lines: Lines, zones: FloatArray, widths: FloatArray, points: FloatArray
+        self, band: ReadingBounds, lines: EdgeLines, zones: FloatArray, widths: FloatArray, points: FloatArray
     ) -> None:
         self.band, self.lines, self.points, self.pitch = band, lines, points, band.sensor.pitch_mm
         self.bounds = feasible_set(band, lines, zones, widths)
@@ -91,7 +90,7 @@ class _Search:
         norm = np.linalg.norm(a, axis=1)
         a, slack = a / norm[:, None], slack / norm
         near = largest(-slack, _NEAREST)
-        self.a, self.slack = np.ascontiguousarray(a[near]), slack[near]
+        self.a, self.slack = np.ascontiguousarray(a[near].T).T, slack[near]  # as the core takes it
         self._from_the_middle()
 
     def lowest(self, form: FloatArray) -> float:
@@ -185,7 +184,7 @@ class _Search:
 
 
 def _searched_widths(
-    band: Band, lines: Lines, zones: FloatArray, points: FloatArray, margin: float
+    band: ReadingBounds, lines: EdgeLines, zones: FloatArray, points: FloatArray, margin: float
 ) -> FloatArray:
     """Return expected, least and greatest length of contact on each strip (3, n) [mm]; in a zone, any."""
     if band.sensor.contact_lambda_mm == 0.0:
@@ -199,7 +198,9 @@ def _searched_widths(
     return widths
 
 
-def _sure(band: Band, lines: Lines, zones: FloatArray) -> tuple[BoolArray, FloatArray, FloatArray]:
+def _sure(
+    band: ReadingBounds, lines: EdgeLines, zones: FloatArray
+) -> tuple[BoolArray, FloatArray, FloatArray]:
     """Return the strips outside of all zones (n,), and the rows of their l and u (n, P)."""
     x, split = band.x, lines.lower - 1
     sure = np.all((x <= zones[:, :1]) | (zones[:, 1:] <= x), axis=0)
