@@ -32,7 +32,9 @@ def _checksums(folder: Path, by: Any, *options: str) -> dict[str, str]:
     library = folder / f"core{build_core.SUFFIX}"
     options = (*options, *build_core.SAME_BITS, *build_core.SHARED, *build_core.defined())
     by.compile(library, build_core.sources(), options)
-    ran = python("import json; from core import core_cases; print(json.dumps(core_cases.checksums()))", library)
+    ran = python(
+        "import json; from core import core_cases; print(json.dumps(core_cases.checksums()))", library
+    )
     assert ran.returncode == 0, ran.stderr
     sums: dict[str, str] = json.loads(ran.stdout)
     return sums
