@@ -33,7 +33,7 @@ def _checksums(folder: Path, by: Any, *options: str) -> dict[str, str]:
     options = (*options, *build_core.SAME_BITS, *build_core.SHARED, *build_core.defined())
     by.compile(library, build_core.sources(), options)
     ran = python(
-        "from core import core_cases; import json; print(json.dumps(core_cases.checksums()))", library
+        "import json; from core import core_cases; print(json.dumps(core_cases.checksums()))", library
     )
     assert ran.returncode == 0, ran.stderr
     sums: dict[str, str] = json.loads(ran.stdout)
