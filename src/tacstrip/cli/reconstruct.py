@@ -125,8 +125,7 @@ def command(
         "vertex": {"signature": signature, "transitions": where, "reading": reading},
         "profile": {"convex": convex},
     }
-    narrowed = signature is not None and chosen == "polygon"
-    used = [_only(scan, signature) for scan in scans] if narrowed else scans
+    used = scans if chosen != "polygon" or signature is None else [_only(scan, signature) for scan in scans]
     results = [reconstruct(scan, spec, known, method=chosen, **by_method[chosen]) for scan in used]
     contact = read_contact(truth) if truth else None
     if contact is not None and not _polygons(contact):
