@@ -21,10 +21,10 @@ Made = tuple[Path, dict[str, Any]]
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
-    """What `tacstrip reproduce --seeds 10` makes: its folder and its tables."""
+    """What `tacstrip reproduce --seeds 20` makes: its folder and its tables."""
     out = tmp_path_factory.mktemp("reproduction")
     seen: list[tuple[int, int]] = []
-    tables = reproduce(out, seeds=10, workers=2, progress=lambda done, total: seen.append((done, total)))
+    tables = reproduce(out, seeds=20, workers=2, progress=lambda done, total: seen.append((done, total)))
     assert seen[-1][0] == seen[-1][1]  # every task came back
     return out, tables
 
