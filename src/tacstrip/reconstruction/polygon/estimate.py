@@ -100,8 +100,8 @@ def fit_polygons(
 ) -> list[Reconstruction]:
     """Fit many scans; arguments and errors as for `fit_polygon` by default.
 
-    `workers` threads share the interpreter outside the compiled core, so that two take 0.9 of one's time on 1000 strips and
-    1.4 times as long on 100.
+    `workers` threads share the interpreter outside the compiled core: two take 0.9 of one's time on 1000 strips,
+    and 1.4 times as long on 100.
     """
     fit = partial(fit_polygon, sensor=sensor, noise=noise)
     if workers == 1 or len(scans) < 2:
