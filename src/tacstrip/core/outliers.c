@@ -1,15 +1,15 @@
 /* Readings that no contact makes: before a fit a reading is suspected that neither the strips on its left, nor those on
-   its right, nor both together foretell. After it one is left out that lies alone far from the polygon. */
+   its right, nor both together predict. After it one is left out that lies alone far from the polygon. */
 
 #include "inside.h"
 
-#define FAR 6.0          /* sigmas from what the neighbours foretell */
-#define FAR_AT_ENDS 14.0 /* from what the line through two strips on one side foretells, itself uncertain by 2.2 */
+#define FAR 6.0          /* sigmas from what the neighbours predict */
+#define FAR_AT_ENDS 14.0 /* from what the line through two strips on one side predicts, itself uncertain by 2.2 */
 #define FAR_FROM_FIT 5.0       /* sigmas from the polygon */
 #define SHARE 0.1        /* of the strips: more are not outliers but a wrong model */
 #define ALLOWED 4        /* suspects on few strips: a fault, and strips beside a corner, which the fit explains */
 
-/* The place of the reading v (n,) at x (n,) that is furthest from the nearest of what its neighbours foretell, and how
+/* The place of the reading v (n,) at x (n,) that is furthest from the nearest of what its neighbours predict, and how
    far, over what is far. */
 static Int furthest(const double *x, const double *v, Int n, double *off, double *far) {
   Int worst = 0;

@@ -1,7 +1,7 @@
 """Readings that no contact makes: a stuck channel, a dead strip. They are found, named and left out.
 
 Before a fit a reading is suspected that neither the strips on its left, nor those on its right, nor both together
-foretell; whether it stays out is for the fit to say. After it one is left out that lies alone far from the polygon.
+predict; whether it stays out is for the fit to say. After it one is left out that lies alone far from the polygon.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ import numpy as np
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.core.binding import at, exported
 
-_FAR = 6.0  # sigmas from what the neighbours foretell
-_FAR_AT_ENDS = 14.0  # from what the line through two strips on one side foretells, itself uncertain by 2.2
+_FAR = 6.0  # sigmas from what the neighbours predict
+_FAR_AT_ENDS = 14.0  # from what the line through two strips on one side predicts, itself uncertain by 2.2
 _FAR_FROM_FIT = 5.0  # sigmas from the polygon
 _MOST = 0.1  # of the strips: more are not outliers but a wrong model
 _ALLOWED = 4  # suspects on few strips: a fault, and strips beside a corner, which the fit explains
@@ -76,7 +76,7 @@ def plain_isolated_outliers(residuals: FloatArray) -> BoolArray:
 
 
 def _prediction_errors(x: FloatArray, v: FloatArray) -> FloatArray:
-    """Return how far each reading is from the nearest of what its neighbours foretell, over what is far (n,)."""
+    """Return how far each reading is from the nearest of what its neighbours predict, over what is far (n,)."""
     off = np.full(len(v), np.inf)
     apart = np.diff(x)  # of strips that are left, above 1 where some are not
     bend = np.abs(np.diff(np.diff(v) / apart))

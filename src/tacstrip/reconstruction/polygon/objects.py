@@ -30,7 +30,7 @@ _WORSE, _FEWER = 20.0, 0.0  # of the criterion: so much worse, more vertices, or
 _CORNERS = 12  # at most: the search for a set grows with them
 _NAMED = 5  # strips that advice names
 _FAINT = (
-    "no kink stands out of the noise: a line fits as well as the triangle that is given; average more scans, or use "
+    "no corner could be distinguished from noise: a line fits as well as the triangle that is given; average more scans, or use "
     "both signatures"
 )
 _EMPTY = (
@@ -101,7 +101,7 @@ def reconstruct_object(
     fit, faint = _chosen(run, noise is not None)
     lower, upper = fit.chains_mm(run.problem)
     if max_height(lower, upper) <= _THIN * sensor.length_mm:
-        line = "no kink and no width stand out of the noise: a line, given as its profile"
+        line = "neither a corner nor a width could be distinguished from noise: a line, given as its profile"
         profile = (x, np.interp(x, *lower.T), np.interp(x, *upper.T))
         return RecoveredObject(
             strips, profile=profile, status="too few transitions", advice="; ".join([line, *notes])

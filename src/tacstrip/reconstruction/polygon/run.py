@@ -175,7 +175,7 @@ class _RunFitter:
         suspected = np.stack([spikes(values, start) for values in self.raw]) & self.there
         run = self._fit_without_outliers(start, suspected)
         if suspected.any():
-            # Corners and steep ends are not foretold by neighbours either: are polygons of more readings cheaper?
+            # Corners and steep ends are not predicted by neighbours either: are polygons of more readings cheaper?
             others = [np.zeros_like(suspected)]
             if run.selection is not None:
                 off = np.abs(self.raw - run.selection.chosen.readings(run.problem))
