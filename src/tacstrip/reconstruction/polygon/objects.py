@@ -30,8 +30,8 @@ _WORSE, _FEWER = 20.0, 0.0  # of the criterion: so much worse, more vertices, or
 _CORNERS = 12  # at most: the search for a set grows with them
 _NAMED = 5  # strips that advice names
 _FAINT = (
-    "no corner could be distinguished from noise: a line fits as well as the triangle that is given; average more scans, "
-    "or use both signatures"
+    "no corner could be distinguished from noise: a line fits as well as the triangle that is given; average more "
+    "scans, or use both signatures"
 )
 _EMPTY = (
     "no polygon stays within the noise's bound on every strip: the noise is larger than given, or the contact is no "
