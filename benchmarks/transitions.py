@@ -24,7 +24,7 @@ from _protocol import SIGNATURES, Cell, Trial, trial
 
 import tacstrip as ts
 from tacstrip.arrays import FloatArray
-from tacstrip.core.fit import PolygonFit, refine
+from tacstrip.core.polygon_fit import PolygonFit, refine
 from tacstrip.core.problem import FitProblem
 from tacstrip.core.search import fit_counts
 from tacstrip.geometry.outline import Outline

@@ -13,7 +13,7 @@ from strategies import FIXED, sensors
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import Noise
 from tacstrip.contact.shape import Contact
-from tacstrip.core.fit import PolygonFit, refine
+from tacstrip.core.polygon_fit import PolygonFit, refine
 from tacstrip.core.problem import FitProblem
 from tacstrip.errors import OptionError, ReadingError
 from tacstrip.geometry.metrics import mismatch

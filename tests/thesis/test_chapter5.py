@@ -9,9 +9,9 @@ import pytest
 
 import tacstrip as ts
 from tacstrip.data.published import offsets_volt, residuals, rows
-from tacstrip.thesis.chapter5.cells import Cell, run_cell, summarise
 from tacstrip.thesis.chapter5.claims import amplification
 from tacstrip.thesis.chapter5.recovery_figures import AMBIGUOUS, ambiguity
+from tacstrip.thesis.chapter5.tables import Cell, run_cell, summarise
 from tacstrip.thesis.shapes import POSITIONS, SHAPES, SIMULATED
 
 CRS = SIMULATED["crs-crs"]

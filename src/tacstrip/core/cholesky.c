@@ -1,6 +1,6 @@
 /* Small symmetric systems: LAPACK takes longer to call than they take to solve. */
 
-#include "inside.h"
+#include "internal.h"
 
 int factor(Matrix a, Int n) {
   CHECK(0 <= n && n <= SIZE);

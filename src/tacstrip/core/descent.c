@@ -1,6 +1,6 @@
 /* Levenberg-Marquardt for the polygon fit: from a start to the nearest least-squares polygon. */
 
-#include "inside.h"
+#include "internal.h"
 
 #define DAMPING 1e-3 /* of J'J's diagonal, at first */
 #define STUCK 1e8    /* where a descent gives up */

@@ -1,6 +1,6 @@
 /* A Gibbs walk through a set of bounds, in coordinates that make it round. */
 
-#include "inside.h"
+#include "internal.h"
 
 #define NEAREST 112      /* bounds that the walk can meet: all others are too far */
 #define NEAREST_PAIRS 48 /* a multiple of LANES, as NEAREST is */

@@ -1,6 +1,6 @@
 /* exp, tanh and log to about one unit in the last place, the same on every platform. */
 
-#include "inside.h"
+#include "internal.h"
 
 typedef union {
   double value;

@@ -2,7 +2,7 @@
 
    A move makes starts of one kind, descends from each and keeps what is best. */
 
-#include "inside.h"
+#include "internal.h"
 
 #define ROUGH 12       /* steps of a descent */
 #define ENOUGH 0.1     /* of chi square: a descent step that gains less is the last */

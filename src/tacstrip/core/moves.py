@@ -10,9 +10,9 @@ import numpy as np
 from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.core.binding import END_ENTRIES
 from tacstrip.core.descent import descend
-from tacstrip.core.fit import PolygonFit
+from tacstrip.core.polygon_fit import PolygonFit
 from tacstrip.core.problem import FitProblem
-from tacstrip.core.score import places
+from tacstrip.core.score_test import places
 
 FIRST, GROW, SHRINK = 0, 1, 2  # moves
 ROUGH = 12  # steps of a descent

@@ -1,7 +1,7 @@
 /* Readings that no contact makes: before a fit a reading is suspected that neither the strips on its left, nor those on
    its right, nor both together predict. After it one is left out that lies alone far from the polygon. */
 
-#include "inside.h"
+#include "internal.h"
 
 #define FAR 6.0          /* sigmas from what the neighbours predict */
 #define FAR_AT_ENDS 14.0 /* from what the line through two strips on one side predicts, itself uncertain by 2.2 */

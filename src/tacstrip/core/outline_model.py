@@ -9,7 +9,7 @@ from tacstrip.core.problem import FitProblem
 from tacstrip.sensor.spec import Sensor
 
 if TYPE_CHECKING:
-    from tacstrip.core.fit import PolygonFit
+    from tacstrip.core.polygon_fit import PolygonFit
 
 
 class OutlineModel(Protocol):

@@ -4,7 +4,7 @@
    vertex that was right among few can be wrong among many. All this happens on averaged strips; the counts beside the
    best one are then fitted to all strips, and compared. */
 
-#include "inside.h"
+#include "internal.h"
 
 #define ROUGH 12          /* steps of a first descent on a stage */
 #define ENOUGH 0.1        /* of chi square, the gain that ends it */

@@ -13,10 +13,10 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.core.binding import MAX_VERTICES, POLYGON, at, exported, search_workspace
-from tacstrip.core.criterion import complexity_penalty, criterion, deviance, per_vertex_penalty
 from tacstrip.core.descent import descend
-from tacstrip.core.fit import PolygonFit, plain_refine
+from tacstrip.core.model_selection import complexity_penalty, criterion, deviance, per_vertex_penalty
 from tacstrip.core.moves import ENOUGH, FIRST, GROW, ROUGH, SHRINK, improve
+from tacstrip.core.polygon_fit import PolygonFit, plain_refine
 from tacstrip.core.problem import FitProblem
 
 _PAST = 2  # counts tried past the best

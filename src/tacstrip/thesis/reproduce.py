@@ -18,7 +18,6 @@ from tacstrip.plot.style import save
 from tacstrip.report.page import Picture, write_report
 from tacstrip.thesis import chapter2, chapter3, chapter4
 from tacstrip.thesis.chapter5 import error_figures
-from tacstrip.thesis.chapter5.cells import Cell, run_cell, summarise
 from tacstrip.thesis.chapter5.claims import judge_claims
 from tacstrip.thesis.chapter5.recovery_figures import (
     AMBIGUOUS,
@@ -30,6 +29,7 @@ from tacstrip.thesis.chapter5.recovery_figures import (
     recovery,
     recovery_caption,
 )
+from tacstrip.thesis.chapter5.tables import Cell, run_cell, summarise
 from tacstrip.thesis.chapter6 import prototype_figures, recovery_figures
 from tacstrip.thesis.chapter6.calibration import calibration_rows, prototype_rows, residual_rows
 from tacstrip.thesis.chapter6.claims import judge_chapter6

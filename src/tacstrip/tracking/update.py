@@ -9,8 +9,8 @@ import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.core.binding import END_ENTRIES
-from tacstrip.core.fit import PolygonFit
 from tacstrip.core.outline_model import OutlineModel
+from tacstrip.core.polygon_fit import PolygonFit
 from tacstrip.core.problem import FLOOR, FitProblem
 from tacstrip.errors import ContactError
 from tacstrip.geometry.outline import Outline, close_chains

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from tacstrip.arrays import FloatArray
-from tacstrip.core.fit import PolygonFit
+from tacstrip.core.polygon_fit import PolygonFit
 from tacstrip.geometry.outline import Outline
 from tacstrip.reconstruction.polygon.run import RunFit
 from tacstrip.reconstruction.result import Status

@@ -8,7 +8,7 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import Noise
-from tacstrip.core.fit import PolygonFit
+from tacstrip.core.polygon_fit import PolygonFit
 from tacstrip.core.search import fit_counts
 from tacstrip.geometry.outline import Outline, max_height
 from tacstrip.reconstruction.contact_ends import closed_ends

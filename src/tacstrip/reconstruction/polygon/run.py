@@ -10,8 +10,8 @@ import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.core.binding import MAX_VERTICES
-from tacstrip.core.criterion import complexity_penalty, deviance, per_vertex_penalty
 from tacstrip.core.ellipse import Ellipse, fit_ellipse
+from tacstrip.core.model_selection import complexity_penalty, deviance, per_vertex_penalty
 from tacstrip.core.outliers import isolated_outliers, spikes
 from tacstrip.core.outline_model import OutlineModel
 from tacstrip.core.problem import FLOOR, FitProblem

@@ -19,7 +19,7 @@ from tacstrip.reconstruction.vertex.estimate import vertex_reconstruction
 from tacstrip.reconstruction.vertex.transitions import by_gradient
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.simulation import simulate
-from tacstrip.thesis.chapter5.cells import NOISES
+from tacstrip.thesis.chapter5.tables import NOISES
 from tacstrip.thesis.shapes import POSITIONS, SHAPES, SIMULATED
 
 # Figure: (shape, position, signature) whose noisy signature defeats the search for transitions.

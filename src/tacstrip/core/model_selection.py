@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from tacstrip.core.fit import PolygonFit
+from tacstrip.core.polygon_fit import PolygonFit
 from tacstrip.core.problem import FLOOR, FitProblem
 
 

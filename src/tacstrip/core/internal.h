@@ -1,9 +1,9 @@
 /* What the core's files share among themselves: lanes, small helpers, and functions that are not exported. */
 
-#ifndef TACSTRIP_INSIDE_H
-#define TACSTRIP_INSIDE_H
+#ifndef TACSTRIP_INTERNAL_H
+#define TACSTRIP_INTERNAL_H
 
-#include "lanes.h"
+#include "closed_form.h"
 
 #if defined(_WIN32) || defined(__TINYC__)
 #define HIDDEN
@@ -38,7 +38,7 @@ HIDDEN int factor(Matrix a, Int n); /* in place; 0 where a is not positive defin
 HIDDEN void solve(Matrix u, Int n, double *b);
 HIDDEN void solve_upper(Matrix u, Int n, double *b); /* U b' = b */
 
-/* equations.c */
+/* normal_equations.c */
 typedef struct {
   double x, y, slope, run; /* one point, dy/dx, and 1 / extent in x */
 } Line;

@@ -1,0 +1,71 @@
+/* The closed form (3.3)-(3.8) and its derivatives, four strips at a time: what every fit is compared with. */
+
+#ifndef TACSTRIP_CLOSED_FORM_H
+#define TACSTRIP_CLOSED_FORM_H
+
+#include "lanes.h"
+
+/* terms: the sums over the signatures of g_l^2, g_l g_u, g_u^2, g_l r, g_u r and r^2, times the weight, with g_l and g_u
+   the slopes of a reading by l and by u, and r what is measured less what l and u make. l > u costs extra. */
+enum { LL, LU, UU, LR, UR, RR, TERMS };
+
+#define LEAST_D 1e-3  /* of L: a metal sheet under a whole strip would divide by zero */
+#define CROSSED 100.0 /* weight of l > u against a reading */
+#define CROSSED_FROM 1e-9 /* of L: where both chains meet on a strip, a rounding error must not cross them */
+
+double hyperbolic_tangent(double x);
+
+/* Contacts from l to u as ideal ones: contact resistance eats t into each end (docs/decisions/, one closed form). */
+typedef struct {
+  Pack low, high, over, mix; /* l + t, u - t, 1 / D, dt/dw */
+} Ideal;
+
+static inline Ideal ideal(const Problem *s, Pack l, Pack u) {
+  Pack w = u - l, t = all(0.0);
+  Ideal contact;
+  contact.mix = t;
+  if (s->lam > 0.0) {
+    double lane[WIDTH];
+    store(lane, w);
+    for (int i = 0; i < WIDTH; i++) lane[i] = hyperbolic_tangent(lane[i] / (2.0 * s->lam));
+    Pack h = load(lane);
+    t = s->lam * h;
+    contact.mix = 0.5 * (1.0 - h * h);
+  }
+  Pack d = 1.0 - s->narrow * (w - 2.0 * t);
+  contact.low = l + t;
+  contact.high = u - t;
+  contact.over = 1.0 / where(d > LEAST_D, d, all(LEAST_D));
+  return contact;
+}
+
+/* The closed form (3.3)-(3.8). */
+static inline Pack reading(double share, const Ideal *contact) {
+  return ((1.0 - share) * contact->low + share * contact->high) * contact->over;
+}
+
+/* Pack j of a block, of contacts from l to u. */
+static inline void closed_form(const Problem *s, const Block *block, int j, Pack l, Pack u, Pack *terms) {
+  Pack w = u - l, none = all(0.0);
+  Ideal contact = ideal(s, l, u);
+  Pack over = contact.over, mix = contact.mix, keep = 1.0 - mix;
+  for (int q = 0; q < TERMS; q++) terms[q] = none;
+  for (Int row = 0; row < s->signatures; row++) {
+    double share = s->share[row];
+    Pack weight = load(block->weight[row] + j * WIDTH);
+    Pack model = reading(share, &contact);
+    Pack by_l = (1.0 - share - s->narrow * model) * over, by_u = (share + s->narrow * model) * over;
+    Pack gl = by_l * keep + by_u * mix, gu = by_u * keep + by_l * mix;
+    Pack r = load(block->k[row] + j * WIDTH) - model;
+    Pack crossed = where(w < -CROSSED_FROM, CROSSED * weight, none), push = crossed * w;
+    Pack wl = weight * gl, wu = weight * gu;
+    terms[LL] += wl * gl + crossed;
+    terms[LU] += wl * gu - crossed;
+    terms[UU] += wu * gu + crossed;
+    terms[LR] += wl * r + push;
+    terms[UR] += wu * r - push;
+    terms[RR] += weight * r * r + push * w;
+  }
+}
+
+#endif
