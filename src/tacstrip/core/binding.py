@@ -46,6 +46,21 @@ POLYGON = np.dtype(
         ("score", np.float64),
     ]
 )
+KNOTS, MOST_CORNERS = 20, 26  # of core.h: points of a chain and vertices of a sampled outline
+# `Outline` and `OutlinePrior` of core.h.
+OUTLINE = np.dtype([("count", np.int64, 2), ("x", np.float64, (2, KNOTS)), ("y", np.float64, (2, KNOTS))])
+OUTLINE_PRIOR = np.dtype(
+    [
+        ("window", np.float64, 4),
+        ("upright", np.float64, 2),
+        ("reflex", np.float64),
+        ("finest", np.float64),
+        ("vertices", np.float64, MOST_CORNERS + 1),
+        ("area", np.float64),
+        ("area_sigma", np.float64),
+        ("sigma", np.float64, 2),
+    ]
+)
 
 _PROBLEM = ctypes.POINTER(Problem)
 _NOTHING = ctypes.c_char * 0
@@ -68,6 +83,8 @@ _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "analytic_centre": (None, (*[_POINTER] * 4, _INT, _INT, _POINTER)),
     "feasible_part": (_INT, (*[_POINTER] * 6, _DOUBLE, *[_INT] * 4, _POINTER)),
     "hit_and_run": (_INT, (*[_POINTER] * 9, *[_INT] * 4, _POINTER)),
+    "sample_outlines": (_INT, (_PROBLEM, *[_POINTER] * 3, *[_INT] * 4, _POINTER, _POINTER)),
+    "outline_ends": (None, (_POINTER, _INT, _POINTER, _INT, _POINTER)),
     "isolated_outliers": (_INT, (_POINTER, _INT, _INT, _POINTER)),
     "spikes": (None, (_POINTER, _INT, _DOUBLE, _POINTER, _POINTER)),
 }

@@ -13,7 +13,7 @@
 #ifndef TACSTRIP_CORE_H
 #define TACSTRIP_CORE_H
 
-#define TACSTRIP_VERSION 2 /* goes up whenever a function or a struct of this file changes */
+#define TACSTRIP_VERSION 3 /* goes up whenever a function or a struct of this file changes */
 
 #define MAX_VERTICES 16        /* interior vertices of a polygon */
 #define END_ENTRIES 6          /* entries of theta before the first vertex */
@@ -21,6 +21,10 @@
 #define TRIED 3                /* places of one more vertex that a search tries */
 #define COARSEST 200           /* strips that a search has left after averaging, at most */
 #define SEARCH_WORKSPACE 3613  /* doubles that a search works in: 5 COARSEST, and 13 for each strip and one more */
+
+#define KNOTS 20               /* points of one chain of a sampled outline, both ends included */
+#define MOST_CORNERS 26        /* vertices of a sampled outline */
+#define HOTTEST 6              /* temperatures of a sampler */
 
 #if defined(_WIN32)
 #define EXPORTED __declspec(dllexport)
@@ -52,6 +56,24 @@ typedef struct {
   double cost;  /* squared residuals over sigma^2, and what the prior of the ends' x adds */
   double score; /* the criterion that counts are compared by */
 } Polygon;
+
+/* An x-monotone polygon as two chains of points, x ascending; both begin and end on one x. Heights beyond 0 and 1 mean that
+   the contact passes over the end of the strips. */
+typedef struct {
+  Int count[2]; /* points of the lower and the upper chain, 2 to KNOTS */
+  double x[2][KNOTS], y[2][KNOTS];
+} Outline;
+
+/* What is known of an outline without readings. Densities are logs, of outlines whose heights are uniform. */
+typedef struct {
+  double window[4];   /* the left end's x lies from the first to the second, the right end's from the third to the fourth */
+  double upright[2];  /* of an upright left and right end, against a point */
+  double reflex;      /* of a corner that turns inwards; -inf: there is none */
+  double finest;      /* -log of the finest step, over the coarsest */
+  double vertices[MOST_CORNERS + 1]; /* of so many vertices */
+  double area, area_sigma;           /* mean and standard deviation in units of x and y; sigma 0: not known */
+  double sigma[2];    /* sigma over that of the weights is log-uniform between these; equal: it is known */
+} OutlinePrior;
 
 /* TACSTRIP_VERSION; a loader refuses a library of another version. */
 EXPORTED int tacstrip_core_version(void);
@@ -149,5 +171,18 @@ EXPORTED Int tacstrip_hit_and_run(const double *a, const double *b, const double
                                   const double *pair_b, const double *pair_edges, const double *middle,
                                   const double *curvature, double *out, Int sweeps, Int rows, Int pairs, Int size,
                                   double *workspace);
+
+/* Draw outlines as often as readings and prior make them likely, by Markov chains at some temperatures, 1 first, that
+   exchange states. problem->n is at most COARSEST. starts (temperatures,): where each chain begins, allowed by the prior.
+   heat (temperatures,), at most HOTTEST. Each chain does `steps` steps; after a quarter of them samples (kept,) are taken
+   of the first, and values (kept, 3): squared residuals, log prior, sigma. The same seed gives the same samples. Returns
+   how many were kept; 0 where a start is not allowed. */
+EXPORTED Int tacstrip_sample_outlines(const Problem *problem, const OutlinePrior *prior, const Outline *starts,
+                                      const double *heat, Int temperatures, Int steps, Int kept, Int seed,
+                                      Outline *samples, double *values);
+
+/* Write l and u of outlines (count,) at x (places,), ascending, held to 0 and 1, to ends (count, 2, places); both are 0
+   outside. */
+EXPORTED void tacstrip_outline_ends(const Outline *outlines, Int count, const double *x, Int places, double *ends);
 
 #endif

@@ -9,15 +9,6 @@
 
 typedef unsigned long long Bits;
 
-/* The number of a place in the one sequence that all walks draw from, from 0 to 1 (splitmix64). */
-static double draw(Bits place) {
-  Bits bits = (place + 1) * 0x9E3779B97F4A7C15ULL;
-  bits = (bits ^ (bits >> 30)) * 0xBF58476D1CE4E5B9ULL;
-  bits = (bits ^ (bits >> 27)) * 0x94D049BB133111EBULL;
-  bits ^= bits >> 31;
-  return (double)(Int)(bits >> 11) * (1.0 / 9007199254740992.0);
-}
-
 /* How far one can go before a slack is 0: up and down from 0. n is a multiple of LANES. */
 static void reach_of_rows(const double *row, const double *room, Int n, double *high, double *low) {
   Pack most = all(1e-300), least = all(-1e-300);
@@ -140,12 +131,12 @@ Int tacstrip_hit_and_run(const double *a, const double *b, const double *edges, 
   for (Int sweep = -SETTLING; sweep < sweeps; sweep++) {
     Bits place = (Bits)(sweep + SETTLING) * (NEAREST + NEAREST_PAIRS + SIZE);
     for (Int i = 0; i < n; i++) {
-      cut[i] = edge[i] > 0.0 ? draw(place + (Bits)i) * smaller(edge[i], slack[i]) : 0.0;
+      cut[i] = edge[i] > 0.0 ? uniform_draw(place + (Bits)i) * smaller(edge[i], slack[i]) : 0.0;
       slack[i] -= cut[i];
     }
     for (Int i = 0; i < e; i++) {
       double room = larger(pair_slack[i], pair_slack[e + i]);
-      pair_cut[i] = pair_edge[i] > 0.0 ? draw(place + (Bits)(NEAREST + i)) * smaller(pair_edge[i], room) : 0.0;
+      pair_cut[i] = pair_edge[i] > 0.0 ? uniform_draw(place + (Bits)(NEAREST + i)) * smaller(pair_edge[i], room) : 0.0;
       pair_slack[i] -= pair_cut[i];
       pair_slack[e + i] -= pair_cut[i];
     }
@@ -154,7 +145,7 @@ Int tacstrip_hit_and_run(const double *a, const double *b, const double *edges, 
       double high, low;
       reach_of_rows(row, slack, n, &high, &low);
       reach_of_pairs(pair, pair_slack, e, &high, &low);
-      double step = low + (high - low) * draw(place + (Bits)(NEAREST + NEAREST_PAIRS + j));
+      double step = low + (high - low) * uniform_draw(place + (Bits)(NEAREST + NEAREST_PAIRS + j));
       z[j] += step;
       advance(slack, row, step, n);
       advance(pair_slack, pair, step, 2 * e);

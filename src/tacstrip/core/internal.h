@@ -30,6 +30,8 @@ static inline double magnitude(double v) { return v < 0.0 ? -v : v; }
 static inline double clip(double v, double low, double high) { return smaller(larger(v, low), high); }
 
 /* mathematics.c */
+HIDDEN double exponential(double x);        /* |x| < 700 */
+HIDDEN double uniform_draw(unsigned long long place); /* a place in the one sequence of numbers from 0 to 1 */
 HIDDEN double natural_log(double x);        /* x > 0 */
 HIDDEN double hyperbolic_tangent(double x); /* any x */
 

@@ -9,8 +9,8 @@ typedef union {
 
 static const double LN2_HIGH = 6.93147180369123816490e-01, LN2_LOW = 1.90821492927058770002e-10;
 
-/* |x| < 700. x = k ln 2 + r, |r| <= ln 2 / 2; e^r by its series, from r^13 / 13! down. */
-static double exponential(double x) {
+/* x = k ln 2 + r, |r| <= ln 2 / 2; e^r by its series, from r^13 / 13! down. */
+double exponential(double x) {
   static const double series[] = {
       1.6059043836821613e-10, 2.08767569878681e-09,   2.505210838544172e-08, 2.755731922398589e-07, 2.7557319223985893e-06,
       2.48015873015873e-05,   0.0001984126984126984,  0.001388888888888889,  0.008333333333333333,  0.041666666666666664,
@@ -36,6 +36,8 @@ double hyperbolic_tangent(double x) {
 
 /* x = 2^k m with m about 1; log m = 2 artanh f, f = (m - 1) / (m + 1). */
 double natural_log(double x) {
+  static const double series[] = {1.0 / 23.0, 1.0 / 21.0, 1.0 / 19.0, 1.0 / 17.0, 1.0 / 15.0, 1.0 / 13.0,
+                                  1.0 / 11.0, 1.0 / 9.0,  1.0 / 7.0,  1.0 / 5.0,  1.0 / 3.0,  1.0};
   Word word;
   word.value = x;
   Int k = (word.bits >> 52) - 1023;
@@ -43,6 +45,15 @@ double natural_log(double x) {
   double m = word.value;
   if (m > 1.4142135623730951) { m *= 0.5; k++; }
   double f = (m - 1.0) / (m + 1.0), z = f * f, sum = 0.0;
-  for (int i = 23; i > 0; i -= 2) sum = sum * z + 1.0 / (double)i;
+  for (int i = 0; i < 12; i++) sum = sum * z + series[i];
   return (double)k * LN2_HIGH + (2.0 * f * sum + (double)k * LN2_LOW);
+}
+
+/* splitmix64 */
+double uniform_draw(unsigned long long place) {
+  unsigned long long bits = (place + 1) * 0x9E3779B97F4A7C15ULL;
+  bits = (bits ^ (bits >> 30)) * 0xBF58476D1CE4E5B9ULL;
+  bits = (bits ^ (bits >> 27)) * 0x94D049BB133111EBULL;
+  bits ^= bits >> 31;
+  return (double)(Int)(bits >> 11) * (1.0 / 9007199254740992.0);
 }
