@@ -37,7 +37,7 @@ class Press:
     sigma: float  # of the white noise [Vref]
 
     def scans(self, low: Array, high: Array, count: int, random: np.random.Generator) -> Array:
-        """Return `count` scans (count, names, strips) of contacts from `low` to `high` [mm], clipped to 0..1."""
+        """Return `count` scans (count, names, strips) of contacts from `low` to `high` [mm], digitised."""
         level = KINDS.index(self.kind)
         if level >= 2:
             low, high = (y + self._edge(random) for y in (low, high))
@@ -49,7 +49,7 @@ class Press:
             error += _OWN * _flicker(shape, random) + _COMMON * _flicker((*shape[:2], 1), random)
         if level >= 3:
             error += _OFFSET * random.normal(size=(1, shape[1], 1))
-        return np.clip(self.unit.read(low, high) + self.sigma * error, 0.0, 1.0)
+        return self.unit.digitised(self.unit.read(low, high) + self.sigma * error)
 
     def _edge(self, random: np.random.Generator) -> Array:
         new = random.normal(0.0, np.sqrt(1.0 - _NEIGHBOUR**2), self.unit.strips)

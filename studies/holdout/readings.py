@@ -68,11 +68,13 @@ class Unit:
         return np.stack([(low + under if name == "kh" else low) / whole for name in self.names])
 
     def scan(self, read: Array) -> ts.Scan:
-        """Return readings (names, strips) as a scan: digitised, and clipped as a converter clips."""
+        """Return readings (names, strips) as a scan, digitised."""
+        return ts.Scan(**dict(zip(self.names, self.digitised(read), strict=True)))
+
+    def digitised(self, read: Array) -> Array:
+        """Return readings of any shape as the converter gives them: clipped to 0..1 and rounded to its steps."""
         read = np.clip(read, 0.0, 1.0)
-        if self.bits is not None:
-            read = np.round(read * (2**self.bits - 1)) / (2**self.bits - 1)
-        return ts.Scan(**dict(zip(self.names, read, strict=True)))
+        return read if self.bits is None else np.round(read * (2**self.bits - 1)) / (2**self.bits - 1)
 
     def sigma(self, half_width: float) -> float:
         """Return the standard deviation of errors of this half-width and of the converter's step [Vref]."""

@@ -6,6 +6,7 @@ import argparse
 import re
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from functools import partial
 from typing import Any, TypeAlias
 
@@ -156,9 +157,10 @@ def score_material(seed: int, mode: str, number: int) -> list[Row]:
     outline = 0.1 * size + 0.8 * size * outline / np.ptp(outline, axis=0)
     still = press.scans(*case.unit.touched([outline]), _SCANS, random)
     noise = (LEARN or white_only)(case.unit.sensor, [case.unit.scan(s) for s in still])
+    exact = replace(case.unit, bits=None)  # a mean lies between the converter's steps
     scans, rows = press.scans(case.low, case.high, max(_MEANS), random), []
     for count in _MEANS:
-        scan = case.unit.scan(scans[:count].mean(axis=0))
+        scan = exact.scan(scans[:count].mean(axis=0))
         result = fit(case.unit, scan, (AVERAGED or white_mean)(noise, count), **MODES[mode])
         rows.append(judged(case, result) | held(case, result) | {"kind": press.kind, "scans": count})
     return rows
