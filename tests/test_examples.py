@@ -15,7 +15,7 @@ WITH_EXAMPLES = sorted(
     for file in ROOT.rglob("*.py")
     if ">>> " in file.read_text("utf-8")
 )
-CALLED = [n for n in tacstrip.__all__ if not (n.startswith("__") or n.endswith("Error"))]
+CALLED = [n for n in dir(tacstrip) if not (n.startswith("__") or n.endswith("Error"))]
 
 
 @pytest.mark.parametrize("module", WITH_EXAMPLES)
