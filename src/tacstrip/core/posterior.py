@@ -161,7 +161,8 @@ def outline_ends(outlines: npt.NDArray[np.void], x: FloatArray) -> FloatArray:
     core = exported("outline_ends")
     found = np.zeros((len(outlines), 2, len(x)))
     if core is not None:
-        core(at(np.ascontiguousarray(outlines)), len(outlines), at(x), len(x), at(found))
+        outlines, x = np.ascontiguousarray(outlines), np.ascontiguousarray(x)
+        core(at(outlines), len(outlines), at(x), len(x), at(found))
         return found
     for ends, outline in zip(found, outlines, strict=True):
         for row, chain in zip(ends, chains(outline), strict=True):

@@ -20,6 +20,7 @@ from tacstrip.errors import OptionError
 from tacstrip.reconstruction.cramer_rao import reading_sigma
 from tacstrip.reconstruction.polygon.objects import FittedContact, reconstruct_object
 from tacstrip.reconstruction.polygon.run import fit_run, should_merge
+from tacstrip.reconstruction.posterior.assessment import Effort, check_effort
 from tacstrip.reconstruction.result import Reconstruction
 from tacstrip.reconstruction.strip_width import PARTIAL_STRIPS, end_margin_mm, remove_width_effect
 from tacstrip.reconstruction.untouched import doubt_untouched
@@ -29,6 +30,7 @@ from tacstrip.sensor.spec import Sensor
 
 _BRIDGED = 3  # strips that may be missing inside a contact
 _ROUNDS = 2  # of taking away what the strips' width adds
+_ABOUT = 0.2  # of an area that is given without its standard deviation
 _SPARE = 8  # strips: of fewer none is left out
 
 
@@ -42,6 +44,8 @@ def fit_polygon(
     bounded: bool = True,
     vertices: int | None = None,
     wide: bool = False,
+    assessment: Effort = "thorough",
+    area_mm2: float | tuple[float, float] | None = None,
 ) -> Reconstruction:
     """Recover a polygon from each contact by least squares over all strips and all signatures of the scan.
 
@@ -64,6 +68,12 @@ def fit_polygon(
     wide
         Whether strips are read as wide as the spec's `strip_width` says, as those of a real sensor are, or at their
         centre lines, as the closed forms of `simulate` have it. Takes three times as long.
+    assessment
+        How sure the shape is, found by drawing other outlines that explain the readings: "thorough" (.1 s where it is
+        not plain), "fast" (10 ms; with one signature "likely" is the best status), or "none" ("likely" at best).
+    area_mm2
+        Area of each contact, where that is known: to within 20 %, or with its standard deviation. It tells much of what
+        one signature leaves open.
 
     Returns
     -------
@@ -89,6 +99,8 @@ def fit_polygon(
     """
     scan.check(sensor)
     check_closed_form(sensor.kind, "fit_polygon")
+    check_effort(assessment)
+    area = _known_area(area_mm2)
     if vertices is not None and not 3 <= vertices <= MAX_VERTICES + 2:
         raise OptionError(
             f"vertices = {vertices}: a polygon has 3 or more, and here {MAX_VERTICES + 2} at most"
@@ -96,7 +108,7 @@ def fit_polygon(
     result = Reconstruction(
         "polygon",
         tuple(
-            reconstruct_object(scan, sensor, c, noise, bounded and _has_bound(noise))
+            reconstruct_object(scan, sensor, c, noise, bounded and _has_bound(noise), assessment, area)
             for c in _contacts(scan, sensor, noise, max_vertices, vertices, wide)
         ),
         scan.time_s,
@@ -106,9 +118,14 @@ def fit_polygon(
 
 @takes(scans=(Scan,), sensor=Sensor, noise=Noise)
 def fit_polygons(
-    scans: Sequence[Scan], sensor: Sensor, noise: Noise | None = None, *, workers: int = 1
+    scans: Sequence[Scan],
+    sensor: Sensor,
+    noise: Noise | None = None,
+    *,
+    workers: int = 1,
+    assessment: Effort = "fast",
 ) -> list[Reconstruction]:
-    """Fit many scans; arguments and errors as for `fit_polygon` by default.
+    """Fit many scans; arguments and errors as for `fit_polygon` by default, but for a fast assessment.
 
     `workers` threads share the interpreter outside the compiled core: two take 0.9 of one's time on 1000 strips,
     and 1.4 times as long on 100.
@@ -123,7 +140,7 @@ def fit_polygons(
     >>> [found.status for found in ts.fit_polygons(scans, sensor, noise)]
     ['ok', 'ok', 'ok']
     """
-    fit = partial(fit_polygon, sensor=sensor, noise=noise)
+    fit = partial(fit_polygon, sensor=sensor, noise=noise, assessment=assessment)
     if workers == 1 or len(scans) < 2:
         return [fit(scan) for scan in scans]
     with ThreadPoolExecutor(workers) as threads:
@@ -179,6 +196,18 @@ def _contacts(
                 found.pop()
         found.append(contact)
     return found
+
+
+def _known_area(area_mm2: float | tuple[float, float] | None) -> tuple[float, float] | None:
+    """Return the area's mean and standard deviation [mm^2]."""
+    if area_mm2 is None:
+        return None
+    mean, sigma = area_mm2 if isinstance(area_mm2, tuple) else (area_mm2, _ABOUT * area_mm2)
+    if not (0.0 < mean < np.inf and 0.0 < sigma < np.inf):
+        raise OptionError(
+            f"area_mm2 = {area_mm2}: a positive number, or two, the area and its standard deviation"
+        )
+    return float(mean), float(sigma)
 
 
 def _sigma(noise: Noise | None, sensor: Sensor) -> float | None:

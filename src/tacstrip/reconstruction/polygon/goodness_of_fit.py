@@ -1,4 +1,4 @@
-"""Does the outline explain the readings, and do they determine it? Status and advice in words."""
+"""Does the outline explain the readings, and do they determine it? Advice in words."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from tacstrip.arrays import FloatArray
 from tacstrip.core.polygon_fit import PolygonFit
 from tacstrip.geometry.outline import Outline
 from tacstrip.reconstruction.polygon.run import RunFit
-from tacstrip.reconstruction.result import Status
 
 _ALARM = 3.5  # standard deviations of a test's statistic
 _LOOSE = 0.2  # of the contact's width: a vertex less certain in x is hardly one
@@ -54,10 +53,8 @@ def explains(run: RunFit, distribution: str, outline: Outline) -> bool:
     )
 
 
-def judge(
-    run: RunFit, distribution: str | None, vertices: FloatArray, covariance: FloatArray
-) -> tuple[Status, str]:
-    """Return a status and advice for a run's outline.
+def misfit(run: RunFit, distribution: str | None) -> str:
+    """Return advice where the outline does not explain the readings, else nothing.
 
     Parameters
     ----------
@@ -65,38 +62,39 @@ def judge(
         What was fitted to what.
     distribution
         Of the noise, "uniform" or "normal"; None where its level was not known.
-    vertices, covariance
-        Of the outline, counter-clockwise (V, 2) [mm], (2 V, 2 V) [mm^2].
     """
     freedom = run.freedom
     if distribution is not None and chi_square_score(run.residuals, freedom, distribution) > _ALARM:
         times = math.sqrt(float((run.residuals**2).sum()) / freedom)
-        return "doubtful", (
+        return (
             f"the readings are {times:.3g} times as far from the best outline as the noise explains: the contact "
             "may be concave or two objects on the same strips, or the noise larger than given"
         )
     if autocorrelation_score(run.residuals, run.problem.readings) > _ALARM:
-        return "doubtful", (
+        return (
             "what the best outline leaves over hangs together from strip to strip: the contact may be concave, "
             "curved, or two objects on the same strips"
         )
+    return ""
+
+
+def weakness(run: RunFit, vertices: FloatArray, covariance: FloatArray) -> str:
+    """Return advice on what the readings leave open of an outline, else nothing.
+
+    Parameters
+    ----------
+    run
+        What was fitted to what.
+    vertices, covariance
+        Of the outline, counter-clockwise (V, 2) [mm], (2 V, 2 V) [mm^2].
+    """
     if not isinstance(run.model, PolygonFit):
-        return (
-            "ok",
-            "this contact looks round: the outline is the ellipse that explains the readings better than corners",
-        )
-    return _polygon(run, vertices, covariance)
-
-
-def _polygon(run: RunFit, vertices: FloatArray, covariance: FloatArray) -> tuple[Status, str]:
+        return "this contact looks round: the outline is the ellipse that explains the readings better than corners"
     selection = run.selection
     if run.ellipse_advantage > _RIVAL:
-        return (
-            "doubtful",
-            "this contact looks round: an ellipse fits as well; take the outline, not the vertices",
-        )
+        return "this contact looks round: an ellipse fits as well; take the outline, not the vertices"
     if selection is not None and selection.equal >= _EQUAL:
-        return "doubtful", (
+        return (
             f"{selection.equal} vertex counts fit equally well: the contact is round, or say what is known, the noise "
             "or the number of vertices; take the outline, not the vertices"
         )
@@ -107,25 +105,22 @@ def _polygon(run: RunFit, vertices: FloatArray, covariance: FloatArray) -> tuple
             "average more scans" if len(run.problem.k) > 1 else "average more scans, or use both signatures"
         )
         if x_sigma[at] > run.problem.width_mm:
-            return "doubtful", (
+            return (
                 f"the readings do not tell where along its edges the vertex {_where(vertices[at])} lies; is it one? "
                 f"Else {more}"
             )
-        return (
-            "doubtful",
-            f"the vertex {_where(vertices[at])} is uncertain by {x_sigma[at]:.3g} mm in x; {more}",
-        )
+        return f"the vertex {_where(vertices[at])} is uncertain by {x_sigma[at]:.3g} mm in x; {more}"
     if len(run.problem.k) == 1 and (pair := _opposite(vertices, covariance)) is not None:
-        return "doubtful", (
+        return (
             f"the corners {_where(vertices[pair[0]])} and y = {vertices[pair[1], 1]:.6g} mm hardly differ in x: their "
             "kinks hide each other, and both heights may be wrong; turn the object a little, or use both signatures"
         )
     if len(run.problem.k) == 1 and (inward := _reflex(vertices, covariance)) is not None:
-        return "doubtful", (
+        return (
             f"the corner {_where(vertices[inward])} turns inwards, which one signature cannot tell from other shapes; "
             "use both signatures"
         )
-    return "ok", ""
+    return ""
 
 
 def _where(vertex: FloatArray) -> str:

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import Noise
+from tacstrip.core.outline_model import OutlineModel
 from tacstrip.core.polygon_fit import PolygonFit
 from tacstrip.core.search import fit_counts
 from tacstrip.geometry.outline import Outline, max_height
 from tacstrip.reconstruction.contact_ends import closed_ends
-from tacstrip.reconstruction.polygon.goodness_of_fit import explains, judge
+from tacstrip.reconstruction.polygon.goodness_of_fit import explains, misfit, weakness
 from tacstrip.reconstruction.polygon.run import RunFit
+from tacstrip.reconstruction.posterior.assessment import ENOUGH, PROMISED_IOU, Assessment, Effort, assess
 from tacstrip.reconstruction.result import Profile, RecoveredObject, Status
 from tacstrip.reconstruction.set_membership.edge_lines import ReadingBounds
 from tacstrip.reconstruction.set_membership.estimate import Bounded, fewest
@@ -71,7 +73,13 @@ class FittedContact:
 
 
 def reconstruct_object(
-    scan: Scan, sensor: Sensor, contact: FittedContact, noise: Noise | None, bounded: bool
+    scan: Scan,
+    sensor: Sensor,
+    contact: FittedContact,
+    noise: Noise | None,
+    bounded: bool,
+    effort: Effort = "none",
+    area_mm2: tuple[float, float] | None = None,
 ) -> RecoveredObject:
     """Return the object that a contact's fit stands for.
 
@@ -83,6 +91,10 @@ def reconstruct_object(
         One contact's strips and fits.
     noise, bounded
         The readings' errors if known, and whether to use that they have a bound.
+    effort
+        Of assessing how sure the shape is.
+    area_mm2
+        Mean and standard deviation of the contact's area, where that is known.
     """
     strips, run = contact.strips, contact.run
     notes = _notes(scan, sensor, contact)
@@ -92,14 +104,11 @@ def reconstruct_object(
         raw = _raw_profile(scan, sensor, strips)
         return RecoveredObject(strips, profile=raw, status="too few strips", advice="; ".join([few, *notes]))
     distribution = None if noise is None else noise.distribution
-    if run.model is not None and not isinstance(run.model, PolygonFit):
-        outline = Outline(*run.model.chains_mm(run.problem))
-        covariance = run.model.covariance(run.problem, sensor)
-        status, advice = judge(run, distribution, outline.vertices, covariance)
-        found = _found(strips, x, outline, covariance, status, [advice, *notes])
-        return replace(found, model=type(run.model))
     fit, faint = _chosen(run, noise is not None)
-    lower, upper = fit.chains_mm(run.problem)
+    model: OutlineModel = fit
+    if run.model is not None and not isinstance(run.model, PolygonFit):
+        model, faint = run.model, False
+    lower, upper = model.chains_mm(run.problem)
     if max_height(lower, upper) <= _THIN * sensor.length_mm:
         line = "neither a corner nor a width could be distinguished from noise: a line, given as its profile"
         profile = (x, np.interp(x, *lower.T), np.interp(x, *upper.T))
@@ -107,47 +116,76 @@ def reconstruct_object(
             strips, profile=profile, status="too few transitions", advice="; ".join([line, *notes])
         )
     outline = Outline(lower, upper)
-    covariance = fit.covariance(run.problem, sensor)
-    guarantee, empty = None, False
-    if noise is not None and bounded and not faint:
-        refined = _refined(scan, sensor, contact, noise)
-        empty = refined is None
-        options = [] if refined is None else [refined, refined.of_least_squares()]
-        y = outline.vertices[:, 1] / sensor.length_mm
-        if y.min() <= _THIN or y.max() >= 1.0 - _THIN:
-            del options[:1]  # held to the strips, the mean lies inside of what passes over the border
-        guarantee = next(
-            (
-                o
-                for o in options
-                # Least squares has the count that its own criterion chose.
-                if (o.fallback is not None or len(o.outline.vertices) == len(outline.vertices))
-                and explains(run, noise.distribution, o.outline)
-            ),
-            None,
-        )
+    covariance = model.covariance(run.problem, sensor)
+    guarantee, wrong = None, misfit(run, distribution)
+    if noise is not None and bounded and not faint and model is fit:
+        guarantee, empty = _bounded(scan, sensor, contact, noise, outline)
         if guarantee is not None:
             outline, covariance = guarantee.outline, guarantee.region_covariance
-    status, advice = judge(run, distribution, outline.vertices, covariance)
-    if contact.known_count is not None and fit.n_vertices < contact.known_count and status == "ok":
-        status, advice = (
-            "doubtful",
-            f"the readings hold {fit.n_vertices} vertices, not the {contact.known_count} that were given",
+        if empty:
+            wrong = wrong or _EMPTY
+    if contact.known_count is not None and fit.n_vertices < contact.known_count:
+        wrong = (
+            wrong
+            or f"the readings hold {fit.n_vertices} vertices, not the {contact.known_count} that were given"
         )
-    if faint:
-        status, advice = "doubtful", _FAINT
-    if empty and status == "ok":
-        status, advice = "doubtful", _EMPTY
-    found = _found(strips, x, outline, covariance, status, [advice, *notes])
-    return replace(found, guarantee=guarantee, uniform=_upright(outline, covariance, sensor))
-
-
-def _found(
-    strips: slice, x: FloatArray, outline: Outline, covariance: FloatArray, status: Status, words: list[str]
-) -> RecoveredObject:
+    told = assess(run, sensor, outline, covariance, noise is not None, effort, area_mm2)
+    if told.better is not None and contact.known_count is None:
+        model, guarantee, faint = told.better, None, False
+        outline, covariance = Outline(*model.chains_mm(run.problem)), model.covariance(run.problem, sensor)
+    weak = _FAINT if faint else weakness(run, outline.vertices, covariance)
+    status, advice = _verdict(wrong, weak, told, effort, len(run.problem.k))
     profile = (x, np.interp(x, *outline.lower.T), np.interp(x, *outline.upper.T))
-    advice = "; ".join(w for w in words if w)
-    return RecoveredObject(strips, outline.vertices, profile, covariance, status, advice)
+    return RecoveredObject(
+        strips,
+        outline.vertices,
+        profile,
+        covariance,
+        status,
+        "; ".join(filter(None, [*advice, *notes])),
+        guarantee=guarantee,
+        uniform=_upright(outline, covariance, sensor) if isinstance(model, PolygonFit) else (),
+        model=None if isinstance(model, PolygonFit) else type(model),
+        confidence=told.confidence,
+        alternatives=told.alternatives,
+    )
+
+
+def _verdict(
+    wrong: str, weak: str, told: Assessment, effort: Effort, signatures: int
+) -> tuple[Status, list[str]]:
+    """Return the status, and advice: what the outline does not explain, what is left open, how sure it is."""
+    if wrong:
+        return "doubtful", [wrong]
+    if told.confidence is None:
+        why = "" if effort == "none" else "how sure this is was not assessed: the compiled core is missing"
+        return ("doubtful" if weak else "likely"), [weak, why]
+    if told.confidence >= ENOUGH:
+        return ("likely" if effort == "fast" and signatures == 1 else "ok"), [weak]
+    more = "average scans, or use finer strips" if signatures > 1 else "use both signatures, average scans"
+    sure = (
+        f"with a probability of {told.confidence:.2f} only it overlaps the true outline by an IoU of "
+        f"{PROMISED_IOU} or more, for others explain the readings too: {more}, or give the contact's area"
+    )
+    return "doubtful", [sure, weak]
+
+
+def _bounded(
+    scan: Scan, sensor: Sensor, contact: FittedContact, noise: Noise, outline: Outline
+) -> tuple[Bounded | None, bool]:
+    """Return what the noise's bound leaves of the fits where the readings agree, and whether it leaves nothing."""
+    refined = _refined(scan, sensor, contact, noise)
+    options = [] if refined is None else [refined, refined.of_least_squares()]
+    y = outline.vertices[:, 1] / sensor.length_mm
+    if y.min() <= _THIN or y.max() >= 1.0 - _THIN:
+        del options[:1]  # held to the strips, the mean lies inside of what passes over the border
+    for option in options:
+        # Least squares has the count that its own criterion chose.
+        if option.fallback is None and len(option.outline.vertices) != len(outline.vertices):
+            continue
+        if explains(contact.run, noise.distribution, option.outline):
+            return option, False
+    return None, refined is None
 
 
 def _upright(outline: Outline, covariance: FloatArray, sensor: Sensor) -> tuple[int, ...]:

@@ -1,0 +1,125 @@
+"""How sure a shape is, what else it may be, and whether an outline drawn is the better estimate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, TypeAlias, get_args
+
+import numpy as np
+
+from tacstrip.arrays import FloatArray
+from tacstrip.core.outline_model import OutlineModel
+from tacstrip.errors import OptionError, one_of
+from tacstrip.geometry.outline import Outline
+from tacstrip.reconstruction.polygon.run import RunFit
+from tacstrip.reconstruction.posterior.draws import Draws, column_ends, columns, draw, iou
+from tacstrip.reconstruction.result import Alternative
+from tacstrip.sensor.spec import Sensor
+
+Effort: TypeAlias = Literal["thorough", "fast", "none"]
+
+PROMISED_IOU = 0.8  # of an outline that is "ok" with the true one
+ENOUGH = 0.75  # confidence of the least certain "ok": all of them together are right in 95 of 100 cases
+_EVALUATIONS = {"thorough": 200_000, "fast": 10_000}
+_KEPT = {"thorough": 240, "fast": 100}
+_LIGHTEST, _MOST = 0.05, 4  # weight of an alternative, and how many are told
+_FIRM, _SURE = (
+    0.9,
+    0.995,
+)  # IoU of nearly all outlines that the covariance allows: nothing to sample, and what it is worth
+_NORMAL_DRAWS, _STRIPS = 64, 12
+
+
+@dataclass(frozen=True, eq=False)
+class Assessment:
+    """What outlines that explain the readings say of an estimate.
+
+    Attributes
+    ----------
+    confidence
+        Probability that the estimate overlaps the true outline by `PROMISED_IOU` or more; None: not assessed.
+    alternatives
+        Other outlines, the likeliest first.
+    better
+        An outline that overlaps what the true one may be better than the estimate does; then `confidence` is its.
+    """
+
+    confidence: float | None = None
+    alternatives: tuple[Alternative, ...] = ()
+    better: OutlineModel | None = None
+
+
+def check_effort(assessment: str) -> None:
+    """Refuse an unknown effort: `OptionError`."""
+    if assessment not in get_args(Effort):
+        raise OptionError(one_of("assessment", assessment, get_args(Effort)))
+
+
+def assess(
+    run: RunFit,
+    sensor: Sensor,
+    outline: Outline,
+    covariance: FloatArray,
+    sigma_known: bool,
+    effort: Effort,
+    area_mm2: tuple[float, float] | None = None,
+) -> Assessment:
+    """Compare an estimate with outlines drawn from the posterior.
+
+    Parameters
+    ----------
+    run, sensor
+        The fit, of what.
+    outline, covariance
+        The estimate [mm], and the covariance of its vertices [mm^2].
+    sigma_known
+        Whether the readings' sigma was given.
+    effort
+        "thorough", "fast", or "none": not at all.
+    area_mm2
+        Mean and standard deviation of the contact's area, where that is known.
+    """
+    if effort == "none":
+        return Assessment()
+    if len(run.problem.k) > 1 and area_mm2 is None and _firm(run, outline, covariance):
+        return Assessment(_SURE)
+    drawn = draw(run, sensor, sigma_known, _EVALUATIONS[effort], _KEPT[effort], area_mm2)
+    if drawn is None:
+        return Assessment()
+    own = drawn.overlap(drawn.ends_of(outline.lower, outline.upper)) >= PROMISED_IOU
+    confidence, better = float(own @ drawn.weight), None
+    every = iou(drawn.ends[:, None], drawn.ends[None])
+    if confidence < ENOUGH and len(run.problem.k) == 1:
+        best = int(np.argmax(every @ drawn.weight))
+        near = every[best] >= PROMISED_IOU
+        if near @ drawn.weight > confidence:
+            own, confidence, better = near, float(near @ drawn.weight), drawn.model(best, run.problem)
+    return Assessment(confidence, _alternatives(drawn, every >= PROMISED_IOU, own), better)
+
+
+def _alternatives(drawn: Draws, alike: np.ndarray, own: np.ndarray) -> tuple[Alternative, ...]:
+    """Return the outlines that most others are like, of those that are not like the estimate."""
+    found: list[Alternative] = []
+    left = drawn.weight * ~own
+    while len(found) < _MOST:
+        share = alike @ left
+        at = int(np.argmax(np.where(left > 0.0, share, -1.0)))
+        if share[at] < _LIGHTEST:
+            break
+        found.append(Alternative(float(share[at]), drawn.outline(at).vertices))
+        left = left * ~alike[at]
+    return tuple(found)
+
+
+def _firm(run: RunFit, outline: Outline, covariance: FloatArray) -> bool:
+    """Whether the covariance leaves hardly any other outline."""
+    if run.problem.x.size < _STRIPS or not np.isfinite(covariance).all():
+        return False
+    value, vector = np.linalg.eigh(covariance)
+    normal = np.random.default_rng(0).normal(size=(_NORMAL_DRAWS, len(value)))
+    off = (normal * np.sqrt(np.maximum(value, 0.0))) @ vector.T
+    moved = outline.vertices + off.reshape(_NORMAL_DRAWS, -1, 2)
+    at, (lower, upper) = columns(run.problem), outline.indices
+    own = column_ends(run.problem, at, outline.lower, outline.upper)
+    drawn = np.stack([column_ends(run.problem, at, v[lower], v[upper]) for v in moved])
+    return bool(np.mean(iou(drawn, own) >= _FIRM) > 0.95)

@@ -1,0 +1,268 @@
+"""Outlines drawn from the posterior of one run of strips, and how they overlap."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from tacstrip.arrays import FloatArray
+from tacstrip.core.ellipse import Ellipse
+from tacstrip.core.outline_model import OutlineModel
+from tacstrip.core.polygon_fit import PolygonFit
+from tacstrip.core.posterior import (
+    OutlinePrior,
+    Samples,
+    chains,
+    outline_ends,
+    outline_record,
+    sample_outlines,
+)
+from tacstrip.core.problem import FitProblem
+from tacstrip.geometry.outline import Outline, uncrossed
+from tacstrip.reconstruction.polygon.run import RunFit
+from tacstrip.sensor.spec import Sensor
+
+_COLUMNS = 64  # that overlaps are computed on
+_UPRIGHT, _AT_BORDER = (
+    math.log(0.25),
+    math.log(4.0),
+)  # odds of an upright end: inside, and where the sensor ends
+_REFLEX = math.log(0.02)  # of a corner that turns inwards, with two signatures
+_CEILING = 0.02 / math.sqrt(3.0)  # of sigma that is not known [Vref]
+_NO_ELLIPSE = -12.0  # of the criterion: an ellipse that is so much worse does not count
+_INSIDE = 0.98  # of its window: where an end begins
+
+
+@dataclass(frozen=True, eq=False)
+class Draws:
+    """Outlines, as often as readings and prior make them likely.
+
+    Attributes
+    ----------
+    problem
+        What x and y are in units of.
+    x
+        Middles of columns (G,).
+    ends
+        l and u there (K, 2, G), within the sensor; both 0 outside the outline.
+    weight
+        Of each outline (K,), 1 in all.
+    samples, ellipses
+        Polygons, and after them ellipses.
+    """
+
+    problem: FitProblem
+    x: FloatArray
+    ends: FloatArray
+    weight: FloatArray
+    samples: Samples
+    ellipses: tuple[Ellipse, ...] = ()
+
+    def ends_of(self, lower: FloatArray, upper: FloatArray) -> FloatArray:
+        """Return l and u (2, G) in the columns, of chains [mm]."""
+        return column_ends(self.problem, self.x, lower, upper)
+
+    def outline(self, k: int) -> Outline:
+        """Return one outline [mm], without what lies beyond the sensor."""
+        polygons, problem = len(self.samples.outlines), self.problem
+        if k >= polygons:
+            return Outline(*self.ellipses[k - polygons].chains_mm(problem))
+        scale, origin = np.array([problem.width_mm, problem.length_mm]), np.array([problem.origin_mm, 0.0])
+        lower, upper = (within_strips(c) * scale + origin for c in chains(self.samples.outlines[k]))
+        return Outline(*uncrossed(lower, upper))
+
+    def model(self, k: int, problem: FitProblem) -> OutlineModel:
+        """Return one outline as a model of all readings; of ellipses the best one."""
+        if k >= len(self.samples.outlines):
+            return self.ellipses[0]
+        return PolygonFit.of(self.outline(k), problem)
+
+    def overlap(self, ends: FloatArray) -> FloatArray:
+        """Return intersection over union (K,) of the outlines with l and u (2, G)."""
+        return iou(self.ends, ends)
+
+
+def columns(problem: FitProblem) -> FloatArray:
+    """Return the middles (G,) of columns from where the left end may lie to where the right end may."""
+    half = 0.5 * problem.pitch
+    return np.linspace(-half, 1.0 + half, 2 * _COLUMNS + 1)[1::2]
+
+
+def column_ends(problem: FitProblem, x: FloatArray, lower: FloatArray, upper: FloatArray) -> FloatArray:
+    """Return l and u (2, G) over the strip length at x (G,) of chains [mm]; both 0 outside."""
+    at = x * problem.width_mm + problem.origin_mm
+    inside = (at >= lower[0, 0]) & (at <= lower[-1, 0])
+    ends = [np.clip(np.interp(at, *c.T) / problem.length_mm, 0.0, 1.0) for c in (lower, upper)]
+    return np.where(inside, np.stack(ends), 0.0)
+
+
+def within_strips(chain: FloatArray) -> FloatArray:
+    """Return a chain (M, 2) held to y from 0 to 1, with points where it passes."""
+    x, y = chain.T
+    cut = [x]
+    for level in (0.0, 1.0):
+        a, b = y[:-1] - level, y[1:] - level
+        at = np.flatnonzero(a * b < 0.0)
+        cut.append(x[at] + (x[at + 1] - x[at]) * a[at] / (a[at] - b[at]))
+    at_x = np.unique(np.concatenate(cut))
+    return np.stack([at_x, np.clip(np.interp(at_x, x, y), 0.0, 1.0)], axis=1)
+
+
+def iou(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return intersection over union (...,) of contacts, l and u in columns (..., 2, G)."""
+    over = np.minimum(a[..., 1, :], b[..., 1, :]) - np.maximum(a[..., 0, :], b[..., 0, :])
+    both = np.maximum(over, 0.0).sum(axis=-1)
+    either = (a[..., 1, :] - a[..., 0, :]).sum(axis=-1) + (b[..., 1, :] - b[..., 0, :]).sum(axis=-1) - both
+    return np.asarray(both / np.maximum(either, 1e-12))
+
+
+def draw(
+    run: RunFit,
+    sensor: Sensor,
+    sigma_known: bool,
+    evaluations: int,
+    kept: int,
+    area_mm2: tuple[float, float] | None = None,
+    seed: int = 0,
+) -> Draws | None:
+    """Draw outlines that explain a run's readings; None without a compiled core.
+
+    Parameters
+    ----------
+    run, sensor
+        A fit, of what.
+    sigma_known
+        Whether the run's sigma was given, or estimated.
+    evaluations
+        Outlines that are tried.
+    kept
+        Outlines to return.
+    area_mm2
+        Mean and standard deviation of the contact's area, where that is known.
+    seed
+        0 or more.
+    """
+    problem = run.problem.thinned()
+    prior = _prior(run, sensor, problem, sigma_known, area_mm2)
+    heat = (1.0, 3.0, 9.0, 30.0)
+    starts = _starts(run, problem, prior)
+    samples = sample_outlines(problem, prior, starts, evaluations // len(heat), kept, seed, heat)
+    if samples is None:
+        return None
+    x = columns(problem)
+    ends = outline_ends(samples.outlines, x)
+    weight = np.full(len(ends), 1.0 / len(ends))
+    ellipses = _ellipses(run, kept // 4, seed)
+    if ellipses:
+        share = 1.0 / (1.0 + math.exp(min(-0.5 * run.ellipse_advantage, 700.0)))
+        round_ends = np.stack([column_ends(problem, x, *one.chains_mm(problem)) for one in ellipses])
+        ends = np.concatenate([ends, round_ends])
+        weight = np.concatenate([(1.0 - share) * weight, np.full(len(ellipses), share / len(ellipses))])
+    return Draws(problem, x, ends, weight, samples, ellipses)
+
+
+def _ellipses(run: RunFit, count: int, seed: int) -> tuple[Ellipse, ...]:
+    """Return ellipses as likely as the readings make them; none where they do not matter."""
+    if run.ellipse is None or run.ellipse_advantage < _NO_ELLIPSE:
+        return ()
+    random, p = np.random.default_rng(seed), run.ellipse.parameters
+    value, vector = np.linalg.eigh(run.ellipse.information)
+    off = random.normal(size=(count, 5)) / np.sqrt(np.maximum(value, 1.0)) @ vector.T
+    off[0] = 0.0
+    found = p + off
+    found[:, 4] = np.clip(found[:, 4], 0.0, 0.5)
+    return tuple(replace(run.ellipse, parameters=row) for row in found)
+
+
+def _prior(
+    run: RunFit,
+    sensor: Sensor,
+    problem: FitProblem,
+    sigma_known: bool,
+    area_mm2: tuple[float, float] | None,
+) -> OutlinePrior:
+    half = 0.5 * run.problem.pitch
+    first, last = (
+        -problem.origin_mm / problem.width_mm,
+        (sensor.width_mm - problem.origin_mm) / problem.width_mm,
+    )
+    window = (max(-half, first), half, 1.0 - half, min(1.0 + half, last))
+    upright = tuple(
+        _AT_BORDER if at_border else _UPRIGHT
+        for at_border in (window[0] > -half + 1e-9, window[3] < 1.0 + half - 1e-9)
+    )
+    low = max(sensor.adc_step / math.sqrt(12.0), 1e-5)
+    sigma = (1.0, 1.0) if sigma_known else (low / run.sigma, max(_CEILING, 2.0 * low) / run.sigma)
+    unit = problem.width_mm * problem.length_mm
+    area = (0.0, 0.0) if area_mm2 is None else (area_mm2[0] / unit, area_mm2[1] / unit)
+    return OutlinePrior(
+        window,
+        (upright[0], upright[1]),
+        -math.inf if len(problem.k) == 1 else _REFLEX,
+        sigma,
+        *area,
+    )
+
+
+def _starts(run: RunFit, problem: FitProblem, prior: OutlinePrior) -> list[npt.NDArray[np.void]]:
+    """Return outlines that the prior allows, at the fits: the chosen one, those with more vertices, with fewer."""
+    found = []
+    if run.selection is not None:
+        chosen = run.selection.chosen
+        order = sorted(
+            run.selection.fits, key=lambda f: ((f.n_interior - chosen.n_interior) % 100, f.n_interior)
+        )
+        for fit in order:
+            start = _allowed(*fit.chains, prior, problem)
+            if start is not None:
+                found.append(start)
+    return found or [_about_readings(problem, prior)]
+
+
+def _allowed(
+    lower: FloatArray, upper: FloatArray, prior: OutlinePrior, problem: FitProblem
+) -> npt.NDArray[np.void] | None:
+    """Return chains as a start, moved into the prior's windows and made convex; None where nothing is left."""
+    left = float(np.clip(lower[0, 0], *_middle(prior.window[:2])))
+    right = float(np.clip(lower[-1, 0], *_middle(prior.window[2:])))
+    made = []
+    for chain, side in ((lower, 1.0), (upper, -1.0)):
+        inner = chain[1:-1][(chain[1:-1, 0] > left + 1e-6) & (chain[1:-1, 0] < right - 1e-6)]
+        inner = inner[np.diff(inner[:, 0], prepend=-1.0) > 1e-6]
+        points = np.concatenate([[(left, chain[0, 1])], inner, [(right, chain[-1, 1])]])
+        points[:, 1] = np.clip(points[:, 1], -0.05, 1.05)
+        made.append(_convex(points, side) if prior.reflex == -math.inf else points)
+    for end in (0, -1):
+        if made[1][end, 1] < made[0][end, 1]:
+            made[1][end, 1] = made[0][end, 1] = 0.5 * (made[1][end, 1] + made[0][end, 1])
+    few = len(made[0]) + len(made[1]) == 4 and all(made[0][end, 1] == made[1][end, 1] for end in (0, -1))
+    x = np.unique(np.concatenate([made[0][:, 0], made[1][:, 0], problem.x]))
+    room = np.interp(x, *made[1].T) - np.interp(x, *made[0].T)
+    if few or room.min() < -1e-12 or max(map(len, made)) > 15:
+        return None
+    return outline_record(made[0], made[1])
+
+
+def _middle(window: tuple[float, ...]) -> tuple[float, float]:
+    centre, half = 0.5 * (window[0] + window[1]), 0.5 * (window[1] - window[0])
+    return centre - _INSIDE * half, centre + _INSIDE * half
+
+
+def _convex(points: FloatArray, side: float) -> FloatArray:
+    """Return the lower (side 1) or upper (-1) hull of points ascending in x."""
+    kept: list[FloatArray] = []
+    for p in points:
+        while len(kept) > 1 and side * np.cross(kept[-1] - kept[-2], p - kept[-2]) <= 0.0:
+            kept.pop()
+        kept.append(p)
+    return np.array(kept)
+
+
+def _about_readings(problem: FitProblem, prior: OutlinePrior) -> npt.NDArray[np.void]:
+    """Return a thin outline with upright ends along the readings."""
+    (left, right), k = (sum(prior.window[i : i + 2]) / 2.0 for i in (0, 2)), np.clip(problem.k[0], 0.02, 0.98)
+    lower = np.array([(left, k[0] - 0.01), (right, k[-1] - 0.01)])
+    return outline_record(lower, lower + np.array([0.0, 0.02]))
