@@ -1,6 +1,6 @@
 """Contacts of twelve kinds, on sensors of any number of strips: what estimates and their confidence are tuned on.
 
-Drawn apart from the package's models: outlines are Shapely polygons, scaled to the sensor and put on it or over a border.
+Drawn apart from the package: outlines are Shapely polygons, scaled to the sensor and put on it or over a border.
 """
 
 from __future__ import annotations
