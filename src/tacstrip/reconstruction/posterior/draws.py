@@ -9,9 +9,11 @@ import numpy as np
 import numpy.typing as npt
 
 from tacstrip.arrays import FloatArray
+from tacstrip.core.binding import END_ENTRIES
 from tacstrip.core.ellipse import Ellipse
 from tacstrip.core.outline_model import OutlineModel
-from tacstrip.core.polygon_fit import PolygonFit
+from tacstrip.core.model_selection import per_vertex_penalty
+from tacstrip.core.polygon_fit import PolygonFit, refine
 from tacstrip.core.posterior import (
     OutlinePrior,
     Samples,
@@ -33,6 +35,8 @@ _UPRIGHT, _AT_BORDER = (
 _REFLEX = math.log(0.02)  # of a corner that turns inwards, with two signatures
 _CEILING = 0.02 / math.sqrt(3.0)  # of sigma that is not known [Vref]
 _NO_ELLIPSE = -12.0  # of the criterion: an ellipse that is so much worse does not count
+_OPENED = 0.1  # how far pointed ends are opened along the family of outlines that read alike
+_END_KINDS = ((0, 0), (0, 1), (1, 0), (1, 1))  # which ends are upright
 _INSIDE = 0.98  # of its window: where an end begins
 
 
@@ -208,18 +212,45 @@ def _prior(
 
 
 def _starts(run: RunFit, problem: FitProblem, prior: OutlinePrior) -> list[npt.NDArray[np.void]]:
-    """Return outlines that the prior allows, at the fits: the chosen one, those with more vertices, with fewer."""
-    found = []
-    if run.selection is not None:
-        chosen = run.selection.chosen
-        order = sorted(
-            run.selection.fits, key=lambda f: ((f.n_interior - chosen.n_interior) % 100, f.n_interior)
-        )
-        for fit in order:
-            start = _allowed(*fit.chains, prior, problem)
+    """Return outlines that the prior allows, the best first, no two of the same kind of ends while there are others."""
+    if run.selection is None:
+        return [_about_readings(problem, prior)]
+    price = per_vertex_penalty(problem.readings)
+    found: list[tuple[float, tuple[int, int], npt.NDArray[np.void]]] = []
+    for fit in run.selection.fits:
+        for ends in _END_KINDS if len(problem.k) == 1 else (None,):
+            one = fit if ends is None else _with_ends(fit, ends, problem)
+            start = _allowed(*one.chains, prior, problem)
             if start is not None:
-                found.append(start)
-    return found or [_about_readings(problem, prior)]
+                kind = (int(one.vertical_ends[0]), int(one.vertical_ends[1]))
+                odds = 2.0 * sum(o for o, up in zip(prior.upright, kind, strict=True) if up)
+                found.append(
+                    (one.cost + price * one.n_interior + 0.5 * price * sum(kind) - odds, kind, start)
+                )
+    if not found:
+        return [_about_readings(problem, prior)]
+    found.sort(key=lambda s: s[0])
+    first = [next(s for s in found if s[1] == kind) for kind in dict.fromkeys(s[1] for s in found)]
+    return [s[2] for s in (*first, *(s for s in found if s not in first))]
+
+
+def _with_ends(fit: PolygonFit, ends: tuple[int, int], problem: FitProblem) -> PolygonFit:
+    """Return the least-squares fit with upright ends that begins where the readings are those of `fit`."""
+    if not any(ends):
+        return refine(fit, problem)
+    theta, upper = (
+        fit.theta.copy(),
+        np.concatenate([[False, False, True, False, False, True], np.repeat(fit.chain == 1, 2)]),
+    )
+    heights = np.ones(len(theta), dtype=bool)
+    heights[[0, 3]] = heights[END_ENTRIES::2] = False
+    share, narrow = float(problem.shares[0]), problem.narrow
+    theta[heights & ~upper] -= _OPENED * (share / narrow + theta[heights & ~upper])
+    theta[heights & upper] += _OPENED * ((1.0 - share) / narrow - theta[heights & upper])
+    for end, up in enumerate(ends):
+        if not up:
+            theta[3 * end + 1 : 3 * end + 3] = theta[3 * end + 1 : 3 * end + 3].mean()
+    return refine(PolygonFit(theta, fit.chain, np.array(ends, dtype=np.int64), np.inf), problem)
 
 
 def _allowed(
@@ -255,7 +286,10 @@ def _convex(points: FloatArray, side: float) -> FloatArray:
     """Return the lower (side 1) or upper (-1) hull of points ascending in x."""
     kept: list[FloatArray] = []
     for p in points:
-        while len(kept) > 1 and side * np.cross(kept[-1] - kept[-2], p - kept[-2]) <= 0.0:
+        while len(kept) > 1:
+            (ax, ay), (bx, by) = kept[-1] - kept[-2], p - kept[-2]
+            if side * (ax * by - ay * bx) > 0.0:
+                break
             kept.pop()
         kept.append(p)
     return np.array(kept)
