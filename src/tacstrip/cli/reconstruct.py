@@ -45,6 +45,17 @@ _MOST_LINES = 20
 @click.option(
     "--wide", is_flag=True, help="For polygon: strips as wide as the spec says, as in measured readings."
 )
+@click.option(
+    "--assessment",
+    default="thorough",
+    show_default=True,
+    help="For polygon, of how sure a shape is: thorough, fast or none.",
+)
+@click.option(
+    "--area",
+    metavar="MM2[,SIGMA]",
+    help="For polygon: area of each contact if known, to 20 % or SIGMA [mm2].",
+)
 @click.option("--transitions", default="auto", show_default=True, metavar="RULE|X,X,..",
               help="For vertex: auto, gradient, or the x of all vertices [mm].")  # fmt: skip
 @click.option("--convex", is_flag=True, help="For profile of CRS-CRP: every contact is convex.")
@@ -66,6 +77,8 @@ def command(
     distribution: str,
     vertices: int | None,
     wide: bool,
+    assessment: str,
+    area: str | None,
     transitions: str,
     convex: bool,
     reading: str,
@@ -105,6 +118,8 @@ def command(
         raise OptionError(f"--vertices is for --method polygon; leave it out for {chosen}")
     if wide and chosen != "polygon":
         raise OptionError(f"--wide is for --method polygon; leave it out for {chosen}")
+    if area is not None and chosen != "polygon":
+        raise OptionError(f"--area is for --method polygon; leave it out for {chosen}")
     if convex and chosen != "profile":
         raise OptionError("--convex is for --method profile; leave it out")
     halves = {"quantisation": quantisation or 0.0, "positional": positional or 0.0}
@@ -121,7 +136,12 @@ def command(
         f"{swapped} (`tacstrip doctor {readings} --sensor {sensor}` says more)" if swapped else "",
     )
     by_method: dict[str, dict[str, Any]] = {
-        "polygon": {"vertices": vertices, "wide": wide},
+        "polygon": {
+            "vertices": vertices,
+            "wide": wide,
+            "assessment": assessment,
+            "area_mm2": None if area is None else _area(area),
+        },
         "vertex": {"signature": signature, "transitions": where, "reading": reading},
         "profile": {"convex": convex},
     }
@@ -142,6 +162,18 @@ def command(
         _plot(spec, scans, results, chosen, contact, plot)
     if not any(o.found for r in results for o in r.objects):
         sys.exit(1)
+
+
+def _area(text: str) -> float | tuple[float, float]:
+    try:
+        mean, *sigma = [number(part) for part in text.split(",")]
+    except ValueError:
+        raise OptionError(
+            f"--area {text}: give the area in mm2, or area and standard deviation: 900,50"
+        ) from None
+    if len(sigma) > 1:
+        raise OptionError(f"--area {text}: give the area in mm2, or area and standard deviation: 900,50")
+    return (mean, sigma[0]) if sigma else mean
 
 
 def _only(scan: Scan, signature: str) -> Scan:
@@ -185,6 +217,9 @@ def _line(number: int, result: Reconstruction, at: int, truth: Contact | None) -
     if found.found:
         x, y = found.centroid
         text += f", {len(found.vertices)} corners, {found.area:.6g} mm2 at x = {x:.5g}, y = {y:.5g} mm"
+        if found.confidence is not None:
+            others = ", ".join(f"{a.weight:.2f}" for a in found.alternatives)
+            text += f", confidence {found.confidence:.2f}" + (f", alternatives {others}" if others else "")
     text += f". {found.advice}" if found.advice else ""
     if truth is None or not found.found:
         return text

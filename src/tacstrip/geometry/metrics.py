@@ -263,3 +263,11 @@ def _turning_distance(a: _Polygon, b: _Polygon) -> float:
         dx = np.diff(np.take_along_axis(difference, order, axis=1), axis=1)
         least = min(least, float((np.minimum(W, 1.0 - W) * dx).sum(axis=1).min()))
     return max(least, 0.0)
+
+
+def column_iou(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return intersection over union (...,) of contacts, l and u in columns (..., 2, G)."""
+    over = np.minimum(a[..., 1, :], b[..., 1, :]) - np.maximum(a[..., 0, :], b[..., 0, :])
+    both = np.maximum(over, 0.0).sum(axis=-1)
+    either = (a[..., 1, :] - a[..., 0, :]).sum(axis=-1) + (b[..., 1, :] - b[..., 0, :]).sum(axis=-1) - both
+    return np.asarray(both / np.maximum(either, 1e-12))

@@ -80,7 +80,8 @@ def feature_collection(results: Sequence[Reconstruction]) -> dict[str, Any]:
         Without a shape the geometry is null. Properties: scan, time_s, method, status, advice, and where there is a
         shape area_mm2, centroid_mm and orientation_rad (of the longer principal axis, from x). Where the shape has a
         covariance, standard deviations: area_sigma_mm2, centroid_sigma_mm, orientation_sigma_rad, and
-        vertex_sigma_mm, x and y of every vertex; null for what the readings do not determine.
+        vertex_sigma_mm, x and y of every vertex; null for what the readings do not determine. Where it was assessed,
+        confidence, and alternatives: other outlines that explain the readings, each with weight and vertices_mm.
 
     Examples
     --------
@@ -139,8 +140,19 @@ def _feature(recovered: RecoveredObject | None, properties: dict[str, Any]) -> d
                 "orientation_rad": recovered.orientation,
             }
             | _deviations(recovered)
+            | _confidence(recovered)
         )
     return {"type": "Feature", "geometry": geometry, "properties": properties}
+
+
+def _confidence(recovered: RecoveredObject) -> dict[str, Any]:
+    if recovered.confidence is None:
+        return {}
+    others = [
+        {"weight": round(a.weight, 4), "vertices_mm": np.round(a.vertices, 6).tolist()}
+        for a in recovered.alternatives
+    ]
+    return {"confidence": round(recovered.confidence, 4), "alternatives": others}
 
 
 def _deviations(recovered: RecoveredObject) -> dict[str, Any]:

@@ -90,7 +90,19 @@ def _draw_shapes(
     for drawn in objects:
         found, colour = drawn.found, drawn.colour
         if found.found:
-            draw_polygon(axes, found.vertices, colour, drawn.label, doubtful=found.status != "ok")
+            doubtful = found.status not in ("ok", "likely")
+            draw_polygon(axes, found.vertices, colour, drawn.label, doubtful=doubtful)
+            for k, other in enumerate(found.alternatives if with_regions else ()):
+                ring = np.concatenate([other.vertices, other.vertices[:1]])
+                label = f"or this, with a weight of {other.weight:.2f}"
+                axes.plot(
+                    *ring.T,
+                    color=colour,
+                    linestyle=(0, (4, 2 + 2 * k)),
+                    linewidth=1.0,
+                    label=label,
+                    zorder=3.5,
+                )
             if with_regions:
                 draw_regions(axes, sensor, regions(found.vertices, found.covariance), colour)
         elif found.profile is not None:

@@ -28,7 +28,7 @@ class Shape:
     Attributes
     ----------
     status
-        "ok" or "doubtful".
+        "ok", "likely" or "doubtful".
     vertices
         Vertices (N, 2) [mm], counter-clockwise.
     """

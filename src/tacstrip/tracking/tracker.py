@@ -117,8 +117,7 @@ class Tracker:
             Compute the covariance of updated polygons too.
         """
         if self.method != "polygon":
-            result = reconstruct(scan, self.sensor, self.noise, method=self.method)
-            self._assign_ids(_tracks(result.objects, scan))
+            self._assign_ids(_tracks(self._reconstructed(scan), scan))
             return self._numbered()
         runs = scan.runs()
         if self._pending is not None and self._pending.done():
@@ -169,8 +168,12 @@ class Tracker:
         self._wait_s = min(2.0 * self._wait_s, SEARCH_INTERVAL_S) if soon else MIN_SEARCH_INTERVAL_S
         self._searched_s = scan.time_s
 
+    def _reconstructed(self, scan: Scan) -> tuple[RecoveredObject, ...]:
+        quick = {"assessment": "fast"} if self.method == "polygon" else {}
+        return reconstruct(scan, self.sensor, self.noise, method=self.method, **quick).objects
+
     def _search(self, scan: Scan) -> list[_Track]:
-        found = _tracks(reconstruct(scan, self.sensor, self.noise, method=self.method).objects, scan)
+        found = _tracks(self._reconstructed(scan), scan)
         for track in found:
             track.state = initialise(track.shape, scan, self.sensor)
         return found

@@ -110,6 +110,9 @@ def update(
         raise TrackLost
     vertices = close_chains(lower, upper)
     shape = replace(last.shape, strips=strips, vertices=vertices, profile=profile, covariance=covariance)
+    moved = shape.centroid - last.shape.centroid
+    others = tuple(replace(a, vertices=a.vertices + moved) for a in last.shape.alternatives)
+    shape = replace(shape, alternatives=others)
     freedom = max(problem.readings - _n_determined(last), 1)
     variance = cost / freedom
     # Wilson and Hilferty's cube root makes chi square nearly normal; sigma comes from as many readings.

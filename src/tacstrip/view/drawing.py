@@ -42,6 +42,12 @@ def frame_json(frame: Frame) -> dict[str, Any]:
 def _object(one: LiveObject, sensor: Sensor) -> dict[str, Any]:
     shape = one.shape
     told: dict[str, Any] = {"id": one.id, "status": shape.status, "advice": shape.advice}
+    if shape.confidence is not None:
+        told["confidence"] = round(shape.confidence, 3)
+        told["alternatives"] = [
+            {"weight": round(a.weight, 3), "vertices": np.round(a.vertices, 3).tolist()}
+            for a in shape.alternatives
+        ]
     told["vertices"] = np.round(shape.vertices, 3).tolist()
     if shape.found:
         told["area"], told["centroid"] = round(shape.area, 2), _numbers(shape.centroid, 2)

@@ -8,8 +8,11 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.core.polygon_fit import PolygonFit
+from tacstrip.geometry.metrics import column_iou
 from tacstrip.geometry.outline import Outline
+from tacstrip.reconstruction.polygon.convexity import fit_convex, largest_step
 from tacstrip.reconstruction.polygon.run import RunFit
+from tacstrip.sensor.spec import Sensor
 
 _ALARM = 3.5  # standard deviations of a test's statistic
 _LOOSE = 0.2  # of the contact's width: a vertex less certain in x is hardly one
@@ -18,6 +21,11 @@ _RIVAL = -6.0  # an ellipse whose criterion is worse by less than this is a riva
 _REFLEX = 3.0  # standard deviations by which a corner turns inwards
 _FAINT = 0.01  # of sigma^2
 _APART = 3.0  # standard deviations of their distance in x by which two corners are told apart
+_NOT_CONVEX, _NEARLY = (
+    3.09,
+    0.9,
+)  # deviations of chi square (p = .001), and the IoU with what is convex and explains
+_NOISIEST = 0.015  # of Vref: the ceiling of sigma where it is not known
 _SPREAD = {"uniform": 0.8, "normal": 2.0}  # variance of a squared error over sigma^4
 
 
@@ -75,7 +83,40 @@ def misfit(run: RunFit, distribution: str | None) -> str:
             "what the best outline leaves over hangs together from strip to strip: the contact may be concave, "
             "curved, or two objects on the same strips"
         )
+    if distribution is None and run.sigma > _NOISIEST:
+        return (
+            f"the readings scatter by {100.0 * run.sigma:.2g} % of Vref about the best outline, more than noise "
+            "does: the contact may be two objects on the same strips; give the noise if it is so large"
+        )
     return ""
+
+
+def second_look(run: RunFit, distribution: str | None, outline: Outline, sensor: Sensor, wrong: str) -> str:
+    """Return advice, or none, on an outline of two signatures, of which `wrong` was said.
+
+    Two signatures tell l and u of every strip. Where no convex ones explain them and one jumps, there may be two
+    objects; where convex ones do that the outline hardly differs from, it is curved, and no polygon need explain it.
+    """
+    selection = run.selection
+    if len(run.problem.k) == 1 or selection is None:
+        return wrong
+    step = largest_step(Outline(*selection.chosen.chains_mm(run.problem)), sensor.pitch_mm)
+    if not step and not wrong:
+        return wrong
+    problem = run.problem.thinned().scaled(min(1.0, _NOISIEST / run.sigma) if distribution is None else 1.0)
+    convex = fit_convex(problem, *selection.chosen.ends(problem.x))
+    root = (convex.chi_square / convex.freedom) ** (1.0 / 3.0)
+    small = 2.0 / (9.0 * convex.freedom)
+    if (root - (1.0 - small)) / math.sqrt(small) > _NOT_CONVEX:
+        if not step:
+            return wrong
+        return (
+            f"the contact is concave or at least two objects on the same strips: an end jumps by {step:.3g} mm from "
+            "one strip to the next"
+        )
+    x = convex.x * problem.width_mm + problem.origin_mm
+    own = np.stack([np.interp(x, *chain.T) / sensor.length_mm for chain in (outline.lower, outline.upper)])
+    return "" if column_iou(own, np.sort(convex.ends, axis=0)) >= _NEARLY else wrong
 
 
 def weakness(run: RunFit, vertices: FloatArray, covariance: FloatArray) -> str:

@@ -13,7 +13,7 @@ from tacstrip.core.polygon_fit import PolygonFit
 from tacstrip.core.search import fit_counts
 from tacstrip.geometry.outline import Outline, max_height
 from tacstrip.reconstruction.contact_ends import closed_ends
-from tacstrip.reconstruction.polygon.goodness_of_fit import explains, misfit, weakness
+from tacstrip.reconstruction.polygon.goodness_of_fit import explains, misfit, second_look, weakness
 from tacstrip.reconstruction.polygon.run import RunFit
 from tacstrip.reconstruction.posterior.assessment import ENOUGH, PROMISED_IOU, Assessment, Effort, assess
 from tacstrip.reconstruction.result import Profile, RecoveredObject, Status
@@ -124,6 +124,7 @@ def reconstruct_object(
             outline, covariance = guarantee.outline, guarantee.region_covariance
         if empty:
             wrong = wrong or _EMPTY
+    wrong = second_look(run, distribution, outline, sensor, wrong)
     if contact.known_count is not None and fit.n_vertices < contact.known_count:
         wrong = (
             wrong

@@ -10,9 +10,10 @@ import numpy as np
 from tacstrip.arrays import FloatArray
 from tacstrip.core.outline_model import OutlineModel
 from tacstrip.errors import OptionError, one_of
+from tacstrip.geometry.metrics import column_iou
 from tacstrip.geometry.outline import Outline
 from tacstrip.reconstruction.polygon.run import RunFit
-from tacstrip.reconstruction.posterior.draws import Draws, column_ends, columns, draw, iou
+from tacstrip.reconstruction.posterior.draws import Draws, column_ends, columns, draw
 from tacstrip.reconstruction.result import Alternative
 from tacstrip.sensor.spec import Sensor
 
@@ -88,7 +89,7 @@ def assess(
         return Assessment()
     own = drawn.overlap(drawn.ends_of(outline.lower, outline.upper)) >= PROMISED_IOU
     confidence, better = float(own @ drawn.weight), None
-    every = iou(drawn.ends[:, None], drawn.ends[None])
+    every = column_iou(drawn.ends[:, None], drawn.ends[None])
     if confidence < ENOUGH and len(run.problem.k) == 1:
         best = int(np.argmax(every @ drawn.weight))
         near = every[best] >= PROMISED_IOU
@@ -122,4 +123,4 @@ def _firm(run: RunFit, outline: Outline, covariance: FloatArray) -> bool:
     at, (lower, upper) = columns(run.problem), outline.indices
     own = column_ends(run.problem, at, outline.lower, outline.upper)
     drawn = np.stack([column_ends(run.problem, at, v[lower], v[upper]) for v in moved])
-    return bool(np.mean(iou(drawn, own) >= _FIRM) > 0.95)
+    return bool(np.mean(column_iou(drawn, own) >= _FIRM) > 0.95)

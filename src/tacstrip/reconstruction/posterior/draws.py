@@ -11,8 +11,8 @@ import numpy.typing as npt
 from tacstrip.arrays import FloatArray
 from tacstrip.core.binding import END_ENTRIES
 from tacstrip.core.ellipse import Ellipse
-from tacstrip.core.outline_model import OutlineModel
 from tacstrip.core.model_selection import per_vertex_penalty
+from tacstrip.core.outline_model import OutlineModel
 from tacstrip.core.polygon_fit import PolygonFit, refine
 from tacstrip.core.posterior import (
     OutlinePrior,
@@ -23,6 +23,7 @@ from tacstrip.core.posterior import (
     sample_outlines,
 )
 from tacstrip.core.problem import FitProblem
+from tacstrip.geometry.metrics import column_iou
 from tacstrip.geometry.outline import Outline, uncrossed
 from tacstrip.reconstruction.polygon.run import RunFit
 from tacstrip.sensor.spec import Sensor
@@ -86,7 +87,7 @@ class Draws:
 
     def overlap(self, ends: FloatArray) -> FloatArray:
         """Return intersection over union (K,) of the outlines with l and u (2, G)."""
-        return iou(self.ends, ends)
+        return column_iou(self.ends, ends)
 
 
 def columns(problem: FitProblem) -> FloatArray:
@@ -113,14 +114,6 @@ def within_strips(chain: FloatArray) -> FloatArray:
         cut.append(x[at] + (x[at + 1] - x[at]) * a[at] / (a[at] - b[at]))
     at_x = np.unique(np.concatenate(cut))
     return np.stack([at_x, np.clip(np.interp(at_x, x, y), 0.0, 1.0)], axis=1)
-
-
-def iou(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return intersection over union (...,) of contacts, l and u in columns (..., 2, G)."""
-    over = np.minimum(a[..., 1, :], b[..., 1, :]) - np.maximum(a[..., 0, :], b[..., 0, :])
-    both = np.maximum(over, 0.0).sum(axis=-1)
-    either = (a[..., 1, :] - a[..., 0, :]).sum(axis=-1) + (b[..., 1, :] - b[..., 0, :]).sum(axis=-1) - both
-    return np.asarray(both / np.maximum(either, 1e-12))
 
 
 def draw(

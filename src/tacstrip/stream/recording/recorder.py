@@ -20,7 +20,11 @@ FORMAT = "1"
 SPEC = "sensor.toml"  # name of the attachment
 ABOUT = "tacstrip"  # name of the metadata
 SCAN_TOPIC = "/tacstrip/scan"
-POLYGON_TOPICS = {"ok": "/tacstrip/polygon", "doubtful": "/tacstrip/polygon_doubtful"}
+POLYGON_TOPICS = {
+    "ok": "/tacstrip/polygon",
+    "likely": "/tacstrip/polygon_likely",
+    "doubtful": "/tacstrip/polygon_doubtful",
+}
 MAX_AGE_S = 0.08  # longest time that a scan waits in memory, so that a killed recorder loses less than 0.1 s
 
 
@@ -142,7 +146,7 @@ class Recorder:
             self._reference, self._first_s, self._since = raw.codes, raw.time_s, time.monotonic()
         parts = [(self._scan_channel, messages.scan_message(raw, self._sensor, self._reference, now_ns))]
         for shape in raw.shapes:
-            channel = self._polygon_channels["ok" if shape.status == "ok" else "doubtful"]
+            channel = self._polygon_channels[shape.status if shape.status in POLYGON_TOPICS else "doubtful"]
             parts.append((channel, messages.polygon_message(shape.vertices, now_ns)))
         with self._file.guard():
             for channel, data in parts:

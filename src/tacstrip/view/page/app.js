@@ -112,7 +112,10 @@ function list(found) {
     const part = (kind, text, css) => { const e = document.createElement(kind); e.textContent = text; if (css) e.className = css; item.append(e); return e; };
     part("b", one.id);
     part("span", one.vertices.length ? `${one.vertices.length} corners, ${one.area.toFixed(0)} mm², at ${one.centroid[0]}, ${one.centroid[1]}` : "no shape");
-    part("span", one.status, "status").dataset.s = one.status;
+    const sure = one.confidence === undefined ? "" : ` ${Math.round(100 * one.confidence)} %`;
+    part("span", one.status + sure, "status").dataset.s = one.status;
+    const others = one.alternatives || [];
+    if (others.length) part("span", `dashed: or one of ${others.length} others, ${others.map((o) => `${Math.round(100 * o.weight)} %`).join(", ")}`, "advice");
     if (one.advice) part("span", one.advice, "advice");
     return item;
   });

@@ -20,7 +20,7 @@ export class Surface {
   constructor(svg) {
     this.svg = svg;
     this.layers = {};
-    for (const name of ["skin", "profiles", "truths", "shapes", "regions", "corners", "names", "handles"]) {
+    for (const name of ["skin", "profiles", "truths", "alternatives", "shapes", "regions", "corners", "names", "handles"]) {
       this.layers[name] = make("g", {}, svg);
     }
     new ResizeObserver(() => this.measure()).observe(svg);
@@ -86,6 +86,12 @@ export class Surface {
       e.setAttribute("data-s", o.status);
       e.setAttribute("vector-effect", fixed);
       e.setAttribute("d", this.path(o.vertices));
+    });
+    const others = found.flatMap((o) => o.alternatives || []);
+    fill(this.layers.alternatives, "path", others, (e, other) => {
+      e.setAttribute("class", "alternative");
+      e.setAttribute("vector-effect", fixed);
+      e.setAttribute("d", this.path(other.vertices));
     });
     const profiles = frame.objects.filter((o) => o.profile).map((o) => o.profile);
     fill(this.layers.profiles, "path", profiles, (e, [x, l, u]) => {
