@@ -103,7 +103,7 @@ def importance(
         l, u = np.clip(ends[:, 0], 0.0, 1.0), np.clip(ends[:, 1], 0.0, 1.0)
         k = problem.readings_of(l, u)
         off = ((problem.k - k) ** 2 * problem.weight).sum(axis=(1, 2))
-        log = -0.5 * off + prior.vertices[n] + np.dot(upright, prior.upright)
+        log = -0.5 * off + prior.vertices[sum(upright), n] + prior.ends[upright[0] + 2 * upright[1]]
         total = np.where(good, weight * np.exp(log), 0.0) / count
         share.append(total.sum())
         area += float((total * (u - l).mean(axis=1)).sum())
@@ -127,9 +127,9 @@ def test_samples_are_as_frequent_as_readings_and_prior_make_them(
 ) -> None:
     """Counts of vertices, pointed and upright ends, and the area; a sigma of 1000 leaves the prior alone."""
     problem, window = problem_of(kinds, 8, sigma, lam), 0.05
-    vertices = np.full(MOST_CORNERS + 1, -np.inf)
-    vertices[3:6] = 0.0, 1.5, 3.0
-    prior = OutlinePrior((-window, window, 1 - window, 1 + window), (0.3, -0.5), vertices=vertices)
+    vertices = np.full((3, MOST_CORNERS + 1), -np.inf)
+    vertices[:, 3:6] = 0.0, 1.5, 3.0
+    prior = OutlinePrior((-window, window, 1 - window, 1 + window), (0.0, 0.3, -0.5, 0.2), vertices=vertices)
     space = [(i, (a, b)) for i, a, b in product(range(4), (0, 1), (0, 1)) if 3 <= i + 2 + a + b <= 5]
     share, area = importance(problem, prior, window, space, 30_000)
     samples = sample_outlines(problem, prior, [START], 150_000, 5_000, heat=(1.0, 4.0))
@@ -145,11 +145,11 @@ def test_samples_are_as_frequent_as_readings_and_prior_make_them(
 def test_sigma_that_is_not_known_is_found() -> None:
     """Of noise of one tenth of what the weights say, and within the bounds that are given."""
     problem, random = problem_of("both", 40, 0.01), np.random.default_rng(2)
-    noisy = replace(problem, k=problem.k + random.normal(0.0, 0.004, problem.k.shape))
+    clean = problem.readings_of(*outline_ends(START, problem.x)[0])
+    noisy = replace(problem, k=clean + random.normal(0.0, 0.004, clean.shape))
     prior = OutlinePrior((-0.02, 0.02, 0.98, 1.02), sigma=(0.05, 1.5))
     samples = sample_outlines(noisy, prior, [START], 20_000, 500)
     assert samples is not None
-    # A lens is no polygon: what few corners leave of its curves counts as noise too.
     assert np.median(samples.sigma) == pytest.approx(0.4, rel=0.2)
     held = sample_outlines(noisy, replace(prior, sigma=(0.8, 1.5)), [START], 20_000, 500)
     assert held is not None

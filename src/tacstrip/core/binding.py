@@ -52,10 +52,10 @@ OUTLINE = np.dtype([("count", np.int64, 2), ("x", np.float64, (2, KNOTS)), ("y",
 OUTLINE_PRIOR = np.dtype(
     [
         ("window", np.float64, 4),
-        ("upright", np.float64, 2),
+        ("ends", np.float64, 4),
         ("reflex", np.float64),
         ("finest", np.float64),
-        ("vertices", np.float64, MOST_CORNERS + 1),
+        ("vertices", np.float64, (3, MOST_CORNERS + 1)),
         ("area", np.float64),
         ("area_sigma", np.float64),
         ("sigma", np.float64, 2),

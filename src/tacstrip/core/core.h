@@ -67,10 +67,10 @@ typedef struct {
 /* What is known of an outline without readings. Densities are logs, of outlines whose heights are uniform. */
 typedef struct {
   double window[4];   /* the left end's x lies from the first to the second, the right end's from the third to the fourth */
-  double upright[2];  /* of an upright left and right end, against a point */
+  double ends[4];     /* of pointed ends, an upright left one, an upright right one, and both */
   double reflex;      /* of a corner that turns inwards; -inf: there is none */
   double finest;      /* -log of the finest step, over the coarsest */
-  double vertices[MOST_CORNERS + 1]; /* of so many vertices */
+  double vertices[3][MOST_CORNERS + 1]; /* of so many vertices, with none, one or two upright ends */
   double area, area_sigma;           /* mean and standard deviation in units of x and y; sigma 0: not known */
   double sigma[2];    /* sigma over that of the weights is log-uniform between these; equal: it is known */
 } OutlinePrior;

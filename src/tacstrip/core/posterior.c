@@ -178,8 +178,7 @@ static double log_prior(const OutlinePrior *prior, const Outline *o) {
   int ends[2] = {upright(o, 0), upright(o, 1)};
   Int vertices = interior(o) + 2 + ends[0] + ends[1];
   if (vertices < 3 || vertices > MOST_CORNERS) return REFUSED;
-  double value = prior->vertices[vertices];
-  for (int end = 0; end < 2; end++) if (ends[end]) value += prior->upright[end];
+  double value = prior->vertices[ends[0] + ends[1]][vertices] + prior->ends[ends[0] + 2 * ends[1]];
   if (reflex) value += (double)reflex * prior->reflex;
   value -= (double)(vertices - 2) * natural_log(larger(high - low, LEAST_HEIGHT));
   if (prior->area_sigma > 0.0) {

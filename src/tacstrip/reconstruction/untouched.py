@@ -16,7 +16,7 @@ def doubt_untouched(result: Reconstruction, scan: Scan, sensor: Sensor) -> Recon
     if not scan.touched.all():
         return result
     raw = invert_calibration(sensor, {name: scan[name] for name in scan.signatures})
-    hint = rest_hint(sensor, raw, failed=result.status != "ok")
+    hint = rest_hint(sensor, raw, failed=result.status not in ("ok", "likely") or bool(result.advice))
     if not hint:
         return result
 

@@ -156,7 +156,7 @@ def _verdict(
     wrong: str, weak: str, told: Assessment, effort: Effort, signatures: int
 ) -> tuple[Status, list[str]]:
     """Return the status, and advice: what the outline does not explain, what is left open, how sure it is."""
-    if wrong:
+    if wrong and not (told.explained and signatures == 1):
         return "doubtful", [wrong]
     if told.confidence is None:
         why = "" if effort == "none" else "how sure this is was not assessed: the compiled core is missing"

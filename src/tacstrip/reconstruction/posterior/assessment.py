@@ -23,6 +23,8 @@ PROMISED_IOU = 0.8  # of an outline that is "ok" with the true one
 ENOUGH = 0.75  # confidence of the least certain "ok": all of them together are right in 95 of 100 cases
 _EVALUATIONS = {"thorough": 200_000, "fast": 10_000}
 _KEPT = {"thorough": 240, "fast": 100}
+_RATHER_WRONG, _BETTER = 0.5, 0.1  # an estimate less sure than this is given up for one that is so much surer
+_ALARM = 3.5
 _LIGHTEST, _MOST = 0.05, 4  # weight of an alternative, and how many are told
 _FIRM, _SURE = (
     0.9,
@@ -41,6 +43,8 @@ class Assessment:
         Probability that the estimate overlaps the true outline by `PROMISED_IOU` or more; None: not assessed.
     alternatives
         Other outlines, the likeliest first.
+    explained
+        Whether outlines drawn leave no more of the readings than noise does, even if the estimate does.
     better
         An outline that overlaps what the true one may be better than the estimate does; then `confidence` is its.
     """
@@ -48,6 +52,7 @@ class Assessment:
     confidence: float | None = None
     alternatives: tuple[Alternative, ...] = ()
     better: OutlineModel | None = None
+    explained: bool = False
 
 
 def check_effort(assessment: str) -> None:
@@ -90,12 +95,17 @@ def assess(
     own = drawn.overlap(drawn.ends_of(outline.lower, outline.upper)) >= PROMISED_IOU
     confidence, better = float(own @ drawn.weight), None
     every = column_iou(drawn.ends[:, None], drawn.ends[None])
-    if confidence < ENOUGH and len(run.problem.k) == 1:
-        best = int(np.argmax(every @ drawn.weight))
+    if confidence < _RATHER_WRONG and len(run.problem.k) == 1:
+        # The outline that overlaps the others best; the mean of them would be none that the readings allow.
+        best = int(np.argmax(np.where(drawn.few_corners, every @ drawn.weight, 0.0)))
         near = every[best] >= PROMISED_IOU
-        if near @ drawn.weight > confidence:
+        if near @ drawn.weight > confidence + _BETTER:
             own, confidence, better = near, float(near @ drawn.weight), drawn.model(best, run.problem)
-    return Assessment(confidence, _alternatives(drawn, every >= PROMISED_IOU, own), better)
+    # Chi square of the better half of the draws; that of normal errors exceeds its mean by 3.5 deviations in .02 %.
+    readings = drawn.problem.readings
+    typical = float(np.median(drawn.samples.squares)) if sigma_known else np.inf
+    explained = typical < readings + _ALARM * np.sqrt(2.0 * readings)
+    return Assessment(confidence, _alternatives(drawn, every >= PROMISED_IOU, own), better, bool(explained))
 
 
 def _alternatives(drawn: Draws, alike: np.ndarray, own: np.ndarray) -> tuple[Alternative, ...]:

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from tacstrip.arrays import FloatArray
-from tacstrip.core.binding import END_ENTRIES
+from tacstrip.arrays import BoolArray, FloatArray
+from tacstrip.core.binding import END_ENTRIES, MAX_VERTICES
 from tacstrip.core.ellipse import Ellipse
 from tacstrip.core.model_selection import per_vertex_penalty
 from tacstrip.core.outline_model import OutlineModel
@@ -29,13 +29,13 @@ from tacstrip.reconstruction.polygon.run import RunFit
 from tacstrip.sensor.spec import Sensor
 
 _COLUMNS = 64  # that overlaps are computed on
-_UPRIGHT, _AT_BORDER = (
-    math.log(0.25),
-    math.log(4.0),
-)  # odds of an upright end: inside, and where the sensor ends
+# How often ends are pointed, upright left, upright right, both; and upright where the sensor ends.
+_ENDS, _AT_BORDER = (0.65, 0.10, 0.10, 0.15), 0.8
 _REFLEX = math.log(0.02)  # of a corner that turns inwards, with two signatures
 _CEILING = 0.02 / math.sqrt(3.0)  # of sigma that is not known [Vref]
 _NO_ELLIPSE = -12.0  # of the criterion: an ellipse that is so much worse does not count
+_CLIPPED = 4  # corners that come with cutting an outline at the strips' ends
+_SETTLED = 0.9  # IoU with the draw that the least-squares outline near it must have
 _OPENED = 0.1  # how far pointed ends are opened along the family of outlines that read alike
 _END_KINDS = ((0, 0), (0, 1), (1, 0), (1, 1))  # which ends are upright
 _INSIDE = 0.98  # of its window: where an end begins
@@ -83,7 +83,20 @@ class Draws:
         """Return one outline as a model of all readings; of ellipses the best one."""
         if k >= len(self.samples.outlines):
             return self.ellipses[0]
-        return PolygonFit.of(self.outline(k), problem)
+        drawn = PolygonFit.of(self.outline(k), problem)
+        settled = refine(drawn, problem)  # a draw is as far from the mean as the truth is: go there
+        lower, upper = settled.chains
+        if any((np.diff(c[:, 0]) <= 0.0).any() for c in (lower, upper)):
+            return drawn
+        ends = self.ends_of(*settled.chains_mm(problem))
+        return settled if column_iou(ends, self.ends[k]) > _SETTLED else drawn
+
+    @property
+    def few_corners(self) -> BoolArray:
+        """Which outlines (K,) a fit can have."""
+        count = self.samples.outlines["count"].sum(axis=1) - 4
+        few = count <= MAX_VERTICES - _CLIPPED
+        return np.concatenate([few, np.ones(len(self.ellipses), dtype=bool)])
 
     def overlap(self, ends: FloatArray) -> FloatArray:
         """Return intersection over union (K,) of the outlines with l and u (2, G)."""
@@ -187,17 +200,19 @@ def _prior(
         (sensor.width_mm - problem.origin_mm) / problem.width_mm,
     )
     window = (max(-half, first), half, 1.0 - half, min(1.0 + half, last))
-    upright = tuple(
-        _AT_BORDER if at_border else _UPRIGHT
-        for at_border in (window[0] > -half + 1e-9, window[3] < 1.0 + half - 1e-9)
-    )
+    share = np.array(_ENDS).reshape(2, 2)  # by the right end, by the left one
+    if window[0] > -half + 1e-9:
+        share = share.sum(axis=1, keepdims=True) * (1.0 - _AT_BORDER, _AT_BORDER)
+    if window[3] < 1.0 + half - 1e-9:
+        share = share.sum(axis=0, keepdims=True) * [[1.0 - _AT_BORDER], [_AT_BORDER]]
+    ends = np.log(share).ravel().tolist()
     low = max(sensor.adc_step / math.sqrt(12.0), 1e-5)
     sigma = (1.0, 1.0) if sigma_known else (low / run.sigma, max(_CEILING, 2.0 * low) / run.sigma)
     unit = problem.width_mm * problem.length_mm
     area = (0.0, 0.0) if area_mm2 is None else (area_mm2[0] / unit, area_mm2[1] / unit)
     return OutlinePrior(
         window,
-        (upright[0], upright[1]),
+        (ends[0], ends[1], ends[2], ends[3]),
         -math.inf if len(problem.k) == 1 else _REFLEX,
         sigma,
         *area,
@@ -216,7 +231,7 @@ def _starts(run: RunFit, problem: FitProblem, prior: OutlinePrior) -> list[npt.N
             start = _allowed(*one.chains, prior, problem)
             if start is not None:
                 kind = (int(one.vertical_ends[0]), int(one.vertical_ends[1]))
-                odds = 2.0 * sum(o for o, up in zip(prior.upright, kind, strict=True) if up)
+                odds = 2.0 * (prior.ends[kind[0] + 2 * kind[1]] - prior.ends[0])
                 found.append(
                     (one.cost + price * one.n_interior + 0.5 * price * sum(kind) - odds, kind, start)
                 )
