@@ -294,6 +294,18 @@ static double move_tent(Sampler *s, Outline *o) {
   return 0.0;
 }
 
+/* The whole outline along the strips: moved, slanted, or stretched from one corner. */
+static double move_whole(Sampler *s, Outline *o) {
+  double which = random(s), size = scale(s), t = size * bell(s), fixed = o->y[0][0], stretch = exponential(0.5 * t);
+  for (int c = 0; c < 2; c++) for (Int i = 0; i < o->count[c]; i++) {
+    double *y = &o->y[c][i];
+    if (which < 0.3) *y += 0.2 * t;
+    else if (which < 0.6) *y += 0.4 * t * (o->x[c][i] - 0.5);
+    else *y = fixed + (*y - fixed) * stretch;
+  }
+  return which < 0.6 ? 0.0 : 0.5 * t * (double)(interior(o) + 1 + upright(o, 0) + upright(o, 1));
+}
+
 /* The family that reads alike to the last bit: l' = l - c (s / n + l), u' = u + c ((1 - s) / n - u). */
 static double move_family(Sampler *s, Outline *o) {
   if (!upright(o, 0) || !upright(o, 1)) return REFUSED;
@@ -412,11 +424,13 @@ static double pair_more_or_less(Sampler *s, Outline *o) {
 
 static double propose(Sampler *s, Outline *o) {
   double which = random(s);
-  if (!s->free) return which < 0.45   ? move_vertex(s, o)
-                       : which < 0.70 ? move_end(s, o)
+  if (!s->free) return which < 0.42   ? move_vertex(s, o)
+                       : which < 0.65 ? move_end(s, o)
+                       : which < 0.70 ? move_whole(s, o)
                        : which < 0.80 ? turn_end(s, o)
                                       : one_more_or_less(s, o);
-  return which < 0.28   ? move_vertex(s, o)
+  return which < 0.23   ? move_vertex(s, o)
+         : which < 0.28 ? move_whole(s, o)
          : which < 0.40 ? move_end(s, o)
          : which < 0.50 ? move_wedge(s, o)
          : which < 0.59 ? move_tent(s, o)

@@ -108,7 +108,7 @@ def second_look(run: RunFit, distribution: str | None, outline: Outline, sensor:
     root = (convex.chi_square / convex.freedom) ** (1.0 / 3.0)
     small = 2.0 / (9.0 * convex.freedom)
     if (root - (1.0 - small)) / math.sqrt(small) > _NOT_CONVEX:
-        if not step:
+        if wrong:
             return wrong
         return (
             f"the contact is concave or at least two objects on the same strips: an end jumps by {step:.3g} mm from "

@@ -135,6 +135,8 @@ def reconstruct_object(
         model, guarantee, faint = told.better, None, False
         outline, covariance = Outline(*model.chains_mm(run.problem)), model.covariance(run.problem, sensor)
     weak = _FAINT if faint else weakness(run, outline.vertices, covariance)
+    if told.explained and len(run.problem.k) == 1 and contact.known_count is None:
+        wrong = ""  # outlines of more corners explain the readings, and the confidence counts them
     status, advice = _verdict(wrong, weak, told, effort, len(run.problem.k))
     profile = (x, np.interp(x, *outline.lower.T), np.interp(x, *outline.upper.T))
     return RecoveredObject(
@@ -156,7 +158,7 @@ def _verdict(
     wrong: str, weak: str, told: Assessment, effort: Effort, signatures: int
 ) -> tuple[Status, list[str]]:
     """Return the status, and advice: what the outline does not explain, what is left open, how sure it is."""
-    if wrong and not (told.explained and signatures == 1):
+    if wrong:
         return "doubtful", [wrong]
     if told.confidence is None:
         why = "" if effort == "none" else "how sure this is was not assessed: the compiled core is missing"
