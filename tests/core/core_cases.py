@@ -18,6 +18,7 @@ from tacstrip.core.ellipse import fit_ellipse
 from tacstrip.core.hit_and_run import hit_and_run
 from tacstrip.core.library import library
 from tacstrip.core.polytope import analytic_centre, feasible_part, lowest, minimax
+from tacstrip.core.posterior import OutlinePrior, outline_ends, outline_record, sample_outlines
 from tacstrip.core.problem import FitProblem
 from tacstrip.core.search import fit_counts
 
@@ -119,3 +120,22 @@ def checksums() -> dict[str, str]:
         name: sha256(b"".join(np.ascontiguousarray(part).tobytes() for part in function())).hexdigest()
         for name, function in CASES.items()
     }
+
+
+@case
+def outlines_drawn() -> Iterable[ArrayLike]:
+    """The sampler of outlines, with one signature and both, known and unknown sigma, contact resistance and an area."""
+    for signatures, lam, sigma in ((1, 0.0, (1.0, 1.0)), (2, 0.0, (0.1, 2.0)), (1, 2.0, (1.0, 1.0))):
+        sensor = ts.Sensor(
+            construction="crs-crs", strips=60, pitch_mm=1.0, length_mm=60.0, contact_lambda_mm=lam
+        )
+        t = (sensor.x_mm - 30.0) / 30.0
+        k = 0.4 + 0.1 * t, 0.3 + 0.1 * np.abs(t)
+        readings = dict(zip(("kh", "kl"), k[:signatures], strict=False))
+        problem = FitProblem.of(sensor, sensor.x_mm, readings, 0.003)
+        prior = OutlinePrior((-0.008, 0.008, 0.992, 1.008), sigma=sigma, area=0.2, area_sigma=0.05)
+        chains = np.array([(0.0, 0.4), (1.0, 0.4)]), np.array([(0.0, 0.4), (0.5, 0.6), (1.0, 0.4)])
+        drawn = sample_outlines(problem, prior, [outline_record(*chains)], 3000, 40)
+        assert drawn is not None
+        yield from (drawn.outlines["x"], drawn.outlines["y"], drawn.squares, drawn.log_prior, drawn.sigma)
+        yield outline_ends(drawn.outlines, problem.x)

@@ -20,7 +20,7 @@ from tacstrip.sensor.spec import Sensor
 Effort: TypeAlias = Literal["thorough", "fast", "none"]
 
 PROMISED_IOU = 0.8  # of an outline that is "ok" with the true one
-ENOUGH = 0.72  # confidence of the least certain "ok": all of them together are right in 95 of 100 cases
+ENOUGH = 0.77  # confidence of the least certain "ok": all of them together are right in 95 of 100 cases
 _EVALUATIONS = {"thorough": 240_000, "fast": 14_000}
 _KEPT = {"thorough": 240, "fast": 100}
 _RATHER_WRONG, _BETTER = 0.5, 0.1  # an estimate less sure than this is given up for one that is so much surer
