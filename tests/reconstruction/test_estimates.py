@@ -27,7 +27,9 @@ BOTH = ("kh", "kl")
 
 
 def fitted(drawn: Drawn, noise: float, bounded: bool = True) -> RecoveredObject:
-    found = ts.fit_polygon(drawn.scan, drawn.sensor, ts.Noise(positional=noise), bounded=bounded).objects
+    found = ts.fit_polygon(
+        drawn.scan, drawn.sensor, ts.Noise(positional=noise), bounded=bounded, assessment="fast"
+    ).objects
     assert len(found) == 1
     return found[0]
 
@@ -85,7 +87,7 @@ def test_an_object_is_of_one_piece(
     """Whatever lies there, on a border, slim, upright: vertices, covariance, regions and file go together."""
     drawn = draw(kind, strips, noise, np.random.default_rng(seed), signatures)
     for told in (ts.Noise(positional=noise), None):
-        result = ts.fit_polygon(drawn.scan, drawn.sensor, told)
+        result = ts.fit_polygon(drawn.scan, drawn.sensor, told, assessment="fast")
         for found in result.objects:
             count = len(found.vertices)
             if found.covariance is not None:
