@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -10,6 +11,7 @@ import numpy.typing as npt
 from tacstrip.arrays import BoolArray, FloatArray, extent, touched_strips
 from tacstrip.errors import ReadingError, SignatureError
 from tacstrip.sensor.constructions import SIGNATURES
+from tacstrip.sensor.left_out import leave_out
 from tacstrip.sensor.spec import Sensor
 
 _ROUNDING = (
@@ -21,6 +23,8 @@ _ROUNDING = (
 class Scan:
     """Readings of all strips over Vref, one array (strips,) per signature; NaN where nothing touches.
 
+    A strip with one reading of two is touched, and counts with that one: its other channel is left out.
+
     `electrodes` (strips, 2 strips), for CRS-CRP only: what every electrode of the sheet read while each strip was
     energised, those at y = 0 first, then those at y = L; a row of NaN where nothing touches. k_l and k_h are its
     two diagonals.
@@ -28,8 +32,8 @@ class Scan:
     Raises
     ------
     ReadingError
-        No signature, arrays of different lengths, a value outside 0..1, or a strip with one reading of
-        two; the message names the strip, counted from 0.
+        No signature, arrays of different lengths, or a value outside 0..1; the message names the strip, counted
+        from 0.
 
     Examples
     --------
@@ -54,12 +58,6 @@ class Scan:
         for name in names[1:]:
             if len(self[name]) != len(first):
                 raise ReadingError(f"{names[0]} has {len(first)} strips and {name} has {len(self[name])}")
-            half = np.flatnonzero(np.isnan(self[name]) != np.isnan(first))
-            if len(half):
-                raise ReadingError(
-                    f"strip {half[0]} has only one of {names[0]} and {name}; "
-                    "give both, or NaN for both where nothing touches"
-                )
         if self.electrodes is not None:
             object.__setattr__(self, "electrodes", _electrodes(self.electrodes, self.touched))
 
@@ -99,7 +97,12 @@ class Scan:
     @property
     def touched(self) -> BoolArray:
         """Whether each strip is touched (strips,)."""
-        return ~np.isnan(self[self.signatures[0]])
+        return np.asarray(~np.all([np.isnan(self[name]) for name in self.signatures], axis=0))
+
+    @property
+    def half_read(self) -> BoolArray:
+        """Whether each strip is touched and lacks one of its readings (strips,)."""
+        return np.asarray(self.touched & np.any([np.isnan(self[name]) for name in self.signatures], axis=0))
 
     def runs(self) -> list[slice]:
         """Return the runs of neighbouring touched strips: a signature, an object each (4.2.4, step 1)."""
@@ -115,6 +118,21 @@ class Scan:
             raise ReadingError(f"the scan has {len(self.touched)} strips and the sensor has {sensor.strips}")
         for name in self.signatures:
             sensor.check_signature(name)
+        if not sensor.kind.closed_form and len(half := np.flatnonzero(self.half_read)):
+            raise ReadingError(
+                f"strip {half[0] + sensor.strip_base} has only one of {' and '.join(self.signatures)}, and a "
+                f"{sensor.construction} sensor needs all; leave the strip out as a whole"
+            )
+
+    def checked(self, sensor: Sensor) -> Scan:
+        """Return what counts of the scan: without channels that the spec leaves out; errors as of `check`."""
+        self.check(sensor)
+        read = leave_out(sensor, {name: self[name] for name in self.signatures})
+        alive = [name for name, k in read.items() if np.isfinite(k).any()]
+        if not sensor.without and len(alive) in (0, len(read)):
+            return self
+        kept: dict[str, Any] = {name: read[name] if name in alive or not alive else None for name in read}
+        return replace(self, **kept)
 
 
 def _readings(name: str, values: npt.ArrayLike) -> FloatArray:

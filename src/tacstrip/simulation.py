@@ -19,6 +19,7 @@ from tacstrip.network.imperfections import Imperfections, Readout
 from tacstrip.network.strips.ladder import fast_readings
 from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import check_closed_form
+from tacstrip.sensor.left_out import leave_out
 from tacstrip.sensor.spec import Sensor
 
 _MODELS = ("closed", "network")
@@ -40,7 +41,7 @@ def simulate(
     wiring: Wiring | None = None,
     electrodes: Literal["own", "all"] = "own",
 ) -> Scan:
-    """Return the scan that the sensor makes of a contact.
+    """Return the scan that the sensor makes of a contact, without channels that its spec leaves out.
 
     Parameters
     ----------
@@ -95,7 +96,7 @@ def simulate(
         )
     if model == "network":
         ideal = fast_readings(sensor, contact, imperfections, readout)
-        return Scan(**_measured(sensor, ideal, noise, rng), time_s=time_s)
+        return Scan(**leave_out(sensor, _measured(sensor, ideal, noise, rng)), time_s=time_s)
     if imperfections is not None or readout is not None:
         raise OptionError(
             'imperfections and readout need model="network": the closed forms know ideal units only'
@@ -109,7 +110,7 @@ def simulate(
                 f"the contact covers strip {shorted[0] + sensor.strip_base} from end to end: on metal that "
                 "shorts Vref to ground, and nothing can be read"
             )
-    return Scan(**scan, time_s=time_s)
+    return Scan(**leave_out(sensor, scan), time_s=time_s)
 
 
 def _sheet_scan(

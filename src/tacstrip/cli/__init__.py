@@ -7,7 +7,8 @@ import errno
 import importlib
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -126,12 +127,24 @@ def warn(*texts: str) -> None:
             click.echo(f"Warning: {text}", err=True)
 
 
-def load_sensor(spec: str | Path) -> Sensor:
-    """Load a spec file or a shipped spec, and warn where it looks like metres; errors as of `Sensor.load`."""
+def without_option(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add the option --without to a verb."""
+    return click.option(
+        "--without", multiple=True, metavar="STRIP:CHANNEL",
+        help="Leave out a dead, stuck or saturated channel, such as 7:v_h; repeat.",
+    )(command)  # fmt: skip
+
+
+def load_sensor(spec: str | Path, without: Sequence[str] = ()) -> Sensor:
+    """Load a spec file or a shipped spec, and warn where it looks like metres; errors as of `Sensor.load`.
+
+    `without` names channels to leave out, besides those of the spec.
+    """
     from tacstrip.io.input_checks import in_metres  # late, as all that loads NumPy
     from tacstrip.sensor.spec import Sensor
 
     sensor = Sensor.load(spec)
+    sensor = replace(sensor, without=(*sensor.without, *without))
     told = in_metres(sensor)
     warn(f"{spec}: {told}" if told else "")
     return sensor

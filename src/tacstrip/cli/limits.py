@@ -14,7 +14,7 @@ import numpy as np
 from click.core import ParameterSource
 
 from tacstrip.arrays import FloatArray
-from tacstrip.cli import load_sensor, protect, warn
+from tacstrip.cli import load_sensor, protect, warn, without_option
 from tacstrip.contact.noise import Noise
 from tacstrip.design.candidates import BITS, CONVERSION_S, FARAD, Design, candidates, designs
 from tacstrip.design.limits import ErrorMap, Limit, limit_map, limits, outline_of
@@ -38,6 +38,7 @@ _DESIGN_OPTIONS = ("construction", "pitch", "length", "try_bits", "picofarad", "
 @click.option(
     "--positional", type=float, default=0.0, help="P.U., half-width over Vref (thesis: 0.005, 0.01)."
 )
+@without_option
 @click.option("--distribution", default="uniform", show_default=True, help="uniform or normal.")
 @click.option("--bits", type=int, help="Resolution of the A/D converter instead of the spec's.")
 @click.option(
@@ -79,6 +80,7 @@ def command(
     turn: float,
     quantisation: float,
     positional: float,
+    without: tuple[str, ...],
     distribution: str,
     bits: int | None,
     grid: int,
@@ -109,7 +111,7 @@ def command(
         from tacstrip.plot.style import check_picture
 
         check_picture(plot)
-    spec = load_sensor(sensor)
+    spec = load_sensor(sensor, without)
     spec = spec if bits is None else replace(spec, adc_bits=bits)
     noise = Noise(quantisation=quantisation, positional=positional, distribution=distribution)  # type: ignore[arg-type]
     if reading_sigma(noise, spec) == 0.0:

@@ -12,13 +12,13 @@ import click
 import numpy as np
 from click.core import ParameterSource
 
-from tacstrip.cli import check_method, load_sensor, protect, warn
+from tacstrip.cli import check_method, load_sensor, protect, warn, without_option
 from tacstrip.contact.noise import Noise
 from tacstrip.contact.shape import Contact
 from tacstrip.errors import OptionError, ReadingError, number
 from tacstrip.geometry.metrics import mismatch
 from tacstrip.io.geometry import feature_collection, read_contact, write_geojson
-from tacstrip.io.input_checks import exchanged, half_read, largest, over_vref
+from tacstrip.io.input_checks import exchanged, half_read, largest, one_reading, over_vref
 from tacstrip.io.readings import read_readings
 from tacstrip.reconstruction.methods import chosen_method, reconstruct
 from tacstrip.reconstruction.result import Reconstruction
@@ -28,6 +28,7 @@ from tacstrip.sensor.rest_level import rest_hint
 from tacstrip.sensor.spec import Sensor
 
 _MOST_LINES = 20
+_BY_USER = (ParameterSource.COMMANDLINE, ParameterSource.ENVIRONMENT)
 
 
 @click.command()
@@ -41,9 +42,16 @@ _MOST_LINES = 20
 @click.option(
     "--distribution", default="uniform", show_default=True, help="Of these errors: uniform or normal."
 )
+@without_option
 @click.option("--vertices", type=int, help="Of each contact, for polygon, where that is known; else found.")
 @click.option(
     "--wide", is_flag=True, help="For polygon: strips as wide as the spec says, as in measured readings."
+)
+@click.option(
+    "--object",
+    "known_object",
+    type=click.Path(path_type=Path),
+    help="A known rigid object's outline (.wkt, .geojson): its pose is fitted.",
 )
 @click.option("--transitions", default="auto", show_default=True, metavar="RULE|X,X,..",
               help="For vertex: auto, gradient, or the x of all vertices [mm].")  # fmt: skip
@@ -64,8 +72,10 @@ def command(
     quantisation: float | None,
     positional: float | None,
     distribution: str,
+    without: tuple[str, ...],
     vertices: int | None,
     wide: bool,
+    known_object: Path | None,
     transitions: str,
     convex: bool,
     reading: str,
@@ -78,13 +88,13 @@ def command(
 
     Example: tacstrip reconstruct sensor.toml readings.csv -o shapes.geojson --plot shapes.png
     """
-    protect(output, sensor, readings, truth)
-    protect(plot, sensor, readings, truth, output)
+    protect(output, sensor, readings, truth, known_object)
+    protect(plot, sensor, readings, truth, known_object, output)
     if plot is not None:
         from tacstrip.plot.style import check_picture
 
         check_picture(plot)
-    spec = load_sensor(sensor)
+    spec = load_sensor(sensor, without)
     scans = read_readings(readings, spec)
     if not any(s.touched.any() for s in scans):
         raise ReadingError(
@@ -93,6 +103,12 @@ def command(
         )
     given = click.get_current_context().get_parameter_source
     for_vertex = [o for o in ("transitions", "reading") if given(o) is ParameterSource.COMMANDLINE]
+    if known_object is not None:
+        refused = [
+            o for o in ("method", "vertices", "transitions", "reading", "convex") if given(o) in _BY_USER
+        ]
+        if refused:
+            raise OptionError(f"--{refused[0]} is not for a known object; leave it or --object out")
     chosen = chosen_method(method or ("vertex" if for_vertex else None), spec)
     if chosen != "vertex" and for_vertex:
         raise OptionError(f"--{for_vertex[0]} is for --method vertex; leave it out for {chosen}")
@@ -116,6 +132,7 @@ def command(
     unset = rest_hint(spec, invert_calibration(spec, stacked))
     warn(
         half_read(readings, spec, scans[0].signatures) if signature is None else "",
+        one_reading(readings, spec, scans),
         over_vref(readings, spec, largest(scans)),
         f"{readings}: {unset}" if unset else "",
         f"{swapped} (`tacstrip doctor {readings} --sensor {sensor}` says more)" if swapped else "",
@@ -126,7 +143,13 @@ def command(
         "profile": {"convex": convex},
     }
     used = scans if chosen != "polygon" or signature is None else [_only(scan, signature) for scan in scans]
-    results = [reconstruct(scan, spec, known, method=chosen, **by_method[chosen]) for scan in used]
+    if known_object is not None:
+        from tacstrip.reconstruction.known_object import fit_object
+
+        outline, chosen = read_contact(known_object), "object"
+        results = [fit_object(scan, spec, outline, known) for scan in used]
+    else:
+        results = [reconstruct(scan, spec, known, method=chosen, **by_method[chosen]) for scan in used]
     contact = read_contact(truth) if truth else None
     if contact is not None and not _polygons(contact):
         raise OptionError(
@@ -184,6 +207,7 @@ def _line(number: int, result: Reconstruction, at: int, truth: Contact | None) -
     text = f"scan {number}, {result.method}{which}: {found.status}"
     if found.found:
         x, y = found.centroid
+        text += "" if found.pose is None else f", turned by {np.rad2deg(found.pose.angle):.4g} deg"
         text += f", {len(found.vertices)} corners, {found.area:.6g} mm2 at x = {x:.5g}, y = {y:.5g} mm"
     text += f". {found.advice}" if found.advice else ""
     if truth is None or not found.found:

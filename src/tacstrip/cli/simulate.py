@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 from click.core import ParameterSource
 
-from tacstrip.cli import load_sensor, protect, warn
+from tacstrip.cli import load_sensor, protect, warn, without_option
 from tacstrip.contact.footprint import footprint
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError
@@ -41,6 +41,7 @@ _POINT = (float, float)
 @click.option(
     "--positional", type=float, default=0.0, help="P.U., half-width over Vref (thesis: 0.005, 0.01)."
 )
+@without_option
 @click.option("--distribution", default="uniform", show_default=True, help="uniform or normal.")
 @click.option("--model", help="closed or network; by default closed where the construction has closed forms.")
 @click.option("--electrodes", default="own", show_default=True, help="CRS-CRP: own or all.")
@@ -63,6 +64,7 @@ def command(
     rate: float,
     quantisation: float,
     positional: float,
+    without: tuple[str, ...],
     distribution: str,
     model: str | None,
     electrodes: str,
@@ -83,7 +85,7 @@ def command(
         from tacstrip.plot.style import check_picture
 
         check_picture(plot)
-    spec = load_sensor(sensor)
+    spec = load_sensor(sensor, without)
     noise = Noise(quantisation=quantisation, positional=positional, distribution=distribution)  # type: ignore[arg-type]
     if seed < 0 or not rate > 0.0:
         bad = f"--seed {seed}: must be 0 or more" if seed < 0 else f"--rate {rate}: must be above 0"

@@ -96,7 +96,7 @@ def candidates(
             for length in lengths_mm or [part * sensor.length_mm for part in LENGTHS]:
                 yield replace(
                     sensor, construction=kind.name, strips=strips, pitch_mm=pitch, length_mm=length,
-                    strip_width_mm=None, resistivity_ratio=ratio, radius_mm=radius,
+                    strip_width_mm=None, resistivity_ratio=ratio, radius_mm=radius, without=(),
                 )  # fmt: skip
 
 

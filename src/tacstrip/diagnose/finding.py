@@ -10,6 +10,7 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.sensor.constructions import SIGNATURES
+from tacstrip.sensor.left_out import channel_name
 
 Severity = Literal["broken", "degraded", "note"]
 
@@ -188,6 +189,12 @@ class Report:
         numbers = [str(i + self.strip_base) for i in finding.strips]
         names = "strip " + numbers[0] if len(numbers) == 1 else "strips " + ", ".join(numbers)
         return names if finding.signature is None else f"{names}, {SIGNATURES[finding.signature].volt_column}"
+
+    def without(self, finding: Finding) -> str:
+        """Return the name of the one channel that a finding is about, to leave it out; "" where it is no channel."""
+        if finding.signature is None or len(finding.strips) != 1:
+            return ""
+        return channel_name(finding.strips[0], finding.signature, self.strip_base)
 
     def to_json(self) -> dict[str, Any]:
         """Return the report as JSON values; strips are counted as in the readings file, null is not noise."""

@@ -14,6 +14,7 @@ from tacstrip.io.columns import ELECTRODES, Column, finite, value_columns
 from tacstrip.io.readings import scan_lines
 from tacstrip.io.rows import Row, read_csv
 from tacstrip.scan import Scan
+from tacstrip.sensor.left_out import leave_out
 from tacstrip.sensor.raw import apply_calibration, invert_calibration, touched
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.codes import top_code
@@ -66,6 +67,7 @@ class Log:
     @classmethod
     def of(cls, sensor: Sensor, time_s: FloatArray, raw: Mapping[str, FloatArray]) -> Log:
         """Make a log of raw readings over Vref (scans, strips); the spec says what is touched."""
+        raw = leave_out(sensor, raw)
         return cls(sensor, time_s, raw, touched(sensor, raw))
 
     @classmethod
@@ -83,7 +85,9 @@ class Log:
             scan.check(sensor)
             if scan.signatures != scans[0].signatures:
                 raise ReadingError("the scans have different signatures; examine those of one kind together")
-        stacked = {name: np.stack([scan[name] for scan in scans]) for name in scans[0].signatures}
+        stacked = leave_out(
+            sensor, {name: np.stack([scan[name] for scan in scans]) for name in scans[0].signatures}
+        )
         there = np.stack([scan.touched for scan in scans])
         return cls(
             sensor, np.array([scan.time_s for scan in scans]), invert_calibration(sensor, stacked), there

@@ -17,12 +17,14 @@ from tacstrip.io.columns import value_columns
 from tacstrip.io.rows import read_csv
 from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import SIGNATURES
+from tacstrip.sensor.left_out import channel_name, left_out
 from tacstrip.sensor.spec import Sensor
 
 _PITCH_MM = 0.1  # nobody cuts strips as fine
 _SMALL = 0.01  # of the sensor's shorter side: a contact in metres is a thousandth of itself
 _VREF_VOLT = 2.0  # above it, volts that all stay below 1 are seldom volts
 _NOISE = 0.005  # of Vref: P.U. profile I
+_NAMED = 5  # channels that a warning names
 _FEW = 4  # touched strips: of fewer, noise alone can exchange most
 
 
@@ -69,6 +71,22 @@ def half_read(path: str | Path, sensor: Sensor, names: Sequence[str]) -> str:
         return ""
     missing = SIGNATURES[lack[0]]
     return f"using {have[0].volt_column} only: {path} has no {missing.volt_column} (or {missing.code_column})"
+
+
+def one_reading(path: str | Path, sensor: Sensor, scans: Sequence[Scan]) -> str:
+    """Say which strips have one reading of two, where the spec does not leave the other channel out."""
+    out = left_out(sensor)
+    found = [
+        channel_name(int(strip), name, sensor.strip_base)
+        for name in scans[0].signatures
+        for strip in np.flatnonzero(
+            np.any([s.half_read & np.isnan(s[name]) for s in scans], axis=0) & ~out.get(name, np.array(False))
+        )
+    ]
+    if not found:
+        return ""
+    names = ", ".join(found[:_NAMED]) + (", ..." if len(found) > _NAMED else "")
+    return f"{path}: {names} is empty where the strip's other channel has a reading; the strip counts with that one"
 
 
 def exchanged(scans: Sequence[Scan], noise: Noise | None = None) -> str:

@@ -3,8 +3,8 @@
 Columns: scan, time_s, strip, and volts (v_h, v_l or v_out) or A/D codes (code_h, code_l or code); one of
 v_h and v_l alone is a single-measurement. Of a CRS-CRP sheet all electrodes may be there instead: v_l_0, v_l_1, ...
 at y = 0 and v_h_0, ... at y = L (or code_l_0, ...). Other columns are passed over, unless their
-name is nearly that of a column that is missing. An empty field means that nothing touches the strip. Codes run from 0
-to 2^adc_bits - 1, which reads Vref.
+name is nearly that of a column that is missing. Empty fields mean that nothing touches the strip; one of v_h and v_l
+alone, that the other channel is left out. Codes run from 0 to 2^adc_bits - 1, which reads Vref.
 """
 
 from __future__ import annotations
@@ -195,10 +195,12 @@ def _scans(header: list[str], rows: Iterator[Row], sensor: Sensor) -> list[Scan]
 
 
 def _scan(lines: ScanLines, columns: list[Column], sensor: Sensor) -> Scan:
-    """Return a scan; every strip must be there, with all its readings or with none."""
+    """Return a scan; every strip must be there. One with one reading of two counts with that one."""
     lines.check_complete(sensor)
     empty = np.isnan(lines.values)
     for strip in np.flatnonzero(empty.any(axis=0) & ~empty.all(axis=0)):
+        if sensor.kind.closed_form:
+            break
         have, lack = (columns[int(i)].name for i in (empty[:, strip].argmin(), empty[:, strip].argmax()))
         raise ReadingError(
             f"line {lines.strip_lines[strip]}: strip {strip + sensor.strip_base} has {have} but no {lack}; "

@@ -18,6 +18,7 @@ from tacstrip.geometry.outline import Outline
 from tacstrip.network.crp.cramer_rao import jacobian
 from tacstrip.sensor.circuit import reading_jacobian
 from tacstrip.sensor.constructions import SIGNATURES
+from tacstrip.sensor.left_out import left_out
 from tacstrip.sensor.spec import Sensor
 
 
@@ -55,8 +56,9 @@ def vertex_jacobian(
 ) -> FloatArray:
     """Return the slopes of readings by `vertices.ravel()` (readings, 2 V) [1/mm]; arguments as `vertex_covariance`.
 
-    A row per strip of the first signature, then of the next. Without a closed form (CRS-CRP) they come from the
-    network of all touched strips: a strip's readings depend on its neighbours' ends too.
+    A row per strip of the first signature, then of the next, but for channels that the spec leaves out. Without a
+    closed form (CRS-CRP) they come from the network of all touched strips: a strip's readings depend on its
+    neighbours' ends too.
     """
     names = tuple(map(sensor.check_signature, sensor.signatures if signatures is None else signatures))
     x = sensor.x_mm if x_mm is None else np.asarray(x_mm, dtype=float)
@@ -65,8 +67,9 @@ def vertex_jacobian(
         return _network_slopes(outline, sensor, names, x)
     by_l, by_u = outline.jacobian(x)
     of_ends = signature_jacobians(sensor, *outline.ends(x))
-    pairs = [of_ends[n] for n in names]
-    return np.concatenate([a[:, None] * by_l + b[:, None] * by_u for a, b in pairs])
+    read = {n: ~np.isclose(x[:, None], sensor.x_mm[out]).any(axis=1) for n, out in left_out(sensor).items()}
+    pairs = [(*of_ends[n], read.get(n, slice(None))) for n in names]
+    return np.concatenate([(a[:, None] * by_l + b[:, None] * by_u)[there] for a, b, there in pairs])
 
 
 def _network_slopes(outline: Outline, sensor: Sensor, names: tuple[str, ...], x: FloatArray) -> FloatArray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import operator
 import tomllib
@@ -18,6 +19,7 @@ from tacstrip.errors import SpecError
 from tacstrip.files import why_unreadable, write_text
 from tacstrip.sensor.calibration import Calibration
 from tacstrip.sensor.constructions import CONSTRUCTIONS, Construction, check_signature, construction
+from tacstrip.sensor.left_out import checked_names
 
 FORMAT = 1
 _HUGE = 10**18  # a message with more digits helps nobody
@@ -38,6 +40,7 @@ KEYS: dict[str, tuple[str, str]] = {  # key: (an example where nothing is set, c
     "rest_volt": ("0.0", "for logs that give volts for untouched strips: the level they rest at"),
     "touch_volt": ("0.05", "a strip counts as touched when a reading is further than this from rest_volt"),
     "strip_base": ("", "number of the first strip in readings files, 0 or 1"),
+    "without": ('["2"]', 'channels left out: "7:v_h" one of a strip, "2" all of it'),
 }
 CALIBRATION = "calibration"  # the table that `tacstrip calibrate` adds to a spec file
 # Keys that belong to some constructions only.
@@ -76,6 +79,7 @@ class Sensor:
     rest_volt: float | None = None
     touch_volt: float | None = None
     strip_base: int = 0
+    without: tuple[str, ...] = ()
     format: int = FORMAT
     calibration: Calibration | None = None
 
@@ -100,9 +104,13 @@ class Sensor:
         """Bring numbers to their type and refuse what cannot be."""
         for name, kind in self.__annotations__.items():
             value = getattr(self, name)
-            if name not in ("construction", CALIBRATION) and not (value is None and "None" in str(kind)):
+            if name not in ("construction", "without", CALIBRATION) and not (
+                value is None and "None" in str(kind)
+            ):
                 object.__setattr__(self, name, _number(name, value, whole="int" in str(kind)))
         _check(self)
+        names = checked_names(self.without, self.kind, self.strips, self.strip_base)
+        object.__setattr__(self, "without", names)
         if self.calibration is not None:
             _check_calibration(self, self.calibration)
 
@@ -201,8 +209,8 @@ class Sensor:
             value = getattr(self, key)
             if key in _OWN_KEYS and key not in self.kind.keys:
                 continue
-            text = f'"{value}"' if isinstance(value, str) else repr(value)
-            line = f"# {key} = {example}" if value is None else f"{key} = {text}"
+            text = repr(value) if isinstance(value, int | float) else json.dumps(value, ensure_ascii=False)
+            line = f"# {key} = {example}" if value in (None, ()) else f"{key} = {text}"
             lines.append(f"{line:<32} # {comment}")
         text = "\n".join(lines) + "\n"
         return text if self.calibration is None else f"{text}\n{self.calibration.to_toml()}"

@@ -13,8 +13,9 @@ import numpy as np
 
 from tacstrip.arguments import takes
 from tacstrip.arrays import BoolArray, FloatArray
-from tacstrip.errors import RecordingError
+from tacstrip.errors import ReadingError, RecordingError
 from tacstrip.scan import Scan
+from tacstrip.sensor.left_out import channel_name, left_out
 from tacstrip.sensor.raw import apply_calibration, invert_calibration
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.source import CodeArray, RawScan
@@ -66,7 +67,7 @@ def encode(scan: Scan, sensor: Sensor, sequence: int = 0) -> RawScan:
     Raises
     ------
     ReadingError, SignatureError
-        The scan is not of this sensor.
+        The scan is not of this sensor, or lacks a reading of a touched strip that the spec does not leave out.
 
     Examples
     --------
@@ -78,6 +79,14 @@ def encode(scan: Scan, sensor: Sensor, sequence: int = 0) -> RawScan:
     ([512, 0], [True, False])
     """
     scan.check(sensor)
+    for name in scan.signatures:
+        lost = scan.half_read & np.isnan(scan[name]) & ~left_out(sensor).get(name, np.array(False))
+        if len(at := np.flatnonzero(lost)):
+            channel = channel_name(int(at[0]), name, sensor.strip_base)
+            raise ReadingError(
+                f"{channel} has no reading where the strip's other channel has one, and codes cannot say that: "
+                f'write without = ["{channel}"] into the spec'
+            )
     return RawScan(scan.time_s, to_codes(_raw(scan, sensor), sensor), scan.touched, sequence)
 
 

@@ -77,7 +77,7 @@ def fit_polygon(
         The scan is not of this sensor, the construction has no closed form, or there are no polygons of so many
         vertices.
     """
-    scan.check(sensor)
+    scan = scan.checked(sensor)
     check_closed_form(sensor.kind, "fit_polygon")
     if vertices is not None and not 3 <= vertices <= MAX_VERTICES + 2:
         raise OptionError(
@@ -117,7 +117,7 @@ def fitted_transitions(
 
     Only one signature is used, as Vertex Reconstruction does. A run with too few strips gives its two ends.
     """
-    scan.check(sensor)
+    scan = scan.checked(sensor)
     check_closed_form(sensor.kind, "fit_polygon")
     name, sigma = sensor.check_signature(signature), _sigma(noise, sensor)
     found = []

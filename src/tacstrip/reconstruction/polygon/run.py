@@ -26,6 +26,7 @@ _ROUNDS = 3  # of leaving outliers out, and of estimating sigma anew
 _SURER = 0.3  # so much less noise than first thought is worth another fit
 _NEAR = 6.0  # spreads from the polygon that was made without it: no outlier
 _BARELY = 0.5  # of the spread with all readings: few residuals can be small by chance
+_ALONE = 8  # suspects at most that are left out one by one
 _SPARE = 1  # readings beyond the numbers fitted, without which nothing can be tested
 
 
@@ -172,11 +173,17 @@ class _RunFitter:
 
     def fit(self, start: float) -> RunFit:
         """Leave outliers out and fit; `start` is sigma, or where it is not known a first idea of it."""
-        suspected = np.stack([spikes(values, start) for values in self.raw]) & self.there
+        certain = _on_the_wrong_rail(self.raw, start)
+        alone = np.where(certain, np.nan, self.raw)
+        suspected = certain | (np.stack([spikes(values, start) for values in alone]) & self.there)
         run = self._fit_without_outliers(start, suspected)
         if suspected.any():
             # Corners and steep ends are not predicted by neighbours either: are polygons of more readings cheaper?
-            others = [np.zeros_like(suspected)]
+            # Nor are a fault's neighbours: is it one of the suspects alone?
+            others = [certain]
+            for at in np.flatnonzero(suspected & ~certain)[:_ALONE] if suspected.sum() > 1 else ():
+                others.append(certain.copy())
+                others[-1].flat[at] = True
             if run.selection is not None:
                 off = np.abs(self.raw - run.selection.chosen.readings(run.problem))
                 others.append(suspected & (off > _NEAR * start * run.residual_scale(self.sigma_known)))
@@ -211,6 +218,20 @@ class _RunFitter:
                 break
             out = out | new
         return run
+
+
+def _on_the_wrong_rail(raw: FloatArray, sigma: float) -> BoolArray:
+    """Find readings (2, n) that lie on ground or Vref where the strip's other reading says that none can.
+
+    k_h is never below k_l: a k_h on ground, or a k_l on Vref, beside another reading is a dead or saturated channel.
+    """
+    out = np.zeros(raw.shape, dtype=np.bool_)
+    if len(raw) == 2:
+        near = _NEAR * sigma
+        with np.errstate(invalid="ignore"):
+            below = raw[0] < raw[1] - 2.0 * near
+            out[0], out[1] = below & (raw[0] <= near), below & (raw[1] >= 1.0 - near)
+    return out
 
 
 def _with_ellipse(run: RunFit, sigma_known: bool) -> RunFit:

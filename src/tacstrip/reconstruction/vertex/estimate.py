@@ -70,7 +70,7 @@ def vertex_reconstruction(
         The scan is not of this sensor, lacks the signature, an option does not exist, or the construction has no
         closed form (CRS-CRP).
     """
-    scan.check(sensor)
+    scan = scan.checked(sensor)
     check_closed_form(sensor.kind, "Vertex Reconstruction")
     name = sensor.check_signature(scan.signatures[-1] if signature is None else signature)
     if reading not in _READINGS:
@@ -94,7 +94,7 @@ def _recover(
     sensor: Sensor, signature: str, run: slice, k: FloatArray, x: FloatArray, reading: str
 ) -> RecoveredObject:
     """Recover one object from the readings of its strips and its vertices' x."""
-    strips = sensor.x_mm[run]
+    strips, k = sensor.x_mm[run][np.isfinite(k)], k[np.isfinite(k)]
     try:
         _check_counts(sensor, strips, x)
         sections = fit_sections(strips, k, x, sensor.sensing_ratio)
