@@ -27,6 +27,7 @@ from .io.runs import Runs as Runs
 from .io.runs import read_runs as read_runs
 from .reconstruction.cramer_rao import vertex_covariance as vertex_covariance
 from .reconstruction.cramer_rao import vertex_rms as vertex_rms
+from .reconstruction.known_object import fit_object as fit_object
 from .reconstruction.methods import reconstruct as reconstruct
 from .reconstruction.polygon.estimate import fit_polygon as fit_polygon
 from .reconstruction.polygon.estimate import fit_polygons as fit_polygons

@@ -13,7 +13,7 @@ from tacstrip.arguments import takes
 from tacstrip.contact.shape import Contact
 from tacstrip.errors import ContactError
 from tacstrip.files import why_unreadable, write_text
-from tacstrip.reconstruction.result import Reconstruction, RecoveredObject
+from tacstrip.reconstruction.result import Pose, Reconstruction, RecoveredObject
 
 _READERS = {".wkt": Contact.from_wkt, ".geojson": Contact.from_geojson, ".json": Contact.from_geojson}
 
@@ -139,8 +139,25 @@ def _feature(recovered: RecoveredObject | None, properties: dict[str, Any]) -> d
                 "orientation_rad": recovered.orientation,
             }
             | _deviations(recovered)
+            | _poses(recovered)
         )
     return {"type": "Feature", "geometry": geometry, "properties": properties}
+
+
+def _poses(recovered: RecoveredObject) -> dict[str, Any]:
+    """Return where a known object lies, and the other poses that the readings leave."""
+    if recovered.pose is None:
+        return {}
+
+    def entry(pose: Pose) -> dict[str, float]:
+        return {"x_mm": pose.x_mm, "y_mm": pose.y_mm, "angle_rad": pose.angle}
+
+    sigma = np.sqrt(np.diag(recovered.pose.covariance))
+    return {
+        "pose": entry(recovered.pose),
+        "pose_sigma": dict(zip(entry(recovered.pose), map(_finite_or_none, sigma), strict=True)),
+        "other_poses": [entry(other.pose) | {"weight": other.weight} for other in recovered.poses],
+    }
 
 
 def _deviations(recovered: RecoveredObject) -> dict[str, Any]:

@@ -41,6 +41,35 @@ class Guarantee(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
+class Pose:
+    """Where a known object lies.
+
+    Attributes
+    ----------
+    x_mm, y_mm
+        Of its outline's centroid [mm].
+    angle
+        By which it is turned from the outline that was given, counter-clockwise, in (-pi, pi] [rad].
+    covariance
+        Of x, y and angle (3, 3) [mm, mm, rad].
+    """
+
+    x_mm: float
+    y_mm: float
+    angle: float
+    covariance: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Alternative:
+    """Another pose of a known object that explains the readings: its weight among all, and vertices (N, 2) [mm]."""
+
+    pose: Pose
+    weight: float
+    vertices: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
 class RecoveredObject:
     """One object on the sensor.
 
@@ -67,6 +96,8 @@ class RecoveredObject:
         within a pitch.
     model
         The model whose outline this is, where it is no polygon: the vertices then draw a curve, and are no corners.
+    pose, poses
+        Of a known object (`fit_object`): where it lies, and what other poses the readings leave.
 
     Raises
     ------
@@ -84,6 +115,8 @@ class RecoveredObject:
     guarantee: Guarantee | None = None
     uniform: tuple[int, ...] = ()
     model: type[OutlineModel] | None = None
+    pose: Pose | None = None
+    poses: tuple[Alternative, ...] = ()
 
     def __post_init__(self) -> None:
         if self.covariance is not None and self.covariance.shape != (2 * len(self.vertices),) * 2:
