@@ -7,16 +7,18 @@ from typing import Literal
 import numpy as np
 
 from tacstrip.arguments import takes
-from tacstrip.arrays import FloatArray
+from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.contact.footprint import footprint
 from tacstrip.contact.noise import Noise, Rng, add_reading_errors, digitise, generator
 from tacstrip.contact.shape import Contact
 from tacstrip.contact.signature import signatures
+from tacstrip.contact.strip_width import wide, wide_ends
 from tacstrip.errors import ContactError, OptionError, one_of
 from tacstrip.network.crp.mesh import Wiring
 from tacstrip.network.crp.readings import contact_electrodes
 from tacstrip.network.imperfections import Imperfections, Readout
 from tacstrip.network.strips.ladder import fast_readings
+from tacstrip.network.strips.resolved import wide_readings
 from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import check_closed_form
 from tacstrip.sensor.left_out import leave_out
@@ -53,7 +55,8 @@ def simulate(
         A seed, or a NumPy generator to go on with.
     model
         "closed": the closed forms of chapter 3. "network": the sensor as a network of resistors, each
-        separate piece of the contact on its own. By default closed where there is one, so not for CRS-CRP.
+        separate piece of the contact on its own. By default closed where there is one, so not for CRS-CRP; of strips
+        as wide as `strip_width_mm` those that no closed form fits (a corner on them, covered in part) are resolved.
     time_s
         The scan's time [s].
     imperfections, readout
@@ -101,16 +104,32 @@ def simulate(
         raise OptionError(
             'imperfections and readout need model="network": the closed forms know ideal units only'
         )
-    touch = footprint(sensor, contact)
-    scan = readings(sensor, touch.l, touch.u, noise, rng)
+    touch, ideal = _closed(sensor, contact, resolved=model is None)
+    scan = _measured(sensor, ideal, noise, rng)
     for values in scan.values():
-        shorted = np.flatnonzero(np.isnan(values) & ~np.isnan(touch.l))
+        shorted = np.flatnonzero(np.isnan(values) & touch)
         if len(shorted):
             raise ContactError(
                 f"the contact covers strip {shorted[0] + sensor.strip_base} from end to end: on metal that "
                 "shorts Vref to ground, and nothing can be read"
             )
     return Scan(**leave_out(sensor, scan), time_s=time_s)
+
+
+def _closed(sensor: Sensor, contact: Contact, resolved: bool) -> tuple[BoolArray, dict[str, FloatArray]]:
+    """Return which strips are touched, and ideal readings; wide strips that no closed form fits may be resolved."""
+    if not wide(sensor, [contact]):
+        l, u = footprint(sensor, contact)
+        return ~np.isnan(l), signatures(sensor, l, u)
+    ends = wide_ends(sensor, [contact])
+    touch, ideal = ~np.isnan(ends.l[0]), signatures(sensor, ends.l[0], ends.u[0])
+    low, high = (f(s.bounds[i] for s in contact.shapes) for f, i in ((min, 0), (max, 2)))
+    near = np.abs(sensor.x_mm - np.clip(sensor.x_mm, low, high)) <= 0.5 * sensor.strip_width
+    if resolved and (inexact := np.flatnonzero(near & ~ends.exact[0])).size:
+        for name, values in wide_readings(sensor, contact, strips=inexact).items():
+            ideal[name][inexact] = values[inexact]
+        touch = ~np.isnan(next(iter(ideal.values())))
+    return touch, ideal
 
 
 def _sheet_scan(

@@ -44,9 +44,7 @@ _BY_USER = (ParameterSource.COMMANDLINE, ParameterSource.ENVIRONMENT)
 )
 @without_option
 @click.option("--vertices", type=int, help="Of each contact, for polygon, where that is known; else found.")
-@click.option(
-    "--wide", is_flag=True, help="For polygon: strips as wide as the spec says, as in measured readings."
-)
+@click.option("--wide", is_flag=True, hidden=True)
 @click.option(
     "--object",
     "known_object",
@@ -88,6 +86,10 @@ def command(
 
     Example: tacstrip reconstruct sensor.toml readings.csv -o shapes.geojson --plot shapes.png
     """
+    if wide:
+        raise OptionError(
+            "--wide is gone: strip_width_mm in the spec makes strips as wide; leave the option out"
+        )
     protect(output, sensor, readings, truth, known_object)
     protect(plot, sensor, readings, truth, known_object, output)
     if plot is not None:
@@ -119,8 +121,6 @@ def command(
         )
     if vertices is not None and chosen != "polygon":
         raise OptionError(f"--vertices is for --method polygon; leave it out for {chosen}")
-    if wide and chosen != "polygon":
-        raise OptionError(f"--wide is for --method polygon; leave it out for {chosen}")
     if convex and chosen != "profile":
         raise OptionError("--convex is for --method profile; leave it out")
     halves = {"quantisation": quantisation or 0.0, "positional": positional or 0.0}
@@ -138,7 +138,7 @@ def command(
         f"{swapped} (`tacstrip doctor {readings} --sensor {sensor}` says more)" if swapped else "",
     )
     by_method: dict[str, dict[str, Any]] = {
-        "polygon": {"vertices": vertices, "wide": wide},
+        "polygon": {"vertices": vertices},
         "vertex": {"signature": signature, "transitions": where, "reading": reading},
         "profile": {"convex": convex},
     }

@@ -16,6 +16,7 @@ from tacstrip.core.vertex_covariance import covariance_with_x_priors
 from tacstrip.fisher import checked_sigma
 from tacstrip.geometry.outline import Outline
 from tacstrip.network.crp.cramer_rao import jacobian
+from tacstrip.reconstruction.strip_width import across, equivalent_ends
 from tacstrip.sensor.circuit import reading_jacobian
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.left_out import left_out
@@ -62,11 +63,20 @@ def vertex_jacobian(
     """
     names = tuple(map(sensor.check_signature, sensor.signatures if signatures is None else signatures))
     x = sensor.x_mm if x_mm is None else np.asarray(x_mm, dtype=float)
-    x = x[outline.touches(x)]
+    lines = across(sensor, x)  # (n, lines)
+    touched = outline.touches(lines)
+    reached = touched.any(axis=1)
+    x, lines, touched = x[reached], lines[reached], touched[reached]
     if not sensor.kind.closed_form:
         return _network_slopes(outline, sensor, names, x)
-    by_l, by_u = outline.jacobian(x)
-    of_ends = signature_jacobians(sensor, *outline.ends(x))
+    # A wide strip reads the mean height of an edge; what a slant adds hardly changes with the vertices.
+    share = (touched / touched.sum(axis=1, keepdims=True))[..., None]
+    by_l, by_u = (
+        (np.nan_to_num(slope.reshape(*lines.shape, -1)) * share).sum(axis=1)
+        for slope in outline.jacobian(lines.ravel())
+    )
+    ends = outline.ends(x) if lines.shape[1] == 1 else equivalent_ends(sensor, outline, x)
+    of_ends = signature_jacobians(sensor, *ends)
     read = {n: ~np.isclose(x[:, None], sensor.x_mm[out]).any(axis=1) for n, out in left_out(sensor).items()}
     pairs = [(*of_ends[n], read.get(n, slice(None))) for n in names]
     return np.concatenate([(a[:, None] * by_l + b[:, None] * by_u)[there] for a, b, there in pairs])

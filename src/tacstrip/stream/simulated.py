@@ -17,6 +17,7 @@ from tacstrip.arrays import FloatArray
 from tacstrip.contact.footprint import footprint
 from tacstrip.contact.noise import Noise, Rng, generator
 from tacstrip.contact.shape import Contact
+from tacstrip.contact.strip_width import wide, wide_ends
 from tacstrip.errors import OptionError
 from tacstrip.sensor.raw import invert_calibration
 from tacstrip.sensor.spec import Sensor
@@ -157,9 +158,10 @@ class SimulatedSource:
         """Yield scans that the closed forms compute together, thirty times as fast as one by one."""
         numbers = range(first, first + count)
         contacts = [self._contact(number / self._rate_hz) for number in numbers]
-        touch = footprint(self.sensor, contacts)
-        values = readings(self.sensor, touch.l, touch.u, self._noise, self._random)
-        touched = ~np.isnan(touch.l)
+        by_width = wide(self.sensor, contacts)
+        ends = wide_ends(self.sensor, contacts) if by_width else footprint(self.sensor, contacts)
+        values = readings(self.sensor, ends.l, ends.u, self._noise, self._random)
+        touched = ~np.isnan(ends.l)
         if any(
             np.isnan(v[touched]).any() for v in values.values()
         ):  # a short circuit: `simulate` names the strip

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -70,7 +70,8 @@ def run() -> Demo:
 
 def _trials(name: str, scan: Scan, sensor: Sensor, contact: Contact) -> list[Trial]:
     true_x: FloatArray = np.sort(contact.vertices[:, 0])
-    found = [(FIT, "", fit_polygon(scan, sensor)), ("P.R.", "", profile_reconstruction(scan, sensor))]
+    lines = replace(sensor, strip_width_mm=None)  # as the volts were made
+    found = [(FIT, "", fit_polygon(scan, lines)), ("P.R.", "", profile_reconstruction(scan, sensor))]
     for signature, method in (("kh", "V.R. k_h"), ("kl", "V.R. k_l")):
         found.append(
             (method, "given", vertex_reconstruction(scan, sensor, signature=signature, transitions=true_x))

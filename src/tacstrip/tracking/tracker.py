@@ -116,6 +116,7 @@ class Tracker:
         detail
             Compute the covariance of updated polygons too.
         """
+        scan = scan.checked(self.sensor)
         if self.method != "polygon":
             result = reconstruct(scan, self.sensor, self.noise, method=self.method)
             self._assign_ids(_tracks(result.objects, scan))

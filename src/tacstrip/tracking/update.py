@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from dataclasses import dataclass, replace
 
@@ -15,6 +16,7 @@ from tacstrip.core.problem import FLOOR, FitProblem
 from tacstrip.errors import ContactError
 from tacstrip.geometry.outline import Outline, close_chains
 from tacstrip.reconstruction.result import RecoveredObject
+from tacstrip.reconstruction.strip_width import fitted_strips, remove_width_effect
 from tacstrip.robust import robust_sigma
 from tacstrip.scan import Scan
 from tacstrip.sensor.spec import Sensor
@@ -61,7 +63,8 @@ class TrackState:
 def initialise(shape: RecoveredObject, scan: Scan, sensor: Sensor) -> TrackState | None:
     """Return the state of an object that a search found in this scan; None where its shape cannot be tracked."""
     outliers = np.zeros((len(scan.signatures), sensor.strips), dtype=bool)
-    problem = _fit_problem(scan, sensor, shape.strips, 1.0, outliers)
+    problem = _fit_problem(scan, sensor, shape.strips, 1.0, outliers, shape)
+    fitted, _ = fitted_strips(sensor, shape.strips)
     try:
         fit = PolygonFit.of(Outline.of(shape.vertices), problem)
     except ContactError:
@@ -69,7 +72,7 @@ def initialise(shape: RecoveredObject, scan: Scan, sensor: Sensor) -> TrackState
     residuals, used = fit.residuals(problem), problem.weight > 0.0
     spread = float(robust_sigma(residuals[used]))
     outlying = np.abs(residuals) > max(_OUTLIER_SIGMA * spread, FLOOR)
-    outliers[:, shape.strips] = outlying
+    outliers[:, fitted] = outlying
     last = TrackState(shape, _in_mm(fit, problem), 1.0, outliers)
     freedom = max(int(np.count_nonzero(used & ~outlying)) - _n_determined(last), 1)
     level = math.sqrt(float((residuals[~outlying] ** 2).sum()) / freedom)
@@ -95,7 +98,7 @@ def update(
     TrackLost
         The outline cannot be placed on these strips.
     """
-    problem = _fit_problem(scan, sensor, strips, last.sigma, last.outliers)
+    problem = _fit_problem(scan, sensor, strips, last.sigma, last.outliers, last.shape)
     start = _normalised(last.fit, problem)
     found = last.model.fitted(start, problem)
     lower, upper = found.chains_mm(problem)
@@ -121,9 +124,21 @@ def update(
     return TrackState(shape, fit, max(level, _sigma_floor(sensor)), last.outliers), explained
 
 
-def _fit_problem(scan: Scan, sensor: Sensor, strips: slice, sigma: float, outliers: BoolArray) -> FitProblem:
-    readings = {name: scan[name][strips] for name in scan.signatures}
-    return FitProblem.of(sensor, sensor.x_mm[strips], readings, sigma, outliers[:, strips])
+def _fit_problem(
+    scan: Scan,
+    sensor: Sensor,
+    strips: slice,
+    sigma: float,
+    outliers: BoolArray,
+    shape: RecoveredObject,
+) -> FitProblem:
+    """Return what is fitted; of wide strips, without what their width adds to the readings of the last shape."""
+    fitted, margin_mm = fitted_strips(sensor, strips)
+    x, readings = sensor.x_mm[fitted], {name: scan[name][fitted] for name in scan.signatures}
+    if sensor.strip_width_mm is not None:
+        with contextlib.suppress(ContactError):
+            readings = remove_width_effect(sensor, Outline.of(shape.vertices), x, readings)
+    return FitProblem.of(sensor, x, readings, sigma, outliers[:, fitted], margin_mm)
 
 
 def _in_mm(fit: PolygonFit, problem: FitProblem) -> PolygonFit:

@@ -10,6 +10,8 @@ own: l + T and u - T at a straight edge (docs/decisions/, one closed form), and 
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
@@ -31,19 +33,23 @@ _SLIVER = 1e-10  # of the largest share of a contact; less is rounding
 
 
 @takes(sensor=Sensor, contact=Contact)
-def wide_readings(sensor: Sensor, contact: Contact, across: int | None = None) -> dict[str, FloatArray]:
+def wide_readings(
+    sensor: Sensor, contact: Contact, across: int | None = None, *, strips: Iterable[int] | None = None
+) -> dict[str, FloatArray]:
     """Return what every strip reads over Vref, signature to (strips,), NaN where nothing touches.
 
     A strip is touched where any part of its width is. Arguments and errors as for `wide_measurements`.
     """
     result = {name: np.full(sensor.strips, np.nan) for name in sensor.signatures}
-    for strip, measurement in wide_measurements(sensor, contact, across).items():
+    for strip, measurement in wide_measurements(sensor, contact, across, strips=strips).items():
         for name, value in solve_measurement(measurement).items():
             result[name][strip] = value
     return result
 
 
-def wide_measurements(sensor: Sensor, contact: Contact, across: int | None = None) -> dict[int, Measurement]:
+def wide_measurements(
+    sensor: Sensor, contact: Contact, across: int | None = None, *, strips: Iterable[int] | None = None
+) -> dict[int, Measurement]:
     """Return the scan as measurements on networks: touched strip, counted from 0, to its measurement.
 
     Parameters
@@ -54,6 +60,8 @@ def wide_measurements(sensor: Sensor, contact: Contact, across: int | None = Non
         Areas; under ideal contact lines too, which join the layers along them.
     across
         Cells over the width of a strip; by default 32, or 4 per lambda where that is more, at most 128.
+    strips
+        Those to solve; all by default.
 
     Raises
     ------
@@ -79,7 +87,8 @@ def wide_measurements(sensor: Sensor, contact: Contact, across: int | None = Non
         raise ContactError(f"a {what} {why}: give an area, or take footprint() and the centre-line model")
     shapes = contact.clipped(sensor.width_mm, sensor.length_mm, "sensor").shapes
     result = {}
-    for strip, x in enumerate(sensor.x_mm.tolist()):
+    for strip in map(int, range(sensor.strips) if strips is None else strips):
+        x = float(sensor.x_mm[strip])
         measurement = _measurement(sensor, strip, on_strip(shapes, x, width, sensor.length_mm), across)
         if measurement is not None:
             result[strip] = measurement

@@ -21,7 +21,7 @@ from tacstrip.reconstruction.cramer_rao import reading_sigma
 from tacstrip.reconstruction.polygon.objects import FittedContact, reconstruct_object
 from tacstrip.reconstruction.polygon.run import fit_run, should_merge
 from tacstrip.reconstruction.result import Reconstruction
-from tacstrip.reconstruction.strip_width import PARTIAL_STRIPS, end_margin_mm, remove_width_effect
+from tacstrip.reconstruction.strip_width import fitted_strips, remove_width_effect
 from tacstrip.reconstruction.untouched import doubt_untouched
 from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import check_closed_form
@@ -29,7 +29,6 @@ from tacstrip.sensor.spec import Sensor
 
 _BRIDGED = 3  # strips that may be missing inside a contact
 _ROUNDS = 2  # of taking away what the strips' width adds
-_SPARE = 8  # strips: of fewer none is left out
 
 
 @takes(scan=Scan, sensor=Sensor, noise=Noise)
@@ -41,14 +40,14 @@ def fit_polygon(
     max_vertices: int = MAX_VERTICES,
     bounded: bool = True,
     vertices: int | None = None,
-    wide: bool = False,
 ) -> Reconstruction:
     """Recover a polygon from each contact by least squares over all strips and all signatures of the scan.
 
     Parameters
     ----------
     scan, sensor
-        What was measured, with what. From one signature the polygon is convex; from k_h and k_l it is
+        What was measured, with what; strips are as wide as `strip_width_mm` says, which takes three times as long, and
+        without it they are their centre lines. From one signature the polygon is convex; from k_h and k_l it is
         x-monotone, and its ends may be vertical edges.
     noise
         Of the readings; the A/D converter's steps come on top. None: estimated from what the fit leaves over.
@@ -61,9 +60,6 @@ def fit_polygon(
     vertices
         Of each contact, ends included, where that is known; None: found. Weak corners, which noise hides, then add
         to the uncertainty instead of being left out.
-    wide
-        Whether strips are read as wide as the spec's `strip_width` says, as those of a real sensor are, or at their
-        centre lines, as the closed forms of `simulate` have it. Takes three times as long.
 
     Returns
     -------
@@ -87,7 +83,7 @@ def fit_polygon(
         "polygon",
         tuple(
             reconstruct_object(scan, sensor, c, noise, bounded and _has_bound(noise))
-            for c in _contacts(scan, sensor, noise, max_vertices, vertices, wide)
+            for c in _contacts(scan, sensor, noise, max_vertices, vertices)
         ),
         scan.time_s,
     )
@@ -129,18 +125,16 @@ def fitted_transitions(
 
 
 def _contacts(
-    scan: Scan, sensor: Sensor, noise: Noise | None, max_vertices: int, vertices: int | None, wide: bool
+    scan: Scan, sensor: Sensor, noise: Noise | None, max_vertices: int, vertices: int | None
 ) -> list[FittedContact]:
     sigma = _sigma(noise, sensor)
 
     def fit(strips: slice, missing: tuple[int, ...] = ()) -> FittedContact:
-        partial = PARTIAL_STRIPS if wide and strips.stop - strips.start >= _SPARE else 0
-        fitted = slice(strips.start + partial, strips.stop - partial)
-        margin_mm = end_margin_mm(sensor) if partial else 0.0
+        fitted, margin_mm = fitted_strips(sensor, strips)
         x = sensor.x_mm[fitted]
         measured = readings = {name: scan[name][fitted] for name in scan.signatures}
         run = fit_run(sensor, x, readings, sigma, max_vertices, vertices, margin_mm)
-        for _ in range(_ROUNDS if wide else 0):
+        for _ in range(_ROUNDS if sensor.strip_width_mm else 0):
             if (outline := run.outline) is None:
                 break
             readings = remove_width_effect(sensor, outline, x, measured)

@@ -10,7 +10,7 @@ either, is the "Radian-cm" of chapter 6 is not said.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
@@ -190,7 +190,8 @@ def _recover(
     if variant.method == "polygon":
         from tacstrip.reconstruction.polygon.estimate import fit_polygon  # in the workers only
 
-        return fit_polygon(scan, sensor, PROFILE_II).objects[0].vertices
+        lines = replace(sensor, strip_width_mm=None)  # as the twin makes them
+        return fit_polygon(scan, lines, PROFILE_II).objects[0].vertices
     if e.algorithm == "profile":
         return profile_at(profile_reconstruction(scan, sensor).objects[0], contact.vertices)
     if variant.method == "gradient":
