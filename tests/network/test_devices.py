@@ -18,7 +18,6 @@ from tacstrip.network.devices.digital_array import (
 )
 from tacstrip.network.devices.four_wire import four_wire
 from tacstrip.network.grid import tactels
-from tacstrip.plot.style import save
 from tacstrip.sensor.circuit import k_metal
 from tacstrip.thesis import chapter2
 
@@ -400,56 +399,3 @@ def test_an_isolation_or_a_row_that_does_not_exist_is_refused() -> None:
         )
     with pytest.raises(OptionError, match="row = 1: the array has rows 0 to 0"):
         switch_currents([[True]], 1)
-
-
-# Figures and numbers of chapter 2
-
-
-def test_the_figures_are_2_3_and_2_4() -> None:
-    assert list(chapter2.FIGURES) == ["2.3", "2.4"]
-    assert list(chapter2.EXTRA) == ["phantoms"]
-
-
-@pytest.mark.parametrize("name", [*chapter2.FIGURES, *chapter2.EXTRA])
-def test_a_figure_has_a_caption_and_named_axes(name: str, tmp_path: Any) -> None:
-    draw = (chapter2.FIGURES | chapter2.EXTRA)[name]
-    figure = draw()
-    assert save(figure, tmp_path / "figure.png").stat().st_size > 8_000
-    caption = (draw.__doc__ or "").splitlines()[0]
-    assert len(caption) > 30
-    assert caption.endswith(".")
-    assert all(axes.get_xlabel() and axes.get_ylabel() for axes in figure.axes)
-
-
-@pytest.mark.parametrize("n", [10, 100, 1000])
-def test_the_comparison_is_that_of_the_thesis(n: int) -> None:
-    rows = {row["sensor"]: row for row in chapter2.comparison_table(n, sample_us=50.0)}
-    costs = {name: (row["samples"], row["connectors"]) for name, row in rows.items()}
-    assert costs == {
-        "analog four-wire": (2, 4),
-        "hybrid CRS-CRS, k_h or k_l": (n, n + 2),
-        "hybrid CRS-M, k": (n, 2 * n + 2),
-        "hybrid CRS-CRS, k_h and k_l": (2 * n, 2 * n + 2),
-        "digital": (n * n, 2 * n),
-    }
-    assert rows["digital"]["scan_ms"] == pytest.approx(0.05 * n * n)
-    with pytest.raises(OptionError, match="n = 0: must be a whole number"):
-        chapter2.comparison_table(0)
-
-
-def test_phantoms_are_few_below_one_in_n_and_nearly_everywhere_above() -> None:
-    n = 16
-    below, above = chapter2.phantoms_over_fill(n, [0.25 / n, 4.0 / n], patterns=20)
-    assert below < 0.01
-    assert above > 0.9
-    assert (
-        chapter2.phantoms_over_fill(n, [0.1], patterns=3)[0]
-        == chapter2.phantoms_over_fill(n, [0.1], patterns=3)[0]
-    )
-
-
-def test_few_phantoms_come_from_paths_of_three() -> None:
-    """At a low fill p the share is (n - 1)^2 p^3: each path of figure 2.4, weighed by its probability."""
-    n, p = 12, 0.02
-    share = chapter2.phantoms_over_fill(n, [p], patterns=600)[0]
-    assert share == pytest.approx((n - 1) ** 2 * p**3, rel=0.35)

@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 
 import tacstrip as ts
+from studies.digital_array import array_measurements
 from tacstrip.network import ArrayWiring, Imperfections, Readout, Short, scan_array
 from tacstrip.network.crp import inversion as crp
-from tacstrip.network.devices.digital_array import ISOLATIONS, array_measurements
+from tacstrip.network.devices.digital_array import ISOLATIONS
 from tacstrip.network.nodal import Measurement, Network, solve_measurement
 from tacstrip.network.spice import deck
 from tacstrip.network.strips.measurements import measurements, network_readings

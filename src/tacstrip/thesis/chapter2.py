@@ -1,8 +1,8 @@
-"""The figures of chapter 2 that a model stands behind: 2.3 and 2.4, reproduced, and how common phantoms are."""
+"""The figures of chapter 2 that a model stands behind: 2.3 and 2.4, reproduced."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,7 @@ from tacstrip.reconstruction.profile import profile_reconstruction
 from tacstrip.sensor.constructions import construction
 from tacstrip.sensor.spec import Sensor
 from tacstrip.simulation import simulate
+from tacstrip.thesis.captions import by_number
 
 OBJECT = Contact.polygon([(16, 34), (42, 12), (86, 36), (74, 74), (55, 52), (31, 68)])  # [mm]
 SIDE_MM, N = 100.0, 20
@@ -29,7 +30,6 @@ HYBRID = Sensor(construction="crs-crs", strips=N, pitch_mm=SIDE_MM / N, length_m
 PARALLEL_PATH = np.zeros((4, 4), dtype=bool)  # figure 2.4: row i is 1, column j is 1
 PARALLEL_PATH[[2, 2, 1], [1, 2, 2]] = True
 SAMPLE_US = 100.0  # about a 10-bit conversion of a small microcontroller
-FILLS = np.linspace(0.01, 0.3, 16)
 
 _CURRENT = OTHERS[0]
 _NO_CURRENT = 1e-9
@@ -67,21 +67,6 @@ def figure_2_4() -> Figure:
     return figure
 
 
-def figure_phantoms() -> Figure:
-    """Phantoms of random patterns without isolation: they break out where 1 / n of the switches is closed."""
-    figure = new_figure(5.6, 4.0)
-    axes = add_axes(figure, 1, 1, 1)
-    for n, colour in zip((8, 16, 32), OTHERS, strict=False):
-        share = phantoms_over_fill(n)
-        axes.plot(FILLS, share, ".-", color=colour, label=f"n = {n}")
-        axes.axvline(1.0 / n, color=colour, linewidth=0.8, linestyle=":")
-    axes.set(xlim=(0.0, FILLS[-1]), ylim=(-0.02, 1.02))
-    axes.set(xlabel="share of switches that are closed", ylabel="share of open switches read as closed")
-    axes.text(0.995, 0.04, "dotted: 1 / n", transform=axes.transAxes, ha="right", color=TRUE, fontsize=8.0)
-    legend(axes, loc="center right")
-    return figure
-
-
 def comparison_table(n: int, sample_us: float = SAMPLE_US) -> list[dict[str, Any]]:
     """Compare what a scan of n x n sites costs (2.1, 2.2, 3.1, 3.2, 7.4).
 
@@ -100,18 +85,6 @@ def comparison_table(n: int, sample_us: float = SAMPLE_US) -> list[dict[str, Any
     ]
     keys = ("sensor", "gives", "samples", "connectors")
     return [dict(zip(keys, row, strict=True)) | {"scan_ms": row[2] * sample_us / 1000.0} for row in rows]
-
-
-def phantoms_over_fill(
-    n: int, fills: Sequence[float] | FloatArray = FILLS, patterns: int = 24, seed: int = 2
-) -> FloatArray:
-    """Return the mean share of open switches that read closed without isolation (fills,), over random patterns."""
-    share, patterns = np.zeros(len(fills)), check_count("patterns", patterns, 1_000_000)
-    for at, fill in enumerate(fills):
-        random = np.random.default_rng([seed, n, at])
-        drawn = [random.random((n, n)) < fill for _ in range(patterns)]
-        share[at] = np.mean([phantoms(p) / max(1, np.sum(~p)) for p in drawn])
-    return share
 
 
 def _draw_analog(axes: Axes) -> None:
@@ -238,5 +211,4 @@ def _array_key() -> list[Any]:
     ]
 
 
-FIGURES: dict[str, Callable[[], Figure]] = {"2.3": figure_2_3, "2.4": figure_2_4}
-EXTRA: dict[str, Callable[[], Figure]] = {"phantoms": figure_phantoms}
+FIGURES = by_number(figure_2_3, figure_2_4)

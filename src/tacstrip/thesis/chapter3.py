@@ -17,6 +17,7 @@ from tacstrip.sensor.circuit import k_h, k_l, k_metal
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
 from tacstrip.surface.cylinder import strip_angle, strips_under_flat
+from tacstrip.thesis.captions import by_number
 
 Model: TypeAlias = Callable[[FloatArray, FloatArray, float], FloatArray]  # of l, w and L
 
@@ -131,9 +132,4 @@ def _strips_over_depth(axes: Axes, sensor: Sensor) -> None:
     legend(axes, loc="upper left", ncols=2)
 
 
-FIGURES: dict[str, Callable[[], Figure]] = {
-    "3.3": figure_3_3,
-    "3.4": figure_3_4,
-    "3.7": figure_3_7,
-    "3.10": figure_3_10,
-}
+FIGURES = by_number(figure_3_3, figure_3_4, figure_3_7, figure_3_10)

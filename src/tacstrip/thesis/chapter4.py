@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -21,6 +20,7 @@ from tacstrip.reconstruction.vertex.blocks import blocks, linear_system
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
 from tacstrip.simulation import simulate
+from tacstrip.thesis.captions import by_number
 from tacstrip.thesis.shapes import SIMULATED
 
 TETRAGON = Contact.polygon([(-150, 30), (60, -135), (150, -20), (-40, 125)])  # [mm]
@@ -243,7 +243,15 @@ def _kinks(contact: Contact, edges: str) -> Figure:
     return figure
 
 
-FIGURES: dict[str, Callable[[], Figure]] = {
-    "4.1": figure_4_1, "4.2": figure_4_2, "4.3": figure_4_3, "4.4": figure_4_4, "4.5": figure_4_5,
-    "4.6": figure_4_6, "4.7": figure_4_7, "4.8": figure_4_8, "4.9": figure_4_9, "4.10": figure_4_10,
-}  # fmt: skip
+FIGURES = by_number(
+    figure_4_1,
+    figure_4_2,
+    figure_4_3,
+    figure_4_4,
+    figure_4_5,
+    figure_4_6,
+    figure_4_7,
+    figure_4_8,
+    figure_4_9,
+    figure_4_10,
+)

@@ -13,6 +13,7 @@ from tacstrip.data.published import METRICS, Row, rows
 from tacstrip.reconstruction.vertex.estimate import vertex_reconstruction
 from tacstrip.scan import Scan
 from tacstrip.simulation import simulate
+from tacstrip.thesis.chapter5.ambiguity import AMBIGUOUS, ambiguity_facts
 from tacstrip.thesis.chapter5.polygon_fit import WITHIN
 from tacstrip.thesis.claims import Claim, checked, counted
 from tacstrip.thesis.shapes import POSITIONS, SHAPES, SIMULATED
@@ -21,8 +22,8 @@ Tables = list[dict[str, Any]]  # `ours` of each row, in the order of rows()
 _STEP = 1e-6  # of Vref, for derivatives
 
 
-def judge_claims(ours: Tables, ambiguity: dict[str, list[dict[str, float]]]) -> list[dict[str, str]]:
-    """Judge every claim on the rows' results and the ambiguity figures' facts."""
+def judge_claims(ours: Tables) -> list[dict[str, str]]:
+    """Judge every claim on the rows' results."""
     medians = {_key(row): row_ours for row, row_ours in zip(rows(), ours, strict=True)}
     return [
         asdict(claim)
@@ -38,7 +39,7 @@ def judge_claims(ours: Tables, ambiguity: dict[str, list[dict[str, float]]]) -> 
             _regions(medians, POSITIONS - 1, "the upper region suffers, with k_h"),
             *_reasons(),
             _concave_profile(medians),
-            _ambiguous(ambiguity),
+            _ambiguous(),
             *_polygon_fit(ours),
         )
     ]
@@ -162,12 +163,12 @@ def _concave_profile(medians: dict[Any, Any]) -> Claim:
     return checked(claim, worst < 0.15, f"largest median M.C. under profile II: {worst:.3f} rad")
 
 
-def _ambiguous(facts: dict[str, list[dict[str, float]]]) -> Claim:
-    all_facts = [f for found in facts.values() for f in found]
+def _ambiguous() -> Claim:
+    all_facts = [fact for figure in AMBIGUOUS for fact in ambiguity_facts(figure)]
     best = max(f["iou"] for f in all_facts)
     apart = sorted(100.0 * f["signature_difference"] for f in all_facts)
     evidence = (
-        f"V.R. gives a convex shape in {len(all_facts)} of {len(facts) * POSITIONS} ideal cells, overlapping the "
+        f"V.R. gives a convex shape in {len(all_facts)} of {len(AMBIGUOUS) * POSITIONS} ideal cells, overlapping the "
         f"true one with IoU {best:.2f} at best; their signatures differ by {apart[0]:.2f} to {apart[-1]:.2f} % of Vref"
     )
     claim = "V.R. must assume convexity: a concave shape comes back as another one"

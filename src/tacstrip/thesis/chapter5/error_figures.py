@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +19,7 @@ from tacstrip.plot.scene import draw_contact, draw_polygon, draw_sensor
 from tacstrip.plot.style import COLOURS, OTHERS, RECOVERED, TRUE, add_axes, legend, new_axes, new_figure
 from tacstrip.sensor.spec import Sensor
 from tacstrip.simulation import simulate
+from tacstrip.thesis.captions import by_number
 
 SENSOR = Sensor(construction="crs-crs", strips=16, pitch_mm=10.0, length_mm=160.0, strip_width_mm=7.0)
 OBJECT = Contact.polygon([(18, 62), (92, 21), (141, 88), (70, 134)])
@@ -179,9 +179,4 @@ def _name_turning_axes(axes: Axes) -> None:
     legend(axes, loc="upper left")
 
 
-FIGURES: dict[str, Callable[[], Figure]] = {
-    "5.1": figure_5_1,
-    "5.2": figure_5_2,
-    "5.3": figure_5_3,
-    "5.4": figure_5_4,
-}
+FIGURES = by_number(figure_5_1, figure_5_2, figure_5_3, figure_5_4)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,12 +14,8 @@ from tacstrip.plot.scene import draw_contact, draw_sensor
 from tacstrip.plot.style import COLOURS, OTHERS, SENSOR, STRIP, TRUE, add_axes, legend, new_figure
 from tacstrip.sensor.spec import Sensor
 from tacstrip.surface.cylinder import strip_angle, to_cartesian
-from tacstrip.thesis.chapter6.calibration import (
-    UNIT_MM,
-    calibration_runs,
-    line_contact,
-    recovered_points,
-)
+from tacstrip.thesis.captions import by_number, captioned
+from tacstrip.thesis.chapter6.calibration import UNIT_MM, calibration_runs, line_contact, recovered_points
 from tacstrip.thesis.chapter6.twin import LINES, PLACINGS, REGIONS, twin
 
 _TUBE = "Cyl-CRS-M"
@@ -189,18 +183,9 @@ _GRAPHS = {
     "6.25": ("CRS-M", 5), "6.26": ("CRS-M", 10), "6.34": (_TUBE, 0),
 }  # fmt: skip
 
-FIGURES: dict[str, Callable[[], Figure]] = {
-    "6.1": figure_6_1,
-    "6.23": figure_6_23,
-    "6.33": figure_6_33,
-    "6.35": figure_6_35,
-    **{figure: partial(calibration_graph, *which) for figure, which in _GRAPHS.items()},
+FIGURES = by_number(figure_6_1, figure_6_23, figure_6_33, figure_6_35) | {
+    figure: captioned(
+        f"calibration graphs of the {name} twin's first strip, w = {w} units", calibration_graph, name, w
+    )
+    for figure, (name, w) in _GRAPHS.items()
 }
-
-
-def caption(figure: str) -> str:
-    """Return the caption of a figure of this file."""
-    if figure in _GRAPHS:
-        name, width = _GRAPHS[figure]
-        return f"Figure {figure}: calibration graphs of the {name} twin's first strip, w = {width} units"
-    return f"Figure {figure}: {(FIGURES[figure].__doc__ or '').splitlines()[0]}"
