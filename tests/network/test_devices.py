@@ -259,8 +259,8 @@ def test_figure_2_4_three_closed_switches_close_a_fourth() -> None:
     assert flow[2, 1] == pytest.approx(-flow[2, 2])  # into row i + 1 and out of it again
     assert flow[2, 2] < 0.0
     for isolation in ("diodes", "zero-potential"):
-        np.testing.assert_array_equal(scan_array(pattern, isolation).closed, pattern)
-        assert phantoms(pattern, isolation) == 0
+        np.testing.assert_array_equal(scan_array(pattern, isolation=isolation).closed, pattern)
+        assert phantoms(pattern, isolation=isolation) == 0
     assert not np.any(switch_currents(pattern, 1, "diodes")[2])
 
 
@@ -268,10 +268,10 @@ def test_figure_2_4_three_closed_switches_close_a_fourth() -> None:
 def test_without_isolation_a_tactel_reads_closed_where_row_and_column_are_connected(wire_ohm: float) -> None:
     wiring, more = ArrayWiring(load_ohm=1e9, wire_ohm=wire_ohm), 0
     for pattern in random_patterns(60, seed=4):
-        read, rule = scan_array(pattern, "none", wiring), connected(pattern)
+        read, rule = scan_array(pattern, isolation="none", wiring=wiring), connected(pattern)
         np.testing.assert_array_equal(read.closed, rule)
         assert np.all(np.where(rule, read.volts > 0.999, np.abs(read.volts) < 1e-6))
-        assert phantoms(pattern, "none", wiring) == np.sum(rule & ~pattern)
+        assert phantoms(pattern, isolation="none", wiring=wiring) == np.sum(rule & ~pattern)
         more += int(np.sum(rule & ~pattern))
     assert more > 200
 
@@ -281,12 +281,12 @@ def test_without_isolation_a_tactel_reads_closed_where_row_and_column_are_connec
 def test_with_isolation_an_array_reads_what_is_closed(isolation: str, wire_ohm: float) -> None:
     wiring = ArrayWiring(wire_ohm=wire_ohm)
     for pattern in random_patterns(25, seed=5):
-        np.testing.assert_array_equal(scan_array(pattern, isolation, wiring).closed, pattern)
+        np.testing.assert_array_equal(scan_array(pattern, isolation=isolation, wiring=wiring).closed, pattern)
 
 
 def test_ideal_diodes_carry_forward_current_only_and_feed_the_loads() -> None:
     for pattern in random_patterns(15, seed=6):
-        volts = scan_array(pattern, "diodes", ArrayWiring(wire_ohm=2.0)).volts
+        volts = scan_array(pattern, isolation="diodes", wiring=ArrayWiring(wire_ohm=2.0)).volts
         for row in range(len(pattern)):
             flow = switch_currents(pattern, row, "diodes", ArrayWiring(wire_ohm=2.0))
             assert flow.min() >= 0.0
@@ -301,18 +301,22 @@ def test_one_closed_switch_reads_as_its_divider() -> None:
     wires = 3.0 * (3 + 2)  # along row 1 to column 3, down from row 1 to row 3
     for isolation in ("none", "diodes"):
         expected = 1e4 / (1e4 + 200.0 + wires)
-        assert scan_array(pattern, isolation, wiring).volts[1, 3] == pytest.approx(expected, abs=1e-12)
-    zero = scan_array(pattern, "zero-potential", wiring)
+        assert scan_array(pattern, isolation=isolation, wiring=wiring).volts[1, 3] == pytest.approx(
+            expected, abs=1e-12
+        )
+    zero = scan_array(pattern, isolation="zero-potential", wiring=wiring)
     assert zero.volts[1, 3] == pytest.approx(200.0 / (200.0 + wires), abs=1e-12)
     assert zero.volts.sum() == pytest.approx(zero.volts[1, 3])
-    assert scan_array(pattern, "zero-potential").volts.max() == 1.0
+    assert scan_array(pattern, isolation="zero-potential").volts.max() == 1.0
 
 
 def test_nothing_closed_reads_nothing_and_all_closed_reads_all() -> None:
     for isolation in ISOLATIONS:
         for wire in (0.0, 1.0):
             wiring = ArrayWiring(wire_ohm=wire)
-            empty, full = (scan_array(np.full((3, 4), v), isolation, wiring) for v in (False, True))
+            empty, full = (
+                scan_array(np.full((3, 4), v), isolation=isolation, wiring=wiring) for v in (False, True)
+            )
             assert not empty.closed.any()
             assert not empty.volts.any()
             assert full.closed.all()
@@ -321,7 +325,7 @@ def test_nothing_closed_reads_nothing_and_all_closed_reads_all() -> None:
 def test_long_wires_lose_contacts_at_zero_potential() -> None:
     """Grounded rows drain what a column's wire holds above 0 V: the price of this isolation."""
     pattern = np.ones((64, 64), dtype=bool)
-    read = scan_array(pattern, "zero-potential", ArrayWiring(wire_ohm=1.0)).closed
+    read = scan_array(pattern, isolation="zero-potential", wiring=ArrayWiring(wire_ohm=1.0)).closed
     assert read[-1, 0]
     assert not read[0, -1]
 
@@ -393,7 +397,7 @@ def test_a_pattern_that_cannot_be_is_refused(pattern: Any, message: str) -> None
 def test_an_isolation_or_a_row_that_does_not_exist_is_refused() -> None:
     for ask in (scan_array, phantoms):
         with pytest.raises(OptionError) as error:
-            ask([[True]], "magic")
+            ask([[True]], isolation="magic")
         assert str(error.value) == (
             "isolation 'magic' does not exist; choose one of: none, diodes, zero-potential"
         )

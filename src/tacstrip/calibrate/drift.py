@@ -28,6 +28,7 @@ _RESTLESS = 5.0  # times the learned noise: a strip that varies more is touched
 def rezero(
     sensor: Sensor,
     raw: Mapping[str, FloatArray],
+    *,
     source: str = "",
     reference: tuple[float, float] | None = None,
 ) -> tuple[Sensor, BoolArray]:
@@ -153,7 +154,7 @@ class DriftEstimator:
     array([ 0.003, -0.001])
     """
 
-    def __init__(self, sensor: Sensor, time_constant_s: float = 30.0, settle_s: float = 1.0) -> None:
+    def __init__(self, sensor: Sensor, *, time_constant_s: float = 30.0, settle_s: float = 1.0) -> None:
         if not time_constant_s > 0.0 or not settle_s >= 0.0:
             raise OptionError("time_constant_s must be above 0 and settle_s 0 or more")
         _readings_without_drift(sensor, sensor.signatures, None)

@@ -22,7 +22,7 @@ _RESTLESS = 0.02  # of Vref: a strip that moves by more is not at rest
 
 
 @takes(sensor=Sensor)
-def learn_touch(sensor: Sensor, raw: Mapping[str, FloatArray], source: str = "") -> Sensor:
+def learn_touch(sensor: Sensor, raw: Mapping[str, FloatArray], *, source: str = "") -> Sensor:
     """Return the sensor with `rest_volt`, `touch_volt` and each strip's own level and noise from untouched readings.
 
     Parameters

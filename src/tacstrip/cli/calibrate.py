@@ -103,11 +103,11 @@ def command(
         warn(half_read(data, spec, runs.signatures), f"{data}: {unset}" if unset else "")
         if model == "auto":
             click.echo("Comparing models by cross-validation; this may take a minute", err=True)
-        result = calibrate_unit(spec, runs, model, unit, force=force)
+        result = calibrate_unit(spec, runs, model=model, unit=unit, force=force)
         _show_result(result)
         spec = result.sensor
         if touch is None and all(len(v) for v in runs.rest.values()):
-            spec = learn_touch(spec, runs.rest, f"{timestamp()}, {runs.source}")
+            spec = learn_touch(spec, runs.rest, source=f"{timestamp()}, {runs.source}")
         if report is not None:
             from tacstrip.report.calibration import write_report
 
@@ -118,7 +118,7 @@ def command(
             click.echo(f"Not calibrated: {output} is written with --force only", err=True)
             sys.exit(1)
     if touch is not None:
-        spec = learn_touch(spec, _raw(touch, spec), _source(touch))
+        spec = learn_touch(spec, _raw(touch, spec), source=_source(touch))
     if spec.touch_volt is not None and spec.calibration is not None and spec.calibration.touch:
         _show_touch(spec)
     spec.save(output)
@@ -214,7 +214,7 @@ def _show_touch(spec: Sensor) -> None:
 
 def _rezeroed(spec: Sensor, readings: Path, reference: tuple[float, float] | None) -> Sensor:
     require_closed_form(spec)
-    sensor, measured = rezero(spec, _raw(readings, spec), _source(readings), reference)
+    sensor, measured = rezero(spec, _raw(readings, spec), source=_source(readings), reference=reference)
     kept = [str(i + spec.strip_base) for i in np.flatnonzero(~measured)]
     click.echo(f"{int(measured.sum())} of {spec.strips} strips re-zeroed")
     if kept:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from tacstrip.arrays import FloatArray
@@ -124,11 +126,10 @@ def _end_level(log: Log, sigma: float) -> float | None:
     return float(np.median(top[at]))
 
 
-def common_ceiling(log: Log, sigma: float) -> list[Finding]:
+def common_ceiling(log: Log, sigma: float) -> Iterator[Finding]:
     """Find a level that many strips' readings stop at: an amplifier that saturates cuts the noise off too."""
     if sigma < max(log.sensor.adc_step, 2e-4):
-        return []
-    found = []
+        return
     for sign, side in ((1.0, "above"), (-1.0, "below")):
         values = [sign * np.where(log.touched, v, np.nan) for v in log.raw.values()]
         level = float(np.fmax.reduce([np.fmax.reduce(v, axis=None) for v in values]))
@@ -136,14 +137,12 @@ def common_ceiling(log: Log, sigma: float) -> list[Finding]:
             continue
         at, below, strips = _count_at_level(values, level, 0.6 * log.sensor.adc_step + 1e-9, 2.0 * sigma)
         if at >= 20 and at > 2 * below and strips >= 3:
-            found.append(
-                Finding(
-                    "saturation", (), f"{at} readings on {strips} strips are just {sign * level:.5g} Vref and none is "
-                    f"{side}; noise alone would spread them by {100 * sigma:.2g} %",
-                    {"level": sign * level, "side": sign, "readings": float(at)},
-                )
-            )  # fmt: skip
-    return found
+            evidence = (
+                f"{at} readings on {strips} strips are just {sign * level:.5g} Vref and none is {side}; noise alone "
+                f"would spread them by {100 * sigma:.2g} %"
+            )
+            numbers = {"level": sign * level, "side": sign, "readings": float(at)}
+            yield Finding("saturation", (), evidence, numbers)
 
 
 def _count_at_level(values: list[FloatArray], level: float, tie: float, near: float) -> tuple[int, int, int]:

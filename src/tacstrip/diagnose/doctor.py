@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 
 import numpy as np
 
@@ -30,7 +30,7 @@ _MOST_SCANS = 20_000  # of longer recordings, evenly spread stretches are examin
 _LEAST_SIGMA = 2e-4  # over Vref: no reading is trusted to less
 _MOST_SIGMA = 0.006  # over Vref, where motion hides the noise: that of P.U. profile II
 _OFFSET = 0.02  # over Vref: what a strip may lie beside its neighbours before calibration is advised
-_TESTS: tuple[Callable[[WorkingCopy], list[Suspect]], ...] = (
+_TESTS: tuple[Callable[[WorkingCopy], Iterable[Suspect]], ...] = (
     never_touched, on_rails, not_moving, clipped, swapped_wires, swapped_ends, swapped_strips, shorts,
 )  # fmt: skip
 _FEWEST = 20  # places that determine an offset
@@ -56,7 +56,7 @@ def diagnose(log: Log) -> Report:
     if not noise.steady:  # motion, for the most part
         sigma = min(sigma, _MOST_SIGMA)
     bits, no_bits = stuck_bits(part)
-    ceiling = common_ceiling(part, sigma)
+    ceiling = list(common_ceiling(part, sigma))
     reference, factor = wrong_reference(part, sigma) if not ceiling else ([], 1.0)
     work = working_copy(part, sigma)
     for name, values in work.k.items():
@@ -75,25 +75,14 @@ def diagnose(log: Log) -> Report:
     humming, no_hum = hum(part, sigma)
     loud = {f.strips for f in humming}
     known = {i for f in removed for i in f.strips}
-    noisy = [f for f in excess_noise(part, noise) if f.strips not in loud]  # hum is noise too
+    noisy = [f for f in excess_noise(noise) if f.strips not in loud]  # hum is noise too
     late = [f for f in (*drifting, *noisy) if not known & set(f.strips)]
-    findings = sorted(
-        [*bits, *reference, *ceiling, *removed, *humming, *late],
-        key=lambda f: (_WORST[f.kind.severity], f.strips),
-    )
+    findings = [*bits, *reference, *ceiling, *removed, *humming, *late]
+    unchecked = [*_not_checked(part, rows, known), no_bits, no_hum, *_drift_not_checked(part, checked, known)]
     return Report(
-        findings=tuple(findings),
+        findings=tuple(sorted(findings, key=lambda f: (_WORST[f.kind.severity], f.strips))),
         notes=tuple(_notes(log, rows)),
-        unchecked=tuple(
-            t
-            for t in (
-                *_not_checked(part, rows, known),
-                no_bits,
-                no_hum,
-                *_drift_not_checked(part, checked, known),
-            )
-            if t
-        ),
+        unchecked=tuple(reason for reason in unchecked if reason),
         quality=quality(log.sensor, noise),
         touched_scans=log.touched.sum(axis=0),
         seconds=float(np.ptp(log.time_s)),
@@ -103,17 +92,18 @@ def diagnose(log: Log) -> Report:
 
 
 def _remove_dominant(
-    rows: WorkingCopy, tests: Sequence[Callable[[WorkingCopy], list[Suspect]]]
+    rows: WorkingCopy, tests: Sequence[Callable[[WorkingCopy], Iterable[Suspect]]]
 ) -> list[Suspect]:
     """Name and undo the fault that explains the largest misfit, again and again until none is found."""
     named: dict[tuple[str, tuple[int, ...], str | None], Suspect] = {}
     while len(rows.there):
         edges = {int(rows.order[0]), int(rows.order[-1])}
-        suspected = [s for test in tests for s in test(rows) if s.finding.place not in named]
-        ill = {i for _, strips, _ in named for i in strips}
+        faulty = {i for _, strips, _ in named for i in strips}
         suspected = [
-            s for s in suspected if s.finding.fault != "swapped-strips" or not ill & set(s.finding.strips)
-        ]
+            s for test in tests for s in test(rows)
+            if s.finding.place not in named
+            and (s.finding.fault != "swapped-strips" or not faulty & set(s.finding.strips))
+        ]  # fmt: skip
         if not suspected:
             break
         worst = max(

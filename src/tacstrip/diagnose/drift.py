@@ -58,14 +58,12 @@ def drift(log: Log, work: WorkingCopy) -> tuple[list[Finding], BoolArray]:
             sure[[0, -1]] = False  # extrapolation magnifies their neighbours' drift
         place = _drifting_strip(changes, errors, int(np.argmax(np.where(sure, np.abs(changes), 0.0))))
         change = float(changes[place])
-        found.append(
-            Finding(
-                "drift", (int(work.order[place]),),
-                f"moved by {100 * change:+.3g} +- {100 * errors[place]:.2g} % of Vref from start to end, relative to "
-                "its neighbours",
-                {"change": change, "error": float(errors[place])},
-            )
-        )  # fmt: skip
+        evidence = (
+            f"moved by {100 * change:+.3g} +- {100 * errors[place]:.2g} % of Vref from start to end, relative to its "
+            "neighbours"
+        )
+        numbers = {"change": change, "error": float(errors[place])}
+        found.append(Finding("drift", (int(work.order[place]),), evidence, numbers))
         work.drop(place)
     return found, checked
 

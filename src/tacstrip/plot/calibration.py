@@ -66,13 +66,17 @@ def calibration_graphs(result: Calibrated, strip: int) -> Figure:
             )
             corrected = vref * (fitted + result.after[name][here, strip])
             axes.plot(l, corrected, ".", color="k", label="corrected", ms=3.0)
-            axes.set_title(f"strip {strip + sensor.strip_base}, {SIGNATURES[name].volt_column}, w = {w:g} mm")
-            axes.set_xlabel("l [mm]")
-            axes.set_ylabel(f"{SIGNATURES[name].volt_column} [V]")
+            axes.set(
+                title=f"strip {strip + sensor.strip_base}, {SIGNATURES[name].volt_column}, w = {w:g} mm",
+                xlabel="l [mm]",
+                ylabel=f"{SIGNATURES[name].volt_column} [V]",
+            )
             low, high = axes.get_ylim()
             missing = max(_LEAST_SPAN * vref - (high - low), 0.0)
-            axes.set_ylim(low - 0.5 * missing, high + 0.5 * missing)
-            axes.set_xlim(-0.03 * sensor.length_mm, 1.03 * sensor.length_mm)
+            axes.set(
+                ylim=(low - 0.5 * missing, high + 0.5 * missing),
+                xlim=(-0.03 * sensor.length_mm, 1.03 * sensor.length_mm),
+            )
             if number == 1:
                 legend_above(axes)
     return figure
@@ -88,9 +92,9 @@ def residuals_by_strip(result: Calibrated) -> Figure:
             strips, percent = _counted(result, values)
             shift = 0.3 * (i - 0.5 * (len(off) - 1))
             axes.plot(strips + shift, percent, "_", color=COLOURS[name], ms=5.0, label=name)
-        axes.set_title(f"{title}: {result.rms_percent(off):.2f} % rms")
-        axes.set_xlabel("strip")
-        axes.set_ylabel("error [% of Vref]")
+        axes.set(
+            title=f"{title}: {result.rms_percent(off):.2f} % rms", xlabel="strip", ylabel="error [% of Vref]"
+        )
         if number > 1:
             _bands(axes)
         legend_above(axes)
@@ -112,9 +116,7 @@ def residuals_along_strips(result: Calibrated) -> Figure:
                 label = f"w = {w:g} mm" if j == 0 else None
                 axes.plot(middle[here], 100.0 * values[here], ".", color=colour, ms=2.0, label=label)
         _bands(axes)
-        axes.set_title(title)
-        axes.set_xlabel("middle of the contact [mm]")
-        axes.set_ylabel("error [% of Vref]")
+        axes.set(title=title, xlabel="middle of the contact [mm]", ylabel="error [% of Vref]")
         legend_above(axes)
     return figure
 

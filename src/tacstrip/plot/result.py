@@ -67,8 +67,7 @@ def reconstruction_figure(
     if closer:
         panels[1].set_aspect("equal")
         zoom(panels[1], points, sensor)
-        panels[1].set_xlabel(x_label(sensor))
-        panels[1].set_ylabel("y [mm]")
+        panels[1].set(xlabel=x_label(sensor), ylabel="y [mm]")
         panels[0].set_title("sensor", fontsize=10.0)
     panels[-2].set_title(_titled("shapes", shown, touched, scans), fontsize=10.0)
     _draw_readings(panels[-1], sensor, scans, touched)
@@ -140,8 +139,7 @@ def _draw_readings(axes: Axes, sensor: Sensor, scans: Sequence[Scan], touched: S
         if i == shown[0]:
             handles, labels = axes.get_legend_handles_labels()
     axes.set_title(_titled("pseudo-signatures", shown, touched, scans), fontsize=10.0)
-    axes.set_xlabel(x_label(sensor))
-    axes.set_ylabel("k L [mm]")
+    axes.set(xlabel=x_label(sensor), ylabel="k L [mm]")
     if shown:
         legend_above(axes, handles=handles, labels=labels)
 

@@ -61,7 +61,7 @@ def figure_2_4() -> Figure:
     for number, isolation in enumerate(ISOLATIONS, start=1):
         axes = add_axes(figure, 1, 3, number)
         _draw_array(axes, PARALLEL_PATH, 1, isolation)
-        count = phantoms(PARALLEL_PATH, isolation)
+        count = phantoms(PARALLEL_PATH, isolation=isolation)
         axes.set_title(f"isolation: {isolation}; {count or 'no'} phantom", fontsize=10.0)
     figure.legend(handles=_array_key(), loc="outside lower center", ncols=4, frameon=False, fontsize=8.0)
     return figure
@@ -103,7 +103,7 @@ def _draw_digital(axes: Axes) -> None:
     """Draw the image with isolation; outline what else reads closed without it."""
     pitch = SIDE_MM / N
     pattern = tactels(OBJECT, N, N, pitch)
-    image, raw = scan_array(pattern, "zero-potential").closed, scan_array(pattern).closed
+    image, raw = scan_array(pattern, isolation="zero-potential").closed, scan_array(pattern).closed
     outline = {"facecolor": "none", "edgecolor": RECOVERED, "linewidth": 0.6}
     squares: list[tuple[BoolArray, str, dict[str, Any]]] = [
         (image, f"closed: {image.sum()} tactels", {"facecolor": COLOURS["k"], "alpha": 0.75}),
@@ -145,7 +145,7 @@ def _costs(row: dict[str, Any]) -> list[str]:
 
 def _draw_array(axes: Axes, pattern: BoolArray, row: int, isolation: str) -> None:
     """Draw wires and switches, what reads closed, and the currents while one row is driven."""
-    scan = scan_array(pattern, isolation)
+    scan = scan_array(pattern, isolation=isolation)
     rows, columns = pattern.shape
     for i, j in np.ndindex(rows, columns):
         if scan.closed[i, j]:

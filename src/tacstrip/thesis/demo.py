@@ -113,8 +113,7 @@ def picture(demo: Demo) -> Figure:
         _draw_shapes(axes, demo, name, methods)
         axes.set_aspect("equal")
         zoom(axes, np.concatenate([t.recovered.vertices for t in demo.trials if _shown(t)]), demo.sensor, 0.1)
-        axes.set_xlabel("x [mm]")
-        axes.set_ylabel("y [mm]")
+        axes.set(xlabel="x [mm]", ylabel="y [mm]")
         if methods == [FIT]:
             status = ", ".join(
                 t.recovered.status for t in demo.trials if (t.readings, t.method) == (name, FIT)
@@ -126,9 +125,7 @@ def picture(demo: Demo) -> Figure:
     axes = add_axes(figure, 2, 3, 6)
     for name, style in (("before", ":"), ("after", ".-")):
         draw_signatures(axes, demo.sensor, demo.scans[name], style=style)
-    axes.set_title("Pseudo-signatures\n(dotted: before calibration)")
-    axes.set_xlabel("x [mm]")
-    axes.set_ylabel("k L [mm]")
+    axes.set(title="Pseudo-signatures\n(dotted: before calibration)", xlabel="x [mm]", ylabel="k L [mm]")
     handles, labels = axes.get_legend_handles_labels()
     legend_above(axes, handles=handles[2:], labels=labels[2:])
     figure.suptitle(

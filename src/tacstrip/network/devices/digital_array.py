@@ -39,7 +39,7 @@ class ArrayScan:
 _IDEAL = ArrayWiring()
 
 
-def scan_array(pattern: npt.ArrayLike, isolation: str = "none", wiring: ArrayWiring = _IDEAL) -> ArrayScan:
+def scan_array(pattern: npt.ArrayLike, *, isolation: str = "none", wiring: ArrayWiring = _IDEAL) -> ArrayScan:
     """Scan an array row by row (2.2).
 
     Parameters
@@ -63,9 +63,9 @@ def scan_array(pattern: npt.ArrayLike, isolation: str = "none", wiring: ArrayWir
     return ArrayScan(volts > wiring.threshold, volts)
 
 
-def phantoms(pattern: npt.ArrayLike, isolation: str = "none", wiring: ArrayWiring = _IDEAL) -> int:
+def phantoms(pattern: npt.ArrayLike, *, isolation: str = "none", wiring: ArrayWiring = _IDEAL) -> int:
     """Count the open tactels that read closed; arguments and errors as for `scan_array`."""
-    return int(np.sum(scan_array(pattern, isolation, wiring).closed & ~as_pattern(pattern)))
+    return int(np.sum(scan_array(pattern, isolation=isolation, wiring=wiring).closed & ~as_pattern(pattern)))
 
 
 def switch_currents(

@@ -32,7 +32,7 @@ _SLIVER = 1e-10  # of the largest share of a contact; less is rounding
 
 
 @takes(sensor=Sensor, contact=Contact)
-def wide_readings(sensor: Sensor, contact: Contact, across: int | None = None) -> dict[str, FloatArray]:
+def wide_readings(sensor: Sensor, contact: Contact, *, across: int | None = None) -> dict[str, FloatArray]:
     """Return what every strip reads over Vref, signature to (strips,), NaN where nothing touches.
 
     A strip is touched where any part of its width is. Arguments and errors as for `wide_measurements`.

@@ -94,8 +94,9 @@ def figure_6_35() -> Figure:
             space.plot(*points.T, style, markevery=[0, 8], zorder=10, **options)
         flat.annotate(f"line {i + 1}", (sensor.x_mm[line[1][0]] + 1.2, true[i, 1]), fontsize=8.0, va="center")
     worst = np.abs(raw - true).max(), np.abs(good - true).max()
-    flat.set_title(f"unrolled; largest error {worst[0]:.1f} mm raw, {worst[1]:.1f} mm calibrated")
-    flat.set_aspect("auto")
+    flat.set(
+        title=f"unrolled; largest error {worst[0]:.1f} mm raw, {worst[1]:.1f} mm calibrated", aspect="auto"
+    )
     flat.legend(loc="upper left", frameon=False, fontsize=8.0)
     return figure
 
