@@ -73,8 +73,8 @@ def test_a_touch_in_passing_does_not_spoil_the_level() -> None:
 def test_rezero_finds_the_shift_of_untouched_strips() -> None:
     raw = at_rest(100, 0.01, seed=3)
     raw["kh"][:, 3], raw["kl"][:, 3] = 0.6, 0.5  # something lies on strip 3
-    sensor, told = rezero(LEARNED, raw, source="later")
-    np.testing.assert_array_equal(told, [True, True, True, False])
+    sensor, measured = rezero(LEARNED, raw, source="later")
+    np.testing.assert_array_equal(measured, [True, True, True, False])
     assert sensor.calibration is not None
     assert sensor.calibration.zeroed == "later"
     np.testing.assert_allclose(sensor.calibration.channel("kh").drift, [0.01, 0.01, 0.01, 0.0], atol=3e-4)
@@ -89,8 +89,8 @@ def test_rezero_by_a_reference_contact() -> None:
     places = np.full(4, 100.0)
     raw = invert_calibration(UNIT, ts.signatures(PLAIN, places, places + 50.0))
     shifted = {n: np.tile(v - 0.02, (20, 1)) for n, v in raw.items()}
-    sensor, told = rezero(UNIT, shifted, source="bar", reference=(100.0, 50.0))
-    assert told.all()
+    sensor, measured = rezero(UNIT, shifted, source="bar", reference=(100.0, 50.0))
+    assert measured.all()
     assert sensor.calibration is not None
     for channel in sensor.calibration.channels:
         np.testing.assert_allclose(channel.drift, -0.02, atol=1e-12)

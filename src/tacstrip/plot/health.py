@@ -12,7 +12,7 @@ from tacstrip.arrays import IntArray
 from tacstrip.diagnose.finding import FAULTS, Report
 from tacstrip.diagnose.log import Log
 from tacstrip.diagnose.noise import PROFILE_I, PROFILE_II
-from tacstrip.plot.style import COLOURS, add_axes, legend, new_figure
+from tacstrip.plot.style import COLOURS, legend, new_panels
 from tacstrip.sensor.constructions import SIGNATURES
 
 # Colour and hatch: distinguishable without colour too.
@@ -32,8 +32,7 @@ def health_figure(log: Log, report: Report) -> Figure:
     log, report
         A recording, and the findings of `diagnose`.
     """
-    figure = new_figure(9.0, 6.4)
-    health, readings, noise = (add_axes(figure, 3, 1, i) for i in (1, 2, 3))
+    figure, (health, readings, noise) = new_panels(9.0, 6.4, 3, 1)
     strips = np.arange(log.sensor.strips) + log.sensor.strip_base
     _draw_health(health, report, strips)
     for name, values in log.raw.items():

@@ -24,7 +24,7 @@ from tacstrip.plot.scene import (
     x_label,
     zoom,
 )
-from tacstrip.plot.style import TRUE, add_axes, legend_above, new_figure
+from tacstrip.plot.style import TRUE, legend_above, new_panels
 from tacstrip.reconstruction.result import Reconstruction
 from tacstrip.scan import Scan
 from tacstrip.sensor.spec import Sensor
@@ -59,8 +59,7 @@ def reconstruction_figure(
     points = _points(objects, truth)
     with_regions = len(shown) <= _MOST_WITH_REGIONS
     closer = len(points) > 0 and not _nearly_all(sensor, points)
-    figure = new_figure(9.5, 5.2)
-    panels = [add_axes(figure, 1, 2 + closer, i + 1) for i in range(2 + closer)]
+    figure, panels = new_panels(9.5, 5.2, 1, 2 + closer)
     draw_sensor(panels[0], sensor)
     for axes in panels[:-1]:
         _draw_shapes(axes, sensor, objects, truth, with_regions)

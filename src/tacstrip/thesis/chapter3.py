@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon, Wedge
 
 from tacstrip.arrays import BoolArray, FloatArray
-from tacstrip.plot.style import COLOURS, SENSOR, STRIP, TRUE, add_axes, legend, new_figure
+from tacstrip.plot.style import COLOURS, SENSOR, STRIP, TRUE, add_axes, legend, new_figure, new_panels
 from tacstrip.sensor.circuit import k_h, k_l, k_metal
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
@@ -46,9 +46,9 @@ def figure_3_7() -> Figure:
 def figure_3_10() -> Figure:
     """Flat object on the Cyl-CRS-M prototype, and how many strips it touches at the depth it sinks in."""
     sensor = Sensor.load("prototype-cyl-crs-m")
-    figure = new_figure(8.6, 3.9)
-    _cross_section(add_axes(figure, 1, 2, 1), sensor)
-    _strips_over_depth(add_axes(figure, 1, 2, 2), sensor)
+    figure, (left, right) = new_panels(8.6, 3.9, 1, 2)
+    _cross_section(left, sensor)
+    _strips_over_depth(right, sensor)
     return figure
 
 

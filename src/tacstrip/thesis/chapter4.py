@@ -14,7 +14,7 @@ from tacstrip.contact.shape import Contact
 from tacstrip.contact.signature import geometric_centre
 from tacstrip.geometry.outline import close_chains
 from tacstrip.plot.scene import draw_contact, draw_polygon, draw_sensor, draw_signatures, zoom
-from tacstrip.plot.style import COLOURS, OTHERS, TRUE, add_axes, legend, new_axes, new_figure
+from tacstrip.plot.style import COLOURS, OTHERS, TRUE, add_axes, legend, new_axes, new_figure, new_panels
 from tacstrip.reconstruction.sections import fit_sections
 from tacstrip.reconstruction.vertex.blocks import blocks, linear_system
 from tacstrip.sensor.constructions import SIGNATURES
@@ -204,8 +204,7 @@ def _all_signatures(sensors: list[Sensor], contact: Contact, style: str) -> tupl
 def _at_places(signature: str) -> Figure:
     """Draw a signature at three places, and how far it lies from the geometric signature."""
     sensor, symbol = _OWNER[signature], SIGNATURES[signature].symbol
-    figure = new_figure(9.0, 4.3)
-    left, right = add_axes(figure, 1, 2, 1), add_axes(figure, 1, 2, 2)
+    figure, (left, right) = new_panels(9.0, 4.3, 1, 2)
     for (place, at), style in zip(PLACES.items(), ("-", "--", "-."), strict=True):
         contact = TETRAGON.placed(*at)
         _draw_scene(left, sensor, contact, [signature])

@@ -21,7 +21,8 @@ from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.contact.shape import Contact
 from tacstrip.errors import ContactError, NetworkError, OptionError, one_of
 from tacstrip.network.grid import MOST, Grid, check_count, check_mm, joints, on_surface
-from tacstrip.network.nodal import Measurement, Network, solve_measurement
+from tacstrip.network.nodal import Measurement, solve_measurement
+from tacstrip.network.wires import Wires
 
 Read: TypeAlias = Literal["both", "low", "high"]
 _READS = ("both", "low", "high")
@@ -143,10 +144,11 @@ def _measure(
     ideal = np.isinf(joined)
     finite = np.where(ideal, 0.0, joined)
     resistive = finite > finite.max() / _FAR_APART  # the rest are slivers
-    same = [(bar[0], bar) for bar in (*driven, *passive)] + [(top[ideal], top[ideal] + grid.nodes)]
+    parts = [*sheets, (top[resistive], top[resistive] + grid.nodes, joined[resistive])]
+    same = [(bar[:1], bar) for bar in (*driven, *passive)] + [(top[ideal], top[ideal] + grid.nodes)]
     if read == "both":
-        same.append((passive[0][0], passive[1][:1]))
-    name = _merge(2 * grid.nodes, same)
+        same.append((passive[0][:1], passive[1][:1]))
+    network, name = Wires(2 * grid.nodes, parts, same).merged()
     ground, supply = name[driven[0][0]], name[driven[1][0]]
     if ground == supply:
         raise ContactError(
@@ -154,30 +156,13 @@ def _measure(
             "nothing can be read; keep it off the sheets' edges, or give it a resistance "
             "(contact_lambda_mm for areas, point_squares for points and lines)"
         )
-    parts = [*sheets, (top[resistive], top[resistive] + grid.nodes, joined[resistive])]
-    start, end, siemens = (np.concatenate([p[k] for p in parts]) for k in range(3))
-    start, end = name[start], name[end]
-    kept = start != end
-    spread = siemens[kept].max() / siemens[kept].min()
+    spread = network.siemens.max() / network.siemens.min()
     if not spread <= _FAR_APART:
         raise NetworkError(
-            f"the network's resistances lie a factor of {spread:.3g} apart, and the smaller ones are lost beside the "
+            f"the network's resistances lie a factor of {spread:.3g} apart, and the smaller ones are lost against the "
             "others: bring sheet_ratio, contact_lambda_mm, point_squares and the cells' shape nearer to 1, or take 0 "
             "for an ideal contact"
         )
-    network = Network(int(name.max()) + 1, start[kept], end[kept], siemens[kept])
     bar = name[passive[1][0] if read == "high" else passive[0][0]]
-    return solve_measurement(Measurement(network, {int(ground): 0.0, int(supply): 1.0}, {"bar": int(bar)}))[
-        "bar"
-    ]
-
-
-def _merge(nodes: int, same: list[tuple[IntArray, IntArray]]) -> IntArray:
-    """Give nodes new numbers (nodes,) from 0, the same to those that pairs of arrays call the same."""
-    a, b = (np.concatenate(c) for c in zip(*(np.broadcast_arrays(*pair) for pair in same), strict=True))
-    label = np.arange(nodes)
-    while np.any(label[a] != label[b]):  # chains are short: a contact, a bar, the other bar
-        low = np.minimum(label[a], label[b])
-        np.minimum.at(label, a, low)
-        np.minimum.at(label, b, low)
-    return np.asarray(np.unique(label, return_inverse=True)[1], dtype=np.int64)
+    asked = Measurement(network, {int(ground): 0.0, int(supply): 1.0}, {"bar": int(bar)})
+    return solve_measurement(asked)["bar"]

@@ -16,7 +16,17 @@ from tacstrip.contact.footprint import footprint
 from tacstrip.contact.shape import Contact
 from tacstrip.geometry.metrics import clean_polygon, mismatch_coefficient
 from tacstrip.plot.scene import draw_contact, draw_polygon, draw_sensor
-from tacstrip.plot.style import COLOURS, OTHERS, RECOVERED, TRUE, add_axes, legend, new_axes, new_figure
+from tacstrip.plot.style import (
+    COLOURS,
+    OTHERS,
+    RECOVERED,
+    TRUE,
+    add_axes,
+    legend,
+    new_axes,
+    new_figure,
+    new_panels,
+)
 from tacstrip.sensor.spec import Sensor
 from tacstrip.simulation import simulate
 from tacstrip.thesis.captions import by_number
@@ -101,8 +111,7 @@ def figure_5_2() -> Figure:
 
 def figure_5_3() -> Figure:
     """Two polygons A and B, and their turning functions over the perimeter's parts."""
-    figure = new_figure(8.6, 3.6)
-    left, right = add_axes(figure, 1, 2, 1), add_axes(figure, 1, 2, 2)
+    figure, (left, right) = new_panels(8.6, 3.6, 1, 2)
     for name, (corners, colour) in _SIDES.items():
         draw_polygon(left, corners, colour, name)
         left.plot(*corners[0], "o", color=colour, markersize=8.0, fillstyle="none")

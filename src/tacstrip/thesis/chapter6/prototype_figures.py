@@ -20,6 +20,7 @@ from tacstrip.thesis.chapter6.twin import LINES, PLACINGS, REGIONS, twin
 
 _TUBE = "Cyl-CRS-M"
 _RUBBER = "#b9b09b"
+_VOLT_NAMES = {"kh": "$V_h$", "kl": "$V_l$", "k": "$V_{out}$"}
 _ELEVATION = 22.0  # of the eye above the tube's middle [degrees]
 
 
@@ -64,7 +65,7 @@ def calibration_graph(name: str, w_units: int) -> Figure:
         axes.axhline(volt, color=STRIP, linewidth=1.0)
         axes.annotate("Vref", (0.0, volt), va="bottom", fontsize=8.0, color=TRUE)
         axes.set(
-            xlabel="lower end l [units of 1 cm]", ylabel=f"{_volt_name(signature)} [V]", ylim=(-0.1, 6.5)
+            xlabel="lower end l [units of 1 cm]", ylabel=f"{_VOLT_NAMES[signature]} [V]", ylim=(-0.1, 6.5)
         )
         legend(axes, loc="lower right")
     figure.suptitle(f"{name}, first strip, w = {w_units} units", fontsize=10.0)
@@ -173,10 +174,6 @@ def _surface(sensor: Sensor, strips: Any) -> Any:
 def _radius(sensor: Sensor) -> float:
     assert sensor.radius_mm is not None
     return sensor.radius_mm
-
-
-def _volt_name(signature: str) -> str:
-    return {"kh": "$V_h$", "kl": "$V_l$", "k": "$V_{out}$"}[signature]
 
 
 _GRAPHS = {
