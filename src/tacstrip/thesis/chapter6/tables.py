@@ -150,11 +150,8 @@ def _over_places(e: Experiment, variant: Variant, seeds: int) -> dict[str, Any]:
         if len(vertices) == 4:
             apart = np.linalg.norm(_left_to_right(vertices) - _left_to_right(contact.vertices), axis=1)
             worst[apart.argmax()] += 1.0 / seeds
-    return {
-        **ranges(np.array(values), list(MEASURES)),
-        "failed": 1.0 - len(values) / seeds,
-        "worst_vertex": worst.tolist(),
-    }
+    counts = {"failed": 1.0 - len(values) / seeds, "worst_vertex": worst.tolist()}
+    return ranges(np.array(values), list(MEASURES)) | counts
 
 
 def _scan(
