@@ -27,6 +27,13 @@ def test_examples_run(module: str, tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert result.failed == 0
 
 
+@pytest.mark.parametrize("room", ["network", "diagnose", "calibrate"])
+def test_every_name_of_a_room_has_an_example(room: str) -> None:
+    module = importlib.import_module(f"tacstrip.{room}")
+    names = [n for n in module.__all__ if callable(getattr(module, n)) and n != "Wiring"]
+    assert [n for n in names if ">>> " not in (getattr(module, n).__doc__ or "")] == []
+
+
 @pytest.mark.parametrize("name", CALLED)
 def test_every_public_name_has_an_example(name: str) -> None:
     assert ">>> " in (getattr(tacstrip, name).__doc__ or ""), f"{name} has no example"

@@ -72,7 +72,7 @@ class Calibrated:
     >>> l_mm = np.repeat([[50.0], [150.0], [250.0]], 2, axis=1)  # (contacts, strips)
     >>> raw = {"k": ts.signatures(sensor, l_mm, l_mm)["k"] + np.array([0.02, -0.01])}
     >>> runs = ts.Runs(l_mm, 0.0 * l_mm, raw, line=np.arange(2, 8).reshape(3, 2), rest={})
-    >>> result = ts.calibrate_unit(sensor, runs, "offset")
+    >>> result = ts.calibrate_unit(sensor, runs, model="offset")
     >>> if result.status == "ok":
     ...     result.sensor.save("calibrated.toml")
     """

@@ -49,6 +49,22 @@ def diagnose(log: Log) -> Report:
     -------
     Report
         Faults with their evidence, notes, what was not checked, and the noise.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import tacstrip as ts
+    >>> from tacstrip.diagnose import Log, diagnose
+    >>> sensor = ts.Sensor(construction="crs-m", strips=6, pitch_mm=10.0, length_mm=100.0)
+    >>> heights = 45.0 + 30.0 * np.sin(np.linspace(0.0, 20.0, 200))
+    >>> contacts = [ts.Contact.polygon([(0, y), (60, y + 6), (60, y + 16), (0, y + 10)]) for y in heights]
+    >>> scans = [ts.simulate(sensor, c, ts.Noise(positional=0.002), rng=i) for i, c in enumerate(contacts)]
+    >>> k = np.stack([scan["k"] for scan in scans])
+    >>> k[:, 3] = 0.0  # a wire that nothing comes through
+    >>> log = Log.of(sensor, 0.01 * np.arange(200.0), {"k": k})
+    >>> report = diagnose(log)
+    >>> [(finding.fault, finding.strips) for finding in report.findings]
+    [('open-strip', (3,))]
     """
     part = log.part(_MOST_SCANS)
     noise = measure(part)

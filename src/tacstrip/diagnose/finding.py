@@ -47,6 +47,13 @@ class Finding:
         The numbers alone, by name; voltages over Vref, lengths in mm.
     signature
         The channel, where it is one of two.
+
+    Examples
+    --------
+    >>> from tacstrip.diagnose import Finding
+    >>> finding = Finding("hum", (4,), "50 Hz of +-0.5 % of Vref", {"hertz": 50.0})
+    >>> finding.kind.title, finding.kind.severity
+    ('mains hum', 'degraded')
     """
 
     fault: str
@@ -108,6 +115,17 @@ class Report:
         What could not be checked in this recording, and what it would need.
     touched_scans
         In how many scans each strip was touched (strips,).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import tacstrip as ts
+    >>> from tacstrip.diagnose import Log, diagnose
+    >>> sensor = ts.Sensor(construction="crs-m", strips=4, pitch_mm=10.0, length_mm=100.0)
+    >>> contact = ts.Contact.polygon([(0, 30), (40, 30), (40, 60), (0, 60)])
+    >>> report = diagnose(Log.of_scans(sensor, [ts.simulate(sensor, contact, rng=0)] * 3))
+    >>> report.healthy, report.unchecked[0]  # a contact that does not move shows little
+    (True, 'shorts, strips exchanged, stuck channels, saturation: the contact stood at 1 place(s); move and turn it')
     """
 
     findings: tuple[Finding, ...]

@@ -30,6 +30,13 @@ class ArrayScan:
     volts
         What the columns read while each row is driven (rows, columns): voltage over Vref or, for "zero-potential",
         current over that of one closed switch.
+
+    Examples
+    --------
+    >>> from tacstrip.network import scan_array
+    >>> scan = scan_array([[1, 0], [1, 1]])
+    >>> int(scan.closed.sum()), bool(scan.volts[0, 1] < scan.volts[0, 0] < 1.0)
+    (4, True)
     """
 
     closed: BoolArray
@@ -57,6 +64,18 @@ def scan_array(pattern: npt.ArrayLike, *, isolation: str = "none", wiring: Array
         There is no such isolation.
     NetworkError
         The pattern is not a two-dimensional array of true and false, or has more than 1000 rows or columns.
+
+    Examples
+    --------
+    Three switches of a square close the fourth, unless currents are kept from the parallel path:
+
+    >>> from tacstrip.network import scan_array
+    >>> scan_array([[1, 0], [1, 1]]).closed
+    array([[ True,  True],
+           [ True,  True]])
+    >>> scan_array([[1, 0], [1, 1]], isolation="diodes").closed
+    array([[ True, False],
+           [ True,  True]])
     """
     array = Array(as_pattern(pattern), wiring)
     volts = array.readings(array.potentials(isolation, np.arange(array.rows)), isolation)
@@ -64,7 +83,14 @@ def scan_array(pattern: npt.ArrayLike, *, isolation: str = "none", wiring: Array
 
 
 def phantoms(pattern: npt.ArrayLike, *, isolation: str = "none", wiring: ArrayWiring = _IDEAL) -> int:
-    """Count the open tactels that read closed; arguments and errors as for `scan_array`."""
+    """Count the open tactels that read closed; arguments and errors as for `scan_array`.
+
+    Examples
+    --------
+    >>> from tacstrip.network import phantoms
+    >>> phantoms([[1, 0], [1, 1]]), phantoms([[1, 0], [1, 1]], isolation="zero-potential")
+    (1, 0)
+    """
     return int(np.sum(scan_array(pattern, isolation=isolation, wiring=wiring).closed & ~as_pattern(pattern)))
 
 

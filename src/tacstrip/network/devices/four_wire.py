@@ -42,6 +42,14 @@ class FourWire:
         along x, and on the top sheet while the bottom one is driven along y.
     clipped
         Whether a part of the contact lay off the sheets and was cut away.
+
+    Examples
+    --------
+    >>> import tacstrip as ts
+    >>> from tacstrip.network import four_wire
+    >>> point = four_wire(100.0, 80.0, ts.Contact.points([20.0, 30.0]), cells=(20, 16))
+    >>> round(point.x_volt, 3), point.clipped
+    (0.2, False)
     """
 
     x_mm: float
@@ -93,6 +101,16 @@ def four_wire(
         A resistance cannot be.
     OptionError
         A size, `cells` or `read` cannot be.
+
+    Examples
+    --------
+    Two points read as one, on the line between them:
+
+    >>> import tacstrip as ts
+    >>> from tacstrip.network import four_wire
+    >>> point = four_wire(100.0, 80.0, ts.Contact.points([(20, 30), (60, 30)]), cells=(20, 16))
+    >>> 20.0 < point.x_mm < 60.0, round(point.y_mm, 3)
+    (True, 30.0)
     """
     check_mm(width_mm=width_mm, height_mm=height_mm)
     _check(sheet_ratio, contact_lambda_mm, point_squares, read)

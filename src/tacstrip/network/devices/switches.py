@@ -46,6 +46,14 @@ class ArrayWiring:
     ------
     NetworkError
         A resistance cannot be, or the threshold lies above what a closed switch alone would read.
+
+    Examples
+    --------
+    >>> from tacstrip.network import ArrayWiring, scan_array
+    >>> wiring = ArrayWiring(load_ohm=100.0, threshold=0.4)  # a load as low as a switch's resistance
+    >>> scan_array([[1, 0], [1, 1]], wiring=wiring).closed
+    array([[ True, False],
+           [ True,  True]])
     """
 
     contact_ohm: float = 100.0

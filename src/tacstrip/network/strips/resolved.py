@@ -36,6 +36,18 @@ def wide_readings(sensor: Sensor, contact: Contact, *, across: int | None = None
     """Return what every strip reads over Vref, signature to (strips,), NaN where nothing touches.
 
     A strip is touched where any part of its width is. Arguments and errors as for `wide_measurements`.
+
+    Examples
+    --------
+    A straight edge across the strips reads as the closed form says, a slanted one longer:
+
+    >>> import tacstrip as ts
+    >>> from tacstrip.network import wide_readings
+    >>> sensor = ts.Sensor(construction="crs-m", strips=1, pitch_mm=10.0, length_mm=100.0)
+    >>> straight = ts.Contact.polygon([(0, 40), (10, 40), (10, 80), (0, 80)])
+    >>> slanted = ts.Contact.polygon([(0, 35), (10, 45), (10, 80), (0, 80)])
+    >>> [wide_readings(sensor, c, across=8)["k"].round(3) for c in (straight, slanted)]
+    [array([0.667]), array([0.653])]
     """
     return solved(sensor, wide_measurements(sensor, contact, across))
 
