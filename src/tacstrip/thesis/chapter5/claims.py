@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -22,26 +21,23 @@ Tables = list[dict[str, Any]]  # `ours` of each row, in the order of rows()
 _STEP = 1e-6  # of Vref, for derivatives
 
 
-def judge_claims(ours: Tables) -> list[dict[str, str]]:
+def judge_claims(ours: Tables) -> list[Claim]:
     """Judge every claim on the rows' results."""
     medians = {_key(row): row_ours for row, row_ours in zip(rows(), ours, strict=True)}
     return [
-        asdict(claim)
-        for claim in (
-            _ideal(ours),
-            _better(medians, "profile", "kh", "P.R. beats V.R. with k_h"),
-            _better(medians, "profile", "kl", "P.R. beats V.R. with k_l"),
-            _better(medians, "profile", "k", "P.R. beats V.R. with k"),
-            _better(medians, "kl", "kh", "V.R. with k_l beats V.R. with k_h"),
-            _better(medians, "k", "kh", "V.R. with k beats V.R. with k_h"),
-            _alike(medians),
-            _regions(medians, 0, "the lower region suffers, with k_h"),
-            _regions(medians, POSITIONS - 1, "the upper region suffers, with k_h"),
-            *_reasons(),
-            _concave_profile(medians),
-            _ambiguous(),
-            *_polygon_fit(ours),
-        )
+        _ideal(ours),
+        _better(medians, "profile", "kh", "P.R. beats V.R. with k_h"),
+        _better(medians, "profile", "kl", "P.R. beats V.R. with k_l"),
+        _better(medians, "profile", "k", "P.R. beats V.R. with k"),
+        _better(medians, "kl", "kh", "V.R. with k_l beats V.R. with k_h"),
+        _better(medians, "k", "kh", "V.R. with k beats V.R. with k_h"),
+        _alike(medians),
+        _regions(medians, 0, "the lower region suffers, with k_h"),
+        _regions(medians, POSITIONS - 1, "the upper region suffers, with k_h"),
+        *_reasons(),
+        _concave_profile(medians),
+        _ambiguous(),
+        *_polygon_fit(ours),
     ]
 
 
@@ -57,11 +53,8 @@ def amplification(signature: str, shape: str, position: int) -> FloatArray:
 
     def solve(readings: FloatArray) -> FloatArray:
         scan = Scan(time_s=0.0, **{signature: readings})
-        found = (
-            vertex_reconstruction(scan, sensor, signature=signature, transitions=x, reading="strip")
-            .objects[0]
-            .vertices
-        )
+        result = vertex_reconstruction(scan, sensor, signature=signature, transitions=x, reading="strip")
+        found = result.objects[0].vertices
         return np.asarray(found[np.argsort(found[:, 0]), 1])
 
     columns = []
