@@ -29,7 +29,7 @@ from tacstrip.sensor.rest_level import rest_hint
 _MOST_SCANS = 20_000  # of longer recordings, evenly spread stretches are examined
 _LEAST_SIGMA = 2e-4  # over Vref: no reading is trusted to less
 _MOST_SIGMA = 0.006  # over Vref, where motion hides the noise: that of P.U. profile II
-_OFFSET = 0.02  # over Vref: what a strip may lie beside its neighbours before calibration is advised
+_OFFSET = 0.02  # over Vref: what a strip may lie off its neighbours' line before calibration is advised
 _TESTS: tuple[Callable[[WorkingCopy], Iterable[Suspect]], ...] = (
     never_touched, on_rails, not_moving, clipped, swapped_wires, swapped_ends, swapped_strips, shorts,
 )  # fmt: skip
@@ -144,7 +144,7 @@ def _notes(log: Log, work: WorkingCopy) -> Iterator[Finding]:
         if abs(worst) > max(_OFFSET, 4.0 * work.sigma):
             yield Finding(
                 "calibration", (int(work.order[strip]),),
-                f"reads {100 * worst:+.2g} % of Vref beside its neighbours", {"offset": worst},
+                f"reads {100 * worst:+.2g} % of Vref off its neighbours' line", {"offset": worst},
             )  # fmt: skip
     raw = {name: np.where(log.touched, values, np.nan) for name, values in log.raw.items()}
     if hint := rest_hint(log.sensor, raw, failed=len(log.time_s) > 1):
@@ -181,7 +181,7 @@ def _not_checked(log: Log, work: WorkingCopy, ill: set[int]) -> Iterator[str]:
         if log.touched[:, number].any() and not compared and number not in ill
     ]
     if alone:
-        yield f"{_names(sorted(alone))}: no usable neighbours at the same time; touch two or more beside them too"
+        yield f"{_names(sorted(alone))}: no usable neighbours at the same time; touch two or more next to them too"
     if log.time_s[0] == log.time_s[-1] and len(log.time_s) > 1:
         yield "drift and hum: the scans have no times"
 

@@ -234,7 +234,7 @@ def _slope(own: FloatArray, rest: FloatArray, terms: int, looks: int) -> tuple[f
 
 
 def _near_touched(touched: BoolArray) -> BoolArray:
-    """Return which strips are touched or beside one that is: a contact at the ground end can pass for none."""
+    """Return which strips are touched or next to one that is: a contact at the ground end can pass for none."""
     near = touched.copy()
     near[:, 1:] |= touched[:, :-1]
     near[:, :-1] |= touched[:, 1:]

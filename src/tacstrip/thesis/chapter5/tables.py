@@ -5,7 +5,7 @@ C.Q.E. and P.U., and the true transitions get T.E. before Vertex Reconstruction 
 reads the nearest strip, as the thesis does. Rows with P.U. are run a second time with transitions found by
 the gradient rule: a shape that fails there, or comes back with another number of vertices, counts as the
 thesis' "-". Profiles are compared as polygons at the original's vertex columns (`profile_at`). The polygon fit is run
-on the same cells without transitions, and once more with their number known (`polygon_fit.py`).
+on the same cells without transitions, and once more with their number known (`fit_errors.py`).
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from tacstrip.reconstruction.result import RecoveredObject
 from tacstrip.reconstruction.vertex.estimate import vertex_reconstruction
 from tacstrip.scan import Scan
 from tacstrip.simulation import simulate
-from tacstrip.thesis.chapter5.polygon_fit import FitErrors, bound_medians, fit_errors, reached
+from tacstrip.thesis.chapter5.fit_errors import FitErrors, bound_medians, fit_errors, reached
 from tacstrip.thesis.ranges import POINTS, is_inside, ranges
 from tacstrip.thesis.shapes import POSITIONS, SHAPES, SIMULATED
 
