@@ -167,9 +167,8 @@ class DriftEstimator:
     def update(self, raw: Mapping[str, FloatArray], time_s: float) -> None:
         """Take a scan: raw readings over Vref by signature (strips,), at a time that does not run backwards [s]."""
         without = {n: v - (self._drift[n] - _drift(self.sensor, n)) for n, v in raw.items()}
-        now_touched = touched(self.sensor, without) | np.isnan(
-            self._touched_s
-        )  # before the first scan, unknown
+        unknown = np.isnan(self._touched_s)  # before the first scan
+        now_touched = touched(self.sensor, without) | unknown
         self._touched_s[now_touched] = time_s
         elapsed_s = max(0.0, time_s - self._time_s) if self.scans else 0.0
         weight = 1.0 - np.exp(-elapsed_s / self.time_constant_s)

@@ -242,9 +242,8 @@ def _with_rest_levels(new: Calibration, old: Calibration | None) -> Calibration:
     if old is None:
         return new
     levels = ((c, old.channel(c.signature)) for c in new.channels)
-    return replace(
-        new, channels=tuple(replace(c, rest=o.rest, noise=o.noise) for c, o in levels), touch=old.touch
-    )
+    channels = tuple(replace(c, rest=o.rest, noise=o.noise) for c, o in levels)
+    return replace(new, channels=channels, touch=old.touch)
 
 
 def _mean_parameters(done: Sensor, runs: Runs) -> tuple[Parameter, ...]:

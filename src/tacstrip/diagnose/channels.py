@@ -47,9 +47,8 @@ def on_rails(work: WorkingCopy) -> Iterator[Suspect]:
     )
     ground, vref = (np.asarray(side.all(axis=0) & inside.any(axis=0)) for side in (low, high))
     # One channel on ground where the other is not: its wire is dead.
-    single = (
-        inside & low & ~low.all(axis=0) & (values.max(axis=0) > max(2.0 * near, _ground(work) + _NEAR_RAIL))
-    )
+    off_rail = values.max(axis=0) > max(2.0 * near, _ground(work) + _NEAR_RAIL)
+    single = inside & low & ~low.all(axis=0) & off_rail
     places = inside.any(axis=0).sum(axis=0)
     for strip in range(work.strips):
         # Of all channels together: one strip on a rail is more likely than two stuck channels.
@@ -156,9 +155,8 @@ def not_moving(work: WorkingCopy) -> Iterator[Suspect]:
                 f"neighbours move by {100 * predicted:.3g} %"
             )
             numbers = {"level": level, "own_spread": own, "neighbours_spread": predicted}
-            yield work.suspect(
-                fault, [strip], evidence, numbers, float(np.abs(values - expected).mean()), name
-            )
+            misfit = float(np.abs(values - expected).mean())
+            yield work.suspect(fault, [strip], evidence, numbers, misfit, name)
 
 
 def _alike(values: FloatArray, strip: int) -> bool:
@@ -231,9 +229,8 @@ def never_touched(work: WorkingCopy) -> Iterator[Suspect]:
             evidence = f"reads no contact in {count} places where both its neighbours do, though the contact moves on"
             if work.at_ground[work.order[strip]]:  # one open clamp, rather than all wires dead
                 fault = "open-strip"
-                evidence += (
-                    f", and is on ground throughout; {_open_end(at_vref=False)}, then at the sensing wires"
-                )
+                end = _open_end(at_vref=False)
+                evidence += f", and is on ground throughout; {end}, then at the sensing wires"
             yield work.suspect(fault, [strip], evidence, {"places": float(count)}, 1.0)
 
 

@@ -30,9 +30,8 @@ def stuck_bits(log: Log) -> tuple[list[Finding], str]:
     if not tested:
         return [], f"A/D bits: only {len(codes)} different codes; move the contact"
     stuck = [b for b in tested if len(np.unique((codes >> b) & 1)) == 1]
-    not_tested = (
-        f"A/D bits {max(tested) + 1} and above: they change too seldom" if max(tested) < bits - 1 else ""
-    )
+    seldom = f"A/D bits {max(tested) + 1} and above: they change too seldom"
+    not_tested = seldom if max(tested) < bits - 1 else ""
     if not stuck:
         return [], not_tested
     at = [int(codes[0] >> b) & 1 for b in stuck]

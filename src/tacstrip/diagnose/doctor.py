@@ -77,9 +77,8 @@ def diagnose(log: Log) -> Report:
     work = working_copy(part, sigma)
     for name, values in work.k.items():
         beyond = [c.numbers["side"] * (values - c.numbers["level"]) > -_AT for c in ceiling]
-        work.k[name] = (
-            np.where(np.any(beyond, axis=0), np.nan, values / factor) if beyond else values / factor
-        )
+        out = np.any([np.zeros(values.shape, bool), *beyond], axis=0)
+        work.k[name] = np.where(out, np.nan, values / factor)
     rows = places(work)
     geometric = log.sensor.kind.closed_form
     tests = _TESTS if geometric else (never_touched, swapped_wires)

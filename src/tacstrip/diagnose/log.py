@@ -95,9 +95,8 @@ class Log:
                 raise ReadingError("the scans have different signatures; examine those of one kind together")
         stacked = {name: np.stack([scan[name] for scan in scans]) for name in scans[0].signatures}
         there = np.stack([scan.touched for scan in scans])
-        return cls(
-            sensor, np.array([scan.time_s for scan in scans]), invert_calibration(sensor, stacked), there
-        )
+        time_s = np.array([scan.time_s for scan in scans])
+        return cls(sensor, time_s, invert_calibration(sensor, stacked), there)
 
     @classmethod
     def of_codes(cls, sensor: Sensor, scans: Iterable[RawScan]) -> Log:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
@@ -99,9 +99,8 @@ def working_copy(log: Log, sigma: float) -> WorkingCopy:
     grounded = rest is not None and rest <= _GROUND * log.sensor.vref_volt
     there = np.isfinite(np.stack(list(log.raw.values()))).all(axis=(0, 1))
     across = np.arange(log.sensor.strips)
-    return WorkingCopy(
-        log.sensor, dict(log.k), log.touched.copy(), sigma, across, np.asarray(there & grounded)
-    )
+    at_ground = np.asarray(there & grounded)
+    return WorkingCopy(log.sensor, dict(log.k), log.touched.copy(), sigma, across, at_ground)
 
 
 def places(work: WorkingCopy) -> WorkingCopy:
@@ -125,9 +124,7 @@ def places(work: WorkingCopy) -> WorkingCopy:
     keep = np.flatnonzero(work.there[first].any(axis=1))
     keep = keep[np.linspace(0, len(keep) - 1, min(len(keep), _MOST_PLACES)).astype(int)]
     parts = {name: np.ascontiguousarray(means[keep, :, i]) for i, name in enumerate(work.k)}
-    return WorkingCopy(
-        work.sensor, parts, work.there[first][keep], work.sigma, work.order.copy(), work.at_ground
-    )
+    return replace(work, k=parts, there=work.there[first][keep], order=work.order.copy())
 
 
 def predict_from_neighbours(values: FloatArray, there: BoolArray) -> tuple[FloatArray, BoolArray, FloatArray]:

@@ -122,9 +122,8 @@ def swapped_ends(work: WorkingCopy) -> Iterator[Suspect]:
                 f"{100 * b:.2g} %, over {count} place(s)"
             )
             numbers = {"misfit": a, "reversed_ends": b, "places": float(count)}
-            yield work.suspect(
-                "swapped-ends", [strip], evidence, numbers, a - b, repair=partial(_turn, strip=strip)
-            )
+            repair = partial(_turn, strip=strip)
+            yield work.suspect("swapped-ends", [strip], evidence, numbers, a - b, repair=repair)
 
 
 def _correlates(expected: FloatArray, values: FloatArray) -> bool:

@@ -153,6 +153,5 @@ def _titled(what: str, shown: Sequence[int], touched: Sequence[int], scans: Sequ
     """Say in a title how many of the scans are drawn, where that is not all."""
     if len(shown) == len(touched):
         return what
-    return f"{what}\n{len(shown)} of {len(touched)} scans" + (
-        "" if len(touched) == len(scans) else " in contact"
-    )
+    which = "" if len(touched) == len(scans) else " in contact"
+    return f"{what}\n{len(shown)} of {len(touched)} scans{which}"

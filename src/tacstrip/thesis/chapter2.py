@@ -154,9 +154,8 @@ def _draw_array(axes: Axes, pattern: BoolArray, row: int, isolation: str) -> Non
                 Rectangle((j - 0.36, i - 0.36), 0.72, 0.72, facecolor=colour, alpha=0.25, edgecolor="none")
             )
         face = TRUE if pattern[i, j] else "w"
-        axes.plot(
-            j, i, "o", color=TRUE, markerfacecolor=face, markersize=7.0 if pattern[i, j] else 4.0, zorder=5
-        )
+        size = 7.0 if pattern[i, j] else 4.0
+        axes.plot(j, i, "o", color=TRUE, markerfacecolor=face, markersize=size, zorder=5)
     for i in range(rows):
         axes.plot([-0.7, columns - 0.5], [i, i], color=STRIP, linewidth=1.6, zorder=1)
         other = "0 V" if isolation == "zero-potential" else "floats"
@@ -182,9 +181,8 @@ def _names(letter: str, count: int) -> list[str]:
 
 def _draw_currents(axes: Axes, flow: FloatArray) -> None:
     """Draw the pieces of wire that carry current, by Kirchhoff from the switches' currents (rows, columns)."""
-    rightwards = np.cumsum(flow[:, ::-1], axis=1)[
-        :, ::-1
-    ]  # from the left neighbour, or the source, into column j
+    # From the left neighbour, or the source, into column j.
+    rightwards = np.cumsum(flow[:, ::-1], axis=1)[:, ::-1]
     downwards = np.cumsum(flow, axis=0)  # from row i to the next one, or to the end that is read
     for i, j in np.argwhere(np.abs(rightwards) > _NO_CURRENT):
         _arrow(axes, (max(j - 1, -0.7), i), (j, i), rightwards[i, j] > 0.0)
@@ -197,9 +195,8 @@ def _arrow(axes: Axes, start: tuple[float, float], end: tuple[float, float], for
     axes.plot([x0, x1], [y0, y1], color=_CURRENT, linewidth=2.4, zorder=3)
     middle = (0.45 * x0 + 0.55 * x1, 0.45 * y0 + 0.55 * y1)
     tail = (0.55 * x0 + 0.45 * x1, 0.55 * y0 + 0.45 * y1)
-    axes.annotate(
-        "", middle, tail, arrowprops={"arrowstyle": "-|>", "color": _CURRENT, "linewidth": 1.5}, zorder=4
-    )
+    look = {"arrowstyle": "-|>", "color": _CURRENT, "linewidth": 1.5}
+    axes.annotate("", middle, tail, arrowprops=look, zorder=4)
 
 
 def _array_key() -> list[Any]:

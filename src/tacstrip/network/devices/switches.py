@@ -154,9 +154,8 @@ class Array:
 
     def flow(self, potentials: FloatArray, isolation: str) -> FloatArray:
         """Return the currents of the closed switches (closed, driven) over Vref / contact_ohm."""
-        flow = np.nan_to_num(
-            potentials[self.from_row] - potentials[self.to_column]
-        )  # what floats carries none
+        across = potentials[self.from_row] - potentials[self.to_column]
+        flow = np.nan_to_num(across)  # what floats carries none
         return np.asarray(np.maximum(flow, 0.0) if isolation == "diodes" else flow)
 
     def readings(self, potentials: FloatArray, isolation: str) -> FloatArray:
@@ -164,7 +163,6 @@ class Array:
         if isolation != "zero-potential":
             return np.asarray(potentials[self.column_end].T)
         total = np.zeros((self.columns, potentials.shape[1]))
-        np.add.at(
-            total, self.j, self.flow(potentials, isolation)
-        )  # a column's whole current leaves at its end
+        # A column's whole current leaves at its end.
+        np.add.at(total, self.j, self.flow(potentials, isolation))
         return total.T

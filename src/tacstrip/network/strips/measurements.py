@@ -134,9 +134,8 @@ def measurement_of(mesh: StripMesh, strip: int, along: bool = False) -> Measurem
             wires.tie(read[name], ground, readout.adc_ohm)
     for (number, layer), chain in chains.items() if along else ():
         if number == strip:
-            read |= {
-                f"{layer} {y!r}": node for y, node in zip(chain.y.tolist(), chain.node.tolist(), strict=True)
-            }
+            places = zip(chain.y.tolist(), chain.node.tolist(), strict=True)
+            read |= {f"{layer} {y!r}": node for y, node in places}
     return wires.measurement(held, read, strip)
 
 
@@ -172,9 +171,8 @@ def _pair(mesh: StripMesh, wires: Wires, strip: int, metal: int | None) -> dict[
 def _chain(mesh: StripMesh, wires: Wires, strip: int, layer: Layer, pieces: list[FloatArray]) -> _Chain:
     """Add one strip of one layer, with nodes at its ends, its contacts and its shorts."""
     length, low = mesh.sensor.length_mm, mesh.low(strip, layer)
-    shorts = [
-        s.y_mm for s in mesh.imperfections.shorts if s.layer == layer and strip in (s.strip, s.strip + 1)
-    ]
+    own = [s for s in mesh.imperfections.shorts if s.layer == layer and strip in (s.strip, s.strip + 1)]
+    shorts = [s.y_mm for s in own]
     y = np.concatenate([[low, low + length], np.clip(shorts, low, low + length), *pieces])
     y = np.unique(np.round(y / (_SAME_Y * length)) * (_SAME_Y * length))
     node = wires.new(len(y))

@@ -86,9 +86,8 @@ def _compare(
         if signature != a or noise == "ideal" or (b, shape, noise) not in medians:
             continue
         for metric in ("mc", "ape"):
-            for one, other in zip(
-                ours[metric]["median"], medians[b, shape, noise][metric]["median"], strict=True
-            ):
+            theirs = medians[b, shape, noise][metric]["median"]
+            for one, other in zip(ours[metric]["median"], theirs, strict=True):
                 if one is not None and other is not None:
                     good, total = good + count(one, other), total + 1
     return good, total

@@ -102,9 +102,8 @@ def figure_5_2() -> Figure:
         off = simulate(SENSOR, contact)["kh"] - ideal
         axes.bar(SENSOR.x_mm, 100.0 * off, SENSOR.strip_width, color=COLOURS["kh"], zorder=2)
         axes.axhspan(-100.0 * _PROFILE_II, 100.0 * _PROFILE_II, color=SHADE, label="P.U. profile II")
-        axes.set(
-            xlim=top[0].get_xlim(), xlabel="digital dimension x [mm]", ylabel="error of $k_h$ [% of Vref]"
-        )
+        axes.set(xlabel="digital dimension x [mm]", ylabel="error of $k_h$ [% of Vref]")
+        axes.set_xlim(top[0].get_xlim())
         legend(axes, loc="lower left")
     return figure
 

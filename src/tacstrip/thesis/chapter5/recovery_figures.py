@@ -52,9 +52,8 @@ def noisy_signature(figure: str) -> Figure:
     """Draw a noise-free and a noisy signature, the true transitions, and those that the gradient rule finds."""
     shape, position, name = NOISY[figure]
     sensor, contact = SIMULATED["crs-crs"], SHAPES[shape].contact(position)
-    clean, noisy = (
-        simulate(sensor, contact, NOISES[n], rng=0) for n in ("ideal", "quantisation + profile II")
-    )
+    noises = NOISES["ideal"], NOISES["quantisation + profile II"]
+    clean, noisy = (simulate(sensor, contact, noise, rng=0) for noise in noises)
     run = clean.runs()[0]
     x = sensor.x_mm[run]
     drawing, axes = new_axes(6.0, 4.0)
@@ -98,9 +97,8 @@ def _sensor_axes(construction: str) -> tuple[Figure, Axes]:
 def _draw_pair(axes: Axes, shape: str, position: int, recovered: FloatArray, colour: str) -> None:
     contact = SHAPES[shape].contact(position)
     draw_contact(axes, contact, label=None if position else "original")
-    axes.annotate(
-        str(position + 1), tuple(contact.centroid), fontsize=8.0, ha="center", va="center", zorder=5
-    )
+    x, y = contact.centroid
+    axes.text(x, y, str(position + 1), fontsize=8.0, ha="center", va="center", zorder=5)
     if len(recovered):
         draw_polygon(axes, recovered, colour, label=None if position else "recovered")
     else:

@@ -126,9 +126,8 @@ def _polygon(row: Row, cells: list[Cell]) -> dict[str, Any]:
     points["failed"] = [float(np.mean([f.vertices == 0 for f in c.fitted])) for c in cells]
     points["right"] = [float(np.mean([f.vertices == corners for f in c.fitted])) for c in cells]
     bound = np.array([c.bound for c in cells])
-    points["bound"] = {
-        m: [float(b) if np.isfinite(b) else None for b in bound[:, i]] for i, m in enumerate(METRICS)
-    }
+    finite = [[b if np.isfinite(b) else None for b in column] for column in bound.T.tolist()]
+    points["bound"] = dict(zip(METRICS, finite, strict=True))
     points["known_count"] = _points([_found(c.fitted, "known_count") for c in cells])
     for of in (points, points["known_count"]):
         medians = np.array([of[m]["median"] for m in METRICS], dtype=float)
@@ -146,9 +145,8 @@ def _recover(row: Row, scan: Scan, x: FloatArray | str) -> RecoveredObject:
     sensor = SIMULATED[row.construction]
     if row.algorithm == "profile":
         return profile_reconstruction(scan, sensor).objects[0]
-    return vertex_reconstruction(
-        scan, sensor, signature=row.signature, transitions=x, reading="strip"
-    ).objects[0]
+    options: dict[str, Any] = {"signature": row.signature, "transitions": x, "reading": "strip"}
+    return vertex_reconstruction(scan, sensor, **options).objects[0]
 
 
 def _measure(row: Row, corners: FloatArray, shapes: list[RecoveredObject]) -> FloatArray:

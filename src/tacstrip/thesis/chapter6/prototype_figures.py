@@ -39,9 +39,8 @@ def figure_6_33() -> Figure:
     figure = new_figure(5.6, 4.6)
     sensor = twin(_TUBE)
     axes = _tube(figure, sensor, 1, 1)
-    axes.set_title(
-        f"{sensor.strips} strips of {sensor.strip_width:g} mm round a tube of {2 * _radius(sensor):g} mm"
-    )
+    strips = f"{sensor.strips} strips of {sensor.strip_width:g} mm"
+    axes.set_title(f"{strips} round a tube of {2 * _radius(sensor):g} mm")
     return figure
 
 
