@@ -146,6 +146,5 @@ def readings(
 
 def _measured(sensor: Sensor, ideal: dict[str, FloatArray], noise: Noise, rng: Rng) -> dict[str, FloatArray]:
     random = generator(rng)
-    return {
-        name: digitise(add_reading_errors(k, noise, random), sensor.adc_bits) for name, k in ideal.items()
-    }
+    noisy = {name: add_reading_errors(k, noise, random) for name, k in ideal.items()}
+    return {name: digitise(k, sensor.adc_bits) for name, k in noisy.items()}

@@ -115,9 +115,8 @@ def update(
     # Wilson and Hilferty's cube root makes chi square nearly normal; sigma comes from as many readings.
     small = 2.0 / (9.0 * freedom)
     explained = (variance ** (1.0 / 3.0) - (1.0 - small)) / math.sqrt(2.0 * small) <= _MAX_EXCESS_SIGMA
-    level = (
-        last.sigma * math.sqrt(1.0 - _SIGMA_UPDATE + _SIGMA_UPDATE * variance) if explained else last.sigma
-    )
+    growth = math.sqrt(1.0 - _SIGMA_UPDATE + _SIGMA_UPDATE * variance) if explained else 1.0
+    level = growth * last.sigma
     return TrackState(shape, fit, max(level, _sigma_floor(sensor)), last.outliers), explained
 
 

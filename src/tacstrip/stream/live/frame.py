@@ -29,6 +29,17 @@ class Frame:
         Time from the arrival of the scan's last byte until `objects` were ready [s].
     ready_s
         When `objects` were ready, by `time.perf_counter` [s].
+
+    Examples
+    --------
+    >>> import math
+    >>> import tacstrip as ts
+    >>> sensor = ts.Sensor(construction="crs-crs", strips=20, pitch_mm=5.0, length_mm=100.0)
+    >>> contact = ts.Contact.polygon([(22, 38), (62, 22), (80, 55), (45, 76)])
+    >>> source = ts.SimulatedSource(sensor, lambda time_s: contact, rate_hz=200.0, scans=20)
+    >>> *_, frame = ts.live(source=source, speed=math.inf)
+    >>> frame
+    <Frame 19 at 0.095 s: 1 object, 12 touched (4 to 15), after ... ms>
     """
 
     number: int
