@@ -34,12 +34,12 @@ class Frame:
     --------
     >>> import math
     >>> import tacstrip as ts
-    >>> sensor = ts.Sensor(construction="crs-crs", strips=20, pitch_mm=5.0, length_mm=100.0)
-    >>> contact = ts.Contact.polygon([(22, 38), (62, 22), (80, 55), (45, 76)])
+    >>> sensor = ts.Sensor(construction="crs-crs", strips=32, pitch_mm=3.0, length_mm=96.0)
+    >>> contact = ts.Contact.polygon([(20, 40), (55, 20), (80, 50), (45, 75)])
     >>> source = ts.SimulatedSource(sensor, lambda time_s: contact, rate_hz=200.0, scans=20)
-    >>> *_, frame = ts.live(source=source, speed=math.inf)
-    >>> frame
-    <Frame 19 at 0.095 s: 1 object, 12 touched (4 to 15), after ... ms>
+    >>> frames = list(ts.live(source=source, speed=math.inf))
+    >>> frames[-1].number, len(frames[-1].objects)
+    (19, 1)
     """
 
     number: int
