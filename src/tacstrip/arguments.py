@@ -70,9 +70,8 @@ def _fits(value: object, kind: type | tuple[type, ...]) -> bool:
         return True
     if isinstance(value, str | bytes | Mapping) or not hasattr(value, "__iter__"):
         return False
-    return not hasattr(value, "__len__") or all(
-        isinstance(v, one) for v in value
-    )  # an iterator is not used up
+    # An iterator must not be used up.
+    return not hasattr(value, "__len__") or all(isinstance(v, one) for v in value)
 
 
 def _explanation(

@@ -21,7 +21,7 @@ from tacstrip.stream.live.pipeline import Live
 from tacstrip.tracking import Tracker
 from tacstrip.view.access import Access
 from tacstrip.view.controller import Controller
-from tacstrip.view.drawing import frame_json
+from tacstrip.view.frame_json import frame_json
 from tacstrip.view.health import background_process
 from tacstrip.view.server import PAGE, Server
 from tacstrip.view.simulator import Settings, Simulator, sensor_of

@@ -173,17 +173,10 @@ def _record(
         "map": {"x_mm": over.x_mm.tolist(), "y_mm": over.y_mm.tolist(), "rms_mm": plain(over.rms_mm)},
     }
     if judged is not None:
+        keys = ("construction", "strips", "pitch_mm", "length_mm", "adc_bits")
         record["designs"] = [
-            {
-                "construction": d.sensor.construction,
-                "strips": d.sensor.strips,
-                "pitch_mm": d.sensor.pitch_mm,
-                "length_mm": d.sensor.length_mm,
-                "adc_bits": d.sensor.adc_bits,
-                "error_mm": plain(d.error_mm),
-                "largest_noise": d.noise,
-                "unmet": d.unmet,
-            }
+            {key: getattr(d.sensor, key) for key in keys}
+            | {"error_mm": plain(d.error_mm), "largest_noise": d.noise, "unmet": d.unmet}
             for d in judged
         ]
     return record

@@ -14,7 +14,7 @@ import shapely
 from tacstrip.contact.noise import Noise
 from tacstrip.contact.shape import Contact
 from tacstrip.io.columns import value_columns
-from tacstrip.io.rows import read_csv
+from tacstrip.io.csv_rows import read_csv
 from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor

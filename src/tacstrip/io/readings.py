@@ -28,7 +28,7 @@ from tacstrip.io.columns import (
     value,
     value_columns,
 )
-from tacstrip.io.rows import Row, csv_writer, find, read_csv
+from tacstrip.io.csv_rows import Row, csv_writer, find, read_csv
 from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.raw import apply_calibration, invert_calibration

@@ -18,7 +18,7 @@ from tacstrip.arguments import takes
 from tacstrip.arrays import FloatArray, IntArray, extent
 from tacstrip.errors import ReadingError
 from tacstrip.io.columns import finite, strip_index, value, value_columns
-from tacstrip.io.rows import Row, csv_writer, find, read_csv
+from tacstrip.io.csv_rows import Row, csv_writer, find, read_csv
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
 

@@ -142,12 +142,8 @@ def _normalised(fit: PolygonFit, problem: FitProblem) -> PolygonFit:
     theta[3] = min(max(theta[3], 1.0 - reach), 1.0 + reach)
     inner: FloatArray = theta[END_ENTRIES::2]
     if len(inner) and not theta[0] < inner.min() <= inner.max() < theta[3]:
-        many = len(inner)
-        low, high = (
-            theta[0] + np.arange(1, many + 1) * _MIN_SEPARATION,
-            theta[3] - np.arange(many, 0, -1) * _MIN_SEPARATION,
-        )
-        inner[:] = np.clip(inner, low, high)
+        gaps = np.arange(1, len(inner) + 1) * _MIN_SEPARATION
+        inner[:] = np.clip(inner, theta[0] + gaps, theta[3] - gaps[::-1])
     return replace(fit, theta=theta)
 
 

@@ -14,7 +14,7 @@ from tacstrip.reconstruction.methods import METHODS, chosen_method
 from tacstrip.sensor.constructions import CONSTRUCTIONS
 from tacstrip.stream.live.pipeline import Live
 from tacstrip.stream.source import DeviceSource
-from tacstrip.view.drawing import frame_json, sensor_json
+from tacstrip.view.frame_json import frame_json, sensor_json
 from tacstrip.view.health import Health
 from tacstrip.view.simulator import Simulator
 
