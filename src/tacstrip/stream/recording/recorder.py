@@ -12,7 +12,6 @@ from typing import Self
 
 from tacstrip.arguments import takes
 from tacstrip.errors import RecordingError
-from tacstrip.reconstruction.methods import reconstruct
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.codes import decode
 from tacstrip.stream.recording import messages
@@ -182,6 +181,8 @@ def with_shapes(scans: Iterable[RawScan], sensor: Sensor, method: str) -> Iterat
     OptionError, SignatureError
         At the first scan: the method does not exist, or does not suit this sensor.
     """
+    from tacstrip.reconstruction.methods import reconstruct  # late: recordings are made and read without it
+
     for raw in scans:
         found = reconstruct(decode(raw, sensor), sensor, method=method).objects
         yield replace(raw, shapes=tuple(Shape(o.status, o.vertices) for o in found if o.found))
