@@ -26,7 +26,7 @@ TRUTH = np.array([(14.0, 60.0), (55.0, 22.0), (117.0, 48.0), (80.0, 96.0), (35.0
 @pytest.fixture(scope="module", params=SENSORS)
 def unit(request: pytest.FixtureRequest) -> tuple[ts.Sensor, dict[str, FloatArray]]:
     sensor = SENSORS[request.param]
-    return sensor, wide_readings(sensor, ts.Contact.polygon(TRUTH), 6)
+    return sensor, wide_readings(sensor, ts.Contact.polygon(TRUTH), across=6)
 
 
 def test_the_closed_form_of_a_wide_strip_is_the_networks(
@@ -48,7 +48,7 @@ def test_the_closed_form_of_a_wide_strip_is_the_networks(
 
 def test_without_noise_the_vertices_come_back() -> None:
     sensor = SENSORS["crs-crs"]
-    read = wide_readings(sensor, ts.Contact.polygon(TRUTH), 6)
+    read = wide_readings(sensor, ts.Contact.polygon(TRUTH), across=6)
     wide, thin = (
         fit_polygon(ts.Scan(time_s=0.0, **read), replace(sensor, strip_width_mm=w), None, vertices=5).objects[
             0
@@ -82,7 +82,7 @@ def test_noisy_readings_are_used_up_to_the_bound_and_regions_hold(
 
 def test_bounds_and_bridges_know_of_the_width() -> None:
     sensor = SENSORS["crs-crs"]
-    read = wide_readings(sensor, ts.Contact.polygon(TRUTH), 6)
+    read = wide_readings(sensor, ts.Contact.polygon(TRUTH), across=6)
     random = np.random.default_rng(3)
     noisy = {name: k + random.uniform(-0.005, 0.005, len(k)) for name, k in read.items()}
     for k in noisy.values():
@@ -159,7 +159,8 @@ def test_the_bound_is_that_of_the_resolved_strip() -> None:
         moved[0].flat[place] -= step
         moved[1].flat[place] += step
         low, high = (
-            wide_readings(sensor, ts.Contact.polygon(v), 16, strips=strips)["kh"][strips] for v in moved
+            wide_readings(sensor, ts.Contact.polygon(v), across=16, strips=strips)["kh"][strips]
+            for v in moved
         )
         np.testing.assert_allclose(slopes[far, place], (high - low) / (2.0 * step), rtol=0.1, atol=1e-4)
 
@@ -171,7 +172,7 @@ def test_the_tracker_knows_of_the_width() -> None:
     for width in (3.0, None):
         tracker = Tracker(replace(sensor, strip_width_mm=width))
         for contact in contacts:
-            found = tracker.update(ts.Scan(**wide_readings(sensor, contact, 6)))  # type: ignore[arg-type]
+            found = tracker.update(ts.Scan(**wide_readings(sensor, contact, across=6)))  # type: ignore[arg-type]
         shape = found[0].shape
         errors[width] = 1.0 - ts.mismatch(contacts[-1].vertices, shape.vertices).iou
     assert errors[3.0] < 0.6 * errors[None]
