@@ -162,7 +162,7 @@ def test_the_bound_is_that_of_the_resolved_strip() -> None:
             wide_readings(sensor, ts.Contact.polygon(v), across=16, strips=strips)["kh"][strips]
             for v in moved
         )
-        np.testing.assert_allclose(slopes[far, place], (high - low) / (2.0 * step), rtol=0.1, atol=1e-4)
+        np.testing.assert_allclose(slopes[far, place], (high - low) / (2.0 * step), rtol=0.02, atol=1e-4)
 
 
 def test_the_tracker_knows_of_the_width() -> None:

@@ -16,7 +16,7 @@ from tacstrip.core.vertex_covariance import covariance_with_x_priors
 from tacstrip.fisher import checked_sigma
 from tacstrip.geometry.outline import Outline
 from tacstrip.network.crp.cramer_rao import jacobian
-from tacstrip.reconstruction.strip_width import across, equivalent_ends
+from tacstrip.reconstruction.strip_width import across, end_slopes, equivalent_ends
 from tacstrip.sensor.circuit import reading_jacobian
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.left_out import left_out
@@ -69,12 +69,14 @@ def vertex_jacobian(
     x, lines, touched = x[reached], lines[reached], touched[reached]
     if not sensor.kind.closed_form:
         return _network_slopes(outline, sensor, names, x)
-    # A wide strip reads the mean height of an edge; what a slant adds hardly changes with the vertices.
     share = (touched / touched.sum(axis=1, keepdims=True))[..., None]
     by_l, by_u = (
         (np.nan_to_num(slope.reshape(*lines.shape, -1)) * share).sum(axis=1)
         for slope in outline.jacobian(lines.ravel())
     )
+    if lines.shape[1] > 1:  # of a strip that is covered in part, the mean height is all that is counted
+        covered = touched.all(axis=1)
+        by_l[covered], by_u[covered] = end_slopes(sensor, outline, x[covered])
     ends = outline.ends(x) if lines.shape[1] == 1 else equivalent_ends(sensor, outline, x)
     of_ends = signature_jacobians(sensor, *ends)
     read = {n: ~np.isclose(x[:, None], sensor.x_mm[out]).any(axis=1) for n, out in left_out(sensor).items()}

@@ -18,6 +18,7 @@ from tacstrip.sensor.slant import PARTS, edge_read
 from tacstrip.sensor.spec import Sensor
 
 _ENOUGH = 8  # strips: of fewer none is left out
+_STEP = 1e-3  # of the pitch, for differences
 PARTIAL_STRIPS = 1  # strips at either end of a contact that may be covered in part
 
 
@@ -50,6 +51,24 @@ def equivalent_ends(sensor: Sensor, outline: Outline, x: FloatArray) -> tuple[Fl
     )
     lower = np.clip(lower, 0.0, sensor.length_mm)
     return lower, np.clip(upper, lower, sensor.length_mm)
+
+
+def end_slopes(sensor: Sensor, outline: Outline, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the slopes of `equivalent_ends` by `vertices.ravel()`, each (n, 2 V), by differences."""
+    step = _STEP * sensor.pitch_mm
+    found = []
+    for index, sign in zip(outline.indices, (-1.0, 1.0), strict=True):
+        slopes = np.zeros((len(x), 2 * len(outline.vertices)))
+        for place in range(slopes.shape[1]):
+            if place // 2 in index:
+                ends = []
+                for by in (-step, step):
+                    moved = outline.vertices.copy()
+                    moved.flat[place] += by
+                    ends.append(_edge(sensor, moved[index], x, sign))
+                slopes[:, place] = (ends[1] - ends[0]) / (2.0 * step)
+        found.append(slopes)
+    return found[0], found[1]
 
 
 def remove_width_effect(
