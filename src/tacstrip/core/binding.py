@@ -32,6 +32,38 @@ class Problem(ctypes.Structure):
     )
 
 
+class Lines(ctypes.Structure):
+    """`Lines` of core.h; `arrays` keeps alive what it points to."""
+
+    arrays: tuple[npt.NDArray[Any], ...]
+    _fields_ = (
+        ("count", _INT),
+        ("lower", _INT),
+        ("vertical", _INT * 2),
+        ("reach", _POINTER),
+        ("turns", _POINTER),
+    )
+
+
+class Band(ctypes.Structure):
+    """`Band` of core.h; `arrays` keeps alive what it points to."""
+
+    arrays: tuple[npt.NDArray[np.float64], ...]
+    _fields_ = (
+        ("n", _INT),
+        ("signatures", _INT),
+        ("x", _POINTER),
+        ("low", _POINTER),
+        ("high", _POINTER),
+        ("share", _DOUBLE * 2),
+        ("narrow", _DOUBLE),
+        ("length", _DOUBLE),
+        ("lam", _DOUBLE),
+        ("fade", _DOUBLE),
+        ("windows", _DOUBLE * 4),
+    )
+
+
 MAX_VERTICES = 16  # interior vertices of a polygon
 END_ENTRIES = 6  # entries of theta before the first vertex
 SIZE = END_ENTRIES + 2 * MAX_VERTICES
@@ -47,7 +79,7 @@ POLYGON = np.dtype(
     ]
 )
 
-_PROBLEM = ctypes.POINTER(Problem)
+_PROBLEM, _LINES, _BAND = (ctypes.POINTER(struct) for struct in (Problem, Lines, Band))
 _NOTHING = ctypes.c_char * 0
 _SEARCH_WORKSPACE = 3613  # doubles: SEARCH_WORKSPACE of core.h
 # What each one returns and takes; a pointer stands for the array that core.h describes.
@@ -68,6 +100,9 @@ _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "analytic_centre": (None, (*[_POINTER] * 4, _INT, _INT, _POINTER)),
     "feasible_part": (_INT, (*[_POINTER] * 6, _DOUBLE, *[_INT] * 4, _POINTER)),
     "hit_and_run": (_INT, (*[_POINTER] * 9, *[_INT] * 4, _POINTER)),
+    "feasible_set": (None, (_LINES, _BAND, *[_POINTER] * 10)),
+    "outlines": (_INT, (_LINES, _POINTER, _DOUBLE, _POINTER, _POINTER, _INT, *[_POINTER] * 3)),
+    "scatter": (None, (*[_POINTER] * 4, _INT, _INT, _POINTER, _INT, _INT, *[_POINTER] * 4)),
     "isolated_outliers": (_INT, (_POINTER, _INT, _INT, _POINTER)),
     "spikes": (None, (_POINTER, _INT, _DOUBLE, _POINTER, _POINTER)),
 }
