@@ -512,7 +512,7 @@ def test_the_compiled_set_is_the_plain_one(shape: str, case: str) -> None:
 
 @pytest.mark.parametrize("shape", SHAPES)
 def test_compiled_outlines_and_their_scatter_are_the_plain_ones(shape: str) -> None:
-    outline, band, lines, heights, *_ = a_set(shape, "both", 0)
+    _, band, lines, heights, *_ = a_set(shape, "both", 0)
     random, reach = np.random.default_rng(0), np.array([1.0, 30.0])
     points = heights + random.uniform(-reach[:, None, None], reach[:, None, None], (2, 600, len(heights)))
     for near in (points[0], points[1], np.repeat(heights[None], 600, axis=0)):

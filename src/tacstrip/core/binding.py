@@ -78,6 +78,20 @@ POLYGON = np.dtype(
         ("score", np.float64),
     ]
 )
+# `Run` of core.h.
+RUN = np.dtype(
+    [
+        ("count", np.int64),
+        ("best", np.int64),
+        ("equal", np.int64),
+        ("sigma", np.float64),
+        ("advantage", np.float64),
+        ("ellipse_cost", np.float64),
+        ("ellipse", np.float64, 5),
+        ("information", np.float64, (5, 5)),
+        ("found", POLYGON, MAX_VERTICES + 1),
+    ]
+)
 
 _PROBLEM, _LINES, _BAND = (ctypes.POINTER(struct) for struct in (Problem, Lines, Band))
 _NOTHING = ctypes.c_char * 0
@@ -94,6 +108,7 @@ _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "refine": (None, (_PROBLEM, _POINTER)),
     "places": (_INT, (_PROBLEM, _POINTER, _INT, _POINTER, _POINTER)),
     "fit_counts": (_INT, (_PROBLEM, _INT, _INT, _INT, _INT, _POINTER, _POINTER, _POINTER)),
+    "fit_run": (None, (_PROBLEM, _DOUBLE, _DOUBLE, _INT, _INT, *[_POINTER] * 6)),
     "fit_ellipse": (_DOUBLE, (_PROBLEM, _POINTER, _DOUBLE, _POINTER, _POINTER)),
     "lowest": (_DOUBLE, (*[_POINTER] * 5, _INT, _INT, _POINTER)),
     "minimax": (_INT, (*[_POINTER] * 3, _DOUBLE, _INT, _INT, _POINTER, _POINTER)),
@@ -108,13 +123,19 @@ _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
 }
 
 
+# These take long and let other threads run meanwhile; the others, over sooner than a thread wakes up, would only have
+# to wait until that one lets go.
+_LONG = frozenset(("fit_run", "fit_counts", "feasible_part", "minimax", "hit_and_run"))
+
+
 @functools.cache
 def exported(name: str) -> Callable[..., Any] | None:
     """Return a function of the compiled core, its name without `tacstrip_`; None where NumPy has to do."""
     core = library()
     if core is None:
         return None
-    function: Any = getattr(core, f"tacstrip_{name}")
+    by: ctypes.CDLL = core if name in _LONG else ctypes.PyDLL(core._name)
+    function: Any = getattr(by, f"tacstrip_{name}")
     function.restype, function.argtypes = _FUNCTIONS[name]
     found: Callable[..., Any] = function
     return found
@@ -127,6 +148,6 @@ def at(array: npt.NDArray[Any]) -> int:
     return array.ctypes.data
 
 
-def search_workspace() -> npt.NDArray[np.float64]:
-    """Return what a search works in."""
-    return np.empty(_SEARCH_WORKSPACE)
+def search_workspace(more: int = 0) -> npt.NDArray[np.float64]:
+    """Return what a search works in, and so much more."""
+    return np.empty(_SEARCH_WORKSPACE + more)

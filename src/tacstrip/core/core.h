@@ -54,6 +54,16 @@ typedef struct {
   double score; /* the criterion that counts are compared by */
 } Polygon;
 
+/* A fit of a run of strips. */
+typedef struct {
+  Int count, best; /* polygons that were found, 0 where the readings are too few, and the chosen one's place */
+  Int equal;       /* how many counts the criterion can hardly tell from the best */
+  double sigma;    /* of a reading: as given, or what the residuals say [Vref] */
+  double advantage; /* how much better the criterion of an ellipse is; -inf where none was fitted */
+  double ellipse_cost, ellipse[5], information[25]; /* as fit_ellipse has them */
+  Polygon found[MAX_VERTICES + 1]; /* ascending in m */
+} Run;
+
 /* The edges of an outline but its vertical ones, as lines: lower chain, then upper, each left to right. Heights (2 count,)
    say where they lie. */
 typedef struct {
@@ -130,6 +140,16 @@ EXPORTED void tacstrip_spikes(const double *k, Int n, double sigma, unsigned cha
 /* Mark the residuals over sigma (signatures, n) that lie alone, far off, in out (signatures, n); none where they are
    many. Returns how many. */
 EXPORTED Int tacstrip_isolated_outliers(const double *residuals, Int signatures, Int n, unsigned char *out);
+
+/* A whole run from readings to a fit. problem->k are the readings as measured, of which those that are not finite or far
+   outside 0..1 are left out, as outliers are; its weights are not read. sigma [Vref]: of a reading, or 0 where it is
+   estimated, then at least `step`. max_vertices and n_vertices as for fit_counts.
+   Writes the fit, and what it was made of: k and weight as in Problem, residuals over sigma, each (signatures, n), and
+   the readings that were there but not used, excluded (signatures, n), 0 or 1.
+   workspace (SEARCH_WORKSPACE + (4 + signatures) n,). */
+EXPORTED void tacstrip_fit_run(const Problem *problem, double sigma, double step, Int max_vertices, Int n_vertices,
+                               Run *run, double *k, double *weight, double *residuals, unsigned char *excluded,
+                               double *workspace);
 
 /* Write the outlines within the band whose kinks lie in their zones (count - 2, 2) [mm], and turn as the lines do, as rows
    over the heights, and pairs of rows of which one holds: a (size, rows), b and edge (rows,), the slack over which

@@ -62,6 +62,18 @@ typedef struct {
 HIDDEN void chain_of(const Problem *s, const Polygon *p, int upper, Chain *chain);
 HIDDEN Int edge_of(const Chain *chain, Int strip, Int e); /* not before edge e */
 
+/* search.c */
+#define FLOOR 1e-7 /* of Vref: readings are never taken for more exact */
+HIDDEN Int readings_of(const Problem *s); /* that count */
+HIDDEN double sigma_of(const Problem *s); /* of the most certain reading */
+/* What a vertex must gain in chi square to be believed: BIC's 2 ln n for its two numbers, and 4 for its place. */
+HIDDEN double per_vertex_penalty(Int readings);
+HIDDEN double complexity_penalty(Int readings, Int vertices, Int sigma_known);
+HIDDEN double deviance(double cost, Int readings, double sigma, Int sigma_known);
+
+/* ellipse.c */
+HIDDEN void ellipse_residuals(const Problem *s, const double *p, double *residuals); /* as tacstrip_residuals */
+
 /* descent.c */
 HIDDEN Int free_entries(const Polygon *p, Int *free);
 HIDDEN void sort_vertices(Polygon *p);

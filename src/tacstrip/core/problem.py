@@ -83,15 +83,29 @@ class FitProblem:
             row[:] = (
                 values if used.all() else np.interp(x_mm, x_mm[used], values[used]) if used.any() else 0.0
             )
+        weight = np.where(use, 1.0 / sigma**2, 0.0)
+        return cls.of_strips(sensor, x_mm, tuple(readings), np.clip(k, -1.0, 2.0), weight, margin_mm)
+
+    @classmethod
+    def of_strips(
+        cls,
+        sensor: Sensor,
+        x_mm: FloatArray,
+        names: tuple[str, ...],
+        k: FloatArray,
+        weight: FloatArray,
+        margin_mm: float = 0.0,
+    ) -> FitProblem:
+        """Make the problem of readings k (S, n) of the signatures `names`, with their weights (S, n)."""
         a = sensing_share(sensor.sensing_ratio)
         out = 0.5 * sensor.pitch_mm + margin_mm
         origin, width = float(x_mm[0]) - out, float(x_mm[-1] - x_mm[0]) + 2.0 * out
         return cls(
             (x_mm - origin) / width,
-            np.clip(k, -1.0, 2.0),
-            np.where(use, 1.0 / sigma**2, 0.0),
+            k,
+            weight,
             sensor.pitch_mm / width,
-            np.array([a if SIGNATURES[name].at_upper_end else 0.0 for name in readings]),
+            np.array([a if SIGNATURES[name].at_upper_end else 0.0 for name in names]),
             1.0 - a,
             sensor.contact_lambda_mm / sensor.length_mm,
             origin,

@@ -37,6 +37,9 @@ _EMPTY = (
     "no polygon stays within the noise's bound on every strip: the noise is larger than given, or the contact is no "
     "polygon of these vertices; the outline is that of least squares"
 )
+_MANY = (
+    f"the noise's bound is used up to {_CORNERS} vertices: this outline, of more, is that of least squares"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +112,9 @@ def reconstruct_object(
     outline = Outline(lower, upper)
     covariance = fit.covariance(run.problem, sensor)
     guarantee, empty = None, False
-    if noise is not None and bounded and not faint:
+    if bounded and fit.n_vertices > _CORNERS:
+        notes.append(_MANY)
+    elif noise is not None and bounded and not faint:
         refined = _refined(scan, sensor, contact, noise)
         empty = refined is None
         options = [] if refined is None else [refined, refined.of_least_squares()]
@@ -171,7 +176,7 @@ def _refined(scan: Scan, sensor: Sensor, contact: FittedContact, noise: Noise) -
     run = contact.run
     assert run.selection is not None
     freedom = max(run.freedom, 1)
-    if (run.residuals**2).sum() > _HOPELESS**2 * freedom or run.selection.chosen.n_vertices > _CORNERS:
+    if (run.residuals**2).sum() > _HOPELESS**2 * freedom:
         return None
     candidates = []
     for fit, score in zip(run.selection.fits, run.selection.scores, strict=True):
