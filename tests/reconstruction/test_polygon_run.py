@@ -12,7 +12,8 @@ from tacstrip.core.binding import exported
 from tacstrip.reconstruction.polygon.run import fit_run, plain_fit_run
 
 pytestmark = pytest.mark.skipif(exported("fit_run") is None, reason="the core is not compiled here")
-ROUND = [(500.0 + 300.0 * np.cos(t), 500.0 + 300.0 * np.sin(t)) for t in np.linspace(0.0, 6.2, 60)]
+_ANGLE = np.linspace(0.0, 6.2, 60)
+ROUND = 500.0 + 300.0 * np.stack([np.cos(_ANGLE), np.sin(_ANGLE)], axis=1)
 
 
 def _spoil(k: FloatArray, how: str, random: np.random.Generator) -> None:
@@ -61,6 +62,5 @@ def test_a_run_is_fitted_as_step_by_step(construction: str, sigma: float | None,
                 continue
             assert (got.selection.best, got.selection.equal) == (truth.selection.best, truth.selection.equal)
             np.testing.assert_allclose(got.selection.chosen.theta, truth.selection.chosen.theta, atol=1e-6)
-            np.testing.assert_allclose(
-                got.residuals, got.model and got.model.residuals(got.problem), atol=1e-9
-            )
+            assert got.model is not None
+            np.testing.assert_allclose(got.residuals, got.model.residuals(got.problem), atol=1e-9)

@@ -23,6 +23,7 @@ from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import digitise
 from tacstrip.core.hit_and_run import hit_and_run, plain_hit_and_run
 from tacstrip.core.polytope import (
+    MOST_DIMENSIONS,
     analytic_centre,
     feasible_part,
     largest,
@@ -495,6 +496,45 @@ def a_set(
         heights,
         zones,
         np.multiply.outer([1.0, 0.8, 1.3], expected),
+    )
+
+
+def test_more_heights_than_the_core_takes_are_for_numpy() -> None:
+    """Every coordinate of a walk moves, and what is found is inside."""
+    size = MOST_DIMENSIONS + 3
+    a, b = a_polytope(0, size, 300)
+    at, outside, empty = minimax(a, b, np.full(size, 5.0), 1.0)
+    assert (outside < 0.0, empty) == (True, False)
+    centre, curvature = analytic_centre(a, b, at)
+    none = np.zeros((0, 2, size)), np.zeros((0, 2)), np.zeros(0)
+    found, rounds = feasible_part((a, b), none[:2], np.full(size, 5.0), 1.0, 8)
+    assert found is not None
+    assert rounds == 1
+    np.testing.assert_allclose(found[0], centre, atol=1e-6)
+    points = hit_and_run((a, b, np.zeros(len(b))), none, centre, curvature, 20)
+    assert (points @ a.T <= b).all()
+    assert (np.ptp(points, axis=0) > 0.0).all()
+    around = hit_and_run(
+        (np.vstack([np.eye(size), -np.eye(size)]), np.ones(2 * size), np.zeros(2 * size)),
+        none,
+        np.zeros(size),
+        np.eye(size),
+        20,
+    )
+    assert (np.ptp(around, axis=0) > 0.5).all()
+
+
+def test_more_corners_than_the_set_is_searched_for_are_least_squares() -> None:
+    angle = (np.arange(14) + 0.3) * (2.0 * np.pi / 14)
+    corners = np.stack([500.0 + 400.0 * np.cos(angle), 500.0 + 400.0 * np.sin(angle)], axis=1)
+    sensor, noise = a_sensor(pitch=2.5, strips=400, adc_bits=None), ts.Noise(positional=1e-4)
+    scan = ts.simulate(sensor, ts.Contact.polygon(corners), noise, rng=0)
+    (found,), (plain,) = (ts.fit_polygon(scan, sensor, noise, bounded=b).objects for b in (True, False))
+    assert len(found.vertices) == 14
+    np.testing.assert_array_equal(found.vertices, plain.vertices)
+    assert found.status == plain.status == "ok"
+    assert found.advice == (
+        "the noise's bound is used up to 12 vertices: this outline, of more, is that of least squares"
     )
 
 

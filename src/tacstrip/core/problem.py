@@ -10,7 +10,7 @@ import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.core.binding import Problem, at
-from tacstrip.sensor.circuit import reading_jacobian, sensing_share, transfer_length
+from tacstrip.sensor.circuit import fraction, reading_jacobian, sensing_share
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
 
@@ -150,9 +150,8 @@ class FitProblem:
     def jacobian(self, l: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return dk/dl and dk/du of all readings, and the readings k (..., S, n), of contacts l to u (..., n)."""
         l, w, share = l[..., None, :], (u - l)[..., None, :], self.shares[:, None]
-        t = transfer_length(w, self.lam)
-        d = 1.0 - self.narrow * (w - 2.0 * t)
-        k = (l + t + share * (w - 2.0 * t)) / np.maximum(d, LEAST_D)
+        numerator, d = fraction(l, w, 1.0, share, self.narrow, self.lam)
+        k = numerator / np.maximum(d, LEAST_D)
         length = 1.0 + np.maximum(LEAST_D - d, 0.0)  # where D would be less the strip counts as longer
         by_l, by_u = reading_jacobian(k, w, length, share > 0.0, 1.0 / self.narrow - 1.0, self.lam)
         return by_l, by_u, k

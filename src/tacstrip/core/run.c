@@ -8,8 +8,8 @@
 #define NEAR 6.0   /* spreads from the polygon that was made without it: no outlier */
 #define BARELY 0.5 /* of the spread with all readings: few residuals can be small by chance */
 #define SPARE 1    /* readings beyond the numbers fitted, without which nothing can be tested */
-#define LEAST 1e-3 /* of sigma: a spread of residuals */
-#define MAD 1.4826 /* standard deviation of normal errors over their median absolute deviation */
+#define LEAST_SCALE 1e-3 /* of sigma: a spread of residuals */
+#define NORMAL_MAD 1.4826 /* standard deviation of normal errors over their median absolute deviation */
 
 typedef unsigned char Flag;
 
@@ -42,7 +42,7 @@ static double reading_noise(const double *k, const Flag *there, Int n, double *s
   for (Int i = 0; i < count; i++) moved[i] = second[i];
   double middle = median(moved, count);
   for (Int i = 0; i < count; i++) moved[i] = magnitude(second[i] - middle);
-  return MAD * median(moved, count) / sqrt(6.0);
+  return NORMAL_MAD * median(moved, count) / sqrt(6.0);
 }
 
 /* Take the readings that are not `out` with this sigma. Starts read all strips, fits the used ones. */
@@ -73,7 +73,7 @@ static double spread(const Fitter *f) {
   Int count = 0;
   if (f->known) return 1.0;
   for (Int i = 0; i < f->all; i++) if (f->weight[i] > 0.0) f->scratch[count++] = magnitude(f->residuals[i]);
-  return count ? larger(MAD * median(f->scratch, count), LEAST) : 1.0;
+  return count ? larger(NORMAL_MAD * median(f->scratch, count), LEAST_SCALE) : 1.0;
 }
 
 /* Fit without the readings `out`, and then without those that lie alone far from the polygon, which are added. Returns

@@ -28,6 +28,7 @@ _ROUNDS = 3  # of leaving outliers out, and of estimating sigma anew
 _SURER = 0.3  # so much less noise than first thought is worth another fit
 _NEAR = 6.0  # spreads from the polygon that was made without it: no outlier
 _BARELY = 0.5  # of the spread with all readings: few residuals can be small by chance
+_LEAST_SCALE = 1e-3  # of sigma: a spread of residuals
 _SPARE = 1  # readings beyond the numbers fitted, without which nothing can be tested
 
 
@@ -93,7 +94,7 @@ class RunFit:
         if sigma_known or self.selection is None:
             return 1.0
         used = self.residuals[self.problem.weight > 0.0]
-        return max(float(robust_sigma(used)), 1e-3) if len(used) else 1.0
+        return max(float(robust_sigma(used)), _LEAST_SCALE) if len(used) else 1.0
 
     def penalised_cost(self, scale: float) -> float:
         """Return what vertices and readings left out cost, with the deviance at a spread of residuals; inf: no fit.
