@@ -152,7 +152,7 @@ def _found(
 ) -> RecoveredObject:
     profile = (x, np.interp(x, *outline.lower.T), np.interp(x, *outline.upper.T))
     advice = "; ".join(w for w in words if w)
-    return RecoveredObject(strips, outline.vertices, profile, covariance, status, advice)
+    return RecoveredObject(strips, outline.vertices.copy(), profile, covariance, status, advice)
 
 
 def _upright(outline: Outline, covariance: FloatArray, sensor: Sensor) -> tuple[int, ...]:

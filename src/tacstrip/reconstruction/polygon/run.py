@@ -145,25 +145,23 @@ def fit_run(
     core = exported("fit_run")
     if core is None:
         return plain_fit_run(sensor, x_mm, readings, sigma, max_vertices, n_vertices, margin_mm)
-    raw, shape = np.array([*readings.values()], dtype=np.float64), (len(readings), len(x_mm))
-    k, weight, residuals, workspace = (
-        np.empty(shape),
-        np.empty(shape),
-        np.empty(shape),
-        search_workspace((4 + shape[0]) * shape[1]),
-    )
-    excluded, record = np.empty(shape, dtype=np.bool_), np.empty(1, RUN)
-    problem = FitProblem.of_strips(sensor, x_mm, tuple(readings), raw, weight, margin_mm)
-    step = sensor.adc_step / math.sqrt(12.0)
+    raw = np.array([*readings.values()], dtype=np.float64)
+    k, weight, residuals = np.empty((3, *raw.shape))
+    excluded, record = np.empty(raw.shape, dtype=np.bool_), np.empty(1, RUN)
+    workspace = search_workspace((4 + raw.shape[0]) * raw.shape[1])
+    problem = FitProblem.of_strips(sensor, x_mm, tuple(readings), k, weight, margin_mm)
+    given = problem.compiled
+    given.k = at(raw)
     core(
-        problem.compiled,
+        given,
         0.0 if sigma is None else max(sigma, FLOOR),
-        step,
+        sensor.adc_step / math.sqrt(12.0),
         max_vertices,
         n_vertices or 0,
         *map(at, (record, k, weight, residuals, excluded, workspace)),
     )
-    return _of_record(replace(problem, k=k), record[0], excluded, residuals)
+    given.k = at(k)
+    return _of_record(problem, record[0], excluded, residuals)
 
 
 def _of_record(problem: FitProblem, record: np.void, excluded: BoolArray, residuals: FloatArray) -> RunFit:
