@@ -57,7 +57,7 @@ def fit_polygon(
     max_vertices
         Vertices at most, those at the ends not counted.
     bounded
-        False: least squares for uniform noise too, 5 to 10 ms faster.
+        False: least squares for uniform noise too, 2 to 13 ms faster.
     vertices
         Of each contact, ends included, where that is known; None: found. Weak corners, which noise hides, then add
         to the uncertainty instead of being left out.
@@ -110,18 +110,7 @@ def fit_polygons(
 ) -> list[Reconstruction]:
     """Fit many scans; arguments and errors as for `fit_polygon` by default.
 
-    `workers` threads share the interpreter outside the compiled core: two take 0.9 of one's time on 1000 strips,
-    and 1.4 times as long on 100.
-
-    Examples
-    --------
-    >>> import tacstrip as ts
-    >>> sensor = ts.Sensor(construction="crs-crs", strips=100, pitch_mm=1.0, length_mm=100.0)
-    >>> contact = ts.Contact.polygon([(20, 40), (55, 20), (80, 50), (45, 75)])
-    >>> noise = ts.Noise(positional=0.002)
-    >>> scans = [ts.simulate(sensor, contact, noise, rng=seed) for seed in range(3)]
-    >>> [found.status for found in ts.fit_polygons(scans, sensor, noise)]
-    ['ok', 'ok', 'ok']
+    `workers` threads share the interpreter outside the compiled core, which is half of a fit's time.
     """
     fit = partial(fit_polygon, sensor=sensor, noise=noise)
     if workers == 1 or len(scans) < 2:

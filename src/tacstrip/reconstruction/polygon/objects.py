@@ -38,7 +38,8 @@ _EMPTY = (
     "polygon of these vertices; the outline is that of least squares"
 )
 _MANY = (
-    f"the noise's bound is used up to {_CORNERS} vertices: this outline, of more, is that of least squares"
+    f"an outline of more than {_CORNERS} vertices is not held against the noise's bound: this one, of least squares, "
+    "may be of a contact that no such outline explains; bounded=False judges it by chi square alone"
 )
 
 
@@ -112,9 +113,8 @@ def reconstruct_object(
     outline = Outline(lower, upper)
     covariance = fit.covariance(run.problem, sensor)
     guarantee, empty = None, False
-    if bounded and fit.n_vertices > _CORNERS:
-        notes.append(_MANY)
-    elif noise is not None and bounded and not faint:
+    many = noise is not None and bounded and fit.n_vertices > _CORNERS
+    if noise is not None and bounded and not (faint or many):
         refined = _refined(scan, sensor, contact, noise)
         empty = refined is None
         options = [] if refined is None else [refined, refined.of_least_squares()]
@@ -143,6 +143,8 @@ def reconstruct_object(
         status, advice = "doubtful", _FAINT
     if empty and status == "ok":
         status, advice = "doubtful", _EMPTY
+    if many and status == "ok":
+        status, advice = "doubtful", _MANY
     found = _found(strips, x, outline, covariance, status, [advice, *notes])
     return replace(found, guarantee=guarantee, uniform=_upright(outline, covariance, sensor))
 
