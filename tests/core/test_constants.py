@@ -11,7 +11,7 @@ import pytest
 from compiled import build_core
 
 TWINS = {
-    "closed_form.h": ("core.problem", "core.normal_equations"),
+    "closed_form.h": ("core.problem", "core.cost"),
     "core.h": ("core.binding", "core.score_test"),
     "descent.c": ("core.descent", "core.polygon_fit"),
     "feasible_set.c": ("reconstruction.set_membership.feasible_set",),

@@ -12,7 +12,7 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.core.binding import MAX_VERTICES, at, exported
-from tacstrip.core.normal_equations import terms
+from tacstrip.core.cost import terms
 from tacstrip.core.polygon_fit import PolygonFit
 from tacstrip.core.problem import FitProblem
 from tacstrip.fisher import covariance

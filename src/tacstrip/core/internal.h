@@ -39,7 +39,7 @@ HIDDEN int factor(Matrix a, Int n); /* in place; 0 where a is not positive defin
 HIDDEN void solve(Matrix u, Int n, double *b);
 HIDDEN void solve_upper(Matrix u, Int n, double *b); /* U b' = b */
 
-/* normal_equations.c */
+/* cost.c */
 typedef struct {
   double x, y, slope, run; /* one point, dy/dx, and 1 / extent in x */
 } Line;

@@ -10,7 +10,7 @@ import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.core.binding import Problem, at
-from tacstrip.sensor.circuit import fraction, reading_jacobian, sensing_share
+from tacstrip.sensor.closed_form import fraction, reading_jacobian, sensing_share
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
 
@@ -35,7 +35,7 @@ class FitProblem:
         Of the strips, in units of x.
     shares, narrow, lam
         The closed form (3.3)-(3.8) with contact resistance: c_u of a contact without width per signature (S,),
-        1 - a, and lambda over L. See `sensor.circuit`.
+        1 - a, and lambda over L. See `sensor.closed_form`.
     origin_mm, width_mm, length_mm
         x = 0, the extent of x from 0 to 1, and L.
     """

@@ -13,7 +13,7 @@ from tacstrip.contact.noise import Noise
 from tacstrip.core.binding import Band, Lines
 from tacstrip.core.binding import at as address
 from tacstrip.geometry.outline import Outline
-from tacstrip.sensor.circuit import sensing_share
+from tacstrip.sensor.closed_form import sensing_share
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
 

@@ -17,7 +17,7 @@ from tacstrip.arrays import BoolArray, FloatArray, IntArray
 from tacstrip.core.binding import at as address
 from tacstrip.core.binding import exported
 from tacstrip.reconstruction.set_membership.edge_lines import EdgeLines, ReadingBounds
-from tacstrip.sensor.circuit import end_weights, sensing_share, transfer_length
+from tacstrip.sensor.closed_form import end_weights, sensing_share, transfer_length
 from tacstrip.sensor.constructions import SIGNATURES
 
 _LOST = 2  # the turn on a strip in two zones of one chain: any of three lines

@@ -19,7 +19,7 @@ from tacstrip.reconstruction.vertex.blocks import linear_system
 from tacstrip.reconstruction.vertex.transitions import transitions_of_runs
 from tacstrip.reconstruction.vertex.validity import judge, judge_fit
 from tacstrip.scan import Scan
-from tacstrip.sensor.circuit import end_weights, transfer_length
+from tacstrip.sensor.closed_form import end_weights, transfer_length
 from tacstrip.sensor.constructions import SIGNATURES, check_closed_form
 from tacstrip.sensor.spec import Sensor
 
