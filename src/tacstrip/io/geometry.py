@@ -77,10 +77,12 @@ def feature_collection(results: Sequence[Reconstruction]) -> dict[str, Any]:
     Returns
     -------
     dict
-        Without a shape the geometry is null. Properties: scan, time_s, method, status, advice, and where there is a
-        shape area_mm2, centroid_mm and orientation_rad (of the longer principal axis, from x). Where the shape has a
-        covariance, standard deviations: area_sigma_mm2, centroid_sigma_mm, orientation_sigma_rad, and
-        vertex_sigma_mm, x and y of every vertex; null for what the readings do not determine.
+        Without a shape the geometry is null, or for the status "points" a MultiPoint with point_sigma_mm. Round
+        a closed tube x goes on beyond the circumference where an object lies across the seam. Properties: scan,
+        time_s, method, status, advice, and where there is a shape area_mm2, centroid_mm and orientation_rad (of
+        the longer principal axis, from x). Where the shape has a covariance, standard deviations:
+        area_sigma_mm2, centroid_sigma_mm, orientation_sigma_rad, and vertex_sigma_mm, x and y of every vertex;
+        null for what the readings do not determine.
 
     Examples
     --------
@@ -140,6 +142,11 @@ def _feature(recovered: RecoveredObject | None, properties: dict[str, Any]) -> d
             }
             | _deviations(recovered)
         )
+    elif recovered is not None and len(recovered.points):
+        geometry = {"type": "MultiPoint", "coordinates": np.round(recovered.points, 9).tolist()}
+        properties |= {
+            "point_sigma_mm": [[_finite_or_none(c) for c in p] for p in recovered.point_deviations]
+        }
     return {"type": "Feature", "geometry": geometry, "properties": properties}
 
 

@@ -25,6 +25,7 @@ def sensor_json(sensor: Sensor) -> dict[str, Any]:
         "pitch_mm": sensor.pitch_mm,
         "length_mm": sensor.length_mm,
         "adc_bits": sensor.adc_bits,
+        "closed": sensor.closed,
         "signatures": list(sensor.signatures),
     }
 
