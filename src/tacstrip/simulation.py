@@ -88,7 +88,14 @@ def simulate(
             raise OptionError(
                 f"imperfections and readout are not for a {sensor.construction} sensor; it has a wiring"
             )
-        return _sheet_scan(sensor, contact, noise, rng, time_s, wiring, electrodes)
+        strips = np.arange(sensor.strips)
+        every = np.full((sensor.strips, 2 * sensor.strips), np.nan)
+        if np.isfinite(footprint(sensor, contact).l).any():
+            every = contact_electrodes(sensor, contact, wiring=wiring)
+        if electrodes == "all":
+            return Scan.of_electrodes(_measured(sensor, {"all": every}, noise, rng)["all"], time_s)
+        own = {"kh": every[strips, sensor.strips + strips], "kl": every[strips, strips]}
+        return Scan(**_measured(sensor, own, noise, rng), time_s=time_s)
     if wiring is not None or electrodes == "all":
         raise OptionError(
             f"wiring and electrodes are for crs-crp sensors; a {sensor.construction} sensor has no sheet electrodes"
@@ -112,27 +119,6 @@ def simulate(
     return Scan(**scan, time_s=time_s)
 
 
-def _sheet_scan(
-    sensor: Sensor,
-    contact: Contact,
-    noise: Noise,
-    rng: Rng,
-    time_s: float,
-    wiring: Wiring | None,
-    electrodes: str,
-) -> Scan:
-    """Return the scan of a sensor whose strips are read through a sheet (CRS-CRP)."""
-    n = sensor.strips
-    ideal = np.full((n, 2 * n), np.nan)
-    if np.isfinite(footprint(sensor, contact).l).any():
-        ideal = contact_electrodes(sensor, contact, wiring=wiring)
-    if electrodes == "all":
-        return Scan.of_electrodes(_measured(sensor, {"all": ideal}, noise, rng)["all"], time_s)
-    each = np.arange(n)
-    own = {"kh": ideal[each, n + each], "kl": ideal[each, each]}
-    return Scan(**_measured(sensor, own, noise, rng), time_s=time_s)
-
-
 def readings(
     sensor: Sensor, l_mm: FloatArray, u_mm: FloatArray, noise: Noise = _IDEAL, rng: Rng = 0
 ) -> dict[str, FloatArray]:
@@ -146,6 +132,5 @@ def readings(
 
 def _measured(sensor: Sensor, ideal: dict[str, FloatArray], noise: Noise, rng: Rng) -> dict[str, FloatArray]:
     random = generator(rng)
-    return {
-        name: digitise(add_reading_errors(k, noise, random), sensor.adc_bits) for name, k in ideal.items()
-    }
+    noisy = {name: add_reading_errors(k, noise, random) for name, k in ideal.items()}
+    return {name: digitise(k, sensor.adc_bits) for name, k in noisy.items()}

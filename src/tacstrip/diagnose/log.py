@@ -11,8 +11,8 @@ import numpy as np
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.errors import ReadingError
 from tacstrip.io.columns import ELECTRODES, Column, finite, value_columns
+from tacstrip.io.csv_rows import Row, read_csv
 from tacstrip.io.readings import scan_lines
-from tacstrip.io.rows import Row, read_csv
 from tacstrip.scan import Scan
 from tacstrip.sensor.raw import apply_calibration, invert_calibration, touched
 from tacstrip.sensor.spec import Sensor

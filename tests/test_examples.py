@@ -1,0 +1,34 @@
+"""Every example of a docstring runs, and every public name has one."""
+
+import doctest
+import importlib
+import warnings
+from pathlib import Path
+
+import pytest
+
+import tacstrip
+
+ROOT = Path(tacstrip.__file__).parent
+WITH_EXAMPLES = sorted(
+    ".".join(file.relative_to(ROOT.parent).with_suffix("").parts)
+    for file in ROOT.rglob("*.py")
+    if ">>> " in file.read_text("utf-8")
+)
+ROOMS = ("tacstrip", "tacstrip.io", "tacstrip.stream", "tacstrip.tracking")
+PUBLIC = [(room, n) for room in ROOMS for n in dir(importlib.import_module(room)) if not n.startswith("__")]
+
+
+@pytest.mark.parametrize("module", WITH_EXAMPLES)
+def test_examples_run(module: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        result = doctest.testmod(importlib.import_module(module), optionflags=doctest.ELLIPSIS)
+    assert result.failed == 0
+
+
+@pytest.mark.parametrize(("room", "name"), PUBLIC)
+def test_every_public_name_has_an_example(room: str, name: str) -> None:
+    shown = getattr(importlib.import_module(room), name)
+    assert "Examples\n" in (shown.__doc__ or ""), f"{room}.{name} has no example"
