@@ -269,7 +269,7 @@ def noise_over_bound(
     shape: str, electrodes: crp.Electrodes, trials: int, rows: int = 50
 ) -> tuple[FloatArray, FloatArray]:
     """Errors (trials, ends) and the bound (ends,) of strips with w >= 5 % of L, at 0.1 % noise."""
-    sensor, sigma, random = a_sensor(), 1e-3, np.random.default_rng(5)
+    sensor, sigma, random = a_sensor(contact_lambda_mm=4.0), 1e-3, np.random.default_rng(5)
     l, u = span(sensor, shape)
     wide: BoolArray = np.tile(u - l >= 0.05 * L, 2)
     bound = np.sqrt(np.diag(crp.covariance(sensor, l, u, sigma, electrodes, rows)))[wide]
@@ -309,7 +309,7 @@ def test_all_electrodes_of_a_wide_contact_reach_half_a_permille() -> None:
 
 
 def test_convexity_helps() -> None:
-    sensor, random = a_sensor(), np.random.default_rng(3)
+    sensor, random = a_sensor(contact_lambda_mm=4.0), np.random.default_rng(3)
     l, u = span(sensor, "slanted band")
     clean = np.stack(crp.own_electrodes(sensor, l, u, 50))
     total = {False: 0.0, True: 0.0}
