@@ -78,10 +78,12 @@ def feature_collection(results: Sequence[Reconstruction]) -> dict[str, Any]:
     Returns
     -------
     dict
-        Without a shape the geometry is null. Properties: scan, time_s, method, status, advice, and where there is a
-        shape area_mm2, centroid_mm and orientation_rad (of the longer principal axis, from x). Where the shape has a
-        covariance, standard deviations: area_sigma_mm2, centroid_sigma_mm, orientation_sigma_rad, and
-        vertex_sigma_mm, x and y of every vertex; null for what the readings do not determine.
+        Without a shape the geometry is null, or for the status "points" a MultiPoint with point_sigma_mm. Round
+        a closed tube x goes on beyond the circumference where an object lies across the seam. Properties: scan,
+        time_s, method, status, advice, and where there is a shape area_mm2, centroid_mm and orientation_rad (of
+        the longer principal axis, from x). Where the shape has a covariance, standard deviations:
+        area_sigma_mm2, centroid_sigma_mm, orientation_sigma_rad, and vertex_sigma_mm, x and y of every vertex;
+        null for what the readings do not determine.
 
     Examples
     --------
@@ -145,4 +147,7 @@ def _feature(recovered: RecoveredObject | None, properties: dict[str, Any]) -> d
                 "orientation_sigma_rad": plain(turn),
                 "vertex_sigma_mm": plain(np.sqrt(np.diag(recovered.covariance)).reshape(-1, 2)),
             }
+    elif recovered is not None and len(recovered.points):
+        geometry = {"type": "MultiPoint", "coordinates": plain(recovered.points, 9)}
+        properties["point_sigma_mm"] = plain(recovered.point_deviations)
     return {"type": "Feature", "geometry": geometry, "properties": properties}

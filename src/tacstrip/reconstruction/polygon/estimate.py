@@ -21,13 +21,13 @@ from tacstrip.reconstruction.cramer_rao import reading_sigma
 from tacstrip.reconstruction.polygon.objects import FittedContact, reconstruct_object
 from tacstrip.reconstruction.polygon.run import fit_run, should_merge
 from tacstrip.reconstruction.result import Reconstruction
+from tacstrip.reconstruction.seam import BRIDGED, unrolled
 from tacstrip.reconstruction.strip_width import PARTIAL_STRIPS, end_margin_mm, remove_width_effect
 from tacstrip.reconstruction.untouched import doubt_untouched
 from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import check_closed_form
 from tacstrip.sensor.spec import Sensor
 
-_BRIDGED = 3  # strips that may be missing inside a contact
 _ROUNDS = 2  # of taking away what the strips' width adds
 _SPARE = 8  # strips: of fewer none is left out
 
@@ -93,11 +93,16 @@ def fit_polygon(
         raise OptionError(
             f"vertices = {vertices}: a polygon has 3 or more, and here {MAX_VERTICES + 2} at most"
         )
+    laid_out, surface = unrolled(scan, sensor, BRIDGED)
+    contacts = _contacts(laid_out, surface, noise, max_vertices, vertices, wide)
+    if contacts and contacts[-1].strips.start >= sensor.strips:  # near the seam, not across it
+        laid_out, surface = unrolled(scan, sensor)
+        contacts = _contacts(laid_out, surface, noise, max_vertices, vertices, wide)
     result = Reconstruction(
         "polygon",
         tuple(
-            reconstruct_object(scan, sensor, c, noise, bounded and _has_bound(noise))
-            for c in _contacts(scan, sensor, noise, max_vertices, vertices, wide)
+            reconstruct_object(laid_out, surface, c, noise, bounded and _has_bound(noise), sensor.strips)
+            for c in contacts
         ),
         scan.time_s,
     )
@@ -159,7 +164,7 @@ def _contacts(
     found: list[FittedContact] = []
     for strips in scan.runs():
         contact = fit(strips)
-        if found and strips.start - found[-1].strips.stop <= _BRIDGED:
+        if found and strips.start - found[-1].strips.stop <= BRIDGED:
             before = found[-1]
             gap = range(before.strips.stop, strips.start)
             joint = fit(slice(before.strips.start, strips.stop), (*before.missing, *gap))
