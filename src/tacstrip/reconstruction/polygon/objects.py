@@ -19,7 +19,7 @@ from tacstrip.reconstruction.result import Profile, RecoveredObject, Status
 from tacstrip.reconstruction.set_membership.edge_lines import ReadingBounds
 from tacstrip.reconstruction.set_membership.estimate import Bounded, fewest
 from tacstrip.scan import Scan
-from tacstrip.sensor.circuit import lower_from_width
+from tacstrip.sensor.closed_form import lower_from_width
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
 
