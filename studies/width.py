@@ -18,7 +18,7 @@ from tacstrip.contact.shape import Contact
 from tacstrip.contact.signature import signatures
 from tacstrip.network.strips.resolved import wide_readings
 from tacstrip.plot.style import COLOURS, OTHERS, add_axes, legend, new_figure
-from tacstrip.sensor.circuit import lower_and_width
+from tacstrip.sensor.closed_form import lower_and_width
 from tacstrip.sensor.slant import slant_shift
 from tacstrip.sensor.spec import Sensor
 

@@ -37,9 +37,9 @@ from .reconstruction.result import RecoveredObject as RecoveredObject
 from .reconstruction.vertex.estimate import vertex_reconstruction as vertex_reconstruction
 from .scan import Scan as Scan
 from .sensor.calibration import Calibration as Calibration
-from .sensor.circuit import k_h as k_h
-from .sensor.circuit import k_l as k_l
-from .sensor.circuit import k_metal as k_metal
+from .sensor.closed_form import k_h as k_h
+from .sensor.closed_form import k_l as k_l
+from .sensor.closed_form import k_metal as k_metal
 from .sensor.spec import Sensor as Sensor
 from .simulation import simulate as simulate
 from .stream.device.source import SerialSource as SerialSource

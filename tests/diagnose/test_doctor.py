@@ -12,7 +12,7 @@ from studies.checkup import Case, exercise, faulty, said
 from studies.faults import Defect, faulty_log
 from tacstrip.contact.noise import Noise
 from tacstrip.diagnose.doctor import diagnose
-from tacstrip.diagnose.finding import Finding, Report
+from tacstrip.diagnose.faults import Finding, Report
 from tacstrip.diagnose.log import Log
 from tacstrip.diagnose.neighbour_pairs import bridge_effect
 from tacstrip.diagnose.noise import typical_contact

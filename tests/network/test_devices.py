@@ -18,7 +18,7 @@ from tacstrip.network.devices.digital_array import (
 )
 from tacstrip.network.devices.four_wire import four_wire
 from tacstrip.network.grid import tactels
-from tacstrip.sensor.circuit import k_metal
+from tacstrip.sensor.closed_form import k_metal
 from tacstrip.thesis import chapter2
 
 

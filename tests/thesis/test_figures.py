@@ -13,7 +13,7 @@ from tacstrip.geometry.metrics import mismatch, mismatch_coefficient
 from tacstrip.plot.style import save
 from tacstrip.reconstruction.vertex.blocks import blocks, linear_system
 from tacstrip.reconstruction.vertex.estimate import vertex_reconstruction
-from tacstrip.sensor.circuit import k_h, k_l, k_metal
+from tacstrip.sensor.closed_form import k_h, k_l, k_metal
 from tacstrip.sensor.spec import Sensor
 from tacstrip.simulation import simulate
 from tacstrip.surface.cylinder import strip_angle, strips_under_flat

@@ -10,7 +10,7 @@ import numpy as np
 from tacstrip.arrays import FloatArray
 from tacstrip.sensor.calibration import Calibration
 from tacstrip.sensor.channel import Channel, fading, piecewise_map
-from tacstrip.sensor.circuit import k_h, k_l, transfer_length
+from tacstrip.sensor.closed_form import k_h, k_l, transfer_length
 from tacstrip.sensor.spec import Sensor
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from tacstrip.cli import load_sensor, note, options, protect, warn
 from tacstrip.diagnose.doctor import diagnose
-from tacstrip.diagnose.finding import Finding, Report
+from tacstrip.diagnose.faults import Finding, Report
 from tacstrip.diagnose.log import Log, read_log
 from tacstrip.errors import OptionError
 from tacstrip.io.input_checks import half_read, over_vref

@@ -1,6 +1,6 @@
 from .doctor import diagnose as diagnose
-from .finding import FAULTS as FAULTS
-from .finding import Finding as Finding
-from .finding import Report as Report
+from .faults import FAULTS as FAULTS
+from .faults import Finding as Finding
+from .faults import Report as Report
 from .log import Log as Log
 from .log import read_log as read_log

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from tacstrip.arrays import FloatArray
-from tacstrip.diagnose.finding import Finding
+from tacstrip.diagnose.faults import Finding
 from tacstrip.diagnose.log import Log
 
 _OVER = 0.005  # over Vref: what rounding and small offsets may add

@@ -10,7 +10,8 @@ from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.diagnose.channels import clipped, never_touched, not_moving, on_rails
 from tacstrip.diagnose.converter import common_ceiling, stuck_bits, wrong_reference
 from tacstrip.diagnose.drift import drift
-from tacstrip.diagnose.finding import Finding, Report
+from tacstrip.diagnose.exchanged import swapped_ends, swapped_strips, swapped_wires
+from tacstrip.diagnose.faults import Finding, Report
 from tacstrip.diagnose.hum import hum
 from tacstrip.diagnose.log import Log
 from tacstrip.diagnose.neighbour_prediction import (
@@ -23,7 +24,6 @@ from tacstrip.diagnose.neighbour_prediction import (
 from tacstrip.diagnose.noise import excess_noise, measure, quality
 from tacstrip.diagnose.regression import moved_to_and_fro
 from tacstrip.diagnose.shorts import shorts
-from tacstrip.diagnose.wiring import swapped_ends, swapped_strips, swapped_wires
 from tacstrip.sensor.rest_level import rest_hint
 
 _MOST_SCANS = 20_000  # of longer recordings, evenly spread stretches are examined

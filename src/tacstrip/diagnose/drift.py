@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
-from tacstrip.diagnose.finding import Finding
+from tacstrip.diagnose.faults import Finding
 from tacstrip.diagnose.log import Log
 from tacstrip.diagnose.neighbour_prediction import WorkingCopy, neighbour_residuals
 from tacstrip.diagnose.regression import median_crossings, moved_to_and_fro, regress_out

@@ -9,7 +9,7 @@ from typing import TypeVar
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
-from tacstrip.diagnose.finding import Finding
+from tacstrip.diagnose.faults import Finding
 from tacstrip.diagnose.log import Log
 from tacstrip.sensor.spec import Sensor
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import Noise
-from tacstrip.diagnose.finding import Finding, Quality
+from tacstrip.diagnose.faults import Finding, Quality
 from tacstrip.diagnose.log import Log
 from tacstrip.diagnose.neighbour_prediction import predict_from_neighbours
 from tacstrip.errors import TacstripError

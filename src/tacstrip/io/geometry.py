@@ -81,10 +81,12 @@ def feature_collection(results: Sequence[Reconstruction]) -> dict[str, Any]:
     Returns
     -------
     dict
-        Without a shape the geometry is null. Properties: scan, time_s, method, status, advice, and where there is a
-        shape area_mm2, centroid_mm and orientation_rad (of the longer principal axis, from x). Where the shape has a
-        covariance, standard deviations: area_sigma_mm2, centroid_sigma_mm, orientation_sigma_rad, and
-        vertex_sigma_mm, x and y of every vertex; null for what the readings do not determine.
+        Without a shape the geometry is null, or for the status "points" a MultiPoint with point_sigma_mm. Round
+        a closed tube x goes on beyond the circumference where an object lies across the seam. Properties: scan,
+        time_s, method, status, advice, and where there is a shape area_mm2, centroid_mm and orientation_rad (of
+        the longer principal axis, from x). Where the shape has a covariance, standard deviations:
+        area_sigma_mm2, centroid_sigma_mm, orientation_sigma_rad, and vertex_sigma_mm, x and y of every vertex;
+        null for what the readings do not determine.
 
     Examples
     --------
@@ -156,6 +158,9 @@ def _feature(recovered: RecoveredObject | None, properties: dict[str, Any]) -> d
                 ),
                 "other_poses": [_pose(other.pose) | {"weight": other.weight} for other in recovered.poses],
             }
+    elif recovered is not None and len(recovered.points):
+        geometry = {"type": "MultiPoint", "coordinates": plain(recovered.points, 9)}
+        properties["point_sigma_mm"] = plain(recovered.point_deviations)
     return {"type": "Feature", "geometry": geometry, "properties": properties}
 
 

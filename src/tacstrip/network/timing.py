@@ -9,7 +9,7 @@ import numpy as np
 from tacstrip.arrays import FloatArray
 from tacstrip.errors import NetworkError
 from tacstrip.network.imperfections import Readout
-from tacstrip.sensor.circuit import sensing_share
+from tacstrip.sensor.closed_form import sensing_share
 from tacstrip.sensor.spec import Sensor
 
 

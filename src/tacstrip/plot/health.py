@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tacstrip.arrays import IntArray
-from tacstrip.diagnose.finding import FAULTS, Report
+from tacstrip.diagnose.faults import FAULTS, Report
 from tacstrip.diagnose.log import Log
 from tacstrip.diagnose.noise import PROFILE_I, PROFILE_II
 from tacstrip.plot.style import COLOURS, legend, new_panels

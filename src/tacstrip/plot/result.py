@@ -89,6 +89,9 @@ def _draw_shapes(
         found, colour = drawn.found, drawn.colour
         if found.found:
             draw_polygon(axes, found.vertices, colour, drawn.label, doubtful=found.status != "ok")
+            if sensor.closed and found.vertices[:, 0].max() > sensor.width_mm:  # it goes on beyond the seam
+                again = found.vertices - (sensor.width_mm, 0.0)
+                draw_polygon(axes, again, colour, doubtful=found.status != "ok")
             if with_regions:
                 draw_regions(axes, sensor, regions(found.vertices, found.covariance), colour)
         elif found.profile is not None:
@@ -96,9 +99,8 @@ def _draw_shapes(
             axes.vlines(x, l, u, color=colour, linewidth=2.0, label=drawn.label or "")
             axes.plot(x, l, "_", color=colour)
         else:
-            x = sensor.x_mm[found.strips]
-            half = 0.5 * sensor.pitch_mm
-            axes.axvspan(x[0] - half, x[-1] + half, color=colour, alpha=0.12, label=drawn.label)
+            ends = np.array([found.strips.start, found.strips.stop]) * sensor.pitch_mm
+            axes.axvspan(*ends, color=colour, alpha=0.12, label=drawn.label)
         if drawn.number:
             axes.annotate(
                 drawn.number, drawn.place(sensor), color=colour, ha="center", va="center", zorder=6, clip_on=True,

@@ -17,7 +17,7 @@ from tacstrip.fisher import checked_sigma
 from tacstrip.geometry.outline import Outline
 from tacstrip.network.crp.cramer_rao import jacobian
 from tacstrip.reconstruction.strip_width import across, end_slopes, equivalent_ends
-from tacstrip.sensor.circuit import reading_jacobian
+from tacstrip.sensor.closed_form import reading_jacobian
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.left_out import left_out
 from tacstrip.sensor.spec import Sensor

@@ -19,6 +19,7 @@ Status: TypeAlias = Literal[
     "doubtful",  # a shape is given, but read the advice
     "no contact",
     "too few strips",
+    "points",  # no more is known than a place within the contact on each strip
     "too few transitions",
     "shared x",
     "singular",
@@ -76,9 +77,11 @@ class RecoveredObject:
     Attributes
     ----------
     strips
-        The touched strips it was recovered from, a slice of the scan.
+        The touched strips it was recovered from, a slice of the scan. Across the seam of a closed tube it goes on
+        beyond the last strip: modulo their number they are strips of the scan.
     vertices
-        Corners (N, 2) [mm], counter-clockwise from the left-most; (0, 2) where the status forbids a shape.
+        Corners (N, 2) [mm], counter-clockwise from the left-most, x across the seam modulo the circumference; (0, 2)
+        where the status forbids a shape.
     profile
         x, l and u (strips in contact,) [mm], or None.
     covariance
@@ -89,6 +92,9 @@ class RecoveredObject:
         In words, what to do about it; empty when all is well.
     strip_status
         CRS-CRP: a word per strip in contact, "ok", "short contact" or "not converged"; else empty.
+    points, point_deviations
+        Status "points": a place within the contact on each of its strips (P, 2) [mm], its own for a contact without
+        width, and its standard deviations (P, 2) [mm], NaN where the noise is not known.
     guarantee
         What `guaranteed` is computed from, where the noise has a known bound.
     uniform
@@ -124,6 +130,8 @@ class RecoveredObject:
     status: Status = "ok"
     advice: str = ""
     strip_status: tuple[str, ...] = ()
+    points: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
+    point_deviations: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
     guarantee: Guarantee | None = None
     uniform: tuple[int, ...] = ()
     model: type[OutlineModel] | None = None

@@ -22,6 +22,7 @@ from tacstrip.sensor.constructions import CONSTRUCTIONS, Construction, check_sig
 from tacstrip.sensor.left_out import checked_names
 
 FORMAT = 1
+_SEAM = 0.1  # pitches: no wider a gap between the last strip and the first is one, but rounding of a radius
 _HUGE = 10**18  # a message with more digits helps nobody
 
 # Every key of the file, in its order, with the comment that `tacstrip init` writes beside it.
@@ -139,6 +140,12 @@ class Sensor:
     def width_mm(self) -> float:
         """Extent of the digital dimension, n pitches [mm]."""
         return self.strips * self.pitch_mm
+
+    @property
+    def closed(self) -> bool:
+        """Whether the strips go all round a tube, so that the last one lies beside the first."""
+        around = 2.0 * math.pi * (self.radius_mm or math.inf)
+        return around - self.width_mm <= _SEAM * self.pitch_mm
 
     @property
     def adc_step(self) -> float:

@@ -13,7 +13,7 @@ from matplotlib.patches import Polygon, Wedge
 
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.plot.style import COLOURS, SENSOR, STRIP, TRUE, add_axes, legend, new_figure, new_panels
-from tacstrip.sensor.circuit import k_h, k_l, k_metal
+from tacstrip.sensor.closed_form import k_h, k_l, k_metal
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
 from tacstrip.surface.cylinder import strip_angle, strips_under_flat

@@ -16,6 +16,7 @@ from tacstrip.arguments import takes
 from tacstrip.contact.noise import Noise
 from tacstrip.reconstruction.methods import chosen_method, reconstruct
 from tacstrip.reconstruction.result import RecoveredObject
+from tacstrip.reconstruction.seam import BRIDGED, unrolled
 from tacstrip.scan import Scan
 from tacstrip.sensor.spec import Sensor
 from tacstrip.tracking.update import TrackLost, TrackState, initialise, update
@@ -131,7 +132,7 @@ class Tracker:
             result = reconstruct(scan, self.sensor, self.noise, method=self.method)
             self._assign_ids(_tracks(result.objects, scan))
             return self._numbered()
-        runs = scan.runs()
+        runs = self._laid_out(scan)[0].runs()
         if self._pending is not None and self._pending.done():
             found, self._pending = self._pending.result(), None
             if _spans(found, runs) is not None:
@@ -150,13 +151,14 @@ class Tracker:
         spans = _spans(self._tracks, runs)
         if spans is None:
             return False
+        laid_out, surface = self._laid_out(scan)
         since = scan.time_s - self._searched_s
         due = bool(self._tracks) and not 0.0 <= since < SEARCH_INTERVAL_S
         for track, span in zip(self._tracks, spans, strict=True):
             explained = False
             if track.state is not None:
                 try:
-                    track.state, explained = update(track.state, scan, self.sensor, span, detail)
+                    track.state, explained = update(track.state, laid_out, surface, span, detail)
                 except TrackLost:
                     return False
                 track.shape = track.state.shape
@@ -181,16 +183,19 @@ class Tracker:
         self._searched_s = scan.time_s
 
     def _search(self, scan: Scan) -> list[_Track]:
-        found = _tracks(reconstruct(scan, self.sensor, self.noise, method=self.method).objects, scan)
+        objects = reconstruct(scan, self.sensor, self.noise, method=self.method).objects
+        across = max((o.strips.stop - self.sensor.strips for o in objects), default=0)
+        laid_out, surface = unrolled(scan, self.sensor, turn=max(across, 0))
+        found = _tracks(objects, laid_out)
         for track in found:
-            track.state = initialise(track.shape, scan, self.sensor)
+            track.state = initialise(track.shape, laid_out, surface)
         return found
 
     def _assign_ids(self, found: list[_Track]) -> None:
         """Replace the tracks by new ones; each takes the number of the old track that it overlaps most."""
         old = {t.id: t.shape.strips for t in self._tracks}
         for track in found:
-            shared = {i: _overlap(strips, track.shape.strips) for i, strips in old.items()}
+            shared = {i: self._shared(strips, track.shape.strips) for i, strips in old.items()}
             number = max(shared, key=lambda i: shared[i], default=0)
             if not shared.get(number):
                 self._ids += 1
@@ -198,6 +203,16 @@ class Tracker:
             old.pop(number, None)
             track.id = number
         self._tracks = found
+
+    def _laid_out(self, scan: Scan) -> tuple[Scan, Sensor]:
+        """Return a scan and its sensor with contacts across a closed tube's seam in one piece."""
+        return unrolled(scan, self.sensor, BRIDGED if any(t.runs > 1 for t in self._tracks) else 0)
+
+    def _shared(self, a: slice, b: slice) -> int:
+        """Return the overlap of two spans; round a closed tube, at whichever side of the seam they are counted."""
+        n = self.sensor.strips
+        turns = (-n, 0, n) if self.sensor.closed else (0,)
+        return max(_overlap(slice(a.start + t, a.stop + t), b) for t in turns)
 
 
 def _tracks(objects: Sequence[RecoveredObject], scan: Scan) -> list[_Track]:

@@ -16,7 +16,16 @@ _MAX_REGIONS = 20  # an outline of more vertices is drawn without regions
 
 def sensor_json(sensor: Sensor) -> dict[str, Any]:
     """Return the sensor's properties that the page needs."""
-    keys = ("construction", "strips", "strip_base", "pitch_mm", "length_mm", "adc_bits", "signatures")
+    keys = (
+        "construction",
+        "strips",
+        "strip_base",
+        "pitch_mm",
+        "length_mm",
+        "adc_bits",
+        "closed",
+        "signatures",
+    )
     return {key: getattr(sensor, key) for key in keys}
 
 

@@ -18,6 +18,7 @@ from shapely.geometry.base import BaseGeometry
 
 from tacstrip.arguments import takes
 from tacstrip.arrays import FloatArray, IntArray
+from tacstrip.contact.footprint import on_sensor
 from tacstrip.contact.shape import Contact
 from tacstrip.errors import ContactError, NetworkError
 from tacstrip.network.grid import check_count
@@ -94,7 +95,7 @@ def wide_measurements(
         what = "point" if thin[0].length == 0.0 else "line"
         why = "has no area to conduct over" if thin[0].length else "reads its own y on a strip of any width"
         raise ContactError(f"a {what} {why}: give an area, or take footprint() and the centre-line model")
-    shapes = contact.clipped(sensor.width_mm, sensor.length_mm, "sensor").shapes
+    shapes = on_sensor(sensor, contact).shapes
     result = {}
     for strip in map(int, range(sensor.strips) if strips is None else strips):
         x = float(sensor.x_mm[strip])

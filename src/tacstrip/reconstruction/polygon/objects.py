@@ -12,12 +12,14 @@ from tacstrip.core.polygon_fit import PolygonFit
 from tacstrip.core.search import fit_counts
 from tacstrip.geometry.outline import Outline, max_height
 from tacstrip.reconstruction.contact_ends import closed_ends
+from tacstrip.reconstruction.cramer_rao import reading_sigma
 from tacstrip.reconstruction.polygon.goodness_of_fit import explains, judge
 from tacstrip.reconstruction.polygon.run import RunFit
 from tacstrip.reconstruction.result import Profile, RecoveredObject, Status
 from tacstrip.reconstruction.set_membership.edge_lines import ReadingBounds
 from tacstrip.reconstruction.set_membership.estimate import Bounded, fewest
 from tacstrip.scan import Scan
+from tacstrip.sensor.closed_form import lower_from_width
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
 
@@ -36,6 +38,10 @@ _FAINT = (
 _EMPTY = (
     "no polygon stays within the noise's bound on every strip: the noise is larger than given, or the contact is no "
     "polygon of these vertices; the outline is that of least squares"
+)
+_MANY = (
+    f"an outline of more than {_CORNERS} vertices is not held against the noise's bound: this one, of least squares, "
+    "may be of a contact that no such outline explains; bounded=False judges it by chi square alone"
 )
 
 
@@ -71,7 +77,7 @@ class FittedContact:
 
 
 def reconstruct_object(
-    scan: Scan, sensor: Sensor, contact: FittedContact, noise: Noise | None, bounded: bool
+    scan: Scan, sensor: Sensor, contact: FittedContact, noise: Noise | None, bounded: bool, around: int
 ) -> RecoveredObject:
     """Return the object that a contact's fit stands for.
 
@@ -83,12 +89,16 @@ def reconstruct_object(
         One contact's strips and fits.
     noise, bounded
         The readings' errors if known, and whether to use that they have a bound.
+    around
+        Strips after which their numbers begin again, for `unrolled` ones.
     """
     strips, run = contact.strips, contact.run
-    notes = _notes(scan, sensor, contact)
+    notes = _notes(scan, sensor, contact, around)
     x = sensor.x_mm[strips]
     if run.selection is None:
         few = f"{strips.stop - strips.start} strips are touched, too few for a polygon: use finer strips"
+        if scan.signatures == ("k",):
+            return _places(scan, sensor, strips, noise, notes)
         raw = _raw_profile(scan, sensor, strips)
         return RecoveredObject(strips, profile=raw, status="too few strips", advice="; ".join([few, *notes]))
     distribution = None if noise is None else noise.distribution
@@ -109,7 +119,8 @@ def reconstruct_object(
     outline = Outline(lower, upper)
     covariance = fit.covariance(run.problem, sensor)
     guarantee, empty = None, False
-    if noise is not None and bounded and not faint:
+    many = noise is not None and bounded and fit.n_vertices > _CORNERS
+    if noise is not None and bounded and not (faint or many):
         refined = _refined(scan, sensor, contact, noise)
         empty = refined is None
         options = [] if refined is None else [refined, refined.of_least_squares()]
@@ -138,8 +149,32 @@ def reconstruct_object(
         status, advice = "doubtful", _FAINT
     if empty and status == "ok":
         status, advice = "doubtful", _EMPTY
+    if many and status == "ok":
+        status, advice = "doubtful", _MANY
     found = _found(strips, x, outline, covariance, status, [advice, *notes])
     return replace(found, guarantee=guarantee, uniform=_upright(outline, covariance, sensor))
+
+
+def _places(
+    scan: Scan, sensor: Sensor, strips: slice, noise: Noise | None, notes: list[str]
+) -> RecoveredObject:
+    """Return a place on each strip of metal: y = k L lies within [l, u] whatever the width, and is a point's own."""
+    x, k = sensor.x_mm[strips], scan["k"][strips]
+    known = np.isfinite(k)
+    y = lower_from_width(k[known], np.zeros(known.sum()), sensor.length_mm)
+    sigma = sensor.adc_step / np.sqrt(12.0) if noise is None else reading_sigma(noise, sensor)
+    deviation = sensor.strip_width / np.sqrt(12.0), sigma * sensor.length_mm if sigma > 0.0 else np.nan
+    points = np.stack([x[known], y], axis=1)
+    where = ", ".join(f"({a:.4g}, {b:.4g})" for a, b in points)
+    advice = f"too few strips for a shape; touched at (x, y) = {where} mm, or around there if it has a width"
+    return RecoveredObject(
+        strips,
+        profile=(x[known], y, y),
+        status="points",
+        advice="; ".join([advice, *notes]),
+        points=points,
+        point_deviations=np.tile(deviation, (len(points), 1)),
+    )
 
 
 def _found(
@@ -147,7 +182,7 @@ def _found(
 ) -> RecoveredObject:
     profile = (x, np.interp(x, *outline.lower.T), np.interp(x, *outline.upper.T))
     advice = "; ".join(w for w in words if w)
-    return RecoveredObject(strips, outline.vertices, profile, covariance, status, advice)
+    return RecoveredObject(strips, outline.vertices.copy(), profile, covariance, status, advice)
 
 
 def _upright(outline: Outline, covariance: FloatArray, sensor: Sensor) -> tuple[int, ...]:
@@ -171,7 +206,7 @@ def _refined(scan: Scan, sensor: Sensor, contact: FittedContact, noise: Noise) -
     run = contact.run
     assert run.selection is not None
     freedom = max(run.freedom, 1)
-    if (run.residuals**2).sum() > _HOPELESS**2 * freedom or run.selection.chosen.n_vertices > _CORNERS:
+    if (run.residuals**2).sum() > _HOPELESS**2 * freedom:
         return None
     candidates = []
     for fit, score in zip(run.selection.fits, run.selection.scores, strict=True):
@@ -202,17 +237,17 @@ def _raw_profile(scan: Scan, sensor: Sensor, strips: slice) -> Profile | None:
     return (sensor.x_mm[strips], l, u) if np.isfinite(l + u).all() else None
 
 
-def _notes(scan: Scan, sensor: Sensor, contact: FittedContact) -> list[str]:
+def _notes(scan: Scan, sensor: Sensor, contact: FittedContact, around: int) -> list[str]:
     """Name the strips that were bridged, and the readings that were left out."""
     notes, base = [], sensor.strip_base
     if contact.missing:
-        names = _list([str(i + base) for i in contact.missing])
+        names = _list([str(i % around + base) for i in contact.missing])
         notes.append(f"strip {names} reads nothing inside the contact and was bridged: is it broken?")
     excluded = np.argwhere(contact.run.excluded)
     if len(excluded):
         names = _list(
             [
-                f"{i + contact.fitted.start + base} ({SIGNATURES[scan.signatures[s]].symbol} = "
+                f"{(i + contact.fitted.start) % around + base} ({SIGNATURES[scan.signatures[s]].symbol} = "
                 f"{scan[scan.signatures[s]][i + contact.fitted.start]:.3g})"
                 for s, i in excluded
             ]

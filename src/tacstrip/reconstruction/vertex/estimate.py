@@ -13,13 +13,14 @@ from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError, one_of
 from tacstrip.geometry.outline import close_chains
 from tacstrip.reconstruction.result import Reconstruction, RecoveredObject, Status
+from tacstrip.reconstruction.seam import unrolled
 from tacstrip.reconstruction.sections import Section, fit_sections, noise_level
 from tacstrip.reconstruction.untouched import doubt_untouched
 from tacstrip.reconstruction.vertex.blocks import linear_system
 from tacstrip.reconstruction.vertex.transitions import transitions_of_runs
 from tacstrip.reconstruction.vertex.validity import judge, judge_fit
 from tacstrip.scan import Scan
-from tacstrip.sensor.circuit import end_weights, transfer_length
+from tacstrip.sensor.closed_form import end_weights, transfer_length
 from tacstrip.sensor.constructions import SIGNATURES, check_closed_form
 from tacstrip.sensor.spec import Sensor
 
@@ -85,10 +86,11 @@ def vertex_reconstruction(
     name = sensor.check_signature(scan.signatures[-1] if signature is None else signature)
     if reading not in _READINGS:
         raise OptionError(one_of("reading", reading, _READINGS))
-    k = scan[name]
-    found = transitions_of_runs(scan, sensor, name, transitions, noise)
-    runs = zip(scan.runs(), found, strict=True)
-    objects = tuple(_recover(sensor, name, run, k[run], x, reading) for run, x in runs)
+    laid_out, surface = unrolled(scan, sensor)
+    k = laid_out[name]
+    found = transitions_of_runs(laid_out, surface, name, transitions, noise)
+    runs = zip(laid_out.runs(), found, strict=True)
+    objects = tuple(_recover(surface, name, run, k[run], x, reading) for run, x in runs)
     return doubt_untouched(Reconstruction("vertex", objects, scan.time_s), scan, sensor)
 
 

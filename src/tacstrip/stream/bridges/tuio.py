@@ -42,8 +42,9 @@ def blob(one: LiveObject, sensor: Sensor) -> Blob | None:
     along, across = np.ptp((shape.vertices - shape.centroid) @ axes, axis=0)
     x, y = shape.centroid
     sensor_area = sensor.width_mm * sensor.length_mm
+    x = float(x / sensor.width_mm)
     return Blob(
-        float(x / sensor.width_mm), float(1.0 - y / sensor.length_mm), -turn % math.pi,
+        x % 1.0 if sensor.closed else x, float(1.0 - y / sensor.length_mm), -turn % math.pi,
         float(along / sensor.width_mm), float(across / sensor.length_mm), shape.area / sensor_area,
     )  # fmt: skip
 
