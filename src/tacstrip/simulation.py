@@ -5,11 +5,12 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
+import numpy.typing as npt
 
 from tacstrip.arguments import takes
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.footprint import footprint
-from tacstrip.contact.noise import Noise, Rng, add_reading_errors, digitise, generator
+from tacstrip.contact.noise import Noise, NoiseProcess, Rng, digitise
 from tacstrip.contact.shape import Contact
 from tacstrip.contact.signature import signatures
 from tacstrip.errors import ContactError, OptionError, one_of
@@ -39,6 +40,7 @@ def simulate(
     readout: Readout | None = None,
     wiring: Wiring | None = None,
     electrodes: Literal["own", "all"] = "own",
+    process: NoiseProcess | None = None,
 ) -> Scan:
     """Return the scan that the sensor makes of a contact.
 
@@ -60,6 +62,8 @@ def simulate(
     wiring, electrodes
         CRS-CRP: what strips and sheet edges are joined to, nothing by default; and whether the scan keeps each
         strip's own two electrodes or "all" of them, each with its own error.
+    process
+        In place of `noise` and `rng`: errors that last from scan to scan, `NoiseProcess(noise, sensor, rng)`.
 
     Raises
     ------
@@ -81,6 +85,7 @@ def simulate(
         raise OptionError(one_of("model", model, _MODELS))
     if electrodes not in _ELECTRODES:
         raise OptionError(one_of("electrodes", electrodes, _ELECTRODES))
+    process = process or NoiseProcess(noise, sensor, rng)
     if not sensor.kind.closed_form:
         if model == "closed":
             check_closed_form(sensor.kind, 'model="closed"')
@@ -88,20 +93,22 @@ def simulate(
             raise OptionError(
                 f"imperfections and readout are not for a {sensor.construction} sensor; it has a wiring"
             )
-        return _sheet_scan(sensor, contact, noise, rng, time_s, wiring, electrodes)
+        return _sheet_scan(sensor, contact, process, time_s, wiring, electrodes)
     if wiring is not None or electrodes == "all":
         raise OptionError(
             f"wiring and electrodes are for crs-crp sensors; a {sensor.construction} sensor has no sheet electrodes"
         )
     if model == "network":
         ideal = fast_readings(sensor, contact, imperfections, readout)
-        return Scan(**_measured(sensor, ideal, noise, rng), time_s=time_s)
+        soft = footprint(sensor, contact) if process.noise.soft else None
+        ends = None if soft is None else (soft.l, soft.u)
+        return Scan(**_measured(process, ideal, time_s, ends), time_s=time_s)
     if imperfections is not None or readout is not None:
         raise OptionError(
             'imperfections and readout need model="network": the closed forms know ideal units only'
         )
     touch = footprint(sensor, contact)
-    scan = readings(sensor, touch.l, touch.u, noise, rng)
+    scan = readings(sensor, touch.l, touch.u, process=process, time_s=time_s)
     for values in scan.values():
         shorted = np.flatnonzero(np.isnan(values) & ~np.isnan(touch.l))
         if len(shorted):
@@ -115,8 +122,7 @@ def simulate(
 def _sheet_scan(
     sensor: Sensor,
     contact: Contact,
-    noise: Noise,
-    rng: Rng,
+    process: NoiseProcess,
     time_s: float,
     wiring: Wiring | None,
     electrodes: str,
@@ -127,25 +133,37 @@ def _sheet_scan(
     if np.isfinite(footprint(sensor, contact).l).any():
         ideal = contact_electrodes(sensor, contact, wiring=wiring)
     if electrodes == "all":
-        return Scan.of_electrodes(_measured(sensor, {"all": ideal}, noise, rng)["all"], time_s)
+        return Scan.of_electrodes(_measured(process, {"all": ideal}, time_s)["all"], time_s)
     each = np.arange(n)
     own = {"kh": ideal[each, n + each], "kl": ideal[each, each]}
-    return Scan(**_measured(sensor, own, noise, rng), time_s=time_s)
+    return Scan(**_measured(process, own, time_s), time_s=time_s)
 
 
 def readings(
-    sensor: Sensor, l_mm: FloatArray, u_mm: FloatArray, noise: Noise = _IDEAL, rng: Rng = 0
+    sensor: Sensor,
+    l_mm: FloatArray,
+    u_mm: FloatArray,
+    noise: Noise = _IDEAL,
+    rng: Rng = 0,
+    *,
+    process: NoiseProcess | None = None,
+    time_s: npt.ArrayLike = 0.0,
 ) -> dict[str, FloatArray]:
     """Return the readings of contacts from l to u, name to array over Vref.
 
     l and u [mm] have the shape (strips,) for one scan or (scans, strips) for many, NaN where nothing
-    touches; so have the results.
+    touches; so have the results. Errors that last from scan to scan need the scans' times [s], and come from
+    `process` in place of `noise` and `rng` where they go on from earlier scans.
     """
-    return _measured(sensor, signatures(sensor, l_mm, u_mm), noise, rng)
+    process = process or NoiseProcess(noise, sensor, rng)
+    return _measured(process, signatures(sensor, l_mm, u_mm), time_s, (l_mm, u_mm))
 
 
-def _measured(sensor: Sensor, ideal: dict[str, FloatArray], noise: Noise, rng: Rng) -> dict[str, FloatArray]:
-    random = generator(rng)
-    return {
-        name: digitise(add_reading_errors(k, noise, random), sensor.adc_bits) for name, k in ideal.items()
-    }
+def _measured(
+    process: NoiseProcess,
+    ideal: dict[str, FloatArray],
+    time_s: npt.ArrayLike,
+    ends_mm: tuple[FloatArray, FloatArray] | None = None,
+) -> dict[str, FloatArray]:
+    noisy = process.add(ideal, time_s, ends_mm)
+    return {name: digitise(k, process.sensor.adc_bits) for name, k in noisy.items()}

@@ -11,13 +11,18 @@ import numpy.typing as npt
 from tacstrip.arguments import takes
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import Noise
-from tacstrip.contact.signature import signatures as readings_of
+from tacstrip.core.problem import FLOOR
 from tacstrip.core.vertex_covariance import covariance_with_x_priors
 from tacstrip.fisher import checked_sigma
 from tacstrip.geometry.outline import Outline
 from tacstrip.network.crp.cramer_rao import jacobian
-from tacstrip.sensor.circuit import reading_jacobian
-from tacstrip.sensor.constructions import SIGNATURES
+from tacstrip.reconstruction.noise_covariance import (
+    Averaging,
+    common_variance,
+    own_variance,
+    reading_covariance,
+    signature_jacobians,
+)
 from tacstrip.sensor.spec import Sensor
 
 
@@ -25,26 +30,10 @@ from tacstrip.sensor.spec import Sensor
 def reading_sigma(noise: Noise, sensor: Sensor) -> float:
     """Return the standard deviation of a reading [Vref]: of the noise's errors, and of the A/D converter's steps.
 
-    An error uniform within +-a has a / sqrt(3); a step s of the converter has s / sqrt(12).
+    An error uniform within +-a has a / sqrt(3); a step s of the converter has s / sqrt(12). Gain, and where a soft
+    contact ends, depend on the contact and are not counted.
     """
-    return math.sqrt((noise.quantisation**2 + noise.positional**2) / 3.0 + sensor.adc_step**2 / 12.0)
-
-
-def signature_jacobians(
-    sensor: Sensor, l_mm: FloatArray, u_mm: FloatArray
-) -> dict[str, tuple[FloatArray, FloatArray]]:
-    """Return dk/dl and dk/du [1/mm] of every signature, name to two arrays of the shape of l and u."""
-    return {
-        name: reading_jacobian(
-            k,
-            np.asarray(u_mm - l_mm),
-            sensor.length_mm,
-            SIGNATURES[name].at_upper_end,
-            sensor.sensing_ratio,
-            sensor.contact_lambda_mm,
-        )
-        for name, k in readings_of(sensor, l_mm, u_mm).items()
-    }
+    return math.sqrt(own_variance(noise, sensor, Averaging()) + common_variance(noise, Averaging()))
 
 
 def vertex_jacobian(
@@ -80,7 +69,7 @@ def _network_slopes(outline: Outline, sensor: Sensor, names: tuple[str, ...], x:
 def vertex_covariance(
     outline: Outline,
     sensor: Sensor,
-    sigma: float,
+    sigma: float | Noise,
     signatures: Iterable[str] | None = None,
     x_mm: npt.ArrayLike | None = None,
 ) -> FloatArray:
@@ -96,7 +85,7 @@ def vertex_covariance(
     outline, sensor
         What touches what.
     sigma
-        Standard deviation of a reading [Vref], from `reading_sigma`.
+        Standard deviation of a reading [Vref], all independent; or their noise, with what strips share.
     signatures
         Those that are read; all that the sensor has by default.
     x_mm
@@ -117,9 +106,17 @@ def vertex_covariance(
     ContactError
         CRS-CRP: the outline touches no strip, or leaves the sensor.
     """
-    checked_sigma(sigma)
+    slopes = vertex_jacobian(outline, sensor, signatures, x_mm)
+    if not isinstance(sigma, Noise):
+        return covariance_with_x_priors(outline, sensor, slopes / checked_sigma(sigma))
+    checked_sigma(reading_sigma(sigma, sensor) + sigma.edge_mm + sigma.gain)
+    names = tuple(sensor.signatures if signatures is None else signatures)
+    x = sensor.x_mm if x_mm is None else np.asarray(x_mm, dtype=float)
+    x = x[outline.touches(x)]
+    errors = reading_covariance(sigma, sensor, x, outline.ends(x), names, Averaging())
+    least = FLOOR**2 * np.eye(len(errors))  # gain and blur alone leave combinations of readings without error
     return covariance_with_x_priors(
-        outline, sensor, vertex_jacobian(outline, sensor, signatures, x_mm) / sigma
+        outline, sensor, np.linalg.solve(np.linalg.cholesky(errors + least), slopes)
     )
 
 

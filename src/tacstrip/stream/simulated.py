@@ -15,7 +15,7 @@ import shapely
 from tacstrip.arguments import takes
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.footprint import footprint
-from tacstrip.contact.noise import Noise, Rng, generator
+from tacstrip.contact.noise import Noise, NoiseProcess, Rng
 from tacstrip.contact.shape import Contact
 from tacstrip.errors import OptionError
 from tacstrip.sensor.raw import invert_calibration
@@ -83,7 +83,7 @@ class SimulatedSource:
     scans
         Number of scans; None: endless.
     noise, rng, model, electrodes
-        As of `simulate`.
+        As of `simulate`; errors that last go on from scan to scan.
     origin_ns
         Unix time of the first scan [ns]; None: now.
     ahead
@@ -128,7 +128,7 @@ class SimulatedSource:
         self.sensor = with_converter(sensor)
         self.origin_ns = time.time_ns() if origin_ns is None else origin_ns
         self._contact, self._rate_hz, self._scans = contact, rate_hz, scans
-        self._noise, self._random = noise, generator(rng)
+        self._process = NoiseProcess(noise, self.sensor, rng)
         self._model, self._electrodes = model, electrodes
         self._ahead = ahead if self.sensor.kind.closed_form and model != "network" else 1
         self._first = self._scan(0)  # raises errors before anything is recorded
@@ -148,8 +148,8 @@ class SimulatedSource:
     def _scan(self, number: int) -> RawScan:
         time_s = number / self._rate_hz
         scan = simulate(
-            self.sensor, self._contact(time_s), self._noise, rng=self._random, model=self._model, time_s=time_s,
-            electrodes=self._electrodes,
+            self.sensor, self._contact(time_s), model=self._model, time_s=time_s,
+            electrodes=self._electrodes, process=self._process,
         )  # fmt: skip
         return encode(scan, self.sensor, number)
 
@@ -158,7 +158,8 @@ class SimulatedSource:
         numbers = range(first, first + count)
         contacts = [self._contact(number / self._rate_hz) for number in numbers]
         touch = footprint(self.sensor, contacts)
-        values = readings(self.sensor, touch.l, touch.u, self._noise, self._random)
+        times_s = np.array(numbers) / self._rate_hz
+        values = readings(self.sensor, touch.l, touch.u, process=self._process, time_s=times_s)
         touched = ~np.isnan(touch.l)
         if any(
             np.isnan(v[touched]).any() for v in values.values()

@@ -17,7 +17,7 @@ from tacstrip.contact.noise import Noise
 from tacstrip.core.binding import MAX_VERTICES
 from tacstrip.core.problem import FLOOR
 from tacstrip.errors import OptionError
-from tacstrip.reconstruction.cramer_rao import reading_sigma
+from tacstrip.reconstruction.noise_covariance import Averaging, fit_sigma
 from tacstrip.reconstruction.polygon.objects import FittedContact, reconstruct_object
 from tacstrip.reconstruction.polygon.run import fit_run, should_merge
 from tacstrip.reconstruction.result import Reconstruction
@@ -51,9 +51,11 @@ def fit_polygon(
         What was measured, with what. From one signature the polygon is convex; from k_h and k_l it is
         x-monotone, and its ends may be vertical edges.
     noise
-        Of the readings; the A/D converter's steps come on top. None: estimated from what the fit leaves over.
-        "uniform" noise has a bound, and outlines that stay within it are far fewer than least squares leaves: the
-        estimate is then their mean, and `guaranteed` holds the regions that no such outline's vertices leave.
+        Of the readings; the A/D converter's steps come on top. None: the spec's `[noise]`, and without one estimated
+        from what the fit leaves over. Parts that strips share or that last are in the covariance; of a scan that is a
+        mean (`Scan.mean`) they stay. "uniform" noise of independent readings of a single scan has a bound, and outlines
+        that stay within it are far fewer than least squares leaves: the estimate is then their mean, and `guaranteed`
+        holds the regions that no such outline's vertices leave. All other noise: least squares.
     max_vertices
         Vertices at most, those at the ends not counted.
     bounded
@@ -79,6 +81,7 @@ def fit_polygon(
     """
     scan.check(sensor)
     check_closed_form(sensor.kind, "fit_polygon")
+    noise = sensor.noise if noise is None else noise
     if vertices is not None and not 3 <= vertices <= MAX_VERTICES + 2:
         raise OptionError(
             f"vertices = {vertices}: a polygon has 3 or more, and here {MAX_VERTICES + 2} at most"
@@ -86,7 +89,7 @@ def fit_polygon(
     result = Reconstruction(
         "polygon",
         tuple(
-            reconstruct_object(scan, sensor, c, noise, bounded and _has_bound(noise))
+            reconstruct_object(scan, sensor, c, noise, bounded and _has_bound(noise, scan))
             for c in _contacts(scan, sensor, noise, max_vertices, vertices, wide)
         ),
         scan.time_s,
@@ -119,7 +122,10 @@ def fitted_transitions(
     """
     scan.check(sensor)
     check_closed_form(sensor.kind, "fit_polygon")
-    name, sigma = sensor.check_signature(signature), _sigma(noise, sensor)
+    name, sigma = (
+        sensor.check_signature(signature),
+        _sigma(sensor.noise if noise is None else noise, scan, sensor),
+    )
     found = []
     for run in scan.runs():
         of_run = fit_run(sensor, sensor.x_mm[run], {name: scan[name][run]}, sigma)
@@ -131,7 +137,7 @@ def fitted_transitions(
 def _contacts(
     scan: Scan, sensor: Sensor, noise: Noise | None, max_vertices: int, vertices: int | None, wide: bool
 ) -> list[FittedContact]:
-    sigma = _sigma(noise, sensor)
+    sigma = _sigma(noise, scan, sensor)
 
     def fit(strips: slice, missing: tuple[int, ...] = ()) -> FittedContact:
         partial = PARTIAL_STRIPS if wide and strips.stop - strips.start >= _SPARE else 0
@@ -161,13 +167,16 @@ def _contacts(
     return found
 
 
-def _sigma(noise: Noise | None, sensor: Sensor) -> float | None:
-    return None if noise is None else max(reading_sigma(noise, sensor), FLOOR)
+def _sigma(noise: Noise | None, scan: Scan, sensor: Sensor) -> float | None:
+    return None if noise is None else max(fit_sigma(noise, sensor, Averaging.of(scan)), FLOOR)
 
 
-def _has_bound(noise: Noise | None) -> bool:
+def _has_bound(noise: Noise | None, scan: Scan) -> bool:
+    """Whether no reading is off by more than so much, and each by itself: of a mean of scans that says little."""
     return (
         noise is not None
+        and noise.independent
+        and scan.averaged == 1
         and noise.distribution == "uniform"
         and noise.quantisation + noise.positional > FLOOR
     )

@@ -9,6 +9,7 @@ import numpy as np
 from tacstrip.arrays import FloatArray
 from tacstrip.core.polygon_fit import PolygonFit
 from tacstrip.geometry.outline import Outline
+from tacstrip.reconstruction.noise_covariance import CorrelatedErrors
 from tacstrip.reconstruction.polygon.run import RunFit
 from tacstrip.reconstruction.result import Status
 
@@ -55,7 +56,11 @@ def explains(run: RunFit, distribution: str, outline: Outline) -> bool:
 
 
 def judge(
-    run: RunFit, distribution: str | None, vertices: FloatArray, covariance: FloatArray
+    run: RunFit,
+    distribution: str | None,
+    vertices: FloatArray,
+    covariance: FloatArray,
+    errors: CorrelatedErrors | None = None,
 ) -> tuple[Status, str]:
     """Return a status and advice for a run's outline.
 
@@ -66,16 +71,18 @@ def judge(
     distribution
         Of the noise, "uniform" or "normal"; None where its level was not known.
     vertices, covariance
-        Of the outline, counter-clockwise (V, 2) [mm], (2 V, 2 V) [mm^2].
+        Of the outline, counter-clockwise (V, 2) [mm], (2 V, 2 V) [mm^2]; of independent errors.
+    errors
+        Of the readings, where they are not independent.
     """
-    freedom = run.freedom
-    if distribution is not None and chi_square_score(run.residuals, freedom, distribution) > _ALARM:
-        times = math.sqrt(float((run.residuals**2).sum()) / freedom)
+    residuals, freedom = (run.residuals, run.freedom) if errors is None else errors.whitened(covariance)
+    if distribution is not None and chi_square_score(residuals, freedom, distribution) > _ALARM:
+        times = math.sqrt(float((residuals**2).sum()) / freedom)
         return "doubtful", (
             f"the readings are {times:.3g} times as far from the best outline as the noise explains: the contact "
             "may be concave or two objects on the same strips, or the noise larger than given"
         )
-    if autocorrelation_score(run.residuals, run.problem.readings) > _ALARM:
+    if autocorrelation_score(residuals, run.problem.readings) > _ALARM:
         return "doubtful", (
             "what the best outline leaves over hangs together from strip to strip: the contact may be concave, "
             "curved, or two objects on the same strips"
@@ -85,7 +92,7 @@ def judge(
             "ok",
             "this contact looks round: the outline is the ellipse that explains the readings better than corners",
         )
-    return _polygon(run, vertices, covariance)
+    return _polygon(run, vertices, covariance if errors is None else errors.propagated(covariance))
 
 
 def _polygon(run: RunFit, vertices: FloatArray, covariance: FloatArray) -> tuple[Status, str]:

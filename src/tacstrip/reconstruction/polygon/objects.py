@@ -12,6 +12,7 @@ from tacstrip.core.polygon_fit import PolygonFit
 from tacstrip.core.search import fit_counts
 from tacstrip.geometry.outline import Outline, max_height
 from tacstrip.reconstruction.contact_ends import closed_ends
+from tacstrip.reconstruction.noise_covariance import CorrelatedErrors
 from tacstrip.reconstruction.polygon.goodness_of_fit import explains, judge
 from tacstrip.reconstruction.polygon.run import RunFit
 from tacstrip.reconstruction.result import Profile, RecoveredObject, Status
@@ -91,11 +92,13 @@ def reconstruct_object(
         few = f"{strips.stop - strips.start} strips are touched, too few for a polygon: use finer strips"
         raw = _raw_profile(scan, sensor, strips)
         return RecoveredObject(strips, profile=raw, status="too few strips", advice="; ".join([few, *notes]))
-    distribution = None if noise is None else noise.distribution
+    distribution = None if noise is None else noise.distribution if noise.independent else "normal"
     if run.model is not None and not isinstance(run.model, PolygonFit):
         outline = Outline(*run.model.chains_mm(run.problem))
         covariance = run.model.covariance(run.problem, sensor)
-        status, advice = judge(run, distribution, outline.vertices, covariance)
+        errors = _errors(scan, sensor, contact, noise, outline)
+        status, advice = judge(run, distribution, outline.vertices, covariance, errors)
+        covariance = covariance if errors is None else errors.propagated(covariance)
         found = _found(strips, x, outline, covariance, status, [advice, *notes])
         return replace(found, model=type(run.model))
     fit, faint = _chosen(run, noise is not None)
@@ -128,7 +131,9 @@ def reconstruct_object(
         )
         if guarantee is not None:
             outline, covariance = guarantee.outline, guarantee.region_covariance
-    status, advice = judge(run, distribution, outline.vertices, covariance)
+    errors = _errors(scan, sensor, contact, noise, outline)
+    status, advice = judge(run, distribution, outline.vertices, covariance, errors)
+    covariance = covariance if errors is None else errors.propagated(covariance)
     if contact.known_count is not None and fit.n_vertices < contact.known_count and status == "ok":
         status, advice = (
             "doubtful",
@@ -140,6 +145,19 @@ def reconstruct_object(
         status, advice = "doubtful", _EMPTY
     found = _found(strips, x, outline, covariance, status, [advice, *notes])
     return replace(found, guarantee=guarantee, uniform=_upright(outline, covariance, sensor))
+
+
+def _errors(
+    scan: Scan, sensor: Sensor, contact: FittedContact, noise: Noise | None, outline: Outline
+) -> CorrelatedErrors | None:
+    """Return the errors of a contact's readings where they are known not to be independent."""
+    if noise is None:
+        return None
+    run = contact.run
+    residuals, used = run.residuals * run.sigma, run.problem.weight > 0.0
+    return CorrelatedErrors.of(
+        noise, sensor, outline, sensor.x_mm[contact.fitted], scan, residuals, used, run.sigma
+    )
 
 
 def _found(
