@@ -32,6 +32,7 @@ VERBS = {
     "convert": "Turn recordings into CSV, NumPy or GeoJSON, and readings into recordings.",
     "live": "Show, record and pass on what touches the sensor, from a device, a virtual one or a file.",
     "doctor": "Say from readings what is wrong with the hardware.",
+    "noise": "Learn a sensor's noise from a recording of a still press, for its spec.",
     "spice": "Write the sensor and its contact as a netlist for ngspice.",
     "limits": "Say how well a sensor can tell a contact's corners, and which designs reach a wanted error.",
     "reproduce": "Make chapters 2 to 6 of the thesis again, beside its printed figures.",
