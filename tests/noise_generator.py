@@ -9,14 +9,12 @@ import numpy as np
 import tacstrip as ts
 from tacstrip.arrays import FloatArray
 
-HOUR_S = 3600.0
-
 
 @dataclass(frozen=True)
 class Rubber:
     """What a sensor's errors are: fractions of Vref, mm and seconds.
 
-    `flicker` is the Allan floor of noise with a spectrum 1 / f from an hour to two scans, `lorentz` and `lorentz_s`
+    `flicker` is the Allan floor of noise with a spectrum 1 / f from `slowest_s` to two scans, `lorentz` and `lorentz_s`
     standard deviation and time constant of one with a corner; `shared` the share of either that all channels have.
     """
 
@@ -28,13 +26,18 @@ class Rubber:
     edge_mm: float = 0.0
     edge_mm_apart: float = 5.0
     strays: float = 0.0
+    slowest_s: float = 1200.0
 
     def series(self, random: np.random.Generator, scans: int, channels: int, period_s: float) -> FloatArray:
         """Return errors (scans, channels) at even times, cut from the middle of a longer stretch."""
-        count = 2 ** int(np.ceil(np.log2(max(2.0 * HOUR_S / period_s, 2.0 * scans))))
+        if not (self.flicker or self.lorentz):
+            return self._faults(random, random.normal(0.0, self.white, (scans, channels)))
+        count = 2 ** int(np.ceil(np.log2(max(2.0 * self.slowest_s / period_s, 2.0 * scans))))
         hertz = np.fft.rfftfreq(count, period_s)
         with np.errstate(divide="ignore", invalid="ignore"):
-            density = np.where(hertz >= 1.0 / HOUR_S, self.flicker**2 / (2.0 * np.log(2.0)) / hertz, 0.0)
+            density = np.where(
+                hertz >= 1.0 / self.slowest_s, self.flicker**2 / (2.0 * np.log(2.0)) / hertz, 0.0
+            )
         corner = 2.0 * np.pi * hertz * self.lorentz_s
         density = density + 4.0 * self.lorentz**2 * self.lorentz_s / (1.0 + corner**2)
         amplitude = np.sqrt(density * count / (2.0 * period_s))
@@ -43,11 +46,12 @@ class Rubber:
         start = int(random.integers(0, count - scans + 1))
         slow = slow[start : start + scans]
         wander = np.sqrt(1.0 - self.shared) * slow[:, 1:] + np.sqrt(self.shared) * slow[:, :1]
-        errors = wander + random.normal(0.0, self.white, (scans, channels))
+        return self._faults(random, wander + random.normal(0.0, self.white, (scans, channels)))
+
+    def _faults(self, random: np.random.Generator, errors: FloatArray) -> FloatArray:
         hit = random.uniform(size=errors.shape) < self.strays
-        return np.asarray(
-            errors + hit * random.choice([-1.0, 1.0], errors.shape) * random.uniform(0.1, 0.3, errors.shape)
-        )
+        size = random.uniform(0.1, 0.3, errors.shape) * random.choice([-1.0, 1.0], errors.shape)
+        return np.asarray(errors + hit * size)
 
     def edges(self, random: np.random.Generator, sensor: ts.Sensor) -> FloatArray:
         """Return errors of l and u (2, strips) [mm]: white noise, smoothed on a fine grid."""

@@ -41,6 +41,9 @@ _MOST_LINES = 20
 @click.option(
     "--distribution", default="uniform", show_default=True, help="Of these errors: uniform or normal."
 )
+@click.option(
+    "--average", type=click.IntRange(1), default=1, metavar="N", help="Reconstruct means of every N scans."
+)
 @click.option("--vertices", type=int, help="Of each contact, for polygon, where that is known; else found.")
 @click.option(
     "--wide", is_flag=True, help="For polygon: strips as wide as the spec says, as in measured readings."
@@ -64,6 +67,7 @@ def command(
     quantisation: float | None,
     positional: float | None,
     distribution: str,
+    average: int,
     vertices: int | None,
     wide: bool,
     transitions: str,
@@ -91,6 +95,10 @@ def command(
             f"{readings}: no strip is touched in any of {len(scans)} scan(s): every reading is empty, or within "
             "touch_volt of rest_volt. Check the wiring and the spec"
         )
+    if average > len(scans):
+        raise OptionError(f"--average {average}: {readings} has {len(scans)} scan(s)")
+    if average > 1:
+        scans = [Scan.mean(scans[i : i + average]) for i in range(0, len(scans) - average + 1, average)]
     given = click.get_current_context().get_parameter_source
     for_vertex = [o for o in ("transitions", "reading") if given(o) is ParameterSource.COMMANDLINE]
     chosen = chosen_method(method or ("vertex" if for_vertex else None), spec)
@@ -146,7 +154,9 @@ def command(
 
 def _only(scan: Scan, signature: str) -> Scan:
     """Leave the scan's other signatures out."""
-    return Scan(**{signature: scan[signature]}, time_s=scan.time_s)
+    return Scan(
+        **{signature: scan[signature]}, time_s=scan.time_s, averaged=scan.averaged, span_s=scan.span_s
+    )
 
 
 def _transitions(text: str) -> str | list[float]:

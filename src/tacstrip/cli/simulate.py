@@ -12,7 +12,7 @@ from click.core import ParameterSource
 
 from tacstrip.cli import load_sensor, protect, warn
 from tacstrip.contact.footprint import footprint
-from tacstrip.contact.noise import Noise
+from tacstrip.contact.noise import Noise, NoiseProcess
 from tacstrip.errors import OptionError
 from tacstrip.files import write_text
 from tacstrip.io.geometry import read_contact
@@ -33,15 +33,15 @@ _POINT = (float, float)
     "--drag", type=_POINT, multiple=True, metavar="X Y", help="Drag it on to here; repeat for a path."
 )
 @click.option("--steps", type=int, default=5, show_default=True, help="Scans along the path.")
+@click.option("--still", type=click.IntRange(1), metavar="N", help="N scans of the contact at rest.")
 @click.option("--turn-per-step", type=float, default=0.0, metavar="DEG", help="Turn it while dragging.")
-@click.option(
-    "--rate", type=float, default=100.0, show_default=True, help="Scans a second while dragging [Hz]."
-)
+@click.option("--rate", type=float, default=100.0, show_default=True, help="Scans a second, of several [Hz].")
 @click.option("--quantisation", type=float, default=0.0, help="C.Q.E., half-width over Vref (thesis: 0.001).")
 @click.option(
     "--positional", type=float, default=0.0, help="P.U., half-width over Vref (thesis: 0.005, 0.01)."
 )
 @click.option("--distribution", default="uniform", show_default=True, help="uniform or normal.")
+@click.option("--noisy", is_flag=True, help="Errors as the spec's [noise] says, lasting from scan to scan.")
 @click.option("--model", help="closed or network; by default closed where the construction has closed forms.")
 @click.option("--electrodes", default="own", show_default=True, help="CRS-CRP: own or all.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the errors.")
@@ -59,11 +59,13 @@ def command(
     turn: float,
     drag: tuple[tuple[float, float], ...],
     steps: int,
+    still: int | None,
     turn_per_step: float,
     rate: float,
     quantisation: float,
     positional: float,
     distribution: str,
+    noisy: bool,
     model: str | None,
     electrodes: str,
     seed: int,
@@ -85,21 +87,31 @@ def command(
         check_picture(plot)
     spec = load_sensor(sensor)
     noise = Noise(quantisation=quantisation, positional=positional, distribution=distribution)  # type: ignore[arg-type]
+    if noisy:
+        if spec.noise is None:
+            raise OptionError(f"--noisy: {sensor} has no [noise] table; `tacstrip noise` writes one")
+        if noise != Noise(distribution=noise.distribution):
+            raise OptionError("--noisy takes the spec's noise: leave --quantisation and --positional out")
+        noise = spec.noise
     if seed < 0 or not rate > 0.0:
         bad = f"--seed {seed}: must be 0 or more" if seed < 0 else f"--rate {rate}: must be above 0"
         raise OptionError(bad)
     given = click.get_current_context().get_parameter_source
+    if still and drag:
+        raise OptionError("--still and --drag: a contact rests or moves; leave one out")
     for option in ("steps", "turn_per_step", "rate"):
-        if not drag and given(option) is ParameterSource.COMMANDLINE:
+        if not (drag or (still and option == "rate")) and given(option) is ParameterSource.COMMANDLINE:
             raise OptionError(f"--{option.replace('_', '-')} needs --drag: there is one scan only")
     shape = read_contact(contact)
     shape = (shape.placed(*at) if at else shape).turned(math.radians(turn))
     start = tuple(shape.centroid)
-    places = shape.dragged([start, *drag], steps, math.radians(turn_per_step)) if drag else [shape]
-    random = np.random.default_rng(seed)
+    places = (
+        shape.dragged([start, *drag], steps, math.radians(turn_per_step)) if drag else [shape] * (still or 1)
+    )
     touch = footprint(spec, places)
+    process = NoiseProcess(noise, spec, seed)
     scans = [
-        simulate(spec, c, noise, rng=random, model=model, time_s=i / rate, electrodes=electrodes)  # type: ignore[arg-type]
+        simulate(spec, c, process=process, model=model, time_s=i / rate, electrodes=electrodes)  # type: ignore[arg-type]
         for i, c in enumerate(places)
     ]
     write_readings(output, spec, scans)

@@ -81,7 +81,7 @@ def processes(
     """
     from scipy.optimize import nnls  # late: it takes its time
 
-    shortest, longest = 2.0 * lags_s[0], max(4.0 * lasts_s, 4.0 * lags_s[0])
+    shortest, longest = 2.0 * lags_s[0], max(lasts_s, 4.0 * lags_s[0])
     many = max(int(np.log(longest / shortest) / np.log(_STEP)), 2)
     tried = np.array([0.0, *np.geomspace(shortest, longest, many)])
     weight = 1.0 / (np.maximum(own, 1e-18) * np.sqrt(lags_s))  # long lags have few independent pairs

@@ -44,7 +44,7 @@ _SLOW_S, _SLOW = (
 )  # time constant of what does not change at all, at least, and over the recording's length
 _COUNTS = range(3, 9)  # vertices that are tried
 _STRIPS = 60  # more are thinned
-_LEVELS = np.geomspace(0.1, 4.0, 14)  # of what is tried, over the typical residual
+_LEVELS = np.geomspace(0.1, 3.0, 14)  # of what is tried, over the typical residual
 _LENGTHS = (0.5, 1.0, 1.7, 3.0)  # correlation lengths tried, in pitches
 _FREE = 5  # readings beyond the polygon's numbers, of which something can be told
 _SMALL = 0.02  # of the variance known: less is nothing
@@ -284,13 +284,14 @@ def _static(log: Log, noise: Noise, period_s: float, vertices: int | None) -> tu
     weight = np.exp(-0.5 * (deviance - deviance.min()))
     weight /= weight.sum()
     # Means over all that the residuals leave possible: the likeliest variance is too small half of the time.
-    variance, soft = float(weight @ own**2), float(weight @ edge**2)
-    if variance > _SMALL * own_variance(noise, sensor, Averaging.of(scan)):
+    lasting, soft = math.sqrt(weight @ own**2), math.sqrt(weight @ edge**2)
+    if lasting**2 > _SMALL * own_variance(noise, sensor, Averaging.of(scan)):
         lasts = max(_SLOW_S, _SLOW * scan.span_s)
-        sigmas, times_s = zip(*noise.processes, (_digits(math.sqrt(variance)), _digits(lasts)), strict=True)
+        sigmas, times_s = zip(*noise.processes, (_digits(lasting), _digits(lasts)), strict=True)
         noise = replace(noise, wander=sigmas, wander_s=times_s)
-    length_mm = float(weight * edge**2 @ length) / max(soft, 1e-30)
-    noise = replace(noise, edge_mm=math.sqrt(soft), edge_correlation_mm=length_mm)
+    noise = replace(
+        noise, edge_mm=soft, edge_correlation_mm=float(weight * edge**2 @ length) / max(soft**2, 1e-30)
+    )
     return noise, {"static": 1.0 / math.sqrt(2.0 * free)}
 
 
@@ -339,7 +340,9 @@ def _likelihoods(log: Log, scan: Scan, noise: Noise, parts: list[_Part]) -> list
 
     least = _LEAST_SIGMA**2 + own_variance(Noise(), log.sensor, Averaging())
     base = [b + least * np.eye(len(b)) for b in covariances(noise)]
-    found: list[tuple[float, ...]] = []
+    # Nothing, errors of each reading and errors of the ends are equally likely before the residuals are seen.
+    nothing = sum(_deviance(p, b) for p, b in zip(parts, base, strict=True))
+    found: list[tuple[float, ...]] = [(nothing - 2.0 * math.log(len(_LEVELS)), 0.0, 0.0, 0.0)]
     own = [np.eye(len(b)) for b in base]
     for pitches in (None, *_LENGTHS):
         length = (pitches or 0.0) * sensor.pitch_mm

@@ -22,6 +22,7 @@ from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.noise import Noise
 from tacstrip.sensor.spec import Sensor
 
+_ENOUGH = 4.0  # times as much variance that stays as averaging leaves of the rest: then it is enough
 _DITHER = 0.5  # of the converter's step: noise of so much sigma makes the mean of scans finer than a step
 _TOLD = 0.7  # of 1, the share of a parameter's certainty that readings give: the rest is a prior's
 _MOST_ALIKE = (
@@ -85,6 +86,24 @@ def fit_sigma(noise: Noise, sensor: Sensor, averaging: Averaging) -> float:
     alike = min((1.0 + kept) / (1.0 - kept), _MOST_ALIKE) if kept < 1.0 else _MOST_ALIKE
     soft = alike * (noise.edge_mm / sensor.length_mm) ** 2  # dk/dl and dk/du add up to some 1/L
     return math.sqrt(own_variance(noise, sensor, averaging) + soft + (0.5 * noise.gain) ** 2)
+
+
+def averaging_advice(noise: Noise | None, sensor: Sensor, averaging: Averaging) -> str:
+    """Say how many scans are worth averaging, where a mean of so many is not good enough."""
+    if noise is None:
+        return "average more scans, as many as `tacstrip noise` says that help"
+    lasting = (
+        sum(s**2 for s, _ in noise.processes) + noise.offset**2 + (noise.edge_mm / sensor.length_mm) ** 2
+    )
+    lasting += (0.5 * noise.gain) ** 2 + (noise.blur_mm / sensor.length_mm) ** 2
+    if lasting == 0.0:
+        return "average more scans"
+    fresh = (noise.quantisation**2 + noise.positional**2) / 3.0 + noise.white**2
+    stays = f"an error of {100.0 * math.sqrt(lasting):.2g} % of Vref stays"
+    enough = math.ceil(_ENOUGH * fresh / lasting)
+    if enough <= averaging.count:
+        return f"averaging more scans does not help, for {stays}"
+    return f"average {enough} scans (more hardly help: {stays})"
 
 
 def signature_jacobians(

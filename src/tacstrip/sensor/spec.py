@@ -236,10 +236,15 @@ def with_noise(text: str, noise: Noise) -> str:
     bare = re.sub(r"(?ms)^\[noise\][^\n]*\n?.*?(?=^\[|\Z)", "", text)
     new = bare.rstrip() + "\n\n" + noise.to_toml()
     try:
-        before, after = tomllib.loads(text), tomllib.loads(new)
+        before = tomllib.loads(text)
     except ValueError as error:
         raise SpecError(f"not a readable TOML spec ({error}). See `tacstrip init`") from None
-    if Sensor.from_dict(after).noise != noise or before | {NOISE: None} != after | {NOISE: None}:
+    try:
+        after = tomllib.loads(new)
+        kept = Sensor.from_dict(after).noise == noise and before | {NOISE: None} == after | {NOISE: None}
+    except ValueError:
+        kept = False
+    if not kept:
         raise SpecError(
             "its [noise] table cannot be exchanged: take it out by hand, and write the new one again"
         )

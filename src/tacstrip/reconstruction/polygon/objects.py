@@ -12,7 +12,7 @@ from tacstrip.core.polygon_fit import PolygonFit
 from tacstrip.core.search import fit_counts
 from tacstrip.geometry.outline import Outline, max_height
 from tacstrip.reconstruction.contact_ends import closed_ends
-from tacstrip.reconstruction.noise_covariance import CorrelatedErrors
+from tacstrip.reconstruction.noise_covariance import Averaging, CorrelatedErrors, averaging_advice
 from tacstrip.reconstruction.polygon.goodness_of_fit import explains, judge
 from tacstrip.reconstruction.polygon.run import RunFit
 from tacstrip.reconstruction.result import Profile, RecoveredObject, Status
@@ -31,8 +31,8 @@ _WORSE, _FEWER = 20.0, 0.0  # of the criterion: so much worse, more vertices, or
 _CORNERS = 12  # at most: the search for a set grows with them
 _NAMED = 5  # strips that advice names
 _FAINT = (
-    "no corner could be distinguished from noise: a line fits as well as the triangle that is given; average more "
-    "scans, or use both signatures"
+    "no corner could be distinguished from noise: a line fits as well as the triangle that is given; {}, or use "
+    "both signatures"
 )
 _EMPTY = (
     "no polygon stays within the noise's bound on every strip: the noise is larger than given, or the contact is no "
@@ -86,6 +86,7 @@ def reconstruct_object(
         The readings' errors if known, and whether to use that they have a bound.
     """
     strips, run = contact.strips, contact.run
+    averaging = averaging_advice(noise, sensor, Averaging.of(scan))
     notes = _notes(scan, sensor, contact)
     x = sensor.x_mm[strips]
     if run.selection is None:
@@ -97,7 +98,7 @@ def reconstruct_object(
         outline = Outline(*run.model.chains_mm(run.problem))
         covariance = run.model.covariance(run.problem, sensor)
         errors = _errors(scan, sensor, contact, noise, outline)
-        status, advice = judge(run, distribution, outline.vertices, covariance, errors)
+        status, advice = judge(run, distribution, outline.vertices, covariance, errors, averaging)
         covariance = covariance if errors is None else errors.propagated(covariance)
         found = _found(strips, x, outline, covariance, status, [advice, *notes])
         return replace(found, model=type(run.model))
@@ -132,7 +133,7 @@ def reconstruct_object(
         if guarantee is not None:
             outline, covariance = guarantee.outline, guarantee.region_covariance
     errors = _errors(scan, sensor, contact, noise, outline)
-    status, advice = judge(run, distribution, outline.vertices, covariance, errors)
+    status, advice = judge(run, distribution, outline.vertices, covariance, errors, averaging)
     covariance = covariance if errors is None else errors.propagated(covariance)
     if contact.known_count is not None and fit.n_vertices < contact.known_count and status == "ok":
         status, advice = (
@@ -140,7 +141,7 @@ def reconstruct_object(
             f"the readings hold {fit.n_vertices} vertices, not the {contact.known_count} that were given",
         )
     if faint:
-        status, advice = "doubtful", _FAINT
+        status, advice = "doubtful", _FAINT.format(averaging)
     if empty and status == "ok":
         status, advice = "doubtful", _EMPTY
     found = _found(strips, x, outline, covariance, status, [advice, *notes])

@@ -193,7 +193,10 @@ class _RunFitter:
         if self.sigma_known or run.selection is None:
             return run
         freedom = max(run.freedom, 1)
-        found = max(start * float(np.sqrt((run.residuals**2).sum() / freedom)), FLOOR)
+        left = start * float(np.sqrt((run.residuals**2).sum() / freedom))
+        found = max(
+            left, FLOOR, self.sensor.adc_step / np.sqrt(12.0)
+        )  # few readings can be fitted better by chance
         return replace(run, problem=run.problem.scaled(found / start), sigma=found)
 
     def _fit_without_outliers(self, start: float, out: BoolArray) -> RunFit:
