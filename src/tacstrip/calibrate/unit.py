@@ -66,7 +66,15 @@ class Calibrated:
 
     Examples
     --------
-    Of a `calibrate_unit(...)`, `result.sensor.save("calibrated.toml")` keeps the constants if `result.status == "ok"`.
+    >>> import numpy as np
+    >>> import tacstrip as ts
+    >>> sensor = ts.Sensor(construction="crs-m", strips=2, pitch_mm=6.5, length_mm=325.0)
+    >>> l_mm = np.repeat([[50.0], [150.0], [250.0]], 2, axis=1)  # (contacts, strips)
+    >>> raw = {"k": ts.signatures(sensor, l_mm, l_mm)["k"] + np.array([0.02, -0.01])}
+    >>> runs = ts.Runs(l_mm, 0.0 * l_mm, raw, line=np.arange(2, 8).reshape(3, 2), rest={})
+    >>> result = ts.calibrate_unit(sensor, runs, "offset")
+    >>> if result.status == "ok":
+    ...     result.sensor.save("calibrated.toml")
     """
 
     sensor: Sensor

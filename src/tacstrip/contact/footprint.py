@@ -37,6 +37,14 @@ class Footprint:
         are the ends of the outer hull: see `pieces`.
     clipped
         Whether a part of the contact lay off the sensor and was cut away.
+
+    Examples
+    --------
+    >>> import tacstrip as ts
+    >>> sensor = ts.Sensor(construction="crs-crs", strips=4, pitch_mm=10.0, length_mm=50.0)
+    >>> l, u = ts.footprint(sensor, ts.Contact.polygon([(10, 10), (30, 10), (30, 30), (10, 30)]))
+    >>> l.tolist(), u.tolist()
+    ([nan, 10.0, 10.0, nan], [nan, 30.0, 30.0, nan])
     """
 
     l: FloatArray

@@ -21,7 +21,7 @@ from tacstrip.sensor.spec import Sensor
 _STEPS, _ENOUGH, _HOPE = 25, 1e-2, 4.0
 _POINTS = 20  # interior points of either chain that draw it
 _CHORD = np.pi / (_POINTS + 1)  # angle between two of them
-_SAME_AREA = _CHORD / np.sin(_CHORD)  # they lie so much further out in y that chords hold the ellipse's area
+_SAME_AREA = np.sqrt(_CHORD / np.sin(_CHORD))  # so much further out chords hold the ellipse's area
 _EDGE = 0.03  # sqrt(1 - t^2) of the place nearest to an end where its slope is taken
 _LEAST = 1e-9  # added to the normal matrix
 
@@ -93,11 +93,14 @@ class Ellipse:
 
 
 def _drawn() -> tuple[FloatArray, FloatArray]:
-    """Return t and sqrt(1 - t^2) (22,) of the places that draw a chain, so much larger that chords hold the area."""
-    t = -np.cos(np.linspace(0.0, np.pi, _POINTS + 2))
-    r = _SAME_AREA * np.sqrt(np.maximum(1.0 - t * t, 0.0))
+    """Return t and sqrt(1 - t^2) (22,) of the places that draw a chain, both larger by one factor.
+
+    Together the places are the affine image of a regular polygon: area, centroid and orientation are the ellipse's.
+    """
+    angle = np.linspace(0.0, np.pi, _POINTS + 2)
+    r = _SAME_AREA * np.sin(angle)
     r[[0, -1]] = 0.0
-    return t, r
+    return -_SAME_AREA * np.cos(angle), r
 
 
 def fit_ellipse(start: PolygonFit, problem: FitProblem, wanted: float = np.inf) -> Ellipse:

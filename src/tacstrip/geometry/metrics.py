@@ -46,6 +46,14 @@ class Mismatch:
         least sum of squared distances gives, centroids laid together; otherwise the nearest corner.
     ape
         Absolute position error A.P.E. [mm]: the distance between the centroids.
+
+    Examples
+    --------
+    >>> import tacstrip as ts
+    >>> square = [(0, 0), (10, 0), (10, 10), (0, 10)]
+    >>> moved = ts.mismatch(square, [(x + 1, y) for x, y in square])
+    >>> round(moved.mc, 9), round(moved.ape, 9), round(moved.iou, 4)
+    (0.0, 1.0, 0.8182)
     """
 
     mc: float
@@ -94,6 +102,13 @@ def mismatch(
     ------
     ContactError
         One of the two is no polygon: see `clean_polygon`.
+
+    Examples
+    --------
+    >>> import tacstrip as ts
+    >>> square = [(0, 0), (10, 0), (10, 10), (0, 10)]
+    >>> ts.mismatch(square, square).iou
+    1.0
     """
     a, b = _clean(original, "the original polygon"), _clean(recovered, "the recovered polygon")
     center_a, center_b = _centroid(a, centroid), _centroid(b, centroid)

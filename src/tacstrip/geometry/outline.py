@@ -27,6 +27,15 @@ class Outline:
     ------
     ContactError
         The chains make no such polygon; the message names the place.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import tacstrip as ts
+    >>> outline = ts.Outline.of([(0, 5), (5, 0), (10, 5), (5, 10)])
+    >>> l, u = outline.ends(np.array([2.5, 5.0]))
+    >>> l.tolist(), u.tolist()
+    ([2.5, 0.0], [7.5, 10.0])
     """
 
     lower: FloatArray

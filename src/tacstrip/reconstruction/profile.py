@@ -56,6 +56,15 @@ def profile_reconstruction(
         `convex` or `wiring` for another construction than CRS-CRP.
     ReadingError
         The scan is not of this sensor.
+
+    Examples
+    --------
+    >>> import tacstrip as ts
+    >>> sensor = ts.Sensor(construction="crs-crs", strips=100, pitch_mm=1.0, length_mm=100.0)
+    >>> contact = ts.Contact.polygon([(20, 40), (55, 20), (80, 50), (45, 75)])
+    >>> x, l, u = ts.profile_reconstruction(ts.simulate(sensor, contact), sensor).objects[0].profile
+    >>> x[35], round(l[35], 6), round(u[35], 6)
+    (np.float64(55.5), np.float64(20.6), np.float64(67.5))
     """
     scan.check(sensor)
     have = scan.signatures

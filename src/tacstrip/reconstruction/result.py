@@ -72,6 +72,18 @@ class RecoveredObject:
     ------
     ValueError
         Vertices and covariance are not of one size.
+
+    Examples
+    --------
+    >>> import tacstrip as ts
+    >>> sensor = ts.Sensor(construction="crs-crs", strips=100, pitch_mm=1.0, length_mm=100.0)
+    >>> contact = ts.Contact.polygon([(20, 40), (55, 20), (80, 50), (45, 75)])
+    >>> noise = ts.Noise(positional=0.002)
+    >>> thing = ts.reconstruct(ts.simulate(sensor, contact, noise, rng=1), sensor, noise).objects[0]
+    >>> thing.status, thing.vertices.shape, thing.covariance.shape
+    ('ok', (4, 2), (8, 8))
+    >>> abs(thing.area - 1700.0) < 3 * thing.deviations[0]
+    True
     """
 
     strips: slice
@@ -156,6 +168,15 @@ class Reconstruction:
         One per run of touched strips, left to right.
     time_s
         The scan's time [s].
+
+    Examples
+    --------
+    >>> import tacstrip as ts
+    >>> sensor = ts.Sensor(construction="crs-crs", strips=100, pitch_mm=1.0, length_mm=100.0)
+    >>> contact = ts.Contact.polygon([(20, 40), (55, 20), (80, 50), (45, 75)])
+    >>> found = ts.profile_reconstruction(ts.simulate(sensor, contact), sensor)
+    >>> found.method, found.status, len(found.objects)
+    ('profile', 'ok', 1)
     """
 
     method: str

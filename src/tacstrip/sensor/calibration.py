@@ -44,6 +44,16 @@ class Calibration:
     ------
     SpecError
         A value that cannot be; the message names the key.
+
+    Examples
+    --------
+    >>> import tacstrip as ts
+    >>> from tacstrip.sensor.channel import Channel
+    >>> of_two_strips = Channel(signature="k", offset=(0.02, -0.01))
+    >>> unit = ts.Calibration(channels=(of_two_strips,))
+    >>> sensor = ts.Sensor(construction="crs-m", strips=2, pitch_mm=6.5, length_mm=325.0, calibration=unit)
+    >>> sensor.calibration.channel("k").offset
+    (0.02, -0.01)
     """
 
     channels: tuple[Channel, ...] = ()

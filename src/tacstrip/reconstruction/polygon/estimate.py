@@ -78,6 +78,16 @@ def fit_polygon(
     ReadingError, SignatureError, OptionError
         The scan is not of this sensor, the construction has no closed form, or there are no polygons of so many
         vertices.
+
+    Examples
+    --------
+    >>> import tacstrip as ts
+    >>> sensor = ts.Sensor(construction="crs-crs", strips=100, pitch_mm=1.0, length_mm=100.0)
+    >>> contact = ts.Contact.polygon([(20, 40), (55, 20), (80, 50), (45, 75)])
+    >>> noise = ts.Noise(positional=0.002)
+    >>> thing = ts.fit_polygon(ts.simulate(sensor, contact, noise, rng=1), sensor, noise).objects[0]
+    >>> thing.status, thing.vertices.round(0).tolist()
+    ('ok', [[20.0, 40.0], [55.0, 20.0], [80.0, 50.0], [45.0, 75.0]])
     """
     scan.check(sensor)
     check_closed_form(sensor.kind, "fit_polygon")
@@ -105,6 +115,16 @@ def fit_polygons(
 
     `workers` threads share the interpreter outside the compiled core: two take 0.9 of one's time on 1000 strips,
     and 1.4 times as long on 100.
+
+    Examples
+    --------
+    >>> import tacstrip as ts
+    >>> sensor = ts.Sensor(construction="crs-crs", strips=100, pitch_mm=1.0, length_mm=100.0)
+    >>> contact = ts.Contact.polygon([(20, 40), (55, 20), (80, 50), (45, 75)])
+    >>> noise = ts.Noise(positional=0.002)
+    >>> scans = [ts.simulate(sensor, contact, noise, rng=seed) for seed in range(3)]
+    >>> [found.status for found in ts.fit_polygons(scans, sensor, noise)]
+    ['ok', 'ok', 'ok']
     """
     fit = partial(fit_polygon, sensor=sensor, noise=noise)
     if workers == 1 or len(scans) < 2:

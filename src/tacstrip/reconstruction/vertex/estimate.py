@@ -69,6 +69,16 @@ def vertex_reconstruction(
     ReadingError, SignatureError, OptionError
         The scan is not of this sensor, lacks the signature, an option does not exist, or the construction has no
         closed form (CRS-CRP).
+
+    Examples
+    --------
+    >>> import tacstrip as ts
+    >>> sensor = ts.Sensor(construction="crs-crs", strips=100, pitch_mm=1.0, length_mm=100.0)
+    >>> contact = ts.Contact.polygon([(20, 40), (55, 20), (80, 50), (45, 75)])
+    >>> scan = ts.simulate(sensor, contact)
+    >>> found = ts.vertex_reconstruction(scan, sensor, signature="kh", transitions=[20, 45, 55, 80])
+    >>> found.objects[0].vertices.round(6).tolist()
+    [[20.0, 40.0], [55.0, 20.0], [80.0, 50.0], [45.0, 75.0]]
     """
     scan.check(sensor)
     check_closed_form(sensor.kind, "Vertex Reconstruction")

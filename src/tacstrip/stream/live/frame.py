@@ -29,6 +29,17 @@ class Frame:
         Time from the arrival of the scan's last byte until `objects` were ready [s].
     ready_s
         When `objects` were ready, by `time.perf_counter` [s].
+
+    Examples
+    --------
+    >>> import math
+    >>> import tacstrip as ts
+    >>> sensor = ts.Sensor(construction="crs-crs", strips=32, pitch_mm=3.0, length_mm=96.0)
+    >>> contact = ts.Contact.polygon([(20, 40), (55, 20), (80, 50), (45, 75)])
+    >>> source = ts.SimulatedSource(sensor, lambda time_s: contact, rate_hz=200.0, scans=20)
+    >>> frames = list(ts.live(source=source, speed=math.inf))
+    >>> frames[-1].number, len(frames[-1].objects)
+    (19, 1)
     """
 
     number: int

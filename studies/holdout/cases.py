@@ -1,0 +1,230 @@
+"""Cases: an outline or two, the unit that they lie on, and what it reads of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import numpy as np
+import shapely
+
+from studies.holdout.readings import Unit, white
+from studies.holdout.shapes import CONCAVE, CONVEX, PLAIN, Array, draw, is_convex
+
+SETS = ("convex", "pairs", "channels", "regions", "material")
+FAULTS = ("dead", "stuck", "saturated")
+_T = TypeVar("_T")
+_TURNS = 200  # tries to place something before another outline is drawn
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """One case.
+
+    Attributes
+    ----------
+    group
+        Category of the outline; "pair" of two.
+    unit, outlines, low, high
+        What touches what, and from where to where [mm] on each strip.
+    read
+        Readings (names, strips) over Vref with their errors, not yet clipped.
+    half_width, distribution, told
+        Of the errors, and whether the estimator is told.
+    weakest
+        Deviations by which the weakest corner shows; inf where none was looked for.
+    """
+
+    group: str
+    unit: Unit
+    outlines: list[Array]
+    low: Array
+    high: Array
+    read: Array
+    half_width: float
+    distribution: str
+    told: bool
+    weakest: float = np.inf
+
+    @property
+    def strips(self) -> int:
+        """How many are touched."""
+        return int(np.isfinite(self.low).sum())
+
+
+def rng(which: str, seed: int, number: int) -> np.random.Generator:
+    """Return the generator of a case."""
+    return np.random.default_rng([SETS.index(which), seed, number])
+
+
+def convex(random: np.random.Generator) -> Case:
+    """Draw a convex shape, its unit and its noise."""
+    strips = int(log_uniform(random, *_choose(random, {(6, 12): 0.3, (12, 101): 0.5, (100, 1001): 0.2})))
+    return single(random, str(random.choice(CONVEX)), strips, _some_names(random), _half_width(random))
+
+
+def pairs(random: np.random.Generator) -> Case:
+    """Draw two convex shapes on shared strips, or, one time in three, a concave one."""
+    strips = int(_choose(random, {10: 0.25, 20: 0.35, int(log_uniform(random, 8, 101)): 0.4}))
+    half_width = log_uniform(random, 0.0005, 0.02)
+    names = _choose(random, {("kh", "kl"): 0.6, ("k",): 0.2, ("kh",): 0.1, ("kl",): 0.1})
+    if random.random() < 1 / 3:
+        return single(random, str(random.choice(CONCAVE)), strips, names, half_width)
+    while True:
+        unit = _unit(random, names, strips, strips, random.uniform(0.6, 1.6) * strips)
+        size = np.array([unit.x[-1], unit.length])
+        for _ in range(_TURNS):
+            outlines = []
+            for _ in range(2):
+                outline = draw(str(random.choice([*PLAIN, "rounded"])), random)
+                outline = outline * (random.uniform(0.2, 0.8) * size / np.ptp(outline, axis=0)).min()
+                room = size - np.ptp(outline, axis=0)
+                outlines.append(outline - outline.min(axis=0) + random.uniform(0.01, 0.99, 2) * room)
+            a, b = (np.isfinite(unit.touched([outline])[0]) for outline in outlines)
+            apart = shapely.Polygon(outlines[0]).distance(shapely.Polygon(outlines[1]))
+            if min(a.sum(), b.sum()) >= 3 and (a & b).sum() >= 2 and apart > 0.02 * unit.length:
+                return _noisy(random, "pair", unit, outlines, half_width)
+
+
+def channels(random: np.random.Generator) -> Case:
+    """Draw a convex shape on most of ten strips."""
+    names = _choose(random, {("kh", "kl"): 0.7, ("k",): 0.3})
+    return single(
+        random,
+        str(random.choice(PLAIN)),
+        int(random.integers(7, 11)),
+        names,
+        log_uniform(random, 0.0005, 0.01),
+        10,
+    )
+
+
+def regions(random: np.random.Generator, strips: tuple[int, int] = (12, 101)) -> Case:
+    """Draw a plain shape whose noise is told."""
+    case = single(
+        random,
+        str(random.choice(PLAIN)),
+        int(log_uniform(random, *strips)),
+        _some_names(random),
+        log_uniform(random, 0.001, 0.01),
+    )
+    return replace(case, told=True, weakest=weakest_corner(case.unit, case.outlines[0], case.half_width))
+
+
+def single(
+    random: np.random.Generator,
+    category: str,
+    strips: int,
+    names: tuple[str, ...],
+    half_width: float,
+    of: int | None = None,
+) -> Case:
+    """Draw one shape on about `strips` strips, of a sensor with so many where `of` says it."""
+    while True:
+        outline = draw(category, random)
+        across, along = np.ptp(outline, axis=0)
+        outside = random.uniform(0.1, 0.5) if category.startswith("over") else 0.0
+        extent = strips - random.uniform(0.1, 0.9)  # in pitches
+        extent /= 1.0 - outside if category == "over left or right" else 1.0
+        unit = _unit(
+            random,
+            names,
+            strips,
+            of or strips + int(random.integers(0, strips // 2 + 3)),
+            along / across * extent,
+        )
+        outline = (outline - outline.min(axis=0)) * extent * unit.pitch / across
+        room = np.array([unit.strips * unit.pitch, unit.length]) - np.ptp(outline, axis=0)
+        place = random.uniform(0.02, 0.98, 2) * room
+        if outside:
+            axis = int(category == "over top or bottom")
+            over = outside * np.ptp(outline, axis=0)[axis]
+            place[axis] = random.choice([-over, room[axis] + over])
+        outline = outline + place
+        weakest = np.inf
+        if category == "weak corner":
+            weakest = random.uniform(0.5, 8.0)
+            outline = _with_weak_corner(random, unit, outline, unit.sigma(half_width), weakest)
+        if len(outline) and np.isfinite(unit.touched([outline])[0]).sum() >= min(strips, 6):
+            return replace(_noisy(random, category, unit, [outline], half_width), weakest=weakest)
+
+
+def log_uniform(random: np.random.Generator, low: float, high: float) -> float:
+    """Draw a number whose logarithm is uniform."""
+    return float(np.exp(random.uniform(np.log(low), np.log(high))))
+
+
+def weakest_corner(unit: Unit, outline: Array, half_width: float) -> float:
+    """Return by how many deviations the readings miss the weakest corner between the ends; inf: too few corners."""
+    if not 4 <= len(outline) <= 20:
+        return np.inf
+    ends = {int(outline[:, 0].argmin()), int(outline[:, 0].argmax())}
+    corners = [i for i in range(len(outline)) if i not in ends]
+    sigma = unit.sigma(half_width)
+    return min(_strength(unit, np.delete(outline, i, axis=0), outline) for i in corners) / sigma
+
+
+def _strength(unit: Unit, without: Array, outline: Array) -> float:
+    """Return the part of a corner's effect that no small move of the others brings about: a norm [Vref]."""
+    at = unit.read(*unit.touched([without]))
+    step = 1e-5 * float(np.ptp(without))
+    moves = np.eye(without.size).reshape(-1, *without.shape)
+    slopes = [(unit.read(*unit.touched([without + step * m])) - at).ravel() / step for m in moves]
+    effect = (unit.read(*unit.touched([outline])) - at).ravel()
+    matrix = np.nan_to_num(np.column_stack(slopes)[np.isfinite(effect)])
+    effect = effect[np.isfinite(effect)]
+    return float(np.linalg.norm(effect - matrix @ np.linalg.lstsq(matrix, effect, rcond=1e-9)[0]))
+
+
+def _with_weak_corner(
+    random: np.random.Generator, unit: Unit, outline: Array, sigma: float, deviations: float
+) -> Array:
+    """Return the outline with one more corner that shows by so many deviations; (0, 2) where it takes none."""
+    for edge in random.permutation(len(outline)):
+        a, b = outline[edge], outline[(edge + 1) % len(outline)]
+        outward = np.array([b[1] - a[1], a[0] - b[0]])
+        foot, height = a + random.uniform(0.25, 0.75) * (b - a), 1e-3
+        for _ in range(4):
+            corner = np.insert(outline, edge + 1, foot + height * outward, axis=0)
+            if not is_convex(corner) or not 0.0 < corner[edge + 1, 1] < unit.length:
+                break
+            if (strength := _strength(unit, outline, corner)) <= 0.0:
+                break
+            if abs(strength / sigma / deviations - 1.0) < 0.02:
+                return corner
+            height *= deviations * sigma / strength
+    return np.empty((0, 2))
+
+
+def _unit(random: np.random.Generator, names: tuple[str, ...], strips: int, of: int, height: float) -> Unit:
+    """Draw a unit on which a shape `height` pitches high fits along the strips."""
+    pitch = log_uniform(random, 0.8, 8.0)
+    length = height * pitch / log_uniform(random, min(0.85, max(0.08, height / (6.0 * strips))), 0.9)
+    decay = random.choice([0.0, min(random.uniform(1.0, 4.0), 0.05 * length)])
+    ratio = 1.0 if random.random() < 0.7 else random.uniform(0.5, 2.0)
+    bits = 12 if random.random() < 1 / 3 else None
+    return Unit(names, of, pitch, length, float(decay), ratio, bits)
+
+
+def _noisy(
+    random: np.random.Generator, group: str, unit: Unit, outlines: Sequence[Array], half_width: float
+) -> Case:
+    low, high = unit.touched(outlines)
+    kind = str(random.choice(["uniform", "normal"]))
+    ideal = unit.read(low, high)
+    read = ideal + white(ideal.shape, half_width, kind, random)
+    return Case(group, unit, list(outlines), low, high, read, half_width, kind, bool(random.random() < 0.5))
+
+
+def _half_width(random: np.random.Generator) -> float:
+    return 0.02 if random.random() < 0.2 else log_uniform(random, 0.0005, 0.01)
+
+
+def _some_names(random: np.random.Generator) -> tuple[str, ...]:
+    return _choose(random, {("kh", "kl"): 0.45, ("kh",): 0.2, ("kl",): 0.15, ("k",): 0.2})
+
+
+def _choose(random: np.random.Generator, shares: dict[_T, float]) -> _T:
+    weights = np.array(list(shares.values()))
+    return list(shares)[random.choice(len(shares), p=weights / weights.sum())]
