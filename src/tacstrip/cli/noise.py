@@ -113,10 +113,16 @@ def _lines(found: LearnedNoise, sensor: Sensor) -> Iterator[str]:
         "standard deviations"
     )
     yield f"White noise: {percent(noise.white, 'white')}, {100.0 * noise.white_shared:.0f} % of the variance shared"
-    for i, (sigma, time_s) in enumerate(noise.processes):
-        told = percent(sigma, "static" if time_s > 10.0 * found.period_s * found.scans else "wander")
-        shared = f", {100.0 * noise.wander_shared:.0f} % shared" if i == 0 else ""
-        yield f"Wander of the zero with {time_s:.3g} s: {told}{shared}"
+    for sigma, time_s in noise.processes:
+        slow = time_s > 10.0 * found.period_s * found.scans
+        over = (
+            "over longer than this recording, by the strips' differences"
+            if slow
+            else f"in some {time_s:.3g} s"
+        )
+        yield f"Wander of the zero {over}: {percent(sigma, 'static' if slow else 'wander')}"
+    if noise.processes:
+        yield f"All channels share {100.0 * noise.wander_shared:.0f} % of the wander's variance"
     if noise.edge_mm:
         yield (
             f"Ends of the contact: {noise.edge_mm:.3g} mm +- {100.0 * sure['static']:.2g} % of it, correlated over "

@@ -46,6 +46,7 @@ _COUNTS = range(3, 9)  # vertices that are tried
 _STRIPS = 60  # more are thinned
 _LEVELS = np.geomspace(0.1, 3.0, 14)  # of what is tried, over the typical residual
 _LENGTHS = (0.5, 1.0, 1.7, 3.0)  # correlation lengths tried, in pitches
+_MOST_SHARED = 0.75  # of a wander's variance
 _FREE = 5  # readings beyond the polygon's numbers, of which something can be told
 _SMALL = 0.02  # of the variance known: less is nothing
 _LEAST_SIGMA = 1e-6  # of Vref
@@ -287,6 +288,9 @@ def _static(log: Log, noise: Noise, period_s: float, vertices: int | None) -> tu
     lasting, soft = math.sqrt(weight @ own**2), math.sqrt(weight @ edge**2)
     if lasting**2 > _SMALL * own_variance(noise, sensor, Averaging.of(scan)):
         lasts = max(_SLOW_S, _SLOW * scan.span_s)
+        lasting /= math.sqrt(
+            1.0 - min(noise.wander_shared, _MOST_SHARED)
+        )  # residuals tell what is not shared
         sigmas, times_s = zip(*noise.processes, (_digits(lasting), _digits(lasts)), strict=True)
         noise = replace(noise, wander=sigmas, wander_s=times_s)
     noise = replace(

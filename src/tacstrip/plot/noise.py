@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter
 
 from tacstrip.diagnose.learned_noise import LearnedNoise
 from tacstrip.plot.style import OTHERS, RECOVERED, TRUE, legend, new_axes
@@ -26,5 +27,10 @@ def allan_figure(found: LearnedNoise) -> Figure:
     axes.axhline(least, color=OTHERS[1], linewidth=0.8, label=f"least: {least:.2g} %")
     axes.set_xlabel("time averaged [s]")
     axes.set_ylabel("Allan deviation [% of Vref]")
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axis.set_minor_formatter(
+            FuncFormatter(lambda value, _: f"{value:.2g}" if f"{value:.0e}"[0] in "25" else "")
+        )
     legend(axes)
     return figure
