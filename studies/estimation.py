@@ -118,7 +118,7 @@ def real_contacts(contacts: int, seed: int = 0, wide: bool = True) -> list[RealC
             "uneven": fast_readings(SENSOR, contact, Imperfections(energised, sensing)),
         }
         if wide:
-            readings["width"] = wide_readings(SENSOR, contact, _ACROSS)
+            readings["width"] = wide_readings(SENSOR, contact, across=_ACROSS)
             # A strip's edge may be touched where its centre line is not: no more is known of it.
             readings["all"] = {
                 name: k + np.nan_to_num(readings["uneven"][name] - plain[name])

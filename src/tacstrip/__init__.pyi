@@ -45,8 +45,8 @@ from .stream.device.source import SerialSource as SerialSource
 from .stream.live.frame import Frame as Frame
 from .stream.live.open import live as live
 from .stream.live.pipeline import Live as Live
-from .stream.recording.record import record as record
 from .stream.recording.recorder import Recorder as Recorder
+from .stream.recording.recorder import record as record
 from .stream.replay import Recording as Recording
 from .stream.simulated import SimulatedSource as SimulatedSource
 

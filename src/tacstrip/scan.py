@@ -16,9 +16,8 @@ from tacstrip.robust import robust_sigma
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
 
-_ROUNDING = (
-    16.0 * np.finfo(float).eps
-)  # of Vref: sums and quotients of a handful of numbers end so far beyond 0 or 1
+# Of Vref: sums and quotients of a handful of numbers end so far beyond 0 or 1.
+_ROUNDING = 16.0 * np.finfo(float).eps
 _STRAY, _STRAY_COUNT = 6.0, 8  # standard deviations; scans of which a stray can be told
 _LEAST_STRAY = 0.002  # over Vref: nearer than that is none, however quiet the converter
 
@@ -159,10 +158,8 @@ class Scan:
     def runs(self) -> list[slice]:
         """Return the runs of neighbouring touched strips: a signature, an object each (4.2.4, step 1)."""
         edges = np.diff(np.concatenate(([0], self.touched.astype(np.int8), [0])))
-        return [
-            slice(int(a), int(b))
-            for a, b in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True)
-        ]
+        begins, ends = np.flatnonzero(edges == 1).tolist(), np.flatnonzero(edges == -1).tolist()
+        return [slice(a, b) for a, b in zip(begins, ends, strict=True)]
 
     def check(self, sensor: Sensor) -> None:
         """Refuse a scan that this sensor cannot have made: `ReadingError` or `SignatureError`."""

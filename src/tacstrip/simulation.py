@@ -93,7 +93,14 @@ def simulate(
             raise OptionError(
                 f"imperfections and readout are not for a {sensor.construction} sensor; it has a wiring"
             )
-        return _sheet_scan(sensor, contact, process, time_s, wiring, electrodes)
+        strips = np.arange(sensor.strips)
+        every = np.full((sensor.strips, 2 * sensor.strips), np.nan)
+        if np.isfinite(footprint(sensor, contact).l).any():
+            every = contact_electrodes(sensor, contact, wiring=wiring)
+        if electrodes == "all":
+            return Scan.of_electrodes(_measured(process, {"all": every}, time_s)["all"], time_s)
+        own = {"kh": every[strips, sensor.strips + strips], "kl": every[strips, strips]}
+        return Scan(**_measured(process, own, time_s), time_s=time_s)
     if wiring is not None or electrodes == "all":
         raise OptionError(
             f"wiring and electrodes are for crs-crp sensors; a {sensor.construction} sensor has no sheet electrodes"
@@ -117,26 +124,6 @@ def simulate(
                 "shorts Vref to ground, and nothing can be read"
             )
     return Scan(**scan, time_s=time_s)
-
-
-def _sheet_scan(
-    sensor: Sensor,
-    contact: Contact,
-    process: NoiseProcess,
-    time_s: float,
-    wiring: Wiring | None,
-    electrodes: str,
-) -> Scan:
-    """Return the scan of a sensor whose strips are read through a sheet (CRS-CRP)."""
-    n = sensor.strips
-    ideal = np.full((n, 2 * n), np.nan)
-    if np.isfinite(footprint(sensor, contact).l).any():
-        ideal = contact_electrodes(sensor, contact, wiring=wiring)
-    if electrodes == "all":
-        return Scan.of_electrodes(_measured(process, {"all": ideal}, time_s)["all"], time_s)
-    each = np.arange(n)
-    own = {"kh": ideal[each, n + each], "kl": ideal[each, each]}
-    return Scan(**_measured(process, own, time_s), time_s=time_s)
 
 
 def readings(

@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 
 import tacstrip as ts
+from studies.digital_array import array_measurements
 from tacstrip.network import ArrayWiring, Imperfections, Readout, Short, scan_array
 from tacstrip.network.crp import inversion as crp
-from tacstrip.network.devices.digital_array import ISOLATIONS, array_measurements
+from tacstrip.network.devices.digital_array import ISOLATIONS
 from tacstrip.network.nodal import Measurement, Network, solve_measurement
 from tacstrip.network.spice import deck
 from tacstrip.network.strips.measurements import measurements, network_readings
@@ -97,7 +98,7 @@ def test_ngspice_agrees_on_the_digital_array(tmp_path: Path, isolation: str, wir
     pattern = np.random.default_rng(3).random((12, 9)) < 0.25
     pattern[5] = False
     wiring = ArrayWiring(wire_ohm=wire_ohm)
-    ours = scan_array(pattern, isolation, wiring).volts
+    ours = scan_array(pattern, isolation=isolation, wiring=wiring).volts
     unit = wiring.contact_ohm if isolation == "zero-potential" else 1.0
     kind = "i" if isolation == "zero-potential" else "v"
     asked = array_measurements(pattern, isolation, wiring)
@@ -146,7 +147,7 @@ def test_ngspice_agrees_on_a_strip_resolved_across_its_width(tmp_path: Path, lam
     sensor = ts.Sensor(construction="crs-crs", contact_lambda_mm=lam, resistivity_ratio=0.3, **FLAT)
     asked = wide_measurements(sensor, CONTACT, 6)
     printed = _run(tmp_path, deck("wide", {str(s): q for s, q in asked.items()}))
-    for name, values in wide_readings(sensor, CONTACT, 6).items():
+    for name, values in wide_readings(sensor, CONTACT, across=6).items():
         spice = [printed[f"v{name[1]}_{strip}"] for strip in asked]
         np.testing.assert_allclose(spice, values[list(asked)], rtol=0, atol=1e-6)
 

@@ -32,7 +32,7 @@ def unit() -> Calibrated:
     random = np.random.default_rng(1)
     read = {name: np.clip(k + random.uniform(-0.0005, 0.0005, k.shape), 0.0, 1.0) for name, k in raw.items()}
     runs = Runs(l, w, read, np.arange(l.size).reshape(l.shape) + 2, {})
-    return ts.calibrate_unit(CRS, runs, "offset")
+    return ts.calibrate_unit(CRS, runs, model="offset")
 
 
 def test_legends_lie_above_the_points(unit: Calibrated) -> None:

@@ -24,7 +24,7 @@ TRUTH = np.array([(14.0, 60.0), (55.0, 22.0), (117.0, 48.0), (80.0, 96.0), (35.0
 @pytest.fixture(scope="module", params=SENSORS)
 def unit(request: pytest.FixtureRequest) -> tuple[ts.Sensor, dict[str, FloatArray]]:
     sensor = SENSORS[request.param]
-    return sensor, wide_readings(sensor, ts.Contact.polygon(TRUTH), 6)
+    return sensor, wide_readings(sensor, ts.Contact.polygon(TRUTH), across=6)
 
 
 def test_the_closed_form_of_a_wide_strip_is_the_networks(
@@ -46,7 +46,7 @@ def test_the_closed_form_of_a_wide_strip_is_the_networks(
 
 def test_without_noise_the_vertices_come_back() -> None:
     sensor = SENSORS["crs-crs"]
-    read = wide_readings(sensor, ts.Contact.polygon(TRUTH), 6)
+    read = wide_readings(sensor, ts.Contact.polygon(TRUTH), across=6)
     wide, thin = (
         fit_polygon(ts.Scan(time_s=0.0, **read), sensor, None, vertices=5, wide=w).objects[0]
         for w in (True, False)
@@ -80,7 +80,7 @@ def test_noisy_readings_are_used_up_to_the_bound_and_regions_hold(
 
 def test_bounds_and_bridges_know_of_the_width() -> None:
     sensor = SENSORS["crs-crs"]
-    read = wide_readings(sensor, ts.Contact.polygon(TRUTH), 6)
+    read = wide_readings(sensor, ts.Contact.polygon(TRUTH), across=6)
     random = np.random.default_rng(3)
     noisy = {name: k + random.uniform(-0.005, 0.005, len(k)) for name, k in read.items()}
     for k in noisy.values():

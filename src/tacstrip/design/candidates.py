@@ -82,9 +82,8 @@ def candidates(
         There is no such construction, or a design cannot be.
     """
     if constructions is None:
-        kinds = [
-            c for c in CONSTRUCTIONS.values() if c.closed_form and c.cylindrical == sensor.kind.cylindrical
-        ]
+        alike = [c for c in CONSTRUCTIONS.values() if c.cylindrical == sensor.kind.cylindrical]
+        kinds = [c for c in alike if c.closed_form]
         kinds += [] if sensor.kind in kinds else [sensor.kind]
     else:
         kinds = [construction(name) for name in constructions]

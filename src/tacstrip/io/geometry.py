@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from tacstrip.arguments import takes
+from tacstrip.arrays import plain
 from tacstrip.contact.shape import Contact
 from tacstrip.errors import ContactError
 from tacstrip.files import why_unreadable, write_text
@@ -129,32 +130,19 @@ def write_geojson(path: str | Path, results: Sequence[Reconstruction]) -> None:
 def _feature(recovered: RecoveredObject | None, properties: dict[str, Any]) -> dict[str, Any]:
     geometry = None
     if recovered is not None and recovered.found:
-        ring = [[round(float(c), 9) for c in p] for p in (*recovered.vertices, recovered.vertices[0])]
+        ring = plain([*recovered.vertices, recovered.vertices[0]], 9)
         geometry = {"type": "Polygon", "coordinates": [ring]}
-        properties = (
-            properties
-            | {
-                "area_mm2": recovered.area,
-                "centroid_mm": [float(c) for c in recovered.centroid],
-                "orientation_rad": recovered.orientation,
+        properties |= {
+            "area_mm2": recovered.area,
+            "centroid_mm": plain(recovered.centroid),
+            "orientation_rad": recovered.orientation,
+        }
+        if recovered.deviations is not None and recovered.covariance is not None:
+            area, centroid, turn = recovered.deviations
+            properties |= {
+                "area_sigma_mm2": plain(area),
+                "centroid_sigma_mm": plain(centroid),
+                "orientation_sigma_rad": plain(turn),
+                "vertex_sigma_mm": plain(np.sqrt(np.diag(recovered.covariance)).reshape(-1, 2)),
             }
-            | _deviations(recovered)
-        )
     return {"type": "Feature", "geometry": geometry, "properties": properties}
-
-
-def _deviations(recovered: RecoveredObject) -> dict[str, Any]:
-    if recovered.deviations is None or recovered.covariance is None:
-        return {}
-    area, centroid, turn = recovered.deviations
-    of_vertices = np.sqrt(np.diag(recovered.covariance)).reshape(-1, 2)
-    return {
-        "area_sigma_mm2": _finite_or_none(area),
-        "centroid_sigma_mm": [_finite_or_none(c) for c in centroid],
-        "orientation_sigma_rad": _finite_or_none(turn),
-        "vertex_sigma_mm": [[_finite_or_none(c) for c in v] for v in of_vertices],
-    }
-
-
-def _finite_or_none(number: float) -> float | None:
-    return float(number) if np.isfinite(number) else None

@@ -139,9 +139,8 @@ def over_vref(codes: Mapping[str, CodeArray], touched: BoolArray, sensor: Sensor
             f"a scan has the code {most}, above {top}: adc_bits = {sensor.adc_bits} of the spec is wrong"
         )
     if ELECTRODES not in codes:
-        return apply_calibration(
-            sensor, {name: np.where(touched, v / top, np.nan) for name, v in codes.items()}
-        )
+        raw = {name: np.where(touched, values / top, np.nan) for name, values in codes.items()}
+        return apply_calibration(sensor, raw)
     columns = np.moveaxis(codes[ELECTRODES], -1, 0)  # (2 strips, ..., strips)
     raw = {str(i): np.where(touched, column / top, np.nan) for i, column in enumerate(columns)}
     return {ELECTRODES: np.stack(list(apply_calibration(sensor, raw).values()), axis=-1)}

@@ -13,7 +13,6 @@ import numpy.typing as npt
 import shapely
 
 from tacstrip.arguments import takes
-from tacstrip.arrays import FloatArray
 from tacstrip.contact.footprint import footprint
 from tacstrip.contact.noise import Noise, NoiseProcess, Rng
 from tacstrip.contact.shape import Contact
@@ -64,7 +63,10 @@ class Drag:
         """Return the contact at a time [s]."""
         points = np.atleast_2d(np.asarray(self.path, dtype=float))  # (M, 2)
         there_and_back = 1.0 - abs(time_s / self.seconds % 2.0 - 1.0)
-        x, y = _along(points, there_and_back)
+        x, y = points[0].tolist()
+        if len(points) > 1:
+            path = shapely.LineString(points)
+            ((x, y),) = path.interpolate(there_and_back, normalized=True).coords
         moved = self.contact.placed(x, y)
         return moved.turned(self.turn_rad_s * time_s, about=(x, y)) if self.turn_rad_s else moved
 
@@ -161,20 +163,10 @@ class SimulatedSource:
         times_s = np.array(numbers) / self._rate_hz
         values = readings(self.sensor, touch.l, touch.u, process=self._process, time_s=times_s)
         touched = ~np.isnan(touch.l)
-        if any(
-            np.isnan(v[touched]).any() for v in values.values()
-        ):  # a short circuit: `simulate` names the strip
-            yield from (self._scan(number) for number in numbers)
+        if any(np.isnan(v[touched]).any() for v in values.values()):
+            yield from map(self._scan, numbers)  # a short circuit: `simulate` names the strip
             return
         codes = to_codes(invert_calibration(self.sensor, values), self.sensor)
         for i, number in enumerate(numbers):
             own = {name: rows[i] for name, rows in codes.items()}
             yield RawScan(number / self._rate_hz, own, touched[i], number)
-
-
-def _along(points: FloatArray, fraction: float) -> tuple[float, float]:
-    """Return the point at a fraction of a path's length."""
-    if len(points) == 1:
-        return float(points[0, 0]), float(points[0, 1])
-    point = shapely.line_interpolate_point(shapely.LineString(points), fraction, normalized=True)
-    return point.x, point.y

@@ -35,6 +35,16 @@ class LiveObject:
         Its number, counted from 1; no number is used twice.
     shape
         The reconstructed object: vertices [mm], profile, status and advice.
+
+    Examples
+    --------
+    >>> import tacstrip as ts
+    >>> from tacstrip.tracking import Tracker
+    >>> sensor = ts.Sensor(construction="crs-crs", strips=100, pitch_mm=1.0, length_mm=100.0)
+    >>> contact = ts.Contact.polygon([(25, 35), (60, 22), (78, 56), (45, 76)])
+    >>> (one,) = Tracker(sensor).update(ts.simulate(sensor, contact))
+    >>> one.id, one.shape.status
+    (1, 'ok')
     """
 
     id: int

@@ -115,9 +115,8 @@ def update(
     # Wilson and Hilferty's cube root makes chi square nearly normal; sigma comes from as many readings.
     small = 2.0 / (9.0 * freedom)
     explained = (variance ** (1.0 / 3.0) - (1.0 - small)) / math.sqrt(2.0 * small) <= _MAX_EXCESS_SIGMA
-    level = (
-        last.sigma * math.sqrt(1.0 - _SIGMA_UPDATE + _SIGMA_UPDATE * variance) if explained else last.sigma
-    )
+    growth = math.sqrt(1.0 - _SIGMA_UPDATE + _SIGMA_UPDATE * variance) if explained else 1.0
+    level = growth * last.sigma
     return TrackState(shape, fit, max(level, _sigma_floor(sensor)), last.outliers), explained
 
 
@@ -143,12 +142,8 @@ def _normalised(fit: PolygonFit, problem: FitProblem) -> PolygonFit:
     theta[3] = min(max(theta[3], 1.0 - reach), 1.0 + reach)
     inner: FloatArray = theta[END_ENTRIES::2]
     if len(inner) and not theta[0] < inner.min() <= inner.max() < theta[3]:
-        many = len(inner)
-        low, high = (
-            theta[0] + np.arange(1, many + 1) * _MIN_SEPARATION,
-            theta[3] - np.arange(many, 0, -1) * _MIN_SEPARATION,
-        )
-        inner[:] = np.clip(inner, low, high)
+        gaps = np.arange(1, len(inner) + 1) * _MIN_SEPARATION
+        inner[:] = np.clip(inner, theta[0] + gaps, theta[3] - gaps[::-1])
     return replace(fit, theta=theta)
 
 

@@ -19,7 +19,8 @@ from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.contact.shape import Contact
 from tacstrip.errors import ContactError, NetworkError
 from tacstrip.network.grid import check_count
-from tacstrip.network.nodal import Measurement, solve_measurement
+from tacstrip.network.nodal import Measurement
+from tacstrip.network.strips.measurements import solved
 from tacstrip.network.strips.resolved_mesh import Cells, Chains, cells, chains, on_strip
 from tacstrip.network.wires import Wires
 from tacstrip.sensor.constructions import SIGNATURES
@@ -31,16 +32,24 @@ _SLIVER = 1e-10  # of the largest share of a contact; less is rounding
 
 
 @takes(sensor=Sensor, contact=Contact)
-def wide_readings(sensor: Sensor, contact: Contact, across: int | None = None) -> dict[str, FloatArray]:
+def wide_readings(sensor: Sensor, contact: Contact, *, across: int | None = None) -> dict[str, FloatArray]:
     """Return what every strip reads over Vref, signature to (strips,), NaN where nothing touches.
 
     A strip is touched where any part of its width is. Arguments and errors as for `wide_measurements`.
+
+    Examples
+    --------
+    A straight edge across the strips reads as the closed form says, a slanted one longer:
+
+    >>> import tacstrip as ts
+    >>> from tacstrip.network import wide_readings
+    >>> sensor = ts.Sensor(construction="crs-m", strips=1, pitch_mm=10.0, length_mm=100.0)
+    >>> straight = ts.Contact.polygon([(0, 40), (10, 40), (10, 80), (0, 80)])
+    >>> slanted = ts.Contact.polygon([(0, 35), (10, 45), (10, 80), (0, 80)])
+    >>> [wide_readings(sensor, c, across=8)["k"].round(3) for c in (straight, slanted)]
+    [array([0.667]), array([0.653])]
     """
-    result = {name: np.full(sensor.strips, np.nan) for name in sensor.signatures}
-    for strip, measurement in wide_measurements(sensor, contact, across).items():
-        for name, value in solve_measurement(measurement).items():
-            result[name][strip] = value
-    return result
+    return solved(sensor, wide_measurements(sensor, contact, across))
 
 
 def wide_measurements(sensor: Sensor, contact: Contact, across: int | None = None) -> dict[int, Measurement]:
@@ -87,7 +96,7 @@ def wide_measurements(sensor: Sensor, contact: Contact, across: int | None = Non
 
 
 def _measurement(sensor: Sensor, strip: int, contact: BaseGeometry, across: int) -> Measurement | None:
-    """Imperfections both layers of a strip and their contact, and say what is read; None where nothing touches."""
+    """Return the network of a strip's layers and their contact, and what is read; None where nothing touches."""
     if contact.is_empty:
         return None
     lam, width, ratio = sensor.contact_lambda_mm, sensor.strip_width, sensor.sensing_ratio

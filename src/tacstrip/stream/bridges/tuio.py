@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import math
 import socket
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,8 +21,7 @@ _ADDRESS = "/tuio/2Dblb"
 _SMOOTHING_S = 0.05  # time constant of the velocities
 
 
-@dataclass(frozen=True)
-class Blob:
+class Blob(NamedTuple):
     """Centre, angle [rad], extents along the axes and area of a blob; all but the angle relative to the sensor."""
 
     x: float
@@ -113,7 +111,7 @@ class Tuio:
             change = ((math.hypot(vx, vy) - before) / passed, (va - last_speed[2]) / passed)
             speed = (vx, vy, va)
         self._last[number] = (time_s, now, speed)
-        return (now.x, now.y, now.angle, now.width, now.height, now.area, *speed, *change)
+        return (*now, *speed, *change)
 
 
 def _message(command: str, *values: str | int | float) -> Any:
