@@ -9,7 +9,7 @@ from pathlib import Path
 
 import click
 
-from tacstrip.cli import load_sensor, protect
+from tacstrip.cli import load_sensor, options, protect
 from tacstrip.diagnose.learned_noise import LearnedNoise, learn_noise
 from tacstrip.diagnose.log import Log, read_log
 from tacstrip.errors import OptionError, ReadingError
@@ -22,19 +22,15 @@ _SHOWN = (1, 16, 64)  # scans averaged
 
 
 @click.command()
-@click.argument("recording", type=click.Path(path_type=Path))
+@click.argument("recording", type=options.FILE)
 @click.option(
     "--sensor", metavar="SENSOR", help="Spec file or shipped spec; a recording (.mcap) holds its own."
 )
-@click.option(
-    "-o", "--output", type=click.Path(path_type=Path), help="Write the spec with the noise to this file."
-)
-@click.option("--write", type=click.Path(path_type=Path), metavar="SENSOR.toml",
+@options.output("Write the spec with the noise to this file.", required=False)
+@click.option("--write", type=options.FILE, metavar="SENSOR.toml",
               help="Put the noise into this spec; its other lines stay as they are.")  # fmt: skip
 @click.option("--vertices", type=click.IntRange(3, 40), help="Of the contact, where that is known.")
-@click.option(
-    "--plot", type=click.Path(path_type=Path), help="Picture of the Allan deviation (.png, .svg, .pdf)."
-)
+@options.plot("Picture of the Allan deviation (.png, .svg, .pdf).")
 def command(
     recording: Path,
     sensor: str | None,
@@ -53,10 +49,6 @@ def command(
     protect(output, recording)
     protect(write, recording)
     protect(plot, recording, sensor, output, write)
-    if plot is not None:
-        from tacstrip.plot.style import check_picture
-
-        check_picture(plot)
     spec = sensor or (None if write is None else str(write))
     log = _log(recording, spec)
     if not log.sensor.kind.closed_form:
