@@ -22,8 +22,8 @@ _STEPS, _ENOUGH, _HOPE = 25, 1e-2, 4.0
 _POINTS = 20  # interior points of either chain that draw it
 _CHORD = np.pi / (_POINTS + 1)  # angle between two of them
 _SAME_AREA = np.sqrt(_CHORD / np.sin(_CHORD))  # so much further out chords hold the ellipse's area
-_EDGE = 0.03  # sqrt(1 - t^2) of the place nearest to an end where its slope is taken
-_LEAST = 1e-9  # added to the normal matrix
+_STEEP = 0.03  # sqrt(1 - t^2) of the place nearest to an end where its slope is taken
+_ALWAYS = 1e-9  # added to the normal matrix
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +123,7 @@ def plain_fit_ellipse(start: PolygonFit, problem: FitProblem, wanted: float = np
     half, damping = 0.5 * problem.pitch, 1e-3
     cost, matrix, gradient = _normal_equations(p, problem)
     for _ in range(_STEPS):
-        small = matrix + np.diag(damping * matrix.diagonal() + _LEAST)
+        small = matrix + np.diag(damping * matrix.diagonal() + _ALWAYS)
         trial = p + np.linalg.solve(small, gradient)
         trial[:2] = np.clip(trial[:2], (-half, 1.0 - half), (half, 1.0 + half))
         trial[2] = np.clip(trial[2], 0.0, 1.0)
@@ -150,7 +150,7 @@ def _normal_equations(p: FloatArray, problem: FitProblem) -> tuple[float, FloatA
     r = np.sqrt(np.maximum(1.0 - t * t, 0.0))
     l = np.clip(c + s * t - b * r, 0.0, 1.0)
     u = np.minimum(np.maximum(c + s * t + b * r, l), 1.0)
-    bend, one = b * t / np.maximum(r, _EDGE), np.ones_like(t)
+    bend, one = b * t / np.maximum(r, _STEEP), np.ones_like(t)
     by_l, by_u = (
         np.stack(
             [by_t * (t - 1.0) / (right - left), by_t * (-1.0 - t) / (right - left), one, t, root], axis=1

@@ -38,6 +38,10 @@ _EMPTY = (
     "no polygon stays within the noise's bound on every strip: the noise is larger than given, or the contact is no "
     "polygon of these vertices; the outline is that of least squares"
 )
+_MANY = (
+    f"an outline of more than {_CORNERS} vertices is not held against the noise's bound: this one, of least squares, "
+    "may be of a contact that no such outline explains; bounded=False judges it by chi square alone"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +117,8 @@ def reconstruct_object(
     outline = Outline(lower, upper)
     covariance = fit.covariance(run.problem, sensor)
     guarantee, empty = None, False
-    if noise is not None and bounded and not faint:
+    many = noise is not None and bounded and fit.n_vertices > _CORNERS
+    if noise is not None and bounded and not (faint or many):
         refined = _refined(scan, sensor, contact, noise)
         empty = refined is None
         options = [] if refined is None else [refined, refined.of_least_squares()]
@@ -144,6 +149,8 @@ def reconstruct_object(
         status, advice = "doubtful", _FAINT.format(averaging)
     if empty and status == "ok":
         status, advice = "doubtful", _EMPTY
+    if many and status == "ok":
+        status, advice = "doubtful", _MANY
     found = _found(strips, x, outline, covariance, status, [advice, *notes])
     return replace(found, guarantee=guarantee, uniform=_upright(outline, covariance, sensor))
 
@@ -166,7 +173,7 @@ def _found(
 ) -> RecoveredObject:
     profile = (x, np.interp(x, *outline.lower.T), np.interp(x, *outline.upper.T))
     advice = "; ".join(w for w in words if w)
-    return RecoveredObject(strips, outline.vertices, profile, covariance, status, advice)
+    return RecoveredObject(strips, outline.vertices.copy(), profile, covariance, status, advice)
 
 
 def _upright(outline: Outline, covariance: FloatArray, sensor: Sensor) -> tuple[int, ...]:
@@ -190,7 +197,7 @@ def _refined(scan: Scan, sensor: Sensor, contact: FittedContact, noise: Noise) -
     run = contact.run
     assert run.selection is not None
     freedom = max(run.freedom, 1)
-    if (run.residuals**2).sum() > _HOPELESS**2 * freedom or run.selection.chosen.n_vertices > _CORNERS:
+    if (run.residuals**2).sum() > _HOPELESS**2 * freedom:
         return None
     candidates = []
     for fit, score in zip(run.selection.fits, run.selection.scores, strict=True):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -9,11 +10,12 @@ from functools import cached_property
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray
-from tacstrip.core.binding import MAX_VERTICES
+from tacstrip.core.binding import MAX_VERTICES, RUN, at, exported, search_workspace
 from tacstrip.core.ellipse import Ellipse, fit_ellipse
 from tacstrip.core.model_selection import complexity_penalty, deviance, per_vertex_penalty
 from tacstrip.core.outliers import isolated_outliers, spikes
 from tacstrip.core.outline_model import OutlineModel
+from tacstrip.core.polygon_fit import PolygonFit
 from tacstrip.core.problem import FLOOR, FitProblem
 from tacstrip.core.search import ModelSelection, fit_counts
 from tacstrip.geometry.outline import Outline, max_height
@@ -26,6 +28,7 @@ _ROUNDS = 3  # of leaving outliers out, and of estimating sigma anew
 _SURER = 0.3  # so much less noise than first thought is worth another fit
 _NEAR = 6.0  # spreads from the polygon that was made without it: no outlier
 _BARELY = 0.5  # of the spread with all readings: few residuals can be small by chance
+_LEAST_SCALE = 1e-3  # of sigma: a spread of residuals
 _SPARE = 1  # readings beyond the numbers fitted, without which nothing can be tested
 
 
@@ -91,7 +94,7 @@ class RunFit:
         if sigma_known or self.selection is None:
             return 1.0
         used = self.residuals[self.problem.weight > 0.0]
-        return max(float(robust_sigma(used)), 1e-3) if len(used) else 1.0
+        return max(float(robust_sigma(used)), _LEAST_SCALE) if len(used) else 1.0
 
     def penalised_cost(self, scale: float) -> float:
         """Return what vertices and readings left out cost, with the deviance at a spread of residuals; inf: no fit.
@@ -139,6 +142,54 @@ def fit_run(
     margin_mm
         How much further out the ends lie than within half a pitch of the outer strips.
     """
+    core = exported("fit_run")
+    if core is None:
+        return plain_fit_run(sensor, x_mm, readings, sigma, max_vertices, n_vertices, margin_mm)
+    raw = np.array([*readings.values()], dtype=np.float64)
+    k, weight, residuals = np.empty((3, *raw.shape))
+    excluded, record = np.empty(raw.shape, dtype=np.bool_), np.empty(1, RUN)
+    workspace = search_workspace((4 + raw.shape[0]) * raw.shape[1])
+    problem = FitProblem.of_strips(sensor, x_mm, tuple(readings), k, weight, margin_mm)
+    given = problem.compiled
+    given.k = at(raw)
+    core(
+        given,
+        0.0 if sigma is None else max(sigma, FLOOR),
+        sensor.adc_step / math.sqrt(12.0),
+        max_vertices,
+        n_vertices or 0,
+        *map(at, (record, k, weight, residuals, excluded, workspace)),
+    )
+    given.k = at(k)
+    return _of_record(problem, record[0], excluded, residuals)
+
+
+def _of_record(problem: FitProblem, record: np.void, excluded: BoolArray, residuals: FloatArray) -> RunFit:
+    """Return what the compiled core left in a `RUN`."""
+    selection, ellipse, count = None, None, int(record["count"])
+    if count:
+        found = record["found"][:count]
+        fits = tuple(PolygonFit.of_record(found[i : i + 1]) for i in range(count))
+        scores = tuple(found["score"].tolist())
+        selection = ModelSelection(fits, scores, int(record["best"]), int(record["equal"]))
+    advantage = float(record["advantage"])
+    if advantage > -np.inf:
+        ellipse = Ellipse(record["ellipse"], float(record["ellipse_cost"]), record["information"])
+    run = RunFit(problem, selection, float(record["sigma"]), excluded, ellipse, advantage)
+    run.__dict__["residuals"] = residuals  # the cached property's place
+    return run
+
+
+def plain_fit_run(
+    sensor: Sensor,
+    x_mm: FloatArray,
+    readings: Mapping[str, FloatArray],
+    sigma: float | None = None,
+    max_vertices: int = MAX_VERTICES,
+    n_vertices: int | None = None,
+    margin_mm: float = 0.0,
+) -> RunFit:
+    """Do as `fit_run`, step by step."""
     raw = np.stack([np.asarray(values, dtype=np.float64) for values in readings.values()])
     there = (raw >= -_BEYOND) & (raw <= 1.0 + _BEYOND)
     raw = np.where(there, raw, np.nan)
@@ -193,10 +244,7 @@ class _RunFitter:
         if self.sigma_known or run.selection is None:
             return run
         freedom = max(run.freedom, 1)
-        left = start * float(np.sqrt((run.residuals**2).sum() / freedom))
-        found = max(
-            left, FLOOR, self.sensor.adc_step / np.sqrt(12.0)
-        )  # few readings can be fitted better by chance
+        found = max(start * float(np.sqrt((run.residuals**2).sum() / freedom)), FLOOR)
         return replace(run, problem=run.problem.scaled(found / start), sigma=found)
 
     def _fit_without_outliers(self, start: float, out: BoolArray) -> RunFit:
