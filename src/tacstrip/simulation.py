@@ -5,11 +5,12 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
+import numpy.typing as npt
 
 from tacstrip.arguments import takes
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.contact.footprint import footprint
-from tacstrip.contact.noise import Noise, Rng, add_reading_errors, digitise, generator
+from tacstrip.contact.noise import Noise, NoiseProcess, Rng, digitise
 from tacstrip.contact.shape import Contact
 from tacstrip.contact.signature import signatures
 from tacstrip.contact.strip_width import wide, wide_ends
@@ -42,6 +43,7 @@ def simulate(
     readout: Readout | None = None,
     wiring: Wiring | None = None,
     electrodes: Literal["own", "all"] = "own",
+    process: NoiseProcess | None = None,
 ) -> Scan:
     """Return the scan that the sensor makes of a contact, without channels that its spec leaves out.
 
@@ -64,6 +66,8 @@ def simulate(
     wiring, electrodes
         CRS-CRP: what strips and sheet edges are joined to, nothing by default; and whether the scan keeps each
         strip's own two electrodes or "all" of them, each with its own error.
+    process
+        In place of `noise` and `rng`: errors that last from scan to scan, `NoiseProcess(noise, sensor, rng)`.
 
     Raises
     ------
@@ -85,6 +89,7 @@ def simulate(
         raise OptionError(one_of("model", model, _MODELS))
     if electrodes not in _ELECTRODES:
         raise OptionError(one_of("electrodes", electrodes, _ELECTRODES))
+    process = process or NoiseProcess(noise, sensor, rng)
     if not sensor.kind.closed_form:
         if model == "closed":
             check_closed_form(sensor.kind, 'model="closed"')
@@ -97,22 +102,24 @@ def simulate(
         if np.isfinite(footprint(sensor, contact).l).any():
             every = contact_electrodes(sensor, contact, wiring=wiring)
         if electrodes == "all":
-            return Scan.of_electrodes(_measured(sensor, {"all": every}, noise, rng)["all"], time_s)
+            return Scan.of_electrodes(_measured(process, {"all": every}, time_s)["all"], time_s)
         own = {"kh": every[strips, sensor.strips + strips], "kl": every[strips, strips]}
-        return Scan(**_measured(sensor, own, noise, rng), time_s=time_s)
+        return Scan(**_measured(process, own, time_s), time_s=time_s)
     if wiring is not None or electrodes == "all":
         raise OptionError(
             f"wiring and electrodes are for crs-crp sensors; a {sensor.construction} sensor has no sheet electrodes"
         )
     if model == "network":
         ideal = fast_readings(sensor, contact, imperfections, readout)
-        return Scan(**leave_out(sensor, _measured(sensor, ideal, noise, rng)), time_s=time_s)
+        soft = footprint(sensor, contact) if process.noise.soft else None
+        ends = None if soft is None else (soft.l, soft.u)
+        return Scan(**leave_out(sensor, _measured(process, ideal, time_s, ends)), time_s=time_s)
     if imperfections is not None or readout is not None:
         raise OptionError(
             'imperfections and readout need model="network": the closed forms know ideal units only'
         )
-    touch, ideal = _closed(sensor, contact, resolved=model is None)
-    scan = _measured(sensor, ideal, noise, rng)
+    touch, ends, ideal = _closed(sensor, contact, resolved=model is None)
+    scan = _measured(process, ideal, time_s, ends)
     for values in scan.values():
         shorted = np.flatnonzero(np.isnan(values) & touch)
         if len(shorted):
@@ -123,11 +130,13 @@ def simulate(
     return Scan(**leave_out(sensor, scan), time_s=time_s)
 
 
-def _closed(sensor: Sensor, contact: Contact, resolved: bool) -> tuple[BoolArray, dict[str, FloatArray]]:
-    """Return which strips are touched, and ideal readings; wide strips that no closed form fits may be resolved."""
+def _closed(
+    sensor: Sensor, contact: Contact, resolved: bool
+) -> tuple[BoolArray, tuple[FloatArray, FloatArray], dict[str, FloatArray]]:
+    """Return which strips are touched, l and u [mm], and ideal readings; strips without a closed form may be resolved."""
     if not wide(sensor, [contact]):
         l, u = footprint(sensor, contact)
-        return ~np.isnan(l), signatures(sensor, l, u)
+        return ~np.isnan(l), (l, u), signatures(sensor, l, u)
     ends = wide_ends(sensor, [contact])
     touch, ideal = ~np.isnan(ends.l[0]), signatures(sensor, ends.l[0], ends.u[0])
     low, high = (f(s.bounds[i] for s in contact.shapes) for f, i in ((min, 0), (max, 2)))
@@ -136,21 +145,34 @@ def _closed(sensor: Sensor, contact: Contact, resolved: bool) -> tuple[BoolArray
         for name, values in wide_readings(sensor, contact, strips=inexact).items():
             ideal[name][inexact] = values[inexact]
         touch = ~np.isnan(next(iter(ideal.values())))
-    return touch, ideal
+    return touch, (ends.l[0], ends.u[0]), ideal
 
 
 def readings(
-    sensor: Sensor, l_mm: FloatArray, u_mm: FloatArray, noise: Noise = _IDEAL, rng: Rng = 0
+    sensor: Sensor,
+    l_mm: FloatArray,
+    u_mm: FloatArray,
+    noise: Noise = _IDEAL,
+    rng: Rng = 0,
+    *,
+    process: NoiseProcess | None = None,
+    time_s: npt.ArrayLike = 0.0,
 ) -> dict[str, FloatArray]:
     """Return the readings of contacts from l to u, name to array over Vref.
 
     l and u [mm] have the shape (strips,) for one scan or (scans, strips) for many, NaN where nothing
-    touches; so have the results.
+    touches; so have the results. Errors that last from scan to scan need the scans' times [s], and come from
+    `process` in place of `noise` and `rng` where they go on from earlier scans.
     """
-    return _measured(sensor, signatures(sensor, l_mm, u_mm), noise, rng)
+    process = process or NoiseProcess(noise, sensor, rng)
+    return _measured(process, signatures(sensor, l_mm, u_mm), time_s, (l_mm, u_mm))
 
 
-def _measured(sensor: Sensor, ideal: dict[str, FloatArray], noise: Noise, rng: Rng) -> dict[str, FloatArray]:
-    random = generator(rng)
-    noisy = {name: add_reading_errors(k, noise, random) for name, k in ideal.items()}
-    return {name: digitise(k, sensor.adc_bits) for name, k in noisy.items()}
+def _measured(
+    process: NoiseProcess,
+    ideal: dict[str, FloatArray],
+    time_s: npt.ArrayLike,
+    ends_mm: tuple[FloatArray, FloatArray] | None = None,
+) -> dict[str, FloatArray]:
+    noisy = process.add(ideal, time_s, ends_mm)
+    return {name: digitise(k, process.sensor.adc_bits) for name, k in noisy.items()}

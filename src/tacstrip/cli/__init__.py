@@ -36,6 +36,7 @@ VERBS = {
     "convert": "Turn recordings into CSV, NumPy or GeoJSON, and readings into recordings.",
     "live": "Show, record and pass on what touches the sensor, from a device, a virtual one or a file.",
     "doctor": "Find faults of the hardware in readings.",
+    "noise": "Learn a sensor's noise from a recording of a still press, for its spec.",
     "spice": "Write the sensor and its contact as a netlist for ngspice.",
     "limits": "Compute how well a sensor can locate corners, and which designs reach a wanted error.",
     "reproduce": "Reproduce chapters 2 to 6 of the thesis, with the printed figures.",

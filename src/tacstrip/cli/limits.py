@@ -75,10 +75,12 @@ def command(
     options.belong(wanted_mm is not None, "is for designs: give --wanted-mm as well", *design)
     spec = load_sensor(sensor, without)
     spec = spec if bits is None else replace(spec, adc_bits=bits)
-    if reading_sigma(noise, spec) == 0.0:
+    if spec.noise is not None and not options.given("quantisation", "positional"):
+        noise = spec.noise
+    elif reading_sigma(noise, spec) == 0.0:
         raise OptionError(
             "without errors of the readings there is no limit: give what they are, such as --positional 0.005, "
-            "--quantisation 0.001 or --bits 12"
+            "--quantisation 0.001 or --bits 12, or a [noise] table in the spec (`tacstrip noise`)"
         )
     shape = read_contact(contact)
     shape = (shape.placed(*at) if at else shape).turned(math.radians(turn))

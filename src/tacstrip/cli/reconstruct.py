@@ -44,6 +44,9 @@ _OF_METHODS = {  # option: the methods that have it
 @click.option("--signature", help="Use one only, for polygon or vertex: kh, kl or k.")
 @options.noise
 @options.WITHOUT
+@click.option(
+    "--average", type=click.IntRange(1), default=1, metavar="N", help="Reconstruct means of every N scans."
+)
 @click.option("--vertices", type=int, help="Of each contact, for polygon, where that is known; else found.")
 @click.option("--wide", is_flag=True, hidden=True)
 @click.option("--object", "known_object", type=options.FILE,
@@ -64,6 +67,7 @@ def command(
     without: tuple[str, ...],
     wide: bool,
     known_object: Path | None,
+    average: int,
     truth: Path | None,
     plot: Path | None,
     **given: Any,
@@ -89,6 +93,10 @@ def command(
             f"{readings}: no strip is touched in any of {len(scans)} scan(s): every reading is empty, or within "
             "touch_volt of rest_volt. Check the wiring and the spec"
         )
+    if average > len(scans):
+        raise OptionError(f"--average {average}: {readings} has {len(scans)} scan(s)")
+    if average > 1:
+        scans = [Scan.mean(scans[i : i + average]) for i in range(0, len(scans) - average + 1, average)]
     chosen = chosen_method(method or ("vertex" if options.given("transitions", "reading") else None), spec)
     check_method("--method", chosen, spec, scans[0].signatures)
     for name, methods in _OF_METHODS.items():
@@ -133,7 +141,9 @@ def command(
 
 def _only(scan: Scan, signature: str) -> Scan:
     """Leave the scan's other signatures out."""
-    return Scan(**{signature: scan[signature]}, time_s=scan.time_s)
+    return Scan(
+        **{signature: scan[signature]}, time_s=scan.time_s, averaged=scan.averaged, span_s=scan.span_s
+    )
 
 
 def _transitions(text: str) -> str | list[float]:

@@ -12,7 +12,7 @@ import shapely
 
 from tacstrip.cli import load_sensor, options, protect, save_picture, warn
 from tacstrip.contact.footprint import footprint
-from tacstrip.contact.noise import Noise
+from tacstrip.contact.noise import Noise, NoiseProcess
 from tacstrip.errors import OptionError
 from tacstrip.files import write_text
 from tacstrip.io.geometry import read_contact
@@ -30,11 +30,13 @@ from tacstrip.simulation import simulate
 @click.option("--drag", type=options.POINT, multiple=True, metavar="X Y",
               help="Drag it on to here; repeat for a path.")  # fmt: skip
 @click.option("--steps", type=int, default=5, show_default=True, help="Scans along the path.")
+@click.option("--still", type=click.IntRange(1), metavar="N", help="N scans of the contact at rest.")
 @click.option("--turn-per-step", type=float, default=0.0, metavar="DEG", help="Turn it while dragging.")
 @click.option("--rate", type=float, default=100.0, show_default=True, callback=options.above_0,
-              help="Scans a second while dragging [Hz].")  # fmt: skip
+              help="Scans a second, of several [Hz].")  # fmt: skip
 @options.noise
 @options.WITHOUT
+@click.option("--noisy", is_flag=True, help="Errors as the spec's [noise] says, lasting from scan to scan.")
 @options.MODEL
 @options.ELECTRODES
 @options.SEED
@@ -48,10 +50,12 @@ def command(
     turn: float,
     drag: tuple[tuple[float, float], ...],
     steps: int,
+    still: int | None,
     turn_per_step: float,
     rate: float,
     noise: Noise,
     without: tuple[str, ...],
+    noisy: bool,
     seed: int,
     placed: Path | None,
     plot: Path | None,
@@ -66,15 +70,27 @@ def command(
     protect(plot, sensor, contact, output)
     if placed is not None and drag:
         raise OptionError("--placed writes one place; leave --drag out")
-    options.belong(drag, "needs --drag: there is one scan only", "steps", "turn_per_step", "rate")
+    options.belong(drag, "needs --drag: there is one scan only", "steps", "turn_per_step")
     spec = load_sensor(sensor, without)
+    options.belong(drag or still, "needs --drag or --still: there is one scan only", "rate")
+    if still and drag:
+        raise OptionError("--still and --drag: a contact rests or moves; leave one out")
+    if noisy:
+        if spec.noise is None:
+            raise OptionError(f"--noisy: {sensor} has no [noise] table; `tacstrip noise` writes one")
+        options.belong(
+            False, "does not go with --noisy, which takes the spec's noise", "quantisation", "positional"
+        )
+        noise = spec.noise
     shape = read_contact(contact)
     shape = (shape.placed(*at) if at else shape).turned(math.radians(turn))
     start = tuple(shape.centroid)
-    places = shape.dragged([start, *drag], steps, math.radians(turn_per_step)) if drag else [shape]
-    random = np.random.default_rng(seed)
+    places = (
+        shape.dragged([start, *drag], steps, math.radians(turn_per_step)) if drag else [shape] * (still or 1)
+    )
     touch = footprint(spec, places)
-    scans = [simulate(spec, c, noise, rng=random, time_s=i / rate, **model) for i, c in enumerate(places)]
+    process = NoiseProcess(noise, spec, seed)
+    scans = [simulate(spec, c, process=process, time_s=i / rate, **model) for i, c in enumerate(places)]
     write_readings(output, spec, scans)
     if placed is not None:
         write_text(placed, shapely.GeometryCollection(list(shape.shapes)).wkt + "\n")

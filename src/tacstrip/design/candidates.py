@@ -147,7 +147,7 @@ def designs(
             design = replace(sensor, adc_bits=resolution)
             steps = reading_sigma(Noise(), design)
             room = math.sqrt(3.0 * max(largest**2 - steps**2, 0.0))
-            given = math.hypot(noise.quantisation, noise.positional)
+            given = math.sqrt(3.0) * reading_sigma(noise, replace(sensor, adc_bits=None))
             error = bounds.error(math.hypot(given / math.sqrt(3.0), steps))
             unmet = requirements_unmet(design, min(given, room), farad, conversion_s)
             found.append(Design(design, error, room, unmet))

@@ -13,7 +13,7 @@ import numpy as np
 from tacstrip.arrays import FloatArray
 from tacstrip.network.crp.inversion import invert, invert_all
 from tacstrip.network.crp.mesh import Wiring
-from tacstrip.reconstruction.cramer_rao import signature_jacobians
+from tacstrip.reconstruction.noise_covariance import signature_jacobians
 from tacstrip.scan import Scan
 from tacstrip.sensor.closed_form import lower_and_width
 from tacstrip.sensor.spec import Sensor

@@ -22,7 +22,8 @@ from tacstrip.contact.shape import Contact
 from tacstrip.contact.signature import signatures
 from tacstrip.core.problem import FLOOR
 from tacstrip.errors import ContactError, OptionError
-from tacstrip.reconstruction.cramer_rao import reading_sigma, signature_jacobians
+from tacstrip.reconstruction.cramer_rao import reading_sigma
+from tacstrip.reconstruction.noise_covariance import signature_jacobians
 from tacstrip.reconstruction.polygon.goodness_of_fit import autocorrelation_score, chi_square_score
 from tacstrip.reconstruction.result import Alternative, Pose, Reconstruction, RecoveredObject, Status
 from tacstrip.reconstruction.untouched import doubt_untouched

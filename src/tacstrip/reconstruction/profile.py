@@ -78,6 +78,7 @@ def profile_reconstruction(
         raise OptionError(
             f"convex and wiring are for crs-crp sensors, not for a {sensor.construction} sensor"
         )
+    noise = sensor.noise if noise is None else noise
     sigma = None if noise is None else reading_sigma(noise, sensor)
     found = ends(scan, sensor, sigma, convex, wiring)
     objects = tuple(_object(sensor, run, scan, found) for run in scan.runs())

@@ -35,7 +35,7 @@ def unrolled(scan: Scan, sensor: Sensor, bridged: int = 0, turn: int | None = No
     k = [np.where(part, scan[name], np.nan) for part in (first, second)]
     assert sensor.radius_mm is not None
     flat = replace(sensor, strips=2 * n, radius_mm=2.0 * _OPEN * sensor.radius_mm, calibration=None)
-    return Scan(**{name: np.concatenate(k)}, time_s=scan.time_s), flat
+    return replace(scan, **{name: np.concatenate(k)}), flat
 
 
 def _beyond_seam(touched: BoolArray, bridged: int) -> int:

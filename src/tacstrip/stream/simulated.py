@@ -14,7 +14,7 @@ import shapely
 
 from tacstrip.arguments import takes
 from tacstrip.contact.footprint import footprint
-from tacstrip.contact.noise import Noise, Rng, generator
+from tacstrip.contact.noise import Noise, NoiseProcess, Rng
 from tacstrip.contact.shape import Contact
 from tacstrip.contact.strip_width import wide, wide_ends
 from tacstrip.errors import OptionError
@@ -86,7 +86,7 @@ class SimulatedSource:
     scans
         Number of scans; None: endless.
     noise, rng, model, electrodes
-        As of `simulate`.
+        As of `simulate`; errors that last go on from scan to scan.
     origin_ns
         Unix time of the first scan [ns]; None: now.
     ahead
@@ -131,7 +131,7 @@ class SimulatedSource:
         self.sensor = with_converter(sensor)
         self.origin_ns = time.time_ns() if origin_ns is None else origin_ns
         self._contact, self._rate_hz, self._scans = contact, rate_hz, scans
-        self._noise, self._random = noise, generator(rng)
+        self._process = NoiseProcess(noise, self.sensor, rng)
         self._model, self._electrodes = model, electrodes
         self._ahead = ahead if self.sensor.kind.closed_form and model != "network" else 1
         self._first = self._scan(0)  # raises errors before anything is recorded
@@ -151,8 +151,8 @@ class SimulatedSource:
     def _scan(self, number: int) -> RawScan:
         time_s = number / self._rate_hz
         scan = simulate(
-            self.sensor, self._contact(time_s), self._noise, rng=self._random, model=self._model, time_s=time_s,
-            electrodes=self._electrodes,
+            self.sensor, self._contact(time_s), model=self._model, time_s=time_s,
+            electrodes=self._electrodes, process=self._process,
         )  # fmt: skip
         return encode(scan, self.sensor, number)
 
@@ -162,7 +162,8 @@ class SimulatedSource:
         contacts = [self._contact(number / self._rate_hz) for number in numbers]
         by_width = wide(self.sensor, contacts)
         ends = wide_ends(self.sensor, contacts) if by_width else footprint(self.sensor, contacts)
-        values = readings(self.sensor, ends.l, ends.u, self._noise, self._random)
+        times_s = np.array(numbers) / self._rate_hz
+        values = readings(self.sensor, ends.l, ends.u, process=self._process, time_s=times_s)
         touched = ~np.isnan(ends.l)
         if any(np.isnan(v[touched]).any() for v in values.values()):
             yield from map(self._scan, numbers)  # a short circuit: `simulate` names the strip

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -17,9 +18,9 @@ from tacstrip.contact.noise import Noise
 from tacstrip.core.binding import MAX_VERTICES
 from tacstrip.core.problem import FLOOR
 from tacstrip.errors import OptionError
-from tacstrip.reconstruction.cramer_rao import reading_sigma
+from tacstrip.reconstruction.noise_covariance import Averaging, fit_sigma
 from tacstrip.reconstruction.polygon.objects import FittedContact, reconstruct_object
-from tacstrip.reconstruction.polygon.run import fit_run, should_merge
+from tacstrip.reconstruction.polygon.run import RunFit, fit_run, should_merge
 from tacstrip.reconstruction.result import Reconstruction
 from tacstrip.reconstruction.seam import BRIDGED, unrolled
 from tacstrip.reconstruction.strip_width import fitted_strips, remove_width_effect
@@ -50,9 +51,11 @@ def fit_polygon(
         without it they are their centre lines. From one signature the polygon is convex; from k_h and k_l it is
         x-monotone, and its ends may be vertical edges.
     noise
-        Of the readings; the A/D converter's steps come on top. None: estimated from what the fit leaves over.
-        "uniform" noise has a bound, and outlines that stay within it are far fewer than least squares leaves: the
-        estimate is then their mean, and `guaranteed` holds the regions that no such outline's vertices leave.
+        Of the readings; the A/D converter's steps come on top. None: the spec's `[noise]`, and without one estimated
+        from what the fit leaves over. Parts that strips share or that last are in the covariance; of a scan that is a
+        mean (`Scan.mean`) they stay. "uniform" noise of independent readings of a single scan has a bound, and outlines
+        that stay within it are far fewer than least squares leaves: the estimate is then their mean, and `guaranteed`
+        holds the regions that no such outline's vertices leave. All other noise: least squares.
     max_vertices
         Vertices at most, those at the ends not counted.
     bounded
@@ -85,6 +88,7 @@ def fit_polygon(
     """
     scan = scan.checked(sensor)
     check_closed_form(sensor.kind, "fit_polygon")
+    noise = sensor.noise if noise is None else noise
     if vertices is not None and not 3 <= vertices <= MAX_VERTICES + 2:
         raise OptionError(
             f"vertices = {vertices}: a polygon has 3 or more, and here {MAX_VERTICES + 2} at most"
@@ -97,7 +101,9 @@ def fit_polygon(
     result = Reconstruction(
         "polygon",
         tuple(
-            reconstruct_object(laid_out, surface, c, noise, bounded and _has_bound(noise), sensor.strips)
+            reconstruct_object(
+                laid_out, surface, c, noise, bounded and _has_bound(noise, scan), sensor.strips
+            )
             for c in contacts
         ),
         scan.time_s,
@@ -129,7 +135,10 @@ def fitted_transitions(
     """
     scan = scan.checked(sensor)
     check_closed_form(sensor.kind, "fit_polygon")
-    name, sigma = sensor.check_signature(signature), _sigma(noise, sensor)
+    name, sigma = (
+        sensor.check_signature(signature),
+        _sigma(sensor.noise if noise is None else noise, scan, sensor),
+    )
     found = []
     for run in scan.runs():
         of_run = fit_run(sensor, sensor.x_mm[run], {name: scan[name][run]}, sigma)
@@ -141,7 +150,7 @@ def fitted_transitions(
 def _contacts(
     scan: Scan, sensor: Sensor, noise: Noise | None, max_vertices: int, vertices: int | None
 ) -> list[FittedContact]:
-    sigma = _sigma(noise, sensor)
+    sigma = _sigma(noise, scan, sensor)
 
     def fit(strips: slice, missing: tuple[int, ...] = ()) -> FittedContact:
         fitted, margin_mm = fitted_strips(sensor, strips)
@@ -153,6 +162,7 @@ def _contacts(
                 break
             readings = remove_width_effect(sensor, outline, x, measured)
             run = fit_run(sensor, x, readings, sigma, max_vertices, vertices, margin_mm)
+        run = run if sigma is not None else _at_least_a_step(run, sensor)
         return FittedContact(strips, missing, fitted, readings, margin_mm, vertices, run)
 
     found: list[FittedContact] = []
@@ -169,13 +179,24 @@ def _contacts(
     return found
 
 
-def _sigma(noise: Noise | None, sensor: Sensor) -> float | None:
-    return None if noise is None else max(reading_sigma(noise, sensor), FLOOR)
+def _at_least_a_step(run: RunFit, sensor: Sensor) -> RunFit:
+    """Return a run with a sigma of the A/D converter's steps at least: few readings are fitted better by chance."""
+    least = sensor.adc_step / np.sqrt(12.0)
+    if run.sigma >= least:
+        return run
+    return replace(run, problem=run.problem.scaled(least / run.sigma), sigma=float(least))
 
 
-def _has_bound(noise: Noise | None) -> bool:
+def _sigma(noise: Noise | None, scan: Scan, sensor: Sensor) -> float | None:
+    return None if noise is None else max(fit_sigma(noise, sensor, Averaging.of(scan)), FLOOR)
+
+
+def _has_bound(noise: Noise | None, scan: Scan) -> bool:
+    """Whether no reading is off by more than so much, and each by itself: of a mean of scans that says little."""
     return (
         noise is not None
+        and noise.independent
+        and scan.averaged == 1
         and noise.distribution == "uniform"
         and noise.quantisation + noise.positional > FLOOR
     )

@@ -9,6 +9,7 @@ import numpy as np
 from tacstrip.arrays import FloatArray
 from tacstrip.core.polygon_fit import PolygonFit
 from tacstrip.geometry.outline import Outline
+from tacstrip.reconstruction.noise_covariance import CorrelatedErrors
 from tacstrip.reconstruction.polygon.run import RunFit
 from tacstrip.reconstruction.result import Status
 
@@ -19,6 +20,7 @@ _RIVAL = -6.0  # an ellipse whose criterion is worse by less than this is a riva
 _REFLEX = 3.0  # standard deviations by which a corner turns inwards
 _FAINT = 0.01  # of sigma^2
 _APART = 3.0  # standard deviations of their distance in x by which two corners are told apart
+_MOST_SIGMA = 0.02  # of Vref: no noise that is not given is larger
 _SPREAD = {"uniform": 0.8, "normal": 2.0}  # variance of a squared error over sigma^4
 
 
@@ -55,7 +57,12 @@ def explains(run: RunFit, distribution: str, outline: Outline) -> bool:
 
 
 def judge(
-    run: RunFit, distribution: str | None, vertices: FloatArray, covariance: FloatArray
+    run: RunFit,
+    distribution: str | None,
+    vertices: FloatArray,
+    covariance: FloatArray,
+    errors: CorrelatedErrors | None = None,
+    averaging: str = "average more scans",
 ) -> tuple[Status, str]:
     """Return a status and advice for a run's outline.
 
@@ -66,16 +73,20 @@ def judge(
     distribution
         Of the noise, "uniform" or "normal"; None where its level was not known.
     vertices, covariance
-        Of the outline, counter-clockwise (V, 2) [mm], (2 V, 2 V) [mm^2].
+        Of the outline, counter-clockwise (V, 2) [mm], (2 V, 2 V) [mm^2]; of independent errors.
+    errors
+        Of the readings, where they are not independent.
+    averaging
+        What advice says of averaging scans, from `averaging_advice`.
     """
-    freedom = run.freedom
-    if distribution is not None and chi_square_score(run.residuals, freedom, distribution) > _ALARM:
-        times = math.sqrt(float((run.residuals**2).sum()) / freedom)
+    residuals, freedom = (run.residuals, run.freedom) if errors is None else errors.whitened(covariance)
+    if distribution is not None and chi_square_score(residuals, freedom, distribution) > _ALARM:
+        times = math.sqrt(float((residuals**2).sum()) / freedom)
         return "doubtful", (
             f"the readings are {times:.3g} times as far from the best outline as the noise explains: the contact "
             "may be concave or two objects on the same strips, or the noise larger than given"
         )
-    if autocorrelation_score(run.residuals, run.problem.readings) > _ALARM:
+    if autocorrelation_score(residuals, run.problem.readings) > _ALARM:
         return "doubtful", (
             "what the best outline leaves over hangs together from strip to strip: the contact may be concave, "
             "curved, or two objects on the same strips"
@@ -85,10 +96,15 @@ def judge(
             "ok",
             "this contact looks round: the outline is the ellipse that explains the readings better than corners",
         )
-    return _polygon(run, vertices, covariance)
+    if distribution is None and run.sigma > _MOST_SIGMA:
+        return "doubtful", (
+            f"the readings are off by {100.0 * run.sigma:.2g} % of Vref from the best outline, more than noise of "
+            "a sensor that works: the contact may be concave or two objects on the same strips; or give the noise"
+        )
+    return _polygon(run, vertices, covariance if errors is None else errors.propagated(covariance), averaging)
 
 
-def _polygon(run: RunFit, vertices: FloatArray, covariance: FloatArray) -> tuple[Status, str]:
+def _polygon(run: RunFit, vertices: FloatArray, covariance: FloatArray, averaging: str) -> tuple[Status, str]:
     selection = run.selection
     if run.ellipse_advantage > _RIVAL:
         return (
@@ -103,9 +119,7 @@ def _polygon(run: RunFit, vertices: FloatArray, covariance: FloatArray) -> tuple
     x_sigma = np.sqrt(covariance.diagonal()[::2])
     at = int(np.argmax(x_sigma))
     if x_sigma[at] > _LOOSE * run.problem.width_mm:
-        more = (
-            "average more scans" if len(run.problem.k) > 1 else "average more scans, or use both signatures"
-        )
+        more = averaging if len(run.problem.k) > 1 else f"{averaging}, or use both signatures"
         if x_sigma[at] > run.problem.width_mm:
             return "doubtful", (
                 f"the readings do not tell where along its edges the vertex {_where(vertices[at])} lies; is it one? "

@@ -13,6 +13,7 @@ from tacstrip.core.search import fit_counts
 from tacstrip.geometry.outline import Outline, max_height
 from tacstrip.reconstruction.contact_ends import closed_ends
 from tacstrip.reconstruction.cramer_rao import reading_sigma
+from tacstrip.reconstruction.noise_covariance import Averaging, CorrelatedErrors, averaging_advice
 from tacstrip.reconstruction.polygon.goodness_of_fit import explains, judge
 from tacstrip.reconstruction.polygon.run import RunFit
 from tacstrip.reconstruction.result import Profile, RecoveredObject, Status
@@ -32,8 +33,8 @@ _WORSE, _FEWER = 20.0, 0.0  # of the criterion: so much worse, more vertices, or
 _CORNERS = 12  # at most: the search for a set grows with them
 _NAMED = 5  # strips that advice names
 _FAINT = (
-    "no corner could be distinguished from noise: a line fits as well as the triangle that is given; average more "
-    "scans, or use both signatures"
+    "no corner could be distinguished from noise: a line fits as well as the triangle that is given; {}, or use "
+    "both signatures"
 )
 _EMPTY = (
     "no polygon stays within the noise's bound on every strip: the noise is larger than given, or the contact is no "
@@ -93,6 +94,7 @@ def reconstruct_object(
         Strips after which their numbers begin again, for `unrolled` ones.
     """
     strips, run = contact.strips, contact.run
+    averaging = averaging_advice(noise, sensor, Averaging.of(scan))
     notes = _notes(scan, sensor, contact, around)
     x = sensor.x_mm[strips]
     if run.selection is None:
@@ -101,11 +103,13 @@ def reconstruct_object(
             return _places(scan, sensor, strips, noise, notes)
         raw = _raw_profile(scan, sensor, strips)
         return RecoveredObject(strips, profile=raw, status="too few strips", advice="; ".join([few, *notes]))
-    distribution = None if noise is None else noise.distribution
+    distribution = None if noise is None else noise.distribution if noise.independent else "normal"
     if run.model is not None and not isinstance(run.model, PolygonFit):
         outline = Outline(*run.model.chains_mm(run.problem))
         covariance = run.model.covariance(run.problem, sensor)
-        status, advice = judge(run, distribution, outline.vertices, covariance)
+        errors = _errors(scan, sensor, contact, noise, outline)
+        status, advice = judge(run, distribution, outline.vertices, covariance, errors, averaging)
+        covariance = covariance if errors is None else errors.propagated(covariance)
         found = _found(strips, x, outline, covariance, status, [advice, *notes])
         return replace(found, model=type(run.model))
     fit, faint = _chosen(run, noise is not None)
@@ -139,14 +143,16 @@ def reconstruct_object(
         )
         if guarantee is not None:
             outline, covariance = guarantee.outline, guarantee.region_covariance
-    status, advice = judge(run, distribution, outline.vertices, covariance)
+    errors = _errors(scan, sensor, contact, noise, outline)
+    status, advice = judge(run, distribution, outline.vertices, covariance, errors, averaging)
+    covariance = covariance if errors is None else errors.propagated(covariance)
     if contact.known_count is not None and fit.n_vertices < contact.known_count and status == "ok":
         status, advice = (
             "doubtful",
             f"the readings hold {fit.n_vertices} vertices, not the {contact.known_count} that were given",
         )
     if faint:
-        status, advice = "doubtful", _FAINT
+        status, advice = "doubtful", _FAINT.format(averaging)
     if empty and status == "ok":
         status, advice = "doubtful", _EMPTY
     if many and status == "ok":
@@ -174,6 +180,19 @@ def _places(
         advice="; ".join([advice, *notes]),
         points=points,
         point_deviations=np.tile(deviation, (len(points), 1)),
+    )
+
+
+def _errors(
+    scan: Scan, sensor: Sensor, contact: FittedContact, noise: Noise | None, outline: Outline
+) -> CorrelatedErrors | None:
+    """Return the errors of a contact's readings where they are known not to be independent."""
+    if noise is None:
+        return None
+    run = contact.run
+    residuals, used = run.residuals * run.sigma, run.problem.weight > 0.0
+    return CorrelatedErrors.of(
+        noise, sensor, outline, sensor.x_mm[contact.fitted], scan, residuals, used, run.sigma
     )
 
 
