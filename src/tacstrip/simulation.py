@@ -133,7 +133,7 @@ def simulate(
 def _closed(
     sensor: Sensor, contact: Contact, resolved: bool
 ) -> tuple[BoolArray, tuple[FloatArray, FloatArray], dict[str, FloatArray]]:
-    """Return which strips are touched, l and u [mm], and ideal readings; strips without a closed form may be resolved."""
+    """Return which strips are touched, l and u [mm], and ideal readings; strips without closed form may be resolved."""
     if not wide(sensor, [contact]):
         l, u = footprint(sensor, contact)
         return ~np.isnan(l), (l, u), signatures(sensor, l, u)

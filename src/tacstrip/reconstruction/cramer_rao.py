@@ -153,7 +153,7 @@ def vertex_covariance(
     errors = errors[np.ix_(read, read)]
     least = FLOOR**2 * np.eye(len(errors))  # gain and blur alone leave combinations of readings without error
     return covariance_with_x_priors(
-        outline, sensor, np.linalg.solve(np.linalg.cholesky(errors + least), slopes)
+        outline, sensor, np.asarray(np.linalg.solve(np.linalg.cholesky(errors + least), slopes))
     )
 
 

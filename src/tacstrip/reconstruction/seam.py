@@ -8,6 +8,7 @@ circumference it is x on the tube.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -32,10 +33,12 @@ def unrolled(scan: Scan, sensor: Sensor, bridged: int = 0, turn: int | None = No
     first, second = np.arange(n) >= turn, np.arange(n) < turn
 
     (name,) = scan.signatures
-    k = [np.where(part, scan[name], np.nan) for part in (first, second)]
+    laid_out: dict[str, Any] = {
+        name: np.concatenate([np.where(part, scan[name], np.nan) for part in (first, second)])
+    }
     assert sensor.radius_mm is not None
     flat = replace(sensor, strips=2 * n, radius_mm=2.0 * _OPEN * sensor.radius_mm, calibration=None)
-    return replace(scan, **{name: np.concatenate(k)}), flat
+    return replace(scan, **laid_out), flat
 
 
 def _beyond_seam(touched: BoolArray, bridged: int) -> int:
