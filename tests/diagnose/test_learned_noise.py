@@ -103,10 +103,11 @@ def test_a_recording_that_tells_too_little_says_so() -> None:
         learn_noise(Log.of_scans(SENSOR, few))
     short = learned(Rubber(), seconds=12.0)
     assert any(
-        "12 s tell little of a wander" in text or "11.8 s tell little" in text for text in short.untold
+        "12 s tell little of a wander" in text or "11.8 s tell little" in text
+        for text in short.unidentifiable
     )
-    assert any("common offset" in text for text in short.untold)
-    assert any(text.startswith("hum: 4 scans a second") for text in short.untold)
+    assert any("common offset" in text for text in short.unidentifiable)
+    assert any(text.startswith("hum: 4 scans a second") for text in short.unidentifiable)
 
 
 def test_a_contact_that_moves_is_no_noise() -> None:
@@ -126,7 +127,7 @@ def test_untouched_strips_tell_the_converters_noise_only() -> None:
     raw = np.abs(np.random.default_rng(0).normal(0.01, 0.002, (100, 20)))
     found = learn_noise(Log.of(sensor, np.arange(100.0), {"kh": raw, "kl": raw[::-1]}))
     assert not found.touched
-    assert "nothing touches" in found.untold[0]
+    assert "nothing touches" in found.unidentifiable[0]
     assert found.noise.edge_mm == 0.0
 
 

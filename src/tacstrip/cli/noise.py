@@ -129,5 +129,5 @@ def _lines(found: LearnedNoise, sensor: Sensor) -> Iterator[str]:
         mean = Averaging(count, found.period_s * (count - 1))
         sigma = (own_variance(noise, sensor, mean) + common_variance(noise, mean)) ** 0.5
         yield f"A mean of {count} scan(s) is off by {percent(sigma)}, edges not counted"
-    for sentence in found.untold:
+    for sentence in found.unidentifiable:
         yield f"Cannot tell {sentence}"

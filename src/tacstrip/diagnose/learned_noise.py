@@ -70,8 +70,21 @@ class LearnedNoise:
         Names of the channels, such as "k_h of strip 3".
     touched
         Whether a contact was there; else only the converter's noise was heard.
-    untold
+    unidentifiable
         What the recording cannot tell, a sentence each.
+
+    Examples
+    --------
+    Of a recording `log`, `learn_noise(log).noise` goes into a spec: `dataclasses.replace(sensor, noise=...)`.
+
+    >>> import numpy as np
+    >>> import tacstrip as ts
+    >>> from tacstrip.diagnose import Log, learn_noise
+    >>> sensor = ts.Sensor(construction="crs-crs", strips=3, pitch_mm=10.0, length_mm=100.0)
+    >>> nothing = {name: np.full((140, 3), np.nan) for name in ("kh", "kl")}
+    >>> learn_noise(Log.of(sensor, 0.5 * np.arange(140), nothing))  # doctest: +IGNORE_EXCEPTION_DETAIL
+    Traceback (most recent call last):
+    ReadingError: no strip reads anything
     """
 
     noise: Noise
@@ -82,7 +95,7 @@ class LearnedNoise:
     scans: int
     channels: tuple[str, ...]
     touched: bool
-    untold: tuple[str, ...]
+    unidentifiable: tuple[str, ...]
 
 
 def learn_noise(log: Log, vertices: int | None = None) -> LearnedNoise:
@@ -99,18 +112,31 @@ def learn_noise(log: Log, vertices: int | None = None) -> LearnedNoise:
     ------
     ReadingError
         It is too short, its scans have no times, or the contact moves; the message says what to do.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import tacstrip as ts
+    >>> from tacstrip.diagnose import Log, learn_noise
+    >>> sensor = ts.Sensor(construction="crs-crs", strips=20, pitch_mm=5.0, length_mm=100.0)
+    >>> contact = ts.Contact.polygon([(22, 38), (62, 22), (80, 55), (45, 76)])
+    >>> scans = [ts.simulate(sensor, contact, ts.Noise(white=0.004), rng=seed) for seed in range(140)]
+    >>> raw = {name: np.stack([scan[name] for scan in scans]) for name in ("kh", "kl")}
+    >>> learned = learn_noise(Log.of(sensor, 0.5 * np.arange(140), raw))
+    >>> round(learned.noise.white, 3)
+    0.004
     """
     period_s, channels, values, touched = _series(log)
-    untold = []
+    unidentifiable = []
     lasts_s = period_s * (len(values) - 1)
     if lasts_s < _MINUTE_S:
-        untold.append(
+        unidentifiable.append(
             f"{lasts_s:.3g} s tell little of a wander that takes as long: record a minute or more of a still press"
         )
     strays, stray_size = _take_strays(values)
     hum, hum_hz = _take_hum(values, period_s)
     if hum < 0.0:
-        untold.append(
+        unidentifiable.append(
             f"hum: {1.0 / period_s:.3g} scans a second, over {lasts_s:.3g} s, do not tell it from other noise"
         )
     _refuse_motion(values)
@@ -135,26 +161,28 @@ def learn_noise(log: Log, vertices: int | None = None) -> LearnedNoise:
         looks = values.shape[1] * max(lasts_s / (2.0 * float(time_s[1:].max())), 0.0)
         sure["wander"] = 1.0 / math.sqrt(2.0 * max(looks, 0.5))
         if lasts_s < 3.0 * time_s[1:].max():
-            untold.append(
+            unidentifiable.append(
                 f"how far the zero wanders in longer than {lasts_s / 3.0:.2g} s, but by the strips' differences"
             )
     if touched:
         noise, more = _static(log, noise, period_s, vertices)
         sure |= more
-        untold.append(
+        unidentifiable.append(
             "a common offset of all channels, a gain's error, and how far all ends lie too far out: press known shapes"
         )
         if not more:
-            untold.append("errors of where the contact ends: too few strips are touched for its shape")
+            unidentifiable.append(
+                "errors of where the contact ends: too few strips are touched for its shape"
+            )
     else:
-        untold.insert(
+        unidentifiable.insert(
             0,
             "anything of the contact: nothing touches, and untouched strips tell the converter's noise only",
         )
     rounded: dict[str, Any] = {name: _digits(getattr(noise, name)) for name in _ROUNDED}
     noise = replace(noise, **rounded)
     return LearnedNoise(
-        noise, sure, *allan_deviation(values), period_s, len(values), channels, touched, tuple(untold)
+        noise, sure, *allan_deviation(values), period_s, len(values), channels, touched, tuple(unidentifiable)
     )
 
 

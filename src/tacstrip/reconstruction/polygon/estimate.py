@@ -118,6 +118,16 @@ def fit_polygons(
     """Fit many scans; arguments and errors as for `fit_polygon` by default.
 
     `workers` threads share the interpreter outside the compiled core, which is half of a fit's time.
+
+    Examples
+    --------
+    >>> import tacstrip as ts
+    >>> sensor = ts.Sensor(construction="crs-crs", strips=100, pitch_mm=1.0, length_mm=100.0)
+    >>> contact = ts.Contact.polygon([(20, 40), (55, 20), (80, 50), (45, 75)])
+    >>> noise = ts.Noise(positional=0.002)
+    >>> scans = [ts.simulate(sensor, contact, noise, rng=seed) for seed in range(3)]
+    >>> [found.status for found in ts.fit_polygons(scans, sensor, noise)]
+    ['ok', 'ok', 'ok']
     """
     fit = partial(fit_polygon, sensor=sensor, noise=noise)
     if workers == 1 or len(scans) < 2:
