@@ -1,6 +1,6 @@
 """How well the inversion of CRS-CRP does: tables of docs/physics.md.
 
-Run: python benchmarks/crp_accuracy.py [neighbours | polygons | constants ...]
+Run: python benchmarks/crp_accuracy.py [neighbours | polygons | constants | sheet ...]
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from shapely import MultiPoint, Polygon
 
 import tacstrip as ts
 from studies.crp import SHAPES, SIGMA, a_sensor, end_bounds
+from studies.crp_sheet import fine_sheet, spans, wide_ends
 from tacstrip.arrays import FloatArray
 from tacstrip.network.crp import inversion as crp
 from tacstrip.network.crp.mesh import SheetMesh
@@ -204,5 +205,47 @@ def constants_table() -> None:
         row(f"{name} x {factor:g}", *cells, f"{min(over):.2f} to {max(over):.2f}")
 
 
+def sheet_table() -> None:
+    """Compare with a sheet of nine columns a pitch and 400 rows, clean and at 0.1 % noise, by lambda."""
+    random = np.random.default_rng(0)
+    head(
+        "lambda [mm], electrodes",
+        "clean: median [% of L]",
+        "95 %",
+        "0.1 %: median",
+        "said",
+        "RMS / said",
+        "within 1.96 said",
+    )
+    for lam in (5.0, 2.0, 1.0, 0.5):
+        sensor = a_sensor(contact_lambda_mm=lam)
+        clean: dict[str, list[float]] = {scheme: [] for scheme in SCHEMES}
+        noisy: dict[str, list[float]] = {scheme: [] for scheme in SCHEMES}
+        said: dict[str, list[float]] = {scheme: [] for scheme in SCHEMES}
+        for l, u in spans(sensor, 10, seed=11):
+            k, ends = fine_sheet(lam, l, u, 400), wide_ends(l, u)
+            noise = SIGMA * random.normal(size=k.shape)
+            for scheme in SCHEMES:
+                for readings, errors in ((k, clean), (k + noise, noisy)):
+                    found = invert(sensor, readings, scheme)
+                    errors[scheme] += (np.r_[found.l - l, found.u - u][ends] / LENGTH * 100.0).tolist()
+                said[scheme] += (np.r_[found.l_sigma, found.u_sigma][ends] / LENGTH * 100.0).tolist()
+        for scheme in SCHEMES:
+            exact, error, stated = np.abs(clean[scheme]), np.array(noisy[scheme]), np.array(said[scheme])
+            over = np.abs(error) / stated
+            row(
+                f"{lam:g}, {scheme}", f"{np.median(exact):.3f}", f"{np.percentile(exact, 95):.3f}",
+                f"{np.median(np.abs(error)):.3f}", f"{np.median(stated):.3f}", f"{np.sqrt(np.mean(over**2)):.2f}",
+                f"{np.mean(over < 1.96):.3f}",
+            )  # fmt: skip
+
+
 if __name__ == "__main__":
-    print_asked({"neighbours": neighbours_table, "polygons": polygons_table, "constants": constants_table})
+    print_asked(
+        {
+            "neighbours": neighbours_table,
+            "polygons": polygons_table,
+            "constants": constants_table,
+            "sheet": sheet_table,
+        }
+    )

@@ -25,7 +25,7 @@ import tacstrip as ts
 from tacstrip.simulation import readings
 from tacstrip.stream import Drag, RawScan, Shape, paced
 from tacstrip.stream.codes import top_code
-from tacstrip.stream.recording.record import with_shapes
+from tacstrip.stream.recording.recorder import with_shapes
 
 STRIPS, RATE_HZ, BLOCK = 100, 1000, 200
 SENSOR = ts.Sensor(construction="crs-crs", strips=STRIPS, pitch_mm=1.0, length_mm=100.0, adc_bits=12)

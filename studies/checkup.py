@@ -13,7 +13,7 @@ from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import Noise
 from tacstrip.contact.shape import Contact
 from tacstrip.diagnose.doctor import diagnose
-from tacstrip.diagnose.finding import FAULTS, Report
+from tacstrip.diagnose.faults import FAULTS, Report
 from tacstrip.sensor.constructions import CONSTRUCTIONS
 from tacstrip.sensor.spec import Sensor
 

@@ -118,7 +118,7 @@ def real_contacts(contacts: int, seed: int = 0, wide: bool = True) -> list[RealC
             "uneven": fast_readings(SENSOR, contact, Imperfections(energised, sensing)),
         }
         if wide:
-            readings["width"] = wide_readings(SENSOR, contact, _ACROSS)
+            readings["width"] = wide_readings(SENSOR, contact, across=_ACROSS)
             # A strip's edge may be touched where its centre line is not: no more is known of it.
             readings["all"] = {
                 name: k + np.nan_to_num(readings["uneven"][name] - plain[name])
@@ -153,7 +153,8 @@ def outcome(
         Of the noise per contact.
     """
     readings_of, known_lambda, wide = UNITS[unit]
-    sensor = replace(SENSOR, contact_lambda_mm=known_lambda)
+    width = SENSOR.strip_width if wide else None
+    sensor = replace(SENSOR, contact_lambda_mm=known_lambda, strip_width_mm=width)
     sigma = reading_sigma(noise, SENSOR)
     random = np.random.default_rng(0)
     right, squares, bounds, inside, ends, doubtful, empty, silent = ([] for _ in range(8))
@@ -161,7 +162,7 @@ def outcome(
         bound = np.trace(vertex_covariance(Outline.of(contact.truth), SENSOR, sigma, names))
         for _ in range(draws):
             scan = _scan(contact.readings[readings_of], noise, random, names)
-            found = fit_polygon(scan, sensor, noise if known else None, bounded=bounded, wide=wide)
+            found = fit_polygon(scan, sensor, noise if known else None, bounded=bounded)
             first = found.objects[0]
             right.append(len(found.objects) == 1 and first.vertices.shape == contact.truth.shape)
             doubtful.append(found.status != "ok")

@@ -15,7 +15,7 @@ from tacstrip.arrays import FloatArray
 from tacstrip.contact.footprint import footprint
 from tacstrip.contact.noise import Noise, add_reading_errors, digitise, generator
 from tacstrip.contact.shape import Contact
-from tacstrip.diagnose.finding import FAULTS
+from tacstrip.diagnose.faults import FAULTS
 from tacstrip.diagnose.log import Log
 from tacstrip.errors import OptionError, one_of
 from tacstrip.network.imperfections import Break, Imperfections, Layer, Readout, Short
@@ -35,7 +35,7 @@ class Defect:
     Attributes
     ----------
     fault
-        A fault's name in `diagnose.finding.FAULTS`.
+        A fault's name in `diagnose.faults.FAULTS`.
     strip
         Where, counted from 0; of two neighbours the first. None, all strips: saturation, drift, hum, noise;
         always so for bits and wrong-vref.

@@ -7,14 +7,17 @@ from collections.abc import Callable
 import numpy as np
 from matplotlib.figure import Figure
 
+from tacstrip.arrays import FloatArray
 from tacstrip.contact.footprint import footprint
 from tacstrip.contact.shape import Contact
 from tacstrip.contact.signature import signatures
 from tacstrip.network.imperfections import Readout
-from tacstrip.network.strips.measurements import network_readings, potentials_along
+from tacstrip.network.nodal import solve_measurement
+from tacstrip.network.strips.measurements import measurement_of, network_readings
+from tacstrip.network.strips.mesh import make_mesh
 from tacstrip.plot.scene import draw_contact, draw_sensor
 from tacstrip.plot.style import COLOURS, OTHERS, add_axes, legend, new_axes, new_figure
-from tacstrip.sensor.circuit import lower_and_width, transfer_length
+from tacstrip.sensor.closed_form import lower_and_width, transfer_length
 from tacstrip.sensor.spec import Sensor
 
 _STRIP = 4
@@ -35,7 +38,7 @@ def potentials() -> Figure:
         axes.axvspan(120.0, 200.0, color="#eeeeee", label="contact")
         along = potentials_along(_pair(lam), block, _STRIP)
         for layer, colour in (("energised", "black"), ("sensing", COLOURS["kh"])):
-            y, volts = along[layer]  # type: ignore[index]
+            y, volts = along[layer]
             axes.plot(y, volts, color=colour, label=f"{layer} strip")
         for name, y_end in (("kh", 325.0), ("kl", 0.0)):
             axes.plot(
@@ -51,6 +54,18 @@ def potentials() -> Figure:
             axes.set_ylabel("potential over Vref")
             legend(axes, loc="upper left")
     return figure
+
+
+def potentials_along(sensor: Sensor, contact: Contact, strip: int) -> dict[str, FloatArray]:
+    """Return the potentials along one touched strip and its sensing strip: layer to y [mm] and Vref (2, nodes)."""
+    mesh = make_mesh(sensor, contact, None, None, None)
+    read = solve_measurement(measurement_of(mesh, strip, along=True))
+    along: dict[str, list[tuple[float, float]]] = {"energised": [], "sensing": []}
+    for name, volts in read.items():
+        layer, _, y = name.partition(" ")
+        if y:
+            along[layer].append((float(y), volts))
+    return {layer: np.array(sorted(places)).T for layer, places in along.items()}
 
 
 def contact_transfer_length() -> Figure:

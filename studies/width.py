@@ -18,7 +18,7 @@ from tacstrip.contact.shape import Contact
 from tacstrip.contact.signature import signatures
 from tacstrip.network.strips.resolved import wide_readings
 from tacstrip.plot.style import COLOURS, OTHERS, add_axes, legend, new_figure
-from tacstrip.sensor.circuit import lower_and_width
+from tacstrip.sensor.closed_form import lower_and_width
 from tacstrip.sensor.slant import slant_shift
 from tacstrip.sensor.spec import Sensor
 
@@ -50,7 +50,7 @@ def edge_shift(slope: float, lambda_widths: float, across: int | None = None) ->
     )
     low, high, half = margin, 3.0 * margin, 0.5 * slope
     edge = Contact.polygon([(0, low), (1, low), (1, high + half), (0, high - half)])
-    read = wide_readings(sensor, edge, across)
+    read = wide_readings(sensor, edge, across=across)
     l, w = lower_and_width(read["kh"], read["kl"], sensor.length_mm, contact_lambda=lambda_widths)
     return float(l[0] + w[0] - high)
 
@@ -95,7 +95,7 @@ def rule_errors(
     errors: dict[str, list[tuple[FloatArray, FloatArray]]] = {rule: [] for rule in RULES}
     for _ in range(contacts):
         contact = _convex(sensor, size_mm, random)
-        read = wide_readings(sensor, contact, across)
+        read = wide_readings(sensor, contact, across=across)
         l, w = lower_and_width(
             read["kh"], read["kl"], sensor.length_mm, sensor.sensing_ratio, sensor.contact_lambda_mm
         )

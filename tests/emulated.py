@@ -13,9 +13,9 @@ import pytest
 import tacstrip as ts
 from tacstrip.arrays import FloatArray
 from tacstrip.stream import RawScan
-from tacstrip.stream.device.protocol.commands import Command
 from tacstrip.stream.device.protocol.decoder import Decoder, Received
 from tacstrip.stream.device.protocol.frames import Kind
+from tacstrip.stream.device.protocol.messages import Command
 from tacstrip.stream.device.protocol.scans import ScanBatch
 
 FIRMWARE = Path(__file__).parents[1] / "firmware"

@@ -6,8 +6,10 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import tacstrip as ts
+from tacstrip.stream.device.pty import PtyDevice
 from tacstrip.stream.device.virtual import Loopback, VirtualDevice
 
 SENSOR = ts.Sensor(construction="crs-crs", strips=20, pitch_mm=5.0, length_mm=100.0, adc_bits=12)
@@ -61,6 +63,19 @@ class Line(Loopback):
         if self.left is not None:
             data, self.left = data[: self.left], self.left - len(data)
         return data
+
+
+class LinkedPty(PtyDevice):
+    """A virtual serial port under a name of its own, so that a device can be plugged in again under the same one."""
+
+    def __init__(self, made: VirtualDevice, link: Path) -> None:
+        super().__init__(made)
+        link.symlink_to(self.path)
+        self.path, self._link = str(link), link
+
+    def close(self) -> None:
+        super().close()
+        self._link.unlink(missing_ok=True)
 
 
 class Noise:

@@ -6,8 +6,7 @@ from pathlib import Path
 from typing import Literal
 
 import tacstrip as ts
-from tacstrip.stream.recording.record import record, with_shapes
-from tacstrip.stream.recording.recorder import Recorder
+from tacstrip.stream.recording.recorder import Recorder, record, with_shapes
 from tacstrip.stream.simulated import Drag, SimulatedSource
 from tacstrip.stream.source import RawScan
 

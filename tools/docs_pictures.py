@@ -10,10 +10,10 @@ from pathlib import Path
 from studies.budget import budget_figure
 from studies.crp import FIGURES as CRP
 from studies.estimation_figures import FIGURES as ESTIMATION
+from studies.phantoms import figure_phantoms
 from studies.physics import FIGURES as PHYSICS
 from studies.width import FIGURES as WIDTH
 from tacstrip.plot.style import save
-from tacstrip.thesis.chapter2 import EXTRA as PHANTOMS
 from tacstrip.thesis.chapter2 import FIGURES as CHAPTER_2
 from tacstrip.thesis.chapter3 import FIGURES as CHAPTER_3
 from tacstrip.thesis.chapter4 import FIGURES as CHAPTER_4
@@ -31,11 +31,11 @@ def main() -> None:
         "same_signature": CHAPTER_4["4.5"](),
         "blocks": CHAPTER_4["4.9"](),
         "hidden_kink": noisy_signature("5.9"),
-        "concave": ambiguity("5.19")[0],
+        "concave": ambiguity("5.19"),
         "three_sensors": CHAPTER_2["2.3"](),
         "parallel_path": CHAPTER_2["2.4"](),
         "budget": budget_figure(),
-        "phantoms": PHANTOMS["phantoms"](),
+        "phantoms": figure_phantoms(),
         **{name: draw() for name, draw in (PHYSICS | CRP | WIDTH | ESTIMATION).items()},
     }
     for name, figure in drawn.items():

@@ -27,6 +27,7 @@ from .io.runs import Runs as Runs
 from .io.runs import read_runs as read_runs
 from .reconstruction.cramer_rao import vertex_covariance as vertex_covariance
 from .reconstruction.cramer_rao import vertex_rms as vertex_rms
+from .reconstruction.known_object import fit_object as fit_object
 from .reconstruction.methods import reconstruct as reconstruct
 from .reconstruction.polygon.estimate import fit_polygon as fit_polygon
 from .reconstruction.polygon.estimate import fit_polygons as fit_polygons
@@ -36,17 +37,17 @@ from .reconstruction.result import RecoveredObject as RecoveredObject
 from .reconstruction.vertex.estimate import vertex_reconstruction as vertex_reconstruction
 from .scan import Scan as Scan
 from .sensor.calibration import Calibration as Calibration
-from .sensor.circuit import k_h as k_h
-from .sensor.circuit import k_l as k_l
-from .sensor.circuit import k_metal as k_metal
+from .sensor.closed_form import k_h as k_h
+from .sensor.closed_form import k_l as k_l
+from .sensor.closed_form import k_metal as k_metal
 from .sensor.spec import Sensor as Sensor
 from .simulation import simulate as simulate
 from .stream.device.source import SerialSource as SerialSource
 from .stream.live.frame import Frame as Frame
 from .stream.live.open import live as live
 from .stream.live.pipeline import Live as Live
-from .stream.recording.record import record as record
 from .stream.recording.recorder import Recorder as Recorder
+from .stream.recording.recorder import record as record
 from .stream.replay import Recording as Recording
 from .stream.simulated import SimulatedSource as SimulatedSource
 

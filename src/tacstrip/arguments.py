@@ -32,7 +32,7 @@ def takes(**kinds: type | tuple[type, ...]) -> Callable[[Callable[_P, _T]], Call
     """Refuse arguments of other types than these, by name, with an `ArgumentError` that says what to write instead.
 
     A tuple of one type stands for a sequence of such, of two for one of it or a sequence; None passes where it is the
-    argument's default. A caller that exchanges two arguments is told so.
+    argument's default. Two exchanged arguments are named.
     """
 
     def decorate(function: Callable[_P, _T]) -> Callable[_P, _T]:
@@ -70,9 +70,8 @@ def _fits(value: object, kind: type | tuple[type, ...]) -> bool:
         return True
     if isinstance(value, str | bytes | Mapping) or not hasattr(value, "__iter__"):
         return False
-    return not hasattr(value, "__len__") or all(
-        isinstance(v, one) for v in value
-    )  # an iterator is not used up
+    # An iterator must not be used up.
+    return not hasattr(value, "__len__") or all(isinstance(v, one) for v in value)
 
 
 def _explanation(
@@ -86,9 +85,7 @@ def _explanation(
         if other != name and _fits(given[other], kind) and (other not in kinds or _fits(value, kinds[other])):
             order = ", ".join(p for p in places if p != "self" and (p in kinds or p == other))
             return f"{function}: {name} and {other} are exchanged; write {function}({order}, ...)"
-    wanted = (
-        f"a list of {one.__name__}s" if many else f"{'an' if one.__name__[0] in 'AO' else 'a'} {one.__name__}"
-    )
+    wanted = f"a list of {one.__name__}s" if many else _with_article(one.__name__)
     return f"{function}: {name} is {_shown(value)}, not {wanted}; write {_instead(value, one, many)}"
 
 
@@ -122,4 +119,8 @@ def _shown(value: object) -> str:
         return text
     if isinstance(value, list | tuple | dict):
         return f"a {kind}"
-    return f"{'an' if kind[0] in 'aeiouAEIO' else 'a'} {kind}"
+    return _with_article(kind)
+
+
+def _with_article(name: str) -> str:
+    return f"{'an' if name[0] in 'aeiouAEIO' else 'a'} {name}"

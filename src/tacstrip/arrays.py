@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -10,6 +10,14 @@ import numpy.typing as npt
 FloatArray: TypeAlias = npt.NDArray[np.float64]
 IntArray: TypeAlias = npt.NDArray[np.int64]
 BoolArray: TypeAlias = npt.NDArray[np.bool_]
+
+
+def plain(values: npt.ArrayLike, digits: int | None = None) -> Any:
+    """Return an array as nested lists of numbers for JSON, rounded to `digits`, None for what is not finite."""
+    array = np.asarray(values, dtype=float)
+    numbers = (array if digits is None else np.round(array, digits)).astype(object)
+    numbers[~np.isfinite(array)] = None
+    return numbers.tolist()
 
 
 def extent(values: FloatArray) -> str:

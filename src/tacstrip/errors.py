@@ -8,43 +8,135 @@ from __future__ import annotations
 
 
 class TacstripError(Exception):
-    """Root of all errors raised on purpose by tacstrip."""
+    """Root of all errors raised on purpose by tacstrip.
+
+    Examples
+    --------
+    >>> import tacstrip as ts
+    >>> try:
+    ...     ts.Sensor.load("none.toml")
+    ... except ts.TacstripError as error:
+    ...     print(error)
+    none.toml: no such file...
+    """
 
 
 class SpecError(TacstripError, ValueError):
-    """A sensor specification that cannot be: unknown key, impossible value, unreadable file."""
+    """A sensor specification that cannot be: unknown key, impossible value, unreadable file.
+
+    Examples
+    --------
+    >>> import tacstrip as ts
+    >>> ts.Sensor(construction="crs-m", strips=4, pitch_mm=5.0, length_mm=-9.0)
+    Traceback (most recent call last):
+        ...
+    tacstrip.errors.SpecError: length_mm = -9.0: must be above 0...
+    """
 
 
 class ContactError(TacstripError, ValueError):
-    """A contact that cannot be used: unreadable, crossing itself, off the sensor."""
+    """A contact that cannot be used: unreadable, crossing itself, off the sensor.
+
+    Examples
+    --------
+    >>> import tacstrip as ts
+    >>> ts.Contact.from_wkt("POLYGON ((0 0")
+    Traceback (most recent call last):
+        ...
+    tacstrip.errors.ContactError: ...
+    """
 
 
 class ReadingError(TacstripError, ValueError):
-    """Readings that cannot be used: missing column or strip, volts out of range, broken file."""
+    """Readings that cannot be used: missing column or strip, volts out of range, broken file.
+
+    Examples
+    --------
+    >>> import tacstrip as ts
+    >>> ts.Scan(k=[0.5, 1.7])
+    Traceback (most recent call last):
+        ...
+    tacstrip.errors.ReadingError: k of strip 1 is 1.7, outside 0..1: it is a voltage over Vref
+    """
 
 
 class SignatureError(TacstripError, ValueError):
-    """A signature that the construction or the scan does not have."""
+    """A signature that the construction or the scan does not have.
+
+    Examples
+    --------
+    >>> import tacstrip as ts
+    >>> ts.Scan(k=[0.5, 0.6])["kh"]
+    Traceback (most recent call last):
+        ...
+    tacstrip.errors.SignatureError: the scan has no 'kh'; it has: k
+    """
 
 
 class NetworkError(TacstripError, ValueError):
-    """A network of resistors that cannot be solved: a resistance of 0 or less, a node that floats."""
+    """A network of resistors that cannot be solved: a resistance of 0 or less, a node that floats.
+
+    Examples
+    --------
+    >>> import tacstrip as ts
+    >>> from tacstrip.network import Readout
+    >>> Readout(strip_ohm=0.0)
+    Traceback (most recent call last):
+        ...
+    tacstrip.errors.NetworkError: strip_ohm = 0.0: must be above 0...
+    """
 
 
 class RecordingError(TacstripError, ValueError):
-    """A recording that cannot be read or made: not one, damaged, already there, of another sensor."""
+    """A recording that cannot be read or made: not one, damaged, already there, of another sensor.
+
+    Examples
+    --------
+    >>> import tacstrip as ts
+    >>> ts.Recording("none.mcap")
+    Traceback (most recent call last):
+        ...
+    tacstrip.errors.RecordingError: none.mcap: no such file
+    """
 
 
 class PortError(TacstripError, OSError):
-    """A device that cannot be used: no such port, no tacstrip firmware on it, another sensor than the spec."""
+    """A device that cannot be used: no such port, no tacstrip firmware on it, another sensor than the spec.
+
+    Examples
+    --------
+    >>> import tacstrip as ts
+    >>> ts.live("/dev/none")
+    Traceback (most recent call last):
+        ...
+    tacstrip.errors.PortError: /dev/none: no such port...
+    """
 
 
 class OptionError(TacstripError, ValueError):
-    """An option with a value that does not exist or cannot be."""
+    """An option with a value that does not exist or cannot be.
+
+    Examples
+    --------
+    >>> import tacstrip as ts
+    >>> ts.Noise(positional=2.0)
+    Traceback (most recent call last):
+        ...
+    tacstrip.errors.OptionError: positional = 2.0: ...
+    """
 
 
 class ArgumentError(TacstripError, TypeError):
-    """An argument of another type than the function takes; the message says what to write instead."""
+    """An argument of another type than the function takes; the message says what to write instead.
+
+    Examples
+    --------
+    >>> import tacstrip as ts
+    >>> ts.fit_polygon(ts.Scan(k=[0.5]), "sensor.toml")
+    Traceback (most recent call last):
+        ...
+    tacstrip.errors.ArgumentError: fit_polygon: sensor is 'sensor.toml', not a Sensor; write...
+    """
 
 
 def one_of(what: str, value: object, choices: object) -> str:

@@ -16,7 +16,7 @@ _HANDED_OVER = ("/dev/stdin", "/dev/fd/", "/proc/self/fd/")  # what the caller o
 
 @contextmanager
 def replacing(path: str | Path) -> Iterator[Path]:
-    """Give a new name beside `path` to write to; the file made there takes its place once the block has ended well.
+    """Give a temporary name in the folder of `path`; the file written there replaces `path` when the block ends well.
 
     When the block raises, as on a full disk, `path` is as it was before. A device or a pipe, which has no place to
     take, is given as it is.
@@ -24,7 +24,7 @@ def replacing(path: str | Path) -> Iterator[Path]:
     Raises
     ------
     OSError
-        It names `path`, not the file beside it.
+        It names `path`, not the temporary file.
     """
     target = Path(os.path.realpath(path))  # a link stays a link
     there = target.exists()

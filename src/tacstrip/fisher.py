@@ -12,9 +12,8 @@ import numpy as np
 from tacstrip.arrays import FloatArray
 from tacstrip.errors import ReadingError
 
-_ROUNDING = (
-    1e-13  # of the largest singular value, columns scaled to length 1: below, a direction is not identified
-)
+# Of the largest singular value, columns scaled to length 1: below, a direction is not identified.
+_ROUNDING = 1e-13
 _UNIDENTIFIED = 1e-6  # a parameter with a larger component along such directions is not identified
 
 

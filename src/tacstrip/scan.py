@@ -2,34 +2,45 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from tacstrip.arrays import BoolArray, FloatArray, extent, touched_strips
 from tacstrip.errors import ReadingError, SignatureError
+from tacstrip.robust import robust_sigma
 from tacstrip.sensor.constructions import SIGNATURES
+from tacstrip.sensor.left_out import leave_out
 from tacstrip.sensor.spec import Sensor
 
-_ROUNDING = (
-    16.0 * np.finfo(float).eps
-)  # of Vref: sums and quotients of a handful of numbers end so far beyond 0 or 1
+# Of Vref: sums and quotients of a handful of numbers end so far beyond 0 or 1.
+_ROUNDING = 16.0 * np.finfo(float).eps
+_STRAY, _STRAY_COUNT = 6.0, 8  # standard deviations; scans of which a stray can be told
+_LEAST_STRAY = 0.002  # over Vref: nearer than that is none, however quiet the converter
 
 
 @dataclass(frozen=True, eq=False)
 class Scan:
     """Readings of all strips over Vref, one array (strips,) per signature; NaN where nothing touches.
 
+    A strip with one reading of two is touched, and counts with that one: its other channel is left out.
+
     `electrodes` (strips, 2 strips), for CRS-CRP only: what every electrode of the sheet read while each strip was
     energised, those at y = 0 first, then those at y = L; a row of NaN where nothing touches. k_l and k_h are its
     two diagonals.
 
+    A scan that is the mean of others, as `Scan.mean` makes it, says of how many and over what time: `averaged` and
+    `span_s` [s]. Errors that every scan draws anew are then less, those that last are not.
+
     Raises
     ------
     ReadingError
-        No signature, arrays of different lengths, a value outside 0..1, or a strip with one reading of
-        two; the message names the strip, counted from 0.
+        No signature, arrays of different lengths, or a value outside 0..1; the message names the strip, counted
+        from 0.
 
     Examples
     --------
@@ -42,11 +53,18 @@ class Scan:
     k: FloatArray | None = None
     time_s: float = 0.0
     electrodes: FloatArray | None = None
+    averaged: Any = 1  # a whole number, and a number: typed so that Scan(**signatures) is accepted
+    span_s: Any = 0.0
 
     def __post_init__(self) -> None:
         for name in SIGNATURES:
             if (values := getattr(self, name)) is not None:
                 object.__setattr__(self, name, _readings(name, values))
+        counts = isinstance(self.averaged, int | np.integer) and self.averaged >= 1
+        if not (counts and isinstance(self.span_s, float | int) and 0.0 <= self.span_s < np.inf):
+            raise ReadingError(
+                f"averaged = {self.averaged}, span_s = {self.span_s}: a scan is made of 1 or more, over 0 s or more"
+            )
         names = self.signatures
         if not names:
             raise ReadingError("a scan needs at least one signature: kh, kl or k")
@@ -54,12 +72,6 @@ class Scan:
         for name in names[1:]:
             if len(self[name]) != len(first):
                 raise ReadingError(f"{names[0]} has {len(first)} strips and {name} has {len(self[name])}")
-            half = np.flatnonzero(np.isnan(self[name]) != np.isnan(first))
-            if len(half):
-                raise ReadingError(
-                    f"strip {half[0]} has only one of {names[0]} and {name}; "
-                    "give both, or NaN for both where nothing touches"
-                )
         if self.electrodes is not None:
             object.__setattr__(self, "electrodes", _electrodes(self.electrodes, self.touched))
 
@@ -68,6 +80,45 @@ class Scan:
         ranges = [f", {name} {extent(getattr(self, name))}" for name in names]
         strips = f"{len(self.touched)} strips at {self.time_s:.6g} s: {touched_strips(self.touched)}"
         return f"<Scan of {strips}{''.join(ranges)}>"
+
+    @classmethod
+    def mean(cls, scans: Sequence[Scan]) -> Scan:
+        """Return the mean of scans of a contact that rests, with their number and the time from first to last.
+
+        A strip counts as touched where most of the scans read it. Of eight scans and more, a reading further than
+        6 standard deviations from its median is left out.
+
+        Raises
+        ------
+        ReadingError
+            There is none, or they have different signatures or numbers of strips.
+
+        Examples
+        --------
+        >>> mean = Scan.mean([Scan(k=[0.4, 0.1], time_s=0.0), Scan(k=[0.5, 0.2], time_s=0.1)])
+        >>> mean.k.round(6).tolist(), mean.averaged, mean.span_s
+        ([0.45, 0.15], 2, 0.1)
+        """
+        if not scans:
+            raise ReadingError("there is no scan to average")
+        names = scans[0].signatures
+        if any(s.signatures != names or len(s.touched) != len(scans[0].touched) for s in scans):
+            raise ReadingError("only scans of the same signatures and strips have a mean")
+        electrodes = all(s.electrodes is not None for s in scans)
+        seldom = 2 * np.sum([s.touched for s in scans], axis=0) <= len(scans)
+        found = {}
+        for name in (*names, *["electrodes"] * electrodes):
+            k = np.stack([getattr(s, name) for s in scans])
+            k[:, seldom] = np.nan
+            with np.errstate(invalid="ignore"), warnings.catch_warnings():
+                warnings.simplefilter("ignore", RuntimeWarning)  # strips that nothing touches
+                if len(scans) >= _STRAY_COUNT:
+                    off = np.abs(k - np.nanmedian(k, axis=0))
+                    k[off > np.maximum(_STRAY * robust_sigma(off, 0), _LEAST_STRAY)] = np.nan
+                found[name] = np.nanmean(k, axis=0)
+        times = [s.time_s for s in scans]
+        count = sum(s.averaged for s in scans)
+        return cls(**found, time_s=float(np.mean(times)), averaged=count, span_s=max(times) - min(times))
 
     @classmethod
     def of_electrodes(cls, electrodes: npt.ArrayLike, time_s: float = 0.0) -> Scan:
@@ -99,15 +150,18 @@ class Scan:
     @property
     def touched(self) -> BoolArray:
         """Whether each strip is touched (strips,)."""
-        return ~np.isnan(self[self.signatures[0]])
+        return np.asarray(~np.all([np.isnan(self[name]) for name in self.signatures], axis=0))
+
+    @property
+    def half_read(self) -> BoolArray:
+        """Whether each strip is touched and lacks one of its readings (strips,)."""
+        return np.asarray(self.touched & np.any([np.isnan(self[name]) for name in self.signatures], axis=0))
 
     def runs(self) -> list[slice]:
         """Return the runs of neighbouring touched strips: a signature, an object each (4.2.4, step 1)."""
         edges = np.diff(np.concatenate(([0], self.touched.astype(np.int8), [0])))
-        return [
-            slice(int(a), int(b))
-            for a, b in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True)
-        ]
+        begins, ends = np.flatnonzero(edges == 1).tolist(), np.flatnonzero(edges == -1).tolist()
+        return [slice(a, b) for a, b in zip(begins, ends, strict=True)]
 
     def check(self, sensor: Sensor) -> None:
         """Refuse a scan that this sensor cannot have made: `ReadingError` or `SignatureError`."""
@@ -115,6 +169,21 @@ class Scan:
             raise ReadingError(f"the scan has {len(self.touched)} strips and the sensor has {sensor.strips}")
         for name in self.signatures:
             sensor.check_signature(name)
+        if not sensor.kind.closed_form and len(half := np.flatnonzero(self.half_read)):
+            raise ReadingError(
+                f"strip {half[0] + sensor.strip_base} has only one of {' and '.join(self.signatures)}, and a "
+                f"{sensor.construction} sensor needs all; leave the strip out as a whole"
+            )
+
+    def checked(self, sensor: Sensor) -> Scan:
+        """Return what counts of the scan: without channels that the spec leaves out; errors as of `check`."""
+        self.check(sensor)
+        read = leave_out(sensor, {name: self[name] for name in self.signatures})
+        alive = [name for name, k in read.items() if np.isfinite(k).any()]
+        if not sensor.without and len(alive) in (0, len(read)):
+            return self
+        kept: dict[str, Any] = {name: read[name] if name in alive or not alive else None for name in read}
+        return replace(self, **kept)
 
 
 def _readings(name: str, values: npt.ArrayLike) -> FloatArray:

@@ -5,20 +5,24 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
+import numpy.typing as npt
 
 from tacstrip.arguments import takes
-from tacstrip.arrays import FloatArray
+from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.contact.footprint import footprint
-from tacstrip.contact.noise import Noise, Rng, add_reading_errors, digitise, generator
+from tacstrip.contact.noise import Noise, NoiseProcess, Rng, digitise
 from tacstrip.contact.shape import Contact
 from tacstrip.contact.signature import signatures
+from tacstrip.contact.strip_width import wide, wide_ends
 from tacstrip.errors import ContactError, OptionError, one_of
 from tacstrip.network.crp.mesh import Wiring
 from tacstrip.network.crp.readings import contact_electrodes
 from tacstrip.network.imperfections import Imperfections, Readout
 from tacstrip.network.strips.ladder import fast_readings
+from tacstrip.network.strips.resolved import wide_readings
 from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import check_closed_form
+from tacstrip.sensor.left_out import leave_out
 from tacstrip.sensor.spec import Sensor
 
 _MODELS = ("closed", "network")
@@ -39,8 +43,9 @@ def simulate(
     readout: Readout | None = None,
     wiring: Wiring | None = None,
     electrodes: Literal["own", "all"] = "own",
+    process: NoiseProcess | None = None,
 ) -> Scan:
-    """Return the scan that the sensor makes of a contact.
+    """Return the scan that the sensor makes of a contact, without channels that its spec leaves out.
 
     Parameters
     ----------
@@ -52,7 +57,8 @@ def simulate(
         A seed, or a NumPy generator to go on with.
     model
         "closed": the closed forms of chapter 3. "network": the sensor as a network of resistors, each
-        separate piece of the contact on its own. By default closed where there is one, so not for CRS-CRP.
+        separate piece of the contact on its own. By default closed where there is one, so not for CRS-CRP; of strips
+        as wide as `strip_width_mm` those that no closed form fits (a corner on them, covered in part) are resolved.
     time_s
         The scan's time [s].
     imperfections, readout
@@ -60,6 +66,8 @@ def simulate(
     wiring, electrodes
         CRS-CRP: what strips and sheet edges are joined to, nothing by default; and whether the scan keeps each
         strip's own two electrodes or "all" of them, each with its own error.
+    process
+        In place of `noise` and `rng`: errors that last from scan to scan, `NoiseProcess(noise, sensor, rng)`.
 
     Raises
     ------
@@ -81,6 +89,7 @@ def simulate(
         raise OptionError(one_of("model", model, _MODELS))
     if electrodes not in _ELECTRODES:
         raise OptionError(one_of("electrodes", electrodes, _ELECTRODES))
+    process = process or NoiseProcess(noise, sensor, rng)
     if not sensor.kind.closed_form:
         if model == "closed":
             check_closed_form(sensor.kind, 'model="closed"')
@@ -88,64 +97,82 @@ def simulate(
             raise OptionError(
                 f"imperfections and readout are not for a {sensor.construction} sensor; it has a wiring"
             )
-        return _sheet_scan(sensor, contact, noise, rng, time_s, wiring, electrodes)
+        strips = np.arange(sensor.strips)
+        every = np.full((sensor.strips, 2 * sensor.strips), np.nan)
+        if np.isfinite(footprint(sensor, contact).l).any():
+            every = contact_electrodes(sensor, contact, wiring=wiring)
+        if electrodes == "all":
+            return Scan.of_electrodes(_measured(process, {"all": every}, time_s)["all"], time_s)
+        own = {"kh": every[strips, sensor.strips + strips], "kl": every[strips, strips]}
+        return Scan(**_measured(process, own, time_s), time_s=time_s)
     if wiring is not None or electrodes == "all":
         raise OptionError(
             f"wiring and electrodes are for crs-crp sensors; a {sensor.construction} sensor has no sheet electrodes"
         )
     if model == "network":
         ideal = fast_readings(sensor, contact, imperfections, readout)
-        return Scan(**_measured(sensor, ideal, noise, rng), time_s=time_s)
+        soft = footprint(sensor, contact) if process.noise.soft else None
+        ends = None if soft is None else (soft.l, soft.u)
+        return Scan(**leave_out(sensor, _measured(process, ideal, time_s, ends)), time_s=time_s)
     if imperfections is not None or readout is not None:
         raise OptionError(
             'imperfections and readout need model="network": the closed forms know ideal units only'
         )
-    touch = footprint(sensor, contact)
-    scan = readings(sensor, touch.l, touch.u, noise, rng)
+    touch, ends, ideal = _closed(sensor, contact, resolved=model is None)
+    scan = _measured(process, ideal, time_s, ends)
     for values in scan.values():
-        shorted = np.flatnonzero(np.isnan(values) & ~np.isnan(touch.l))
+        shorted = np.flatnonzero(np.isnan(values) & touch)
         if len(shorted):
             raise ContactError(
                 f"the contact covers strip {shorted[0] + sensor.strip_base} from end to end: on metal that "
                 "shorts Vref to ground, and nothing can be read"
             )
-    return Scan(**scan, time_s=time_s)
+    return Scan(**leave_out(sensor, scan), time_s=time_s)
 
 
-def _sheet_scan(
-    sensor: Sensor,
-    contact: Contact,
-    noise: Noise,
-    rng: Rng,
-    time_s: float,
-    wiring: Wiring | None,
-    electrodes: str,
-) -> Scan:
-    """Return the scan of a sensor whose strips are read through a sheet (CRS-CRP)."""
-    n = sensor.strips
-    ideal = np.full((n, 2 * n), np.nan)
-    if np.isfinite(footprint(sensor, contact).l).any():
-        ideal = contact_electrodes(sensor, contact, wiring=wiring)
-    if electrodes == "all":
-        return Scan.of_electrodes(_measured(sensor, {"all": ideal}, noise, rng)["all"], time_s)
-    each = np.arange(n)
-    own = {"kh": ideal[each, n + each], "kl": ideal[each, each]}
-    return Scan(**_measured(sensor, own, noise, rng), time_s=time_s)
+def _closed(
+    sensor: Sensor, contact: Contact, resolved: bool
+) -> tuple[BoolArray, tuple[FloatArray, FloatArray], dict[str, FloatArray]]:
+    """Return which strips are touched, l and u [mm], and ideal readings; strips without closed form may be resolved."""
+    if not wide(sensor, [contact]):
+        l, u = footprint(sensor, contact)
+        return ~np.isnan(l), (l, u), signatures(sensor, l, u)
+    ends = wide_ends(sensor, [contact])
+    touch, ideal = ~np.isnan(ends.l[0]), signatures(sensor, ends.l[0], ends.u[0])
+    low, high = (f(s.bounds[i] for s in contact.shapes) for f, i in ((min, 0), (max, 2)))
+    near = np.abs(sensor.x_mm - np.clip(sensor.x_mm, low, high)) <= 0.5 * sensor.strip_width
+    if resolved and (inexact := np.flatnonzero(near & ~ends.exact[0])).size:
+        for name, values in wide_readings(sensor, contact, strips=inexact).items():
+            ideal[name][inexact] = values[inexact]
+        touch = ~np.isnan(next(iter(ideal.values())))
+    return touch, (ends.l[0], ends.u[0]), ideal
 
 
 def readings(
-    sensor: Sensor, l_mm: FloatArray, u_mm: FloatArray, noise: Noise = _IDEAL, rng: Rng = 0
+    sensor: Sensor,
+    l_mm: FloatArray,
+    u_mm: FloatArray,
+    noise: Noise = _IDEAL,
+    rng: Rng = 0,
+    *,
+    process: NoiseProcess | None = None,
+    time_s: npt.ArrayLike = 0.0,
 ) -> dict[str, FloatArray]:
     """Return the readings of contacts from l to u, name to array over Vref.
 
     l and u [mm] have the shape (strips,) for one scan or (scans, strips) for many, NaN where nothing
-    touches; so have the results.
+    touches; so have the results. Errors that last from scan to scan need the scans' times [s], and come from
+    `process` in place of `noise` and `rng` where they go on from earlier scans.
     """
-    return _measured(sensor, signatures(sensor, l_mm, u_mm), noise, rng)
+    process = process or NoiseProcess(noise, sensor, rng)
+    return _measured(process, signatures(sensor, l_mm, u_mm), time_s, (l_mm, u_mm))
 
 
-def _measured(sensor: Sensor, ideal: dict[str, FloatArray], noise: Noise, rng: Rng) -> dict[str, FloatArray]:
-    random = generator(rng)
-    return {
-        name: digitise(add_reading_errors(k, noise, random), sensor.adc_bits) for name, k in ideal.items()
-    }
+def _measured(
+    process: NoiseProcess,
+    ideal: dict[str, FloatArray],
+    time_s: npt.ArrayLike,
+    ends_mm: tuple[FloatArray, FloatArray] | None = None,
+) -> dict[str, FloatArray]:
+    noisy = process.add(ideal, time_s, ends_mm)
+    return {name: digitise(k, process.sensor.adc_bits) for name, k in noisy.items()}

@@ -26,7 +26,7 @@ def at_rest(scans: int, shift: float = 0.0, seed: int = 0) -> dict[str, FloatArr
     return {n: np.clip(v + shift + rng.normal(0.0, SIGMA, (scans, 4)), 0.0, 1.0) for n, v in LEVEL.items()}
 
 
-LEARNED = ts.learn_touch(UNIT, at_rest(400), "when, from what")
+LEARNED = ts.learn_touch(UNIT, at_rest(400), source="when, from what")
 
 
 def test_touch_is_learned_from_untouched_strips() -> None:
@@ -73,12 +73,12 @@ def test_a_touch_in_passing_does_not_spoil_the_level() -> None:
 def test_rezero_finds_the_shift_of_untouched_strips() -> None:
     raw = at_rest(100, 0.01, seed=3)
     raw["kh"][:, 3], raw["kl"][:, 3] = 0.6, 0.5  # something lies on strip 3
-    sensor, told = rezero(LEARNED, raw, "later")
-    np.testing.assert_array_equal(told, [True, True, True, False])
+    sensor, measured = rezero(LEARNED, raw, source="later")
+    np.testing.assert_array_equal(measured, [True, True, True, False])
     assert sensor.calibration is not None
     assert sensor.calibration.zeroed == "later"
     np.testing.assert_allclose(sensor.calibration.channel("kh").drift, [0.01, 0.01, 0.01, 0.0], atol=3e-4)
-    again, _ = rezero(sensor, raw, "later")
+    again, _ = rezero(sensor, raw, source="later")
     assert again == sensor  # the drift is since the calibration, not since the last time
     k = {n: np.full(4, 0.5) for n in LEVEL}
     for name, values in apply_calibration(sensor, {n: k[n] + LEVEL[n] + 0.01 for n in k}).items():
@@ -89,8 +89,8 @@ def test_rezero_by_a_reference_contact() -> None:
     places = np.full(4, 100.0)
     raw = invert_calibration(UNIT, ts.signatures(PLAIN, places, places + 50.0))
     shifted = {n: np.tile(v - 0.02, (20, 1)) for n, v in raw.items()}
-    sensor, told = rezero(UNIT, shifted, "bar", (100.0, 50.0))
-    assert told.all()
+    sensor, measured = rezero(UNIT, shifted, source="bar", reference=(100.0, 50.0))
+    assert measured.all()
     assert sensor.calibration is not None
     for channel in sensor.calibration.channels:
         np.testing.assert_allclose(channel.drift, -0.02, atol=1e-12)
@@ -104,7 +104,7 @@ def test_what_cannot_be_rezeroed() -> None:
     ):
         rezero(UNIT, at_rest(20))
     with pytest.raises(ts.OptionError, match="--reference 300 50 is not on strips of 325 mm"):
-        rezero(UNIT, at_rest(20), "", (300.0, 50.0))
+        rezero(UNIT, at_rest(20), source="", reference=(300.0, 50.0))
     with pytest.raises(ts.ReadingError, match="no strip is untouched"):
         rezero(LEARNED, at_rest(20, 0.3))
 
@@ -130,7 +130,7 @@ def test_the_stream_follows_a_drift_and_no_touch() -> None:
 
 
 def test_the_stream_goes_on_from_an_earlier_drift() -> None:
-    sensor, _ = rezero(LEARNED, at_rest(100, 0.01), "before")
+    sensor, _ = rezero(LEARNED, at_rest(100, 0.01), source="before")
     estimator = DriftEstimator(sensor, settle_s=0.0)
     for i in range(100):
         estimator.update({n: v + 0.01 for n, v in LEVEL.items()}, 0.1 * i)

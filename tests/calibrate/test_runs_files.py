@@ -135,7 +135,7 @@ def test_any_file_gives_runs_or_a_clear_error(tmp_path: Path, text: str | int, m
         ) in _CALIBRATED:
             return
         _CALIBRATED.add(contents)
-        done = ts.calibrate_unit(sensor, runs, "offset")
+        done = ts.calibrate_unit(sensor, runs, model="offset")
     except ts.TacstripError:  # and nothing else
         return
     assert ts.Sensor.from_dict(tomllib.loads(done.sensor.to_toml())) == done.sensor

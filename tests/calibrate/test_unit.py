@@ -206,11 +206,11 @@ def test_stated_uncertainties_are_those_of_many_repetitions() -> None:
 def test_outliers_are_excluded_and_do_not_matter() -> None:
     places = [p for p in THESIS if sum(p) < 290.0]
     runs = twin_runs(CRS, places, Imperfections(), 0.002, 2)
-    clean = ts.calibrate_unit(CRS, runs, "offset+lambda")
+    clean = ts.calibrate_unit(CRS, runs, model="offset+lambda")
     spoilt = {n: v.copy() for n, v in runs.raw.items()}
     spoilt["kh"][5, 0] = 0.9
     spoilt["kl"][[20, 21], 2] += 0.02
-    bad = ts.calibrate_unit(CRS, replace(runs, raw=spoilt), "offset+lambda")
+    bad = ts.calibrate_unit(CRS, replace(runs, raw=spoilt), model="offset+lambda")
     assert {(5, 0), (20, 2), (21, 2)} <= {((b.line - 2) // 3, b.strip) for b in bad.excluded}
     assert len(bad.excluded) <= len(clean.excluded) + 3
     assert "of Vref from all other rows" in bad.excluded[0].why
@@ -242,7 +242,7 @@ POINTS = [(l, 0.0) for l in np.arange(10.0, 320.0, 30.0)]
 def test_what_is_not_identifiable_is_refused(model: str, places: Places, message: str) -> None:
     runs = twin_runs(CRS, places, Imperfections(), 0.002, 2)
     with pytest.raises(ts.ReadingError, match="the runs do not determine a model") as caught:
-        ts.calibrate_unit(CRS, runs, model)
+        ts.calibrate_unit(CRS, runs, model=model)
     assert message in str(caught.value)
 
 
@@ -279,7 +279,7 @@ def test_a_single_place_gives_offsets_and_says_so() -> None:
 )  # fmt: skip
 def test_models_that_cannot_be(model: str, sensor: ts.Sensor, message: str) -> None:
     with pytest.raises(ts.OptionError) as caught:
-        ts.calibrate_unit(sensor, twin_runs(sensor, POINTS[:3], Imperfections(), 0.0, 1), model)
+        ts.calibrate_unit(sensor, twin_runs(sensor, POINTS[:3], Imperfections(), 0.0, 1), model=model)
     assert message in str(caught.value)
 
 
@@ -356,7 +356,7 @@ def test_runs_read_the_wrong_way_are_refused_in_words(wrong: Callable[[Runs], Ru
 
 def test_the_same_runs_read_the_right_way_are_accepted() -> None:
     runs = twin_runs(CRS, MARKS, Imperfections(sensing=1.05), 0.002, 1)
-    assert ts.calibrate_unit(CRS, runs, "offset+gain+lambda").status == "ok"
+    assert ts.calibrate_unit(CRS, runs, model="offset+gain+lambda").status == "ok"
 
 
 def test_exchanged_columns_and_reversed_strips_are_refused_in_words() -> None:
@@ -370,13 +370,13 @@ def test_exchanged_columns_and_reversed_strips_are_refused_in_words() -> None:
     own = {n: np.take_along_axis(v, order, axis=0) for n, v in runs.raw.items()}
     l, w = (np.take_along_axis(v, order, axis=0) for v in (runs.l_mm, runs.w_mm))
     mixed = other_places(replace(runs, raw=own), l, w)
-    assert ts.calibrate_unit(CRS, mixed, "offset+gain").status == "ok"
+    assert ts.calibrate_unit(CRS, mixed, model="offset+gain").status == "ok"
     backwards = replace(mixed, raw={n: v[:, ::-1] for n, v in own.items()})
     with pytest.raises(ts.ReadingError, match="strips are in reversed order"):
         ts.calibrate_unit(CRS, backwards)
     # Bars across all strips have the same places on each: an older calibration tells.
     apart = {n: v + np.array([-0.03, 0.0, 0.02]) for n, v in runs.raw.items()}
-    once = ts.calibrate_unit(CRS, replace(runs, raw=apart), "offset+gain+ratio+lambda").sensor
+    once = ts.calibrate_unit(CRS, replace(runs, raw=apart), model="offset+gain+ratio+lambda").sensor
     bars = replace(runs, raw={n: v[:, ::-1] for n, v in apart.items()})
     with pytest.raises(ts.ReadingError, match="by the calibration that the spec has"):
         ts.calibrate_unit(once, bars)
@@ -389,11 +389,11 @@ def test_runs_that_nothing_explains_are_doubtful(sensor: ts.Sensor, repeats: int
     runs = twin_runs(sensor, marks, Imperfections(), 0.002, repeats)
     order = np.random.default_rng(4).permutation(len(runs.l_mm))
     mixed = {n: v[order] for n, v in runs.raw.items()}
-    other = ts.calibrate_unit(sensor, replace(runs, raw=mixed), "mean")
+    other = ts.calibrate_unit(sensor, replace(runs, raw=mixed), model="mean")
     assert other.status == "doubtful"
     assert "the runs do not describe this sensor" in other.advice
     one = {n: np.stack([v[:, 0], mixed[n][:, 1], v[:, 2]], axis=1) for n, v in runs.raw.items()}
-    alone = ts.calibrate_unit(sensor, replace(runs, raw=one), "mean")
+    alone = ts.calibrate_unit(sensor, replace(runs, raw=one), model="mean")
     assert alone.status == "doubtful"
     assert alone.advice.startswith("strip 1 is off by")
 
@@ -403,7 +403,9 @@ def test_an_imperfect_unit_is_accepted_with_advice() -> None:
     at = np.linspace(0.0, 6.0, 17) * np.array([[0.4], [0.6], [0.9]]) + np.array([[0.0], [2.0], [4.0]])
     layers = 1.0 + 0.1 * np.sin(at)
     imperfections = Imperfections(energised=layers, sensing=1.05 * layers)
-    done = ts.calibrate_unit(CRS, twin_runs(CRS, MARKS, imperfections, 0.0005, 2), "offset+gain+ratio+lambda")
+    done = ts.calibrate_unit(
+        CRS, twin_runs(CRS, MARKS, imperfections, 0.0005, 2), model="offset+gain+ratio+lambda"
+    )
     assert done.status == "ok"
     assert "is the rubber not uniform, or are places not exact? Press more places" in done.advice
 
@@ -465,7 +467,7 @@ def test_rubbish_gives_constants_or_a_clear_error(seed: int) -> None:
     runs = Runs(l, w, raw, np.ones((many, 3), dtype=int), {})
     for model in ("mean", "offset+gain+lambda", "offset+warp4", "curve4", "offset+fade", "auto"):
         try:  # whether the runs are misread does not depend on the model: looked at once
-            done = ts.calibrate_unit(sensor, runs, model, force=model != "mean")
+            done = ts.calibrate_unit(sensor, runs, model=model, force=model != "mean")
         except ts.ReadingError:  # and nothing else
             continue
         assert ts.Sensor.from_dict(tomllib.loads(done.sensor.to_toml())) == done.sensor

@@ -14,9 +14,8 @@ import pytest
 from click.testing import CliRunner
 
 import tacstrip as ts
-from live_devices import SENSOR, device, with_strips
+from live_devices import SENSOR, LinkedPty, device, with_strips
 from tacstrip.cli.live import command
-from tacstrip.stream.device.pty import PtyDevice
 from waiting import HANG_S, wait_until
 
 
@@ -34,7 +33,7 @@ def spec(tmp_path: Path) -> Path:
 
 def test_ctrl_c_leaves_a_complete_recording(tmp_path: Path, spec: Path) -> None:
     file = tmp_path / "a.mcap"
-    with PtyDevice(device(rate_hz=500.0), tmp_path / "ttyTEST") as served:
+    with LinkedPty(device(rate_hz=500.0), tmp_path / "ttyTEST") as served:
         run = _start("--port", served.path, "--sensor", str(spec), "-o", str(file), "--http", "0")
         wait_until(lambda: file.exists() and file.stat().st_size > 20_000)
         run.send_signal(signal.SIGINT)
@@ -68,7 +67,7 @@ def test_json_lines_of_the_simulated_device_and_of_its_recording(tmp_path: Path,
 
 def test_another_sensor_and_a_missing_port_end_with_one_line(tmp_path: Path) -> None:
     with_strips(12).save(tmp_path / "other.toml")
-    with PtyDevice(device(), tmp_path / "ttyTEST") as served:
+    with LinkedPty(device(), tmp_path / "ttyTEST") as served:
         done = CliRunner().invoke(
             command, ["--port", served.path, "--sensor", str(tmp_path / "other.toml"), "--no-view"]
         )

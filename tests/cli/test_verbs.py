@@ -282,7 +282,7 @@ BAD = {
     "width of a profile": (
         (*_REC, "--method", "profile", "--wide"),
         _write("r.csv", HEAD + "".join(f"0,0,{i},1,1\n" for i in range(3))),
-        "--wide is for --method polygon; leave it out for profile",
+        "--wide is gone: strip_width_mm in the spec makes strips as wide; leave the option out",
     ),
     "two vertices": (
         (*_REC, "--vertices", "2"),

@@ -111,7 +111,11 @@ def bounded_fits() -> Iterable[ArrayLike]:
         contact = ts.Contact.polygon(convex_polygon(seed, 4 + seed % 3))
         noise = ts.Noise(positional=0.004, quantisation=0.001)
         scan = ts.simulate(sensor, contact, noise, rng=seed)
-        yield from (found.vertices for found in ts.fit_polygon(scan, sensor, noise).objects)
+        for found in ts.fit_polygon(scan, sensor, noise).objects:
+            assert found.guarantee is not None
+            assert found.covariance is not None
+            assert found.deviations is not None
+            yield from (found.vertices, found.covariance, np.hstack(found.deviations))
 
 
 def checksums() -> dict[str, str]:

@@ -27,9 +27,106 @@ static void chaos(void) {
   show("chaos", &value, sizeof value);
 }
 
+enum { STRIPS = 90, EDGES = 4, HEIGHTS = 2 * EDGES, SWEEPS = 600, ROWS = 3000 };
+#define LENGTH 60.0
+static double x_mm[STRIPS], readings[2 * STRIPS], workspace[200000];
+static const double LOWER[3][2] = {{0.0, 30.0}, {35.2, 12.0}, {90.0, 33.0}};
+static const double UPPER[3][2] = {{0.0, 30.0}, {58.7, 47.0}, {90.0, 33.0}};
+
+static double height(const double chain[3][2], double x) {
+  const double *a = chain[x > chain[1][0]], *b = a + 2;
+  return a[1] + (b[1] - a[1]) * (x - a[0]) / (b[0] - a[0]);
+}
+
+/* Readings k_h and k_l of two equal strips under a quadrilateral, with an error up to `noise`. */
+static void measure(double noise) {
+  for (int i = 0; i < STRIPS; i++) {
+    x_mm[i] = (double)i + 0.5;
+    double l = height(LOWER, x_mm[i]) / LENGTH, w = height(UPPER, x_mm[i]) / LENGTH - l;
+    readings[i] = (l + 0.5 * w) / (1.0 - 0.5 * w) + noise * (2.0 * number() - 1.0);
+    readings[STRIPS + i] = l / (1.0 - 0.5 * w) + noise * (2.0 * number() - 1.0);
+  }
+}
+
+/* A whole run: with sigma and without, with faults and without. */
+static void runs(void) {
+  static double x[STRIPS], k[2 * STRIPS], weight[2 * STRIPS], residuals[2 * STRIPS];
+  static unsigned char excluded[2 * STRIPS];
+  static Run run;
+  for (int which = 0; which < 4; which++) {
+    Problem problem = {STRIPS, 2, x, readings, weight, 1.0 / STRIPS, {0.5, 0.0}, 0.5, which == 1 ? 0.02 : 0.0};
+    measure(0.004);
+    for (int i = 0; i < STRIPS; i++) x[i] = x_mm[i] / STRIPS;
+    if (which > 1) readings[20] = 0.9;
+    if (which > 1) readings[STRIPS + 60] = 7.0;
+    tacstrip_fit_run(&problem, which % 2 ? 0.0 : 0.004 / 1.7320508075688772, 1e-5, MAX_VERTICES, 0, &run, k, weight,
+                     residuals, excluded, workspace);
+    Polygon *best = run.found + run.best;
+    show("run", best->theta, (END_ENTRIES + 2 * (unsigned)best->m) * sizeof(double));
+    show("residuals", residuals, sizeof residuals);
+    show("excluded", excluded, sizeof excluded);
+    double covariance[4 * SIZE * SIZE];
+    unsigned size = 2 * (unsigned)(best->m + 2 + best->vertical[0] + best->vertical[1]);
+    problem.k = k;
+    if (tacstrip_vertex_covariance(&problem, best, 0.0, STRIPS, LENGTH, x_mm, STRIPS, covariance))
+      show("covariance", covariance, size * size * sizeof(double));
+  }
+}
+
+/* The set that a bound leaves: its rows, a point inside, a walk, outlines and their scatter. */
+static void bounded(void) {
+  static double low[2 * STRIPS], high[2 * STRIPS], widths[3 * STRIPS], a[HEIGHTS * ROWS], b[ROWS], edge[ROWS];
+  static double pair_a[2 * HEIGHTS * ROWS], pair_b[2 * ROWS], pair_edge[ROWS], points[SWEEPS * HEIGHTS];
+  static double vertical_x[2 * SWEEPS], lower[6 * SWEEPS], upper[6 * SWEEPS];
+  double reach[HEIGHTS], at[HEIGHTS], zones[4] = {30.2, 40.2, 53.7, 63.7}, curvature[HEIGHTS * HEIGHTS];
+  double mean[8], covariance[64], radii[4], deviations[4];
+  Int turns[2] = {1, -1}, counts[2], lower_at[3] = {0, 1, 2}, upper_at[3] = {0, 3, 2};
+  for (int line = 0; line < EDGES; line++) for (int end = 0; end < 2; end++) {
+    const double *point = (line < 2 ? LOWER : UPPER)[line % 2 + end];
+    reach[2 * line + end] = point[0];
+    at[2 * line + end] = point[1];
+  }
+  for (int lam = 0; lam < 2; lam++) {
+    Lines lines = {EDGES, 2, {0, 0}, reach, turns};
+    Band band = {STRIPS, 2, x_mm, low, high, {0.5, 0.0}, 0.5, LENGTH, 0.01 * lam, 0.001, {-1.0, 0.5, 89.5, 91.0}};
+    measure(0.003);
+    for (int i = 0; i < 2 * STRIPS; i++) low[i] = readings[i] - 0.004;
+    for (int i = 0; i < 2 * STRIPS; i++) high[i] = readings[i] + 0.004;
+    for (int i = 0; i < 3 * STRIPS; i++) widths[i] = height(UPPER, x_mm[i % STRIPS]) - height(LOWER, x_mm[i % STRIPS]);
+    tacstrip_feasible_set(&lines, &band, zones, widths, counts, 0, 0, 0, 0, 0, 0, workspace);
+    show("counts", counts, sizeof counts);
+    tacstrip_feasible_set(&lines, &band, zones, widths, counts, a, b, edge, pair_a, pair_b, pair_edge, workspace);
+    show("rows", a, HEIGHTS * (unsigned long long)counts[0] * sizeof *a);
+    show("pairs", pair_a, 2 * HEIGHTS * (unsigned long long)counts[1] * sizeof *a);
+    Int rounds = tacstrip_feasible_part(a, b, pair_a, pair_b, at, curvature, 0.01 * LENGTH, 8, counts[0], counts[1],
+                                        HEIGHTS, workspace);
+    show("rounds", &rounds, sizeof rounds);
+    show("centre", at, sizeof at);
+    Int walked = rounds > 0 && tacstrip_hit_and_run(a, b, edge, pair_a, pair_b, pair_edge, at, curvature, points, SWEEPS,
+                                                    counts[0], counts[1], HEIGHTS, workspace);
+    show("walked", &walked, sizeof walked);
+    if (!walked) continue;
+    show("points", points, sizeof points);
+    Int drawn = tacstrip_outlines(&lines, band.windows, LENGTH, points, vertical_x, SWEEPS, lower, upper, workspace);
+    show("drawn", &drawn, sizeof drawn);
+    if (!drawn) continue;
+    for (int i = 0; i < 8; i++) mean[i] = 0.0;
+    for (int k = 0; k < SWEEPS; k++) for (int i = 0; i < 6; i++) {
+      mean[i] += lower[6 * k + i] / SWEEPS;
+      if (i / 2 == 1) mean[4 + i] += upper[6 * k + i] / SWEEPS;
+    }
+    tacstrip_scatter(lower, upper, lower_at, upper_at, 3, 3, mean, 4, SWEEPS, covariance, radii, deviations, workspace);
+    show("scatter", covariance, sizeof covariance);
+    show("radii", radii, sizeof radii);
+    show("deviations", deviations, sizeof deviations);
+  }
+}
+
 int main(void) {
   int version = tacstrip_core_version();
   show("version", &version, sizeof version);
   chaos();
+  runs();
+  bounded();
   return 0;
 }

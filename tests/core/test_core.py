@@ -9,9 +9,9 @@ import pytest
 
 from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.core.binding import END_ENTRIES, MAX_VERTICES, POLYGON, at, exported, search_workspace
+from tacstrip.core.cost import heights, normal_equations
 from tacstrip.core.descent import descend, ordered
 from tacstrip.core.ellipse import fit_ellipse, plain_fit_ellipse
-from tacstrip.core.normal_equations import heights, normal_equations
 from tacstrip.core.outliers import isolated_outliers, plain_isolated_outliers, plain_spikes, spikes
 from tacstrip.core.polygon_fit import PolygonFit, plain_refine, refine
 from tacstrip.core.problem import FitProblem
@@ -19,7 +19,7 @@ from tacstrip.core.score_test import NEW, TRIED, candidates, places
 from tacstrip.core.search import fit_counts, plain_fit_counts
 from tacstrip.core.vertex_covariance import covariance_with_x_priors
 from tacstrip.geometry.outline import Outline
-from tacstrip.sensor.circuit import k_h, k_l, k_metal
+from tacstrip.sensor.closed_form import k_h, k_l, k_metal
 from tacstrip.sensor.spec import Sensor
 
 MODELS = (

@@ -12,7 +12,7 @@ from studies.checkup import Case, exercise, faulty, said
 from studies.faults import Defect, faulty_log
 from tacstrip.contact.noise import Noise
 from tacstrip.diagnose.doctor import diagnose
-from tacstrip.diagnose.finding import Finding, Report
+from tacstrip.diagnose.faults import Finding, Report
 from tacstrip.diagnose.log import Log
 from tacstrip.diagnose.neighbour_pairs import bridge_effect
 from tacstrip.diagnose.noise import typical_contact
@@ -115,7 +115,7 @@ def test_a_bridge_over_metal_gives_the_current_a_second_way() -> None:
 
 
 def test_a_bridge_between_energised_rubber_strips_does_next_to_nothing() -> None:
-    """docs/doctor.md says so: it cannot be told, and need not be."""
+    """docs/doctor.md says so: it cannot be found, and need not be."""
     contacts = exercise(RUBBER, np.random.default_rng(5), 30)
     build = Imperfections(shorts=[Short(4, 160.0, 20.0)])
     for contact in contacts:
@@ -180,7 +180,7 @@ def test_a_strip_that_never_reads_a_contact() -> None:
         values[:, 5] = np.nan
     report = diagnose(Log.of(RUBBER, log.time_s, raw))
     _only(report, "dead", 5)
-    assert any("strip 5: never touched" in told for told in report.unchecked)
+    assert any("strip 5: never touched" in reason for reason in report.unchecked)
 
 
 def test_saturation_of_one_channel_and_of_all() -> None:
@@ -216,7 +216,7 @@ def test_hum_that_sampling_hides_is_listed_as_unchecked() -> None:
     contacts = exercise(RUBBER, np.random.default_rng(5), 480)
     report = diagnose(faulty_log(RUBBER, contacts, [Defect("hum", size=0.02)], FAINT, 0, rate_hertz=10.0))
     assert "hum" not in {f.fault for f in report.findings}
-    assert any("hum at 50 and 60 Hz" in told for told in report.unchecked)
+    assert any("hum at 50 and 60 Hz" in reason for reason in report.unchecked)
 
 
 def test_excess_noise_of_one_strip_and_of_all() -> None:
@@ -264,7 +264,7 @@ def test_what_was_not_touched_is_not_called_healthy() -> None:
     assert report.condition(0) == "unchecked"
     assert report.condition(4) == "ok"
     assert "strips 0-2, 7-11: never touched; move the contact over them" in report.unchecked
-    assert any("the contact stood at 1 place(s)" in told for told in report.unchecked)
+    assert any("the contact stood at 1 place(s)" in reason for reason in report.unchecked)
 
 
 def test_strips_are_named_as_the_file_counts_them() -> None:
@@ -284,7 +284,7 @@ def test_a_sheet_is_examined_as_far_as_its_channels_go() -> None:
     scan = ts.simulate(CRP, square)
     report = diagnose(Log.of_scans(CRP, [scan] * 3))
     assert report.healthy
-    assert any("CRS-CRP" in told for told in report.unchecked)
+    assert any("CRS-CRP" in reason for reason in report.unchecked)
 
 
 def test_a_long_recording_is_examined_in_parts() -> None:

@@ -67,9 +67,9 @@ def test_exit_codes_words_picture_and_json(folder: Path, contacts: list[ts.Conta
     assert "BROKEN: strip 5, v_l: stuck channel. Stays within" in bad.stdout
     assert "Check the multiplexer's address lines" in bad.stdout
     assert (folder / "health.png").read_bytes()[:4] == b"\x89PNG"
-    told = _run(folder, "doctor", "bad.csv", "--sensor", "sensor.toml", "--json")
-    report = json.loads(told.stdout)
-    assert told.returncode == 1
+    done = _run(folder, "doctor", "bad.csv", "--sensor", "sensor.toml", "--json")
+    report = json.loads(done.stdout)
+    assert done.returncode == 1
     assert [(f["fault"], f["strips"], f["signature"]) for f in report["findings"]] == [("stuck", [5], "kl")]
     assert not report["healthy"]
     assert report["noise"]["profile"] == "I"

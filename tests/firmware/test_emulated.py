@@ -27,9 +27,8 @@ from emulated import (
 )
 from tacstrip.arrays import FloatArray
 from tacstrip.stream import Drag, decode
-from tacstrip.stream.device.protocol.commands import Command
 from tacstrip.stream.device.protocol.frames import Kind
-from tacstrip.stream.device.protocol.messages import Hello, SelfTest
+from tacstrip.stream.device.protocol.messages import Command, Hello, SelfTest
 
 pytestmark = [needs_compiler, needs_simavr]
 BUILD_PAGE = (FIRMWARE.parent / "docs" / "build.md").read_text(encoding="utf-8")

@@ -12,10 +12,9 @@ import pytest
 
 from emulated import make, needs_compiler
 from tacstrip.arrays import FloatArray
-from tacstrip.stream.device.protocol.commands import Command, Status
 from tacstrip.stream.device.protocol.decoder import Decoder, Received
 from tacstrip.stream.device.protocol.frames import CRC_BYTES, Kind, cobs_decode, cobs_encode, encode_frame
-from tacstrip.stream.device.protocol.messages import Hello, Reply, SelfTest
+from tacstrip.stream.device.protocol.messages import Command, Hello, Reply, SelfTest, Status
 from tacstrip.stream.device.protocol.scans import ScanBatch
 
 pytestmark = needs_compiler

@@ -78,13 +78,12 @@ def test_a_scan_agrees_with_the_plain_solver_strip_by_strip(wiring: Wiring) -> N
 
 def test_one_strip_worked_by_hand() -> None:
     """Two rows of cells, a whole strip touched: five resistors to a mirror-symmetric ladder of three rungs."""
-    sensor = a_sensor(
-        strips=1, pitch_mm=4.0, strip_width_mm=2.0, contact_lambda_mm=10.0, resistivity_ratio=3.0
-    )
-    r1 = 3.0 * 2.0 / 4.0
-    g = 1.0 / ((1.0 + r1) * 10.0**2)
-    # Half of the antisymmetric ladder: the middle is at 1/2. From an end at 0: rung g h / 2, then r1 h to the middle.
-    rung, along = 1.0 / (g * 25.0), r1 * 50.0
+    sensor = a_sensor(strips=1, pitch_mm=4.0, contact_lambda_mm=50.0, resistivity_ratio=3.0)
+    r1, z = 3.0, 1.0
+    g = 1.0 / ((1.0 + r1) * 50.0**2)
+    inwards = 50.0**2 / (8.0 * 50.0) * (np.tanh(z) - z / np.cosh(z) ** 2)
+    # Half of the antisymmetric ladder: the middle is at 1/2. From an end at 0: rung, then r1 h to the middle.
+    rung, along = 1.0 / (g * (50.0 - inwards) ** 2 / 100.0), r1 * 50.0
     expected = 0.5 * rung / (rung + along)
     kh, kl = crp.own_electrodes(sensor, np.array([0.0]), np.array([L]), rows=2)
     assert kl[0] == pytest.approx(expected, abs=1e-14)
@@ -212,7 +211,7 @@ def test_clean_readings_give_l_and_u_back(shape: str, convex: bool) -> None:
         assert found.iterations < 40
 
 
-@pytest.mark.parametrize("contact_lambda_mm", [0.5, 2.0, 6.0])
+@pytest.mark.parametrize("contact_lambda_mm", [1.5, 6.0])
 def test_most_of_the_way_is_gone_on_a_coarser_mesh(
     contact_lambda_mm: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -270,7 +269,7 @@ def noise_over_bound(
     shape: str, electrodes: crp.Electrodes, trials: int, rows: int = 50
 ) -> tuple[FloatArray, FloatArray]:
     """Errors (trials, ends) and the bound (ends,) of strips with w >= 5 % of L, at 0.1 % noise."""
-    sensor, sigma, random = a_sensor(), 1e-3, np.random.default_rng(5)
+    sensor, sigma, random = a_sensor(contact_lambda_mm=4.0), 1e-3, np.random.default_rng(5)
     l, u = span(sensor, shape)
     wide: BoolArray = np.tile(u - l >= 0.05 * L, 2)
     bound = np.sqrt(np.diag(crp.covariance(sensor, l, u, sigma, electrodes, rows)))[wide]
@@ -310,7 +309,7 @@ def test_all_electrodes_of_a_wide_contact_reach_half_a_permille() -> None:
 
 
 def test_convexity_helps() -> None:
-    sensor, random = a_sensor(), np.random.default_rng(3)
+    sensor, random = a_sensor(contact_lambda_mm=4.0), np.random.default_rng(3)
     l, u = span(sensor, "slanted band")
     clean = np.stack(crp.own_electrodes(sensor, l, u, 50))
     total = {False: 0.0, True: 0.0}
@@ -333,7 +332,7 @@ def test_a_wrong_lambda_moves_both_ends_outwards_or_inwards() -> None:
     for wrong in (0.9, 1.1):
         found = crp.invert(a_sensor(contact_lambda_mm=2.0 * wrong), kh, kl, rows=50)
         shift = np.nanmedian(np.stack([l - found.l, found.u - u]), axis=1)
-        np.testing.assert_allclose(shift / (wrong - 1.0), 2.6, atol=0.3)  # [mm]: 1.3 lambda
+        np.testing.assert_allclose(shift / (wrong - 1.0), 3.2, atol=0.3)  # [mm]: 1.6 lambda
         assert found.residual_rms < 1e-6  # own electrodes cannot tell
 
 
@@ -372,6 +371,7 @@ def test_the_covariance_is_that_of_the_noise() -> None:
     l, u = span(sensor)
     found = crp.invert(sensor, *crp.own_electrodes(sensor, l, u, 50), sigma=2e-3, rows=50)
     expected = crp.covariance(sensor, l, u, 2e-3, "own", 50)
+    expected += SheetMesh.of(sensor, 50).error_mm ** 2 * np.eye(40)
     assert found.covariance.shape == (40, 40)
     np.testing.assert_allclose(found.covariance, expected, rtol=1e-5)
     np.testing.assert_array_equal(np.isnan(found.l_sigma), np.isnan(l))

@@ -18,8 +18,7 @@ from tacstrip.network.devices.digital_array import (
 )
 from tacstrip.network.devices.four_wire import four_wire
 from tacstrip.network.grid import tactels
-from tacstrip.plot.style import save
-from tacstrip.sensor.circuit import k_metal
+from tacstrip.sensor.closed_form import k_metal
 from tacstrip.thesis import chapter2
 
 
@@ -260,8 +259,8 @@ def test_figure_2_4_three_closed_switches_close_a_fourth() -> None:
     assert flow[2, 1] == pytest.approx(-flow[2, 2])  # into row i + 1 and out of it again
     assert flow[2, 2] < 0.0
     for isolation in ("diodes", "zero-potential"):
-        np.testing.assert_array_equal(scan_array(pattern, isolation).closed, pattern)
-        assert phantoms(pattern, isolation) == 0
+        np.testing.assert_array_equal(scan_array(pattern, isolation=isolation).closed, pattern)
+        assert phantoms(pattern, isolation=isolation) == 0
     assert not np.any(switch_currents(pattern, 1, "diodes")[2])
 
 
@@ -269,10 +268,10 @@ def test_figure_2_4_three_closed_switches_close_a_fourth() -> None:
 def test_without_isolation_a_tactel_reads_closed_where_row_and_column_are_connected(wire_ohm: float) -> None:
     wiring, more = ArrayWiring(load_ohm=1e9, wire_ohm=wire_ohm), 0
     for pattern in random_patterns(60, seed=4):
-        read, rule = scan_array(pattern, "none", wiring), connected(pattern)
+        read, rule = scan_array(pattern, isolation="none", wiring=wiring), connected(pattern)
         np.testing.assert_array_equal(read.closed, rule)
         assert np.all(np.where(rule, read.volts > 0.999, np.abs(read.volts) < 1e-6))
-        assert phantoms(pattern, "none", wiring) == np.sum(rule & ~pattern)
+        assert phantoms(pattern, isolation="none", wiring=wiring) == np.sum(rule & ~pattern)
         more += int(np.sum(rule & ~pattern))
     assert more > 200
 
@@ -282,12 +281,12 @@ def test_without_isolation_a_tactel_reads_closed_where_row_and_column_are_connec
 def test_with_isolation_an_array_reads_what_is_closed(isolation: str, wire_ohm: float) -> None:
     wiring = ArrayWiring(wire_ohm=wire_ohm)
     for pattern in random_patterns(25, seed=5):
-        np.testing.assert_array_equal(scan_array(pattern, isolation, wiring).closed, pattern)
+        np.testing.assert_array_equal(scan_array(pattern, isolation=isolation, wiring=wiring).closed, pattern)
 
 
 def test_ideal_diodes_carry_forward_current_only_and_feed_the_loads() -> None:
     for pattern in random_patterns(15, seed=6):
-        volts = scan_array(pattern, "diodes", ArrayWiring(wire_ohm=2.0)).volts
+        volts = scan_array(pattern, isolation="diodes", wiring=ArrayWiring(wire_ohm=2.0)).volts
         for row in range(len(pattern)):
             flow = switch_currents(pattern, row, "diodes", ArrayWiring(wire_ohm=2.0))
             assert flow.min() >= 0.0
@@ -302,18 +301,22 @@ def test_one_closed_switch_reads_as_its_divider() -> None:
     wires = 3.0 * (3 + 2)  # along row 1 to column 3, down from row 1 to row 3
     for isolation in ("none", "diodes"):
         expected = 1e4 / (1e4 + 200.0 + wires)
-        assert scan_array(pattern, isolation, wiring).volts[1, 3] == pytest.approx(expected, abs=1e-12)
-    zero = scan_array(pattern, "zero-potential", wiring)
+        assert scan_array(pattern, isolation=isolation, wiring=wiring).volts[1, 3] == pytest.approx(
+            expected, abs=1e-12
+        )
+    zero = scan_array(pattern, isolation="zero-potential", wiring=wiring)
     assert zero.volts[1, 3] == pytest.approx(200.0 / (200.0 + wires), abs=1e-12)
     assert zero.volts.sum() == pytest.approx(zero.volts[1, 3])
-    assert scan_array(pattern, "zero-potential").volts.max() == 1.0
+    assert scan_array(pattern, isolation="zero-potential").volts.max() == 1.0
 
 
 def test_nothing_closed_reads_nothing_and_all_closed_reads_all() -> None:
     for isolation in ISOLATIONS:
         for wire in (0.0, 1.0):
             wiring = ArrayWiring(wire_ohm=wire)
-            empty, full = (scan_array(np.full((3, 4), v), isolation, wiring) for v in (False, True))
+            empty, full = (
+                scan_array(np.full((3, 4), v), isolation=isolation, wiring=wiring) for v in (False, True)
+            )
             assert not empty.closed.any()
             assert not empty.volts.any()
             assert full.closed.all()
@@ -322,7 +325,7 @@ def test_nothing_closed_reads_nothing_and_all_closed_reads_all() -> None:
 def test_long_wires_lose_contacts_at_zero_potential() -> None:
     """Grounded rows drain what a column's wire holds above 0 V: the price of this isolation."""
     pattern = np.ones((64, 64), dtype=bool)
-    read = scan_array(pattern, "zero-potential", ArrayWiring(wire_ohm=1.0)).closed
+    read = scan_array(pattern, isolation="zero-potential", wiring=ArrayWiring(wire_ohm=1.0)).closed
     assert read[-1, 0]
     assert not read[0, -1]
 
@@ -394,62 +397,9 @@ def test_a_pattern_that_cannot_be_is_refused(pattern: Any, message: str) -> None
 def test_an_isolation_or_a_row_that_does_not_exist_is_refused() -> None:
     for ask in (scan_array, phantoms):
         with pytest.raises(OptionError) as error:
-            ask([[True]], "magic")
+            ask([[True]], isolation="magic")
         assert str(error.value) == (
             "isolation 'magic' does not exist; choose one of: none, diodes, zero-potential"
         )
     with pytest.raises(OptionError, match="row = 1: the array has rows 0 to 0"):
         switch_currents([[True]], 1)
-
-
-# Figures and numbers of chapter 2
-
-
-def test_the_figures_are_2_3_and_2_4() -> None:
-    assert list(chapter2.FIGURES) == ["2.3", "2.4"]
-    assert list(chapter2.EXTRA) == ["phantoms"]
-
-
-@pytest.mark.parametrize("name", [*chapter2.FIGURES, *chapter2.EXTRA])
-def test_a_figure_has_a_caption_and_named_axes(name: str, tmp_path: Any) -> None:
-    draw = (chapter2.FIGURES | chapter2.EXTRA)[name]
-    figure = draw()
-    assert save(figure, tmp_path / "figure.png").stat().st_size > 8_000
-    caption = (draw.__doc__ or "").splitlines()[0]
-    assert len(caption) > 30
-    assert caption.endswith(".")
-    assert all(axes.get_xlabel() and axes.get_ylabel() for axes in figure.axes)
-
-
-@pytest.mark.parametrize("n", [10, 100, 1000])
-def test_the_comparison_is_that_of_the_thesis(n: int) -> None:
-    rows = {row["sensor"]: row for row in chapter2.comparison_table(n, sample_us=50.0)}
-    costs = {name: (row["samples"], row["connectors"]) for name, row in rows.items()}
-    assert costs == {
-        "analog four-wire": (2, 4),
-        "hybrid CRS-CRS, k_h or k_l": (n, n + 2),
-        "hybrid CRS-M, k": (n, 2 * n + 2),
-        "hybrid CRS-CRS, k_h and k_l": (2 * n, 2 * n + 2),
-        "digital": (n * n, 2 * n),
-    }
-    assert rows["digital"]["scan_ms"] == pytest.approx(0.05 * n * n)
-    with pytest.raises(OptionError, match="n = 0: must be a whole number"):
-        chapter2.comparison_table(0)
-
-
-def test_phantoms_are_few_below_one_in_n_and_nearly_everywhere_above() -> None:
-    n = 16
-    below, above = chapter2.phantoms_over_fill(n, [0.25 / n, 4.0 / n], patterns=20)
-    assert below < 0.01
-    assert above > 0.9
-    assert (
-        chapter2.phantoms_over_fill(n, [0.1], patterns=3)[0]
-        == chapter2.phantoms_over_fill(n, [0.1], patterns=3)[0]
-    )
-
-
-def test_few_phantoms_come_from_paths_of_three() -> None:
-    """At a low fill p the share is (n - 1)^2 p^3: each path of figure 2.4, weighed by its probability."""
-    n, p = 12, 0.02
-    share = chapter2.phantoms_over_fill(n, [p], patterns=600)[0]
-    assert share == pytest.approx((n - 1) ** 2 * p**3, rel=0.35)

@@ -38,7 +38,7 @@ def above(slope: float, l: float = 25.0, u: float = 60.0) -> ts.Contact:
 
 def read_ends(sensor: ts.Sensor, contact: ts.Contact, across: int | None = None) -> tuple[float, float]:
     """Return l', u' of strip 1: the ideal contact that reads the same."""
-    read = wide_readings(sensor, contact, across)
+    read = wide_readings(sensor, contact, across=across)
     l, w = lower_and_width(read["kh"], read["kl"], sensor.length_mm, sensor.sensing_ratio)
     return float(l[1]), float(l[1] + w[1])
 
@@ -57,7 +57,7 @@ def test_edges_straight_across_read_the_closed_form(
     low, high = ends
     block = on_strip((-B, low), (2 * B, low), (2 * B, high), (-B, high))
     expected = signatures(sensor, *ts.footprint(sensor, block))
-    for name, values in wide_readings(sensor, block, across).items():
+    for name, values in wide_readings(sensor, block, across=across).items():
         np.testing.assert_allclose(values, expected[name], rtol=0, atol=1e-9)
 
 
@@ -137,7 +137,7 @@ def test_contact_resistance_converges_to_the_closed_form_with_the_second_power(s
     sensor = replace(sensor, contact_lambda_mm=3.0)
     exact = signatures(sensor, *ts.footprint(sensor, above(0.0)))
     for name, values in exact.items():
-        errors = [abs(wide_readings(sensor, above(0.0), n)[name][1] - values[1]) for n in (8, 16, 32)]
+        errors = [abs(wide_readings(sensor, above(0.0), across=n)[name][1] - values[1]) for n in (8, 16, 32)]
         assert errors[-1] < 1e-4
         np.testing.assert_allclose(np.log2(np.divide(errors[:-1], errors[1:])), 2.0, atol=0.4)
 
@@ -172,12 +172,12 @@ def test_any_shape_reads_as_one_ideal_contact_on_rubber_and_on_metal(
     np.testing.assert_allclose(
         _all_ends(replace(pair, resistivity_ratio=ratio), shape), (low, high), atol=2e-6
     )
-    k = wide_readings(replace(METAL, contact_lambda_mm=lam), shape, 6)["k"]
+    k = wide_readings(replace(METAL, contact_lambda_mm=lam), shape, across=6)["k"]
     np.testing.assert_allclose(k, low / (L - (high - low)), atol=1e-8)
 
 
 def _all_ends(sensor: ts.Sensor, shape: ts.Contact) -> tuple[FloatArray, FloatArray]:
-    read = wide_readings(sensor, shape, 6)
+    read = wide_readings(sensor, shape, across=6)
     l, w = lower_and_width(read["kh"], read["kl"], L, sensor.sensing_ratio)
     return l, l + w
 
@@ -187,11 +187,11 @@ def _all_ends(sensor: ts.Sensor, shape: ts.Contact) -> tuple[FloatArray, FloatAr
 
 def test_a_strip_reads_where_any_part_of_it_is_touched() -> None:
     narrow = ts.Contact.polygon([(12, 30), (23, 30), (23, 70), (12, 70)])
-    touched = ~np.isnan(wide_readings(PAIR, narrow, 8)["kh"])
+    touched = ~np.isnan(wide_readings(PAIR, narrow, across=8)["kh"])
     np.testing.assert_array_equal(touched, [False, True, True])
     assert np.isnan(ts.footprint(PAIR, narrow).l[2])  # its centre line is free
     grazing = ts.Contact.polygon([(10, 30), (20, 30), (20, 70), (10, 70)])
-    np.testing.assert_array_equal(np.isnan(wide_readings(PAIR, grazing, 8)["kh"]), [True, False, True])
+    np.testing.assert_array_equal(np.isnan(wide_readings(PAIR, grazing, across=8)["kh"]), [True, False, True])
     gaps = replace(PAIR, strip_width_mm=2.0)
     between = ts.Contact.polygon([(12, 30), (13, 30), (13, 70), (12, 70)])
     assert not wide_measurements(gaps, between)
@@ -243,7 +243,7 @@ def test_what_cannot_be_is_refused(
     sensor: ts.Sensor, contact: ts.Contact, across: Any, error: type[Exception], words: str
 ) -> None:
     with pytest.raises(error, match=words):
-        wide_readings(sensor, contact, across)
+        wide_readings(sensor, contact, across=across)
 
 
 # The rules of thumb

@@ -1,4 +1,4 @@
-"""Settling and motion: the limits of a scan's rate."""
+"""Settling: the limit of a scan's rate."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import tacstrip as ts
 from tacstrip.network import Readout
 from tacstrip.network.nodal import Factored
 from tacstrip.network.strips.measurements import measurements
-from tacstrip.network.timing import fastest_scan_hz, settling_s, skewed, source_ohm
+from tacstrip.network.timing import fastest_scan_hz, settling_s, source_ohm
 
 CRS = ts.Sensor(
     construction="crs-crs", strips=10, pitch_mm=6.5, length_mm=325.0, adc_bits=12, resistivity_ratio=0.4
@@ -58,13 +58,3 @@ def test_the_fastest_scan() -> None:
         )
     with pytest.raises(ts.NetworkError, match=r"farad = -1\.0"):
         fastest_scan_hz(METAL, readout, -1.0)
-
-
-def test_a_moving_contact_is_sheared() -> None:
-    l, u = skewed(CRS, BLOCK, (0.0, 1000.0), scan_s=0.01)
-    np.testing.assert_allclose(l, 120.0 + np.arange(10.0), atol=1e-9)
-    np.testing.assert_allclose(u - l, 80.0, atol=1e-9)
-    still = skewed(CRS, BLOCK, (0.0, 0.0), 0.01)
-    np.testing.assert_array_equal(still, np.stack(list(ts.footprint(CRS, BLOCK))))
-    with pytest.raises(ts.ContactError, match="lies outside the sensor"):
-        skewed(CRS, BLOCK, (0.0, 1e6), 0.01)

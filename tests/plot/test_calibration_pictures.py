@@ -32,7 +32,7 @@ def unit() -> Calibrated:
     random = np.random.default_rng(1)
     read = {name: np.clip(k + random.uniform(-0.0005, 0.0005, k.shape), 0.0, 1.0) for name, k in raw.items()}
     runs = Runs(l, w, read, np.arange(l.size).reshape(l.shape) + 2, {})
-    return ts.calibrate_unit(CRS, runs, "offset")
+    return ts.calibrate_unit(CRS, runs, model="offset")
 
 
 def test_legends_lie_above_the_points(unit: Calibrated) -> None:
@@ -49,9 +49,14 @@ def test_a_single_point_is_not_blown_up(unit: Calibrated) -> None:
         assert np.ptp(axes.get_xlim()) >= CRS.length_mm
 
 
-def test_the_report_says_which_strips_have_graphs(unit: Calibrated, tmp_path: Path) -> None:
+def test_the_report_says_which_strips_have_graphs(
+    unit: Calibrated, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     assert len(graphed_strips(unit)) == 12
     assert 20 in graphed_strips(unit)
+    monkeypatch.setattr("tacstrip.plot.calibration._MOST_STRIPS", 2)
+    first, second = graphed_strips(unit)
     page = write_report(unit, tmp_path).read_text(encoding="utf-8")
-    assert "Calibration graphs of 12 of the 24 strips: those with the largest residuals." in page
-    assert "Calibration graphs of strip 20" in page
+    assert "Calibration graphs of 2 of the 24 strips: those with the largest residuals." in page
+    assert f"Calibration graphs of strip {first}" in page
+    assert f"Calibration graphs of strip {second}" in page

@@ -19,11 +19,11 @@ from tacstrip.geometry.outline import Outline
 from tacstrip.network.crp.readings import own_electrodes
 from tacstrip.reconstruction.cramer_rao import (
     reading_sigma,
-    signature_jacobians,
     vertex_covariance,
     vertex_jacobian,
     vertex_rms,
 )
+from tacstrip.reconstruction.noise_covariance import signature_jacobians
 
 SQUARE = [(10.0, 20.0), (50.0, 20.0), (50.0, 60.0), (10.0, 60.0)]
 KITE = [(10.2, 50.0), (30.4, 22.0), (70.9, 60.0), (48.3, 85.0)]

@@ -10,11 +10,13 @@ import pytest
 import tacstrip as ts
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.signature import signatures
+from tacstrip.contact.strip_width import wide_ends
 from tacstrip.geometry.outline import Outline
 from tacstrip.network.strips.resolved import wide_readings
-from tacstrip.reconstruction.cramer_rao import reading_sigma, vertex_covariance
+from tacstrip.reconstruction.cramer_rao import reading_sigma, vertex_covariance, vertex_jacobian
 from tacstrip.reconstruction.polygon.estimate import fit_polygon
 from tacstrip.reconstruction.strip_width import equivalent_ends, remove_width_effect
+from tacstrip.tracking.tracker import Tracker
 
 SIZE = {"strips": 40, "pitch_mm": 3.25, "length_mm": 130.0, "strip_width_mm": 3.0, "contact_lambda_mm": 2.0}
 SENSORS = {name: ts.Sensor(construction=name, **SIZE) for name in ("crs-crs", "crs-m")}  # type: ignore[arg-type]
@@ -24,7 +26,7 @@ TRUTH = np.array([(14.0, 60.0), (55.0, 22.0), (117.0, 48.0), (80.0, 96.0), (35.0
 @pytest.fixture(scope="module", params=SENSORS)
 def unit(request: pytest.FixtureRequest) -> tuple[ts.Sensor, dict[str, FloatArray]]:
     sensor = SENSORS[request.param]
-    return sensor, wide_readings(sensor, ts.Contact.polygon(TRUTH), 6)
+    return sensor, wide_readings(sensor, ts.Contact.polygon(TRUTH), across=6)
 
 
 def test_the_closed_form_of_a_wide_strip_is_the_networks(
@@ -46,10 +48,12 @@ def test_the_closed_form_of_a_wide_strip_is_the_networks(
 
 def test_without_noise_the_vertices_come_back() -> None:
     sensor = SENSORS["crs-crs"]
-    read = wide_readings(sensor, ts.Contact.polygon(TRUTH), 6)
+    read = wide_readings(sensor, ts.Contact.polygon(TRUTH), across=6)
     wide, thin = (
-        fit_polygon(ts.Scan(time_s=0.0, **read), sensor, None, vertices=5, wide=w).objects[0]
-        for w in (True, False)
+        fit_polygon(ts.Scan(time_s=0.0, **read), replace(sensor, strip_width_mm=w), None, vertices=5).objects[
+            0
+        ]
+        for w in (3.0, None)
     )
     error, plainly = (np.sqrt(((o.vertices - Outline.of(TRUTH).vertices) ** 2).mean()) for o in (wide, thin))
     assert error < 0.1 * plainly
@@ -66,9 +70,7 @@ def test_noisy_readings_are_used_up_to_the_bound_and_regions_hold(
     squares, inside = [], []
     for _ in range(60):
         noisy = {name: k + random.uniform(-0.003, 0.003, len(k)) for name, k in read.items()}
-        o = fit_polygon(
-            ts.Scan(time_s=0.0, **noisy), sensor, noise, bounded=False, vertices=5, wide=True
-        ).objects[0]
+        o = fit_polygon(ts.Scan(time_s=0.0, **noisy), sensor, noise, bounded=False, vertices=5).objects[0]
         assert o.covariance is not None
         error = o.vertices - truth
         squares.append((error**2).sum())
@@ -80,13 +82,13 @@ def test_noisy_readings_are_used_up_to_the_bound_and_regions_hold(
 
 def test_bounds_and_bridges_know_of_the_width() -> None:
     sensor = SENSORS["crs-crs"]
-    read = wide_readings(sensor, ts.Contact.polygon(TRUTH), 6)
+    read = wide_readings(sensor, ts.Contact.polygon(TRUTH), across=6)
     random = np.random.default_rng(3)
     noisy = {name: k + random.uniform(-0.005, 0.005, len(k)) for name, k in read.items()}
     for k in noisy.values():
         k[20] = np.nan
     o = fit_polygon(
-        ts.Scan(time_s=0.0, **noisy), sensor, ts.Noise(positional=0.005), wide=True, assessment="fast"
+        ts.Scan(time_s=0.0, **noisy), sensor, ts.Noise(positional=0.005), assessment="fast"
     ).objects[0]
     assert o.strips == slice(4, 36)
     assert "20 reads nothing inside" in o.advice or "21 reads nothing inside" in o.advice
@@ -102,12 +104,88 @@ def test_what_the_width_adds_vanishes_with_it() -> None:
         np.testing.assert_allclose(thin[name], k, atol=1e-7)
 
 
+def _shape(seed: int) -> ts.Contact:
+    random = np.random.default_rng(seed)
+    angle = np.sort(random.uniform(0.0, 2.0 * np.pi, 7)) + random.uniform(0.0, 6.0)
+    return ts.Contact.polygon(np.stack([65.0 + 45.0 * np.cos(angle), 62.0 + 40.0 * np.sin(angle)], axis=1))
+
+
+@pytest.mark.parametrize(("name", "lam"), [("crs-crs", 2.0), ("crs-m", 0.0)])
+def test_a_given_width_simulates_the_resolved_strip(name: str, lam: float) -> None:
+    """Corners on strips and strips covered in part too; a width that is not given changes nothing."""
+    sensor = ts.Sensor(
+        construction=name,
+        strips=10,
+        pitch_mm=13.0,
+        length_mm=325.0,
+        strip_width_mm=3.0,
+        contact_lambda_mm=lam,
+    )
+    contact = _shape(1).moved(0.0, 100.0)
+    read, scan = wide_readings(sensor, contact), ts.simulate(sensor, contact)
+    for signature, k in read.items():
+        np.testing.assert_array_equal(np.isnan(scan[signature]), np.isnan(k))
+        assert np.nanmax(np.abs(scan[signature] - k)) < 1e-4
+    plain = replace(sensor, strip_width_mm=None)
+    l, u = ts.footprint(plain, contact)
+    for signature, k in signatures(plain, l, u).items():
+        np.testing.assert_array_equal(ts.simulate(plain, contact)[signature], k)
+
+
+def test_a_given_width_is_simulated_in_closed_form_for_streams() -> None:
+    """Exact on strips under straight edges; with a corner or in part within 2e-3 of Vref."""
+    sensor = ts.Sensor(construction="crs-crs", strips=20, pitch_mm=6.5, length_mm=325.0, strip_width_mm=3.0)
+    contact = _shape(1).moved(0.0, 100.0)
+    read, ends = wide_readings(sensor, contact), wide_ends(sensor, [contact])
+    assert ends.exact.sum() >= 3
+    closed = signatures(sensor, ends.l[0], ends.u[0])
+    for signature, k in read.items():
+        off = np.abs(closed[signature] - k)
+        assert off[ends.exact[0]].max() < 1e-4
+        assert np.nanmax(off) < 4e-3
+    source = ts.SimulatedSource(replace(sensor, adc_bits=16), lambda time_s: contact, scans=3)
+    codes = [raw.codes["kh"] / 65535.0 for raw in source]
+    assert np.abs(codes[2] - np.nan_to_num(closed["kh"])).max() < 1e-5
+
+
+def test_the_bound_is_that_of_the_resolved_strip() -> None:
+    """Slopes of readings by the vertices, against differences of the network, on strips under straight edges."""
+    sensor = replace(SENSORS["crs-crs"], contact_lambda_mm=0.0)
+    outline, step = Outline.of(TRUTH), 0.2
+    slopes = vertex_jacobian(outline, sensor, ["kh"])
+    x = sensor.x_mm[outline.touches(sensor.x_mm - 1.5) | outline.touches(sensor.x_mm + 1.5)]
+    far = np.flatnonzero(np.abs(x[:, None] - TRUTH[:, 0]).min(axis=1) > sensor.strip_width)[::6]
+    strips = [int(np.argmin(np.abs(sensor.x_mm - x[i]))) for i in far]
+    for place in (2, 3, 5, 9):
+        moved = [np.array(outline.vertices) for _ in range(2)]
+        moved[0].flat[place] -= step
+        moved[1].flat[place] += step
+        low, high = (
+            wide_readings(sensor, ts.Contact.polygon(v), across=16, strips=strips)["kh"][strips]
+            for v in moved
+        )
+        np.testing.assert_allclose(slopes[far, place], (high - low) / (2.0 * step), rtol=0.02, atol=1e-4)
+
+
+def test_the_tracker_knows_of_the_width() -> None:
+    sensor = replace(SENSORS["crs-crs"], contact_lambda_mm=0.0)
+    contacts = [ts.Contact.polygon(TRUTH).moved(0.2 * i, 0.3 * i) for i in range(4)]
+    errors = {}
+    for width in (3.0, None):
+        tracker = Tracker(replace(sensor, strip_width_mm=width))
+        for contact in contacts:
+            found = tracker.update(ts.Scan(**wide_readings(sensor, contact, across=6)))  # type: ignore[arg-type]
+        shape = found[0].shape
+        errors[width] = 1.0 - ts.mismatch(contacts[-1].vertices, shape.vertices).iou
+    assert errors[3.0] < 0.6 * errors[None]
+
+
 def test_few_strips_and_garbage() -> None:
     sensor, random = SENSORS["crs-crs"], np.random.default_rng(5)
     for strips in range(1, 40, 3):
         k = np.full((2, 40), np.nan)
         k[:, 40 - strips :] = random.uniform(size=(2, strips))
-        for o in fit_polygon(ts.Scan(kh=k[0], kl=k[1]), sensor, wide=True).objects:
+        for o in fit_polygon(ts.Scan(kh=k[0], kl=k[1]), sensor).objects:
             assert o.status == "ok" or o.advice
             if o.found:
                 assert o.vertices[:, 1].min() >= 0.0

@@ -7,6 +7,7 @@ import platform
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -20,8 +21,10 @@ import tacstrip as ts
 from strategies import FIXED
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import digitise
+from tacstrip.core.binding import exported
 from tacstrip.core.hit_and_run import hit_and_run, plain_hit_and_run
 from tacstrip.core.polytope import (
+    MOST_DIMENSIONS,
     analytic_centre,
     feasible_part,
     largest,
@@ -36,7 +39,13 @@ from tacstrip.geometry.outline import Outline
 from tacstrip.reconstruction.cramer_rao import reading_sigma, vertex_covariance, vertex_rms
 from tacstrip.reconstruction.set_membership.edge_lines import EdgeLines, ReadingBounds, reading_bound
 from tacstrip.reconstruction.set_membership.estimate import Bounded, fewest, refine, within
-from tacstrip.reconstruction.set_membership.feasible_set import FeasibleSet, feasible_set
+from tacstrip.reconstruction.set_membership.feasible_set import FeasibleSet, feasible_set, plain_feasible_set
+from tacstrip.reconstruction.set_membership.outlines import (
+    draw_outlines,
+    plain_draw_outlines,
+    plain_scatter,
+    scatter,
+)
 
 L = 1000.0
 PENTAGON = Outline.of([(30.3, 400.0), (60.2, 250.0), (118.7, 300.0), (92.4, 720.0), (48.9, 640.0)])
@@ -396,8 +405,11 @@ def test_readings_that_are_missing_widen_the_set() -> None:
     whole = refined(PENTAGON, band, NOISE)
     again = refined(PENTAGON, band, NOISE)
     np.testing.assert_array_equal(whole.outline.vertices, again.outline.vertices)
-    for values in (*band.low.values(), *band.high.values()):
-        values[10:40] = np.nan
+    low, high = (
+        {n: np.where(abs(band.x - 55.0) < 15.0, np.nan, k) for n, k in side.items()}
+        for side in (band.low, band.high)
+    )
+    band = replace(band, low=low, high=high)
     assert vertex_rms(refined(PENTAGON, band, NOISE).covariance) > vertex_rms(whole.covariance)
 
 
@@ -446,7 +458,8 @@ for seed in range(12):
                        length_mm=100.0, contact_lambda_mm=2.0 * (seed % 3 == 2))
     contact = ts.Contact.polygon([(2.0, 40.0), (35.0 + seed, 20.0), (97.0, 35.0), (60.0, 80.0 - seed)])
     for found in ts.fit_polygon(ts.simulate(sensor, contact, noise, rng=seed), sensor, noise).objects:
-        print(found.vertices.tobytes().hex())
+        print(found.vertices.tobytes().hex(), found.covariance.tobytes().hex())
+        print(found.status, found.deviations)
 """
 
 
@@ -454,6 +467,8 @@ def test_no_other_linear_algebra_moves_an_outline() -> None:
     """OpenBLAS has other kernels for other processors, and they round differently."""
     if platform.machine() != "x86_64":
         pytest.skip("the kernels named here are of x86-64")
+    if exported("fit_run") is None:
+        pytest.skip("without the compiled core NumPy's linear algebra is used")
     said = []
     for kernels in ("Prescott", "Haswell"):
         surroundings = {**os.environ, "OPENBLAS_CORETYPE": kernels, "OPENBLAS_NUM_THREADS": "1"}
@@ -462,6 +477,109 @@ def test_no_other_linear_algebra_moves_an_outline() -> None:
         pytest.skip("NumPy was not built with OpenBLAS here")
     assert len(said[0].splitlines()) > 10
     assert said[0] == said[1]
+
+
+def a_set(
+    shape: str, case: str, seed: int
+) -> tuple[Outline, ReadingBounds, EdgeLines, FloatArray, FloatArray, FloatArray]:
+    """An outline, its band, lines and heights, and zones and widths for `feasible_set`; some readings are missing."""
+    construction, changed, names = CASES[case]
+    outline, random = SHAPES[shape], np.random.default_rng(seed)
+    band = a_band(outline, a_sensor(construction, **changed), NOISE, seed, names)
+    low = {name: np.where(random.random(len(k)) < 0.1, np.nan, k) for name, k in band.low.items()}
+    lines, heights = EdgeLines.of(outline)
+    x = np.array([*outline.lower[1:-1, 0], *outline.upper[1:-1, 0]])
+    zones = within(lines, x, random.uniform(0.0, 40.0, len(x)), band)
+    zones += random.uniform(-5.0, 5.0, zones.shape) * (seed % 2)  # that overlap, or are empty
+    expected = np.interp(band.x, *outline.upper.T) - np.interp(band.x, *outline.lower.T)
+    return (
+        outline,
+        replace(band, low=low),
+        lines,
+        heights,
+        zones,
+        np.multiply.outer([1.0, 0.8, 1.3], expected),
+    )
+
+
+def test_more_heights_than_the_core_takes_are_for_numpy() -> None:
+    """Every coordinate of a walk moves, and what is found is inside."""
+    size = MOST_DIMENSIONS + 3
+    a, b = a_polytope(0, size, 300)
+    at, outside, empty = minimax(a, b, np.full(size, 5.0), 1.0)
+    assert (outside < 0.0, empty) == (True, False)
+    centre, curvature = analytic_centre(a, b, at)
+    none = np.zeros((0, 2, size)), np.zeros((0, 2)), np.zeros(0)
+    found, rounds = feasible_part((a, b), none[:2], np.full(size, 5.0), 1.0, 8)
+    assert found is not None
+    assert rounds == 1
+    np.testing.assert_allclose(found[0], centre, atol=1e-6)
+    points = hit_and_run((a, b, np.zeros(len(b))), none, centre, curvature, 20)
+    assert (points @ a.T <= b).all()
+    assert (np.ptp(points, axis=0) > 0.0).all()
+    around = hit_and_run(
+        (np.vstack([np.eye(size), -np.eye(size)]), np.ones(2 * size), np.zeros(2 * size)),
+        none,
+        np.zeros(size),
+        np.eye(size),
+        20,
+    )
+    assert (np.ptp(around, axis=0) > 0.5).all()
+
+
+def test_more_corners_than_the_set_is_searched_for_are_least_squares() -> None:
+    angle = (np.arange(14) + 0.3) * (2.0 * np.pi / 14)
+    corners = np.stack([500.0 + 400.0 * np.cos(angle), 500.0 + 400.0 * np.sin(angle)], axis=1)
+    sensor, noise = a_sensor(pitch=2.5, strips=400, adc_bits=None), ts.Noise(positional=1e-4)
+    scan = ts.simulate(sensor, ts.Contact.polygon(corners), noise, rng=0)
+    (found,), (plain,) = (ts.fit_polygon(scan, sensor, noise, bounded=b).objects for b in (True, False))
+    assert len(found.vertices) == 14
+    np.testing.assert_array_equal(found.vertices, plain.vertices)
+    assert (found.status, plain.status) == ("doubtful", "ok")
+    assert "more than 12 vertices is not held against the noise's bound" in found.advice
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("case", CASES)
+def test_the_compiled_set_is_the_plain_one(shape: str, case: str) -> None:
+    for seed in range(3):
+        _, band, lines, _, zones, widths = a_set(shape, case, seed)
+        got, truth = (make(band, lines, zones, widths) for make in (feasible_set, plain_feasible_set))
+        assert len(truth.either_edge) > 0 or not len(lines.turns)
+        for field in fields(FeasibleSet):
+            values = getattr(got, field.name), getattr(truth, field.name)
+            np.testing.assert_allclose(*values, rtol=1e-12, atol=1e-12, err_msg=field.name)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_compiled_outlines_and_their_scatter_are_the_plain_ones(shape: str) -> None:
+    _, band, lines, heights, *_ = a_set(shape, "both", 0)
+    random, reach = np.random.default_rng(0), np.array([1.0, 30.0])
+    points = heights + random.uniform(-reach[:, None, None], reach[:, None, None], (2, 600, len(heights)))
+    for near in (points[0], points[1], np.repeat(heights[None], 600, axis=0)):
+        got, truth = (draw(near, lines, band) for draw in (draw_outlines, plain_draw_outlines))
+        assert (got is None) == (truth is None)
+        if got is None or truth is None:
+            continue
+        for one, other in zip(got, truth, strict=True):
+            np.testing.assert_allclose(one, other, rtol=1e-12)
+        mean = Outline(*(chain.mean(axis=0) for chain in truth))
+        (covariance, radii, moments), plain = (find(mean, *truth) for find in (scatter, plain_scatter))
+        size = np.abs(plain[0]).max()
+        np.testing.assert_allclose(covariance, plain[0], rtol=1e-9, atol=1e-12 * size)
+        if near is not points[0] and near is not points[1]:
+            continue  # all alike: what is left is rounding
+        np.testing.assert_allclose(radii, plain[1], rtol=1e-9)
+        np.testing.assert_allclose(np.hstack(moments), np.hstack(plain[2]), rtol=1e-9)
+
+
+def test_points_that_do_not_tell_of_vertices_make_no_outlines() -> None:
+    """Most make an edge that crosses hardly a strip vertical, or cross outside of their windows."""
+    _, band, lines, heights, *_ = a_set("pentagon", "both", 0)
+    few = np.repeat(heights[None], 600, axis=0)
+    few[30:, 0] += 1e3
+    for draw in (draw_outlines, plain_draw_outlines):
+        assert draw(few, lines, band) is None
 
 
 @pytest.mark.parametrize("seed", range(5))

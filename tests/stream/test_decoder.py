@@ -11,7 +11,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tacstrip.stream.device.protocol.commands import Command
 from tacstrip.stream.device.protocol.decoder import (
     MAX_AHEAD,
     MAX_BEHIND,
@@ -21,7 +20,7 @@ from tacstrip.stream.device.protocol.decoder import (
     Received,
 )
 from tacstrip.stream.device.protocol.frames import HEADER, VERSION, Kind, cobs_encode, encode_frame
-from tacstrip.stream.device.protocol.messages import Hello, Reply, SelfTest
+from tacstrip.stream.device.protocol.messages import Command, Hello, Reply, SelfTest
 from tacstrip.stream.device.protocol.scans import MAX_STRIPS, ScanBatch, encode_scan
 from tacstrip.stream.source import RawScan
 

@@ -13,15 +13,13 @@ import numpy as np
 import pytest
 
 import tacstrip as ts
-from live_devices import SENSOR, Line, Noise, device, with_strips
+from live_devices import SENSOR, Line, LinkedPty, Noise, device, with_strips
 from tacstrip.stream.codes import decode
 from tacstrip.stream.device.port import SerialPort
-from tacstrip.stream.device.protocol.commands import Command, Status
 from tacstrip.stream.device.protocol.decoder import Decoder
 from tacstrip.stream.device.protocol.frames import Kind
-from tacstrip.stream.device.protocol.messages import Hello, Reply, SelfTest
+from tacstrip.stream.device.protocol.messages import Command, Hello, Reply, SelfTest, Status
 from tacstrip.stream.device.protocol.scans import ScanBatch
-from tacstrip.stream.device.pty import PtyDevice
 from tacstrip.stream.device.virtual import Loopback, VirtualDevice
 
 
@@ -225,12 +223,12 @@ def test_spoilt_frames_are_counted_and_the_others_come() -> None:
 
 
 @pytest.fixture
-def served(tmp_path: Path) -> Iterator[PtyDevice]:
-    with PtyDevice(device(), tmp_path / "ttyTEST") as one:
+def served(tmp_path: Path) -> Iterator[LinkedPty]:
+    with LinkedPty(device(), tmp_path / "ttyTEST") as one:
         yield one
 
 
-def test_a_device_behind_a_serial_port(served: PtyDevice, tmp_path: Path) -> None:
+def test_a_device_behind_a_serial_port(served: LinkedPty, tmp_path: Path) -> None:
     said: list[str] = []
     source = ts.SerialSource(lambda: SerialPort(served.path), SENSOR, on_message=said.append)
     scans = iter(source)
@@ -239,7 +237,7 @@ def test_a_device_behind_a_serial_port(served: PtyDevice, tmp_path: Path) -> Non
     with pytest.raises(ts.PortError, match="another program has it open"):
         SerialPort(served.path)
     served.close()
-    with PtyDevice(device(), tmp_path / "ttyTEST"):
+    with LinkedPty(device(), tmp_path / "ttyTEST"):
         more = [raw.sequence for raw in islice(scans, 60)]
     assert 0 in more
     assert [text.partition(" (")[0] for text in said] == ["the device is gone", "the device is back"]

@@ -19,9 +19,8 @@ import tacstrip as ts
 from live_devices import SENSOR, still
 from tacstrip.stream import RawScan
 from tacstrip.stream.device.clocks import DeviceClock, HostClock
-from tacstrip.stream.device.protocol.commands import Command
 from tacstrip.stream.device.protocol.frames import Kind, check_frame, encode_frame, parse_frame
-from tacstrip.stream.device.protocol.messages import Hello
+from tacstrip.stream.device.protocol.messages import Command, Hello
 from tacstrip.stream.device.virtual import VirtualDevice
 from tacstrip.stream.live.pipeline import Live
 

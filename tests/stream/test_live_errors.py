@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import logging
 import math
 import threading
 from collections.abc import Callable, Iterator
@@ -220,3 +221,11 @@ def _raiser(error: Exception) -> Callable[[ts.Frame, int], None]:
         raise error
 
     return take
+
+
+def test_messages_go_to_the_logger_by_default(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    file = tmp_path / "a.mcap"
+    with caplog.at_level(logging.INFO, "tacstrip"), pytest.raises(ts.PortError, match="gone"):
+        list(ts.live(source=_Breaks(ts.PortError("gone"), 5), record=file, speed=math.inf))
+    said = [(r.name, r.levelname, r.getMessage().partition(" scan(s)")[0]) for r in caplog.records]
+    assert said == [("tacstrip", "WARNING", "gone"), ("tacstrip", "INFO", f"{file}: 5")]

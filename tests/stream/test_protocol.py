@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 
 from tacstrip.arrays import FloatArray
 from tacstrip.errors import OptionError
-from tacstrip.stream.device.protocol.commands import Command, Status, parse_message
 from tacstrip.stream.device.protocol.decoder import Decoder, Received
 from tacstrip.stream.device.protocol.frames import (
     Kind,
@@ -26,7 +25,7 @@ from tacstrip.stream.device.protocol.frames import (
     encode_frame,
     parse_frame,
 )
-from tacstrip.stream.device.protocol.messages import Hello, Reply, SelfTest
+from tacstrip.stream.device.protocol.messages import Command, Hello, Reply, SelfTest, Status, parse_message
 from tacstrip.stream.device.protocol.scans import MAX_STRIPS, ScanBatch, encode_scan
 from tacstrip.stream.source import RawScan
 

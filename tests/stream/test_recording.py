@@ -24,8 +24,7 @@ from tacstrip.stream import Drag
 from tacstrip.stream.codes import decode
 from tacstrip.stream.recording import mcap_file as mcapfile
 from tacstrip.stream.recording.messages import FRAME
-from tacstrip.stream.recording.record import record
-from tacstrip.stream.recording.recorder import Recorder
+from tacstrip.stream.recording.recorder import Recorder, record
 from tacstrip.stream.recording.recover import recover
 from tacstrip.stream.replay import Recording
 from tacstrip.stream.source import RawScan, Shape

@@ -24,7 +24,7 @@ SCRIPT = f"""
 import json, mmap, os, random, signal, struct, sys, time
 import numpy as np
 from recordings import ORIGIN, sensor, source
-from tacstrip.stream.recording.record import with_shapes
+from tacstrip.stream.recording.recorder import with_shapes
 from tacstrip.stream.recording.recorder import Recorder
 from tacstrip.stream.source import paced
 from dataclasses import replace

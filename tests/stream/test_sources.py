@@ -19,8 +19,7 @@ from strategies import FIXED
 from tacstrip.reconstruction.methods import METHODS, reconstruct
 from tacstrip.stream import Drag, RawScan, ReadingsSource, Source, paced
 from tacstrip.stream.codes import code_shape, code_type, decode, encode, quantisation_error, top_code
-from tacstrip.stream.recording.record import record, with_shapes
-from tacstrip.stream.recording.recorder import Recorder
+from tacstrip.stream.recording.recorder import Recorder, record, with_shapes
 from tacstrip.stream.replay import open_source
 
 COUNT = 30

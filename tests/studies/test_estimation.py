@@ -27,7 +27,8 @@ def noise(half_width: float) -> ts.Noise:
 def test_what_each_imperfection_does_to_the_readings() -> None:
     """The network alone is the closed form; unevenness and width cost some tenths of a percent of Vref each."""
     (contact,) = real_contacts(1, seed=4)
-    ideal = ts.simulate(replace(SENSOR, adc_bits=None), ts.Contact.polygon(contact.truth))
+    lines = replace(SENSOR, adc_bits=None, strip_width_mm=None)
+    ideal = ts.simulate(lines, ts.Contact.polygon(contact.truth))
     for name in ("kh", "kl"):
         off = {
             unit: float(np.sqrt(np.nanmean((read[name] - ideal[name]) ** 2)))

@@ -9,8 +9,8 @@ import pytest
 
 import tacstrip as ts
 from tacstrip.data.published import offsets_volt, residuals, rows
+from tacstrip.thesis.chapter5.ambiguity import AMBIGUOUS, ambiguity_facts
 from tacstrip.thesis.chapter5.claims import amplification
-from tacstrip.thesis.chapter5.recovery_figures import AMBIGUOUS, ambiguity
 from tacstrip.thesis.chapter5.tables import Cell, run_cell, summarise
 from tacstrip.thesis.shapes import POSITIONS, SHAPES, SIMULATED
 
@@ -116,7 +116,7 @@ def test_summary_counts_what_is_printed_inside() -> None:
 
 @pytest.mark.parametrize("figure", AMBIGUOUS)
 def test_a_concave_shape_comes_back_as_a_convex_one(figure: str) -> None:
-    _, facts = ambiguity(figure)
+    facts = ambiguity_facts(figure)
     assert len(facts) == POSITIONS
     assert max(f["iou"] for f in facts) < 0.9  # another shape
     assert max(f["signature_difference"] for f in facts) < 0.005  # that profile I would hide

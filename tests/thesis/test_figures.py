@@ -8,11 +8,12 @@ from PIL import Image
 
 from tacstrip.contact.footprint import footprint
 from tacstrip.contact.shape import Contact
+from tacstrip.errors import OptionError
 from tacstrip.geometry.metrics import mismatch, mismatch_coefficient
 from tacstrip.plot.style import save
 from tacstrip.reconstruction.vertex.blocks import blocks, linear_system
 from tacstrip.reconstruction.vertex.estimate import vertex_reconstruction
-from tacstrip.sensor.circuit import k_h, k_l, k_metal
+from tacstrip.sensor.closed_form import k_h, k_l, k_metal
 from tacstrip.sensor.spec import Sensor
 from tacstrip.simulation import simulate
 from tacstrip.surface.cylinder import strip_angle, strips_under_flat
@@ -45,6 +46,22 @@ def test_a_figure_is_drawn_with_a_caption_and_named_axes(number: str, tmp_path: 
     assert caption.endswith(".")
     assert figure.axes
     assert all(axes.get_xlabel() and axes.get_ylabel() for axes in figure.axes)
+
+
+@pytest.mark.parametrize("n", [10, 100, 1000])
+def test_the_comparison_is_that_of_the_thesis(n: int) -> None:
+    rows = {row["sensor"]: row for row in chapter2.comparison_table(n, sample_us=50.0)}
+    costs = {name: (row["samples"], row["connectors"]) for name, row in rows.items()}
+    assert costs == {
+        "analog four-wire": (2, 4),
+        "hybrid CRS-CRS, k_h or k_l": (n, n + 2),
+        "hybrid CRS-M, k": (n, 2 * n + 2),
+        "hybrid CRS-CRS, k_h and k_l": (2 * n, 2 * n + 2),
+        "digital": (n * n, 2 * n),
+    }
+    assert rows["digital"]["scan_ms"] == pytest.approx(0.05 * n * n)
+    with pytest.raises(OptionError, match="n = 0: must be a whole number"):
+        chapter2.comparison_table(0)
 
 
 @pytest.mark.parametrize(("model", "at_full_length"), [(k_h, 1.0), (k_l, 0.0), (k_metal, None)])

@@ -8,7 +8,7 @@ import pytest
 import tacstrip as ts
 from tacstrip.data import data_path
 from tacstrip.data.published import offsets_volt, published, residuals
-from tacstrip.sensor.circuit import k_metal
+from tacstrip.sensor.closed_form import k_metal
 from tacstrip.thesis.chapter6.twin import (
     LINES,
     PLACINGS,

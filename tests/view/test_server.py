@@ -21,7 +21,7 @@ from tacstrip.stream.live.pipeline import Live
 from tacstrip.tracking import Tracker
 from tacstrip.view.access import Access
 from tacstrip.view.controller import Controller
-from tacstrip.view.drawing import frame_json
+from tacstrip.view.frame_json import frame_json
 from tacstrip.view.health import background_process
 from tacstrip.view.server import PAGE, Server
 from tacstrip.view.simulator import Settings, Simulator, sensor_of
@@ -183,13 +183,13 @@ def test_a_slow_page_gets_the_newest_and_a_page_that_goes_is_forgotten(server: S
                 if len(numbers) == 2:  # two are under way, and no third comes
                     await asyncio.to_thread(wait_until, lambda: _newest(box) > numbers[1] + 100)
                     await socket.send_json({"drawn": 0})
-            assert server.watching == 1
+            assert len(server.pages) == 1
             return numbers
 
     box = live.subscribe(detailed=True)
     _, second, third = _talk(watch)
     assert third > second + 100
-    wait_until(lambda: server.watching == 0)
+    wait_until(lambda: not server.pages)
     assert live.running
 
 
@@ -226,7 +226,7 @@ def test_recording_from_the_page(server: Server, tmp_path: Path) -> None:
     async def record(session: aiohttp.ClientSession) -> int:
         async with session.ws_connect(f"{_base(server)}/ws") as socket:
             await socket.send_json({"do": "record"})
-            assert (await _until(socket, "told"))["text"].startswith("recording to ")
+            assert (await _until(socket, "notice"))["text"].startswith("recording to ")
             while not ((state := await _until(socket, "state"))["recording"] or {}).get("scans"):
                 pass
             await socket.send_json({"do": "stop recording"})

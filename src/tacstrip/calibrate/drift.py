@@ -28,6 +28,7 @@ _RESTLESS = 5.0  # times the learned noise: a strip that varies more is touched
 def rezero(
     sensor: Sensor,
     raw: Mapping[str, FloatArray],
+    *,
     source: str = "",
     reference: tuple[float, float] | None = None,
 ) -> tuple[Sensor, BoolArray]:
@@ -153,7 +154,7 @@ class DriftEstimator:
     array([ 0.003, -0.001])
     """
 
-    def __init__(self, sensor: Sensor, time_constant_s: float = 30.0, settle_s: float = 1.0) -> None:
+    def __init__(self, sensor: Sensor, *, time_constant_s: float = 30.0, settle_s: float = 1.0) -> None:
         if not time_constant_s > 0.0 or not settle_s >= 0.0:
             raise OptionError("time_constant_s must be above 0 and settle_s 0 or more")
         _readings_without_drift(sensor, sensor.signatures, None)
@@ -166,9 +167,8 @@ class DriftEstimator:
     def update(self, raw: Mapping[str, FloatArray], time_s: float) -> None:
         """Take a scan: raw readings over Vref by signature (strips,), at a time that does not run backwards [s]."""
         without = {n: v - (self._drift[n] - _drift(self.sensor, n)) for n, v in raw.items()}
-        now_touched = touched(self.sensor, without) | np.isnan(
-            self._touched_s
-        )  # before the first scan, unknown
+        unknown = np.isnan(self._touched_s)  # before the first scan
+        now_touched = touched(self.sensor, without) | unknown
         self._touched_s[now_touched] = time_s
         elapsed_s = max(0.0, time_s - self._time_s) if self.scans else 0.0
         weight = 1.0 - np.exp(-elapsed_s / self.time_constant_s)

@@ -110,9 +110,8 @@ def repeat_noise(runs: Runs) -> float | None:
         place = np.stack([runs.l_mm[rows, strip], runs.w_mm[rows, strip]], axis=1)
         _, group, count = np.unique(place, axis=0, return_inverse=True, return_counts=True)
         group, count = group.ravel(), count.astype(float)
-        enlarged = np.sqrt(count / np.maximum(count - 1.0, 1.0))[
-            group
-        ]  # the mean of few follows each of them
+        # The mean of few follows each of them.
+        enlarged = np.sqrt(count / np.maximum(count - 1.0, 1.0))[group]
         for values in runs.raw.values():
             read = values[rows, strip]
             deviation = (read - (np.bincount(group, read) / count)[group]) * enlarged
@@ -144,9 +143,8 @@ def _implausible(fit: ModelFit) -> str:
         if c.model.has("curve"):
             bend = np.median(c.curve(name) - c.model.knots, axis=0)
             if np.abs(bend).max() > _OFFSET:
-                return (
-                    f"curves would have to be up to {100.0 * bend[np.abs(bend).argmax()]:+.0f} % of Vref off"
-                )
+                worst = 100.0 * bend[np.abs(bend).argmax()]
+                return f"curves would have to be up to {worst:+.0f} % of Vref off"
     ratio = float(np.exp(np.median(np.atleast_1d(c.value("ratio") + c.value("ratios")))))
     if not 1.0 / _RATIO <= ratio <= _RATIO:
         return f"the ratio of resistivities would have to be {ratio:.2g} times the spec's"

@@ -19,10 +19,10 @@ _FAR_BETTER = 1.0 / 3.0  # of the residual as the runs are read: another interpr
 _LEAST = 0.003  # over Vref: a residual below this is no misreading
 _UNITS = {
     10.0: "centimetres",
-    1000.0: "metres",
+    1e3: "metres",
     25.4: "inches",
     0.1: "tenths of a millimetre",
-    0.001: "micrometres",
+    1e-3: "micrometres",
 }
 
 
@@ -83,44 +83,38 @@ def reversed_order(sensor: Sensor, runs: Runs) -> str:
 def _interpretations(sensor: Sensor, runs: Runs) -> Iterator[tuple[str, Runs]]:
     """Yield common mistakes, in words, and the runs as then meant; only those whose contacts lie on the strips."""
     l, w, length = runs.l_mm, runs.w_mm, sensor.length_mm
-    for factor, unit in _UNITS.items():
-        yield from _with_places(
-            runs, sensor, l * factor, w * factor, f"l_mm and w_mm are in {unit}, not in millimetres"
-        )
-    yield from _with_places(runs, sensor, w, l, "the columns l_mm and w_mm are exchanged")
-    yield from _with_places(runs, sensor, l, w - l, "w_mm holds the contact's upper end, not its length")
-    yield from _with_places(
-        runs, sensor, l - w / 2.0, w, "l_mm holds the contact's middle, not its lower end"
-    )
-    yield from _with_places(runs, sensor, l - w, w, "l_mm holds the contact's upper end, not its lower one")
-    mirrored = list(
-        _with_places(runs, sensor, length - l - w, w, "l_mm is counted from the end at Vref, not from ground")
-    )
-    yield from mirrored
+    mirrored = "l_mm is counted from the end at Vref, not from ground"
+    places = {
+        f"l_mm and w_mm are in {unit}, not in millimetres": (l * factor, w * factor)
+        for factor, unit in _UNITS.items()
+    } | {
+        "the columns l_mm and w_mm are exchanged": (w, l),
+        "w_mm holds the contact's upper end, not its length": (l, w - l),
+        "l_mm holds the contact's middle, not its lower end": (l - w / 2.0, w),
+        "l_mm holds the contact's upper end, not its lower one": (l - w, w),
+        mirrored: (length - l - w, w),
+    }
+    moved = {words: _with_places(runs, sensor, *place) for words, place in places.items()}
+    possible = {words: other for words, other in moved.items() if other}
+    yield from possible.items()
     if "kh" in runs.raw and "kl" in runs.raw:
         yield "the columns of v_h and v_l are exchanged, or the wires are", _exchanged(runs)
-        for _, other in mirrored:
-            yield (
-                "Vref and ground are exchanged on the unit, or l_mm is counted from the end at Vref",
-                _exchanged(other),
-            )
+        if other := possible.get(mirrored):
+            words = "Vref and ground are exchanged on the unit, or l_mm is counted from the end at Vref"
+            yield words, _exchanged(other)
     yield "the strips are in reversed order: they are counted from the other side", _reversed_strips(runs)
 
 
-def _with_places(
-    runs: Runs, sensor: Sensor, l: FloatArray, w: FloatArray, words: str
-) -> Iterator[tuple[str, Runs]]:
-    """Yield the runs with other places, if all of them lie on the strips and can be read."""
+def _with_places(runs: Runs, sensor: Sensor, l: FloatArray, w: FloatArray) -> Runs | None:
+    """Return the runs with other places; None unless all of them lie on the strips and can be read."""
     length = sensor.length_mm
     slack = 1e-6 * length
     longest = length - slack if sensor.sensing_ratio == 0.0 else length  # metal from end to end reads nothing
-    if (
-        np.nanmin(l) >= -slack
-        and -slack <= np.nanmin(w) <= np.nanmax(w) <= longest
-        and np.nanmax(l + w) <= length + slack
-    ):
-        l = np.clip(l, 0.0, length)
-        yield words, replace(runs, l_mm=l, w_mm=np.clip(w, 0.0, length - l))
+    on_strips = np.nanmin(l) >= -slack and np.nanmax(l + w) <= length + slack
+    if not on_strips or not -slack <= np.nanmin(w) <= np.nanmax(w) <= longest:
+        return None
+    l = np.clip(l, 0.0, length)
+    return replace(runs, l_mm=l, w_mm=np.clip(w, 0.0, length - l))
 
 
 def _exchanged(runs: Runs) -> Runs:

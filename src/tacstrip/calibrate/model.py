@@ -3,27 +3,53 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.sensor.calibration import Calibration
 from tacstrip.sensor.channel import Channel, fading, piecewise_map
-from tacstrip.sensor.circuit import k_h, k_l, transfer_length
+from tacstrip.sensor.closed_form import k_h, k_l, transfer_length
 from tacstrip.sensor.spec import Sensor
 
-# Part: what it is, in words.
+
+class Part(NamedTuple):
+    """A part of a model, and what is known of its parameters before and after a fit.
+
+    Attributes
+    ----------
+    words
+        What it is.
+    prior, most
+        Standard deviation of a parameter before any contact, and the largest of one that is determined: log ratios,
+        lambda / L, the rest over Vref.
+    remedy
+        What to do where the runs do not determine it.
+    """
+
+    words: str
+    prior: float
+    most: float
+    remedy: str
+
+
+_DIFFERENT = "press contacts of different lengths w"
 PARTS = {
-    "offset": "an offset per strip and signature",
-    "gain": "a gain per strip and signature",
-    "fade": "offsets that fade towards both ends of the scale",
-    "ratio": "the ratio of resistivities, one for all strips",
-    "ratios": "each strip's own ratio of resistivities",
-    "lambda": "contact resistance",
-    "warp": "resistivity that varies along y, strip by strip",
-    "curve": "a monotone curve per strip and signature, in place of offset and gain",
-}
+    "offset": Part("an offset per strip and signature", 0.1, 0.02, "press every strip"),
+    "gain": Part("a gain per strip and signature", 0.1, 0.05, "press contacts further apart along every strip"),
+    "fade": Part("offsets that fade towards both ends of the scale", 0.3, 0.1, "press contacts nearer to both ends"),
+    "ratio": Part("the ratio of resistivities, one for all strips", 0.5, 0.2, _DIFFERENT),
+    "ratios": Part("each strip's own ratio of resistivities", 0.5, 0.2, f"{_DIFFERENT} on every strip"),
+    "lambda": Part("contact resistance", 0.05, 0.01, _DIFFERENT),
+    "warp": Part(
+        "resistivity that varies along y, strip by strip", 0.1, 0.02, "press more contacts along every strip"
+    ),
+    "curve": Part(
+        "a monotone curve per strip and signature, in place of offset and gain", 0.1, 0.05,
+        "press more contacts along every strip, near both ends too",
+    ),
+}  # fmt: skip
 _LEAST_RATIO, _MOST_RATIO = 1e-3, 1e3
 _LEAST_FADE, _MOST_FADE = 0.01, 0.5
 _LEAST_GAIN = 0.5
@@ -145,14 +171,10 @@ def within_bounds(constants: Constants) -> Constants:
         "fade": (min(max(_LEAST_FADE, least), _MOST_FADE), _MOST_FADE),
         "gain": (_LEAST_GAIN - 1.0, 1.0),
     }
-    shared, own = (
-        np.clip(
-            values,
-            [bounds.get(n.split()[0], _ANY)[0] for n in names],
-            [bounds.get(n.split()[0], _ANY)[1] for n in names],
-        )
-        for values, names in ((constants.shared, model.shared), (constants.own, model.own(signatures)))
-    )
+    limits = np.array([bounds.get(n.split()[0], _ANY) for n in (*model.shared, *model.own(signatures))])
+    low, high = limits.reshape(-1, 2).T
+    n = len(model.shared)
+    shared, own = np.clip(constants.shared, low[:n], high[:n]), np.clip(constants.own, low[n:], high[n:])
     return replace(constants, shared=shared, own=own)
 
 
@@ -194,19 +216,16 @@ def apply(constants: Constants, sensor: Sensor) -> Sensor:
     model = constants.model
     channels = []
     for name in constants.signatures:
+        keys: dict[str, Any] = {"fade": float(constants.value("fade"))}
         if model.has("curve"):
-            made = Channel(signature=name, curve_at=tuple(model.knots), curve=_rows(constants.curve(name)))
-        else:
-            made = Channel(
-                signature=name,
-                offset=tuple(constants.value(f"offset {name}")) if model.has("offset") else (),
-                gain=tuple(1.0 + constants.value(f"gain {name}")) if model.has("gain") else (),
-                fade=float(constants.value("fade")),
-            )
-        channels.append(made)
-    ratios = constants.value(
-        "ratios"
-    )  # their mean goes into the spec's key, the deviation from it stays with the strip
+            keys = {"curve_at": tuple(model.knots), "curve": _rows(constants.curve(name))}
+        if model.has("offset"):
+            keys["offset"] = tuple(constants.value(f"offset {name}"))
+        if model.has("gain"):
+            keys["gain"] = tuple(1.0 + constants.value(f"gain {name}"))
+        channels.append(Channel(signature=name, **keys))
+    # The mean of the ratios goes into the spec's key, the deviation from it stays with the strip.
+    ratios = constants.value("ratios")
     mean = float(np.mean(ratios)) + float(constants.value("ratio"))
     calibration = Calibration(
         channels=tuple(channels),
@@ -216,7 +235,7 @@ def apply(constants: Constants, sensor: Sensor) -> Sensor:
         model=model.name,
         sensor=sensor.fingerprint,
     )
-    keys: dict[str, Any] = {"calibration": calibration}
+    keys = {"calibration": calibration}
     if model.has("ratio") or model.has("ratios"):
         keys["resistivity_ratio"] = float(sensor.resistivity_ratio * np.exp(mean))
     if model.has("lambda"):

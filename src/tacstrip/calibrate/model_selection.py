@@ -111,13 +111,9 @@ class _Result:
         return self.fit.constants.size
 
     def trial(self, chosen: Model) -> Trial:
-        name = self.model.name
-        verdict = "chosen" if self.model == chosen else "tried"
-        if self.errors is None:
-            return Trial(
-                name, None, verdict if self.model == chosen else "cannot be compared: too few places"
-            )
-        return Trial(name, 100.0 * self.mean, verdict)
+        percent = None if self.errors is None else 100.0 * self.mean
+        why = "tried" if self.errors is not None else "cannot be compared: too few places"
+        return Trial(self.model.name, percent, "chosen" if self.model == chosen else why)
 
 
 class _Search:
@@ -151,13 +147,13 @@ class _Search:
         return result
 
     def _try(self, model: Model, old: ModelFit | None) -> _Result | Trial:
+        why = needs_lengths(model, self.runs)
         if not model.parts <= self.planned and not _enough_places(model, self.runs, self.places):
             why = "a constant of a strip needs a place of its own; press more places"
-            return Trial(model.name, None, f"refused: {why}")
-        if why := needs_lengths(model, self.runs):
-            return Trial(model.name, None, f"refused: {why}")
-        fit = fit_model(model, self.sensor, self.runs, old.constants if old else None)
-        if why := unidentifiable(fit, self.sensor, self.runs):
+        if not why:
+            fit = fit_model(model, self.sensor, self.runs, old.constants if old else None)
+            why = unidentifiable(fit, self.sensor, self.runs)
+        if why:
             return Trial(model.name, None, f"refused: {why}")
         return _Result(fit, self.sensor, self.runs, self.places)
 
@@ -216,20 +212,15 @@ def _consistent(model: Model) -> bool:
     """Whether parts go together: at least one, and none that describes what another does."""
     has = model.has
     twice = has("curve") and any(has(p) for p in ("offset", "gain", "fade", "warp"))
-    return (
-        not twice
-        and not (has("ratio") and has("ratios"))
-        and not (has("fade") and not has("offset"))
-        and bool(model.parts)
-    )
+    twice |= has("ratio") and has("ratios")
+    return not twice and (has("offset") or not has("fade")) and bool(model.parts)
 
 
 def _applicable(model: Model, sensor: Sensor, signatures: tuple[str, ...]) -> bool:
     """Whether the model suits the sensor's construction and the signatures that were read."""
-    rubber = "resistivity_ratio" in sensor.kind.keys
-    return not (model.has("ratio") or model.has("ratios")) or (
-        rubber and (model.has("ratio") or len(signatures) == 2)
-    )
+    if not (model.has("ratio") or model.has("ratios")):
+        return True
+    return "resistivity_ratio" in sensor.kind.keys and (model.has("ratio") or len(signatures) == 2)
 
 
 def _larger(model: Model, sensor: Sensor, runs: Runs) -> list[Model]:

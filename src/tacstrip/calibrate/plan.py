@@ -13,7 +13,7 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.calibrate.fit import jacobian
-from tacstrip.calibrate.model import Model, initial_constants
+from tacstrip.calibrate.model import PARTS, Model, initial_constants
 from tacstrip.calibrate.model_selection import parse_model, planned_model
 from tacstrip.calibrate.unit import require_closed_form
 from tacstrip.contact.noise import Noise
@@ -21,17 +21,6 @@ from tacstrip.errors import OptionError
 from tacstrip.sensor.spec import Sensor
 
 _MOST = 400  # contacts; more than five times the thesis' 81 and a long day
-# Prior standard deviations of parameters, over Vref or L or as logarithms.
-_PRIOR = {
-    "ratio": 0.5,
-    "ratios": 0.5,
-    "lambda": 0.05,
-    "fade": 0.3,
-    "gain": 0.1,
-    "offset": 0.1,
-    "warp": 0.1,
-    "curve": 0.1,
-}
 _TOP = 14.0 / 15.0  # of the length
 _LENGTHS = (0, 5, 10)  # units, as in 6.1.1
 
@@ -131,7 +120,7 @@ def _reading_jacobian(sensor: Sensor, model: Model, places: FloatArray) -> Float
 
 def _prior_information(model: Model, sensor: Sensor) -> FloatArray:
     names = (*model.shared, *model.own(sensor.signatures))
-    return np.array([_PRIOR[name.split()[0]] ** -2.0 for name in names])
+    return np.array([PARTS[name.split()[0]].prior ** -2.0 for name in names])
 
 
 def _design(

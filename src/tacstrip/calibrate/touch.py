@@ -22,7 +22,7 @@ _RESTLESS = 0.02  # of Vref: a strip that moves by more is not at rest
 
 
 @takes(sensor=Sensor)
-def learn_touch(sensor: Sensor, raw: Mapping[str, FloatArray], source: str = "") -> Sensor:
+def learn_touch(sensor: Sensor, raw: Mapping[str, FloatArray], *, source: str = "") -> Sensor:
     """Return the sensor with `rest_volt`, `touch_volt` and each strip's own level and noise from untouched readings.
 
     Parameters
@@ -98,7 +98,6 @@ def undetectable_mm(sensor: Sensor) -> tuple[FloatArray, FloatArray]:
     blind = ~touched(sensor, invert_calibration(sensor, dict.fromkeys(sensor.signatures, y)))
     place = np.where(blind, y * sensor.length_mm, np.nan)
     some = blind.any(axis=0)
-    low, high = (
-        np.where(some, f(np.where(some, place, 0.0), axis=0), np.nan) for f in (np.nanmin, np.nanmax)
-    )
+    place = np.where(some, place, 0.0)
+    low, high = (np.where(some, f(place, axis=0), np.nan) for f in (np.nanmin, np.nanmax))
     return low, high

@@ -72,7 +72,7 @@ class Calibrated:
     >>> l_mm = np.repeat([[50.0], [150.0], [250.0]], 2, axis=1)  # (contacts, strips)
     >>> raw = {"k": ts.signatures(sensor, l_mm, l_mm)["k"] + np.array([0.02, -0.01])}
     >>> runs = ts.Runs(l_mm, 0.0 * l_mm, raw, line=np.arange(2, 8).reshape(3, 2), rest={})
-    >>> result = ts.calibrate_unit(sensor, runs, "offset")
+    >>> result = ts.calibrate_unit(sensor, runs, model="offset")
     >>> if result.status == "ok":
     ...     result.sensor.save("calibrated.toml")
     """
@@ -125,7 +125,7 @@ class Calibrated:
 
 @takes(sensor=Sensor, runs=Runs)
 def calibrate_unit(
-    sensor: Sensor, runs: Runs, model: str = "auto", unit: str = "", *, force: bool = False
+    sensor: Sensor, runs: Runs, *, model: str = "auto", unit: str = "", force: bool = False
 ) -> Calibrated:
     """Calibrate a unit from contacts of known place.
 
@@ -167,7 +167,7 @@ def calibrate_unit(
     >>> w_mm = np.zeros((3, 2))
     >>> raw = {"k": ts.signatures(sensor, l_mm, l_mm + w_mm)["k"] + np.array([0.02, -0.01])}
     >>> runs = ts.Runs(l_mm, w_mm, raw, line=np.arange(2, 8).reshape(3, 2), rest={})
-    >>> result = ts.calibrate_unit(sensor, runs, "offset")
+    >>> result = ts.calibrate_unit(sensor, runs, model="offset")
     >>> result.status, np.round(result.sensor.calibration.channel("k").offset, 3)
     ('ok', array([ 0.02, -0.01]))
     """
@@ -242,15 +242,13 @@ def _with_rest_levels(new: Calibration, old: Calibration | None) -> Calibration:
     if old is None:
         return new
     levels = ((c, old.channel(c.signature)) for c in new.channels)
-    return replace(
-        new, channels=tuple(replace(c, rest=o.rest, noise=o.noise) for c, o in levels), touch=old.touch
-    )
+    channels = tuple(replace(c, rest=o.rest, noise=o.noise) for c, o in levels)
+    return replace(new, channels=channels, touch=old.touch)
 
 
 def _mean_parameters(done: Sensor, runs: Runs) -> tuple[Parameter, ...]:
-    vref = done.vref_volt
     return tuple(
-        Parameter(f"offset {channel.signature}", strip, value * vref, sigma * vref, "V")
+        Parameter(f"offset {channel.signature}", strip, value * done.vref_volt, sigma * done.vref_volt, "V")
         for channel in (done.calibration.channels if done.calibration else ())
         for strip, (value, sigma) in enumerate(
             zip(channel.offset, mean_offset_sigma(done, runs, channel.signature), strict=True)
@@ -261,15 +259,11 @@ def _mean_parameters(done: Sensor, runs: Runs) -> tuple[Parameter, ...]:
 def _parameters(done: Sensor, fit: ModelFit) -> tuple[Parameter, ...]:
     constants, model = fit.constants, fit.constants.model
     shared = zip(model.shared, constants.shared, fit.shared_sigma, strict=True)
+    each: list[tuple[str, int | None, float, float]] = [(name, None, *pair) for name, *pair in shared]
     own = zip(model.own(constants.signatures), constants.own.T, fit.own_sigma.T, strict=True)
-    return (
-        *(_physical(done, name, None, float(v), float(s), model.pieces) for name, v, s in shared),
-        *(
-            _physical(done, name, strip, float(v), float(s), model.pieces)
-            for name, values, sigmas in own
-            for strip, (v, s) in enumerate(zip(values, sigmas, strict=True))
-        ),
-    )
+    for name, values, sigmas in own:
+        each += [(name, strip, *pair) for strip, pair in enumerate(zip(values, sigmas, strict=True))]
+    return tuple(_physical(done, n, strip, float(v), float(s), model.pieces) for n, strip, v, s in each)
 
 
 def _physical(
@@ -277,24 +271,20 @@ def _physical(
 ) -> Parameter:
     """Return a parameter in physical units; `pieces` of the model's warp or curve."""
     part, *rest = name.split()
-    length, vref = done.length_mm, done.vref_volt
     if part in ("ratio", "ratios"):
         own = done.calibration.ratio[strip] if strip is not None and done.calibration else 1.0
         ratio = done.resistivity_ratio * own
         return Parameter("resistivity ratio", strip, ratio, ratio * sigma, "")
-    if part == "lambda":
-        return Parameter("contact lambda", strip, value * length, sigma * length, "mm")
-    if part == "fade":
-        return Parameter("fade", strip, value, sigma, "Vref")
-    if part == "gain":
-        return Parameter(name, strip, 1.0 + value, sigma, "")
-    if part == "offset":
-        return Parameter(name, strip, value * vref, sigma * vref, "V")
-    at = int(rest[-1]) / pieces
-    if part == "warp":
-        name = f"place that has the share {at:.4g} of L"
-        return Parameter(name, strip, (at + value) * length, sigma * length, "mm, electrical")
-    return Parameter(f"curve {rest[0]} at {at:.4g} Vref", strip, (at + value) * vref, sigma * vref, "V")
+    at = int(rest[-1]) / pieces if part in ("warp", "curve") else 0.0
+    words, base, scale, unit = {
+        "lambda": ("contact lambda", 0.0, done.length_mm, "mm"),
+        "fade": ("fade", 0.0, 1.0, "Vref"),
+        "gain": (name, 1.0, 1.0, ""),
+        "offset": (name, 0.0, done.vref_volt, "V"),
+        "warp": (f"place that has the share {at:.4g} of L", at, done.length_mm, "mm, electrical"),
+        "curve": (f"curve {(rest or [''])[0]} at {at:.4g} Vref", at, done.vref_volt, "V"),
+    }[part]
+    return Parameter(words, strip, (base + value) * scale, sigma * scale, unit)
 
 
 def _excluded(runs: Runs, counted: BoolArray, after: dict[str, FloatArray]) -> tuple[ExcludedRow, ...]:

@@ -8,6 +8,7 @@ import importlib
 import os
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +17,9 @@ import click
 from tacstrip.errors import OptionError, ReadingError, RecordingError, TacstripError
 
 if TYPE_CHECKING:
+    from tacstrip.contact.shape import Contact
+    from tacstrip.reconstruction.result import Reconstruction
+    from tacstrip.scan import Scan
     from tacstrip.sensor.spec import Sensor
     from tacstrip.stream.source import Source
 
@@ -25,16 +29,17 @@ VERBS = {
     "demo": "Recover a rectangle from packaged (synthetic) volts of the ten-strip prototype.",
     "simulate": "Press a contact on a sensor and write the readings.",
     "reconstruct": "Recover shapes from readings.",
-    "calibrate": "Fit a unit's constants to contacts of known place; plan them, learn rest, take drift out.",
+    "calibrate": "Fit a unit's constants to known contacts; plan them, learn the rest level, remove drift.",
     "record": "Record codes and shapes from a simulated sensor, readings or another recording.",
-    "replay": "Give a recording's scans again, at their pace or faster.",
-    "recover": "Make a cut or damaged recording whole again.",
+    "replay": "Play back a recording's scans, at their pace or faster.",
+    "recover": "Recover the undamaged part of a cut or damaged recording.",
     "convert": "Turn recordings into CSV, NumPy or GeoJSON, and readings into recordings.",
     "live": "Show, record and pass on what touches the sensor, from a device, a virtual one or a file.",
-    "doctor": "Say from readings what is wrong with the hardware.",
+    "doctor": "Find faults of the hardware in readings.",
+    "noise": "Learn a sensor's noise from a recording of a still press, for its spec.",
     "spice": "Write the sensor and its contact as a netlist for ngspice.",
-    "limits": "Say how well a sensor can tell a contact's corners, and which designs reach a wanted error.",
-    "reproduce": "Make chapters 2 to 6 of the thesis again, beside its printed figures.",
+    "limits": "Compute how well a sensor can locate corners, and which designs reach a wanted error.",
+    "reproduce": "Reproduce chapters 2 to 6 of the thesis, with the printed figures.",
 }
 
 
@@ -119,26 +124,33 @@ def new_file(output: Path, force: bool, *inputs: str | Path) -> None:
         raise OptionError(f"{output} exists already; choose another name, or add --force to write over it")
 
 
-def warn(*texts: str) -> None:
-    """Say on standard error what is probably not meant; empty texts say nothing."""
-    for text in texts:
-        if text:
-            click.echo(f"Warning: {text}", err=True)
+def note(text: str) -> None:
+    """Say on standard error what is not the verb's output."""
+    click.echo(text, err=True)
 
 
-def load_sensor(spec: str | Path) -> Sensor:
-    """Load a spec file or a shipped spec, and warn where it looks like metres; errors as of `Sensor.load`."""
+def warn(*texts: str, file: object = "") -> None:
+    """Say on standard error what is probably not meant, of a file; empty texts say nothing."""
+    for text in filter(None, texts):
+        note(f"Warning: {file}: {text}" if file else f"Warning: {text}")
+
+
+def load_sensor(spec: str | Path, without: Sequence[str] = ()) -> Sensor:
+    """Load a spec file or a shipped spec, and warn where it looks like metres; errors as of `Sensor.load`.
+
+    `without` names channels to leave out, besides those of the spec.
+    """
     from tacstrip.io.input_checks import in_metres  # late, as all that loads NumPy
     from tacstrip.sensor.spec import Sensor
 
     sensor = Sensor.load(spec)
-    told = in_metres(sensor)
-    warn(f"{spec}: {told}" if told else "")
+    sensor = replace(sensor, without=(*sensor.without, *without))
+    warn(in_metres(sensor), file=spec)
     return sensor
 
 
 def warn_untouched(name: str | Path, source: Source) -> None:
-    """Warn where untouched strips have readings in a file that is a source, and its spec does not tell them apart."""
+    """Warn where untouched strips have readings in a file that is a source, and its spec does not separate them."""
     import itertools
 
     import numpy as np
@@ -156,8 +168,31 @@ def warn_untouched(name: str | Path, source: Source) -> None:
     except (ReadingError, RecordingError):
         return
     raw = {n: np.where(log.touched, values, np.nan) for n, values in log.raw.items()}
-    hint = rest_hint(log.sensor, raw)
-    warn(f"{name}: {hint}" if hint else "")
+    warn(rest_hint(log.sensor, raw), file=name)
+
+
+def warn_of_input(name: str | Path, source: Source) -> None:
+    """Warn of a source that is a file: half of its readings missing, or readings of untouched strips."""
+    from tacstrip.io.input_checks import half_read
+    from tacstrip.stream.replay import ReadingsSource
+
+    if isinstance(source, ReadingsSource):
+        warn(half_read(name, source.sensor, source.names))
+    warn_untouched(name, source)
+
+
+def save_picture(
+    path: Path,
+    sensor: Sensor,
+    scans: Sequence[Scan],
+    results: dict[str, list[Reconstruction]],
+    contacts: Sequence[Contact] = (),
+) -> Path:  # fmt: skip
+    """Draw scans, what was reconstructed of them by each method, and the contacts that touched; return the file."""
+    from tacstrip.plot.result import reconstruction_figure
+    from tacstrip.plot.style import save
+
+    return save(reconstruction_figure(sensor, scans, results, contacts), path)
 
 
 def check_method(option: str, method: str | None, sensor: Sensor, signatures: Sequence[str]) -> None:
@@ -192,12 +227,11 @@ def main() -> None:
     try:
         cli(standalone_mode=True)
     except TacstripError as error:
-        click.echo(f"Error: {error}", err=True)
+        note(f"Error: {error}")
         sys.exit(2)
     except OSError as error:
         missing = " (is there such a folder?)" if isinstance(error, FileNotFoundError) else ""
         place = "the output" if error.filename is None else error.filename
-        failed = error.errno in _COULD_NOT
         then = "; nothing is written there: make room, or choose another disk" if error.errno in _FULL else ""
-        click.echo(f"Error: {place}: {error.strerror}{missing}{then}", err=True)
-        sys.exit(1 if failed else 2)
+        note(f"Error: {place}: {error.strerror}{missing}{then}")
+        sys.exit(1 if error.errno in _COULD_NOT else 2)

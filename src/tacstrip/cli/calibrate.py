@@ -5,17 +5,17 @@ from __future__ import annotations
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import click
 import numpy as np
-from click.core import ParameterSource
 
 from tacstrip.arrays import FloatArray
 from tacstrip.calibrate.drift import rezero
-from tacstrip.calibrate.plan import plan
+from tacstrip.calibrate.plan import Plan, plan
 from tacstrip.calibrate.touch import learn_touch, undetectable_mm
 from tacstrip.calibrate.unit import Calibrated, calibrate_unit, one_line, require_closed_form, timestamp
-from tacstrip.cli import load_sensor, protect, warn
+from tacstrip.cli import load_sensor, note, options, protect, warn
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError
 from tacstrip.io.input_checks import half_read
@@ -28,33 +28,25 @@ _MOST_LINES = 20
 
 
 @click.command()
-@click.argument("sensor", metavar="SENSOR")
-@click.argument("data", metavar="[RUNS]", type=click.Path(path_type=Path), required=False)
-@click.option(
-    "-o", "--output", type=click.Path(path_type=Path), help="Calibrated spec (.toml), or the plan (.csv)."
-)
-@click.option("--report", type=click.Path(path_type=Path), help="Folder for report.html and its pictures.")
+@options.SENSOR
+@click.argument("data", metavar="[RUNS]", type=options.FILE, required=False)
+@options.output("Calibrated spec (.toml), or the plan (.csv).", required=False)
+@click.option("--report", type=options.FILE, help="Folder for report.html and its pictures.")
 @click.option("--model", default="auto", show_default=True, metavar="auto|mean|PARTS", help="mean: the thesis' mean "
               "offsets. PARTS: of offset, gain, fade, ratio, ratios, lambda, warp8, curve8, joined by +.")  # fmt: skip
-@click.option("--touch", type=click.Path(path_type=Path), help="Readings (CSV) with nothing on the sensor: learn "
-              "rest_volt and touch_volt.")  # fmt: skip
+@click.option("--touch", type=options.FILE, help="Readings (CSV) with nothing on the sensor: learn rest_volt and "
+              "touch_volt.")  # fmt: skip
 @click.option("--unit", default="", help="Name of this very unit, kept with its calibration.")
-@click.option(
-    "--force", is_flag=True, help="Take runs that say that they are of another unit, or do not fit."
-)
-@click.option(
-    "--plan", "planned", is_flag=True, help="Print the contacts to make; -o writes them as RUNS to fill in."
-)
-@click.option(
-    "--wanted", type=float, default=0.2, show_default=True, help="For --plan: accuracy [% of Vref]."
-)
-@click.option(
-    "--noise", type=float, default=0.2, show_default=True, help="For --plan: +- of a reading [% of Vref]."
-)
+@click.option("--force", is_flag=True,
+              help="Take runs that say that they are of another unit, or do not fit.")  # fmt: skip
+@click.option("--plan", "planned", is_flag=True,
+              help="Print the contacts to make; -o writes them as RUNS to fill in.")  # fmt: skip
+@click.option("--wanted", type=float, default=0.2, show_default=True, help="For --plan: accuracy [%].")
+@click.option("--noise", type=float, default=0.2, show_default=True, help="For --plan: +- of a reading [%].")
 @click.option("--unit-mm", type=float, help="For --plan: step of the places [mm]; by default L / 32.5.")
 @click.option("--rezero", "zeroed", is_flag=True, help="SENSOR is a calibrated spec, and in place of RUNS stand "
               "readings (CSV) with nothing on the sensor: take the drift from them.")  # fmt: skip
-@click.option("--reference", type=(float, float), metavar="L W", help="For --rezero: this contact [mm] lies on "
+@click.option("--reference", type=options.POINT, metavar="L W", help="For --rezero: this contact [mm] lies on "
               "the strips instead.")  # fmt: skip
 def command(
     sensor: str,
@@ -66,11 +58,9 @@ def command(
     unit: str,
     force: bool,
     planned: bool,
-    wanted: float,
-    noise: float,
-    unit_mm: float | None,
     zeroed: bool,
     reference: tuple[float, float] | None,
+    **design: Any,
 ) -> None:
     """Calibrate SENSOR (a spec file or a shipped spec) from RUNS (CSV): contacts of known l and w on each strip.
 
@@ -81,11 +71,21 @@ def command(
     Example: tacstrip calibrate sensor.toml runs.csv -o calibrated.toml --report report
     """
     protect(output, sensor, data, touch)
-    _check_options(planned, zeroed, data is not None, report, reference)
+    _check_options(planned, zeroed, data is not None)
     spec = load_sensor(sensor)
     if planned:
         chosen = "" if model == "auto" else model
-        _show_plan(spec, output, wanted, Noise(positional=noise / 100.0), chosen, unit_mm, unit)
+        noise = Noise(positional=design["noise"] / 100.0)
+        made = plan(spec, design["wanted"], noise, chosen, design["unit_mm"])
+        _show_plan(made, spec, design["wanted"])
+        if output is not None:
+            places = [
+                (s, l, w) for l, w, times in made.contacts for _ in range(times) for s in range(spec.strips)
+            ]
+            write_plan(output, spec, places, unit)
+            click.echo(
+                f"{output}: fill in the readings, then: tacstrip calibrate SENSOR {output} -o calibrated.toml"
+            )
         return
     if output is None:
         raise OptionError("name the spec to write with -o, for example -o calibrated.toml")
@@ -99,15 +99,15 @@ def command(
     accepted = True
     if data is not None:
         runs = read_runs(data, spec, unit, force)
-        unset = rest_hint(spec, runs.raw)
-        warn(half_read(data, spec, runs.signatures), f"{data}: {unset}" if unset else "")
+        warn(half_read(data, spec, runs.signatures))
+        warn(rest_hint(spec, runs.raw), file=data)
         if model == "auto":
-            click.echo("Comparing models by cross-validation; this may take a minute", err=True)
-        result = calibrate_unit(spec, runs, model, unit, force=force)
+            note("Comparing models by cross-validation; this may take a minute")
+        result = calibrate_unit(spec, runs, model=model, unit=unit, force=force)
         _show_result(result)
         spec = result.sensor
         if touch is None and all(len(v) for v in runs.rest.values()):
-            spec = learn_touch(spec, runs.rest, f"{timestamp()}, {runs.source}")
+            spec = learn_touch(spec, runs.rest, source=f"{timestamp()}, {runs.source}")
         if report is not None:
             from tacstrip.report.calibration import write_report
 
@@ -115,22 +115,19 @@ def command(
         warn(result.advice)
         accepted = result.status == "ok"
         if not accepted and not force:
-            click.echo(f"Not calibrated: {output} is written with --force only", err=True)
+            note(f"Not calibrated: {output} is written with --force only")
             sys.exit(1)
     if touch is not None:
-        spec = learn_touch(spec, _raw(touch, spec), _source(touch))
+        spec = learn_touch(spec, _raw(touch, spec), source=_source(touch))
     if spec.touch_volt is not None and spec.calibration is not None and spec.calibration.touch:
         _show_touch(spec)
     spec.save(output)
-    click.echo(
-        f"{output} written"
-        + (f": use it in place of {sensor}" if accepted else ", but its constants are doubtful")
-    )
+    use = f": use it in place of {sensor}" if accepted else ", but its constants are doubtful"
+    click.echo(f"{output} written{use}")
 
 
-def _check_options(planned: bool, zeroed: bool, data: bool, report: Path | None, reference: object) -> None:
+def _check_options(planned: bool, zeroed: bool, data: bool) -> None:
     """Refuse options that do not belong to the job that was asked for."""
-    given = click.get_current_context().get_parameter_source
     if planned and zeroed:
         raise OptionError("--plan and --rezero are two jobs; give one of them")
     if planned and data:
@@ -139,25 +136,12 @@ def _check_options(planned: bool, zeroed: bool, data: bool, report: Path | None,
         raise OptionError(
             "--rezero needs readings: tacstrip calibrate --rezero CALIBRATED.toml READINGS.csv -o NEW.toml"
         )
-    for name in ("wanted", "noise", "unit_mm"):
-        if not planned and given(name) is ParameterSource.COMMANDLINE:
-            raise OptionError(f"--{name.replace('_', '-')} is for --plan; leave it out")
-    if reference is not None and not zeroed:
-        raise OptionError("--reference is for --rezero; leave it out")
-    if report is not None and (planned or zeroed or not data):
-        raise OptionError("--report is of a calibration: give RUNS")
+    options.belong(planned, "is for --plan; leave it out", "wanted", "noise", "unit_mm")
+    options.belong(zeroed, "is for --rezero; leave it out", "reference")
+    options.belong(data and not zeroed, "is of a calibration: give RUNS", "report")
 
 
-def _show_plan(
-    spec: Sensor,
-    output: Path | None,
-    wanted: float,
-    noise: Noise,
-    model: str,
-    unit_mm: float | None,
-    unit: str,
-) -> None:
-    made = plan(spec, wanted, noise, model, unit_mm)
+def _show_plan(made: Plan, spec: Sensor, wanted: float) -> None:
     click.echo(
         f"Contacts across all strips, from l over w, for a model {made.model}:\n     l [mm]    w [mm]  times"
     )
@@ -169,14 +153,6 @@ def _show_plan(
     )
     if not made.reached:
         warn(f"+-{wanted:g} % is not reached; take less noisy readings: the mean of several")
-    if output is not None:
-        contacts = [
-            (s, l, w) for l, w, times in made.contacts for _ in range(times) for s in range(spec.strips)
-        ]
-        write_plan(output, spec, contacts, unit)
-        click.echo(
-            f"{output}: fill in the readings, then: tacstrip calibrate SENSOR {output} -o calibrated.toml"
-        )
 
 
 def _show_result(result: Calibrated) -> None:
@@ -193,12 +169,12 @@ def _show_result(result: Calibrated) -> None:
         if trial.verdict.startswith("refused"):
             refused.setdefault(trial.verdict.removeprefix("refused: "), []).append(trial.name)
     for why, names in list(refused.items())[:_MOST_LINES]:
-        click.echo(f"  not fitted: {', '.join(names)}: {why}", err=True)
+        note(f"  not fitted: {', '.join(names)}: {why}")
     for row in result.excluded[:_MOST_LINES]:
         strip = row.strip + result.uncalibrated.strip_base
-        click.echo(f"  line {row.line}, strip {strip}: excluded, {row.why}", err=True)
+        note(f"  line {row.line}, strip {strip}: excluded, {row.why}")
     if len(result.excluded) > _MOST_LINES:
-        click.echo(f"  ... and {len(result.excluded) - _MOST_LINES} more rows", err=True)
+        note(f"  ... and {len(result.excluded) - _MOST_LINES} more rows")
 
 
 def _show_touch(spec: Sensor) -> None:
@@ -214,13 +190,12 @@ def _show_touch(spec: Sensor) -> None:
 
 def _rezeroed(spec: Sensor, readings: Path, reference: tuple[float, float] | None) -> Sensor:
     require_closed_form(spec)
-    sensor, measured = rezero(spec, _raw(readings, spec), _source(readings), reference)
+    sensor, measured = rezero(spec, _raw(readings, spec), source=_source(readings), reference=reference)
     kept = [str(i + spec.strip_base) for i in np.flatnonzero(~measured)]
     click.echo(f"{int(measured.sum())} of {spec.strips} strips re-zeroed")
     if kept:
-        warn(
-            f"strips {', '.join(kept[:_MOST_LINES])} are touched, vary or moved too far, and keep their drift"
-        )
+        strips = ", ".join(kept[:_MOST_LINES])
+        warn(f"strips {strips} are touched, vary or moved too far, and keep their drift")
     for channel in sensor.calibration.channels if sensor.calibration else ():
         worst = max(channel.drift, key=abs, default=0.0)
         click.echo(f"  {channel.signature}: drift up to {100.0 * worst:+.3g} % of Vref")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from tacstrip.cli import load_sensor, new_file, warn_untouched
+from tacstrip.cli import load_sensor, new_file, options, warn_untouched
 from tacstrip.cli.record import save_recording
 from tacstrip.cli.replay import warn_of_cut
 from tacstrip.errors import OptionError, one_of
@@ -20,11 +20,10 @@ _KINDS = (".mcap", ".csv", ".npz", ".geojson", ".toml")
 
 
 @click.command()
-@click.argument("files", metavar="[SENSOR] INPUT", nargs=-1, required=True)
-@click.option("-o", "--output", type=click.Path(path_type=Path), required=True,
-              help="New file: .csv, .npz, .geojson, .mcap or .toml.")  # fmt: skip
+@options.sensor_and_input()
+@options.output("New file: .csv, .npz, .geojson, .mcap or .toml.")
 @click.option("--codes", is_flag=True, help="A/D codes instead of volts in a .csv.")
-@click.option("--force", is_flag=True, help="Overwrite an existing file.")
+@options.FORCE
 def command(files: tuple[str, ...], output: Path, codes: bool, force: bool) -> None:
     """Convert INPUT, a recording (.mcap) or readings (.csv), to another format.
 
@@ -34,13 +33,10 @@ def command(files: tuple[str, ...], output: Path, codes: bool, force: bool) -> N
 
     Example: tacstrip convert session.mcap -o session.npz
     """
-    if len(files) > 2:
-        raise OptionError(f"{files[2]}: one INPUT only, with its SENSOR before it")
     kind = output.suffix.lower()
     if kind not in _KINDS:
         raise OptionError(f"-o {output}: " + one_of("ending", kind, _KINDS))
-    if codes and kind != ".csv":
-        raise OptionError(f"--codes is for a .csv, and {output} is none")
+    options.belong(kind == ".csv", f"is for a .csv, and {output} is none", "codes")
     new_file(output, force, *files)
     source = open_source(files[-1], load_sensor(files[0]) if len(files) == 2 else None)
     if kind == ".mcap":
@@ -49,13 +45,13 @@ def command(files: tuple[str, ...], output: Path, codes: bool, force: bool) -> N
         return
     warn_untouched(files[-1], source)
     with contextlib.closing(source):
-        told = _converted(files[-1], source, output, codes)
-    click.echo(f"{output}: {told}")
+        contents = _convert(files[-1], source, output, codes)
+    click.echo(f"{output}: {contents}")
     if kind != ".toml":
         warn_of_cut(source)
 
 
-def _converted(name: str, source: Source, output: Path, codes: bool) -> str:
+def _convert(name: str, source: Source, output: Path, codes: bool) -> str:
     """Write a file by its ending; return a description of its contents."""
     match output.suffix.lower():
         case ".geojson":

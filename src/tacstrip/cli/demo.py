@@ -6,15 +6,14 @@ from pathlib import Path
 
 import click
 
+from tacstrip.cli import options
 from tacstrip.io.geometry import write_geojson
 from tacstrip.plot.style import save
 from tacstrip.reconstruction.result import Reconstruction
 
 
 @click.command()
-@click.option(
-    "--out", type=click.Path(path_type=Path), default="demo", show_default=True, help="Folder to write to."
-)
+@click.option("--out", type=options.FILE, default="demo", show_default=True, help="Folder to write to.")
 def command(out: Path) -> None:
     """Reconstruct a rectangle from packaged volts of the ten-strip prototype, before and after calibration.
 
@@ -27,13 +26,10 @@ def command(out: Path) -> None:
 
     demo = run()
     click.echo(
-        "Synthetic readings of the thesis' CRS-CRS prototype (10 strips, 6.5 x 32.5 cm, 5 x 3.5 cm object)."
+        "Synthetic readings of the thesis' CRS-CRS prototype (10 strips, 6.5 x 32.5 cm, 5 x 3.5 cm object).\n"
+        "Polygon fit: the default of `tacstrip reconstruct`. P.R. and V.R.: the thesis' Profile and Vertex\n"
+        f"Reconstruction; transitions given: the true ones.\n\n{table(demo)}"
     )
-    click.echo(
-        "Polygon fit: the default of `tacstrip reconstruct`. P.R. and V.R.: the thesis' Profile and Vertex"
-    )
-    click.echo("Reconstruction; transitions given: the true ones.\n")
-    click.echo(table(demo))
     best = next(t for t in demo.trials if (t.readings, t.method) == ("after", FIT))
     out.mkdir(parents=True, exist_ok=True)
     write_geojson(out / "shape.geojson", [Reconstruction("polygon", (best.recovered,))])

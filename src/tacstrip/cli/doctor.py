@@ -12,9 +12,9 @@ from pathlib import Path
 import click
 import numpy as np
 
-from tacstrip.cli import load_sensor, protect, warn
+from tacstrip.cli import load_sensor, note, options, protect, warn
 from tacstrip.diagnose.doctor import diagnose
-from tacstrip.diagnose.finding import Finding, Report
+from tacstrip.diagnose.faults import Finding, Report
 from tacstrip.diagnose.log import Log, read_log
 from tacstrip.errors import OptionError
 from tacstrip.io.input_checks import half_read, over_vref
@@ -22,12 +22,10 @@ from tacstrip.stream.replay import Recording
 
 
 @click.command()
-@click.argument("file", type=click.Path(path_type=Path))
+@click.argument("file", type=options.FILE)
 @click.option("--sensor", metavar="SENSOR", help="Spec file or shipped spec; a recording holds its own.")
 @click.option("--json", "as_json", is_flag=True, help="Print the report as JSON.")
-@click.option(
-    "--plot", type=click.Path(path_type=Path), help="Picture of every strip's health (.png, .svg, .pdf)."
-)
+@options.plot("Picture of every strip's health (.png, .svg, .pdf).")
 def command(file: Path, sensor: str | None, as_json: bool, plot: Path | None) -> None:
     """Say what is wrong with the hardware that made FILE: readings (CSV) or a recording (.mcap).
 
@@ -38,21 +36,14 @@ def command(file: Path, sensor: str | None, as_json: bool, plot: Path | None) ->
     Example: tacstrip doctor readings.csv --sensor sensor.toml --plot health.png
     """
     protect(plot, file, sensor)
-    if plot is not None:
-        from tacstrip.plot.style import check_picture
-
-        check_picture(plot)
     log = _log(file, sensor)
     report = diagnose(log)
-    if as_json:
-        click.echo(json.dumps(report.to_json(), indent=1))
-    else:
-        click.echo("\n".join(_lines(log, report)))
+    click.echo(json.dumps(report.to_json(), indent=1) if as_json else "\n".join(_lines(log, report)))
     if plot is not None:
         from tacstrip.plot.health import health_figure
         from tacstrip.plot.style import save
 
-        click.echo(f"{save(health_figure(log, report), plot)} written", err=True)
+        note(f"{save(health_figure(log, report), plot)} written")
     sys.exit(0 if report.healthy else 1)
 
 
@@ -65,23 +56,26 @@ def _log(file: Path, sensor: str | None) -> Log:
         raise OptionError(f"{file} does not say what sensor it is of; name its spec: --sensor sensor.toml")
     log = read_log(file, load_sensor(sensor))
     read = [values[np.isfinite(values)] for values in log.raw.values()]
-    warn(
-        half_read(file, log.sensor, tuple(log.raw)),
-        over_vref(file, log.sensor, float(np.concatenate(read).max())),
-    )
+    largest = float(np.concatenate(read).max())
+    warn(half_read(file, log.sensor, tuple(log.raw)), over_vref(file, log.sensor, largest))
     return log
 
 
 def _lines(log: Log, report: Report) -> Iterator[str]:
     """Give the report in words."""
-    yield (
-        f"{log.sensor.construction}, {log.sensor.strips} strips: {report.scans} scan(s) over {report.seconds:.4g} s"
-    )
+    kind = f"{log.sensor.construction}, {log.sensor.strips} strips"
+    yield f"{kind}: {report.scans} scan(s) over {report.seconds:.4g} s"
     for finding in report.findings:
         yield f"{finding.kind.severity.upper()}: {_sentence(report, finding)}"
         yield f"    Check {finding.kind.check}."
+        if (
+            finding.kind.severity == "broken"
+            and log.sensor.kind.closed_form
+            and (name := report.without(finding))
+        ):
+            yield f'    Until then leave it out: --without {name}, or without = ["{name}"] in the spec.'
     for finding in report.notes:
-        yield f"Note: {_sentence(report, finding)} {finding.kind.check[0].upper()}{finding.kind.check[1:]}."
+        yield f"Note: {_sentence(report, finding)} {_capital(finding.kind.check)}."
     yield _noise(report)
     for reason in report.unchecked:
         yield f"Not checked: {reason}."
@@ -90,9 +84,11 @@ def _lines(log: Log, report: Report) -> Iterator[str]:
 
 
 def _sentence(report: Report, finding: Finding) -> str:
-    return (
-        f"{report.where(finding)}: {finding.kind.title}. {finding.evidence[0].upper()}{finding.evidence[1:]}."
-    )
+    return f"{report.where(finding)}: {finding.kind.title}. {_capital(finding.evidence)}."
+
+
+def _capital(text: str) -> str:
+    return text[0].upper() + text[1:]
 
 
 def _noise(report: Report) -> str:
@@ -100,9 +96,8 @@ def _noise(report: Report) -> str:
     if not noise.profile:
         return "Noise: not measured; it needs scans that follow each other closely"
     where = "above profile II (+-1 %)" if noise.profile == "above II" else f"within profile {noise.profile}"
-    text = (
-        f"Noise: P.U. {'' if noise.steady else 'at most '}+-{noise.half_width_percent:.2g} % of Vref, {where}"
-    )
+    most = "" if noise.steady else "at most "
+    text = f"Noise: P.U. {most}+-{noise.half_width_percent:.2g} % of Vref, {where}"
     if math.isfinite(noise.vertex_rms_mm):
         text += f"; corners of a typical contact to {noise.vertex_rms_mm:.3g} mm RMS at best"
     return text if noise.steady else text + " (the scan rate is too low to separate noise from motion)"

@@ -11,10 +11,9 @@ from typing import Any
 
 import click
 import numpy as np
-from click.core import ParameterSource
 
-from tacstrip.arrays import FloatArray
-from tacstrip.cli import load_sensor, protect, warn
+from tacstrip.arrays import plain
+from tacstrip.cli import load_sensor, options, protect, warn
 from tacstrip.contact.noise import Noise
 from tacstrip.design.candidates import BITS, CONVERSION_S, FARAD, Design, candidates, designs
 from tacstrip.design.limits import ErrorMap, Limit, limit_map, limits, outline_of
@@ -26,71 +25,43 @@ from tacstrip.io.input_checks import contact_in_metres
 from tacstrip.reconstruction.cramer_rao import reading_sigma
 
 _MOST_LINES = 20
-_DESIGN_OPTIONS = ("construction", "pitch", "length", "try_bits", "picofarad", "conversion_us")
 
 
 @click.command()
-@click.argument("sensor", metavar="SENSOR")
-@click.argument("contact", metavar="CONTACT", type=click.Path(path_type=Path))
-@click.option("--at", type=(float, float), metavar="X Y", help="Put the contact's centroid here [mm].")
-@click.option("--turn", type=float, default=0.0, metavar="DEG", help="Turn it counter-clockwise.")
-@click.option("--quantisation", type=float, default=0.0, help="C.Q.E., half-width over Vref (thesis: 0.001).")
-@click.option(
-    "--positional", type=float, default=0.0, help="P.U., half-width over Vref (thesis: 0.005, 0.01)."
-)
-@click.option("--distribution", default="uniform", show_default=True, help="uniform or normal.")
+@options.SENSOR
+@options.CONTACT
+@options.AT
+@options.TURN
+@options.noise
+@options.WITHOUT
 @click.option("--bits", type=int, help="Resolution of the A/D converter instead of the spec's.")
-@click.option(
-    "--grid",
-    type=click.IntRange(2, 200),
-    default=16,
-    show_default=True,
-    help="Places a side.",
-)
-@click.option("--plot", type=click.Path(path_type=Path), help="Picture to write (.png, .svg, .pdf).")
-@click.option("-o", "--output", type=click.Path(path_type=Path), help="All numbers, to a file (.json).")
+@click.option("--grid", type=click.IntRange(2, 200), default=16, show_default=True, help="Places a side.")
+@options.plot()
+@options.output("All numbers, to a file (.json).", required=False)
 @click.option("--wanted-mm", type=float, help="Look for designs that reach this RMS vertex error.")
-@click.option(
-    "--construction", multiple=True, help="Design: try this one; repeat. Default: all flat, or all round."
-)
+@click.option("--construction", multiple=True,
+              help="Design: try this one; repeat. Default: all flat, or all round.")  # fmt: skip
 @click.option("--pitch", type=float, multiple=True, metavar="MM", help="Design: try this pitch; repeat.")
 @click.option("--length", type=float, multiple=True, metavar="MM", help="Design: try this length; repeat.")
-@click.option(
-    "--try-bits", type=int, multiple=True, metavar="BITS", help="Design: try this A/D converter; repeat."
-)
-@click.option(
-    "--picofarad",
-    type=float,
-    default=FARAD * 1e12,
-    show_default=True,
-    help="Design: input capacitance.",
-)
-@click.option(
-    "--conversion-us",
-    type=float,
-    default=CONVERSION_S * 1e6,
-    show_default=True,
-    help="Design: a conversion.",
-)
+@click.option("--try-bits", type=int, multiple=True, metavar="BITS",
+              help="Design: try this A/D converter; repeat.")  # fmt: skip
+@click.option("--picofarad", type=float, default=FARAD * 1e12, show_default=True,
+              help="Design: input capacitance.")  # fmt: skip
+@click.option("--conversion-us", type=float, default=CONVERSION_S * 1e6, show_default=True,
+              help="Design: a conversion.")  # fmt: skip
 def command(
     sensor: str,
     contact: Path,
     at: tuple[float, float] | None,
     turn: float,
-    quantisation: float,
-    positional: float,
-    distribution: str,
+    noise: Noise,
+    without: tuple[str, ...],
     bits: int | None,
     grid: int,
     plot: Path | None,
     output: Path | None,
     wanted_mm: float | None,
-    construction: tuple[str, ...],
-    pitch: tuple[float, ...],
-    length: tuple[float, ...],
-    try_bits: tuple[int, ...],
-    picofarad: float,
-    conversion_us: float,
+    **design: Any,
 ) -> None:
     """Say how well SENSOR (a spec file or a shipped spec) can locate the corners of CONTACT (.wkt or .geojson, mm).
 
@@ -101,21 +72,15 @@ def command(
     """
     protect(plot, sensor, contact)
     protect(output, sensor, contact, plot)
-    given = click.get_current_context().get_parameter_source
-    for option in _DESIGN_OPTIONS:
-        if wanted_mm is None and given(option) is ParameterSource.COMMANDLINE:
-            raise OptionError(f"--{option.replace('_', '-')} is for designs: give --wanted-mm as well")
-    if plot is not None:
-        from tacstrip.plot.style import check_picture
-
-        check_picture(plot)
-    spec = load_sensor(sensor)
+    options.belong(wanted_mm is not None, "is for designs: give --wanted-mm as well", *design)
+    spec = load_sensor(sensor, without)
     spec = spec if bits is None else replace(spec, adc_bits=bits)
-    noise = Noise(quantisation=quantisation, positional=positional, distribution=distribution)  # type: ignore[arg-type]
-    if reading_sigma(noise, spec) == 0.0:
+    if spec.noise is not None and not options.given("quantisation", "positional"):
+        noise = spec.noise
+    elif reading_sigma(noise, spec) == 0.0:
         raise OptionError(
             "without errors of the readings there is no limit: give what they are, such as --positional 0.005, "
-            "--quantisation 0.001 or --bits 12"
+            "--quantisation 0.001 or --bits 12, or a [noise] table in the spec (`tacstrip noise`)"
         )
     shape = read_contact(contact)
     shape = (shape.placed(*at) if at else shape).turned(math.radians(turn))
@@ -127,10 +92,9 @@ def command(
     _show_map(over)
     judged = None
     if wanted_mm is not None:
-        sensors = list(candidates(spec, construction or None, pitch, length))
-        judged = designs(
-            sensors, outline, noise, wanted_mm, try_bits or BITS, picofarad * 1e-12, conversion_us * 1e-6
-        )
+        sensors = list(candidates(spec, design["construction"] or None, design["pitch"], design["length"]))
+        farad, conversion_s = design["picofarad"] * 1e-12, design["conversion_us"] * 1e-6
+        judged = designs(sensors, outline, noise, wanted_mm, design["try_bits"] or BITS, farad, conversion_s)
     if plot is not None:
         from tacstrip.plot.limits import limits_figure
         from tacstrip.plot.style import save
@@ -169,9 +133,9 @@ def _show_map(over: ErrorMap) -> None:
 
 def _show_designs(reached: list[Design], tried: int, wanted_mm: float) -> None:
     click.echo(
-        f"{len(reached)} of {tried} designs reach {wanted_mm:.6g} mm RMS at nine places of ten, with no more than"
+        f"{len(reached)} of {tried} designs reach {wanted_mm:.6g} mm RMS at nine places of ten, with no more than\n"
+        "the noise given here (half-width, % of Vref); `error` is with the noise that you gave"
     )
-    click.echo("the noise given here (half-width, % of Vref); `error` is with the noise that you gave")
     if not reached:
         click.echo("Try a longer --length list, finer --pitch, more --try-bits, or a larger error")
         return
@@ -204,32 +168,19 @@ def _record(
         "limits": [
             {
                 "signatures": limit.signatures,
-                "rms_mm": _plain(np.array(limit.rms)),
-                "sigma_mm": _plain(limit.sigma),
-                "covariance_mm2": _plain(limit.covariance),
+                "rms_mm": plain(limit.rms),
+                "sigma_mm": plain(limit.sigma),
+                "covariance_mm2": plain(limit.covariance),
             }
             for limit in found
         ],
-        "map": {"x_mm": over.x_mm.tolist(), "y_mm": over.y_mm.tolist(), "rms_mm": _plain(over.rms_mm)},
+        "map": {"x_mm": over.x_mm.tolist(), "y_mm": over.y_mm.tolist(), "rms_mm": plain(over.rms_mm)},
     }
     if judged is not None:
+        keys = ("construction", "strips", "pitch_mm", "length_mm", "adc_bits")
         record["designs"] = [
-            {
-                "construction": d.sensor.construction,
-                "strips": d.sensor.strips,
-                "pitch_mm": d.sensor.pitch_mm,
-                "length_mm": d.sensor.length_mm,
-                "adc_bits": d.sensor.adc_bits,
-                "error_mm": _plain(np.array(d.error_mm)),
-                "largest_noise": d.noise,
-                "unmet": d.unmet,
-            }
+            {key: getattr(d.sensor, key) for key in keys}
+            | {"error_mm": plain(d.error_mm), "largest_noise": d.noise, "unmet": d.unmet}
             for d in judged
         ]
     return record
-
-
-def _plain(values: FloatArray) -> Any:
-    plain = values.astype(object)
-    plain[~np.isfinite(values)] = None
-    return plain.tolist()

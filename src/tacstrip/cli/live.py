@@ -2,30 +2,29 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from pathlib import Path
 from typing import Any
 
 import click
 
-from tacstrip.cli import check_method, load_sensor, new_file, warn, warn_untouched
+from tacstrip.cli import check_method, load_sensor, new_file, note, options, warn_of_input
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError, PortError
-from tacstrip.io.input_checks import half_read
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.device.port import BAUD, SerialPort
 from tacstrip.stream.device.pty import PtyDevice
 from tacstrip.stream.device.source import SerialSource
-from tacstrip.stream.interrupt import Interrupt
+from tacstrip.stream.interrupt import deferred_interrupt
 from tacstrip.stream.live.pipeline import Live
 from tacstrip.stream.live.sinks import Sink, json_sink, tuio_sink
 from tacstrip.stream.live.warmup import warm_up
-from tacstrip.stream.replay import ReadingsSource, open_source
-from tacstrip.stream.source import Source
+from tacstrip.stream.replay import open_source
+from tacstrip.stream.source import LOGGER, Source
 from tacstrip.view.access import Access, check_port
 from tacstrip.view.controller import Controller
 from tacstrip.view.health import background_process
@@ -40,32 +39,30 @@ _RATE_HZ = 1000.0
 
 
 @click.command()
-@click.argument("files", metavar="[[SENSOR] INPUT]", nargs=-1)
+@options.sensor_and_input("[[SENSOR] INPUT]", required=False)
 @click.option("--port", help="Serial port of the device, such as /dev/ttyACM0.")
 @click.option("--baud", type=int, default=BAUD, show_default=True, help="Speed of the line.")
 @click.option("--simulate", is_flag=True, help="A simulated device, controlled from the page.")
-@click.option(
-    "--device", is_flag=True, help="Serve a simulated device on a serial port, for another program."
-)
+@click.option("--device", is_flag=True,
+              help="Serve a simulated device on a serial port, for another program.")  # fmt: skip
 @click.option("--sensor", metavar="SENSOR", help="Spec of the device, the simulator or the recording.")
-@click.option(
-    "--rate", type=float, help="Scan rate to request from the device; the simulator's is 1000 [Hz]."
-)
+@click.option("--rate", type=float, callback=options.above_0,
+              help="Scan rate to request from the device; the simulator's is 1000 [Hz].")  # fmt: skip
 @click.option("--method", help="Method of reconstruction: polygon, vertex or profile.")
 @click.option("--noise", type=float, help="Half-width of the readings' errors over Vref, where it is known.")
 @click.option("--no-drift", is_flag=True, help="Do not remove the drift of a calibrated sensor.")
-@click.option(
-    "--speed", type=float, default=1.0, show_default=True, help="INPUT: speed relative to its own times."
-)
-@click.option("-o", "--output", type=click.Path(path_type=Path), help="Record to this file (.mcap).")
-@click.option("--force", is_flag=True, help="Overwrite an existing file.")
+@click.option("--speed", type=float, default=1.0, show_default=True, callback=options.above_0,
+              help="INPUT: speed relative to its own times.")  # fmt: skip
+@options.output("Record to this file (.mcap).", required=False)
+@options.FORCE
 @click.option("--no-view", is_flag=True, help="No page.")
 @click.option("--http", type=int, default=_HTTP, show_default=True, help="The page's port; 0: any free one.")
 @click.option("--host", default="127.0.0.1", show_default=True,
               help="Address of the page; 0.0.0.0 lets the local network in, with a token.")  # fmt: skip
 @click.option("--json", "lines", is_flag=True, help="Objects as JSON lines on standard output.")
 @click.option("--osc", metavar="HOST:PORT", help="Objects as TUIO 1.1 blobs over UDP.")
-@click.option("--seconds", type=float, default=math.inf, help="End after so many seconds.")
+@click.option("--seconds", type=float, default=math.inf, callback=options.above_0,
+              help="End after so many seconds.")  # fmt: skip
 def command(files: tuple[str, ...], **given: Any) -> None:
     """Show the shapes that touch the sensor on a page of this computer; record them and pass them on.
 
@@ -77,11 +74,6 @@ def command(files: tuple[str, ...], **given: Any) -> None:
     ways = (bool(files), bool(given["port"]), given["simulate"], given["device"])
     if sum(ways) != 1:
         raise OptionError("give one of --port PORT, --simulate, --device, or a recording or readings file")
-    if len(files) > 2:
-        raise OptionError(f"{files[2]}: one INPUT only, with its SENSOR before it")
-    for name in ("rate", "speed", "seconds"):
-        if given[name] is not None and not given[name] > 0.0:
-            raise OptionError(f"--{name} {given[name]}: must be above 0")
     check_port(given["http"], "--http")
     if given["output"] is not None:
         if given["output"].suffix.lower() != ".mcap":
@@ -89,7 +81,7 @@ def command(files: tuple[str, ...], **given: Any) -> None:
         new_file(given["output"], given["force"], *files)
     spec = files[0] if len(files) == 2 else given["sensor"]
     sensor = load_sensor(spec) if spec else None
-    with Interrupt() as stop:
+    with deferred_interrupt() as stop, _log_on_stderr():
         end_s = time.monotonic() + given["seconds"]
 
         def running() -> bool:
@@ -97,25 +89,36 @@ def command(files: tuple[str, ...], **given: Any) -> None:
             return not stop() and time.monotonic() < end_s
 
         if given["device"]:
-            _serve_device(Simulator(Settings(sensor or _SENSOR, given["rate"] or _RATE_HZ)), running)
+            _serve_device(_simulator(sensor, given), running)
             return
         try:
             failed = _stream(files, sensor, given, running)
         except PortError as error:
-            click.echo(f"Error: {error}", err=True)
+            note(f"Error: {error}")
             failed = True
     sys.exit(1 if failed else 0)
 
 
-def _tell(text: str) -> None:
-    click.echo(text, err=True)
+@contextmanager
+def _log_on_stderr() -> Iterator[None]:
+    """Show what the rooms below say to their logger."""
+    handler = logging.StreamHandler()
+    LOGGER.addHandler(handler)
+    LOGGER.setLevel(logging.INFO)
+    try:
+        yield
+    finally:
+        LOGGER.removeHandler(handler)
+
+
+def _simulator(sensor: Sensor | None, given: dict[str, Any]) -> Simulator:
+    return Simulator(Settings(sensor or _SENSOR, given["rate"] or _RATE_HZ))
 
 
 def _serve_device(simulator: Simulator, running: Callable[[], bool]) -> None:
     with PtyDevice(simulator.virtual_device()) as served:
-        _tell(
-            f"a simulated {simulator.settings.sensor.construction} device is on {served.path}; Ctrl-C unplugs it"
-        )
+        construction = simulator.settings.sensor.construction
+        note(f"a simulated {construction} device is on {served.path}; Ctrl-C unplugs it")
         while running():
             pass
 
@@ -124,32 +127,22 @@ def _stream(
     files: tuple[str, ...], sensor: Sensor | None, given: dict[str, Any], running: Callable[[], bool]
 ) -> bool:
     """Run the stream to its end; return whether it, or its recording, failed."""
-    simulator = (
-        Simulator(Settings(sensor or _SENSOR, given["rate"] or _RATE_HZ)) if given["simulate"] else None
-    )
+    simulator = _simulator(sensor, given) if given["simulate"] else None
     source: Source
     if simulator is not None:
-        source = simulator.source(_tell)
+        source = simulator.source()
     elif given["port"]:
-        source = SerialSource(lambda: SerialPort(given["port"], given["baud"]), sensor, given["rate"], _tell)
+        source = SerialSource(lambda: SerialPort(given["port"], given["baud"]), sensor, given["rate"])
     else:
         source = open_source(files[-1], sensor)
     check_method("--method", given["method"], source.sensor, source.names)
-    if isinstance(source, ReadingsSource):
-        warn(half_read(files[-1], source.sensor, source.names))
     if files:
-        warn_untouched(files[-1], source)
+        warn_of_input(files[-1], source)
     warm_up(source.sensor, given["method"])
     noise = None if given["noise"] is None else Noise(positional=given["noise"])
-    live = Live(
-        source,
-        given["method"],
-        noise,
-        not given["no_drift"],
-        given["speed"],
-        _next(simulator),
-        on_message=_tell,
-    )
+    # The next source is that of a simulator whose settings were changed.
+    next_source = (lambda: None) if simulator is None else simulator.source
+    live = Live(source, given["method"], noise, not given["no_drift"], given["speed"], next_source)
     with ExitStack() as stack:
         # The page and the sinks come first: where they fail, no recording has been begun.
         sinks = list(_sinks(live, given))
@@ -167,11 +160,6 @@ def _stream(
     return sink_failed or live.recording_failed or live.error is not None
 
 
-def _next(simulator: Simulator | None) -> Callable[[], Source | None]:
-    """Return the function that gives the next source: of a simulator whose settings were changed."""
-    return (lambda: None) if simulator is None else lambda: simulator.source(_tell)
-
-
 def _sinks(live: Live, given: dict[str, Any]) -> Iterator[Sink]:
     if given["lines"]:
         yield json_sink(live, sys.stdout)
@@ -185,9 +173,9 @@ def _page(live: Live, simulator: Simulator | None, given: dict[str, Any]) -> Ite
     controller = Controller(live, executor, simulator)
     server = Server(controller, Access(given["host"]), given["http"])
     urls = server.urls
-    _tell(f"the page is at {urls.pop('control')}")
+    note(f"the page is at {urls.pop('control')}")
     for url in urls.values():
-        _tell(f"view only: {url}")
+        note(f"view only: {url}")
     try:
         yield
     finally:

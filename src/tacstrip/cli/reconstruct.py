@@ -10,80 +10,73 @@ from typing import Any
 
 import click
 import numpy as np
-from click.core import ParameterSource
 
-from tacstrip.cli import check_method, load_sensor, protect, warn
+from tacstrip.cli import check_method, load_sensor, note, options, protect, save_picture, warn
 from tacstrip.contact.noise import Noise
 from tacstrip.contact.shape import Contact
 from tacstrip.errors import OptionError, ReadingError, number
 from tacstrip.geometry.metrics import mismatch
 from tacstrip.io.geometry import feature_collection, read_contact, write_geojson
-from tacstrip.io.input_checks import exchanged, half_read, largest, over_vref
+from tacstrip.io.input_checks import exchanged, half_read, largest, one_reading, over_vref
 from tacstrip.io.readings import read_readings
+from tacstrip.reconstruction.known_object import fit_object
 from tacstrip.reconstruction.methods import chosen_method, reconstruct
 from tacstrip.reconstruction.result import Reconstruction
 from tacstrip.scan import Scan
 from tacstrip.sensor.raw import invert_calibration
 from tacstrip.sensor.rest_level import rest_hint
-from tacstrip.sensor.spec import Sensor
 
 _MOST_LINES = 20
+_OF_METHODS = {  # option: the methods that have it
+    "signature": ("polygon", "vertex"),
+    "vertices": ("polygon",),
+    "assessment": ("polygon",),
+    "area_mm2": ("polygon",),
+    "transitions": ("vertex",),
+    "reading": ("vertex",),
+    "convex": ("profile",),
+}
 
 
 @click.command()
-@click.argument("sensor", metavar="SENSOR")
-@click.argument("readings", metavar="READINGS", type=click.Path(path_type=Path))
-@click.option("-o", "--output", type=click.Path(path_type=Path), help="GeoJSON file; printed if left out.")
+@options.SENSOR
+@click.argument("readings", metavar="READINGS", type=options.FILE)
+@options.output("GeoJSON file; printed if left out.", required=False)
 @click.option("--method", help="polygon (all strips, the default), vertex or profile (the thesis').")
 @click.option("--signature", help="Use one only, for polygon or vertex: kh, kl or k.")
-@click.option("--quantisation", type=float, help="C.Q.E. of the readings if known, half-width over Vref.")
-@click.option("--positional", type=float, help="P.U. of the readings if known, half-width over Vref.")
+@options.noise
+@options.WITHOUT
 @click.option(
-    "--distribution", default="uniform", show_default=True, help="Of these errors: uniform or normal."
+    "--average", type=click.IntRange(1), default=1, metavar="N", help="Reconstruct means of every N scans."
 )
 @click.option("--vertices", type=int, help="Of each contact, for polygon, where that is known; else found.")
-@click.option(
-    "--wide", is_flag=True, help="For polygon: strips as wide as the spec says, as in measured readings."
-)
-@click.option(
-    "--assessment",
-    default="thorough",
-    show_default=True,
-    help="For polygon, of how sure a shape is: thorough, fast or none.",
-)
-@click.option(
-    "--area",
-    metavar="MM2[,SIGMA]",
-    help="For polygon: area of each contact if known, to 20 % or SIGMA [mm2].",
-)
+@click.option("--assessment", default="thorough", show_default=True,
+              help="For polygon, of how sure a shape is: thorough, fast or none.")  # fmt: skip
+@click.option("--area", "area_mm2", metavar="MM2[,SIGMA]",
+              help="For polygon: area of each contact if known, to 20 % or SIGMA [mm2].")  # fmt: skip
+@click.option("--wide", is_flag=True, hidden=True)
+@click.option("--object", "known_object", type=options.FILE,
+              help="A known rigid object's outline (.wkt, .geojson): its pose is fitted.")  # fmt: skip
 @click.option("--transitions", default="auto", show_default=True, metavar="RULE|X,X,..",
               help="For vertex: auto, gradient, or the x of all vertices [mm].")  # fmt: skip
 @click.option("--convex", is_flag=True, help="For profile of CRS-CRP: every contact is convex.")
 @click.option("--reading", default="section", show_default=True, help="For vertex: section or strip.")
-@click.option(
-    "--truth",
-    type=click.Path(path_type=Path),
-    help="What touched (.wkt, .geojson): prints the mismatch, against the nearest polygon.",
-)
-@click.option("--plot", type=click.Path(path_type=Path), help="Picture to write (.png, .svg, .pdf).")
+@click.option("--truth", type=options.FILE,
+              help="What touched (.wkt, .geojson): prints the mismatch, against the nearest polygon.")  # fmt: skip
+@options.plot()
 def command(
     sensor: str,
     readings: Path,
     output: Path | None,
     method: str | None,
-    signature: str | None,
-    quantisation: float | None,
-    positional: float | None,
-    distribution: str,
-    vertices: int | None,
+    noise: Noise,
+    without: tuple[str, ...],
     wide: bool,
-    assessment: str,
-    area: str | None,
-    transitions: str,
-    convex: bool,
-    reading: str,
+    known_object: Path | None,
+    average: int,
     truth: Path | None,
     plot: Path | None,
+    **given: Any,
 ) -> None:
     """Recover the shapes that touched SENSOR (a spec file or a shipped spec) from READINGS (CSV).
 
@@ -91,62 +84,50 @@ def command(
 
     Example: tacstrip reconstruct sensor.toml readings.csv -o shapes.geojson --plot shapes.png
     """
-    protect(output, sensor, readings, truth)
-    protect(plot, sensor, readings, truth, output)
-    if plot is not None:
-        from tacstrip.plot.style import check_picture
-
-        check_picture(plot)
-    spec = load_sensor(sensor)
+    if wide:
+        raise OptionError(
+            "--wide is gone: strip_width_mm in the spec makes strips as wide; leave the option out"
+        )
+    protect(output, sensor, readings, truth, known_object)
+    protect(plot, sensor, readings, truth, known_object, output)
+    why = "is not for a known object; leave it or --object out"
+    options.belong(known_object is None, why, "method", *(o for o in _OF_METHODS if o != "signature"))
+    spec = load_sensor(sensor, without)
     scans = read_readings(readings, spec)
     if not any(s.touched.any() for s in scans):
         raise ReadingError(
             f"{readings}: no strip is touched in any of {len(scans)} scan(s): every reading is empty, or within "
             "touch_volt of rest_volt. Check the wiring and the spec"
         )
-    given = click.get_current_context().get_parameter_source
-    for_vertex = [o for o in ("transitions", "reading") if given(o) is ParameterSource.COMMANDLINE]
-    chosen = chosen_method(method or ("vertex" if for_vertex else None), spec)
-    if chosen != "vertex" and for_vertex:
-        raise OptionError(f"--{for_vertex[0]} is for --method vertex; leave it out for {chosen}")
+    if average > len(scans):
+        raise OptionError(f"--average {average}: {readings} has {len(scans)} scan(s)")
+    if average > 1:
+        scans = [Scan.mean(scans[i : i + average]) for i in range(0, len(scans) - average + 1, average)]
+    chosen = chosen_method(method or ("vertex" if options.given("transitions", "reading") else None), spec)
     check_method("--method", chosen, spec, scans[0].signatures)
-    if chosen == "profile" and signature is not None:
-        raise OptionError(
-            "--signature is for --method polygon or vertex; leave it out: profile needs both k_h and k_l"
-        )
-    if vertices is not None and chosen != "polygon":
-        raise OptionError(f"--vertices is for --method polygon; leave it out for {chosen}")
-    if wide and chosen != "polygon":
-        raise OptionError(f"--wide is for --method polygon; leave it out for {chosen}")
-    if area is not None and chosen != "polygon":
-        raise OptionError(f"--area is for --method polygon; leave it out for {chosen}")
-    if convex and chosen != "profile":
-        raise OptionError("--convex is for --method profile; leave it out")
-    halves = {"quantisation": quantisation or 0.0, "positional": positional or 0.0}
-    noise = Noise(**halves, distribution=distribution)  # type: ignore[arg-type]
-    known = noise if (quantisation, positional) != (None, None) else None
-    where = _transitions(transitions)
-    swapped = exchanged(scans, known)
+    for name, methods in _OF_METHODS.items():
+        why = f"is for --method {' or '.join(methods)}; leave it out for {chosen}"
+        options.belong(chosen in methods, why, name)
+    given["transitions"] = _transitions(given["transitions"])
+    given["area_mm2"] = None if given["area_mm2"] is None else _area(given["area_mm2"])
+    known = noise if options.given("quantisation", "positional") else None
     stacked = {name: np.stack([s[name] for s in scans]) for name in scans[0].signatures}
-    unset = rest_hint(spec, invert_calibration(spec, stacked))
     warn(
-        half_read(readings, spec, scans[0].signatures) if signature is None else "",
+        half_read(readings, spec, scans[0].signatures) if given["signature"] is None else "",
+        one_reading(readings, spec, scans),
         over_vref(readings, spec, largest(scans)),
-        f"{readings}: {unset}" if unset else "",
-        f"{swapped} (`tacstrip doctor {readings} --sensor {sensor}` says more)" if swapped else "",
     )
-    by_method: dict[str, dict[str, Any]] = {
-        "polygon": {
-            "vertices": vertices,
-            "wide": wide,
-            "assessment": assessment,
-            "area_mm2": None if area is None else _area(area),
-        },
-        "vertex": {"signature": signature, "transitions": where, "reading": reading},
-        "profile": {"convex": convex},
-    }
-    used = scans if chosen != "polygon" or signature is None else [_only(scan, signature) for scan in scans]
-    results = [reconstruct(scan, spec, known, method=chosen, **by_method[chosen]) for scan in used]
+    warn(rest_hint(spec, invert_calibration(spec, stacked)), file=readings)
+    if swapped := exchanged(scans, known):
+        warn(f"{swapped} (`tacstrip doctor {readings} --sensor {sensor}` says more)")
+    own = {name: given[name] for name, methods in _OF_METHODS.items() if chosen in methods}
+    signature = own.pop("signature") if chosen == "polygon" else None
+    used = [_only(scan, signature) for scan in scans] if signature else scans
+    if known_object is not None:
+        outline, chosen = read_contact(known_object), "object"
+        results = [fit_object(scan, spec, outline, known) for scan in used]
+    else:
+        results = [reconstruct(scan, spec, known, method=chosen, **own) for scan in used]
     contact = read_contact(truth) if truth else None
     if contact is not None and not _polygons(contact):
         raise OptionError(
@@ -157,9 +138,10 @@ def command(
         click.echo(json.dumps(feature_collection(results), indent=1))
     else:
         write_geojson(output, results)
-        click.echo(f"{output} written", err=True)
+        note(f"{output} written")
     if plot is not None:
-        _plot(spec, scans, results, chosen, contact, plot)
+        truths = [contact] if contact else []
+        note(f"{save_picture(plot, spec, scans, {chosen: results}, truths)} written")
     if not any(o.found for r in results for o in r.objects):
         sys.exit(1)
 
@@ -178,7 +160,9 @@ def _area(text: str) -> float | tuple[float, float]:
 
 def _only(scan: Scan, signature: str) -> Scan:
     """Leave the scan's other signatures out."""
-    return Scan(**{signature: scan[signature]}, time_s=scan.time_s)
+    return Scan(
+        **{signature: scan[signature]}, time_s=scan.time_s, averaged=scan.averaged, span_s=scan.span_s
+    )
 
 
 def _transitions(text: str) -> str | list[float]:
@@ -200,13 +184,13 @@ def _report(results: list[Reconstruction], truth: Contact | None) -> None:
         for k in range(len(result.objects))
     ]
     for line in lines[:_MOST_LINES]:
-        click.echo(line, err=True)
+        note(line)
     if len(lines) > _MOST_LINES:
-        click.echo(f"... and {len(lines) - _MOST_LINES} objects more", err=True)
+        note(f"... and {len(lines) - _MOST_LINES} objects more")
     counts = Counter(o.status for r in results for o in r.objects)
     counts["no contact"] = sum(not r.objects for r in results)
-    told = ", ".join(f"{status}: {count}" for status, count in counts.most_common() if count)
-    click.echo(f"{len(results)} scan(s), {len(lines)} object(s); {told}", err=True)
+    by_status = ", ".join(f"{status}: {count}" for status, count in counts.most_common() if count)
+    note(f"{len(results)} scan(s), {len(lines)} object(s); {by_status}")
 
 
 def _line(number: int, result: Reconstruction, at: int, truth: Contact | None) -> str:
@@ -216,6 +200,7 @@ def _line(number: int, result: Reconstruction, at: int, truth: Contact | None) -
     text = f"scan {number}, {result.method}{which}: {found.status}"
     if found.found:
         x, y = found.centroid
+        text += "" if found.pose is None else f", turned by {np.rad2deg(found.pose.angle):.4g} deg"
         text += f", {len(found.vertices)} corners, {found.area:.6g} mm2 at x = {x:.5g}, y = {y:.5g} mm"
         if found.confidence is not None:
             others = ", ".join(f"{a.weight:.2f}" for a in found.alternatives)
@@ -232,18 +217,3 @@ def _line(number: int, result: Reconstruction, at: int, truth: Contact | None) -
 def _polygons(truth: Contact) -> list[Contact]:
     """Return the polygons of a contact, each on its own."""
     return [Contact((shape,)) for shape in truth.shapes if shape.area > 0.0]
-
-
-def _plot(
-    spec: Sensor,
-    scans: list[Scan],
-    results: list[Reconstruction],
-    method: str,
-    truth: Contact | None,
-    path: Path,
-) -> None:
-    from tacstrip.plot.result import reconstruction_figure
-    from tacstrip.plot.style import save
-
-    figure = reconstruction_figure(spec, scans, {method: results}, [truth] if truth else [])
-    click.echo(f"{save(figure, path)} written", err=True)

@@ -12,24 +12,20 @@ from pathlib import Path
 from typing import Any
 
 import click
-from click.core import ParameterSource
 
-from tacstrip.cli import check_method, load_sensor, new_file, warn, warn_untouched
+from tacstrip.cli import check_method, load_sensor, new_file, note, options, warn, warn_of_input
 from tacstrip.cli.replay import warn_of_cut
-from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError
 from tacstrip.io.geometry import read_contact
-from tacstrip.io.input_checks import contact_in_metres, half_read
+from tacstrip.io.input_checks import contact_in_metres
 from tacstrip.sensor.spec import Sensor
-from tacstrip.stream.codes import UNSET_BITS
-from tacstrip.stream.interrupt import Interrupt
-from tacstrip.stream.recording.record import record, with_shapes
-from tacstrip.stream.recording.recorder import Recorder
+from tacstrip.stream.codes import UNSET_BITS, top_code
+from tacstrip.stream.interrupt import deferred_interrupt
+from tacstrip.stream.recording.recorder import Recorder, record, with_shapes
 from tacstrip.stream.replay import ReadingsSource, Recording, open_source
 from tacstrip.stream.simulated import Drag, SimulatedSource
 from tacstrip.stream.source import RawScan, Source
 
-_POINT = (float, float)
 _CONTACTS = (".wkt", ".geojson", ".json")
 _LONG_S = 60.0  # of work; more is announced before it begins
 _SAMPLE, _SAMPLE_S = 64, 0.5  # most scans, and longest time, to estimate the time per scan
@@ -40,40 +36,27 @@ _TEXT_ROUNDING = 0.01  # steps of the converter by which the rounding of a text 
 
 
 @click.command()
-@click.argument("files", metavar="[SENSOR] INPUT", nargs=-1, required=True)
-@click.option("-o", "--output", type=click.Path(path_type=Path), required=True, help="Recording (.mcap).")
-@click.option(
-    "--reconstruct",
-    "method",
-    metavar="METHOD",
-    help="Store reconstructed shapes too: vertex, profile or polygon.",
-)
+@options.sensor_and_input()
+@options.output("Recording (.mcap).")
+@click.option("--reconstruct", "method", metavar="METHOD",
+              help="Store reconstructed shapes too: vertex, profile or polygon.")  # fmt: skip
 @click.option("--paced", is_flag=True, help="In real time; otherwise as fast as possible.")
-@click.option("--force", is_flag=True, help="Overwrite an existing file.")
-@click.option("--at", type=_POINT, metavar="X Y", help="Contact: put its centroid here [mm].")
-@click.option("--turn", type=float, default=0.0, metavar="DEG", help="Contact: turn it counter-clockwise.")
-@click.option("--drag", type=_POINT, multiple=True, metavar="X Y",
+@options.FORCE
+@options.AT
+@options.TURN
+@click.option("--drag", type=options.POINT, multiple=True, metavar="X Y",
               help="Contact: move it to here; repeat for a path.")  # fmt: skip
 @click.option("--turn-rate", type=float, default=0.0, metavar="DEG/S", help="Contact: keep turning it.")
-@click.option("--rate", type=float, default=100.0, show_default=True, help="Contact: scan rate [Hz].")
-@click.option("--seconds", type=float, default=1.0, show_default=True,
+@click.option("--rate", type=float, default=100.0, show_default=True, callback=options.finite_above_0,
+              help="Contact: scan rate [Hz].")  # fmt: skip
+@click.option("--seconds", type=float, default=1.0, show_default=True, callback=options.finite_above_0,
               help="Contact: duration, from the path's start to its end.")  # fmt: skip
-@click.option("--quantisation", type=float, default=0.0, help="Contact: C.Q.E., half-width over Vref.")
-@click.option("--positional", type=float, default=0.0, help="Contact: P.U., half-width over Vref.")
-@click.option("--distribution", default="uniform", show_default=True, help="Contact: uniform or normal.")
-@click.option("--model", help="Contact: closed or network.")
-@click.option("--electrodes", default="own", show_default=True, help="Contact, CRS-CRP: own or all.")
-@click.option("--seed", type=int, default=0, show_default=True, help="Contact: seed of the random errors.")
-@click.pass_context
+@options.noise
+@options.MODEL
+@options.ELECTRODES
+@options.SEED
 def command(
-    context: click.Context,
-    /,
-    files: tuple[str, ...],
-    output: Path,
-    method: str | None,
-    paced: bool,
-    force: bool,
-    **simulation: Any,
+    files: tuple[str, ...], output: Path, method: str | None, paced: bool, force: bool, **simulation: Any
 ) -> None:
     """Record A/D codes, and shapes if wanted, to one MCAP file with the sensor's spec.
 
@@ -83,8 +66,6 @@ def command(
 
     Example: tacstrip record prototype-crs-crs object.wkt -o session.mcap --at 32 160 --drag 32 250 --rate 1000 --paced
     """
-    if len(files) > 2:
-        raise OptionError(f"{files[2]}: one INPUT only, with its SENSOR before it")
     if output.suffix.lower() != ".mcap":
         raise OptionError(f"-o {output}: a recording is a file that ends in .mcap")
     new_file(output, force, *files)
@@ -93,9 +74,8 @@ def command(
         source: Source = _simulated(files, simulation)
         count = _count(simulation)
     else:
-        given = [o for o in simulation if context.get_parameter_source(o) is ParameterSource.COMMANDLINE]
-        if given:
-            raise OptionError(f"--{given[0].replace('_', '-')} is for a contact, and {files[-1]} is none")
+        alone = f"is for a contact, and {files[-1]} is none"
+        options.belong(False, alone, *simulation, "quantisation", "positional", "distribution")
         source = open_source(files[-1], load_sensor(files[0]) if len(files) == 2 else None)
     save_recording(files, source, output, method, 1.0 if paced else math.inf, force, count)
 
@@ -103,21 +83,15 @@ def command(
 def _simulated(files: tuple[str, ...], given: dict[str, Any]) -> SimulatedSource:
     if len(files) != 2:
         raise OptionError(f"{files[0]}: a contact needs a SENSOR to touch; name its spec before it")
-    seconds, rate, seed = given["seconds"], given["rate"], given["seed"]
-    for name, value in {"seconds": seconds, "rate": rate}.items():
-        if not 0.0 < value < math.inf:
-            raise OptionError(f"--{name} {value}: must be above 0")
-    if seed < 0:
-        raise OptionError(f"--seed {seed}: must be 0 or more")
     shape = read_contact(files[1]).turned(math.radians(given["turn"]))
     start = given["at"] or tuple(shape.centroid)
-    motion = Drag(shape, [start, *given["drag"]], seconds, math.radians(given["turn_rate"]))
-    noise = Noise(**{name: given[name] for name in ("quantisation", "positional", "distribution")})
+    motion = Drag(shape, [start, *given["drag"]], given["seconds"], math.radians(given["turn_rate"]))
     sensor = load_sensor(files[0])
     warn(contact_in_metres(shape, sensor))
     return SimulatedSource(
-        sensor, motion, rate, _count(given), noise, seed, given["model"], given["electrodes"]
-    )
+        sensor, motion, given["rate"], _count(given), given["noise"], given["seed"], given["model"],
+        given["electrodes"],
+    )  # fmt: skip
 
 
 def _count(given: dict[str, Any]) -> int:
@@ -141,13 +115,11 @@ def save_recording(
     scans or none; the caller then moves it to `output`.
     """
     check_method("--reconstruct", method, source.sensor, source.names)
-    if isinstance(source, ReadingsSource):
-        warn(half_read(files[-1], source.sensor, source.names))
-    warn_untouched(files[-1], source)
+    warn_of_input(files[-1], source)
     about = {"source": Path(files[-1]).name, "sensor": Path(files[0]).name, "method": method or ""}
     if isinstance(source, Recording) and not method:
         about["method"] = source.about.get("method", "")
-    with contextlib.closing(source), Interrupt() as stop:
+    with contextlib.closing(source), deferred_interrupt() as stop:
         scans = iter(with_shapes(source, source.sensor, method) if method else source)
         first = list(itertools.islice(scans, 1))  # errors of the method come before a file is made
         if count > _SAMPLE:
@@ -159,18 +131,17 @@ def save_recording(
         except OSError as error:
             if part is not None:
                 raise
-            click.echo(
+            note(
                 f"Error: {error.filename}: {error.strerror}. {recorder.saved_scans} scan(s) are saved in it; "
-                "make room, or record to another disk",
-                err=True,
+                "make room, or record to another disk"
             )
             sys.exit(1)
     if part is not None and stop():
         raise KeyboardInterrupt
-    told = "stopped: " if stop() else ""
+    stopped = "stopped: " if stop() else ""
     shapes = f", {recorder.polygons} shape(s)" if recorder.polygons else ""
     click.echo(
-        f"{output}: {told}{recorder.scans} scan(s) of {source.sensor.strips} strips{shapes}, "
+        f"{output}: {stopped}{recorder.scans} scan(s) of {source.sensor.strips} strips{shapes}, "
         f"{recorder.size_bytes / 1e6:.3g} MB"
     )
     _warn_of_changes(files, source)
@@ -187,10 +158,9 @@ def _announce(scans: Iterator[RawScan], count: int) -> list[RawScan]:
     work_s = count * ((time.monotonic() - began) / max(len(taken), 1) + _WRITE_S)
     if taken and work_s > _LONG_S:
         size = count / len(taken) * sum(map(_disk_bytes, taken))
-        click.echo(
+        note(
             f"{count} scans: some {_duration(work_s)} of work and {size / 1e6:.0f} MB. Ctrl-C ends it, and the "
-            "recording is then complete as far as it goes",
-            err=True,
+            "recording is then complete as far as it goes"
         )
     return taken
 
@@ -213,14 +183,11 @@ def _duration(seconds: float) -> str:
 def _warn_of_changes(files: tuple[str, ...], source: Source) -> None:
     """Warn of readings that were rounded, of assumed A/D bits and of a cut file."""
     if isinstance(source, ReadingsSource) and source.rounded_steps > _TEXT_ROUNDING:
-        bits = source.sensor.adc_bits
-        click.echo(
-            f"Warning: {files[-1]} has readings between the codes of {bits} bits; they are rounded, by up to "
-            f"{source.rounded_steps:.2g} of a step ({source.sensor.vref_volt / (2 ** (bits or 0) - 1):.3g} V)",
-            err=True,
+        step_volt = source.sensor.vref_volt / top_code(source.sensor)
+        warn(
+            f"{files[-1]} has readings between the codes of {source.sensor.adc_bits} bits; they are rounded, by up to "
+            f"{source.rounded_steps:.2g} of a step ({step_volt:.3g} V)"
         )
     if len(files) == 2 and Sensor.load(files[0]).adc_bits is None:
-        click.echo(
-            f"Warning: {files[0]} has no adc_bits: the recording holds codes of {UNSET_BITS} bits", err=True
-        )
+        warn(f"{files[0]} has no adc_bits: the recording holds codes of {UNSET_BITS} bits")
     warn_of_cut(source)

@@ -6,15 +6,14 @@ from pathlib import Path
 
 import click
 
-from tacstrip.cli import new_file
+from tacstrip.cli import new_file, options
 from tacstrip.stream.recording.recover import recover
 
 
 @click.command()
-@click.argument("recording", type=click.Path(path_type=Path))
-@click.option("-o", "--output", type=click.Path(path_type=Path),
-              help="New file; default: RECORDING-recovered.mcap in the same folder.")  # fmt: skip
-@click.option("--force", is_flag=True, help="Overwrite an existing file.")
+@click.argument("recording", type=options.FILE)
+@options.output("New file; default: RECORDING-recovered.mcap in the same folder.", required=False)
+@options.FORCE
 def command(recording: Path, output: Path | None, force: bool) -> None:
     """Copy the undamaged part of a cut or damaged RECORDING to a new file with an index.
 
@@ -26,10 +25,7 @@ def command(recording: Path, output: Path | None, force: bool) -> None:
     new_file(target, force, recording)
     saved = recover(recording, target, force)
     counts = ", ".join(f"{topic}: {count}" for topic, count in saved.messages.items() if count)
-    click.echo(
-        f"{target}: {sum(saved.messages.values())} message(s) over {saved.seconds:.6g} s saved ({counts})"
-    )
-    if saved.lost:
-        click.echo("Lost: " + "\n  ".join(saved.lost))
-    else:
-        click.echo(f"Nothing was lost: {recording} is whole")
+    total = sum(saved.messages.values())
+    click.echo(f"{target}: {total} message(s) over {saved.seconds:.6g} s saved ({counts})")
+    lost = "\n  ".join(saved.lost)
+    click.echo(f"Lost: {lost}" if lost else f"Nothing was lost: {recording} is whole")

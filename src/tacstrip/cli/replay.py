@@ -8,31 +8,28 @@ from pathlib import Path
 
 import click
 
-from tacstrip.cli import check_method, load_sensor, protect, warn_untouched
+from tacstrip.cli import check_method, load_sensor, note, options, protect, save_picture, warn, warn_untouched
 from tacstrip.errors import OptionError
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.codes import decode
 from tacstrip.stream.export import as_reconstruction, json_line
-from tacstrip.stream.interrupt import Interrupt
-from tacstrip.stream.recording.record import with_shapes
+from tacstrip.stream.interrupt import deferred_interrupt
+from tacstrip.stream.recording.recorder import with_shapes
 from tacstrip.stream.recording.summary import summary
 from tacstrip.stream.replay import Recording
 from tacstrip.stream.source import RawScan, Source, paced
 
 
 @click.command()
-@click.argument("recording", type=click.Path(path_type=Path))
-@click.option(
-    "--speed", type=float, default=1.0, show_default=True, help="Speed relative to the recorded times."
-)
+@click.argument("recording", type=options.FILE)
+@click.option("--speed", type=float, default=1.0, show_default=True, callback=options.above_0,
+              help="Speed relative to the recorded times.")  # fmt: skip
 @click.option("--fast", is_flag=True, help="As fast as possible.")
 @click.option("--sensor", metavar="SENSOR", help="Decode with this spec, not with the recorded one.")
 @click.option("--reconstruct", "method", metavar="METHOD",
               help="Reconstruct anew: vertex, profile or polygon; otherwise recorded shapes are printed.")  # fmt: skip
 @click.option("--summary", "short", is_flag=True, help="Print a summary only.")
-@click.option(
-    "--plot", type=click.Path(path_type=Path), help="Picture of the last scan in contact (.png, .svg, .pdf)."
-)
+@options.plot("Picture of the last scan in contact (.png, .svg, .pdf).")
 def command(
     recording: Path,
     speed: float,
@@ -50,18 +47,12 @@ def command(
     """
     if short and plot is not None:
         raise OptionError("--summary prints no scans; leave --plot out")
-    if not speed > 0.0:
-        raise OptionError(f"--speed {speed}: must be above 0")
     protect(plot, recording)
-    if plot is not None:
-        from tacstrip.plot.style import check_picture
-
-        check_picture(plot)
     source = Recording(recording, load_sensor(sensor) if sensor else None)
     check_method("--reconstruct", method, source.sensor, source.names)
     warn_untouched(recording, source)
     touched: RawScan | None = None
-    with contextlib.closing(source), Interrupt() as stop:
+    with contextlib.closing(source), deferred_interrupt() as stop:
         scans = with_shapes(source, source.sensor, method) if method else iter(source)
         if short:
             click.echo("\n".join(summary(source, scans)))
@@ -81,19 +72,12 @@ def warn_of_cut(source: Source) -> None:
     if isinstance(source, Recording) and not source.condition.whole:
         lost = source.condition.lost_bytes
         rest = f"{lost} bytes after its last whole chunk are lost" if lost else "it ends after a whole chunk"
-        click.echo(
-            f"Warning: {source.path} was cut: {rest}; `tacstrip recover` makes a complete file of the rest",
-            err=True,
-        )
+        warn(f"{source.path} was cut: {rest}; `tacstrip recover` makes a complete file of the rest")
 
 
 def _plot(sensor: Sensor, raw: RawScan | None, method: str, path: Path) -> None:
     if raw is None:
-        click.echo(f"Warning: no strip is touched in any scan; {path} is not written", err=True)
+        warn(f"no strip is touched in any scan; {path} is not written")
         return
-    from tacstrip.plot.result import reconstruction_figure
-    from tacstrip.plot.style import save
-
     results = {method: [as_reconstruction(raw, method)]} if raw.shapes else {}
-    figure = reconstruction_figure(sensor, [decode(raw, sensor)], results)
-    click.echo(f"{save(figure, path)} written", err=True)
+    note(f"{save_picture(path, sensor, [decode(raw, sensor)], results)} written")

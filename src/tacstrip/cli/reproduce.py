@@ -7,13 +7,12 @@ from pathlib import Path
 import click
 from rich.progress import Progress
 
+from tacstrip.cli import options
 from tacstrip.thesis.reproduce import inside_counts, reproduce
 
 
 @click.command()
-@click.option(
-    "--out", type=click.Path(path_type=Path), default="reproduction", show_default=True, help="Folder."
-)
+@click.option("--out", type=options.FILE, default="reproduction", show_default=True, help="Folder.")
 @click.option("--seeds", type=click.IntRange(1), default=200, show_default=True, help="Draws per noisy cell.")
 @click.option("--workers", type=click.IntRange(1), help="Processes; by default one per core.")
 def command(out: Path, seeds: int, workers: int | None) -> None:
@@ -23,9 +22,7 @@ def command(out: Path, seeds: int, workers: int | None) -> None:
     """
     with Progress(transient=True) as bar:
         task = bar.add_task("cells and figures", total=None)
-        tables = reproduce(
-            out, seeds, workers, lambda done, total: bar.update(task, completed=done, total=total)
-        )
+        tables = reproduce(out, seeds, workers, lambda n, total: bar.update(task, completed=n, total=total))
     click.echo("Printed values inside our 5-95 % range:")
     counts = inside_counts(tables)
     for table, (good, total) in counts.items():

@@ -5,9 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import click
-from click.core import ParameterSource
 
-from tacstrip.cli import load_sensor, protect, warn
+from tacstrip.cli import load_sensor, options, protect, warn
 from tacstrip.errors import OptionError
 from tacstrip.files import write_text
 from tacstrip.io.geometry import read_contact
@@ -19,29 +18,17 @@ from tacstrip.network.strips.measurements import measurements
 
 
 @click.command()
-@click.argument("sensor", metavar="SENSOR")
-@click.argument("contact", metavar="CONTACT", type=click.Path(path_type=Path))
-@click.option(
-    "-o", "--output", type=click.Path(path_type=Path), required=True, help="Netlist to write (.cir)."
-)
-@click.option(
-    "--cells",
-    type=click.IntRange(1),
-    help="Cells over each piece of contact, by default 40 per lambda; CRS-CRP: rows of the sheet, by default 4.",
-)
+@options.SENSOR
+@options.CONTACT
+@options.output("Netlist to write (.cir).")
+@click.option("--cells", type=click.IntRange(1), help="Cells over each piece of contact, by default 40 per lambda; "
+              "CRS-CRP: rows of the sheet, by default 4.")  # fmt: skip
 @click.option("--strip-ohm", type=float, default=10_000.0, show_default=True, help="A strip from end to end.")
 @click.option("--mux-ohm", type=float, default=0.0, show_default=True, help="On-resistance of a switch.")
 @click.option("--adc-ohm", type=float, default=float("inf"), show_default=True, help="Input resistance.")
 @click.option("--tied-grounds", is_flag=True, help="CRS-M with all ground ends joined for good.")
 def command(
-    sensor: str,
-    contact: Path,
-    output: Path,
-    cells: int | None,
-    strip_ohm: float,
-    mux_ohm: float,
-    adc_ohm: float,
-    tied_grounds: bool,
+    sensor: str, contact: Path, output: Path, cells: int | None, tied_grounds: bool, **ohms: float
 ) -> None:
     """Write SENSOR touched by CONTACT as a netlist for ngspice, a circuit of its own per touched strip.
 
@@ -52,22 +39,16 @@ def command(
     """
     protect(output, sensor, contact)
     spec = load_sensor(sensor)
-    given = click.get_current_context().get_parameter_source
-    loads = ("mux_ohm", "adc_ohm", "tied_grounds")
-    given_loads = [o for o in loads if given(o) is ParameterSource.COMMANDLINE]
     if tied_grounds and spec.kind.common_supply:
         raise OptionError(
             f"--tied-grounds is for strips that are switched in turn; a {spec.construction} sensor's never are"
         )
+    unlike = f"is not for a {spec.construction} sensor"
+    options.belong(spec.kind.closed_form, unlike, "mux_ohm", "adc_ohm", "tied_grounds", "strip_ohm")
     shape = read_contact(contact)
     if spec.kind.closed_form:
-        readout = Readout(strip_ohm, mux_ohm, adc_ohm, tied_grounds)
-        asked = measurements(spec, shape, readout=readout, cells=cells)
+        asked = measurements(spec, shape, readout=Readout(**ohms, tied_grounds=tied_grounds), cells=cells)
     else:
-        if given_loads or given("strip_ohm") is ParameterSource.COMMANDLINE:
-            raise OptionError(
-                f"--{(given_loads or ['strip_ohm'])[0].replace('_', '-')} is not for a {spec.construction} sensor"
-            )
         asked = contact_measurements(spec, shape, cells)
     named = {str(strip + spec.strip_base): measurement for strip, measurement in asked.items()}
     title = f"{spec.construction}, {spec.strips} strips, {contact.name}, written by tacstrip"

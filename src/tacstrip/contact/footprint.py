@@ -16,7 +16,7 @@ import numpy as np
 import shapely
 
 from tacstrip.arguments import takes
-from tacstrip.arrays import FloatArray, IntArray, extent, touched_strips
+from tacstrip.arrays import BoolArray, FloatArray, IntArray, extent, touched_strips
 from tacstrip.contact.shape import Contact
 from tacstrip.sensor.spec import Sensor
 
@@ -83,7 +83,7 @@ def footprint(sensor: Sensor, contact: Contact | Sequence[Contact]) -> Footprint
     sensor
         Its strips, pitch, length and strip width count.
     contact
-        One contact, or a sequence of them.
+        One contact, or a sequence of them. Round a closed tube x counts modulo the circumference.
 
     Returns
     -------
@@ -105,8 +105,8 @@ def footprint(sensor: Sensor, contact: Contact | Sequence[Contact]) -> Footprint
     """
     contacts = [contact] if isinstance(contact, Contact) else list(contact)
     outside = _sticks_out(sensor, contacts)
-    for number in np.flatnonzero(outside):
-        contacts[number] = contacts[number].clipped(sensor.width_mm, sensor.length_mm, "sensor")
+    for number in np.flatnonzero(outside.any(axis=1)):
+        contacts[number] = on_sensor(sensor, contacts[number])
     shape = (len(contacts), sensor.strips)
     l, u = np.full(shape, np.inf), np.full(shape, -np.inf)
     area = _area_crossings(sensor, contacts)
@@ -120,16 +120,34 @@ def footprint(sensor: Sensor, contact: Contact | Sequence[Contact]) -> Footprint
     l[untouched] = u[untouched] = np.nan
     if isinstance(contact, Contact):
         l, u = l[0], u[0]
-    return Footprint(l, u, bool(outside.any()), sensor, tuple(contacts))
+    cut = outside[:, 1:] if sensor.closed else outside
+    return Footprint(l, u, bool(cut.any()), sensor, tuple(contacts))
 
 
-def _sticks_out(sensor: Sensor, contacts: Sequence[Contact]) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+def on_sensor(sensor: Sensor, contact: Contact) -> Contact:
+    """Return what of a contact lies on the sensor; round a closed tube x goes on at the other side of the seam.
+
+    Raises
+    ------
+    ContactError
+        It lies wholly outside.
+    """
+    if sensor.closed:
+        around = sensor.width_mm
+        x = shapely.bounds(np.array(contact.shapes))[:, [0, 2]]
+        rounds = np.arange(np.ceil(x.min() / around) - 1.0, np.floor(x.max() / around) + 1.0)
+        contact = Contact(tuple(s for r in rounds for s in contact.moved(-r * around, 0.0).shapes))
+    return contact.clipped(sensor.width_mm, sensor.length_mm, "sensor")
+
+
+def _sticks_out(sensor: Sensor, contacts: Sequence[Contact]) -> BoolArray:
+    """Tell which contacts reach beyond the sensor in x and in y (contacts, 2)."""
     owner = np.repeat(np.arange(len(contacts)), [len(c.shapes) for c in contacts])
     bounds = shapely.bounds(np.array([s for c in contacts for s in c.shapes]))  # (shapes, 4)
-    out = (bounds[:, :2] < 0.0).any(axis=1) | (bounds[:, 2:] > (sensor.width_mm, sensor.length_mm)).any(
-        axis=1
-    )
-    return np.bincount(owner, weights=out, minlength=len(contacts)) > 0
+    out = (bounds[:, :2] < 0.0) | (bounds[:, 2:] > (sensor.width_mm, sensor.length_mm))
+    if sensor.closed:  # what only reaches the seam touches the strips on both sides
+        out[:, 0] = (bounds[:, 0] <= 0.0) | (bounds[:, 2] >= sensor.width_mm)
+    return np.stack([np.bincount(owner, weights=o, minlength=len(contacts)) > 0 for o in out.T], axis=1)
 
 
 def _edges(contacts: Sequence[Contact], kind: str) -> tuple[FloatArray, FloatArray, IntArray]:

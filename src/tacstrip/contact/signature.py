@@ -6,7 +6,7 @@ import numpy as np
 
 from tacstrip.arguments import takes
 from tacstrip.arrays import FloatArray
-from tacstrip.sensor.circuit import k_h, k_l, k_metal
+from tacstrip.sensor.closed_form import k_h, k_l, k_metal
 from tacstrip.sensor.constructions import check_closed_form
 from tacstrip.sensor.spec import Sensor
 

@@ -32,6 +32,38 @@ class Problem(ctypes.Structure):
     )
 
 
+class Lines(ctypes.Structure):
+    """`Lines` of core.h; `arrays` keeps alive what it points to."""
+
+    arrays: tuple[npt.NDArray[Any], ...]
+    _fields_ = (
+        ("count", _INT),
+        ("lower", _INT),
+        ("vertical", _INT * 2),
+        ("reach", _POINTER),
+        ("turns", _POINTER),
+    )
+
+
+class Band(ctypes.Structure):
+    """`Band` of core.h; `arrays` keeps alive what it points to."""
+
+    arrays: tuple[npt.NDArray[np.float64], ...]
+    _fields_ = (
+        ("n", _INT),
+        ("signatures", _INT),
+        ("x", _POINTER),
+        ("low", _POINTER),
+        ("high", _POINTER),
+        ("share", _DOUBLE * 2),
+        ("narrow", _DOUBLE),
+        ("length", _DOUBLE),
+        ("lam", _DOUBLE),
+        ("fade", _DOUBLE),
+        ("windows", _DOUBLE * 4),
+    )
+
+
 MAX_VERTICES = 16  # interior vertices of a polygon
 END_ENTRIES = 6  # entries of theta before the first vertex
 SIZE = END_ENTRIES + 2 * MAX_VERTICES
@@ -46,7 +78,8 @@ POLYGON = np.dtype(
         ("score", np.float64),
     ]
 )
-KNOTS, MOST_CORNERS = 20, 26  # of core.h: points of a chain and vertices of a sampled outline
+KNOTS, MOST_CORNERS = 20, 26  # points of a chain and vertices of a sampled outline
+HOTTEST = 6  # temperatures of a sampler
 # `Outline` and `OutlinePrior` of core.h.
 OUTLINE = np.dtype([("count", np.int64, 2), ("x", np.float64, (2, KNOTS)), ("y", np.float64, (2, KNOTS))])
 OUTLINE_PRIOR = np.dtype(
@@ -61,8 +94,22 @@ OUTLINE_PRIOR = np.dtype(
         ("sigma", np.float64, 2),
     ]
 )
+# `Run` of core.h.
+RUN = np.dtype(
+    [
+        ("count", np.int64),
+        ("best", np.int64),
+        ("equal", np.int64),
+        ("sigma", np.float64),
+        ("advantage", np.float64),
+        ("ellipse_cost", np.float64),
+        ("ellipse", np.float64, 5),
+        ("information", np.float64, (5, 5)),
+        ("found", POLYGON, MAX_VERTICES + 1),
+    ]
+)
 
-_PROBLEM = ctypes.POINTER(Problem)
+_PROBLEM, _LINES, _BAND = (ctypes.POINTER(struct) for struct in (Problem, Lines, Band))
 _NOTHING = ctypes.c_char * 0
 _SEARCH_WORKSPACE = 3613  # doubles: SEARCH_WORKSPACE of core.h
 # What each one returns and takes; a pointer stands for the array that core.h describes.
@@ -77,6 +124,7 @@ _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "refine": (None, (_PROBLEM, _POINTER)),
     "places": (_INT, (_PROBLEM, _POINTER, _INT, _POINTER, _POINTER)),
     "fit_counts": (_INT, (_PROBLEM, _INT, _INT, _INT, _INT, _POINTER, _POINTER, _POINTER)),
+    "fit_run": (None, (_PROBLEM, _DOUBLE, _DOUBLE, _INT, _INT, *[_POINTER] * 6)),
     "fit_ellipse": (_DOUBLE, (_PROBLEM, _POINTER, _DOUBLE, _POINTER, _POINTER)),
     "lowest": (_DOUBLE, (*[_POINTER] * 5, _INT, _INT, _POINTER)),
     "minimax": (_INT, (*[_POINTER] * 3, _DOUBLE, _INT, _INT, _POINTER, _POINTER)),
@@ -85,9 +133,17 @@ _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "hit_and_run": (_INT, (*[_POINTER] * 9, *[_INT] * 4, _POINTER)),
     "sample_outlines": (_INT, (_PROBLEM, *[_POINTER] * 3, *[_INT] * 4, _POINTER, _POINTER)),
     "outline_ends": (None, (_POINTER, _INT, _POINTER, _INT, _POINTER)),
+    "feasible_set": (None, (_LINES, _BAND, *[_POINTER] * 10)),
+    "outlines": (_INT, (_LINES, _POINTER, _DOUBLE, _POINTER, _POINTER, _INT, *[_POINTER] * 3)),
+    "scatter": (None, (*[_POINTER] * 4, _INT, _INT, _POINTER, _INT, _INT, *[_POINTER] * 4)),
     "isolated_outliers": (_INT, (_POINTER, _INT, _INT, _POINTER)),
     "spikes": (None, (_POINTER, _INT, _DOUBLE, _POINTER, _POINTER)),
 }
+
+
+# These take long and let other threads run meanwhile; the others, over sooner than a thread wakes up, would only have
+# to wait until that one lets go.
+_LONG = frozenset(("fit_run", "fit_counts", "feasible_part", "minimax", "hit_and_run"))
 
 
 @functools.cache
@@ -96,7 +152,8 @@ def exported(name: str) -> Callable[..., Any] | None:
     core = library()
     if core is None:
         return None
-    function: Any = getattr(core, f"tacstrip_{name}")
+    by: ctypes.CDLL = core if name in _LONG else ctypes.PyDLL(core._name)
+    function: Any = getattr(by, f"tacstrip_{name}")
     function.restype, function.argtypes = _FUNCTIONS[name]
     found: Callable[..., Any] = function
     return found
@@ -109,6 +166,6 @@ def at(array: npt.NDArray[Any]) -> int:
     return array.ctypes.data
 
 
-def search_workspace() -> npt.NDArray[np.float64]:
-    """Return what a search works in."""
-    return np.empty(_SEARCH_WORKSPACE)
+def search_workspace(more: int = 0) -> npt.NDArray[np.float64]:
+    """Return what a search works in, and so much more."""
+    return np.empty(_SEARCH_WORKSPACE + more)

@@ -3,12 +3,13 @@
    C99 without the standard library but for sqrt, so that Tiny C builds it too. Nothing is kept between calls and
    nothing is locked: any number of threads may call at once, each with results and workspace of its own.
 
-   Sums run in LANES fixed lanes and are joined in a fixed order, a * b + c is never contracted, and exp, tanh and log
-   are our own: every compiler and every CPU gives the same bits. Build with -ffp-contract=off and never with
+   Sums run in LANES fixed lanes and are joined in a fixed order, a * b + c is never contracted, and exp, tanh, log
+   and arctan are our own: every compiler and every CPU gives the same bits. Build with -ffp-contract=off and never with
    -ffast-math. With -DTACSTRIP_DEBUG sizes are checked, and a wrong one stops the program.
 
    Units: x counts from 0 to 1 over the run of strips, y from 0 to 1 over the strip, readings are over Vref.
-   Every core/<name>.py calls core/<name>.c, and has the same as readable NumPy. */
+   Every core/<name>.py calls core/<name>.c, and has the same as readable NumPy; feasible_set and outlines are in
+   reconstruction/set_membership/. */
 
 #ifndef TACSTRIP_CORE_H
 #define TACSTRIP_CORE_H
@@ -74,6 +75,36 @@ typedef struct {
   double area, area_sigma;           /* mean and standard deviation in units of x and y; sigma 0: not known */
   double sigma[2];    /* sigma over that of the weights is log-uniform between these; equal: it is known */
 } OutlinePrior;
+/* A fit of a run of strips. */
+typedef struct {
+  Int count, best; /* polygons that were found, 0 where the readings are too few, and the chosen one's place */
+  Int equal;       /* how many counts the criterion can hardly tell from the best */
+  double sigma;    /* of a reading: as given, or what the residuals say [Vref] */
+  double advantage; /* how much better the criterion of an ellipse is; -inf where none was fitted */
+  double ellipse_cost, ellipse[5], information[25]; /* as fit_ellipse has them */
+  Polygon found[MAX_VERTICES + 1]; /* ascending in m */
+} Run;
+
+/* The edges of an outline but its vertical ones, as lines: lower chain, then upper, each left to right. Heights (2 count,)
+   say where they lie. */
+typedef struct {
+  Int count, lower; /* of both chains, and of the lower one */
+  Int vertical[2];  /* whether the left and the right end are vertical edges, 0 or 1 */
+  const double *reach; /* two abscissae per line (count, 2) [mm] */
+  const Int *turns;    /* per kink, lower chain first, 1 where the slope rises and -1 where it falls (count - 2,) */
+} Lines;
+
+/* What the readings of n neighbouring strips, of one signature or two, allow. */
+typedef struct {
+  Int n, signatures;
+  const double *x;          /* centre lines (n,) [mm], ascending */
+  const double *low, *high; /* bounds (signatures, n) [Vref]; NaN leaves a reading out */
+  double share[2];          /* as in Problem */
+  double narrow;            /* 1 - a */
+  double length, lam;       /* of the strips, and the decay length of the contact resistance [mm] */
+  double fade;              /* width at either bound [Vref] over which a reading becomes less likely */
+  double windows[4];        /* where the left and the right end of the contact lie [mm] */
+} Band;
 
 /* TACSTRIP_VERSION; a loader refuses a library of another version. */
 EXPORTED int tacstrip_core_version(void);
@@ -130,6 +161,40 @@ EXPORTED void tacstrip_spikes(const double *k, Int n, double sigma, unsigned cha
 /* Mark the residuals over sigma (signatures, n) that lie alone, far off, in out (signatures, n); none where they are
    many. Returns how many. */
 EXPORTED Int tacstrip_isolated_outliers(const double *residuals, Int signatures, Int n, unsigned char *out);
+
+/* A whole run from readings to a fit. problem->k are the readings as measured, of which those that are not finite or far
+   outside 0..1 are left out, as outliers are; its weights are not read. sigma [Vref]: of a reading, or 0 where it is
+   estimated, then at least `step`. max_vertices and n_vertices as for fit_counts.
+   Writes the fit, and what it was made of: k and weight as in Problem, residuals over sigma, each (signatures, n), and
+   the readings that were there but not used, excluded (signatures, n), 0 or 1.
+   workspace (SEARCH_WORKSPACE + (4 + signatures) n,). */
+EXPORTED void tacstrip_fit_run(const Problem *problem, double sigma, double step, Int max_vertices, Int n_vertices,
+                               Run *run, double *k, double *weight, double *residuals, unsigned char *excluded,
+                               double *workspace);
+
+/* Write the outlines within the band whose kinks lie in their zones (count - 2, 2) [mm], and turn as the lines do, as rows
+   over the heights, and pairs of rows of which one holds: a (size, rows), b and edge (rows,), the slack over which
+   an error becomes less likely; pair_a (size, 2, pairs), pair_b (2, pairs), pair_edge (pairs,); size is 2 count.
+   widths (3, n) [mm]: length of the contact on each strip, expected, least and greatest. counts (2,): rows and pairs. With
+   `a` null only they are written, and with it they are taken: call it twice. workspace (14 n,), kept between the two. */
+EXPORTED void tacstrip_feasible_set(const Lines *lines, const Band *band, const double *zones, const double *widths,
+                                    Int *counts, double *a, double *b, double *edge, double *pair_a, double *pair_b,
+                                    double *pair_edge, double *workspace);
+
+/* Write points (count, size) of such a set as chains lower (count, M, 2) and upper (count, N, 2) [mm], each as often as
+   its vertices' places have room in the set, and held to 0 to length [mm]. windows (4,) [mm] as in Band; vertical_x
+   (count, 2) [mm]: x of vertical ends. workspace (count (2 M + 2 N + 1),). Returns 0 where that is too unlike the room
+   in heights for points drawn by heights to tell. */
+EXPORTED Int tacstrip_outlines(const Lines *lines, const double *windows, double length, const double *points,
+                               const double *vertical_x, Int count, double *lower, double *upper, double *workspace);
+
+/* How such outlines scatter about their mean (vertices, 2) [mm], whose vertices lower_at (lowers,) and upper_at (uppers,) are
+   the chains'; where one is of both, their middle counts. covariance (2 vertices, 2 vertices) [mm^2]; radii (vertices,): squared
+   Mahalanobis distance within which 95 % have each vertex; deviations (4,): within 1.96 of them 95 % have area [mm^2],
+   centroid x, y [mm] and orientation [rad]. workspace ((2 vertices + 6) (count + 3) + 2 vertices,). */
+EXPORTED void tacstrip_scatter(const double *lower, const double *upper, const Int *lower_at, const Int *upper_at,
+                               Int lowers, Int uppers, const double *mean, Int vertices, Int count, double *covariance,
+                               double *radii, double *deviations, double *workspace);
 
 /* Polytopes: a z <= b in z (size,), size at most SIZE. The rows lie beside each other: a (size, rows), b (rows,). */
 

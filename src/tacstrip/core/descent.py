@@ -6,7 +6,7 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.core.binding import END_ENTRIES
-from tacstrip.core.normal_equations import free_entries, normal_equations
+from tacstrip.core.cost import free_entries, normal_equations
 from tacstrip.core.problem import FitProblem
 
 _DAMPING, _STUCK = 1e-3, 1e8  # of J'J's diagonal: at first, and where a descent gives up

@@ -125,3 +125,23 @@ double tacstrip_fit_ellipse(const Problem *s, const Polygon *start, double wante
   for (int i = 0; i < 5; i++) for (int j = 0; j < 5; j++) information[5 * i + j] = a[i][j];
   return cost;
 }
+
+void ellipse_residuals(const Problem *s, const double *p, double *residuals) {
+  Pack l, u, by_l[5], by_u[5];
+  Block block;
+  for (Int first = 0; first < s->n; first += LANES) {
+    read_block(s, first, s->n, &block);
+    for (Int row = 0; row < s->signatures; row++) {
+      double off[LANES];
+      for (int j = 0; j < LANES; j += WIDTH) {
+        heights(p, load(block.x + j), &l, &u, by_l, by_u);
+        Ideal contact = ideal(s, l, u);
+        store(off + j, load(block.k[row] + j) - reading(s->share[row], &contact));
+      }
+      for (int j = 0; j < LANES && first + j < s->n; j++) {
+        Int i = row * s->n + first + j;
+        residuals[i] = off[j] * sqrt(s->weight[i]);
+      }
+    }
+  }
+}

@@ -12,7 +12,7 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.core.binding import MAX_VERTICES, at, exported
-from tacstrip.core.normal_equations import terms
+from tacstrip.core.cost import terms
 from tacstrip.core.polygon_fit import PolygonFit
 from tacstrip.core.problem import FitProblem
 from tacstrip.fisher import covariance
@@ -21,9 +21,9 @@ from tacstrip.sensor.spec import Sensor
 _STEPS, _ENOUGH, _HOPE = 25, 1e-2, 4.0
 _POINTS = 20  # interior points of either chain that draw it
 _CHORD = np.pi / (_POINTS + 1)  # angle between two of them
-_SAME_AREA = _CHORD / np.sin(_CHORD)  # they lie so much further out in y that chords hold the ellipse's area
-_EDGE = 0.03  # sqrt(1 - t^2) of the place nearest to an end where its slope is taken
-_LEAST = 1e-9  # added to the normal matrix
+_SAME_AREA = np.sqrt(_CHORD / np.sin(_CHORD))  # so much further out chords hold the ellipse's area
+_STEEP = 0.03  # sqrt(1 - t^2) of the place nearest to an end where its slope is taken
+_ALWAYS = 1e-9  # added to the normal matrix
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,11 +93,14 @@ class Ellipse:
 
 
 def _drawn() -> tuple[FloatArray, FloatArray]:
-    """Return t and sqrt(1 - t^2) (22,) of the places that draw a chain, so much larger that chords hold the area."""
-    t = -np.cos(np.linspace(0.0, np.pi, _POINTS + 2))
-    r = _SAME_AREA * np.sqrt(np.maximum(1.0 - t * t, 0.0))
+    """Return t and sqrt(1 - t^2) (22,) of the places that draw a chain, both larger by one factor.
+
+    Together the places are the affine image of a regular polygon: area, centroid and orientation are the ellipse's.
+    """
+    angle = np.linspace(0.0, np.pi, _POINTS + 2)
+    r = _SAME_AREA * np.sin(angle)
     r[[0, -1]] = 0.0
-    return t, r
+    return -_SAME_AREA * np.cos(angle), r
 
 
 def fit_ellipse(start: PolygonFit, problem: FitProblem, wanted: float = np.inf) -> Ellipse:
@@ -120,7 +123,7 @@ def plain_fit_ellipse(start: PolygonFit, problem: FitProblem, wanted: float = np
     half, damping = 0.5 * problem.pitch, 1e-3
     cost, matrix, gradient = _normal_equations(p, problem)
     for _ in range(_STEPS):
-        small = matrix + np.diag(damping * matrix.diagonal() + _LEAST)
+        small = matrix + np.diag(damping * matrix.diagonal() + _ALWAYS)
         trial = p + np.linalg.solve(small, gradient)
         trial[:2] = np.clip(trial[:2], (-half, 1.0 - half), (half, 1.0 + half))
         trial[2] = np.clip(trial[2], 0.0, 1.0)
@@ -147,7 +150,7 @@ def _normal_equations(p: FloatArray, problem: FitProblem) -> tuple[float, FloatA
     r = np.sqrt(np.maximum(1.0 - t * t, 0.0))
     l = np.clip(c + s * t - b * r, 0.0, 1.0)
     u = np.minimum(np.maximum(c + s * t + b * r, l), 1.0)
-    bend, one = b * t / np.maximum(r, _EDGE), np.ones_like(t)
+    bend, one = b * t / np.maximum(r, _STEEP), np.ones_like(t)
     by_l, by_u = (
         np.stack(
             [by_t * (t - 1.0) / (right - left), by_t * (-1.0 - t) / (right - left), one, t, root], axis=1

@@ -78,7 +78,7 @@ def plain_hit_and_run(
     pair_a, pair_slack, pair_edge = pair_a[..., near_pairs], pair_slack[:, near_pairs], pairs[2][near_pairs]
     z, out = np.zeros(size), np.empty((_SETTLING + sweeps, size))
     for sweep in range(_SETTLING + sweeps):
-        draw = uniform(sweep)
+        draw = uniform(sweep, size)
         cut = draw[: len(near)] * np.minimum(edge, slack)
         pair_cut = draw[_NEAREST : _NEAREST + len(near_pairs)] * np.minimum(pair_edge, pair_slack.max(axis=0))
         slack, pair_slack = slack - cut, pair_slack - pair_cut
@@ -138,9 +138,9 @@ def _length(a: FloatArray) -> FloatArray:
     return np.sqrt(total)
 
 
-def uniform(sweep: int) -> FloatArray:
+def uniform(sweep: int, size: int = MOST_DIMENSIONS) -> FloatArray:
     """Return the numbers from 0 to 1 that a sweep draws: of bounds, pairs, then coordinates (splitmix64)."""
-    count = _NEAREST + _NEAREST_PAIRS + MOST_DIMENSIONS
+    count = _NEAREST + _NEAREST_PAIRS + max(size, MOST_DIMENSIONS)
     bits = np.arange(sweep * count + 1, (sweep + 1) * count + 1, dtype=np.uint64)
     bits = bits * np.uint64(0x9E3779B97F4A7C15)
     for shift, factor in ((30, 0xBF58476D1CE4E5B9), (27, 0x94D049BB133111EB)):

@@ -34,13 +34,14 @@ HIDDEN double exponential(double x);        /* |x| < 700 */
 HIDDEN double uniform_draw(unsigned long long place); /* a place in the one sequence of numbers from 0 to 1 */
 HIDDEN double natural_log(double x);        /* x > 0 */
 HIDDEN double hyperbolic_tangent(double x); /* any x */
+HIDDEN double arctangent(double x);         /* x >= 0 */
 
 /* cholesky.c: the upper triangle of the leading n rows, U'U = a */
 HIDDEN int factor(Matrix a, Int n); /* in place; 0 where a is not positive definite */
 HIDDEN void solve(Matrix u, Int n, double *b);
 HIDDEN void solve_upper(Matrix u, Int n, double *b); /* U b' = b */
 
-/* normal_equations.c */
+/* cost.c */
 typedef struct {
   double x, y, slope, run; /* one point, dy/dx, and 1 / extent in x */
 } Line;
@@ -63,12 +64,27 @@ typedef struct {
 HIDDEN void chain_of(const Problem *s, const Polygon *p, int upper, Chain *chain);
 HIDDEN Int edge_of(const Chain *chain, Int strip, Int e); /* not before edge e */
 
+/* search.c */
+#define FLOOR 1e-7 /* of Vref: readings are never taken for more exact */
+HIDDEN Int readings_of(const Problem *s); /* that count */
+HIDDEN double sigma_of(const Problem *s); /* of the most certain reading */
+/* What a vertex must gain in chi square to be believed: BIC's 2 ln n for its two numbers, and 4 for its place. */
+HIDDEN double per_vertex_penalty(Int readings);
+HIDDEN double complexity_penalty(Int readings, Int vertices, Int sigma_known);
+HIDDEN double deviance(double cost, Int readings, double sigma, Int sigma_known);
+
+/* ellipse.c */
+HIDDEN void ellipse_residuals(const Problem *s, const double *p, double *residuals); /* as tacstrip_residuals */
+
 /* descent.c */
 HIDDEN Int free_entries(const Polygon *p, Int *free);
 HIDDEN void sort_vertices(Polygon *p);
 HIDDEN void move(const Polygon *p, const Int *free, Int n, const double *step, double pitch, double *trial);
 
 /* polytope.c: rows beside each other, a (size, rows) */
+HIDDEN double lane_product(const double *a, const double *b, Int n); /* in lanes; n is a multiple of LANES */
+/* The value of which `count` are as large or larger; values (n,) are moved about. */
+HIDDEN double threshold(double *values, Int n, Int count);
 HIDDEN void row_products(const double *a, Int rows, Int size, const double *v, double *out); /* a' v, (rows,) */
 HIDDEN void forward_rows(Matrix u, const double *a, Int stride, Int rows, Int size, double *out); /* U' out = a */
 /* Mark the largest, of equal ones the first, in marked (n,) with 1, and return how many are marked. scratch (n,) */

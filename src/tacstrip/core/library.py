@@ -27,7 +27,7 @@ def library() -> ctypes.CDLL | None:
     Returns
     -------
     CDLL or None
-        The same one at every call. Calls of its functions let other threads run.
+        The same one at every call.
 
     Raises
     ------

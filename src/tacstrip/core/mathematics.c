@@ -1,4 +1,4 @@
-/* exp, tanh and log to about one unit in the last place, the same on every platform. */
+/* exp, tanh, arctan and log to about one unit in the last place, the same on every platform. */
 
 #include "internal.h"
 
@@ -56,4 +56,13 @@ double uniform_draw(unsigned long long place) {
   bits = (bits ^ (bits >> 27)) * 0x94D049BB133111EBULL;
   bits ^= bits >> 31;
   return (double)(Int)(bits >> 11) * (1.0 / 9007199254740992.0);
+}
+
+/* By arctan x = pi/2 - arctan 1/x, then half the angle twice. */
+double arctangent(double x) {
+  double t = x > 1.0 ? 1.0 / x : x, sum = 0.0;
+  for (int i = 0; i < 2; i++) t = t / (1.0 + sqrt(1.0 + t * t));
+  for (int i = 25; i > 0; i -= 2) sum = 1.0 / (double)i - sum * t * t;
+  sum *= 4.0 * t;
+  return x > 1.0 ? 1.5707963267948966 - sum : sum;
 }

@@ -17,7 +17,7 @@ from tacstrip.core.score_test import places
 FIRST, GROW, SHRINK = 0, 1, 2  # moves
 ROUGH = 12  # steps of a descent
 ENOUGH = 0.1  # of chi square: a descent step that gains less is the last
-_STARTS = 5  # positions of a first vertex, on each chain
+_FIRST_PLACES = 5  # positions of a first vertex, on each chain
 _ROUNDING = 1e-3  # of chi square
 
 
@@ -47,15 +47,15 @@ def improve(move: int, fit: PolygonFit, cost: float, convex: bool, problem: FitP
 def first_places(theta: FloatArray, problem: FitProblem) -> tuple[FloatArray, IntArray]:
     """Return starts with one vertex, each of which alone makes the reading where it is."""
     k, n, starts = problem.k[0], len(problem.x), []
-    for place in range(_STARTS):
-        i = min(n * (2 * place + 1) // (2 * _STARTS), n - 1)
+    for place in range(_FIRST_PLACES):
+        i = min(n * (2 * place + 1) // (2 * _FIRST_PLACES), n - 1)
         reading = (k[max(i - 1, 0)] + k[i] + k[min(i + 1, n - 1)]) / 3.0
         c_u = problem.shares[0] + problem.narrow * reading
         for upper, own in ((0, 1.0 - c_u), (1, c_u)):
             opposite = theta[2 - upper] + (theta[5 - upper] - theta[2 - upper]) * problem.x[i]
             height = (reading - (1.0 - own) * opposite) / max(own, 1e-3)
             starts.append([*theta, problem.x[i], min(max(height, 0.0), 1.0)])
-    return np.array(starts), np.tile([[0], [1]], (_STARTS, 1))
+    return np.array(starts), np.tile([[0], [1]], (_FIRST_PLACES, 1))
 
 
 def without_each(theta: FloatArray, chain: IntArray) -> tuple[FloatArray, IntArray]:

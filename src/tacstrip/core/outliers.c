@@ -6,7 +6,7 @@
 #define FAR 6.0          /* sigmas from what the neighbours predict */
 #define FAR_AT_ENDS 14.0 /* from what the line through two strips on one side predicts, itself uncertain by 2.2 */
 #define FAR_FROM_FIT 5.0       /* sigmas from the polygon */
-#define SHARE 0.1        /* of the strips: more are not outliers but a wrong model */
+#define MOST 0.1         /* of the strips: more are not outliers but a wrong model */
 #define ALLOWED 4        /* suspects on few strips: a fault, and strips beside a corner, which the fit explains */
 
 /* The place of the reading v (n,) at x (n,) that is furthest from the nearest of what its neighbours predict, and how
@@ -32,7 +32,7 @@ static Int furthest(const double *x, const double *v, Int n, double *off, double
 
 void tacstrip_spikes(const double *k, Int n, double sigma, unsigned char *out, double *workspace) {
   double *x = workspace, *v = x + n, *off = v + n, far;
-  Int left = 0, rounds = (Int)(SHARE * (double)n);
+  Int left = 0, rounds = (Int)(MOST * (double)n);
   for (Int i = 0; i < n; i++) {
     out[i] = !(k[i] - k[i] == 0.0); /* NaN or infinite */
     if (out[i]) continue;
@@ -59,7 +59,7 @@ Int tacstrip_isolated_outliers(const double *residuals, Int signatures, Int n, u
     out[row * n + i] = far > FAR_FROM_FIT && beside < 0.5 * far;
     count += out[row * n + i];
   }
-  if ((double)count <= larger(SHARE * (double)n, 1.0)) return count;
+  if ((double)count <= larger(MOST * (double)n, 1.0)) return count;
   for (Int i = 0; i < signatures * n; i++) out[i] = 0;
   return 0;
 }

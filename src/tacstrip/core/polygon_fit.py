@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.core.binding import END_ENTRIES, MAX_VERTICES, POLYGON, at, exported
+from tacstrip.core.cost import normal_equations
 from tacstrip.core.descent import descend
-from tacstrip.core.normal_equations import normal_equations
 from tacstrip.core.problem import FitProblem
 from tacstrip.core.vertex_covariance import covariance_with_x_priors
 from tacstrip.geometry.outline import Outline, uncrossed

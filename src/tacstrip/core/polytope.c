@@ -34,8 +34,7 @@ void row_products(const double *a, Int rows, Int size, const double *v, double *
   }
 }
 
-/* The value of which `count` are as large or larger; values (n,) are moved about. */
-static double threshold(double *values, Int n, Int count) {
+double threshold(double *values, Int n, Int count) {
   Int low = 0, high = n - 1, wanted = count - 1;
   while (low < high) {
     double pivot = values[(low + high) / 2];
@@ -220,8 +219,7 @@ void forward_rows(Matrix u, const double *a, Int stride, Int rows, Int size, dou
   }
 }
 
-/* The sum of a[i] b[i] in lanes; n is a multiple of LANES. */
-static double lane_product(const double *a, const double *b, Int n) {
+double lane_product(const double *a, const double *b, Int n) {
   Pack sum[PACKS];
   for (int j = 0; j < PACKS; j++) sum[j] = all(0.0);
   for (Int i = 0; i < n; i += LANES)

@@ -9,14 +9,14 @@ from __future__ import annotations
 import numpy as np
 
 from tacstrip.arrays import FloatArray, IntArray
+from tacstrip.core.binding import SIZE, exported
 from tacstrip.core.binding import at as address
-from tacstrip.core.binding import exported
 
-MOST_DIMENSIONS = 38  # SIZE of core.h
+MOST_DIMENSIONS = SIZE
 _ROUNDING = 1e-9
 _SLANTED = 1e-7  # a row less against the direction than this depends on the met ones; to pass it by is safe
 _ROUNDS = 12  # of adding the rows that are broken most
-_FIRST, _MORE = 6, 2  # rows to begin with and to add, per dimension
+_FIRST_ROWS, _MORE_ROWS = 6, 2  # rows to begin with and to add, per dimension
 _FLAT = 1e-8  # of the scale: a polytope as thin has no inside
 _NEAREST = 24  # rows per dimension that the centre keeps away from
 _SELECTIONS, _STEPS = 3, 10
@@ -110,7 +110,7 @@ def plain_minimax(
     worst = float(broken.max())
     if worst < 0.0 or not np.isfinite(worst):
         return at, worst, not worst < 0.0
-    used = largest(broken, _FIRST * size)
+    used = largest(broken, _FIRST_ROWS * size)
     form = np.append(np.zeros(size), 1.0)
     for _ in range(_ROUNDS):
         # Least t with A h - t <= b over the rows in use, and t >= -scale.
@@ -127,7 +127,7 @@ def plain_minimax(
         worst = float(broken.max())
         if worst < 0.0 or np.isnan(worst):
             return at, worst, False
-        used = np.union1d(used, largest(broken, _MORE * size))
+        used = np.union1d(used, largest(broken, _MORE_ROWS * size))
     return at, worst, False
 
 

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tacstrip.arrays import FloatArray
-from tacstrip.core.binding import MOST_CORNERS, OUTLINE, OUTLINE_PRIOR, at, exported
+from tacstrip.core.binding import HOTTEST, MOST_CORNERS, OUTLINE, OUTLINE_PRIOR, at, exported
 from tacstrip.core.problem import FitProblem
 
 # Of objects: how often so many vertices are met, before any reading.
@@ -151,6 +151,8 @@ def sample_outlines(
     core = exported("sample_outlines")
     if core is None:
         return None
+    if not 0 < len(heat) <= HOTTEST:
+        raise ValueError(f"{len(heat)} temperatures: 1 to {HOTTEST}")
     told = np.zeros(1, OUTLINE_PRIOR)
     for name in OUTLINE_PRIOR.names or ():
         told[name][0] = getattr(prior, name)

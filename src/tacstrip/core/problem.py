@@ -10,7 +10,7 @@ import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.core.binding import Problem, at
-from tacstrip.sensor.circuit import reading_jacobian, sensing_share, transfer_length
+from tacstrip.sensor.closed_form import fraction, reading_jacobian, sensing_share
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
 
@@ -35,7 +35,7 @@ class FitProblem:
         Of the strips, in units of x.
     shares, narrow, lam
         The closed form (3.3)-(3.8) with contact resistance: c_u of a contact without width per signature (S,),
-        1 - a, and lambda over L. See `sensor.circuit`.
+        1 - a, and lambda over L. See `sensor.closed_form`.
     origin_mm, width_mm, length_mm
         x = 0, the extent of x from 0 to 1, and L.
     """
@@ -83,15 +83,29 @@ class FitProblem:
             row[:] = (
                 values if used.all() else np.interp(x_mm, x_mm[used], values[used]) if used.any() else 0.0
             )
+        weight = np.where(use, 1.0 / sigma**2, 0.0)
+        return cls.of_strips(sensor, x_mm, tuple(readings), np.clip(k, -1.0, 2.0), weight, margin_mm)
+
+    @classmethod
+    def of_strips(
+        cls,
+        sensor: Sensor,
+        x_mm: FloatArray,
+        names: tuple[str, ...],
+        k: FloatArray,
+        weight: FloatArray,
+        margin_mm: float = 0.0,
+    ) -> FitProblem:
+        """Make the problem of readings k (S, n) of the signatures `names`, with their weights (S, n)."""
         a = sensing_share(sensor.sensing_ratio)
         out = 0.5 * sensor.pitch_mm + margin_mm
         origin, width = float(x_mm[0]) - out, float(x_mm[-1] - x_mm[0]) + 2.0 * out
         return cls(
             (x_mm - origin) / width,
-            np.clip(k, -1.0, 2.0),
-            np.where(use, 1.0 / sigma**2, 0.0),
+            k,
+            weight,
             sensor.pitch_mm / width,
-            np.array([a if SIGNATURES[name].at_upper_end else 0.0 for name in readings]),
+            np.array([a if SIGNATURES[name].at_upper_end else 0.0 for name in names]),
             1.0 - a,
             sensor.contact_lambda_mm / sensor.length_mm,
             origin,
@@ -136,9 +150,8 @@ class FitProblem:
     def jacobian(self, l: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return dk/dl and dk/du of all readings, and the readings k (..., S, n), of contacts l to u (..., n)."""
         l, w, share = l[..., None, :], (u - l)[..., None, :], self.shares[:, None]
-        t = transfer_length(w, self.lam)
-        d = 1.0 - self.narrow * (w - 2.0 * t)
-        k = (l + t + share * (w - 2.0 * t)) / np.maximum(d, LEAST_D)
+        numerator, d = fraction(l, w, 1.0, share, self.narrow, self.lam)
+        k = numerator / np.maximum(d, LEAST_D)
         length = 1.0 + np.maximum(LEAST_D - d, 0.0)  # where D would be less the strip counts as longer
         by_l, by_u = reading_jacobian(k, w, length, share > 0.0, 1.0 / self.narrow - 1.0, self.lam)
         return by_l, by_u, k

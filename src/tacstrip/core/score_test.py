@@ -13,8 +13,8 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.core.binding import END_ENTRIES
+from tacstrip.core.cost import free_entries, heights, normal_equations, terms
 from tacstrip.core.descent import moved
-from tacstrip.core.normal_equations import free_entries, heights, normal_equations, terms
 from tacstrip.core.problem import FitProblem
 
 TRIED = 3  # best places of one more vertex that are tried

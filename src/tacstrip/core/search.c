@@ -15,7 +15,6 @@
 #define FAR 40.0          /* of the criterion: a count that is so much worse on averaged strips is so on all */
 #define EQUAL 8.0         /* of the criterion */
 #define ROUNDS 2          /* of taking out and growing again */
-#define FLOOR 1e-7        /* of Vref: readings are never taken for more exact */
 #define STRIPS 100        /* the search makes longer runs as short as that */
 #define TINY 2.3e-308
 
@@ -30,32 +29,31 @@ typedef struct {
   double *strips, *running;
 } Search;
 
-static Int readings_of(const Problem *s) {
+Int readings_of(const Problem *s) {
   Int count = 0;
   for (Int i = 0; i < s->signatures * s->n; i++) if (s->weight[i] != 0.0) count++;
   return count;
 }
 
-static double sigma_of(const Problem *s) {
+double sigma_of(const Problem *s) {
   double largest = TINY;
   for (Int i = 0; i < s->signatures * s->n; i++) largest = larger(largest, s->weight[i]);
   return 1.0 / sqrt(largest);
 }
 
-/* What a vertex must gain in chi square to be believed: BIC's 2 ln n for its two numbers, and 4 for its place. */
-static double per_vertex_penalty(Int readings) {
+double per_vertex_penalty(Int readings) {
   return 2.0 * natural_log((double)(readings > 2 ? readings : 2)) + 4.0;
 }
 
 /* What so many vertices must gain together. Where sigma is not known few readings are soon fitted too well: the
    correction of small samples (AICc's) makes vertices dearer. */
-static double complexity_penalty(Int readings, Int vertices, Int sigma_known) {
+double complexity_penalty(Int readings, Int vertices, Int sigma_known) {
   double price = per_vertex_penalty(readings) * (double)vertices;
   Int spare = readings - 2 * vertices - 3;
   return sigma_known ? price : price * (double)readings / (double)(spare > 1 ? spare : 1);
 }
 
-static double deviance(double cost, Int readings, double sigma, Int sigma_known) {
+double deviance(double cost, Int readings, double sigma, Int sigma_known) {
   double n = (double)(readings > 1 ? readings : 1), floor = FLOOR / sigma;
   return sigma_known ? cost : n * natural_log(larger(cost / n, floor * floor));
 }

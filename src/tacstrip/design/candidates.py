@@ -82,9 +82,8 @@ def candidates(
         There is no such construction, or a design cannot be.
     """
     if constructions is None:
-        kinds = [
-            c for c in CONSTRUCTIONS.values() if c.closed_form and c.cylindrical == sensor.kind.cylindrical
-        ]
+        alike = [c for c in CONSTRUCTIONS.values() if c.cylindrical == sensor.kind.cylindrical]
+        kinds = [c for c in alike if c.closed_form]
         kinds += [] if sensor.kind in kinds else [sensor.kind]
     else:
         kinds = [construction(name) for name in constructions]
@@ -96,7 +95,7 @@ def candidates(
             for length in lengths_mm or [part * sensor.length_mm for part in LENGTHS]:
                 yield replace(
                     sensor, construction=kind.name, strips=strips, pitch_mm=pitch, length_mm=length,
-                    strip_width_mm=None, resistivity_ratio=ratio, radius_mm=radius,
+                    strip_width_mm=None, resistivity_ratio=ratio, radius_mm=radius, without=(),
                 )  # fmt: skip
 
 
@@ -148,7 +147,7 @@ def designs(
             design = replace(sensor, adc_bits=resolution)
             steps = reading_sigma(Noise(), design)
             room = math.sqrt(3.0 * max(largest**2 - steps**2, 0.0))
-            given = math.hypot(noise.quantisation, noise.positional)
+            given = math.sqrt(3.0) * reading_sigma(noise, replace(sensor, adc_bits=None))
             error = bounds.error(math.hypot(given / math.sqrt(3.0), steps))
             unmet = requirements_unmet(design, min(given, room), farad, conversion_s)
             found.append(Design(design, error, room, unmet))

@@ -84,9 +84,17 @@ def outline_of(sensor: Sensor, contact: Contact) -> Outline:
     return outline
 
 
-def checked_noise(sensor: Sensor, noise: Noise) -> float:
-    """Return the standard deviation of a reading [Vref], or raise `OptionError` where nothing limits it."""
+def checked_noise(sensor: Sensor, noise: Noise) -> float | Noise:
+    """Return the standard deviation of a reading [Vref], or of readings whose errors are not independent the noise.
+
+    Raises
+    ------
+    OptionError
+        Nothing limits them.
+    """
     sigma = reading_sigma(noise, sensor)
+    if not noise.independent and (sigma or noise.edge_mm or noise.gain):
+        return noise
     if sigma == 0.0:
         raise OptionError(
             "without noise and A/D steps there is no limit: set quantisation, positional or bits"

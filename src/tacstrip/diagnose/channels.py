@@ -1,13 +1,13 @@
-"""Channels that do not follow the contact: open strips, dead and stuck channels, saturation, never_touched strips."""
+"""Channels that do not follow the contact: open strips, dead and stuck channels, saturation, strips never touched."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import partial
 
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
-from tacstrip.diagnose.finding import Finding
 from tacstrip.diagnose.neighbour_prediction import (
     Suspect,
     WorkingCopy,
@@ -26,7 +26,7 @@ _ALIKE = 0.7  # correlation of a strip's neighbours that are under one object
 _FEW, _SOME = 3, 8  # places
 
 
-def on_rails(work: WorkingCopy) -> list[Suspect]:
+def on_rails(work: WorkingCopy) -> Iterator[Suspect]:
     """Find strips whose readings lie on ground or Vref where their neighbours expect something between.
 
     A strip cut below the contact floats up to Vref, one cut above it stays on ground; a contact across the cut reads
@@ -36,7 +36,7 @@ def on_rails(work: WorkingCopy) -> list[Suspect]:
     names = list(work.k)
     values = np.stack([work.k[n] for n in names])  # (signatures, places, strips)
     e, r = (np.stack(a) for a in zip(*(neighbour_residuals(work, n) for n in names), strict=True))
-    # NeighbourPair one strip on a rail there may be another; not between two that are off it.
+    # Beside one strip on a rail there may be another; not between two that are off it.
     gap = np.stack([predict_from_neighbours(work.k[n], work.there)[2] for n in names]) / 2.0
     inside = (e - gap > _INSIDE / 2.0) & (e + gap < 1.0 - _INSIDE / 2.0) & (np.abs(e - 0.5) < 0.5 - _INSIDE)
     low, high = values <= _ground(work) + near, values >= 1.0 - near
@@ -47,28 +47,19 @@ def on_rails(work: WorkingCopy) -> list[Suspect]:
     )
     ground, vref = (np.asarray(side.all(axis=0) & inside.any(axis=0)) for side in (low, high))
     # One channel on ground where the other is not: its wire is dead.
-    single = (
-        inside & low & ~low.all(axis=0) & (values.max(axis=0) > max(2.0 * near, _ground(work) + _NEAR_RAIL))
-    )
+    off_rail = values.max(axis=0) > max(2.0 * near, _ground(work) + _NEAR_RAIL)
+    single = inside & low & ~low.all(axis=0) & off_rail
     places = inside.any(axis=0).sum(axis=0)
-    found = []
     for strip in range(work.strips):
         # Of all channels together: one strip on a rail is more likely than two stuck channels.
-        gain = float(
-            np.nansum(np.abs(r[:, :, strip])) / max(np.isfinite(r[:, :, strip]).any(axis=0).sum(), 1)
-        )
+        known = np.isfinite(r[:, :, strip]).any(axis=0).sum()
+        gain = float(np.nansum(np.abs(r[:, :, strip])) / max(known, 1))
         channels = dict(zip(names, single[:, :, strip], strict=True))
         of = inside[:, :, strip].sum(axis=1)
-        named = (
-            _open_strip(work, strip, ground[:, strip], vref[:, strip], int(places[strip]), e[0, :, strip]),
-            _one_channel(work, strip, channels, of),
+        yield from _open_strip(
+            work, strip, ground[:, strip], vref[:, strip], int(places[strip]), e[0, :, strip], gain
         )
-        found += [
-            Suspect(finding, gain, partial(WorkingCopy.drop, strip=strip, signature=finding.signature))
-            for finding in named
-            if finding is not None
-        ]
-    return found
+        yield from _one_channel(work, strip, channels, of, gain)
 
 
 def _constant(values: FloatArray, near: float) -> BoolArray:
@@ -83,49 +74,56 @@ def _ground(work: WorkingCopy) -> float:
 
 
 def _open_strip(
-    work: WorkingCopy, strip: int, ground: BoolArray, vref: BoolArray, places: int, level: FloatArray
-) -> Finding | None:
+    work: WorkingCopy,
+    strip: int,
+    ground: BoolArray,
+    vref: BoolArray,
+    places: int,
+    level: FloatArray,
+    gain: float,
+) -> Iterator[Suspect]:
     count = int(ground.sum() + vref.sum())
     always = count >= _ALWAYS * places
     # An object over the strip's end does not put two channels on one rail at every place.
     enough = _FEW if always and len(work.k) == 2 else _SOME
     # An object that reaches over the end of one strip does so at one height.
     if count < max(enough, _SHARE * places) or _spread(level[ground | vref]) < _MOVES:
-        return None
+        return
     where = ""
     if ground.any() and vref.any():
         y = sorted(float(v) * work.sensor.length_mm for v in (level[ground].max(), level[vref].min()))
         where = f"; the cut lies near y = {y[0]:.4g} to {y[1]:.4g} mm"
     elif always:
         where = f"; {_open_end(bool(vref.any()))}"
-    return Finding(
-        "open-strip", (int(work.order[strip]),),
+    evidence = (
         f"on ground in {int(ground.sum())} and on Vref in {int(vref.sum())} of {places} places where its neighbours "
-        f"expect 0.15 to 0.85 of Vref{where}",
-        {"places": float(places), "at_ground": float(ground.sum()), "at_vref": float(vref.sum())},
-    )  # fmt: skip
+        f"expect 0.15 to 0.85 of Vref{where}"
+    )
+    numbers = {"places": float(places), "at_ground": float(ground.sum()), "at_vref": float(vref.sum())}
+    yield work.suspect("open-strip", [strip], evidence, numbers, gain)
 
 
 def _one_channel(
-    work: WorkingCopy, strip: int, single: dict[str, BoolArray], places: IntArray
-) -> Finding | None:
+    work: WorkingCopy, strip: int, single: dict[str, BoolArray], places: IntArray, gain: float
+) -> Iterator[Suspect]:
     counts = {name: int(at.sum()) for name, at in single.items()}
-    often = [n for n, of in zip(counts, places, strict=True) if counts[n] and counts[n] >= 0.25 * of]
-    number = (int(work.order[strip]),)
+    often = {n: of for n, of in zip(counts, places, strict=True) if counts[n] and counts[n] >= 0.25 * of}
     numbers = {f"{n}_at_ground": float(c) for n, c in counts.items()}
     if len(often) == 2 or (len(often) == 1 and min(counts.values()) >= _FEW):
-        return Finding(
-            "open-sensing", number,
+        evidence = (
             f"v_h is on ground in {counts['kh']} places and v_l in {counts['kl']} others, while the other of the two "
-            "moves: v_h for contacts below the cut, v_l above it", numbers,
-        )  # fmt: skip
-    for name, of in zip(counts, places, strict=True):
-        if name in often and counts[name] >= _SHARE * of:
-            return Finding(
-                "dead", number, f"on ground in {counts[name]} of {int(of)} places where its neighbours expect 0.15 to "
-                "0.85 of Vref, while the strip's other channel moves", numbers, name,
-            )  # fmt: skip
-    return None
+            "moves: v_h for contacts below the cut, v_l above it"
+        )
+        yield work.suspect("open-sensing", [strip], evidence, numbers, gain)
+        return
+    for name, of in often.items():
+        if counts[name] >= _SHARE * of:
+            evidence = (
+                f"on ground in {counts[name]} of {int(of)} places where its neighbours expect 0.15 to 0.85 of Vref, "
+                "while the strip's other channel moves"
+            )
+            yield work.suspect("dead", [strip], evidence, numbers, gain, name)
+            return
 
 
 def _open_end(at_vref: bool) -> str:
@@ -134,30 +132,31 @@ def _open_end(at_vref: bool) -> str:
     return f"open at its {end}: look at that clamp and its wire to {wire}"
 
 
-def not_moving(work: WorkingCopy) -> list[Suspect]:
-    """Find channels that keep one value while their neighbours move."""
-    found = []
-    still = max(0.004, 3.0 * work.sigma)
+def _followed(work: WorkingCopy) -> Iterator[tuple[str, int, FloatArray, FloatArray]]:
+    """Yield the channels whose neighbours move together: signature, strip, readings and predictions (places,)."""
     for name, values in work.k.items():
-        e, r = neighbour_residuals(work, name)
+        e, _ = neighbour_residuals(work, name)
         for strip in range(work.strips):
             known = np.isfinite(e[:, strip])
-            if known.sum() < _SOME or not _alike(values[known], strip):
-                continue
-            own, predicted = (_spread(v[known, strip]) for v in (values, e))
-            whole = np.ptp(values[known, strip])
-            if own <= still and whole <= 3.0 * still and predicted > max(_MOVES, 5.0 * own):
-                level = float(np.median(values[known, strip]))
-                fault = "dead" if abs(level - _ground(work)) < max(_RAIL, 4.0 * work.sigma) else "stuck"
-                finding = Finding(
-                    fault, (int(work.order[strip]),),
-                    f"stays within {100 * own:.2g} % of Vref of {level:.4g} Vref over {int(known.sum())} places, while "
-                    f"its neighbours move by {100 * predicted:.3g} %",
-                    {"level": level, "own_spread": own, "neighbours_spread": predicted}, name,
-                )  # fmt: skip
-                gain = float(np.abs(r[known, strip]).mean())
-                found.append(Suspect(finding, gain, partial(WorkingCopy.drop, strip=strip, signature=name)))
-    return found
+            if known.sum() >= _SOME and _alike(values[known], strip):
+                yield name, strip, values[known, strip], e[known, strip]
+
+
+def not_moving(work: WorkingCopy) -> Iterator[Suspect]:
+    """Find channels that keep one value while their neighbours move."""
+    still = max(0.004, 3.0 * work.sigma)
+    for name, strip, values, expected in _followed(work):
+        own, predicted = _spread(values), _spread(expected)
+        if own <= still and np.ptp(values) <= 3.0 * still and predicted > max(_MOVES, 5.0 * own):
+            level = float(np.median(values))
+            fault = "dead" if abs(level - _ground(work)) < max(_RAIL, 4.0 * work.sigma) else "stuck"
+            evidence = (
+                f"stays within {100 * own:.2g} % of Vref of {level:.4g} Vref over {len(values)} places, while its "
+                f"neighbours move by {100 * predicted:.3g} %"
+            )
+            numbers = {"level": level, "own_spread": own, "neighbours_spread": predicted}
+            misfit = float(np.abs(values - expected).mean())
+            yield work.suspect(fault, [strip], evidence, numbers, misfit, name)
 
 
 def _alike(values: FloatArray, strip: int) -> bool:
@@ -174,34 +173,21 @@ def _alike(values: FloatArray, strip: int) -> bool:
     return bool(np.corrcoef(a[known], b[known])[0, 1] > _ALIKE)
 
 
-def clipped(work: WorkingCopy) -> list[Suspect]:
+def clipped(work: WorkingCopy) -> Iterator[Suspect]:
     """Find channels that follow their neighbours up (or down) to a level, and no further."""
-    found = []
-    for name, values in work.k.items():
-        e, _ = neighbour_residuals(work, name)
-        for strip in range(work.strips):
-            known = np.isfinite(e[:, strip])
-            if known.sum() < _SOME or not _alike(values[known], strip):
+    for name, strip, own, predicted in _followed(work):
+        for sign, side in ((1.0, "above"), (-1.0, "below")):
+            stop = _saturation_level(sign * own, sign * predicted, work.sigma)
+            if stop is None:
                 continue
-            own, predicted = values[known, strip], e[known, strip]
-            for sign, side in ((1.0, "above"), (-1.0, "below")):
-                stop = _saturation_level(sign * own, sign * predicted, work.sigma)
-                if stop is None:
-                    continue
-                level, beyond, misfit = stop
-                found.append(
-                    Suspect(
-                        Finding(
-                            "saturation", (int(work.order[strip]),),
-                            f"never {side} {sign * level:.4g} Vref, {beyond} times just there while its neighbours "
-                            f"went further, by {100 * misfit:.3g} % of Vref in the mean",
-                            {"level": sign * level, "places": float(beyond), "misfit": misfit}, name,
-                        ),
-                        misfit,
-                        partial(_drop_end, strip=strip, name=name, level=sign * level, sign=sign),
-                    )
-                )  # fmt: skip
-    return found
+            level, beyond, misfit = stop
+            evidence = (
+                f"never {side} {sign * level:.4g} Vref, {beyond} times just there while its neighbours went further, "
+                f"by {100 * misfit:.3g} % of Vref in the mean"
+            )
+            numbers = {"level": sign * level, "places": float(beyond), "misfit": misfit}
+            drop = partial(_drop_end, strip=strip, name=name, level=sign * level, sign=sign)
+            yield work.suspect("saturation", [strip], evidence, numbers, misfit, name, drop)
 
 
 def _saturation_level(
@@ -229,33 +215,23 @@ def _drop_end(work: WorkingCopy, strip: int, name: str, level: float, sign: floa
     values[sign * (values - level) >= -0.003] = np.nan
 
 
-def never_touched(work: WorkingCopy) -> list[Suspect]:
+def never_touched(work: WorkingCopy) -> Iterator[Suspect]:
     """Find strips that are never touched while a contact moves across them."""
-    found = []
-    for strip in np.flatnonzero(~work.there.any(axis=0)):
+    for strip in np.flatnonzero(~work.there.any(axis=0)).tolist():
         if strip in (0, work.strips - 1):
             continue
         over = work.there[:, strip - 1] & work.there[:, strip + 1]
         edges = {(int(np.argmax(row)), int(np.argmax(row[::-1]))) for row in work.there[over]}
         moved = len({a for a, _ in edges}) + len({b for _, b in edges}) >= _FEW
-        if over.sum() >= _FEW and moved:
-            count, number = int(over.sum()), int(work.order[strip])
-            grounded = work.at_ground[number]  # one open clamp, rather than all wires dead
+        count = int(over.sum())
+        if count >= _FEW and moved:
+            fault = "dead"
             evidence = f"reads no contact in {count} places where both its neighbours do, though the contact moves on"
-            if grounded:
-                evidence += (
-                    f", and is on ground throughout; {_open_end(at_vref=False)}, then at the sensing wires"
-                )
-            found.append(
-                Suspect(
-                    Finding(
-                        "open-strip" if grounded else "dead", (number,), evidence, {"places": float(count)}
-                    ),
-                    1.0,
-                    partial(WorkingCopy.drop, strip=int(strip)),
-                )
-            )  # fmt: skip
-    return found
+            if work.at_ground[work.order[strip]]:  # one open clamp, rather than all wires dead
+                fault = "open-strip"
+                end = _open_end(at_vref=False)
+                evidence += f", and is on ground throughout; {end}, then at the sensing wires"
+            yield work.suspect(fault, [strip], evidence, {"places": float(count)}, 1.0)
 
 
 def _spread(values: FloatArray) -> float:

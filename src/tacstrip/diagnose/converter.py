@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from tacstrip.arrays import FloatArray
-from tacstrip.diagnose.finding import Finding
+from tacstrip.diagnose.faults import Finding
 from tacstrip.diagnose.log import Log
 
 _OVER = 0.005  # over Vref: what rounding and small offsets may add
@@ -28,9 +30,8 @@ def stuck_bits(log: Log) -> tuple[list[Finding], str]:
     if not tested:
         return [], f"A/D bits: only {len(codes)} different codes; move the contact"
     stuck = [b for b in tested if len(np.unique((codes >> b) & 1)) == 1]
-    not_tested = (
-        f"A/D bits {max(tested) + 1} and above: they change too seldom" if max(tested) < bits - 1 else ""
-    )
+    seldom = f"A/D bits {max(tested) + 1} and above: they change too seldom"
+    not_tested = seldom if max(tested) < bits - 1 else ""
     if not stuck:
         return [], not_tested
     at = [int(codes[0] >> b) & 1 for b in stuck]
@@ -124,11 +125,10 @@ def _end_level(log: Log, sigma: float) -> float | None:
     return float(np.median(top[at]))
 
 
-def common_ceiling(log: Log, sigma: float) -> list[Finding]:
+def common_ceiling(log: Log, sigma: float) -> Iterator[Finding]:
     """Find a level that many strips' readings stop at: an amplifier that saturates cuts the noise off too."""
     if sigma < max(log.sensor.adc_step, 2e-4):
-        return []
-    found = []
+        return
     for sign, side in ((1.0, "above"), (-1.0, "below")):
         values = [sign * np.where(log.touched, v, np.nan) for v in log.raw.values()]
         level = float(np.fmax.reduce([np.fmax.reduce(v, axis=None) for v in values]))
@@ -136,14 +136,12 @@ def common_ceiling(log: Log, sigma: float) -> list[Finding]:
             continue
         at, below, strips = _count_at_level(values, level, 0.6 * log.sensor.adc_step + 1e-9, 2.0 * sigma)
         if at >= 20 and at > 2 * below and strips >= 3:
-            found.append(
-                Finding(
-                    "saturation", (), f"{at} readings on {strips} strips are just {sign * level:.5g} Vref and none is "
-                    f"{side}; noise alone would spread them by {100 * sigma:.2g} %",
-                    {"level": sign * level, "side": sign, "readings": float(at)},
-                )
-            )  # fmt: skip
-    return found
+            evidence = (
+                f"{at} readings on {strips} strips are just {sign * level:.5g} Vref and none is {side}; noise alone "
+                f"would spread them by {100 * sigma:.2g} %"
+            )
+            numbers = {"level": sign * level, "side": sign, "readings": float(at)}
+            yield Finding("saturation", (), evidence, numbers)
 
 
 def _count_at_level(values: list[FloatArray], level: float, tie: float, near: float) -> tuple[int, int, int]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 
 import numpy as np
 
@@ -10,7 +10,8 @@ from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.diagnose.channels import clipped, never_touched, not_moving, on_rails
 from tacstrip.diagnose.converter import common_ceiling, stuck_bits, wrong_reference
 from tacstrip.diagnose.drift import drift
-from tacstrip.diagnose.finding import Finding, Report
+from tacstrip.diagnose.exchanged import swapped_ends, swapped_strips, swapped_wires
+from tacstrip.diagnose.faults import Finding, Report
 from tacstrip.diagnose.hum import hum
 from tacstrip.diagnose.log import Log
 from tacstrip.diagnose.neighbour_prediction import (
@@ -23,14 +24,13 @@ from tacstrip.diagnose.neighbour_prediction import (
 from tacstrip.diagnose.noise import excess_noise, measure, quality
 from tacstrip.diagnose.regression import moved_to_and_fro
 from tacstrip.diagnose.shorts import shorts
-from tacstrip.diagnose.wiring import swapped_ends, swapped_strips, swapped_wires
 from tacstrip.sensor.rest_level import rest_hint
 
 _MOST_SCANS = 20_000  # of longer recordings, evenly spread stretches are examined
 _LEAST_SIGMA = 2e-4  # over Vref: no reading is trusted to less
 _MOST_SIGMA = 0.006  # over Vref, where motion hides the noise: that of P.U. profile II
-_OFFSET = 0.02  # over Vref: what a strip may lie beside its neighbours before calibration is advised
-_TESTS: tuple[Callable[[WorkingCopy], list[Suspect]], ...] = (
+_OFFSET = 0.02  # over Vref: what a strip may lie off its neighbours' line before calibration is advised
+_TESTS: tuple[Callable[[WorkingCopy], Iterable[Suspect]], ...] = (
     never_touched, on_rails, not_moving, clipped, swapped_wires, swapped_ends, swapped_strips, shorts,
 )  # fmt: skip
 _FEWEST = 20  # places that determine an offset
@@ -49,6 +49,22 @@ def diagnose(log: Log) -> Report:
     -------
     Report
         Faults with their evidence, notes, what was not checked, and the noise.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import tacstrip as ts
+    >>> from tacstrip.diagnose import Log, diagnose
+    >>> sensor = ts.Sensor(construction="crs-m", strips=6, pitch_mm=10.0, length_mm=100.0)
+    >>> heights = 45.0 + 30.0 * np.sin(np.linspace(0.0, 20.0, 200))
+    >>> contacts = [ts.Contact.polygon([(0, y), (60, y + 6), (60, y + 16), (0, y + 10)]) for y in heights]
+    >>> scans = [ts.simulate(sensor, c, ts.Noise(positional=0.002), rng=i) for i, c in enumerate(contacts)]
+    >>> k = np.stack([scan["k"] for scan in scans])
+    >>> k[:, 3] = 0.0  # a wire that nothing comes through
+    >>> log = Log.of(sensor, 0.01 * np.arange(200.0), {"k": k})
+    >>> report = diagnose(log)
+    >>> [(finding.fault, finding.strips) for finding in report.findings]
+    [('open-strip', (3,))]
     """
     part = log.part(_MOST_SCANS)
     noise = measure(part)
@@ -56,14 +72,13 @@ def diagnose(log: Log) -> Report:
     if not noise.steady:  # motion, for the most part
         sigma = min(sigma, _MOST_SIGMA)
     bits, no_bits = stuck_bits(part)
-    ceiling = common_ceiling(part, sigma)
+    ceiling = list(common_ceiling(part, sigma))
     reference, factor = wrong_reference(part, sigma) if not ceiling else ([], 1.0)
     work = working_copy(part, sigma)
     for name, values in work.k.items():
         beyond = [c.numbers["side"] * (values - c.numbers["level"]) > -_AT for c in ceiling]
-        work.k[name] = (
-            np.where(np.any(beyond, axis=0), np.nan, values / factor) if beyond else values / factor
-        )
+        out = np.any([np.zeros(values.shape, bool), *beyond], axis=0)
+        work.k[name] = np.where(out, np.nan, values / factor)
     rows = places(work)
     geometric = log.sensor.kind.closed_form
     tests = _TESTS if geometric else (never_touched, swapped_wires)
@@ -75,25 +90,14 @@ def diagnose(log: Log) -> Report:
     humming, no_hum = hum(part, sigma)
     loud = {f.strips for f in humming}
     known = {i for f in removed for i in f.strips}
-    noisy = [f for f in excess_noise(part, noise) if f.strips not in loud]  # hum is noise too
+    noisy = [f for f in excess_noise(noise) if f.strips not in loud]  # hum is noise too
     late = [f for f in (*drifting, *noisy) if not known & set(f.strips)]
-    findings = sorted(
-        [*bits, *reference, *ceiling, *removed, *humming, *late],
-        key=lambda f: (_WORST[f.kind.severity], f.strips),
-    )
+    findings = [*bits, *reference, *ceiling, *removed, *humming, *late]
+    unchecked = [*_not_checked(part, rows, known), no_bits, no_hum, *_drift_not_checked(part, checked, known)]
     return Report(
-        findings=tuple(findings),
+        findings=tuple(sorted(findings, key=lambda f: (_WORST[f.kind.severity], f.strips))),
         notes=tuple(_notes(log, rows)),
-        unchecked=tuple(
-            t
-            for t in (
-                *_not_checked(part, rows, known),
-                no_bits,
-                no_hum,
-                *_drift_not_checked(part, checked, known),
-            )
-            if t
-        ),
+        unchecked=tuple(reason for reason in unchecked if reason),
         quality=quality(log.sensor, noise),
         touched_scans=log.touched.sum(axis=0),
         seconds=float(np.ptp(log.time_s)),
@@ -103,17 +107,18 @@ def diagnose(log: Log) -> Report:
 
 
 def _remove_dominant(
-    rows: WorkingCopy, tests: Sequence[Callable[[WorkingCopy], list[Suspect]]]
+    rows: WorkingCopy, tests: Sequence[Callable[[WorkingCopy], Iterable[Suspect]]]
 ) -> list[Suspect]:
     """Name and undo the fault that explains the largest misfit, again and again until none is found."""
     named: dict[tuple[str, tuple[int, ...], str | None], Suspect] = {}
     while len(rows.there):
         edges = {int(rows.order[0]), int(rows.order[-1])}
-        suspected = [s for test in tests for s in test(rows) if s.finding.place not in named]
-        ill = {i for _, strips, _ in named for i in strips}
+        faulty = {i for _, strips, _ in named for i in strips}
         suspected = [
-            s for s in suspected if s.finding.fault != "swapped-strips" or not ill & set(s.finding.strips)
-        ]
+            s for test in tests for s in test(rows)
+            if s.finding.place not in named
+            and (s.finding.fault != "swapped-strips" or not faulty & set(s.finding.strips))
+        ]  # fmt: skip
         if not suspected:
             break
         worst = max(
@@ -138,7 +143,7 @@ def _notes(log: Log, work: WorkingCopy) -> Iterator[Finding]:
         if abs(worst) > max(_OFFSET, 4.0 * work.sigma):
             yield Finding(
                 "calibration", (int(work.order[strip]),),
-                f"reads {100 * worst:+.2g} % of Vref beside its neighbours", {"offset": worst},
+                f"reads {100 * worst:+.2g} % of Vref off its neighbours' line", {"offset": worst},
             )  # fmt: skip
     raw = {name: np.where(log.touched, values, np.nan) for name, values in log.raw.items()}
     if hint := rest_hint(log.sensor, raw, failed=len(log.time_s) > 1):
@@ -175,7 +180,7 @@ def _not_checked(log: Log, work: WorkingCopy, ill: set[int]) -> Iterator[str]:
         if log.touched[:, number].any() and not compared and number not in ill
     ]
     if alone:
-        yield f"{_names(sorted(alone))}: no usable neighbours at the same time; touch two or more beside them too"
+        yield f"{_names(sorted(alone))}: no usable neighbours at the same time; touch two or more next to them too"
     if log.time_s[0] == log.time_s[-1] and len(log.time_s) > 1:
         yield "drift and hum: the scans have no times"
 

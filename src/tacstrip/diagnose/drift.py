@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
-from tacstrip.diagnose.finding import Finding
+from tacstrip.diagnose.faults import Finding
 from tacstrip.diagnose.log import Log
 from tacstrip.diagnose.neighbour_prediction import WorkingCopy, neighbour_residuals
 from tacstrip.diagnose.regression import median_crossings, moved_to_and_fro, regress_out
@@ -58,14 +58,12 @@ def drift(log: Log, work: WorkingCopy) -> tuple[list[Finding], BoolArray]:
             sure[[0, -1]] = False  # extrapolation magnifies their neighbours' drift
         place = _drifting_strip(changes, errors, int(np.argmax(np.where(sure, np.abs(changes), 0.0))))
         change = float(changes[place])
-        found.append(
-            Finding(
-                "drift", (int(work.order[place]),),
-                f"moved by {100 * change:+.3g} +- {100 * errors[place]:.2g} % of Vref from start to end, relative to "
-                "its neighbours",
-                {"change": change, "error": float(errors[place])},
-            )
-        )  # fmt: skip
+        evidence = (
+            f"moved by {100 * change:+.3g} +- {100 * errors[place]:.2g} % of Vref from start to end, relative to its "
+            "neighbours"
+        )
+        numbers = {"change": change, "error": float(errors[place])}
+        found.append(Finding("drift", (int(work.order[place]),), evidence, numbers))
         work.drop(place)
     return found, checked
 
@@ -91,10 +89,8 @@ def _untouched_drift(log: Log, order: IntArray, tau: FloatArray) -> tuple[list[F
     moved = np.abs(change) > _DRIFT
     mean, sharing = _common_drift(slopes, errors)
     if sharing:
-        known = np.isfinite(slopes).sum()
-        evidence = (
-            f"moved by {100 * mean:+.3g} % of Vref from start to end, {sharing} of {known} strips at rest"
-        )
+        at_rest = f"{sharing} of {np.isfinite(slopes).sum()} strips at rest"
+        evidence = f"moved by {100 * mean:+.3g} % of Vref from start to end, {at_rest}"
         return [Finding("drift", (), evidence, {"change": mean, "strips": float(sharing)})], change
     evidence = "moved by {:+.3g} % of Vref from start to end, untouched"
     return [
@@ -138,9 +134,8 @@ def _drifting_strip(changes: FloatArray, errors: FloatArray, place: int) -> int:
 def _touched_drift(work: WorkingCopy, tau: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return each strip's change that place does not explain, and its standard error (strips,), NaN where not known."""
     change, error = np.full(work.strips, np.nan), np.full(work.strips, np.nan)
-    numbers = np.where(work.there, np.arange(work.strips), 0).sum(axis=1) / np.maximum(
-        work.there.sum(axis=1), 1
-    )
+    count = np.maximum(work.there.sum(axis=1), 1)
+    numbers = np.where(work.there, np.arange(work.strips), 0).sum(axis=1) / count
     across = numbers[work.there.any(axis=1)]
     if len(across) and np.std(across) > 0.5 and median_crossings(across, 0.5) < _BACK:
         return change, error
@@ -236,7 +231,7 @@ def _slope(own: FloatArray, rest: FloatArray, terms: int, looks: int) -> tuple[f
 
 
 def _near_touched(touched: BoolArray) -> BoolArray:
-    """Return which strips are touched or beside one that is: a contact at the ground end can pass for none."""
+    """Return which strips are touched or next to one that is: a contact at the ground end can pass for none."""
     near = touched.copy()
     near[:, 1:] |= touched[:, :-1]
     near[:, :-1] |= touched[:, 1:]

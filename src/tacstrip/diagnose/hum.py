@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tacstrip.arrays import BoolArray, FloatArray
-from tacstrip.diagnose.finding import Finding
+from tacstrip.diagnose.faults import Finding
 from tacstrip.diagnose.log import Log
 from tacstrip.diagnose.regression import regress_out
 

@@ -11,9 +11,10 @@ import numpy as np
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.errors import ReadingError
 from tacstrip.io.columns import ELECTRODES, Column, finite, value_columns
+from tacstrip.io.csv_rows import Row, read_csv
 from tacstrip.io.readings import scan_lines
-from tacstrip.io.rows import Row, read_csv
 from tacstrip.scan import Scan
+from tacstrip.sensor.left_out import leave_out
 from tacstrip.sensor.raw import apply_calibration, invert_calibration, touched
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.codes import top_code
@@ -42,6 +43,16 @@ class Log:
     ------
     ReadingError
         There is no scan, or the arrays do not fit the sensor and each other.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import tacstrip as ts
+    >>> from tacstrip.diagnose import Log
+    >>> sensor = ts.Sensor(construction="crs-m", strips=3, pitch_mm=10.0, length_mm=100.0)
+    >>> log = Log.of(sensor, np.array([0.0, 0.01]), {"k": np.array([[0.3, 0.4, np.nan], [0.3, 0.4, 1.2]])})
+    >>> log.touched.sum(axis=0)
+    array([2, 2, 1])
     """
 
     sensor: Sensor
@@ -66,6 +77,7 @@ class Log:
     @classmethod
     def of(cls, sensor: Sensor, time_s: FloatArray, raw: Mapping[str, FloatArray]) -> Log:
         """Make a log of raw readings over Vref (scans, strips); the spec says what is touched."""
+        raw = leave_out(sensor, raw)
         return cls(sensor, time_s, raw, touched(sensor, raw))
 
     @classmethod
@@ -83,11 +95,12 @@ class Log:
             scan.check(sensor)
             if scan.signatures != scans[0].signatures:
                 raise ReadingError("the scans have different signatures; examine those of one kind together")
-        stacked = {name: np.stack([scan[name] for scan in scans]) for name in scans[0].signatures}
-        there = np.stack([scan.touched for scan in scans])
-        return cls(
-            sensor, np.array([scan.time_s for scan in scans]), invert_calibration(sensor, stacked), there
+        stacked = leave_out(
+            sensor, {name: np.stack([scan[name] for scan in scans]) for name in scans[0].signatures}
         )
+        there = np.stack([scan.touched for scan in scans])
+        time_s = np.array([scan.time_s for scan in scans])
+        return cls(sensor, time_s, invert_calibration(sensor, stacked), there)
 
     @classmethod
     def of_codes(cls, sensor: Sensor, scans: Iterable[RawScan]) -> Log:
@@ -129,7 +142,7 @@ class Log:
 
 
 def read_log(path: str | Path, sensor: Sensor) -> Log:
-    """Read a readings file (CSV) without refusing any voltage.
+    r"""Read a readings file (CSV) without refusing any voltage.
 
     Of a CRS-CRP sheet's electrodes each strip's own two are kept.
 
@@ -137,6 +150,16 @@ def read_log(path: str | Path, sensor: Sensor) -> Log:
     ------
     ReadingError
         The file cannot be read, or lacks a column or a strip; the message names the line and the way out.
+
+    Examples
+    --------
+    >>> import tacstrip as ts
+    >>> from tacstrip.diagnose import read_log
+    >>> sensor = ts.Sensor(construction="crs-m", strips=1, pitch_mm=10.0, length_mm=100.0)
+    >>> with open("readings.csv", "w", encoding="utf-8") as file:
+    ...     size = file.write("scan,time_s,strip,v_out\n0,0.0,0,2.5\n1,0.1,0,6.0\n")
+    >>> read_log("readings.csv", sensor).raw["k"].ravel()
+    array([0.5, 1.2])
     """
     return read_csv(path, "readings", lambda header, rows: _log(header, rows, sensor))
 

@@ -128,9 +128,8 @@ def bridge_effect(level: FloatArray, low: float, high: float) -> FloatArray:
 def bridges(work: WorkingCopy) -> Iterator[tuple[int, NeighbourPair, Bridge]]:
     """Yield all pairs of neighbours with the bridge that fits them best."""
     (values,) = work.k.values()
-    pairs = {
-        i: b for i in range(work.strips - 1) if (b := neighbour_pair(values, i)) and len(b.level) >= _FEW
-    }
+    every = {i: neighbour_pair(values, i) for i in range(work.strips - 1)}
+    pairs = {i: b for i, b in every.items() if b and len(b.level) >= _FEW}
     typical = _typical_offset(_binned_medians(list(pairs.values())))
     for strip, pair in pairs.items():
         aside = np.abs(pair.excess - np.median(pair.excess))

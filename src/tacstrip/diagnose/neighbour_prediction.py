@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
-from tacstrip.diagnose.finding import Finding
+from tacstrip.diagnose.faults import Finding
 from tacstrip.diagnose.log import Log
 from tacstrip.sensor.spec import Sensor
 
@@ -57,12 +57,23 @@ class WorkingCopy:
         """Number of strips."""
         return len(self.order)
 
-    def drop(self, strip: int, signature: str | None = None) -> None:
-        """Discard a strip's readings, or one signature's; its neighbours are then each other's nearest."""
-        for name in self.k if signature is None else (signature,):
-            self.k[name][:, strip] = np.nan
-        if signature is None and not self.there[:, strip].all():
-            self.there[:, strip] |= _between(self.there)[:, strip]
+    def drop(self, *strips: int, signature: str | None = None) -> None:
+        """Discard strips' readings, or one signature's; their neighbours are then each other's nearest."""
+        for strip in strips:
+            for name in self.k if signature is None else (signature,):
+                self.k[name][:, strip] = np.nan
+            if signature is None and not self.there[:, strip].all():
+                between = _shift(self.there, -1, False) & _shift(self.there, 1, False)
+                self.there[:, strip] |= between[:, strip]
+
+    def suspect(
+        self, fault: str, strips: Sequence[int], evidence: str, numbers: Mapping[str, float], explained: float,
+        signature: str | None = None, repair: Callable[[WorkingCopy], None] | None = None,
+    ) -> Suspect:  # fmt: skip
+        """Return a fault of the strips at these places; without another `repair` their readings are discarded."""
+        files = tuple(sorted(int(self.order[i]) for i in strips))
+        finding = Finding(fault, files, evidence, numbers, signature)
+        return Suspect(finding, explained, repair or (lambda work: work.drop(*strips, signature=signature)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +85,7 @@ class Suspect:
     explained
         Mean misfit that it explains, over Vref: the largest is taken first, because it disturbs its neighbours.
     repair
-        Undoes it on a work.
+        Undoes it on a working copy.
     """
 
     finding: Finding
@@ -88,9 +99,8 @@ def working_copy(log: Log, sigma: float) -> WorkingCopy:
     grounded = rest is not None and rest <= _GROUND * log.sensor.vref_volt
     there = np.isfinite(np.stack(list(log.raw.values()))).all(axis=(0, 1))
     across = np.arange(log.sensor.strips)
-    return WorkingCopy(
-        log.sensor, dict(log.k), log.touched.copy(), sigma, across, np.asarray(there & grounded)
-    )
+    at_ground = np.asarray(there & grounded)
+    return WorkingCopy(log.sensor, dict(log.k), log.touched.copy(), sigma, across, at_ground)
 
 
 def places(work: WorkingCopy) -> WorkingCopy:
@@ -114,9 +124,7 @@ def places(work: WorkingCopy) -> WorkingCopy:
     keep = np.flatnonzero(work.there[first].any(axis=1))
     keep = keep[np.linspace(0, len(keep) - 1, min(len(keep), _MOST_PLACES)).astype(int)]
     parts = {name: np.ascontiguousarray(means[keep, :, i]) for i, name in enumerate(work.k)}
-    return WorkingCopy(
-        work.sensor, parts, work.there[first][keep], work.sigma, work.order.copy(), work.at_ground
-    )
+    return replace(work, k=parts, there=work.there[first][keep], order=work.order.copy())
 
 
 def predict_from_neighbours(values: FloatArray, there: BoolArray) -> tuple[FloatArray, BoolArray, FloatArray]:
@@ -187,7 +195,3 @@ def _shift(array: Array, by: int, fill: float) -> Array:
         else:
             out[:, -by:] = array[:, :by]
     return out
-
-
-def _between(there: BoolArray) -> BoolArray:
-    return np.asarray(_shift(there, -1, False) & _shift(there, 1, False))

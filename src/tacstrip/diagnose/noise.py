@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import Noise
-from tacstrip.diagnose.finding import Finding, Quality
+from tacstrip.diagnose.faults import Finding, Quality
 from tacstrip.diagnose.log import Log
 from tacstrip.diagnose.neighbour_prediction import predict_from_neighbours
 from tacstrip.errors import TacstripError
@@ -25,6 +26,7 @@ _SPILL = 0.7  # of a neighbour's noise: a strip with less may only show its neig
 _WHITE = 0.6  # of the estimate from first differences: for noise it is the same, for motion larger
 _SLOW = 2.0  # times sigma: faster motion shows in third differences too
 _FEWEST = 24  # third differences
+_THIRD, _OTHERS = {3: 20.0}, {1: 2.0, 2: 6.0, 4: 70.0}  # orders of differences, and their variance
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,14 +58,12 @@ def measure(log: Log) -> NoiseEstimate:
     first_order: list[float] = []
     for raw in log.raw.values():
         values = _off_rails(raw)
-        alone = _third(values) / math.sqrt(20.0)
-        line = predict_from_neighbours(values, np.isfinite(values))[0]
-        relative = _third(values - line) / math.sqrt(20.0 * 1.5)
-        here = np.array([_least(a, b) for a, b in zip(alone.T, relative.T, strict=True)])
+        relative = values - predict_from_neighbours(values, np.isfinite(values))[0]
+        here, other = (_least_deviation(values, relative, orders) for orders in (_THIRD, _OTHERS))
         strips = np.fmax(strips, here)
-        least = np.fmax(least, np.minimum(here, _any_order(values, values - line)))
+        least = np.fmax(least, np.minimum(here, other))
         pooled.append(here)
-        first_order += [_deviation(d) for d in (np.diff(values - line, axis=0) / math.sqrt(3.0)).T]
+        first_order += _deviations(relative, 1, 3.0)
     known = np.concatenate(pooled)
     known = known[np.isfinite(known)]
     if not len(known):
@@ -73,32 +73,20 @@ def measure(log: Log) -> NoiseEstimate:
     return NoiseEstimate(sigma, strips, sigma > _WHITE * rough and _speed(log) < _SLOW * sigma, least)
 
 
-def excess_noise(log: Log, noise: NoiseEstimate) -> list[Finding]:
+def excess_noise(noise: NoiseEstimate) -> Iterator[Finding]:
     """Find strips much noisier than the others, or a sensor noisier than profile II of the thesis."""
-    profile_i, profile_ii = (w / math.sqrt(3.0) for w in (PROFILE_I, PROFILE_II))
-    found = []
-    limit = max(_NOISIER * noise.sigma, profile_i)
+    limit = max(_NOISIER * noise.sigma, PROFILE_I / math.sqrt(3.0))
     padded = np.pad(noise.strips, 1, constant_values=np.nan)
     loudest = np.fmax(padded[:-2], padded[2:])
-    for strip in np.flatnonzero((noise.least > limit) & ~(noise.strips < _SPILL * loudest)):
+    to_half = 100.0 * math.sqrt(3.0)  # half-width of a uniform error [% of Vref]
+    whole = f"{to_half * noise.sigma:.2g} %"
+    for strip in np.flatnonzero((noise.least > limit) & ~(noise.strips < _SPILL * loudest)).tolist():
         sigma = float(noise.strips[strip])
-        found.append(
-            Finding(
-                "noise", (int(strip),),
-                f"+-{100 * sigma * math.sqrt(3.0):.2g} % of Vref, where the sensor as a whole has "
-                f"+-{100 * noise.sigma * math.sqrt(3.0):.2g} %",
-                {"sigma": sigma, "others": noise.sigma},
-            )
-        )  # fmt: skip
-    if noise.steady and noise.sigma > _ABOVE_II * profile_ii:
-        found.append(
-            Finding(
-                "noise", (),
-                f"+-{100 * noise.sigma * math.sqrt(3.0):.2g} % of Vref, above profile II: few shapes are recovered",
-                {"sigma": noise.sigma},
-            )
-        )  # fmt: skip
-    return found
+        evidence = f"+-{to_half * sigma:.2g} % of Vref, where the sensor as a whole has +-{whole}"
+        yield Finding("noise", (strip,), evidence, {"sigma": sigma, "others": noise.sigma})
+    if noise.steady and noise.sigma > _ABOVE_II * PROFILE_II / math.sqrt(3.0):
+        evidence = f"+-{whole} of Vref, above profile II: few shapes are recovered"
+        yield Finding("noise", (), evidence, {"sigma": noise.sigma})
 
 
 def quality(sensor: Sensor, noise: NoiseEstimate) -> Quality:
@@ -144,22 +132,21 @@ def _off_rails(values: FloatArray) -> FloatArray:
     return np.where(cut, np.nan, values)
 
 
-def _any_order(alone: FloatArray, relative: FloatArray) -> FloatArray:
-    """Return each strip's least deviation (strips,) by first, second and fourth differences, NaN where not known."""
+def _least_deviation(alone: FloatArray, relative: FloatArray, orders: dict[int, float]) -> FloatArray:
+    """Return each strip's least deviation (strips,) by differences of these orders, NaN where not known.
+
+    `orders` has the variance of a difference over that of a reading; relative to neighbours it is 1.5 times as large.
+    """
     found = [
-        [_deviation(d) for d in (np.diff(values, n=order, axis=0) / math.sqrt(power * share)).T]
+        _deviations(values, order, power * share)
         for values, share in ((alone, 1.0), (relative, 1.5))
-        for order, power in ((1, 2.0), (2, 6.0), (4, 70.0))
+        for order, power in orders.items()
     ]
     return np.asarray(np.fmin.reduce(found, axis=0))
 
 
-def _third(values: FloatArray) -> FloatArray:
-    return np.asarray(np.diff(values, n=3, axis=0))
-
-
-def _least(a: FloatArray, b: FloatArray) -> float:
-    return float(np.fmin(_deviation(a), _deviation(b)))
+def _deviations(values: FloatArray, order: int, power: float) -> list[float]:
+    return [_deviation(d) for d in (np.diff(values, n=order, axis=0) / math.sqrt(power)).T]
 
 
 def _deviation(differences: FloatArray) -> float:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
-from tacstrip.diagnose.finding import Finding
 from tacstrip.diagnose.neighbour_pairs import NeighbourPair, bridges, neighbour_pair
 from tacstrip.diagnose.neighbour_prediction import Suspect, WorkingCopy
 from tacstrip.diagnose.regression import moved_to_and_fro, regress_out
@@ -23,18 +22,15 @@ _MOST = (0.95, 0.35)  # of the places with a slope: those that differ little, an
 _STRENGTH = (0.65, 2.0)  # times what a bridge does to readings
 _PLAIN = (0.7, 1.4)
 _OUTSTANDING = 1.5  # times the median offset of all pairs
-_UNEXPLAINED, _UNEXPLAINED_PLAIN, _UNEXPLAINED_AT_EDGE = (
-    0.28,
-    0.42,
-    0.2,
-)  # of the offset's variance: what a bridge may leave unexplained
+# Of the offset's variance: what a bridge may leave unexplained.
+_UNEXPLAINED, _UNEXPLAINED_PLAIN, _UNEXPLAINED_AT_EDGE = 0.28, 0.42, 0.2
 _SLOPE_VARIES = 0.006  # over Vref a strip
 _HIGH_AND_LOW = 0.5  # over L: a bridge adds on one side and takes away on the other, which must be seen
 _LENGTH = 0.6  # over L: readings jump by the contact's length at a bridge; longer contacts show nothing
 _SHAPE = 0.7  # of the slope's variance: if the contact's place explains more, its shape does
 
 
-def shorts(work: WorkingCopy) -> list[Suspect]:
+def shorts(work: WorkingCopy) -> Iterator[Suspect]:
     """Find neighbours that are tied together.
 
     Tied sensing strips or wires read one voltage, whatever the slope of the contact. Over metal, where strips are
@@ -45,8 +41,7 @@ def shorts(work: WorkingCopy) -> list[Suspect]:
     return _bridged_energised(work) if work.sensor.sensing_ratio == 0.0 else _tied_sensing(work)
 
 
-def _tied_sensing(work: WorkingCopy) -> list[Suspect]:
-    found = []
+def _tied_sensing(work: WorkingCopy) -> Iterator[Suspect]:
     ends = _left_ends(work)
     signatures = [SIGNATURES[name] for name in work.k]
     pairs = {i: [neighbour_pair(work.k[s.name], i) for s in signatures] for i in range(work.strips - 1)}
@@ -55,7 +50,7 @@ def _tied_sensing(work: WorkingCopy) -> list[Suspect]:
     for strip, of in pairs.items():
         if free[strip] < 0.5 * usual or not all(moved_to_and_fro(b.level, work.sigma) for b in of if b):
             continue
-        best: Finding | None = None
+        found: list[Suspect] = []
         for height in _HEIGHTS:
             # A bridge ties v_h of contacts below it, and v_l of contacts above it.
             parts = [
@@ -63,14 +58,10 @@ def _tied_sensing(work: WorkingCopy) -> list[Suspect]:
                 for s, b in zip(signatures, of, strict=True)
                 if b is not None
             ]
-            finding = _tied_at(
-                work, strip, [_Part.of(b, at, ends, strip) for b, at in parts if at.sum() >= _FEW]
-            )
-            if finding and (best is None or finding.numbers["places"] > best.numbers["places"]):
-                best = finding
-        if best is not None:
-            found.append(Suspect(best, float(free[strip]), partial(_drop_two, strip=strip)))
-    return found
+            there = [_Part.of(b, at, ends, strip) for b, at in parts if at.sum() >= _FEW]
+            found += _tied_at(work, strip, there, free[strip])
+        if found:
+            yield max(found, key=lambda suspect: suspect.finding.numbers["places"])
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,65 +80,58 @@ class _Part:
         return cls(d, e, both, ends[pair.rows[at], strip])
 
 
-def _tied_at(work: WorkingCopy, strip: int, parts: list[_Part]) -> Finding | None:
+def _tied_at(work: WorkingCopy, strip: int, parts: list[_Part], explained: float) -> Iterator[Suspect]:
     """Judge the places where a bridge at some height would tie two strips."""
     if not parts:
-        return None
-    d, e, both = (
-        np.concatenate([getattr(p, name) for p in parts]) for name in ("difference", "slope", "offset")
+        return
+    d, e, both, ends = (
+        np.concatenate([getattr(p, name) for p in parts])
+        for name in ("difference", "slope", "offset", "ends")
     )
     slope = float(np.std(e))
     steep = np.abs(e) > max(0.006, 3.0 * work.sigma)
     many = _MANY if 0 < strip < work.strips - 2 else 2 * _MANY  # at an edge the line is extrapolated
-    if steep.sum() < many or _explained(e, np.concatenate([p.ends for p in parts])) > _SHAPE:
-        return None
+    if steep.sum() < many or _explained(e, ends) > _SHAPE:
+        return
     d, e, both = d[steep], e[steep], both[steep]
     follows = float(np.sum(d * e) / np.sum(e**2))
     # Two strips on one flat piece beside a jump differ as little, but both lie off the line.
     little = float(np.mean(np.abs(d) < 0.35 * np.abs(e) + 2.0 * work.sigma))
     near = float(np.mean(np.abs(both) < _MOST_OFFSET * np.abs(e) + 1.5 * work.sigma))
     if abs(follows) > _FOLLOWS or little < _MOST[0] or near < _MOST[1]:
-        return None
-    return Finding(
-        "short", _two(work, strip),
+        return
+    evidence = (
         f"they differ by {100 * np.mean(np.abs(d)):.2g} % of Vref where the strips around slope by "
-        f"+-{100 * slope:.2g} % a strip, over {len(d)} readings: they follow the slope by {follows:.2f}, not 1",
-        {"follows": follows, "slope": slope, "places": len(d)},
-    )  # fmt: skip
+        f"+-{100 * slope:.2g} % a strip, over {len(d)} readings: they follow the slope by {follows:.2f}, not 1"
+    )
+    numbers = {"follows": follows, "slope": slope, "places": len(d)}
+    yield work.suspect("short", [strip, strip + 1], evidence, numbers, explained)
 
 
-def _bridged_energised(work: WorkingCopy) -> list[Suspect]:
-    found = []
+def _bridged_energised(work: WorkingCopy) -> Iterator[Suspect]:
     fits = list(bridges(work))
     usual = float(np.median([bridge.rms for _, _, bridge in fits])) if fits else 0.0
     for strip, pair, bridge in fits:
         inner = 0 < strip < work.strips - 2  # at the edges, extrapolation is inaccurate
         clear = _PLAIN[0] < bridge.strength < _PLAIN[1] and bridge.size > _OUTSTANDING * usual
         strength, unexplained = (_PLAIN, _UNEXPLAINED_PLAIN) if clear else (_STRENGTH, _UNEXPLAINED)
-        if not strength[0] < bridge.strength < strength[1] or bridge.unexplained > (
-            unexplained if inner else _UNEXPLAINED_AT_EDGE
-        ):
-            continue
         if (
-            bridge.size < max(0.003, work.sigma)
-            or bridge.places < _MANY
-            or bridge.high - bridge.low > _LENGTH
+            strength[0] < bridge.strength < strength[1]
+            and bridge.unexplained <= (unexplained if inner else _UNEXPLAINED_AT_EDGE)
+            and bridge.size >= max(0.003, work.sigma)
+            and bridge.places >= _MANY
+            and bridge.high - bridge.low <= _LENGTH
+            and moved_to_and_fro(pair.level, work.sigma, _HIGH_AND_LOW)
+            and (inner or _slope_varied(pair, work.sigma))
         ):
-            continue
-        if not moved_to_and_fro(pair.level, work.sigma, _HIGH_AND_LOW) or not (
-            inner or _slope_varied(pair, work.sigma)
-        ):
-            continue
-        finding = Finding(
-            "short", _two(work, strip),
-            f"both read {100 * bridge.most:+.3g} to {100 * bridge.least:+.3g} % of Vref beside their neighbours from "
-            f"height to height, {bridge.strength:.2g} times the effect of an ideal bridge, which leaves "
-            f"{100 * bridge.unexplained:.2g} % of the variance unexplained",
-            {"most": bridge.most, "least": bridge.least, "strength": bridge.strength,
-             "unexplained": bridge.unexplained},
-        )  # fmt: skip
-        found.append(Suspect(finding, bridge.size, partial(_drop_two, strip=strip)))
-    return found
+            evidence = (
+                f"both read {100 * bridge.most:+.3g} to {100 * bridge.least:+.3g} % of Vref off their neighbours' "
+                f"line from height to height, {bridge.strength:.2g} times the effect of an ideal bridge, which leaves "
+                f"{100 * bridge.unexplained:.2g} % of the variance unexplained"
+            )
+            kept = ("most", "least", "strength", "unexplained")
+            numbers = {name: getattr(bridge, name) for name in kept}
+            yield work.suspect("short", [strip, strip + 1], evidence, numbers, bridge.size)
 
 
 def _slope_varied(pair: NeighbourPair, sigma: float) -> bool:
@@ -176,12 +160,3 @@ def _explained(values: FloatArray, ends: IntArray) -> float:
         return 1.0
     within = float(np.sum((values - means[group]) ** 2)) / free
     return 1.0 - within / float(np.var(values, ddof=1))
-
-
-def _two(work: WorkingCopy, strip: int) -> tuple[int, ...]:
-    return tuple(sorted(int(i) for i in work.order[strip : strip + 2]))
-
-
-def _drop_two(work: WorkingCopy, strip: int) -> None:
-    work.drop(strip)
-    work.drop(strip + 1)

@@ -86,7 +86,11 @@ class Mismatch:
 
 
 def mismatch(
-    original: npt.ArrayLike, recovered: npt.ArrayLike, *, centroid: CentroidKind = "area"
+    original: npt.ArrayLike,
+    recovered: npt.ArrayLike,
+    *,
+    centroid: CentroidKind = "area",
+    around_mm: float | None = None,
 ) -> Mismatch:
     """Compare a recovered polygon with the original.
 
@@ -97,6 +101,8 @@ def mismatch(
         on a straight side do not count.
     centroid
         Centroid for A.O.E. and A.P.E.: "area", of the enclosed area, or "vertices", the mean of the corners.
+    around_mm
+        Circumference of a closed tube, where x of either may count any number of rounds; None: a plane.
 
     Raises
     ------
@@ -112,6 +118,9 @@ def mismatch(
     """
     a, b = _clean(original, "the original polygon"), _clean(recovered, "the recovered polygon")
     center_a, center_b = _centroid(a, centroid), _centroid(b, centroid)
+    if around_mm is not None:
+        rounds = around_mm * round((center_a - center_b).real / around_mm)
+        b, center_b = b + rounds, center_b + rounds
     mc = _turning_distance(a, b)
     perimeters = np.abs(_sides(a)).sum() + np.abs(_sides(b)).sum()
     aoe = _orientation_error(a - center_a, b - center_b)

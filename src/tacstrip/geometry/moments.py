@@ -5,19 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import cache
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 
 from tacstrip.arrays import FloatArray
 
-MomentDeviations: TypeAlias = tuple[
-    float, FloatArray, float
-]  # of area, of the centroid's x and y, of orientation
-LEVEL, _NORMAL = (
-    0.95,
-    1.959964,
-)  # a region's probability, and how many standard deviations a normal one reaches
+# Of area, of the centroid's x and y, of orientation.
+MomentDeviations: TypeAlias = tuple[float, FloatArray, float]
+LEVEL = 0.95  # a region's probability
+_NORMAL = 1.959964  # standard deviations within which a normal error lies with that probability
+_STEP = 1e-30  # of the complex step: its square vanishes beside any area
 UNKNOWN_ANGLE = math.pi / math.sqrt(12.0)  # standard deviation of an axis that can lie anyhow [rad]
 
 
@@ -142,47 +141,25 @@ def _of_moments(v: FloatArray) -> FloatArray:
     return np.stack([area, centroid[..., 0], centroid[..., 1], turn], axis=-1)
 
 
-def _edges(v: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+def _sums(v: npt.NDArray[Any]) -> tuple[Any, Any, Any]:
+    """Return area (...,), first moments (..., 2) and second moments xx, yy, xy (..., 3) about the origin.
+
+    Of polygons (..., N, 2), real or complex.
+    """
     x0, y0 = v[..., 0], v[..., 1]
     x1, y1 = np.roll(x0, -1, axis=-1), np.roll(y0, -1, axis=-1)
-    return x0, y0, x1, y1, x0 * y1 - x1 * y0
-
-
-def _sums(v: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return area (...,), first moments (..., 2) and second moments xx, yy, xy (..., 3) about the origin."""
-    x0, y0, x1, y1, cross = _edges(v)
-    first = np.stack([((x0 + x1) * cross).sum(axis=-1), ((y0 + y1) * cross).sum(axis=-1)], axis=-1) / 6.0
+    cross = x0 * y1 - x1 * y0
     xx, yy = x0**2 + x0 * x1 + x1**2, y0**2 + y0 * y1 + y1**2
     xy = x0 * y1 + 2.0 * x0 * y0 + 2.0 * x1 * y1 + x1 * y0
-    second = np.stack(
-        [(m * cross).sum(axis=-1) / c for m, c in ((xx, 12.0), (yy, 12.0), (xy, 24.0))], axis=-1
-    )
-    return np.asarray(cross.sum(axis=-1) / 2.0), first, second
+    first = np.stack([((a + b) * cross).sum(axis=-1) / 6.0 for a, b in ((x0, x1), (y0, y1))], axis=-1)
+    second = [(m * cross).sum(axis=-1) / c for m, c in ((xx, 12.0), (yy, 12.0), (xy, 24.0))]
+    return cross.sum(axis=-1) / 2.0, first, np.stack(second, axis=-1)
 
 
 def _slopes(v: FloatArray) -> FloatArray:
-    """Return the slopes of area, the two first and the three second moments of `_sums` (6, 2 N)."""
-    x0, y0, x1, y1, cross = _edges(v)
-    one, none = np.ones_like(x0), np.zeros_like(x0)
-    # Each moment is a sum over edges of f cross / c: f, and its slopes by x0, y0, x1, y1.
-    rows = (
-        (2.0, one, none, none, none, none),
-        (6.0, x0 + x1, one, none, one, none),
-        (6.0, y0 + y1, none, one, none, one),
-        (12.0, x0**2 + x0 * x1 + x1**2, 2.0 * x0 + x1, none, 2.0 * x1 + x0, none),
-        (12.0, y0**2 + y0 * y1 + y1**2, none, 2.0 * y0 + y1, none, 2.0 * y1 + y0),
-        (
-            24.0,
-            x0 * y1 + 2.0 * x0 * y0 + 2.0 * x1 * y1 + x1 * y0,
-            y1 + 2.0 * y0,
-            x1 + 2.0 * x0,
-            2.0 * y1 + y0,
-            x0 + 2.0 * x1,
-        ),
-    )
-    slopes = np.empty((len(rows), len(v), 2))
-    for row, (c, f, by_x0, by_y0, by_x1, by_y1) in zip(slopes, rows, strict=True):
-        start = np.stack([by_x0 * cross + f * y1, by_y0 * cross - f * x1], axis=1)
-        end = np.stack([by_x1 * cross - f * y0, by_y1 * cross + f * x0], axis=1)
-        row[:] = (start + np.roll(end, 1, axis=0)) / c
-    return slopes.reshape(len(rows), -1)
+    """Return the slopes of area, the two first and the three second moments of `_sums` (6, 2 N).
+
+    By the complex step: the imaginary part of a polynomial after a tiny imaginary step is its slope, to rounding.
+    """
+    stepped = v + 1j * _STEP * np.eye(v.size).reshape(v.size, *v.shape)
+    return np.asarray(np.column_stack(_sums(stepped)).imag.T / _STEP)

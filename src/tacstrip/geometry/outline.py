@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -89,12 +90,14 @@ class Outline:
         by = np.array([dx_mm, dy_mm])
         return Outline(self.lower + by, self.upper + by)
 
-    @property
+    @cached_property
     def vertices(self) -> FloatArray:
-        """Vertices (V, 2) [mm], counter-clockwise from the left-most, the lower one of two."""
-        return close_chains(self.lower, self.upper)
+        """Vertices (V, 2) [mm], counter-clockwise from the left-most, the lower one of two; not to be written to."""
+        vertices = close_chains(self.lower, self.upper)
+        vertices.flags.writeable = False
+        return vertices
 
-    @property
+    @cached_property
     def indices(self) -> tuple[IntArray, IntArray]:
         """Rows of `vertices` that are the lower chain (M,) and the upper chain (N,)."""
         m, n = len(self.lower), len(self.upper)

@@ -38,9 +38,8 @@ def regions(vertices: FloatArray, covariance: FloatArray | None, level: float = 
     """Return the region of every vertex (N, 2) that has one, from their covariance (2N, 2N) [mm^2]."""
     if covariance is None:
         return []
-    own = (
-        ellipse(v, covariance[2 * i : 2 * i + 2, 2 * i : 2 * i + 2], level) for i, v in enumerate(vertices)
-    )
+    parts = [covariance[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] for i in range(len(vertices))]
+    own = (ellipse(v, part, level) for v, part in zip(vertices, parts, strict=True))
     return [region for region in own if len(region)]
 
 

@@ -1,4 +1,4 @@
-"""Column names that are nearly right: in another case, without their underscore, with a unit, or one letter off."""
+"""Find misspelt column names: another case, a missing underscore, an added unit, or one wrong letter."""
 
 from __future__ import annotations
 
@@ -9,10 +9,18 @@ from collections.abc import Collection, Iterable
 def nearly(
     header: Iterable[str], wanted: Collection[str], known: Collection[str], letters: bool = True
 ) -> str:
-    """Say which name of the header is nearly one of `wanted`, which it lacks; nothing where none is.
+    """Return an error message for a column that is probably a misspelt one of `wanted`; an empty text where none is.
 
-    Names of `known` are what they say and are passed over. `letters`: one letter may differ too; not where names
-    differ by a number.
+    Parameters
+    ----------
+    header
+        The columns of the file.
+    wanted
+        Columns that the file lacks.
+    known
+        Columns that are never taken for misspelt ones.
+    letters
+        Whether one letter may differ too; not where names differ only by a number.
     """
     others = [name for name in header if name not in known and name not in wanted]
     alike = [_alike, _one_off] if letters else [_alike]
@@ -27,7 +35,7 @@ def nearly(
 
 
 def _alike(name: str, right: str) -> bool:
-    """Whether two names have the same letters, a unit in brackets left out."""
+    """Return whether two names have the same letters and digits, apart from a unit in brackets."""
     return bool(_bare(name)) and _bare(name) == _bare(right)
 
 
@@ -36,7 +44,7 @@ def _bare(name: str) -> str:
 
 
 def _one_off(name: str, right: str) -> bool:
-    """Whether one letter is wrong, missing, too much, or exchanged with its neighbour."""
+    """Return whether one letter is wrong, missing, added, or exchanged with its neighbour."""
     a, b = sorted((name.casefold(), right.casefold()), key=len)
     start = next((i for i, (x, y) in enumerate(zip(a, b, strict=False)) if x != y), len(a))
     x, y = a[start:], b[start:]

@@ -28,13 +28,16 @@ class Column:
     unit: str
 
 
+def column_name(signature: str, codes: bool = False) -> str:
+    """Return the column of a signature, in volts or in A/D codes."""
+    return SIGNATURES[signature].code_column if codes else SIGNATURES[signature].volt_column
+
+
 def electrode_names(sensor: Sensor, codes: bool = False) -> list[str]:
     """Return the columns of all electrodes of a sheet: those at y = 0, strip by strip, then those at y = L."""
-    low, high = (
-        SIGNATURES[name].code_column if codes else SIGNATURES[name].volt_column for name in ("kl", "kh")
-    )
+    ends = [column_name(name, codes) for name in ("kl", "kh")]
     numbers = range(sensor.strip_base, sensor.strip_base + sensor.strips)
-    return [f"{end}_{number}" for end in (low, high) for number in numbers]
+    return [f"{end}_{number}" for end in ends for number in numbers]
 
 
 def value_columns(header: list[str], sensor: Sensor) -> list[Column]:
@@ -48,8 +51,10 @@ def value_columns(header: list[str], sensor: Sensor) -> list[Column]:
     """
     volts = _named(header, sensor, codes=False)
     codes = _named(header, sensor, codes=True)
-    wanted = ", ".join(SIGNATURES[n].volt_column for n in sensor.signatures)
-    wanted += " (or codes: " + ", ".join(SIGNATURES[n].code_column for n in sensor.signatures) + ")"
+    in_volts, in_codes = (
+        ", ".join(column_name(n, kind) for n in sensor.signatures) for kind in (False, True)
+    )
+    wanted = f"{in_volts} (or codes: {in_codes})"
     if volts and codes:
         raise ReadingError("the header has both volts and codes; leave one kind out")
     found = volts or codes
@@ -83,20 +88,18 @@ def _named(header: list[str], sensor: Sensor, codes: bool) -> dict[str, str]:
             )
         if there:
             return dict.fromkeys(names, ELECTRODES)
-    own = {(s.code_column if codes else s.volt_column): name for name, s in SIGNATURES.items()}
-    return {column: name for column, name in own.items() if column in header}
+    return {column: name for name in SIGNATURES if (column := column_name(name, codes)) in header}
 
 
 def _misspelt(header: list[str], sensor: Sensor, found: dict[str, str]) -> str:
-    """Say which column is nearly one that the sensor has and the file lacks; nothing where none is.
+    """Return an error message for a column that is probably a misspelt one of the sensor; an empty text where none is.
 
-    Passed over as any other column, it would leave a sensor with half of its readings and no word about it.
+    Ignored like other unknown columns, it would silently leave the sensor with half of its readings.
     """
     if ELECTRODES in found.values():
         return ""
-    every = {n for s in SIGNATURES.values() for n in (s.volt_column, s.code_column)}
-    own = [SIGNATURES[name] for name in sensor.signatures]
-    kinds = [[s.volt_column for s in own], [s.code_column for s in own]]
+    every = {column_name(name, codes) for name in SIGNATURES for codes in (False, True)}
+    kinds = [[column_name(name, codes) for name in sensor.signatures] for codes in (False, True)]
     # Where volts are there, a column that is nearly one of codes is passed over, and the other way round.
     wanted = [n for kind in kinds if not found or set(kind) & set(found) for n in kind if n not in header]
     if misspelt := nearly(header, wanted, {*PLACE, *every}):

@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 
 from tacstrip.arguments import takes
+from tacstrip.arrays import plain
 from tacstrip.contact.shape import Contact
 from tacstrip.errors import ContactError
 from tacstrip.files import why_unreadable, write_text
-from tacstrip.reconstruction.result import Reconstruction, RecoveredObject
+from tacstrip.reconstruction.result import Pose, Reconstruction, RecoveredObject
 
 _READERS = {".wkt": Contact.from_wkt, ".geojson": Contact.from_geojson, ".json": Contact.from_geojson}
 
@@ -65,6 +66,9 @@ def read_contact(path: str | Path) -> Contact:
         raise ContactError(f"{path}: {error}") from None
 
 
+_POSE = ("x_mm", "y_mm", "angle_rad")  # of a known object
+
+
 @takes(results=(Reconstruction,))
 def feature_collection(results: Sequence[Reconstruction]) -> dict[str, Any]:
     """Return reconstructions as a GeoJSON FeatureCollection [mm], a Feature per object.
@@ -77,11 +81,13 @@ def feature_collection(results: Sequence[Reconstruction]) -> dict[str, Any]:
     Returns
     -------
     dict
-        Without a shape the geometry is null. Properties: scan, time_s, method, status, advice, and where there is a
-        shape area_mm2, centroid_mm and orientation_rad (of the longer principal axis, from x). Where the shape has a
-        covariance, standard deviations: area_sigma_mm2, centroid_sigma_mm, orientation_sigma_rad, and
-        vertex_sigma_mm, x and y of every vertex; null for what the readings do not determine. Where it was assessed,
-        confidence, and alternatives: other outlines that explain the readings, each with weight and vertices_mm.
+        Without a shape the geometry is null, or for the status "points" a MultiPoint with point_sigma_mm. Round
+        a closed tube x goes on beyond the circumference where an object lies across the seam. Properties: scan,
+        time_s, method, status, advice, and where there is a shape area_mm2, centroid_mm and orientation_rad (of
+        the longer principal axis, from x). Where the shape has a covariance, standard deviations:
+        area_sigma_mm2, centroid_sigma_mm, orientation_sigma_rad, and vertex_sigma_mm, x and y of every vertex;
+        null for what the readings do not determine. Where it was assessed, confidence, and alternatives: other
+        outlines that explain the readings, each with weight and vertices_mm.
 
     Examples
     --------
@@ -130,43 +136,42 @@ def write_geojson(path: str | Path, results: Sequence[Reconstruction]) -> None:
 def _feature(recovered: RecoveredObject | None, properties: dict[str, Any]) -> dict[str, Any]:
     geometry = None
     if recovered is not None and recovered.found:
-        ring = [[round(float(c), 9) for c in p] for p in (*recovered.vertices, recovered.vertices[0])]
+        ring = plain([*recovered.vertices, recovered.vertices[0]], 9)
         geometry = {"type": "Polygon", "coordinates": [ring]}
-        properties = (
-            properties
-            | {
-                "area_mm2": recovered.area,
-                "centroid_mm": [float(c) for c in recovered.centroid],
-                "orientation_rad": recovered.orientation,
+        properties |= {
+            "area_mm2": recovered.area,
+            "centroid_mm": plain(recovered.centroid),
+            "orientation_rad": recovered.orientation,
+        }
+        if recovered.deviations is not None and recovered.covariance is not None:
+            area, centroid, turn = recovered.deviations
+            properties |= {
+                "area_sigma_mm2": plain(area),
+                "centroid_sigma_mm": plain(centroid),
+                "orientation_sigma_rad": plain(turn),
+                "vertex_sigma_mm": plain(np.sqrt(np.diag(recovered.covariance)).reshape(-1, 2)),
             }
-            | _deviations(recovered)
-            | _confidence(recovered)
-        )
+        if recovered.confidence is not None:
+            properties |= {
+                "confidence": round(recovered.confidence, 4),
+                "alternatives": [
+                    {"weight": round(a.weight, 4), "vertices_mm": plain(a.vertices, 6)}
+                    for a in recovered.alternatives
+                ],
+            }
+        if recovered.pose is not None:
+            properties |= {
+                "pose": _pose(recovered.pose),
+                "pose_sigma": dict(
+                    zip(_POSE, plain(np.sqrt(np.diag(recovered.pose.covariance))), strict=True)
+                ),
+                "other_poses": [_pose(other.pose) | {"weight": other.weight} for other in recovered.poses],
+            }
+    elif recovered is not None and len(recovered.points):
+        geometry = {"type": "MultiPoint", "coordinates": plain(recovered.points, 9)}
+        properties["point_sigma_mm"] = plain(recovered.point_deviations)
     return {"type": "Feature", "geometry": geometry, "properties": properties}
 
 
-def _confidence(recovered: RecoveredObject) -> dict[str, Any]:
-    if recovered.confidence is None:
-        return {}
-    others = [
-        {"weight": round(a.weight, 4), "vertices_mm": np.round(a.vertices, 6).tolist()}
-        for a in recovered.alternatives
-    ]
-    return {"confidence": round(recovered.confidence, 4), "alternatives": others}
-
-
-def _deviations(recovered: RecoveredObject) -> dict[str, Any]:
-    if recovered.deviations is None or recovered.covariance is None:
-        return {}
-    area, centroid, turn = recovered.deviations
-    of_vertices = np.sqrt(np.diag(recovered.covariance)).reshape(-1, 2)
-    return {
-        "area_sigma_mm2": _finite_or_none(area),
-        "centroid_sigma_mm": [_finite_or_none(c) for c in centroid],
-        "orientation_sigma_rad": _finite_or_none(turn),
-        "vertex_sigma_mm": [[_finite_or_none(c) for c in v] for v in of_vertices],
-    }
-
-
-def _finite_or_none(number: float) -> float | None:
-    return float(number) if np.isfinite(number) else None
+def _pose(pose: Pose) -> dict[str, float]:
+    return dict(zip(_POSE, (pose.x_mm, pose.y_mm, pose.angle), strict=True))

@@ -1,6 +1,6 @@
-"""What can be read but is probably not meant: metres for millimetres, columns exchanged, half of the readings.
+"""Checks for input that is valid but probably a mistake: metres for millimetres, exchanged columns, missing readings.
 
-Each function returns the words of a warning, nothing where all seems well.
+Each function returns a warning, or an empty text where it finds nothing.
 """
 
 from __future__ import annotations
@@ -14,20 +14,22 @@ import shapely
 from tacstrip.contact.noise import Noise
 from tacstrip.contact.shape import Contact
 from tacstrip.io.columns import value_columns
-from tacstrip.io.rows import read_csv
+from tacstrip.io.csv_rows import read_csv
 from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import SIGNATURES
+from tacstrip.sensor.left_out import channel_name, left_out
 from tacstrip.sensor.spec import Sensor
 
 _PITCH_MM = 0.1  # nobody cuts strips as fine
 _SMALL = 0.01  # of the sensor's shorter side: a contact in metres is a thousandth of itself
 _VREF_VOLT = 2.0  # above it, volts that all stay below 1 are seldom volts
 _NOISE = 0.005  # of Vref: P.U. profile I
+_NAMED = 5  # channels that a warning names
 _FEW = 4  # touched strips: of fewer, noise alone can exchange most
 
 
 def in_metres(sensor: Sensor) -> str:
-    """Say that a spec's lengths look like metres."""
+    """Return a warning where a spec's lengths seem to be in metres."""
     if sensor.pitch_mm >= _PITCH_MM:
         return ""
     return (
@@ -37,7 +39,7 @@ def in_metres(sensor: Sensor) -> str:
 
 
 def contact_in_metres(contact: Contact, sensor: Sensor) -> str:
-    """Say that a contact's coordinates look like metres: it is tiny compared with the sensor. A point has no size."""
+    """Return a warning where a contact is so small that its coordinates seem to be in metres; points have no size."""
     x0, y0, x1, y1 = shapely.GeometryCollection(list(contact.shapes)).bounds
     size = max(x1 - x0, y1 - y0)
     if not 0.0 < size < _SMALL * min(sensor.width_mm, sensor.length_mm):
@@ -49,7 +51,7 @@ def contact_in_metres(contact: Contact, sensor: Sensor) -> str:
 
 
 def over_vref(path: str | Path, sensor: Sensor, largest: float) -> str:
-    """Say that a readings file's volts look like readings over Vref; `largest` is its largest reading over Vref."""
+    """Return a warning where a file's volts seem to be over Vref; `largest` is its largest reading over Vref."""
     if sensor.vref_volt <= _VREF_VOLT or not 0.0 < largest * sensor.vref_volt <= 1.0:
         return ""
     # A/D codes have no unit to be mistaken.
@@ -62,7 +64,7 @@ def over_vref(path: str | Path, sensor: Sensor, largest: float) -> str:
 
 
 def half_read(path: str | Path, sensor: Sensor, names: Sequence[str]) -> str:
-    """Say that readings have one of the sensor's two signatures only."""
+    """Return a warning where readings have only one of the sensor's two signatures."""
     lack = [name for name in sensor.signatures if name not in names]
     have = [SIGNATURES[name] for name in names if name in sensor.signatures]
     if not lack or not have:
@@ -71,8 +73,24 @@ def half_read(path: str | Path, sensor: Sensor, names: Sequence[str]) -> str:
     return f"using {have[0].volt_column} only: {path} has no {missing.volt_column} (or {missing.code_column})"
 
 
+def one_reading(path: str | Path, sensor: Sensor, scans: Sequence[Scan]) -> str:
+    """Say which strips have one reading of two, where the spec does not leave the other channel out."""
+    out = left_out(sensor)
+    found = [
+        channel_name(int(strip), name, sensor.strip_base)
+        for name in scans[0].signatures
+        for strip in np.flatnonzero(
+            np.any([s.half_read & np.isnan(s[name]) for s in scans], axis=0) & ~out.get(name, np.array(False))
+        )
+    ]
+    if not found:
+        return ""
+    names = ", ".join(found[:_NAMED]) + (", ..." if len(found) > _NAMED else "")
+    return f"{path}: {names} is empty where the strip's other channel has a reading; the strip counts with that one"
+
+
 def exchanged(scans: Sequence[Scan], noise: Noise | None = None) -> str:
-    """Say that k_h is below k_l, beyond noise, on most strips of a scan: on no sensor can it be."""
+    """Return a warning where k_h is below k_l, beyond noise, on most strips of a scan, which no sensor can measure."""
     beyond = max(_NOISE, noise.quantisation + noise.positional if noise is not None else 0.0)
     found: list[tuple[int, int, int]] = []
     for number, scan in enumerate(scans):

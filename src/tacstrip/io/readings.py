@@ -3,14 +3,13 @@
 Columns: scan, time_s, strip, and volts (v_h, v_l or v_out) or A/D codes (code_h, code_l or code); one of
 v_h and v_l alone is a single-measurement. Of a CRS-CRP sheet all electrodes may be there instead: v_l_0, v_l_1, ...
 at y = 0 and v_h_0, ... at y = L (or code_l_0, ...). Other columns are passed over, unless their
-name is nearly that of a column that is missing. An empty field means that nothing touches the strip. Codes run from 0
-to 2^adc_bits - 1, which reads Vref.
+name is nearly that of a column that is missing. Empty fields mean that nothing touches the strip; one of v_h and v_l
+alone, that the other channel is left out. Codes run from 0 to 2^adc_bits - 1, which reads Vref.
 """
 
 from __future__ import annotations
 
-import csv
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,7 +18,6 @@ import numpy as np
 from tacstrip.arguments import takes
 from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.errors import ReadingError
-from tacstrip.files import replacing
 from tacstrip.io.columns import (
     ELECTRODES,
     INDEX,
@@ -30,7 +28,7 @@ from tacstrip.io.columns import (
     value,
     value_columns,
 )
-from tacstrip.io.rows import Row, find, read_csv
+from tacstrip.io.csv_rows import Row, csv_writer, find, read_csv
 from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.raw import apply_calibration, invert_calibration
@@ -102,16 +100,27 @@ def write_readings(path: str | Path, sensor: Sensor, scans: Sequence[Scan]) -> N
     names = scans[0].signatures
     whole = scans[0].electrodes is not None
     columns = electrode_names(sensor) if whole else [SIGNATURES[n].volt_column for n in names]
-    with replacing(path) as part, part.open("w", encoding="utf-8", newline="") as file:
-        out = csv.writer(file, lineterminator="\n")
-        out.writerow([*INDEX, *columns])
-        for number, scan in enumerate(scans):
-            raw = invert_calibration(sensor, {n: scan[n] for n in names})
-            read = np.stack(list(raw.values()), axis=1) if scan.electrodes is None else scan.electrodes
-            volts = read * sensor.vref_volt  # (strips, columns)
-            for strip, row in enumerate(volts):
-                fields = ("" if np.isnan(v) else f"{v:.9g}" for v in row)
-                out.writerow([number, f"{scan.time_s:.9g}", strip + sensor.strip_base, *fields])
+
+    def fields(scan: Scan) -> Iterator[list[str]]:
+        raw = invert_calibration(sensor, {n: scan[n] for n in names})
+        read = np.stack(list(raw.values()), axis=1) if scan.electrodes is None else scan.electrodes
+        for row in read * sensor.vref_volt:  # (columns,) [V]
+            yield ["" if np.isnan(v) else f"{v:.9g}" for v in row]
+
+    write_scans(path, sensor, columns, ((f"{scan.time_s:.9g}", fields(scan)) for scan in scans))
+
+
+def write_scans(
+    path: str | Path, sensor: Sensor, columns: Sequence[str], scans: Iterable[tuple[str, Iterable[list[str]]]]
+) -> int:
+    """Write a readings file of each scan's time and its fields strip by strip; return the number of scans."""
+    count = 0
+    with csv_writer(path, [*INDEX, *columns]) as out:
+        for time_text, strips in scans:
+            for strip, fields in enumerate(strips, sensor.strip_base):
+                out.writerow([count, time_text, strip, *fields])
+            count += 1
+    return count
 
 
 @dataclass(eq=False)
@@ -195,19 +204,20 @@ def _scans(header: list[str], rows: Iterator[Row], sensor: Sensor) -> list[Scan]
 
 
 def _scan(lines: ScanLines, columns: list[Column], sensor: Sensor) -> Scan:
-    """Return a scan; every strip must be there, with all its readings or with none."""
+    """Return a scan; every strip must be there. One with one reading of two counts with that one."""
     lines.check_complete(sensor)
     empty = np.isnan(lines.values)
     for strip in np.flatnonzero(empty.any(axis=0) & ~empty.all(axis=0)):
+        if sensor.kind.closed_form:
+            break
         have, lack = (columns[int(i)].name for i in (empty[:, strip].argmin(), empty[:, strip].argmax()))
         raise ReadingError(
             f"line {lines.strip_lines[strip]}: strip {strip + sensor.strip_base} has {have} but no {lack}; "
             "give both or neither"
         )
-    if columns[0].signature == ELECTRODES:
-        raw = {c.name: v for c, v in zip(columns, lines.values, strict=True)}
-        return Scan.of_electrodes(
-            np.stack(list(apply_calibration(sensor, raw).values()), axis=1), lines.time_s
-        )
-    raw = {c.signature: v for c, v in zip(columns, lines.values, strict=True)}
-    return Scan(**apply_calibration(sensor, raw), time_s=lines.time_s)
+    whole = columns[0].signature == ELECTRODES
+    raw = {c.name if whole else c.signature: v for c, v in zip(columns, lines.values, strict=True)}
+    read = apply_calibration(sensor, raw)
+    if whole:
+        return Scan.of_electrodes(np.stack(list(read.values()), axis=1), lines.time_s)
+    return Scan(**read, time_s=lines.time_s)

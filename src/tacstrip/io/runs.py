@@ -7,9 +7,9 @@ strip untouched. `sensor` and `unit`, which a plan has, name the sensor and the 
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -17,9 +17,8 @@ import numpy as np
 from tacstrip.arguments import takes
 from tacstrip.arrays import FloatArray, IntArray, extent
 from tacstrip.errors import ReadingError
-from tacstrip.files import replacing
-from tacstrip.io.columns import Column, finite, strip_index, value, value_columns
-from tacstrip.io.rows import Row, find, read_csv
+from tacstrip.io.columns import finite, strip_index, value, value_columns
+from tacstrip.io.csv_rows import Row, csv_writer, find, read_csv
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
 
@@ -107,9 +106,8 @@ def read_runs(path: str | Path, sensor: Sensor, unit: str = "", force: bool = Fa
     """
     known = unit or (sensor.calibration.unit if sensor.calibration else "")
     example = ",".join(["strip", "l_mm", "w_mm", *(SIGNATURES[n].volt_column for n in sensor.signatures)])
-    return read_csv(
-        path, "runs", lambda header, rows: _runs(header, rows, sensor, known, force, Path(path).name), example
-    )
+    parse = partial(_runs, sensor=sensor, unit=known, force=force, source=Path(path).name)
+    return read_csv(path, "runs", parse, example)
 
 
 def write_plan(
@@ -117,21 +115,10 @@ def write_plan(
 ) -> None:
     """Write contacts (strip from 0, l and w [mm]) as runs whose readings are yet to be filled in."""
     columns = [SIGNATURES[n].volt_column for n in sensor.signatures]
-    with replacing(path) as part, part.open("w", encoding="utf-8", newline="") as file:
-        out = csv.writer(file, lineterminator="\n")
-        out.writerow(["strip", "l_mm", "w_mm", *columns, "sensor", "unit"])
+    with csv_writer(path, ["strip", "l_mm", "w_mm", *columns, "sensor", "unit"]) as out:
         for strip, l, w in contacts:
             place = [strip + sensor.strip_base, f"{l:.9g}", f"{w:.9g}"]
             out.writerow([*place, *[""] * len(columns), sensor.fingerprint, unit])
-
-
-@dataclass
-class _StripRows:
-    """Contacts, readings and untouched readings of one strip."""
-
-    place: list[tuple[float, float, int]]  # l, w, line
-    raw: list[list[float]]
-    rest: list[list[float]]
 
 
 def _runs(
@@ -140,7 +127,9 @@ def _runs(
     at = {name: find(header, name) for name in ("strip", "l_mm", "w_mm")}
     columns = value_columns(header, sensor)
     named = {name: header.index(name) for name in ("sensor", "unit") if name in header}
-    read: dict[int, _StripRows] = {}
+    # A row is l, w, line and the readings; of an untouched strip the readings alone.
+    contacts: list[list[list[float]]] = [[] for _ in range(sensor.strips)]
+    rest: list[list[list[float]]] = [[] for _ in range(sensor.strips)]
     open_rows, found_unit = 0, ""
     for line, row in rows:
         if not any(row):
@@ -153,7 +142,7 @@ def _runs(
                     "calibration holds for the unit it was made with. If they are one and the same, give --force"
                 )
         found_unit = found_unit or (row[named["unit"]] if "unit" in named else "")
-        number = strip_index(row[at["strip"]], line, sensor)
+        strip = strip_index(row[at["strip"]], line, sensor)
         fields = [value(row[c.index], line, c) for c in columns]
         place = _place(row[at["l_mm"]], row[at["w_mm"]], line, sensor)
         if all(np.isnan(fields)):
@@ -162,19 +151,22 @@ def _runs(
         if any(np.isnan(fields)):
             have, lack = (columns[i].name for i in np.argsort(np.isnan(fields), kind="stable")[[0, -1]])
             raise ReadingError(f"line {line}: {have} is there but no {lack}; give both or neither")
-        strip = read.setdefault(number, _StripRows([], [], []))
         if place is None:
-            strip.rest.append(fields)
+            rest[strip].append(fields)
         else:
-            strip.place.append((*place, line))
-            strip.raw.append(fields)
-    if not read:
+            contacts[strip].append([*place, line, *fields])
+    if not any(contacts) and not any(rest):
         why = f"all {open_rows} rows have empty readings" if open_rows else "it has a header and nothing else"
         raise ReadingError(f"there are no readings: {why}; press each contact and write down what it reads")
-    if lack := [i for i in range(sensor.strips) if i not in read or not read[i].place][:10]:
-        names = ", ".join(str(i + sensor.strip_base) for i in lack)
+    if lack := [i for i, made in enumerate(contacts, sensor.strip_base) if not made][:10]:
+        names = ", ".join(map(str, lack))
         raise ReadingError(f"no contact on strip {names} has readings; every strip needs contacts of its own")
-    return _gather([read[i] for i in range(sensor.strips)], columns, source, unit or found_unit, open_rows)
+    signatures = [c.signature for c in columns]
+    l, w, lines, *raw = _gather(contacts, 3 + len(columns))
+    return Runs(
+        l, w, dict(zip(signatures, raw, strict=True)), np.nan_to_num(lines).astype(np.int64),
+        dict(zip(signatures, _gather(rest, len(columns)), strict=True)), source, unit or found_unit, open_rows,
+    )  # fmt: skip
 
 
 def _place(l_text: str, w_text: str, line: int, sensor: Sensor) -> tuple[float, float] | None:
@@ -200,14 +192,9 @@ def _place(l_text: str, w_text: str, line: int, sensor: Sensor) -> tuple[float, 
     return l, w
 
 
-def _gather(strips: list[_StripRows], columns: list[Column], source: str, unit: str, open_rows: int) -> Runs:
-    def grid(lists: list[list[float]]) -> FloatArray:
-        full = np.full((max(map(len, lists), default=0), len(lists)), np.nan)
-        for strip, values in enumerate(lists):
-            full[: len(values), strip] = values
-        return full
-
-    l, w, line = (grid([[p[i] for p in s.place] for s in strips]) for i in range(3))
-    raw = {c.signature: grid([[r[i] for r in s.raw] for s in strips]) for i, c in enumerate(columns)}
-    rest = {c.signature: grid([[r[i] for r in s.rest] for s in strips]) for i, c in enumerate(columns)}
-    return Runs(l, w, raw, np.nan_to_num(line).astype(np.int64), rest, source, unit, open_rows)
+def _gather(strips: list[list[list[float]]], columns: int) -> FloatArray:
+    """Return the rows of all strips as (columns, rows, strips), NaN below the last row of a strip."""
+    full = np.full((columns, max(map(len, strips)), len(strips)), np.nan)
+    for i, rows in enumerate(strips):
+        full[:, : len(rows), i] = np.reshape(rows, (-1, columns)).T
+    return full

@@ -7,6 +7,7 @@ import operator
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 import shapely
 from shapely.geometry.base import BaseGeometry
 
@@ -129,11 +130,16 @@ def _shares(grid: Grid, area: BaseGeometry) -> FloatArray:
         np.clip(np.array([i - 0.5, i + 0.5]), 0, grid.nx),
         np.clip(np.array([j - 0.5, j + 0.5]), 0, grid.ny),
     )
-    around = shapely.box(x[0] * grid.dx, y[0] * grid.dy, x[1] * grid.dx, y[1] * grid.dy)
+    return shares(area, shapely.box(x[0] * grid.dx, y[0] * grid.dy, x[1] * grid.dx, y[1] * grid.dy))
+
+
+def shares(area: BaseGeometry, cells: npt.NDArray[np.object_]) -> FloatArray:
+    """Return how much of an area falls to each cell, in the cells' shape [mm^2]."""
     shapely.prepare(area)
-    share = np.zeros(grid.nodes)
-    meets = shapely.intersects(area, around)
-    share[meets] = shapely.area(shapely.intersection(area, around[meets]))
+    inside, meets = shapely.covers(area, cells), shapely.intersects(area, cells)
+    share = np.where(inside, shapely.area(cells), 0.0)
+    edge = meets & ~inside
+    share[edge] = shapely.area(shapely.intersection(area, cells[edge]))
     return share
 
 

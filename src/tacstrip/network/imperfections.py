@@ -20,7 +20,20 @@ _LAYERS = ("energised", "sensing")
 
 @dataclass(frozen=True)
 class Break:
-    """A strip that is cut through: strip, counted from 0, where [mm], and which of the two."""
+    """A strip that is cut through: strip, counted from 0, where [mm], and which of the two.
+
+    Examples
+    --------
+    A strip that is cut below the contact reads Vref:
+
+    >>> import tacstrip as ts
+    >>> from tacstrip.network import Break, Imperfections
+    >>> sensor = ts.Sensor(construction="crs-crs", strips=3, pitch_mm=10.0, length_mm=100.0)
+    >>> contact = ts.Contact.polygon([(0, 40), (30, 40), (30, 60), (0, 60)])
+    >>> cut = Imperfections(breaks=[Break(1, 20.0)])
+    >>> ts.simulate(sensor, contact, model="network", imperfections=cut)["kh"].round(3)
+    array([0.556, 1.   , 0.556])
+    """
 
     strip: int
     y_mm: float
@@ -29,7 +42,15 @@ class Break:
 
 @dataclass(frozen=True)
 class Short:
-    """A bridge from a strip to the next one: strip, counted from 0, where [mm], how many ohms, which layer."""
+    """A bridge from a strip to the next one: strip, counted from 0, where [mm], how many ohms, which layer.
+
+    Examples
+    --------
+    >>> from tacstrip.network import Imperfections, Short
+    >>> bridged = Imperfections(shorts=[Short(3, 130.0, 1000.0, layer="sensing")])
+    >>> bridged.shorts[0].strip
+    3
+    """
 
     strip: int
     y_mm: float
@@ -51,6 +72,18 @@ class Imperfections:
         where they overlap.
     breaks, shorts
         Strips cut through, and bridges between neighbours.
+
+    Examples
+    --------
+    A strip whose lower half has twice the resistance:
+
+    >>> import tacstrip as ts
+    >>> from tacstrip.network import Imperfections
+    >>> sensor = ts.Sensor(construction="crs-m", strips=2, pitch_mm=10.0, length_mm=100.0)
+    >>> uneven = Imperfections(energised=[[1.0, 1.0], [2.0, 1.0]])
+    >>> contact = ts.Contact.points([(5, 50), (15, 50)])
+    >>> ts.simulate(sensor, contact, model="network", imperfections=uneven)["k"].round(3)
+    array([0.5  , 0.667])
     """
 
     energised: npt.ArrayLike = 1.0
@@ -114,6 +147,17 @@ class Readout:
     tied_grounds
         CRS-M: all strips' ground ends are joined for good, so that n + 2 connectors do. The strips that
         touch then load the sheet: the parallel path of figure 2.4.
+
+    Examples
+    --------
+    The switches of a multiplexer lie in series with the strip:
+
+    >>> import tacstrip as ts
+    >>> from tacstrip.network import Readout
+    >>> sensor = ts.Sensor(construction="crs-m", strips=1, pitch_mm=10.0, length_mm=100.0)
+    >>> switched = Readout(strip_ohm=5000.0, mux_ohm=70.0)
+    >>> ts.simulate(sensor, ts.Contact.points([5.0, 0.0]), model="network", readout=switched)["k"].round(4)
+    array([0.0136])
     """
 
     strip_ohm: float = 10_000.0

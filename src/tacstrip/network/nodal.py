@@ -39,20 +39,26 @@ class Network:
         The resistors' nodes (R,).
     siemens
         Their conductances (R,), in [S] or any one unit: potentials depend on ratios only.
+    signed
+        Whether some may be negative, as finite elements of a higher degree have them; the network as a whole
+        must take power up all the same.
 
     Raises
     ------
     NetworkError
-        A conductance is not a finite number above 0, or a resistor ends at a node that does not exist.
+        A conductance is not a finite number above 0 (`signed`: other than 0), or a resistor ends at a node that does
+        not exist.
     """
 
     nodes: int
     start: IntArray
     end: IntArray
     siemens: FloatArray
+    signed: bool = False
 
     def __post_init__(self) -> None:
-        bad = np.flatnonzero(~((self.siemens > 0.0) & (self.siemens < np.inf)))
+        size = np.abs(self.siemens) if self.signed else self.siemens
+        bad = np.flatnonzero(~((size > 0.0) & (size < np.inf)))
         if len(bad):
             i = bad[0]
             raise NetworkError(

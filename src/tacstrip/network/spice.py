@@ -56,9 +56,8 @@ def deck(title: str, measurements: Mapping[str, Measurement], vref_volt: float =
             node_name = name(node)
             value = "0" if node_name == "0" else f"v({node_name})"
             prints.append((f"{READS.get(reading, reading)}_{suffix}", value))
-        prints += [
-            (f"{reading}_{suffix}", f"i(V{number}_{node})") for reading, node in measurement.metered.items()
-        ]
+        for reading, node in measurement.metered.items():
+            prints.append((f"{reading}_{suffix}", f"i(V{number}_{node})"))
     lines += [".options numdgt=12 gmin=1e-18", ".control", "set numdgt=12", "op"]
     for printed, value in prints:
         lines += [f"let {printed} = {value}", f"print {printed}"]

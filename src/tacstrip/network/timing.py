@@ -1,4 +1,4 @@
-"""How fast a unit can be scanned, and what a contact that moves meanwhile looks like."""
+"""How fast a unit can be scanned."""
 
 from __future__ import annotations
 
@@ -7,11 +7,9 @@ import math
 import numpy as np
 
 from tacstrip.arrays import FloatArray
-from tacstrip.contact.footprint import footprint
-from tacstrip.contact.shape import Contact
 from tacstrip.errors import NetworkError
 from tacstrip.network.imperfections import Readout
-from tacstrip.sensor.circuit import sensing_share
+from tacstrip.sensor.closed_form import sensing_share
 from tacstrip.sensor.spec import Sensor
 
 
@@ -66,31 +64,3 @@ def fastest_scan_hz(sensor: Sensor, readout: Readout, farad: float, conversion_s
     worst = float(source_ohm(sensor, readout, y, y).max())
     samples = sensor.strips * len(sensor.signatures)
     return 1.0 / (samples * (settling_s(worst, farad, sensor.adc_bits) + conversion_s))
-
-
-def skewed(
-    sensor: Sensor, contact: Contact, velocity_mm_s: tuple[float, float], scan_s: float
-) -> tuple[FloatArray, FloatArray]:
-    """Return l and u (strips,) [mm] of a contact that moves while the strips are read one after another.
-
-    Strip i is read i / n of the scan's time after the first. NaN where a strip is not touched at its time.
-
-    Parameters
-    ----------
-    sensor, contact
-        What touches what, where it is when the scan starts.
-    velocity_mm_s
-        Speed across and along the strips [mm/s].
-    scan_s
-        Time of a scan [s].
-
-    Raises
-    ------
-    ContactError
-        The contact leaves the sensor before the scan ends.
-    """
-    when = scan_s * np.arange(sensor.strips) / sensor.strips
-    places = [contact.moved(velocity_mm_s[0] * t, velocity_mm_s[1] * t) for t in when]
-    touch = footprint(sensor, places)
-    every = np.arange(sensor.strips)
-    return touch.l[every, every], touch.u[every, every]

@@ -36,17 +36,7 @@ class Wires:
         NetworkError
             Nodes held at different potentials are the same.
         """
-        from scipy.sparse import coo_array
-        from scipy.sparse.csgraph import connected_components
-
-        a, b = (
-            np.concatenate(column) for column in zip(*self.same, (np.empty(0, dtype=int),) * 2, strict=True)
-        )
-        pairs = coo_array((np.ones(len(a)), (a, b)), shape=(self.nodes, self.nodes))
-        count, label = connected_components(pairs, directed=False)
-        start, end, siemens = (np.concatenate(column) for column in zip(*self.resistors, strict=True))
-        start, end = label[start], label[end]
-        real = start != end
+        network, label = self.merged()
         potentials: dict[int, float] = {}
         for node, volt in held.items():
             if potentials.setdefault(int(label[node]), volt) != volt:
@@ -54,8 +44,21 @@ class Wires:
                     f"strip {strip}: the contact joins both ends of the strip to the metal, which shorts Vref to "
                     "ground; make it shorter than the strip"
                 )
-        network = Network(int(count), start[real], end[real], siemens[real])
         return Measurement(network, potentials, {name: int(label[node]) for name, node in read.items()})
+
+    def merged(self) -> tuple[Network, IntArray]:
+        """Return the network without resistors on one node, and the number there of each node (nodes,)."""
+        from scipy.sparse import coo_array
+        from scipy.sparse.csgraph import connected_components
+
+        pairs = [np.broadcast_arrays(*pair) for pair in self.same]
+        a, b = (np.concatenate(c) for c in zip(*pairs, (np.empty(0, dtype=int),) * 2, strict=True))
+        joined = coo_array((np.ones(len(a)), (a, b)), shape=(self.nodes, self.nodes))
+        count, label = connected_components(joined, directed=False)
+        start, end, siemens = (np.concatenate(column) for column in zip(*self.resistors, strict=True))
+        start, end = label[start], label[end]
+        real = start != end
+        return Network(int(count), start[real], end[real], siemens[real]), label
 
     def tie(self, a: int, b: int, ohm: float) -> None:
         """Join two nodes by a resistor, or for good where it has 0 ohm."""

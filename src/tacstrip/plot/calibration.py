@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ from matplotlib.figure import Figure
 from tacstrip.arrays import FloatArray
 from tacstrip.calibrate.residuals import expected
 from tacstrip.calibrate.unit import Calibrated
-from tacstrip.plot.style import COLOURS, TRUE, add_axes, legend_above, new_figure, save
+from tacstrip.plot.style import COLOURS, TRUE, legend_above, new_panels, save
 from tacstrip.sensor.constructions import SIGNATURES
 
 _PROFILES = {"I": 0.5, "II": 1.0}  # half-widths of the thesis' P.U. profiles [% of Vref] (5.1.3)
@@ -48,50 +49,39 @@ def calibration_graphs(result: Calibrated, strip: int) -> Figure:
     sensor, runs = result.uncalibrated, result.runs
     lengths = _lengths(runs.w_mm[:, strip])
     names = runs.signatures
-    figure = new_figure(3.6 * len(lengths), 2.9 * len(names))
-    truth = expected(result.sensor, runs)
-    number = 0
-    for name in names:
-        for w in lengths:
-            number += 1
-            axes = add_axes(figure, len(names), len(lengths), number)
-            here = np.flatnonzero(runs.w_mm[:, strip] == w)
-            here = here[np.argsort(runs.l_mm[here, strip], kind="stable")]
-            l = runs.l_mm[here, strip]
-            vref = sensor.vref_volt
-            fitted = truth[name][here, strip]
-            axes.plot(l, vref * fitted, "o-", color=TRUE, label="expected", ms=6.0, mfc="none", mew=0.7)
-            axes.plot(
-                l, vref * runs.raw[name][here, strip], "x", color=COLOURS[name], label="measured", ms=5.0
-            )
-            corrected = vref * (fitted + result.after[name][here, strip])
-            axes.plot(l, corrected, ".", color="k", label="corrected", ms=3.0)
-            axes.set_title(f"strip {strip + sensor.strip_base}, {SIGNATURES[name].volt_column}, w = {w:g} mm")
-            axes.set_xlabel("l [mm]")
-            axes.set_ylabel(f"{SIGNATURES[name].volt_column} [V]")
-            low, high = axes.get_ylim()
-            missing = max(_LEAST_SPAN * vref - (high - low), 0.0)
-            axes.set_ylim(low - 0.5 * missing, high + 0.5 * missing)
-            axes.set_xlim(-0.03 * sensor.length_mm, 1.03 * sensor.length_mm)
-            if number == 1:
-                legend_above(axes)
+    figure, panels = new_panels(3.6 * len(lengths), 2.9 * len(names), len(names), len(lengths))
+    truth, vref = expected(result.sensor, runs), sensor.vref_volt
+    for axes, (name, w) in zip(panels, product(names, lengths), strict=True):
+        here = np.flatnonzero(runs.w_mm[:, strip] == w)
+        here = here[np.argsort(runs.l_mm[here, strip], kind="stable")]
+        l, fitted = runs.l_mm[here, strip], vref * truth[name][here, strip]
+        axes.plot(l, fitted, "o-", color=TRUE, label="expected", ms=6.0, mfc="none", mew=0.7)
+        axes.plot(l, vref * runs.raw[name][here, strip], "x", color=COLOURS[name], label="measured", ms=5.0)
+        axes.plot(
+            l, fitted + vref * result.after[name][here, strip], ".", color="k", label="corrected", ms=3.0
+        )
+        volt = SIGNATURES[name].volt_column
+        axes.set_title(f"strip {strip + sensor.strip_base}, {volt}, w = {w:g} mm")
+        low, high = axes.get_ylim()
+        missing = max(_LEAST_SPAN * vref - (high - low), 0.0)
+        axes.set(ylim=(low - 0.5 * missing, high + 0.5 * missing), xlabel="l [mm]", ylabel=f"{volt} [V]")
+        axes.set_xlim(-0.03 * sensor.length_mm, 1.03 * sensor.length_mm)
+    legend_above(panels[0])
     return figure
 
 
 def residuals_by_strip(result: Calibrated) -> Figure:
     """Draw every row's error by strip: raw, after the thesis' mean offsets, after this calibration."""
-    figure = new_figure(11.0, 3.6)
+    figure, panels = new_panels(11.0, 3.6, 1, 3)
+    strip, counted = np.nonzero(result.counted)[1] + result.uncalibrated.strip_base, result.counted
     stages = {"raw": result.before, "mean offsets (6.1)-(6.5)": result.mean, result.model: result.after}
-    for number, (title, off) in enumerate(stages.items(), start=1):
-        axes = add_axes(figure, 1, 3, number)
+    for axes, (title, off) in zip(panels, stages.items(), strict=True):
         for i, (name, values) in enumerate(off.items()):
-            strips, percent = _counted(result, values)
             shift = 0.3 * (i - 0.5 * (len(off) - 1))
-            axes.plot(strips + shift, percent, "_", color=COLOURS[name], ms=5.0, label=name)
+            axes.plot(strip + shift, 100.0 * values[counted], "_", color=COLOURS[name], ms=5.0, label=name)
         axes.set_title(f"{title}: {result.rms_percent(off):.2f} % rms")
-        axes.set_xlabel("strip")
-        axes.set_ylabel("error [% of Vref]")
-        if number > 1:
+        axes.set(xlabel="strip", ylabel="error [% of Vref]")
+        if title != "raw":
             _bands(axes)
         legend_above(axes)
     return figure
@@ -99,12 +89,10 @@ def residuals_by_strip(result: Calibrated) -> Figure:
 
 def residuals_along_strips(result: Calibrated) -> Figure:
     """Draw the residuals of mean offsets and of this calibration over the contact's middle, by its length."""
-    figure = new_figure(9.0, 3.6)
+    figure, panels = new_panels(9.0, 3.6, 1, 2)
     middle = result.runs.l_mm + 0.5 * result.runs.w_mm
-    for number, (title, off) in enumerate(
-        (("mean offsets", result.mean), (result.model, result.after)), start=1
-    ):
-        axes = add_axes(figure, 1, 2, number)
+    stages = (("mean offsets", result.mean), (result.model, result.after))
+    for axes, (title, off) in zip(panels, stages, strict=True):
         for i, w in enumerate(_lengths(result.runs.w_mm.ravel())):
             here = result.counted & (result.runs.w_mm == w)
             colour = list(COLOURS.values())[i]
@@ -112,9 +100,7 @@ def residuals_along_strips(result: Calibrated) -> Figure:
                 label = f"w = {w:g} mm" if j == 0 else None
                 axes.plot(middle[here], 100.0 * values[here], ".", color=colour, ms=2.0, label=label)
         _bands(axes)
-        axes.set_title(title)
-        axes.set_xlabel("middle of the contact [mm]")
-        axes.set_ylabel("error [% of Vref]")
+        axes.set(title=title, xlabel="middle of the contact [mm]", ylabel="error [% of Vref]")
         legend_above(axes)
     return figure
 
@@ -123,11 +109,6 @@ def _lengths(w_mm: FloatArray) -> list[float]:
     """Return the lengths that most contacts have, ascending."""
     lengths, counts = np.unique(w_mm[np.isfinite(w_mm)], return_counts=True)
     return sorted(float(w) for w in lengths[np.argsort(-counts, kind="stable")[:_MOST_LENGTHS]])
-
-
-def _counted(result: Calibrated, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    strips = np.nonzero(result.counted)[1]
-    return strips.astype(np.float64) + result.uncalibrated.strip_base, 100.0 * values[result.counted]
 
 
 def _bands(axes: Axes) -> None:

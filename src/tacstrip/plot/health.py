@@ -9,10 +9,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tacstrip.arrays import IntArray
-from tacstrip.diagnose.finding import FAULTS, Report
+from tacstrip.diagnose.faults import FAULTS, Report
 from tacstrip.diagnose.log import Log
 from tacstrip.diagnose.noise import PROFILE_I, PROFILE_II
-from tacstrip.plot.style import COLOURS, add_axes, legend, new_figure
+from tacstrip.plot.style import COLOURS, legend, new_panels
 from tacstrip.sensor.constructions import SIGNATURES
 
 # Colour and hatch: distinguishable without colour too.
@@ -32,8 +32,7 @@ def health_figure(log: Log, report: Report) -> Figure:
     log, report
         A recording, and the findings of `diagnose`.
     """
-    figure = new_figure(9.0, 6.4)
-    health, readings, noise = (add_axes(figure, 3, 1, i) for i in (1, 2, 3))
+    figure, (health, readings, noise) = new_panels(9.0, 6.4, 3, 1)
     strips = np.arange(log.sensor.strips) + log.sensor.strip_base
     _draw_health(health, report, strips)
     for name, values in log.raw.items():
@@ -54,8 +53,7 @@ def health_figure(log: Log, report: Report) -> Figure:
         noise.axhline(100.0 * level, color="#555555", linewidth=0.8, linestyle="--")
         at = noise.get_yaxis_transform()  # x in parts of the axes
         noise.text(1.0, 100.0 * level, f"profile {number}", transform=at, fontsize=8.0, va="center")
-    noise.set_ylabel("P.U. [+-% of Vref]")
-    noise.set_xlabel("strip")
+    noise.set(ylabel="P.U. [+-% of Vref]", xlabel="strip")
     for axes in (health, readings, noise):
         axes.set_xlim(strips[0] - 0.6, strips[-1] + 0.6)
     return figure
@@ -74,8 +72,7 @@ def _draw_health(axes: Axes, report: Report, strips: IntArray) -> None:
         if names:
             box = {"facecolor": "white", "edgecolor": "none", "boxstyle": "square,pad=0.2"}
             axes.text(strip, 0.5, names, rotation=90, ha="center", va="center", fontsize=7.5, bbox=box)
-    axes.set_ylim(0.0, 1.0)
-    axes.set_yticks([])
+    axes.set(ylim=(0.0, 1.0), yticks=[])
     whole = sorted({FAULTS[f.fault].title for f in report.findings if not f.strips})
     axes.set_title("all strips: " + ", ".join(whole) if whole else "health")
     legend(axes, loc="center left", bbox_to_anchor=(1.0, 0.5))

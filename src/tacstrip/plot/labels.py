@@ -42,7 +42,8 @@ class LabelledObject:
         if self.found.found:
             x, y = self.found.centroid
             return float(x), float(y)
-        return float(sensor.x_mm[self.found.strips].mean()), 0.5 * sensor.length_mm
+        strips = self.found.strips
+        return 0.5 * (strips.start + strips.stop) * sensor.pitch_mm, 0.5 * sensor.length_mm
 
 
 def labelled_objects(

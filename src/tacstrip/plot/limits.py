@@ -12,7 +12,7 @@ from tacstrip.design.limits import ErrorMap, Limit
 from tacstrip.geometry.outline import Outline
 from tacstrip.geometry.region import regions
 from tacstrip.plot.scene import draw_polygon, draw_sensor, zoom
-from tacstrip.plot.style import COLOURS, RECOVERED, TRUE, add_axes, new_figure
+from tacstrip.plot.style import COLOURS, RECOVERED, TRUE, new_panels
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
 
@@ -29,8 +29,7 @@ def limits_figure(sensor: Sensor, outline: Outline, found: list[Limit], over: Er
     over
         The map; places where the readings do not determine the vertices stay grey.
     """
-    figure = new_figure(9.5, 4.6)
-    left, right = (add_axes(figure, 1, 2, i) for i in (1, 2))
+    figure, (left, right) = new_panels(9.5, 4.6, 1, 2)
     draw_sensor(left, sensor)
     draw_polygon(left, outline.vertices, TRUE)
     for limit in found:

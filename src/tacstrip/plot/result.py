@@ -24,7 +24,7 @@ from tacstrip.plot.scene import (
     x_label,
     zoom,
 )
-from tacstrip.plot.style import TRUE, add_axes, legend_above, new_figure
+from tacstrip.plot.style import TRUE, legend_above, new_panels
 from tacstrip.reconstruction.result import Reconstruction
 from tacstrip.scan import Scan
 from tacstrip.sensor.spec import Sensor
@@ -59,16 +59,14 @@ def reconstruction_figure(
     points = _points(objects, truth)
     with_regions = len(shown) <= _MOST_WITH_REGIONS
     closer = len(points) > 0 and not _nearly_all(sensor, points)
-    figure = new_figure(9.5, 5.2)
-    panels = [add_axes(figure, 1, 2 + closer, i + 1) for i in range(2 + closer)]
+    figure, panels = new_panels(9.5, 5.2, 1, 2 + closer)
     draw_sensor(panels[0], sensor)
     for axes in panels[:-1]:
         _draw_shapes(axes, sensor, objects, truth, with_regions)
     if closer:
         panels[1].set_aspect("equal")
         zoom(panels[1], points, sensor)
-        panels[1].set_xlabel(x_label(sensor))
-        panels[1].set_ylabel("y [mm]")
+        panels[1].set(xlabel=x_label(sensor), ylabel="y [mm]")
         panels[0].set_title("sensor", fontsize=10.0)
     panels[-2].set_title(_titled("shapes", shown, touched, scans), fontsize=10.0)
     _draw_readings(panels[-1], sensor, scans, touched)
@@ -103,6 +101,9 @@ def _draw_shapes(
                     label=label,
                     zorder=3.5,
                 )
+            if sensor.closed and found.vertices[:, 0].max() > sensor.width_mm:  # it goes on beyond the seam
+                again = found.vertices - (sensor.width_mm, 0.0)
+                draw_polygon(axes, again, colour, doubtful=doubtful)
             if with_regions:
                 draw_regions(axes, sensor, regions(found.vertices, found.covariance), colour)
         elif found.profile is not None:
@@ -110,9 +111,8 @@ def _draw_shapes(
             axes.vlines(x, l, u, color=colour, linewidth=2.0, label=drawn.label or "")
             axes.plot(x, l, "_", color=colour)
         else:
-            x = sensor.x_mm[found.strips]
-            half = 0.5 * sensor.pitch_mm
-            axes.axvspan(x[0] - half, x[-1] + half, color=colour, alpha=0.12, label=drawn.label)
+            ends = np.array([found.strips.start, found.strips.stop]) * sensor.pitch_mm
+            axes.axvspan(*ends, color=colour, alpha=0.12, label=drawn.label)
         if drawn.number:
             axes.annotate(
                 drawn.number, drawn.place(sensor), color=colour, ha="center", va="center", zorder=6, clip_on=True,
@@ -152,8 +152,7 @@ def _draw_readings(axes: Axes, sensor: Sensor, scans: Sequence[Scan], touched: S
         if i == shown[0]:
             handles, labels = axes.get_legend_handles_labels()
     axes.set_title(_titled("pseudo-signatures", shown, touched, scans), fontsize=10.0)
-    axes.set_xlabel(x_label(sensor))
-    axes.set_ylabel("k L [mm]")
+    axes.set(xlabel=x_label(sensor), ylabel="k L [mm]")
     if shown:
         legend_above(axes, handles=handles, labels=labels)
 
@@ -168,6 +167,5 @@ def _titled(what: str, shown: Sequence[int], touched: Sequence[int], scans: Sequ
     """Say in a title how many of the scans are drawn, where that is not all."""
     if len(shown) == len(touched):
         return what
-    return f"{what}\n{len(shown)} of {len(touched)} scans" + (
-        "" if len(touched) == len(scans) else " in contact"
-    )
+    which = "" if len(touched) == len(scans) else " in contact"
+    return f"{what}\n{len(shown)} of {len(touched)} scans{which}"

@@ -36,11 +36,13 @@ def draw_sensor(axes: Axes, sensor: Sensor) -> None:
                 Rectangle(corner, sensor.strip_width, length, facecolor=STRIP, edgecolor="none", zorder=0.5)
             )
     margin = 0.02 * max(width, length)
-    axes.set_xlim(-margin, width + margin)
-    axes.set_ylim(-margin, length + margin)
-    axes.set_aspect("equal")
-    axes.set_xlabel(x_label(sensor, "digital dimension x [mm]"))
-    axes.set_ylabel("analog dimension y [mm]")
+    axes.set(
+        xlim=(-margin, width + margin),
+        ylim=(-margin, length + margin),
+        aspect="equal",
+        xlabel=x_label(sensor, "digital dimension x [mm]"),
+        ylabel="analog dimension y [mm]",
+    )
 
 
 def x_label(sensor: Sensor, flat: str = "x [mm]") -> str:

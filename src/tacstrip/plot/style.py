@@ -52,6 +52,14 @@ def new_axes(width_inch: float = 5.0, height_inch: float = 4.2) -> tuple[Figure,
     return figure, add_axes(figure, 1, 1, 1)
 
 
+def new_panels(
+    width_inch: float, height_inch: float, rows: int, columns: int
+) -> tuple[Figure, tuple[Axes, ...]]:
+    """Return a figure with a grid of axes, row by row."""
+    figure = new_figure(width_inch, height_inch)
+    return figure, tuple(add_axes(figure, rows, columns, i + 1) for i in range(rows * columns))
+
+
 def add_axes(figure: Figure, rows: int, columns: int, index: int | tuple[int, int], **options: Any) -> Axes:
     """Add axes in the project's style to a grid of a figure, over one or more cells, as `Figure.add_subplot` does."""
     with mpl.rc_context(_RC):
@@ -80,6 +88,12 @@ def save(figure: Figure, path: str | Path, dpi: int = 110) -> Path:
     kind = file.suffix[1:].lower()
     with mpl.rc_context(_RC), warnings.catch_warnings(), replacing(file) as part:
         warnings.simplefilter("ignore", UserWarning)  # a layout too tight for its labels is still a picture
+        if (
+            layout := figure.get_layout_engine()
+        ):  # here, for `savefig` would draw the whole figure once more for it
+            figure.set_dpi(dpi)
+            layout.execute(figure)
+            figure.set_layout_engine("none")
         figure.savefig(part, dpi=dpi, format=kind, metadata={"Software": None} if kind == "png" else None)
     return file
 

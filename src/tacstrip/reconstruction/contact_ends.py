@@ -13,9 +13,9 @@ import numpy as np
 from tacstrip.arrays import FloatArray
 from tacstrip.network.crp.inversion import invert, invert_all
 from tacstrip.network.crp.mesh import Wiring
-from tacstrip.reconstruction.cramer_rao import signature_jacobians
+from tacstrip.reconstruction.noise_covariance import signature_jacobians
 from tacstrip.scan import Scan
-from tacstrip.sensor.circuit import lower_and_width
+from tacstrip.sensor.closed_form import lower_and_width
 from tacstrip.sensor.spec import Sensor
 
 _SIGMA = 1e-3  # of Vref: weighs nothing where the noise is not given, all readings being alike

@@ -9,15 +9,22 @@ import numpy as np
 import numpy.typing as npt
 
 from tacstrip.arguments import takes
-from tacstrip.arrays import FloatArray
+from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.contact.noise import Noise
-from tacstrip.contact.signature import signatures as readings_of
+from tacstrip.core.problem import FLOOR
 from tacstrip.core.vertex_covariance import covariance_with_x_priors
 from tacstrip.fisher import checked_sigma
 from tacstrip.geometry.outline import Outline
 from tacstrip.network.crp.cramer_rao import jacobian
-from tacstrip.sensor.circuit import reading_jacobian
-from tacstrip.sensor.constructions import SIGNATURES
+from tacstrip.reconstruction.noise_covariance import (
+    Averaging,
+    common_variance,
+    own_variance,
+    reading_covariance,
+    signature_jacobians,
+)
+from tacstrip.reconstruction.strip_width import across, end_slopes, equivalent_ends
+from tacstrip.sensor.left_out import left_out
 from tacstrip.sensor.spec import Sensor
 
 
@@ -25,26 +32,10 @@ from tacstrip.sensor.spec import Sensor
 def reading_sigma(noise: Noise, sensor: Sensor) -> float:
     """Return the standard deviation of a reading [Vref]: of the noise's errors, and of the A/D converter's steps.
 
-    An error uniform within +-a has a / sqrt(3); a step s of the converter has s / sqrt(12).
+    An error uniform within +-a has a / sqrt(3); a step s of the converter has s / sqrt(12). Gain, and where a soft
+    contact ends, depend on the contact and are not counted.
     """
-    return math.sqrt((noise.quantisation**2 + noise.positional**2) / 3.0 + sensor.adc_step**2 / 12.0)
-
-
-def signature_jacobians(
-    sensor: Sensor, l_mm: FloatArray, u_mm: FloatArray
-) -> dict[str, tuple[FloatArray, FloatArray]]:
-    """Return dk/dl and dk/du [1/mm] of every signature, name to two arrays of the shape of l and u."""
-    return {
-        name: reading_jacobian(
-            k,
-            np.asarray(u_mm - l_mm),
-            sensor.length_mm,
-            SIGNATURES[name].at_upper_end,
-            sensor.sensing_ratio,
-            sensor.contact_lambda_mm,
-        )
-        for name, k in readings_of(sensor, l_mm, u_mm).items()
-    }
+    return math.sqrt(own_variance(noise, sensor, Averaging()) + common_variance(noise, Averaging()))
 
 
 def vertex_jacobian(
@@ -55,18 +46,41 @@ def vertex_jacobian(
 ) -> FloatArray:
     """Return the slopes of readings by `vertices.ravel()` (readings, 2 V) [1/mm]; arguments as `vertex_covariance`.
 
-    A row per strip of the first signature, then of the next. Without a closed form (CRS-CRP) they come from the
-    network of all touched strips: a strip's readings depend on its neighbours' ends too.
+    A row per strip of the first signature, then of the next, but for channels that the spec leaves out. Without a
+    closed form (CRS-CRP) they come from the network of all touched strips: a strip's readings depend on its
+    neighbours' ends too.
     """
     names = tuple(map(sensor.check_signature, sensor.signatures if signatures is None else signatures))
     x = sensor.x_mm if x_mm is None else np.asarray(x_mm, dtype=float)
-    x = x[outline.touches(x)]
+    lines = across(sensor, x)  # (n, lines)
+    touched = outline.touches(lines)
+    reached = touched.any(axis=1)
+    x, lines, touched = x[reached], lines[reached], touched[reached]
     if not sensor.kind.closed_form:
         return _network_slopes(outline, sensor, names, x)
-    by_l, by_u = outline.jacobian(x)
-    of_ends = signature_jacobians(sensor, *outline.ends(x))
-    pairs = [of_ends[n] for n in names]
-    return np.concatenate([a[:, None] * by_l + b[:, None] * by_u for a, b in pairs])
+    share = (touched / touched.sum(axis=1, keepdims=True))[..., None]
+    by_l, by_u = (
+        (np.nan_to_num(slope.reshape(*lines.shape, -1)) * share).sum(axis=1)
+        for slope in outline.jacobian(lines.ravel())
+    )
+    if lines.shape[1] > 1:  # of a strip that is covered in part, the mean height is all that is counted
+        covered = touched.all(axis=1)
+        by_l[covered], by_u[covered] = end_slopes(sensor, outline, x[covered])
+    of_ends = signature_jacobians(sensor, *_ends(sensor, outline, x))
+    pairs = [(*of_ends[n], _read(sensor, n, x)) for n in names]
+    return np.concatenate([(a[:, None] * by_l + b[:, None] * by_u)[there] for a, b, there in pairs])
+
+
+def _ends(sensor: Sensor, outline: Outline, x_mm: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return l and u (n,) [mm] of strips that are touched, or of wide ones what a line would have to read the same."""
+    line = across(sensor, x_mm[:1]).shape[1] == 1
+    return outline.ends(x_mm) if line else equivalent_ends(sensor, outline, x_mm)
+
+
+def _read(sensor: Sensor, signature: str, x_mm: FloatArray) -> BoolArray:
+    """Return of which strips (n,) a signature is not left out."""
+    out = left_out(sensor).get(signature, np.zeros(sensor.strips, dtype=bool))
+    return np.asarray(~np.isclose(x_mm[:, None], sensor.x_mm[out]).any(axis=1))
 
 
 def _network_slopes(outline: Outline, sensor: Sensor, names: tuple[str, ...], x: FloatArray) -> FloatArray:
@@ -80,7 +94,7 @@ def _network_slopes(outline: Outline, sensor: Sensor, names: tuple[str, ...], x:
 def vertex_covariance(
     outline: Outline,
     sensor: Sensor,
-    sigma: float,
+    sigma: float | Noise,
     signatures: Iterable[str] | None = None,
     x_mm: npt.ArrayLike | None = None,
 ) -> FloatArray:
@@ -96,7 +110,7 @@ def vertex_covariance(
     outline, sensor
         What touches what.
     sigma
-        Standard deviation of a reading [Vref], from `reading_sigma`.
+        Standard deviation of a reading [Vref], all independent; or their noise, with what strips share.
     signatures
         Those that are read; all that the sensor has by default.
     x_mm
@@ -126,9 +140,20 @@ def vertex_covariance(
     >>> bound.shape, round(ts.vertex_rms(bound), 3)
     ((8, 8), 0.088)
     """
-    checked_sigma(sigma)
+    slopes = vertex_jacobian(outline, sensor, signatures, x_mm)
+    if not isinstance(sigma, Noise):
+        return covariance_with_x_priors(outline, sensor, slopes / checked_sigma(sigma))
+    checked_sigma(reading_sigma(sigma, sensor) + sigma.edge_mm + sigma.gain)
+    names = tuple(sensor.signatures if signatures is None else signatures)
+    x = sensor.x_mm if x_mm is None else np.asarray(x_mm, dtype=float)
+    lines = across(sensor, x)
+    x = x[outline.touches(lines).any(axis=1)]
+    errors = reading_covariance(sigma, sensor, x, _ends(sensor, outline, x), names, Averaging())
+    read = np.concatenate([_read(sensor, name, x) for name in names])
+    errors = errors[np.ix_(read, read)]
+    least = FLOOR**2 * np.eye(len(errors))  # gain and blur alone leave combinations of readings without error
     return covariance_with_x_priors(
-        outline, sensor, vertex_jacobian(outline, sensor, signatures, x_mm) / sigma
+        outline, sensor, np.asarray(np.linalg.solve(np.linalg.cholesky(errors + least), slopes))
     )
 
 

@@ -34,7 +34,8 @@ def profile_reconstruction(
     """Recover the profile of each run of touched strips: (4.36), strip by strip.
 
     Its polygon joins (x, l) left to right and (x, u) back. Noise that makes u fall below l, or either
-    leave the sensor, is held at the bound. CRS-CRP has no closed form: all strips are solved together on the
+    leave the sensor, is held at the bound. A strip with one reading of two has no l and u of its own: the profile
+    passes over it, from neighbour to neighbour. CRS-CRP has no closed form: all strips are solved together on the
     network (`network.crp`), from all of the sheet's electrodes where the scan has them.
 
     Parameters
@@ -66,7 +67,7 @@ def profile_reconstruction(
     >>> x[35], round(l[35], 6), round(u[35], 6)
     (np.float64(55.5), np.float64(20.6), np.float64(67.5))
     """
-    scan.check(sensor)
+    scan = scan.checked(sensor)
     have = scan.signatures
     if not {"kh", "kl"} <= set(have):
         raise SignatureError(
@@ -77,6 +78,7 @@ def profile_reconstruction(
         raise OptionError(
             f"convex and wiring are for crs-crp sensors, not for a {sensor.construction} sensor"
         )
+    noise = sensor.noise if noise is None else noise
     sigma = None if noise is None else reading_sigma(noise, sensor)
     found = ends(scan, sensor, sigma, convex, wiring)
     objects = tuple(_object(sensor, run, scan, found) for run in scan.runs())
@@ -113,11 +115,17 @@ def profile_at(recovered: RecoveredObject, original_vertices: npt.ArrayLike) -> 
 
 
 def _object(sensor: Sensor, run: slice, scan: Scan, found: Ends) -> RecoveredObject:
-    x, low, high = sensor.x_mm[run], found.l[run], found.u[run]
+    there = np.isfinite(found.l[run])
+    x, low, high = sensor.x_mm[run][there], found.l[run][there], found.u[run][there]
     profile = (x, low, high)
     own = found.strip_status[run]
+    if not len(x):
+        alone = "no strip has both readings, which l and u need: use the polygon fit"
+        return RecoveredObject(run, status="too few strips", advice=alone)
     status, advice = (
-        _plausible(x, scan["kh"][run], scan["kl"][run]) if not own else _told(x, own, found.advice)
+        _plausible(x, scan["kh"][run][there], scan["kl"][run][there])
+        if not own
+        else _told(x, own, found.advice)
     )
     if len(x) < 2:
         where = f"x = {x[0]:.6g} mm, from y = {low[0]:.6g} to {high[0]:.6g} mm"
@@ -128,7 +136,7 @@ def _object(sensor: Sensor, run: slice, scan: Scan, found: Ends) -> RecoveredObj
         return RecoveredObject(run, profile=profile, status="too few strips", advice=advice, strip_status=own)
     ring = np.concatenate([np.stack([x, low], axis=1), np.stack([x, high], axis=1)[::-1]])
     keep = distinct(ring)
-    strips = np.arange(run.start, run.stop)
+    strips = np.arange(run.start, run.stop)[there]
     which = np.concatenate([strips, sensor.strips + strips[::-1]])[keep]
     covariance = None if found.covariance is None else _of_vertices(found.covariance[np.ix_(which, which)])
     return RecoveredObject(run, ring[keep], profile, covariance, status, advice, own)

@@ -20,6 +20,7 @@ Status: TypeAlias = Literal[
     "doubtful",  # a shape is given, but read the advice
     "no contact",
     "too few strips",
+    "points",  # no more is known than a place within the contact on each strip
     "too few transitions",
     "shared x",
     "singular",
@@ -42,7 +43,7 @@ class Guarantee(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Alternative:
+class AlternativeOutline:
     """Another outline that explains the readings.
 
     Attributes
@@ -58,15 +59,46 @@ class Alternative:
 
 
 @dataclass(frozen=True, eq=False)
+class Pose:
+    """Where a known object lies.
+
+    Attributes
+    ----------
+    x_mm, y_mm
+        Of its outline's centroid [mm].
+    angle
+        By which it is turned from the outline that was given, counter-clockwise, in (-pi, pi] [rad].
+    covariance
+        Of x, y and angle (3, 3) [mm, mm, rad].
+    """
+
+    x_mm: float
+    y_mm: float
+    angle: float
+    covariance: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Alternative:
+    """Another pose of a known object that explains the readings: its weight among all, and vertices (N, 2) [mm]."""
+
+    pose: Pose
+    weight: float
+    vertices: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
 class RecoveredObject:
     """One object on the sensor.
 
     Attributes
     ----------
     strips
-        The touched strips it was recovered from, a slice of the scan.
+        The touched strips it was recovered from, a slice of the scan. Across the seam of a closed tube it goes on
+        beyond the last strip: modulo their number they are strips of the scan.
     vertices
-        Corners (N, 2) [mm], counter-clockwise from the left-most; (0, 2) where the status forbids a shape.
+        Corners (N, 2) [mm], counter-clockwise from the left-most, x across the seam modulo the circumference; (0, 2)
+        where the status forbids a shape.
     profile
         x, l and u (strips in contact,) [mm], or None.
     covariance
@@ -78,6 +110,9 @@ class RecoveredObject:
         In words, what to do about it; empty when all is well.
     strip_status
         CRS-CRP: a word per strip in contact, "ok", "short contact" or "not converged"; else empty.
+    points, point_deviations
+        Status "points": a place within the contact on each of its strips (P, 2) [mm], its own for a contact without
+        width, and its standard deviations (P, 2) [mm], NaN where the noise is not known.
     guarantee
         What `guaranteed` is computed from, where the noise has a known bound.
     uniform
@@ -89,6 +124,8 @@ class RecoveredObject:
         Probability that the outline overlaps the true one by an IoU of .8 or more; None where that was not assessed.
     alternatives
         Other outlines that explain the readings, the likeliest first.
+    pose, poses
+        Of a known object (`fit_object`): where it lies, and what other poses the readings leave.
 
     Raises
     ------
@@ -115,11 +152,15 @@ class RecoveredObject:
     status: Status = "ok"
     advice: str = ""
     strip_status: tuple[str, ...] = ()
+    points: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
+    point_deviations: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
     guarantee: Guarantee | None = None
     uniform: tuple[int, ...] = ()
     model: type[OutlineModel] | None = None
     confidence: float | None = None
-    alternatives: tuple[Alternative, ...] = ()
+    alternatives: tuple[AlternativeOutline, ...] = ()
+    pose: Pose | None = None
+    poses: tuple[Alternative, ...] = ()
 
     def __post_init__(self) -> None:
         if self.covariance is not None and self.covariance.shape != (2 * len(self.vertices),) * 2:

@@ -8,24 +8,40 @@ fitted, what the width adds to the outline found is taken from them, and what is
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import lru_cache
 
 import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.signature import signatures
 from tacstrip.geometry.outline import Outline
-from tacstrip.sensor.slant import slant_shift
+from tacstrip.sensor.slant import PARTS, edge_read
 from tacstrip.sensor.spec import Sensor
 
+_ENOUGH = 8  # strips: of fewer none is left out
+_STEP = 1e-3  # of the pitch, for differences
 PARTIAL_STRIPS = 1  # strips at either end of a contact that may be covered in part
-_PARTS = 16  # of a strip's width
-_ANGLES = 512  # of the table of shifts
+
+
+def fitted_strips(sensor: Sensor, strips: slice) -> tuple[slice, float]:
+    """Return which strips of a contact are fitted, and how much further out its ends are expected [mm].
+
+    Of wide strips the outer ones, which may be covered in part, are left out where enough are left.
+    """
+    if sensor.strip_width_mm is None or strips.stop - strips.start < _ENOUGH:
+        return strips, 0.0
+    return slice(strips.start + PARTIAL_STRIPS, strips.stop - PARTIAL_STRIPS), end_margin_mm(sensor)
 
 
 def end_margin_mm(sensor: Sensor) -> float:
     """Return how much further out the ends are than the strips left, read at their centre lines, would say [mm]."""
     return PARTIAL_STRIPS * sensor.pitch_mm - 0.5 * sensor.strip_width
+
+
+def across(sensor: Sensor, x: FloatArray) -> FloatArray:
+    """Return the lines that stand for strips at x (n,): their centre lines (n, 1), or lines across the width [mm]."""
+    if sensor.strip_width_mm is None or not sensor.kind.closed_form:
+        return x[:, None]
+    return np.asarray(x[:, None] + sensor.strip_width * (np.arange(PARTS + 1) / PARTS - 0.5))
 
 
 def equivalent_ends(sensor: Sensor, outline: Outline, x: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -35,6 +51,24 @@ def equivalent_ends(sensor: Sensor, outline: Outline, x: FloatArray) -> tuple[Fl
     )
     lower = np.clip(lower, 0.0, sensor.length_mm)
     return lower, np.clip(upper, lower, sensor.length_mm)
+
+
+def end_slopes(sensor: Sensor, outline: Outline, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the slopes of `equivalent_ends` by `vertices.ravel()`, each (n, 2 V), by differences."""
+    step = _STEP * sensor.pitch_mm
+    found = []
+    for index, sign in zip(outline.indices, (-1.0, 1.0), strict=True):
+        slopes = np.zeros((len(x), 2 * len(outline.vertices)))
+        for place in range(slopes.shape[1]):
+            if place // 2 in index:
+                ends = []
+                for by in (-step, step):
+                    moved = outline.vertices.copy()
+                    moved.flat[place] += by
+                    ends.append(_edge(sensor, moved[index], x, sign))
+                slopes[:, place] = (ends[1] - ends[0]) / (2.0 * step)
+        found.append(slopes)
+    return found[0], found[1]
 
 
 def remove_width_effect(
@@ -47,18 +81,6 @@ def remove_width_effect(
 
 
 def _edge(sensor: Sensor, chain: FloatArray, x: FloatArray, sign: float) -> FloatArray:
-    width = sensor.strip_width
-    borders = x[:, None] + width * (np.arange(_PARTS + 1) / _PARTS - 0.5)
+    borders = x[:, None] + sensor.strip_width * (np.arange(PARTS + 1) / PARTS - 0.5)
     height = np.interp(borders, *chain.T)
-    slope = np.diff(height, axis=1) * (_PARTS / width)
-    angle, table = _table(sensor.contact_lambda_mm / width)
-    shift = np.interp(np.arctan(np.abs(slope)), angle, table).mean(axis=1)
-    mean = 0.5 * (height[:, 1:] + height[:, :-1]).mean(axis=1)
-    return np.asarray(mean + sign * width * shift)
-
-
-@lru_cache(maxsize=8)
-def _table(decay: float) -> tuple[FloatArray, FloatArray]:
-    """Return angles and the shifts at them, over the width."""
-    angle = np.linspace(0.0, np.arctan(50.0), _ANGLES)
-    return angle, slant_shift(np.tan(angle), decay)
+    return edge_read(height, sensor.strip_width, sign, sensor.contact_lambda_mm)

@@ -49,9 +49,7 @@ def write_report(result: Calibrated, folder: Path) -> Path:
 def equivalent_noise(result: Calibrated) -> str:
     """Say which uniform error has the same standard deviation as the residuals, and which P.U. profile it is."""
     half = np.sqrt(3.0) * max(result.rms_percent({name: off}) for name, off in result.after.items())
-    profile = (
-        "P.U. profile I" if half <= 0.5 else "P.U. profile II" if half <= 1.0 else "more than P.U. profile II"
-    )
+    profile = "P.U. profile I" if half <= 0.5 else f"{'' if half <= 1.0 else 'more than '}P.U. profile II"
     return f"The residuals amount to a uniform error of +-{half:.2f} % of Vref: {profile}."
 
 

@@ -1,4 +1,4 @@
-"""One self-contained HTML page: claims, tables beside the printed figures, pictures inside."""
+"""One self-contained HTML page: claims, tables with the printed figures, pictures inside."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tacstrip.data import data_path
 from tacstrip.files import write_text
 
 METRIC_NAMES = {"mc": "M.C. [rad]", "aoe": "A.O.E. [rad]", "ape": "A.P.E. [units]"}
-EXPERIMENT_NAMES = {  # ours: (what it is, the printed one beside it)
+EXPERIMENT_NAMES = {  # ours: (what it is, the printed one)
     "mc": ("M.C. times mean perimeter [rad cm]", "mc"),
     "mc_rad": ("M.C. [rad]", "mc"),
     "aoe": ("A.O.E. [rad]", "aoe"),
@@ -77,9 +77,8 @@ def _by_table(simulation: list[dict[str, Any]]) -> list[dict[str, Any]]:
         grouped.setdefault(row["table"], []).append(row)
     result = []
     for number, table_rows in grouped.items():
-        judged = [
-            v for r in table_rows for m in METRIC_NAMES for v in r["ours"]["inside"][m] if v is not None
-        ]
+        inside = [row["ours"]["inside"] for row in table_rows]
+        judged = [v for of in inside for metric in METRIC_NAMES for v in of[metric] if v is not None]
         first = table_rows[0]
         method = f"V.R. with {first['signature']}" if first["signature"] else "P.R."
         title = f"Table {number}: {first['shape']}, {first['sensor']}, {method}"

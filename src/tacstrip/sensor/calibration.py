@@ -13,7 +13,7 @@ import numpy.typing as npt
 from tacstrip.arrays import FloatArray
 from tacstrip.errors import SignatureError, SpecError, one_of
 from tacstrip.sensor.channel import Channel, Numbers, Table, check_rising, numbers, piecewise_map, table
-from tacstrip.sensor.circuit import k_h, k_l, lower_and_width
+from tacstrip.sensor.closed_form import k_h, k_l, lower_and_width
 from tacstrip.sensor.constructions import SIGNATURES
 
 _TEXTS = ("made", "source", "model", "sensor", "unit", "zeroed", "touch")

@@ -6,12 +6,13 @@ the same.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
 from tacstrip.arguments import takes
 from tacstrip.arrays import BoolArray, FloatArray
+from tacstrip.sensor.left_out import leave_out
 from tacstrip.sensor.spec import Sensor
 
 
@@ -21,6 +22,7 @@ def touched(sensor: Sensor, raw: Mapping[str, FloatArray]) -> BoolArray:
     Rest is each strip's own learned level, else `rest_volt`. A sensor without `rest_volt` takes every strip that has
     readings for touched. Arguments as for `apply_calibration`.
     """
+    raw = leave_out(sensor, raw)
     found = np.any([np.isfinite(v) for v in raw.values()], axis=0)
     if sensor.rest_volt is None or sensor.touch_volt is None:
         return np.asarray(found)
@@ -38,17 +40,15 @@ def apply_calibration(sensor: Sensor, raw: Mapping[str, FloatArray]) -> dict[str
         Its `calibration`, `rest_volt` and `touch_volt` count.
     raw
         Raw readings over Vref by signature, (strips,) or (scans, strips). With k_h and k_l together a strip's own
-        rubber is exact; with one of them it is taken as for a contact without length (`Calibration.correct`).
+        rubber is exact; with one of them it is taken as for a contact without length (`Calibration.correct`). What
+        the spec leaves out (`without`) is NaN.
     """
     there = touched(sensor, raw)
-    values = {name: np.where(there, v, np.nan) for name, v in raw.items()}
+    values = {name: np.where(there, v, np.nan) for name, v in leave_out(sensor, raw).items()}
     calibration = sensor.calibration
     if calibration is None:
         return values
-    if {"kh", "kl"} <= set(values):
-        pair = calibration.correct_pair(values["kh"], values["kl"], sensor.sensing_ratio)
-        return dict(zip(("kh", "kl"), pair, strict=True))
-    return {name: calibration.correct(name, v) for name, v in values.items()}
+    return _by_pairs(values, sensor, calibration.correct_pair, calibration.correct)
 
 
 @takes(sensor=Sensor)
@@ -57,10 +57,24 @@ def invert_calibration(sensor: Sensor, readings: Mapping[str, FloatArray]) -> di
     calibration = sensor.calibration
     if calibration is None:
         return dict(readings)
-    if {"kh", "kl"} <= set(readings):
-        pair = calibration.distort_pair(readings["kh"], readings["kl"], sensor.sensing_ratio)
-        return dict(zip(("kh", "kl"), pair, strict=True))
-    return {name: calibration.distort(name, v) for name, v in readings.items()}
+    return _by_pairs(readings, sensor, calibration.distort_pair, calibration.distort)
+
+
+def _by_pairs(
+    readings: Mapping[str, FloatArray],
+    sensor: Sensor,
+    of_pair: Callable[[FloatArray, FloatArray, float], tuple[FloatArray, FloatArray]],
+    of_one: Callable[[str, FloatArray], FloatArray],
+) -> dict[str, FloatArray]:
+    """Return readings mapped in pairs where there are both, alone where a strip has one of them."""
+    if not {"kh", "kl"} <= set(readings):
+        return {name: of_one(name, v) for name, v in readings.items()}
+    pair = of_pair(readings["kh"], readings["kl"], sensor.sensing_ratio)
+    half = np.isnan(readings["kh"]) != np.isnan(readings["kl"])
+    return {
+        name: np.where(half, of_one(name, readings[name]), mapped) if half.any() else mapped
+        for name, mapped in zip(("kh", "kl"), pair, strict=True)
+    }
 
 
 def _rest(sensor: Sensor, signature: str) -> FloatArray:

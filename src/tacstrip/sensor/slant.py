@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 import numpy.typing as npt
 
 from tacstrip.arrays import FloatArray
 
+PARTS = 16  # of a strip's width
+_ANGLES = 512  # of the table of shifts
 _FLAT = 1e-4  # slope below which an edge is straight
 _SPREAD = (12.07, 0.883, 15.39, -1.938)  # fitted to networks, slopes up to 6, lambda / b from .05 to 2
 
@@ -42,6 +46,36 @@ def slant_shift(slope: npt.ArrayLike, decay: float = 0.0) -> FloatArray:
     p, q, r, power = _SPREAD
     share = 1.0 / (1.0 + (p + q / steep) * decay + r * steep**power * decay**2)
     return np.asarray(decay - _alike_across(steep, decay) - (0.5 * steep - ideal) * share)
+
+
+def edge_read(height: FloatArray, width_mm: float, sign: float, contact_lambda_mm: float) -> FloatArray:
+    """Return where ideal contact on a thin strip would end that reads like an edge across the width (...) [mm].
+
+    Parameters
+    ----------
+    height
+        The edge at the borders of equal parts of the width (..., parts + 1) [mm]; NaN where nothing touches.
+    width_mm, contact_lambda_mm
+        Of the strip.
+    sign
+        1.0 for an upper edge, -1.0 for a lower one: which way the contact reads beyond its edge.
+    """
+    parts = height.shape[-1] - 1
+    angle, table = _table(contact_lambda_mm / width_mm)
+    slope = np.abs(np.diff(height, axis=-1)) * (parts / width_mm)
+    shift = np.interp(np.arctan(slope), angle, table)
+    middle = 0.5 * (height[..., 1:] + height[..., :-1]) + sign * width_mm * shift
+    there = np.isfinite(middle)
+    count = there.sum(axis=-1)
+    mean = np.where(there, middle, 0.0).sum(axis=-1) / np.maximum(count, 1)
+    return np.asarray(np.where(count > 0, mean, np.nan))
+
+
+@lru_cache(maxsize=8)
+def _table(decay: float) -> tuple[FloatArray, FloatArray]:
+    """Return angles and the shifts at them, over the width."""
+    angle = np.linspace(0.0, np.arctan(50.0), _ANGLES)
+    return angle, slant_shift(np.tan(angle), decay)
 
 
 def _alike_across(steep: FloatArray, decay: float) -> FloatArray:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import math
 import operator
+import re
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,8 +20,11 @@ from tacstrip.errors import SpecError
 from tacstrip.files import why_unreadable, write_text
 from tacstrip.sensor.calibration import Calibration
 from tacstrip.sensor.constructions import CONSTRUCTIONS, Construction, check_signature, construction
+from tacstrip.sensor.left_out import checked_names
+from tacstrip.sensor.noise import Noise
 
 FORMAT = 1
+_SEAM = 0.1  # pitches: no wider a gap between the last strip and the first is one, but rounding of a radius
 _HUGE = 10**18  # a message with more digits helps nobody
 
 # Every key of the file, in its order, with the comment that `tacstrip init` writes beside it.
@@ -38,8 +43,10 @@ KEYS: dict[str, tuple[str, str]] = {  # key: (an example where nothing is set, c
     "rest_volt": ("0.0", "for logs that give volts for untouched strips: the level they rest at"),
     "touch_volt": ("0.05", "a strip counts as touched when a reading is further than this from rest_volt"),
     "strip_base": ("", "number of the first strip in readings files, 0 or 1"),
+    "without": ('["2"]', 'channels left out: "7:v_h" one of a strip, "2" all of it'),
 }
 CALIBRATION = "calibration"  # the table that `tacstrip calibrate` adds to a spec file
+NOISE = "noise"  # the table that `tacstrip noise` adds
 # Keys that belong to some constructions only.
 _OWN_KEYS = frozenset().union(*(c.keys for c in CONSTRUCTIONS.values()))
 
@@ -49,7 +56,8 @@ class Sensor:
     """A resistive hybrid tactile sensor; the keys of the spec file, in [mm] and [V].
 
     `calibration` turns this unit's raw readings into corrected ones where they enter (`sensor.raw`): a `Scan` is
-    always a corrected one, and so is what `simulate` makes.
+    always a corrected one, and so is what `simulate` makes. `noise` is what errors its readings have, where that was
+    measured (`tacstrip noise`): reconstructions and limits take it where they are given none.
 
     Raises
     ------
@@ -76,8 +84,10 @@ class Sensor:
     rest_volt: float | None = None
     touch_volt: float | None = None
     strip_base: int = 0
+    without: tuple[str, ...] = ()
     format: int = FORMAT
     calibration: Calibration | None = None
+    noise: Noise | None = None
 
     def __new__(cls, *values: object, **named: object) -> Self:
         """Refuse values without a name: `ArgumentError`."""
@@ -91,7 +101,11 @@ class Sensor:
     def __repr__(self) -> str:
         more = "".join(
             f", {told}"
-            for told, there in ((f"{self.adc_bits} bits", self.adc_bits), ("calibrated", self.calibration))
+            for told, there in (
+                (f"{self.adc_bits} bits", self.adc_bits),
+                ("calibrated", self.calibration),
+                ("noise known", self.noise),
+            )
             if there
         )
         return f"<Sensor {self.fingerprint}{more}>"
@@ -100,9 +114,15 @@ class Sensor:
         """Bring numbers to their type and refuse what cannot be."""
         for name, kind in self.__annotations__.items():
             value = getattr(self, name)
-            if name not in ("construction", CALIBRATION) and not (value is None and "None" in str(kind)):
+            if name not in ("construction", "without", CALIBRATION, NOISE) and not (
+                value is None and "None" in str(kind)
+            ):
                 object.__setattr__(self, name, _number(name, value, whole="int" in str(kind)))
         _check(self)
+        names = checked_names(self.without, self.kind, self.strips, self.strip_base)
+        object.__setattr__(self, "without", names)
+        if self.noise is not None and not isinstance(self.noise, Noise):
+            raise SpecError(f"noise = {self.noise!r}: must be a Noise, such as ts.Noise(white=0.005)")
         if self.calibration is not None:
             _check_calibration(self, self.calibration)
 
@@ -131,6 +151,12 @@ class Sensor:
     def width_mm(self) -> float:
         """Extent of the digital dimension, n pitches [mm]."""
         return self.strips * self.pitch_mm
+
+    @property
+    def closed(self) -> bool:
+        """Whether the strips go all round a tube, so that the last one lies beside the first."""
+        around = 2.0 * math.pi * (self.radius_mm or math.inf)
+        return around - self.width_mm <= _SEAM * self.pitch_mm
 
     @property
     def adc_step(self) -> float:
@@ -185,14 +211,14 @@ class Sensor:
     @classmethod
     def from_dict(cls, raw: dict[str, Any]) -> Self:
         """Make a sensor from a spec file's keys and values; errors as for `load`."""
-        known = [*KEYS, CALIBRATION]
+        known = [*KEYS, CALIBRATION, NOISE]
         if unknown := [key for key in raw if key not in known]:
             raise SpecError(f"unknown key {unknown[0]!r}; the keys are: {', '.join(known)}")
         needed = ("format", "construction", "strips", "pitch_mm", "length_mm")
         if missing := [key for key in needed if key not in raw]:
             raise SpecError(f"key {missing[0]!r} is missing; a spec needs: {', '.join(needed)}")
-        table = {CALIBRATION: Calibration.from_dict(raw[CALIBRATION])} if CALIBRATION in raw else {}
-        return cls(**{**raw, **table})
+        kinds: dict[str, type[Calibration | Noise]] = {CALIBRATION: Calibration, NOISE: Noise}
+        return cls(**raw | {key: kind.from_dict(raw[key]) for key, kind in kinds.items() if key in raw})
 
     def to_toml(self) -> str:
         """Return the spec file's text, with a comment per key; what is unset stands commented out."""
@@ -201,15 +227,41 @@ class Sensor:
             value = getattr(self, key)
             if key in _OWN_KEYS and key not in self.kind.keys:
                 continue
-            text = f'"{value}"' if isinstance(value, str) else repr(value)
-            line = f"# {key} = {example}" if value is None else f"{key} = {text}"
+            text = repr(value) if isinstance(value, int | float) else json.dumps(value, ensure_ascii=False)
+            line = f"# {key} = {example}" if value in (None, ()) else f"{key} = {text}"
             lines.append(f"{line:<32} # {comment}")
-        text = "\n".join(lines) + "\n"
-        return text if self.calibration is None else f"{text}\n{self.calibration.to_toml()}"
+        tables = [table.to_toml() for table in (self.noise, self.calibration) if table is not None]
+        return "\n".join(["\n".join(lines) + "\n", *tables])
 
     def save(self, path: str | Path) -> None:
         """Write the spec file."""
         write_text(path, self.to_toml())
+
+
+def with_noise(text: str, noise: Noise) -> str:
+    """Return a spec file's text with this `[noise]` table in place of its own; all else stays as it stands.
+
+    Raises
+    ------
+    SpecError
+        The text is no spec, or its tables are written so that one cannot be exchanged.
+    """
+    bare = re.sub(r"(?ms)^\[noise\][^\n]*\n?.*?(?=^\[|\Z)", "", text)
+    new = bare.rstrip() + "\n\n" + noise.to_toml()
+    try:
+        before = tomllib.loads(text)
+    except ValueError as error:
+        raise SpecError(f"not a readable TOML spec ({error}). See `tacstrip init`") from None
+    try:
+        after = tomllib.loads(new)
+        kept = Sensor.from_dict(after).noise == noise and before | {NOISE: None} == after | {NOISE: None}
+    except ValueError:
+        kept = False
+    if not kept:
+        raise SpecError(
+            "its [noise] table cannot be exchanged: take it out by hand, and write the new one again"
+        )
+    return new
 
 
 def _number(name: str, value: Any, whole: bool) -> int | float:

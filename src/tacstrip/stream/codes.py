@@ -13,8 +13,9 @@ import numpy as np
 
 from tacstrip.arguments import takes
 from tacstrip.arrays import BoolArray, FloatArray
-from tacstrip.errors import RecordingError
+from tacstrip.errors import ReadingError, RecordingError
 from tacstrip.scan import Scan
+from tacstrip.sensor.left_out import channel_name, left_out
 from tacstrip.sensor.raw import apply_calibration, invert_calibration
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.source import CodeArray, RawScan
@@ -66,7 +67,7 @@ def encode(scan: Scan, sensor: Sensor, sequence: int = 0) -> RawScan:
     Raises
     ------
     ReadingError, SignatureError
-        The scan is not of this sensor.
+        The scan is not of this sensor, or lacks a reading of a touched strip that the spec does not leave out.
 
     Examples
     --------
@@ -78,6 +79,14 @@ def encode(scan: Scan, sensor: Sensor, sequence: int = 0) -> RawScan:
     ([512, 0], [True, False])
     """
     scan.check(sensor)
+    for name in scan.signatures:
+        lost = scan.half_read & np.isnan(scan[name]) & ~left_out(sensor).get(name, np.array(False))
+        if len(at := np.flatnonzero(lost)):
+            channel = channel_name(int(at[0]), name, sensor.strip_base)
+            raise ReadingError(
+                f"{channel} has no reading where the strip's other channel has one, and codes cannot say that: "
+                f'write without = ["{channel}"] into the spec'
+            )
     return RawScan(scan.time_s, to_codes(_raw(scan, sensor), sensor), scan.touched, sequence)
 
 
@@ -139,9 +148,8 @@ def over_vref(codes: Mapping[str, CodeArray], touched: BoolArray, sensor: Sensor
             f"a scan has the code {most}, above {top}: adc_bits = {sensor.adc_bits} of the spec is wrong"
         )
     if ELECTRODES not in codes:
-        return apply_calibration(
-            sensor, {name: np.where(touched, v / top, np.nan) for name, v in codes.items()}
-        )
+        raw = {name: np.where(touched, values / top, np.nan) for name, values in codes.items()}
+        return apply_calibration(sensor, raw)
     columns = np.moveaxis(codes[ELECTRODES], -1, 0)  # (2 strips, ..., strips)
     raw = {str(i): np.where(touched, column / top, np.nan) for i, column in enumerate(columns)}
     return {ELECTRODES: np.stack(list(apply_calibration(sensor, raw).values()), axis=-1)}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import zipfile
 from collections.abc import Iterator
@@ -12,13 +11,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from tacstrip.arrays import FloatArray, plain
 from tacstrip.errors import RecordingError
 from tacstrip.files import replacing, write_text
-from tacstrip.io.columns import INDEX, electrode_names
+from tacstrip.io.columns import column_name, electrode_names
 from tacstrip.io.geometry import feature_collection
+from tacstrip.io.readings import write_scans
 from tacstrip.reconstruction.result import Reconstruction, RecoveredObject
 from tacstrip.scan import Scan
-from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.stream.codes import ELECTRODES, code_shape, code_type, over_vref, top_code
 from tacstrip.stream.replay import Recording
 from tacstrip.stream.source import RawScan, Shape, Source
@@ -31,23 +31,16 @@ def write_csv(path: str | Path, source: Source, codes: bool = False) -> int:
     their readings, and the file's reader decides again.
     """
     sensor, names = source.sensor, source.names
-    header = electrode_names(sensor, codes) if ELECTRODES in names else [_column(n, codes) for n in names]
+    columns = [column_name(name, codes) for name in names if name != ELECTRODES]
     scale = sensor.vref_volt / top_code(sensor)
-    count = 0
-    with replacing(path) as part, part.open("w", encoding="utf-8", newline="") as file:
-        out = csv.writer(file, lineterminator="\n")
-        out.writerow([*INDEX, *header])
-        for raw in source:
-            rows = np.concatenate([raw.codes[n].reshape(sensor.strips, -1) for n in names], axis=1)
-            for strip, row in enumerate(rows.tolist()):
-                fields = (
-                    [f"{c}" if codes else f"{c * scale:.12g}" for c in row]
-                    if raw.touched[strip]
-                    else [""] * len(row)
-                )
-                out.writerow([count, f"{raw.time_s:.12g}", strip + sensor.strip_base, *fields])
-            count += 1
-    return count
+
+    def fields(raw: RawScan) -> Iterator[list[str]]:
+        rows = np.concatenate([raw.codes[n].reshape(sensor.strips, -1) for n in names], axis=1)
+        for touched, row in zip(raw.touched, rows.tolist(), strict=True):
+            yield [(str(c) if codes else f"{c * scale:.12g}") if touched else "" for c in row]
+
+    scans = ((f"{raw.time_s:.12g}", fields(raw)) for raw in source)
+    return write_scans(path, sensor, columns or electrode_names(sensor, codes), scans)
 
 
 def write_npz(path: str | Path, source: Source) -> int:
@@ -121,22 +114,13 @@ def json_line(number: int, raw: RawScan, scan: Scan) -> str:
     """Return a scan as one line of JSON: its readings over Vref, null where nothing touches, and its shapes [mm]."""
     line: dict[str, Any] = {"scan": number, "sequence": raw.sequence, "time_s": round(raw.time_s, 9)}
     for name in scan.signatures:
-        line[name] = [None if value != value else round(value, 9) for value in scan[name].tolist()]
-    line["shapes"] = [
-        {"status": s.status, "vertices_mm": np.round(s.vertices, 6).tolist()} for s in raw.shapes
-    ]
+        line[name] = plain(scan[name], 9)
+    line["shapes"] = [{"status": s.status, "vertices_mm": plain(s.vertices, 6)} for s in raw.shapes]
     return json.dumps(line, allow_nan=False)
-
-
-def _column(name: str, codes: bool) -> str:
-    return SIGNATURES[name].code_column if codes else SIGNATURES[name].volt_column
 
 
 def as_reconstruction(raw: RawScan, method: str) -> Reconstruction:
     """Return the shapes stored with a scan as a reconstruction; their strips are not known."""
-    statuses: list[Any] = [shape.status for shape in raw.shapes]
-    objects = (
-        RecoveredObject(slice(0, 0), shape.vertices, status=status)
-        for shape, status in zip(raw.shapes, statuses, strict=True)
-    )
-    return Reconstruction(method, tuple(objects), raw.time_s)
+    statuses: list[tuple[Any, FloatArray]] = [(shape.status, shape.vertices) for shape in raw.shapes]
+    objects = tuple(RecoveredObject(slice(0, 0), corners, status=status) for status, corners in statuses)
+    return Reconstruction(method, objects, raw.time_s)

@@ -13,10 +13,10 @@ import numpy.typing as npt
 import shapely
 
 from tacstrip.arguments import takes
-from tacstrip.arrays import FloatArray
 from tacstrip.contact.footprint import footprint
-from tacstrip.contact.noise import Noise, Rng, generator
+from tacstrip.contact.noise import Noise, NoiseProcess, Rng
 from tacstrip.contact.shape import Contact
+from tacstrip.contact.strip_width import wide, wide_ends
 from tacstrip.errors import OptionError
 from tacstrip.sensor.raw import invert_calibration
 from tacstrip.sensor.spec import Sensor
@@ -64,7 +64,10 @@ class Drag:
         """Return the contact at a time [s]."""
         points = np.atleast_2d(np.asarray(self.path, dtype=float))  # (M, 2)
         there_and_back = 1.0 - abs(time_s / self.seconds % 2.0 - 1.0)
-        x, y = _along(points, there_and_back)
+        x, y = points[0].tolist()
+        if len(points) > 1:
+            path = shapely.LineString(points)
+            ((x, y),) = path.interpolate(there_and_back, normalized=True).coords
         moved = self.contact.placed(x, y)
         return moved.turned(self.turn_rad_s * time_s, about=(x, y)) if self.turn_rad_s else moved
 
@@ -83,7 +86,7 @@ class SimulatedSource:
     scans
         Number of scans; None: endless.
     noise, rng, model, electrodes
-        As of `simulate`.
+        As of `simulate`; errors that last go on from scan to scan.
     origin_ns
         Unix time of the first scan [ns]; None: now.
     ahead
@@ -128,7 +131,7 @@ class SimulatedSource:
         self.sensor = with_converter(sensor)
         self.origin_ns = time.time_ns() if origin_ns is None else origin_ns
         self._contact, self._rate_hz, self._scans = contact, rate_hz, scans
-        self._noise, self._random = noise, generator(rng)
+        self._process = NoiseProcess(noise, self.sensor, rng)
         self._model, self._electrodes = model, electrodes
         self._ahead = ahead if self.sensor.kind.closed_form and model != "network" else 1
         self._first = self._scan(0)  # raises errors before anything is recorded
@@ -148,8 +151,8 @@ class SimulatedSource:
     def _scan(self, number: int) -> RawScan:
         time_s = number / self._rate_hz
         scan = simulate(
-            self.sensor, self._contact(time_s), self._noise, rng=self._random, model=self._model, time_s=time_s,
-            electrodes=self._electrodes,
+            self.sensor, self._contact(time_s), model=self._model, time_s=time_s,
+            electrodes=self._electrodes, process=self._process,
         )  # fmt: skip
         return encode(scan, self.sensor, number)
 
@@ -157,23 +160,15 @@ class SimulatedSource:
         """Yield scans that the closed forms compute together, thirty times as fast as one by one."""
         numbers = range(first, first + count)
         contacts = [self._contact(number / self._rate_hz) for number in numbers]
-        touch = footprint(self.sensor, contacts)
-        values = readings(self.sensor, touch.l, touch.u, self._noise, self._random)
-        touched = ~np.isnan(touch.l)
-        if any(
-            np.isnan(v[touched]).any() for v in values.values()
-        ):  # a short circuit: `simulate` names the strip
-            yield from (self._scan(number) for number in numbers)
+        by_width = wide(self.sensor, contacts)
+        ends = wide_ends(self.sensor, contacts) if by_width else footprint(self.sensor, contacts)
+        times_s = np.array(numbers) / self._rate_hz
+        values = readings(self.sensor, ends.l, ends.u, process=self._process, time_s=times_s)
+        touched = ~np.isnan(ends.l)
+        if any(np.isnan(v[touched]).any() for v in values.values()):
+            yield from map(self._scan, numbers)  # a short circuit: `simulate` names the strip
             return
         codes = to_codes(invert_calibration(self.sensor, values), self.sensor)
         for i, number in enumerate(numbers):
             own = {name: rows[i] for name, rows in codes.items()}
             yield RawScan(number / self._rate_hz, own, touched[i], number)
-
-
-def _along(points: FloatArray, fraction: float) -> tuple[float, float]:
-    """Return the point at a fraction of a path's length."""
-    if len(points) == 1:
-        return float(points[0, 0]), float(points[0, 1])
-    point = shapely.line_interpolate_point(shapely.LineString(points), fraction, normalized=True)
-    return point.x, point.y

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -16,6 +17,7 @@ from tacstrip.sensor.spec import Sensor
 if TYPE_CHECKING:
     from tacstrip.stream.device.protocol.decoder import Counts
 
+LOGGER = logging.getLogger("tacstrip")  # messages for the user, a line each
 CodeArray: TypeAlias = npt.NDArray[np.unsignedinteger[Any]]
 
 _POLL_S = 0.05  # longest sleep before a stop is noticed
@@ -31,6 +33,13 @@ class Shape:
         "ok", "likely" or "doubtful".
     vertices
         Vertices (N, 2) [mm], counter-clockwise.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tacstrip.stream import Shape
+    >>> Shape("ok", np.array([(0.0, 0.0), (20.0, 0.0), (10.0, 30.0)])).vertices.shape
+    (3, 2)
     """
 
     status: str
@@ -83,6 +92,25 @@ class Source(Protocol):
     """Scans in the order of their times; iterate it once, then close it.
 
     Any object with these members is a source.
+
+    Examples
+    --------
+    >>> import time
+    >>> import tacstrip as ts
+    >>> from tacstrip.stream import encode
+    >>> class Still:
+    ...     sensor = ts.Sensor(construction="crs-m", strips=2, pitch_mm=5.0, length_mm=100.0, adc_bits=10)
+    ...     names, origin_ns = ("k",), time.time_ns()
+    ...
+    ...     def __iter__(self):
+    ...         yield from (encode(ts.Scan(k=[0.25, 0.5], time_s=0.01 * i), self.sensor, i) for i in range(3))
+    ...
+    ...     def close(self):
+    ...         pass
+    >>> with ts.Live(Still(), speed=float("inf")) as stream:
+    ...     frames = list(stream)
+    >>> stream.frames
+    3
     """
 
     @property
@@ -147,6 +175,15 @@ def paced(
         Called before every scan and at least 20 times a second; True ends the stream.
     idle
         Called before every wait, with its length [s].
+
+    Examples
+    --------
+    >>> import tacstrip as ts
+    >>> from tacstrip.stream import encode, paced
+    >>> sensor = ts.Sensor(construction="crs-m", strips=2, pitch_mm=5.0, length_mm=100.0, adc_bits=10)
+    >>> scans = [encode(ts.Scan(k=[0.25, 0.5], time_s=0.01 * i), sensor, i) for i in range(3)]
+    >>> [raw.sequence for raw in paced(scans, speed=2.0)]  # takes 10 ms
+    [0, 1, 2]
     """
     start = first = None
     for scan in scans:

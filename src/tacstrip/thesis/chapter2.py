@@ -1,8 +1,8 @@
-"""The figures of chapter 2 that a model stands behind: 2.3 and 2.4, reproduced, and how common phantoms are."""
+"""The figures of chapter 2 that a model stands behind: 2.3 and 2.4, reproduced."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,7 @@ from tacstrip.reconstruction.profile import profile_reconstruction
 from tacstrip.sensor.constructions import construction
 from tacstrip.sensor.spec import Sensor
 from tacstrip.simulation import simulate
+from tacstrip.thesis.captions import by_number
 
 OBJECT = Contact.polygon([(16, 34), (42, 12), (86, 36), (74, 74), (55, 52), (31, 68)])  # [mm]
 SIDE_MM, N = 100.0, 20
@@ -29,7 +30,6 @@ HYBRID = Sensor(construction="crs-crs", strips=N, pitch_mm=SIDE_MM / N, length_m
 PARALLEL_PATH = np.zeros((4, 4), dtype=bool)  # figure 2.4: row i is 1, column j is 1
 PARALLEL_PATH[[2, 2, 1], [1, 2, 2]] = True
 SAMPLE_US = 100.0  # about a 10-bit conversion of a small microcontroller
-FILLS = np.linspace(0.01, 0.3, 16)
 
 _CURRENT = OTHERS[0]
 _NO_CURRENT = 1e-9
@@ -61,24 +61,9 @@ def figure_2_4() -> Figure:
     for number, isolation in enumerate(ISOLATIONS, start=1):
         axes = add_axes(figure, 1, 3, number)
         _draw_array(axes, PARALLEL_PATH, 1, isolation)
-        count = phantoms(PARALLEL_PATH, isolation)
+        count = phantoms(PARALLEL_PATH, isolation=isolation)
         axes.set_title(f"isolation: {isolation}; {count or 'no'} phantom", fontsize=10.0)
     figure.legend(handles=_array_key(), loc="outside lower center", ncols=4, frameon=False, fontsize=8.0)
-    return figure
-
-
-def figure_phantoms() -> Figure:
-    """Phantoms of random patterns without isolation: they break out where 1 / n of the switches is closed."""
-    figure = new_figure(5.6, 4.0)
-    axes = add_axes(figure, 1, 1, 1)
-    for n, colour in zip((8, 16, 32), OTHERS, strict=False):
-        share = phantoms_over_fill(n)
-        axes.plot(FILLS, share, ".-", color=colour, label=f"n = {n}")
-        axes.axvline(1.0 / n, color=colour, linewidth=0.8, linestyle=":")
-    axes.set(xlim=(0.0, FILLS[-1]), ylim=(-0.02, 1.02))
-    axes.set(xlabel="share of switches that are closed", ylabel="share of open switches read as closed")
-    axes.text(0.995, 0.04, "dotted: 1 / n", transform=axes.transAxes, ha="right", color=TRUE, fontsize=8.0)
-    legend(axes, loc="center right")
     return figure
 
 
@@ -102,18 +87,6 @@ def comparison_table(n: int, sample_us: float = SAMPLE_US) -> list[dict[str, Any
     return [dict(zip(keys, row, strict=True)) | {"scan_ms": row[2] * sample_us / 1000.0} for row in rows]
 
 
-def phantoms_over_fill(
-    n: int, fills: Sequence[float] | FloatArray = FILLS, patterns: int = 24, seed: int = 2
-) -> FloatArray:
-    """Return the mean share of open switches that read closed without isolation (fills,), over random patterns."""
-    share, patterns = np.zeros(len(fills)), check_count("patterns", patterns, 1_000_000)
-    for at, fill in enumerate(fills):
-        random = np.random.default_rng([seed, n, at])
-        drawn = [random.random((n, n)) < fill for _ in range(patterns)]
-        share[at] = np.mean([phantoms(p) / max(1, np.sum(~p)) for p in drawn])
-    return share
-
-
 def _draw_analog(axes: Axes) -> None:
     point = four_wire(SIDE_MM, SIDE_MM, OBJECT, cells=100)
     label = f"reads ({point.x_mm:.1f}, {point.y_mm:.1f}) mm"
@@ -130,7 +103,7 @@ def _draw_digital(axes: Axes) -> None:
     """Draw the image with isolation; outline what else reads closed without it."""
     pitch = SIDE_MM / N
     pattern = tactels(OBJECT, N, N, pitch)
-    image, raw = scan_array(pattern, "zero-potential").closed, scan_array(pattern).closed
+    image, raw = scan_array(pattern, isolation="zero-potential").closed, scan_array(pattern).closed
     outline = {"facecolor": "none", "edgecolor": RECOVERED, "linewidth": 0.6}
     squares: list[tuple[BoolArray, str, dict[str, Any]]] = [
         (image, f"closed: {image.sum()} tactels", {"facecolor": COLOURS["k"], "alpha": 0.75}),
@@ -172,7 +145,7 @@ def _costs(row: dict[str, Any]) -> list[str]:
 
 def _draw_array(axes: Axes, pattern: BoolArray, row: int, isolation: str) -> None:
     """Draw wires and switches, what reads closed, and the currents while one row is driven."""
-    scan = scan_array(pattern, isolation)
+    scan = scan_array(pattern, isolation=isolation)
     rows, columns = pattern.shape
     for i, j in np.ndindex(rows, columns):
         if scan.closed[i, j]:
@@ -181,9 +154,8 @@ def _draw_array(axes: Axes, pattern: BoolArray, row: int, isolation: str) -> Non
                 Rectangle((j - 0.36, i - 0.36), 0.72, 0.72, facecolor=colour, alpha=0.25, edgecolor="none")
             )
         face = TRUE if pattern[i, j] else "w"
-        axes.plot(
-            j, i, "o", color=TRUE, markerfacecolor=face, markersize=7.0 if pattern[i, j] else 4.0, zorder=5
-        )
+        size = 7.0 if pattern[i, j] else 4.0
+        axes.plot(j, i, "o", color=TRUE, markerfacecolor=face, markersize=size, zorder=5)
     for i in range(rows):
         axes.plot([-0.7, columns - 0.5], [i, i], color=STRIP, linewidth=1.6, zorder=1)
         other = "0 V" if isolation == "zero-potential" else "floats"
@@ -209,9 +181,8 @@ def _names(letter: str, count: int) -> list[str]:
 
 def _draw_currents(axes: Axes, flow: FloatArray) -> None:
     """Draw the pieces of wire that carry current, by Kirchhoff from the switches' currents (rows, columns)."""
-    rightwards = np.cumsum(flow[:, ::-1], axis=1)[
-        :, ::-1
-    ]  # from the left neighbour, or the source, into column j
+    # From the left neighbour, or the source, into column j.
+    rightwards = np.cumsum(flow[:, ::-1], axis=1)[:, ::-1]
     downwards = np.cumsum(flow, axis=0)  # from row i to the next one, or to the end that is read
     for i, j in np.argwhere(np.abs(rightwards) > _NO_CURRENT):
         _arrow(axes, (max(j - 1, -0.7), i), (j, i), rightwards[i, j] > 0.0)
@@ -224,9 +195,8 @@ def _arrow(axes: Axes, start: tuple[float, float], end: tuple[float, float], for
     axes.plot([x0, x1], [y0, y1], color=_CURRENT, linewidth=2.4, zorder=3)
     middle = (0.45 * x0 + 0.55 * x1, 0.45 * y0 + 0.55 * y1)
     tail = (0.55 * x0 + 0.45 * x1, 0.55 * y0 + 0.45 * y1)
-    axes.annotate(
-        "", middle, tail, arrowprops={"arrowstyle": "-|>", "color": _CURRENT, "linewidth": 1.5}, zorder=4
-    )
+    look = {"arrowstyle": "-|>", "color": _CURRENT, "linewidth": 1.5}
+    axes.annotate("", middle, tail, arrowprops=look, zorder=4)
 
 
 def _array_key() -> list[Any]:
@@ -238,5 +208,4 @@ def _array_key() -> list[Any]:
     ]
 
 
-FIGURES: dict[str, Callable[[], Figure]] = {"2.3": figure_2_3, "2.4": figure_2_4}
-EXTRA: dict[str, Callable[[], Figure]] = {"phantoms": figure_phantoms}
+FIGURES = by_number(figure_2_3, figure_2_4)

@@ -12,11 +12,12 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon, Wedge
 
 from tacstrip.arrays import BoolArray, FloatArray
-from tacstrip.plot.style import COLOURS, SENSOR, STRIP, TRUE, add_axes, legend, new_figure
-from tacstrip.sensor.circuit import k_h, k_l, k_metal
+from tacstrip.plot.style import COLOURS, SENSOR, STRIP, TRUE, add_axes, legend, new_figure, new_panels
+from tacstrip.sensor.closed_form import k_h, k_l, k_metal
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
 from tacstrip.surface.cylinder import strip_angle, strips_under_flat
+from tacstrip.thesis.captions import by_number
 
 Model: TypeAlias = Callable[[FloatArray, FloatArray, float], FloatArray]  # of l, w and L
 
@@ -45,9 +46,9 @@ def figure_3_7() -> Figure:
 def figure_3_10() -> Figure:
     """Flat object on the Cyl-CRS-M prototype, and how many strips it touches at the depth it sinks in."""
     sensor = Sensor.load("prototype-cyl-crs-m")
-    figure = new_figure(8.6, 3.9)
-    _cross_section(add_axes(figure, 1, 2, 1), sensor)
-    _strips_over_depth(add_axes(figure, 1, 2, 2), sensor)
+    figure, (left, right) = new_panels(8.6, 3.9, 1, 2)
+    _cross_section(left, sensor)
+    _strips_over_depth(right, sensor)
     return figure
 
 
@@ -131,9 +132,4 @@ def _strips_over_depth(axes: Axes, sensor: Sensor) -> None:
     legend(axes, loc="upper left", ncols=2)
 
 
-FIGURES: dict[str, Callable[[], Figure]] = {
-    "3.3": figure_3_3,
-    "3.4": figure_3_4,
-    "3.7": figure_3_7,
-    "3.10": figure_3_10,
-}
+FIGURES = by_number(figure_3_3, figure_3_4, figure_3_7, figure_3_10)

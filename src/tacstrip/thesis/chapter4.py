@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -15,12 +14,13 @@ from tacstrip.contact.shape import Contact
 from tacstrip.contact.signature import geometric_centre
 from tacstrip.geometry.outline import close_chains
 from tacstrip.plot.scene import draw_contact, draw_polygon, draw_sensor, draw_signatures, zoom
-from tacstrip.plot.style import COLOURS, OTHERS, TRUE, add_axes, legend, new_axes, new_figure
+from tacstrip.plot.style import COLOURS, OTHERS, TRUE, add_axes, legend, new_axes, new_figure, new_panels
 from tacstrip.reconstruction.sections import fit_sections
 from tacstrip.reconstruction.vertex.blocks import blocks, linear_system
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
 from tacstrip.simulation import simulate
+from tacstrip.thesis.captions import by_number
 from tacstrip.thesis.shapes import SIMULATED
 
 TETRAGON = Contact.polygon([(-150, 30), (60, -135), (150, -20), (-40, 125)])  # [mm]
@@ -204,8 +204,7 @@ def _all_signatures(sensors: list[Sensor], contact: Contact, style: str) -> tupl
 def _at_places(signature: str) -> Figure:
     """Draw a signature at three places, and how far it lies from the geometric signature."""
     sensor, symbol = _OWNER[signature], SIGNATURES[signature].symbol
-    figure = new_figure(9.0, 4.3)
-    left, right = add_axes(figure, 1, 2, 1), add_axes(figure, 1, 2, 2)
+    figure, (left, right) = new_panels(9.0, 4.3, 1, 2)
     for (place, at), style in zip(PLACES.items(), ("-", "--", "-."), strict=True):
         contact = TETRAGON.placed(*at)
         _draw_scene(left, sensor, contact, [signature])
@@ -243,7 +242,15 @@ def _kinks(contact: Contact, edges: str) -> Figure:
     return figure
 
 
-FIGURES: dict[str, Callable[[], Figure]] = {
-    "4.1": figure_4_1, "4.2": figure_4_2, "4.3": figure_4_3, "4.4": figure_4_4, "4.5": figure_4_5,
-    "4.6": figure_4_6, "4.7": figure_4_7, "4.8": figure_4_8, "4.9": figure_4_9, "4.10": figure_4_10,
-}  # fmt: skip
+FIGURES = by_number(
+    figure_4_1,
+    figure_4_2,
+    figure_4_3,
+    figure_4_4,
+    figure_4_5,
+    figure_4_6,
+    figure_4_7,
+    figure_4_8,
+    figure_4_9,
+    figure_4_10,
+)

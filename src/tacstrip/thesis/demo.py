@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -70,12 +70,12 @@ def run() -> Demo:
 
 def _trials(name: str, scan: Scan, sensor: Sensor, contact: Contact) -> list[Trial]:
     true_x: FloatArray = np.sort(contact.vertices[:, 0])
-    found = [(FIT, "", fit_polygon(scan, sensor)), ("P.R.", "", profile_reconstruction(scan, sensor))]
+    lines = replace(sensor, strip_width_mm=None)  # as the volts were made
+    found = [(FIT, "", fit_polygon(scan, lines)), ("P.R.", "", profile_reconstruction(scan, sensor))]
     for signature, method in (("kh", "V.R. k_h"), ("kl", "V.R. k_l")):
-        found.append(
-            (method, "given", vertex_reconstruction(scan, sensor, signature=signature, transitions=true_x))
-        )
-        found.append((method, "found", vertex_reconstruction(scan, sensor, signature=signature)))
+        given = vertex_reconstruction(scan, sensor, signature=signature, transitions=true_x)
+        found += [(method, "given", given)]
+        found += [(method, "found", vertex_reconstruction(scan, sensor, signature=signature))]
     return [
         Trial(name, method, how, o, mismatch(contact.vertices, o.vertices) if o.found else None)
         for method, how, result in found
@@ -91,11 +91,9 @@ def table(demo: Demo) -> str:
     ]
     for t in demo.trials:
         m = t.mismatch
-        numbers = (
-            f"{m.mc:6.3f}  {m.mc_length / 10.0:7.2f}  {m.aoe:7.3f}  {m.ape:7.2f}  {m.iou:5.2f}"
-            if m
-            else f"{'-':>6}" + " " * 34
-        )
+        numbers = f"{'-':>6}" + " " * 34
+        if m:
+            numbers = f"{m.mc:6.3f}  {m.mc_length / 10.0:7.2f}  {m.aoe:7.3f}  {m.ape:7.2f}  {m.iou:5.2f}"
         lines.append(f"{t.readings:<9} {t.method:<11} {t.transitions:<12} {numbers}   {t.recovered.status}")
     return "\n".join(lines)
 
@@ -113,22 +111,17 @@ def picture(demo: Demo) -> Figure:
         _draw_shapes(axes, demo, name, methods)
         axes.set_aspect("equal")
         zoom(axes, np.concatenate([t.recovered.vertices for t in demo.trials if _shown(t)]), demo.sensor, 0.1)
-        axes.set_xlabel("x [mm]")
-        axes.set_ylabel("y [mm]")
+        axes.set(xlabel="x [mm]", ylabel="y [mm]")
         if methods == [FIT]:
-            status = ", ".join(
-                t.recovered.status for t in demo.trials if (t.readings, t.method) == (name, FIT)
-            )
-            axes.set_title(f"{FIT} {name}\ncalibration: {status}")
+            fits = [t for t in demo.trials if (t.readings, t.method) == (name, FIT)]
+            axes.set_title(f"{FIT} {name}\ncalibration: {', '.join(t.recovered.status for t in fits)}")
         else:
             axes.set_title(f"The thesis' methods {name} calibration\n(V.R.: true transitions given)")
     _explain(figure, demo)
     axes = add_axes(figure, 2, 3, 6)
     for name, style in (("before", ":"), ("after", ".-")):
         draw_signatures(axes, demo.sensor, demo.scans[name], style=style)
-    axes.set_title("Pseudo-signatures\n(dotted: before calibration)")
-    axes.set_xlabel("x [mm]")
-    axes.set_ylabel("k L [mm]")
+    axes.set(title="Pseudo-signatures\n(dotted: before calibration)", xlabel="x [mm]", ylabel="k L [mm]")
     handles, labels = axes.get_legend_handles_labels()
     legend_above(axes, handles=handles[2:], labels=labels[2:])
     figure.suptitle(

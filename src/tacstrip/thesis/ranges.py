@@ -17,9 +17,8 @@ def ranges(values: FloatArray, measures: Sequence[str]) -> dict[str, dict[str, f
     if not len(values):
         return {measure: dict.fromkeys(POINTS) for measure in measures}
     percentiles = np.percentile(values, [50.0, 5.0, 95.0], axis=0).T.tolist()
-    return {
-        m: dict(zip(POINTS, points, strict=True)) for m, points in zip(measures, percentiles, strict=True)
-    }
+    named = [dict(zip(POINTS, points, strict=True)) for points in percentiles]
+    return dict(zip(measures, named, strict=True))
 
 
 def is_inside(printed: float | None, low: float | None, high: float | None) -> bool | None:

@@ -11,6 +11,7 @@ not used in the choice. Every placed vertex's x is snapped to a strip centre, so
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -31,6 +32,7 @@ class ThesisShape:
     start: tuple[float, float]
     end: tuple[float, float]
 
+    @cache  # noqa: B019 - there are four shapes, made once
     def contact(self, position: int) -> Contact:
         """Return the shape at position 0 to 4, its vertices' x on strip centres."""
         contact = Contact.polygon(self.corners).dragged([self.start, self.end], POSITIONS, TURN_RAD)[position]

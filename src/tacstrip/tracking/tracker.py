@@ -16,6 +16,7 @@ from tacstrip.arguments import takes
 from tacstrip.contact.noise import Noise
 from tacstrip.reconstruction.methods import chosen_method, reconstruct
 from tacstrip.reconstruction.result import RecoveredObject
+from tacstrip.reconstruction.seam import BRIDGED, unrolled
 from tacstrip.scan import Scan
 from tacstrip.sensor.spec import Sensor
 from tacstrip.tracking.update import TrackLost, TrackState, initialise, update
@@ -35,6 +36,16 @@ class LiveObject:
         Its number, counted from 1; no number is used twice.
     shape
         The reconstructed object: vertices [mm], profile, status and advice.
+
+    Examples
+    --------
+    >>> import tacstrip as ts
+    >>> from tacstrip.tracking import Tracker
+    >>> sensor = ts.Sensor(construction="crs-crs", strips=100, pitch_mm=1.0, length_mm=100.0)
+    >>> contact = ts.Contact.polygon([(25, 35), (60, 22), (78, 56), (45, 76)])
+    >>> (one,) = Tracker(sensor).update(ts.simulate(sensor, contact))
+    >>> one.id, one.shape.status
+    (1, 'ok')
     """
 
     id: int
@@ -116,10 +127,11 @@ class Tracker:
         detail
             Compute the covariance of updated polygons too.
         """
+        scan = scan.checked(self.sensor)
         if self.method != "polygon":
             self._assign_ids(_tracks(self._reconstructed(scan), scan))
             return self._numbered()
-        runs = scan.runs()
+        runs = self._laid_out(scan)[0].runs()
         if self._pending is not None and self._pending.done():
             found, self._pending = self._pending.result(), None
             if _spans(found, runs) is not None:
@@ -138,13 +150,14 @@ class Tracker:
         spans = _spans(self._tracks, runs)
         if spans is None:
             return False
+        laid_out, surface = self._laid_out(scan)
         since = scan.time_s - self._searched_s
         due = bool(self._tracks) and not 0.0 <= since < SEARCH_INTERVAL_S
         for track, span in zip(self._tracks, spans, strict=True):
             explained = False
             if track.state is not None:
                 try:
-                    track.state, explained = update(track.state, scan, self.sensor, span, detail)
+                    track.state, explained = update(track.state, laid_out, surface, span, detail)
                 except TrackLost:
                     return False
                 track.shape = track.state.shape
@@ -173,16 +186,19 @@ class Tracker:
         return reconstruct(scan, self.sensor, self.noise, method=self.method, **quick).objects
 
     def _search(self, scan: Scan) -> list[_Track]:
-        found = _tracks(self._reconstructed(scan), scan)
+        objects = self._reconstructed(scan)
+        across = max((o.strips.stop - self.sensor.strips for o in objects), default=0)
+        laid_out, surface = unrolled(scan, self.sensor, turn=max(across, 0))
+        found = _tracks(objects, laid_out)
         for track in found:
-            track.state = initialise(track.shape, scan, self.sensor)
+            track.state = initialise(track.shape, laid_out, surface)
         return found
 
     def _assign_ids(self, found: list[_Track]) -> None:
         """Replace the tracks by new ones; each takes the number of the old track that it overlaps most."""
         old = {t.id: t.shape.strips for t in self._tracks}
         for track in found:
-            shared = {i: _overlap(strips, track.shape.strips) for i, strips in old.items()}
+            shared = {i: self._shared(strips, track.shape.strips) for i, strips in old.items()}
             number = max(shared, key=lambda i: shared[i], default=0)
             if not shared.get(number):
                 self._ids += 1
@@ -190,6 +206,16 @@ class Tracker:
             old.pop(number, None)
             track.id = number
         self._tracks = found
+
+    def _laid_out(self, scan: Scan) -> tuple[Scan, Sensor]:
+        """Return a scan and its sensor with contacts across a closed tube's seam in one piece."""
+        return unrolled(scan, self.sensor, BRIDGED if any(t.runs > 1 for t in self._tracks) else 0)
+
+    def _shared(self, a: slice, b: slice) -> int:
+        """Return the overlap of two spans; round a closed tube, at whichever side of the seam they are counted."""
+        n = self.sensor.strips
+        turns = (-n, 0, n) if self.sensor.closed else (0,)
+        return max(_overlap(slice(a.start + t, a.stop + t), b) for t in turns)
 
 
 def _tracks(objects: Sequence[RecoveredObject], scan: Scan) -> list[_Track]:

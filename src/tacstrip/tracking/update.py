@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from dataclasses import dataclass, replace
 
@@ -15,6 +16,7 @@ from tacstrip.core.problem import FLOOR, FitProblem
 from tacstrip.errors import ContactError
 from tacstrip.geometry.outline import Outline, close_chains
 from tacstrip.reconstruction.result import RecoveredObject
+from tacstrip.reconstruction.strip_width import fitted_strips, remove_width_effect
 from tacstrip.robust import robust_sigma
 from tacstrip.scan import Scan
 from tacstrip.sensor.spec import Sensor
@@ -61,7 +63,8 @@ class TrackState:
 def initialise(shape: RecoveredObject, scan: Scan, sensor: Sensor) -> TrackState | None:
     """Return the state of an object that a search found in this scan; None where its shape cannot be tracked."""
     outliers = np.zeros((len(scan.signatures), sensor.strips), dtype=bool)
-    problem = _fit_problem(scan, sensor, shape.strips, 1.0, outliers)
+    problem = _fit_problem(scan, sensor, shape.strips, 1.0, outliers, shape)
+    fitted, _ = fitted_strips(sensor, shape.strips)
     try:
         fit = PolygonFit.of(Outline.of(shape.vertices), problem)
     except ContactError:
@@ -69,7 +72,7 @@ def initialise(shape: RecoveredObject, scan: Scan, sensor: Sensor) -> TrackState
     residuals, used = fit.residuals(problem), problem.weight > 0.0
     spread = float(robust_sigma(residuals[used]))
     outlying = np.abs(residuals) > max(_OUTLIER_SIGMA * spread, FLOOR)
-    outliers[:, shape.strips] = outlying
+    outliers[:, fitted] = outlying
     last = TrackState(shape, _in_mm(fit, problem), 1.0, outliers)
     freedom = max(int(np.count_nonzero(used & ~outlying)) - _n_determined(last), 1)
     level = math.sqrt(float((residuals[~outlying] ** 2).sum()) / freedom)
@@ -95,7 +98,7 @@ def update(
     TrackLost
         The outline cannot be placed on these strips.
     """
-    problem = _fit_problem(scan, sensor, strips, last.sigma, last.outliers)
+    problem = _fit_problem(scan, sensor, strips, last.sigma, last.outliers, last.shape)
     start = _normalised(last.fit, problem)
     found = last.model.fitted(start, problem)
     lower, upper = found.chains_mm(problem)
@@ -118,15 +121,26 @@ def update(
     # Wilson and Hilferty's cube root makes chi square nearly normal; sigma comes from as many readings.
     small = 2.0 / (9.0 * freedom)
     explained = (variance ** (1.0 / 3.0) - (1.0 - small)) / math.sqrt(2.0 * small) <= _MAX_EXCESS_SIGMA
-    level = (
-        last.sigma * math.sqrt(1.0 - _SIGMA_UPDATE + _SIGMA_UPDATE * variance) if explained else last.sigma
-    )
+    growth = math.sqrt(1.0 - _SIGMA_UPDATE + _SIGMA_UPDATE * variance) if explained else 1.0
+    level = growth * last.sigma
     return TrackState(shape, fit, max(level, _sigma_floor(sensor)), last.outliers), explained
 
 
-def _fit_problem(scan: Scan, sensor: Sensor, strips: slice, sigma: float, outliers: BoolArray) -> FitProblem:
-    readings = {name: scan[name][strips] for name in scan.signatures}
-    return FitProblem.of(sensor, sensor.x_mm[strips], readings, sigma, outliers[:, strips])
+def _fit_problem(
+    scan: Scan,
+    sensor: Sensor,
+    strips: slice,
+    sigma: float,
+    outliers: BoolArray,
+    shape: RecoveredObject,
+) -> FitProblem:
+    """Return what is fitted; of wide strips, without what their width adds to the readings of the last shape."""
+    fitted, margin_mm = fitted_strips(sensor, strips)
+    x, readings = sensor.x_mm[fitted], {name: scan[name][fitted] for name in scan.signatures}
+    if sensor.strip_width_mm is not None:
+        with contextlib.suppress(ContactError):
+            readings = remove_width_effect(sensor, Outline.of(shape.vertices), x, readings)
+    return FitProblem.of(sensor, x, readings, sigma, outliers[:, fitted], margin_mm)
 
 
 def _in_mm(fit: PolygonFit, problem: FitProblem) -> PolygonFit:
@@ -146,12 +160,8 @@ def _normalised(fit: PolygonFit, problem: FitProblem) -> PolygonFit:
     theta[3] = min(max(theta[3], 1.0 - reach), 1.0 + reach)
     inner: FloatArray = theta[END_ENTRIES::2]
     if len(inner) and not theta[0] < inner.min() <= inner.max() < theta[3]:
-        many = len(inner)
-        low, high = (
-            theta[0] + np.arange(1, many + 1) * _MIN_SEPARATION,
-            theta[3] - np.arange(many, 0, -1) * _MIN_SEPARATION,
-        )
-        inner[:] = np.clip(inner, low, high)
+        gaps = np.arange(1, len(inner) + 1) * _MIN_SEPARATION
+        inner[:] = np.clip(inner, theta[0] + gaps, theta[3] - gaps[::-1])
     return replace(fit, theta=theta)
 
 

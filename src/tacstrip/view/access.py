@@ -6,20 +6,13 @@ import errno
 import hmac
 import ipaddress
 import secrets
+from contextlib import suppress
 from dataclasses import dataclass, field
 from urllib.parse import urlsplit
 
 from tacstrip.errors import OptionError
 
 LOCAL = ("127.0.0.1", "localhost", "::1")
-
-
-def is_local(host: str) -> bool:
-    """Return whether a server on this address can be reached from this computer only."""
-    try:
-        return host == "localhost" or ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False
 
 
 def check_port(port: int, what: str = "port") -> None:
@@ -60,7 +53,9 @@ class Access:
     @property
     def local(self) -> bool:
         """Whether only this computer can reach the server."""
-        return is_local(self.host)
+        with suppress(ValueError):  # a name
+            return ipaddress.ip_address(self.host).is_loopback
+        return self.host == "localhost"
 
     def refused(self, host: str | None, origin: str | None) -> str:
         """Return why a request is refused, by its headers Host and Origin; empty where it is accepted.

@@ -14,7 +14,7 @@ from tacstrip.reconstruction.methods import METHODS, chosen_method
 from tacstrip.sensor.constructions import CONSTRUCTIONS
 from tacstrip.stream.live.pipeline import Live
 from tacstrip.stream.source import DeviceSource
-from tacstrip.view.drawing import frame_json, sensor_json
+from tacstrip.view.frame_json import frame_json, sensor_json
 from tacstrip.view.health import Health
 from tacstrip.view.simulator import Simulator
 
@@ -62,7 +62,7 @@ class Controller:
         return json.dumps(message, allow_nan=False)
 
     def state(self) -> dict[str, Any]:
-        """Return the state of the stream, as shown beside the picture."""
+        """Return the state of the stream, as the page shows it."""
         live, source = self.live, self.live.source
         p50, p99 = live.meter.latency_s(*_LATENCY_QUANTILES)
         recorder = live.recording
@@ -128,7 +128,7 @@ class Controller:
             self.live.record(path)
         except OSError as error:
             raise OptionError(f"{path}: {error.strerror}; nothing is recorded") from None
-        return {"kind": "told", "text": f"recording to {path}"}
+        return {"kind": "notice", "text": f"recording to {path}"}
 
     def _required_simulator(self) -> Simulator:
         if self.simulator is None:
@@ -148,11 +148,10 @@ class Controller:
         return about
 
     def _health(self) -> dict[str, Any]:
-        report = self.health.report
-        told: dict[str, Any] = {"examining": self.health.examining, "problem": self.health.problem}
-        if report is not None:
-            told["strips"] = [s["condition"] for s in report["strips"]]
-            told["faults"] = [s["faults"] for s in report["strips"]]
-            told["findings"] = [f"{f['fault']}: {f['evidence']}" for f in report["findings"]][:5]
-            told["sigma"] = report["noise"]["sigma"]
-        return told
+        state: dict[str, Any] = {"examining": self.health.examining, "problem": self.health.problem}
+        if (report := self.health.report) is not None:
+            state["strips"] = [s["condition"] for s in report["strips"]]
+            state["faults"] = [s["faults"] for s in report["strips"]]
+            state["findings"] = [f"{f['fault']}: {f['evidence']}" for f in report["findings"]][:5]
+            state["sigma"] = report["noise"]["sigma"]
+        return state

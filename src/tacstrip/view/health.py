@@ -1,4 +1,4 @@
-"""The doctor beside a live stream: the latest scans, examined in the background."""
+"""The doctor of a live stream: the latest scans, examined in the background."""
 
 from __future__ import annotations
 

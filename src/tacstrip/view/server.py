@@ -51,6 +51,8 @@ class Server:
     ----------
     port
         The port in use.
+    pages
+        The open pages.
 
     Raises
     ------
@@ -62,7 +64,7 @@ class Server:
         check_port(port)
         self.controller, self.access, self.port = controller, access, port
         self._loop = asyncio.new_event_loop()
-        self._pages: set[_Page] = set()
+        self.pages: set[_Page] = set()
         self._ready = threading.Event()
         self._failed: OSError | UnicodeError | None = None
         self._end: asyncio.Event | None = None
@@ -70,9 +72,8 @@ class Server:
         self._thread.start()
         self._ready.wait()
         if self._failed is not None:
-            raise OptionError(
-                f"the page cannot be served on {access.host}:{port}: {listen_error(self._failed, access.host)}"
-            )
+            reason = listen_error(self._failed, access.host)
+            raise OptionError(f"the page cannot be served on {access.host}:{port}: {reason}")
 
     @property
     def urls(self) -> dict[str, str]:
@@ -82,11 +83,6 @@ class Server:
         if self.access.local:
             return {"control": base}
         return {"control": f"{base}?token={self.access.control}", "look": f"{base}?token={self.access.look}"}
-
-    @property
-    def watching(self) -> int:
-        """Number of open pages."""
-        return len(self._pages)
 
     def close(self) -> None:
         """End the server; may be called twice."""
@@ -118,7 +114,7 @@ class Server:
             drawing = asyncio.ensure_future(self._draw())
             await self._end.wait()
             drawing.cancel()
-            for page in list(self._pages):
+            for page in list(self.pages):
                 await page.socket.close()
         except (OSError, UnicodeError) as error:  # UnicodeError: an impossible host name
             self._failed = error
@@ -149,7 +145,7 @@ class Server:
         socket = web.WebSocketResponse(max_msg_size=_MAX_MESSAGE_BYTES, heartbeat=20.0)
         await socket.prepare(request)
         page = _Page(socket, control)
-        self._pages.add(page)
+        self.pages.add(page)
         try:
             await socket.send_str(json.dumps(self.controller.hello(control)))
             async for message in socket:
@@ -158,7 +154,7 @@ class Server:
         except ConnectionResetError:
             pass  # the page was closed
         finally:
-            self._pages.discard(page)
+            self.pages.discard(page)
         return socket
 
     async def _receive(self, page: _Page, text: str) -> None:
@@ -172,19 +168,19 @@ class Server:
         if "drawn" in request:
             page.sent = max(0, page.sent - 1)
             return
-        answer: dict[str, Any] | None
-        if not page.control:
-            answer = {
-                "kind": "refused",
-                "text": "this address is for viewing only; use the other one to change things",
-            }
-        else:
+        answer: dict[str, Any] | None = None
+        refused = (
+            "" if page.control else "this address is for viewing only; use the other one to change things"
+        )
+        if page.control:
             try:
                 answer = await asyncio.to_thread(self.controller.do, request)
             except TacstripError as error:
-                answer = {"kind": "refused", "text": str(error)}
+                refused = str(error)
             except (TypeError, ValueError, KeyError, AttributeError):
-                answer = {"kind": "refused", "text": "the request is malformed"}
+                refused = "the request is malformed"
+        if refused:
+            answer = {"kind": "refused", "text": refused}
         if answer:
             await page.send(json.dumps(answer))
 
@@ -193,12 +189,12 @@ class Server:
         state_s = 0.0
         while True:
             await asyncio.sleep(_DRAW_S)
-            self.controller.watched(bool(self._pages))
+            self.controller.watched(bool(self.pages))
             text = self.controller.picture()
             now_s = self._loop.time()
             state = json.dumps(self.controller.state()) if now_s - state_s >= _STATE_S else ""
             state_s = now_s if state else state_s
-            for page in list(self._pages):
+            for page in list(self.pages):
                 page.offer(text, state)
 
 
@@ -208,20 +204,16 @@ class _Page:
     def __init__(self, socket: web.WebSocketResponse, control: bool) -> None:
         self.socket, self.control = socket, control
         self.sent = 0  # frames that it has not drawn yet
-        self.skipped = 0
         self._task: asyncio.Task[None] | None = None
 
     def offer(self, text: str, state: str) -> None:
         """Send a frame and the state, unless the page is still busy with earlier ones."""
         if self._task is not None and not self._task.done():
-            self.skipped += bool(text)
             return
         parts = [state] if state else []
         if text and self.sent < _MAX_UNDRAWN:
             self.sent += 1
             parts.append(text)
-        else:
-            self.skipped += bool(text)
         if parts:
             self._task = asyncio.ensure_future(self._send_all(parts))
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import functools
+import operator
 import threading
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -70,9 +72,7 @@ class Simulator:
         if len(objects) > MAX_OBJECTS or any(len(ring) > MAX_VERTICES for ring in objects):
             raise OptionError(f"at most {MAX_OBJECTS} objects of {MAX_VERTICES} vertices")
         contacts = [Contact.polygon(ring) for ring in objects]
-        contact = None
-        for one in contacts:
-            contact = one if contact is None else contact + one
+        contact = functools.reduce(operator.add, contacts) if contacts else None
         with self._lock:
             self.objects = [[(float(x), float(y)) for x, y in ring] for ring in objects]
             self._contact = contact
@@ -90,26 +90,24 @@ class Simulator:
             raise OptionError(one_of("setting", unknown[0], _SETTINGS))
         sensor = now.sensor
         if "construction" in wanted or "strips" in wanted:
-            sensor = sensor_of(
-                wanted.get("construction", sensor.construction), wanted.get("strips", sensor.strips), sensor
-            )
+            same: dict[str, Any] = {"construction": sensor.construction, "strips": sensor.strips, **wanted}
+            sensor = sensor_of(same["construction"], same["strips"], sensor)
         noise = Noise(positional=wanted["noise"]) if "noise" in wanted else now.noise
         new = _feasible(Settings(sensor, _rate(wanted.get("rate_hz", now.rate_hz)), noise))
         restart = (new.sensor, new.rate_hz) != (now.sensor, now.rate_hz)
         self.settings = new
         return restart
 
-    def source(self, on_message: Callable[[str], None] = lambda text: None) -> SerialSource:
+    def source(self) -> SerialSource:
         """Return a new source: a virtual device in the same program."""
         device = self.virtual_device()
-        return SerialSource(lambda: Loopback(device), self.settings.sensor, on_message=on_message)
+        return SerialSource(lambda: Loopback(device), self.settings.sensor)
 
     def virtual_device(self) -> VirtualDevice:
         """Return a new device with the present settings; its objects may move meanwhile."""
         now = self.settings
-        self.device = VirtualDevice(
-            now.sensor, lambda: self._scans(now), now.rate_hz, _READ_SHARE / now.rate_hz
-        )
+        span_s = _READ_SHARE / now.rate_hz
+        self.device = VirtualDevice(now.sensor, lambda: self._scans(now), now.rate_hz, span_s)
         return self.device
 
     @property

@@ -24,9 +24,9 @@ _WIDTHS = (0.08, 0.6)  # of L: further starts, one width for all strips, where t
 _ROUGH, _COARSE, _FEWEST = 0.25, 0.5, 25
 _COARSER = 4  # times fewer rows on the coarser mesh
 # Distance [L] or gain [of the cost] that may remain: on the coarser mesh, which is some 1e-3 L off itself, and in
-# the end, where such a gain moves l and u by some 1e-4 of their standard errors.
+# the end, where such a gain moves l and u by some 1e-2 of their standard errors; short contacts would creep on.
 _COARSE_TOLERANCE = 3e-4, 1e-3
-_FINAL_TOLERANCE = 1e-10, 1e-8
+_FINAL_TOLERANCE = 1e-10, 1e-6
 _SAME = 1e-5  # of the cost: two starts that differ by less ended alike
 _ROUNDING = 1e-7  # of L: so short a step that brings no gain is the end
 _DAMPING = 1e-3  # of the curvature, to begin with
@@ -113,7 +113,7 @@ class InversionProblem:
 
         kh - kl grows with a contact's width, and (kh + kl) / 2 goes with its middle.
         """
-        mesh = SheetMesh.of(self.sensor, min(self._mesh_rows(_ROUGH), self.mesh.rows))
+        mesh = SheetMesh.of(self.sensor, min(self._mesh_rows(_ROUGH), self.mesh.rows), coarse=True)
         each = np.arange(len(self.strip))
         scans = (self._scan(mesh, self._uniform_width(width)) for width in _TRIAL_WIDTHS)
         kh, kl = np.stack([scan.readings()[each, self.own] for scan in scans], axis=1)  # each (bands, T)
@@ -150,7 +150,9 @@ class InversionProblem:
         rows = max(self.mesh.rows // _COARSER, self._mesh_rows(_COARSE))
         if rows > self.mesh.rows // 2:
             return self._descend(self.mesh, x, max_networks, _FINAL_TOLERANCE)
-        coarse = self._descend(SheetMesh.of(self.sensor, rows), x, max_networks // 2, _COARSE_TOLERANCE)
+        coarse = self._descend(
+            SheetMesh.of(self.sensor, rows, coarse=True), x, max_networks // 2, _COARSE_TOLERANCE
+        )
         found = self._descend(
             self.mesh, coarse.x, max_networks - coarse.steps, _FINAL_TOLERANCE, coarse.jacobian
         )

@@ -73,8 +73,8 @@ class FactoredScan:
         outer = np.stack([touched.argmax(axis=1), last - touched[:, ::-1].argmax(axis=1)], axis=1)
         rows = np.clip(outer[:, :, None] + np.array([-1, 0, 1]), 0, last).reshape(len(touched), -1)
         each = np.arange(len(touched))[:, None]
-        nodes = np.concatenate([self.resistors.strip_node[each, rows], self.resistors.sheet_node[each, rows]])
-        return nodes[nodes >= 0]
+        strip, sheet = self.resistors.strip_node[each, rows], self.resistors.sheet_node[each, :, rows]
+        return np.concatenate([strip[strip >= 0], sheet.ravel()])
 
     def _place(self, node: IntArray) -> IntArray:
         """Return where nodes stand among those whose potentials are kept."""
@@ -111,13 +111,15 @@ class FactoredScan:
         ndarray
             (T, E, 2 T) [1/mm]: the last axis has l of the touched strips, then u.
         """
-        above, below, change = self._moving(ends)  # each (2 T, 2): both rows beside each moving end
+        above, below, change, passed_on = self._moving(
+            ends
+        )  # each (2 T, K): both rows beside each moving end
         strip, sheet = self._place(above), self._place(below)
         used, column = np.unique(electrodes, return_inverse=True)
         column = column.reshape(electrodes.shape)
-        d_phi = self.phi[strip] - self.phi[sheet]  # (2 T, 2, T)
+        d_phi = self.phi[strip] - self.phi[sheet]  # (2 T, K, T)
         psi = self.factored.fed(self.resistors.electrode[used], at=self._kept)
-        d_read = psi[strip] - psi[sheet]  # (2 T, 2, used)
+        d_read = psi[strip] - psi[sheet]  # (2 T, K, used)
         readings = np.take_along_axis(self.readings(), electrodes, axis=1)
         result = np.empty((*electrodes.shape, len(strip)))
         if not self.by_voltage:
@@ -125,7 +127,7 @@ class FactoredScan:
             d_ground = psi[strip] - psi[sheet]
             _, drop = self._ends()
         for t, columns in enumerate(column):
-            weighted = -change * d_phi[:, :, t]  # (2 T, 2)
+            weighted = -change * d_phi[:, :, t]  # (2 T, K)
             read = np.einsum("pr,pre->ep", weighted, d_read[:, :, columns])
             if self.by_voltage:
                 result[t] = read
@@ -133,23 +135,35 @@ class FactoredScan:
             ground = (weighted * d_ground[:, :, t]).sum(axis=1)
             whole = (weighted * d_phi[:, :, t]).sum(axis=1)
             result[t] = (read - ground - readings[t][:, None] * whole) / drop[t]
-        return result
+        # An end moves where both are lumped.
+        other = np.roll(result, len(strip) // 2, axis=-1)
+        return np.asarray(result + passed_on * (other - result))
 
-    def _moving(self, ends: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
-        """Return the resistors that an end's motion changes, and d conductance / d end, each (2 T, 2)."""
-        row, hats = self.mesh.hats_at(ends)
-        touched = np.tile(np.arange(len(ends) // 2), 2)
-        change = hats * self.mesh.contact * np.repeat([-1.0, 1.0], len(ends) // 2)[:, None]
-        beside = np.stack([row, row + 1], axis=1)
-        strip = self.resistors.strip_node[touched[:, None], beside]
-        sheet = self.resistors.sheet_node[touched[:, None], beside]
+    def _moving(self, ends: FloatArray) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
+        """Return the resistors that a lumped end's motion changes, and d conductance / d it, each (2 T, K).
+
+        And how far the other end of a contact, and less far the one itself, moves with an end (2 T,).
+        """
+        mesh, count = self.mesh, len(ends) // 2
+        low, high, passed_on = mesh.moved_inwards(*np.split(ends, 2))
+        row, hats = mesh.hats_at(np.concatenate([low, high]))
+        touched, beside = np.tile(np.arange(count), 2)[:, None], np.stack([row, row + 1], axis=1)
+        share = mesh.pitch.under[np.flatnonzero(mesh.pitch.under)]
+        change = (hats * mesh.contact * np.repeat([-1.0, 1.0], count)[:, None])[:, :, None] * share
+        sheet = self.resistors.sheet_node[touched, :, beside]  # (2 T, 2, columns)
+        strip = np.broadcast_to(self.resistors.strip_node[touched, beside][:, :, None], sheet.shape)
         # A row that an end only grazes, within rounding, has no node: nothing there moves.
-        return np.where(strip < 0, sheet, strip), sheet, np.where(strip < 0, 0.0, change)
+        strip, change = np.where(strip < 0, sheet, strip), np.where(strip < 0, 0.0, change)
+        flat = 2 * count, -1
+        return strip.reshape(flat), sheet.reshape(flat), change.reshape(flat), np.tile(passed_on, 2)
 
     def profiles(self) -> Iterator[tuple[int, FloatArray]]:
-        """Go through the touched strips: its number and the sheet's potentials (strips, rows + 1) [Vref]."""
+        """Go through the touched strips: its number, and the sheet's potentials on all centre lines [Vref].
+
+        They are (strips, rows + 1).
+        """
         ground, drop = self._ends()
-        sheet = np.arange(self.mesh.strips * (self.mesh.rows + 1))
-        phi = self.factored.fed(self.resistors.top, self.resistors.bottom, sheet)
+        at = self.resistors.centre_node
+        phi = self.factored.fed(self.resistors.top, self.resistors.bottom, at.ravel())
         for t, strip in enumerate(self.resistors.strip):
-            yield int(strip), ((phi[:, t] - ground[t]) / drop[t]).reshape(self.mesh.strips, -1)
+            yield int(strip), ((phi[:, t] - ground[t]) / drop[t]).reshape(at.shape)

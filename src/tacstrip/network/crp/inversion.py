@@ -43,7 +43,7 @@ class InversionResult:
         Ends of the contact (strips,) [mm]; NaN on untouched strips.
     covariance
         Of l of all strips, then u of all strips (2 strips, 2 strips) [mm^2]: the inverse of the Fisher information
-        of the readings at l and u, without constraints; NaN on untouched strips.
+        of the readings at l and u, without constraints, and the mesh's own error; NaN on untouched strips.
     status
         Per strip: "ok", "no contact", "short contact" (w < 5 % of L) or "not converged".
     advice
@@ -65,12 +65,12 @@ class InversionResult:
 
     @property
     def l_sigma(self) -> FloatArray:
-        """Standard error of l (strips,) [mm]: its Cramer-Rao bound."""
+        """Standard error of l (strips,) [mm]: its Cramer-Rao bound, and the mesh's error."""
         return np.asarray(np.sqrt(np.diag(self.covariance)[: len(self.l)]))
 
     @property
     def u_sigma(self) -> FloatArray:
-        """Standard error of u (strips,) [mm]: its Cramer-Rao bound."""
+        """Standard error of u (strips,) [mm]: its Cramer-Rao bound, and the mesh's error."""
         return np.asarray(np.sqrt(np.diag(self.covariance)[len(self.l) :]))
 
 
@@ -142,7 +142,8 @@ def _invert(problem: InversionProblem, max_networks: int) -> InversionResult:
     found, strips, length = problem.invert(max_networks), problem.sensor.strips, problem.sensor.length_mm
     l, u = np.full((2, strips), np.nan)
     l[problem.strip], u[problem.strip] = np.split(found.x, 2)
-    bound = embed_touched(covariance_bound(found.jacobian), problem.strip, strips)
+    own = covariance_bound(found.jacobian) + problem.mesh.error_mm**2 * np.eye(len(found.x))
+    bound = embed_touched(own, problem.strip, strips)
     residual_rms = float(np.sqrt(found.cost / problem.readings.size))
     status = _statuses(l, u, length, found.converged)
     return InversionResult(l, u, bound, status, _advice(status, residual_rms), found.steps, residual_rms)

@@ -1,14 +1,20 @@
 """CRS-CRP (3.3) as resistors: strips over one uniform resistive sheet, n pitches wide and L long.
 
-One column of the sheet lies under each strip, with nodes every h = L / rows over the length, the edges included.
-Potentials depend on ratios only, so an energised strip has r0 = 1 per [mm]. With the sheet's square resistance
-Rs = resistivity_ratio r0 b (b: strip width), a column has r1 = Rs / pitch per [mm], and neighbouring columns are
-joined by 1 / (Rs pitch) per [mm]. A contact conducts g = 1 / ((r0 + r1) lambda^2) per [mm] over [l, u].
+The sheet is cut into columns across (`spectral`: two to eight a pitch, as lambda asks for) and has nodes every h = L
+/ rows along, the edges included. Potentials depend on ratios only, so an energised strip has r0 = 1 per [mm]. With
+the sheet's square resistance Rs = resistivity_ratio r0 b (b: strip width), a column that stands for a width c has Rs
+/ c per [mm]. A contact conducts g = 1 / ((r0 + r1) lambda^2) per [mm] over [l, u], r1 = Rs / pitch, spread evenly
+over the strip's width.
 
 Smoothness. The contact is lumped at the nodes by linear hat functions: node j gets g times the integral of its hat
 over [l, u]. So the conductances' first derivative in l and u is continuous and piecewise linear, the second jumps
 where an end passes a node; readings inherit this. Giving a node its cell's overlap instead would make the first
 derivative jump.
+
+A lumped contact takes its current up over a length shorter than the real one's. With d = e^(-y / lambda) the energy
+integral of d'^2 + (d / lambda)^2 is 1 / lambda; linear pieces add -h^2 / 24 lambda^3 to its first term and lumping adds
+4 h^2 / 24 lambda^3 to its second, so that lambda counts as lambda - h^2 / (8 lambda). Both ends are moved inwards by
+what that shifts them, for the transfer length T = lambda tanh(w / 2 lambda) by h^2 / (8 lambda) dT / dlambda.
 """
 
 from __future__ import annotations
@@ -20,6 +26,7 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.errors import ContactError, NetworkError, SpecError, one_of
+from tacstrip.network.crp.spectral import PitchElements
 from tacstrip.network.nodal import Network
 from tacstrip.sensor.spec import Sensor
 
@@ -27,7 +34,8 @@ Others: TypeAlias = Literal["floating", "tied grounds", "grounded"]
 _OTHERS = ("floating", "tied grounds", "grounded")
 
 _FEWEST, _MOST = 100, 400
-_CELLS_PER_LAMBDA = 4.0
+_CELLS_PER_LAMBDA = 3.0
+_MOST_INWARDS = 1.5  # lambda: no end passes the middle of its contact, however few the rows
 # A point conducts nothing; for so short a contact [L] the readings are those of a point to better than 1e-6.
 SHORTEST = 1e-6
 
@@ -53,28 +61,35 @@ class Wiring:
             raise NetworkError(one_of("others", self.others, _OTHERS))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SheetMesh:
     """The sensor cut into cells; [mm], and conductances for r0 = 1 per [mm].
 
     Attributes
     ----------
-    along, across
-        Conductance of the sheet between two nodes of a column, and between two of a row.
+    lambda_mm
+        Decay length of the contact resistance.
+    square
+        Square resistance Rs of the sheet.
     contact
         Conductance g of a contact per [mm].
+    pitch
+        The columns of one pitch.
     """
 
     strips: int
     rows: int
     length_mm: float
-    along: float
-    across: float
+    lambda_mm: float
+    square: float
     contact: float
+    pitch: PitchElements
 
     @classmethod
-    def of(cls, sensor: Sensor, rows: int | None = None) -> SheetMesh:
-        """Cut a sensor into `rows` cells over its length; by default 4 per lambda, 100 to 400.
+    def of(cls, sensor: Sensor, rows: int | None = None, coarse: bool = False) -> SheetMesh:
+        """Cut a sensor into `rows` cells over its length; by default 3 per lambda, 100 to 400.
+
+        A coarse mesh has as few columns across as can be, whatever lambda is.
 
         Raises
         ------
@@ -97,20 +112,39 @@ class SheetMesh:
         if rows < 2:
             raise SpecError(f"rows = {rows}: a mesh needs 2 cells or more over the length")
         square = ratio * sensor.strip_width
-        h, r1 = sensor.length_mm / rows, square / sensor.pitch_mm
-        g = 1.0 / ((1.0 + r1) * lam**2)
-        return cls(sensor.strips, rows, sensor.length_mm, 1.0 / (r1 * h), h / (square * sensor.pitch_mm), g)
+        g = 1.0 / ((1.0 + square / sensor.pitch_mm) * lam**2)
+        pitch = PitchElements.of(sensor.pitch_mm, sensor.strip_width, lam, coarse)
+        return cls(sensor.strips, rows, sensor.length_mm, lam, square, g, pitch)
 
     @property
     def h(self) -> float:
         """Distance of two nodes of a column [mm]."""
         return self.length_mm / self.rows
 
+    @property
+    def error_mm(self) -> float:
+        """Standard deviation of what the cut into cells moves the ends of a contact by [mm].
+
+        Of the columns .003 lambda, of the rows .02 lambda (h / lambda)^2: `studies/crp_sheet.py`.
+        """
+        return self.lambda_mm * float(np.hypot(0.003, 0.02 * (self.h / self.lambda_mm) ** 2))
+
+    def moved_inwards(self, l: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return where intervals [l, u] (P,) are lumped [mm], and d move / d u = - d move / d l (P,)."""
+        z = 0.5 * (u - l) / self.lambda_mm
+        tanh = np.tanh(z)
+        steep = 1.0 - tanh**2
+        most = min(self.h**2 / (8.0 * self.lambda_mm), _MOST_INWARDS * self.lambda_mm)
+        move = most * (tanh - z * steep)
+        return l + move, u - move, most * z * steep * tanh / self.lambda_mm
+
     def hat_lengths(self, l: FloatArray, u: FloatArray) -> FloatArray:
-        """Integrate every node's hat function over the intervals [l, u] (P,): (P, rows + 1) [mm]."""
+        """Integrate every node's hat function over the intervals [l, u] (P,), moved inwards: (P, rows + 1) [mm]."""
         node = np.arange(self.rows + 1.0)
+        low, high, _ = self.moved_inwards(l, u)
         return np.asarray(
-            self.h * (_hat_integral(u[:, None] / self.h - node) - _hat_integral(l[:, None] / self.h - node))
+            self.h
+            * (_hat_integral(high[:, None] / self.h - node) - _hat_integral(low[:, None] / self.h - node))
         )
 
     def hats_at(self, y: FloatArray) -> tuple[IntArray, FloatArray]:
@@ -171,7 +205,10 @@ class ContactNetwork:
     electrode
         Nodes of the electrodes (2 strips,): at y = 0 in the order of the strips, then at y = L.
     strip_node, sheet_node
-        Either side of the contact at every row (T, rows + 1); -1 where a strip has no node.
+        Either side of the contact at every row (T, rows + 1) and, of the sheet, column (T, K, rows + 1); -1 where a
+        strip has no node.
+    centre_node
+        The sheet's nodes on the strips' centre lines (strips, rows + 1).
     """
 
     network: Network
@@ -181,12 +218,19 @@ class ContactNetwork:
     electrode: IntArray
     strip_node: IntArray = field(repr=False)
     sheet_node: IntArray = field(repr=False)
+    centre_node: IntArray = field(repr=False)
 
 
 def contact_network(mesh: SheetMesh, strip: IntArray, lengths: FloatArray, wiring: Wiring) -> ContactNetwork:
     """Join sheet, touched strips (T,) and contact, whose length at each node is (T, rows + 1) [mm]."""
-    n, last = mesh.strips, mesh.rows
-    sheet = np.arange(n * (last + 1)).reshape(n, last + 1)  # column, row
+    pitch, last = mesh.pitch, mesh.rows
+    per = len(pitch.widths) - 1
+    column = np.arange(mesh.strips)[:, None] * per + np.arange(
+        per + 1
+    )  # of each strip: the outer ones are shared
+    columns = mesh.strips * per + 1
+    width = np.bincount(column.ravel(), np.tile(pitch.widths, mesh.strips), columns)
+    sheet = np.arange(columns * (last + 1)).reshape(columns, last + 1)  # column, row
     rowed = np.arange(last + 1)
     first = np.argmax(lengths > 0.0, axis=1)[:, None]
     final = last - np.argmax(lengths[:, ::-1] > 0.0, axis=1)[:, None]
@@ -194,34 +238,46 @@ def contact_network(mesh: SheetMesh, strip: IntArray, lengths: FloatArray, wirin
     has = (rowed == 0) | (rowed == last) | ((rowed >= first) & (rowed <= final))
     node = np.full(has.shape, -1)
     node[has] = sheet.size + np.arange(has.sum())
-    across = np.full(last + 1, mesh.across)
-    across[[0, -1]] *= 0.5  # half a cell
+    cell = np.full(last + 1, mesh.h)
+    cell[[0, -1]] *= 0.5
     at, row = np.nonzero(has)
     same = at[1:] == at[:-1]
     chain = node[has]
-    touching = lengths > 0.0
-    under = sheet[strip]
+    beneath = np.flatnonzero(pitch.under)
+    under = sheet[column[strip][:, beneath]]  # (T, K, rows + 1)
+    touching = np.broadcast_to((lengths > 0.0)[:, None], under.shape)
+    shared = mesh.contact * pitch.under[beneath][:, None] * lengths[:, None]  # (T, K, rows + 1)
+    joined = np.outer(pitch.stiffness, cell) / mesh.square
     parts = (
-        (sheet[:, :-1].ravel(), sheet[:, 1:].ravel(), np.full(n * last, mesh.along)),
-        (sheet[:-1].ravel(), sheet[1:].ravel(), np.tile(across, n - 1)),
+        (
+            sheet[:, :-1].ravel(),
+            sheet[:, 1:].ravel(),
+            np.repeat(width / (mesh.square * mesh.h), last),
+        ),
+        (
+            sheet[column[:, pitch.first]].ravel(),
+            sheet[column[:, pitch.second]].ravel(),
+            np.tile(joined.ravel(), mesh.strips),
+        ),
         (chain[:-1][same], chain[1:][same], 1.0 / (mesh.h * (row[1:] - row[:-1])[same])),
-        (node[touching], under[touching], mesh.contact * lengths[touching]),
+        (np.broadcast_to(node[:, None], under.shape)[touching], under[touching], shared[touching]),
     )
-    start, end, siemens = (np.concatenate(column) for column in zip(*parts, strict=True))
+    start, end, siemens = (np.concatenate(part) for part in zip(*parts, strict=True))
     label = np.arange(sheet.size + len(chain))  # nodes that are one node have one label
     if wiring.common_bars:
         label[sheet[:, 0]], label[sheet[:, -1]] = sheet[0, 0], sheet[0, -1]
     if wiring.others == "tied grounds":
         label[node[:, 0]] = node[0, 0]
     real = label[start] != label[end]
-    network = Network(len(label), label[start][real], label[end][real], siemens[real])
-    electrode = label[np.concatenate([sheet[:, 0], sheet[:, -1]])]
+    network = Network(len(label), label[start][real], label[end][real], siemens[real], signed=True)
+    centre = label[sheet[column[:, pitch.middle]]]
     return ContactNetwork(
         network,
         strip,
         label[node[:, 0]],
         node[:, -1],
-        electrode,
+        np.concatenate([centre[:, 0], centre[:, -1]]),
         np.where(has, label[node], -1),
         label[under],
+        centre,
     )

@@ -17,7 +17,6 @@ from tacstrip.network.devices.switches import ISOLATIONS as ISOLATIONS
 from tacstrip.network.devices.switches import Array
 from tacstrip.network.devices.switches import ArrayWiring as ArrayWiring
 from tacstrip.network.grid import MOST
-from tacstrip.network.nodal import Measurement
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +30,13 @@ class ArrayScan:
     volts
         What the columns read while each row is driven (rows, columns): voltage over Vref or, for "zero-potential",
         current over that of one closed switch.
+
+    Examples
+    --------
+    >>> from tacstrip.network import scan_array
+    >>> scan = scan_array([[1, 0], [1, 1]])
+    >>> int(scan.closed.sum()), bool(scan.volts[0, 1] < scan.volts[0, 0] < 1.0)
+    (4, True)
     """
 
     closed: BoolArray
@@ -40,7 +46,7 @@ class ArrayScan:
 _IDEAL = ArrayWiring()
 
 
-def scan_array(pattern: npt.ArrayLike, isolation: str = "none", wiring: ArrayWiring = _IDEAL) -> ArrayScan:
+def scan_array(pattern: npt.ArrayLike, *, isolation: str = "none", wiring: ArrayWiring = _IDEAL) -> ArrayScan:
     """Scan an array row by row (2.2).
 
     Parameters
@@ -58,15 +64,34 @@ def scan_array(pattern: npt.ArrayLike, isolation: str = "none", wiring: ArrayWir
         There is no such isolation.
     NetworkError
         The pattern is not a two-dimensional array of true and false, or has more than 1000 rows or columns.
+
+    Examples
+    --------
+    Three switches of a square close the fourth, unless currents are kept from the parallel path:
+
+    >>> from tacstrip.network import scan_array
+    >>> scan_array([[1, 0], [1, 1]]).closed
+    array([[ True,  True],
+           [ True,  True]])
+    >>> scan_array([[1, 0], [1, 1]], isolation="diodes").closed
+    array([[ True, False],
+           [ True,  True]])
     """
-    array = Array(_pattern(pattern), wiring)
+    array = Array(as_pattern(pattern), wiring)
     volts = array.readings(array.potentials(isolation, np.arange(array.rows)), isolation)
     return ArrayScan(volts > wiring.threshold, volts)
 
 
-def phantoms(pattern: npt.ArrayLike, isolation: str = "none", wiring: ArrayWiring = _IDEAL) -> int:
-    """Count the open tactels that read closed; arguments and errors as for `scan_array`."""
-    return int(np.sum(scan_array(pattern, isolation, wiring).closed & ~_pattern(pattern)))
+def phantoms(pattern: npt.ArrayLike, *, isolation: str = "none", wiring: ArrayWiring = _IDEAL) -> int:
+    """Count the open tactels that read closed; arguments and errors as for `scan_array`.
+
+    Examples
+    --------
+    >>> from tacstrip.network import phantoms
+    >>> phantoms([[1, 0], [1, 1]]), phantoms([[1, 0], [1, 1]], isolation="zero-potential")
+    (1, 0)
+    """
+    return int(np.sum(scan_array(pattern, isolation=isolation, wiring=wiring).closed & ~as_pattern(pattern)))
 
 
 def switch_currents(
@@ -77,7 +102,7 @@ def switch_currents(
     They are over Vref / contact_ohm; 0 where a switch is open. Arguments and errors as for `scan_array`, and
     `OptionError` for a row that does not exist.
     """
-    array = Array(_pattern(pattern), wiring)
+    array = Array(as_pattern(pattern), wiring)
     if not 0 <= row < array.rows:
         raise OptionError(f"row = {row}: the array has rows 0 to {array.rows - 1}")
     flow = np.zeros((array.rows, array.columns))
@@ -85,19 +110,8 @@ def switch_currents(
     return flow
 
 
-def array_measurements(
-    pattern: npt.ArrayLike, isolation: str = "none", wiring: ArrayWiring = _IDEAL
-) -> dict[int, Measurement]:
-    """Return the scan as measurements on networks: row to its measurement, for the plain solver and for netlists.
-
-    Readings are `vcolumn<j>` [Vref] or, for "zero-potential", the currents `icolumn<j>` [Vref / ohm]. A diode that
-    blocks is left out, one that conducts is a closed switch. Arguments and errors as for `scan_array`.
-    """
-    array = Array(_pattern(pattern), wiring)
-    return {row: array.measurement(isolation, row) for row in range(array.rows)}
-
-
-def _pattern(pattern: npt.ArrayLike) -> BoolArray:
+def as_pattern(pattern: npt.ArrayLike) -> BoolArray:
+    """Return which switches are closed (rows, columns); `NetworkError` where that is not what is given."""
     try:
         given = np.asarray(pattern)
     except ValueError:

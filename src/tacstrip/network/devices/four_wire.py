@@ -21,7 +21,8 @@ from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.contact.shape import Contact
 from tacstrip.errors import ContactError, NetworkError, OptionError, one_of
 from tacstrip.network.grid import MOST, Grid, check_count, check_mm, joints, on_surface
-from tacstrip.network.nodal import Measurement, Network, solve_measurement
+from tacstrip.network.nodal import Measurement, solve_measurement
+from tacstrip.network.wires import Wires
 
 Read: TypeAlias = Literal["both", "low", "high"]
 _READS = ("both", "low", "high")
@@ -41,6 +42,14 @@ class FourWire:
         along x, and on the top sheet while the bottom one is driven along y.
     clipped
         Whether a part of the contact lay off the sheets and was cut away.
+
+    Examples
+    --------
+    >>> import tacstrip as ts
+    >>> from tacstrip.network import four_wire
+    >>> point = four_wire(100.0, 80.0, ts.Contact.points([20.0, 30.0]), cells=(20, 16))
+    >>> round(point.x_volt, 3), point.clipped
+    (0.2, False)
     """
 
     x_mm: float
@@ -92,6 +101,16 @@ def four_wire(
         A resistance cannot be.
     OptionError
         A size, `cells` or `read` cannot be.
+
+    Examples
+    --------
+    Two points read as one, on the line between them:
+
+    >>> import tacstrip as ts
+    >>> from tacstrip.network import four_wire
+    >>> point = four_wire(100.0, 80.0, ts.Contact.points([(20, 30), (60, 30)]), cells=(20, 16))
+    >>> 20.0 < point.x_mm < 60.0, round(point.y_mm, 3)
+    (True, 30.0)
     """
     check_mm(width_mm=width_mm, height_mm=height_mm)
     _check(sheet_ratio, contact_lambda_mm, point_squares, read)
@@ -143,10 +162,11 @@ def _measure(
     ideal = np.isinf(joined)
     finite = np.where(ideal, 0.0, joined)
     resistive = finite > finite.max() / _FAR_APART  # the rest are slivers
-    same = [(bar[0], bar) for bar in (*driven, *passive)] + [(top[ideal], top[ideal] + grid.nodes)]
+    parts = [*sheets, (top[resistive], top[resistive] + grid.nodes, joined[resistive])]
+    same = [(bar[:1], bar) for bar in (*driven, *passive)] + [(top[ideal], top[ideal] + grid.nodes)]
     if read == "both":
-        same.append((passive[0][0], passive[1][:1]))
-    name = _merge(2 * grid.nodes, same)
+        same.append((passive[0][:1], passive[1][:1]))
+    network, name = Wires(2 * grid.nodes, parts, same).merged()
     ground, supply = name[driven[0][0]], name[driven[1][0]]
     if ground == supply:
         raise ContactError(
@@ -154,30 +174,13 @@ def _measure(
             "nothing can be read; keep it off the sheets' edges, or give it a resistance "
             "(contact_lambda_mm for areas, point_squares for points and lines)"
         )
-    parts = [*sheets, (top[resistive], top[resistive] + grid.nodes, joined[resistive])]
-    start, end, siemens = (np.concatenate([p[k] for p in parts]) for k in range(3))
-    start, end = name[start], name[end]
-    kept = start != end
-    spread = siemens[kept].max() / siemens[kept].min()
+    spread = network.siemens.max() / network.siemens.min()
     if not spread <= _FAR_APART:
         raise NetworkError(
-            f"the network's resistances lie a factor of {spread:.3g} apart, and the smaller ones are lost beside the "
+            f"the network's resistances lie a factor of {spread:.3g} apart, and the smaller ones are lost against the "
             "others: bring sheet_ratio, contact_lambda_mm, point_squares and the cells' shape nearer to 1, or take 0 "
             "for an ideal contact"
         )
-    network = Network(int(name.max()) + 1, start[kept], end[kept], siemens[kept])
     bar = name[passive[1][0] if read == "high" else passive[0][0]]
-    return solve_measurement(Measurement(network, {int(ground): 0.0, int(supply): 1.0}, {"bar": int(bar)}))[
-        "bar"
-    ]
-
-
-def _merge(nodes: int, same: list[tuple[IntArray, IntArray]]) -> IntArray:
-    """Give nodes new numbers (nodes,) from 0, the same to those that pairs of arrays call the same."""
-    a, b = (np.concatenate(c) for c in zip(*(np.broadcast_arrays(*pair) for pair in same), strict=True))
-    label = np.arange(nodes)
-    while np.any(label[a] != label[b]):  # chains are short: a contact, a bar, the other bar
-        low = np.minimum(label[a], label[b])
-        np.minimum.at(label, a, low)
-        np.minimum.at(label, b, low)
-    return np.asarray(np.unique(label, return_inverse=True)[1], dtype=np.int64)
+    asked = Measurement(network, {int(ground): 0.0, int(supply): 1.0}, {"bar": int(bar)})
+    return solve_measurement(asked)["bar"]

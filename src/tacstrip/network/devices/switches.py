@@ -12,7 +12,7 @@ import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
 from tacstrip.errors import NetworkError, OptionError, one_of
-from tacstrip.network.nodal import Factored, Measurement, Network
+from tacstrip.network.nodal import Factored, Network
 
 ISOLATIONS = {
     "none": "the other rows float, every column has its load: figure 2.4's parallel path",
@@ -46,6 +46,14 @@ class ArrayWiring:
     ------
     NetworkError
         A resistance cannot be, or the threshold lies above what a closed switch alone would read.
+
+    Examples
+    --------
+    >>> from tacstrip.network import ArrayWiring, scan_array
+    >>> wiring = ArrayWiring(load_ohm=100.0, threshold=0.4)  # a load as low as a switch's resistance
+    >>> scan_array([[1, 0], [1, 1]], wiring=wiring).closed
+    array([[ True, False],
+           [ True,  True]])
     """
 
     contact_ohm: float = 100.0
@@ -108,7 +116,7 @@ class Array:
         if isolation == "none":
             return self._floating(driven)
         if isolation == "diodes":
-            return np.stack([self._rectified(int(row))[1] for row in driven], axis=1)
+            return np.stack([self.rectified(int(row))[1] for row in driven], axis=1)
         if isolation == "zero-potential":
             ends = np.concatenate([self.row_end, self.column_end])
             volts = (ends[:, None] == self.row_end[driven]).astype(float)
@@ -127,23 +135,7 @@ class Array:
         volts[fed[alone], which[alone]] = 1.0
         return volts
 
-    def measurement(self, isolation: str, row: int) -> Measurement:
-        """Return the measurement while one row is driven: `vcolumn<j>`, or `icolumn<j>` where currents are read.
-
-        Diodes that block are left out, those that conduct are closed switches.
-        """
-        names, ends = [f"column{j}" for j in range(self.columns)], self.column_end.tolist()
-        if isolation == "zero-potential":
-            held = dict.fromkeys([*self.row_end.tolist(), *ends], 0.0) | {int(self.row_end[row]): 1.0}
-            metered = {f"i{name}": end for name, end in zip(names, ends, strict=True)}
-            return Measurement(self.network(loads=False), held, {}, metered)
-        if isolation not in ISOLATIONS:
-            raise OptionError(one_of("isolation", isolation, ISOLATIONS))
-        network = self.network(self._rectified(row)[0]) if isolation == "diodes" else self.network()
-        read = {f"v{name}": end for name, end in zip(names, ends, strict=True)}
-        return Measurement(network, {int(self.row_end[row]): 1.0, self.ground: 0.0}, read)
-
-    def _rectified(self, row: int) -> tuple[BoolArray, FloatArray]:
+    def rectified(self, row: int) -> tuple[BoolArray, FloatArray]:
         """Find the diodes that conduct, and the potentials (nodes,) over Vref.
 
         Each that conducts has forward current, each that blocks reverse voltage.
@@ -162,9 +154,8 @@ class Array:
 
     def flow(self, potentials: FloatArray, isolation: str) -> FloatArray:
         """Return the currents of the closed switches (closed, driven) over Vref / contact_ohm."""
-        flow = np.nan_to_num(
-            potentials[self.from_row] - potentials[self.to_column]
-        )  # what floats carries none
+        across = potentials[self.from_row] - potentials[self.to_column]
+        flow = np.nan_to_num(across)  # what floats carries none
         return np.asarray(np.maximum(flow, 0.0) if isolation == "diodes" else flow)
 
     def readings(self, potentials: FloatArray, isolation: str) -> FloatArray:
@@ -172,7 +163,6 @@ class Array:
         if isolation != "zero-potential":
             return np.asarray(potentials[self.column_end].T)
         total = np.zeros((self.columns, potentials.shape[1]))
-        np.add.at(
-            total, self.j, self.flow(potentials, isolation)
-        )  # a column's whole current leaves at its end
+        # A column's whole current leaves at its end.
+        np.add.at(total, self.j, self.flow(potentials, isolation))
         return total.T

@@ -14,7 +14,6 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.contact.shape import Contact
-from tacstrip.errors import NetworkError
 from tacstrip.network.imperfections import Imperfections, Layer, Readout
 from tacstrip.network.nodal import Measurement, solve_measurement
 from tacstrip.network.strips.mesh import StripMesh, make_mesh
@@ -36,35 +35,16 @@ def network_readings(
 
     Arguments and errors as for `measurements`.
     """
+    return solved(sensor, measurements(sensor, contact, imperfections, readout, cells))
+
+
+def solved(sensor: Sensor, asked: dict[int, Measurement]) -> dict[str, FloatArray]:
+    """Return the readings of measurements by strip, signature to (strips,), NaN where there is none."""
     result = {name: np.full(sensor.strips, np.nan) for name in sensor.signatures}
-    for strip, measurement in measurements(sensor, contact, imperfections, readout, cells).items():
+    for strip, measurement in asked.items():
         for name, value in solve_measurement(measurement).items():
             result[name][strip] = value
     return result
-
-
-def potentials_along(
-    sensor: Sensor,
-    contact: Contact,
-    strip: int,
-    imperfections: Imperfections | None = None,
-    readout: Readout | None = None,
-    cells: int | None = None,
-) -> dict[Layer, tuple[FloatArray, FloatArray]]:
-    """Return the potentials along one touched strip and its sensing strip: layer to (y [mm], over Vref).
-
-    Arguments and errors as for `measurements`; `NetworkError` if nothing touches the strip.
-    """
-    mesh = make_mesh(sensor, contact, imperfections, readout, cells)
-    if strip not in mesh.pieces:
-        raise NetworkError(f"nothing touches strip {strip}; the contact is on strips {sorted(mesh.pieces)}")
-    chains: dict[tuple[int, Layer], _Chain] = {}
-    read = solve_measurement(_measurement(mesh, strip, chains))
-    return {
-        layer: (chain.y, np.array([read[f"{layer} {i}"] for i in range(len(chain.y))]))
-        for (number, layer), chain in chains.items()
-        if number == strip
-    }
 
 
 def measurements(
@@ -104,7 +84,7 @@ def measurements(
         The contact lies outside the sensor.
     """
     mesh = make_mesh(sensor, contact, imperfections, readout, cells)
-    return {strip: _measurement(mesh, strip) for strip in mesh.pieces}
+    return {strip: measurement_of(mesh, strip) for strip in mesh.pieces}
 
 
 @dataclass(frozen=True)
@@ -120,15 +100,12 @@ class _Chain:
         return np.asarray(self.node[after - (y - self.y[after - 1] < self.y[after] - y)])
 
 
-def _measurement(
-    mesh: StripMesh, strip: int, chains: dict[tuple[int, Layer], _Chain] | None = None
-) -> Measurement:
-    """Imperfections the network that carries current while one strip is energised, and say what is read.
+def measurement_of(mesh: StripMesh, strip: int, along: bool = False) -> Measurement:
+    """Return the network that carries current while one strip is energised, and what is read on it.
 
-    With `chains` to fill, every node along the strip is read too, as "<layer> <number>".
+    With `along`, the potential of every node along the strip is read too, as "<layer> <y in mm>".
     """
-    everywhere = chains is not None
-    chains = {} if chains is None else chains
+    chains: dict[tuple[int, Layer], _Chain] = {}
     sensor, readout, wires = mesh.sensor, mesh.readout, Wires()
     ground, source = int(wires.new()[0]), int(wires.new()[0])
     metal = int(wires.new()[0]) if mesh.metal else None
@@ -155,11 +132,10 @@ def _measurement(
         wires.tie(read[name], int(end or 0), readout.mux_ohm if together else 0.0)
         if readout.adc_ohm < np.inf:
             wires.tie(read[name], ground, readout.adc_ohm)
-    if everywhere:
-        along = {layer: chain for (number, layer), chain in chains.items() if number == strip}
-        read |= {
-            f"{layer} {i}": int(node) for layer, chain in along.items() for i, node in enumerate(chain.node)
-        }
+    for (number, layer), chain in chains.items() if along else ():
+        if number == strip:
+            places = zip(chain.y.tolist(), chain.node.tolist(), strict=True)
+            read |= {f"{layer} {y!r}": node for y, node in places}
     return wires.measurement(held, read, strip)
 
 
@@ -195,9 +171,8 @@ def _pair(mesh: StripMesh, wires: Wires, strip: int, metal: int | None) -> dict[
 def _chain(mesh: StripMesh, wires: Wires, strip: int, layer: Layer, pieces: list[FloatArray]) -> _Chain:
     """Add one strip of one layer, with nodes at its ends, its contacts and its shorts."""
     length, low = mesh.sensor.length_mm, mesh.low(strip, layer)
-    shorts = [
-        s.y_mm for s in mesh.imperfections.shorts if s.layer == layer and strip in (s.strip, s.strip + 1)
-    ]
+    own = [s for s in mesh.imperfections.shorts if s.layer == layer and strip in (s.strip, s.strip + 1)]
+    shorts = [s.y_mm for s in own]
     y = np.concatenate([[low, low + length], np.clip(shorts, low, low + length), *pieces])
     y = np.unique(np.round(y / (_SAME_Y * length)) * (_SAME_Y * length))
     node = wires.new(len(y))

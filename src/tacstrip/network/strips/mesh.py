@@ -53,9 +53,8 @@ class StripMesh:
         relative = self.imperfections.profile(strip, layer)
         ratio = self.sensor.sensing_ratio if layer == "sensing" else 1.0
         if len(relative) == 1:
-            return np.asarray(
-                self.readout.strip_ohm * ratio * relative[0] / self.sensor.length_mm * np.diff(y)
-            )
+            per_mm = self.readout.strip_ohm * ratio * relative[0] / self.sensor.length_mm
+            return np.asarray(per_mm * np.diff(y))
         edges = self.low(strip, layer) + np.linspace(0.0, self.sensor.length_mm, len(relative) + 1)
         below = np.concatenate(([0.0], np.cumsum(relative))) / len(relative)  # of a nominal strip
         return np.asarray(self.readout.strip_ohm * ratio * np.diff(np.interp(y, edges, below)))
@@ -101,9 +100,8 @@ def make_mesh(
     mesh = StripMesh(sensor, imperfections, readout, cells, {})
     strip, low, high = footprint(sensor, contact).intervals[0]
     numbers, first = np.unique(strip, return_index=True)
-    for number, pieces in zip(
-        numbers.tolist(), np.split(np.stack([low, high], axis=1), first)[1:], strict=True
-    ):
+    each = np.split(np.stack([low, high], axis=1), first)[1:]
+    for number, pieces in zip(numbers.tolist(), each, strict=True):
         start = mesh.low(number, "sensing")
         bottom, top = max(0.0, start), sensor.length_mm + min(0.0, start)
         on_both = (pieces[:, 1] >= bottom) & (pieces[:, 0] <= top)

@@ -10,16 +10,20 @@ own: l + T and u - T at a straight edge (docs/decisions/, one closed form), and 
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
 from tacstrip.arguments import takes
 from tacstrip.arrays import FloatArray, IntArray
+from tacstrip.contact.footprint import on_sensor
 from tacstrip.contact.shape import Contact
 from tacstrip.errors import ContactError, NetworkError
 from tacstrip.network.grid import check_count
-from tacstrip.network.nodal import Measurement, solve_measurement
+from tacstrip.network.nodal import Measurement
+from tacstrip.network.strips.measurements import solved
 from tacstrip.network.strips.resolved_mesh import Cells, Chains, cells, chains, on_strip
 from tacstrip.network.wires import Wires
 from tacstrip.sensor.constructions import SIGNATURES
@@ -31,19 +35,31 @@ _SLIVER = 1e-10  # of the largest share of a contact; less is rounding
 
 
 @takes(sensor=Sensor, contact=Contact)
-def wide_readings(sensor: Sensor, contact: Contact, across: int | None = None) -> dict[str, FloatArray]:
+def wide_readings(
+    sensor: Sensor, contact: Contact, *, across: int | None = None, strips: Iterable[int] | None = None
+) -> dict[str, FloatArray]:
     """Return what every strip reads over Vref, signature to (strips,), NaN where nothing touches.
 
     A strip is touched where any part of its width is. Arguments and errors as for `wide_measurements`.
+
+    Examples
+    --------
+    A straight edge across the strips reads as the closed form says, a slanted one longer:
+
+    >>> import tacstrip as ts
+    >>> from tacstrip.network import wide_readings
+    >>> sensor = ts.Sensor(construction="crs-m", strips=1, pitch_mm=10.0, length_mm=100.0)
+    >>> straight = ts.Contact.polygon([(0, 40), (10, 40), (10, 80), (0, 80)])
+    >>> slanted = ts.Contact.polygon([(0, 35), (10, 45), (10, 80), (0, 80)])
+    >>> [wide_readings(sensor, c, across=8)["k"].round(3) for c in (straight, slanted)]
+    [array([0.667]), array([0.653])]
     """
-    result = {name: np.full(sensor.strips, np.nan) for name in sensor.signatures}
-    for strip, measurement in wide_measurements(sensor, contact, across).items():
-        for name, value in solve_measurement(measurement).items():
-            result[name][strip] = value
-    return result
+    return solved(sensor, wide_measurements(sensor, contact, across, strips=strips))
 
 
-def wide_measurements(sensor: Sensor, contact: Contact, across: int | None = None) -> dict[int, Measurement]:
+def wide_measurements(
+    sensor: Sensor, contact: Contact, across: int | None = None, *, strips: Iterable[int] | None = None
+) -> dict[int, Measurement]:
     """Return the scan as measurements on networks: touched strip, counted from 0, to its measurement.
 
     Parameters
@@ -54,6 +70,8 @@ def wide_measurements(sensor: Sensor, contact: Contact, across: int | None = Non
         Areas; under ideal contact lines too, which join the layers along them.
     across
         Cells over the width of a strip; by default 32, or 4 per lambda where that is more, at most 128.
+    strips
+        Those to solve; all by default.
 
     Raises
     ------
@@ -77,9 +95,10 @@ def wide_measurements(sensor: Sensor, contact: Contact, across: int | None = Non
         what = "point" if thin[0].length == 0.0 else "line"
         why = "has no area to conduct over" if thin[0].length else "reads its own y on a strip of any width"
         raise ContactError(f"a {what} {why}: give an area, or take footprint() and the centre-line model")
-    shapes = contact.clipped(sensor.width_mm, sensor.length_mm, "sensor").shapes
+    shapes = on_sensor(sensor, contact).shapes
     result = {}
-    for strip, x in enumerate(sensor.x_mm.tolist()):
+    for strip in map(int, range(sensor.strips) if strips is None else strips):
+        x = float(sensor.x_mm[strip])
         measurement = _measurement(sensor, strip, on_strip(shapes, x, width, sensor.length_mm), across)
         if measurement is not None:
             result[strip] = measurement
@@ -87,7 +106,7 @@ def wide_measurements(sensor: Sensor, contact: Contact, across: int | None = Non
 
 
 def _measurement(sensor: Sensor, strip: int, contact: BaseGeometry, across: int) -> Measurement | None:
-    """Imperfections both layers of a strip and their contact, and say what is read; None where nothing touches."""
+    """Return the network of a strip's layers and their contact, and what is read; None where nothing touches."""
     if contact.is_empty:
         return None
     lam, width, ratio = sensor.contact_lambda_mm, sensor.strip_width, sensor.sensing_ratio

@@ -15,6 +15,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
+from tacstrip.network.grid import shares
 
 _SAME = 1e-9  # of a cell: closer positions are one node
 _STEEP = 8  # an edge that runs further along the strip than this many widths gets longer cells
@@ -49,12 +50,7 @@ class Cells:
         """Return how much of an area falls to each node's cell (rows, columns) [mm^2]."""
         side, level = _between(self.x), _between(self.y)[:, None]
         boxes = shapely.box(side[:-1], level[:-1], side[1:], level[1:])
-        shapely.prepare(area)
-        inside, meets = shapely.covers(area, boxes), shapely.intersects(area, boxes)
-        share = np.where(inside, shapely.area(boxes), 0.0)
-        edge = meets & ~inside
-        share[edge] = shapely.area(shapely.intersection(area, boxes[edge]))
-        return np.asarray(share)
+        return shares(area, boxes)
 
 
 def _between(places: FloatArray) -> FloatArray:

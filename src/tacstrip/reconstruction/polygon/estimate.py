@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -17,21 +18,20 @@ from tacstrip.contact.noise import Noise
 from tacstrip.core.binding import MAX_VERTICES
 from tacstrip.core.problem import FLOOR
 from tacstrip.errors import OptionError
-from tacstrip.reconstruction.cramer_rao import reading_sigma
+from tacstrip.reconstruction.noise_covariance import Averaging, fit_sigma
 from tacstrip.reconstruction.polygon.objects import FittedContact, reconstruct_object
-from tacstrip.reconstruction.polygon.run import fit_run, should_merge
+from tacstrip.reconstruction.polygon.run import RunFit, fit_run, should_merge
 from tacstrip.reconstruction.posterior.assessment import Effort, check_effort
 from tacstrip.reconstruction.result import Reconstruction
-from tacstrip.reconstruction.strip_width import PARTIAL_STRIPS, end_margin_mm, remove_width_effect
+from tacstrip.reconstruction.seam import BRIDGED, unrolled
+from tacstrip.reconstruction.strip_width import fitted_strips, remove_width_effect
 from tacstrip.reconstruction.untouched import doubt_untouched
 from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import check_closed_form
 from tacstrip.sensor.spec import Sensor
 
-_BRIDGED = 3  # strips that may be missing inside a contact
 _ROUNDS = 2  # of taking away what the strips' width adds
 _ABOUT = 0.2  # of an area that is given without its standard deviation
-_SPARE = 8  # strips: of fewer none is left out
 
 
 @takes(scan=Scan, sensor=Sensor, noise=Noise)
@@ -43,7 +43,6 @@ def fit_polygon(
     max_vertices: int = MAX_VERTICES,
     bounded: bool = True,
     vertices: int | None = None,
-    wide: bool = False,
     assessment: Effort = "thorough",
     area_mm2: float | tuple[float, float] | None = None,
 ) -> Reconstruction:
@@ -52,22 +51,22 @@ def fit_polygon(
     Parameters
     ----------
     scan, sensor
-        What was measured, with what. From one signature the polygon is convex; from k_h and k_l it is
+        What was measured, with what; strips are as wide as `strip_width_mm` says, which takes three times as long, and
+        without it they are their centre lines. From one signature the polygon is convex; from k_h and k_l it is
         x-monotone, and its ends may be vertical edges.
     noise
-        Of the readings; the A/D converter's steps come on top. None: estimated from what the fit leaves over.
-        "uniform" noise has a bound, and outlines that stay within it are far fewer than least squares leaves: the
-        estimate is then their mean, and `guaranteed` holds the regions that no such outline's vertices leave.
+        Of the readings; the A/D converter's steps come on top. None: the spec's `[noise]`, and without one estimated
+        from what the fit leaves over. Parts that strips share or that last are in the covariance; of a scan that is a
+        mean (`Scan.mean`) they stay. "uniform" noise of independent readings of a single scan has a bound, and outlines
+        that stay within it are far fewer than least squares leaves: the estimate is then their mean, and `guaranteed`
+        holds the regions that no such outline's vertices leave. All other noise: least squares.
     max_vertices
         Vertices at most, those at the ends not counted.
     bounded
-        False: least squares for uniform noise too, 5 to 10 ms faster.
+        False: least squares for uniform noise too, 2 to 13 ms faster.
     vertices
         Of each contact, ends included, where that is known; None: found. Weak corners, which noise hides, then add
         to the uncertainty instead of being left out.
-    wide
-        Whether strips are read as wide as the spec's `strip_width` says, as those of a real sensor are, or at their
-        centre lines, as the closed forms of `simulate` have it. Takes three times as long.
     assessment
         How sure the shape is, found by drawing other outlines that explain the readings: "thorough" (.1 s where it is
         not plain), "fast" (10 ms; with one signature "likely" is the best status), or "none" ("likely" at best).
@@ -97,19 +96,34 @@ def fit_polygon(
     >>> thing.status, thing.vertices.round(0).tolist()
     ('ok', [[20.0, 40.0], [55.0, 20.0], [80.0, 50.0], [45.0, 75.0]])
     """
-    scan.check(sensor)
+    scan = scan.checked(sensor)
     check_closed_form(sensor.kind, "fit_polygon")
     check_effort(assessment)
     area = _known_area(area_mm2)
+    noise = sensor.noise if noise is None else noise
     if vertices is not None and not 3 <= vertices <= MAX_VERTICES + 2:
         raise OptionError(
             f"vertices = {vertices}: a polygon has 3 or more, and here {MAX_VERTICES + 2} at most"
         )
+    laid_out, surface = unrolled(scan, sensor, BRIDGED)
+    contacts = _contacts(laid_out, surface, noise, max_vertices, vertices)
+    if contacts and contacts[-1].strips.start >= sensor.strips:  # near the seam, not across it
+        laid_out, surface = unrolled(scan, sensor)
+        contacts = _contacts(laid_out, surface, noise, max_vertices, vertices)
     result = Reconstruction(
         "polygon",
         tuple(
-            reconstruct_object(scan, sensor, c, noise, bounded and _has_bound(noise), assessment, area)
-            for c in _contacts(scan, sensor, noise, max_vertices, vertices, wide)
+            reconstruct_object(
+                laid_out,
+                surface,
+                c,
+                noise,
+                bounded and _has_bound(noise, scan),
+                sensor.strips,
+                assessment,
+                area,
+            )
+            for c in contacts
         ),
         scan.time_s,
     )
@@ -127,8 +141,7 @@ def fit_polygons(
 ) -> list[Reconstruction]:
     """Fit many scans; arguments and errors as for `fit_polygon` by default, but for a fast assessment.
 
-    `workers` threads share the interpreter outside the compiled core: two take 0.9 of one's time on 1000 strips,
-    and 1.4 times as long on 100.
+    `workers` threads share the interpreter outside the compiled core, which is half of a fit's time.
 
     Examples
     --------
@@ -154,9 +167,12 @@ def fitted_transitions(
 
     Only one signature is used, as Vertex Reconstruction does. A run with too few strips gives its two ends.
     """
-    scan.check(sensor)
+    scan = scan.checked(sensor)
     check_closed_form(sensor.kind, "fit_polygon")
-    name, sigma = sensor.check_signature(signature), _sigma(noise, sensor)
+    name, sigma = (
+        sensor.check_signature(signature),
+        _sigma(sensor.noise if noise is None else noise, scan, sensor),
+    )
     found = []
     for run in scan.runs():
         of_run = fit_run(sensor, sensor.x_mm[run], {name: scan[name][run]}, sigma)
@@ -166,28 +182,27 @@ def fitted_transitions(
 
 
 def _contacts(
-    scan: Scan, sensor: Sensor, noise: Noise | None, max_vertices: int, vertices: int | None, wide: bool
+    scan: Scan, sensor: Sensor, noise: Noise | None, max_vertices: int, vertices: int | None
 ) -> list[FittedContact]:
-    sigma = _sigma(noise, sensor)
+    sigma = _sigma(noise, scan, sensor)
 
     def fit(strips: slice, missing: tuple[int, ...] = ()) -> FittedContact:
-        partial = PARTIAL_STRIPS if wide and strips.stop - strips.start >= _SPARE else 0
-        fitted = slice(strips.start + partial, strips.stop - partial)
-        margin_mm = end_margin_mm(sensor) if partial else 0.0
+        fitted, margin_mm = fitted_strips(sensor, strips)
         x = sensor.x_mm[fitted]
         measured = readings = {name: scan[name][fitted] for name in scan.signatures}
         run = fit_run(sensor, x, readings, sigma, max_vertices, vertices, margin_mm)
-        for _ in range(_ROUNDS if wide else 0):
+        for _ in range(_ROUNDS if sensor.strip_width_mm else 0):
             if (outline := run.outline) is None:
                 break
             readings = remove_width_effect(sensor, outline, x, measured)
             run = fit_run(sensor, x, readings, sigma, max_vertices, vertices, margin_mm)
+        run = run if sigma is not None else _at_least_a_step(run, sensor)
         return FittedContact(strips, missing, fitted, readings, margin_mm, vertices, run)
 
     found: list[FittedContact] = []
     for strips in scan.runs():
         contact = fit(strips)
-        if found and strips.start - found[-1].strips.stop <= _BRIDGED:
+        if found and strips.start - found[-1].strips.stop <= BRIDGED:
             before = found[-1]
             gap = range(before.strips.stop, strips.start)
             joint = fit(slice(before.strips.start, strips.stop), (*before.missing, *gap))
@@ -210,13 +225,24 @@ def _known_area(area_mm2: float | tuple[float, float] | None) -> tuple[float, fl
     return float(mean), float(sigma)
 
 
-def _sigma(noise: Noise | None, sensor: Sensor) -> float | None:
-    return None if noise is None else max(reading_sigma(noise, sensor), FLOOR)
+def _at_least_a_step(run: RunFit, sensor: Sensor) -> RunFit:
+    """Return a run with a sigma of the A/D converter's steps at least: few readings are fitted better by chance."""
+    least = sensor.adc_step / np.sqrt(12.0)
+    if run.sigma >= least:
+        return run
+    return replace(run, problem=run.problem.scaled(least / run.sigma), sigma=float(least))
 
 
-def _has_bound(noise: Noise | None) -> bool:
+def _sigma(noise: Noise | None, scan: Scan, sensor: Sensor) -> float | None:
+    return None if noise is None else max(fit_sigma(noise, sensor, Averaging.of(scan)), FLOOR)
+
+
+def _has_bound(noise: Noise | None, scan: Scan) -> bool:
+    """Whether no reading is off by more than so much, and each by itself: of a mean of scans that says little."""
     return (
         noise is not None
+        and noise.independent
+        and scan.averaged == 1
         and noise.distribution == "uniform"
         and noise.quantisation + noise.positional > FLOOR
     )

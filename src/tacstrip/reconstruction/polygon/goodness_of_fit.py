@@ -10,6 +10,7 @@ from tacstrip.arrays import FloatArray
 from tacstrip.core.polygon_fit import PolygonFit
 from tacstrip.geometry.metrics import column_iou
 from tacstrip.geometry.outline import Outline
+from tacstrip.reconstruction.noise_covariance import CorrelatedErrors
 from tacstrip.reconstruction.polygon.convexity import fit_convex, largest_step
 from tacstrip.reconstruction.polygon.run import RunFit
 from tacstrip.sensor.spec import Sensor
@@ -21,11 +22,9 @@ _RIVAL = -6.0  # an ellipse whose criterion is worse by less than this is a riva
 _REFLEX = 3.0  # standard deviations by which a corner turns inwards
 _FAINT = 0.01  # of sigma^2
 _APART = 3.0  # standard deviations of their distance in x by which two corners are told apart
-_NOT_CONVEX, _NEARLY = (
-    3.09,
-    0.9,
-)  # deviations of chi square (p = .001), and the IoU with what is convex and explains
-_NOISIEST = 0.015  # of Vref: the ceiling of sigma where it is not known
+_NOT_CONVEX = 3.09  # deviations of chi square: p = .001
+_NEARLY = 0.9  # IoU with convex ends that explain the readings
+_MOST_SIGMA = 0.02  # of Vref: no noise that is not given is larger
 _SPREAD = {"uniform": 0.8, "normal": 2.0}  # variance of a squared error over sigma^4
 
 
@@ -61,7 +60,12 @@ def explains(run: RunFit, distribution: str, outline: Outline) -> bool:
     )
 
 
-def misfit(run: RunFit, distribution: str | None) -> str:
+def misfit(
+    run: RunFit,
+    distribution: str | None,
+    covariance: FloatArray,
+    errors: CorrelatedErrors | None = None,
+) -> str:
     """Return advice where the outline does not explain the readings, else nothing.
 
     Parameters
@@ -70,23 +74,27 @@ def misfit(run: RunFit, distribution: str | None) -> str:
         What was fitted to what.
     distribution
         Of the noise, "uniform" or "normal"; None where its level was not known.
+    covariance
+        Of the outline's vertices (2 V, 2 V) [mm^2]; of independent errors.
+    errors
+        Of the readings, where they are not independent.
     """
-    freedom = run.freedom
-    if distribution is not None and chi_square_score(run.residuals, freedom, distribution) > _ALARM:
-        times = math.sqrt(float((run.residuals**2).sum()) / freedom)
+    residuals, freedom = (run.residuals, run.freedom) if errors is None else errors.whitened(covariance)
+    if distribution is not None and chi_square_score(residuals, freedom, distribution) > _ALARM:
+        times = math.sqrt(float((residuals**2).sum()) / freedom)
         return (
             f"the readings are {times:.3g} times as far from the best outline as the noise explains: the contact "
             "may be concave or two objects on the same strips, or the noise larger than given"
         )
-    if autocorrelation_score(run.residuals, run.problem.readings) > _ALARM:
+    if autocorrelation_score(residuals, run.problem.readings) > _ALARM:
         return (
             "what the best outline leaves over hangs together from strip to strip: the contact may be concave, "
             "curved, or two objects on the same strips"
         )
-    if distribution is None and run.sigma > _NOISIEST:
+    if distribution is None and run.sigma > _MOST_SIGMA:
         return (
-            f"the readings scatter by {100.0 * run.sigma:.2g} % of Vref about the best outline, more than noise "
-            "does: the contact may be two objects on the same strips; give the noise if it is so large"
+            f"the readings are off by {100.0 * run.sigma:.2g} % of Vref from the best outline, more than noise of "
+            "a sensor that works: the contact may be concave or two objects on the same strips; or give the noise"
         )
     return ""
 
@@ -103,7 +111,7 @@ def second_look(run: RunFit, distribution: str | None, outline: Outline, sensor:
     step = largest_step(Outline(*selection.chosen.chains_mm(run.problem)), sensor.pitch_mm)
     if not step and not wrong:
         return wrong
-    problem = run.problem.thinned().scaled(min(1.0, _NOISIEST / run.sigma) if distribution is None else 1.0)
+    problem = run.problem.thinned().scaled(min(1.0, _MOST_SIGMA / run.sigma) if distribution is None else 1.0)
     convex = fit_convex(problem, *selection.chosen.ends(problem.x))
     root = (convex.chi_square / convex.freedom) ** (1.0 / 3.0)
     small = 2.0 / (9.0 * convex.freedom)
@@ -119,7 +127,9 @@ def second_look(run: RunFit, distribution: str | None, outline: Outline, sensor:
     return "" if column_iou(own, np.sort(convex.ends, axis=0)) >= _NEARLY else wrong
 
 
-def weakness(run: RunFit, vertices: FloatArray, covariance: FloatArray) -> str:
+def weakness(
+    run: RunFit, vertices: FloatArray, covariance: FloatArray, averaging: str = "average more scans"
+) -> str:
     """Return advice on what the readings leave open of an outline, else nothing.
 
     Parameters
@@ -128,6 +138,8 @@ def weakness(run: RunFit, vertices: FloatArray, covariance: FloatArray) -> str:
         What was fitted to what.
     vertices, covariance
         Of the outline, counter-clockwise (V, 2) [mm], (2 V, 2 V) [mm^2].
+    averaging
+        What advice says of averaging scans, from `averaging_advice`.
     """
     if not isinstance(run.model, PolygonFit):
         return "this contact looks round: the outline is the ellipse that explains the readings better than corners"
@@ -142,9 +154,7 @@ def weakness(run: RunFit, vertices: FloatArray, covariance: FloatArray) -> str:
     x_sigma = np.sqrt(covariance.diagonal()[::2])
     at = int(np.argmax(x_sigma))
     if x_sigma[at] > _LOOSE * run.problem.width_mm:
-        more = (
-            "average more scans" if len(run.problem.k) > 1 else "average more scans, or use both signatures"
-        )
+        more = averaging if len(run.problem.k) > 1 else f"{averaging}, or use both signatures"
         if x_sigma[at] > run.problem.width_mm:
             return (
                 f"the readings do not tell where along its edges the vertex {_where(vertices[at])} lies; is it one? "

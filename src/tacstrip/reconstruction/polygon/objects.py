@@ -13,6 +13,8 @@ from tacstrip.core.polygon_fit import PolygonFit
 from tacstrip.core.search import fit_counts
 from tacstrip.geometry.outline import Outline, max_height
 from tacstrip.reconstruction.contact_ends import closed_ends
+from tacstrip.reconstruction.cramer_rao import reading_sigma
+from tacstrip.reconstruction.noise_covariance import Averaging, CorrelatedErrors, averaging_advice
 from tacstrip.reconstruction.polygon.goodness_of_fit import explains, misfit, second_look, weakness
 from tacstrip.reconstruction.polygon.run import RunFit
 from tacstrip.reconstruction.posterior.assessment import ENOUGH, PROMISED_IOU, Assessment, Effort, assess
@@ -20,6 +22,7 @@ from tacstrip.reconstruction.result import Profile, RecoveredObject, Status
 from tacstrip.reconstruction.set_membership.edge_lines import ReadingBounds
 from tacstrip.reconstruction.set_membership.estimate import Bounded, fewest
 from tacstrip.scan import Scan
+from tacstrip.sensor.closed_form import lower_from_width
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
 
@@ -32,12 +35,16 @@ _WORSE, _FEWER = 20.0, 0.0  # of the criterion: so much worse, more vertices, or
 _CORNERS = 12  # at most: the search for a set grows with them
 _NAMED = 5  # strips that advice names
 _FAINT = (
-    "no corner could be distinguished from noise: a line fits as well as the triangle that is given; average more "
-    "scans, or use both signatures"
+    "no corner could be distinguished from noise: a line fits as well as the triangle that is given; {}, or use "
+    "both signatures"
 )
 _EMPTY = (
     "no polygon stays within the noise's bound on every strip: the noise is larger than given, or the contact is no "
     "polygon of these vertices; the outline is that of least squares"
+)
+_MANY = (
+    f"an outline of more than {_CORNERS} vertices is not held against the noise's bound: this one, of least squares, "
+    "may be of a contact that no such outline explains; bounded=False judges it by chi square alone"
 )
 
 
@@ -78,6 +85,7 @@ def reconstruct_object(
     contact: FittedContact,
     noise: Noise | None,
     bounded: bool,
+    around: int,
     effort: Effort = "none",
     area_mm2: tuple[float, float] | None = None,
 ) -> RecoveredObject:
@@ -91,19 +99,24 @@ def reconstruct_object(
         One contact's strips and fits.
     noise, bounded
         The readings' errors if known, and whether to use that they have a bound.
+    around
+        Strips after which their numbers begin again, for `unrolled` ones.
     effort
         Of assessing how sure the shape is.
     area_mm2
         Mean and standard deviation of the contact's area, where that is known.
     """
     strips, run = contact.strips, contact.run
-    notes = _notes(scan, sensor, contact)
+    averaging = averaging_advice(noise, sensor, Averaging.of(scan))
+    notes = _notes(scan, sensor, contact, around)
     x = sensor.x_mm[strips]
     if run.selection is None:
         few = f"{strips.stop - strips.start} strips are touched, too few for a polygon: use finer strips"
+        if scan.signatures == ("k",):
+            return _places(scan, sensor, strips, noise, notes)
         raw = _raw_profile(scan, sensor, strips)
         return RecoveredObject(strips, profile=raw, status="too few strips", advice="; ".join([few, *notes]))
-    distribution = None if noise is None else noise.distribution
+    distribution = None if noise is None else noise.distribution if noise.independent else "normal"
     fit, faint = _chosen(run, noise is not None)
     model: OutlineModel = fit
     if run.model is not None and not isinstance(run.model, PolygonFit):
@@ -117,13 +130,14 @@ def reconstruct_object(
         )
     outline = Outline(lower, upper)
     covariance = model.covariance(run.problem, sensor)
-    guarantee, wrong = None, misfit(run, distribution)
-    if noise is not None and bounded and not faint and model is fit:
+    guarantee, empty = None, False
+    many = noise is not None and bounded and model is fit and fit.n_vertices > _CORNERS
+    if noise is not None and bounded and not (faint or many) and model is fit:
         guarantee, empty = _bounded(scan, sensor, contact, noise, outline)
         if guarantee is not None:
             outline, covariance = guarantee.outline, guarantee.region_covariance
-        if empty:
-            wrong = wrong or _EMPTY
+    errors = _errors(scan, sensor, contact, noise, outline)
+    wrong = misfit(run, distribution, covariance, errors) or (_EMPTY if empty else _MANY if many else "")
     wrong = second_look(run, distribution, outline, sensor, wrong)
     if contact.known_count is not None and fit.n_vertices < contact.known_count:
         wrong = (
@@ -134,14 +148,16 @@ def reconstruct_object(
     if told.better is not None and contact.known_count is None:
         model, guarantee, faint = told.better, None, False
         outline, covariance = Outline(*model.chains_mm(run.problem)), model.covariance(run.problem, sensor)
-    weak = _FAINT if faint else weakness(run, outline.vertices, covariance)
+        errors = _errors(scan, sensor, contact, noise, outline)
+    covariance = covariance if errors is None else errors.propagated(covariance)
+    weak = _FAINT.format(averaging) if faint else weakness(run, outline.vertices, covariance, averaging)
     if told.explained and len(run.problem.k) == 1 and contact.known_count is None:
         wrong = ""  # outlines of more corners explain the readings, and the confidence counts them
-    status, advice = _verdict(wrong, weak, told, effort, len(run.problem.k))
+    status, advice = _verdict(wrong, weak, told, effort, len(run.problem.k), averaging)
     profile = (x, np.interp(x, *outline.lower.T), np.interp(x, *outline.upper.T))
     return RecoveredObject(
         strips,
-        outline.vertices,
+        outline.vertices.copy(),
         profile,
         covariance,
         status,
@@ -155,7 +171,7 @@ def reconstruct_object(
 
 
 def _verdict(
-    wrong: str, weak: str, told: Assessment, effort: Effort, signatures: int
+    wrong: str, weak: str, told: Assessment, effort: Effort, signatures: int, averaging: str
 ) -> tuple[Status, list[str]]:
     """Return the status, and advice: what the outline does not explain, what is left open, how sure it is."""
     if wrong:
@@ -165,7 +181,7 @@ def _verdict(
         return ("doubtful" if weak else "likely"), [weak, why]
     if told.confidence >= ENOUGH:
         return ("likely" if effort == "fast" and signatures == 1 else "ok"), [weak]
-    more = "average scans, or use finer strips" if signatures > 1 else "use both signatures, average scans"
+    more = f"{averaging}, or use finer strips" if signatures > 1 else f"use both signatures, {averaging}"
     sure = (
         f"with a probability of {told.confidence:.2f} only it overlaps the true outline by an IoU of "
         f"{PROMISED_IOU} or more, for others explain the readings too: {more}, or give the contact's area"
@@ -191,6 +207,41 @@ def _bounded(
     return None, refined is None
 
 
+def _places(
+    scan: Scan, sensor: Sensor, strips: slice, noise: Noise | None, notes: list[str]
+) -> RecoveredObject:
+    """Return a place on each strip of metal: y = k L lies within [l, u] whatever the width, and is a point's own."""
+    x, k = sensor.x_mm[strips], scan["k"][strips]
+    known = np.isfinite(k)
+    y = lower_from_width(k[known], np.zeros(known.sum()), sensor.length_mm)
+    sigma = sensor.adc_step / np.sqrt(12.0) if noise is None else reading_sigma(noise, sensor)
+    deviation = sensor.strip_width / np.sqrt(12.0), sigma * sensor.length_mm if sigma > 0.0 else np.nan
+    points = np.stack([x[known], y], axis=1)
+    where = ", ".join(f"({a:.4g}, {b:.4g})" for a, b in points)
+    advice = f"too few strips for a shape; touched at (x, y) = {where} mm, or around there if it has a width"
+    return RecoveredObject(
+        strips,
+        profile=(x[known], y, y),
+        status="points",
+        advice="; ".join([advice, *notes]),
+        points=points,
+        point_deviations=np.tile(deviation, (len(points), 1)),
+    )
+
+
+def _errors(
+    scan: Scan, sensor: Sensor, contact: FittedContact, noise: Noise | None, outline: Outline
+) -> CorrelatedErrors | None:
+    """Return the errors of a contact's readings where they are known not to be independent."""
+    if noise is None:
+        return None
+    run = contact.run
+    residuals, used = run.residuals * run.sigma, run.problem.weight > 0.0
+    return CorrelatedErrors.of(
+        noise, sensor, outline, sensor.x_mm[contact.fitted], scan, residuals, used, run.sigma
+    )
+
+
 def _upright(outline: Outline, covariance: FloatArray, sensor: Sensor) -> tuple[int, ...]:
     """Return the places in `vertices.ravel()` of x of vertical ends of which no more than a pitch is known."""
     lower, upper = outline.indices
@@ -212,7 +263,7 @@ def _refined(scan: Scan, sensor: Sensor, contact: FittedContact, noise: Noise) -
     run = contact.run
     assert run.selection is not None
     freedom = max(run.freedom, 1)
-    if (run.residuals**2).sum() > _HOPELESS**2 * freedom or run.selection.chosen.n_vertices > _CORNERS:
+    if (run.residuals**2).sum() > _HOPELESS**2 * freedom:
         return None
     candidates = []
     for fit, score in zip(run.selection.fits, run.selection.scores, strict=True):
@@ -243,17 +294,17 @@ def _raw_profile(scan: Scan, sensor: Sensor, strips: slice) -> Profile | None:
     return (sensor.x_mm[strips], l, u) if np.isfinite(l + u).all() else None
 
 
-def _notes(scan: Scan, sensor: Sensor, contact: FittedContact) -> list[str]:
+def _notes(scan: Scan, sensor: Sensor, contact: FittedContact, around: int) -> list[str]:
     """Name the strips that were bridged, and the readings that were left out."""
     notes, base = [], sensor.strip_base
     if contact.missing:
-        names = _list([str(i + base) for i in contact.missing])
+        names = _list([str(i % around + base) for i in contact.missing])
         notes.append(f"strip {names} reads nothing inside the contact and was bridged: is it broken?")
     excluded = np.argwhere(contact.run.excluded)
     if len(excluded):
         names = _list(
             [
-                f"{i + contact.fitted.start + base} ({SIGNATURES[scan.signatures[s]].symbol} = "
+                f"{(i + contact.fitted.start) % around + base} ({SIGNATURES[scan.signatures[s]].symbol} = "
                 f"{scan[scan.signatures[s]][i + contact.fitted.start]:.3g})"
                 for s, i in excluded
             ]

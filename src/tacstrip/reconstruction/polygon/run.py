@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -9,11 +10,12 @@ from functools import cached_property
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray
-from tacstrip.core.binding import MAX_VERTICES
+from tacstrip.core.binding import MAX_VERTICES, RUN, at, exported, search_workspace
 from tacstrip.core.ellipse import Ellipse, fit_ellipse
 from tacstrip.core.model_selection import complexity_penalty, deviance, per_vertex_penalty
 from tacstrip.core.outliers import isolated_outliers, spikes
 from tacstrip.core.outline_model import OutlineModel
+from tacstrip.core.polygon_fit import PolygonFit
 from tacstrip.core.problem import FLOOR, FitProblem
 from tacstrip.core.search import ModelSelection, fit_counts
 from tacstrip.geometry.outline import Outline, max_height
@@ -26,6 +28,8 @@ _ROUNDS = 3  # of leaving outliers out, and of estimating sigma anew
 _SURER = 0.3  # so much less noise than first thought is worth another fit
 _NEAR = 6.0  # spreads from the polygon that was made without it: no outlier
 _BARELY = 0.5  # of the spread with all readings: few residuals can be small by chance
+_ALONE = 8  # suspects at most that are left out one by one
+_LEAST_SCALE = 1e-3  # of sigma: a spread of residuals
 _SPARE = 1  # readings beyond the numbers fitted, without which nothing can be tested
 
 
@@ -91,7 +95,7 @@ class RunFit:
         if sigma_known or self.selection is None:
             return 1.0
         used = self.residuals[self.problem.weight > 0.0]
-        return max(float(robust_sigma(used)), 1e-3) if len(used) else 1.0
+        return max(float(robust_sigma(used)), _LEAST_SCALE) if len(used) else 1.0
 
     def penalised_cost(self, scale: float) -> float:
         """Return what vertices and readings left out cost, with the deviance at a spread of residuals; inf: no fit.
@@ -139,6 +143,54 @@ def fit_run(
     margin_mm
         How much further out the ends lie than within half a pitch of the outer strips.
     """
+    core = exported("fit_run")
+    if core is None:
+        return plain_fit_run(sensor, x_mm, readings, sigma, max_vertices, n_vertices, margin_mm)
+    raw = np.array([*readings.values()], dtype=np.float64)
+    k, weight, residuals = np.empty((3, *raw.shape))
+    excluded, record = np.empty(raw.shape, dtype=np.bool_), np.empty(1, RUN)
+    workspace = search_workspace((4 + 2 * raw.shape[0]) * raw.shape[1])
+    problem = FitProblem.of_strips(sensor, x_mm, tuple(readings), k, weight, margin_mm)
+    given = problem.compiled
+    given.k = at(raw)
+    core(
+        given,
+        0.0 if sigma is None else max(sigma, FLOOR),
+        sensor.adc_step / math.sqrt(12.0),
+        max_vertices,
+        n_vertices or 0,
+        *map(at, (record, k, weight, residuals, excluded, workspace)),
+    )
+    given.k = at(k)
+    return _of_record(problem, record[0], excluded, residuals)
+
+
+def _of_record(problem: FitProblem, record: np.void, excluded: BoolArray, residuals: FloatArray) -> RunFit:
+    """Return what the compiled core left in a `RUN`."""
+    selection, ellipse, count = None, None, int(record["count"])
+    if count:
+        found = record["found"][:count]
+        fits = tuple(PolygonFit.of_record(found[i : i + 1]) for i in range(count))
+        scores = tuple(found["score"].tolist())
+        selection = ModelSelection(fits, scores, int(record["best"]), int(record["equal"]))
+    advantage = float(record["advantage"])
+    if advantage > -np.inf:
+        ellipse = Ellipse(record["ellipse"], float(record["ellipse_cost"]), record["information"])
+    run = RunFit(problem, selection, float(record["sigma"]), excluded, ellipse, advantage)
+    run.__dict__["residuals"] = residuals  # the cached property's place
+    return run
+
+
+def plain_fit_run(
+    sensor: Sensor,
+    x_mm: FloatArray,
+    readings: Mapping[str, FloatArray],
+    sigma: float | None = None,
+    max_vertices: int = MAX_VERTICES,
+    n_vertices: int | None = None,
+    margin_mm: float = 0.0,
+) -> RunFit:
+    """Do as `fit_run`, step by step."""
     raw = np.stack([np.asarray(values, dtype=np.float64) for values in readings.values()])
     there = (raw >= -_BEYOND) & (raw <= 1.0 + _BEYOND)
     raw = np.where(there, raw, np.nan)
@@ -172,11 +224,17 @@ class _RunFitter:
 
     def fit(self, start: float) -> RunFit:
         """Leave outliers out and fit; `start` is sigma, or where it is not known a first idea of it."""
-        suspected = np.stack([spikes(values, start) for values in self.raw]) & self.there
+        certain = _on_the_wrong_rail(self.raw, start)
+        alone = np.where(certain, np.nan, self.raw)
+        suspected = certain | (np.stack([spikes(values, start) for values in alone]) & self.there)
         run = self._fit_without_outliers(start, suspected)
         if suspected.any():
             # Corners and steep ends are not predicted by neighbours either: are polygons of more readings cheaper?
-            others = [np.zeros_like(suspected)]
+            # Nor are a fault's neighbours: is it one of the suspects alone?
+            others = [certain]
+            for at in np.flatnonzero(suspected & ~certain)[:_ALONE] if suspected.sum() > 1 else ():
+                others.append(certain.copy())
+                others[-1].flat[at] = True
             if run.selection is not None:
                 off = np.abs(self.raw - run.selection.chosen.readings(run.problem))
                 others.append(suspected & (off > _NEAR * start * run.residual_scale(self.sigma_known)))
@@ -211,6 +269,20 @@ class _RunFitter:
                 break
             out = out | new
         return run
+
+
+def _on_the_wrong_rail(raw: FloatArray, sigma: float) -> BoolArray:
+    """Find readings (2, n) that lie on ground or Vref where the strip's other reading says that none can.
+
+    k_h is never below k_l: a k_h on ground, or a k_l on Vref, beside another reading is a dead or saturated channel.
+    """
+    out = np.zeros(raw.shape, dtype=np.bool_)
+    if len(raw) == 2:
+        near = _NEAR * sigma
+        with np.errstate(invalid="ignore"):
+            below = raw[0] < raw[1] - 2.0 * near
+            out[0], out[1] = below & (raw[0] <= near), below & (raw[1] >= 1.0 - near)
+    return out
 
 
 def _with_ellipse(run: RunFit, sigma_known: bool) -> RunFit:

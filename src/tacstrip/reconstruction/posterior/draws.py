@@ -86,6 +86,8 @@ class Draws:
         drawn = PolygonFit.of(self.outline(k), problem)
         settled = refine(drawn, problem)  # a draw is as far from the mean as the truth is: go there
         lower, upper = settled.chains
+        if np.abs(settled.theta[[0, 3]] - (0.0, 1.0)).max() > 0.5 * problem.pitch:
+            return drawn
         if any((np.diff(c[:, 0]) <= 0.0).any() for c in (lower, upper)):
             return drawn
         ends = self.ends_of(*settled.chains_mm(problem))

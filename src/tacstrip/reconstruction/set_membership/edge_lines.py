@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.contact.noise import Noise
+from tacstrip.core.binding import Band, Lines
+from tacstrip.core.binding import at as address
 from tacstrip.geometry.outline import Outline
+from tacstrip.sensor.closed_form import sensing_share
+from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
 
 
@@ -66,7 +71,27 @@ class ReadingBounds:
         high = {name: np.minimum(k + reach, 1.0) for name, k in readings.items()}
         return cls(sensor, x, low, high, reach - flat, beyond_mm)
 
-    @property
+    @cached_property
+    def compiled(self) -> Band:
+        """What the compiled core takes."""
+        sensor, n = self.sensor, len(self.x)
+        x, low, high = (
+            np.ascontiguousarray(v) for v in (self.x, [*self.low.values()], [*self.high.values()])
+        )
+        a = sensing_share(sensor.sensing_ratio)
+        shares = [a if SIGNATURES[name].at_upper_end else 0.0 for name in self.low]
+        constants = (
+            1.0 - a,
+            sensor.length_mm,
+            sensor.contact_lambda_mm,
+            self.edge,
+            tuple(self.windows.ravel()),
+        )
+        made = Band(n, len(low), *map(address, (x, low, high)), (shares[0], shares[-1]), *constants)
+        made.arrays = (x, low, high)
+        return made
+
+    @cached_property
     def windows(self) -> FloatArray:
         """Where the left and the right end of the contact lie (2, 2) [mm]: within a pitch of the outer strips."""
         near, far = self.beyond_mm, self.beyond_mm + self.sensor.pitch_mm
@@ -95,6 +120,14 @@ class EdgeLines:
     lower: int
     blunt: tuple[bool, bool]
     turns: IntArray
+
+    @cached_property
+    def compiled(self) -> Lines:
+        """What the compiled core takes."""
+        reach, turns = np.ascontiguousarray(self.reach), np.array(self.turns, dtype=np.int64)
+        made = Lines(len(reach), self.lower, self.blunt, address(reach), address(turns))
+        made.arrays = (reach, turns)
+        return made
 
     @classmethod
     def of(cls, outline: Outline) -> tuple[EdgeLines, FloatArray]:
@@ -162,8 +195,8 @@ class EdgeLines:
                 chains[1][..., end, :] = chains[0][..., end, :]
         return chains[0], chains[1]
 
-    def log_density(self, heights: FloatArray, lower: FloatArray, upper: FloatArray) -> FloatArray:
-        """Return, but for a constant, the logarithm (...,) of how much room in the vertices' places heights have.
+    def density(self, heights: FloatArray, lower: FloatArray, upper: FloatArray) -> FloatArray:
+        """Return, but for a constant, how much room in the vertices' places heights have (...,).
 
         It is the determinant of the vertices, `chains` (..., M, 2) and (..., N, 2), by the heights (..., 2 Q). Steep
         edges have much room in heights and hardly any in places.
@@ -173,8 +206,6 @@ class EdgeLines:
         slope = (h[..., 1] - h[..., 0]) / np.diff(self.reach, axis=1)[:, 0]
         given = np.append(np.full(len(self.turns), True), ~np.array(self.blunt))
         first, second = self.crossings[given].T
-        with np.errstate(divide="ignore"):
-            return np.asarray(
-                np.log(np.maximum(run, 0.0)).sum(axis=-1)
-                - np.log(np.abs(slope[..., second] - slope[..., first])).sum(axis=-1)
-            )
+        turn = np.abs(slope[..., second] - slope[..., first])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(np.maximum(run, 0.0).prod(axis=-1) / turn.prod(axis=-1))

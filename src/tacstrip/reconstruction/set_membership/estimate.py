@@ -19,16 +19,16 @@ from tacstrip.arrays import FloatArray
 from tacstrip.contact.signature import signatures
 from tacstrip.core.hit_and_run import hit_and_run
 from tacstrip.errors import ContactError
-from tacstrip.geometry.moments import LEVEL, MomentDeviations, sample_deviations
+from tacstrip.geometry.moments import LEVEL, MomentDeviations
 from tacstrip.geometry.outline import Outline
 from tacstrip.reconstruction.set_membership.edge_lines import EdgeLines, ReadingBounds
 from tacstrip.reconstruction.set_membership.feasible_point import Effort, feasible_point
 from tacstrip.reconstruction.set_membership.feasible_set import feasible_set
+from tacstrip.reconstruction.set_membership.outlines import draw_outlines, scatter
 from tacstrip.reconstruction.set_membership.regions import guaranteed
 
 _EFFORT = 1_500.0  # for one outline
 _REACHES = (4.0, 12.0)  # standard errors of least squares within which a kink is looked for
-_ALIKE = 0.1  # of the points drawn: if fewer are worth as much as all, they do not tell of vertices
 _BENT = 0.05  # of a reading's band: by how much the mean may leave it, as the set is not quite convex
 
 
@@ -119,45 +119,12 @@ def refine(outline: Outline, covariance: FloatArray, band: ReadingBounds) -> Bou
     if points is None:
         return None
     least_squares = replace(least_squares, points=points)
-    drawn = _drawn(points, lines, band)
-    mean = None if drawn is None else _mean(*drawn, lines, band)
-    if drawn is None or mean is None:
+    chains = draw_outlines(points, lines, band)
+    mean = None if chains is None else _mean(*chains, lines, band)
+    if chains is None or mean is None:
         return least_squares
-    vertices = _by_vertex(mean, *drawn)
-    off = vertices - mean.vertices
-    scatter = np.cov(off.reshape(len(off), -1), rowvar=False)
-    blocks = np.einsum("kvi,kvj->vij", off, off) / (len(off) - 1)
-    distance = np.einsum("kvi,vij,kvj->kv", off, np.linalg.pinv(blocks, hermitian=True), off)
-    radii = np.quantile(distance, LEVEL, axis=0)
-    deviations = sample_deviations(mean.vertices, vertices)
-    refined = Bounded(mean, scatter, radii, deviations, band, lines, points, least_squares)
+    refined = Bounded(mean, *scatter(mean, *chains), band, lines, points, least_squares)
     return refined if np.isfinite(refined.region_covariance).all() else least_squares
-
-
-def _drawn(points: FloatArray, lines: EdgeLines, band: ReadingBounds) -> tuple[FloatArray, FloatArray] | None:
-    """Return chains (K, M, 2) and (K, N, 2) [mm], as often as their vertices' places have room in the set.
-
-    None where that is too unlike the heights' room for points drawn by heights to tell: with an edge that crosses
-    hardly a strip, nearly all of them make it vertical.
-    """
-    random, count, windows = np.random.default_rng(0), len(points), band.windows
-    # Where a vertical edge lies in its window nothing tells, nor does one end tell of the other.
-    share = np.stack([random.permutation(count), random.permutation(count)], axis=1)
-    blunt_x = windows[:, 0] + (share + 0.5) / count * (windows[:, 1] - windows[:, 0])
-    lower, upper = lines.chains(points, blunt_x)
-    density = lines.log_density(points, lower, upper)
-    ends = lower[:, [0, -1], 0]
-    density[
-        np.any((ends < windows[:, 0]) | (ends > windows[:, 1]), axis=1)
-    ] = -np.inf  # a bound was too far to be met
-    if not np.isfinite(density.max(initial=-np.inf)):
-        return None
-    weight = np.exp(density - density.max())
-    if weight.sum() ** 2 < _ALIKE * count * (weight**2).sum():
-        return None
-    kept = np.searchsorted(np.cumsum(weight), (np.arange(count) + 0.5) / count * weight.sum())
-    on_strip = ([-np.inf, 0.0], [np.inf, band.sensor.length_mm])
-    return np.clip(lower[kept], *on_strip), np.clip(upper[kept], *on_strip)
 
 
 def _mean(lower: FloatArray, upper: FloatArray, lines: EdgeLines, band: ReadingBounds) -> Outline | None:
@@ -176,16 +143,6 @@ def _mean(lower: FloatArray, upper: FloatArray, lines: EdgeLines, band: ReadingB
         if np.any((made[name] < low - slack) | (made[name] > band.high[name] + slack)):
             return None
     return mean
-
-
-def _by_vertex(outline: Outline, lower: FloatArray, upper: FloatArray) -> FloatArray:
-    """Return drawn chains as vertices (K, V, 2) in the order of an outline's; where that has one of two, their mean."""
-    vertices = np.zeros((len(lower), *outline.vertices.shape))
-    times = np.zeros(len(outline.vertices))
-    for index, chain in zip(outline.indices, (lower, upper), strict=True):
-        vertices[:, index] += chain
-        times[index] += 1.0
-    return np.asarray(vertices / times[:, None])
 
 
 def fewest(

@@ -14,8 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
+from tacstrip.core.binding import at as address
+from tacstrip.core.binding import exported
 from tacstrip.reconstruction.set_membership.edge_lines import EdgeLines, ReadingBounds
-from tacstrip.sensor.circuit import end_weights, transfer_length
+from tacstrip.sensor.closed_form import end_weights, sensing_share, transfer_length
 from tacstrip.sensor.constructions import SIGNATURES
 
 _LOST = 2  # the turn on a strip in two zones of one chain: any of three lines
@@ -74,6 +76,24 @@ def feasible_set(band: ReadingBounds, lines: EdgeLines, zones: FloatArray, width
     widths
         Length of the contact on each strip, expected, least and greatest (3, n) [mm]: contact resistance needs them.
     """
+    core = exported("feasible_set")
+    if core is None:
+        return plain_feasible_set(band, lines, zones, widths)
+    zones, widths = np.ascontiguousarray(zones), np.ascontiguousarray(widths)
+    counts, workspace, size = np.zeros(2, dtype=np.int64), np.empty(14 * len(band.x)), lines.reach.size
+    given = lines.compiled, band.compiled, address(zones), address(widths), address(counts)
+    core(*given, *[None] * 6, address(workspace))
+    rows, pairs = counts.tolist()
+    shapes = (size, rows), (rows,), (rows,), (size, 2, pairs), (2, pairs), (pairs,)
+    made = [np.empty(shape) for shape in shapes]
+    core(*given, *map(address, made), address(workspace))
+    return FeasibleSet(np.concatenate([zones, band.windows]), *(part.T for part in made))
+
+
+def plain_feasible_set(
+    band: ReadingBounds, lines: EdgeLines, zones: FloatArray, widths: FloatArray
+) -> FeasibleSet:
+    """Do as `feasible_set`, in NumPy."""
     sensor, x = band.sensor, band.x
     split = lines.lower - 1
     l_first, l_second, l_turn = _lines_at(x, zones[:split], lines.turns[:split], 0)
@@ -82,7 +102,8 @@ def feasible_set(band: ReadingBounds, lines: EdgeLines, zones: FloatArray, width
     l_share, u_share = lines.share(l_line, x), lines.share(u_line, x)
     eaten, per_width, bent = _transfer_length(widths, sensor.contact_lambda_mm)
     # A bound k L - c_l l - c_u u changes by D dk.
-    edge = band.edge * (sensor.length_mm - (widths[0] - 2.0 * eaten) / (1.0 + sensor.sensing_ratio))
+    narrow = 1.0 - sensing_share(sensor.sensing_ratio)
+    edge = band.edge * (sensor.length_mm - narrow * (widths[0] - 2.0 * eaten))
     # Upper bounds of all signatures, then lower ones (B, n).
     k = np.stack([*band.high.values(), *band.low.values()])
     sign = np.repeat([1, -1], len(band.low))[:, None]

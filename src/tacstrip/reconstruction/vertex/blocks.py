@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray
-from tacstrip.sensor.circuit import end_weights
+from tacstrip.sensor.closed_form import end_weights
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
 

@@ -13,13 +13,14 @@ from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError, one_of
 from tacstrip.geometry.outline import close_chains
 from tacstrip.reconstruction.result import Reconstruction, RecoveredObject, Status
+from tacstrip.reconstruction.seam import unrolled
 from tacstrip.reconstruction.sections import Section, fit_sections, noise_level
 from tacstrip.reconstruction.untouched import doubt_untouched
 from tacstrip.reconstruction.vertex.blocks import linear_system
 from tacstrip.reconstruction.vertex.transitions import transitions_of_runs
 from tacstrip.reconstruction.vertex.validity import judge, judge_fit
 from tacstrip.scan import Scan
-from tacstrip.sensor.circuit import end_weights, transfer_length
+from tacstrip.sensor.closed_form import end_weights, transfer_length
 from tacstrip.sensor.constructions import SIGNATURES, check_closed_form
 from tacstrip.sensor.spec import Sensor
 
@@ -80,15 +81,16 @@ def vertex_reconstruction(
     >>> found.objects[0].vertices.round(6).tolist()
     [[20.0, 40.0], [55.0, 20.0], [80.0, 50.0], [45.0, 75.0]]
     """
-    scan.check(sensor)
+    scan = scan.checked(sensor)
     check_closed_form(sensor.kind, "Vertex Reconstruction")
     name = sensor.check_signature(scan.signatures[-1] if signature is None else signature)
     if reading not in _READINGS:
         raise OptionError(one_of("reading", reading, _READINGS))
-    k = scan[name]
-    found = transitions_of_runs(scan, sensor, name, transitions, noise)
-    runs = zip(scan.runs(), found, strict=True)
-    objects = tuple(_recover(sensor, name, run, k[run], x, reading) for run, x in runs)
+    laid_out, surface = unrolled(scan, sensor)
+    k = laid_out[name]
+    found = transitions_of_runs(laid_out, surface, name, transitions, noise)
+    runs = zip(laid_out.runs(), found, strict=True)
+    objects = tuple(_recover(surface, name, run, k[run], x, reading) for run, x in runs)
     return doubt_untouched(Reconstruction("vertex", objects, scan.time_s), scan, sensor)
 
 
@@ -104,7 +106,7 @@ def _recover(
     sensor: Sensor, signature: str, run: slice, k: FloatArray, x: FloatArray, reading: str
 ) -> RecoveredObject:
     """Recover one object from the readings of its strips and its vertices' x."""
-    strips = sensor.x_mm[run]
+    strips, k = sensor.x_mm[run][np.isfinite(k)], k[np.isfinite(k)]
     try:
         _check_counts(sensor, strips, x)
         sections = fit_sections(strips, k, x, sensor.sensing_ratio)

@@ -72,7 +72,9 @@ def transitions_of_runs(
 
             return fitted_transitions(scan, sensor, signature, noise)
         pitch, ratio = sensor.pitch_mm, sensor.sensing_ratio
-        return [by_gradient(x[run], scan[signature][run], pitch, ratio) for run in runs]
+        read = [np.isfinite(scan[signature][run]) for run in runs]
+        each = [(x[run][there], scan[signature][run][there]) for run, there in zip(runs, read, strict=True)]
+        return [by_gradient(*of_run, pitch, ratio) for of_run in each]
     given = np.asarray(transitions, dtype=float)
     if given.ndim != 1 or not np.all(np.isfinite(given)) or np.any(np.diff(given) < 0.0):
         raise OptionError("transitions must be a list of finite x [mm] of all vertices, in ascending order")

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import math
 import socket
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,8 +21,7 @@ _ADDRESS = "/tuio/2Dblb"
 _SMOOTHING_S = 0.05  # time constant of the velocities
 
 
-@dataclass(frozen=True)
-class Blob:
+class Blob(NamedTuple):
     """Centre, angle [rad], extents along the axes and area of a blob; all but the angle relative to the sensor."""
 
     x: float
@@ -44,8 +42,9 @@ def blob(one: LiveObject, sensor: Sensor) -> Blob | None:
     along, across = np.ptp((shape.vertices - shape.centroid) @ axes, axis=0)
     x, y = shape.centroid
     sensor_area = sensor.width_mm * sensor.length_mm
+    x = float(x / sensor.width_mm)
     return Blob(
-        float(x / sensor.width_mm), float(1.0 - y / sensor.length_mm), -turn % math.pi,
+        x % 1.0 if sensor.closed else x, float(1.0 - y / sensor.length_mm), -turn % math.pi,
         float(along / sensor.width_mm), float(across / sensor.length_mm), shape.area / sensor_area,
     )  # fmt: skip
 
@@ -113,7 +112,7 @@ class Tuio:
             change = ((math.hypot(vx, vy) - before) / passed, (va - last_speed[2]) / passed)
             speed = (vx, vy, va)
         self._last[number] = (time_s, now, speed)
-        return (now.x, now.y, now.angle, now.width, now.height, now.area, *speed, *change)
+        return (*now, *speed, *change)
 
 
 def _message(command: str, *values: str | int | float) -> Any:

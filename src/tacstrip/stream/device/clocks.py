@@ -169,11 +169,8 @@ class DeviceClock:
             change_s, passed_s = newest[0] - ahead_s, newest[1] - then_s
             if abs(change_s) > TOLERANCE * passed_s + SLACK_S:
                 speed = 1.0 - change_s / passed_s
-                runs = (
-                    "stands still"
-                    if abs(speed) < TOLERANCE
-                    else f"runs at {100.0 * speed:.3g} % of its speed"
-                )
+                still = abs(speed) < TOLERANCE
+                runs = "stands still" if still else f"runs at {100.0 * speed:.3g} % of its speed"
                 self.fault = f"the device's clock {runs}"
                 return
         self._windows.append(newest)

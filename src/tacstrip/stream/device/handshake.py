@@ -10,10 +10,9 @@ from tacstrip.data import spec_names
 from tacstrip.errors import PortError, SpecError
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.device.port import Port
-from tacstrip.stream.device.protocol.commands import Command
 from tacstrip.stream.device.protocol.decoder import Decoder
 from tacstrip.stream.device.protocol.frames import Kind
-from tacstrip.stream.device.protocol.messages import Hello
+from tacstrip.stream.device.protocol.messages import Command, Hello
 
 _ASK_S = 0.5  # between two requests to identify itself
 _READ_S = 0.1

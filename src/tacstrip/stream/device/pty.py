@@ -6,8 +6,6 @@ import os
 import select
 import threading
 from contextlib import suppress
-from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 from tacstrip.errors import PortError
@@ -24,8 +22,6 @@ class PtyDevice:
     ----------
     device
         The device.
-    link
-        A path that links to the port, so that a device can be unplugged and plugged in again under one name.
 
     Attributes
     ----------
@@ -38,7 +34,7 @@ class PtyDevice:
         This system has no pseudo-terminals.
     """
 
-    def __init__(self, device: VirtualDevice, link: Path | None = None) -> None:
+    def __init__(self, device: VirtualDevice) -> None:
         try:
             import tty
         except ImportError:
@@ -48,11 +44,6 @@ class PtyDevice:
         tty.setraw(self._slave)
         os.set_blocking(self._master, False)
         self.path = os.ttyname(self._slave)
-        self._link = link
-        if link is not None:
-            link.unlink(missing_ok=True)
-            link.symlink_to(self.path)
-            self.path = str(link)
         self._closed = threading.Event()
         self._thread = threading.Thread(target=self._run, name="tacstrip device", daemon=True)
         self._thread.start()
@@ -65,15 +56,11 @@ class PtyDevice:
         self._thread.join()
         for end in (self._master, self._slave):
             os.close(end)
-        if self._link is not None:
-            self._link.unlink(missing_ok=True)
 
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def _run(self) -> None:
@@ -86,9 +73,8 @@ class PtyDevice:
             out += self.device.send()
             if out:
                 select.select([], [self._master], [], _WAIT_S)
-                with suppress(
-                    BlockingIOError
-                ):  # the host does not read; like a device, this does not wait for it
+                # Where the host does not read, this does not wait for it, as a device would not.
+                with suppress(BlockingIOError):
                     out = out[os.write(self._master, out) :]
             if len(out) > 64 * _BYTES:
                 out = b""

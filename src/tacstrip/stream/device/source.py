@@ -13,12 +13,11 @@ from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.device.clocks import DeviceClock, HostClock
 from tacstrip.stream.device.handshake import WrongDeviceError, check_device, check_unit, handshake, sensor_of
 from tacstrip.stream.device.port import Port
-from tacstrip.stream.device.protocol.commands import Command
 from tacstrip.stream.device.protocol.decoder import Counts, Decoder
 from tacstrip.stream.device.protocol.frames import Kind
-from tacstrip.stream.device.protocol.messages import Hello
+from tacstrip.stream.device.protocol.messages import Command, Hello
 from tacstrip.stream.device.protocol.scans import ScanBatch
-from tacstrip.stream.source import RawScan
+from tacstrip.stream.source import LOGGER, RawScan
 
 _HANDSHAKE_S = 5.0  # an Arduino Uno needs 2 to boot
 _READ_S = 0.1  # longest wait for a byte before a stop is noticed
@@ -50,7 +49,7 @@ class SerialSource:
     rate_hz
         Scan rate to request [Hz]; None: the device's own, 0: as fast as possible.
     on_message
-        Called with messages for the user, a line each.
+        Called with messages for the user, a line each; by default those of the logger "tacstrip".
     handshake_s
         Longest time to wait for the device to identify itself [s].
 
@@ -93,7 +92,7 @@ class SerialSource:
         open_port: Callable[[], Port],
         sensor: Sensor | None = None,
         rate_hz: float | None = None,
-        on_message: Callable[[str], None] = lambda text: None,
+        on_message: Callable[[str], None] = LOGGER.warning,
         handshake_s: float = _HANDSHAKE_S,
     ) -> None:
         self._open_port, self.on_message, self._handshake_s = open_port, on_message, handshake_s
@@ -101,7 +100,6 @@ class SerialSource:
         self._closed = False
         self._commands = 0
         self._previous_counts = Counts()
-        self._port: Port | None = None
         self.arrived_s = 0.0
         self.waiting = 0
         self._wanted: Sensor | None = None
@@ -130,7 +128,9 @@ class SerialSource:
                 if not self._closed:
                     self.on_message(f"the device is gone ({error}); plug it in again and it goes on")
                     self._reconnect()
-        self._disconnect()
+        with suppress(OSError):  # if the device is gone, that stops it too
+            self._write(Kind.STOP)
+        self._port.close()
 
     def close(self) -> None:
         """End the stream: the thread that iterates stops the device and closes the port."""
@@ -138,7 +138,6 @@ class SerialSource:
 
     def _scans(self) -> Iterator[RawScan]:
         """Yield the scans of one connection, their times by the computer's clock."""
-        assert self._port is not None
         self._clock.restart()
         self._start()
         self._held = None
@@ -171,9 +170,8 @@ class SerialSource:
                 if silent:
                     silent = False
                     self.on_message("scans come again")
-                yield from self._release_scans(
-                    self._timed(message, now_s, now_s - began_s > prompt_s, identified)
-                )
+                prompt = now_s - began_s > prompt_s
+                yield from self._release_scans(self._timed(message, now_s, prompt, identified))
                 identified, heard_s = False, self._host()  # the consumer may have taken long
             if self._held is not None:
                 self._ask_identity()
@@ -184,11 +182,8 @@ class SerialSource:
                 if not silent:
                     silent = True
                     n_corrupt = self._decoder.counts.corrupt - corrupt
-                    reason = (
-                        f"{n_corrupt} broken frames came: is the cable sound?"
-                        if n_corrupt
-                        else "it is told to send again"
-                    )
+                    broken = f"{n_corrupt} broken frames came: is the cable sound?"
+                    reason = broken if n_corrupt else "it is told to send again"
                     self.on_message(f"no scan came for {patience_s:.2g} s; {reason}")
 
     def _timed(self, batch: ScanBatch, now_s: float, prompt: bool, identified: bool) -> list[RawScan]:
@@ -207,10 +202,10 @@ class SerialSource:
                 self._restart_clock(identified)
         while scans:
             n_same = self._clock.n_of_same_run(scans, now_s)
-            if n_same < len(scans):
-                prompt = False
+            prompt &= n_same == len(scans)
             if part := scans[:n_same]:
-                out += self._with_times(part, now_s, prompt)
+                times = self._clock.times(part, now_s, prompt)
+                out += [replace(raw, time_s=time_s) for raw, time_s in zip(part, times, strict=True)]
             scans = scans[n_same:]
             if scans:
                 self._hold_scans()
@@ -218,10 +213,6 @@ class SerialSource:
         if trusted and self._clock.fault:
             self.on_message(f"{self._clock.fault}; from now on times are the computer's")
         return out
-
-    def _with_times(self, scans: list[RawScan], now_s: float, prompt: bool) -> list[RawScan]:
-        times = self._clock.times(scans, now_s, prompt)
-        return [replace(raw, time_s=time_s) for raw, time_s in zip(scans, times, strict=True)]
 
     def _release_scans(self, scans: list[RawScan]) -> Iterator[RawScan]:
         """Yield scans, or hold them back until the device has identified itself."""
@@ -272,17 +263,14 @@ class SerialSource:
             raise
 
     def _reconnect(self) -> None:
-        self._previous_counts = self.counts
-        self._decoder = Decoder()
-        if self._port is not None:
-            self._port.close()
-            self._port = None
+        self._previous_counts, self._decoder = self.counts, Decoder()
+        self._port.close()
         while not self._closed:
             try:
                 self.hello = self._connect()
-            except (OSError, PortError) as error:
-                if self._wanted is not None and isinstance(error, WrongDeviceError):
-                    raise
+            except WrongDeviceError:
+                raise
+            except OSError:
                 time.sleep(_RETRY_S)
             else:
                 self.on_message("the device is back")
@@ -293,15 +281,7 @@ class SerialSource:
             self._write(Kind.RATE, self._period_us)
         self._write(Kind.START)
 
-    def _disconnect(self) -> None:
-        if self._port is None:
-            return
-        with suppress(OSError, PortError):  # if it is gone, that stops it too
-            self._write(Kind.STOP)
-        self._port.close()
-
     def _write(self, kind: Kind, period_us: int | None = None) -> None:
-        assert self._port is not None
         self._commands += 1
         self._port.write(Command(kind, self._commands, period_us).encode())
 

@@ -11,10 +11,9 @@ from tacstrip.arguments import takes
 from tacstrip.errors import ContactError, PortError
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.codes import code_type, top_code, with_converter
-from tacstrip.stream.device.protocol.commands import MAX_PERIOD_US, Command, Status
 from tacstrip.stream.device.protocol.decoder import Decoder
 from tacstrip.stream.device.protocol.frames import Kind
-from tacstrip.stream.device.protocol.messages import Hello, Reply, SelfTest
+from tacstrip.stream.device.protocol.messages import MAX_PERIOD_US, Command, Hello, Reply, SelfTest, Status
 from tacstrip.stream.device.protocol.scans import encode_scan
 from tacstrip.stream.source import RawScan
 
@@ -72,10 +71,10 @@ class VirtualDevice:
         self._scans: Iterator[RawScan] = iter(())
         self._span_s, self._clock = span_s, clock
         self._period_us = round(1e6 / rate_hz)
-        self._start_s = self._boot_s = clock()
-        self._due = self._number = self._late = (
-            0  # scans due since the start, sent since the reset, and skipped
-        )
+        self._start_s = self._boot_s = (
+            clock()
+        )  # Scans due since the start, sent since the reset, and skipped.
+        self._due = self._number = self._late = 0
         self._streaming = False
         self._decoder = Decoder()
         assert self.sensor.adc_bits is not None
@@ -106,12 +105,11 @@ class VirtualDevice:
             return b""
         passed_us = (self._clock() - self._start_s) * 1e6
         due = int(passed_us / self._period_us) + 1 - self._due if self._period_us else 1
-        if due > _MAX_BURST:
-            self._late += due - _MAX_BURST
-            self._due += due - _MAX_BURST
-            due = _MAX_BURST
+        skipped = max(0, due - _MAX_BURST)
+        self._late += skipped
+        self._due += skipped
         out = []
-        for _ in range(due):
+        for _ in range(due - skipped):
             at_us = self._due * self._period_us if self._period_us else passed_us
             out.append(self._frame(self._start_s + at_us * 1e-6 - self._boot_s))
             self._due += 1
@@ -124,26 +122,25 @@ class VirtualDevice:
         return max(0.0, self._start_s + self._due * self._period_us * 1e-6 - self._clock())
 
     def _frame(self, time_s: float) -> bytes:
-        try:
-            raw = next(self._scans)
-            self.problem = ""
-        except (ContactError, StopIteration) as error:
-            self.problem = str(error)
-            raw = self._restart()
+        raw = self._next_scan()
         codes = {name: np.where(raw.touched, values, self._rest) for name, values in raw.codes.items()}
         raw = RawScan(time_s, codes, raw.touched, strip_time_s=self._offsets)
         frame = encode_scan(raw, self._bits, self._number)
         self._number += 1
         return frame
 
-    def _restart(self) -> RawScan:
-        """Restart the scans after their iterator has failed."""
+    def _next_scan(self) -> RawScan:
+        """Return the next scan; untouched while the contact cannot be simulated."""
+        self.problem = ""
         try:
-            self._scans = self._begin()
             return next(self._scans)
-        except ContactError as error:
-            self.problem = str(error)
-            return RawScan(0.0, self._untouched_codes, self._untouched)
+        except (ContactError, StopIteration):  # the iterator has ended
+            try:
+                self._scans = self._begin()
+                return next(self._scans)
+            except ContactError as error:
+                self.problem = str(error)
+                return RawScan(0.0, self._untouched_codes, self._untouched)
 
     def _execute(self, command: Command) -> bytes:
         now_us = round((self._clock() - self._boot_s) * 1e6)

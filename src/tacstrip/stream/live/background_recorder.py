@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import threading
 from collections.abc import Callable
 
@@ -21,8 +22,8 @@ class BackgroundRecorder:
     ----------
     recorder
         The open recording; closed by the writing thread.
-    on_message
-        Called, in the writing thread, with messages for the user.
+    notify
+        Called, in the writing thread, with messages for the user, and their level.
 
     Attributes
     ----------
@@ -32,8 +33,8 @@ class BackgroundRecorder:
         Whether writing failed; the recording then ends with the scans that had been saved.
     """
 
-    def __init__(self, recorder: Recorder, on_message: Callable[[str], None]) -> None:
-        self.recorder, self._on_message = recorder, on_message
+    def __init__(self, recorder: Recorder, notify: Callable[..., None]) -> None:
+        self.recorder, self._notify = recorder, notify
         self.failed = False
         self._queue: BoundedQueue[RawScan] = BoundedQueue(_QUEUE_SCANS, keep=True)
         self._end = threading.Event()
@@ -66,9 +67,8 @@ class BackgroundRecorder:
             reason, advice = in_words(error), ""
             if isinstance(error, OSError):
                 reason, advice = error.strerror or reason, "; make room, or record to another disk"
-            self._on_message(
-                f"recording to {recorder.path} ended: {reason}. {recorder.saved_scans} scan(s) are saved in it{advice}"
-            )
+            saved = f"{recorder.saved_scans} scan(s) are saved in it{advice}"
+            self._notify(f"recording to {recorder.path} ended: {reason}. {saved}")
         else:
             size_mb = recorder.size_bytes / 1e6
-            self._on_message(f"{recorder.path}: {recorder.scans} scan(s), {size_mb:.3g} MB")
+            self._notify(f"{recorder.path}: {recorder.scans} scan(s), {size_mb:.3g} MB", logging.INFO)

@@ -28,7 +28,7 @@ def live(
     noise: Noise | None = None,
     speed: float = 1.0,
     record: str | Path | None = None,
-    on_message: Callable[[str], None] = lambda text: None,
+    on_message: Callable[[str], None] | None = None,
 ) -> Live:
     """Return a live stream; iterating it gives the newest frames.
 
@@ -49,7 +49,7 @@ def live(
     record
         New file (.mcap) that all scans are recorded to.
     on_message
-        Called, from any thread, with messages for the user.
+        Called, from any thread, with messages for the user; None: the logger "tacstrip".
 
     Returns
     -------
@@ -82,7 +82,7 @@ def live(
         raise OptionError("give either a port or a source")
     if port is not None:
         name = port
-        source = SerialSource(lambda: SerialPort(name, baud), sensor, rate_hz, on_message)
+        source = SerialSource(lambda: SerialPort(name, baud), sensor, rate_hz)
     assert source is not None
     try:
         warm_up(source.sensor, method)

@@ -6,6 +6,7 @@ Queues are bounded: that of the recording waits for the disk, all others discard
 
 from __future__ import annotations
 
+import logging
 import sys
 import threading
 import time
@@ -15,7 +16,6 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 from tacstrip.arguments import takes
@@ -28,7 +28,7 @@ from tacstrip.stream.live.drift import DriftCorrectingDecoder
 from tacstrip.stream.live.frame import Frame
 from tacstrip.stream.live.latency import LatencyMeter
 from tacstrip.stream.recording.recorder import Recorder
-from tacstrip.stream.source import DeviceSource, RawScan, Shape, Source, paced
+from tacstrip.stream.source import LOGGER, DeviceSource, RawScan, Shape, Source, paced
 from tacstrip.tracking.tracker import Tracker
 
 # Scans that waited longer, or with more behind them, are recorded without objects.
@@ -54,7 +54,7 @@ class Live:
     next_source
         Called for another source when one has ended; None ends the stream.
     on_message
-        Called, from any thread, with messages for the user, a line each.
+        Called, from any thread, with messages for the user, a line each; None: the logger "tacstrip".
 
     Attributes
     ----------
@@ -97,7 +97,7 @@ class Live:
         drift: bool = True,
         speed: float = 1.0,
         next_source: Callable[[], Source | None] = lambda: None,
-        on_message: Callable[[str], None] = lambda text: None,
+        on_message: Callable[[str], None] | None = None,
     ) -> None:
         self.method, self.noise = method, noise
         self.frames = self.late = self.unreadable = 0
@@ -155,15 +155,11 @@ class Live:
         except Exception as error:
             self._fail(error)
         finally:
-            if self._started:
+            if self._thread.ident is not None:
                 self._thread.join()
                 sys.setswitchinterval(self._switch_s)
             self._searches.shutdown(cancel_futures=True)
             self._end()
-
-    @property
-    def _started(self) -> bool:
-        return self._thread.ident is not None
 
     @property
     def running(self) -> bool:
@@ -172,8 +168,8 @@ class Live:
 
     def record(self, path: str | Path, about: Mapping[str, str] | None = None, force: bool = False) -> None:
         """Begin a recording of all scans from now on; parameters and errors as of `Recorder`."""
-        source, told = self.source, {"source": "live", "method": self.method or "best", **(about or {})}
-        recorder = Recorder(path, source.sensor, source.names, source.origin_ns, told, force)
+        source, notes = self.source, {"source": "live", "method": self.method or "best", **(about or {})}
+        recorder = Recorder(path, source.sensor, source.names, source.origin_ns, notes, force)
         self._replace_writer(BackgroundRecorder(recorder, self.notify))
 
     def stop_recording(self) -> None:
@@ -203,12 +199,15 @@ class Live:
         self.method = method
         self._tracker = Tracker(self.source.sensor, method, self.noise, self._searches)
 
-    def notify(self, text: str) -> None:
+    def notify(self, text: str, level: int = logging.WARNING) -> None:
         """Send a message to the user."""
         self._n_messages += 1
         self.messages.append((self._n_messages, text))
         try:
-            self._on_message(text)
+            if self._on_message is None:
+                LOGGER.log(level, text)
+            else:
+                self._on_message(text)
         except Exception as error:
             self._fail(error)
             self._stopped.set()
@@ -216,13 +215,10 @@ class Live:
                 self.source.close()
 
     def __iter__(self) -> Iterator[Frame]:
-        if self._started:
-            yield from self._frames()
-        else:
+        if self._thread.ident is None:
             with self:
-                yield from self._frames()
-
-    def _frames(self) -> Iterator[Frame]:
+                yield from self
+            return
         while not self._newest.closed or len(self._newest):
             if (frame := self._newest.get(_WAIT_S)) is not None:
                 yield frame
@@ -233,9 +229,7 @@ class Live:
         self.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.stop()
 
     def _run(self) -> None:
@@ -263,9 +257,8 @@ class Live:
         """Keep the first error and report it; later ones follow from it."""
         if self.error is None:
             self.error = error
-            self.notify(
-                str(error) if isinstance(error, TacstripError) else f"the stream broke off: {in_words(error)}"
-            )
+            broke = "" if isinstance(error, TacstripError) else "the stream broke off: "
+            self.notify(f"{broke}{in_words(error)}")
 
     def _read(self, source: Source) -> None:
         """Process the scans of a source until it ends."""

@@ -1,4 +1,4 @@
-"""Consumers of a live stream beside the page: JSON lines and TUIO, each in a thread of its own."""
+"""Consumers of a live stream other than the page: JSON lines and TUIO, each in a thread of its own."""
 
 from __future__ import annotations
 
@@ -7,8 +7,7 @@ import threading
 from collections.abc import Callable
 from typing import IO, Any
 
-import numpy as np
-
+from tacstrip.arrays import plain
 from tacstrip.errors import in_words
 from tacstrip.stream.bridges.tuio import Tuio
 from tacstrip.stream.live.frame import Frame
@@ -53,11 +52,6 @@ class Sink:
         self._queue = live.subscribe(waiting)
         self._thread = threading.Thread(target=self._run, name=f"tacstrip {name}", daemon=True)
         self._thread.start()
-
-    @property
-    def dropped(self) -> int:
-        """Number of frames dropped because it was slow."""
-        return self._queue.dropped
 
     @property
     def ended(self) -> bool:
@@ -114,11 +108,11 @@ def _fields(frame: Frame, dropped: int) -> dict[str, Any]:
         "dropped": dropped,
         "objects": [
             {
-                "id": one.id,
-                "status": one.shape.status,
-                "vertices_mm": np.round(one.shape.vertices, 4).tolist(),
-                "advice": one.shape.advice,
+                "id": o.id,
+                "status": o.shape.status,
+                "vertices_mm": plain(o.shape.vertices, 4),
+                "advice": o.shape.advice,
             }
-            for one in frame.objects
+            for o in frame.objects
         ],
     }

@@ -73,9 +73,8 @@ def scan_message(raw: RawScan, sensor: Sensor, reference: Mapping[str, CodeArray
         codes = raw.codes.get(name, np.empty(0, code_type(sensor)))
         base = reference.get(name, codes)
         fields[f"{name}_reference"] = base.ravel()
-        fields[f"{name}_change"] = (
-            (codes - base).view(f"<i{width}").ravel()
-        )  # wraps here, and again when it is read
+        # The difference wraps here, and again when it is read.
+        fields[f"{name}_change"] = (codes - base).view(f"<i{width}").ravel()
     times = np.empty(0) if raw.strip_time_s is None else raw.strip_time_s
     return _write(
         scan_type(sensor),
@@ -132,10 +131,8 @@ def read_polygon(data: bytes, status: str) -> Shape:
 def _store() -> Typestore:
     """Return the message types, made once: making them takes longer than importing the rest of this file."""
     store = Typestore(max_sequence_length=2**24)
-    definitions = dict(_COMMON)
-    for width, name in SCANS.items():
-        definitions[name] = _scan_definition(8 * width)
-    for name, text in definitions.items():
+    own = {name: _scan_definition(8 * width) for width, name in SCANS.items()}
+    for name, text in (_COMMON | own).items():
         store.register(get_types_from_msg(text, name))
     return store
 

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 from tacstrip.arguments import takes
 from tacstrip.errors import RecordingError
 from tacstrip.sensor.spec import Sensor
+from tacstrip.stream.codes import decode
 from tacstrip.stream.recording import messages
 from tacstrip.stream.recording.mcap_file import CHUNK_BYTES, McapFile
-from tacstrip.stream.source import CodeArray, RawScan
+from tacstrip.stream.source import CodeArray, RawScan, Shape, paced
 
 FORMAT = "1"
 SPEC = "sensor.toml"  # name of the attachment
@@ -48,6 +50,8 @@ class Recorder:
 
     Attributes
     ----------
+    path
+        The file.
     scans, polygons
         Number of scans and polygons recorded so far.
     saved_scans
@@ -95,39 +99,30 @@ class Recorder:
         self._sensor = sensor
         self._origin_ns = origin_ns
         self._file = McapFile(path, force)
-        self._begin(names, about or {})
+        self.path = self._file.path
+        own = {"format": FORMAT, "names": ",".join(names), "origin_ns": str(origin_ns)}
+        self._begin({**(about or {}), **own})
         self._reference: Mapping[str, CodeArray] = {}
         self._waiting_bytes = 0
         self._first_s = 0.0  # time of the first scan that waits, by its own clock
         self._since = 0.0  # and by the monotonic clock
 
-    def _begin(self, names: tuple[str, ...], about: Mapping[str, str]) -> None:
+    def _begin(self, about: Mapping[str, str]) -> None:
         writer, now = self._file.writer, time.time_ns()
-        told = {
-            "format": FORMAT,
-            "names": ",".join(names),
-            "origin_ns": str(self._origin_ns),
-            "made": datetime.fromtimestamp(now / messages.NANO, UTC).isoformat(timespec="seconds"),
-        }
+        made = datetime.fromtimestamp(now / messages.NANO, UTC).isoformat(timespec="seconds")
         with self._file.guard():
             writer.add_attachment(now, now, SPEC, "application/toml", self._sensor.to_toml().encode())
-            writer.add_metadata(ABOUT, {**about, **told})
+            writer.add_metadata(ABOUT, {**about, "made": made})
             kind = messages.scan_type(self._sensor)
             schema = writer.register_schema(kind, "ros2msg", messages.definition(kind))
             self._scan_channel = writer.register_channel(SCAN_TOPIC, "cdr", schema)
-            schema = writer.register_schema(
-                messages.POLYGON, "ros2msg", messages.definition(messages.POLYGON)
-            )
+            kind = messages.POLYGON
+            schema = writer.register_schema(kind, "ros2msg", messages.definition(kind))
             self._polygon_channels = {
                 status: writer.register_channel(topic, "cdr", schema, {"status": status, "unit": "m"})
                 for status, topic in POLYGON_TOPICS.items()
             }
         self._file.flush()
-
-    @property
-    def path(self) -> Path:
-        """The file."""
-        return self._file.path
 
     @property
     def size_bytes(self) -> int:
@@ -178,7 +173,61 @@ class Recorder:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
+
+
+def with_shapes(scans: Iterable[RawScan], sensor: Sensor, method: str) -> Iterator[RawScan]:
+    """Yield each scan with the shapes that a method reconstructs from it, in place of its stored ones.
+
+    Raises
+    ------
+    OptionError, SignatureError
+        At the first scan: the method does not exist, or does not suit this sensor.
+    """
+    from tacstrip.reconstruction.methods import reconstruct  # late: recordings are made and read without it
+
+    for raw in scans:
+        found = reconstruct(decode(raw, sensor), sensor, method=method).objects
+        yield replace(raw, shapes=tuple(Shape(o.status, o.vertices) for o in found if o.found))
+
+
+def record(
+    scans: Iterable[RawScan],
+    recorder: Recorder,
+    speed: float = math.inf,
+    stop: Callable[[], bool] = lambda: False,
+) -> None:
+    """Record scans until they end or `stop` returns True.
+
+    Parameters
+    ----------
+    scans
+        A source, or any raw scans.
+    recorder
+        The recording; the caller closes it.
+    speed
+        Pace relative to the scans' own times; infinite: as fast as possible.
+    stop
+        Called before every scan and at least 20 times a second.
+
+    Raises
+    ------
+    RecordingError, OSError
+        As of `Recorder`; and whatever the source raises.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> import tacstrip as ts
+    >>> sensor = ts.Sensor(construction="crs-m", strips=8, pitch_mm=5.0, length_mm=100.0, adc_bits=10)
+    >>> source = ts.SimulatedSource(sensor, lambda time_s: ts.Contact.polygon([(8, 40), (32, 40), (20, 70)]), scans=5)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = pathlib.Path(folder) / "session.mcap"
+    ...     with ts.Recorder(file, source.sensor, source.names, source.origin_ns) as recorder:
+    ...         ts.record(source, recorder)
+    >>> recorder.scans
+    5
+    """
+    for raw in paced(scans, speed, stop, recorder.idle):
+        recorder.add(raw)

@@ -148,7 +148,7 @@ def _chunk_records(data: bytes) -> Iterator[tuple[int, bytes]]:
 def _records(opcode: int, body: bytes) -> Iterator[McapRecord]:
     """Yield the contents of one record; raise one of `_BROKEN` where it is damaged."""
     if opcode == Opcode.MESSAGE:
-        yield Message.read(_stream(body), len(body))
+        yield Message.read(ReadDataStream(io.BytesIO(body)), len(body))
         return
     if opcode not in _READERS:
         if not is_chunk(body):
@@ -156,28 +156,22 @@ def _records(opcode: int, body: bytes) -> Iterator[McapRecord]:
         opcode = Opcode.CHUNK  # only its opcode is damaged; its checksum covers the rest
     if opcode == Opcode.ATTACHMENT and body[-4:] != struct.pack("<I", zlib.crc32(body[:-4])):
         raise ValueError("the attachment's checksum is wrong")
-    record = _READERS[opcode].read(_stream(body))
+    record = _READERS[opcode].read(ReadDataStream(io.BytesIO(body)))
     if not isinstance(record, Chunk):
         yield record
         return
-    data = _decompressed(record)
-    for inner, content in _chunk_records(data):
+    for inner, content in _chunk_records(_decompressed(record)):
         if inner != Opcode.CHUNK:
             yield from _records(inner, content)
 
 
 def _decompressed(chunk: Chunk) -> bytes:
-    if chunk.compression not in ("zstd", ""):
-        raise ValueError(f"compression {chunk.compression!r:.20} is not supported, only zstd")
+    data = chunk.data
     if chunk.compression == "zstd":
-        reader = zstandard.ZstdDecompressor(max_window_size=MAX_RECORD_BYTES).stream_reader(chunk.data)
+        reader = zstandard.ZstdDecompressor(max_window_size=MAX_RECORD_BYTES).stream_reader(data)
         data = reader.read(min(chunk.uncompressed_size, MAX_RECORD_BYTES))
-    else:
-        data = chunk.data
+    elif chunk.compression:
+        raise ValueError(f"compression {chunk.compression!r:.20} is not supported, only zstd")
     if chunk.uncompressed_crc not in (0, zlib.crc32(data)):
         raise ValueError("the chunk's checksum is wrong")
     return data
-
-
-def _stream(body: bytes) -> ReadDataStream:
-    return ReadDataStream(io.BytesIO(body))

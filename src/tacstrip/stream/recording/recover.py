@@ -123,7 +123,7 @@ def recover(path: str | Path, output: str | Path, force: bool = False) -> Recove
     if Path(output).exists() and not force:
         raise RecordingError(already_there(output))
     about = {"from": Path(path).name, "lost_bytes": str(first.condition.lost_bytes)}
-    about |= {f"damage_{i}": told for i, told in enumerate(first.condition.damage[:_MAX_DAMAGE_LISTED])}
+    about |= {f"damage_{i}": place for i, place in enumerate(first.condition.damage[:_MAX_DAMAGE_LISTED])}
     with replacing(output) as part:
         file = McapFile(part, force=True)
         saved = _copy(Records(path), file, schemas, channels)

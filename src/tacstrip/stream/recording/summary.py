@@ -33,8 +33,8 @@ def summary(source: Recording, scans: Iterable[RawScan]) -> list[str]:
     ]
     if first is not None and last is not None and (seconds := last.time_s - first.time_s) > 0.0:
         lines.append(f"{seconds:.6g} s, {(count - 1) / seconds:.6g} scans a second")
-    told = ", ".join(f"{number} {status}" for status, number in shapes.most_common())
-    lines.append(f"shapes: {told or 'none'}")
+    by_status = ", ".join(f"{number} {status}" for status, number in shapes.most_common())
+    lines.append(f"shapes: {by_status or 'none'}")
     lines += [
         f"{key}: {text}"
         for key, text in source.about.items()

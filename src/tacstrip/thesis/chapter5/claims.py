@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,8 @@ from tacstrip.data.published import METRICS, Row, rows
 from tacstrip.reconstruction.vertex.estimate import vertex_reconstruction
 from tacstrip.scan import Scan
 from tacstrip.simulation import simulate
-from tacstrip.thesis.chapter5.polygon_fit import WITHIN
+from tacstrip.thesis.chapter5.ambiguity import AMBIGUOUS, ambiguity_facts
+from tacstrip.thesis.chapter5.fit_errors import WITHIN
 from tacstrip.thesis.claims import Claim, checked, counted
 from tacstrip.thesis.shapes import POSITIONS, SHAPES, SIMULATED
 
@@ -21,26 +21,23 @@ Tables = list[dict[str, Any]]  # `ours` of each row, in the order of rows()
 _STEP = 1e-6  # of Vref, for derivatives
 
 
-def judge_claims(ours: Tables, ambiguity: dict[str, list[dict[str, float]]]) -> list[dict[str, str]]:
-    """Judge every claim on the rows' results and the ambiguity figures' facts."""
+def judge_claims(ours: Tables) -> list[Claim]:
+    """Judge every claim on the rows' results."""
     medians = {_key(row): row_ours for row, row_ours in zip(rows(), ours, strict=True)}
     return [
-        asdict(claim)
-        for claim in (
-            _ideal(ours),
-            _better(medians, "profile", "kh", "P.R. beats V.R. with k_h"),
-            _better(medians, "profile", "kl", "P.R. beats V.R. with k_l"),
-            _better(medians, "profile", "k", "P.R. beats V.R. with k"),
-            _better(medians, "kl", "kh", "V.R. with k_l beats V.R. with k_h"),
-            _better(medians, "k", "kh", "V.R. with k beats V.R. with k_h"),
-            _alike(medians),
-            _regions(medians, 0, "the lower region suffers, with k_h"),
-            _regions(medians, POSITIONS - 1, "the upper region suffers, with k_h"),
-            *_reasons(),
-            _concave_profile(medians),
-            _ambiguous(ambiguity),
-            *_polygon_fit(ours),
-        )
+        _ideal(ours),
+        _better(medians, "profile", "kh", "P.R. beats V.R. with k_h"),
+        _better(medians, "profile", "kl", "P.R. beats V.R. with k_l"),
+        _better(medians, "profile", "k", "P.R. beats V.R. with k"),
+        _better(medians, "kl", "kh", "V.R. with k_l beats V.R. with k_h"),
+        _better(medians, "k", "kh", "V.R. with k beats V.R. with k_h"),
+        _alike(medians),
+        _regions(medians, 0, "the lower region suffers, with k_h"),
+        _regions(medians, POSITIONS - 1, "the upper region suffers, with k_h"),
+        *_reasons(),
+        _concave_profile(medians),
+        _ambiguous(),
+        *_polygon_fit(ours),
     ]
 
 
@@ -56,11 +53,8 @@ def amplification(signature: str, shape: str, position: int) -> FloatArray:
 
     def solve(readings: FloatArray) -> FloatArray:
         scan = Scan(time_s=0.0, **{signature: readings})
-        found = (
-            vertex_reconstruction(scan, sensor, signature=signature, transitions=x, reading="strip")
-            .objects[0]
-            .vertices
-        )
+        result = vertex_reconstruction(scan, sensor, signature=signature, transitions=x, reading="strip")
+        found = result.objects[0].vertices
         return np.asarray(found[np.argsort(found[:, 0]), 1])
 
     columns = []
@@ -92,9 +86,8 @@ def _compare(
         if signature != a or noise == "ideal" or (b, shape, noise) not in medians:
             continue
         for metric in ("mc", "ape"):
-            for one, other in zip(
-                ours[metric]["median"], medians[b, shape, noise][metric]["median"], strict=True
-            ):
+            theirs = medians[b, shape, noise][metric]["median"]
+            for one, other in zip(ours[metric]["median"], theirs, strict=True):
                 if one is not None and other is not None:
                     good, total = good + count(one, other), total + 1
     return good, total
@@ -162,12 +155,12 @@ def _concave_profile(medians: dict[Any, Any]) -> Claim:
     return checked(claim, worst < 0.15, f"largest median M.C. under profile II: {worst:.3f} rad")
 
 
-def _ambiguous(facts: dict[str, list[dict[str, float]]]) -> Claim:
-    all_facts = [f for found in facts.values() for f in found]
+def _ambiguous() -> Claim:
+    all_facts = [fact for figure in AMBIGUOUS for fact in ambiguity_facts(figure)]
     best = max(f["iou"] for f in all_facts)
     apart = sorted(100.0 * f["signature_difference"] for f in all_facts)
     evidence = (
-        f"V.R. gives a convex shape in {len(all_facts)} of {len(facts) * POSITIONS} ideal cells, overlapping the "
+        f"V.R. gives a convex shape in {len(all_facts)} of {len(AMBIGUOUS) * POSITIONS} ideal cells, overlapping the "
         f"true one with IoU {best:.2f} at best; their signatures differ by {apart[0]:.2f} to {apart[-1]:.2f} % of Vref"
     )
     claim = "V.R. must assume convexity: a concave shape comes back as another one"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,9 +16,20 @@ from tacstrip.contact.footprint import footprint
 from tacstrip.contact.shape import Contact
 from tacstrip.geometry.metrics import clean_polygon, mismatch_coefficient
 from tacstrip.plot.scene import draw_contact, draw_polygon, draw_sensor
-from tacstrip.plot.style import COLOURS, OTHERS, RECOVERED, TRUE, add_axes, legend, new_axes, new_figure
+from tacstrip.plot.style import (
+    COLOURS,
+    OTHERS,
+    RECOVERED,
+    TRUE,
+    add_axes,
+    legend,
+    new_axes,
+    new_figure,
+    new_panels,
+)
 from tacstrip.sensor.spec import Sensor
 from tacstrip.simulation import simulate
+from tacstrip.thesis.captions import by_number
 
 SENSOR = Sensor(construction="crs-crs", strips=16, pitch_mm=10.0, length_mm=160.0, strip_width_mm=7.0)
 OBJECT = Contact.polygon([(18, 62), (92, 21), (141, 88), (70, 134)])
@@ -92,17 +102,15 @@ def figure_5_2() -> Figure:
         off = simulate(SENSOR, contact)["kh"] - ideal
         axes.bar(SENSOR.x_mm, 100.0 * off, SENSOR.strip_width, color=COLOURS["kh"], zorder=2)
         axes.axhspan(-100.0 * _PROFILE_II, 100.0 * _PROFILE_II, color=SHADE, label="P.U. profile II")
-        axes.set(
-            xlim=top[0].get_xlim(), xlabel="digital dimension x [mm]", ylabel="error of $k_h$ [% of Vref]"
-        )
+        axes.set(xlabel="digital dimension x [mm]", ylabel="error of $k_h$ [% of Vref]")
+        axes.set_xlim(top[0].get_xlim())
         legend(axes, loc="lower left")
     return figure
 
 
 def figure_5_3() -> Figure:
     """Two polygons A and B, and their turning functions over the perimeter's parts."""
-    figure = new_figure(8.6, 3.6)
-    left, right = add_axes(figure, 1, 2, 1), add_axes(figure, 1, 2, 2)
+    figure, (left, right) = new_panels(8.6, 3.6, 1, 2)
     for name, (corners, colour) in _SIDES.items():
         draw_polygon(left, corners, colour, name)
         left.plot(*corners[0], "o", color=colour, markersize=8.0, fillstyle="none")
@@ -179,9 +187,4 @@ def _name_turning_axes(axes: Axes) -> None:
     legend(axes, loc="upper left")
 
 
-FIGURES: dict[str, Callable[[], Figure]] = {
-    "5.1": figure_5_1,
-    "5.2": figure_5_2,
-    "5.3": figure_5_3,
-    "5.4": figure_5_4,
-}
+FIGURES = by_number(figure_5_1, figure_5_2, figure_5_3, figure_5_4)

@@ -10,29 +10,25 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tacstrip.arrays import FloatArray
-from tacstrip.contact.signature import signatures
 from tacstrip.data.published import Row
-from tacstrip.geometry.metrics import mismatch
 from tacstrip.plot.scene import draw_contact, draw_polygon, draw_sensor
 from tacstrip.plot.style import COLOURS, legend, new_axes
-from tacstrip.reconstruction.vertex.estimate import vertex_reconstruction
 from tacstrip.reconstruction.vertex.transitions import by_gradient
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.simulation import simulate
+from tacstrip.thesis.captions import captioned
+from tacstrip.thesis.chapter5.ambiguity import AMBIGUOUS, CONCAVE, recoveries
 from tacstrip.thesis.chapter5.tables import NOISES
-from tacstrip.thesis.shapes import POSITIONS, SHAPES, SIMULATED
+from tacstrip.thesis.shapes import SHAPES, SIMULATED
 
 # Figure: (shape, position, signature) whose noisy signature defeats the search for transitions.
 NOISY = {"5.9": ("triangle", 4, "kh"), "5.14": ("tetragon", 3, "kh")}
-# Figure: (construction, signature) of Vertex Reconstruction on the concave tetragon.
-AMBIGUOUS = {"5.19": ("crs-crs", "kh"), "5.32": ("crs-crs", "kl"), "5.61": ("crs-m", "k")}
-_CONCAVE = "concave tetragon"
 
 
 def recovery_caption(row: Row) -> str:
     """Return the caption of a row's figure."""
     method = "P.R." if row.algorithm == "profile" else f"V.R. with ${SIGNATURES[row.signature or ''].symbol}$"
-    return f"Figure {row.figure}: {row.shape}, {row.construction.upper()}, {method}; {row.noise}"
+    return f"{row.shape}, {row.construction.upper()}, {method}; {row.noise}"
 
 
 def recovery(row: Row, samples: Sequence[FloatArray]) -> Figure:
@@ -41,25 +37,23 @@ def recovery(row: Row, samples: Sequence[FloatArray]) -> Figure:
     colour = COLOURS[row.signature or "profile"]
     for position, sample in enumerate(samples):
         _draw_pair(axes, row.shape, position, sample, colour)
-    axes.set_title(textwrap.fill(recovery_caption(row), 52))
+    axes.set_title(textwrap.fill(f"Figure {row.figure}: {recovery_caption(row)}", 52))
     legend(axes, loc="upper left")
     return figure
 
 
-def noisy_signature_caption(figure: str) -> str:
-    """Return the caption of figure 5.9 or 5.14."""
+def _noisy_caption(figure: str) -> str:
     shape, position, name = NOISY[figure]
     symbol = SIGNATURES[name].symbol
-    return f"Figure {figure}: ${symbol}$-signature of {shape} {position + 1}, noise-free and with P.U. profile II"
+    return f"${symbol}$-signature of {shape} {position + 1}, noise-free and with P.U. profile II"
 
 
 def noisy_signature(figure: str) -> Figure:
     """Draw a noise-free and a noisy signature, the true transitions, and those that the gradient rule finds."""
     shape, position, name = NOISY[figure]
     sensor, contact = SIMULATED["crs-crs"], SHAPES[shape].contact(position)
-    clean, noisy = (
-        simulate(sensor, contact, NOISES[n], rng=0) for n in ("ideal", "quantisation + profile II")
-    )
+    noises = NOISES["ideal"], NOISES["quantisation + profile II"]
+    clean, noisy = (simulate(sensor, contact, noise, rng=0) for noise in noises)
     run = clean.runs()[0]
     x = sensor.x_mm[run]
     drawing, axes = new_axes(6.0, 4.0)
@@ -71,47 +65,27 @@ def noisy_signature(figure: str) -> Figure:
     low = axes.get_ylim()[0]
     axes.plot(found, np.full(len(found), low), "^", color=COLOURS[name], clip_on=False,
               label=f"found by the gradient rule: {len(found)}")  # fmt: skip
-    axes.set_title(textwrap.fill(noisy_signature_caption(figure), 60))
-    axes.set_xlabel("x [mm]")
-    axes.set_ylabel(f"${SIGNATURES[name].symbol}$")
+    axes.set_title(textwrap.fill(f"Figure {figure}: {_noisy_caption(figure)}", 60))
+    axes.set(xlabel="x [mm]", ylabel=f"${SIGNATURES[name].symbol}$")
     legend(axes)
     return drawing
 
 
-def ambiguity(figure: str) -> tuple[Figure, list[dict[str, float]]]:
-    """Draw V.R.'s result for the concave tetragon from ideal readings, and return its errors.
-
-    Returns
-    -------
-    tuple
-        The figure; and per position M.C. [rad], IoU, and the largest difference [Vref] between the
-        recovered convex polygon's signature and the one measured.
-    """
+def ambiguity(figure: str) -> Figure:
+    """Draw V.R.'s result for the concave tetragon from ideal readings."""
     construction, name = AMBIGUOUS[figure]
-    sensor = SIMULATED[construction]
     drawing, axes = _sensor_axes(construction)
-    facts = []
-    for position in range(POSITIONS):
-        contact = SHAPES[_CONCAVE].contact(position)
-        scan = simulate(sensor, contact)
-        x = SHAPES[_CONCAVE].transitions(position)
-        found = vertex_reconstruction(scan, sensor, signature=name, transitions=x, reading="strip").objects[0]
-        _draw_pair(axes, _CONCAVE, position, found.vertices, COLOURS[name])
-        if found.found and found.profile is not None:
-            m = mismatch(contact.vertices, found.vertices)
-            again = signatures(sensor, found.profile[1], found.profile[2])[name]
-            apart = float(np.abs(again - scan[name][found.strips]).max())
-            facts.append({"mc": m.mc, "iou": m.iou, "signature_difference": apart})
-    axes.set_title(textwrap.fill(ambiguity_caption(figure), 52))
+    for position, (_, found) in enumerate(recoveries(figure)):
+        _draw_pair(axes, CONCAVE.name, position, found.vertices, COLOURS[name])
+    axes.set_title(textwrap.fill(f"Figure {figure}: {_ambiguity_caption(figure)}", 52))
     legend(axes, loc="upper left")
-    return drawing, facts
+    return drawing
 
 
-def ambiguity_caption(figure: str) -> str:
-    """Return the caption of figure 5.19, 5.32 or 5.61."""
+def _ambiguity_caption(figure: str) -> str:
     construction, name = AMBIGUOUS[figure]
     symbol = SIGNATURES[name].symbol
-    return f"Figure {figure}: concave tetragon, ideal {construction.upper()}, V.R. with ${symbol}$: another shape"
+    return f"concave tetragon, ideal {construction.upper()}, V.R. with ${symbol}$: another shape"
 
 
 def _sensor_axes(construction: str) -> tuple[Figure, Axes]:
@@ -123,11 +97,15 @@ def _sensor_axes(construction: str) -> tuple[Figure, Axes]:
 def _draw_pair(axes: Axes, shape: str, position: int, recovered: FloatArray, colour: str) -> None:
     contact = SHAPES[shape].contact(position)
     draw_contact(axes, contact, label=None if position else "original")
-    axes.annotate(
-        str(position + 1), tuple(contact.centroid), fontsize=8.0, ha="center", va="center", zorder=5
-    )
+    x, y = contact.centroid
+    axes.text(x, y, str(position + 1), fontsize=8.0, ha="center", va="center", zorder=5)
     if len(recovered):
         draw_polygon(axes, recovered, colour, label=None if position else "recovered")
     else:
         below = (contact.centroid[0], contact.vertices[:, 1].min())
         axes.annotate("not recovered", below, fontsize=7.0, ha="center", va="top", color=colour)
+
+
+FIGURES = {f: captioned(_noisy_caption(f), noisy_signature, f) for f in NOISY} | {
+    f: captioned(_ambiguity_caption(f), ambiguity, f) for f in AMBIGUOUS
+}

@@ -5,7 +5,7 @@ C.Q.E. and P.U., and the true transitions get T.E. before Vertex Reconstruction 
 reads the nearest strip, as the thesis does. Rows with P.U. are run a second time with transitions found by
 the gradient rule: a shape that fails there, or comes back with another number of vertices, counts as the
 thesis' "-". Profiles are compared as polygons at the original's vertex columns (`profile_at`). The polygon fit is run
-on the same cells without transitions, and once more with their number known (`polygon_fit.py`).
+on the same cells without transitions, and once more with their number known (`fit_errors.py`).
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from tacstrip.reconstruction.result import RecoveredObject
 from tacstrip.reconstruction.vertex.estimate import vertex_reconstruction
 from tacstrip.scan import Scan
 from tacstrip.simulation import simulate
-from tacstrip.thesis.chapter5.polygon_fit import FitErrors, bound_medians, fit_errors, reached
+from tacstrip.thesis.chapter5.fit_errors import FitErrors, bound_medians, fit_errors, reached
 from tacstrip.thesis.ranges import POINTS, is_inside, ranges
 from tacstrip.thesis.shapes import POSITIONS, SHAPES, SIMULATED
 
@@ -126,9 +126,8 @@ def _polygon(row: Row, cells: list[Cell]) -> dict[str, Any]:
     points["failed"] = [float(np.mean([f.vertices == 0 for f in c.fitted])) for c in cells]
     points["right"] = [float(np.mean([f.vertices == corners for f in c.fitted])) for c in cells]
     bound = np.array([c.bound for c in cells])
-    points["bound"] = {
-        m: [float(b) if np.isfinite(b) else None for b in bound[:, i]] for i, m in enumerate(METRICS)
-    }
+    finite = [[b if np.isfinite(b) else None for b in column] for column in bound.T.tolist()]
+    points["bound"] = dict(zip(METRICS, finite, strict=True))
     points["known_count"] = _points([_found(c.fitted, "known_count") for c in cells])
     for of in (points, points["known_count"]):
         medians = np.array([of[m]["median"] for m in METRICS], dtype=float)
@@ -146,9 +145,8 @@ def _recover(row: Row, scan: Scan, x: FloatArray | str) -> RecoveredObject:
     sensor = SIMULATED[row.construction]
     if row.algorithm == "profile":
         return profile_reconstruction(scan, sensor).objects[0]
-    return vertex_reconstruction(
-        scan, sensor, signature=row.signature, transitions=x, reading="strip"
-    ).objects[0]
+    options: dict[str, Any] = {"signature": row.signature, "transitions": x, "reading": "strip"}
+    return vertex_reconstruction(scan, sensor, **options).objects[0]
 
 
 def _measure(row: Row, corners: FloatArray, shapes: list[RecoveredObject]) -> FloatArray:

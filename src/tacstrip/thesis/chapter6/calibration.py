@@ -52,9 +52,8 @@ def calibration_runs(sensor: Sensor, random: np.random.Generator) -> Runs:
     ]  # fmt: skip
     l_mm, w_mm = np.repeat(np.array(marks).T[:, :, None], sensor.strips, axis=2)  # (contacts, strips)
     ideal = signatures(sensor, l_mm, l_mm + w_mm)
-    raw = invert_calibration(
-        sensor, {name: add_reading_errors(k, PROFILE_II, random) for name, k in ideal.items()}
-    )
+    noisy = {name: add_reading_errors(k, PROFILE_II, random) for name, k in ideal.items()}
+    raw = invert_calibration(sensor, noisy)
     return Runs(l_mm=l_mm, w_mm=w_mm, raw=raw, line=np.zeros(l_mm.shape, dtype=np.intp), rest={})
 
 
@@ -134,9 +133,8 @@ def _offsets(name: str, seeds: int) -> dict[str, FloatArray]:
         mean_offsets(plain, calibration_runs(sensor, np.random.default_rng([6, seed])))
         for seed in range(seeds)
     ]
-    return {
-        s: sensor.vref_volt * np.array([fit.channel(s).offset for fit in fits]) for s in sensor.signatures
-    }
+    volt = sensor.vref_volt
+    return {s: volt * np.array([fit.channel(s).offset for fit in fits]) for s in sensor.signatures}
 
 
 def _rectangle_errors(name: str, placings: dict[str, Any]) -> list[FloatArray]:

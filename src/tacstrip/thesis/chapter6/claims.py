@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import asdict
+from collections.abc import Callable, Iterable
+from operator import lt
 from typing import Any
 
 import numpy as np
@@ -20,9 +20,9 @@ _PROFILE_RMS = {"I": 0.5 / np.sqrt(3.0), "II": 1.0 / np.sqrt(3.0)}  # [% of Vref
 _STEP_DEG = 0.05  # step in which tilts are tried
 
 
-def judge_chapter6(ours: Rows) -> list[dict[str, str]]:
+def judge_chapter6(ours: Rows) -> list[Claim]:
     """Judge every claim on the results of `run_experiment`, entry by entry."""
-    claims = (
+    return [
         _calibration(ours, "6.2", "6.1.2", "calibration is important to V.R. with k_h"),
         _lower_region(ours),
         _over_adjusted(),
@@ -37,8 +37,7 @@ def judge_chapter6(ours: Rows) -> list[dict[str, str]]:
         _quantised(ours),
         _like_profile_2(),
         _matches_profile_2(ours),
-    )
-    return [asdict(claim) for claim in claims]
+    ]
 
 
 def most_upright_deg() -> tuple[float, float]:
@@ -58,26 +57,16 @@ def _of_table(ours: Rows, table: str, calibrated: bool = True) -> dict[str, dict
     return {e.region: o for e, o in pairs if e.table == table and e.calibrated == calibrated}
 
 
-def _count(
-    one: dict[str, Any], other: dict[str, Any], test: Callable[[float, float], bool]
-) -> tuple[int, int]:
-    """Count the measures whose medians pass a test, and those compared."""
-    medians = [(one[m]["median"], other[m]["median"]) for m in _MEASURES]
-    there = [test(a, b) for a, b in medians if a is not None and b is not None]
-    return sum(there), len(there)
-
-
-def _sum(counts: list[tuple[int, int]]) -> tuple[int, int]:
-    return sum(c[0] for c in counts), sum(c[1] for c in counts)
-
-
-def _less(a: float, b: float) -> bool:
-    return a < b
+def _count(pairs: Iterable[tuple[Any, Any]], test: Callable[[float, float], bool] = lt) -> tuple[int, int]:
+    """Count the measures whose medians pass a test, and those compared, over pairs of results."""
+    medians = [(one[m]["median"], other[m]["median"]) for one, other in pairs for m in _MEASURES]
+    passed = [test(a, b) for a, b in medians if a is not None and b is not None]
+    return sum(passed), len(passed)
 
 
 def _calibration(ours: Rows, table: str, section: str, claim: str) -> Claim:
     rows = _of_table(ours, table).values()
-    good, total = _sum([_count(o, o["variants"]["not calibrated"], _less) for o in rows])
+    good, total = _count((o, o["variants"]["not calibrated"]) for o in rows)
     failed = [100.0 * o["variants"]["not calibrated"]["failed"] for o in rows]
     evidence = f"smaller median with calibration in {good} of {total} (M.C., A.O.E., A.P.E.; three regions); without "
     evidence += f"it no shape at all in {failed[0]:.0f}, {failed[1]:.0f} and {failed[2]:.0f} % of the places"
@@ -87,9 +76,8 @@ def _calibration(ours: Rows, table: str, section: str, claim: str) -> Claim:
 def _lower_region(ours: Rows) -> Claim:
     rows = _of_table(ours, "6.2")
     pairs = [(rows["lower"], rows[r]) for r in REGIONS[1:]]
-    good, total = _sum([_count(high, low, _less) for low, high in pairs])
-    same = [(a["variants"]["profile II"], b["variants"]["profile II"]) for a, b in pairs]
-    equal = _sum([_count(high, low, _less) for low, high in same])
+    good, total = _count((high, low) for low, high in pairs)
+    equal = _count((high["variants"]["profile II"], low["variants"]["profile II"]) for low, high in pairs)
     printed = {e.region: e.printed for e in experiments() if e.table == "6.2" and e.calibrated}
     in_print = sum(printed["lower"][m] > printed[r][m] for m in ("mc", "aoe", "ape") for r in REGIONS[1:])
     evidence = (
@@ -117,8 +105,7 @@ def _over_adjusted() -> Claim:
 
 def _transitions_decide(ours: Rows) -> Claim:
     rows = _of_table(ours, "6.2")
-    counts = [_count(rows[r], rows[r]["variants"]["one strip off"], _less) for r in REGIONS[1:]]
-    good, total = _sum(counts)
+    good, total = _count((rows[r], rows[r]["variants"]["one strip off"]) for r in REGIONS[1:])
     claim = "in the middle and above, finding the transitions decides whether V.R. with k_h succeeds"
     found = [100.0 * (1.0 - rows[r]["variants"]["found transitions"]["failed"]) for r in REGIONS[1:]]
     evidence = (
@@ -145,9 +132,8 @@ def _easy_transitions(ours: Rows) -> Claim:
 
 def _middle_is_best(ours: Rows) -> Claim:
     rows = _of_table(ours, "6.6")
-    away = [_count(rows["middle"], rows[r], _less) for r in ("lower", "upper")]
-    hung = [r["variants"]["overhanging"] for r in (rows["middle"], rows["lower"], rows["upper"])]
-    good, total = _sum([*away, *(_count(hung[0], other, _less) for other in hung[1:])])
+    hung = {region: row["variants"]["overhanging"] for region, row in rows.items()}
+    good, total = _count((how["middle"], how[r]) for how in (rows, hung) for r in ("lower", "upper"))
     ape = ", ".join(f"{rows[r]['ape']['median']:.2f}" for r in REGIONS)
     evidence = (
         f"smaller median in the middle in {good} of {total}, both placings; A.P.E. upright, upwards: {ape} cm"
@@ -205,7 +191,7 @@ def _quantised(ours: Rows) -> Claim:
         return max(one, other) <= _SAME * min(one, other)
 
     rows = [o for e, o in zip(experiments(), ours, strict=True) if e.calibrated]
-    good, total = _sum([_count(o, o["variants"]["quantised"], alike) for o in rows])
+    good, total = _count([(o, o["variants"]["quantised"]) for o in rows], alike)
     evidence = (
         f"with errors of 1 mm over L on top, medians stay within a factor of {_SAME} in {good} of {total}"
     )

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,16 +14,13 @@ from tacstrip.plot.scene import draw_contact, draw_sensor
 from tacstrip.plot.style import COLOURS, OTHERS, SENSOR, STRIP, TRUE, add_axes, legend, new_figure
 from tacstrip.sensor.spec import Sensor
 from tacstrip.surface.cylinder import strip_angle, to_cartesian
-from tacstrip.thesis.chapter6.calibration import (
-    UNIT_MM,
-    calibration_runs,
-    line_contact,
-    recovered_points,
-)
+from tacstrip.thesis.captions import by_number, captioned
+from tacstrip.thesis.chapter6.calibration import UNIT_MM, calibration_runs, line_contact, recovered_points
 from tacstrip.thesis.chapter6.twin import LINES, PLACINGS, REGIONS, twin
 
 _TUBE = "Cyl-CRS-M"
 _RUBBER = "#b9b09b"
+_VOLT_NAMES = {"kh": "$V_h$", "kl": "$V_l$", "k": "$V_{out}$"}
 _ELEVATION = 22.0  # of the eye above the tube's middle [degrees]
 
 
@@ -44,9 +39,8 @@ def figure_6_33() -> Figure:
     figure = new_figure(5.6, 4.6)
     sensor = twin(_TUBE)
     axes = _tube(figure, sensor, 1, 1)
-    axes.set_title(
-        f"{sensor.strips} strips of {sensor.strip_width:g} mm round a tube of {2 * _radius(sensor):g} mm"
-    )
+    strips = f"{sensor.strips} strips of {sensor.strip_width:g} mm"
+    axes.set_title(f"{strips} round a tube of {2 * _radius(sensor):g} mm")
     return figure
 
 
@@ -70,7 +64,7 @@ def calibration_graph(name: str, w_units: int) -> Figure:
         axes.axhline(volt, color=STRIP, linewidth=1.0)
         axes.annotate("Vref", (0.0, volt), va="bottom", fontsize=8.0, color=TRUE)
         axes.set(
-            xlabel="lower end l [units of 1 cm]", ylabel=f"{_volt_name(signature)} [V]", ylim=(-0.1, 6.5)
+            xlabel="lower end l [units of 1 cm]", ylabel=f"{_VOLT_NAMES[signature]} [V]", ylim=(-0.1, 6.5)
         )
         legend(axes, loc="lower right")
     figure.suptitle(f"{name}, first strip, w = {w_units} units", fontsize=10.0)
@@ -100,8 +94,9 @@ def figure_6_35() -> Figure:
             space.plot(*points.T, style, markevery=[0, 8], zorder=10, **options)
         flat.annotate(f"line {i + 1}", (sensor.x_mm[line[1][0]] + 1.2, true[i, 1]), fontsize=8.0, va="center")
     worst = np.abs(raw - true).max(), np.abs(good - true).max()
-    flat.set_title(f"unrolled; largest error {worst[0]:.1f} mm raw, {worst[1]:.1f} mm calibrated")
-    flat.set_aspect("auto")
+    flat.set(
+        title=f"unrolled; largest error {worst[0]:.1f} mm raw, {worst[1]:.1f} mm calibrated", aspect="auto"
+    )
     flat.legend(loc="upper left", frameon=False, fontsize=8.0)
     return figure
 
@@ -180,27 +175,14 @@ def _radius(sensor: Sensor) -> float:
     return sensor.radius_mm
 
 
-def _volt_name(signature: str) -> str:
-    return {"kh": "$V_h$", "kl": "$V_l$", "k": "$V_{out}$"}[signature]
-
-
 _GRAPHS = {
     "6.2": ("CRS-CRS", 0), "6.3": ("CRS-CRS", 5), "6.4": ("CRS-CRS", 10), "6.24": ("CRS-M", 0),
     "6.25": ("CRS-M", 5), "6.26": ("CRS-M", 10), "6.34": (_TUBE, 0),
 }  # fmt: skip
 
-FIGURES: dict[str, Callable[[], Figure]] = {
-    "6.1": figure_6_1,
-    "6.23": figure_6_23,
-    "6.33": figure_6_33,
-    "6.35": figure_6_35,
-    **{figure: partial(calibration_graph, *which) for figure, which in _GRAPHS.items()},
+FIGURES = by_number(figure_6_1, figure_6_23, figure_6_33, figure_6_35) | {
+    figure: captioned(
+        f"calibration graphs of the {name} twin's first strip, w = {w} units", calibration_graph, name, w
+    )
+    for figure, (name, w) in _GRAPHS.items()
 }
-
-
-def caption(figure: str) -> str:
-    """Return the caption of a figure of this file."""
-    if figure in _GRAPHS:
-        name, width = _GRAPHS[figure]
-        return f"Figure {figure}: calibration graphs of the {name} twin's first strip, w = {width} units"
-    return f"Figure {figure}: {(FIGURES[figure].__doc__ or '').splitlines()[0]}"

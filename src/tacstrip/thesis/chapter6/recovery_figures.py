@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import textwrap
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -22,6 +21,7 @@ from tacstrip.reconstruction.profile import profile_reconstruction
 from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
+from tacstrip.thesis.captions import captioned
 from tacstrip.thesis.chapter6.tables import Variant, at_nominal
 from tacstrip.thesis.chapter6.twin import PLACINGS, nearest_strips, twin
 
@@ -52,7 +52,7 @@ def recovery(figure: str) -> Figure:
     for name, line in zip(placings, ("-", "--"), strict=False):
         _draw_readings(axes, e, replace(own, placing=name), line, name if len(placings) > 1 else "")
     legend(axes)
-    drawing.suptitle(textwrap.fill(caption(figure), 105), fontsize=10.0)
+    drawing.suptitle(textwrap.fill(f"Figure {figure}: {_caption(figure)}", 105), fontsize=10.0)
     return drawing
 
 
@@ -66,21 +66,20 @@ def noisy(figure: str) -> Figure:
     axes.plot(sensor.x_mm, raw[name], "o-", color=COLOURS[name], label="as read")
     axes.plot(sensor.x_mm, good[name], ".:", color=COLOURS[name], label="calibrated")
     _draw_true(axes, sensor, contact, name, "--", "without errors")
-    axes.set_title(textwrap.fill(caption(figure), 62))
+    axes.set_title(textwrap.fill(f"Figure {figure}: {_caption(figure)}", 62))
     _name_axes(axes, name)
     legend(axes)
     return drawing
 
 
-def caption(figure: str) -> str:
-    """Return the caption of a figure of this file."""
+def _caption(figure: str) -> str:
     e = RECOVERIES.get(figure) or _BY_FIGURE[NOISY[figure]]
     where = f"in the {e.region} region of the {e.sensor} twin"
     symbol = f"${SIGNATURES[e.signature].symbol}$" if e.signature else ""
     if figure in NOISY:
-        return f"Figure {figure}: {symbol}-signature of the rectangle {where}, not calibrated"
+        return f"{symbol}-signature of the rectangle {where}, not calibrated"
     method = f"V.R. with {symbol}" if symbol else "P.R."
-    return f"Figure {figure}: {method} {where}, {'calibrated' if e.calibrated else 'not calibrated'}"
+    return f"{method} {where}, {'calibrated' if e.calibrated else 'not calibrated'}"
 
 
 def _draw_shapes(axes: Axes, e: Experiment, variant: Variant) -> None:
@@ -102,8 +101,7 @@ def _draw_shapes(axes: Axes, e: Experiment, variant: Variant) -> None:
     axes.set_ylim(max(low, -4.0), min(high, sensor.length_mm + 4.0))
     if e.printed:
         axes.plot([], [], " ", label=f"in print: {e.printed['aoe']:.3f}, {e.printed['ape']:.3f}")
-    axes.set_xlabel("x [mm]")
-    axes.set_ylabel("y [mm]")
+    axes.set(xlabel="x [mm]", ylabel="y [mm]")
     axes.legend(
         loc="upper center", bbox_to_anchor=(0.5, -0.13), frameon=False, fontsize=7.5,
         title="A.O.E. [rad], A.P.E. [cm]", title_fontsize=7.5,
@@ -139,8 +137,9 @@ def _draw_true(axes: Axes, sensor: Sensor, contact: Contact, name: str, line: st
 
 
 def _name_axes(axes: Axes, name: str) -> None:
-    axes.set_xlabel("x [mm]")
-    axes.set_ylabel(f"${SIGNATURES[name].symbol}$, over Vref")
+    axes.set(xlabel="x [mm]", ylabel=f"${SIGNATURES[name].symbol}$, over Vref")
 
 
-FIGURES = {f: partial(recovery, f) for f in RECOVERIES} | {f: partial(noisy, f) for f in NOISY}
+FIGURES = {f: captioned(_caption(f), recovery, f) for f in RECOVERIES} | {
+    f: captioned(_caption(f), noisy, f) for f in NOISY
+}

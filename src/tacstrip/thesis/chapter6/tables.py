@@ -10,7 +10,7 @@ either, is the "Radian-cm" of chapter 6 is not said.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
@@ -38,12 +38,8 @@ from tacstrip.thesis.chapter6.twin import (
 )
 from tacstrip.thesis.ranges import is_inside, ranges
 
-MEASURES = {
-    "mc": "mc",
-    "mc_rad": "mc",
-    "aoe": "aoe",
-    "ape": "ape",
-}  # ours: the printed measure it is compared with
+# Ours: the printed measure it is compared with.
+MEASURES = {"mc": "mc", "mc_rad": "mc", "aoe": "aoe", "ape": "ape"}
 _PROFILES = {"profile I": Noise(positional=0.005), "profile II": Noise(positional=0.01)}
 PROFILE_II = _PROFILES["profile II"]
 
@@ -110,11 +106,10 @@ def run_experiment(number: int, seeds: int) -> dict[str, Any]:
     }
     contact, _, vertices = at_nominal(e, own)
     ours["nominal"] = _measured(contact, vertices)
-    chosen = {name: v for name, v in VARIANTS.items() if applies(v, e)}
-    raw = not e.calibrated
     ours["variants"] = {
-        name: _over_places(e, Variant(v.errors, v.method, v.raw or raw, v.placing), seeds)
-        for name, v in chosen.items()
+        name: _over_places(e, replace(v, raw=v.raw or own.raw), seeds)
+        for name, v in VARIANTS.items()
+        if applies(v, e)
     }
     return ours
 
@@ -155,8 +150,8 @@ def _over_places(e: Experiment, variant: Variant, seeds: int) -> dict[str, Any]:
         if len(vertices) == 4:
             apart = np.linalg.norm(_left_to_right(vertices) - _left_to_right(contact.vertices), axis=1)
             worst[apart.argmax()] += 1.0 / seeds
-    found_ranges = ranges(np.array(values), list(MEASURES))
-    return {**found_ranges, "failed": 1.0 - len(values) / seeds, "worst_vertex": worst.tolist()}
+    counts = {"failed": 1.0 - len(values) / seeds, "worst_vertex": worst.tolist()}
+    return ranges(np.array(values), list(MEASURES)) | counts
 
 
 def _scan(
@@ -190,28 +185,20 @@ def _recover(
     if variant.method == "polygon":
         from tacstrip.reconstruction.polygon.estimate import fit_polygon  # in the workers only
 
-        return fit_polygon(scan, sensor, PROFILE_II).objects[0].vertices
+        lines = replace(sensor, strip_width_mm=None)  # as the twin makes them
+        return fit_polygon(scan, lines, PROFILE_II).objects[0].vertices
     if e.algorithm == "profile":
         return profile_at(profile_reconstruction(scan, sensor).objects[0], contact.vertices)
-    if variant.method == "gradient":
-        found = (
-            vertex_reconstruction(scan, sensor, signature=e.signature, transitions="gradient")
-            .objects[0]
-            .vertices
-        )
-        return found if len(found) == 4 else found[:0]
+    options: dict[str, Any] = {"transitions": "gradient"}
     if variant.method == "section":
-        x = np.clip(np.sort(contact.vertices[:, 0]), 0.0, sensor.width_mm)
-        return vertex_reconstruction(scan, sensor, signature=e.signature, transitions=x).objects[0].vertices
-    strips = nearest_strips(sensor, contact.vertices)
-    if variant.method == "one strip off":
-        strips[1:-1] = np.clip(strips[1:-1] + random.choice([-1, 1], 2), 1, sensor.strips - 2)
-    x = sensor.x_mm[strips]
-    return (
-        vertex_reconstruction(scan, sensor, signature=e.signature, transitions=x, reading="strip")
-        .objects[0]
-        .vertices
-    )
+        options = {"transitions": np.clip(np.sort(contact.vertices[:, 0]), 0.0, sensor.width_mm)}
+    elif variant.method != "gradient":
+        strips = nearest_strips(sensor, contact.vertices)
+        if variant.method == "one strip off":
+            strips[1:-1] = np.clip(strips[1:-1] + random.choice([-1, 1], 2), 1, sensor.strips - 2)
+        options = {"transitions": sensor.x_mm[strips], "reading": "strip"}
+    found = vertex_reconstruction(scan, sensor, signature=e.signature, **options).objects[0].vertices
+    return found[:0] if variant.method == "gradient" and len(found) != 4 else found
 
 
 def _measured(contact: Contact, vertices: FloatArray) -> dict[str, float] | None:

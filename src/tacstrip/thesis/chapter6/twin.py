@@ -135,9 +135,8 @@ def line_errors() -> FloatArray:
 def raw_scan(sensor: Sensor, contact: Contact, errors: dict[str, FloatArray]) -> Scan:
     """Return a twin's raw readings, as its meter shows them, of a contact that may hang over the edges."""
     ideal = signatures(sensor, *footprint(sensor, contact))
-    return Scan(
-        time_s=0.0, **invert_calibration(sensor, {name: k + errors[name] for name, k in ideal.items()})
-    )
+    read = {name: k + errors[name] for name, k in ideal.items()}
+    return Scan(time_s=0.0, **invert_calibration(sensor, read))
 
 
 def calibrated(sensor: Sensor, raw: Scan) -> Scan:

@@ -7,7 +7,7 @@ import { Surface } from "./surface.js";
 
 const get = (id) => document.getElementById(id);
 const surface = new Surface(get("surface"));
-let sensor = null, control = false, play = false, paused = false, frame = null, waiting = 0, drawing = false, told = 0, refusedAt = 0;
+let sensor = null, control = false, play = false, paused = false, frame = null, waiting = 0, drawing = false, lastMessage = 0, refusedAt = 0;
 const drawn = { count: 0, times: [], frame: null };
 window.tacstrip = drawn; // for the tests
 
@@ -31,7 +31,7 @@ function hear(message) {
     if (!drawing) { drawing = true; requestAnimationFrame(show); }
   } else if (message.kind === "hello") { control = message.control; about(message); line("on", control ? "connected" : "connected, look only"); }
   else if (message.kind === "state") state(message);
-  else if (message.kind === "told") say(message.text);
+  else if (message.kind === "notice") say(message.text);
   else if (message.kind === "refused" && performance.now() - refusedAt > 500) { refusedAt = performance.now(); say(message.text); }
 }
 
@@ -95,7 +95,7 @@ function state(message) {
   const recording = message.recording;
   get("record").setAttribute("aria-pressed", Boolean(recording));
   get("record-text").textContent = recording ? `${recording.scans} scans, ${(recording.bytes / 1e6).toFixed(1)} MB` : "Record";
-  for (const [number, text] of message.messages) if (number > told) { told = number; say(text); }
+  for (const [number, text] of message.messages) if (number > lastMessage) { lastMessage = number; say(text); }
   health(message.health);
 }
 
@@ -128,24 +128,24 @@ function list(found) {
   get("objects").replaceChildren(...items);
 }
 
-function health(told) {
-  const row = get("strips-health"), strips = told.strips || Array(sensor.strips).fill("unchecked");
-  get("examine").textContent = told.examining ? "Examining" : "Examine";
-  const key = JSON.stringify([told.strips, told.findings, told.problem, sensor.strips]);
+function health(state) {
+  const row = get("strips-health"), strips = state.strips || Array(sensor.strips).fill("unchecked");
+  get("examine").textContent = state.examining ? "Examining" : "Examine";
+  const key = JSON.stringify([state.strips, state.findings, state.problem, sensor.strips]);
   if (row.dataset.key === key) return;
   row.dataset.key = key;
   row.replaceChildren(...strips.map((condition, i) => {
     const e = document.createElement("i");
     e.dataset.c = condition;
-    e.title = `strip ${i + sensor.strip_base}: ${condition}${told.faults && told.faults[i].length ? `, ${told.faults[i].join(", ")}` : ""}`;
+    e.title = `strip ${i + sensor.strip_base}: ${condition}${state.faults && state.faults[i].length ? `, ${state.faults[i].join(", ")}` : ""}`;
     return e;
   }));
   const count = (name) => strips.filter((c) => c === name).length;
   const words = `${count("ok")} ok, ${count("degraded")} degraded, ${count("broken")} broken, ${count("unchecked")} not touched yet`;
   row.setAttribute("aria-label", words);
-  const noise = told.sigma ? ` Noise: ${(100 * told.sigma).toFixed(2)} % of Vref.` : "";
-  if (told.problem) get("health-text").textContent = told.problem;
-  else if (told.strips) get("health-text").textContent = `${words}.${noise} ${told.findings.join("; ")}`;
+  const noise = state.sigma ? ` Noise: ${(100 * state.sigma).toFixed(2)} % of Vref.` : "";
+  if (state.problem) get("health-text").textContent = state.problem;
+  else if (state.strips) get("health-text").textContent = `${words}.${noise} ${state.findings.join("; ")}`;
 }
 
 function pause() {

@@ -71,7 +71,13 @@ export class Surface {
     return [place.x, this.y(place.y)];
   }
 
-  path(points) { return points.length ? `M${points.map(([x, y]) => `${x} ${this.y(y)}`).join("L")}Z` : ""; }
+  // What goes on beyond the seam of a closed tube is drawn on its other side too.
+  rounds(x) { return this.sensor.closed && Math.max(...x) > this.width ? [0, this.width] : [0]; }
+
+  path(points) {
+    const once = (shift) => `M${points.map(([x, y]) => `${x - shift} ${this.y(y)}`).join("L")}Z`;
+    return points.length ? this.rounds(points.map(([x]) => x)).map(once).join("") : "";
+  }
 
   draw(frame) {
     this.last = frame;
@@ -97,8 +103,8 @@ export class Surface {
     fill(this.layers.profiles, "path", profiles, (e, [x, l, u]) => {
       e.setAttribute("class", "profile");
       e.setAttribute("vector-effect", fixed);
-      const chain = (ends) => "M" + x.map((at, i) => (ends[i] === null ? null : `${at} ${this.y(ends[i])}`)).filter(Boolean).join("L");
-      e.setAttribute("d", chain(l) + chain(u));
+      const chain = (ends, shift) => "M" + x.map((at, i) => (ends[i] === null ? null : `${at - shift} ${this.y(ends[i])}`)).filter(Boolean).join("L");
+      e.setAttribute("d", this.rounds(x).map((shift) => chain(l, shift) + chain(u, shift)).join(""));
     });
     fill(this.layers.regions, "path", found.flatMap((o) => o.regions), (e, region) => {
       e.setAttribute("class", "region");
@@ -108,13 +114,14 @@ export class Surface {
     const corners = found.filter((o) => o.vertices.length <= 20).flatMap((o) => o.vertices);
     fill(this.layers.corners, "circle", corners, (e, [x, y]) => {
       e.setAttribute("class", "corner");
-      e.setAttribute("cx", x);
+      e.setAttribute("cx", this.sensor.closed ? x % this.width : x);
       e.setAttribute("cy", this.y(y));
       e.setAttribute("r", 1.5 * this.px);
     });
     fill(this.layers.names, "text", found, (e, o) => {
       e.setAttribute("class", "name");
-      e.setAttribute("x", o.centroid[0] ?? 0);
+      const x = o.centroid[0] ?? 0;
+      e.setAttribute("x", this.sensor.closed ? x % this.width : x);
       e.setAttribute("y", this.y(o.centroid[1] ?? 0) + 5 * this.px);
       e.setAttribute("font-size", 14 * this.px);
       e.textContent = o.id;

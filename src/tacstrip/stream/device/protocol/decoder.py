@@ -5,9 +5,8 @@ from __future__ import annotations
 import struct
 from typing import NamedTuple, TypeAlias
 
-from tacstrip.stream.device.protocol.commands import Message, parse_message
 from tacstrip.stream.device.protocol.frames import VERSION, Kind, check_frame, parse_frame
-from tacstrip.stream.device.protocol.messages import Hello
+from tacstrip.stream.device.protocol.messages import Hello, Message, parse_message
 from tacstrip.stream.device.protocol.scans import LAYOUT, ScanBatch, layout_of
 
 MAX_FRAME_BYTES = 2**15  # between two zeros; a scan of 4,096 strips and two signatures has 17,000
@@ -51,6 +50,11 @@ class Decoder:
     """Decodes bytes as they come, in pieces of any length, and resynchronises after corrupt ones.
 
     Memory is bounded: more than `MAX_FRAME_BYTES` bytes without a zero are discarded.
+
+    Attributes
+    ----------
+    counts
+        What it has received so far.
     """
 
     def __init__(self) -> None:
@@ -59,15 +63,12 @@ class Decoder:
         self._began = False  # a zero was seen
         self._next: int | None = None  # the scan number that is due
         self._clock_us: int | None = None  # of the newest scan, not wrapped
-        self._behind: bytes | None = (
-            None  # a scan with an old number; the next tells whether the device restarted
-        )
-        self._counts = [0] * len(Counts._fields)
+        # A scan with an old number; the next tells whether the device restarted.
+        self._behind: bytes | None = None
+        self.counts = Counts()
 
-    @property
-    def counts(self) -> Counts:
-        """What a decoder has received so far."""
-        return Counts(*self._counts)
+    def _count(self, **more: int) -> None:
+        self.counts = Counts(*(n + more.get(name, 0) for name, n in self.counts._asdict().items()))
 
     def feed(self, data: bytes) -> list[Received]:
         """Return the scans, in batches, and messages of the frames that these bytes complete, in order."""
@@ -80,7 +81,7 @@ class Decoder:
                 continue
             plain = check_frame(piece)
             if plain is None:
-                self._counts[_CORRUPT] += self._began
+                self._count(corrupt=self._began)
             elif plain[0] == VERSION and plain[_KIND_AT] == Kind.SCAN:
                 self._take_scan(plain, batch, out)
             else:
@@ -88,34 +89,30 @@ class Decoder:
                 self._take_message(plain, out)
             self._began = True
         self._flush(batch, out)
-        self._keep(rest)
-        return out
-
-    def _keep(self, rest: bytes) -> None:
         if len(rest) > MAX_FRAME_BYTES or self._dropping:
-            self._counts[_CORRUPT] += not self._dropping and self._began
+            self._count(corrupt=not self._dropping and self._began)
             self._dropping, rest = True, b""
         self._rest = rest
+        return out
 
     def _take_scan(self, plain: bytes, batch: list[bytes], out: list[Received]) -> None:
         layout = layout_of(plain[LAYOUT])
         if layout is None or layout.itemsize != len(plain):
-            self._counts[_UNKNOWN] += 1
+            self._count(unknown=1)
             return
         number = _number(plain)
         if number != self._next and self._next is not None:
             step = (number - self._next + 2**31) % 2**32 - 2**31
             if -MAX_BEHIND <= step < 0:
-                self._counts[_OUT_OF_ORDER] += 1
+                self._count(out_of_order=1)
                 before, self._behind = self._behind, plain
                 if before is None or not 0 < (ahead := (number - _number(before)) % 2**32) <= MAX_BEHIND:
                     return
-                self._counts[_OUT_OF_ORDER] -= 2
-                self._counts[_LOST] += ahead - 1
+                self._count(out_of_order=-2, lost=ahead - 1)
                 self._restart(batch, out)
                 batch.append(before)
             elif 0 < step < MAX_AHEAD:
-                self._counts[_LOST] += step
+                self._count(lost=step)
             else:
                 self._restart(batch, out)
         self._next, self._behind = (number + 1) % 2**32, None
@@ -127,28 +124,28 @@ class Decoder:
         frame = parse_frame(plain)
         message = parse_message(frame) if frame.version == VERSION else None
         if message is None:
-            self._counts[_UNKNOWN] += 1
+            self._count(unknown=1)
             return
         if isinstance(message, Hello):
             if frame.sequence == 0 and self._next:
                 self._restart([], out)
             if self._next is None or frame.sequence == 0:
                 self._next, self._behind = frame.sequence, None
-        self._counts[_FRAMES] += 1
+        self._count(frames=1)
         out.append(message)
 
     def _restart(self, batch: list[bytes], out: list[Received]) -> None:
         self._flush(batch, out)
-        self._counts[_RESTARTS] += 1
+        self._count(restarts=1)
         self._clock_us = None
 
     def _flush(self, batch: list[bytes], out: list[Received]) -> None:
         """Append the collected scans, all of one layout, to the output as one batch."""
         if not batch:
             return
-        scans = ScanBatch.of(batch, self._clock_us, self._counts[_RESTARTS])
+        scans = ScanBatch.of(batch, self._clock_us, self.counts.restarts)
         self._clock_us = int(scans.time_us[-1])
-        self._counts[_FRAMES] += len(scans)
+        self._count(frames=len(scans))
         out.append(scans)
         batch.clear()
 
@@ -156,6 +153,3 @@ class Decoder:
 def _number(plain: bytes) -> int:
     number: int = _SEQUENCE_AT.unpack_from(plain)[0]
     return number
-
-
-_FRAMES, _CORRUPT, _LOST, _OUT_OF_ORDER, _UNKNOWN, _RESTARTS = range(len(Counts._fields))

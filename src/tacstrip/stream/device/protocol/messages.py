@@ -1,22 +1,25 @@
-"""Messages from the device other than scans: identification, replies to commands, self-test (docs/protocol.md)."""
+"""All messages but scans: identification, replies, self-test, commands, and their parser (docs/protocol.md)."""
 
 from __future__ import annotations
 
+import enum
 import struct
 from dataclasses import dataclass
-from typing import Self
+from typing import Self, TypeAlias
 
 import numpy as np
 
 from tacstrip.arrays import BoolArray
 from tacstrip.errors import OptionError
 from tacstrip.sensor.constructions import SIGNATURES
-from tacstrip.stream.device.protocol.frames import Kind, encode_frame
+from tacstrip.stream.device.protocol.frames import Kind, WireFrame, encode_frame
 
+MAX_PERIOD_US = 60_000_000
 _BITS = {name: 1 << i for i, name in enumerate(SIGNATURES)}  # kh 1, kl 2, k 4
 _HELLO = struct.Struct("<HB5BHIIII16s16s")
 _REPLY = struct.Struct("<BIBI")
 _TESTED = struct.Struct("<HHI")
+_PERIOD = struct.Struct("<I")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,10 +72,7 @@ class Hello:
         names = (_encoded("construction", self.construction), _encoded("unit_name", self.unit_name))
         numbers = (self.supply_mv, self.baud, self.period_us, self.cycle_us, self.late)
         head = (self.strips, mask_of(self.signatures), self.adc_bits, *self.version, self.streaming)
-        try:
-            return encode_frame(Kind.HELLO, _HELLO.pack(*head, *numbers, *names), sequence, time_us)
-        except struct.error as error:
-            raise OptionError(f"a number does not fit its field of a hello frame ({error})") from None
+        return encode_frame(Kind.HELLO, _packed("hello", _HELLO, *head, *numbers, *names), sequence, time_us)
 
     @classmethod
     def parse(cls, body: bytes) -> Self | None:
@@ -100,10 +100,7 @@ class Reply:
 
     def encode(self, sequence: int = 0, time_us: int = 0) -> bytes:
         """Return the frame; arguments and errors as of `Hello.encode`."""
-        try:
-            body = _REPLY.pack(self.command, self.command_sequence, self.status, self.value)
-        except struct.error as error:
-            raise OptionError(f"a number does not fit its field of a reply frame ({error})") from None
+        body = _packed("reply", _REPLY, self.command, self.command_sequence, self.status, self.value)
         return encode_frame(Kind.REPLY, body, sequence, time_us)
 
     @classmethod
@@ -133,11 +130,8 @@ class SelfTest:
     def encode(self, sequence: int = 0, time_us: int = 0) -> bytes:
         """Return the frame; arguments and errors as of `Hello.encode`."""
         flags = np.sum([np.asarray(v) * _BITS[name] for name, v in self.held.items()], axis=0)
-        try:
-            body = _TESTED.pack(len(flags), self.supply_mv, self.late) + flags.astype(np.uint8).tobytes()
-        except struct.error as error:
-            raise OptionError(f"a number does not fit its field of a test frame ({error})") from None
-        return encode_frame(Kind.TESTED, body, sequence, time_us)
+        body = _packed("test", _TESTED, len(flags), self.supply_mv, self.late)
+        return encode_frame(Kind.TESTED, body + flags.astype(np.uint8).tobytes(), sequence, time_us)
 
     @classmethod
     def parse(cls, body: bytes) -> Self | None:
@@ -151,6 +145,77 @@ class SelfTest:
         return cls(supply, late, {name: (flags & bit) > 0 for name, bit in _BITS.items()})
 
 
+class Status(enum.IntEnum):
+    """Outcome of a command."""
+
+    DONE = 0
+    UNKNOWN = 1
+    BAD_BODY = 2
+    OTHER_VERSION = 3
+
+
+@dataclass(frozen=True)
+class Command:
+    """A command from the host to the device.
+
+    Attributes
+    ----------
+    kind
+        IDENTIFY, START, STOP, RATE or TEST.
+    sequence
+        The host's number of the command; the reply repeats it.
+    period_us
+        Of RATE only: time from scan to scan [us]; 0: as fast as possible.
+    """
+
+    kind: int
+    sequence: int = 0
+    period_us: int | None = None
+
+    def encode(self, time_us: int = 0) -> bytes:
+        """Return the frame.
+
+        Raises
+        ------
+        OptionError
+            The kind is not a command, or the period of RATE is not 0 to one minute.
+        """
+        if not Kind.IDENTIFY <= self.kind <= Kind.TEST:
+            raise OptionError(f"kind {self.kind:#04x} is no command; commands are 0x81 to 0x85")
+        if (self.kind == Kind.RATE) != (self.period_us is not None):
+            raise OptionError("period_us belongs to the command RATE, and only to it")
+        if self.period_us is None:
+            return encode_frame(self.kind, b"", self.sequence, time_us)
+        if not 0 <= self.period_us <= MAX_PERIOD_US:
+            raise OptionError(f"period_us = {self.period_us}: must be 0 to {MAX_PERIOD_US}")
+        return encode_frame(self.kind, _PERIOD.pack(self.period_us), self.sequence, time_us)
+
+    @classmethod
+    def parse(cls, frame: WireFrame) -> Self | None:
+        """Return the command, or None where the body does not fit it."""
+        size = _PERIOD.size if frame.kind == Kind.RATE else 0
+        if len(frame.body) != size:
+            return None
+        return cls(frame.kind, frame.sequence, _PERIOD.unpack(frame.body)[0] if size else None)
+
+
+Message: TypeAlias = Hello | Reply | SelfTest | Command
+
+
+def parse_message(frame: WireFrame) -> Message | None:
+    """Return the message of a frame; None where it is a scan, of unknown kind, or its body has the wrong length."""
+    if frame.kind in _PARSERS:
+        return _PARSERS[frame.kind].parse(frame.body)
+    return Command.parse(frame) if Kind.IDENTIFY <= frame.kind <= Kind.TEST else None
+
+
+_PARSERS: dict[int, type[Hello | Reply | SelfTest]] = {
+    Kind.HELLO: Hello,
+    Kind.REPLY: Reply,
+    Kind.TESTED: SelfTest,
+}
+
+
 def mask_of(signatures: tuple[str, ...]) -> int:
     """Return signatures as bits, 1 kh, 2 kl, 4 k; those of other names raise `OptionError`."""
     if unknown := [name for name in signatures if name not in _BITS]:
@@ -161,6 +226,13 @@ def mask_of(signatures: tuple[str, ...]) -> int:
 def names_of(mask: int) -> tuple[str, ...]:
     """Return the signatures of bits."""
     return tuple(name for name, bit in _BITS.items() if mask & bit)
+
+
+def _packed(name: str, layout: struct.Struct, *values: object) -> bytes:
+    try:
+        return layout.pack(*values)
+    except struct.error as error:
+        raise OptionError(f"a number does not fit its field of a {name} frame ({error})") from None
 
 
 def _encoded(name: str, value: str) -> bytes:

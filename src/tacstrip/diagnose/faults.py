@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
@@ -9,7 +10,9 @@ from typing import Any, Literal
 import numpy as np
 
 from tacstrip.arrays import FloatArray, IntArray
+from tacstrip.data import data_path
 from tacstrip.sensor.constructions import SIGNATURES
+from tacstrip.sensor.left_out import channel_name
 
 Severity = Literal["broken", "degraded", "note"]
 
@@ -23,57 +26,10 @@ class Fault:
     check: str
 
 
-FAULTS: dict[str, Fault] = {
-    "open-strip": Fault(
-        "open strip", "broken",
-        "the energised strip, its clamps and its wires to Vref and ground: measure it from end to end",
-    ),
-    "open-sensing": Fault(
-        "open sensing strip", "broken",
-        "the sensing strip and its clamps: measure it from end to end",
-    ),
-    "short": Fault(
-        "short between neighbours", "broken",
-        "bridges between the two strips and between their wires: solder, frayed fabric, rubber that touches",
-    ),
-    "swapped-wires": Fault(
-        "v_h and v_l exchanged", "broken", "the two sensing wires of the strip: exchange them, or the two columns"
-    ),
-    "swapped-ends": Fault(
-        "ends exchanged", "broken", "which end of the strip is on Vref and which on ground: y runs the wrong way"
-    ),
-    "swapped-strips": Fault(
-        "strips exchanged", "broken", "the order of the wires at the multiplexer or the plug, and of the columns"
-    ),
-    "dead": Fault(
-        "dead channel", "broken", "the sensing wire, the multiplexer's input and its solder: nothing comes through"
-    ),
-    "stuck": Fault(
-        "stuck channel", "broken", "the multiplexer's address lines and the converter's input: the value never moves"
-    ),
-    "saturation": Fault(
-        "saturation", "broken", "gain and supply of the amplifier, and the converter's input range"
-    ),
-    "wrong-vref": Fault(
-        "wrong Vref", "broken", "vref_volt in the spec against a voltmeter on the strips, and the converter's reference"
-    ),
-    "drift": Fault(
-        "drift", "degraded", "temperature, supply and creeping rubber; zero again, and warm up before recording"
-    ),
-    "hum": Fault(
-        "mains hum", "degraded", "shields and ground loops; a sampling time that is a whole number of mains periods"
-    ),
-    "noise": Fault(
-        "excess noise", "degraded", "loose contacts, the wire's shield, the converter's reference; average scans"
-    ),
-    "bits": Fault(
-        "missing A/D bits", "degraded", "the converter's data lines and resolution, and adc_bits in the spec"
-    ),
-    "calibration": Fault("needs calibration", "note", "run `tacstrip calibrate` on this unit"),
-    "rest-level": Fault(
-        "rest level not given", "note", "set rest_volt and touch_volt in the spec if untouched strips have readings"
-    ),
-}  # fmt: skip
+FAULTS = {
+    name: Fault(**row)
+    for name, row in tomllib.loads(data_path("faults.toml").read_text(encoding="utf-8")).items()
+}
 
 
 @dataclass(frozen=True)
@@ -92,6 +48,13 @@ class Finding:
         The numbers alone, by name; voltages over Vref, lengths in mm.
     signature
         The channel, where it is one of two.
+
+    Examples
+    --------
+    >>> from tacstrip.diagnose import Finding
+    >>> finding = Finding("hum", (4,), "50 Hz of +-0.5 % of Vref", {"hertz": 50.0})
+    >>> finding.kind.title, finding.kind.severity
+    ('mains hum', 'degraded')
     """
 
     fault: str
@@ -153,6 +116,17 @@ class Report:
         What could not be checked in this recording, and what it would need.
     touched_scans
         In how many scans each strip was touched (strips,).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import tacstrip as ts
+    >>> from tacstrip.diagnose import Log, diagnose
+    >>> sensor = ts.Sensor(construction="crs-m", strips=4, pitch_mm=10.0, length_mm=100.0)
+    >>> contact = ts.Contact.polygon([(0, 30), (40, 30), (40, 60), (0, 60)])
+    >>> report = diagnose(Log.of_scans(sensor, [ts.simulate(sensor, contact, rng=0)] * 3))
+    >>> report.healthy, report.unchecked[0]  # a contact that does not move shows little
+    (True, 'shorts, strips exchanged, stuck channels, saturation: the contact stood at 1 place(s); move and turn it')
     """
 
     findings: tuple[Finding, ...]
@@ -188,6 +162,12 @@ class Report:
         numbers = [str(i + self.strip_base) for i in finding.strips]
         names = "strip " + numbers[0] if len(numbers) == 1 else "strips " + ", ".join(numbers)
         return names if finding.signature is None else f"{names}, {SIGNATURES[finding.signature].volt_column}"
+
+    def without(self, finding: Finding) -> str:
+        """Return the name of the one channel that a finding is about, to leave it out; "" where it is no channel."""
+        if finding.signature is None or len(finding.strips) != 1:
+            return ""
+        return channel_name(finding.strips[0], finding.signature, self.strip_base)
 
     def to_json(self) -> dict[str, Any]:
         """Return the report as JSON values; strips are counted as in the readings file, null is not noise."""

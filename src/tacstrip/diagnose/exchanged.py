@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray
-from tacstrip.diagnose.finding import Finding
 from tacstrip.diagnose.neighbour_pairs import neighbour_pair
 from tacstrip.diagnose.neighbour_prediction import Suspect, WorkingCopy, neighbour_residuals
 from tacstrip.diagnose.regression import moved_to_and_fro
@@ -25,11 +25,10 @@ _FOOTPRINTS = 5  # different ones of contacts that end between two strips, if al
 _UNUSUAL = 2.0  # times the median misfit of all pairs
 
 
-def swapped_wires(work: WorkingCopy) -> list[Suspect]:
+def swapped_wires(work: WorkingCopy) -> Iterator[Suspect]:
     """Find strips with k_h below k_l: a contact's upper end is never lower than its lower end."""
     if work.pair is None:
-        return []
-    found = []
+        return
     difference = work.pair[0] - work.pair[1]
     clear_at = np.abs(difference) > max(_CROSSED, 3.0 * work.sigma)
     wrong = clear_at & (difference < 0.0)
@@ -40,32 +39,30 @@ def swapped_wires(work: WorkingCopy) -> list[Suspect]:
     (e_h, r_h), (e_l, r_l) = (neighbour_residuals(work, name) for name in ("kh", "kl"))
     as_is = np.abs(r_h) + np.abs(r_l)
     crossed = np.abs(work.pair[1] - e_h) + np.abs(work.pair[0] - e_l)
-    exchanged = np.flatnonzero(clear & often)
+    exchanged = np.flatnonzero(clear & often).tolist()
     least = _OFFSETS if work.sensor.calibration is None else 2.0 * _CROSSED
     touched = known > 0
     if len(exchanged) > max(2, 0.6 * np.count_nonzero(touched)) and _all_below(mean[touched], least):
         evidence = (
             f"v_h lies below v_l on {len(exchanged)} of {np.count_nonzero(touched)} strips that were touched"
         )
-        whole = Finding("swapped-wires", (), evidence, {"strips": len(exchanged)})
-        return [Suspect(whole, -float(mean[exchanged].mean()), _swap_all_wires)]
+        numbers = {"strips": float(len(exchanged))}
+        explained = -float(mean[exchanged].mean())
+        yield work.suspect("swapped-wires", [], evidence, numbers, explained, repair=_swap_all_wires)
+        return
     for strip in exchanged:
         at = np.isfinite(as_is[:, strip]) & clear_at[:, strip]
         now, then = (float(c[at, strip].mean()) if at.any() else 0.0 for c in (as_is, crossed))
         if then > now and at.any():  # one channel alone is off, by its neighbours' prediction
             continue
-        if not _sign_reversed(
-            difference[at, strip], (e_h - e_l)[at, strip], float(mean[strip]), least, work.sigma
-        ):
+        below, predicted = float(mean[strip]), (e_h - e_l)[at, strip]
+        if not _sign_reversed(difference[at, strip], predicted, below, least, work.sigma):
             continue
         count, of = int(wrong[:, strip].sum()), int(clear_at[:, strip].sum())
-        finding = Finding(
-            "swapped-wires", (int(work.order[strip]),),
-            f"v_h lies {-100 * mean[strip]:.3g} % of Vref below v_l, in {count} of {of} places with a clear difference",
-            {"difference": float(mean[strip]), "places": count, "of": of},
-        )  # fmt: skip
-        found.append(Suspect(finding, max(now - then, 1e-3) / 2.0, partial(_swap_wires, strip=int(strip))))
-    return found
+        evidence = f"v_h lies {-100 * below:.3g} % of Vref below v_l, in {count} of {of} places with a clear difference"
+        numbers = {"difference": below, "places": count, "of": of}
+        explained, repair = max(now - then, 1e-3) / 2.0, partial(_swap_wires, strip=strip)
+        yield work.suspect("swapped-wires", [strip], evidence, numbers, explained, repair=repair)
 
 
 def _all_below(mean: FloatArray, least: float) -> bool:
@@ -104,9 +101,8 @@ def _swap_all_wires(work: WorkingCopy) -> None:
     work.k["kh"], work.k["kl"] = work.k["kl"], work.k["kh"]
 
 
-def swapped_ends(work: WorkingCopy) -> list[Suspect]:
+def swapped_ends(work: WorkingCopy) -> Iterator[Suspect]:
     """Find strips that fit their neighbours with the ends exchanged: 1 - k_l for k_h, 1 - k_h for k_l, 1 - k for k."""
-    found = []
     turned = {"kh": "kl", "kl": "kh", "k": "k"}
     as_is, reversed_ends, moves = [], [], []
     for name in work.k:
@@ -117,23 +113,17 @@ def swapped_ends(work: WorkingCopy) -> list[Suspect]:
         moves.append([_correlates(e[:, i], other[:, i]) for i in range(work.strips)])
     now, then = (np.mean(costs, axis=0) for costs in (as_is, reversed_ends))
     known = np.isfinite(now) & np.isfinite(then)
-    for strip in np.flatnonzero(known.any(axis=0) & np.all(moves, axis=0)):
-        a, b = now[known[:, strip], strip], then[known[:, strip], strip]
-        explained = float(a.mean() - b.mean())
-        if a.mean() > (0.15 if len(a) > 2 else 0.3) and b.mean() < 0.35 * a.mean():
-            found.append(
-                Suspect(
-                    Finding(
-                        "swapped-ends", (int(work.order[strip]),),
-                        f"lies {100 * a.mean():.3g} % of Vref from its neighbours' prediction, and with the ends "
-                        f"exchanged {100 * b.mean():.2g} %, over {len(a)} place(s)",
-                        {"misfit": float(a.mean()), "reversed_ends": float(b.mean()), "places": float(len(a))},
-                    ),
-                    explained,
-                    partial(_turn, strip=int(strip)),
-                )
-            )  # fmt: skip
-    return found
+    for strip in np.flatnonzero(known.any(axis=0) & np.all(moves, axis=0)).tolist():
+        count = int(known[:, strip].sum())
+        a, b = (float(misfit[known[:, strip], strip].mean()) for misfit in (now, then))
+        if a > (0.15 if count > 2 else 0.3) and b < 0.35 * a:
+            evidence = (
+                f"lies {100 * a:.3g} % of Vref from its neighbours' prediction, and with the ends exchanged "
+                f"{100 * b:.2g} %, over {count} place(s)"
+            )
+            numbers = {"misfit": a, "reversed_ends": b, "places": float(count)}
+            repair = partial(_turn, strip=strip)
+            yield work.suspect("swapped-ends", [strip], evidence, numbers, a - b, repair=repair)
 
 
 def _correlates(expected: FloatArray, values: FloatArray) -> bool:
@@ -152,51 +142,40 @@ def _turn(work: WorkingCopy, strip: int) -> None:
         values[:, strip] = 1.0 - values[:, strip]
 
 
-def swapped_strips(work: WorkingCopy) -> list[Suspect]:
+def swapped_strips(work: WorkingCopy) -> Iterator[Suspect]:
     """Find neighbours in the wrong order, by the edges of contacts and by the slope of signatures across them."""
     slopes = {i: _Slope.of(work, i) for i in range(work.strips - 1)}
     usual = float(np.median([t.misfit for t in slopes.values() if t.places] or [0.0]))
-    found = []
     for strip, slope in slopes.items():
         against, left, right, footprints = _edges(work, strip)
-        one_sided = min(left, right) == 0 and not (
-            slope.places >= _FEW and slope.misfit_exchanged < 0.6 * slope.misfit
-        )
-        alike = (
-            footprints < _FOOTPRINTS
-            and not _at_edge(work, strip)
-            and slope.misfit_exchanged > 0.9 * slope.misfit
-        )
+        at_edge = strip in (0, work.strips - 2)  # contacts go on to one side of the two only
+        misfit, exchanged = slope.misfit, slope.misfit_exchanged
+        one_sided = min(left, right) == 0 and not (slope.places >= _FEW and exchanged < 0.6 * misfit)
+        alike = footprints < _FOOTPRINTS and not at_edge and exchanged > 0.9 * misfit
         often = left + right >= 2 * _FEW and against == 0 and not alike
         edges = left + right >= 4 and left + right >= 5 * against and (often or not one_sided)
-        runs_back = (
-            slope.clear
-            and slope.misfit_exchanged < (0.25 if _at_edge(work, strip) else 0.4) * slope.misfit
-            and slope.misfit > _UNUSUAL * usual
-            and slope.to_and_fro
-        )
-        if runs_back or (edges and not (slope.clear and slope.misfit < 0.7 * slope.misfit_exchanged)):
+        clearly = slope.clear and exchanged < (0.25 if at_edge else 0.4) * misfit
+        runs_back = clearly and misfit > _UNUSUAL * usual and slope.to_and_fro
+        if runs_back or (edges and not (slope.clear and misfit < 0.7 * exchanged)):
             evidence = []
             if runs_back:
                 evidence.append(
-                    f"their difference is opposite to the slope around: {100 * slope.misfit:.3g} % of Vref off in "
-                    f"{slope.places} places, {100 * slope.misfit_exchanged:.2g} % with the two exchanged"
+                    f"their difference is opposite to the slope around: {100 * misfit:.3g} % of Vref off in "
+                    f"{slope.places} places, {100 * exchanged:.2g} % with the two exchanged"
                 )
             if edges:
                 evidence.append(
                     f"contacts that end there have a gap in {left + right} places, and none with the two exchanged"
                 )
-            finding = Finding(
-                "swapped-strips", tuple(sorted(int(i) for i in work.order[strip : strip + 2])), "; ".join(evidence),
-                {"misfit": slope.misfit, "exchanged": slope.misfit_exchanged, "places": slope.places,
-                 "edges": left + right},
-            )  # fmt: skip
-            found.append(
-                Suspect(
-                    finding, max(slope.misfit - slope.misfit_exchanged, 0.03), partial(_exchange, strip=strip)
-                )
-            )
-    return found
+            numbers = {
+                "misfit": misfit,
+                "exchanged": exchanged,
+                "places": slope.places,
+                "edges": left + right,
+            }
+            two, explained = [strip, strip + 1], max(misfit - exchanged, 0.03)
+            repair = partial(_exchange, strip=strip)
+            yield work.suspect("swapped-strips", two, "; ".join(evidence), numbers, explained, repair=repair)
 
 
 @dataclass(frozen=True)
@@ -221,29 +200,19 @@ class _Slope:
             return cls(0.0, 0.0, 0, False, False)
         misfit, misfit_exchanged, slope = (
             float(np.sqrt(np.mean([np.var(v) for v in values])))
-            for values in (
-                [p.excess for p in pairs],
-                [p.difference + p.slope for p in pairs],
-                [p.slope for p in pairs],
-            )
+            for values in zip(*((p.excess, p.difference + p.slope, p.slope) for p in pairs), strict=True)
         )
         off = float(np.median(np.concatenate([np.abs(p.offset - np.median(p.offset)) for p in pairs])))
         places = min(len(p.slope) for p in pairs)
         clear = places >= _FEW and slope > max(0.004, 4.0 * work.sigma) and off < _OFF_LINE * slope
-        return cls(
-            misfit, misfit_exchanged, places, clear, all(moved_to_and_fro(p.level, work.sigma) for p in pairs)
-        )
+        to_and_fro = all(moved_to_and_fro(p.level, work.sigma) for p in pairs)
+        return cls(misfit, misfit_exchanged, places, clear, to_and_fro)
 
 
 def _exchange(work: WorkingCopy, strip: int) -> None:
     for array in (*work.k.values(), work.there):
         array[:, [strip, strip + 1]] = array[:, [strip + 1, strip]]
     work.order[[strip, strip + 1]] = work.order[[strip + 1, strip]]
-
-
-def _at_edge(work: WorkingCopy, strip: int) -> bool:
-    """Whether contacts go on to one side of two neighbours only."""
-    return strip in (0, work.strips - 2)
 
 
 def _edges(work: WorkingCopy, strip: int) -> tuple[int, int, int, int]:

@@ -37,6 +37,20 @@ def transfer_length(w: FloatArray, contact_lambda: float) -> FloatArray:
     return np.asarray(contact_lambda * np.tanh(w / (2.0 * contact_lambda)))
 
 
+def fraction(
+    l: FloatArray,
+    w: FloatArray,
+    length: float,
+    share: float | FloatArray,
+    narrow: float,
+    contact_lambda: float = 0.0,
+) -> tuple[FloatArray, FloatArray]:
+    """Return numerator and D of a reading, (3.3) to (3.8) in one; share is a at the upper end, else 0, narrow 1 - a."""
+    t = transfer_length(w, contact_lambda)
+    ideal = w - 2.0 * t
+    return l + t + share * ideal, length - narrow * ideal
+
+
 def k_h(
     l: FloatArray, w: FloatArray, length: float, ratio: float = 1.0, contact_lambda: float = 0.0
 ) -> FloatArray:
@@ -67,9 +81,7 @@ def k_h(
     0.411765
     """
     a = sensing_share(ratio)
-    t = transfer_length(w, contact_lambda)
-    wi = w - 2.0 * t
-    return _over_vref(l + t + a * wi, length - (1.0 - a) * wi, length)
+    return _over_vref(*fraction(l, w, length, a, 1.0 - a, contact_lambda), length)
 
 
 def k_l(
@@ -85,9 +97,7 @@ def k_l(
     >>> round(float(k_l(np.array(20.0), np.array(30.0), 100.0)), 6)
     0.235294
     """
-    a = sensing_share(ratio)
-    t = transfer_length(w, contact_lambda)
-    return _over_vref(l + t, length - (1.0 - a) * (w - 2.0 * t), length)
+    return _over_vref(*fraction(l, w, length, 0.0, 1.0 - sensing_share(ratio), contact_lambda), length)
 
 
 def k_metal(l: FloatArray, w: FloatArray, length: float, contact_lambda: float = 0.0) -> FloatArray:

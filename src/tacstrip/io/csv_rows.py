@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from tacstrip.errors import ReadingError, is_number
-from tacstrip.files import why_unreadable
+from tacstrip.files import replacing, why_unreadable
 from tacstrip.io.column_names import nearly
 from tacstrip.io.columns import PLACE
 
@@ -17,24 +18,13 @@ _Result = TypeVar("_Result")
 _UTF16 = (b"\xff\xfe", b"\xfe\xff")  # marks at the start of such a file
 
 
-class _Lines:
-    """A file's lines; knows how the last one ended."""
-
-    def __init__(self, file: Iterable[str]) -> None:
-        self._file = file
-        self._last = "\n"
-        self._done = False
-
-    def __iter__(self) -> Iterator[str]:
-        for line in self._file:
-            self._last = line
-            yield line
-        self._done = True
-
-    @property
-    def cut(self) -> bool:
-        """Whether all was read, and the last line has no end, as where writing it was broken off."""
-        return self._done and not self._last.endswith(("\n", "\r"))
+@contextmanager
+def csv_writer(path: str | Path, header: Sequence[str]) -> Iterator[Any]:
+    """Give a writer of rows below a header, as of the module csv; the file is written whole or not at all."""
+    with replacing(path) as part, part.open("w", encoding="utf-8", newline="") as file:
+        out = csv.writer(file, lineterminator="\n")
+        out.writerow(header)
+        yield out
 
 
 def read_csv(
@@ -54,25 +44,33 @@ def read_csv(
     """
     if unreadable := why_unreadable(path):
         raise ReadingError(f"{path}: {unreadable}")
-    lines = _Lines(())
+    last, ended = "\n", False  # the last line read, and whether it is the file's last
+
+    def lines(file: Iterable[str]) -> Iterator[str]:
+        nonlocal last, ended
+        for line in file:
+            last = line
+            yield line
+        ended = True
+
     try:
         with Path(path).open(encoding="utf-8-sig", newline="") as file:
-            lines = _Lines(file)
-            rows = _rows(lines, what)
+            rows = _rows(lines(file), what)
             header = _header(next(rows, (0, None))[1], what, example)
             return parse(header, _whole(rows, len(header)))
     except FileNotFoundError:
         raise ReadingError(f"{path}: no such file") from None
     except (UnicodeDecodeError, csv.Error):
-        with Path(path).open("rb") as file:
-            if file.read(2) in _UTF16:
+        with Path(path).open("rb") as raw:
+            if raw.read(2) in _UTF16:
                 raise ReadingError(
                     f"{path}: the text is in UTF-16; save it as UTF-8, in a spreadsheet as CSV UTF-8"
                 ) from None
         raise ReadingError(f"{path}: not a text file in UTF-8; {what} are CSV with a header line") from None
     except ReadingError as error:
-        cut = "; the last line has no line end: is the file cut off?" if lines.cut else ""
-        raise ReadingError(f"{path}: {error}{cut}") from None
+        cut = ended and not last.endswith(("\n", "\r"))  # as where writing it was broken off
+        hint = "; the last line has no line end: is the file cut off?" if cut else ""
+        raise ReadingError(f"{path}: {error}{hint}") from None
     except (OSError, ValueError) as error:
         why = getattr(error, "strerror", None) or error
         raise ReadingError(f"{path}: cannot be read ({why})") from None

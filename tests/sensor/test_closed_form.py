@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from strategies import FIXED, ratios, spans
 from tacstrip.arrays import FloatArray
-from tacstrip.sensor.circuit import (
+from tacstrip.sensor.closed_form import (
     end_weights,
     k_h,
     k_l,

@@ -1,0 +1,133 @@
+"""`tacstrip noise`."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import click
+
+from tacstrip.cli import load_sensor, options, protect
+from tacstrip.diagnose.learned_noise import LearnedNoise, learn_noise
+from tacstrip.diagnose.log import Log, read_log
+from tacstrip.errors import OptionError, ReadingError
+from tacstrip.files import write_text
+from tacstrip.reconstruction.noise_covariance import Averaging, common_variance, own_variance
+from tacstrip.sensor.spec import Sensor, with_noise
+from tacstrip.stream.replay import Recording
+
+_SHOWN = (1, 16, 64)  # scans averaged
+
+
+@click.command()
+@click.argument("recording", type=options.FILE)
+@click.option(
+    "--sensor", metavar="SENSOR", help="Spec file or shipped spec; a recording (.mcap) holds its own."
+)
+@options.output("Write the spec with the noise to this file.", required=False)
+@click.option("--write", type=options.FILE, metavar="SENSOR.toml",
+              help="Put the noise into this spec; its other lines stay as they are.")  # fmt: skip
+@click.option("--vertices", type=click.IntRange(3, 40), help="Of the contact, where that is known.")
+@options.plot("Picture of the Allan deviation (.png, .svg, .pdf).")
+def command(
+    recording: Path,
+    sensor: str | None,
+    output: Path | None,
+    write: Path | None,
+    vertices: int | None,
+    plot: Path | None,
+) -> None:
+    """Learn the parts of a sensor's noise from RECORDING: readings (CSV) or a recording (.mcap) of a still press.
+
+    A minute of a press that rests on many strips tells the contact's noise; untouched strips only the converter's.
+    Exit code 1: it cannot be told, for the contact moves, or nothing touches; then no spec is written.
+
+    Example: tacstrip noise still.csv --write sensor.toml --plot allan.png
+    """
+    protect(output, recording)
+    protect(write, recording)
+    protect(plot, recording, sensor, output, write)
+    spec = sensor or (None if write is None else str(write))
+    log = _log(recording, spec)
+    if not log.sensor.kind.closed_form:
+        raise OptionError(
+            f"a {log.sensor.construction} sensor's noise cannot be learned: it has no closed form (3.3)"
+        )
+    try:
+        found = learn_noise(log, vertices)
+    except ReadingError as error:
+        click.echo(f"Error: {recording}: {error}", err=True)
+        sys.exit(1)
+    click.echo("\n".join(_lines(found, log.sensor)))
+    if plot is not None:
+        from tacstrip.plot.noise import allan_figure
+        from tacstrip.plot.style import save
+
+        click.echo(f"{save(allan_figure(found), plot)}: picture")
+    if not found.touched and (output or write):
+        click.echo("Error: no spec is written: this is no noise of a contact", err=True)
+        sys.exit(1)
+    for target, text in ((write, write), (output, spec)):
+        if target is not None:
+            given = (
+                Path(text).read_text(encoding="utf-8")
+                if text and Path(text).is_file()
+                else log.sensor.to_toml()
+            )
+            write_text(target, with_noise(given, found.noise))
+            click.echo(f"{target} written")
+
+
+def _log(recording: Path, spec: str | None) -> Log:
+    if recording.suffix.lower() == ".mcap":
+        source = Recording(recording, load_sensor(spec) if spec else None)
+        with contextlib.closing(source):
+            return Log.of_codes(source.sensor, source)
+    if spec is None:
+        raise OptionError(
+            f"{recording} does not say what sensor it is of; name its spec: --sensor sensor.toml"
+        )
+    return read_log(recording, load_sensor(spec))
+
+
+def _lines(found: LearnedNoise, sensor: Sensor) -> Iterator[str]:
+    """Say what was learned."""
+    noise, sure = found.noise, found.sure
+
+    def percent(sigma: float, part: str = "") -> str:
+        about = f" +- {100.0 * min(sure[part], 9.99):.2g} % of it" if part in sure else ""
+        return f"{100.0 * sigma:.3g} % of Vref ({sigma * sensor.length_mm:.2g} mm){about}"
+
+    yield (
+        f"{found.scans} scans over {found.period_s * (found.scans - 1):.4g} s, {len(found.channels)} channels; "
+        "standard deviations"
+    )
+    yield f"White noise: {percent(noise.white, 'white')}, {100.0 * noise.white_shared:.0f} % of the variance shared"
+    for sigma, time_s in noise.processes:
+        slow = time_s > 10.0 * found.period_s * found.scans
+        over = (
+            "over longer than this recording, by the strips' differences"
+            if slow
+            else f"in some {time_s:.3g} s"
+        )
+        yield f"Wander of the zero {over}: {percent(sigma, 'static' if slow else 'wander')}"
+    if noise.processes:
+        yield f"All channels share {100.0 * noise.wander_shared:.0f} % of the wander's variance"
+    if noise.edge_mm:
+        yield (
+            f"Ends of the contact: {noise.edge_mm:.3g} mm +- {100.0 * sure['static']:.2g} % of it, correlated over "
+            f"{noise.edge_correlation_mm:.3g} mm across the strips"
+        )
+    if noise.hum:
+        yield f"Hum at {noise.hum_hz:g} Hz: {percent(noise.hum)}"
+    yield f"Strays: {100.0 * noise.strays:.2g} % of the readings" + (
+        f", of {percent(noise.stray_size)}" if noise.strays else ""
+    )
+    for count in _SHOWN:
+        mean = Averaging(count, found.period_s * (count - 1))
+        sigma = (own_variance(noise, sensor, mean) + common_variance(noise, mean)) ** 0.5
+        yield f"A mean of {count} scan(s) is off by {percent(sigma)}, edges not counted"
+    for sentence in found.unidentifiable:
+        yield f"Cannot tell {sentence}"

@@ -1,0 +1,109 @@
+"""Arguments and options that several verbs share, and which of them belong together."""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import click
+from click.core import ParameterSource
+
+from tacstrip.errors import OptionError
+
+FILE = click.Path(path_type=Path)
+POINT = (float, float)
+
+
+def given(*parameters: str) -> list[str]:
+    """Return the options that the command line gave, of these parameters of the verb, as the user writes them."""
+    context = click.get_current_context()
+    names = {p.name: p.opts[-1] for p in context.command.params}
+    return [names[p] for p in parameters if context.get_parameter_source(p) is ParameterSource.COMMANDLINE]
+
+
+def belong(applies: object, why: str, *parameters: str) -> None:
+    """Refuse options that do not apply: `OptionError` names the first that was given, and says why."""
+    if not applies and (found := given(*parameters)):
+        raise OptionError(f"{found[0]} {why}")
+
+
+def above_0(_: click.Context, parameter: click.Parameter, value: float | None) -> float | None:
+    """Refuse a number that is not above 0: a callback of options."""
+    if value is not None and not value > 0.0:
+        raise OptionError(f"{parameter.opts[-1]} {value}: must be above 0")
+    return value
+
+
+def finite_above_0(context: click.Context, parameter: click.Parameter, value: float) -> float | None:
+    """Refuse a number that is not above 0 or infinite: a callback of options."""
+    return above_0(context, parameter, value if value < math.inf else math.nan)
+
+
+def _seed(_: click.Context, parameter: click.Parameter, value: int) -> int:
+    if value < 0:
+        raise OptionError(f"{parameter.opts[-1]} {value}: must be 0 or more")
+    return value
+
+
+def _picture(_: click.Context, __: click.Parameter, path: Path | None) -> Path | None:
+    if path is not None:
+        from tacstrip.plot.style import check_picture
+
+        check_picture(path)
+    return path
+
+
+def _one_input(_: click.Context, __: click.Parameter, files: tuple[str, ...]) -> tuple[str, ...]:
+    if len(files) > 2:
+        raise OptionError(f"{files[2]}: one INPUT only, with its SENSOR before it")
+    return files
+
+
+SENSOR = click.argument("sensor", metavar="SENSOR")
+CONTACT = click.argument("contact", metavar="CONTACT", type=FILE)
+FORCE = click.option("--force", is_flag=True, help="Overwrite an existing file.")
+SEED = click.option(
+    "--seed", type=int, default=0, show_default=True, callback=_seed, help="Of random errors."
+)
+TURN = click.option("--turn", type=float, default=0.0, metavar="DEG", help="Turn the contact anticlockwise.")
+AT = click.option("--at", type=POINT, metavar="X Y", help="Put the contact's centroid here [mm].")
+WITHOUT = click.option("--without", multiple=True, metavar="STRIP:CHANNEL",
+                       help="Leave out a dead, stuck or saturated channel, such as 7:v_h; repeat.")  # fmt: skip
+MODEL = click.option("--model", help="closed or network; by default closed where there are closed forms.")
+ELECTRODES = click.option("--electrodes", default="own", show_default=True, help="CRS-CRP: own or all.")
+
+
+def output(text: str, required: bool = True) -> Callable[..., Any]:
+    """Return the option -o; `text` is its help."""
+    return click.option("-o", "--output", type=FILE, required=required, help=text)
+
+
+def plot(text: str = "Picture to write (.png, .svg, .pdf).") -> Callable[..., Any]:
+    """Return the option --plot, whose ending is checked; `text` is its help."""
+    return click.option("--plot", type=FILE, callback=_picture, help=text)
+
+
+def sensor_and_input(metavar: str = "[SENSOR] INPUT", required: bool = True) -> Callable[..., Any]:
+    """Return the arguments `files`: a source of scans, and before it the sensor that it is of."""
+    return click.argument("files", metavar=metavar, nargs=-1, required=required, callback=_one_input)
+
+
+def noise(command: Callable[..., None]) -> Callable[..., None]:
+    """Add --quantisation, --positional and --distribution to a verb, which takes them as one `noise`."""
+
+    @click.option("--quantisation", type=float, default=0.0,
+                  help="C.Q.E. of the readings, half-width over Vref (thesis: 0.001).")  # fmt: skip
+    @click.option("--positional", type=float, default=0.0,
+                  help="P.U. of the readings, half-width over Vref (thesis: 0.005, 0.01).")  # fmt: skip
+    @click.option("--distribution", default="uniform", show_default=True, help="uniform or normal.")
+    @functools.wraps(command)
+    def call(quantisation: float, positional: float, distribution: Any, **rest: Any) -> None:
+        from tacstrip.contact.noise import Noise
+
+        made = Noise(quantisation=quantisation, positional=positional, distribution=distribution)
+        command(noise=made, **rest)
+
+    return call

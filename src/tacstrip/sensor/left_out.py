@@ -1,0 +1,71 @@
+"""Channels that are left out: dead, stuck or saturated ones, named "7:v_h" in the spec and on the command line.
+
+A strip keeps what its other channel reads, which also tells whether it is touched; of "7" alone nothing is used.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tacstrip.arrays import BoolArray, FloatArray
+from tacstrip.errors import SpecError, one_of
+from tacstrip.sensor.constructions import SIGNATURES, Construction
+
+if TYPE_CHECKING:
+    from tacstrip.sensor.spec import Sensor
+
+
+def channel_name(strip: int, signature: str, strip_base: int) -> str:
+    """Return the name of a channel of a strip that is counted from 0, such as "7:v_h"."""
+    return f"{strip + strip_base}:{SIGNATURES[signature].volt_column}"
+
+
+def checked_names(without: object, kind: Construction, strips: int, strip_base: int) -> tuple[str, ...]:
+    """Return names of channels, or raise `SpecError` where one is none of this sensor."""
+    if isinstance(without, str) or not isinstance(without, Sequence):
+        raise SpecError(f'without = {without!r}: must be a list of channels, such as ["7:v_h"]')
+    if without and not kind.closed_form:
+        raise SpecError(
+            f"without = {list(without)}: a {kind.name} sensor solves all strips together, each with both readings; "
+            "leave all fields of the strip empty instead"
+        )
+    for name in without:
+        _parsed(name, kind, strips, strip_base)
+    return tuple(without)
+
+
+def leave_out(sensor: Sensor, readings: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+    """Return readings by signature (..., strips) with NaN in the channels that the spec leaves out."""
+    out = left_out(sensor)
+    return {name: np.where(out[name], np.nan, k) if name in out else k for name, k in readings.items()}
+
+
+def left_out(sensor: Sensor) -> dict[str, BoolArray]:
+    """Return which strips' channels are left out (strips,), by signature; those without any are not there."""
+    found: dict[str, BoolArray] = {}
+    for name in sensor.without:
+        strip, signatures = _parsed(name, sensor.kind, sensor.strips, sensor.strip_base)
+        for signature in signatures:
+            found.setdefault(signature, np.zeros(sensor.strips, dtype=bool))[strip] = True
+    return found
+
+
+def _parsed(name: object, kind: Construction, strips: int, strip_base: int) -> tuple[int, tuple[str, ...]]:
+    """Return the strip, counted from 0, and the signatures that a name means."""
+    number, colon, column = str(name).partition(":")
+    columns = {SIGNATURES[s].volt_column: s for s in kind.signatures}
+    if not isinstance(name, str) or not number.isascii() or not number.isdigit():
+        raise SpecError(f"without {name!r}: give strip:channel, such as 7:{next(iter(columns))}")
+    if not strip_base <= int(number) < strips + strip_base:
+        raise SpecError(
+            f"without {name!r}: there is no strip {int(number)}; strips are {strip_base} to {strips + strip_base - 1}"
+        )
+    strip = int(number) - strip_base
+    if not colon:
+        return strip, kind.signatures
+    if column not in columns:
+        raise SpecError(f"without {name!r}: {one_of('channel', column, columns)}")
+    return strip, (columns[column],)

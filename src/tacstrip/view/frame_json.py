@@ -1,0 +1,63 @@
+"""Frames as JSON for the page, rounded to what a screen can show."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from tacstrip.arrays import FloatArray, plain
+from tacstrip.geometry.region import regions
+from tacstrip.sensor.spec import Sensor
+from tacstrip.stream.live.frame import Frame
+from tacstrip.tracking.tracker import LiveObject
+
+_REGION_POINTS = 20
+_MAX_REGIONS = 20  # an outline of more vertices is drawn without regions
+
+
+def sensor_json(sensor: Sensor) -> dict[str, Any]:
+    """Return the sensor's properties that the page needs."""
+    keys = (
+        "construction",
+        "strips",
+        "strip_base",
+        "pitch_mm",
+        "length_mm",
+        "adc_bits",
+        "closed",
+        "signatures",
+    )
+    return {key: getattr(sensor, key) for key in keys}
+
+
+def frame_json(frame: Frame) -> dict[str, Any]:
+    """Return a frame's readings over Vref, null where nothing touches, and its objects [mm]."""
+    return {
+        "number": frame.number,
+        "time_s": round(frame.raw.time_s, 6),
+        "readings": {name: plain(frame.scan[name], 5) for name in frame.scan.signatures},
+        "objects": [_object(one, frame.sensor) for one in frame.objects],
+    }
+
+
+def _object(one: LiveObject, sensor: Sensor) -> dict[str, Any]:
+    shape = one.shape
+    drawn: dict[str, Any] = {"id": one.id, "status": shape.status, "advice": shape.advice}
+    if shape.confidence is not None:
+        drawn["confidence"] = round(shape.confidence, 3)
+        drawn["alternatives"] = [
+            {"weight": round(a.weight, 3), "vertices": plain(a.vertices, 3)} for a in shape.alternatives
+        ]
+    drawn["vertices"] = plain(shape.vertices, 3)
+    if shape.found:
+        drawn["area"], drawn["centroid"] = round(shape.area, 2), plain(shape.centroid, 2)
+        drawn["regions"] = _regions(shape.vertices, shape.covariance)
+    if shape.profile is not None:
+        drawn["profile"] = plain(shape.profile, 3)
+    return drawn
+
+
+def _regions(vertices: FloatArray, covariance: FloatArray | None) -> list[list[list[float]]]:
+    if len(vertices) > _MAX_REGIONS:
+        return []
+    every = regions(vertices, covariance)
+    return [plain(region[:: max(1, len(region) // _REGION_POINTS)], 3) for region in every]

@@ -1,0 +1,194 @@
+"""The pose of a known rigid object."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+from click.testing import CliRunner
+
+import tacstrip as ts
+from tacstrip.arrays import FloatArray
+from tacstrip.cli import cli
+from tacstrip.reconstruction.known_object import _corners, _Fit, pose_covariance
+
+SENSOR = ts.Sensor(construction="crs-crs", strips=10, pitch_mm=10.0, length_mm=100.0)
+SHAPES = {
+    "square": [(0, 0), (45, 0), (45, 45), (0, 45)],
+    "triangle": [(0, 0), (50, 0), (30, 40)],
+    "angle": [(0, 0), (50, 0), (50, 20), (20, 20), (20, 50), (0, 50)],
+    "five": [(0, 0), (40, -5), (60, 25), (35, 50), (5, 35)],
+}
+NOISE = ts.Noise(positional=0.005)
+SIGMA = 0.005 / math.sqrt(3.0)
+
+
+def iou(a: FloatArray, b: FloatArray) -> float:
+    one, other = shapely.Polygon(a), shapely.Polygon(b)
+    return float(one.intersection(other).area / one.union(other).area)
+
+
+def pressed(name: str, angle: float, x: float = 50.0, y: float = 47.0) -> ts.Contact:
+    return ts.Contact.polygon(SHAPES[name]).turned(angle).placed(x, y)
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_errors_are_at_the_bound_and_the_covariance_holds(name: str) -> None:
+    """Concave ones too; of a square's four poses the one counts that was meant."""
+    random = np.random.default_rng(3)
+    squares, inside, overlap = [], [], []
+    for _ in range(12):
+        angle, x, y = random.uniform(-3.0, 3.0), *random.uniform(40.0, 60.0, 2)
+        truth = pressed(name, angle, x, y)
+        found = ts.fit_object(ts.simulate(SENSOR, truth, NOISE, rng=random), SENSOR, SHAPES[name], NOISE)
+        (o,) = found.objects
+        assert o.pose is not None
+        poses = [o.pose, *(p.pose for p in o.poses)]
+        off = [
+            np.array([p.x_mm - x, p.y_mm - y, math.remainder(p.angle - angle, 2.0 * math.pi)]) for p in poses
+        ]
+        bound = pose_covariance(SENSOR, SHAPES[name], (x, y, angle), SIGMA)
+        nearest = int(np.argmin([(e**2 / np.diag(bound)).sum() for e in off]))
+        squares.append(off[nearest] ** 2 / np.diag(bound))
+        weighted = np.linalg.pinv(poses[nearest].covariance)
+        inside.append(off[nearest] @ weighted @ off[nearest] < 7.815)
+        overlap.append(iou(o.vertices, truth.vertices))
+    assert np.sqrt(np.mean(squares)) < 1.25
+    assert np.mean(inside) >= 0.85
+    assert np.median(overlap) > 0.97
+
+
+def test_a_symmetric_object_has_poses_that_look_alike() -> None:
+    found = ts.fit_object(ts.simulate(SENSOR, pressed("square", 0.3), NOISE), SENSOR, SHAPES["square"], NOISE)
+    (o,) = found.objects
+    assert o.pose is not None
+    assert found.status == "ok"
+    assert len(o.poses) == 3
+    turns = sorted(
+        math.remainder(p.pose.angle - o.pose.angle, 2.0 * math.pi) / (0.5 * math.pi) for p in o.poses
+    )
+    np.testing.assert_allclose(np.abs(turns), [1.0, 1.0, 2.0], atol=0.02)
+    assert all(abs(p.weight - 0.25) < 0.02 for p in o.poses)
+    assert all(iou(p.vertices, o.vertices) > 0.98 for p in o.poses)
+
+
+@pytest.mark.parametrize(
+    ("true", "given"), [("triangle", "square"), ("square", "triangle"), ("angle", "five")]
+)
+def test_another_object_is_doubted(true: str, given: str) -> None:
+    for noise in (NOISE, None):
+        for angle in (0.2, 1.1, 2.5):
+            scan = ts.simulate(SENSOR, pressed(true, angle), NOISE, rng=1)
+            found = ts.fit_object(scan, SENSOR, SHAPES[given], noise)
+            assert found.status == "doubtful"
+
+
+@pytest.mark.parametrize(("x", "y"), [(12.0, 50.0), (88.0, 50.0), (50.0, 10.0), (50.0, 92.0)])
+def test_an_object_may_lie_over_the_border(x: float, y: float) -> None:
+    truth = pressed("five", 0.8, x, y)
+    found = ts.fit_object(ts.simulate(SENSOR, truth, NOISE), SENSOR, SHAPES["five"], NOISE)
+    assert found.status == "ok" or found.objects[0].poses
+    assert iou(found.objects[0].vertices, truth.vertices) > 0.85
+
+
+@pytest.mark.parametrize("signature", ["kh", "kl"])
+def test_one_signature_does(signature: str) -> None:
+    truth = pressed("five", 2.0)
+    scan = ts.simulate(SENSOR, truth, NOISE)
+    alone = ts.Scan(kh=scan.kh) if signature == "kh" else ts.Scan(kl=scan.kl)
+    found = ts.fit_object(alone, SENSOR, SHAPES["five"], NOISE)
+    assert found.status == "ok"
+    assert iou(found.objects[0].vertices, truth.vertices) > 0.9
+
+
+def test_few_strips_say_that_they_are_few() -> None:
+    """Two strips under a square leave every angle but those that are too wide."""
+    narrow = ts.Sensor(construction="crs-crs", strips=3, pitch_mm=30.0, length_mm=100.0)
+    noisy = ts.Noise(positional=0.02)
+    truth = ts.Contact.polygon(SHAPES["angle"]).turned(0.7).placed(50.0, 47.0)
+    found = ts.fit_object(ts.simulate(narrow, truth, noisy, rng=2), narrow, SHAPES["angle"], noisy)
+    assert found.status == "doubtful"
+    assert "probability" in found.advice
+
+
+def test_soft_edges_add_to_what_is_not_known() -> None:
+    """An outline that grew by 2 mm, as a low threshold makes it: hard edges alarm, soft ones hold."""
+    truth = pressed("five", 0.5)
+    grown = ts.Contact((truth.shapes[0].buffer(2.0, join_style="mitre"),))
+    scan = ts.simulate(SENSOR, grown, NOISE, rng=4)
+    hard, soft = (ts.fit_object(scan, SENSOR, SHAPES["five"], NOISE, edge_mm=e) for e in (0.0, 2.0))
+    assert hard.status == "doubtful"
+    assert soft.status == "ok"
+    (a,), (b,) = hard.objects, soft.objects
+    assert a.pose is not None
+    assert b.pose is not None
+    assert np.trace(b.pose.covariance) > np.trace(a.pose.covariance)
+    assert iou(b.vertices, truth.vertices) > 0.9
+
+
+def test_a_stuck_channel_is_left_out() -> None:
+    truth = pressed("five", 0.5)
+    scan = ts.simulate(SENSOR, truth, NOISE)
+    kh = scan["kh"].copy()
+    kh[5] = 0.95
+    found = ts.fit_object(ts.Scan(kh=kh, kl=scan.kl), SENSOR, SHAPES["five"], NOISE)
+    assert found.status == "ok"
+    assert "strip 5 does not fit" in found.advice
+    assert iou(found.objects[0].vertices, truth.vertices) > 0.9
+
+
+def test_slopes_are_those_of_differences() -> None:
+    k = np.full((2, 4), 0.4)
+    fit = _Fit(
+        SENSOR,
+        _corners(SHAPES["angle"]),
+        slice(3, 7),
+        SENSOR.x_mm[3:7],
+        ("kh", "kl"),
+        k,
+        np.full_like(k, 100.0),
+        1.0,
+    )
+    at = np.array([[50.3, 47.0, 0.37, 0.2]])
+    slope = fit.rows(at)[1][0]
+    for i in range(4):
+        step = np.zeros((1, 4))
+        step[0, i] = 1e-5
+        numeric = (fit.rows(at - step)[0] - fit.rows(at + step)[0])[0] / 2e-5
+        np.testing.assert_allclose(slope[:, i], numeric, atol=2e-3)
+
+
+@pytest.mark.parametrize(
+    "outline", [[(0, 0), (1, 1)], [(0, 0), (2, 2), (2, 0), (0, 2)], [(0, 0), (1, 1), (2, 2)]]
+)
+def test_what_is_no_outline_is_refused(outline: list[tuple[float, float]]) -> None:
+    scan = ts.simulate(SENSOR, pressed("five", 0.0))
+    with pytest.raises(ts.ContactError, match="outline"):
+        ts.fit_object(scan, SENSOR, outline)
+
+
+def test_the_command_line_places_a_known_object(tmp_path: Path) -> None:
+    spec, file, known, out, plot = (
+        tmp_path / name for name in ("sensor.toml", "readings.csv", "known.wkt", "out.geojson", "out.png")
+    )
+    truth = pressed("triangle", 0.4)
+    SENSOR.save(spec)
+    known.write_text(ts.Contact.polygon(SHAPES["triangle"]).shapes[0].wkt)
+    ts.write_readings(file, SENSOR, [ts.simulate(SENSOR, truth, NOISE)])
+    options = ["--object", str(known), "--positional", "0.005"]
+    run = CliRunner().invoke(
+        cli, ["reconstruct", str(spec), str(file), "-o", str(out), *options, "--plot", str(plot)]
+    )
+    assert run.exit_code == 0, run.output
+    assert "turned by" in run.output
+    (feature,) = json.loads(out.read_text())["features"]
+    assert feature["properties"]["method"] == "object"
+    assert feature["properties"]["pose"]["angle_rad"] == pytest.approx(0.4, abs=0.1)
+    assert iou(np.array(feature["geometry"]["coordinates"][0][:-1]), truth.vertices) > 0.9
+    assert plot.stat().st_size > 0
+    run = CliRunner().invoke(cli, ["reconstruct", str(spec), str(file), *options, "--method", "polygon"])
+    assert run.exit_code == 2 or isinstance(run.exception, ts.OptionError)

@@ -1,0 +1,169 @@
+"""Channels that are left out, and dead, stuck and saturated ones that are not."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import tacstrip as ts
+from tacstrip.cli import cli
+from tacstrip.errors import ReadingError, SpecError
+from tacstrip.geometry.outline import Outline
+from tacstrip.reconstruction.cramer_rao import vertex_covariance, vertex_jacobian
+from tacstrip.sensor.calibration import Calibration
+from tacstrip.sensor.channel import Channel
+from tacstrip.sensor.left_out import leave_out, left_out
+from tacstrip.sensor.raw import apply_calibration, touched
+from tacstrip.stream import decode, encode
+
+SENSOR = ts.Sensor(construction="crs-crs", strips=10, pitch_mm=10.0, length_mm=100.0, strip_base=1)
+TRUTH = [(12.0, 38.0), (48.0, 12.0), (93.0, 45.0), (60.0, 88.0)]
+NOISE = ts.Noise(positional=0.005)
+
+
+def scan_with(value: float, strip: int = 5, name: str = "kh", seed: int = 1) -> ts.Scan:
+    """Return a scan whose one channel reads a value of its own."""
+    scan = ts.simulate(SENSOR, ts.Contact.polygon(TRUTH), NOISE, rng=seed)
+    k = {n: scan[n].copy() for n in ("kh", "kl")}
+    k[name][strip] = value
+    return ts.Scan(kh=k["kh"], kl=k["kl"])
+
+
+def test_names_are_strip_and_channel_as_the_file_counts() -> None:
+    sensor = replace(SENSOR, without=("7:v_h", "1"))
+    out = left_out(sensor)
+    assert np.flatnonzero(out["kh"]).tolist() == [0, 6]
+    assert np.flatnonzero(out["kl"]).tolist() == [0]
+    assert ts.Sensor.from_dict(tomllib.loads(sensor.to_toml())) == sensor
+    assert '# without = ["2"]' in SENSOR.to_toml()
+
+
+@pytest.mark.parametrize(
+    ("without", "told"),
+    [
+        ("7:v_h", "must be a list"),
+        (["0:v_h"], "there is no strip 0; strips are 1 to 10"),
+        (["11"], "there is no strip 11"),
+        (["7:v_out"], "channel 'v_out' does not exist; choose one of: v_h, v_l"),
+        (["v_h"], "give strip:channel, such as 7:v_h"),
+        ([7], "give strip:channel"),
+    ],
+)
+def test_what_names_no_channel_is_refused(without: Any, told: str) -> None:
+    with pytest.raises(SpecError, match=told):
+        replace(SENSOR, without=without)
+
+
+def test_a_sheet_solves_all_strips_together() -> None:
+    with pytest.raises(SpecError, match="solves all strips together"):
+        ts.Sensor(
+            construction="crs-crp",
+            strips=4,
+            pitch_mm=5.0,
+            length_mm=50.0,
+            contact_lambda_mm=2.0,
+            without=("1:v_h",),
+        )
+
+
+@pytest.mark.parametrize("method", ["polygon", "profile", "vertex"])
+@pytest.mark.parametrize("value", [0.0, 1.0, 0.4])
+def test_every_method_takes_what_is_left(method: str, value: float) -> None:
+    sensor = replace(SENSOR, without=("6:v_h",))
+    with_value, without = (
+        ts.reconstruct(s, sensor, NOISE, method=method) for s in (scan_with(value), scan_with(np.nan))
+    )
+    assert with_value.status == without.status
+    np.testing.assert_array_equal(with_value.objects[0].vertices, without.objects[0].vertices)
+    if method != "vertex":
+        assert ts.mismatch(TRUTH, with_value.objects[0].vertices).iou > 0.85
+
+
+def test_a_strip_with_one_reading_counts_with_that_one() -> None:
+    """The bound with one reading lies between that of both and that of none, and the fit's covariance says the same."""
+    outline, sigma = Outline.of(TRUTH), 0.005 / np.sqrt(3.0)
+    both, one, none = (
+        np.trace(vertex_covariance(outline, replace(SENSOR, without=w), sigma))
+        for w in ((), ("6:v_h",), ("6",))
+    )
+    assert both < one < none
+    rows = [len(vertex_jacobian(outline, replace(SENSOR, without=w))) for w in ((), ("6:v_h",), ("6",))]
+    assert rows == [rows[0], rows[0] - 1, rows[0] - 2]
+    scan = scan_with(np.nan)
+    assert scan.touched[5]
+    assert scan.half_read.tolist() == [i == 5 for i in range(10)]
+    assert len(scan.runs()) == 1
+    found = ts.fit_polygon(scan, SENSOR, NOISE, bounded=False, vertices=4).objects[0]
+    assert found.covariance is not None
+    assert 0.5 * one < np.trace(found.covariance) < 2.0 * one
+
+
+def test_a_faulty_channel_is_found_where_its_partner_shows_it() -> None:
+    """No k_h lies on ground below its k_l; before, neighbours of such a channel were left out with it."""
+    for seed in range(8):
+        for name, value in (("kh", 0.0), ("kl", 1.0)):
+            found = ts.fit_polygon(scan_with(value, 4, name, seed), SENSOR, NOISE)
+            left = ts.fit_polygon(scan_with(np.nan, 4, name, seed), SENSOR, NOISE)
+            assert found.status == left.status
+            assert "strip 5 (" in found.advice
+            np.testing.assert_allclose(found.objects[0].vertices, left.objects[0].vertices, atol=1e-6)
+
+
+def test_a_whole_signature_may_be_missing() -> None:
+    scan = scan_with(0.3)
+    half = ts.Scan(kh=np.full(10, np.nan), kl=scan.kl)
+    alone = ts.fit_polygon(ts.Scan(kl=scan.kl), SENSOR, NOISE)
+    np.testing.assert_array_equal(
+        ts.fit_polygon(half, SENSOR, NOISE).objects[0].vertices, alone.objects[0].vertices
+    )
+
+
+def test_a_stuck_channel_does_not_touch_its_strip() -> None:
+    """With rest_volt a channel stuck far from rest makes its strip touched for ever, unless it is left out."""
+    sensor = replace(SENSOR, rest_volt=0.0, touch_volt=0.1, without=("2:v_h",))
+    raw = {"kh": np.zeros(10), "kl": np.zeros(10)}
+    raw["kh"][1] = 0.6
+    assert not touched(sensor, raw).any()
+    assert touched(replace(sensor, without=()), raw).tolist() == [i == 1 for i in range(10)]
+
+
+def test_codes_keep_what_the_spec_leaves_out_and_refuse_other_gaps() -> None:
+    sensor = replace(SENSOR, adc_bits=12, without=("6:v_h",))
+    scan = ts.simulate(sensor, ts.Contact.polygon(TRUTH), NOISE)
+    again = decode(encode(scan, sensor), sensor)
+    np.testing.assert_array_equal(np.isnan(again["kh"]), np.isnan(scan["kh"]))
+    with pytest.raises(ReadingError, match=r'without = \["6:v_h"\]'):
+        encode(scan_with(np.nan), replace(SENSOR, adc_bits=12))
+
+
+def test_a_calibration_corrects_a_strip_with_one_reading() -> None:
+    channel = Channel(signature="kl", offset=tuple(np.full(10, 0.01)))
+    sensor = replace(SENSOR, calibration=Calibration(channels=(channel,)))
+    raw = {"kh": np.full(10, 0.6), "kl": np.full(10, 0.41)}
+    raw["kh"][3] = np.nan
+    np.testing.assert_allclose(apply_calibration(sensor, raw)["kl"], 0.40)
+    assert leave_out(sensor, raw).keys() == raw.keys()
+
+
+def test_the_command_line_leaves_channels_out(tmp_path: Path) -> None:
+    spec, file, out = tmp_path / "sensor.toml", tmp_path / "readings.csv", tmp_path / "shapes.geojson"
+    SENSOR.save(spec)
+    ts.write_readings(file, SENSOR, [scan_with(0.35)])
+    run = CliRunner().invoke(
+        cli,
+        ["reconstruct", str(spec), str(file), "-o", str(out), "--positional", "0.005", "--without", "6:v_h"],
+    )
+    assert run.exit_code == 0, run.output
+    assert "Warning" not in run.output
+    ring = json.loads(out.read_text())["features"][0]["geometry"]["coordinates"][0]
+    assert ts.mismatch(TRUTH, ring[:-1]).iou > 0.85
+    ts.write_readings(file, SENSOR, [scan_with(np.nan)])
+    run = CliRunner().invoke(cli, ["reconstruct", str(spec), str(file), "-o", str(out)])
+    assert "6:v_h is empty where the strip's other channel has a reading" in run.output
