@@ -39,7 +39,7 @@ demo: setup ## reconstruct the bundled readings into demo/
 	@$(BIN)/tacstrip demo --out demo
 
 test: setup ## run the tests, two at a time, the slow studies left out
-	@$(BIN)/pytest -m "not slow and not builds" $(or $(ARGS),-n 2 --dist loadfile)
+	@$(BIN)/pytest -m "not slow and not builds" $(or $(ARGS),-n 2 --dist loadfile --no-loadscope-reorder)
 
 check: setup ## lint, format and types; the core by other compilers and under sanitizers
 	@$(BIN)/ruff check

@@ -92,7 +92,10 @@ def score(cell: Cell, methods: Sequence[str], polygons: int, seed: int) -> dict[
             got.implied += list(np.abs(draws * sigma[::2][inner]).ravel() / width)
             if method == "polygon" and got.right[-1]:
                 add_vertices(
-                    got, of, fit_polygon(of.scan, cell.sensor, noise, bounded=False), from_truth(cell, of)
+                    got,
+                    of,
+                    fit_polygon(of.scan, cell.sensor, noise, bounded=False, assessment="none"),
+                    from_truth(cell, of),
                 )
     return scores
 

@@ -85,11 +85,11 @@ class Outcome:
     inside, ends
         Share of the true vertices in their 95 % regions: of all, and of the left and the right end.
     doubtful
-        Share of scans whose status is not "ok".
+        Share of scans whose status is not "likely".
     empty
         Share of scans of which no polygon stays within the noise's bound; NaN where none was looked for.
     silent
-        Share of scans with status "ok", but the wrong vertices, or a true one outside of its guaranteed region (without
+        Share of scans with status "likely", but the wrong vertices, or a true one outside of its guaranteed region (without
         a bound: outside of its 95 % region five times over).
     """
 
@@ -162,10 +162,10 @@ def outcome(
         bound = np.trace(vertex_covariance(Outline.of(contact.truth), SENSOR, sigma, names))
         for _ in range(draws):
             scan = _scan(contact.readings[readings_of], noise, random, names)
-            found = fit_polygon(scan, sensor, noise if known else None, bounded=bounded)
+            found = fit_polygon(scan, sensor, noise if known else None, bounded=bounded, assessment="none")
             first = found.objects[0]
             right.append(len(found.objects) == 1 and first.vertices.shape == contact.truth.shape)
-            doubtful.append(found.status != "ok")
+            doubtful.append(found.status != "likely")
             empty.append(first.guarantee is None)
             distances = _distances(first, contact.truth) if right[-1] else np.array([np.inf])
             if right[-1]:
@@ -174,7 +174,7 @@ def outcome(
                 inside += list(distances <= REGION)
                 ends += [inside[-len(distances)], inside[int(contact.truth[:, 0].argmax()) - len(distances)]]
             off = _off(first, contact.truth) if bounded and right[-1] else distances.max() > 25.0 * REGION
-            silent.append(found.status == "ok" and off)
+            silent.append(found.status == "likely" and off)
     vertices = len(inside) or np.nan
     return Outcome(
         float(np.mean(right)),

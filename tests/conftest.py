@@ -1,8 +1,17 @@
-"""One thread a process, for on a busy machine the threads of linear algebra wait for each other."""
+"""One thread a process, for on a busy machine the threads of linear algebra wait for each other;
+the longest files first."""
 
 from __future__ import annotations
 
 import os
 
+import pytest
+
 for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(name, "1")
+
+LONGEST = ("thesis/test_reproduce.py", "network/test_crp.py")  # begun last, one process would wait for them
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    items.sort(key=lambda item: not str(item.path).endswith(LONGEST))

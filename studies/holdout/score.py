@@ -20,20 +20,19 @@ from studies.holdout.convexity import best_convex
 from studies.holdout.material import KINDS, Press
 from studies.holdout.readings import Unit
 from studies.holdout.shapes import Array
+from tacstrip.diagnose import Log, learn_noise
 
 Row: TypeAlias = dict[str, Any]
 
 # How the package is called: what changes when its names do.
 MODES: dict[str, dict[str, Any]] = {
-    "none": {},
+    "none": {"assessment": "none"},
     "thorough": {"assessment": "thorough"},
     "fast": {"assessment": "fast"},
 }
 CLAIMS = ("ok", "likely")  # a status that promises a right outline
 SEVERAL = re.compile(r"\b(two|several|more than one) (objects|contacts|shapes)|concave", re.IGNORECASE)
-LEARN: Callable[[ts.Sensor, Sequence[ts.Scan]], ts.Noise] | None = None  # from a minute of a still press
-AVERAGED: Callable[[ts.Noise, int], ts.Noise] | None = None  # of the mean of so many scans
-WITHOUT: Callable[[ts.Scan, int, str], ts.Scan] | None = None  # a scan without one channel
+PERIOD_S = 0.05  # from scan to scan: 1200 are a minute
 
 RIGHT, GOOD, LEAST_P = (
     0.8,
@@ -128,8 +127,8 @@ def score_channels(seed: int, mode: str, number: int) -> list[Row]:
     }
     read[channel, strip] = stuck[fault]
     scans = {"healthy": case.unit.scan(case.read), fault: case.unit.scan(read)}
-    if WITHOUT is not None:
-        scans[f"{fault}, left out"] = WITHOUT(scans[fault], int(strip), case.unit.names[channel])
+    read[channel, strip] = np.nan
+    scans[f"{fault}, left out"] = case.unit.scan(read)
     noise = told_noise(case)
     return [
         judged(case, fit(case.unit, scan, noise, **MODES[mode])) | {"state": state, "fault": fault}
@@ -156,26 +155,20 @@ def score_material(seed: int, mode: str, number: int) -> list[Row]:
     outline = before.outlines[0] - before.outlines[0].min(axis=0)
     outline = 0.1 * size + 0.8 * size * outline / np.ptp(outline, axis=0)
     still = press.scans(*case.unit.touched([outline]), _SCANS, random)
-    noise = (LEARN or white_only)(case.unit.sensor, [case.unit.scan(s) for s in still])
+    noise = learned(case.unit.sensor, [case.unit.scan(s) for s in still])
     exact = replace(case.unit, bits=None)  # a mean lies between the converter's steps
     scans, rows = press.scans(case.low, case.high, max(_MEANS), random), []
     for count in _MEANS:
-        scan = exact.scan(scans[:count].mean(axis=0))
-        result = fit(case.unit, scan, (AVERAGED or white_mean)(noise, count), **MODES[mode])
+        scan = replace(exact.scan(scans[:count].mean(axis=0)), averaged=count, span_s=(count - 1) * PERIOD_S)
+        result = fit(case.unit, scan, noise, **MODES[mode])
         rows.append(judged(case, result) | held(case, result) | {"kind": press.kind, "scans": count})
     return rows
 
 
-def white_only(sensor: ts.Sensor, scans: Sequence[ts.Scan]) -> ts.Noise:
-    """Return the noise that scans differ by from one to the next, as if it were white."""
-    read = np.array([[scan[name] for name in scan.signatures] for scan in scans])
-    sigma = np.sqrt(np.nanmean(np.diff(read, axis=0) ** 2) / 2.0)
-    return ts.Noise(positional=float(sigma * np.sqrt(3.0)), distribution="normal")
-
-
-def white_mean(noise: ts.Noise, count: int) -> ts.Noise:
-    """Return the noise of a mean, as if it were white."""
-    return ts.Noise(positional=noise.positional / count**0.5, distribution="normal")
+def learned(sensor: ts.Sensor, scans: Sequence[ts.Scan]) -> ts.Noise:
+    """Return the noise that a minute of a still press teaches."""
+    raw = {name: np.stack([scan[name] for scan in scans]) for name in scans[0].signatures}
+    return learn_noise(Log.of(sensor, np.arange(len(scans), dtype=float) * PERIOD_S, raw)).noise
 
 
 def held(case: Case, result: ts.Reconstruction) -> Row:

@@ -307,7 +307,7 @@ def test_garbage_gets_a_status_and_never_a_polygon_off_the_sensor(
     sensor, scan, noise = case
     found = fit_polygon(scan, sensor, noise, assessment="fast")
     for o in found.objects:
-        assert o.status == "ok" or o.advice
+        assert o.status in ("ok", "likely") or o.advice
         if o.found:
             x, y = o.vertices.T
             assert y.min() >= 0.0

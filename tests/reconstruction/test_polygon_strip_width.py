@@ -70,7 +70,9 @@ def test_noisy_readings_are_used_up_to_the_bound_and_regions_hold(
     squares, inside = [], []
     for _ in range(60):
         noisy = {name: k + random.uniform(-0.003, 0.003, len(k)) for name, k in read.items()}
-        o = fit_polygon(ts.Scan(time_s=0.0, **noisy), sensor, noise, bounded=False, vertices=5).objects[0]
+        o = fit_polygon(
+            ts.Scan(time_s=0.0, **noisy), sensor, noise, bounded=False, vertices=5, assessment="none"
+        ).objects[0]
         assert o.covariance is not None
         error = o.vertices - truth
         squares.append((error**2).sum())

@@ -303,7 +303,7 @@ def _static(log: Log, noise: Noise, period_s: float, vertices: int | None) -> tu
     told: list[tuple[float, ...]] = []
     free = 0
     for tried in _COUNTS if vertices is None else (vertices,):
-        found = fit_polygon(scan, sensor, vertices=tried)
+        found = fit_polygon(scan, sensor, vertices=tried, assessment="none")
         if parts := list(_projections(log, scan, found.objects)):
             told += _likelihoods(log, scan, noise, parts)
             free = free or sum(len(p.residuals) - p.slopes.shape[1] for p in parts)

@@ -21,7 +21,7 @@ def doubt_untouched(result: Reconstruction, scan: Scan, sensor: Sensor) -> Recon
         return result
 
     def doubted(found: RecoveredObject) -> RecoveredObject:
-        status = "doubtful" if found.status == "ok" else found.status
+        status = "doubtful" if found.status in ("ok", "likely") else found.status
         return replace(found, status=status, advice="; ".join(filter(None, (found.advice, hint))))
 
     return replace(result, objects=tuple(map(doubted, result.objects)))

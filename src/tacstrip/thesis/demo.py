@@ -141,7 +141,7 @@ def _draw_shapes(axes: Axes, demo: Demo, name: str, methods: list[str]) -> None:
         if t.readings == name and t.method in methods and _shown(t):
             colour, o = _COLOURS[t.method], t.recovered
             draw_regions(axes, demo.sensor, regions(o.vertices, o.covariance), colour)
-            draw_polygon(axes, o.vertices, colour, t.method, doubtful=o.status != "ok")
+            draw_polygon(axes, o.vertices, colour, t.method, doubtful=o.status not in ("ok", "likely"))
 
 
 def _explain(figure: Figure, demo: Demo) -> None:

@@ -188,7 +188,8 @@ def with_shapes(scans: Iterable[RawScan], sensor: Sensor, method: str) -> Iterat
     from tacstrip.reconstruction.methods import reconstruct  # late: recordings are made and read without it
 
     for raw in scans:
-        found = reconstruct(decode(raw, sensor), sensor, method=method).objects
+        quick = {"assessment": "fast"} if method == "polygon" else {}
+        found = reconstruct(decode(raw, sensor), sensor, method=method, **quick).objects
         yield replace(raw, shapes=tuple(Shape(o.status, o.vertices) for o in found if o.found))
 
 

@@ -66,7 +66,8 @@ def fit_errors(row: Row, position: int, noise: Noise, random: np.random.Generato
         scan = Scan(time_s=0.0, **{row.signature: scan[row.signature]})
 
     def of(count: int | None) -> tuple[FloatArray, int]:
-        objects = [o for o in fit_polygon(scan, sensor, noise, vertices=count).objects if o.found]
+        found = fit_polygon(scan, sensor, noise, vertices=count, assessment="none")
+        objects = [o for o in found.objects if o.found]
         if not objects:
             return np.full(3, np.nan), 0
         largest = max(objects, key=lambda o: o.area)

@@ -186,7 +186,7 @@ def _recover(
         from tacstrip.reconstruction.polygon.estimate import fit_polygon  # in the workers only
 
         lines = replace(sensor, strip_width_mm=None)  # as the twin makes them
-        return fit_polygon(scan, lines, PROFILE_II).objects[0].vertices
+        return fit_polygon(scan, lines, PROFILE_II, assessment="none").objects[0].vertices
     if e.algorithm == "profile":
         return profile_at(profile_reconstruction(scan, sensor).objects[0], contact.vertices)
     options: dict[str, Any] = {"transitions": "gradient"}
