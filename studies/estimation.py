@@ -89,8 +89,8 @@ class Outcome:
     empty
         Share of scans of which no polygon stays within the noise's bound; NaN where none was looked for.
     silent
-        Share of scans with status "likely", but the wrong vertices, or a true one outside of its guaranteed region (without
-        a bound: outside of its 95 % region five times over).
+        Share of scans with status "likely", but the wrong vertices, or a true one outside of its guaranteed region
+        (without a bound: outside of its 95 % region five times over).
     """
 
     right: float

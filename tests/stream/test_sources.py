@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -191,7 +192,7 @@ def test_shapes_beside_the_codes() -> None:
     spec = sensor()
     for method in METHODS:
         scan = next(iter(with_shapes(source(spec, 1), spec, method)))
-        quick = {"assessment": "fast"} if method == "polygon" else {}
+        quick: dict[str, Any] = {"assessment": "fast"} if method == "polygon" else {}
         wanted = reconstruct(decode(scan, spec), spec, method=method, **quick)
         assert [s.status for s in scan.shapes] == [o.status for o in wanted.objects if o.found]
     with pytest.raises(ts.OptionError, match="method 'magic' does not exist; choose one of: polygon"):

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 from tacstrip.arguments import takes
 from tacstrip.errors import RecordingError
@@ -188,7 +188,7 @@ def with_shapes(scans: Iterable[RawScan], sensor: Sensor, method: str) -> Iterat
     from tacstrip.reconstruction.methods import reconstruct  # late: recordings are made and read without it
 
     for raw in scans:
-        quick = {"assessment": "fast"} if method == "polygon" else {}
+        quick: dict[str, Any] = {"assessment": "fast"} if method == "polygon" else {}
         found = reconstruct(decode(raw, sensor), sensor, method=method, **quick).objects
         yield replace(raw, shapes=tuple(Shape(o.status, o.vertices) for o in found if o.found))
 
