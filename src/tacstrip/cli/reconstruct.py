@@ -133,7 +133,7 @@ def command(
         raise OptionError(
             f"--truth {truth}: holds no polygon to compare with; a line or a point has no outline"
         )
-    _report(results, contact)
+    _report(results, contact, spec.strips * spec.pitch_mm if spec.closed else None)
     if output is None:
         click.echo(json.dumps(feature_collection(results), indent=1))
     else:
@@ -176,10 +176,10 @@ def _transitions(text: str) -> str | list[float]:
         ) from None
 
 
-def _report(results: list[Reconstruction], truth: Contact | None) -> None:
+def _report(results: list[Reconstruction], truth: Contact | None, around_mm: float | None) -> None:
     """Say on standard error what was found: scan by scan, or counted where there are many."""
     lines = [
-        _line(number, result, k, truth)
+        _line(number, result, k, truth, around_mm)
         for number, result in enumerate(results)
         for k in range(len(result.objects))
     ]
@@ -193,7 +193,9 @@ def _report(results: list[Reconstruction], truth: Contact | None) -> None:
     note(f"{len(results)} scan(s), {len(lines)} object(s); {by_status}")
 
 
-def _line(number: int, result: Reconstruction, at: int, truth: Contact | None) -> str:
+def _line(
+    number: int, result: Reconstruction, at: int, truth: Contact | None, around_mm: float | None
+) -> str:
     """Say what was found of one object; several are numbered from 1, left to right, as in the picture."""
     found = result.objects[at]
     which = f" {at + 1}" if len(result.objects) > 1 else ""
@@ -209,7 +211,7 @@ def _line(number: int, result: Reconstruction, at: int, truth: Contact | None) -
     if truth is None or not found.found:
         return text
     near = min(_polygons(truth), key=lambda c: float(np.hypot(*(c.centroid - found.centroid))))
-    m = mismatch(near.vertices, found.vertices)
+    m = mismatch(near.vertices, found.vertices, around_mm=around_mm)
     numbers = f"M.C. {m.mc:.4g} rad, A.O.E. {m.aoe:.4g} rad, A.P.E. {m.ape:.4g} mm, IoU {m.iou:.3f}"
     return f"{text}\n    against the truth: {numbers}"
 

@@ -11,7 +11,6 @@ import numpy.typing as npt
 from tacstrip.arguments import takes
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.contact.noise import Noise
-from tacstrip.core.problem import FLOOR
 from tacstrip.core.vertex_covariance import covariance_with_x_priors
 from tacstrip.fisher import checked_sigma
 from tacstrip.geometry.outline import Outline
@@ -151,9 +150,8 @@ def vertex_covariance(
     errors = reading_covariance(sigma, sensor, x, _ends(sensor, outline, x), names, Averaging())
     read = np.concatenate([_read(sensor, name, x) for name in names])
     errors = errors[np.ix_(read, read)]
-    least = FLOOR**2 * np.eye(len(errors))  # gain and blur alone leave combinations of readings without error
     return covariance_with_x_priors(
-        outline, sensor, np.asarray(np.linalg.solve(np.linalg.cholesky(errors + least), slopes))
+        outline, sensor, np.asarray(np.linalg.solve(np.linalg.cholesky(errors), slopes))
     )
 
 

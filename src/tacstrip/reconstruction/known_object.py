@@ -26,6 +26,7 @@ from tacstrip.reconstruction.cramer_rao import reading_sigma
 from tacstrip.reconstruction.noise_covariance import signature_jacobians
 from tacstrip.reconstruction.polygon.goodness_of_fit import autocorrelation_score, chi_square_score
 from tacstrip.reconstruction.result import Alternative, Pose, Reconstruction, RecoveredObject, Status
+from tacstrip.reconstruction.seam import unrolled
 from tacstrip.reconstruction.untouched import doubt_untouched
 from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import check_closed_form
@@ -102,14 +103,15 @@ def fit_object(
     corners = _corners(outline)
     reach = 2.0 * float(np.linalg.norm(corners, axis=1).max())
     runs: list[slice] = []
-    for run in scan.runs():
+    laid_out, surface = unrolled(scan, sensor, _BRIDGED)
+    for run in laid_out.runs():
         joint = runs and run.start - runs[-1].stop <= _BRIDGED
         if joint and (run.stop - runs[-1].start - 1) * sensor.pitch_mm <= reach:
             run = slice(runs.pop().start, run.stop)
         runs.append(run)
     known = None if noise is None else max(reading_sigma(noise, sensor), FLOOR)
     distribution = "normal" if noise is None else noise.distribution
-    objects = tuple(_placed(scan, sensor, corners, run, known, distribution, edge_mm) for run in runs)
+    objects = tuple(_placed(laid_out, surface, corners, run, known, distribution, edge_mm) for run in runs)
     return doubt_untouched(Reconstruction("object", objects, scan.time_s), scan, sensor)
 
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.contact.signature import signatures
+from tacstrip.core.problem import FLOOR
 from tacstrip.geometry.outline import Outline
 from tacstrip.scan import Scan
 from tacstrip.sensor.closed_form import reading_jacobian
@@ -146,7 +147,9 @@ def reading_covariance(
     """
     count = len(names) * len(x_mm)
     found = np.full((count, count), common_variance(noise, averaging))
-    found[np.diag_indices(count)] += own_variance(noise, sensor, averaging)
+    found[np.diag_indices(count)] += (
+        own_variance(noise, sensor, averaging) + FLOOR**2
+    )  # shared alone it is singular
     if not (noise.soft or noise.gain):
         return found
     if noise.soft:

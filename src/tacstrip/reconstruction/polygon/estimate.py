@@ -99,6 +99,8 @@ def fit_polygon(
     scan = scan.checked(sensor)
     check_closed_form(sensor.kind, "fit_polygon")
     check_effort(assessment)
+    if vertices is not None and not isinstance(vertices, int | np.integer):
+        raise OptionError(f"vertices = {vertices!r}: give a whole number")
     area = _known_area(area_mm2)
     noise = sensor.noise if noise is None else noise
     if vertices is not None and not 3 <= vertices <= MAX_VERTICES + 2:
@@ -217,12 +219,17 @@ def _known_area(area_mm2: float | tuple[float, float] | None) -> tuple[float, fl
     """Return the area's mean and standard deviation [mm^2]."""
     if area_mm2 is None:
         return None
-    mean, sigma = area_mm2 if isinstance(area_mm2, tuple) else (area_mm2, _ABOUT * area_mm2)
+    given = area_mm2 if isinstance(area_mm2, tuple) else (area_mm2,)
+    if len(given) not in (1, 2) or not all(isinstance(a, int | float) for a in given):
+        raise OptionError(
+            f"area_mm2 = {area_mm2!r}: give a number, or two, the area and its standard deviation"
+        )
+    mean, sigma = float(given[0]), float(given[1]) if len(given) == 2 else _ABOUT * float(given[0])
     if not (0.0 < mean < np.inf and 0.0 < sigma < np.inf):
         raise OptionError(
             f"area_mm2 = {area_mm2}: a positive number, or two, the area and its standard deviation"
         )
-    return float(mean), float(sigma)
+    return mean, sigma
 
 
 def _at_least_a_step(run: RunFit, sensor: Sensor) -> RunFit:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,7 @@ from tacstrip.contact.noise import Noise
 from tacstrip.core.outline_model import OutlineModel
 from tacstrip.core.polygon_fit import PolygonFit
 from tacstrip.core.search import fit_counts
+from tacstrip.geometry.moments import deviations, moments
 from tacstrip.geometry.outline import Outline, max_height
 from tacstrip.reconstruction.contact_ends import closed_ends
 from tacstrip.reconstruction.cramer_rao import reading_sigma
@@ -33,6 +35,7 @@ _HOPELESS = (
 _ANYWHERE = 0.9  # of the variance within a pitch
 _WORSE, _FEWER = 20.0, 0.0  # of the criterion: so much worse, more vertices, or fewer, are not tried
 _CORNERS = 12  # at most: the search for a set grows with them
+_FAR_AREA = 3.0  # deviations between an area that was given and the one that the readings say
 _NAMED = 5  # strips that advice names
 _FAINT = (
     "no corner could be distinguished from noise: a line fits as well as the triangle that is given; {}, or use "
@@ -153,6 +156,8 @@ def reconstruct_object(
     weak = _FAINT.format(averaging) if faint else weakness(run, outline.vertices, covariance, averaging)
     if told.explained and len(run.problem.k) == 1 and contact.known_count is None:
         wrong = ""  # outlines of more corners explain the readings, and the confidence counts them
+    if area_mm2 is not None and not wrong:
+        wrong = _other_area(outline, covariance, area_mm2)
     status, advice = _verdict(wrong, weak, told, effort, len(run.problem.k), averaging)
     profile = (x, np.interp(x, *outline.lower.T), np.interp(x, *outline.upper.T))
     return RecoveredObject(
@@ -165,9 +170,18 @@ def reconstruct_object(
         guarantee=guarantee,
         uniform=_upright(outline, covariance, sensor) if isinstance(model, PolygonFit) else (),
         model=None if isinstance(model, PolygonFit) else type(model),
-        confidence=told.confidence,
+        confidence=None if wrong else told.confidence,  # it takes the readings for explained
         alternatives=told.alternatives,
     )
+
+
+def _other_area(outline: Outline, covariance: FloatArray, area_mm2: tuple[float, float]) -> str:
+    """Say that the readings and the area that was given contradict each other; "" where they do not."""
+    (mean, sigma), area = area_mm2, moments(outline.vertices)[0]
+    own = deviations(outline.vertices, covariance)[0]
+    if abs(area - mean) <= _FAR_AREA * math.hypot(sigma, own):
+        return ""
+    return f"the area given, {mean:.4g} mm2, contradicts the readings, which say {area:.4g} mm2: check both"
 
 
 def _verdict(
