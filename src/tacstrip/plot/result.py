@@ -92,7 +92,7 @@ def _draw_shapes(
             draw_polygon(axes, found.vertices, colour, drawn.label, doubtful=doubtful)
             for k, other in enumerate(found.alternatives if with_regions else ()):
                 ring = np.concatenate([other.vertices, other.vertices[:1]])
-                label = f"or this, with a weight of {other.weight:.2f}"
+                label = f"alternative: {other.weight:.2f}"
                 axes.plot(
                     *ring.T,
                     color=colour,
