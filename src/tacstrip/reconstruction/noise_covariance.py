@@ -25,7 +25,7 @@ from tacstrip.sensor.spec import Sensor
 
 _ENOUGH = 4.0  # times as much variance that stays as averaging leaves of the rest: then it is enough
 _DITHER = 0.5  # of the converter's step: noise of so much sigma makes the mean of scans finer than a step
-_TOLD = 0.7  # of 1, the share of a parameter's certainty that readings give: the rest is a prior's
+_DETERMINED = 0.7  # of 1, the share of a parameter's certainty that readings give: the rest is a prior's
 _MOST_ALIKE = (
     4.0  # times their variance that correlated errors may count for when corners are told from noise
 )
@@ -236,8 +236,10 @@ class CorrelatedErrors:
         value, vector = np.linalg.eigh(np.nan_to_num(covariance, nan=0.0, posinf=0.0))
         moved = self.jacobian @ (vector * np.sqrt(np.maximum(value, 0.0)))
         size, turned = np.linalg.svd(moved / self.sigma, full_matrices=False)[1:]
-        told = moved @ turned[size > _TOLD].T
-        white = np.linalg.solve(np.linalg.cholesky(self.matrix), np.column_stack([self.residuals, told]))
+        determined = moved @ turned[size > _DETERMINED].T
+        white = np.linalg.solve(
+            np.linalg.cholesky(self.matrix), np.column_stack([self.residuals, determined])
+        )
         along = np.linalg.qr(white[:, 1:])[0]
         found = np.zeros(self.used.shape)
         found[self.used] = white[:, 0] - along @ (along.T @ white[:, 0])

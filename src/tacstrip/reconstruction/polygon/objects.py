@@ -147,18 +147,18 @@ def reconstruct_object(
             wrong
             or f"the readings hold {fit.n_vertices} vertices, not the {contact.known_count} that were given"
         )
-    told = assess(run, sensor, outline, covariance, noise is not None, effort, area_mm2)
-    if told.better is not None and contact.known_count is None:
-        model, guarantee, faint = told.better, None, False
+    assessed = assess(run, sensor, outline, covariance, noise is not None, effort, area_mm2)
+    if assessed.better is not None and contact.known_count is None:
+        model, guarantee, faint = assessed.better, None, False
         outline, covariance = Outline(*model.chains_mm(run.problem)), model.covariance(run.problem, sensor)
         errors = _errors(scan, sensor, contact, noise, outline)
     covariance = covariance if errors is None else errors.propagated(covariance)
     weak = _FAINT.format(averaging) if faint else weakness(run, outline.vertices, covariance, averaging)
-    if told.explained and len(run.problem.k) == 1 and contact.known_count is None:
+    if assessed.explained and len(run.problem.k) == 1 and contact.known_count is None:
         wrong = ""  # outlines of more corners explain the readings, and the confidence counts them
     if area_mm2 is not None and not wrong:
         wrong = _other_area(outline, covariance, area_mm2)
-    status, advice = _verdict(wrong, weak, told, effort, len(run.problem.k), averaging)
+    status, advice = _verdict(wrong, weak, assessed, effort, len(run.problem.k), averaging)
     profile = (x, np.interp(x, *outline.lower.T), np.interp(x, *outline.upper.T))
     return RecoveredObject(
         strips,
@@ -170,8 +170,8 @@ def reconstruct_object(
         guarantee=guarantee,
         uniform=_upright(outline, covariance, sensor) if isinstance(model, PolygonFit) else (),
         model=None if isinstance(model, PolygonFit) else type(model),
-        confidence=None if wrong else told.confidence,  # it takes the readings for explained
-        alternatives=told.alternatives,
+        confidence=None if wrong else assessed.confidence,  # it takes the readings for explained
+        alternatives=assessed.alternatives,
     )
 
 
@@ -185,19 +185,19 @@ def _other_area(outline: Outline, covariance: FloatArray, area_mm2: tuple[float,
 
 
 def _verdict(
-    wrong: str, weak: str, told: Assessment, effort: Effort, signatures: int, averaging: str
+    wrong: str, weak: str, assessed: Assessment, effort: Effort, signatures: int, averaging: str
 ) -> tuple[Status, list[str]]:
     """Return the status, and advice: what the outline does not explain, what is left open, how sure it is."""
     if wrong:
         return "doubtful", [wrong]
-    if told.confidence is None:
+    if assessed.confidence is None:
         why = "" if effort == "none" else "how sure this is was not assessed: the compiled core is missing"
         return ("doubtful" if weak else "likely"), [weak, why]
-    if told.confidence >= ENOUGH:
+    if assessed.confidence >= ENOUGH:
         return ("likely" if effort == "fast" and signatures == 1 else "ok"), [weak]
     more = f"{averaging}, or use finer strips" if signatures > 1 else f"use both signatures, {averaging}"
     sure = (
-        f"with a probability of {told.confidence:.2f} only it overlaps the true outline by an IoU of "
+        f"with a probability of {assessed.confidence:.2f} only it overlaps the true outline by an IoU of "
         f"{PROMISED_IOU} or more, for others explain the readings too: {more}, or give the contact's area"
     )
     return "doubtful", [sure, weak]

@@ -139,5 +139,5 @@ def _firm(run: RunFit, outline: Outline, covariance: FloatArray) -> bool:
     moved = outline.vertices + off.reshape(_NORMAL_DRAWS, -1, 2)
     at, (lower, upper) = columns(run.problem), outline.indices
     own = column_ends(run.problem, at, outline.lower, outline.upper)
-    drawn = np.stack([column_ends(run.problem, at, v[lower], v[upper]) for v in moved])
+    drawn = column_ends(run.problem, at, moved[:, lower], moved[:, upper])
     return bool(np.mean(column_iou(drawn, own) >= _FIRM) > 0.95)

@@ -112,11 +112,20 @@ def columns(problem: FitProblem) -> FloatArray:
 
 
 def column_ends(problem: FitProblem, x: FloatArray, lower: FloatArray, upper: FloatArray) -> FloatArray:
-    """Return l and u (2, G) over the strip length at x (G,) of chains [mm]; both 0 outside."""
+    """Return l and u (..., 2, G) over the strip length at x (G,) of chains (..., M, 2) [mm]; both 0 outside."""
     at = x * problem.width_mm + problem.origin_mm
-    inside = (at >= lower[0, 0]) & (at <= lower[-1, 0])
-    ends = [np.clip(np.interp(at, *c.T) / problem.length_mm, 0.0, 1.0) for c in (lower, upper)]
-    return np.where(inside, np.stack(ends), 0.0)
+    inside = (at >= lower[..., :1, 0]) & (at <= lower[..., -1:, 0])
+    ends = np.stack([_heights(at, chain) for chain in (lower, upper)], axis=-2) / problem.length_mm
+    return np.where(inside[..., None, :], np.clip(ends, 0.0, 1.0), 0.0)
+
+
+def _heights(at: FloatArray, chain: FloatArray) -> FloatArray:
+    """Return y (..., G) at x = `at` (G,) of chains (..., M, 2), all at once: `np.interp` takes one."""
+    x, y = chain[..., 0], chain[..., 1]
+    edge = (at[:, None] >= x[..., None, 1:-1]).sum(axis=-1)
+    (x0, x1), (y0, y1) = ([np.take_along_axis(v, edge + i, axis=-1) for i in (0, 1)] for v in (x, y))
+    run = x1 - x0
+    return np.asarray(y0 + (y1 - y0) * (at - x0) / np.where(run == 0.0, 1.0, run))
 
 
 def within_strips(chain: FloatArray) -> FloatArray:
