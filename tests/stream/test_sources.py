@@ -7,7 +7,6 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -17,7 +16,7 @@ from hypothesis import strategies as st
 import tacstrip as ts
 from recordings import ORIGIN, make, sensor, source
 from strategies import FIXED
-from tacstrip.reconstruction.methods import METHODS, reconstruct
+from tacstrip.reconstruction.methods import METHODS, quick_options, reconstruct
 from tacstrip.stream import Drag, RawScan, ReadingsSource, Source, paced
 from tacstrip.stream.codes import code_shape, code_type, decode, encode, quantisation_error, top_code
 from tacstrip.stream.recording.recorder import Recorder, record, with_shapes
@@ -192,8 +191,7 @@ def test_shapes_beside_the_codes() -> None:
     spec = sensor()
     for method in METHODS:
         scan = next(iter(with_shapes(source(spec, 1), spec, method)))
-        quick: dict[str, Any] = {"assessment": "fast"} if method == "polygon" else {}
-        wanted = reconstruct(decode(scan, spec), spec, method=method, **quick)
+        wanted = reconstruct(decode(scan, spec), spec, method=method, **quick_options(method))
         assert [s.status for s in scan.shapes] == [o.status for o in wanted.objects if o.found]
     with pytest.raises(ts.OptionError, match="method 'magic' does not exist; choose one of: polygon"):
         next(iter(with_shapes(source(spec, 1), spec, "magic")))

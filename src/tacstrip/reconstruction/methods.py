@@ -28,6 +28,11 @@ METHODS: dict[str, Callable[..., Reconstruction]] = {
 }
 
 
+def quick_options(method: str) -> dict[str, Any]:
+    """Return the options by which a method keeps up with a stream."""
+    return {"assessment": "fast"} if method == "polygon" else {}
+
+
 def best_method(sensor: Sensor) -> str:
     """Return the name of the method to take where the user does not say."""
     return "polygon" if sensor.kind.closed_form else "profile"

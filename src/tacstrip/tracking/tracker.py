@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 from tacstrip.arguments import takes
 from tacstrip.contact.noise import Noise
-from tacstrip.reconstruction.methods import chosen_method, reconstruct
+from tacstrip.reconstruction.methods import chosen_method, quick_options, reconstruct
 from tacstrip.reconstruction.result import RecoveredObject
 from tacstrip.reconstruction.seam import BRIDGED, unrolled
 from tacstrip.scan import Scan
@@ -182,7 +182,7 @@ class Tracker:
         self._searched_s = scan.time_s
 
     def _reconstructed(self, scan: Scan) -> tuple[RecoveredObject, ...]:
-        quick = {"assessment": "fast"} if self.method == "polygon" else {}
+        quick = quick_options(self.method)
         return reconstruct(scan, self.sensor, self.noise, method=self.method, **quick).objects
 
     def _search(self, scan: Scan) -> list[_Track]:

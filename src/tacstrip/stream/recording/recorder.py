@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Self
+from typing import Self
 
 from tacstrip.arguments import takes
 from tacstrip.errors import RecordingError
@@ -185,11 +185,13 @@ def with_shapes(scans: Iterable[RawScan], sensor: Sensor, method: str) -> Iterat
     OptionError, SignatureError
         At the first scan: the method does not exist, or does not suit this sensor.
     """
-    from tacstrip.reconstruction.methods import reconstruct  # late: recordings are made and read without it
+    from tacstrip.reconstruction.methods import (  # late: recordings are made and read without it
+        quick_options,
+        reconstruct,
+    )
 
     for raw in scans:
-        quick: dict[str, Any] = {"assessment": "fast"} if method == "polygon" else {}
-        found = reconstruct(decode(raw, sensor), sensor, method=method, **quick).objects
+        found = reconstruct(decode(raw, sensor), sensor, method=method, **quick_options(method)).objects
         yield replace(raw, shapes=tuple(Shape(o.status, o.vertices) for o in found if o.found))
 
 
