@@ -14,6 +14,7 @@ from click.testing import CliRunner
 import tacstrip as ts
 from tacstrip.arrays import FloatArray
 from tacstrip.cli import cli
+from tacstrip.io.geometry import feature_collection
 from tacstrip.reconstruction.known_object import _corners, _Fit, pose_covariance
 
 SENSOR = ts.Sensor(construction="crs-crs", strips=10, pitch_mm=10.0, length_mm=100.0)
@@ -47,7 +48,7 @@ def test_errors_are_at_the_bound_and_the_covariance_holds(name: str) -> None:
         found = ts.fit_object(ts.simulate(SENSOR, truth, NOISE, rng=random), SENSOR, SHAPES[name], NOISE)
         (o,) = found.objects
         assert o.pose is not None
-        poses = [o.pose, *(p.pose for p in o.poses)]
+        poses = [p for p in (o.pose, *(a.pose for a in o.alternatives)) if p is not None]
         off = [
             np.array([p.x_mm - x, p.y_mm - y, math.remainder(p.angle - angle, 2.0 * math.pi)]) for p in poses
         ]
@@ -67,13 +68,16 @@ def test_a_symmetric_object_has_poses_that_look_alike() -> None:
     (o,) = found.objects
     assert o.pose is not None
     assert found.status == "ok"
-    assert len(o.poses) == 3
-    turns = sorted(
-        math.remainder(p.pose.angle - o.pose.angle, 2.0 * math.pi) / (0.5 * math.pi) for p in o.poses
-    )
+    assert len(o.alternatives) == 3
+    angles = [a.pose.angle for a in o.alternatives if a.pose is not None]
+    turns = sorted(math.remainder(a - o.pose.angle, 2.0 * math.pi) / (0.5 * math.pi) for a in angles)
     np.testing.assert_allclose(np.abs(turns), [1.0, 1.0, 2.0], atol=0.02)
-    assert all(abs(p.weight - 0.25) < 0.02 for p in o.poses)
-    assert all(iou(p.vertices, o.vertices) > 0.98 for p in o.poses)
+    assert all(abs(p.weight - 0.25) < 0.02 for p in o.alternatives)
+    assert all(iou(p.vertices, o.vertices) > 0.98 for p in o.alternatives)
+    assert o.confidence is not None
+    assert o.confidence > 0.95
+    (feature,) = feature_collection([found])["features"]
+    assert [set(a) for a in feature["properties"]["alternatives"]] == [{"weight", "vertices_mm", "pose"}] * 3
 
 
 @pytest.mark.parametrize(
@@ -91,7 +95,7 @@ def test_another_object_is_doubted(true: str, given: str) -> None:
 def test_an_object_may_lie_over_the_border(x: float, y: float) -> None:
     truth = pressed("five", 0.8, x, y)
     found = ts.fit_object(ts.simulate(SENSOR, truth, NOISE), SENSOR, SHAPES["five"], NOISE)
-    assert found.status == "ok" or found.objects[0].poses
+    assert found.status == "ok" or found.objects[0].alternatives
     assert iou(found.objects[0].vertices, truth.vertices) > 0.85
 
 

@@ -204,9 +204,9 @@ def _line(
         x, y = found.centroid
         text += "" if found.pose is None else f", turned by {np.rad2deg(found.pose.angle):.4g} deg"
         text += f", {len(found.vertices)} corners, {found.area:.6g} mm2 at x = {x:.5g}, y = {y:.5g} mm"
-        if found.confidence is not None:
-            others = ", ".join(f"{a.weight:.2f}" for a in found.alternatives)
-            text += f", confidence {found.confidence:.2f}" + (f", alternatives {others}" if others else "")
+        text += "" if found.confidence is None else f", confidence {found.confidence:.2f}"
+        others = ", ".join(f"{a.weight:.2f}" for a in found.alternatives)
+        text += f", alternatives {others}" if others else ""
     text += f". {found.advice}" if found.advice else ""
     if truth is None or not found.found:
         return text

@@ -14,7 +14,7 @@ from tacstrip.arrays import plain
 from tacstrip.contact.shape import Contact
 from tacstrip.errors import ContactError
 from tacstrip.files import why_unreadable, write_text
-from tacstrip.reconstruction.result import Pose, Reconstruction, RecoveredObject
+from tacstrip.reconstruction.result import Alternative, Pose, Reconstruction, RecoveredObject
 
 _READERS = {".wkt": Contact.from_wkt, ".geojson": Contact.from_geojson, ".json": Contact.from_geojson}
 
@@ -152,25 +152,25 @@ def _feature(recovered: RecoveredObject | None, properties: dict[str, Any]) -> d
                 "vertex_sigma_mm": plain(np.sqrt(np.diag(recovered.covariance)).reshape(-1, 2)),
             }
         if recovered.confidence is not None:
-            properties |= {
-                "confidence": round(recovered.confidence, 4),
-                "alternatives": [
-                    {"weight": round(a.weight, 4), "vertices_mm": plain(a.vertices, 6)}
-                    for a in recovered.alternatives
-                ],
-            }
+            properties["confidence"] = round(recovered.confidence, 4)
+        if recovered.alternatives or recovered.confidence is not None:
+            properties["alternatives"] = [_alternative(a) for a in recovered.alternatives]
         if recovered.pose is not None:
             properties |= {
                 "pose": _pose(recovered.pose),
                 "pose_sigma": dict(
                     zip(_POSE, plain(np.sqrt(np.diag(recovered.pose.covariance))), strict=True)
                 ),
-                "other_poses": [_pose(other.pose) | {"weight": other.weight} for other in recovered.poses],
             }
     elif recovered is not None and len(recovered.points):
         geometry = {"type": "MultiPoint", "coordinates": plain(recovered.points, 9)}
         properties["point_sigma_mm"] = plain(recovered.point_deviations)
     return {"type": "Feature", "geometry": geometry, "properties": properties}
+
+
+def _alternative(other: Alternative) -> dict[str, Any]:
+    found = {"weight": round(other.weight, 4), "vertices_mm": plain(other.vertices, 6)}
+    return found if other.pose is None else found | {"pose": _pose(other.pose)}
 
 
 def _pose(pose: Pose) -> dict[str, float]:

@@ -368,7 +368,7 @@ def _placed(
     vertices, covariance = _vertices(corners, poses[order[0]], spread[order[0]])
     l, u = (end[0] for end in fit.ends(poses[order[:1]])[:2])
     alternatives = tuple(
-        Alternative(found[j], float(weight[i]), _vertices(corners, poses[i], spread[i])[0])
+        Alternative(float(weight[i]), _vertices(corners, poses[i], spread[i])[0], found[j])
         for j, i in enumerate(order)
         if j
     )
@@ -378,7 +378,8 @@ def _placed(
         notes.append(f"strip {names} does not fit the object and was left out: is a channel stuck?")
     return RecoveredObject(
         run, vertices, (fit.x_mm, l, u), covariance, status, "; ".join(n for n in notes if n),
-        pose=found[0], poses=alternatives,
+        confidence=None if status != "ok" and sure >= _PROBABLE else sure,  # it takes the readings for explained
+        alternatives=alternatives, pose=found[0],
     )  # fmt: skip
 
 
@@ -496,7 +497,7 @@ def _judge(
     if sure < _PROBABLE:
         return "doubtful", (
             f"the pose is not certain: the outline overlaps the object by 80 % with a probability of {sure:.2g}; see "
-            "the other poses, turn the object a little, average more scans, or use both signatures"
+            "the alternatives, turn the object a little, average more scans, or use both signatures"
         )
     return "ok", ""
 

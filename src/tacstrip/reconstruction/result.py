@@ -43,22 +43,6 @@ class Guarantee(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class AlternativeOutline:
-    """Another outline that explains the readings.
-
-    Attributes
-    ----------
-    weight
-        Probability that the true outline is like this one.
-    vertices
-        Its corners (N, 2) [mm], counter-clockwise.
-    """
-
-    weight: float
-    vertices: FloatArray
-
-
-@dataclass(frozen=True, eq=False)
 class Pose:
     """Where a known object lies.
 
@@ -80,11 +64,21 @@ class Pose:
 
 @dataclass(frozen=True, eq=False)
 class Alternative:
-    """Another pose of a known object that explains the readings: its weight among all, and vertices (N, 2) [mm]."""
+    """Another outline that explains the readings.
 
-    pose: Pose
+    Attributes
+    ----------
+    weight
+        Probability that the true outline is like this one.
+    vertices
+        Its corners (N, 2) [mm], counter-clockwise.
+    pose
+        Of a known object, else None.
+    """
+
     weight: float
     vertices: FloatArray
+    pose: Pose | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,8 +118,8 @@ class RecoveredObject:
         Probability that the outline overlaps the true one by an IoU of .8 or more; None where that was not assessed.
     alternatives
         Other outlines that explain the readings, the likeliest first.
-    pose, poses
-        Of a known object (`fit_object`): where it lies, and what other poses the readings leave.
+    pose
+        Of a known object (`fit_object`): where it lies.
 
     Raises
     ------
@@ -158,9 +152,8 @@ class RecoveredObject:
     uniform: tuple[int, ...] = ()
     model: type[OutlineModel] | None = None
     confidence: float | None = None
-    alternatives: tuple[AlternativeOutline, ...] = ()
+    alternatives: tuple[Alternative, ...] = ()
     pose: Pose | None = None
-    poses: tuple[Alternative, ...] = ()
 
     def __post_init__(self) -> None:
         if self.covariance is not None and self.covariance.shape != (2 * len(self.vertices),) * 2:
@@ -186,7 +179,7 @@ class RecoveredObject:
         """Per vertex the region (K, 2) [mm] that holds it for certain if no reading is off by more than its bound.
 
         Computed when first asked for, in some 6 ms. None without such a bound, or where none was found. What exactly
-        is guaranteed: `bounded_regions.guaranteed`.
+        is guaranteed: `set_membership.regions`.
         """
         return None if self.guarantee is None else self.guarantee.regions
 

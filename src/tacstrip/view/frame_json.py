@@ -44,6 +44,7 @@ def _object(one: LiveObject, sensor: Sensor) -> dict[str, Any]:
     drawn: dict[str, Any] = {"id": one.id, "status": shape.status, "advice": shape.advice}
     if shape.confidence is not None:
         drawn["confidence"] = round(shape.confidence, 3)
+    if shape.alternatives:
         drawn["alternatives"] = [
             {"weight": round(a.weight, 3), "vertices": plain(a.vertices, 3)} for a in shape.alternatives
         ]

@@ -14,7 +14,7 @@ from tacstrip.geometry.metrics import column_iou
 from tacstrip.geometry.outline import Outline
 from tacstrip.reconstruction.polygon.run import RunFit
 from tacstrip.reconstruction.posterior.draws import Draws, column_ends, columns, draw
-from tacstrip.reconstruction.result import AlternativeOutline
+from tacstrip.reconstruction.result import Alternative
 from tacstrip.sensor.spec import Sensor
 
 Effort: TypeAlias = Literal["thorough", "fast", "none"]
@@ -55,7 +55,7 @@ class Assessment:
     """
 
     confidence: float | None = None
-    alternatives: tuple[AlternativeOutline, ...] = ()
+    alternatives: tuple[Alternative, ...] = ()
     better: OutlineModel | None = None
     explained: bool = False
 
@@ -115,16 +115,16 @@ def assess(
     return Assessment(confidence, _alternatives(drawn, every >= PROMISED_IOU, own), better, bool(explained))
 
 
-def _alternatives(drawn: Draws, alike: np.ndarray, own: np.ndarray) -> tuple[AlternativeOutline, ...]:
+def _alternatives(drawn: Draws, alike: np.ndarray, own: np.ndarray) -> tuple[Alternative, ...]:
     """Return the outlines that most others are like, of those that are not like the estimate."""
-    found: list[AlternativeOutline] = []
+    found: list[Alternative] = []
     left = drawn.weight * ~own
     while len(found) < _MOST:
         share = alike @ left
         at = int(np.argmax(np.where(left > 0.0, share, -1.0)))
         if share[at] < _LIGHTEST:
             break
-        found.append(AlternativeOutline(float(share[at]), drawn.outline(at).vertices))
+        found.append(Alternative(float(share[at]), drawn.outline(at).vertices))
         left = left * ~alike[at]
     return tuple(found)
 
