@@ -29,11 +29,11 @@ def moments(vertices: FloatArray) -> tuple[float, FloatArray, FloatArray]:
     if not len(vertices):
         return 0.0, np.full(2, np.nan), np.zeros(3)
     origin = vertices.mean(axis=0)
-    area, first = float(_sums(vertices - origin)[0]), _sums(vertices - origin)[1]
+    area, first, second = _sums(vertices - origin)
     if area == 0.0:
         return 0.0, origin, np.zeros(3)
-    centroid = origin + first / area
-    return area, centroid, _sums(vertices - centroid)[2]
+    x, y = first / area
+    return float(area), origin + np.array([x, y]), second - area * np.array([x * x, y * y, x * y])
 
 
 def orientation(vertices: FloatArray) -> float:
@@ -147,7 +147,7 @@ def _sums(v: npt.NDArray[Any]) -> tuple[Any, Any, Any]:
     Of polygons (..., N, 2), real or complex.
     """
     x0, y0 = v[..., 0], v[..., 1]
-    x1, y1 = np.roll(x0, -1, axis=-1), np.roll(y0, -1, axis=-1)
+    x1, y1 = (np.concatenate([a[..., 1:], a[..., :1]], axis=-1) for a in (x0, y0))
     cross = x0 * y1 - x1 * y0
     xx, yy = x0**2 + x0 * x1 + x1**2, y0**2 + y0 * y1 + y1**2
     xy = x0 * y1 + 2.0 * x0 * y0 + 2.0 * x1 * y1 + x1 * y0
