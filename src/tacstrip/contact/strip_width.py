@@ -16,9 +16,8 @@ from tacstrip.sensor.spec import Sensor
 _STRAIGHT = 1e-3  # of the width: an edge that bends by less is straight
 _LONG = 2.0  # widths: over a shorter contact both edges know of each other
 _LENGTHS = 4.0  # and so many lambda
-_EXACT = (
-    2e-4  # of L: so much of the strip's length the closed form of a slant may be off with contact resistance
-)
+# Of L: so much of the strip's length the closed form of a slant may be off with contact resistance.
+_EXACT = 2e-4
 _SLANT_ERROR = 0.021  # of the width, see `slant_shift`
 
 

@@ -116,10 +116,7 @@ _SEARCH_WORKSPACE = 3613  # doubles: SEARCH_WORKSPACE of core.h
 _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "normal_equations": (_DOUBLE, (_PROBLEM, _POINTER, _INT, _POINTER, _POINTER)),
     "residuals": (None, (_PROBLEM, _POINTER, _POINTER)),
-    "vertex_covariance": (
-        _INT,
-        (_PROBLEM, _POINTER, _DOUBLE, _DOUBLE, _DOUBLE, _POINTER, _INT, _POINTER),
-    ),
+    "vertex_covariance": (_INT, (_PROBLEM, _POINTER, _DOUBLE, _DOUBLE, _DOUBLE, _POINTER, _INT, _POINTER)),
     "descend": (_DOUBLE, (_PROBLEM, _POINTER, _INT, _DOUBLE, _DOUBLE)),
     "refine": (None, (_PROBLEM, _POINTER)),
     "places": (_INT, (_PROBLEM, _POINTER, _INT, _POINTER, _POINTER)),

@@ -80,9 +80,9 @@ class FitProblem:
         use = np.isfinite(raw) if excluded is None else np.isfinite(raw) & ~excluded
         k = np.empty_like(raw)
         for row, values, used in zip(k, raw, use, strict=True):  # starts read all strips, fits the used ones
-            row[:] = (
-                values if used.all() else np.interp(x_mm, x_mm[used], values[used]) if used.any() else 0.0
-            )
+            if not used.all():
+                values = np.interp(x_mm, x_mm[used], values[used]) if used.any() else np.zeros_like(values)
+            row[:] = values
         weight = np.where(use, 1.0 / sigma**2, 0.0)
         return cls.of_strips(sensor, x_mm, tuple(readings), np.clip(k, -1.0, 2.0), weight, margin_mm)
 
@@ -193,8 +193,7 @@ class FitProblem:
         if stride == 1:
             return self
         at = slice(stride // 2, None, stride)
-        kept = (np.ascontiguousarray(values[..., at]) for values in (self.x, self.k, self.weight))
-        x, k, weight = kept
+        x, k, weight = (np.ascontiguousarray(values[..., at]) for values in (self.x, self.k, self.weight))
         return replace(self, x=x, k=k, weight=weight)
 
     def scaled(self, factor: float) -> FitProblem:

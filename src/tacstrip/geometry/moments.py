@@ -44,28 +44,20 @@ def orientation(vertices: FloatArray) -> float:
     return float(0.5 * np.arctan2(2.0 * xy, xx - yy))
 
 
-def area_gradient(vertices: FloatArray) -> FloatArray:
-    """Return the slope of the area by `vertices.ravel()` (2 N,) [mm]."""
-    return np.asarray(_slopes(vertices)[0])
+def moment_jacobian(vertices: FloatArray) -> FloatArray:
+    """Return the slopes of area, the centroid's x and y, and orientation by `vertices.ravel()` (4, 2 N).
 
-
-def centroid_jacobian(vertices: FloatArray) -> FloatArray:
-    """Return the slopes of the centroid's x and y by `vertices.ravel()` (2, 2 N); NaN without area."""
-    area, centroid, _ = moments(vertices)
-    if area == 0.0:
-        return np.full((2, vertices.size), np.nan)
-    return np.asarray(_slopes(vertices - centroid)[1:3] / area)
-
-
-def orientation_gradient(vertices: FloatArray) -> FloatArray:
-    """Return the slope of the orientation by `vertices.ravel()` (2 N,) [rad/mm]; NaN where it has none."""
+    In mm, 1 and rad/mm. Without area centroid and orientation have none, NaN; nor has the orientation of a square.
+    """
     area, centroid, (xx, yy, xy) = moments(vertices)
-    reach = (xx - yy) ** 2 + 4.0 * xy**2
-    if area == 0.0 or reach == 0.0:
-        return np.full(vertices.size, np.nan)
+    found = np.full((4, vertices.size), np.nan)
     # About the centroid the first moments vanish, so the central moments' slopes are the plain ones'.
-    by_xx, by_yy, by_xy = _slopes(vertices - centroid)[3:]
-    return np.asarray(((xx - yy) * by_xy - xy * (by_xx - by_yy)) / reach)
+    found[0], by_x, by_y, by_xx, by_yy, by_xy = _slopes(vertices - centroid)
+    if area:
+        found[1:3] = by_x / area, by_y / area
+    if area and (reach := (xx - yy) ** 2 + 4.0 * xy**2):
+        found[3] = ((xx - yy) * by_xy - xy * (by_xx - by_yy)) / reach
+    return found
 
 
 def deviations(vertices: FloatArray, covariance: FloatArray, uniform: Sequence[int] = ()) -> MomentDeviations:
@@ -87,7 +79,7 @@ def deviations(vertices: FloatArray, covariance: FloatArray, uniform: Sequence[i
         where an error is uniform. What the covariance leaves open is inf; an orientation that is not known at all
         has the deviation of an axis that can lie anyhow, `UNKNOWN_ANGLE`.
     """
-    slopes = np.vstack([area_gradient(vertices), centroid_jacobian(vertices), orientation_gradient(vertices)])
+    slopes = moment_jacobian(vertices)
     with np.errstate(invalid="ignore"):
         variance = np.einsum("ij,jk,ik->i", slopes, covariance, slopes)
     sigma = np.sqrt(np.where(np.isnan(variance), np.inf, np.maximum(variance, 0.0)))

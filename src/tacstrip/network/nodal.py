@@ -141,9 +141,8 @@ class Factored:
             ),
             shape=(size, size),
         )
-        self._to_held = coo_array(
-            (w[border], (number[i[border]], place[j[border]])), shape=(size, len(self.held))
-        ).tocsr()
+        to_held = (w[border], (number[i[border]], place[j[border]]))
+        self._to_held = coo_array(to_held, shape=(size, len(self.held))).tocsr()
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             self._factor = splu(matrix.tocsc(), **_SPLU) if size else None

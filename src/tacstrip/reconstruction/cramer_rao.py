@@ -150,9 +150,8 @@ def vertex_covariance(
     errors = reading_covariance(sigma, sensor, x, _ends(sensor, outline, x), names, Averaging())
     read = np.concatenate([_read(sensor, name, x) for name in names])
     errors = errors[np.ix_(read, read)]
-    return covariance_with_x_priors(
-        outline, sensor, np.asarray(np.linalg.solve(np.linalg.cholesky(errors), slopes))
-    )
+    white = np.asarray(np.linalg.solve(np.linalg.cholesky(errors), slopes))
+    return covariance_with_x_priors(outline, sensor, white)
 
 
 def vertex_rms(covariance: FloatArray) -> float:

@@ -99,23 +99,16 @@ class Sensor:
         return super().__new__(cls)
 
     def __repr__(self) -> str:
-        more = "".join(
-            f", {told}"
-            for told, there in (
-                (f"{self.adc_bits} bits", self.adc_bits),
-                ("calibrated", self.calibration),
-                ("noise known", self.noise),
-            )
-            if there
-        )
-        return f"<Sensor {self.fingerprint}{more}>"
+        bits = f", {self.adc_bits} bits" if self.adc_bits else ""
+        known = (", calibrated" if self.calibration else "") + (", noise known" if self.noise else "")
+        return f"<Sensor {self.fingerprint}{bits}{known}>"
 
     def __post_init__(self) -> None:
         """Bring numbers to their type and refuse what cannot be."""
         for name, kind in self.__annotations__.items():
-            value = getattr(self, name)
+            value, optional = getattr(self, name), "None" in str(kind)
             if name not in ("construction", "without", CALIBRATION, NOISE) and not (
-                value is None and "None" in str(kind)
+                optional and value is None
             ):
                 object.__setattr__(self, name, _number(name, value, whole="int" in str(kind)))
         _check(self)

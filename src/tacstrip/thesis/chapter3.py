@@ -132,4 +132,4 @@ def _strips_over_depth(axes: Axes, sensor: Sensor) -> None:
     legend(axes, loc="upper left", ncols=2)
 
 
-FIGURES = by_number(figure_3_3, figure_3_4, figure_3_7, figure_3_10)
+FIGURES = by_number(globals())

@@ -129,9 +129,8 @@ class _Search:
         sure, l, u = _sure(self.band, self.lines, self.bounds.zones[: len(self.lines.turns)])
         # Between zones l and u are straight, so it is enough to look at the outer strips of each stretch.
         outer = np.flatnonzero(sure & ~(np.append(False, sure[:-1]) & np.append(sure[1:], False)))
-        least, most = (
-            np.array([sign * self.lowest(sign * (u[i] - l[i])) for i in outer]) for sign in (1.0, -1.0)
-        )
+        w, signs = u - l, (1.0, -1.0)
+        least, most = (np.array([sign * self.lowest(sign * w[i]) for i in outer]) for sign in signs)
         low, high = np.interp(x[sure], x[outer], least), np.interp(x[sure], x[outer], most)
         allowed = (low > widths[1, sure]) | (widths[1, sure] == 0.0)
         return bool(np.all(allowed & (high < widths[2, sure])))
@@ -145,15 +144,12 @@ class _Search:
             if out * (x - limit) >= 0.0:
                 return float(limit)
             # Beyond its crossing the gap of two lines has one sign; least it must have it everywhere.
-            form = out * turn * self._gap(pair, x)
+            second, first = self.lines.rows(pair[::-1], np.full(2, x))
+            form = out * turn * (second - first)
             if self.lowest(form) >= 0.0:
                 return x
             x = max(out * x, out * float(self.lines.cross(self.heights())[c])) * out
         return float(limit)
-
-    def _gap(self, pair: IntArray, x: float) -> FloatArray:
-        at = np.full(1, x)
-        return np.asarray((self.lines.rows(pair[1:], at) - self.lines.rows(pair[:1], at))[0])
 
     def regions(self) -> Regions:
         """Return the regions of all vertices."""

@@ -151,10 +151,8 @@ def _by_section(sections: list[Section | None], x: FloatArray) -> tuple[FloatArr
     for i, at in enumerate(x):
         sides = [s.reading(at) for s in sections[max(i - 1, 0) : i + 1] if s]
         if not sides:
-            advice = (
-                f"no strip is touched beside the vertex at x = {at:.6g} mm; give transitions in the contact"
-            )
-            raise _Refusal("too few strips", advice)
+            lack = f"no strip is touched beside the vertex at x = {at:.6g} mm"
+            raise _Refusal("too few strips", f"{lack}; give transitions in the contact")
         values, variances = np.array(sides).T
         weights = 1.0 / np.maximum(variances, 1e-12)
         k_at[i], variance[i] = np.average(values, weights=weights), 1.0 / weights.sum()
@@ -174,9 +172,8 @@ def _by_strip(strips: FloatArray, k: FloatArray, x: FloatArray) -> tuple[FloatAr
     nearest = np.abs(strips[:, None] - x).argmin(axis=0)
     same = np.flatnonzero(np.diff(nearest) == 0)
     if len(same):
-        found = (
-            f"the vertices at x = {x[same[0]]:.6g} and {x[same[0] + 1]:.6g} mm are nearest to the same strip"
-        )
+        a, b = x[same[0]], x[same[0] + 1]
+        found = f"the vertices at x = {a:.6g} and {b:.6g} mm are nearest to the same strip"
         raise _Refusal("too few strips", f'{found}; use finer strips, or reading="section"')
     k_at, run = k[nearest], np.diff(x)
     a, b = 1.0 / run[:-1], 1.0 / run[1:]

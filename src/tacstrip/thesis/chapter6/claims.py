@@ -135,9 +135,8 @@ def _middle_is_best(ours: Rows) -> Claim:
     hung = {region: row["variants"]["overhanging"] for region, row in rows.items()}
     good, total = _count((how["middle"], how[r]) for how in (rows, hung) for r in ("lower", "upper"))
     ape = ", ".join(f"{rows[r]['ape']['median']:.2f}" for r in REGIONS)
-    evidence = (
-        f"smaller median in the middle in {good} of {total}, both placings; A.P.E. upright, upwards: {ape} cm"
-    )
+    evidence = f"smaller median in the middle in {good} of {total}, both placings; "
+    evidence += f"A.P.E. upright, upwards: {ape} cm"
     claim = "with k the rectangle is recovered best in the middle region"
     return counted(claim, good, total, evidence, "6.2.2")
 
@@ -145,8 +144,8 @@ def _middle_is_best(ours: Rows) -> Claim:
 def _lower_right(ours: Rows) -> Claim:
     upper = _of_table(ours, "6.6")["upper"]
     shares = [100.0 * o["worst_vertex"][2] for o in (upper, upper["variants"]["overhanging"])]
-    evidence = (
-        f"it is furthest off at {shares[0]:.0f} % of the upright, {shares[1]:.0f} % of the overhanging places"
+    evidence = "it is furthest off at {:.0f} % of the upright, {:.0f} % of the overhanging places".format(
+        *shares
     )
     claim = "in the upper region the lower right vertex suffers from the seventh strip's error"
     return counted(claim, max(shares), 100.0, evidence, "6.2.2")
@@ -192,9 +191,8 @@ def _quantised(ours: Rows) -> Claim:
 
     rows = [o for e, o in zip(experiments(), ours, strict=True) if e.calibrated]
     good, total = _count([(o, o["variants"]["quantised"]) for o in rows], alike)
-    evidence = (
-        f"with errors of 1 mm over L on top, medians stay within a factor of {_SAME} in {good} of {total}"
-    )
+    stay = f"medians stay within a factor of {_SAME} in {good} of {total}"
+    evidence = f"with errors of 1 mm over L on top, {stay}"
     claim = "quantisation of length, larger than in the simulations, has no significant impact"
     return counted(claim, good, total, evidence, "6.4")
 

@@ -33,11 +33,7 @@ from tacstrip.sensor.channel import Channel
 from tacstrip.sensor.raw import apply_calibration, invert_calibration
 from tacstrip.sensor.spec import Sensor
 
-PROTOTYPES = {
-    "CRS-CRS": "prototype-crs-crs",
-    "CRS-M": "prototype-crs-m",
-    "Cyl-CRS-M": "prototype-cyl-crs-m",
-}
+PROTOTYPES = {"CRS-CRS": "prototype-crs-crs", "CRS-M": "prototype-crs-m", "Cyl-CRS-M": "prototype-cyl-crs-m"}
 REGIONS = ("lower", "middle", "upper")  # thirds of the strips
 RECTANGLE = np.array([(-25.0, -17.5), (25.0, -17.5), (25.0, 17.5), (-25.0, 17.5)])  # [mm]
 
