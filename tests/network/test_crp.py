@@ -354,7 +354,8 @@ def test_short_contacts_say_so() -> None:
     found = crp.invert(sensor, *crp.own_electrodes(sensor, l, u, 50), rows=50)
     assert found.status[2:5] == ("no contact", "short contact", "ok")
     assert found.advice.startswith("1 strips have a contact shorter than 5 % of their length")
-    assert found.l_sigma[3] > 2.0 * np.nanmedian(found.l_sigma)
+    sigma = np.sqrt(np.diag(found.covariance)[:20])
+    assert sigma[3] > 2.0 * np.nanmedian(sigma)
 
 
 def test_the_covariance_is_that_of_the_noise() -> None:
@@ -365,8 +366,8 @@ def test_the_covariance_is_that_of_the_noise() -> None:
     expected += SheetMesh.of(sensor, 50).error_mm ** 2 * np.eye(40)
     assert found.covariance.shape == (40, 40)
     np.testing.assert_allclose(found.covariance, expected, rtol=1e-5)
-    np.testing.assert_array_equal(np.isnan(found.l_sigma), np.isnan(l))
-    np.testing.assert_allclose(found.u_sigma**2, np.diag(expected)[20:], rtol=1e-5)
+    np.testing.assert_array_equal(np.isnan(np.diag(found.covariance)[:20]), np.isnan(l))
+    np.testing.assert_allclose(np.diag(found.covariance)[20:], np.diag(expected)[20:], rtol=1e-5)
 
 
 def test_noise_beyond_all_measure_ends_on_the_sensor() -> None:

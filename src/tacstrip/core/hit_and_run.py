@@ -17,9 +17,8 @@ from tacstrip.core.binding import at as address
 from tacstrip.core.binding import exported
 from tacstrip.core.polytope import MOST_DIMENSIONS, largest
 
-Bounds: TypeAlias = tuple[
-    FloatArray, FloatArray, FloatArray
-]  # coefficients, right sides, over how much slack
+# Coefficients, right sides, and over how much slack a reading becomes less likely.
+Bounds: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
 SWEEPS = 600
 _SETTLING = 60  # sweeps that forget where the walk began
 _NEAREST, _NEAREST_PAIRS = 112, 48  # bounds and pairs that the walk can meet; all others are too far

@@ -194,7 +194,7 @@ def _factor_scaled(curvature: FloatArray) -> tuple[FloatArray, FloatArray | None
 
 def feasible_part(
     rows: Bounds, pairs: Bounds, start: FloatArray, scale: float, most: int
-) -> tuple[Bounds | None, int]:
+) -> tuple[tuple[FloatArray, FloatArray] | None, int]:
     """Look for a convex part with an inside, of a set where all rows hold and of each pair one at least.
 
     Of each pair the row that is met best is kept, the least violation found, and so on while it falls.
@@ -234,7 +234,7 @@ def feasible_part(
 
 def plain_feasible_part(
     rows: Bounds, pairs: Bounds, start: FloatArray, scale: float, most: int
-) -> tuple[Bounds | None, int]:
+) -> tuple[tuple[FloatArray, FloatArray] | None, int]:
     """Do as `feasible_part`, in NumPy."""
     at, before, every = start, np.inf, np.arange(len(pairs[1]))
     for number in range(1, most + 1):

@@ -124,7 +124,7 @@ class Factored:
         free = ~self.floating
         free[self.held] = False
         self._free = np.flatnonzero(free)
-        number = np.full(n, -1)
+        self._number = number = np.full(n, -1)
         number[self._free] = np.arange(len(self._free))
         place = np.full(n, -1)
         place[self.held] = np.arange(len(self.held))
@@ -179,8 +179,7 @@ class Factored:
         No node may float. The potentials (P, K) are those of the nodes `at` (P,), by default of all.
         """
         at = np.arange(self.network.nodes) if at is None else at
-        number = np.full(self.network.nodes, -1)
-        number[self._free] = np.arange(len(self._free))
+        number = self._number
         inner = number[at] >= 0
         rows = number[at[inner]]
         potentials = np.zeros((len(at), len(into)), order="F")

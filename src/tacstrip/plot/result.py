@@ -77,11 +77,7 @@ def reconstruction_figure(
 
 
 def _draw_shapes(
-    axes: Axes,
-    sensor: Sensor,
-    objects: Sequence[LabelledObject],
-    truth: Sequence[Contact],
-    with_regions: bool,
+    axes: Axes, sensor: Sensor, objects: list[LabelledObject], truth: Sequence[Contact], with_regions: bool
 ) -> None:
     for i, contact in enumerate(truth):
         draw_contact(axes, contact, label=None if i else "true shape")

@@ -80,7 +80,8 @@ def fit_sections(x: FloatArray, k: FloatArray, transitions: FloatArray, ratio: f
 
 def noise_level(sections: list[Section | None]) -> float:
     """Return the noise's standard deviation, from what all sections left over; NaN where nothing was."""
-    squares, freedom = (sum(getattr(s, n) for s in sections if s) for n in ("squared_residuals", "freedom"))
+    freedom = sum(s.freedom for s in sections if s)
+    squares = sum(s.squared_residuals for s in sections if s)
     return math.sqrt(squares / freedom) if freedom else math.nan
 
 

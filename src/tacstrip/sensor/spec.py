@@ -112,8 +112,7 @@ class Sensor:
             ):
                 object.__setattr__(self, name, _number(name, value, whole="int" in str(kind)))
         _check(self)
-        names = checked_names(self.without, self.kind, self.strips, self.strip_base)
-        object.__setattr__(self, "without", names)
+        object.__setattr__(self, "without", checked_names(self))
         if self.noise is not None and not isinstance(self.noise, Noise):
             raise SpecError(f"noise = {self.noise!r}: must be a Noise, such as ts.Noise(white=0.005)")
         if self.calibration is not None:
@@ -185,21 +184,17 @@ class Sensor:
             if not file.exists() and str(path) in spec_names():
                 file = spec_path(str(path))
             if why := why_unreadable(file):
-                raise SpecError(f"{path}: {why}")
-            raw = tomllib.loads(file.read_text(encoding="utf-8-sig"))
+                raise SpecError(why)
+            return cls.from_dict(tomllib.loads(file.read_text(encoding="utf-8-sig")))
         except FileNotFoundError:
             shipped = ", ".join(spec_names())
             raise SpecError(
                 f"{path}: no such file. Write one with `tacstrip init`, or name a shipped spec: {shipped}"
             ) from None
-        except SpecError:
-            raise
-        except (OSError, ValueError, RecursionError) as error:
-            raise SpecError(f"{path}: not a readable TOML spec ({error}). See `tacstrip init`") from None
-        try:
-            return cls.from_dict(raw)
         except SpecError as error:
             raise SpecError(f"{path}: {error}") from None
+        except (OSError, ValueError, RecursionError) as error:
+            raise SpecError(f"{path}: not a readable TOML spec ({error}). See `tacstrip init`") from None
 
     @classmethod
     def from_dict(cls, raw: dict[str, Any]) -> Self:

@@ -63,16 +63,6 @@ class InversionResult:
     iterations: int
     residual_rms: float
 
-    @property
-    def l_sigma(self) -> FloatArray:
-        """Standard error of l (strips,) [mm]: its Cramer-Rao bound, and the mesh's error."""
-        return np.asarray(np.sqrt(np.diag(self.covariance)[: len(self.l)]))
-
-    @property
-    def u_sigma(self) -> FloatArray:
-        """Standard error of u (strips,) [mm]: its Cramer-Rao bound, and the mesh's error."""
-        return np.asarray(np.sqrt(np.diag(self.covariance)[len(self.l) :]))
-
 
 def invert(
     sensor: Sensor,

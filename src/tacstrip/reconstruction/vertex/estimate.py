@@ -12,7 +12,7 @@ from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError, one_of
 from tacstrip.geometry.outline import close_chains
-from tacstrip.reconstruction.result import Reconstruction, RecoveredObject, Status
+from tacstrip.reconstruction.result import Reconstruction, RecoveredObject
 from tacstrip.reconstruction.seam import unrolled
 from tacstrip.reconstruction.sections import Section, fit_sections, noise_level
 from tacstrip.reconstruction.untouched import doubt_untouched
@@ -95,11 +95,7 @@ def vertex_reconstruction(
 
 
 class _Refusal(Exception):  # noqa: N818 - not an error: why one object has no shape
-    """A status and advice instead of a shape."""
-
-    def __init__(self, status: Status, advice: str) -> None:
-        self.status = status
-        self.advice = advice
+    """A status and advice instead of a shape, its arguments."""
 
 
 def _recover(
@@ -114,7 +110,8 @@ def _recover(
         upper = np.concatenate(([False], jump < 0.0, [False]))  # the slope drops at an upper vertex (4.2.2)
         y = _solve(sensor, signature, x, k_at, upper)
     except _Refusal as refusal:
-        return RecoveredObject(run, status=refusal.status, advice=refusal.advice)
+        status, advice = refusal.args
+        return RecoveredObject(run, status=status, advice=advice)
     vertices = np.stack([x, y], axis=1)
     on_low, on_high = _chains(upper)
     polygon = close_chains(vertices[on_low], vertices[on_high])
@@ -198,9 +195,8 @@ def _solve(sensor: Sensor, signature: str, x: FloatArray, k: FloatArray, upper: 
         w = np.interp(x, x[on_high], y[on_high]) - np.interp(x, x[on_low], y[on_low])
         right -= ((c_l - c_u) * transfer_length(np.maximum(w, 0.0), sensor.contact_lambda_mm))[1:-1]
         if np.linalg.cond(matrix) > 1e12:
-            raise _Refusal(
-                "singular", "the readings do not determine the vertices; turn or move the object a little"
-            )
+            open_ = "the readings do not determine the vertices"
+            raise _Refusal("singular", f"{open_}; turn or move the object a little")
         before = y[1:-1].copy()
         y[1:-1] = np.linalg.solve(matrix, right)
         if np.abs(y[1:-1] - before).max() <= 1e-12 * sensor.length_mm:

@@ -13,7 +13,7 @@ from tacstrip.data.published import offsets_volt
 from tacstrip.plot.scene import draw_contact, draw_sensor
 from tacstrip.plot.style import COLOURS, OTHERS, SENSOR, STRIP, TRUE, add_axes, legend, new_figure
 from tacstrip.sensor.spec import Sensor
-from tacstrip.surface.cylinder import strip_angle, to_cartesian
+from tacstrip.surface.cylinder import strip_angle, to_cartesian, tube_radius
 from tacstrip.thesis.captions import by_number, captioned
 from tacstrip.thesis.chapter6.calibration import UNIT_MM, calibration_runs, line_contact, recovered_points
 from tacstrip.thesis.chapter6.twin import LINES, PLACINGS, REGIONS, twin
@@ -40,7 +40,7 @@ def figure_6_33() -> Figure:
     sensor = twin(_TUBE)
     axes = _tube(figure, sensor, 1, 1)
     strips = f"{sensor.strips} strips of {sensor.strip_width:g} mm"
-    axes.set_title(f"{strips} round a tube of {2 * _radius(sensor):g} mm")
+    axes.set_title(f"{strips} round a tube of {2 * tube_radius(sensor):g} mm")
     return figure
 
 
@@ -136,7 +136,7 @@ def _label_ends(axes: Axes, sensor: Sensor) -> None:
 def _tube(figure: Figure, sensor: Sensor, columns: int, column: int) -> Any:
     """Add 3-D axes with the tube and its strips, as `to_cartesian` lays them."""
     axes: Any = add_axes(figure, 1, columns, column, projection="3d", computed_zorder=False)
-    around = np.linspace(-0.5, 2.0 * np.pi * _radius(sensor) / sensor.pitch_mm - 0.5, 60)
+    around = np.linspace(-0.5, 2.0 * np.pi * tube_radius(sensor) / sensor.pitch_mm - 0.5, 60)
     flat: dict[str, Any] = {"linewidth": 0.0, "shade": False}
     axes.plot_surface(*_surface(sensor, around), color=SENSOR, alpha=0.6, zorder=0, **flat)
     half = 0.5 * sensor.strip_width / sensor.pitch_mm
@@ -145,7 +145,7 @@ def _tube(figure: Figure, sensor: Sensor, columns: int, column: int) -> Any:
         axes.plot_surface(*_surface(sensor, across), color=_RUBBER, antialiased=False, zorder=1, **flat)
         below = to_cartesian(sensor, np.array(float(i)), np.array(-6.0))
         axes.text(*below, str(i + sensor.strip_base), ha="center", fontsize=8.0, zorder=12)
-    side = 1.02 * _radius(sensor)
+    side = 1.02 * tube_radius(sensor)
     for y, text in ((0.0, "0, ground"), (sensor.length_mm, f"{sensor.length_mm:g} mm, Vref")):
         edge = to_cartesian(sensor, np.array(-0.9), np.array(y))
         axes.text(*edge, f"y = {text}  ", ha="right", fontsize=8.0)
@@ -159,11 +159,6 @@ def _tube(figure: Figure, sensor: Sensor, columns: int, column: int) -> Any:
 def _surface(sensor: Sensor, strips: Any) -> Any:
     net = to_cartesian(sensor, strips[:, None], np.array([0.0, sensor.length_mm])[None, :])
     return net[..., 0], net[..., 1], net[..., 2]
-
-
-def _radius(sensor: Sensor) -> float:
-    assert sensor.radius_mm is not None
-    return sensor.radius_mm
 
 
 _GRAPHS = {
