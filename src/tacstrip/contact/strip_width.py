@@ -57,10 +57,8 @@ def wide_ends(sensor: Sensor, contacts: Sequence[Contact]) -> WideEnds:
         if inside:
             l, u = footprint(sensor, [moved[i] for i in inside])
             low[inside, :, line], high[inside, :, line] = l, u
-    l, u = (
-        np.clip(edge_read(edge, width, sign, lam), 0.0, sensor.length_mm)
-        for edge, sign in ((low, -1.0), (high, 1.0))
-    )
+    read = edge_read(low, width, -1.0, lam), edge_read(high, width, 1.0, lam)
+    l, u = (np.clip(end, 0.0, sensor.length_mm) for end in read)
     bent = np.maximum(*(np.abs(np.diff(edge, 2, axis=-1)).max(axis=-1) for edge in (low, high)))
     steep = np.maximum(*(np.ptp(edge, axis=-1) for edge in (low, high)))
     closed = (high - low).min(axis=-1) >= _LONG * width + _LENGTHS * lam

@@ -73,10 +73,8 @@ class Ellipse:
         t, r = _drawn()
         x = 0.5 * (left + right) + 0.5 * (right - left) * t
         scale, origin = np.array((problem.width_mm, problem.length_mm)), (problem.origin_mm, 0.0)
-        lower, upper = (
-            np.stack([x, np.clip(c + s * t + side * b * r, 0.0, 1.0)], axis=1) * scale + origin
-            for side in (-1, 1)
-        )
+        y = (np.clip(c + s * t + side * b * r, 0.0, 1.0) for side in (-1, 1))
+        lower, upper = (np.stack([x, height], axis=1) * scale + origin for height in y)
         return lower, upper
 
     def covariance(self, problem: FitProblem, sensor: Sensor) -> FloatArray:

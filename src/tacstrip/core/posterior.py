@@ -92,10 +92,6 @@ class Samples:
     log_prior: FloatArray
     sigma: FloatArray
 
-    def chains(self, k: int) -> tuple[FloatArray, FloatArray]:
-        """Return the lower and upper chain (M, 2), (N, 2) of one, which may reach beyond the strips."""
-        return chains(self.outlines[k])
-
 
 def chains(outline: npt.NDArray[np.void]) -> tuple[FloatArray, FloatArray]:
     """Return the lower and upper chain (M, 2), (N, 2) of an `OUTLINE`."""

@@ -100,18 +100,10 @@ class FitProblem:
         a = sensing_share(sensor.sensing_ratio)
         out = 0.5 * sensor.pitch_mm + margin_mm
         origin, width = float(x_mm[0]) - out, float(x_mm[-1] - x_mm[0]) + 2.0 * out
-        return cls(
-            (x_mm - origin) / width,
-            k,
-            weight,
-            sensor.pitch_mm / width,
-            np.array([a if SIGNATURES[name].at_upper_end else 0.0 for name in names]),
-            1.0 - a,
-            sensor.contact_lambda_mm / sensor.length_mm,
-            origin,
-            width,
-            sensor.length_mm,
-        )
+        shares = np.array([a if SIGNATURES[name].at_upper_end else 0.0 for name in names])
+        closed_form = shares, 1.0 - a, sensor.contact_lambda_mm / sensor.length_mm
+        in_mm = origin, width, sensor.length_mm
+        return cls((x_mm - origin) / width, k, weight, sensor.pitch_mm / width, *closed_form, *in_mm)
 
     @cached_property
     def readings(self) -> int:

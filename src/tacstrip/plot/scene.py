@@ -33,13 +33,8 @@ def draw_sensor(axes: Axes, sensor: Sensor) -> None:
             corner, wide = (x - sensor.strip_width / 2.0, 0.0), sensor.strip_width
             axes.add_patch(Rectangle(corner, wide, length, facecolor=STRIP, edgecolor="none", zorder=0.5))
     margin = 0.02 * max(width, length)
-    axes.set(
-        xlim=(-margin, width + margin),
-        ylim=(-margin, length + margin),
-        aspect="equal",
-        xlabel=x_label(sensor, "digital dimension x [mm]"),
-        ylabel="analog dimension y [mm]",
-    )
+    axes.set(xlim=(-margin, width + margin), ylim=(-margin, length + margin), aspect="equal")
+    axes.set(xlabel=x_label(sensor, "digital dimension x [mm]"), ylabel="analog dimension y [mm]")
 
 
 def x_label(sensor: Sensor, flat: str = "x [mm]") -> str:

@@ -151,10 +151,8 @@ def _told(x: FloatArray, own: tuple[str, ...], advice: str) -> tuple[Status, str
         return "doubtful", advice
     short = [float(at) for at, status in zip(x, own, strict=True) if status == "short contact"]
     if len(short) == len(own):
-        return (
-            "short contact",
-            "every strip is touched over less than 5 % of its length: l and u are poorly known",
-        )
+        why = "every strip is touched over less than 5 % of its length: l and u are poorly known"
+        return "short contact", why
     if not short:
         return "ok", advice
     where = ", ".join(f"{at:.6g}" for at in short[:5]) + (", ..." if len(short) > 5 else "")

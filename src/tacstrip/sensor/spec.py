@@ -91,11 +91,8 @@ class Sensor:
 
     def __new__(cls, *values: object, **named: object) -> Self:
         """Refuse values without a name: `ArgumentError`."""
-        refuse_positional(
-            "ts.Sensor",
-            values,
-            'ts.Sensor.load("sensor.toml"), or ts.Sensor(construction="crs-crs", strips=10, ...)',
-        )
+        right = 'ts.Sensor.load("sensor.toml"), or ts.Sensor(construction="crs-crs", strips=10, ...)'
+        refuse_positional("ts.Sensor", values, right)
         return super().__new__(cls)
 
     def __repr__(self) -> str:
@@ -289,16 +286,13 @@ def _check(s: Sensor) -> None:
     if (s.touch_volt is None) != (s.rest_volt is None):
         here, missing = ("touch_volt", "rest_volt") if s.rest_volt is None else ("rest_volt", "touch_volt")
         raise SpecError(f"{here} is set and {missing} is not: give both or neither")
+    longer = f"must not exceed length_mm = {s.length_mm}; both are millimetres"
     limits: tuple[tuple[str, bool, str], ...] = (
         ("format", s.format == FORMAT, f"this tacstrip reads format {FORMAT}"),
         ("strips", 1 <= s.strips <= 1_000_000, "must be 1 to 1000000"),
         ("strip_width_mm", s.strip_width <= s.pitch_mm, f"must not exceed pitch_mm = {s.pitch_mm}"),
         ("contact_lambda_mm", s.contact_lambda_mm >= 0.0, "must be 0 (ideal) or more"),
-        (
-            "contact_lambda_mm",
-            s.contact_lambda_mm <= s.length_mm,
-            f"must not exceed length_mm = {s.length_mm}; both are millimetres",
-        ),
+        ("contact_lambda_mm", s.contact_lambda_mm <= s.length_mm, longer),
         ("adc_bits", s.adc_bits is None or 1 <= s.adc_bits <= 32, "must be 1 to 32"),
         ("strip_base", s.strip_base in (0, 1), "must be 0 or 1"),
         ("rest_volt", s.rest_volt is None or 0 <= s.rest_volt <= s.vref_volt, "must be 0 to vref_volt"),

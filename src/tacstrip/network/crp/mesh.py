@@ -269,13 +269,6 @@ def contact_network(mesh: SheetMesh, strip: IntArray, lengths: FloatArray) -> Co
     real = label[start] != label[end]
     network = Network(len(label), label[start][real], label[end][real], siemens[real], signed=True)
     centre = label[sheet[column[:, pitch.middle]]]
-    return ContactNetwork(
-        network,
-        strip,
-        label[node[:, 0]],
-        node[:, -1],
-        np.concatenate([centre[:, 0], centre[:, -1]]),
-        np.where(has, label[node], -1),
-        label[under],
-        centre,
-    )
+    electrode, strip_node = np.concatenate([centre[:, 0], centre[:, -1]]), np.where(has, label[node], -1)
+    ends = label[node[:, 0]], node[:, -1]
+    return ContactNetwork(network, strip, *ends, electrode, strip_node, label[under], centre)

@@ -83,11 +83,9 @@ def scatter(
     count, n = len(lower), len(vertices)
     covariance, radii, deviations = np.empty((2 * n, 2 * n)), np.empty(n), np.empty(4)
     workspace = np.empty((2 * n + 6) * (count + 3) + 2 * n)
-    given, out = (
-        map(address, (lower, upper, *indices)),
-        map(address, (covariance, radii, deviations, workspace)),
-    )
-    core(*given, *map(len, indices), address(vertices), n, count, *out)
+    out = map(address, (covariance, radii, deviations, workspace))
+    given = (*map(address, (lower, upper, *indices)), *map(len, indices), address(vertices))
+    core(*given, n, count, *out)
     area, x, y, turn = deviations.tolist()
     return covariance, radii, (area, np.array([x, y]), min(turn, UNKNOWN_ANGLE))
 

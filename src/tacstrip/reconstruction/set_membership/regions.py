@@ -170,10 +170,8 @@ class _Search:
         shape = None
         for line in lines:
             rows = self.lines.rows(np.full(2, line), x)
-            (a, b), (d, e) = (
-                [sign * (self.lowest(sign * row) - _ROUNDING * self.pitch) for row in rows]
-                for sign in (1.0, -1.0)
-            )
+            slack = _ROUNDING * self.pitch
+            (a, b), (d, e) = ([s * (self.lowest(s * row) - slack) for row in rows] for s in (1.0, -1.0))
             strip = shapely.Polygon([(x[0], a), (x[1], b), (x[1], e), (x[0], d)])
             shape = strip if shape is None else shapely.intersection(shape, strip)
         return np.asarray(shapely.get_coordinates(shape)[:-1])

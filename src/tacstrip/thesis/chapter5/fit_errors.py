@@ -104,14 +104,10 @@ def reached(row: Row, medians: FloatArray, bound: FloatArray, position: int) -> 
 
     None where nothing is printed.
     """
-    verdicts: list[Verdict | None] = []
-    for metric, ours, best in zip(METRICS, medians, bound, strict=True):
-        printed = row.printed[metric]
-        if printed is None or np.isnan(printed[position]):
-            verdicts.append(None)
-        else:
-            verdicts.append((bool(ours < printed[position]), bool(ours <= WITHIN * best)))
-    return verdicts
+    read = (row.printed[metric] for metric in METRICS)
+    printed = [np.nan if values is None else values[position] for values in read]
+    verdicts = zip((medians < printed).tolist(), (medians <= WITHIN * bound).tolist(), strict=True)
+    return [None if np.isnan(value) else verdict for value, verdict in zip(printed, verdicts, strict=True)]
 
 
 def _measures(true: FloatArray, vertices: FloatArray) -> FloatArray:

@@ -117,15 +117,13 @@ def _transitions_decide(ours: Rows) -> Claim:
 
 def _easy_transitions(ours: Rows) -> Claim:
     rows = _of_table(ours, "6.6")
-    shares = {
-        name: [100.0 * (1.0 - rows[r]["variants"][name]["failed"]) for r in REGIONS]
-        for name in ("found transitions", "overhanging, found transitions")
-    }
-    best = max(min(values) for values in shares.values())
+    names = ("found transitions", "overhanging, found transitions")
+    shares = [[100.0 * (1.0 - rows[r]["variants"][name]["failed"]) for r in REGIONS] for name in names]
+    best = max(map(min, shares))
     evidence = (
         "the gradient rule finds four vertices at {:.0f}, {:.0f}, {:.0f} % of the upright and {:.0f}, {:.0f}, {:.0f} % "
         "of the overhanging places (lower, middle, upper): nine strips are few for it"
-    ).format(*(v for values in shares.values() for v in values))
+    ).format(*(v for values in shares for v in values))
     claim = "transitions of k are detected easily on the CRS-M prototype"
     return counted(claim, best, 100.0, evidence, "6.2.2")
 
@@ -213,14 +211,10 @@ def _like_profile_2() -> Claim:
 
 def _matches_profile_2(ours: Rows) -> Claim:
     counts = {}
+    rows = [(e.printed, o["variants"]) for e, o in zip(experiments(), ours, strict=True) if e.calibrated]
     for name in ("profile I", "profile II"):
-        inside = [
-            o["variants"][name][m]["p05"] <= e.printed[m] <= o["variants"][name][m]["p95"]
-            for e, o in zip(experiments(), ours, strict=True)
-            if e.calibrated
-            for m in ("aoe", "ape")
-        ]
-        counts[name] = sum(inside), len(inside)
+        cells = [(printed[m], variants[name][m]) for printed, variants in rows for m in ("aoe", "ape")]
+        counts[name] = sum(own["p05"] <= value <= own["p95"] for value, own in cells), len(cells)
     good, total = counts["profile II"]
     evidence = (
         f"printed A.O.E. and A.P.E. inside the 5-95 % range of twins with errors of profile II: {good} of {total}, of "

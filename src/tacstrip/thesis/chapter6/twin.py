@@ -108,10 +108,8 @@ def centred(sensor: Sensor, region: str, tilt_deg: float) -> Contact:
 def twin(name: str) -> Sensor:
     """Return a prototype, named as in the thesis, with its printed offsets as its calibration."""
     sensor = Sensor.load(PROTOTYPES[name])
-    channels = tuple(
-        Channel(signature=s, offset=tuple(offsets_volt(name, s) / sensor.vref_volt))
-        for s in sensor.signatures
-    )
+    offsets = {s: tuple(offsets_volt(name, s) / sensor.vref_volt) for s in sensor.signatures}
+    channels = tuple(Channel(signature=s, offset=offset) for s, offset in offsets.items())
     note = "closed forms and the printed calibration factors; no hardware was measured"
     return replace(sensor, calibration=Calibration(channels=channels, source=note))
 
