@@ -20,6 +20,7 @@ from studies.holdout.units import METAL, Array, Build, Converter, Material
 
 REPEATS = (1, 2, 3, 5)
 ASKED = 0.3  # % of Vref that 95 % of the other readings keep
+UNEVEN = "uneven rubber"
 _VREF = 5.0
 _TESTS = 120  # other contacts
 _RUNGS = 56
@@ -177,7 +178,15 @@ def score(seed: int, number: int) -> dict[str, Any]:
     random = np.random.default_rng([14, 2, seed, number])
     one = maker(random, said=number % 4 == 3)
     choices = plans(len(one.unit.names) == 1)
-    options, repeats = choices[number % len(choices)], REPEATS[number // 2 % len(REPEATS)]
+    options = choices[(number + number // 4) % len(choices)]
+    repeats = REPEATS[(number + number // 4 + number // 24) % len(REPEATS)]
+    if "--uneven" in options:  # as the plan's user has found
+        u, spread = one.unit, random.uniform(0.03, 0.06)
+        below0, below1 = (
+            units.rubber(u.strips, b[:, -1].mean(), random, 0.01, spread) for b in (u.below0, u.below1)
+        )
+        unit = replace(u, below0=below0, below1=below1)
+        one = replace(one, unit=unit, group=f"{u.construction}, {UNEVEN}")
     row = {
         "group": one.group,
         "plan": " ".join(options) or "default",
@@ -233,7 +242,7 @@ def true_values(one: Maker, done: ts.Calibrated) -> Iterator[tuple[Any, float]]:
     are small: with switches of 70 ohm a contact that bridges a part of the strip changes the share, so that no constant
     is the unit's.
     """
-    if one.group.endswith("switches"):
+    if one.group.endswith(("switches", UNEVEN)):
         return
     u, parts = one.unit, done.model.split("+")
     strip_ohm = u.below0[:, -1]
@@ -296,6 +305,10 @@ def _moved(order: Callable[[int, int], int]) -> Callable[[Rows, Maker, np.random
     return change
 
 
+def _places(rows: Rows, lower: Callable[[float, float], str]) -> Rows:
+    return [r | {"l_mm": lower(float(r["l_mm"]), float(r["w_mm"]))} for r in rows]
+
+
 def _mixed(rows: Rows, one: Maker, random: np.random.Generator) -> Rows:
     """Half of the presses are of another unit."""
     while True:
@@ -331,6 +344,10 @@ WRONG: dict[str, Callable[[Rows, Maker, np.random.Generator], Rows]] = {
     "w is the upper end": lambda rows, *_: [
         r | {"w_mm": f"{float(r['l_mm']) + float(r['w_mm']):.4f}"} for r in rows
     ],
+    "l from the end at Vref": lambda rows, one, _: _places(
+        rows, lambda l, w: f"{one.unit.length - l - w:.4f}"
+    ),
+    "l is the upper end": lambda rows, *_: _places(rows, lambda l, w: f"{l + w:.4f}"),
     "strips reversed": _moved(lambda i, n: n - 1 - i),
     "strips shifted": _moved(lambda i, n: (i + 2) % n),
     "another unit's runs mixed in": _mixed,

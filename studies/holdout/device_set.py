@@ -97,6 +97,7 @@ class Device:
     heard: bytes = b""  # of a command
     waiting: bytes = b""  # to be sent
     turned: bool = False  # what happens once has happened
+    own: tuple[str, int] = ("", 0)  # name and strips that the stream began with
 
     def now(self) -> float:
         """Return the time since the first scan [s]."""
@@ -159,9 +160,9 @@ class Device:
             kh[2 + i] += mark >> 3 * i & 7
         kl = np.full(n, int(0.35 * top)) + np.arange(n) * 8
         if over:
-            kl[4] = top + 1 + int(self.random.integers(2**16 - top - 1))
+            kh[2 + _MARKS] = top + 1 + int(self.random.integers(2**16 - top - 1))
         touched = np.zeros((n + 7) // 8 * 8, np.uint8)
-        touched[2 : 2 + _MARKS] = 1
+        touched[2 : 3 + _MARKS] = 1
         touched[n:] = self.touched_padding
         codes = [kh, kl] if self.construction == "crs-crs" else [kh]
         body = (
@@ -245,15 +246,14 @@ def _once(do: Callable[[Device, float], None]) -> Callable[[Device, int, float],
         if t > _AT and not d.turned:
             d.turned = True
             do(d, t)
-        return d.scan(foreign=d.unit != "left-hand" or d.strips != _STRIPS) if d.streaming else None
+        return d.scan(foreign=(d.unit, d.strips) != d.own) if d.streaming else None
 
     return step
 
 
-def _become(hello: bool, **change: Any) -> Callable[[Device, float], None]:
+def _become(hello: bool, unit: str, more: int = 0, answers: bool = True) -> Callable[[Device, float], None]:
     def do(d: Device, t: float) -> None:
-        for key, value in change.items():
-            setattr(d, key, value)
+        d.unit, d.strips, d.answers = unit, d.strips + more, answers
         _restart(d, t, hello, True)
 
     return do
@@ -372,7 +372,7 @@ TROUBLES: dict[str, Trouble] = {
         _ANOTHER, True, onset=_AT, step=_once(_become(True, unit="right-hand"))
     ),
     "another number of strips": Trouble(
-        r"another|strips|12", True, onset=_AT, step=_once(_become(False, strips=12, unit="right-hand"))
+        "another|strips", True, onset=_AT, step=_once(_become(False, "right-hand", more=2))
     ),
     "another unit, does not identify itself": Trouble(
         "identif|hello|another|restart|anew",
@@ -402,9 +402,7 @@ TROUBLES: dict[str, Trouble] = {
         counted=True,
         step=_every(9, lambda d: d.scan(count=False, over=True)),
     ),
-    "padding bits set": Trouble(
-        "padding|touched|corrupt", counted=True, make=lambda random: Device(touched_padding=1)
-    ),
+    "padding bits set": Trouble(make=lambda random: Device(touched_padding=1)),
     "hello unasked": Trouble(step=_every(60, lambda d: d.hello() + d.scan())),
     "hello unasked, in a flood": Trouble(step=_every(2, lambda d: d.hello() + d.scan())),
     "silence for two seconds": Trouble("silen|no scan|nothing|stop|quiet|wait", onset=1.0, step=_silent),
@@ -469,6 +467,12 @@ def score(seed: int, number: int) -> dict[str, Any]:
     trouble, random = TROUBLES[kind], np.random.default_rng([14, 4, seed, number])
     device = trouble.make(random)
     device.random = random
+    if device.strips == _STRIPS:  # any sensor
+        device.construction = str(random.choice(["crs-crs", "crs-m"]))
+        device.strips, device.bits = int(random.integers(9, 25)), int(random.choice([10, 12, 16]))
+        device.rate = _RATE if kind == "flood" else random.uniform(40.0, 250.0)
+    device.own = device.unit, device.strips
+    method = "profile" if device.construction == "crs-crs" else "vertex"  # the quickest: recordings count
     said: list[tuple[float, str]] = []
     with tempfile.TemporaryDirectory() as name:
         device.link, file = Path(name) / "port", Path(name) / "session.mcap"
@@ -485,7 +489,7 @@ def score(seed: int, number: int) -> dict[str, Any]:
             with ts.live(
                 str(device.link),
                 sensor=sensor,
-                method="profile",
+                method=method,
                 record=file,
                 on_message=lambda m: said.append((device.now(), m)),
             ) as stream:

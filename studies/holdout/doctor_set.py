@@ -17,7 +17,7 @@ import numpy as np
 
 from studies.holdout import logs, units
 from studies.holdout.logs import Bench, Fault, Touching
-from studies.holdout.units import Array, Bridge, Build
+from studies.holdout.units import METAL, Array, Bridge, Build
 
 # What a fault may be called: a pattern that the finding's kind must match, and whether it must name the strip.
 KINDS: dict[str, tuple[str, bool]] = {
@@ -302,10 +302,12 @@ def score(seed: int, number: int) -> dict[str, Any]:
         "construction": one.unit.construction,
         "mine": mine,
     }
-    return row | verdict(kind, mine, sound, code, out, err)
+    return row | verdict(kind, mine, sound, code, out, err, one.unit.construction in METAL)
 
 
-def verdict(kind: str, mine: tuple[int, ...], sound: bool, code: int, out: str, err: str) -> dict[str, Any]:
+def verdict(
+    kind: str, mine: tuple[int, ...], sound: bool, code: int, out: str, err: str, metal: bool = False
+) -> dict[str, Any]:
     """Return `verdict` (named, asked, missed, or ok, alarm, asked), and what was said besides."""
     if kind == "cut recording":
         said = CUT.search(out + err) is not None
@@ -328,6 +330,8 @@ def verdict(kind: str, mine: tuple[int, ...], sound: bool, code: int, out: str, 
 
     def right(entry: dict[str, Any]) -> bool:
         names = [entry.get("fault", ""), *causes(entry)]
+        if kind == "dead channel" and metal:  # a sheet that stays on ground, as docs/doctor.md says
+            names = [re.sub("^open.*", "dead", str(n)) for n in names]
         strips = set(entry.get("strips") or ())
         here = not place or (bool(strips & set(mine)) and strips <= set(mine))
         return here and any(re.search(pattern, str(n)) for n in names) and len(causes(entry)) <= 2

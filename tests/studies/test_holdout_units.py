@@ -74,6 +74,12 @@ def test_clamps_at_one_end_put_both_channels_on_a_rail_and_a_bridge_is_a_second_
         np.testing.assert_allclose(
             np.delete(read, 2, axis=2), np.delete(unit.read(low, low + 20.0), 2, axis=2), atol=1e-9
         )
+    cut = units.broken(sound("crs-m", 0.0), 2, 60.0)
+    read = cut.read(
+        np.array([[30.0] * 6, [70.0] * 6, [55.0] * 6]), np.array([[50.0] * 6, [90.0] * 6, [65.0] * 6])
+    )[0]
+    np.testing.assert_allclose(read[:, 2], [0.0, 1.0, 0.55 / 0.9], atol=1e-4)
+    assert not cut.open_lines(low, low + 20.0).any()
     metal = replace(sound("crs-m", 0.0), bridges=(Bridge(2, 0, 80.0, 500.0),))
     low[0, 3] = 40.0
     high = np.array([[50.0, 50.0, 50.0, 60.0, 50.0, 50.0]])
