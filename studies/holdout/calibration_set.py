@@ -250,9 +250,13 @@ def true_values(one: Maker, done: ts.Calibrated) -> Iterator[tuple[Any, float]]:
     ends = u.clamp0 + switch
     whole = strip_ohm + ends.sum(axis=1)
     ratios = u.below1[:, -1] / strip_ohm
+    per_mm = (strip_ohm if len(u.names) == 1 else strip_ohm + u.below1[:, -1]) / u.length
     for p in done.parameters:
         if p.name == "contact lambda":
-            yield p, u.contact_lambda
+            yield (
+                p,
+                float(np.mean(1.0 / np.sqrt(per_mm * u.conductance()))),
+            )  # each strip's own is a little another
         elif p.name.startswith("offset ") and "gain" in parts and "fade" not in parts:
             c = u.names.index(p.name.split()[1])
             scale = _VREF if p.unit == "V" else 1.0
