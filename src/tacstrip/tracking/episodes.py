@@ -37,34 +37,46 @@ class Episode:
 def episodes(k: FloatArray) -> list[Episode]:
     """Return the stretches of scans k (T, S, n) that show one contact each.
 
-    A contact keeps on while its strips overlap those of the scan before. Strips that never read anything split none.
+    A contact keeps on while its strips overlap those of the scan before. Contacts that come together share a run until
+    they part, in the order in which they were. Strips that never read anything split none.
     """
     touched = np.asarray(np.isfinite(k).any(axis=1))
     silent = np.asarray(~touched.any(axis=0))
     ended: list[Episode] = []
     going: list[Episode] = []
     for scan, row in enumerate(touched):
-        runs = _runs(row, silent)
-        meets = [[e for e in going if _overlap(e.last, run)] for run in runs]
         seen: list[Episode] = []
-        for run, own in zip(runs, meets, strict=True):
-            if len(own) > 1:  # several on shared strips: they may part again
-                for one in own:
+        for runs, before in _groups(_runs(row, silent), going):
+            if len(runs) < len(before):
+                for one in before:
                     one.joint.append(scan)
-                    one.last = run
-                    seen.append(one)
+                    one.last = slice(runs[0].start, runs[-1].stop)
+                seen += before
                 continue
-            parted = bool(own) and sum(any(e is own[0] for e in others) for others in meets) > 1
-            one = own[0] if own and not (parted and not own[0].joint) else Episode()
-            if any(one is e for e in seen):
-                one = Episode()
-            one.scans.append(scan)
-            one.runs.append(run)
-            one.last = run
-            seen.append(one)
+            keep_on = before if len(runs) == len(before) else [Episode() for _ in runs]
+            for one, run in zip(keep_on, runs, strict=True):
+                one.scans.append(scan)
+                one.runs.append(run)
+                one.last = run
+            seen += keep_on
         ended += [e for e in going if not any(e is s for s in seen)]
         going = seen
-    return [e for e in (*ended, *going) if e.scans]
+    return [*ended, *going]
+
+
+def _groups(runs: list[slice], going: list[Episode]) -> list[tuple[list[slice], list[Episode]]]:
+    """Return runs and the contacts that they overlap, those together that hang together, both from left to right."""
+    found: list[tuple[list[slice], list[Episode]]] = []
+    for run in runs:
+        own = [e for e in going if _overlap(e.last, run)]
+        if found and any(e is o for e in found[-1][1] for o in own):
+            found[-1][0].append(run)
+            found[-1][1].extend(o for o in own if not any(o is e for e in found[-1][1]))
+        else:
+            found.append(([run], own))
+    for _, own in found:
+        own.sort(key=lambda e: e.runs[-1].start)
+    return found
 
 
 def _runs(touched: BoolArray, silent: BoolArray) -> list[slice]:

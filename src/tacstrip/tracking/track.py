@@ -31,8 +31,9 @@ _MOST = 400  # scans that a shape is fitted to; the others only have their poses
 _GUESS, _CEILING = 0.003, 0.02 / math.sqrt(3.0)  # of sigma that is not known [Vref]
 _ALIKE = 1.25  # times a guess of sigma: found again, it is believed
 _ROUNDS = 3  # of finding sigma
-_TOLD = 0.1  # of the pitch, and ...
+_TOLD, _OF_SIZE = 0.1, 0.01  # of the pitch, and of the outline's extent, and ...
 _TELLING = 4.0  # ... deviations of the least certain corner: shapes that differ by more are not the same
+_MOVED, _FEW_STRIPS = 0.5, 12  # pitches that corners must move where fewer strips than that are touched
 _NOT_RIGID = (
     "no rigid outline explains all scans: {times:.3g} times the noise is left over; the object deforms or rolls, two "
     "are taken for one, or the noise is larger than given: reconstruct the scans one by one"
@@ -41,6 +42,11 @@ _NOT_TOLD = (
     "the motion does not tell the shape: outlines that differ by {spread:.2g} mm explain all scans; turn the object, "
     "or slide it across the strips by more than half a pitch"
 )
+_HARDLY_MOVED = (
+    "in {n} scans it hardly moved across the strips or turned, so that they tell little more of the shape than one: "
+    "turn the object, or slide it across the strips by more than half a pitch"
+)
+_CONCAVE = "the outline is concave: one object, or several that keep together"
 _SHORT = "{n} scans show it, too few for a shape over time: the outline is that of the scan that tells most"
 _STANDS = "the clock stands still: no velocity"
 
@@ -183,7 +189,7 @@ def track(scans: Sequence[Scan], sensor: Sensor, noise: Noise | None = None) -> 
         if seen is None:
             found = _of_one_scan(one, read, sensor, noise)
         else:
-            for other in list(left):
+            for other in [e for e in left if not set(e.scans) & set(seen.shown)]:
                 again = _recognise(seen, other, k, distribution)
                 if again is not None:
                     seen = again
@@ -252,7 +258,12 @@ def _recognise(one: _Object, other: Episode, k: FloatArray, distribution: str) -
     if fit is None:
         return None
     every = replace(one.scans, k=np.concatenate([one.scans.k, more.k]))
-    return _Object(one.shown + other.scans, one.joint + other.joint, every, replace(one.found, fit=fit))
+    few, kept = one.scans.of(one.found.chosen), []
+    for rival, worse in one.found.rivals if one.found.spread_mm > _TOLD * one.scans.sensor.pitch_mm else ():
+        if recognised(few, rival, more, distribution) is not None:
+            kept.append((rival, worse))
+    found = Found(fit, one.found.chosen, tuple(kept))
+    return _Object(one.shown + other.scans, one.joint + other.joint, every, found)
 
 
 def _track(one: _Object, total: int, distribution: str) -> Track:
@@ -269,20 +280,39 @@ def _track(one: _Object, total: int, distribution: str) -> Track:
     shape, of_poses = covariances(one.scans, outline, rows)
     poses, spreads = np.full((total, 3), np.nan), np.full((total, 3, 3), np.nan)
     poses[one.shown], spreads[one.shown] = rows, of_poses
-    advice = ""
+    advice = note = ""
     if not content(one.scans, fit, distribution):
         times = math.sqrt(fit.cost / fit.freedom(one.scans))
         advice = _NOT_RIGID.format(times=times)
     loosest = math.sqrt(float(shape.diagonal().reshape(-1, 2).sum(axis=1).max()))
-    told = one.found.spread_mm <= max(_TOLD * sensor.pitch_mm, _TELLING * loosest)
+    spread = one.found.spread_mm
+    size = float(np.ptp(outline, axis=0).max())
+    told = spread <= max(_TOLD * sensor.pitch_mm, _OF_SIZE * size, _TELLING * loosest)
     if not advice and not told:
-        advice = _NOT_TOLD.format(spread=one.found.spread_mm)
-    weight = 1.0 / (1.0 + len(one.found.rivals))
-    others = tuple(Alternative(weight, _turned(r - middle, angle)) for r in one.found.rivals)
+        advice = _NOT_TOLD.format(spread=spread)
+    elif not advice and _hardly_moved(one, outline, rows):
+        told, advice = False, _HARDLY_MOVED.format(n=len(one.shown))
+    elif not advice and _reflex(outline):
+        note = _CONCAVE
+    others = tuple(Alternative(weight, _turned(o - middle, angle)) for o, weight in one.found.others)
+    status: Status = "doubtful" if advice else "likely" if note else "ok"
     return Track(
-        0, outline, shape, poses, spreads, np.empty(0), np.empty(0), "doubtful" if advice else "ok", advice,
-        () if told else others, tuple(one.joint),
+        0, outline, shape, poses, spreads, np.empty(0), np.empty(0), status, advice or note, () if told else others,
+        tuple(one.joint),
     )  # fmt: skip
+
+
+def _hardly_moved(one: _Object, outline: FloatArray, poses: FloatArray) -> bool:
+    """Whether few strips read the outline at always the same places."""
+    strips = np.median(np.isfinite(one.scans.k).any(axis=1).sum(axis=1))
+    x = np.stack([placed(outline, pose)[:, 0] for pose in poses])
+    return bool(strips < _FEW_STRIPS and np.median(np.ptp(x, axis=0)) < _MOVED * one.scans.sensor.pitch_mm)
+
+
+def _reflex(corners: FloatArray) -> bool:
+    """Whether a corner of an outline, counter-clockwise, turns inwards."""
+    before, after = corners - np.roll(corners, 1, axis=0), np.roll(corners, -1, axis=0) - corners
+    return bool((before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0] < 0.0).any())
 
 
 def _of_one_scan(one: Episode, scans: list[Scan], sensor: Sensor, noise: Noise | None) -> Track:

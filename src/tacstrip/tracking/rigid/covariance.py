@@ -8,7 +8,6 @@ from tacstrip.arrays import FloatArray
 from tacstrip.core.rigid import RigidScans, equations, loss, reduced
 
 _NEVER = 1e6  # pitches: what touched strips tell of the ends is left out, for inside the gap it is nothing
-_NOTHING = 1e-11  # of the largest eigenvalue: what the readings do not hold
 
 
 def covariances(scans: RigidScans, corners: FloatArray, poses: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -18,7 +17,9 @@ def covariances(scans: RigidScans, corners: FloatArray, poses: FloatArray) -> tu
     """
     found = equations(scans, corners, poses, loss(scans, end=_NEVER))
     matrix, _, inverse = reduced(found)
-    pinned = np.asarray(np.linalg.pinv(matrix, rcond=_NOTHING, hermitian=True))
+    value, vector = np.linalg.eigh(matrix)
+    anywhere = float(np.ptp(corners, axis=0).max()) ** 2  # what the readings do not hold at all
+    pinned = vector / np.maximum(value, 1.0 / anywhere) @ vector.T
     rigid = np.zeros((corners.size, 3))
     rigid[::2, 0] = rigid[1::2, 1] = 1.0
     rigid[::2, 2], rigid[1::2, 2] = -corners[:, 1], corners[:, 0]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
@@ -51,15 +52,33 @@ class Found:
     ----------
     fit
         Of all scans.
-    spread_mm
-        How far the outlines that explain the readings as well differ, at most: Hausdorff's distance [mm].
+    chosen
+        Scans that the rivals are fits of (K,).
     rivals
-        Of those, the ones that differ, in the fit's frame.
+        Fits that explain these about as well, but for the best one, and how much worse their criterion is.
     """
 
     fit: Fit
-    spread_mm: float = 0.0
-    rivals: tuple[FloatArray, ...] = ()
+    chosen: IntArray
+    rivals: tuple[tuple[Fit, float], ...] = ()
+
+    @property
+    def others(self) -> list[tuple[FloatArray, float]]:
+        """The rivals' corners in the fit's frame, each with its weight against all others, the fit's included."""
+        odds = [math.exp(-0.5 * max(worse, 0.0)) for _, worse in self.rivals]
+        total, middle, found = 1.0 + sum(odds), len(self.chosen) // 2, []
+        for (fit, _), one in zip(self.rivals, odds, strict=True):
+            outline = placed(fit.corners, fit.poses[middle])
+            found.append((in_frame(outline, self.fit.poses[self.chosen[middle]]), one / total))
+        return found
+
+    @property
+    def spread_mm(self) -> float:
+        """How far the rivals' outlines are from the fit's, at most: Hausdorff's distance."""
+        own = shapely.Polygon(self.fit.corners).buffer(0)
+        return max(
+            (float(shapely.Polygon(o).buffer(0).hausdorff_distance(own)) for o, _ in self.others), default=0.0
+        )
 
 
 def search(scans: RigidScans, distribution: str) -> Found:
@@ -75,7 +94,9 @@ def search(scans: RigidScans, distribution: str) -> Found:
             key=lambda f: f.fit.criterion(scans),
         )
     if not content(scans, found.fit, distribution):
-        found = min(found, Found(_without_path(scans)), key=lambda f: f.fit.criterion(scans))
+        found = min(
+            found, Found(_without_path(scans), np.arange(len(scans.k))), key=lambda f: f.fit.criterion(scans)
+        )
     return found
 
 
@@ -100,27 +121,23 @@ def _along_a_path(scans: RigidScans, turns: Iterable[float], kept: int, distribu
         fits += pruned(few, path.corners, path.poses)
     fits.sort(key=lambda f: f.criterion(few))
     fit = _on_all(scans, chosen, fits[0])
-    return Found(
-        fit, *_rivals(few, Fit(fit.corners, fit.poses[chosen], fit.costs[chosen]), fits, distribution)
-    )
+    own = Fit(fit.corners, fit.poses[chosen], fit.costs[chosen])
+    return Found(fit, chosen, _rivals(few, own, fits, distribution))
 
 
 def _rivals(
     scans: RigidScans, best: Fit, fits: list[Fit], distribution: str
-) -> tuple[float, tuple[FloatArray, ...]]:
-    """Return how far fits that explain the readings about as well differ from the best, and their outlines."""
-    middle = len(best.poses) // 2
-    own, spread, found = shapely.Polygon(best.corners).buffer(0), 0.0, []
+) -> tuple[tuple[Fit, float], ...]:
+    """Return the fits that explain the readings about as well as the best one, and how much worse each is."""
+    found = []
     for fit in fits:
         if fit.cost > _WORTH_SETTLING * fit.freedom(scans):
             continue
-        fit = settled(scans, fit, 2)
-        if not content(scans, fit, distribution) or fit.criterion(scans) > best.criterion(scans) + _WITHIN:
-            continue
-        outline = in_frame(placed(fit.corners, fit.poses[middle]), best.poses[middle])
-        spread = max(spread, float(shapely.Polygon(outline).buffer(0).hausdorff_distance(own)))
-        found.append(outline)
-    return spread, tuple(found)
+        fit = settled(scans, fit)
+        worse = fit.criterion(scans) - best.criterion(scans)
+        if content(scans, fit, distribution) and worse <= _WITHIN:
+            found.append((fit, worse))
+    return tuple(found)
 
 
 def _on_all(scans: RigidScans, chosen: IntArray, fit: Fit) -> Fit:
