@@ -14,10 +14,14 @@ import tacstrip as ts
 from rigid_scenes import CORNERS, at, distance, pressed, sliding, ten_strips
 from tacstrip.arrays import FloatArray
 from tacstrip.cli import cli
+from tacstrip.core.binding import exported
 from tacstrip.tracking.episodes import episodes
 from tacstrip.tracking.geojson import track_collection
+from tacstrip.tracking.rigid.covariance import joint_bound
 
 NOISE = ts.Noise(positional=0.005)
+
+pytestmark = pytest.mark.skipif(exported("rigid_descend") is None, reason="NumPy takes minutes")
 
 
 def test_ten_strips_tell_the_shape_and_its_poses() -> None:
@@ -199,6 +203,40 @@ def test_the_verb_writes_tracks_and_a_picture(tmp_path: Path) -> None:
     assert (tmp_path / "t.png").stat().st_size > 10_000
     with pytest.raises(ts.OptionError, match="does not say what sensor"):
         CliRunner().invoke(cli, ["track", files[1]], catch_exceptions=False)
+
+
+def test_the_bound_of_many_scans_is_what_tracks_reach() -> None:
+    sensor = ten_strips()
+    start = at(CORNERS, np.array([50.0, 50.0, 0.8]))
+    bound = joint_bound(sensor, start, 30, 15.0, 1.0, 0.005 / np.sqrt(3.0))
+    own = []
+    for seed in (7, 8, 9):
+        (one,) = ts.track(pressed(sensor, CORNERS, sliding(30), NOISE, seed), sensor, NOISE)
+        own.append(distance(one.outline, CORNERS))
+    assert 0.5 < np.median(own) / ts.vertex_rms(bound) < 1.6
+    still = joint_bound(sensor, start, 30, 0.0, 0.0, 0.005 / np.sqrt(3.0))
+    assert ts.vertex_rms(still) > 5.0 * ts.vertex_rms(bound)
+    with pytest.raises(ts.ContactError, match="off the sensor"):
+        joint_bound(sensor, start, 30, 80.0, 0.0, 0.003)
+
+
+def test_limits_says_what_many_scans_tell(tmp_path: Path) -> None:
+    (tmp_path / "s.toml").write_text(ten_strips().to_toml())
+    (tmp_path / "o.wkt").write_text("POLYGON((25 32, 72 30, 76 58, 50 75, 30 64, 25 32))")
+    words = [
+        "limits",
+        str(tmp_path / "s.toml"),
+        str(tmp_path / "o.wkt"),
+        "--positional",
+        "0.005",
+        "--grid",
+        "2",
+    ]
+    done = CliRunner().invoke(cli, [*words, "--scans", "50", "--slide", "20"])
+    assert (
+        "50 scans in which it slides 20 mm across the strips and turns 0 deg, all signatures: 0.101"
+        in done.output
+    )
 
 
 def test_tracks_without_a_shape_are_valid_json() -> None:
