@@ -27,7 +27,7 @@ from tacstrip.tracking.rigid.covariance import covariances
 from tacstrip.tracking.rigid.search import Found, content, placed, recognised, search, with_all_poses
 
 _FEWEST = 5  # scans of one stretch that a shape is searched in
-_MOST = 400  # scans that a shape is fitted to; the others only have their poses fitted
+_MOST = 200  # scans that a shape is fitted to; the others only have their poses fitted
 _GUESS, _CEILING = 0.003, 0.02 / math.sqrt(3.0)  # of sigma that is not known [Vref]
 _ALIKE = 1.25  # times a guess of sigma: found again, it is believed
 _ROUNDS = 3  # of finding sigma

@@ -8,10 +8,12 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.core.rigid import RigidScans, descend, fit_poses, loss
+from tacstrip.tracking.rigid.covariance import covariances
 from tacstrip.tracking.rigid.smooth_path import centres
 
 FEWEST, FIRST = 3, 9  # corners; from how many a rough outline is pruned
 _TRIED = 3  # corners that are taken away by turns
+_SURE = 8.0  # times what a corner must gain: there is no need to try without it
 _HOPELESS, _MARGIN = (
     3.0,
     300.0,
@@ -103,8 +105,9 @@ def settled(scans: RigidScans, fit: Fit, rounds: int = 4) -> Fit:
 
 def recounted(scans: RigidScans, fit: Fit) -> Fit:
     """Return the fit without corners that the criterion does not miss."""
-    while len(fit.corners) > FEWEST:
-        tries = sorted((_without(scans, fit, i, 8) for i in range(len(fit.corners))), key=lambda f: f.cost)
+    price = 2.0 * float(np.log(scans.readings.sum()))
+    while len(fit.corners) > FEWEST and len(faint := np.flatnonzero(_gains(scans, fit) < _SURE * price)):
+        tries = sorted((_without(scans, fit, int(i), 8) for i in faint), key=lambda f: f.cost)
         best = min(
             (settled(scans, fitted(scans, t.corners, t.poses)) for t in tries[:_TRIED]), key=lambda f: f.cost
         )
@@ -112,6 +115,14 @@ def recounted(scans: RigidScans, fit: Fit) -> Fit:
             break
         fit = best
     return fit
+
+
+def _gains(scans: RigidScans, fit: Fit) -> FloatArray:
+    """Return roughly what each corner gains in chi square (N,): its height over its neighbours, over sigma."""
+    before, after = np.roll(fit.corners, 1, axis=0), np.roll(fit.corners, -1, axis=0)
+    height = _areas(fit.corners) / np.maximum(np.hypot(*(after - before).T), 1e-9)
+    variance = covariances(scans, fit.corners, fit.poses)[0].diagonal().reshape(-1, 2).sum(axis=1)
+    return np.asarray(height**2 / np.maximum(variance, 1e-12))
 
 
 def poses_all_round(

@@ -30,7 +30,7 @@ _DENSE, _MANY_STRIPS, _SPARSE = 48, 20, 16  # scans that a search uses; of finer
 _KNOTS, _MORE_KNOTS = 4, 8
 _KEPT = 3  # paths that are made polygons of
 _SATISFIED = 1.15  # of the freedom: a chi square that ends the search
-_ALARM = 3.5  # deviations of chi square
+_ALARM, _HARDLY_MORE = 3.5, 1.05  # deviations of chi square, and times the freedom
 _WITHIN, _WORTH_SETTLING = (
     10.0,
     1.6,
@@ -40,8 +40,12 @@ _RANDOM_SCANS = 40
 
 
 def content(scans: RigidScans, fit: Fit, distribution: str) -> bool:
-    """Whether the fit leaves no more of the readings than noise does."""
-    return chi_square_score(np.sqrt(fit.costs), fit.freedom(scans), distribution) <= _ALARM
+    """Whether the fit leaves no more of the readings than noise does, or hardly more where they are very many."""
+    freedom = fit.freedom(scans)
+    return (
+        fit.cost <= _HARDLY_MORE * freedom
+        or chi_square_score(np.sqrt(fit.costs), freedom, distribution) <= _ALARM
+    )
 
 
 @dataclass(frozen=True, eq=False)
