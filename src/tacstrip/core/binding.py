@@ -47,6 +47,31 @@ class Band(ctypes.Structure):
     )  # fmt: skip
 
 
+class Scans(ctypes.Structure):
+    """`Scans` of core.h; `arrays` keeps alive what it points to."""
+
+    arrays: tuple[npt.NDArray[np.float64], ...]
+    _fields_ = (
+        ("scans", _INT),
+        ("strips", _INT),
+        ("signatures", _INT),
+        ("x", _POINTER),
+        ("k", _POINTER),
+        ("sigma", _DOUBLE),
+        ("pitch", _DOUBLE),
+        ("length", _DOUBLE),
+        ("share", _DOUBLE * 2),
+        ("narrow", _DOUBLE),
+        ("lam", _DOUBLE),
+    )
+
+
+class Loss(ctypes.Structure):
+    """`Loss` of core.h."""
+
+    _fields_ = (("tolerance", _DOUBLE), ("cauchy", _DOUBLE), ("end", _DOUBLE))
+
+
 MAX_VERTICES = 16  # interior vertices of a polygon
 END_ENTRIES = 6  # entries of theta before the first vertex
 SIZE = END_ENTRIES + 2 * MAX_VERTICES
@@ -56,6 +81,7 @@ POLYGON = np.dtype(
 )
 KNOTS, MOST_CORNERS = 20, 26  # points of a chain and vertices of a sampled outline
 HOTTEST = 6  # temperatures of a sampler
+RIGID_CORNERS = 24  # corners of an outline that keeps its shape
 # `Outline` and `OutlinePrior` of core.h.
 OUTLINE = np.dtype(_fields(count="2i8", x=f"(2,{KNOTS})f8", y=f"(2,{KNOTS})f8"))
 OUTLINE_PRIOR = np.dtype(
@@ -73,6 +99,7 @@ RUN = np.dtype(
 )  # fmt: skip
 
 _PROBLEM, _LINES, _BAND = (ctypes.POINTER(struct) for struct in (Problem, Lines, Band))
+_SCANS, _LOSS = (ctypes.POINTER(struct) for struct in (Scans, Loss))
 _NOTHING = ctypes.c_char * 0
 _SEARCH_WORKSPACE = 3613  # doubles: SEARCH_WORKSPACE of core.h
 # What each one returns and takes; a pointer stands for the array that core.h describes.
@@ -96,6 +123,12 @@ _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "feasible_set": (None, (_LINES, _BAND, *[_POINTER] * 10)),
     "outlines": (_INT, (_LINES, _POINTER, _DOUBLE, _POINTER, _POINTER, _INT, *[_POINTER] * 3)),
     "scatter": (None, (*[_POINTER] * 4, _INT, _INT, _POINTER, _INT, _INT, *[_POINTER] * 4)),
+    "rigid_equations": (_DOUBLE, (_SCANS, _LOSS, _POINTER, _INT, *[_POINTER] * 7)),
+    "rigid_poses": (None, (_SCANS, _LOSS, _POINTER, _INT, _POINTER, _INT, _INT, _POINTER)),
+    "rigid_descend": (
+        _DOUBLE,
+        (_SCANS, _LOSS, _POINTER, _INT, _POINTER, _INT, _DOUBLE, _POINTER, _POINTER),
+    ),
     "isolated_outliers": (_INT, (_POINTER, _INT, _INT, _POINTER)),
     "spikes": (None, (_POINTER, _INT, _DOUBLE, _POINTER, _POINTER)),
 }
@@ -103,7 +136,9 @@ _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
 
 # These take long and let other threads run meanwhile; the others, over sooner than a thread wakes up, would only have
 # to wait until that one lets go.
-_LONG = frozenset(("fit_run", "fit_counts", "feasible_part", "minimax", "hit_and_run"))
+_LONG = frozenset(
+    ("fit_run", "fit_counts", "feasible_part", "minimax", "hit_and_run", "rigid_poses", "rigid_descend")
+)
 
 
 @functools.cache
