@@ -35,7 +35,7 @@ class Desk:
 
     def touch(self, line: int, parts: FloatArray) -> None:
         """Put parts of Vref (strips,) on a line, NaN where nothing touches."""
-        lines = ((ctypes.c_double * STRIPS) * 2).in_dll(self.core, "desk_part")
+        lines = ((ctypes.c_double * (STRIPS + 1)) * 2).in_dll(self.core, "desk_part")
         for strip, part in enumerate(parts):
             lines[line][strip] = -1.0 if np.isnan(part) else part
 

@@ -14,12 +14,12 @@ from tacstrip.stream.source import RawScan
 TOLERANCE = 0.02  # relative speed error; a ceramic resonator keeps 0.005
 SLACK_S = 0.5  # largest delay by a busy computer or a USB adapter, beyond the constant part
 # Arrivals within a window are represented by the one with the least delay; so many make a window.
-_WINDOW_S, _MIN_ARRIVALS = 0.2, 3
-_MAX_WINDOWS = 600
+_WINDOW_S, _MIN_ARRIVALS = 0.15, 3
+_MAX_WINDOWS = 800
 # Windows in a row that lie on a line, to within this part of its rise, show another speed: a delay would be a step.
-_LINE_WINDOWS, _OFF_LINE = (4, 8, 16, 32, 64, 128, 256), 0.2
-# Slack of a line's rise: so much, and so many times the median delay within the windows.
-_LINE_SLACK_S, _DELAYS = 0.03, 3.0
+_LINE_WINDOWS, _OFF_LINE = (4, 6, 8, 12, 16, 32, 64, 128, 256), 0.2
+# Slack of a line's rise: so much, or so many windows' length, and so many times the median delay within the windows.
+_LINE_SLACK_S, _DELAYS, _LENGTHS = 0.02, 3.0, 0.1
 _LEAP_S = 0.1  # ahead of what the delay of the scan before explains, once the delay is known
 _BURST_S = 0.1  # scans further apart that arrive together have been delayed
 _MIN_STEP_S = 1e-6  # from scan to scan
@@ -138,7 +138,7 @@ class DeviceClock:
                     ran = "ran backwards" if step_s < 0.0 else f"leapt ahead by {step_s:.3g} s"
                     self.fault = f"the device's clock {ran}"
                     return len(scans)
-                period_s = max(self._period_s, step_s / count)
+                period_s = max(self._period_s, step_s / max(count, 1))
             number, device_s = raw.sequence, own_s
         return len(scans)
 
@@ -200,13 +200,14 @@ class DeviceClock:
 
 def _line_speed(aheads: FloatArray, times: FloatArray, delays: FloatArray) -> float | None:
     """Return the speed of a device's clock where windows in a row show that it is wrong, else None."""
-    slack_s = _LINE_SLACK_S + _DELAYS * float(delays.max())
+    delay_s = _DELAYS * float(delays.max())
     for count in _LINE_WINDOWS:
         if count > len(times):
             break
         y, x = aheads[-count:], times[-count:]
         span_s, mean_s = float(x[-1] - x[0]), x - x.mean()
         slope = float(mean_s @ y / (mean_s @ mean_s))
+        slack_s = delay_s + max(_LINE_SLACK_S, _LENGTHS * span_s / (count - 1))
         off_s = float(np.abs(y - y.mean() - slope * mean_s).max())
         if abs(slope) * span_s > TOLERANCE * span_s + slack_s and off_s < _OFF_LINE * abs(slope) * span_s:
             return 1.0 - slope

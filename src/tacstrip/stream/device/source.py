@@ -192,7 +192,7 @@ class SerialSource:
             self._troubles.check_counts(self.counts, now_s)
             if gone is not None:
                 raise gone
-            if now_s - began_s > prompt_s:  # the line was empty
+            if now_s - began_s > _PROMPT_S[0]:  # the line was empty
                 self._repeat_commands(now_s)
             if self._held is not None:
                 self._ask_identity()
@@ -219,7 +219,10 @@ class SerialSource:
             self._run = batch.restarts
             if not identified:
                 self._hold_scans()
-            if not self._clock.continues_run(scans[0], now_s):
+            if self._clock.continues_run(scans[0], now_s):
+                text = f"the scans' numbers leapt to {scans[0].sequence}, and their time went on"
+                self._troubles.say("leap", text, now_s)
+            else:
                 self._restart_clock(identified, now_s)
         while scans:
             n_same = self._clock.n_of_same_run(scans, now_s)

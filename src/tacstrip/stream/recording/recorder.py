@@ -135,6 +135,7 @@ class Recorder:
             now_ns = self._origin_ns + round(raw.time_s * messages.NANO)
             came_s = raw.time_s if raw.arrival_s is None else raw.arrival_s
             came_ns = self._origin_ns + round(came_s * messages.NANO)
+            came_ns += came_ns == now_ns and raw.arrival_s is not None  # equal: not known
         except (OverflowError, ValueError):
             raise RecordingError(
                 f"scan {raw.sequence} has the time {raw.time_s} s; a recording needs finite times"
