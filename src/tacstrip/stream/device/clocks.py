@@ -14,7 +14,7 @@ from tacstrip.stream.source import RawScan
 TOLERANCE = 0.02  # relative speed error; a ceramic resonator keeps 0.005
 SLACK_S = 0.5  # largest delay by a busy computer or a USB adapter, beyond the constant part
 # Arrivals within a window are represented by the one with the least delay; so many make a window.
-_WINDOW_S, _MIN_ARRIVALS = 0.15, 3
+_WINDOW_S, _MIN_ARRIVALS = 0.14, 3
 _MAX_WINDOWS = 800
 # Windows in a row that lie on a line, to within this part of its rise, show another speed: a delay would be a step.
 _LINE_WINDOWS, _OFF_LINE = (4, 6, 8, 12, 16, 32, 64, 128, 256), 0.2
