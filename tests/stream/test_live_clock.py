@@ -210,11 +210,11 @@ def _random(rng: np.random.Generator) -> Callable[[int], int]:
 
 
 WRONG: dict[str, tuple[Callable[[int], int], str, float]] = {
-    "half": (_speed(0.5), r"runs at (50|49)(\.\d)? % of its speed", 1.0),
-    "double": (_speed(2.0), r"runs at (19|20)\d % of its speed", 1.0),
+    "half": (_speed(0.5), r"runs at (50|49)(\.\d)? % of its speed", 1.1),
+    "double": (_speed(2.0), r"runs at (19|20)\d % of its speed", 1.1),
     "3 % slow": (_speed(0.97), r"runs at (97|96\.9|97\.1) % of its speed", 15.0),
     "5 % fast": (_speed(1.05), r"runs at (105|104) % of its speed", 5.0),
-    "stands": (lambda us: 777, "stands still", 1.0),
+    "stands": (lambda us: 777, "stands still", 1.1),
     "backwards": (lambda us: 2**31 - us, "ran backwards", 0.1),
     "random": (_random(np.random.default_rng(3)), "(ran backwards|leapt ahead by)", 0.1),
     "leaps": (lambda us: us + 60_000_000 * (us > 2_000_000), "leapt ahead by 60 s", 2.5),

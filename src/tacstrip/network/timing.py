@@ -20,8 +20,8 @@ def source_ohm(sensor: Sensor, readout: Readout, l_mm: FloatArray, u_mm: FloatAr
     from there to its own end, then the switches. Ideal contact.
     """
     per_mm = readout.strip_ohm / sensor.length_mm
-    switch = 0.0 if sensor.kind.common_supply else readout.mux_ohm
-    below, above = l_mm * per_mm + switch, (sensor.length_mm - np.asarray(u_mm)) * per_mm + switch
+    switch, supply = (0.0, 0.0) if sensor.kind.common_supply else (readout.mux_ohm, readout.supply_ohm)
+    below, above = l_mm * per_mm + switch, (sensor.length_mm - np.asarray(u_mm)) * per_mm + switch + supply
     contact = sensing_share(sensor.sensing_ratio) * per_mm * (np.asarray(u_mm) - l_mm)
     whole = below + contact + above
     whole = np.where(whole > 0.0, whole, 1.0)
