@@ -1,4 +1,4 @@
-"""A device that misbehaves, written from docs/protocol.md alone: its own frames, COBS and CRC, on a clock of the test's."""
+"""A device that misbehaves, from docs/protocol.md alone: its own frames, COBS and CRC, on a clock of the test's."""
 
 from __future__ import annotations
 
@@ -29,7 +29,9 @@ def crc(data: bytes) -> int:
     return value
 
 
-def frame(kind: int, number: int, time_us: int, body: bytes, version: int = 1, empty_block: bool = False) -> bytes:
+def frame(
+    kind: int, number: int, time_us: int, body: bytes, version: int = 1, empty_block: bool = False
+) -> bytes:
     """A frame between its zeros; with `empty_block` after a full last one, as some encoders write it."""
     plain = struct.pack("<BBII", version, kind, number % 2**32, time_us % 2**32) + body
     plain += struct.pack(">H", crc(plain))
@@ -76,10 +78,16 @@ class Rogue:
     def scan(self, i: int, codes: np.ndarray | None = None, strips: int = STRIPS, padding: int = 0) -> bytes:
         values = np.full(2 * strips, 1, "<u2") if codes is None else codes
         values[:2] = i % 1000, i // 1000
-        body = struct.pack("<HBBI", strips, 3, BITS, 500) + bytes([0x3F | padding]) + values.astype("<u2").tobytes()
+        body = (
+            struct.pack("<HBBI", strips, 3, BITS, 500)
+            + bytes([0x3F | padding])
+            + values.astype("<u2").tobytes()
+        )
         return frame(1, self.number(i), self.now_us, body)
 
-    def hello(self, streaming: bool | None = None, number: int | None = None, name: bytes | None = None) -> bytes:
+    def hello(
+        self, streaming: bool | None = None, number: int | None = None, name: bytes | None = None
+    ) -> bytes:
         on = self.streaming if streaming is None else streaming
         body = struct.pack("<HBBBBBBHIIII", STRIPS, 3, BITS, 7, 0, 0, on, 5000, 0, self.period_us, 700, 0)
         body += struct.pack("16s16s", b"crs-crs", self.name if name is None else name)

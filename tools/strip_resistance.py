@@ -18,7 +18,7 @@ from tacstrip.network.timing import settling_s, source_ohm
 SETTINGS = (Path(__file__).parents[1] / "firmware" / "core" / "settings.h").read_text(encoding="utf-8")
 WIDTH_MM, THICK_MM, LENGTH_MM, STRIPS = 6.0, 1.0, 100.0, 10
 PULL_OHM, SWITCH_OHM, NODE_FARAD, VREF_VOLT, BITS = 100e3, 70.0, 100e-12, 5.0, 10
-SERIES_OHM = 100.0  # CRS-M: between 5 V and the multiplexer, so that a shorted strip draws what a switch bears
+SERIES_OHM = 100.0  # CRS-M: in the multiplexer's 5 V, so that a shorted strip draws what a switch bears
 SHORTEST_MM = 5.0  # of a contact along the strips, for its place
 SAMPLER_FARAD, SAMPLE_S = 14e-12, 1.5 / 250e3  # of the ATmega328P's converter, at its clock of 250 kHz
 RESISTIVITIES = (0.03, 0.1, 0.3, 1.0, 1.5, 2.0, 4.0, 10.0)  # [ohm m]

@@ -55,7 +55,6 @@ def multiplexer(axes: Axes, y: float, inner_y: float, inputs: dict[str, float]) 
     for name, at in inputs.items():
         axes.text(X0 - 6.5, at, name, va="center", fontsize=6.5, zorder=5)
 
-
     feed(axes, y)
 
 

@@ -1,4 +1,4 @@
-"""The build guide's parts: rubber, network, switches, lines, converter, firmware, wire, outline; and what hangs or is fuzzed."""
+"""The build guide's parts from rubber to outline, in simavr; a program that hangs; commands at random."""
 
 from __future__ import annotations
 
@@ -7,15 +7,25 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from test_build_guide import PAGE, TOOL
 
 import tacstrip as ts
-from emulated import command_line, heard, make, needs_compiler, needs_simavr, ohms_line, run, scan_line, start_line
+from emulated import (
+    command_line,
+    heard,
+    make,
+    needs_compiler,
+    needs_simavr,
+    ohms_line,
+    run,
+    scan_line,
+    start_line,
+)
 from tacstrip.network.timing import source_ohm
 from tacstrip.sensor.channel import Channel
 from tacstrip.stream import decode
 from tacstrip.stream.device.protocol.frames import Kind
 from tacstrip.stream.device.protocol.messages import Command, Hello
-from test_build_guide import PAGE, TOOL
 
 pytestmark = needs_compiler
 CORNERS = [(6.0, 30.0), (94.0, 40.0), (48.0, 85.0)]
@@ -65,7 +75,9 @@ def test_the_lists_rubber_gives_shapes(
     assert off_codes(raw, construction, ohm, contact) <= TOOL.unsettled_codes(construction, ohm) + 1.5
     if construction == "crs-m":  # as two presses of known place would calibrate the switches away
         ends = [ts.Contact.line([(0.0, y), (100.0, y)]) for y in (5.0, 95.0)]
-        low, high = (scanned(folders[construction], construction, ohm, c).codes["k"].mean() / TOP for c in ends)
+        low, high = (
+            scanned(folders[construction], construction, ohm, c).codes["k"].mean() / TOP for c in ends
+        )
         gain = (high - low) / 0.9
         channel = Channel(signature="k", gain=(gain,) * 10, offset=(low - 0.05 * gain,) * 10)
         spec = ts.Sensor(construction="crs-m", strips=10, pitch_mm=10.0, length_mm=100.0, adc_bits=10,
@@ -73,7 +85,9 @@ def test_the_lists_rubber_gives_shapes(
     (shape,) = ts.vertex_reconstruction(decode(raw, spec), spec, transitions=[6.0, 48.0, 94.0]).objects
     assert shape.status == "ok"
     # The switches take more from a wide contact than from the calibration's narrow ones: docs/build.md.
-    assert ts.mismatch(CORNERS, shape.vertices).iou > (0.9 if (construction, resistivity) == ("crs-m", LOW) else 0.97)
+    assert ts.mismatch(CORNERS, shape.vertices).iou > (
+        0.9 if (construction, resistivity) == ("crs-m", LOW) else 0.97
+    )
 
 
 @needs_simavr

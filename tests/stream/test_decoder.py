@@ -12,7 +12,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tacstrip.stream.device.protocol.decoder import MAX_FRAME_BYTES, Counts, Decoder, Received
-from tacstrip.stream.device.protocol.frames import HEADER, VERSION, Kind, check_frame, cobs_encode, encode_frame
+from tacstrip.stream.device.protocol.frames import (
+    HEADER,
+    VERSION,
+    Kind,
+    check_frame,
+    cobs_encode,
+    encode_frame,
+)
 from tacstrip.stream.device.protocol.messages import Command, Hello, Reply, SelfTest
 from tacstrip.stream.device.protocol.order import MAX_AHEAD, MAX_BEHIND, MAX_HELD
 from tacstrip.stream.device.protocol.scans import MAX_STRIPS, ScanBatch, encode_scan

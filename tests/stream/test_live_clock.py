@@ -316,7 +316,9 @@ def test_a_restart_whose_numbers_lie_ahead_shows_in_its_time(clock: Clock) -> No
     bench.unit.receive(Command(Kind.START).encode())
     bench.unit._number = 700
     run.take(100)
-    assert run.troubles == ["the device started anew without a word, or is another one; it is asked who it is"]
+    assert run.troubles == [
+        "the device started anew without a word, or is another one; it is asked who it is"
+    ]
     assert run.numbers[-1] > 700
     run.check_times()
     assert run.late[-50:].max() < 0.05

@@ -14,8 +14,8 @@ _WORDS = {
     "corrupt": "{} broken frame(s) came and are left out; all others are used: is the cable sound?",
     "lost": "{} scan(s) are missing by their numbers",
     "out_of_order": "{} scan(s) came after later ones; put in their place unless that was given up",
-    "unknown": "{} intact frame(s) of another version, kind or length came and are left out; flash the firmware of this "
-    "tacstrip",
+    "unknown": "{} intact frame(s) of another version, kind or length came and are left out; flash the firmware of "
+    "this tacstrip",
     "duplicates": "{} scan(s) came again and are taken once",
     "misnumbered": "{} scan(s) have numbers that cannot be; they are kept as they came",
     "out_of_range": "{} scan(s) have codes above the converter's bits and are left out; flash the firmware anew",

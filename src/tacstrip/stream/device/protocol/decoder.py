@@ -56,8 +56,8 @@ Received: TypeAlias = ScanBatch | Message
 class Decoder:
     """Decodes bytes as they come, in pieces of any length, and resynchronises after corrupt ones.
 
-    Memory is bounded: more than `MAX_FRAME_BYTES` bytes without a zero are discarded. Scans behind a gap in the numbers wait
-    for a moment, as the missing one may still come.
+    Memory is bounded: more than `MAX_FRAME_BYTES` bytes without a zero are discarded. Scans behind a gap in the
+    numbers wait for a moment, as the missing one may still come.
 
     Attributes
     ----------

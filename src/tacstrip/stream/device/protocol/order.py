@@ -1,4 +1,4 @@
-"""Scans in the order of their numbers: what came twice, late, or with a wrong number, and whether the device restarted."""
+"""Scans in the order of their numbers: what came twice, late or misnumbered, and whether the device restarted."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ class _Seen(NamedTuple):
 class ScanOrder:
     """Puts the scans of one device in order.
 
-    A scan's number tells its place and its time is the second witness. Same number and same bytes: it came twice. A number
-    that was missing: it is late, and is waited for. Any other number that is not due: the device has restarted; where
-    that shows again and again while the time continues, the numbers are wrong, and scans are kept as they come. It has
-    restarted, too, where nothing comes but what has come before.
+    A scan's number tells its place and its time is the second witness. Same number and same bytes: it came twice. A
+    number that was missing: it is late, and is waited for. Any other number that is not due: the device has restarted;
+    where that shows again and again while the time continues, the numbers are wrong, and scans are kept as they come.
+    It has restarted, too, where nothing comes but what has come before.
 
     Parameters
     ----------
