@@ -208,7 +208,9 @@ def test_seals_and_unstuffs_as_the_python_side(tmp_path: Path) -> None:
             whole = plain.tobytes() + crc
             assert bytes(wire[:count]) == b"\0" + cobs_encode(whole) + b"\0"
             assert cobs_decode(bytes(wire[1 : count - 1])) == whole
-            if len(whole) >= 254 and cobs_encode(whole)[-255] == 0xFF:  # a full last block: an empty one may follow
+            if (
+                len(whole) >= 254 and cobs_encode(whole)[-255] == 0xFF
+            ):  # a full last block: an empty one may follow
                 more = (ctypes.c_uint8 * 1101)(*wire[1 : count - 1], 1)
                 assert core.frame_unstuff(more, count - 1) & 0xFFFF == len(whole)
             back = (ctypes.c_uint8 * 1100)(*wire[1 : count - 1])
