@@ -185,7 +185,7 @@ def initial_constants(
 def pooled_precision(model: Model, part: str) -> FloatArray:
     """Return the root R (rows, own parameters) of a pooled part's precision R'R, for a spread of 1.
 
-    A warp's knots follow from the resistivities of its pieces, which are correlated with their neighbours' and add to 1.
+    A warp's knots follow from the resistivities of its pieces, correlated with their neighbours', which add to 1.
     """
     if part != "warp":
         return np.eye({"ratios": 1, "ends": 2}[part])

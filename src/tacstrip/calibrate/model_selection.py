@@ -52,8 +52,8 @@ def select_model(sensor: Sensor, runs: Runs) -> tuple[ModelFit, tuple[Trial, ...
     """Return the fit of the model that the runs make likeliest, and all trials.
 
     The search starts from the planned model, as far as the runs determine it: what any unit has stays, even where it
-    is small, for else the others' uncertainties would not count it. Then it finds what errors of places have in common, and
-    adds the part that raises the evidence most, while one does.
+    is small, for else the others' uncertainties would not count it. Then it finds what errors of places have in common,
+    and adds the part that raises the evidence most, while one does.
     """
     search = _Search(sensor, runs)
     now = search.place_errors(search.first())
