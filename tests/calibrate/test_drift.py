@@ -161,7 +161,7 @@ def test_strays_and_a_rail_do_not_move_the_touch_level() -> None:
         assert learned.touch_volt is not None
         assert 5.0 * 0.006 < learned.touch_volt / UNIT.vref_volt < 10.0 * 0.006
         assert learned.calibration is not None
-        assert all(0.005 < s < 0.012 for s in learned.calibration.channel("kh").noise)
+        assert all(0.004 < s < 0.012 for s in learned.calibration.channel("kh").noise)
 
 
 def test_drift_since_the_calibration_is_known_within_two_seconds() -> None:

@@ -16,7 +16,7 @@ _BLOCKS, _LEAST_BLOCKS = (
     12,
     8,
 )  # means over even steps of the logarithm, which correlated noise hardly correlates
-_SURE = 3.0  # standard deviations of a channel's rate
+_SURE = 5.0  # standard deviations of a channel's rate
 _MOST = 0.05  # of Vref, over the press: more is motion
 
 
