@@ -181,6 +181,8 @@ def test_a_held_press_is_not_zeroed_away() -> None:
         estimator.update({n: v[i] for n, v in raw.items()}, 0.05 * i)
     before = estimator.drift["kh"]
     for i in range(3000):
-        held = {n: v[i % 200] + np.array([0.4 + 1e-5 * i] + [0.0] * (UNIT.strips - 1)) for n, v in raw.items()}
+        held = {
+            n: v[i % 200] + np.array([0.4 + 1e-5 * i] + [0.0] * (UNIT.strips - 1)) for n, v in raw.items()
+        }
         estimator.update(held, 10.0 + 0.05 * i)
     assert estimator.drift["kh"][0] == before[0]

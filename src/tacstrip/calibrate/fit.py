@@ -132,7 +132,7 @@ def _gauss_newton(
     here = _Linear(sensor, runs, constants, sigma, pooled, places)
     system = here.eliminate(weight)
     shared_sigma, own_sigma = system.uncertainty()
-    few = _beyond_independent(here.whiten(residual - shift), redundancy, weight, place_numbers(runs))
+    few = _beyond_independent(here.whiten(residual - shift), system, weight > 0.0, place_numbers(runs))
     by_name = dict(zip(runs.signatures, sigma.tolist(), strict=True))
     evidence = _evidence(here, system, residual - shift, usable, errors)
     return ModelFit(
@@ -140,24 +140,23 @@ def _gauss_newton(
     )
 
 
-def _beyond_independent(
-    white: FloatArray, redundancy: FloatArray, weight: FloatArray, places: IntArray
-) -> float:
+def _beyond_independent(white: FloatArray, system: _Eliminated, counts: BoolArray, places: IntArray) -> float:
     """Return by how much standard deviations exceed those of independent readings of known noise.
 
     Repeats of a place on a strip share what the model leaves there and what the converter rounds: what counts is how
     far their means are off. Few of them know the noise badly (Student's distribution).
     """
-    strips = places.shape[1]
-    group = places * strips + np.arange(strips)
-    counts = (weight > 0.0).astype(float)
-    count = np.bincount(group.ravel(), counts.ravel())
-    sums = np.array([np.bincount(group.ravel(), (counts * e).ravel()) for e in white])
-    there = count > 0.0
-    fitted = float((counts * (1.0 - redundancy**2)).sum())
-    free = max(len(white) * int(there.sum()) - fitted, 1.0)
-    square = float((sums[:, there] ** 2 / count[there]).sum() / free)
-    return float(np.sqrt(max(square, 1.0 / count.max(initial=1.0))) * stdtrit(free, _TWO_SIGMA) / 2.0)
+    square, free, most = 0.0, 0.0, 1.0
+    of_fit = system.leverages(white.shape)  # (strips, signatures, contacts, parameters)
+    for strip, rows in enumerate(of_fit):
+        group = (np.unique(places[:, strip])[:, None] == places[:, strip]) & counts[:, strip]
+        group = group[group.any(axis=1)]
+        mean = group / np.sqrt(group.sum(axis=1, keepdims=True))  # (places, contacts)
+        most = max(most, float(group.sum(axis=1).max(initial=1)))
+        square += float(((white[:, :, strip] @ mean.T) ** 2).sum())
+        free += len(white) * len(mean) - float(((mean @ rows) ** 2).sum())
+    free = max(free, 1.0)
+    return float(np.sqrt(max(square / free, 1.0 / most)) * stdtrit(free, _TWO_SIGMA) / 2.0)
 
 
 def _settled(new: FloatArray, old: FloatArray) -> bool:
@@ -352,13 +351,20 @@ class _Eliminated:
 
         Where few rows determine many parameters, the fit follows each row, and a bare residual would hide its error.
         """
-        signatures, contacts, strips = here.by.shape[:3]
-        leverage = (self.q**2).sum(axis=-1)
+        leverage = np.moveaxis((self.leverages(here.by.shape[:3]) ** 2).sum(axis=-1), 0, 2)
+        return np.asarray(np.sqrt(np.maximum(1.0 - leverage, _LEAST_REDUNDANCY)))
+
+    def leverages(self, shape: tuple[int, ...]) -> FloatArray:
+        """Return orthonormal columns that span the fit (strips, signatures, contacts, parameters).
+
+        From the shape (signatures, contacts, strips): a row's squares add to its leverage.
+        """
+        columns = self.q
         if self.rest.shape[1]:
             known = np.linalg.pinv(np.linalg.qr(self.rest, mode="r"), rcond=1e-10)
-            leverage = leverage + ((self.z @ known) ** 2).sum(axis=-1)
-        rows = leverage[:, : signatures * contacts].reshape(strips, signatures, contacts)
-        return np.asarray(np.sqrt(np.maximum(1.0 - np.moveaxis(rows, 0, 2), _LEAST_REDUNDANCY)))
+            columns = np.concatenate([self.q, self.z @ known], axis=2)
+        signatures, contacts, strips = shape
+        return columns[:, : signatures * contacts].reshape(strips, signatures, contacts, columns.shape[2])
 
     def spread(self, part: str, constants: Constants, old: float) -> float:
         """Return the spread of a pooled part over the strips: squares over how many of them the readings determine."""

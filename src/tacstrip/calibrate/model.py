@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -84,12 +84,12 @@ class Model:
         """Whether a part is fitted."""
         return part in self.parts
 
-    @property
+    @cached_property
     def knots(self) -> FloatArray:
         """Places of the knots of a warp or a curve, from 0 to 1 (knots,)."""
         return np.linspace(0.0, 1.0, self.pieces + 1)
 
-    @property
+    @cached_property
     def shared(self) -> tuple[str, ...]:
         """Names of the parameters that all strips share."""
         ratio = self.has("ratio") or self.has("ratios")  # strips' own ratios are drawn about the shared one
