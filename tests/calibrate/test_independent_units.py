@@ -69,7 +69,7 @@ def test_uneven_rubber_is_planned_for_and_described() -> None:
 
 
 def test_printed_ranges_hold_where_places_are_uncertain() -> None:
-    """Places off by half a millimetre, told: drawn for each row, each press and each place; sigmas as many as errors."""
+    """Places off by half a millimetre, told: drawn for each row, each press and each place."""
     every: list[float] = []
     for seed in range(6):
         rng = np.random.default_rng(seed)

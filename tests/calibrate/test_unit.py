@@ -318,7 +318,9 @@ def test_planned_presses_repeated_leave_what_the_plan_promised() -> None:
     assert np.percentile(100.0 * np.abs(np.stack(list(off.values()))), 95.0) <= made.worst_percent
     assert not found.constants.model.has("curve")
     refused = {t.name: t.verdict for t in trials}
-    assert "6 distinct places and needs 10; press more contacts" in refused["ratio+lambda+curve8"]
+    assert "6 distinct places and needs 8; press more contacts" in refused["offset+gain+ratio+lambda+warp16"]
+    with pytest.raises(ts.ReadingError, match="6 distinct places and needs 10; press more contacts"):
+        fit_named("ratio+lambda+curve8", sensor, runs)
 
 
 def test_places_that_differ_by_a_hair_are_repeats() -> None:

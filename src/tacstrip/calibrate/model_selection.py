@@ -13,7 +13,7 @@ from tacstrip.errors import OptionError, ReadingError, one_of
 from tacstrip.io.runs import Runs
 from tacstrip.sensor.spec import Sensor
 
-_CURVES, _WARP = (4, 8), 16  # pieces that are tried
+_WARP, _FEWEST = 16, 4  # pieces that are tried, and that a name without a number has
 _SIZED = {"warp", "curve"}
 _SURE = 3.0  # the logarithm of how many times likelier a part must make the readings
 
@@ -146,7 +146,7 @@ def parse_model(text: str, sensor: Sensor, signatures: tuple[str, ...]) -> Model
             pieces = int(number[:4])
         parts.add(part)
     sized = bool(parts & _SIZED)
-    model = Model(frozenset(parts), (pieces or _CURVES[0]) if sized else 0)
+    model = Model(frozenset(parts), (pieces or _FEWEST) if sized else 0)
     if (pieces and not sized) or not model.pieces <= 64 or (sized and model.pieces < 2):
         raise OptionError(f"model {text!r}: only a warp or a curve has pieces, 2 to 64 of them, as in warp8")
     if not _consistent(model) or not _applicable(model, sensor, signatures):
@@ -174,13 +174,11 @@ def _applicable(model: Model, sensor: Sensor, signatures: tuple[str, ...]) -> bo
 
 
 def _larger(model: Model, sensor: Sensor, runs: Runs) -> list[Model]:
-    """Return the models with one part more, or with finer pieces."""
+    """Return the models with one part more; no curve, which corrects only contacts like those that were pressed."""
     parts = model.parts
     pair = len(runs.signatures) == 2  # one signature cannot tell a resistance at an end from offset and gain
     found = [replace(model, parts=parts | {p}) for p in ("fade", *["ends"] * pair) if p not in parts]
     found.append(replace(model, parts=parts - {"ratio"} | {"ratios"}))
-    stiff = parts - {"offset", "gain", "fade", "warp", "ends"}
     if not model.pieces:
         found.append(Model(parts | {"warp"}, _WARP))
-    found += [Model(stiff | {"curve"}, n) for n in _CURVES if not model.has("curve") or n > model.pieces]
     return [m for m in found if m != model and _consistent(m) and _applicable(m, sensor, runs.signatures)]

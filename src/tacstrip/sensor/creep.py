@@ -54,16 +54,15 @@ def creep_rate(age_s: FloatArray, values: FloatArray) -> FloatArray:
         return np.zeros(channels)
     rows = [known & (block == b) for b in used]
     mean = np.array([values[r].mean(axis=0) for r in rows])
-    (rate, sure, left), (_, _, linear) = (
-        _line(np.array([v[r].mean() for r in rows]), mean) for v in (x, age_s)
-    )
-    creeps = sure & (left < linear) & (np.abs(rate) * (x[-1] - x[0]) < _MOST)
+    rate, error, left = _line(np.array([x[r].mean() for r in rows]), mean)
+    linear = _line(np.array([age_s[r].mean() for r in rows]), mean)[2]
+    creeps = (np.abs(rate) > _SURE * error) & (left < linear) & (np.abs(rate) * (x[-1] - x[0]) < _MOST)
     return np.where(creeps, rate, 0.0) if 2 * creeps.sum() >= channels else np.zeros(channels)
 
 
 def _line(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return slopes of y (points, channels) over x, whether they are certain, and the squares that are left."""
+    """Return slopes of y (points, channels) over x, their standard deviations, and the squares that are left."""
     x = x - x.mean()
     slope = x @ y / (x @ x)
     left = ((y - y.mean(axis=0) - x[:, None] * slope) ** 2).sum(axis=0)
-    return slope, np.abs(slope) > _SURE * np.sqrt(left / (len(x) - 2) / (x @ x)), left
+    return slope, np.sqrt(left / (len(x) - 2) / (x @ x)), left

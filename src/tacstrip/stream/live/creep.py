@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -49,7 +50,7 @@ class CreepFilter:
         if not self.creeping:
             return scan
         shift = self._shift(age_s).reshape(len(scan.signatures), -1)
-        found = {}
+        found: dict[str, Any] = {}
         for name, change in zip(scan.signatures, shift, strict=True):
             k = scan[name].copy()
             k[held] = np.clip(k[held] - change, 0.0, 1.0)
