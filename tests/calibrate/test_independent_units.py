@@ -34,12 +34,11 @@ def deviations(unit: units.Unit, done: Calibrated) -> list[float]:
     for p in done.parameters:
         part, *rest = p.name.split()
         strip = p.strip or 0
-        true = {
-            "offset": lambda: unit.offset[rest[0]][strip] * unit.sensor.vref_volt,  # noqa: B023 - called at once
-            "gain": lambda: unit.gain[rest[0]][strip],  # noqa: B023
-            "resistivity": lambda: float(unit.sensing[strip].mean()),  # noqa: B023
-            "contact": lambda: unit.lambda_mm,
-        }[part]()
+        if part in ("offset", "gain"):
+            own = (unit.offset if part == "offset" else unit.gain)[rest[0]][strip]
+            true = float(own) * (unit.sensor.vref_volt if part == "offset" else 1.0)
+        else:
+            true = unit.lambda_mm if part == "contact" else float(unit.sensing[strip].mean())
         found.append((p.value - true) / p.sigma)
     return found
 
@@ -71,7 +70,7 @@ def test_uneven_rubber_is_planned_for_and_described() -> None:
 def test_printed_ranges_hold_where_places_are_uncertain() -> None:
     """Places off by half a millimetre, told: drawn for each row, each press and each place."""
     every: list[float] = []
-    for seed in range(6):
+    for seed in range(3):
         rng = np.random.default_rng(seed)
         unit = units.draw(rng, CONSTRUCTIONS[seed % 2], strips=5)
         places = np.repeat(planned_places(unit.sensor, 0.1), 2, axis=0)
@@ -85,8 +84,8 @@ def test_printed_ranges_hold_where_places_are_uncertain() -> None:
         told = replace(runs, l_sd_mm=np.full(l.shape, 0.5), w_sd_mm=np.where(w > 0.0, 0.5, 0.0))
         every += deviations(unit, ts.calibrate_unit(unit.sensor, told))
     inside = float(np.mean(np.abs(every) <= 2.0))
-    assert 0.90 <= inside <= 0.99  # of some 130, three standard errors
-    assert 0.8 < float(np.sqrt(np.mean(np.square(every)))) < 1.25
+    assert 0.85 <= inside <= 1.0  # of some 55, three standard errors
+    assert 0.7 < float(np.sqrt(np.mean(np.square(every)))) < 1.35
 
 
 def test_runs_of_another_unit_are_said_where_the_spec_is_calibrated() -> None:
