@@ -13,6 +13,7 @@ from tacstrip.diagnose.drift import drift
 from tacstrip.diagnose.exchanged import swapped_ends, swapped_strips, swapped_wires
 from tacstrip.diagnose.faults import Finding, Report
 from tacstrip.diagnose.hum import hum
+from tacstrip.diagnose.intermittent import intermittent
 from tacstrip.diagnose.log import Log
 from tacstrip.diagnose.neighbour_prediction import (
     Suspect,
@@ -22,6 +23,7 @@ from tacstrip.diagnose.neighbour_prediction import (
     working_copy,
 )
 from tacstrip.diagnose.noise import excess_noise, measure, quality
+from tacstrip.diagnose.pressure import pressure
 from tacstrip.diagnose.regression import moved_to_and_fro
 from tacstrip.diagnose.shorts import shorts
 from tacstrip.sensor.rest_level import rest_hint
@@ -33,6 +35,7 @@ _OFFSET = 0.02  # over Vref: what a strip may lie off its neighbours' line befor
 _TESTS: tuple[Callable[[WorkingCopy], Iterable[Suspect]], ...] = (
     never_touched, on_rails, not_moving, clipped, swapped_wires, swapped_ends, swapped_strips, shorts,
 )  # fmt: skip
+_TIMED = 256  # parts of a recording in which a resting contact is looked at for drift
 _FEWEST = 20  # places that determine an offset
 _AT = 0.003  # over Vref: readings this near to a ceiling are not used
 _AT_EDGE = 0.3  # weight of a fault where neighbours stand on one side only
@@ -79,24 +82,27 @@ def diagnose(log: Log) -> Report:
         beyond = [c.numbers["side"] * (values - c.numbers["level"]) > -_AT for c in ceiling]
         out = np.any([np.zeros(values.shape, bool), *beyond], axis=0)
         work.k[name] = np.where(out, np.nan, values / factor)
-    rows = places(work)
     geometric = log.sensor.kind.closed_form
-    tests = _TESTS if geometric else (never_touched, swapped_wires)
+    pressed = list(pressure(part)) if geometric else []
+    loose = list(intermittent(work)) if geometric and not pressed else []
+    rows = places(work)
+    tests = () if pressed else _TESTS if geometric else (never_touched, swapped_wires)
     named = _remove_dominant(rows, tests if not ceiling else [t for t in tests if t is not clipped])
     for suspect in named:
         suspect.repair(work)
-    removed = _merged([s.finding for s in named])
-    drifting, checked = drift(part, work)
+    removed = [*pressed, *loose, *_merged([s.finding for s in named])]
+    timed = places(work, max(len(part.time_s) // _TIMED, 1))
+    drifting, together, checked = drift(part, timed, timed.time_s)
     humming, no_hum = hum(part, sigma)
     loud = {f.strips for f in humming}
     known = {i for f in removed for i in f.strips}
     noisy = [f for f in excess_noise(noise) if f.strips not in loud]  # hum is noise too
-    late = [f for f in (*drifting, *noisy) if not known & set(f.strips)]
+    late = [f for f in (*drifting, *noisy) if not pressed and not known & set(f.strips)]
     findings = [*bits, *reference, *ceiling, *removed, *humming, *late]
     unchecked = [*_not_checked(part, rows, known), no_bits, no_hum, *_drift_not_checked(part, checked, known)]
     return Report(
         findings=tuple(sorted(findings, key=lambda f: (_WORST[f.kind.severity], f.strips))),
-        notes=tuple(_notes(log, rows)),
+        notes=(*together, *_notes(log, rows)),
         unchecked=tuple(reason for reason in unchecked if reason),
         quality=quality(log.sensor, noise),
         touched_scans=log.touched.sum(axis=0),

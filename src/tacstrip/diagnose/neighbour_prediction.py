@@ -38,6 +38,8 @@ class WorkingCopy:
         The file's strip at each place across (strips,), counted from 0.
     at_ground
         Whether the file's strips (strips,) read ground, rather than nothing, where they count as untouched.
+    time_s
+        When the rows were (places,) [s].
     """
 
     sensor: Sensor
@@ -46,6 +48,7 @@ class WorkingCopy:
     sigma: float
     order: IntArray
     at_ground: BoolArray
+    time_s: FloatArray
 
     @property
     def pair(self) -> tuple[FloatArray, FloatArray] | None:
@@ -100,13 +103,14 @@ def working_copy(log: Log, sigma: float) -> WorkingCopy:
     there = np.isfinite(np.stack(list(log.raw.values()))).all(axis=(0, 1))
     across = np.arange(log.sensor.strips)
     at_ground = np.asarray(there & grounded)
-    return WorkingCopy(log.sensor, dict(log.k), log.touched.copy(), sigma, across, at_ground)
+    return WorkingCopy(log.sensor, dict(log.k), log.touched.copy(), sigma, across, at_ground, log.time_s)
 
 
-def places(work: WorkingCopy) -> WorkingCopy:
+def places(work: WorkingCopy, most: int = 1 << 30) -> WorkingCopy:
     """Average successive scans with the contact at one place; drop those without a contact.
 
-    A contact that moves by less than the noise stays at one place, so that all rows carry equal information.
+    A contact that moves by less than the noise stays at one place, so that all rows carry equal information; it is
+    another place after so many scans at the `most`.
     """
     values = np.stack(list(work.k.values()), axis=2)  # (scans, strips, signatures)
     threshold = max(_MOVED, 6.0 * work.sigma)
@@ -114,7 +118,7 @@ def places(work: WorkingCopy) -> WorkingCopy:
     start, number = 0, 0
     for t in range(1, len(values)):
         moved = np.nanmax(np.abs(values[t] - values[start]), initial=0.0) > threshold
-        if moved or not (work.there[t] == work.there[start]).all():
+        if moved or t - start >= most or not (work.there[t] == work.there[start]).all():
             start, number = t, number + 1
         group[t] = number
     first = np.flatnonzero(np.diff(group, prepend=-1))
@@ -124,7 +128,8 @@ def places(work: WorkingCopy) -> WorkingCopy:
     keep = np.flatnonzero(work.there[first].any(axis=1))
     keep = keep[np.linspace(0, len(keep) - 1, min(len(keep), _MOST_PLACES)).astype(int)]
     parts = {name: np.ascontiguousarray(means[keep, :, i]) for i, name in enumerate(work.k)}
-    return replace(work, k=parts, there=work.there[first][keep], order=work.order.copy())
+    times = work.time_s[first][keep]
+    return replace(work, k=parts, there=work.there[first][keep], order=work.order.copy(), time_s=times)
 
 
 def predict_from_neighbours(values: FloatArray, there: BoolArray) -> tuple[FloatArray, BoolArray, FloatArray]:
