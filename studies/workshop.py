@@ -78,20 +78,32 @@ def bench(seed: int, fault: str = "", recording: str = "", strips: int | None = 
     time_s = np.arange(scans) / rate
     if recording == "few" and rng.random() < 0.5:
         time_s = np.zeros(scans)
-    return Bench(seed, fault, where, recording, size, Log.of(sensor, time_s, k), f"{about} noise {noise:.4f}", shown)
+    return Bench(
+        seed, fault, where, recording, size, Log.of(sensor, time_s, k), f"{about} noise {noise:.4f}", shown
+    )
 
 
 def _differing(a: dict[str, FloatArray], b: dict[str, FloatArray], strips: Sequence[int], fault: str) -> int:
     """Return in how many scans a fault changed a reading of its strips."""
-    least = 0.01 if fault.startswith("short") else 0.004 if fault in ("drift", "wander", "hum", "noise") else 0.08
+    least = (
+        0.01 if fault.startswith("short") else 0.004 if fault in ("drift", "wander", "hum", "noise") else 0.08
+    )
     at = list(strips)
-    off = np.any([(np.abs(a[n] - b[n])[:, at] > least) | (np.isnan(a[n]) != np.isnan(b[n]))[:, at] for n in a], axis=0)
+    off = np.any(
+        [(np.abs(a[n] - b[n])[:, at] > least) | (np.isnan(a[n]) != np.isnan(b[n]))[:, at] for n in a], axis=0
+    )
     return int(off.any(axis=1).sum())
 
 
 def _sensor(rng: np.random.Generator, strips: int | None, fault: str) -> Sensor:
     two = fault in ("swapped-wires", "dead", "stuck") and rng.random() < 0.8
-    kinds = ["crs-m"] if fault == "short-edge" else ["crs-crs"] if two else ["crs-crs", "crs-crs", "crs-m", "cyl-crs-m"]
+    kinds = (
+        ["crs-m"]
+        if fault == "short-edge"
+        else ["crs-crs"]
+        if two
+        else ["crs-crs", "crs-crs", "crs-m", "cyl-crs-m"]
+    )
     if fault == "swapped-wires":
         kinds = ["crs-crs"]
     kind = str(rng.choice(kinds))
@@ -167,7 +179,9 @@ def _contacts(
         elif kind == "triangle":
             side = (dx / a + 1.0) / 2.0
             low = y - b + dx * sheer
-            up = low + 2.0 * b * np.where((side >= 0.0) & (side <= 1.0), np.minimum(side / 0.4, (1.0 - side) / 0.6), np.nan)
+            up = low + 2.0 * b * np.where(
+                (side >= 0.0) & (side <= 1.0), np.minimum(side / 0.4, (1.0 - side) / 0.6), np.nan
+            )
         else:
             thin = 0.3 if kind == "bar" else 1.0
             skew = 0.15 * dx / a * b
@@ -175,11 +189,16 @@ def _contacts(
             low = np.where(rel <= 1.0, low, np.nan)
     off = ~(f > 0.02) | ~np.isfinite(low + up) | (up < 0.02) | (low > 0.98) | (up - low < 0.005)
     top = 0.98 if sensor.construction != "crs-crs" else 1.0
-    low, up = np.where(off, np.nan, np.clip(low, 1.0 - top, 1.0)), np.where(off, np.nan, np.clip(up, 0.0, top))
+    low, up = (
+        np.where(off, np.nan, np.clip(low, 1.0 - top, 1.0)),
+        np.where(off, np.nan, np.clip(up, 0.0, top)),
+    )
     with np.errstate(invalid="ignore"):
         bad = ~(up - low > 0.003)
     low[bad] = up[bad] = np.nan
-    bell = np.where(np.isfinite(low), f * np.sqrt(np.maximum(1.0 - (dx / np.maximum(a, 0.3)) ** 2, 0.0)), np.nan)
+    bell = np.where(
+        np.isfinite(low), f * np.sqrt(np.maximum(1.0 - (dx / np.maximum(a, 0.3)) ** 2, 0.0)), np.nan
+    )
     return low, up, bell
 
 
@@ -210,7 +229,9 @@ def _soft(
     return low, up, edge
 
 
-def _readings(rng: np.random.Generator, sensor: Sensor, low: FloatArray, up: FloatArray) -> dict[str, FloatArray]:
+def _readings(
+    rng: np.random.Generator, sensor: Sensor, low: FloatArray, up: FloatArray
+) -> dict[str, FloatArray]:
     """Return k of strips as built: clamps, a cold joint on some, resistivity that varies, offsets and gains."""
     n = sensor.strips
     ratio = 0.0 if sensor.construction != "crs-crs" else sensor.resistivity_ratio
@@ -405,7 +426,11 @@ def _ail(
         level = float(rng.choice([0.0, rest])) if fault == "dead" else float(rng.uniform(0.08, 0.92))
         for name in one:
             own = k[name][:, at]
-            k[name][:, at] = np.where(np.isfinite(own), level + (0.0005 if rng.random() < 0.5 else 0.0) * rng.normal(size=scans), np.nan)
+            k[name][:, at] = np.where(
+                np.isfinite(own),
+                level + (0.0005 if rng.random() < 0.5 else 0.0) * rng.normal(size=scans),
+                np.nan,
+            )
         return level, f"{one} at {level:.2f}"
     if fault == "saturation":
         every = np.concatenate([k[name][:, at] for name in one])

@@ -76,6 +76,8 @@ def _lines(log: Log, report: Report) -> Iterator[str]:
             yield f'    Until then leave it out: --without {name}, or without = ["{name}"] in the spec.'
     for finding in report.notes:
         yield f"Note: {_sentence(report, finding)} {_capital(finding.kind.check)}."
+    for question in report.questions:
+        yield f"Question: {report.where(question)}: {question.evidence}; {question.ask(report.strip_base)}."
     yield _noise(report)
     for reason in report.unchecked:
         yield f"Not checked: {reason}."

@@ -24,6 +24,7 @@ from tacstrip.diagnose.neighbour_prediction import (
 )
 from tacstrip.diagnose.noise import excess_noise, measure, quality
 from tacstrip.diagnose.pressure import pressure
+from tacstrip.diagnose.questions import questions
 from tacstrip.diagnose.regression import moved_to_and_fro
 from tacstrip.diagnose.shorts import shorts
 from tacstrip.sensor.rest_level import rest_hint
@@ -103,6 +104,7 @@ def diagnose(log: Log) -> Report:
     return Report(
         findings=tuple(sorted(findings, key=lambda f: (_WORST[f.kind.severity], f.strips))),
         notes=(*together, *_notes(log, rows)),
+        questions=tuple(questions(rows, known)) if geometric and not pressed and not ceiling else (),
         unchecked=tuple(reason for reason in unchecked if reason),
         quality=quality(log.sensor, noise),
         touched_scans=log.touched.sum(axis=0),

@@ -12,7 +12,10 @@ from tacstrip.diagnose.log import Log
 from tacstrip.diagnose.neighbour_prediction import WorkingCopy, neighbour_residuals
 from tacstrip.robust import robust_sigma
 
-_DRIFT, _WANDER = 0.006, 0.005  # over Vref, over the recording, and as a standard deviation: less is not reported
+_DRIFT, _WANDER = (
+    0.006,
+    0.005,
+)  # over Vref, over the recording, and as a standard deviation: less is not reported
 _CERTAIN = 4.8  # standard deviations of a normal error that a change must exceed
 _AT_EDGE = 2.0  # times as many for the outermost strips, where extrapolation magnifies what neighbours do
 _TIMES = 4.0  # times the other strips' changes
@@ -167,9 +170,13 @@ def _at_rest(log: Log, order: IntArray, tau: FloatArray) -> tuple[_Trend, float]
             enough = np.isfinite(part).sum(axis=0) >= 3
             if enough.any():
                 level[b, enough] = np.nanmedian(part[:, enough], axis=0)
-        level -= np.where(np.isfinite(level).any(axis=0), np.nanmean(np.where(np.isfinite(level), level, 0.0), axis=0), 0.0)
+        level -= np.where(
+            np.isfinite(level).any(axis=0), np.nanmean(np.where(np.isfinite(level), level, 0.0), axis=0), 0.0
+        )
         known = np.isfinite(level)
-        center = np.array([np.median(level[b, known[b]]) if known[b].sum() >= 3 else np.nan for b in range(_BLOCKS)])
+        center = np.array(
+            [np.median(level[b, known[b]]) if known[b].sum() >= 3 else np.nan for b in range(_BLOCKS)]
+        )
         middle = (np.arange(_BLOCKS) + 0.5) / _BLOCKS
         usable = np.isfinite(center)
         if usable.sum() >= _BLOCKS // 2:
@@ -218,7 +225,9 @@ def _look(work: WorkingCopy, tau: FloatArray, trend: _Trend, due: IntArray) -> N
             if known.sum() < _FEWEST or np.ptp(tau[known]) < _SPAN:
                 continue
             terms = [line[:, place], line[:, place] ** 2, *map(np.nan_to_num, sides)]
-            if (values := _without_place(r[known, place], tau[known], [t[known] for t in terms], np.flatnonzero(known))):
+            if values := _without_place(
+                r[known, place], tau[known], [t[known] for t in terms], np.flatnonzero(known)
+            ):
                 trend.put(place, values)
 
 
@@ -228,7 +237,7 @@ def _without_place(
     """Return the numbers of a `_Trend` from residuals (rows,) that depend on place too; None where it is not clear."""
     used = [t for t in terms if float(np.std(t)) > 0.003]
     keep = np.ones(len(values), dtype=bool)
-    for _ in range(3):
+    for trimming in (True, True, True, False):
         if keep.sum() < _FEWEST:
             return None
         basis = np.linalg.qr(np.column_stack([np.ones(int(keep.sum())), *(t[keep] for t in used)]))[0]
@@ -239,12 +248,9 @@ def _without_place(
         left = rest - float(own @ rest) / power * own
         limit = 4.0 * float(np.median(np.abs(left))) + 1e-5  # a passing corner of the contact is no drift
         beyond = np.flatnonzero(keep)[np.abs(left) > limit]
-        if not len(beyond):
-            break
-        keep[beyond] = False
+        if trimming:
+            keep[beyond] = False
     at = rows[keep]
-    if len(own) != len(at):
-        return None
     visit = np.cumsum(np.diff(at, prepend=at[0]) > _PAUSE)
     part = np.minimum(tau[keep] * _BLOCKS * _FINE, _BLOCKS * _FINE - 1).astype(int)
     number = np.unique(visit * _BLOCKS * _FINE + part, return_inverse=True)[1]
@@ -263,7 +269,13 @@ def _without_place(
     overall = float(np.polyfit(tau[keep], values[keep], 1)[0])  # whatever the place
     if abs(overall - change) > 0.6 * abs(change):
         change = 0.0
-    return change, error, wander, smooth, max(straight, _STRAIGHT + 0.01 if change and abs(change) > 6.0 * error else 0.0)
+    return (
+        change,
+        error,
+        wander,
+        smooth,
+        max(straight, _STRAIGHT + 0.01 if change and abs(change) > 6.0 * error else 0.0),
+    )
 
 
 def _near_touched(touched: BoolArray) -> BoolArray:

@@ -32,7 +32,10 @@ def hum(log: Log, sigma: float) -> tuple[list[Finding], str]:
     period = float(np.median(step))
     long = max(min(int(_SEGMENT_S / period), len(log.time_s) // 4), 2 * _SHORTEST)
     segments = max(len(log.time_s) // long, 1)
-    lines = [_line(log, mains, period, np.linspace(0, len(log.time_s), segments + 1).astype(int)) for mains in MAINS]
+    lines = [
+        _line(log, mains, period, np.linspace(0, len(log.time_s), segments + 1).astype(int))
+        for mains in MAINS
+    ]
     if not any(count.any() for _, count in lines):
         names = " and ".join(f"{m:g}" for m in MAINS)
         seldom = f"hum at {names} Hz: scans come too seldom, at {1.0 / period:.4g} a second, or the contacts are too short"
@@ -69,7 +72,9 @@ def _line(log: Log, mains: float, period: float, edges: FloatArray) -> tuple[Flo
     for values in log.raw.values():
         bend = np.full_like(values, np.nan)
         bend[lag:-lag] = values[lag:-lag] - (values[: -2 * lag] + values[2 * lag :]) / 2.0
-        same = (log.touched[lag:-lag] == log.touched[: -2 * lag]) & (log.touched[lag:-lag] == log.touched[2 * lag :])
+        same = (log.touched[lag:-lag] == log.touched[: -2 * lag]) & (
+            log.touched[lag:-lag] == log.touched[2 * lag :]
+        )
         bend[lag:-lag][~(same & even[:, None])] = np.nan
         known = np.isfinite(bend)
         bend = np.where(known, bend, 0.0)
@@ -106,7 +111,9 @@ def _mains_lines(powers: list[FloatArray], counts: list[FloatArray], sigma: floa
         halves = np.stack([[h.sum(axis=1) for h in np.array_split(p, 2, axis=1)] for p in powers])
         lasting = (halves[:, :, 0] > _HALF * halves[:, :, 1]).all(axis=1)
     once = np.stack([(c > 0.0).sum(axis=0) < 2 for c in counts])
-    loud = (ratio > np.where(once, _LINE_ONCE, _LINE)) & (amplitude > _HUM) & (lasting | once)  # (mains, strips)
+    loud = (
+        (ratio > np.where(once, _LINE_ONCE, _LINE)) & (amplitude > _HUM) & (lasting | once)
+    )  # (mains, strips)
     known = (weight > 0.0).any(axis=0)
     i = int(np.argmax(np.where(weight.any(axis=1), every, -1.0)))
     level = float(np.sqrt(sums[i, 0].sum() / weight[i].sum()))

@@ -10,7 +10,9 @@ from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.diagnose.faults import Finding
 from tacstrip.diagnose.neighbour_prediction import WorkingCopy, predict_from_neighbours
 
-_FAR = 0.12  # over Vref: a reading this far off its neighbours' line, at the level of a free wire, dropped out
+_FAR = (
+    0.12  # over Vref: a reading this far off its neighbours' line, at the level of a free wire, dropped out
+)
 _STILL = 0.05  # over Vref: what the neighbours may change while a reading jumps by more than _FAR
 _JUMPS, _JUMPS_SILENT = 3, 8  # to and fro, beside neighbours that stay; to untouched, as at a contact's rim
 _FEWEST = 5  # scans that dropped out
@@ -54,7 +56,9 @@ def intermittent(work: WorkingCopy) -> Iterator[Finding]:
         e = np.where(gone | lost, e, line)
         if work.sensor.rest_volt is not None:  # the wire's level instead of rest, beside strips that rest
             alone = _alone(work.there)
-            lone = alone & work.there & np.any([np.abs(values - level) < near for level in (0.0, 1.0)], axis=0)
+            lone = (
+                alone & work.there & np.any([np.abs(values - level) < near for level in (0.0, 1.0)], axis=0)
+            )
             often = lone.sum(axis=0) > _MOST_ALONE
             silent |= lone & often
             good = good | (alone & ~work.there & often)
@@ -71,13 +75,25 @@ def intermittent(work: WorkingCopy) -> Iterator[Finding]:
         for row, (name, (out, good, e)) in enumerate(found.items()):
             gaps, fine = int(out[:, strip].sum()), int(good[:, strip].sum())
             share = gaps / max(gaps + fine, 1)
+            under = work.there[:, strip] & np.isfinite(work.k[name][:, strip]) & good[:, strip]
+            if not _FEWEST <= under.sum():
+                continue  # it never reads a contact
             least = _JUMPS_SILENT if (out & np.isnan(work.k[name]))[:, strip].sum() > 0.5 * gaps else _JUMPS
             few = jumps[row, strip] < max(least, _OTHERS * usual[row] + 1)
             if gaps < _FEWEST or few or not _LEAST < share < _MOST:
                 continue
             read = np.where(gone[:, strip], np.nan, work.k[name][:, strip])
-            levels = [out[:, strip] & side for side in (read < 0.5, read >= 0.5, np.isnan(read))]
-            mixed = [_mixed(e[at, strip], e[good[:, strip], strip]) for at in levels if at.sum() >= _FEWEST]
+            line, fine_at = e[:, strip], good[:, strip]
+            # Where the neighbours read as a free wire does, good readings prove nothing.
+            levels = (
+                (read < 0.5, line > _FAR),
+                (read >= 0.5, line < 1.0 - _FAR),
+                (np.isnan(read), line > -1.0),
+            )
+            mixed = [
+                _mixed(line[out[:, strip] & side], line[fine_at & apart])
+                for side, apart in levels if (out[:, strip] & side).sum() >= _FEWEST
+            ]  # fmt: skip
             if not mixed or not all(mixed):
                 continue
             channels.append((name, share, gaps, int(jumps[row, strip])))
@@ -97,10 +113,13 @@ def intermittent(work: WorkingCopy) -> Iterator[Finding]:
 
 
 def _gaps(work: WorkingCopy) -> BoolArray:
-    """Return where a strip counts as untouched between two touched neighbours (scans, strips)."""
+    """Return where a strip counts as untouched between two touched ones on either side (scans, strips).
+
+    Nearer to a contact's rim, it may be its shape, or strips in the wrong order.
+    """
     there = work.there
     gap = np.zeros_like(there)
-    gap[:, 1:-1] = ~there[:, 1:-1] & there[:, :-2] & there[:, 2:]
+    gap[:, 2:-2] = ~there[:, 2:-2] & there[:, :-4] & there[:, 1:-3] & there[:, 3:-1] & there[:, 4:]
     return gap
 
 

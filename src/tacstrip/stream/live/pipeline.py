@@ -22,6 +22,7 @@ from tacstrip.arguments import takes
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import TacstripError, in_words
 from tacstrip.reconstruction.methods import chosen_method
+from tacstrip.sensor.left_out import checked_names
 from tacstrip.stream.live.background_recorder import BackgroundRecorder
 from tacstrip.stream.live.bounded_queue import BoundedQueue
 from tacstrip.stream.live.drift import DriftCorrectingDecoder
@@ -198,6 +199,13 @@ class Live:
         """Reconstruct by another method from now on."""
         self.method = method
         self._tracker = Tracker(self.source.sensor, method, self.noise, self._searches)
+
+    def leave_out(self, names: tuple[str, ...]) -> None:
+        """Do without these channels from the next scan on, named as in the spec's `without`; they are recorded."""
+        checked_names(
+            names, self.source.sensor.kind, self.source.sensor.strips, self.source.sensor.strip_base
+        )
+        self._decoder.left_out = names
 
     def notify(self, text: str, level: int = logging.WARNING) -> None:
         """Send a message to the user."""
