@@ -54,7 +54,7 @@ def bench(seed: int, fault: str = "", recording: str = "", strips: int | None = 
     at = int(rng.choice([0, n - 2])) if fault == "short-edge" else int(rng.integers(0, n - 1))
     low, up, force = _contacts(rng, sensor, recording, at, rate)
     scans = len(low)
-    low, up, edge = _soft(rng, sensor, low, up, force)
+    low, up, _ = _soft(rng, sensor, low, up, force)
     k = _readings(rng, sensor, low, up)
     size, where, about = 0.0, (at,), ""
     clean = {name: values.copy() for name, values in k.items()}
@@ -112,7 +112,8 @@ def _sensor(rng: np.random.Generator, strips: int | None, fault: str) -> Sensor:
     length = float(rng.uniform(0.7, 4.0) * n * pitch) if n < 30 else float(rng.uniform(0.7, 1.5) * n * pitch)
     rest = float(rng.choice([0.0, 0.0, 0.25, 0.5])) if rng.random() < 0.5 else None
     return Sensor(
-        construction=kind, strips=n, pitch_mm=pitch, length_mm=length, radius_mm=n * pitch / 5.0 if "cyl" in kind else None,
+        construction=kind, strips=n, pitch_mm=pitch, length_mm=length,
+        radius_mm=n * pitch / 5.0 if "cyl" in kind else None,
         resistivity_ratio=float(rng.choice([0.3, 1.0, 1.0, 3.0])) if kind == "crs-crs" else 1.0,
         contact_lambda_mm=float(rng.choice([0.0, 0.0, 0.01])) * length,
         adc_bits=int(rng.choice([10, 10, 12, 14])), rest_volt=rest, touch_volt=None if rest is None else 0.15,
@@ -159,11 +160,11 @@ def _contacts(
         share = np.linspace(0.0, 1.0, scans)
         slow = recording == "drag"
         cycles = (rng.uniform(1.0, 3.0), rng.uniform(1.5, 4.0), 2.0) if slow else (3.0, 5.0, 8.0)
-        x, y, turn = (np.abs(2.0 * ((c * share + rng.uniform()) % 1.0) - 1.0) for c in cycles)
-        angle = rng.uniform(0.2, 0.6) * (2.0 * turn - 1.0)
-        f = 0.8 + 0.2 * np.sin(share * rng.uniform(5.0, 40.0))
+        across, along, turn = (np.abs(2.0 * ((c * share + rng.uniform()) % 1.0) - 1.0) for c in cycles)
+        tilt = rng.uniform(0.2, 0.6) * (2.0 * turn - 1.0)
+        pushed = 0.8 + 0.2 * np.sin(share * rng.uniform(5.0, 40.0))
         spots = [(float(a) * n, 0.05 + 0.9 * float(b), float(c), float(d), 1.0)
-                 for a, b, c, d in zip(x, y, angle, f, strict=True)]  # fmt: skip
+                 for a, b, c, d in zip(across, along, tilt, pushed, strict=True)]  # fmt: skip
     x, y, angle, f, grown = np.array(spots).T[:, :, None]
     aspect = sensor.length_mm / sensor.pitch_mm  # strips a length
     dx = np.arange(n) + 0.5 - x
@@ -210,7 +211,8 @@ def _soft(
     edge = float(rng.choice([0.0, 0.002, 0.006, 0.012]))  # over L
     there = np.isfinite(low)
     fresh = np.ones(scans, dtype=bool)
-    fresh[1:] = there.any(axis=1)[1:] & ~there.any(axis=1)[:-1]
+    some = np.asarray(there.any(axis=1))
+    fresh[1:] = some[1:] & ~some[:-1]
     for values in (low, up):
         own = np.zeros((scans, n))
         state = rng.normal(size=n)
@@ -351,12 +353,13 @@ def _bridge_metal(
 
             l, u = low[t, i], up[t, i]
             if place < l:
-                join(0, 3, place), join(3, 2, l - place), join(2, 1, 1.0 - u)
+                parts = [(0, 3, place), (3, 2, l - place), (2, 1, 1.0 - u)]
             elif place > u:
-                join(0, 2, l), join(2, 3, place - u), join(3, 1, 1.0 - place)
+                parts = [(0, 2, l), (2, 3, place - u), (3, 1, 1.0 - place)]
             else:
-                join(0, 2, l), join(2, 1, 1.0 - u), join(2, 3, 0.0)
-            join(3, 4, ohm)
+                parts = [(0, 2, l), (2, 1, 1.0 - u), (2, 3, 0.0)]
+            for part in (*parts, (3, 4, ohm)):
+                join(*part)
             if np.isfinite(low[t, j]):
                 a, b = low[t, j], up[t, j]
                 join(4, 2, max(a - place, place - b, 0.0))
@@ -394,7 +397,7 @@ def _bridge_rubber(
                 l, u = low[t, at + strip], up[t, at + strip]
                 if np.isfinite(l):
                     cover = np.clip(np.minimum(y + 0.5 / n, u) - np.maximum(y - 0.5 / n, l), 0.0, 1.0 / n) * n
-                    for i in np.flatnonzero(cover > 0.01):
+                    for i in np.flatnonzero(cover > 0.01).tolist():
                         join(g, 2 * strip * n + i, (2 * strip + 1) * n + i, 3e4 * float(cover[i]))
             if bridged:
                 join(g, n + node, 3 * n + node, 1e3)

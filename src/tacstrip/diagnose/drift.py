@@ -1,4 +1,4 @@
-"""Drift and slow wander: a strip's readings that change with time, and not with the contact or with the other strips."""
+"""Drift and slow wander: a strip's readings that change with time, not with the contact or the other strips."""
 
 from __future__ import annotations
 
@@ -24,6 +24,7 @@ _LOOKS, _LOOKS_TO_WANDER = 7, 10  # independent looks at a strip
 _SMOOTH = 1.0  # von Neumann's ratio: 2 for independent looks, less for slow wander
 _STRAIGHT = 0.5  # of the wander's variance: more in a line is drift
 _BLOCKS, _FINE = 16, 4  # of time; as many looks in each
+_RESTS = 6  # untouched readings in a block
 _PAUSE = 2  # rows between two visits
 _SPAN, _FEWEST = 0.6, 24  # of the recording, rows
 _OWN = 0.2  # of time's variance that place must not explain
@@ -157,7 +158,7 @@ def _at_rest(log: Log, order: IntArray, tau: FloatArray) -> tuple[_Trend, float]
     """Return the trend of untouched readings against those of all strips, and the change that these share."""
     strips = log.sensor.strips
     near = np.empty_like(log.touched)
-    near[:, order] = _near_touched(log.touched[:, order])
+    near[:, order] = _near_touched(_near_touched(log.touched[:, order]))
     block = np.minimum((tau * _BLOCKS).astype(int), _BLOCKS - 1)
     trend, shared = _Trend.unknown(strips), []
     for values in log.raw.values():
@@ -167,7 +168,7 @@ def _at_rest(log: Log, order: IntArray, tau: FloatArray) -> tuple[_Trend, float]
         level = np.full((_BLOCKS, strips), np.nan)
         for b in range(_BLOCKS):
             part = rest[block == b]
-            enough = np.isfinite(part).sum(axis=0) >= 3
+            enough = np.isfinite(part).sum(axis=0) >= _RESTS
             if enough.any():
                 level[b, enough] = np.nanmedian(part[:, enough], axis=0)
         level -= np.where(
@@ -225,10 +226,10 @@ def _look(work: WorkingCopy, tau: FloatArray, trend: _Trend, due: IntArray) -> N
             if known.sum() < _FEWEST or np.ptp(tau[known]) < _SPAN:
                 continue
             terms = [line[:, place], line[:, place] ** 2, *map(np.nan_to_num, sides)]
-            if values := _without_place(
+            if numbers := _without_place(
                 r[known, place], tau[known], [t[known] for t in terms], np.flatnonzero(known)
             ):
-                trend.put(place, values)
+                trend.put(place, numbers)
 
 
 def _without_place(

@@ -94,7 +94,7 @@ class Question:
     >>> from tacstrip.diagnose import Question
     >>> question = Question((3,), ("open-strip", "dead"), "lies 40 % of Vref off its neighbours' line in 1 place(s)")
     >>> question.ask(strip_base=1)
-    'open strip or dead channel? Press strip 4 at three places along it, with the strips beside it, and run doctor again'
+    'open strip or dead channel? Press strip 4 at three places, with the strips beside it, and run doctor again'
     """
 
     strips: tuple[int, ...]
@@ -106,7 +106,9 @@ class Question:
         """Return the question, and what to record for an answer; strips as the readings file counts them."""
         titles = " or ".join(FAULTS[cause].title for cause in self.causes)
         names = " and ".join(str(i + strip_base) for i in self.strips)
-        return f"{titles}? Press strip {names} at three places along it, with the strips beside it, and run doctor again"
+        return (
+            f"{titles}? Press strip {names} at three places, with the strips beside it, and run doctor again"
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import pairwise
 
 import numpy as np
 
-from tacstrip.arrays import FloatArray
+from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.diagnose.faults import Finding
 from tacstrip.diagnose.log import Log
 
@@ -38,12 +39,12 @@ def hum(log: Log, sigma: float) -> tuple[list[Finding], str]:
     ]
     if not any(count.any() for _, count in lines):
         names = " and ".join(f"{m:g}" for m in MAINS)
-        seldom = f"hum at {names} Hz: scans come too seldom, at {1.0 / period:.4g} a second, or the contacts are too short"
-        return [], seldom
+        rate = f"{1.0 / period:.4g} a second"
+        return [], f"hum at {names} Hz: scans come too seldom, at {rate}, or the contacts are too short"
     return list(_mains_lines([power for power, _ in lines], [count for _, count in lines], sigma)), ""
 
 
-def _line(log: Log, mains: float, period: float, edges: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _line(log: Log, mains: float, period: float, edges: IntArray) -> tuple[FloatArray, FloatArray]:
     """Return squared amplitudes on a line and near it (2, segments, strips), and the readings used, likewise.
 
     A reading less the mean of those half a turn before and after it doubles the line and removes motion.
@@ -68,7 +69,8 @@ def _line(log: Log, mains: float, period: float, edges: FloatArray) -> tuple[Flo
         return power, counts
     hertz = np.concatenate([mains + np.array([-0.4, 0.0, 0.4]) / lasts, nearby[use]])
     gains = np.concatenate([np.full(3, gain), gains[use]])
-    even = np.abs(log.time_s[2 * lag :] - log.time_s[: -2 * lag] - 2 * lag * period) < 0.5 * period
+    slot = np.round((log.time_s - log.time_s[0]) / period).astype(int)
+    even = np.abs(slot[2 * lag :] - slot[: -2 * lag] - 2 * lag) < 1
     for values in log.raw.values():
         bend = np.full_like(values, np.nan)
         bend[lag:-lag] = values[lag:-lag] - (values[: -2 * lag] + values[2 * lag :]) / 2.0
@@ -80,11 +82,18 @@ def _line(log: Log, mains: float, period: float, edges: FloatArray) -> tuple[Flo
         bend = np.where(known, bend, 0.0)
         size = np.abs(bend).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
         bend = np.clip(bend, -_CLIP * size, _CLIP * size)
-        for s, (a, b) in enumerate(zip(edges[:-1], edges[1:], strict=True)):
-            turns = 2.0 * np.pi * np.outer(hertz, log.time_s[a:b] - log.time_s[a])
-            found = (np.cos(turns) @ bend[a:b]) ** 2 + (np.sin(turns) @ bend[a:b]) ** 2
+        for s, (a, b) in enumerate(pairwise(edges.tolist())):
+            at = slot[a:b] - slot[a]
+            long = 4 * (b - a)
+            inside = (at >= 0) & (at < long)
+            if not inside.all():  # a pause
+                at, a, b = at[inside], a, a + int(inside.sum())
+            grid = np.zeros((long, strips))
+            grid[at] = bend[a : a + len(at)]
+            spectrum = np.fft.rfft(grid, axis=0)
+            bins = np.round(np.abs(hertz - rate * np.round(hertz / rate)) * period * long).astype(int)
             count = known[a:b].sum(axis=0)
-            found = 4.0 * found / (gains[:, None] * np.maximum(count, 1)) ** 2
+            found = 4.0 * np.abs(spectrum[bins]) ** 2 / (gains[:, None] * np.maximum(count, 1)) ** 2
             count = np.where(count >= _FEWEST, count, 0)
             power[0, s] += found[:3].max(axis=0) * count
             power[1, s] += np.median(found[3:], axis=0) * count
@@ -114,13 +123,14 @@ def _mains_lines(powers: list[FloatArray], counts: list[FloatArray], sigma: floa
     loud = (
         (ratio > np.where(once, _LINE_ONCE, _LINE)) & (amplitude > _HUM) & (lasting | once)
     )  # (mains, strips)
-    known = (weight > 0.0).any(axis=0)
+    known = np.asarray((weight > 0.0).any(axis=0))
     i = int(np.argmax(np.where(weight.any(axis=1), every, -1.0)))
     level = float(np.sqrt(sums[i, 0].sum() / weight[i].sum()))
-    shared = every[i] > _LINE / 2.0 and (ratio[i, known] > 3.0).mean() > 0.7 and level > _HUM
-    shared = shared and lasting[i, known].mean() > 0.5
+    shared = every[i] > _LINE / 2.0 and np.mean(ratio[i, known] > 3.0) > 0.7 and level > _HUM
+    shared = shared and np.mean(lasting[i, known]) > 0.5
     if known.sum() > 2 and (shared or loud[i].sum() > 0.5 * known.sum()):
-        evidence = f"{MAINS[i]:g} Hz of +-{100 * level:.2g} % of Vref on all strips, {every[i]:.3g} times the power near it"
+        evidence = f"{MAINS[i]:g} Hz of +-{100 * level:.2g} % of Vref on all strips, "
+        evidence += f"{every[i]:.3g} times the power near it"
         numbers = {"hertz": MAINS[i], "amplitude": level, "ratio": float(every[i])}
         yield Finding("hum", (), evidence, numbers)
         return

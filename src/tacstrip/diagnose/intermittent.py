@@ -46,14 +46,15 @@ def intermittent(work: WorkingCopy) -> Iterator[Finding]:
         found[name] = out, good, e
     # A strip that counts as untouched has no reading; its neighbours' line spans the gap.
     for name, values in work.k.items():
-        whole = work.there | gone
-        e, both, gap = predict_from_neighbours(values, whole)
-        out, good, line = found[name]
+        out, good, e = found[name]
         lost = work.there & np.isnan(values) & np.isfinite(values).any(axis=0)
-        silent = (gone | lost) & both & (gap < 0.3)
+        silent = gone | lost
+        if silent.any():
+            spanned, both, gap = predict_from_neighbours(values, work.there | gone)
+            e = np.where(silent, spanned, e)
+            silent = silent & both & (gap < 0.3)
         if work.sensor.rest_volt is not None:  # a contact may read as rest does
             silent &= np.abs(e - rest) > 2.0 * (work.sensor.touch_volt or 0.0) / work.sensor.vref_volt
-        e = np.where(gone | lost, e, line)
         if work.sensor.rest_volt is not None:  # the wire's level instead of rest, beside strips that rest
             alone = _alone(work.there)
             lone = (
@@ -76,7 +77,7 @@ def intermittent(work: WorkingCopy) -> Iterator[Finding]:
             gaps, fine = int(out[:, strip].sum()), int(good[:, strip].sum())
             share = gaps / max(gaps + fine, 1)
             under = work.there[:, strip] & np.isfinite(work.k[name][:, strip]) & good[:, strip]
-            if not _FEWEST <= under.sum():
+            if under.sum() < _FEWEST:
                 continue  # it never reads a contact
             least = _JUMPS_SILENT if (out & np.isnan(work.k[name]))[:, strip].sum() > 0.5 * gaps else _JUMPS
             few = jumps[row, strip] < max(least, _OTHERS * usual[row] + 1)

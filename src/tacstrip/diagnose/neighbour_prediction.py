@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
 import numpy as np
@@ -19,7 +19,7 @@ _REACH = 3  # strips to either side that may stand in for a neighbour
 _MOVED = 0.01  # over Vref: a contact that changes a reading by this is at another place
 _ONE_CONTACT = 0.3  # over Vref: neighbours further apart are not taken to be under one contact
 _GROUND = 0.02  # over Vref
-_MOST_PLACES = 4000
+_MOST_PLACES, _MOST_READINGS = 4000, 200_000
 
 
 @dataclass(eq=False)
@@ -49,6 +49,7 @@ class WorkingCopy:
     order: IntArray
     at_ground: BoolArray
     time_s: FloatArray
+    _residuals: dict[str, tuple[FloatArray, FloatArray]] = field(default_factory=dict, init=False)
 
     @property
     def pair(self) -> tuple[FloatArray, FloatArray] | None:
@@ -62,12 +63,17 @@ class WorkingCopy:
 
     def drop(self, *strips: int, signature: str | None = None) -> None:
         """Discard strips' readings, or one signature's; their neighbours are then each other's nearest."""
+        self.changed()
         for strip in strips:
             for name in self.k if signature is None else (signature,):
                 self.k[name][:, strip] = np.nan
             if signature is None and not self.there[:, strip].all():
                 between = _shift(self.there, -1, False) & _shift(self.there, 1, False)
                 self.there[:, strip] |= between[:, strip]
+
+    def changed(self) -> None:
+        """Forget what was computed from readings that have changed."""
+        self._residuals.clear()
 
     def suspect(
         self, fault: str, strips: Sequence[int], evidence: str, numbers: Mapping[str, float], explained: float,
@@ -126,7 +132,8 @@ def places(work: WorkingCopy, most: int = 1 << 30) -> WorkingCopy:
     counts = np.add.reduceat(np.isfinite(values).astype(int), first, axis=0)
     means = np.where(counts > 0, sums / np.maximum(counts, 1), np.nan)
     keep = np.flatnonzero(work.there[first].any(axis=1))
-    keep = keep[np.linspace(0, len(keep) - 1, min(len(keep), _MOST_PLACES)).astype(int)]
+    count = min(len(keep), _MOST_PLACES, max(_MOST_READINGS // work.strips, 1000))
+    keep = keep[np.linspace(0, len(keep) - 1, count).astype(int)]
     parts = {name: np.ascontiguousarray(means[keep, :, i]) for i, name in enumerate(work.k)}
     times = work.time_s[first][keep]
     return replace(work, k=parts, there=work.there[first][keep], order=work.order.copy(), time_s=times)
@@ -162,12 +169,15 @@ def neighbour_residuals(work: WorkingCopy, name: str) -> tuple[FloatArray, Float
     A strip that is ever between two others counts only where it is: extrapolation is inaccurate. So is interpolation
     between two contacts.
     """
+    if name in work._residuals:
+        return work._residuals[name]
     values = work.k[name]
     e, both, gap = predict_from_neighbours(values, work.there)
     known = np.isfinite(e) & np.isfinite(values) & ~(gap > _ONE_CONTACT)
     inside = both & known
     e = np.where(inside | (known & ~inside.any(axis=0)), e, np.nan)
-    return e, values - e
+    work._residuals[name] = e, values - e
+    return work._residuals[name]
 
 
 def _side(

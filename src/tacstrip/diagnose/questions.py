@@ -1,4 +1,4 @@
-"""What the readings at hand cannot tell: a strip that disagrees with its neighbours, in too few places for a verdict."""
+"""What the readings at hand cannot tell: a strip that disagrees with its neighbours, in too few places to judge."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def _misfit(values: FloatArray, line: FloatArray, far: BoolArray) -> FloatArray:
 def _silent(work: WorkingCopy) -> list[int]:
     """Return the strips that are never touched, though two or more on either side of them always are."""
     there = work.there[work.there.any(axis=1)]
-    never = ~there.any(axis=0)
+    never = np.asarray(~there.any(axis=0))
     return [
         i for i in range(2, work.strips - 2)
         if never[i] and len(there) and there[:, [i - 2, i - 1, i + 1, i + 2]].all(axis=1).mean() > _SHARE

@@ -1,4 +1,4 @@
-"""The doctor beside a live stream: faulty channels are left out while they are faulty, and taken back when they heal."""
+"""The doctor beside a live stream: faulty channels are left out while they are faulty, and back when they heal."""
 
 from __future__ import annotations
 
