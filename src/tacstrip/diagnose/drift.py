@@ -19,12 +19,13 @@ _DRIFT, _WANDER = (
 _CERTAIN = 4.8  # standard deviations of a normal error that a change must exceed
 _AT_EDGE = 2.0  # times as many for the outermost strips, where extrapolation magnifies what neighbours do
 _TIMES = 4.0  # times the other strips' changes
-_MORE = 3.0  # times the other strips' wander
+_MORE = 4.0  # times the other strips' wander
 _LOOKS, _LOOKS_TO_WANDER = 7, 10  # independent looks at a strip
 _SMOOTH = 1.0  # von Neumann's ratio: 2 for independent looks, less for slow wander
 _STRAIGHT = 0.5  # of the wander's variance: more in a line is drift
 _BLOCKS, _FINE = 16, 4  # of time; as many looks in each
-_RESTS = 6  # untouched readings in a block
+_RESTS = 4  # untouched readings in a block
+_STRAYS, _STRAY_SHARE = 3, 0.003  # untouched readings that may jump
 _PAUSE = 2  # rows between two visits
 _SPAN, _FEWEST = 0.6, 24  # of the recording, rows
 _OWN = 0.2  # of time's variance that place must not explain
@@ -53,9 +54,9 @@ class _Trend:
         """Keep the more certain of two channels."""
         change, error = values[:2]
         if np.isfinite(change) and not abs(self.change[strip]) / self.error[strip] > abs(change) / error:
-            self.change[strip], self.error[strip] = change, error
+            self.change[strip], self.error[strip], self.straight[strip] = change, error, values[4]
         if np.isfinite(values[2]) and not self.wander[strip] > values[2]:
-            self.wander[strip], self.smooth[strip], self.straight[strip] = values[2:]
+            self.wander[strip], self.smooth[strip] = values[2:4]
 
 
 def drift(log: Log, work: WorkingCopy, time_s: FloatArray) -> tuple[list[Finding], list[Finding], BoolArray]:
@@ -137,7 +138,7 @@ def _outstanding(trend: _Trend, how: str, order: IntArray, lost: BoolArray, edge
         size = float(trend.wander[i])
         if (
             len(calm) >= 3
-            and size > max(_WANDER, _MORE * float(np.median(calm)), 1.3 * float(calm.max()))
+            and size > max(_WANDER, _MORE * float(np.median(calm)), 1.5 * float(calm.max()))
             and (trend.smooth[i] < _SMOOTH or not edges)
             and not beyond > share * size
             and not (edges and i in (0, len(order) - 1))
@@ -158,7 +159,7 @@ def _at_rest(log: Log, order: IntArray, tau: FloatArray) -> tuple[_Trend, float]
     """Return the trend of untouched readings against those of all strips, and the change that these share."""
     strips = log.sensor.strips
     near = np.empty_like(log.touched)
-    near[:, order] = _near_touched(_near_touched(log.touched[:, order]))
+    near[:, order] = _near_touched(log.touched[:, order])
     block = np.minimum((tau * _BLOCKS).astype(int), _BLOCKS - 1)
     trend, shared = _Trend.unknown(strips), []
     for values in log.raw.values():
@@ -186,8 +187,19 @@ def _at_rest(log: Log, order: IntArray, tau: FloatArray) -> tuple[_Trend, float]
             own = level[:, strip] - np.where(usable, center, 0.0)
             there = np.isfinite(own)
             if there.sum() >= _LOOKS and np.ptp(middle[there]) >= _SPAN:
-                trend.put(strip, _over_time(middle[there], own[there], 0))
+                change, error, wander, smooth, straight = _over_time(middle[there], own[there], 0)
+                wander = np.nan if _jumps(rest[:, strip]) else wander
+                trend.put(strip, (change, error, wander, smooth, straight))
     return trend, float(np.median(shared)) if shared else np.nan
+
+
+def _jumps(rest: FloatArray) -> bool:
+    """Whether readings (scans,) jump, as where a contact that reads nearly as rest passes for none."""
+    step = np.diff(rest[np.isfinite(rest)])
+    if not len(step):
+        return True
+    most = 6.0 * max(float(robust_sigma(step)), 1e-4)
+    return np.count_nonzero(np.abs(step) > most) > max(_STRAYS, _STRAY_SHARE * len(step))
 
 
 def _over_time(tau: FloatArray, looks: FloatArray, terms: int) -> tuple[float, float, float, float, float]:

@@ -145,7 +145,12 @@ def bridges(work: WorkingCopy) -> Iterator[tuple[int, NeighbourPair, Bridge, flo
                 # Lines through a bridged strip are off too.
                 hit = {strip + d for d in range(*{0: (-2, 3), 1: (-3, 2), -1: (-1, 4)}[beyond])}
                 others = sorted(f.size for i, f in fits.items() if f is not None and i not in hit)
-                yield strip, pairs[strip], fit, others[-min(2, len(others))] if len(others) > 1 else math.inf
+                yield (
+                    strip,
+                    pairs[strip],
+                    fit,
+                    others[-2 if len(others) > 4 else -1] if len(others) > 1 else math.inf,
+                )
 
 
 def _fitted(pair: NeighbourPair, typical: tuple[FloatArray, FloatArray]) -> Bridge | None:
