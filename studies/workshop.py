@@ -56,7 +56,8 @@ def bench(seed: int, fault: str = "", recording: str = "", strips: int | None = 
     scans = len(low)
     low, up, _ = _soft(rng, sensor, low, up, force)
     k = _readings(rng, sensor, low, up)
-    size, where, about = 0.0, (at,), ""
+    where: tuple[int, ...] = (at,)
+    size, about = 0.0, ""
     clean = {name: values.copy() for name, values in k.items()}
     if fault:
         size, where, about = _fail(rng, sensor, k, low, up, force, fault, at)

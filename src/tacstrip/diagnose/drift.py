@@ -199,7 +199,7 @@ def _jumps(rest: FloatArray) -> bool:
     if not len(step):
         return True
     most = 6.0 * max(float(robust_sigma(step)), 1e-4)
-    return np.count_nonzero(np.abs(step) > most) > max(_STRAYS, _STRAY_SHARE * len(step))
+    return bool(np.count_nonzero(np.abs(step) > most) > max(_STRAYS, _STRAY_SHARE * len(step)))
 
 
 def _over_time(tau: FloatArray, looks: FloatArray, terms: int) -> tuple[float, float, float, float, float]:

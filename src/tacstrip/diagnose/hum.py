@@ -128,7 +128,7 @@ def _mains_lines(powers: list[FloatArray], counts: list[FloatArray], sigma: floa
     level = float(np.sqrt(sums[i, 0].sum() / weight[i].sum()))
     shared = every[i] > _LINE / 2.0 and np.mean(ratio[i, known] > 3.0) > 0.7 and level > _HUM
     shared = shared and np.mean(lasting[i, known]) > 0.5
-    if known.sum() > 2 and (shared or loud[i].sum() > 0.5 * known.sum()):
+    if known.sum() > 2 and (shared or np.sum(loud, axis=1)[i] > 0.5 * known.sum()):
         evidence = f"{MAINS[i]:g} Hz of +-{100 * level:.2g} % of Vref on all strips, "
         evidence += f"{every[i]:.3g} times the power near it"
         numbers = {"hertz": MAINS[i], "amplitude": level, "ratio": float(every[i])}
