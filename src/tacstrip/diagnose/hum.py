@@ -118,7 +118,7 @@ def _mains_lines(powers: list[FloatArray], counts: list[FloatArray], sigma: floa
         ratio = sums[:, 0] / np.maximum(sums[:, 1], 1e-18)
         every = sums[:, 0].sum(axis=1) / np.maximum(sums[:, 1].sum(axis=1), 1e-18)
         halves = np.stack([[h.sum(axis=1) for h in np.array_split(p, 2, axis=1)] for p in powers])
-        lasting = (halves[:, :, 0] > _HALF * halves[:, :, 1]).all(axis=1)
+        lasting = np.asarray((halves[:, :, 0] > _HALF * halves[:, :, 1]).all(axis=1))
     once = np.stack([(c > 0.0).sum(axis=0) < 2 for c in counts])
     loud = (
         (ratio > np.where(once, _LINE_ONCE, _LINE)) & (amplitude > _HUM) & (lasting | once)
