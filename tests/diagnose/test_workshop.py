@@ -13,6 +13,7 @@ import tacstrip as ts
 from studies.checkup import exercise, said
 from studies.faults import faulty_log
 from studies.workshop import bench
+from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import Noise
 from tacstrip.diagnose import Log, diagnose, read_log
 from tacstrip.io.readings import write_readings
@@ -48,13 +49,13 @@ def test_an_intermittent_contact(level: float, share: float) -> None:
 def test_a_sensor_that_reads_pressure_is_called_that() -> None:
     """A bell across the strips that grows and fades with each press: before, strips were called open."""
     x = np.arange(16.0)
-    readings = []
+    readings: list[FloatArray] = []
     for press in range(30):
         bell = np.exp(-0.5 * ((x - 3.0 - 10.0 * (press * 0.618 % 1.0)) / 2.0) ** 2)
         forces = bell * np.array([0.3, 0.7, 1.0, 1.0, 0.9, 0.6, 0.3, 0.0])[:, None]
         readings += list(np.where(forces > 0.06, 0.8 * forces, np.nan))
     sensor = replace(METAL, strips=16)
-    log = Log.of(sensor, 0.02 * np.arange(len(readings)), {"k": np.array(readings).astype(np.float64)})
+    log = Log.of(sensor, 0.02 * np.arange(len(readings)), {"k": np.asarray(readings, np.float64)})
     assert said(diagnose(log)) == [("pressure", ())]
 
 
