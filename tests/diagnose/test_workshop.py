@@ -55,7 +55,7 @@ def test_a_sensor_that_reads_pressure_is_called_that() -> None:
         forces = bell * np.array([0.3, 0.7, 1.0, 1.0, 0.9, 0.6, 0.3, 0.0])[:, None]
         readings += list(np.where(forces > 0.06, 0.8 * forces, np.nan))
     sensor = replace(METAL, strips=16)
-    log = Log.of(sensor, 0.02 * np.arange(len(readings)), {"k": np.asarray(readings, np.float64)})
+    log = Log.of(sensor, 0.02 * np.arange(float(len(readings))), {"k": np.asarray(readings, np.float64)})
     assert said(diagnose(log)) == [("pressure", ())]
 
 
