@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tacstrip.errors import OptionError, ReadingError, RecordingError, TacstripError
+from tacstrip.interrupt import all_as_ctrl_c
 
 if TYPE_CHECKING:
     from tacstrip.contact.shape import Contact
@@ -225,7 +226,8 @@ def check_method(option: str, method: str | None, sensor: Sensor, signatures: Se
 def main() -> None:
     """Run the command line; a known error becomes one clear line and exit code 2, a full disk or the like 1."""
     try:
-        cli(standalone_mode=True)
+        with all_as_ctrl_c():
+            cli(standalone_mode=True)
     except TacstripError as error:
         note(f"Error: {error}")
         sys.exit(2)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import math
 import sys
@@ -15,11 +16,11 @@ import click
 from tacstrip.cli import check_method, load_sensor, new_file, note, options, warn_of_input
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError, PortError
+from tacstrip.interrupt import deferred_interrupt
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.device.port import BAUD, SerialPort
 from tacstrip.stream.device.pty import PtyDevice
 from tacstrip.stream.device.source import SerialSource
-from tacstrip.stream.interrupt import deferred_interrupt
 from tacstrip.stream.live.pipeline import Live
 from tacstrip.stream.live.sinks import Sink, json_sink, tuio_sink
 from tacstrip.stream.live.warmup import warm_up
@@ -169,15 +170,11 @@ def _sinks(live: Live, given: dict[str, Any]) -> Iterator[Sink]:
 
 @contextmanager
 def _page(live: Live, simulator: Simulator | None, given: dict[str, Any]) -> Iterator[None]:
-    executor = background_process()
-    controller = Controller(live, executor, simulator)
-    server = Server(controller, Access(given["host"]), given["http"])
-    urls = server.urls
-    note(f"the page is at {urls.pop('control')}")
-    for url in urls.values():
-        note(f"view only: {url}")
-    try:
-        yield
-    finally:
-        server.close()
-        executor.shutdown(wait=False, cancel_futures=True)
+    with background_process() as executor:
+        server = Server(Controller(live, executor, simulator), Access(given["host"]), given["http"])
+        urls = server.urls
+        note(f"the page is at {urls.pop('control')}")
+        for url in urls.values():
+            note(f"view only: {url}")
+        with contextlib.closing(server):
+            yield

@@ -15,12 +15,12 @@ import click
 
 from tacstrip.cli import check_method, load_sensor, new_file, note, options, warn, warn_of_input
 from tacstrip.cli.replay import warn_of_cut
-from tacstrip.errors import OptionError
+from tacstrip.errors import OptionError, TacstripError
+from tacstrip.interrupt import deferred_interrupt
 from tacstrip.io.geometry import read_contact
 from tacstrip.io.input_checks import contact_in_metres
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.codes import UNSET_BITS, top_code
-from tacstrip.stream.interrupt import deferred_interrupt
 from tacstrip.stream.recording.recorder import Recorder, record, with_shapes
 from tacstrip.stream.replay import ReadingsSource, Recording, open_source
 from tacstrip.stream.simulated import Drag, SimulatedSource
@@ -120,7 +120,7 @@ def save_recording(
     if isinstance(source, Recording) and not method:
         about["method"] = source.about.get("method", "")
     with contextlib.closing(source), deferred_interrupt() as stop:
-        scans = iter(with_shapes(source, source.sensor, method) if method else source)
+        scans = stop.until(with_shapes(source, source.sensor, method) if method else source)
         first = list(itertools.islice(scans, 1))  # errors of the method come before a file is made
         if count > _SAMPLE:
             first += _announce(scans, count)
@@ -128,6 +128,9 @@ def save_recording(
         try:
             with recorder:
                 record(itertools.chain(first, scans), recorder, speed, stop)
+        except TacstripError:  # of the source: the rest of it is lost, and this file would not say so
+            recorder.path.unlink(missing_ok=True)
+            raise
         except OSError as error:
             if part is not None:
                 raise
@@ -145,6 +148,8 @@ def save_recording(
         f"{recorder.size_bytes / 1e6:.3g} MB"
     )
     _warn_of_changes(files, source)
+    if not stop():
+        warn_of_cut(source)
 
 
 def _announce(scans: Iterator[RawScan], count: int) -> list[RawScan]:
@@ -181,7 +186,7 @@ def _duration(seconds: float) -> str:
 
 
 def _warn_of_changes(files: tuple[str, ...], source: Source) -> None:
-    """Warn of readings that were rounded, of assumed A/D bits and of a cut file."""
+    """Warn of readings that were rounded, and of assumed A/D bits."""
     if isinstance(source, ReadingsSource) and source.rounded_steps > _TEXT_ROUNDING:
         step_volt = source.sensor.vref_volt / top_code(source.sensor)
         warn(
@@ -190,4 +195,3 @@ def _warn_of_changes(files: tuple[str, ...], source: Source) -> None:
         )
     if len(files) == 2 and Sensor.load(files[0]).adc_bits is None:
         warn(f"{files[0]} has no adc_bits: the recording holds codes of {UNSET_BITS} bits")
-    warn_of_cut(source)

@@ -10,10 +10,10 @@ import click
 
 from tacstrip.cli import check_method, load_sensor, note, options, protect, save_picture, warn, warn_untouched
 from tacstrip.errors import OptionError
+from tacstrip.interrupt import deferred_interrupt
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.codes import decode
 from tacstrip.stream.export import as_reconstruction, json_line
-from tacstrip.stream.interrupt import deferred_interrupt
 from tacstrip.stream.recording.recorder import with_shapes
 from tacstrip.stream.recording.summary import summary
 from tacstrip.stream.replay import Recording
@@ -53,9 +53,12 @@ def command(
     warn_untouched(recording, source)
     touched: RawScan | None = None
     with contextlib.closing(source), deferred_interrupt() as stop:
-        scans = with_shapes(source, source.sensor, method) if method else iter(source)
+        scans = stop.until(with_shapes(source, source.sensor, method) if method else source)
         if short:
-            click.echo("\n".join(summary(source, scans)))
+            lines = summary(source, scans)
+            if stop():
+                raise KeyboardInterrupt
+            click.echo("\n".join(lines))
         else:
             for number, raw in enumerate(paced(scans, math.inf if fast else speed, stop)):
                 scan = decode(raw, source.sensor)

@@ -59,7 +59,7 @@ def vertex_jacobian(
         return _network_slopes(outline, sensor, names, x)
     share = (touched / touched.sum(axis=1, keepdims=True))[..., None]
     by_l, by_u = (
-        (np.nan_to_num(slope.reshape(*lines.shape, -1)) * share).sum(axis=1)
+        (np.nan_to_num(slope.reshape(*lines.shape, slope.shape[-1])) * share).sum(axis=1)
         for slope in outline.jacobian(lines.ravel())
     )
     if lines.shape[1] > 1:  # of a strip that is covered in part, the mean height is all that is counted
