@@ -47,6 +47,7 @@ class Stop:
         self._asked = self._waiting = False
 
     def __call__(self) -> bool:
+        """Return it."""
         return self._asked
 
     def ask(self, *_: object) -> None:
@@ -94,6 +95,7 @@ def worker_processes(
         for child in made:
             child.join(max(0.0, end_s - time.monotonic()))
             child.kill()
+            child.join()
 
 
 def _begin(nice: int) -> None:

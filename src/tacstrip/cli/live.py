@@ -56,6 +56,7 @@ _RATE_HZ = 1000.0
               help="INPUT: speed relative to its own times.")  # fmt: skip
 @options.output("Record to this file (.mcap).", required=False)
 @options.FORCE
+@options.DURABLE
 @click.option("--no-view", is_flag=True, help="No page.")
 @click.option("--http", type=int, default=_HTTP, show_default=True, help="The page's port; 0: any free one.")
 @click.option("--host", default="127.0.0.1", show_default=True,
@@ -80,6 +81,7 @@ def command(files: tuple[str, ...], **given: Any) -> None:
         if given["output"].suffix.lower() != ".mcap":
             raise OptionError(f"-o {given['output']}: a recording is a file that ends in .mcap")
         new_file(given["output"], given["force"], *files)
+    options.belong(given["output"], "is for a recording: give -o as well", "durable")
     spec = files[0] if len(files) == 2 else given["sensor"]
     sensor = load_sensor(spec) if spec else None
     with deferred_interrupt() as stop, _log_on_stderr():
@@ -152,7 +154,7 @@ def _stream(
         if not given["no_view"]:
             stack.enter_context(_page(live, simulator, given))
         if given["output"] is not None:
-            live.record(given["output"], force=given["force"])
+            live.record(given["output"], force=given["force"], durable=given["durable"])
         with live:
             while live.running and running() and not (sinks and all(sink.ended for sink in sinks)):
                 pass

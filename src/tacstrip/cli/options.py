@@ -65,6 +65,8 @@ def _one_input(_: click.Context, __: click.Parameter, files: tuple[str, ...]) ->
 SENSOR = click.argument("sensor", metavar="SENSOR")
 CONTACT = click.argument("contact", metavar="CONTACT", type=FILE)
 FORCE = click.option("--force", is_flag=True, help="Overwrite an existing file.")
+DURABLE = click.option("--durable", is_flag=True, help="Record so that a power cut loses a second at most; "
+                       "see docs/recordings.md for what it costs.")  # fmt: skip
 SEED = click.option(
     "--seed", type=int, default=0, show_default=True, callback=_seed, help="Of random errors."
 )

@@ -42,6 +42,7 @@ _TEXT_ROUNDING = 0.01  # steps of the converter by which the rounding of a text 
               help="Store reconstructed shapes too: vertex, profile or polygon.")  # fmt: skip
 @click.option("--paced", is_flag=True, help="In real time; otherwise as fast as possible.")
 @options.FORCE
+@options.DURABLE
 @options.AT
 @options.TURN
 @click.option("--drag", type=options.POINT, multiple=True, metavar="X Y",
@@ -56,7 +57,13 @@ _TEXT_ROUNDING = 0.01  # steps of the converter by which the rounding of a text 
 @options.ELECTRODES
 @options.SEED
 def command(
-    files: tuple[str, ...], output: Path, method: str | None, paced: bool, force: bool, **simulation: Any
+    files: tuple[str, ...],
+    output: Path,
+    method: str | None,
+    paced: bool,
+    force: bool,
+    durable: bool,
+    **simulation: Any,
 ) -> None:
     """Record A/D codes, and shapes if wanted, to one MCAP file with the sensor's spec.
 
@@ -77,7 +84,7 @@ def command(
         alone = f"is for a contact, and {files[-1]} is none"
         options.belong(False, alone, *simulation, "quantisation", "positional", "distribution")
         source = open_source(files[-1], load_sensor(files[0]) if len(files) == 2 else None)
-    save_recording(files, source, output, method, 1.0 if paced else math.inf, force, count)
+    save_recording(files, source, output, method, 1.0 if paced else math.inf, force, count, durable=durable)
 
 
 def _simulated(files: tuple[str, ...], given: dict[str, Any]) -> SimulatedSource:
@@ -108,6 +115,7 @@ def save_recording(
     force: bool = False,
     count: int = 0,
     part: Path | None = None,
+    durable: bool = False,
 ) -> None:
     """Record a source, opened from the command line's files, and print what was saved; exit code 1 if writing fails.
 
@@ -124,7 +132,9 @@ def save_recording(
         first = list(itertools.islice(scans, 1))  # errors of the method come before a file is made
         if count > _SAMPLE:
             first += _announce(scans, count)
-        recorder = Recorder(part or output, source.sensor, source.names, source.origin_ns, about, force)
+        recorder = Recorder(
+            part or output, source.sensor, source.names, source.origin_ns, about, force, durable
+        )
         try:
             with recorder:
                 record(itertools.chain(first, scans), recorder, speed, stop)
