@@ -75,7 +75,7 @@ class McapFile:
         )
         # `flush` ends the chunks; the writer's own limit would end them in between.
         self.writer = Writer(stream, chunk_size=2**62, compression=CompressionType.ZSTD)
-        with self.guard():
+        with self.discarded_on_error(), self.guard():
             self.writer.start(profile="ros2", library=f"tacstrip {version('tacstrip')}")
 
     @property
@@ -95,6 +95,18 @@ class McapFile:
             with suppress(OSError):
                 self._raw.close()
             raise OSError(error.errno, error.strerror, str(self.path)) from error
+
+    @contextmanager
+    def discarded_on_error(self) -> Iterator[None]:
+        """Context for the beginning, without which the file is none: when it fails, there is no file."""
+        try:
+            yield
+        except BaseException:
+            with suppress(OSError):
+                self._raw.close()
+                if self.path.is_file():
+                    self.path.unlink()
+            raise
 
     def flush(self) -> None:
         """End the chunk and write everything to disk."""

@@ -104,7 +104,8 @@ class Recorder:
         self._file = McapFile(path, force, durable)
         self.path = self._file.path
         own = {"format": FORMAT, "names": ",".join(names), "origin_ns": str(origin_ns)}
-        self._begin({**(about or {}), **own})
+        with self._file.discarded_on_error():
+            self._begin({**(about or {}), **own})
         self._reference: Mapping[str, CodeArray] = {}
         self._waiting_bytes = 0
         self._first_s = 0.0  # time of the first scan that waits, by its own clock
