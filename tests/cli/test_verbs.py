@@ -266,7 +266,7 @@ BAD = {
     "moved by nan": (
         (*_SIM, "--at", "nan", "4"),
         _write("c.wkt", "POINT (5 5)"),
-        "moved or turned by finite numbers",
+        "'nan' is not a number; write it in the digits 0 to 9",
     ),
     "steps without a path": ((*_SIM, "--steps", "3"), _write("c.wkt", "POINT (5 5)"), "--steps needs --drag"),
     "transitions of a profile": (
@@ -368,8 +368,8 @@ def test_half_of_the_readings_is_told(folder: Path) -> None:
 def test_exchanged_columns_are_told(folder: Path) -> None:
     _readings(folder, "v_h,v_l", [(low, high) for high, low in _VOLTS])
     assert (
-        "Warning: k_h is below k_l on 5 of 5 strips: are the columns exchanged? "
-        "(`tacstrip doctor r.csv --sensor five.toml` says more)"
+        "Warning: r.csv: k_h is below k_l on 5 of 5 strips: are the columns exchanged? "
+        "Then exchange their names, or the two wires"
     ) in _run(folder, "reconstruct", "five.toml", "r.csv").stderr
 
 

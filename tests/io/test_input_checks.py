@@ -10,12 +10,11 @@ import pytest
 import tacstrip as ts
 from tacstrip.io.input_checks import (
     contact_in_metres,
-    exchanged,
     half_read,
     in_metres,
-    largest,
     over_vref,
 )
+from tacstrip.sensor.exchanged import exchanged
 
 SENSOR = ts.Sensor(construction="crs-crs", strips=24, pitch_mm=4.0, length_mm=120.0)
 SHAPE = [(20, 30), (70, 25), (60, 80), (30, 90)]
@@ -23,6 +22,10 @@ SHAPE = [(20, 30), (70, 25), (60, 80), (30, 90)]
 
 def _scan(noise: float = 0.0, seed: int = 0, shape: object = SHAPE) -> ts.Scan:
     return ts.simulate(SENSOR, ts.Contact.polygon(shape), ts.Noise(positional=noise), rng=seed)  # type: ignore[arg-type]
+
+
+def _exchanged(*scans: ts.Scan) -> str:
+    return exchanged({name: np.stack([s[name] for s in scans]) for name in scans[0].signatures})
 
 
 def test_a_spec_in_metres() -> None:
@@ -43,10 +46,13 @@ def test_a_contact_in_metres() -> None:
 def test_exchanged_signatures(noise: float) -> None:
     for seed in range(20):
         scan = _scan(noise, seed)
-        assert exchanged([scan]) == ""
+        assert _exchanged(scan) == ""
         swapped = ts.Scan(kh=scan["kl"], kl=scan["kh"])
-        assert exchanged([swapped]).endswith("of 13 strips: are the columns exchanged?")
-    assert "of scan 1, and so in 1 scan(s) more" in exchanged([scan, swapped, swapped])
+        assert _exchanged(swapped).endswith(
+            "of 13 strips: are the columns exchanged? Then exchange their names, or the two wires"
+        )
+    assert "of scan 1, and so in 1 scan(s) more" in _exchanged(scan, swapped, swapped)
+    assert _exchanged(scan, scan, swapped) == ""
 
 
 def test_a_line_under_noise_is_not_exchanged() -> None:
@@ -54,14 +60,13 @@ def test_a_line_under_noise_is_not_exchanged() -> None:
     line = ts.Contact.line([(10.0, 60.0), (90.0, 60.0)])
     for seed in range(50):
         scan = ts.simulate(SENSOR, line, ts.Noise(positional=0.01), rng=seed)
-        assert exchanged([scan], ts.Noise(positional=0.01)) == ""
+        assert _exchanged(scan) == ""
 
 
 def test_one_signature_or_nothing_touched_is_not_exchanged() -> None:
-    assert exchanged([ts.Scan(kl=np.full(24, 0.5))]) == ""
+    assert _exchanged(ts.Scan(kl=np.full(24, 0.5))) == ""
     nothing = ts.Scan(kh=np.full(24, np.nan), kl=np.full(24, np.nan))
-    assert exchanged([nothing]) == ""
-    assert largest([nothing]) == 0.0
+    assert _exchanged(nothing) == ""
 
 
 def test_half_read() -> None:

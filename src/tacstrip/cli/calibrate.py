@@ -41,9 +41,15 @@ _MOST_LINES = 20
               help="Take runs that say that they are of another unit, or do not fit.")  # fmt: skip
 @click.option("--plan", "planned", is_flag=True,
               help="Print the contacts to make; -o writes them as RUNS to fill in.")  # fmt: skip
-@click.option("--wanted", type=float, default=0.2, show_default=True, help="For --plan: accuracy [%].")
-@click.option("--noise", type=float, default=0.2, show_default=True, help="For --plan: +- of a reading [%].")
-@click.option("--unit-mm", type=float, help="For --plan: step of the places [mm]; by default L / 32.5.")
+@click.option(
+    "--wanted", type=options.NUMBER, default=0.2, show_default=True, help="For --plan: accuracy [%]."
+)
+@click.option(
+    "--noise", type=options.NUMBER, default=0.2, show_default=True, help="For --plan: +- of a reading [%]."
+)
+@click.option(
+    "--unit-mm", type=options.NUMBER, help="For --plan: step of the places [mm]; by default L / 32.5."
+)
 @click.option("--rezero", "zeroed", is_flag=True, help="SENSOR is a calibrated spec, and in place of RUNS stand "
               "readings (CSV) with nothing on the sensor: take the drift from them.")  # fmt: skip
 @click.option("--reference", type=options.POINT, metavar="L W", help="For --rezero: this contact [mm] lies on "

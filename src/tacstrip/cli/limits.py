@@ -34,20 +34,24 @@ _MOST_LINES = 20
 @options.TURN
 @options.noise
 @options.WITHOUT
-@click.option("--bits", type=int, help="Resolution of the A/D converter instead of the spec's.")
-@click.option("--grid", type=click.IntRange(2, 200), default=16, show_default=True, help="Places a side.")
+@click.option("--bits", type=options.WHOLE, help="Resolution of the A/D converter instead of the spec's.")
+@click.option("--grid", type=options.WholeRange(2, 200), default=16, show_default=True, help="Places a side.")
 @options.plot()
 @options.output("All numbers, to a file (.json).", required=False)
-@click.option("--wanted-mm", type=float, help="Look for designs that reach this RMS vertex error.")
+@click.option("--wanted-mm", type=options.NUMBER, help="Look for designs that reach this RMS vertex error.")
 @click.option("--construction", multiple=True,
               help="Design: try this one; repeat. Default: all flat, or all round.")  # fmt: skip
-@click.option("--pitch", type=float, multiple=True, metavar="MM", help="Design: try this pitch; repeat.")
-@click.option("--length", type=float, multiple=True, metavar="MM", help="Design: try this length; repeat.")
-@click.option("--try-bits", type=int, multiple=True, metavar="BITS",
+@click.option(
+    "--pitch", type=options.NUMBER, multiple=True, metavar="MM", help="Design: try this pitch; repeat."
+)
+@click.option(
+    "--length", type=options.NUMBER, multiple=True, metavar="MM", help="Design: try this length; repeat."
+)
+@click.option("--try-bits", type=options.WHOLE, multiple=True, metavar="BITS",
               help="Design: try this A/D converter; repeat.")  # fmt: skip
-@click.option("--picofarad", type=float, default=FARAD * 1e12, show_default=True,
+@click.option("--picofarad", type=options.NUMBER, default=FARAD * 1e12, show_default=True,
               help="Design: input capacitance.")  # fmt: skip
-@click.option("--conversion-us", type=float, default=CONVERSION_S * 1e6, show_default=True,
+@click.option("--conversion-us", type=options.NUMBER, default=CONVERSION_S * 1e6, show_default=True,
               help="Design: a conversion.")  # fmt: skip
 def command(
     sensor: str,

@@ -42,28 +42,32 @@ _RATE_HZ = 1000.0
 @click.command()
 @options.sensor_and_input("[[SENSOR] INPUT]", required=False)
 @click.option("--port", help="Serial port of the device, such as /dev/ttyACM0.")
-@click.option("--baud", type=int, default=BAUD, show_default=True, help="Speed of the line.")
+@click.option("--baud", type=options.WHOLE, default=BAUD, show_default=True, help="Speed of the line.")
 @click.option("--simulate", is_flag=True, help="A simulated device, controlled from the page.")
 @click.option("--device", is_flag=True,
               help="Serve a simulated device on a serial port, for another program.")  # fmt: skip
 @click.option("--sensor", metavar="SENSOR", help="Spec of the device, the simulator or the recording.")
-@click.option("--rate", type=float, callback=options.above_0,
+@click.option("--rate", type=options.NUMBER, callback=options.finite_above_0,
               help="Scan rate to request from the device; the simulator's is 1000 [Hz].")  # fmt: skip
 @click.option("--method", help="Method of reconstruction: polygon, vertex or profile.")
-@click.option("--noise", type=float, help="Half-width of the readings' errors over Vref, where it is known.")
+@click.option(
+    "--noise", type=options.NUMBER, help="Half-width of the readings' errors over Vref, where it is known."
+)
 @click.option("--no-drift", is_flag=True, help="Do not remove the drift of a calibrated sensor.")
-@click.option("--speed", type=float, default=1.0, show_default=True, callback=options.above_0,
+@click.option("--speed", type=options.NUMBER, default=1.0, show_default=True, callback=options.above_0,
               help="INPUT: speed relative to its own times.")  # fmt: skip
 @options.output("Record to this file (.mcap).", required=False)
 @options.FORCE
 @options.DURABLE
 @click.option("--no-view", is_flag=True, help="No page.")
-@click.option("--http", type=int, default=_HTTP, show_default=True, help="The page's port; 0: any free one.")
+@click.option(
+    "--http", type=options.WHOLE, default=_HTTP, show_default=True, help="The page's port; 0: any free one."
+)
 @click.option("--host", default="127.0.0.1", show_default=True,
               help="Address of the page; 0.0.0.0 lets the local network in, with a token.")  # fmt: skip
 @click.option("--json", "lines", is_flag=True, help="Objects as JSON lines on standard output.")
 @click.option("--osc", metavar="HOST:PORT", help="Objects as TUIO 1.1 blobs over UDP.")
-@click.option("--seconds", type=float, default=math.inf, callback=options.above_0,
+@click.option("--seconds", type=options.NUMBER, default=math.inf, callback=options.above_0,
               help="End after so many seconds.")  # fmt: skip
 def command(files: tuple[str, ...], **given: Any) -> None:
     """Show the shapes that touch the sensor on a page of this computer; record them and pass them on.

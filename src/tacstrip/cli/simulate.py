@@ -29,10 +29,12 @@ from tacstrip.simulation import simulate
 @options.TURN
 @click.option("--drag", type=options.POINT, multiple=True, metavar="X Y",
               help="Drag it on to here; repeat for a path.")  # fmt: skip
-@click.option("--steps", type=int, default=5, show_default=True, help="Scans along the path.")
-@click.option("--still", type=click.IntRange(1), metavar="N", help="N scans of the contact at rest.")
-@click.option("--turn-per-step", type=float, default=0.0, metavar="DEG", help="Turn it while dragging.")
-@click.option("--rate", type=float, default=100.0, show_default=True, callback=options.above_0,
+@click.option("--steps", type=options.WHOLE, default=5, show_default=True, help="Scans along the path.")
+@click.option("--still", type=options.WholeRange(1), metavar="N", help="N scans of the contact at rest.")
+@click.option(
+    "--turn-per-step", type=options.NUMBER, default=0.0, metavar="DEG", help="Turn it while dragging."
+)
+@click.option("--rate", type=options.NUMBER, default=100.0, show_default=True, callback=options.finite_above_0,
               help="Scans a second, of several [Hz].")  # fmt: skip
 @options.noise
 @options.WITHOUT

@@ -5,27 +5,28 @@ Each function returns a warning, or an empty text where it finds nothing.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 import shapely
 
-from tacstrip.contact.noise import Noise
+from tacstrip.arrays import FloatArray
 from tacstrip.contact.shape import Contact
-from tacstrip.io.columns import value_columns
-from tacstrip.io.csv_rows import read_csv
+from tacstrip.io.columns import value, value_columns
+from tacstrip.io.csv_rows import Row, read_csv
+from tacstrip.io.readings import scan_lines
 from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import SIGNATURES
+from tacstrip.sensor.exchanged import exchanged
 from tacstrip.sensor.left_out import channel_name, left_out
+from tacstrip.sensor.rest_level import rest_hint
 from tacstrip.sensor.spec import Sensor
 
 _PITCH_MM = 0.1  # nobody cuts strips as fine
 _SMALL = 0.01  # of the sensor's shorter side: a contact in metres is a thousandth of itself
 _VREF_VOLT = 2.0  # above it, volts that all stay below 1 are seldom volts
-_NOISE = 0.005  # of Vref: P.U. profile I
 _NAMED = 5  # channels that a warning names
-_FEW = 4  # touched strips: of fewer, noise alone can exchange most
 
 
 def in_metres(sensor: Sensor) -> str:
@@ -89,24 +90,38 @@ def one_reading(path: str | Path, sensor: Sensor, scans: Sequence[Scan]) -> str:
     return f"{path}: {names} is empty where the strip's other channel has a reading; the strip counts with that one"
 
 
-def exchanged(scans: Sequence[Scan], noise: Noise | None = None) -> str:
-    """Return a warning where k_h is below k_l, beyond noise, on most strips of a scan, which no sensor can measure."""
-    beyond = max(_NOISE, noise.quantisation + noise.positional if noise is not None else 0.0)
-    found: list[tuple[int, int, int]] = []
-    for number, scan in enumerate(scans):
-        if scan.kh is None or scan.kl is None:
-            return ""
-        below, touched = int((scan.kh < scan.kl - beyond).sum()), int(scan.touched.sum())
-        if touched >= _FEW and 2 * below > touched:
-            found.append((number, below, touched))
-    if not found:
+def misread(path: str | Path, sensor: Sensor, raw: Mapping[str, FloatArray]) -> list[str]:
+    """Return warnings, each or empty, where a readings file's numbers are probably not what its columns say.
+
+    Parameters
+    ----------
+    path, sensor
+        The file, readings (.csv) or a recording, which has no text, and its sensor.
+    raw
+        Its raw readings over Vref by signature (scans, strips), NaN where nothing touches.
+    """
+    if Path(path).suffix.lower() == ".mcap":
+        return []
+    largest = max(float(np.nanmax(values, initial=0.0)) for values in raw.values())
+    return [over_vref(path, sensor, largest), backwards(path, sensor)]
+
+
+def implausible(path: str | Path, sensor: Sensor, raw: Mapping[str, FloatArray]) -> list[str]:
+    """Return warnings where readings are none of this sensor touched by something; arguments as of `misread`."""
+    return [f"{path}: {one}" for one in (exchanged(raw), rest_hint(sensor, raw)) if one]
+
+
+def backwards(path: str | Path, sensor: Sensor) -> str:
+    """Return a warning where the lines of a readings file count its strips down."""
+
+    def falls(header: list[str], rows: Iterator[Row]) -> bool:
+        scan = next(scan_lines(header, rows, [], sensor, value))
+        return sensor.strips > 1 and bool((np.diff(scan.strip_lines) < 0).all())
+
+    if not read_csv(path, "readings", falls):
         return ""
-    number, below, touched = found[0]
-    more = f" of scan {number}, and so in {len(found) - 1} scan(s) more" if len(found) > 1 else ""
-    return f"k_h is below k_l on {below} of {touched} strips{more}: are the columns exchanged?"
-
-
-def largest(scans: Sequence[Scan]) -> float:
-    """Return the largest reading of scans over Vref, 0 where nothing touches."""
-    values = np.concatenate([scan[name] for scan in scans for name in scan.signatures])
-    return float(np.nanmax(values)) if np.isfinite(values).any() else 0.0
+    last = sensor.strip_base + sensor.strips - 1
+    return (
+        f"{path}: its lines count the strips down, from {last} to {sensor.strip_base}; each is taken by its "
+        f"number, and strip {sensor.strip_base} lies at x = 0. If it does not, number the strips the other way round"
+    )
