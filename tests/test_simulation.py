@@ -271,4 +271,5 @@ def test_a_reading_beyond_0_or_1_by_rounding_is_none() -> None:
     np.testing.assert_array_equal(scan["kh"], [1.0, np.nan])
     np.testing.assert_array_equal(scan["kl"], [0.0, np.nan])
     with pytest.raises(ReadingError, match=r"outside 0\.\.1"):
-        Scan(kh=np.array([1.0 + 1e-12]))
+        Scan(kh=np.array([1.0 + 1e-4]))
+    assert Scan(kh=np.array([np.float32(1.0) + np.finfo(np.float32).eps]))["kh"] == 1.0

@@ -8,15 +8,18 @@ import numpy as np
 import pytest
 
 import tacstrip as ts
+from tacstrip.diagnose import read_log
 from tacstrip.io.input_checks import (
     contact_in_metres,
     half_read,
     in_metres,
     over_vref,
+    unfinished,
 )
 from tacstrip.sensor.exchanged import exchanged
 
-SENSOR = ts.Sensor(construction="crs-crs", strips=24, pitch_mm=4.0, length_mm=120.0)
+SENSOR_KEYS = {"format": 1, "construction": "crs-crs", "strips": 24, "pitch_mm": 4.0, "length_mm": 120.0}
+SENSOR = ts.Sensor.from_dict(SENSOR_KEYS)
 SHAPE = [(20, 30), (70, 25), (60, 80), (30, 90)]
 
 
@@ -86,3 +89,55 @@ def test_readings_over_vref(tmp_path: Path) -> None:
     codes = ts.Sensor(construction="crs-crs", strips=24, pitch_mm=4.0, length_mm=120.0, adc_bits=12)
     file.write_text("scan,time_s,strip,code_h,code_l\n")
     assert over_vref(file, codes, 0.2) == ""
+
+
+def test_a_number_that_is_cut_is_told(tmp_path: Path) -> None:
+    file = tmp_path / "r.csv"
+    lines = [f"0,0,{i},{2.0 + 0.1 * i:.4f},{1.0 + 0.1 * i:.4f}" for i in range(24)]
+    for text, cut in (
+        ("\n".join(lines), ""),  # whole, but for its last line end
+        ("\n".join(lines)[:-2] + "\n", ""),  # somebody rounded it
+        ("\n".join(lines)[:-2], "its last number, 3.30, fewer digits than the others: is the file cut off?"),
+        ("\n".join(lines)[:-5], "its last number, 3"),
+        ("\n".join(lines[:5])[:-2], ""),  # too few to say
+        ("", ""),
+    ):
+        file.write_text(f"scan,time_s,strip,v_h,v_l\n{text}")
+        assert unfinished(file) == "" if not cut else cut in unfinished(file)
+
+
+def test_positions_that_contradict_the_strips_are_refused(tmp_path: Path) -> None:
+    file = tmp_path / "r.csv"
+
+    def read(step: float, start: float = 0.0) -> list[ts.Scan]:
+        rows = [f"{s},0,{i},{start + step * i:.6g},3,2\n" for s in range(2) for i in range(24)]
+        file.write_text("scan,time_s,strip,x_mm,v_h,v_l\n" + "".join(rows))
+        return ts.read_readings(file, SENSOR)
+
+    assert len(read(4.0, 2.0)) == len(read(4.02)) == len(read(1.0)) == len(read(0.0)) == 2
+    with pytest.raises(ts.ReadingError, match=r"x_mm falls from 94 to 2 while .*in the order of x_mm"):
+        read(-4.0, 94.0)
+    with pytest.raises(ts.ReadingError, match=r"x_mm rises by 0\.4 .*pitch_mm is 4: is x_mm in centimetres"):
+        read(0.4, 0.2)
+    with pytest.raises(ts.ReadingError, match=r"is x_mm in metres\? All lengths are millimetres"):
+        read(0.004)
+    with pytest.raises(ts.ReadingError, match="is pitch_mm in the spec in centimetres"):
+        read(40.0)
+    assert read_log(file, ts.Sensor.from_dict(SENSOR_KEYS | {"pitch_mm": 40.0})).time_s.tolist() == [0.0, 0.0]
+
+
+def test_a_reading_beyond_vref_by_rounding_is_vref(tmp_path: Path) -> None:
+    """Half a step of the converter is rounding, more is not."""
+    file = tmp_path / "r.csv"
+
+    def read(volts: float, bits: int | None) -> list[ts.Scan]:
+        rows = [f"0,0,{i},{volts:.9g},2\n" for i in range(24)]
+        file.write_text("scan,time_s,strip,v_h,v_l\n" + "".join(rows))
+        return ts.read_readings(file, ts.Sensor.from_dict(SENSOR_KEYS | ({"adc_bits": bits} if bits else {})))
+
+    for bits, step in ((10, 5.0 / 1023.0), (12, 5.0 / 4095.0), (None, 5.0 / 65535.0)):
+        assert set(read(5.0 + 0.49 * step, bits)[0]["kh"]) == {1.0}
+        assert set(read(-0.49 * step, bits)[0]["kh"]) == {0.0}
+        for volts in (5.0 + 0.51 * step, -0.51 * step):
+            with pytest.raises(ts.ReadingError, match="outside 0 to 5 V"):
+                read(volts, bits)

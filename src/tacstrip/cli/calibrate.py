@@ -18,7 +18,7 @@ from tacstrip.calibrate.unit import Calibrated, calibrate_unit, one_line, requir
 from tacstrip.cli import load_sensor, note, options, protect, warn
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError
-from tacstrip.io.input_checks import half_read
+from tacstrip.io.input_checks import half_read, unfinished
 from tacstrip.io.readings import read_readings
 from tacstrip.io.runs import read_runs, write_plan
 from tacstrip.sensor.rest_level import rest_hint
@@ -105,7 +105,7 @@ def command(
     accepted = True
     if data is not None:
         runs = read_runs(data, spec, unit, force)
-        warn(half_read(data, spec, runs.signatures))
+        warn(half_read(data, spec, runs.signatures), unfinished(data))
         warn(rest_hint(spec, runs.raw), file=data)
         if model == "auto":
             note("Comparing models by cross-validation; this may take a minute")

@@ -26,6 +26,7 @@ from tacstrip.sensor.spec import Sensor
 _PITCH_MM = 0.1  # nobody cuts strips as fine
 _SMALL = 0.01  # of the sensor's shorter side: a contact in metres is a thousandth of itself
 _VREF_VOLT = 2.0  # above it, volts that all stay below 1 are seldom volts
+_END_BYTES, _FEW_ENDS = 65536, 8  # of a file's end that is looked at; numbers there, at least
 _NAMED = 5  # channels that a warning names
 
 
@@ -100,15 +101,30 @@ def misread(path: str | Path, sensor: Sensor, raw: Mapping[str, FloatArray]) -> 
     raw
         Its raw readings over Vref by signature (scans, strips), NaN where nothing touches.
     """
-    if Path(path).suffix.lower() == ".mcap":
+    if Path(path).suffix.lower() == ".mcap" or not Path(path).is_file():  # a pipe is read once
         return []
     largest = max(float(np.nanmax(values, initial=0.0)) for values in raw.values())
-    return [over_vref(path, sensor, largest), backwards(path, sensor)]
+    return [over_vref(path, sensor, largest), backwards(path, sensor), unfinished(path)]
 
 
 def implausible(path: str | Path, sensor: Sensor, raw: Mapping[str, FloatArray]) -> list[str]:
     """Return warnings where readings are none of this sensor touched by something; arguments as of `misread`."""
     return [f"{path}: {one}" for one in (exchanged(raw), rest_hint(sensor, raw)) if one]
+
+
+def unfinished(path: str | Path) -> str:
+    """Return a warning where the last number of a file seems to be cut: no line end, and fewer digits than all others."""
+    with Path(path).open("rb") as file:
+        file.seek(max(0, file.seek(0, 2) - _END_BYTES))
+        *lines, last = file.read().decode(errors="replace").splitlines(keepends=True)[1:] or [""]
+    ends = [line.rstrip().rpartition(",")[2].partition(".")[2] for line in (*lines, last)]
+    others = [len(end) for end in ends[:-1] if end]
+    if last.endswith(("\n", "\r")) or len(others) < _FEW_ENDS or len(ends[-1]) >= min(others):
+        return ""
+    return (
+        f"{path}: the last line has no line end, and its last number, {last.rpartition(',')[2]}, fewer digits than the "
+        "others: is the file cut off?"
+    )
 
 
 def backwards(path: str | Path, sensor: Sensor) -> str:
