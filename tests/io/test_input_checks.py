@@ -10,11 +10,11 @@ import pytest
 import tacstrip as ts
 from tacstrip.diagnose import read_log
 from tacstrip.io.input_checks import (
-    contact_in_metres,
     half_read,
-    in_metres,
     over_vref,
     unfinished,
+    unlikely_contact,
+    unlikely_lengths,
 )
 from tacstrip.sensor.exchanged import exchanged
 
@@ -31,18 +31,29 @@ def _exchanged(*scans: ts.Scan) -> str:
     return exchanged({name: np.stack([s[name] for s in scans]) for name in scans[0].signatures})
 
 
-def test_a_spec_in_metres() -> None:
-    assert in_metres(SENSOR) == ""
-    assert "mm, not m?" in in_metres(
-        ts.Sensor(construction="crs-m", strips=3, pitch_mm=0.004, length_mm=0.12)
-    )
+@pytest.mark.parametrize(
+    ("pitch", "length", "told"),
+    [
+        (4.0, 120.0, ""),
+        (0.5, 60.0, ""),
+        (0.004, 0.12, "mm, not m?"),
+        (4.0, 0.12, "shorter"),
+        (0.4, 12.0, "not cm?"),
+    ],
+)
+def test_a_spec_in_other_units(pitch: float, length: float, told: str) -> None:
+    said = unlikely_lengths(ts.Sensor.from_dict(SENSOR_KEYS | {"pitch_mm": pitch, "length_mm": length}))
+    assert told in said if told else said == ""
 
 
-def test_a_contact_in_metres() -> None:
-    assert contact_in_metres(ts.Contact.polygon(SHAPE), SENSOR) == ""
-    assert contact_in_metres(ts.Contact.points([(0.02, 0.03)]), SENSOR) == ""  # has no size
-    metres = ts.Contact.polygon(np.array(SHAPE) / 1000.0)
-    assert "is it in metres? Coordinates are millimetres" in contact_in_metres(metres, SENSOR)
+def test_a_contact_in_other_units() -> None:
+    """In centimetres all of the sensor is its corner at x = y = 0, where few contacts lie."""
+    assert unlikely_contact(ts.Contact.polygon(SHAPE), SENSOR) == ""
+    assert unlikely_contact(ts.Contact.points([(0.02, 0.03)]), SENSOR) == ""  # has no size
+    for unit, factor in (("metres", 1000.0), ("centimetres", 10.0)):
+        small = ts.Contact.polygon(np.array(SHAPE) / factor)
+        assert f"is it in {unit}? Coordinates are millimetres" in unlikely_contact(small, SENSOR)
+    assert unlikely_contact(ts.Contact.polygon(np.array(SHAPE) / 10.0).moved(40.0, 0.0), SENSOR) == ""
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.005, 0.01])

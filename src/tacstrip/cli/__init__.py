@@ -143,12 +143,12 @@ def load_sensor(spec: str | Path, without: Sequence[str] = ()) -> Sensor:
 
     `without` names channels to leave out, besides those of the spec.
     """
-    from tacstrip.io.input_checks import in_metres  # late, as all that loads NumPy
+    from tacstrip.io.input_checks import unlikely_lengths  # late, as all that loads NumPy
     from tacstrip.sensor.spec import Sensor
 
     sensor = Sensor.load(spec)
     sensor = replace(sensor, without=(*sensor.without, *without))
-    warn(in_metres(sensor), file=spec)
+    warn(unlikely_lengths(sensor), file=spec)
     return sensor
 
 

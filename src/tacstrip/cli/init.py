@@ -10,7 +10,7 @@ import click
 from tacstrip.cli import note, options, protect, warn
 from tacstrip.data import spec_names
 from tacstrip.errors import SpecError
-from tacstrip.io.input_checks import in_metres
+from tacstrip.io.input_checks import unlikely_lengths
 from tacstrip.sensor.constructions import CONSTRUCTIONS
 from tacstrip.sensor.constructions import construction as construction_named
 from tacstrip.sensor.spec import Sensor
@@ -49,7 +49,7 @@ def command(file: Path, like: str | None, force: bool, **keys: Any) -> None:
     if like is not None and options.given(*keys):
         raise SpecError("--like copies a whole spec; leave the other options out and edit the file")
     sensor = _made(keys) if like is None else Sensor.load(like)
-    warn(in_metres(sensor))
+    warn(unlikely_lengths(sensor))
     if printed:
         click.echo(sensor.to_toml(), nl=False)
         return

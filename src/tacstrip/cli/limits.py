@@ -21,7 +21,7 @@ from tacstrip.errors import OptionError
 from tacstrip.files import write_text
 from tacstrip.geometry.outline import Outline
 from tacstrip.io.geometry import read_contact
-from tacstrip.io.input_checks import contact_in_metres
+from tacstrip.io.input_checks import unlikely_contact
 from tacstrip.reconstruction.cramer_rao import reading_sigma
 
 _MOST_LINES = 20
@@ -88,7 +88,7 @@ def command(
         )
     shape = read_contact(contact)
     shape = (shape.placed(*at) if at else shape).turned(math.radians(turn))
-    warn(contact_in_metres(shape, spec))
+    warn(unlikely_contact(shape, spec))
     outline = outline_of(spec, shape)
     found = limits(spec, outline, noise)
     _show_limits(outline, found)

@@ -18,7 +18,7 @@ from tacstrip.cli.replay import warn_of_cut
 from tacstrip.errors import OptionError, TacstripError
 from tacstrip.interrupt import deferred_interrupt
 from tacstrip.io.geometry import read_contact
-from tacstrip.io.input_checks import contact_in_metres
+from tacstrip.io.input_checks import unlikely_contact
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.codes import UNSET_BITS, top_code
 from tacstrip.stream.recording.recorder import Recorder, record, with_shapes
@@ -96,7 +96,7 @@ def _simulated(files: tuple[str, ...], given: dict[str, Any]) -> SimulatedSource
     start = given["at"] or tuple(shape.centroid)
     motion = Drag(shape, [start, *given["drag"]], given["seconds"], math.radians(given["turn_rate"]))
     sensor = load_sensor(files[0])
-    warn(contact_in_metres(shape, sensor))
+    warn(unlikely_contact(shape, sensor))
     return SimulatedSource(
         sensor, motion, given["rate"], _count(given), given["noise"], given["seed"], given["model"],
         given["electrodes"],

@@ -16,7 +16,7 @@ from tacstrip.contact.noise import Noise, NoiseProcess
 from tacstrip.errors import OptionError
 from tacstrip.files import write_text
 from tacstrip.io.geometry import read_contact
-from tacstrip.io.input_checks import contact_in_metres
+from tacstrip.io.input_checks import unlikely_contact
 from tacstrip.io.readings import write_readings
 from tacstrip.simulation import simulate
 
@@ -99,8 +99,8 @@ def command(
     touched, split = (int(strips.any(axis=0).sum()) for strips in (np.isfinite(touch.l), touch.pieces > 1))
     click.echo(f"{output}: {len(scans)} scan(s) of {spec.strips} strips, {touched} of them touched")
     if touched == 0:
-        small = contact_in_metres(shape, spec)
-        warn("no strip is touched: the contact falls between centre lines" + (f"; {small}" if small else ""))
+        warn("no strip is touched: the contact falls between centre lines")
+    warn(unlikely_contact(shape, spec))
     if touch.clipped:
         warn("a part of the contact lies off the sensor and was cut away")
     if split:

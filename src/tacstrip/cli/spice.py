@@ -10,7 +10,7 @@ from tacstrip.cli import load_sensor, options, protect, warn
 from tacstrip.errors import OptionError
 from tacstrip.files import write_text
 from tacstrip.io.geometry import read_contact
-from tacstrip.io.input_checks import contact_in_metres
+from tacstrip.io.input_checks import unlikely_contact
 from tacstrip.network.crp.readings import contact_measurements
 from tacstrip.network.imperfections import Readout
 from tacstrip.network.spice import deck
@@ -61,4 +61,4 @@ def command(
     write_text(output, deck(title, named, spec.vref_volt))
     click.echo(f"{output}: {len(named)} touched strip(s). Run it with: ngspice -b {output}")
     if not named:
-        warn("no strip is touched: there is nothing to print", contact_in_metres(shape, spec))
+        warn("no strip is touched: there is nothing to print", unlikely_contact(shape, spec))

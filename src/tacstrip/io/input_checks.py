@@ -24,31 +24,37 @@ from tacstrip.sensor.rest_level import rest_hint
 from tacstrip.sensor.spec import Sensor
 
 _PITCH_MM = 0.1  # nobody cuts strips as fine
+_TINY_MM = 10.0  # width of ten strips of such a pitch
 _SMALL = 0.01  # of the sensor's shorter side: a contact in metres is a thousandth of itself
+_CORNER = 0.1  # of the sensor: one in centimetres lies within this, whatever it is and wherever it was to be
 _VREF_VOLT = 2.0  # above it, volts that all stay below 1 are seldom volts
 _END_BYTES, _FEW_ENDS = 65536, 8  # of a file's end that is looked at; numbers there, at least
 _NAMED = 5  # channels that a warning names
 
 
-def in_metres(sensor: Sensor) -> str:
-    """Return a warning where a spec's lengths seem to be in metres."""
-    if sensor.pitch_mm >= _PITCH_MM:
-        return ""
-    return (
-        f"pitch_mm = {sensor.pitch_mm:.6g}, length_mm = {sensor.length_mm:.6g}: mm, not m? "
-        "All lengths in a spec are millimetres"
-    )
+def unlikely_lengths(sensor: Sensor) -> str:
+    """Return a warning where a spec's lengths, or one of them, seem to be in metres or centimetres."""
+    said = f"pitch_mm = {sensor.pitch_mm:.6g}, length_mm = {sensor.length_mm:.6g}: "
+    if sensor.pitch_mm < _PITCH_MM:
+        return f"{said}mm, not m? All lengths in a spec are millimetres"
+    if sensor.length_mm < sensor.pitch_mm:
+        return f"{said}a strip shorter than the pitch? All lengths in a spec are millimetres"
+    if sensor.pitch_mm < 10.0 * _PITCH_MM and sensor.width_mm < _TINY_MM:
+        return f"{said}mm, not cm? All lengths in a spec are millimetres"
+    return ""
 
 
-def contact_in_metres(contact: Contact, sensor: Sensor) -> str:
-    """Return a warning where a contact is so small that its coordinates seem to be in metres; points have no size."""
+def unlikely_contact(contact: Contact, sensor: Sensor) -> str:
+    """Return a warning where a contact's coordinates seem to be in metres or centimetres; points have no size."""
     x0, y0, x1, y1 = shapely.GeometryCollection(list(contact.shapes)).bounds
-    size = max(x1 - x0, y1 - y0)
-    if not 0.0 < size < _SMALL * min(sensor.width_mm, sensor.length_mm):
+    size, shorter = max(x1 - x0, y1 - y0), min(sensor.width_mm, sensor.length_mm)
+    corner = x0 >= 0.0 and x1 < _CORNER * sensor.width_mm and y0 >= 0.0 and y1 < _CORNER * sensor.length_mm
+    if not 0.0 < size < (_CORNER * max(sensor.width_mm, sensor.length_mm) if corner else _SMALL * shorter):
         return ""
+    unit = "metres" if size < _SMALL * shorter else "centimetres"
     return (
-        f"the contact is {size:.3g} mm large, on a sensor of {sensor.width_mm:.6g} x {sensor.length_mm:.6g} mm: is it "
-        "in metres? Coordinates are millimetres"
+        f"the contact is {size:.3g} mm large{', in the corner at x = y = 0,' * corner} on a sensor of "
+        f"{sensor.width_mm:.6g} x {sensor.length_mm:.6g} mm: is it in {unit}? Coordinates are millimetres"
     )
 
 
@@ -113,7 +119,7 @@ def implausible(path: str | Path, sensor: Sensor, raw: Mapping[str, FloatArray])
 
 
 def unfinished(path: str | Path) -> str:
-    """Return a warning where the last number of a file seems to be cut: no line end, and fewer digits than all others."""
+    """Return a warning where a file's last number seems to be cut: no line end, and fewer digits than all others."""
     with Path(path).open("rb") as file:
         file.seek(max(0, file.seek(0, 2) - _END_BYTES))
         *lines, last = file.read().decode(errors="replace").splitlines(keepends=True)[1:] or [""]

@@ -315,6 +315,11 @@ def _check(s: Sensor) -> None:
         ("strip_base", s.strip_base in (0, 1), "must be 0 or 1"),
         ("rest_volt", s.rest_volt is None or 0 <= s.rest_volt <= s.vref_volt, "must be 0 to vref_volt"),
         ("touch_volt", s.touch_volt is None or s.touch_volt > 0.0, "must be above 0"),
+        (
+            "touch_volt",
+            s.rest_volt is None or (s.touch_volt or 0.0) <= max(s.rest_volt, s.vref_volt - s.rest_volt),
+            f"no reading is so far from rest_volt = {s.rest_volt}, so nothing would count as touched; both are volts",
+        ),
     )
     for key, good, advice in limits:
         if not good:
