@@ -431,11 +431,12 @@ def table(found: Sequence[Outcome]) -> str:
     return "\n".join([f"{'exit code':<12}      0      1      2", *lines, f"wrong: {len(wrong)}", *wrong])
 
 
-if __name__ == "__main__":
+if __name__ == "__main__":  # [inputs to every verb] [seed] [verb] ...
     import tempfile
 
-    many, start, *chosen = sys.argv[1:] or ["40", "0"]
+    many, start, *chosen = [*sys.argv[1:], "40", "0"][: max(2, len(sys.argv) - 1)]
     with tempfile.TemporaryDirectory() as made:
         make_inputs(Path(made))
         everything = list(outcomes(Path(made), int(many), int(start), chosen, Path("mutations")))
     sys.stdout.write(table(everything) + "\n")
+    sys.exit(any(one.wrong for one in everything))
