@@ -212,6 +212,32 @@ def test_what_has_no_end_is_not_read(tmp_path: Path) -> None:
     assert why_unreadable(tmp_path) == why_unreadable(tmp_path / "none") == ""
 
 
+def test_what_a_pipe_gives_without_end_is_not_read_to_its_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tacstrip.files._LONGEST", 100)
+    monkeypatch.setattr("tacstrip.io.csv_rows._LONGEST_LINE", 100)
+    for name in ("a.toml", "a.csv", "a.wkt"):
+        (tmp_path / name).write_text("1" * 200)
+    with pytest.raises(ts.SpecError, match="longer than 100 characters"):
+        ts.Sensor.load(tmp_path / "a.toml")
+    with pytest.raises(ts.ContactError, match=r"a\.wkt: cannot be read \(it is longer than 100 characters"):
+        ts.read_contact(tmp_path / "a.wkt")
+    for read in (ts.read_readings, ts.read_runs):
+        with pytest.raises(ts.ReadingError, match="a line is longer than 100 characters"):
+            read(tmp_path / "a.csv", SENSOR)
+
+
+def test_a_file_is_on_the_disk_before_it_takes_its_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Else a power cut may leave the name with nothing in it."""
+    saved: list[bool] = []
+    monkeypatch.setattr(os, "fsync", lambda _: saved.append((tmp_path / "a.txt").exists()))
+    write_text(tmp_path / "a.txt", "text")
+    assert saved == [False]
+
+
 def test_what_the_caller_hands_over_is_read(tmp_path: Path) -> None:
     SENSOR.save(tmp_path / "s.toml")
     ts.write_readings(tmp_path / "r.csv", SENSOR, [ts.simulate(SENSOR, SHAPE)])

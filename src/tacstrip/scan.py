@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from tacstrip.arrays import BoolArray, FloatArray, extent, touched_strips
+from tacstrip.arrays import BoolArray, FloatArray, extent, numbers, touched_strips
 from tacstrip.errors import ReadingError, SignatureError
 from tacstrip.robust import robust_sigma
 from tacstrip.sensor.constructions import SIGNATURES
@@ -197,7 +197,7 @@ def max_rounding(adc_bits: int | None) -> float:
 
 def _readings(name: str, values: npt.ArrayLike) -> FloatArray:
     try:
-        array = np.array(values, dtype=float)
+        array = numbers(values)
     except (TypeError, ValueError):
         raise ReadingError(f"{name} needs one number per strip, NaN where nothing touches") from None
     if array.ndim != 1 or not len(array):
@@ -219,7 +219,7 @@ def _without_rounding(array: FloatArray) -> FloatArray:
 
 
 def _electrodes(values: npt.ArrayLike, touched: BoolArray) -> FloatArray:
-    array = _without_rounding(np.array(values, dtype=float))
+    array = _without_rounding(numbers(values))
     if array.shape != (len(touched), 2 * len(touched)):
         raise ReadingError(
             f"electrodes have shape {array.shape}; give ({len(touched)}, {2 * len(touched)}): all electrodes at "

@@ -17,7 +17,7 @@ from tacstrip.arguments import refuse_positional
 from tacstrip.arrays import FloatArray
 from tacstrip.data import spec_names, spec_path
 from tacstrip.errors import SpecError
-from tacstrip.files import why_unreadable, write_text
+from tacstrip.files import read_text, why_unreadable, write_text
 from tacstrip.sensor.calibration import Calibration
 from tacstrip.sensor.constructions import CONSTRUCTIONS, Construction, check_signature, construction
 from tacstrip.sensor.left_out import checked_names
@@ -193,7 +193,7 @@ class Sensor:
                 file = spec_path(str(path))
             if why := why_unreadable(file):
                 raise SpecError(f"{path}: {why}")
-            raw = tomllib.loads(file.read_text(encoding="utf-8-sig"))
+            raw = tomllib.loads(read_text(file))
         except FileNotFoundError:
             shipped = ", ".join(spec_names())
             raise SpecError(
