@@ -271,11 +271,12 @@ def test_a_text_is_no_number_whatever_numpy_takes_it_for(text: str | bytes) -> N
     t: Any = text
     for k in ([t, t], [t, 0.5], [0.5, t, None], np.array([t])):
         with pytest.raises(ReadingError, match="kh needs one number per strip"):
-            Scan(kh=k)
+            Scan(kh=k)  # type: ignore[arg-type]
     for points in ([(t, t)], [(t, 1.0), (2.0, 3.0)], np.array([[t, t]])):
         with pytest.raises(ContactError, match="needs numbers"):
             Contact.points(points)
-    np.testing.assert_array_equal(Scan(kh=[0.5, None, True])["kh"], [0.5, np.nan, 1.0])  # type: ignore[list-item]
+    read: Any = [0.5, None, True]
+    np.testing.assert_array_equal(Scan(kh=read)["kh"], [0.5, np.nan, 1.0])
 
 
 def test_a_reading_beyond_0_or_1_by_rounding_is_none() -> None:

@@ -14,26 +14,29 @@ from click.core import ParameterSource
 from tacstrip.errors import OptionError, is_number, number
 
 
-class _InDigits(click.ParamType):
-    """Numbers in the digits 0 to 9; click takes 1_0, the digits of other scripts and nan too."""
+class _Number(click.types.FloatParamType):
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        return super().convert(_in_digits(value, param, ctx), param, ctx)
+
+
+class _Whole(click.types.IntParamType):
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        return super().convert(_in_digits(value, param, ctx), param, ctx)
+
+
+class WholeRange(click.IntRange):
+    """Whole numbers from one to another."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Return the number, or fail."""
-        if isinstance(value, str) and not (is_number(value) and number(value) == number(value)):
-            self.fail(f"{value!r} is not a number; write it in the digits 0 to 9", param, ctx)
-        return super().convert(value, param, ctx)
+        return super().convert(_in_digits(value, param, ctx), param, ctx)
 
 
-class _Number(_InDigits, click.types.FloatParamType):
-    pass
-
-
-class _Whole(_InDigits, click.types.IntParamType):
-    pass
-
-
-class WholeRange(_InDigits, click.IntRange):
-    """Whole numbers from one to another."""
+def _in_digits(value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+    """Return the value, or fail where it is no number in the digits 0 to 9; click takes 1_0, other scripts and nan."""
+    if isinstance(value, str) and not (is_number(value) and number(value) == number(value)):
+        raise click.BadParameter(f"{value!r} is not a number; write it in the digits 0 to 9", ctx, param)
+    return value
 
 
 NUMBER, WHOLE = _Number(), _Whole()

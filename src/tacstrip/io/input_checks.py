@@ -51,10 +51,10 @@ def unlikely_contact(contact: Contact, sensor: Sensor) -> str:
     corner = x0 >= 0.0 and x1 < _CORNER * sensor.width_mm and y0 >= 0.0 and y1 < _CORNER * sensor.length_mm
     if not 0.0 < size < (_CORNER * max(sensor.width_mm, sensor.length_mm) if corner else _SMALL * shorter):
         return ""
-    unit = "metres" if size < _SMALL * shorter else "centimetres"
+    unit, where = ("metres", "") if size < _SMALL * shorter else ("centimetres", " at x = y = 0")
     return (
-        f"the contact is {size:.3g} mm large{', in the corner at x = y = 0,' * corner} on a sensor of "
-        f"{sensor.width_mm:.6g} x {sensor.length_mm:.6g} mm: is it in {unit}? Coordinates are millimetres"
+        f"the contact is {size:.3g} mm large{where}, on a sensor of {sensor.width_mm:.6g} x {sensor.length_mm:.6g} mm: "
+        f"is it in {unit}? Coordinates are millimetres"
     )
 
 
