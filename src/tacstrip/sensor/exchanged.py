@@ -27,11 +27,11 @@ def exchanged(readings: Mapping[str, FloatArray]) -> str:
     below, touched = (apart < -_NOISE).sum(axis=1), np.isfinite(apart).sum(axis=1)
     counts = touched >= _FEW
     wrong = np.flatnonzero(counts & (2 * below > touched))
+    scatter = np.nanstd(apart[wrong], axis=1) / np.sqrt(touched[wrong])
+    wrong = wrong[np.nanmean(apart[wrong], axis=1) < -_SURE * scatter]
     if not len(wrong) or 2 * len(wrong) < counts.sum():
         return ""
-    first, many = wrong[0], touched[wrong]
-    if (np.nanmean(apart[wrong], axis=1) > -_SURE * np.nanstd(apart[wrong], axis=1) / np.sqrt(many)).any():
-        return ""
+    first = wrong[0]
     which = f" of scan {first}, and so in {len(wrong) - 1} scan(s) more" if len(wrong) > 1 else ""
     return (
         f"k_h is below k_l on {below[first]} of {touched[first]} strips{which}: are the columns exchanged? "
