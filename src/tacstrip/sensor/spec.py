@@ -25,6 +25,7 @@ from tacstrip.sensor.noise import Noise
 
 FORMAT = 1
 _SEAM = 0.1  # pitches: no wider a gap between the last strip and the first is one, but rounding of a radius
+_FAR = 1e9  # mm, V or a ratio: beyond it, or below 1 / it, sums and squares of them are no numbers any more
 _HUGE = 10**18  # a message with more digits helps nobody
 
 # Every key of the file, in its order, with the comment that `tacstrip init` writes beside it.
@@ -287,6 +288,8 @@ def _check(s: Sensor) -> None:
         value = getattr(s, key)
         if value is not None and value <= 0.0:
             raise SpecError(f"{key} = {value}: must be above 0")
+        if value is not None and not 1.0 / _FAR <= value <= _FAR:
+            raise SpecError(f"{key} = {value}: must be {1.0 / _FAR:g} to {_FAR:g}")
     given_keys = {
         "radius_mm": s.radius_mm is not None,
         "resistivity_ratio": s.resistivity_ratio != 1.0,
