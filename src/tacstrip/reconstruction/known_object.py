@@ -23,11 +23,11 @@ from tacstrip.contact.signature import signatures
 from tacstrip.core.problem import FLOOR
 from tacstrip.errors import ContactError, OptionError
 from tacstrip.reconstruction.cramer_rao import reading_sigma
+from tacstrip.reconstruction.implausible import doubt_implausible
 from tacstrip.reconstruction.noise_covariance import signature_jacobians
 from tacstrip.reconstruction.polygon.goodness_of_fit import autocorrelation_score, chi_square_score
 from tacstrip.reconstruction.result import Alternative, Pose, Reconstruction, RecoveredObject, Status
 from tacstrip.reconstruction.seam import unrolled
-from tacstrip.reconstruction.untouched import doubt_untouched
 from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import check_closed_form
 from tacstrip.sensor.spec import Sensor
@@ -112,7 +112,7 @@ def fit_object(
     known = None if noise is None else max(reading_sigma(noise, sensor), FLOOR)
     distribution = "normal" if noise is None else noise.distribution
     objects = tuple(_placed(laid_out, surface, corners, run, known, distribution, edge_mm) for run in runs)
-    return doubt_untouched(Reconstruction("object", objects, scan.time_s), scan, sensor)
+    return doubt_implausible(Reconstruction("object", objects, scan.time_s), scan, sensor)
 
 
 def pose_covariance(

@@ -1,0 +1,29 @@
+"""Results of scans that cannot be meant: untouched strips with readings, exchanged columns; they are doubted."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from tacstrip.reconstruction.result import Reconstruction, RecoveredObject
+from tacstrip.scan import Scan
+from tacstrip.sensor.exchanged import exchanged
+from tacstrip.sensor.raw import invert_calibration
+from tacstrip.sensor.rest_level import rest_hint
+from tacstrip.sensor.spec import Sensor
+
+
+def doubt_implausible(result: Reconstruction, scan: Scan, sensor: Sensor) -> Reconstruction:
+    """Return the result; where the readings are implausible "doubtful" in place of "ok", and with advice."""
+    read = {name: scan[name] for name in scan.signatures}
+    hint = exchanged(read) if sensor.kind.closed_form else ""
+    if scan.touched.all() and not hint:
+        failed = result.status not in ("ok", "likely") or bool(result.advice)
+        hint = rest_hint(sensor, invert_calibration(sensor, read), failed)
+    if not hint:
+        return result
+
+    def doubted(found: RecoveredObject) -> RecoveredObject:
+        status = "doubtful" if found.status in ("ok", "likely") else found.status
+        return replace(found, status=status, advice="; ".join(filter(None, (found.advice, hint))))
+
+    return replace(result, objects=tuple(map(doubted, result.objects)))
