@@ -205,7 +205,7 @@ FAULTS: dict[str, tuple[ts.Sensor, dict[str, Any], str]] = {
     "curve falls": (CRS, {"kh": {**CURVE, "curve": [[1.0, 0.0]] * N}}, "kh.curve: entry 0 must rise"),
     "curve short": (CRS, {"kh": {**CURVE, "curve": [[1.0]] * N}}, "entry 0 has 1 numbers for the 2 of kh.curve_at"),
     "knots": (CRS, {"kh": {**CURVE, "curve_at": [0.1, 1.0]}}, "kh.curve_at: must rise from 0 to 1"),
-    "warp ends": (CRS, {"warp_at": [0.0, 1.0], "warp": [[0.0, 0.9]] * N}, "warp: every entry must rise from 0 to 1"),
+    "warp ends": (CRS, {"warp_at": [0.0, 1.0], "warp": [[0.0, 0.7]] * N}, "warp: every entry must rise from 0 to 1"),
     "ratio 0": (CRS, {"ratio": [0.0] * N}, "calibration.ratio: every ratio must be above 0"),
     "ratio of metal": (METAL, {"ratio": [1.0] * N}, "only a second layer of rubber has a ratio"),
     "two lines": (CRS, {"model": "a\nb"}, "calibration.model: must be a text of one line"),

@@ -57,7 +57,7 @@ def test_the_sheet_ends_in_what_the_electrodes_read() -> None:
     l, u = footprint(sensor, SHAPES["hexagon"])
     kh, kl = crp.own_electrodes(sensor, l, u)
     sheet = sheet_potentials(7, l, u)
-    assert (sheet[7, 0], sheet[7, -1]) == (kl[7], kh[7])
+    assert (sheet[7, 0], sheet[7, -1]) == pytest.approx((kl[7], kh[7]), rel=1e-12)
     # A current flows through the sheet from the contact's upper end to its lower one, and nowhere else in or out.
     assert np.ptp(sheet[7]) > 2.0 * np.ptp(sheet[0])
 

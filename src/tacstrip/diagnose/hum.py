@@ -13,6 +13,7 @@ from tacstrip.diagnose.log import Log
 
 MAINS = (50.0, 60.0)  # Hz
 _LINE, _LINE_ONCE = 14.0, 20.0  # times the power at nearby frequencies: a line, not noise; of one segment
+_LINE_ALONE = 100.0  # times, on some strips only: jumps of a contact's ends make 60 on a sound strip
 _HALF = 4.0  # times, in each half of the recording: a few jumps are no line
 _HUM = 0.0015  # over Vref: amplitude below which hum does not matter
 _SEGMENT_S = 1.0  # in which a line keeps its phase, whatever the clock and the mains do
@@ -134,7 +135,7 @@ def _mains_lines(powers: list[FloatArray], counts: list[FloatArray], sigma: floa
         numbers = {"hertz": MAINS[i], "amplitude": level, "ratio": float(every[i])}
         yield Finding("hum", (), evidence, numbers)
         return
-    loud &= amplitude > 0.5 * sigma
+    loud &= (amplitude > 0.5 * sigma) & (ratio > _LINE_ALONE)
     for strip in np.flatnonzero(loud.any(axis=0)):
         j = int(np.argmax(np.where(loud[:, strip], ratio[:, strip], 0.0)))
         size, times = amplitude[j, strip], ratio[j, strip]

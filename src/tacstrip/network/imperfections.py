@@ -139,13 +139,13 @@ class Readout:
     mux_ohm
         On-resistance of a switch of the multiplexer: at either end of the energised strip where strips are
         switched in turn, else (CRS-CRS) between the sensing strip and the converter.
-    supply_ohm
-        Resistor between Vref and the switches where strips are switched in turn, which limits what a short draws.
     adc_ohm
         Input resistance of the converter, from each end that is read to ground.
     tied_grounds
         CRS-M: all strips' ground ends are joined for good, so that n + 2 connectors do. The strips that
         touch then load the sheet: the parallel path of figure 2.4.
+    supply_ohm
+        Resistor between Vref and the switches where strips are switched in turn, which limits what a short draws.
 
     Examples
     --------
@@ -161,9 +161,9 @@ class Readout:
 
     strip_ohm: float = 10_000.0
     mux_ohm: float = 0.0
-    supply_ohm: float = 0.0
     adc_ohm: float = math.inf
     tied_grounds: bool = False
+    supply_ohm: float = 0.0
 
     def __post_init__(self) -> None:
         for name, good in (

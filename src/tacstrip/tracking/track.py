@@ -81,6 +81,16 @@ class Track:
         Other outlines that explain the scans as well, in this object's frame.
     joint
         Scans in which it shared strips with another object, and has no pose.
+
+    Examples
+    --------
+    >>> import tacstrip as ts
+    >>> sensor = ts.Sensor(construction="crs-crs", strips=10, pitch_mm=10.0, length_mm=100.0)
+    >>> shape = ts.Contact.polygon([(-25, -20), (20, -25), (25, 20), (-10, 25)])
+    >>> scans = [ts.simulate(sensor, shape.turned(0.05 * i).placed(50, 50), time_s=0.01 * i) for i in range(12)]
+    >>> (one,) = ts.track(scans, sensor)
+    >>> round(one.area_mm2), one.present.all(), one.placed(0).shape
+    (1850, True, (4, 2))
     """
 
     id: int
