@@ -141,7 +141,7 @@ def reconstruct_object(
             outline, covariance = guarantee.outline, guarantee.region_covariance
     errors = _errors(scan, sensor, contact, noise, outline)
     wrong = misfit(run, distribution, covariance, errors) or (_EMPTY if empty else _MANY if many else "")
-    wrong = second_look(run, distribution, outline, sensor, wrong)
+    wrong = second_look(run, distribution, outline, sensor, wrong, contact.readings)
     if contact.known_count is not None and fit.n_vertices < contact.known_count:
         wrong = (
             wrong
