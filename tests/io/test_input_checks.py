@@ -30,6 +30,9 @@ def test_a_spec_in_metres() -> None:
     assert "mm, not m?" in in_metres(
         ts.Sensor(construction="crs-m", strips=3, pitch_mm=0.004, length_mm=0.12)
     )
+    for pitch, length in ((8.0, 0.3), (8.0, 3.0)):  # one of both in metres or the like
+        mixed = ts.Sensor(construction="crs-m", strips=3, pitch_mm=pitch, length_mm=length)
+        assert "mm, not m?" in in_metres(mixed)
 
 
 def test_a_contact_in_metres() -> None:

@@ -21,6 +21,7 @@ from tacstrip.sensor.left_out import channel_name, left_out
 from tacstrip.sensor.spec import Sensor
 
 _PITCH_MM = 0.1  # nobody cuts strips as fine
+_LENGTH_MM = 2.0  # nor as short, or shorter than they are wide
 _SMALL = 0.01  # of the sensor's shorter side: a contact in metres is a thousandth of itself
 _VREF_VOLT = 2.0  # above it, volts that all stay below 1 are seldom volts
 _NOISE = 0.005  # of Vref: P.U. profile I
@@ -30,7 +31,7 @@ _FEW = 4  # touched strips: of fewer, noise alone can exchange most
 
 def in_metres(sensor: Sensor) -> str:
     """Return a warning where a spec's lengths seem to be in metres."""
-    if sensor.pitch_mm >= _PITCH_MM:
+    if sensor.pitch_mm >= _PITCH_MM and sensor.length_mm >= max(_LENGTH_MM, sensor.pitch_mm):
         return ""
     return (
         f"pitch_mm = {sensor.pitch_mm:.6g}, length_mm = {sensor.length_mm:.6g}: mm, not m? "

@@ -1,4 +1,4 @@
-"""Results of scans in which untouched strips have readings: they are doubted, and say what the spec lacks."""
+"""Results of scans whose readings are doubted as a whole: untouched strips have some, or the contact moved."""
 
 from __future__ import annotations
 
@@ -12,11 +12,19 @@ from tacstrip.sensor.spec import Sensor
 
 
 def doubt_untouched(result: Reconstruction, scan: Scan, sensor: Sensor) -> Reconstruction:
-    """Return the result; where untouched strips seem to have readings "doubtful" in place of "ok", and with advice."""
-    if not scan.touched.all():
-        return result
-    raw = invert_calibration(sensor, {name: scan[name] for name in scan.signatures})
-    hint = rest_hint(sensor, raw, failed=result.status not in ("ok", "likely") or bool(result.advice))
+    """Return the result, "doubtful" in place of "ok" and with advice where its readings are doubted.
+
+    Untouched strips seem to have some, or they are the mean of scans of a contact that moved.
+    """
+    hint = ""
+    if scan.touched.all():
+        raw = invert_calibration(sensor, {name: scan[name] for name in scan.signatures})
+        hint = rest_hint(sensor, raw, failed=result.status not in ("ok", "likely") or bool(result.advice))
+    if scan.moved:
+        hint = (
+            f"the contact moved while {scan.averaged} scans were averaged: half of the channels changed by "
+            f"{100.0 * scan.moved:.2g} % of Vref or more; average fewer"
+        )
     if not hint:
         return result
 

@@ -30,6 +30,7 @@ _GAP = 0.02  # of L: objects nearer to each other are one
 _LEAST, _CLEAR = 0.005, 4.0  # of L, and of sigma: a jump that a polygon's ends show
 _STAYS, _RAIL = 4.0, 3.0  # deviations: an end is where it was; a reading is none of ground or Vref
 _CHECKS = 6  # readings beyond the numbers fitted
+_OUTER = 3  # strips at either end
 _ALARM = 3.09  # deviations of chi square: p = .001
 
 
@@ -213,8 +214,8 @@ def may_be_several(fit: PolygonFit, problem: FitProblem, jumps: Sequence[Jump]) 
 def one_end_off(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray]) -> bool:
     """Whether readings were left out of a strip where one end of the contact, and no more, would lie elsewhere.
 
-    A faulty channel moves both ends, or to where none can be; a second object, or an overhang, moves one. Where few
-    readings are left to check, nothing tells.
+    A faulty channel moves both ends, or to where none can be; a second object, or an overhang, moves one. Amid strips
+    that agree none touches a single strip; where few readings are left to check, nothing tells.
     """
     if not run.excluded.any():
         return False
@@ -232,7 +233,9 @@ def one_end_off(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray])
         inside = (kl > rail) & (kh < 1.0 - rail) & (kh > kl)
     left_out = run.excluded.any(axis=0) & inside
     one = (deviations.min(axis=0) <= _STAYS) & (deviations.max(axis=0) >= 2.0 * _STAYS)
-    return bool((left_out & (run.freedom < _CHECKS or one & (np.abs(off).max(axis=0) >= _GAP))).any())
+    one &= np.abs(off).max(axis=0) >= _GAP
+    one[_OUTER:-_OUTER] = False
+    return bool((left_out & (one | (run.freedom < _CHECKS))).any())
 
 
 def hidden_share(jumps: Sequence[Jump], problem: FitProblem, area: float) -> float:
