@@ -184,13 +184,14 @@ def find_jumps(fit: PolygonFit, problem: FitProblem) -> list[Jump]:
             place = float(corner - problem.x[0]) / problem.pitch
             near = [i for i in range(1, n) if abs(i - 0.5 - place) <= _NEAR]
             right = math.floor(place) + 1
+            also = right - 1 if place % 1.0 < 0.5 else right + 1
             at = max(near, key=lambda i: abs(more[i]), default=0)
-            if abs(more[at]) >= least:
-                found.add(Jump(c, (at,), float(more[at]), (c == 0) == bool(more[at] < 0.0)))
+            if abs(more[at]) >= least:  # noise, and a steep begin, hide the very place
+                strips = sorted({i for i in (at, right, also) if 0 < i < n})
+                found.add(Jump(c, tuple(strips), float(more[at]), (c == 0) == bool(more[at] < 0.0)))
             elif 1 in near or n - 1 in near:
                 found.add(Jump(c, (near[0], near[-1]), 0.0, 1 in near))
             elif abs(step[right + 1] - step[right - 1]) >= 2.0 * _GAP:
-                also = right - 1 if place % 1.0 < 0.5 else right + 1
                 found.add(Jump(c, (min(right, also), max(right, also)), 0.0, None))
     return sorted(found, key=lambda jump: (jump.strips, jump.chain))
 

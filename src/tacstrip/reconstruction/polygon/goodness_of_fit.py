@@ -130,9 +130,8 @@ def second_look(
             "leaves the other, as a faulty channel hardly does; if one is faulty, leave it out by name (--without)"
         )
     jumps = find_jumps(fit, problem)
-    if not jumps and not wrong:
+    if not (jumps or wrong) or (distribution is None and run.sigma > _MOST_SIGMA):
         return wrong
-    problem = problem.scaled(min(1.0, _MOST_SIGMA / run.sigma) if distribution is None else 1.0)
     ends = fit.ends(problem.x)
     convex = fit_convex(problem, *ends)
     if convex.explains:
