@@ -229,7 +229,7 @@ def sheet_table() -> None:
                 for readings, errors in ((k, clean), (k + noise, noisy)):
                     found = invert(sensor, readings, scheme)
                     errors[scheme] += (np.r_[found.l - l, found.u - u][ends] / LENGTH * 100.0).tolist()
-                said[scheme] += (np.r_[found.l_sigma, found.u_sigma][ends] / LENGTH * 100.0).tolist()
+                said[scheme] += (np.sqrt(np.diag(found.covariance))[ends] / LENGTH * 100.0).tolist()
         for scheme in SCHEMES:
             exact, error, stated = np.abs(clean[scheme]), np.array(noisy[scheme]), np.array(said[scheme])
             over = np.abs(error) / stated

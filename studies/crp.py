@@ -155,7 +155,11 @@ def strip_bounds_figure() -> Figure:
 
 def sheet_potentials(strip: int, l: FloatArray, u: FloatArray, sensor: Sensor | None = None) -> FloatArray:
     """Return the sheet's potentials (strips, rows + 1) [Vref] while one strip is energised, the others floating."""
-    return dict(crp.FactoredScan.of_span(sensor or a_sensor(), l, u).profiles())[strip]
+    scan = crp.FactoredScan.of_span(sensor or a_sensor(), l, u)
+    nodes, t = scan.resistors, scan.resistors.strip == strip
+    sheet = np.concatenate([nodes.top[t], nodes.bottom[t], nodes.centre_node.ravel()])
+    top, ground, *potentials = scan.factored.fed(nodes.top[t], nodes.bottom[t], sheet)[:, 0]
+    return np.reshape((np.array(potentials) - ground) / (top - ground), nodes.centre_node.shape)
 
 
 def sheet_figure() -> Figure:

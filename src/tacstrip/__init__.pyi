@@ -50,5 +50,7 @@ from .stream.recording.recorder import Recorder as Recorder
 from .stream.recording.recorder import record as record
 from .stream.replay import Recording as Recording
 from .stream.simulated import SimulatedSource as SimulatedSource
+from .tracking.track import Track as Track
+from .tracking.track import track as track
 
 __version__: str

@@ -14,12 +14,14 @@ from numpy.typing import ArrayLike
 
 import tacstrip as ts
 from polygons import convex_polygon
+from rigid_scenes import rigid_scene
 from tacstrip.core.ellipse import fit_ellipse
 from tacstrip.core.hit_and_run import hit_and_run
 from tacstrip.core.library import library
 from tacstrip.core.polytope import analytic_centre, feasible_part, lowest, minimax
 from tacstrip.core.posterior import OutlinePrior, outline_ends, outline_record, sample_outlines
 from tacstrip.core.problem import FitProblem
+from tacstrip.core.rigid import descend, equations, fit_poses, loss
 from tacstrip.core.search import fit_counts
 
 Case = Callable[[], Iterable[ArrayLike]]
@@ -53,6 +55,17 @@ def polygon_fits() -> Iterable[ArrayLike]:
                 yield found.vertices
                 if found.covariance is not None:
                     yield found.covariance
+
+
+@case
+def rigid_outlines() -> Iterable[ArrayLike]:
+    """Corners and poses of one outline in many scans, of both signatures and of k, hard and soft."""
+    for construction, lam in (("crs-crs", 0.0), ("crs-crs", 2.0), ("crs-m", 0.0)):
+        scans, corners, poses = rigid_scene(construction, lam)
+        for how in (loss(scans), loss(scans, 0.5, 3.0, 0.25)):
+            yield from vars(equations(scans, corners, poses, how)).values()
+            yield from descend(scans, corners, poses, how)
+            yield from fit_poses(scans, corners, poses[:, None] + np.zeros((3, 1)), how)
 
 
 @case

@@ -122,11 +122,41 @@ static void bounded(void) {
   }
 }
 
+/* One outline in many scans: equations, poses by themselves, and all together. */
+static void rigid(void) {
+  enum { SCANS = 12, CORNERS = 4 };
+  static double k[SCANS * 2 * STRIPS], pose[SCANS * 9], mixed[SCANS * 6 * CORNERS], costs[2 * SCANS], starts[SCANS * 6];
+  double corners[2 * CORNERS] = {-30.0, -18.0, 28.0, -15.0, 25.0, 16.0, -22.0, 14.0}, poses[SCANS * 3];
+  double shape[4 * CORNERS * CORNERS], pose_slope[SCANS * 3], shape_slope[2 * CORNERS];
+  measure(0.004);
+  for (int s = 0; s < SCANS; s++) {
+    for (int i = 0; i < 2 * STRIPS; i++) k[s * 2 * STRIPS + i] = i % STRIPS < s ? 0.0 / 0.0 : readings[i];
+    poses[3 * s] = 45.0 + 0.1 * s;
+    poses[3 * s + 1] = 30.0;
+    poses[3 * s + 2] = 0.1 * s - 0.5;
+    for (int i = 0; i < 6; i++) starts[6 * s + i] = poses[3 * s + i % 3] + 0.3 * (i > 2);
+  }
+  for (int which = 0; which < 2; which++) {
+    Scans scans = {SCANS, STRIPS, 2, x_mm, k, 0.004, 1.0, LENGTH, {0.5, 0.0}, 0.5, which ? 0.02 : 0.0};
+    Loss loss = {which ? 0.5 : 0.0, which ? 3.0 : 0.0, 0.05};
+    tacstrip_rigid_equations(&scans, &loss, corners, CORNERS, poses, pose, mixed, shape, pose_slope, shape_slope, costs);
+    show("mixed", mixed, sizeof mixed);
+    show("shape", shape, sizeof shape);
+    show("slopes", pose_slope, sizeof pose_slope);
+    tacstrip_rigid_poses(&scans, &loss, corners, CORNERS, starts, 2, 8, costs);
+    show("starts", starts, sizeof starts);
+    tacstrip_rigid_descend(&scans, &loss, corners, CORNERS, poses, 12, 1e-3, costs, workspace);
+    show("corners", corners, sizeof corners);
+    show("poses", poses, sizeof poses);
+  }
+}
+
 int main(void) {
   int version = tacstrip_core_version();
   show("version", &version, sizeof version);
   chaos();
   runs();
   bounded();
+  rigid();
   return 0;
 }

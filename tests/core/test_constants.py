@@ -16,6 +16,7 @@ TWINS = {
     "descent.c": ("core.descent", "core.polygon_fit"),
     "feasible_set.c": ("reconstruction.set_membership.feasible_set",),
     "internal.h": ("core.problem",),
+    "rigid.c": ("core.rigid",),
     "outlines.c": ("reconstruction.set_membership.outlines", "geometry.moments"),
     "search.c": ("core.search", "core.problem"),
     "run.c": ("reconstruction.polygon.run", "robust"),

@@ -134,8 +134,8 @@ def test_ngspice_agrees_on_strips_over_a_resistive_sheet(tmp_path: Path, wiring:
     l, u = ts.footprint(sensor, contact)
     kh, kl = crp.own_electrodes(sensor, l, u, 30, wiring)
     touched = np.flatnonzero(~np.isnan(l))
-    asked = {str(strip): crp.measurement(sensor, int(strip), l, u, 30, wiring) for strip in touched}
-    printed = _run(tmp_path, deck("crs-crp", asked, sensor.vref_volt))
+    asked = crp.measurements(crp.FactoredScan.of_span(sensor, l, u, 30, wiring).resistors, wiring)
+    printed = _run(tmp_path, deck("crs-crp", {str(s): m for s, m in asked.items()}, sensor.vref_volt))
     assert len(printed) == 2 * len(touched) > 6
     for name, values in (("vh", kh), ("vl", kl)):
         spice = [printed[f"{name}_{strip}"] / sensor.vref_volt for strip in touched]

@@ -29,6 +29,7 @@ VERBS = {
     "demo": "Recover a rectangle from packaged (synthetic) volts of the ten-strip prototype.",
     "simulate": "Press a contact on a sensor and write the readings.",
     "reconstruct": "Recover shapes from readings.",
+    "track": "Recover objects over time, one rigid shape each, from a whole recording.",
     "calibrate": "Fit a unit's constants to known contacts; plan them, learn the rest level, remove drift.",
     "record": "Record codes and shapes from a simulated sensor, readings or another recording.",
     "replay": "Play back a recording's scans, at their pace or faster.",

@@ -22,7 +22,9 @@ from tacstrip.files import write_text
 from tacstrip.geometry.outline import Outline
 from tacstrip.io.geometry import read_contact
 from tacstrip.io.input_checks import contact_in_metres
-from tacstrip.reconstruction.cramer_rao import reading_sigma
+from tacstrip.reconstruction.cramer_rao import reading_sigma, vertex_rms
+from tacstrip.sensor.spec import Sensor
+from tacstrip.tracking.rigid.covariance import joint_bound
 
 _MOST_LINES = 20
 
@@ -38,6 +40,18 @@ _MOST_LINES = 20
 @click.option("--grid", type=click.IntRange(2, 200), default=16, show_default=True, help="Places a side.")
 @options.plot()
 @options.output("All numbers, to a file (.json).", required=False)
+@click.option(
+    "--scans",
+    type=click.IntRange(2),
+    metavar="N",
+    help="Also: what N scans of a moving object tell together.",
+)
+@click.option(
+    "--slide", type=float, default=0.0, metavar="MM", help="With --scans: its way across the strips."
+)
+@click.option(
+    "--rotate", type=float, default=0.0, metavar="DEG", help="With --scans: how far it turns on the way."
+)
 @click.option("--wanted-mm", type=float, help="Look for designs that reach this RMS vertex error.")
 @click.option("--construction", multiple=True,
               help="Design: try this one; repeat. Default: all flat, or all round.")  # fmt: skip
@@ -60,6 +74,9 @@ def command(
     grid: int,
     plot: Path | None,
     output: Path | None,
+    scans: int | None,
+    slide: float,
+    rotate: float,
     wanted_mm: float | None,
     **design: Any,
 ) -> None:
@@ -72,6 +89,7 @@ def command(
     """
     protect(plot, sensor, contact)
     protect(output, sensor, contact, plot)
+    options.belong(scans is not None, "is for many scans: give --scans as well", "slide", "rotate")
     options.belong(wanted_mm is not None, "is for designs: give --wanted-mm as well", *design)
     spec = load_sensor(sensor, without)
     spec = spec if bits is None else replace(spec, adc_bits=bits)
@@ -88,6 +106,8 @@ def command(
     outline = outline_of(spec, shape)
     found = limits(spec, outline, noise)
     _show_limits(outline, found)
+    if scans is not None:
+        _show_joint(spec, outline, scans, slide, math.radians(rotate), reading_sigma(noise, spec))
     over = limit_map(spec, outline, noise, grid, grid)
     _show_map(over)
     judged = None
@@ -121,6 +141,17 @@ def _show_limits(outline: Outline, found: list[Limit]) -> None:
     click.echo("RMS over vertices  " + "".join(f"{_short(limit.rms):>20}" for limit in found))
     if not all(math.isfinite(limit.rms) for limit in found):
         click.echo("inf: the strips in contact do not determine it; a finer pitch or a wider contact would")
+
+
+def _show_joint(
+    sensor: Sensor, outline: Outline, scans: int, slide_mm: float, turn: float, sigma: float
+) -> None:
+    """Say how well many scans of a moving object tell its corners."""
+    rms = vertex_rms(joint_bound(sensor, outline.vertices, scans, slide_mm, turn, sigma))
+    click.echo(
+        f"{scans} scans in which it slides {slide_mm:g} mm across the strips and turns {math.degrees(turn):g} deg, all "
+        f"signatures: {_short(rms)} mm RMS of the shape (`tacstrip track`)"
+    )
 
 
 def _show_map(over: ErrorMap) -> None:

@@ -123,17 +123,14 @@ class NoiseProcess:
             alike += float(self._sigmas @ self._common) * math.sqrt(noise.wander_shared)
             for name, k in errors.items():
                 own = noise.white * math.sqrt(1.0 - noise.white_shared) * random.standard_normal(k.shape[1:])
-                slow = np.tensordot(self._sigmas, self._wander[name], 1) * math.sqrt(
-                    1.0 - noise.wander_shared
-                )
-                k[i] = alike + own + slow
+                slow = np.tensordot(self._sigmas, self._wander[name], 1)
+                k[i] = alike + own + slow * math.sqrt(1.0 - noise.wander_shared)
                 if noise.strays:
                     strays = random.uniform(size=k.shape[1:]) < noise.strays
                     k[i] += strays * noise.stray_size * random.standard_normal(k.shape[1:])
         for name, k in rows.items():
-            gain = (
-                self._gain if k.shape[-1] == len(self._gain) else self._gain[:, None]
-            )  # a sheet's electrodes
+            of_strips = k.shape[-1] == len(self._gain)  # else of a sheet's electrodes
+            gain = self._gain if of_strips else self._gain[:, None]
             found[name] = np.reshape(k * gain + errors[name], found[name].shape)
         return found
 

@@ -8,15 +8,8 @@ from typing import Any
 
 from tacstrip.errors import is_number
 
-_WKT = (
-    "POINT",
-    "LINESTRING",
-    "POLYGON",
-    "MULTIPOINT",
-    "MULTILINESTRING",
-    "MULTIPOLYGON",
-    "GEOMETRYCOLLECTION",
-)
+_PLAIN = ("POINT", "LINESTRING", "POLYGON")
+_WKT = (*_PLAIN, *(f"MULTI{kind}" for kind in _PLAIN), "GEOMETRYCOLLECTION")
 _WKT_EXAMPLE = "POLYGON ((20 30, 70 25, 60 80, 20 30))"
 _FEW = "a line needs two points or more, and a polygon's ring must end with its first point again"
 
@@ -94,9 +87,9 @@ def _fault(parsed: Any) -> str:
             if deeper := _fault(part):
                 return deeper
         return ""
-    wanted = _depth(_COORDINATES[kind])
-    if not _nested(inside, wanted):
-        return f'"coordinates" of a {kind} are numbers nested as in {_COORDINATES[kind]}'
+    example = _COORDINATES[kind]
+    if not _nested(inside, len(example) - len(example.lstrip("["))):
+        return f'"coordinates" of a {kind} are numbers nested as in {example}'
     if not _finite(inside):
         return "a coordinate is not a finite number"
     rings = inside if kind == "Polygon" else [r for p in inside for r in p] if kind == "MultiPolygon" else []
@@ -105,19 +98,13 @@ def _fault(parsed: Any) -> str:
     return _FEW if few else ""
 
 
-def _depth(example: str) -> int:
-    return len(example) - len(example.lstrip("["))
-
-
 def _nested(values: Any, depth: int) -> bool:
     """Whether values are lists in lists, so deep, of points of two or three numbers."""
     if not isinstance(values, list):
         return False
     if depth > 1:
         return all(_nested(v, depth - 1) for v in values)
-    return len(values) in (2, 3) and all(
-        isinstance(v, int | float) and not isinstance(v, bool) for v in values
-    )
+    return len(values) in (2, 3) and all(type(v) in (int, float) for v in values)
 
 
 def _finite(values: Any) -> bool:

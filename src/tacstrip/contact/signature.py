@@ -40,13 +40,13 @@ def signatures(sensor: Sensor, l_mm: FloatArray, u_mm: FloatArray) -> dict[str, 
     """
     check_closed_form(sensor.kind, "a signature from l and u alone")
     l, w = np.asarray(l_mm, dtype=float), np.asarray(u_mm, dtype=float) - l_mm
-    length, ratio, lam = sensor.length_mm, sensor.sensing_ratio, sensor.contact_lambda_mm
-    forward = {
-        "kh": lambda: k_h(l, w, length, ratio, lam),
-        "kl": lambda: k_l(l, w, length, ratio, lam),
-        "k": lambda: k_metal(l, w, length, lam),
+    length, lam = sensor.length_mm, sensor.contact_lambda_mm
+    if sensor.sensing_ratio == 0.0:
+        return {"k": k_metal(l, w, length, lam)}
+    return {
+        "kh": k_h(l, w, length, sensor.sensing_ratio, lam),
+        "kl": k_l(l, w, length, sensor.sensing_ratio, lam),
     }
-    return {name: forward[name]() for name in sensor.signatures}
 
 
 def geometric_centre(l_mm: FloatArray, u_mm: FloatArray) -> FloatArray:

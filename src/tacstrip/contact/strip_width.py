@@ -16,9 +16,8 @@ from tacstrip.sensor.spec import Sensor
 _STRAIGHT = 1e-3  # of the width: an edge that bends by less is straight
 _LONG = 2.0  # widths: over a shorter contact both edges know of each other
 _LENGTHS = 4.0  # and so many lambda
-_EXACT = (
-    2e-4  # of L: so much of the strip's length the closed form of a slant may be off with contact resistance
-)
+# Of L: so much of the strip's length the closed form of a slant may be off with contact resistance.
+_EXACT = 2e-4
 _SLANT_ERROR = 0.021  # of the width, see `slant_shift`
 
 
@@ -58,10 +57,8 @@ def wide_ends(sensor: Sensor, contacts: Sequence[Contact]) -> WideEnds:
         if inside:
             l, u = footprint(sensor, [moved[i] for i in inside])
             low[inside, :, line], high[inside, :, line] = l, u
-    l, u = (
-        np.clip(edge_read(edge, width, sign, lam), 0.0, sensor.length_mm)
-        for edge, sign in ((low, -1.0), (high, 1.0))
-    )
+    read = edge_read(low, width, -1.0, lam), edge_read(high, width, 1.0, lam)
+    l, u = (np.clip(end, 0.0, sensor.length_mm) for end in read)
     bent = np.maximum(*(np.abs(np.diff(edge, 2, axis=-1)).max(axis=-1) for edge in (low, high)))
     steep = np.maximum(*(np.ptp(edge, axis=-1) for edge in (low, high)))
     closed = (high - low).min(axis=-1) >= _LONG * width + _LENGTHS * lam

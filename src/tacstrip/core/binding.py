@@ -15,53 +15,61 @@ from tacstrip.core.library import library
 _INT, _DOUBLE, _POINTER = ctypes.c_longlong, ctypes.c_double, ctypes.c_void_p
 
 
+def _fields(**kinds: Any) -> list[Any]:
+    """Return the fields of a struct of core.h, in its order."""
+    return list(kinds.items())
+
+
 class Problem(ctypes.Structure):
     """`Problem` of core.h; `arrays` keeps alive what it points to."""
 
     arrays: tuple[npt.NDArray[np.float64], ...]
-    _fields_ = (
-        ("n", _INT),
-        ("signatures", _INT),
-        ("x", _POINTER),
-        ("k", _POINTER),
-        ("weight", _POINTER),
-        ("pitch", _DOUBLE),
-        ("share", _DOUBLE * 2),
-        ("narrow", _DOUBLE),
-        ("lam", _DOUBLE),
-    )
+    _fields_ = _fields(
+        n=_INT, signatures=_INT, x=_POINTER, k=_POINTER, weight=_POINTER,
+        pitch=_DOUBLE, share=_DOUBLE * 2, narrow=_DOUBLE, lam=_DOUBLE,
+    )  # fmt: skip
 
 
 class Lines(ctypes.Structure):
     """`Lines` of core.h; `arrays` keeps alive what it points to."""
 
     arrays: tuple[npt.NDArray[Any], ...]
-    _fields_ = (
-        ("count", _INT),
-        ("lower", _INT),
-        ("vertical", _INT * 2),
-        ("reach", _POINTER),
-        ("turns", _POINTER),
-    )
+    _fields_ = _fields(count=_INT, lower=_INT, vertical=_INT * 2, reach=_POINTER, turns=_POINTER)
 
 
 class Band(ctypes.Structure):
     """`Band` of core.h; `arrays` keeps alive what it points to."""
 
     arrays: tuple[npt.NDArray[np.float64], ...]
+    _fields_ = _fields(
+        n=_INT, signatures=_INT, x=_POINTER, low=_POINTER, high=_POINTER, share=_DOUBLE * 2,
+        narrow=_DOUBLE, length=_DOUBLE, lam=_DOUBLE, fade=_DOUBLE, windows=_DOUBLE * 4,
+    )  # fmt: skip
+
+
+class Scans(ctypes.Structure):
+    """`Scans` of core.h; `arrays` keeps alive what it points to."""
+
+    arrays: tuple[npt.NDArray[np.float64], ...]
     _fields_ = (
-        ("n", _INT),
+        ("scans", _INT),
+        ("strips", _INT),
         ("signatures", _INT),
         ("x", _POINTER),
-        ("low", _POINTER),
-        ("high", _POINTER),
+        ("k", _POINTER),
+        ("sigma", _DOUBLE),
+        ("pitch", _DOUBLE),
+        ("length", _DOUBLE),
         ("share", _DOUBLE * 2),
         ("narrow", _DOUBLE),
-        ("length", _DOUBLE),
         ("lam", _DOUBLE),
-        ("fade", _DOUBLE),
-        ("windows", _DOUBLE * 4),
     )
+
+
+class Loss(ctypes.Structure):
+    """`Loss` of core.h."""
+
+    _fields_ = (("tolerance", _DOUBLE), ("cauchy", _DOUBLE), ("end", _DOUBLE))
 
 
 MAX_VERTICES = 16  # interior vertices of a polygon
@@ -69,57 +77,36 @@ END_ENTRIES = 6  # entries of theta before the first vertex
 SIZE = END_ENTRIES + 2 * MAX_VERTICES
 # `Polygon` of core.h.
 POLYGON = np.dtype(
-    [
-        ("m", np.int64),
-        ("vertical", np.int64, 2),
-        ("upper", np.int64, MAX_VERTICES),
-        ("theta", np.float64, SIZE),
-        ("cost", np.float64),
-        ("score", np.float64),
-    ]
+    _fields(m="i8", vertical="2i8", upper=f"{MAX_VERTICES}i8", theta=f"{SIZE}f8", cost="f8", score="f8")
 )
 KNOTS, MOST_CORNERS = 20, 26  # points of a chain and vertices of a sampled outline
 HOTTEST = 6  # temperatures of a sampler
+RIGID_CORNERS = 24  # corners of an outline that keeps its shape
 # `Outline` and `OutlinePrior` of core.h.
-OUTLINE = np.dtype([("count", np.int64, 2), ("x", np.float64, (2, KNOTS)), ("y", np.float64, (2, KNOTS))])
+OUTLINE = np.dtype(_fields(count="2i8", x=f"(2,{KNOTS})f8", y=f"(2,{KNOTS})f8"))
 OUTLINE_PRIOR = np.dtype(
-    [
-        ("window", np.float64, 4),
-        ("ends", np.float64, 4),
-        ("reflex", np.float64),
-        ("finest", np.float64),
-        ("vertices", np.float64, (3, MOST_CORNERS + 1)),
-        ("area", np.float64),
-        ("area_sigma", np.float64),
-        ("sigma", np.float64, 2),
-    ]
-)
+    _fields(
+        window="4f8", ends="4f8", reflex="f8", finest="f8", vertices=f"(3,{MOST_CORNERS + 1})f8",
+        area="f8", area_sigma="f8", sigma="2f8",
+    )
+)  # fmt: skip
 # `Run` of core.h.
 RUN = np.dtype(
-    [
-        ("count", np.int64),
-        ("best", np.int64),
-        ("equal", np.int64),
-        ("sigma", np.float64),
-        ("advantage", np.float64),
-        ("ellipse_cost", np.float64),
-        ("ellipse", np.float64, 5),
-        ("information", np.float64, (5, 5)),
-        ("found", POLYGON, MAX_VERTICES + 1),
-    ]
-)
+    _fields(
+        count="i8", best="i8", equal="i8", sigma="f8", advantage="f8", ellipse_cost="f8",
+        ellipse="5f8", information="(5,5)f8", found=(POLYGON, MAX_VERTICES + 1),
+    )
+)  # fmt: skip
 
 _PROBLEM, _LINES, _BAND = (ctypes.POINTER(struct) for struct in (Problem, Lines, Band))
+_SCANS, _LOSS = (ctypes.POINTER(struct) for struct in (Scans, Loss))
 _NOTHING = ctypes.c_char * 0
 _SEARCH_WORKSPACE = 3613  # doubles: SEARCH_WORKSPACE of core.h
 # What each one returns and takes; a pointer stands for the array that core.h describes.
 _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "normal_equations": (_DOUBLE, (_PROBLEM, _POINTER, _INT, _POINTER, _POINTER)),
     "residuals": (None, (_PROBLEM, _POINTER, _POINTER)),
-    "vertex_covariance": (
-        _INT,
-        (_PROBLEM, _POINTER, _DOUBLE, _DOUBLE, _DOUBLE, _POINTER, _INT, _POINTER),
-    ),
+    "vertex_covariance": (_INT, (_PROBLEM, _POINTER, _DOUBLE, _DOUBLE, _DOUBLE, _POINTER, _INT, _POINTER)),
     "descend": (_DOUBLE, (_PROBLEM, _POINTER, _INT, _DOUBLE, _DOUBLE)),
     "refine": (None, (_PROBLEM, _POINTER)),
     "places": (_INT, (_PROBLEM, _POINTER, _INT, _POINTER, _POINTER)),
@@ -136,6 +123,12 @@ _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "feasible_set": (None, (_LINES, _BAND, *[_POINTER] * 10)),
     "outlines": (_INT, (_LINES, _POINTER, _DOUBLE, _POINTER, _POINTER, _INT, *[_POINTER] * 3)),
     "scatter": (None, (*[_POINTER] * 4, _INT, _INT, _POINTER, _INT, _INT, *[_POINTER] * 4)),
+    "rigid_equations": (_DOUBLE, (_SCANS, _LOSS, _POINTER, _INT, *[_POINTER] * 7)),
+    "rigid_poses": (None, (_SCANS, _LOSS, _POINTER, _INT, _POINTER, _INT, _INT, _POINTER)),
+    "rigid_descend": (
+        _DOUBLE,
+        (_SCANS, _LOSS, _POINTER, _INT, _POINTER, _INT, _DOUBLE, _POINTER, _POINTER),
+    ),
     "isolated_outliers": (_INT, (_POINTER, _INT, _INT, _POINTER)),
     "spikes": (None, (_POINTER, _INT, _DOUBLE, _POINTER, _POINTER)),
 }
@@ -143,7 +136,9 @@ _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
 
 # These take long and let other threads run meanwhile; the others, over sooner than a thread wakes up, would only have
 # to wait until that one lets go.
-_LONG = frozenset(("fit_run", "fit_counts", "feasible_part", "minimax", "hit_and_run"))
+_LONG = frozenset(
+    ("fit_run", "fit_counts", "feasible_part", "minimax", "hit_and_run", "rigid_poses", "rigid_descend")
+)
 
 
 @functools.cache

@@ -14,7 +14,7 @@
 #ifndef TACSTRIP_CORE_H
 #define TACSTRIP_CORE_H
 
-#define TACSTRIP_VERSION 3 /* goes up whenever a function or a struct of this file changes */
+#define TACSTRIP_VERSION 4 /* goes up whenever a function or a struct of this file changes */
 
 #define MAX_VERTICES 16        /* interior vertices of a polygon */
 #define END_ENTRIES 6          /* entries of theta before the first vertex */
@@ -26,6 +26,7 @@
 #define KNOTS 20               /* points of one chain of a sampled outline, both ends included */
 #define MOST_CORNERS 26        /* vertices of a sampled outline */
 #define HOTTEST 6              /* temperatures of a sampler */
+#define RIGID_CORNERS 24       /* corners of an outline that keeps its shape, at most; 19 in a descent */
 
 #if defined(_WIN32)
 #define EXPORTED __declspec(dllexport)
@@ -75,6 +76,23 @@ typedef struct {
   double area, area_sigma;           /* mean and standard deviation in units of x and y; sigma 0: not known */
   double sigma[2];    /* sigma over that of the weights is log-uniform between these; equal: it is known */
 } OutlinePrior;
+/* Readings of one object, scan by scan, lengths in mm. */
+typedef struct {
+  Int scans, strips, signatures;
+  const double *x; /* centre lines (strips,), ascending */
+  const double *k; /* readings (scans, signatures, strips), NaN where there is none */
+  double sigma;    /* of a reading */
+  double pitch, length;
+  double share[2], narrow, lam; /* as in Problem */
+} Scans;
+
+/* How far readings may lie from what an outline makes. */
+typedef struct {
+  double tolerance; /* of edges, across them [mm]; adds to sigma */
+  double cauchy;    /* scale of Cauchy's loss, in sigmas; 0: least squares */
+  double end;       /* deviation of an end corner from the gap between strips that it lies in [mm] */
+} Loss;
+
 /* A fit of a run of strips. */
 typedef struct {
   Int count, best; /* polygons that were found, 0 where the readings are too few, and the chosen one's place */
@@ -249,5 +267,22 @@ EXPORTED Int tacstrip_sample_outlines(const Problem *problem, const OutlinePrior
 /* Write l and u of outlines (count,) at x (places,), ascending, held to 0 and 1, to ends (count, 2, places); both are 0
    outside. */
 EXPORTED void tacstrip_outline_ends(const Outline *outlines, Int count, const double *x, Int places, double *ends);
+
+/* The normal equations of an outline's corners (count, 2) [mm], in a frame of its own, and its poses (scans, 3): x, y
+   [mm] and angle. Writes J'WJ in blocks, pose (scans, 3, 3), mixed (scans, 3, 2 count) and shape (2 count, 2 count), J'Wr as
+   pose_slope (scans, 3) and shape_slope (2 count,), and what each scan costs, costs (scans,). Returns the total. */
+EXPORTED double tacstrip_rigid_equations(const Scans *scans, const Loss *loss, const double *corners, Int count,
+                                         const double *poses, double *pose, double *mixed, double *shape,
+                                         double *pose_slope, double *shape_slope, double *costs);
+
+/* Move poses (scans, starts, 3) downhill, each by itself, and write what they cost, costs (scans, starts). */
+EXPORTED void tacstrip_rigid_poses(const Scans *scans, const Loss *loss, const double *corners, Int count, double *poses,
+                                   Int starts, Int steps, double *costs);
+
+/* Move corners (count, 2), at most SIZE / 2, and poses (scans, 3) downhill together until a step gains less than `enough`;
+   the pose in the middle stays. Writes costs (scans,) and returns the total.
+   workspace (scans (31 + 12 count) + 8 count^2 + 8 count,). */
+EXPORTED double tacstrip_rigid_descend(const Scans *scans, const Loss *loss, double *corners, Int count, double *poses,
+                                       Int steps, double enough, double *costs, double *workspace);
 
 #endif

@@ -73,10 +73,8 @@ class Ellipse:
         t, r = _drawn()
         x = 0.5 * (left + right) + 0.5 * (right - left) * t
         scale, origin = np.array((problem.width_mm, problem.length_mm)), (problem.origin_mm, 0.0)
-        lower, upper = (
-            np.stack([x, np.clip(c + s * t + side * b * r, 0.0, 1.0)], axis=1) * scale + origin
-            for side in (-1, 1)
-        )
+        y = (np.clip(c + s * t + side * b * r, 0.0, 1.0) for side in (-1, 1))
+        lower, upper = (np.stack([x, height], axis=1) * scale + origin for height in y)
         return lower, upper
 
     def covariance(self, problem: FitProblem, sensor: Sensor) -> FloatArray:
@@ -151,12 +149,9 @@ def _normal_equations(p: FloatArray, problem: FitProblem) -> tuple[float, FloatA
     l = np.clip(c + s * t - b * r, 0.0, 1.0)
     u = np.minimum(np.maximum(c + s * t + b * r, l), 1.0)
     bend, one = b * t / np.maximum(r, _STEEP), np.ones_like(t)
-    by_l, by_u = (
-        np.stack(
-            [by_t * (t - 1.0) / (right - left), by_t * (-1.0 - t) / (right - left), one, t, root], axis=1
-        )
-        for by_t, root in ((s + bend, -r), (s - bend, r))
-    )
+    of_left, of_right = (t - 1.0) / (right - left), (-1.0 - t) / (right - left)
+    slopes = ((s + bend, -r), (s - bend, r))
+    by_l, by_u = (np.stack([by_t * of_left, by_t * of_right, one, t, root], axis=1) for by_t, root in slopes)
     ll, lu, uu, lr, ur, rr = terms(l, u, problem)
     matrix = by_l.T @ (ll[:, None] * by_l + lu[:, None] * by_u)
     matrix += by_u.T @ (lu[:, None] * by_l + uu[:, None] * by_u)

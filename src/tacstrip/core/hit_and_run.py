@@ -8,6 +8,8 @@ each sweep draws how far the bound is drawn in, as likely as the error allows (s
 
 from __future__ import annotations
 
+from typing import TypeAlias
+
 import numpy as np
 
 from tacstrip.arrays import FloatArray
@@ -15,17 +17,15 @@ from tacstrip.core.binding import at as address
 from tacstrip.core.binding import exported
 from tacstrip.core.polytope import MOST_DIMENSIONS, largest
 
+# Coefficients, right sides, and over how much slack a reading becomes less likely.
+Bounds: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
 SWEEPS = 600
 _SETTLING = 60  # sweeps that forget where the walk began
 _NEAREST, _NEAREST_PAIRS = 112, 48  # bounds and pairs that the walk can meet; all others are too far
 
 
 def hit_and_run(
-    rows: tuple[FloatArray, FloatArray, FloatArray],
-    pairs: tuple[FloatArray, FloatArray, FloatArray],
-    middle: FloatArray,
-    curvature: FloatArray,
-    sweeps: int = SWEEPS,
+    rows: Bounds, pairs: Bounds, middle: FloatArray, curvature: FloatArray, sweeps: int = SWEEPS
 ) -> FloatArray:
     """Return points (sweeps, P) of a set, the same ones for the same set.
 
@@ -60,11 +60,7 @@ def hit_and_run(
 
 
 def plain_hit_and_run(
-    rows: tuple[FloatArray, FloatArray, FloatArray],
-    pairs: tuple[FloatArray, FloatArray, FloatArray],
-    middle: FloatArray,
-    curvature: FloatArray,
-    sweeps: int = SWEEPS,
+    rows: Bounds, pairs: Bounds, middle: FloatArray, curvature: FloatArray, sweeps: int = SWEEPS
 ) -> FloatArray:
     """Do as `hit_and_run`, in NumPy: sums in the same order, for a walk makes much of a rounding error."""
     size = len(middle)

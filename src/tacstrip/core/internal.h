@@ -35,6 +35,8 @@ HIDDEN double uniform_draw(unsigned long long place); /* a place in the one sequ
 HIDDEN double natural_log(double x);        /* x > 0 */
 HIDDEN double hyperbolic_tangent(double x); /* any x */
 HIDDEN double arctangent(double x);         /* x >= 0 */
+HIDDEN double sine(double x);               /* |x| < 1e6 */
+HIDDEN double cosine(double x);
 
 /* cholesky.c: the upper triangle of the leading n rows, U'U = a */
 HIDDEN int factor(Matrix a, Int n); /* in place; 0 where a is not positive definite */

@@ -29,9 +29,8 @@ def complexity_penalty(problem: FitProblem, vertices: int, sigma_known: bool = T
 
 def criterion(fit: PolygonFit, problem: FitProblem, sigma_known: bool = True) -> float:
     """Return what counts are compared by: deviance, and a penalty per vertex, one more for a vertical edge."""
-    return deviance(fit.cost, problem, sigma_known) + complexity_penalty(
-        problem, fit.n_interior + int(fit.vertical_ends.sum()), sigma_known
-    )
+    counted = fit.n_interior + int(fit.vertical_ends.sum())
+    return deviance(fit.cost, problem, sigma_known) + complexity_penalty(problem, counted, sigma_known)
 
 
 def deviance(cost: float, problem: FitProblem, sigma_known: bool) -> float:

@@ -81,9 +81,7 @@ def _prediction_errors(x: FloatArray, v: FloatArray) -> FloatArray:
     apart = np.diff(x)  # of strips that are left, above 1 where some are not
     bend = np.abs(np.diff(np.diff(v) / apart))
     off[1:-1] = bend / (1.0 / apart[1:] + 1.0 / apart[:-1])
-    off[:-2] = np.minimum(
-        off[:-2], bend * apart[:-1]
-    )  # off from the line through the two strips on the right
+    off[:-2] = np.minimum(off[:-2], bend * apart[:-1])  # from the line through the two strips on the right
     off[2:] = np.minimum(off[2:], bend * apart[1:])
     off[1:-1] /= _FAR
     off[[0, -1]] /= _FAR_AT_ENDS

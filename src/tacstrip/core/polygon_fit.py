@@ -115,10 +115,8 @@ class PolygonFit:
         """Return J'J (6 + 2 m, 6 + 2 m), J the Jacobian of all readings over sigma by theta."""
         core = exported("normal_equations")
         if core is None:
-            found = normal_equations(
-                self.theta[None], self.chain[None], self.vertical_ends, problem, prior=False
-            )
-            return np.asarray(found[1][0])
+            batch = self.theta[None], self.chain[None], self.vertical_ends
+            return np.asarray(normal_equations(*batch, problem, prior=False)[1][0])
         size = len(self.theta)
         matrix, gradient, record = np.empty((size, size)), np.empty(size), self.record
         core(problem.compiled, at(record), 0, at(matrix), at(gradient))

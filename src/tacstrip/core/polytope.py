@@ -6,12 +6,15 @@ each other; an A (M, P) that is the transpose of a contiguous array is not copie
 
 from __future__ import annotations
 
+from typing import TypeAlias
+
 import numpy as np
 
 from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.core.binding import SIZE, exported
 from tacstrip.core.binding import at as address
 
+Bounds: TypeAlias = tuple[FloatArray, FloatArray]  # coefficients and right sides
 MOST_DIMENSIONS = SIZE
 _ROUNDING = 1e-9
 _SLANTED = 1e-7  # a row less against the direction than this depends on the met ones; to pass it by is safe
@@ -57,7 +60,7 @@ def plain_lowest(
             if not len(met) or multiplier[worst] >= -_ROUNDING * scale:
                 return -float(
                     np.maximum(multiplier, 0.0) @ slack[met]
-                )  # of the dual: a bound whatever the rounding
+                )  # of the dual: a bound despite rounding
             active[:] = [*np.delete(met, worst), *[-1] * (size - len(met) + 1)]
             continue
         along, room = a @ direction, np.maximum(slack - a @ at, 0.0)
@@ -190,11 +193,7 @@ def _factor_scaled(curvature: FloatArray) -> tuple[FloatArray, FloatArray | None
 
 
 def feasible_part(
-    rows: tuple[FloatArray, FloatArray],
-    pairs: tuple[FloatArray, FloatArray],
-    start: FloatArray,
-    scale: float,
-    most: int,
+    rows: Bounds, pairs: Bounds, start: FloatArray, scale: float, most: int
 ) -> tuple[tuple[FloatArray, FloatArray] | None, int]:
     """Look for a convex part with an inside, of a set where all rows hold and of each pair one at least.
 
@@ -228,18 +227,13 @@ def feasible_part(
     at, curvature = start.copy(), np.empty((size, size))
     inner = max(_minimax_workspace(total, size), _centre_workspace(total, size))
     workspace = np.empty(total * (size + 1) + 2 * either + inner)
-    rounds = int(
-        core(*map(address, (*given, at, curvature)), scale, most, count, either, size, address(workspace))
-    )
+    arrays = map(address, (*given, at, curvature))
+    rounds = int(core(*arrays, scale, most, count, either, size, address(workspace)))
     return (at, curvature) if rounds > 0 else None, abs(rounds)
 
 
 def plain_feasible_part(
-    rows: tuple[FloatArray, FloatArray],
-    pairs: tuple[FloatArray, FloatArray],
-    start: FloatArray,
-    scale: float,
-    most: int,
+    rows: Bounds, pairs: Bounds, start: FloatArray, scale: float, most: int
 ) -> tuple[tuple[FloatArray, FloatArray] | None, int]:
     """Do as `feasible_part`, in NumPy."""
     at, before, every = start, np.inf, np.arange(len(pairs[1]))

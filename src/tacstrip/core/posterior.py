@@ -37,11 +37,9 @@ def vertex_log_prior(counts: Mapping[int, float]) -> FloatArray:
         there = {n: share for n, share in counts.items() if n >= max(3, 2 + upright)}
         for n, share in there.items():
             points = n - 0.5 * upright
-            convex = 2.0 * (
-                math.lgamma(2.0 * points - 1.0) - 2.0 * math.lgamma(points) - math.lgamma(points + 1.0)
-            )
+            convex = math.lgamma(2.0 * points - 1.0) - 2.0 * math.lgamma(points) - math.lgamma(points + 1.0)
             orders = math.lgamma(n - 1 - upright) + upright * math.log(2.0) - math.log(n * (n - 1))
-            found[upright, n] = math.log(share / sum(there.values())) + orders - convex
+            found[upright, n] = math.log(share / sum(there.values())) + orders - 2.0 * convex
     return found
 
 
@@ -93,10 +91,6 @@ class Samples:
     squares: FloatArray
     log_prior: FloatArray
     sigma: FloatArray
-
-    def chains(self, k: int) -> tuple[FloatArray, FloatArray]:
-        """Return the lower and upper chain (M, 2), (N, 2) of one, which may reach beyond the strips."""
-        return chains(self.outlines[k])
 
 
 def chains(outline: npt.NDArray[np.void]) -> tuple[FloatArray, FloatArray]:
@@ -159,9 +153,8 @@ def sample_outlines(
     begin = np.concatenate([starts[t % len(starts)] for t in range(len(heat))])
     hot = np.array(heat, dtype=np.float64)
     found, values = np.zeros(kept, OUTLINE), np.empty((kept, 3))
-    count = core(
-        problem.compiled, at(told), at(begin), at(hot), len(hot), steps, kept, seed, at(found), at(values)
-    )
+    given = problem.compiled, at(told), at(begin), at(hot), len(hot)
+    count = core(*given, steps, kept, seed, at(found), at(values))
     return Samples(found[:count], *values[:count].T) if count else None
 
 

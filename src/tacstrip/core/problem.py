@@ -80,9 +80,9 @@ class FitProblem:
         use = np.isfinite(raw) if excluded is None else np.isfinite(raw) & ~excluded
         k = np.empty_like(raw)
         for row, values, used in zip(k, raw, use, strict=True):  # starts read all strips, fits the used ones
-            row[:] = (
-                values if used.all() else np.interp(x_mm, x_mm[used], values[used]) if used.any() else 0.0
-            )
+            if not used.all():
+                values = np.interp(x_mm, x_mm[used], values[used]) if used.any() else np.zeros_like(values)
+            row[:] = values
         weight = np.where(use, 1.0 / sigma**2, 0.0)
         return cls.of_strips(sensor, x_mm, tuple(readings), np.clip(k, -1.0, 2.0), weight, margin_mm)
 
@@ -100,18 +100,10 @@ class FitProblem:
         a = sensing_share(sensor.sensing_ratio)
         out = 0.5 * sensor.pitch_mm + margin_mm
         origin, width = float(x_mm[0]) - out, float(x_mm[-1] - x_mm[0]) + 2.0 * out
-        return cls(
-            (x_mm - origin) / width,
-            k,
-            weight,
-            sensor.pitch_mm / width,
-            np.array([a if SIGNATURES[name].at_upper_end else 0.0 for name in names]),
-            1.0 - a,
-            sensor.contact_lambda_mm / sensor.length_mm,
-            origin,
-            width,
-            sensor.length_mm,
-        )
+        shares = np.array([a if SIGNATURES[name].at_upper_end else 0.0 for name in names])
+        closed_form = shares, 1.0 - a, sensor.contact_lambda_mm / sensor.length_mm
+        in_mm = origin, width, sensor.length_mm
+        return cls((x_mm - origin) / width, k, weight, sensor.pitch_mm / width, *closed_form, *in_mm)
 
     @cached_property
     def readings(self) -> int:
@@ -193,8 +185,7 @@ class FitProblem:
         if stride == 1:
             return self
         at = slice(stride // 2, None, stride)
-        kept = (np.ascontiguousarray(values[..., at]) for values in (self.x, self.k, self.weight))
-        x, k, weight = kept
+        x, k, weight = (np.ascontiguousarray(values[..., at]) for values in (self.x, self.k, self.weight))
         return replace(self, x=x, k=k, weight=weight)
 
     def scaled(self, factor: float) -> FitProblem:

@@ -41,15 +41,13 @@ def places(
     """Return starts with one vertex more than a fit (P,), (m,), where the score test gains most; not sorted."""
     stride = max(len(problem.x) // _PLACES, 1)
     best: list[Candidate] = []
-    for new in candidates(
-        theta, chain, vertical_ends, problem, np.arange(stride, len(problem.x) - 1, stride)
-    ):
+    strips = np.arange(stride, len(problem.x) - 1, stride)
+    for new in candidates(theta, chain, vertical_ends, problem, strips):
         if convex and (new.height > 0.0) != (new.upper == 1):
             continue
         # Near an earlier place on the same chain the better of both counts, else the worst gives way.
-        near = [
-            i for i, b in enumerate(best) if b.upper == new.upper and new.strip - b.strip <= _NEAR * stride
-        ]
+        last = new.strip - _NEAR * stride
+        near = [i for i, b in enumerate(best) if b.upper == new.upper and b.strip >= last]
         if not near and len(best) < TRIED:
             best.append(new)
             continue
@@ -59,10 +57,8 @@ def places(
     if not convex and len(best) == TRIED:
         # Two signatures tell the chain, and l and u are nearly linear in the readings: one place less is enough.
         best.remove(min(best, key=lambda b: b.gain))
-    starts, chains = (
-        np.empty((len(best), len(theta) + 2)),
-        np.empty((len(best), len(chain) + 1), dtype=np.int64),
-    )
+    starts = np.empty((len(best), len(theta) + 2))
+    chains = np.empty((len(best), len(chain) + 1), dtype=np.int64)
     for start, kinds, new in zip(starts, chains, best, strict=True):
         start[:-2] = moved(theta[None], chain[None], vertical_ends, new.shift[None], problem.pitch)[0]
         inner, x = start[END_ENTRIES:-2].reshape(-1, 2)[chain == new.upper], problem.x[new.strip]
@@ -82,10 +78,7 @@ def candidates(
     normal += np.diag(_FIRM * normal.diagonal() + _LITTLE)
     (l, by_l), (u, by_u) = heights(theta[None], chain[None], vertical_ends, x)
     ll, lu, uu, lr, ur, _ = (term[0] for term in terms(l, u, problem))
-    with_jacobian = (
-        ll[:, None] * by_l[0] + lu[:, None] * by_u[0],
-        lu[:, None] * by_l[0] + uu[:, None] * by_u[0],
-    )
+    with_jacobian = [a[:, None] * by_l[0] + b[:, None] * by_u[0] for a, b in ((ll, lu), (lu, uu))]
     for upper, own, with_r in ((0, ll, lr), (1, uu, ur)):
         knots = np.array([theta[0], *theta[END_ENTRIES::2][chain == upper], theta[3]])
         after = np.searchsorted(knots, x[strips], side="right").clip(1, len(knots) - 1)

@@ -25,9 +25,8 @@ _HOPELESS = 100.0  # of chi square a reading: no polygon, so no finer stage
 _FAR = 40.0  # of the criterion: a count that is so much worse on thinned strips is so on all
 _EQUAL = 8.0  # of the criterion
 _ROUNDS = 2  # of taking out and growing again
-_END_KINDS = [
-    np.array(c, dtype=np.int64) for c in ((0, 0), (0, 1), (1, 0), (1, 1))
-]  # which ends are vertical edges
+# Which ends are vertical edges.
+_END_KINDS = [np.array(c, dtype=np.int64) for c in ((0, 0), (0, 1), (1, 0), (1, 1))]
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,21 +82,9 @@ def fit_counts(
     core = exported("fit_counts")
     if core is None:
         return plain_fit_counts(problem, sigma_known, max_vertices, every, n_vertices)
-    found, picked, workspace = (
-        np.empty(MAX_VERTICES + 1, POLYGON),
-        np.empty(2, dtype=np.int64),
-        search_workspace(),
-    )
-    count = core(
-        problem.compiled,
-        sigma_known,
-        max_vertices,
-        n_vertices or 0,
-        every,
-        at(found),
-        at(picked),
-        at(workspace),
-    )
+    found, picked = np.empty(MAX_VERTICES + 1, POLYGON), np.empty(2, dtype=np.int64)
+    options, workspace = (sigma_known, max_vertices, n_vertices or 0, every), search_workspace()
+    count = core(problem.compiled, *options, at(found), at(picked), at(workspace))
     fits = tuple(PolygonFit.of_record(found[i : i + 1]) for i in range(count))
     return ModelSelection(fits, tuple(found["score"][:count].tolist()), int(picked[0]), int(picked[1]))
 
@@ -110,7 +97,8 @@ def plain_fit_counts(
     n_vertices: int | None = None,
 ) -> ModelSelection:
     """Do as `fit_counts`, in NumPy."""
-    search = _Search(problem, sigma_known, min(max_vertices, MAX_VERTICES, _most(problem)), n_vertices)
+    most = max((problem.readings - 2 * len(problem.k) - 1) // 2, 0)  # leaves readings over to test the fit by
+    search = _Search(problem, sigma_known, min(max_vertices, MAX_VERTICES, most), n_vertices)
     near = search.run()
     if n_vertices is not None:
         fit = search.of_n_vertices(n_vertices)
@@ -121,12 +109,6 @@ def plain_fit_counts(
         fits.append(plain_refine(search.with_vertical_ends(m, search.vertical_ends), problem))
         scores.append(criterion(fits[-1], problem, sigma_known))
     return ModelSelection(tuple(fits), tuple(scores), int(np.argmin(scores)), search.equal())
-
-
-def _most(problem: FitProblem) -> int:
-    """Return how many interior vertices leave readings over to test the fit by."""
-    ends = 2 * len(problem.k)
-    return max((problem.readings - ends - 1) // 2, 0)
 
 
 class _Search:
@@ -181,18 +163,15 @@ class _Search:
         """Make the ends points where that explains the readings of the fit of m vertices as well."""
         if not self.two_signatures:
             return
-        best = np.inf
+        best, free = np.inf, deviance(self.fits[m].cost, self.problem, self.sigma_known)
         for vertical_ends in _END_KINDS:
             fit = plain_refine(self.with_vertical_ends(m, vertical_ends), self.problem)
             score = criterion(fit, self.problem, self.sigma_known)
             if score < best:
                 best, self.vertical_ends = score, vertical_ends
-            if not vertical_ends.any() and self._points_suffice(fit, m):
+            gain = deviance(fit.cost, self.problem, self.sigma_known) - free
+            if not vertical_ends.any() and gain < self.per_vertex_penalty:
                 break
-
-    def _points_suffice(self, fit: PolygonFit, m: int) -> bool:
-        free = deviance(self.fits[m].cost, self.problem, self.sigma_known)
-        return deviance(fit.cost, self.problem, self.sigma_known) - free < self.per_vertex_penalty
 
     def of_n_vertices(self, n_vertices: int) -> PolygonFit:
         """Return the best fit of so many vertices in all, or of as many as were found."""
@@ -221,13 +200,9 @@ class _Search:
         return int(self._scores().argmin())
 
     def _scores(self) -> FloatArray:
-        problem, sigma_known = self.problem, self.sigma_known
-        return np.array(
-            [
-                deviance(fit.cost, problem, sigma_known) + complexity_penalty(problem, m, sigma_known)
-                for m, fit in enumerate(self.fits)
-            ]
-        )
+        given = self.problem, self.sigma_known
+        costs = [deviance(fit.cost, *given) for fit in self.fits]
+        return np.array(costs) + [complexity_penalty(given[0], m, given[1]) for m in range(len(costs))]
 
     def _try(self, move: int, m: int) -> None:
         if (move, m) in self.tried:
@@ -241,7 +216,6 @@ class _Search:
             self.tried -= {(other, to) for other in (FIRST, GROW, SHRINK)}
 
     def _descended(self, fit: PolygonFit) -> PolygonFit:
-        found = descend(
-            fit.theta[None], fit.chain[None], fit.vertical_ends, self.problem, ROUGH, ENOUGH, np.inf
-        )
+        batch = fit.theta[None], fit.chain[None], fit.vertical_ends
+        found = descend(*batch, self.problem, ROUGH, ENOUGH, np.inf)
         return PolygonFit(found[0][0], found[1][0], fit.vertical_ends, float(found[2][0]))

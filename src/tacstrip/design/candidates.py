@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import Noise
 from tacstrip.core.vertex_covariance import covariance_with_x_priors
 from tacstrip.data.published import published
@@ -21,11 +20,7 @@ from tacstrip.errors import OptionError
 from tacstrip.geometry.outline import Outline
 from tacstrip.network.imperfections import Readout
 from tacstrip.network.timing import fastest_scan_hz
-from tacstrip.reconstruction.cramer_rao import (
-    reading_sigma,
-    vertex_jacobian,
-    vertex_rms,
-)
+from tacstrip.reconstruction.cramer_rao import reading_sigma, vertex_jacobian, vertex_rms
 from tacstrip.sensor.constructions import CONSTRUCTIONS, construction
 from tacstrip.sensor.spec import Sensor
 
@@ -191,17 +186,13 @@ class _BoundsOverSensor:
     def __init__(self, sensor: Sensor, outline: Outline) -> None:
         across, along = places(sensor, outline, _COLUMNS, _ROWS)
         self.sensor = sensor
-        self.at = [self._reduced(outline.moved(dx, dy)) for dx in across for dy in along]
-
-    def _reduced(self, outline: Outline) -> tuple[Outline, FloatArray]:
-        slopes = vertex_jacobian(outline, self.sensor)
-        return outline, np.asarray(np.linalg.qr(slopes, mode="r"))
+        moved = [outline.moved(dx, dy) for dx in across for dy in along]
+        self.at = [(o, np.asarray(np.linalg.qr(vertex_jacobian(o, sensor), mode="r"))) for o in moved]
 
     def error(self, sigma: float) -> float:
         """Return the RMS vertex error [mm] that is reached at nine places of ten."""
-        errors = np.sort(
-            [vertex_rms(covariance_with_x_priors(o, self.sensor, slopes / sigma)) for o, slopes in self.at]
-        )
+        bounds = (covariance_with_x_priors(o, self.sensor, slopes / sigma) for o, slopes in self.at)
+        errors = sorted(map(vertex_rms, bounds))
         return float(errors[math.ceil(_MOST_PLACES * len(errors)) - 1])
 
     def largest_sigma(self, wanted_mm: float) -> float:

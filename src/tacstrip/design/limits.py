@@ -124,8 +124,7 @@ def limit_map(sensor: Sensor, outline: Outline, noise: Noise, columns: int = 24,
     """Return the RMS vertex error, from all signatures, with the contact moved over the surface."""
     sigma = checked_noise(sensor, noise)
     across, along = places(sensor, outline, columns, rows)
-    rms = [
-        [vertex_rms(vertex_covariance(outline.moved(dx, dy), sensor, sigma)) for dx in across] for dy in along
-    ]
+    moved = [[outline.moved(dx, dy) for dx in across] for dy in along]
+    rms = [[vertex_rms(vertex_covariance(o, sensor, sigma)) for o in row] for row in moved]
     centroid = moments(outline.vertices)[1]
     return ErrorMap(centroid[0] + across, centroid[1] + along, np.array(rms), centroid)

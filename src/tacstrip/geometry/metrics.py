@@ -136,16 +136,6 @@ def mismatch_coefficient(a: npt.ArrayLike, b: npt.ArrayLike) -> float:
     return _turning_distance(_clean(a, "polygon a"), _clean(b, "polygon b"))
 
 
-def area(vertices: npt.ArrayLike) -> float:
-    """Return the signed area [mm^2] of corners (N, 2) [mm], positive where they run counter-clockwise."""
-    return _area(_points(vertices, "the polygon"))
-
-
-def centroid(vertices: npt.ArrayLike, kind: CentroidKind = "area") -> FloatArray:
-    """Return the centroid (2,) [mm] of a polygon's area, or with kind "vertices" the mean of its corners."""
-    return _coordinates(np.array(_centroid(_clean(vertices, "the polygon"), kind)))
-
-
 def clean_polygon(vertices: npt.ArrayLike) -> FloatArray:
     """Return a polygon's corners (N, 2) counter-clockwise, each once, none on a straight side or a spike.
 

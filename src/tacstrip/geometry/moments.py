@@ -29,11 +29,11 @@ def moments(vertices: FloatArray) -> tuple[float, FloatArray, FloatArray]:
     if not len(vertices):
         return 0.0, np.full(2, np.nan), np.zeros(3)
     origin = vertices.mean(axis=0)
-    area, first = float(_sums(vertices - origin)[0]), _sums(vertices - origin)[1]
+    area, first, second = _sums(vertices - origin)
     if area == 0.0:
         return 0.0, origin, np.zeros(3)
-    centroid = origin + first / area
-    return area, centroid, _sums(vertices - centroid)[2]
+    x, y = first / area
+    return float(area), origin + np.array([x, y]), second - area * np.array([x * x, y * y, x * y])
 
 
 def orientation(vertices: FloatArray) -> float:
@@ -44,28 +44,20 @@ def orientation(vertices: FloatArray) -> float:
     return float(0.5 * np.arctan2(2.0 * xy, xx - yy))
 
 
-def area_gradient(vertices: FloatArray) -> FloatArray:
-    """Return the slope of the area by `vertices.ravel()` (2 N,) [mm]."""
-    return np.asarray(_slopes(vertices)[0])
+def moment_jacobian(vertices: FloatArray) -> FloatArray:
+    """Return the slopes of area, the centroid's x and y, and orientation by `vertices.ravel()` (4, 2 N).
 
-
-def centroid_jacobian(vertices: FloatArray) -> FloatArray:
-    """Return the slopes of the centroid's x and y by `vertices.ravel()` (2, 2 N); NaN without area."""
-    area, centroid, _ = moments(vertices)
-    if area == 0.0:
-        return np.full((2, vertices.size), np.nan)
-    return np.asarray(_slopes(vertices - centroid)[1:3] / area)
-
-
-def orientation_gradient(vertices: FloatArray) -> FloatArray:
-    """Return the slope of the orientation by `vertices.ravel()` (2 N,) [rad/mm]; NaN where it has none."""
+    In mm, 1 and rad/mm. Without area centroid and orientation have none, NaN; nor has the orientation of a square.
+    """
     area, centroid, (xx, yy, xy) = moments(vertices)
-    reach = (xx - yy) ** 2 + 4.0 * xy**2
-    if area == 0.0 or reach == 0.0:
-        return np.full(vertices.size, np.nan)
+    found = np.full((4, vertices.size), np.nan)
     # About the centroid the first moments vanish, so the central moments' slopes are the plain ones'.
-    by_xx, by_yy, by_xy = _slopes(vertices - centroid)[3:]
-    return np.asarray(((xx - yy) * by_xy - xy * (by_xx - by_yy)) / reach)
+    found[0], by_x, by_y, by_xx, by_yy, by_xy = _slopes(vertices - centroid)
+    if area:
+        found[1:3] = by_x / area, by_y / area
+    if area and (reach := (xx - yy) ** 2 + 4.0 * xy**2):
+        found[3] = ((xx - yy) * by_xy - xy * (by_xx - by_yy)) / reach
+    return found
 
 
 def deviations(vertices: FloatArray, covariance: FloatArray, uniform: Sequence[int] = ()) -> MomentDeviations:
@@ -87,7 +79,7 @@ def deviations(vertices: FloatArray, covariance: FloatArray, uniform: Sequence[i
         where an error is uniform. What the covariance leaves open is inf; an orientation that is not known at all
         has the deviation of an axis that can lie anyhow, `UNKNOWN_ANGLE`.
     """
-    slopes = np.vstack([area_gradient(vertices), centroid_jacobian(vertices), orientation_gradient(vertices)])
+    slopes = moment_jacobian(vertices)
     with np.errstate(invalid="ignore"):
         variance = np.einsum("ij,jk,ik->i", slopes, covariance, slopes)
     sigma = np.sqrt(np.where(np.isnan(variance), np.inf, np.maximum(variance, 0.0)))
@@ -147,7 +139,7 @@ def _sums(v: npt.NDArray[Any]) -> tuple[Any, Any, Any]:
     Of polygons (..., N, 2), real or complex.
     """
     x0, y0 = v[..., 0], v[..., 1]
-    x1, y1 = np.roll(x0, -1, axis=-1), np.roll(y0, -1, axis=-1)
+    x1, y1 = (np.concatenate([a[..., 1:], a[..., :1]], axis=-1) for a in (x0, y0))
     cross = x0 * y1 - x1 * y0
     xx, yy = x0**2 + x0 * x1 + x1**2, y0**2 + y0 * y1 + y1**2
     xy = x0 * y1 + 2.0 * x0 * y0 + 2.0 * x1 * y1 + x1 * y0

@@ -117,10 +117,8 @@ class Outline:
         """Return l and u [mm] at x [mm], of its shape; NaN outside."""
         x = np.asarray(x, dtype=float)
         inside = self.touches(x)
-        return (
-            np.where(inside, np.interp(x, *self.lower.T), np.nan),
-            np.where(inside, np.interp(x, *self.upper.T), np.nan),
-        )
+        l, u = (np.where(inside, np.interp(x, *chain.T), np.nan) for chain in (self.lower, self.upper))
+        return l, u
 
     def jacobian(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the slopes of l and of u at x (S,) by `vertices.ravel()`, each (S, 2 V); NaN outside.
@@ -128,15 +126,11 @@ class Outline:
         At a vertex they are those of the section to its right.
         """
         x = np.asarray(x, dtype=float)
-        places = 2 * len(self.vertices)
-        found = tuple(
-            _slopes(chain, index, x, places)
-            for chain, index in zip((self.lower, self.upper), self.indices, strict=True)
-        )
+        chains = zip((self.lower, self.upper), self.indices, strict=True)
+        by_l, by_u = (_slopes(chain, index, x, 2 * len(self.vertices)) for chain, index in chains)
         outside = ~self.touches(x)
-        for slope in found:
-            slope[outside] = np.nan
-        return found[0], found[1]
+        by_l[outside] = by_u[outside] = np.nan
+        return by_l, by_u
 
 
 def _slopes(chain: FloatArray, index: IntArray, x: FloatArray, places: int) -> FloatArray:
@@ -178,7 +172,4 @@ def close_chains(lower: FloatArray, upper: FloatArray) -> FloatArray:
 
 def distinct(ring: FloatArray) -> BoolArray:
     """Return which points of a ring (M, 2) differ from their next one (M,)."""
-    found = np.empty(len(ring), dtype=np.bool_)
-    found[:-1] = (ring[1:] != ring[:-1]).any(axis=1)
-    found[-1:] = (ring[:1] != ring[-1:]).any(axis=1)
-    return found
+    return np.asarray((ring != np.concatenate([ring[1:], ring[:1]])).any(axis=1))

@@ -14,8 +14,8 @@ _NAMESPACE = 'xmlns="http://www.w3.org/2000/svg"'
 _SIZE = 320.0  # of the picture's longer side [px]
 
 
-def ellipse(vertex: FloatArray, covariance: FloatArray, level: float = LEVEL, points: int = 48) -> FloatArray:
-    """Return the outline (points, 2) [mm] of the region that holds a vertex with probability `level`.
+def ellipse(vertex: FloatArray, covariance: FloatArray, level: float = LEVEL) -> FloatArray:
+    """Return the outline (48, 2) [mm] of the region that holds a vertex with probability `level`.
 
     Parameters
     ----------
@@ -30,16 +30,16 @@ def ellipse(vertex: FloatArray, covariance: FloatArray, level: float = LEVEL, po
         return np.empty((0, 2))
     spread, axes = np.linalg.eigh(covariance)
     reach = np.sqrt(np.maximum(spread, 0.0) * -2.0 * math.log(1.0 - level))
-    turn = np.linspace(0.0, 2.0 * np.pi, points, endpoint=False)
+    turn = np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)
     return np.asarray(vertex + np.stack([np.cos(turn), np.sin(turn)], axis=1) * reach @ axes.T)
 
 
-def regions(vertices: FloatArray, covariance: FloatArray | None, level: float = LEVEL) -> list[FloatArray]:
+def regions(vertices: FloatArray, covariance: FloatArray | None) -> list[FloatArray]:
     """Return the region of every vertex (N, 2) that has one, from their covariance (2N, 2N) [mm^2]."""
     if covariance is None:
         return []
     parts = [covariance[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] for i in range(len(vertices))]
-    own = (ellipse(v, part, level) for v, part in zip(vertices, parts, strict=True))
+    own = (ellipse(v, part) for v, part in zip(vertices, parts, strict=True))
     return [region for region in own if len(region)]
 
 
@@ -59,15 +59,10 @@ def svg(shapes: Sequence[tuple[FloatArray, FloatArray | None]]) -> str:
     def path(points: FloatArray) -> str:
         return "M" + " ".join(f"{x - low[0]:.6g},{high[1] - y:.6g}" for x, y in points) + "Z"
 
-    lines = [
-        f'<path d="{path(v)}" fill="#c1440e" fill-opacity=".15" stroke="#c1440e" stroke-width="{1.5 / scale:.6g}"/>'
-        for v, _ in shapes
-    ]
-    lines += [
-        f'<path d="{path(r)}" fill="none" stroke="#1f5fa8" stroke-width="{1.0 / scale:.6g}"/>'
-        for each in around
-        for r in each
-    ]
+    shape = f'fill="#c1440e" fill-opacity=".15" stroke="#c1440e" stroke-width="{1.5 / scale:.6g}"'
+    region = f'fill="none" stroke="#1f5fa8" stroke-width="{1.0 / scale:.6g}"'
+    lines = [f'<path d="{path(v)}" {shape}/>' for v, _ in shapes]
+    lines += [f'<path d="{path(r)}" {region}/>' for each in around for r in each]
     return (
         f'<svg {_NAMESPACE} width="{width * scale:.0f}" height="{height * scale:.0f}" '
         f'viewBox="0 0 {width:.6g} {height:.6g}">{"".join(lines)}</svg>'

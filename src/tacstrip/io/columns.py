@@ -51,10 +51,8 @@ def value_columns(header: list[str], sensor: Sensor) -> list[Column]:
     """
     volts = _named(header, sensor, codes=False)
     codes = _named(header, sensor, codes=True)
-    in_volts, in_codes = (
-        ", ".join(column_name(n, kind) for n in sensor.signatures) for kind in (False, True)
-    )
-    wanted = f"{in_volts} (or codes: {in_codes})"
+    by_kind = [[column_name(name, codes) for name in sensor.signatures] for codes in (False, True)]
+    wanted = "{} (or codes: {})".format(*map(", ".join, by_kind))
     if volts and codes:
         raise ReadingError("the header has both volts and codes; leave one kind out")
     found = volts or codes

@@ -156,11 +156,10 @@ def _feature(recovered: RecoveredObject | None, properties: dict[str, Any]) -> d
         if recovered.alternatives or recovered.confidence is not None:
             properties["alternatives"] = [_alternative(a) for a in recovered.alternatives]
         if recovered.pose is not None:
+            sigma = plain(np.sqrt(np.diag(recovered.pose.covariance)))
             properties |= {
                 "pose": _pose(recovered.pose),
-                "pose_sigma": dict(
-                    zip(_POSE, plain(np.sqrt(np.diag(recovered.pose.covariance))), strict=True)
-                ),
+                "pose_sigma": dict(zip(_POSE, sigma, strict=True)),
             }
     elif recovered is not None and len(recovered.points):
         geometry = {"type": "MultiPoint", "coordinates": plain(recovered.points, 9)}

@@ -77,13 +77,12 @@ def half_read(path: str | Path, sensor: Sensor, names: Sequence[str]) -> str:
 def one_reading(path: str | Path, sensor: Sensor, scans: Sequence[Scan]) -> str:
     """Say which strips have one reading of two, where the spec does not leave the other channel out."""
     out = left_out(sensor)
-    found = [
-        channel_name(int(strip), name, sensor.strip_base)
-        for name in scans[0].signatures
-        for strip in np.flatnonzero(
-            np.any([s.half_read & np.isnan(s[name]) for s in scans], axis=0) & ~out.get(name, np.array(False))
+    found = []
+    for name in scans[0].signatures:
+        empty = np.any([s.half_read & np.isnan(s[name]) for s in scans], axis=0) & ~out.get(
+            name, np.array(False)
         )
-    ]
+        found += [channel_name(int(strip), name, sensor.strip_base) for strip in np.flatnonzero(empty)]
     if not found:
         return ""
     names = ", ".join(found[:_NAMED]) + (", ..." if len(found) > _NAMED else "")

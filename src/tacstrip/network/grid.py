@@ -126,10 +126,7 @@ def _covered(grid: Grid, area: BaseGeometry) -> BoolArray:
 def _shares(grid: Grid, area: BaseGeometry) -> FloatArray:
     """Return how much of an area falls to each node (nodes,) [mm^2]: the part within half a cell of it."""
     j, i = np.divmod(np.arange(grid.nodes), grid.nx + 1)
-    x, y = (
-        np.clip(np.array([i - 0.5, i + 0.5]), 0, grid.nx),
-        np.clip(np.array([j - 0.5, j + 0.5]), 0, grid.ny),
-    )
+    x, y = (np.clip([at - 0.5, at + 0.5], 0, most) for at, most in ((i, grid.nx), (j, grid.ny)))
     return shares(area, shapely.box(x[0] * grid.dx, y[0] * grid.dy, x[1] * grid.dx, y[1] * grid.dy))
 
 

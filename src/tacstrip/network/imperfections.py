@@ -105,18 +105,15 @@ class Imperfections:
     def check(self, sensor: Sensor) -> None:
         """Refuse what cannot be on this sensor: `NetworkError` names it."""
         for name in ("energised", "sensing", "shift_mm"):
-            given = np.asarray(getattr(self, name), dtype=float)
-            if given.ndim > (1 if name == "shift_mm" else 2) or (
-                given.ndim and given.shape[0] != sensor.strips
-            ):
-                wanted = f"a number, ({sensor.strips},)" + (
-                    "" if name == "shift_mm" else f" or ({sensor.strips}, pieces)"
-                )
+            given, shift = np.asarray(getattr(self, name), dtype=float), name == "shift_mm"
+            if given.ndim > (1 if shift else 2) or (given.ndim and given.shape[0] != sensor.strips):
+                pieces = "" if shift else f" or ({sensor.strips}, pieces)"
+                wanted = f"a number, ({sensor.strips},){pieces}"
                 raise NetworkError(f"{name}: an array of shape {given.shape}; give {wanted}")
-            good = np.isfinite(given) & ((given > 0.0) | (name == "shift_mm"))
+            good = np.isfinite(given) & ((given > 0.0) | shift)
             if not good.all():
                 strip = int(np.argwhere(~np.atleast_1d(good))[0][0])
-                least = "" if name == "shift_mm" else " above 0"
+                least = "" if shift else " above 0"
                 raise NetworkError(f"{name}: strip {strip} has a value that is not a finite number{least}")
         faults: list[Break | Short] = [*self.breaks, *self.shorts]
         for fault in faults:

@@ -124,7 +124,7 @@ class Factored:
         free = ~self.floating
         free[self.held] = False
         self._free = np.flatnonzero(free)
-        number = np.full(n, -1)
+        self._number = number = np.full(n, -1)
         number[self._free] = np.arange(len(self._free))
         place = np.full(n, -1)
         place[self.held] = np.arange(len(self.held))
@@ -141,9 +141,8 @@ class Factored:
             ),
             shape=(size, size),
         )
-        self._to_held = coo_array(
-            (w[border], (number[i[border]], place[j[border]])), shape=(size, len(self.held))
-        ).tocsr()
+        to_held = (w[border], (number[i[border]], place[j[border]]))
+        self._to_held = coo_array(to_held, shape=(size, len(self.held))).tocsr()
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             self._factor = splu(matrix.tocsc(), **_SPLU) if size else None
@@ -180,8 +179,7 @@ class Factored:
         No node may float. The potentials (P, K) are those of the nodes `at` (P,), by default of all.
         """
         at = np.arange(self.network.nodes) if at is None else at
-        number = np.full(self.network.nodes, -1)
-        number[self._free] = np.arange(len(self._free))
+        number = self._number
         inner = number[at] >= 0
         rows = number[at[inner]]
         potentials = np.zeros((len(at), len(into)), order="F")

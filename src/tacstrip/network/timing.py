@@ -21,14 +21,13 @@ def source_ohm(sensor: Sensor, readout: Readout, l_mm: FloatArray, u_mm: FloatAr
     """
     per_mm = readout.strip_ohm / sensor.length_mm
     switch = 0.0 if sensor.kind.common_supply else readout.mux_ohm
-    below, above = l_mm * per_mm + switch, (sensor.length_mm - np.asarray(u_mm)) * per_mm + switch
-    contact = sensing_share(sensor.sensing_ratio) * per_mm * (np.asarray(u_mm) - l_mm)
+    l, u, length = np.asarray(l_mm) * per_mm, np.asarray(u_mm) * per_mm, sensor.length_mm * per_mm  # [ohm]
+    below, above = l + switch, length - u + switch
+    contact = sensing_share(sensor.sensing_ratio) * (u - l)
     whole = below + contact + above
     whole = np.where(whole > 0.0, whole, 1.0)
-    upper = (below + contact) * above / whole + (
-        sensor.length_mm - np.asarray(u_mm)
-    ) * per_mm * sensor.sensing_ratio
-    lower = below * (contact + above) / whole + l_mm * per_mm * sensor.sensing_ratio
+    upper = (below + contact) * above / whole + (length - u) * sensor.sensing_ratio
+    lower = below * (contact + above) / whole + l * sensor.sensing_ratio
     return np.asarray(np.maximum(upper, lower) + (readout.mux_ohm if sensor.kind.common_supply else 0.0))
 
 

@@ -38,9 +38,8 @@ def draw_all(result: Calibrated, folder: Path) -> list[tuple[str, Path]]:
 
 def graphed_strips(result: Calibrated) -> list[int]:
     """Return the strips that get graphs, from 0: all, or of many those with the largest residuals."""
-    largest = np.max(
-        [np.nanmax(np.where(result.counted, np.abs(v), 0.0), axis=0) for v in result.after.values()], axis=0
-    )
+    off = [np.where(result.counted, np.abs(v), 0.0) for v in result.after.values()]
+    largest = np.nanmax(off, axis=(0, 1))
     return sorted(int(strip) for strip in np.argsort(-largest, kind="stable")[:_MOST_STRIPS])
 
 
@@ -57,9 +56,8 @@ def calibration_graphs(result: Calibrated, strip: int) -> Figure:
         l, fitted = runs.l_mm[here, strip], vref * truth[name][here, strip]
         axes.plot(l, fitted, "o-", color=TRUE, label="expected", ms=6.0, mfc="none", mew=0.7)
         axes.plot(l, vref * runs.raw[name][here, strip], "x", color=COLOURS[name], label="measured", ms=5.0)
-        axes.plot(
-            l, fitted + vref * result.after[name][here, strip], ".", color="k", label="corrected", ms=3.0
-        )
+        off = vref * result.after[name][here, strip]
+        axes.plot(l, fitted + off, ".", color="k", label="corrected", ms=3.0)
         volt = SIGNATURES[name].volt_column
         axes.set_title(f"strip {strip + sensor.strip_base}, {volt}, w = {w:g} mm")
         low, high = axes.get_ylim()

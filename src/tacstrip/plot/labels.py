@@ -53,21 +53,21 @@ def labelled_objects(
     palette = (RECOVERED, *OTHERS)
     several = len(shown) > 1
     every = [
-        (method, name, order, i, k, found, len(reconstructions[i].objects))
+        (method, name, order, i, k, found)
         for method, (name, reconstructions) in enumerate(results.items())
         for order, i in enumerate(shown)
         for k, found in enumerate(reconstructions[i].objects)
     ]
     labelled: list[LabelledObject] = []
     labels: set[str] = set()
-    for method, name, order, i, k, found, n_objects in every:
+    for method, name, order, i, k, found in every:
         if len(results) > 1:
             colour = palette[method % len(palette)]
         elif several:  # from dark to light over time; the lightest would be invisible
             colour = to_hex(mpl.colormaps["viridis"](0.85 * order / (len(shown) - 1)))
         else:
             colour = palette[k % len(palette)]
-        own = f"{k + 1}" if n_objects > 1 else ""
+        own = f"{k + 1}" if len(results[name][i].objects) > 1 else ""
         number = (f"{i}.{own}" if own else f"{i}") if several else own
         named = f"{name} {own}" if own and not several and len(every) <= _MOST_NAMED else name
         strips = ", strip by strip" if not found.found and found.profile is not None else ""

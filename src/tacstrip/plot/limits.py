@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axis import Axis
 from matplotlib.colors import LogNorm
@@ -48,9 +50,8 @@ def limits_figure(sensor: Sensor, outline: Outline, found: list[Limit], over: Er
     if len(finite):
         span = LogNorm(float(finite.min()), float(max(finite.max(), 1.001 * finite.min())))
         shown = np.where(np.isfinite(over.rms_mm), over.rms_mm, np.nan)
-        mesh = right.pcolormesh(
-            over.x_mm, over.y_mm, shown, norm=span, cmap="viridis", shading="nearest", zorder=2
-        )
+        look: dict[str, Any] = {"norm": span, "cmap": "viridis", "shading": "nearest", "zorder": 2}
+        mesh = right.pcolormesh(over.x_mm, over.y_mm, shown, **look)
         bar = figure.colorbar(mesh, ax=right, label="RMS vertex error [mm]")
         _plain_ticks(bar.ax.yaxis)
     right.plot(*over.centroid, "o", color=RECOVERED, markersize=4.0, zorder=5)

@@ -20,17 +20,15 @@ def allan_figure(found: LearnedNoise) -> Figure:
         axes.loglog(time_s, 100.0 * channel, color=TRUE, alpha=0.3, linewidth=0.7, label=label)
     axes.loglog(time_s, 100.0 * middle, "o-", color=RECOVERED, markersize=3.0, label="median")
     white = found.noise.white or float(middle[0])
-    axes.loglog(
-        time_s, 100.0 * white / np.sqrt(found.counts), "--", color=OTHERS[0], label="white noise alone"
-    )
+    averaged = 100.0 * white / np.sqrt(found.counts)
+    axes.loglog(time_s, averaged, "--", color=OTHERS[0], label="white noise alone")
     least = float(100.0 * np.nanmin(middle))
     axes.axhline(least, color=OTHERS[1], linewidth=0.8, label=f"least: {least:.2g} %")
     axes.set_xlabel("time averaged [s]")
     axes.set_ylabel("Allan deviation [% of Vref]")
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-        axis.set_minor_formatter(
-            FuncFormatter(lambda value, _: f"{value:.2g}" if f"{value:.0e}"[0] in "25" else "")
-        )
+        minor = FuncFormatter(lambda value, _: f"{value:.2g}" if f"{value:.0e}"[0] in "25" else "")
+        axis.set_minor_formatter(minor)
     legend(axes)
     return figure

@@ -77,11 +77,7 @@ def reconstruction_figure(
 
 
 def _draw_shapes(
-    axes: Axes,
-    sensor: Sensor,
-    objects: Sequence[LabelledObject],
-    truth: Sequence[Contact],
-    with_regions: bool,
+    axes: Axes, sensor: Sensor, objects: list[LabelledObject], truth: Sequence[Contact], with_regions: bool
 ) -> None:
     for i, contact in enumerate(truth):
         draw_contact(axes, contact, label=None if i else "true shape")
@@ -93,14 +89,8 @@ def _draw_shapes(
             for k, other in enumerate(found.alternatives if with_regions else ()):
                 ring = np.concatenate([other.vertices, other.vertices[:1]])
                 label = f"alternative: {other.weight:.2f}"
-                axes.plot(
-                    *ring.T,
-                    color=colour,
-                    linestyle=(0, (4, 2 + 2 * k)),
-                    linewidth=1.0,
-                    label=label,
-                    zorder=3.5,
-                )
+                dashes = (0, (4, 2 + 2 * k))
+                axes.plot(*ring.T, color=colour, linestyle=dashes, linewidth=1.0, label=label, zorder=3.5)
             if sensor.closed and found.vertices[:, 0].max() > sensor.width_mm:  # it goes on beyond the seam
                 again = found.vertices - (sensor.width_mm, 0.0)
                 draw_polygon(axes, again, colour, doubtful=doubtful)

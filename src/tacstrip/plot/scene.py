@@ -26,23 +26,15 @@ def draw_sensor(axes: Axes, sensor: Sensor) -> None:
     width, length = sensor.width_mm, sensor.length_mm
     axes.add_patch(Rectangle((0.0, 0.0), width, length, facecolor=SENSOR, edgecolor="none", zorder=0))
     if sensor.strips <= _MOST_STRIPS and sensor.strip_width == sensor.pitch_mm:
-        axes.vlines(
-            np.arange(1, sensor.strips) * sensor.pitch_mm, 0.0, length, color=STRIP, linewidth=0.6, zorder=0.5
-        )
+        sides = np.arange(1, sensor.strips) * sensor.pitch_mm
+        axes.vlines(sides, 0.0, length, color=STRIP, linewidth=0.6, zorder=0.5)
     elif sensor.strips <= _MOST_STRIPS:
         for x in sensor.x_mm:
-            corner = (x - sensor.strip_width / 2.0, 0.0)
-            axes.add_patch(
-                Rectangle(corner, sensor.strip_width, length, facecolor=STRIP, edgecolor="none", zorder=0.5)
-            )
+            corner, wide = (x - sensor.strip_width / 2.0, 0.0), sensor.strip_width
+            axes.add_patch(Rectangle(corner, wide, length, facecolor=STRIP, edgecolor="none", zorder=0.5))
     margin = 0.02 * max(width, length)
-    axes.set(
-        xlim=(-margin, width + margin),
-        ylim=(-margin, length + margin),
-        aspect="equal",
-        xlabel=x_label(sensor, "digital dimension x [mm]"),
-        ylabel="analog dimension y [mm]",
-    )
+    axes.set(xlim=(-margin, width + margin), ylim=(-margin, length + margin), aspect="equal")
+    axes.set(xlabel=x_label(sensor, "digital dimension x [mm]"), ylabel="analog dimension y [mm]")
 
 
 def x_label(sensor: Sensor, flat: str = "x [mm]") -> str:

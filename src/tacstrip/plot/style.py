@@ -88,9 +88,8 @@ def save(figure: Figure, path: str | Path, dpi: int = 110) -> Path:
     kind = file.suffix[1:].lower()
     with mpl.rc_context(_RC), warnings.catch_warnings(), replacing(file) as part:
         warnings.simplefilter("ignore", UserWarning)  # a layout too tight for its labels is still a picture
-        if (
-            layout := figure.get_layout_engine()
-        ):  # here, for `savefig` would draw the whole figure once more for it
+        # Laid out here, for `savefig` would draw the whole figure once more for it.
+        if layout := figure.get_layout_engine():
             figure.set_dpi(dpi)
             layout.execute(figure)
             figure.set_layout_engine("none")

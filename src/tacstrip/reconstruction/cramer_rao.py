@@ -58,10 +58,8 @@ def vertex_jacobian(
     if not sensor.kind.closed_form:
         return _network_slopes(outline, sensor, names, x)
     share = (touched / touched.sum(axis=1, keepdims=True))[..., None]
-    by_l, by_u = (
-        (np.nan_to_num(slope.reshape(*lines.shape, -1)) * share).sum(axis=1)
-        for slope in outline.jacobian(lines.ravel())
-    )
+    slopes = (np.nan_to_num(slope.reshape(*lines.shape, -1)) for slope in outline.jacobian(lines.ravel()))
+    by_l, by_u = ((slope * share).sum(axis=1) for slope in slopes)
     if lines.shape[1] > 1:  # of a strip that is covered in part, the mean height is all that is counted
         covered = touched.all(axis=1)
         by_l[covered], by_u[covered] = end_slopes(sensor, outline, x[covered])
@@ -150,9 +148,8 @@ def vertex_covariance(
     errors = reading_covariance(sigma, sensor, x, _ends(sensor, outline, x), names, Averaging())
     read = np.concatenate([_read(sensor, name, x) for name in names])
     errors = errors[np.ix_(read, read)]
-    return covariance_with_x_priors(
-        outline, sensor, np.asarray(np.linalg.solve(np.linalg.cholesky(errors), slopes))
-    )
+    white = np.asarray(np.linalg.solve(np.linalg.cholesky(errors), slopes))
+    return covariance_with_x_priors(outline, sensor, white)
 
 
 def vertex_rms(covariance: FloatArray) -> float:

@@ -122,17 +122,13 @@ def _object(sensor: Sensor, run: slice, scan: Scan, found: Ends) -> RecoveredObj
     if not len(x):
         alone = "no strip has both readings, which l and u need: use the polygon fit"
         return RecoveredObject(run, status="too few strips", advice=alone)
-    status, advice = (
-        _plausible(x, scan["kh"][run][there], scan["kl"][run][there])
-        if not own
-        else _told(x, own, found.advice)
-    )
-    if len(x) < 2:
+    read = (scan[name][run][there] for name in ("kh", "kl"))
+    status, advice = _told(x, own, found.advice) if own else _plausible(x, *read)
+    if len(x) < 2 or (high - low).max() <= _ROUNDING * sensor.length_mm:
         where = f"x = {x[0]:.6g} mm, from y = {low[0]:.6g} to {high[0]:.6g} mm"
-        advice = advice or f"one strip is touched, at {where}: an interval, not a shape"
-        return RecoveredObject(run, profile=profile, status="too few strips", advice=advice, strip_status=own)
-    if (high - low).max() <= _ROUNDING * sensor.length_mm:
-        advice = advice or "the contact has no width on any strip: a line, given as its profile"
+        one = f"one strip is touched, at {where}: an interval, not a shape"
+        line = "the contact has no width on any strip: a line, given as its profile"
+        advice = advice or (one if len(x) < 2 else line)
         return RecoveredObject(run, profile=profile, status="too few strips", advice=advice, strip_status=own)
     ring = np.concatenate([np.stack([x, low], axis=1), np.stack([x, high], axis=1)[::-1]])
     keep = distinct(ring)
@@ -155,10 +151,8 @@ def _told(x: FloatArray, own: tuple[str, ...], advice: str) -> tuple[Status, str
         return "doubtful", advice
     short = [float(at) for at, status in zip(x, own, strict=True) if status == "short contact"]
     if len(short) == len(own):
-        return (
-            "short contact",
-            "every strip is touched over less than 5 % of its length: l and u are poorly known",
-        )
+        why = "every strip is touched over less than 5 % of its length: l and u are poorly known"
+        return "short contact", why
     if not short:
         return "ok", advice
     where = ", ".join(f"{at:.6g}" for at in short[:5]) + (", ..." if len(short) > 5 else "")

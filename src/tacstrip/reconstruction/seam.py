@@ -33,9 +33,8 @@ def unrolled(scan: Scan, sensor: Sensor, bridged: int = 0, turn: int | None = No
     first, second = np.arange(n) >= turn, np.arange(n) < turn
 
     (name,) = scan.signatures
-    laid_out: dict[str, Any] = {
-        name: np.concatenate([np.where(part, scan[name], np.nan) for part in (first, second)])
-    }
+    rounds = [np.where(part, scan[name], np.nan) for part in (first, second)]
+    laid_out: dict[str, Any] = {name: np.concatenate(rounds)}
     assert sensor.radius_mm is not None
     flat = replace(sensor, strips=2 * n, radius_mm=2.0 * _OPEN * sensor.radius_mm, calibration=None)
     return replace(scan, **laid_out), flat

@@ -6,6 +6,7 @@ determine it; more average the noise.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -80,9 +81,8 @@ def fit_sections(x: FloatArray, k: FloatArray, transitions: FloatArray, ratio: f
 def noise_level(sections: list[Section | None]) -> float:
     """Return the noise's standard deviation, from what all sections left over; NaN where nothing was."""
     freedom = sum(s.freedom for s in sections if s)
-    return (
-        float(np.sqrt(sum(s.squared_residuals for s in sections if s) / freedom)) if freedom else float("nan")
-    )
+    squares = sum(s.squared_residuals for s in sections if s)
+    return math.sqrt(squares / freedom) if freedom else math.nan
 
 
 def reading_noise(k: FloatArray) -> float:

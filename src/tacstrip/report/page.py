@@ -39,9 +39,8 @@ def write_page(path: Path, template: str, **values: object) -> None:
     """Write a page from the packaged template of that name and its values."""
     import jinja2
 
-    environment = jinja2.Environment(
-        autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
+    strict = jinja2.StrictUndefined
+    environment = jinja2.Environment(autoescape=True, undefined=strict, trim_blocks=True, lstrip_blocks=True)
     environment.filters["number"] = _number
     source = data_path(template).read_text(encoding="utf-8")
     write_text(path, environment.from_string(source).render(values))

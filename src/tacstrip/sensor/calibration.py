@@ -132,35 +132,29 @@ class Calibration:
         self, kh: npt.ArrayLike, kl: npt.ArrayLike, ratio: float
     ) -> tuple[FloatArray, FloatArray]:
         """Return corrected k_h and k_l of raw ones read together, as `correct`; `ratio` is the spec's."""
-        high, low = (
-            self.channel(name).correct(np.asarray(k, dtype=float)) for name, k in (("kh", kh), ("kl", kl))
-        )
-        high, low = self.to_nominal(high, low, ratio)
+        given = (("kh", kh), ("kl", kl))
+        high, low = (self.channel(name).correct(np.asarray(k, dtype=float)) for name, k in given)
+        own = ratio * np.array(self.ratio or 1.0)
+        high, low = self._swap(high, low, own, ratio, self.warp, self.warp_at)
         return np.clip(high, 0.0, 1.0), np.clip(low, 0.0, 1.0)
 
     def distort_pair(
         self, kh: npt.ArrayLike, kl: npt.ArrayLike, ratio: float
     ) -> tuple[FloatArray, FloatArray]:
         """Return the raw k_h and k_l that `correct_pair` turns into these."""
-        high, low = self.to_own(np.asarray(kh, dtype=float), np.asarray(kl, dtype=float), ratio)
-        return np.clip(self.channel("kh").distort(high), 0.0, 1.0), np.clip(
-            self.channel("kl").distort(low), 0.0, 1.0
-        )
-
-    def to_nominal(self, kh: FloatArray, kl: FloatArray, ratio: float) -> tuple[FloatArray, FloatArray]:
-        """Return what uniform strips of the spec's ratio read where these strips read kh and kl; not clipped."""
-        return self._swap(kh, kl, ratio * np.array(self.ratio or 1.0), ratio, self.warp, self.warp_at)
-
-    def to_own(self, kh: FloatArray, kl: FloatArray, ratio: float) -> tuple[FloatArray, FloatArray]:
-        """Return what these strips read where uniform strips of the spec's ratio read kh and kl; not clipped."""
-        return self._swap(kh, kl, ratio, ratio * np.array(self.ratio or 1.0), self.warp_at, self.warp)
+        high, low = np.asarray(kh, dtype=float), np.asarray(kl, dtype=float)
+        read = self._swap(high, low, ratio, ratio * np.array(self.ratio or 1.0), self.warp_at, self.warp)
+        channels = (self.channel(name) for name in ("kh", "kl"))
+        high, low = (np.clip(c.distort(k), 0.0, 1.0) for c, k in zip(channels, read, strict=True))
+        return high, low
 
     def _swap(
         self, kh: FloatArray, kl: FloatArray, old: Any, new: Any, start: Any, end: Any
     ) -> tuple[FloatArray, FloatArray]:
-        """Exchange the rubber under the contact: readings to its electrical ends, over L, and back to readings.
+        """Exchange the rubber under the contact, a strip's own and the spec's; not clipped.
 
-        `old` and `new`: a ratio or one per strip. Contact resistance only moves the electrical ends.
+        Readings go to the contact's electrical ends, over L, and back to readings. `old` and `new`: a ratio or one
+        per strip. Contact resistance only moves the electrical ends.
         """
         if not (self.ratio or self.warp):
             return kh, kl

@@ -68,21 +68,18 @@ class Channel:
         gain = np.array(self.gain or 1.0)
         offset = np.array(self.offset or 0.0)
         good_shape = not (self.gain and self.offset) or len(self.gain) == len(self.offset)
+        fades = not good_shape or self.fade == 0.0 or bool((np.abs(offset) < gain * self.fade).all())
+        falling = (
+            "an offset that fades must be smaller than fade times gain, or readings would fall where k rises"
+        )
+        one_kind = not self.curve or not (self.offset or self.gain or self.fade)
         limits = (
             ("gain", bool((gain > 0.0).all()), "every gain must be above 0"),
             ("fade", 0.0 <= self.fade <= 0.5, "must be 0 to 0.5, a share of Vref"),
             ("offset", good_shape, "must have as many entries as gain"),
-            (
-                "offset",
-                not good_shape or self.fade == 0.0 or bool((np.abs(offset) < gain * self.fade).all()),
-                "an offset that fades must be smaller than fade times gain, or readings would fall where k rises",
-            ),
+            ("offset", fades, falling),
             ("noise", all(s >= 0.0 for s in self.noise), "must be 0 or more"),
-            (
-                "curve",
-                not self.curve or not (self.offset or self.gain or self.fade),
-                "a curve stands in place of offset, gain and fade; leave one kind out",
-            ),
+            ("curve", one_kind, "a curve stands in place of offset, gain and fade; leave one kind out"),
         )
         for key, good, advice in limits:
             if not good:
@@ -92,11 +89,8 @@ class Channel:
     @property
     def lists(self) -> dict[str, Numbers | Table]:
         """The constants that have an entry per strip, by name."""
-        return {
-            f.name: getattr(self, f.name)
-            for f in fields(self)
-            if f.name not in ("signature", "fade", "curve_at")
-        }
+        names = ("offset", "gain", "curve", "drift", "rest", "noise")
+        return {name: getattr(self, name) for name in names}
 
     @cached_property
     def arrays(self) -> dict[str, FloatArray]:

@@ -31,7 +31,7 @@ SIGNATURES: dict[str, Signature] = {
 }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Construction:
     """What a construction measures, is made of and needs."""
 
@@ -39,12 +39,16 @@ class Construction:
     title: str
     signatures: tuple[str, ...]
     sensing_ratio: float | None  # resistivity of the second layer over the strip's; None: the spec says
-    keys: frozenset[str]  # keys of the spec that only some constructions have
-    required: frozenset[str]
-    cylindrical: bool
-    common_supply: bool  # all strips lie on Vref and ground for good; else their ends are switched in turn
-    closed_form: bool  # a strip's readings follow from its own l and u; else from the network of all strips
-    wires: tuple[int, int]  # connectors for all signatures: per strip, and once
+    keys: frozenset[str] = frozenset()  # keys of the spec that only some constructions have
+    required: frozenset[str] = frozenset()
+    cylindrical: bool = False
+    common_supply: bool = (
+        False  # all strips lie on Vref and ground for good; else their ends are switched in turn
+    )
+    closed_form: bool = (
+        True  # a strip's readings follow from its own l and u; else from the network of all strips
+    )
+    wires: tuple[int, int] = (2, 2)  # connectors for all signatures: per strip, and once
     models: str  # equations or section of the thesis
 
     def connectors(self, strips: int) -> int:
@@ -61,11 +65,7 @@ CONSTRUCTIONS: dict[str, Construction] = {
             signatures=("kh", "kl"),
             sensing_ratio=None,
             keys=frozenset({"resistivity_ratio"}),
-            required=frozenset(),
-            cylindrical=False,
             common_supply=True,
-            closed_form=True,
-            wires=(2, 2),
             models="(3.1)-(3.6)",
         ),
         Construction(
@@ -73,12 +73,6 @@ CONSTRUCTIONS: dict[str, Construction] = {
             title="conductive-rubber strips over a metal sheet",
             signatures=("k",),
             sensing_ratio=0.0,
-            keys=frozenset(),
-            required=frozenset(),
-            cylindrical=False,
-            common_supply=False,
-            closed_form=True,
-            wires=(2, 2),
             models="(3.7)-(3.8)",
         ),
         Construction(
@@ -88,8 +82,6 @@ CONSTRUCTIONS: dict[str, Construction] = {
             sensing_ratio=None,
             keys=frozenset({"resistivity_ratio"}),
             required=frozenset({"contact_lambda_mm"}),
-            cylindrical=False,
-            common_supply=False,
             closed_form=False,
             wires=(
                 4,
@@ -105,9 +97,6 @@ CONSTRUCTIONS: dict[str, Construction] = {
             keys=frozenset({"radius_mm"}),
             required=frozenset({"radius_mm"}),
             cylindrical=True,
-            common_supply=False,
-            closed_form=True,
-            wires=(2, 2),
             models="(3.7)-(3.8)",
         ),
     )

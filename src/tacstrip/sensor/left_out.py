@@ -12,7 +12,7 @@ import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.errors import SpecError, one_of
-from tacstrip.sensor.constructions import SIGNATURES, Construction
+from tacstrip.sensor.constructions import SIGNATURES
 
 if TYPE_CHECKING:
     from tacstrip.sensor.spec import Sensor
@@ -23,17 +23,18 @@ def channel_name(strip: int, signature: str, strip_base: int) -> str:
     return f"{strip + strip_base}:{SIGNATURES[signature].volt_column}"
 
 
-def checked_names(without: object, kind: Construction, strips: int, strip_base: int) -> tuple[str, ...]:
-    """Return names of channels, or raise `SpecError` where one is none of this sensor."""
+def checked_names(sensor: Sensor) -> tuple[str, ...]:
+    """Return the names of the channels left out, or raise `SpecError` where one is none of this sensor."""
+    without: object = sensor.without
     if isinstance(without, str) or not isinstance(without, Sequence):
         raise SpecError(f'without = {without!r}: must be a list of channels, such as ["7:v_h"]')
-    if without and not kind.closed_form:
+    if without and not sensor.kind.closed_form:
         raise SpecError(
-            f"without = {list(without)}: a {kind.name} sensor solves all strips together, each with both readings; "
-            "leave all fields of the strip empty instead"
+            f"without = {list(without)}: a {sensor.construction} sensor solves all strips together, each with both "
+            "readings; leave all fields of the strip empty instead"
         )
     for name in without:
-        _parsed(name, kind, strips, strip_base)
+        _parsed(name, sensor)
     return tuple(without)
 
 
@@ -47,7 +48,7 @@ def left_out(sensor: Sensor) -> dict[str, BoolArray]:
     """Return which strips' channels are left out (strips,), by signature; those without any are not there."""
     found: dict[str, BoolArray] = {}
     for name in sensor.without:
-        strip, signatures = _parsed(name, sensor.kind, sensor.strips, sensor.strip_base)
+        strip, signatures = _parsed(name, sensor)
         for signature in signatures:
             found.setdefault(signature, np.zeros(sensor.strips, dtype=bool))[strip] = True
     return found
@@ -61,19 +62,19 @@ def left_out_wholly(sensor: Sensor) -> BoolArray:
     return np.asarray(np.all([out[name] for name in sensor.signatures], axis=0))
 
 
-def _parsed(name: object, kind: Construction, strips: int, strip_base: int) -> tuple[int, tuple[str, ...]]:
+def _parsed(name: object, sensor: Sensor) -> tuple[int, tuple[str, ...]]:
     """Return the strip, counted from 0, and the signatures that a name means."""
+    base, strips = sensor.strip_base, sensor.strips
     number, colon, column = str(name).partition(":")
-    columns = {SIGNATURES[s].volt_column: s for s in kind.signatures}
+    columns = {SIGNATURES[s].volt_column: s for s in sensor.signatures}
     if not isinstance(name, str) or not number.isascii() or not number.isdigit():
         raise SpecError(f"without {name!r}: give strip:channel, such as 7:{next(iter(columns))}")
-    if not strip_base <= int(number) < strips + strip_base:
-        raise SpecError(
-            f"without {name!r}: there is no strip {int(number)}; strips are {strip_base} to {strips + strip_base - 1}"
-        )
-    strip = int(number) - strip_base
+    strip = int(number) - base
+    if not 0 <= strip < strips:
+        last = strips + base - 1
+        raise SpecError(f"without {name!r}: there is no strip {int(number)}; strips are {base} to {last}")
     if not colon:
-        return strip, kind.signatures
+        return strip, sensor.signatures
     if column not in columns:
         raise SpecError(f"without {name!r}: {one_of('channel', column, columns)}")
     return strip, (columns[column],)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
@@ -152,9 +153,8 @@ class Noise:
     @property
     def independent(self) -> bool:
         """Whether every reading's error is its own, of one size, as in section 5.1: no other part is there."""
-        return not (
-            self.white or self.processes or self.offset or self.gain or self.soft or self.hum or self.strays
-        )
+        lasting = self.processes or self.offset or self.gain or self.soft or self.hum
+        return not (self.white or lasting or self.strays)
 
     @property
     def soft(self) -> bool:
@@ -180,10 +180,6 @@ class Noise:
             value = getattr(self, field.name)
             if value == field.default:
                 continue
-            text = (
-                f'"{value}"'
-                if isinstance(value, str)
-                else repr(list(value) if isinstance(value, tuple) else value)
-            )
+            text = json.dumps(value)
             lines.append(f"{f'{field.name} = {text}':<32} # {COMMENTS[field.name]}")
         return "\n".join(lines) + "\n"

@@ -16,9 +16,8 @@ import numpy as np
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.sensor.spec import Sensor
 
-_BAND = (
-    0.03  # over Vref: untouched strips differ by less, with noise of P.U. profile II and their own offsets
-)
+# Over Vref: untouched strips differ by less, with noise of P.U. profile II and their own offsets.
+_BAND = 0.03
 _JUMP = 0.05  # over Vref: from the level to the first strip that is touched
 _STEEPER = 3.0  # such a jump over the next step: along an edge of a contact steps differ by less
 _FEWEST = 6  # strips: with fewer, no hint is given
@@ -70,9 +69,8 @@ class _Rest:
 def _hint(sensor: Sensor, level: float, scans: list[_Rest]) -> str:
     n, vref = int(np.median([s.count for s in scans])), sensor.vref_volt
     off = max(abs((s.level or 0.0) - level) + s.off for s in scans)
-    now = (
-        "" if sensor.rest_volt is None else f" in place of {sensor.rest_volt:.4g} and {sensor.touch_volt:.4g}"
-    )
+    old = sensor.rest_volt, sensor.touch_volt
+    now = "" if old[0] is None else f" in place of {old[0]:.4g} and {old[1]:.4g}"
     return (
         f"{_EVERY}; {n} of {sensor.strips} read about {level * vref:.3g} V, as untouched strips do: set "
         f"rest_volt = {level * vref:.3g} and touch_volt = {max(1.5 * off, 0.01) * vref:.2g} in the spec{now} "
@@ -112,9 +110,8 @@ def _commonest(values: FloatArray) -> float:
 def _jumps(k: FloatArray, level: float, rest: BoolArray) -> list[bool]:
     """Return, for every border between strips at rest and others, whether readings jump there."""
     found = []
-    both = (
-        rest[:2].all() and rest[-2:].all()
-    )  # a convex contact that is level at both borders is so in between
+    # A convex contact that is level at both borders is so in between.
+    both = rest[:2].all() and rest[-2:].all()
     for i in np.flatnonzero(rest[1:] != rest[:-1]):
         inner, step = (i + 1, 1) if rest[i] else (i, -1)  # the first strip in contact, and the way on
         jump = np.abs(k[:, inner] - level)

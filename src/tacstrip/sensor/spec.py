@@ -91,36 +91,25 @@ class Sensor:
 
     def __new__(cls, *values: object, **named: object) -> Self:
         """Refuse values without a name: `ArgumentError`."""
-        refuse_positional(
-            "ts.Sensor",
-            values,
-            'ts.Sensor.load("sensor.toml"), or ts.Sensor(construction="crs-crs", strips=10, ...)',
-        )
+        right = 'ts.Sensor.load("sensor.toml"), or ts.Sensor(construction="crs-crs", strips=10, ...)'
+        refuse_positional("ts.Sensor", values, right)
         return super().__new__(cls)
 
     def __repr__(self) -> str:
-        more = "".join(
-            f", {told}"
-            for told, there in (
-                (f"{self.adc_bits} bits", self.adc_bits),
-                ("calibrated", self.calibration),
-                ("noise known", self.noise),
-            )
-            if there
-        )
-        return f"<Sensor {self.fingerprint}{more}>"
+        bits = f", {self.adc_bits} bits" if self.adc_bits else ""
+        known = (", calibrated" if self.calibration else "") + (", noise known" if self.noise else "")
+        return f"<Sensor {self.fingerprint}{bits}{known}>"
 
     def __post_init__(self) -> None:
         """Bring numbers to their type and refuse what cannot be."""
         for name, kind in self.__annotations__.items():
-            value = getattr(self, name)
+            value, optional = getattr(self, name), "None" in str(kind)
             if name not in ("construction", "without", CALIBRATION, NOISE) and not (
-                value is None and "None" in str(kind)
+                optional and value is None
             ):
                 object.__setattr__(self, name, _number(name, value, whole="int" in str(kind)))
         _check(self)
-        names = checked_names(self.without, self.kind, self.strips, self.strip_base)
-        object.__setattr__(self, "without", names)
+        object.__setattr__(self, "without", checked_names(self))
         if self.noise is not None and not isinstance(self.noise, Noise):
             raise SpecError(f"noise = {self.noise!r}: must be a Noise, such as ts.Noise(white=0.005)")
         if self.calibration is not None:
@@ -192,21 +181,17 @@ class Sensor:
             if not file.exists() and str(path) in spec_names():
                 file = spec_path(str(path))
             if why := why_unreadable(file):
-                raise SpecError(f"{path}: {why}")
-            raw = tomllib.loads(file.read_text(encoding="utf-8-sig"))
+                raise SpecError(why)
+            return cls.from_dict(tomllib.loads(file.read_text(encoding="utf-8-sig")))
         except FileNotFoundError:
             shipped = ", ".join(spec_names())
             raise SpecError(
                 f"{path}: no such file. Write one with `tacstrip init`, or name a shipped spec: {shipped}"
             ) from None
-        except SpecError:
-            raise
-        except (OSError, ValueError, RecursionError) as error:
-            raise SpecError(f"{path}: not a readable TOML spec ({error}). See `tacstrip init`") from None
-        try:
-            return cls.from_dict(raw)
         except SpecError as error:
             raise SpecError(f"{path}: {error}") from None
+        except (OSError, ValueError, RecursionError) as error:
+            raise SpecError(f"{path}: not a readable TOML spec ({error}). See `tacstrip init`") from None
 
     @classmethod
     def from_dict(cls, raw: dict[str, Any]) -> Self:
@@ -301,16 +286,13 @@ def _check(s: Sensor) -> None:
     if (s.touch_volt is None) != (s.rest_volt is None):
         here, missing = ("touch_volt", "rest_volt") if s.rest_volt is None else ("rest_volt", "touch_volt")
         raise SpecError(f"{here} is set and {missing} is not: give both or neither")
+    longer = f"must not exceed length_mm = {s.length_mm}; both are millimetres"
     limits: tuple[tuple[str, bool, str], ...] = (
         ("format", s.format == FORMAT, f"this tacstrip reads format {FORMAT}"),
         ("strips", 1 <= s.strips <= 1_000_000, "must be 1 to 1000000"),
         ("strip_width_mm", s.strip_width <= s.pitch_mm, f"must not exceed pitch_mm = {s.pitch_mm}"),
         ("contact_lambda_mm", s.contact_lambda_mm >= 0.0, "must be 0 (ideal) or more"),
-        (
-            "contact_lambda_mm",
-            s.contact_lambda_mm <= s.length_mm,
-            f"must not exceed length_mm = {s.length_mm}; both are millimetres",
-        ),
+        ("contact_lambda_mm", s.contact_lambda_mm <= s.length_mm, longer),
         ("adc_bits", s.adc_bits is None or 1 <= s.adc_bits <= 32, "must be 1 to 32"),
         ("strip_base", s.strip_base in (0, 1), "must be 0 or 1"),
         ("rest_volt", s.rest_volt is None or 0 <= s.rest_volt <= s.vref_volt, "must be 0 to vref_volt"),

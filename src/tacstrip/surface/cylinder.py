@@ -16,7 +16,7 @@ from tacstrip.sensor.spec import Sensor
 
 def strip_angle(sensor: Sensor, strip: FloatArray) -> FloatArray:
     """Return the angle [rad] round the tube of strip coordinates (0 is the first strip's centre line)."""
-    return np.asarray((np.asarray(strip, dtype=float) + 0.5) * sensor.pitch_mm / _radius(sensor))
+    return np.asarray((np.asarray(strip, dtype=float) + 0.5) * sensor.pitch_mm / tube_radius(sensor))
 
 
 @takes(sensor=Sensor)
@@ -25,7 +25,7 @@ def to_cartesian(sensor: Sensor, strip: FloatArray, y_mm: FloatArray) -> FloatAr
     strip, y = np.broadcast_arrays(np.asarray(strip, dtype=float), np.asarray(y_mm, dtype=float))
     if not sensor.kind.cylindrical:
         return np.stack([(strip + 0.5) * sensor.pitch_mm, y, np.zeros_like(y)], axis=-1)
-    radius, angle = _radius(sensor), strip_angle(sensor, strip)
+    radius, angle = tube_radius(sensor), strip_angle(sensor, strip)
     return np.stack([radius * np.cos(angle), radius * np.sin(angle), y], axis=-1)
 
 
@@ -38,10 +38,10 @@ def from_cartesian(sensor: Sensor, points_mm: FloatArray) -> tuple[FloatArray, F
     points = np.asarray(points_mm, dtype=float)  # (..., 3)
     if not sensor.kind.cylindrical:
         return np.asarray(points[..., 0] / sensor.pitch_mm - 0.5), points[..., 1]
-    middle = 0.5 * sensor.width_mm / _radius(sensor)
+    middle = 0.5 * sensor.width_mm / tube_radius(sensor)
     angle = np.arctan2(points[..., 1], points[..., 0])
     angle = middle + np.remainder(angle - middle + np.pi, 2.0 * np.pi) - np.pi
-    return np.asarray(angle * _radius(sensor) / sensor.pitch_mm - 0.5), points[..., 2]
+    return np.asarray(angle * tube_radius(sensor) / sensor.pitch_mm - 0.5), points[..., 2]
 
 
 def strips_under_flat(sensor: Sensor, depth_mm: float) -> tuple[int, int]:
@@ -62,7 +62,7 @@ def strips_under_flat(sensor: Sensor, depth_mm: float) -> tuple[int, int]:
     SpecError
         The sensor is flat, or the depth is not between 0 and the radius.
     """
-    radius = _radius(sensor)
+    radius = tube_radius(sensor)
     if not 0.0 <= depth_mm <= radius:
         raise SpecError(f"depth_mm = {depth_mm}: must lie between 0 and the radius, {radius} mm")
     arc = 2.0 * radius * np.arccos(1.0 - depth_mm / radius)
@@ -70,7 +70,8 @@ def strips_under_flat(sensor: Sensor, depth_mm: float) -> tuple[int, int]:
     return min(int(reach), sensor.strips), min(int(reach) + 1, sensor.strips)
 
 
-def _radius(sensor: Sensor) -> float:
+def tube_radius(sensor: Sensor) -> float:
+    """Return the radius [mm], or raise `SpecError` where the sensor is flat."""
     if sensor.radius_mm is None:
         raise SpecError(f"a {sensor.construction} sensor is flat and has no radius_mm; use cyl-crs-m")
     return sensor.radius_mm

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any, TypeAlias
 
@@ -11,9 +11,10 @@ from matplotlib.figure import Figure
 Draw: TypeAlias = Callable[[], Figure]
 
 
-def by_number(*functions: Draw) -> dict[str, Draw]:
-    """Return functions named as `figure_2_3` by the figure's number, here "2.3"."""
-    return {f.__name__.removeprefix("figure_").replace("_", "."): f for f in functions}
+def by_number(names: Mapping[str, Any]) -> dict[str, Draw]:
+    """Return a module's functions that are named as `figure_2_3` by the figure's number, here "2.3"."""
+    own = {name.removeprefix("figure_"): f for name, f in names.items() if name.startswith("figure_")}
+    return {number.replace("_", "."): f for number, f in own.items()}
 
 
 def captioned(text: str, draw: Callable[..., Figure], *subjects: Any) -> Draw:

@@ -111,11 +111,8 @@ def _draw_digital(axes: Axes) -> None:
     ]  # fmt: skip
     for where, label, look in squares:
         for number, (i, j) in enumerate(np.argwhere(where)):
-            axes.add_patch(_square(j, i, pitch, **look, label="" if number else label))
-
-
-def _square(column: int, row: int, pitch: float, **options: Any) -> Rectangle:
-    return Rectangle(((column + 0.08) * pitch, (row + 0.08) * pitch), 0.84 * pitch, 0.84 * pitch, **options)
+            corner, side = ((j + 0.08) * pitch, (i + 0.08) * pitch), 0.84 * pitch
+            axes.add_patch(Rectangle(corner, side, side, **look, label="" if number else label))
 
 
 def _draw_table(axes: Axes, sizes: Sequence[int]) -> None:
@@ -150,11 +147,9 @@ def _draw_array(axes: Axes, pattern: BoolArray, row: int, isolation: str) -> Non
     for i, j in np.ndindex(rows, columns):
         if scan.closed[i, j]:
             colour = COLOURS["k"] if pattern[i, j] else RECOVERED
-            axes.add_patch(
-                Rectangle((j - 0.36, i - 0.36), 0.72, 0.72, facecolor=colour, alpha=0.25, edgecolor="none")
-            )
-        face = TRUE if pattern[i, j] else "w"
-        size = 7.0 if pattern[i, j] else 4.0
+            look: dict[str, Any] = {"facecolor": colour, "alpha": 0.25, "edgecolor": "none"}
+            axes.add_patch(Rectangle((j - 0.36, i - 0.36), 0.72, 0.72, **look))
+        face, size = (TRUE, 7.0) if pattern[i, j] else ("w", 4.0)
         axes.plot(j, i, "o", color=TRUE, markerfacecolor=face, markersize=size, zorder=5)
     for i in range(rows):
         axes.plot([-0.7, columns - 0.5], [i, i], color=STRIP, linewidth=1.6, zorder=1)
@@ -208,4 +203,4 @@ def _array_key() -> list[Any]:
     ]
 
 
-FIGURES = by_number(figure_2_3, figure_2_4)
+FIGURES = by_number(globals())

@@ -16,7 +16,7 @@ from tacstrip.plot.style import COLOURS, SENSOR, STRIP, TRUE, add_axes, legend, 
 from tacstrip.sensor.closed_form import k_h, k_l, k_metal
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
-from tacstrip.surface.cylinder import strip_angle, strips_under_flat
+from tacstrip.surface.cylinder import strip_angle, strips_under_flat, tube_radius
 from tacstrip.thesis.captions import by_number
 
 Model: TypeAlias = Callable[[FloatArray, FloatArray, float], FloatArray]  # of l, w and L
@@ -61,16 +61,15 @@ def surface_net(model: Model) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 def touched_strips(sensor: Sensor, angle_rad: float, depth_mm: float) -> BoolArray:
     """Tell which strips of a tube (strips,) a flat object touches that is pressed on at an angle [rad]."""
-    assert sensor.radius_mm is not None
+    radius = tube_radius(sensor)
     off_axis = strip_angle(sensor, np.arange(sensor.strips, dtype=float)) - angle_rad
-    reach = np.arccos(1.0 - depth_mm / sensor.radius_mm) + 0.5 * sensor.strip_width / sensor.radius_mm
+    reach = np.arccos(1.0 - depth_mm / radius) + 0.5 * sensor.strip_width / radius
     return np.asarray(np.abs(off_axis) <= reach + 1e-12)
 
 
 def depth_limit(sensor: Sensor, most: int) -> float:
     """Return the greatest depth [mm], to 1/1000 of the radius, at which at most `most` strips are touched."""
-    assert sensor.radius_mm is not None
-    depths = np.linspace(0.0, sensor.radius_mm, 1001)
+    depths = np.linspace(0.0, tube_radius(sensor), 1001)
     return float(max(d for d in depths if strips_under_flat(sensor, float(d))[1] <= most))
 
 
@@ -93,8 +92,7 @@ def _surface(name: str, model: Model) -> Figure:
 
 def _cross_section(axes: Axes, sensor: Sensor) -> None:
     """Draw the tube from its end, a flat object above it, and shade the strips that it touches."""
-    assert sensor.radius_mm is not None
-    radius, up = sensor.radius_mm, 0.5 * np.pi
+    radius, up = tube_radius(sensor), 0.5 * np.pi
     middle = float(strip_angle(sensor, np.array(0.5 * (sensor.strips - 1))))
     turn = up - middle  # the middle strip is drawn on top
     touched = touched_strips(sensor, middle, _DEPTH_MM)
@@ -132,4 +130,4 @@ def _strips_over_depth(axes: Axes, sensor: Sensor) -> None:
     legend(axes, loc="upper left", ncols=2)
 
 
-FIGURES = by_number(figure_3_3, figure_3_4, figure_3_7, figure_3_10)
+FIGURES = by_number(globals())

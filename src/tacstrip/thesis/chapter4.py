@@ -242,15 +242,4 @@ def _kinks(contact: Contact, edges: str) -> Figure:
     return figure
 
 
-FIGURES = by_number(
-    figure_4_1,
-    figure_4_2,
-    figure_4_3,
-    figure_4_4,
-    figure_4_5,
-    figure_4_6,
-    figure_4_7,
-    figure_4_8,
-    figure_4_9,
-    figure_4_10,
-)
+FIGURES = by_number(globals())

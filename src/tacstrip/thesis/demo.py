@@ -10,7 +10,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from tacstrip.arrays import FloatArray
 from tacstrip.contact.shape import Contact
 from tacstrip.data import data_path
 from tacstrip.geometry.metrics import Mismatch, mismatch
@@ -28,12 +27,8 @@ from tacstrip.sensor.spec import Sensor
 from tacstrip.thesis.chapter6.twin import twin
 
 FIT = "Polygon fit"
-_COLOURS = {
-    FIT: COLOURS["k"],
-    "P.R.": COLOURS["profile"],
-    "V.R. k_h": COLOURS["kh"],
-    "V.R. k_l": COLOURS["kl"],
-}
+_COLOURS = {FIT: COLOURS["k"], "P.R.": COLOURS["profile"]}
+_COLOURS |= {"V.R. k_h": COLOURS["kh"], "V.R. k_l": COLOURS["kl"]}
 
 
 @dataclass(frozen=True)
@@ -69,13 +64,13 @@ def run() -> Demo:
 
 
 def _trials(name: str, scan: Scan, sensor: Sensor, contact: Contact) -> list[Trial]:
-    true_x: FloatArray = np.sort(contact.vertices[:, 0])
+    true_x = np.sort(contact.vertices[:, 0])
     lines = replace(sensor, strip_width_mm=None)  # as the volts were made
     found = [(FIT, "", fit_polygon(scan, lines)), ("P.R.", "", profile_reconstruction(scan, sensor))]
     for signature, method in (("kh", "V.R. k_h"), ("kl", "V.R. k_l")):
-        given = vertex_reconstruction(scan, sensor, signature=signature, transitions=true_x)
-        found += [(method, "given", given)]
-        found += [(method, "found", vertex_reconstruction(scan, sensor, signature=signature))]
+        for how, x in (("given", true_x), ("found", "auto")):
+            shape = vertex_reconstruction(scan, sensor, signature=signature, transitions=x)
+            found += [(method, how, shape)]
     return [
         Trial(name, method, how, o, mismatch(contact.vertices, o.vertices) if o.found else None)
         for method, how, result in found
@@ -124,9 +119,8 @@ def picture(demo: Demo) -> Figure:
     axes.set(title="Pseudo-signatures\n(dotted: before calibration)", xlabel="x [mm]", ylabel="k L [mm]")
     handles, labels = axes.get_legend_handles_labels()
     legend_above(axes, handles=handles[2:], labels=labels[2:])
-    figure.suptitle(
-        "Synthetic readings: closed forms + printed offsets and residual errors; no hardware was measured"
-    )
+    made = "closed forms + printed offsets and residual errors; no hardware was measured"
+    figure.suptitle(f"Synthetic readings: {made}")
     return figure
 
 

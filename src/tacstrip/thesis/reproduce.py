@@ -55,11 +55,9 @@ def reproduce(out: Path, seeds: int, workers: int | None, progress: Progress) ->
     folder = out / "figures"
     folder.mkdir(parents=True, exist_ok=True)
     numbers = {"simulation": range(len(rows())), "experiment": range(len(experiments()))}
-    tasks: dict[Any, tuple[Any, ...]] = {
-        ("simulation", number): (_run_row, number, seeds, folder) for number in numbers["simulation"]
-    }
-    tasks |= {("experiment", number): (run_experiment, number, seeds) for number in numbers["experiment"]}
-    tasks |= {"calibration": (calibration_rows, seeds)}
+    tasks: dict[Any, tuple[Any, ...]] = {"calibration": (calibration_rows, seeds)}
+    tasks |= {("simulation", n): (_run_row, n, seeds, folder) for n in numbers["simulation"]}
+    tasks |= {("experiment", n): (run_experiment, n, seeds) for n in numbers["experiment"]}
     tasks |= {figure: (_draw, figure, folder) for figure in _DRAWN}
     done: dict[Any, Any] = {}
     with ProcessPoolExecutor(max_workers=workers or os.cpu_count()) as pool:

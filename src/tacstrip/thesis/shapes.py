@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
 import numpy as np
 
@@ -46,10 +47,8 @@ class ThesisShape:
         return np.sort(self.contact(position).vertices[:, 0])
 
 
-SIMULATED = {
-    name: Sensor(construction=name, strips=1000, pitch_mm=1.0, length_mm=1000.0)
-    for name in ("crs-crs", "crs-m")
-}
+_SIZE: dict[str, Any] = {"strips": 1000, "pitch_mm": 1.0, "length_mm": 1000.0}
+SIMULATED = {name: Sensor(construction=name, **_SIZE) for name in ("crs-crs", "crs-m")}
 
 SHAPES = {
     s.name: s

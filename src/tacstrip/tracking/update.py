@@ -127,12 +127,7 @@ def update(
 
 
 def _fit_problem(
-    scan: Scan,
-    sensor: Sensor,
-    strips: slice,
-    sigma: float,
-    outliers: BoolArray,
-    shape: RecoveredObject,
+    scan: Scan, sensor: Sensor, strips: slice, sigma: float, outliers: BoolArray, shape: RecoveredObject
 ) -> FitProblem:
     """Return what is fitted; of wide strips, without what their width adds to the readings of the last shape."""
     fitted, margin_mm = fitted_strips(sensor, strips)

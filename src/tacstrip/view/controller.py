@@ -136,15 +136,12 @@ class Controller:
         return self.simulator
 
     def _about(self) -> dict[str, Any]:
-        about: dict[str, Any] = {
-            "sensor": sensor_json(self.live.source.sensor),
-            "method": self.live.method_name,
-        }
+        about: dict[str, Any] = {"sensor": sensor_json(self.live.source.sensor)}
+        about |= {"method": self.live.method_name, "methods": list(METHODS)}
         if self.simulator is not None:
             now = self.simulator.settings
             about["simulator"] = {"noise": now.noise.positional, "rate_hz": now.rate_hz}
             about["constructions"] = list(CONSTRUCTIONS)
-        about["methods"] = list(METHODS)
         return about
 
     def _health(self) -> dict[str, Any]:

@@ -16,17 +16,8 @@ _MAX_REGIONS = 20  # an outline of more vertices is drawn without regions
 
 def sensor_json(sensor: Sensor) -> dict[str, Any]:
     """Return the sensor's properties that the page needs."""
-    keys = (
-        "construction",
-        "strips",
-        "strip_base",
-        "pitch_mm",
-        "length_mm",
-        "adc_bits",
-        "closed",
-        "signatures",
-    )
-    return {key: getattr(sensor, key) for key in keys}
+    keys = "construction strips strip_base pitch_mm length_mm adc_bits closed signatures"
+    return {key: getattr(sensor, key) for key in keys.split()}
 
 
 def frame_json(frame: Frame) -> dict[str, Any]:
@@ -45,9 +36,8 @@ def _object(one: LiveObject, sensor: Sensor) -> dict[str, Any]:
     if shape.confidence is not None:
         drawn["confidence"] = round(shape.confidence, 3)
     if shape.alternatives:
-        drawn["alternatives"] = [
-            {"weight": round(a.weight, 3), "vertices": plain(a.vertices, 3)} for a in shape.alternatives
-        ]
+        others = [(round(a.weight, 3), plain(a.vertices, 3)) for a in shape.alternatives]
+        drawn["alternatives"] = [{"weight": weight, "vertices": vertices} for weight, vertices in others]
     drawn["vertices"] = plain(shape.vertices, 3)
     if shape.found:
         drawn["area"], drawn["centroid"] = round(shape.area, 2), plain(shape.centroid, 2)

@@ -169,10 +169,10 @@ class Server:
             page.sent = max(0, page.sent - 1)
             return
         answer: dict[str, Any] | None = None
-        refused = (
-            "" if page.control else "this address is for viewing only; use the other one to change things"
-        )
-        if page.control:
+        refused = ""
+        if not page.control:
+            refused = "this address is for viewing only; use the other one to change things"
+        else:
             try:
                 answer = await asyncio.to_thread(self.controller.do, request)
             except TacstripError as error:

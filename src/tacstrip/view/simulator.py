@@ -120,10 +120,8 @@ class Simulator:
         ahead = max(1, round(_BLOCK_S * now.rate_hz))
         while True:
             noise = self.settings.noise
-            source = SimulatedSource(
-                now.sensor, self._now, now.rate_hz, None, noise, self._random, ahead=ahead
-            )
-            for raw in source:
+            options = (now.rate_hz, None, noise, self._random)
+            for raw in SimulatedSource(now.sensor, self._now, *options, ahead=ahead):
                 yield raw
                 if self.settings.noise is not noise:
                     break

@@ -53,9 +53,9 @@ def jacobian(
     """
     if electrodes not in _ELECTRODES:
         raise NetworkError(one_of("electrodes", electrodes, _ELECTRODES))
-    mesh = SheetMesh.of(sensor, rows)
+    mesh = SheetMesh.of(sensor, rows, wiring)
     strip, low, high = checked_span(mesh, l, u)
-    scan = FactoredScan(mesh, strip, mesh.hat_lengths(low, high), wiring or Wiring())
+    scan = FactoredScan(mesh, strip, mesh.hat_lengths(low, high))
     ends = np.concatenate([low, high])
     return strip, np.asarray(scan.jacobian(ends, used_columns(sensor, strip, electrodes)))
 

@@ -72,8 +72,8 @@ class InversionProblem:
         rows: int | None,
         wiring: Wiring | None,
     ) -> None:
-        self.sensor, self.wiring, self.sigma = sensor, wiring or Wiring(), checked_sigma(sigma)
-        self.mesh = SheetMesh.of(sensor, rows)
+        self.sensor, self.sigma = sensor, checked_sigma(sigma)
+        self.mesh = SheetMesh.of(sensor, rows, wiring)
         there = np.isfinite(readings)
         self.strip = np.flatnonzero(there.any(axis=1))
         broken = np.flatnonzero((there.any(axis=1) != there.all(axis=1)) | np.isinf(readings).any(axis=1))
@@ -89,9 +89,8 @@ class InversionProblem:
         self.own = np.stack([sensor.strips + self.strip, self.strip])
         among = np.argmax(self.columns == self.own[:, :, None], axis=2)
         self.kh, self.kl = np.take_along_axis(self.readings, among.T, axis=1).T
-        self.constraints, self.limits = linear_constraints(
-            self.strip, sensor.length_mm, SHORTEST * sensor.length_mm, convex
-        )
+        length = sensor.length_mm
+        self.constraints, self.limits = linear_constraints(self.strip, length, SHORTEST * length, convex)
 
     def invert(self, max_networks: int) -> DescentResult:
         """Descend from one start after the other until one ends well; return the best, and all steps."""
@@ -113,7 +112,7 @@ class InversionProblem:
 
         kh - kl grows with a contact's width, and (kh + kl) / 2 goes with its middle.
         """
-        mesh = SheetMesh.of(self.sensor, min(self._mesh_rows(_ROUGH), self.mesh.rows), coarse=True)
+        mesh = self._coarse(min(self._mesh_rows(_ROUGH), self.mesh.rows))
         each = np.arange(len(self.strip))
         scans = (self._scan(mesh, self._uniform_width(width)) for width in _TRIAL_WIDTHS)
         kh, kl = np.stack([scan.readings()[each, self.own] for scan in scans], axis=1)  # each (bands, T)
@@ -129,12 +128,14 @@ class InversionProblem:
         length = self.sensor.length_mm
         middle = (0.5 * (self.kh + self.kl) + shift) * length
         x = np.concatenate([middle - 0.5 * width * length, middle + 0.5 * width * length])
-        return x + constrained_step(
-            np.eye(len(x)), np.zeros(len(x)), self.constraints, self.limits - self.constraints @ x
-        )
+        slack = self.limits - self.constraints @ x
+        return x + constrained_step(np.eye(len(x)), np.zeros(len(x)), self.constraints, slack)
+
+    def _coarse(self, rows: int) -> SheetMesh:
+        return SheetMesh.of(self.sensor, rows, self.mesh.wiring, coarse=True)
 
     def _scan(self, mesh: SheetMesh, x: FloatArray) -> FactoredScan:
-        return FactoredScan(mesh, self.strip, mesh.hat_lengths(*np.split(x, 2)), self.wiring)
+        return FactoredScan(mesh, self.strip, mesh.hat_lengths(*np.split(x, 2)))
 
     def _residual(self, scan: FactoredScan) -> FloatArray:
         """Return the residuals, predicted less measured readings (T E,), in units of sigma."""
@@ -150,12 +151,9 @@ class InversionProblem:
         rows = max(self.mesh.rows // _COARSER, self._mesh_rows(_COARSE))
         if rows > self.mesh.rows // 2:
             return self._descend(self.mesh, x, max_networks, _FINAL_TOLERANCE)
-        coarse = self._descend(
-            SheetMesh.of(self.sensor, rows, coarse=True), x, max_networks // 2, _COARSE_TOLERANCE
-        )
-        found = self._descend(
-            self.mesh, coarse.x, max_networks - coarse.steps, _FINAL_TOLERANCE, coarse.jacobian
-        )
+        coarse = self._descend(self._coarse(rows), x, max_networks // 2, _COARSE_TOLERANCE)
+        left = max_networks - coarse.steps
+        found = self._descend(self.mesh, coarse.x, left, _FINAL_TOLERANCE, coarse.jacobian)
         return replace(found, steps=coarse.steps + found.steps)
 
     def _descend(
@@ -179,9 +177,8 @@ class InversionProblem:
             scale = np.diag(curvature) + _TINY * np.diag(curvature).max()
             slack, may_stop = self.limits - self.constraints @ x, exact
             while True:
-                step = constrained_step(
-                    curvature + damping * np.diag(scale), descent, self.constraints, slack
-                )
+                damped = curvature + damping * np.diag(scale)
+                step = constrained_step(damped, descent, self.constraints, slack)
                 step_size = float(np.abs(step).max()) / self.sensor.length_mm
                 predicted_cost = float(np.sum((residual + jacobian @ step) ** 2))
                 # Steps go on to shrink at least as fast as they just did, so no more than this remains after this one.

@@ -11,7 +11,6 @@ current from where a potential is read to where it is compared with, d reading /
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from functools import cached_property
 
 import numpy as np
@@ -33,20 +32,14 @@ class FactoredScan:
         The touched strips (T,).
     lengths
         Length of contact that each node stands for (T, rows + 1) [mm].
-    wiring
-        What the other strips and the sheet's edges are joined to.
     """
 
-    def __init__(self, mesh: SheetMesh, strip: IntArray, lengths: FloatArray, wiring: Wiring) -> None:
-        self.mesh, self.wiring = mesh, wiring
-        self.resistors = resistors = contact_network(mesh, strip, np.maximum(lengths, 0.0), wiring)
-        self.by_voltage = wiring.others == "grounded"
-        if self.by_voltage:
-            held = np.concatenate([resistors.top, resistors.bottom])
-        elif wiring.others == "tied grounds":
-            held = resistors.bottom[:1]
-        else:
-            held = resistors.electrode[:1]
+    def __init__(self, mesh: SheetMesh, strip: IntArray, lengths: FloatArray) -> None:
+        self.mesh = mesh
+        self.resistors = resistors = contact_network(mesh, strip, np.maximum(lengths, 0.0))
+        self.by_voltage = mesh.wiring.others == "grounded"
+        one = resistors.bottom if mesh.wiring.others == "tied grounds" else resistors.electrode
+        held = np.concatenate([resistors.top, resistors.bottom]) if self.by_voltage else one[:1]
         self.factored = Factored(resistors.network, held)
         # Potentials are kept where readings and their slopes need them; all of them would not stay in the cache.
         ends = np.concatenate([resistors.electrode, resistors.bottom, resistors.top])
@@ -62,9 +55,9 @@ class FactoredScan:
         wiring: Wiring | None = None,
     ) -> FactoredScan:
         """Prepare the scan of a contact from l to u (strips,) [mm]; see `own_electrodes`."""
-        mesh = SheetMesh.of(sensor, rows)
+        mesh = SheetMesh.of(sensor, rows, wiring)
         strip, low, high = checked_span(mesh, l, u)
-        return cls(mesh, strip, mesh.hat_lengths(low, high), wiring or Wiring())
+        return cls(mesh, strip, mesh.hat_lengths(low, high))
 
     def _beside_ends(self, lengths: FloatArray) -> IntArray:
         """Return the nodes in the rows beside the outer ends of the contact, and one row further."""
@@ -111,9 +104,8 @@ class FactoredScan:
         ndarray
             (T, E, 2 T) [1/mm]: the last axis has l of the touched strips, then u.
         """
-        above, below, change, passed_on = self._moving(
-            ends
-        )  # each (2 T, K): both rows beside each moving end
+        # Each (2 T, K): both rows beside each moving end.
+        above, below, change, passed_on = self._moving(ends)
         strip, sheet = self._place(above), self._place(below)
         used, column = np.unique(electrodes, return_inverse=True)
         column = column.reshape(electrodes.shape)
@@ -156,14 +148,3 @@ class FactoredScan:
         strip, change = np.where(strip < 0, sheet, strip), np.where(strip < 0, 0.0, change)
         flat = 2 * count, -1
         return strip.reshape(flat), sheet.reshape(flat), change.reshape(flat), np.tile(passed_on, 2)
-
-    def profiles(self) -> Iterator[tuple[int, FloatArray]]:
-        """Go through the touched strips: its number, and the sheet's potentials on all centre lines [Vref].
-
-        They are (strips, rows + 1).
-        """
-        ground, drop = self._ends()
-        at = self.resistors.centre_node
-        phi = self.factored.fed(self.resistors.top, self.resistors.bottom, at.ravel())
-        for t, strip in enumerate(self.resistors.strip):
-            yield int(strip), ((phi[:, t] - ground[t]) / drop[t]).reshape(at.shape)

@@ -24,7 +24,7 @@ from tacstrip.network.crp.factored import FactoredScan as FactoredScan
 from tacstrip.network.crp.mesh import Wiring as Wiring
 from tacstrip.network.crp.readings import all_electrodes as all_electrodes
 from tacstrip.network.crp.readings import contact_electrodes as contact_electrodes
-from tacstrip.network.crp.readings import measurement as measurement
+from tacstrip.network.crp.readings import measurements as measurements
 from tacstrip.network.crp.readings import own_electrodes as own_electrodes
 from tacstrip.sensor.spec import Sensor
 
@@ -62,16 +62,6 @@ class InversionResult:
     advice: str
     iterations: int
     residual_rms: float
-
-    @property
-    def l_sigma(self) -> FloatArray:
-        """Standard error of l (strips,) [mm]: its Cramer-Rao bound, and the mesh's error."""
-        return np.asarray(np.sqrt(np.diag(self.covariance)[: len(self.l)]))
-
-    @property
-    def u_sigma(self) -> FloatArray:
-        """Standard error of u (strips,) [mm]: its Cramer-Rao bound, and the mesh's error."""
-        return np.asarray(np.sqrt(np.diag(self.covariance)[len(self.l) :]))
 
 
 def invert(
@@ -150,14 +140,8 @@ def _invert(problem: InversionProblem, max_networks: int) -> InversionResult:
 
 
 def _statuses(l: FloatArray, u: FloatArray, length: float, converged: bool) -> tuple[StripStatus, ...]:
-    def one(w: float) -> StripStatus:
-        if np.isnan(w):
-            return "no contact"
-        if not converged:
-            return "not converged"
-        return "short contact" if w < SHORT * length else "ok"
-
-    return tuple(one(w) for w in u - l)
+    touched: list[StripStatus] = ["ok", "short contact"] if converged else ["not converged"] * 2
+    return tuple("no contact" if np.isnan(w) else touched[int(w < SHORT * length)] for w in u - l)
 
 
 def _advice(status: Sequence[StripStatus], residual_rms: float) -> str:

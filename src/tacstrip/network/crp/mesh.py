@@ -75,6 +75,8 @@ class SheetMesh:
         Conductance g of a contact per [mm].
     pitch
         The columns of one pitch.
+    wiring
+        What the other strips and the sheet's edges are joined to.
     """
 
     strips: int
@@ -84,9 +86,12 @@ class SheetMesh:
     square: float
     contact: float
     pitch: PitchElements
+    wiring: Wiring
 
     @classmethod
-    def of(cls, sensor: Sensor, rows: int | None = None, coarse: bool = False) -> SheetMesh:
+    def of(
+        cls, sensor: Sensor, rows: int | None = None, wiring: Wiring | None = None, coarse: bool = False
+    ) -> SheetMesh:
         """Cut a sensor into `rows` cells over its length; by default 3 per lambda, 100 to 400.
 
         A coarse mesh has as few columns across as can be, whatever lambda is.
@@ -114,7 +119,7 @@ class SheetMesh:
         square = ratio * sensor.strip_width
         g = 1.0 / ((1.0 + square / sensor.pitch_mm) * lam**2)
         pitch = PitchElements.of(sensor.pitch_mm, sensor.strip_width, lam, coarse)
-        return cls(sensor.strips, rows, sensor.length_mm, lam, square, g, pitch)
+        return cls(sensor.strips, rows, sensor.length_mm, lam, square, g, pitch, wiring or Wiring())
 
     @property
     def h(self) -> float:
@@ -142,10 +147,8 @@ class SheetMesh:
         """Integrate every node's hat function over the intervals [l, u] (P,), moved inwards: (P, rows + 1) [mm]."""
         node = np.arange(self.rows + 1.0)
         low, high, _ = self.moved_inwards(l, u)
-        return np.asarray(
-            self.h
-            * (_hat_integral(high[:, None] / self.h - node) - _hat_integral(low[:, None] / self.h - node))
-        )
+        below_high, below_low = (_hat_integral(end[:, None] / self.h - node) for end in (high, low))
+        return np.asarray(self.h * (below_high - below_low))
 
     def hats_at(self, y: FloatArray) -> tuple[IntArray, FloatArray]:
         """Return the two rows beside each y (P,) and their hats there: row of the lower (P,), hats (P, 2)."""
@@ -221,13 +224,12 @@ class ContactNetwork:
     centre_node: IntArray = field(repr=False)
 
 
-def contact_network(mesh: SheetMesh, strip: IntArray, lengths: FloatArray, wiring: Wiring) -> ContactNetwork:
+def contact_network(mesh: SheetMesh, strip: IntArray, lengths: FloatArray) -> ContactNetwork:
     """Join sheet, touched strips (T,) and contact, whose length at each node is (T, rows + 1) [mm]."""
     pitch, last = mesh.pitch, mesh.rows
     per = len(pitch.widths) - 1
-    column = np.arange(mesh.strips)[:, None] * per + np.arange(
-        per + 1
-    )  # of each strip: the outer ones are shared
+    # Of each strip: the outer ones are shared.
+    column = np.arange(mesh.strips)[:, None] * per + np.arange(per + 1)
     columns = mesh.strips * per + 1
     width = np.bincount(column.ravel(), np.tile(pitch.widths, mesh.strips), columns)
     sheet = np.arange(columns * (last + 1)).reshape(columns, last + 1)  # column, row
@@ -249,11 +251,7 @@ def contact_network(mesh: SheetMesh, strip: IntArray, lengths: FloatArray, wirin
     shared = mesh.contact * pitch.under[beneath][:, None] * lengths[:, None]  # (T, K, rows + 1)
     joined = np.outer(pitch.stiffness, cell) / mesh.square
     parts = (
-        (
-            sheet[:, :-1].ravel(),
-            sheet[:, 1:].ravel(),
-            np.repeat(width / (mesh.square * mesh.h), last),
-        ),
+        (sheet[:, :-1].ravel(), sheet[:, 1:].ravel(), np.repeat(width / (mesh.square * mesh.h), last)),
         (
             sheet[column[:, pitch.first]].ravel(),
             sheet[column[:, pitch.second]].ravel(),
@@ -264,20 +262,13 @@ def contact_network(mesh: SheetMesh, strip: IntArray, lengths: FloatArray, wirin
     )
     start, end, siemens = (np.concatenate(part) for part in zip(*parts, strict=True))
     label = np.arange(sheet.size + len(chain))  # nodes that are one node have one label
-    if wiring.common_bars:
+    if mesh.wiring.common_bars:
         label[sheet[:, 0]], label[sheet[:, -1]] = sheet[0, 0], sheet[0, -1]
-    if wiring.others == "tied grounds":
+    if mesh.wiring.others == "tied grounds":
         label[node[:, 0]] = node[0, 0]
     real = label[start] != label[end]
     network = Network(len(label), label[start][real], label[end][real], siemens[real], signed=True)
     centre = label[sheet[column[:, pitch.middle]]]
-    return ContactNetwork(
-        network,
-        strip,
-        label[node[:, 0]],
-        node[:, -1],
-        np.concatenate([centre[:, 0], centre[:, -1]]),
-        np.where(has, label[node], -1),
-        label[under],
-        centre,
-    )
+    electrode, strip_node = np.concatenate([centre[:, 0], centre[:, -1]]), np.where(has, label[node], -1)
+    ends = label[node[:, 0]], node[:, -1]
+    return ContactNetwork(network, strip, *ends, electrode, strip_node, label[under], centre)

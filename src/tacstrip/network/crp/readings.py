@@ -7,7 +7,6 @@ import numpy as np
 from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.contact.footprint import footprint
 from tacstrip.contact.shape import Contact
-from tacstrip.errors import NetworkError
 from tacstrip.network.crp.factored import FactoredScan
 from tacstrip.network.crp.mesh import (
     SHORTEST,
@@ -65,8 +64,8 @@ def contact_electrodes(
     sensor: Sensor, contact: Contact, rows: int | None = None, wiring: Wiring | None = None
 ) -> FloatArray:
     """Return what `all_electrodes` does for a shape; each of its separate pieces on a strip counts."""
-    mesh = SheetMesh.of(sensor, rows)
-    return _expand(sensor, FactoredScan(mesh, *_pieces(mesh, sensor, contact), wiring or Wiring()))
+    mesh = SheetMesh.of(sensor, rows, wiring)
+    return _expand(sensor, FactoredScan(mesh, *_pieces(mesh, sensor, contact)))
 
 
 def _pieces(mesh: SheetMesh, sensor: Sensor, contact: Contact) -> tuple[IntArray, FloatArray]:
@@ -90,46 +89,22 @@ def _expand(sensor: Sensor, scan: FactoredScan) -> FloatArray:
     return readings
 
 
-def measurement(
-    sensor: Sensor,
-    strip: int,
-    l: FloatArray,
-    u: FloatArray,
-    rows: int | None = None,
-    wiring: Wiring | None = None,
-) -> Measurement:
-    """Return the measurement on one energised strip as it stands, for the plain solver and for netlists.
+def contact_measurements(sensor: Sensor, contact: Contact, rows: int | None = None) -> dict[int, Measurement]:
+    """Return the measurement on each touched strip, by its number, for a shape with all its pieces."""
+    mesh = SheetMesh.of(sensor, rows)
+    return measurements(contact_network(mesh, *_pieces(mesh, sensor, contact)), mesh.wiring)
 
-    Readings are named kh and kl, the strip's own electrodes. Arguments and errors as for `own_electrodes`;
-    `NetworkError` where the strip is not touched.
+
+def measurements(resistors: ContactNetwork, wiring: Wiring) -> dict[int, Measurement]:
+    """Return the measurement on each energised strip as it stands, for the plain solver and for netlists.
+
+    Readings are named kh and kl, the strip's own electrodes.
     """
-    mesh = SheetMesh.of(sensor, rows)
-    touched, low, high = checked_span(mesh, l, u)
-    at = np.flatnonzero(touched == strip)
-    if not len(at):
-        raise NetworkError(f"strip {strip} is not touched: its electrodes read nothing; ask for one that is")
-    resistors = contact_network(mesh, touched, mesh.hat_lengths(low, high), wiring or Wiring())
-    return _measurement(sensor, resistors, int(at[0]), wiring or Wiring())
-
-
-def contact_measurements(
-    sensor: Sensor, contact: Contact, rows: int | None = None, wiring: Wiring | None = None
-) -> dict[int, Measurement]:
-    """Return the measurement on each touched strip, strip to `measurement`, for a shape with all its pieces."""
-    mesh = SheetMesh.of(sensor, rows)
-    touched, lengths = _pieces(mesh, sensor, contact)
-    resistors = contact_network(mesh, touched, lengths, wiring or Wiring())
-    return {
-        int(strip): _measurement(sensor, resistors, at, wiring or Wiring())
-        for at, strip in enumerate(touched)
-    }
-
-
-def _measurement(sensor: Sensor, resistors: ContactNetwork, at: int, wiring: Wiring) -> Measurement:
-    strip = int(resistors.strip[at])
-    held = {int(resistors.bottom[at]): 0.0, int(resistors.top[at]): 1.0}
-    if wiring.others == "grounded":
-        ends = (int(node) for node in np.concatenate([resistors.bottom, resistors.top]))
-        held = dict.fromkeys(ends, 0.0) | held
-    read = {"kh": int(resistors.electrode[sensor.strips + strip]), "kl": int(resistors.electrode[strip])}
-    return Measurement(resistors.network, held, read)
+    kl, kh = np.split(resistors.electrode, 2)
+    ends = np.stack([resistors.bottom, resistors.top])
+    others = dict.fromkeys(ends.ravel().tolist(), 0.0) if wiring.others == "grounded" else {}
+    found = {}
+    for strip, (bottom, top) in zip(resistors.strip.tolist(), ends.T.tolist(), strict=True):
+        read = {"kh": int(kh[strip]), "kl": int(kl[strip])}
+        found[strip] = Measurement(resistors.network, others | {bottom: 0.0, top: 1.0}, read)
+    return found

@@ -76,10 +76,8 @@ def _ends(mesh: StripMesh, strips: dict[int, list[FloatArray]]) -> tuple[FloatAr
     y = [np.concatenate(pieces) for pieces in strips.values()]
     first = np.concatenate(([0], np.cumsum([len(part) for part in y])))  # of each strip's nodes
     length = mesh.sensor.length_mm
-    energised = [
-        mesh.ohm(n, "energised", np.concatenate(([0.0], part, [length])))
-        for n, part in zip(strips, y, strict=True)
-    ]
+    whole_y = [np.concatenate(([0.0], part, [length])) for part in y]
+    energised = [mesh.ohm(n, "energised", whole) for n, whole in zip(strips, whole_y, strict=True)]
     # Between the last node of a strip and the first of the next there is a cell of 1 ohm that does not conduct.
     gap = first[1:-1] - 1
     r0 = _row([whole[1:-1] for whole in energised])

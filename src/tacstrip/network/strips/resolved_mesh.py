@@ -155,13 +155,9 @@ def _zones(contact: BaseGeometry, x_mm: float, width: float) -> FloatArray:
     inside = shapely.intersection(rims, _band(x_mm, (1.0 - 2.0 * _SAME) * width, bottom - 1.0, top + 1.0))
     pieces = shapely.get_parts(inside)
     bounds = shapely.bounds(pieces[~shapely.is_empty(pieces)])[:, [1, 3]]
-    merged: list[list[float]] = []
-    for low, high in bounds[np.argsort(bounds[:, 0])].tolist():
-        if merged and low <= merged[-1][1]:
-            merged[-1][1] = max(merged[-1][1], high)
-        else:
-            merged.append([low, high])
-    return np.array(merged)
+    low, high = bounds[np.argsort(bounds[:, 0])].T
+    first = np.flatnonzero(np.append(True, low[1:] > np.maximum.accumulate(high)[:-1]))
+    return np.stack([low[first], np.maximum.reduceat(high, first)], axis=1)
 
 
 def _rows(zones: FloatArray, length: float, h: float, decay: float, most: int) -> FloatArray:

@@ -75,18 +75,12 @@ class ReadingBounds:
     def compiled(self) -> Band:
         """What the compiled core takes."""
         sensor, n = self.sensor, len(self.x)
-        x, low, high = (
-            np.ascontiguousarray(v) for v in (self.x, [*self.low.values()], [*self.high.values()])
-        )
+        bounds = [*self.low.values()], [*self.high.values()]
+        x, low, high = (np.ascontiguousarray(v) for v in (self.x, *bounds))
         a = sensing_share(sensor.sensing_ratio)
         shares = [a if SIGNATURES[name].at_upper_end else 0.0 for name in self.low]
-        constants = (
-            1.0 - a,
-            sensor.length_mm,
-            sensor.contact_lambda_mm,
-            self.edge,
-            tuple(self.windows.ravel()),
-        )
+        windows = tuple(self.windows.ravel())
+        constants = (1.0 - a, sensor.length_mm, sensor.contact_lambda_mm, self.edge, windows)
         made = Band(n, len(low), *map(address, (x, low, high)), (shares[0], shares[-1]), *constants)
         made.arrays = (x, low, high)
         return made
@@ -133,9 +127,8 @@ class EdgeLines:
     def of(cls, outline: Outline) -> tuple[EdgeLines, FloatArray]:
         """Return the lines of an outline and their heights (2 Q,) [mm]."""
         chains = (outline.lower, outline.upper)
-        reach, heights = (
-            np.concatenate([np.stack([c[:-1, axis], c[1:, axis]], axis=1) for c in chains]) for axis in (0, 1)
-        )
+        edges = np.concatenate([np.stack([c[:-1], c[1:]], axis=2) for c in chains])  # (Q, axis, end)
+        reach, heights = edges[:, 0], edges[:, 1]
         slopes = [np.diff(c[:, 1]) / np.diff(c[:, 0]) for c in chains]
         turns = np.concatenate([np.where(np.diff(s) >= 0.0, 1, -1) for s in slopes])
         left, right = (bool(outline.lower[e, 1] != outline.upper[e, 1]) for e in (0, -1))
@@ -171,9 +164,8 @@ class EdgeLines:
         """Return x of the crossings (..., C) [mm]; not finite for parallel lines."""
         first, second = self.crossings.T
         origin = self.reach[first, 0]
-        gap, next_gap = (
-            self.at(heights, second, x) - self.at(heights, first, x) for x in (origin, origin + 1.0)
-        )
+        both = (origin, origin + 1.0)
+        gap, next_gap = (self.at(heights, second, x) - self.at(heights, first, x) for x in both)
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.asarray(origin - gap / (next_gap - gap))
 
@@ -183,10 +175,8 @@ class EdgeLines:
         ends = np.where(self.blunt, blunt_x, x[..., -2:])
         kinks = np.split(x[..., :-2], [self.lower - 1], axis=-1)
         chains = []
-        for start, count, inner in (
-            (0, self.lower, kinks[0]),
-            (self.lower, len(self.reach) - self.lower, kinks[1]),
-        ):
+        counts = (self.lower, len(self.reach) - self.lower)
+        for start, count, inner in zip((0, self.lower), counts, kinks, strict=True):
             at = np.concatenate([ends[..., :1], inner, ends[..., 1:]], axis=-1)
             line = start + np.append(np.arange(count), count - 1)
             chains.append(np.stack([at, self.at(heights, line, at)], axis=-1))

@@ -172,22 +172,23 @@ def _points(
     kinks = [*lower[1:-1], *upper[1:-1]]
     error = np.sqrt(np.diag(covariance)[::2])[kinks]
     error = np.where(np.isfinite(error), error, np.inf)
-    widths = _widths(band, outline.lower, outline.upper)
-    for reach in _REACHES:
-        zones = within(lines, outline.vertices[kinks, 0], reach * error, band)
+
+    def drawn(zones: FloatArray, widths: FloatArray, heights: FloatArray) -> FloatArray | None:
         bounds = feasible_set(band, lines, zones, widths)
         found = feasible_point(bounds, band, lines, widths, heights, effort)
-        if found is None:
+        return None if found is None else hit_and_run(bounds.rows, bounds.pairs, *found)
+
+    for reach in _REACHES:
+        zones = within(lines, outline.vertices[kinks, 0], reach * error, band)
+        points = drawn(zones, _widths(band, outline.lower, outline.upper), heights)
+        if points is None:
             continue
-        points = hit_and_run(bounds.rows, bounds.pairs, *found)
         if not band.sensor.contact_lambda_mm:
             return points
         # What contact resistance eats depends on the contact's length: once more, with a better one.
         heights = points.mean(axis=0)
-        widths = _widths(band, *lines.chains(heights, band.windows.mean(axis=1)))
-        bounds = feasible_set(band, lines, zones, widths)
-        found = feasible_point(bounds, band, lines, widths, heights, effort)
-        return points if found is None else hit_and_run(bounds.rows, bounds.pairs, *found)
+        again = drawn(zones, _widths(band, *lines.chains(heights, band.windows.mean(axis=1))), heights)
+        return points if again is None else again
     return None
 
 

@@ -67,7 +67,9 @@ def feasible_point(
                 return found
         kinked = ((part[:, :1] < band.x) & (band.x < part[:, 1:])).sum(axis=1)
         if kinked.max(initial=0) > 0:
-            zones += _halves(part, int(kinked.argmax()))
+            for end in (1, 0):  # the widest zone's lower half, then its upper one
+                zones.append(part.copy())
+                zones[-1][kinked.argmax(), end] = part[kinked.argmax()].mean()
     return None
 
 
@@ -82,10 +84,3 @@ def _descend(
     found, rounds = feasible_part((bounds.a, bounds.b), (bounds.either_a, bounds.either_b), at, scale, most)
     effort.spend(rounds * work)
     return found
-
-
-def _halves(zones: FloatArray, kink: int) -> list[FloatArray]:
-    middle = zones[kink].mean()
-    lower, upper = zones.copy(), zones.copy()
-    lower[kink, 1] = upper[kink, 0] = middle
-    return [lower, upper]

@@ -121,10 +121,7 @@ def plain_feasible_set(
         # Of a row two heights of either chain's line count. The core takes rows beside each other.
         transposed = np.zeros((lines.reach.size, len(at) + len(more)))
         column = np.arange(len(at))
-        for line, share, by in (
-            (l_line[i, at], l_share[i, at], by_l),
-            (u_line[j, at], u_share[j, at], by_u),
-        ):
+        for line, share, by in ((l_line[i, at], l_share[i, at], by_l), (u_line[j, at], u_share[j, at], by_u)):
             transposed[2 * line, column] = by * (1.0 - share)
             transposed[2 * line + 1, column] = by * share
         transposed[:, len(at) :] = more.T
@@ -157,9 +154,8 @@ def plain_feasible_set(
         np.concatenate([c_u[bound, at], np.array([0.0, 1.0, -1.0])[parts]]),
         crossing,
     ).T
-    b = np.concatenate(
-        [room[bound, at], np.array([0.0, sensor.length_mm, 0.0])[parts], np.zeros(len(crossing))]
-    )
+    bare_room = np.array([0.0, sensor.length_mm, 0.0])[parts]
+    b = np.concatenate([room[bound, at], bare_room, np.zeros(len(crossing))])
     edges = np.concatenate([edge[at], np.zeros(len(bare) + len(crossing))])
     nothing = np.zeros((0, lines.reach.size))
     sides = []
@@ -171,9 +167,7 @@ def plain_feasible_set(
     return FeasibleSet(np.concatenate([zones, band.windows]), a, b, edges, either_a, either_b, either_edge)
 
 
-def _indices(
-    chosen: Iterable[tuple[int, int, BoolArray]],
-) -> tuple[IntArray, IntArray, IntArray, IntArray]:
+def _indices(chosen: Iterable[tuple[int, int, BoolArray]]) -> tuple[IntArray, IntArray, IntArray, IntArray]:
     """Return the lines of both chains, bounds and strips, all (N,), of choices of lines and where (B, n) they hold."""
     parts = []
     for i, j, where in chosen:

@@ -83,14 +83,9 @@ def scatter(
     count, n = len(lower), len(vertices)
     covariance, radii, deviations = np.empty((2 * n, 2 * n)), np.empty(n), np.empty(4)
     workspace = np.empty((2 * n + 6) * (count + 3) + 2 * n)
-    core(
-        *map(address, (lower, upper, *indices)),
-        *map(len, indices),
-        address(vertices),
-        n,
-        count,
-        *map(address, (covariance, radii, deviations, workspace)),
-    )
+    out = map(address, (covariance, radii, deviations, workspace))
+    given = (*map(address, (lower, upper, *indices)), *map(len, indices), address(vertices))
+    core(*given, n, count, *out)
     area, x, y, turn = deviations.tolist()
     return covariance, radii, (area, np.array([x, y]), min(turn, UNKNOWN_ANGLE))
 

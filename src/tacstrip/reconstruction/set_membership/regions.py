@@ -129,9 +129,8 @@ class _Search:
         sure, l, u = _sure(self.band, self.lines, self.bounds.zones[: len(self.lines.turns)])
         # Between zones l and u are straight, so it is enough to look at the outer strips of each stretch.
         outer = np.flatnonzero(sure & ~(np.append(False, sure[:-1]) & np.append(sure[1:], False)))
-        least, most = (
-            np.array([sign * self.lowest(sign * (u[i] - l[i])) for i in outer]) for sign in (1.0, -1.0)
-        )
+        w, signs = u - l, (1.0, -1.0)
+        least, most = (np.array([sign * self.lowest(sign * w[i]) for i in outer]) for sign in signs)
         low, high = np.interp(x[sure], x[outer], least), np.interp(x[sure], x[outer], most)
         allowed = (low > widths[1, sure]) | (widths[1, sure] == 0.0)
         return bool(np.all(allowed & (high < widths[2, sure])))
@@ -145,15 +144,12 @@ class _Search:
             if out * (x - limit) >= 0.0:
                 return float(limit)
             # Beyond its crossing the gap of two lines has one sign; least it must have it everywhere.
-            form = out * turn * self._gap(pair, x)
+            second, first = self.lines.rows(pair[::-1], np.full(2, x))
+            form = out * turn * (second - first)
             if self.lowest(form) >= 0.0:
                 return x
             x = max(out * x, out * float(self.lines.cross(self.heights())[c])) * out
         return float(limit)
-
-    def _gap(self, pair: IntArray, x: float) -> FloatArray:
-        at = np.full(1, x)
-        return np.asarray((self.lines.rows(pair[1:], at) - self.lines.rows(pair[:1], at))[0])
 
     def regions(self) -> Regions:
         """Return the regions of all vertices."""
@@ -174,10 +170,8 @@ class _Search:
         shape = None
         for line in lines:
             rows = self.lines.rows(np.full(2, line), x)
-            (a, b), (d, e) = (
-                [sign * (self.lowest(sign * row) - _ROUNDING * self.pitch) for row in rows]
-                for sign in (1.0, -1.0)
-            )
+            slack = _ROUNDING * self.pitch
+            (a, b), (d, e) = ([s * (self.lowest(s * row) - slack) for row in rows] for s in (1.0, -1.0))
             strip = shapely.Polygon([(x[0], a), (x[1], b), (x[1], e), (x[0], d)])
             shape = strip if shape is None else shapely.intersection(shape, strip)
         return np.asarray(shapely.get_coordinates(shape)[:-1])

@@ -12,7 +12,7 @@ from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError, one_of
 from tacstrip.geometry.outline import close_chains
-from tacstrip.reconstruction.result import Reconstruction, RecoveredObject, Status
+from tacstrip.reconstruction.result import Reconstruction, RecoveredObject
 from tacstrip.reconstruction.seam import unrolled
 from tacstrip.reconstruction.sections import Section, fit_sections, noise_level
 from tacstrip.reconstruction.untouched import doubt_untouched
@@ -95,11 +95,7 @@ def vertex_reconstruction(
 
 
 class _Refusal(Exception):  # noqa: N818 - not an error: why one object has no shape
-    """A status and advice instead of a shape."""
-
-    def __init__(self, status: Status, advice: str) -> None:
-        self.status = status
-        self.advice = advice
+    """A status and advice instead of a shape, its arguments."""
 
 
 def _recover(
@@ -114,7 +110,8 @@ def _recover(
         upper = np.concatenate(([False], jump < 0.0, [False]))  # the slope drops at an upper vertex (4.2.2)
         y = _solve(sensor, signature, x, k_at, upper)
     except _Refusal as refusal:
-        return RecoveredObject(run, status=refusal.status, advice=refusal.advice)
+        status, advice = refusal.args
+        return RecoveredObject(run, status=status, advice=advice)
     vertices = np.stack([x, y], axis=1)
     on_low, on_high = _chains(upper)
     polygon = close_chains(vertices[on_low], vertices[on_high])
@@ -151,10 +148,8 @@ def _by_section(sections: list[Section | None], x: FloatArray) -> tuple[FloatArr
     for i, at in enumerate(x):
         sides = [s.reading(at) for s in sections[max(i - 1, 0) : i + 1] if s]
         if not sides:
-            advice = (
-                f"no strip is touched beside the vertex at x = {at:.6g} mm; give transitions in the contact"
-            )
-            raise _Refusal("too few strips", advice)
+            lack = f"no strip is touched beside the vertex at x = {at:.6g} mm"
+            raise _Refusal("too few strips", f"{lack}; give transitions in the contact")
         values, variances = np.array(sides).T
         weights = 1.0 / np.maximum(variances, 1e-12)
         k_at[i], variance[i] = np.average(values, weights=weights), 1.0 / weights.sum()
@@ -174,9 +169,8 @@ def _by_strip(strips: FloatArray, k: FloatArray, x: FloatArray) -> tuple[FloatAr
     nearest = np.abs(strips[:, None] - x).argmin(axis=0)
     same = np.flatnonzero(np.diff(nearest) == 0)
     if len(same):
-        found = (
-            f"the vertices at x = {x[same[0]]:.6g} and {x[same[0] + 1]:.6g} mm are nearest to the same strip"
-        )
+        a, b = x[same[0]], x[same[0] + 1]
+        found = f"the vertices at x = {a:.6g} and {b:.6g} mm are nearest to the same strip"
         raise _Refusal("too few strips", f'{found}; use finer strips, or reading="section"')
     k_at, run = k[nearest], np.diff(x)
     a, b = 1.0 / run[:-1], 1.0 / run[1:]
@@ -201,9 +195,8 @@ def _solve(sensor: Sensor, signature: str, x: FloatArray, k: FloatArray, upper: 
         w = np.interp(x, x[on_high], y[on_high]) - np.interp(x, x[on_low], y[on_low])
         right -= ((c_l - c_u) * transfer_length(np.maximum(w, 0.0), sensor.contact_lambda_mm))[1:-1]
         if np.linalg.cond(matrix) > 1e12:
-            raise _Refusal(
-                "singular", "the readings do not determine the vertices; turn or move the object a little"
-            )
+            open_ = "the readings do not determine the vertices"
+            raise _Refusal("singular", f"{open_}; turn or move the object a little")
         before = y[1:-1].copy()
         y[1:-1] = np.linalg.solve(matrix, right)
         if np.abs(y[1:-1] - before).max() <= 1e-12 * sensor.length_mm:

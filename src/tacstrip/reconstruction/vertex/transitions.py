@@ -37,11 +37,7 @@ _RULES = ("auto", "gradient")
 
 
 def transitions_of_runs(
-    scan: Scan,
-    sensor: Sensor,
-    signature: str,
-    transitions: str | npt.ArrayLike,
-    noise: Noise | None = None,
+    scan: Scan, sensor: Sensor, signature: str, transitions: str | npt.ArrayLike, noise: Noise | None = None
 ) -> list[FloatArray]:
     """Return, for each run of touched strips, the x of all its vertices [mm], ends included.
 
@@ -66,9 +62,8 @@ def transitions_of_runs(
             choices = (*_RULES, "or an ascending list of x")
             raise OptionError(one_of("transitions", transitions, choices))
         if transitions == "auto":
-            from tacstrip.reconstruction.polygon.estimate import (
-                fitted_transitions,  # late: that one uses this file's runs
-            )
+            # Late: that one uses this file's runs.
+            from tacstrip.reconstruction.polygon.estimate import fitted_transitions
 
             return fitted_transitions(scan, sensor, signature, noise)
         pitch, ratio = sensor.pitch_mm, sensor.sensing_ratio

@@ -25,10 +25,8 @@ def recoveries(figure: str) -> Iterator[tuple[Scan, RecoveredObject]]:
     sensor = SIMULATED[construction]
     for position in range(POSITIONS):
         scan, x = simulate(sensor, CONCAVE.contact(position)), CONCAVE.transitions(position)
-        yield (
-            scan,
-            vertex_reconstruction(scan, sensor, signature=name, transitions=x, reading="strip").objects[0],
-        )
+        found = vertex_reconstruction(scan, sensor, signature=name, transitions=x, reading="strip")
+        yield scan, found.objects[0]
 
 
 def ambiguity_facts(figure: str) -> list[dict[str, float]]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from operator import gt, lt
 from typing import Any
 
 import numpy as np
@@ -77,24 +78,27 @@ def _ideal(ours: Tables) -> Claim:
     return checked("ideal readings give the shape back exactly", worst <= 1e-9, evidence)
 
 
-def _compare(
-    medians: dict[Any, Any], a: str, b: str, count: Callable[[float, float], bool]
+def _count(
+    pairs: Iterable[tuple[float | None, float | None]], test: Callable[[float, float], bool]
 ) -> tuple[int, int]:
-    """Count the noisy cells of M.C. and A.P.E. in which `count` holds of the medians of a and of b."""
-    good = total = 0
-    for (signature, shape, noise), ours in medians.items():
-        if signature != a or noise == "ideal" or (b, shape, noise) not in medians:
-            continue
-        for metric in ("mc", "ape"):
-            theirs = medians[b, shape, noise][metric]["median"]
-            for one, other in zip(ours[metric]["median"], theirs, strict=True):
-                if one is not None and other is not None:
-                    good, total = good + count(one, other), total + 1
-    return good, total
+    """Count the pairs of medians that pass a test, and those that are there."""
+    passed = [test(one, other) for one, other in pairs if one is not None and other is not None]
+    return sum(passed), len(passed)
+
+
+def _compare(
+    medians: dict[Any, Any], a: str, b: str, test: Callable[[float, float], bool]
+) -> tuple[int, int]:
+    """Count the noisy cells of M.C. and A.P.E. in which a test holds of the medians of a and of b."""
+    shapes = [
+        (s, n) for signature, s, n in medians if signature == a and n != "ideal" and (b, s, n) in medians
+    ]
+    values = [[medians[(k, *shape)][m]["median"] for k in (a, b)] for shape in shapes for m in ("mc", "ape")]
+    return _count((pair for both in values for pair in zip(*both, strict=True)), test)
 
 
 def _better(medians: dict[Any, Any], a: str, b: str, claim: str) -> Claim:
-    good, total = _compare(medians, a, b, lambda one, other: one < other)
+    good, total = _compare(medians, a, b, lt)
     evidence = f"smaller median in {good} of {total} noisy cells (M.C. and A.P.E.)"
     return counted(claim, good, total, evidence)
 
@@ -106,13 +110,11 @@ def _alike(medians: dict[Any, Any]) -> Claim:
 
 
 def _regions(medians: dict[Any, Any], position: int, claim: str) -> Claim:
-    good = total = 0
-    for (signature, _, noise), ours in medians.items():
-        if signature == "kh" and noise != "ideal":
-            for metric in ("mc", "ape"):
-                end, middle = (ours[metric]["median"][i] for i in (position, POSITIONS // 2))
-                if end is not None and middle is not None:
-                    good, total = good + (end > middle), total + 1
+    noisy = [
+        ours for (signature, _, noise), ours in medians.items() if signature == "kh" and noise != "ideal"
+    ]
+    values = (ours[metric]["median"] for ours in noisy for metric in ("mc", "ape"))
+    good, total = _count(((v[position], v[POSITIONS // 2]) for v in values), gt)
     evidence = f"position {position + 1} worse than 3 in {good} of {total} medians"
     return counted(claim, good, total, evidence)
 
@@ -170,12 +172,8 @@ def _ambiguous() -> Claim:
 def _polygon_fit(ours: Tables) -> list[Claim]:
     """Judge the polygon fit, which the thesis does not have, on the noisy cells."""
     fits = [(row, o["polygon"]) for row, o in zip(rows(), ours, strict=True) if o["polygon"]]
-    failed = [
-        fit["failed"][p]
-        for row, fit in fits
-        for p in range(POSITIONS)
-        if (mc := row.printed["mc"]) is not None and np.isnan(mc[p])
-    ]
+    known = [(row.printed["mc"], fit["failed"]) for row, fit in fits if row.printed["mc"] is not None]
+    failed = [share for mc, shares in known for share, v in zip(shares, mc, strict=True) if np.isnan(v)]
     worst, least = max(failed, default=0.0), "errs less than print, or as little as can be"
     return [
         _fit_reaches(f"beyond the thesis: the polygon fit {least}", [fit for _, fit in fits]),

@@ -187,4 +187,4 @@ def _name_turning_axes(axes: Axes) -> None:
     legend(axes, loc="upper left")
 
 
-FIGURES = by_number(figure_5_1, figure_5_2, figure_5_3, figure_5_4)
+FIGURES = by_number(globals())

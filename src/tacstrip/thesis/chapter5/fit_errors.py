@@ -9,6 +9,7 @@ The bound is given in the same measures: those of polygons drawn with the bound'
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
@@ -24,6 +25,7 @@ from tacstrip.scan import Scan
 from tacstrip.simulation import simulate
 from tacstrip.thesis.shapes import SHAPES, SIMULATED
 
+Verdict: TypeAlias = tuple[bool, bool]  # below the printed value, at the bound's median
 _DRAWS = 100  # of the bound
 WITHIN = 1.15  # of the bound's median counts as reaching it
 
@@ -58,9 +60,8 @@ def fit_errors(row: Row, position: int, noise: Noise, random: np.random.Generato
     sensor, contact = SIMULATED[row.construction], SHAPES[row.shape].contact(position)
     x, y = contact.vertices.T
     ends = np.array([x.min(), x.max()])
-    contact = Contact.polygon(
-        np.stack([np.interp(x, ends, ends + sensor.pitch_mm * random.uniform(-0.5, 0.5, 2)), y], 1)
-    )
+    shifted = ends + sensor.pitch_mm * random.uniform(-0.5, 0.5, 2)
+    contact = Contact.polygon(np.stack([np.interp(x, ends, shifted), y], 1))
     scan = simulate(sensor, contact, noise, rng=random)
     if row.signature is not None:
         scan = Scan(time_s=0.0, **{row.signature: scan[row.signature]})
@@ -98,21 +99,15 @@ def bound_medians(row: Row, position: int, noise: Noise) -> FloatArray:
     return np.asarray(np.nanmedian([_measures(true, polygon) for polygon in drawn], axis=0))
 
 
-def reached(
-    row: Row, medians: FloatArray, bound: FloatArray, position: int
-) -> list[tuple[bool, bool] | None]:
+def reached(row: Row, medians: FloatArray, bound: FloatArray, position: int) -> list[Verdict | None]:
     """Compare a cell's medians (3,) with print and bound: (below the printed value, at the bound's median).
 
     None where nothing is printed.
     """
-    verdicts: list[tuple[bool, bool] | None] = []
-    for metric, ours, best in zip(METRICS, medians, bound, strict=True):
-        printed = row.printed[metric]
-        if printed is None or np.isnan(printed[position]):
-            verdicts.append(None)
-        else:
-            verdicts.append((bool(ours < printed[position]), bool(ours <= WITHIN * best)))
-    return verdicts
+    read = (row.printed[metric] for metric in METRICS)
+    printed = [np.nan if values is None else values[position] for values in read]
+    verdicts = zip((medians < printed).tolist(), (medians <= WITHIN * bound).tolist(), strict=True)
+    return [None if np.isnan(value) else verdict for value, verdict in zip(printed, verdicts, strict=True)]
 
 
 def _measures(true: FloatArray, vertices: FloatArray) -> FloatArray:

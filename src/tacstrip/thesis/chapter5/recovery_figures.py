@@ -106,6 +106,5 @@ def _draw_pair(axes: Axes, shape: str, position: int, recovered: FloatArray, col
         axes.annotate("not recovered", below, fontsize=7.0, ha="center", va="top", color=colour)
 
 
-FIGURES = {f: captioned(_noisy_caption(f), noisy_signature, f) for f in NOISY} | {
-    f: captioned(_ambiguity_caption(f), ambiguity, f) for f in AMBIGUOUS
-}
+FIGURES = {f: captioned(_noisy_caption(f), noisy_signature, f) for f in NOISY}
+FIGURES |= {f: captioned(_ambiguity_caption(f), ambiguity, f) for f in AMBIGUOUS}

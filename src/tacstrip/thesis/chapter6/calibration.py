@@ -129,10 +129,8 @@ def _offsets(name: str, seeds: int) -> dict[str, FloatArray]:
     """Return the mean offsets of simulated runs, (seeds, strips) [V], by signature."""
     sensor = twin(name)
     plain = replace(sensor, calibration=None)
-    fits = [
-        mean_offsets(plain, calibration_runs(sensor, np.random.default_rng([6, seed])))
-        for seed in range(seeds)
-    ]
+    runs = (calibration_runs(sensor, np.random.default_rng([6, seed])) for seed in range(seeds))
+    fits = [mean_offsets(plain, made) for made in runs]
     volt = sensor.vref_volt
     return {s: volt * np.array([fit.channel(s).offset for fit in fits]) for s in sensor.signatures}
 

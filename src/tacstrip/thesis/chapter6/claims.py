@@ -117,15 +117,13 @@ def _transitions_decide(ours: Rows) -> Claim:
 
 def _easy_transitions(ours: Rows) -> Claim:
     rows = _of_table(ours, "6.6")
-    shares = {
-        name: [100.0 * (1.0 - rows[r]["variants"][name]["failed"]) for r in REGIONS]
-        for name in ("found transitions", "overhanging, found transitions")
-    }
-    best = max(min(values) for values in shares.values())
+    names = ("found transitions", "overhanging, found transitions")
+    shares = [[100.0 * (1.0 - rows[r]["variants"][name]["failed"]) for r in REGIONS] for name in names]
+    best = max(map(min, shares))
     evidence = (
         "the gradient rule finds four vertices at {:.0f}, {:.0f}, {:.0f} % of the upright and {:.0f}, {:.0f}, {:.0f} % "
         "of the overhanging places (lower, middle, upper): nine strips are few for it"
-    ).format(*(v for values in shares.values() for v in values))
+    ).format(*(v for values in shares for v in values))
     claim = "transitions of k are detected easily on the CRS-M prototype"
     return counted(claim, best, 100.0, evidence, "6.2.2")
 
@@ -135,9 +133,8 @@ def _middle_is_best(ours: Rows) -> Claim:
     hung = {region: row["variants"]["overhanging"] for region, row in rows.items()}
     good, total = _count((how["middle"], how[r]) for how in (rows, hung) for r in ("lower", "upper"))
     ape = ", ".join(f"{rows[r]['ape']['median']:.2f}" for r in REGIONS)
-    evidence = (
-        f"smaller median in the middle in {good} of {total}, both placings; A.P.E. upright, upwards: {ape} cm"
-    )
+    evidence = f"smaller median in the middle in {good} of {total}, both placings; "
+    evidence += f"A.P.E. upright, upwards: {ape} cm"
     claim = "with k the rectangle is recovered best in the middle region"
     return counted(claim, good, total, evidence, "6.2.2")
 
@@ -145,8 +142,8 @@ def _middle_is_best(ours: Rows) -> Claim:
 def _lower_right(ours: Rows) -> Claim:
     upper = _of_table(ours, "6.6")["upper"]
     shares = [100.0 * o["worst_vertex"][2] for o in (upper, upper["variants"]["overhanging"])]
-    evidence = (
-        f"it is furthest off at {shares[0]:.0f} % of the upright, {shares[1]:.0f} % of the overhanging places"
+    evidence = "it is furthest off at {:.0f} % of the upright, {:.0f} % of the overhanging places".format(
+        *shares
     )
     claim = "in the upper region the lower right vertex suffers from the seventh strip's error"
     return counted(claim, max(shares), 100.0, evidence, "6.2.2")
@@ -192,9 +189,8 @@ def _quantised(ours: Rows) -> Claim:
 
     rows = [o for e, o in zip(experiments(), ours, strict=True) if e.calibrated]
     good, total = _count([(o, o["variants"]["quantised"]) for o in rows], alike)
-    evidence = (
-        f"with errors of 1 mm over L on top, medians stay within a factor of {_SAME} in {good} of {total}"
-    )
+    stay = f"medians stay within a factor of {_SAME} in {good} of {total}"
+    evidence = f"with errors of 1 mm over L on top, {stay}"
     claim = "quantisation of length, larger than in the simulations, has no significant impact"
     return counted(claim, good, total, evidence, "6.4")
 
@@ -215,14 +211,10 @@ def _like_profile_2() -> Claim:
 
 def _matches_profile_2(ours: Rows) -> Claim:
     counts = {}
+    rows = [(e.printed, o["variants"]) for e, o in zip(experiments(), ours, strict=True) if e.calibrated]
     for name in ("profile I", "profile II"):
-        inside = [
-            o["variants"][name][m]["p05"] <= e.printed[m] <= o["variants"][name][m]["p95"]
-            for e, o in zip(experiments(), ours, strict=True)
-            if e.calibrated
-            for m in ("aoe", "ape")
-        ]
-        counts[name] = sum(inside), len(inside)
+        cells = [(printed[m], variants[name][m]) for printed, variants in rows for m in ("aoe", "ape")]
+        counts[name] = sum(own["p05"] <= value <= own["p95"] for value, own in cells), len(cells)
     good, total = counts["profile II"]
     evidence = (
         f"printed A.O.E. and A.P.E. inside the 5-95 % range of twins with errors of profile II: {good} of {total}, of "

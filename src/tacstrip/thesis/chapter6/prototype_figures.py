@@ -13,7 +13,7 @@ from tacstrip.data.published import offsets_volt
 from tacstrip.plot.scene import draw_contact, draw_sensor
 from tacstrip.plot.style import COLOURS, OTHERS, SENSOR, STRIP, TRUE, add_axes, legend, new_figure
 from tacstrip.sensor.spec import Sensor
-from tacstrip.surface.cylinder import strip_angle, to_cartesian
+from tacstrip.surface.cylinder import strip_angle, to_cartesian, tube_radius
 from tacstrip.thesis.captions import by_number, captioned
 from tacstrip.thesis.chapter6.calibration import UNIT_MM, calibration_runs, line_contact, recovered_points
 from tacstrip.thesis.chapter6.twin import LINES, PLACINGS, REGIONS, twin
@@ -40,7 +40,7 @@ def figure_6_33() -> Figure:
     sensor = twin(_TUBE)
     axes = _tube(figure, sensor, 1, 1)
     strips = f"{sensor.strips} strips of {sensor.strip_width:g} mm"
-    axes.set_title(f"{strips} round a tube of {2 * _radius(sensor):g} mm")
+    axes.set_title(f"{strips} round a tube of {2 * tube_radius(sensor):g} mm")
     return figure
 
 
@@ -55,17 +55,15 @@ def calibration_graph(name: str, w_units: int) -> Figure:
     for column, (signature, raw) in enumerate(runs.raw.items(), start=1):
         axes = add_axes(figure, 1, len(runs.raw), column)
         colour, volt = COLOURS[signature], sensor.vref_volt
-        axes.plot(l / UNIT_MM, line[signature][:, 0] * volt, "-", color=TRUE, label="expected")
+        expected = line[signature][:, 0] * volt
+        axes.plot(l / UNIT_MM, expected, "-", color=TRUE, label="expected")
         axes.plot(runs.l_mm[now, 0] / UNIT_MM, raw[now, 0] * volt, "x", color=colour, label="twin")
         offset = offsets_volt(name, signature)[0]
-        axes.plot(
-            l / UNIT_MM, line[signature][:, 0] * volt + offset, ":", color=colour, label=f"+ {offset:.3f} V"
-        )
+        axes.plot(l / UNIT_MM, expected + offset, ":", color=colour, label=f"+ {offset:.3f} V")
         axes.axhline(volt, color=STRIP, linewidth=1.0)
         axes.annotate("Vref", (0.0, volt), va="bottom", fontsize=8.0, color=TRUE)
-        axes.set(
-            xlabel="lower end l [units of 1 cm]", ylabel=f"{_VOLT_NAMES[signature]} [V]", ylim=(-0.1, 6.5)
-        )
+        axes.set(xlabel="lower end l [units of 1 cm]", ylim=(-0.1, 6.5))
+        axes.set_ylabel(f"{_VOLT_NAMES[signature]} [V]")
         legend(axes, loc="lower right")
     figure.suptitle(f"{name}, first strip, w = {w_units} units", fontsize=10.0)
     return figure
@@ -94,9 +92,8 @@ def figure_6_35() -> Figure:
             space.plot(*points.T, style, markevery=[0, 8], zorder=10, **options)
         flat.annotate(f"line {i + 1}", (sensor.x_mm[line[1][0]] + 1.2, true[i, 1]), fontsize=8.0, va="center")
     worst = np.abs(raw - true).max(), np.abs(good - true).max()
-    flat.set(
-        title=f"unrolled; largest error {worst[0]:.1f} mm raw, {worst[1]:.1f} mm calibrated", aspect="auto"
-    )
+    title = f"unrolled; largest error {worst[0]:.1f} mm raw, {worst[1]:.1f} mm calibrated"
+    flat.set(title=title, aspect="auto")
     flat.legend(loc="upper left", frameon=False, fontsize=8.0)
     return figure
 
@@ -117,12 +114,9 @@ def _plane(name: str) -> Figure:
         low, high = min(contact.vertices[:, 0].min(), 0.0), max(contact.vertices[:, 0].max(), sensor.width_mm)
         axes.set_xlim(low - 4.0, high + 4.0)
         axes.set_title(f"rectangle {how}: {_tilt(placing.tilt_deg)}", fontsize=9.0)
-    pitch = f"{10.0 / sensor.pitch_mm:.2f} per cm"
-    figure.suptitle(
-        f"{name} twin: {sensor.strips} strips of {sensor.strip_width:g} mm, {pitch},\n"
-        f"{sensor.width_mm / 10.0:g} cm x {sensor.length_mm / 10.0:g} cm",
-        fontsize=10.0,
-    )
+    strips = f"{sensor.strips} strips of {sensor.strip_width:g} mm, {10.0 / sensor.pitch_mm:.2f} per cm"
+    size = f"{sensor.width_mm / 10.0:g} cm x {sensor.length_mm / 10.0:g} cm"
+    figure.suptitle(f"{name} twin: {strips},\n{size}", fontsize=10.0)
     return figure
 
 
@@ -142,19 +136,16 @@ def _label_ends(axes: Axes, sensor: Sensor) -> None:
 def _tube(figure: Figure, sensor: Sensor, columns: int, column: int) -> Any:
     """Add 3-D axes with the tube and its strips, as `to_cartesian` lays them."""
     axes: Any = add_axes(figure, 1, columns, column, projection="3d", computed_zorder=False)
-    around = np.linspace(-0.5, 2.0 * np.pi * _radius(sensor) / sensor.pitch_mm - 0.5, 60)
-    axes.plot_surface(
-        *_surface(sensor, around), color=SENSOR, alpha=0.6, linewidth=0.0, shade=False, zorder=0
-    )
+    around = np.linspace(-0.5, 2.0 * np.pi * tube_radius(sensor) / sensor.pitch_mm - 0.5, 60)
+    flat: dict[str, Any] = {"linewidth": 0.0, "shade": False}
+    axes.plot_surface(*_surface(sensor, around), color=SENSOR, alpha=0.6, zorder=0, **flat)
     half = 0.5 * sensor.strip_width / sensor.pitch_mm
     for i in range(sensor.strips):
         across = np.linspace(i - half, i + half, 8)
-        axes.plot_surface(
-            *_surface(sensor, across), color=_RUBBER, linewidth=0.0, shade=False, antialiased=False, zorder=1
-        )
+        axes.plot_surface(*_surface(sensor, across), color=_RUBBER, antialiased=False, zorder=1, **flat)
         below = to_cartesian(sensor, np.array(float(i)), np.array(-6.0))
         axes.text(*below, str(i + sensor.strip_base), ha="center", fontsize=8.0, zorder=12)
-    side = 1.02 * _radius(sensor)
+    side = 1.02 * tube_radius(sensor)
     for y, text in ((0.0, "0, ground"), (sensor.length_mm, f"{sensor.length_mm:g} mm, Vref")):
         edge = to_cartesian(sensor, np.array(-0.9), np.array(y))
         axes.text(*edge, f"y = {text}  ", ha="right", fontsize=8.0)
@@ -170,19 +161,11 @@ def _surface(sensor: Sensor, strips: Any) -> Any:
     return net[..., 0], net[..., 1], net[..., 2]
 
 
-def _radius(sensor: Sensor) -> float:
-    assert sensor.radius_mm is not None
-    return sensor.radius_mm
-
-
 _GRAPHS = {
     "6.2": ("CRS-CRS", 0), "6.3": ("CRS-CRS", 5), "6.4": ("CRS-CRS", 10), "6.24": ("CRS-M", 0),
     "6.25": ("CRS-M", 5), "6.26": ("CRS-M", 10), "6.34": (_TUBE, 0),
 }  # fmt: skip
 
-FIGURES = by_number(figure_6_1, figure_6_23, figure_6_33, figure_6_35) | {
-    figure: captioned(
-        f"calibration graphs of the {name} twin's first strip, w = {w} units", calibration_graph, name, w
-    )
-    for figure, (name, w) in _GRAPHS.items()
-}
+_CAPTION = "calibration graphs of the {} twin's first strip, w = {} units"
+_DRAWN = {f: captioned(_CAPTION.format(*what), calibration_graph, *what) for f, what in _GRAPHS.items()}
+FIGURES = by_number(globals()) | _DRAWN

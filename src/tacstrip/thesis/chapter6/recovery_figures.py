@@ -140,6 +140,5 @@ def _name_axes(axes: Axes, name: str) -> None:
     axes.set(xlabel="x [mm]", ylabel=f"${SIGNATURES[name].symbol}$, over Vref")
 
 
-FIGURES = {f: captioned(_caption(f), recovery, f) for f in RECOVERIES} | {
-    f: captioned(_caption(f), noisy, f) for f in NOISY
-}
+FIGURES = {f: captioned(_caption(f), recovery, f) for f in RECOVERIES}
+FIGURES |= {f: captioned(_caption(f), noisy, f) for f in NOISY}

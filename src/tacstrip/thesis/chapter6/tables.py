@@ -101,16 +101,12 @@ def run_experiment(number: int, seeds: int) -> dict[str, Any]:
     e = experiments()[number]
     own = Variant(raw=not e.calibrated)
     ours = _over_places(e, own, seeds)
-    ours["inside"] = {
-        m: is_inside(e.printed[printed], ours[m]["p05"], ours[m]["p95"]) for m, printed in MEASURES.items()
-    }
+    values = ((m, e.printed[printed], ours[m]) for m, printed in MEASURES.items())
+    ours["inside"] = {m: is_inside(printed, own["p05"], own["p95"]) for m, printed, own in values}
     contact, _, vertices = at_nominal(e, own)
     ours["nominal"] = _measured(contact, vertices)
-    ours["variants"] = {
-        name: _over_places(e, replace(v, raw=v.raw or own.raw), seeds)
-        for name, v in VARIANTS.items()
-        if applies(v, e)
-    }
+    run = {name: replace(v, raw=v.raw or own.raw) for name, v in VARIANTS.items() if applies(v, e)}
+    ours["variants"] = {name: _over_places(e, variant, seeds) for name, variant in run.items()}
     return ours
 
 

@@ -33,11 +33,7 @@ from tacstrip.sensor.channel import Channel
 from tacstrip.sensor.raw import apply_calibration, invert_calibration
 from tacstrip.sensor.spec import Sensor
 
-PROTOTYPES = {
-    "CRS-CRS": "prototype-crs-crs",
-    "CRS-M": "prototype-crs-m",
-    "Cyl-CRS-M": "prototype-cyl-crs-m",
-}
+PROTOTYPES = {"CRS-CRS": "prototype-crs-crs", "CRS-M": "prototype-crs-m", "Cyl-CRS-M": "prototype-cyl-crs-m"}
 REGIONS = ("lower", "middle", "upper")  # thirds of the strips
 RECTANGLE = np.array([(-25.0, -17.5), (25.0, -17.5), (25.0, 17.5), (-25.0, 17.5)])  # [mm]
 
@@ -112,10 +108,8 @@ def centred(sensor: Sensor, region: str, tilt_deg: float) -> Contact:
 def twin(name: str) -> Sensor:
     """Return a prototype, named as in the thesis, with its printed offsets as its calibration."""
     sensor = Sensor.load(PROTOTYPES[name])
-    channels = tuple(
-        Channel(signature=s, offset=tuple(offsets_volt(name, s) / sensor.vref_volt))
-        for s in sensor.signatures
-    )
+    offsets = {s: tuple(offsets_volt(name, s) / sensor.vref_volt) for s in sensor.signatures}
+    channels = tuple(Channel(signature=s, offset=offset) for s, offset in offsets.items())
     note = "closed forms and the printed calibration factors; no hardware was measured"
     return replace(sensor, calibration=Calibration(channels=channels, source=note))
 

@@ -1,0 +1,165 @@
+"""How well `tacstrip.track` knows a shape, beside the joint Cramer-Rao bound and single-scan fits averaged.
+
+Convex polygons of 3 to 6 clear corners slide and turn over a sensor of 100 mm by 100 mm, uniform noise. RMS over
+corners, moved and turned onto the true ones; of fits with the right count.
+Run: python benchmarks/tracks.py [--scenes 20] [--seed 1]
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import time
+
+import numpy as np
+import shapely
+
+import tacstrip as ts
+from tacstrip.arrays import FloatArray
+from tacstrip.tracking.rigid.covariance import joint_bound
+
+ROWS = (  # strips, noise, scans, signatures, motion
+    (10, 0.002, 50, "both", "any"),
+    (10, 0.005, 50, "both", "any"),
+    (10, 0.01, 50, "both", "any"),
+    (10, 0.005, 20, "both", "any"),
+    (10, 0.005, 200, "both", "any"),
+    (100, 0.005, 50, "both", "any"),
+    (10, 0.005, 50, "kh", "any"),
+    (100, 0.005, 50, "kh", "any"),
+    (10, 0.005, 50, "both", "along"),
+    (10, 0.005, 50, "both", "two objects"),
+)
+
+
+def main() -> None:
+    """Print a line for every kind of scene."""
+    options = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    options.add_argument("--scenes", type=int, default=20)
+    options.add_argument("--seed", type=int, default=1)
+    given = options.parse_args()
+    print(
+        "| strips | noise | scans | of | motion | ok | count | RMS | 90 % | over the bound | averaged | ms a scan |"
+    )
+    print("| --- " * 12 + "|")
+    for row in ROWS:
+        print("|", " | ".join(_row(*row, given.scenes, given.seed)), "|", flush=True)
+
+
+def _row(strips: int, level: float, scans: int, names: str, motion: str, scenes: int, seed: int) -> list[str]:
+    sensor = ts.Sensor(construction="crs-crs", strips=strips, pitch_mm=100.0 / strips, length_mm=100.0)
+    noise, random = ts.Noise(positional=level), np.random.default_rng([seed, strips, scans])
+    found = np.array([_scene(random, sensor, noise, scans, names, motion) for _ in range(scenes)])
+    ok, error, bound, averaged, spent = found.T
+    right = np.isfinite(error)
+    shown = [f"{strips}", f"{100 * level:g} %", f"{scans}", names, motion, f"{ok.mean():.2f}"]
+    if motion != "any":
+        return [*shown, *["-"] * 5, f"{np.median(spent):.1f}"]
+    ratio = np.median(error[right] / bound[right])
+    return [
+        *shown, f"{right.mean():.2f}", f"{np.median(error[right]):.3f}", f"{np.quantile(error[right], 0.9):.3f}",
+        f"{ratio:.2f}", f"{np.nanmedian(averaged):.2f}", f"{np.median(spent):.1f}",
+    ]  # fmt: skip
+
+
+def _scene(
+    random: np.random.Generator, sensor: ts.Sensor, noise: ts.Noise, scans: int, names: str, motion: str
+) -> tuple[float, ...]:
+    """Return whether it was called ok, RMS errors, the bound, those of averaged fits [mm], and the time [ms a scan]."""
+    sizes = (10.0, 14.0) if motion == "two objects" else (22.0, 30.0) if sensor.strips < 20 else (14.0, 20.0)
+    while True:
+        shapes = [_polygon(random, sizes) for _ in range(1 + (motion == "two objects"))]
+        ways = [_way(random, scans, motion, i - 0.5 * (len(shapes) - 1)) for i in range(len(shapes))]
+        placed = [np.array([_at(v, p) for p in way]) for v, way in zip(shapes, ways, strict=True)]
+        inside = all(p.min() > 1.0 and p.max() < 99.0 for p in placed)
+        if inside and (len(placed) == 1 or placed[0][..., 1].max() < placed[1][..., 1].min()):
+            break
+    read = []
+    for i in range(scans):
+        contact = ts.Contact(tuple(ts.Contact.polygon(p[i]).shapes[0] for p in placed))
+        scan = ts.simulate(sensor, contact, noise, rng=int(random.integers(1 << 30)), time_s=0.01 * i)
+        read.append(scan if names == "both" else ts.Scan(kh=scan["kh"], time_s=scan.time_s))
+    begun = time.thread_time()
+    tracks = ts.track(read, sensor, noise)
+    spent = 1e3 * (time.thread_time() - begun) / scans
+    ok = float(any(t.status == "ok" for t in tracks))
+    if motion != "any":
+        return ok, math.nan, math.nan, math.nan, spent
+    turn = float(np.ptp(ways[0][:, 2]))
+    bound = joint_bound(
+        sensor, placed[0][scans // 2], scans, float(np.ptp(ways[0][:, 0])), turn, noise.positional / math.sqrt(3.0)
+    ) if names == "both" else np.full((2, 2), np.nan)  # fmt: skip
+    single = [
+        ts.fit_polygon(s, sensor, noise, bounded=False, assessment="none").objects[0].vertices for s in read
+    ]
+    return ok, _error(tracks[0].outline, shapes[0]), ts.vertex_rms(bound), _averaged(single, shapes[0]), spent
+
+
+def _polygon(random: np.random.Generator, sizes: tuple[float, float]) -> FloatArray:
+    while True:
+        angle = np.sort(random.uniform(0.0, 2.0 * np.pi, random.integers(3, 7)))
+        gaps = np.diff(np.append(angle, angle[0] + 2.0 * np.pi))
+        radius, flat = random.uniform(*sizes), random.uniform(0.7, 1.0)
+        corners = np.stack([radius * np.cos(angle), flat * radius * np.sin(angle)], axis=1)
+        edge = np.roll(corners, -1, axis=0) - corners
+        heading = np.arctan2(edge[:, 1], edge[:, 0])
+        turns = (np.roll(heading, -1) - heading + np.pi) % (2.0 * np.pi) - np.pi
+        if gaps.min() > 0.5 and gaps.max() < 2.6 and turns.min() > 0.35:
+            return np.asarray(corners - shapely.get_coordinates(shapely.Polygon(corners).centroid))
+
+
+def _way(random: np.random.Generator, scans: int, motion: str, side: float) -> FloatArray:
+    """Return poses (T, 3): across the strips by 6 to 25 mm, turning by 20 to 90 degrees, or both; or along them."""
+    t, angle = np.linspace(0.0, 1.0, scans), random.uniform(0.0, 2.0 * np.pi)
+    eased = t + 0.12 * np.sin(2.0 * np.pi * t + random.uniform(0.0, 6.0)) - 0.5
+    if motion == "along":
+        middle = 50.0 + random.uniform(-6.0, 6.0)
+        return np.stack(
+            [np.full(scans, middle), 50.0 + random.uniform(6.0, 25.0) * (t - 0.5), np.full(scans, angle)],
+            axis=1,
+        )
+    kind = random.integers(3) if motion == "any" else 2
+    turn = 0.0 if kind == 0 else random.choice([-1, 1]) * np.radians(random.uniform(20.0, 90.0))
+    go = 0.0 if kind == 1 else random.choice([-1, 1]) * random.uniform(6.0, 25.0)
+    lean, start = random.uniform(-0.7, 0.7), random.uniform(-6.0, 6.0, 2)
+    wave = np.sin(np.outer([6.0, 5.0, 7.0], t) + random.uniform(0.0, 6.0, (3, 1))) * np.array(
+        [[1.0], [1.0], [0.03]]
+    )
+    x = 50.0 + start[0] + go * np.cos(lean) * eased + wave[0]
+    y = 50.0 + start[1] + 44.0 * side + go * np.sin(lean) * eased + wave[1]
+    return np.stack([x, y, angle + turn * eased + wave[2]], axis=1)
+
+
+def _at(corners: FloatArray, pose: FloatArray) -> FloatArray:
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    return np.asarray(corners @ np.array([[cos, sin], [-sin, cos]]) + pose[:2])
+
+
+def _onto(found: FloatArray, true: FloatArray) -> FloatArray:
+    """Return corners moved and turned onto the true ones, in their order and about their mean."""
+    b, best = true - true.mean(axis=0), (math.inf, true)
+    for shift in range(len(true)):
+        a = np.roll(found, shift, axis=0)
+        a = a - a.mean(axis=0)
+        u, _, v = np.linalg.svd(a.T @ b)
+        moved = a @ u @ np.diag([1.0, np.sign(np.linalg.det(u @ v))]) @ v
+        best = min(best, (float(((moved - b) ** 2).sum()), moved), key=lambda pair: pair[0])
+    return best[1]
+
+
+def _error(found: FloatArray, true: FloatArray) -> float:
+    if len(found) != len(true):
+        return math.nan
+    return math.sqrt(float(((_onto(found, true) - (true - true.mean(axis=0))) ** 2).sum(axis=1).mean()))
+
+
+def _averaged(fits: list[FloatArray], true: FloatArray) -> float:
+    """Return the error of the mean of single-scan fits of the right count, each moved onto the true shape."""
+    alike = [_onto(f, true) for f in fits if len(f) == len(true)]
+    if not alike:
+        return math.nan
+    return _error(np.mean(alike, axis=0), true)
+
+
+if __name__ == "__main__":
+    main()

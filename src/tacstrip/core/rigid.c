@@ -1,0 +1,344 @@
+/* One rigid outline in many scans: the normal equations of its corners and of its pose in each, and descents by them.
+   A strip reads the hull of the outline on its centre line, so that it may be concave. */
+
+#include "internal.h"
+
+#define STEEPEST 16.0   /* slope squared from which an edge's tolerance grows no more */
+#define DAMPING 1e-3    /* of the diagonal, to begin with */
+#define EASED 6.0       /* how much less after a step that helps, and more after one that does not */
+#define LEAST 1e-9      /* damping at least, and what is added to the diagonal */
+#define HOPELESS 1e8    /* damping that ends a descent */
+#define PINNED 1e12     /* weight of the pose that the frame is fixed to */
+#define TOUCHES 1e-12   /* an edge no longer than this in x is vertical */
+
+typedef struct {
+  double x[RIGID_CORNERS], y[RIGID_CORNERS], cos, sin;
+  Int end[2]; /* the left-most and the right-most corner */
+} Posed;
+
+/* Where a strip's centre line crosses the outline lowest or highest. */
+typedef struct {
+  Int from, to; /* corners of the edge */
+  double y, share, slope;
+} Crossing;
+
+/* Places of the results of one scan; a null leaves it out. */
+typedef struct {
+  double *pose, *mixed, *shape, *pose_slope, *shape_slope; /* (3, 3), (3, 2 N), (2 N, 2 N), (3,), (2 N,) */
+} Normal;
+
+static void place(const double *corners, Int count, const double *pose, Posed *p) {
+  p->cos = cosine(pose[2]);
+  p->sin = sine(pose[2]);
+  p->end[0] = p->end[1] = 0;
+  for (Int i = 0; i < count; i++) {
+    p->x[i] = p->cos * corners[2 * i] - p->sin * corners[2 * i + 1] + pose[0];
+    p->y[i] = p->sin * corners[2 * i] + p->cos * corners[2 * i + 1] + pose[1];
+    if (p->x[i] < p->x[p->end[0]]) p->end[0] = i;
+    if (p->x[i] > p->x[p->end[1]]) p->end[1] = i;
+  }
+}
+
+/* Beside the outline its end corner is read. */
+static void cross(const Posed *p, Int count, double x, Crossing *low, Crossing *high) {
+  int found = 0;
+  for (Int i = 0; i < count; i++) {
+    Int j = i + 1 < count ? i + 1 : 0;
+    double from = p->x[i], to = p->x[j];
+    if (!((from <= x && x < to) || (to <= x && x < from))) continue;
+    double share = (x - from) / (to - from), run = to - from;
+    if (magnitude(run) < TOUCHES) run = run < 0.0 ? -TOUCHES : TOUCHES;
+    Crossing here = {i, j, p->y[i] + share * (p->y[j] - p->y[i]), share, (p->y[j] - p->y[i]) / run};
+    if (!found || here.y < low->y) *low = here;
+    if (!found || here.y > high->y) *high = here;
+    found = 1;
+  }
+  if (found) return;
+  Int i = p->end[magnitude(x - p->x[p->end[1]]) < magnitude(x - p->x[p->end[0]])];
+  Crossing corner = {i, i, p->y[i], 0.0, 0.0};
+  *low = *high = corner;
+}
+
+/* dy of a crossing by the pose (3,) and by x and y of both corners (4,). */
+static void slopes(const Posed *p, const double *pose, const Crossing *c, double *by_pose, double *by_corner) {
+  double m = c->slope, ex = p->sin - m * p->cos, ey = m * p->sin + p->cos, keep = 1.0 - c->share;
+  double turned_from = p->x[c->from] - pose[0] + m * (p->y[c->from] - pose[1]);
+  double turned_to = p->x[c->to] - pose[0] + m * (p->y[c->to] - pose[1]);
+  by_pose[0] = -m;
+  by_pose[1] = 1.0;
+  by_pose[2] = keep * turned_from + c->share * turned_to;
+  by_corner[0] = keep * ex;
+  by_corner[1] = keep * ey;
+  by_corner[2] = c->share * ex;
+  by_corner[3] = c->share * ey;
+}
+
+/* Add w a b' + w b a' over two, with a and b the slopes of two crossings, or one, to the blocks. */
+static void add_product(const Normal *n, Int size, double weight, const Crossing *c, const double *pa, const double *ca,
+                        const Crossing *d, const double *pb, const double *cb) {
+  Int at_a[4] = {2 * c->from, 2 * c->from + 1, 2 * c->to, 2 * c->to + 1};
+  Int at_b[4] = {2 * d->from, 2 * d->from + 1, 2 * d->to, 2 * d->to + 1};
+  for (int i = 0; i < 3; i++) for (int j = 0; j < 3; j++) n->pose[3 * i + j] += weight * pa[i] * pb[j];
+  if (!n->shape) return;
+  for (int i = 0; i < 3; i++) for (int j = 0; j < 4; j++) n->mixed[i * size + at_b[j]] += weight * pa[i] * cb[j];
+  for (int i = 0; i < 4; i++) for (int j = 0; j < 4; j++) n->shape[at_a[i] * size + at_b[j]] += weight * ca[i] * cb[j];
+}
+
+static void add_gradient(const Normal *n, double weight, const Crossing *c, const double *by_pose, const double *by_corner) {
+  for (int i = 0; i < 3; i++) n->pose_slope[i] += weight * by_pose[i];
+  if (!n->shape) return;
+  for (int i = 0; i < 2; i++) n->shape_slope[2 * c->from + i] += weight * by_corner[i];
+  for (int i = 0; i < 2; i++) n->shape_slope[2 * c->to + i] += weight * by_corner[2 + i];
+}
+
+/* What a residual over sigma costs; *weight is multiplied by what Cauchy's loss leaves of its weight. */
+static double loss_of(const Loss *loss, double residual, double *weight) {
+  double square = residual * residual;
+  if (!(loss->cauchy > 0.0)) return square;
+  double scale = loss->cauchy * loss->cauchy, more = 1.0 + square / scale;
+  *weight /= more;
+  return scale * natural_log(more);
+}
+
+/* The readings of one strip. Returns their cost. */
+static double strip(const Scans *s, const Loss *loss, const double *k, Int stride, const Crossing *low,
+                    const Crossing *high, double *terms) {
+  double l = clip(low->y / s->length, 0.0, 1.0), u = clip(high->y / s->length, 0.0, 1.0), w = u - l, cost = 0.0;
+  double held_l = low->y > 0.0 && low->y < s->length, held_u = high->y > 0.0 && high->y < s->length;
+  double h = s->lam > 0.0 ? hyperbolic_tangent(w / (2.0 * s->lam)) : 0.0, t = s->lam * h;
+  double mix = s->lam > 0.0 ? 0.5 * (1.0 - h * h) : 0.0, keep = 1.0 - mix;
+  double over = 1.0 / larger(1.0 - s->narrow * (w - 2.0 * t), LEAST_D);
+  double rough_l = 1.0 + smaller(low->slope * low->slope, STEEPEST);
+  double rough_u = 1.0 + smaller(high->slope * high->slope, STEEPEST);
+  for (int i = 0; i < 5; i++) terms[i] = 0.0;
+  for (Int row = 0; row < s->signatures; row++) {
+    double read = k[row * stride], share = s->share[row];
+    if (!(read == read)) continue;
+    double model = ((1.0 - share) * (l + t) + share * (u - t)) * over;
+    double by_low = (1.0 - share - s->narrow * model) * over, by_high = (share + s->narrow * model) * over;
+    double by_l = (by_low * keep + by_high * mix) / s->length, by_u = (by_high * keep + by_low * mix) / s->length;
+    double soft = loss->tolerance * loss->tolerance * (by_l * by_l * rough_l + by_u * by_u * rough_u);
+    double weight = 1.0 / (s->sigma * s->sigma + soft), residual = read - model;
+    cost += loss_of(loss, residual * sqrt(weight), &weight);
+    by_l *= held_l;
+    by_u *= held_u;
+    terms[0] += weight * by_l * by_l;
+    terms[1] += weight * by_l * by_u;
+    terms[2] += weight * by_u * by_u;
+    terms[3] += weight * by_l * residual;
+    terms[4] += weight * by_u * residual;
+  }
+  return cost;
+}
+
+/* An end corner lies between a strip that is touched and the next one, which is not: nothing more is known of it. */
+static double gap(const Scans *s, const Loss *loss, const Posed *p, const double *pose, int right, Int touched,
+                  const Normal *n, Int size) {
+  Int i = p->end[right];
+  double inner = s->x[touched], outer = right ? inner + s->pitch : inner - s->pitch, x = p->x[i], weight;
+  int border = right ? touched == s->strips - 1 : touched == 0;
+  double least = right ? inner : outer, most = right ? outer : inner;
+  if (x >= least && x <= most) return 0.0;
+  if (right ? x > most : x < least) {
+    if (border || p->y[i] < 0.0 || p->y[i] > s->length) return 0.0; /* what lies over the border is not read */
+  }
+  double residual = (x < least ? least : most) - x;
+  weight = 1.0 / (loss->end * loss->end);
+  double cost = loss_of(loss, residual / loss->end, &weight);
+  double by_pose[3] = {1.0, 0.0, pose[1] - p->y[i]}, by_corner[4] = {p->cos, -p->sin, 0.0, 0.0};
+  Crossing corner = {i, i, p->y[i], 0.0, 0.0};
+  add_product(n, size, weight, &corner, by_pose, by_corner, &corner, by_pose, by_corner);
+  add_gradient(n, weight * residual, &corner, by_pose, by_corner);
+  return cost;
+}
+
+/* Add one scan's part to the blocks and return its cost. */
+static double scan_equations(const Scans *s, const Loss *loss, Int scan, const double *corners, Int count,
+                             const double *pose, const Normal *n) {
+  Posed p;
+  Int size = 2 * count, first = -1, last = -1;
+  double cost = 0.0, terms[5], low_pose[3], low_corner[4], high_pose[3], high_corner[4];
+  place(corners, count, pose, &p);
+  for (Int i = 0; i < s->strips; i++) {
+    const double *k = s->k + scan * s->signatures * s->strips + i;
+    int there = 0;
+    for (Int row = 0; row < s->signatures; row++) there |= k[row * s->strips] == k[row * s->strips];
+    if (!there) continue;
+    if (first < 0) first = i;
+    last = i;
+    Crossing low, high;
+    cross(&p, count, s->x[i], &low, &high);
+    cost += strip(s, loss, k, s->strips, &low, &high, terms);
+    slopes(&p, pose, &low, low_pose, low_corner);
+    slopes(&p, pose, &high, high_pose, high_corner);
+    add_product(n, size, terms[0], &low, low_pose, low_corner, &low, low_pose, low_corner);
+    add_product(n, size, terms[1], &low, low_pose, low_corner, &high, high_pose, high_corner);
+    add_product(n, size, terms[1], &high, high_pose, high_corner, &low, low_pose, low_corner);
+    add_product(n, size, terms[2], &high, high_pose, high_corner, &high, high_pose, high_corner);
+    add_gradient(n, terms[3], &low, low_pose, low_corner);
+    add_gradient(n, terms[4], &high, high_pose, high_corner);
+  }
+  if (first >= 0) {
+    cost += gap(s, loss, &p, pose, 0, first, n, size);
+    cost += gap(s, loss, &p, pose, 1, last, n, size);
+  }
+  return cost;
+}
+
+static void clear(double *values, Int count) {
+  for (Int i = 0; i < count; i++) values[i] = 0.0;
+}
+
+double tacstrip_rigid_equations(const Scans *s, const Loss *loss, const double *corners, Int count, const double *poses,
+                                double *pose, double *mixed, double *shape, double *pose_slope, double *shape_slope,
+                                double *costs) {
+  Int size = 2 * count;
+  double total = 0.0;
+  CHECK(3 <= count && count <= RIGID_CORNERS && 1 <= s->signatures && s->signatures <= 2);
+  clear(pose, 9 * s->scans);
+  clear(mixed, 3 * size * s->scans);
+  clear(shape, size * size);
+  clear(pose_slope, 3 * s->scans);
+  clear(shape_slope, size);
+  for (Int i = 0; i < s->scans; i++) {
+    Normal n = {pose + 9 * i, mixed + 3 * size * i, shape, pose_slope + 3 * i, shape_slope};
+    costs[i] = scan_equations(s, loss, i, corners, count, poses + 3 * i, &n);
+    total += costs[i];
+  }
+  return total;
+}
+
+/* One scan's pose by itself. */
+static double descend_pose(const Scans *s, const Loss *loss, Int scan, const double *corners, Int count, double *pose,
+                           Int steps) {
+  double blocks[9], slope[3], trial_blocks[9], trial_slope[3], trial[3], damping = 10.0 * DAMPING;
+  Normal n = {blocks, 0, 0, slope, 0}, other = {trial_blocks, 0, 0, trial_slope, 0};
+  clear(blocks, 9);
+  clear(slope, 3);
+  double cost = scan_equations(s, loss, scan, corners, count, pose, &n);
+  for (Int step = 0; step < steps && damping < HOPELESS; step++) {
+    Matrix a;
+    double by[3];
+    for (int i = 0; i < 3; i++) {
+      for (int j = 0; j < 3; j++) a[i][j] = blocks[3 * i + j];
+      a[i][i] += damping * a[i][i] + LEAST;
+      by[i] = slope[i];
+    }
+    double new_cost = INFINITE;
+    if (factor(a, 3)) {
+      solve(a, 3, by);
+      for (int i = 0; i < 3; i++) trial[i] = pose[i] + by[i];
+      clear(trial_blocks, 9);
+      clear(trial_slope, 3);
+      new_cost = scan_equations(s, loss, scan, corners, count, trial, &other);
+    }
+    if (new_cost < cost) {
+      int done = cost - new_cost < 1e-3 * cost;
+      for (int i = 0; i < 3; i++) pose[i] = trial[i];
+      for (int i = 0; i < 9; i++) blocks[i] = trial_blocks[i];
+      for (int i = 0; i < 3; i++) slope[i] = trial_slope[i];
+      cost = new_cost;
+      damping = larger(damping / EASED, LEAST);
+      if (done) break;
+    } else damping *= EASED;
+  }
+  return cost;
+}
+
+void tacstrip_rigid_poses(const Scans *s, const Loss *loss, const double *corners, Int count, double *poses, Int starts,
+                          Int steps, double *costs) {
+  for (Int i = 0; i < s->scans; i++)
+    for (Int j = 0; j < starts; j++) {
+      Int at = i * starts + j;
+      costs[at] = descend_pose(s, loss, i, corners, count, poses + 3 * at, steps);
+    }
+}
+
+/* Solve the damped equations with the poses eliminated (Schur's complement). Writes steps of corners (2 N,) and poses (S, 3);
+   0 where they are not positive definite. */
+static int joint_step(Int scans, Int size, const Normal *n, double damping, double *by_corner, double *by_pose) {
+  Matrix a, b;
+  for (Int i = 0; i < size; i++) {
+    for (Int j = 0; j < size; j++) a[i][j] = n->shape[i * size + j];
+    a[i][i] += damping * a[i][i] + LEAST;
+    by_corner[i] = n->shape_slope[i];
+  }
+  for (Int s = 0; s < scans; s++) {
+    const double *pose = n->pose + 9 * s, *mixed = n->mixed + 3 * size * s, *slope = n->pose_slope + 3 * s;
+    double weighted[3][SIZE], residual[3];
+    for (int i = 0; i < 3; i++) {
+      for (int j = 0; j < 3; j++) b[i][j] = pose[3 * i + j];
+      b[i][i] += damping * b[i][i] + LEAST + (s == scans / 2 ? PINNED : 0.0);
+    }
+    if (!factor(b, 3)) return 0;
+    for (Int c = 0; c < size; c++) {
+      double column[3] = {mixed[c], mixed[size + c], mixed[2 * size + c]};
+      solve(b, 3, column);
+      for (int i = 0; i < 3; i++) weighted[i][c] = column[i];
+    }
+    for (int i = 0; i < 3; i++) residual[i] = slope[i];
+    for (Int c = 0; c < size; c++) {
+      for (Int d = c; d < size; d++) {
+        double sum = 0.0;
+        for (int i = 0; i < 3; i++) sum += mixed[i * size + c] * weighted[i][d];
+        a[c][d] -= sum;
+      }
+      for (int i = 0; i < 3; i++) by_corner[c] -= weighted[i][c] * residual[i];
+    }
+  }
+  if (!factor(a, size)) return 0;
+  solve(a, size, by_corner);
+  for (Int s = 0; s < scans; s++) {
+    const double *pose = n->pose + 9 * s, *mixed = n->mixed + 3 * size * s;
+    for (int i = 0; i < 3; i++) {
+      for (int j = 0; j < 3; j++) b[i][j] = pose[3 * i + j];
+      b[i][i] += damping * b[i][i] + LEAST + (s == scans / 2 ? PINNED : 0.0);
+      by_pose[3 * s + i] = n->pose_slope[3 * s + i];
+      for (Int c = 0; c < size; c++) by_pose[3 * s + i] -= mixed[i * size + c] * by_corner[c];
+    }
+    if (!factor(b, 3)) return 0;
+    solve(b, 3, by_pose + 3 * s);
+  }
+  return 1;
+}
+
+double tacstrip_rigid_descend(const Scans *s, const Loss *loss, double *corners, Int count, double *poses, Int steps,
+                              double enough, double *costs, double *workspace) {
+  Int size = 2 * count, scans = s->scans, block = scans * (12 + 3 * size) + size * size + size;
+  double *at = workspace + 2 * block, *trial_corners = at, *trial_poses = at + size, damping = DAMPING;
+  double *by_corner = trial_poses + 3 * scans, *by_pose = by_corner + size, *trial_costs = by_pose + 3 * scans;
+  Normal n[2];
+  CHECK(size <= SIZE);
+  for (int i = 0; i < 2; i++) {
+    double *from = workspace + i * block;
+    n[i].pose = from;
+    n[i].mixed = from + 9 * scans;
+    n[i].shape = n[i].mixed + 3 * size * scans;
+    n[i].pose_slope = n[i].shape + size * size;
+    n[i].shape_slope = n[i].pose_slope + 3 * scans;
+  }
+  int now = 0;
+  double cost = tacstrip_rigid_equations(s, loss, corners, count, poses, n[0].pose, n[0].mixed, n[0].shape,
+                                         n[0].pose_slope, n[0].shape_slope, costs);
+  for (Int step = 0; step < steps && damping < HOPELESS; step++) {
+    double new_cost = INFINITE;
+    const Normal *o = &n[!now];
+    if (joint_step(scans, size, &n[now], damping, by_corner, by_pose)) {
+      for (Int i = 0; i < size; i++) trial_corners[i] = corners[i] + by_corner[i];
+      for (Int i = 0; i < 3 * scans; i++) trial_poses[i] = poses[i] + by_pose[i];
+      new_cost = tacstrip_rigid_equations(s, loss, trial_corners, count, trial_poses, o->pose, o->mixed, o->shape,
+                                          o->pose_slope, o->shape_slope, trial_costs);
+    }
+    if (new_cost < cost) {
+      int done = cost - new_cost < enough * larger(1.0, 1e-4 * cost);
+      for (Int i = 0; i < size; i++) corners[i] = trial_corners[i];
+      for (Int i = 0; i < 3 * scans; i++) poses[i] = trial_poses[i];
+      for (Int i = 0; i < scans; i++) costs[i] = trial_costs[i];
+      cost = new_cost;
+      now = !now;
+      damping = larger(damping / EASED, LEAST);
+      if (done) break;
+    } else damping *= EASED;
+  }
+  return cost;
+}

@@ -1,0 +1,80 @@
+"""Tracks as GeoJSON: a Feature per object, its outline where it was first seen, and its poses over time."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tacstrip.arrays import plain
+from tacstrip.files import write_text
+from tacstrip.tracking.track import Track
+
+
+def track_collection(tracks: Sequence[Track]) -> dict[str, Any]:
+    """Return tracks as a GeoJSON FeatureCollection [mm], a Feature per object.
+
+    Parameters
+    ----------
+    tracks
+        Of one recording, as `tacstrip.track` returns them.
+
+    Returns
+    -------
+    dict
+        The geometry is the outline on the sensor in the first scan that shows it, null where there is none. Properties:
+        id, status, advice, area_mm2 and its sigma, outline_mm in the object's frame and vertex_sigma_mm, alternatives,
+        and poses: of every scan that shows it scan, time_s, x_mm, y_mm, angle_rad and their sigmas, and velocity.
+
+    Examples
+    --------
+    >>> import tacstrip as ts
+    >>> from tacstrip.tracking.geojson import track_collection
+    >>> sensor = ts.Sensor(construction="crs-crs", strips=10, pitch_mm=10.0, length_mm=100.0)
+    >>> shape = ts.Contact.polygon([(-25, -20), (20, -25), (25, 20), (-10, 25)])
+    >>> scans = [ts.simulate(sensor, shape.turned(0.05 * i).placed(50, 50), time_s=0.01 * i) for i in range(12)]
+    >>> (feature,) = track_collection(ts.track(scans, sensor))["features"]
+    >>> feature["geometry"]["type"], len(feature["properties"]["poses"])
+    ('Polygon', 12)
+    """
+    return {"type": "FeatureCollection", "features": [_feature(track) for track in tracks]}
+
+
+def write_tracks(path: str | Path, tracks: Sequence[Track]) -> None:
+    """Write tracks to a GeoJSON file, as `track_collection` has them."""
+    write_text(path, json.dumps(track_collection(tracks), indent=1, allow_nan=False) + "\n")
+
+
+def _feature(track: Track) -> dict[str, Any]:
+    seen, geometry = np.flatnonzero(track.present), None
+    if len(track.outline) and len(seen):
+        first = track.placed(int(seen[0]))
+        geometry = {"type": "Polygon", "coordinates": [plain([*first, first[0]], 9)]}
+    sigma = None if track.covariance is None else np.sqrt(np.diag(track.covariance)).reshape(-1, 2)
+    properties = {
+        "id": track.id,
+        "status": track.status,
+        "advice": track.advice,
+        "area_mm2": plain(track.area_mm2),
+        "area_sigma_mm2": plain(track.area_deviation_mm2),
+        "outline_mm": plain(track.outline, 9),
+        "vertex_sigma_mm": None if sigma is None else plain(sigma),
+        "alternatives": [
+            {"weight": plain(a.weight), "vertices_mm": plain(a.vertices)} for a in track.alternatives
+        ],
+        "joint_scans": list(track.joint),
+        "poses": [_pose(track, int(i)) for i in seen],
+    }
+    return {"type": "Feature", "geometry": geometry, "properties": properties}
+
+
+def _pose(track: Track, scan: int) -> dict[str, Any]:
+    names = ("x_mm", "y_mm", "angle_rad")
+    sigma = np.sqrt(np.diag(track.pose_covariances[scan]))
+    found: dict[str, Any] = {"scan": scan, "time_s": plain(track.times_s[scan])}
+    found |= dict(zip(names, plain(track.poses[scan], 9), strict=True))
+    found["sigma"] = dict(zip(names, plain(sigma), strict=True))
+    return found | {"velocity": plain(track.velocities[scan])}

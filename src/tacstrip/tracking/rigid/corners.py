@@ -1,0 +1,190 @@
+"""Corners of a rigid outline and its poses: how many corners the readings hold, and poses that do not fit yet."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tacstrip.arrays import FloatArray, IntArray
+from tacstrip.core.rigid import RigidScans, descend, fit_poses, loss
+from tacstrip.tracking.rigid.covariance import covariances
+from tacstrip.tracking.rigid.smooth_path import centres
+
+FEWEST, FIRST = 3, 9  # corners; from how many a rough outline is pruned
+_TRIED = 3  # corners that are taken away by turns
+_SURE = 8.0  # times what a corner must gain: there is no need to try without it
+_HOPELESS, _MARGIN = (
+    3.0,
+    300.0,
+)  # cost of fewer corners, times the best criterion and more, that ends the pruning
+_ANGLES, _KEPT = 36, 6  # of a pose of which nothing is known: starts all round, and how many are refined
+_JIGGLES = np.array([(0, 0, 0), (0.5, 0, 0.02), (-0.5, 0, -0.02), (0, 0.5, -0.03), (0, -0.5, 0.03)])
+_BAD, _SPREAD = 6.0, 5.0  # chi square of a scan beyond its readings, and times its deviation
+_MOST_BAD = 0.8  # of all scans: with more the shape is wrong, not the poses
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """An outline and its poses.
+
+    Attributes
+    ----------
+    corners
+        (N, 2) [mm], in a frame of their own.
+    poses
+        x, y [mm] and angle of every scan (T, 3).
+    costs
+        Squared residuals over sigma^2 of every scan (T,).
+    """
+
+    corners: FloatArray
+    poses: FloatArray
+    costs: FloatArray
+
+    @property
+    def cost(self) -> float:
+        """Of all scans."""
+        return float(self.costs.sum())
+
+    def criterion(self, scans: RigidScans) -> float:
+        """Return what fits are compared by: BIC."""
+        return self.cost + 2.0 * len(self.corners) * float(np.log(scans.readings.sum()))
+
+    def freedom(self, scans: RigidScans) -> int:
+        """Return the readings beyond the numbers fitted."""
+        return max(int(scans.readings.sum()) - 3 * len(self.poses) - 2 * len(self.corners) + 3, 1)
+
+
+def fitted(
+    scans: RigidScans,
+    corners: FloatArray,
+    poses: FloatArray,
+    steps: int = 40,
+    tolerance_mm: float = 0.0,
+    cauchy: float = 0.0,
+) -> Fit:
+    """Return the fit where a descent of corners and poses ends."""
+    return Fit(*descend(scans, corners, poses, loss(scans, tolerance_mm, cauchy), steps))
+
+
+def pruned(scans: RigidScans, corners: FloatArray, poses: FloatArray) -> list[Fit]:
+    """Return fits of ever fewer corners, from a rough outline of many, down to counts that are out of the question."""
+    while len(corners) > FIRST:
+        corners = np.delete(corners, int(_areas(corners).argmin()), axis=0)
+    soft = 0.05 * scans.sensor.pitch_mm
+    fit = fitted(scans, corners, poses, 8, soft, 5.0)
+    fit = fitted(scans, fit.corners, fit.poses, 8, cauchy=5.0)
+    found: list[Fit] = []
+    while True:
+        fit = fitted(scans, fit.corners, fit.poses, 12)
+        found.append(fit)
+        least = min(f.criterion(scans) for f in found)
+        hopeless = len(found) > 3 and fit.criterion(scans) > _HOPELESS * least + _MARGIN
+        if len(fit.corners) == FEWEST or hopeless:
+            return found
+        tries = [_without(scans, fit, corner, 5) for corner in np.argsort(_areas(fit.corners))[:_TRIED]]
+        fit = min(tries, key=lambda f: f.cost)
+
+
+def settled(scans: RigidScans, fit: Fit, rounds: int = 4) -> Fit:
+    """Return the fit after descents of single poses from about where they are, and of all together, in turn.
+
+    Kinks of one scan, where a corner passes a strip, do not stop the others then.
+    """
+    step = _JIGGLES * (0.05 * scans.sensor.pitch_mm, 0.05 * scans.sensor.pitch_mm, 1.0)
+    for _ in range(rounds):
+        poses, costs = fit_poses(scans, fit.corners, fit.poses[:, None] + step, loss(scans), 10)
+        best = poses[np.arange(len(poses)), costs.argmin(axis=1)]
+        new = fitted(scans, fit.corners, best, 15)
+        if not new.cost < fit.cost - 0.5:
+            break
+        fit = new
+    return fit
+
+
+def recounted(scans: RigidScans, fit: Fit) -> Fit:
+    """Return the fit without corners that the criterion does not miss."""
+    price = 2.0 * float(np.log(scans.readings.sum()))
+    while len(fit.corners) > FEWEST and len(faint := np.flatnonzero(_gains(scans, fit) < _SURE * price)):
+        tries = sorted((_without(scans, fit, int(i), 8) for i in faint), key=lambda f: f.cost)
+        best = min(
+            (settled(scans, fitted(scans, t.corners, t.poses)) for t in tries[:_TRIED]), key=lambda f: f.cost
+        )
+        if best.criterion(scans) >= fit.criterion(scans):
+            break
+        fit = best
+    return fit
+
+
+def _gains(scans: RigidScans, fit: Fit) -> FloatArray:
+    """Return roughly what each corner gains in chi square (N,): its height over its neighbours, over sigma."""
+    before, after = np.roll(fit.corners, 1, axis=0), np.roll(fit.corners, -1, axis=0)
+    height = _areas(fit.corners) / np.maximum(np.hypot(*(after - before).T), 1e-9)
+    variance = covariances(scans, fit.corners, fit.poses)[0].diagonal().reshape(-1, 2).sum(axis=1)
+    return np.asarray(height**2 / np.maximum(variance, 1e-12))
+
+
+def poses_all_round(
+    scans: RigidScans, corners: FloatArray, tolerance_mm: float, angles: int = _ANGLES, kept: int = _KEPT
+) -> tuple[FloatArray, FloatArray]:
+    """Return poses (T, kept, 3) of a known outline, the best first, where nothing is known of them, and their costs."""
+    middle, _ = centres(scans)
+    own = _centroid(corners)
+    angle = np.arange(angles) * (2.0 * np.pi / angles)
+    turned = np.stack(
+        [np.cos(angle) * own[0] - np.sin(angle) * own[1], np.sin(angle) * own[0] + np.cos(angle) * own[1]]
+    )
+    starts = np.empty((len(middle), angles, 3))
+    starts[..., :2], starts[..., 2] = middle[:, None] - turned.T, angle
+    poses, costs = fit_poses(scans, corners, starts, loss(scans, 2.0 * tolerance_mm, 3.0, 0.15), 5)
+    poses = _best(poses, costs, kept)[0]
+    for tolerance, cauchy, steps in ((tolerance_mm, 5.0, 8), (0.0, 0.0, 12)):
+        poses, costs = fit_poses(scans, corners, poses, loss(scans, tolerance, cauchy), steps)
+    return _best(poses, costs, kept)
+
+
+def bad_scans(scans: RigidScans, fit: Fit) -> IntArray:
+    """Return the scans whose readings the fit does not explain."""
+    n = scans.readings
+    return np.flatnonzero(fit.costs > n + _SPREAD * np.sqrt(n) + _BAD)
+
+
+def rescued(scans: RigidScans, fit: Fit, rounds: int = 2) -> Fit:
+    """Return the fit after a search all round for the poses of scans that it does not explain."""
+    for _ in range(rounds):
+        bad = bad_scans(scans, fit)
+        if not len(bad) or len(bad) > _MOST_BAD * len(fit.poses):
+            break
+        poses, costs = poses_all_round(scans.of(bad), fit.corners, 0.05 * scans.sensor.pitch_mm)
+        better = costs[:, 0] < fit.costs[bad]
+        trial = fit.poses.copy()
+        trial[bad[better]] = poses[better, 0]
+        new = fitted(scans, fit.corners, trial, 10, cauchy=5.0)
+        new = fitted(scans, new.corners, new.poses)
+        if new.cost >= fit.cost - 1.0:
+            break
+        fit = new
+    return fit
+
+
+def _without(scans: RigidScans, fit: Fit, corner: int, steps: int) -> Fit:
+    return fitted(scans, np.delete(fit.corners, corner, axis=0), fit.poses, steps, cauchy=8.0)
+
+
+def _best(poses: FloatArray, costs: FloatArray, kept: int) -> tuple[FloatArray, FloatArray]:
+    order = np.argsort(costs, axis=1, kind="stable")[:, :kept]
+    rows = np.arange(len(poses))[:, None]
+    return poses[rows, order], costs[rows, order]
+
+
+def _areas(corners: FloatArray) -> FloatArray:
+    """Return twice the area of every corner with its two neighbours (N,)."""
+    before, after = corners - np.roll(corners, 1, axis=0), np.roll(corners, -1, axis=0) - corners
+    return np.asarray(np.abs(before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]))
+
+
+def _centroid(corners: FloatArray) -> FloatArray:
+    after = np.roll(corners, -1, axis=0)
+    cross = corners[:, 0] * after[:, 1] - after[:, 0] * corners[:, 1]
+    return np.asarray(((corners + after) * cross[:, None]).sum(axis=0) / (3.0 * cross.sum()))

@@ -1,0 +1,176 @@
+"""A rough shape that moves smoothly, from the readings alone: what a search for corners and poses begins with.
+
+The outline is star-shaped, 24 radii with a prior against roughness; its poses are a spline over the scans. Descents
+begin at a circle on the way of the contact's centre, with every total turn, and a tolerance of edges that gets finer,
+so that a start which is wrong by half the object still ends at the right shape.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from tacstrip.arrays import FloatArray
+from tacstrip.core.rigid import Equations, RigidScans, equations, loss
+from tacstrip.reconstruction.contact_ends import closed_ends
+
+RADII = 24
+_ANGLES = 2.0 * np.pi * np.arange(RADII) / RADII
+_SPOKES = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], axis=1)
+_BY_RADIUS = np.zeros((2 * RADII, RADII))
+_BY_RADIUS[2 * np.arange(RADII), np.arange(RADII)] = _SPOKES[:, 0]
+_BY_RADIUS[2 * np.arange(RADII) + 1, np.arange(RADII)] = _SPOKES[:, 1]
+_BEND = np.roll(np.eye(RADII), 1, 1) + np.roll(np.eye(RADII), -1, 1) - 2.0 * np.eye(RADII)
+_CENTRED = 200.0  # radii over this: how near to the frame's origin the outline's middle is held
+_ROUND = 0.785  # width of a disc's mean section over its diameter
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """A rough outline and where it lies.
+
+    Attributes
+    ----------
+    radii
+        Of the outline at `RADII` angles [mm].
+    knots
+        Poses (K, 3) at the spline's knots.
+    basis
+        Of the spline, scans by knots (T, K).
+    cost
+        What readings and priors cost.
+    """
+
+    radii: FloatArray
+    knots: FloatArray
+    basis: FloatArray
+    cost: float
+
+    @property
+    def corners(self) -> FloatArray:
+        """The outline (RADII, 2) [mm]."""
+        return np.asarray(self.radii[:, None] * _SPOKES)
+
+    @property
+    def poses(self) -> FloatArray:
+        """Poses (T, 3)."""
+        return self.basis @ self.knots
+
+    def refined(self, basis: FloatArray) -> Path:
+        """Return the same path on more knots."""
+        knots = np.linalg.lstsq(basis, self.basis, rcond=None)[0] @ self.knots
+        return replace(self, basis=basis, knots=knots, cost=np.inf)
+
+
+def spline_basis(at: FloatArray, knots: int) -> FloatArray:
+    """Return what each of some knots, evenly from 0 to 1, adds at places (T,): (T, knots)."""
+    places = np.linspace(0.0, 1.0, knots)
+    if knots < 4:
+        return np.asarray(np.vander(at, knots) @ np.linalg.inv(np.vander(places, knots)))
+    ends = "not-a-knot" if knots == 4 else "natural"
+    return np.asarray(CubicSpline(places, np.eye(knots), bc_type=ends)(at))
+
+
+def centres(scans: RigidScans) -> tuple[FloatArray, FloatArray]:
+    """Return roughly where the contact's middle is in each scan (T, 2) [mm], and its area (T,) [mm^2]."""
+    pitch, length = scans.sensor.pitch_mm, scans.sensor.length_mm
+    touched = np.isfinite(scans.k).any(axis=1)
+    if len(scans.names) == 2:
+        with np.errstate(invalid="ignore", divide="ignore"):
+            l, u = closed_ends(scans.sensor, scans.k[:, 0], scans.k[:, 1])
+        width = np.where(touched, np.maximum(np.nan_to_num(u - l), 1e-3 * length), 0.0)
+        middle = np.nan_to_num(0.5 * (l + u))
+    else:
+        across = touched.sum(axis=1, keepdims=True) * pitch
+        width = np.where(touched, _ROUND * across, 0.0)
+        middle = np.nan_to_num(scans.k[:, 0]) * (length - 0.5 * width)
+        if scans.shares[0] == 0.0:
+            middle = middle + 0.5 * width
+    weight = np.maximum(width.sum(axis=1), 1e-12)
+    found = (
+        np.stack([(width * scans.x_mm).sum(axis=1), (width * middle).sum(axis=1)], axis=1) / weight[:, None]
+    )
+    return found, weight * pitch
+
+
+def circle(scans: RigidScans, basis: FloatArray, turn: float, size: float = 1.0) -> Path:
+    """Return a circle on the way of the contact's centre, which turns by so much [rad]."""
+    middle, area = centres(scans)
+    radius = size * float(np.sqrt(np.median(area) / np.pi))
+    knots = np.empty((basis.shape[1], 3))
+    knots[:, :2] = np.linalg.lstsq(basis, middle, rcond=None)[0]
+    knots[:, 2] = turn * (np.linspace(0.0, 1.0, len(knots)) - 0.5)
+    return Path(np.full(RADII, radius), knots, basis, np.inf)
+
+
+def fit_path(
+    scans: RigidScans,
+    start: Path,
+    steps: int,
+    tolerance_mm: float,
+    cauchy: float,
+    rough_mm: float,
+    end: float,
+) -> Path:
+    """Return where a descent from a path ends.
+
+    Parameters
+    ----------
+    scans, start
+        What is fitted, from where.
+    steps
+        At most.
+    tolerance_mm, cauchy, end
+        See `tacstrip.core.rigid.loss`.
+    rough_mm
+        Standard deviation of the radii's second differences [mm].
+    """
+    how, basis = loss(scans, tolerance_mm, cauchy, end), start.basis
+    middle = _SPOKES.T / RADII
+    prior = _BEND.T @ _BEND / rough_mm**2 + _CENTRED / RADII * middle.T @ middle + 1e-4 * np.eye(RADII)
+    many, knots = basis.shape
+    pairs = (basis[:, :, None] * basis[:, None, :]).reshape(many, -1)
+
+    def at(path: Path) -> tuple[Equations, float]:
+        found = equations(scans, path.corners, path.poses, how)
+        return found, float(found.costs.sum() + path.radii @ prior @ path.radii)
+
+    path, damping = start, 1e-2
+    found, cost = at(path)
+    for _ in range(steps):
+        matrix, slope = _joint(found, path, pairs, prior)
+        size = matrix.diagonal().copy()
+        for _ in range(6):
+            step = np.linalg.solve(matrix + np.diag(damping * size + 1e-6), slope)
+            trial = replace(
+                path,
+                radii=path.radii + step[3 * knots :],
+                knots=path.knots + step[: 3 * knots].reshape(-1, 3),
+            )
+            if trial.radii.min() > 0.02 * path.radii.mean():
+                new, new_cost = at(trial)
+                if new_cost < cost:
+                    break
+            damping *= 8.0
+        else:
+            break
+        gain, damping = cost - new_cost, max(damping / 8.0, 1e-7)
+        path, found, cost = trial, new, new_cost
+        if gain < 1e-3 * cost:
+            break
+    return replace(path, cost=cost)
+
+
+def _joint(
+    found: Equations, path: Path, pairs: FloatArray, prior: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the equations of a path's knots, then its radii."""
+    many, knots = path.basis.shape
+    own = (pairs.T @ found.pose.reshape(many, 9)).reshape(knots, knots, 3, 3).transpose(0, 2, 1, 3)
+    mixed = (path.basis.T @ found.mixed.reshape(many, -1)).reshape(3 * knots, -1) @ _BY_RADIUS
+    radii = _BY_RADIUS.T @ found.shape @ _BY_RADIUS + prior
+    matrix = np.block([[own.reshape(3 * knots, 3 * knots), mixed], [mixed.T, radii]])
+    slope = _BY_RADIUS.T @ found.shape_slope - prior @ path.radii
+    return matrix, np.concatenate([(path.basis.T @ found.pose_slope).ravel(), slope])

@@ -1,0 +1,96 @@
+"""One outline in many scans: the compiled core against NumPy, slopes against differences, descents to the minimum."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rigid_scenes import CORNERS, distance, rigid_scene, sliding
+from tacstrip.core import rigid
+from tacstrip.core.rigid import RigidScans, descend, equations, fit_poses, loss, plain_equations, reduced
+
+SCENES = [("crs-crs", 0.0), ("crs-crs", 2.0), ("crs-m", 0.0)]
+LOSSES = [(0.0, 0.0, 0.05), (0.5, 3.0, 0.25)]
+
+
+@pytest.fixture
+def in_numpy(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rigid, "exported", lambda name: None)
+
+
+@pytest.mark.parametrize(("construction", "lam"), SCENES)
+@pytest.mark.parametrize("how", LOSSES)
+def test_equations_are_those_of_numpy(construction: str, lam: float, how: tuple[float, float, float]) -> None:
+    scans, corners, poses = rigid_scene(construction, lam)
+    found = equations(scans, corners, poses, loss(scans, *how))
+    plain = plain_equations(scans, corners, poses, loss(scans, *how))
+    for name, value in vars(plain).items():
+        np.testing.assert_allclose(
+            getattr(found, name), value, rtol=1e-9, atol=1e-9 * np.abs(value).max(), err_msg=name
+        )
+
+
+@pytest.mark.parametrize(("construction", "lam"), SCENES)
+def test_slopes_are_differences_of_costs(construction: str, lam: float) -> None:
+    scans, corners, poses = rigid_scene(construction, lam)
+    how, step = loss(scans), 1e-5
+    found = equations(scans, corners, poses, how)
+
+    def cost(c: np.ndarray, p: np.ndarray) -> np.ndarray:
+        return equations(scans, c, p, how).costs
+
+    for i in range(3):
+        off = step * np.eye(3)[i]
+        slope = -(cost(corners, poses + off) - cost(corners, poses - off)) / (4.0 * step)
+        np.testing.assert_allclose(found.pose_slope[:, i], slope, atol=1e-5 * np.abs(found.pose_slope).max())
+    for i in range(corners.size):
+        off = step * np.eye(corners.size)[i].reshape(-1, 2)
+        slope = -(cost(corners + off, poses) - cost(corners - off, poses)).sum() / (4.0 * step)
+        np.testing.assert_allclose(found.shape_slope[i], slope, atol=1e-5 * np.abs(found.shape_slope).max())
+
+
+@pytest.mark.parametrize(("construction", "lam"), SCENES)
+def test_descents_end_where_those_of_numpy_do(
+    construction: str, lam: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scans, corners, poses = rigid_scene(construction, lam)
+    joint, single = (
+        descend(scans, corners, poses, loss(scans)),
+        fit_poses(scans, corners, poses[:, None], loss(scans)),
+    )
+    monkeypatch.setattr(rigid, "exported", lambda name: None)
+    plain = descend(scans, corners, poses, loss(scans))
+    for found, wanted in zip(joint, plain, strict=True):
+        np.testing.assert_allclose(found, wanted, atol=1e-7 * np.abs(wanted).max())
+    for found, wanted in zip(single, fit_poses(scans, corners, poses[:, None], loss(scans)), strict=True):
+        np.testing.assert_allclose(found, wanted, atol=1e-7 * np.abs(wanted).max())
+
+
+def test_a_descent_finds_the_outline(in_numpy: None) -> None:
+    scans, corners, poses = rigid_scene("crs-crs", 0.0)
+    found, _, costs = descend(scans, corners, poses, loss(scans))
+    assert distance(found, CORNERS) < 0.3 < distance(corners, CORNERS)
+    assert costs.sum() < 1.3 * scans.readings.sum()
+
+
+def test_eliminating_the_poses_leaves_the_corners_part_of_the_whole_inverse() -> None:
+    scans, corners, poses = rigid_scene("crs-crs", 0.0, 6)
+    found = equations(scans, corners, poses, loss(scans))
+    many, size = 3 * len(poses), corners.size
+    whole = np.zeros((many + size, many + size))
+    for i, (pose, mixed) in enumerate(zip(found.pose, found.mixed, strict=True)):
+        at = slice(3 * i, 3 * i + 3)
+        whole[at, at] = pose + (rigid.PINNED * np.eye(3) if i == len(poses) // 2 else 0.0)
+        whole[at, many:], whole[many:, at] = mixed, mixed.T
+    whole[many:, many:] = found.shape
+    wanted = np.linalg.inv(whole)[many:, many:]
+    np.testing.assert_allclose(
+        np.linalg.inv(reduced(found)[0]), wanted, rtol=1e-4, atol=1e-5 * np.abs(wanted).max()
+    )
+
+
+def test_scans_without_readings_cost_nothing() -> None:
+    scans, corners, _ = rigid_scene("crs-crs", 0.0, 3)
+    empty = RigidScans(scans.sensor, scans.names, np.full_like(scans.k, np.nan), scans.sigma)
+    for found in (equations, plain_equations):
+        assert not found(empty, corners, sliding(3), loss(empty)).costs.any()

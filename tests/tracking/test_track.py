@@ -1,0 +1,246 @@
+"""Objects over time: shape and poses from the readings alone, what cannot be told, and bad input."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import tacstrip as ts
+from rigid_scenes import CORNERS, at, distance, pressed, sliding, ten_strips
+from tacstrip.arrays import FloatArray
+from tacstrip.cli import cli
+from tacstrip.core.binding import exported
+from tacstrip.tracking.episodes import episodes
+from tacstrip.tracking.geojson import track_collection
+from tacstrip.tracking.rigid.covariance import joint_bound
+
+NOISE = ts.Noise(positional=0.005)
+
+pytestmark = pytest.mark.skipif(exported("rigid_descend") is None, reason="NumPy takes minutes")
+
+
+def test_ten_strips_tell_the_shape_and_its_poses() -> None:
+    sensor, poses = ten_strips(), sliding(40)
+    (one,) = ts.track(pressed(sensor, CORNERS, poses, NOISE), sensor, NOISE)
+    assert one.status == "ok"
+    assert distance(one.outline, CORNERS) < 0.3  # mm; from one scan 2.2
+    for i in (0, 17, 39):
+        true = at(CORNERS, poses[i])
+        near = np.linalg.norm(one.placed(i)[:, None] - true, axis=2).min(axis=1)
+        assert near.max() < 2.0
+    assert one.poses[0, 2] == 0.0
+    turned = np.diff(one.poses[[0, -1], 2])[0]
+    assert turned == pytest.approx(1.0, abs=0.03)
+    assert np.median(one.velocities[:, 0]) == pytest.approx(15.0 / 0.39, rel=0.2)
+
+
+def test_regions_of_corners_and_poses_hold_the_truth() -> None:
+    """Over scenes: normalised errors are those of chi square with as many degrees of freedom."""
+    sensor, poses = ten_strips(), sliding(30)
+    squares, pose_squares = [], []
+    for seed in range(6):
+        (one,) = ts.track(pressed(sensor, CORNERS, poses, NOISE, seed), sensor, NOISE)
+        assert len(one.outline) == len(CORNERS)
+        first = int(
+            np.argmin(np.linalg.norm(one.placed(0)[:, None] - at(CORNERS, poses[0])[None, 0], axis=2))
+        )
+        found = np.roll(one.outline, -first, axis=0)
+        c = one.covariance
+        assert c is not None
+        c = np.roll(np.roll(c, -2 * first, axis=0), -2 * first, axis=1)
+        a, b = found - found.mean(axis=0), CORNERS - CORNERS.mean(axis=0)
+        u, _, v = np.linalg.svd(b.T @ a)
+        off = (a - b @ (u @ v)).ravel()
+        value, vector = np.linalg.eigh(c)
+        kept = value > 1e-9 * value.max()
+        assert kept.sum() == c.shape[0] - 3  # moved and turned as a whole it is the same shape
+        squares.append(float(((off @ vector[:, kept]) ** 2 / value[kept]).sum()) / kept.sum())
+        for i in range(0, 30, 6):
+            true, own = at(CORNERS, poses[i]), np.roll(one.placed(i), -first, axis=0)
+            z, w = (own - own.mean(axis=0)) @ [1, 1j], (true - true.mean(axis=0)) @ [1, 1j]
+            error = np.array([*(own.mean(axis=0) - true.mean(axis=0)), np.angle((z * w.conj()).sum())])
+            pose_squares.append(float(error @ np.linalg.solve(one.pose_covariances[i], error)) / 3.0)
+    assert 0.4 < np.mean(squares) < 1.9
+    assert 0.4 < np.median(pose_squares) / 0.789 < 2.0  # the median of chi square with 3 degrees over 3
+
+
+def _moved(poses: FloatArray, x_mm: float, y_mm: float = 0.0, angle: float = 0.0) -> FloatArray:
+    return np.asarray(poses + np.array([x_mm, y_mm, angle]))
+
+
+def _scan(kh: list[float], kl: list[float] | None = None, time_s: float = 0.0) -> ts.Scan:
+    return ts.Scan(kh=np.array(kh), kl=None if kl is None else np.array(kl), time_s=time_s)
+
+
+def test_noise_that_is_not_given_is_found() -> None:
+    sensor = ten_strips()
+    (one,) = ts.track(pressed(sensor, CORNERS, sliding(30), ts.Noise(positional=0.001)), sensor)
+    assert (one.status, len(one.outline)) == ("ok", 5)
+    assert distance(one.outline, CORNERS) < 0.1
+
+
+def test_a_shape_that_is_pressed_again_keeps_its_number() -> None:
+    sensor = ten_strips()
+    first = pressed(sensor, CORNERS, sliding(20), NOISE, 1)
+    again = pressed(sensor, CORNERS, _moved(sliding(20, -12.0, -10.0, 0.8), 4.0, -6.0, 2.5), NOISE, 2)
+    silent = ts.Scan(kh=np.full(10, np.nan), kl=np.full(10, np.nan))
+    scans = [replace(s, time_s=0.01 * i) for i, s in enumerate([*first, silent, silent, *again])]
+    (one,) = ts.track(scans, sensor, NOISE)
+    assert one.present.tolist() == [True] * 20 + [False] * 2 + [True] * 20
+    assert distance(one.outline, CORNERS) < 0.3
+    assert np.isnan(one.velocities[20:22]).all()
+
+
+def test_another_shape_is_another_object() -> None:
+    sensor, triangle = ten_strips(), np.array([(-25.0, -20.0), (25.0, -20.0), (0.0, 28.0)])
+    first = pressed(sensor, CORNERS, sliding(20), NOISE, 1)
+    other = pressed(sensor, triangle, sliding(20, -12.0), NOISE, 2)
+    silent = ts.Scan(kh=np.full(10, np.nan), kl=np.full(10, np.nan))
+    scans = [replace(s, time_s=0.01 * i) for i, s in enumerate([*first, silent, *other])]
+    tracks = ts.track(scans, sensor, NOISE)
+    assert [(t.id, len(t.outline)) for t in tracks] == [(1, 5), (2, 3)]
+
+
+def test_two_at_once_keep_apart() -> None:
+    sensor = ten_strips(strips=40)
+    small = 0.5 * CORNERS
+    left, right = _moved(sliding(15, 5.0), -25.0), _moved(sliding(15, 5.0, -8.0, -0.8), 25.0, 0.0, 1.0)
+    both = zip(pressed(sensor, small, left, NOISE, 1), pressed(sensor, small, right, NOISE, 2), strict=True)
+    scans = []
+    for i, (a, b) in enumerate(both):
+        k = {n: np.where(np.isnan(a[n]), b[n], a[n]) for n in a.signatures}
+        scans.append(ts.Scan(kh=k["kh"], kl=k["kl"], time_s=0.01 * i))
+    tracks = ts.track(scans, sensor, NOISE)
+    assert [t.status for t in tracks] == ["ok", "ok"]
+    assert tracks[0].poses[:, 0].max() < tracks[1].poses[:, 0].min()
+
+
+def test_sliding_along_the_strips_tells_no_shape() -> None:
+    sensor, poses = ten_strips(), sliding(40, 0.0, 20.0, 0.0)
+    (one,) = ts.track(pressed(sensor, CORNERS, poses, NOISE), sensor, NOISE)
+    assert one.status == "doubtful"
+    assert "turn the object" in one.advice
+
+
+def test_two_that_move_by_themselves_are_not_one_rigid_object() -> None:
+    sensor = ten_strips()
+    triangle = np.array([(-13.0, -12.0), (13.0, -12.0), (0.0, 14.0)])
+    low, high = (
+        _moved(sliding(30, 12.0, 4.0, 0.9), 0.0, -24.0),
+        _moved(sliding(30, -12.0, 6.0, -1.0), 0.0, 22.0),
+    )
+    scans = []
+    for i, (p, q) in enumerate(zip(low, high, strict=True)):
+        shapes = [ts.Contact.polygon(at(triangle, pose)).shapes[0] for pose in (p, q)]
+        scans.append(ts.simulate(sensor, ts.Contact(tuple(shapes)), NOISE, rng=i, time_s=0.01 * i))
+    tracks = ts.track(scans, sensor, NOISE)
+    assert all(t.status == "doubtful" for t in tracks)
+    assert "one by one" in tracks[0].advice
+
+
+def test_few_scans_give_the_shape_of_one() -> None:
+    sensor = ten_strips(strips=50)
+    (one,) = ts.track(pressed(sensor, CORNERS, sliding(2), ts.Noise(positional=0.001)), sensor)
+    assert "too few" in one.advice
+    assert distance(one.outline, CORNERS) < 1.0
+    assert one.present.sum() == 1
+
+
+def test_episodes_follow_strips_and_join_where_contacts_do() -> None:
+    k = np.full((6, 1, 12), np.nan)
+    for scan, strips in enumerate(((2, 3), (2, 3), (3, 4), (), (7, 8), (7, 8))):
+        k[scan, 0, list(strips)] = 0.5
+    k[:3, 0, 9:11] = 0.4
+    found = episodes(k)
+    assert [(e.scans, e.joint) for e in found] == [([0, 1, 2], []), ([0, 1, 2], []), ([4, 5], [])]
+    k[1, 0, 3:10] = 0.5
+    assert all(e.joint == [1] for e in episodes(k)[:2])
+
+
+HALF, LOW = [0.5] * 10, [0.3] * 10
+
+
+@pytest.mark.parametrize(
+    ("scans", "says"),
+    [
+        ([], "there is no scan"),
+        ([_scan(HALF, LOW, 1.0), _scan(HALF, LOW)], "sort the scans"),
+        ([_scan(HALF, LOW), _scan(HALF[1:], LOW[1:])], "scan 1: the scan has 9 strips"),
+        ([_scan(HALF, LOW), _scan(HALF)], "scan 1 has kh, and scan 0 kh and kl"),
+    ],
+)
+def test_scans_that_make_no_recording_are_refused(scans: list[ts.Scan], says: str) -> None:
+    with pytest.raises(ts.ReadingError, match=says):
+        ts.track(scans, ten_strips())
+
+
+def test_a_clock_that_stands_still_is_said() -> None:
+    sensor = ten_strips()
+    scans = [replace(s, time_s=0.0) for s in pressed(sensor, CORNERS, sliding(12), NOISE)]
+    (one,) = ts.track(scans, sensor, NOISE)
+    assert "clock stands still" in one.advice
+    assert np.isnan(one.velocities).all()
+
+
+def test_the_verb_writes_tracks_and_a_picture(tmp_path: Path) -> None:
+    sensor = ten_strips()
+    (tmp_path / "s.toml").write_text(sensor.to_toml())
+    ts.write_readings(tmp_path / "r.csv", sensor, pressed(sensor, CORNERS, sliding(20), NOISE))
+    files = [str(tmp_path / name) for name in ("s.toml", "r.csv", "t.geojson", "t.png")]
+    done = CliRunner().invoke(
+        cli, ["track", *files[:2], "-o", files[2], "--plot", files[3], "--positional", "0.005"]
+    )
+    assert done.exit_code == 0, done.output
+    assert "object 1: ok, 20 scans" in done.stderr
+    (feature,) = json.loads((tmp_path / "t.geojson").read_text())["features"]
+    assert len(feature["properties"]["poses"]) == 20
+    assert feature["geometry"]["type"] == "Polygon"
+    assert (tmp_path / "t.png").stat().st_size > 10_000
+    with pytest.raises(ts.OptionError, match="does not say what sensor"):
+        CliRunner().invoke(cli, ["track", files[1]], catch_exceptions=False)
+
+
+def test_the_bound_of_many_scans_is_what_tracks_reach() -> None:
+    sensor = ten_strips()
+    start = at(CORNERS, np.array([50.0, 50.0, 0.8]))
+    bound = joint_bound(sensor, start, 30, 15.0, 1.0, 0.005 / np.sqrt(3.0))
+    own = []
+    for seed in (7, 8, 9):
+        (one,) = ts.track(pressed(sensor, CORNERS, sliding(30), NOISE, seed), sensor, NOISE)
+        own.append(distance(one.outline, CORNERS))
+    assert 0.5 < np.median(own) / ts.vertex_rms(bound) < 1.6
+    still = joint_bound(sensor, start, 30, 0.0, 0.0, 0.005 / np.sqrt(3.0))
+    assert ts.vertex_rms(still) > 5.0 * ts.vertex_rms(bound)
+    with pytest.raises(ts.ContactError, match="off the sensor"):
+        joint_bound(sensor, start, 30, 80.0, 0.0, 0.003)
+
+
+def test_limits_says_what_many_scans_tell(tmp_path: Path) -> None:
+    (tmp_path / "s.toml").write_text(ten_strips().to_toml())
+    (tmp_path / "o.wkt").write_text("POLYGON((25 32, 72 30, 76 58, 50 75, 30 64, 25 32))")
+    words = [
+        "limits",
+        str(tmp_path / "s.toml"),
+        str(tmp_path / "o.wkt"),
+        "--positional",
+        "0.005",
+        "--grid",
+        "2",
+    ]
+    done = CliRunner().invoke(cli, [*words, "--scans", "50", "--slide", "20"])
+    assert (
+        "50 scans in which it slides 20 mm across the strips and turns 0 deg, all signatures: 0.101"
+        in done.output
+    )
+
+
+def test_tracks_without_a_shape_are_valid_json() -> None:
+    sensor = ten_strips()
+    scan = _scan([np.nan] * 8 + [0.5, np.nan], [np.nan] * 8 + [0.4, np.nan])
+    text = json.dumps(track_collection(ts.track([scan], sensor)), allow_nan=False)
+    assert json.loads(text)["features"][0]["geometry"] is None
