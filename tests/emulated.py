@@ -46,6 +46,11 @@ def volts_line(at_s: float, lines: Iterable[FloatArray]) -> str:
     return f"volts {at_s * 1e6:.0f} {values}\n"
 
 
+def ohms_line(at_s: float, lines: Iterable[FloatArray]) -> str:
+    """Return the scenario's line that sets the resistances behind all strips' volts (strips,) of every line [ohm]."""
+    return volts_line(at_s, lines).replace("volts", "ohms")
+
+
 def scan_line(at_s: float, scan: ts.Scan) -> str:
     """Return the scenario's line that puts a scan on the sensor."""
     return volts_line(at_s, [scan[name] * VREF_VOLT for name in scan.signatures])

@@ -13,11 +13,13 @@ import tacstrip as ts
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.signature import signatures
 from tacstrip.network import Readout
-from tacstrip.network.timing import source_ohm
+from tacstrip.network.timing import settling_s, source_ohm
 
 SETTINGS = (Path(__file__).parents[1] / "firmware" / "core" / "settings.h").read_text(encoding="utf-8")
 WIDTH_MM, THICK_MM, LENGTH_MM, STRIPS = 6.0, 1.0, 100.0, 10
 PULL_OHM, SWITCH_OHM, NODE_FARAD, VREF_VOLT, BITS = 100e3, 70.0, 100e-12, 5.0, 10
+SERIES_OHM = 100.0  # CRS-M: in the multiplexer's 5 V, so that a shorted strip draws what a switch bears
+SHORTEST_MM = 5.0  # of a contact along the strips, for its place
 SAMPLER_FARAD, SAMPLE_S = 14e-12, 1.5 / 250e3  # of the ATmega328P's converter, at its clock of 250 kHz
 RESISTIVITIES = (0.03, 0.1, 0.3, 1.0, 1.5, 2.0, 4.0, 10.0)  # [ohm m]
 FEW_CODES = 1.0  # the converter itself promises 2
@@ -41,6 +43,11 @@ def sensor(construction: str) -> ts.Sensor:
     )
 
 
+def readout(ohm: float) -> Readout:
+    """Return the guide's electronics about strips of so many ohm."""
+    return Readout(ohm, SWITCH_OHM, SERIES_OHM)
+
+
 def grid() -> tuple[FloatArray, FloatArray]:
     """Return lower and upper ends of contacts of any place and length (contacts,) [mm]."""
     ends = np.linspace(0.0, LENGTH_MM, 101)
@@ -50,7 +57,7 @@ def grid() -> tuple[FloatArray, FloatArray]:
 
 def touch_is_detected(construction: str, ohm: float) -> bool:
     """Tell whether the pulls of a touched line lie close enough together, wherever it is touched."""
-    seen = float(source_ohm(sensor(construction), Readout(ohm, SWITCH_OHM), *grid()).max())
+    seen = float(source_ohm(sensor(construction), readout(ohm), *grid()).max())
     return seen / (seen + PULL_OHM) < 1.0 / setting("TOUCH_PART")
 
 
@@ -61,7 +68,7 @@ def unsettled_codes(construction: str, ohm: float) -> float:
     which has what was converted before: the pulled line, or the strip's other end.
     """
     unit, (l, u) = sensor(construction), grid()
-    seen = source_ohm(unit, Readout(ohm, SWITCH_OHM), l, u)
+    seen = source_ohm(unit, readout(ohm), l, u)
     pulled = seen / (seen + PULL_OHM)
     back = pulled * np.exp(-setting("RELEASED_US") * 1e-6 / (seen * NODE_FARAD))
     joined = SAMPLER_FARAD / (NODE_FARAD + SAMPLER_FARAD)
@@ -81,9 +88,39 @@ def switch_error(ohm: float) -> float:
     errors = []
     for y in ys.tolist():
         touch = ts.Contact.points([(45.0, y)])
-        real = ts.simulate(unit, touch, model="network", readout=Readout(ohm, SWITCH_OHM))
+        real = ts.simulate(unit, touch, model="network", readout=readout(ohm))
         errors.append(float(np.nanmax(np.abs(real["k"] - ts.simulate(unit, touch)["k"]))))
     return max(errors)
+
+
+def settles_us(construction: str, ohm: float) -> float:
+    """Return how long a line takes to half a code at the worst contact [us]."""
+    seen = float(source_ohm(sensor(construction), readout(ohm), *grid()).max())
+    return 1e6 * settling_s(seen, NODE_FARAD + SAMPLER_FARAD, BITS)
+
+
+def position_error_mm(construction: str, ohm: float) -> float:
+    """Return how far an end of a contact may be off [mm], at the worst contact: what has not settled, and half a code.
+
+    On CRS-M the mean of both ends, and its errors of the switches before calibration too.
+    """
+    off = (unsettled_codes(construction, ohm) + 0.5) / (2.0**BITS - 1.0)
+    if construction == "crs-m":
+        return LENGTH_MM * (off + switch_error(ohm))
+    unit, (l, u) = sensor(construction), grid()
+    long = u - l >= SHORTEST_MM
+    ideal = signatures(unit, l[long], u[long])
+    worst = 0.0
+    for up, down in ((off, off), (off, -off)):
+        kh, kl = ideal["kh"] + up, ideal["kl"] + down
+        found = LENGTH_MM * np.array([kl, 2.0 * kh - kl]) / (1.0 + kh - kl)
+        worst = max(worst, float(np.abs(found - [l[long], u[long]]).max()))
+    return worst
+
+
+def short_ma(construction: str) -> float:
+    """Return what a strip that is shorted from end to end draws [mA], while it is selected."""
+    return 1e3 * VREF_VOLT / (2.0 * SWITCH_OHM + SERIES_OHM) if construction == "crs-m" else math.inf
 
 
 def verdict(construction: str, ohm: float) -> str:
@@ -110,9 +147,15 @@ def rows() -> list[tuple[str, ...]]:
                 f"{resistivity:g} ({100.0 * resistivity:g})",
                 f"{rounded(ohm / 1e3)} kΩ",
                 f"{rounded(1e3 * STRIPS * VREF_VOLT / ohm)} mA",
-                verdict("crs-crs", ohm),
-                f"{rounded(100.0 * switch_error(ohm))} %",
-                verdict("crs-m", ohm),
+                *(
+                    cell
+                    for kind in ("crs-crs", "crs-m")
+                    for cell in (
+                        f"{rounded(settles_us(kind, ohm))} µs",
+                        f"{rounded(position_error_mm(kind, ohm))} mm",
+                        verdict(kind, ohm),
+                    )
+                ),
             )
         )
     return table
@@ -131,6 +174,7 @@ def main() -> None:
     """Print the table, and where it ends."""
     for row in rows():
         print(f"| {' | '.join(row)} |")
+    print(f"a shorted CRS-M strip: {short_ma('crs-m'):.3g} mA")
     for construction in ("crs-crs", "crs-m"):
         print(f"{construction}: up to {largest_ohm(construction) / 1e3:.3g} kΩ")
 

@@ -19,7 +19,7 @@ STRIPS = 10
 ADDRESS, SUPPLY, GROUND, ENABLE = "#7a3e9d", "#9c1c1c", "#333333", "#b8860b"
 LINES = ("#e07b39", COLOURS["kl"])
 X0, PITCH = 48.0, 4.6  # of the strips
-PULL_X = 25.0
+PULL_X, ENABLE_X = 25.0, 28.5
 TOP, BOTTOM = 46.0, 20.0  # ends of the strips
 UNO = {  # pin: height of its wire
     "A0": 62.0, "D6": 58.0, "5V": 50.5, "D2-D5": 36.0, "D8": 31.0, "GND": 15.5, "D7": 8.0, "A1": 4.0,
@@ -55,6 +55,30 @@ def multiplexer(axes: Axes, y: float, inner_y: float, inputs: dict[str, float]) 
     for name, at in inputs.items():
         axes.text(X0 - 6.5, at, name, va="center", fontsize=6.5, zorder=5)
 
+    feed(axes, y)
+
+
+def feed(axes: Axes, y: float) -> None:
+    """Draw a multiplexer's supply at its right, with its capacitor."""
+    right, x = X0 - 7 + STRIPS * PITCH + 4, 97.0
+    for name, at, rail, colour in (("VCC", y + 6.6, "5 V", SUPPLY), ("GND", y + 3.4, "GND", GROUND)):
+        axes.text(right - 0.4, at, name, ha="right", va="center", fontsize=6, zorder=5)
+        wire(axes, [(right, at), (x + 1.2, at)], colour)
+        axes.text(x + 1.5, at, rail, va="center", fontsize=6, color=colour)
+        dot(axes, x, at, colour)
+        plate = y + (5.4 if colour == SUPPLY else 4.6)
+        wire(axes, [(x, at), (x, plate)], colour)
+        wire(axes, [(x - 1.0, plate), (x + 1.0, plate)], "#222222", 2.0)
+    axes.text(x + 1.5, y + 5, "100 nF", va="center", fontsize=6)
+
+
+def resistor(axes: Axes, x: float, y: float, ohm: str, colour: str, left: bool = False) -> None:
+    """Draw a resistor on an upright wire, with its value."""
+    axes.add_patch(Rectangle((x - 0.8, y - 1.2), 1.6, 2.4, facecolor="white", edgecolor=colour, zorder=3))
+    axes.text(
+        x + (-1.6 if left else 1.2), y, ohm, va="center", ha="right" if left else "left", fontsize=7, zorder=5
+    )
+
 
 def x_of(strip: int) -> float:
     """Return where a strip's centre line is."""
@@ -65,11 +89,7 @@ def pull(axes: Axes, line_y: float, pin_y: float, colour: str) -> None:
     """Draw the weak pull: 100 kohm between a line and its pin."""
     x, low, high = PULL_X, *sorted((line_y, pin_y))
     wire(axes, [(16, pin_y), (x, pin_y), (x, line_y)], colour)
-    middle = (low + high) / 2
-    axes.add_patch(
-        Rectangle((x - 0.8, middle - 1.2), 1.6, 2.4, facecolor="white", edgecolor=colour, zorder=3)
-    )
-    axes.text(x - 1.6, middle, "100 kΩ", va="center", ha="right", fontsize=7)
+    resistor(axes, x, (low + high) / 2, "100 kΩ", colour, left=True)
     dot(axes, x, line_y, colour)
 
 
@@ -77,7 +97,7 @@ def wiring(switched: bool) -> Figure:
     """Return the diagram for strips that lie on Vref and ground for good, or that are switched one by one (CRS-M)."""
     figure, axes = new_axes(10.0, 6.8)
     axes.set_axis_off()
-    axes.set_xlim(0, 98)
+    axes.set_xlim(0, 104)
     axes.set_ylim(-1, 71)
     box(axes, 2, 1, 14, 65, "Arduino\nUno", "#e7eef5")
     for pin, y in UNO.items():
@@ -97,6 +117,10 @@ def wiring(switched: bool) -> Figure:
             width,
         )
         dot(axes, x, UNO[pin], colour)
+    wire(axes, [(ENABLE_X, UNO["D8"]), (ENABLE_X, UNO["5V"])], ENABLE)
+    resistor(axes, ENABLE_X, 45.5, "10 kΩ", ENABLE)
+    dot(axes, ENABLE_X, UNO["D8"], ENABLE)
+    dot(axes, ENABLE_X, UNO["5V"], SUPPLY)
     (draw_switched if switched else draw_common)(axes, common)
     return figure
 
@@ -127,7 +151,7 @@ def draw_common(axes: Axes, common: dict[str, float]) -> None:
         dot(axes, x + 2.2, UNO["GND"], GROUND)
         wire(axes, [(x, TOP), (x, 55)], LINES[0])
         wire(axes, [(x, BOTTOM), (x, 12)], LINES[1])
-    axes.text(17, 42, "dark: sensing strips\nlight: energised strips,\nface to face with them", fontsize=7)
+    axes.text(17, 22, "dark: sensing strips\nlight: energised strips,\nface to face with them", fontsize=7)
     axes.set_title("CRS-CRS, ten strips, double measurement")
 
 
@@ -145,6 +169,7 @@ def draw_switched(axes: Axes, common: dict[str, float]) -> None:
         GROUND,
         1.8,
     )
+    resistor(axes, 30, 56, "100 Ω", SUPPLY)
     left, right = X0 - 3.0, x_of(STRIPS - 1) + 3.0
     axes.add_patch(
         Rectangle(
@@ -156,7 +181,7 @@ def draw_switched(axes: Axes, common: dict[str, float]) -> None:
             zorder=1,
         )
     )
-    axes.text(17, 42, "grey: metal sheet\nunder the strips", fontsize=7)
+    axes.text(17, 22, "grey: metal sheet\nunder the strips", fontsize=7)
     colour = COLOURS["k"]
     wire(
         axes,

@@ -9,7 +9,7 @@
 const uint8_t board_adc_bits = 12;
 
 /* What the caller sets and reads. Part of Vref by line and strip; below 0: nothing touches. */
-double desk_part[2][STRIPS];
+double desk_part[2][STRIPS + 1] = {[0][STRIPS] = -1.0, [1][STRIPS] = -1.0}; /* the last: no strip is selected */
 uint32_t desk_time_us, desk_misread; /* exact conversions while a line was pulled */
 uint8_t desk_sent[SENT], desk_received[RECEIVED];
 uint32_t desk_sent_count, desk_received_count, desk_taken;
@@ -23,6 +23,12 @@ void board_start(void) {
 void board_select(uint16_t strip) {
     desk_selected = strip;
 }
+
+void board_release(void) {
+    desk_selected = STRIPS;
+}
+
+void board_alive(void) {}
 
 void board_pull(uint8_t line, enum pull to) {
     desk_pull[line] = to;

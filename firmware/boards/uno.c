@@ -7,6 +7,7 @@
 #include <avr/interrupt.h>
 #include <avr/io.h>
 #include <avr/sleep.h>
+#include <avr/wdt.h>
 #include <stddef.h>
 #include <util/delay_basic.h>
 
@@ -76,6 +77,13 @@ static uint16_t convert(uint8_t input, uint8_t clock) {
     return ADC;
 }
 
+/* After a reset by the watchdog it still runs, at its shortest: stopped before anything else. */
+__attribute__((naked, used, section(".init3"))) void stop_watchdog(void);
+void stop_watchdog(void) {
+    MCUSR = 0;
+    wdt_disable();
+}
+
 void board_start(void) {
     PORTB |= ENABLE_PINS;
     DDRB |= ENABLE_PINS;
@@ -88,14 +96,28 @@ void board_start(void) {
     UCSR0B = _BV(RXEN0) | _BV(TXEN0) | _BV(RXCIE0);
     set_sleep_mode(SLEEP_MODE_IDLE);
     sei();
+    wdt_enable(WDTO_250MS); /* the longest frame takes 30 ms at 115,200 baud, the longest scan 15 */
     convert(0, CLOCK_250_KHZ); /* the first conversion after switching on is longer */
 }
 
 void board_select(uint16_t strip) {
-    uint8_t bank = (uint8_t)(strip / WAYS), way = (uint8_t)(strip % WAYS);
+    uint8_t number = (uint8_t)strip; /* 64 at most */
     PORTB |= ENABLE_PINS; /* break before make */
-    PORTD = (uint8_t)((PORTD & ~ADDRESS_PINS) | way << PD2);
-    PORTB &= (uint8_t)~(_BV(PB0) << bank);
+    PORTD = (uint8_t)((PORTD & ~ADDRESS_PINS) | (number % WAYS) << PD2);
+    switch (STRIPS > WAYS ? number / WAYS : 0) { /* a bit by its name is one instruction, a shift a loop */
+        case 0: PORTB &= (uint8_t)~_BV(PB0); break;
+        case 1: PORTB &= (uint8_t)~_BV(PB1); break;
+        case 2: PORTB &= (uint8_t)~_BV(PB2); break;
+        default: PORTB &= (uint8_t)~_BV(PB3); break;
+    }
+}
+
+void board_release(void) {
+    PORTB |= ENABLE_PINS;
+}
+
+void board_alive(void) {
+    wdt_reset();
 }
 
 void board_pull(uint8_t line, enum pull to) {

@@ -15,6 +15,12 @@ void board_start(void);
    (CRS-M) those of Vref and ground. They share their address wires, so one call does both. */
 void board_select(uint16_t strip);
 
+/* Open all multiplexers: between scans no strip is energised, and a shorted one draws nothing. */
+void board_release(void);
+
+/* The main loop is alive. A board that does not hear so for a quarter of a second resets itself. */
+void board_alive(void);
+
 /* Pull a line (0 or 1) to Vref or ground through its weak resistor, or let go. */
 void board_pull(uint8_t line, enum pull to);
 

@@ -130,6 +130,7 @@ void device_start(void) {
 }
 
 void device_turn(void) {
+    board_alive();
     listen();
     if (streaming) scan();
 }

@@ -44,6 +44,7 @@ void scan_strips(struct frame *frame, uint32_t sequence) {
         put_code(code + 2 * STRIPS, board_convert(1, false));
 #endif
     }
+    board_release();
     frame->count = HEADER - 4;
     frame_u32(frame, first_us);
     frame_u16(frame, STRIPS);
@@ -62,4 +63,5 @@ void test_strips(struct frame *frame) {
         }
         frame_u8(frame, flags);
     }
+    board_release();
 }

@@ -3,7 +3,7 @@
 #define TACSTRIP_SETTINGS_H
 
 #define VERSION_MAJOR 1
-#define VERSION_MINOR 0
+#define VERSION_MINOR 1
 #define VERSION_PATCH 0
 
 #ifndef CONSTRUCTION

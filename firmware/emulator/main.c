@@ -6,6 +6,7 @@
    Usage: emulator UNO.elf SECONDS STRIPS LINES WAYS SOURCE_OHM NODE_PF < SCENARIO > BYTES
    SCENARIO has lines in the order of their time:
      volts TIME_US V ...   from then on: the volts of all strips on line 0, then on line 1; nan: nothing touches
+     ohms TIME_US R ...    likewise what lies between those volts and the line, instead of SOURCE_OHM
      bytes TIME_US HEX     the host sends these bytes
      memory TIME_US ADDRESS HEX   these bytes are put into the firmware's RAM, as avr-nm tells the address
    BYTES is what the firmware sends. Exit code 0 done, 1 the firmware crashed or two multiplexers met, 2 bad input. */
@@ -24,6 +25,8 @@
 
 #define PULL_OHM 100e3
 #define SUPPLY_MV 5000
+#define ADCSRA_AT 0x7A     /* its low bits are the divider of the converter's clock, as a power of 2 */
+#define SAMPLED_CLOCKS 1.5 /* that the converter's capacitor is joined to its input */
 
 static avr_t *avr;
 static struct wiring wiring = {.pull_ohm = PULL_OHM, .supply_volt = SUPPLY_MV / 1000.0, .port_b = 0x0F};
@@ -54,7 +57,8 @@ static void on_conversion(struct avr_irq_t *irq, uint32_t value, void *unused) {
     } asked = {.v = value};
     if (asked.mux.kind != ADC_MUX_SINGLE || asked.mux.src >= LINES) return;
     wiring_advance(&wiring, now_s());
-    uint32_t mv = (uint32_t)lround(wiring.node_volt[asked.mux.src] * 1000.0);
+    double clock_hz = avr->frequency / (double)(1 << (avr->data[ADCSRA_AT] & 7));
+    uint32_t mv = (uint32_t)lround(wiring_sample(&wiring, (int)asked.mux.src, SAMPLED_CLOCKS / clock_hz) * 1000.0);
     avr_raise_irq(avr_io_getirq(avr, AVR_IOCTL_ADC_GETIRQ, ADC_IRQ_ADC0 + (int)asked.mux.src), mv);
 }
 
@@ -93,12 +97,12 @@ static void next_row(void) {
 }
 
 static void apply_row(void) {
-    if (strncmp(row, "volts ", 6) == 0) {
+    if (strncmp(row, "volts ", 6) == 0 || strncmp(row, "ohms ", 5) == 0) {
         wiring_advance(&wiring, now_s());
         for (int i = 0; i < wiring.lines * wiring.strips; i++) {
             char *end;
-            wiring.volts[i / wiring.strips][i % wiring.strips] = strtod(row_data, &end);
-            if (end == row_data) quit("too few volts: ", row);
+            (*row == 'v' ? wiring.volts : wiring.ohms)[i / wiring.strips][i % wiring.strips] = strtod(row_data, &end);
+            if (end == row_data) quit("too few numbers: ", row);
             row_data = end;
         }
     } else if (strncmp(row, "bytes ", 6) == 0) {

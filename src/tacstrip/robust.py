@@ -31,3 +31,19 @@ def robust_sigma(residuals: FloatArray, axis: int | None = None) -> FloatArray:
     0.1483
     """
     return np.asarray(_NORMAL_MAD * np.nanmedian(np.abs(residuals), axis=axis))
+
+
+def half_sigma(residuals: FloatArray, sign: float) -> FloatArray:
+    """Return `robust_sigma` of each column's errors of one sign (columns,), 0 where there are none.
+
+    Of errors that a rail clips on one side, the other side's is theirs.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> half_sigma(np.array([[0.0], [0.0], [0.1], [0.2], [0.3]]), 1.0).round(4).tolist()
+    [0.2965]
+    """
+    half = np.where(sign * residuals > 0.0, residuals, np.nan)
+    some = np.isfinite(half).any(axis=0)
+    return np.where(some, robust_sigma(np.where(some, half, 0.0), axis=0), 0.0)

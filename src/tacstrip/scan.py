@@ -14,6 +14,7 @@ from tacstrip.arrays import BoolArray, FloatArray, extent, touched_strips
 from tacstrip.errors import ArgumentError, ReadingError, SignatureError
 from tacstrip.robust import robust_sigma
 from tacstrip.sensor.constructions import SIGNATURES
+from tacstrip.sensor.creep import creep_rate, log_age
 from tacstrip.sensor.left_out import leave_out
 from tacstrip.sensor.spec import Sensor
 
@@ -89,7 +90,8 @@ class Scan:
         """Return the mean of scans of a contact that rests, with their number and the time from first to last.
 
         A strip counts as touched where most of the scans read it. Of eight scans and more, a reading further than
-        6 standard deviations from its median is left out.
+        6 standard deviations from its median is left out. Over five seconds and more, creep (`sensor.creep`) is taken
+        out: the mean is as after the first second, and does not grow with the press.
 
         Raises
         ------
@@ -116,16 +118,19 @@ class Scan:
         moved = max(
             _motion(np.concatenate([[s[n] for s in scans] for n in names], axis=1)), *(s.moved for s in scans)
         )
+        growth = None if electrodes else _growth(scans, ~seldom)
         found = {}
         for name in (*names, *["electrodes"] * electrodes):
             k = np.stack([getattr(s, name) for s in scans])
             k[:, seldom] = np.nan
+            if growth is not None:
+                k -= growth[name]
             with np.errstate(invalid="ignore"), warnings.catch_warnings():
                 warnings.simplefilter("ignore", RuntimeWarning)  # strips that nothing touches
                 if len(scans) >= _STRAY_COUNT:
                     off = np.abs(k - np.nanmedian(k, axis=0))
                     k[off > np.maximum(_STRAY * robust_sigma(off, 0), _LEAST_STRAY)] = np.nan
-                found[name] = np.nanmean(k, axis=0)
+                found[name] = np.clip(np.nanmean(k, axis=0), 0.0, 1.0)
         times = [s.time_s for s in scans]
         count = sum(s.averaged for s in scans)
         return cls(
@@ -211,6 +216,19 @@ def _motion(k: FloatArray) -> float:
         changed = float(np.nan_to_num(np.nanmedian(np.abs(halves[1] - halves[0]))))
         noise = float(np.nan_to_num(np.nanstd(np.diff(k, axis=0)))) / np.sqrt(0.5 * len(k))
     return changed if changed > _MOVED + 4.0 * noise else 0.0
+
+
+def _growth(scans: Sequence[Scan], held: BoolArray) -> dict[str, FloatArray]:
+    """Return what creep adds to each reading (scans, strips) by signature."""
+    time_s = np.array([s.time_s for s in scans])
+    order, age = np.argsort(time_s), time_s - time_s.min()
+    names = scans[0].signatures
+    k = np.stack([np.concatenate([s[name] for name in names]) for s in scans])
+    there = np.isfinite(k).all(axis=0) & np.tile(held, len(names))
+    rate = np.zeros(k.shape[1])
+    if there.any():
+        rate[there] = creep_rate(age[order], k[order][:, there])
+    return dict(zip(names, np.split(log_age(age)[:, None] * rate, len(names), axis=1), strict=True))
 
 
 def _readings(name: str, values: npt.ArrayLike) -> FloatArray:

@@ -142,3 +142,47 @@ def test_an_estimator_needs_a_level_and_a_time() -> None:
         DriftEstimator(UNIT)
     with pytest.raises(ts.OptionError, match="time_constant_s must be above 0"):
         DriftEstimator(LEARNED, time_constant_s=0.0)
+
+
+def noisy_rest(seed: int, scans: int, level: float, shift: FloatArray | float = 0.0) -> dict[str, FloatArray]:
+    """Return a rest as real rubber and a 10-bit converter read it: wander, neighbours alike, strays, cut off at 0."""
+    rng = np.random.default_rng(seed)
+    shape = (scans, UNIT.strips)
+    error = rng.normal(0.0, 0.006, shape) + np.cumsum(rng.normal(0.0, 2e-4, shape), axis=0)
+    error += 0.2 * np.roll(error, 1, axis=1)
+    error[rng.random(shape) < 0.002] += 0.15
+    read = np.clip(np.round((level + shift + error) * 1023.0) / 1023.0, 0.0, 1.0)
+    return dict.fromkeys(UNIT.signatures, read)
+
+
+def test_strays_and_a_rail_do_not_move_the_touch_level() -> None:
+    for level in (0.0, 0.1):
+        learned = ts.learn_touch(UNIT, noisy_rest(3, 600, level))
+        assert learned.touch_volt is not None
+        assert 5.0 * 0.006 < learned.touch_volt / UNIT.vref_volt < 10.0 * 0.006
+        assert learned.calibration is not None
+        assert all(0.004 < s < 0.012 for s in learned.calibration.channel("kh").noise)
+
+
+def test_drift_since_the_calibration_is_known_within_two_seconds() -> None:
+    learned = ts.learn_touch(UNIT, noisy_rest(4, 600, 0.1))
+    shift = np.linspace(-0.012, 0.012, UNIT.strips)
+    estimator = DriftEstimator(learned)
+    readings = noisy_rest(5, 60, 0.1, shift)
+    for i in range(60):
+        estimator.update({n: v[i] for n, v in readings.items()}, 0.05 * i)
+    np.testing.assert_allclose(estimator.drift["kh"], shift, atol=6e-3)
+
+
+def test_a_held_press_is_not_zeroed_away() -> None:
+    estimator = DriftEstimator(LEARNED)
+    raw = at_rest(200)
+    for i in range(200):
+        estimator.update({n: v[i] for n, v in raw.items()}, 0.05 * i)
+    before = estimator.drift["kh"]
+    for i in range(3000):
+        held = {
+            n: v[i % 200] + np.array([0.4 + 1e-5 * i] + [0.0] * (UNIT.strips - 1)) for n, v in raw.items()
+        }
+        estimator.update(held, 10.0 + 0.05 * i)
+    assert estimator.drift["kh"][0] == before[0]

@@ -80,6 +80,18 @@ FAULTS = {
 }  # fmt: skip
 
 
+def test_uncertain_places(tmp_path: Path) -> None:
+    head = "strip,l_mm,w_mm,v_h,v_l,l_sd_mm,w_sd_mm\n"
+    runs = read(tmp_path, head + "1,50,10,1,0.9,0.5,\n2,60,0,1,1,,0.2\n")
+    assert runs.l_sd_mm is not None
+    assert runs.w_sd_mm is not None
+    assert (runs.l_sd_mm.tolist(), runs.w_sd_mm.tolist()) == ([[0.5, 0.0]], [[0.0, 0.2]])
+    with pytest.raises(ts.ReadingError, match="line 2: l_sd_mm = -1: the standard deviation of a place"):
+        read(tmp_path, head + "1,50,10,1,0.9,-1,\n2,60,0,1,1,,\n")
+    with pytest.raises(ts.ReadingError, match="column 'l_sdmm' is not known"):
+        read(tmp_path, head.replace("l_sd_mm", "l_sdmm") + "1,50,10,1,0.9,1,\n2,60,0,1,1,,\n")
+
+
 @pytest.mark.parametrize("name", FAULTS)
 def test_faults_are_named(tmp_path: Path, name: str) -> None:
     text, message = FAULTS[name]

@@ -113,7 +113,10 @@ EMBEDDED: dict[str, tuple[int, dict[str, float], dict[str, list[float]]]] = {
     "offset": (0, {}, OFFSET),
     "offset+gain": (0, {}, OFFSET | {"gain kh": [0.1, 0.0, -0.1], "gain kl": [0.02, -0.03, 0.0]}),
     "offset+ratio": (0, {"ratio": 0.05}, OFFSET),
-    "offset+ratios": (0, {}, OFFSET | {"ratios": [0.05, -0.1, 0.2]}),
+    "offset+ratios": (0, {"ratio": 0.05}, OFFSET | {"ratios": [0.05, -0.1, 0.2]}),
+    "offset+ends+lambda": (
+        0, {"lambda": 0.006}, OFFSET | {"ends 0": [0.01, 0.03, 0.02], "ends 1": [0.02, 0.0, -0.01]}
+    ),
     "offset+lambda": (0, {"lambda": 0.006}, OFFSET),
     "offset+fade": (0, {"fade": 0.12}, OFFSET),
     "offset+gain+fade+ratio+lambda": (
@@ -163,8 +166,8 @@ def test_offsets_mismatch_and_lambda_together() -> None:
     fresh = [(l, w) for w in (0.0, 30.0, 80.0) for l in np.arange(16.0, 290.0 - w, 39.0)]
     check = twin_runs(CRS, fresh, imperfections, 0.002, 1)
     found, trials = select_model(CRS, runs)
-    assert found.constants.model.name == "offset+ratio+lambda"
-    assert [t.name for t in trials if t.verdict == "chosen"] == ["offset+ratio+lambda"]
+    assert found.constants.model.name == "offset+gain+ratio+lambda"
+    assert [t.name for t in trials if t.verdict == "chosen"] == ["offset+gain+ratio+lambda"]
     best = largest_percent(apply(found.constants, CRS), check)
     thesis = largest_percent(replace(CRS, calibration=mean_offsets(CRS, runs)), check)
     assert best <= 0.3
@@ -249,10 +252,10 @@ def test_what_is_not_identifiable_is_refused(model: str, places: Places, message
 def test_auto_says_what_it_refused_and_takes_the_rest() -> None:
     runs = twin_runs(CRS, POINTS, Imperfections(sensing=1.05), 0.002, 2)
     found, trials = select_model(CRS, runs)
-    refused = {t.name: t.verdict for t in trials if t.error_percent is None}
+    refused = {t.name: t.verdict for t in trials if t.evidence is None}
     assert "all contacts have w = 0" in refused["offset+lambda"]
     assert "lambda" not in found.constants.model.name
-    assert found.constants.model.name == "offset"
+    assert found.constants.model.name == "offset+gain"
 
 
 def test_a_single_place_gives_offsets_and_says_so() -> None:
@@ -268,7 +271,7 @@ def test_a_single_place_gives_offsets_and_says_so() -> None:
     [
         ("offsets", CRS, "model part 'offsets' does not exist; choose one of: auto, mean, offset, gain"),
         ("offset+gian", CRS, "model part 'gian' does not exist; choose one of: auto, mean, offset, gain, fade, "
-         "ratio, ratios, lambda, warp8, curve8"),
+         "ratio, ratios, lambda, ends, warp8, curve8"),
         ("offset+curve4", CRS, "these parts do not go together"),
         ("ratio+ratios", CRS, "these parts do not go together"),
         ("fade", CRS, "a fade needs an offset"),
@@ -315,7 +318,9 @@ def test_planned_presses_repeated_leave_what_the_plan_promised() -> None:
     assert np.percentile(100.0 * np.abs(np.stack(list(off.values()))), 95.0) <= made.worst_percent
     assert not found.constants.model.has("curve")
     refused = {t.name: t.verdict for t in trials}
-    assert "press more places" in refused["ratio+lambda+curve4"]
+    assert "6 distinct places and needs 8; press more contacts" in refused["offset+gain+ratio+lambda+warp16"]
+    with pytest.raises(ts.ReadingError, match="6 distinct places and needs 10; press more contacts"):
+        fit_named("ratio+lambda+curve8", sensor, runs)
 
 
 def test_places_that_differ_by_a_hair_are_repeats() -> None:
@@ -325,7 +330,7 @@ def test_places_that_differ_by_a_hair_are_repeats() -> None:
     _, trials = select_model(CRS, runs)
     verdicts = [t.verdict for t in trials if "curve" in t.name or "warp" in t.name]
     assert verdicts
-    assert all("press more places" in v for v in verdicts)
+    assert all("has 4 distinct places" in v for v in verdicts)
 
 
 # Runs that do not fit.

@@ -35,7 +35,7 @@ class Desk:
 
     def touch(self, line: int, parts: FloatArray) -> None:
         """Put parts of Vref (strips,) on a line, NaN where nothing touches."""
-        lines = ((ctypes.c_double * STRIPS) * 2).in_dll(self.core, "desk_part")
+        lines = ((ctypes.c_double * (STRIPS + 1)) * 2).in_dll(self.core, "desk_part")
         for strip, part in enumerate(parts):
             lines[line][strip] = -1.0 if np.isnan(part) else part
 
@@ -208,6 +208,11 @@ def test_seals_and_unstuffs_as_the_python_side(tmp_path: Path) -> None:
             whole = plain.tobytes() + crc
             assert bytes(wire[:count]) == b"\0" + cobs_encode(whole) + b"\0"
             assert cobs_decode(bytes(wire[1 : count - 1])) == whole
+            if (
+                len(whole) >= 254 and cobs_encode(whole)[-255] == 0xFF
+            ):  # a full last block: an empty one may follow
+                more = (ctypes.c_uint8 * 1101)(*wire[1 : count - 1], 1)
+                assert core.frame_unstuff(more, count - 1) & 0xFFFF == len(whole)
             back = (ctypes.c_uint8 * 1100)(*wire[1 : count - 1])
             assert core.frame_unstuff(back, count - 2) & 0xFFFF == len(whole)
             assert bytes(back[: len(whole)]) == whole

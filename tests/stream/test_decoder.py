@@ -4,23 +4,24 @@ from __future__ import annotations
 
 import tracemalloc
 from binascii import crc_hqx
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tacstrip.stream.device.protocol.decoder import (
-    MAX_AHEAD,
-    MAX_BEHIND,
-    MAX_FRAME_BYTES,
-    Counts,
-    Decoder,
-    Received,
+from tacstrip.stream.device.protocol.decoder import MAX_FRAME_BYTES, Counts, Decoder, Received
+from tacstrip.stream.device.protocol.frames import (
+    HEADER,
+    VERSION,
+    Kind,
+    check_frame,
+    cobs_encode,
+    encode_frame,
 )
-from tacstrip.stream.device.protocol.frames import HEADER, VERSION, Kind, cobs_encode, encode_frame
 from tacstrip.stream.device.protocol.messages import Command, Hello, Reply, SelfTest
+from tacstrip.stream.device.protocol.order import MAX_AHEAD, MAX_BEHIND, MAX_HELD
 from tacstrip.stream.device.protocol.scans import MAX_STRIPS, ScanBatch, encode_scan
 from tacstrip.stream.source import RawScan
 
@@ -82,14 +83,53 @@ def test_gaps_are_lost_scans_and_a_damaged_frame_is_one_too() -> None:
     decoder = Decoder()
     bad = bytearray(frame(1))
     bad[20] ^= 0x40
-    assert numbers(decoder.feed(frame(0) + bytes(bad) + frame(2) + frame(6))) == [0, 2, 6]
+    assert numbers(decoder.feed(frame(0) + bytes(bad) + frame(2) + frame(6))) == [0]
+    assert numbers(decoder.feed(b"")) == [2, 6]  # the missing one might have come late
     assert decoder.counts == Counts(frames=3, corrupt=1, lost=1 + 3)
 
 
-def test_scans_whose_number_had_its_turn_are_left_out() -> None:
+def test_scans_that_came_before_or_too_late_are_left_out() -> None:
     decoder = Decoder()
     assert numbers(decoder.feed(frame(4) + frame(5) + frame(5) + frame(3) + frame(6))) == [4, 5, 6]
-    assert decoder.counts == Counts(frames=3, out_of_order=2)
+    assert decoder.counts == Counts(frames=3, out_of_order=1, duplicates=1)
+    assert numbers(decoder.feed(b"".join(frame(i) for i in (*range(8, 9 + MAX_HELD), 7)))) == list(
+        range(8, 9 + MAX_HELD)
+    )
+    assert decoder.counts.out_of_order == 2
+    assert decoder.counts.lost == 1
+
+
+@pytest.mark.parametrize(
+    "order",
+    [(0, 2, 1, 3), (0, 3, 2, 1, 4), (0, 4, 1, 2, 5, 3, 6), (0, 1, 3, 3, 2, 2, 4), (0, 16, *range(1, 16), 17)],
+)
+def test_scans_that_come_late_are_put_in_their_place(order: tuple[int, ...]) -> None:
+    decoder = Decoder()
+    assert numbers(decoder.feed(b"".join(map(frame, order)))) == sorted(set(order))
+    assert decoder.counts.lost == decoder.counts.restarts == decoder.counts.misnumbered == 0
+    assert decoder.counts.out_of_order > 0
+
+
+@pytest.mark.parametrize("wrong", [lambda i: 7, lambda i: 2000 - i, lambda i: i * 2654435761 % 2**32,
+                                   lambda i: i * 40_503 % 2**16, lambda i: i % 3])  # fmt: skip
+def test_scans_with_wrong_numbers_are_kept_as_they_came(wrong: Callable[[int], int]) -> None:
+    decoder = Decoder()
+    sent = b"".join(frame(wrong(i), 2500 * i) for i in range(500))
+    got = [b for piece in (sent, b"") for b in decoder.feed(piece) if isinstance(b, ScanBatch)]
+    assert np.concatenate([b.time_us for b in got]).tolist() == [2500 * i for i in range(500)]
+    assert decoder.counts.misnumbered > 100
+    assert decoder.counts.restarts <= 1
+    assert decoder.counts.duplicates == 0
+
+
+def test_codes_that_the_converter_cannot_give_leave_their_scan_out() -> None:
+    decoder = Decoder()
+    bad = RawScan(0.0025, {"kh": np.full(10, 1024, "<u2"), "kl": np.zeros(10, "<u2")}, np.ones(10, bool), 1)
+    plain = check_frame(encode_scan(bad, 11)[1:-1])  # eleven bits; below it says ten
+    assert plain is not None
+    sent = encode_frame(Kind.SCAN, plain[10:13] + b"\x0a" + plain[14:], 1, 2500)
+    assert numbers(decoder.feed(frame(0) + sent + frame(2))) == [0, 2]
+    assert decoder.counts == Counts(frames=3, out_of_range=1)
 
 
 def test_numbers_and_clock_go_on_where_32_bits_begin_anew() -> None:
@@ -121,13 +161,21 @@ def test_a_number_far_away_is_a_device_that_started_again(number: int) -> None:
 def test_the_hello_of_a_reset_begins_the_count_anew() -> None:
     decoder = Decoder()
     decoder.feed(HELLO.encode(0) + frame(0) + frame(1) + frame(2))
-    assert numbers(decoder.feed(HELLO.encode(0) + frame(0) + frame(1))) == [0, 1]
+    again = HELLO.encode(0) + frame(0, 9_000_000) + frame(1, 9_002_500)
+    assert numbers(decoder.feed(again)) == [0, 1]
     assert decoder.counts == Counts(frames=7, restarts=1)
+
+
+def test_a_hello_that_says_reset_where_scans_go_on_is_none() -> None:
+    decoder = Decoder()
+    decoder.feed(HELLO.encode(0) + frame(0) + frame(1) + HELLO.encode(0) + frame(2))
+    assert decoder.counts == Counts(frames=5)
 
 
 def test_scans_missing_after_a_hello_are_lost() -> None:
     decoder = Decoder()
     decoder.feed(HELLO.encode(10) + frame(13))
+    decoder.feed(b"")
     assert decoder.counts == Counts(frames=2, lost=3)
     decoder.feed(HELLO.encode(20) + frame(14))
     assert decoder.counts == Counts(frames=4, lost=3)
@@ -268,17 +316,22 @@ def test_any_bytes_are_taken(pieces: list[bytes]) -> None:
     decoder = Decoder()
     for piece in pieces:
         decoder.feed(piece)
-    assert numbers(decoder.feed(frame(9))) == [9]
+    assert numbers(decoder.feed(frame(9)) + decoder.feed(b"")) == [9]
+
+
+def anew(numbers: Iterable[int]) -> bytes:
+    """Scans of a device that has restarted: numbers and clock began again."""
+    return b"".join(frame(i, i * 2500 + 1234) for i in numbers)
 
 
 @pytest.mark.parametrize("before", [2, 5, 186, MAX_BEHIND])
 @pytest.mark.parametrize("pieces", [1, 10_000])
-def test_two_low_numbers_in_a_row_are_a_device_that_started_again(before: int, pieces: int) -> None:
+def test_an_old_number_at_another_time_is_a_device_that_started_again(before: int, pieces: int) -> None:
     """Its hello was lost: none of its scans is."""
     decoder = Decoder()
-    data = b"".join(frame(i) for i in (*range(before), *range(300)))
-    found = [m for at in range(0, len(data), len(data) // pieces or 1)
-             for m in decoder.feed(data[at : at + (len(data) // pieces or 1)])]  # fmt: skip
+    data = b"".join(frame(i, i * 2500 + 5_000_000) for i in range(before)) + anew(range(300))
+    size = len(data) // pieces or 1
+    found = [m for at in range(0, len(data), size) for m in decoder.feed(data[at : at + size])]
     assert numbers(found) == [*range(before), *range(300)]
     assert {b.restarts for b in found if isinstance(b, ScanBatch)} == {0, 1}
     assert decoder.counts == Counts(frames=before + 300, restarts=1)
@@ -286,11 +339,13 @@ def test_two_low_numbers_in_a_row_are_a_device_that_started_again(before: int, p
 
 def test_scans_lost_after_an_unheard_restart_are_counted() -> None:
     decoder = Decoder()
-    assert numbers(decoder.feed(b"".join(frame(i) for i in (*range(50), 4, 7, 8)))) == [*range(50), 4, 7, 8]
+    data = b"".join(map(frame, range(50))) + anew((4, 7, 8))
+    found = decoder.feed(data) + decoder.feed(b"")
+    assert numbers(found) == [*range(50), 4, 7, 8]
     assert decoder.counts == Counts(frames=53, lost=2, restarts=1)
 
 
-def test_one_scan_that_comes_twice_is_no_restart() -> None:
+def test_scans_that_come_twice_are_no_restart() -> None:
     decoder = Decoder()
-    assert numbers(decoder.feed(b"".join(frame(i) for i in (0, 1, 1, 2, 3, 2, 4)))) == [0, 1, 2, 3, 4]
-    assert decoder.counts == Counts(frames=5, out_of_order=2)
+    assert numbers(decoder.feed(b"".join(map(frame, (0, 1, 1, 2, 3, 2, 3, 1, 2, 3, 4))))) == [0, 1, 2, 3, 4]
+    assert decoder.counts == Counts(frames=5, duplicates=6)

@@ -201,7 +201,7 @@ def test_a_silent_device_is_told_to_send_again() -> None:
     said: list[str] = []
     source = ts.SerialSource(lambda: _Deaf(device()), SENSOR, on_message=said.append)
     assert len(list(islice(source, 60))) == 60
-    assert said == ["no scan came for 1 s; it is told to send again", "scans come again"]
+    assert said == ["no scan came for 0.8 s; it is told to send again", "scans come again"]
 
 
 class _Spoilt(Loopback):

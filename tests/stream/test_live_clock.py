@@ -121,6 +121,11 @@ class Run:
             self.numbers.append(raw.sequence)
             self.bench.clock.now_s += pause_s()
 
+    @property
+    def troubles(self) -> list[str]:
+        """What was told, but scans that found no room on the line."""
+        return [text for text in self.said if not text.endswith("missing by their numbers")]
+
     def check_times(self) -> None:
         assert (np.diff(self.times) > 0.0).all()
 
@@ -158,7 +163,7 @@ def test_a_sound_clock_is_believed(clock: Clock, kind: str) -> None:
     stamp, late_s = HEALTHY[kind](np.random.default_rng(1))
     run = Run(Bench(clock, Unit(clock), stamp, late_s))
     run.take(1000)
-    assert run.said == []
+    assert run.troubles == []
     run.check_times()
     period_us = stamp(10**9 + 10**6) - stamp(10**9)
     steps = np.diff(run.times) / np.diff(run.numbers)
@@ -196,7 +201,7 @@ def _raw(number: int, time_s: float) -> RawScan:
 def test_a_slow_taker_is_no_slow_clock(clock: Clock, rate_hz: float, pause_s: float) -> None:
     run = Run(Bench(clock, Unit(clock, rate_hz=rate_hz)))
     run.take(500, lambda: pause_s)
-    assert run.said == []
+    assert run.troubles == []
     run.check_times()
 
 
@@ -205,11 +210,11 @@ def _random(rng: np.random.Generator) -> Callable[[int], int]:
 
 
 WRONG: dict[str, tuple[Callable[[int], int], str, float]] = {
-    "half": (_speed(0.5), r"runs at 50(\.\d)? % of its speed", 3.0),
-    "double": (_speed(2.0), r"runs at (19|20)\d % of its speed", 3.0),
-    "3 % slow": (_speed(0.97), r"runs at (97|96\.9|97\.1) % of its speed", 100.0),
-    "5 % fast": (_speed(1.05), r"runs at (105|104) % of its speed", 40.0),
-    "stands": (lambda us: 777, "stands still", 3.0),
+    "half": (_speed(0.5), r"runs at (50|49)(\.\d)? % of its speed", 1.1),
+    "double": (_speed(2.0), r"runs at (19|20)\d % of its speed", 1.1),
+    "3 % slow": (_speed(0.97), r"runs at (97|96\.9|97\.1) % of its speed", 15.0),
+    "5 % fast": (_speed(1.05), r"runs at (105|104) % of its speed", 5.0),
+    "stands": (lambda us: 777, "stands still", 1.1),
     "backwards": (lambda us: 2**31 - us, "ran backwards", 0.1),
     "random": (_random(np.random.default_rng(3)), "(ran backwards|leapt ahead by)", 0.1),
     "leaps": (lambda us: us + 60_000_000 * (us > 2_000_000), "leapt ahead by 60 s", 2.5),
@@ -250,7 +255,7 @@ def test_a_day_of_rounds_with_scans_lost_at_every_one(clock: Clock) -> None:
         run.take(3)
         assert run.times[-1] - first_s == pytest.approx(clock.now_s - began_s, abs=1.0)
     run.check_times()
-    assert not any("clock" in text for text in run.said)
+    assert run.troubles == []
 
 
 def test_hours_of_sleep_are_no_restart(clock: Clock) -> None:
@@ -262,7 +267,7 @@ def test_hours_of_sleep_are_no_restart(clock: Clock) -> None:
     unit._number += 3600 * int(RATE_HZ)
     bench.waits = b""
     run.take(100)
-    assert run.said == []
+    assert run.said == ["the scans' numbers leapt to 180356, and their time went on"]
     assert run.times[-1] - run.times[0] == pytest.approx(3600.0 + 199 / RATE_HZ, abs=0.1)
 
 
@@ -287,6 +292,7 @@ def test_a_restart_without_a_word_is_told_and_loses_no_scan(clock: Clock, before
     run = Run(bench)
     run.take(before)
     bench.unit = Unit(clock)
+    clock.now_s += 0.3
     bench.unit.receive(Command(Kind.START).encode())  # its hello is lost
     began_s = clock.now_s
     while not run.said:
@@ -310,7 +316,9 @@ def test_a_restart_whose_numbers_lie_ahead_shows_in_its_time(clock: Clock) -> No
     bench.unit.receive(Command(Kind.START).encode())
     bench.unit._number = 700
     run.take(100)
-    assert run.said == ["the device started anew without a word, or is another one; it is asked who it is"]
+    assert run.troubles == [
+        "the device started anew without a word, or is another one; it is asked who it is"
+    ]
     assert run.numbers[-1] > 700
     run.check_times()
     assert run.late[-50:].max() < 0.05

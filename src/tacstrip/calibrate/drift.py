@@ -21,6 +21,10 @@ from tacstrip.sensor.raw import invert_calibration, touched
 from tacstrip.sensor.spec import Sensor
 
 _FURTHEST = 0.05  # of Vref: a strip that moved more is touched, or broken
+_MOST_STEP, _LEAST_NOISE = (
+    3.0,
+    1e-3,
+)  # standard deviations of the noise that a reading counts, and the least [Vref]
 _RESTLESS = 5.0  # times the learned noise: a strip that varies more is touched
 
 
@@ -126,6 +130,10 @@ def _drift(sensor: Sensor, name: str) -> FloatArray:
 class DriftEstimator:
     """Tracks the drift scan by scan on the strips that nothing touches, by an exponential average.
 
+    At first it is the plain mean of what was read, so that a drift since the calibration is known within a second. No
+    reading moves it by more than three standard deviations of the noise do: neither strays nor touches too light to be
+    seen. A strip that is held stays as it was, however long.
+
     Parameters
     ----------
     sensor
@@ -162,6 +170,7 @@ class DriftEstimator:
         self.scans = 0
         self._drift = {name: _drift(sensor, name) for name in sensor.signatures}
         self._touched_s = np.full(sensor.strips, np.nan)  # when each strip was last touched
+        self._counted_s = np.zeros(sensor.strips)  # how long each strip was seen at rest
         self._time_s = np.nan  # of the last scan
 
     def update(self, raw: Mapping[str, FloatArray], time_s: float) -> None:
@@ -171,11 +180,17 @@ class DriftEstimator:
         now_touched = touched(self.sensor, without) | unknown
         self._touched_s[now_touched] = time_s
         elapsed_s = max(0.0, time_s - self._time_s) if self.scans else 0.0
-        weight = 1.0 - np.exp(-elapsed_s / self.time_constant_s)
         settled = ~now_touched & (time_s - self._touched_s >= self.settle_s)
+        self._counted_s += np.where(settled, elapsed_s, 0.0)
+        least = 1.0 - np.exp(-elapsed_s / self.time_constant_s)
+        share = elapsed_s / np.maximum(self._counted_s, max(elapsed_s, 1e-9))
+        weight = np.maximum(least, np.where(self._counted_s < self.time_constant_s, share, 0.0))
         for name, values in raw.items():
-            change = values - np.array(_channel(self.sensor, name).rest) - self._drift[name]
-            self._drift[name] += np.where(settled & np.isfinite(values), weight * change, 0.0)
+            channel = _channel(self.sensor, name)
+            change = values - np.array(channel.rest) - self._drift[name]
+            most = _MOST_STEP * np.maximum(np.array(channel.noise or 0.0), _LEAST_NOISE)
+            moved = settled & np.isfinite(values)
+            self._drift[name] += np.where(moved, weight * np.clip(change, -most, most), 0.0)
         self._time_s = time_s
         self.scans += 1
 

@@ -1,7 +1,8 @@
 """Fit a model's parameters to runs: robust least squares, with the uncertainty of each parameter.
 
 A strip's own parameters affect its own readings only, so each step eliminates them strip by strip (one QR each) and
-solves for the shared parameters from what remains.
+solves for the shared parameters from what remains. Parts in which strips are alike have a prior whose spread the fit
+finds (empirical Bayes), and so have errors of the places.
 """
 
 from __future__ import annotations
@@ -9,23 +10,36 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import stdtrit
 
-from tacstrip.arrays import BoolArray, FloatArray
-from tacstrip.calibrate.model import Constants, Model, initial_constants, predict, within_bounds
+from tacstrip.arrays import BoolArray, FloatArray, IntArray
+from tacstrip.calibrate.model import (
+    PARTS,
+    Constants,
+    Model,
+    initial_constants,
+    pooled_precision,
+    predict,
+    within_bounds,
+)
+from tacstrip.calibrate.place_errors import PlaceErrors, place_numbers
 from tacstrip.fisher import covariance
 from tacstrip.io.runs import Runs
 from tacstrip.robust import robust_sigma
 from tacstrip.sensor.spec import Sensor
 
 _STEP = 1e-6  # of the difference quotients: parameters are of order 1, readings smooth
-_MOST_ITERATIONS = 25
+_MOST_ITERATIONS = 40
 _HUBER_ITERATIONS = 3  # with Huber's weights, before Tukey's
-_CONVERGED = 1e-7  # change of the readings over Vref
+_CONVERGED = 1e-6  # change of the readings over Vref
+_SETTLED = 0.05  # relative change of the spreads and of the noise
 _LEAST_SIGMA = 1e-5  # of Vref
+_LEAST_SPREAD = 1e-3  # of the largest
 _HUBER = 1.345  # standard deviations at which a row begins to lose weight; 95 % efficient for normal noise
 _TUKEY = 4.685  # standard deviations at which a row no longer counts; 95 % efficient for normal noise
 _LEAST_REDUNDANCY = 0.02
 _FADES = (0.05, 0.15, 0.35)  # where fits with a fading offset start
+_TWO_SIGMA = 0.97725  # of a distribution: below two standard deviations of a normal one
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,15 +51,19 @@ class ModelFit:
     constants
         Their values.
     shared_sigma, own_sigma
-        Standard deviations (shared,) and (strips, own); inf where the runs do not determine them.
+        Standard deviations (shared,) and (strips, own); inf where the runs do not determine them. Twice of it is what
+        holds 95.4 %, few readings allowed for.
     sigma
         Standard deviation of a reading about the fit, by signature, over Vref.
     weight
         Weight of each row (contacts, strips), 0 to 1; 0 for outliers.
-    cost
-        What the fit minimises.
+    evidence
+        Log probability of the readings, all values of the parameters weighed, but for a constant of the runs: the
+        larger, the better the model.
     residual
         Measured less predicted readings over Vref (signatures, contacts, strips).
+    places
+        Errors of the places; None where they are exact.
     """
 
     constants: Constants
@@ -53,19 +71,22 @@ class ModelFit:
     own_sigma: FloatArray
     sigma: dict[str, float]
     weight: FloatArray
-    cost: float
+    evidence: float
     residual: FloatArray
+    places: PlaceErrors | None = None
 
 
-def fit_model(model: Model, sensor: Sensor, runs: Runs, old: Constants | None = None) -> ModelFit:
+def fit_model(
+    model: Model, sensor: Sensor, runs: Runs, old: Constants | None = None, places: PlaceErrors | None = None
+) -> ModelFit:
     """Return the best parameters of a model, starting from `old` where they are given."""
     first = initial_constants(model, sensor, runs.signatures, old)
     if model.has("fade") and (old is None or not old.model.has("fade")):
         is_fade = np.array(model.shared) == "fade"
         starts = [replace(first, shared=np.where(is_fade, fade, first.shared)) for fade in _FADES]
-        return min((_gauss_newton(sensor, runs, c, _HUBER_ITERATIONS) for c in starts), key=lambda f: f.cost)
-    warm = old is not None and old.model == model
-    return _gauss_newton(sensor, runs, first, 0 if warm else _HUBER_ITERATIONS)
+        fits = (_gauss_newton(sensor, runs, c, _HUBER_ITERATIONS, places) for c in starts)
+        return max(fits, key=lambda f: f.evidence)
+    return _gauss_newton(sensor, runs, first, 0 if old else _HUBER_ITERATIONS, places)
 
 
 def usable_rows(runs: Runs) -> BoolArray:
@@ -74,31 +95,72 @@ def usable_rows(runs: Runs) -> BoolArray:
     return np.asarray(np.isfinite(runs.l_mm) & ~clipped)
 
 
-def _gauss_newton(sensor: Sensor, runs: Runs, constants: Constants, huber: int) -> ModelFit:
+def _gauss_newton(
+    sensor: Sensor, runs: Runs, constants: Constants, huber: int, places: PlaceErrors | None
+) -> ModelFit:
     """Improve the constants until readings settle; the first `huber` iterations reject no row."""
     if huber:
         constants = within_bounds(_offsets_at_median(sensor, runs, constants))
     usable = usable_rows(runs)
-    shared = len(constants.shared)
+    pooled = {
+        part: 0.3 * PARTS[part].prior for part in PARTS if PARTS[part].pooled and constants.model.has(part)
+    }
     weight = usable.astype(float)
     residual = _residuals(sensor, runs, constants)  # (signatures, contacts, strips)
+    shift = np.zeros_like(residual)  # of readings by what the places are off
+    sigma = _robust_sigma(residual, weight)
     redundancy = np.ones_like(residual)
     for iteration in range(_MOST_ITERATIONS):
-        sigma = _sigma(residual / redundancy, weight)[:, None, None]
-        scaled = np.abs(residual / redundancy / sigma).max(axis=0)
+        here = _Linear(sensor, runs, constants, sigma, pooled, places)
+        scaled = np.abs(here.whiten(residual - shift) / redundancy).max(axis=0)
         weight = np.where(usable, _robust_weight(scaled, iteration < huber), 0.0)
-        by = jacobian(sensor, constants, runs.l_mm, runs.w_mm) / sigma[..., None]
-        redundancy = _redundancy(by[..., shared:], weight)
-        step = _step(by, residual / sigma, weight, shared)
-        constants, residual, moved = _line_search(sensor, runs, constants, residual, step, sigma, weight)
-        if moved < _CONVERGED and iteration >= huber:
+        system = here.eliminate(weight)
+        shared, own, errors = system.solve(here.whiten(residual))
+        moved_by = here.columns @ errors
+        constants, residual, moved = _line_search(
+            sensor, runs, constants, residual, moved_by, (shared, own), here, weight
+        )
+        shift, redundancy = moved_by, system.redundancy(here)
+        old_sigma, old_pooled = sigma, pooled
+        sigma = _sigma(here, residual - shift, redundancy, weight, sigma, iteration < huber)
+        pooled = {part: system.spread(part, constants, old) for part, old in pooled.items()}
+        settled = _settled(sigma, old_sigma) and _settled(
+            np.array(list(pooled.values())), np.array(list(old_pooled.values()))
+        )
+        if moved < _CONVERGED and settled and iteration >= huber:
             break
-    sigma = _sigma(residual / redundancy, weight)[:, None, None]
-    by = jacobian(sensor, constants, runs.l_mm, runs.w_mm) / sigma[..., None]
-    shared_sigma, own_sigma = _uncertainty(by, weight, shared)
-    by_name = dict(zip(runs.signatures, sigma.ravel().tolist(), strict=True))
-    cost = _cost(residual, sigma, weight)
-    return ModelFit(constants, shared_sigma, own_sigma, by_name, weight, cost, residual)
+    here = _Linear(sensor, runs, constants, sigma, pooled, places)
+    system = here.eliminate(weight)
+    shared_sigma, own_sigma = system.uncertainty()
+    few = _beyond_independent(here.whiten(residual - shift), system, weight > 0.0, place_numbers(runs))
+    by_name = dict(zip(runs.signatures, sigma.tolist(), strict=True))
+    evidence = _evidence(here, system, residual - shift, usable, errors)
+    return ModelFit(
+        constants, few * shared_sigma, few * own_sigma, by_name, weight, evidence, residual - shift, places
+    )
+
+
+def _beyond_independent(white: FloatArray, system: _Eliminated, counts: BoolArray, places: IntArray) -> float:
+    """Return by how much standard deviations exceed those of independent readings of known noise.
+
+    Repeats of a place on a strip share what the model leaves there and what the converter rounds: what counts is how
+    far their means are off. Few of them know the noise badly (Student's distribution).
+    """
+    square, free, most = 0.0, 0.0, 1.0
+    of_fit = system.leverages(white.shape)  # (strips, signatures, contacts, parameters)
+    for strip, rows in enumerate(of_fit):
+        group = (np.unique(places[:, strip])[:, None] == places[:, strip]) & counts[:, strip]
+        group = group[group.any(axis=1)]
+        mean = group / np.sqrt(group.sum(axis=1, keepdims=True))  # (places, contacts)
+        most = max(most, float(group.sum(axis=1).max(initial=1)))
+        square += float(((white[:, :, strip] @ mean.T) ** 2).sum())
+        free += len(white) * len(mean) - float(((mean @ rows) ** 2).sum())
+    free = max(free, 1.0)
+    return float(np.sqrt(max(square / free, 1.0 / most)) * stdtrit(free, _TWO_SIGMA) / 2.0)
+
+
+def _settled(new: FloatArray, old: FloatArray) -> bool:
+    return bool((np.abs(new - old) <= _SETTLED * old).all())
 
 
 def _residuals(sensor: Sensor, runs: Runs, constants: Constants) -> FloatArray:
@@ -119,20 +181,9 @@ def _offsets_at_median(sensor: Sensor, runs: Runs, constants: Constants) -> Cons
     return replace(constants, own=own)
 
 
-def _sigma(residual: FloatArray, weight: FloatArray) -> FloatArray:
+def _robust_sigma(residual: FloatArray, weight: FloatArray) -> FloatArray:
     """Return the robust standard deviation of each signature's residuals (signatures,)."""
     return np.array([max(_LEAST_SIGMA, float(robust_sigma(r[weight > 0.0]))) for r in residual])
-
-
-def _redundancy(by: FloatArray, weight: FloatArray) -> FloatArray:
-    """Return how much of a reading's error shows in its residual (signatures, contacts, strips): sqrt(1 - leverage).
-
-    Where few rows determine many parameters, the fit follows each row, and a bare residual would hide its error.
-    """
-    rows = np.moveaxis(by * np.sqrt(weight)[..., None], 2, 0)  # (strips, signatures, contacts, own)
-    flat = rows.reshape(len(rows), rows.shape[1] * rows.shape[2], rows.shape[3])
-    leverage = (np.linalg.qr(flat)[0] ** 2).sum(axis=-1).reshape(rows.shape[:-1])
-    return np.asarray(np.sqrt(np.maximum(1.0 - np.moveaxis(leverage, 0, 2), _LEAST_REDUNDANCY)))
 
 
 def _robust_weight(scaled: FloatArray, huber: bool) -> FloatArray:
@@ -142,9 +193,31 @@ def _robust_weight(scaled: FloatArray, huber: bool) -> FloatArray:
     return np.asarray(np.maximum(0.0, 1.0 - (scaled / _TUKEY) ** 2) ** 2)
 
 
-def _cost(residual: FloatArray, sigma: FloatArray, weight: FloatArray) -> float:
-    squares = (weight * ((residual / sigma) ** 2).sum(axis=0)).sum()
-    return float(squares + 2.0 * np.log(sigma).sum() * (weight > 0.0).sum())
+def _sigma(
+    here: _Linear,
+    residual: FloatArray,
+    redundancy: FloatArray,
+    weight: FloatArray,
+    old: FloatArray,
+    first: bool,
+) -> FloatArray:
+    """Return each signature's noise: by the median first, then by the mean square of the rows that count.
+
+    Uniform noise, a converter's, has 1.28 times its standard deviation by the median.
+    """
+    white = here.whiten(residual)
+    if first or not (weight > 0.0).any():
+        return np.maximum(
+            _LEAST_SIGMA,
+            old
+            * [float(robust_sigma((e / r)[weight > 0.0])) for e, r in zip(white, redundancy, strict=True)],
+        )
+    counts = weight > 0.0
+    square = [
+        float((e[counts] ** 2).sum() / max((r[counts] ** 2).sum(), 1e-9))
+        for e, r in zip(white, redundancy, strict=True)
+    ]
+    return np.maximum(_LEAST_SIGMA, old * np.sqrt(square))
 
 
 def jacobian(sensor: Sensor, constants: Constants, l_mm: FloatArray, w_mm: FloatArray) -> FloatArray:
@@ -164,29 +237,191 @@ def jacobian(sensor: Sensor, constants: Constants, l_mm: FloatArray, w_mm: Float
     return np.stack([(predicted(c) - here) / _STEP for c in moves], axis=-1)
 
 
-def _triangular_factors(
-    by: FloatArray, weight: FloatArray, shared: int, residual: FloatArray | None = None
-) -> FloatArray:
-    """Return the triangular factor of each strip's weighted rows: own columns, shared columns, then the residual."""
-    columns = [by[..., shared:], by[..., :shared]] + ([] if residual is None else [residual[..., None]])
-    rows = np.concatenate(columns, axis=-1) * np.sqrt(weight)[..., None]
-    rows = np.moveaxis(rows, 2, 0)  # (strips, signatures, contacts, columns)
-    rows = rows.reshape(len(rows), -1, rows.shape[-1])
-    lack = max(0, rows.shape[2] - rows.shape[1])
-    return np.asarray(np.linalg.qr(np.pad(rows, ((0, 0), (0, lack), (0, 0))), mode="r"))
+def _by_place(sensor: Sensor, constants: Constants, runs: Runs) -> FloatArray:
+    """Return the derivatives of raw readings by l and w [1/mm] (signatures, contacts, strips, 2)."""
+    l, w, step = runs.l_mm, runs.w_mm, _STEP * sensor.length_mm
+    here, up, longer = (
+        np.stack(list(predict(constants, sensor, *place).values()))
+        for place in ((l, w), (l + step, w), (l, w + step))
+    )
+    return np.nan_to_num(np.stack([up - here, longer - here], axis=-1) / step)
 
 
-def _step(
-    by: FloatArray, residual: FloatArray, weight: FloatArray, shared: int
-) -> tuple[FloatArray, FloatArray]:
-    """Return the Gauss-Newton step of the shared and of the own parameters."""
-    own = by.shape[-1] - shared
-    r = _triangular_factors(by, weight, shared, residual)
-    rest = np.concatenate(list(r[:, own:, own:]))
-    shared_step = np.linalg.lstsq(rest[:, :shared], rest[:, shared], rcond=1e-10)[0]
-    right = r[:, :own, -1] - r[:, :own, own:-1] @ shared_step
-    own_step = np.linalg.pinv(r[:, :own, :own], rcond=1e-10) @ right[..., None]
-    return shared_step, own_step[..., 0]
+class _Linear:
+    """The model linearised at its constants, rows over their noise.
+
+    Attributes
+    ----------
+    columns
+        Derivatives of readings by errors of places that strips share (signatures, contacts, strips, errors).
+    white
+        Whitens the signatures of a contact (contacts, strips, signatures, signatures).
+    """
+
+    def __init__(
+        self,
+        sensor: Sensor,
+        runs: Runs,
+        constants: Constants,
+        sigma: FloatArray,
+        pooled: dict[str, float],
+        places: PlaceErrors | None,
+    ) -> None:
+        self.constants, self.pooled = constants, pooled
+        shape = runs.l_mm.shape
+        noise = np.broadcast_to(np.diag(sigma**2), (*shape, len(sigma), len(sigma)))
+        self.columns = np.zeros((len(sigma), *shape, 0))
+        if places is not None:
+            by_place = _by_place(sensor, constants, runs)
+            self.columns = places.columns(by_place)
+            own = np.moveaxis(places.own(by_place), 0, 2)  # (contacts, strips, signatures, 2)
+            noise = noise + own @ np.swapaxes(own, 2, 3)
+        self.white = np.linalg.inv(np.linalg.cholesky(noise))
+        self.by = jacobian(sensor, constants, runs.l_mm, runs.w_mm)
+
+    def whiten(self, rows: FloatArray) -> FloatArray:
+        """Return rows (signatures, contacts, strips, ...) with noise of 1."""
+        return np.asarray(np.einsum("cnst,tcn...->scn...", self.white, rows))
+
+    def eliminate(self, weight: FloatArray) -> _Eliminated:
+        """Return the rows with each strip's own parameters eliminated; weight (contacts, strips)."""
+        return _Eliminated(self, weight)
+
+    def prior_rows(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the rows of pooled parts by own (rows, own) and shared parameters, and their values (strips, rows)."""
+        c = self.constants
+        names, shared = c.model.own(c.signatures), c.model.shared
+        own_rows, shared_rows = [np.zeros((0, len(names)))], [np.zeros((0, len(shared)))]
+        for part, spread in self.pooled.items():
+            root = pooled_precision(c.model, part) / spread
+            at = [i for i, name in enumerate(names) if name.split()[0] == part]
+            rows = np.zeros((len(root), len(names)))
+            rows[:, at] = root
+            about = np.zeros((len(root), len(shared)))
+            if part == "ratios":
+                about[:, shared.index("ratio")] = -root[0]
+            own_rows.append(rows)
+            shared_rows.append(about)
+        o, s = np.concatenate(own_rows), np.concatenate(shared_rows)
+        return o, s, c.own @ o.T + s @ c.shared
+
+
+class _Eliminated:
+    """Weighted rows, strip by strip, after one QR of the own parameters' columns."""
+
+    def __init__(self, here: _Linear, weight: FloatArray) -> None:
+        self.here = here
+        shared, errors = len(here.constants.shared), here.columns.shape[-1]
+        self.shared, self.errors = shared, errors
+        root = np.sqrt(weight)[..., None]
+        own_prior, shared_prior, self.prior = here.prior_rows()
+        strips = len(here.constants.own)
+
+        def rows(columns: FloatArray, prior: FloatArray) -> FloatArray:
+            white = np.moveaxis(here.whiten(columns) * root, 2, 0)  # (strips, signatures, contacts, columns)
+            white = white.reshape(strips, white.shape[1] * white.shape[2], white.shape[3])
+            return np.concatenate([white, np.broadcast_to(prior, (strips, *prior.shape))], axis=1)
+
+        own = rows(here.by[..., shared:], own_prior)
+        common = rows(
+            np.concatenate([here.by[..., :shared], here.columns], axis=-1),
+            np.concatenate([shared_prior, np.zeros((len(shared_prior), errors))], axis=1),
+        )
+        lack = max(0, own.shape[2] - own.shape[1])
+        self.root, self.lack = root[..., 0], lack
+        own, common = (np.pad(v, ((0, 0), (0, lack), (0, 0))) for v in (own, common))
+        self.q, self.r = np.linalg.qr(own)
+        self.t = np.swapaxes(self.q, 1, 2) @ common  # (strips, own, common)
+        self.z = common - self.q @ self.t
+        prior = np.eye(errors, shared + errors, shared)
+        self.rest = np.concatenate([*self.z, prior])
+
+    def solve(self, white: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the steps of shared and own parameters, and the errors of places, from whitened residuals."""
+        b = np.moveaxis(white * self.root, 2, 0).reshape(len(self.q), -1)
+        b = np.pad(np.concatenate([b, -self.prior], axis=1), ((0, 0), (0, self.lack)))[..., None]
+        along = np.swapaxes(self.q, 1, 2) @ b
+        right = np.concatenate([(b - self.q @ along).ravel(), np.zeros(self.errors)])
+        common = np.linalg.lstsq(self.rest, right, rcond=1e-10)[0]
+        own = np.linalg.pinv(self.r, rcond=1e-10) @ (along - self.t @ common[:, None])
+        return common[: self.shared], own[..., 0], common[self.shared :]
+
+    def redundancy(self, here: _Linear) -> FloatArray:
+        """Return what share of a reading's error its residual shows (signatures, contacts, strips): sqrt(1 - leverage).
+
+        Where few rows determine many parameters, the fit follows each row, and a bare residual would hide its error.
+        """
+        leverage = np.moveaxis((self.leverages(here.by.shape[:3]) ** 2).sum(axis=-1), 0, 2)
+        return np.asarray(np.sqrt(np.maximum(1.0 - leverage, _LEAST_REDUNDANCY)))
+
+    def leverages(self, shape: tuple[int, ...]) -> FloatArray:
+        """Return orthonormal columns that span the fit (strips, signatures, contacts, parameters).
+
+        From the shape (signatures, contacts, strips): a row's squares add to its leverage.
+        """
+        columns = self.q
+        if self.rest.shape[1]:
+            known = np.linalg.pinv(np.linalg.qr(self.rest, mode="r"), rcond=1e-10)
+            columns = np.concatenate([self.q, self.z @ known], axis=2)
+        signatures, contacts, strips = shape
+        return columns[:, : signatures * contacts].reshape(strips, signatures, contacts, columns.shape[2])
+
+    def spread(self, part: str, constants: Constants, old: float) -> float:
+        """Return the spread of a pooled part over the strips: squares over how many of them the readings determine."""
+        names = constants.model.own(constants.signatures)
+        at = [i for i, name in enumerate(names) if name.split()[0] == part]
+        root = pooled_precision(constants.model, part)
+        centre = constants.value("ratio") if part == "ratios" else 0.0
+        values = (constants.own[:, at] - centre) @ root.T
+        inverse = np.linalg.pinv(self.r, rcond=1e-10)[:, at]
+        unknown = float(((root @ inverse) ** 2).sum()) / old**2
+        determined = max(values.size - unknown, 0.05)
+        most = PARTS[part].prior
+        return float(np.clip(np.sqrt((values**2).sum() / determined), _LEAST_SPREAD * most, most))
+
+    def log_determinant(self) -> float:
+        """Return that of the parameters' information."""
+        factors = [
+            np.diagonal(self.r, axis1=1, axis2=2).ravel(),
+            np.diagonal(np.linalg.qr(self.rest, mode="r")),
+        ]
+        return float(2.0 * np.log(np.maximum(np.abs(np.concatenate(factors)), 1e-12)).sum())
+
+    def uncertainty(self) -> tuple[FloatArray, FloatArray]:
+        """Return the standard deviations of the shared and of the own parameters: the Cramer-Rao bound."""
+        common, own = self.rest.shape[1], self.r.shape[1]
+        lack = max(0, common - len(self.rest))
+        together = np.linalg.qr(np.pad(self.rest, ((0, lack), (0, 0))), mode="r")
+        shared_sigma = np.sqrt(np.diag(covariance(self.rest)))[: self.shared] if self.shared else np.zeros(0)
+        own_sigma = np.zeros((len(self.r), own))
+        below = np.concatenate([np.zeros((len(together), own)), together], axis=1)
+        for strip, (r, t) in enumerate(zip(self.r, self.t, strict=True)):
+            rows = np.concatenate([np.concatenate([r, t], axis=1), below])
+            own_sigma[strip] = np.sqrt(np.diag(covariance(rows)))[:own]
+        return shared_sigma, own_sigma
+
+
+def _cost(here: _Linear, residual: FloatArray, constants: Constants, weight: FloatArray) -> float:
+    squares = (weight * (here.whiten(residual) ** 2).sum(axis=0)).sum()
+    own, shared, _ = here.prior_rows()
+    return float(squares + ((constants.own @ own.T + shared @ constants.shared) ** 2).sum())
+
+
+def _evidence(
+    here: _Linear, system: _Eliminated, residual: FloatArray, usable: BoolArray, errors: FloatArray
+) -> float:
+    """Return the log probability of the readings by Laplace's method; rows that do not count as at Tukey's limit."""
+    c = here.constants
+    square = np.minimum((here.whiten(residual) ** 2).sum(axis=0), _TUKEY**2)[usable].sum()
+    square += (system.prior**2).sum() + (errors**2).sum()
+    noise = np.log(np.diagonal(here.white, axis1=2, axis2=3)[usable]).sum()
+    known = -sum(np.log(PARTS[name].prior) for name in c.model.shared)
+    for name in c.model.own(c.signatures):
+        part = name.split()[0]
+        known -= 0.0 if part in here.pooled else len(c.own) * np.log(PARTS[part].prior)
+    for part, spread in here.pooled.items():
+        known += len(c.own) * np.log(np.abs(np.linalg.det(pooled_precision(c.model, part) / spread)))
+    return float(noise + known - 0.5 * (square + system.log_determinant()))
 
 
 def _line_search(
@@ -194,33 +429,22 @@ def _line_search(
     runs: Runs,
     constants: Constants,
     residual: FloatArray,
+    shift: FloatArray,
     step: tuple[FloatArray, FloatArray],
-    sigma: FloatArray,
+    here: _Linear,
     weight: FloatArray,
 ) -> tuple[Constants, FloatArray, float]:
     """Take the step, or the part of it that does not raise the cost.
 
     Returns the constants, their residuals, and how far readings moved; the given ones where no part will do.
     """
-    before = _cost(residual, sigma, weight)
+    before = _cost(here, residual - shift, constants, weight)
     for part in (1.0, 0.5, 0.25, 0.1, 0.01):
         shared, own = constants.shared + part * step[0], constants.own + part * step[1]
         new = within_bounds(replace(constants, shared=shared, own=own))
         after = _residuals(sensor, runs, new)
-        if np.isfinite(after).all() and _cost(after, sigma, weight) <= before + 1e-12:
+        if np.isfinite(after).all() and _cost(here, after - shift, new, weight) <= before + 1e-12 * (
+            1.0 + before
+        ):
             return new, after, float(np.abs(after - residual).max(initial=0.0))
     return constants, residual, 0.0
-
-
-def _uncertainty(by: FloatArray, weight: FloatArray, shared: int) -> tuple[FloatArray, FloatArray]:
-    """Return the standard deviations of the shared and of the own parameters: the Cramer-Rao bound."""
-    own = by.shape[-1] - shared
-    r = _triangular_factors(by, weight, shared)
-    rest = np.concatenate(list(r[:, own:, own:]))
-    together = np.linalg.qr(np.pad(rest, ((0, max(0, shared - len(rest))), (0, 0))), mode="r")
-    shared_sigma = np.sqrt(np.diag(covariance(rest))) if shared else np.zeros(0)
-    own_sigma = np.zeros((len(r), own))
-    for strip, factor in enumerate(r):
-        below = np.concatenate([np.zeros((len(together), own)), together], axis=1)
-        own_sigma[strip] = np.sqrt(np.diag(covariance(np.concatenate([factor[:own], below]))))[:own]
-    return shared_sigma, own_sigma

@@ -33,7 +33,8 @@ class Goodness:
     Attributes
     ----------
     noise
-        Standard deviation of a reading over Vref, from repeats; at least that of the converter's step.
+        Standard deviation of a reading over Vref, from repeats, at least that of the converter's step, and that of
+        stated errors of the places.
     repeated
         Whether there were repeats to estimate it from; else it is P.U. profile I.
     residual
@@ -91,6 +92,8 @@ def assess(sensor: Sensor, calibrated: Sensor, runs: Runs, fit: ModelFit | None 
     row = np.where(usable_rows(runs), np.sqrt(np.mean(off**2, axis=0)), np.nan)
     repeats = repeat_noise(runs)
     noise = max(_PROFILE_I if repeats is None else repeats, reading_sigma(Noise(), sensor))
+    places = [np.nanmedian(sd) / sensor.length_mm for sd in (runs.l_sd_mm, runs.w_sd_mm) if sd is not None]
+    noise = float(np.hypot(noise, max(places, default=0.0)))
     strips = np.array([_upper_quartile(column[np.isfinite(column)]) for column in row.T])
     implausible = "" if fit is None else _implausible(fit)
     return Goodness(noise, repeats is not None, float(np.median(strips)), strips, implausible)
@@ -145,7 +148,7 @@ def _implausible(fit: ModelFit) -> str:
             if np.abs(bend).max() > _OFFSET:
                 worst = 100.0 * bend[np.abs(bend).argmax()]
                 return f"curves would have to be up to {worst:+.0f} % of Vref off"
-    ratio = float(np.exp(np.median(np.atleast_1d(c.value("ratio") + c.value("ratios")))))
+    ratio = float(np.exp(np.median(c.value("ratios" if c.model.has("ratios") else "ratio"))))
     if not 1.0 / _RATIO <= ratio <= _RATIO:
         return f"the ratio of resistivities would have to be {ratio:.2g} times the spec's"
     if c.value("lambda") > _LAMBDA:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from tacstrip.calibrate.fit import ModelFit
+from tacstrip.calibrate.fit import ModelFit, usable_rows
 from tacstrip.calibrate.model import PARTS, Model, apply
 from tacstrip.errors import SpecError
 from tacstrip.io.runs import Runs
 from tacstrip.sensor.spec import Sensor
 
+_ONE_PLACE = 0.01  # of the length: contacts nearer than this to each other are at one place
 _POINT_MM = 5e-7  # contacts no longer than this have no length
 
 
@@ -25,10 +26,34 @@ def needs_lengths(model: Model, runs: Runs) -> str:
     return ""
 
 
+def needs_places(model: Model, sensor: Sensor, runs: Runs) -> str:
+    """Say which part of the model needs more places on a strip than there are; "" otherwise. Needs no fit.
+
+    Repeats are not places, nor are contacts that differ by a hair: a curve with as many knots as there are places
+    passes through each, and anywhere between. A warp's pieces are alike: half as many places tell them.
+    """
+    if not (model.has("curve") or model.has("warp")):
+        return ""
+    part, least = ("curve", model.pieces + 2) if model.has("curve") else ("warp", (model.pieces + 1) // 2)
+    usable = usable_rows(runs)
+    for strip in range(sensor.strips):
+        place = np.stack([runs.l_mm[usable[:, strip], strip], runs.w_mm[usable[:, strip], strip]], axis=1)
+        apart = 0
+        while len(place):
+            far = (np.abs(place - place[0]) > _ONE_PLACE * sensor.length_mm).any(axis=1)
+            place, apart = place[far], apart + 1
+        if apart < least:
+            return (
+                f"the runs do not determine {PARTS[part].words}: strip {strip + sensor.strip_base} has {apart} "
+                f"distinct places and needs {least}; {PARTS[part].remedy}"
+            )
+    return ""
+
+
 def unidentifiable(fit: ModelFit, sensor: Sensor, runs: Runs) -> str:
     """Say which part of the model the runs do not determine and what would; "" where they determine all."""
     model = fit.constants.model
-    if why := needs_lengths(model, runs):
+    if why := needs_lengths(model, runs) or needs_places(model, sensor, runs):
         return why
     spread = dict(zip(model.shared, fit.shared_sigma, strict=True))
     spread |= dict(zip(model.own(runs.signatures), fit.own_sigma.max(axis=0), strict=True))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cache, cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,15 +24,19 @@ class Part(NamedTuple):
         What it is.
     prior, most
         Standard deviation of a parameter before any contact, and the largest of one that is determined: log ratios,
-        lambda / L, the rest over Vref.
+        lambda / L, ends over the strip's resistance, resistivity over its mean, the rest over Vref.
     remedy
         What to do where the runs do not determine it.
+    pooled
+        Whether strips are alike in it: each one's own is drawn about what all share, with a spread of at most `prior`
+        that the fit finds.
     """
 
     words: str
     prior: float
     most: float
     remedy: str
+    pooled: bool = False
 
 
 _DIFFERENT = "press contacts of different lengths w"
@@ -40,10 +45,14 @@ PARTS = {
     "gain": Part("a gain per strip and signature", 0.1, 0.05, "press contacts further apart along every strip"),
     "fade": Part("offsets that fade towards both ends of the scale", 0.3, 0.1, "press contacts nearer to both ends"),
     "ratio": Part("the ratio of resistivities, one for all strips", 0.5, 0.2, _DIFFERENT),
-    "ratios": Part("each strip's own ratio of resistivities", 0.5, 0.2, f"{_DIFFERENT} on every strip"),
+    "ratios": Part("each strip's own ratio of resistivities", 0.5, 0.2, f"{_DIFFERENT} on every strip", True),
     "lambda": Part("contact resistance", 0.05, 0.01, _DIFFERENT),
+    "ends": Part(
+        "resistances at both ends of every strip, clamps and leads", 0.05, 0.02,
+        f"{_DIFFERENT} along every strip", True,
+    ),
     "warp": Part(
-        "resistivity that varies along y, strip by strip", 0.1, 0.02, "press more contacts along every strip"
+        "resistivity that varies along y, strip by strip", 0.5, 0.02, "press more contacts along every strip", True
     ),
     "curve": Part(
         "a monotone curve per strip and signature, in place of offset and gain", 0.1, 0.05,
@@ -54,6 +63,8 @@ _LEAST_RATIO, _MOST_RATIO = 1e-3, 1e3
 _LEAST_FADE, _MOST_FADE = 0.01, 0.5
 _LEAST_GAIN = 0.5
 _ANY = (-1.0, 1.0)  # of Vref or L: no reading and no place is further off
+_MOST_END = 0.2  # of a strip's resistance
+_CORRELATED = 0.2  # of L: resistivities of places so far apart correlate with 1 / e
 
 
 @dataclass(frozen=True)
@@ -73,20 +84,23 @@ class Model:
         """Whether a part is fitted."""
         return part in self.parts
 
-    @property
+    @cached_property
     def knots(self) -> FloatArray:
         """Places of the knots of a warp or a curve, from 0 to 1 (knots,)."""
         return np.linspace(0.0, 1.0, self.pieces + 1)
 
-    @property
+    @cached_property
     def shared(self) -> tuple[str, ...]:
         """Names of the parameters that all strips share."""
-        return tuple(p for p in ("ratio", "lambda", "fade") if self.has(p))
+        ratio = self.has("ratio") or self.has("ratios")  # strips' own ratios are drawn about the shared one
+        return tuple(p for p in ("ratio", "lambda", "fade") if self.has(p) or (p == "ratio" and ratio))
 
+    @cache  # noqa: B019 - a handful of models, asked for in every step of a fit
     def own(self, signatures: tuple[str, ...]) -> tuple[str, ...]:
         """Names of the parameters that each strip has of its own."""
         each = [f"{part} {s}" for part in ("offset", "gain") if self.has(part) for s in signatures]
         each += ["ratios"] if self.has("ratios") else []
+        each += ["ends 0", "ends 1"] if self.has("ends") else []
         each += [f"warp {i}" for i in range(1, self.pieces)] if self.has("warp") else []
         if self.has("curve"):
             each += [f"curve {s} {i}" for s in signatures for i in range(self.pieces + 1)]
@@ -102,8 +116,8 @@ class Constants:
     shared
         By name: log ratio and lambda / L against the spec's, fade.
     own
-        By name, (strips,): offsets, gain - 1, log of a strip's ratio over the shared one, a warp's or a curve's knots
-        less the straight line.
+        By name, (strips,): offsets, gain - 1, log of a strip's ratio over the spec's, resistances at its ends over its
+        own, a warp's or a curve's knots less the straight line.
     """
 
     model: Model
@@ -126,14 +140,25 @@ class Constants:
     def knots(self, name: str, numbers: range) -> FloatArray:
         """Return the knots' values (strips, knots) of a warp or a curve, ends of a warp included."""
         straight = np.broadcast_to(self.model.knots, (len(self.own), self.model.pieces + 1)).copy()
-        for i in numbers:
-            straight[:, i] += self.value(f"{name} {i}")
+        first = self.model.own(self.signatures).index(f"{name} {numbers[0]}")
+        straight[:, numbers[0] : numbers[-1] + 1] += self.own[:, first : first + len(numbers)]
         return straight
 
     @property
+    def warp_at(self) -> FloatArray:
+        """Places of the knots of `warp`, from 0 to 1 (knots,): the two ends where no warp is fitted."""
+        return self.model.knots if self.model.has("warp") else np.array([0.0, 1.0])
+
+    @property
     def warp(self) -> FloatArray:
-        """Electrical place of the knots along y (strips, knots)."""
-        return self.knots("warp", range(1, self.model.pieces))
+        """Electrical place of the knots along y (strips, knots), resistances at the ends included."""
+        between = np.broadcast_to(self.warp_at, (len(self.own), len(self.warp_at)))
+        if self.model.has("warp"):
+            between = self.knots("warp", range(1, self.model.pieces))
+        if not self.model.has("ends"):
+            return between
+        low, high = (self.value(f"ends {i}")[:, None] for i in (0, 1))
+        return np.asarray(low + (1.0 - low - high) * between)
 
     def curve(self, signature: str) -> FloatArray:
         """Raw readings at the knots of a signature's curve (strips, knots)."""
@@ -153,8 +178,21 @@ def initial_constants(
             shared[i] = old.value(name) if name in old.model.shared else shared[i]
         for i, name in enumerate(model.own(signatures)):
             if old.model.pieces == model.pieces or not name.startswith(("warp", "curve")):
-                own[:, i] = old.value(name)
+                own[:, i] = old.value("ratio" if name == "ratios" and not old.model.has("ratios") else name)
     return new
+
+
+def pooled_precision(model: Model, part: str) -> FloatArray:
+    """Return the root R (rows, own parameters) of a pooled part's precision R'R, for a spread of 1.
+
+    A warp's knots follow from the resistivities of its pieces, correlated with their neighbours', which add to 1.
+    """
+    if part != "warp":
+        return np.eye({"ratios": 1, "ends": 2}[part])
+    piece = np.arange(model.pieces) / model.pieces
+    resistivity = np.exp(-np.abs(piece[:, None] - piece) / _CORRELATED)
+    sums = (np.tri(model.pieces)[:-1] - model.knots[1:-1, None]) / model.pieces
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(sums @ resistivity @ sums.T)))
 
 
 def within_bounds(constants: Constants) -> Constants:
@@ -170,6 +208,7 @@ def within_bounds(constants: Constants) -> Constants:
         "lambda": (0.0, 1.0),
         "fade": (min(max(_LEAST_FADE, least), _MOST_FADE), _MOST_FADE),
         "gain": (_LEAST_GAIN - 1.0, 1.0),
+        "ends": (-_MOST_END, _MOST_END),
     }
     limits = np.array([bounds.get(n.split()[0], _ANY) for n in (*model.shared, *model.own(signatures))])
     low, high = limits.reshape(-1, 2).T
@@ -188,11 +227,11 @@ def predict(
     """
     model, length = constants.model, sensor.length_mm
     lam = constants.value("lambda") * length if model.has("lambda") else sensor.contact_lambda_mm
-    ratio: Any = sensor.sensing_ratio * np.exp(constants.value("ratio") + constants.value("ratios"))
+    ratio: Any = sensor.sensing_ratio * np.exp(constants.value("ratios" if model.has("ratios") else "ratio"))
     t = transfer_length(w_mm, lam)
     low, high = (l_mm + t) / length, (l_mm + w_mm - t) / length
-    if model.has("warp"):
-        low, high = (piecewise_map(v, model.knots, constants.warp) for v in (low, high))
+    if model.has("warp") or model.has("ends"):
+        low, high = (piecewise_map(v, constants.warp_at, constants.warp) for v in (low, high))
     found = {}
     for name in constants.signatures:
         k = (k_h if name == "kh" else k_l)(low, high - low, 1.0, ratio)
@@ -225,13 +264,14 @@ def apply(constants: Constants, sensor: Sensor) -> Sensor:
             keys["gain"] = tuple(1.0 + constants.value(f"gain {name}"))
         channels.append(Channel(signature=name, **keys))
     # The mean of the ratios goes into the spec's key, the deviation from it stays with the strip.
-    ratios = constants.value("ratios")
-    mean = float(np.mean(ratios)) + float(constants.value("ratio"))
+    ratios = constants.value("ratios" if model.has("ratios") else "ratio")
+    mean = float(np.mean(ratios))
+    warped = model.has("warp") or model.has("ends")
     calibration = Calibration(
         channels=tuple(channels),
         ratio=tuple(np.exp(ratios - np.mean(ratios))) if model.has("ratios") else (),
-        warp_at=tuple(model.knots) if model.has("warp") else (),
-        warp=_rows(constants.warp) if model.has("warp") else (),
+        warp_at=tuple(constants.warp_at) if warped else (),
+        warp=_rows(constants.warp) if warped else (),
         model=model.name,
         sensor=sensor.fingerprint,
     )

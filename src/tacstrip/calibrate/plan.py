@@ -13,7 +13,7 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.calibrate.fit import jacobian
-from tacstrip.calibrate.model import PARTS, Model, initial_constants
+from tacstrip.calibrate.model import PARTS, Model, initial_constants, pooled_precision
 from tacstrip.calibrate.model_selection import parse_model, planned_model
 from tacstrip.calibrate.unit import require_closed_form
 from tacstrip.contact.noise import Noise
@@ -23,6 +23,11 @@ from tacstrip.sensor.spec import Sensor
 _MOST = 400  # contacts; more than five times the thesis' 81 and a long day
 _TOP = 14.0 / 15.0  # of the length
 _LENGTHS = (0, 5, 10)  # units, as in 6.1.1
+_OTHER_LENGTHS = (0, 5, 10, 15)  # units: of contacts that shall be read well
+_REDUNDANT = (
+    2  # readings of a strip for each parameter, at least: a spoilt row then stands out from the others
+)
+_UNEVEN = 0.06  # spread of the resistivity along y that `uneven` is planned for, over its mean
 
 
 @dataclass(frozen=True)
@@ -56,7 +61,13 @@ class Plan:
 
 
 def plan(
-    sensor: Sensor, wanted_percent: float, noise: Noise, model: str = "", unit_mm: float | None = None
+    sensor: Sensor,
+    wanted_percent: float,
+    noise: Noise,
+    model: str = "",
+    unit_mm: float | None = None,
+    *,
+    uneven: bool = False,
 ) -> Plan:
     """Return the contacts to make.
 
@@ -73,6 +84,8 @@ def plan(
         Parts to be fitted; by default offset, gain, lambda, and the ratio of two layers of rubber.
     unit_mm
         Step of the places, the thesis' unit; by default about a thirtieth of the length.
+    uneven
+        Whether the rubber may vary along y, by some 6 %: the default model with a warp.
 
     Raises
     ------
@@ -80,7 +93,7 @@ def plan(
         A value that cannot be, or a construction without a closed form.
     """
     require_closed_form(sensor)
-    parts = parse_model(model or planned_model(sensor).name, sensor, sensor.signatures)
+    parts = parse_model(model or planned_model(sensor, uneven).name, sensor, sensor.signatures)
     step = sensor.length_mm / 32.5 if unit_mm is None else unit_mm
     if not 0.0 < wanted_percent < 100.0:
         raise OptionError(f"--wanted {wanted_percent}: a percentage of Vref above 0, such as 0.2")
@@ -90,9 +103,17 @@ def plan(
     if not sigma > 0.0:
         raise OptionError("--noise must be above 0: readings without noise need no plan")
     places = _places(sensor, step)
-    by = _reading_jacobian(sensor, parts, places) / sigma  # (places, signatures, parameters)
+    by, other = (
+        _reading_jacobian(sensor, parts, p) / sigma  # (places, signatures, parameters)
+        for p in (places, _places(sensor, step, _OTHER_LENGTHS))
+    )
     counts, worst, spread = _design(
-        by, len(parts.shared), sensor.strips, 0.01 * wanted_percent / sigma, _prior_information(parts, sensor)
+        by,
+        other,
+        len(parts.shared),
+        sensor.strips,
+        0.01 * wanted_percent / sigma,
+        _prior_information(parts, sensor),
     )
     names = (*parts.shared, *parts.own(sensor.signatures))
     contacts = tuple((float(l), float(w), counts[i]) for i, (l, w) in enumerate(places) if counts[i])
@@ -102,13 +123,13 @@ def plan(
     )  # fmt: skip
 
 
-def _places(sensor: Sensor, step: float) -> FloatArray:
+def _places(sensor: Sensor, step: float, lengths: tuple[int, ...] = _LENGTHS) -> FloatArray:
     """Return the contacts that may be made (places, 2), l and w [mm]: unit marks, 0, 5 and 10 units long.
 
     None ends within a fifteenth of the length from the end at Vref, where an offset may take readings to Vref.
     """
     last = _TOP * sensor.length_mm / step + 1e-9
-    return np.array([(i * step, n * step) for n in _LENGTHS for i in range(1, int(last - n) + 1)])
+    return np.array([(i * step, n * step) for n in lengths for i in range(1, int(last - n) + 1)])
 
 
 def _reading_jacobian(sensor: Sensor, model: Model, places: FloatArray) -> FloatArray:
@@ -119,25 +140,35 @@ def _reading_jacobian(sensor: Sensor, model: Model, places: FloatArray) -> Float
 
 
 def _prior_information(model: Model, sensor: Sensor) -> FloatArray:
+    """Return what is known of the parameters before any contact (parameters, parameters): the inverse covariance."""
     names = (*model.shared, *model.own(sensor.signatures))
-    return np.array([PARTS[name.split()[0]].prior ** -2.0 for name in names])
+    known = np.diag([PARTS[name.split()[0]].prior ** -2.0 for name in names])
+    if model.has("warp"):
+        at = [i for i, name in enumerate(names) if name.startswith("warp")]
+        root = pooled_precision(model, "warp") / _UNEVEN
+        known[np.ix_(at, at)] = root.T @ root
+    return known
 
 
 def _design(
-    by: FloatArray, shared: int, strips: int, wanted: float, prior: FloatArray
+    by: FloatArray, other: FloatArray, shared: int, strips: int, wanted: float, prior: FloatArray
 ) -> tuple[Counter[int], float, FloatArray]:
-    """Return how often each place is pressed, the worst 2 sigma over a reading's noise, and parameters' sigmas."""
+    """Return how often each place is pressed, the worst 2 sigma over a reading's noise, and parameters' sigmas.
+
+    `by` and `other`: derivatives of contacts that may be pressed, and of those that shall be read well.
+    """
     each = np.einsum("csp,csq->cpq", by, by)  # (places, P, P): Fisher information of a contact
     # A prior of the shared parameters belongs to all strips together: a part of it to each.
-    now = np.diag(np.where(np.arange(len(prior)) < shared, prior / strips, prior))
+    part = np.where(np.arange(len(prior)) < shared, 1.0 / np.sqrt(strips), 1.0)
+    now = prior * part * part[:, None]
     counts: Counter[int] = Counter()
-    worst = np.inf
-    # As many contacts as parameters at least, so that a spoilt row stands out from the others.
-    while (worst > wanted or counts.total() < len(prior)) and counts.total() < _MOST:
+    worst, least = np.inf, _REDUNDANT * len(prior) / by.shape[1]
+    rows = other.reshape(-1, other.shape[2])
+    while (worst > wanted or counts.total() < least) and counts.total() < _MOST:
         spread = _covariance(now + each, shared, strips)  # (places, P, P)
-        error = 2.0 * np.sqrt(np.einsum("csp,npq,csq->ncs", by, spread, by, optimize=True).max(axis=(1, 2)))
-        best = int(error.argmin())
-        worst = float(error[best])
+        variance = ((rows @ spread) * rows).sum(axis=2).max(axis=1)
+        best = int(variance.argmin())
+        worst = float(2.0 * np.sqrt(variance[best]))
         counts[best] += 1
         now = now + each[best]
     return counts, worst, np.sqrt(np.diag(_covariance(now[None], shared, strips)[0]))

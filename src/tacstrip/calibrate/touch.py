@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -10,7 +11,7 @@ import numpy as np
 from tacstrip.arguments import takes
 from tacstrip.arrays import FloatArray
 from tacstrip.errors import ReadingError
-from tacstrip.robust import robust_sigma
+from tacstrip.robust import half_sigma
 from tacstrip.sensor.calibration import Calibration
 from tacstrip.sensor.raw import invert_calibration, touched
 from tacstrip.sensor.spec import Sensor
@@ -18,7 +19,9 @@ from tacstrip.sensor.spec import Sensor
 _LEAST = 10  # readings: fewer do not determine the noise
 _SIGMAS = 6.0  # an untouched strip crosses this once in 5e8 readings of normal noise
 _MARGIN = 1.5  # over the furthest that any reading was from rest
-_RESTLESS = 0.02  # of Vref: a strip that moves by more is not at rest
+_RESTLESS = 0.02  # of Vref: a strip that moves by more from reading to reading is not at rest
+_CLIPPED = 0.3  # of the wider half's spread: the narrower half is cut off by a rail
+_WANDER = 0.05  # of Vref: nor is one that wanders so far
 
 
 @takes(sensor=Sensor)
@@ -72,7 +75,8 @@ def learn_touch(sensor: Sensor, raw: Mapping[str, FloatArray], *, source: str = 
 def _untouched_level(sensor: Sensor, name: str, values: FloatArray) -> tuple[FloatArray, FloatArray, float]:
     """Return level and noise of untouched strips (strips,) over Vref, and the furthest that a reading was from it.
 
-    Readings beyond ten robust standard deviations are rejected: somebody touched the strip.
+    Readings beyond ten robust standard deviations are rejected: somebody touched the strip. The wider half counts: a
+    strip that rests at 0 is clipped there.
     """
     count = np.isfinite(values).sum(axis=0) if len(values) else np.zeros(sensor.strips, dtype=int)
     if (few := np.flatnonzero(count < _LEAST)).size:
@@ -81,15 +85,29 @@ def _untouched_level(sensor: Sensor, name: str, values: FloatArray) -> tuple[Flo
             "determine its noise. Record a second of readings with nothing on the sensor"
         )
     level = np.nanmedian(values, axis=0)
-    spread = robust_sigma(values - level, axis=0)
-    if (loud := np.flatnonzero(spread > _RESTLESS)).size:
+    low, spread = np.sort([half_sigma(values - level, sign) for sign in (1.0, -1.0)], axis=0)
+    step = half_sigma(np.diff(values, axis=0), 1.0) / np.sqrt(2.0)
+    loud = np.flatnonzero((step > _RESTLESS) | (spread > _WANDER))
+    if loud.size:
+        worst = 100.0 * float(max(step[loud[0]], spread[loud[0]]))
         raise ReadingError(
-            f"strip {loud[0] + sensor.strip_base} is not at rest: its {name} varies by {100.0 * spread[loud[0]]:.2g} % "
+            f"strip {loud[0] + sensor.strip_base} is not at rest: its {name} varies by {worst:.2g} % "
             "of Vref. Take everything off the sensor; an input that floats needs a resistor to ground"
         )
     near = np.where(np.abs(values - level) <= np.maximum(10.0 * spread, 1e-3), values, np.nan)
     noise = np.nanstd(near, axis=0, ddof=1)
-    return np.nanmean(near, axis=0), noise, float(np.nanmax(np.abs(near - level)))
+    clipped = low < _CLIPPED * spread
+    noise = np.where(clipped, np.maximum(spread, noise), noise)
+    # Strays of one or two samples say nothing of where the strip rests: the median of five leaves them out.
+    windows = np.lib.stride_tricks.sliding_window_view(near, 5, axis=0)
+    with np.errstate(invalid="ignore"), warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # five lost readings
+        lasting = np.nanmedian(windows, axis=-1)
+    return (
+        np.where(clipped, level, np.nanmean(near, axis=0)),
+        noise,
+        float(np.nanmax(np.abs(lasting - level))),
+    )
 
 
 def undetectable_mm(sensor: Sensor) -> tuple[FloatArray, FloatArray]:

@@ -21,6 +21,8 @@ from tacstrip.io.runs import Runs
 from tacstrip.sensor.calibration import Calibration
 from tacstrip.sensor.spec import Sensor
 
+_CHANGED = 0.5  # % of Vref: a unit in use stays within, but for its drift
+
 
 @dataclass(frozen=True)
 class Parameter:
@@ -63,6 +65,8 @@ class Calibrated:
         Values with their uncertainty, rows that do not count, models that were tried.
     goodness
         Residual and noise.
+    changed
+        That readings are far from the calibration that the sensor had, in words; "" where it had none, or they agree.
 
     Examples
     --------
@@ -89,6 +93,7 @@ class Calibrated:
     excluded: tuple[ExcludedRow, ...]
     trials: tuple[Trial, ...]
     goodness: Goodness
+    changed: str = ""
 
     @property
     def status(self) -> str:
@@ -114,9 +119,10 @@ class Calibrated:
         if good.repeated and good.residual > max(3.0 * good.noise, 0.001):
             return (
                 f"the residual is {100.0 * good.residual:.2g} % of Vref, and by its repeats the readings' noise is "
-                f"{100.0 * good.noise:.2g} %: is the rubber not uniform, or are places not exact? Press more places"
+                f"{100.0 * good.noise:.2g} %: is the rubber not uniform, or are places not exact? Press more places, "
+                "those of --plan --uneven; state errors of places as l_sd_mm and w_sd_mm"
             )
-        return ""
+        return self.changed
 
     def rms_percent(self, off: dict[str, FloatArray]) -> float:
         """Return the root mean square over the rows that count [% of Vref]."""
@@ -214,6 +220,20 @@ def calibrate_unit(
         excluded=_excluded(runs, counted, after),
         trials=trials,
         goodness=assess(plain, done, runs, fit),
+        changed=_changed(sensor, runs),
+    )
+
+
+def _changed(sensor: Sensor, runs: Runs) -> str:
+    """Say that the runs are far from the calibration that the sensor had: another unit's, or drift."""
+    if sensor.calibration is None or sensor.calibration.after_percent is None:
+        return ""
+    off = float(100.0 * np.nanmedian(np.abs(np.stack(list(residuals(sensor, runs).values())))))
+    if off < max(_CHANGED, 5.0 * sensor.calibration.after_percent):
+        return ""
+    return (
+        f"by the calibration that the spec had, the readings are off by {off:.2g} % of Vref (median): are the runs of "
+        "another unit? Name units with --unit. Has this one drifted or been mended, all is well"
     )
 
 
@@ -281,6 +301,7 @@ def _physical(
         "fade": ("fade", 0.0, 1.0, "Vref"),
         "gain": (name, 1.0, 1.0, ""),
         "offset": (name, 0.0, done.vref_volt, "V"),
+        "ends": (f"resistance at y = {'L' if rest == ['1'] else '0'}", 0.0, 1.0, "of the strip's"),
         "warp": (f"place that has the share {at:.4g} of L", at, done.length_mm, "mm, electrical"),
         "curve": (f"curve {(rest or [''])[0]} at {at:.4g} Vref", at, done.vref_volt, "V"),
     }[part]

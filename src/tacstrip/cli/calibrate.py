@@ -33,7 +33,8 @@ _MOST_LINES = 20
 @options.output("Calibrated spec (.toml), or the plan (.csv).", required=False)
 @click.option("--report", type=options.FILE, help="Folder for report.html and its pictures.")
 @click.option("--model", default="auto", show_default=True, metavar="auto|mean|PARTS", help="mean: the thesis' mean "
-              "offsets. PARTS: of offset, gain, fade, ratio, ratios, lambda, warp8, curve8, joined by +.")  # fmt: skip
+              "offsets. PARTS: of offset, gain, fade, ratio, ratios, lambda, ends, warp8, curve8, joined "
+              "by +.")  # fmt: skip
 @click.option("--touch", type=options.FILE, help="Readings (CSV) with nothing on the sensor: learn rest_volt and "
               "touch_volt.")  # fmt: skip
 @click.option("--unit", default="", help="Name of this very unit, kept with its calibration.")
@@ -43,6 +44,7 @@ _MOST_LINES = 20
               help="Print the contacts to make; -o writes them as RUNS to fill in.")  # fmt: skip
 @click.option("--wanted", type=float, default=0.2, show_default=True, help="For --plan: accuracy [%].")
 @click.option("--noise", type=float, default=0.2, show_default=True, help="For --plan: +- of a reading [%].")
+@click.option("--uneven", is_flag=True, help="For --plan: the rubber may vary along y.")
 @click.option("--unit-mm", type=float, help="For --plan: step of the places [mm]; by default L / 32.5.")
 @click.option("--rezero", "zeroed", is_flag=True, help="SENSOR is a calibrated spec, and in place of RUNS stand "
               "readings (CSV) with nothing on the sensor: take the drift from them.")  # fmt: skip
@@ -76,7 +78,7 @@ def command(
     if planned:
         chosen = "" if model == "auto" else model
         noise = Noise(positional=design["noise"] / 100.0)
-        made = plan(spec, design["wanted"], noise, chosen, design["unit_mm"])
+        made = plan(spec, design["wanted"], noise, chosen, design["unit_mm"], uneven=design["uneven"])
         _show_plan(made, spec, design["wanted"])
         if output is not None:
             places = [
@@ -102,7 +104,7 @@ def command(
         warn(half_read(data, spec, runs.signatures))
         warn(rest_hint(spec, runs.raw), file=data)
         if model == "auto":
-            note("Comparing models by cross-validation; this may take a minute")
+            note("Comparing models; this may take some seconds")
         result = calibrate_unit(spec, runs, model=model, unit=unit, force=force)
         _show_result(result)
         spec = result.sensor
@@ -136,7 +138,7 @@ def _check_options(planned: bool, zeroed: bool, data: bool) -> None:
         raise OptionError(
             "--rezero needs readings: tacstrip calibrate --rezero CALIBRATED.toml READINGS.csv -o NEW.toml"
         )
-    options.belong(planned, "is for --plan; leave it out", "wanted", "noise", "unit_mm")
+    options.belong(planned, "is for --plan; leave it out", "wanted", "noise", "unit_mm", "uneven")
     options.belong(zeroed, "is for --rezero; leave it out", "reference")
     options.belong(data and not zeroed, "is of a calibration: give RUNS", "report")
 

@@ -51,6 +51,7 @@ _RATE_HZ = 1000.0
 @click.option("--method", help="Method of reconstruction: polygon, vertex or profile.")
 @click.option("--noise", type=float, help="Half-width of the readings' errors over Vref, where it is known.")
 @click.option("--no-drift", is_flag=True, help="Do not remove the drift of a calibrated sensor.")
+@click.option("--creep", is_flag=True, help="Take the creep of contacts that are held still out.")
 @click.option("--speed", type=float, default=1.0, show_default=True, callback=options.above_0,
               help="INPUT: speed relative to its own times.")  # fmt: skip
 @options.output("Record to this file (.mcap).", required=False)
@@ -142,7 +143,8 @@ def _stream(
     noise = None if given["noise"] is None else Noise(positional=given["noise"])
     # The next source is that of a simulator whose settings were changed.
     next_source = (lambda: None) if simulator is None else simulator.source
-    live = Live(source, given["method"], noise, not given["no_drift"], given["speed"], next_source)
+    live = Live(source, given["method"], noise, not given["no_drift"], given["speed"], next_source,
+                creep=given["creep"])  # fmt: skip
     with ExitStack() as stack:
         # The page and the sinks come first: where they fail, no recording has been begun.
         sinks = list(_sinks(live, given))

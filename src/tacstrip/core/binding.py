@@ -51,25 +51,16 @@ class Scans(ctypes.Structure):
     """`Scans` of core.h; `arrays` keeps alive what it points to."""
 
     arrays: tuple[npt.NDArray[np.float64], ...]
-    _fields_ = (
-        ("scans", _INT),
-        ("strips", _INT),
-        ("signatures", _INT),
-        ("x", _POINTER),
-        ("k", _POINTER),
-        ("sigma", _DOUBLE),
-        ("pitch", _DOUBLE),
-        ("length", _DOUBLE),
-        ("share", _DOUBLE * 2),
-        ("narrow", _DOUBLE),
-        ("lam", _DOUBLE),
-    )
+    _fields_ = _fields(
+        scans=_INT, strips=_INT, signatures=_INT, x=_POINTER, k=_POINTER, sigma=_DOUBLE,
+        pitch=_DOUBLE, length=_DOUBLE, share=_DOUBLE * 2, narrow=_DOUBLE, lam=_DOUBLE,
+    )  # fmt: skip
 
 
 class Loss(ctypes.Structure):
     """`Loss` of core.h."""
 
-    _fields_ = (("tolerance", _DOUBLE), ("cauchy", _DOUBLE), ("end", _DOUBLE))
+    _fields_ = _fields(tolerance=_DOUBLE, cauchy=_DOUBLE, end=_DOUBLE)
 
 
 MAX_VERTICES = 16  # interior vertices of a polygon

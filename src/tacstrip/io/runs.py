@@ -1,8 +1,9 @@
 """Calibration runs as CSV: contacts of known place and what the strips read, or are yet to read.
 
-Columns: strip, l_mm, w_mm, and readings as in a readings file (v_h, v_l, v_out or codes). Rows that repeat a contact
-are repeats. A row without readings is a contact still to be made; one with readings and without l_mm and w_mm is the
-strip untouched. `sensor` and `unit`, which a plan has, name the sensor and the unit that the file is of.
+Columns: strip, l_mm, w_mm, readings as in a readings file (v_h, v_l, v_out or codes), and where places are uncertain
+l_sd_mm and w_sd_mm, their standard deviations; empty is exact. Rows that repeat a contact are repeats. A row without
+readings is a contact still to be made; one with readings and without l_mm and w_mm is the strip untouched. `sensor` and
+`unit`, which a plan has, name the sensor and the unit that the file is of.
 """
 
 from __future__ import annotations
@@ -17,10 +18,13 @@ import numpy as np
 from tacstrip.arguments import takes
 from tacstrip.arrays import FloatArray, IntArray, extent
 from tacstrip.errors import ReadingError
-from tacstrip.io.columns import finite, strip_index, value, value_columns
+from tacstrip.io.column_names import nearly
+from tacstrip.io.columns import PLACE, finite, strip_index, value, value_columns
 from tacstrip.io.csv_rows import Row, csv_writer, find, read_csv
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
+
+_MOST_DEVIATION = 0.05  # of the length: places that are known no better calibrate nothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +45,8 @@ class Runs:
         Name of the file, and of the unit where the file has it.
     open
         Rows without readings.
+    l_sd_mm, w_sd_mm
+        Standard deviations of the places [mm], of the contacts' shape; None: exact.
 
     Examples
     --------
@@ -59,6 +65,8 @@ class Runs:
     source: str = ""
     unit: str = ""
     open: int = 0
+    l_sd_mm: FloatArray | None = None
+    w_sd_mm: FloatArray | None = None
 
     def __repr__(self) -> str:
         strips, names = f"{self.l_mm.shape[1]} strips", ", ".join(self.raw)
@@ -125,9 +133,12 @@ def _runs(
     header: list[str], rows: Iterator[Row], sensor: Sensor, unit: str, force: bool, source: str
 ) -> Runs:
     at = {name: find(header, name) for name in ("strip", "l_mm", "w_mm")}
+    deviations = [header.index(name) if name in header else None for name in ("l_sd_mm", "w_sd_mm")]
+    if misspelt := nearly(header, ["l_sd_mm", "w_sd_mm"], {*PLACE, "l_sd_mm", "w_sd_mm"}):
+        raise ReadingError(misspelt)
     columns = value_columns(header, sensor)
     named = {name: header.index(name) for name in ("sensor", "unit") if name in header}
-    # A row is l, w, line and the readings; of an untouched strip the readings alone.
+    # A row is l, w, line, their deviations and the readings; of an untouched strip the readings alone.
     contacts: list[list[list[float]]] = [[] for _ in range(sensor.strips)]
     rest: list[list[list[float]]] = [[] for _ in range(sensor.strips)]
     open_rows, found_unit = 0, ""
@@ -154,7 +165,8 @@ def _runs(
         if place is None:
             rest[strip].append(fields)
         else:
-            contacts[strip].append([*place, line, *fields])
+            sd = [_deviation(row[i], line, header[i], sensor) if i is not None else 0.0 for i in deviations]
+            contacts[strip].append([*place, line, *sd, *fields])
     if not any(contacts) and not any(rest):
         why = f"all {open_rows} rows have empty readings" if open_rows else "it has a header and nothing else"
         raise ReadingError(f"there are no readings: {why}; press each contact and write down what it reads")
@@ -162,11 +174,24 @@ def _runs(
         names = ", ".join(map(str, lack))
         raise ReadingError(f"no contact on strip {names} has readings; every strip needs contacts of its own")
     signatures = [c.signature for c in columns]
-    l, w, lines, *raw = _gather(contacts, 3 + len(columns))
+    l, w, lines, l_sd, w_sd, *raw = _gather(contacts, 5 + len(columns))
+    uncertain = any(i is not None for i in deviations)
     return Runs(
         l, w, dict(zip(signatures, raw, strict=True)), np.nan_to_num(lines).astype(np.int64),
         dict(zip(signatures, _gather(rest, len(columns)), strict=True)), source, unit or found_unit, open_rows,
+        l_sd if uncertain else None, w_sd if uncertain else None,
     )  # fmt: skip
+
+
+def _deviation(text: str, line: int, name: str, sensor: Sensor) -> float:
+    """Return the standard deviation of a place [mm], 0 where the field is empty."""
+    sd = finite(text, line, name) if text else 0.0
+    if not 0.0 <= sd <= _MOST_DEVIATION * sensor.length_mm:
+        raise ReadingError(
+            f"line {line}: {name} = {text}: the standard deviation of a place is 0 mm (exact) to "
+            f"{_MOST_DEVIATION * sensor.length_mm:.3g} mm; measure the places better"
+        )
+    return sd
 
 
 def _place(l_text: str, w_text: str, line: int, sensor: Sensor) -> tuple[float, float] | None:

@@ -139,6 +139,8 @@ class Readout:
     mux_ohm
         On-resistance of a switch of the multiplexer: at either end of the energised strip where strips are
         switched in turn, else (CRS-CRS) between the sensing strip and the converter.
+    supply_ohm
+        Resistor between Vref and the switches where strips are switched in turn, which limits what a short draws.
     adc_ohm
         Input resistance of the converter, from each end that is read to ground.
     tied_grounds
@@ -159,6 +161,7 @@ class Readout:
 
     strip_ohm: float = 10_000.0
     mux_ohm: float = 0.0
+    supply_ohm: float = 0.0
     adc_ohm: float = math.inf
     tied_grounds: bool = False
 
@@ -166,8 +169,9 @@ class Readout:
         for name, good in (
             ("strip_ohm", 0.0 < self.strip_ohm < math.inf),
             ("mux_ohm", 0.0 <= self.mux_ohm < math.inf),
+            ("supply_ohm", 0.0 <= self.supply_ohm < math.inf),
             ("adc_ohm", self.adc_ohm > 0.0),
         ):
             if not good:
-                least = "0 or more" if name == "mux_ohm" else "above 0"
+                least = "0 or more" if name in ("mux_ohm", "supply_ohm") else "above 0"
                 raise NetworkError(f"{name} = {getattr(self, name)}: must be {least}")

@@ -20,9 +20,9 @@ def source_ohm(sensor: Sensor, readout: Readout, l_mm: FloatArray, u_mm: FloatAr
     from there to its own end, then the switches. Ideal contact.
     """
     per_mm = readout.strip_ohm / sensor.length_mm
-    switch = 0.0 if sensor.kind.common_supply else readout.mux_ohm
+    switch, supply = (0.0, 0.0) if sensor.kind.common_supply else (readout.mux_ohm, readout.supply_ohm)
     l, u, length = np.asarray(l_mm) * per_mm, np.asarray(u_mm) * per_mm, sensor.length_mm * per_mm  # [ohm]
-    below, above = l + switch, length - u + switch
+    below, above = l + switch, length - u + switch + supply
     contact = sensing_share(sensor.sensing_ratio) * (u - l)
     whole = below + contact + above
     whole = np.where(whole > 0.0, whole, 1.0)

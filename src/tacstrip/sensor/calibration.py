@@ -18,6 +18,7 @@ from tacstrip.sensor.constructions import SIGNATURES
 
 _TEXTS = ("made", "source", "model", "sensor", "unit", "zeroed", "touch")
 _PERCENTS = ("before_percent", "after_percent")
+_MOST_END = 0.25  # of a strip's resistance: what clamps and leads may have, or a strip's end lie off
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,7 +33,7 @@ class Calibration:
         Each strip's own ratio of resistivities over the spec's `resistivity_ratio` (strips,).
     warp_at, warp
         Places along y over L, from 0 to 1 (knots,), and the share of each strip's resistance that lies below them
-        (strips, knots), from 0 to 1: rubber that is not uniform.
+        (strips, knots): rubber that is not uniform. From about 0, the clamp's share, to about 1.
     made, source, model, sensor, unit
         When it was fitted, from which file, what was fitted, the sensor's fingerprint, the unit's name.
     before_percent, after_percent
@@ -85,8 +86,8 @@ class Calibration:
         if any(r <= 0.0 for r in self.ratio):
             raise SpecError("ratio: every ratio must be above 0")
         check_rising("warp", self.warp_at, self.warp)
-        if any((row[0], row[-1]) != (0.0, 1.0) for row in self.warp):
-            raise SpecError("warp: every entry must rise from 0 to 1")
+        if any(abs(row[0]) > _MOST_END or abs(row[-1] - 1.0) > _MOST_END for row in self.warp):
+            raise SpecError(f"warp: every entry must rise from 0 to 1, each to +-{_MOST_END:g}")
         names = [c.signature for c in self.channels]
         if len(set(names)) < len(names):
             raise SpecError(f"signature {names[0]!r} has two channels")

@@ -49,6 +49,7 @@ def write_npz(path: str | Path, source: Source) -> int:
     codes = {name: bytearray() for name in source.names}
     touched, strip_times = bytearray(), bytearray()
     times: list[float] = []
+    arrivals: list[float] = []
     sequences: list[int] = []
     shapes: list[tuple[int, Shape]] = []
     for raw in source:
@@ -58,11 +59,14 @@ def write_npz(path: str | Path, source: Source) -> int:
         strip_times += b"" if raw.strip_time_s is None else raw.strip_time_s.tobytes()
         shapes += [(len(times), shape) for shape in raw.shapes]
         times.append(raw.time_s)
+        arrivals.append(np.nan if raw.arrival_s is None else raw.arrival_s)
         sequences.append(raw.sequence)
     many = len(times)
 
     def arrays() -> Iterator[tuple[str, npt.ArrayLike]]:
         yield "time_s", np.array(times)
+        if not np.isnan(arrivals).all():
+            yield "arrival_s", np.array(arrivals)
         yield "sequence", np.array(sequences)
         yield "touched", (mask := np.frombuffer(touched, bool).reshape(many, sensor.strips))
         if len(strip_times) == 8 * mask.size:
@@ -113,6 +117,8 @@ def write_shapes(path: str | Path, source: Recording) -> int:
 def json_line(number: int, raw: RawScan, scan: Scan) -> str:
     """Return a scan as one line of JSON: its readings over Vref, null where nothing touches, and its shapes [mm]."""
     line: dict[str, Any] = {"scan": number, "sequence": raw.sequence, "time_s": round(raw.time_s, 9)}
+    if raw.arrival_s is not None:
+        line["arrival_s"] = round(raw.arrival_s, 9)
     for name in scan.signatures:
         line[name] = plain(scan[name], 9)
     line["shapes"] = [{"status": s.status, "vertices_mm": plain(s.vertices, 6)} for s in raw.shapes]

@@ -113,8 +113,11 @@ class Recording:
                 if last is not None:
                     yield replace(last, shapes=tuple(shapes))
                 time_s = (record.log_time - self.origin_ns) / NANO
+                arrival_s = (record.publish_time - self.origin_ns) / NANO
                 with self._located():
                     last, shapes = read_scan(record.data, schema, self.sensor, self.names, time_s), []
+                if record.publish_time != record.log_time:
+                    last = replace(last, arrival_s=arrival_s)
             elif channel.topic in _STATUS and schema == POLYGON and last is not None:
                 with self._located():
                     shapes.append(read_polygon(record.data, _STATUS[channel.topic]))

@@ -65,6 +65,9 @@ class RawScan:
         Time of each strip's reading (strips,) [s], counted from `time_s`; None where it is not known.
     shapes
         Polygons that are stored with the scan, as a recording may have them.
+    arrival_s
+        When it arrived by the computer's clock [s], counted from the source's `origin_ns`; None where it came from no
+        device. `time_s` has the intervals of the device's clock, which may gain or lose seconds an hour.
 
     Examples
     --------
@@ -82,6 +85,7 @@ class RawScan:
     sequence: int = 0
     strip_time_s: FloatArray | None = None
     shapes: tuple[Shape, ...] = ()
+    arrival_s: float | None = None
 
     def __repr__(self) -> str:
         strips = f"{len(self.touched)} strips at {self.time_s:.6g} s: {touched_strips(self.touched)}"

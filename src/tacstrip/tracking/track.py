@@ -15,7 +15,7 @@ from tacstrip.contact.noise import Noise
 from tacstrip.core.problem import FLOOR
 from tacstrip.core.rigid import RigidScans
 from tacstrip.errors import ReadingError, SignatureError
-from tacstrip.geometry.moments import area_gradient, moments
+from tacstrip.geometry.moments import deviations, moments
 from tacstrip.reconstruction.noise_covariance import Averaging, fit_sigma
 from tacstrip.reconstruction.polygon.estimate import fit_polygon
 from tacstrip.reconstruction.result import Alternative, Status
@@ -110,8 +110,7 @@ class Track:
         """Standard deviation of the area [mm^2]; NaN where none is known."""
         if self.covariance is None:
             return math.nan
-        slope = area_gradient(self.outline)
-        return math.sqrt(max(float(slope @ self.covariance @ slope), 0.0))
+        return deviations(self.outline, self.covariance)[0]
 
     def placed(self, scan: int) -> FloatArray:
         """Return the corners (N, 2) [mm] on the sensor in one scan; NaN where it is absent."""

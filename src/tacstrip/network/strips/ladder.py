@@ -96,8 +96,11 @@ def _ends(mesh: StripMesh, strips: dict[int, list[FloatArray]]) -> tuple[FloatAr
         through = share - np.diff(d) * s
     drops = np.concatenate(([0.0], np.cumsum(r0 * (1.0 - through))))
     drop = drops[first[1:] - 1] - drops[first[:-1]]
-    switch = 0.0 if mesh.sensor.kind.common_supply else mesh.readout.mux_ohm
-    below, above = (np.array([whole[end] for whole in energised]) + switch for end in (0, -1))
+    switch, supply = mesh.readout.mux_ohm, mesh.readout.supply_ohm
+    if mesh.sensor.kind.common_supply:
+        switch = supply = 0.0
+    below = np.array([whole[0] for whole in energised]) + switch
+    above = np.array([whole[-1] for whole in energised]) + switch + supply
     total = below + drop + above
     return (below - d[first[:-1]]) / total, (below + drop - d[first[1:] - 1]) / total
 

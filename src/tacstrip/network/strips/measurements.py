@@ -120,8 +120,8 @@ def measurement_of(mesh: StripMesh, strip: int, along: bool = False) -> Measurem
     together = sensor.kind.common_supply
     for (number, layer), chain in chains.items():
         if layer == "energised" and (together or number == strip):
-            for pole, end in ((ground, chain.node[0]), (source, chain.node[-1])):
-                wires.tie(pole, int(end), 0.0 if together else readout.mux_ohm)
+            wires.tie(ground, int(chain.node[0]), 0.0 if together else readout.mux_ohm)
+            wires.tie(source, int(chain.node[-1]), 0.0 if together else readout.mux_ohm + readout.supply_ohm)
         elif layer == "energised" and readout.tied_grounds:
             wires.tie(ground, int(chain.node[0]), 0.0)
     read = {}

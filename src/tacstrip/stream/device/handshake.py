@@ -12,7 +12,7 @@ from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.device.port import Port
 from tacstrip.stream.device.protocol.decoder import Decoder
 from tacstrip.stream.device.protocol.frames import Kind
-from tacstrip.stream.device.protocol.messages import Command, Hello
+from tacstrip.stream.device.protocol.messages import Command, Hello, is_name
 
 _ASK_S = 0.5  # between two requests to identify itself
 _READ_S = 0.1
@@ -76,6 +76,12 @@ def check_device(hello: Hello, sensor: Sensor) -> None:
     if unknown := [name for name in hello.signatures if name not in sensor.signatures]:
         raise WrongDeviceError(
             f"the device measures {unknown[0]}, which a {sensor.construction} sensor does not have"
+        )
+    unit = "" if sensor.calibration is None else sensor.calibration.unit
+    if is_name(unit) and unit != hello.unit_name:
+        raise WrongDeviceError(
+            f"the spec's calibration is of the unit {unit!r}, and the device is {hello.unit_name!r}: name that unit's "
+            f"own spec with --sensor, or calibrate it (tacstrip calibrate --unit {hello.unit_name})"
         )
 
 

@@ -15,15 +15,19 @@ from tacstrip.stream.device.handshake import WrongDeviceError, check_device, che
 from tacstrip.stream.device.port import Port
 from tacstrip.stream.device.protocol.decoder import Counts, Decoder
 from tacstrip.stream.device.protocol.frames import Kind
-from tacstrip.stream.device.protocol.messages import Command, Hello
+from tacstrip.stream.device.protocol.messages import Command, Hello, Reply
 from tacstrip.stream.device.protocol.scans import ScanBatch
+from tacstrip.stream.device.troubles import Troubles
 from tacstrip.stream.source import LOGGER, RawScan
 
 _HANDSHAKE_S = 5.0  # an Arduino Uno needs 2 to boot
 _READ_S = 0.1  # longest wait for a byte before a stop is noticed
-_SILENT_S = 1.0  # the least time without a scan, and four periods, that count as silence
+_SILENT_S = 0.8  # the least time without a scan, and four periods, that count as silence
 _RETRY_S = 0.3  # between two attempts to reopen a port
 _ASK_S = 0.5  # between two requests to identify itself
+_START_S = 0.2  # between two commands to start after a hello, least
+_ODD_SCANS = 20  # of another layout than the hello's, in a row, that end the stream
+_FLOOD, _FLOOD_S, _FLOOD_SCANS = 1.5, 0.4, 20  # times the rate asked for, in two windows in a row
 # A reader that waited for a fifth of a period, within these limits [s], was waiting for the scans.
 _PROMPT_S = (0.0002, 0.02)
 
@@ -112,6 +116,10 @@ class SerialSource:
         self._clock = DeviceClock(self._period_s)
         self._run = 0  # the decoder's count of restarts at the last scan
         self._held: _HeldScans | None = None
+        self._troubles = Troubles(lambda text: self.on_message(text))
+        self._odd = 0
+        self._started_s = -_START_S
+        self._flood_s, self._flood_scans, self._flooded = 0.0, 0, False
 
     @property
     def counts(self) -> Counts:
@@ -139,40 +147,53 @@ class SerialSource:
     def _scans(self) -> Iterator[RawScan]:
         """Yield the scans of one connection, their times by the computer's clock."""
         self._clock.restart()
+        self._troubles.reconnected()
         self._start()
         self._held = None
         self._run = self._decoder.counts.restarts
-        patience_s = max(_SILENT_S, 4e-6 * self.hello.period_us)
+        patience_s = max(_SILENT_S, 4.0 * self._period_s)
         prompt_s = min(max(_PROMPT_S[0], self._period_s / 5.0), _PROMPT_S[1])
         heard_s, streaming, silent, corrupt = self._host(), False, False, self._decoder.counts.corrupt
         identified = False  # the device restarted, identified itself, and has sent no scan since
-        while not self._closed:
-            began_s = self._host()
-            data = self._port.read(_READ_S)
+        gone: OSError | None = None
+        while not self._closed and gone is None:
+            began_s, data = self._host(), b""
+            try:
+                data = self._port.read(_READ_S)
+            except OSError as error:
+                gone = error  # scans that wait for a missing one come first
             self.arrived_s, now_s = time.perf_counter(), self._host()
-            received = self._decoder.feed(data) if data else []
+            received = self._decoder.feed(data)
             self.waiting = sum(len(batch) for batch in received if isinstance(batch, ScanBatch))
             for message in received:
+                if isinstance(message, Reply):
+                    self._troubles.check_reply(message, now_s)
                 if isinstance(message, Hello):
                     check_unit(message, self.hello)
                     if not message.streaming:
                         identified = True
                         if streaming:
-                            self.on_message("the device started anew; it is told to send")
-                        self._start()
+                            self._troubles.say("anew", "the device started anew; it is told to send", now_s)
+                        if now_s - self._started_s >= _START_S:
+                            self._start()
                     if self._held is not None:
                         held, self._held = self._held.scans, None
                         yield from self._release_scans(held)
-                if not isinstance(message, ScanBatch):
+                if not isinstance(message, ScanBatch) or not self._matches(message, now_s):
                     continue
-                self._check_batch(message)
                 streaming, corrupt = True, self._decoder.counts.corrupt
                 if silent:
                     silent = False
                     self.on_message("scans come again")
+                self._check_rate(len(message), now_s)
                 prompt = now_s - began_s > prompt_s
                 yield from self._release_scans(self._timed(message, now_s, prompt, identified))
                 identified, heard_s = False, self._host()  # the consumer may have taken long
+            self._troubles.check_counts(self.counts, now_s)
+            if gone is not None:
+                raise gone
+            if now_s - began_s > _PROMPT_S[0]:  # the line was empty
+                self._repeat_commands(now_s)
             if self._held is not None:
                 self._ask_identity()
             if self._host() - heard_s > patience_s:
@@ -198,18 +219,24 @@ class SerialSource:
             self._run = batch.restarts
             if not identified:
                 self._hold_scans()
-            if not self._clock.continues_run(scans[0], now_s):
-                self._restart_clock(identified)
+            if self._clock.continues_run(scans[0], now_s):
+                text = f"the scans' numbers leapt to {scans[0].sequence}, and their time went on"
+                self._troubles.say("leap", text, now_s)
+            else:
+                self._restart_clock(identified, now_s)
         while scans:
             n_same = self._clock.n_of_same_run(scans, now_s)
             prompt &= n_same == len(scans)
             if part := scans[:n_same]:
                 times = self._clock.times(part, now_s, prompt)
-                out += [replace(raw, time_s=time_s) for raw, time_s in zip(part, times, strict=True)]
+                out += [
+                    replace(raw, time_s=time_s, arrival_s=now_s)
+                    for raw, time_s in zip(part, times, strict=True)
+                ]
             scans = scans[n_same:]
             if scans:
                 self._hold_scans()
-                self._restart_clock(identified=False)
+                self._restart_clock(False, now_s)
         if trusted and self._clock.fault:
             self.on_message(f"{self._clock.fault}; from now on times are the computer's")
         return out
@@ -224,12 +251,11 @@ class SerialSource:
             self.waiting -= 1
             yield raw
 
-    def _restart_clock(self, identified: bool) -> None:
+    def _restart_clock(self, identified: bool, now_s: float) -> None:
         self._clock.restart()
         if not identified:
-            self.on_message(
-                "the device started anew without a word, or is another one; it is asked who it is"
-            )
+            text = "the device started anew without a word, or is another one; it is asked who it is"
+            self._troubles.say("unheard", text, now_s)
 
     def _hold_scans(self) -> None:
         """Hold scans back until the device has identified itself."""
@@ -277,17 +303,47 @@ class SerialSource:
                 return
 
     def _start(self) -> None:
+        self._started_s = self._host()
         if self._period_us is not None:
             self._write(Kind.RATE, self._period_us)
         self._write(Kind.START)
 
     def _write(self, kind: Kind, period_us: int | None = None) -> None:
         self._commands += 1
-        self._port.write(Command(kind, self._commands, period_us).encode())
+        command = Command(kind, self._commands, period_us)
+        self._troubles.asked(command, self._host())
+        self._port.write(command.encode())
 
-    def _check_batch(self, batch: ScanBatch) -> None:
+    def _repeat_commands(self, now_s: float) -> None:
+        """Ask once more for the rate where no reply has come."""
+        for command in self._troubles.unanswered(now_s):
+            if command.kind == Kind.RATE and command.sequence <= 2:
+                self._write(Kind.RATE, command.period_us)
+
+    def _check_rate(self, scans: int, now_s: float) -> None:
+        """Report a device that sends more scans than it was asked for, for longer than what had waited takes."""
+        self._flood_scans += scans
+        passed_s = now_s - self._flood_s
+        if passed_s >= _FLOOD_S:
+            wanted = passed_s / self._period_s if self._period_us != 0 and self._period_s else float("inf")
+            flooded = self._flood_scans > _FLOOD * wanted + _FLOOD_SCANS
+            if flooded and self._flooded:
+                rates = f"{self._flood_scans / passed_s:.3g} scans a second, and {1.0 / self._period_s:.3g}"
+                self._troubles.say("flood", f"the device sends {rates} were asked for", now_s)
+            self._flood_s, self._flood_scans, self._flooded = now_s, 0, flooded
+
+    def _matches(self, batch: ScanBatch, now_s: float) -> bool:
+        """Return whether scans are of the layout that the hello said; else have the device identify itself."""
         same = batch.touched.shape[1] == self.sensor.strips and batch.adc_bits == self.sensor.adc_bits
-        if not same or tuple(batch.codes) != self.names:
+        if same and tuple(batch.codes) == self.names:
+            self._odd = 0
+            return True
+        self._odd += len(batch)
+        if self._odd >= _ODD_SCANS:
             raise WrongDeviceError(
                 "the device sends other scans than its hello said; flash its firmware anew"
             )
+        self._hold_scans()
+        text = "scans of other strips, signatures or bits than the hello said came and are left out"
+        self._troubles.say("layout", f"{text}; the device is asked who it is", now_s)
+        return False

@@ -13,7 +13,15 @@ from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.codes import code_type, top_code, with_converter
 from tacstrip.stream.device.protocol.decoder import Decoder
 from tacstrip.stream.device.protocol.frames import Kind
-from tacstrip.stream.device.protocol.messages import MAX_PERIOD_US, Command, Hello, Reply, SelfTest, Status
+from tacstrip.stream.device.protocol.messages import (
+    MAX_PERIOD_US,
+    Command,
+    Hello,
+    Reply,
+    SelfTest,
+    Status,
+    is_name,
+)
 from tacstrip.stream.device.protocol.scans import encode_scan
 from tacstrip.stream.source import RawScan
 
@@ -79,6 +87,8 @@ class VirtualDevice:
         self._decoder = Decoder()
         assert self.sensor.adc_bits is not None
         self._bits = self.sensor.adc_bits
+        unit = "" if self.sensor.calibration is None else self.sensor.calibration.unit
+        self._name = unit if is_name(unit) else "virtual"
         self._offsets = np.linspace(0.0, span_s, self.sensor.strips)
         self._untouched = np.zeros(self.sensor.strips, dtype=bool)
         rest = 0.5 if self.sensor.rest_volt is None else self.sensor.rest_volt / self.sensor.vref_volt
@@ -91,7 +101,7 @@ class VirtualDevice:
         return Hello(
             construction=self.sensor.construction, strips=self.sensor.strips, signatures=self.sensor.signatures,
             adc_bits=self._bits, streaming=self._streaming, supply_mv=round(1e3 * self.sensor.vref_volt),
-            period_us=self._period_us, cycle_us=round(1e6 * self._span_s), late=self._late, unit_name="virtual",
+            period_us=self._period_us, cycle_us=round(1e6 * self._span_s), late=self._late, unit_name=self._name,
         )  # fmt: skip
 
     def receive(self, data: bytes) -> bytes:

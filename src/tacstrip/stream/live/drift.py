@@ -1,4 +1,4 @@
-"""Decode live scans and remove the drift of their calibration while they come in."""
+"""Decode live scans and remove the drift of their calibration, and creep, while they come in."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from tacstrip.errors import OptionError
 from tacstrip.scan import Scan
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.codes import ELECTRODES, decode, top_code
+from tacstrip.stream.live.creep import CreepFilter
 from tacstrip.stream.source import RawScan
 
 _SAMPLE_S = 0.05  # between two scans that the drift is estimated from
@@ -27,6 +28,8 @@ class DriftCorrectingDecoder:
         The sensor of the scans.
     drift
         Whether to remove drift, where the calibration knows the level of untouched strips.
+    creep
+        Whether to take the creep of a held contact out.
 
     Attributes
     ----------
@@ -34,10 +37,13 @@ class DriftCorrectingDecoder:
         The sensor, its calibration corrected by the present drift.
     drift
         The estimator of the drift; None where none is removed.
+    creep
+        The filter of held contacts; None where readings are passed on as they are.
     """
 
-    def __init__(self, sensor: Sensor, drift: bool = True) -> None:
+    def __init__(self, sensor: Sensor, drift: bool = True, creep: bool = False) -> None:
         self.sensor = sensor
+        self.creep = CreepFilter() if creep and sensor.kind.closed_form else None
         self.drift: DriftEstimator | None = None
         if drift and sensor.rest_volt is not None:
             with suppress(OptionError):  # no calibration, or no level of untouched strips in it
@@ -54,4 +60,5 @@ class DriftCorrectingDecoder:
             if abs(raw.time_s - self._applied_s) >= _APPLY_S:
                 self._applied_s = raw.time_s
                 self.sensor = self.drift.zeroed("live")
-        return decode(raw, self.sensor)
+        scan = decode(raw, self.sensor)
+        return scan if self.creep is None else self.creep.update(scan)

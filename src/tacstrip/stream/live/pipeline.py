@@ -55,6 +55,8 @@ class Live:
         Called for another source when one has ended; None ends the stream.
     on_message
         Called, from any thread, with messages for the user, a line each; None: the logger "tacstrip".
+    creep
+        Whether to take the creep of contacts that are held still out of their readings.
 
     Attributes
     ----------
@@ -98,12 +100,15 @@ class Live:
         speed: float = 1.0,
         next_source: Callable[[], Source | None] = lambda: None,
         on_message: Callable[[str], None] | None = None,
+        *,
+        creep: bool = False,
     ) -> None:
         self.method, self.noise = method, noise
         self.frames = self.late = self.unreadable = 0
         self.error: BaseException | None = None
         self.recording_failed = self.detail = False
         self.messages: deque[tuple[int, str]] = deque(maxlen=20)
+        self._creep = creep
         self._drift, self._speed, self._next_source, self._on_message = drift, speed, next_source, on_message
         self._n_messages = 0
         self._newest: BoundedQueue[Frame] = BoundedQueue(1)
@@ -120,7 +125,7 @@ class Live:
     def _take_over(self, source: Source) -> None:
         self.source = source
         self.meter = LatencyMeter()
-        self._decoder = DriftCorrectingDecoder(source.sensor, self._drift)
+        self._decoder = DriftCorrectingDecoder(source.sensor, self._drift, self._creep)
         self._tracker = Tracker(source.sensor, self.method, self.noise, self._searches)
 
     def subscribe(self, size: int = 1, detailed: bool = False) -> BoundedQueue[Frame]:

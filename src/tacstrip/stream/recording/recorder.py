@@ -133,6 +133,9 @@ class Recorder:
         """Record one scan with its polygons."""
         try:
             now_ns = self._origin_ns + round(raw.time_s * messages.NANO)
+            came_s = raw.time_s if raw.arrival_s is None else raw.arrival_s
+            came_ns = self._origin_ns + round(came_s * messages.NANO)
+            came_ns += came_ns == now_ns and raw.arrival_s is not None  # equal: not known
         except (OverflowError, ValueError):
             raise RecordingError(
                 f"scan {raw.sequence} has the time {raw.time_s} s; a recording needs finite times"
@@ -145,7 +148,7 @@ class Recorder:
             parts.append((channel, messages.polygon_message(shape.vertices, now_ns)))
         with self._file.guard():
             for channel, data in parts:
-                self._file.writer.add_message(channel, now_ns, data, now_ns, self.scans % 2**32)
+                self._file.writer.add_message(channel, now_ns, data, came_ns, self.scans % 2**32)
         self.scans += 1
         self.polygons += len(raw.shapes)
         self._waiting_bytes += sum(len(data) for _, data in parts)

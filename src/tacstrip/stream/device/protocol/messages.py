@@ -235,8 +235,13 @@ def _packed(name: str, layout: struct.Struct, *values: object) -> bytes:
         raise OptionError(f"a number does not fit its field of a {name} frame ({error})") from None
 
 
+def is_name(text: str) -> bool:
+    """Return whether a device can have this name."""
+    return 0 < len(text) <= 16 and text.isascii() and text.isprintable()
+
+
 def _encoded(name: str, value: str) -> bytes:
-    if not (value.isascii() and value.isprintable() and len(value) <= 16):
+    if value and not is_name(value):
         raise OptionError(f"{name} = {value!r}: must be up to 16 printable ASCII characters")
     return value.encode()
 

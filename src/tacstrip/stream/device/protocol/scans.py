@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, Self
 
@@ -76,6 +76,17 @@ class ScanBatch:
         # Differences are modulo 2^32; as signed numbers they take the shorter direction.
         times = before + np.cumsum((raw - previous).astype(np.int32), dtype=np.int64)
         return cls(rows["sequence"], times, rows["span_us"], touched, codes, bits, restarts)
+
+    def in_range(self) -> Self:
+        """Return the scans none of whose codes is above 2^adc_bits - 1."""
+        top = 2**self.adc_bits - 1
+        bad = np.zeros(len(self), dtype=bool)
+        for values in self.codes.values():
+            bad |= values.max(axis=1) > top
+        if not bad.any():
+            return self
+        fields = {name: getattr(self, name)[~bad] for name in ("sequence", "time_us", "span_us", "touched")}
+        return replace(self, codes={name: values[~bad] for name, values in self.codes.items()}, **fields)
 
     def scans(self) -> Iterator[RawScan]:
         """Yield the scans, their times by the device's clock."""

@@ -1,0 +1,298 @@
+"""A device that misbehaves: every intact scan is recorded once and in order, every trouble named, no time goes back."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import tacstrip as ts
+from rogue_device import BITS, STRIPS, Clock, Rogue, Trouble, frame
+from tacstrip.stream import RawScan
+from tacstrip.stream.device.protocol.frames import check_frame, encode_frame
+
+SENSOR = ts.Sensor(construction="crs-crs", strips=STRIPS, pitch_mm=10.0, length_mm=100.0, adc_bits=BITS)
+SCANS = 600
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    made = Clock()
+    monkeypatch.setattr("tacstrip.stream.device.source.HostClock", lambda: made)
+    monkeypatch.setattr("tacstrip.stream.device.handshake.time.monotonic", made)
+    return made
+
+
+def nothing(device: Rogue, n: int) -> None:
+    """After scan n."""
+
+
+def recorded(
+    device: Rogue, folder: Path, rate_hz: float | None = None, then: Callable[[Rogue, int], None] = nothing
+) -> tuple[list[int], list[RawScan], list[str]]:
+    """Record scans and read them back: which they are, the scans, and what was told."""
+    said: list[str] = []
+    source = ts.SerialSource(lambda: device, SENSOR, rate_hz, on_message=said.append)
+    with ts.Recorder(folder / "a.mcap", source.sensor, source.names, source.origin_ns) as recorder:
+        for n, raw in enumerate(islice(source, SCANS)):
+            recorder.add(raw)
+            then(device, n)
+    found = list(ts.Recording(folder / "a.mcap"))
+    return [int(r.codes["kh"][0]) + 1000 * int(r.codes["kh"][1]) for r in found], found, said
+
+
+def every(n: int, spoil: Callable[[Rogue, int, bytes], list[bytes]]) -> Trouble:
+    return lambda device, i, data: spoil(device, i, data) if i % n == n - 3 else [data]
+
+
+def changed(device: Rogue, i: int, data: bytes) -> list[bytes]:
+    bad = bytearray(data)
+    bad[int(device.random.integers(1, len(data) - 1))] ^= int(device.random.integers(1, 256))
+    return [bytes(bad)]
+
+
+def again(device: Rogue, i: int, data: bytes) -> list[bytes]:
+    """The scan, and the one that had its turn here before."""
+    device.keep.append(data)
+    return [data, device.keep[-2] if len(device.keep) > 1 else b""]
+
+
+def late(by: int) -> Trouble:
+    """Every tenth scan comes after the next `by`."""
+
+    def spoil(device: Rogue, i: int, data: bytes) -> list[bytes]:
+        device.keep.append(data)
+        if i % 10 == 3:
+            return []
+        if i % 10 == 3 + by:
+            device.keep, kept = [], device.keep
+            return [*kept[1:], kept[0]] if i % 20 < 10 else [kept[-1], *kept[:-1]]
+        if i % 10 > 3 and i % 10 < 3 + by:
+            return []
+        device.keep.clear()
+        return [data]
+
+    return spoil
+
+
+def out_of_range(device: Rogue, i: int, data: bytes) -> list[bytes]:
+    return [device.scan(i, np.full(2 * STRIPS, 2**BITS, "<u2"))]
+
+
+CLEAN: dict[str, tuple[Trouble, str]] = {  # nothing is lost; what is told
+    "twice": (every(7, lambda d, i, data: [data, data]), r"\d+ scan\(s\) came again and are taken once"),
+    "four times": (every(50, lambda d, i, data: [data] * 4), r"\d+ scan\(s\) came again"),
+    "old ones again": (every(9, again), "came again"),
+    "late by 1": (late(1), r"scan\(s\) came after later ones"),
+    "late by 4": (late(4), r"scan\(s\) came after later ones"),
+    "garbage": (every(5, lambda d, i, data: [d.random.bytes(40), data]), "broken frame"),
+    "a flood of garbage": (every(50, lambda d, i, data: [d.random.bytes(100_000), data]), "broken frame"),
+    "no zero for long": (every(50, lambda d, i, data: [b"\x55" * 100_000, data]), "broken frame"),
+    "zeros": (every(5, lambda d, i, data: [bytes(500), data]), ""),
+    "other kinds": (every(9, lambda d, i, data: [frame(9, i, 0, b"hello"), data]), "another version"),
+    "other versions": (every(9, lambda d, i, data: [frame(1, i, 0, b"x" * 30, 2), data]), "another version"),
+    "short bodies": (every(9, lambda d, i, data: [frame(1, i, 0, b"\3\0"), data]), "another version, kind or length"),
+    "padding": (lambda d, i, data: [d.scan(i, padding=0xC0)], ""),
+    "replies": (every(9, lambda d, i, data: [frame(3, i, 0, bytes(10)), data]), "answers a command that was not sent"),
+    "hellos": (lambda d, i, data: [d.hello()] * 5 + [data], ""),
+    "hellos that lie": (every(9, lambda d, i, data: [d.hello(streaming=False, number=0), data]), "the device"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", CLEAN)
+def test_every_scan_is_recorded_in_order_and_the_trouble_named(
+    clock: Clock, tmp_path: Path, kind: str
+) -> None:
+    trouble, what = CLEAN[kind]
+    which, scans, said = recorded(Rogue(clock, trouble), tmp_path)
+    assert which == list(range(SCANS))
+    assert (np.diff([r.time_s for r in scans]) > 0.0).all()
+    assert any(re.search(what, text) for text in said) if what else said == []
+    assert len(said) <= 3  # and not again and again
+    delays = np.array([r.arrival_s for r in scans], dtype=float) - [r.time_s for r in scans]
+    assert -1e-4 < delays.min() <= delays.max() < 0.06
+
+
+LOSSES: dict[str, tuple[Trouble, str]] = {  # what each tenth scan is lost by
+    "changed": (every(10, changed), "broken frame"),
+    "cut": (every(10, lambda d, i, data: [data[:20]]), "broken frame"),
+    "without its start": (every(10, lambda d, i, data: [data[20:]]), "broken frame"),
+    "missing": (every(10, lambda d, i, data: []), r"scan\(s\) are missing by their numbers"),
+    "other strips": (every(10, lambda d, i, data: [d.scan(i, strips=3)]), "left out; the device is asked who it is"),
+    "codes out of range": (every(10, out_of_range), "have codes above the converter's bits"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", LOSSES)
+def test_only_what_is_not_intact_is_lost(clock: Clock, tmp_path: Path, kind: str) -> None:
+    trouble, what = LOSSES[kind]
+    which, scans, said = recorded(Rogue(clock, trouble), tmp_path)
+    assert which == [i for i in range(which[-1] + 1) if i % 10 != 7]
+    assert (np.diff([r.time_s for r in scans]) > 0.0).all()
+    assert any(re.search(what, text) for text in said)
+
+
+NUMBERS: dict[str, Callable[[int], int]] = {
+    "stand": lambda i: 7 if i > 50 else i,
+    "fall": lambda i: 2**31 - i,
+    "random": lambda i: i * 2654435761,
+    "of 8 bits": lambda i: i % 256,
+    "of 3": lambda i: i % 3,
+    "wrap": lambda i: 2**32 - 300 + i,
+    "leap once": lambda i: i + 10**6 * (i > 200),
+    "fall once": lambda i: 5000 + i - 3000 * (i > 200),
+}
+
+
+@pytest.mark.parametrize("kind", NUMBERS)
+def test_whatever_the_numbers_every_scan_is_recorded(clock: Clock, tmp_path: Path, kind: str) -> None:
+    which, scans, said = recorded(Rogue(clock, number=NUMBERS[kind]), tmp_path)
+    assert which == list(range(SCANS))
+    assert (np.diff([r.time_s for r in scans]) > 0.0).all()
+    assert (said == []) == (kind == "wrap")
+    assert len(said) <= 3
+
+
+CLOCKS: dict[str, tuple[Callable[[int], int], str]] = {
+    "stands": (lambda us: 77, "stands still"),
+    "stands after a while": (lambda us: min(us, 6_000_000), "stands still|runs at"),
+    "half": (lambda us: us // 2, "runs at .* % of its speed"),
+    "double": (lambda us: us * 2, "runs at .* % of its speed"),
+    "20 % slow": (lambda us: us * 4 // 5, "runs at .* % of its speed"),
+    "random": (lambda us: us * 2654435761, "ran backwards|leapt ahead"),
+    "jumps back": (lambda us: us - 1_000_000 * (us > 6_000_000), "ran backwards"),
+    "jumps ahead": (lambda us: us + 300_000 * (us > 6_000_000), "leapt ahead"),
+    "backwards": (lambda us: -us, "ran backwards"),
+    "zero": (lambda us: 0, "stands still"),
+}
+
+
+@pytest.mark.parametrize("kind", CLOCKS)
+@pytest.mark.parametrize("period_us", [5_000, 20_000])
+def test_a_clock_that_lies_is_told_within_a_second(clock: Clock, kind: str, period_us: int) -> None:
+    stamp, what = CLOCKS[kind]
+    told: list[float] = []
+    device = Rogue(clock, period_us=period_us, stamp=stamp)
+    said: list[str] = []
+
+    def tell(text: str) -> None:
+        said.append(text)
+        told.append(clock.now_s)
+
+    source = ts.SerialSource(lambda: device, SENSOR, on_message=tell)
+    lies_s = clock.now_s + (6.0 - 3.21 if "jumps" in kind or "after" in kind else 0.0)
+    scans = list(islice(source, 2 * SCANS))
+    assert re.search(what, said[0])
+    assert told[0] - lies_s < 1.0
+    assert len(said) == 1
+    times = np.array([r.time_s for r in scans])
+    assert (np.diff(times) > 0.0).all()
+    arrived = np.array([r.arrival_s for r in scans], dtype=float)
+    assert np.abs(times - arrived)[-100:].max() < 0.03
+    assert len(scans) == device.i
+
+
+def test_silence_is_told_within_a_second_and_its_end(clock: Clock) -> None:
+    told: list[tuple[str, float]] = []
+    device = Rogue(clock)
+
+    def wake(text: str) -> None:
+        told.append((text, clock.now_s))
+        device.silent = False
+
+    for n, _ in enumerate(islice(ts.SerialSource(lambda: device, SENSOR, on_message=wake), 200)):
+        if n == 100:
+            device.silent, began_s = True, clock.now_s
+    (silence, at_s), (end, _) = told
+    assert silence == "no scan came for 0.8 s; it is told to send again"
+    assert end == "scans come again"
+    assert at_s - began_s < 1.0
+
+
+def test_a_flood_is_told(clock: Clock, tmp_path: Path) -> None:
+    device = Rogue(clock)
+    device.deaf_to = {0x84}  # RATE
+    which, _, said = recorded(device, tmp_path, rate_hz=20.0)
+    assert which == list(range(SCANS))
+    assert said[0] == "the device did not answer RATE within 0.5 s"
+    assert re.fullmatch(r"the device sends \d+ scans a second, and 20 were asked for", said[1])
+    assert device.commands.count(0x84) == 2
+
+
+def test_a_refusal_is_told(clock: Clock, tmp_path: Path) -> None:
+    device = Rogue(clock)
+    device.refuses = {0x84}
+    which, _, said = recorded(device, tmp_path, rate_hz=100.0)
+    assert which == list(range(SCANS))
+    assert said == ["the device refuses RATE: it finds its body invalid"]
+
+
+def test_another_unit_that_goes_on_where_the_first_was_is_refused_by_its_hello(
+    clock: Clock, tmp_path: Path
+) -> None:
+    def then(device: Rogue, n: int) -> None:
+        if n == 300:
+            device.out += device.hello(name=b"right")
+
+    with pytest.raises(ts.PortError, match="unit_name = 'right'"):
+        recorded(Rogue(clock), tmp_path, then=then)
+    assert len(list(ts.Recording(tmp_path / "a.mcap"))) == 301
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_all_at_once(clock: Clock, tmp_path: Path, seed: int) -> None:
+    """Every trouble at random, a third of the scans: intact ones are recorded once, in order of their numbers."""
+    intact: list[int] = []
+
+    def spoil(device: Rogue, i: int, data: bytes) -> list[bytes]:
+        kind = int(device.random.integers(0, 24))
+        if kind == 0:
+            return changed(device, i, data)
+        if kind in (1, 2):
+            return [data[: 25 * (2 - kind)]]
+        intact.append(i)
+        held, device.keep = device.keep, []
+        around = {
+            3: [data, data],
+            4: [device.random.bytes(60), data],
+            5: [frame(9, i, 0, b""), data],
+            6: [device.hello(), data],
+        }
+        if kind == 7:
+            device.keep = [*held, data]  # it comes after the next one
+            return []
+        return [*around.get(kind, [data]), *held]
+
+    device = Rogue(clock, spoil)
+    device.random = np.random.default_rng(seed)
+    which, scans, said = recorded(device, tmp_path)
+    assert which == [i for i in intact if i <= which[-1]]
+    assert (np.diff([r.time_s for r in scans]) > 0.0).all()
+    for word in ("broken", "missing", "came again", "after later ones", "another version"):
+        assert any(word in text for text in said)
+    assert not any("anew" in text or "clock" in text for text in said)
+
+
+def test_a_unit_is_not_read_with_the_calibration_of_another(clock: Clock) -> None:
+    def calibrated(unit: str) -> ts.Sensor:
+        return replace(SENSOR, calibration=ts.Calibration(unit=unit))
+
+    for unit in ("left", "", "the third one of March, with the long cable"):  # of the last no device can be
+        assert ts.SerialSource(lambda: Rogue(clock), calibrated(unit)).hello.unit_name == "left"
+    with pytest.raises(ts.PortError, match="calibration is of the unit 'right', and the device is 'left'"):
+        ts.SerialSource(lambda: Rogue(clock), calibrated("right"))
+
+
+def test_a_full_last_block_may_be_followed_by_an_empty_one(clock: Clock) -> None:
+    """docs/protocol.md: none is sent; both are taken."""
+    for length in range(600):
+        body = bytes([7]) * length
+        plain = b"\x01\x09" + bytes([5]) * 8 + body
+        for data in (frame(9, 0x05050505, 0x05050505, body, empty_block=more) for more in (False, True)):
+            assert check_frame(data[1:-1]) == plain
+        assert encode_frame(9, body, 0x05050505, 0x05050505) == frame(9, 0x05050505, 0x05050505, body)
