@@ -7,6 +7,7 @@ import json
 import math
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import click
@@ -51,7 +52,11 @@ def _log(file: Path, sensor: str | None) -> Log:
     if file.suffix.lower() == ".mcap":
         source = Recording(file, load_sensor(sensor) if sensor else None)
         with contextlib.closing(source):
-            return Log.of_codes(source.sensor, source)
+            log = Log.of_codes(source.sensor, source)
+            if source.condition.whole:
+                return log
+            lost = f"{source.condition.lost_bytes} bytes of {source.condition.total_bytes}"
+            return replace(log, missing=f"the recording is cut: {lost} lie after its last whole part")
     if sensor is None:
         raise OptionError(f"{file} does not say what sensor it is of; name its spec: --sensor sensor.toml")
     log = read_log(file, load_sensor(sensor))
@@ -76,6 +81,8 @@ def _lines(log: Log, report: Report) -> Iterator[str]:
             yield f'    Until then leave it out: --without {name}, or without = ["{name}"] in the spec.'
     for finding in report.notes:
         yield f"Note: {_sentence(report, finding)} {_capital(finding.kind.check)}."
+    for question in report.questions:
+        yield f"Question: {report.where(question)}: {question.evidence}; {question.ask(report.strip_base)}."
     yield _noise(report)
     for reason in report.unchecked:
         yield f"Not checked: {reason}."

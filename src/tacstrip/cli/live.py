@@ -30,6 +30,7 @@ from tacstrip.view.controller import Controller
 from tacstrip.view.health import background_process
 from tacstrip.view.server import Server
 from tacstrip.view.simulator import Settings, Simulator
+from tacstrip.view.watch import watch
 
 _HTTP = 8360
 _POLL_S = 0.1
@@ -52,6 +53,8 @@ _RATE_HZ = 1000.0
 @click.option("--noise", type=float, help="Half-width of the readings' errors over Vref, where it is known.")
 @click.option("--no-drift", is_flag=True, help="Do not remove the drift of a calibrated sensor.")
 @click.option("--creep", is_flag=True, help="Take the creep of contacts that are held still out.")
+@click.option("--watch", "watched", is_flag=True,
+              help="Let the doctor look on, and leave channels out while they are faulty.")  # fmt: skip
 @click.option("--speed", type=float, default=1.0, show_default=True, callback=options.above_0,
               help="INPUT: speed relative to its own times.")  # fmt: skip
 @options.output("Record to this file (.mcap).", required=False)
@@ -150,6 +153,10 @@ def _stream(
         sinks = list(_sinks(live, given))
         for sink in sinks:
             stack.callback(sink.close)
+        if given["watched"]:
+            executor = background_process()
+            stack.callback(executor.shutdown, wait=False, cancel_futures=True)
+            stack.callback(watch(live, executor).close)
         if not given["no_view"]:
             stack.enter_context(_page(live, simulator, given))
         if given["output"] is not None:

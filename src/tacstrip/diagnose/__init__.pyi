@@ -1,6 +1,7 @@
 from .doctor import diagnose as diagnose
 from .faults import FAULTS as FAULTS
 from .faults import Finding as Finding
+from .faults import Question as Question
 from .faults import Report as Report
 from .learned_noise import LearnedNoise as LearnedNoise
 from .learned_noise import learn_noise as learn_noise

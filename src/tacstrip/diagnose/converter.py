@@ -10,10 +10,11 @@ from tacstrip.arrays import FloatArray
 from tacstrip.diagnose.faults import Finding
 from tacstrip.diagnose.log import Log
 
-_OVER = 0.005  # over Vref: what rounding and small offsets may add
+_OVER = 0.02  # over Vref: what rounding and offsets may add
 _FAR = 0.1  # over Vref: one reading so far out is enough
 _BLOCKS = 16  # different settings of the higher bits, before a bit that never changes is called stuck
 _VISITS = 3  # of the end at Vref
+_NO_CEILING = 0.94  # of Vref: higher, clamps and a rim that no contact reaches do the same
 _WHOLE = 1e-3  # of a step: rounding of printed volts
 
 
@@ -108,7 +109,7 @@ def _end_level(log: Log, sigma: float) -> float | None:
     highest = np.sort(np.nan_to_num(top[:, often], nan=-1.0), axis=0)[-3]
     level = float(np.median(highest))
     shared = np.abs(highest - level) < near
-    if not 0.4 < level < 0.97 or shared.mean() < 0.75:  # two strips of eight may be ill themselves
+    if not 0.4 < level < _NO_CEILING or shared.mean() < 0.75:  # two strips of eight may be ill themselves
         return None
     at = top > level - near
     askew = (top < level - 0.03) & at.any(axis=1, keepdims=True)

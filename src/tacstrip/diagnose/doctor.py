@@ -13,6 +13,7 @@ from tacstrip.diagnose.drift import drift
 from tacstrip.diagnose.exchanged import swapped_ends, swapped_strips, swapped_wires
 from tacstrip.diagnose.faults import Finding, Report
 from tacstrip.diagnose.hum import hum
+from tacstrip.diagnose.intermittent import intermittent
 from tacstrip.diagnose.log import Log
 from tacstrip.diagnose.neighbour_prediction import (
     Suspect,
@@ -22,17 +23,21 @@ from tacstrip.diagnose.neighbour_prediction import (
     working_copy,
 )
 from tacstrip.diagnose.noise import excess_noise, measure, quality
+from tacstrip.diagnose.pressure import pressure
+from tacstrip.diagnose.questions import questions
 from tacstrip.diagnose.regression import moved_to_and_fro
 from tacstrip.diagnose.shorts import shorts
 from tacstrip.sensor.rest_level import rest_hint
 
-_MOST_SCANS = 20_000  # of longer recordings, evenly spread stretches are examined
+_MOST_SCANS, _MOST_READINGS = 20_000, 400_000  # of longer recordings, evenly spread stretches are examined
 _LEAST_SIGMA = 2e-4  # over Vref: no reading is trusted to less
 _MOST_SIGMA = 0.006  # over Vref, where motion hides the noise: that of P.U. profile II
 _OFFSET = 0.02  # over Vref: what a strip may lie off its neighbours' line before calibration is advised
 _TESTS: tuple[Callable[[WorkingCopy], Iterable[Suspect]], ...] = (
     never_touched, on_rails, not_moving, clipped, swapped_wires, swapped_ends, swapped_strips, shorts,
 )  # fmt: skip
+_EVEN, _LOST = 0.7, 0.01  # of the scans: that follow evenly, where so many may be missing without a word
+_TIMED = 256  # parts of a recording in which a resting contact is looked at for drift
 _FEWEST = 20  # places that determine an offset
 _AT = 0.003  # over Vref: readings this near to a ceiling are not used
 _AT_EDGE = 0.3  # weight of a fault where neighbours stand on one side only
@@ -66,7 +71,7 @@ def diagnose(log: Log) -> Report:
     >>> [(finding.fault, finding.strips) for finding in report.findings]
     [('open-strip', (3,))]
     """
-    part = log.part(_MOST_SCANS)
+    part = log.part(min(_MOST_SCANS, max(_MOST_READINGS // log.sensor.strips, 2000)))
     noise = measure(part)
     sigma = max(noise.sigma if np.isfinite(noise.sigma) else 0.0, _LEAST_SIGMA)
     if not noise.steady:  # motion, for the most part
@@ -79,24 +84,36 @@ def diagnose(log: Log) -> Report:
         beyond = [c.numbers["side"] * (values - c.numbers["level"]) > -_AT for c in ceiling]
         out = np.any([np.zeros(values.shape, bool), *beyond], axis=0)
         work.k[name] = np.where(out, np.nan, values / factor)
-    rows = places(work)
     geometric = log.sensor.kind.closed_form
-    tests = _TESTS if geometric else (never_touched, swapped_wires)
+    pressed = list(pressure(part)) if geometric else []
+    loose = list(intermittent(work)) if geometric and not pressed else []
+    rows = places(work)
+    tests = () if pressed else _TESTS if geometric else (never_touched, swapped_wires)
     named = _remove_dominant(rows, tests if not ceiling else [t for t in tests if t is not clipped])
     for suspect in named:
         suspect.repair(work)
-    removed = _merged([s.finding for s in named])
-    drifting, checked = drift(part, work)
+    work.changed()
+    removed = [*pressed, *loose, *_merged([s.finding for s in named])]
+    timed = places(work, max(len(part.time_s) // _TIMED, 1))
+    drifting, together, checked = drift(part, timed, timed.time_s)
     humming, no_hum = hum(part, sigma)
     loud = {f.strips for f in humming}
     known = {i for f in removed for i in f.strips}
     noisy = [f for f in excess_noise(noise) if f.strips not in loud]  # hum is noise too
-    late = [f for f in (*drifting, *noisy) if not known & set(f.strips)]
+    late = [f for f in (*drifting, *noisy) if not pressed and not known & set(f.strips)]
     findings = [*bits, *reference, *ceiling, *removed, *humming, *late]
-    unchecked = [*_not_checked(part, rows, known), no_bits, no_hum, *_drift_not_checked(part, checked, known)]
+    unchecked = [
+        log.missing,
+        _pauses(log.time_s),
+        *_not_checked(part, rows, known),
+        no_bits,
+        no_hum,
+        *_drift_not_checked(part, checked, known),
+    ]
     return Report(
         findings=tuple(sorted(findings, key=lambda f: (_WORST[f.kind.severity], f.strips))),
-        notes=tuple(_notes(log, rows)),
+        notes=(*together, *_notes(log, rows)),
+        questions=tuple(questions(rows, known)) if geometric and not pressed and not ceiling else (),
         unchecked=tuple(reason for reason in unchecked if reason),
         quality=quality(log.sensor, noise),
         touched_scans=log.touched.sum(axis=0),
@@ -125,6 +142,7 @@ def _remove_dominant(
             suspected, key=lambda s: s.explained * (_AT_EDGE if edges & set(s.finding.strips) else 1.0)
         )
         worst.repair(rows)
+        rows.changed()
         named[worst.finding.place] = worst
     return list(named.values())
 
@@ -183,6 +201,23 @@ def _not_checked(log: Log, work: WorkingCopy, ill: set[int]) -> Iterator[str]:
         yield f"{_names(sorted(alone))}: no usable neighbours at the same time; touch two or more next to them too"
     if log.time_s[0] == log.time_s[-1] and len(log.time_s) > 1:
         yield "drift and hum: the scans have no times"
+
+
+def _pauses(time_s: FloatArray) -> str:
+    """Say how many scans of an even recording are missing; empty where none are."""
+    step = np.diff(time_s)
+    if len(step) < _FEWEST or not (period := float(np.median(step))) > 0.0:
+        return ""
+    if (back := int(np.count_nonzero(step < 0.0))) > 0:
+        return f"drift and hum across {back} place(s) where the scans' time goes back"
+    pause = step > 1.5 * period
+    if np.mean(np.abs(step - period) < 0.2 * period) < _EVEN:
+        return ""
+    lost = int(np.sum(np.round(step[pause] / period) - 1.0))
+    if lost <= _LOST * len(time_s):
+        return ""
+    longest = float(step.max())
+    return f"{lost} scans are missing in {int(pause.sum())} gap(s) of the recording, the longest of {longest:.3g} s"
 
 
 def _drift_not_checked(log: Log, checked: BoolArray, ill: set[int]) -> Iterator[str]:

@@ -1,6 +1,8 @@
-"""Drift: readings that change with time and not with the contact."""
+"""Drift and slow wander: a strip's readings that change with time, not with the contact or the other strips."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -8,226 +10,285 @@ from tacstrip.arrays import BoolArray, FloatArray, IntArray
 from tacstrip.diagnose.faults import Finding
 from tacstrip.diagnose.log import Log
 from tacstrip.diagnose.neighbour_prediction import WorkingCopy, neighbour_residuals
-from tacstrip.diagnose.regression import median_crossings, moved_to_and_fro, regress_out
+from tacstrip.robust import robust_sigma
 
-_DRIFT = 0.012  # over Vref, over the recording: less is not reported
-_FEWEST = 40  # scans; an eighth of them in each third of the recording
+_DRIFT, _WANDER = (
+    0.006,
+    0.005,
+)  # over Vref, over the recording, and as a standard deviation: less is not reported
+_CERTAIN = 4.8  # standard deviations of a normal error that a change must exceed
+_AT_EDGE = 2.0  # times as many for the outermost strips, where extrapolation magnifies what neighbours do
+_TIMES = 4.0  # times the other strips' changes
+_MORE = 4.0  # times the other strips' wander
+_LOOKS, _LOOKS_TO_WANDER = 7, 10  # independent looks at a strip
+_SMOOTH = 1.0  # von Neumann's ratio: 2 for independent looks, less for slow wander
+_STRAIGHT = 0.5  # of the wander's variance: more in a line is drift
+_BLOCKS, _FINE = 16, 4  # of time; as many looks in each
+_RESTS = 4  # untouched readings in a block
+_STRAYS, _STRAY_SHARE = 3, 0.003  # untouched readings that may jump
+_PAUSE = 2  # rows between two visits
+_SPAN, _FEWEST = 0.6, 24  # of the recording, rows
 _OWN = 0.2  # of time's variance that place must not explain
-_OPPOSITE = 1.05  # times the neighbour's change, with the opposite sign: ideally twice
-_BLOCKS, _STRAIGHT = 8, 10.0  # of untouched readings, and standard errors
-_SPAN = 0.8  # of the recording that untouched readings must cover
-_BACK = 3  # times that the contact must cross back: one passage cannot be separated from time
-_STANDS = 1.2  # times sigma: the prediction from two neighbours scatters less while the contact rests
-_PLACES = 6  # different heights that a strip must be touched at, and one more for each term
-_VISITS, _PAUSE = 6, 2  # independent looks, and one more for each term; scans between two visits
-_CERTAIN, _AT_EDGE = (7.0, 2.0)  # standard errors, and times as many for the outermost strips
 
 
-def drift(log: Log, work: WorkingCopy) -> tuple[list[Finding], BoolArray]:
-    """Find strips whose readings drift: untouched, or relative to neighbours under the same contact.
+@dataclass(frozen=True, eq=False)
+class _Trend:
+    """What strips do over the recording (strips,), NaN where it cannot be known.
+
+    change, error: from start to end over Vref, and its standard error, as large as a normal one of equal doubt.
+    wander: standard deviation of slow changes over Vref; smooth: von Neumann's ratio of successive looks.
+    straight: share of the wander's variance that a line explains.
+    """
+
+    change: FloatArray
+    error: FloatArray
+    wander: FloatArray
+    smooth: FloatArray
+    straight: FloatArray
+
+    @classmethod
+    def unknown(cls, strips: int) -> _Trend:
+        return cls(*(np.full(strips, np.nan) for _ in range(5)))
+
+    def put(self, strip: int, values: tuple[float, float, float, float, float]) -> None:
+        """Keep the more certain of two channels."""
+        change, error = values[:2]
+        if np.isfinite(change) and not abs(self.change[strip]) / self.error[strip] > abs(change) / error:
+            self.change[strip], self.error[strip], self.straight[strip] = change, error, values[4]
+        if np.isfinite(values[2]) and not self.wander[strip] > values[2]:
+            self.wander[strip], self.smooth[strip] = values[2:4]
+
+
+def drift(log: Log, work: WorkingCopy, time_s: FloatArray) -> tuple[list[Finding], list[Finding], BoolArray]:
+    """Find strips that drift or wander against the others: untouched, or relative to neighbours under one contact.
 
     Parameters
     ----------
     log
         Its untouched readings show the drift at rest.
-    view
-        All scans, repaired; strips that drift are dropped from it.
+    work, time_s
+        Places, repaired, and when they were (places,) [s]; strips that drift are dropped from it.
 
     Returns
     -------
-    findings, checked
-        And which strips could be looked at (strips,).
+    findings, notes, checked
+        Drift of single strips; that of all together; and which strips could be looked at (strips,).
     """
-    seconds = float(np.ptp(log.time_s))
-    tau = (log.time_s - log.time_s.min()) / seconds if seconds > 0.0 else np.zeros_like(log.time_s)
-    found, rest = _untouched_drift(log, work.order, tau)
-    checked = np.isfinite(rest)
+    first, seconds = float(log.time_s.min()), float(np.ptp(log.time_s))
+    nothing = np.zeros(log.sensor.strips, dtype=bool)
+    if seconds <= 0.0:
+        return [], [], nothing
+    rest, common = _at_rest(log, work.order, (log.time_s - first) / seconds)
+    checked = np.isfinite(rest.change)
+    found = list(_outstanding(rest, "untouched", np.arange(log.sensor.strips), nothing, edges=False))
+    notes = []
+    if np.isfinite(common) and abs(common) > 2.0 * _DRIFT:
+        evidence = f"untouched strips moved together by {100 * common:+.2g} % of Vref from start to end"
+        notes.append(Finding("common-drift", (), evidence, {"change": common}))
     for finding in found:
-        for strip in finding.strips:
-            work.drop(int(np.flatnonzero(work.order == strip)[0]))
-    # A sheet's strips shift each other, so neighbours do not predict them; a common drift is reported once.
-    while log.sensor.kind.closed_form and not any(not f.strips for f in found):
-        changes, errors = _touched_drift(work, tau)  # (strips,) in the view's order
-        checked[work.order[np.isfinite(changes)]] = True
-        certain = np.full(len(changes), _CERTAIN)
-        certain[[0, -1]] *= _AT_EDGE
-        sure = np.abs(changes) > np.maximum(max(_DRIFT, 1.5 * work.sigma), certain * errors)
-        if not sure.any():
+        work.drop(int(np.flatnonzero(work.order == finding.strips[0])[0]))
+    if not log.sensor.kind.closed_form:  # a sheet's strips shift each other
+        return found, notes, checked
+    tau = (time_s - first) / seconds
+    trend = _Trend.unknown(work.strips)
+    due: IntArray = np.arange(work.strips)
+    for _ in range(work.strips):
+        _look(work, tau, trend, due)
+        checked[work.order[np.isfinite(trend.change)]] = True
+        lost = ~np.any([np.isfinite(values).any(axis=0) for values in work.k.values()], axis=0)
+        now = _outstanding(trend, "relative to its neighbours", work.order, lost, edges=True)
+        if not now:
             break
-        if sure[1:-1].any():
-            sure[[0, -1]] = False  # extrapolation magnifies their neighbours' drift
-        place = _drifting_strip(changes, errors, int(np.argmax(np.where(sure, np.abs(changes), 0.0))))
-        change = float(changes[place])
-        evidence = (
-            f"moved by {100 * change:+.3g} +- {100 * errors[place]:.2g} % of Vref from start to end, relative to its "
-            "neighbours"
-        )
-        numbers = {"change": change, "error": float(errors[place])}
-        found.append(Finding("drift", (int(work.order[place]),), evidence, numbers))
+        found.append(now[0])
+        place = int(np.flatnonzero(work.order == now[0].strips[0])[0])
         work.drop(place)
-    return found, checked
+        due = np.arange(max(place - 4, 0), min(place + 5, work.strips))
+        for values in (trend.change, trend.error, trend.wander, trend.smooth, trend.straight):
+            values[due] = np.nan
+    return found, notes, checked
 
 
-def _untouched_drift(log: Log, order: IntArray, tau: FloatArray) -> tuple[list[Finding], FloatArray]:
-    """Return the drift of untouched readings, and each strip's change (strips,), NaN where it has none."""
-    change, slopes, errors = (np.full(log.sensor.strips, np.nan) for _ in range(3))
+def _outstanding(trend: _Trend, how: str, order: IntArray, lost: BoolArray, edges: bool) -> list[Finding]:
+    """Return drifts and wanders that stand out of doubt, and of the other strips', the largest first.
+
+    Strips that are `lost` (strips,) have no readings.
+    """
+    found: list[tuple[float, Finding]] = []
+    with np.errstate(invalid="ignore", divide="ignore"):
+        certain = np.abs(trend.change) / trend.error
+    for i in np.flatnonzero(np.isfinite(trend.change)).tolist():
+        others = np.delete(np.arange(len(order)), i)
+        beside = [j for j in (i - 1, i + 1) if 0 <= j < len(order)]
+        apart = np.setdiff1d(others, beside)
+        need = _CERTAIN * (_AT_EDGE if edges and i in (0, len(order) - 1) else 1.0)
+        usual = _spread_of(trend.change[apart])
+        change, error = float(trend.change[i]), float(trend.error[i])
+        near = max((abs(float(trend.change[j])) for j in beside if np.isfinite(trend.change[j])), default=0.0)
+        stands_out = abs(change) > max(_DRIFT, _TIMES * usual) and certain[i] > need
+        # At rest a contact that reads as rest does shows on neighbours too; a neighbour not known may be the one.
+        share = 1.05 if edges else 0.5
+        clear = not edges or all(np.isfinite(trend.change[j]) or lost[j] for j in beside)
+        if stands_out and clear and not near > share * abs(change) and trend.straight[i] > _STRAIGHT:
+            evidence = f"moved by {100 * change:+.3g} +- {100 * error:.2g} % of Vref from start to end, {how}"
+            numbers = {"change": change, "error": error}
+            found.append((abs(change), Finding("drift", (int(order[i]),), evidence, numbers)))
+            continue
+        calm = trend.wander[apart][np.isfinite(trend.wander[apart])]
+        beyond = max((float(trend.wander[j]) for j in beside if np.isfinite(trend.wander[j])), default=0.0)
+        size = float(trend.wander[i])
+        if (
+            len(calm) >= 3
+            and size > max(_WANDER, _MORE * float(np.median(calm)), 1.5 * float(calm.max()))
+            and (trend.smooth[i] < _SMOOTH or not edges)
+            and not beyond > share * size
+            and not (edges and i in (0, len(order) - 1))
+        ):
+            evidence = f"wanders by +-{100 * size:.2g} % of Vref, slowly, {how}, where the others do by "
+            evidence += f"+-{100 * float(np.median(calm)):.2g} %"
+            finding = Finding("wander", (int(order[i]),), evidence, {"wander": size})
+            found.append((1.7 * size, finding))
+    return [f for _, f in sorted(found, key=lambda pair: -pair[0])]
+
+
+def _spread_of(values: FloatArray) -> float:
+    known = values[np.isfinite(values)]
+    return float(robust_sigma(known)) if len(known) >= 3 else 0.0
+
+
+def _at_rest(log: Log, order: IntArray, tau: FloatArray) -> tuple[_Trend, float]:
+    """Return the trend of untouched readings against those of all strips, and the change that these share."""
+    strips = log.sensor.strips
     near = np.empty_like(log.touched)
     near[:, order] = _near_touched(log.touched[:, order])
+    block = np.minimum((tau * _BLOCKS).astype(int), _BLOCKS - 1)
+    trend, shared = _Trend.unknown(strips), []
     for values in log.raw.values():
         rest = np.where(near, np.nan, values)
-        for strip in range(log.sensor.strips):
-            known = np.isfinite(rest[:, strip])
-            # A contact that slides past near rest must not pass for drift.
-            if not _spread_out(tau[known]) or known.sum() < 2 * _FEWEST or np.ptp(tau[known]) < _SPAN:
-                continue
-            slope, error = _slope_of_medians(tau[known], rest[known, strip])
-            if not errors[strip] < error:
-                slopes[strip], errors[strip] = slope, error
-            sure = slope if abs(slope) > _STRAIGHT * error else 0.0
-            if not abs(change[strip]) > abs(sure):
-                change[strip] = sure
-    moved = np.abs(change) > _DRIFT
-    mean, sharing = _common_drift(slopes, errors)
-    if sharing:
-        at_rest = f"{sharing} of {np.isfinite(slopes).sum()} strips at rest"
-        evidence = f"moved by {100 * mean:+.3g} % of Vref from start to end, {at_rest}"
-        return [Finding("drift", (), evidence, {"change": mean, "strips": float(sharing)})], change
-    evidence = "moved by {:+.3g} % of Vref from start to end, untouched"
-    return [
-        Finding("drift", (int(i),), evidence.format(100 * change[i]), {"change": float(change[i])})
-        for i in np.flatnonzero(moved)
-    ], change
-
-
-def _common_drift(slopes: FloatArray, errors: FloatArray) -> tuple[float, int]:
-    """Return the common drift of all strips, and how many share it; 0 and 0 where there is none."""
-    known = np.isfinite(slopes)
-    if known.sum() < 3:
-        return 0.0, 0
-    slopes, errors = slopes[known], np.maximum(errors[known], 1e-5)
-    mean = float(np.average(slopes, weights=errors**-2.0))
-    alike = np.abs(slopes - mean) < 0.3 * abs(mean) + 3.0 * errors
-    sure = abs(mean) > max(_DRIFT, _STRAIGHT * float(np.sum(errors**-2.0)) ** -0.5)
-    several = np.count_nonzero(np.abs(slopes) > 4.0 * errors) >= 3
-    return (mean, int(alike.sum())) if sure and several and alike.mean() > 0.7 else (0.0, 0)
-
-
-def _drifting_strip(changes: FloatArray, errors: FloatArray, place: int) -> int:
-    """Return the strip that drifts: its neighbours seem to drift half as far the other way.
-
-    An outermost strip has one neighbour, and seems to drift twice as far as that one does: it is the one only if the
-    neighbour's other neighbour does not drift.
-    """
-    last = len(changes) - 1
-    found = place
-    for neighbour, beyond in ((place - 1, place + 1), (place + 1, place - 1)):
-        if not 0 <= neighbour <= last or changes[neighbour] * changes[place] >= 0.0:
+        if not np.isfinite(rest).any():
             continue
-        still = 0 <= beyond <= last and abs(changes[beyond]) < 0.25 * abs(changes[place])
-        least = _CERTAIN * (1.0 if neighbour in (0, last) else 0.5) * errors[neighbour]
-        sure = abs(changes[neighbour]) > max(_OPPOSITE * abs(changes[found]), least)
-        if sure and (still or neighbour not in (0, last)):
-            found = neighbour
-    return found
+        level = np.full((_BLOCKS, strips), np.nan)
+        for b in range(_BLOCKS):
+            part = rest[block == b]
+            enough = np.isfinite(part).sum(axis=0) >= _RESTS
+            if enough.any():
+                level[b, enough] = np.nanmedian(part[:, enough], axis=0)
+        level -= np.where(
+            np.isfinite(level).any(axis=0), np.nanmean(np.where(np.isfinite(level), level, 0.0), axis=0), 0.0
+        )
+        known = np.isfinite(level)
+        center = np.array(
+            [np.median(level[b, known[b]]) if known[b].sum() >= 3 else np.nan for b in range(_BLOCKS)]
+        )
+        middle = (np.arange(_BLOCKS) + 0.5) / _BLOCKS
+        usable = np.isfinite(center)
+        if usable.sum() >= _BLOCKS // 2:
+            shared.append(float(np.polyfit(middle[usable], center[usable], 1)[0]))
+        for strip in range(strips):
+            own = level[:, strip] - np.where(usable, center, 0.0)
+            there = np.isfinite(own)
+            if there.sum() >= _LOOKS and np.ptp(middle[there]) >= _SPAN:
+                change, error, wander, smooth, straight = _over_time(middle[there], own[there], 0)
+                wander = np.nan if _jumps(rest[:, strip]) else wander
+                trend.put(strip, (change, error, wander, smooth, straight))
+    return trend, float(np.median(shared)) if shared else np.nan
 
 
-def _touched_drift(work: WorkingCopy, tau: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return each strip's change that place does not explain, and its standard error (strips,), NaN where not known."""
-    change, error = np.full(work.strips, np.nan), np.full(work.strips, np.nan)
-    count = np.maximum(work.there.sum(axis=1), 1)
-    numbers = np.where(work.there, np.arange(work.strips), 0).sum(axis=1) / count
-    across = numbers[work.there.any(axis=1)]
-    if len(across) and np.std(across) > 0.5 and median_crossings(across, 0.5) < _BACK:
-        return change, error
+def _jumps(rest: FloatArray) -> bool:
+    """Whether readings (scans,) jump, as where a contact that reads nearly as rest passes for none."""
+    step = np.diff(rest[np.isfinite(rest)])
+    if not len(step):
+        return True
+    most = 6.0 * max(float(robust_sigma(step)), 1e-4)
+    return bool(np.count_nonzero(np.abs(step) > most) > max(_STRAYS, _STRAY_SHARE * len(step)))
+
+
+def _over_time(tau: FloatArray, looks: FloatArray, terms: int) -> tuple[float, float, float, float, float]:
+    """Return the numbers of a `_Trend` from looks at times 0..1, after so many terms were fitted.
+
+    Where successive looks err alike, there are fewer independent ones.
+    """
+    since = tau - tau.mean()
+    looks = looks - looks.mean()
+    change = float(since @ looks) / float(since @ since)
+    left = looks - change * since
+    whole = max(float(left @ left), 1e-12)
+    alike = float(np.clip(float(left[1:] @ left[:-1]) / whole, 0.0, 0.9))
+    free = max((len(looks) - 2 - terms) * (1.0 - alike) / (1.0 + alike), 1.0)
+    error = np.sqrt(whole / free / float(since @ since) * len(looks) / (len(looks) - 2 - terms + 2.0))
+    variance = max(float(looks @ looks) / len(looks), 1e-12)
+    smooth = float(np.mean(np.diff(looks) ** 2)) / variance if len(looks) >= _LOOKS_TO_WANDER else 2.0
+    straight = 1.0 - float(left @ left) / max(float(looks @ looks), 1e-12)
+    return change, max(float(error), 1e-5) * _student(free), float(np.sqrt(variance)), smooth, straight
+
+
+def _student(free: float) -> float:
+    """Return how much larger Student's t is than a normal deviation of `_CERTAIN`, at so many degrees of freedom."""
+    z = _CERTAIN
+    return 1.0 + (z**2 + 1.0) / (4.0 * free) + (5.0 * z**4 + 16.0 * z**2 + 3.0) / (96.0 * free**2)
+
+
+def _look(work: WorkingCopy, tau: FloatArray, trend: _Trend, due: IntArray) -> None:
+    """Fill in the trend of some strips, relative to their neighbours, with the effect of place removed."""
     for name, values in work.k.items():
         line, r = neighbour_residuals(work, name)
         rise = np.diff(values, axis=1)
-        for place in range(work.strips):
+        for place in due.tolist():
             sides = [rise[:, i] for i in (place - 2, place + 1) if 0 <= i < rise.shape[1]]
-            terms = np.column_stack([line[:, place], line[:, place] ** 2, *map(np.nan_to_num, sides)])
-            c, e = _change(r[:, place], terms, tau, work.sigma)
-            if np.isfinite(c) and not abs(change[place]) / error[place] > abs(c) / e:
-                change[place], error[place] = c, e
-    return change, error
+            known = np.isfinite(r[:, place])
+            if known.sum() < _FEWEST or np.ptp(tau[known]) < _SPAN:
+                continue
+            terms = [line[:, place], line[:, place] ** 2, *map(np.nan_to_num, sides)]
+            if numbers := _without_place(
+                r[known, place], tau[known], [t[known] for t in terms], np.flatnonzero(known)
+            ):
+                trend.put(place, numbers)
 
 
-def _change(values: FloatArray, place: FloatArray, tau: FloatArray, sigma: float) -> tuple[float, float]:
-    """Return what values (scans,) change by over tau 0..1 that place (scans, terms) does not explain, and its error.
-
-    NaN where it is not identifiable: too few scans, too short a part of the recording, or a contact that did not come
-    back to where it was, so that place and time cannot be separated.
-    """
-    known = np.isfinite(values) & np.isfinite(place).all(axis=1)
-    for _ in range(3):
-        before = known.copy()
-        if not _spread_out(tau[known]):
-            return np.nan, np.nan
-        terms = place[known]
-        level = terms[:, 0] - np.median(terms[:, 0])
-        terms = terms[:, terms.std(axis=0) > max(0.003, 3.0 * sigma)]
-        stands = bool(np.std(level) < max(0.002, _STANDS * sigma))
-        places = len(np.unique(np.round(level / max(0.01, 4.0 * sigma)))) if terms.shape[1] else _PLACES + 1
-        own, rest = (regress_out(v[known], *terms.T) for v in (tau, values))
-        if (
-            not (stands or moved_to_and_fro(level, sigma))
-            or places < _PLACES + terms.shape[1]
-            or own @ own < _OWN * len(own) / 12.0
-        ):
-            return np.nan, np.nan
-        left = rest - float(rest @ own / (own @ own)) * own
+def _without_place(
+    values: FloatArray, tau: FloatArray, terms: list[FloatArray], rows: IntArray
+) -> tuple[float, float, float, float, float] | None:
+    """Return the numbers of a `_Trend` from residuals (rows,) that depend on place too; None where it is not clear."""
+    used = [t for t in terms if float(np.std(t)) > 0.003]
+    keep = np.ones(len(values), dtype=bool)
+    for trimming in (True, True, True, False):
+        if keep.sum() < _FEWEST:
+            return None
+        basis = np.linalg.qr(np.column_stack([np.ones(int(keep.sum())), *(t[keep] for t in used)]))[0]
+        own, rest = (v[keep] - basis @ (basis.T @ v[keep]) for v in (tau, values))
+        power = float(own @ own)
+        if power < _OWN * float(keep.sum()) * float(np.var(tau[keep])):
+            return None  # the contact did not come back to where it was
+        left = rest - float(own @ rest) / power * own
         limit = 4.0 * float(np.median(np.abs(left))) + 1e-5  # a passing corner of the contact is no drift
-        known[np.flatnonzero(known)[np.abs(left) > limit]] = False
-    terms = terms[known[before]]
-    visit = _independent_looks(
-        np.flatnonzero(known), place[known, 0] if terms.shape[1] else None, max(0.01, 3.0 * sigma)
+        beyond = np.flatnonzero(keep)[np.abs(left) > limit]
+        if trimming:
+            keep[beyond] = False
+    at = rows[keep]
+    visit = np.cumsum(np.diff(at, prepend=at[0]) > _PAUSE)
+    part = np.minimum(tau[keep] * _BLOCKS * _FINE, _BLOCKS * _FINE - 1).astype(int)
+    number = np.unique(visit * _BLOCKS * _FINE + part, return_inverse=True)[1]
+    count = np.bincount(number)
+    enough = count >= 2
+    looks, when, raw = (np.bincount(number, v)[enough] / count[enough] for v in (rest, own, tau[keep]))
+    if len(looks) < _LOOKS + len(used) or np.ptp(raw) < _SPAN:
+        return None
+    change, error, *_ = _over_time(when, looks, len(used))
+    block = np.unique(np.minimum(raw * _BLOCKS, _BLOCKS - 1).astype(int), return_inverse=True)[1]
+    weight = np.bincount(block)
+    slow, then = (np.bincount(block, v) / weight for v in (looks, raw))
+    if len(slow) < 4:
+        return None
+    _, _, wander, smooth, straight = _over_time(then, slow, 0)
+    overall = float(np.polyfit(tau[keep], values[keep], 1)[0])  # whatever the place
+    if abs(overall - change) > 0.6 * abs(change):
+        change = 0.0
+    return (
+        change,
+        error,
+        wander,
+        smooth,
+        max(straight, _STRAIGHT + 0.01 if change and abs(change) > 6.0 * error else 0.0),
     )
-    own, rest = (regress_out(v[known], *terms.T) for v in (tau, values))
-    count = np.bincount(visit)
-    own, rest = (np.bincount(visit, v)[count >= 3] / count[count >= 3] for v in (own, rest))
-    if len(own) < _VISITS + terms.shape[1]:
-        return np.nan, np.nan
-    change, error = _slope(own - own.mean(), rest, 2 + terms.shape[1], len(own))
-    since = tau[known] - tau[known].mean()
-    overall = float(since @ values[known]) / float(since @ since)  # whatever the place
-    return (change, error) if abs(overall - change) < 0.6 * abs(change) else (0.0, error)
-
-
-def _independent_looks(rows: IntArray, level: FloatArray | None, least: float) -> IntArray:
-    """Return the number of the independent look that each row belongs to: visits, in eight parts of the recording.
-
-    A contact that rests at one height, `level`, is one look however long it rests.
-    """
-    visit = np.cumsum(np.diff(rows, prepend=rows[0]) > _PAUSE)
-    number = visit * _BLOCKS + np.arange(len(rows)) * _BLOCKS // len(rows)
-    if level is not None:
-        lag = max(3, len(rows) // 64)
-        moved = np.ones(len(rows), dtype=bool)
-        moved[lag:] = np.abs(level[lag:] - level[:-lag]) > least
-        moved[1:] |= visit[1:] != visit[:-1]
-        number = number[np.maximum.accumulate(np.where(moved, np.arange(len(rows)), 0))]
-    return np.asarray(np.unique(number, return_inverse=True)[1])
-
-
-def _spread_out(tau: FloatArray) -> bool:
-    """Whether there are enough scans, in every third of the recording."""
-    thirds = np.bincount(np.minimum(tau * 3.0, 2.0).astype(int), minlength=3)
-    return bool(len(tau) >= _FEWEST and thirds.min() >= _FEWEST / 8)
-
-
-def _slope_of_medians(tau: FloatArray, values: FloatArray) -> tuple[float, float]:
-    """Return the slope of values by tau, and its error, from eight medians, as low contacts pass for untouched."""
-    parts = np.array_split(np.arange(len(tau)), _BLOCKS)
-    middle = np.array([np.median(tau[p]) for p in parts])
-    level = np.array([np.median(values[p]) for p in parts])
-    return _slope(middle - middle.mean(), level, 1, _BLOCKS)
-
-
-def _slope(own: FloatArray, rest: FloatArray, terms: int, looks: int) -> tuple[float, float]:
-    """Return the slope of rest by own, both without mean, and its standard error for so many independent looks."""
-    rest = rest - rest.mean()
-    change = float(rest @ own / (own @ own))
-    spread = float(np.std(rest - change * own))
-    return change, max(spread, 1e-5) / (float(np.std(own)) * float(np.sqrt(max(looks - terms, 1))))
 
 
 def _near_touched(touched: BoolArray) -> BoolArray:

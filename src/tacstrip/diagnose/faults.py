@@ -74,6 +74,43 @@ class Finding:
         return self.fault, self.strips, self.signature
 
 
+@dataclass(frozen=True)
+class Question:
+    """What the readings leave open about a strip.
+
+    Attributes
+    ----------
+    strips
+        The strips concerned, counted from 0.
+    causes
+        The one or two keys of `FAULTS` that would explain the readings, the likelier one first.
+    evidence
+        What was read.
+    signature
+        The channel, where it is one of two.
+
+    Examples
+    --------
+    >>> from tacstrip.diagnose import Question
+    >>> question = Question((3,), ("open-strip", "dead"), "lies 40 % of Vref off its neighbours' line in 1 place(s)")
+    >>> question.ask(strip_base=1)
+    'open strip or dead channel? Press strip 4 at three places, with the strips beside it, and run doctor again'
+    """
+
+    strips: tuple[int, ...]
+    causes: tuple[str, ...]
+    evidence: str
+    signature: str | None = None
+
+    def ask(self, strip_base: int = 0) -> str:
+        """Return the question, and what to record for an answer; strips as the readings file counts them."""
+        titles = " or ".join(FAULTS[cause].title for cause in self.causes)
+        names = " and ".join(str(i + strip_base) for i in self.strips)
+        return (
+            f"{titles}? Press strip {names} at three places, with the strips beside it, and run doctor again"
+        )
+
+
 @dataclass(frozen=True, eq=False)
 class Quality:
     """The noise of a recording.
@@ -112,8 +149,10 @@ class Report:
         Faults, broken ones first.
     notes
         Not faults, but worth knowing.
+    questions
+        What this recording cannot tell, strip by strip; no verdicts.
     unchecked
-        What could not be checked in this recording, and what it would need.
+        What could not be checked in this recording, and what it would need; also what of it is missing.
     touched_scans
         In how many scans each strip was touched (strips,).
 
@@ -131,6 +170,7 @@ class Report:
 
     findings: tuple[Finding, ...]
     notes: tuple[Finding, ...]
+    questions: tuple[Question, ...]
     unchecked: tuple[str, ...]
     quality: Quality
     touched_scans: IntArray
@@ -155,7 +195,7 @@ class Report:
                 return severity
         return "ok" if self.touched_scans[strip] else "unchecked"
 
-    def where(self, finding: Finding) -> str:
+    def where(self, finding: Finding | Question) -> str:
         """Name a finding's strips as the readings file counts them."""
         if not finding.strips:
             return "all strips"
@@ -178,6 +218,16 @@ class Report:
             "seconds": self.seconds,
             "findings": [self._entry(f) for f in self.findings],
             "notes": [self._entry(f) for f in self.notes],
+            "questions": [
+                {
+                    "strips": [i + self.strip_base for i in q.strips],
+                    "causes": list(q.causes),
+                    "signature": q.signature,
+                    "evidence": q.evidence,
+                    "ask": q.ask(self.strip_base),
+                }
+                for q in self.questions
+            ],
             "unchecked": list(self.unchecked),
             "noise": {
                 "sigma": _number(self.quality.sigma),

@@ -3,128 +3,140 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
-from tacstrip.arrays import BoolArray, FloatArray
+from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.diagnose.faults import Finding
 from tacstrip.diagnose.log import Log
-from tacstrip.diagnose.regression import regress_out
 
 MAINS = (50.0, 60.0)  # Hz
-_LINE = 14.0  # times the power at nearby frequencies: a line, not noise
+_LINE, _LINE_ONCE = 14.0, 20.0  # times the power at nearby frequencies: a line, not noise; of one segment
+_HALF = 4.0  # times, in each half of the recording: a few jumps are no line
 _HUM = 0.0015  # over Vref: amplitude below which hum does not matter
-_SHORTEST, _LONGEST = 32, 1024  # scans of a stretch
-_APART = 4.0  # over a stretch's duration: frequencies that a Hann window separates
+_SEGMENT_S = 1.0  # in which a line keeps its phase, whatever the clock and the mains do
+_SHORTEST = 32  # scans of a segment
+_FEWEST = 24  # readings of a strip
+_CLIP = 5.0  # times the median: jumps
+_NEAR = np.setdiff1d(np.arange(-14, 15), np.arange(-2, 3)) * 0.7  # nearby frequencies, in 1 / visit
 
 
 def hum(log: Log, sigma: float) -> tuple[list[Finding], str]:
     """Find mains hum in touched and in untouched readings; else say why it could not be looked for.
 
-    On one strip alone its amplitude must exceed `sigma`, the standard deviation of a reading over Vref.
+    On one strip alone its amplitude must exceed half of `sigma`, the standard deviation of a reading over Vref.
     """
     step = np.diff(log.time_s)
     if len(step) < _SHORTEST or float(np.median(step)) <= 0.0:
         return [], f"hum: needs {_SHORTEST} scans or more that follow each other in time"
     period = float(np.median(step))
-    power = np.zeros((len(MAINS), 2, log.sensor.strips))  # on the line, and near it
-    weight = np.zeros((len(MAINS), log.sensor.strips))
-    for strip, time_s, values in _stretches(log, period):
-        lasts = time_s[-1] - time_s[0]
-        window = np.hanning(len(time_s) + 2)[1:-1]
-        share = np.linspace(-1.0, 1.0, len(values))
-        flat = regress_out(values, share, share**2)
-        for i, mains in enumerate(MAINS):
-            if not _resolvable(mains, period, lasts):
-                continue
-            other = MAINS[1 - i]
-            shifts = np.concatenate([np.arange(-12, -3), np.arange(4, 13)]) / lasts
-            nearby = mains + shifts[np.abs(mains + shifts - other) > _APART / lasts]
-            amplitudes = _amplitudes(flat * window, time_s, np.append(nearby, mains)) * 2.0 / window.sum()
-            if amplitudes[-1] > sigma and not _persistent(flat, time_s, mains):
-                amplitudes[-1] = 0.0
-            power[i, 0, strip] += amplitudes[-1] ** 2 * len(time_s)
-            power[i, 1, strip] += float(np.median(amplitudes[:-1] ** 2)) * len(time_s)
-            weight[i, strip] += len(time_s)
-    if not weight.any():
-        lines = " and ".join(f"{m:g}" for m in MAINS)
-        return (
-            [],
-            f"hum at {lines} Hz: scans come too seldom, at {1.0 / period:.4g} a second, or the contacts are too short",
-        )
-    return list(_mains_lines(power, weight, sigma)), ""
+    long = max(min(int(_SEGMENT_S / period), len(log.time_s) // 4), 2 * _SHORTEST)
+    segments = max(len(log.time_s) // long, 1)
+    lines = [
+        _line(log, mains, period, np.linspace(0, len(log.time_s), segments + 1).astype(int))
+        for mains in MAINS
+    ]
+    if not any(count.any() for _, count in lines):
+        names = " and ".join(f"{m:g}" for m in MAINS)
+        rate = f"{1.0 / period:.4g} a second"
+        return [], f"hum at {names} Hz: scans come too seldom, at {rate}, or the contacts are too short"
+    return list(_mains_lines([power for power, _ in lines], [count for _, count in lines], sigma)), ""
 
 
-def _mains_lines(power: FloatArray, weight: FloatArray, sigma: float) -> Iterator[Finding]:
-    """Yield findings from the power on and near each line (2, 2, strips): for all strips together, or one by one."""
-    with np.errstate(invalid="ignore", divide="ignore"):
-        amplitude = np.sqrt(power[:, 0] / weight)
-        ratio = power[:, 0] / np.maximum(power[:, 1], 1e-18)
-        every = power[:, 0].sum(axis=1) / np.maximum(power[:, 1].sum(axis=1), 1e-18)
-    loud = (ratio > _LINE) & (amplitude > _HUM)  # (mains, strips)
-    known = (weight > 0.0).any(axis=0)
-    i = int(np.argmax(np.where(weight.any(axis=1), every, -1.0)))
-    level = float(np.sqrt(power[i, 0].sum() / weight[i].sum()))
-    every_strip = every[i] > _LINE / 2.0 and (ratio[i, known] > 3.0).mean() > 0.7 and level > _HUM
-    if every_strip or loud[i].sum() > 0.5 * known.sum():
-        yield Finding(
-            "hum", (), f"{MAINS[i]:g} Hz of +-{100 * level:.2g} % of Vref on all strips, "
-            f"{every[i]:.3g} times the power at nearby frequencies",
-            {"hertz": MAINS[i], "amplitude": level, "ratio": float(every[i])},
-        )  # fmt: skip
-        return
-    loud &= amplitude > 1.5 * sigma
-    for strip in np.flatnonzero(loud.any(axis=0)):
-        j = int(np.argmax(np.where(loud[:, strip], ratio[:, strip], 0.0)))
-        yield Finding(
-            "hum", (int(strip),),
-            f"{MAINS[j]:g} Hz of +-{100 * amplitude[j, strip]:.2g} % of Vref, {ratio[j, strip]:.3g} times the power "
-            "at nearby frequencies",
-            {"hertz": MAINS[j], "amplitude": float(amplitude[j, strip])},
-        )  # fmt: skip
+def _line(log: Log, mains: float, period: float, edges: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Return squared amplitudes on a line and near it (2, segments, strips), and the readings used, likewise.
 
-
-def _stretches(log: Log, period: float) -> Iterator[tuple[int, FloatArray, FloatArray]]:
-    """Yield every strip's unbroken stretches, touched or untouched: strip, times and readings."""
-    gap = np.append(np.diff(log.time_s) > 1.5 * period, True)
-    for values in log.raw.values():
-        for strip in range(log.sensor.strips):
-            alive = np.isfinite(values[:, strip])
-            for first, last in _runs(alive, log.touched[:, strip], gap):
-                for start in range(first, last - _SHORTEST + 1, _LONGEST):
-                    part = slice(start, min(start + _LONGEST, last))
-                    if part.stop - part.start >= _SHORTEST:
-                        yield strip, log.time_s[part], values[part, strip]
-
-
-def _runs(alive: BoolArray, touched: BoolArray, gap: BoolArray) -> Iterator[tuple[int, int]]:
-    """Yield the first and one past the last scan of unbroken runs."""
-    breaks = gap.copy()
-    breaks[:-1] |= (alive[1:] != alive[:-1]) | (touched[1:] != touched[:-1])
-    first = 0
-    for end in np.flatnonzero(breaks) + 1:
-        if alive[first]:
-            yield first, int(end)
-        first = int(end)
-
-
-def _resolvable(mains: float, period: float, lasts: float) -> bool:
-    """Whether a line, or its alias, is far enough from 0 Hz and from half the sampling rate."""
+    A reading less the mean of those half a turn before and after it doubles the line and removes motion.
+    """
     rate = 1.0 / period
     folded = abs(mains - rate * round(mains / rate))
-    return folded > 5.0 / lasts and rate / 2.0 - folded > _APART / 2.0 / lasts
+    strips, segments = log.sensor.strips, len(edges) - 1
+    power, counts = np.zeros((2, segments, strips)), np.zeros((segments, strips))
+    lasts = (edges[1] - edges[0]) * period
+    if folded * lasts < 5.0 or (rate / 2.0 - folded) * lasts < 2.0:
+        return power, counts
+    lag = max(1, round(rate / (2.0 * folded)))
+    gain = 1.0 - np.cos(2.0 * np.pi * folded * period * lag)
+    other = MAINS[1 - MAINS.index(mains)]
+    resolved = min(_typical_visit(log) * period, lasts)  # shorter visits widen a line
+    nearby = mains + _NEAR / resolved
+    nearby = nearby[(np.abs(nearby - other) > 3.0 / resolved) & (nearby > 5.0 / resolved)]
+    aside = np.abs(nearby - rate * np.round(nearby / rate))
+    gains = 1.0 - np.cos(2.0 * np.pi * aside * period * lag)
+    use = gains > 0.3 * gain
+    if use.sum() < 5:
+        return power, counts
+    hertz = np.concatenate([mains + np.array([-0.4, 0.0, 0.4]) / lasts, nearby[use]])
+    gains = np.concatenate([np.full(3, gain), gains[use]])
+    slot = np.round((log.time_s - log.time_s[0]) / period).astype(int)
+    even = np.abs(slot[2 * lag :] - slot[: -2 * lag] - 2 * lag) < 1
+    for values in log.raw.values():
+        bend = np.full_like(values, np.nan)
+        bend[lag:-lag] = values[lag:-lag] - (values[: -2 * lag] + values[2 * lag :]) / 2.0
+        same = (log.touched[lag:-lag] == log.touched[: -2 * lag]) & (
+            log.touched[lag:-lag] == log.touched[2 * lag :]
+        )
+        bend[lag:-lag][~(same & even[:, None])] = np.nan
+        known = np.isfinite(bend)
+        bend = np.where(known, bend, 0.0)
+        size = np.abs(bend).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
+        bend = np.clip(bend, -_CLIP * size, _CLIP * size)
+        for s, (a, b) in enumerate(pairwise(edges.tolist())):
+            at = slot[a:b] - slot[a]
+            long = 4 * (b - a)
+            inside = (at >= 0) & (at < long)
+            if not inside.all():  # a pause
+                at, a, b = at[inside], a, a + int(inside.sum())
+            grid = np.zeros((long, strips))
+            grid[at] = bend[a : a + len(at)]
+            spectrum = np.fft.rfft(grid, axis=0)
+            bins = np.round(np.abs(hertz - rate * np.round(hertz / rate)) * period * long).astype(int)
+            count = known[a:b].sum(axis=0)
+            found = 4.0 * np.abs(spectrum[bins]) ** 2 / (gains[:, None] * np.maximum(count, 1)) ** 2
+            count = np.where(count >= _FEWEST, count, 0)
+            power[0, s] += found[:3].max(axis=0) * count
+            power[1, s] += np.median(found[3:], axis=0) * count
+            counts[s] += count
+    return power, counts
 
 
-def _persistent(values: FloatArray, time_s: FloatArray, mains: float) -> bool:
-    """Whether a line persists, rather than a few jumps: third differences are smaller without it."""
-    turn = 2.0 * np.pi * mains * (time_s - time_s[0])
-    with_line, without_line = (
-        np.median(np.abs(np.diff(v, n=3))) for v in (values, regress_out(values, np.sin(turn), np.cos(turn)))
-    )
-    return bool(without_line < 0.85 * with_line)
+def _typical_visit(log: Log) -> float:
+    """Return the median number of scans that a strip stays as it is, touched or untouched, weighted by itself."""
+    changes = np.diff(log.touched, axis=0)
+    runs = [np.diff(np.flatnonzero(np.concatenate([[True], c, [True]]))) for c in changes.T]
+    each = np.sort(np.concatenate(runs))
+    return float(each[np.searchsorted(np.cumsum(each), each.sum() / 2.0)])
 
 
-def _amplitudes(values: FloatArray, time_s: FloatArray, hertz: npt.ArrayLike) -> FloatArray:
-    turns = np.exp(-2j * np.pi * np.outer(np.asarray(hertz), time_s - time_s[0]))
-    return np.asarray(np.abs(np.einsum("ft,t->f", turns, values)))  # without BLAS and its threads
+def _mains_lines(powers: list[FloatArray], counts: list[FloatArray], sigma: float) -> Iterator[Finding]:
+    """Yield findings from power on and near each line: for all strips together, or one by one."""
+    sums = np.stack([p.sum(axis=1) for p in powers])  # (mains, on or near, strips)
+    weight = np.stack([c.sum(axis=0) for c in counts])
+    with np.errstate(invalid="ignore", divide="ignore"):
+        amplitude = np.sqrt(sums[:, 0] / weight)
+        ratio = sums[:, 0] / np.maximum(sums[:, 1], 1e-18)
+        every = sums[:, 0].sum(axis=1) / np.maximum(sums[:, 1].sum(axis=1), 1e-18)
+        halves = np.stack([[h.sum(axis=1) for h in np.array_split(p, 2, axis=1)] for p in powers])
+        lasting = np.asarray((halves[:, :, 0] > _HALF * halves[:, :, 1]).all(axis=1))
+    once = np.stack([(c > 0.0).sum(axis=0) < 2 for c in counts])
+    loud = (
+        (ratio > np.where(once, _LINE_ONCE, _LINE)) & (amplitude > _HUM) & (lasting | once)
+    )  # (mains, strips)
+    known = np.asarray((weight > 0.0).any(axis=0))
+    i = int(np.argmax(np.where(weight.any(axis=1), every, -1.0)))
+    level = float(np.sqrt(sums[i, 0].sum() / weight[i].sum()))
+    shared = every[i] > _LINE / 2.0 and np.mean(ratio[i, known] > 3.0) > 0.7 and level > _HUM
+    shared = shared and np.mean(lasting[i, known]) > 0.5
+    if known.sum() > 2 and (shared or np.sum(loud, axis=1)[i] > 0.5 * known.sum()):
+        evidence = f"{MAINS[i]:g} Hz of +-{100 * level:.2g} % of Vref on all strips, "
+        evidence += f"{every[i]:.3g} times the power near it"
+        numbers = {"hertz": MAINS[i], "amplitude": level, "ratio": float(every[i])}
+        yield Finding("hum", (), evidence, numbers)
+        return
+    loud &= amplitude > 0.5 * sigma
+    for strip in np.flatnonzero(loud.any(axis=0)):
+        j = int(np.argmax(np.where(loud[:, strip], ratio[:, strip], 0.0)))
+        size, times = amplitude[j, strip], ratio[j, strip]
+        evidence = f"{MAINS[j]:g} Hz of +-{100 * size:.2g} % of Vref, {times:.3g} times the power near it"
+        yield Finding("hum", (int(strip),), evidence, {"hertz": MAINS[j], "amplitude": float(size)})

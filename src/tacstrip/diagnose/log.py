@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -38,6 +38,8 @@ class Log:
     touched
         Which strips are touched (scans, strips): those with a reading, further than `touch_volt` from rest where the
         spec has a rest level.
+    missing
+        What of the recording could not be read, in words; empty where it is whole.
 
     Raises
     ------
@@ -59,6 +61,7 @@ class Log:
     time_s: FloatArray
     raw: Mapping[str, FloatArray]
     touched: BoolArray
+    missing: str = ""
 
     def __post_init__(self) -> None:
         shape = (len(self.time_s), self.sensor.strips)
@@ -138,13 +141,14 @@ class Log:
         start = np.linspace(0, count - long, 8).astype(int)
         keep = (start[:, None] + np.arange(long)).ravel()
         raw = {name: values[keep] for name, values in self.raw.items()}
-        return Log(self.sensor, self.time_s[keep], raw, self.touched[keep])
+        return Log(self.sensor, self.time_s[keep], raw, self.touched[keep], self.missing)
 
 
 def read_log(path: str | Path, sensor: Sensor) -> Log:
     r"""Read a readings file (CSV) without refusing any voltage.
 
-    Of a CRS-CRP sheet's electrodes each strip's own two are kept.
+    Of a CRS-CRP sheet's electrodes each strip's own two are kept. A last scan that lacks strips, as where writing was
+    broken off, is not used, and `missing` says so.
 
     Raises
     ------
@@ -167,13 +171,20 @@ def read_log(path: str | Path, sensor: Sensor) -> Log:
 def _log(header: list[str], rows: Iterator[Row], sensor: Sensor) -> Log:
     columns = value_columns(header, sensor)
     scans = list(scan_lines(header, rows, columns, sensor, _any_voltage))
+    missing = ""
+    if len(scans) > 1 and not scans[-1].strip_lines.all():
+        cut = scans.pop()
+        there = f"{np.count_nonzero(cut.strip_lines)} of {sensor.strips} strips"
+        missing = f"the file is cut: its last scan, {cut.number}, has {there} and is not used"
     for scan in scans:
         scan.check_complete(sensor)
     time_s = np.array([scan.time_s for scan in scans])
     values = np.stack([scan.values for scan in scans], axis=1)  # (columns, scans, strips)
     if columns[0].signature == ELECTRODES:
-        return Log.of(sensor, time_s, _own_electrodes("electrodes", np.moveaxis(values, 0, 2)))
-    return Log.of(sensor, time_s, {c.signature: v for c, v in zip(columns, values, strict=True)})
+        raw = _own_electrodes("electrodes", np.moveaxis(values, 0, 2))
+    else:
+        raw = {c.signature: v for c, v in zip(columns, values, strict=True)}
+    return replace(Log.of(sensor, time_s, raw), missing=missing)
 
 
 def _any_voltage(text: str, line: int, column: Column) -> float:

@@ -5,6 +5,7 @@ Over metal, strips are energised in turn, and a bridge between two gives the cur
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -18,6 +19,7 @@ _BINS = 8  # of height
 _OTHERS = 3  # pairs that determine the typical offset
 _STRAIGHT = 0.6  # of the places; at the others a corner of the contact lies under one of the two
 _GRID = np.linspace(0.0, 1.0, 11)
+_PLACES = [(float(low), float(high)) for i, low in enumerate(_GRID) for high in _GRID[i:]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +52,7 @@ class NeighbourPair:
         return self.difference - self.slope
 
 
-def neighbour_pair(values: FloatArray, strip: int) -> NeighbourPair | None:
+def neighbour_pair(values: FloatArray, strip: int, beyond: int | None = None) -> NeighbourPair | None:
     """Compare a strip and the next one, at the places where all four strips have readings.
 
     Parameters
@@ -58,15 +60,16 @@ def neighbour_pair(values: FloatArray, strip: int) -> NeighbourPair | None:
     values
         Readings of one signature over Vref (places, strips).
     strip
-        The first of the two. The line goes through the strips on either side of the two, or at an edge of the
-        sensor through the next two; None where there are none.
+        The first of the two.
+    beyond
+        Where the line comes from: 0, one strip on either side; 1, the next two; -1, the two before. None: from both
+        sides, but at an edge of the sensor. None is returned where there are none.
     """
     n = values.shape[1]
-    if 0 < strip < n - 2:
-        a, b = strip - 1, strip + 2
-    elif n >= 4:
-        a, b = (2, 3) if strip == 0 else (n - 4, n - 3)
-    else:
+    if beyond is None:
+        beyond = 0 if 0 < strip < n - 2 else 1 if strip == 0 else -1
+    a, b = {0: (strip - 1, strip + 2), 1: (strip + 2, strip + 3), -1: (strip - 2, strip - 1)}[beyond]
+    if a < 0 or b >= n:
         return None
     slope = (values[:, b] - values[:, a]) / (b - a)
     level = values[:, a] + slope * (strip + 0.5 - a)
@@ -109,7 +112,7 @@ class Bridge:
     places: int
 
 
-def bridge_effect(level: FloatArray, low: float, high: float) -> FloatArray:
+def bridge_effect(level: FloatArray, low: float | FloatArray, high: float | FloatArray) -> FloatArray:
     """Return what a bridge adds to readings over Vref, of contacts that read `level`.
 
     Between contact and bridge the neighbour is parallel to the strip, which halves the resistance there. A contact
@@ -125,43 +128,72 @@ def bridge_effect(level: FloatArray, low: float, high: float) -> FloatArray:
     )
 
 
-def bridges(work: WorkingCopy) -> Iterator[tuple[int, NeighbourPair, Bridge]]:
-    """Yield all pairs of neighbours with the bridge that fits them best."""
+def bridges(work: WorkingCopy) -> Iterator[tuple[int, NeighbourPair, Bridge, float]]:
+    """Yield all pairs of neighbours with the bridge that fits them best, and the size that fits other pairs.
+
+    The line of a pair at the sensor's edge is extrapolated, and so are those of the pairs that it is held against.
+    """
     (values,) = work.k.values()
-    every = {i: neighbour_pair(values, i) for i in range(work.strips - 1)}
-    pairs = {i: b for i, b in every.items() if b and len(b.level) >= _FEW}
-    typical = _typical_offset(_binned_medians(list(pairs.values())))
-    for strip, pair in pairs.items():
-        aside = np.abs(pair.excess - np.median(pair.excess))
-        keep = aside <= np.quantile(aside, _STRAIGHT)
-        level = np.clip(pair.level[keep], 0.0, 1.0)
-        best = _best(level, pair.offset[keep] - np.interp(level, *typical))
-        if best is not None:
-            yield strip, pair, best
+    last = work.strips - 2
+    for beyond, asked in ((0, range(1, last)), (1, range(1)), (-1, range(last, last + 1))):
+        every = {i: neighbour_pair(values, i, beyond) for i in range(last + 1)}
+        pairs = {i: b for i, b in every.items() if b and len(b.level) >= _FEW}
+        typical = _typical_offset(_binned_medians(list(pairs.values())))
+        fits = {i: _fitted(pair, typical) for i, pair in pairs.items()}
+        for strip in asked:
+            if (fit := fits.get(strip)) is not None:
+                # Lines through a bridged strip are off too.
+                hit = {strip + d for d in range(*{0: (-2, 3), 1: (-3, 2), -1: (-1, 4)}[beyond])}
+                others = sorted(f.size for i, f in fits.items() if f is not None and i not in hit)
+                yield (
+                    strip,
+                    pairs[strip],
+                    fit,
+                    others[-2 if len(others) > 4 else -1] if len(others) > 1 else math.inf,
+                )
+
+
+def _fitted(pair: NeighbourPair, typical: tuple[FloatArray, FloatArray]) -> Bridge | None:
+    aside = np.abs(pair.excess - np.median(pair.excess))
+    keep = aside <= np.quantile(aside, _STRAIGHT)
+    level = np.clip(pair.level[keep], 0.0, 1.0)
+    return _best(level, pair.offset[keep] - np.interp(level, *typical))
 
 
 def _best(level: FloatArray, off: FloatArray) -> Bridge | None:
+    """Return the bridge that leaves the least, None where none adds anything.
+
+    What readings at nearly one height differ by no bridge explains; it does not count as unexplained.
+    """
     fade = (1.0 - level**6) * (1.0 - (1.0 - level) ** 6)  # as offsets of a unit without calibration do
     fade /= max(float(np.linalg.norm(fade)), 1e-9)
     rest = off - (off @ fade) * fade
     whole = float(rest @ rest)
-    found = None
-    for i, low in enumerate(_GRID):
-        for high in _GRID[i:]:
-            way = bridge_effect(level, float(low), float(high))
-            own = way - (way @ fade) * fade
-            power = float(own @ own)
-            if power < 1e-9 * len(level):
-                continue
-            strength = float(own @ rest) / power
-            unexplained = 1.0 - strength * float(own @ rest) / max(whole, 1e-12)
-            if strength > 0.0 and (found is None or unexplained < found.unexplained):
-                added = strength * way
-                found = Bridge(
-                    strength, float(np.sqrt(whole / len(level))), unexplained, float(np.std(added)), float(added.max()),
-                    float(added.min()), float(low), float(high), len(level),
-                )  # fmt: skip
-    return found
+    scatter = (
+        0.5 * float(np.mean(np.diff(rest[np.argsort(level)]) ** 2)) * len(level) if len(level) > 1 else 0.0
+    )
+    ways = _effects(level)
+    own = ways - np.outer(ways @ fade, fade)
+    power = np.einsum("ij,ij->i", own, own)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        strength = np.where(power < 1e-9 * len(level), 0.0, (own @ rest) / power)
+    explained = np.where(strength > 0.0, strength**2 * power, 0.0)
+    best = int(np.argmax(explained))
+    if explained[best] <= 0.0:
+        return None
+    added = strength[best] * ways[best]
+    left = max(whole - explained[best] - scatter, 0.0) / max(whole - scatter, explained[best], 1e-12)
+    low, high = _PLACES[best]
+    return Bridge(
+        float(strength[best]), float(np.sqrt(whole / len(level))), float(left), float(np.std(added)),
+        float(added.max()), float(added.min()), low, high, len(level),
+    )  # fmt: skip
+
+
+def _effects(level: FloatArray) -> FloatArray:
+    """Return what a bridge at each of `_PLACES` adds (bridges, places)."""
+    low, high = np.array(_PLACES).T[:, :, None]
+    return bridge_effect(level, low, high)
 
 
 def _binned_medians(pairs: list[NeighbourPair]) -> FloatArray:

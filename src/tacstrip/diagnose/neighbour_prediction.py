@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
 import numpy as np
@@ -19,7 +19,7 @@ _REACH = 3  # strips to either side that may stand in for a neighbour
 _MOVED = 0.01  # over Vref: a contact that changes a reading by this is at another place
 _ONE_CONTACT = 0.3  # over Vref: neighbours further apart are not taken to be under one contact
 _GROUND = 0.02  # over Vref
-_MOST_PLACES = 4000
+_MOST_PLACES, _MOST_READINGS = 4000, 200_000
 
 
 @dataclass(eq=False)
@@ -38,6 +38,8 @@ class WorkingCopy:
         The file's strip at each place across (strips,), counted from 0.
     at_ground
         Whether the file's strips (strips,) read ground, rather than nothing, where they count as untouched.
+    time_s
+        When the rows were (places,) [s].
     """
 
     sensor: Sensor
@@ -46,6 +48,8 @@ class WorkingCopy:
     sigma: float
     order: IntArray
     at_ground: BoolArray
+    time_s: FloatArray
+    _residuals: dict[str, tuple[FloatArray, FloatArray]] = field(default_factory=dict, init=False)
 
     @property
     def pair(self) -> tuple[FloatArray, FloatArray] | None:
@@ -59,12 +63,17 @@ class WorkingCopy:
 
     def drop(self, *strips: int, signature: str | None = None) -> None:
         """Discard strips' readings, or one signature's; their neighbours are then each other's nearest."""
+        self.changed()
         for strip in strips:
             for name in self.k if signature is None else (signature,):
                 self.k[name][:, strip] = np.nan
             if signature is None and not self.there[:, strip].all():
                 between = _shift(self.there, -1, False) & _shift(self.there, 1, False)
                 self.there[:, strip] |= between[:, strip]
+
+    def changed(self) -> None:
+        """Forget what was computed from readings that have changed."""
+        self._residuals.clear()
 
     def suspect(
         self, fault: str, strips: Sequence[int], evidence: str, numbers: Mapping[str, float], explained: float,
@@ -100,13 +109,14 @@ def working_copy(log: Log, sigma: float) -> WorkingCopy:
     there = np.isfinite(np.stack(list(log.raw.values()))).all(axis=(0, 1))
     across = np.arange(log.sensor.strips)
     at_ground = np.asarray(there & grounded)
-    return WorkingCopy(log.sensor, dict(log.k), log.touched.copy(), sigma, across, at_ground)
+    return WorkingCopy(log.sensor, dict(log.k), log.touched.copy(), sigma, across, at_ground, log.time_s)
 
 
-def places(work: WorkingCopy) -> WorkingCopy:
+def places(work: WorkingCopy, most: int = 1 << 30) -> WorkingCopy:
     """Average successive scans with the contact at one place; drop those without a contact.
 
-    A contact that moves by less than the noise stays at one place, so that all rows carry equal information.
+    A contact that moves by less than the noise stays at one place, so that all rows carry equal information; it is
+    another place after so many scans at the `most`.
     """
     values = np.stack(list(work.k.values()), axis=2)  # (scans, strips, signatures)
     threshold = max(_MOVED, 6.0 * work.sigma)
@@ -114,7 +124,7 @@ def places(work: WorkingCopy) -> WorkingCopy:
     start, number = 0, 0
     for t in range(1, len(values)):
         moved = np.nanmax(np.abs(values[t] - values[start]), initial=0.0) > threshold
-        if moved or not (work.there[t] == work.there[start]).all():
+        if moved or t - start >= most or not (work.there[t] == work.there[start]).all():
             start, number = t, number + 1
         group[t] = number
     first = np.flatnonzero(np.diff(group, prepend=-1))
@@ -122,9 +132,11 @@ def places(work: WorkingCopy) -> WorkingCopy:
     counts = np.add.reduceat(np.isfinite(values).astype(int), first, axis=0)
     means = np.where(counts > 0, sums / np.maximum(counts, 1), np.nan)
     keep = np.flatnonzero(work.there[first].any(axis=1))
-    keep = keep[np.linspace(0, len(keep) - 1, min(len(keep), _MOST_PLACES)).astype(int)]
+    count = min(len(keep), _MOST_PLACES, max(_MOST_READINGS // work.strips, 1000))
+    keep = keep[np.linspace(0, len(keep) - 1, count).astype(int)]
     parts = {name: np.ascontiguousarray(means[keep, :, i]) for i, name in enumerate(work.k)}
-    return replace(work, k=parts, there=work.there[first][keep], order=work.order.copy())
+    times = work.time_s[first][keep]
+    return replace(work, k=parts, there=work.there[first][keep], order=work.order.copy(), time_s=times)
 
 
 def predict_from_neighbours(values: FloatArray, there: BoolArray) -> tuple[FloatArray, BoolArray, FloatArray]:
@@ -157,12 +169,15 @@ def neighbour_residuals(work: WorkingCopy, name: str) -> tuple[FloatArray, Float
     A strip that is ever between two others counts only where it is: extrapolation is inaccurate. So is interpolation
     between two contacts.
     """
+    if name in work._residuals:
+        return work._residuals[name]
     values = work.k[name]
     e, both, gap = predict_from_neighbours(values, work.there)
     known = np.isfinite(e) & np.isfinite(values) & ~(gap > _ONE_CONTACT)
     inside = both & known
     e = np.where(inside | (known & ~inside.any(axis=0)), e, np.nan)
-    return e, values - e
+    work._residuals[name] = e, values - e
+    return work._residuals[name]
 
 
 def _side(

@@ -11,20 +11,19 @@ from tacstrip.arrays import BoolArray, FloatArray, IntArray
 from tacstrip.diagnose.neighbour_pairs import NeighbourPair, bridges, neighbour_pair
 from tacstrip.diagnose.neighbour_prediction import Suspect, WorkingCopy
 from tacstrip.diagnose.regression import moved_to_and_fro, regress_out
-from tacstrip.sensor.constructions import SIGNATURES
+from tacstrip.sensor.constructions import SIGNATURES, Signature
 
 _FEW, _MANY = 8, 25  # places
 _HEIGHTS = np.linspace(0.0, 1.0, 9)  # over L, at which a bridge is looked for
 _CLEAR = 0.1  # over Vref: contacts this far from a bridge lie wholly on one side
 _FOLLOWS = 0.15  # of the slope around: 1 for two separate strips, 0 for two that are tied
+_FOLLOWS_ELSEWHERE = 0.5  # of the slope: an extrapolated line says nothing where other pairs follow it less
 _MOST_OFFSET = 0.75  # of the slope: largest offset of tied strips; 1.5 beside a jump
 _MOST = (0.95, 0.35)  # of the places with a slope: those that differ little, and those that lie near the line
-_STRENGTH = (0.65, 2.0)  # times what a bridge does to readings
-_PLAIN = (0.7, 1.4)
-_OUTSTANDING = 1.5  # times the median offset of all pairs
-# Of the offset's variance: what a bridge may leave unexplained.
-_UNEXPLAINED, _UNEXPLAINED_PLAIN, _UNEXPLAINED_AT_EDGE = 0.28, 0.42, 0.2
-_SLOPE_VARIES = 0.006  # over Vref a strip
+_STRENGTH = (0.5, 1.8)  # times what a bridge does to readings
+_OUTSTANDING, _OUTSTANDING_AT_EDGE = 4.0, 4.0  # times what the bridge that fits another pair best adds
+_LEAST = 0.005  # over Vref: standard deviation of what a bridge adds
+_UNEXPLAINED, _UNEXPLAINED_AT_EDGE = 0.2, 0.2  # of the offset's variance: what a bridge may leave
 _HIGH_AND_LOW = 0.5  # over L: a bridge adds on one side and takes away on the other, which must be seen
 _LENGTH = 0.6  # over L: readings jump by the contact's length at a bridge; longer contacts show nothing
 _SHAPE = 0.7  # of the slope's variance: if the contact's place explains more, its shape does
@@ -60,8 +59,26 @@ def _tied_sensing(work: WorkingCopy) -> Iterator[Suspect]:
             ]
             there = [_Part.of(b, at, ends, strip) for b, at in parts if at.sum() >= _FEW]
             found += _tied_at(work, strip, there, free[strip])
-        if found:
+        if found and not _shape_ties(work, strip, signatures, ends):
             yield max(found, key=lambda suspect: suspect.finding.numbers["places"])
+
+
+def _shape_ties(work: WorkingCopy, strip: int, signatures: list[Signature], ends: IntArray) -> bool:
+    """Whether, at an edge, the line extrapolated from one side ties other pairs of strips as well."""
+    if 0 < strip < work.strips - 2:
+        return False
+    beyond = 1 if strip == 0 else -1
+    others = range(3, work.strips - 3) if strip == 0 else range(2, work.strips - 4)
+    follows = []
+    for other in others[:: max(len(others) // 8, 1)]:
+        pairs = [pair for s in signatures if (pair := neighbour_pair(work.k[s.name], other, beyond))]
+        parts = [_Part.of(p, np.ones(len(p.level), bool), ends, other) for p in pairs if len(p.level) >= _FEW]
+        d, e = (
+            np.concatenate([getattr(p, n) for p in parts] or [np.zeros(0)]) for n in ("difference", "slope")
+        )
+        if len(e) >= _MANY:
+            follows.append(float(np.sum(d * e) / max(np.sum(e**2), 1e-12)))
+    return len(follows) < 2 or min(follows) < _FOLLOWS_ELSEWHERE
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,20 +126,16 @@ def _tied_at(work: WorkingCopy, strip: int, parts: list[_Part], explained: float
 
 
 def _bridged_energised(work: WorkingCopy) -> Iterator[Suspect]:
-    fits = list(bridges(work))
-    usual = float(np.median([bridge.rms for _, _, bridge in fits])) if fits else 0.0
-    for strip, pair, bridge in fits:
+    for strip, pair, bridge, others in bridges(work):
         inner = 0 < strip < work.strips - 2  # at the edges, extrapolation is inaccurate
-        clear = _PLAIN[0] < bridge.strength < _PLAIN[1] and bridge.size > _OUTSTANDING * usual
-        strength, unexplained = (_PLAIN, _UNEXPLAINED_PLAIN) if clear else (_STRENGTH, _UNEXPLAINED)
         if (
-            strength[0] < bridge.strength < strength[1]
-            and bridge.unexplained <= (unexplained if inner else _UNEXPLAINED_AT_EDGE)
-            and bridge.size >= max(0.003, work.sigma)
+            _STRENGTH[0] < bridge.strength < _STRENGTH[1]
+            and bridge.unexplained <= (_UNEXPLAINED if inner else _UNEXPLAINED_AT_EDGE)
+            and bridge.size
+            >= max(_LEAST, work.sigma / 2.0, (_OUTSTANDING if inner else _OUTSTANDING_AT_EDGE) * others)
             and bridge.places >= _MANY
             and bridge.high - bridge.low <= _LENGTH
             and moved_to_and_fro(pair.level, work.sigma, _HIGH_AND_LOW)
-            and (inner or _slope_varied(pair, work.sigma))
         ):
             evidence = (
                 f"both read {100 * bridge.most:+.3g} to {100 * bridge.least:+.3g} % of Vref off their neighbours' "
@@ -132,15 +145,6 @@ def _bridged_energised(work: WorkingCopy) -> Iterator[Suspect]:
             kept = ("most", "least", "strength", "unexplained")
             numbers = {name: getattr(bridge, name) for name in kept}
             yield work.suspect("short", [strip, strip + 1], evidence, numbers, bridge.size)
-
-
-def _slope_varied(pair: NeighbourPair, sigma: float) -> bool:
-    """Whether the line through the strips around had different slopes at one height.
-
-    At the sensor's edge the line is an extrapolation, whose error depends on the contact's shape: where that stayed
-    the same, the error is a function of height, as a bridge's effect is.
-    """
-    return bool(np.std(regress_out(pair.slope, pair.level, pair.level**2)) > max(_SLOPE_VARIES, 3.0 * sigma))
 
 
 def _left_ends(work: WorkingCopy) -> IntArray:

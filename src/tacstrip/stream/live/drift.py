@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
 
@@ -39,10 +40,13 @@ class DriftCorrectingDecoder:
         The estimator of the drift; None where none is removed.
     creep
         The filter of held contacts; None where readings are passed on as they are.
+    left_out
+        Channels that are not used beside those that the spec leaves out, named as there.
     """
 
     def __init__(self, sensor: Sensor, drift: bool = True, creep: bool = False) -> None:
-        self.sensor = sensor
+        self.sensor = self._zeroed = sensor
+        self.left_out: tuple[str, ...] = ()
         self.creep = CreepFilter() if creep and sensor.kind.closed_form else None
         self.drift: DriftEstimator | None = None
         if drift and sensor.rest_volt is not None:
@@ -52,6 +56,8 @@ class DriftCorrectingDecoder:
 
     def decode(self, raw: RawScan) -> Scan:
         """Return the readings of the next scan; errors as of `stream.codes.decode`."""
+        if self.sensor.without != (used := (*self._zeroed.without, *self.left_out)):
+            self.sensor = replace(self._zeroed, without=used)
         due = abs(raw.time_s - self._sampled_s) >= _SAMPLE_S and ELECTRODES not in raw.codes
         if self.drift is not None and due:
             self._sampled_s, top = raw.time_s, top_code(self.sensor)
@@ -59,6 +65,7 @@ class DriftCorrectingDecoder:
             self.drift.update(readings, raw.time_s)
             if abs(raw.time_s - self._applied_s) >= _APPLY_S:
                 self._applied_s = raw.time_s
-                self.sensor = self.drift.zeroed("live")
+                self._zeroed = self.drift.zeroed("live")
+                self.sensor = replace(self._zeroed, without=self.sensor.without)
         scan = decode(raw, self.sensor)
         return scan if self.creep is None else self.creep.update(scan)

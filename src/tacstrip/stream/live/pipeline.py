@@ -204,6 +204,11 @@ class Live:
         self.method = method
         self._tracker = Tracker(self.source.sensor, method, self.noise, self._searches)
 
+    def leave_out(self, names: tuple[str, ...]) -> None:
+        """Do without these channels from the next scan on, named as in the spec's `without`; they are recorded."""
+        replace(self.source.sensor, without=names)  # which refuses channels that it has not
+        self._decoder.left_out = names
+
     def notify(self, text: str, level: int = logging.WARNING) -> None:
         """Send a message to the user."""
         self._n_messages += 1

@@ -1,0 +1,139 @@
+"""The doctor on units and recordings of the workshop, which are made apart from the package's models."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import tacstrip as ts
+from studies.checkup import exercise, said
+from studies.faults import faulty_log
+from studies.workshop import bench
+from tacstrip.arrays import FloatArray
+from tacstrip.contact.noise import Noise
+from tacstrip.diagnose import Log, diagnose, read_log
+from tacstrip.io.readings import write_readings
+from tacstrip.view.watch import Verdicts
+
+METAL = ts.Sensor(construction="crs-m", strips=12, pitch_mm=6.5, length_mm=250.0, adc_bits=12)
+
+
+def _log(sensor: ts.Sensor = METAL, scans: int = 300) -> Log:
+    contacts = exercise(sensor, np.random.default_rng(5), scans)
+    return faulty_log(sensor, contacts, noise=Noise(positional=0.002), rate_hertz=220.0)
+
+
+@pytest.mark.parametrize("seed", range(620, 628))
+def test_nothing_is_named_on_units_as_built(seed: int) -> None:
+    """Cold joints, soft edges that correlate, 1/f wander that strips share, strays, offsets and gains of strips."""
+    assert said(diagnose(bench(seed).log)) == []
+
+
+@pytest.mark.parametrize("level", [0.0, 1.0])
+@pytest.mark.parametrize("share", [0.15, 0.45])
+def test_an_intermittent_contact(level: float, share: float) -> None:
+    log = _log()
+    rng = np.random.default_rng(3)
+    out = np.repeat(rng.random(60) < share, 5)
+    k = log.raw["k"].copy()
+    k[:, 6] = np.where(out & np.isfinite(k[:, 6]), level, k[:, 6])
+    (found,) = diagnose(Log.of(METAL, log.time_s, {"k": k})).findings
+    assert (found.fault, found.strips) == ("intermittent", (6,))
+    assert found.numbers["share"] == pytest.approx(share, abs=0.2)
+
+
+def test_a_sensor_that_reads_pressure_is_called_that() -> None:
+    """A bell across the strips that grows and fades with each press: before, strips were called open."""
+    x = np.arange(16.0)
+    readings: list[FloatArray] = []
+    for press in range(30):
+        bell = np.exp(-0.5 * ((x - 3.0 - 10.0 * (press * 0.618 % 1.0)) / 2.0) ** 2)
+        forces = bell * np.array([0.3, 0.7, 1.0, 1.0, 0.9, 0.6, 0.3, 0.0])[:, None]
+        readings += list(np.where(forces > 0.06, 0.8 * forces, np.nan))
+    sensor = replace(METAL, strips=16)
+    log = Log.of(sensor, 0.02 * np.arange(float(len(readings))), {"k": np.asarray(readings, np.float64)})
+    assert said(diagnose(log)) == [("pressure", ())]
+
+
+@pytest.mark.parametrize("at", [0, 5])
+def test_a_bridge_of_a_pair_at_the_edge_and_within(at: int) -> None:
+    seed = 7 if at == 0 else 4
+    unit = bench(seed, "short-edge" if at == 0 else "short", "exercise")
+    assert ("short", unit.strips) in said(diagnose(unit.log))
+
+
+def test_drift_of_a_hundredth_and_slow_wander_at_rest() -> None:
+    """Of a strip that rests, while others are pressed; what all strips share is neither."""
+    rng = np.random.default_rng(1)
+    sensor = replace(METAL, rest_volt=0.5, touch_volt=0.2)
+    k = 0.1 + 0.002 * rng.normal(size=(400, 12)) + 0.01 * np.linspace(0.0, 1.0, 400)[:, None]
+    k[np.arange(400) % 20 < 8, 1:6] += 0.4
+    time_s = np.arange(400) / 100.0
+    assert said(diagnose(Log.of(sensor, time_s, {"k": k}))) == []
+    for fault, change in (
+        ("drift", 0.01 * np.linspace(0.0, 1.0, 400)),
+        ("wander", 0.015 * np.sin(np.linspace(0.0, 15.0, 400))),
+    ):
+        ill = k.copy()
+        ill[:, 9] += change
+        assert said(diagnose(Log.of(sensor, time_s, {"k": ill}))) == [(fault, (9,))]
+
+
+def test_what_one_press_cannot_tell_is_a_question() -> None:
+    contact = ts.Contact.polygon([(6.0, 90.0), (72.0, 100.0), (72.0, 160.0), (6.0, 150.0)])
+    k = faulty_log(METAL, [contact] * 10, noise=Noise(positional=0.002)).raw["k"]
+    k[:, 5] = 0.0
+    report = diagnose(Log.of(METAL, 0.01 * np.arange(10.0), {"k": k}))
+    assert report.healthy
+    (question,) = report.questions
+    assert (question.strips, question.causes) == ((5,), ("open-strip", "dead"))
+    assert "Press strip 6 at three places" in question.ask(strip_base=1)
+    assert report.to_json()["questions"][0]["causes"] == ["open-strip", "dead"]
+
+
+def test_a_cut_file_and_lost_scans_are_told(tmp_path: Path) -> None:
+    log = _log(scans=60)
+    scans = [
+        ts.Scan(k=np.clip(k, 0.0, 1.0), time_s=float(t))
+        for k, t in zip(log.raw["k"], log.time_s, strict=True)
+    ]
+    path = tmp_path / "cut.csv"
+    write_readings(path, METAL, [scan for i, scan in enumerate(scans) if not 20 <= i < 25])
+    lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
+    path.write_text("".join(lines[:-5]), encoding="utf-8")
+    report = diagnose(read_log(path, METAL))
+    assert report.scans == 54
+    assert any("last scan" in text and "7 of 12 strips" in text for text in report.unchecked)
+    assert any(text.startswith("5 scans are missing in 1 gap") for text in report.unchecked)
+
+
+def test_a_verdict_must_last_to_leave_a_channel_out_and_to_take_it_back() -> None:
+    strips = [{"strip": i, "touched_scans": 40} for i in range(12)]
+    dead = {"fault": "dead", "severity": "broken", "strips": [7], "signature": "kh"}
+    ill, well = {"findings": [dead], "strips": strips}, {"findings": [], "strips": strips}
+    unseen = {"findings": [], "strips": [{**row, "touched_scans": 0} for row in strips]}
+    verdicts = Verdicts()
+    assert verdicts.update(ill) == []
+    assert verdicts.update(ill) == ["channel 7:v_h is left out: dead channel; it comes back when it heals"]
+    for report in (well, well, unseen, ill, well, well):
+        assert verdicts.update(report) == []
+    assert list(verdicts.left_out) == ["7:v_h"]
+    assert verdicts.update(well) == ["channel 7:v_h reads well again and is used"]
+    assert not verdicts.left_out
+
+
+def test_a_stream_does_without_a_channel_and_records_it() -> None:
+    sensor = ts.Sensor(construction="crs-crs", strips=20, pitch_mm=5.0, length_mm=100.0)
+    contact = ts.Contact.polygon([(22, 38), (62, 22), (80, 55), (45, 76)])
+    source = ts.SimulatedSource(sensor, lambda time_s: contact, rate_hz=200.0, scans=20)
+    live = ts.Live(source, speed=sys.float_info.max)
+    live.leave_out(("9:v_h",))
+    frame = list(live)[-1]
+    assert np.isnan(frame.scan["kh"][9])
+    assert np.isfinite(frame.scan["kl"][9])
+    assert frame.raw.codes["kh"][9] > 0
+    assert frame.sensor.without == ("9:v_h",)
