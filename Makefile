@@ -26,7 +26,7 @@ export UV_PYTHON_DOWNLOADS = never
 MIRROR := $(UV_DEFAULT_INDEX)$(UV_INDEX_URL)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test check reproduce bench studies pictures firmware clean
+.PHONY: help setup demo test check reproduce bench studies mutations pictures firmware clean
 
 help: ## list these targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/\1|\2/p' Makefile | \
@@ -61,6 +61,9 @@ bench: setup ## run every benchmark in turn
 
 studies: setup ## run the slow studies
 	@$(BIN)/pytest -m slow $(ARGS)
+
+mutations: setup ## give every verb a thousand mutated inputs
+	@$(BIN)/python -m studies.mutations 1000
 
 pictures: setup ## draw the pictures of README and docs again
 	@$(BIN)/python tools/docs_pictures.py

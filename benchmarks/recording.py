@@ -2,7 +2,8 @@
 
 Wanted for 10 minutes: no scan lost, under 100 MB of memory, under 150 MB on disk. The first scene records all of the
 600,000 scans, as fast as it goes, and reads them back; the others record a tenth and are multiplied by ten. The last
-records at the real pace, with the shapes of Profile Reconstruction.
+records at the real pace, with the shapes of Profile Reconstruction, and the very last with and without `durable`, in
+the folder for temporary files: set TMPDIR to one of the disk that is to be measured.
 
 Run: python benchmarks/recording.py [seconds of the first scene]
 or at the real pace for 10 minutes: python benchmarks/recording.py 600 paced
@@ -25,6 +26,7 @@ import tacstrip as ts
 from tacstrip.simulation import readings
 from tacstrip.stream import Drag, RawScan, Shape, paced
 from tacstrip.stream.codes import top_code
+from tacstrip.stream.recording import mcap_file
 from tacstrip.stream.recording.recorder import with_shapes
 
 STRIPS, RATE_HZ, BLOCK = 100, 1000, 200
@@ -87,6 +89,31 @@ def full_speed(scene: str, path: Path, seconds: float) -> None:
     print(f"  read back: {read} scans in order, {polygons} polygons, {count - read} lost")
 
 
+def durable(path: Path, seconds: float) -> None:
+    """Record in real time, as is and for power cuts, by turns: what waiting for the disk costs."""
+    count = round(seconds * RATE_HZ)
+    made = list(scans(60, 0.002, True, count))
+    for sync_s in (None, mcap_file.SYNC_S, 0.0):
+        mcap_file.SYNC_S = sync_s or 0.0
+        waits, took = 0.0, np.zeros(count)
+        used = time.process_time()
+        with ts.Recorder(path, SENSOR, ("kh", "kl"), 0, force=True, durable=sync_s is not None) as recorder:
+            for number, raw in enumerate(paced(made, idle=recorder.idle)):
+                start = time.perf_counter()
+                recorder.add(raw)
+                took[number] = time.perf_counter() - start
+        used, waits = time.process_time() - used, took.sum()
+        how = (
+            "not durable"
+            if sync_s is None
+            else f"durable, a wait every {sync_s:g} s"
+            if sync_s
+            else "every block"
+        )
+        print(f"{how}: {100.0 * used / seconds:.1f} % of a core, {100.0 * waits / seconds:.1f} % of the time in the "
+              f"recorder, at worst {1e3 * took.max():.0f} ms for a scan")  # fmt: skip
+
+
 def at_real_pace(path: Path, seconds: float) -> None:
     """Record at the real pace: simulated sensor, Profile Reconstruction, recorder, all on one core."""
     contact = ts.Contact.polygon([(-30, -5), (0, -30), (30, 5), (5, 30)])
@@ -121,13 +148,15 @@ def main() -> None:
             path = Path(folder) / "a.mcap"
             if sys.argv[2] in SCENES:
                 full_speed(sys.argv[2], path, float(sys.argv[1]))
+            elif sys.argv[2] == "durable":
+                durable(path, float(sys.argv[1]))
             else:
                 at_real_pace(path, float(sys.argv[1]))
         return
     seconds = sys.argv[1] if len(sys.argv) > 1 else str(TEN_MINUTES)
     one_thread = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
-    for scene in (*SCENES, "paced"):
-        lasts = str(PACED_S) if scene == "paced" else seconds
+    for scene in (*SCENES, "paced", "durable"):
+        lasts = seconds if scene in SCENES else str(PACED_S)
         subprocess.run([sys.executable, __file__, lasts, scene], check=True, env=one_thread)
 
 

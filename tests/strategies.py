@@ -52,7 +52,7 @@ def sensors(draw: st.DrawFn, construction: str | None = None, most_strips: int =
         vref_volt=vref,
         adc_bits=draw(st.none() | st.integers(1, 32)),
         rest_volt=rest,
-        touch_volt=None if rest is None else draw(st.floats(1e-6, 1.0)),
+        touch_volt=None if rest is None else draw(st.floats(1e-6, 0.5)) * vref,
         strip_base=draw(st.integers(0, 1)),
     )
 

@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+import ast
+import importlib
+import inspect
 import math
 import re
+from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,6 +28,64 @@ def test_links_and_pictures_are_there(page: Path) -> None:
     for target in re.findall(r"\]\(([^)#]+)\)", page.read_text(encoding="utf-8")):
         if not target.startswith("http"):
             assert (page.parent / target).exists(), target
+
+
+def _code(text: str) -> Iterator[ast.Module]:
+    """Yield what is Python of a page: its blocks, and calls within its sentences."""
+    for code in re.findall(r"```(?:python)?\n(.*?)```|`(ts\.[^`]+)`", text, re.DOTALL):
+        try:
+            yield ast.parse("".join(code))
+        except SyntaxError:
+            continue
+
+
+def _find(dotted: str) -> Any:
+    """Return what a name such as tacstrip.stream.decode is; AttributeError or ImportError where there is none."""
+    found: Any = importlib.import_module("tacstrip")
+    done = "tacstrip"
+    for part in dotted.split(".")[1:]:
+        done += f".{part}"
+        found = getattr(found, part) if hasattr(found, part) else importlib.import_module(done)
+    return found
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
+def test_names_and_keywords_of_the_package_are_there(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    given: dict[str, Any] = {"ts": ts}
+    for code in _code(text):
+        for node in ast.walk(code):
+            if isinstance(node, ast.ImportFrom) and str(node.module).startswith("tacstrip"):
+                given |= {n.asname or n.name: _find(f"{node.module}.{n.name}") for n in node.names}
+    for name in re.findall(r"\b(?:tacstrip|ts)(?:\.[A-Za-z_]\w*)+", text):
+        if "tacstrip.toml" not in name:
+            _find(re.sub("^ts", "tacstrip", name))
+    for code in _code(text):
+        for node in ast.walk(code):
+            if not isinstance(node, ast.Call) or ast.unparse(node.func).split(".")[0] not in given:
+                continue
+            taken = inspect.signature(eval(ast.unparse(node.func), given)).parameters
+            if not any(p.kind is p.VAR_KEYWORD for p in taken.values()):
+                assert {k.arg for k in node.keywords if k.arg} <= set(taken), ast.unparse(node)
+
+
+@cache
+def _options(verb: str) -> set[str]:
+    command = importlib.import_module(f"tacstrip.cli.{verb}").command
+    return {"-h", "--help", *(option for p in command.params for option in (*p.opts, *p.secondary_opts))}
+
+
+# A record tells of what was, and may be gone.
+@pytest.mark.parametrize(
+    "page",
+    [p for p in PAGES if p.name != "CHANGELOG.md" and p.parent.name != "decisions"],
+    ids=lambda p: p.name,
+)
+def test_options_of_commands_are_there(page: Path) -> None:
+    for verb, words in re.findall(r"\btacstrip (\w+) ([^`\n|]+)", page.read_text(encoding="utf-8")):
+        if verb in VERBS:
+            used = set(re.findall(r"(?<!\S)--?[a-z][\w-]*", words))
+            assert used <= _options(verb), (verb, words)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)

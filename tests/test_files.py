@@ -10,15 +10,12 @@ import subprocess
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 import tacstrip as ts
+from studies.mutations import make_inputs
 from tacstrip.files import replacing, why_unreadable, write_text
-from tacstrip.stream import RawScan, ReadingsSource, recover
-from tacstrip.stream.codes import encode, with_converter
-from tacstrip.stream.recording.recorder import Recorder
-from tacstrip.stream.source import Shape
+from tacstrip.stream import ReadingsSource, recover
 
 SENSOR = ts.Sensor(construction="crs-crs", strips=12, pitch_mm=5.0, length_mm=100.0, adc_bits=12)
 SHAPE = ts.Contact.polygon([(12.0, 30.0), (45.0, 22.0), (50.0, 70.0), (20.0, 80.0)])
@@ -104,7 +101,8 @@ def test_a_file_that_may_not_be_written_is_not_replaced(tmp_path: Path) -> None:
     assert file.read_text() == "old"
 
 
-# Every verb that writes a file, with the file; the recording of `live` and `record` grows in place.
+NEW = "new.mcap"  # the recording of `live` and `record` grows in place, and begins only where there is room
+# Every verb that writes a file, with the file.
 WRITES = [
     ("init out.toml --force", "out.toml"),
     ("simulate s.toml c.wkt -o out.csv", "out.csv"),
@@ -113,7 +111,7 @@ WRITES = [
     ("reconstruct s.toml r.csv --method profile -o out.geojson", "out.geojson"),
     ("reconstruct s.toml r.csv --method profile -o /dev/null --plot out.png", "out.png"),
     ("calibrate s.toml --plan -o out.csv --wanted 3", "out.csv"),
-    ("calibrate s.toml --touch untouched.csv -o out.toml", "out.toml"),
+    ("calibrate s.toml --touch rest.csv -o out.toml", "out.toml"),
     ("convert r.mcap -o out.csv --force", "out.csv"),
     ("convert r.mcap -o out.npz --force", "out.npz"),
     ("convert r.mcap -o out.geojson --force", "out.geojson"),
@@ -121,6 +119,11 @@ WRITES = [
     ("convert r.mcap -o out.mcap --force", "out.mcap"),
     ("recover r.mcap -o out.mcap --force", "out.mcap"),
     ("replay r.mcap --fast --plot out.pdf", "out.pdf"),
+    ("demo --out .", "shape.geojson"),
+    ("calibrate s.toml runs.csv --model offset -o /dev/null --report report", "report/figures/errors.png"),
+    ("noise still.csv --sensor s.toml -o out.toml", "out.toml"),
+    ("record r.mcap -o new.mcap", NEW),
+    ("live r.mcap --no-view --speed 1000 -o new.mcap", NEW),
     ("doctor r.csv --sensor s.toml --plot out.png", "out.png"),
     ("spice s.toml c.wkt -o out.cir", "out.cir"),
     ("limits s.toml c.wkt --positional 0.01 --grid 2 -o out.json", "out.json"),
@@ -148,23 +151,11 @@ print(json.dumps(told))
 def full(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[tuple[int, str]]]:
     """Run every writing verb where the disk is full: the folder, and each one's exit code and words."""
     folder = tmp_path_factory.mktemp("full")
-    SENSOR.save(folder / "s.toml")
-    (folder / "c.wkt").write_text(SHAPE.shapes[0].wkt)
-    scans = [ts.simulate(SENSOR, SHAPE.moved(0.0, 0.1 * i), time_s=0.01 * i) for i in range(20)]
-    ts.write_readings(folder / "r.csv", SENSOR, scans)
-    rest = np.random.default_rng(0).normal(0.02, 0.001, (2, 40, SENSOR.strips)).clip(0.0)
-    ts.write_readings(
-        folder / "untouched.csv", SENSOR, [ts.Scan(kh=h, kl=l) for h, l in zip(*rest, strict=True)]
-    )
-    spec = with_converter(SENSOR)
-    with Recorder(folder / "r.mcap", spec, ("kh", "kl"), 0) as recorder:
-        for number, scan in enumerate(scans):
-            raw = encode(scan, spec, number)
-            recorder.add(
-                RawScan(raw.time_s, raw.codes, raw.touched, number, None, (Shape("ok", SHAPE.vertices),))
-            )
+    make_inputs(folder)
+    (folder / "report/figures").mkdir(parents=True)
     for _, name in WRITES:
-        (folder / name).write_text("old")
+        if name != NEW:
+            (folder / name).write_text("old")
     done = subprocess.run(
         [sys.executable, "-c", DRIVER], cwd=folder, input=json.dumps([words for words, _ in WRITES]),
         capture_output=True, text=True, check=True, timeout=300,
@@ -180,7 +171,8 @@ def test_a_full_disk_leaves_no_part_of_a_file(full: tuple[Path, list[tuple[int, 
     code, said = told[at]
     assert code == 1, said
     assert f"Error: {WRITES[at][1]}: File too large; nothing is written there: make room" in said
-    assert (folder / WRITES[at][1]).read_text() == "old"
+    assert WRITES[at][1] == NEW or (folder / WRITES[at][1]).read_text() == "old"
+    assert not (folder / NEW).exists()
     assert not list(folder.glob(".*"))
 
 
@@ -218,6 +210,32 @@ def test_what_has_no_end_is_not_read(tmp_path: Path) -> None:
         with pytest.raises(ts.RecordingError, match=r"mcap: is a (pipe|device), not a file"):
             recover(file, tmp_path / "out.mcap")
     assert why_unreadable(tmp_path) == why_unreadable(tmp_path / "none") == ""
+
+
+def test_what_a_pipe_gives_without_end_is_not_read_to_its_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tacstrip.files._LONGEST", 100)
+    monkeypatch.setattr("tacstrip.io.csv_rows._LONGEST_LINE", 100)
+    for name in ("a.toml", "a.csv", "a.wkt"):
+        (tmp_path / name).write_text("1" * 200)
+    with pytest.raises(ts.SpecError, match="longer than 100 characters"):
+        ts.Sensor.load(tmp_path / "a.toml")
+    with pytest.raises(ts.ContactError, match=r"a\.wkt: cannot be read \(it is longer than 100 characters"):
+        ts.read_contact(tmp_path / "a.wkt")
+    for read in (ts.read_readings, ts.read_runs):
+        with pytest.raises(ts.ReadingError, match="a line is longer than 100 characters"):
+            read(tmp_path / "a.csv", SENSOR)
+
+
+def test_a_file_is_on_the_disk_before_it_takes_its_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Else a power cut may leave the name with nothing in it."""
+    saved: list[bool] = []
+    monkeypatch.setattr(os, "fsync", lambda _: saved.append((tmp_path / "a.txt").exists()))
+    write_text(tmp_path / "a.txt", "text")
+    assert saved == [False]
 
 
 def test_what_the_caller_hands_over_is_read(tmp_path: Path) -> None:

@@ -266,9 +266,23 @@ def test_transition_error_does_not_show_in_a_scan() -> None:
     np.testing.assert_array_equal(noisy["k"], simulate(METAL, CONTACT)["k"])
 
 
+@pytest.mark.parametrize("text", ["0.5", "1_0", "٠", b"0.5"])
+def test_a_text_is_no_number_whatever_numpy_takes_it_for(text: str | bytes) -> None:
+    t: Any = text
+    for k in ([t, t], [t, 0.5], [0.5, t, None], np.array([t])):
+        with pytest.raises(ReadingError, match="kh needs one number per strip"):
+            Scan(kh=k)  # type: ignore[arg-type]
+    for points in ([(t, t)], [(t, 1.0), (2.0, 3.0)], np.array([[t, t]])):
+        with pytest.raises(ContactError, match="needs numbers"):
+            Contact.points(points)
+    read: Any = [0.5, None, True]
+    np.testing.assert_array_equal(Scan(kh=read)["kh"], [0.5, np.nan, 1.0])
+
+
 def test_a_reading_beyond_0_or_1_by_rounding_is_none() -> None:
     scan = Scan(kh=np.array([np.nextafter(1.0, 2.0), np.nan]), kl=np.array([-1e-16, np.nan]))
     np.testing.assert_array_equal(scan["kh"], [1.0, np.nan])
     np.testing.assert_array_equal(scan["kl"], [0.0, np.nan])
     with pytest.raises(ReadingError, match=r"outside 0\.\.1"):
-        Scan(kh=np.array([1.0 + 1e-12]))
+        Scan(kh=np.array([1.0 + 1e-4]))
+    assert Scan(kh=np.array([np.float32(1.0) + np.finfo(np.float32).eps]))["kh"] == 1.0

@@ -20,6 +20,17 @@ def plain(values: npt.ArrayLike, digits: int | None = None) -> Any:
     return numbers.tolist()
 
 
+def numbers(values: npt.ArrayLike) -> FloatArray:
+    """Return a copy as an array of numbers; `TypeError` for texts, in which NumPy takes 1_0 and any script's digits."""
+    if not isinstance(values, np.ndarray) or values.dtype.kind in "USO":
+        array = np.asarray(values)
+        if array.dtype.kind in "US" or any(
+            isinstance(v, str | bytes) for v in array.ravel() if array.dtype.kind == "O"
+        ):
+            raise TypeError("a text is no number")
+    return np.array(values, dtype=float)
+
+
 def extent(values: FloatArray) -> str:
     """Write the range of values in a few words, such as "0.2 to 0.51"; NaN does not count."""
     known = values[np.isfinite(values)]

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+_LONGEST = 2**26  # characters of a spec or a contact: a pipe may go on without end
 _HANDED_OVER = ("/dev/stdin", "/dev/fd/", "/proc/self/fd/")  # what the caller opened: its end is the caller's
 
 
@@ -36,6 +37,8 @@ def replacing(path: str | Path) -> Iterator[Path]:
             raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
         yield part
         if part != target:
+            with part.open("rb+") as file:
+                os.fsync(file.fileno())  # else a power cut may leave the name and nothing in it
             if there:
                 shutil.copymode(target, part)
             part.replace(target)
@@ -53,6 +56,23 @@ def write_text(path: str | Path, text: str) -> None:
     """Write a text file in UTF-8, whole or not at all; errors as of `replacing`."""
     with replacing(path) as part:
         part.write_text(text, encoding="utf-8")
+
+
+def read_text(path: str | Path) -> str:
+    """Return a text file's text, in UTF-8 with or without its mark.
+
+    Raises
+    ------
+    ValueError
+        It is not in UTF-8, or so long that it is not what was meant.
+    OSError
+        It cannot be read.
+    """
+    with Path(path).open(encoding="utf-8-sig") as file:
+        text = file.read(_LONGEST + 1)
+    if len(text) > _LONGEST:
+        raise ValueError(f"it is longer than {_LONGEST} characters")
+    return text
 
 
 def why_unreadable(path: str | Path) -> str:

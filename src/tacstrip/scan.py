@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from tacstrip.arrays import BoolArray, FloatArray, extent, touched_strips
+from tacstrip.arrays import BoolArray, FloatArray, extent, numbers, touched_strips
 from tacstrip.errors import ArgumentError, ReadingError, SignatureError
 from tacstrip.robust import robust_sigma
 from tacstrip.sensor.constructions import SIGNATURES
@@ -18,8 +18,10 @@ from tacstrip.sensor.creep import creep_rate, log_age
 from tacstrip.sensor.left_out import leave_out
 from tacstrip.sensor.spec import Sensor
 
-# Of Vref: sums and quotients of a handful of numbers end so far beyond 0 or 1.
-_ROUNDING = 16.0 * np.finfo(float).eps
+_BITS, _FEWEST_BITS = (
+    16,
+    8,
+)  # of a converter that the spec does not give; of the coarsest that rounding counts of
 _STRAY, _STRAY_COUNT = 6.0, 8  # standard deviations; scans of which a stray can be told
 _MOVED = 0.025  # of Vref: the median channel's change from the first half to the second that is no wander
 _LEAST_STRAY = 0.002  # over Vref: nearer than that is none, however quiet the converter
@@ -34,6 +36,8 @@ class Scan:
     `electrodes` (strips, 2 strips), for CRS-CRP only: what every electrode of the sheet read while each strip was
     energised, those at y = 0 first, then those at y = L; a row of NaN where nothing touches. k_l and k_h are its
     two diagonals.
+
+    A reading beyond 0 or 1 by less than half a step of 16 bits is rounding, and is set to 0 or 1.
 
     A scan that is the mean of others, as `Scan.mean` makes it, says of how many and over what time: `averaged` and
     `span_s` [s]. Errors that every scan draws anew are then less, those that last are not. `moved` [Vref] is above 0
@@ -218,6 +222,11 @@ def _motion(k: FloatArray) -> float:
     return changed if changed > _MOVED + 4.0 * noise else 0.0
 
 
+def max_rounding(adc_bits: int | None) -> float:
+    """Return how far beyond 0 or 1 rounding can bring a reading over Vref: half a step of the converter."""
+    return 0.5 / (2.0 ** max(_BITS if adc_bits is None else adc_bits, _FEWEST_BITS) - 1.0)
+
+
 def _growth(scans: Sequence[Scan], held: BoolArray) -> dict[str, FloatArray]:
     """Return what creep adds to each reading (scans, strips) by signature."""
     time_s = np.array([s.time_s for s in scans])
@@ -233,7 +242,7 @@ def _growth(scans: Sequence[Scan], held: BoolArray) -> dict[str, FloatArray]:
 
 def _readings(name: str, values: npt.ArrayLike) -> FloatArray:
     try:
-        array = np.array(values, dtype=float)
+        array = numbers(values)
     except (TypeError, ValueError):
         raise ReadingError(f"{name} needs one number per strip, NaN where nothing touches") from None
     if array.ndim != 1 or not len(array):
@@ -249,12 +258,13 @@ def _readings(name: str, values: npt.ArrayLike) -> FloatArray:
 
 def _without_rounding(array: FloatArray) -> FloatArray:
     """Return readings with those set to 0 or 1 that are beyond by no more than rounding."""
-    near = (array >= -_ROUNDING) & (array <= 1.0 + _ROUNDING)
+    slack = max_rounding(None)
+    near = (array >= -slack) & (array <= 1.0 + slack)
     return np.where(near, np.clip(array, 0.0, 1.0), array)
 
 
 def _electrodes(values: npt.ArrayLike, touched: BoolArray) -> FloatArray:
-    array = _without_rounding(np.array(values, dtype=float))
+    array = _without_rounding(numbers(values))
     if array.shape != (len(touched), 2 * len(touched)):
         raise ReadingError(
             f"electrodes have shape {array.shape}; give ({len(touched)}, {2 * len(touched)}): all electrodes at "

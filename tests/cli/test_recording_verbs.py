@@ -278,7 +278,7 @@ BAD: dict[str, tuple[tuple[str, ...], str]] = {
         "--rate is for a contact",
     ),
     "no rate": ((*RECORD[:3], "-o", "c.mcap", "--rate", "0"), "--rate 0.0: must be above 0"),
-    "nan seconds": ((*RECORD[:3], "-o", "c.mcap", "--seconds", "nan"), "--seconds nan: must be above 0"),
+    "nan seconds": ((*RECORD[:3], "-o", "c.mcap", "--seconds", "nan"), "'--seconds': 'nan' is not a number"),
     "negative seed": ((*RECORD[:3], "-o", "c.mcap", "--seed", "-1"), "--seed -1: must be 0 or more"),
     "no method": (
         ("record", "a.mcap", "-o", "c.mcap", "--reconstruct", "magic"),

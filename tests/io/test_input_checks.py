@@ -8,16 +8,18 @@ import numpy as np
 import pytest
 
 import tacstrip as ts
+from tacstrip.diagnose import read_log
 from tacstrip.io.input_checks import (
-    contact_in_metres,
-    exchanged,
     half_read,
-    in_metres,
-    largest,
     over_vref,
+    unfinished,
+    unlikely_contact,
+    unlikely_lengths,
 )
+from tacstrip.sensor.exchanged import exchanged
 
-SENSOR = ts.Sensor(construction="crs-crs", strips=24, pitch_mm=4.0, length_mm=120.0)
+SENSOR_KEYS = {"format": 1, "construction": "crs-crs", "strips": 24, "pitch_mm": 4.0, "length_mm": 120.0}
+SENSOR = ts.Sensor.from_dict(SENSOR_KEYS)
 SHAPE = [(20, 30), (70, 25), (60, 80), (30, 90)]
 
 
@@ -25,31 +27,46 @@ def _scan(noise: float = 0.0, seed: int = 0, shape: object = SHAPE) -> ts.Scan:
     return ts.simulate(SENSOR, ts.Contact.polygon(shape), ts.Noise(positional=noise), rng=seed)  # type: ignore[arg-type]
 
 
-def test_a_spec_in_metres() -> None:
-    assert in_metres(SENSOR) == ""
-    assert "mm, not m?" in in_metres(
-        ts.Sensor(construction="crs-m", strips=3, pitch_mm=0.004, length_mm=0.12)
-    )
-    for pitch, length in ((8.0, 0.3), (8.0, 3.0)):  # one of both in metres or the like
-        mixed = ts.Sensor(construction="crs-m", strips=3, pitch_mm=pitch, length_mm=length)
-        assert "mm, not m?" in in_metres(mixed)
+def _exchanged(*scans: ts.Scan) -> str:
+    return exchanged({name: np.stack([s[name] for s in scans]) for name in scans[0].signatures})
 
 
-def test_a_contact_in_metres() -> None:
-    assert contact_in_metres(ts.Contact.polygon(SHAPE), SENSOR) == ""
-    assert contact_in_metres(ts.Contact.points([(0.02, 0.03)]), SENSOR) == ""  # has no size
-    metres = ts.Contact.polygon(np.array(SHAPE) / 1000.0)
-    assert "is it in metres? Coordinates are millimetres" in contact_in_metres(metres, SENSOR)
+@pytest.mark.parametrize(
+    ("pitch", "length", "told"),
+    [
+        (4.0, 120.0, ""),
+        (0.5, 60.0, ""),
+        (0.004, 0.12, "mm, not m?"),
+        (4.0, 0.12, "shorter"),
+        (0.4, 12.0, "not cm?"),
+    ],
+)
+def test_a_spec_in_other_units(pitch: float, length: float, told: str) -> None:
+    said = unlikely_lengths(ts.Sensor.from_dict(SENSOR_KEYS | {"pitch_mm": pitch, "length_mm": length}))
+    assert told in said if told else said == ""
+
+
+def test_a_contact_in_other_units() -> None:
+    """In centimetres all of the sensor is its corner at x = y = 0, where few contacts lie."""
+    assert unlikely_contact(ts.Contact.polygon(SHAPE), SENSOR) == ""
+    assert unlikely_contact(ts.Contact.points([(0.02, 0.03)]), SENSOR) == ""  # has no size
+    for unit, factor in (("metres", 1000.0), ("centimetres", 10.0)):
+        small = ts.Contact.polygon(np.array(SHAPE) / factor)
+        assert f"is it in {unit}? Coordinates are millimetres" in unlikely_contact(small, SENSOR)
+    assert unlikely_contact(ts.Contact.polygon(np.array(SHAPE) / 10.0).moved(40.0, 0.0), SENSOR) == ""
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.005, 0.01])
 def test_exchanged_signatures(noise: float) -> None:
     for seed in range(20):
         scan = _scan(noise, seed)
-        assert exchanged([scan]) == ""
+        assert _exchanged(scan) == ""
         swapped = ts.Scan(kh=scan["kl"], kl=scan["kh"])
-        assert exchanged([swapped]).endswith("of 13 strips: are the columns exchanged?")
-    assert "of scan 1, and so in 1 scan(s) more" in exchanged([scan, swapped, swapped])
+        assert _exchanged(swapped).endswith(
+            "of 13 strips: are the columns exchanged? Then exchange their names, or the two wires"
+        )
+    assert "of scan 1, and so in 1 scan(s) more" in _exchanged(scan, swapped, swapped)
+    assert _exchanged(scan, scan, swapped) == ""
 
 
 def test_a_line_under_noise_is_not_exchanged() -> None:
@@ -57,14 +74,13 @@ def test_a_line_under_noise_is_not_exchanged() -> None:
     line = ts.Contact.line([(10.0, 60.0), (90.0, 60.0)])
     for seed in range(50):
         scan = ts.simulate(SENSOR, line, ts.Noise(positional=0.01), rng=seed)
-        assert exchanged([scan], ts.Noise(positional=0.01)) == ""
+        assert _exchanged(scan) == ""
 
 
 def test_one_signature_or_nothing_touched_is_not_exchanged() -> None:
-    assert exchanged([ts.Scan(kl=np.full(24, 0.5))]) == ""
+    assert _exchanged(ts.Scan(kl=np.full(24, 0.5))) == ""
     nothing = ts.Scan(kh=np.full(24, np.nan), kl=np.full(24, np.nan))
-    assert exchanged([nothing]) == ""
-    assert largest([nothing]) == 0.0
+    assert _exchanged(nothing) == ""
 
 
 def test_half_read() -> None:
@@ -84,3 +100,55 @@ def test_readings_over_vref(tmp_path: Path) -> None:
     codes = ts.Sensor(construction="crs-crs", strips=24, pitch_mm=4.0, length_mm=120.0, adc_bits=12)
     file.write_text("scan,time_s,strip,code_h,code_l\n")
     assert over_vref(file, codes, 0.2) == ""
+
+
+def test_a_number_that_is_cut_is_told(tmp_path: Path) -> None:
+    file = tmp_path / "r.csv"
+    lines = [f"0,0,{i},{2.0 + 0.1 * i:.4f},{1.0 + 0.1 * i:.4f}" for i in range(24)]
+    for text, cut in (
+        ("\n".join(lines), ""),  # whole, but for its last line end
+        ("\n".join(lines)[:-2] + "\n", ""),  # somebody rounded it
+        ("\n".join(lines)[:-2], "its last number, 3.30, fewer digits than the others: is the file cut off?"),
+        ("\n".join(lines)[:-5], "its last number, 3"),
+        ("\n".join(lines[:5])[:-2], ""),  # too few to say
+        ("", ""),
+    ):
+        file.write_text(f"scan,time_s,strip,v_h,v_l\n{text}")
+        assert unfinished(file) == "" if not cut else cut in unfinished(file)
+
+
+def test_positions_that_contradict_the_strips_are_refused(tmp_path: Path) -> None:
+    file = tmp_path / "r.csv"
+
+    def read(step: float, start: float = 0.0) -> list[ts.Scan]:
+        rows = [f"{s},0,{i},{start + step * i:.6g},3,2\n" for s in range(2) for i in range(24)]
+        file.write_text("scan,time_s,strip,x_mm,v_h,v_l\n" + "".join(rows))
+        return ts.read_readings(file, SENSOR)
+
+    assert len(read(4.0, 2.0)) == len(read(4.02)) == len(read(1.0)) == len(read(0.0)) == 2
+    with pytest.raises(ts.ReadingError, match=r"x_mm falls from 94 to 2 while .*in the order of x_mm"):
+        read(-4.0, 94.0)
+    with pytest.raises(ts.ReadingError, match=r"x_mm rises by 0\.4 .*pitch_mm is 4: is x_mm in centimetres"):
+        read(0.4, 0.2)
+    with pytest.raises(ts.ReadingError, match=r"is x_mm in metres\? All lengths are millimetres"):
+        read(0.004)
+    with pytest.raises(ts.ReadingError, match="is pitch_mm in the spec in centimetres"):
+        read(40.0)
+    assert read_log(file, ts.Sensor.from_dict(SENSOR_KEYS | {"pitch_mm": 40.0})).time_s.tolist() == [0.0, 0.0]
+
+
+def test_a_reading_beyond_vref_by_rounding_is_vref(tmp_path: Path) -> None:
+    """Half a step of the converter is rounding, more is not."""
+    file = tmp_path / "r.csv"
+
+    def read(volts: float, bits: int | None) -> list[ts.Scan]:
+        rows = [f"0,0,{i},{volts:.9g},2\n" for i in range(24)]
+        file.write_text("scan,time_s,strip,v_h,v_l\n" + "".join(rows))
+        return ts.read_readings(file, ts.Sensor.from_dict(SENSOR_KEYS | ({"adc_bits": bits} if bits else {})))
+
+    for bits, step in ((10, 5.0 / 1023.0), (12, 5.0 / 4095.0), (None, 5.0 / 65535.0)):
+        assert set(read(5.0 + 0.49 * step, bits)[0]["kh"]) == {1.0}
+        assert set(read(-0.49 * step, bits)[0]["kh"]) == {0.0}
+        for volts in (5.0 + 0.51 * step, -0.51 * step):
+            with pytest.raises(ts.ReadingError, match="outside 0 to 5 V"):
+                read(volts, bits)

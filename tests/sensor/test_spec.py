@@ -219,6 +219,10 @@ def test_simulated_sensors_are_those_of_chapter_5(name: str) -> None:
         (FLAT, {"touch_volt": 0.1}, "touch_volt is set and rest_volt is not: give both or neither"),
         (FLAT, {"rest_volt": 5.1, "touch_volt": 0.1}, "rest_volt = 5.1: must be 0 to vref_volt"),
         (FLAT, {"rest_volt": 0.0, "touch_volt": 0.0}, "touch_volt = 0.0: must be above 0"),
+        (FLAT, {"pitch_mm": 1e-320}, f"pitch_mm = {1e-320}: must be 1e-09 to 1e+09"),
+        (FLAT, {"length_mm": 1e300}, f"length_mm = {1e300}: must be 1e-09 to 1e+09"),
+        (FLAT, {"rest_volt": 0.0, "touch_volt": 50.0}, "touch_volt = 50.0: no reading is so far from rest_volt = 0.0, "
+         "so nothing would count as touched; both are volts"),
         (FLAT, {"strip_base": 2}, "strip_base = 2: must be 0 or 1"),
         (FLAT, {"format": 2}, "format = 2: this tacstrip reads format 1"),
     ],

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import errno
 import io
+import os
+import shutil
+import stat
 import time
 import tomllib
 from dataclasses import replace
@@ -212,6 +215,39 @@ def test_waiting_scans_are_written_before_they_are_old(
     assert recorder.saved_scans == 7
     recorder.close()
     assert len(list(Recording(tmp_path / "a.mcap"))) == 7
+
+
+def test_a_power_cut_loses_a_second_of_a_durable_recording(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What the disk was told to save is what is left, whether scans come or not."""
+    now, file, saved = [0.0], tmp_path / "a.mcap", tmp_path / "saved.mcap"
+    synced: list[bool] = []
+
+    def fsync(number: int) -> None:
+        synced.append(stat.S_ISDIR(os.fstat(number).st_mode))
+        shutil.copy(file, saved)
+
+    monkeypatch.setattr(os, "fsync", fsync)
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
+    spec = sensor()
+    raws = list(source(spec, 600, 100.0))
+    with Recorder(file, spec, ("kh", "kl"), ORIGIN, durable=True) as recorder:
+        assert synced == [False, True]  # the file, and its name in the folder
+        for number, raw in enumerate(raws[:550]):
+            now[0] = raw.time_s
+            recorder.add(raw)
+            if number % 50 == 49:
+                assert len(list(Recording(saved))) >= number - 110
+        for _ in range(12):  # nothing comes
+            now[0] += 0.1
+            recorder.idle(0.1)
+        assert len(list(Recording(saved))) == 550
+        assert len(synced) <= 10
+    assert saved.read_bytes() == file.read_bytes()
+    synced.clear()
+    make(tmp_path / "b.mcap", spec)
+    assert not synced
 
 
 def test_a_failed_write_leaves_a_whole_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

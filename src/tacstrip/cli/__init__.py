@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import importlib
+import itertools
 import os
 import sys
 from collections.abc import Sequence
@@ -15,9 +16,11 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tacstrip.errors import OptionError, ReadingError, RecordingError, TacstripError
+from tacstrip.interrupt import all_as_ctrl_c
 
 if TYPE_CHECKING:
     from tacstrip.contact.shape import Contact
+    from tacstrip.diagnose.log import Log
     from tacstrip.reconstruction.result import Reconstruction
     from tacstrip.scan import Scan
     from tacstrip.sensor.spec import Sensor
@@ -141,45 +144,63 @@ def load_sensor(spec: str | Path, without: Sequence[str] = ()) -> Sensor:
 
     `without` names channels to leave out, besides those of the spec.
     """
-    from tacstrip.io.input_checks import in_metres  # late, as all that loads NumPy
+    from tacstrip.io.input_checks import unlikely_lengths  # late, as all that loads NumPy
     from tacstrip.sensor.spec import Sensor
 
     sensor = Sensor.load(spec)
     sensor = replace(sensor, without=(*sensor.without, *without))
-    warn(in_metres(sensor), file=spec)
+    warn(unlikely_lengths(sensor), file=spec)
     return sensor
 
 
-def warn_untouched(name: str | Path, source: Source) -> None:
-    """Warn where untouched strips have readings in a file that is a source, and its spec does not separate them."""
-    import itertools
+def load_log(file: Path, spec: str | None) -> Log:
+    """Read readings (.csv) of the sensor of a spec, or a recording, for the doctor; what is misread is told."""
+    from tacstrip.diagnose.log import Log, read_log
+    from tacstrip.io.input_checks import half_read, misread
+    from tacstrip.stream.replay import Recording
 
-    import numpy as np
+    if file.suffix.lower() == ".mcap":
+        source = Recording(file, load_sensor(spec) if spec else None)
+        with contextlib.closing(source):
+            log = Log.of_codes(source.sensor, source)
+            if source.condition.whole:
+                return log
+            lost = f"{source.condition.lost_bytes} bytes of {source.condition.total_bytes}"
+            return replace(log, missing=f"the recording is cut: {lost} lie after its last whole part")
+    if spec is None:
+        raise OptionError(f"{file} does not say what sensor it is of; name its spec: --sensor sensor.toml")
+    log = read_log(file, load_sensor(spec))
+    warn(half_read(file, log.sensor, tuple(log.raw)), *misread(file, log.sensor, log.raw))
+    return log
 
+
+def warn_of_input(name: str | Path, source: Source) -> None:
+    """Warn of what is probably not meant in a source that is a file, as far as it can be read."""
     from tacstrip.diagnose.log import Log
-    from tacstrip.sensor.rest_level import rest_hint
+    from tacstrip.io.input_checks import half_read, misread
     from tacstrip.stream.replay import ReadingsSource, Recording
 
     if not isinstance(source, ReadingsSource | Recording):
         return
-    try:  # a recording is iterated once: another look at it, as far as it can be read
+    try:  # a recording is iterated once: another look at it
         scans = source if isinstance(source, ReadingsSource) else Recording(name, source.sensor)
         with contextlib.closing(scans):
             log = Log.of_codes(scans.sensor, itertools.islice(scans, _LOOK_SCANS))
     except (ReadingError, RecordingError):
         return
-    raw = {n: np.where(log.touched, values, np.nan) for n, values in log.raw.items()}
-    warn(rest_hint(log.sensor, raw), file=name)
-
-
-def warn_of_input(name: str | Path, source: Source) -> None:
-    """Warn of a source that is a file: half of its readings missing, or readings of untouched strips."""
-    from tacstrip.io.input_checks import half_read
-    from tacstrip.stream.replay import ReadingsSource
-
     if isinstance(source, ReadingsSource):
-        warn(half_read(name, source.sensor, source.names))
-    warn_untouched(name, source)
+        warn(half_read(name, source.sensor, source.names), *misread(name, log.sensor, log.raw))
+    warn_of_log(name, log)
+
+
+def warn_of_log(name: str | Path, log: Log) -> None:
+    """Warn of what is probably not meant in the readings of a file."""
+    import numpy as np
+
+    from tacstrip.io.input_checks import implausible
+
+    raw = {n: np.where(log.touched, values, np.nan) for n, values in log.raw.items()}
+    warn(*implausible(name, log.sensor, raw))
 
 
 def save_picture(
@@ -226,7 +247,8 @@ def check_method(option: str, method: str | None, sensor: Sensor, signatures: Se
 def main() -> None:
     """Run the command line; a known error becomes one clear line and exit code 2, a full disk or the like 1."""
     try:
-        cli(standalone_mode=True)
+        with all_as_ctrl_c():
+            cli(standalone_mode=True)
     except TacstripError as error:
         note(f"Error: {error}")
         sys.exit(2)

@@ -18,7 +18,7 @@ from tacstrip.calibrate.unit import Calibrated, calibrate_unit, one_line, requir
 from tacstrip.cli import load_sensor, note, options, protect, warn
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError
-from tacstrip.io.input_checks import half_read
+from tacstrip.io.input_checks import half_read, unfinished
 from tacstrip.io.readings import read_readings
 from tacstrip.io.runs import read_runs, write_plan
 from tacstrip.sensor.rest_level import rest_hint
@@ -42,10 +42,16 @@ _MOST_LINES = 20
               help="Take runs that say that they are of another unit, or do not fit.")  # fmt: skip
 @click.option("--plan", "planned", is_flag=True,
               help="Print the contacts to make; -o writes them as RUNS to fill in.")  # fmt: skip
-@click.option("--wanted", type=float, default=0.2, show_default=True, help="For --plan: accuracy [%].")
-@click.option("--noise", type=float, default=0.2, show_default=True, help="For --plan: +- of a reading [%].")
+@click.option(
+    "--wanted", type=options.NUMBER, default=0.2, show_default=True, help="For --plan: accuracy [%]."
+)
+@click.option(
+    "--noise", type=options.NUMBER, default=0.2, show_default=True, help="For --plan: +- of a reading [%]."
+)
 @click.option("--uneven", is_flag=True, help="For --plan: the rubber may vary along y.")
-@click.option("--unit-mm", type=float, help="For --plan: step of the places [mm]; by default L / 32.5.")
+@click.option(
+    "--unit-mm", type=options.NUMBER, help="For --plan: step of the places [mm]; by default L / 32.5."
+)
 @click.option("--rezero", "zeroed", is_flag=True, help="SENSOR is a calibrated spec, and in place of RUNS stand "
               "readings (CSV) with nothing on the sensor: take the drift from them.")  # fmt: skip
 @click.option("--reference", type=options.POINT, metavar="L W", help="For --rezero: this contact [mm] lies on "
@@ -101,7 +107,7 @@ def command(
     accepted = True
     if data is not None:
         runs = read_runs(data, spec, unit, force)
-        warn(half_read(data, spec, runs.signatures))
+        warn(half_read(data, spec, runs.signatures), unfinished(data))
         warn(rest_hint(spec, runs.raw), file=data)
         if model == "auto":
             note("Comparing models; this may take some seconds")

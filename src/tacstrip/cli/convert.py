@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from tacstrip.cli import load_sensor, new_file, options, warn_untouched
+from tacstrip.cli import load_sensor, new_file, options, warn_of_input
 from tacstrip.cli.record import save_recording
 from tacstrip.cli.replay import warn_of_cut
 from tacstrip.errors import OptionError, one_of
@@ -43,7 +43,7 @@ def command(files: tuple[str, ...], output: Path, codes: bool, force: bool) -> N
         with replacing(output) as part:
             save_recording(files, source, output, force=force, part=part)
         return
-    warn_untouched(files[-1], source)
+    warn_of_input(files[-1], source)
     with contextlib.closing(source):
         contents = _convert(files[-1], source, output, codes)
     click.echo(f"{output}: {contents}")

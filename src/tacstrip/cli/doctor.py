@@ -2,24 +2,18 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import math
 import sys
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import click
-import numpy as np
 
-from tacstrip.cli import load_sensor, note, options, protect, warn
+from tacstrip.cli import load_log, note, options, protect
 from tacstrip.diagnose.doctor import diagnose
 from tacstrip.diagnose.faults import Finding, Report
-from tacstrip.diagnose.log import Log, read_log
-from tacstrip.errors import OptionError
-from tacstrip.io.input_checks import half_read, over_vref
-from tacstrip.stream.replay import Recording
+from tacstrip.diagnose.log import Log
 
 
 @click.command()
@@ -37,7 +31,7 @@ def command(file: Path, sensor: str | None, as_json: bool, plot: Path | None) ->
     Example: tacstrip doctor readings.csv --sensor sensor.toml --plot health.png
     """
     protect(plot, file, sensor)
-    log = _log(file, sensor)
+    log = load_log(file, sensor)
     report = diagnose(log)
     click.echo(json.dumps(report.to_json(), indent=1) if as_json else "\n".join(_lines(log, report)))
     if plot is not None:
@@ -46,24 +40,6 @@ def command(file: Path, sensor: str | None, as_json: bool, plot: Path | None) ->
 
         note(f"{save(health_figure(log, report), plot)} written")
     sys.exit(0 if report.healthy else 1)
-
-
-def _log(file: Path, sensor: str | None) -> Log:
-    if file.suffix.lower() == ".mcap":
-        source = Recording(file, load_sensor(sensor) if sensor else None)
-        with contextlib.closing(source):
-            log = Log.of_codes(source.sensor, source)
-            if source.condition.whole:
-                return log
-            lost = f"{source.condition.lost_bytes} bytes of {source.condition.total_bytes}"
-            return replace(log, missing=f"the recording is cut: {lost} lie after its last whole part")
-    if sensor is None:
-        raise OptionError(f"{file} does not say what sensor it is of; name its spec: --sensor sensor.toml")
-    log = read_log(file, load_sensor(sensor))
-    read = [values[np.isfinite(values)] for values in log.raw.values()]
-    largest = float(np.concatenate(read).max())
-    warn(half_read(file, log.sensor, tuple(log.raw)), over_vref(file, log.sensor, largest))
-    return log
 
 
 def _lines(log: Log, report: Report) -> Iterator[str]:

@@ -10,7 +10,7 @@ import click
 from tacstrip.cli import note, options, protect, warn
 from tacstrip.data import spec_names
 from tacstrip.errors import SpecError
-from tacstrip.io.input_checks import in_metres
+from tacstrip.io.input_checks import unlikely_lengths
 from tacstrip.sensor.constructions import CONSTRUCTIONS
 from tacstrip.sensor.constructions import construction as construction_named
 from tacstrip.sensor.spec import Sensor
@@ -23,13 +23,17 @@ _LAMBDA = 0.01  # of the strip length
 @click.command()
 @click.argument("file", type=options.FILE, default="sensor.toml")
 @click.option("--construction", default="crs-crs", show_default=True, help=", ".join(CONSTRUCTIONS) + ".")
-@click.option("--strips", type=int, default=10, show_default=True, help="Number of strips.")
-@click.option("--pitch", "pitch_mm", type=float, default=6.5, show_default=True, help="Strip to strip [mm].")
-@click.option("--length", "length_mm", type=float, default=325.0, show_default=True, help="Of a strip [mm].")
-@click.option("--radius", "radius_mm", type=float, help="Radius of the tube [mm], for cyl-crs-m.")
-@click.option("--ratio", "resistivity_ratio", type=float,
+@click.option("--strips", type=options.WHOLE, default=10, show_default=True, help="Number of strips.")
+@click.option(
+    "--pitch", "pitch_mm", type=options.NUMBER, default=6.5, show_default=True, help="Strip to strip [mm]."
+)
+@click.option(
+    "--length", "length_mm", type=options.NUMBER, default=325.0, show_default=True, help="Of a strip [mm]."
+)
+@click.option("--radius", "radius_mm", type=options.NUMBER, help="Radius of the tube [mm], for cyl-crs-m.")
+@click.option("--ratio", "resistivity_ratio", type=options.NUMBER,
               help="Resistivity of the second layer over the strips'.")  # fmt: skip
-@click.option("--lambda", "contact_lambda_mm", type=float,
+@click.option("--lambda", "contact_lambda_mm", type=options.NUMBER,
               help="Decay length of the contact resistance [mm].")  # fmt: skip
 @click.option("--like", metavar="SPEC", help="Copy a shipped spec instead: " + ", ".join(spec_names()) + ".")
 @options.FORCE
@@ -45,7 +49,7 @@ def command(file: Path, like: str | None, force: bool, **keys: Any) -> None:
     if like is not None and options.given(*keys):
         raise SpecError("--like copies a whole spec; leave the other options out and edit the file")
     sensor = _made(keys) if like is None else Sensor.load(like)
-    warn(in_metres(sensor))
+    warn(unlikely_lengths(sensor))
     if printed:
         click.echo(sensor.to_toml(), nl=False)
         return

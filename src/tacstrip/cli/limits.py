@@ -21,7 +21,7 @@ from tacstrip.errors import OptionError
 from tacstrip.files import write_text
 from tacstrip.geometry.outline import Outline
 from tacstrip.io.geometry import read_contact
-from tacstrip.io.input_checks import contact_in_metres
+from tacstrip.io.input_checks import unlikely_contact
 from tacstrip.reconstruction.cramer_rao import reading_sigma, vertex_rms
 from tacstrip.sensor.spec import Sensor
 from tacstrip.tracking.rigid.covariance import joint_bound
@@ -36,32 +36,40 @@ _MOST_LINES = 20
 @options.TURN
 @options.noise
 @options.WITHOUT
-@click.option("--bits", type=int, help="Resolution of the A/D converter instead of the spec's.")
-@click.option("--grid", type=click.IntRange(2, 200), default=16, show_default=True, help="Places a side.")
+@click.option("--bits", type=options.WHOLE, help="Resolution of the A/D converter instead of the spec's.")
+@click.option("--grid", type=options.WholeRange(2, 200), default=16, show_default=True, help="Places a side.")
 @options.plot()
 @options.output("All numbers, to a file (.json).", required=False)
 @click.option(
     "--scans",
-    type=click.IntRange(2),
+    type=options.WholeRange(2),
     metavar="N",
     help="Also: what N scans of a moving object tell together.",
 )
 @click.option(
-    "--slide", type=float, default=0.0, metavar="MM", help="With --scans: its way across the strips."
+    "--slide", type=options.NUMBER, default=0.0, metavar="MM", help="With --scans: its way across the strips."
 )
 @click.option(
-    "--rotate", type=float, default=0.0, metavar="DEG", help="With --scans: how far it turns on the way."
+    "--rotate",
+    type=options.NUMBER,
+    default=0.0,
+    metavar="DEG",
+    help="With --scans: how far it turns on the way.",
 )
-@click.option("--wanted-mm", type=float, help="Look for designs that reach this RMS vertex error.")
+@click.option("--wanted-mm", type=options.NUMBER, help="Look for designs that reach this RMS vertex error.")
 @click.option("--construction", multiple=True,
               help="Design: try this one; repeat. Default: all flat, or all round.")  # fmt: skip
-@click.option("--pitch", type=float, multiple=True, metavar="MM", help="Design: try this pitch; repeat.")
-@click.option("--length", type=float, multiple=True, metavar="MM", help="Design: try this length; repeat.")
-@click.option("--try-bits", type=int, multiple=True, metavar="BITS",
+@click.option(
+    "--pitch", type=options.NUMBER, multiple=True, metavar="MM", help="Design: try this pitch; repeat."
+)
+@click.option(
+    "--length", type=options.NUMBER, multiple=True, metavar="MM", help="Design: try this length; repeat."
+)
+@click.option("--try-bits", type=options.WHOLE, multiple=True, metavar="BITS",
               help="Design: try this A/D converter; repeat.")  # fmt: skip
-@click.option("--picofarad", type=float, default=FARAD * 1e12, show_default=True,
+@click.option("--picofarad", type=options.NUMBER, default=FARAD * 1e12, show_default=True,
               help="Design: input capacitance.")  # fmt: skip
-@click.option("--conversion-us", type=float, default=CONVERSION_S * 1e6, show_default=True,
+@click.option("--conversion-us", type=options.NUMBER, default=CONVERSION_S * 1e6, show_default=True,
               help="Design: a conversion.")  # fmt: skip
 def command(
     sensor: str,
@@ -102,7 +110,7 @@ def command(
         )
     shape = read_contact(contact)
     shape = (shape.placed(*at) if at else shape).turned(math.radians(turn))
-    warn(contact_in_metres(shape, spec))
+    warn(unlikely_contact(shape, spec))
     outline = outline_of(spec, shape)
     found = limits(spec, outline, noise)
     _show_limits(outline, found)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import math
 import sys
@@ -15,11 +16,11 @@ import click
 from tacstrip.cli import check_method, load_sensor, new_file, note, options, warn_of_input
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError, PortError
+from tacstrip.interrupt import deferred_interrupt
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.device.port import BAUD, SerialPort
 from tacstrip.stream.device.pty import PtyDevice
 from tacstrip.stream.device.source import SerialSource
-from tacstrip.stream.interrupt import deferred_interrupt
 from tacstrip.stream.live.pipeline import Live
 from tacstrip.stream.live.sinks import Sink, json_sink, tuio_sink
 from tacstrip.stream.live.warmup import warm_up
@@ -42,30 +43,35 @@ _RATE_HZ = 1000.0
 @click.command()
 @options.sensor_and_input("[[SENSOR] INPUT]", required=False)
 @click.option("--port", help="Serial port of the device, such as /dev/ttyACM0.")
-@click.option("--baud", type=int, default=BAUD, show_default=True, help="Speed of the line.")
+@click.option("--baud", type=options.WHOLE, default=BAUD, show_default=True, help="Speed of the line.")
 @click.option("--simulate", is_flag=True, help="A simulated device, controlled from the page.")
 @click.option("--device", is_flag=True,
               help="Serve a simulated device on a serial port, for another program.")  # fmt: skip
 @click.option("--sensor", metavar="SENSOR", help="Spec of the device, the simulator or the recording.")
-@click.option("--rate", type=float, callback=options.above_0,
+@click.option("--rate", type=options.NUMBER, callback=options.finite_above_0,
               help="Scan rate to request from the device; the simulator's is 1000 [Hz].")  # fmt: skip
 @click.option("--method", help="Method of reconstruction: polygon, vertex or profile.")
-@click.option("--noise", type=float, help="Half-width of the readings' errors over Vref, where it is known.")
+@click.option(
+    "--noise", type=options.NUMBER, help="Half-width of the readings' errors over Vref, where it is known."
+)
 @click.option("--no-drift", is_flag=True, help="Do not remove the drift of a calibrated sensor.")
 @click.option("--creep", is_flag=True, help="Take the creep of contacts that are held still out.")
 @click.option("--watch", "watched", is_flag=True,
               help="Let the doctor look on, and leave channels out while they are faulty.")  # fmt: skip
-@click.option("--speed", type=float, default=1.0, show_default=True, callback=options.above_0,
+@click.option("--speed", type=options.NUMBER, default=1.0, show_default=True, callback=options.above_0,
               help="INPUT: speed relative to its own times.")  # fmt: skip
 @options.output("Record to this file (.mcap).", required=False)
 @options.FORCE
+@options.DURABLE
 @click.option("--no-view", is_flag=True, help="No page.")
-@click.option("--http", type=int, default=_HTTP, show_default=True, help="The page's port; 0: any free one.")
+@click.option(
+    "--http", type=options.WHOLE, default=_HTTP, show_default=True, help="The page's port; 0: any free one."
+)
 @click.option("--host", default="127.0.0.1", show_default=True,
               help="Address of the page; 0.0.0.0 lets the local network in, with a token.")  # fmt: skip
 @click.option("--json", "lines", is_flag=True, help="Objects as JSON lines on standard output.")
 @click.option("--osc", metavar="HOST:PORT", help="Objects as TUIO 1.1 blobs over UDP.")
-@click.option("--seconds", type=float, default=math.inf, callback=options.above_0,
+@click.option("--seconds", type=options.NUMBER, default=math.inf, callback=options.above_0,
               help="End after so many seconds.")  # fmt: skip
 def command(files: tuple[str, ...], **given: Any) -> None:
     """Show the shapes that touch the sensor on a page of this computer; record them and pass them on.
@@ -83,6 +89,7 @@ def command(files: tuple[str, ...], **given: Any) -> None:
         if given["output"].suffix.lower() != ".mcap":
             raise OptionError(f"-o {given['output']}: a recording is a file that ends in .mcap")
         new_file(given["output"], given["force"], *files)
+    options.belong(given["output"], "is for a recording: give -o as well", "durable")
     spec = files[0] if len(files) == 2 else given["sensor"]
     sensor = load_sensor(spec) if spec else None
     with deferred_interrupt() as stop, _log_on_stderr():
@@ -154,13 +161,12 @@ def _stream(
         for sink in sinks:
             stack.callback(sink.close)
         if given["watched"]:
-            executor = background_process()
-            stack.callback(executor.shutdown, wait=False, cancel_futures=True)
+            executor = stack.enter_context(background_process())
             stack.callback(watch(live, executor).close)
         if not given["no_view"]:
             stack.enter_context(_page(live, simulator, given))
         if given["output"] is not None:
-            live.record(given["output"], force=given["force"])
+            live.record(given["output"], force=given["force"], durable=given["durable"])
         with live:
             while live.running and running() and not (sinks and all(sink.ended for sink in sinks)):
                 pass
@@ -178,15 +184,11 @@ def _sinks(live: Live, given: dict[str, Any]) -> Iterator[Sink]:
 
 @contextmanager
 def _page(live: Live, simulator: Simulator | None, given: dict[str, Any]) -> Iterator[None]:
-    executor = background_process()
-    controller = Controller(live, executor, simulator)
-    server = Server(controller, Access(given["host"]), given["http"])
-    urls = server.urls
-    note(f"the page is at {urls.pop('control')}")
-    for url in urls.values():
-        note(f"view only: {url}")
-    try:
-        yield
-    finally:
-        server.close()
-        executor.shutdown(wait=False, cancel_futures=True)
+    with background_process() as executor:
+        server = Server(Controller(live, executor, simulator), Access(given["host"]), given["http"])
+        urls = server.urls
+        note(f"the page is at {urls.pop('control')}")
+        for url in urls.values():
+            note(f"view only: {url}")
+        with contextlib.closing(server):
+            yield

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import contextlib
 import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import click
 
-from tacstrip.cli import load_sensor, options, protect
+from tacstrip.cli import load_log, options, protect, warn_of_log
 from tacstrip.diagnose.learned_noise import LearnedNoise, learn_noise
-from tacstrip.diagnose.log import Log, read_log
 from tacstrip.errors import OptionError, ReadingError
 from tacstrip.files import write_text
 from tacstrip.reconstruction.noise_covariance import Averaging, common_variance, own_variance
 from tacstrip.sensor.spec import Sensor, with_noise
-from tacstrip.stream.replay import Recording
 
 _SHOWN = (1, 16, 64)  # scans averaged
 
@@ -29,7 +26,7 @@ _SHOWN = (1, 16, 64)  # scans averaged
 @options.output("Write the spec with the noise to this file.", required=False)
 @click.option("--write", type=options.FILE, metavar="SENSOR.toml",
               help="Put the noise into this spec; its other lines stay as they are.")  # fmt: skip
-@click.option("--vertices", type=click.IntRange(3, 40), help="Of the contact, where that is known.")
+@click.option("--vertices", type=options.WholeRange(3, 40), help="Of the contact, where that is known.")
 @options.plot("Picture of the Allan deviation (.png, .svg, .pdf).")
 def command(
     recording: Path,
@@ -50,7 +47,8 @@ def command(
     protect(write, recording)
     protect(plot, recording, sensor, output, write)
     spec = sensor or (None if write is None else str(write))
-    log = _log(recording, spec)
+    log = load_log(recording, spec)
+    warn_of_log(recording, log)
     if not log.sensor.kind.closed_form:
         raise OptionError(
             f"a {log.sensor.construction} sensor's noise cannot be learned: it has no closed form (3.3)"
@@ -78,18 +76,6 @@ def command(
             )
             write_text(target, with_noise(given, found.noise))
             click.echo(f"{target} written")
-
-
-def _log(recording: Path, spec: str | None) -> Log:
-    if recording.suffix.lower() == ".mcap":
-        source = Recording(recording, load_sensor(spec) if spec else None)
-        with contextlib.closing(source):
-            return Log.of_codes(source.sensor, source)
-    if spec is None:
-        raise OptionError(
-            f"{recording} does not say what sensor it is of; name its spec: --sensor sensor.toml"
-        )
-    return read_log(recording, load_sensor(spec))
 
 
 def _lines(found: LearnedNoise, sensor: Sensor) -> Iterator[str]:

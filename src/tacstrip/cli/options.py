@@ -11,10 +11,37 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
-from tacstrip.errors import OptionError
+from tacstrip.errors import OptionError, is_number, number
 
+
+class _Number(click.types.FloatParamType):
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        return super().convert(_in_digits(value, param, ctx), param, ctx)
+
+
+class _Whole(click.types.IntParamType):
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        return super().convert(_in_digits(value, param, ctx), param, ctx)
+
+
+class WholeRange(click.IntRange):
+    """Whole numbers from one to another."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the number, or fail."""
+        return super().convert(_in_digits(value, param, ctx), param, ctx)
+
+
+def _in_digits(value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+    """Return the value, or fail where it is no number in the digits 0 to 9; click takes 1_0, other scripts and nan."""
+    if isinstance(value, str) and not (is_number(value) and number(value) == number(value)):
+        raise click.BadParameter(f"{value!r} is not a number; write it in the digits 0 to 9", ctx, param)
+    return value
+
+
+NUMBER, WHOLE = _Number(), _Whole()
 FILE = click.Path(path_type=Path)
-POINT = (float, float)
+POINT = (NUMBER, NUMBER)
 
 
 def given(*parameters: str) -> list[str]:
@@ -37,9 +64,9 @@ def above_0(_: click.Context, parameter: click.Parameter, value: float | None) -
     return value
 
 
-def finite_above_0(context: click.Context, parameter: click.Parameter, value: float) -> float | None:
+def finite_above_0(context: click.Context, parameter: click.Parameter, value: float | None) -> float | None:
     """Refuse a number that is not above 0 or infinite: a callback of options."""
-    return above_0(context, parameter, value if value < math.inf else math.nan)
+    return above_0(context, parameter, math.nan if value == math.inf else value)
 
 
 def _seed(_: click.Context, parameter: click.Parameter, value: int) -> int:
@@ -65,10 +92,12 @@ def _one_input(_: click.Context, __: click.Parameter, files: tuple[str, ...]) ->
 SENSOR = click.argument("sensor", metavar="SENSOR")
 CONTACT = click.argument("contact", metavar="CONTACT", type=FILE)
 FORCE = click.option("--force", is_flag=True, help="Overwrite an existing file.")
+DURABLE = click.option("--durable", is_flag=True, help="Record so that a power cut loses a second at most; "
+                       "see docs/recordings.md for what it costs.")  # fmt: skip
 SEED = click.option(
-    "--seed", type=int, default=0, show_default=True, callback=_seed, help="Of random errors."
+    "--seed", type=WHOLE, default=0, show_default=True, callback=_seed, help="Of random errors."
 )
-TURN = click.option("--turn", type=float, default=0.0, metavar="DEG", help="Turn the contact anticlockwise.")
+TURN = click.option("--turn", type=NUMBER, default=0.0, metavar="DEG", help="Turn the contact anticlockwise.")
 AT = click.option("--at", type=POINT, metavar="X Y", help="Put the contact's centroid here [mm].")
 WITHOUT = click.option("--without", multiple=True, metavar="STRIP:CHANNEL",
                        help="Leave out a dead, stuck or saturated channel, such as 7:v_h; repeat.")  # fmt: skip
@@ -94,9 +123,9 @@ def sensor_and_input(metavar: str = "[SENSOR] INPUT", required: bool = True) -> 
 def noise(command: Callable[..., None]) -> Callable[..., None]:
     """Add --quantisation, --positional and --distribution to a verb, which takes them as one `noise`."""
 
-    @click.option("--quantisation", type=float, default=0.0,
+    @click.option("--quantisation", type=NUMBER, default=0.0,
                   help="C.Q.E. of the readings, half-width over Vref (thesis: 0.001).")  # fmt: skip
-    @click.option("--positional", type=float, default=0.0,
+    @click.option("--positional", type=NUMBER, default=0.0,
                   help="P.U. of the readings, half-width over Vref (thesis: 0.005, 0.01).")  # fmt: skip
     @click.option("--distribution", default="uniform", show_default=True, help="uniform or normal.")
     @functools.wraps(command)

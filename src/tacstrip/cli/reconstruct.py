@@ -17,14 +17,13 @@ from tacstrip.contact.shape import Contact
 from tacstrip.errors import OptionError, ReadingError, number
 from tacstrip.geometry.metrics import mismatch
 from tacstrip.io.geometry import feature_collection, read_contact, write_geojson
-from tacstrip.io.input_checks import exchanged, half_read, largest, one_reading, over_vref
+from tacstrip.io.input_checks import half_read, implausible, misread, one_reading
 from tacstrip.io.readings import read_readings
 from tacstrip.reconstruction.known_object import fit_object
 from tacstrip.reconstruction.methods import chosen_method, reconstruct
 from tacstrip.reconstruction.result import Reconstruction
 from tacstrip.scan import Scan
 from tacstrip.sensor.raw import invert_calibration
-from tacstrip.sensor.rest_level import rest_hint
 
 _MOST_LINES = 20
 _OF_METHODS = {  # option: the methods that have it
@@ -47,9 +46,15 @@ _OF_METHODS = {  # option: the methods that have it
 @options.noise
 @options.WITHOUT
 @click.option(
-    "--average", type=click.IntRange(1), default=1, metavar="N", help="Reconstruct means of every N scans."
+    "--average",
+    type=options.WholeRange(1),
+    default=1,
+    metavar="N",
+    help="Reconstruct means of every N scans.",
 )
-@click.option("--vertices", type=int, help="Of each contact, for polygon, where that is known; else found.")
+@click.option(
+    "--vertices", type=options.WHOLE, help="Of each contact, for polygon, where that is known; else found."
+)
 @click.option("--assessment", default="thorough", show_default=True,
               help="For polygon, of how sure a shape is: thorough, fast or none.")  # fmt: skip
 @click.option("--area", "area_mm2", metavar="MM2[,SIGMA]",
@@ -111,15 +116,13 @@ def command(
     given["transitions"] = _transitions(given["transitions"])
     given["area_mm2"] = None if given["area_mm2"] is None else _area(given["area_mm2"])
     known = noise if options.given("quantisation", "positional") else None
-    stacked = {name: np.stack([s[name] for s in scans]) for name in scans[0].signatures}
+    raw = invert_calibration(spec, {n: np.stack([s[n] for s in scans]) for n in scans[0].signatures})
     warn(
         half_read(readings, spec, scans[0].signatures) if given["signature"] is None else "",
         one_reading(readings, spec, scans),
-        over_vref(readings, spec, largest(scans)),
+        *misread(readings, spec, raw),
+        *implausible(readings, spec, raw),
     )
-    warn(rest_hint(spec, invert_calibration(spec, stacked)), file=readings)
-    if swapped := exchanged(scans, known):
-        warn(f"{swapped} (`tacstrip doctor {readings} --sensor {sensor}` says more)")
     own = {name: given[name] for name, methods in _OF_METHODS.items() if chosen in methods}
     signature = own.pop("signature") if chosen == "polygon" else None
     used = [_only(scan, signature) for scan in scans] if signature else scans

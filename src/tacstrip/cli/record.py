@@ -15,12 +15,12 @@ import click
 
 from tacstrip.cli import check_method, load_sensor, new_file, note, options, warn, warn_of_input
 from tacstrip.cli.replay import warn_of_cut
-from tacstrip.errors import OptionError
+from tacstrip.errors import OptionError, TacstripError
+from tacstrip.interrupt import deferred_interrupt
 from tacstrip.io.geometry import read_contact
-from tacstrip.io.input_checks import contact_in_metres
+from tacstrip.io.input_checks import unlikely_contact
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.codes import UNSET_BITS, top_code
-from tacstrip.stream.interrupt import deferred_interrupt
 from tacstrip.stream.recording.recorder import Recorder, record, with_shapes
 from tacstrip.stream.replay import ReadingsSource, Recording, open_source
 from tacstrip.stream.simulated import Drag, SimulatedSource
@@ -42,21 +42,30 @@ _TEXT_ROUNDING = 0.01  # steps of the converter by which the rounding of a text 
               help="Store reconstructed shapes too: vertex, profile or polygon.")  # fmt: skip
 @click.option("--paced", is_flag=True, help="In real time; otherwise as fast as possible.")
 @options.FORCE
+@options.DURABLE
 @options.AT
 @options.TURN
 @click.option("--drag", type=options.POINT, multiple=True, metavar="X Y",
               help="Contact: move it to here; repeat for a path.")  # fmt: skip
-@click.option("--turn-rate", type=float, default=0.0, metavar="DEG/S", help="Contact: keep turning it.")
-@click.option("--rate", type=float, default=100.0, show_default=True, callback=options.finite_above_0,
+@click.option(
+    "--turn-rate", type=options.NUMBER, default=0.0, metavar="DEG/S", help="Contact: keep turning it."
+)
+@click.option("--rate", type=options.NUMBER, default=100.0, show_default=True, callback=options.finite_above_0,
               help="Contact: scan rate [Hz].")  # fmt: skip
-@click.option("--seconds", type=float, default=1.0, show_default=True, callback=options.finite_above_0,
+@click.option("--seconds", type=options.NUMBER, default=1.0, show_default=True, callback=options.finite_above_0,
               help="Contact: duration, from the path's start to its end.")  # fmt: skip
 @options.noise
 @options.MODEL
 @options.ELECTRODES
 @options.SEED
 def command(
-    files: tuple[str, ...], output: Path, method: str | None, paced: bool, force: bool, **simulation: Any
+    files: tuple[str, ...],
+    output: Path,
+    method: str | None,
+    paced: bool,
+    force: bool,
+    durable: bool,
+    **simulation: Any,
 ) -> None:
     """Record A/D codes, and shapes if wanted, to one MCAP file with the sensor's spec.
 
@@ -77,7 +86,7 @@ def command(
         alone = f"is for a contact, and {files[-1]} is none"
         options.belong(False, alone, *simulation, "quantisation", "positional", "distribution")
         source = open_source(files[-1], load_sensor(files[0]) if len(files) == 2 else None)
-    save_recording(files, source, output, method, 1.0 if paced else math.inf, force, count)
+    save_recording(files, source, output, method, 1.0 if paced else math.inf, force, count, durable=durable)
 
 
 def _simulated(files: tuple[str, ...], given: dict[str, Any]) -> SimulatedSource:
@@ -87,7 +96,7 @@ def _simulated(files: tuple[str, ...], given: dict[str, Any]) -> SimulatedSource
     start = given["at"] or tuple(shape.centroid)
     motion = Drag(shape, [start, *given["drag"]], given["seconds"], math.radians(given["turn_rate"]))
     sensor = load_sensor(files[0])
-    warn(contact_in_metres(shape, sensor))
+    warn(unlikely_contact(shape, sensor))
     return SimulatedSource(
         sensor, motion, given["rate"], _count(given), given["noise"], given["seed"], given["model"],
         given["electrodes"],
@@ -108,6 +117,7 @@ def save_recording(
     force: bool = False,
     count: int = 0,
     part: Path | None = None,
+    durable: bool = False,
 ) -> None:
     """Record a source, opened from the command line's files, and print what was saved; exit code 1 if writing fails.
 
@@ -120,14 +130,19 @@ def save_recording(
     if isinstance(source, Recording) and not method:
         about["method"] = source.about.get("method", "")
     with contextlib.closing(source), deferred_interrupt() as stop:
-        scans = iter(with_shapes(source, source.sensor, method) if method else source)
+        scans = stop.until(with_shapes(source, source.sensor, method) if method else source)
         first = list(itertools.islice(scans, 1))  # errors of the method come before a file is made
         if count > _SAMPLE:
             first += _announce(scans, count)
-        recorder = Recorder(part or output, source.sensor, source.names, source.origin_ns, about, force)
+        recorder = Recorder(
+            part or output, source.sensor, source.names, source.origin_ns, about, force, durable
+        )
         try:
             with recorder:
                 record(itertools.chain(first, scans), recorder, speed, stop)
+        except TacstripError:  # of the source: the rest of it is lost, and this file would not say so
+            recorder.path.unlink(missing_ok=True)
+            raise
         except OSError as error:
             if part is not None:
                 raise
@@ -145,6 +160,8 @@ def save_recording(
         f"{recorder.size_bytes / 1e6:.3g} MB"
     )
     _warn_of_changes(files, source)
+    if not stop():
+        warn_of_cut(source)
 
 
 def _announce(scans: Iterator[RawScan], count: int) -> list[RawScan]:
@@ -181,7 +198,7 @@ def _duration(seconds: float) -> str:
 
 
 def _warn_of_changes(files: tuple[str, ...], source: Source) -> None:
-    """Warn of readings that were rounded, of assumed A/D bits and of a cut file."""
+    """Warn of readings that were rounded, and of assumed A/D bits."""
     if isinstance(source, ReadingsSource) and source.rounded_steps > _TEXT_ROUNDING:
         step_volt = source.sensor.vref_volt / top_code(source.sensor)
         warn(
@@ -190,4 +207,3 @@ def _warn_of_changes(files: tuple[str, ...], source: Source) -> None:
         )
     if len(files) == 2 and Sensor.load(files[0]).adc_bits is None:
         warn(f"{files[0]} has no adc_bits: the recording holds codes of {UNSET_BITS} bits")
-    warn_of_cut(source)

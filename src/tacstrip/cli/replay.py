@@ -8,12 +8,12 @@ from pathlib import Path
 
 import click
 
-from tacstrip.cli import check_method, load_sensor, note, options, protect, save_picture, warn, warn_untouched
+from tacstrip.cli import check_method, load_sensor, note, options, protect, save_picture, warn, warn_of_input
 from tacstrip.errors import OptionError
+from tacstrip.interrupt import deferred_interrupt
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.codes import decode
 from tacstrip.stream.export import as_reconstruction, json_line
-from tacstrip.stream.interrupt import deferred_interrupt
 from tacstrip.stream.recording.recorder import with_shapes
 from tacstrip.stream.recording.summary import summary
 from tacstrip.stream.replay import Recording
@@ -22,7 +22,7 @@ from tacstrip.stream.source import RawScan, Source, paced
 
 @click.command()
 @click.argument("recording", type=options.FILE)
-@click.option("--speed", type=float, default=1.0, show_default=True, callback=options.above_0,
+@click.option("--speed", type=options.NUMBER, default=1.0, show_default=True, callback=options.above_0,
               help="Speed relative to the recorded times.")  # fmt: skip
 @click.option("--fast", is_flag=True, help="As fast as possible.")
 @click.option("--sensor", metavar="SENSOR", help="Decode with this spec, not with the recorded one.")
@@ -50,12 +50,15 @@ def command(
     protect(plot, recording)
     source = Recording(recording, load_sensor(sensor) if sensor else None)
     check_method("--reconstruct", method, source.sensor, source.names)
-    warn_untouched(recording, source)
+    warn_of_input(recording, source)
     touched: RawScan | None = None
     with contextlib.closing(source), deferred_interrupt() as stop:
-        scans = with_shapes(source, source.sensor, method) if method else iter(source)
+        scans = stop.until(with_shapes(source, source.sensor, method) if method else source)
         if short:
-            click.echo("\n".join(summary(source, scans)))
+            lines = summary(source, scans)
+            if stop():
+                raise KeyboardInterrupt
+            click.echo("\n".join(lines))
         else:
             for number, raw in enumerate(paced(scans, math.inf if fast else speed, stop)):
                 scan = decode(raw, source.sensor)

@@ -16,7 +16,7 @@ from tacstrip.contact.noise import Noise, NoiseProcess
 from tacstrip.errors import OptionError
 from tacstrip.files import write_text
 from tacstrip.io.geometry import read_contact
-from tacstrip.io.input_checks import contact_in_metres
+from tacstrip.io.input_checks import unlikely_contact
 from tacstrip.io.readings import write_readings
 from tacstrip.simulation import simulate
 
@@ -29,10 +29,12 @@ from tacstrip.simulation import simulate
 @options.TURN
 @click.option("--drag", type=options.POINT, multiple=True, metavar="X Y",
               help="Drag it on to here; repeat for a path.")  # fmt: skip
-@click.option("--steps", type=int, default=5, show_default=True, help="Scans along the path.")
-@click.option("--still", type=click.IntRange(1), metavar="N", help="N scans of the contact at rest.")
-@click.option("--turn-per-step", type=float, default=0.0, metavar="DEG", help="Turn it while dragging.")
-@click.option("--rate", type=float, default=100.0, show_default=True, callback=options.above_0,
+@click.option("--steps", type=options.WHOLE, default=5, show_default=True, help="Scans along the path.")
+@click.option("--still", type=options.WholeRange(1), metavar="N", help="N scans of the contact at rest.")
+@click.option(
+    "--turn-per-step", type=options.NUMBER, default=0.0, metavar="DEG", help="Turn it while dragging."
+)
+@click.option("--rate", type=options.NUMBER, default=100.0, show_default=True, callback=options.finite_above_0,
               help="Scans a second, of several [Hz].")  # fmt: skip
 @options.noise
 @options.WITHOUT
@@ -97,8 +99,8 @@ def command(
     touched, split = (int(strips.any(axis=0).sum()) for strips in (np.isfinite(touch.l), touch.pieces > 1))
     click.echo(f"{output}: {len(scans)} scan(s) of {spec.strips} strips, {touched} of them touched")
     if touched == 0:
-        small = contact_in_metres(shape, spec)
-        warn("no strip is touched: the contact falls between centre lines" + (f"; {small}" if small else ""))
+        warn("no strip is touched: the contact falls between centre lines")
+    warn(unlikely_contact(shape, spec))
     if touch.clipped:
         warn("a part of the contact lies off the sensor and was cut away")
     if split:

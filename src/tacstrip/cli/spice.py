@@ -10,7 +10,7 @@ from tacstrip.cli import load_sensor, options, protect, warn
 from tacstrip.errors import OptionError
 from tacstrip.files import write_text
 from tacstrip.io.geometry import read_contact
-from tacstrip.io.input_checks import contact_in_metres
+from tacstrip.io.input_checks import unlikely_contact
 from tacstrip.network.crp.readings import contact_measurements
 from tacstrip.network.imperfections import Readout
 from tacstrip.network.spice import deck
@@ -21,11 +21,17 @@ from tacstrip.network.strips.measurements import measurements
 @options.SENSOR
 @options.CONTACT
 @options.output("Netlist to write (.cir).")
-@click.option("--cells", type=click.IntRange(1), help="Cells over each piece of contact, by default 40 per lambda; "
+@click.option("--cells", type=options.WholeRange(1), help="Cells over each piece of contact, by default 40 per lambda; "
               "CRS-CRP: rows of the sheet, by default 4.")  # fmt: skip
-@click.option("--strip-ohm", type=float, default=10_000.0, show_default=True, help="A strip from end to end.")
-@click.option("--mux-ohm", type=float, default=0.0, show_default=True, help="On-resistance of a switch.")
-@click.option("--adc-ohm", type=float, default=float("inf"), show_default=True, help="Input resistance.")
+@click.option(
+    "--strip-ohm", type=options.NUMBER, default=10_000.0, show_default=True, help="A strip from end to end."
+)
+@click.option(
+    "--mux-ohm", type=options.NUMBER, default=0.0, show_default=True, help="On-resistance of a switch."
+)
+@click.option(
+    "--adc-ohm", type=options.NUMBER, default=float("inf"), show_default=True, help="Input resistance."
+)
 @click.option("--tied-grounds", is_flag=True, help="CRS-M with all ground ends joined for good.")
 def command(
     sensor: str, contact: Path, output: Path, cells: int | None, tied_grounds: bool, **ohms: float
@@ -55,4 +61,4 @@ def command(
     write_text(output, deck(title, named, spec.vref_volt))
     click.echo(f"{output}: {len(named)} touched strip(s). Run it with: ngspice -b {output}")
     if not named:
-        warn("no strip is touched: there is nothing to print", contact_in_metres(shape, spec))
+        warn("no strip is touched: there is nothing to print", unlikely_contact(shape, spec))

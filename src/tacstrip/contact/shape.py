@@ -13,7 +13,7 @@ import numpy.typing as npt
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from tacstrip.arrays import FloatArray
+from tacstrip.arrays import FloatArray, numbers
 from tacstrip.contact.parse_errors import why_not_geojson, why_not_wkt
 from tacstrip.errors import ArgumentError, ContactError
 
@@ -159,6 +159,8 @@ class Contact:
 
     def turned(self, angle_rad: float, about: tuple[float, float] | None = None) -> Contact:
         """Return the contact turned counter-clockwise by an angle [rad], about its centroid by default."""
+        if not np.isfinite(angle_rad):
+            raise ContactError("a contact can be turned by a finite angle only")
         centre = self.centroid if about is None else np.asarray(about, dtype=float)
         c, s = np.cos(angle_rad), np.sin(angle_rad)
         rotation = np.array([[c, s], [-s, c]])  # for row vectors
@@ -226,7 +228,7 @@ def _parts(geometry: BaseGeometry) -> list[BaseGeometry]:
 
 def _coordinates(values: npt.ArrayLike, least: int, what: str) -> FloatArray:
     try:
-        array = np.asarray(values, dtype=float)
+        array = numbers(values)
     except (TypeError, ValueError):
         raise ContactError(f"{what} needs numbers: a list of (x_mm, y_mm)") from None
     if array.shape == (2,):

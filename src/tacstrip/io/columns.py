@@ -7,18 +7,20 @@ from dataclasses import dataclass
 
 from tacstrip.errors import ReadingError, number
 from tacstrip.io.column_names import nearly
+from tacstrip.scan import max_rounding
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
 
 INDEX = ("scan", "time_s", "strip")
 PLACE = (*INDEX, "l_mm", "w_mm")  # columns that are no readings
 
+POSITIONS = ("x_mm", "pos_mm", "position_mm")  # where a strip lies, as a file may have it too
 ELECTRODES = "electrodes"  # stands for a signature where all of a sheet's electrodes were read
 
 
 @dataclass(frozen=True)
 class Column:
-    """One column of readings: `field * scale` is over Vref, `top` the largest legal field."""
+    """One column of readings: `field * scale` is over Vref, `top` the largest field but for rounding, `slack`."""
 
     index: int
     name: str
@@ -26,6 +28,7 @@ class Column:
     scale: float
     top: float
     unit: str
+    slack: float = 0.0
 
 
 def column_name(signature: str, codes: bool = False) -> str:
@@ -70,8 +73,8 @@ def value_columns(header: list[str], sensor: Sensor) -> list[Column]:
             "the readings are A/D codes, and the spec has no adc_bits; add it, for example adc_bits = 12"
         )
     top = 2.0 ** (sensor.adc_bits or 0) - 1.0 if codes else sensor.vref_volt
-    unit = "" if codes else " V"
-    return [Column(header.index(name), name, s, 1.0 / top, top, unit) for name, s in found.items()]
+    unit, slack = ("", 0.0) if codes else (" V", top * max_rounding(sensor.adc_bits))
+    return [Column(header.index(name), name, s, 1.0 / top, top, unit, slack) for name, s in found.items()]
 
 
 def _named(header: list[str], sensor: Sensor, codes: bool) -> dict[str, str]:
@@ -143,7 +146,7 @@ def value(text: str, line: int, column: Column) -> float:
     if not text:
         return float("nan")
     found = finite(text, line, column.name)
-    if not 0.0 <= found <= column.top * (1.0 + 1e-9):
+    if not -column.slack <= found <= column.top + column.slack:
         hint = "is it in millivolts, or an A/D code?" if column.unit and found > column.top else ""
         hint = hint or ("check adc_bits in the spec" if not column.unit else "check the wiring and vref_volt")
         raise ReadingError(
@@ -151,4 +154,4 @@ def value(text: str, line: int, column: Column) -> float:
         )
     if not column.unit and found != round(found):
         raise ReadingError(f"line {line}: {column.name} = {text} is not a whole number; codes are counts")
-    return min(found * column.scale, 1.0)
+    return min(max(found * column.scale, 0.0), 1.0)

@@ -6,7 +6,7 @@ import csv
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TextIO, TypeVar
 
 from tacstrip.errors import ReadingError, is_number
 from tacstrip.files import replacing, why_unreadable
@@ -15,6 +15,7 @@ from tacstrip.io.columns import PLACE
 
 Row = tuple[int, list[str]]  # line number, fields
 _Result = TypeVar("_Result")
+_LONGEST_LINE = 2**24  # characters: a pipe may go on without end
 _UTF16 = (b"\xff\xfe", b"\xfe\xff")  # marks at the start of such a file
 
 
@@ -46,9 +47,13 @@ def read_csv(
         raise ReadingError(f"{path}: {unreadable}")
     last, ended = "\n", False  # the last line read, and whether it is the file's last
 
-    def lines(file: Iterable[str]) -> Iterator[str]:
+    def lines(file: TextIO) -> Iterator[str]:
         nonlocal last, ended
-        for line in file:
+        while line := file.readline(_LONGEST_LINE):
+            if len(line) == _LONGEST_LINE:
+                raise ReadingError(
+                    f"a line is longer than {_LONGEST_LINE} characters; {what} are CSV in short lines"
+                )
             last = line
             yield line
         ended = True

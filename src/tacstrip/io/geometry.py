@@ -13,7 +13,7 @@ from tacstrip.arguments import takes
 from tacstrip.arrays import plain
 from tacstrip.contact.shape import Contact
 from tacstrip.errors import ContactError
-from tacstrip.files import why_unreadable, write_text
+from tacstrip.files import read_text, why_unreadable, write_text
 from tacstrip.reconstruction.result import Alternative, Pose, Reconstruction, RecoveredObject
 
 _READERS = {".wkt": Contact.from_wkt, ".geojson": Contact.from_geojson, ".json": Contact.from_geojson}
@@ -51,13 +51,13 @@ def read_contact(path: str | Path) -> Contact:
     if why := why_unreadable(path):
         raise ContactError(f"{path}: {why}")
     try:
-        text = file.read_text(encoding="utf-8-sig")
+        text = read_text(file)
     except FileNotFoundError:
         raise ContactError(f"{path}: no such file") from None
     except UnicodeDecodeError:
         raise ContactError(f"{path}: not a text file in UTF-8; save it as UTF-8") from None
-    except OSError as error:
-        raise ContactError(f"{path}: cannot be read ({error.strerror})") from None
+    except (OSError, ValueError) as error:
+        raise ContactError(f"{path}: cannot be read ({getattr(error, 'strerror', error)})") from None
     if not text.strip():
         raise ContactError(f"{path}: the file is empty")
     try:

@@ -5,49 +5,57 @@ Each function returns a warning, or an empty text where it finds nothing.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 import shapely
 
-from tacstrip.contact.noise import Noise
+from tacstrip.arrays import FloatArray
 from tacstrip.contact.shape import Contact
-from tacstrip.io.columns import value_columns
-from tacstrip.io.csv_rows import read_csv
+from tacstrip.io.columns import value, value_columns
+from tacstrip.io.csv_rows import Row, read_csv
+from tacstrip.io.readings import scan_lines
 from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import SIGNATURES
+from tacstrip.sensor.exchanged import exchanged
 from tacstrip.sensor.left_out import channel_name, left_out
+from tacstrip.sensor.rest_level import rest_hint
 from tacstrip.sensor.spec import Sensor
 
 _PITCH_MM = 0.1  # nobody cuts strips as fine
-_LENGTH_MM = 2.0  # nor as short, or shorter than they are wide
+_LENGTH_MM = 2.0  # nor as short
+_TINY_MM = 10.0  # width of ten strips of such a pitch
 _SMALL = 0.01  # of the sensor's shorter side: a contact in metres is a thousandth of itself
+_CORNER = 0.1  # of the sensor: one in centimetres lies within this, whatever it is and wherever it was to be
 _VREF_VOLT = 2.0  # above it, volts that all stay below 1 are seldom volts
-_NOISE = 0.005  # of Vref: P.U. profile I
+_END_BYTES, _FEW_ENDS = 65536, 8  # of a file's end that is looked at; numbers there, at least
 _NAMED = 5  # channels that a warning names
-_FEW = 4  # touched strips: of fewer, noise alone can exchange most
 
 
-def in_metres(sensor: Sensor) -> str:
-    """Return a warning where a spec's lengths seem to be in metres."""
-    if sensor.pitch_mm >= _PITCH_MM and sensor.length_mm >= max(_LENGTH_MM, sensor.pitch_mm):
-        return ""
-    return (
-        f"pitch_mm = {sensor.pitch_mm:.6g}, length_mm = {sensor.length_mm:.6g}: mm, not m? "
-        "All lengths in a spec are millimetres"
-    )
+def unlikely_lengths(sensor: Sensor) -> str:
+    """Return a warning where a spec's lengths, or one of them, seem to be in metres or centimetres."""
+    said = f"pitch_mm = {sensor.pitch_mm:.6g}, length_mm = {sensor.length_mm:.6g}: "
+    if sensor.pitch_mm < _PITCH_MM:
+        return f"{said}mm, not m? All lengths in a spec are millimetres"
+    if sensor.length_mm < max(_LENGTH_MM, sensor.pitch_mm):
+        return f"{said}a strip shorter than the pitch, or than 2 mm? All lengths in a spec are millimetres"
+    if sensor.pitch_mm < 10.0 * _PITCH_MM and sensor.width_mm < _TINY_MM:
+        return f"{said}mm, not cm? All lengths in a spec are millimetres"
+    return ""
 
 
-def contact_in_metres(contact: Contact, sensor: Sensor) -> str:
-    """Return a warning where a contact is so small that its coordinates seem to be in metres; points have no size."""
+def unlikely_contact(contact: Contact, sensor: Sensor) -> str:
+    """Return a warning where a contact's coordinates seem to be in metres or centimetres; points have no size."""
     x0, y0, x1, y1 = shapely.GeometryCollection(list(contact.shapes)).bounds
-    size = max(x1 - x0, y1 - y0)
-    if not 0.0 < size < _SMALL * min(sensor.width_mm, sensor.length_mm):
+    size, shorter = max(x1 - x0, y1 - y0), min(sensor.width_mm, sensor.length_mm)
+    corner = x0 >= 0.0 and x1 < _CORNER * sensor.width_mm and y0 >= 0.0 and y1 < _CORNER * sensor.length_mm
+    if not 0.0 < size < (_CORNER * max(sensor.width_mm, sensor.length_mm) if corner else _SMALL * shorter):
         return ""
+    unit, where = ("metres", "") if size < _SMALL * shorter else ("centimetres", " at x = y = 0")
     return (
-        f"the contact is {size:.3g} mm large, on a sensor of {sensor.width_mm:.6g} x {sensor.length_mm:.6g} mm: is it "
-        "in metres? Coordinates are millimetres"
+        f"the contact is {size:.3g} mm large{where}, on a sensor of {sensor.width_mm:.6g} x {sensor.length_mm:.6g} mm: "
+        f"is it in {unit}? Coordinates are millimetres"
     )
 
 
@@ -89,24 +97,53 @@ def one_reading(path: str | Path, sensor: Sensor, scans: Sequence[Scan]) -> str:
     return f"{path}: {names} is empty where the strip's other channel has a reading; the strip counts with that one"
 
 
-def exchanged(scans: Sequence[Scan], noise: Noise | None = None) -> str:
-    """Return a warning where k_h is below k_l, beyond noise, on most strips of a scan, which no sensor can measure."""
-    beyond = max(_NOISE, noise.quantisation + noise.positional if noise is not None else 0.0)
-    found: list[tuple[int, int, int]] = []
-    for number, scan in enumerate(scans):
-        if scan.kh is None or scan.kl is None:
-            return ""
-        below, touched = int((scan.kh < scan.kl - beyond).sum()), int(scan.touched.sum())
-        if touched >= _FEW and 2 * below > touched:
-            found.append((number, below, touched))
-    if not found:
+def misread(path: str | Path, sensor: Sensor, raw: Mapping[str, FloatArray]) -> list[str]:
+    """Return warnings, each or empty, where a readings file's numbers are probably not what its columns say.
+
+    Parameters
+    ----------
+    path, sensor
+        The file, readings (.csv) or a recording, which has no text, and its sensor.
+    raw
+        Its raw readings over Vref by signature (scans, strips), NaN where nothing touches.
+    """
+    if Path(path).suffix.lower() == ".mcap" or not Path(path).is_file():  # a pipe is read once
+        return []
+    largest = max(float(np.nanmax(values, initial=0.0)) for values in raw.values())
+    return [over_vref(path, sensor, largest), backwards(path, sensor), unfinished(path)]
+
+
+def implausible(path: str | Path, sensor: Sensor, raw: Mapping[str, FloatArray]) -> list[str]:
+    """Return warnings where readings are none of this sensor touched by something; arguments as of `misread`."""
+    return [f"{path}: {one}" for one in (exchanged(raw), rest_hint(sensor, raw)) if one]
+
+
+def unfinished(path: str | Path) -> str:
+    """Return a warning where a file's last number seems to be cut: no line end, and fewer digits than all others."""
+    with Path(path).open("rb") as file:
+        file.seek(max(0, file.seek(0, 2) - _END_BYTES))
+        *lines, last = file.read().decode(errors="replace").splitlines(keepends=True)[1:] or [""]
+    ends = [line.rstrip().rpartition(",")[2].partition(".")[2] for line in (*lines, last)]
+    others = [len(end) for end in ends[:-1] if end]
+    if last.endswith(("\n", "\r")) or len(others) < _FEW_ENDS or len(ends[-1]) >= min(others):
         return ""
-    number, below, touched = found[0]
-    more = f" of scan {number}, and so in {len(found) - 1} scan(s) more" if len(found) > 1 else ""
-    return f"k_h is below k_l on {below} of {touched} strips{more}: are the columns exchanged?"
+    return (
+        f"{path}: the last line has no line end, and its last number, {last.rpartition(',')[2]}, fewer digits than the "
+        "others: is the file cut off?"
+    )
 
 
-def largest(scans: Sequence[Scan]) -> float:
-    """Return the largest reading of scans over Vref, 0 where nothing touches."""
-    values = np.concatenate([scan[name] for scan in scans for name in scan.signatures])
-    return float(np.nanmax(values)) if np.isfinite(values).any() else 0.0
+def backwards(path: str | Path, sensor: Sensor) -> str:
+    """Return a warning where the lines of a readings file count its strips down."""
+
+    def falls(header: list[str], rows: Iterator[Row]) -> bool:
+        scan = next(scan_lines(header, rows, [], sensor, value))
+        return sensor.strips > 1 and bool((np.diff(scan.strip_lines) < 0).all())
+
+    if not read_csv(path, "readings", falls):
+        return ""
+    last = sensor.strip_base + sensor.strips - 1
+    return (
+        f"{path}: its lines count the strips down, from {last} to {sensor.strip_base}; each is taken by its "
+        f"number, and strip {sensor.strip_base} lies at x = 0. If it does not, number the strips the other way round"
+    )

@@ -9,7 +9,7 @@ alone, that the other channel is left out. Codes run from 0 to 2^adc_bits - 1, w
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,6 +21,7 @@ from tacstrip.errors import ReadingError
 from tacstrip.io.columns import (
     ELECTRODES,
     INDEX,
+    POSITIONS,
     Column,
     electrode_names,
     finite,
@@ -33,6 +34,8 @@ from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.raw import apply_calibration, invert_calibration
 from tacstrip.sensor.spec import Sensor
+
+_SAME = 0.01  # of the pitch: positions are rounded
 
 
 @takes(sensor=Sensor)
@@ -168,12 +171,17 @@ def scan_lines(
         There is none, or a line has no time or no strip, or a strip for the second time.
     """
     index = [find(header, name) for name in INDEX]
+    places = next(((name, header.index(name)) for name in POSITIONS if name in header), None)
+    first: dict[int, float] = {}  # where the strips of the first scan lie, if the file says so
     scan: ScanLines | None = None
     for line, row in rows:
         number, time_text, strip_text = (row[i] for i in index)
         if scan is None or number != scan.number:
             if scan is not None:
                 yield scan
+            if first and places is not None:
+                _check_positions(places[0], first, sensor)
+                places = None
             values = np.full((len(columns), sensor.strips), np.nan)
             time_s = finite(time_text, line, "time_s")
             scan = ScanLines(number, line, time_s, values, np.zeros(sensor.strips, dtype=np.int64))
@@ -183,10 +191,32 @@ def scan_lines(
                 f"line {line}: strip {strip_text} of scan {number} is already on line {earlier}"
             )
         scan.strip_lines[strip] = line
+        if places is not None:
+            first[strip] = finite(row[places[1]], line, places[0])
         scan.values[:, strip] = [parse(row[c.index], line, c) for c in columns]
     if scan is None:
         raise ReadingError("the file has a header but no readings")
+    if places is not None:
+        _check_positions(places[0], first, sensor)
     yield scan
+
+
+def _check_positions(name: str, places: Mapping[int, float], sensor: Sensor) -> None:
+    """Refuse a file whose positions contradict its strips' numbers, or the spec's pitch by a unit."""
+    x = [places[strip] for strip in sorted(places)]
+    step = float(np.median(np.diff(x))) if len(x) > 1 else 0.0
+    if step < 0.0:
+        raise ReadingError(
+            f"{name} falls from {max(x):.6g} to {min(x):.6g} while the strips' numbers rise: strip "
+            f"{sensor.strip_base} lies at x = 0; number the strips in the order of {name}"
+        )
+    for unit, mm in (("centimetres", 10.0), ("metres", 1000.0)):
+        for text, given in ((name, step * mm), ("pitch_mm in the spec", step / mm)):
+            if step and abs(given / sensor.pitch_mm - 1.0) < _SAME:
+                raise ReadingError(
+                    f"{name} rises by {step:.6g} from strip to strip, and pitch_mm is {sensor.pitch_mm:.6g}: is {text} "
+                    f"in {unit}? All lengths are millimetres"
+                )
 
 
 def _scans(header: list[str], rows: Iterator[Row], sensor: Sensor) -> list[Scan]:

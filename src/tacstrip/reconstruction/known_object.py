@@ -22,6 +22,7 @@ from tacstrip.contact.shape import Contact
 from tacstrip.contact.signature import signatures
 from tacstrip.core.problem import FLOOR
 from tacstrip.errors import ContactError, OptionError
+from tacstrip.reconstruction.implausible import doubt_implausible
 from tacstrip.reconstruction.noise_covariance import (
     Averaging,
     CorrelatedErrors,
@@ -34,7 +35,6 @@ from tacstrip.reconstruction.polygon.goodness_of_fit import autocorrelation_scor
 from tacstrip.reconstruction.polygon.run import fit_run
 from tacstrip.reconstruction.result import Alternative, Pose, Reconstruction, RecoveredObject, Status
 from tacstrip.reconstruction.seam import unrolled
-from tacstrip.reconstruction.untouched import doubt_untouched
 from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import check_closed_form
 from tacstrip.sensor.spec import Sensor
@@ -123,7 +123,7 @@ def fit_object(
         runs.append(run)
     noise = sensor.noise if noise is None else noise
     objects = tuple(_placed(laid_out, surface, corners, run, noise, edge_mm) for run in runs)
-    return doubt_untouched(Reconstruction("object", objects, scan.time_s), scan, sensor)
+    return doubt_implausible(Reconstruction("object", objects, scan.time_s), scan, sensor)
 
 
 def pose_covariance(

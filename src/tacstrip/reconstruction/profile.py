@@ -13,8 +13,8 @@ from tacstrip.geometry.outline import distinct
 from tacstrip.network.crp.mesh import Wiring
 from tacstrip.reconstruction.contact_ends import Ends, ends
 from tacstrip.reconstruction.cramer_rao import reading_sigma
+from tacstrip.reconstruction.implausible import doubt_implausible
 from tacstrip.reconstruction.result import Reconstruction, RecoveredObject, Status
-from tacstrip.reconstruction.untouched import doubt_untouched
 from tacstrip.scan import Scan
 from tacstrip.sensor.spec import Sensor
 
@@ -82,7 +82,7 @@ def profile_reconstruction(
     sigma = None if noise is None else reading_sigma(noise, sensor)
     found = ends(scan, sensor, sigma, convex, wiring)
     objects = tuple(_object(sensor, run, scan, found) for run in scan.runs())
-    return doubt_untouched(Reconstruction("profile", objects, scan.time_s), scan, sensor)
+    return doubt_implausible(Reconstruction("profile", objects, scan.time_s), scan, sensor)
 
 
 @takes(recovered=RecoveredObject)

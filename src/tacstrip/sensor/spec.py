@@ -17,7 +17,7 @@ from tacstrip.arguments import refuse_positional
 from tacstrip.arrays import FloatArray
 from tacstrip.data import spec_names, spec_path
 from tacstrip.errors import SpecError
-from tacstrip.files import why_unreadable, write_text
+from tacstrip.files import read_text, why_unreadable, write_text
 from tacstrip.sensor.calibration import Calibration
 from tacstrip.sensor.constructions import CONSTRUCTIONS, Construction, check_signature, construction
 from tacstrip.sensor.left_out import checked_names
@@ -25,6 +25,7 @@ from tacstrip.sensor.noise import Noise
 
 FORMAT = 1
 _SEAM = 0.1  # pitches: no wider a gap between the last strip and the first is one, but rounding of a radius
+_FAR = 1e9  # mm, V or a ratio: beyond it, or below 1 / it, sums and squares of them are no numbers any more
 _HUGE = 10**18  # a message with more digits helps nobody
 
 # Every key of the file, in its order, with the comment that `tacstrip init` writes beside it.
@@ -182,7 +183,7 @@ class Sensor:
                 file = spec_path(str(path))
             if why := why_unreadable(file):
                 raise SpecError(why)
-            return cls.from_dict(tomllib.loads(file.read_text(encoding="utf-8-sig")))
+            return cls.from_dict(tomllib.loads(read_text(file)))
         except FileNotFoundError:
             shipped = ", ".join(spec_names())
             raise SpecError(
@@ -272,6 +273,8 @@ def _check(s: Sensor) -> None:
         value = getattr(s, key)
         if value is not None and value <= 0.0:
             raise SpecError(f"{key} = {value}: must be above 0")
+        if value is not None and not 1.0 / _FAR <= value <= _FAR:
+            raise SpecError(f"{key} = {value}: must be {1.0 / _FAR:g} to {_FAR:g}")
     given_keys = {
         "radius_mm": s.radius_mm is not None,
         "resistivity_ratio": s.resistivity_ratio != 1.0,
@@ -297,6 +300,11 @@ def _check(s: Sensor) -> None:
         ("strip_base", s.strip_base in (0, 1), "must be 0 or 1"),
         ("rest_volt", s.rest_volt is None or 0 <= s.rest_volt <= s.vref_volt, "must be 0 to vref_volt"),
         ("touch_volt", s.touch_volt is None or s.touch_volt > 0.0, "must be above 0"),
+        (
+            "touch_volt",
+            s.rest_volt is None or (s.touch_volt or 0.0) <= max(s.rest_volt, s.vref_volt - s.rest_volt),
+            f"no reading is so far from rest_volt = {s.rest_volt}, so nothing would count as touched; both are volts",
+        ),
     )
     for key, good, advice in limits:
         if not good:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import json
 import math
-import os
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +13,7 @@ import numpy as np
 
 from tacstrip.data.published import METRICS, experiments, published, rows
 from tacstrip.files import write_text
+from tacstrip.interrupt import worker_processes
 from tacstrip.plot.style import save
 from tacstrip.report.page import Picture, write_report
 from tacstrip.thesis import chapter2, chapter3, chapter4
@@ -60,7 +60,7 @@ def reproduce(out: Path, seeds: int, workers: int | None, progress: Progress) ->
     tasks |= {("experiment", n): (run_experiment, n, seeds) for n in numbers["experiment"]}
     tasks |= {figure: (_draw, figure, folder) for figure in _DRAWN}
     done: dict[Any, Any] = {}
-    with ProcessPoolExecutor(max_workers=workers or os.cpu_count()) as pool:
+    with worker_processes(workers) as pool:
         futures = {pool.submit(*task): key for key, task in tasks.items()}
         for future in as_completed(futures):
             done[futures[future]] = future.result()

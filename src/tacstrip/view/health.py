@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import os
 from collections import deque
-from concurrent.futures import Executor, Future, ProcessPoolExecutor
-from contextlib import suppress
-from multiprocessing import get_context
+from concurrent.futures import Executor, Future
+from contextlib import AbstractContextManager
 from typing import Any
 
 from tacstrip.diagnose.log import Log
 from tacstrip.errors import TacstripError
+from tacstrip.interrupt import worker_processes
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.live.frame import Frame
 from tacstrip.stream.source import RawScan
@@ -80,9 +79,9 @@ class Health:
             self.report = future.result()
 
 
-def background_process() -> Executor:
+def background_process() -> AbstractContextManager[Executor]:
     """Return an executor for `Health`: one process of low priority, started with the first examination."""
-    return ProcessPoolExecutor(1, mp_context=get_context("spawn"), initializer=_lower_priority)
+    return worker_processes(1, 10, "spawn")
 
 
 def examined(sensor: Sensor, scans: list[RawScan]) -> dict[str, Any]:
@@ -93,9 +92,3 @@ def examined(sensor: Sensor, scans: list[RawScan]) -> dict[str, Any]:
         return diagnose(Log.of_codes(sensor, scans)).to_json()
     except TacstripError as error:
         raise RuntimeError(str(error)) from None  # ours cannot be passed between processes
-
-
-def _lower_priority() -> None:
-    """Let the live stream run first."""
-    with suppress(AttributeError, OSError):
-        os.nice(10)

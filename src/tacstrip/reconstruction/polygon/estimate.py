@@ -18,6 +18,7 @@ from tacstrip.contact.noise import Noise
 from tacstrip.core.binding import MAX_VERTICES
 from tacstrip.core.problem import FLOOR
 from tacstrip.errors import OptionError
+from tacstrip.reconstruction.implausible import doubt_implausible
 from tacstrip.reconstruction.noise_covariance import Averaging, fit_sigma
 from tacstrip.reconstruction.polygon.objects import FittedContact, reconstruct_object
 from tacstrip.reconstruction.polygon.run import RunFit, fit_run, should_merge
@@ -25,7 +26,6 @@ from tacstrip.reconstruction.posterior.assessment import Effort, check_effort
 from tacstrip.reconstruction.result import Reconstruction
 from tacstrip.reconstruction.seam import BRIDGED, unrolled
 from tacstrip.reconstruction.strip_width import fitted_strips, remove_width_effect
-from tacstrip.reconstruction.untouched import doubt_untouched
 from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import check_closed_form
 from tacstrip.sensor.left_out import left_out_wholly
@@ -130,7 +130,7 @@ def fit_polygon(
         ),
         scan.time_s,
     )
-    return doubt_untouched(result, scan, sensor)
+    return doubt_implausible(result, scan, sensor)
 
 
 @takes(scans=(Scan,), sensor=Sensor, noise=Noise)

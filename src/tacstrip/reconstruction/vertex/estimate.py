@@ -12,10 +12,10 @@ from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError, one_of
 from tacstrip.geometry.outline import close_chains
+from tacstrip.reconstruction.implausible import doubt_implausible
 from tacstrip.reconstruction.result import Reconstruction, RecoveredObject
 from tacstrip.reconstruction.seam import unrolled
 from tacstrip.reconstruction.sections import Section, fit_sections, noise_level
-from tacstrip.reconstruction.untouched import doubt_untouched
 from tacstrip.reconstruction.vertex.blocks import linear_system
 from tacstrip.reconstruction.vertex.transitions import transitions_of_runs
 from tacstrip.reconstruction.vertex.validity import judge, judge_fit
@@ -91,7 +91,7 @@ def vertex_reconstruction(
     found = transitions_of_runs(laid_out, surface, name, transitions, noise)
     runs = zip(laid_out.runs(), found, strict=True)
     objects = tuple(_recover(surface, name, run, k[run], x, reading) for run, x in runs)
-    return doubt_untouched(Reconstruction("vertex", objects, scan.time_s), scan, sensor)
+    return doubt_implausible(Reconstruction("vertex", objects, scan.time_s), scan, sensor)
 
 
 class _Refusal(Exception):  # noqa: N818 - not an error: why one object has no shape

@@ -171,10 +171,16 @@ class Live:
         """Whether frames may still come."""
         return self._thread.is_alive()
 
-    def record(self, path: str | Path, about: Mapping[str, str] | None = None, force: bool = False) -> None:
+    def record(
+        self,
+        path: str | Path,
+        about: Mapping[str, str] | None = None,
+        force: bool = False,
+        durable: bool = False,
+    ) -> None:
         """Begin a recording of all scans from now on; parameters and errors as of `Recorder`."""
         source, notes = self.source, {"source": "live", "method": self.method or "best", **(about or {})}
-        recorder = Recorder(path, source.sensor, source.names, source.origin_ns, notes, force)
+        recorder = Recorder(path, source.sensor, source.names, source.origin_ns, notes, force, durable)
         self._replace_writer(BackgroundRecorder(recorder, self.notify))
 
     def stop_recording(self) -> None:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+import os
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from importlib.metadata import version
@@ -18,6 +21,7 @@ from tacstrip.errors import RecordingError
 from tacstrip.stream.recording.resync import MAGIC
 
 CHUNK_BYTES = 65536
+SYNC_S = 1.0  # at most, until what is written is on a durable file's disk: a power cut loses no more
 
 
 def already_there(path: str | Path) -> str:
@@ -37,6 +41,8 @@ class McapFile:
         The file to make.
     force
         Overwrite an existing file.
+    durable
+        Wait every second until the disk itself has the data, so that a power cut loses no more than that.
 
     Attributes
     ----------
@@ -51,8 +57,9 @@ class McapFile:
         It cannot be made.
     """
 
-    def __init__(self, path: str | Path, force: bool = False) -> None:
+    def __init__(self, path: str | Path, force: bool = False, durable: bool = False) -> None:
         self.path = Path(path)
+        self._durable, self._synced_s, self._synced_bytes = durable, -math.inf, 0
         self.size_bytes = 0
         try:
             self._raw = FileIO(self.path, "w" if force else "x")
@@ -68,7 +75,7 @@ class McapFile:
         )
         # `flush` ends the chunks; the writer's own limit would end them in between.
         self.writer = Writer(stream, chunk_size=2**62, compression=CompressionType.ZSTD)
-        with self.guard():
+        with self.discarded_on_error(), self.guard():
             self.writer.start(profile="ros2", library=f"tacstrip {version('tacstrip')}")
 
     @property
@@ -89,10 +96,29 @@ class McapFile:
                 self._raw.close()
             raise OSError(error.errno, error.strerror, str(self.path)) from error
 
+    @contextmanager
+    def discarded_on_error(self) -> Iterator[None]:
+        """Context for the beginning, without which the file is none: when it fails, there is no file."""
+        try:
+            yield
+        except BaseException:
+            with suppress(OSError):
+                self._raw.close()
+                if self.path.is_file():
+                    self.path.unlink()
+            raise
+
     def flush(self) -> None:
         """End the chunk and write everything to disk."""
         with self.guard():
             self.writer.flush()  # type: ignore[no-untyped-call]
+        self.sync()
+
+    def sync(self) -> None:
+        """Have the disk save what a durable file holds, once a second."""
+        if time.monotonic() - self._synced_s >= SYNC_S:
+            with self.guard():
+                self._sync()
 
     def close(self) -> None:
         """End the file with its index; may be called twice."""
@@ -102,7 +128,21 @@ class McapFile:
                 self._end = b""  # the index is one
                 self._save()
                 self._raw.truncate(self.size_bytes)
+                self._sync()
                 self._raw.close()
+
+    def _sync(self) -> None:
+        """Wait until the disk has the data of a durable file, and the first time its name, too."""
+        if not self._durable or self._synced_bytes == self.size_bytes:
+            return
+        os.fsync(self._raw.fileno())
+        if self._synced_s == -math.inf and hasattr(os, "O_DIRECTORY"):
+            folder = os.open(self.path.parent, os.O_DIRECTORY)
+            try:
+                os.fsync(folder)
+            finally:
+                os.close(folder)
+        self._synced_s, self._synced_bytes = time.monotonic(), self.size_bytes
 
     def _save(self) -> None:
         if self._buffer:

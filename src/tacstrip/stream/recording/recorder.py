@@ -47,6 +47,8 @@ class Recorder:
         Notes on the scans for the reader of the file: texts by key.
     force
         Overwrite an existing file.
+    durable
+        Have the disk itself hold all but the last second at any time, so that a power cut loses no more.
 
     Attributes
     ----------
@@ -88,6 +90,7 @@ class Recorder:
         origin_ns: int,
         about: Mapping[str, str] | None = None,
         force: bool = False,
+        durable: bool = False,
     ) -> None:
         if sensor.adc_bits is None:
             raise RecordingError(
@@ -98,10 +101,11 @@ class Recorder:
         self.saved_scans = 0
         self._sensor = sensor
         self._origin_ns = origin_ns
-        self._file = McapFile(path, force)
+        self._file = McapFile(path, force, durable)
         self.path = self._file.path
         own = {"format": FORMAT, "names": ",".join(names), "origin_ns": str(origin_ns)}
-        self._begin({**(about or {}), **own})
+        with self._file.discarded_on_error():
+            self._begin({**(about or {}), **own})
         self._reference: Mapping[str, CodeArray] = {}
         self._waiting_bytes = 0
         self._first_s = 0.0  # time of the first scan that waits, by its own clock
@@ -161,6 +165,7 @@ class Recorder:
         """Announce that no scan comes for `wait_s` [s]: write what would become too old by then."""
         if self._reference and time.monotonic() + wait_s - self._since >= MAX_AGE_S:
             self.flush()
+        self._file.sync()
 
     def flush(self) -> None:
         """Write all scans to disk."""

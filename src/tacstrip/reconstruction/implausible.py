@@ -1,4 +1,4 @@
-"""Results of scans whose readings are doubted as a whole: untouched strips have some, or the contact moved."""
+"""Results of scans that cannot be meant: untouched strips with readings, exchanged columns, means of what moved."""
 
 from __future__ import annotations
 
@@ -6,20 +6,19 @@ from dataclasses import replace
 
 from tacstrip.reconstruction.result import Reconstruction, RecoveredObject
 from tacstrip.scan import Scan
+from tacstrip.sensor.exchanged import exchanged
 from tacstrip.sensor.raw import invert_calibration
 from tacstrip.sensor.rest_level import rest_hint
 from tacstrip.sensor.spec import Sensor
 
 
-def doubt_untouched(result: Reconstruction, scan: Scan, sensor: Sensor) -> Reconstruction:
-    """Return the result, "doubtful" in place of "ok" and with advice where its readings are doubted.
-
-    Untouched strips seem to have some, or they are the mean of scans of a contact that moved.
-    """
-    hint = ""
-    if scan.touched.all():
-        raw = invert_calibration(sensor, {name: scan[name] for name in scan.signatures})
-        hint = rest_hint(sensor, raw, failed=result.status not in ("ok", "likely") or bool(result.advice))
+def doubt_implausible(result: Reconstruction, scan: Scan, sensor: Sensor) -> Reconstruction:
+    """Return the result; where the readings are implausible "doubtful" in place of "ok", and with advice."""
+    read = {name: scan[name] for name in scan.signatures}
+    hint = exchanged(read) if sensor.kind.closed_form else ""
+    if scan.touched.all() and not hint:
+        failed = result.status not in ("ok", "likely") or bool(result.advice)
+        hint = rest_hint(sensor, invert_calibration(sensor, read), failed)
     if scan.moved:
         hint = (
             f"the contact moved while {scan.averaged} scans were averaged: half of the channels changed by "

@@ -1,0 +1,107 @@
+"""How work is ended from outside: Ctrl-C, a request to end, a terminal that is closed; they all do the same."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Executor, ProcessPoolExecutor
+from contextlib import contextmanager, suppress
+from multiprocessing import active_children, get_context
+from types import FrameType
+from typing import TypeVar
+
+_Item = TypeVar("_Item")
+# Windows has no SIGHUP.
+_SIGNALS = [s for name in ("SIGINT", "SIGTERM", "SIGHUP") if (s := getattr(signal, name, None)) is not None]
+_LAST_S = 0.5  # for a process to put away the file that it writes
+
+
+@contextmanager
+def _handled(handler: Callable[[int, FrameType | None], object]) -> Iterator[None]:
+    """Handle these signals; only the end of a terminal that `nohup` has ignored stays ignored."""
+    before = {s: signal.getsignal(s) for s in _SIGNALS}
+    try:
+        for number, old in before.items():
+            if old != signal.SIG_IGN or number in (signal.SIGINT, signal.SIGTERM):
+                signal.signal(number, handler)
+        yield
+    finally:
+        for number, old in before.items():
+            signal.signal(number, signal.SIG_DFL if old is None else old)
+
+
+@contextmanager
+def all_as_ctrl_c() -> Iterator[None]:
+    """While entered, all that ends a program raises `KeyboardInterrupt`, so that no part of a file is left."""
+    with _handled(signal.default_int_handler):
+        yield
+
+
+class Stop:
+    """Whether an end was asked for: call it."""
+
+    def __init__(self) -> None:
+        self._asked = self._waiting = False
+
+    def __call__(self) -> bool:
+        """Return it."""
+        return self._asked
+
+    def ask(self, *_: object) -> None:
+        """Ask for the end: of what is waited for at once, of all else where the loop looks next."""
+        self._asked = True
+        if self._waiting:
+            raise KeyboardInterrupt
+
+    def until(self, items: Iterable[_Item]) -> Iterator[_Item]:
+        """Yield items until an end is asked for, also while one is made; what is done with it is not disturbed."""
+        steps = iter(items)
+        while not self._asked:
+            try:
+                self._waiting = True
+                item = next(steps)
+            except (StopIteration, KeyboardInterrupt):
+                return
+            finally:
+                self._waiting = False
+            yield item
+
+
+@contextmanager
+def deferred_interrupt() -> Iterator[Stop]:
+    """While entered, what ends a program only sets a flag, so that it interrupts no write."""
+    stop = Stop()
+    with _handled(stop.ask):
+        yield stop
+
+
+@contextmanager
+def worker_processes(
+    count: int | None = None, nice: int = 0, start_method: str | None = None
+) -> Iterator[Executor]:
+    """Give processes, by default one a core, for work that is given up when the block ends; `nice` is theirs."""
+    before = set(active_children())
+    pool = ProcessPoolExecutor(count, get_context(start_method), _begin, (nice,))
+    try:
+        yield pool
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
+        for child in (made := set(active_children()) - before):
+            child.terminate()
+        end_s = time.monotonic() + _LAST_S
+        for child in made:
+            child.join(max(0.0, end_s - time.monotonic()))
+            child.kill()
+            child.join()
+
+
+def _begin(nice: int) -> None:
+    """Leave Ctrl-C, which a terminal sends to all processes, to the first one, and let it run first."""
+    for number in _SIGNALS:
+        signal.signal(number, lambda *_: sys.exit(1))
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    with suppress(AttributeError, OSError):
+        os.nice(nice)

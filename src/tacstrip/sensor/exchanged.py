@@ -1,0 +1,39 @@
+"""The signs of exchanged columns: k_h below k_l, the upper end of a contact below the lower, which no sensor reads."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from tacstrip.arrays import FloatArray
+
+_NOISE = 0.005  # over Vref: P.U. profile I
+_FEW = 4  # touched strips: of fewer, noise alone can exchange most
+_SURE = 3.0  # standard deviations of the mean, by the strips' own scatter: a line's k_h and k_l differ by noise alone
+
+
+def exchanged(readings: Mapping[str, FloatArray]) -> str:
+    """Return a warning where k_h is below k_l, beyond noise, on most strips of most scans.
+
+    Parameters
+    ----------
+    readings
+        Over Vref by signature, (strips,) or (scans, strips), NaN where nothing touches.
+    """
+    if not {"kh", "kl"} <= set(readings):
+        return ""
+    apart = np.atleast_2d(readings["kh"] - readings["kl"])  # (scans, strips)
+    below, touched = (apart < -_NOISE).sum(axis=1), np.isfinite(apart).sum(axis=1)
+    counts = touched >= _FEW
+    wrong = np.flatnonzero(counts & (2 * below > touched))
+    scatter = np.nanstd(apart[wrong], axis=1) / np.sqrt(touched[wrong])
+    wrong = wrong[np.nanmean(apart[wrong], axis=1) < -_SURE * scatter]
+    if not len(wrong) or 2 * len(wrong) < counts.sum():
+        return ""
+    first = wrong[0]
+    which = f" of scan {first}, and so in {len(wrong) - 1} scan(s) more" if len(wrong) > 1 else ""
+    return (
+        f"k_h is below k_l on {below[first]} of {touched[first]} strips{which}: are the columns exchanged? "
+        "Then exchange their names, or the two wires"
+    )

@@ -1,0 +1,127 @@
+"""Ctrl-C, a request to end and a terminal that is closed: all end work alike, and at once."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from collections.abc import Iterator
+from concurrent.futures import BrokenExecutor, CancelledError
+from multiprocessing import active_children
+from pathlib import Path
+
+import pytest
+
+from recordings import make, sensor
+from tacstrip.cli import main
+from tacstrip.interrupt import all_as_ctrl_c, deferred_interrupt, worker_processes
+from tacstrip.stream import RawScan
+from tacstrip.stream.replay import Recording
+from waiting import wait_until
+
+SIGNALS = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
+LONG_S = 30.0  # none of the tests waits so long, unless it fails
+
+
+def _end(number: signal.Signals) -> None:
+    """End this process, as from outside; the time is what an interrupt must cut short."""
+    os.kill(os.getpid(), number)
+    time.sleep(LONG_S)
+
+
+@pytest.mark.parametrize("number", SIGNALS)
+def test_all_that_ends_a_program_is_ctrl_c(number: signal.Signals) -> None:
+    before = signal.getsignal(number)
+    with all_as_ctrl_c(), pytest.raises(KeyboardInterrupt):
+        _end(number)
+    assert signal.getsignal(number) == before
+
+
+def test_what_nohup_ignores_stays_ignored() -> None:
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with all_as_ctrl_c(), deferred_interrupt() as stop:
+            os.kill(os.getpid(), signal.SIGHUP)
+            assert not stop()
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
+@pytest.mark.parametrize("number", SIGNALS)
+def test_an_interrupt_ends_what_is_waited_for_and_disturbs_nothing_else(number: signal.Signals) -> None:
+    def slow() -> Iterator[int]:
+        yield 0
+        yield 1
+        _end(number)
+        yield 2
+
+    with deferred_interrupt() as stop:
+        assert list(stop.until(slow())) == [0, 1]
+        assert stop()
+    with deferred_interrupt() as stop:
+        taken = []
+        for item in stop.until(range(9)):
+            os.kill(os.getpid(), number)
+            taken.append(item)  # a write, which goes on to its end
+        assert taken == [0]
+    with deferred_interrupt() as stop:
+        assert list(stop.until(range(3))) == [0, 1, 2]
+        assert not stop()
+
+
+def test_work_in_other_processes_is_given_up_with_its_block() -> None:
+    with worker_processes(1, nice=1) as pool:
+        assert pool.submit(os.getpid).result() != os.getpid()
+        running, waiting = pool.submit(time.sleep, LONG_S), pool.submit(time.sleep, LONG_S)
+        wait_until(running.running)
+    assert not active_children()
+    for future in (running, waiting):
+        with pytest.raises((BrokenExecutor, CancelledError, SystemExit)):
+            future.result()
+
+
+@pytest.mark.parametrize("number", SIGNALS)
+def test_a_summary_that_is_interrupted_ends_at_once(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    number: signal.Signals,
+) -> None:
+    file = tmp_path / "a.mcap"
+    make(file, sensor(), 3, None)
+
+    def slow(*_: object) -> Iterator[RawScan]:
+        _end(number)
+        yield from ()
+
+    monkeypatch.setattr("tacstrip.cli.replay.with_shapes", slow)
+    monkeypatch.setattr(
+        "sys.argv", ["tacstrip", "replay", str(file), "--summary", "--reconstruct", "profile"]
+    )
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 1
+    assert capsys.readouterr() == ("", "\nAborted!\n")
+
+
+def test_a_recording_that_is_interrupted_holds_what_was_recorded_and_calls_nothing_cut(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    raws = make(tmp_path / "a.mcap", sensor(), 30, None)
+
+    def slow(*_: object) -> Iterator[RawScan]:
+        yield from raws[:5]
+        _end(signal.SIGHUP)
+
+    monkeypatch.setattr("tacstrip.cli.record.with_shapes", slow)
+    monkeypatch.setattr(
+        "sys.argv", ["tacstrip", "record", "a.mcap", "-o", "b.mcap", "--reconstruct", "profile"]
+    )
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 0
+    out, said = capsys.readouterr()
+    assert "b.mcap: stopped: 5 scan(s)" in out
+    assert said == ""
+    assert [raw.sequence for raw in Recording("b.mcap")] == [0, 1, 2, 3, 4]
