@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tacstrip.arrays import BoolArray, FloatArray, extent, numbers, touched_strips
-from tacstrip.errors import ReadingError, SignatureError
+from tacstrip.errors import ArgumentError, ReadingError, SignatureError
 from tacstrip.robust import robust_sigma
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.creep import creep_rate, log_age
@@ -23,6 +23,7 @@ _BITS, _FEWEST_BITS = (
     8,
 )  # of a converter that the spec does not give; of the coarsest that rounding counts of
 _STRAY, _STRAY_COUNT = 6.0, 8  # standard deviations; scans of which a stray can be told
+_MOVED = 0.025  # of Vref: the median channel's change from the first half to the second that is no wander
 _LEAST_STRAY = 0.002  # over Vref: nearer than that is none, however quiet the converter
 
 
@@ -39,7 +40,8 @@ class Scan:
     A reading beyond 0 or 1 by less than half a step of 16 bits is rounding, and is set to 0 or 1.
 
     A scan that is the mean of others, as `Scan.mean` makes it, says of how many and over what time: `averaged` and
-    `span_s` [s]. Errors that every scan draws anew are then less, those that last are not.
+    `span_s` [s]. Errors that every scan draws anew are then less, those that last are not. `moved` [Vref] is above 0
+    where the contact did not rest meanwhile: half of the channels changed by so much or more, and results are doubted.
 
     Raises
     ------
@@ -60,6 +62,7 @@ class Scan:
     electrodes: FloatArray | None = None
     averaged: Any = 1  # a whole number, and a number: typed so that Scan(**signatures) is accepted
     span_s: Any = 0.0
+    moved: Any = 0.0
 
     def __post_init__(self) -> None:
         for name in SIGNATURES:
@@ -98,6 +101,8 @@ class Scan:
         ------
         ReadingError
             There is none, or they have different signatures or numbers of strips.
+        ArgumentError
+            They are no scans.
 
         Examples
         --------
@@ -105,6 +110,8 @@ class Scan:
         >>> mean.k.round(6).tolist(), mean.averaged, mean.span_s
         ([0.45, 0.15], 2, 0.1)
         """
+        if not isinstance(scans, Sequence) or not all(isinstance(scan, Scan) for scan in scans):
+            raise ArgumentError("Scan.mean takes scans, as in Scan.mean([scan, scan])")
         if not scans:
             raise ReadingError("there is no scan to average")
         names = scans[0].signatures
@@ -112,6 +119,9 @@ class Scan:
             raise ReadingError("only scans of the same signatures and strips have a mean")
         electrodes = all(s.electrodes is not None for s in scans)
         seldom = 2 * np.sum([s.touched for s in scans], axis=0) <= len(scans)
+        moved = max(
+            _motion(np.concatenate([[s[n] for s in scans] for n in names], axis=1)), *(s.moved for s in scans)
+        )
         growth = None if electrodes else _growth(scans, ~seldom)
         found = {}
         for name in (*names, *["electrodes"] * electrodes):
@@ -127,7 +137,9 @@ class Scan:
                 found[name] = np.clip(np.nanmean(k, axis=0), 0.0, 1.0)
         times = [s.time_s for s in scans]
         count = sum(s.averaged for s in scans)
-        return cls(**found, time_s=float(np.mean(times)), averaged=count, span_s=max(times) - min(times))
+        return cls(
+            **found, time_s=float(np.mean(times)), averaged=count, span_s=max(times) - min(times), moved=moved
+        )
 
     @classmethod
     def of_electrodes(cls, electrodes: npt.ArrayLike, time_s: float = 0.0) -> Scan:
@@ -193,6 +205,21 @@ class Scan:
             return self
         kept: dict[str, Any] = {name: read[name] if name in alive or not alive else None for name in read}
         return replace(self, **kept)
+
+
+def _motion(k: FloatArray) -> float:
+    """Return by how much half of the channels change from the first half of scans to the second (scans, channels).
+
+    0 where noise and its wander may do so.
+    """
+    if len(k) < 2:
+        return 0.0
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # strips that nothing touches
+        halves = [np.nanmean(part, axis=0) for part in np.array_split(k, 2)]
+        changed = float(np.nan_to_num(np.nanmedian(np.abs(halves[1] - halves[0]))))
+        noise = float(np.nan_to_num(np.nanstd(np.diff(k, axis=0)))) / np.sqrt(0.5 * len(k))
+    return changed if changed > _MOVED + 4.0 * noise else 0.0
 
 
 def max_rounding(adc_bits: int | None) -> float:

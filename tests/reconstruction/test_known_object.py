@@ -196,3 +196,52 @@ def test_the_command_line_places_a_known_object(tmp_path: Path) -> None:
     assert plot.stat().st_size > 0
     run = CliRunner().invoke(cli, ["reconstruct", str(spec), str(file), *options, "--method", "polygon"])
     assert run.exit_code == 2 or isinstance(run.exception, ts.OptionError)
+
+
+def test_another_object_is_not_taken_for_one_in_unknown_noise() -> None:
+    """Its residuals would pass for noise, but a free polygon leaves far fewer."""
+    sensor = ts.Sensor(construction="crs-crs", strips=20, pitch_mm=5.0, length_mm=100.0)
+    other, statuses = [(0, 0), (50, 0), (50, 45), (0, 45)], []
+    for seed in range(4):
+        scan = ts.simulate(sensor, pressed("five", 0.4 + seed), ts.Noise(positional=0.002), rng=seed)
+        kh = ts.Scan(kh=scan["kh"])
+        statuses.append(ts.fit_object(kh, sensor, other).status)
+        assert ts.fit_object(kh, sensor, SHAPES["five"]).status == "ok"
+    assert statuses.count("doubtful") == 4
+
+
+def test_noise_that_strips_share_is_in_the_pose_s_covariance() -> None:
+    """95 % regions of y hold the truth of 30 presses; counted as if independent, they would hold a third."""
+    noise, held, plain = ts.Noise(positional=0.001, offset=0.004), 0, 0
+    spec = ts.Sensor(construction="crs-crs", strips=10, pitch_mm=10.0, length_mm=100.0, noise=noise)
+    for seed in range(30):
+        scan = ts.simulate(spec, pressed("five", 0.4), noise, rng=seed)
+        found = ts.fit_object(scan, spec, SHAPES["five"]).objects[0]
+        alone = ts.fit_object(scan, spec, SHAPES["five"], ts.Noise(positional=0.001)).objects[0]
+        assert found.pose is not None
+        assert alone.pose is not None
+        held += abs(found.pose.y_mm - 47.0) <= 1.96 * math.sqrt(found.pose.covariance[1, 1])
+        plain += abs(alone.pose.y_mm - 47.0) <= 1.96 * math.sqrt(alone.pose.covariance[1, 1])
+    assert held >= 26
+    assert plain < 18
+
+
+def test_the_orientation_of_a_rigid_object_is_as_sure_as_its_angle() -> None:
+    """A square has no longer axis, whose direction a covariance could tell."""
+    scan = ts.simulate(SENSOR, pressed("square", 0.3), NOISE, rng=1)
+    found = ts.fit_object(scan, SENSOR, SHAPES["square"], NOISE)
+    thing = found.objects[0]
+    assert thing.pose is not None
+    sigma = math.sqrt(thing.pose.covariance[2, 2])
+    assert thing.deviations is not None
+    assert thing.deviations[2] == pytest.approx(sigma)
+    feature = feature_collection([found])["features"][0]
+    assert feature["properties"]["orientation_sigma_rad"] == pytest.approx(sigma, rel=1e-4)
+
+
+@pytest.mark.parametrize("outline", ["abc", {"a": 1}, 5, None])
+def test_an_outline_of_the_wrong_type_gets_a_sentence(outline: object) -> None:
+    with pytest.raises(ts.ContactError, match="known object's outline needs"):
+        ts.fit_object(ts.simulate(SENSOR, pressed("five", 0.0)), SENSOR, outline)  # type: ignore[arg-type]
+    with pytest.raises(ts.OptionError, match="edge_mm = 'x'"):
+        ts.fit_object(ts.simulate(SENSOR, pressed("five", 0.0)), SENSOR, SHAPES["five"], edge_mm="x")  # type: ignore[arg-type]

@@ -167,3 +167,17 @@ def test_the_command_line_leaves_channels_out(tmp_path: Path) -> None:
     ts.write_readings(file, SENSOR, [scan_with(np.nan)])
     run = CliRunner().invoke(cli, ["reconstruct", str(spec), str(file), "-o", str(out)])
     assert "6:v_h is empty where the strip's other channel has a reading" in run.output
+
+
+def test_a_strip_left_out_by_name_neither_splits_its_contact_nor_is_asked_about() -> None:
+    noise = ts.Noise(positional=0.005)
+    scan = ts.simulate(SENSOR, ts.Contact.polygon(TRUTH), noise, rng=1)
+    kh, kl = scan["kh"].copy(), scan["kl"].copy()
+    kh[5] = kl[5] = np.nan
+    assert (
+        len(ts.fit_polygon(ts.Scan(kh=kh, kl=kl), SENSOR, noise).objects) == 2
+    )  # an empty strip is untouched
+    named = ts.fit_polygon(ts.Scan(kh=kh, kl=kl), replace(SENSOR, without=("6",)), noise)
+    assert len(named.objects) == 1
+    assert "broken" not in named.advice
+    assert ts.mismatch(TRUTH, named.objects[0].vertices).iou > 0.85

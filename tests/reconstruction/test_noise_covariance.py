@@ -183,3 +183,17 @@ def test_what_has_no_mean() -> None:
         ts.Scan.mean([ts.Scan(k=np.full(1, 0.1)), ts.Scan(kh=np.full(1, 0.1))])
     with pytest.raises(ReadingError, match="averaged = 0"):
         ts.Scan(k=np.full(1, 0.1), averaged=0)
+
+
+def test_a_mean_of_a_contact_that_moved_is_doubted() -> None:
+    noise = ts.Noise(positional=0.005)
+    moving = [ts.simulate(SENSOR, CONTACT.moved(0.0, 1.5 * i), noise, rng=i) for i in range(8)]
+    mean = ts.Scan.mean(moving)
+    assert mean.moved > 0.025
+    found = ts.fit_polygon(mean, SENSOR, noise)
+    assert found.status == "doubtful"
+    assert "the contact moved while 8 scans were averaged" in found.advice
+    noisy = ts.Noise(positional=0.02)
+    assert ts.Scan.mean([ts.simulate(SENSOR, CONTACT, noisy, rng=i) for i in range(8)]).moved == 0.0
+    with pytest.raises(ts.ArgumentError, match=r"Scan\.mean takes scans"):
+        ts.Scan.mean(5)  # type: ignore[arg-type]

@@ -24,6 +24,7 @@ from tacstrip.sensor.rest_level import rest_hint
 from tacstrip.sensor.spec import Sensor
 
 _PITCH_MM = 0.1  # nobody cuts strips as fine
+_LENGTH_MM = 2.0  # nor as short
 _TINY_MM = 10.0  # width of ten strips of such a pitch
 _SMALL = 0.01  # of the sensor's shorter side: a contact in metres is a thousandth of itself
 _CORNER = 0.1  # of the sensor: one in centimetres lies within this, whatever it is and wherever it was to be
@@ -37,8 +38,8 @@ def unlikely_lengths(sensor: Sensor) -> str:
     said = f"pitch_mm = {sensor.pitch_mm:.6g}, length_mm = {sensor.length_mm:.6g}: "
     if sensor.pitch_mm < _PITCH_MM:
         return f"{said}mm, not m? All lengths in a spec are millimetres"
-    if sensor.length_mm < sensor.pitch_mm:
-        return f"{said}a strip shorter than the pitch? All lengths in a spec are millimetres"
+    if sensor.length_mm < max(_LENGTH_MM, sensor.pitch_mm):
+        return f"{said}a strip shorter than the pitch, or than 2 mm? All lengths in a spec are millimetres"
     if sensor.pitch_mm < 10.0 * _PITCH_MM and sensor.width_mm < _TINY_MM:
         return f"{said}mm, not cm? All lengths in a spec are millimetres"
     return ""

@@ -1,4 +1,4 @@
-"""Results of scans that cannot be meant: untouched strips with readings, exchanged columns; they are doubted."""
+"""Results of scans that cannot be meant: untouched strips with readings, exchanged columns, means of what moved."""
 
 from __future__ import annotations
 
@@ -19,6 +19,11 @@ def doubt_implausible(result: Reconstruction, scan: Scan, sensor: Sensor) -> Rec
     if scan.touched.all() and not hint:
         failed = result.status not in ("ok", "likely") or bool(result.advice)
         hint = rest_hint(sensor, invert_calibration(sensor, read), failed)
+    if scan.moved:
+        hint = (
+            f"the contact moved while {scan.averaged} scans were averaged: half of the channels changed by "
+            f"{100.0 * scan.moved:.2g} % of Vref or more; average fewer"
+        )
     if not hint:
         return result
 

@@ -22,10 +22,17 @@ from tacstrip.contact.shape import Contact
 from tacstrip.contact.signature import signatures
 from tacstrip.core.problem import FLOOR
 from tacstrip.errors import ContactError, OptionError
-from tacstrip.reconstruction.cramer_rao import reading_sigma
 from tacstrip.reconstruction.implausible import doubt_implausible
-from tacstrip.reconstruction.noise_covariance import signature_jacobians
+from tacstrip.reconstruction.noise_covariance import (
+    Averaging,
+    CorrelatedErrors,
+    common_variance,
+    fit_sigma,
+    reading_covariance,
+    signature_jacobians,
+)
 from tacstrip.reconstruction.polygon.goodness_of_fit import autocorrelation_score, chi_square_score
+from tacstrip.reconstruction.polygon.run import fit_run
 from tacstrip.reconstruction.result import Alternative, Pose, Reconstruction, RecoveredObject, Status
 from tacstrip.reconstruction.seam import unrolled
 from tacstrip.scan import Scan
@@ -42,9 +49,13 @@ _UNLIKELY = 1e-3  # weight below which an alternative is not named
 _OVERLAP, _PROBABLE = 0.8, 0.9  # IoU with the truth that "ok" promises, and its least probability
 _DRAWS = 64  # of the posterior, for that probability
 _NEAR = 4.0  # spreads within which two descents ended in one pose
-_CEILING = 0.02  # of Vref: no noise is larger; what fits worse is another object
+_CEILING = (
+    0.014  # of Vref: sigma of noise of 2 %, and its estimate's error; what fits worse is another object
+)
 _RAIL = 0.05  # of Vref: nearer to ground or Vref the contact may lie over the border
 _GUESS = 0.005  # of Vref: noise of the search where none is given
+_CHANCE, _LEAST_FREEDOM = 1e-3, 3  # of the F test, and of a polygon that it is made with
+_LEAST_NOISE = 2e-4  # of Vref: sensors that read better are compared with that
 _SUSPECTS = 8  # readings that are left out by turns where no pose explains all
 
 
@@ -67,7 +78,8 @@ def fit_object(
         The object's corners (N, 2) [mm] in a frame of its own, convex or concave, either way round; or a contact of
         one polygon. It is turned and moved, not mirrored.
     noise
-        Of the readings; None: estimated from what the fit leaves over.
+        Of the readings; None: the spec's `[noise]`, and without one estimated from what the fit leaves over. Parts that
+        strips share or that last are in the covariance.
     edge_mm
         Standard deviation of where soft edges end [mm]: of the whole outline's growth, which is fitted along, and of
         every end by itself. 0: hard edges.
@@ -98,8 +110,8 @@ def fit_object(
     """
     scan = scan.checked(sensor)
     check_closed_form(sensor.kind, "fit_object")
-    if not 0.0 <= edge_mm < math.inf:
-        raise OptionError(f"edge_mm = {edge_mm}: must be 0 (hard edges) or more")
+    if not isinstance(edge_mm, int | float | np.number) or not 0.0 <= edge_mm < math.inf:
+        raise OptionError(f"edge_mm = {edge_mm!r}: must be 0 (hard edges) or more")
     corners = _corners(outline)
     reach = 2.0 * float(np.linalg.norm(corners, axis=1).max())
     runs: list[slice] = []
@@ -109,9 +121,8 @@ def fit_object(
         if joint and (run.stop - runs[-1].start - 1) * sensor.pitch_mm <= reach:
             run = slice(runs.pop().start, run.stop)
         runs.append(run)
-    known = None if noise is None else max(reading_sigma(noise, sensor), FLOOR)
-    distribution = "normal" if noise is None else noise.distribution
-    objects = tuple(_placed(laid_out, surface, corners, run, known, distribution, edge_mm) for run in runs)
+    noise = sensor.noise if noise is None else noise
+    objects = tuple(_placed(laid_out, surface, corners, run, noise, edge_mm) for run in runs)
     return doubt_implausible(Reconstruction("object", objects, scan.time_s), scan, sensor)
 
 
@@ -139,7 +150,12 @@ def pose_covariance(
 
 def _corners(outline: npt.ArrayLike | Contact) -> FloatArray:
     """Return the corners (N, 2) [mm] about their centroid, counter-clockwise."""
-    given = outline.vertices if isinstance(outline, Contact) else np.asarray(outline, dtype=float)
+    try:
+        given = outline.vertices if isinstance(outline, Contact) else np.asarray(outline, dtype=float)
+    except (TypeError, ValueError):
+        raise ContactError(
+            "a known object's outline needs corners (x, y), such as [(0, 0), (50, 0), (30, 40)], or a ts.Contact"
+        ) from None
     if given.ndim != 2 or given.shape[1] != 2 or len(given) < 3 or not np.isfinite(given).all():
         raise ContactError("a known object's outline needs three or more finite corners (x, y)")
     shape = shapely.Polygon(given)
@@ -324,11 +340,13 @@ def _placed(
     sensor: Sensor,
     corners: FloatArray,
     run: slice,
-    known: float | None,
-    distribution: str,
+    noise: Noise | None,
     edge_mm: float,
 ) -> RecoveredObject:
     """Return the object of one run of strips."""
+    averaging = Averaging.of(scan)
+    known = None if noise is None else max(fit_sigma(noise, sensor, averaging), FLOOR)
+    distribution = noise.distribution if noise is not None and noise.independent else "normal"
     k = np.stack([scan[name][run] for name in scan.signatures])
     there = np.isfinite(k)
     fit = _Fit(
@@ -356,7 +374,13 @@ def _placed(
     poses, cost = fit.descend(poses, _FINE_STEPS)
     poses = _distinct(fit, poses, cost)
     cost = (fit.rows(poses)[0] ** 2).sum(axis=1)
-    spread = [fit.covariance(pose) * _of_student(fit, known) for pose in poses]
+    errors = [_errors(fit, pose, noise, averaging) for pose in poses]
+    spread = [
+        fit.covariance(pose) * _of_student(fit, known)
+        if shared is None
+        else shared.propagated(fit.covariance(pose))
+        for pose, shared in zip(poses, errors, strict=True)
+    ]
     volume = np.array([math.sqrt(max(float(np.linalg.det(c)), 1e-300)) for c in spread])
     weight = np.exp(-0.5 * (cost - cost.min())) * volume
     weight /= weight.sum()
@@ -364,7 +388,7 @@ def _placed(
     order = order[weight[order] >= _UNLIKELY]
     found = [_pose(poses[i], spread[i]) for i in order]
     sure = _probability(corners, poses[order], [spread[i] for i in order], weight[order])
-    status, advice = _judge(fit, poses[order[0]], spread[order[0]], known, distribution, sure)
+    status, advice = _judge(fit, poses[order[0]], known, distribution, sure, errors[order[0]])
     vertices, covariance = _vertices(corners, poses[order[0]], spread[order[0]])
     l, u = (end[0] for end in fit.ends(poses[order[:1]])[:2])
     alternatives = tuple(
@@ -468,17 +492,52 @@ def _vertices(corners: FloatArray, pose: FloatArray, covariance: FloatArray) -> 
     return posed, np.asarray(flat @ covariance[:3, :3] @ flat.T)
 
 
+def _errors(
+    fit: _Fit, pose: FloatArray, noise: Noise | None, averaging: Averaging
+) -> CorrelatedErrors | None:
+    """Return the readings' errors at a pose where they are not independent; soft edges that were given are weights."""
+    if noise is None or fit.edge_mm or not (common_variance(noise, averaging) or noise.soft or noise.gain):
+        return None
+    used, ends = fit.weight > 0.0, fit.ends(pose[None])[:2]
+    matrix = reading_covariance(noise, fit.sensor, fit.x_mm, (ends[0][0], ends[1][0]), fit.names, averaging)
+    at, weight = used.ravel(), fit.weight[used]
+    residuals, slopes = (rows[0, : at.size][at] for rows in fit.rows(pose[None]))
+    jacobian = slopes[:, : fit.parameters] / weight[:, None]
+    return CorrelatedErrors(matrix[np.ix_(at, at)], 1.0 / weight.max(), jacobian, residuals / weight, used)
+
+
+def _beyond_polygon(fit: _Fit, pose: FloatArray) -> bool:
+    """Whether a free polygon explains the readings so much better (F test) that they are of another object."""
+    from scipy.special import fdtrc
+
+    k = np.where(fit.weight > 0.0, fit.k, np.nan)
+    free = fit_run(fit.sensor, fit.x_mm, dict(zip(fit.names, k, strict=True)))
+    if free.model is None or free.freedom < _LEAST_FREEDOM or free.excluded.any():
+        return False
+    least = max(free.sigma, _LEAST_NOISE, fit.sensor.adc_step / math.sqrt(12.0)) ** 2
+    more = _freedom(fit) - free.freedom
+    gain = _noise(fit, pose) ** 2 * _freedom(fit) - least * free.freedom
+    return more > 0 and gain > 0.0 and float(fdtrc(more, free.freedom, gain / more / least)) < _CHANCE
+
+
 def _judge(
-    fit: _Fit, pose: FloatArray, covariance: FloatArray, known: float | None, distribution: str, sure: float
+    fit: _Fit,
+    pose: FloatArray,
+    known: float | None,
+    distribution: str,
+    sure: float,
+    errors: CorrelatedErrors | None,
 ) -> tuple[Status, str]:
     left = _readings_left(fit, pose)
     readings = int(np.count_nonzero(fit.weight))
     freedom = max(readings + sum(fit._ends_known()) - 3, 1)
     level = _noise(fit, pose)
+    if errors is not None:
+        left, freedom = errors.whitened(fit.covariance(pose))
     if (
         chi_square_score(left, freedom, distribution) > _ALARM
         or (readings > 6 and autocorrelation_score(left, readings) > _ALARM)
-        or (known is None and level > _CEILING)
+        or (known is None and (level > _CEILING or (not fit.edge_mm and _beyond_polygon(fit, pose))))
     ):
         return "doubtful", (
             f"at the best pose the readings are {100.0 * level:.2g} % of Vref from this object's: it is another "

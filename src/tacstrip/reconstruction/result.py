@@ -207,7 +207,11 @@ class RecoveredObject:
         if self.covariance is None:
             return None
         sampled = None if self.guarantee is None else self.guarantee.deviations
-        return sampled or deviations(self.vertices, self.covariance, self.uniform)
+        found = sampled or deviations(self.vertices, self.covariance, self.uniform)
+        if self.pose is None:
+            return found
+        area, centroid, _ = found  # a rigid outline's axes turn with it, however round it is
+        return area, centroid, float(np.sqrt(self.pose.covariance[2, 2]))
 
     def _repr_svg_(self) -> str:
         """Draw it in a notebook."""

@@ -54,6 +54,14 @@ def left_out(sensor: Sensor) -> dict[str, BoolArray]:
     return found
 
 
+def left_out_wholly(sensor: Sensor) -> BoolArray:
+    """Return the strips of which every channel is left out (strips,): nobody knows whether they are touched."""
+    out = left_out(sensor)
+    if any(name not in out for name in sensor.signatures):
+        return np.zeros(sensor.strips, dtype=bool)
+    return np.asarray(np.all([out[name] for name in sensor.signatures], axis=0))
+
+
 def _parsed(name: object, sensor: Sensor) -> tuple[int, tuple[str, ...]]:
     """Return the strip, counted from 0, and the signatures that a name means."""
     base, strips = sensor.strip_base, sensor.strips

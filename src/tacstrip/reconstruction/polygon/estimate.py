@@ -28,6 +28,7 @@ from tacstrip.reconstruction.seam import BRIDGED, unrolled
 from tacstrip.reconstruction.strip_width import fitted_strips, remove_width_effect
 from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import check_closed_form
+from tacstrip.sensor.left_out import left_out_wholly
 from tacstrip.sensor.spec import Sensor
 
 _ROUNDS = 2  # of taking away what the strips' width adds
@@ -202,13 +203,15 @@ def _contacts(
         return FittedContact(strips, missing, fitted, readings, margin_mm, vertices, run)
 
     found: list[FittedContact] = []
+    named = left_out_wholly(sensor)
     for strips in scan.runs():
         contact = fit(strips)
         if found and strips.start - found[-1].strips.stop <= BRIDGED:
             before = found[-1]
             gap = range(before.strips.stop, strips.start)
             joint = fit(slice(before.strips.start, strips.stop), (*before.missing, *gap))
-            if should_merge(before.run, contact.run, joint.run):
+            unknown = bool(named[list(gap)].all()) and joint.run.selection is not None
+            if unknown or should_merge(before.run, contact.run, joint.run):
                 contact = joint
                 found.pop()
         found.append(contact)

@@ -3,15 +3,23 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.core.polygon_fit import PolygonFit
 from tacstrip.geometry.metrics import column_iou
+from tacstrip.geometry.moments import moments
 from tacstrip.geometry.outline import Outline
 from tacstrip.reconstruction.noise_covariance import CorrelatedErrors
-from tacstrip.reconstruction.polygon.convexity import fit_convex, largest_step
+from tacstrip.reconstruction.polygon.convexity import (
+    find_jumps,
+    fit_convex,
+    hidden_share,
+    may_be_several,
+    one_end_off,
+)
 from tacstrip.reconstruction.polygon.run import RunFit
 from tacstrip.sensor.spec import Sensor
 
@@ -22,7 +30,7 @@ _RIVAL = -6.0  # an ellipse whose criterion is worse by less than this is a riva
 _REFLEX = 3.0  # standard deviations by which a corner turns inwards
 _FAINT = 0.01  # of sigma^2
 _APART = 3.0  # standard deviations of their distance in x by which two corners are told apart
-_NOT_CONVEX = 3.09  # deviations of chi square: p = .001
+_HIDDEN = 0.55  # of an outline, behind an overhang: more, and the shape is not known
 _NEARLY = 0.9  # IoU with convex ends that explain the readings
 _MOST_SIGMA = 0.02  # of Vref: no noise that is not given is larger
 _SPREAD = {"uniform": 0.8, "normal": 2.0}  # variance of a squared error over sigma^4
@@ -99,32 +107,59 @@ def misfit(
     return ""
 
 
-def second_look(run: RunFit, distribution: str | None, outline: Outline, sensor: Sensor, wrong: str) -> str:
+def second_look(
+    run: RunFit,
+    distribution: str | None,
+    outline: Outline,
+    sensor: Sensor,
+    wrong: str,
+    readings: Mapping[str, FloatArray],
+) -> str:
     """Return advice, or none, on an outline of two signatures, of which `wrong` was said.
 
-    Two signatures tell l and u of every strip. Where no convex ones explain them and one jumps, there may be two
-    objects; where convex ones do that the outline hardly differs from, it is curved, and no polygon need explain it.
+    Two signatures tell l and u of every strip. Where convex ones explain them that the outline hardly differs from, it
+    is curved, and no polygon need explain it. Where none do, it is concave, or there are several objects.
     """
     selection = run.selection
     if len(run.problem.k) == 1 or selection is None:
         return wrong
-    step = largest_step(Outline(*selection.chosen.chains_mm(run.problem)), sensor.pitch_mm)
-    if not step and not wrong:
-        return wrong
-    problem = run.problem.thinned().scaled(min(1.0, _MOST_SIGMA / run.sigma) if distribution is None else 1.0)
-    convex = fit_convex(problem, *selection.chosen.ends(problem.x))
-    root = (convex.chi_square / convex.freedom) ** (1.0 / 3.0)
-    small = 2.0 / (9.0 * convex.freedom)
-    if (root - (1.0 - small)) / math.sqrt(small) > _NOT_CONVEX:
-        if wrong:
-            return wrong
-        return (
-            f"the contact is concave or at least two objects on the same strips: an end jumps by {step:.3g} mm from "
-            "one strip to the next"
+    problem, fit = run.problem, selection.chosen
+    if one_end_off(run, sensor, readings):
+        return wrong or (
+            "what was left out may be of a second object, or of an overhang: it moves one end of the contact and "
+            "leaves the other, as a faulty channel hardly does; if one is faulty, leave it out by name (--without)"
         )
-    x = convex.x * problem.width_mm + problem.origin_mm
-    own = np.stack([np.interp(x, *chain.T) / sensor.length_mm for chain in (outline.lower, outline.upper)])
-    return "" if column_iou(own, np.sort(convex.ends, axis=0)) >= _NEARLY else wrong
+    jumps = find_jumps(fit, problem)
+    if not (jumps or wrong) or (distribution is None and run.sigma > _MOST_SIGMA):
+        return wrong
+    ends = fit.ends(problem.x)
+    convex = fit_convex(problem, *ends)
+    if convex.explains:
+        x = convex.x * problem.width_mm + problem.origin_mm
+        own = np.stack(
+            [np.interp(x, *chain.T) / sensor.length_mm for chain in (outline.lower, outline.upper)]
+        )
+        return "" if column_iou(own, np.sort(convex.ends, axis=0)) >= _NEARLY else wrong
+    if wrong:
+        return wrong
+    step = max(abs(jump.rise) for jump in jumps) * sensor.length_mm
+    at = (
+        f"an end jumps by {step:.3g} mm from one strip to the next"
+        if step
+        else "a corner turns inwards near its end"
+    )
+    if may_be_several(fit, problem, jumps) and (
+        run.excluded.any() or fit_convex(problem, *ends, jumps).explains
+    ):
+        return f"the contact is concave or at least two objects on the same strips: {at}"
+    area = moments(outline.vertices)[0] / (problem.width_mm * problem.length_mm)
+    hidden = hidden_share(jumps, problem, area)
+    if hidden > _HIDDEN:
+        return (
+            f"the contact is concave, or several objects on the same strips: {at}, and behind such an overhang "
+            f"{100.0 * min(hidden, 1.0):.0f} % of the outline or more may not be touched; turn the object"
+        )
+    return ""
 
 
 def weakness(

@@ -26,6 +26,7 @@ from tacstrip.reconstruction.set_membership.estimate import Bounded, fewest
 from tacstrip.scan import Scan
 from tacstrip.sensor.closed_form import lower_from_width
 from tacstrip.sensor.constructions import SIGNATURES
+from tacstrip.sensor.left_out import left_out_wholly
 from tacstrip.sensor.spec import Sensor
 
 _THIN = 1e-6  # of the strip length: thinner is a line
@@ -141,7 +142,7 @@ def reconstruct_object(
             outline, covariance = guarantee.outline, guarantee.region_covariance
     errors = _errors(scan, sensor, contact, noise, outline)
     wrong = misfit(run, distribution, covariance, errors) or (_EMPTY if empty else _MANY if many else "")
-    wrong = second_look(run, distribution, outline, sensor, wrong)
+    wrong = second_look(run, distribution, outline, sensor, wrong, contact.readings)
     if contact.known_count is not None and fit.n_vertices < contact.known_count:
         wrong = (
             wrong
@@ -311,8 +312,9 @@ def _raw_profile(scan: Scan, sensor: Sensor, strips: slice) -> Profile | None:
 def _notes(scan: Scan, sensor: Sensor, contact: FittedContact, around: int) -> list[str]:
     """Name the strips that were bridged, and the readings that were left out."""
     notes, base = [], sensor.strip_base
-    if contact.missing:
-        names = _list([str(i % around + base) for i in contact.missing])
+    named = left_out_wholly(sensor)
+    if missing := [i % around for i in contact.missing if not named[i % around]]:
+        names = _list([str(i + base) for i in missing])
         notes.append(f"strip {names} reads nothing inside the contact and was bridged: is it broken?")
     excluded = np.argwhere(contact.run.excluded)
     if len(excluded):

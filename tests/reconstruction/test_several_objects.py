@@ -1,0 +1,126 @@
+"""Both signatures: one concave object, or several on the same strips; a faulty channel, or a second object."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from shapely import Polygon, affinity
+
+import tacstrip as ts
+from tacstrip.core.polygon_fit import PolygonFit
+from tacstrip.core.problem import FitProblem
+from tacstrip.reconstruction.polygon.convexity import find_jumps, fit_convex
+from tacstrip.reconstruction.polygon.run import fit_run
+
+SENSOR = ts.Sensor(construction="crs-crs", strips=40, pitch_mm=2.5, length_mm=100.0)
+NOISE = ts.Noise(positional=0.002)
+ELL = Polygon([(0, 0), (50, 0), (50, 20), (22, 20), (22, 45), (0, 45)])
+DART = Polygon([(-35, 30), (0, 0), (35, 30), (0, 14)])
+ABOVE = Polygon([(20, 55), (65, 60), (65, 80), (20, 75)])
+
+
+def _placed(shape: Polygon, degrees: float) -> Polygon:
+    turned = affinity.rotate(shape, degrees, origin="centroid")
+    return affinity.translate(turned, 50.0 - turned.centroid.x, 50.0 - turned.centroid.y)
+
+
+def _fitted(
+    *shapes: Polygon, told: bool = True, sensor: ts.Sensor = SENSOR, noise: ts.Noise = NOISE
+) -> ts.RecoveredObject:
+    scan = ts.simulate(sensor, ts.Contact(shapes), noise, rng=1)
+    result = ts.fit_polygon(scan, sensor, noise if told else None, assessment="fast")
+    assert len(result.objects) == 1
+    return result.objects[0]
+
+
+@pytest.mark.parametrize("told", [True, False])
+@pytest.mark.parametrize(
+    "below",
+    [
+        [(35, 20), (80, 15), (80, 40), (36, 38)],  # begins later and ends later
+        [(30, 50), (45, 20), (60, 22), (45, 52)],  # begins and ends under the other one
+        [(34.9, 57), (42, 30), (90, 30)],  # so steep at its begin that a strip lies on its edge
+    ],
+)
+def test_two_objects_on_the_same_strips_are_never_one_ok(
+    below: list[tuple[float, float]], told: bool
+) -> None:
+    found = _fitted(ABOVE, Polygon(below), told=told)
+    assert found.status == "doubtful"
+    assert "several objects" in found.advice or "two objects" in found.advice
+
+
+@pytest.mark.parametrize(
+    ("shape", "degrees"), [(ELL, 70.0), (ELL, 160.0), (ELL, 340.0), (DART, 0.0), (DART, 120.0)]
+)
+def test_a_concave_object_is_ok_where_no_two_convex_ones_read_alike(shape: Polygon, degrees: float) -> None:
+    truth = _placed(shape, degrees)
+    found = _fitted(truth)
+    assert found.status == "ok", found.advice
+    assert ts.mismatch(np.asarray(truth.exterior.coords)[:-1], found.vertices).iou >= 0.8
+
+
+def test_an_upright_ell_reads_as_two_rectangles_and_is_doubted_with_the_height_of_the_jump() -> None:
+    found = _fitted(_placed(ELL, 0.0))
+    assert found.status == "doubtful"
+    assert "concave or at least two objects" in found.advice
+    step = float(found.advice.split("jumps by ")[1].split(" mm")[0])
+    assert step == pytest.approx(25.0, abs=0.5)
+
+
+def test_what_an_overhang_may_hide_is_said() -> None:
+    found = _fitted(_placed(DART, 85.0))  # opens to the side: strips read the hull of both arms
+    truth = np.asarray(_placed(DART, 85.0).exterior.coords)[:-1]
+    assert ts.mismatch(truth, found.vertices).iou < 0.8
+    assert found.status == "doubtful"
+    assert "overhang" in found.advice
+
+
+def test_convex_pieces_explain_a_jump_that_one_convex_outline_does_not() -> None:
+    x = (np.arange(20) + 0.5) * 2.5
+    l, u = np.where(x < 25.0, 40.0, 20.0 + 0.2 * x), np.full(20, 70.0)
+    sensor = ts.Sensor(construction="crs-crs", strips=20, pitch_mm=2.5, length_mm=100.0)
+    w = u - l
+    scan = ts.Scan(kh=(l + w / 2) / (100 - w / 2), kl=l / (100 - w / 2))
+    run = fit_run(sensor, sensor.x_mm, {"kh": scan["kh"], "kl": scan["kl"]}, 1e-3)
+    assert run.selection is not None
+    fit, problem = run.selection.chosen, run.problem
+    jumps = find_jumps(fit, problem)
+    assert [(j.chain, j.begins) for j in jumps] == [(0, True)]
+    assert 10 in jumps[0].strips
+    assert jumps[0].rise == pytest.approx(-0.155, abs=0.01)  # from 40 to 25.25 mm, and the slope that follows
+    assert not fit_convex(problem, *fit.ends(problem.x)).explains
+    assert fit_convex(problem, *fit.ends(problem.x), jumps).explains
+
+
+def test_a_continuous_inward_corner_is_no_jump() -> None:
+    sensor = ts.Sensor(construction="crs-crs", strips=100, pitch_mm=1.0, length_mm=100.0)
+    outline = ts.Outline.of(
+        [(10.0, 50.0), (30.0, 30.0), (50.2, 38.0), (70.0, 30.0), (90.0, 50.0), (50.0, 80.0)]
+    )
+    readings = ts.simulate(sensor, ts.Contact.polygon(outline.vertices))
+    problem = FitProblem.of(
+        sensor, sensor.x_mm[10:90], {"kh": readings["kh"][10:90], "kl": readings["kl"][10:90]}, 1e-3
+    )
+    assert find_jumps(PolygonFit.of(outline, problem), problem) == []
+
+
+def test_a_reading_left_out_that_moves_one_end_alone_may_be_a_second_object_s() -> None:
+    """A small object under the contact's first two strips: no outline of few corners follows, a reading is left out."""
+    sensor = ts.Sensor(construction="crs-crs", strips=8, pitch_mm=10.0, length_mm=100.0)
+    found = _fitted(
+        Polygon([(2, 60), (78, 50), (78, 85), (2, 80)]),
+        Polygon([(2, 20), (17, 20), (17, 30), (2, 30)]),
+        sensor=sensor,
+    )
+    assert found.status == "doubtful", found
+
+
+def test_a_stuck_channel_is_still_left_out() -> None:
+    truth = [(20.0, 30.0), (80.0, 20.0), (85.0, 60.0), (30.0, 75.0)]
+    scan = ts.simulate(SENSOR, ts.Contact.polygon(truth), NOISE, rng=2)
+    kl = scan["kl"].copy()
+    kl[20] = 0.05
+    found = ts.fit_polygon(ts.Scan(kh=scan["kh"], kl=kl), SENSOR, NOISE, assessment="fast").objects[0]
+    assert found.status == "ok"
+    assert "strip 20 (k_l = 0.05)" in found.advice
