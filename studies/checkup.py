@@ -32,6 +32,7 @@ _OUTLINES = {
     "fork": [(0, 0), (1, 0), (1, 1), (0.66, 1), (0.66, 0.4), (0.33, 0.4), (0.33, 1), (0, 1)],
 }
 _CONVEX = ("rectangle", "triangle", "tetragon", "hexagon")
+_ELSEWHERE = ("intermittent", "pressure", "wander")  # faults that `studies/workshop.py` makes
 HEALTHY = ("exercise", "still", "taps", "steps", "two objects", "edge", "slide", "turn", "narrow")
 
 
@@ -158,7 +159,7 @@ def faulty(seed: int, many: int = 1, scans: int = 600, faults: Sequence[str] = (
     sensor = replace(unit(random), adc_bits=12)
     kinds = [
         k
-        for k in faults or [f for f, row in FAULTS.items() if row.severity != "note"]
+        for k in faults or [f for f, row in FAULTS.items() if row.severity != "note" and f not in _ELSEWHERE]
         if _possible(k, sensor)
     ]
     first = kinds[seed % len(kinds)]

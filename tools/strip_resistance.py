@@ -45,7 +45,7 @@ def sensor(construction: str) -> ts.Sensor:
 
 def readout(ohm: float) -> Readout:
     """Return the guide's electronics about strips of so many ohm."""
-    return Readout(ohm, SWITCH_OHM, SERIES_OHM)
+    return Readout(ohm, SWITCH_OHM, supply_ohm=SERIES_OHM)
 
 
 def grid() -> tuple[FloatArray, FloatArray]:

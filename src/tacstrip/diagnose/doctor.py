@@ -11,7 +11,7 @@ from tacstrip.diagnose.channels import clipped, never_touched, not_moving, on_ra
 from tacstrip.diagnose.converter import common_ceiling, stuck_bits, wrong_reference
 from tacstrip.diagnose.drift import drift
 from tacstrip.diagnose.exchanged import swapped_ends, swapped_strips, swapped_wires
-from tacstrip.diagnose.faults import Finding, Report
+from tacstrip.diagnose.faults import Finding, Question, Report
 from tacstrip.diagnose.hum import hum
 from tacstrip.diagnose.intermittent import intermittent
 from tacstrip.diagnose.log import Log
@@ -95,7 +95,7 @@ def diagnose(log: Log) -> Report:
     work.changed()
     removed = [*pressed, *loose, *_merged([s.finding for s in named])]
     timed = places(work, max(len(part.time_s) // _TIMED, 1))
-    drifting, together, checked = drift(part, timed, timed.time_s)
+    drifting, moving, together, checked = drift(part, timed, timed.time_s)
     humming, no_hum = hum(part, sigma)
     loud = {f.strips for f in humming}
     known = {i for f in removed for i in f.strips}
@@ -113,7 +113,7 @@ def diagnose(log: Log) -> Report:
     return Report(
         findings=tuple(sorted(findings, key=lambda f: (_WORST[f.kind.severity], f.strips))),
         notes=(*together, *_notes(log, rows)),
-        questions=tuple(questions(rows, known)) if geometric and not pressed and not ceiling else (),
+        questions=_questions(rows, known, moving) if geometric and not pressed and not ceiling else (),
         unchecked=tuple(reason for reason in unchecked if reason),
         quality=quality(log.sensor, noise),
         touched_scans=log.touched.sum(axis=0),
@@ -121,6 +121,13 @@ def diagnose(log: Log) -> Report:
         scans=len(log.time_s),
         strip_base=log.sensor.strip_base,
     )
+
+
+def _questions(rows: WorkingCopy, known: set[int], moving: Sequence[Question]) -> tuple[Question, ...]:
+    """Return what to ask, each strip once."""
+    asked = list(questions(rows, known))
+    named = known | {i for q in asked for i in q.strips}
+    return (*asked, *(q for q in moving if not named & set(q.strips)))
 
 
 def _remove_dominant(

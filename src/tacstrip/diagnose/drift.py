@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
-from tacstrip.diagnose.faults import Finding
+from tacstrip.diagnose.faults import Finding, Question
 from tacstrip.diagnose.log import Log
 from tacstrip.diagnose.neighbour_prediction import WorkingCopy, neighbour_residuals
 from tacstrip.robust import robust_sigma
@@ -16,10 +16,10 @@ _DRIFT, _WANDER = (
     0.006,
     0.005,
 )  # over Vref, over the recording, and as a standard deviation: less is not reported
-_CERTAIN = 4.8  # standard deviations of a normal error that a change must exceed
+_CERTAIN = 6.0  # standard deviations of a normal error that a change must exceed
 _AT_EDGE = 2.0  # times as many for the outermost strips, where extrapolation magnifies what neighbours do
 _TIMES = 4.0  # times the other strips' changes
-_MORE = 4.0  # times the other strips' wander
+_MORE = 8.0  # times the other strips' wander
 _LOOKS, _LOOKS_TO_WANDER = 7, 10  # independent looks at a strip
 _SMOOTH = 1.0  # von Neumann's ratio: 2 for independent looks, less for slow wander
 _STRAIGHT = 0.5  # of the wander's variance: more in a line is drift
@@ -28,6 +28,11 @@ _RESTS = 4  # untouched readings in a block
 _STRAYS, _STRAY_SHARE = 3, 0.003  # untouched readings that may jump
 _PAUSE = 2  # rows between two visits
 _SPAN, _FEWEST = 0.6, 24  # of the recording, rows
+_PLAIN, _WITHIN = (
+    0.03,
+    3,
+)  # over Vref, and strips known on either side: less may be the contact's shape, and is asked
+_MOST_ASKED = 2  # strips: more questions are about the contact's shape
 _OWN = 0.2  # of time's variance that place must not explain
 
 
@@ -59,7 +64,9 @@ class _Trend:
             self.wander[strip], self.smooth[strip] = values[2:4]
 
 
-def drift(log: Log, work: WorkingCopy, time_s: FloatArray) -> tuple[list[Finding], list[Finding], BoolArray]:
+def drift(
+    log: Log, work: WorkingCopy, time_s: FloatArray
+) -> tuple[list[Finding], list[Question], list[Finding], BoolArray]:
     """Find strips that drift or wander against the others: untouched, or relative to neighbours under one contact.
 
     Parameters
@@ -71,13 +78,14 @@ def drift(log: Log, work: WorkingCopy, time_s: FloatArray) -> tuple[list[Finding
 
     Returns
     -------
-    findings, notes, checked
-        Drift of single strips; that of all together; and which strips could be looked at (strips,).
+    findings, questions, notes, checked
+        Drift of single strips; those that move a little against their neighbours under a contact, as its shape may make
+        them; drift of all together; and which strips could be looked at (strips,).
     """
     first, seconds = float(log.time_s.min()), float(np.ptp(log.time_s))
     nothing = np.zeros(log.sensor.strips, dtype=bool)
     if seconds <= 0.0:
-        return [], [], nothing
+        return [], [], [], nothing
     rest, common = _at_rest(log, work.order, (log.time_s - first) / seconds)
     checked = np.isfinite(rest.change)
     found = list(_outstanding(rest, "untouched", np.arange(log.sensor.strips), nothing, edges=False))
@@ -88,9 +96,9 @@ def drift(log: Log, work: WorkingCopy, time_s: FloatArray) -> tuple[list[Finding
     for finding in found:
         work.drop(int(np.flatnonzero(work.order == finding.strips[0])[0]))
     if not log.sensor.kind.closed_form:  # a sheet's strips shift each other
-        return found, notes, checked
+        return found, [], notes, checked
     tau = (time_s - first) / seconds
-    trend = _Trend.unknown(work.strips)
+    trend, asked = _Trend.unknown(work.strips), []
     due: IntArray = np.arange(work.strips)
     for _ in range(work.strips):
         _look(work, tau, trend, due)
@@ -99,13 +107,18 @@ def drift(log: Log, work: WorkingCopy, time_s: FloatArray) -> tuple[list[Finding
         now = _outstanding(trend, "relative to its neighbours", work.order, lost, edges=True)
         if not now:
             break
-        found.append(now[0])
         place = int(np.flatnonzero(work.order == now[0].strips[0])[0])
+        known = np.isfinite(trend.change)
+        within = min(int(known[:place].sum()), int(known[place + 1 :].sum())) >= _WITHIN
+        if within and abs(now[0].numbers.get("change", 0.0)) > _PLAIN:
+            found.append(now[0])
+        else:
+            asked.append(Question(now[0].strips, ("drift", "wander"), now[0].evidence))
         work.drop(place)
         due = np.arange(max(place - 4, 0), min(place + 5, work.strips))
         for values in (trend.change, trend.error, trend.wander, trend.smooth, trend.straight):
             values[due] = np.nan
-    return found, notes, checked
+    return found, asked if len(asked) <= _MOST_ASKED else [], notes, checked
 
 
 def _outstanding(trend: _Trend, how: str, order: IntArray, lost: BoolArray, edges: bool) -> list[Finding]:

@@ -125,10 +125,11 @@ def unfinished(path: str | Path) -> str:
         *lines, last = file.read().decode(errors="replace").splitlines(keepends=True)[1:] or [""]
     ends = [line.rstrip().rpartition(",")[2].partition(".")[2] for line in (*lines, last)]
     others = [len(end) for end in ends[:-1] if end]
-    if last.endswith(("\n", "\r")) or len(others) < _FEW_ENDS or not 0 < len(ends[-1]) < min(others):
+    number = last.rpartition(",")[2].strip()
+    if not number or last.endswith(("\n", "\r")) or len(others) < _FEW_ENDS or len(ends[-1]) >= min(others):
         return ""
     return (
-        f"{path}: the last line has no line end, and its last number, {last.rpartition(',')[2]}, fewer digits than the "
+        f"{path}: the last line has no line end, and its last number, {number}, fewer digits than the "
         "others: is the file cut off?"
     )
 

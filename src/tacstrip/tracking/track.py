@@ -89,8 +89,8 @@ class Track:
     >>> shape = ts.Contact.polygon([(-25, -20), (20, -25), (25, 20), (-10, 25)])
     >>> scans = [ts.simulate(sensor, shape.turned(0.05 * i).placed(50, 50), time_s=0.01 * i) for i in range(12)]
     >>> (one,) = ts.track(scans, sensor)
-    >>> round(one.area_mm2), one.present.all(), one.placed(0).shape
-    (1850, True, (4, 2))
+    >>> round(one.area_mm2), int(one.present.sum()), one.placed(0).shape
+    (1850, 12, (4, 2))
     """
 
     id: int
