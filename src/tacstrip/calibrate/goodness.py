@@ -19,6 +19,7 @@ from tacstrip.sensor.spec import Sensor
 _PROFILE_I = 0.003  # over Vref: P.U. profile I (5.1.3) as a standard deviation, for runs without repeats
 _FAR = 5.0  # times the noise
 _MOST, _MOST_OF_STRIP = 0.02, 0.03  # over Vref: what uneven rubber and few presses leave at worst
+_SURELY, _SURELY_FAR = 0.008, 10.0  # the same where repeats tell the noise: over Vref, and times it
 _ROWS = 0.75  # of the rows must be described: the others may be spoilt
 _LOUD = 0.03  # over Vref: repeats further apart are no repeats
 _QUARTILE = 1.15  # standard deviations: three quarters of normal errors are smaller
@@ -63,7 +64,8 @@ class Goodness:
             return self.implausible
         if self.noise > _LOUD:
             return f"repeats of one place differ by {100.0 * self.noise:.2g} % of Vref"
-        if self.residual > max(_MOST, _FAR * self.noise):
+        most = max(_SURELY, _SURELY_FAR * self.noise) if self.repeated else _MOST
+        if self.residual > max(min(_MOST, most), _FAR * self.noise):
             source = "by its repeats" if self.repeated else "hardly more than"
             noise = f"the readings' noise is {source} {100.0 * self.noise:.2g} %"
             return f"the residual is {100.0 * self.residual:.2g} % of Vref, and {noise}"
