@@ -77,6 +77,16 @@ def _scan(kh: list[float], kl: list[float] | None = None, time_s: float = 0.0) -
     return ts.Scan(kh=np.array(kh), kl=None if kl is None else np.array(kl), time_s=time_s)
 
 
+@pytest.mark.parametrize("factor", [0.01, 10.0])
+def test_the_size_of_the_sensor_does_not_matter(factor: float) -> None:
+    """All lengths times a factor make the same readings."""
+    sensor = ts.Sensor(construction="crs-crs", strips=10, pitch_mm=10.0 * factor, length_mm=100.0 * factor)
+    poses = sliding(25) * (factor, factor, 1.0)
+    (one,) = ts.track(pressed(sensor, CORNERS * factor, poses, NOISE), sensor, NOISE)
+    assert (one.status, len(one.outline)) == ("ok", 5)
+    assert distance(one.outline, CORNERS * factor) < 0.3 * factor
+
+
 def test_noise_that_is_not_given_is_found() -> None:
     sensor = ten_strips()
     (one,) = ts.track(pressed(sensor, CORNERS, sliding(30), ts.Noise(positional=0.001)), sensor)
