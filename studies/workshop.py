@@ -1,9 +1,9 @@
 """Units as makers build them and recordings as they make them, apart from the package's models, to tune the doctor on.
 
-Readings are the closed form of strips with clamps, cold joints and a resistivity that varies, and shorts between strips of
-rubber a ladder of resistors; contacts are fingers with
-soft edges, bars and blocks that are pressed slowly or fast, dragged or tapped; readings carry 1/f wander that strips
-share, strays, offsets, gains and the converter's rounding. Faults are of wires, strips, clamps and inputs.
+Readings are the closed form of strips with clamps, cold joints and a resistivity that varies; shorts between strips of
+rubber are a ladder of resistors. Contacts are fingers with soft edges, bars and blocks that are pressed slowly or fast,
+dragged or tapped; readings carry 1/f wander that strips share, strays, offsets, gains and the converter's rounding.
+Faults are of wires, strips, clamps and inputs.
 """
 
 from __future__ import annotations
