@@ -7,6 +7,8 @@ import os
 
 import pytest
 
+from one_clock import Clock
+
 for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(name, "1")
 
@@ -15,3 +17,12 @@ LONGEST = ("thesis/test_reproduce.py", "network/test_crp.py")  # begun last, one
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: not str(item.path).endswith(LONGEST))
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    """The computer's clock, the device's and the line's, all one."""
+    made = Clock()
+    monkeypatch.setattr("tacstrip.stream.device.source.HostClock", lambda: made)
+    monkeypatch.setattr("tacstrip.stream.device.handshake.time.monotonic", made)
+    return made

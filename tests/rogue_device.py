@@ -7,17 +7,10 @@ from collections.abc import Callable
 
 import numpy as np
 
+from one_clock import Clock
+
 BITS, STRIPS = 10, 6
 Trouble = Callable[["Rogue", int, bytes], list[bytes]]
-
-
-class Clock:
-    """The one clock of a test [s]."""
-
-    now_s = 500.0
-
-    def __call__(self) -> float:
-        return self.now_s
 
 
 def crc(data: bytes) -> int:

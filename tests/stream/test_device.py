@@ -14,6 +14,7 @@ import pytest
 
 import tacstrip as ts
 from live_devices import SENSOR, Line, LinkedPty, Noise, device, with_strips
+from one_clock import Clock
 from tacstrip.stream.codes import decode
 from tacstrip.stream.device.port import SerialPort
 from tacstrip.stream.device.protocol.decoder import Decoder
@@ -21,13 +22,6 @@ from tacstrip.stream.device.protocol.frames import Kind
 from tacstrip.stream.device.protocol.messages import Command, Hello, Reply, SelfTest, Status
 from tacstrip.stream.device.protocol.scans import ScanBatch
 from tacstrip.stream.device.virtual import Loopback, VirtualDevice
-
-
-class Clock:
-    now_s = 100.0
-
-    def __call__(self) -> float:
-        return self.now_s
 
 
 def _said(made: VirtualDevice, command: Command) -> object:

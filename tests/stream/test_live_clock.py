@@ -17,6 +17,7 @@ import pytest
 
 import tacstrip as ts
 from live_devices import SENSOR, still
+from one_clock import Clock
 from tacstrip.stream import RawScan
 from tacstrip.stream.device.clocks import DeviceClock, HostClock
 from tacstrip.stream.device.protocol.frames import Kind, check_frame, encode_frame, parse_frame
@@ -25,15 +26,6 @@ from tacstrip.stream.device.virtual import VirtualDevice
 from tacstrip.stream.live.pipeline import Live
 
 RATE_HZ = 50.0
-
-
-class Clock:
-    """The one clock, [s]."""
-
-    now_s = 1000.0
-
-    def __call__(self) -> float:
-        return self.now_s
 
 
 class Unit(VirtualDevice):
@@ -93,14 +85,6 @@ class Bench:
 
     def close(self) -> None:
         """Nothing is open."""
-
-
-@pytest.fixture
-def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
-    made = Clock()
-    monkeypatch.setattr("tacstrip.stream.device.source.HostClock", lambda: made)
-    monkeypatch.setattr("tacstrip.stream.device.handshake.time.monotonic", made)
-    return made
 
 
 class Run:

@@ -12,20 +12,13 @@ import numpy as np
 import pytest
 
 import tacstrip as ts
-from rogue_device import BITS, STRIPS, Clock, Rogue, Trouble, frame
+from one_clock import Clock
+from rogue_device import BITS, STRIPS, Rogue, Trouble, frame
 from tacstrip.stream import RawScan
 from tacstrip.stream.device.protocol.frames import check_frame, encode_frame
 
 SENSOR = ts.Sensor(construction="crs-crs", strips=STRIPS, pitch_mm=10.0, length_mm=100.0, adc_bits=BITS)
 SCANS = 600
-
-
-@pytest.fixture
-def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
-    made = Clock()
-    monkeypatch.setattr("tacstrip.stream.device.source.HostClock", lambda: made)
-    monkeypatch.setattr("tacstrip.stream.device.handshake.time.monotonic", made)
-    return made
 
 
 def nothing(device: Rogue, n: int) -> None:
