@@ -50,6 +50,8 @@ from .stream.recording.recorder import Recorder as Recorder
 from .stream.recording.recorder import record as record
 from .stream.replay import Recording as Recording
 from .stream.simulated import SimulatedSource as SimulatedSource
+from .tracking.live import LiveTracks as LiveTracks
+from .tracking.live_contact import LiveTrack as LiveTrack
 from .tracking.track import Track as Track
 from .tracking.track import track as track
 

@@ -63,6 +63,13 @@ class Loss(ctypes.Structure):
     _fields_ = _fields(tolerance=_DOUBLE, cauchy=_DOUBLE, end=_DOUBLE)
 
 
+class CornerPrior(ctypes.Structure):
+    """`CornerPrior` of core.h; `arrays` keeps alive what it points to."""
+
+    arrays: tuple[npt.NDArray[np.float64], ...]
+    _fields_ = _fields(information=_POINTER, slope=_POINTER, about=_POINTER)
+
+
 MAX_VERTICES = 16  # interior vertices of a polygon
 END_ENTRIES = 6  # entries of theta before the first vertex
 SIZE = END_ENTRIES + 2 * MAX_VERTICES
@@ -90,7 +97,7 @@ RUN = np.dtype(
 )  # fmt: skip
 
 _PROBLEM, _LINES, _BAND = (ctypes.POINTER(struct) for struct in (Problem, Lines, Band))
-_SCANS, _LOSS = (ctypes.POINTER(struct) for struct in (Scans, Loss))
+_SCANS, _LOSS, _PRIOR = (ctypes.POINTER(struct) for struct in (Scans, Loss, CornerPrior))
 _NOTHING = ctypes.c_char * 0
 _SEARCH_WORKSPACE = 3613  # doubles: SEARCH_WORKSPACE of core.h
 # What each one returns and takes; a pointer stands for the array that core.h describes.
@@ -118,7 +125,7 @@ _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "rigid_poses": (None, (_SCANS, _LOSS, _POINTER, _INT, _POINTER, _INT, _INT, _POINTER)),
     "rigid_descend": (
         _DOUBLE,
-        (_SCANS, _LOSS, _POINTER, _INT, _POINTER, _INT, _DOUBLE, _POINTER, _POINTER),
+        (_SCANS, _LOSS, _PRIOR, _POINTER, _INT, _POINTER, _INT, _DOUBLE, _POINTER, _POINTER),
     ),
     "isolated_outliers": (_INT, (_POINTER, _INT, _INT, _POINTER)),
     "spikes": (None, (_POINTER, _INT, _DOUBLE, _POINTER, _POINTER)),

@@ -93,6 +93,11 @@ typedef struct {
   double end;       /* deviation of an end corner from the gap between strips that it lies in [mm] */
 } Loss;
 
+/* What is known of corners (N, 2) beside the scans: (c - about)' information (c - about) - 2 slope' (c - about). */
+typedef struct {
+  const double *information, *slope, *about; /* (2 N, 2 N), (2 N,), (2 N,) */
+} CornerPrior;
+
 /* A fit of a run of strips. */
 typedef struct {
   Int count, best; /* polygons that were found, 0 where the readings are too few, and the chosen one's place */
@@ -279,10 +284,11 @@ EXPORTED double tacstrip_rigid_equations(const Scans *scans, const Loss *loss, c
 EXPORTED void tacstrip_rigid_poses(const Scans *scans, const Loss *loss, const double *corners, Int count, double *poses,
                                    Int starts, Int steps, double *costs);
 
-/* Move corners (count, 2), at most SIZE / 2, and poses (scans, 3) downhill together until a step gains less than `enough`;
-   the pose in the middle stays. Writes costs (scans,) and returns the total.
-   workspace (scans (31 + 12 count) + 8 count^2 + 8 count,). */
-EXPORTED double tacstrip_rigid_descend(const Scans *scans, const Loss *loss, double *corners, Int count, double *poses,
-                                       Int steps, double enough, double *costs, double *workspace);
+/* Move corners (count, 2), at most SIZE / 2, and poses (scans, 3) downhill together until a step gains less than `enough`.
+   Without a prior, null, the pose in the middle stays; a prior holds the frame too. Writes costs (scans,) and returns the
+   total, with the prior's. workspace (scans (31 + 12 count) + 8 count^2 + 8 count,). */
+EXPORTED double tacstrip_rigid_descend(const Scans *scans, const Loss *loss, const CornerPrior *prior, double *corners,
+                                       Int count, double *poses, Int steps, double enough, double *costs,
+                                       double *workspace);
 
 #endif

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
-from tacstrip.core.binding import RIGID_CORNERS, Loss, Scans, at, exported
+from tacstrip.core.binding import RIGID_CORNERS, CornerPrior, Loss, Scans, at, exported
 from tacstrip.core.problem import LEAST_D
 from tacstrip.sensor.closed_form import sensing_share
 from tacstrip.sensor.constructions import SIGNATURES
@@ -113,6 +113,39 @@ class Equations:
     costs: FloatArray
 
 
+@dataclass(frozen=True, eq=False)
+class Prior:
+    """What is known of corners beside the scans: a normal distribution.
+
+    Attributes
+    ----------
+    information
+        Half the curvature of its cost (2 N, 2 N); it also holds the corners' frame.
+    slope
+        Half the descent of its cost at `about` (2 N,).
+    about
+        Corners (N, 2) [mm].
+    """
+
+    information: FloatArray
+    slope: FloatArray
+    about: FloatArray
+
+    @cached_property
+    def compiled(self) -> CornerPrior:
+        """What the compiled core takes; the arrays are this prior's own."""
+        arrays = tuple(np.ascontiguousarray(a) for a in (self.information, self.slope, self.about))
+        made = CornerPrior(*map(at, arrays))
+        made.arrays = arrays
+        return made
+
+    def at(self, corners: FloatArray) -> tuple[FloatArray, float]:
+        """Return half the descent of the cost at corners, and the cost."""
+        off = (corners - self.about).ravel()
+        pull = self.slope - self.information @ off
+        return np.asarray(pull), float(-off @ (pull + self.slope))
+
+
 def loss(scans: RigidScans, tolerance_mm: float = 0.0, cauchy: float = 0.0, end: float = 0.05) -> Loss:
     """Return how far readings may lie from what an outline makes.
 
@@ -159,29 +192,36 @@ def fit_poses(
 
 
 def descend(
-    scans: RigidScans, corners: FloatArray, poses: FloatArray, how: Loss, steps: int = 40
+    scans: RigidScans,
+    corners: FloatArray,
+    poses: FloatArray,
+    how: Loss,
+    steps: int = 40,
+    prior: Prior | None = None,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return corners (N, 2) and poses (T, 3) after a descent of both together, and the scans' costs (T,).
 
-    The pose of the scan in the middle stays where it is: it fixes the corners' frame.
+    Without a prior, which holds the corners' frame, the pose of the scan in the middle stays where it is.
     """
     core = exported("rigid_descend")
     if core is None or len(corners) > MOST_CORNERS:
-        return _plain_descend(scans, corners, poses, how, steps)
+        return _plain_descend(scans, corners, poses, how, steps, prior)
     corners, poses, costs, count = np.array(corners), np.array(poses), np.empty(len(poses)), len(corners)
     workspace = np.empty(len(poses) * (31 + 12 * count) + 8 * count**2 + 8 * count)
-    core(
-        scans.compiled, how, at(corners), count, at(poses), steps, _SETTLED, at(costs), at(workspace)
-    )  # fmt: skip
+    known = None if prior is None else prior.compiled
+    core(scans.compiled, how, known, at(corners), count, at(poses), steps, _SETTLED, at(costs), at(workspace))
     return corners, poses, costs
 
 
-def reduced(found: Equations, damping: float = 0.0) -> tuple[FloatArray, FloatArray, FloatArray]:
+def reduced(
+    found: Equations, damping: float = 0.0, pinned: float = PINNED
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the corners' equations without the poses, matrix and slope, and the inverse of the poses' (T, 3, 3)."""
     own = np.arange(3)
     blocks = found.pose.copy()
     blocks[:, own, own] += damping * blocks[:, own, own] + LEAST
-    blocks[len(blocks) // 2, own, own] += PINNED
+    middle = len(blocks) // 2
+    blocks[middle : middle + 1, own, own] += pinned
     inverse = np.linalg.inv(blocks)
     weighted = inverse @ found.mixed
     matrix = found.shape - np.einsum("tpc,tpd->cd", found.mixed, weighted)
@@ -357,14 +397,23 @@ def _plain_fit_poses(
 
 
 def _plain_descend(
-    scans: RigidScans, corners: FloatArray, poses: FloatArray, how: Loss, steps: int
+    scans: RigidScans, corners: FloatArray, poses: FloatArray, how: Loss, steps: int, prior: Prior | None
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Do as `descend`."""
-    found, damping = plain_equations(scans, corners, poses, how), DAMPING
-    cost = float(found.costs.sum())
+
+    def costed(c: FloatArray, p: FloatArray) -> tuple[Equations, float]:
+        found = plain_equations(scans, c, p, how)
+        if prior is None:
+            return found, float(found.costs.sum())
+        pull, cost = prior.at(c)
+        shape, slope = found.shape + prior.information, found.shape_slope + pull
+        return replace(found, shape=shape, shape_slope=slope), float(found.costs.sum()) + cost
+
+    (found, cost), damping = costed(corners, poses), DAMPING
+    pinned = PINNED if prior is None else 0.0
     for _ in range(steps):
         new, new_cost = None, np.inf
-        matrix, slope, inverse = reduced(found, damping)
+        matrix, slope, inverse = reduced(found, damping, pinned)
         try:
             np.linalg.cholesky(matrix)
         except np.linalg.LinAlgError:
@@ -373,8 +422,7 @@ def _plain_descend(
             step = np.linalg.solve(matrix, slope)
             turn = np.einsum("tpq,tq->tp", inverse, found.pose_slope - found.mixed @ step)
             trial = corners + step.reshape(-1, 2), poses + turn
-            new = plain_equations(scans, *trial, how)
-            new_cost = float(new.costs.sum())
+            new, new_cost = costed(*trial)
         if new is not None and new_cost < cost:
             done = cost - new_cost < _SETTLED * max(1.0, 1e-4 * cost)
             (corners, poses), found, cost = trial, new, new_cost

@@ -45,23 +45,39 @@ def episodes(k: FloatArray) -> list[Episode]:
     ended: list[Episode] = []
     going: list[Episode] = []
     for scan, row in enumerate(touched):
-        seen: list[Episode] = []
-        for runs, before in _groups(_runs(row, silent), going):
-            if len(runs) < len(before):
-                for one in before:
-                    one.joint.append(scan)
-                    one.last = slice(runs[0].start, runs[-1].stop)
-                seen += before
-                continue
-            keep_on = before if len(runs) == len(before) else [Episode() for _ in runs]
-            for one, run in zip(keep_on, runs, strict=True):
-                one.scans.append(scan)
-                one.runs.append(run)
-                one.last = run
-            seen += keep_on
+        seen = followed(going, scan, row, silent)
         ended += [e for e in going if not any(e is s for s in seen)]
         going = seen
     return [*ended, *going]
+
+
+def followed(going: list[Episode], scan: int, touched: BoolArray, silent: BoolArray) -> list[Episode]:
+    """Return the contacts of the next scan, which are told of it: those that keep on, and new ones.
+
+    Parameters
+    ----------
+    going
+        Contacts of the scan before.
+    scan
+        Its number.
+    touched, silent
+        Whether each strip is touched (n,), and whether it never reads anything.
+    """
+    seen: list[Episode] = []
+    for runs, before in _groups(_runs(touched, silent), going):
+        if len(runs) < len(before):
+            for one in before:
+                one.joint.append(scan)
+                one.last = slice(runs[0].start, runs[-1].stop)
+            seen += before
+            continue
+        keep_on = before if len(runs) == len(before) else [Episode() for _ in runs]
+        for one, run in zip(keep_on, runs, strict=True):
+            one.scans.append(scan)
+            one.runs.append(run)
+            one.last = run
+        seen += keep_on
+    return seen
 
 
 def _groups(runs: list[slice], going: list[Episode]) -> list[tuple[list[slice], list[Episode]]]:

@@ -26,15 +26,15 @@ from tacstrip.tracking.episodes import Episode, episodes
 from tacstrip.tracking.rigid.covariance import covariances
 from tacstrip.tracking.rigid.search import Found, content, placed, recognised, search, with_all_poses
 
-_FEWEST = 5  # scans of one stretch that a shape is searched in
-_MOST = 200  # scans that a shape is fitted to; the others only have their poses fitted
-_GUESS, _CEILING = 0.003, 0.02 / math.sqrt(3.0)  # of sigma that is not known [Vref]
+FEWEST = 5  # scans of one stretch that a shape is searched in
+MOST = 200  # scans that a shape is fitted to; the others only have their poses fitted
+GUESS, _CEILING = 0.003, 0.02 / math.sqrt(3.0)  # of sigma that is not known [Vref]
 _ALIKE = 1.25  # times a guess of sigma: found again, it is believed
 _ROUNDS = 3  # of finding sigma
 _TOLD, _OF_SIZE = 0.1, 0.01  # of the pitch, and of the outline's extent, and ...
 _TELLING = 4.0  # ... deviations of the least certain corner: shapes that differ by more are not the same
 _MOVED, _FEW_STRIPS = 0.5, 12  # pitches that corners must move where fewer strips than that are touched
-_NOT_RIGID = (
+NOT_RIGID = (
     "no rigid outline explains all scans: {times:.3g} times the noise is left over; the object deforms or rolls, two "
     "are taken for one, or the noise is larger than given: reconstruct the scans one by one"
 )
@@ -48,7 +48,7 @@ _HARDLY_MOVED = (
 )
 _CONCAVE = "the outline is concave: one object, or several that keep together"
 _SHORT = "{n} scans show it, too few for a shape over time: the outline is that of the scan that tells most"
-_STANDS = "the clock stands still: no velocity"
+STANDS = "the clock stands still: no velocity"
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,7 +194,7 @@ def track(scans: Sequence[Scan], sensor: Sensor, noise: Noise | None = None) -> 
     tracks: list[tuple[int, Track]] = []
     while left:
         one = left.pop(0)
-        seen = _search(one, k, sensor, names, sigma, distribution)
+        seen = searched(one, k, sensor, names, sigma, distribution)
         if seen is None:
             found = _of_one_scan(one, read, sensor, noise)
         else:
@@ -203,19 +203,19 @@ def track(scans: Sequence[Scan], sensor: Sensor, noise: Noise | None = None) -> 
                 if again is not None:
                     seen = again
                     left.remove(other)
-            found = _track(seen, len(read), distribution)
+            found = summarised(seen, len(read), distribution)
         tracks.append(
             (one.scans[0], replace(found, times_s=times, velocities=_velocities(found.poses, times)))
         )
     standing = len(times) > 1 and not np.diff(times).any()
     return [
-        replace(t, id=i, advice="; ".join(filter(None, [t.advice, _STANDS if standing else ""])))
+        replace(t, id=i, advice="; ".join(filter(None, [t.advice, STANDS if standing else ""])))
         for i, (_, t) in enumerate(sorted(tracks, key=lambda pair: pair[0]), 1)
     ]
 
 
 @dataclass(frozen=True, eq=False)
-class _Object:
+class Object:
     """The scans that show one object, its readings there, and what was found."""
 
     shown: list[int]
@@ -231,20 +231,20 @@ def _checked(number: int, scan: Scan, sensor: Sensor) -> Scan:
         raise type(error)(f"scan {number}: {error}") from None
 
 
-def _search(
+def searched(
     episode: Episode,
     k: FloatArray,
     sensor: Sensor,
     names: tuple[str, ...],
     sigma: float | None,
     distribution: str,
-) -> _Object | None:
+) -> Object | None:
     """Return the object of an episode; None where its scans are too few for a shape over time."""
-    if len(episode.scans) < _FEWEST:
+    if len(episode.scans) < FEWEST:
         return None
-    level = sigma or max(_GUESS, sensor.adc_step)
+    level = sigma or max(GUESS, sensor.adc_step)
     every = RigidScans(sensor, names, episode.readings(k), level)
-    few = np.unique(np.linspace(0, len(every.k) - 1, min(len(every.k), _MOST)).astype(int))
+    few = np.unique(np.linspace(0, len(every.k) - 1, min(len(every.k), MOST)).astype(int))
     least = max(sensor.adc_step / math.sqrt(12.0), FLOOR)
     for _ in range(_ROUNDS):
         found = search(every.of(few), distribution)
@@ -253,12 +253,12 @@ def _search(
             break
         level = float(np.clip(left, least, _CEILING))
         every = every.with_sigma(level)
-    return _Object(
+    return Object(
         episode.scans, episode.joint, every, replace(found, fit=with_all_poses(every, few, found.fit))
     )
 
 
-def _recognise(one: _Object, other: Episode, k: FloatArray, distribution: str) -> _Object | None:
+def _recognise(one: Object, other: Episode, k: FloatArray, distribution: str) -> Object | None:
     """Return the object with another stretch of scans too, where its shape explains them; else None."""
     if not content(one.scans, one.found.fit, distribution):
         return None
@@ -272,10 +272,10 @@ def _recognise(one: _Object, other: Episode, k: FloatArray, distribution: str) -
         if recognised(few, rival, more, distribution) is not None:
             kept.append((rival, worse))
     found = Found(fit, one.found.chosen, tuple(kept))
-    return _Object(one.shown + other.scans, one.joint + other.joint, every, found)
+    return Object(one.shown + other.scans, one.joint + other.joint, every, found)
 
 
-def _track(one: _Object, total: int, distribution: str) -> Track:
+def summarised(one: Object, total: int, distribution: str) -> Track:
     """Return what is known of an object over time."""
     fit, sensor = one.found.fit, one.scans.sensor
     corners, first = fit.corners, int(np.argmin(one.shown))
@@ -292,7 +292,7 @@ def _track(one: _Object, total: int, distribution: str) -> Track:
     advice = note = ""
     if not content(one.scans, fit, distribution):
         times = math.sqrt(fit.cost / fit.freedom(one.scans))
-        advice = _NOT_RIGID.format(times=times)
+        advice = NOT_RIGID.format(times=times)
     loosest = math.sqrt(float(shape.diagonal().reshape(-1, 2).sum(axis=1).max()))
     spread = one.found.spread_mm
     size = float(np.ptp(outline, axis=0).max())
@@ -311,7 +311,7 @@ def _track(one: _Object, total: int, distribution: str) -> Track:
     )  # fmt: skip
 
 
-def _hardly_moved(one: _Object, outline: FloatArray, poses: FloatArray) -> bool:
+def _hardly_moved(one: Object, outline: FloatArray, poses: FloatArray) -> bool:
     """Whether few strips read the outline at always the same places."""
     strips = np.median(np.isfinite(one.scans.k).any(axis=1).sum(axis=1))
     x = np.stack([placed(outline, pose)[:, 0] for pose in poses])

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tacstrip.arrays import FloatArray, IntArray
+from tacstrip.arrays import BoolArray, FloatArray, IntArray
 from tacstrip.core.rigid import RigidScans, descend, fit_poses, loss
 from tacstrip.tracking.rigid.covariance import covariances
 from tacstrip.tracking.rigid.smooth_path import centres
@@ -92,7 +92,7 @@ def settled(scans: RigidScans, fit: Fit, rounds: int = 4) -> Fit:
 
     Kinks of one scan, where a corner passes a strip, do not stop the others then.
     """
-    step = _JIGGLES * (0.05 * scans.sensor.pitch_mm, 0.05 * scans.sensor.pitch_mm, 1.0)
+    step = jiggles(scans.sensor.pitch_mm)
     for _ in range(rounds):
         poses, costs = fit_poses(scans, fit.corners, fit.poses[:, None] + step, loss(scans), 10)
         best = poses[np.arange(len(poses)), costs.argmin(axis=1)]
@@ -101,6 +101,11 @@ def settled(scans: RigidScans, fit: Fit, rounds: int = 4) -> Fit:
             break
         fit = new
     return fit
+
+
+def jiggles(pitch_mm: float) -> FloatArray:
+    """Return steps of a pose (5, 3) to begin descents at, about where it is: a kink that stops one stops not all."""
+    return np.asarray(_JIGGLES * (0.05 * pitch_mm, 0.05 * pitch_mm, 1.0))
 
 
 def recounted(scans: RigidScans, fit: Fit) -> Fit:
@@ -146,8 +151,12 @@ def poses_all_round(
 
 def bad_scans(scans: RigidScans, fit: Fit) -> IntArray:
     """Return the scans whose readings the fit does not explain."""
-    n = scans.readings
-    return np.flatnonzero(fit.costs > n + _SPREAD * np.sqrt(n) + _BAD)
+    return np.flatnonzero(~explained(fit.costs, scans.readings))
+
+
+def explained(costs: FloatArray, readings: IntArray) -> BoolArray:
+    """Return whether what scans cost (T,) is what as many readings (T,) may."""
+    return np.asarray(costs <= readings + _SPREAD * np.sqrt(readings) + _BAD)
 
 
 def rescued(scans: RigidScans, fit: Fit, rounds: int = 2) -> Fit:

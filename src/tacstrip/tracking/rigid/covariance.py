@@ -11,22 +11,23 @@ from tacstrip.errors import ContactError
 from tacstrip.sensor.spec import Sensor
 from tacstrip.simulation import simulate
 
-_NEVER = 1e6  # pitches: what touched strips tell of the ends is left out, for inside the gap it is nothing
+NEVER = 1e6  # pitches: what touched strips tell of the ends is left out, for inside the gap it is nothing
 
 
-def covariances(scans: RigidScans, corners: FloatArray, poses: FloatArray) -> tuple[FloatArray, FloatArray]:
+def covariances(
+    scans: RigidScans, corners: FloatArray, poses: FloatArray, beside: FloatArray | float = 0.0
+) -> tuple[FloatArray, FloatArray]:
     """Return the covariance of corners (N, 2) about their mean, (2 N, 2 N) [mm^2], and of the poses (T, 3, 3).
 
-    The frame lies where the corners' errors neither move nor turn them as a whole; the poses take that up.
+    The frame lies where the corners' errors neither move nor turn them as a whole; the poses take that up. `beside`
+    (2 N, 2 N) is what else is known of the corners, of their shape alone.
     """
-    found = equations(scans, corners, poses, loss(scans, end=_NEVER))
+    found = equations(scans, corners, poses, loss(scans, end=NEVER))
     matrix, _, inverse = reduced(found)
-    value, vector = np.linalg.eigh(matrix)
+    value, vector = np.linalg.eigh(matrix + beside)
     anywhere = float(np.ptp(corners, axis=0).max()) ** 2  # what the readings do not hold at all
     pinned = vector / np.maximum(value, 1.0 / anywhere) @ vector.T
-    rigid = np.zeros((corners.size, 3))
-    rigid[::2, 0] = rigid[1::2, 1] = 1.0
-    rigid[::2, 2], rigid[1::2, 2] = -corners[:, 1], corners[:, 0]
+    rigid = rigid_motions(corners)
     as_motion = np.linalg.pinv(rigid)  # (3, 2 N): of a change of the corners
     inner = np.eye(corners.size) - rigid @ as_motion
     turned = np.zeros((len(poses), 3, 3))
@@ -41,6 +42,14 @@ def covariances(scans: RigidScans, corners: FloatArray, poses: FloatArray) -> tu
     by_corners = turned @ as_motion - inverse @ found.mixed
     of_poses = inverse + by_corners @ pinned @ by_corners.transpose(0, 2, 1)
     return np.asarray(inner @ pinned @ inner.T), np.asarray(of_poses)
+
+
+def rigid_motions(corners: FloatArray) -> FloatArray:
+    """Return how corners (N, 2) move as a whole, in x, in y and in angle (2 N, 3)."""
+    found = np.zeros((corners.size, 3))
+    found[::2, 0] = found[1::2, 1] = 1.0
+    found[::2, 2], found[1::2, 2] = -corners[:, 1], corners[:, 0]
+    return found
 
 
 def joint_bound(
