@@ -212,6 +212,17 @@ def test_the_verb_writes_tracks_and_a_picture(tmp_path: Path) -> None:
     assert len(feature["properties"]["poses"]) == 20
     assert feature["geometry"]["type"] == "Polygon"
     assert (tmp_path / "t.png").stat().st_size > 10_000
+    made = str(tmp_path / "t.mcap")
+    words = ["track", *files[:2], "-o", made, "--positional", "0.002"]
+    assert CliRunner().invoke(cli, words).exit_code == 0
+    raws = list(ts.Recording(made))
+    assert [raw.tracks[0].id for raw in raws] == [1] * 20
+    (x, y), *_ = feature["properties"]["outline_mm"]
+    np.testing.assert_allclose(raws[3].tracks[0].outline[0], (x, y), atol=1e-6)
+    again = CliRunner().invoke(cli, ["replay", made, "--summary"])
+    assert "objects over time: object 1 in 20 scans" in again.output
+    with pytest.raises(ts.OptionError, match="exists already"):
+        CliRunner().invoke(cli, words, catch_exceptions=False)
     with pytest.raises(ts.OptionError, match="does not say what sensor"):
         CliRunner().invoke(cli, ["track", files[1]], catch_exceptions=False)
 

@@ -26,6 +26,7 @@ from tacstrip.stream.live.sinks import Sink, json_sink, tuio_sink
 from tacstrip.stream.live.warmup import warm_up
 from tacstrip.stream.replay import open_source
 from tacstrip.stream.source import LOGGER, Source
+from tacstrip.tracking.live_contact import LiveTrack
 from tacstrip.view.access import Access, check_port
 from tacstrip.view.controller import Controller
 from tacstrip.view.health import background_process
@@ -56,6 +57,9 @@ _RATE_HZ = 1000.0
 )
 @click.option("--no-drift", is_flag=True, help="Do not remove the drift of a calibrated sensor.")
 @click.option("--creep", is_flag=True, help="Take the creep of contacts that are held still out.")
+@click.option(
+    "--no-tracks", is_flag=True, help="Do not fuse the scans of each object into one rigid outline."
+)
 @click.option("--watch", "watched", is_flag=True,
               help="Let the doctor look on, and leave channels out while they are faulty.")  # fmt: skip
 @click.option("--speed", type=options.NUMBER, default=1.0, show_default=True, callback=options.above_0,
@@ -154,7 +158,7 @@ def _stream(
     # The next source is that of a simulator whose settings were changed.
     next_source = (lambda: None) if simulator is None else simulator.source
     live = Live(source, given["method"], noise, not given["no_drift"], given["speed"], next_source,
-                creep=given["creep"])  # fmt: skip
+                creep=given["creep"], tracks=not given["no_tracks"])  # fmt: skip
     with ExitStack() as stack:
         # The page and the sinks come first: where they fail, no recording has been begun.
         sinks = list(_sinks(live, given))
@@ -170,9 +174,20 @@ def _stream(
         with live:
             while live.running and running() and not (sinks and all(sink.ended for sink in sinks)):
                 pass
+    for one in sorted(live.known.values(), key=lambda one: one.id):
+        note(_line(one))
     # The reader of the lines may close them at any time.
     sink_failed = any(sink.error and not isinstance(sink.error, BrokenPipeError) for sink in sinks)
     return sink_failed or live.recording_failed or live.error is not None
+
+
+def _line(one: LiveTrack) -> str:
+    """Say what the scans told of an object over time."""
+    text = f"object {one.id}: {one.status}"
+    if len(one.outline):
+        text += f", {len(one.outline)} corners, {one.area_mm2:.6g} mm2 +- {one.area_deviation_mm2:.2g}"
+        text += f", corners known to {one.corner_deviation_mm:.2g} mm from {one.scans} scans"
+    return f"{text}. {one.advice}" if one.advice else text
 
 
 def _sinks(live: Live, given: dict[str, Any]) -> Iterator[Sink]:

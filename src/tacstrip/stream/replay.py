@@ -18,10 +18,19 @@ from tacstrip.errors import RecordingError, SpecError
 from tacstrip.io.readings import read_readings
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.codes import ELECTRODES, encode, quantisation_error, with_converter
-from tacstrip.stream.recording.messages import NAMES, NANO, POLYGON, SCANS, read_polygon, read_scan
-from tacstrip.stream.recording.recorder import ABOUT, FORMAT, POLYGON_TOPICS, SCAN_TOPIC, SPEC
+from tacstrip.stream.recording.messages import (
+    NAMES,
+    NANO,
+    POLYGON,
+    SCANS,
+    TRACK,
+    read_polygon,
+    read_scan,
+    read_track,
+)
+from tacstrip.stream.recording.recorder import ABOUT, FORMAT, POLYGON_TOPICS, SCAN_TOPIC, SPEC, TRACK_TOPIC
 from tacstrip.stream.recording.records import Condition, Records
-from tacstrip.stream.source import RawScan, Shape
+from tacstrip.stream.source import RawScan, Shape, TrackedShape
 
 _EPOCH_S = 1e9  # a readings file whose times are above this counts them from 1970
 _STATUS = {topic: status for status, topic in POLYGON_TOPICS.items()}
@@ -101,9 +110,10 @@ class Recording:
         return self._records.condition
 
     def __iter__(self) -> Iterator[RawScan]:
-        """Yield each scan with the polygons that follow it."""
+        """Yield each scan with the polygons and objects over time that follow it."""
         last: RawScan | None = None
         shapes: list[Shape] = []
+        tracks: list[TrackedShape] = []
         for record in self._rest:
             self._note(record)
             if not isinstance(record, Message) or (channel := self._channels.get(record.channel_id)) is None:
@@ -111,18 +121,22 @@ class Recording:
             schema = self._schemas.get(channel.schema_id, "")
             if channel.topic == SCAN_TOPIC and schema in SCANS.values():
                 if last is not None:
-                    yield replace(last, shapes=tuple(shapes))
+                    yield replace(last, shapes=tuple(shapes), tracks=tuple(tracks))
                 time_s = (record.log_time - self.origin_ns) / NANO
                 arrival_s = (record.publish_time - self.origin_ns) / NANO
                 with self._located():
-                    last, shapes = read_scan(record.data, schema, self.sensor, self.names, time_s), []
+                    last = read_scan(record.data, schema, self.sensor, self.names, time_s)
+                    shapes, tracks = [], []
                 if record.publish_time != record.log_time:
                     last = replace(last, arrival_s=arrival_s)
             elif channel.topic in _STATUS and schema == POLYGON and last is not None:
                 with self._located():
                     shapes.append(read_polygon(record.data, _STATUS[channel.topic]))
+            elif channel.topic == TRACK_TOPIC and schema == TRACK and last is not None:
+                with self._located():
+                    tracks.append(read_track(record.data))
         if last is not None:
-            yield replace(last, shapes=tuple(shapes))
+            yield replace(last, shapes=tuple(shapes), tracks=tuple(tracks))
 
     def close(self) -> None:
         """Close the file; may be called twice."""

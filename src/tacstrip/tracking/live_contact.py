@@ -13,12 +13,12 @@ import numpy as np
 from tacstrip.arrays import FloatArray
 from tacstrip.core.rigid import RigidScans
 from tacstrip.geometry.moments import deviations, moments
+from tacstrip.geometry.pose import placed
 from tacstrip.reconstruction.result import Alternative, Status
 from tacstrip.sensor.spec import Sensor
 from tacstrip.tracking.episodes import Episode
 from tacstrip.tracking.live_search import Contact, KnownShape, find_shape, moved
 from tacstrip.tracking.rigid.fixed_lag import FixedLag, Known
-from tacstrip.tracking.rigid.search import placed
 from tacstrip.tracking.track import GUESS, MOST, STANDS
 from tacstrip.tracking.tracker import SEARCHED_AGAIN
 

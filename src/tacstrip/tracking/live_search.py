@@ -9,12 +9,13 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.core.rigid import fit_poses, loss
+from tacstrip.geometry.pose import placed
 from tacstrip.reconstruction.result import Alternative, Status
 from tacstrip.sensor.spec import Sensor
 from tacstrip.tracking.episodes import Episode
 from tacstrip.tracking.rigid.corners import Fit
 from tacstrip.tracking.rigid.fixed_lag import FixedLag
-from tacstrip.tracking.rigid.search import content, placed, recognised
+from tacstrip.tracking.rigid.search import content, recognised
 from tacstrip.tracking.track import searched, summarised
 
 _COMPARED = 24  # scans of a known object, and of a contact, that tell whether it is the same

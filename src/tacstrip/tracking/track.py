@@ -16,6 +16,7 @@ from tacstrip.core.problem import FLOOR
 from tacstrip.core.rigid import RigidScans
 from tacstrip.errors import ReadingError, SignatureError
 from tacstrip.geometry.moments import deviations, moments
+from tacstrip.geometry.pose import placed
 from tacstrip.reconstruction.noise_covariance import Averaging, fit_sigma
 from tacstrip.reconstruction.polygon.estimate import fit_polygon
 from tacstrip.reconstruction.result import Alternative, Status
@@ -24,7 +25,7 @@ from tacstrip.sensor.constructions import check_closed_form
 from tacstrip.sensor.spec import Sensor
 from tacstrip.tracking.episodes import Episode, episodes
 from tacstrip.tracking.rigid.covariance import covariances
-from tacstrip.tracking.rigid.search import Found, content, placed, recognised, search, with_all_poses
+from tacstrip.tracking.rigid.search import Found, content, recognised, search, with_all_poses
 
 FEWEST = 5  # scans of one stretch that a shape is searched in
 MOST = 200  # scans that a shape is fitted to; the others only have their poses fitted

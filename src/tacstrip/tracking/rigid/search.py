@@ -12,6 +12,7 @@ from scipy.interpolate import CubicSpline
 
 from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.core.rigid import RigidScans, fit_poses, loss
+from tacstrip.geometry.pose import in_frame, placed
 from tacstrip.reconstruction.polygon.goodness_of_fit import chi_square_score
 from tacstrip.tracking.rigid.corners import (
     Fit,
@@ -239,15 +240,3 @@ def recognised(known: RigidScans, fit: Fit, scans: RigidScans, distribution: str
     joint = settled(together, rescued(together, fitted(together, joint.corners, joint.poses)))
     part = Fit(joint.corners, joint.poses[-last:], joint.costs[-last:])
     return joint if content(scans, part, distribution) and content(together, joint, distribution) else None
-
-
-def placed(corners: FloatArray, pose: FloatArray) -> FloatArray:
-    """Return corners (N, 2) of a frame at a pose (3,) on the sensor."""
-    cos, sin = np.cos(pose[2]), np.sin(pose[2])
-    return np.asarray(corners @ np.array([[cos, sin], [-sin, cos]]) + pose[:2])
-
-
-def in_frame(corners: FloatArray, pose: FloatArray) -> FloatArray:
-    """Return corners (N, 2) on the sensor as the frame at a pose (3,) has them."""
-    cos, sin = np.cos(pose[2]), np.sin(pose[2])
-    return np.asarray((corners - pose[:2]) @ np.array([[cos, -sin], [sin, cos]]))
