@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from tacstrip.arrays import FloatArray, plain
 from tacstrip.geometry.region import regions
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.live.frame import Frame
+from tacstrip.tracking.live_contact import LiveTrack
 from tacstrip.tracking.tracker import LiveObject
 
 _REGION_POINTS = 20
@@ -21,12 +24,26 @@ def sensor_json(sensor: Sensor) -> dict[str, Any]:
 
 
 def frame_json(frame: Frame) -> dict[str, Any]:
-    """Return a frame's readings over Vref, null where nothing touches, and its objects [mm]."""
+    """Return a frame's readings over Vref, null where nothing touches, its objects and those over time [mm]."""
     return {
         "number": frame.number,
         "time_s": round(frame.raw.time_s, 6),
         "readings": {name: plain(frame.scan[name], 5) for name in frame.scan.signatures},
         "objects": [_object(one, frame.sensor) for one in frame.objects],
+        "tracks": None if frame.tracks is None else [_track(one) for one in frame.tracks],
+    }
+
+
+def _track(one: LiveTrack) -> dict[str, Any]:
+    """Return an object over time: its outline where it lies, and how far its least known corner may be off."""
+    return {
+        "id": one.id,
+        "status": one.status,
+        "advice": one.advice,
+        "scans": one.scans,
+        "corners": len(one.outline),
+        "vertices": plain(one.placed, 3) if np.isfinite(one.pose).all() else [],
+        "deviation_mm": plain(one.corner_deviation_mm),
     }
 
 

@@ -32,7 +32,7 @@ class Frame:
         When `objects` were ready, by `time.perf_counter` [s].
     tracks
         Objects over time, as of this scan: one rigid outline each from all scans so far, in the order of their strips.
-        None before a shape is known, and where the computer is behind.
+        Those whose shape is not known yet are not there; None: not computed, because the computer was behind.
 
     Examples
     --------
@@ -53,7 +53,7 @@ class Frame:
     objects: tuple[LiveObject, ...]
     latency_s: float
     ready_s: float
-    tracks: tuple[LiveTrack, ...] = ()
+    tracks: tuple[LiveTrack, ...] | None = ()
 
     def __repr__(self) -> str:
         count = f"{len(self.objects)} object{'' if len(self.objects) == 1 else 's'}"

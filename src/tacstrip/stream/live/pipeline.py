@@ -324,14 +324,14 @@ class Live:
             if self.unreadable == 1:
                 self.notify(f"scan {number} cannot be used: {error}")
             return
-        tracks = self._tracked(scan) if not waiting else ()
+        tracks = None if waiting else self._tracked(scan)
         ready_s = time.perf_counter()
         self.meter.done(ready_s - arrived_s)
         frame = Frame(number, raw, self._decoder.sensor, scan, objects, ready_s - arrived_s, ready_s, tracks)
         for queue in (*self._queues, *(self._detailed_queues if detail else ())):
             queue.put(frame)
         shapes = tuple(Shape(o.shape.status, o.shape.vertices) for o in objects if o.shape.found)
-        self._save(raw, shapes, tracks)
+        self._save(raw, shapes, tracks or ())
 
     def _tracked(self, scan: Scan) -> tuple[LiveTrack, ...]:
         """Return the objects over time; without them the stream goes on."""

@@ -116,5 +116,5 @@ def _fields(frame: Frame, dropped: int) -> dict[str, Any]:
             }
             for o in frame.objects
         ],
-        "tracks": [track_fields(one) for one in frame.tracks],
+        "tracks": None if frame.tracks is None else [track_fields(one) for one in frame.tracks],
     }

@@ -20,7 +20,7 @@ export class Surface {
   constructor(svg) {
     this.svg = svg;
     this.layers = {};
-    for (const name of ["skin", "profiles", "truths", "alternatives", "shapes", "regions", "corners", "names", "handles"]) {
+    for (const name of ["skin", "profiles", "truths", "alternatives", "shapes", "fused", "regions", "corners", "names", "handles"]) {
       this.layers[name] = make("g", {}, svg);
     }
     new ResizeObserver(() => this.measure()).observe(svg);
@@ -89,6 +89,12 @@ export class Surface {
     const fixed = "non-scaling-stroke";
     fill(this.layers.shapes, "path", found, (e, o) => {
       e.setAttribute("class", "shape");
+      e.setAttribute("data-s", o.status);
+      e.setAttribute("vector-effect", fixed);
+      e.setAttribute("d", this.path(o.vertices));
+    });
+    if (frame.tracks) fill(this.layers.fused, "path", frame.tracks.filter((o) => o.vertices.length), (e, o) => {
+      e.setAttribute("class", "fused");
       e.setAttribute("data-s", o.status);
       e.setAttribute("vector-effect", fixed);
       e.setAttribute("d", this.path(o.vertices));
