@@ -6,6 +6,10 @@ from .contact.footprint import footprint as footprint
 from .contact.noise import Noise as Noise
 from .contact.shape import Contact as Contact
 from .contact.signature import signatures as signatures
+from .dataset.batches import fit_many as fit_many
+from .dataset.batches import simulate_many as simulate_many
+from .dataset.scans import Scans as Scans
+from .dataset.shapes import Shapes as Shapes
 from .errors import ArgumentError as ArgumentError
 from .errors import ContactError as ContactError
 from .errors import NetworkError as NetworkError

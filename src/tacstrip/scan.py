@@ -247,6 +247,9 @@ def _readings(name: str, values: npt.ArrayLike) -> FloatArray:
         raise ReadingError(f"{name} needs one number per strip, NaN where nothing touches") from None
     if array.ndim != 1 or not len(array):
         raise ReadingError(f"{name} needs one value per strip, not an array of shape {array.shape}")
+    if np.fmin.reduce(array) >= 0.0 and np.fmax.reduce(array) <= 1.0:  # as nearly always
+        array.flags.writeable = False
+        return array
     array = _without_rounding(array)
     if len(bad := np.flatnonzero((array < 0.0) | (array > 1.0))):
         raise ReadingError(

@@ -14,6 +14,7 @@ from tacstrip.contact.noise import Noise, NoiseProcess, Rng, digitise
 from tacstrip.contact.shape import Contact
 from tacstrip.contact.signature import signatures
 from tacstrip.contact.strip_width import wide, wide_ends
+from tacstrip.core.batch import closed_forms
 from tacstrip.errors import ContactError, OptionError, one_of
 from tacstrip.network.crp.mesh import Wiring
 from tacstrip.network.crp.readings import contact_electrodes
@@ -120,7 +121,7 @@ def simulate(
         )
     touch, ends, ideal = _closed(sensor, contact, resolved=model is None)
     scan = _measured(process, ideal, time_s, ends)
-    for values in scan.values():
+    for values in scan.values() if sensor.sensing_ratio == 0.0 else ():
         shorted = np.flatnonzero(np.isnan(values) & touch)
         if len(shorted):
             raise ContactError(
@@ -136,7 +137,7 @@ def _closed(
     """Return which strips are touched, l and u [mm], and ideal readings; strips without closed form may be resolved."""
     if not wide(sensor, [contact]):
         l, u = footprint(sensor, contact)
-        return ~np.isnan(l), (l, u), signatures(sensor, l, u)
+        return ~np.isnan(l), (l, u), closed_forms(sensor, l, u) or signatures(sensor, l, u)
     ends = wide_ends(sensor, [contact])
     touch, ideal = ~np.isnan(ends.l[0]), signatures(sensor, ends.l[0], ends.u[0])
     low, high = (f(s.bounds[i] for s in contact.shapes) for f, i in ((min, 0), (max, 2)))

@@ -140,6 +140,30 @@ def checksums() -> dict[str, str]:
 
 
 @case
+def batches() -> Iterable[ArrayLike]:
+    """Many scans in one pass: all kinds of shapes and errors, in both precisions; footprints of given contacts."""
+    shapes = ts.Shapes(
+        n=200, kinds={"polygon": 1, "circle": 1, "ellipse": 1}, objects=(0, 3), frames=3, spin_rad=1.0
+    )
+    noises = (ts.Noise(positional=0.005, quantisation=0.001), ts.Noise(positional=0.002, white=0.003))
+    for lam, dtype, noise in ((0.0, "float32", noises[0]), (2.0, "float64", noises[1])):
+        sensor = ts.Sensor(
+            construction="crs-crs",
+            strips=61,
+            pitch_mm=2.0,
+            length_mm=90.0,
+            contact_lambda_mm=lam,
+            adc_bits=12,
+        )
+        scans = ts.simulate_many(sensor, shapes, noise, rng=5, dtype=dtype)
+        assert scans.labels is not None
+        assert scans.l is not None
+        yield from (scans["kh"], scans["kl"], scans.l)
+        yield from vars(scans.labels).values()
+    yield from ts.footprint(sensor, [ts.Contact.polygon(convex_polygon(s, 5) / 12.0) for s in range(20)])
+
+
+@case
 def outlines_drawn() -> Iterable[ArrayLike]:
     """The sampler of outlines, with one signature and both, known and unknown sigma, contact resistance and an area."""
     for signatures, lam, sigma in ((1, 0.0, (1.0, 1.0)), (2, 0.0, (0.1, 2.0)), (1, 2.0, (1.0, 1.0))):

@@ -33,6 +33,8 @@ VERBS = {
     "simulate": "Press a contact on a sensor and write the readings.",
     "reconstruct": "Recover shapes from readings.",
     "track": "Recover objects over time, one rigid shape each, from a whole recording.",
+    "generate": "Write a labelled data set of simulated scans, for learning.",
+    "sweep": "Measure many designs: bounds, accuracy, right counts and speed; on many machines too.",
     "calibrate": "Fit a unit's constants to known contacts; plan them, learn the rest level, remove drift.",
     "record": "Record codes and shapes from a simulated sensor, readings or another recording.",
     "replay": "Play back a recording's scans, at their pace or faster.",

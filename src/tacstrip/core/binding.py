@@ -20,6 +20,14 @@ def _fields(**kinds: Any) -> list[Any]:
     return list(kinds.items())
 
 
+class Sendable:
+    """What keeps a struct of addresses in `compiled`, and leaves it behind on the way to another process."""
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return all else."""
+        return {name: value for name, value in vars(self).items() if name != "compiled"}
+
+
 class Problem(ctypes.Structure):
     """`Problem` of core.h; `arrays` keeps alive what it points to."""
 
@@ -70,6 +78,40 @@ class CornerPrior(ctypes.Structure):
     _fields_ = _fields(information=_POINTER, slope=_POINTER, about=_POINTER)
 
 
+class BatchSensor(ctypes.Structure):
+    """`BatchSensor` of core.h."""
+
+    _fields_ = _fields(
+        strips=_INT, signatures=_INT, single=_INT, pitch=_DOUBLE, length=_DOUBLE, share=_DOUBLE * 2,
+        narrow=_DOUBLE, lam=_DOUBLE, top=_DOUBLE,
+    )  # fmt: skip
+
+
+class BatchErrors(ctypes.Structure):
+    """`BatchErrors` of core.h."""
+
+    _fields_ = _fields(key=ctypes.c_uint * 2, uniform=_DOUBLE * 2, sigma=_DOUBLE)
+
+
+class ShapeLaws(ctypes.Structure):
+    """`ShapeLaws` of core.h."""
+
+    _fields_ = _fields(
+        polygons=_DOUBLE, circles=_DOUBLE, corners=_INT * 2, objects=_INT * 2, frames=_INT, apart=_INT,
+        size=_DOUBLE * 2, aspect=_DOUBLE * 2, turn=_DOUBLE * 2, x=_DOUBLE * 2, y=_DOUBLE * 2,
+        irregularity=_DOUBLE, gap=_DOUBLE, travel=_DOUBLE, spin=_DOUBLE,
+    )  # fmt: skip
+
+
+class BatchResult(ctypes.Structure):
+    """`BatchResult` of core.h."""
+
+    _fields_ = _fields(
+        readings=_POINTER * 2, l=_POINTER, u=_POINTER, vertices=_POINTER, pose=_POINTER, axes=_POINTER,
+        kind=_POINTER, corners=_POINTER,
+    )  # fmt: skip
+
+
 MAX_VERTICES = 16  # interior vertices of a polygon
 END_ENTRIES = 6  # entries of theta before the first vertex
 SIZE = END_ENTRIES + 2 * MAX_VERTICES
@@ -77,6 +119,7 @@ SIZE = END_ENTRIES + 2 * MAX_VERTICES
 POLYGON = np.dtype(
     _fields(m="i8", vertical="2i8", upper=f"{MAX_VERTICES}i8", theta=f"{SIZE}f8", cost="f8", score="f8")
 )
+SHAPE_CORNERS, SHAPE_OBJECTS = 16, 8  # of a drawn polygon and of a drawn scene
 KNOTS, MOST_CORNERS = 20, 26  # points of a chain and vertices of a sampled outline
 HOTTEST = 6  # temperatures of a sampler
 RIGID_CORNERS = 24  # corners of an outline that keeps its shape
@@ -128,6 +171,8 @@ _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
         (_SCANS, _LOSS, _PRIOR, _POINTER, _INT, _POINTER, _INT, _DOUBLE, _POINTER, _POINTER),
     ),
     "isolated_outliers": (_INT, (_POINTER, _INT, _INT, _POINTER)),
+    "batch": (_INT, (*[_POINTER] * 3, _INT, _INT, *[_POINTER] * 4)),
+    "footprint": (None, (_POINTER, _POINTER, _INT, _DOUBLE, _INT, _POINTER, _POINTER)),
     "spikes": (None, (_POINTER, _INT, _DOUBLE, _POINTER, _POINTER)),
 }
 
@@ -135,7 +180,16 @@ _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
 # These take long and let other threads run meanwhile; the others, over sooner than a thread wakes up, would only have
 # to wait until that one lets go.
 _LONG = frozenset(
-    ("fit_run", "fit_counts", "feasible_part", "minimax", "hit_and_run", "rigid_poses", "rigid_descend")
+    (
+        "batch",
+        "fit_run",
+        "fit_counts",
+        "feasible_part",
+        "minimax",
+        "hit_and_run",
+        "rigid_poses",
+        "rigid_descend",
+    )
 )
 
 

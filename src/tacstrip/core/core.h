@@ -14,7 +14,7 @@
 #ifndef TACSTRIP_CORE_H
 #define TACSTRIP_CORE_H
 
-#define TACSTRIP_VERSION 4 /* goes up whenever a function or a struct of this file changes */
+#define TACSTRIP_VERSION 6 /* goes up whenever a function or a struct of this file changes */
 
 #define MAX_VERTICES 16        /* interior vertices of a polygon */
 #define END_ENTRIES 6          /* entries of theta before the first vertex */
@@ -26,6 +26,8 @@
 #define KNOTS 20               /* points of one chain of a sampled outline, both ends included */
 #define MOST_CORNERS 26        /* vertices of a sampled outline */
 #define HOTTEST 6              /* temperatures of a sampler */
+#define SHAPE_CORNERS 16       /* of a drawn polygon */
+#define SHAPE_OBJECTS 8        /* of a drawn scene */
 #define RIGID_CORNERS 24       /* corners of an outline that keeps its shape, at most; 19 in a descent */
 
 #if defined(_WIN32)
@@ -128,6 +130,36 @@ typedef struct {
   double fade;              /* width at either bound [Vref] over which a reading becomes less likely */
   double windows[4];        /* where the left and the right end of the contact lie [mm] */
 } Band;
+
+/* A sensor as batches of scans take it, lengths in mm. */
+typedef struct {
+  Int strips, signatures, single; /* single: results are float, else double */
+  double pitch, length, share[2], narrow; /* share, narrow as in Problem */
+  double lam; /* decay length of the contact resistance [mm] */
+  double top; /* greatest code of the converter; 0: none */
+} BatchSensor;
+
+/* Errors of every reading by itself: half-widths of uniform ones, and the deviation of a normal one [Vref]. */
+typedef struct {
+  unsigned int key[2];
+  double uniform[2], sigma;
+} BatchErrors;
+
+/* How shapes are drawn; pairs are the least and the greatest. */
+typedef struct {
+  double polygons, circles; /* share of polygons, and of these and circles; the rest are ellipses */
+  Int corners[2], objects[2], frames, apart; /* up to SHAPE_CORNERS and SHAPE_OBJECTS; scans of a scene; kept apart in x */
+  double size[2], aspect[2], turn[2], x[2], y[2]; /* diameter, short axis over long, angle, centres [mm, rad] */
+  double irregularity, gap, travel, spin; /* of corners' angles, 0 to 1; in x; of the way; greatest turn on it */
+} ShapeLaws;
+
+/* Where a batch is written: readings, l and u (scans, strips), NaN where nothing touches; l may be null. Of drawn shapes
+   kind and corners (scans, objects), pose (scans, objects, 3): x, y, angle; axes (scans, objects, 2): half the long and the
+   short one; vertices (scans, objects, corners, 2); kind may be null, and then the others are not written. */
+typedef struct {
+  void *readings[2], *l, *u, *vertices, *pose, *axes;
+  signed char *kind, *corners;
+} BatchResult;
 
 /* TACSTRIP_VERSION; a loader refuses a library of another version. */
 EXPORTED int tacstrip_core_version(void);
@@ -290,5 +322,16 @@ EXPORTED void tacstrip_rigid_poses(const Scans *scans, const Loss *loss, const d
 EXPORTED double tacstrip_rigid_descend(const Scans *scans, const Loss *loss, const CornerPrior *prior, double *corners,
                                        Int count, double *poses, Int steps, double enough, double *costs,
                                        double *workspace);
+
+/* Simulate scans number first to first + scans - 1: of shapes drawn by laws, or where that is null of contacts from l to u
+   (scans, strips) [mm]. Numbers depend on the key and the scan's number alone. Returns the place (scan, strip) of the first
+   strip that a contact on metal shorts, -1 where there is none. workspace (15 strips + 512,). */
+EXPORTED Int tacstrip_batch(const BatchSensor *sensor, const ShapeLaws *laws, const BatchErrors *errors, Int first,
+                            Int scans, const double *l, const double *u, const BatchResult *out, double *workspace);
+
+/* Write the hull l and u (contacts, strips) [mm] of areas, NaN where nothing touches. edges (E, 4): x and y of both ends
+   of every side; those of contact c are begin[c] to begin[c + 1] - 1. */
+EXPORTED void tacstrip_footprint(const double *edges, const Int *begin, Int contacts, double pitch, Int strips, double *l,
+                                 double *u);
 
 #endif

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
-from tacstrip.core.binding import RIGID_CORNERS, CornerPrior, Loss, Scans, at, exported
+from tacstrip.core.binding import RIGID_CORNERS, CornerPrior, Loss, Scans, Sendable, at, exported
 from tacstrip.core.problem import LEAST_D
 from tacstrip.sensor.closed_form import sensing_share
 from tacstrip.sensor.constructions import SIGNATURES
@@ -29,7 +29,7 @@ _SETTLED = 1e-3  # gain in chi square, or in a pose's own cost its share, that e
 
 
 @dataclass(frozen=True, eq=False)
-class RigidScans:
+class RigidScans(Sendable):
     """Readings of one object, scan by scan, of S signatures.
 
     Attributes
