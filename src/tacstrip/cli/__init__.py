@@ -31,6 +31,7 @@ VERBS = {
     "init": "Write a commented sensor spec to start from.",
     "demo": "Recover a rectangle from packaged (synthetic) volts of the ten-strip prototype.",
     "simulate": "Press a contact on a sensor and write the readings.",
+    "import": "Turn a log of your own form into readings.",
     "reconstruct": "Recover shapes from readings.",
     "track": "Recover objects over time, one rigid shape each, from a whole recording.",
     "generate": "Write a labelled data set of simulated scans, for learning.",
@@ -61,7 +62,8 @@ class _Verbs(click.Group):
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name not in VERBS:
             return None
-        command = importlib.import_module(f"tacstrip.cli.{cmd_name}").command
+        module = {"import": "import_log"}.get(cmd_name, cmd_name)  # a word that no module can have
+        command = importlib.import_module(f"tacstrip.cli.{module}").command
         assert isinstance(command, click.Command)
         return command
 

@@ -95,7 +95,7 @@ def save(figure: Figure, path: str | Path, dpi: int = 110) -> Path:
             if layout := figure.get_layout_engine():
                 layout.execute(figure)
                 figure.set_layout_engine("none")
-            FigureCanvasAgg(figure).print_png(part, metadata={"Software": None})
+            FigureCanvasAgg(figure).print_png(part, metadata={"Software": None})  # type: ignore[no-untyped-call]
         else:
             figure.savefig(part, dpi=dpi, format=kind)
     return file
