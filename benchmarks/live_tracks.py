@@ -14,6 +14,7 @@ import sys
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
 
 import numpy as np
 
@@ -31,6 +32,9 @@ def contact(time_s: float) -> ts.Contact:
     return SHAPE.moved(6.0 * math.sin(0.7 * time_s), 4.0 * math.sin(1.1 * time_s)).turned(
         0.35 * math.sin(0.5 * time_s)
     )
+
+
+_Result = TypeVar("_Result")
 
 
 def main() -> None:
@@ -72,9 +76,7 @@ def _run(scans: list[ts.Scan], lag: int, at_once: bool) -> None:
     )
 
 
-def _timed(
-    job: Callable[[], tuple[ts.LiveTrack, ...]],
-) -> tuple[tuple[float, float], tuple[ts.LiveTrack, ...]]:
+def _timed(job: Callable[[], _Result]) -> tuple[tuple[float, float], _Result]:
     wall, own = time.perf_counter(), time.thread_time()
     found = job()
     return (time.perf_counter() - wall, time.thread_time() - own), found

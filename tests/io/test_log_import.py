@@ -193,14 +193,60 @@ def test_the_verb_writes_readings_a_recording_and_the_mapping(tmp_path: Path) ->
     assert not (tmp_path / "q.csv").exists()
 
 
-def test_arrays_of_numpy_and_frames_of_pandas(tmp_path: Path) -> None:
+def test_arrays_of_numpy_workbooks_and_parquet(tmp_path: Path) -> None:
     np.savez(tmp_path / "log.npz", t=0.02 * np.arange(4), kh=K["kh"], kl=K["kl"], note=np.array("x"))
     found = propose(read_table(tmp_path / "log.npz"), RUBBER)
     assert found.mapping.unit == "fraction"
     np.testing.assert_allclose(found.scans[2].values[:, 1], K["kl"][2])
-    (tmp_path / "no.npz").write_bytes(b"PK\x03\x04 no archive")
-    with pytest.raises(ts.ReadingError, match=r"no\.npz"):
-        read_table(tmp_path / "no.npz")
+    columns: dict[str, list[float]] = {
+        "scan": [i for i in SCANS for _ in STRIPS],
+        "t [s]": [0.02 * i for i in SCANS for _ in STRIPS],
+    }
+    columns |= {"strip": [s for _ in SCANS for s in STRIPS], "v_out [mV]": list(3300.0 * K["k"].ravel())}
+    _as_parquet(tmp_path / "log.parquet", columns)
+    _as_workbook(tmp_path / "log.xlsx", columns)
+    for name in ("log.parquet", "log.xlsx"):
+        found = propose(read_table(tmp_path / name), METAL)
+        np.testing.assert_allclose([s.values[:, 0] for s in found.scans], 3300.0 * K["k"], atol=1e-6)
+    for name in ("no.npz", "no.xlsx", "no.parquet"):
+        (tmp_path / name).write_bytes(b"PK\x03\x04 no archive")
+        with pytest.raises(ts.ReadingError, match=name):
+            read_table(tmp_path / name)
+
+
+def _as_parquet(path: Path, columns: dict[str, list[float]]) -> None:
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    parquet.write_table(pa.table(columns), path)
+
+
+def _as_workbook(path: Path, columns: dict[str, list[float]]) -> None:
+    import openpyxl
+
+    book = openpyxl.Workbook()
+    book.active.append(["Bench 3"])
+    book.active.append(list(columns))
+    for row in zip(*columns.values(), strict=True):
+        book.active.append([None if v != v else v for v in row])
+    book.save(path)
+
+
+class _Frame(dict[str, list[float]]):
+    """What a pandas DataFrame is to `read_readings`."""
+
+    columns = property(list)
+
+
+def test_a_data_frame_is_read_as_a_file_of_the_same_columns() -> None:
+    frame = _Frame(
+        scan=[0] * 5, time_s=[0.0] * 5, strip=[0.0, 1.0, 2.0, 3.0, 4.0], v_out=list(3.3 * K["k"][0])
+    )
+    (scan,) = ts.read_readings(frame, METAL)
+    np.testing.assert_allclose(scan["k"], K["k"][0], atol=1e-12)
+    frame["v_out"][2] = 9.0
+    with pytest.raises(ts.ReadingError, match=r"line 3: v_out = 9 V is outside"):
+        ts.read_readings(frame, METAL)
 
 
 @given(st.text(alphabet="0123456789.,;:|\t\n -#abhlstvV_%[]>", max_size=300))

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -35,17 +36,27 @@ from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.raw import apply_calibration, invert_calibration
 from tacstrip.sensor.spec import Sensor
 
+
+class Frame(Protocol):
+    """What is used of a pandas DataFrame."""
+
+    @property
+    def columns(self) -> Iterable[Any]: ...  # noqa: D102
+    def __getitem__(self, name: Any, /) -> Iterable[Any]: ...
+
+
 _SAME = 0.01  # of the pitch: positions are rounded
 
 
 @takes(sensor=Sensor)
-def read_readings(path: str | Path, sensor: Sensor) -> list[Scan]:
-    r"""Read a readings file (CSV); the sensor's calibration, if it has one, corrects what the file holds.
+def read_readings(path: str | Path | Frame, sensor: Sensor) -> list[Scan]:
+    r"""Read a readings file (CSV), or a table of the same columns; the sensor's calibration, if any, corrects them.
 
     Parameters
     ----------
     path
-        The file: a line per strip and scan, in volts or A/D codes (docs/files.md).
+        The file: a line per strip and scan, in volts or A/D codes (docs/files.md); or a pandas DataFrame with its
+        columns, NaN where nothing touches.
     sensor
         The sensor that it is of.
 
@@ -70,8 +81,16 @@ def read_readings(path: str | Path, sensor: Sensor) -> list[Scan]:
     >>> ts.read_readings(file, sensor)[0].k
     array([0.5, nan])
     """
+    if not isinstance(path, str | Path):
+        return _scans([str(name) for name in path.columns], _lines(path), sensor)
     example = ",".join([*INDEX, *(SIGNATURES[name].volt_column for name in sensor.signatures)])
     return read_csv(path, "readings", lambda header, rows: _scans(header, rows, sensor), example)
+
+
+def _lines(frame: Frame) -> Iterator[Row]:
+    """Yield a table's rows as the lines of a file, counted from 1."""
+    for n, row in enumerate(zip(*(frame[name] for name in frame.columns), strict=True), 1):
+        yield n, ["" if v is None or v != v else str(int(v)) if v == v // 1 else str(v) for v in row]
 
 
 @takes(sensor=Sensor, scans=(Scan,))

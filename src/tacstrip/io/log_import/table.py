@@ -125,8 +125,9 @@ def read_table(path: str | Path, sheet: str | None = None) -> Table:
             case ".npz":
                 return _of_arrays(file)
             case ".parquet":
-                pandas = _library("pandas", path, "dataset")
-                return of_frame(pandas.read_parquet(file))
+                parquet = _library("pyarrow.parquet", path, "data")
+                columns = parquet.read_table(file).to_pydict()
+                return _of_columns(columns)
             case ".xls" | ".ods" | ".mat" | ".h5" | ".hdf5" | ".json":
                 raise ReadingError(f"{path}: not a form that is read here; export it as CSV")
             case _:
@@ -139,15 +140,6 @@ def read_table(path: str | Path, sheet: str | None = None) -> Table:
         raise ReadingError(f"{path}: cannot be read ({error})") from None
     except Exception as error:  # whatever a library raises on a damaged file of its own form
         raise ReadingError(f"{path}: no {file.suffix} file, or a damaged one ({error})") from None
-
-
-def of_frame(frame: Any) -> Table:
-    """Return a pandas DataFrame as a table; a named index is a column too."""
-    if getattr(frame.index, "name", None):
-        frame = frame.reset_index()
-    columns = [frame[name].tolist() for name in frame.columns]
-    rows = [[_text(value) for value in row] for row in zip(*columns, strict=True)]
-    return Table(tuple(map(str, frame.columns)), rows, list(range(1, len(rows) + 1)))
 
 
 def of_text(text: str, path: str | Path = "the log") -> Table:
@@ -419,6 +411,11 @@ def _of_arrays(file: Path) -> Table:
     rows = [list(row) for row in zip(*columns, strict=True)]
     remarks = (f"arrays of another length passed over: {', '.join(passed)}",) if passed else ()
     return Table(tuple(names), rows, list(range(1, len(rows) + 1)), remarks=remarks)
+
+
+def _of_columns(columns: dict[str, list[Any]]) -> Table:
+    rows = [[_text(value) for value in row] for row in zip(*columns.values(), strict=True)]
+    return Table(tuple(columns), rows, list(range(1, len(rows) + 1)))
 
 
 def _text(value: Any) -> str:
