@@ -20,7 +20,7 @@ from tacstrip.tracking.rigid.corners import explained, jiggles
 from tacstrip.tracking.rigid.covariance import NEVER, covariances, rigid_motions
 
 LAG = 20  # scans that keep free poses
-_TOGETHER = 4  # parts of the lag after which corners and poses are fitted together
+_TOGETHER = 5  # scans after which corners and poses are fitted together
 _STEPS, _POSE_STEPS = 6, 8  # of descents for a scan that surprises, of a new pose
 _MOST_STEP = 0.1  # pitches that corners and poses move at once
 _WAY, _FARTHEST = (
@@ -153,11 +153,12 @@ class FixedLag:
                 return False
         self._freedoms = np.append(self._freedoms, float(one.readings[0] - 3))
         self.scans, self._alone = self.scans + 1, self._alone + 1
-        together = max(1, self.lag // _TOGETHER)
-        if surprising or self._alone >= together:
+        if surprising or self._alone >= _TOGETHER:
             self._update()
             self._alone = 0
-        if len(self._k) > self.lag and (self._alone == 1 or together == 1):
+        elif (
+            len(self._k) > self.lag and self._alone == 1
+        ):  # not in the same update, which would take twice as long
             self._let_go(len(self._k) - self.lag)
         self.pose, self._known = self._poses[-1], None
         self._way = [*self._way[1 - _WAY :], (time_s, self.pose)]
