@@ -12,8 +12,10 @@ from typing import Any
 
 import matplotlib as mpl
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter, NullLocator
 
 from tacstrip.errors import OptionError
 from tacstrip.files import replacing
@@ -115,3 +117,14 @@ def legend_above(axes: Axes, columns: int = 2, **options: Any) -> None:
     low, high = axes.get_ylim()
     axes.set_ylim(low, low + (high - low) / (1.0 - share))
     legend(axes, loc="upper left", ncols=columns, **options)
+
+
+def plain_ticks(axis: Axis) -> None:
+    """Write 0.34, not 3.4 x 10^-1, and thin the ticks between the powers of ten where they would touch."""
+    plain = FuncFormatter(lambda value, _: f"{value:.6g}")
+    low, high = axis.get_view_interval()
+    if high < 10.0 * low:  # no more than one power of ten within: even steps read better
+        axis.set_major_locator(MaxNLocator(6))
+        axis.set_minor_locator(NullLocator())
+    axis.set_major_formatter(plain)
+    axis.set_minor_formatter(NullFormatter())
