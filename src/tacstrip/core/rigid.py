@@ -60,6 +60,11 @@ class RigidScans:
         return np.asarray(np.isfinite(self.k).sum(axis=(1, 2)), dtype=np.int64)
 
     @cached_property
+    def strips_touched(self) -> float:
+        """How many strips a scan touches, in the median."""
+        return float(np.median(np.isfinite(self.k).any(axis=1).sum(axis=1)))
+
+    @cached_property
     def shares(self) -> FloatArray:
         """c_u of a contact without width per signature (S,)."""
         a = sensing_share(self.sensor.sensing_ratio)

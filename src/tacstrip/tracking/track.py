@@ -24,7 +24,7 @@ from tacstrip.sensor.constructions import check_closed_form
 from tacstrip.sensor.spec import Sensor
 from tacstrip.tracking.episodes import Episode, episodes
 from tacstrip.tracking.rigid.covariance import covariances
-from tacstrip.tracking.rigid.search import Found, content, placed, recognised, search, with_all_poses
+from tacstrip.tracking.rigid.search import FEW_STRIPS, Found, content, placed, recognised, search, with_all_poses
 
 _FEWEST = 5  # scans of one stretch that a shape is searched in
 _MOST = 200  # scans that a shape is fitted to; the others only have their poses fitted
@@ -33,7 +33,9 @@ _ALIKE = 1.25  # times a guess of sigma: found again, it is believed
 _ROUNDS = 3  # of finding sigma
 _TOLD, _OF_SIZE = 0.1, 0.01  # of the pitch, and of the outline's extent, and ...
 _TELLING = 4.0  # ... deviations of the least certain corner: shapes that differ by more are not the same
-_MOVED, _FEW_STRIPS = 0.5, 12  # pitches that corners must move where fewer strips than that are touched
+_MAY_BE_OFF, _DEVIATIONS = 0.05, 2.0  # of the extent, by which no corner may be off, and within how many deviations
+_MOVED = 0.5  # pitches that corners must move where few strips are touched
+_LEAST_STRIPS = 3  # that a scan touches: fewer tell no more than a pose
 _NOT_RIGID = (
     "no rigid outline explains all scans: {times:.3g} times the noise is left over; the object deforms or rolls, two "
     "are taken for one, or the noise is larger than given: reconstruct the scans one by one"
@@ -45,6 +47,14 @@ _NOT_TOLD = (
 _HARDLY_MOVED = (
     "in {n} scans it hardly moved across the strips or turned, so that they tell little more of the shape than one: "
     "turn the object, or slide it across the strips by more than half a pitch"
+)
+_SMALL = (
+    "most scans touch no more than two strips, which tell hardly more than where it lies: the outline is one of many; "
+    "finer strips would tell it"
+)
+_LOOSE = (
+    "the scans leave a corner uncertain by {far:.2g} mm (two standard deviations): read both signatures, turn the object "
+    "further, or slide it across the strips"
 )
 _CONCAVE = "the outline is concave: one object, or several that keep together"
 _SHORT = "{n} scans show it, too few for a shape over time: the outline is that of the scan that tells most"
@@ -278,15 +288,18 @@ def _recognise(one: _Object, other: Episode, k: FloatArray, distribution: str) -
 def _track(one: _Object, total: int, distribution: str) -> Track:
     """Return what is known of an object over time."""
     fit, sensor = one.found.fit, one.scans.sensor
+    if _signed_area(fit.corners) < 0.0:
+        fit = replace(fit, corners=fit.corners[::-1])
     corners, first = fit.corners, int(np.argmin(one.shown))
     middle, angle = corners.mean(axis=0), float(fit.poses[first, 2])
-    outline = _turned(corners - middle, angle)
-    rows = np.column_stack(
-        [np.stack([placed(middle[None], p)[0] for p in fit.poses]), fit.poses[:, 2] - angle]
-    )
-    if _signed_area(outline) < 0.0:
-        outline = outline[::-1]
-    shape, of_poses = covariances(one.scans, outline, rows)
+    outline, spin = _turned(corners - middle, angle), _turned(np.eye(2), angle)
+    where = np.stack([placed(middle[None], p)[0] for p in fit.poses])
+    rows = np.column_stack([where, fit.poses[:, 2] - angle])
+    shape, of_poses = covariances(one.scans, corners, fit.poses, fit.basis)
+    spin = np.kron(np.eye(len(corners)), spin.T)
+    shape, by = spin @ shape @ spin.T, np.tile(np.eye(3), (len(rows), 1, 1))
+    by[:, 0, 2], by[:, 1, 2] = fit.poses[:, 1] - where[:, 1], where[:, 0] - fit.poses[:, 0]
+    of_poses = by @ of_poses @ by.transpose(0, 2, 1)
     poses, spreads = np.full((total, 3), np.nan), np.full((total, 3, 3), np.nan)
     poses[one.shown], spreads[one.shown] = rows, of_poses
     advice = note = ""
@@ -296,11 +309,16 @@ def _track(one: _Object, total: int, distribution: str) -> Track:
     loosest = math.sqrt(float(shape.diagonal().reshape(-1, 2).sum(axis=1).max()))
     spread = one.found.spread_mm
     size = float(np.ptp(outline, axis=0).max())
-    told = spread <= max(_TOLD * sensor.pitch_mm, _OF_SIZE * size, _TELLING * loosest)
+    unsure = max(_TOLD * sensor.pitch_mm, _MAY_BE_OFF * size)
+    told = spread <= max(_TOLD * sensor.pitch_mm, _OF_SIZE * size, min(_TELLING * loosest, unsure))
     if not advice and not told:
         advice = _NOT_TOLD.format(spread=spread)
     elif not advice and _hardly_moved(one, outline, rows):
         told, advice = False, _HARDLY_MOVED.format(n=len(one.shown))
+    elif not advice and one.scans.strips_touched < _LEAST_STRIPS:
+        told, advice = False, _SMALL
+    elif not advice and _DEVIATIONS * loosest > unsure:
+        told, advice = False, _LOOSE.format(far=_DEVIATIONS * loosest)
     elif not advice and _reflex(outline):
         note = _CONCAVE
     others = tuple(Alternative(weight, _turned(o - middle, angle)) for o, weight in one.found.others)
@@ -313,9 +331,9 @@ def _track(one: _Object, total: int, distribution: str) -> Track:
 
 def _hardly_moved(one: _Object, outline: FloatArray, poses: FloatArray) -> bool:
     """Whether few strips read the outline at always the same places."""
-    strips = np.median(np.isfinite(one.scans.k).any(axis=1).sum(axis=1))
     x = np.stack([placed(outline, pose)[:, 0] for pose in poses])
-    return bool(strips < _FEW_STRIPS and np.median(np.ptp(x, axis=0)) < _MOVED * one.scans.sensor.pitch_mm)
+    few = one.scans.strips_touched < FEW_STRIPS
+    return bool(few and np.median(np.ptp(x, axis=0)) < _MOVED * one.scans.sensor.pitch_mm)
 
 
 def _reflex(corners: FloatArray) -> bool:

@@ -6,7 +6,7 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.shape import Contact
-from tacstrip.core.rigid import RigidScans, equations, loss, reduced
+from tacstrip.core.rigid import Equations, RigidScans, equations, loss, reduced
 from tacstrip.errors import ContactError
 from tacstrip.sensor.spec import Sensor
 from tacstrip.simulation import simulate
@@ -14,13 +14,20 @@ from tacstrip.simulation import simulate
 _NEVER = 1e6  # pitches: what touched strips tell of the ends is left out, for inside the gap it is nothing
 
 
-def covariances(scans: RigidScans, corners: FloatArray, poses: FloatArray) -> tuple[FloatArray, FloatArray]:
+def covariances(
+    scans: RigidScans, corners: FloatArray, poses: FloatArray, basis: FloatArray | None = None
+) -> tuple[FloatArray, FloatArray]:
     """Return the covariance of corners (N, 2) about their mean, (2 N, 2 N) [mm^2], and of the poses (T, 3, 3).
 
-    The frame lies where the corners' errors neither move nor turn them as a whole; the poses take that up.
+    The frame lies where the corners' errors neither move nor turn them as a whole; the poses take that up. With a
+    basis (T, K) the poses are a spline.
     """
     found = equations(scans, corners, poses, loss(scans, end=_NEVER))
-    matrix, _, inverse = reduced(found)
+    if basis is None:
+        matrix, _, inverse = reduced(found)
+        follow = inverse @ found.mixed
+    else:
+        matrix, inverse, follow = _along_a_spline(found, basis)
     value, vector = np.linalg.eigh(matrix)
     anywhere = float(np.ptp(corners, axis=0).max()) ** 2  # what the readings do not hold at all
     pinned = vector / np.maximum(value, 1.0 / anywhere) @ vector.T
@@ -38,9 +45,20 @@ def covariances(scans: RigidScans, corners: FloatArray, poses: FloatArray) -> tu
         cos,
         1.0,
     )
-    by_corners = turned @ as_motion - inverse @ found.mixed
+    by_corners = turned @ as_motion - follow
     of_poses = inverse + by_corners @ pinned @ by_corners.transpose(0, 2, 1)
     return np.asarray(inner @ pinned @ inner.T), np.asarray(of_poses)
+
+
+def _along_a_spline(found: Equations, basis: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the corners' equations without the spline's knots, the poses' covariance given the corners, and how they follow."""
+    many, knots = basis.shape
+    own = np.einsum("tk,tij,tl->kilj", basis, found.pose, basis, optimize=True).reshape(3 * knots, -1)
+    own = np.linalg.inv(own + 1e-9 * np.eye(len(own)))
+    mixed = (basis.T @ found.mixed.reshape(many, -1)).reshape(3 * knots, -1)
+    by = np.einsum("tk,ij->tikj", basis, np.eye(3)).reshape(many, 3, -1)  # of poses by knots
+    matrix = found.shape - mixed.T @ own @ mixed
+    return matrix, np.asarray(by @ own @ by.transpose(0, 2, 1)), np.asarray(by @ (own @ mixed))
 
 
 def joint_bound(

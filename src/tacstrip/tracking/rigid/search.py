@@ -11,7 +11,7 @@ import shapely
 from scipy.interpolate import CubicSpline
 
 from tacstrip.arrays import FloatArray, IntArray
-from tacstrip.core.rigid import RigidScans, fit_poses, loss
+from tacstrip.core.rigid import RigidScans, equations, fit_poses, loss
 from tacstrip.reconstruction.polygon.goodness_of_fit import chi_square_score
 from tacstrip.tracking.rigid.corners import (
     Fit,
@@ -28,6 +28,11 @@ from tacstrip.tracking.rigid.smooth_path import Path, circle, fit_path, spline_b
 _TURNS, _FINE_TURNS = (np.radians(np.arange(-160, 161, step)) for step in (20, 10))
 _DENSE, _MANY_STRIPS, _SPARSE = 48, 20, 16  # scans that a search uses; of finer sensors fewer do
 _KNOTS, _MORE_KNOTS = 4, 8
+_BETTER = 1.0  # of the criterion: a rival that replaces the best
+_LARGEST = 2.0  # diagonals of the sensor: no outline is larger
+_SPLINES = (4, 6, 8, 11, 15, 20, 26)  # knots of poses that are tied to a spline
+_NEAR = 6  # fits that are tried on the best of them
+FEW_STRIPS = 12  # of which one signature tells hardly more than a pose
 _KEPT = 3  # paths that are made polygons of
 _SATISFIED = 1.15  # of the freedom: a chi square that ends the search
 _ALARM, _HARDLY_MORE = 3.5, 1.05  # deviations of chi square, and times the freedom
@@ -91,13 +96,20 @@ class Found:
 def search(scans: RigidScans, distribution: str) -> Found:
     """Return the fit of all scans that explains them best, and what else does.
 
-    Along a smooth path first; where that explains the readings badly with more turns, then without a path.
+    One signature of few strips tells little more than a pose of each scan: there the poses are a spline, as long as
+    one explains the readings. Else along a smooth path first, whose poses are free in the end; where that explains
+    the readings badly with more turns, then without a path.
     """
-    found = _along_a_path(scans, _TURNS, _KEPT, distribution)
+    paths = _paths(scans, _TURNS, _KEPT)
+    if needs_smooth_motion(scans):
+        found = _polygons(scans, paths, distribution, tied=True)
+        if content(scans, found.fit, distribution):
+            return found
+    found = _polygons(scans, paths, distribution)
     if not content(scans, found.fit, distribution):
         found = min(
             found,
-            _along_a_path(scans, _FINE_TURNS, 2 * _KEPT, distribution),
+            _polygons(scans, _paths(scans, _FINE_TURNS, 2 * _KEPT), distribution),
             key=lambda f: f.fit.criterion(scans),
         )
     if not content(scans, found.fit, distribution):
@@ -107,33 +119,74 @@ def search(scans: RigidScans, distribution: str) -> Found:
     return found
 
 
-def _along_a_path(scans: RigidScans, turns: Iterable[float], kept: int, distribution: str) -> Found:
-    total = len(scans.k)
+def needs_smooth_motion(scans: RigidScans) -> bool:
+    """Whether a scan tells hardly more than a pose: one signature."""
+    return len(scans.names) == 1
+
+
+def _chosen(scans: RigidScans) -> IntArray:
+    """Return the scans that a search uses."""
     many = _SPARSE if scans.k.shape[2] > _MANY_STRIPS else _DENSE
-    chosen = np.unique(np.linspace(0, total - 1, min(total, many)).astype(int))
-    few, place = scans.of(chosen), chosen / max(total - 1, 1)
-    soft, fine = 0.25, 0.1
-    coarse = spline_basis(place, min(_KNOTS, len(chosen)))
+    return np.unique(np.linspace(0, len(scans.k) - 1, min(len(scans.k), many)).astype(int))
+
+
+def _spline(scans: RigidScans, chosen: IntArray, knots: int) -> FloatArray:
+    return spline_basis(chosen / max(len(scans.k) - 1, 1), min(knots, len(chosen)))
+
+
+def _paths(scans: RigidScans, turns: Iterable[float], kept: int) -> list[Path]:
+    """Return the best rough outlines on smooth paths over some of the scans."""
+    chosen = _chosen(scans)
+    few, soft, fine = scans.of(chosen), 0.25, 0.1
+    coarse, finer = (_spline(scans, chosen, knots) for knots in (_KNOTS, _MORE_KNOTS))
     paths = []
     for turn in turns:
         path = circle(few, coarse, turn)
         path = fit_path(few, path, 8, tolerance=_COARSE, cauchy=3.0, rough=_ROUGH, end=soft)
         paths.append(fit_path(few, path, 6, tolerance=_FINER, cauchy=3.0, rough=_ROUGH, end=soft))
     paths.sort(key=lambda p: p.cost)
-    finer = spline_basis(place, min(_MORE_KNOTS, len(chosen)))
     refined = []
     for path in paths[: 2 * kept]:
         path = fit_path(few, path.refined(finer), 10, tolerance=_FINER, cauchy=3.0, rough=_ROUGH, end=soft)
         refined.append(fit_path(few, path, 6, tolerance=_FINEST, cauchy=3.0, rough=_SMOOTHER, end=fine))
-    paths = refined
-    paths.sort(key=lambda p: p.cost)
-    fits: list[Fit] = []
-    for path in paths[:kept]:
-        fits += pruned(few, path.corners, path.poses)
+    return sorted(refined, key=lambda p: p.cost)[:kept]
+
+
+def _polygons(scans: RigidScans, paths: list[Path], distribution: str, tied: bool = False) -> Found:
+    """Return the polygon that rough outlines become; its poses free, or tied to a spline."""
+    chosen = _chosen(scans)
+    few, fits = scans.of(chosen), []
+    for path in paths:
+        fits += pruned(few, path.corners, path.poses, path.basis if tied else None)
+    fits = [f for f in fits if _plausible(few, f)] or fits
     fits.sort(key=lambda f: f.criterion(few))
+    if tied:
+        fits = _on_the_best_spline(scans, chosen, fits)
     fit = _on_all(scans, chosen, fits[0])
-    own = Fit(fit.corners, fit.poses[chosen], fit.costs[chosen])
-    return Found(fit, chosen, _rivals(few, own, fits, distribution))
+    basis = None if fit.basis is None else fit.basis[chosen]
+    own = Fit(fit.corners, fit.poses[chosen], fit.costs[chosen], basis)
+    rivals = _rivals(few, own, fits, distribution)
+    if rivals and (best := min(rivals, key=lambda r: r[1]))[1] < -_BETTER:
+        other = _on_all(scans, chosen, best[0])
+        if other.criterion(scans) < fit.criterion(scans):
+            basis = None if other.basis is None else other.basis[chosen]
+            fit, own = other, Fit(other.corners, other.poses[chosen], other.costs[chosen], basis)
+            rivals = _rivals(few, own, fits, distribution)
+    return Found(fit, chosen, rivals)
+
+
+def _on_the_best_spline(scans: RigidScans, chosen: IntArray, fits: list[Fit]) -> list[Fit]:
+    """Return the fits that may be right on splines of as many knots as the readings ask for, the best first."""
+    few, best, worse = scans.of(chosen), fits[0], 0
+    for knots in _SPLINES:
+        if knots > len(chosen) // 2 or worse == 2:
+            break
+        basis = _spline(scans, chosen, knots)
+        fit = fitted(few, fits[0].corners, fits[0].poses, 20, basis=basis)
+        best, worse = (fit, 0) if fit.criterion(few) < best.criterion(few) else (best, worse + 1)
+    near = [f for f in fits if f.cost < _WORTH_SETTLING * fits[0].freedom(few)]
+    again = [fitted(few, f.corners, f.poses, 20, basis=best.basis) for f in near[:_NEAR]]
+    return sorted([best, *again], key=lambda f: f.criterion(few))
 
 
 def _rivals(
@@ -146,14 +199,23 @@ def _rivals(
             continue
         fit = settled(scans, fit)
         worse = fit.criterion(scans) - best.criterion(scans)
-        if content(scans, fit, distribution) and worse <= _WITHIN:
+        if _plausible(scans, fit) and content(scans, fit, distribution) and worse <= _WITHIN:
             found.append((fit, worse))
     return tuple(found)
+
+
+def _plausible(scans: RigidScans, fit: Fit) -> bool:
+    sensor = scans.sensor
+    return bool(np.ptp(fit.corners, axis=0).max() < _LARGEST * math.hypot(sensor.width_mm, sensor.length_mm))
 
 
 def _on_all(scans: RigidScans, chosen: IntArray, fit: Fit) -> Fit:
     """Return a fit of some scans as one of all, settled and recounted."""
     poses = fit.poses
+    if fit.basis is not None:
+        basis = _spline(scans, np.arange(len(scans.k)), fit.basis.shape[1])
+        knots = np.linalg.lstsq(fit.basis, poses, rcond=None)[0]
+        return recounted(scans, fitted(scans, fit.corners, basis @ knots, basis=basis))
     if len(chosen) < len(scans.k):
         poses = CubicSpline(chosen, poses)(np.arange(len(scans.k)))
         rough = fitted(scans, fit.corners, poses, 6, 0.05 * scans.sensor.pitch_mm, 5.0)
@@ -200,6 +262,10 @@ def with_all_poses(scans: RigidScans, chosen: IntArray, fit: Fit) -> Fit:
     """Return a fit of some scans with the poses of all: from those next to it, and all round where that fails."""
     if len(chosen) == len(scans.k):
         return fit
+    if fit.basis is not None:
+        basis = spline_basis(np.arange(len(scans.k)) / (len(scans.k) - 1), fit.basis.shape[1])
+        poses = basis @ np.linalg.lstsq(basis[chosen], fit.poses, rcond=None)[0]
+        return Fit(fit.corners, poses, equations(scans, fit.corners, poses, loss(scans)).costs, basis)
     start = np.stack(
         [np.interp(np.arange(len(scans.k)), chosen, p) for p in np.unwrap(fit.poses, axis=0).T], axis=1
     )
