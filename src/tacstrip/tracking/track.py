@@ -263,9 +263,8 @@ def _search(
             break
         level = float(np.clip(left, least, _CEILING))
         every = every.with_sigma(level)
-    return _Object(
-        episode.scans, episode.joint, every, replace(found, fit=with_all_poses(every, few, found.fit))
-    )
+    found = replace(found, fit=with_all_poses(every, few, found.fit), chosen=few[found.chosen])
+    return _Object(episode.scans, episode.joint, every, found)
 
 
 def _recognise(one: _Object, other: Episode, k: FloatArray, distribution: str) -> _Object | None:

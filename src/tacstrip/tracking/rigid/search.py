@@ -28,7 +28,7 @@ from tacstrip.tracking.rigid.smooth_path import Path, circle, fit_path, spline_b
 _TURNS, _FINE_TURNS = (np.radians(np.arange(-160, 161, step)) for step in (20, 10))
 _DENSE, _MANY_STRIPS, _SPARSE = 48, 20, 16  # scans that a search uses; of finer sensors fewer do
 _KNOTS, _MORE_KNOTS = 4, 8
-_BETTER = 1.0  # of the criterion: a rival that replaces the best
+_ALIKE = 0.003  # of the area's root: outlines that differ by less are one
 _LARGEST = 2.0  # diagonals of the sensor: no outline is larger
 _SPLINES = (4, 6, 8, 11, 15, 20, 26)  # knots of poses that are tied to a spline
 _NEAR = 6  # fits that are tried on the best of them
@@ -78,11 +78,10 @@ class Found:
     def others(self) -> list[tuple[FloatArray, float]]:
         """The rivals' corners in the fit's frame, each with its weight against all others, the fit's included."""
         odds = [math.exp(-0.5 * max(worse, 0.0)) for _, worse in self.rivals]
-        total, middle, found = 1.0 + sum(odds), len(self.chosen) // 2, []
-        for (fit, _), one in zip(self.rivals, odds, strict=True):
-            outline = placed(fit.corners, fit.poses[middle])
-            found.append((in_frame(outline, self.fit.poses[self.chosen[middle]]), one / total))
-        return found
+        total, poses = 1.0 + sum(odds), self.fit.poses[self.chosen]
+        return [
+            (_carried(fit, poses), one / total) for (fit, _), one in zip(self.rivals, odds, strict=True)
+        ]
 
     @property
     def spread_mm(self) -> float:
@@ -91,6 +90,17 @@ class Found:
         return max(
             (float(shapely.Polygon(o).buffer(0).hausdorff_distance(own)) for o, _ in self.others), default=0.0
         )
+
+
+def _carried(rival: Fit, poses: FloatArray) -> FloatArray:
+    """Return a rival's corners as the frame has them whose poses in the same scans are these, in the median."""
+    turns = np.angle(np.exp(1j * (rival.poses[:, 2] - poses[:, 2])))
+    turn = turns[0] + np.median(np.angle(np.exp(1j * (turns - turns[0]))))
+    middle = rival.corners.mean(axis=0)
+    seen = [
+        in_frame(placed(middle[None], own), pose)[0] for own, pose in zip(rival.poses, poses, strict=True)
+    ]
+    return placed(rival.corners - middle, np.array([*np.median(seen, axis=0), turn]))
 
 
 def search(scans: RigidScans, distribution: str) -> Found:
@@ -162,17 +172,12 @@ def _polygons(scans: RigidScans, paths: list[Path], distribution: str, tied: boo
     fits.sort(key=lambda f: f.criterion(few))
     if tied:
         fits = _on_the_best_spline(scans, chosen, fits)
-    fit = _on_all(scans, chosen, fits[0])
-    basis = None if fit.basis is None else fit.basis[chosen]
-    own = Fit(fit.corners, fit.poses[chosen], fit.costs[chosen], basis)
-    rivals = _rivals(few, own, fits, distribution)
-    if rivals and (best := min(rivals, key=lambda r: r[1]))[1] < -_BETTER:
-        other = _on_all(scans, chosen, best[0])
-        if other.criterion(scans) < fit.criterion(scans):
-            basis = None if other.basis is None else other.basis[chosen]
-            fit, own = other, Fit(other.corners, other.poses[chosen], other.costs[chosen], basis)
-            rivals = _rivals(few, own, fits, distribution)
-    return Found(fit, chosen, rivals)
+    fits = _alternatives(few, fits, distribution)
+    every = sorted((_on_all(scans, chosen, f) for f in fits), key=lambda f: f.criterion(scans))
+    best = recounted(scans, every[0])
+    rivals = ((f, f.criterion(scans) - best.criterion(scans)) for f in every[0 if best is not every[0] else 1 :])
+    likely = ((f, w) for f, w in rivals if w <= _WITHIN and content(scans, f, distribution))
+    return Found(best, np.arange(len(scans.k)), tuple(likely))
 
 
 def _on_the_best_spline(scans: RigidScans, chosen: IntArray, fits: list[Fit]) -> list[Fit]:
@@ -189,19 +194,26 @@ def _on_the_best_spline(scans: RigidScans, chosen: IntArray, fits: list[Fit]) ->
     return sorted([best, *again], key=lambda f: f.criterion(few))
 
 
-def _rivals(
-    scans: RigidScans, best: Fit, fits: list[Fit], distribution: str
-) -> tuple[tuple[Fit, float], ...]:
-    """Return the fits that explain the readings about as well as the best one, and how much worse each is."""
-    found = []
-    for fit in fits:
+def _alternatives(scans: RigidScans, fits: list[Fit], distribution: str) -> list[Fit]:
+    """Return the best fit and those that explain the readings about as well, each outline once, the best first."""
+    best = settled(scans, fits[0])
+    found = [best]
+    for fit in fits[1:]:
         if fit.cost > _WORTH_SETTLING * fit.freedom(scans):
             continue
         fit = settled(scans, fit)
-        worse = fit.criterion(scans) - best.criterion(scans)
-        if _plausible(scans, fit) and content(scans, fit, distribution) and worse <= _WITHIN:
-            found.append((fit, worse))
-    return tuple(found)
+        worse = fit.criterion(scans) - min(f.criterion(scans) for f in found)
+        if worse <= _WITHIN and content(scans, fit, distribution) and not any(_same(fit, f) for f in found):
+            found.append(fit)
+    return sorted(found, key=lambda f: f.criterion(scans))
+
+
+def _same(a: Fit, b: Fit) -> bool:
+    """Whether two fits of the same scans have one outline."""
+    if len(a.corners) != len(b.corners):
+        return False
+    p, q = (shapely.Polygon(o).buffer(0) for o in (_carried(a, b.poses), b.corners))
+    return bool(p.hausdorff_distance(q) < _ALIKE * math.sqrt(q.area))
 
 
 def _plausible(scans: RigidScans, fit: Fit) -> bool:
@@ -215,14 +227,14 @@ def _on_all(scans: RigidScans, chosen: IntArray, fit: Fit) -> Fit:
     if fit.basis is not None:
         basis = _spline(scans, np.arange(len(scans.k)), fit.basis.shape[1])
         knots = np.linalg.lstsq(fit.basis, poses, rcond=None)[0]
-        return recounted(scans, fitted(scans, fit.corners, basis @ knots, basis=basis))
+        return fitted(scans, fit.corners, basis @ knots, basis=basis)
     if len(chosen) < len(scans.k):
         poses = CubicSpline(chosen, poses)(np.arange(len(scans.k)))
         rough = fitted(scans, fit.corners, poses, 6, 0.05 * scans.sensor.pitch_mm, 5.0)
         fit = fitted(scans, rough.corners, rough.poses)
     else:
         fit = fitted(scans, fit.corners, poses)
-    return recounted(scans, settled(scans, rescued(scans, fit)))
+    return settled(scans, rescued(scans, fit))
 
 
 def _without_path(scans: RigidScans) -> Fit:
