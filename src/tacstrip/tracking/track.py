@@ -23,7 +23,8 @@ from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import check_closed_form
 from tacstrip.sensor.spec import Sensor
 from tacstrip.tracking.episodes import Episode, episodes
-from tacstrip.tracking.rigid.covariance import covariances
+from tacstrip.tracking.rigid.covariance import covariances, information
+from tacstrip.tracking.rigid.offsets import taken_off, with_offsets
 from tacstrip.tracking.rigid.search import FEW_STRIPS, Found, content, placed, recognised, search, with_all_poses
 
 _FEWEST = 5  # scans of one stretch that a shape is searched in
@@ -263,6 +264,7 @@ def _search(
             break
         level = float(np.clip(left, least, _CEILING))
         every = every.with_sigma(level)
+    every = taken_off(every, found.offsets)
     found = replace(found, fit=with_all_poses(every, few, found.fit), chosen=few[found.chosen])
     return _Object(episode.scans, episode.joint, every, found)
 
@@ -271,7 +273,7 @@ def _recognise(one: _Object, other: Episode, k: FloatArray, distribution: str) -
     """Return the object with another stretch of scans too, where its shape explains them; else None."""
     if not content(one.scans, one.found.fit, distribution):
         return None
-    more = replace(one.scans, k=other.readings(k))
+    more = taken_off(replace(one.scans, k=other.readings(k)), one.found.offsets)
     fit = recognised(one.scans, one.found.fit, more, distribution)
     if fit is None:
         return None
@@ -280,7 +282,7 @@ def _recognise(one: _Object, other: Episode, k: FloatArray, distribution: str) -
     for rival, worse in one.found.rivals if one.found.spread_mm > _TOLD * one.scans.sensor.pitch_mm else ():
         if recognised(few, rival, more, distribution) is not None:
             kept.append((rival, worse))
-    found = Found(fit, one.found.chosen, tuple(kept))
+    found = replace(one.found, fit=fit, rivals=tuple(kept))
     return _Object(one.shown + other.scans, one.joint + other.joint, every, found)
 
 
@@ -294,7 +296,10 @@ def _track(one: _Object, total: int, distribution: str) -> Track:
     outline, spin = _turned(corners - middle, angle), _turned(np.eye(2), angle)
     where = np.stack([placed(middle[None], p)[0] for p in fit.poses])
     rows = np.column_stack([where, fit.poses[:, 2] - angle])
-    shape, of_poses = covariances(one.scans, corners, fit.poses, fit.basis)
+    equations = information(one.scans, corners, fit.poses)
+    if one.found.offsets is not None:
+        equations = with_offsets(one.scans, fit, equations, one.found.offsets.deviation)
+    shape, of_poses = covariances(equations, corners, fit.poses, fit.basis)
     spin = np.kron(np.eye(len(corners)), spin.T)
     shape, by = spin @ shape @ spin.T, np.tile(np.eye(3), (len(rows), 1, 1))
     by[:, 0, 2], by[:, 1, 2] = fit.poses[:, 1] - where[:, 1], where[:, 0] - fit.poses[:, 0]

@@ -8,7 +8,7 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.core.rigid import RigidScans, descend, fit_poses, loss
-from tacstrip.tracking.rigid.covariance import covariances
+from tacstrip.tracking.rigid.covariance import covariances, information
 from tacstrip.tracking.rigid.smooth_path import centres, fit_corners
 
 FEWEST, FIRST = 3, 9  # corners; from how many a rough outline is pruned
@@ -137,7 +137,9 @@ def _gains(scans: RigidScans, fit: Fit) -> FloatArray:
     """Return roughly what each corner gains in chi square (N,): its height over its neighbours, over sigma."""
     before, after = np.roll(fit.corners, 1, axis=0), np.roll(fit.corners, -1, axis=0)
     height = _areas(fit.corners) / np.maximum(np.hypot(*(after - before).T), 1e-9)
-    variance = covariances(scans, fit.corners, fit.poses, fit.basis)[0].diagonal().reshape(-1, 2).sum(axis=1)
+    found = information(scans, fit.corners, fit.poses)
+    covariance = covariances(found, fit.corners, fit.poses, fit.basis)[0]
+    variance = covariance.diagonal().reshape(-1, 2).sum(axis=1)
     return np.asarray(height**2 / np.maximum(variance, 1e-12))
 
 

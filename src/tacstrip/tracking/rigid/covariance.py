@@ -14,20 +14,13 @@ from tacstrip.simulation import simulate
 _NEVER = 1e6  # pitches: what touched strips tell of the ends is left out, for inside the gap it is nothing
 
 
-def covariances(
-    scans: RigidScans, corners: FloatArray, poses: FloatArray, basis: FloatArray | None = None
-) -> tuple[FloatArray, FloatArray]:
+def covariances(found: Equations, corners: FloatArray, poses: FloatArray, basis: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
     """Return the covariance of corners (N, 2) about their mean, (2 N, 2 N) [mm^2], and of the poses (T, 3, 3).
 
     The frame lies where the corners' errors neither move nor turn them as a whole; the poses take that up. With a
-    basis (T, K) the poses are a spline.
+    basis (T, K) the poses are a spline. The equations may have offsets of channels after the corners.
     """
-    found = equations(scans, corners, poses, loss(scans, end=_NEVER))
-    if basis is None:
-        matrix, _, inverse = reduced(found)
-        follow = inverse @ found.mixed
-    else:
-        matrix, inverse, follow = _along_a_spline(found, basis)
+    matrix, _, inverse, follow = without_poses(found, basis)
     value, vector = np.linalg.eigh(matrix)
     anywhere = float(np.ptp(corners, axis=0).max()) ** 2  # what the readings do not hold at all
     pinned = vector / np.maximum(value, 1.0 / anywhere) @ vector.T
@@ -35,7 +28,8 @@ def covariances(
     rigid[::2, 0] = rigid[1::2, 1] = 1.0
     rigid[::2, 2], rigid[1::2, 2] = -corners[:, 1], corners[:, 0]
     as_motion = np.linalg.pinv(rigid)  # (3, 2 N): of a change of the corners
-    inner = np.eye(corners.size) - rigid @ as_motion
+    inner, whole = np.eye(corners.size) - rigid @ as_motion, np.zeros((3, len(matrix)))
+    whole[:, : corners.size] = as_motion
     turned = np.zeros((len(poses), 3, 3))
     cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
     turned[:, 0, 0], turned[:, 0, 1], turned[:, 1, 0], turned[:, 1, 1], turned[:, 2, 2] = (
@@ -45,20 +39,33 @@ def covariances(
         cos,
         1.0,
     )
-    by_corners = turned @ as_motion - follow
+    by_corners = turned @ whole - follow
     of_poses = inverse + by_corners @ pinned @ by_corners.transpose(0, 2, 1)
-    return np.asarray(inner @ pinned @ inner.T), np.asarray(of_poses)
+    return np.asarray(inner @ pinned[: corners.size, : corners.size] @ inner.T), np.asarray(of_poses)
 
 
-def _along_a_spline(found: Equations, basis: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the corners' equations without the spline's knots, the poses' covariance given the corners, and how they follow."""
+def information(scans: RigidScans, corners: FloatArray, poses: FloatArray) -> Equations:
+    """Return the equations that `covariances` are of: without the ends, for inside a gap they tell nothing."""
+    return equations(scans, corners, poses, loss(scans, end=_NEVER))
+
+
+def without_poses(
+    found: Equations, basis: FloatArray | None, damping: float = 0.0
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return the corners' equations without the poses, matrix and slope, the poses' covariance (T, 3, 3) where the
+    corners are known, and by how much they follow the corners (T, 3, 2 N). With a basis (T, K) they are a spline.
+    """
+    if basis is None:
+        matrix, slope, inverse = reduced(found, damping)
+        return matrix, slope, inverse, inverse @ found.mixed
     many, knots = basis.shape
     own = np.einsum("tk,tij,tl->kilj", basis, found.pose, basis, optimize=True).reshape(3 * knots, -1)
-    own = np.linalg.inv(own + 1e-9 * np.eye(len(own)))
+    own = np.linalg.inv(own + damping * np.diag(own.diagonal()) + 1e-9 * np.eye(len(own)))
     mixed = (basis.T @ found.mixed.reshape(many, -1)).reshape(3 * knots, -1)
     by = np.einsum("tk,ij->tikj", basis, np.eye(3)).reshape(many, 3, -1)  # of poses by knots
-    matrix = found.shape - mixed.T @ own @ mixed
-    return matrix, np.asarray(by @ own @ by.transpose(0, 2, 1)), np.asarray(by @ (own @ mixed))
+    slope = found.shape_slope - mixed.T @ own @ (basis.T @ found.pose_slope).ravel()
+    matrix = found.shape - mixed.T @ own @ mixed + damping * np.diag(found.shape.diagonal())
+    return matrix, slope, np.asarray(by @ own @ by.transpose(0, 2, 1)), np.asarray(by @ (own @ mixed))
 
 
 def joint_bound(
@@ -94,7 +101,7 @@ def joint_bound(
     read = [simulate(sensor, contact) for contact in posed]
     names = read[0].signatures
     k = np.stack([np.stack([scan[name] for name in names]) for scan in read])
-    return covariances(RigidScans(sensor, names, k, sigma), own, poses)[0]
+    return covariances(information(RigidScans(sensor, names, k, sigma), own, poses), own, poses)[0]
 
 
 def _posed(contact: Contact, middle: FloatArray, pose: FloatArray) -> Contact:

@@ -23,11 +23,13 @@ from tacstrip.tracking.rigid.corners import (
     rescued,
     settled,
 )
+from tacstrip.tracking.rigid.offsets import Offsets, channel_offsets, taken_off
 from tacstrip.tracking.rigid.smooth_path import Path, circle, fit_path, spline_basis
 
 _TURNS, _FINE_TURNS = (np.radians(np.arange(-160, 161, step)) for step in (20, 10))
 _DENSE, _MANY_STRIPS, _SPARSE = 48, 20, 16  # scans that a search uses; of finer sensors fewer do
 _KNOTS, _MORE_KNOTS = 4, 8
+_OFFSET_ROUNDS = 2  # of offsets and the search for corners in turn
 _ALIKE = 0.003  # of the area's root: outlines that differ by less are one
 _LARGEST = 2.0  # diagonals of the sensor: no outline is larger
 _SPLINES = (4, 6, 8, 11, 15, 20, 26)  # knots of poses that are tied to a spline
@@ -68,11 +70,18 @@ class Found:
         Scans that the rivals are fits of (K,).
     rivals
         Fits that explain these about as well, but for the best one, and how much worse their criterion is.
+    offsets
+        Of the channels, where the readings ask for them: the fits are of readings without these.
     """
 
     fit: Fit
     chosen: IntArray
     rivals: tuple[tuple[Fit, float], ...] = ()
+    offsets: Offsets | None = None
+
+    def criterion(self, scans: RigidScans) -> float:
+        """Return what searches are compared by: the fit's, and what the offsets cost."""
+        return self.fit.criterion(scans) + (0.0 if self.offsets is None else self.offsets.cost)
 
     @property
     def others(self) -> list[tuple[FloatArray, float]]:
@@ -112,20 +121,30 @@ def search(scans: RigidScans, distribution: str) -> Found:
     """
     paths = _paths(scans, _TURNS, _KEPT)
     if needs_smooth_motion(scans):
-        found = _polygons(scans, paths, distribution, tied=True)
-        if content(scans, found.fit, distribution):
+        found = _with_offsets(scans, paths, distribution, tied=True)
+        if content(taken_off(scans, found.offsets), found.fit, distribution):
             return found
-    found = _polygons(scans, paths, distribution)
-    if not content(scans, found.fit, distribution):
-        found = min(
-            found,
-            _polygons(scans, _paths(scans, _FINE_TURNS, 2 * _KEPT), distribution),
-            key=lambda f: f.fit.criterion(scans),
-        )
-    if not content(scans, found.fit, distribution):
-        found = min(
-            found, Found(_without_path(scans), np.arange(len(scans.k))), key=lambda f: f.fit.criterion(scans)
-        )
+    found = _with_offsets(scans, paths, distribution)
+    if not content(taken_off(scans, found.offsets), found.fit, distribution):
+        more = _with_offsets(scans, _paths(scans, _FINE_TURNS, 2 * _KEPT), distribution)
+        found = min(found, more, key=lambda f: f.criterion(scans))
+    if not content(taken_off(scans, found.offsets), found.fit, distribution):
+        free = Found(_without_path(scans), np.arange(len(scans.k)))
+        found = min(found, free, key=lambda f: f.criterion(scans))
+    return found
+
+
+def _with_offsets(scans: RigidScans, paths: list[Path], distribution: str, tied: bool = False) -> Found:
+    """Return the polygon that rough outlines become, of readings without what the channels are off."""
+    found = _polygons(scans, paths, distribution, tied)
+    for _ in range(_OFFSET_ROUNDS):
+        offsets = channel_offsets(scans, found.fit)
+        if offsets is None:
+            break
+        again = _polygons(taken_off(scans, offsets), paths, distribution, tied)
+        if found.offsets is not None and again.criterion(scans) >= found.criterion(scans):
+            break
+        found = replace(again, offsets=offsets)
     return found
 
 

@@ -1,0 +1,90 @@
+"""Offsets of channels that last: they move with no object, so that many scans tell them from its shape."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tacstrip.arrays import FloatArray
+from tacstrip.core.rigid import Equations, RigidScans, equations, linearised, loss
+from tacstrip.tracking.rigid.corners import Fit, fitted
+from tacstrip.tracking.rigid.covariance import without_poses
+
+_FEWEST = 12  # scans that tell an offset from a shape
+_FIRST, _LEAST, _MOST = 0.002, 0.0003, 0.01  # deviation of offsets [Vref]: the first guess, and its limits
+_ROUNDS = 4  # of offsets and fit in turn
+_EVIDENCE = 12.0  # twice the logarithm of how much likelier the readings are with offsets than without
+_DAMPING = 1e-4
+
+
+@dataclass(frozen=True, eq=False)
+class Offsets:
+    """What channels read beside the truth.
+
+    Attributes
+    ----------
+    values
+        Of signatures and strips (S, n) [Vref]; 0 where nothing is known.
+    deviation
+        Standard deviation of offsets among the channels [Vref].
+    """
+
+    values: FloatArray
+    deviation: float
+
+    @property
+    def cost(self) -> float:
+        """What the values cost beside the readings' chi square."""
+        return float((self.values**2).sum()) / self.deviation**2
+
+
+def taken_off(scans: RigidScans, offsets: Offsets | None) -> RigidScans:
+    """Return scans without what their channels are off."""
+    return scans if offsets is None else replace(scans, k=scans.k - offsets.values)
+
+
+def channel_offsets(scans: RigidScans, fit: Fit) -> Offsets | None:
+    """Return the offsets that explain, with a fit's outline and about its poses, what it leaves of the readings.
+
+    None where the readings do not ask for any: their deviation is found along with them, and pays for them.
+    """
+    if len(scans.k) < _FEWEST:
+        return None
+    touched = np.isfinite(scans.k).any(axis=0).ravel()
+    before, values, deviation = fit.cost, np.zeros(scans.k.shape[1:]), _FIRST
+    for _ in range(_ROUNDS):
+        rest = replace(scans, k=scans.k - values)
+        found = equations(rest, fit.corners, fit.poses, loss(rest))
+        found = with_offsets(rest, fit, found, deviation)
+        slope = found.shape_slope.copy()
+        slope[fit.corners.size :] -= values.ravel() / deviation**2
+        matrix, slope, _, _ = without_poses(replace(found, shape_slope=slope), fit.basis, _DAMPING)
+        size = fit.corners.size
+        values = values + np.linalg.solve(matrix, slope)[size:].reshape(values.shape)
+        fit = fitted(replace(scans, k=scans.k - values), fit.corners, fit.poses, 10, basis=fit.basis)
+        mixed = np.linalg.solve(matrix[:size, :size], matrix[:size, size:])
+        known = (matrix[size:, size:] - matrix[size:, :size] @ mixed)[np.ix_(touched, touched)]
+        own = values.ravel()[touched]
+        prior, asked = deviation, known - np.eye(len(known)) / deviation**2
+        mean = float((own**2 + np.linalg.inv(known).diagonal()).mean())
+        deviation = float(np.clip(np.sqrt(mean), _LEAST, _MOST))
+    price = float(np.linalg.slogdet(np.eye(len(asked)) + prior**2 * asked)[1])
+    gain = before - fit.cost - float((own**2).sum()) / prior**2 - price
+    return Offsets(values, prior) if gain > _EVIDENCE else None
+
+
+def with_offsets(scans: RigidScans, fit: Fit, found: Equations, deviation: float) -> Equations:
+    """Return the equations of corners and poses with one offset per channel after the corners."""
+    here, there = linearised(scans, fit.corners, fit.poses), np.isfinite(scans.k)
+    channels = (len(fit.poses), scans.k[0].size)
+    rows = np.where(there[..., None], here.rows, 0.0).reshape(*channels, -1) / scans.sigma**2
+    left = np.where(there, scans.k - here.model, 0.0).reshape(channels) / scans.sigma**2
+    cross = rows[..., 3:].sum(axis=0).T
+    own = np.diag(there.reshape(channels).sum(axis=0) / scans.sigma**2 + deviation**-2)
+    return replace(
+        found,
+        mixed=np.concatenate([found.mixed, rows[..., :3].transpose(0, 2, 1)], axis=2),
+        shape=np.block([[found.shape, cross], [cross.T, own]]),
+        shape_slope=np.concatenate([found.shape_slope, left.sum(axis=0)]),
+    )
