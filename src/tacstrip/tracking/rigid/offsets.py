@@ -44,34 +44,38 @@ def taken_off(scans: RigidScans, offsets: Offsets | None) -> RigidScans:
     return scans if offsets is None else replace(scans, k=scans.k - offsets.values)
 
 
-def channel_offsets(scans: RigidScans, fit: Fit) -> Offsets | None:
+def channel_offsets(scans: RigidScans, fit: Fit, known: Offsets | None = None) -> Offsets | None:
     """Return the offsets that explain, with a fit's outline and about its poses, what it leaves of the readings.
 
-    None where the readings do not ask for any: their deviation is found along with them, and pays for them.
+    Where none are known: None, if the readings do not ask for any. Their deviation is found along with them.
     """
     if len(scans.k) < _FEWEST:
         return None
-    touched = np.isfinite(scans.k).any(axis=0).ravel()
-    before, values, deviation = fit.cost, np.zeros(scans.k.shape[1:]), _FIRST
+    before, size = fit.cost, fit.corners.size
+    values = np.zeros(scans.k.shape[1:]) if known is None else known.values
+    deviation, touched = known.deviation if known else _FIRST, np.isfinite(scans.k).any(axis=0).ravel()
     for _ in range(_ROUNDS):
         rest = replace(scans, k=scans.k - values)
         found = equations(rest, fit.corners, fit.poses, loss(rest))
         found = with_offsets(rest, fit, found, deviation)
         slope = found.shape_slope.copy()
-        slope[fit.corners.size :] -= values.ravel() / deviation**2
+        slope[size:] -= values.ravel() / deviation**2
         matrix, slope, _, _ = without_poses(replace(found, shape_slope=slope), fit.basis, _DAMPING)
-        size = fit.corners.size
-        values = values + np.linalg.solve(matrix, slope)[size:].reshape(values.shape)
+        outline = np.linalg.solve(matrix[:size, :size], np.column_stack([matrix[:size, size:], slope[:size]]))
+        known_of = matrix[size:, size:] - matrix[size:, :size] @ outline[:, :-1]
+        asked = slope[size:] - matrix[size:, :size] @ outline[:, -1]
+        step = np.linalg.solve(known_of, asked)
+        known_of = known_of[np.ix_(touched, touched)]
+        price = float(np.linalg.slogdet(deviation**2 * known_of)[1])
+        if known is None and not values.any() and float(asked @ step) < price:
+            return None
+        values = values + step.reshape(values.shape)
         fit = fitted(replace(scans, k=scans.k - values), fit.corners, fit.poses, 10, basis=fit.basis)
-        mixed = np.linalg.solve(matrix[:size, :size], matrix[:size, size:])
-        known = (matrix[size:, size:] - matrix[size:, :size] @ mixed)[np.ix_(touched, touched)]
-        own = values.ravel()[touched]
-        prior, asked = deviation, known - np.eye(len(known)) / deviation**2
-        mean = float((own**2 + np.linalg.inv(known).diagonal()).mean())
-        deviation = float(np.clip(np.sqrt(mean), _LEAST, _MOST))
-    price = float(np.linalg.slogdet(np.eye(len(asked)) + prior**2 * asked)[1])
-    gain = before - fit.cost - float((own**2).sum()) / prior**2 - price
-    return Offsets(values, prior) if gain > _EVIDENCE else None
+        own, prior = values.ravel()[touched], deviation
+        deviation = float(np.sqrt((own**2 + np.linalg.inv(known_of).diagonal()).mean()))
+        deviation = min(max(deviation, _LEAST), _MOST)
+    found_now = Offsets(values, prior)
+    return found_now if known or before - fit.cost - found_now.cost - price > _EVIDENCE else None
 
 
 def with_offsets(scans: RigidScans, fit: Fit, found: Equations, deviation: float) -> Equations:

@@ -29,7 +29,6 @@ from tacstrip.tracking.rigid.smooth_path import Path, circle, fit_path, spline_b
 _TURNS, _FINE_TURNS = (np.radians(np.arange(-160, 161, step)) for step in (20, 10))
 _DENSE, _MANY_STRIPS, _SPARSE = 48, 20, 16  # scans that a search uses; of finer sensors fewer do
 _KNOTS, _MORE_KNOTS = 4, 8
-_OFFSET_ROUNDS = 2  # of offsets and the search for corners in turn
 _ALIKE = 0.003  # of the area's root: outlines that differ by less are one
 _LARGEST = 2.0  # diagonals of the sensor: no outline is larger
 _SPLINES = (4, 6, 8, 11, 15, 20, 26)  # knots of poses that are tied to a spline
@@ -137,15 +136,17 @@ def search(scans: RigidScans, distribution: str) -> Found:
 def _with_offsets(scans: RigidScans, paths: list[Path], distribution: str, tied: bool = False) -> Found:
     """Return the polygon that rough outlines become, of readings without what the channels are off."""
     found = _polygons(scans, paths, distribution, tied)
-    for _ in range(_OFFSET_ROUNDS):
-        offsets = channel_offsets(scans, found.fit)
-        if offsets is None:
-            break
-        again = _polygons(taken_off(scans, offsets), paths, distribution, tied)
-        if found.offsets is not None and again.criterion(scans) >= found.criterion(scans):
-            break
-        found = replace(again, offsets=offsets)
-    return found
+    offsets = channel_offsets(scans, found.fit)
+    if offsets is None:
+        return found
+    found = _polygons(taken_off(scans, offsets), paths, distribution, tied)
+    offsets = channel_offsets(scans, found.fit, offsets)
+    rest = taken_off(scans, offsets)
+    again = [
+        settled(rest, fitted(rest, f.corners, f.poses, basis=f.basis))
+        for f in (found.fit, *(f for f, _ in found.rivals))
+    ]
+    return replace(_compared(rest, again, distribution), offsets=offsets)
 
 
 def needs_smooth_motion(scans: RigidScans) -> bool:
@@ -192,7 +193,12 @@ def _polygons(scans: RigidScans, paths: list[Path], distribution: str, tied: boo
     if tied:
         fits = _on_the_best_spline(scans, chosen, fits)
     fits = _alternatives(few, fits, distribution)
-    every = sorted((_on_all(scans, chosen, f) for f in fits), key=lambda f: f.criterion(scans))
+    return _compared(scans, [_on_all(scans, chosen, f) for f in fits], distribution)
+
+
+def _compared(scans: RigidScans, fits: list[Fit], distribution: str) -> Found:
+    """Return the best of fits of all scans, without corners that it does not need, and those that are about as good."""
+    every = sorted(fits, key=lambda f: f.criterion(scans))
     best = recounted(scans, every[0])
     rivals = ((f, f.criterion(scans) - best.criterion(scans)) for f in every[0 if best is not every[0] else 1 :])
     likely = ((f, w) for f, w in rivals if w <= _WITHIN and content(scans, f, distribution))
