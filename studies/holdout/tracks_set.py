@@ -22,7 +22,11 @@ _SIDE = 100.0  # of the sensor [mm]
 _APART_S = 0.01  # from scan to scan
 _OFFSET = 0.003  # of a channel, over Vref: standard deviation
 _WANDER = 10.0  # scans: time of the errors that follow each other
-_TOLD, _OF_SIZE, _SIGMAS = 0.1, 0.01, 4.0  # pitches, of the size, and of the stated deviation: right is below the largest
+_TOLD, _OF_SIZE, _SIGMAS = (
+    0.1,
+    0.01,
+    4.0,
+)  # pitches, of the size, stated deviations: right is below the largest
 
 
 @dataclass(frozen=True)
@@ -93,11 +97,10 @@ class Scene:
     @property
     def scans(self) -> list[ts.Scan]:
         """What the package gets."""
-        given = [
+        return [
             ts.Scan(time_s=_APART_S * i, **dict(zip(self.unit.names, k, strict=True)))
             for i, k in enumerate(self.unit.digitised(self.read))
         ]
-        return given
 
 
 @dataclass
@@ -132,7 +135,9 @@ def scene(name: str, seed: int, number: int) -> Scene:
             ways = [_way(motion, row.scans, random)]
         else:
             bodies, ways = [_drawn(kind, random, size)], [_way(motion, row.scans, random)]
-        placed = [_posed(_changing(b, row.body, row.scans, random), w) for b, w in zip(bodies, ways, strict=True)]
+        placed = [
+            _posed(_changing(b, row.body, row.scans, random), w) for b, w in zip(bodies, ways, strict=True)
+        ]
         reach = [(min(o.min() for o in p), max(o.max() for o in p)) for p in placed]
         inside = all(low > 1.0 and high < _SIDE - 1.0 for low, high in reach)
         if motion == "border":
@@ -142,7 +147,9 @@ def scene(name: str, seed: int, number: int) -> Scene:
             inside &= all(_overlap(a, b) > 1.5 * unit.pitch for a, b in zip(*placed, strict=True))
         if not inside:
             continue
-        low, high = (np.stack(v) for v in zip(*(unit.touched(o) for o in zip(*placed, strict=True)), strict=True))
+        low, high = (
+            np.stack(v) for v in zip(*(unit.touched(o) for o in zip(*placed, strict=True)), strict=True)
+        )
         touched = np.isfinite(low).sum(axis=1)
         if kind == "small" or touched[touched > 0].min() >= 3 or motion == "border":
             break
@@ -171,9 +178,13 @@ def _drawn(kind: str, random: np.random.Generator, size: float) -> Array:
     slender = random.uniform(0.65, 1.0)
     match kind:
         case "L":
-            outline = np.array([(0, 0), (1, 0), (1, a * slender), (b, a * slender), (b, slender), (0, slender)])
+            outline = np.array(
+                [(0, 0), (1, 0), (1, a * slender), (b, a * slender), (b, slender), (0, slender)]
+            )
         case "T":
-            outline = np.array([(-1, 0), (1, 0), (1, 0.7), (a, 0.7), (a, 1.7), (-a, 1.7), (-a, 0.7), (-1, 0.7)])
+            outline = np.array(
+                [(-1, 0), (1, 0), (1, 0.7), (a, 0.7), (a, 1.7), (-a, 1.7), (-a, 0.7), (-1, 0.7)]
+            )
         case "arrow":
             outline = np.array([(0, 0), (0.3 + a, 0.55), (0, 1.1), (1.5, 0.55)])
         case "ellipse":
@@ -190,11 +201,13 @@ def _drawn(kind: str, random: np.random.Generator, size: float) -> Array:
 
 
 def _convex(random: np.random.Generator) -> Array:
-    """Return a convex polygon of 3 to 8 corners, each of which turns by 20 degrees or more, and has edges of some length."""
+    """Return a convex polygon of 3 to 8 corners that turn by 20 degrees or more, with edges of some length."""
     corners = int(random.integers(3, 9))
     while True:
         points = random.normal(size=(40, 2))
-        hull = np.array(shapely.MultiPoint(points / (0.6 + np.hypot(*points.T)[:, None])).convex_hull.exterior.coords)[:-1]
+        hull = np.array(
+            shapely.MultiPoint(points / (0.6 + np.hypot(*points.T)[:, None])).convex_hull.exterior.coords
+        )[:-1]
         if len(hull) < corners:
             continue
         outline = counter_clockwise(hull[np.sort(random.choice(len(hull), corners, replace=False))])
@@ -202,15 +215,16 @@ def _convex(random: np.random.Generator) -> Array:
         heading = np.arctan2(edge[:, 1], edge[:, 0])
         turns = (np.roll(heading, -1) - heading) % (2.0 * np.pi)
         extent = np.linalg.eigvalsh(np.cov(outline.T))
-        if turns.min() > np.radians(20.0) and turns.max() < 2.6 and np.hypot(*edge.T).min() > 0.35:
-            if extent[0] > 0.2 * extent[1]:
-                return np.asarray(outline)
+        clear = turns.min() > np.radians(20.0) and turns.max() < 2.6 and np.hypot(*edge.T).min() > 0.35
+        if clear and extent[0] > 0.2 * extent[1]:
+            return np.asarray(outline)
 
 
 def _way(motion: str, scans: int, random: np.random.Generator, middle_y: float = 50.0) -> Array:
     """Return poses (T, 3) [mm, mm, rad]."""
     t = np.linspace(0.0, 1.0, scans)
-    centre = np.array([50.0, middle_y, random.uniform(0.0, 2.0 * np.pi)]) + [*random.uniform(-6.0, 6.0, 2), 0.0]
+    centre = np.array([50.0, middle_y, random.uniform(0.0, 2.0 * np.pi)])
+    centre[:2] += random.uniform(-6.0, 6.0, 2)
     go = random.choice([-1.0, 1.0]) * random.uniform(6.0, 25.0)
     turn = random.choice([-1.0, 1.0]) * np.radians(random.uniform(25.0, 100.0))
 
@@ -232,7 +246,9 @@ def _way(motion: str, scans: int, random: np.random.Generator, middle_y: float =
                 way[:, random.integers(2)] += random.choice([-1.0, 1.0]) * random.uniform(20.0, 45.0)
             return way
         case "full turns":
-            return smooth(random.uniform(-8.0, 8.0), random.uniform(-8.0, 8.0), np.sign(turn) * random.uniform(6.3, 9.5))
+            return smooth(
+                random.uniform(-8.0, 8.0), random.uniform(-8.0, 8.0), np.sign(turn) * random.uniform(6.3, 9.5)
+            )
         case "along":
             along = CubicSpline([0.0, 0.5, 1.0], [-0.5, random.uniform(-0.12, 0.12), 0.5])(t)
             return np.asarray(centre + np.outer(along, [0.0, random.uniform(6.0, 25.0), 0.0]))
@@ -317,7 +333,9 @@ def bound(of: Scene) -> Array:
     sigma = of.row.level / math.sqrt(3.0)
     own = poses.transpose(0, 2, 1) @ poses + 1e-12 * np.eye(3)
     mixed = poses.transpose(0, 2, 1) @ corners
-    whole = np.einsum("tmi,tmj->ij", corners, corners) - np.einsum("tpi,tpj->ij", mixed, np.linalg.solve(own, mixed))
+    whole = np.einsum("tmi,tmj->ij", corners, corners) - np.einsum(
+        "tpi,tpj->ij", mixed, np.linalg.solve(own, mixed)
+    )
     value, vector = np.linalg.eigh(whole)
     value, vector = value[3:], vector[:, 3:]  # moved and turned as a whole it is the same shape
     return np.asarray(sigma**2 * (vector / np.maximum(value, 1e-9)) @ vector.T)
@@ -336,7 +354,9 @@ def judged(of: Scene) -> Verdict:
     if of.outline is None:
         return found
     shown = np.flatnonzero(one.present)
-    overlaps = [_iou(one.placed(int(i)), _at(of.outline, of.poses[i])) for i in shown[:: max(1, len(shown) // 12)]]
+    overlaps = [
+        _iou(one.placed(int(i)), _at(of.outline, of.poses[i])) for i in shown[:: max(1, len(shown) // 12)]
+    ]
     found.iou = float(np.median(overlaps)) if overlaps else 0.0
     found.counted = of.curved or len(one.outline) == len(of.outline)
     found.right = found.iou >= RIGHT and found.counted
@@ -361,7 +381,7 @@ def _iou(a: Array, b: Array) -> float:
 
 
 def _onto(found: Array, true: Array) -> tuple[int, Array]:
-    """Return by how many corners to roll what was found, and it moved and turned onto the true corners about their mean."""
+    """Return by how many corners to roll what was found, and it moved onto the true corners about their mean."""
     b, best = true - true.mean(axis=0), (math.inf, 0, true)
     for shift in range(len(true)):
         a = np.roll(found - found.mean(axis=0), shift, axis=0)
@@ -422,16 +442,20 @@ HEAD = (
 
 def main() -> None:
     """Print a row of a table for each kind of scene."""
-    options = argparse.ArgumentParser(description="Tracks of rigid outlines, and of what is none, beside the truth.")
+    options = argparse.ArgumentParser(
+        description="Tracks of rigid outlines, and of what is none, beside the truth."
+    )
     options.add_argument("--rows", help="names, separated by semicolons; left out: all")
     options.add_argument("--scenes", type=int, default=25)
-    options.add_argument("--seed", type=int, default=0, help=f"0 to 9 to tune; from {FINAL} on: once, at the end")
+    options.add_argument(
+        "--seed", type=int, default=0, help=f"0 to 9 to tune; from {FINAL} on: once, at the end"
+    )
     options.add_argument("--final", action="store_true", help=f"unlocks seeds from {FINAL} on")
     options.add_argument("--verbose", action="store_true", help="a line for every scene")
     given = options.parse_args()
     if given.seed >= FINAL and not given.final:
         options.error(f"seeds from {FINAL} on decide: --final")
-    print(HEAD, flush=True)
+    print(HEAD, flush=True)  # noqa: T201
     for name in given.rows.split(";") if given.rows else ROWS:
         found = []
         for number in range(given.scenes):
@@ -439,11 +463,11 @@ def main() -> None:
             found.append(one := judged(of))
             if given.verbose:
                 corners = 0 if of.outline is None or of.curved else len(of.outline)
-                print(
+                print(  # noqa: T201
                     f"{number:3d} {corners} {one.status:9s} {'right' if one.right else 'wrong'} count {one.counted} "
                     f"rms {one.rms:.3f} bound {one.bound:.3f} iou {one.iou:.3f} {one.ms:.1f} ms {one.advice[:90]}"
                 )
-        print(line(name, found), flush=True)
+        print(line(name, found), flush=True)  # noqa: T201
 
 
 if __name__ == "__main__":

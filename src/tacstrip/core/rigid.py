@@ -233,7 +233,8 @@ def linearised(scans: RigidScans, corners: FloatArray, poses: FloatArray) -> Lin
         models.append(model)
         rows.append((by_l * held[0])[..., None] * by[0] + (by_u * held[1])[..., None] * by[1])
         edges.append(by_l**2 * rough[0] + by_u**2 * rough[1])
-    return Linearised(*(np.stack(v, axis=1) for v in (models, rows, edges)), x, y)
+    stacked = [np.stack(v, axis=1) for v in (models, rows, edges)]
+    return Linearised(stacked[0], stacked[1], stacked[2], x, y)
 
 
 def plain_equations(scans: RigidScans, corners: FloatArray, poses: FloatArray, how: Loss) -> Equations:

@@ -74,7 +74,7 @@ def fitted(
     how = loss(scans, tolerance_mm, cauchy)
     if basis is None:
         return Fit(*descend(scans, corners, poses, how, steps))
-    knots = np.linalg.lstsq(basis, poses, rcond=None)[0]
+    knots = np.asarray(np.linalg.lstsq(basis, poses, rcond=None)[0], dtype=np.float64)
     corners, knots, costs = fit_corners(scans, corners, knots, basis, how, steps)
     return Fit(corners, basis @ knots, costs, basis)
 
@@ -96,7 +96,7 @@ def pruned(
         hopeless = len(found) > 3 and fit.criterion(scans) > _HOPELESS * least + _MARGIN
         if len(fit.corners) == FEWEST or hopeless:
             return found
-        tries = [_without(scans, fit, corner, 5) for corner in np.argsort(_areas(fit.corners))[:_TRIED]]
+        tries = [without(scans, fit, corner, 5) for corner in faintest(fit.corners)]
         fit = min(tries, key=lambda f: f.cost)
 
 
@@ -122,7 +122,7 @@ def recounted(scans: RigidScans, fit: Fit) -> Fit:
     """Return the fit without corners that the criterion does not miss."""
     price = 2.0 * float(np.log(scans.readings.sum()))
     while len(fit.corners) > FEWEST and len(faint := np.flatnonzero(_gains(scans, fit) < _SURE * price)):
-        tries = sorted((_without(scans, fit, int(i), 8) for i in faint), key=lambda f: f.cost)
+        tries = sorted((without(scans, fit, int(i), 8) for i in faint), key=lambda f: f.cost)
         best = min(
             (settled(scans, fitted(scans, t.corners, t.poses, basis=t.basis)) for t in tries[:_TRIED]),
             key=lambda f: f.cost,
@@ -186,8 +186,16 @@ def rescued(scans: RigidScans, fit: Fit, rounds: int = 2) -> Fit:
     return fit
 
 
-def _without(scans: RigidScans, fit: Fit, corner: int, steps: int) -> Fit:
-    return fitted(scans, np.delete(fit.corners, corner, axis=0), fit.poses, steps, cauchy=8.0, basis=fit.basis)
+def faintest(corners: FloatArray) -> IntArray:
+    """Return the corners that an outline would change least without."""
+    return np.argsort(_areas(corners))[:_TRIED]
+
+
+def without(scans: RigidScans, fit: Fit, corner: int, steps: int) -> Fit:
+    """Return the fit without one of its corners, after some steps."""
+    return fitted(
+        scans, np.delete(fit.corners, corner, axis=0), fit.poses, steps, cauchy=8.0, basis=fit.basis
+    )
 
 
 def _best(poses: FloatArray, costs: FloatArray, kept: int) -> tuple[FloatArray, FloatArray]:

@@ -14,7 +14,9 @@ from tacstrip.simulation import simulate
 _NEVER = 1e6  # pitches: what touched strips tell of the ends is left out, for inside the gap it is nothing
 
 
-def covariances(found: Equations, corners: FloatArray, poses: FloatArray, basis: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
+def covariances(
+    found: Equations, corners: FloatArray, poses: FloatArray, basis: FloatArray | None = None
+) -> tuple[FloatArray, FloatArray]:
     """Return the covariance of corners (N, 2) about their mean, (2 N, 2 N) [mm^2], and of the poses (T, 3, 3).
 
     The frame lies where the corners' errors neither move nor turn them as a whole; the poses take that up. With a
@@ -52,8 +54,13 @@ def information(scans: RigidScans, corners: FloatArray, poses: FloatArray) -> Eq
 def without_poses(
     found: Equations, basis: FloatArray | None, damping: float = 0.0
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return the corners' equations without the poses, matrix and slope, the poses' covariance (T, 3, 3) where the
-    corners are known, and by how much they follow the corners (T, 3, 2 N). With a basis (T, K) they are a spline.
+    """Return the corners' equations without the poses, which are a spline where there is a basis (T, K).
+
+    Returns
+    -------
+    tuple
+        Matrix and slope, the poses' covariance (T, 3, 3) were the corners known, and how the poses follow the corners
+        (T, 3, 2 N).
     """
     if basis is None:
         matrix, slope, inverse = reduced(found, damping)

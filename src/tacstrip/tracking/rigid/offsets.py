@@ -8,7 +8,7 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.core.rigid import Equations, RigidScans, equations, linearised, loss
-from tacstrip.tracking.rigid.corners import Fit, fitted
+from tacstrip.tracking.rigid.corners import FEWEST, Fit, faintest, fitted, without
 from tacstrip.tracking.rigid.covariance import without_poses
 
 _FEWEST = 12  # scans that tell an offset from a shape
@@ -44,17 +44,20 @@ def taken_off(scans: RigidScans, offsets: Offsets | None) -> RigidScans:
     return scans if offsets is None else replace(scans, k=scans.k - offsets.values)
 
 
-def channel_offsets(scans: RigidScans, fit: Fit, known: Offsets | None = None) -> Offsets | None:
+def channel_offsets(
+    scans: RigidScans, fit: Fit, known: Offsets | None = None, rounds: int = _ROUNDS
+) -> tuple[Offsets, Fit] | None:
     """Return the offsets that explain, with a fit's outline and about its poses, what it leaves of the readings.
 
-    Where none are known: None, if the readings do not ask for any. Their deviation is found along with them.
+    And the fit of the readings without them. Where none are known: None, if the readings do not ask for any. Their
+    deviation is found along with them.
     """
-    if len(scans.k) < _FEWEST:
+    if known is None and len(scans.k) < _FEWEST:
         return None
     before, size = fit.cost, fit.corners.size
     values = np.zeros(scans.k.shape[1:]) if known is None else known.values
     deviation, touched = known.deviation if known else _FIRST, np.isfinite(scans.k).any(axis=0).ravel()
-    for _ in range(_ROUNDS):
+    for _ in range(rounds):
         rest = replace(scans, k=scans.k - values)
         found = equations(rest, fit.corners, fit.poses, loss(rest))
         found = with_offsets(rest, fit, found, deviation)
@@ -75,7 +78,27 @@ def channel_offsets(scans: RigidScans, fit: Fit, known: Offsets | None = None) -
         deviation = float(np.sqrt((own**2 + np.linalg.inv(known_of).diagonal()).mean()))
         deviation = min(max(deviation, _LEAST), _MOST)
     found_now = Offsets(values, prior)
-    return found_now if known or before - fit.cost - found_now.cost - price > _EVIDENCE else None
+    asked_for = known or before - fit.cost - found_now.cost - price > _EVIDENCE
+    return (found_now, fit) if asked_for else None
+
+
+def without_needless_corners(scans: RigidScans, offsets: Offsets, fit: Fit) -> tuple[Offsets, Fit]:
+    """Return offsets and fit after corners are taken away that the criterion does not miss once offsets follow.
+
+    Corners and offsets explain the same readings in part: a corner too many, once found, keeps the offsets wrong.
+    """
+    least = fit.criterion(scans) + offsets.cost
+    while len(fit.corners) > FEWEST:
+        rest, tries = taken_off(scans, offsets), []
+        for corner in faintest(fit.corners):
+            trial = channel_offsets(scans, without(rest, fit, corner, 8), offsets, 2)
+            assert trial is not None
+            tries.append((trial[1].criterion(scans) + trial[0].cost, *trial))
+        cost, *best = min(tries, key=lambda t: t[0])
+        if cost >= least:
+            break
+        least, (offsets, fit) = cost, best
+    return offsets, fit
 
 
 def with_offsets(scans: RigidScans, fit: Fit, found: Equations, deviation: float) -> Equations:

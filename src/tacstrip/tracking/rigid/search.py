@@ -23,7 +23,7 @@ from tacstrip.tracking.rigid.corners import (
     rescued,
     settled,
 )
-from tacstrip.tracking.rigid.offsets import Offsets, channel_offsets, taken_off
+from tacstrip.tracking.rigid.offsets import Offsets, channel_offsets, taken_off, without_needless_corners
 from tacstrip.tracking.rigid.smooth_path import Path, circle, fit_path, spline_basis
 
 _TURNS, _FINE_TURNS = (np.radians(np.arange(-160, 161, step)) for step in (20, 10))
@@ -33,7 +33,8 @@ _ALIKE = 0.003  # of the area's root: outlines that differ by less are one
 _LARGEST = 2.0  # diagonals of the sensor: no outline is larger
 _SPLINES = (4, 6, 8, 11, 15, 20, 26)  # knots of poses that are tied to a spline
 _NEAR = 6  # fits that are tried on the best of them
-FEW_STRIPS = 12  # of which one signature tells hardly more than a pose
+LEAST_STRIPS = 3  # that a scan touches: fewer tell hardly more than a pose
+FEW_STRIPS = 12  # that read an outline at few places, the same ones as long as it does not move across them
 _KEPT = 3  # paths that are made polygons of
 _SATISFIED = 1.15  # of the freedom: a chi square that ends the search
 _ALARM, _HARDLY_MORE = 3.5, 1.05  # deviations of chi square, and times the freedom
@@ -87,9 +88,7 @@ class Found:
         """The rivals' corners in the fit's frame, each with its weight against all others, the fit's included."""
         odds = [math.exp(-0.5 * max(worse, 0.0)) for _, worse in self.rivals]
         total, poses = 1.0 + sum(odds), self.fit.poses[self.chosen]
-        return [
-            (_carried(fit, poses), one / total) for (fit, _), one in zip(self.rivals, odds, strict=True)
-        ]
+        return [(_carried(fit, poses), one / total) for (fit, _), one in zip(self.rivals, odds, strict=True)]
 
     @property
     def spread_mm(self) -> float:
@@ -124,6 +123,8 @@ def search(scans: RigidScans, distribution: str) -> Found:
         if content(taken_off(scans, found.offsets), found.fit, distribution):
             return found
     found = _with_offsets(scans, paths, distribution)
+    if scans.strips_touched < LEAST_STRIPS:
+        return found
     if not content(taken_off(scans, found.offsets), found.fit, distribution):
         more = _with_offsets(scans, _paths(scans, _FINE_TURNS, 2 * _KEPT), distribution)
         found = min(found, more, key=lambda f: f.criterion(scans))
@@ -136,15 +137,17 @@ def search(scans: RigidScans, distribution: str) -> Found:
 def _with_offsets(scans: RigidScans, paths: list[Path], distribution: str, tied: bool = False) -> Found:
     """Return the polygon that rough outlines become, of readings without what the channels are off."""
     found = _polygons(scans, paths, distribution, tied)
-    offsets = channel_offsets(scans, found.fit)
-    if offsets is None:
+    if (asked := channel_offsets(scans, found.fit)) is None:
         return found
+    offsets, _ = without_needless_corners(scans, *asked)
     found = _polygons(taken_off(scans, offsets), paths, distribution, tied)
-    offsets = channel_offsets(scans, found.fit, offsets)
+    asked = channel_offsets(scans, found.fit, offsets)
+    assert asked is not None
+    offsets, best = without_needless_corners(scans, *asked)
     rest = taken_off(scans, offsets)
     again = [
         settled(rest, fitted(rest, f.corners, f.poses, basis=f.basis))
-        for f in (found.fit, *(f for f, _ in found.rivals))
+        for f in (best, found.fit, *(f for f, _ in found.rivals))
     ]
     return replace(_compared(rest, again, distribution), offsets=offsets)
 
@@ -200,7 +203,9 @@ def _compared(scans: RigidScans, fits: list[Fit], distribution: str) -> Found:
     """Return the best of fits of all scans, without corners that it does not need, and those that are about as good."""
     every = sorted(fits, key=lambda f: f.criterion(scans))
     best = recounted(scans, every[0])
-    rivals = ((f, f.criterion(scans) - best.criterion(scans)) for f in every[0 if best is not every[0] else 1 :])
+    rivals = (
+        (f, f.criterion(scans) - best.criterion(scans)) for f in every[0 if best is not every[0] else 1 :]
+    )
     likely = ((f, w) for f, w in rivals if w <= _WITHIN and content(scans, f, distribution))
     return Found(best, np.arange(len(scans.k)), tuple(likely))
 
