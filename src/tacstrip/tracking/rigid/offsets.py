@@ -94,10 +94,10 @@ def without_needless_corners(scans: RigidScans, offsets: Offsets, fit: Fit) -> t
             trial = channel_offsets(scans, without(rest, fit, corner, 8), offsets, 2)
             assert trial is not None
             tries.append((trial[1].criterion(scans) + trial[0].cost, *trial))
-        cost, *best = min(tries, key=lambda t: t[0])
-        if cost >= least:
+        best = min(tries, key=lambda t: t[0])
+        if best[0] >= least:
             break
-        least, (offsets, fit) = cost, best
+        least, offsets, fit = best
     return offsets, fit
 
 
