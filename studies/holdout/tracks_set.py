@@ -368,7 +368,7 @@ def judged(of: Scene) -> Verdict:
     stated = 0.0 if one.covariance is None else math.sqrt(one.covariance.trace() / len(off))
     size = float(np.ptp(of.outline, axis=0).max())
     found.right &= found.rms <= max(_SIGMAS * stated, _TOLD * of.unit.pitch, _OF_SIZE * size)
-    if one.covariance is not None:
+    if one.covariance is not None and one.by_scan is None:
         found.shape_square = _shape_square(one, of.outline, shift)
         found.pose_squares = [_pose_square(one, of, shift, int(i)) for i in shown]
     return found

@@ -13,6 +13,9 @@ from tacstrip.tracking.rigid.smooth_path import centres, fit_corners
 
 FEWEST, FIRST = 3, 9  # corners; from how many a rough outline is pruned
 _TRIED = 3  # corners that are taken away by turns
+_PLACES = 2.0 * float(
+    np.log(10.0)
+)  # price of a corner for the ten places where one too many may fit the noise
 _SURE = 8.0  # times what a corner must gain: there is no need to try without it
 _HOPELESS, _MARGIN = (
     3.0,
@@ -51,9 +54,10 @@ class Fit:
         return float(self.costs.sum())
 
     def criterion(self, scans: RigidScans) -> float:
-        """Return what fits are compared by: BIC."""
+        """Return what fits are compared by: extended BIC, of corners that could be at any of some places."""
         knots = 0 if self.basis is None else 3 * self.basis.shape[1]
-        return self.cost + (2.0 * len(self.corners) + knots) * float(np.log(scans.readings.sum()))
+        numbers = 2.0 * len(self.corners) + knots
+        return self.cost + numbers * float(np.log(scans.readings.sum())) + _PLACES * len(self.corners)
 
     def freedom(self, scans: RigidScans) -> int:
         """Return the readings beyond the numbers fitted."""
@@ -120,7 +124,7 @@ def settled(scans: RigidScans, fit: Fit, rounds: int = 4) -> Fit:
 
 def recounted(scans: RigidScans, fit: Fit) -> Fit:
     """Return the fit without corners that the criterion does not miss."""
-    price = 2.0 * float(np.log(scans.readings.sum()))
+    price = 2.0 * float(np.log(scans.readings.sum())) + _PLACES
     while len(fit.corners) > FEWEST and len(faint := np.flatnonzero(_gains(scans, fit) < _SURE * price)):
         tries = sorted((without(scans, fit, int(i), 8) for i in faint), key=lambda f: f.cost)
         best = min(

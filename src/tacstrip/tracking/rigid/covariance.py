@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.shape import Contact
-from tacstrip.core.rigid import Equations, RigidScans, equations, loss, reduced
+from tacstrip.core.rigid import Equations, RigidScans, equations, linearised, loss, reduced
 from tacstrip.errors import ContactError
 from tacstrip.sensor.spec import Sensor
 from tacstrip.simulation import simulate
 
+UPRIGHT = 300.0  # slope of an edge that counts as upright
 _NEVER = 1e6  # pitches: what touched strips tell of the ends is left out, for inside the gap it is nothing
 
 
@@ -47,8 +50,17 @@ def covariances(
 
 
 def information(scans: RigidScans, corners: FloatArray, poses: FloatArray) -> Equations:
-    """Return the equations that `covariances` are of: without the ends, for inside a gap they tell nothing."""
-    return equations(scans, corners, poses, loss(scans, end=_NEVER))
+    """Return the equations that `covariances` are of: without the ends, for inside a gap they tell nothing.
+
+    And without readings where an upright edge passes their strip: no straight line through them holds for long.
+    """
+    how = loss(scans, end=_NEVER)
+    found = equations(scans, corners, poses, how)
+    steepest = UPRIGHT / scans.sensor.length_mm
+    if (found.pose[:, 0, 0] > (steepest / scans.sigma) ** 2).any():
+        upright = np.abs(linearised(scans, corners, poses).rows[..., 0]) > steepest
+        found = equations(replace(scans, k=np.where(upright, np.nan, scans.k)), corners, poses, how)
+    return found
 
 
 def without_poses(

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tacstrip.arrays import FloatArray
-from tacstrip.core.rigid import Equations, RigidScans, equations, linearised, loss
+from tacstrip.core.rigid import Equations, RigidScans, linearised
 from tacstrip.tracking.rigid.corners import FEWEST, Fit, faintest, fitted, without
-from tacstrip.tracking.rigid.covariance import without_poses
+from tacstrip.tracking.rigid.covariance import UPRIGHT, information, without_poses
 
 _FEWEST = 12  # scans that tell an offset from a shape
 _FIRST, _LEAST, _MOST = 0.002, 0.0003, 0.01  # deviation of offsets [Vref]: the first guess, and its limits
@@ -59,8 +59,7 @@ def channel_offsets(
     deviation, touched = known.deviation if known else _FIRST, np.isfinite(scans.k).any(axis=0).ravel()
     for _ in range(rounds):
         rest = replace(scans, k=scans.k - values)
-        found = equations(rest, fit.corners, fit.poses, loss(rest))
-        found = with_offsets(rest, fit, found, deviation)
+        found = with_offsets(rest, fit, information(rest, fit.corners, fit.poses), deviation)
         slope = found.shape_slope.copy()
         slope[size:] -= values.ravel() / deviation**2
         matrix, slope, _, _ = without_poses(replace(found, shape_slope=slope), fit.basis, _DAMPING)
@@ -103,7 +102,8 @@ def without_needless_corners(scans: RigidScans, offsets: Offsets, fit: Fit) -> t
 
 def with_offsets(scans: RigidScans, fit: Fit, found: Equations, deviation: float) -> Equations:
     """Return the equations of corners and poses with one offset per channel after the corners."""
-    here, there = linearised(scans, fit.corners, fit.poses), np.isfinite(scans.k)
+    here = linearised(scans, fit.corners, fit.poses)
+    there = np.isfinite(scans.k) & (np.abs(here.rows[..., 0]) <= UPRIGHT / scans.sensor.length_mm)
     channels = (len(fit.poses), scans.k[0].size)
     rows = np.where(there[..., None], here.rows, 0.0).reshape(*channels, -1) / scans.sigma**2
     left = np.where(there, scans.k - here.model, 0.0).reshape(channels) / scans.sigma**2

@@ -39,7 +39,7 @@ _KEPT = 3  # paths that are made polygons of
 _SATISFIED = 1.15  # of the freedom: a chi square that ends the search
 _ALARM, _HARDLY_MORE = 3.5, 1.05  # deviations of chi square, and times the freedom
 _WITHIN, _WORTH_SETTLING = (
-    10.0,
+    8.0,
     1.6,
 )  # of the criterion, and of the freedom: fits that may explain the readings as well
 _COARSE, _FINER, _FINEST = 0.07, 0.023, 0.012  # tolerances of edges, over the outline's radius
