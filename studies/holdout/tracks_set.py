@@ -128,8 +128,11 @@ def scene(name: str, seed: int, number: int) -> Scene:
         kind, motion = str(random.choice(row.shapes)), str(random.choice(row.motions))
         size = random.uniform(18.0, 30.0) if row.strips <= 10 else random.uniform(12.0, 22.0)
         if row.body == "two":
-            bodies = [_drawn("convex", random, random.uniform(8.0, 15.0)) for _ in range(2)]
-            ways = [_way("both", row.scans, random, 50.0 + 24.0 * side) for side in (-1.0, 1.0)]
+            bodies = [_drawn("convex", random, random.uniform(11.0, 15.0)) for _ in range(2)]
+            lanes = np.array([[50.0, 28.0, 0.0], [50.0, 72.0, 0.0]])  # they share strips, and never touch
+            ways = [
+                lane + (_way("both", row.scans, random, lane[1]) - lane) * [0.5, 0.5, 1.0] for lane in lanes
+            ]
         elif kind == "small":
             bodies = [_drawn("convex", random, unit.pitch * random.uniform(0.5, 1.0))]
             ways = [_way(motion, row.scans, random)]
@@ -144,7 +147,7 @@ def scene(name: str, seed: int, number: int) -> Scene:
             inside = not inside and all(_shares(o, 0.5) for o in placed[0]) and _all_seen(placed[0])
         if row.body == "two":
             inside &= all(a[:, 1].max() < b[:, 1].min() - 1.0 for a, b in zip(*placed, strict=True))
-            inside &= all(_overlap(a, b) > 1.5 * unit.pitch for a, b in zip(*placed, strict=True))
+            inside &= all(_overlap(a, b) > 5.0 for a, b in zip(*placed, strict=True))
         if not inside:
             continue
         low, high = (

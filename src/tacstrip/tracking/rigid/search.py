@@ -126,7 +126,7 @@ def search(scans: RigidScans, distribution: str) -> Found:
     if scans.strips_touched < LEAST_STRIPS:
         return found
     if not content(taken_off(scans, found.offsets), found.fit, distribution):
-        more = _with_offsets(scans, _paths(scans, _FINE_TURNS, 2 * _KEPT), distribution)
+        more = _polygons(scans, _paths(scans, _FINE_TURNS, 2 * _KEPT), distribution)
         found = min(found, more, key=lambda f: f.criterion(scans))
     if not content(taken_off(scans, found.offsets), found.fit, distribution):
         free = Found(_without_path(scans), np.arange(len(scans.k)))
@@ -137,7 +137,8 @@ def search(scans: RigidScans, distribution: str) -> Found:
 def _with_offsets(scans: RigidScans, paths: list[Path], distribution: str, tied: bool = False) -> Found:
     """Return the polygon that rough outlines become, of readings without what the channels are off."""
     found = _polygons(scans, paths, distribution, tied)
-    if (asked := channel_offsets(scans, found.fit)) is None:
+    asked = channel_offsets(scans, found.fit)
+    if asked is None or asked[1].cost > _WORTH_SETTLING * asked[1].freedom(scans):  # it is not offsets, then
         return found
     offsets, _ = without_needless_corners(scans, *asked)
     found = _polygons(taken_off(scans, offsets), paths, distribution, tied)

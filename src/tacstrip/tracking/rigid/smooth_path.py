@@ -26,6 +26,7 @@ _BY_RADIUS[2 * np.arange(RADII) + 1, np.arange(RADII)] = _SPOKES[:, 1]
 _BEND = np.roll(np.eye(RADII), 1, 1) + np.roll(np.eye(RADII), -1, 1) - 2.0 * np.eye(RADII)
 _CENTRED = 0.014  # of the radius: how near to the frame's origin the outline's middle is held
 _LOOSE = 4.0  # radii: a prior for each radius by itself, so that all are determined
+_LEAST = 1e-6  # added to the equations' diagonal
 _ROUND = 0.785  # width of a disc's mean section over its diameter
 
 
@@ -167,10 +168,13 @@ class _State:
         pairs = (self.basis[:, :, None] * self.basis[:, None, :]).reshape(many, -1)
         (found, now), damping = self.at(scans, how), 1e-2
         for _ in range(steps):
-            matrix, slope = _joint(found, now, pairs)
+            matrix, slope = (np.empty((0, 0)), np.empty(0)) if many == knots else _joint(found, now, pairs)
             size = matrix.diagonal().copy()
             for _ in range(6):
-                step = np.linalg.solve(matrix + np.diag(damping * size + 1e-6), slope)
+                if many == knots:
+                    step = _free_step(found, now, damping)
+                else:
+                    step = np.linalg.solve(matrix + np.diag(damping * size + _LEAST), slope)
                 trial = replace(
                     now,
                     outline=now.outline + step[3 * knots :],
@@ -188,6 +192,21 @@ class _State:
             if gain < enough * now.cost:
                 break
         return now
+
+
+def _free_step(found: Equations, now: _State, damping: float) -> FloatArray:
+    """Return a step of knots, one per scan and free of each other (Schur's complement), then of the outline."""
+    own, three = found.pose.copy(), np.arange(3)
+    own[:, three, three] += damping * own[:, three, three] + _LEAST
+    mixed, outline = found.mixed @ now.by, now.by.T @ found.shape @ now.by + now.prior
+    outline += np.diag(damping * outline.diagonal() + _LEAST)
+    inverse = np.linalg.inv(own)
+    weighted = inverse @ mixed
+    slope = now.by.T @ found.shape_slope - now.prior @ now.outline
+    slope = slope - np.einsum("tip,ti->p", weighted, found.pose_slope)
+    step = np.linalg.solve(outline - np.einsum("tip,tiq->pq", mixed, weighted, optimize=True), slope)
+    poses = np.einsum("tij,tj->ti", inverse, found.pose_slope - mixed @ step)
+    return np.concatenate([poses.ravel(), step])
 
 
 def _joint(found: Equations, now: _State, pairs: FloatArray) -> tuple[FloatArray, FloatArray]:
