@@ -15,9 +15,11 @@ from rigid_scenes import CORNERS, at, distance, pressed, rigid_scene, sliding, t
 from tacstrip.arrays import FloatArray, plain
 from tacstrip.cli import cli
 from tacstrip.core.binding import exported
+from tacstrip.core.rigid import descend, loss
 from tacstrip.tracking.episodes import episodes, spanned
 from tacstrip.tracking.geojson import track_collection
 from tacstrip.tracking.rigid.covariance import covariances, information, joint_bound
+from tacstrip.tracking.rigid.smooth_path import fit_corners
 
 NOISE = ts.Noise(positional=0.005)
 
@@ -191,6 +193,23 @@ def test_a_spline_with_a_knot_per_scan_leaves_poses_free() -> None:
     free, tied = covariances(found, corners, poses), covariances(found, corners, poses, np.eye(12))
     for a, b in zip(free, tied, strict=True):
         assert np.allclose(a, b, rtol=1e-3, atol=1e-6 * np.abs(a).max())
+    costs = descend(scans, corners, poses, loss(scans))[2]
+    assert fit_corners(scans, corners, poses, np.eye(12), loss(scans), 60)[2].sum() == pytest.approx(
+        costs.sum(), rel=0.02
+    )
+
+
+def test_an_upright_edge_on_a_strip_leaves_the_covariance_sound() -> None:
+    """The slope of a reading there is without bound, and tells nothing."""
+    scans, _, poses = rigid_scene("crs-crs", 0.0, 12)
+    upright = np.array([(-21.7, -18.3), (28.3, -18.3), (28.3, 21.7), (-21.7, 21.7)])
+    corners = at(upright, np.array([0.0, 0.0, 0.7]))
+    poses[:, 2] = 0.1 + 0.05 * np.arange(12)
+    poses[6] = (56.7, 50.0, 3e-9 - 0.7)  # its left edge at x = 35, on a strip
+    shape, _ = covariances(information(scans, corners, poses), corners, poses)
+    poses[6, 0] -= 2.0
+    beside, _ = covariances(information(scans, corners, poses), corners, poses)
+    assert shape.trace() == pytest.approx(beside.trace(), rel=0.3)
 
 
 def test_an_object_of_two_strips_has_no_shape() -> None:

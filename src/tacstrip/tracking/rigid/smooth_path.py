@@ -174,7 +174,8 @@ class _State:
                 if many == knots:
                     step = _free_step(found, now, damping)
                 else:
-                    step = np.linalg.solve(matrix + np.diag(damping * size + _LEAST), slope)
+                    damped = matrix + np.diag(damping * size + _LEAST)
+                    step = np.asarray(np.linalg.solve(damped, slope), dtype=np.float64)
                 trial = replace(
                     now,
                     outline=now.outline + step[3 * knots :],
