@@ -15,7 +15,7 @@ from rigid_scenes import CORNERS, at, distance, pressed, sliding, ten_strips
 from tacstrip.arrays import FloatArray
 from tacstrip.core.binding import exported
 from tacstrip.tracking import live_contact
-from tacstrip.tracking.rigid.covariance import covariances
+from tacstrip.tracking.rigid.covariance import covariances, information
 from tacstrip.tracking.rigid.fixed_lag import FixedLag
 
 NOISE = ts.Noise(positional=0.005)
@@ -126,5 +126,6 @@ def test_what_left_the_window_makes_no_shape_too_sure(lag: int) -> None:
         assert kept.sum() == c.shape[0] - 3
         squares.append(float(((off @ vector[:, kept]) ** 2 / value[kept]).sum()))
     assert 0.6 < np.mean(squares) / kept.sum() < 1.5  # its deviation is .22
-    whole = covariances(fused.of(k), OWN, of_mean(poses))[0]
+    own = of_mean(poses)
+    whole = covariances(information(fused.of(k), OWN, own), OWN, own)[0]
     assert np.sqrt(np.trace(c) / np.trace(whole)) == pytest.approx(1.0, abs=0.1)

@@ -73,9 +73,9 @@ def command(
     from tacstrip.report.sweep import write_report  # late, as all that loads Matplotlib
 
     page = write_report(asked, results, out)
-    error = error_column(asked)
-    if error is not None:
-        front = pareto(results, error)
+    column = error_column(asked)
+    if column is not None:
+        front = pareto(results, column)
         click.echo(
             f"{len(front)} of {asked.designs} designs are on the Pareto front of error, strips, connectors, rate"
         )

@@ -124,4 +124,9 @@ def _line(one: Track) -> str:
         way = np.ptp(one.poses[seen], axis=0)
         text += f", moved {way[0]:.3g} mm across and {way[1]:.3g} mm along the strips"
         text += f", turned {np.rad2deg(way[2]):.3g} deg"
+    if one.motion != "free":
+        text += f"; taken for {one.motion}"
+    if one.offsets:
+        most = max(float(np.abs(values).max()) for values in one.offsets.values())
+        text += f"; channels are off by up to {100.0 * most:.2g} % of Vref"
     return f"{text}. {one.advice}" if one.advice else text

@@ -60,6 +60,11 @@ class RigidScans(Sendable):
         return np.asarray(np.isfinite(self.k).sum(axis=(1, 2)), dtype=np.int64)
 
     @cached_property
+    def strips_touched(self) -> float:
+        """How many strips a scan touches, in the median."""
+        return float(np.median(np.isfinite(self.k).any(axis=1).sum(axis=1)))
+
+    @cached_property
     def shares(self) -> FloatArray:
         """c_u of a contact without width per signature (S,)."""
         a = sensing_share(self.sensor.sensing_ratio)
@@ -231,11 +236,20 @@ def reduced(
     return np.asarray(matrix), np.asarray(slope), np.asarray(inverse)
 
 
-def plain_equations(scans: RigidScans, corners: FloatArray, poses: FloatArray, how: Loss) -> Equations:
-    """Do as `equations`, all scans and strips at once."""
-    sensor, length, size = scans.sensor, scans.sensor.length_mm, 2 * len(corners)
-    there = np.isfinite(scans.k)
-    touched = np.asarray(there.any(axis=1))  # (T, n)
+@dataclass(frozen=True)
+class Linearised:
+    """What strips read of posed corners, and how it changes with pose and corners; arrays (T, S, n, ...)."""
+
+    model: FloatArray
+    rows: FloatArray  # dk by the pose (3) and the corners (2 N)
+    edges: FloatArray  # dk by a shift of the lower and of the upper edge across itself, squared
+    x: FloatArray  # of the corners (T, N) [mm]
+    y: FloatArray
+
+
+def linearised(scans: RigidScans, corners: FloatArray, poses: FloatArray) -> Linearised:
+    """Return what strips read of corners (N, 2) at poses (T, 3)."""
+    sensor, length = scans.sensor, scans.sensor.length_mm
     cos, sin = np.cos(poses[:, 2])[:, None], np.sin(poses[:, 2])[:, None]
     x = cos * corners[:, 0] - sin * corners[:, 1] + poses[:, :1]  # (T, N)
     y = sin * corners[:, 0] + cos * corners[:, 1] + poses[:, 1:2]
@@ -248,6 +262,27 @@ def plain_equations(scans: RigidScans, corners: FloatArray, poses: FloatArray, h
     t, mix = lam * h, 0.5 * (1.0 - h * h) if lam > 0.0 else np.zeros_like(w)
     over = 1.0 / np.maximum(1.0 - scans.narrow * (w - 2.0 * t), LEAST_D)
     rough = [1.0 + np.minimum(c[3] ** 2, STEEPEST) for c in (low, high)]
+    models, rows, edges = [], [], []
+    for share in scans.shares[: len(scans.names)]:
+        model = ((1.0 - share) * (l + t) + share * (u - t)) * over
+        lower, upper = (1.0 - share - scans.narrow * model) * over, (share + scans.narrow * model) * over
+        by_l, by_u = (
+            (lower * (1.0 - mix) + upper * mix) / length,
+            (upper * (1.0 - mix) + lower * mix) / length,
+        )
+        models.append(model)
+        rows.append((by_l * held[0])[..., None] * by[0] + (by_u * held[1])[..., None] * by[1])
+        edges.append(by_l**2 * rough[0] + by_u**2 * rough[1])
+    stacked = [np.stack(v, axis=1) for v in (models, rows, edges)]
+    return Linearised(stacked[0], stacked[1], stacked[2], x, y)
+
+
+def plain_equations(scans: RigidScans, corners: FloatArray, poses: FloatArray, how: Loss) -> Equations:
+    """Do as `equations`, all scans and strips at once."""
+    size, there = 2 * len(corners), np.isfinite(scans.k)
+    touched = np.asarray(there.any(axis=1))  # (T, n)
+    cos, sin = np.cos(poses[:, 2])[:, None], np.sin(poses[:, 2])[:, None]
+    at_poses = linearised(scans, corners, poses)
     pose, mixed = np.zeros((len(poses), 3, 3)), np.zeros((len(poses), 3, size))
     shape, slope, costs = np.zeros((size, size)), np.zeros((len(poses), 3 + size)), np.zeros(len(poses))
 
@@ -265,18 +300,11 @@ def plain_equations(scans: RigidScans, corners: FloatArray, poses: FloatArray, h
         )
         slope = slope + np.einsum("tmi,tm->ti", rows, weight * np.where(used, residual, 0.0))
 
-    for row, share in enumerate(scans.shares):
-        model = ((1.0 - share) * (l + t) + share * (u - t)) * over
-        lower, upper = (1.0 - share - scans.narrow * model) * over, (share + scans.narrow * model) * over
-        by_l, by_u = (
-            (lower * (1.0 - mix) + upper * mix) / length,
-            (upper * (1.0 - mix) + lower * mix) / length,
-        )
-        variance = scans.sigma**2 + how.tolerance**2 * (by_l**2 * rough[0] + by_u**2 * rough[1])
-        rows = (by_l * held[0])[..., None] * by[0] + (by_u * held[1])[..., None] * by[1]
-        add(rows, scans.k[:, row] - model, variance, there[:, row])
+    for row in range(len(scans.names)):
+        variance = scans.sigma**2 + how.tolerance**2 * at_poses.edges[:, row]
+        add(at_poses.rows[:, row], scans.k[:, row] - at_poses.model[:, row], variance, there[:, row])
     for right in (False, True):
-        rows, residual, used = _gap(scans, x, y, cos, sin, poses, touched, right)
+        rows, residual, used = _gap(scans, at_poses.x, at_poses.y, cos, sin, poses, touched, right)
         add(rows, residual, np.full(residual.shape, how.end**2), used)
     return Equations(pose, mixed, shape, slope[:, :3].copy(), slope[:, 3:].sum(axis=0), costs)
 

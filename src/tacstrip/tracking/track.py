@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
@@ -18,14 +17,24 @@ from tacstrip.errors import ReadingError, SignatureError
 from tacstrip.geometry.moments import deviations, moments
 from tacstrip.geometry.pose import placed
 from tacstrip.reconstruction.noise_covariance import Averaging, fit_sigma
-from tacstrip.reconstruction.polygon.estimate import fit_polygon
-from tacstrip.reconstruction.result import Alternative, Status
+from tacstrip.reconstruction.result import Alternative, RecoveredObject, Status
 from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import check_closed_form
 from tacstrip.sensor.spec import Sensor
-from tacstrip.tracking.episodes import Episode, episodes
-from tacstrip.tracking.rigid.covariance import covariances
-from tacstrip.tracking.rigid.search import Found, content, recognised, search, with_all_poses
+from tacstrip.tracking.episodes import Episode, episodes, spanned
+from tacstrip.tracking.rigid.corners import Fit
+from tacstrip.tracking.rigid.covariance import covariances, information
+from tacstrip.tracking.rigid.offsets import taken_off, with_offsets
+from tacstrip.tracking.rigid.search import (
+    FEW_STRIPS,
+    LEAST_STRIPS,
+    Found,
+    content,
+    recognised,
+    search,
+    with_all_poses,
+)
+from tacstrip.tracking.single_scans import SingleScans
 
 FEWEST = 5  # scans of one stretch that a shape is searched in
 MOST = 200  # scans that a shape is fitted to; the others only have their poses fitted
@@ -34,10 +43,14 @@ _ALIKE = 1.25  # times a guess of sigma: found again, it is believed
 _ROUNDS = 3  # of finding sigma
 _TOLD, _OF_SIZE = 0.1, 0.01  # of the pitch, and of the outline's extent, and ...
 _TELLING = 4.0  # ... deviations of the least certain corner: shapes that differ by more are not the same
-_MOVED, _FEW_STRIPS = 0.5, 12  # pitches that corners must move where fewer strips than that are touched
+_MAY_BE_OFF, _DEVIATIONS = (
+    0.05,
+    2.0,
+)  # of the extent, by which no corner may be off, and within how many deviations
+_MOVED = 0.5  # pitches that corners must move where few strips are touched
 NOT_RIGID = (
     "no rigid outline explains all scans: {times:.3g} times the noise is left over; the object deforms or rolls, two "
-    "are taken for one, or the noise is larger than given: reconstruct the scans one by one"
+    "are taken for one, or the noise is larger than given: read the scans one by one (`single`)"
 )
 _NOT_TOLD = (
     "the motion does not tell the shape: outlines that differ by {spread:.2g} mm explain all scans; turn the object, "
@@ -46,6 +59,14 @@ _NOT_TOLD = (
 _HARDLY_MOVED = (
     "in {n} scans it hardly moved across the strips or turned, so that they tell little more of the shape than one: "
     "turn the object, or slide it across the strips by more than half a pitch"
+)
+_SMALL = (
+    "most scans touch no more than two strips, which tell hardly more than where it lies: the outline is one of many; "
+    "finer strips would tell it"
+)
+_LOOSE = (
+    "the scans leave a corner uncertain by {far:.2g} mm (two standard deviations): read both signatures, turn the "
+    "object further, or slide it across the strips"
 )
 _CONCAVE = "the outline is concave: one object, or several that keep together"
 _SHORT = "{n} scans show it, too few for a shape over time: the outline is that of the scan that tells most"
@@ -82,6 +103,14 @@ class Track:
         Other outlines that explain the scans as well, in this object's frame.
     joint
         Scans in which it shared strips with another object, and has no pose.
+    motion
+        What the shape takes for granted of the motion: "free" where each scan has a pose of its own, or which smooth
+        path; one signature takes the smoothest that explains the readings.
+    offsets
+        By signature, what each channel reads beside the truth (strips,) [Vref], where the readings of the whole
+        recording ask for it; else empty. 0 where the object never was.
+    by_scan
+        Where no rigid outline explains the scans, or they are too few for one: how `single` is found; else None.
 
     Examples
     --------
@@ -105,6 +134,9 @@ class Track:
     advice: str = ""
     alternatives: tuple[Alternative, ...] = ()
     joint: tuple[int, ...] = field(default=())
+    motion: str = "free"
+    offsets: dict[str, FloatArray] = field(default_factory=dict)
+    by_scan: SingleScans | None = field(default=None, repr=False)
 
     @property
     def present(self) -> FloatArray:
@@ -123,9 +155,21 @@ class Track:
             return math.nan
         return deviations(self.outline, self.covariance)[0]
 
+    @property
+    def single(self) -> tuple[RecoveredObject | None, ...]:
+        """What each scan shows by itself (T,), None where it is absent, if no rigid outline explains them; else empty.
+
+        Found when first asked for, in some 5 ms a scan.
+        """
+        return () if self.by_scan is None else self.by_scan.all()
+
     def placed(self, scan: int) -> FloatArray:
-        """Return the corners (N, 2) [mm] on the sensor in one scan; NaN where it is absent."""
-        return placed(self.outline, self.poses[scan])
+        """Return the corners (N, 2) [mm] on the sensor in one scan; NaN where it is absent.
+
+        They are the rigid outline's or, where none explains the scans, those of this scan by itself.
+        """
+        alone = None if self.by_scan is None else self.by_scan[scan]
+        return placed(self.outline, self.poses[scan]) if alone is None or not alone.found else alone.vertices
 
 
 @takes(scans=(Scan,), sensor=Sensor, noise=Noise)
@@ -164,7 +208,7 @@ def track(scans: Sequence[Scan], sensor: Sensor, noise: Noise | None = None) -> 
     >>> sensor = ts.Sensor(construction="crs-crs", strips=10, pitch_mm=10.0, length_mm=100.0)
     >>> shape, noise = ts.Contact.polygon([(-25, -20), (20, -25), (25, 20), (-10, 25)]), ts.Noise(positional=0.002)
     >>> scans = [
-    ...     ts.simulate(sensor, shape.turned(0.02 * i).placed(40 + 0.5 * i, 50), noise, rng=i, time_s=0.01 * i)
+    ...     ts.simulate(sensor, shape.turned(0.02 * i).placed(40 + 0.5 * i, 50), noise, rng=100 + i, time_s=0.01 * i)
     ...     for i in range(30)
     ... ]
     >>> (one,) = ts.track(scans, sensor, noise)
@@ -191,20 +235,22 @@ def track(scans: Sequence[Scan], sensor: Sensor, noise: Noise | None = None) -> 
     k = np.stack([np.stack([scan[name] for name in names]) for scan in read])
     sigma = None if noise is None else max(fit_sigma(noise, sensor, Averaging.of(read[0])), FLOOR)
     distribution = "normal" if noise is None or not noise.independent else noise.distribution
-    left = sorted(episodes(k), key=lambda e: -len(e.scans))
+    seen_once = episodes(k, sensor.closed)
+    skin = Skin(sensor, spanned(seen_once, sensor.strips))
+    left = sorted(seen_once, key=lambda e: -len(e.scans))
     tracks: list[tuple[int, Track]] = []
     while left:
         one = left.pop(0)
-        seen = searched(one, k, sensor, names, sigma, distribution)
+        seen = searched(one, k, skin, names, sigma, distribution)
         if seen is None:
             found = _of_one_scan(one, read, sensor, noise)
         else:
             for other in [e for e in left if not set(e.scans) & set(seen.shown)]:
-                again = _recognise(seen, other, k, distribution)
+                again = _recognise(seen, other, k, skin, distribution)
                 if again is not None:
                     seen = again
                     left.remove(other)
-            found = summarised(seen, len(read), distribution)
+            found = summarised(seen, read, skin, noise, distribution)
         tracks.append(
             (one.scans[0], replace(found, times_s=times, velocities=_velocities(found.poses, times)))
         )
@@ -215,12 +261,31 @@ def track(scans: Sequence[Scan], sensor: Sensor, noise: Noise | None = None) -> 
     ]
 
 
+@dataclass(frozen=True)
+class Skin:
+    """The strips that contacts lie on: a closed tube's are laid out for as many turns as contacts go on."""
+
+    sensor: Sensor
+    span: slice
+
+    @property
+    def laid_out(self) -> Sensor:
+        """A sensor of these strips."""
+        if not self.sensor.closed:
+            return self.sensor
+        strips = self.span.stop - self.span.start
+        assert self.sensor.radius_mm is not None
+        radius = 2.0 * self.sensor.radius_mm * strips / self.sensor.strips
+        return replace(self.sensor, strips=strips, radius_mm=radius, calibration=None)
+
+
 @dataclass(frozen=True, eq=False)
 class Object:
     """The scans that show one object, its readings there, and what was found."""
 
     shown: list[int]
     joint: list[int]
+    runs: list[slice]
     scans: RigidScans
     found: Found
 
@@ -235,35 +300,38 @@ def _checked(number: int, scan: Scan, sensor: Sensor) -> Scan:
 def searched(
     episode: Episode,
     k: FloatArray,
-    sensor: Sensor,
+    skin: Skin,
     names: tuple[str, ...],
     sigma: float | None,
     distribution: str,
+    *,
+    offsets: bool = True,
 ) -> Object | None:
     """Return the object of an episode; None where its scans are too few for a shape over time."""
     if len(episode.scans) < FEWEST:
         return None
+    sensor = skin.sensor
     level = sigma or max(GUESS, sensor.adc_step)
-    every = RigidScans(sensor, names, episode.readings(k), level)
+    every = RigidScans(skin.laid_out, names, episode.readings(k, skin.span), level)
     few = np.unique(np.linspace(0, len(every.k) - 1, min(len(every.k), MOST)).astype(int))
     least = max(sensor.adc_step / math.sqrt(12.0), FLOOR)
     for _ in range(_ROUNDS):
-        found = search(every.of(few), distribution)
+        found = search(every.of(few), distribution, offsets=offsets)
         left = level * math.sqrt(found.fit.cost / found.fit.freedom(every.of(few)))
         if sigma or level / _ALIKE < left < level * _ALIKE:
             break
         level = float(np.clip(left, least, _CEILING))
         every = every.with_sigma(level)
-    return Object(
-        episode.scans, episode.joint, every, replace(found, fit=with_all_poses(every, few, found.fit))
-    )
+    every = taken_off(every, found.offsets)
+    found = replace(found, fit=with_all_poses(every, few, found.fit), chosen=few[found.chosen])
+    return Object(episode.scans, episode.joint, episode.runs, every, found)
 
 
-def _recognise(one: Object, other: Episode, k: FloatArray, distribution: str) -> Object | None:
+def _recognise(one: Object, other: Episode, k: FloatArray, skin: Skin, distribution: str) -> Object | None:
     """Return the object with another stretch of scans too, where its shape explains them; else None."""
-    if not content(one.scans, one.found.fit, distribution):
+    if one.found.fit.basis is not None or not content(one.scans, one.found.fit, distribution):
         return None
-    more = replace(one.scans, k=other.readings(k))
+    more = taken_off(replace(one.scans, k=other.readings(k, skin.span)), one.found.offsets)
     fit = recognised(one.scans, one.found.fit, more, distribution)
     if fit is None:
         return None
@@ -272,51 +340,66 @@ def _recognise(one: Object, other: Episode, k: FloatArray, distribution: str) ->
     for rival, worse in one.found.rivals if one.found.spread_mm > _TOLD * one.scans.sensor.pitch_mm else ():
         if recognised(few, rival, more, distribution) is not None:
             kept.append((rival, worse))
-    found = Found(fit, one.found.chosen, tuple(kept))
-    return Object(one.shown + other.scans, one.joint + other.joint, every, found)
+    found = replace(one.found, fit=fit, rivals=tuple(kept))
+    return Object(one.shown + other.scans, one.joint + other.joint, one.runs + other.runs, every, found)
 
 
-def summarised(one: Object, total: int, distribution: str) -> Track:
+def summarised(one: Object, scans: list[Scan], skin: Skin, noise: Noise | None, distribution: str) -> Track:
     """Return what is known of an object over time."""
-    fit, sensor = one.found.fit, one.scans.sensor
+    fit, sensor, total = one.found.fit, skin.sensor, len(scans)
+    if _signed_area(fit.corners) < 0.0:
+        fit = replace(fit, corners=fit.corners[::-1])
     corners, first = fit.corners, int(np.argmin(one.shown))
     middle, angle = corners.mean(axis=0), float(fit.poses[first, 2])
-    outline = _turned(corners - middle, angle)
-    rows = np.column_stack(
-        [np.stack([placed(middle[None], p)[0] for p in fit.poses]), fit.poses[:, 2] - angle]
-    )
-    if _signed_area(outline) < 0.0:
-        outline = outline[::-1]
-    shape, of_poses = covariances(one.scans, outline, rows)
+    outline, spin = _turned(corners - middle, angle), _turned(np.eye(2), angle)
+    where = np.stack([placed(middle[None], p)[0] for p in fit.poses])
+    rows = np.column_stack([where, fit.poses[:, 2] - angle])
+    equations = information(one.scans, corners, fit.poses)
+    if one.found.offsets is not None:
+        equations = with_offsets(one.scans, fit, equations, one.found.offsets.deviation)
+    shape, of_poses = covariances(equations, corners, fit.poses, fit.basis)
+    all_spin, by = np.kron(np.eye(len(corners)), spin.T), np.tile(np.eye(3), (len(rows), 1, 1))
+    shape = np.asarray(all_spin @ shape @ all_spin.T)
+    by[:, 0, 2], by[:, 1, 2] = fit.poses[:, 1] - where[:, 1], where[:, 0] - fit.poses[:, 0]
+    of_poses = np.asarray(by @ of_poses @ by.transpose(0, 2, 1))
     poses, spreads = np.full((total, 3), np.nan), np.full((total, 3, 3), np.nan)
     poses[one.shown], spreads[one.shown] = rows, of_poses
-    advice = note = ""
-    if not content(one.scans, fit, distribution):
+    poses[:, 0] += skin.span.start * sensor.pitch_mm
+    advice, note, alone = "", "", None
+    explained = content(one.scans, fit, distribution)
+    if one.scans.strips_touched < LEAST_STRIPS:
+        advice = _SMALL
+    elif not explained:
         times = math.sqrt(fit.cost / fit.freedom(one.scans))
         advice = NOT_RIGID.format(times=times)
+    if not explained:
+        alone = SingleScans(scans, dict(zip(one.shown, one.runs, strict=True)), sensor, noise)
     loosest = math.sqrt(float(shape.diagonal().reshape(-1, 2).sum(axis=1).max()))
     spread = one.found.spread_mm
     size = float(np.ptp(outline, axis=0).max())
-    told = spread <= max(_TOLD * sensor.pitch_mm, _OF_SIZE * size, _TELLING * loosest)
+    unsure = max(_TOLD * sensor.pitch_mm, _MAY_BE_OFF * size)
+    told = spread <= max(_TOLD * sensor.pitch_mm, _OF_SIZE * size, min(_TELLING * loosest, unsure))
     if not advice and not told:
         advice = _NOT_TOLD.format(spread=spread)
     elif not advice and _hardly_moved(one, outline, rows):
         told, advice = False, _HARDLY_MOVED.format(n=len(one.shown))
+    elif not advice and _DEVIATIONS * loosest > unsure:
+        told, advice = False, _LOOSE.format(far=_DEVIATIONS * loosest)
     elif not advice and _reflex(outline):
         note = _CONCAVE
     others = tuple(Alternative(weight, _turned(o - middle, angle)) for o, weight in one.found.others)
     status: Status = "doubtful" if advice else "likely" if note else "ok"
     return Track(
         0, outline, shape, poses, spreads, np.empty(0), np.empty(0), status, advice or note, () if told else others,
-        tuple(one.joint),
+        tuple(one.joint), _motion(fit), _offsets(one, skin), alone,
     )  # fmt: skip
 
 
 def _hardly_moved(one: Object, outline: FloatArray, poses: FloatArray) -> bool:
     """Whether few strips read the outline at always the same places."""
-    strips = np.median(np.isfinite(one.scans.k).any(axis=1).sum(axis=1))
     x = np.stack([placed(outline, pose)[:, 0] for pose in poses])
-    return bool(strips < _FEW_STRIPS and np.median(np.ptp(x, axis=0)) < _MOVED * one.scans.sensor.pitch_mm)
+    few = one.scans.strips_touched < FEW_STRIPS
+    return bool(few and np.median(np.ptp(x, axis=0)) < _MOVED * one.scans.sensor.pitch_mm)
 
 
 def _reflex(corners: FloatArray) -> bool:
@@ -325,15 +408,33 @@ def _reflex(corners: FloatArray) -> bool:
     return bool((before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0] < 0.0).any())
 
 
+def _motion(fit: Fit) -> str:
+    """Say what is taken for granted of the motion."""
+    if fit.basis is None:
+        return "free"
+    return (
+        f"smooth: x, y and angle are cubic splines of {fit.basis.shape[1]} knots over {len(fit.poses)} scans"
+    )
+
+
+def _offsets(one: Object, skin: Skin) -> dict[str, FloatArray]:
+    """Return the offsets of the sensor's channels by signature, where there are any."""
+    if one.found.offsets is None:
+        return {}
+    found = {}
+    own = np.arange(skin.span.start, skin.span.stop) % skin.sensor.strips
+    for name, values in zip(one.scans.names, one.found.offsets.values, strict=True):
+        found[name] = np.zeros(skin.sensor.strips)
+        np.add.at(found[name], own, values)
+    return found
+
+
 def _of_one_scan(one: Episode, scans: list[Scan], sensor: Sensor, noise: Noise | None) -> Track:
     """Return the track of an object that too few scans show: the shape of the one in which it touches most strips."""
     widest = max(range(len(one.scans)), key=lambda i: one.runs[i].stop - one.runs[i].start)
-    scan, run = scans[one.scans[widest]], one.runs[widest]
-    mine = np.arange(sensor.strips)
-    inside = (mine >= run.start) & (mine < run.stop)
-    kept: dict[str, Any] = {name: np.where(inside, scan[name], np.nan) for name in scan.signatures}
-    alone = replace(scan, **kept)
-    shape = fit_polygon(alone, sensor, noise, bounded=False).objects[0]
+    alone = SingleScans(scans, dict(zip(one.scans, one.runs, strict=True)), sensor, noise)
+    shape = alone[one.scans[widest]]
+    assert shape is not None
     poses, spreads = np.full((len(scans), 3), np.nan), np.full((len(scans), 3, 3), np.nan)
     outline = shape.vertices
     if len(outline):
@@ -342,7 +443,7 @@ def _of_one_scan(one: Episode, scans: list[Scan], sensor: Sensor, noise: Noise |
     advice = "; ".join(filter(None, [_SHORT.format(n=len(one.scans)), shape.advice]))
     return Track(
         0, outline, shape.covariance, poses, spreads, np.empty(0), np.empty(0), shape.status, advice,
-        shape.alternatives, tuple(one.joint),
+        shape.alternatives, tuple(one.joint), by_scan=alone,
     )  # fmt: skip
 
 

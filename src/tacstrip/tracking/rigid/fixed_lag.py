@@ -17,7 +17,7 @@ from tacstrip.core.rigid import Prior, RigidScans, descend, equations, fit_poses
 from tacstrip.reconstruction.polygon.goodness_of_fit import chi_square_score
 from tacstrip.sensor.spec import Sensor
 from tacstrip.tracking.rigid.corners import explained, jiggles
-from tacstrip.tracking.rigid.covariance import NEVER, covariances, rigid_motions
+from tacstrip.tracking.rigid.covariance import NEVER, covariances, information, rigid_motions
 
 LAG = 20  # scans that keep free poses
 _TOGETHER = 5  # scans after which corners and poses are fitted together
@@ -52,14 +52,16 @@ class Known:
     @cached_property
     def covariance(self) -> FloatArray:
         """Of the corners, of their shape alone (2 N, 2 N) [mm^2]."""
-        return covariances(self.window, self.corners, self.poses, self.beside)[0]
+        found = information(self.window, self.corners, self.poses)
+        return covariances(found, self.corners, self.poses, beside=self.beside)[0]
 
     def pose_covariance(self, scan: RigidScans, pose: FloatArray) -> FloatArray:
         """Return that of the pose (3,) of a scan beside these (3, 3)."""
         rest = self.beside
         if len(self.poses):
             rest = rest + _eliminated(self.window, self.corners, self.poses, NEVER)[0]
-        return np.asarray(covariances(scan, self.corners, pose[None], rest)[1][0])
+        found = information(scan, self.corners, pose[None])
+        return np.asarray(covariances(found, self.corners, pose[None], beside=rest)[1][0])
 
 
 class FixedLag:
@@ -119,10 +121,10 @@ class FixedLag:
     def absorb(self, k: FloatArray, poses: FloatArray) -> None:
         """Take scans with known poses for good."""
         scans = self.of(k)
-        information, slope, costs = _eliminated(scans, self.corners, poses)
+        added, slope, costs = _eliminated(scans, self.corners, poses)
         prior, off = self._prior, (self.corners - self._prior.about).ravel()
         slope = prior.slope + slope + information @ off
-        self._prior = Prior(prior.information + information, slope, prior.about)
+        self._prior = Prior(prior.information + added, slope, prior.about)
         weight = max(float(np.trace(self._prior.information)) / len(slope), 1.0 / self.sensor.pitch_mm**2)
         self._held = replace(self._prior, information=self._prior.information + weight * self._still)
         self._beside = self._beside + _eliminated(scans, self.corners, poses, NEVER)[0]
