@@ -7,6 +7,7 @@ removal the readings would contradict.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal, TypeAlias
@@ -29,6 +30,9 @@ _PER_STEP = 4.0  # of chi square, times the logarithm of a step in deviations: l
 _FEWEST = 3  # strips of a stretch that may lose one
 _UNSURE = (
     1.0  # pitches by which a cut may be off: lines that cross so near leave open what begins or ends there
+)
+_BESIDE_ALONE = (
+    5  # strips at either side of one that fits neither: of fewer it may be the first of another piece
 )
 _ROUNDS = 4  # of leaving single strips out
 
@@ -89,6 +93,22 @@ class Stretch:
         height, slope, middle = self.lines.T
         return np.asarray((height + slope * (np.asarray(x)[:, None] - middle)).max(axis=1))
 
+    def split(self, strip: int, x: float) -> tuple[Stretch, Stretch]:
+        """Return what lies left and right of x [mm], before `strip`, as if an inward corner lay there."""
+        cut = Cut(strip, "corner", 0.0, math.inf)
+        inner = self.x[1:-1]
+        left, right = int((inner < x).sum()), int((inner <= x).sum())
+        return (
+            Stretch(
+                self.start, strip, self.before, cut, np.append(self.x[: left + 1], x), self.lines[: left + 1],
+                self.covariances[: left + 1], self.chi_square,
+            ),
+            Stretch(
+                strip, self.stop, cut, self.after, np.append(x, self.x[right + 1 :]), self.lines[right:],
+                self.covariances[right:], 0.0,
+            ),
+        )  # fmt: skip
+
     @property
     def corners(self) -> FloatArray:
         """Its corners, ends included (M + 1, 2)."""
@@ -146,17 +166,35 @@ def split_chain(x: FloatArray, y: FloatArray, sigma: FloatArray, pitch: float) -
     A single strip that fits neither side is left out, be it a channel at fault, the edge of a piece on a wide strip, or
     a piece on that strip alone.
     """
-    used = np.isfinite(y)
+    weight, used = 1.0 / sigma**2, np.isfinite(y)
     for _ in range(_ROUNDS):
         at = np.flatnonzero(used)
-        cuts, gains = _cuts(x[at], y[at], 1.0 / sigma[at] ** 2)
-        inner = [i for i in range(1, len(cuts) - 2) if cuts[i + 1] - cuts[i] == 1]
-        if not inner:
+        cuts, gains = _cuts(x[at], y[at], weight[at])
+        alone = _alone(x[at], y[at], weight[at], cuts)
+        if alone is None:
             break
-        used[at[cuts[inner[0]]]] = False
-    weight = 1.0 / sigma**2
+        used[at[alone]] = False
     stretches = _stretches(x, y, weight, pitch, at, cuts, gains)
     return Chain(stretches, ~used & np.isfinite(y), x, y, weight, pitch)
+
+
+def _alone(x: FloatArray, y: FloatArray, weight: FloatArray, cuts: list[int]) -> int | None:
+    """Return a strip that makes a stretch by itself, or a cut that is none without it."""
+    for a, c, b in zip(cuts[:-2], cuts[1:-1], cuts[2:], strict=True):
+        if b - c == 1 and b < len(x):
+            return c
+        for strip in (c - 1, c):
+            if a + _BESIDE_ALONE <= strip < b - _BESIDE_ALONE:
+                kept = np.delete(np.arange(a, b), strip - a)
+                parts = kept, kept[kept < c], kept[kept >= c]
+                whole, left, right = (_convex_cost(x[part], y[part], weight[part]) for part in parts)
+                if whole - left - right < _CONTRADICTED:
+                    return strip
+    return None
+
+
+def _convex_cost(x: FloatArray, y: FloatArray, weight: FloatArray) -> float:
+    return float((weight * (y - convex_regression(x, y, weight)[0]) ** 2).sum())
 
 
 def _cuts(x: FloatArray, y: FloatArray, weight: FloatArray) -> tuple[list[int], list[float]]:
@@ -175,8 +213,7 @@ def _cuts(x: FloatArray, y: FloatArray, weight: FloatArray) -> tuple[list[int], 
 
     def chi_square(a: int, b: int) -> float:
         if (a, b) not in cost:
-            fitted = convex_regression(x[a:b], y[a:b], weight[a:b])[0]
-            cost[a, b] = float((weight[a:b] * (y[a:b] - fitted) ** 2).sum())
+            cost[a, b] = _convex_cost(x[a:b], y[a:b], weight[a:b])
         return cost[a, b]
 
     while True:

@@ -94,13 +94,22 @@ class Cover:
     pieces: list[tuple[int, ...]]
     others: tuple[Cover, ...] = ()
 
-    def gap_mm(self, pitch: float) -> float:
-        """Return the least distance [mm] between what two of its pieces show, infinite with one piece.
+    def gap_mm(self, x: FloatArray, pitch: float) -> float:
+        """Return the least distance [mm] between what strips at x (n,) show of two pieces, infinite with one piece.
 
-        A piece that begins, or ends, with the run is taken to reach on for a pitch: a pointed one closes there.
+        Chains reach a pitch beyond the run, where a pointed piece closes. Where nothing jumps they reach half way into
+        inward corners too, and meet there; next to a jump elsewhere a corner may hide another one.
         """
+        corners = all(
+            cut is None or cut.kind == "corner"
+            for part in self.parts
+            for cut in (part.stretch.before, part.stretch.after)
+        )
+        by = 0.5 * pitch if corners else 0.0
         hulls = [
-            shapely.MultiPoint(np.concatenate([_reaching(self.parts[i], pitch) for i in piece])).convex_hull
+            shapely.MultiPoint(
+                np.concatenate([_reaching(self.parts[i], x, pitch, by) for i in piece])
+            ).convex_hull
             for piece in self.pieces
         ]
         return min((float(a.distance(b)) for a, b in combinations(hulls, 2)), default=math.inf)
@@ -143,9 +152,32 @@ def least_cover(chains: tuple[Chain, Chain], read: Read, pitch: float, gap: floa
                 found = more
             elif len(more[0].pieces) == len(found[0].pieces):
                 found += more
+    if len(split := _split_at_corners(whole, read.x, pitch)) > len(whole):
+        more = _of_parts(split, read)
+        if len(more[0].pieces) < len(found[0].pieces):
+            found = more
     # Of covers by as many pieces, those whose pieces lie apart come first: objects do.
-    found.sort(key=lambda cover: cover.gap_mm(pitch) < gap)
+    found.sort(key=lambda cover: cover.gap_mm(read.x, pitch) < gap)
     return replace(found[0], others=tuple(found[1:]))
+
+
+def _split_at_corners(parts: list[Part], x: FloatArray, pitch: float) -> list[Part]:
+    """Return the parts, those of the other side cut where an inward corner is.
+
+    Pieces that meet in a corner, as those of one concave object do, may share the chain on the other side of it.
+    """
+    corners = [
+        (1 - part.side, part.stretch.start)
+        for part in parts
+        if part.stretch.before is not None and part.stretch.before.kind == "corner"
+    ]
+    for side, strip in corners:
+        for i, part in enumerate(parts):
+            if part.side == side and part.stretch.start + 1 < strip < part.stretch.stop - 1:
+                left, right = part.stretch.split(strip, float(x[strip]) - 0.5 * pitch)
+                parts = [*parts[:i], Part(side, left), Part(side, right), *parts[i + 1 :]]
+                break
+    return parts
 
 
 def _of_parts(parts: list[Part], read: Read) -> list[Cover]:
@@ -209,15 +241,13 @@ def shown_ends(part: Part, x: FloatArray) -> tuple[FloatArray, FloatArray]:
     return at, y if part.side == 0 else -y
 
 
-def _reaching(part: Part, pitch: float) -> FloatArray:
-    """Return the corners of a part (M + 1, 2), half a pitch further out where the run ends."""
-    stretch = part.stretch
-    corners = stretch.corners
-    if stretch.before is None:
-        corners[0] -= 0.5 * pitch * np.array([1.0, stretch.lines[0, 1]])
-    if stretch.after is None:
-        corners[-1] += 0.5 * pitch * np.array([1.0, stretch.lines[-1, 1]])
-    return corners * (1.0, 1.0 if part.side == 0 else -1.0)
+def _reaching(part: Part, x: FloatArray, outside: float, inside: float) -> FloatArray:
+    """Return points of a part (M, 2) on its strips, and so much [mm] beyond, outside the run and inside at cuts."""
+    at, _ = shown_ends(part, x)
+    first, last = (inside if cut else outside for cut in (part.stretch.before, part.stretch.after))
+    at = np.concatenate([[at[0] - first], at, [at[-1] + last]])
+    y = part.stretch.at(at)
+    return np.column_stack([at, y if part.side == 0 else -y])
 
 
 def _surely_shown(part: Part, x: FloatArray) -> tuple[FloatArray, FloatArray]:

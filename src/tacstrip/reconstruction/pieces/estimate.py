@@ -17,17 +17,15 @@ from tacstrip.reconstruction.implausible import implausible_hint
 from tacstrip.reconstruction.noise_covariance import Averaging, fit_sigma
 from tacstrip.reconstruction.pieces.cover import Part
 from tacstrip.reconstruction.pieces.outline import PieceOutline, shown_hull, trace
-from tacstrip.reconstruction.pieces.run import GAP, RunPieces, split_run
+from tacstrip.reconstruction.pieces.run import FEW_STRIPS, GAP, RunPieces, noise_level, split_run
 from tacstrip.reconstruction.result import Status
 from tacstrip.reconstruction.seam import BRIDGED
-from tacstrip.reconstruction.sections import reading_noise
 from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import check_closed_form
 from tacstrip.sensor.left_out import left_out_wholly
 from tacstrip.sensor.spec import Sensor
 
-_LEAST_SIGMA = 5e-4  # of Vref, of noise that few strips tell
-_FEW, _MANY = 3, 12  # strips: fewer show no shape, and fewer do not resolve every jump
+_FEW = 3  # strips: fewer show no shape
 _WEAK = 30.0  # of chi square: a cut by which the fit gains less may be chance
 _PROMISED = 0.8  # IoU of an outline that is "ok"
 _OVERLAP = 0.05  # of the smaller of two hulls
@@ -171,13 +169,6 @@ def _split(scan: Scan, sensor: Sensor, strips: slice, noise: Noise | None) -> Ru
     return split_run(sensor, sensor.x_mm[strips], l, u, sigma)
 
 
-def noise_level(k: FloatArray, sensor: Sensor) -> float:
-    """Return the deviation [Vref] of readings (S, n) that second differences show, and the converter's steps."""
-    levels = [reading_noise(values[np.isfinite(values)]) for values in k]
-    least = _LEAST_SIGMA if k.shape[1] < _MANY else 0.0
-    return float(max(np.sqrt(np.mean(np.square(levels))), sensor.adc_step / np.sqrt(12.0), least))
-
-
 def _of_run(run: RunPieces, sensor: Sensor, strips: slice, before: int) -> list[Piece]:
     """Return the pieces of a run, `before` others being to its left."""
     parts = run.cover.parts
@@ -261,7 +252,7 @@ def _verdict(
             f"{int(traced.hidden.sum())} of its {len(traced.hidden)} corners are hidden behind other pieces; its "
             f"smallest and largest outline overlap by an IoU of {overlap:.2f}"
         )
-    status: Status = "doubtful" if doubts else "likely" if traced.hidden.any() or n < _MANY else "ok"
+    status: Status = "doubtful" if doubts else "likely" if traced.hidden.any() or n < FEW_STRIPS else "ok"
     return status, "; ".join([*notes, *doubts])
 
 

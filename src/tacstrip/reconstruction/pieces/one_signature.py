@@ -10,7 +10,8 @@ from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import Noise
 from tacstrip.reconstruction.noise_covariance import Averaging, fit_sigma
 from tacstrip.reconstruction.pieces.chain import straight_lines
-from tacstrip.reconstruction.pieces.estimate import Piece, noise_level
+from tacstrip.reconstruction.pieces.estimate import Piece
+from tacstrip.reconstruction.pieces.run import noise_level
 from tacstrip.reconstruction.polygon.estimate import fit_polygon
 from tacstrip.reconstruction.result import RecoveredObject
 from tacstrip.reconstruction.seam import BRIDGED, unrolled

@@ -12,9 +12,12 @@ from tacstrip.arrays import FloatArray
 from tacstrip.reconstruction.contact_ends import end_deviations
 from tacstrip.reconstruction.pieces.chain import Chain, Cut, split_chain
 from tacstrip.reconstruction.pieces.cover import Cover, Read, least_cover
+from tacstrip.reconstruction.sections import reading_noise
 from tacstrip.sensor.spec import Sensor
 
 GAP = 0.02  # of L: objects nearer to each other are one
+FEW_STRIPS = 12  # fewer do not resolve every jump
+_LEAST_SIGMA = 5e-4  # of Vref, of noise that few strips tell
 _EXACT = 1e-5  # of Vref: no reading is taken for more exact
 _ALARM = 3.09  # deviations of chi square: p = .001
 
@@ -74,7 +77,14 @@ class RunPieces:
         The pieces of an inward corner touch there, and those of an overhang where both come from.
         """
         covers = (self.cover, *self.cover.others)
-        return self.count > 1 and any(cover.gap_mm(self.pitch) >= self.gap for cover in covers)
+        return self.count > 1 and any(cover.gap_mm(self.read.x, self.pitch) >= self.gap for cover in covers)
+
+
+def noise_level(k: FloatArray, sensor: Sensor) -> float:
+    """Return the deviation [Vref] of readings (S, n) that second differences show, and the converter's steps."""
+    levels = [reading_noise(values[np.isfinite(values)]) for values in k]
+    least = _LEAST_SIGMA if k.shape[1] < FEW_STRIPS else 0.0
+    return float(max(np.sqrt(np.mean(np.square(levels))), sensor.adc_step / np.sqrt(12.0), least))
 
 
 def split_run(

@@ -15,7 +15,7 @@ from tacstrip.geometry.outline import Outline
 from tacstrip.reconstruction.contact_ends import closed_ends
 from tacstrip.reconstruction.noise_covariance import CorrelatedErrors
 from tacstrip.reconstruction.pieces.chain import Cut
-from tacstrip.reconstruction.pieces.run import RunPieces, split_run
+from tacstrip.reconstruction.pieces.run import RunPieces, noise_level, split_run
 from tacstrip.reconstruction.polygon.convexity import (
     fit_convex,
     one_end_off,
@@ -33,6 +33,9 @@ _FAINT = 0.01  # of sigma^2
 _APART = 3.0  # standard deviations of their distance in x by which two corners are told apart
 _HIDDEN = 0.55  # of an outline, behind an overhang: more, and the shape is not known
 _NEARLY = 0.9  # IoU with convex ends that explain the readings
+_SMOOTHED = (
+    0.7  # of what a polygon leaves over: neighbours that differ so little say that it follows them badly
+)
 _MOST_SIGMA = 0.02  # of Vref: no noise that is not given is larger
 _SPREAD = {"uniform": 0.8, "normal": 2.0}  # variance of a squared error over sigma^4
 
@@ -130,11 +133,14 @@ def second_look(
             "what was left out may be of a second object, or of an overhang: it moves one end of the contact and "
             "leaves the other, as a faulty channel hardly does; if one is faulty, leave it out by name (--without)"
         )
-    if not (wrong or run.excluded.any() or turns_inwards(fit)) or (
+    sigma = run.sigma
+    if distribution is None:
+        sigma = min(sigma, noise_level(np.stack([readings["kh"], readings["kl"]]), sensor))
+    if not (wrong or run.excluded.any() or turns_inwards(fit) or sigma < _SMOOTHED * run.sigma) or (
         distribution is None and run.sigma > _MOST_SIGMA
     ):
         return wrong
-    pieces = _pieces_of(run, sensor, readings)
+    pieces = _pieces_of(run, sensor, readings, sigma)
     apart = pieces.apart
     ends = fit.ends(problem.x)
     if not apart and (convex := fit_convex(problem, *ends)).explains:
@@ -171,7 +177,7 @@ def second_look(
     return ""
 
 
-def _pieces_of(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray]) -> RunPieces:
+def _pieces_of(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray], sigma: float) -> RunPieces:
     """Return the pieces that a run's readings hold, also those that no polygon of one object follows."""
     x = run.problem.x * run.problem.width_mm + run.problem.origin_mm
     used = [
@@ -179,7 +185,7 @@ def _pieces_of(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray]) 
     ]
     with np.errstate(divide="ignore", invalid="ignore"):
         l, u = closed_ends(sensor, used[0], used[1])
-    return split_run(sensor, x, l, u, run.sigma)
+    return split_run(sensor, x, l, u, sigma)
 
 
 def _behind(cut: Cut, x: FloatArray) -> float:
