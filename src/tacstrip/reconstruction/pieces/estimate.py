@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import product
 
 import numpy as np
@@ -18,7 +18,7 @@ from tacstrip.reconstruction.noise_covariance import Averaging, fit_sigma
 from tacstrip.reconstruction.pieces.cover import Part
 from tacstrip.reconstruction.pieces.outline import PieceOutline, shown_hull, trace
 from tacstrip.reconstruction.pieces.run import FEW_STRIPS, GAP, RunPieces, noise_level, split_run
-from tacstrip.reconstruction.result import Status
+from tacstrip.reconstruction.result import Reconstruction, RecoveredObject, Status
 from tacstrip.reconstruction.seam import BRIDGED
 from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import check_closed_form
@@ -57,6 +57,8 @@ class Piece:
         and the other pieces.
     joined
         Indices of the pieces that this one may be one concave object with.
+    hidden_edges
+        Which edges, from each corner to the next one, the readings do not show (N,).
 
     Examples
     --------
@@ -77,6 +79,7 @@ class Piece:
     smallest: FloatArray
     largest: FloatArray
     joined: tuple[int, ...] = ()
+    hidden_edges: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=np.bool_))
 
     def __repr__(self) -> str:
         seen = f"{int((~self.hidden).sum())} corners seen, {int(self.hidden.sum())} hidden"
@@ -192,7 +195,7 @@ def _of_run(run: RunPieces, sensor: Sensor, strips: slice, before: int) -> list[
         found.append(
             Piece(
                 traced.vertices, traced.hidden, slice(start, stop), status, advice, traced.covariance, traced.smallest,
-                traced.largest, others,
+                traced.largest, others, traced.hidden_edges,
             )
         )  # fmt: skip
     return found
@@ -284,3 +287,22 @@ def _iou(inner: FloatArray, outer: FloatArray) -> float:
     a, b = shapely.Polygon(inner).buffer(0.0), shapely.Polygon(outer).buffer(0.0)
     union = a.union(b).area
     return float(a.intersection(b).area / union) if union else 0.0
+
+
+@takes(scan=Scan, sensor=Sensor, noise=Noise)
+def piece_reconstruction(scan: Scan, sensor: Sensor, noise: Noise | None = None) -> Reconstruction:
+    """Return `pieces` as the objects of a reconstruction, the method "pieces"; arguments and errors as there."""
+    objects = tuple(
+        RecoveredObject(
+            p.strips,
+            p.outline,
+            covariance=p.covariance,
+            status=p.status,
+            advice=p.advice,
+            hidden=p.hidden,
+            hidden_edges=p.hidden_edges,
+            bounds=(p.smallest, p.largest) if p.hidden.any() else None,
+        )
+        for p in pieces(scan, sensor, noise)
+    )
+    return Reconstruction("pieces", objects, scan.time_s)

@@ -13,7 +13,7 @@ from tacstrip.reconstruction.pieces.chain import straight_lines
 from tacstrip.reconstruction.pieces.estimate import Piece
 from tacstrip.reconstruction.pieces.run import noise_level
 from tacstrip.reconstruction.polygon.estimate import fit_polygon
-from tacstrip.reconstruction.result import RecoveredObject
+from tacstrip.reconstruction.result import RecoveredObject, Status
 from tacstrip.reconstruction.seam import BRIDGED, unrolled
 from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import SIGNATURES
@@ -52,10 +52,12 @@ def pieces_of_runs(scan: Scan, sensor: Sensor, noise: Noise | None) -> list[Piec
     return found
 
 
-def _piece(thing: RecoveredObject, status: str, advice: str) -> Piece:
+def _piece(thing: RecoveredObject, status: Status, advice: str) -> Piece:
     outline = thing.vertices
     hidden = np.zeros(len(outline), dtype=np.bool_)
-    return Piece(outline, hidden, thing.strips, status, advice, thing.covariance, outline, outline)  # type: ignore[arg-type]
+    return Piece(
+        outline, hidden, thing.strips, status, advice, thing.covariance, outline, outline, hidden_edges=hidden
+    )
 
 
 def _jump(k: FloatArray, sigma: float) -> int | None:

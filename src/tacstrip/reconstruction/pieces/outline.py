@@ -29,8 +29,8 @@ class PieceOutline:
     ----------
     vertices
         Corners (N, 2) [mm], counter-clockwise.
-    hidden
-        Which of them the readings do not show (N,).
+    hidden, hidden_edges
+        Which of them, and which edges from each to the next one, the readings do not show (N,).
     covariance
         Of vertices.ravel() (2 N, 2 N) [mm^2]; NaN for hidden ones.
     smallest, largest
@@ -39,6 +39,7 @@ class PieceOutline:
 
     vertices: FloatArray
     hidden: BoolArray
+    hidden_edges: BoolArray
     covariance: FloatArray
     smallest: FloatArray
     largest: FloatArray
@@ -82,25 +83,28 @@ def trace(parts: Sequence[Part], read: Read, others: Sequence[FloatArray], pitch
         Of the strips [mm].
     """
     arcs = _ring(parts, pitch)
-    points, flags, blocks = [], [], []
+    points, flags, edges, blocks = [], [], [], []
     smallest, largest = [], []
     for i, arc in enumerate(arcs):
         following = arcs[(i + 1) % len(arcs)]
         points.append(arc.points)
         flags.append(np.zeros(len(arc.points), dtype=np.bool_))
         flags[-1][[0, -1]] = [not arc.exact[0], not arc.exact[1]]
+        edges.append(np.zeros(len(arc.points), dtype=np.bool_))
         blocks.append(arc.covariance)
         smallest.append(arc.points)
         largest.append(arc.points)
         if arc.side == following.side or not (arc.exact[1] and following.exact[0]):
+            edges[-1][-1] = True
             start, end = arc.points[-1], following.points[0]
             far = _furthest(start, arc.onward[1], end, following.onward[0], read, others)
             if far is not None:
                 points.append((0.5 * (start + end) * (1.0 - _HALFWAY) + far * _HALFWAY)[None])
                 flags.append(np.array([True]))
+                edges.append(np.array([True]))
                 blocks.append(np.full((2, 2), np.nan))
                 largest.append(far[None])
-    ring, hidden = np.concatenate(points), np.concatenate(flags)
+    ring, hidden, unseen = np.concatenate(points), np.concatenate(flags), np.concatenate(edges)
     covariance = np.zeros((2 * len(ring),) * 2)
     at = 0
     for block in blocks:
@@ -108,12 +112,23 @@ def trace(parts: Sequence[Part], read: Read, others: Sequence[FloatArray], pitch
         at += len(block)
     kept = np.flatnonzero(_corners(ring))
     kept = np.roll(kept, -int(np.lexsort((ring[kept, 1], ring[kept, 0]))[0]))  # from the left-most
+    unseen_edges = [
+        bool(np.roll(unseen, -a)[: (b - a - 1) % len(ring) + 1].any())
+        for a, b in zip(kept, np.roll(kept, -1), strict=True)
+    ]
     both = (2 * kept[:, None] + [0, 1]).ravel()
     covariance = covariance[np.ix_(both, both)]
-    unseen = np.repeat(hidden[kept], 2)
-    covariance[unseen], covariance[:, unseen] = np.nan, np.nan
+    of_hidden = np.repeat(hidden[kept], 2)
+    covariance[of_hidden], covariance[:, of_hidden] = np.nan, np.nan
     whole, least = np.concatenate(largest), np.concatenate(smallest)
-    return PieceOutline(ring[kept], hidden[kept], covariance, least[_corners(least)], whole[_corners(whole)])
+    return PieceOutline(
+        ring[kept],
+        hidden[kept],
+        np.array(unseen_edges),
+        covariance,
+        least[_corners(least)],
+        whole[_corners(whole)],
+    )
 
 
 def _corners(ring: FloatArray) -> BoolArray:
@@ -136,7 +151,7 @@ def _ring(parts: Sequence[Part], pitch: float) -> list[_Arc]:
     lower = sorted((p for p in parts if p.side == 0), key=lambda p: p.stretch.start)
     upper = sorted((p for p in parts if p.side == 1), key=lambda p: p.stretch.start)
     start, stop = min(p.stretch.start for p in parts), max(p.stretch.stop for p in parts)
-    chains = [[_points(p) for p in side] for side in (lower, upper)]
+    chains = [[_points(p, pitch) for p in side] for side in (lower, upper)]
     known = [
         [
             (p.begins and p.stretch.start <= start + _SAME, p.ends and p.stretch.stop >= stop - _SAME)
@@ -153,7 +168,7 @@ def _ring(parts: Sequence[Part], pitch: float) -> list[_Arc]:
     return arcs + back[::-1]
 
 
-def _points(part: Part) -> tuple[FloatArray, FloatArray]:
+def _points(part: Part, pitch: float) -> tuple[FloatArray, FloatArray]:
     """Return the corners of a part (M + 1, 2), left to right, and their covariance."""
     stretch = part.stretch
     corners = stretch.corners
@@ -172,6 +187,9 @@ def _points(part: Part) -> tuple[FloatArray, FloatArray]:
     for i, block in enumerate(stretch.covariances):
         of_lines[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] = block
     covariance = by @ of_lines @ by.T
+    for i, line in ((0, 0), (size, size - 1)):  # an end lies anywhere within a pitch
+        along = np.array([1.0, slope[line]])
+        covariance[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] += np.outer(along, along) * pitch**2 / 12.0
     if part.side == 1:
         corners = corners * (1.0, -1.0)
         signs = np.tile([1.0, -1.0], len(corners))
