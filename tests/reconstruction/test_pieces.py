@@ -8,7 +8,14 @@ import shapely
 from shapely import Polygon
 
 import tacstrip as ts
+from drawn import legend_of
+from tacstrip.io import feature_collection
+from tacstrip.plot.result import reconstruction_figure
 from tacstrip.reconstruction.pieces.chain import split_chain, straight_lines
+from tacstrip.stream import encode
+from tacstrip.stream.live.frame import Frame
+from tacstrip.tracking import LiveObject
+from tacstrip.view.frame_json import frame_json
 
 SENSOR = ts.Sensor(construction="crs-crs", strips=100, pitch_mm=1.0, length_mm=100.0)
 NOISE = ts.Noise(positional=0.005)
@@ -132,6 +139,31 @@ def test_one_signature_gives_runs_and_doubts_jumps() -> None:
     )
     with pytest.raises(ts.TacstripError, match="closed form"):
         ts.pieces(ts.Scan(kh=np.full(10, 0.5), kl=np.full(10, 0.4)), sheet)
+
+
+def test_every_door_hands_on_what_is_hidden() -> None:
+    scan = _scan(LOW, HIGH)
+    result = ts.reconstruct(scan, SENSOR, NOISE, method="pieces")
+    for thing, piece in zip(result.objects, ts.pieces(scan, SENSOR, NOISE), strict=True):
+        assert np.array_equal(thing.vertices, piece.outline)
+        assert thing.deviations is None  # of what is hidden nothing is known
+        assert thing.hidden_edges is not None
+        # Both edges of a corner that nothing shows are hidden.
+        hidden = np.flatnonzero(piece.hidden & np.roll(piece.hidden_edges, 1))
+        assert piece.hidden_edges[hidden].any()
+    properties = feature_collection([result])["features"][0]["properties"]
+    assert properties["hidden"] == result.objects[0].hidden.tolist()  # type: ignore[union-attr]
+    sigmas = properties["vertex_sigma_mm"]
+    assert [None in sigma for sigma in sigmas] == properties["hidden"]
+    assert {"hidden_edges", "smallest_mm", "largest_mm"} <= set(properties)
+    figure = reconstruction_figure(SENSOR, [scan], {"pieces": [result]})
+    styles = [line.get_linestyle() for line in figure.axes[0].lines]
+    assert {"-", "--", ":"} <= set(styles)
+    assert "hidden behind another piece" in legend_of(figure)
+    live = LiveObject(1, result.objects[0])
+    drawn = frame_json(Frame(0, encode(scan, SENSOR), SENSOR, scan, (live,), 0.0, 0.0))["objects"][0]
+    assert drawn["hidden_edges"] == result.objects[0].hidden_edges.tolist()  # type: ignore[union-attr]
+    assert len(drawn["bounds"]) == 2
 
 
 def test_lines_and_cuts_of_a_chain() -> None:

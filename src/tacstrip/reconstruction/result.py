@@ -208,10 +208,10 @@ class RecoveredObject:
 
     @property
     def deviations(self) -> MomentDeviations | None:
-        """Standard deviations of area [mm^2], centroid (2,) [mm] and orientation [rad]; None without a covariance, or of a
-        piece that is hidden in part.
+        """Standard deviations of area [mm^2], centroid (2,) [mm] and orientation [rad]; None without a covariance.
 
-        1.96 of them to either side hold 95 %, also where an error is not normal.
+        None, too, of a piece that is hidden in part. 1.96 of them to either side hold 95 %, also where an error is not
+        normal.
         """
         if self.covariance is None or (self.hidden is not None and self.hidden.any()):
             return None

@@ -152,7 +152,7 @@ def least_cover(chains: tuple[Chain, Chain], read: Read, pitch: float, gap: floa
                 found = more
             elif len(more[0].pieces) == len(found[0].pieces):
                 found += more
-    if len(split := _split_at_corners(whole, read.x, pitch)) > len(whole):
+    if len(split := _split_at_corners(whole, read.x, pitch, gap)) > len(whole):
         more = _of_parts(split, read)
         if len(more[0].pieces) < len(found[0].pieces):
             found = more
@@ -161,15 +161,15 @@ def least_cover(chains: tuple[Chain, Chain], read: Read, pitch: float, gap: floa
     return replace(found[0], others=tuple(found[1:]))
 
 
-def _split_at_corners(parts: list[Part], x: FloatArray, pitch: float) -> list[Part]:
-    """Return the parts, those of the other side cut where an inward corner is.
+def _split_at_corners(parts: list[Part], x: FloatArray, pitch: float, gap: float) -> list[Part]:
+    """Return the parts, those of the other side cut where an inward corner is that hides no gap.
 
     Pieces that meet in a corner, as those of one concave object do, may share the chain on the other side of it.
     """
     corners = [
         (1 - part.side, part.stretch.start)
         for part in parts
-        if part.stretch.before is not None and part.stretch.before.kind == "corner"
+        if (cut := part.stretch.before) is not None and cut.kind == "corner" and cut.rise < gap
     ]
     for side, strip in corners:
         for i, part in enumerate(parts):
