@@ -64,10 +64,10 @@ class Piece:
     --------
     >>> import tacstrip as ts
     >>> sensor = ts.Sensor(construction="crs-crs", strips=100, pitch_mm=1.0, length_mm=100.0)
-    >>> contact = ts.Contact.from_wkt("MULTIPOLYGON (((20 20, 60 10, 55 35)), ((40 50, 85 60, 45 80)))")
+    >>> contact = ts.Contact.from_wkt("MULTIPOLYGON (((20 20, 60 10, 55 35, 20 20)), ((40 50, 85 60, 45 80, 40 50)))")
     >>> low, high = ts.pieces(ts.simulate(sensor, contact), sensor)
-    >>> high.outline.round(0).tolist()[-1], high.hidden[-1].item()
-    ([45.0, 80.0], False)
+    >>> high.outline[~high.hidden].round(0).tolist()
+    [[40.0, 50.0], [85.0, 60.0], [45.0, 80.0]]
     """
 
     outline: FloatArray
@@ -121,7 +121,7 @@ def pieces(scan: Scan, sensor: Sensor, noise: Noise | None = None) -> list[Piece
     --------
     >>> import tacstrip as ts
     >>> sensor = ts.Sensor(construction="crs-crs", strips=100, pitch_mm=1.0, length_mm=100.0)
-    >>> contact = ts.Contact.from_wkt("MULTIPOLYGON (((20 20, 60 10, 55 35)), ((40 50, 85 60, 45 80)))")
+    >>> contact = ts.Contact.from_wkt("MULTIPOLYGON (((20 20, 60 10, 55 35, 20 20)), ((40 50, 85 60, 45 80, 40 50)))")
     >>> noise = ts.Noise(positional=0.002)
     >>> [(p.strips.start, p.hidden.any().item()) for p in ts.pieces(ts.simulate(sensor, contact, noise, rng=1), sensor)]
     [(20, True), (40, True)]
