@@ -184,7 +184,9 @@ def _alone(x: FloatArray, y: FloatArray, weight: FloatArray, cuts: list[int]) ->
         if b - c == 1 and b < len(x):
             return c
         for strip in (c - 1, c):
-            if a + _BESIDE_ALONE <= strip < b - _BESIDE_ALONE:
+            before, behind = y[strip] - y[strip - 1], y[strip] - y[min(strip + 1, b - 1)]
+            odd = before * behind > 0.0 and abs(before - behind) < 0.5 * min(abs(before), abs(behind))
+            if odd and a + _BESIDE_ALONE <= strip < b - _BESIDE_ALONE:
                 kept = np.delete(np.arange(a, b), strip - a)
                 parts = kept, kept[kept < c], kept[kept >= c]
                 whole, left, right = (_convex_cost(x[part], y[part], weight[part]) for part in parts)

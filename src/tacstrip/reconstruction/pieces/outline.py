@@ -257,22 +257,20 @@ def _furthest(
     if not float((end - start)[0] * reach[1] - (end - start)[1] * reach[0]) < 0.0:
         return None  # inwards
     best = middle + _SLIVER * reach if np.array_equal(leaving, arriving) else None  # one end alone shows it
-    for share in np.linspace(0.0, 1.0, _STEPS + 1)[1:]:
-        tip = middle + share * reach
-        if not all(_allowed(at, read, others) for at in (tip, 0.5 * (start + tip), 0.5 * (end + tip))):
-            break
-        best = tip
-    return best
+    tips = middle + np.linspace(0.0, 1.0, _STEPS + 1)[1:, None] * reach
+    there = np.all(
+        [_allowed(at, read, others) for at in (tips, 0.5 * (start + tips), 0.5 * (end + tips))], axis=0
+    )
+    reached = int(there.argmin()) if not there.all() else _STEPS
+    return tips[reached - 1] if reached else best
 
 
-def _allowed(point: FloatArray, read: Read, others: Sequence[FloatArray]) -> bool:
-    """Whether a point lies within what the strips beside it read, and in no other piece."""
-    x, y = point
-    pitch = read.x[1] - read.x[0] if len(read.x) > 1 else 1.0
-    at = (x - read.x[0]) / pitch
-    if not -0.5 <= at <= len(read.x) - 0.5:
-        return False
-    strip = int(np.clip(np.abs(read.x - x).argmin(), 0, len(read.x) - 1))
-    if not read.l[strip] <= y <= read.u[strip]:
-        return False
-    return not any(low[strip] < y < high[strip] for low, high in others)
+def _allowed(points: FloatArray, read: Read, others: Sequence[FloatArray]) -> BoolArray:
+    """Return which points (M, 2) lie within what the strips beside them read, and in no other piece."""
+    x, y = points.T
+    strip = np.abs(read.x - x[:, None]).argmin(axis=1)
+    pitch = float(np.diff(read.x).min()) if len(read.x) > 1 else 1.0
+    inside = (np.abs(read.x[strip] - x) <= 0.5 * pitch) & (read.l[strip] <= y) & (y <= read.u[strip])
+    for low, high in others:
+        inside &= ~((low[strip] < y) & (y < high[strip]))
+    return np.asarray(inside)

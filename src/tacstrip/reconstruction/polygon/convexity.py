@@ -138,8 +138,17 @@ def convex_regression(
     hinge = sign * np.maximum(x[:, None] - x[None, 1:-1], 0.0)
     every = np.concatenate([line, hinge], axis=1) * root[:, None]
     target, active = y * root, [0, 1]
+    squared, onto = every.T @ every, every.T @ target
+
+    def solved() -> FloatArray:
+        """Return the least squares of the active columns, by normal equations: the last of all is exact."""
+        try:
+            return np.linalg.solve(squared[np.ix_(active, active)], onto[active])
+        except np.linalg.LinAlgError:
+            return np.asarray(np.linalg.lstsq(every[:, active], target, rcond=None)[0])
+
     value = np.zeros(every.shape[1])
-    value[active] = np.linalg.lstsq(every[:, active], target, rcond=None)[0]
+    value[active] = solved()
     for _ in range(3 * len(x)):
         gradient = every.T @ (target - every @ value)
         gradient[active] = -np.inf
@@ -148,7 +157,7 @@ def convex_regression(
             break
         active.append(best)
         while True:
-            trial = np.linalg.lstsq(every[:, active], target, rcond=None)[0]
+            trial = solved()
             low = [i for i, a in enumerate(active) if a > 1 and trial[i] <= 0.0]
             if not low:
                 break
@@ -162,6 +171,7 @@ def convex_regression(
             active = [a for a in active if a not in gone]
         value[:] = 0.0
         value[active] = trial
+    value[active] = np.linalg.lstsq(every[:, active], target, rcond=None)[0]
     return line @ value[:2] + hinge @ value[2:], len(active) - 2
 
 
