@@ -49,7 +49,7 @@ def _draw(scenes: dict[str, tuple[shapely.Polygon, ...]]) -> Figure:
         for shape in shapes:
             draw_contact(axes, ts.Contact((shape,)))
             for hole in shape.interiors:
-                axes.fill(*np.array(hole.coords).T, color="white", zorder=1.5)
+                axes.fill(*np.array(hole.coords).T, color="white", zorder=1)
         for piece, colour in zip(found.objects, (RECOVERED, *OTHERS), strict=False):
             draw_piece(axes, piece, colour)
         count = len(found.objects)
