@@ -33,6 +33,8 @@ from .reconstruction.cramer_rao import vertex_covariance as vertex_covariance
 from .reconstruction.cramer_rao import vertex_rms as vertex_rms
 from .reconstruction.known_object import fit_object as fit_object
 from .reconstruction.methods import reconstruct as reconstruct
+from .reconstruction.pieces.estimate import Piece as Piece
+from .reconstruction.pieces.estimate import pieces as pieces
 from .reconstruction.polygon.estimate import fit_polygon as fit_polygon
 from .reconstruction.polygon.estimate import fit_polygons as fit_polygons
 from .reconstruction.profile import profile_reconstruction as profile_reconstruction

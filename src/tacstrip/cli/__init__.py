@@ -237,7 +237,7 @@ def check_method(option: str, method: str | None, sensor: Sensor, signatures: Se
     ------
     OptionError
     """
-    if method in ("polygon", "vertex") and not sensor.kind.closed_form:
+    if method in ("polygon", "vertex", "pieces") and not sensor.kind.closed_form:
         raise OptionError(
             f"{option} {method} is not for a {sensor.construction} sensor, whose strips shift each other's readings "
             f"(3.3); take {option} profile"

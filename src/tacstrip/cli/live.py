@@ -51,7 +51,7 @@ _RATE_HZ = 1000.0
 @click.option("--sensor", metavar="SENSOR", help="Spec of the device, the simulator or the recording.")
 @click.option("--rate", type=options.NUMBER, callback=options.finite_above_0,
               help="Scan rate to request from the device; the simulator's is 1000 [Hz].")  # fmt: skip
-@click.option("--method", help="Method of reconstruction: polygon, vertex or profile.")
+@click.option("--method", help="Method of reconstruction: polygon, vertex, profile or pieces.")
 @click.option(
     "--noise", type=options.NUMBER, help="Half-width of the readings' errors over Vref, where it is known."
 )

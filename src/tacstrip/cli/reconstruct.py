@@ -41,7 +41,8 @@ _OF_METHODS = {  # option: the methods that have it
 @options.SENSOR
 @click.argument("readings", metavar="READINGS", type=options.FILE)
 @options.output("GeoJSON file; printed if left out.", required=False)
-@click.option("--method", help="polygon (all strips, the default), vertex or profile (the thesis').")
+@click.option("--method", help="polygon (all strips, the default), vertex or profile (the thesis'), or pieces: several "
+              "objects on the same strips.")  # fmt: skip
 @click.option("--signature", help="Use one only, for polygon or vertex: kh, kl or k.")
 @options.noise
 @options.WITHOUT

@@ -21,10 +21,19 @@ def _polygon(scan: Scan, sensor: Sensor, noise: Noise | None, **options: Any) ->
     return fit_polygon(scan, sensor, noise, **options)
 
 
+def _pieces(scan: Scan, sensor: Sensor, noise: Noise | None) -> Reconstruction:
+    from tacstrip.reconstruction.pieces.estimate import (
+        piece_reconstruction,  # late: other methods do without it
+    )
+
+    return piece_reconstruction(scan, sensor, noise)
+
+
 METHODS: dict[str, Callable[..., Reconstruction]] = {
     "polygon": _polygon,
     "vertex": vertex_reconstruction,
     "profile": profile_reconstruction,
+    "pieces": _pieces,
 }
 
 
@@ -65,8 +74,8 @@ def reconstruct(
     noise
         The errors of the readings, if they are known; None: estimated from the readings where the method needs them.
     method
-        "polygon" (`fit_polygon`), "vertex" (`vertex_reconstruction`), "profile" (`profile_reconstruction`), or
-        "auto", the best for this sensor.
+        "polygon" (`fit_polygon`), "vertex" (`vertex_reconstruction`), "profile" (`profile_reconstruction`), "pieces"
+        (`pieces`: several objects on the same strips), or "auto", the best for this sensor.
     **options
         Of that method's function.
 

@@ -55,6 +55,10 @@ def _object(one: LiveObject, sensor: Sensor) -> dict[str, Any]:
     if shape.alternatives:
         others = [(round(a.weight, 3), plain(a.vertices, 3)) for a in shape.alternatives]
         drawn["alternatives"] = [{"weight": weight, "vertices": vertices} for weight, vertices in others]
+    if shape.hidden_edges is not None and shape.hidden_edges.any():
+        drawn["hidden_edges"] = shape.hidden_edges.tolist()
+    if shape.bounds is not None:
+        drawn["bounds"] = [plain(bound, 3) for bound in shape.bounds]
     drawn["vertices"] = plain(shape.vertices, 3)
     if shape.found:
         drawn["area"], drawn["centroid"] = round(shape.area, 2), plain(shape.centroid, 2)

@@ -123,7 +123,7 @@ class FixedLag:
         scans = self.of(k)
         added, slope, costs = _eliminated(scans, self.corners, poses)
         prior, off = self._prior, (self.corners - self._prior.about).ravel()
-        slope = prior.slope + slope + information @ off
+        slope = prior.slope + slope + added @ off
         self._prior = Prior(prior.information + added, slope, prior.about)
         weight = max(float(np.trace(self._prior.information)) / len(slope), 1.0 / self.sensor.pitch_mm**2)
         self._held = replace(self._prior, information=self._prior.information + weight * self._still)
