@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from tacstrip.diagnose.log import Log
     from tacstrip.reconstruction.result import Reconstruction
     from tacstrip.scan import Scan
+    from tacstrip.sensor.layers import AnySensor
     from tacstrip.sensor.spec import Sensor
     from tacstrip.stream.source import Source
 
@@ -47,6 +48,7 @@ VERBS = {
 }
 
 
+_TWO_LAYERS = ("init", "simulate", "reconstruct")  # the verbs that take a sensor of two layers
 _LOOK_SCANS = 10_000  # of a recording, for a warning
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _COULD_NOT = (*_FULL, errno.EIO, errno.ENOMEM, errno.EMFILE, errno.ENFILE)  # whatever the input
@@ -142,13 +144,34 @@ def warn(*texts: str, file: object = "") -> None:
 def load_sensor(spec: str | Path, without: Sequence[str] = ()) -> Sensor:
     """Load a spec file or a shipped spec, and warn where it looks like metres; errors as of `Sensor.load`.
 
-    `without` names channels to leave out, besides those of the spec.
+    `without` names channels to leave out, besides those of the spec. One with two layers is refused.
     """
+    from tacstrip.sensor.spec import Sensor
+
+    sensor = load_layers(spec, without)
+    if not isinstance(sensor, Sensor):
+        verb = click.get_current_context().info_name
+        raise OptionError(
+            f"{spec}: has two layers, and `tacstrip {verb}` takes a sensor of one; two layers take: "
+            + ", ".join(_TWO_LAYERS)
+        )
+    return sensor
+
+
+def load_layers(spec: str | Path, without: Sequence[str] = ()) -> AnySensor:
+    """Load a spec as `load_sensor` does, also one with two layers."""
     from tacstrip.io.input_checks import unlikely_lengths  # late, as all that loads NumPy
     from tacstrip.sensor.spec import Sensor
 
-    sensor = Sensor.load(spec)
-    sensor = replace(sensor, without=(*sensor.without, *without))
+    sensor: AnySensor = Sensor.load(spec)
+    if isinstance(sensor, Sensor):
+        sensor = replace(sensor, without=(*sensor.without, *without))
+        warn(unlikely_lengths(sensor), file=spec)
+        return sensor
+    if without:
+        raise OptionError(
+            f"--without {without[0]}: of two layers write it into the spec: without = {list(without)!r} in a [[layer]]"
+        )
     warn(unlikely_lengths(sensor), file=spec)
     return sensor
 
@@ -205,16 +228,21 @@ def warn_of_log(name: str | Path, log: Log) -> None:
 
 def save_picture(
     path: Path,
-    sensor: Sensor,
+    sensor: AnySensor,
     scans: Sequence[Scan],
     results: dict[str, list[Reconstruction]],
     contacts: Sequence[Contact] = (),
 ) -> Path:  # fmt: skip
     """Draw scans, what was reconstructed of them by each method, and the contacts that touched; return the file."""
+    from tacstrip.plot.layers import layers_figure
     from tacstrip.plot.result import reconstruction_figure
     from tacstrip.plot.style import save
+    from tacstrip.sensor.spec import Sensor
 
-    return save(reconstruction_figure(sensor, scans, results, contacts), path)
+    if isinstance(sensor, Sensor):
+        return save(reconstruction_figure(sensor, scans, results, contacts), path)
+    (found,) = results.values() or [[]]
+    return save(layers_figure(sensor, scans, found, contacts), path)
 
 
 def check_method(option: str, method: str | None, sensor: Sensor, signatures: Sequence[str]) -> None:

@@ -57,6 +57,16 @@ class Scans(ctypes.Structure):
     )  # fmt: skip
 
 
+class CrossedLayer(ctypes.Structure):
+    """`CrossedLayer` of core.h; `arrays` keeps alive what it points to."""
+
+    arrays: tuple[npt.NDArray[Any], ...]
+    _fields_ = _fields(
+        n=_INT, signatures=_INT, x=_POINTER, k=_POINTER, weight=_POINTER, touched=_POINTER, pitch=_DOUBLE,
+        length=_DOUBLE, share=_DOUBLE * 2, narrow=_DOUBLE, lam=_DOUBLE, rotation=_DOUBLE * 4, origin=_DOUBLE * 2,
+    )  # fmt: skip
+
+
 class Loss(ctypes.Structure):
     """`Loss` of core.h."""
 
@@ -120,6 +130,10 @@ _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
         _DOUBLE,
         (_SCANS, _LOSS, _POINTER, _INT, _POINTER, _INT, _DOUBLE, _POINTER, _POINTER),
     ),
+    "refine_scene": (
+        _DOUBLE,
+        (_POINTER, _INT, _POINTER, _INT, _DOUBLE, _DOUBLE, _INT, _DOUBLE, _DOUBLE, *[_POINTER] * 4),
+    ),
     "isolated_outliers": (_INT, (_POINTER, _INT, _INT, _POINTER)),
     "spikes": (None, (_POINTER, _INT, _DOUBLE, _POINTER, _POINTER)),
 }
@@ -128,7 +142,16 @@ _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
 # These take long and let other threads run meanwhile; the others, over sooner than a thread wakes up, would only have
 # to wait until that one lets go.
 _LONG = frozenset(
-    ("fit_run", "fit_counts", "feasible_part", "minimax", "hit_and_run", "rigid_poses", "rigid_descend")
+    (
+        "fit_run",
+        "fit_counts",
+        "feasible_part",
+        "minimax",
+        "hit_and_run",
+        "rigid_poses",
+        "rigid_descend",
+        "refine_scene",
+    )
 )
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal, Protocol, TypeAlias
 
 import numpy as np
 
-from tacstrip.arrays import FloatArray
+from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.geometry.moments import MomentDeviations, deviations, moments, orientation
 from tacstrip.geometry.region import svg
 
@@ -120,6 +120,8 @@ class RecoveredObject:
         Other outlines that explain the readings, the likeliest first.
     pose
         Of a known object (`fit_object`): where it lies.
+    hidden
+        Of several objects under two layers: which vertices no reading determines (N,); None elsewhere.
 
     Raises
     ------
@@ -154,6 +156,7 @@ class RecoveredObject:
     confidence: float | None = None
     alternatives: tuple[Alternative, ...] = ()
     pose: Pose | None = None
+    hidden: BoolArray | None = None
 
     def __post_init__(self) -> None:
         if self.covariance is not None and self.covariance.shape != (2 * len(self.vertices),) * 2:
@@ -230,6 +233,9 @@ class Reconstruction:
         One per run of touched strips, left to right.
     time_s
         The scan's time [s].
+    alternatives
+        Of two layers: other scenes that explain the readings nearly as well, the best first, each the outlines
+        (N, 2) [mm] of its objects.
 
     Examples
     --------
@@ -244,6 +250,7 @@ class Reconstruction:
     method: str
     objects: tuple[RecoveredObject, ...]
     time_s: float = 0.0
+    alternatives: tuple[tuple[FloatArray, ...], ...] = ()
 
     def __repr__(self) -> str:
         objects = "".join(f", {o!r}" for o in self.objects) if len(self.objects) == 1 else ""
