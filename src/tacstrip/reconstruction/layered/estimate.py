@@ -36,7 +36,7 @@ _METHOD = "polygon"
 _LEAST_SIGMA = 3e-4  # of Vref: readings are never taken for more exact, or corners are hunted for without end
 _ALARM = 3.5  # standard deviations of a test's statistic
 _HIDDEN = 0.01  # of the strip length: a corner less certain than that is hidden
-_RIVAL = 10.0  # of the criterion: a scene that is worse by less is told
+_RIVAL = 8.0  # of the criterion: a scene that is worse by less is told
 _SAME = 0.7  # IoU from which two polygons are one and the same
 _MOST_RIVALS = 3
 _NAMED = 5  # channels that advice names
@@ -157,10 +157,14 @@ def _searched(
     search = Search(problem, thorough)
     best = search.run()
     if best is not None and any(o.any() for o in out):
-        off = whole.residuals(best.fitted.scene)
-        out = [o & (np.abs(r) > _FAR) for o, r in zip(out, off, strict=True)]
-        search.problem = problem = whole.without(out)
-        best = search.refined(best)
+        suspects = [
+            o & (np.abs(r) > _FAR) for o, r in zip(out, whole.residuals(best.fitted.scene), strict=True)
+        ]
+        for out in ([np.zeros_like(o) for o in suspects], suspects):  # do all readings fit, or all but these?
+            problem = whole.without(out)
+            best = search.refined(problem, best)
+            if search.explains(best.fitted):
+                break
     for _ in range(_ROUNDS):
         if best is None:
             break

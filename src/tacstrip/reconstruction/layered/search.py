@@ -28,8 +28,10 @@ _MOST = 6  # polygons
 _CUTS_TRIED = 6
 _CUT_CORNERS, _LESS_CORNERS = 5, 6
 _BETTER = 4.0  # by which a scene of other pieces must be
+_OBJECT = 6.0  # what an object costs: two that touch often explain one nearly as well
 _INWARD, _CROSSED = 6.0, 50.0  # what a corner that turns inwards and an outline that crosses itself cost
 _STRAIGHT = 0.03  # sine of a turn that is none
+_REFITTED = 20.0  # of the criterion: scenes that are worse by more are not fitted again
 _PLAINLY = 3.0  # times the criterion: further refinement does not help
 _SPREAD = 0.8  # variance of a uniform error's square over sigma^4
 
@@ -100,15 +102,21 @@ class Search:
         return self.explains(fitted, 2.0)
 
     def criterion(self, fitted: Fitted) -> float:
-        """Return the squared residuals, and what corners cost: inward ones more, for most objects are convex."""
+        """Return the squared residuals, and what corners and objects cost: few are likelier, and convex ones."""
         scene = fitted.scene
         crossed = sum(not shapely.Polygon(ring).is_valid for ring in scene.polygons)
-        unlikely = _INWARD * _inward_corners(scene) + _CROSSED * crossed
+        unlikely = _OBJECT * len(scene.sizes) + _INWARD * _inward_corners(scene) + _CROSSED * crossed
         return fitted.cost + self.per_corner * len(scene.corners) + unlikely
 
-    def refined(self, best: Candidate) -> Candidate:
-        """Return a scene fitted again to the problem, which was changed."""
-        return self._candidate(self._shaken(best.fitted.scene, _FULL_STEPS), best.pieces)
+    def refined(self, problem: SceneProblem, best: Candidate) -> Candidate:
+        """Fit the best scenes again, to a problem of other readings, and return the best of these."""
+        self.problem = problem
+        near = [c for c in self.found if c.criterion < best.criterion + _REFITTED]
+        self.found = []
+        return min(
+            (self._candidate(self._shaken(c.fitted.scene, _FULL_STEPS), c.pieces) for c in near),
+            key=lambda c: c.criterion,
+        )
 
     def _candidate(self, fitted: Fitted, pieces: list[FloatArray]) -> Candidate:
         made = Candidate(fitted, pieces, self.criterion(fitted))
