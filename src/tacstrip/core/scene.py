@@ -75,6 +75,13 @@ class Scene:
         sizes = tuple(n - (k == owner) for k, n in enumerate(self.sizes))
         return Scene(np.delete(self.corners, at, axis=0), sizes)
 
+    def with_corner(self, at: int) -> Scene:
+        """Return the scene with one more corner in the middle of the edge from a corner to the next."""
+        owner = int(np.searchsorted(self.starts, at, side="right")) - 1
+        middle = 0.5 * (self.corners[at] + self.corners[self.following[at]])
+        sizes = tuple(n + (k == owner) for k, n in enumerate(self.sizes))
+        return Scene(np.insert(self.corners, at + 1, middle, axis=0), sizes)
+
     def moved(self, by: FloatArray) -> Scene:
         """Return the scene with its corners moved by (2 M,) or (M, 2) [mm]."""
         return replace(self, corners=self.corners + by.reshape(-1, 2))

@@ -44,6 +44,15 @@ class Layer:
         By which that frame is turned anticlockwise [degrees].
     x_mm, y_mm
         Where its origin lies in the frame of the whole [mm].
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import tacstrip as ts
+    >>> one = ts.Sensor(construction="crs-crs", strips=32, pitch_mm=3.0, length_mm=96.0)
+    >>> layer = ts.Layer(sensor=one, angle_deg=90.0, x_mm=96.0)
+    >>> layer.to_layer(np.array([96.0, 10.0])).tolist()
+    [10.0, 0.0]
     """
 
     sensor: Sensor

@@ -40,7 +40,7 @@ _RIVAL = 8.0  # of the criterion: a scene that is worse by less is told
 _SAME = 0.7  # IoU from which two polygons are one and the same
 _MOST_RIVALS = 3
 _NAMED = 5  # channels that advice names
-_FAR = 5.0  # deviations from the scene of a reading that stays left out
+_MOST_LONE = 2  # readings left out as standing out: more are no faults but a wrong scene
 _ROUNDS = 2  # of leaving out what lies alone
 _UNKNOWN = (
     0.3  # of sigma: an estimate from the readings that the fit corrects by more is used for another search
@@ -108,7 +108,7 @@ def fit_layers(
     wrong = _misfit(search, fitted, noise)
     rivals = _rivals(search, best) if thorough else []
     covariance, hidden = _covariance(problem, fitted, sensor, noise, Averaging.of(scan))
-    confident = draw_scenes(problem, fitted, covariance).confidence if thorough and not wrong else None
+    confident = draw_scenes(problem, fitted.scene).confidence if thorough and not wrong else None
     shared = [wrong, _rivals_advice(best, rivals), *_left_out(out, sensor, scan)]
     objects = []
     for k, (ring, start) in enumerate(zip(fitted.scene.polygons, fitted.scene.starts, strict=True)):
@@ -157,9 +157,10 @@ def _searched(
     search = Search(problem, thorough)
     best = search.run()
     if best is not None and any(o.any() for o in out):
-        suspects = [
-            o & (np.abs(r) > _FAR) for o, r in zip(out, whole.residuals(best.fitted.scene), strict=True)
-        ]
+        off = whole.residuals(best.fitted.scene)
+        suspects = [o & isolated_outliers(r) for o, r in zip(out, off, strict=True)]
+        if sum(int(o.sum()) for o in suspects) > _MOST_LONE:
+            suspects = [np.zeros_like(o) for o in suspects]
         for out in ([np.zeros_like(o) for o in suspects], suspects):  # do all readings fit, or all but these?
             problem = whole.without(out)
             best = search.refined(problem, best)
@@ -177,8 +178,10 @@ def _searched(
                 continue
         if search.explains(best.fitted):
             break
-        found = [isolated_outliers(r) for r in problem.residuals(best.fitted.scene)]
-        if not any((f & ~o).any() for f, o in zip(found, out, strict=True)):
+        found = [
+            isolated_outliers(r) & ~o for r, o in zip(problem.residuals(best.fitted.scene), out, strict=True)
+        ]
+        if not 0 < sum(int(f.sum()) for f in found) <= _MOST_LONE:
             break
         out = [o | f for o, f in zip(out, found, strict=True)]
         search = Search(problem := problem.without(found), thorough)

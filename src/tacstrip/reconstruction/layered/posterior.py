@@ -8,10 +8,11 @@ import numpy as np
 import shapely
 
 from tacstrip.arrays import FloatArray
-from tacstrip.core.scene import Fitted, SceneProblem
+from tacstrip.core.scene import Scene, SceneProblem
 
 _STEPS, _KEPT = 900, 60
 _STRIDE = 2.0  # over the root of the number of coordinates
+_SEEN = 0.02  # of the strip length: deviation of an edge's middle from which it is unseen
 _LOOSE = 0.05  # of the strip length: deviation of a corner that no reading determines
 
 
@@ -32,13 +33,14 @@ def loosely_held(problem: SceneProblem, information: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.inv(information + loose * np.eye(len(information))))
 
 
-def draw_scenes(problem: SceneProblem, fitted: Fitted, covariance: FloatArray) -> SceneDraws:
-    """Draw scenes of as many polygons and corners as the estimate; `covariance` (2 M, 2 M) shapes the steps."""
+def draw_scenes(problem: SceneProblem, scene: Scene) -> SceneDraws:
+    """Draw scenes of as many polygons; an edge that no reading sees may bend in its middle."""
     random = np.random.default_rng(0)
-    value, vector = np.linalg.eigh(covariance)
+    fitted = problem.fitted(_with_bends(problem, scene))
     loose = (_LOOSE * problem.length_mm) ** 2
+    value, vector = np.linalg.eigh(loosely_held(problem, fitted.information))
     root = vector * np.sqrt(np.clip(value, 0.0, loose))
-    size = len(covariance)
+    size = len(value)
     steps = random.normal(size=(_STEPS, size)) @ root.T * (_STRIDE / np.sqrt(size))
     chance = np.log(random.random(_STEPS))
     here, cost = np.zeros(size), fitted.cost
@@ -55,3 +57,20 @@ def draw_scenes(problem: SceneProblem, fitted: Fitted, covariance: FloatArray) -
             both = shapely.area(shapely.intersection(own, drawn))
             iou.append(both / np.maximum(shapely.area(own) + shapely.area(drawn) - both, 1e-12))
     return SceneDraws(np.array(iou))
+
+
+def _with_bends(problem: SceneProblem, scene: Scene) -> Scene:
+    """Return the scene with one more corner in the middle of every edge that no reading holds."""
+    middles = 0.5 * (scene.corners + scene.corners[scene.following])
+    along = scene.corners[scene.following] - scene.corners
+    normal = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.maximum(np.hypot(*along.T), 1e-12)[:, None]
+    owner = np.repeat(np.arange(len(scene.sizes)), scene.sizes)
+    both = np.stack([scene.corners, middles], axis=1).reshape(-1, 2)
+    information = problem.fitted(Scene(both, tuple(2 * n for n in scene.sizes))).information
+    unseen = np.zeros(len(middles), dtype=bool)
+    for k, across in enumerate(normal):
+        rows = slice(4 * k + 2, 4 * k + 4)
+        unseen[k] = across @ information[rows, rows] @ across < (_SEEN * problem.length_mm) ** -2
+    kept = np.stack([np.ones(len(middles), dtype=bool), unseen], axis=1).ravel()
+    sizes = tuple(int(n + unseen[owner == k].sum()) for k, n in enumerate(scene.sizes))
+    return Scene(both[kept], sizes)

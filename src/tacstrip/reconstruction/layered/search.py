@@ -17,10 +17,13 @@ from tacstrip.core.scene import Fitted, Scene, SceneProblem
 from tacstrip.reconstruction.layered.pieces import cuts, outline, possible
 
 _START_CORNERS = (6, 8, 5)
+_MORE_STARTS = 8  # where none of these explains the readings
 _STAGES = ((1.0, 4.0), (0.2, 5.0))  # first how soft [% of the strip length], and how far a residual counts
 _STAGE_STEPS, _STEPS, _FULL_STEPS = 10, 15, 30
 _SHAKE = 0.004  # of the strip length: restarts beside the kinks of the hull
-_SHAKES, _LAST_SHAKES = 3, 12
+_SHAKES, _LAST_SHAKES, _LAST_MOVES = 3, 12, 80
+_MOST_GROWN = 4  # corners that a scene gets which does not explain the readings
+_FARTHEST = 6.0  # times that
 _TRIED = 4  # corners whose loss is tried before the rest is taken for certain
 _CERTAIN = 100.0  # squared deviations of a corner from the line past it: it is one
 _LOOSE = 0.1  # of the strip length: deviation of a corner that nothing determines
@@ -126,7 +129,21 @@ class Search:
     def _first(self, pieces: list[FloatArray]) -> Candidate | None:
         staged = [self._staged(pieces, corners) for corners in _START_CORNERS]
         tried = [self._candidate(self.pruned(s.scene), pieces) for s in staged if s is not None]
+        for _ in range(_MORE_STARTS if tried else 0):
+            best = min(tried, key=lambda c: c.criterion)
+            if self.explains(best.fitted):
+                break
+            tried.append(self._candidate(self.pruned(self._smaller_start(pieces)), pieces))
         return min(tried, key=lambda c: c.criterion, default=None)
+
+    def _smaller_start(self, pieces: list[FloatArray]) -> Scene:
+        """Return polygons within the pieces, which hold more than the objects, at random."""
+        rings = [outline(piece, int(self._random.integers(4, 8))) for piece in pieces]
+        shrunk = []
+        for ring in (r for r in rings if r is not None):
+            towards = self._random.dirichlet(np.ones(len(ring))) @ ring
+            shrunk.append(towards + self._random.uniform(0.6, 1.0) * (ring - towards))
+        return self._approached(Scene.of(shrunk)).scene
 
     def _staged(self, pieces: list[FloatArray], corners: int) -> Fitted | None:
         """Return the polygons of pieces, brought near the readings softly at first."""
@@ -148,6 +165,19 @@ class Search:
             best = min(best, self.problem.refine(moved, steps), key=lambda f: f.cost)
         return best
 
+    def _grown(self, fitted: Fitted) -> Fitted:
+        """Return the scene with one more corner on an edge, and as few as the readings pay for."""
+        scene = fitted.scene
+        tried = [self._shaken(scene.with_corner(at), _STEPS) for at in range(len(scene.corners))]
+        return self.pruned(min(tried, key=lambda f: f.cost).scene)
+
+    def _one_moved(self, scene: Scene) -> Fitted:
+        """Return a descent from a scene with the corners of one polygon moved at random, by little or by much."""
+        k, far = int(self._random.integers(len(scene.sizes))), self._random.uniform(1.0, _FARTHEST)
+        moved, own = np.zeros_like(scene.corners), slice(scene.starts[k], scene.starts[k] + scene.sizes[k])
+        moved[own] = self._random.normal(0.0, far * _SHAKE * self.problem.length_mm, moved[own].shape)
+        return self.problem.refine(scene.moved(moved), _FULL_STEPS)
+
     def pruned(self, scene: Scene) -> Fitted:
         """Return the scene without corners that the readings do not pay for."""
         best = self._shaken(scene, _FULL_STEPS)
@@ -163,6 +193,17 @@ class Search:
     def _polished(self, best: Candidate) -> Candidate:
         """Return the scene after more restarts, and without what corners these make needless."""
         fitted = self._shaken(best.fitted.scene, _FULL_STEPS, _LAST_SHAKES)
+        for _ in range(_MOST_GROWN):
+            if self._well(fitted):
+                break
+            grown = self._grown(fitted)
+            if self.criterion(grown) >= self.criterion(fitted):
+                break
+            fitted = grown
+        for _ in range(_LAST_MOVES):
+            if self._well(fitted):
+                break
+            fitted = min(fitted, self._one_moved(fitted.scene), key=lambda f: f.cost)
         if fitted.cost < best.fitted.cost - 1.0:
             fitted = self.pruned(fitted.scene)
         polished = self._candidate(fitted, best.pieces)
