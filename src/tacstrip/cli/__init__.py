@@ -48,7 +48,16 @@ VERBS = {
 }
 
 
-_TWO_LAYERS = ("init", "simulate", "reconstruct")  # the verbs that take a sensor of two layers
+_TWO_LAYERS = (
+    "init",
+    "simulate",
+    "reconstruct",
+    "limits",
+    "record",
+    "replay",
+    "convert",
+    "recover",
+)  # the verbs that take a sensor of two layers
 _LOOK_SCANS = 10_000  # of a recording, for a warning
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _COULD_NOT = (*_FULL, errno.EIO, errno.ENOMEM, errno.EMFILE, errno.ENFILE)  # whatever the input
@@ -146,14 +155,17 @@ def load_sensor(spec: str | Path, without: Sequence[str] = ()) -> Sensor:
 
     `without` names channels to leave out, besides those of the spec. One with two layers is refused.
     """
+    return one_layer(spec, load_layers(spec, without))
+
+
+def one_layer(name: str | Path, sensor: AnySensor) -> Sensor:
+    """Return the sensor of a spec or a recording, or raise `OptionError` where it has two layers."""
     from tacstrip.sensor.spec import Sensor
 
-    sensor = load_layers(spec, without)
     if not isinstance(sensor, Sensor):
         verb = click.get_current_context().info_name
         raise OptionError(
-            f"{spec}: has two layers, and `tacstrip {verb}` takes a sensor of one; two layers take: "
-            + ", ".join(_TWO_LAYERS)
+            f"{name}: is of two layers, and `tacstrip {verb}` takes a sensor of one; two take: {', '.join(_TWO_LAYERS)}"
         )
     return sensor
 
@@ -185,7 +197,7 @@ def load_log(file: Path, spec: str | None) -> Log:
     if file.suffix.lower() == ".mcap":
         source = Recording(file, load_sensor(spec) if spec else None)
         with contextlib.closing(source):
-            log = Log.of_codes(source.sensor, source)
+            log = Log.of_codes(one_layer(file, source.sensor), source)
             if source.condition.whole:
                 return log
             lost = f"{source.condition.lost_bytes} bytes of {source.condition.total_bytes}"
@@ -201,9 +213,10 @@ def warn_of_input(name: str | Path, source: Source) -> None:
     """Warn of what is probably not meant in a source that is a file, as far as it can be read."""
     from tacstrip.diagnose.log import Log
     from tacstrip.io.input_checks import half_read, misread
+    from tacstrip.sensor.spec import Sensor
     from tacstrip.stream.replay import ReadingsSource, Recording
 
-    if not isinstance(source, ReadingsSource | Recording):
+    if not isinstance(source, ReadingsSource | Recording) or not isinstance(source.sensor, Sensor):
         return
     try:  # a recording is iterated once: another look at it
         scans = source if isinstance(source, ReadingsSource) else Recording(name, source.sensor)

@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 import numpy as np
 
-from tacstrip.cli import load_sensor, note, options, protect
+from tacstrip.cli import load_sensor, note, one_layer, options, protect
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError, ReadingError
 from tacstrip.io.readings import read_readings
@@ -60,7 +60,7 @@ def _scans(files: tuple[str, ...]) -> tuple[Sensor, list[Scan]]:
     name = files[-1]
     if Path(name).suffix.lower() == ".mcap":
         with contextlib.closing(Recording(name, load_sensor(files[0]) if len(files) > 1 else None)) as source:
-            return source.sensor, [decode(raw, source.sensor) for raw in source]
+            return one_layer(name, source.sensor), [decode(raw, source.sensor) for raw in source]
     if len(files) < 2:
         raise OptionError(f"{name} does not say what sensor it is of: tacstrip track SENSOR {name}")
     sensor = load_sensor(files[0])

@@ -170,9 +170,14 @@ class LayeredSensor:
         return self.layers[0].sensor.signatures
 
     @property
-    def length_mm(self) -> float:
-        """Length of the longer strips [mm]."""
-        return max(layer.sensor.length_mm for layer in self.layers)
+    def adc_bits(self) -> int | None:
+        """Resolution of the unit's A/D converter."""
+        return self.layers[0].sensor.adc_bits
+
+    def changed(self, **keys: Any) -> LayeredSensor:
+        """Return the sensor with keys of the unit changed in both layers, such as `adc_bits`."""
+        layers = tuple(replace(layer, sensor=replace(layer.sensor, **keys)) for layer in self.layers)
+        return replace(self, layers=layers)
 
     @cached_property
     def slices(self) -> tuple[slice, ...]:
