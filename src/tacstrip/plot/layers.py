@@ -51,13 +51,13 @@ def layers_figure(
     shown = touched[:: max(1, -(-len(touched) // _MOST_SCANS))]
     truth = [truth[i] for i in shown] if len(truth) == len(scans) else truth
     figure, (scene, *panels) = new_panels(11.0, 4.6, 1, 1 + len(sensor.layers))
-    _draw_layers(scene, sensor)
+    draw_layers(scene, sensor)
     for i, contact in enumerate(truth):
         draw_contact(scene, contact, label=None if i else "true shape")
     objects = labelled_objects({"recovered": found}, shown) if found else []
     for drawn in objects:
         if drawn.found.found:
-            _draw_object(scene, drawn)
+            draw_object(scene, drawn)
     handles = scene.get_legend_handles_labels()[0]
     if any(o.found.hidden is not None and o.found.hidden.any() for o in objects):
         handles.append(Line2D([], [], color=_OTHER, linestyle="--", marker="o", markerfacecolor="white"))
@@ -83,7 +83,7 @@ def layers_figure(
     return figure
 
 
-def _draw_layers(axes: Axes, sensor: LayeredSensor) -> None:
+def draw_layers(axes: Axes, sensor: LayeredSensor) -> None:
     """Draw both layers' outlines and the lines between their strips."""
     for layer in sensor.layers:
         axes.add_patch(Polygon(layer.corners_mm, facecolor=SENSOR, edgecolor=STRIP, alpha=0.5, zorder=0))
@@ -108,7 +108,7 @@ def _strip_lines(layer: Layer) -> FloatArray:
     return layer.to_whole(ends)
 
 
-def _draw_object(axes: Axes, drawn: LabelledObject) -> None:
+def draw_object(axes: Axes, drawn: LabelledObject) -> None:
     """Draw an outline: edges at hidden corners dashed and these corners hollow; all of them where it is doubtful."""
     found, colour = drawn.found, drawn.colour
     hidden = np.zeros(len(found.vertices), dtype=bool) if found.hidden is None else found.hidden
