@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+import numpy.typing as npt
 from matplotlib.figure import Figure
 
 import tacstrip as ts
@@ -17,7 +18,7 @@ _NOISE = ts.Noise(positional=0.005)
 _SQUARE = ts.Sensor(construction="crs-crs", strips=32, pitch_mm=3.0, length_mm=96.0)
 
 
-def _contact(*outlines: list[tuple[float, float]]) -> ts.Contact:
+def _contact(*outlines: npt.ArrayLike) -> ts.Contact:
     parts = [ts.Contact.polygon(outline) for outline in outlines]
     return ts.Contact(tuple(shape for part in parts for shape in part.shapes))
 

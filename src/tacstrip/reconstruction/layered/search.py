@@ -35,6 +35,7 @@ _OBJECT = 6.0  # what an object costs: two that touch often explain one nearly a
 _INWARD, _CROSSED = 6.0, 50.0  # what a corner that turns inwards and an outline that crosses itself cost
 _STRAIGHT = 0.03  # sine of a turn that is none
 _REFITTED = 20.0  # of the criterion: scenes that are worse by more are not fitted again
+_CONDENSED, _CONDENSED_RIVALS = 15.0, 2  # of the criterion, and how many rivals
 _PLAINLY = 3.0  # times the criterion: further refinement does not help
 _SPREAD = 0.8  # variance of a uniform error's square over sigma^4
 
@@ -94,7 +95,8 @@ class Search:
         best = self._simplified(best)
         if self.thorough and (again := self._rechecked(best)) is not None:
             best = self._simplified(again)
-        return self._polished(best)
+        best = self._polished(best)
+        return self._condensed(best) if self.thorough else best
 
     def explains(self, fitted: Fitted, deviations: float = 4.0) -> bool:
         """Whether a scene leaves no more of the readings than noise does, to so many deviations."""
@@ -293,6 +295,19 @@ class Search:
             if tried is not None and tried.criterion < best.criterion:
                 return tried
         return None
+
+    def _condensed(self, best: Candidate) -> Candidate:
+        """Return the best scene after rivals of more objects had theirs joined and dropped: another way to few."""
+        rivals = [c for c in self.found if c.count > best.count and c.criterion < best.criterion + _CONDENSED]
+        for rival in sorted(rivals, key=lambda c: c.criterion)[:_CONDENSED_RIVALS]:
+            polygons = rival.fitted.scene.polygons
+            for i, j in itertools.combinations(range(rival.count), 2):
+                rest = [p for k, p in enumerate(polygons) if k not in (i, j)]
+                for kept in ([polygons[i]], [polygons[j]], [np.concatenate([polygons[i], polygons[j]])]):
+                    rings = [ring for p in kept if (ring := outline(p, _LESS_CORNERS)) is not None]
+                    self._near(Scene.of([*rest, *rings]), best)
+        lowest = min(self.found, key=lambda c: c.criterion)
+        return lowest if lowest.count <= best.count and lowest.criterion < best.criterion else best
 
     def _near(self, scene: Scene, best: Candidate) -> Candidate | None:
         """Return a scene with fewer polygons, fitted; None where it is plainly worse."""
