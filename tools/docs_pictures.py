@@ -10,6 +10,7 @@ from pathlib import Path
 from studies.budget import budget_figure
 from studies.crp import FIGURES as CRP
 from studies.estimation_figures import FIGURES as ESTIMATION
+from studies.layers import FIGURES as LAYERS
 from studies.phantoms import figure_phantoms
 from studies.physics import FIGURES as PHYSICS
 from studies.pieces import FIGURES as PIECES
@@ -38,7 +39,10 @@ def main() -> None:
         "parallel_path": CHAPTER_2["2.4"](),
         "budget": budget_figure(),
         "phantoms": figure_phantoms(),
-        **{name: draw() for name, draw in (PHYSICS | CRP | WIDTH | ESTIMATION | TRACKS | PIECES).items()},
+        **{
+            name: draw()
+            for name, draw in (PHYSICS | CRP | WIDTH | ESTIMATION | TRACKS | PIECES | LAYERS).items()
+        },
     }
     for name, figure in drawn.items():
         print(save(figure, PICTURES / f"{name}.png", dpi=90))

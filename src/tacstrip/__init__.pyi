@@ -46,6 +46,8 @@ from .sensor.calibration import Calibration as Calibration
 from .sensor.closed_form import k_h as k_h
 from .sensor.closed_form import k_l as k_l
 from .sensor.closed_form import k_metal as k_metal
+from .sensor.layers import Layer as Layer
+from .sensor.layers import LayeredSensor as LayeredSensor
 from .sensor.spec import Sensor as Sensor
 from .simulation import simulate as simulate
 from .stream.device.source import SerialSource as SerialSource

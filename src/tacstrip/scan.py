@@ -15,6 +15,7 @@ from tacstrip.errors import ArgumentError, ReadingError, SignatureError
 from tacstrip.robust import robust_sigma
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.creep import creep_rate, log_age
+from tacstrip.sensor.layers import LayeredSensor
 from tacstrip.sensor.left_out import leave_out
 from tacstrip.sensor.spec import Sensor
 
@@ -205,6 +206,24 @@ class Scan:
             return self
         kept: dict[str, Any] = {name: read[name] if name in alive or not alive else None for name in read}
         return replace(self, **kept)
+
+    def split(self, sensor: LayeredSensor) -> tuple[Scan, ...]:
+        """Return each layer's own scan; errors as of `check`.
+
+        Examples
+        --------
+        >>> import tacstrip as ts
+        >>> one = ts.Sensor(construction="crs-m", strips=2, pitch_mm=5.0, length_mm=10.0)
+        >>> scan = ts.Scan(k=[0.5, float("nan"), 0.25, 0.75])
+        >>> [layer.k.tolist() for layer in scan.split(ts.LayeredSensor.crossed(one))]
+        [[0.5, nan], [0.25, 0.75]]
+        """
+        self.check(sensor.unit)
+        found = []
+        for part in sensor.slices:
+            own: dict[str, Any] = {name: self[name][part] for name in self.signatures}
+            found.append(replace(self, **own))
+        return tuple(found)
 
 
 def _motion(k: FloatArray) -> float:

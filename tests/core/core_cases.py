@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import tacstrip as ts
+from layered_scenes import two_triangles
 from polygons import convex_polygon
 from rigid_scenes import rigid_scene
 from tacstrip.core.ellipse import fit_ellipse
@@ -66,6 +67,16 @@ def rigid_outlines() -> Iterable[ArrayLike]:
             yield from vars(equations(scans, corners, poses, how)).values()
             yield from descend(scans, corners, poses, how)
             yield from fit_poses(scans, corners, poses[:, None] + np.zeros((3, 1)), how)
+
+
+@case
+def crossed_layers() -> Iterable[ArrayLike]:
+    """Scenes under two layers, of both signatures and of k, hard and soft."""
+    for construction, lam in (("crs-crs", 0.0), ("crs-crs", 2.0), ("crs-m", 0.0)):
+        problem, scene = two_triangles(construction, lam)
+        for soft_mm, reach in ((0.0, 0.0), (1.0, 4.0)):
+            found = problem.refine(scene, 12, soft_mm, reach)
+            yield from (found.scene.corners, found.cost, found.information, found.gradient)
 
 
 @case

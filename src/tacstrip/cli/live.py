@@ -13,7 +13,7 @@ from typing import Any
 
 import click
 
-from tacstrip.cli import check_method, load_sensor, new_file, note, options, warn_of_input
+from tacstrip.cli import check_method, load_sensor, new_file, note, one_layer, options, warn_of_input
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError, PortError
 from tacstrip.interrupt import deferred_interrupt
@@ -150,6 +150,7 @@ def _stream(
         source = SerialSource(lambda: SerialPort(given["port"], given["baud"]), sensor, given["rate"])
     else:
         source = open_source(files[-1], sensor)
+        one_layer(files[-1], source.sensor)
     check_method("--method", given["method"], source.sensor, source.names)
     if files:
         warn_of_input(files[-1], source)

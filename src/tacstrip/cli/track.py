@@ -10,7 +10,7 @@ from pathlib import Path
 import click
 import numpy as np
 
-from tacstrip.cli import load_sensor, new_file, note, options, protect
+from tacstrip.cli import load_sensor, new_file, note, one_layer, options, protect
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError, ReadingError
 from tacstrip.files import replacing
@@ -81,6 +81,7 @@ def _opened(
         if not recorded:
             return None, []
     with contextlib.closing(open_source(name, load_sensor(files[0]) if len(files) > 1 else None)) as source:
+        one_layer(name, source.sensor)
         return source, list(source)
 
 

@@ -65,6 +65,16 @@ class Scans(ctypes.Structure):
     )  # fmt: skip
 
 
+class CrossedLayer(ctypes.Structure):
+    """`CrossedLayer` of core.h; `arrays` keeps alive what it points to."""
+
+    arrays: tuple[npt.NDArray[Any], ...]
+    _fields_ = _fields(
+        n=_INT, signatures=_INT, x=_POINTER, k=_POINTER, weight=_POINTER, touched=_POINTER, pitch=_DOUBLE,
+        length=_DOUBLE, share=_DOUBLE * 2, narrow=_DOUBLE, lam=_DOUBLE, rotation=_DOUBLE * 4, origin=_DOUBLE * 2,
+    )  # fmt: skip
+
+
 class Loss(ctypes.Structure):
     """`Loss` of core.h."""
 
@@ -170,6 +180,10 @@ _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
         _DOUBLE,
         (_SCANS, _LOSS, _PRIOR, _POINTER, _INT, _POINTER, _INT, _DOUBLE, _POINTER, _POINTER),
     ),
+    "refine_scene": (
+        _DOUBLE,
+        (_POINTER, _INT, _POINTER, _INT, _DOUBLE, _DOUBLE, _INT, _DOUBLE, _DOUBLE, *[_POINTER] * 4),
+    ),
     "isolated_outliers": (_INT, (_POINTER, _INT, _INT, _POINTER)),
     "batch": (_INT, (*[_POINTER] * 3, _INT, _INT, *[_POINTER] * 4)),
     "footprint": (None, (_POINTER, _POINTER, _INT, _DOUBLE, _INT, _POINTER, _POINTER)),
@@ -189,6 +203,7 @@ _LONG = frozenset(
         "hit_and_run",
         "rigid_poses",
         "rigid_descend",
+        "refine_scene",
     )
 )
 

@@ -14,7 +14,7 @@
 #ifndef TACSTRIP_CORE_H
 #define TACSTRIP_CORE_H
 
-#define TACSTRIP_VERSION 6 /* goes up whenever a function or a struct of this file changes */
+#define TACSTRIP_VERSION 7 /* goes up whenever a function or a struct of this file changes */
 
 #define MAX_VERTICES 16        /* interior vertices of a polygon */
 #define END_ENTRIES 6          /* entries of theta before the first vertex */
@@ -87,6 +87,18 @@ typedef struct {
   double pitch, length;
   double share[2], narrow, lam; /* as in Problem */
 } Scans;
+
+/* What one layer of crossed ones read; lengths in mm. */
+typedef struct {
+  Int n, signatures;
+  const double *x;      /* centre lines in the layer (n,), ascending */
+  const double *k;      /* readings (signatures, n), finite */
+  const double *weight; /* 1 / sigma^2 (signatures, n); 0 leaves a reading out */
+  const unsigned char *touched; /* which strips are touched (n,), 0 or 1 */
+  double pitch, length;
+  double share[2], narrow, lam; /* as in Problem */
+  double rotation[4], origin[2]; /* directions of the layer in the whole (2, 2), and where its x = 0, y = 0 lies there */
+} CrossedLayer;
 
 /* How far readings may lie from what an outline makes. */
 typedef struct {
@@ -208,6 +220,14 @@ EXPORTED Int tacstrip_fit_counts(const Problem *problem, Int sigma_known, Int ma
    cost, and ends early when it is not on its way to cost less than `wanted`. */
 EXPORTED double tacstrip_fit_ellipse(const Problem *problem, const Polygon *start, double wanted, double *ellipse,
                                      double *information);
+
+/* Improve the corners (2 M,) [mm] of polygons, sizes (polygons,), in place by Levenberg-Marquardt on what crossed layers read,
+   and return the cost; matrix (2 M, 2 M) and gradient (2 M,) are J'WJ and J'Wr there. With 0 steps only that.
+   soft: by so much [mm] more uncertain readings count; reach: deviations after which a residual counts ever less, 0: never;
+   longest: a step of a corner at most [mm]. workspace (8 M + 8 M^2,). */
+EXPORTED double tacstrip_refine_scene(const CrossedLayer *layers, Int count, const Int *sizes, Int polygons, double soft,
+                                      double reach, Int steps, double damping, double longest, double *corners,
+                                      double *matrix, double *gradient, double *workspace);
 
 /* Mark the readings k (n,) that stand out from their neighbours in out (n,), 0 or 1; NaN counts as out.
    workspace (3 n,). */

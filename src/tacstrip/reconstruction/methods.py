@@ -12,6 +12,7 @@ from tacstrip.reconstruction.profile import profile_reconstruction
 from tacstrip.reconstruction.result import Reconstruction
 from tacstrip.reconstruction.vertex.estimate import vertex_reconstruction
 from tacstrip.scan import Scan
+from tacstrip.sensor.layers import AnySensor, LayeredSensor
 from tacstrip.sensor.spec import Sensor
 
 
@@ -61,16 +62,16 @@ def chosen_method(method: str | None, sensor: Sensor) -> str:
     return name
 
 
-@takes(scan=Scan, sensor=Sensor, noise=Noise)
+@takes(scan=Scan, sensor=Sensor | LayeredSensor, noise=Noise)
 def reconstruct(
-    scan: Scan, sensor: Sensor, noise: Noise | None = None, *, method: str | None = "auto", **options: Any
+    scan: Scan, sensor: AnySensor, noise: Noise | None = None, *, method: str | None = "auto", **options: Any
 ) -> Reconstruction:
     """Reconstruct what touches the sensor from one scan.
 
     Parameters
     ----------
     scan, sensor
-        What was measured, with what.
+        What was measured, with what; of two layers, polygons are fitted to both layers' readings together.
     noise
         The errors of the readings, if they are known; None: estimated from the readings where the method needs them.
     method
@@ -101,4 +102,10 @@ def reconstruct(
     >>> found.status, len(found.objects[0].vertices)
     ('ok', 4)
     """
+    if isinstance(sensor, LayeredSensor):
+        if method not in (None, "auto", "polygon"):
+            raise OptionError(f'method = {method!r}: two layers are reconstructed by "polygon"')
+        from tacstrip.reconstruction.layered.estimate import fit_layers  # late: one layer does without it
+
+        return fit_layers(scan, sensor, noise, **options)
     return METHODS[chosen_method(method, sensor)](scan, sensor, noise=noise, **options)

@@ -122,7 +122,7 @@ class RecoveredObject:
         Of a known object (`fit_object`): where it lies.
     hidden, hidden_edges
         Of a piece (method "pieces"): which corners, and which edges from each to the next one, another piece hides
-        (N,); their covariance is NaN.
+        (N,); their covariance is NaN. Under two layers `hidden` says which vertices no reading determines.
     bounds
         Of a piece that is hidden in part: the smallest and the largest outline (M, 2) [mm] that it can have.
 
@@ -239,6 +239,9 @@ class Reconstruction:
         One per run of touched strips, left to right.
     time_s
         The scan's time [s].
+    alternatives
+        Of two layers: other scenes that explain the readings nearly as well, the best first, each the outlines
+        (N, 2) [mm] of its objects.
 
     Examples
     --------
@@ -253,6 +256,7 @@ class Reconstruction:
     method: str
     objects: tuple[RecoveredObject, ...]
     time_s: float = 0.0
+    alternatives: tuple[tuple[FloatArray, ...], ...] = ()
 
     def __repr__(self) -> str:
         objects = "".join(f", {o!r}" for o in self.objects) if len(self.objects) == 1 else ""

@@ -19,6 +19,7 @@ from tacstrip.io.geometry import feature_collection
 from tacstrip.io.readings import write_scans
 from tacstrip.reconstruction.result import Reconstruction, RecoveredObject
 from tacstrip.scan import Scan
+from tacstrip.sensor.layers import unit_of
 from tacstrip.stream.codes import ELECTRODES, code_shape, code_type, over_vref, top_code
 from tacstrip.stream.replay import Recording
 from tacstrip.stream.source import RawScan, Shape, Source, TrackedShape
@@ -35,7 +36,7 @@ def write_csv(path: str | Path, source: Source, codes: bool = False) -> int:
     """
     sensor, names = source.sensor, source.names
     columns = [column_name(name, codes) for name in names if name != ELECTRODES]
-    scale = sensor.vref_volt / top_code(sensor)
+    scale = unit_of(sensor).vref_volt / top_code(sensor)
 
     def fields(raw: RawScan) -> Iterator[list[str]]:
         rows = np.concatenate([raw.codes[n].reshape(sensor.strips, -1) for n in names], axis=1)
@@ -43,7 +44,7 @@ def write_csv(path: str | Path, source: Source, codes: bool = False) -> int:
             yield [(str(c) if codes else f"{c * scale:.12g}") if touched else "" for c in row]
 
     scans = ((f"{raw.time_s:.12g}", fields(raw)) for raw in source)
-    return write_scans(path, sensor, columns or electrode_names(sensor, codes), scans)
+    return write_scans(path, sensor, columns or electrode_names(unit_of(sensor), codes), scans)
 
 
 def write_npz(path: str | Path, source: Source) -> int:

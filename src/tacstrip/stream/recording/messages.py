@@ -20,7 +20,7 @@ from rosbags.typesys.store import Typestore
 from tacstrip.arrays import FloatArray
 from tacstrip.errors import RecordingError
 from tacstrip.sensor.constructions import SIGNATURES
-from tacstrip.sensor.spec import Sensor
+from tacstrip.sensor.layers import AnySensor
 from tacstrip.stream.codes import ELECTRODES, code_shape, code_type
 from tacstrip.stream.source import CodeArray, RawScan, Shape, TrackedShape
 
@@ -68,7 +68,7 @@ float32[] covariance           # of the outline (2 N, 2 N) [m^2], of its shape a
 _METRES = np.array([1e-3, 1e-3, 1.0])  # of a pose in mm
 
 
-def scan_type(sensor: Sensor) -> str:
+def scan_type(sensor: AnySensor) -> str:
     """Return the message type that holds this sensor's codes."""
     return SCANS[code_type(sensor).itemsize]
 
@@ -82,7 +82,7 @@ def definition(name: str) -> bytes:
     return (own + bar + used).encode()
 
 
-def scan_message(raw: RawScan, sensor: Sensor, reference: Mapping[str, CodeArray], time_ns: int) -> bytes:
+def scan_message(raw: RawScan, sensor: AnySensor, reference: Mapping[str, CodeArray], time_ns: int) -> bytes:
     """Return a scan's codes as a message; `reference` are the codes of a recent scan, or its own."""
     width = code_type(sensor).itemsize
     fields: dict[str, Any] = {}
@@ -103,7 +103,7 @@ def scan_message(raw: RawScan, sensor: Sensor, reference: Mapping[str, CodeArray
     )
 
 
-def read_scan(data: bytes, kind: str, sensor: Sensor, names: tuple[str, ...], time_s: float) -> RawScan:
+def read_scan(data: bytes, kind: str, sensor: AnySensor, names: tuple[str, ...], time_s: float) -> RawScan:
     """Return the raw scan in a message.
 
     Raises

@@ -14,6 +14,7 @@ import numpy as np
 
 from tacstrip.arguments import takes
 from tacstrip.errors import RecordingError
+from tacstrip.sensor.layers import AnySensor, LayeredSensor
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.codes import decode
 from tacstrip.stream.recording import messages
@@ -89,11 +90,11 @@ class Recorder:
     5
     """
 
-    @takes(sensor=Sensor)
+    @takes(sensor=Sensor | LayeredSensor)
     def __init__(
         self,
         path: str | Path,
-        sensor: Sensor,
+        sensor: AnySensor,
         names: tuple[str, ...],
         origin_ns: int,
         about: Mapping[str, str] | None = None,
@@ -206,7 +207,7 @@ class Recorder:
         self.close()
 
 
-def with_shapes(scans: Iterable[RawScan], sensor: Sensor, method: str) -> Iterator[RawScan]:
+def with_shapes(scans: Iterable[RawScan], sensor: AnySensor, method: str) -> Iterator[RawScan]:
     """Yield each scan with the shapes that a method reconstructs from it, in place of its stored ones.
 
     Raises
