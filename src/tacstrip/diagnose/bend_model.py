@@ -1,18 +1,20 @@
-"""How a signature bends across three neighbouring strips: the contact's shape, the same for all, and each strip's error.
+"""How a signature bends across three strips: the contact's shape, the same for all, and each strip's own error.
 
-The bend of strip i is k_i - (k_(i-1) + k_(i+1)) / 2. Under a contact it depends on how the signature runs around, in the
-same way on every strip, and on constant errors of the three strips. What one strip does with time, or with the place
-of a fault, is regressed on what these leave; it shows on the strip and, reversed and half as large, on both neighbours.
+The bend of strip i is k_i - (k_(i-1) + k_(i+1)) / 2. Under a contact it depends on how the signature runs around, in
+the same way on every strip, and on constant errors of the three strips. What one strip does with time, or with the
+place of a fault, is regressed on what these leave; it shows on the strip and, reversed and half as large, on both
+neighbours.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from scipy import sparse
 
-from tacstrip.arrays import FloatArray, IntArray
+from tacstrip.arrays import BoolArray, FloatArray, IntArray
 from tacstrip.diagnose.neighbour_prediction import WorkingCopy
 from tacstrip.robust import robust_sigma
 
@@ -50,6 +52,15 @@ class BendModel:
     _inverse: FloatArray
 
     @classmethod
+    def of(cls, work: WorkingCopy, name: str) -> BendModel | None:
+        """Return the fit of a signature by name, kept with the working copy until that changes."""
+        if name not in work.bends:
+            work.bends[name] = cls.fit(work, work.k[name])
+        found = work.bends[name]
+        assert found is None or isinstance(found, BendModel)
+        return found
+
+    @classmethod
     def fit(cls, work: WorkingCopy, values: FloatArray) -> BendModel | None:
         """Fit readings over Vref (places, strips); None where there are too few bends.
 
@@ -72,7 +83,8 @@ class BendModel:
             strip, values.shape[1], [np.stack([x**p for p in range(_POWERS)], axis=1) for x in level]
         )
         shape = _shape_terms(work, values, known, place, strip)
-        weight, residual, inverse, sigma = np.ones(len(bend)), bend, np.zeros((0, 0)), 0.0
+        weight, residual, sigma = np.ones(len(bend)), bend, 0.0
+        inverse: FloatArray = np.zeros((0, 0))
         for _ in range(_ROUNDS):
             weighted = own.multiply(weight[:, None]).tocsr()
             corner = np.asarray(weighted.T @ shape)
@@ -82,7 +94,7 @@ class BendModel:
                     [corner.T, shape.T @ (shape * weight[:, None])],
                 ]
             )
-            inverse = np.linalg.inv(normal + _RIDGE * np.eye(len(normal)))
+            inverse = np.asarray(np.linalg.inv(normal + _RIDGE * np.eye(len(normal))))
             found = inverse @ np.concatenate([weighted.T @ bend, shape.T @ (weight * bend)])
             residual = bend - own @ found[: own.shape[1]] - shape @ found[own.shape[1] :]
             sigma = max(float(robust_sigma(residual)), 1e-6)
@@ -108,10 +120,32 @@ class BendModel:
         power = (columns.T @ weighted).toarray() - confounded.T @ cross
         return Explanation(power, weighted.T @ self.residual, confounded)
 
+    def alternatives(self, changes: Mapping[int, FloatArray]) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return what each of several alternatives explains alone: power (A,), score (A,), power without other terms.
+
+        Parameters
+        ----------
+        changes
+            By the place across of the strips that change, their readings' change over Vref (places, A); NaN: none.
+        """
+        rows = np.flatnonzero(np.isin(self.strip, [i + side for i in changes for side, _ in _SIDES]))
+        place, strip = self.place[rows], self.strip[rows]
+        column = np.zeros((len(rows), next(iter(changes.values())).shape[1]))
+        for side, share in _SIDES:
+            for i, change in changes.items():
+                column += np.where((strip + side == i)[:, None], share * np.nan_to_num(change[place]), 0.0)
+        weighted = column * self.weight[rows][:, None]
+        cross = np.vstack([self._own[rows].T @ weighted, self._shape[rows].T @ weighted])
+        whole = np.sum(column * weighted, axis=0)
+        power = whole - np.sum(cross * (self._inverse @ cross), axis=0)
+        return power, weighted.T @ self.residual[rows], whole
+
     def beyond(self, rows: IntArray, columns: FloatArray, confounded: FloatArray) -> FloatArray:
         """Return columns (rows, C) of some rows less what shape and constant errors explain of them."""
         many = self._own.shape[1]
-        return np.asarray(columns - self._own[rows] @ confounded[:many] - self._shape[rows] @ confounded[many:])
+        return np.asarray(
+            columns - self._own[rows] @ confounded[:many] - self._shape[rows] @ confounded[many:]
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +171,7 @@ def _spread(strip: IntArray, strips: int, terms: list[FloatArray]) -> sparse.csr
 
 
 def _shape_terms(
-    work: WorkingCopy, values: FloatArray, known: FloatArray, place: IntArray, strip: IntArray
+    work: WorkingCopy, values: FloatArray, known: BoolArray, place: IntArray, strip: IntArray
 ) -> FloatArray:
     """Return terms of all signatures around each bend (rows, terms): slope, bends of the next strips, products."""
     signatures = list(work.k.values())
@@ -152,8 +186,8 @@ def _shape_terms(
             for one in signatures:
                 at = one[place[here], strip[here] - 1], one[place[here], strip[here] + 1]
                 terms.append(at[1] - at[0])
-                for side in [-2] * left + [2] * right:
-                    terms.append(one[place[here], strip[here] + side] - (at[0] + at[1]) / 2.0)
+                mean = (at[0] + at[1]) / 2.0
+                terms += [one[place[here], strip[here] + side] - mean for side in [-2] * left + [2] * right]
             one_part = np.nan_to_num(np.stack(terms, axis=1))
             scaled = (one_part - one_part.mean(axis=0)) / (one_part.std(axis=0) + 1e-6)
             scaled = np.clip(scaled, -_FAR, _FAR)

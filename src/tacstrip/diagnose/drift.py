@@ -15,12 +15,16 @@ from tacstrip.diagnose.faults import Finding, Question
 from tacstrip.diagnose.log import Log
 from tacstrip.diagnose.neighbour_prediction import WorkingCopy
 
-_DRIFT, _WANDER = 0.006, 0.004  # over Vref, from start to end, and as a standard deviation: less is not reported
+_DRIFT, _WANDER = (
+    0.006,
+    0.004,
+)  # over Vref, from start to end, and as a standard deviation: less is not reported
 _TIMES = 4.0  # times what the other strips do
 _STRAIGHT = 0.7  # of the changes' variance in a line: more is drift
 _BLOCKS, _RESTS = 32, 4  # of time at rest, and untouched readings in one
 _LOOKS, _SPAN = 7, 0.6  # blocks, and the part of the recording that they span
 _JUMP = 0.01  # over Vref: an untouched reading that far from its strip's usual one is a contact that reads as rest
+_RESTLESS = 3.0  # times the other strips' changes from scan to scan: contacts that read as rest come and go
 _TERMS = 8  # functions of time: a line, and cosines of 1 to 4 periods
 _USUAL = 0.02  # over Vref: prior standard deviation of each
 _FEWEST = 24  # bends of a strip
@@ -39,9 +43,9 @@ _MIDDLE = (np.arange(_BLOCKS) + 0.5) / _BLOCKS
 class _Change:
     """What one strip does with time, relative to its neighbours.
 
-    place: of the strip across. change: from start to end, size: standard deviation, over Vref. gain, gain_of_line: misfit
-    that it explains, in variances of a bend, and what a line explains of it. others, others_of_line: the largest of
-    the other strips'. certain, certain_of_line: how unlikely its looks are to be chance, in standard deviations.
+    place: of the strip across. change: from start to end, size: standard deviation, over Vref. gain, gain_of_line: the
+    misfit that it explains, in variances of a bend, and what a line explains of it. others, others_of_line: the most
+    of another strip's. certain, certain_of_line: how unlikely its looks are to be chance, in standard deviations.
     """
 
     place: int
@@ -106,7 +110,9 @@ def _judged(one: _Change, strip: int) -> Finding | Question | None:
     in_line = in_line and one.certain_of_line > _CERTAIN_OF_LINE and abs(one.change) > _DRIFT
     straight = one.gain_of_line / max(one.gain, 1e-9)
     drifted = f"moved by {100 * one.change:+.2g} % of Vref from start to end, relative to its neighbours"
-    wandered = f"wanders by +-{100 * one.size:.2g} % of Vref relative to its neighbours, over {one.looks} looks"
+    wandered = (
+        f"wanders by +-{100 * one.size:.2g} % of Vref relative to its neighbours, over {one.looks} looks"
+    )
     if in_line or (stands_out and one.certain > _CERTAIN and straight > _LINE[1]):
         return Finding("drift", (strip,), drifted, {"change": one.change})
     if stands_out and one.certain > _CERTAIN and straight < _LINE[0]:
@@ -121,7 +127,7 @@ def _levels_at_rest(log: Log, order: IntArray, tau: FloatArray) -> tuple[FloatAr
     neighbour's untouched reading is far from its usual one, nothing counts.
     """
     strips = log.sensor.strips
-    levels, shared = [], []
+    levels, shared, scatters = [], [], []
     block = np.minimum((tau * _BLOCKS).astype(int), _BLOCKS - 1)
     edges = np.searchsorted(block, np.arange(_BLOCKS + 1)) if (np.diff(block) >= 0).all() else None
     touched = log.touched[:, order]
@@ -131,6 +137,7 @@ def _levels_at_rest(log: Log, order: IntArray, tau: FloatArray) -> tuple[FloatAr
         moved = rest - _columns(np.nanmedian, rest)
         away = np.abs(moved - _columns(np.nanmedian, moved.T)[:, None]) > _JUMP
         rest = np.where(near | _beside(away), np.nan, rest)
+        scatters.append(_columns(np.nanstd, np.diff(rest, axis=0)))
         level = np.full((_BLOCKS, strips), np.nan)
         for b in range(_BLOCKS):
             part = rest[block == b] if edges is None else rest[edges[b] : edges[b + 1]]
@@ -144,8 +151,12 @@ def _levels_at_rest(log: Log, order: IntArray, tau: FloatArray) -> tuple[FloatAr
             shared.append(float(np.polyfit(_MIDDLE[many], center[many], 1)[0]))
         levels.append(level - np.where(many, center, 0.0)[:, None])
     own = _columns(np.nanmean, np.stack(levels).reshape(len(levels), -1)).reshape(_BLOCKS, strips)
+    scatter = np.fmax.reduce(scatters)
     out = np.full_like(own, np.nan)
-    for place in range(strips):  # a stray block is not a change
+    for place in (
+        np.flatnonzero(~(scatter > _RESTLESS * np.nanmedian(scatter))) if np.isfinite(scatter).any() else []
+    ):
+        # A stray block is not a change.
         there = np.flatnonzero(np.isfinite(own[:, place]))
         if len(there) >= _LOOKS and np.ptp(_MIDDLE[there]) >= _SPAN:
             out[there, order[place]] = medfilt(own[there, place], 3)
@@ -172,7 +183,11 @@ def _outstanding_at_rest(level: FloatArray, order: IntArray) -> Iterator[Finding
     for row, i in enumerate(known.tolist()):
         # A contact that reads as rest does shows on neighbours too.
         at = int(np.flatnonzero(order == i)[0])
-        beside = [int(np.flatnonzero(known == j)[0]) for j in order[max(at - 1, 0) : at + 2] if j != i and j in known]
+        beside = [
+            int(np.flatnonzero(known == j)[0])
+            for j in order[max(at - 1, 0) : at + 2]
+            if j != i and j in known
+        ]
         others = np.delete(size, [row, *beside])
         if len(others) < 2 or any(size[j] > 0.5 * size[row] for j in beside):
             continue
@@ -209,7 +224,11 @@ def _beside(there: BoolArray) -> BoolArray:
 def _against_neighbours(work: WorkingCopy, tau: FloatArray) -> tuple[_Change | None, BoolArray]:
     """Return the change that explains most of what bends do with time, and which strips could be looked at."""
     time = np.stack(
-        [np.sqrt(12.0) * (tau - 0.5), *(np.sqrt(2.0) * np.cos(np.pi * k * tau) for k in range(2, _TERMS + 1))], axis=1
+        [
+            np.sqrt(12.0) * (tau - 0.5),
+            *(np.sqrt(2.0) * np.cos(np.pi * k * tau) for k in range(2, _TERMS + 1)),
+        ],
+        axis=1,
     )
     seen = np.zeros(work.strips, dtype=bool)
     signals = list(work.k.values())
@@ -247,7 +266,9 @@ def _gains(found: Explanation, terms: int, sigma: float) -> FloatArray:
     """Return the misfit that each strip's first terms explain, in variances of a bend (strips,)."""
     power, score = _blocks(found, terms)
     each = np.einsum("iaib->iab", power) + np.eye(terms) * (sigma / _USUAL) ** 2
-    return np.asarray(np.einsum("ia,ia->i", score, np.linalg.solve(each, score[..., None])[..., 0]) / sigma**2)
+    return np.asarray(
+        np.einsum("ia,ia->i", score, np.linalg.solve(each, score[..., None])[..., 0]) / sigma**2
+    )
 
 
 def _others(found: Explanation, by: int, terms: int, sigma: float, seen: BoolArray) -> float:
@@ -273,7 +294,12 @@ def _spans(model: BendModel, tau: FloatArray, strips: int) -> BoolArray:
 
 
 def _looked_at(
-    model: BendModel, found: Explanation, columns: sparse.csr_matrix, by: int, tau: FloatArray, work: WorkingCopy
+    model: BendModel,
+    found: Explanation,
+    columns: sparse.csr_matrix,
+    by: int,
+    tau: FloatArray,
+    work: WorkingCopy,
 ) -> tuple[float, float, float, float, int] | None:
     """Return a strip's change, size, certainty, certainty of a line, and the number of looks; None of too few.
 
@@ -285,7 +311,9 @@ def _looked_at(
     at = np.arange(by * _TERMS, (by + 1) * _TERMS)
     own = model.beyond(rows, columns[rows][:, at].toarray(), found.confounded[:, at])
     place = model.place[rows]
-    height = np.nanmean(np.stack([v[place][:, [by - 1, by + 1]].mean(axis=1) for v in work.k.values()]), axis=0)
+    height = np.nanmean(
+        np.stack([v[place][:, [by - 1, by + 1]].mean(axis=1) for v in work.k.values()]), axis=0
+    )
     look = np.zeros(len(rows), dtype=int)
     start = height[0]
     for row in range(1, len(rows)):
@@ -304,7 +332,9 @@ def _looked_at(
     line = terms[:, 0]
     slope = float(line @ mean) / max(float(line @ line), 1e-12)
     left = mean - slope * line
-    t = abs(slope) / np.sqrt(max(float(left @ left), 1e-18) / max(free - 1, 1) / max(float(line @ line), 1e-12))
+    t = abs(slope) / np.sqrt(
+        max(float(left @ left), 1e-18) / max(free - 1, 1) / max(float(line @ line), 1e-12)
+    )
     many = min(_TERMS, len(mean) // 4)
     basis = np.linalg.qr(terms[:, :many])[0]
     explained = float(np.sum((basis.T @ mean) ** 2))

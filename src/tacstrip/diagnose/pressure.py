@@ -16,9 +16,14 @@ _RIMS, _STARTS = 0.25, 0.8  # of the contacts, and of the presses
 _FEWEST_CONTACTS, _FEWEST_PRESSES = 20, 4
 _WIDE = 4  # strips: of wider contacts the second-highest reading counts
 _PRESS = 6  # scans
-_LEAST = 0.03  # over Vref: the highest reading of a contact that is looked at, and the least of a strip in contact
+_LEAST = (
+    0.03  # over Vref: the highest reading of a contact that is looked at, and the least of a strip in contact
+)
 _LEAVES, _LOW = 60, 0.8  # times that contacts come to a strip or leave it; of the highest reading, then
-_SIDEWAYS, _AWAY = 0.1, 6  # of these times at least: the strip's reading is low and that of one so near is high
+_SIDEWAYS, _AWAY = (
+    0.1,
+    6,
+)  # of these times at least: the strip's reading is low and that of one so near is high
 
 
 def pressure(log: Log) -> Iterator[Finding]:
@@ -36,8 +41,12 @@ def pressure(log: Log) -> Iterator[Finding]:
     fades, starting = min(rims), min(starts)
     sideways = min(_leaves_low(np.where(log.touched, values, np.nan)) for values in log.raw.values())
     if sideways > _SIDEWAYS:
-        evidence = f"contacts that come to a strip or leave it read low there, {100 * sideways:.3g} % of them beside"
-        evidence += " strips that read high: readings grow with pressure, and do not say where the contact lies"
+        evidence = (
+            f"contacts that come to a strip or leave it read low there, {100 * sideways:.3g} % of them beside"
+        )
+        evidence += (
+            " strips that read high: readings grow with pressure, and do not say where the contact lies"
+        )
         yield Finding("pressure", (), evidence, {"sideways": sideways})
     elif fades > _RIMS and starting > _STARTS:
         evidence = f"readings fade to rest at both rims of {100 * fades:.3g} % of the contacts"
