@@ -107,7 +107,10 @@ def _judged(one: _Change, strip: int) -> Finding | Question | None:
     """Return the verdict on the change that explains most, a question where it may be the contact's shape, or None."""
     stands_out = one.gain > max(_GAIN, _OUTSTANDING * one.others) and one.size > _SIZE
     in_line = one.gain_of_line > max(_GAIN_OF_LINE, _OUTSTANDING_LINE * one.others_of_line)
-    in_line = in_line and one.certain_of_line > _CERTAIN_OF_LINE and abs(one.change) > _DRIFT
+    far_more = one.gain_of_line > max(1.5 * _GAIN_OF_LINE, 5.0 * one.others_of_line)
+    in_line &= (
+        one.certain_of_line > _CERTAIN_OF_LINE * (0.5 if far_more else 1.0) and abs(one.change) > _DRIFT
+    )
     straight = one.gain_of_line / max(one.gain, 1e-9)
     drifted = f"moved by {100 * one.change:+.2g} % of Vref from start to end, relative to its neighbours"
     wandered = (
