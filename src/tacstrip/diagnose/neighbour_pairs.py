@@ -1,7 +1,4 @@
-"""Pairs of neighbouring strips compared with the strips around them, and the bridge that explains a deviation.
-
-Over metal, strips are energised in turn, and a bridge between two gives the current a second way to the sheet.
-"""
+"""Pairs of neighbouring strips compared with the strips around them."""
 
 from __future__ import annotations
 
@@ -10,13 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from tacstrip.arrays import FloatArray, IntArray
-
-_FEW = 16  # places
-_BINS = 8  # of height
-_OTHERS = 3  # pairs that determine the typical offset
-_STRAIGHT = 0.6  # of the places; at the others a corner of the contact lies under one of the two
-_GRID = np.linspace(0.0, 1.0, 11)
-_PLACES = [(float(low), float(high)) for i, low in enumerate(_GRID) for high in _GRID[i:]]
 
 
 @dataclass(frozen=True, eq=False)
