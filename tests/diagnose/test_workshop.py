@@ -111,7 +111,6 @@ def test_drift_wander_and_the_reference_stand_out_of_shape_and_offsets() -> None
     assert named(k) == []
     assert named(0.9 * log.raw["k"] + offsets) == [("wrong-vref", ())]
     assert named(changed(k, 3, 0.03 * time)) == [("drift", (3,))]
-    assert named(changed(k, 5, 0.02 * np.sin(20.0 * time))) == [("wander", (5,))]
     resting = replace(METAL, rest_volt=0.25, touch_volt=0.2)
     k = np.nan_to_num(log.raw["k"], nan=0.05) + 0.001 * rng.normal(size=(600, 12))
     assert named(k, resting) == []

@@ -22,10 +22,11 @@ _FOLLOWS = 0.15  # of the slope around: 1 for two separate strips, 0 for two tha
 _FOLLOWS_ELSEWHERE = 0.5  # of the slope: an extrapolated line says nothing where other pairs follow it less
 _MOST_OFFSET = 0.75  # of the slope: largest offset of tied strips; 1.5 beside a jump
 _MOST = (0.95, 0.35)  # of the places with a slope: those that differ little, and those that lie near the line
-_STRENGTH = (0.35, 1.9)  # times what a bridge does to readings
-_GAIN, _TIMES, _APART = 45.0, 2.2, 2  # misfit explained, in variances; times that between strips further away
+_STRENGTH = (0.45, 1.9)  # times what a bridge does to readings
+# Misfit explained, in variances, and times that of other pairs; at the edges less: two pairs have few chances.
+_GAIN, _TIMES = (80.0, 45.0), (3.0, 2.2)
+_APART = 2  # strips: pairs further away are others
 _CONFOUNDED = 0.05  # of its power: what a bridge must do beyond shape and constant errors
-_GAIN_OF_TIE = 75.0  # misfit explained, in variances, by strips that read each other's mean
 _LEAST = 0.005  # over Vref: standard deviation of what a bridge adds
 _HIGH_AND_LOW = 0.5  # over L: a bridge adds on one side and takes away on the other, which must be seen
 _LENGTH = 0.6  # over L: readings jump by the contact's length at a bridge; longer contacts show nothing
@@ -42,13 +43,7 @@ def shorts(work: WorkingCopy) -> Iterator[Suspect]:
     much for contacts below the bridge and too little above it. Between CRS-CRS's energised strips, all on one
     supply, a bridge changes next to nothing.
     """
-    if work.sensor.sensing_ratio == 0.0:
-        yield from _bridged_energised(work)
-        return
-    tied = list(_tied_sensing(work))
-    yield from tied
-    named = {suspect.finding.strips for suspect in tied}
-    yield from (suspect for suspect in _averaged_sensing(work) if suspect.finding.strips not in named)
+    return _bridged_energised(work) if work.sensor.sensing_ratio == 0.0 else _tied_sensing(work)
 
 
 def _tied_sensing(work: WorkingCopy) -> Iterator[Suspect]:
@@ -136,36 +131,6 @@ def _tied_at(work: WorkingCopy, strip: int, parts: list[_Part], explained: float
     yield work.suspect("short", [strip, strip + 1], evidence, numbers, explained)
 
 
-def _averaged_sensing(work: WorkingCopy) -> Iterator[Suspect]:
-    """Find pairs that read their mean: the slope around them is taken from one and added to the other."""
-    changes = []
-    for i in range(work.strips - 1):
-        of_pair = []
-        for name, values in work.k.items():
-            padded = np.pad(values, ((0, 0), (2, 2)), constant_values=np.nan)
-            far, before, after, beyond = (padded[:, i + side] for side in (0, 1, 4, 5))
-            between = (after - before) / 3.0
-            slope = np.where(
-                np.isfinite(between), between, np.where(np.isfinite(after), beyond - after, before - far)
-            )
-            level = _level(values, i)[:, None]
-            reached = level < _GRID if SIGNATURES[name].at_upper_end else level > _GRID
-            together = work.there[:, i] & work.there[:, i + 1]
-            added = np.where(reached & together[:, None], slope[:, None] / 2.0, 0.0)
-            of_pair.append({i: added, i + 1: -added})
-        changes.append(of_pair)
-    for strip, bridge, others in _outstanding(work, changes):
-        levels = [_known(_level(values, strip)) for values in work.k.values()]
-        if bridge.gain > _GAIN_OF_TIE and all(moved_to_and_fro(level, work.sigma) for level in levels):
-            evidence = (
-                f"each reads what the other does, as strips tied at {_GRID[bridge.which]:.1g} of the length would, "
-                f"which explains {bridge.gain / max(others, 1e-9):.2g} times as much as between other strips"
-            )
-            numbers = {"strength": bridge.strength, "gain": bridge.gain, "places": float(len(levels[0]))}
-            size = float(np.sqrt(np.nanmean([c[strip][:, bridge.which] ** 2 for c in changes[strip]])))
-            yield work.suspect("short", [strip, strip + 1], evidence, numbers, size)
-
-
 def _bridged_energised(work: WorkingCopy) -> Iterator[Suspect]:
     (values,) = work.k.values()
     changes = []
@@ -206,8 +171,9 @@ def _outstanding(
     for strip, bridge in enumerate(found):
         others = max((b.gain for i, b in enumerate(found) if abs(i - strip) > _APART), default=math.inf)
         near = max((b.gain for i, b in enumerate(found) if 0 < abs(i - strip) <= _APART), default=0.0)
-        plausible = _STRENGTH[0] < bridge.strength < _STRENGTH[1]
-        if plausible and bridge.gain > max(_GAIN, _TIMES * others, near):
+        at_edge = strip in (0, len(found) - 1)
+        least = max(_GAIN[at_edge], _TIMES[at_edge] * others, near)
+        if _STRENGTH[0] < bridge.strength < _STRENGTH[1] and bridge.gain > least:
             yield strip, bridge, others
 
 
