@@ -4,6 +4,9 @@ from .calibrate.unit import calibrate_unit as calibrate_unit
 from .contact.footprint import Footprint as Footprint
 from .contact.footprint import footprint as footprint
 from .contact.noise import Noise as Noise
+from .contact.press.patch import Patch as Patch
+from .contact.press.patch import press as press
+from .contact.press.solid import Solid as Solid
 from .contact.shape import Contact as Contact
 from .contact.signature import signatures as signatures
 from .errors import ArgumentError as ArgumentError
@@ -31,6 +34,8 @@ from .reconstruction.known_object import fit_object as fit_object
 from .reconstruction.methods import reconstruct as reconstruct
 from .reconstruction.polygon.estimate import fit_polygon as fit_polygon
 from .reconstruction.polygon.estimate import fit_polygons as fit_polygons
+from .reconstruction.pressed_solid import SolidFit as SolidFit
+from .reconstruction.pressed_solid import fit_solid as fit_solid
 from .reconstruction.profile import profile_reconstruction as profile_reconstruction
 from .reconstruction.result import Reconstruction as Reconstruction
 from .reconstruction.result import RecoveredObject as RecoveredObject
@@ -41,6 +46,7 @@ from .sensor.closed_form import k_h as k_h
 from .sensor.closed_form import k_l as k_l
 from .sensor.closed_form import k_metal as k_metal
 from .sensor.spec import Sensor as Sensor
+from .sensor.surface import Surface as Surface
 from .simulation import simulate as simulate
 from .stream.device.source import SerialSource as SerialSource
 from .stream.live.frame import Frame as Frame

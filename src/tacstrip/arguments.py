@@ -6,9 +6,12 @@ import functools
 import inspect
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, ParamSpec, TypeVar
+from types import UnionType
+from typing import Any, ParamSpec, TypeAlias, TypeVar
 
 from tacstrip.errors import ArgumentError
+
+Kind: TypeAlias = type | UnionType | tuple[type, ...]
 
 _P = ParamSpec("_P")
 _T = TypeVar("_T")
@@ -25,13 +28,15 @@ _MAKE = {
     "Reconstruction": "ts.fit_polygon(scan, sensor)",
     "RecoveredObject": "ts.fit_polygon(scan, sensor).objects[0]",
     "Outline": "ts.Outline(vertices)",
+    "Solid": "ts.Solid.plane().at(position_mm, toward), .sphere, .cylinder, .edge, .box or .from_mesh",
 }
 
 
-def takes(**kinds: type | tuple[type, ...]) -> Callable[[Callable[_P, _T]], Callable[_P, _T]]:
+def takes(**kinds: Kind) -> Callable[[Callable[_P, _T]], Callable[_P, _T]]:
     """Refuse arguments of other types than these, by name, with an `ArgumentError` that says what to write instead.
 
-    A tuple of one type stands for a sequence of such, of two for one of it or a sequence; None passes where it is the
+    A tuple of one type stands for a sequence of such, of two for one of it or a sequence; of `A | B` messages name A;
+    None passes where it is the
     argument's default. Two exchanged arguments are named.
     """
 
@@ -62,8 +67,8 @@ def refuse_positional(what: str, values: Sequence[object], example: str) -> None
         raise ArgumentError(f"{what}({_shown(values[0])}) does not say what it means: write {example}")
 
 
-def _fits(value: object, kind: type | tuple[type, ...]) -> bool:
-    if isinstance(kind, type):
+def _fits(value: object, kind: Kind) -> bool:
+    if isinstance(kind, type | UnionType):
         return isinstance(value, kind)
     one = kind[0]
     if len(kind) > 1 and isinstance(value, one):
@@ -75,18 +80,25 @@ def _fits(value: object, kind: type | tuple[type, ...]) -> bool:
 
 
 def _explanation(
-    function: str, places: Sequence[str], name: str, kind: type | tuple[type, ...], given: Mapping[str, Any],
-    kinds: Mapping[str, type | tuple[type, ...]],
+    function: str, places: Sequence[str], name: str, kind: Kind, given: Mapping[str, Any],
+    kinds: Mapping[str, Kind],
 ) -> str:  # fmt: skip
     function = function.removesuffix(".__init__")
-    value, one = given[name], kind if isinstance(kind, type) else kind[0]
-    many = not isinstance(kind, type) and len(kind) == 1
+    value, one = given[name], _first(kind)
+    many = isinstance(kind, tuple) and len(kind) == 1
     for other in given:
         if other != name and _fits(given[other], kind) and (other not in kinds or _fits(value, kinds[other])):
             order = ", ".join(p for p in places if p != "self" and (p in kinds or p == other))
             return f"{function}: {name} and {other} are exchanged; write {function}({order}, ...)"
     wanted = f"a list of {one.__name__}s" if many else _with_article(one.__name__)
     return f"{function}: {name} is {_shown(value)}, not {wanted}; write {_instead(value, one, many)}"
+
+
+def _first(kind: Kind) -> type:
+    """Return the type that a message names."""
+    if isinstance(kind, UnionType):
+        return _first(kind.__args__[0])
+    return kind[0] if isinstance(kind, tuple) else kind
 
 
 def _instead(value: object, kind: type, many: bool) -> str:

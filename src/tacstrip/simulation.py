@@ -11,6 +11,7 @@ from tacstrip.arguments import takes
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.contact.footprint import footprint
 from tacstrip.contact.noise import Noise, NoiseProcess, Rng, digitise
+from tacstrip.contact.press.patch import Patch
 from tacstrip.contact.shape import Contact
 from tacstrip.contact.signature import signatures
 from tacstrip.contact.strip_width import wide, wide_ends
@@ -30,10 +31,10 @@ _ELECTRODES = ("own", "all")
 _IDEAL = Noise()
 
 
-@takes(sensor=Sensor, contact=Contact, noise=Noise)
+@takes(sensor=Sensor, contact=Contact | Patch, noise=Noise)
 def simulate(
     sensor: Sensor,
-    contact: Contact,
+    contact: Contact | Patch,
     noise: Noise = _IDEAL,
     *,
     rng: Rng = 0,
@@ -50,7 +51,7 @@ def simulate(
     Parameters
     ----------
     sensor, contact
-        What touches what.
+        What touches what: a contact flat on the skin, in strip coordinates, or the patch of a pressed solid (`press`).
     noise
         Errors on the readings; ideal by default. Its transition error does not show in a scan.
     rng
@@ -90,6 +91,14 @@ def simulate(
     if electrodes not in _ELECTRODES:
         raise OptionError(one_of("electrodes", electrodes, _ELECTRODES))
     process = process or NoiseProcess(noise, sensor, rng)
+    if isinstance(contact, Patch):
+        if model == "network" or not sensor.kind.closed_form or imperfections or readout or wiring:
+            raise OptionError("a patch needs closed forms: it is not for a network, nor for a crs-crp sensor")
+        return _of_patch(process, sensor, contact, time_s)
+    if sensor.surface is not None and sensor.surface.along == "parallels":
+        raise OptionError(
+            "strips along parallels are each of their own length, and take no flat contact: press a solid (ts.press)"
+        )
     if not sensor.kind.closed_form:
         if model == "closed":
             check_closed_form(sensor.kind, 'model="closed"')
@@ -118,7 +127,26 @@ def simulate(
         raise OptionError(
             'imperfections and readout need model="network": the closed forms know ideal units only'
         )
-    touch, ends, ideal = _closed(sensor, contact, resolved=model is None)
+    return _scan(process, sensor, *_closed(sensor, contact, resolved=model is None), time_s)
+
+
+def _of_patch(process: NoiseProcess, sensor: Sensor, patch: Patch, time_s: float) -> Scan:
+    """Return the scan of a pressed solid: `ContactError` where its patch is of another sensor."""
+    if len(patch.l) != sensor.strips:
+        raise ContactError(f"the patch has {len(patch.l)} strips and the sensor has {sensor.strips}")
+    ends = patch.l, patch.u
+    return _scan(process, sensor, patch.touched, ends, signatures(sensor, *ends), time_s)
+
+
+def _scan(
+    process: NoiseProcess,
+    sensor: Sensor,
+    touch: BoolArray,
+    ends: tuple[FloatArray, FloatArray],
+    ideal: dict[str, FloatArray],
+    time_s: float,
+) -> Scan:
+    """Return readings with their errors as a scan: `ContactError` where metal shorts Vref to ground."""
     scan = _measured(process, ideal, time_s, ends)
     for values in scan.values():
         shorted = np.flatnonzero(np.isnan(values) & touch)

@@ -17,6 +17,7 @@ from tacstrip.core.rigid import RigidScans
 from tacstrip.errors import ReadingError, SignatureError
 from tacstrip.geometry.moments import deviations, moments
 from tacstrip.reconstruction.noise_covariance import Averaging, fit_sigma
+from tacstrip.reconstruction.on_surface import refuse_surface
 from tacstrip.reconstruction.polygon.estimate import fit_polygon
 from tacstrip.reconstruction.result import Alternative, Status
 from tacstrip.scan import Scan
@@ -171,6 +172,7 @@ def track(scans: Sequence[Scan], sensor: Sensor, noise: Noise | None = None) -> 
     ('ok', 4, True)
     """
     check_closed_form(sensor.kind, "track")
+    refuse_surface(sensor, "track", "reconstruct scan by scan, by ts.reconstruct or ts.fit_solid")
     read = [_checked(i, scan, sensor) for i, scan in enumerate(scans)]
     if not read:
         raise ReadingError("there is no scan: give those of a recording, in the order of time")
