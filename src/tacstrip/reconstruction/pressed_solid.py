@@ -33,11 +33,11 @@ from tacstrip.surface.skin import Skin, skin_of
 _SAMPLES = 96  # along a strip
 _TOUCH_MM = 0.02  # depth to within which a strip that begins to be touched is known to be so
 _LOG_RADIUS = 1.5  # how far, as a logarithm, the radius may be from the one given: hardly a prior
-_BEST = 6  # starts that are followed to their end
+_BEST, _FOLLOWED = 8, 3  # starts from which a rough descent begins; of their ends, those that are followed
 _TURNS = {"cylinder": (6, math.pi), "edge": (6, math.pi), "box": (8, math.pi), "mesh": (12, 2.0 * math.pi)}
 _STEP, _LONG_STEP = 1e-4, 0.01  # mm or rad: of differences; of areas and forces, which come from a grid
 _TOUCHES_MM = (0.3, 0.06, _TOUCH_MM)  # what touch is known to in the descents of one start
-_ITERATIONS, _SETTLED, _MOST_DAMPING = 40, 1e-4, 1e8
+_ITERATIONS, _ROUGH, _SETTLED, _MOST_DAMPING = 40, 0.03, 1e-4, 1e8
 _GUESS = 0.005  # of Vref: sigma where the noise is not known and too few readings are left to tell it
 _ALARM = 3.5  # standard deviations of chi square
 _RIVAL, _APART = (
@@ -77,6 +77,15 @@ class SolidFit:
         Other poses that explain the readings nearly as well.
     time_s
         The scan's time [s].
+
+    Examples
+    --------
+    >>> import tacstrip as ts
+    >>> fingertip, noise = ts.Sensor.load("fingertip"), ts.Noise(positional=0.002)
+    >>> patch = ts.press(fingertip, ts.Solid.plane().at((20, 0, 20), toward=(-1, 0, -1)), depth_mm=1.0)
+    >>> found = ts.fit_solid(ts.simulate(fingertip, patch, noise, rng=1), fingertip, ts.Solid.plane(), noise)
+    >>> bool(found.direction @ [0.7071, 0, 0.7071] > 0.9999), round(found.area_mm2)
+    (True, 63)
     """
 
     status: Status
@@ -151,7 +160,10 @@ def fit_solid(
     if not scan.touched.any():
         return SolidFit("no contact", "no strip reads a contact; press harder", time_s=scan.time_s)
     fit = _Fit.of(scan, sensor, solid, sensor.noise if noise is None else noise, known_size)
-    ends = [fit.descend(start) for start in fit.best_starts()]
+    rough = sorted(
+        (fit.descend(s, _TOUCHES_MM[:1], _ROUGH) for s in fit.best_starts()), key=lambda end: end[1]
+    )
+    ends = [fit.descend(values, _TOUCHES_MM[1:], _SETTLED) for values, _ in rough[:_FOLLOWED]]
     values, cost = min(ends, key=lambda end: end[1])
     return _result(fit, values, cost, ends, scan)
 
@@ -230,25 +242,26 @@ class _Fit:
         prior.append(given.get("turn_rad", 0.0) / (2.0 * math.pi))
         return np.concatenate([left, lost / touch_mm, prior])
 
-    def jacobian(self, values: FloatArray, touch_mm: float = _TOUCH_MM) -> FloatArray:
-        """Return the slopes of the residuals (R, P), by differences."""
+    def jacobian(
+        self, values: FloatArray, touch_mm: float = _TOUCH_MM, left: FloatArray | None = None
+    ) -> FloatArray:
+        """Return the slopes of the residuals (R, P), by differences; from `left`, the residuals here, to one side."""
         steps = np.eye(len(values)) * _STEP
-        return np.stack(
-            [
-                (self.residuals(values + s, touch_mm) - self.residuals(values - s, touch_mm)) / (2.0 * _STEP)
-                for s in steps
-            ],
-            axis=1,
-        )
+        if left is not None:
+            return np.stack([(self.residuals(values + s, touch_mm) - left) / _STEP for s in steps], axis=1)
+        ends = [[self.residuals(values + sign * s, touch_mm) for sign in (1.0, -1.0)] for s in steps]
+        return np.stack([(a - b) / (2.0 * _STEP) for a, b in ends], axis=1)
 
-    def descend(self, values: FloatArray) -> tuple[FloatArray, float]:
+    def descend(
+        self, values: FloatArray, touches_mm: tuple[float, ...], settled: float
+    ) -> tuple[FloatArray, float]:
         """Return where descents (Levenberg-Marquardt) end, and the cost; touch counts more from one to the next."""
         cost = math.inf
-        for touch_mm in _TOUCHES_MM:
+        for touch_mm in touches_mm:
             left = self.residuals(values, touch_mm)
             cost, damping = float(left @ left), 1e-2
             for _ in range(_ITERATIONS):
-                slopes = self.jacobian(values, touch_mm)
+                slopes = self.jacobian(values, touch_mm, left)
                 normal, gradient = slopes.T @ slopes, slopes.T @ left
                 gained = 0.0
                 while damping < _MOST_DAMPING:
@@ -260,7 +273,7 @@ class _Fit:
                         values, left, cost = trial, new, its
                         break
                     damping *= 5.0
-                if gained < _SETTLED * max(1.0, cost):
+                if gained < settled * max(1.0, cost):
                     break
         return values, cost
 

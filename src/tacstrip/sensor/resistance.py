@@ -6,8 +6,8 @@ everywhere (both layers as wide) it follows from
 
     (b d')' = b d / lambda^2 on the contact, d' = -1/b at both ends, T_l = d(l), T_u = -d(u)
 
-With D = d sqrt(b) it is D'' = D (1 / lambda^2 + (sqrt b)'' / sqrt b), which is solved here with the bracket as it is in
-the middle of the contact. On even strips that is exact: T = lambda tanh(w / 2 lambda) / b.
+With D = d sqrt(b) it is D'' = D (1 / lambda^2 + (sqrt b)'' / sqrt b), which is solved here with the bracket as it is
+within T of either end. On even strips that is exact: T = lambda tanh(w / 2 lambda) / b.
 """
 
 from __future__ import annotations
@@ -102,19 +102,19 @@ def electrical_slopes(
 
 def _lost(surface: Surface, l: FloatArray, u: FloatArray, lam: float) -> tuple[FloatArray, FloatArray]:
     """Return T at both ends of contacts along meridians, in s."""
-    ends = np.stack([l, u])
-    r, _, dr, _ = surface.meridian(ends)
-    middle, _, by, _ = surface.meridian(0.5 * (l + u))
+    reach = lam * np.tanh((u - l) / (2.0 * lam))  # about as far the bracket counts: to the middle at most
+    r, _, dr, _ = surface.meridian(np.stack([l, u]))
+    inner, _, by, _ = surface.meridian(np.stack([l + reach, u - reach]))
     bend = -1.0 / float(surface.radius_mm or 1.0) ** 2 if surface.kind == "sphere" else 0.0  # r'' / r
     if not surface.tapered:
-        r, dr, middle, by, bend = np.ones_like(r), np.zeros_like(r), np.ones_like(l), np.zeros_like(l), 0.0
-    q = np.sqrt(np.maximum(1.0 / lam**2 + 0.5 * bend - 0.25 * (by / middle) ** 2, 1e-6 / lam**2))
+        r, dr, inner, by, bend = np.ones_like(r), np.zeros_like(r), np.ones_like(r), np.zeros_like(r), 0.0
+    q = np.sqrt(np.maximum(1.0 / lam**2 + 0.5 * bend - 0.25 * (by / inner) ** 2, 1e-6 / lam**2))
     beta_l, beta_u = 0.5 * dr / r
-    th = np.tanh(0.5 * q * (u - l))
     # D = A c(y) + B s(y), c = cosh(q (y - m)) / cosh(q w / 2) and s = sinh(..) / cosh(..): 1 and -+th at the ends.
+    th = np.tanh(0.25 * (q[0] + q[1]) * (u - l))
     left, right = -1.0 / np.sqrt(r)
-    a11, a12 = -q * th - beta_l, q + beta_l * th
-    a21, a22 = q * th - beta_u, q - beta_u * th
+    a11, a12 = -q[0] * th - beta_l, q[0] + beta_l * th
+    a21, a22 = q[1] * th - beta_u, q[1] - beta_u * th
     det = a11 * a22 - a12 * a21
     with np.errstate(divide="ignore", invalid="ignore"):
         a, b = (left * a22 - right * a12) / det, (a11 * right - a21 * left) / det

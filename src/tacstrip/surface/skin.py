@@ -47,6 +47,13 @@ class Skin:
         """Whether `across` is an angle and the skin goes all round."""
         return self.surface is not None
 
+    @property
+    def lengths_mm(self) -> FloatArray:
+        """Every strip's length (strips,) [mm]."""
+        if self.surface is None:
+            return np.full(self.strips, self.length_mm)
+        return self.surface.lengths_mm(self.strips)
+
     def places(self, strip: FloatArray, y_mm: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return `across` and `up` of strip coordinates (0 is the first centre line) and y [mm] along the strip."""
         strip, y = np.asarray(strip, dtype=float), np.asarray(y_mm, dtype=float)

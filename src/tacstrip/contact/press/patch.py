@@ -60,6 +60,15 @@ class Patch:
         How far the skin yields where it yields most.
     solid
         The object where it is now.
+
+    Examples
+    --------
+    >>> import tacstrip as ts
+    >>> fingertip = ts.Sensor.load("fingertip")
+    >>> pen = ts.Solid.cylinder(4.0).at((20, 0, 20), toward=(-1, 0, -1), turn_rad=0.5)
+    >>> patch = ts.press(fingertip, pen, force_n=2.0)
+    >>> patch.touched.nonzero()[0].tolist(), round(patch.force_n, 3)
+    ([0, 1, 15], 2.0)
     """
 
     l: FloatArray
@@ -258,10 +267,7 @@ def _roots(
 def samples(skin: Skin, count: int = _ALONG) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return strips (strips,), and y, points and normals of samples along their centre lines (strips, count, ...)."""
     strip = np.arange(skin.strips, dtype=float)
-    lengths = np.full(skin.strips, skin.length_mm)
-    if skin.surface is not None:
-        lengths = skin.surface.lengths_mm(skin.strips)
-    y = lengths[:, None] * np.linspace(0.0, 1.0, count)
+    y = skin.lengths_mm[:, None] * np.linspace(0.0, 1.0, count)
     place = skin.places(strip[:, None], y)
     return strip, y, skin.points(*place), np.ascontiguousarray(skin.normals(*place))
 
