@@ -59,14 +59,14 @@ def _row(kind: str, presses: int) -> str:
             abs(found.force_n - patch.force_n) < 1.96 * found.force_sigma_n,
             abs(found.radius_mm - radius) < 1.96 * found.radius_sigma_mm,
         ])  # fmt: skip
-    median, ninth = (np.quantile(np.nan_to_num(errors, nan=np.inf), q, axis=0) for q in (0.5, 0.9))
-    area, force, radius, tilt, axis = (
-        f"{a:.2g} ({b:.2g})" if np.isfinite(a) else "-" for a, b in zip(median, ninth, strict=True)
-    )
-    shown = axis if kind in ("cylinder", "edge") else "-"
+    untold = np.nan_to_num(errors, nan=np.inf)
+    median, ninth = (np.quantile(untold, q, axis=0, method="higher") for q in (0.5, 0.9))
+    shown = [f"{a:.2g} ({b:.2g})" if np.isfinite(a) else "-" for a, b in zip(median, ninth, strict=True)]
+    if kind not in ("cylinder", "edge"):
+        shown[4] = "-"
     shares = ", ".join(f"{100.0 * s:.0f}" for s in np.mean(held, axis=0))
     return (
-        f"| {kind} | {ok} of {presses} | {area} | {tilt} | {force} | {radius} | {shown} | {shares} | "
+        f"| {kind} | {ok} of {presses} | {shown[0]} | {shown[3]} | {shown[1]} | {shown[2]} | {shown[4]} | {shares} | "
         f"{1e3 * spent / presses:.0f} |"
     )
 

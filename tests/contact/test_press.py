@@ -6,7 +6,7 @@ import logging
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -196,7 +196,7 @@ PLANE = ts.Solid.plane().at(*POSE)
         (lambda: ts.Solid.from_mesh("no.stl"), "no.stl: no such file; give a mesh (.stl, .obj, .ply)"),
         (lambda: ts.Solid.from_mesh(__file__), "cannot be read as a mesh"),
         (lambda: ts.Solid.from_mesh(3), "holds no triangles"),
-        (lambda: ts.press(TIP, "plane", depth_mm=1.0), "solid is 'plane', not a Solid; write ts.Solid.plane()"),
+        (lambda: ts.press(TIP, cast("Any", "plane"), depth_mm=1.0), "solid is 'plane', not a Solid; write ts.Solid"),
         (lambda: ts.simulate(FLAT, ts.press(TIP, PLANE, depth_mm=1.0)), "has 16 strips and the sensor has 24"),
         (lambda: ts.simulate(TIP, ts.press(TIP, PLANE, depth_mm=1.0), model="network"), "a patch needs closed forms"),
     ],

@@ -24,7 +24,7 @@ RINGS = Surface(kind="sphere", radius_mm=10.0, along="parallels", around_deg=350
 
 
 def sensor_on(surface: Surface, strips: int = 16, **more: Any) -> ts.Sensor:
-    keys = {"format": 1, "construction": "crs-crs", "strips": strips, "surface": {}} | more
+    keys: dict[str, Any] = {"format": 1, "construction": "crs-crs", "strips": strips, "surface": {}} | more
     made = surface.from_dict(
         {k: v for k, v in tomllib.loads(surface.to_toml())["surface"].items() if v is not None}
     )

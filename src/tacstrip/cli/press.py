@@ -109,7 +109,9 @@ def _solid(text: str) -> Solid:
         return Solid.box(sizes)
     if name == "edge":
         return Solid.edge(math.radians(sizes[0]))
-    return {"plane": Solid.plane, "sphere": Solid.sphere, "cylinder": Solid.cylinder}[name](*sizes)
+    if name == "plane":
+        return Solid.plane()
+    return Solid.sphere(sizes[0]) if name == "sphere" else Solid.cylinder(sizes[0])
 
 
 def _as_json(patch: Patch) -> dict[str, object]:

@@ -45,7 +45,7 @@ _RIVAL, _APART = (
     4.0,
 )  # chi square by which another pose is no rival; standard deviations that make it another
 _UNTOLD = 0.5  # relative standard deviation of a radius or force that is not told
-_AREA, _DIRECTION = 0.2, math.radians(10.0)  # standard deviations beyond which the result is doubtful
+_AREA, _DIRECTION = 0.1, math.radians(5.0)  # standard deviations beyond which the result is doubtful
 
 
 @dataclass(frozen=True, eq=False)

@@ -168,9 +168,10 @@ class Sensor:
 
     @property
     def fingerprint(self) -> str:
-        """What a calibration must agree with: construction, strips, pitch and length."""
+        """What a calibration must agree with: construction, strips, pitch and length, and the kind of a curved skin."""
         across = f"{self.strips} strips, pitch {self.pitch_mm:.6g} mm"
-        return f"{self.construction}, {across}, length {self.length_mm:.6g} mm"
+        on = "" if self.surface is None else f", on a {self.surface.kind}"
+        return f"{self.construction}, {across}, length {self.length_mm:.6g} mm{on}"
 
     def check_signature(self, signature: str) -> str:
         """Return the name if this sensor has such a signature, else raise `SignatureError`."""

@@ -1,6 +1,6 @@
 """A triangle mesh that is pressed: what rays from the skin meet of it first. Needs `tacstrip[press]`: trimesh.
 
-Rays are embreex' where that is installed, else trimesh's own, some hundred times slower, which is said once.
+Rays are embreex' where that is installed, else trimesh's own, which are slower; that is said once.
 """
 
 from __future__ import annotations

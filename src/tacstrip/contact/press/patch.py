@@ -68,7 +68,7 @@ class Patch:
     >>> pen = ts.Solid.cylinder(4.0).at((20, 0, 20), toward=(-1, 0, -1), turn_rad=0.5)
     >>> patch = ts.press(fingertip, pen, force_n=2.0)
     >>> patch.touched.nonzero()[0].tolist(), round(patch.force_n, 3)
-    ([0, 1, 15], 2.0)
+    ([0, 14, 15], 2.0)
     """
 
     l: FloatArray
