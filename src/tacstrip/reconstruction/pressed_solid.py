@@ -223,7 +223,7 @@ class _Fit:
         _, y, points, normals = samples(self.skin, _SAMPLES)
         solid = self.posed(values)
         g = solid.touch(points, normals, self.skin.thickness_mm)
-        l, u, deepest = _ends(y, g)
+        l, u, deepest = _ends(y, g, touch_mm)
         read = signatures(self.sensor, l, u)
         with np.errstate(invalid="ignore"):
             off = self.k - np.stack([read[name] for name in self.read])
@@ -318,20 +318,23 @@ def _middle(
     return (float(a), float(t)), (l, np.maximum(u, l))
 
 
-def _ends(y: FloatArray, g: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return l and u (strips,) of touch g at y (strips, samples), where it is deepest if not touched, and how deep."""
+def _ends(y: FloatArray, g: FloatArray, touch_mm: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return l and u (strips,) of touch g at y (strips, samples), and how deep it is where it is deepest.
+
+    Of a strip that is not touched, or less deep than `touch_mm`, ends are those of what lies so much higher at most, so
+    that they move as the object does.
+    """
     rows, last = np.arange(len(g)), g.shape[1] - 1
+    deepest = g.max(axis=1)
+    g = g - np.minimum(deepest - touch_mm, 0.0)[:, None]
     on = g > 0.0
-    first, final, deep = on.argmax(axis=1), last - on[:, ::-1].argmax(axis=1), g.argmax(axis=1)
+    first, final = on.argmax(axis=1), last - on[:, ::-1].argmax(axis=1)
     found = []
     for inner, outer in ((first, np.maximum(first - 1, 0)), (final, np.minimum(final + 1, last))):
         a, b = g[rows, inner], g[rows, outer]
-        share = np.where((a > 0.0) & (b < a) & (b <= 0.0), a / np.where(a > b, a - b, 1.0), 0.0)
+        share = np.where((b < a) & (b <= 0.0), a / np.where(a > b, a - b, 1.0), 0.0)
         found.append(y[rows, inner] + share * (y[rows, outer] - y[rows, inner]))
-    deepest = g[rows, deep]
-    none = deepest <= 0.0
-    l, u = (np.where(none, y[rows, deep], end) for end in found)
-    return l, u, deepest
+    return found[0], found[1], deepest
 
 
 def _result(
