@@ -33,8 +33,8 @@ from tacstrip.surface.skin import Skin, skin_of
 _SAMPLES = 96  # along a strip
 _TOUCH_MM = 0.02  # depth to within which a strip that begins to be touched is known to be so
 _LOG_RADIUS = 1.5  # how far, as a logarithm, the radius may be from the one given: hardly a prior
-_BEST, _FOLLOWED = 8, 3  # starts from which a rough descent begins; of their ends, those that are followed
-_TURNS = {"cylinder": (6, math.pi), "edge": (6, math.pi), "box": (8, math.pi), "mesh": (12, 2.0 * math.pi)}
+_BEST, _FOLLOWED = 16, 5  # starts from which a rough descent begins; of their ends, those that are followed
+_TURNS = {"cylinder": (9, math.pi), "edge": (9, math.pi), "box": (8, math.pi), "mesh": (12, 2.0 * math.pi)}
 _STEP, _LONG_STEP = 1e-4, 0.01  # mm or rad: of differences; of areas and forces, which come from a grid
 _TOUCHES_MM = (0.3, 0.06, _TOUCH_MM)  # what touch is known to in the descents of one start
 _ITERATIONS, _ROUGH, _SETTLED, _MOST_DAMPING = 40, 0.03, 1e-4, 1e8
