@@ -6,7 +6,11 @@ Run: make pictures (writes docs/pictures/).
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
+from matplotlib.figure import Figure
+
+import tacstrip as ts
 from studies.budget import budget_figure
 from studies.crp import FIGURES as CRP
 from studies.estimation_figures import FIGURES as ESTIMATION
@@ -16,6 +20,7 @@ from studies.physics import FIGURES as PHYSICS
 from studies.pieces import FIGURES as PIECES
 from studies.tracks import FIGURES as TRACKS
 from studies.width import FIGURES as WIDTH
+from tacstrip.plot.press import press_figure
 from tacstrip.plot.style import save
 from tacstrip.thesis.chapter2 import FIGURES as CHAPTER_2
 from tacstrip.thesis.chapter3 import FIGURES as CHAPTER_3
@@ -39,6 +44,10 @@ def main() -> None:
         "parallel_path": CHAPTER_2["2.4"](),
         "budget": budget_figure(),
         "phantoms": figure_phantoms(),
+        "press_fingertip": _pressed(
+            "fingertip", ts.Solid.cylinder(4.0), ((20, 0, 20), (-1, 0, -1), 0.5), 1.5
+        ),
+        "press_forearm": _pressed("forearm", ts.Solid.box((40, 20, 10)), ((0, 80, 90), (0, -1, 0)), 2.0),
         **{
             name: draw()
             for name, draw in (PHYSICS | CRP | WIDTH | ESTIMATION | TRACKS | PIECES | LAYERS).items()
@@ -46,6 +55,12 @@ def main() -> None:
     }
     for name, figure in drawn.items():
         print(save(figure, PICTURES / f"{name}.png", dpi=90))
+
+
+def _pressed(sensor: str, solid: ts.Solid, pose: Any, depth_mm: float) -> Figure:
+    """Return the picture of a solid pressed into a skin."""
+    spec = ts.Sensor.load(sensor)
+    return press_figure(spec, ts.press(spec, solid.at(*pose), depth_mm=depth_mm))
 
 
 if __name__ == "__main__":

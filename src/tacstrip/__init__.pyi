@@ -4,6 +4,9 @@ from .calibrate.unit import calibrate_unit as calibrate_unit
 from .contact.footprint import Footprint as Footprint
 from .contact.footprint import footprint as footprint
 from .contact.noise import Noise as Noise
+from .contact.press.patch import Patch as Patch
+from .contact.press.patch import press as press
+from .contact.press.solid import Solid as Solid
 from .contact.shape import Contact as Contact
 from .contact.signature import signatures as signatures
 from .dataset.batches import fit_many as fit_many
@@ -37,6 +40,8 @@ from .reconstruction.pieces.estimate import Piece as Piece
 from .reconstruction.pieces.estimate import pieces as pieces
 from .reconstruction.polygon.estimate import fit_polygon as fit_polygon
 from .reconstruction.polygon.estimate import fit_polygons as fit_polygons
+from .reconstruction.pressed_solid import SolidFit as SolidFit
+from .reconstruction.pressed_solid import fit_solid as fit_solid
 from .reconstruction.profile import profile_reconstruction as profile_reconstruction
 from .reconstruction.result import Reconstruction as Reconstruction
 from .reconstruction.result import RecoveredObject as RecoveredObject
@@ -49,6 +54,7 @@ from .sensor.closed_form import k_metal as k_metal
 from .sensor.layers import Layer as Layer
 from .sensor.layers import LayeredSensor as LayeredSensor
 from .sensor.spec import Sensor as Sensor
+from .sensor.surface import Surface as Surface
 from .simulation import simulate as simulate
 from .stream.device.source import SerialSource as SerialSource
 from .stream.live.frame import Frame as Frame

@@ -11,9 +11,10 @@ from typing import Any, ParamSpec, TypeAlias, TypeVar
 
 from tacstrip.errors import ArgumentError
 
+Kind: TypeAlias = type | UnionType | tuple[type, ...]
+
 _P = ParamSpec("_P")
 _T = TypeVar("_T")
-_Kind: TypeAlias = type | UnionType | tuple[type, ...]
 _SHOWN = 40  # letters of a value in a message
 # How to make one of each type, by its name, for whoever gave something else.
 _MAKE = {
@@ -27,10 +28,11 @@ _MAKE = {
     "Reconstruction": "ts.fit_polygon(scan, sensor)",
     "RecoveredObject": "ts.fit_polygon(scan, sensor).objects[0]",
     "Outline": "ts.Outline(vertices)",
+    "Solid": "ts.Solid.plane().at(position_mm, toward), .sphere, .cylinder, .edge, .box or .from_mesh",
 }
 
 
-def takes(**kinds: _Kind) -> Callable[[Callable[_P, _T]], Callable[_P, _T]]:
+def takes(**kinds: Kind) -> Callable[[Callable[_P, _T]], Callable[_P, _T]]:
     """Refuse arguments of other types than these, by name, with an `ArgumentError` that says what to write instead.
 
     A union is one of its types; a tuple of one type stands for a sequence of such, of two for one of it or a sequence;
@@ -64,7 +66,7 @@ def refuse_positional(what: str, values: Sequence[object], example: str) -> None
         raise ArgumentError(f"{what}({_shown(values[0])}) does not say what it means: write {example}")
 
 
-def _fits(value: object, kind: _Kind) -> bool:
+def _fits(value: object, kind: Kind) -> bool:
     if isinstance(kind, type | UnionType):
         return isinstance(value, kind)
     one = kind[0]
@@ -77,8 +79,8 @@ def _fits(value: object, kind: _Kind) -> bool:
 
 
 def _explanation(
-    function: str, places: Sequence[str], name: str, kind: _Kind, given: Mapping[str, Any],
-    kinds: Mapping[str, _Kind],
+    function: str, places: Sequence[str], name: str, kind: Kind, given: Mapping[str, Any],
+    kinds: Mapping[str, Kind],
 ) -> str:  # fmt: skip
     function = function.removesuffix(".__init__")
     value, one = given[name], _first(kind)
@@ -91,7 +93,7 @@ def _explanation(
     return f"{function}: {name} is {_shown(value)}, not {wanted}; write {_instead(value, one, many)}"
 
 
-def _first(kind: _Kind) -> type:
+def _first(kind: Kind) -> type:
     """Return the type that a message names."""
     first: type = kind if isinstance(kind, type) else kind[0] if isinstance(kind, tuple) else kind.__args__[0]
     return first

@@ -13,6 +13,7 @@ from tacstrip.arguments import takes
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.contact.footprint import footprint
 from tacstrip.contact.noise import Noise, NoiseProcess, Rng, digitise
+from tacstrip.contact.press.patch import Patch
 from tacstrip.contact.shape import Contact
 from tacstrip.contact.signature import signatures
 from tacstrip.contact.strip_width import wide, wide_ends
@@ -34,10 +35,10 @@ _ELECTRODES = ("own", "all")
 _IDEAL = Noise()
 
 
-@takes(sensor=Sensor | LayeredSensor, contact=Contact, noise=Noise)
+@takes(sensor=Sensor | LayeredSensor, contact=Contact | Patch, noise=Noise)
 def simulate(
     sensor: AnySensor,
-    contact: Contact,
+    contact: Contact | Patch,
     noise: Noise = _IDEAL,
     *,
     rng: Rng = 0,
@@ -54,7 +55,8 @@ def simulate(
     Parameters
     ----------
     sensor, contact
-        What touches what; on a sensor of two layers the contact lies in the frame of the whole.
+        What touches what: a contact flat on the skin, in strip coordinates, or the patch of a pressed solid (`press`).
+        On a sensor of two layers the contact lies in the frame of the whole.
     noise
         Errors on the readings; ideal by default. Its transition error does not show in a scan.
     rng
@@ -99,9 +101,19 @@ def simulate(
             raise OptionError(
                 "a sensor of two layers is simulated by closed forms; leave model and wiring out"
             )
+        if isinstance(contact, Patch):
+            raise OptionError("a patch is of a sensor of one layer: press into that (ts.press)")
         process = process or NoiseProcess(noise, sensor.unit, rng)
         return _layered(sensor, contact, process, time_s)
     process = process or NoiseProcess(noise, sensor, rng)
+    if isinstance(contact, Patch):
+        if model == "network" or not sensor.kind.closed_form or imperfections or readout or wiring:
+            raise OptionError("a patch needs closed forms: it is not for a network, nor for a crs-crp sensor")
+        return _of_patch(process, sensor, contact, time_s)
+    if sensor.surface is not None and sensor.surface.along == "parallels":
+        raise OptionError(
+            "strips along parallels are each of their own length, and take no flat contact: press a solid (ts.press)"
+        )
     if not sensor.kind.closed_form:
         if model == "closed":
             check_closed_form(sensor.kind, 'model="closed"')
@@ -130,7 +142,26 @@ def simulate(
         raise OptionError(
             'imperfections and readout need model="network": the closed forms know ideal units only'
         )
-    touch, ends, ideal = _closed(sensor, contact, resolved=model is None)
+    return _scan(process, sensor, *_closed(sensor, contact, resolved=model is None), time_s)
+
+
+def _of_patch(process: NoiseProcess, sensor: Sensor, patch: Patch, time_s: float) -> Scan:
+    """Return the scan of a pressed solid: `ContactError` where its patch is of another sensor."""
+    if len(patch.l) != sensor.strips:
+        raise ContactError(f"the patch has {len(patch.l)} strips and the sensor has {sensor.strips}")
+    ends = patch.l, patch.u
+    return _scan(process, sensor, patch.touched, ends, signatures(sensor, *ends), time_s)
+
+
+def _scan(
+    process: NoiseProcess,
+    sensor: Sensor,
+    touch: BoolArray,
+    ends: tuple[FloatArray, FloatArray],
+    ideal: dict[str, FloatArray],
+    time_s: float,
+) -> Scan:
+    """Return readings with their errors as a scan: `ContactError` where metal shorts Vref to ground."""
     scan = _measured(process, ideal, time_s, ends)
     _check_shorted(scan, touch, lambda strip: f"strip {strip + sensor.strip_base}")
     return Scan(**leave_out(sensor, scan), time_s=time_s)

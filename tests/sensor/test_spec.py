@@ -24,7 +24,8 @@ METAL: dict[str, Any] = {**FLAT, "construction": "crs-m"}
 GOOD = 'format = 1\nconstruction = "crs-crs"\nstrips = 10\npitch_mm = 5.0\nlength_mm = 100.0\n'
 ALL_KEYS = (
     "format, construction, strips, pitch_mm, length_mm, strip_width_mm, radius_mm, resistivity_ratio, "
-    "contact_lambda_mm, vref_volt, adc_bits, rest_volt, touch_volt, strip_base, without, calibration, noise"
+    "contact_lambda_mm, vref_volt, adc_bits, rest_volt, touch_volt, strip_base, without, surface, noise, "
+    "calibration"
 )
 NEEDED = "format, construction, strips, pitch_mm, length_mm"
 
@@ -130,6 +131,8 @@ def test_signatures_are_checked() -> None:
 
 def test_the_shipped_specs() -> None:
     assert spec_names() == [
+        "fingertip",
+        "forearm",
         "layered-crs-crs",
         "prototype-crs-crs",
         "prototype-crs-m",
@@ -142,7 +145,7 @@ def test_the_shipped_specs() -> None:
 @pytest.mark.parametrize("name", spec_names())
 def test_a_shipped_spec_loads_by_name_and_says_no_more_than_its_sensor(name: str) -> None:
     sensor = Sensor.load(name)
-    assert sensor.construction == name.partition("-")[2]
+    assert sensor.construction == (name.partition("-")[2] or "crs-crs")
     text = data_path(f"specs/{name}.toml").read_text(encoding="utf-8")
     assert text.partition("\n")[2] == sensor.to_toml()  # below a first line of its own
 
@@ -298,7 +301,8 @@ def test_a_missing_file_lists_the_shipped_specs() -> None:
         Sensor.load("no/such.toml")
     assert str(caught.value) == (
         "no/such.toml: no such file. Write one with `tacstrip init`, or name a shipped spec: "
-        "layered-crs-crs, prototype-crs-crs, prototype-crs-m, prototype-cyl-crs-m, simulated-crs-crs, simulated-crs-m"
+        "fingertip, forearm, layered-crs-crs, prototype-crs-crs, prototype-crs-m, prototype-cyl-crs-m, "
+        "simulated-crs-crs, simulated-crs-m"
     )
 
 

@@ -32,6 +32,7 @@ VERBS = {
     "init": "Write a commented sensor spec to start from.",
     "demo": "Recover a rectangle from packaged (synthetic) volts of the ten-strip prototype.",
     "simulate": "Press a contact on a sensor and write the readings.",
+    "press": "Press a solid object into a curved or flat skin and write the readings.",
     "import": "Turn a log of your own form into readings.",
     "reconstruct": "Recover shapes from readings.",
     "track": "Recover objects over time, one rigid shape each, from a whole recording.",

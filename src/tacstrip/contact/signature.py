@@ -8,6 +8,7 @@ from tacstrip.arguments import takes
 from tacstrip.arrays import FloatArray
 from tacstrip.sensor.closed_form import k_h, k_l, k_metal
 from tacstrip.sensor.constructions import check_closed_form
+from tacstrip.sensor.resistance import electrical_ends
 from tacstrip.sensor.spec import Sensor
 
 
@@ -39,8 +40,8 @@ def signatures(sensor: Sensor, l_mm: FloatArray, u_mm: FloatArray) -> dict[str, 
     {'k': [0.285714]}
     """
     check_closed_form(sensor.kind, "a signature from l and u alone")
-    l, w = np.asarray(l_mm, dtype=float), np.asarray(u_mm, dtype=float) - l_mm
-    length, lam = sensor.length_mm, sensor.contact_lambda_mm
+    l, u, lam = electrical_ends(sensor, l_mm, u_mm)
+    w, length = np.asarray(u - l), sensor.length_mm
     if sensor.sensing_ratio == 0.0:
         return {"k": k_metal(l, w, length, lam)}
     return {

@@ -41,6 +41,8 @@ class WideEnds:
 
 def wide(sensor: Sensor, contacts: Sequence[Contact]) -> bool:
     """Whether strips are to be taken as wide: the spec gives a width, and areas touch, which have an edge across it."""
+    if sensor.surface is not None:  # on a curved skin strips count as their centre lines
+        return False
     return sensor.strip_width_mm is not None and all(s.area > 0.0 for c in contacts for s in c.shapes)
 
 

@@ -21,6 +21,7 @@ from tacstrip.scan import Scan
 from tacstrip.sensor.closed_form import reading_jacobian
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.noise import Noise
+from tacstrip.sensor.resistance import electrical_ends, electrical_slopes
 from tacstrip.sensor.spec import Sensor
 
 _ENOUGH = 4.0  # times as much variance that stays as averaging leaves of the rest: then it is enough
@@ -111,16 +112,23 @@ def signature_jacobians(
     sensor: Sensor, l_mm: FloatArray, u_mm: FloatArray
 ) -> dict[str, tuple[FloatArray, FloatArray]]:
     """Return dk/dl and dk/du [1/mm] of every signature, name to two arrays of the shape of l and u."""
-    return {
+    low, high, lam = electrical_ends(sensor, l_mm, u_mm)
+    found = {
         name: reading_jacobian(
             k,
-            np.asarray(u_mm - l_mm),
+            np.asarray(high - low),
             sensor.length_mm,
             SIGNATURES[name].at_upper_end,
             sensor.sensing_ratio,
-            sensor.contact_lambda_mm,
+            lam,
         )
         for name, k in signatures(sensor, l_mm, u_mm).items()
+    }
+    if sensor.surface is None:
+        return found
+    (low_by_l, low_by_u), (high_by_l, high_by_u) = electrical_slopes(sensor, l_mm, u_mm)
+    return {
+        name: (a * low_by_l + b * high_by_l, a * low_by_u + b * high_by_u) for name, (a, b) in found.items()
     }
 
 

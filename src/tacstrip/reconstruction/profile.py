@@ -14,6 +14,7 @@ from tacstrip.network.crp.mesh import Wiring
 from tacstrip.reconstruction.contact_ends import Ends, ends
 from tacstrip.reconstruction.cramer_rao import reading_sigma
 from tacstrip.reconstruction.implausible import doubt_implausible
+from tacstrip.reconstruction.on_surface import on_surface
 from tacstrip.reconstruction.result import Reconstruction, RecoveredObject, Status
 from tacstrip.scan import Scan
 from tacstrip.sensor.spec import Sensor
@@ -79,6 +80,8 @@ def profile_reconstruction(
             f"convex and wiring are for crs-crp sensors, not for a {sensor.construction} sensor"
         )
     noise = sensor.noise if noise is None else noise
+    if sensor.surface is not None:
+        return on_surface(scan, sensor, lambda scan, even: profile_reconstruction(scan, even, noise))
     sigma = None if noise is None else reading_sigma(noise, sensor)
     found = ends(scan, sensor, sigma, convex, wiring)
     objects = tuple(_object(sensor, run, scan, found) for run in scan.runs())

@@ -13,6 +13,7 @@ from tacstrip.geometry.region import svg
 
 if TYPE_CHECKING:
     from tacstrip.core.outline_model import OutlineModel
+    from tacstrip.reconstruction.on_surface import OnSkin
 
 Status: TypeAlias = Literal[
     "ok",  # IoU with the true shape of .8 or more in 95 of 100 cases
@@ -125,6 +126,8 @@ class RecoveredObject:
         (N,); their covariance is NaN. Under two layers `hidden` says which vertices no reading determines.
     bounds
         Of a piece that is hidden in part: the smallest and the largest outline (M, 2) [mm] that it can have.
+    on_skin
+        On a curved skin (`[surface]` in the spec): the outline in space; `area` is then that of the skin.
 
     Raises
     ------
@@ -162,6 +165,7 @@ class RecoveredObject:
     hidden: BoolArray | None = None
     hidden_edges: BoolArray | None = None
     bounds: tuple[FloatArray, FloatArray] | None = None
+    on_skin: OnSkin | None = None
 
     def __post_init__(self) -> None:
         if self.covariance is not None and self.covariance.shape != (2 * len(self.vertices),) * 2:
@@ -194,7 +198,7 @@ class RecoveredObject:
     @property
     def area(self) -> float:
         """Area [mm^2]; 0 without a shape."""
-        return moments(self.vertices)[0]
+        return moments(self.vertices)[0] if self.on_skin is None else self.on_skin.area_mm2
 
     @property
     def centroid(self) -> FloatArray:
@@ -217,6 +221,8 @@ class RecoveredObject:
             return None
         sampled = None if self.guarantee is None else self.guarantee.deviations
         found = sampled or deviations(self.vertices, self.covariance, self.uniform)
+        if self.on_skin is not None:
+            return self.on_skin.area_deviation_mm2, *found[1:]
         if self.pose is None:
             return found
         area, centroid, _ = found  # a rigid outline's axes turn with it, however round it is

@@ -28,16 +28,23 @@ def unrolled(scan: Scan, sensor: Sensor, bridged: int = 0, turn: int | None = No
     """
     if not sensor.closed:
         return scan, sensor
-    n = sensor.strips
-    turn = _beyond_seam(scan.touched, bridged) if turn is None else turn
-    first, second = np.arange(n) >= turn, np.arange(n) < turn
-
-    (name,) = scan.signatures
-    rounds = [np.where(part, scan[name], np.nan) for part in (first, second)]
-    laid_out: dict[str, Any] = {name: np.concatenate(rounds)}
     assert sensor.radius_mm is not None
-    flat = replace(sensor, strips=2 * n, radius_mm=2.0 * _OPEN * sensor.radius_mm, calibration=None)
-    return replace(scan, **laid_out), flat
+    flat = replace(
+        sensor, strips=2 * sensor.strips, radius_mm=2.0 * _OPEN * sensor.radius_mm, calibration=None
+    )
+    return rounds(scan, bridged, turn), flat
+
+
+def rounds(scan: Scan, bridged: int = 0, turn: int | None = None) -> Scan:
+    """Return a scan of a closed sensor laid out over two rounds (2 strips,); arguments as of `unrolled`."""
+    n = len(scan.touched)
+    turn = _beyond_seam(scan.touched, bridged) if turn is None else turn
+    parts = np.arange(n) >= turn, np.arange(n) < turn
+    laid_out: dict[str, Any] = {
+        name: np.concatenate([np.where(part, scan[name], np.nan) for part in parts])
+        for name in scan.signatures
+    }
+    return replace(scan, **laid_out)
 
 
 def _beyond_seam(touched: BoolArray, bridged: int) -> int:

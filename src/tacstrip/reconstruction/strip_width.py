@@ -39,7 +39,7 @@ def end_margin_mm(sensor: Sensor) -> float:
 
 def across(sensor: Sensor, x: FloatArray) -> FloatArray:
     """Return the lines that stand for strips at x (n,): their centre lines (n, 1), or lines across the width [mm]."""
-    if sensor.strip_width_mm is None or not sensor.kind.closed_form:
+    if sensor.strip_width_mm is None or sensor.surface is not None or not sensor.kind.closed_form:
         return x[:, None]
     return np.asarray(x[:, None] + sensor.strip_width * (np.arange(PARTS + 1) / PARTS - 0.5))
 

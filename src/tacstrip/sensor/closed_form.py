@@ -190,7 +190,7 @@ def lower_and_width(
     """
     d = length / (1.0 + (kh - kl) / ratio)
     ideal = (1.0 + ratio) / ratio * (kh - kl) * d
-    w = _width_from_ideal(ideal, contact_lambda)
+    w = width_from_ideal(ideal, contact_lambda)
     return np.asarray(kl * d - (w - ideal) / 2.0), w
 
 
@@ -220,7 +220,7 @@ def width_from_lower(k: FloatArray, l: FloatArray, length: float, contact_lambda
     return w
 
 
-def _width_from_ideal(ideal: FloatArray, contact_lambda: float) -> FloatArray:
+def width_from_ideal(ideal: FloatArray, contact_lambda: float) -> FloatArray:
     """Solve w - 2 lambda tanh(w / 2 lambda) = ideal for w; odd in w, so noise below zero stays below."""
     ideal = np.asarray(ideal, dtype=float)
     if contact_lambda == 0.0:

@@ -22,9 +22,11 @@ from tacstrip.sensor.calibration import Calibration
 from tacstrip.sensor.constructions import CONSTRUCTIONS, Construction, check_signature, construction
 from tacstrip.sensor.left_out import checked_names
 from tacstrip.sensor.noise import Noise
+from tacstrip.sensor.surface import Surface
 
 FORMAT = 1
 _SEAM = 0.1  # pitches: no wider a gap between the last strip and the first is one, but rounding of a radius
+_MOST_STRIPS = 1_000_000
 _FAR = 1e9  # mm, V or a ratio: beyond it, or below 1 / it, sums and squares of them are no numbers any more
 _HUGE = 10**18  # a message with more digits helps nobody
 
@@ -49,6 +51,7 @@ KEYS: dict[str, tuple[str, str]] = {  # key: (an example where nothing is set, c
 CALIBRATION = "calibration"  # the table that `tacstrip calibrate` adds to a spec file
 NOISE = "noise"  # the table that `tacstrip noise` adds
 LAYER = "layer"  # the tables of a sensor of two layers, of which `sensor.layers` knows
+SURFACE = "surface"  # the table of a curved skin
 # Keys that belong to some constructions only.
 OWN_KEYS = frozenset().union(*(c.keys for c in CONSTRUCTIONS.values()))
 
@@ -90,6 +93,7 @@ class Sensor:
     format: int = FORMAT
     calibration: Calibration | None = None
     noise: Noise | None = None
+    surface: Surface | None = None
 
     def __new__(cls, *values: object, **named: object) -> Self:
         """Refuse values without a name: `ArgumentError`."""
@@ -106,7 +110,7 @@ class Sensor:
         """Bring numbers to their type and refuse what cannot be."""
         for name, kind in self.__annotations__.items():
             value, optional = getattr(self, name), "None" in str(kind)
-            if name not in ("construction", "without", CALIBRATION, NOISE) and not (
+            if name not in ("construction", "without", CALIBRATION, NOISE, SURFACE) and not (
                 optional and value is None
             ):
                 object.__setattr__(self, name, _number(name, value, whole="int" in str(kind)))
@@ -114,6 +118,8 @@ class Sensor:
         object.__setattr__(self, "without", checked_names(self))
         if self.noise is not None and not isinstance(self.noise, Noise):
             raise SpecError(f"noise = {self.noise!r}: must be a Noise, such as ts.Noise(white=0.005)")
+        if self.surface is not None:
+            _check_surface(self, self.surface)
         if self.calibration is not None:
             _check_calibration(self, self.calibration)
 
@@ -146,6 +152,8 @@ class Sensor:
     @property
     def closed(self) -> bool:
         """Whether the strips go all round a tube, so that the last one lies beside the first."""
+        if self.surface is not None:
+            return self.surface.closed
         around = 2.0 * math.pi * (self.radius_mm or math.inf)
         return around - self.width_mm <= _SEAM * self.pitch_mm
 
@@ -161,9 +169,10 @@ class Sensor:
 
     @property
     def fingerprint(self) -> str:
-        """What a calibration must agree with: construction, strips, pitch and length."""
+        """What a calibration must agree with: construction, strips, pitch and length, and the kind of a curved skin."""
         across = f"{self.strips} strips, pitch {self.pitch_mm:.6g} mm"
-        return f"{self.construction}, {across}, length {self.length_mm:.6g} mm"
+        on = "" if self.surface is None else f", on a {self.surface.kind}"
+        return f"{self.construction}, {across}, length {self.length_mm:.6g} mm{on}"
 
     def where(self, strip: int) -> str:
         """Return the name in files of a strip that is counted from 0."""
@@ -208,9 +217,11 @@ class Sensor:
             from tacstrip.sensor.layers import LayeredSensor  # late: it is made of sensors
 
             return cast(Self, LayeredSensor.from_dict(raw))
-        known = [*KEYS, CALIBRATION, NOISE]
+        known = [*KEYS, SURFACE, NOISE, CALIBRATION]
         if unknown := [key for key in raw if key not in known]:
             raise SpecError(f"unknown key {unknown[0]!r}; the keys are: {', '.join(known)}")
+        if SURFACE in raw:
+            raw = _with_surface(raw)
         needed = ("format", "construction", "strips", "pitch_mm", "length_mm")
         if missing := [key for key in needed if key not in raw]:
             raise SpecError(f"key {missing[0]!r} is missing; a spec needs: {', '.join(needed)}")
@@ -227,7 +238,8 @@ class Sensor:
             text = repr(value) if isinstance(value, int | float) else json.dumps(value, ensure_ascii=False)
             line = f"# {key} = {example}" if value in (None, ()) else f"{key} = {text}"
             lines.append(f"{line:<32} # {comment}")
-        tables = [table.to_toml() for table in (self.noise, self.calibration) if table is not None]
+        known = (self.surface, self.noise, self.calibration)
+        tables = [table.to_toml() for table in known if table is not None]
         return "\n".join(["\n".join(lines) + "\n", *tables])
 
     def save(self, path: str | Path) -> None:
@@ -303,7 +315,7 @@ def _check(s: Sensor) -> None:
     longer = f"must not exceed length_mm = {s.length_mm}; both are millimetres"
     limits: tuple[tuple[str, bool, str], ...] = (
         ("format", s.format == FORMAT, f"this tacstrip reads format {FORMAT}"),
-        ("strips", 1 <= s.strips <= 1_000_000, "must be 1 to 1000000"),
+        ("strips", 1 <= s.strips <= _MOST_STRIPS, "must be 1 to 1000000"),
         ("strip_width_mm", s.strip_width <= s.pitch_mm, f"must not exceed pitch_mm = {s.pitch_mm}"),
         ("contact_lambda_mm", s.contact_lambda_mm >= 0.0, "must be 0 (ideal) or more"),
         ("contact_lambda_mm", s.contact_lambda_mm <= s.length_mm, longer),
@@ -325,6 +337,27 @@ def _check(s: Sensor) -> None:
         raise SpecError(
             f"radius_mm = {s.radius_mm}: {s.width_mm} mm of strips do not fit round {around:.4g} mm"
         )
+
+
+def _with_surface(raw: dict[str, Any]) -> dict[str, Any]:
+    """Return a spec's keys with the surface made, and pitch and length as it has them where they are left out."""
+    surface = Surface.from_dict(raw[SURFACE])
+    strips = raw.get("strips")
+    known: dict[str, Any] = {SURFACE: surface}
+    if isinstance(strips, int) and 1 <= strips <= _MOST_STRIPS:
+        known = {"pitch_mm": surface.pitch_mm(strips), "length_mm": surface.length_mm(strips)} | known
+    return known | {key: value for key, value in raw.items() if key != SURFACE}
+
+
+def _check_surface(s: Sensor, surface: Any) -> None:
+    if not isinstance(surface, Surface):
+        raise SpecError(
+            f'surface = {surface!r}: must be a Surface, such as Surface(kind="sphere", radius_mm=10.0)'
+        )
+    if s.kind.cylindrical or not s.kind.closed_form:
+        why = "has a radius_mm of its own" if s.kind.cylindrical else "has no closed form, and is flat"
+        raise SpecError(f"[surface] is not for a {s.construction} sensor, which {why}")
+    surface.check_strips(s.strips, s.pitch_mm, s.length_mm, s.strip_width)
 
 
 def _check_calibration(s: Sensor, calibration: Any) -> None:

@@ -17,6 +17,7 @@ from tacstrip.errors import ReadingError, SignatureError
 from tacstrip.geometry.moments import deviations, moments
 from tacstrip.geometry.pose import placed
 from tacstrip.reconstruction.noise_covariance import Averaging, fit_sigma
+from tacstrip.reconstruction.on_surface import refuse_surface
 from tacstrip.reconstruction.result import Alternative, RecoveredObject, Status
 from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import check_closed_form
@@ -216,6 +217,7 @@ def track(scans: Sequence[Scan], sensor: Sensor, noise: Noise | None = None) -> 
     ('ok', 4, True)
     """
     check_closed_form(sensor.kind, "track")
+    refuse_surface(sensor, "track", "reconstruct scan by scan, by ts.reconstruct or ts.fit_solid")
     read = [_checked(i, scan, sensor) for i, scan in enumerate(scans)]
     if not read:
         raise ReadingError("there is no scan: give those of a recording, in the order of time")

@@ -20,6 +20,7 @@ from tacstrip.core.problem import FLOOR
 from tacstrip.errors import OptionError
 from tacstrip.reconstruction.implausible import doubt_implausible
 from tacstrip.reconstruction.noise_covariance import Averaging, fit_sigma
+from tacstrip.reconstruction.on_surface import on_surface, refuse_surface
 from tacstrip.reconstruction.polygon.objects import FittedContact, reconstruct_object
 from tacstrip.reconstruction.polygon.run import RunFit, fit_run, should_merge
 from tacstrip.reconstruction.posterior.assessment import Effort, check_effort
@@ -104,6 +105,14 @@ def fit_polygon(
         raise OptionError(f"vertices = {vertices!r}: give a whole number")
     area = _known_area(area_mm2)
     noise = sensor.noise if noise is None else noise
+    if sensor.surface is not None:
+        if area_mm2 is not None:
+            refuse_surface(sensor, "area_mm2", "leave it out")
+        return on_surface(
+            scan, sensor, lambda scan, even: fit_polygon(
+                scan, even, noise, max_vertices=max_vertices, bounded=bounded, vertices=vertices, assessment=assessment
+            ),
+        )  # fmt: skip
     if vertices is not None and not 3 <= vertices <= MAX_VERTICES + 2:
         raise OptionError(
             f"vertices = {vertices}: a polygon has 3 or more, and here {MAX_VERTICES + 2} at most"

@@ -13,6 +13,7 @@ from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError, one_of
 from tacstrip.geometry.outline import close_chains
 from tacstrip.reconstruction.implausible import doubt_implausible
+from tacstrip.reconstruction.on_surface import refuse_surface
 from tacstrip.reconstruction.result import Reconstruction, RecoveredObject
 from tacstrip.reconstruction.seam import unrolled
 from tacstrip.reconstruction.sections import Section, fit_sections, noise_level
@@ -83,6 +84,7 @@ def vertex_reconstruction(
     """
     scan = scan.checked(sensor)
     check_closed_form(sensor.kind, "Vertex Reconstruction")
+    refuse_surface(sensor, "Vertex Reconstruction", 'take the method "polygon" or "profile"')
     name = sensor.check_signature(scan.signatures[-1] if signature is None else signature)
     if reading not in _READINGS:
         raise OptionError(one_of("reading", reading, _READINGS))

@@ -1,0 +1,1 @@
+"""Objects with three dimensions, pressed into a skin."""

@@ -1,0 +1,407 @@
+"""An object pressed into a skin: where they touch, with what pressure, and what each strip has of it.
+
+The skin is an elastic foundation: where it yields by d along its normal, it presses back with stiffness times d, and
+its neighbourhood does not know of it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from tacstrip.arguments import takes
+from tacstrip.arrays import BoolArray, FloatArray, extent, touched_strips
+from tacstrip.contact.press.solid import Solid, under
+from tacstrip.errors import ContactError, OptionError
+from tacstrip.sensor.spec import Sensor
+from tacstrip.surface.skin import Skin, skin_of
+
+_COARSE = (48, 32)  # the whole skin's grid, across and up
+_FINE, _TIGHT = 64, 33  # of the grid over the patch; of the one that finds where it is
+_ALONG = 192  # samples along a strip
+_ZOOMS, _ZOOM = 5, 9  # of the search for the first touch: each grid is a quarter of the last
+_ROOTS, _SMOOTH, _ROOT_MM = (
+    20,
+    5,
+    1e-6,
+)  # steps that place an end between two samples, the first of regula falsi
+_FEW = 12  # touched places of the coarse grid, fewer of which may miss some of a mesh
+_FORCE_STEPS, _FORCE_TOLERANCE = 40, 1e-6
+_SLACK = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Patch:
+    """Where an object touches a skin; from `press`.
+
+    Attributes
+    ----------
+    l, u
+        Lower and upper end of the contact on each strip's centre line (strips,) [mm along the strip]; NaN untouched.
+        Where a strip is touched in several places they are the outer ends.
+    area_mm2
+        Of the skin in touch, strips or not.
+    force_n
+        Force along the way that the object was pressed [N], by the skin's stiffness.
+    force_xyz
+        All of the force on the skin (3,) [N].
+    moment_xyz
+        Its moment about the origin (3,) [N mm].
+    centroid_xyz, normal
+        Mean of the skin's points in touch (3,) [mm], and their mean normal, a unit vector (3,).
+    outline_xyz
+        The outline (N, 3) [mm]; several are parted by a row of NaN. At the skin's border it may be open.
+    depth_mm
+        How far the object was pressed on from its first touch; NaN of an object that was not moved.
+    max_indentation_mm
+        How far the skin yields where it yields most.
+    solid
+        The object where it is now.
+
+    Examples
+    --------
+    >>> import tacstrip as ts
+    >>> fingertip = ts.Sensor.load("fingertip")
+    >>> pen = ts.Solid.cylinder(4.0).at((20, 0, 20), toward=(-1, 0, -1), turn_rad=0.5)
+    >>> patch = ts.press(fingertip, pen, force_n=2.0)
+    >>> patch.touched.nonzero()[0].tolist(), round(patch.force_n, 3)
+    ([0, 14, 15], 2.0)
+    """
+
+    l: FloatArray
+    u: FloatArray
+    area_mm2: float
+    force_n: float
+    force_xyz: FloatArray
+    moment_xyz: FloatArray
+    centroid_xyz: FloatArray
+    normal: FloatArray
+    outline_xyz: FloatArray
+    depth_mm: float
+    max_indentation_mm: float
+    solid: Solid
+
+    def __repr__(self) -> str:
+        size = f"{self.area_mm2:.4g} mm2, {self.force_n:.4g} N"
+        return f"<Patch of {size}: {touched_strips(self.touched)}, l {extent(self.l)}, u {extent(self.u)} mm>"
+
+    @property
+    def touched(self) -> BoolArray:
+        """Whether each strip is touched (strips,)."""
+        return np.asarray(~np.isnan(self.l))
+
+
+@takes(sensor=Sensor, solid=Solid)
+def press(
+    sensor: Sensor, solid: Solid, *, depth_mm: float | None = None, force_n: float | None = None
+) -> Patch:
+    """Press an object into a sensor's skin, the way that it is meant to go, by a depth from its first touch or a force.
+
+    Parameters
+    ----------
+    sensor
+        Flat, a tube, or with a `[surface]`, which says how thick and how stiff the skin is; others have 3 mm and .1
+        N/mm3. Objects come from the normals' side: the outside, or with `inside` the inside.
+    solid
+        The object at its pose: what counts is its direction and where beside it it is, not how far from the skin.
+    depth_mm, force_n
+        How far it is pressed on [mm], or how hard [N]; one of both.
+
+    Returns
+    -------
+    Patch
+        What is touched, with force and moment, and l and u for `simulate`.
+
+    Raises
+    ------
+    ContactError
+        The object does not meet the skin, or would sink in deeper than the skin is thick.
+    OptionError
+        Neither depth nor force is given, or both, or not above 0.
+
+    Examples
+    --------
+    >>> import tacstrip as ts
+    >>> fingertip = ts.Sensor.load("fingertip")
+    >>> table = ts.Solid.plane().at((0, 0, 20), toward=(-1, 0, -1))
+    >>> patch = ts.press(fingertip, table, depth_mm=1.0)
+    >>> round(patch.area_mm2, 1), round(patch.force_n, 2)
+    (62.8, 3.14)
+    """
+    wanted = _one_of(depth_mm, force_n)
+    skin = skin_of(sensor)
+    touching = solid.moved(first_touch(skin, solid))
+    if force_n is None:
+        return patch_at(sensor, touching.moved(wanted), wanted)
+    low, high, over = 0.0, skin.thickness_mm, math.inf
+    depth = 0.1 * high
+    for _ in range(_FORCE_STEPS):  # regula falsi, halving where that is slow
+        try:
+            force = patch_load(skin, touching.moved(depth)).force_n
+        except ContactError:
+            force = math.inf
+        if abs(force - wanted) <= _FORCE_TOLERANCE * wanted:
+            return patch_at(sensor, touching.moved(depth), depth)
+        if force < wanted:
+            low, under = depth, force
+        else:
+            high, over = depth, force
+        step = (wanted / force) ** 0.5 if 0.0 < force < math.inf else 2.0 if force == 0.0 else 0.5
+        depth = depth * step if low < depth * step < high else 0.5 * (low + high)
+        if high - low < _SLACK:
+            break
+    if over == math.inf:
+        raise ContactError(
+            f"force_n = {force_n}: {under:.3g} N press the object in by the skin's thickness, {skin.thickness_mm:g} mm"
+        )
+    return patch_at(sensor, touching.moved(depth), depth)
+
+
+def _one_of(depth_mm: float | None, force_n: float | None) -> float:
+    given = {name: v for name, v in (("depth_mm", depth_mm), ("force_n", force_n)) if v is not None}
+    if len(given) != 1:
+        raise OptionError("press needs one of depth_mm, how far [mm], and force_n, how hard [N]")
+    ((name, value),) = given.items()
+    if (
+        isinstance(value, bool)
+        or not isinstance(value, int | float | np.number)
+        or not 0.0 < value < math.inf
+    ):
+        raise OptionError(f"{name} = {value!r}: must be above 0")
+    return float(value)
+
+
+def patch_at(sensor: Sensor, solid: Solid, depth_mm: float = math.nan) -> Patch:
+    """Return the patch of an object where it is; errors as of `press`."""
+    skin = skin_of(sensor)
+    load = patch_load(skin, solid)
+    l, u = strip_ends(skin, solid)
+    return Patch(
+        l, u, load.area_mm2, load.force_n, load.force_xyz, load.moment_xyz, load.centroid_xyz, load.normal,
+        load.outline(skin), depth_mm, load.deepest_mm, solid,
+    )  # fmt: skip
+
+
+def first_touch(skin: Skin, solid: Solid) -> float:
+    """Return how far an object must be moved on to touch the skin [mm], below 0 where it lies in it: `ContactError`."""
+    across, up, points, normals = _whole(skin)
+    faces = normals @ solid.toward < -1e-3
+    gaps = np.where(faces, solid.gap(points), np.inf)
+    if not np.isfinite(gaps.min(initial=np.inf)):
+        x, y, z = solid.toward
+        raise ContactError(
+            f"pressed along ({x:.3g}, {y:.3g}, {z:.3g}) the object does not meet the skin: mend position or direction"
+        )
+    at = np.unravel_index(int(gaps.argmin()), gaps.shape)
+    a, t, best = float(across[at[0]]), float(up[at[1]]), float(gaps[at])
+    reach = np.array([across[1] - across[0], up[1] - up[0]])
+    unit = np.linspace(-1.0, 1.0, _ZOOM)
+    for _ in range(_ZOOMS):
+        near_a, near_t = a + reach[0] * unit, np.clip(t + reach[1] * unit, *skin.up)
+        if not skin.round:
+            near_a = np.clip(near_a, *skin.across)
+        near = np.where(
+            skin.normals(near_a[:, None], near_t) @ solid.toward < 0.0,
+            solid.gap(skin.points(near_a[:, None], near_t)), np.inf,
+        )  # fmt: skip
+        at = np.unravel_index(int(near.argmin()), near.shape)
+        if near[at] <= best:
+            a, t, best = float(near_a[at[0]]), float(near_t[at[1]]), float(near[at])
+        reach = reach / 4.0
+    return best
+
+
+def strip_ends(skin: Skin, solid: Solid) -> tuple[FloatArray, FloatArray]:
+    """Return l and u (strips,) [mm] of an object where it is; NaN where it does not touch a strip."""
+    strip, y, points, normals = samples(skin)
+    g = solid.touch(points, normals, skin.thickness_mm)  # (strips, samples)
+    l, u = np.full(len(g), np.nan), np.full(len(g), np.nan)
+    on = g > 0.0
+    (touched,) = np.nonzero(on.any(axis=1))
+    if not len(touched):
+        return l, u
+    first, last = on[touched].argmax(axis=1), on.shape[1] - 1 - on[touched, ::-1].argmax(axis=1)
+    # Between the first sample that touches and the one before it; at a strip's end there is none.
+    inner = np.concatenate([first, last])
+    outer = np.clip(np.concatenate([first - 1, last + 1]), 0, on.shape[1] - 1)
+    rows = np.concatenate([touched, touched])
+    (y_in, y_out), (g_in, g_out) = ((v[rows, inner], v[rows, outer]) for v in (y, g))
+    found = _roots(skin, solid, strip[rows], (y_in, y_out), (g_in, g_out))
+    l[touched], u[touched] = np.split(found, 2)
+    return l, u
+
+
+def _roots(
+    skin: Skin,
+    solid: Solid,
+    strip: FloatArray,
+    y: tuple[FloatArray, FloatArray],
+    g: tuple[FloatArray, FloatArray],
+) -> FloatArray:
+    """Return where touch ends (N,) [mm] between y touched and y not touched, by its values there."""
+    (y_in, y_out), (g_in, g_out) = y, g
+    at = np.where(y_in == y_out, y_in, np.nan)
+    for step in range(
+        _ROOTS
+    ):  # regula falsi, then halving of what it does not find: jumps, as at a box's side
+        (open_,) = np.nonzero(np.isnan(at))
+        if not len(open_):
+            break
+        inner, outer, high, low = (v[open_] for v in (y_in, y_out, g_in, g_out))
+        share = high / (high - low) if step < _SMOOTH and step != 1 else np.full(len(open_), 0.5)
+        now = inner + share * (outer - inner)
+        place = skin.places(strip[open_], now)
+        g_now = solid.touch(skin.points(*place), skin.normals(*place), skin.thickness_mm)
+        done = (np.abs(g_now) <= _ROOT_MM) | (np.abs(outer - inner) <= _ROOT_MM) | (step == _ROOTS - 1)
+        at[open_[done]] = now[done]
+        inside = g_now > 0.0
+        y_in[open_], g_in[open_] = np.where(inside, now, inner), np.where(inside, g_now, high)
+        y_out[open_], g_out[open_] = np.where(inside, outer, now), np.where(inside, low, g_now)
+    return np.asarray(at)
+
+
+@lru_cache(maxsize=16)
+def samples(skin: Skin, count: int = _ALONG) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return strips (strips,), and y, points and normals of samples along their centre lines (strips, count, ...)."""
+    strip = np.arange(skin.strips, dtype=float)
+    y = skin.lengths_mm[:, None] * np.linspace(0.0, 1.0, count)
+    place = skin.places(strip[:, None], y)
+    return strip, y, skin.points(*place), np.ascontiguousarray(skin.normals(*place))
+
+
+@lru_cache(maxsize=16)
+def _whole(skin: Skin) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return a coarse grid of the whole skin: across (A,), up (U,), points and normals (A, U, 3)."""
+    count = _COARSE if skin.round else (_COARSE[0] + 1, _COARSE[1])
+    across = np.linspace(*skin.across, count[0], endpoint=not skin.round)
+    up = np.linspace(*skin.up, count[1])
+    return (
+        across,
+        up,
+        skin.points(across[:, None], up),
+        np.ascontiguousarray(skin.normals(across[:, None], up)),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Load:
+    """What an object does to the skin: integrals over the patch, and the grid they come from."""
+
+    area_mm2: float
+    force_n: float
+    force_xyz: FloatArray
+    moment_xyz: FloatArray
+    centroid_xyz: FloatArray
+    normal: FloatArray
+    deepest_mm: float
+    across: FloatArray
+    up: FloatArray
+    depth: FloatArray
+
+    def outline(self, skin: Skin) -> FloatArray:
+        """Return the outline (N, 3) [mm], pieces parted by NaN."""
+        from contourpy import contour_generator
+
+        lines = contour_generator(self.up, self.across, self.depth).lines(0.0)
+        rings = [skin.points(line[:, 1], line[:, 0]) for line in lines]  # type: ignore[call-overload]
+        parted = [part for ring in rings for part in (np.full((1, 3), np.nan), ring)]
+        return np.concatenate(parted[1:]) if parted else np.empty((0, 3))
+
+
+def patch_load(skin: Skin, solid: Solid, limited: bool = True) -> Load:
+    """Integrate over the patch: errors as of `press`, but not `limited` by the skin's thickness none."""
+    across, up = _box(skin, solid)
+    points, normals = skin.points(across[:, None], up), skin.normals(across[:, None], up)
+    yields = solid.indentation(points, normals, skin.thickness_mm)
+    depth = yields
+    if solid.mesh is None:
+        depth = under(solid.depth(points), yields)
+        yields = np.where(depth > 0.0, yields, depth)
+    deepest = float(yields.max(initial=0.0))
+    if limited and deepest > skin.thickness_mm * (1.0 + 1e-9):
+        sinks = "deeper than" if deepest == math.inf else f"{deepest:.3g} mm into"
+        raise ContactError(
+            f"the object sinks {sinks} a skin of {skin.thickness_mm:g} mm: press less, or mend surface.thickness_mm"
+        )
+    # Along `up` the depth is linear between samples: edges are cut where they are. Where the skin yields by more
+    # than its place is deep, the object ends beside it, with a step.
+    a, b = depth[:, :-1], depth[:, 1:]
+    high = np.maximum(a, b)
+    cut = (a > 0.0) != (b > 0.0)
+    share = np.where(cut, high / np.where(cut, np.abs(a - b), 1.0), (a > 0.0).astype(float))
+    positive = np.maximum(yields, 0.0)
+    most = np.maximum(positive[:, :-1], positive[:, 1:])
+    edge = np.where(cut, most - np.minimum(high, most), np.minimum(positive[:, :-1], positive[:, 1:]))
+    mean = 0.5 * (most + edge) * share
+    middle = 0.5 * (up[1:] + up[:-1])
+    by_across = np.gradient(across) if len(across) > 1 else np.ones(1)
+    by_across[[0, -1]] *= 0.5
+    cell = np.abs(skin.stretch(middle)) * np.diff(up) * by_across[:, None]
+    area, weight = (share * cell).ravel(), (skin.stiffness_n_per_mm3 * mean * cell).ravel()
+    at = skin.points(across[:, None], middle).reshape(-1, 3)
+    out = skin.normals(across[:, None], middle).reshape(-1, 3)
+    force = -weight @ out
+    of = -(at * weight[:, None]).T @ out  # (3, 3): sum of place times force
+    moment = np.array([of[1, 2] - of[2, 1], of[2, 0] - of[0, 2], of[0, 1] - of[1, 0]])
+    total = float(area.sum())
+    point, normal = area @ at, area @ out
+    length = float(np.linalg.norm(normal))
+    return Load(
+        total, float(force @ solid.toward), force, moment, point / total if total else np.full(3, np.nan),
+        normal / length if length else np.full(3, np.nan), deepest, across, up, depth,
+    )  # fmt: skip
+
+
+def _box(skin: Skin, solid: Solid) -> tuple[FloatArray, FloatArray]:
+    """Return a fine grid over what an object touches: across (A,) and up (U,), closer towards its borders."""
+    across, up, points, normals = _whole(skin)
+    # A patch may lie between the grid's points: those near it count, by how far apart they are.
+    apart = max(float(np.abs(skin.stretch(up)).max()) * (across[1] - across[0]), up[1] - up[0])
+    near = solid.touch(points, normals, skin.thickness_mm) > (-0.75 * apart if solid.mesh is None else 0.0)
+    if solid.mesh is not None and near.sum() < _FEW:
+        gaps = np.where(normals @ solid.toward < 0.0, solid.gap(points), np.inf)
+        near |= np.abs(gaps) <= 0.25 * apart
+        near.flat[int(gaps.argmin())] = True
+    if not near.any():
+        return across, up
+    a, t = _around(skin, across, _any(near, 1), _TIGHT), _within(up, _any(near, 0), _TIGHT)
+    near = solid.touch(skin.points(a[:, None], t), skin.normals(a[:, None], t), skin.thickness_mm) > 0.0
+    if near.any():
+        all_round = a[-1] - a[0] > 2.0 * np.pi - 1e-9 and skin.round
+        a = a if all_round else _within(a, _any(near, 1), _TIGHT)
+        t = _within(t, _any(near, 0), _TIGHT)
+        if all_round:
+            return np.linspace(a[0], a[-1], 2 * _FINE), _closer(t)
+    return _closer(a), _closer(t)
+
+
+def _any(on: BoolArray, axis: int) -> BoolArray:
+    return np.asarray(on.any(axis=axis))
+
+
+def _closer(grid: FloatArray) -> FloatArray:
+    """Return a grid over the same range that is closer towards both ends."""
+    share = 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, _FINE))
+    return np.asarray(grid[0] + (grid[-1] - grid[0]) * share)
+
+
+def _within(grid: FloatArray, on: BoolArray, count: int) -> FloatArray:
+    """Return a grid over the places that are on, and their neighbours."""
+    there = np.flatnonzero(on)
+    return np.linspace(grid[max(there[0] - 1, 0)], grid[min(there[-1] + 1, len(grid) - 1)], count)
+
+
+def _around(skin: Skin, across: FloatArray, on: BoolArray, count: int) -> FloatArray:
+    """Return a grid over the places across that are on, also over the seam; all round where they are."""
+    if not skin.round:
+        return _within(across, on, count)
+    there, step = np.flatnonzero(on), across[1] - across[0]
+    gaps = np.diff(np.concatenate([there, there[:1] + len(across)]))
+    widest = int(gaps.argmax())
+    if gaps[widest] <= 3:
+        return np.linspace(0.0, 2.0 * np.pi, 2 * count)
+    start, length = across[there[(widest + 1) % len(there)]], len(across) - gaps[widest]
+    return np.linspace(start - step, start + (length + 1) * step, count)

@@ -1,0 +1,61 @@
+"""Solids found again from one scan of a fingertip."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import tacstrip as ts
+
+TIP, NOISE = ts.Sensor.load("fingertip"), ts.Noise(positional=0.005)
+OUT = np.array([math.sin(0.7) * math.cos(2.0), math.sin(0.7) * math.sin(2.0), math.cos(0.7)])
+
+
+def pressed(solid: ts.Solid, depth: float, turn: float = 0.4) -> tuple[ts.Patch, ts.Scan]:
+    patch = ts.press(TIP, solid.at(12.0 * OUT, -OUT, turn), depth_mm=depth)
+    return patch, ts.simulate(TIP, patch, NOISE, rng=3)
+
+
+@pytest.mark.parametrize(
+    ("solid", "family", "depth"),
+    [(ts.Solid.plane(), ts.Solid.plane(), 1.2), (ts.Solid.cylinder(4.0), ts.Solid.cylinder(7.0), 1.5)],
+    ids=["plane", "cylinder"],
+)
+def test_a_solid_is_found_within_its_deviations(solid: ts.Solid, family: ts.Solid, depth: float) -> None:
+    patch, scan = pressed(solid, depth)
+    found = ts.fit_solid(scan, TIP, family, NOISE)
+    assert (found.status, found.advice) == ("ok", "")
+    assert found.solid is not None
+    assert found.direction is not None
+    assert found.patch is not None
+    assert found.area_mm2 == pytest.approx(patch.area_mm2, rel=0.05)
+    assert abs(found.area_mm2 - patch.area_mm2) < 3.0 * found.area_sigma_mm2
+    assert abs(found.force_n - patch.force_n) < 3.0 * found.force_sigma_n
+    tilt = math.acos(min(1.0, float(found.direction @ OUT)))
+    assert tilt < 4.0 * found.direction_sigma_rad < math.radians(3.0)
+    if solid.kind == "cylinder":
+        assert abs(found.radius_mm - 4.0) < 3.0 * found.radius_sigma_mm < 1.5
+        across = np.linalg.norm(np.cross(found.solid.axes[0], patch.solid.axes[0]))
+        assert across < 4.0 * (found.axis_sigma_rad + found.direction_sigma_rad)
+
+
+def test_of_a_ball_on_a_ball_radius_and_force_are_not_told() -> None:
+    patch, scan = pressed(ts.Solid.sphere(6.0), 1.2)
+    found = ts.fit_solid(scan, TIP, ts.Solid.sphere(9.0), NOISE)
+    assert found.status == "ok"
+    assert math.isnan(found.radius_mm)
+    assert math.isnan(found.force_n)
+    assert "area and direction hold; give a known radius with known_size=True" in found.advice
+    assert abs(found.area_mm2 - patch.area_mm2) < 3.0 * found.area_sigma_mm2
+    known = ts.fit_solid(scan, TIP, ts.Solid.sphere(6.0), NOISE, known_size=True)
+    assert abs(known.force_n - patch.force_n) < 3.0 * known.force_sigma_n
+    assert known.radius_mm == 6.0
+
+
+def test_readings_of_another_object_and_of_none_are_not_ok() -> None:
+    _, scan = pressed(ts.Solid.cylinder(3.0), 2.0)
+    assert ts.fit_solid(scan, TIP, ts.Solid.plane(), NOISE).status == "doubtful"
+    none = ts.fit_solid(ts.Scan(kh=np.full(16, np.nan), kl=np.full(16, np.nan)), TIP, ts.Solid.plane(), NOISE)
+    assert (none.status, none.advice) == ("no contact", "no strip reads a contact; press harder")
