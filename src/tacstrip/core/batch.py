@@ -128,9 +128,12 @@ def batch(
 
 
 def closed_forms(sensor: Sensor, l_mm: FloatArray, u_mm: FloatArray) -> dict[str, FloatArray] | None:
-    """Return the ideal readings of one scan from l and u (strips,) [mm] by signature; None without compiled core."""
+    """Return the ideal readings of one scan from l and u (strips,) [mm] by signature.
+
+    None without compiled core, and on a curved skin, whose resistance is not even along the strips.
+    """
     core = exported("batch")
-    if core is None:
+    if core is None or sensor.surface is not None:
         return None
     by, errors, out = batch_sensor(sensor), BatchErrors(), np.empty((len(sensor.signatures), sensor.strips))
     by.top, workspace = 0.0, np.empty(15 * sensor.strips + 512)

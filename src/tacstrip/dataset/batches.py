@@ -154,7 +154,8 @@ class _Run:
     def closed(self) -> bool:
         """Whether readings follow from l and u alone."""
         thin = self.sensor.strip_width_mm is None or self.model == "closed"
-        return self.sensor.kind.closed_form and self.model != "network" and thin
+        even = self.sensor.surface is None  # on a curved skin resistance is not even along the strips
+        return self.sensor.kind.closed_form and even and self.model != "network" and thin
 
     def drawn(self, shapes: Shapes, first: int) -> Scans:
         """Simulate shapes drawn at random, in one pass where closed forms and the core's errors do."""

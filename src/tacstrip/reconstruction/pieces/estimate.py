@@ -15,6 +15,7 @@ from tacstrip.geometry.region import svg
 from tacstrip.reconstruction.contact_ends import closed_ends
 from tacstrip.reconstruction.implausible import implausible_hint
 from tacstrip.reconstruction.noise_covariance import Averaging, fit_sigma
+from tacstrip.reconstruction.on_surface import refuse_surface
 from tacstrip.reconstruction.pieces.cover import Part
 from tacstrip.reconstruction.pieces.outline import PieceOutline, shown_hull, trace
 from tacstrip.reconstruction.pieces.run import FEW_STRIPS, GAP, RunPieces, noise_level, split_run
@@ -128,6 +129,7 @@ def pieces(scan: Scan, sensor: Sensor, noise: Noise | None = None) -> list[Piece
     """
     scan = scan.checked(sensor)
     check_closed_form(sensor.kind, "pieces")
+    refuse_surface(sensor, "pieces", 'take the method "polygon"')
     if len(scan.signatures) == 1:
         from tacstrip.reconstruction.pieces.one_signature import pieces_of_runs  # late: it fits polygons
 

@@ -140,7 +140,7 @@ class Live:
         self._decoder = DriftCorrectingDecoder(source.sensor, self._drift, self._creep)
         self._tracker = Tracker(source.sensor, self.method, self.noise, self._searches)
         self.known = {}
-        fuses = self._wants_tracks and source.sensor.kind.closed_form
+        fuses = self._wants_tracks and source.sensor.kind.closed_form and source.sensor.surface is None
         self._tracks = LiveTracks(source.sensor, self.noise, executor=self._fusing) if fuses else None
 
     def subscribe(self, size: int = 1, detailed: bool = False) -> BoundedQueue[Frame]:
