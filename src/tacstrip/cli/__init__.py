@@ -74,8 +74,7 @@ class _Verbs(click.Group):
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name not in VERBS:
             return None
-        module = {"import": "import_log"}.get(cmd_name, cmd_name)  # a word that no module can have
-        command = importlib.import_module(f"tacstrip.cli.{module}").command
+        command = importlib.import_module(f"tacstrip.cli.{cmd_name}").command
         assert isinstance(command, click.Command)
         return command
 

@@ -1,4 +1,4 @@
-"""`tacstrip import`."""
+"""`tacstrip import`."""  # noqa: N999, the module of a verb has its name
 
 from __future__ import annotations
 
