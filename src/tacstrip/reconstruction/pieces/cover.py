@@ -20,6 +20,8 @@ _SLACK = 3.0  # deviations of a reading by which a hull may leave what the strip
 _NEAR = 1  # strips between two places that may be one
 _FEW = 2  # strips of a part, of which none is left out
 _COVERS = 12  # of one number of pieces that are compared
+_MANY_PARTS = 14  # three objects have ten: noise that is larger than given makes more
+_STEPS = 2000  # of the search for the fewest pieces: three objects of a hundred strips take some hundred
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,11 +90,15 @@ class Cover:
         Indices of the parts of each piece.
     others
         Covers by as many pieces.
+    fewest
+        Pieces that there must be; None: as many as these. Of very many parts, as noise makes that is larger than given,
+        the fewest pieces are not searched for.
     """
 
     parts: list[Part]
     pieces: list[tuple[int, ...]]
     others: tuple[Cover, ...] = ()
+    fewest: int | None = None
 
     def gap_mm(self, x: FloatArray, pitch: float) -> float:
         """Return the least distance [mm] between what strips at x (n,) show of two pieces, infinite with one piece.
@@ -130,7 +136,7 @@ def least_cover(chains: tuple[Chain, Chain], read: Read, pitch: float, gap: floa
     """
     whole = [Part(side, stretch) for side, chain in enumerate(chains) for stretch in chain.stretches]
     found = _of_parts(whole, read)
-    if len(found[0].pieces) == 1:
+    if len(found[0].pieces) == 1 or len(whole) > _MANY_PARTS:
         return found[0]
     places = {part.stretch: i for i, part in enumerate(whole)}
     loose = [
@@ -186,20 +192,27 @@ def _of_parts(parts: list[Part], read: Read) -> list[Cover]:
     fits = np.zeros((n, n), dtype=np.bool_)
     for i, j in combinations(range(n), 2):
         fits[i, j] = fits[j, i] = _one_piece(parts[i], parts[j], read)
-    found: list[list[tuple[int, ...]]] = []
     for most in count(1):
         found = _covers(fits, most)
+        if found is None:
+            return [Cover(parts, _first_fit(fits), fewest=most)]
         if found:
-            break
-    return [Cover(parts, pieces) for pieces in sorted(found, key=lambda pieces: _strangeness(pieces, parts))]
+            return [
+                Cover(parts, pieces)
+                for pieces in sorted(found, key=lambda pieces: _strangeness(pieces, parts))
+            ]
+    raise AssertionError  # as many pieces as parts always do
 
 
-def _covers(fits: BoolArray, most: int) -> list[list[tuple[int, ...]]]:
-    """Return partitions into at most so many sets whose members all fit each other."""
+def _covers(fits: BoolArray, most: int) -> list[list[tuple[int, ...]]] | None:
+    """Return partitions into at most so many sets whose members all fit each other; None: the search is too long."""
     found: list[list[tuple[int, ...]]] = []
+    steps = 0
 
     def add(i: int, pieces: list[tuple[int, ...]]) -> None:
-        if len(found) >= _COVERS:
+        nonlocal steps
+        steps += 1
+        if len(found) >= _COVERS or steps > _STEPS:
             return
         if i == len(fits):
             found.append(list(pieces))
@@ -211,7 +224,16 @@ def _covers(fits: BoolArray, most: int) -> list[list[tuple[int, ...]]]:
             add(i + 1, [*pieces, (i,)])
 
     add(0, [])
-    return found
+    return found if found or steps <= _STEPS else None
+
+
+def _first_fit(fits: BoolArray) -> list[tuple[int, ...]]:
+    """Return a partition into sets whose members all fit each other, each part in the first set that takes it."""
+    pieces: list[tuple[int, ...]] = []
+    for i in range(len(fits)):
+        k = next((k for k, piece in enumerate(pieces) if fits[i, list(piece)].all()), len(pieces))
+        pieces[k : k + 1] = [(*pieces[k], i) if k < len(pieces) else (i,)]
+    return pieces
 
 
 def _one_piece(a: Part, b: Part, read: Read) -> bool:

@@ -233,6 +233,10 @@ def _verdict(
         doubts.append(
             "the noise does not explain what these pieces leave over of the readings: is it larger than given?"
         )
+    if run.cover.fewest is not None:
+        doubts.append(
+            "the ends jump so often that it was not found out what belongs together: is the noise larger than given?"
+        )
     left_out = np.flatnonzero(run.chains[0].left_out | run.chains[1].left_out)
     if len(left_out):
         named = ", ".join(str(i + base) for i in left_out[:_SHOWN]) + (

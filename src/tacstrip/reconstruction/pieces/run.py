@@ -47,7 +47,7 @@ class RunPieces:
     @property
     def count(self) -> int:
         """Convex pieces, at least."""
-        return len(self.cover.pieces)
+        return len(self.cover.pieces) if self.cover.fewest is None else self.cover.fewest
 
     @property
     def cuts(self) -> list[tuple[int, Cut]]:

@@ -33,6 +33,7 @@ _FAINT = 0.01  # of sigma^2
 _APART = 3.0  # standard deviations of their distance in x by which two corners are told apart
 _HIDDEN = 0.55  # of an outline, behind an overhang: more, and the shape is not known
 _NEARLY = 0.9  # IoU with convex ends that explain the readings
+_NOISIER = 3.0  # times the noise given: neighbours that differ by so much are noise, not jumps
 _SMOOTHED = (
     0.7  # of what a polygon leaves over: neighbours that differ so little say that it follows them badly
 )
@@ -133,9 +134,11 @@ def second_look(
             "what was left out may be of a second object, or of an overhang: it moves one end of the contact and "
             "leaves the other, as a faulty channel hardly does; if one is faulty, leave it out by name (--without)"
         )
-    sigma = run.sigma
+    sigma, level = run.sigma, noise_level(np.stack([readings["kh"], readings["kl"]]), sensor)
     if distribution is None:
-        sigma = min(sigma, noise_level(np.stack([readings["kh"], readings["kl"]]), sensor))
+        sigma = min(sigma, level)
+    elif wrong and level > _NOISIER * sigma:
+        return wrong  # of readings that scatter more than the noise given, jumps tell nothing
     if not (wrong or run.excluded.any() or turns_inwards(fit) or sigma < _SMOOTHED * run.sigma) or (
         distribution is None and run.sigma > _MOST_SIGMA
     ):
