@@ -73,6 +73,7 @@ POLYGON = np.dtype(
 KNOTS, MOST_CORNERS = 20, 26  # points of a chain and vertices of a sampled outline
 HOTTEST = 6  # temperatures of a sampler
 RIGID_CORNERS = 24  # corners of an outline that keeps its shape
+HULL_OBJECTS = 8  # objects on the same strips
 # `Outline` and `OutlinePrior` of core.h.
 OUTLINE = np.dtype(_fields(count="2i8", x=f"(2,{KNOTS})f8", y=f"(2,{KNOTS})f8"))
 OUTLINE_PRIOR = np.dtype(
@@ -120,6 +121,8 @@ _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
         _DOUBLE,
         (_SCANS, _LOSS, _POINTER, _INT, _POINTER, _INT, _DOUBLE, _POINTER, _POINTER),
     ),
+    "hull_equations": (_DOUBLE, (_SCANS, _LOSS, _POINTER, _INT, *[_POINTER] * 10)),
+    "hull_poses": (None, (_SCANS, _LOSS, _POINTER, _INT, *[_POINTER] * 5, _INT, _INT, _POINTER)),
     "isolated_outliers": (_INT, (_POINTER, _INT, _INT, _POINTER)),
     "spikes": (None, (_POINTER, _INT, _DOUBLE, _POINTER, _POINTER)),
 }
@@ -128,7 +131,7 @@ _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
 # These take long and let other threads run meanwhile; the others, over sooner than a thread wakes up, would only have
 # to wait until that one lets go.
 _LONG = frozenset(
-    ("fit_run", "fit_counts", "feasible_part", "minimax", "hit_and_run", "rigid_poses", "rigid_descend")
+    ("fit_run", "fit_counts", "feasible_part", "minimax", "hit_and_run", "rigid_poses", "rigid_descend", "hull_poses")
 )
 
 

@@ -14,7 +14,7 @@
 #ifndef TACSTRIP_CORE_H
 #define TACSTRIP_CORE_H
 
-#define TACSTRIP_VERSION 4 /* goes up whenever a function or a struct of this file changes */
+#define TACSTRIP_VERSION 5 /* goes up whenever a function or a struct of this file changes */
 
 #define MAX_VERTICES 16        /* interior vertices of a polygon */
 #define END_ENTRIES 6          /* entries of theta before the first vertex */
@@ -27,6 +27,7 @@
 #define MOST_CORNERS 26        /* vertices of a sampled outline */
 #define HOTTEST 6              /* temperatures of a sampler */
 #define RIGID_CORNERS 24       /* corners of an outline that keeps its shape, at most; 19 in a descent */
+#define HULL_OBJECTS 8         /* objects on the same strips, at most */
 
 #if defined(_WIN32)
 #define EXPORTED __declspec(dllexport)
@@ -284,5 +285,20 @@ EXPORTED void tacstrip_rigid_poses(const Scans *scans, const Loss *loss, const d
    workspace (scans (31 + 12 count) + 8 count^2 + 8 count,). */
 EXPORTED double tacstrip_rigid_descend(const Scans *scans, const Loss *loss, double *corners, Int count, double *poses,
                                        Int steps, double enough, double *costs, double *workspace);
+
+/* The normal equations of several outlines on the same strips: corners (sum of counts, 2), one outline after the other, and
+   poses (scans, objects, 3); present (scans, objects) leaves an object out where it is 0. known (scans, strips) is 0 where
+   a strip without readings says nothing; elsewhere nothing touches it. Writes pose (scans, P, P), mixed (scans, P, C), shape
+   (C, C), pose_slope (scans, P), shape_slope (C,) and costs (scans,), P = 3 objects and C all corners' numbers. Returns the total. */
+EXPORTED double tacstrip_hull_equations(const Scans *scans, const Loss *loss, const double *known, Int objects,
+                                        const Int *counts, const double *corners, const double *present,
+                                        const double *poses, double *pose, double *mixed, double *shape,
+                                        double *pose_slope, double *shape_slope, double *costs);
+
+/* Move poses (scans, starts, objects, 3) downhill, those of a scan together, and write what they cost, costs (scans, starts),
+   with what they are off from where they are expected, squared, times weight, both as poses. */
+EXPORTED void tacstrip_hull_poses(const Scans *scans, const Loss *loss, const double *known, Int objects,
+                                  const Int *counts, const double *corners, double *poses, const double *expected,
+                                  const double *weight, Int starts, Int steps, double *costs);
 
 #endif

@@ -13,7 +13,8 @@ from tacstrip.arguments import takes
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import Noise
 from tacstrip.core.problem import FLOOR
-from tacstrip.core.rigid import RigidScans
+from tacstrip.core.hull import available
+from tacstrip.core.rigid import RigidScans, fit_poses, loss
 from tacstrip.errors import ReadingError, SignatureError
 from tacstrip.geometry.moments import deviations, moments
 from tacstrip.reconstruction.noise_covariance import Averaging, fit_sigma
@@ -23,8 +24,11 @@ from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import check_closed_form
 from tacstrip.sensor.spec import Sensor
 from tacstrip.tracking.episodes import Episode, episodes
+from tacstrip.tracking.rigid.corners import Fit
 from tacstrip.tracking.rigid.covariance import covariances
 from tacstrip.tracking.rigid.search import Found, content, placed, recognised, search, with_all_poses
+from tacstrip.tracking.shared_strips.lone_ends import lone_ends
+from tacstrip.tracking.shared_strips.scene import Alone, Shared, follow
 
 _FEWEST = 5  # scans of one stretch that a shape is searched in
 _MOST = 200  # scans that a shape is fitted to; the others only have their poses fitted
@@ -190,23 +194,35 @@ def track(scans: Sequence[Scan], sensor: Sensor, noise: Noise | None = None) -> 
     k = np.stack([np.stack([scan[name] for name in names]) for scan in read])
     sigma = None if noise is None else max(fit_sigma(noise, sensor, Averaging.of(read[0])), FLOOR)
     distribution = "normal" if noise is None or not noise.independent else noise.distribution
-    left = sorted(episodes(k), key=lambda e: -len(e.scans))
-    tracks: list[tuple[int, Track]] = []
+    stretches = episodes(k)
+    read_as = _Reading(k, sensor, names, sigma, distribution)
+    left, unlike, objects = sorted(stretches, key=lambda e: -len(e.scans)), list[Episode](), list[_Object]()
     while left:
         one = left.pop(0)
-        seen = _search(one, k, sensor, names, sigma, distribution)
+        seen = _search(one, read_as, thorough=False)
+        if seen is None or not content(seen.scans, seen.found.fit, distribution):
+            unlike.append(one)
+            continue
+        for other in [e for e in left if not set(e.scans) & set(seen.shown)]:
+            again = _recognise(seen, other, read_as)
+            if again is not None:
+                seen = again
+                left.remove(other)
+        objects.append(seen)
+    objects, unlike = _together(objects, unlike, stretches, read_as)
+    tracks: list[tuple[int, Track]] = []
+    for one in unlike:
+        seen = _search(one, read_as)
         if seen is None:
             found = _of_one_scan(one, read, sensor, noise)
+            tracks.append(((one.scans or one.joint)[0], found))
         else:
-            for other in [e for e in left if not set(e.scans) & set(seen.shown)]:
-                again = _recognise(seen, other, k, distribution)
-                if again is not None:
-                    seen = again
-                    left.remove(other)
-            found = _track(seen, len(read), distribution)
-        tracks.append(
-            (one.scans[0], replace(found, times_s=times, velocities=_velocities(found.poses, times)))
-        )
+            objects.append(seen)
+    tracks += [(min(one.shown), _track(one, len(read), distribution)) for one in objects]
+    tracks = [
+        (first, replace(found, times_s=times, velocities=_velocities(found.poses, times)))
+        for first, found in tracks
+    ]
     standing = len(times) > 1 and not np.diff(times).any()
     return [
         replace(t, id=i, advice="; ".join(filter(None, [t.advice, _STANDS if standing else ""])))
@@ -216,12 +232,38 @@ def track(scans: Sequence[Scan], sensor: Sensor, noise: Noise | None = None) -> 
 
 @dataclass(frozen=True, eq=False)
 class _Object:
-    """The scans that show one object, its readings there, and what was found."""
+    """The scans that show one object by itself, its readings there, and what was found; and with others."""
 
     shown: list[int]
     joint: list[int]
     scans: RigidScans
     found: Found
+    shared: tuple[Shared, ...] = ()
+
+    @property
+    def alone(self) -> Alone:
+        """What is known of it for scans in which it shares strips."""
+        order = np.argsort(self.shown)
+        fit = self.found.fit
+        return Alone(fit.corners, [self.shown[i] for i in order], fit.poses[order], self.scans.k[order])
+
+    def with_shared(self, more: Shared) -> _Object:
+        """Return it with scans in which it shares strips, and the outline that they sharpened."""
+        start = np.stack([more.again.get(s, p) for s, p in zip(self.shown, self.found.fit.poses, strict=True)])
+        poses, costs = fit_poses(self.scans, more.corners, start[:, None], loss(self.scans), 12)
+        fit = Fit(more.corners, poses[:, 0], costs[:, 0])
+        return replace(self, found=replace(self.found, fit=fit), shared=(*self.shared, more))
+
+
+@dataclass(frozen=True, eq=False)
+class _Reading:
+    """All readings (T, S, n), and what is known of them; sigma None: not known."""
+
+    k: FloatArray
+    sensor: Sensor
+    names: tuple[str, ...]
+    sigma: float | None
+    distribution: str
 
 
 def _checked(number: int, scan: Scan, sensor: Sensor) -> Scan:
@@ -231,25 +273,18 @@ def _checked(number: int, scan: Scan, sensor: Sensor) -> Scan:
         raise type(error)(f"scan {number}: {error}") from None
 
 
-def _search(
-    episode: Episode,
-    k: FloatArray,
-    sensor: Sensor,
-    names: tuple[str, ...],
-    sigma: float | None,
-    distribution: str,
-) -> _Object | None:
+def _search(episode: Episode, read: _Reading, thorough: bool = True) -> _Object | None:
     """Return the object of an episode; None where its scans are too few for a shape over time."""
     if len(episode.scans) < _FEWEST:
         return None
-    level = sigma or max(_GUESS, sensor.adc_step)
-    every = RigidScans(sensor, names, episode.readings(k), level)
+    level, step = read.sigma or max(_GUESS, read.sensor.adc_step), read.sensor.adc_step
+    every = RigidScans(read.sensor, read.names, episode.readings(read.k), level)
     few = np.unique(np.linspace(0, len(every.k) - 1, min(len(every.k), _MOST)).astype(int))
-    least = max(sensor.adc_step / math.sqrt(12.0), FLOOR)
+    least = max(step / math.sqrt(12.0), FLOOR)
     for _ in range(_ROUNDS):
-        found = search(every.of(few), distribution)
+        found = search(every.of(few), read.distribution, thorough)
         left = level * math.sqrt(found.fit.cost / found.fit.freedom(every.of(few)))
-        if sigma or level / _ALIKE < left < level * _ALIKE:
+        if read.sigma or level / _ALIKE < left < level * _ALIKE:
             break
         level = float(np.clip(left, least, _CEILING))
         every = every.with_sigma(level)
@@ -258,21 +293,85 @@ def _search(
     )
 
 
-def _recognise(one: _Object, other: Episode, k: FloatArray, distribution: str) -> _Object | None:
+def _recognise(one: _Object, other: Episode, read: _Reading) -> _Object | None:
     """Return the object with another stretch of scans too, where its shape explains them; else None."""
-    if not content(one.scans, one.found.fit, distribution):
+    if not other.scans or not content(one.scans, one.found.fit, read.distribution):
         return None
-    more = replace(one.scans, k=other.readings(k))
-    fit = recognised(one.scans, one.found.fit, more, distribution)
+    more = replace(one.scans, k=other.readings(read.k))
+    fit = recognised(one.scans, one.found.fit, more, read.distribution)
     if fit is None:
         return None
     every = replace(one.scans, k=np.concatenate([one.scans.k, more.k]))
     few, kept = one.scans.of(one.found.chosen), []
     for rival, worse in one.found.rivals if one.found.spread_mm > _TOLD * one.scans.sensor.pitch_mm else ():
-        if recognised(few, rival, more, distribution) is not None:
+        if recognised(few, rival, more, read.distribution) is not None:
             kept.append((rival, worse))
     found = Found(fit, one.found.chosen, tuple(kept))
     return _Object(one.shown + other.scans, one.joint + other.joint, every, found)
+
+
+def _together(
+    objects: list[_Object], unlike: list[Episode], stretches: list[Episode], read: _Reading
+) -> tuple[list[_Object], list[Episode]]:
+    """Return objects with what scans add in which they share strips, and the episodes that remain unexplained."""
+    if not available():
+        return objects, unlike
+    for group in {id(e.group): e.group for e in stretches}.values():
+        bent = [e for e in unlike if any(e is g for g in group) and len(e.scans) >= _FEWEST]
+        if not bent and not any(e.joint for e in group):
+            continue
+        parts = [part for e in bent for part in _parts(e, read)]
+        readings = _readings(group, read.k)
+        for again in (True, False) if parts else (True,):
+            known = _with_parts(objects, parts, read, again)
+            if not known:
+                break
+            sigma = max(one.scans.sigma for one in known)
+            touched = np.isfinite(read.k).any(axis=1)
+            found = follow(
+                [o.alone for o in known], readings, touched, read.sensor, read.names, sigma, read.distribution
+            )
+            if found is not None:
+                objects = [o if f is None else o.with_shared(f) for o, f in zip(known, found, strict=True)]
+                unlike = [e for e in unlike if not any(e is g for g in group)]
+                break
+    return objects, unlike
+
+
+def _parts(episode: Episode, read: _Reading) -> list[_Object]:
+    """Return the objects that the first and the last scans of an episode show by themselves."""
+    every = RigidScans(read.sensor, read.names, episode.readings(read.k), read.sigma or _GUESS)
+    return [
+        _Object([episode.scans[i] for i in some], [], every.of(np.array(some)), found)
+        for some, found in lone_ends(every, read.distribution)
+    ]
+
+
+def _with_parts(objects: list[_Object], parts: list[_Object], read: _Reading, again: bool) -> list[_Object]:
+    """Return objects with those of parts of episodes, where wanted as the same if a shape is recognised."""
+    known = list(objects)
+    for part in parts:
+        for i, one in enumerate(known) if again else ():
+            fit = None
+            if not set(part.shown) & set(one.shown):
+                fit = recognised(one.scans, one.found.fit, part.scans, read.distribution)
+            if fit is not None:
+                every = replace(one.scans, k=np.concatenate([one.scans.k, part.scans.k]))
+                known[i] = replace(one, shown=one.shown + part.shown, scans=every, found=replace(one.found, fit=fit))
+                break
+        else:
+            known.append(part)
+    return known
+
+
+def _readings(group: list[Episode], k: FloatArray) -> dict[int, FloatArray]:
+    """Return the readings of a group of episodes, scan by scan (S, n), NaN where others touch."""
+    found: dict[int, FloatArray] = {}
+    for one in group:
+        for scan, run in zip([*one.scans, *one.joint], [*one.runs, *one.joint_runs], strict=True):
+            own = found.setdefault(scan, np.full(k.shape[1:], np.nan))
+            own[:, run] = k[scan][:, run]
+    return found
 
 
 def _track(one: _Object, total: int, distribution: str) -> Track:
@@ -281,14 +380,15 @@ def _track(one: _Object, total: int, distribution: str) -> Track:
     corners, first = fit.corners, int(np.argmin(one.shown))
     middle, angle = corners.mean(axis=0), float(fit.poses[first, 2])
     outline = _turned(corners - middle, angle)
-    rows = np.column_stack(
-        [np.stack([placed(middle[None], p)[0] for p in fit.poses]), fit.poses[:, 2] - angle]
-    )
+    rows = _reframed(fit.poses, middle, angle)
     if _signed_area(outline) < 0.0:
         outline = outline[::-1]
     shape, of_poses = covariances(one.scans, outline, rows)
     poses, spreads = np.full((total, 3), np.nan), np.full((total, 3, 3), np.nan)
     poses[one.shown], spreads[one.shown] = rows, of_poses
+    for more in one.shared:
+        poses[more.scans] = _reframed(more.poses, middle, angle)
+        spreads[more.scans] = more.covariances
     advice = note = ""
     if not content(one.scans, fit, distribution):
         times = math.sqrt(fit.cost / fit.freedom(one.scans))
@@ -303,12 +403,20 @@ def _track(one: _Object, total: int, distribution: str) -> Track:
         told, advice = False, _HARDLY_MOVED.format(n=len(one.shown))
     elif not advice and _reflex(outline):
         note = _CONCAVE
+    shared = "; ".join(dict.fromkeys(more.advice for more in one.shared if more.advice))
+    advice = "; ".join(filter(None, [advice, shared]))
     others = tuple(Alternative(weight, _turned(o - middle, angle)) for o, weight in one.found.others)
     status: Status = "doubtful" if advice else "likely" if note else "ok"
     return Track(
         0, outline, shape, poses, spreads, np.empty(0), np.empty(0), status, advice or note, () if told else others,
-        tuple(one.joint),
+        tuple(sorted({*one.joint, *(s for more in one.shared for s in more.scans)})),
     )  # fmt: skip
+
+
+def _reframed(poses: FloatArray, middle: FloatArray, angle: float) -> FloatArray:
+    """Return poses (M, 3) of a frame about a point of the old one, turned."""
+    moved = np.array([placed(middle[None], p)[0] for p in poses]).reshape(-1, 2)
+    return np.column_stack([moved, poses[:, 2] - angle])
 
 
 def _hardly_moved(one: _Object, outline: FloatArray, poses: FloatArray) -> bool:

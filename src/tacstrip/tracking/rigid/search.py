@@ -85,12 +85,15 @@ class Found:
         )
 
 
-def search(scans: RigidScans, distribution: str) -> Found:
+def search(scans: RigidScans, distribution: str, thorough: bool = True) -> Found:
     """Return the fit of all scans that explains them best, and what else does.
 
-    Along a smooth path first; where that explains the readings badly with more turns, then without a path.
+    Along a smooth path first; where that explains the readings badly, and if thorough, with more turns, then without a
+    path.
     """
     found = _along_a_path(scans, _TURNS, _KEPT, distribution)
+    if not thorough:
+        return found
     if not content(scans, found.fit, distribution):
         found = min(
             found,
