@@ -200,10 +200,11 @@ def test_a_clock_that_stands_still_is_said() -> None:
 def test_the_verb_writes_tracks_and_a_picture(tmp_path: Path) -> None:
     sensor = ten_strips()
     (tmp_path / "s.toml").write_text(sensor.to_toml())
-    ts.write_readings(tmp_path / "r.csv", sensor, pressed(sensor, CORNERS, sliding(20), NOISE))
+    noise = ts.Noise(positional=0.002)
+    ts.write_readings(tmp_path / "r.csv", sensor, pressed(sensor, CORNERS, sliding(20), noise))
     files = [str(tmp_path / name) for name in ("s.toml", "r.csv", "t.geojson", "t.png")]
     done = CliRunner().invoke(
-        cli, ["track", *files[:2], "-o", files[2], "--plot", files[3], "--positional", "0.005"]
+        cli, ["track", *files[:2], "-o", files[2], "--plot", files[3], "--positional", "0.002"]
     )
     assert done.exit_code == 0, done.output
     assert "object 1: ok, 20 scans" in done.stderr

@@ -35,7 +35,10 @@ _WITHIN, _WORTH_SETTLING = (
     10.0,
     1.6,
 )  # of the criterion, and of the freedom: fits that may explain the readings as well
-_REFERENCES, _ROUNDS = 3, 3  # of a search without a path: scans that it begins with, and rounds from each
+_COARSE, _FINER, _FINEST = 0.07, 0.023, 0.012  # tolerances of edges, over the outline's radius
+_ROUGH, _SMOOTHER = 0.07, 0.09  # the radii's second differences, likewise
+_REFERENCES = 3  # of a search without a path: scans that it begins with ...
+_EASED = (0.04, 0.025, 0.016)  # ... and the tolerance of each round from one of them
 _RANDOM_SCANS = 40
 
 
@@ -116,12 +119,16 @@ def _along_a_path(scans: RigidScans, turns: Iterable[float], kept: int, distribu
     coarse = spline_basis(place, min(_KNOTS, len(chosen)))
     paths = []
     for turn in turns:
-        path = fit_path(few, circle(few, coarse, turn), 8, 1.5, 3.0, 1.5, soft)
-        paths.append(fit_path(few, path, 6, 0.5, 3.0, 1.5, soft))
+        path = circle(few, coarse, turn)
+        path = fit_path(few, path, 8, tolerance=_COARSE, cauchy=3.0, rough=_ROUGH, end=soft)
+        paths.append(fit_path(few, path, 6, tolerance=_FINER, cauchy=3.0, rough=_ROUGH, end=soft))
     paths.sort(key=lambda p: p.cost)
     finer = spline_basis(place, min(_MORE_KNOTS, len(chosen)))
-    paths = [fit_path(few, p.refined(finer), 10, 0.5, 3.0, 1.5, soft) for p in paths[: 2 * kept]]
-    paths = [fit_path(few, p, 6, 0.25, 3.0, 2.0, fine) for p in paths]
+    refined = []
+    for path in paths[: 2 * kept]:
+        path = fit_path(few, path.refined(finer), 10, tolerance=_FINER, cauchy=3.0, rough=_ROUGH, end=soft)
+        refined.append(fit_path(few, path, 6, tolerance=_FINEST, cauchy=3.0, rough=_SMOOTHER, end=fine))
+    paths = refined
     paths.sort(key=lambda p: p.cost)
     fits: list[Fit] = []
     for path in paths[:kept]:
@@ -169,10 +176,12 @@ def _without_path(scans: RigidScans) -> Fit:
     free, best = np.eye(len(chosen)), None
     for reference in references:
         alone = few.of([reference])
-        path = fit_path(alone, circle(alone, np.ones((1, 1)), 0.0), 20, 0.5, 3.0, 1.0, 0.25)
-        for tolerance in (1.0, 0.6, 0.4)[:_ROUNDS]:
-            poses = _wrapped(poses_all_round(few, path.corners, tolerance, 24, 3)[0][:, 0])
-            path = fit_path(few, Path(path.radii, poses, free, np.inf), 10, tolerance, 3.0, 1.5, 0.1)
+        path = circle(alone, np.ones((1, 1)), 0.0)
+        path = fit_path(alone, path, 20, tolerance=_FINER, cauchy=3.0, rough=_ROUGH, end=0.25)
+        for tolerance in _EASED:
+            near = poses_all_round(few, path.corners, tolerance * float(path.radii.mean()), 24, 3)[0]
+            path = Path(path.radii, _wrapped(near[:, 0]), free, np.inf)
+            path = fit_path(few, path, 10, tolerance=tolerance, cauchy=3.0, rough=_ROUGH, end=0.1)
         fit = min(pruned(few, path.corners, path.poses), key=lambda f: f.criterion(few))
         fit = settled(few, rescued(few, fit))
         if best is None or fit.criterion(few) < best.criterion(few):

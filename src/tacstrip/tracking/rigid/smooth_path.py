@@ -23,7 +23,8 @@ _BY_RADIUS = np.zeros((2 * RADII, RADII))
 _BY_RADIUS[2 * np.arange(RADII), np.arange(RADII)] = _SPOKES[:, 0]
 _BY_RADIUS[2 * np.arange(RADII) + 1, np.arange(RADII)] = _SPOKES[:, 1]
 _BEND = np.roll(np.eye(RADII), 1, 1) + np.roll(np.eye(RADII), -1, 1) - 2.0 * np.eye(RADII)
-_CENTRED = 200.0  # radii over this: how near to the frame's origin the outline's middle is held
+_CENTRED = 0.014  # of the radius: how near to the frame's origin the outline's middle is held
+_LOOSE = 4.0  # radii: a prior for each radius by itself, so that all are determined
 _ROUND = 0.785  # width of a disc's mean section over its diameter
 
 
@@ -106,13 +107,7 @@ def circle(scans: RigidScans, basis: FloatArray, turn: float, size: float = 1.0)
 
 
 def fit_path(
-    scans: RigidScans,
-    start: Path,
-    steps: int,
-    tolerance_mm: float,
-    cauchy: float,
-    rough_mm: float,
-    end: float,
+    scans: RigidScans, start: Path, steps: int, *, tolerance: float, cauchy: float, rough: float, end: float
 ) -> Path:
     """Return where a descent from a path ends.
 
@@ -122,14 +117,16 @@ def fit_path(
         What is fitted, from where.
     steps
         At most.
-    tolerance_mm, cauchy, end
+    tolerance, rough
+        Of edges, across them, and standard deviation of the radii's second differences, over the mean radius.
+    cauchy, end
         See `tacstrip.core.rigid.loss`.
-    rough_mm
-        Standard deviation of the radii's second differences [mm].
     """
-    how, basis = loss(scans, tolerance_mm, cauchy, end), start.basis
+    radius, basis = float(start.radii.mean()), start.basis
+    how = loss(scans, tolerance * radius, cauchy, end)
     middle = _SPOKES.T / RADII
-    prior = _BEND.T @ _BEND / rough_mm**2 + _CENTRED / RADII * middle.T @ middle + 1e-4 * np.eye(RADII)
+    prior = _BEND.T @ _BEND / rough**2 + middle.T @ middle / _CENTRED**2 + np.eye(RADII) / _LOOSE**2
+    prior /= radius**2
     many, knots = basis.shape
     pairs = (basis[:, :, None] * basis[:, None, :]).reshape(many, -1)
 
