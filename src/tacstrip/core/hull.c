@@ -3,6 +3,8 @@
 
 #include "rigid.h"
 
+#define END_REACH 8.0 /* deviations of an end from a strip that it may or may not reach */
+
 /* Slopes of one number by an object's pose and by both corners of an edge, and which entries these are. */
 typedef struct {
   Int pose, corner[4];
@@ -65,68 +67,99 @@ static double move_end(const Loss *loss, Int object, Int first, const Posed *p, 
   return cost;
 }
 
-static int nearer_right(const Posed *p, double x) {
-  return magnitude(x - p->x[p->end[1]]) < magnitude(x - p->x[p->end[0]]);
+/* One object on one strip. */
+typedef struct {
+  Crossing low, high; /* where it is not crossed, both at the end corner that is nearer */
+  int crossed, right; /* right: its right end is nearer */
+  double far;         /* of that end */
+} Lying;
+
+/* The lowest and the highest crossing of all objects, one of them (`but`, or -1) taken for crossed where it is not, or the
+   other way round. Returns 0 where there is none. */
+static int hull_of(const Lying *lying, Int objects, Int but, Int *low_of, Int *high_of) {
+  *low_of = *high_of = -1;
+  for (Int j = 0; j < objects; j++) {
+    if (lying[j].crossed == (j == but)) continue;
+    if (*low_of < 0 || lying[j].low.y < lying[*low_of].low.y) *low_of = j;
+    if (*high_of < 0 || lying[j].high.y > lying[*high_of].high.y) *high_of = j;
+  }
+  return *low_of >= 0;
 }
 
-/* Add one scan's part to the blocks and return its cost. */
+/* Add one scan's part to the blocks and return its cost. Whether an object reaches a strip at its end decides over much:
+   a strip takes that for true which explains it best, at the cost of the distance of the end. */
 static double scan_equations(const Scans *s, const Loss *loss, const double *known, Int scan, const Outlines *o,
                              const double *present, const double *poses, const Blocks *n) {
   Posed p[HULL_OBJECTS];
-  Int first[HULL_OBJECTS], at = 0;
-  double cost = 0.0, terms[5];
+  Lying lying[HULL_OBJECTS];
+  Int first[HULL_OBJECTS], who[HULL_OBJECTS], at = 0, there = 0;
+  double cost = 0.0, reach = smaller(END_REACH * loss->end, s->pitch);
   for (Int k = 0; k < o->objects; k++) {
-    first[k] = at;
-    if (!present || present[k] > 0.0) place(o->corners + at, o->counts[k], poses + 3 * k, &p[k]);
+    if (!present || present[k] > 0.0) {
+      place(o->corners + at, o->counts[k], poses + 3 * k, &p[there]);
+      first[there] = at;
+      who[there++] = k;
+    }
     at += 2 * o->counts[k];
   }
+  if (!there) return cost;
   for (Int i = 0; i < s->strips; i++) {
     const double *k = s->k + scan * s->signatures * s->strips + i;
-    double x = s->x[i], nearest = INFINITE;
-    Int low_of = -1, high_of = -1, near = -1;
-    Crossing low = {0, 0, 0.0, 0.0, 0.0}, high = low;
-    int touched = 0, right = 0;
+    double x = s->x[i], terms[5], best_terms[5], best = INFINITE, hinge = 0.0;
+    Int low_of, high_of, moved = -1, near = 0;
+    int touched = 0;
     for (Int row = 0; row < s->signatures; row++) touched |= k[row * s->strips] == k[row * s->strips];
     if (!touched && !(known[scan * s->strips + i] > 0.0)) continue;
-    for (Int j = 0; j < o->objects; j++) {
-      Crossing lower, upper;
-      if (present && !(present[j] > 0.0)) continue;
-      cross(&p[j], o->counts[j], x, &lower, &upper);
-      int side = nearer_right(&p[j], x);
-      double far = magnitude(x - p[j].x[p[j].end[side]]);
-      if (far < nearest) {
-        nearest = far;
-        near = j;
-        right = side;
-      }
-      if (lower.from == lower.to || upper.y <= 0.0 || lower.y >= s->length) continue;
-      if (!touched) cost += move_end(loss, j, first[j], &p[j], poses + 3 * j, side, x, n);
-      if (low_of < 0 || lower.y < low.y) {
-        low = lower;
-        low_of = j;
-      }
-      if (high_of < 0 || upper.y > high.y) {
-        high = upper;
-        high_of = j;
-      }
+    for (Int j = 0; j < there; j++) {
+      Lying *a = &lying[j];
+      cross(&p[j], o->counts[who[j]], x, &a->low, &a->high);
+      a->right = magnitude(x - p[j].x[p[j].end[1]]) < magnitude(x - p[j].x[p[j].end[0]]);
+      a->far = magnitude(x - p[j].x[p[j].end[a->right]]);
+      a->crossed = a->low.from != a->low.to && a->high.y > 0.0 && a->low.y < s->length;
+      if (a->far < lying[near].far) near = j;
+      if (!touched && a->crossed) cost += move_end(loss, who[j], first[j], &p[j], poses + 3 * who[j], a->right, x, n);
     }
-    if (!touched || near < 0) continue;
-    if (low_of < 0) {
-      Int corner = p[near].end[right];
+    if (!touched) continue;
+    Int low = -1, high = -1;
+    if (hull_of(lying, there, -1, &low_of, &high_of)) {
+      low = low_of;
+      high = high_of;
+      best = strip(s, loss, k, s->strips, &lying[low].low, &lying[high].high, best_terms);
+      for (Int j = 0; j < there; j++) {
+        double weight = 1.0;
+        if (!(lying[j].far < reach)) continue;
+        if (!hull_of(lying, there, j, &low_of, &high_of) || (low_of == low && high_of == high)) continue;
+        double far = loss_of(loss, lying[j].far / loss->end, &weight);
+        double other = strip(s, loss, k, s->strips, &lying[low_of].low, &lying[high_of].high, terms) + far;
+        if (other < best) {
+          best = other;
+          hinge = far;
+          moved = j;
+          for (int q = 0; q < 5; q++) best_terms[q] = terms[q];
+        }
+      }
+      if (moved >= 0) {
+        hull_of(lying, there, moved, &low, &high);
+        best -= hinge;
+      }
+    } else {
+      Int corner = p[near].end[lying[near].right];
       Crossing here = {corner, corner, p[near].y[corner], 0.0, 0.0};
-      low = high = here;
-      low_of = high_of = near;
-      cost += move_end(loss, near, first[near], &p[near], poses + 3 * near, right, x, n);
+      lying[near].low = lying[near].high = here;
+      low = high = moved = near;
+      best = strip(s, loss, k, s->strips, &here, &here, best_terms);
     }
-    cost += strip(s, loss, k, s->strips, &low, &high, terms);
-    Row by_low = row_of(low_of, first[low_of], &p[low_of], poses + 3 * low_of, &low);
-    Row by_high = row_of(high_of, first[high_of], &p[high_of], poses + 3 * high_of, &high);
-    add_product(n, terms[0], &by_low, &by_low);
-    add_product(n, terms[1], &by_low, &by_high);
-    add_product(n, terms[1], &by_high, &by_low);
-    add_product(n, terms[2], &by_high, &by_high);
-    add_gradient(n, terms[3], &by_low);
-    add_gradient(n, terms[4], &by_high);
+    cost += best;
+    if (moved >= 0)
+      cost += move_end(loss, who[moved], first[moved], &p[moved], poses + 3 * who[moved], lying[moved].right, x, n);
+    Row by_low = row_of(who[low], first[low], &p[low], poses + 3 * who[low], &lying[low].low);
+    Row by_high = row_of(who[high], first[high], &p[high], poses + 3 * who[high], &lying[high].high);
+    add_product(n, best_terms[0], &by_low, &by_low);
+    add_product(n, best_terms[1], &by_low, &by_high);
+    add_product(n, best_terms[1], &by_high, &by_low);
+    add_product(n, best_terms[2], &by_high, &by_high);
+    add_gradient(n, best_terms[3], &by_low);
+    add_gradient(n, best_terms[4], &by_high);
   }
   return cost;
 }

@@ -152,6 +152,16 @@ def pose_covariances(
     return cov
 
 
+def expected(scene: Scene, rows: BoolArray) -> tuple[FloatArray, FloatArray]:
+    """Return where the motion of all others wants each pose (T, K, 3), and its weight, 0 where it says nothing."""
+    bends = scene.bends & rows[1:-1, None] & rows[2:, None]
+    _, slope = _bent(scene, bends)
+    weight = np.zeros(scene.poses.shape)
+    for i, sign in enumerate(_SIGNS):
+        weight[i : len(weight) - 2 + i] += sign**2 * bends[..., None] / scene.motion**2
+    return scene.poses + slope / np.maximum(weight, 1e-300), weight
+
+
 def _equations(scans: HullScans, scene: Scene, how: object) -> HullEquations:
     return hull_equations(scans, scene.outlines, scene.poses, scene.present, how)  # type: ignore[arg-type]
 

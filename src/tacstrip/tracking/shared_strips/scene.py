@@ -13,7 +13,7 @@ from tacstrip.core.rigid import RigidScans, loss
 from tacstrip.reconstruction.polygon.goodness_of_fit import chi_square_score
 from tacstrip.sensor.spec import Sensor
 from tacstrip.tracking.shared_strips.beam import Way, ways
-from tacstrip.tracking.shared_strips.joint_fit import Scene, fitted, pose_covariances
+from tacstrip.tracking.shared_strips.joint_fit import Scene, expected, fitted, pose_covariances
 
 _BEFORE = 4  # scans before a window that its beam begins with
 _CANDIDATES = 3  # of each direction that are fitted
@@ -36,8 +36,12 @@ _HIDDEN = (
 _ELSEWHERE = "in scans {first} to {last} all objects may lie elsewhere: another way of theirs explains the readings as well"
 _LEFT_OVER = "in {n} of the scans {first} to {last} the objects that are known do not explain the readings"
 _JIGGLES = np.array(
-    [(0.0, 0.0, 0.0), (0.02, 0, 0.03), (-0.02, 0, -0.03), (0, 0.02, -0.03), (0, -0.02, 0.03), (0, 0, 0.1), (0, 0, -0.1)]
+    [(0.0, 0.0, 0.0), (1.0, 0, 1.0), (-1.0, 0, -1.0), (0, 1.0, -1.0), (0, -1.0, 1.0), (0, 0, 3.0), (0, 0, -3.0)]
 )
+_NARROW, _WIDE = np.array([0.005, 0.005, 0.01]), np.array([0.02, 0.02, 0.03])  # of jiggles, of the size, and [rad]
+_STAGES = ((0.01, 3.0, 0.15), (0.005, 5.0, 0.05), (0.0, 0.0, 0.05))  # tolerance over the size, scale of the loss, ends
+_LOOSE = np.array([0.01, 0.01, 0.03])  # deviations from what is between the scans that are explained
+_ROUGH = 12.0  # of what the motion costs at a scan
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,15 +148,15 @@ def follow(
         found = _of_window(rows, window, distribution)
         if found is None:
             return None
-        scene, at, others = found
-        rows.poses[window] = np.where(scene.present[at, :, None], scene.poses[at], np.nan)
-        if len(windows) > 1:
-            rows.outlines = scene.outlines
+        scene, chosen, others = found
+        rows.poses[chosen] = np.where(scene.present[..., None], scene.poses, np.nan)
+        rows.outlines = scene.outlines
         alike += [(window, other) for other in others]
     there = np.isfinite(rows.poses[..., 0])
     part = there[np.concatenate(windows)].any(axis=0)
-    chosen = _chosen(rows, np.concatenate(windows), part, _MOST_ALONE)
-    scene = _repaired(_some(rows, chosen), _scene(rows, chosen, distribution), distribution)
+    if len(windows) > 1:
+        chosen = _chosen(rows, np.concatenate(windows), part, _MOST_ALONE)
+        scene = _settled(_some(rows, chosen), _scene(rows, chosen, distribution))
     scene = _trimmed(_some(rows, chosen), scene, ~rows.alone[chosen].any(axis=1))
     return _shared(rows, chosen, scene, part, alike, distribution)
 
@@ -220,8 +224,7 @@ def _of_window(
         return None
     order = np.argsort([cost for _, cost, _ in fits], kind="stable")
     best, cost, chosen = fits[order[0]]
-    at = np.searchsorted(chosen, window)
-    best = _repaired(_some(rows, chosen), best, distribution)
+    best = _settled(_some(rows, chosen), best)
     if len(_bad(_some(rows, chosen).hull, best)[0]) > _WORST * len(window) + 1:
         return None
     others = []
@@ -229,7 +232,7 @@ def _of_window(
         scene, worse, own = fits[i]
         if worse - cost < _ALIKE and worse - cost < _ALIKE:
             others.append(np.where(scene.present[np.searchsorted(own, window), :, None], scene.poses[np.searchsorted(own, window)], np.nan))
-    return best, at, others
+    return best, chosen, others
 
 
 def replace_poses(rows: _Rows, window: IntArray, poses: FloatArray) -> _Rows:
@@ -319,7 +322,12 @@ def _scene(rows: _Rows, chosen: IntArray, distribution: str) -> Scene:
     present = np.isfinite(some.poses[..., 0])
     poses = np.nan_to_num(some.poses)
     scene = Scene(rows.outlines, poses, present, rows.motion, np.zeros(len(poses)))
-    scene = fitted(some.hull, scene, some.follows, 12, _SOFT * float(rows.sizes.max()), _CAUCHY)
+    soft = _SOFT * float(rows.sizes.max())
+    scene = fitted(some.hull, scene, some.follows, 8, soft, _CAUCHY, shapes=False)
+    scene = fitted(some.hull, scene, some.follows, 8, soft, shapes=False)
+    scene = _settled(some, scene, 2, soft, shapes=False)
+    scene = fitted(some.hull, scene, some.follows, 8, soft, _CAUCHY)
+    scene = fitted(some.hull, scene, some.follows, 8, cauchy=_CAUCHY)
     scene = fitted(some.hull, scene, some.follows)
     for _ in range(2):  # motion that is less smooth than thought
         bends = 3.0 * float((scene.bends & some.follows[1:-1, None] & some.follows[2:, None]).sum())
@@ -336,34 +344,61 @@ def _bad(hull: HullScans, scene: Scene) -> tuple[IntArray, FloatArray]:
     return np.flatnonzero(scene.costs > n + _SPREAD * np.sqrt(n) + _BAD), n
 
 
-def _repaired(rows: _Rows, scene: Scene, distribution: str) -> Scene:
-    """Return the scene after scans that it does not explain began again between their neighbours, each by itself."""
-    for _ in range(_REPAIRS):
-        bad, _ = _bad(rows.hull, scene)
-        good = np.setdiff1d(np.arange(len(scene.poses)), bad)
-        if not len(bad) or len(good) < 2:
+def _settled(
+    rows: _Rows, scene: Scene, rounds: int = _REPAIRS, tolerance_mm: float = 0.0, shapes: bool = True
+) -> Scene:
+    """Return the scene after descents of single scans from about where they are, and of all together, in turn.
+
+    Kinks of one scan, where a corner passes a strip, do not stop the others then. Scans that are not explained begin
+    again between their neighbours too. `tolerance_mm` is of the edges.
+    """
+    soft = tolerance_mm / float(rows.sizes.max())
+    for _ in range(rounds):
+        poses, suspect = scene.poses.copy(), _suspect(rows, scene)
+        for there in np.unique(scene.present, axis=0):
+            same = np.flatnonzero((scene.present == there).all(axis=1))
+            for wide, some in ((False, np.setdiff1d(same, suspect)), (True, np.intersect1d(same, suspect))):
+                if len(some):
+                    _by_themselves(rows, scene, np.flatnonzero(there), some, wide, suspect, poses, soft)
+        trial = fitted(rows.hull, replace(scene, poses=poses), rows.follows, 15, tolerance_mm, shapes=shapes)
+        gain = scene.cost - trial.cost
+        if gain > 0.0:
+            scene = trial
+        if gain < 0.5 + 1e-3 * scene.cost:
             break
-        poses = scene.poses.copy()
-        for row in bad:
-            on = np.flatnonzero(scene.present[row])
-            starts = []
-            for base in (_between(scene, row, good), scene.poses[row]):
-                for jiggle in _JIGGLES:
-                    sizes = rows.sizes[on]
-                    starts.append(base[on] + jiggle * np.stack([sizes, sizes, np.ones(len(on))], axis=1))
-            expected = starts[0]
-            scale = np.array([0.033, 0.033, 0.1]) * np.stack([rows.sizes[on], rows.sizes[on], np.ones(len(on))], axis=1)
-            found, costs = fit_hull_poses(
-                rows.hull.of([row]), [scene.outlines[k] for k in on], np.stack(starts)[None], expected,
-                1.0 / scale**2, loss(rows.hull.scans), 12,
-            )  # fmt: skip
-            poses[row, on] = found[0, costs[0].argmin()]
-        trial = fitted(rows.hull, replace(scene, poses=poses), rows.follows, 8, cauchy=_CAUCHY)
-        trial = fitted(rows.hull, trial, rows.follows)
-        if trial.cost >= scene.cost - 0.5:
-            break
-        scene = trial
     return scene
+
+
+def _suspect(rows: _Rows, scene: Scene) -> IntArray:
+    """Return the rows whose readings a scene does not explain, or which make its motion rough."""
+    where, weight = expected(scene, rows.follows)
+    rough = (weight * (where - scene.poses) ** 2).sum(axis=(1, 2)) > _ROUGH
+    return np.union1d(_bad(rows.hull, scene)[0], np.flatnonzero(rough))
+
+
+def _by_themselves(
+    rows: _Rows, scene: Scene, on: IntArray, some: IntArray, wide: bool, bad: IntArray, poses: FloatArray,
+    soft: float,
+) -> None:
+    """Put into poses (T, K, 3) what is best for each of some rows by itself."""
+    scale = np.stack([rows.sizes[on], rows.sizes[on], np.ones(len(on))], axis=1)
+    where, weight = (a[some][:, on][:, None] for a in expected(scene, rows.follows))
+    step, base = _NARROW * scale, scene.poses[some][:, on]
+    starts = [base + jiggle * step for jiggle in _JIGGLES[: None if wide else 5]]
+    hull, outlines = rows.hull.of(some), [scene.outlines[k] for k in on]
+    if wide:
+        starts += [base + jiggle * step * (np.arange(len(on)) == k)[:, None] for jiggle in _JIGGLES[1:] for k in range(len(on))]
+        good = np.setdiff1d(np.arange(len(scene.poses)), bad)
+        between = np.stack([_between(scene, row, good)[on] for row in some])
+        starts += [from_ + jiggle * _WIDE * scale for from_ in (base, between) for jiggle in _JIGGLES]
+        starts += [between + jiggle * step for jiggle in _JIGGLES]
+        where = between[:, None]
+        weight = np.minimum(weight, 1.0 / (_LOOSE * scale) ** 2) + 1e-3 / (_LOOSE * scale) ** 2
+    found = np.stack(starts, axis=1)
+    for tolerance, cauchy, end in _STAGES if wide else _STAGES[-1:]:
+        how = loss(hull.scans, max(tolerance, soft) * float(rows.sizes.max()), cauchy, end)
+        found, costs = fit_hull_poses(hull, outlines, found, where, weight, how, 10)
+    poses[some[:, None], on] = found[np.arange(len(some)), costs.argmin(axis=1)]
 
 
 def _between(scene: Scene, row: int, good: IntArray) -> FloatArray:
@@ -409,9 +444,11 @@ def _shared(
     some = _some(rows, chosen)
     bad, readings = _bad(some.hull, scene)
     shared = ~some.alone.any(axis=1) | (scene.present.sum(axis=1) > some.alone.sum(axis=1))
-    freedom = max(int(readings.sum()) - 3 * int(scene.present.sum()) - 2 * sum(map(len, scene.outlines)), 1)
-    total = float(scene.costs.sum())
-    content = total <= _HARDLY_MORE * freedom or chi_square_score(np.sqrt(scene.costs), freedom, distribution) <= _ALARM
+    bends = 3 * int((scene.bends & some.follows[1:-1, None] & some.follows[2:, None]).sum())
+    numbers = 3 * int(scene.present.sum()) + 2 * sum(len(o) for o, p in zip(scene.outlines, part, strict=True) if p)
+    freedom = max(int(readings.sum()) + bends - numbers, 1)
+    residuals = np.sqrt([*scene.costs, scene.prior])
+    content = scene.cost <= _HARDLY_MORE * freedom or chi_square_score(residuals, freedom, distribution) <= _ALARM
     anchors = [int(np.flatnonzero(some.alone[:, k])[0]) if some.alone[:, k].any() else 0 for k in range(len(part))]
     spread = pose_covariances(some.hull, scene, some.follows, anchors, np.flatnonzero(shared))
     found: list[Shared | None] = []
