@@ -116,9 +116,12 @@ def draw(name: str, random: np.random.Generator) -> Scene:
         if kind == "put":
             present[:lone, 1] = present[total - lone :, 0] = False
         elif kind == "one by one":
-            for k in range(1, count):
-                present[: k * lone, k] = False
-            present[total - lone :, 0] = present[total - 2 * lone :, 1] = False
+            # each by itself, then the third, with the first, with both, and without the first again
+            present[:] = False
+            for k in range(count):
+                present[k * (lone + 2) : k * (lone + 2) + lone, k] = True
+            third = count * (lone + 2) - 2
+            present[third:, 2] = present[third : total - 12, 0] = present[third + 12 :, 1] = True
         else:  # from both sides past each other
             side = np.linspace(-32.0, 32.0, total)
             for k, sign in enumerate((1.0, -1.0)):
@@ -142,8 +145,10 @@ def _possible(scene: Scene, lone: int, kind: str) -> bool:
     if kind == "pass":
         return bool(8 <= joint.any(axis=1).sum() <= len(joint) - 2 * lone)
     both = scene.present.sum(axis=1) > 1
+    if kind == "one by one":
+        return bool(joint[both].any(axis=1).all())
     shared = [1.0 - scene.own_share(i, k) for i, k in np.argwhere(scene.present & both[:, None])]
-    return bool(np.mean(shared) > LEAST_SHARED and (kind == "put" or joint[both].any(axis=1).mean() > 0.9))
+    return bool(np.mean(shared) > LEAST_SHARED)
 
 
 @dataclass(frozen=True)

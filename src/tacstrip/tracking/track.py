@@ -399,7 +399,7 @@ def _track(one: _Object, total: int, distribution: str) -> Track:
     told = spread <= max(_TOLD * sensor.pitch_mm, _OF_SIZE * size, _TELLING * loosest)
     if not advice and not told:
         advice = _NOT_TOLD.format(spread=spread)
-    elif not advice and _hardly_moved(one, outline, rows):
+    elif not advice and _hardly_moved(one, outline, poses[np.isfinite(poses[:, 0])]):
         told, advice = False, _HARDLY_MOVED.format(n=len(one.shown))
     elif not advice and _reflex(outline):
         note = _CONCAVE

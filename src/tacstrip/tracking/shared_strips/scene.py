@@ -12,6 +12,7 @@ from tacstrip.core.hull import MOST_OBJECTS, HullScans, fit_hull_poses
 from tacstrip.core.rigid import RigidScans, loss
 from tacstrip.reconstruction.polygon.goodness_of_fit import chi_square_score
 from tacstrip.sensor.spec import Sensor
+from tacstrip.tracking.rigid.search import placed
 from tacstrip.tracking.shared_strips.beam import Way, ways
 from tacstrip.tracking.shared_strips.joint_fit import Scene, expected, fitted, pose_covariances
 
@@ -27,7 +28,7 @@ _ALARM, _HARDLY_MORE = 3.5, 1.05  # deviations of chi square, and times the free
 _STEADY, _TURNS = 0.003, 0.008  # least deviation of second differences: of the size, and [rad]
 _JERKS = 2.0  # motion that costs so many times what is expected is less smooth than thought
 _MISSED = 4.0  # of chi square that an object must gain to be there
-_ALIKE, _APART, _APART_ANGLE = 10.0, 0.02, 0.05  # of chi square; of the size and [rad]: another way that explains as well
+_ALIKE, _APART = 10.0, 0.03  # of chi square, and of the size: another way that explains as well
 _HELD, _HELD_ANGLE = 0.017, 0.026  # deviations of a pose that is held: of the size, and [rad]
 _HIDDEN = (
     "in {n} of the scans {first} to {last} others hide so much of it that the readings do not hold its pose: there it goes "
@@ -90,6 +91,16 @@ class Shared:
     advice: str = ""
 
 
+@dataclass(frozen=True, eq=False)
+class _Elsewhere:
+    """Another way of all objects through a window (W rows): poses (W, K, 3), and who is there (W, K)."""
+
+    window: IntArray
+    outlines: tuple[FloatArray, ...]
+    poses: FloatArray
+    present: BoolArray
+
+
 @dataclass(eq=False)
 class _Rows:
     """All scans that are fitted, one a row, and what is known of them."""
@@ -143,7 +154,7 @@ def follow(
     windows = [w for w in np.split(open_rows, np.flatnonzero(np.diff(rows.numbers[open_rows]) > 1) + 1) if len(w)]
     if not windows:
         return None
-    alike: list[tuple[IntArray, FloatArray]] = []
+    alike: list[_Elsewhere] = []
     for window in windows:
         found = _of_window(rows, window, distribution)
         if found is None:
@@ -151,7 +162,7 @@ def follow(
         scene, chosen, others = found
         rows.poses[chosen] = np.where(scene.present[..., None], scene.poses, np.nan)
         rows.outlines = scene.outlines
-        alike += [(window, other) for other in others]
+        alike += others
     there = np.isfinite(rows.poses[..., 0])
     part = there[np.concatenate(windows)].any(axis=0)
     if len(windows) > 1:
@@ -210,8 +221,8 @@ def _unexplained(rows: _Rows, known: Sequence[Alone], readings: Mapping[int, Flo
 
 def _of_window(
     rows: _Rows, window: IntArray, distribution: str
-) -> tuple[Scene, IntArray, list[FloatArray]] | None:
-    """Return the best scene about a window, its rows there, and poses of others that explain it as well."""
+) -> tuple[Scene, IntArray, list[_Elsewhere]] | None:
+    """Return the best scene about a window, its rows, and others that explain the window as well."""
     candidates = _candidates(rows, window)
     fits: list[tuple[Scene, float, IntArray]] = []
     for poses, events in candidates:
@@ -224,14 +235,14 @@ def _of_window(
         return None
     order = np.argsort([cost for _, cost, _ in fits], kind="stable")
     best, cost, chosen = fits[order[0]]
+    others = [
+        _Elsewhere(window, scene.outlines, scene.poses[at], scene.present[at])
+        for scene, worse, own in (fits[i] for i in order[1:])
+        if worse - cost < _ALIKE and len(at := np.searchsorted(own, window))
+    ]
     best = _settled(_some(rows, chosen), best)
     if len(_bad(_some(rows, chosen).hull, best)[0]) > _WORST * len(window) + 1:
         return None
-    others = []
-    for i in order[1:]:
-        scene, worse, own = fits[i]
-        if worse - cost < _ALIKE and worse - cost < _ALIKE:
-            others.append(np.where(scene.present[np.searchsorted(own, window), :, None], scene.poses[np.searchsorted(own, window)], np.nan))
     return best, chosen, others
 
 
@@ -439,7 +450,7 @@ def _trimmed(rows: _Rows, scene: Scene, shared: BoolArray) -> Scene:
 
 
 def _shared(
-    rows: _Rows, chosen: IntArray, scene: Scene, part: BoolArray, alike: list[tuple[IntArray, FloatArray]], distribution: str
+    rows: _Rows, chosen: IntArray, scene: Scene, part: BoolArray, alike: list[_Elsewhere], distribution: str
 ) -> list[Shared | None] | None:
     some = _some(rows, chosen)
     bad, readings = _bad(some.hull, scene)
@@ -476,21 +487,19 @@ def _shared(
 
 
 def _elsewhere(
-    some: _Rows, scene: Scene, k: int, alike: list[tuple[IntArray, FloatArray]], rows: _Rows, size: float, sd: FloatArray, mine: IntArray
+    some: _Rows, scene: Scene, k: int, alike: list[_Elsewhere], rows: _Rows, size: float, sd: FloatArray, mine: IntArray
 ) -> list[str]:
     """Return advice where another way of the objects explains the readings as well."""
-    row_of = {int(n): i for i, n in enumerate(some.numbers)}
-    at = {int(i): j for j, i in enumerate(mine)}
+    at = {int(some.numbers[i]): j for j, i in enumerate(mine)}
     apart: list[int] = []
-    for window, poses in alike:
-        for row, pose in zip(window, poses, strict=True):
+    for other in alike:
+        for row, pose, there in zip(other.window, other.poses, other.present, strict=True):
             number = int(rows.numbers[row])
-            i = row_of.get(number)
-            if i is None or i not in at:
+            if number not in at:
                 continue
-            off = np.abs(pose[k] - scene.poses[i, k])
-            off[2] = abs((off[2] + np.pi) % (2.0 * np.pi) - np.pi)
-            limit = np.maximum([_APART * size, _APART * size, _APART_ANGLE], 4.0 * sd[at[i]])
-            if not (off <= limit).all():
+            j = at[number]
+            limit = max(_APART * size, 4.0 * float(np.hypot(*sd[j, :2]) + sd[j, 2] * size))
+            own, its = placed(scene.outlines[k], scene.poses[mine[j], k]), placed(other.outlines[k], pose[k])
+            if not there[k] or np.hypot(*(own[:, None] - its).T).min(axis=0).max() > limit:
                 apart.append(number)
     return [_ELSEWHERE.format(first=min(apart), last=max(apart))] if apart else []
