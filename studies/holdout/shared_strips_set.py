@@ -45,7 +45,9 @@ class Scene:
     def scans(self, random: np.random.Generator) -> list[ts.Scan]:
         found = []
         for i in range(len(self.poses)):
-            read = self.unit.read(*self.unit.touched([self.placed(i, k) for k in np.flatnonzero(self.present[i])]))
+            read = self.unit.read(
+                *self.unit.touched([self.placed(i, k) for k in np.flatnonzero(self.present[i])])
+            )
             read = read + random.uniform(-HALF_WIDTH, HALF_WIDTH, read.shape)
             found.append(ts.Scan(**dict(zip(self.unit.names, read, strict=True)), time_s=0.02 * i))
         return found
@@ -83,7 +85,9 @@ def polygon(random: np.random.Generator, radius: tuple[float, float]) -> Array:
     while True:
         angle = np.sort(random.uniform(0.0, 2.0 * np.pi, random.integers(3, 7)))
         gaps = np.diff(np.append(angle, angle[0] + 2.0 * np.pi))
-        corners = random.uniform(*radius) * np.stack([np.cos(angle), random.uniform(0.7, 1.0) * np.sin(angle)], axis=1)
+        corners = random.uniform(*radius) * np.stack(
+            [np.cos(angle), random.uniform(0.7, 1.0) * np.sin(angle)], axis=1
+        )
         heading = np.arctan2(*(np.roll(corners, -1, axis=0) - corners).T[::-1])
         turns = (np.roll(heading, -1) - heading + np.pi) % (2.0 * np.pi) - np.pi
         if gaps.min() > 0.5 and gaps.max() < 2.6 and turns.min() > 0.35:
@@ -94,9 +98,13 @@ def way(random: np.random.Generator, scans: int, slide: float, turn: float) -> A
     """Return poses (T, 3) about 0 of a smooth way so long [mm], turned by so much [rad]."""
     t, lean = np.linspace(-0.5, 0.5, scans), random.uniform(-0.8, 0.8)
     eased = t + 0.1 * np.sin(2.0 * np.pi * t + random.uniform(0.0, 6.0))
-    wave = np.sin(np.outer([6.0, 5.0, 7.0], t) + random.uniform(0.0, 6.0, (3, 1))) * np.array([[1.0], [1.0], [0.03]])
+    wave = np.sin(np.outer([6.0, 5.0, 7.0], t) + random.uniform(0.0, 6.0, (3, 1))) * np.array(
+        [[1.0], [1.0], [0.03]]
+    )
     go = random.choice([-1, 1]) * slide * eased
-    return np.stack([go * math.cos(lean) + wave[0], go * math.sin(lean) + wave[1], turn * eased + wave[2]], axis=1)
+    return np.stack(
+        [go * math.cos(lean) + wave[0], go * math.sin(lean) + wave[1], turn * eased + wave[2]], axis=1
+    )
 
 
 def draw(name: str, random: np.random.Generator) -> Scene:
@@ -185,8 +193,18 @@ def score(scene: Scene, tracks: list[ts.Track]) -> list[Score]:
         d, a = _off(scene, k, tracks[best], shared)
         a = np.degrees(np.abs((a - frame + np.pi) % (2.0 * np.pi) - np.pi))
         spread = tracks[best].pose_covariances[shared]
-        held = (np.sqrt(spread[:, 0, 0] + spread[:, 1, 1]) < WRONG_MM / 2) & (spread[:, 2, 2] < np.radians(WRONG_DEG / 2) ** 2)
-        found.append(Score(d, np.where(np.isfinite(a), a, np.inf), np.array([scene.own_share(i, k) for i in shared]), tracks[best].status, held))
+        held = (np.sqrt(spread[:, 0, 0] + spread[:, 1, 1]) < WRONG_MM / 2) & (
+            spread[:, 2, 2] < np.radians(WRONG_DEG / 2) ** 2
+        )
+        found.append(
+            Score(
+                d,
+                np.where(np.isfinite(a), a, np.inf),
+                np.array([scene.own_share(i, k) for i in shared]),
+                tracks[best].status,
+                held,
+            )
+        )
     return found
 
 
@@ -196,7 +214,8 @@ def _off(scene: Scene, one: int, track: ts.Track, scans: Array) -> tuple[Array, 
     for row, i in enumerate(scans):
         if len(track.outline) and np.isfinite(track.poses[i]).all():
             (x, y), (x0, y0) = (
-                shapely.get_coordinates(shapely.Polygon(p).centroid)[0] for p in (track.placed(int(i)), scene.placed(i, one))
+                shapely.get_coordinates(shapely.Polygon(p).centroid)[0]
+                for p in (track.placed(int(i)), scene.placed(i, one))
             )
             d[row], a[row] = math.hypot(x - x0, y - y0), track.poses[i, 2] - scene.poses[i, one, 2]
     return d, a
@@ -232,7 +251,10 @@ def main() -> None:
                 print("      ", t.id, t.status, len(t.outline), t.advice)
     every = [s for _, _, ss in rows for s in ss]
     good = [ss for _, _, ss in rows if all(s.solved for s in ss)]
-    d, a, own = (np.concatenate([getattr(s, n) for ss in good for s in ss] or [np.array([np.nan])]) for n in ("off_mm", "off_deg", "own"))
+    d, a, own = (
+        np.concatenate([getattr(s, n) for ss in good for s in ss] or [np.array([np.nan])])
+        for n in ("off_mm", "off_deg", "own")
+    )
     far = np.quantile(d[own >= OWN], 0.95) if (own >= OWN).any() else math.nan
     print(
         f"{given.set}: {len(rows)} scenes, solved {len(good) / len(rows):.2f}; of all poses silently wrong "

@@ -131,7 +131,16 @@ _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
 # These take long and let other threads run meanwhile; the others, over sooner than a thread wakes up, would only have
 # to wait until that one lets go.
 _LONG = frozenset(
-    ("fit_run", "fit_counts", "feasible_part", "minimax", "hit_and_run", "rigid_poses", "rigid_descend", "hull_poses")
+    (
+        "fit_run",
+        "fit_counts",
+        "feasible_part",
+        "minimax",
+        "hit_and_run",
+        "rigid_poses",
+        "rigid_descend",
+        "hull_poses",
+    )
 )
 
 

@@ -14,7 +14,7 @@ from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import Noise
 from tacstrip.core.problem import FLOOR
 from tacstrip.core.hull import available
-from tacstrip.core.rigid import RigidScans, fit_poses, loss
+from tacstrip.core.rigid import RigidScans
 from tacstrip.errors import ReadingError, SignatureError
 from tacstrip.geometry.moments import deviations, moments
 from tacstrip.reconstruction.noise_covariance import Averaging, fit_sigma
@@ -24,7 +24,7 @@ from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import check_closed_form
 from tacstrip.sensor.spec import Sensor
 from tacstrip.tracking.episodes import Episode, episodes
-from tacstrip.tracking.rigid.corners import Fit
+from tacstrip.tracking.rigid.corners import Fit, posed
 from tacstrip.tracking.rigid.covariance import covariances
 from tacstrip.tracking.rigid.search import Found, content, placed, recognised, search, with_all_poses
 from tacstrip.tracking.shared_strips.lone_ends import lone_ends
@@ -245,14 +245,25 @@ class _Object:
         """What is known of it for scans in which it shares strips."""
         order = np.argsort(self.shown)
         fit = self.found.fit
-        return Alone(fit.corners, [self.shown[i] for i in order], fit.poses[order], self.scans.k[order])
+        return Alone(
+            fit.corners,
+            [self.shown[i] for i in order],
+            fit.poses[order],
+            self.scans.k[order],
+            tuple(o for o, _ in self.found.others)
+            if self.found.spread_mm > _TOLD * self.scans.sensor.pitch_mm
+            else (),
+        )
 
     def with_shared(self, more: Shared) -> _Object:
         """Return it with scans in which it shares strips, and the outline that they sharpened."""
-        start = np.stack([more.again.get(s, p) for s, p in zip(self.shown, self.found.fit.poses, strict=True)])
-        poses, costs = fit_poses(self.scans, more.corners, start[:, None], loss(self.scans), 12)
-        fit = Fit(more.corners, poses[:, 0], costs[:, 0])
-        return replace(self, found=replace(self.found, fit=fit), shared=(*self.shared, more))
+        last = self.found.fit.poses
+        start = np.stack([more.again.get(s, p) for s, p in zip(self.shown, last, strict=True)])
+        fit = posed(self.scans, Fit(more.corners, start, np.full(len(start), np.inf)))
+        rivals = tuple(
+            (replace(fit, corners=o, poses=fit.poses[self.found.chosen]), w) for o, w in more.rivals
+        )
+        return replace(self, found=replace(self.found, fit=fit, rivals=rivals), shared=(*self.shared, more))
 
 
 @dataclass(frozen=True, eq=False)
@@ -357,7 +368,9 @@ def _with_parts(objects: list[_Object], parts: list[_Object], read: _Reading, ag
                 fit = recognised(one.scans, one.found.fit, part.scans, read.distribution)
             if fit is not None:
                 every = replace(one.scans, k=np.concatenate([one.scans.k, part.scans.k]))
-                known[i] = replace(one, shown=one.shown + part.shown, scans=every, found=replace(one.found, fit=fit))
+                known[i] = replace(
+                    one, shown=one.shown + part.shown, scans=every, found=replace(one.found, fit=fit)
+                )
                 break
         else:
             known.append(part)

@@ -27,7 +27,15 @@ _BRANCHED = 3  # hypotheses that an object may come to or go from
 _CAUCHY = 6.0
 _BACK = 3  # scans that a velocity is of
 _JIGGLES = np.array(
-    [(0.0, 0.0, 0.0), (0.04, 0, 0.1), (-0.04, 0, -0.1), (0, 0.04, -0.1), (0, -0.04, 0.1), (0, 0, 0.25), (0, 0, -0.25)]
+    [
+        (0.0, 0.0, 0.0),
+        (0.04, 0, 0.1),
+        (-0.04, 0, -0.1),
+        (0, 0.04, -0.1),
+        (0, -0.04, 0.1),
+        (0, 0, 0.25),
+        (0, 0, -0.25),
+    ]
 )
 
 
@@ -106,7 +114,9 @@ def _continued(
         for k in there if len(there) > 1 else ():
             expected = way.expected.copy()
             expected[k] = np.nan
-            found.append(_fitted(scan, outlines, sizes, replace(way, cost=way.cost + _EVENT, since=0), expected))
+            found.append(
+                _fitted(scan, outlines, sizes, replace(way, cost=way.cost + _EVENT, since=0), expected)
+            )
         newest = [way]
         for _ in range(MOST_OBJECTS):  # several may come at once
             newest = [

@@ -9,7 +9,10 @@ from tacstrip.core.rigid import RigidScans
 from tacstrip.tracking.rigid.search import Found, content, search
 
 FEWEST = 5  # scans of a stretch
-_MOST, _JUMP = 50.0, 3.0  # sigmas that a strip counts at most; times the usual change, and sigmas more, that is a jump
+_MOST, _JUMP = (
+    50.0,
+    3.0,
+)  # sigmas that a strip counts at most; times the usual change, and sigmas more, that is a jump
 _JUMPS, _PARTS = 3, (2, 3, 4, 6)  # jumps that are tried, and parts of all scans
 
 

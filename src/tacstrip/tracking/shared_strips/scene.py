@@ -12,14 +12,20 @@ from tacstrip.core.hull import MOST_OBJECTS, HullScans, fit_hull_poses
 from tacstrip.core.rigid import RigidScans, loss
 from tacstrip.reconstruction.polygon.goodness_of_fit import chi_square_score
 from tacstrip.sensor.spec import Sensor
-from tacstrip.tracking.rigid.search import placed
+from tacstrip.tracking.rigid.search import in_frame, placed
 from tacstrip.tracking.shared_strips.beam import Way, ways
 from tacstrip.tracking.shared_strips.joint_fit import Scene, expected, fitted, pose_covariances
 
 _BEFORE = 4  # scans before a window that its beam begins with
 _CANDIDATES = 3  # of each direction that are fitted
-_AROUND, _MOST_ALONE = 20, 60  # scans alone on both sides of a window, and of an object, that are fitted along
-_EVENT, _FAR = 25.0, 100.0  # of chi square: that something came or went, and most for a jump into what follows
+_AROUND, _MOST_ALONE = (
+    20,
+    60,
+)  # scans alone on both sides of a window, and of an object, that are fitted along
+_EVENT, _FAR = (
+    25.0,
+    100.0,
+)  # of chi square: that something came or went, and most for a jump into what follows
 _SOFT, _CAUCHY = 0.005, 6.0  # tolerance of edges over the size, and scale of the loss, of the first descent
 _BAD, _SPREAD = 6.0, 5.0  # chi square of a scan beyond its readings, and times its deviation
 _REPAIRS = 3  # rounds
@@ -29,6 +35,7 @@ _STEADY, _TURNS = 0.003, 0.008  # least deviation of second differences: of the 
 _JERKS = 2.0  # motion that costs so many times what is expected is less smooth than thought
 _MISSED = 4.0  # of chi square that an object must gain to be there
 _ALIKE, _APART = 10.0, 0.03  # of chi square, and of the size: another way that explains as well
+_RIVALS, _BETTER = 3, 6.0  # outlines that are tried against the one found, and how much better one must be
 _HELD, _HELD_ANGLE = 0.017, 0.026  # deviations of a pose that is held: of the size, and [rad]
 _HIDDEN = (
     "in {n} of the scans {first} to {last} others hide so much of it that the readings do not hold its pose: there it goes "
@@ -37,10 +44,25 @@ _HIDDEN = (
 _ELSEWHERE = "in scans {first} to {last} all objects may lie elsewhere: another way of theirs explains the readings as well"
 _LEFT_OVER = "in {n} of the scans {first} to {last} the objects that are known do not explain the readings"
 _JIGGLES = np.array(
-    [(0.0, 0.0, 0.0), (1.0, 0, 1.0), (-1.0, 0, -1.0), (0, 1.0, -1.0), (0, -1.0, 1.0), (0, 0, 3.0), (0, 0, -3.0)]
+    [
+        (0.0, 0.0, 0.0),
+        (1.0, 0, 1.0),
+        (-1.0, 0, -1.0),
+        (0, 1.0, -1.0),
+        (0, -1.0, 1.0),
+        (0, 0, 3.0),
+        (0, 0, -3.0),
+    ]
 )
-_NARROW, _WIDE = np.array([0.005, 0.005, 0.01]), np.array([0.02, 0.02, 0.03])  # of jiggles, of the size, and [rad]
-_STAGES = ((0.01, 3.0, 0.15), (0.005, 5.0, 0.05), (0.0, 0.0, 0.05))  # tolerance over the size, scale of the loss, ends
+_NARROW, _WIDE = (
+    np.array([0.005, 0.005, 0.01]),
+    np.array([0.02, 0.02, 0.03]),
+)  # of jiggles, of the size, and [rad]
+_STAGES = (
+    (0.01, 3.0, 0.15),
+    (0.005, 5.0, 0.05),
+    (0.0, 0.0, 0.05),
+)  # tolerance over the size, scale of the loss, ends
 _LOOSE = np.array([0.01, 0.01, 0.03])  # deviations from what is between the scans that are explained
 _ROUGH = 12.0  # of what the motion costs at a scan
 
@@ -59,12 +81,15 @@ class Alone:
         In these (M, 3).
     readings
         Its own (M, S, n), NaN elsewhere.
+    rivals
+        Other outlines in the same frame that explain these as well.
     """
 
     corners: FloatArray
     scans: list[int]
     poses: FloatArray
     readings: FloatArray
+    rivals: tuple[FloatArray, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +104,8 @@ class Shared:
         Numbers of scans alone whose poses were fitted along, and these (M, 3).
     scans, poses, covariances
         Numbers of scans with others, its poses there (J, 3) and their covariances (J, 3, 3).
+    rivals
+        Those of `Alone.rivals` that explain all scans as well, fitted to them, and how much worse their criterion is.
     advice
         What is doubtful there; empty when all is well.
     """
@@ -88,6 +115,7 @@ class Shared:
     scans: list[int] = field(default_factory=list)
     poses: FloatArray = field(default_factory=lambda: np.empty((0, 3)))
     covariances: FloatArray = field(default_factory=lambda: np.empty((0, 3, 3)))
+    rivals: tuple[tuple[FloatArray, float], ...] = ()
     advice: str = ""
 
 
@@ -151,12 +179,14 @@ def follow(
     """
     rows = _rows(known[:MOST_OBJECTS], readings, touched, sensor, names, sigma)
     open_rows = _unexplained(rows, known, readings)
-    windows = [w for w in np.split(open_rows, np.flatnonzero(np.diff(rows.numbers[open_rows]) > 1) + 1) if len(w)]
+    windows = [
+        w for w in np.split(open_rows, np.flatnonzero(np.diff(rows.numbers[open_rows]) > 1) + 1) if len(w)
+    ]
     if not windows:
         return None
     alike: list[_Elsewhere] = []
     for window in windows:
-        found = _of_window(rows, window, distribution)
+        found = _of_window(rows, window, _MOST_ALONE if len(windows) == 1 else _AROUND)
         if found is None:
             return None
         scene, chosen, others = found
@@ -167,9 +197,37 @@ def follow(
     part = there[np.concatenate(windows)].any(axis=0)
     if len(windows) > 1:
         chosen = _chosen(rows, np.concatenate(windows), part, _MOST_ALONE)
-        scene = _settled(_some(rows, chosen), _scene(rows, chosen, distribution))
+        scene = _settled(_some(rows, chosen), _scene(rows, chosen))
     scene = _trimmed(_some(rows, chosen), scene, ~rows.alone[chosen].any(axis=1))
-    return _shared(rows, chosen, scene, part, alike, distribution)
+    some = _some(rows, chosen)
+    kept: list[list[tuple[FloatArray, float]]] = [[] for _ in part]
+    for k in np.flatnonzero(part):
+        scene, kept[k] = _against_rivals(some, scene, int(k), known[k].rivals)
+    return _shared(rows, chosen, scene, part, alike, kept, distribution)
+
+
+def _against_rivals(
+    some: _Rows, scene: Scene, k: int, rivals: Sequence[FloatArray]
+) -> tuple[Scene, list[tuple[FloatArray, float]]]:
+    """Return the scene with the outline of an object that explains all scans best, and which others do as well."""
+    price = 2.0 * float(np.log(some.hull.scans.readings.sum()))
+    tried = [scene]
+    for rival in rivals[:_RIVALS]:
+        outlines = tuple(rival if i == k else o for i, o in enumerate(scene.outlines))
+        trial = fitted(
+            some.hull, replace(scene, outlines=outlines), some.follows, 8, _SOFT * float(some.sizes.max())
+        )
+        tried.append(_settled(some, fitted(some.hull, trial, some.follows), 1))
+    criteria = np.array([s.cost + price * len(s.outlines[k]) for s in tried])
+    criteria[1:] += _BETTER  # what was found first stays unless another is clearly better
+    best = int(criteria.argmin())
+    criteria[1:] -= _BETTER
+    scene, anchor = tried[best], int(np.flatnonzero(some.alone[:, k])[0]) if some.alone[:, k].any() else 0
+    return scene, [
+        (in_frame(placed(s.outlines[k], s.poses[anchor, k]), scene.poses[anchor, k]), float(worse))
+        for i, (s, worse) in enumerate(zip(tried, criteria - criteria[best], strict=True))
+        if i != best and worse < _ALIKE
+    ]
 
 
 def _rows(
@@ -220,7 +278,7 @@ def _unexplained(rows: _Rows, known: Sequence[Alone], readings: Mapping[int, Flo
 
 
 def _of_window(
-    rows: _Rows, window: IntArray, distribution: str
+    rows: _Rows, window: IntArray, most: int
 ) -> tuple[Scene, IntArray, list[_Elsewhere]] | None:
     """Return the best scene about a window, its rows, and others that explain the window as well."""
     candidates = _candidates(rows, window)
@@ -228,8 +286,8 @@ def _of_window(
     for poses, events in candidates:
         trial = replace_poses(rows, window, poses)
         part = np.isfinite(poses[..., 0]).any(axis=0)
-        chosen = _chosen(trial, window, part, _AROUND)
-        scene = _scene(trial, chosen, distribution)
+        chosen = _chosen(trial, window, part, most)
+        scene = _scene(trial, chosen)
         fits.append((scene, scene.cost + events, chosen))
     if not fits:
         return None
@@ -275,7 +333,10 @@ def _candidates(rows: _Rows, window: IntArray) -> list[tuple[FloatArray, float]]
         if empty and sign > 0:
             continue  # nothing is known behind it, and from in front it was tried
         ended = ways(rows.hull, rows.outlines, start, order)
-        scored = sorted(((w.cost + _jump(rows, w, last + 1 if sign < 0 else first - 1, follows), w) for w in ended), key=lambda p: p[0])
+        scored = sorted(
+            ((w.cost + _jump(rows, w, last + 1 if sign < 0 else first - 1, follows), w) for w in ended),
+            key=lambda p: p[0],
+        )
         for _, way in scored[:_CANDIDATES]:
             poses = np.stack(way.poses[len(start) :])
             poses = poses if sign < 0 else poses[::-1]
@@ -323,11 +384,15 @@ def _chosen(rows: _Rows, window: IntArray, part: BoolArray, most: int) -> IntArr
 
 def _some(rows: _Rows, chosen: IntArray) -> _Rows:
     return replace(
-        rows, numbers=rows.numbers[chosen], hull=rows.hull.of(chosen), poses=rows.poses[chosen], alone=rows.alone[chosen]
+        rows,
+        numbers=rows.numbers[chosen],
+        hull=rows.hull.of(chosen),
+        poses=rows.poses[chosen],
+        alone=rows.alone[chosen],
     )
 
 
-def _scene(rows: _Rows, chosen: IntArray, distribution: str) -> Scene:
+def _scene(rows: _Rows, chosen: IntArray) -> Scene:
     """Return the joint fit of some rows from their poses."""
     some = _some(rows, chosen)
     present = np.isfinite(some.poses[..., 0])
@@ -388,7 +453,13 @@ def _suspect(rows: _Rows, scene: Scene) -> IntArray:
 
 
 def _by_themselves(
-    rows: _Rows, scene: Scene, on: IntArray, some: IntArray, wide: bool, bad: IntArray, poses: FloatArray,
+    rows: _Rows,
+    scene: Scene,
+    on: IntArray,
+    some: IntArray,
+    wide: bool,
+    bad: IntArray,
+    poses: FloatArray,
     soft: float,
 ) -> None:
     """Put into poses (T, K, 3) what is best for each of some rows by itself."""
@@ -398,7 +469,11 @@ def _by_themselves(
     starts = [base + jiggle * step for jiggle in _JIGGLES[: None if wide else 5]]
     hull, outlines = rows.hull.of(some), [scene.outlines[k] for k in on]
     if wide:
-        starts += [base + jiggle * step * (np.arange(len(on)) == k)[:, None] for jiggle in _JIGGLES[1:] for k in range(len(on))]
+        starts += [
+            base + jiggle * step * (np.arange(len(on)) == k)[:, None]
+            for jiggle in _JIGGLES[1:]
+            for k in range(len(on))
+        ]
         good = np.setdiff1d(np.arange(len(scene.poses)), bad)
         between = np.stack([_between(scene, row, good)[on] for row in some])
         starts += [from_ + jiggle * _WIDE * scale for from_ in (base, between) for jiggle in _JIGGLES]
@@ -431,7 +506,9 @@ def _trimmed(rows: _Rows, scene: Scene, shared: BoolArray) -> Scene:
             for row in on:
                 before = row - sign
                 inside = shared[row] and present[row].sum() > 1
-                neighbour = 0 <= before < len(present) and rows.follows[max(row, before)] and present[before, k]
+                neighbour = (
+                    0 <= before < len(present) and rows.follows[max(row, before)] and present[before, k]
+                )
                 if not inside or neighbour or not (0 <= before < len(present)):
                     break
                 without = present[row].copy()
@@ -450,17 +527,30 @@ def _trimmed(rows: _Rows, scene: Scene, shared: BoolArray) -> Scene:
 
 
 def _shared(
-    rows: _Rows, chosen: IntArray, scene: Scene, part: BoolArray, alike: list[_Elsewhere], distribution: str
-) -> list[Shared | None] | None:
+    rows: _Rows,
+    chosen: IntArray,
+    scene: Scene,
+    part: BoolArray,
+    alike: list[_Elsewhere],
+    rivals: list[list[tuple[FloatArray, float]]],
+    distribution: str,
+) -> list[Shared | None]:
+    """Return what is known of each object."""
     some = _some(rows, chosen)
     bad, readings = _bad(some.hull, scene)
     shared = ~some.alone.any(axis=1) | (scene.present.sum(axis=1) > some.alone.sum(axis=1))
     bends = 3 * int((scene.bends & some.follows[1:-1, None] & some.follows[2:, None]).sum())
-    numbers = 3 * int(scene.present.sum()) + 2 * sum(len(o) for o, p in zip(scene.outlines, part, strict=True) if p)
+    numbers = 3 * int(scene.present.sum()) + 2 * sum(
+        len(o) for o, p in zip(scene.outlines, part, strict=True) if p
+    )
     freedom = max(int(readings.sum()) + bends - numbers, 1)
     residuals = np.sqrt([*scene.costs, scene.prior])
-    content = scene.cost <= _HARDLY_MORE * freedom or chi_square_score(residuals, freedom, distribution) <= _ALARM
-    anchors = [int(np.flatnonzero(some.alone[:, k])[0]) if some.alone[:, k].any() else 0 for k in range(len(part))]
+    content = (
+        scene.cost <= _HARDLY_MORE * freedom or chi_square_score(residuals, freedom, distribution) <= _ALARM
+    )
+    anchors = [
+        int(np.flatnonzero(some.alone[:, k])[0]) if some.alone[:, k].any() else 0 for k in range(len(part))
+    ]
     spread = pose_covariances(some.hull, scene, some.follows, anchors, np.flatnonzero(shared))
     found: list[Shared | None] = []
     for k in range(len(part)):
@@ -475,19 +565,38 @@ def _shared(
             sd = np.sqrt(np.diagonal(spread[mine, k], axis1=1, axis2=2))
             loose = (np.hypot(sd[:, 0], sd[:, 1]) > _HELD * size) | (sd[:, 2] > _HELD_ANGLE)
             if loose.any():
-                advice.append(_HIDDEN.format(n=int(loose.sum()), first=numbers[loose].min(), last=numbers[loose].max()))
+                advice.append(
+                    _HIDDEN.format(n=int(loose.sum()), first=numbers[loose].min(), last=numbers[loose].max())
+                )
             left = np.intersect1d(bad, mine)
             if len(left) or not content:
                 own = some.numbers[left] if len(left) else numbers
                 advice.append(_LEFT_OVER.format(n=len(own), first=own.min(), last=own.max()))
             advice += _elsewhere(some, scene, k, alike, rows, size, sd, mine)
         again = {int(some.numbers[i]): scene.poses[i, k] for i in np.flatnonzero(some.alone[:, k])}
-        found.append(Shared(scene.outlines[k], again, numbers.tolist(), scene.poses[mine, k], spread[mine, k], "; ".join(advice)))
+        found.append(
+            Shared(
+                scene.outlines[k],
+                again,
+                numbers.tolist(),
+                scene.poses[mine, k],
+                spread[mine, k],
+                tuple(rivals[k]),
+                "; ".join(advice),
+            )
+        )
     return found
 
 
 def _elsewhere(
-    some: _Rows, scene: Scene, k: int, alike: list[_Elsewhere], rows: _Rows, size: float, sd: FloatArray, mine: IntArray
+    some: _Rows,
+    scene: Scene,
+    k: int,
+    alike: list[_Elsewhere],
+    rows: _Rows,
+    size: float,
+    sd: FloatArray,
+    mine: IntArray,
 ) -> list[str]:
     """Return advice where another way of the objects explains the readings as well."""
     at = {int(some.numbers[i]): j for j, i in enumerate(mine)}
