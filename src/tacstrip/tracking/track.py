@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -52,6 +52,10 @@ _HARDLY_MOVED = (
 )
 _CONCAVE = "the outline is concave: one object, or several that keep together"
 _SHORT = "{n} scans show it, too few for a shape over time: the outline is that of the scan that tells most"
+_UNEXPLAINED = (
+    "in the scans in which it shares strips the known objects do not explain the readings: another is there that is never "
+    "alone, or one outline is that of two"
+)
 _STANDS = "the clock stands still: no velocity"
 
 
@@ -199,7 +203,7 @@ def track(scans: Sequence[Scan], sensor: Sensor, noise: Noise | None = None) -> 
     left, unlike, objects = sorted(stretches, key=lambda e: -len(e.scans)), list[Episode](), list[_Object]()
     while left:
         one = left.pop(0)
-        seen = _search(one, read_as, thorough=False)
+        seen = _search(one, read_as, thorough=any(e.joint for e in one.group))
         if seen is None or not content(seen.scans, seen.found.fit, distribution):
             unlike.append(one)
             continue
@@ -253,6 +257,20 @@ class _Object:
             tuple(o for o, _ in self.found.others)
             if self.found.spread_mm > _TOLD * self.scans.sensor.pitch_mm
             else (),
+        )
+
+    @property
+    def unexplained(self) -> _Object:
+        """It with the advice that what it shares strips with is not known."""
+        return replace(self, shared=(*self.shared, Shared(self.found.fit.corners, {}, advice=_UNEXPLAINED)))
+
+    def until(self, scan: int) -> _Object:
+        """Return what is known of it before a scan."""
+        kept = [i for i, s in enumerate(self.shown) if s < scan]
+        fit = self.found.fit
+        fit = Fit(fit.corners, fit.poses[kept], fit.costs[kept])
+        return _Object(
+            [self.shown[i] for i in kept], [], self.scans.of(kept), Found(fit, np.arange(len(kept)))
         )
 
     def with_shared(self, more: Shared) -> _Object:
@@ -327,18 +345,16 @@ def _together(
     """Return objects with what scans add in which they share strips, and the episodes that remain unexplained."""
     if not available():
         return objects, unlike
+    touched = np.isfinite(read.k).any(axis=1)
     for group in {id(e.group): e.group for e in stretches}.values():
         bent = [e for e in unlike if any(e is g for g in group) and len(e.scans) >= _FEWEST]
-        if not bent and not any(e.joint for e in group):
+        if not (bent or objects and any(e.joint for e in group)):
             continue
         parts = [part for e in bent for part in _parts(e, read)]
         readings = _readings(group, read.k)
-        for again in (True, False) if parts else (True,):
-            known = _with_parts(objects, parts, read, again)
-            if not known:
-                break
+        first = min((s for e in group for s in e.joint), default=0)
+        for known in _suppositions(objects, parts, first, read):
             sigma = max(one.scans.sigma for one in known)
-            touched = np.isfinite(read.k).any(axis=1)
             found = follow(
                 [o.alone for o in known], readings, touched, read.sensor, read.names, sigma, read.distribution
             )
@@ -346,7 +362,30 @@ def _together(
                 objects = [o if f is None else o.with_shared(f) for o, f in zip(known, found, strict=True)]
                 unlike = [e for e in unlike if not any(e is g for g in group)]
                 break
+        else:
+            mine = {s for e in group for s in e.scans}
+            objects = [o.unexplained if mine & set(o.shown) else o for o in objects]
     return objects, unlike
+
+
+def _suppositions(
+    objects: list[_Object], parts: list[_Object], first: int, read: _Reading
+) -> Iterator[list[_Object]]:
+    """Yield what may be known of the objects of a group that comes together in its scan `first`, most likely first.
+
+    Parts of episodes may be objects that are known already, and stretches that were taken for the same may be of two
+    that look alike: then only those before the first joint scan count, and the others follow from the motion.
+    """
+    if parts:
+        yield _with_parts(objects, parts, read, True)
+        yield _with_parts(objects, parts, read, False)
+    elif objects:
+        yield objects
+        before = [o.until(first) for o in objects if min(o.shown) < first]
+        if len(before) > 1 and any(
+            len(b.shown) < len(o.shown) for b, o in zip(before, objects, strict=False)
+        ):
+            yield before
 
 
 def _parts(episode: Episode, read: _Reading) -> list[_Object]:
@@ -422,7 +461,7 @@ def _track(one: _Object, total: int, distribution: str) -> Track:
     status: Status = "doubtful" if advice else "likely" if note else "ok"
     return Track(
         0, outline, shape, poses, spreads, np.empty(0), np.empty(0), status, advice or note, () if told else others,
-        tuple(sorted({*one.joint, *(s for more in one.shared for s in more.scans)})),
+        tuple(sorted({*one.joint, *(s for more in one.shared for s in more.joint)})),
     )  # fmt: skip
 
 

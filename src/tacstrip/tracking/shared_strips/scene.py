@@ -103,7 +103,9 @@ class Shared:
     again
         Numbers of scans alone whose poses were fitted along, and these (M, 3).
     scans, poses, covariances
-        Numbers of scans with others, its poses there (J, 3) and their covariances (J, 3, 3).
+        Numbers of scans that show it with others about, its poses there (J, 3) and their covariances (J, 3, 3).
+    joint
+        Those in which it shares strips with one of them.
     rivals
         Those of `Alone.rivals` that explain all scans as well, fitted to them, and how much worse their criterion is.
     advice
@@ -115,6 +117,7 @@ class Shared:
     scans: list[int] = field(default_factory=list)
     poses: FloatArray = field(default_factory=lambda: np.empty((0, 3)))
     covariances: FloatArray = field(default_factory=lambda: np.empty((0, 3, 3)))
+    joint: tuple[int, ...] = ()
     rivals: tuple[tuple[FloatArray, float], ...] = ()
     advice: str = ""
 
@@ -277,14 +280,12 @@ def _unexplained(rows: _Rows, known: Sequence[Alone], readings: Mapping[int, Flo
     return np.flatnonzero(left.any(axis=1))
 
 
-def _of_window(
-    rows: _Rows, window: IntArray, most: int
-) -> tuple[Scene, IntArray, list[_Elsewhere]] | None:
+def _of_window(rows: _Rows, window: IntArray, most: int) -> tuple[Scene, IntArray, list[_Elsewhere]] | None:
     """Return the best scene about a window, its rows, and others that explain the window as well."""
     candidates = _candidates(rows, window)
     fits: list[tuple[Scene, float, IntArray]] = []
     for poses, events in candidates:
-        trial = replace_poses(rows, window, poses)
+        trial = _with_poses(rows, window, poses)
         part = np.isfinite(poses[..., 0]).any(axis=0)
         chosen = _chosen(trial, window, part, most)
         scene = _scene(trial, chosen)
@@ -304,15 +305,13 @@ def _of_window(
     return best, chosen, others
 
 
-def replace_poses(rows: _Rows, window: IntArray, poses: FloatArray) -> _Rows:
-    """Return rows with poses (W, K, 3) in a window, angles after it on the branch where the window ends."""
+def _with_poses(rows: _Rows, window: IntArray, poses: FloatArray) -> _Rows:
+    """Return rows with poses (W, K, 3) in a window, angles without jumps."""
     every = rows.poses.copy()
     every[window] = poses
-    last = int(window[-1])
     for k in range(every.shape[1]):
         on = np.flatnonzero(np.isfinite(every[:, k, 2]))
-        every[on, k, 2] = np.unwrap(every[on, k, 2]) if len(on) else every[on, k, 2]
-    del last
+        every[on, k, 2] = np.unwrap(every[on, k, 2])
     return replace(rows, poses=every)
 
 
@@ -576,16 +575,25 @@ def _shared(
         again = {int(some.numbers[i]): scene.poses[i, k] for i in np.flatnonzero(some.alone[:, k])}
         found.append(
             Shared(
-                scene.outlines[k],
-                again,
-                numbers.tolist(),
-                scene.poses[mine, k],
-                spread[mine, k],
-                tuple(rivals[k]),
-                "; ".join(advice),
+                scene.outlines[k], again, numbers.tolist(), scene.poses[mine, k], spread[mine, k],
+                _sharing(some, scene, mine, k), tuple(rivals[k]), "; ".join(advice),
             )
-        )
+        )  # fmt: skip
     return found
+
+
+def _sharing(some: _Rows, scene: Scene, mine: IntArray, k: int) -> tuple[int, ...]:
+    """Return the numbers of those of some rows in which an object shares strips with another."""
+    half, found = 0.5 * some.hull.scans.sensor.pitch_mm, []
+    for row in mine:
+        x = {
+            int(j): placed(scene.outlines[j], scene.poses[row, j])[:, 0]
+            for j in np.flatnonzero(scene.present[row])
+        }
+        low, high = x[k].min() - half, x[k].max() + half
+        if any(j != k and other.min() < high and other.max() > low for j, other in x.items()):
+            found.append(int(some.numbers[row]))
+    return tuple(found)
 
 
 def _elsewhere(
