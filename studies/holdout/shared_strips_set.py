@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import sys
 import time
 from dataclasses import dataclass
 
@@ -16,6 +17,7 @@ import shapely
 import tacstrip as ts
 from studies.holdout.readings import Unit
 from studies.holdout.shapes import Array
+from tacstrip.arrays import BoolArray, IntArray
 
 SETS = {  # strips, scans, of which each is alone at its end, radius [mm], how they come and go
     "known": (100, 60, 20, (13.0, 19.0), "put"),
@@ -25,6 +27,7 @@ SETS = {  # strips, scans, of which each is alone at its end, radius [mm], how t
     "three": (64, 90, 15, (9.0, 13.0), "one by one"),
 }
 HALF_WIDTH = 0.005
+CLAIMS = ("ok", "likely")  # a status that promises right poses
 WRONG_MM, WRONG_DEG = 1.0, 4.0  # a pose that is further off is wrong
 NEAR_MM, LEAST_SHARED = 0.5, 0.3
 OWN = 0.05  # of an object's strips that it has to itself
@@ -37,41 +40,47 @@ class Scene:
     unit: Unit
     outlines: list[Array]
     poses: Array
-    present: Array
+    present: BoolArray
 
     def placed(self, scan: int, one: int) -> Array:
+        """Return the corners of one object on the sensor."""
         return at(self.outlines[one], self.poses[scan, one])
 
     def scans(self, random: np.random.Generator) -> list[ts.Scan]:
+        """Return what the unit reads, with noise."""
         found = []
         for i in range(len(self.poses)):
-            read = self.unit.read(
-                *self.unit.touched([self.placed(i, k) for k in np.flatnonzero(self.present[i])])
-            )
+            read = self.unit.read(*self.unit.touched([self.placed(i, k) for k in _numbers(self.present[i])]))
             read = read + random.uniform(-HALF_WIDTH, HALF_WIDTH, read.shape)
             found.append(ts.Scan(**dict(zip(self.unit.names, read, strict=True)), time_s=0.02 * i))
         return found
 
-    def strips_of(self, scan: int, one: int) -> Array:
+    def strips_of(self, scan: int, one: int) -> BoolArray:
+        """Return which strips one object lies on (strips,)."""
         x = self.placed(scan, one)[:, 0]
-        return (self.unit.x > x.min()) & (self.unit.x < x.max())
+        return np.asarray((self.unit.x > x.min()) & (self.unit.x < x.max()))
 
-    def joint(self) -> Array:
+    def joint(self) -> BoolArray:
         """Whether each shares strips with another in a scan (T, K)."""
         found = np.zeros(self.present.shape, dtype=bool)
         for i, there in enumerate(self.present):
-            on = {k: self.strips_of(i, k) for k in np.flatnonzero(there)}
+            on = {k: self.strips_of(i, k) for k in _numbers(there)}
             for k, mine in on.items():
                 found[i, k] = any((mine & other).any() for j, other in on.items() if j != k)
         return found
 
     def own_share(self, scan: int, one: int) -> float:
+        """Return which share of its strips one object has to itself."""
         mine = self.strips_of(scan, one)
         others = np.zeros_like(mine)
-        for k in np.flatnonzero(self.present[scan]):
+        for k in _numbers(self.present[scan]):
             if k != one:
                 others |= self.strips_of(scan, k)
         return float((mine & ~others).sum() / max(mine.sum(), 1))
+
+
+def _numbers(which: BoolArray) -> list[int]:
+    return [int(i) for i in np.flatnonzero(which)]
 
 
 def at(corners: Array, pose: Array) -> Array:
@@ -142,11 +151,11 @@ def draw(name: str, random: np.random.Generator) -> Scene:
 
 
 def _possible(scene: Scene, lone: int, kind: str) -> bool:
-    placed = {(i, k): scene.placed(i, k) for i, k in np.argwhere(scene.present)}
+    placed = {(i, k): scene.placed(i, k) for i, k in np.argwhere(scene.present).tolist()}
     if min(p.min() for p in placed.values()) < 1.0 or max(p.max() for p in placed.values()) > 99.0:
         return False
     for i in range(0, len(scene.poses), 3):
-        there = [shapely.Polygon(placed[i, k]) for k in np.flatnonzero(scene.present[i])]
+        there = [shapely.Polygon(placed[i, k]) for k in _numbers(scene.present[i])]
         if any(a.distance(b) < NEAR_MM for j, a in enumerate(there) for b in there[:j]):
             return False
     joint = scene.joint()
@@ -155,7 +164,7 @@ def _possible(scene: Scene, lone: int, kind: str) -> bool:
     both = scene.present.sum(axis=1) > 1
     if kind == "one by one":
         return bool(joint[both].any(axis=1).all())
-    shared = [1.0 - scene.own_share(i, k) for i, k in np.argwhere(scene.present & both[:, None])]
+    shared = [1.0 - scene.own_share(i, k) for i, k in np.argwhere(scene.present & both[:, None]).tolist()]
     return bool(np.mean(shared) > LEAST_SHARED)
 
 
@@ -167,23 +176,25 @@ class Score:
     off_deg: Array
     own: Array
     status: str
-    held: Array  # whether the covariance says that the pose is known
+    held: BoolArray  # whether the covariance says that the pose is known
 
     @property
     def solved(self) -> bool:
+        """Whether its poses are right nearly everywhere."""
         d, a = self.off_mm, self.off_deg
         return bool(np.median(d) < WRONG_MM and np.quantile(d, 0.9) < 3.0 and np.median(a) < WRONG_DEG)
 
     @property
-    def silent(self) -> Array:
+    def silent(self) -> BoolArray:
         """Whether each pose is wrong and nothing says so."""
         wrong = np.isfinite(self.off_mm) & ((self.off_mm > WRONG_MM) | (self.off_deg > WRONG_DEG))
-        return np.asarray(wrong & (self.status in ("ok", "likely")))
+        return np.asarray(wrong & (self.status in CLAIMS))
 
 
 def score(scene: Scene, tracks: list[ts.Track]) -> list[Score]:
     """Return how far the tracks are off, each object's being the one that is nearest where it is by itself."""
-    joint, found = scene.joint(), []
+    joint = scene.joint()
+    found = []
     for k in range(len(scene.outlines)):
         alone, shared = np.flatnonzero(scene.present[:, k] & ~joint[:, k]), np.flatnonzero(joint[:, k])
         off = [_off(scene, k, t, alone) for t in tracks]
@@ -200,7 +211,7 @@ def score(scene: Scene, tracks: list[ts.Track]) -> list[Score]:
             Score(
                 d,
                 np.where(np.isfinite(a), a, np.inf),
-                np.array([scene.own_share(i, k) for i in shared]),
+                np.array([scene.own_share(int(i), k) for i in shared]),
                 tracks[best].status,
                 held,
             )
@@ -208,7 +219,7 @@ def score(scene: Scene, tracks: list[ts.Track]) -> list[Score]:
     return found
 
 
-def _off(scene: Scene, one: int, track: ts.Track, scans: Array) -> tuple[Array, Array]:
+def _off(scene: Scene, one: int, track: ts.Track, scans: IntArray) -> tuple[Array, Array]:
     """Return distances of the centroids [mm], inf where there is no pose, and differences of the angles."""
     d, a = np.full(len(scans), np.inf), np.full(len(scans), np.nan)
     for row, i in enumerate(scans):
@@ -230,7 +241,8 @@ def main() -> None:
     options.add_argument("--first", type=int, default=0)
     options.add_argument("--verbose", action="store_true")
     given = options.parse_args()
-    rows, spent, scans = [], 0.0, 0
+    rows: list[tuple[Scene, list[ts.Track], list[Score]]] = []
+    spent, scans = 0.0, 0
     for case in range(given.first, given.first + given.cases):
         random = np.random.default_rng([given.seed, list(SETS).index(given.set), case])
         scene = draw(given.set, random)
@@ -241,29 +253,38 @@ def main() -> None:
         spent, scans = spent + own, scans + len(read)
         rows.append((scene, tracks, score(scene, tracks)))
         if given.verbose:
-            print(case, f"{len(tracks)} tracks {1e3 * own / len(read):.0f} ms a scan", flush=True)
-            for one in rows[-1][2]:
-                print(
-                    f"   {one.status:9} solved {one.solved} silent {one.silent.mean():.2f} pose {np.median(one.off_mm):.3f} "
-                    f"p90 {np.quantile(one.off_mm, 0.9, method='lower'):.2f} mm {np.median(one.off_deg):.2f} deg; held {one.held.mean():.2f}"
-                )
-            for t in tracks:
-                print("      ", t.id, t.status, len(t.outline), t.advice)
+            _tell(case, tracks, rows[-1][2], 1e3 * own / len(read))
     every = [s for _, _, ss in rows for s in ss]
     good = [ss for _, _, ss in rows if all(s.solved for s in ss)]
-    d, a, own = (
+    d, a, alone = (
         np.concatenate([getattr(s, n) for ss in good for s in ss] or [np.array([np.nan])])
         for n in ("off_mm", "off_deg", "own")
     )
-    far = np.quantile(d[own >= OWN], 0.95) if (own >= OWN).any() else math.nan
-    print(
-        f"{given.set}: {len(rows)} scenes, solved {len(good) / len(rows):.2f}; of all poses silently wrong "
-        f"{np.concatenate([s.silent for s in every]).mean():.4f}, scenes wrong and ok "
-        f"{np.mean([any(not s.solved and s.status in ('ok', 'likely') for s in ss) for _, _, ss in rows]):.3f}; solved and doubtful "
-        f"{np.mean([all(s.solved for s in ss) and any(s.status == 'doubtful' for s in ss) for _, _, ss in rows]):.2f}; count of tracks right "
-        f"{np.mean([len(t) == len(s.outlines) for s, t, _ in rows]):.2f}; solved: median {np.median(d):.3f} mm {np.median(a):.2f} deg, "
-        f"90 % {np.quantile(d, 0.9):.3f} mm, 95 % where 5 % own {far:.3f} mm; {1e3 * spent / scans:.0f} ms a scan"
+    far = np.quantile(d[alone >= OWN], 0.95) if bool(np.any(alone >= OWN)) else math.nan
+    wrong = [any(not s.solved and s.status in CLAIMS for s in ss) for _, _, ss in rows]
+    doubted = [all(s.solved for s in ss) and any(s.status not in CLAIMS for s in ss) for _, _, ss in rows]
+    counted = [len(t) == len(s.outlines) for s, t, _ in rows]
+    line = (
+        f"{given.set}: {len(rows)} scenes, solved {len(good) / len(rows):.2f}, wrong and ok {np.mean(wrong):.3f}; "
+        f"of all poses silently wrong {np.concatenate([s.silent for s in every]).mean():.4f}; solved and doubtful "
+        f"{np.mean(doubted):.2f}; count of tracks right {np.mean(counted):.2f}; solved: median {np.median(d):.3f} mm "
+        f"{np.median(a):.2f} deg, 90 % {np.quantile(d, 0.9):.3f} mm, 95 % where 5 % own {far:.3f} mm; "
+        f"{1e3 * spent / scans:.0f} ms a scan\n"
     )
+    sys.stdout.write(line)
+
+
+def _tell(case: int, tracks: list[ts.Track], scores: list[Score], spent: float) -> None:
+    sys.stdout.write(f"{case} {len(tracks)} tracks {spent:.0f} ms a scan\n")
+    for one in scores:
+        far = np.quantile(one.off_mm, 0.9, method="lower")
+        sys.stdout.write(
+            f"   {one.status:9} solved {one.solved} silent {one.silent.mean():.2f} pose {np.median(one.off_mm):.3f} "
+            f"p90 {far:.2f} mm {np.median(one.off_deg):.2f} deg; held {one.held.mean():.2f}\n"
+        )
+    for t in tracks:
+        sys.stdout.write(f"      {t.id} {t.status} {len(t.outline)} {t.advice}\n")
+    sys.stdout.flush()
 
 
 if __name__ == "__main__":

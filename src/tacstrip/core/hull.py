@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tacstrip.arrays import FloatArray, IntArray
+from tacstrip.arrays import BoolArray, FloatArray, IntArray
 from tacstrip.core.binding import HULL_OBJECTS, Loss, at, exported
 from tacstrip.core.rigid import RigidScans
 
@@ -70,11 +70,12 @@ class HullEquations:
 
 
 def hull_equations(
-    scans: HullScans, outlines: Sequence[FloatArray], poses: FloatArray, present: FloatArray, how: Loss
+    scans: HullScans, outlines: Sequence[FloatArray], poses: FloatArray, present: BoolArray, how: Loss
 ) -> HullEquations:
-    """Return the normal equations of outlines (N_k, 2) [mm] at poses (T, K, 3), where present (T, K) is not 0."""
+    """Return the normal equations of outlines (N_k, 2) [mm] at poses (T, K, 3), where present (T, K)."""
     core = exported("hull_equations")
-    assert core is not None and len(outlines) <= MOST_OBJECTS
+    assert core is not None, "compiled only"
+    assert len(outlines) <= MOST_OBJECTS
     corners, counts = _joined(outlines)
     many, width, size = len(poses), 3 * len(outlines), corners.size
     shapes = ((many, width, width), (many, width, size), (size, size), (many, width), (size,), (many,))
@@ -101,7 +102,8 @@ def fit_hull_poses(
     The cost includes (pose - expected)^2 weight, both broadcast to the starts.
     """
     core = exported("hull_poses")
-    assert core is not None and len(outlines) <= MOST_OBJECTS
+    assert core is not None, "compiled only"
+    assert len(outlines) <= MOST_OBJECTS
     corners, counts = _joined(outlines)
     poses, costs = np.array(starts, dtype=float, order="C"), np.empty(starts.shape[:2])
     expected, weight = (

@@ -128,4 +128,4 @@ def _overlap(a: slice, b: slice) -> bool:
 
 
 def _common(a: slice, b: slice) -> int:
-    return min(a.stop, b.stop) - max(a.start, b.start)
+    return int(min(a.stop, b.stop) - max(a.start, b.start))

@@ -12,8 +12,8 @@ import numpy as np
 from tacstrip.arguments import takes
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import Noise
-from tacstrip.core.problem import FLOOR
 from tacstrip.core.hull import available
+from tacstrip.core.problem import FLOOR
 from tacstrip.core.rigid import RigidScans
 from tacstrip.errors import ReadingError, SignatureError
 from tacstrip.geometry.moments import deviations, moments
@@ -53,8 +53,8 @@ _HARDLY_MOVED = (
 _CONCAVE = "the outline is concave: one object, or several that keep together"
 _SHORT = "{n} scans show it, too few for a shape over time: the outline is that of the scan that tells most"
 _UNEXPLAINED = (
-    "in the scans in which it shares strips the known objects do not explain the readings: another is there that is never "
-    "alone, or one outline is that of two"
+    "in the scans in which it shares strips the known objects do not explain the readings: another is there that is "
+    "never alone, or one outline is that of two"
 )
 _STANDS = "the clock stands still: no velocity"
 
@@ -88,7 +88,8 @@ class Track:
     alternatives
         Other outlines that explain the scans as well, in this object's frame.
     joint
-        Scans in which it shared strips with another object, and has no pose.
+        Scans in which it shared strips with another object. It has a pose there where the objects that are known from
+        other scans explain the readings.
 
     Examples
     --------
@@ -154,8 +155,8 @@ def track(scans: Sequence[Scan], sensor: Sensor, noise: Noise | None = None) -> 
     Returns
     -------
     list of Track
-        In the order of appearance. An object that is lifted and pressed again keeps its number where its shape is
-        recognised.
+        In the order of appearance, from left to right. An object that is lifted and pressed again keeps its number
+        where its shape is recognised, and one that shares strips with others where it was alone before or after.
 
     Raises
     ------
@@ -222,7 +223,9 @@ def track(scans: Sequence[Scan], sensor: Sensor, noise: Noise | None = None) -> 
             tracks.append(((one.scans or one.joint)[0], found))
         else:
             objects.append(seen)
-    tracks += [(min(one.shown), _track(one, len(read), distribution)) for one in objects]
+    for each in objects:
+        found = _track(each, len(read), distribution)
+        tracks.append((int(np.argmax(found.present)), found))
     tracks = [
         (first, replace(found, times_s=times, velocities=_velocities(found.poses, times)))
         for first, found in tracks
@@ -230,7 +233,7 @@ def track(scans: Sequence[Scan], sensor: Sensor, noise: Noise | None = None) -> 
     standing = len(times) > 1 and not np.diff(times).any()
     return [
         replace(t, id=i, advice="; ".join(filter(None, [t.advice, _STANDS if standing else ""])))
-        for i, (_, t) in enumerate(sorted(tracks, key=lambda pair: pair[0]), 1)
+        for i, (_, t) in enumerate(sorted(tracks, key=lambda pair: (pair[0], pair[1].poses[pair[0], 0])), 1)
     ]
 
 
@@ -345,10 +348,10 @@ def _together(
     """Return objects with what scans add in which they share strips, and the episodes that remain unexplained."""
     if not available():
         return objects, unlike
-    touched = np.isfinite(read.k).any(axis=1)
+    touched = np.asarray(np.isfinite(read.k).any(axis=1))
     for group in {id(e.group): e.group for e in stretches}.values():
         bent = [e for e in unlike if any(e is g for g in group) and len(e.scans) >= _FEWEST]
-        if not (bent or objects and any(e.joint for e in group)):
+        if not (bent or (objects and any(e.joint for e in group))):
             continue
         parts = [part for e in bent for part in _parts(e, read)]
         readings = _readings(group, read.k)

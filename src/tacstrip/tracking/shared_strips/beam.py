@@ -169,7 +169,7 @@ def _tried(
     if way.since < _FIRST:
         scale = 2.0 * scale
     poses, costs = fit_hull_poses(
-        scan, [outlines[k] for k in on], starts[None][:, :, on], expected[on], 1.0 / scale**2,
+        scan, [outlines[int(k)] for k in on], starts[None][:, :, on], expected[on], 1.0 / scale**2,
         loss(scan.scans, tolerance * float(sizes[on].max()), cauchy), 10,
     )  # fmt: skip
     found = []
@@ -195,7 +195,7 @@ def _come(
     weight = np.where(on[:, None] == k, 0.0, 1.0 / scale**2)
     poses = np.broadcast_to(expected, (len(starts), *expected.shape)).copy()
     poses[:, on == k] = starts[:, None]
-    some, size = [outlines[i] for i in on], float(sizes[on].max())
+    some, size = [outlines[int(i)] for i in on], float(sizes[on].max())
     rough = loss(scan.scans, _ROUGH * size, 3.0, 0.15)
     fits, costs = fit_hull_poses(scan, some, poses[None], expected, weight, rough, 6)
     best = np.argsort(costs[0], kind="stable")[: len(starts) // 3]

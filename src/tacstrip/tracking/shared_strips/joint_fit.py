@@ -13,7 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
 
-from tacstrip.arrays import BoolArray, FloatArray
+from tacstrip.arrays import BoolArray, FloatArray, IntArray
+from tacstrip.core.binding import Loss
 from tacstrip.core.hull import HullEquations, HullScans, hull_equations
 from tacstrip.core.rigid import DAMPING, EASED, HOPELESS, LEAST, PINNED, loss
 
@@ -98,7 +99,7 @@ def fitted(
 
 
 def pose_covariances(
-    scans: HullScans, scene: Scene, rows: BoolArray, anchors: Sequence[int], shown: FloatArray
+    scans: HullScans, scene: Scene, rows: BoolArray, anchors: Sequence[int], shown: IntArray
 ) -> FloatArray:
     """Return the covariances of the poses (T, K, 3, 3) of some scans (numbers), NaN elsewhere and where absent.
 
@@ -136,12 +137,13 @@ def pose_covariances(
         first += outline.size
     cov = np.full((many, count, 3, 3), np.nan)
     for start in range(0, len(shown), _AT_ONCE):
-        some = np.asarray(shown[start : start + _AT_ONCE], dtype=int)
+        some = shown[start : start + _AT_ONCE]
         columns = (some[:, None] * width + np.arange(width)).ravel()
         unit = np.zeros((many * width, len(columns)))
         unit[columns, np.arange(len(columns))] = 1.0
         inverse = cho_solve_banded((factor, True), unit, check_finite=False)
-        for j, scan in enumerate(some):
+        for j, row in enumerate(some):
+            scan = int(row)
             own = inverse[scan * width : (scan + 1) * width, j * width : (j + 1) * width]
             for k in np.flatnonzero(scene.present[scan]):
                 at = slice(3 * k, 3 * k + 3)
@@ -162,8 +164,8 @@ def expected(scene: Scene, rows: BoolArray) -> tuple[FloatArray, FloatArray]:
     return scene.poses + slope / np.maximum(weight, 1e-300), weight
 
 
-def _equations(scans: HullScans, scene: Scene, how: object) -> HullEquations:
-    return hull_equations(scans, scene.outlines, scene.poses, scene.present, how)  # type: ignore[arg-type]
+def _equations(scans: HullScans, scene: Scene, how: Loss) -> HullEquations:
+    return hull_equations(scans, scene.outlines, scene.poses, scene.present, how)
 
 
 def _bent(scene: Scene, bends: BoolArray) -> tuple[float, FloatArray]:

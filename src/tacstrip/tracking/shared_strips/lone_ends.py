@@ -24,7 +24,7 @@ def lone_ends(scans: RigidScans, distribution: str) -> list[tuple[range, Found]]
     for from_end in (False, True):
         cuts = sorted({total - j if from_end else j for j in jumps}, reverse=True)
         lengths = [n for n in cuts if FEWEST <= n < total]
-        lengths += [n for p in _PARTS if FEWEST <= (n := total // p) and n not in lengths]
+        lengths += [n for p in _PARTS if (n := total // p) >= FEWEST and n not in lengths]
         for length in lengths:
             some = range(total - length, total) if from_end else range(length)
             one = search(scans.of(np.array(some)), distribution, thorough=False)

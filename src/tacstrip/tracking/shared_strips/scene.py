@@ -38,8 +38,8 @@ _ALIKE, _APART = 10.0, 0.03  # of chi square, and of the size: another way that 
 _RIVALS, _BETTER = 3, 6.0  # outlines that are tried against the one found, and how much better one must be
 _HELD, _HELD_ANGLE = 0.017, 0.026  # deviations of a pose that is held: of the size, and [rad]
 _HIDDEN = (
-    "in {n} of the scans {first} to {last} others hide so much of it that the readings do not hold its pose: there it goes "
-    "on as it went, see the covariance"
+    "in {n} of the scans {first} to {last} others hide so much of it that the readings do not hold its pose: there it "
+    "goes on as it went, see the covariance"
 )
 _ELSEWHERE = "in scans {first} to {last} all objects may lie elsewhere: another way of theirs explains the readings as well"
 _LEFT_OVER = "in {n} of the scans {first} to {last} the objects that are known do not explain the readings"
@@ -196,16 +196,16 @@ def follow(
         rows.poses[chosen] = np.where(scene.present[..., None], scene.poses, np.nan)
         rows.outlines = scene.outlines
         alike += others
-    there = np.isfinite(rows.poses[..., 0])
-    part = there[np.concatenate(windows)].any(axis=0)
+    there: BoolArray = np.isfinite(rows.poses[..., 0])
+    part = np.asarray(there[np.concatenate(windows)].any(axis=0))
     if len(windows) > 1:
         chosen = _chosen(rows, np.concatenate(windows), part, _MOST_ALONE)
         scene = _settled(_some(rows, chosen), _scene(rows, chosen))
-    scene = _trimmed(_some(rows, chosen), scene, ~rows.alone[chosen].any(axis=1))
+    scene = _trimmed(_some(rows, chosen), scene, np.asarray(~rows.alone[chosen].any(axis=1)))
     some = _some(rows, chosen)
     kept: list[list[tuple[FloatArray, float]]] = [[] for _ in part]
     for k in np.flatnonzero(part):
-        scene, kept[k] = _against_rivals(some, scene, int(k), known[k].rivals)
+        scene, kept[k] = _against_rivals(some, scene, int(k), known[int(k)].rivals)
     return _shared(rows, chosen, scene, part, alike, kept, distribution)
 
 
@@ -272,7 +272,7 @@ def _jerk(one: Alone) -> FloatArray:
 
 def _unexplained(rows: _Rows, known: Sequence[Alone], readings: Mapping[int, FloatArray]) -> IntArray:
     """Return the rows in which something is touched that no object alone accounts for."""
-    left = np.isfinite(rows.hull.scans.k).any(axis=1)
+    left = np.asarray(np.isfinite(rows.hull.scans.k).any(axis=1))
     row_of = {int(n): i for i, n in enumerate(rows.numbers)}
     for one in known:
         for number, own in zip(one.scans, one.readings, strict=True):
@@ -286,7 +286,7 @@ def _of_window(rows: _Rows, window: IntArray, most: int) -> tuple[Scene, IntArra
     fits: list[tuple[Scene, float, IntArray]] = []
     for poses, events in candidates:
         trial = _with_poses(rows, window, poses)
-        part = np.isfinite(poses[..., 0]).any(axis=0)
+        part = np.asarray(np.isfinite(poses[..., 0]).any(axis=0))
         chosen = _chosen(trial, window, part, most)
         scene = _scene(trial, chosen)
         fits.append((scene, scene.cost + events, chosen))
@@ -300,7 +300,7 @@ def _of_window(rows: _Rows, window: IntArray, most: int) -> tuple[Scene, IntArra
         if worse - cost < _ALIKE and len(at := np.searchsorted(own, window))
     ]
     best = _settled(_some(rows, chosen), best)
-    if len(_bad(_some(rows, chosen).hull, best)[0]) > _WORST * len(window) + 1:
+    if len(_bad(_some(rows, chosen).hull, best)) > _WORST * len(window) + 1:
         return None
     return best, chosen, others
 
@@ -321,7 +321,8 @@ def _candidates(rows: _Rows, window: IntArray) -> list[tuple[FloatArray, float]]
     follows = rows.follows
     found: list[tuple[FloatArray, float]] = []
     for sign, edge in ((-1, first), (1, last)):
-        start, row = [], edge + sign
+        start: list[FloatArray] = []
+        row = edge + sign
         while 0 <= row < len(follows) and len(start) < _BEFORE and follows[row + (sign < 0)]:
             start.insert(0, rows.poses[row])
             row += sign
@@ -413,10 +414,10 @@ def _scene(rows: _Rows, chosen: IntArray) -> Scene:
     return scene
 
 
-def _bad(hull: HullScans, scene: Scene) -> tuple[IntArray, FloatArray]:
-    """Return the rows whose readings a scene does not explain, and how many readings each has."""
+def _bad(hull: HullScans, scene: Scene) -> IntArray:
+    """Return the rows whose readings a scene does not explain."""
     n = hull.scans.readings
-    return np.flatnonzero(scene.costs > n + _SPREAD * np.sqrt(n) + _BAD), n
+    return np.flatnonzero(scene.costs > n + _SPREAD * np.sqrt(n) + _BAD)
 
 
 def _settled(
@@ -448,7 +449,7 @@ def _suspect(rows: _Rows, scene: Scene) -> IntArray:
     """Return the rows whose readings a scene does not explain, or which make its motion rough."""
     where, weight = expected(scene, rows.follows)
     rough = (weight * (where - scene.poses) ** 2).sum(axis=(1, 2)) > _ROUGH
-    return np.union1d(_bad(rows.hull, scene)[0], np.flatnonzero(rough))
+    return np.union1d(_bad(rows.hull, scene), np.flatnonzero(rough))
 
 
 def _by_themselves(
@@ -493,7 +494,7 @@ def _between(scene: Scene, row: int, good: IntArray) -> FloatArray:
         own = good[scene.present[good, k]]
         if len(own):
             found[k] = [np.interp(row, own, scene.poses[own, k, c]) for c in range(3)]
-    return found
+    return np.asarray(found)
 
 
 def _trimmed(rows: _Rows, scene: Scene, shared: BoolArray) -> Scene:
@@ -513,7 +514,7 @@ def _trimmed(rows: _Rows, scene: Scene, shared: BoolArray) -> Scene:
                 without = present[row].copy()
                 without[k] = False
                 on_too = np.flatnonzero(without)
-                found, costs = fit_hull_poses(
+                _, costs = fit_hull_poses(
                     rows.hull.of([row]), [scene.outlines[i] for i in on_too], scene.poses[row, on_too][None, None],
                     scene.poses[row, on_too], np.zeros(1), loss(rows.hull.scans), 10,
                 )  # fmt: skip
@@ -536,13 +537,13 @@ def _shared(
 ) -> list[Shared | None]:
     """Return what is known of each object."""
     some = _some(rows, chosen)
-    bad, readings = _bad(some.hull, scene)
+    bad, readings = _bad(some.hull, scene), some.hull.scans.readings
     shared = ~some.alone.any(axis=1) | (scene.present.sum(axis=1) > some.alone.sum(axis=1))
     bends = 3 * int((scene.bends & some.follows[1:-1, None] & some.follows[2:, None]).sum())
-    numbers = 3 * int(scene.present.sum()) + 2 * sum(
+    unknowns = 3 * int(scene.present.sum()) + 2 * sum(
         len(o) for o, p in zip(scene.outlines, part, strict=True) if p
     )
-    freedom = max(int(readings.sum()) + bends - numbers, 1)
+    freedom = max(int(readings.sum()) + bends - unknowns, 1)
     residuals = np.sqrt([*scene.costs, scene.prior])
     content = (
         scene.cost <= _HARDLY_MORE * freedom or chi_square_score(residuals, freedom, distribution) <= _ALARM
