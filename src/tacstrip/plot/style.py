@@ -88,12 +88,14 @@ def save(figure: Figure, path: str | Path, dpi: int = 110) -> Path:
     kind = file.suffix[1:].lower()
     with mpl.rc_context(_RC), warnings.catch_warnings(), replacing(file) as part:
         warnings.simplefilter("ignore", UserWarning)  # a layout too tight for its labels is still a picture
-        # Laid out here, for `savefig` would draw the whole figure once more for it.
-        if layout := figure.get_layout_engine():
+        if kind == "png":  # laid out here and printed, for `savefig` would draw the whole figure once more for it
             figure.set_dpi(dpi)
-            layout.execute(figure)
-            figure.set_layout_engine("none")
-        figure.savefig(part, dpi=dpi, format=kind, metadata={"Software": None} if kind == "png" else None)
+            if layout := figure.get_layout_engine():
+                layout.execute(figure)
+                figure.set_layout_engine("none")
+            FigureCanvasAgg(figure).print_png(part, metadata={"Software": None})
+        else:
+            figure.savefig(part, dpi=dpi, format=kind)
     return file
 
 
