@@ -142,10 +142,9 @@ def pose_covariances(
         unit = np.zeros((many * width, len(columns)))
         unit[columns, np.arange(len(columns))] = 1.0
         inverse = cho_solve_banded((factor, True), unit, check_finite=False)
-        for j, row in enumerate(some):
-            scan = int(row)
+        for j, scan in enumerate(some.tolist()):
             own = inverse[scan * width : (scan + 1) * width, j * width : (j + 1) * width]
-            for k in np.flatnonzero(scene.present[scan]):
+            for k in np.flatnonzero(scene.present[scan]).tolist():
                 at = slice(3 * k, 3 * k + 3)
                 cos, sin = np.cos(scene.poses[scan, k, 2]), np.sin(scene.poses[scan, k, 2])
                 turned = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])

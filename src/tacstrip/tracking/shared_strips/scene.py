@@ -41,7 +41,10 @@ _HIDDEN = (
     "in {n} of the scans {first} to {last} others hide so much of it that the readings do not hold its pose: there it "
     "goes on as it went, see the covariance"
 )
-_ELSEWHERE = "in scans {first} to {last} all objects may lie elsewhere: another way of theirs explains the readings as well"
+_ELSEWHERE = (
+    "in scans {first} to {last} all objects may lie elsewhere: another way of theirs explains "
+    "the readings as well"
+)
 _LEFT_OVER = "in {n} of the scans {first} to {last} the objects that are known do not explain the readings"
 _JIGGLES = np.array(
     [
