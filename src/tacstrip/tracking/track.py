@@ -356,7 +356,7 @@ def _together(
         parts = [part for e in bent for part in _parts(e, read)]
         readings = _readings(group, read.k)
         first = min((s for e in group for s in e.joint), default=0)
-        for known in _suppositions(objects, parts, first, read):
+        for known in _suppositions(objects, parts, group, first, read):
             sigma = max(one.scans.sigma for one in known)
             found = follow(
                 [o.alone for o in known], readings, touched, read.sensor, read.names, sigma, read.distribution
@@ -372,7 +372,7 @@ def _together(
 
 
 def _suppositions(
-    objects: list[_Object], parts: list[_Object], first: int, read: _Reading
+    objects: list[_Object], parts: list[_Object], group: list[Episode], first: int, read: _Reading
 ) -> Iterator[list[_Object]]:
     """Yield what may be known of the objects of a group that comes together in its scan `first`, most likely first.
 
@@ -389,14 +389,20 @@ def _suppositions(
             len(b.shown) < len(o.shown) for b, o in zip(before, objects, strict=False)
         ):
             yield before
+        # objects that come together and are lifted one after the other: the last of them is alone at the end
+        stretches = {tuple(e.joint): e.joint_runs for e in group if len(e.joint) >= _FEWEST}
+        ends = [Episode(list(joint), runs) for joint, runs in stretches.items()]
+        last = [part for e in ends for part in _parts(e, read, (True,))]
+        if last:
+            yield _with_parts(objects, last, read, True)
 
 
-def _parts(episode: Episode, read: _Reading) -> list[_Object]:
-    """Return the objects that the first and the last scans of an episode show by themselves."""
+def _parts(episode: Episode, read: _Reading, ends: tuple[bool, ...] = (False, True)) -> list[_Object]:
+    """Return the objects that the first (False) and the last scans of an episode show by themselves."""
     every = RigidScans(read.sensor, read.names, episode.readings(read.k), read.sigma or _GUESS)
     return [
         _Object([episode.scans[i] for i in some], [], every.of(np.array(some)), found)
-        for some, found in lone_ends(every, read.distribution)
+        for some, found in lone_ends(every, read.distribution, ends)
     ]
 
 

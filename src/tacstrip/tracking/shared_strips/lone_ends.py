@@ -16,12 +16,14 @@ _MOST, _JUMP = (
 _JUMPS, _PARTS = 3, (2, 3, 4, 6)  # jumps that are tried, and parts of all scans
 
 
-def lone_ends(scans: RigidScans, distribution: str) -> list[tuple[range, Found]]:
-    """Return the scans at the beginning and at the end that one rigid outline each explains, and these."""
+def lone_ends(
+    scans: RigidScans, distribution: str, ends: tuple[bool, ...] = (False, True)
+) -> list[tuple[range, Found]]:
+    """Return the scans at the beginning (False) and at the end that one rigid outline each explains, and these."""
     found: list[tuple[range, Found]] = []
     total = len(scans.k)
     jumps = _jumps(scans)
-    for from_end in (False, True):
+    for from_end in ends:
         cuts = sorted({total - j if from_end else j for j in jumps}, reverse=True)
         lengths = [n for n in cuts if FEWEST <= n < total]
         lengths += [n for p in _PARTS if (n := total // p) >= FEWEST and n not in lengths]
