@@ -88,9 +88,7 @@ def save(figure: Figure, path: str | Path, dpi: int = 110) -> Path:
     kind = file.suffix[1:].lower()
     with mpl.rc_context(_RC), warnings.catch_warnings(), replacing(file) as part:
         warnings.simplefilter("ignore", UserWarning)  # a layout too tight for its labels is still a picture
-        if (
-            kind == "png"
-        ):  # laid out here and printed, for `savefig` would draw the whole figure once more for it
+        if kind == "png":  # laid out here and printed, for `savefig` would draw the whole figure once more for it
             figure.set_dpi(dpi)
             if layout := figure.get_layout_engine():
                 layout.execute(figure)
