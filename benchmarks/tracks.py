@@ -1,7 +1,8 @@
-"""How well `tacstrip.track` knows a shape, beside the joint Cramer-Rao bound and single-scan fits averaged.
+"""How well `tacstrip.track` knows a shape and its poses, beside the bound and what a user would do otherwise.
 
-Convex polygons of 3 to 6 clear corners slide and turn over a sensor of 100 mm by 100 mm, uniform noise. RMS over
-corners, moved and turned onto the true ones; of fits with the right count.
+That is single-scan fits, averaged, and a Kalman filter on their centroid and angle. Convex polygons of 3 to 6 clear
+corners slide and turn over a sensor of 100 mm by 100 mm, uniform noise. RMS over corners, moved and turned onto the
+true ones; of fits with the right count.
 Run: python benchmarks/tracks.py [--scenes 20] [--seed 1]
 """
 
@@ -39,9 +40,10 @@ def main() -> None:
     options.add_argument("--seed", type=int, default=1)
     given = options.parse_args()
     print(
-        "| strips | noise | scans | of | motion | ok | count | RMS | 90 % | over the bound | averaged | ms a scan |"
+        "| strips | noise | scans | of | motion | ok | count | RMS | 90 % | over the bound | averaged "
+        "| place | filtered | angle | filtered | ms a scan |"
     )
-    print("| --- " * 12 + "|")
+    print("| --- " * 16 + "|")
     for row in ROWS:
         print("|", " | ".join(_row(*row, given.scenes, given.seed)), "|", flush=True)
 
@@ -50,22 +52,27 @@ def _row(strips: int, level: float, scans: int, names: str, motion: str, scenes:
     sensor = ts.Sensor(construction="crs-crs", strips=strips, pitch_mm=100.0 / strips, length_mm=100.0)
     noise, random = ts.Noise(positional=level), np.random.default_rng([seed, strips, scans])
     found = np.array([_scene(random, sensor, noise, scans, names, motion) for _ in range(scenes)])
-    ok, error, bound, averaged, spent = found.T
+    ok, error, bound, averaged, place, other_place, angle, other_angle, spent = found.T
     right = np.isfinite(error)
     shown = [f"{strips}", f"{100 * level:g} %", f"{scans}", names, motion, f"{ok.mean():.2f}"]
     if motion != "any":
-        return [*shown, *["-"] * 5, f"{np.median(spent):.1f}"]
+        return [*shown, *["-"] * 9, f"{np.median(spent):.1f}"]
     ratio = np.median(error[right] / bound[right])
     return [
         *shown, f"{right.mean():.2f}", f"{np.median(error[right]):.3f}", f"{np.quantile(error[right], 0.9):.3f}",
-        f"{ratio:.2f}", f"{np.nanmedian(averaged):.2f}", f"{np.median(spent):.1f}",
+        f"{ratio:.2f}", f"{np.nanmedian(averaged):.2f}", f"{np.median(place):.2f}", f"{np.median(other_place):.2f}",
+        f"{np.median(angle):.2f}", f"{np.median(other_angle):.2f}", f"{np.median(spent):.1f}",
     ]  # fmt: skip
 
 
 def _scene(
     random: np.random.Generator, sensor: ts.Sensor, noise: ts.Noise, scans: int, names: str, motion: str
 ) -> tuple[float, ...]:
-    """Return whether it was called ok, RMS errors, the bound, those of averaged fits [mm], and the time [ms a scan]."""
+    """Return whether it was called ok, errors and the time.
+
+    RMS errors of the corners, their bound, those of averaged fits [mm]; of the place [mm] and of the angle [deg], each
+    of the track and of a filter; the time [ms a scan].
+    """
     sizes = (10.0, 14.0) if motion == "two objects" else (22.0, 30.0) if sensor.strips < 20 else (14.0, 20.0)
     while True:
         shapes = [_polygon(random, sizes) for _ in range(1 + (motion == "two objects"))]
@@ -84,15 +91,77 @@ def _scene(
     spent = 1e3 * (time.thread_time() - begun) / scans
     ok = float(any(t.status == "ok" for t in tracks))
     if motion != "any":
-        return ok, math.nan, math.nan, math.nan, spent
+        return ok, *[math.nan] * 7, spent
     turn = float(np.ptp(ways[0][:, 2]))
     bound = joint_bound(
         sensor, placed[0][scans // 2], scans, float(np.ptp(ways[0][:, 0])), turn, noise.positional / math.sqrt(3.0)
     ) if names == "both" else np.full((2, 2), np.nan)  # fmt: skip
-    single = [
-        ts.fit_polygon(s, sensor, noise, bounded=False, assessment="none").objects[0].vertices for s in read
+    fits = [ts.fit_polygon(s, sensor, noise, bounded=False, assessment="none").objects[0] for s in read]
+    averaged = _averaged([fit.vertices for fit in fits], shapes[0])
+    own = np.array([_centre(track_outline) for track_outline in map(tracks[0].placed, range(scans))])
+    filtered = _filtered([(*fit.centroid, fit.orientation) for fit in fits])
+    poses = [
+        error
+        for places, angles in ((own, tracks[0].poses[:, 2]), (filtered[:, :2], filtered[:, 2]))
+        for error in _pose_errors(places, angles, ways[0])
     ]
-    return ok, _error(tracks[0].outline, shapes[0]), ts.vertex_rms(bound), _averaged(single, shapes[0]), spent
+    error = _error(tracks[0].outline, shapes[0])
+    return ok, error, ts.vertex_rms(bound), averaged, poses[0], poses[2], poses[1], poses[3], spent
+
+
+def _centre(outline: FloatArray) -> tuple[float, float]:
+    middle = shapely.Polygon(outline).centroid
+    return middle.x, middle.y
+
+
+def _pose_errors(places: FloatArray, angles: FloatArray, way: FloatArray) -> tuple[float, float]:
+    """Return the RMS errors of a centroid [mm] and of an angle [deg], whose zero is free, over a way."""
+    off = places - way[:, :2]
+    turned = np.angle(np.exp(1j * (angles - way[:, 2])))
+    turned = np.angle(np.exp(1j * (turned - np.angle(np.exp(1j * turned).mean()))))
+    return math.sqrt(float((off**2).sum(axis=1).mean())), math.degrees(math.sqrt(float((turned**2).mean())))
+
+
+def _filtered(measured: list[tuple[float, float, float]]) -> FloatArray:
+    """Return x, y and angle (T, 3) after a Kalman filter of constant velocity, forwards and back (Rauch-Tung-Striebel).
+
+    Its noise is what the measurements scatter by about their own smooth way, its acceleration the one of several that
+    explains them best: as well as it can be tuned. Angles of a principal axis are followed over half turns.
+    """
+    z, every = np.array(measured), np.arange(len(measured))
+    seen = np.isfinite(z).all(axis=1)  # a scan that gives no shape is bridged
+    z = np.stack([np.interp(every, every[seen], column[seen]) for column in z.T], axis=1)
+    z[:, 2] = 0.5 * np.unwrap(2.0 * z[:, 2])
+    found = np.empty_like(z)
+    for axis in range(3):
+        noise = max(float(np.var(np.diff(z[:, axis], 2))) / 6.0, 1e-9)
+        tries = (_smoothed(z[:, axis], noise, noise * share) for share in np.geomspace(1e-6, 1.0, 7))
+        found[:, axis] = max(tries, key=lambda t: t[1])[0]
+    return found
+
+
+def _smoothed(z: FloatArray, noise: float, change: float) -> tuple[FloatArray, float]:
+    """Return a smoothed series (T,) and its log likelihood: variances of a value and of a velocity's change."""
+    step, drift = np.array([[1.0, 1.0], [0.0, 1.0]]), change * np.array([[1 / 3, 1 / 2], [1 / 2, 1.0]])
+    state, spread = np.array([z[0], 0.0]), np.diag([noise, 1e2 * noise])
+    before, after, likelihood = [], [], 0.0
+    for i, value in enumerate(z):
+        if i:
+            state, spread = step @ state, step @ spread @ step.T + drift
+        before.append((state, spread))
+        off, total = value - state[0], spread[0, 0] + noise
+        likelihood -= 0.5 * (off**2 / total + math.log(total))
+        gain = spread[:, 0] / total
+        state, spread = state + gain * off, spread - np.outer(gain, spread[0])
+        after.append((state, spread))
+    found, smooth = np.empty(len(z)), after[-1][0]
+    found[-1] = smooth[0]
+    for i in range(len(z) - 2, -1, -1):
+        state, spread = after[i]
+        back = spread @ step.T @ np.linalg.inv(before[i + 1][1])
+        smooth = state + back @ (smooth - before[i + 1][0])
+        found[i] = smooth[0]
+    return found, likelihood
 
 
 def _polygon(random: np.random.Generator, sizes: tuple[float, float]) -> FloatArray:

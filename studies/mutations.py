@@ -40,7 +40,7 @@ from tacstrip.simulation import simulate
 from tacstrip.stream.codes import encode, with_converter
 from tacstrip.stream.recording.recorder import Recorder
 from tacstrip.stream.recording.records import Records
-from tacstrip.stream.source import RawScan, Shape
+from tacstrip.stream.source import Shape, TrackedShape
 
 HANG_S = 100
 SENSOR = Sensor(construction="crs-crs", strips=8, pitch_mm=5.0, length_mm=100.0, adc_bits=12)
@@ -69,6 +69,8 @@ convert @s.toml @r.csv -o %out.npz
 convert @r.mcap -o %out.csv
 convert @r.mcap -o %out.geojson
 convert @unit.toml @r.mcap -o %out.mcap
+track @s.toml @r.csv -o %out.geojson
+track @r.mcap -o %out.mcap
 live @s.toml @r.csv --no-view --json --speed 1000
 live @r.mcap --no-view --json --speed 1000 -o %out.mcap
 doctor @r.csv --sensor @s.toml --json
@@ -158,8 +160,9 @@ def make_inputs(folder: Path) -> None:
                 out.writerow([raw.sequence, raw.time_s, strip, *(codes if raw.touched[strip] else ("", ""))])
     with Recorder(folder / "r.mcap", spec, ("kh", "kl"), 1_700_000_000_000_000_000) as recorder:
         for raw in raws:
-            shapes = (Shape("ok", SHAPE.vertices),)
-            recorder.add(RawScan(raw.time_s, raw.codes, raw.touched, raw.sequence, None, shapes))
+            shapes, middle = (Shape("ok", SHAPE.vertices),), SHAPE.vertices.mean(axis=0)
+            tracks = (TrackedShape(1, "ok", SHAPE.vertices - middle, np.array([*middle, 0.0]), 12),)
+            recorder.add(replace(raw, shapes=shapes, tracks=tracks))
     with csv_writer(folder / "runs.csv", ["strip", "l_mm", "w_mm", "v_h", "v_l"]) as out:
         for l, w in ((10.0, 5.0), (30.0, 10.0), (50.0, 0.0), (60.0, 20.0), (90.0, 0.0)):
             k: dict[str, FloatArray] = signatures(SENSOR, np.array([l]), np.array([l + w]))

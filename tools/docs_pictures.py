@@ -10,8 +10,10 @@ from pathlib import Path
 from studies.budget import budget_figure
 from studies.crp import FIGURES as CRP
 from studies.estimation_figures import FIGURES as ESTIMATION
+from studies.layers import FIGURES as LAYERS
 from studies.phantoms import figure_phantoms
 from studies.physics import FIGURES as PHYSICS
+from studies.pieces import FIGURES as PIECES
 from studies.tracks import FIGURES as TRACKS
 from studies.width import FIGURES as WIDTH
 from tacstrip.plot.style import save
@@ -37,7 +39,10 @@ def main() -> None:
         "parallel_path": CHAPTER_2["2.4"](),
         "budget": budget_figure(),
         "phantoms": figure_phantoms(),
-        **{name: draw() for name, draw in (PHYSICS | CRP | WIDTH | ESTIMATION | TRACKS).items()},
+        **{
+            name: draw()
+            for name, draw in (PHYSICS | CRP | WIDTH | ESTIMATION | TRACKS | PIECES | LAYERS).items()
+        },
     }
     for name, figure in drawn.items():
         print(save(figure, PICTURES / f"{name}.png", dpi=90))

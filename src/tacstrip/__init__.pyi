@@ -6,6 +6,10 @@ from .contact.footprint import footprint as footprint
 from .contact.noise import Noise as Noise
 from .contact.shape import Contact as Contact
 from .contact.signature import signatures as signatures
+from .dataset.batches import fit_many as fit_many
+from .dataset.batches import simulate_many as simulate_many
+from .dataset.scans import Scans as Scans
+from .dataset.shapes import Shapes as Shapes
 from .errors import ArgumentError as ArgumentError
 from .errors import ContactError as ContactError
 from .errors import NetworkError as NetworkError
@@ -29,6 +33,8 @@ from .reconstruction.cramer_rao import vertex_covariance as vertex_covariance
 from .reconstruction.cramer_rao import vertex_rms as vertex_rms
 from .reconstruction.known_object import fit_object as fit_object
 from .reconstruction.methods import reconstruct as reconstruct
+from .reconstruction.pieces.estimate import Piece as Piece
+from .reconstruction.pieces.estimate import pieces as pieces
 from .reconstruction.polygon.estimate import fit_polygon as fit_polygon
 from .reconstruction.polygon.estimate import fit_polygons as fit_polygons
 from .reconstruction.profile import profile_reconstruction as profile_reconstruction
@@ -40,6 +46,8 @@ from .sensor.calibration import Calibration as Calibration
 from .sensor.closed_form import k_h as k_h
 from .sensor.closed_form import k_l as k_l
 from .sensor.closed_form import k_metal as k_metal
+from .sensor.layers import Layer as Layer
+from .sensor.layers import LayeredSensor as LayeredSensor
 from .sensor.spec import Sensor as Sensor
 from .simulation import simulate as simulate
 from .stream.device.source import SerialSource as SerialSource
@@ -50,6 +58,8 @@ from .stream.recording.recorder import Recorder as Recorder
 from .stream.recording.recorder import record as record
 from .stream.replay import Recording as Recording
 from .stream.simulated import SimulatedSource as SimulatedSource
+from .tracking.live import LiveTracks as LiveTracks
+from .tracking.live_contact import LiveTrack as LiveTrack
 from .tracking.track import Track as Track
 from .tracking.track import track as track
 

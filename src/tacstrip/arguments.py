@@ -6,12 +6,14 @@ import functools
 import inspect
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, ParamSpec, TypeVar
+from types import UnionType
+from typing import Any, ParamSpec, TypeAlias, TypeVar
 
 from tacstrip.errors import ArgumentError
 
 _P = ParamSpec("_P")
 _T = TypeVar("_T")
+_Kind: TypeAlias = type | UnionType | tuple[type, ...]
 _SHOWN = 40  # letters of a value in a message
 # How to make one of each type, by its name, for whoever gave something else.
 _MAKE = {
@@ -28,11 +30,11 @@ _MAKE = {
 }
 
 
-def takes(**kinds: type | tuple[type, ...]) -> Callable[[Callable[_P, _T]], Callable[_P, _T]]:
+def takes(**kinds: _Kind) -> Callable[[Callable[_P, _T]], Callable[_P, _T]]:
     """Refuse arguments of other types than these, by name, with an `ArgumentError` that says what to write instead.
 
-    A tuple of one type stands for a sequence of such, of two for one of it or a sequence; None passes where it is the
-    argument's default. Two exchanged arguments are named.
+    A union is one of its types; a tuple of one type stands for a sequence of such, of two for one of it or a sequence;
+    None passes where it is the argument's default. Two exchanged arguments are named.
     """
 
     def decorate(function: Callable[_P, _T]) -> Callable[_P, _T]:
@@ -62,8 +64,8 @@ def refuse_positional(what: str, values: Sequence[object], example: str) -> None
         raise ArgumentError(f"{what}({_shown(values[0])}) does not say what it means: write {example}")
 
 
-def _fits(value: object, kind: type | tuple[type, ...]) -> bool:
-    if isinstance(kind, type):
+def _fits(value: object, kind: _Kind) -> bool:
+    if isinstance(kind, type | UnionType):
         return isinstance(value, kind)
     one = kind[0]
     if len(kind) > 1 and isinstance(value, one):
@@ -75,18 +77,24 @@ def _fits(value: object, kind: type | tuple[type, ...]) -> bool:
 
 
 def _explanation(
-    function: str, places: Sequence[str], name: str, kind: type | tuple[type, ...], given: Mapping[str, Any],
-    kinds: Mapping[str, type | tuple[type, ...]],
+    function: str, places: Sequence[str], name: str, kind: _Kind, given: Mapping[str, Any],
+    kinds: Mapping[str, _Kind],
 ) -> str:  # fmt: skip
     function = function.removesuffix(".__init__")
-    value, one = given[name], kind if isinstance(kind, type) else kind[0]
-    many = not isinstance(kind, type) and len(kind) == 1
+    value, one = given[name], _first(kind)
+    many = isinstance(kind, tuple) and len(kind) == 1
     for other in given:
         if other != name and _fits(given[other], kind) and (other not in kinds or _fits(value, kinds[other])):
             order = ", ".join(p for p in places if p != "self" and (p in kinds or p == other))
             return f"{function}: {name} and {other} are exchanged; write {function}({order}, ...)"
     wanted = f"a list of {one.__name__}s" if many else _with_article(one.__name__)
     return f"{function}: {name} is {_shown(value)}, not {wanted}; write {_instead(value, one, many)}"
+
+
+def _first(kind: _Kind) -> type:
+    """Return the type that a message names."""
+    first: type = kind if isinstance(kind, type) else kind[0] if isinstance(kind, tuple) else kind.__args__[0]
+    return first
 
 
 def _instead(value: object, kind: type, many: bool) -> str:
@@ -96,6 +104,8 @@ def _instead(value: object, kind: type, many: bool) -> str:
         return "[it], a list" if isinstance(value, kind) else f"a list of them, each as {_make(name)}"
     if name == "Sensor" and isinstance(value, str | Path):
         return f"ts.Sensor.load({str(value)!r})"
+    if name == "Sensor" and type(value).__name__ == "LayeredSensor":
+        return "sensor.layers[0].sensor, one layer, with scan.split(sensor)[0], what it read"
     if name == "Contact" and isinstance(value, str | Path):
         return f"ts.read_contact({str(value)!r})"
     if name == "Noise" and isinstance(value, int | float):

@@ -83,12 +83,28 @@ def worker_processes(
     count: int | None = None, nice: int = 0, start_method: str | None = None
 ) -> Iterator[Executor]:
     """Give processes, by default one a core, for work that is given up when the block ends; `nice` is theirs."""
+    with children_end():
+        pool = worker_pool(count, nice, start_method)
+        try:
+            yield pool
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
+
+
+def worker_pool(
+    count: int | None = None, nice: int = 0, start_method: str | None = None
+) -> ProcessPoolExecutor:
+    """Return processes that leave it to the first one what ends work; use it within `children_end`."""
+    return ProcessPoolExecutor(count, get_context(start_method), _begin, (nice,))
+
+
+@contextmanager
+def children_end() -> Iterator[None]:
+    """End the processes that were begun in the block when it ends."""
     before = set(active_children())
-    pool = ProcessPoolExecutor(count, get_context(start_method), _begin, (nice,))
     try:
-        yield pool
+        yield
     finally:
-        pool.shutdown(wait=False, cancel_futures=True)
         for child in (made := set(active_children()) - before):
             child.terminate()
         end_s = time.monotonic() + _LAST_S

@@ -15,6 +15,7 @@ from tacstrip.errors import ArgumentError, ReadingError, SignatureError
 from tacstrip.robust import robust_sigma
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.creep import creep_rate, log_age
+from tacstrip.sensor.layers import LayeredSensor
 from tacstrip.sensor.left_out import leave_out
 from tacstrip.sensor.spec import Sensor
 
@@ -206,6 +207,24 @@ class Scan:
         kept: dict[str, Any] = {name: read[name] if name in alive or not alive else None for name in read}
         return replace(self, **kept)
 
+    def split(self, sensor: LayeredSensor) -> tuple[Scan, ...]:
+        """Return each layer's own scan; errors as of `check`.
+
+        Examples
+        --------
+        >>> import tacstrip as ts
+        >>> one = ts.Sensor(construction="crs-m", strips=2, pitch_mm=5.0, length_mm=10.0)
+        >>> scan = ts.Scan(k=[0.5, float("nan"), 0.25, 0.75])
+        >>> [layer.k.tolist() for layer in scan.split(ts.LayeredSensor.crossed(one))]
+        [[0.5, nan], [0.25, 0.75]]
+        """
+        self.check(sensor.unit)
+        found = []
+        for part in sensor.slices:
+            own: dict[str, Any] = {name: self[name][part] for name in self.signatures}
+            found.append(replace(self, **own))
+        return tuple(found)
+
 
 def _motion(k: FloatArray) -> float:
     """Return by how much half of the channels change from the first half of scans to the second (scans, channels).
@@ -247,6 +266,9 @@ def _readings(name: str, values: npt.ArrayLike) -> FloatArray:
         raise ReadingError(f"{name} needs one number per strip, NaN where nothing touches") from None
     if array.ndim != 1 or not len(array):
         raise ReadingError(f"{name} needs one value per strip, not an array of shape {array.shape}")
+    if np.fmin.reduce(array) >= 0.0 and np.fmax.reduce(array) <= 1.0:  # as nearly always
+        array.flags.writeable = False
+        return array
     array = _without_rounding(array)
     if len(bad := np.flatnonzero((array < 0.0) | (array > 1.0))):
         raise ReadingError(

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
+import shapely
 
 from tacstrip.arguments import takes
 from tacstrip.arrays import BoolArray, FloatArray
@@ -14,6 +16,7 @@ from tacstrip.contact.noise import Noise, NoiseProcess, Rng, digitise
 from tacstrip.contact.shape import Contact
 from tacstrip.contact.signature import signatures
 from tacstrip.contact.strip_width import wide, wide_ends
+from tacstrip.core.batch import closed_forms
 from tacstrip.errors import ContactError, OptionError, one_of
 from tacstrip.network.crp.mesh import Wiring
 from tacstrip.network.crp.readings import contact_electrodes
@@ -22,6 +25,7 @@ from tacstrip.network.strips.ladder import fast_readings
 from tacstrip.network.strips.resolved import wide_readings
 from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import check_closed_form
+from tacstrip.sensor.layers import AnySensor, Layer, LayeredSensor
 from tacstrip.sensor.left_out import leave_out
 from tacstrip.sensor.spec import Sensor
 
@@ -30,9 +34,9 @@ _ELECTRODES = ("own", "all")
 _IDEAL = Noise()
 
 
-@takes(sensor=Sensor, contact=Contact, noise=Noise)
+@takes(sensor=Sensor | LayeredSensor, contact=Contact, noise=Noise)
 def simulate(
-    sensor: Sensor,
+    sensor: AnySensor,
     contact: Contact,
     noise: Noise = _IDEAL,
     *,
@@ -50,7 +54,7 @@ def simulate(
     Parameters
     ----------
     sensor, contact
-        What touches what.
+        What touches what; on a sensor of two layers the contact lies in the frame of the whole.
     noise
         Errors on the readings; ideal by default. Its transition error does not show in a scan.
     rng
@@ -67,7 +71,8 @@ def simulate(
         CRS-CRP: what strips and sheet edges are joined to, nothing by default; and whether the scan keeps each
         strip's own two electrodes or "all" of them, each with its own error.
     process
-        In place of `noise` and `rng`: errors that last from scan to scan, `NoiseProcess(noise, sensor, rng)`.
+        In place of `noise` and `rng`: errors that last from scan to scan, `NoiseProcess(noise, sensor, rng)`; of a
+        sensor of two layers `NoiseProcess(noise, sensor.unit, rng)`.
 
     Raises
     ------
@@ -89,6 +94,13 @@ def simulate(
         raise OptionError(one_of("model", model, _MODELS))
     if electrodes not in _ELECTRODES:
         raise OptionError(one_of("electrodes", electrodes, _ELECTRODES))
+    if isinstance(sensor, LayeredSensor):
+        if (model, imperfections, readout, wiring, electrodes) != (None, None, None, None, "own"):
+            raise OptionError(
+                "a sensor of two layers is simulated by closed forms; leave model and wiring out"
+            )
+        process = process or NoiseProcess(noise, sensor.unit, rng)
+        return _layered(sensor, contact, process, time_s)
     process = process or NoiseProcess(noise, sensor, rng)
     if not sensor.kind.closed_form:
         if model == "closed":
@@ -120,14 +132,47 @@ def simulate(
         )
     touch, ends, ideal = _closed(sensor, contact, resolved=model is None)
     scan = _measured(process, ideal, time_s, ends)
-    for values in scan.values():
-        shorted = np.flatnonzero(np.isnan(values) & touch)
-        if len(shorted):
-            raise ContactError(
-                f"the contact covers strip {shorted[0] + sensor.strip_base} from end to end: on metal that "
-                "shorts Vref to ground, and nothing can be read"
-            )
+    _check_shorted(scan, touch, lambda strip: f"strip {strip + sensor.strip_base}")
     return Scan(**leave_out(sensor, scan), time_s=time_s)
+
+
+def _layered(sensor: LayeredSensor, contact: Contact, process: NoiseProcess, time_s: float) -> Scan:
+    """Return what the layers read, each in its own frame, one after another."""
+    parts = [_of_layer(layer, contact) for layer in sensor.layers]
+    if all(part is None for part in parts):
+        lies = ", ".join(f"({x:.4g}, {y:.4g})" for x, y in sensor.layers[0].corners_mm)
+        raise ContactError(f"the contact lies beside both layers; layer 0 has its corners at {lies} mm")
+    blank = [(np.zeros(x.sensor.strips, dtype=bool), np.full(x.sensor.strips, np.nan)) for x in sensor.layers]
+    seen = [
+        (touch, (nan, nan), dict.fromkeys(sensor.signatures, nan)) if part is None else part
+        for part, (touch, nan) in zip(parts, blank, strict=True)
+    ]
+    l, u = (np.concatenate([ends[i] for _, ends, _ in seen]) for i in range(2))
+    ideal = {name: np.concatenate([k[name] for _, _, k in seen]) for name in sensor.signatures}
+    scan = _measured(process, ideal, time_s, (l, u))
+    _check_shorted(scan, np.concatenate([touch for touch, _, _ in seen]), sensor.where)
+    return Scan(**leave_out(sensor.unit, scan), time_s=time_s)
+
+
+def _of_layer(
+    layer: Layer, contact: Contact
+) -> tuple[BoolArray, tuple[FloatArray, FloatArray], dict[str, FloatArray]] | None:
+    """Return what one layer reads; None where the contact lies beside it."""
+    own = Contact(tuple(shapely.transform(shape, layer.to_layer) for shape in contact.shapes))
+    surface = shapely.box(0.0, 0.0, layer.sensor.width_mm, layer.sensor.length_mm)
+    if not shapely.intersects(surface, shapely.GeometryCollection(list(own.shapes))):
+        return None
+    return _closed(layer.sensor, own, resolved=True)
+
+
+def _check_shorted(scan: Mapping[str, FloatArray], touch: BoolArray, name_of: Callable[[int], str]) -> None:
+    """Refuse a contact that ties both ends of a strip to a metal sheet: `ContactError`."""
+    for values in scan.values():
+        if len(shorted := np.flatnonzero(np.isnan(values) & touch)):
+            raise ContactError(
+                f"the contact covers {name_of(int(shorted[0]))} from end to end: on metal that shorts Vref to "
+                "ground, and nothing can be read"
+            )
 
 
 def _closed(
@@ -136,7 +181,7 @@ def _closed(
     """Return which strips are touched, l and u [mm], and ideal readings; strips without closed form may be resolved."""
     if not wide(sensor, [contact]):
         l, u = footprint(sensor, contact)
-        return ~np.isnan(l), (l, u), signatures(sensor, l, u)
+        return ~np.isnan(l), (l, u), closed_forms(sensor, l, u) or signatures(sensor, l, u)
     ends = wide_ends(sensor, [contact])
     touch, ideal = ~np.isnan(ends.l[0]), signatures(sensor, ends.l[0], ends.u[0])
     low, high = (f(s.bounds[i] for s in contact.shapes) for f, i in ((min, 0), (max, 2)))

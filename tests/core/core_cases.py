@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import tacstrip as ts
+from layered_scenes import two_triangles
 from polygons import convex_polygon
 from rigid_scenes import rigid_scene
 from tacstrip.core.ellipse import fit_ellipse
@@ -73,6 +74,16 @@ def rigid_outlines() -> Iterable[ArrayLike]:
                 hull_equations(hull, two, both, np.ones(both.shape[:2], dtype=bool), how)
             ).values()
             yield from fit_hull_poses(hull, two, both[:, None], both[:, None], np.full(1, 0.1), how)
+
+
+@case
+def crossed_layers() -> Iterable[ArrayLike]:
+    """Scenes under two layers, of both signatures and of k, hard and soft."""
+    for construction, lam in (("crs-crs", 0.0), ("crs-crs", 2.0), ("crs-m", 0.0)):
+        problem, scene = two_triangles(construction, lam)
+        for soft_mm, reach in ((0.0, 0.0), (1.0, 4.0)):
+            found = problem.refine(scene, 12, soft_mm, reach)
+            yield from (found.scene.corners, found.cost, found.information, found.gradient)
 
 
 @case
@@ -144,6 +155,30 @@ def checksums() -> dict[str, str]:
         name: sha256(b"".join(np.ascontiguousarray(part).tobytes() for part in function())).hexdigest()
         for name, function in CASES.items()
     }
+
+
+@case
+def batches() -> Iterable[ArrayLike]:
+    """Many scans in one pass: all kinds of shapes and errors, in both precisions; footprints of given contacts."""
+    shapes = ts.Shapes(
+        n=200, kinds={"polygon": 1, "circle": 1, "ellipse": 1}, objects=(0, 3), frames=3, spin_rad=1.0
+    )
+    noises = (ts.Noise(positional=0.005, quantisation=0.001), ts.Noise(positional=0.002, white=0.003))
+    for lam, dtype, noise in ((0.0, "float32", noises[0]), (2.0, "float64", noises[1])):
+        sensor = ts.Sensor(
+            construction="crs-crs",
+            strips=61,
+            pitch_mm=2.0,
+            length_mm=90.0,
+            contact_lambda_mm=lam,
+            adc_bits=12,
+        )
+        scans = ts.simulate_many(sensor, shapes, noise, rng=5, dtype=dtype)
+        assert scans.labels is not None
+        assert scans.l is not None
+        yield from (scans["kh"], scans["kl"], scans.l)
+        yield from vars(scans.labels).values()
+    yield from ts.footprint(sensor, [ts.Contact.polygon(convex_polygon(s, 5) / 12.0) for s in range(20)])
 
 
 @case

@@ -126,6 +126,7 @@ static void bounded(void) {
 static void rigid(void) {
   enum { SCANS = 12, CORNERS = 4 };
   static double k[SCANS * 2 * STRIPS], pose[SCANS * 9], mixed[SCANS * 6 * CORNERS], costs[2 * SCANS], starts[SCANS * 6];
+  double known[4 * CORNERS * CORNERS], pull[2 * CORNERS] = {0.1, 0.0, -0.2};
   double corners[2 * CORNERS] = {-30.0, -18.0, 28.0, -15.0, 25.0, 16.0, -22.0, 14.0}, poses[SCANS * 3];
   double shape[4 * CORNERS * CORNERS], pose_slope[SCANS * 3], shape_slope[2 * CORNERS];
   measure(0.004);
@@ -139,13 +140,15 @@ static void rigid(void) {
   for (int which = 0; which < 2; which++) {
     Scans scans = {SCANS, STRIPS, 2, x_mm, k, 0.004, 1.0, LENGTH, {0.5, 0.0}, 0.5, which ? 0.02 : 0.0};
     Loss loss = {which ? 0.5 : 0.0, which ? 3.0 : 0.0, 0.05};
+    for (int i = 0; i < 4 * CORNERS * CORNERS; i++) known[i] = i % (2 * CORNERS + 1) ? 0.01 : 2.0;
+    CornerPrior prior = {known, pull, corners};
     tacstrip_rigid_equations(&scans, &loss, corners, CORNERS, poses, pose, mixed, shape, pose_slope, shape_slope, costs);
     show("mixed", mixed, sizeof mixed);
     show("shape", shape, sizeof shape);
     show("slopes", pose_slope, sizeof pose_slope);
     tacstrip_rigid_poses(&scans, &loss, corners, CORNERS, starts, 2, 8, costs);
     show("starts", starts, sizeof starts);
-    tacstrip_rigid_descend(&scans, &loss, corners, CORNERS, poses, 12, 1e-3, costs, workspace);
+    tacstrip_rigid_descend(&scans, &loss, which ? &prior : 0, corners, CORNERS, poses, 12, 1e-3, costs, workspace);
     show("corners", corners, sizeof corners);
     show("poses", poses, sizeof poses);
   }

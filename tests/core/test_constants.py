@@ -17,6 +17,7 @@ TWINS = {
     "feasible_set.c": ("reconstruction.set_membership.feasible_set",),
     "internal.h": ("core.problem",),
     "rigid.h": ("core.rigid",),
+    "philox.h": ("core.batch",),
     "outlines.c": ("reconstruction.set_membership.outlines", "geometry.moments"),
     "search.c": ("core.search", "core.problem"),
     "run.c": ("reconstruction.polygon.run", "robust"),
@@ -25,6 +26,8 @@ TWINS = {
 OWN = {
     "BLOCK",
     "COARSEST",
+    "LOW_HALF",
+    "ROUNDING",
     "LANES",
     "TINY",
     "WIDTH",

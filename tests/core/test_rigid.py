@@ -7,7 +7,17 @@ import pytest
 
 from rigid_scenes import CORNERS, distance, rigid_scene, sliding
 from tacstrip.core import rigid
-from tacstrip.core.rigid import RigidScans, descend, equations, fit_poses, loss, plain_equations, reduced
+from tacstrip.core.rigid import (
+    Prior,
+    RigidScans,
+    descend,
+    equations,
+    fit_poses,
+    loss,
+    plain_equations,
+    reduced,
+)
+from tacstrip.tracking.rigid.covariance import rigid_motions
 
 SCENES = [("crs-crs", 0.0), ("crs-crs", 2.0), ("crs-m", 0.0)]
 LOSSES = [(0.0, 0.0, 0.05), (0.5, 3.0, 0.25)]
@@ -64,6 +74,25 @@ def test_descents_end_where_those_of_numpy_do(
         np.testing.assert_allclose(found, wanted, atol=1e-7 * np.abs(wanted).max())
     for found, wanted in zip(single, fit_poses(scans, corners, poses[:, None], loss(scans)), strict=True):
         np.testing.assert_allclose(found, wanted, atol=1e-7 * np.abs(wanted).max())
+
+
+def test_what_is_known_beside_stands_for_the_scans_that_told_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Half of the scans as a prior, the others with free poses: where all end; in NumPy as in the core."""
+    scans, corners, poses = rigid_scene("crs-crs", 0.0, 24)
+    corners, poses, _ = descend(scans, corners, poses, loss(scans))
+    start = corners + 0.02
+    old, new = scans.of(slice(0, 12)), scans.of(slice(12, 24))
+    information, slope, _ = reduced(equations(old, corners, poses[:12], loss(scans)), pinned=0.0)
+    motions = np.linalg.qr(rigid_motions(corners))[0]
+    prior = Prior(information + 100.0 * motions @ motions.T, slope, corners)
+    found = descend(new, start, poses[12:], loss(scans), prior=prior)
+    monkeypatch.setattr(rigid, "exported", lambda name: None)
+    plain = descend(new, start, poses[12:], loss(scans), prior=prior)
+    for one, wanted in zip(found, plain, strict=True):
+        np.testing.assert_allclose(one, wanted, atol=1e-6 * np.abs(wanted).max())
+    np.testing.assert_allclose(found[0], corners, atol=2e-3)
+    alone, _, _ = descend(new, start, poses[12:], loss(scans))
+    assert distance(alone, corners) > 0.02
 
 
 def test_a_descent_finds_the_outline(in_numpy: None) -> None:

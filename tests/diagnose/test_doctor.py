@@ -14,8 +14,8 @@ from tacstrip.contact.noise import Noise
 from tacstrip.diagnose.doctor import diagnose
 from tacstrip.diagnose.faults import Finding, Report
 from tacstrip.diagnose.log import Log
-from tacstrip.diagnose.neighbour_pairs import bridge_effect
 from tacstrip.diagnose.noise import typical_contact
+from tacstrip.diagnose.shorts import bridge_effect
 from tacstrip.network import Imperfections, Short
 from tacstrip.reconstruction.cramer_rao import vertex_covariance, vertex_rms
 

@@ -83,6 +83,59 @@ def test_drift_of_a_hundredth_and_slow_wander_at_rest() -> None:
         assert said(diagnose(Log.of(sensor, time_s, {"k": ill}))) == [(fault, (9,))]
 
 
+def _dragged_off_both_ends(scans: int = 600) -> Log:
+    body = ts.Contact.polygon([(0, 0), (34, 8), (30, 70), (4, 60)])
+    share = np.linspace(0.0, 1.0, scans)
+    across, along = (np.abs(2.0 * ((n * share + s) % 1.0) - 1.0) for n, s in ((3.0, 0.2), (5.0, 0.1)))
+    turn = 0.4 * np.sin(np.linspace(0.0, 25.0, scans))
+    contacts = [
+        body.turned(float(a)).placed(float(98.0 * x - 10.0), float(290.0 * y - 20.0))
+        for a, x, y in zip(turn, across, along, strict=True)
+    ]
+    return faulty_log(METAL, contacts, noise=Noise(positional=0.002), rate_hertz=40.0)
+
+
+def test_drift_wander_and_the_reference_stand_out_of_shape_and_offsets() -> None:
+    """Under a contact, and at rest where a contact at the ground end passes for none: before, none of these."""
+    log = _dragged_off_both_ends()
+    rng = np.random.default_rng(2)
+    time, offsets = np.linspace(0.0, 1.0, 600), 0.02 * rng.uniform(-1.0, 1.0, 12)
+
+    def named(k: FloatArray, sensor: ts.Sensor = METAL) -> list[tuple[str, tuple[int, ...]]]:
+        return said(diagnose(Log.of(sensor, log.time_s, {"k": k})))
+
+    def changed(k: FloatArray, strip: int, change: FloatArray) -> FloatArray:
+        return np.asarray(k + np.where(np.arange(12) == strip, change[:, None], 0.0))
+
+    k = log.raw["k"] + offsets
+    assert named(k) == []
+    assert named(0.9 * log.raw["k"] + offsets) == [("wrong-vref", ())]
+    assert named(changed(k, 3, 0.03 * time)) == [("drift", (3,))]
+    resting = replace(METAL, rest_volt=0.25, touch_volt=0.2)
+    k = np.nan_to_num(log.raw["k"], nan=0.05) + 0.001 * rng.normal(size=(600, 12))
+    assert named(k, resting) == []
+    assert named(changed(k, 9, 0.012 * time**1.5), resting) == [("drift", (9,))]
+    assert named(changed(k, 9, 0.012 * np.sin(20.0 * time)), resting) == [("wander", (9,))]
+
+
+def test_pressure_of_a_block_that_covers_its_strips_at_once() -> None:
+    """No rim of it fades, but it never reads high where it leaves: before, this was called a wrong reference."""
+    middle = 5.5 + 6.0 * np.sin(np.linspace(0.0, 40.0, 600))[:, None]
+    area = np.clip((3.2 - np.abs(np.arange(12) - middle)) / 1.2, 0.0, 1.0)
+    force = area * (0.5 + 0.35 * np.sin(np.linspace(0.0, 23.0, 600)))[:, None]
+    k = np.where(area > 0.0, force / (force + 0.3), np.nan)
+    assert said(diagnose(Log.of(METAL, np.arange(600) / 20.0, {"k": k}))) == [("pressure", ())]
+
+
+def test_a_gap_between_two_objects_is_no_dead_strip() -> None:
+    rng = np.random.default_rng(1)
+    time_s = np.arange(400) / 20.0
+    k = np.full((400, 12), np.nan)
+    k[:, 2:5], k[:, 6:10] = 0.2, 0.7 + 0.03 * np.sin(time_s)[:, None]
+    k[::3, 2], k[1::5, 9], k[2::7, 8:10] = np.nan, np.nan, np.nan
+    assert said(diagnose(Log.of(METAL, time_s, {"k": k + 0.001 * rng.normal(size=k.shape)}))) == []
+
+
 def test_what_one_press_cannot_tell_is_a_question() -> None:
     contact = ts.Contact.polygon([(6.0, 90.0), (72.0, 100.0), (72.0, 160.0), (6.0, 150.0)])
     k = faulty_log(METAL, [contact] * 10, noise=Noise(positional=0.002)).raw["k"]

@@ -107,7 +107,7 @@ def test_a_strip_with_one_reading_counts_with_that_one() -> None:
 
 def test_a_faulty_channel_is_found_where_its_partner_shows_it() -> None:
     """No k_h lies on ground below its k_l; before, neighbours of such a channel were left out with it."""
-    for seed in range(8):
+    for seed in range(3):
         for name, value in (("kh", 0.0), ("kl", 1.0)):
             found = ts.fit_polygon(scan_with(value, 4, name, seed), SENSOR, NOISE)
             left = ts.fit_polygon(scan_with(np.nan, 4, name, seed), SENSOR, NOISE)

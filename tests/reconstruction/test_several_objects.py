@@ -7,10 +7,6 @@ import pytest
 from shapely import Polygon, affinity
 
 import tacstrip as ts
-from tacstrip.core.polygon_fit import PolygonFit
-from tacstrip.core.problem import FitProblem
-from tacstrip.reconstruction.polygon.convexity import find_jumps, fit_convex
-from tacstrip.reconstruction.polygon.run import fit_run
 
 SENSOR = ts.Sensor(construction="crs-crs", strips=40, pitch_mm=2.5, length_mm=100.0)
 NOISE = ts.Noise(positional=0.002)
@@ -74,35 +70,6 @@ def test_what_an_overhang_may_hide_is_said() -> None:
     assert ts.mismatch(truth, found.vertices).iou < 0.8
     assert found.status == "doubtful"
     assert "overhang" in found.advice
-
-
-def test_convex_pieces_explain_a_jump_that_one_convex_outline_does_not() -> None:
-    x = (np.arange(20) + 0.5) * 2.5
-    l, u = np.where(x < 25.0, 40.0, 20.0 + 0.2 * x), np.full(20, 70.0)
-    sensor = ts.Sensor(construction="crs-crs", strips=20, pitch_mm=2.5, length_mm=100.0)
-    w = u - l
-    scan = ts.Scan(kh=(l + w / 2) / (100 - w / 2), kl=l / (100 - w / 2))
-    run = fit_run(sensor, sensor.x_mm, {"kh": scan["kh"], "kl": scan["kl"]}, 1e-3)
-    assert run.selection is not None
-    fit, problem = run.selection.chosen, run.problem
-    jumps = find_jumps(fit, problem)
-    assert [(j.chain, j.begins) for j in jumps] == [(0, True)]
-    assert 10 in jumps[0].strips
-    assert jumps[0].rise == pytest.approx(-0.155, abs=0.01)  # from 40 to 25.25 mm, and the slope that follows
-    assert not fit_convex(problem, *fit.ends(problem.x)).explains
-    assert fit_convex(problem, *fit.ends(problem.x), jumps).explains
-
-
-def test_a_continuous_inward_corner_is_no_jump() -> None:
-    sensor = ts.Sensor(construction="crs-crs", strips=100, pitch_mm=1.0, length_mm=100.0)
-    outline = ts.Outline.of(
-        [(10.0, 50.0), (30.0, 30.0), (50.2, 38.0), (70.0, 30.0), (90.0, 50.0), (50.0, 80.0)]
-    )
-    readings = ts.simulate(sensor, ts.Contact.polygon(outline.vertices))
-    problem = FitProblem.of(
-        sensor, sensor.x_mm[10:90], {"kh": readings["kh"][10:90], "kl": readings["kl"][10:90]}, 1e-3
-    )
-    assert find_jumps(PolygonFit.of(outline, problem), problem) == []
 
 
 def test_a_reading_left_out_that_moves_one_end_alone_may_be_a_second_object_s() -> None:

@@ -130,6 +130,7 @@ def test_signatures_are_checked() -> None:
 
 def test_the_shipped_specs() -> None:
     assert spec_names() == [
+        "layered-crs-crs",
         "prototype-crs-crs",
         "prototype-crs-m",
         "prototype-cyl-crs-m",
@@ -297,7 +298,7 @@ def test_a_missing_file_lists_the_shipped_specs() -> None:
         Sensor.load("no/such.toml")
     assert str(caught.value) == (
         "no/such.toml: no such file. Write one with `tacstrip init`, or name a shipped spec: "
-        "prototype-crs-crs, prototype-crs-m, prototype-cyl-crs-m, simulated-crs-crs, simulated-crs-m"
+        "layered-crs-crs, prototype-crs-crs, prototype-crs-m, prototype-cyl-crs-m, simulated-crs-crs, simulated-crs-m"
     )
 
 

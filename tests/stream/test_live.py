@@ -9,7 +9,7 @@ import math
 import socket
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import closing
 from dataclasses import replace
 from itertools import pairwise
@@ -22,6 +22,7 @@ from pythonosc.osc_message import OscMessage
 
 import tacstrip as ts
 from live_devices import SENSOR, SHAPE, Line, Stepped, device, still, with_strips
+from tacstrip.core.binding import exported
 from tacstrip.sensor import Channel
 from tacstrip.stream import RawScan
 from tacstrip.stream.bridges.tuio import Tuio, blob
@@ -34,6 +35,7 @@ from tacstrip.stream.recording.recorder import Recorder
 from tacstrip.tracking import Tracker
 from waiting import HANG_S, wait_until
 
+SHAPE_20 = ts.Contact.polygon([(25, 30), (72, 28), (76, 66), (40, 74)])
 FINE = ts.Sensor(construction="crs-crs", strips=100, pitch_mm=1.0, length_mm=100.0, adc_bits=12)
 NOISE = ts.Noise(positional=0.002)
 
@@ -221,6 +223,51 @@ def test_json_lines_and_a_reader_that_goes() -> None:
     (one,) = lines[-1]["objects"]
     assert one["id"] == 1
     assert np.abs(np.array(one["vertices_mm"]) - SHAPE.vertices).max() < 5.0
+
+
+class _Turning:
+    """An object that turns to and fro, until it is known."""
+
+    sensor, names, origin_ns = replace(FINE, strips=20, pitch_mm=5.0), ("kh", "kl"), 0
+
+    def __init__(self, known: Callable[[], bool]) -> None:
+        self._known = known
+
+    def __iter__(self) -> Iterator[RawScan]:
+        def turned(time_s: float) -> ts.Contact:
+            return SHAPE_20.turned(0.6 * math.sin(3.0 * time_s)).moved(6.0 * math.sin(2.0 * time_s), 0.0)
+
+        for raw in ts.SimulatedSource(self.sensor, turned, 100.0, None, NOISE, 1):
+            if self._known():
+                return
+            yield raw
+
+    def close(self) -> None:
+        """Nothing is open."""
+
+
+@pytest.mark.skipif(exported("rigid_descend") is None, reason="NumPy takes minutes")
+def test_objects_over_time_are_in_frames_lines_and_recordings(tmp_path: Path) -> None:
+    file = io.StringIO()
+    stream = Live(
+        _Turning(lambda: any(o.status == "ok" and o.scans > 50 for o in stream.known.values())), noise=NOISE
+    )
+    stream.record(tmp_path / "a.mcap")
+    sink = json_sink(stream, file)
+    with stream:
+        wait_until(lambda: sink.ended)
+    lines = [json.loads(line) for line in file.getvalue().splitlines()]
+    (last,) = lines[-1]["tracks"]
+    assert (last["id"], last["status"], len(last["outline_mm"])) == (1, "ok", 4)
+    assert last["scans"] > 50
+    assert np.max(last["vertex_sigma_mm"]) < 0.2
+    assert (
+        ts.mismatch(np.array(last["vertices_mm"]), np.array(lines[-1]["objects"][0]["vertices_mm"])).iou > 0.9
+    )
+    raws = list(ts.Recording(tmp_path / "a.mcap"))
+    np.testing.assert_allclose(raws[lines[-1]["sequence"]].tracks[0].placed, last["vertices_mm"], atol=1e-3)
+    detailed = [one.covariance is not None for raw in raws for one in raw.tracks]
+    assert 0 < sum(detailed) < 0.5 * len(detailed)
 
 
 def _received(listener: socket.socket) -> list[list[object]]:

@@ -30,7 +30,7 @@ from tacstrip.stream.recording.messages import FRAME
 from tacstrip.stream.recording.recorder import Recorder, record
 from tacstrip.stream.recording.recover import recover
 from tacstrip.stream.replay import Recording
-from tacstrip.stream.source import RawScan, Shape
+from tacstrip.stream.source import RawScan, Shape, TrackedShape
 
 
 def _same(read: RawScan, made: RawScan) -> None:
@@ -140,6 +140,44 @@ def test_rosbags_opens_the_file_as_a_bag(tmp_path: Path) -> None:
             if c.topic == "/tacstrip/polygon"
         ]
     assert corners == [len(s.vertices) for raw in made for s in raw.shapes if s.status == "ok"]
+
+
+def test_objects_over_time_come_back_also_without_tacstrip(tmp_path: Path) -> None:
+    spec, own = sensor(), np.array([(-8.0, -6.0), (9.0, -5.0), (0.0, 11.0)])
+    pose = np.array([20.0, 50.0, 0.5])
+    spread = np.eye(6) * 0.01
+    tracks = [
+        (TrackedShape(1, "ok", own, pose, 7, "", spread, 0.1 * np.eye(3)),),
+        (TrackedShape(1, "ok", own, pose + 1.0, 8), TrackedShape(2, "doubtful", own, 0.0 * pose, 9, "why")),
+        (TrackedShape(1, "ok", own, np.full(3, np.nan), 8), TrackedShape(3, "doubtful", own[:0], pose)),
+    ]
+    made = [replace(raw, tracks=some) for raw, some in zip(source(spec, 3), tracks, strict=True)]
+    with Recorder(tmp_path / "a.mcap", spec, spec.signatures, ORIGIN) as recorder:
+        record(made, recorder)
+    assert (recorder.scans, recorder.tracks) == (3, 5)
+    recover(tmp_path / "a.mcap", tmp_path / "b.mcap")
+    for name in ("a.mcap", "b.mcap"):
+        for got, want in zip(Recording(tmp_path / name), made, strict=True):
+            _same(got, want)
+            assert len(got.tracks) == len(want.tracks)
+            for a, b in zip(got.tracks, want.tracks, strict=True):
+                assert (a.id, a.status, a.scans, a.advice) == (b.id, b.status, b.scans, b.advice)
+                np.testing.assert_allclose(a.outline, b.outline, atol=1e-9)
+                np.testing.assert_allclose(a.pose, b.pose, atol=1e-9)
+                for one, other in ((a.covariance, b.covariance), (a.pose_covariance, b.pose_covariance)):
+                    assert (one is None) == (other is None)
+                    if one is not None and other is not None:
+                        np.testing.assert_allclose(one, other, rtol=1e-6, atol=1e-12)
+    with AnyReader([tmp_path / "a.mcap"]) as bag:
+        messages = [(c.topic, bag.deserialize(data, c.msgtype)) for c, _, data in bag.messages()]
+    found: list[tuple[str, Any]] = [*messages]
+    polygons = [(t, m.polygon.points) for t, m in found if t.startswith("/tacstrip/track_polygon")]
+    assert [t for t, _ in polygons] == [f"/tacstrip/track_polygon{s}" for s in ("", "", "_doubtful")]
+    corners = np.array([(p.x, p.y) for p in polygons[0][1]]) * 1e3
+    np.testing.assert_allclose(corners, tracks[0][0].placed, atol=1e-3)
+    (first, *_) = [m for t, m in found if t == "/tacstrip/track"]
+    np.testing.assert_allclose(first.pose, (0.02, 0.05, 0.5))
+    np.testing.assert_allclose(first.covariance.reshape(6, 6), 1e-8 * np.eye(6), rtol=1e-6)
 
 
 def test_doubtful_shapes_keep_to_themselves(tmp_path: Path) -> None:

@@ -151,7 +151,7 @@ def _run(good: Path, folder: Path, count: int) -> None:
 
 
 def test_mutated_recordings(good: Path, tmp_path: Path) -> None:
-    _run(good, tmp_path, 300)
+    _run(good, tmp_path, 150)
 
 
 @pytest.mark.slow

@@ -26,6 +26,7 @@ def test_a_perfect_unit_needs_no_calibration(kind: int) -> None:
         assert "calibration" not in {f.fault for f in case.report().notes}, (seed, case.sensor)
 
 
+@pytest.mark.slow
 def test_faults_in_pairs() -> None:
     cases = [faulty(seed, many=2, scans=480, faults=_EASY) for seed in range(10)]
     table, _ = confusion(cases)

@@ -91,6 +91,7 @@ def test_uneven_strips_pass_for_noise_where_it_is_estimated(contacts: list[RealC
 # Pictures
 
 
+@pytest.mark.slow
 def test_the_fit_beats_the_gradient_rule_and_stays_at_the_bound(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(estimation_figures, "_LEVELS", (0.01,))
     monkeypatch.setattr(estimation_figures, "_DRAWS", 40)

@@ -8,7 +8,7 @@ import shapely
 from scipy.sparse import bmat, diags
 from scipy.sparse.linalg import spsolve
 
-from studies.holdout import cases, score, shapes
+from studies.holdout import cases, score, shapes, tracks_set
 from studies.holdout.convexity import best_convex
 from studies.holdout.material import Press
 from studies.holdout.readings import Unit
@@ -137,3 +137,11 @@ def test_what_the_estimator_raises_is_counted_and_final_seeds_are_locked(
     with pytest.raises(SystemExit):
         score.main(["--seed", "1000"])
     assert "--final" in capsys.readouterr().err
+
+
+def test_a_rigid_track_is_judged_by_the_truth() -> None:
+    of = tracks_set.scene("ten", 0, 2)
+    assert of.outline is not None
+    verdict = tracks_set.judged(of)
+    assert (verdict.right, verdict.status) == (True, "ok")
+    assert verdict.rms < 3.0 * verdict.bound

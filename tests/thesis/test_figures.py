@@ -4,13 +4,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from PIL import Image
 
 from tacstrip.contact.footprint import footprint
 from tacstrip.contact.shape import Contact
 from tacstrip.errors import OptionError
 from tacstrip.geometry.metrics import mismatch, mismatch_coefficient
-from tacstrip.plot.style import save
 from tacstrip.reconstruction.vertex.blocks import blocks, linear_system
 from tacstrip.reconstruction.vertex.estimate import vertex_reconstruction
 from tacstrip.sensor.closed_form import k_h, k_l, k_metal
@@ -35,12 +33,8 @@ def test_the_figures_are_those_asked_for() -> None:
 
 
 @pytest.mark.parametrize("number", FIGURES)
-def test_a_figure_is_drawn_with_a_caption_and_named_axes(number: str, tmp_path: Any) -> None:
-    figure = FIGURES[number]()
-    file = save(figure, tmp_path / "figure.png")
-    assert file.stat().st_size > 8_000
-    with Image.open(file) as picture:
-        assert len(picture.convert("L").getcolors() or []) > 50
+def test_a_figure_has_a_caption_and_named_axes(number: str) -> None:
+    figure = FIGURES[number]()  # test_reproduce.py saves it
     caption = (FIGURES[number].__doc__ or "").splitlines()[0]
     assert len(caption) > 30
     assert caption.endswith(".")

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from PIL import Image
 
 from tacstrip.data.published import METRICS, experiments, rows
 from tacstrip.thesis.chapter5.claims import judge_claims
@@ -71,6 +72,9 @@ def test_report_shows_every_figure_and_table(made: tuple[Path, dict[str, Any]]) 
     for number in [*range(1, 5), *range(5, 62)]:
         assert f'id="figure-5.{number}"' in page
         assert (out / "figures" / f"figure_5_{number:02d}.png").stat().st_size > 3_000
+    for number in ("2_03", "3_07", "4_09", "5_02"):
+        with Image.open(out / "figures" / f"figure_{number}.png") as picture:
+            assert len(picture.convert("L").getcolors() or []) > 50
     for figure in ["2.3", "2.4", "3.3", "3.4", "3.7", "3.10", *(f"4.{n}" for n in range(1, 11))]:
         assert f'id="figure-{figure}"' in page
     for table in range(2, 15):

@@ -11,13 +11,15 @@ import pytest
 from click.testing import CliRunner
 
 import tacstrip as ts
-from rigid_scenes import CORNERS, at, distance, pressed, sliding, ten_strips
-from tacstrip.arrays import FloatArray
+from rigid_scenes import CORNERS, at, distance, pressed, rigid_scene, sliding, ten_strips
+from tacstrip.arrays import FloatArray, plain
 from tacstrip.cli import cli
 from tacstrip.core.binding import exported
-from tacstrip.tracking.episodes import episodes
+from tacstrip.core.rigid import descend, loss
+from tacstrip.tracking.episodes import episodes, spanned
 from tacstrip.tracking.geojson import track_collection
-from tacstrip.tracking.rigid.covariance import joint_bound
+from tacstrip.tracking.rigid.covariance import covariances, information, joint_bound
+from tacstrip.tracking.rigid.smooth_path import fit_corners
 
 NOISE = ts.Noise(positional=0.005)
 
@@ -151,6 +153,82 @@ def test_two_that_move_by_themselves_are_not_one_rigid_object() -> None:
     tracks = ts.track(scans, sensor, NOISE)
     assert all(t.status == "doubtful" for t in tracks)
     assert "one by one" in tracks[0].advice
+    alone = tracks[0].single[7]
+    assert alone is not None
+    assert len(tracks[0].single) == 30
+    assert np.array_equal(tracks[0].placed(7), alone.vertices)
+    (feature, *_) = track_collection(tracks)["features"]
+    assert feature["properties"]["poses"][7]["outline_mm"] == plain(alone.vertices, 9)
+
+
+def test_one_signature_takes_the_smoothest_path() -> None:
+    """A scan of one signature of ten strips tells hardly more than a pose: free poses leave the shape open."""
+    sensor = ten_strips()
+    both = pressed(sensor, CORNERS, sliding(40), NOISE, 3)
+    (one,) = ts.track([ts.Scan(kh=scan.kh, time_s=scan.time_s) for scan in both], sensor, NOISE)
+    assert (one.status, len(one.outline)) == ("ok", 5)
+    assert distance(one.outline, CORNERS) < 0.7
+    assert one.motion.startswith("smooth: ")
+
+
+def test_offsets_of_channels_are_found_along_with_the_shape() -> None:
+    sensor, random = ten_strips(), np.random.default_rng(4)
+    off = random.normal(0.0, 0.003, (2, 10))
+    scans = [
+        replace(s, kh=s.kh + off[0], kl=s.kl + off[1])
+        for s in pressed(sensor, CORNERS, sliding(50, 20.0), NOISE, 5)
+        if s.kh is not None and s.kl is not None
+    ]
+    (one,) = ts.track(scans, sensor, NOISE)
+    assert (one.status, len(one.outline)) == ("ok", 5)
+    assert distance(one.outline, CORNERS) < 0.4
+    often = np.isfinite(np.stack([s["kh"] for s in scans])).mean(axis=0) > 0.8
+    for name, true in zip(("kh", "kl"), off, strict=True):
+        assert np.std(one.offsets[name][often] - true[often]) < 0.5 * np.std(true[often])
+
+
+def test_a_spline_with_a_knot_per_scan_leaves_poses_free() -> None:
+    scans, corners, poses = rigid_scene("crs-crs", 0.0, 12)
+    found = information(scans, corners, poses)
+    free, tied = covariances(found, corners, poses), covariances(found, corners, poses, np.eye(12))
+    for a, b in zip(free, tied, strict=True):
+        assert np.allclose(a, b, rtol=1e-3, atol=1e-6 * np.abs(a).max())
+    costs = descend(scans, corners, poses, loss(scans))[2]
+    assert fit_corners(scans, corners, poses, np.eye(12), loss(scans), 60)[2].sum() == pytest.approx(
+        costs.sum(), rel=0.02
+    )
+
+
+def test_an_upright_edge_on_a_strip_leaves_the_covariance_sound() -> None:
+    """The slope of a reading there is without bound, and tells nothing."""
+    scans, _, poses = rigid_scene("crs-crs", 0.0, 12)
+    upright = np.array([(-21.7, -18.3), (28.3, -18.3), (28.3, 21.7), (-21.7, 21.7)])
+    corners = at(upright, np.array([0.0, 0.0, 0.7]))
+    poses[:, 2] = 0.1 + 0.05 * np.arange(12)
+    poses[6] = (56.7, 50.0, 3e-9 - 0.7)  # its left edge at x = 35, on a strip
+    shape, _ = covariances(information(scans, corners, poses), corners, poses)
+    poses[6, 0] -= 2.0
+    beside, _ = covariances(information(scans, corners, poses), corners, poses)
+    assert shape.trace() == pytest.approx(beside.trace(), rel=0.3)
+
+
+def test_an_object_of_two_strips_has_no_shape() -> None:
+    sensor = ten_strips()
+    (one,) = ts.track(pressed(sensor, 0.3 * CORNERS, sliding(30), NOISE), sensor, NOISE)
+    assert one.status == "doubtful"
+    assert "two strips" in one.advice
+
+
+def test_across_the_seam_of_a_tube_it_is_one_object() -> None:
+    tube = ts.Sensor(
+        construction="cyl-crs-m", strips=40, pitch_mm=5.0, length_mm=100.0, radius_mm=100.0 / np.pi
+    )
+    beside, across = (
+        ts.track(pressed(tube, CORNERS, _moved(sliding(25), x), NOISE, 3), tube, NOISE) for x in (60.0, 150.0)
+    )
+    assert [t.status for t in (*beside, *across)] == ["ok", "ok"]
+    assert across[0].poses[0] - beside[0].poses[0] == pytest.approx([90.0, 0.0, 0.0], abs=1.5)
+    assert distance(across[0].outline, CORNERS) < 0.5
 
 
 def test_few_scans_give_the_shape_of_one() -> None:
@@ -170,6 +248,17 @@ def test_episodes_follow_strips_and_join_where_contacts_do() -> None:
     assert [(e.scans, e.joint) for e in found] == [([0, 1, 2], []), ([0, 1, 2], []), ([4, 5], [])]
     k[1, 0, 3:10] = 0.5
     assert all(e.joint == [1] for e in episodes(k)[:2])
+
+
+def test_episodes_go_on_round_a_tube() -> None:
+    k = np.full((14, 1, 6), np.nan)
+    for scan in range(14):
+        k[scan, 0, [scan % 6, (scan + 1) % 6]] = scan
+    (one,) = episodes(k, closed=True)
+    span = spanned([one], 6)
+    assert (one.scans, span) == (list(range(14)), slice(0, 15))
+    read = one.readings(k, span)[:, 0]
+    assert [np.flatnonzero(np.isfinite(row)).tolist() for row in read] == [[i, i + 1] for i in range(14)]
 
 
 HALF, LOW = [0.5] * 10, [0.3] * 10
@@ -212,6 +301,17 @@ def test_the_verb_writes_tracks_and_a_picture(tmp_path: Path) -> None:
     assert len(feature["properties"]["poses"]) == 20
     assert feature["geometry"]["type"] == "Polygon"
     assert (tmp_path / "t.png").stat().st_size > 10_000
+    made = str(tmp_path / "t.mcap")
+    words = ["track", *files[:2], "-o", made, "--positional", "0.002"]
+    assert CliRunner().invoke(cli, words).exit_code == 0
+    raws = list(ts.Recording(made))
+    assert [raw.tracks[0].id for raw in raws] == [1] * 20
+    (x, y), *_ = feature["properties"]["outline_mm"]
+    np.testing.assert_allclose(raws[3].tracks[0].outline[0], (x, y), atol=1e-6)
+    again = CliRunner().invoke(cli, ["replay", made, "--summary"])
+    assert "objects over time: object 1 in 20 scans" in again.output
+    with pytest.raises(ts.OptionError, match="exists already"):
+        CliRunner().invoke(cli, words, catch_exceptions=False)
     with pytest.raises(ts.OptionError, match="does not say what sensor"):
         CliRunner().invoke(cli, ["track", files[1]], catch_exceptions=False)
 

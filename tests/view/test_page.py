@@ -5,6 +5,7 @@ With TACSTRIP_PICTURES=docs/pictures in the environment the screenshots of READM
 
 from __future__ import annotations
 
+import math
 import os
 import shutil
 from collections.abc import Callable, Iterator
@@ -195,6 +196,34 @@ def test_pictures(
     wait_until(lambda: server.controller.live.frames > settled)
     wait_until(lambda: [(one["status"], one["advice"]) for one in _objects(page)] == [("ok", "")] * 2)
     _picture(page, name, tmp_path)
+
+
+def test_the_shape_from_all_scans_is_drawn_beside_the_single_one(
+    open_page: Callable[..., Any], server: Server, tmp_path: Path
+) -> None:
+    page = open_page(viewport={"width": 1280, "height": 1100})
+    page.locator("#hz").fill("200")
+    page.locator("#hz").press("Enter")
+    page.locator("#hz").blur()
+    simulator, turned = server.controller.simulator, 0.0
+    known: dict[str, Any] = {}
+    assert simulator is not None
+
+    def is_known() -> bool:
+        """Turn the first object a little, and say whether its shape is known well."""
+        nonlocal turned, known
+        turned += 0.02
+        ring = ts.Contact.polygon(OBJECTS[0]).turned(0.4 * math.sin(turned)).vertices
+        simulator.place([ring.tolist(), OBJECTS[1]])
+        tracks = page.evaluate("() => window.tacstrip.frame.tracks") or []
+        known = next((t for t in tracks if t["scans"] > 40 and t["status"] == "ok" and t["vertices"]), {})
+        return bool(known) and page.locator(".known-curve").count() > 0
+
+    wait_until(is_known)
+    assert (known["corners"], page.locator(".fused").count()) == (4, 1)
+    assert known["deviation_mm"] < 0.3
+    assert "4 corners known to" in page.locator("#tracks").inner_text()
+    _picture(page, "live_tracks", tmp_path)
 
 
 def _picture(page: Any, name: str, otherwise: Path) -> None:

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from tacstrip.diagnose.log import Log
     from tacstrip.reconstruction.result import Reconstruction
     from tacstrip.scan import Scan
+    from tacstrip.sensor.layers import AnySensor
     from tacstrip.sensor.spec import Sensor
     from tacstrip.stream.source import Source
 
@@ -31,8 +32,11 @@ VERBS = {
     "init": "Write a commented sensor spec to start from.",
     "demo": "Recover a rectangle from packaged (synthetic) volts of the ten-strip prototype.",
     "simulate": "Press a contact on a sensor and write the readings.",
+    "import": "Turn a log of your own form into readings.",
     "reconstruct": "Recover shapes from readings.",
     "track": "Recover objects over time, one rigid shape each, from a whole recording.",
+    "generate": "Write a labelled data set of simulated scans, for learning.",
+    "sweep": "Measure many designs: bounds, accuracy, right counts and speed; on many machines too.",
     "calibrate": "Fit a unit's constants to known contacts; plan them, learn the rest level, remove drift.",
     "record": "Record codes and shapes from a simulated sensor, readings or another recording.",
     "replay": "Play back a recording's scans, at their pace or faster.",
@@ -47,6 +51,16 @@ VERBS = {
 }
 
 
+_TWO_LAYERS = (
+    "init",
+    "simulate",
+    "reconstruct",
+    "limits",
+    "record",
+    "replay",
+    "convert",
+    "recover",
+)  # the verbs that take a sensor of two layers
 _LOOK_SCANS = 10_000  # of a recording, for a warning
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _COULD_NOT = (*_FULL, errno.EIO, errno.ENOMEM, errno.EMFILE, errno.ENFILE)  # whatever the input
@@ -59,7 +73,8 @@ class _Verbs(click.Group):
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name not in VERBS:
             return None
-        command = importlib.import_module(f"tacstrip.cli.{cmd_name}").command
+        module = {"import": "import_log"}.get(cmd_name, cmd_name)  # a word that no module can have
+        command = importlib.import_module(f"tacstrip.cli.{module}").command
         assert isinstance(command, click.Command)
         return command
 
@@ -142,13 +157,37 @@ def warn(*texts: str, file: object = "") -> None:
 def load_sensor(spec: str | Path, without: Sequence[str] = ()) -> Sensor:
     """Load a spec file or a shipped spec, and warn where it looks like metres; errors as of `Sensor.load`.
 
-    `without` names channels to leave out, besides those of the spec.
+    `without` names channels to leave out, besides those of the spec. One with two layers is refused.
     """
+    return one_layer(spec, load_layers(spec, without))
+
+
+def one_layer(name: str | Path, sensor: AnySensor) -> Sensor:
+    """Return the sensor of a spec or a recording, or raise `OptionError` where it has two layers."""
+    from tacstrip.sensor.spec import Sensor
+
+    if not isinstance(sensor, Sensor):
+        verb = click.get_current_context().info_name
+        raise OptionError(
+            f"{name}: is of two layers, and `tacstrip {verb}` takes a sensor of one; two take: {', '.join(_TWO_LAYERS)}"
+        )
+    return sensor
+
+
+def load_layers(spec: str | Path, without: Sequence[str] = ()) -> AnySensor:
+    """Load a spec as `load_sensor` does, also one with two layers."""
     from tacstrip.io.input_checks import unlikely_lengths  # late, as all that loads NumPy
     from tacstrip.sensor.spec import Sensor
 
-    sensor = Sensor.load(spec)
-    sensor = replace(sensor, without=(*sensor.without, *without))
+    sensor: AnySensor = Sensor.load(spec)
+    if isinstance(sensor, Sensor):
+        sensor = replace(sensor, without=(*sensor.without, *without))
+        warn(unlikely_lengths(sensor), file=spec)
+        return sensor
+    if without:
+        raise OptionError(
+            f"--without {without[0]}: of two layers write it into the spec: without = {list(without)!r} in a [[layer]]"
+        )
     warn(unlikely_lengths(sensor), file=spec)
     return sensor
 
@@ -162,7 +201,7 @@ def load_log(file: Path, spec: str | None) -> Log:
     if file.suffix.lower() == ".mcap":
         source = Recording(file, load_sensor(spec) if spec else None)
         with contextlib.closing(source):
-            log = Log.of_codes(source.sensor, source)
+            log = Log.of_codes(one_layer(file, source.sensor), source)
             if source.condition.whole:
                 return log
             lost = f"{source.condition.lost_bytes} bytes of {source.condition.total_bytes}"
@@ -178,9 +217,10 @@ def warn_of_input(name: str | Path, source: Source) -> None:
     """Warn of what is probably not meant in a source that is a file, as far as it can be read."""
     from tacstrip.diagnose.log import Log
     from tacstrip.io.input_checks import half_read, misread
+    from tacstrip.sensor.spec import Sensor
     from tacstrip.stream.replay import ReadingsSource, Recording
 
-    if not isinstance(source, ReadingsSource | Recording):
+    if not isinstance(source, ReadingsSource | Recording) or not isinstance(source.sensor, Sensor):
         return
     try:  # a recording is iterated once: another look at it
         scans = source if isinstance(source, ReadingsSource) else Recording(name, source.sensor)
@@ -205,16 +245,21 @@ def warn_of_log(name: str | Path, log: Log) -> None:
 
 def save_picture(
     path: Path,
-    sensor: Sensor,
+    sensor: AnySensor,
     scans: Sequence[Scan],
     results: dict[str, list[Reconstruction]],
     contacts: Sequence[Contact] = (),
 ) -> Path:  # fmt: skip
     """Draw scans, what was reconstructed of them by each method, and the contacts that touched; return the file."""
+    from tacstrip.plot.layers import layers_figure
     from tacstrip.plot.result import reconstruction_figure
     from tacstrip.plot.style import save
+    from tacstrip.sensor.spec import Sensor
 
-    return save(reconstruction_figure(sensor, scans, results, contacts), path)
+    if isinstance(sensor, Sensor):
+        return save(reconstruction_figure(sensor, scans, results, contacts), path)
+    (found,) = results.values() or [[]]
+    return save(layers_figure(sensor, scans, found, contacts), path)
 
 
 def check_method(option: str, method: str | None, sensor: Sensor, signatures: Sequence[str]) -> None:
@@ -233,7 +278,7 @@ def check_method(option: str, method: str | None, sensor: Sensor, signatures: Se
     ------
     OptionError
     """
-    if method in ("polygon", "vertex") and not sensor.kind.closed_form:
+    if method in ("polygon", "vertex", "pieces") and not sensor.kind.closed_form:
         raise OptionError(
             f"{option} {method} is not for a {sensor.construction} sensor, whose strips shift each other's readings "
             f"(3.3); take {option} profile"

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from tacstrip.cli import load_sensor, new_file, options, warn_of_input
+from tacstrip.cli import load_layers, new_file, options, warn_of_input
 from tacstrip.cli.record import save_recording
 from tacstrip.cli.replay import warn_of_cut
 from tacstrip.errors import OptionError, one_of
@@ -38,7 +38,7 @@ def command(files: tuple[str, ...], output: Path, codes: bool, force: bool) -> N
         raise OptionError(f"-o {output}: " + one_of("ending", kind, _KINDS))
     options.belong(kind == ".csv", f"is for a .csv, and {output} is none", "codes")
     new_file(output, force, *files)
-    source = open_source(files[-1], load_sensor(files[0]) if len(files) == 2 else None)
+    source = open_source(files[-1], load_layers(files[0]) if len(files) == 2 else None)
     if kind == ".mcap":
         with replacing(output) as part:
             save_recording(files, source, output, force=force, part=part)

@@ -13,9 +13,11 @@ import click
 import numpy as np
 
 from tacstrip.arrays import plain
-from tacstrip.cli import load_sensor, options, protect, warn
+from tacstrip.cli import load_layers, options, protect, warn
 from tacstrip.contact.noise import Noise
+from tacstrip.contact.shape import Contact
 from tacstrip.design.candidates import BITS, CONVERSION_S, FARAD, Design, candidates, designs
+from tacstrip.design.layers import layer_limits, outlines_of
 from tacstrip.design.limits import ErrorMap, Limit, limit_map, limits, outline_of
 from tacstrip.errors import OptionError
 from tacstrip.files import write_text
@@ -23,10 +25,15 @@ from tacstrip.geometry.outline import Outline
 from tacstrip.io.geometry import read_contact
 from tacstrip.io.input_checks import unlikely_contact
 from tacstrip.reconstruction.cramer_rao import reading_sigma, vertex_rms
+from tacstrip.sensor.layers import LayeredSensor
 from tacstrip.sensor.spec import Sensor
 from tacstrip.tracking.rigid.covariance import joint_bound
 
 _MOST_LINES = 20
+_NO_NOISE = (
+    "without errors of the readings there is no limit: give what they are, such as --positional 0.005, "
+    "--quantisation 0.001 or --bits 12, or a [noise] table in the spec (`tacstrip noise`)"
+)
 
 
 @click.command()
@@ -99,17 +106,18 @@ def command(
     protect(output, sensor, contact, plot)
     options.belong(scans is not None, "is for many scans: give --scans as well", "slide", "rotate")
     options.belong(wanted_mm is not None, "is for designs: give --wanted-mm as well", *design)
-    spec = load_sensor(sensor, without)
+    spec = load_layers(sensor, without)
+    if isinstance(spec, LayeredSensor):
+        why = "is for a sensor of one layer; two are compared with each alone"
+        options.belong(False, why, "grid", "plot", "output", "scans", "wanted_mm")
+        _of_layers(spec if bits is None else spec.changed(adc_bits=bits), _placed(contact, at, turn), noise)
+        return
     spec = spec if bits is None else replace(spec, adc_bits=bits)
     if spec.noise is not None and not options.given("quantisation", "positional"):
         noise = spec.noise
     elif reading_sigma(noise, spec) == 0.0:
-        raise OptionError(
-            "without errors of the readings there is no limit: give what they are, such as --positional 0.005, "
-            "--quantisation 0.001 or --bits 12, or a [noise] table in the spec (`tacstrip noise`)"
-        )
-    shape = read_contact(contact)
-    shape = (shape.placed(*at) if at else shape).turned(math.radians(turn))
+        raise OptionError(_NO_NOISE)
+    shape = _placed(contact, at, turn)
     warn(unlikely_contact(shape, spec))
     outline = outline_of(spec, shape)
     found = limits(spec, outline, noise)
@@ -136,6 +144,33 @@ def command(
         _show_designs(reached, len(judged), wanted_mm)
         if not reached:
             sys.exit(1)
+
+
+def _placed(contact: Path, at: tuple[float, float] | None, turn: float) -> Contact:
+    shape = read_contact(contact)
+    return (shape.placed(*at) if at else shape).turned(math.radians(turn))
+
+
+def _of_layers(sensor: LayeredSensor, contact: Contact, noise: Noise) -> None:
+    """Print the bound of both layers and of each alone."""
+    if sensor.noise is not None and not options.given("quantisation", "positional"):
+        noise = sensor.noise
+    elif reading_sigma(noise, sensor.unit) == 0.0:
+        raise OptionError(_NO_NOISE)
+    found = layer_limits(sensor, contact, noise)
+    names = ["both layers", *(f"layer {limit.layers[0]} alone" for limit in found[1:])]
+    click.echo("Least standard errors of x and y of each corner [mm]")
+    click.echo(f"{'object':>6} {'x':>9} {'y':>9}" + "".join(f"{name:>20}" for name in names))
+    row = 0
+    for number, outline in enumerate(outlines_of(contact), 1):
+        for x, y in outline:
+            pairs = [limit.sigma[row] for limit in found]
+            row += 1
+            text = "".join(f"{_short(a):>12}{_short(b):>8}" for a, b in pairs)
+            click.echo(f"{number:>6} {x:9.5g} {y:9.5g}{text}")
+    seen = [int(np.isfinite(limit.sigma).all(axis=1).sum()) for limit in found]
+    told = ", ".join(f"{name} {count}" for name, count in zip(names, seen, strict=True))
+    click.echo(f"Of {row} corners are determined by {told}; inf: hidden by other objects, or too few strips")
 
 
 def _show_limits(outline: Outline, found: list[Limit]) -> None:

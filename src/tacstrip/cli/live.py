@@ -13,7 +13,7 @@ from typing import Any
 
 import click
 
-from tacstrip.cli import check_method, load_sensor, new_file, note, options, warn_of_input
+from tacstrip.cli import check_method, load_sensor, new_file, note, one_layer, options, warn_of_input
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError, PortError
 from tacstrip.interrupt import deferred_interrupt
@@ -26,6 +26,7 @@ from tacstrip.stream.live.sinks import Sink, json_sink, tuio_sink
 from tacstrip.stream.live.warmup import warm_up
 from tacstrip.stream.replay import open_source
 from tacstrip.stream.source import LOGGER, Source
+from tacstrip.tracking.live_contact import LiveTrack
 from tacstrip.view.access import Access, check_port
 from tacstrip.view.controller import Controller
 from tacstrip.view.health import background_process
@@ -50,12 +51,15 @@ _RATE_HZ = 1000.0
 @click.option("--sensor", metavar="SENSOR", help="Spec of the device, the simulator or the recording.")
 @click.option("--rate", type=options.NUMBER, callback=options.finite_above_0,
               help="Scan rate to request from the device; the simulator's is 1000 [Hz].")  # fmt: skip
-@click.option("--method", help="Method of reconstruction: polygon, vertex or profile.")
+@click.option("--method", help="Method of reconstruction: polygon, vertex, profile or pieces.")
 @click.option(
     "--noise", type=options.NUMBER, help="Half-width of the readings' errors over Vref, where it is known."
 )
 @click.option("--no-drift", is_flag=True, help="Do not remove the drift of a calibrated sensor.")
 @click.option("--creep", is_flag=True, help="Take the creep of contacts that are held still out.")
+@click.option(
+    "--no-tracks", is_flag=True, help="Do not fuse the scans of each object into one rigid outline."
+)
 @click.option("--watch", "watched", is_flag=True,
               help="Let the doctor look on, and leave channels out while they are faulty.")  # fmt: skip
 @click.option("--speed", type=options.NUMBER, default=1.0, show_default=True, callback=options.above_0,
@@ -146,6 +150,7 @@ def _stream(
         source = SerialSource(lambda: SerialPort(given["port"], given["baud"]), sensor, given["rate"])
     else:
         source = open_source(files[-1], sensor)
+        one_layer(files[-1], source.sensor)
     check_method("--method", given["method"], source.sensor, source.names)
     if files:
         warn_of_input(files[-1], source)
@@ -154,7 +159,7 @@ def _stream(
     # The next source is that of a simulator whose settings were changed.
     next_source = (lambda: None) if simulator is None else simulator.source
     live = Live(source, given["method"], noise, not given["no_drift"], given["speed"], next_source,
-                creep=given["creep"])  # fmt: skip
+                creep=given["creep"], tracks=not given["no_tracks"])  # fmt: skip
     with ExitStack() as stack:
         # The page and the sinks come first: where they fail, no recording has been begun.
         sinks = list(_sinks(live, given))
@@ -170,9 +175,20 @@ def _stream(
         with live:
             while live.running and running() and not (sinks and all(sink.ended for sink in sinks)):
                 pass
+    for one in sorted(live.known.values(), key=lambda one: one.id):
+        note(_line(one))
     # The reader of the lines may close them at any time.
     sink_failed = any(sink.error and not isinstance(sink.error, BrokenPipeError) for sink in sinks)
     return sink_failed or live.recording_failed or live.error is not None
+
+
+def _line(one: LiveTrack) -> str:
+    """Say what the scans told of an object over time."""
+    text = f"object {one.id}: {one.status}"
+    if len(one.outline):
+        text += f", {len(one.outline)} corners, {one.area_mm2:.6g} mm2 +- {one.area_deviation_mm2:.2g}"
+        text += f", corners known to {one.corner_deviation_mm:.2g} mm from {one.scans} scans"
+    return f"{text}. {one.advice}" if one.advice else text
 
 
 def _sinks(live: Live, given: dict[str, Any]) -> Iterator[Sink]:

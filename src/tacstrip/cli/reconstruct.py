@@ -11,7 +11,7 @@ from typing import Any
 import click
 import numpy as np
 
-from tacstrip.cli import check_method, load_sensor, note, options, protect, save_picture, warn
+from tacstrip.cli import check_method, load_layers, note, options, protect, save_picture, warn
 from tacstrip.contact.noise import Noise
 from tacstrip.contact.shape import Contact
 from tacstrip.errors import OptionError, ReadingError, number
@@ -23,6 +23,7 @@ from tacstrip.reconstruction.known_object import fit_object
 from tacstrip.reconstruction.methods import chosen_method, reconstruct
 from tacstrip.reconstruction.result import Reconstruction
 from tacstrip.scan import Scan
+from tacstrip.sensor.layers import LayeredSensor, unit_of
 from tacstrip.sensor.raw import invert_calibration
 
 _MOST_LINES = 20
@@ -41,7 +42,8 @@ _OF_METHODS = {  # option: the methods that have it
 @options.SENSOR
 @click.argument("readings", metavar="READINGS", type=options.FILE)
 @options.output("GeoJSON file; printed if left out.", required=False)
-@click.option("--method", help="polygon (all strips, the default), vertex or profile (the thesis').")
+@click.option("--method", help="polygon (all strips, the default), vertex or profile (the thesis'), or pieces: several "
+              "objects on the same strips.")  # fmt: skip
 @click.option("--signature", help="Use one only, for polygon or vertex: kh, kl or k.")
 @options.noise
 @options.WITHOUT
@@ -97,7 +99,10 @@ def command(
     protect(plot, sensor, readings, truth, known_object, output)
     why = "is not for a known object; leave it or --object out"
     options.belong(known_object is None, why, "method", *(o for o in _OF_METHODS if o != "signature"))
-    spec = load_sensor(sensor, without)
+    spec = load_layers(sensor, without)
+    unit, layered = unit_of(spec), isinstance(spec, LayeredSensor)
+    only = (name for name in _OF_METHODS if name != "assessment")
+    options.belong(not layered, "is for a sensor of one layer", "known_object", *only)
     scans = read_readings(readings, spec)
     if not any(s.touched.any() for s in scans):
         raise ReadingError(
@@ -108,27 +113,29 @@ def command(
         raise OptionError(f"--average {average}: {readings} has {len(scans)} scan(s)")
     if average > 1:
         scans = [Scan.mean(scans[i : i + average]) for i in range(0, len(scans) - average + 1, average)]
-    chosen = chosen_method(method or ("vertex" if options.given("transitions", "reading") else None), spec)
-    check_method("--method", chosen, spec, scans[0].signatures)
+    chosen = chosen_method(method or ("vertex" if options.given("transitions", "reading") else None), unit)
+    check_method("--method", chosen, unit, scans[0].signatures)
     for name, methods in _OF_METHODS.items():
         why = f"is for --method {' or '.join(methods)}; leave it out for {chosen}"
         options.belong(chosen in methods, why, name)
     given["transitions"] = _transitions(given["transitions"])
     given["area_mm2"] = None if given["area_mm2"] is None else _area(given["area_mm2"])
     known = noise if options.given("quantisation", "positional") else None
-    raw = invert_calibration(spec, {n: np.stack([s[n] for s in scans]) for n in scans[0].signatures})
+    raw = invert_calibration(unit, {n: np.stack([s[n] for s in scans]) for n in scans[0].signatures})
     warn(
-        half_read(readings, spec, scans[0].signatures) if given["signature"] is None else "",
-        one_reading(readings, spec, scans),
-        *misread(readings, spec, raw),
-        *implausible(readings, spec, raw),
+        half_read(readings, unit, scans[0].signatures) if given["signature"] is None else "",
+        "" if layered else one_reading(readings, unit, scans),
+        *([] if layered else misread(readings, unit, raw)),
+        *implausible(readings, unit, raw),
     )
     own = {name: given[name] for name, methods in _OF_METHODS.items() if chosen in methods}
+    if layered:
+        own = {"assessment": given["assessment"], "signature": None}
     signature = own.pop("signature") if chosen == "polygon" else None
     used = [_only(scan, signature) for scan in scans] if signature else scans
     if known_object is not None:
         outline, chosen = read_contact(known_object), "object"
-        results = [fit_object(scan, spec, outline, known) for scan in used]
+        results = [fit_object(scan, unit, outline, known) for scan in used]
     else:
         results = [reconstruct(scan, spec, known, method=chosen, **own) for scan in used]
     contact = read_contact(truth) if truth else None
@@ -136,7 +143,7 @@ def command(
         raise OptionError(
             f"--truth {truth}: holds no polygon to compare with; a line or a point has no outline"
         )
-    _report(results, contact, spec.strips * spec.pitch_mm if spec.closed else None)
+    _report(results, contact, unit.width_mm if unit.closed else None)
     if output is None:
         click.echo(json.dumps(feature_collection(results), indent=1))
     else:

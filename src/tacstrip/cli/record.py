@@ -13,12 +13,13 @@ from typing import Any
 
 import click
 
-from tacstrip.cli import check_method, load_sensor, new_file, note, options, warn, warn_of_input
+from tacstrip.cli import check_method, load_layers, new_file, note, options, warn, warn_of_input
 from tacstrip.cli.replay import warn_of_cut
 from tacstrip.errors import OptionError, TacstripError
 from tacstrip.interrupt import deferred_interrupt
 from tacstrip.io.geometry import read_contact
 from tacstrip.io.input_checks import unlikely_contact
+from tacstrip.sensor.layers import unit_of
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.codes import UNSET_BITS, top_code
 from tacstrip.stream.recording.recorder import Recorder, record, with_shapes
@@ -85,7 +86,7 @@ def command(
     else:
         alone = f"is for a contact, and {files[-1]} is none"
         options.belong(False, alone, *simulation, "quantisation", "positional", "distribution")
-        source = open_source(files[-1], load_sensor(files[0]) if len(files) == 2 else None)
+        source = open_source(files[-1], load_layers(files[0]) if len(files) == 2 else None)
     save_recording(files, source, output, method, 1.0 if paced else math.inf, force, count, durable=durable)
 
 
@@ -95,8 +96,8 @@ def _simulated(files: tuple[str, ...], given: dict[str, Any]) -> SimulatedSource
     shape = read_contact(files[1]).turned(math.radians(given["turn"]))
     start = given["at"] or tuple(shape.centroid)
     motion = Drag(shape, [start, *given["drag"]], given["seconds"], math.radians(given["turn_rate"]))
-    sensor = load_sensor(files[0])
-    warn(unlikely_contact(shape, sensor))
+    sensor = load_layers(files[0])
+    warn(unlikely_contact(shape, sensor if isinstance(sensor, Sensor) else sensor.layers[0].sensor))
     return SimulatedSource(
         sensor, motion, given["rate"], _count(given), given["noise"], given["seed"], given["model"],
         given["electrodes"],
@@ -124,7 +125,7 @@ def save_recording(
     `count`: the number of scans, where it is known, so that long work is announced. `part`: write to this file, all
     scans or none; the caller then moves it to `output`.
     """
-    check_method("--reconstruct", method, source.sensor, source.names)
+    check_method("--reconstruct", method, unit_of(source.sensor), source.names)
     warn_of_input(files[-1], source)
     about = {"source": Path(files[-1]).name, "sensor": Path(files[0]).name, "method": method or ""}
     if isinstance(source, Recording) and not method:
@@ -200,7 +201,7 @@ def _duration(seconds: float) -> str:
 def _warn_of_changes(files: tuple[str, ...], source: Source) -> None:
     """Warn of readings that were rounded, and of assumed A/D bits."""
     if isinstance(source, ReadingsSource) and source.rounded_steps > _TEXT_ROUNDING:
-        step_volt = source.sensor.vref_volt / top_code(source.sensor)
+        step_volt = unit_of(source.sensor).vref_volt / top_code(source.sensor)
         warn(
             f"{files[-1]} has readings between the codes of {source.sensor.adc_bits} bits; they are rounded, by up to "
             f"{source.rounded_steps:.2g} of a step ({step_volt:.3g} V)"

@@ -8,9 +8,10 @@ from pathlib import Path
 
 import click
 
-from tacstrip.cli import check_method, load_sensor, note, options, protect, save_picture, warn, warn_of_input
+from tacstrip.cli import check_method, load_layers, note, options, protect, save_picture, warn, warn_of_input
 from tacstrip.errors import OptionError
 from tacstrip.interrupt import deferred_interrupt
+from tacstrip.sensor.layers import unit_of
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.codes import decode
 from tacstrip.stream.export import as_reconstruction, json_line
@@ -48,8 +49,8 @@ def command(
     if short and plot is not None:
         raise OptionError("--summary prints no scans; leave --plot out")
     protect(plot, recording)
-    source = Recording(recording, load_sensor(sensor) if sensor else None)
-    check_method("--reconstruct", method, source.sensor, source.names)
+    source = Recording(recording, load_layers(sensor) if sensor else None)
+    check_method("--reconstruct", method, unit_of(source.sensor), source.names)
     warn_of_input(recording, source)
     touched: RawScan | None = None
     with contextlib.closing(source), deferred_interrupt() as stop:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,14 +11,16 @@ import click
 import numpy as np
 import shapely
 
-from tacstrip.cli import load_sensor, options, protect, save_picture, warn
+from tacstrip.cli import load_layers, options, protect, save_picture, warn
 from tacstrip.contact.footprint import footprint
 from tacstrip.contact.noise import Noise, NoiseProcess
+from tacstrip.contact.shape import Contact
 from tacstrip.errors import OptionError
 from tacstrip.files import write_text
 from tacstrip.io.geometry import read_contact
 from tacstrip.io.input_checks import unlikely_contact
 from tacstrip.io.readings import write_readings
+from tacstrip.sensor.layers import AnySensor, LayeredSensor, unit_of
 from tacstrip.simulation import simulate
 
 
@@ -73,7 +76,7 @@ def command(
     if placed is not None and drag:
         raise OptionError("--placed writes one place; leave --drag out")
     options.belong(drag, "needs --drag: there is one scan only", "steps", "turn_per_step")
-    spec = load_sensor(sensor, without)
+    spec = load_layers(sensor, without)
     options.belong(drag or still, "needs --drag or --still: there is one scan only", "rate")
     if still and drag:
         raise OptionError("--still and --drag: a contact rests or moves; leave one out")
@@ -90,20 +93,34 @@ def command(
     places = (
         shape.dragged([start, *drag], steps, math.radians(turn_per_step)) if drag else [shape] * (still or 1)
     )
-    touch = footprint(spec, places)
-    process = NoiseProcess(noise, spec, seed)
+    if isinstance(spec, LayeredSensor):
+        options.belong(False, "is for a sensor of one layer", "model", "electrodes")
+        model = {}
+    touched, split, clipped = _touch(spec, places)
+    process = NoiseProcess(noise, unit_of(spec), seed)
     scans = [simulate(spec, c, process=process, time_s=i / rate, **model) for i, c in enumerate(places)]
     write_readings(output, spec, scans)
     if placed is not None:
         write_text(placed, shapely.GeometryCollection(list(shape.shapes)).wkt + "\n")
-    touched, split = (int(strips.any(axis=0).sum()) for strips in (np.isfinite(touch.l), touch.pieces > 1))
     click.echo(f"{output}: {len(scans)} scan(s) of {spec.strips} strips, {touched} of them touched")
     if touched == 0:
         warn("no strip is touched: the contact falls between centre lines")
-    warn(unlikely_contact(shape, spec))
-    if touch.clipped:
+    warn(unlikely_contact(shape, spec.layers[0].sensor if isinstance(spec, LayeredSensor) else spec))
+    if clipped:
         warn("a part of the contact lies off the sensor and was cut away")
     if split:
         warn(f"{split} strip(s) see several pieces of the contact as one, from end to end")
     if plot is not None:
         click.echo(f"{save_picture(plot, spec, scans, {}, places)}: picture")
+
+
+def _touch(sensor: AnySensor, places: Sequence[Contact]) -> tuple[int, int, bool]:
+    """Return how many strips contacts touch, on how many they have gaps unseen, and whether parts are off."""
+    if isinstance(sensor, LayeredSensor):
+        ideal = [simulate(sensor, place) for place in places]
+        both = shapely.union_all([shapely.Polygon(layer.corners_mm) for layer in sensor.layers])
+        off = any(not shapely.covers(both, shape) for place in places for shape in place.shapes)
+        return int(np.any([scan.touched for scan in ideal], axis=0).sum()), 0, off
+    found = footprint(sensor, places)
+    touched, split = (int(strips.any(axis=0).sum()) for strips in (np.isfinite(found.l), found.pieces > 1))
+    return touched, split, found.clipped

@@ -4,39 +4,51 @@ from __future__ import annotations
 
 import contextlib
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import click
 import numpy as np
 
-from tacstrip.cli import load_sensor, note, options, protect
+from tacstrip.cli import load_sensor, new_file, note, one_layer, options, protect
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError, ReadingError
+from tacstrip.files import replacing
 from tacstrip.io.readings import read_readings
-from tacstrip.scan import Scan
-from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.codes import decode
-from tacstrip.stream.replay import Recording
+from tacstrip.stream.recording.recorder import Recorder
+from tacstrip.stream.replay import ReadingsSource, Recording, open_source
+from tacstrip.stream.source import RawScan, TrackedShape
 from tacstrip.tracking.geojson import write_tracks
 from tacstrip.tracking.track import Track, track
 
 
 @click.command()
 @options.sensor_and_input("[SENSOR] RECORDING")
-@options.output("GeoJSON file; left out: only what is printed.", required=False)
+@options.output("New file, .geojson or .mcap; left out: only what is printed.", required=False)
+@options.FORCE
 @options.noise
 @options.plot()
-def command(files: tuple[str, ...], output: Path | None, noise: Noise, plot: Path | None) -> None:
+def command(
+    files: tuple[str, ...], output: Path | None, force: bool, noise: Noise, plot: Path | None
+) -> None:
     """Recover objects over time from RECORDING: readings (CSV, with SENSOR before them) or a recording (.mcap).
 
     Each is one rigid shape, fitted to all scans that show it, with its place and angle in every scan. Exit code 1: no
-    shape could be recovered.
+    shape could be recovered. Into a .mcap go the scans too, each with its objects' outlines and poses.
 
     Example: tacstrip track session.mcap -o tracks.geojson --plot tracks.png
     """
     protect(output, *files)
     protect(plot, *files, output)
-    spec, scans = _scans(files)
+    recorded = output is not None and output.suffix.lower() == ".mcap"
+    options.belong(recorded, "is for a recording: -o FILE.mcap", "force")
+    if output is not None and recorded:
+        new_file(output, force, *files)
+    source, raws = _opened(files, recorded)
+    spec = source.sensor if source else load_sensor(files[0])
+    decoded = [decode(raw, spec) for raw in raws] if isinstance(source, Recording) else None
+    scans = read_readings(files[-1], spec) if decoded is None else decoded
     if not any(scan.touched.any() for scan in scans):
         raise ReadingError(f"{files[-1]}: no strip is touched in any of {len(scans)} scan(s)")
     tracks = track(scans, spec, noise if options.given("quantisation", "positional") else None)
@@ -44,7 +56,10 @@ def command(files: tuple[str, ...], output: Path | None, noise: Noise, plot: Pat
         note(_line(one))
     note(f"{len(scans)} scan(s), {len(tracks)} object(s)")
     if output is not None:
-        write_tracks(output, tracks)
+        if source is not None and recorded:
+            _record(output, files, source, raws, tracks)
+        else:
+            write_tracks(output, tracks)
         note(f"{output} written")
     if plot is not None:
         from tacstrip.plot.style import save
@@ -55,16 +70,46 @@ def command(files: tuple[str, ...], output: Path | None, noise: Noise, plot: Pat
         sys.exit(1)
 
 
-def _scans(files: tuple[str, ...]) -> tuple[Sensor, list[Scan]]:
-    """Return the sensor, and all scans of the input."""
+def _opened(
+    files: tuple[str, ...], recorded: bool
+) -> tuple[Recording | ReadingsSource | None, list[RawScan]]:
+    """Return the input as a source and its codes; of readings only where they are to be recorded."""
     name = files[-1]
-    if Path(name).suffix.lower() == ".mcap":
-        with contextlib.closing(Recording(name, load_sensor(files[0]) if len(files) > 1 else None)) as source:
-            return source.sensor, [decode(raw, source.sensor) for raw in source]
-    if len(files) < 2:
-        raise OptionError(f"{name} does not say what sensor it is of: tacstrip track SENSOR {name}")
-    sensor = load_sensor(files[0])
-    return sensor, read_readings(name, sensor)
+    if Path(name).suffix.lower() != ".mcap":
+        if len(files) < 2:
+            raise OptionError(f"{name} does not say what sensor it is of: tacstrip track SENSOR {name}")
+        if not recorded:
+            return None, []
+    with contextlib.closing(open_source(name, load_sensor(files[0]) if len(files) > 1 else None)) as source:
+        one_layer(name, source.sensor)
+        return source, list(source)
+
+
+def _record(
+    output: Path,
+    files: tuple[str, ...],
+    source: Recording | ReadingsSource,
+    raws: list[RawScan],
+    tracks: list[Track],
+) -> None:
+    """Write the scans with the objects that each of them shows."""
+    about = {"source": Path(files[-1]).name, "sensor": Path(files[0]).name}
+    if isinstance(source, Recording):
+        about["method"] = source.about.get("method", "")
+    with (
+        replacing(output) as part,
+        Recorder(part, source.sensor, source.names, source.origin_ns, about, force=True) as recorder,
+    ):
+        for i, raw in enumerate(raws):
+            shown = [
+                TrackedShape(
+                    t.id, t.status, t.outline, t.poses[i], int(t.present.sum()), t.advice, t.covariance,
+                    t.pose_covariances[i],
+                )
+                for t in tracks
+                if t.present[i]
+            ]  # fmt: skip
+            recorder.add(replace(raw, tracks=tuple(shown)))
 
 
 def _line(one: Track) -> str:
@@ -82,4 +127,9 @@ def _line(one: Track) -> str:
         way = np.ptp(one.poses[seen], axis=0)
         text += f", moved {way[0]:.3g} mm across and {way[1]:.3g} mm along the strips"
         text += f", turned {np.rad2deg(way[2]):.3g} deg"
+    if one.motion != "free":
+        text += f"; taken for {one.motion}"
+    if one.offsets:
+        most = max(float(np.abs(values).max()) for values in one.offsets.values())
+        text += f"; channels are off by up to {100.0 * most:.2g} % of Vref"
     return f"{text}. {one.advice}" if one.advice else text

@@ -18,6 +18,7 @@ import shapely
 from tacstrip.arguments import takes
 from tacstrip.arrays import BoolArray, FloatArray, IntArray, extent, touched_strips
 from tacstrip.contact.shape import Contact
+from tacstrip.core.binding import at, exported
 from tacstrip.sensor.spec import Sensor
 
 Intervals: TypeAlias = tuple[IntArray, FloatArray, FloatArray]
@@ -107,21 +108,32 @@ def footprint(sensor: Sensor, contact: Contact | Sequence[Contact]) -> Footprint
     outside = _sticks_out(sensor, contacts)
     for number in np.flatnonzero(outside.any(axis=1)):
         contacts[number] = on_sensor(sensor, contacts[number])
-    shape = (len(contacts), sensor.strips)
-    l, u = np.full(shape, np.inf), np.full(shape, -np.inf)
-    area = _area_crossings(sensor, contacts)
-    for index, y0, y1 in (
-        (area.owner * sensor.strips + area.strip, area.y, area.y),
-        _thin_touches(sensor, contacts),
-    ):
-        np.minimum.at(l.reshape(-1), index, np.minimum(y0, y1))
-        np.maximum.at(u.reshape(-1), index, np.maximum(y0, y1))
-    untouched = l > u
-    l[untouched] = u[untouched] = np.nan
+    l, u = _area_ends(sensor, contacts)
+    if any(s.geom_type != "Polygon" for c in contacts for s in c.shapes):
+        index, y0, y1 = _thin_touches(sensor, contacts)
+        np.fmin.at(l.reshape(-1), index, np.minimum(y0, y1))
+        np.fmax.at(u.reshape(-1), index, np.maximum(y0, y1))
     if isinstance(contact, Contact):
         l, u = l[0], u[0]
     cut = outside[:, 1:] if sensor.closed else outside
     return Footprint(l, u, bool(cut.any()), sensor, tuple(contacts))
+
+
+def _area_ends(sensor: Sensor, contacts: Sequence[Contact]) -> tuple[FloatArray, FloatArray]:
+    """Return l and u of the areas alone (contacts, strips) [mm], NaN where none touches."""
+    shape = (len(contacts), sensor.strips)
+    if (core := exported("footprint")) is not None:
+        start, end, owner = _edges(contacts, "Polygon")
+        l, u, edges = np.empty(shape), np.empty(shape), np.concatenate((start, end), axis=1)
+        begin = np.searchsorted(owner, np.arange(len(contacts) + 1))
+        core(at(edges), at(begin), len(contacts), sensor.pitch_mm, sensor.strips, at(l), at(u))
+        return l, u
+    l, u = np.full(shape, np.nan), np.full(shape, np.nan)
+    area = _area_crossings(sensor, contacts)
+    index = area.owner * sensor.strips + area.strip
+    np.fmin.at(l.reshape(-1), index, area.y)
+    np.fmax.at(u.reshape(-1), index, area.y)
+    return l, u
 
 
 def on_sensor(sensor: Sensor, contact: Contact) -> Contact:
@@ -142,11 +154,14 @@ def on_sensor(sensor: Sensor, contact: Contact) -> Contact:
 
 def _sticks_out(sensor: Sensor, contacts: Sequence[Contact]) -> BoolArray:
     """Tell which contacts reach beyond the sensor in x and in y (contacts, 2)."""
-    owner = np.repeat(np.arange(len(contacts)), [len(c.shapes) for c in contacts])
-    bounds = shapely.bounds(np.array([s for c in contacts for s in c.shapes]))  # (shapes, 4)
+    shapes = [s for c in contacts for s in c.shapes]
+    bounds = shapely.bounds(shapes)  # (shapes, 4)
     out = (bounds[:, :2] < 0.0) | (bounds[:, 2:] > (sensor.width_mm, sensor.length_mm))
     if sensor.closed:  # what only reaches the seam touches the strips on both sides
         out[:, 0] = (bounds[:, 0] <= 0.0) | (bounds[:, 2] >= sensor.width_mm)
+    if len(shapes) == len(contacts):
+        return np.asarray(out)
+    owner = np.repeat(np.arange(len(contacts)), [len(c.shapes) for c in contacts])
     return np.stack([np.bincount(owner, weights=o, minlength=len(contacts)) > 0 for o in out.T], axis=1)
 
 
@@ -155,7 +170,7 @@ def _edges(contacts: Sequence[Contact], kind: str) -> tuple[FloatArray, FloatArr
     pairs = [(s, i) for i, c in enumerate(contacts) for s in c.shapes if s.geom_type == kind]
     lines = np.array([s for s, _ in pairs])
     owner = np.array([i for _, i in pairs], dtype=np.int64)
-    if kind == "Polygon":
+    if kind == "Polygon" and shapely.get_num_interior_rings(lines).any():
         lines, part = shapely.get_rings(lines, return_index=True)
         owner = owner[part]
     xy, line = shapely.get_coordinates(lines, return_index=True)

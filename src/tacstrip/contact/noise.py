@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
@@ -38,11 +39,11 @@ def digitise(k: FloatArray, bits: int | None) -> FloatArray:
 
     Codes run from 0 to 2^bits - 1, which reads Vref. Without a converter, readings are only clipped.
     """
-    k = np.clip(k, 0.0, 1.0)
+    k = np.minimum(np.maximum(k, 0.0), 1.0)
     if bits is None:
         return k
     top = 2.0**bits - 1.0
-    return np.asarray(np.round(k * top) / top)
+    return np.asarray(np.rint(k * top) / top)
 
 
 def generator(rng: Rng) -> np.random.Generator:
@@ -72,7 +73,7 @@ class NoiseProcess:
     """
 
     def __init__(self, noise: Noise, sensor: Sensor, rng: Rng = 0) -> None:
-        self.noise, self.sensor, self._random = noise, sensor, generator(rng)
+        self.noise, self.sensor, self._rng = noise, sensor, rng
         self._time_s = math.nan
         self._wander: dict[str, FloatArray] = {}  # of each channel (processes, *channel)
         if noise.independent:
@@ -85,6 +86,12 @@ class NoiseProcess:
         self._edges = noise.edge_mm * _correlated(draw((2, n)), sensor.pitch_mm, noise.edge_correlation_mm)
         self._edges += noise.blur_mm * draw() * np.array([[-1.0], [1.0]])
         self._common = draw(len(noise.processes))
+
+    @cached_property
+    def _random(self) -> np.random.Generator:
+        return generator(
+            self._rng
+        )  # when it is first used: making one takes as long as a scan's closed forms
 
     def add(
         self,
@@ -103,7 +110,10 @@ class NoiseProcess:
         ends_mm
             l and u of the contact [mm], of the readings' shape: where soft edges move them.
         """
-        noise, random, turn = self.noise, self._random, 2.0 * math.pi * self.noise.hum_hz
+        noise = self.noise
+        if noise.independent and not (noise.quantisation or noise.positional):
+            return dict(ideal)
+        random, turn = self._random, 2.0 * math.pi * self.noise.hum_hz
         found = {name: add_reading_errors(k, noise, random) for name, k in ideal.items()}
         if noise.independent:
             return found

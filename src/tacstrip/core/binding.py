@@ -20,6 +20,14 @@ def _fields(**kinds: Any) -> list[Any]:
     return list(kinds.items())
 
 
+class Sendable:
+    """What keeps a struct of addresses in `compiled`, and leaves it behind on the way to another process."""
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return all else."""
+        return {name: value for name, value in vars(self).items() if name != "compiled"}
+
+
 class Problem(ctypes.Structure):
     """`Problem` of core.h; `arrays` keeps alive what it points to."""
 
@@ -57,10 +65,61 @@ class Scans(ctypes.Structure):
     )  # fmt: skip
 
 
+class CrossedLayer(ctypes.Structure):
+    """`CrossedLayer` of core.h; `arrays` keeps alive what it points to."""
+
+    arrays: tuple[npt.NDArray[Any], ...]
+    _fields_ = _fields(
+        n=_INT, signatures=_INT, x=_POINTER, k=_POINTER, weight=_POINTER, touched=_POINTER, pitch=_DOUBLE,
+        length=_DOUBLE, share=_DOUBLE * 2, narrow=_DOUBLE, lam=_DOUBLE, rotation=_DOUBLE * 4, origin=_DOUBLE * 2,
+    )  # fmt: skip
+
+
 class Loss(ctypes.Structure):
     """`Loss` of core.h."""
 
     _fields_ = _fields(tolerance=_DOUBLE, cauchy=_DOUBLE, end=_DOUBLE)
+
+
+class CornerPrior(ctypes.Structure):
+    """`CornerPrior` of core.h; `arrays` keeps alive what it points to."""
+
+    arrays: tuple[npt.NDArray[np.float64], ...]
+    _fields_ = _fields(information=_POINTER, slope=_POINTER, about=_POINTER)
+
+
+class BatchSensor(ctypes.Structure):
+    """`BatchSensor` of core.h."""
+
+    _fields_ = _fields(
+        strips=_INT, signatures=_INT, single=_INT, pitch=_DOUBLE, length=_DOUBLE, share=_DOUBLE * 2,
+        narrow=_DOUBLE, lam=_DOUBLE, top=_DOUBLE,
+    )  # fmt: skip
+
+
+class BatchErrors(ctypes.Structure):
+    """`BatchErrors` of core.h."""
+
+    _fields_ = _fields(key=ctypes.c_uint * 2, uniform=_DOUBLE * 2, sigma=_DOUBLE)
+
+
+class ShapeLaws(ctypes.Structure):
+    """`ShapeLaws` of core.h."""
+
+    _fields_ = _fields(
+        polygons=_DOUBLE, circles=_DOUBLE, corners=_INT * 2, objects=_INT * 2, frames=_INT, apart=_INT,
+        size=_DOUBLE * 2, aspect=_DOUBLE * 2, turn=_DOUBLE * 2, x=_DOUBLE * 2, y=_DOUBLE * 2,
+        irregularity=_DOUBLE, gap=_DOUBLE, travel=_DOUBLE, spin=_DOUBLE,
+    )  # fmt: skip
+
+
+class BatchResult(ctypes.Structure):
+    """`BatchResult` of core.h."""
+
+    _fields_ = _fields(
+        readings=_POINTER * 2, l=_POINTER, u=_POINTER, vertices=_POINTER, pose=_POINTER, axes=_POINTER,
+        kind=_POINTER, corners=_POINTER,
+    )  # fmt: skip
 
 
 MAX_VERTICES = 16  # interior vertices of a polygon
@@ -70,6 +129,7 @@ SIZE = END_ENTRIES + 2 * MAX_VERTICES
 POLYGON = np.dtype(
     _fields(m="i8", vertical="2i8", upper=f"{MAX_VERTICES}i8", theta=f"{SIZE}f8", cost="f8", score="f8")
 )
+SHAPE_CORNERS, SHAPE_OBJECTS = 16, 8  # of a drawn polygon and of a drawn scene
 KNOTS, MOST_CORNERS = 20, 26  # points of a chain and vertices of a sampled outline
 HOTTEST = 6  # temperatures of a sampler
 RIGID_CORNERS = 24  # corners of an outline that keeps its shape
@@ -91,7 +151,7 @@ RUN = np.dtype(
 )  # fmt: skip
 
 _PROBLEM, _LINES, _BAND = (ctypes.POINTER(struct) for struct in (Problem, Lines, Band))
-_SCANS, _LOSS = (ctypes.POINTER(struct) for struct in (Scans, Loss))
+_SCANS, _LOSS, _PRIOR = (ctypes.POINTER(struct) for struct in (Scans, Loss, CornerPrior))
 _NOTHING = ctypes.c_char * 0
 _SEARCH_WORKSPACE = 3613  # doubles: SEARCH_WORKSPACE of core.h
 # What each one returns and takes; a pointer stands for the array that core.h describes.
@@ -119,11 +179,17 @@ _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "rigid_poses": (None, (_SCANS, _LOSS, _POINTER, _INT, _POINTER, _INT, _INT, _POINTER)),
     "rigid_descend": (
         _DOUBLE,
-        (_SCANS, _LOSS, _POINTER, _INT, _POINTER, _INT, _DOUBLE, _POINTER, _POINTER),
+        (_SCANS, _LOSS, _PRIOR, _POINTER, _INT, _POINTER, _INT, _DOUBLE, _POINTER, _POINTER),
+    ),
+    "refine_scene": (
+        _DOUBLE,
+        (_POINTER, _INT, _POINTER, _INT, _DOUBLE, _DOUBLE, _INT, _DOUBLE, _DOUBLE, *[_POINTER] * 4),
     ),
     "hull_equations": (_DOUBLE, (_SCANS, _LOSS, _POINTER, _INT, *[_POINTER] * 10)),
     "hull_poses": (None, (_SCANS, _LOSS, _POINTER, _INT, *[_POINTER] * 5, _INT, _INT, _POINTER)),
     "isolated_outliers": (_INT, (_POINTER, _INT, _INT, _POINTER)),
+    "batch": (_INT, (*[_POINTER] * 3, _INT, _INT, *[_POINTER] * 4)),
+    "footprint": (None, (_POINTER, _POINTER, _INT, _DOUBLE, _INT, _POINTER, _POINTER)),
     "spikes": (None, (_POINTER, _INT, _DOUBLE, _POINTER, _POINTER)),
 }
 
@@ -132,6 +198,7 @@ _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
 # to wait until that one lets go.
 _LONG = frozenset(
     (
+        "batch",
         "fit_run",
         "fit_counts",
         "feasible_part",
@@ -140,6 +207,7 @@ _LONG = frozenset(
         "rigid_poses",
         "rigid_descend",
         "hull_poses",
+        "refine_scene",
     )
 )
 

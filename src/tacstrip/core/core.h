@@ -14,7 +14,7 @@
 #ifndef TACSTRIP_CORE_H
 #define TACSTRIP_CORE_H
 
-#define TACSTRIP_VERSION 5 /* goes up whenever a function or a struct of this file changes */
+#define TACSTRIP_VERSION 8 /* goes up whenever a function or a struct of this file changes */
 
 #define MAX_VERTICES 16        /* interior vertices of a polygon */
 #define END_ENTRIES 6          /* entries of theta before the first vertex */
@@ -26,6 +26,8 @@
 #define KNOTS 20               /* points of one chain of a sampled outline, both ends included */
 #define MOST_CORNERS 26        /* vertices of a sampled outline */
 #define HOTTEST 6              /* temperatures of a sampler */
+#define SHAPE_CORNERS 16       /* of a drawn polygon */
+#define SHAPE_OBJECTS 8        /* of a drawn scene */
 #define RIGID_CORNERS 24       /* corners of an outline that keeps its shape, at most; 19 in a descent */
 #define HULL_OBJECTS 8         /* objects on the same strips, at most */
 
@@ -87,12 +89,29 @@ typedef struct {
   double share[2], narrow, lam; /* as in Problem */
 } Scans;
 
+/* What one layer of crossed ones read; lengths in mm. */
+typedef struct {
+  Int n, signatures;
+  const double *x;      /* centre lines in the layer (n,), ascending */
+  const double *k;      /* readings (signatures, n), finite */
+  const double *weight; /* 1 / sigma^2 (signatures, n); 0 leaves a reading out */
+  const unsigned char *touched; /* which strips are touched (n,), 0 or 1 */
+  double pitch, length;
+  double share[2], narrow, lam; /* as in Problem */
+  double rotation[4], origin[2]; /* directions of the layer in the whole (2, 2), and where its x = 0, y = 0 lies there */
+} CrossedLayer;
+
 /* How far readings may lie from what an outline makes. */
 typedef struct {
   double tolerance; /* of edges, across them [mm]; adds to sigma */
   double cauchy;    /* scale of Cauchy's loss, in sigmas; 0: least squares */
   double end;       /* deviation of an end corner from the gap between strips that it lies in [mm] */
 } Loss;
+
+/* What is known of corners (N, 2) beside the scans: (c - about)' information (c - about) - 2 slope' (c - about). */
+typedef struct {
+  const double *information, *slope, *about; /* (2 N, 2 N), (2 N,), (2 N,) */
+} CornerPrior;
 
 /* A fit of a run of strips. */
 typedef struct {
@@ -124,6 +143,36 @@ typedef struct {
   double fade;              /* width at either bound [Vref] over which a reading becomes less likely */
   double windows[4];        /* where the left and the right end of the contact lie [mm] */
 } Band;
+
+/* A sensor as batches of scans take it, lengths in mm. */
+typedef struct {
+  Int strips, signatures, single; /* single: results are float, else double */
+  double pitch, length, share[2], narrow; /* share, narrow as in Problem */
+  double lam; /* decay length of the contact resistance [mm] */
+  double top; /* greatest code of the converter; 0: none */
+} BatchSensor;
+
+/* Errors of every reading by itself: half-widths of uniform ones, and the deviation of a normal one [Vref]. */
+typedef struct {
+  unsigned int key[2];
+  double uniform[2], sigma;
+} BatchErrors;
+
+/* How shapes are drawn; pairs are the least and the greatest. */
+typedef struct {
+  double polygons, circles; /* share of polygons, and of these and circles; the rest are ellipses */
+  Int corners[2], objects[2], frames, apart; /* up to SHAPE_CORNERS and SHAPE_OBJECTS; scans of a scene; kept apart in x */
+  double size[2], aspect[2], turn[2], x[2], y[2]; /* diameter, short axis over long, angle, centres [mm, rad] */
+  double irregularity, gap, travel, spin; /* of corners' angles, 0 to 1; in x; of the way; greatest turn on it */
+} ShapeLaws;
+
+/* Where a batch is written: readings, l and u (scans, strips), NaN where nothing touches; l may be null. Of drawn shapes
+   kind and corners (scans, objects), pose (scans, objects, 3): x, y, angle; axes (scans, objects, 2): half the long and the
+   short one; vertices (scans, objects, corners, 2); kind may be null, and then the others are not written. */
+typedef struct {
+  void *readings[2], *l, *u, *vertices, *pose, *axes;
+  signed char *kind, *corners;
+} BatchResult;
 
 /* TACSTRIP_VERSION; a loader refuses a library of another version. */
 EXPORTED int tacstrip_core_version(void);
@@ -172,6 +221,14 @@ EXPORTED Int tacstrip_fit_counts(const Problem *problem, Int sigma_known, Int ma
    cost, and ends early when it is not on its way to cost less than `wanted`. */
 EXPORTED double tacstrip_fit_ellipse(const Problem *problem, const Polygon *start, double wanted, double *ellipse,
                                      double *information);
+
+/* Improve the corners (2 M,) [mm] of polygons, sizes (polygons,), in place by Levenberg-Marquardt on what crossed layers read,
+   and return the cost; matrix (2 M, 2 M) and gradient (2 M,) are J'WJ and J'Wr there. With 0 steps only that.
+   soft: by so much [mm] more uncertain readings count; reach: deviations after which a residual counts ever less, 0: never;
+   longest: a step of a corner at most [mm]. workspace (8 M + 8 M^2,). */
+EXPORTED double tacstrip_refine_scene(const CrossedLayer *layers, Int count, const Int *sizes, Int polygons, double soft,
+                                      double reach, Int steps, double damping, double longest, double *corners,
+                                      double *matrix, double *gradient, double *workspace);
 
 /* Mark the readings k (n,) that stand out from their neighbours in out (n,), 0 or 1; NaN counts as out.
    workspace (3 n,). */
@@ -280,11 +337,23 @@ EXPORTED double tacstrip_rigid_equations(const Scans *scans, const Loss *loss, c
 EXPORTED void tacstrip_rigid_poses(const Scans *scans, const Loss *loss, const double *corners, Int count, double *poses,
                                    Int starts, Int steps, double *costs);
 
-/* Move corners (count, 2), at most SIZE / 2, and poses (scans, 3) downhill together until a step gains less than `enough`;
-   the pose in the middle stays. Writes costs (scans,) and returns the total.
-   workspace (scans (31 + 12 count) + 8 count^2 + 8 count,). */
-EXPORTED double tacstrip_rigid_descend(const Scans *scans, const Loss *loss, double *corners, Int count, double *poses,
-                                       Int steps, double enough, double *costs, double *workspace);
+/* Move corners (count, 2), at most SIZE / 2, and poses (scans, 3) downhill together until a step gains less than `enough`.
+   Without a prior, null, the pose in the middle stays; a prior holds the frame too. Writes costs (scans,) and returns the
+   total, with the prior's. workspace (scans (31 + 12 count) + 8 count^2 + 8 count,). */
+EXPORTED double tacstrip_rigid_descend(const Scans *scans, const Loss *loss, const CornerPrior *prior, double *corners,
+                                       Int count, double *poses, Int steps, double enough, double *costs,
+                                       double *workspace);
+
+/* Simulate scans number first to first + scans - 1: of shapes drawn by laws, or where that is null of contacts from l to u
+   (scans, strips) [mm]. Numbers depend on the key and the scan's number alone. Returns the place (scan, strip) of the first
+   strip that a contact on metal shorts, -1 where there is none. workspace (15 strips + 512,). */
+EXPORTED Int tacstrip_batch(const BatchSensor *sensor, const ShapeLaws *laws, const BatchErrors *errors, Int first,
+                            Int scans, const double *l, const double *u, const BatchResult *out, double *workspace);
+
+/* Write the hull l and u (contacts, strips) [mm] of areas, NaN where nothing touches. edges (E, 4): x and y of both ends
+   of every side; those of contact c are begin[c] to begin[c + 1] - 1. */
+EXPORTED void tacstrip_footprint(const double *edges, const Int *begin, Int contacts, double pitch, Int strips, double *l,
+                                 double *u);
 
 /* The normal equations of several outlines on the same strips: corners (sum of counts, 2), one outline after the other, and
    poses (scans, objects, 3); present (scans, objects) leaves an object out where it is 0. known (scans, strips) is 0 where

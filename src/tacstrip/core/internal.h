@@ -29,10 +29,41 @@ static inline double larger(double a, double b) { return a > b ? a : b; }
 static inline double magnitude(double v) { return v < 0.0 ? -v : v; }
 static inline double clip(double v, double low, double high) { return smaller(larger(v, low), high); }
 
+typedef union {
+  double value;
+  Int bits;
+} Word;
+
+static const double LN2_HIGH = 6.93147180369123816490e-01, LN2_LOW = 1.90821492927058770002e-10;
+
+/* x = 2^k m with m about 1; log m = 2 artanh f, f = (m - 1) / (m + 1). x > 0, no branch: a loop of them is worked in lanes. */
+static inline double natural_log(double x) {
+  Word word, power;
+  word.value = x;
+  power.bits = (Int)((unsigned long long)word.bits >> 52) | 0x4330000000000000LL; /* 2^52 and k + 1023 */
+  word.bits = (word.bits & 0xfffffffffffffLL) | 0x3ff0000000000000LL;
+  double m = word.value, k = power.value - 4503599627371519.0;
+  int large = m > 1.4142135623730951;
+  m = large ? m * 0.5 : m;
+  k = large ? k + 1.0 : k;
+  double f = (m - 1.0) / (m + 1.0), z = f * f, sum = 1.0 / 23.0;
+  sum = sum * z + 1.0 / 21.0;
+  sum = sum * z + 1.0 / 19.0;
+  sum = sum * z + 1.0 / 17.0;
+  sum = sum * z + 1.0 / 15.0;
+  sum = sum * z + 1.0 / 13.0;
+  sum = sum * z + 1.0 / 11.0;
+  sum = sum * z + 1.0 / 9.0;
+  sum = sum * z + 1.0 / 7.0;
+  sum = sum * z + 1.0 / 5.0;
+  sum = sum * z + 1.0 / 3.0;
+  sum = sum * z + 1.0;
+  return k * LN2_HIGH + (2.0 * f * sum + k * LN2_LOW);
+}
+
 /* mathematics.c */
 HIDDEN double exponential(double x);        /* |x| < 700 */
 HIDDEN double uniform_draw(unsigned long long place); /* a place in the one sequence of numbers from 0 to 1 */
-HIDDEN double natural_log(double x);        /* x > 0 */
 HIDDEN double hyperbolic_tangent(double x); /* any x */
 HIDDEN double arctangent(double x);         /* x >= 0 */
 HIDDEN double sine(double x);               /* |x| < 1e6 */

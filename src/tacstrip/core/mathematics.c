@@ -2,13 +2,6 @@
 
 #include "internal.h"
 
-typedef union {
-  double value;
-  Int bits;
-} Word;
-
-static const double LN2_HIGH = 6.93147180369123816490e-01, LN2_LOW = 1.90821492927058770002e-10;
-
 /* x = k ln 2 + r, |r| <= ln 2 / 2; e^r by its series, from r^13 / 13! down. */
 double exponential(double x) {
   static const double series[] = {
@@ -32,21 +25,6 @@ double hyperbolic_tangent(double x) {
     value = a / below;
   } else value = 1.0 - 2.0 / (exponential(2.0 * a) + 1.0);
   return x < 0.0 ? -value : value;
-}
-
-/* x = 2^k m with m about 1; log m = 2 artanh f, f = (m - 1) / (m + 1). */
-double natural_log(double x) {
-  static const double series[] = {1.0 / 23.0, 1.0 / 21.0, 1.0 / 19.0, 1.0 / 17.0, 1.0 / 15.0, 1.0 / 13.0,
-                                  1.0 / 11.0, 1.0 / 9.0,  1.0 / 7.0,  1.0 / 5.0,  1.0 / 3.0,  1.0};
-  Word word;
-  word.value = x;
-  Int k = (word.bits >> 52) - 1023;
-  word.bits = (word.bits & 0xfffffffffffffLL) | 0x3ff0000000000000LL;
-  double m = word.value;
-  if (m > 1.4142135623730951) { m *= 0.5; k++; }
-  double f = (m - 1.0) / (m + 1.0), z = f * f, sum = 0.0;
-  for (int i = 0; i < 12; i++) sum = sum * z + series[i];
-  return (double)k * LN2_HIGH + (2.0 * f * sum + (double)k * LN2_LOW);
 }
 
 /* splitmix64 */

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray
-from tacstrip.core.binding import Problem, at
+from tacstrip.core.binding import Problem, Sendable, at
 from tacstrip.sensor.closed_form import fraction, reading_jacobian, sensing_share
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
@@ -20,7 +20,7 @@ _STRIPS = 100  # the search makes longer runs as short as that
 
 
 @dataclass(frozen=True, eq=False)
-class FitProblem:
+class FitProblem(Sendable):
     """The readings of neighbouring strips, of S signatures.
 
     Attributes

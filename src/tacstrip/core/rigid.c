@@ -152,8 +152,9 @@ void tacstrip_rigid_poses(const Scans *s, const Loss *loss, const double *corner
 }
 
 /* Solve the damped equations with the poses eliminated (Schur's complement). Writes steps of corners (2 N,) and poses (S, 3);
-   0 where they are not positive definite. */
-static int joint_step(Int scans, Int size, const Normal *n, double damping, double *by_corner, double *by_pose) {
+   0 where they are not positive definite. `pinned` holds the pose in the middle. */
+static int joint_step(Int scans, Int size, const Normal *n, double damping, double pinned, double *by_corner,
+                      double *by_pose) {
   Matrix a, b;
   for (Int i = 0; i < size; i++) {
     for (Int j = 0; j < size; j++) a[i][j] = n->shape[i * size + j];
@@ -165,7 +166,7 @@ static int joint_step(Int scans, Int size, const Normal *n, double damping, doub
     double weighted[3][SIZE], residual[3];
     for (int i = 0; i < 3; i++) {
       for (int j = 0; j < 3; j++) b[i][j] = pose[3 * i + j];
-      b[i][i] += damping * b[i][i] + LEAST + (s == scans / 2 ? PINNED : 0.0);
+      b[i][i] += damping * b[i][i] + LEAST + (s == scans / 2 ? pinned : 0.0);
     }
     if (!factor(b, 3)) return 0;
     for (Int c = 0; c < size; c++) {
@@ -189,7 +190,7 @@ static int joint_step(Int scans, Int size, const Normal *n, double damping, doub
     const double *pose = n->pose + 9 * s, *mixed = n->mixed + 3 * size * s;
     for (int i = 0; i < 3; i++) {
       for (int j = 0; j < 3; j++) b[i][j] = pose[3 * i + j];
-      b[i][i] += damping * b[i][i] + LEAST + (s == scans / 2 ? PINNED : 0.0);
+      b[i][i] += damping * b[i][i] + LEAST + (s == scans / 2 ? pinned : 0.0);
       by_pose[3 * s + i] = n->pose_slope[3 * s + i];
       for (Int c = 0; c < size; c++) by_pose[3 * s + i] -= mixed[i * size + c] * by_corner[c];
     }
@@ -199,11 +200,29 @@ static int joint_step(Int scans, Int size, const Normal *n, double damping, doub
   return 1;
 }
 
-double tacstrip_rigid_descend(const Scans *s, const Loss *loss, double *corners, Int count, double *poses, Int steps,
-                              double enough, double *costs, double *workspace) {
+/* Add what is known of the corners to their equations, and return what they cost by it. */
+static double add_prior(const CornerPrior *prior, Int size, const double *corners, const Normal *n) {
+  double cost = 0.0;
+  if (!prior) return cost;
+  for (Int i = 0; i < size; i++) {
+    double pull = prior->slope[i];
+    for (Int j = 0; j < size; j++) {
+      double weight = prior->information[i * size + j];
+      n->shape[i * size + j] += weight;
+      pull -= weight * (corners[j] - prior->about[j]);
+    }
+    n->shape_slope[i] += pull;
+    cost -= (corners[i] - prior->about[i]) * (pull + prior->slope[i]);
+  }
+  return cost;
+}
+
+double tacstrip_rigid_descend(const Scans *s, const Loss *loss, const CornerPrior *prior, double *corners, Int count,
+                              double *poses, Int steps, double enough, double *costs, double *workspace) {
   Int size = 2 * count, scans = s->scans, block = scans * (12 + 3 * size) + size * size + size;
   double *at = workspace + 2 * block, *trial_corners = at, *trial_poses = at + size, damping = DAMPING;
   double *by_corner = trial_poses + 3 * scans, *by_pose = by_corner + size, *trial_costs = by_pose + 3 * scans;
+  double pinned = prior ? 0.0 : PINNED;
   Normal n[2];
   CHECK(size <= SIZE);
   for (int i = 0; i < 2; i++) {
@@ -217,14 +236,16 @@ double tacstrip_rigid_descend(const Scans *s, const Loss *loss, double *corners,
   int now = 0;
   double cost = tacstrip_rigid_equations(s, loss, corners, count, poses, n[0].pose, n[0].mixed, n[0].shape,
                                          n[0].pose_slope, n[0].shape_slope, costs);
+  cost += add_prior(prior, size, corners, &n[0]);
   for (Int step = 0; step < steps && damping < HOPELESS; step++) {
     double new_cost = INFINITE;
     const Normal *o = &n[!now];
-    if (joint_step(scans, size, &n[now], damping, by_corner, by_pose)) {
+    if (joint_step(scans, size, &n[now], damping, pinned, by_corner, by_pose)) {
       for (Int i = 0; i < size; i++) trial_corners[i] = corners[i] + by_corner[i];
       for (Int i = 0; i < 3 * scans; i++) trial_poses[i] = poses[i] + by_pose[i];
       new_cost = tacstrip_rigid_equations(s, loss, trial_corners, count, trial_poses, o->pose, o->mixed, o->shape,
                                           o->pose_slope, o->shape_slope, trial_costs);
+      new_cost += add_prior(prior, size, trial_corners, o);
     }
     if (new_cost < cost) {
       int done = cost - new_cost < enough * larger(1.0, 1e-4 * cost);

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
-from tacstrip.core.binding import RIGID_CORNERS, Loss, Scans, at, exported
+from tacstrip.core.binding import RIGID_CORNERS, CornerPrior, Loss, Scans, Sendable, at, exported
 from tacstrip.core.problem import LEAST_D
 from tacstrip.sensor.closed_form import sensing_share
 from tacstrip.sensor.constructions import SIGNATURES
@@ -29,7 +29,7 @@ _SETTLED = 1e-3  # gain in chi square, or in a pose's own cost its share, that e
 
 
 @dataclass(frozen=True, eq=False)
-class RigidScans:
+class RigidScans(Sendable):
     """Readings of one object, scan by scan, of S signatures.
 
     Attributes
@@ -58,6 +58,11 @@ class RigidScans:
     def readings(self) -> IntArray:
         """Readings of each scan (T,)."""
         return np.asarray(np.isfinite(self.k).sum(axis=(1, 2)), dtype=np.int64)
+
+    @cached_property
+    def strips_touched(self) -> float:
+        """How many strips a scan touches, in the median."""
+        return float(np.median(np.isfinite(self.k).any(axis=1).sum(axis=1)))
 
     @cached_property
     def shares(self) -> FloatArray:
@@ -113,6 +118,39 @@ class Equations:
     costs: FloatArray
 
 
+@dataclass(frozen=True, eq=False)
+class Prior:
+    """What is known of corners beside the scans: a normal distribution.
+
+    Attributes
+    ----------
+    information
+        Half the curvature of its cost (2 N, 2 N); it also holds the corners' frame.
+    slope
+        Half the descent of its cost at `about` (2 N,).
+    about
+        Corners (N, 2) [mm].
+    """
+
+    information: FloatArray
+    slope: FloatArray
+    about: FloatArray
+
+    @cached_property
+    def compiled(self) -> CornerPrior:
+        """What the compiled core takes; the arrays are this prior's own."""
+        arrays = tuple(np.ascontiguousarray(a) for a in (self.information, self.slope, self.about))
+        made = CornerPrior(*map(at, arrays))
+        made.arrays = arrays
+        return made
+
+    def at(self, corners: FloatArray) -> tuple[FloatArray, float]:
+        """Return half the descent of the cost at corners, and the cost."""
+        off = (corners - self.about).ravel()
+        pull = self.slope - self.information @ off
+        return np.asarray(pull), float(-off @ (pull + self.slope))
+
+
 def loss(scans: RigidScans, tolerance_mm: float = 0.0, cauchy: float = 0.0, end: float = 0.05) -> Loss:
     """Return how far readings may lie from what an outline makes.
 
@@ -159,29 +197,36 @@ def fit_poses(
 
 
 def descend(
-    scans: RigidScans, corners: FloatArray, poses: FloatArray, how: Loss, steps: int = 40
+    scans: RigidScans,
+    corners: FloatArray,
+    poses: FloatArray,
+    how: Loss,
+    steps: int = 40,
+    prior: Prior | None = None,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return corners (N, 2) and poses (T, 3) after a descent of both together, and the scans' costs (T,).
 
-    The pose of the scan in the middle stays where it is: it fixes the corners' frame.
+    Without a prior, which holds the corners' frame, the pose of the scan in the middle stays where it is.
     """
     core = exported("rigid_descend")
     if core is None or len(corners) > MOST_CORNERS:
-        return _plain_descend(scans, corners, poses, how, steps)
+        return _plain_descend(scans, corners, poses, how, steps, prior)
     corners, poses, costs, count = np.array(corners), np.array(poses), np.empty(len(poses)), len(corners)
     workspace = np.empty(len(poses) * (31 + 12 * count) + 8 * count**2 + 8 * count)
-    core(
-        scans.compiled, how, at(corners), count, at(poses), steps, _SETTLED, at(costs), at(workspace)
-    )  # fmt: skip
+    known = None if prior is None else prior.compiled
+    core(scans.compiled, how, known, at(corners), count, at(poses), steps, _SETTLED, at(costs), at(workspace))
     return corners, poses, costs
 
 
-def reduced(found: Equations, damping: float = 0.0) -> tuple[FloatArray, FloatArray, FloatArray]:
+def reduced(
+    found: Equations, damping: float = 0.0, pinned: float = PINNED
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the corners' equations without the poses, matrix and slope, and the inverse of the poses' (T, 3, 3)."""
     own = np.arange(3)
     blocks = found.pose.copy()
     blocks[:, own, own] += damping * blocks[:, own, own] + LEAST
-    blocks[len(blocks) // 2, own, own] += PINNED
+    middle = len(blocks) // 2
+    blocks[middle : middle + 1, own, own] += pinned
     inverse = np.linalg.inv(blocks)
     weighted = inverse @ found.mixed
     matrix = found.shape - np.einsum("tpc,tpd->cd", found.mixed, weighted)
@@ -191,11 +236,20 @@ def reduced(found: Equations, damping: float = 0.0) -> tuple[FloatArray, FloatAr
     return np.asarray(matrix), np.asarray(slope), np.asarray(inverse)
 
 
-def plain_equations(scans: RigidScans, corners: FloatArray, poses: FloatArray, how: Loss) -> Equations:
-    """Do as `equations`, all scans and strips at once."""
-    sensor, length, size = scans.sensor, scans.sensor.length_mm, 2 * len(corners)
-    there = np.isfinite(scans.k)
-    touched = np.asarray(there.any(axis=1))  # (T, n)
+@dataclass(frozen=True)
+class Linearised:
+    """What strips read of posed corners, and how it changes with pose and corners; arrays (T, S, n, ...)."""
+
+    model: FloatArray
+    rows: FloatArray  # dk by the pose (3) and the corners (2 N)
+    edges: FloatArray  # dk by a shift of the lower and of the upper edge across itself, squared
+    x: FloatArray  # of the corners (T, N) [mm]
+    y: FloatArray
+
+
+def linearised(scans: RigidScans, corners: FloatArray, poses: FloatArray) -> Linearised:
+    """Return what strips read of corners (N, 2) at poses (T, 3)."""
+    sensor, length = scans.sensor, scans.sensor.length_mm
     cos, sin = np.cos(poses[:, 2])[:, None], np.sin(poses[:, 2])[:, None]
     x = cos * corners[:, 0] - sin * corners[:, 1] + poses[:, :1]  # (T, N)
     y = sin * corners[:, 0] + cos * corners[:, 1] + poses[:, 1:2]
@@ -208,6 +262,27 @@ def plain_equations(scans: RigidScans, corners: FloatArray, poses: FloatArray, h
     t, mix = lam * h, 0.5 * (1.0 - h * h) if lam > 0.0 else np.zeros_like(w)
     over = 1.0 / np.maximum(1.0 - scans.narrow * (w - 2.0 * t), LEAST_D)
     rough = [1.0 + np.minimum(c[3] ** 2, STEEPEST) for c in (low, high)]
+    models, rows, edges = [], [], []
+    for share in scans.shares[: len(scans.names)]:
+        model = ((1.0 - share) * (l + t) + share * (u - t)) * over
+        lower, upper = (1.0 - share - scans.narrow * model) * over, (share + scans.narrow * model) * over
+        by_l, by_u = (
+            (lower * (1.0 - mix) + upper * mix) / length,
+            (upper * (1.0 - mix) + lower * mix) / length,
+        )
+        models.append(model)
+        rows.append((by_l * held[0])[..., None] * by[0] + (by_u * held[1])[..., None] * by[1])
+        edges.append(by_l**2 * rough[0] + by_u**2 * rough[1])
+    stacked = [np.stack(v, axis=1) for v in (models, rows, edges)]
+    return Linearised(stacked[0], stacked[1], stacked[2], x, y)
+
+
+def plain_equations(scans: RigidScans, corners: FloatArray, poses: FloatArray, how: Loss) -> Equations:
+    """Do as `equations`, all scans and strips at once."""
+    size, there = 2 * len(corners), np.isfinite(scans.k)
+    touched = np.asarray(there.any(axis=1))  # (T, n)
+    cos, sin = np.cos(poses[:, 2])[:, None], np.sin(poses[:, 2])[:, None]
+    at_poses = linearised(scans, corners, poses)
     pose, mixed = np.zeros((len(poses), 3, 3)), np.zeros((len(poses), 3, size))
     shape, slope, costs = np.zeros((size, size)), np.zeros((len(poses), 3 + size)), np.zeros(len(poses))
 
@@ -225,18 +300,11 @@ def plain_equations(scans: RigidScans, corners: FloatArray, poses: FloatArray, h
         )
         slope = slope + np.einsum("tmi,tm->ti", rows, weight * np.where(used, residual, 0.0))
 
-    for row, share in enumerate(scans.shares):
-        model = ((1.0 - share) * (l + t) + share * (u - t)) * over
-        lower, upper = (1.0 - share - scans.narrow * model) * over, (share + scans.narrow * model) * over
-        by_l, by_u = (
-            (lower * (1.0 - mix) + upper * mix) / length,
-            (upper * (1.0 - mix) + lower * mix) / length,
-        )
-        variance = scans.sigma**2 + how.tolerance**2 * (by_l**2 * rough[0] + by_u**2 * rough[1])
-        rows = (by_l * held[0])[..., None] * by[0] + (by_u * held[1])[..., None] * by[1]
-        add(rows, scans.k[:, row] - model, variance, there[:, row])
+    for row in range(len(scans.names)):
+        variance = scans.sigma**2 + how.tolerance**2 * at_poses.edges[:, row]
+        add(at_poses.rows[:, row], scans.k[:, row] - at_poses.model[:, row], variance, there[:, row])
     for right in (False, True):
-        rows, residual, used = _gap(scans, x, y, cos, sin, poses, touched, right)
+        rows, residual, used = _gap(scans, at_poses.x, at_poses.y, cos, sin, poses, touched, right)
         add(rows, residual, np.full(residual.shape, how.end**2), used)
     return Equations(pose, mixed, shape, slope[:, :3].copy(), slope[:, 3:].sum(axis=0), costs)
 
@@ -357,14 +425,23 @@ def _plain_fit_poses(
 
 
 def _plain_descend(
-    scans: RigidScans, corners: FloatArray, poses: FloatArray, how: Loss, steps: int
+    scans: RigidScans, corners: FloatArray, poses: FloatArray, how: Loss, steps: int, prior: Prior | None
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Do as `descend`."""
-    found, damping = plain_equations(scans, corners, poses, how), DAMPING
-    cost = float(found.costs.sum())
+
+    def costed(c: FloatArray, p: FloatArray) -> tuple[Equations, float]:
+        found = plain_equations(scans, c, p, how)
+        if prior is None:
+            return found, float(found.costs.sum())
+        pull, cost = prior.at(c)
+        shape, slope = found.shape + prior.information, found.shape_slope + pull
+        return replace(found, shape=shape, shape_slope=slope), float(found.costs.sum()) + cost
+
+    (found, cost), damping = costed(corners, poses), DAMPING
+    pinned = PINNED if prior is None else 0.0
     for _ in range(steps):
         new, new_cost = None, np.inf
-        matrix, slope, inverse = reduced(found, damping)
+        matrix, slope, inverse = reduced(found, damping, pinned)
         try:
             np.linalg.cholesky(matrix)
         except np.linalg.LinAlgError:
@@ -373,8 +450,7 @@ def _plain_descend(
             step = np.linalg.solve(matrix, slope)
             turn = np.einsum("tpq,tq->tp", inverse, found.pose_slope - found.mixed @ step)
             trial = corners + step.reshape(-1, 2), poses + turn
-            new = plain_equations(scans, *trial, how)
-            new_cost = float(new.costs.sum())
+            new, new_cost = costed(*trial)
         if new is not None and new_cost < cost:
             done = cost - new_cost < _SETTLED * max(1.0, 1e-4 * cost)
             (corners, poses), found, cost = trial, new, new_cost

@@ -24,6 +24,7 @@ _SPREAD = 0.05  # over Vref: what the neighbours must move for a reading that do
 _MOVES = 0.2  # over Vref: what the neighbours must move for a reading that should, and does not
 _ALIKE = 0.7  # correlation of a strip's neighbours that are under one object
 _FEW, _SOME = 3, 8  # places
+_ONE_CONTACT = 0.2  # over Vref: strips under one contact do not differ by more
 
 
 def on_rails(work: WorkingCopy) -> Iterator[Suspect]:
@@ -221,6 +222,8 @@ def never_touched(work: WorkingCopy) -> Iterator[Suspect]:
         if strip in (0, work.strips - 1):
             continue
         over = work.there[:, strip - 1] & work.there[:, strip + 1]
+        for values in work.k.values():  # one contact, not two with a gap between them
+            over &= ~(np.abs(values[:, strip + 1] - values[:, strip - 1]) > _ONE_CONTACT)
         edges = {(int(np.argmax(row)), int(np.argmax(row[::-1]))) for row in work.there[over]}
         moved = len({a for a, _ in edges}) + len({b for _, b in edges}) >= _FEW
         count = int(over.sum())

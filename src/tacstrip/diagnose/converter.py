@@ -9,12 +9,20 @@ import numpy as np
 from tacstrip.arrays import FloatArray
 from tacstrip.diagnose.faults import Finding
 from tacstrip.diagnose.log import Log
+from tacstrip.diagnose.regression import moved_to_and_fro
+from tacstrip.robust import robust_sigma
 
 _OVER = 0.02  # over Vref: what rounding and offsets may add
 _FAR = 0.1  # over Vref: one reading so far out is enough
 _BLOCKS = 16  # different settings of the higher bits, before a bit that never changes is called stuck
-_VISITS = 3  # of the end at Vref
-_NO_CEILING = 0.94  # of Vref: higher, clamps and a rim that no contact reaches do the same
+_VISITS = 2  # of the end at Vref by a strip
+_NO_CEILING = 0.965  # of Vref: higher, clamps and a rim that no contact reaches do the same
+_LAGS = 200  # parts of a recording: a contact that does not move in one is held, and piles up anywhere
+_ALONG, _ENOUGH = 0.4, 40  # over Vref, how far contacts move; readings of a strip
+_BEYOND = 0.15  # of the readings at a strip's highest level: more above it, and it is not the highest
+_OFTEN = 0.6  # of the strips
+_ALIKE = 0.045  # over Vref: scatter of their levels
+_PILE = 3.5  # times as dense as below
 _WHOLE = 1e-3  # of a step: rounding of printed volts
 
 
@@ -86,44 +94,57 @@ def wrong_reference(log: Log, sigma: float) -> tuple[list[Finding], float]:
         return found, 1.0
     finding = Finding(
         "wrong-vref", (),
-        f"all strips' highest readings are {factor:.4g} of Vref, at different times, as of contacts up to the end: "
+        f"all strips' readings pile up at {factor:.4g} of Vref, each time that a contact gets there, as at the end: "
         f"Vref is {factor * log.sensor.vref_volt:.4g} V, or the gain {factor:.4g}", {"factor": factor},
     )  # fmt: skip
     return [finding, *found], factor
 
 
 def _end_level(log: Log, sigma: float) -> float | None:
-    """Return the level below 1 that all strips' highest readings share, though contacts lie askew; None without one.
+    """Return the level below 1 at which all strips' readings pile up, each at its own but alike; None without one.
 
-    A contact at the end at Vref reads 1 (3.3), (3.8), whatever its length. Other contacts reach the same height on
-    all strips only if they lie straight, and then on all strips at once, or if they are not moved along the strips.
+    A contact that leaves over the end at Vref reads 1 (3.3), (3.8) all the while, whatever its length. Other contacts
+    reach the same height on all strips only if they lie straight, or are not moved along the strips.
     """
     k = log.k
     top = k.get("kh", k.get("k"))
     if top is None or not log.sensor.kind.closed_form:
         return None
-    often = np.isfinite(top).sum(axis=0) >= 20
-    if often.sum() < 4:
+    lag = max(1, len(top) // _LAGS)
+    changed = np.zeros(len(top), dtype=bool)
+    step = np.abs(np.nan_to_num(top[lag:], nan=-1.0) - np.nan_to_num(top[:-lag], nan=-1.0))
+    changed[lag:] = (step > max(0.01, 6.0 * sigma)).any(axis=1)  # a contact that is held piles up anywhere
+    wide = max(0.006, 2.0 * sigma)
+    found, seen = [], 0
+    for values in top.T:
+        own = values[np.isfinite(values) & changed]
+        seen += len(own) >= 20
+        if len(own) < _ENOUGH or not moved_to_and_fro(own, sigma, _ALONG):
+            continue
+        near = np.sort(own[own > np.sort(own)[-3] - 0.12])
+        count = np.searchsorted(near, near + 2.0 * wide) - np.arange(len(near))
+        at = int(np.argmax(count))
+        level = float(near[at]) + wide
+        below = (
+            np.count_nonzero((own > level - 0.1) & (own < level - 2.0 * wide))
+            * 2.0
+            * wide
+            / (0.1 - 2.0 * wide)
+        )
+        if np.count_nonzero(own > level + 1.5 * wide) > _BEYOND * count[at]:
+            continue
+        there = np.abs(own - level) <= wide
+        found.append(
+            (level, count[at] / max(below, 1.0), np.count_nonzero(np.diff(there.astype(np.int8)) == 1))
+        )
+    if len(found) < max(4, _OFTEN * seen):
         return None
-    near = max(0.004, 2.0 * sigma)
-    highest = np.sort(np.nan_to_num(top[:, often], nan=-1.0), axis=0)[-3]
-    level = float(np.median(highest))
-    shared = np.abs(highest - level) < near
-    if not 0.4 < level < _NO_CEILING or shared.mean() < 0.75:  # two strips of eight may be ill themselves
+    level, pile, visits = np.array(found).T
+    middle = float(np.median(level))
+    scatter = float(robust_sigma(level - middle))
+    if not 0.4 < middle < _NO_CEILING - scatter / np.sqrt(len(level)) or scatter > _ALIKE:
         return None
-    at = top > level - near
-    askew = (top < level - 0.03) & at.any(axis=1, keepdims=True)
-    heights = np.nanmax(np.where(np.isnan(top), -1.0, top), axis=1)
-    low, high = np.percentile(heights[heights >= 0.0], [5.0, 95.0])
-    lies_askew = askew.any(axis=1).sum() >= max(8.0, 0.1 * at.any(axis=1).sum())
-    if at.sum() < 5 * shared.sum() or not lies_askew or high - low < 0.15:
-        return None
-    # Readings pile up at an end, each time that a contact gets there; at the top of a turn they do not.
-    below = (top > level - 3.0 * near) & ~at
-    visits = np.count_nonzero(np.diff(at.any(axis=1).astype(int)) == 1)
-    if 2 * at.sum() < below.sum() or visits < _VISITS:
-        return None
-    return float(np.median(top[at]))
+    return middle if np.median(pile) > _PILE and np.median(visits) >= _VISITS else None
 
 
 def common_ceiling(log: Log, sigma: float) -> Iterator[Finding]:

@@ -78,14 +78,14 @@ def diagnose(log: Log) -> Report:
         sigma = min(sigma, _MOST_SIGMA)
     bits, no_bits = stuck_bits(part)
     ceiling = list(common_ceiling(part, sigma))
-    reference, factor = wrong_reference(part, sigma) if not ceiling else ([], 1.0)
+    geometric = log.sensor.kind.closed_form
+    pressed = list(pressure(part)) if geometric else []
+    reference, factor = wrong_reference(part, sigma) if not ceiling and not pressed else ([], 1.0)
     work = working_copy(part, sigma)
     for name, values in work.k.items():
         beyond = [c.numbers["side"] * (values - c.numbers["level"]) > -_AT for c in ceiling]
         out = np.any([np.zeros(values.shape, bool), *beyond], axis=0)
         work.k[name] = np.where(out, np.nan, values / factor)
-    geometric = log.sensor.kind.closed_form
-    pressed = list(pressure(part)) if geometric else []
     loose = list(intermittent(work)) if geometric and not pressed else []
     rows = places(work)
     tests = () if pressed else _TESTS if geometric else (never_touched, swapped_wires)

@@ -2,66 +2,62 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import sparse, stats
+from scipy.signal import medfilt
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
+from tacstrip.diagnose.bend_model import BendModel, Explanation
 from tacstrip.diagnose.faults import Finding, Question
 from tacstrip.diagnose.log import Log
-from tacstrip.diagnose.neighbour_prediction import WorkingCopy, neighbour_residuals
-from tacstrip.robust import robust_sigma
+from tacstrip.diagnose.neighbour_prediction import WorkingCopy
 
 _DRIFT, _WANDER = (
     0.006,
-    0.005,
-)  # over Vref, over the recording, and as a standard deviation: less is not reported
-_CERTAIN = 6.0  # standard deviations of a normal error that a change must exceed
-_AT_EDGE = 2.0  # times as many for the outermost strips, where extrapolation magnifies what neighbours do
-_TIMES = 4.0  # times the other strips' changes
-_MORE = 8.0  # times the other strips' wander
-_LOOKS, _LOOKS_TO_WANDER = 7, 10  # independent looks at a strip
-_SMOOTH = 1.0  # von Neumann's ratio: 2 for independent looks, less for slow wander
-_STRAIGHT = 0.5  # of the wander's variance: more in a line is drift
-_BLOCKS, _FINE = 16, 4  # of time; as many looks in each
-_RESTS = 4  # untouched readings in a block
-_STRAYS, _STRAY_SHARE = 3, 0.003  # untouched readings that may jump
-_PAUSE = 2  # rows between two visits
-_SPAN, _FEWEST = 0.6, 24  # of the recording, rows
-_PLAIN, _WITHIN = (
-    0.03,
-    3,
-)  # over Vref, and strips known on either side: less may be the contact's shape, and is asked
-_MOST_ASKED = 2  # strips: more questions are about the contact's shape
-_OWN = 0.2  # of time's variance that place must not explain
+    0.004,
+)  # over Vref, from start to end, and as a standard deviation: less is not reported
+_TIMES = 4.0  # times what the other strips do
+_STRAIGHT = 0.7  # of the changes' variance in a line: more is drift
+_BLOCKS, _RESTS = 32, 4  # of time at rest, and untouched readings in one
+_LOOKS, _SPAN = 7, 0.6  # blocks, and the part of the recording that they span
+_JUMP = 0.01  # over Vref: an untouched reading that far from its strip's usual one is a contact that reads as rest
+_RESTLESS = 3.0  # times the other strips' changes from scan to scan: contacts that read as rest come and go
+_TERMS = 8  # functions of time: a line, and cosines of 1 to 4 periods
+_USUAL = 0.02  # over Vref: prior standard deviation of each
+_FEWEST = 24  # bends of a strip
+_PAUSE, _STEP = 2, 0.12  # rows between two looks at a strip, and over Vref, how far its contact moves in one
+_LOOKS_BESIDE, _MOST_IN_LOOK = 14, 6  # looks, and rows of one that count
+_CONSTANT = 3  # numbers of a strip's constant error
+# A change stands out if it explains so much more than the next strip's does, and is certain (standard deviations).
+_GAIN, _OUTSTANDING, _CERTAIN, _SIZE = 140.0, 2.1, 2.7, 0.0025
+_GAIN_OF_LINE, _OUTSTANDING_LINE, _CERTAIN_OF_LINE = 60.0, 3.0, 3.0
+_LINE = (0.35, 0.6)  # of a change's gain that a line explains: less is wander, more drift
+_MOST_FOUND, _MOST_ASKED = 4, 2  # strips
+_MIDDLE = (np.arange(_BLOCKS) + 0.5) / _BLOCKS
 
 
-@dataclass(frozen=True, eq=False)
-class _Trend:
-    """What strips do over the recording (strips,), NaN where it cannot be known.
+@dataclass(frozen=True)
+class _Change:
+    """What one strip does with time, relative to its neighbours.
 
-    change, error: from start to end over Vref, and its standard error, as large as a normal one of equal doubt.
-    wander: standard deviation of slow changes over Vref; smooth: von Neumann's ratio of successive looks.
-    straight: share of the wander's variance that a line explains.
+    place: of the strip across. change: from start to end, size: standard deviation, over Vref. gain, gain_of_line: the
+    misfit that it explains, in variances of a bend, and what a line explains of it. others, others_of_line: the most
+    of another strip's. certain, certain_of_line: how unlikely its looks are to be chance, in standard deviations.
     """
 
-    change: FloatArray
-    error: FloatArray
-    wander: FloatArray
-    smooth: FloatArray
-    straight: FloatArray
-
-    @classmethod
-    def unknown(cls, strips: int) -> _Trend:
-        return cls(*(np.full(strips, np.nan) for _ in range(5)))
-
-    def put(self, strip: int, values: tuple[float, float, float, float, float]) -> None:
-        """Keep the more certain of two channels."""
-        change, error = values[:2]
-        if np.isfinite(change) and not abs(self.change[strip]) / self.error[strip] > abs(change) / error:
-            self.change[strip], self.error[strip], self.straight[strip] = change, error, values[4]
-        if np.isfinite(values[2]) and not self.wander[strip] > values[2]:
-            self.wander[strip], self.smooth[strip] = values[2:4]
+    place: int
+    change: float
+    size: float
+    gain: float
+    others: float
+    certain: float
+    gain_of_line: float
+    others_of_line: float
+    certain_of_line: float
+    looks: int
 
 
 def drift(
@@ -83,230 +79,280 @@ def drift(
         them; drift of all together; and which strips could be looked at (strips,).
     """
     first, seconds = float(log.time_s.min()), float(np.ptp(log.time_s))
-    nothing = np.zeros(log.sensor.strips, dtype=bool)
     if seconds <= 0.0:
-        return [], [], [], nothing
-    rest, common = _at_rest(log, work.order, (log.time_s - first) / seconds)
-    checked = np.isfinite(rest.change)
-    found = list(_outstanding(rest, "untouched", np.arange(log.sensor.strips), nothing, edges=False))
+        return [], [], [], np.zeros(log.sensor.strips, dtype=bool)
+    level, common = _levels_at_rest(log, work.order, (log.time_s - first) / seconds)
+    checked = np.isfinite(level).sum(axis=0) >= _LOOKS
+    found = list(_outstanding_at_rest(level, work.order))
     notes = []
     if np.isfinite(common) and abs(common) > 2.0 * _DRIFT:
         evidence = f"untouched strips moved together by {100 * common:+.2g} % of Vref from start to end"
         notes.append(Finding("common-drift", (), evidence, {"change": common}))
-    for finding in found:
-        work.drop(int(np.flatnonzero(work.order == finding.strips[0])[0]))
     if not log.sensor.kind.closed_form:  # a sheet's strips shift each other
         return found, [], notes, checked
-    tau = (time_s - first) / seconds
-    trend, asked = _Trend.unknown(work.strips), []
-    due: IntArray = np.arange(work.strips)
-    for _ in range(work.strips):
-        _look(work, tau, trend, due)
-        checked[work.order[np.isfinite(trend.change)]] = True
-        lost = ~np.any([np.isfinite(values).any(axis=0) for values in work.k.values()], axis=0)
-        now = _outstanding(trend, "relative to its neighbours", work.order, lost, edges=True)
-        if not now:
+    for finding in found:
+        work.drop(int(np.flatnonzero(work.order == finding.strips[0])[0]))
+    asked: list[Question] = []
+    for _ in range(_MOST_FOUND):
+        changes, seen = _against_neighbours(work, (time_s - first) / seconds)
+        checked[work.order[seen]] = True
+        if changes is None or (verdict := _judged(changes, int(work.order[changes.place]))) is None:
             break
-        place = int(np.flatnonzero(work.order == now[0].strips[0])[0])
-        known = np.isfinite(trend.change)
-        within = min(int(known[:place].sum()), int(known[place + 1 :].sum())) >= _WITHIN
-        if within and abs(now[0].numbers.get("change", 0.0)) > _PLAIN:
-            found.append(now[0])
-        else:
-            asked.append(Question(now[0].strips, ("drift", "wander"), now[0].evidence))
-        work.drop(place)
-        due = np.arange(max(place - 4, 0), min(place + 5, work.strips))
-        for values in (trend.change, trend.error, trend.wander, trend.smooth, trend.straight):
-            values[due] = np.nan
+        (found if isinstance(verdict, Finding) else asked).append(verdict)  # type: ignore[arg-type]
+        work.drop(changes.place)
     return found, asked if len(asked) <= _MOST_ASKED else [], notes, checked
 
 
-def _outstanding(trend: _Trend, how: str, order: IntArray, lost: BoolArray, edges: bool) -> list[Finding]:
-    """Return drifts and wanders that stand out of doubt, and of the other strips', the largest first.
+def _judged(one: _Change, strip: int) -> Finding | Question | None:
+    """Return the verdict on the change that explains most, a question where it may be the contact's shape, or None."""
+    stands_out = one.gain > max(_GAIN, _OUTSTANDING * one.others) and one.size > _SIZE
+    in_line = one.gain_of_line > max(_GAIN_OF_LINE, _OUTSTANDING_LINE * one.others_of_line)
+    far_more = one.gain_of_line > max(1.5 * _GAIN_OF_LINE, 5.0 * one.others_of_line)
+    in_line &= (
+        one.certain_of_line > _CERTAIN_OF_LINE * (0.5 if far_more else 1.0) and abs(one.change) > _DRIFT
+    )
+    straight = one.gain_of_line / max(one.gain, 1e-9)
+    drifted = f"moved by {100 * one.change:+.2g} % of Vref from start to end, relative to its neighbours"
+    wandered = (
+        f"wanders by +-{100 * one.size:.2g} % of Vref relative to its neighbours, over {one.looks} looks"
+    )
+    if in_line or (stands_out and one.certain > _CERTAIN and straight > _LINE[1]):
+        return Finding("drift", (strip,), drifted, {"change": one.change})
+    if stands_out and one.certain > _CERTAIN and straight < _LINE[0]:
+        return Finding("wander", (strip,), wandered, {"wander": one.size})
+    return Question((strip,), ("drift", "wander"), wandered) if stands_out else None
 
-    Strips that are `lost` (strips,) have no readings.
+
+def _levels_at_rest(log: Log, order: IntArray, tau: FloatArray) -> tuple[FloatArray, float]:
+    """Return untouched levels over time less those of the other strips (blocks, strips), and the change these share.
+
+    Of two channels, their mean. A contact at the ground end can pass for none: next to a touched strip, and where a
+    neighbour's untouched reading is far from its usual one, nothing counts.
     """
-    found: list[tuple[float, Finding]] = []
-    with np.errstate(invalid="ignore", divide="ignore"):
-        certain = np.abs(trend.change) / trend.error
-    for i in np.flatnonzero(np.isfinite(trend.change)).tolist():
-        others = np.delete(np.arange(len(order)), i)
-        beside = [j for j in (i - 1, i + 1) if 0 <= j < len(order)]
-        apart = np.setdiff1d(others, beside)
-        need = _CERTAIN * (_AT_EDGE if edges and i in (0, len(order) - 1) else 1.0)
-        usual = _spread_of(trend.change[apart])
-        change, error = float(trend.change[i]), float(trend.error[i])
-        near = max((abs(float(trend.change[j])) for j in beside if np.isfinite(trend.change[j])), default=0.0)
-        stands_out = abs(change) > max(_DRIFT, _TIMES * usual) and certain[i] > need
-        # At rest a contact that reads as rest does shows on neighbours too; a neighbour not known may be the one.
-        share = 1.05 if edges else 0.5
-        clear = not edges or all(np.isfinite(trend.change[j]) or lost[j] for j in beside)
-        if stands_out and clear and not near > share * abs(change) and trend.straight[i] > _STRAIGHT:
-            evidence = f"moved by {100 * change:+.3g} +- {100 * error:.2g} % of Vref from start to end, {how}"
-            numbers = {"change": change, "error": error}
-            found.append((abs(change), Finding("drift", (int(order[i]),), evidence, numbers)))
-            continue
-        calm = trend.wander[apart][np.isfinite(trend.wander[apart])]
-        beyond = max((float(trend.wander[j]) for j in beside if np.isfinite(trend.wander[j])), default=0.0)
-        size = float(trend.wander[i])
-        if (
-            len(calm) >= 3
-            and size > max(_WANDER, _MORE * float(np.median(calm)), 1.5 * float(calm.max()))
-            and (trend.smooth[i] < _SMOOTH or not edges)
-            and not beyond > share * size
-            and not (edges and i in (0, len(order) - 1))
-        ):
-            evidence = f"wanders by +-{100 * size:.2g} % of Vref, slowly, {how}, where the others do by "
-            evidence += f"+-{100 * float(np.median(calm)):.2g} %"
-            finding = Finding("wander", (int(order[i]),), evidence, {"wander": size})
-            found.append((1.7 * size, finding))
-    return [f for _, f in sorted(found, key=lambda pair: -pair[0])]
-
-
-def _spread_of(values: FloatArray) -> float:
-    known = values[np.isfinite(values)]
-    return float(robust_sigma(known)) if len(known) >= 3 else 0.0
-
-
-def _at_rest(log: Log, order: IntArray, tau: FloatArray) -> tuple[_Trend, float]:
-    """Return the trend of untouched readings against those of all strips, and the change that these share."""
     strips = log.sensor.strips
-    near = np.empty_like(log.touched)
-    near[:, order] = _near_touched(log.touched[:, order])
+    levels, shared, scatters = [], [], []
     block = np.minimum((tau * _BLOCKS).astype(int), _BLOCKS - 1)
-    trend, shared = _Trend.unknown(strips), []
+    edges = np.searchsorted(block, np.arange(_BLOCKS + 1)) if (np.diff(block) >= 0).all() else None
+    touched = log.touched[:, order]
+    near = _beside(touched) | touched
     for values in log.raw.values():
-        rest = np.where(near, np.nan, values)
-        if not np.isfinite(rest).any():
-            continue
+        rest = np.where(touched, np.nan, values[:, order])
+        moved = rest - _columns(np.nanmedian, rest)
+        away = np.abs(moved - _columns(np.nanmedian, moved.T)[:, None]) > _JUMP
+        rest = np.where(near | _beside(away), np.nan, rest)
+        scatters.append(_columns(np.nanstd, np.diff(rest, axis=0)))
         level = np.full((_BLOCKS, strips), np.nan)
         for b in range(_BLOCKS):
-            part = rest[block == b]
+            part = rest[block == b] if edges is None else rest[edges[b] : edges[b + 1]]
             enough = np.isfinite(part).sum(axis=0) >= _RESTS
             if enough.any():
                 level[b, enough] = np.nanmedian(part[:, enough], axis=0)
-        level -= np.where(
-            np.isfinite(level).any(axis=0), np.nanmean(np.where(np.isfinite(level), level, 0.0), axis=0), 0.0
-        )
-        known = np.isfinite(level)
-        center = np.array(
-            [np.median(level[b, known[b]]) if known[b].sum() >= 3 else np.nan for b in range(_BLOCKS)]
-        )
-        middle = (np.arange(_BLOCKS) + 0.5) / _BLOCKS
-        usable = np.isfinite(center)
-        if usable.sum() >= _BLOCKS // 2:
-            shared.append(float(np.polyfit(middle[usable], center[usable], 1)[0]))
-        for strip in range(strips):
-            own = level[:, strip] - np.where(usable, center, 0.0)
-            there = np.isfinite(own)
-            if there.sum() >= _LOOKS and np.ptp(middle[there]) >= _SPAN:
-                change, error, wander, smooth, straight = _over_time(middle[there], own[there], 0)
-                wander = np.nan if _jumps(rest[:, strip]) else wander
-                trend.put(strip, (change, error, wander, smooth, straight))
-    return trend, float(np.median(shared)) if shared else np.nan
+        level -= _columns(np.nanmean, level)
+        many = np.isfinite(level).sum(axis=1) >= 3
+        center = np.where(many, _columns(np.nanmedian, level.T), np.nan)
+        if many.sum() >= _BLOCKS // 2:
+            shared.append(float(np.polyfit(_MIDDLE[many], center[many], 1)[0]))
+        levels.append(level - np.where(many, center, 0.0)[:, None])
+    own = _columns(np.nanmean, np.stack(levels).reshape(len(levels), -1)).reshape(_BLOCKS, strips)
+    scatter = np.fmax.reduce(scatters)
+    out = np.full_like(own, np.nan)
+    for place in (
+        np.flatnonzero(~(scatter > _RESTLESS * np.nanmedian(scatter))) if np.isfinite(scatter).any() else []
+    ):
+        # A stray block is not a change.
+        there = np.flatnonzero(np.isfinite(own[:, place]))
+        if len(there) >= _LOOKS and np.ptp(_MIDDLE[there]) >= _SPAN:
+            out[there, order[place]] = medfilt(own[there, place], 3)
+            out[there[[0, -1]], order[place]] = np.nan  # which the filter pads
+    return out, float(np.median(shared)) if shared else np.nan
 
 
-def _jumps(rest: FloatArray) -> bool:
-    """Whether readings (scans,) jump, as where a contact that reads nearly as rest passes for none."""
-    step = np.diff(rest[np.isfinite(rest)])
-    if not len(step):
-        return True
-    most = 6.0 * max(float(robust_sigma(step)), 1e-4)
-    return bool(np.count_nonzero(np.abs(step) > most) > max(_STRAYS, _STRAY_SHARE * len(step)))
+def _columns(statistic: Callable[..., FloatArray], values: FloatArray) -> FloatArray:
+    """Return a statistic of each column that has numbers, NaN of the others (columns,)."""
+    out = np.full(values.shape[1], np.nan)
+    some = np.isfinite(values).any(axis=0)
+    if some.any():
+        out[some] = statistic(values[:, some], axis=0)
+    return out
 
 
-def _over_time(tau: FloatArray, looks: FloatArray, terms: int) -> tuple[float, float, float, float, float]:
-    """Return the numbers of a `_Trend` from looks at times 0..1, after so many terms were fitted.
+def _outstanding_at_rest(level: FloatArray, order: IntArray) -> Iterator[Finding]:
+    """Yield what strips do at rest that the others do not; levels (blocks, strips) by the file's strips."""
+    known = np.flatnonzero(np.isfinite(level).sum(axis=0) >= _LOOKS - 2)
+    if len(known) < 4:
+        return
+    size = np.array([np.nanstd(level[:, i]) for i in known])
+    line = np.array([_line(level[:, i]) for i in known])  # (strips, 2): change, and its share of the variance
+    for row, i in enumerate(known.tolist()):
+        # A contact that reads as rest does shows on neighbours too.
+        at = int(np.flatnonzero(order == i)[0])
+        beside = [
+            int(np.flatnonzero(known == j)[0])
+            for j in order[max(at - 1, 0) : at + 2]
+            if j != i and j in known
+        ]
+        others = np.delete(size, [row, *beside])
+        if len(others) < 2 or any(size[j] > 0.5 * size[row] for j in beside):
+            continue
+        usual = max(float(np.median(others)) * _TIMES, float(np.quantile(others, 0.9)) * _TIMES / 2.0)
+        change, straight = line[row]
+        if size[row] <= usual:
+            continue
+        if straight > _STRAIGHT and abs(change) > _DRIFT:
+            evidence = f"moved by {100 * change:+.3g} % of Vref from start to end, untouched, the others by "
+            evidence += f"{100 * float(np.median(np.abs(np.delete(line[:, 0], row)))):.2g} %"
+            yield Finding("drift", (i,), evidence, {"change": float(change)})
+        elif straight <= _STRAIGHT and size[row] > _WANDER:
+            evidence = f"wanders by +-{100 * size[row]:.2g} % of Vref, slowly, untouched, the others by "
+            evidence += f"+-{100 * float(np.median(others)):.2g} %"
+            yield Finding("wander", (i,), evidence, {"wander": float(size[row])})
 
-    Where successive looks err alike, there are fewer independent ones.
-    """
-    since = tau - tau.mean()
-    looks = looks - looks.mean()
-    change = float(since @ looks) / float(since @ since)
-    left = looks - change * since
-    whole = max(float(left @ left), 1e-12)
-    alike = float(np.clip(float(left[1:] @ left[:-1]) / whole, 0.0, 0.9))
-    free = max((len(looks) - 2 - terms) * (1.0 - alike) / (1.0 + alike), 1.0)
-    error = np.sqrt(whole / free / float(since @ since) * len(looks) / (len(looks) - 2 - terms + 2.0))
-    variance = max(float(looks @ looks) / len(looks), 1e-12)
-    smooth = float(np.mean(np.diff(looks) ** 2)) / variance if len(looks) >= _LOOKS_TO_WANDER else 2.0
-    straight = 1.0 - float(left @ left) / max(float(looks @ looks), 1e-12)
-    return change, max(float(error), 1e-5) * _student(free), float(np.sqrt(variance)), smooth, straight
+
+def _line(level: FloatArray) -> tuple[float, float]:
+    """Return the change of a strip's levels (blocks,) from start to end, and the share of their variance in a line."""
+    there = np.isfinite(level)
+    slope, start = np.polyfit(_MIDDLE[there], level[there], 1)
+    left = level[there] - slope * _MIDDLE[there] - start
+    return float(slope), 1.0 - float(np.var(left)) / max(float(np.var(level[there])), 1e-12)
 
 
-def _student(free: float) -> float:
-    """Return how much larger Student's t is than a normal deviation of `_CERTAIN`, at so many degrees of freedom."""
-    z = _CERTAIN
-    return 1.0 + (z**2 + 1.0) / (4.0 * free) + (5.0 * z**4 + 16.0 * z**2 + 3.0) / (96.0 * free**2)
+def _beside(there: BoolArray) -> BoolArray:
+    """Return which strips (rows, strips) are next to one of these."""
+    near = np.zeros_like(there)
+    near[:, 1:] |= there[:, :-1]
+    near[:, :-1] |= there[:, 1:]
+    return near
 
 
-def _look(work: WorkingCopy, tau: FloatArray, trend: _Trend, due: IntArray) -> None:
-    """Fill in the trend of some strips, relative to their neighbours, with the effect of place removed."""
-    for name, values in work.k.items():
-        line, r = neighbour_residuals(work, name)
-        rise = np.diff(values, axis=1)
-        for place in due.tolist():
-            sides = [rise[:, i] for i in (place - 2, place + 1) if 0 <= i < rise.shape[1]]
-            known = np.isfinite(r[:, place])
-            if known.sum() < _FEWEST or np.ptp(tau[known]) < _SPAN:
+def _against_neighbours(work: WorkingCopy, tau: FloatArray) -> tuple[_Change | None, BoolArray]:
+    """Return the change that explains most of what bends do with time, and which strips could be looked at."""
+    time = np.stack(
+        [
+            np.sqrt(12.0) * (tau - 0.5),
+            *(np.sqrt(2.0) * np.cos(np.pi * k * tau) for k in range(2, _TERMS + 1)),
+        ],
+        axis=1,
+    )
+    seen = np.zeros(work.strips, dtype=bool)
+    signals = list(work.k.values())
+    best: _Change | None = None
+    for values in (*signals, *([np.mean(signals, axis=0)] if len(signals) > 1 else [])):
+        model = BendModel.fit(work, values)
+        if model is None:
+            continue
+        columns = model.effect(time, work.strips)
+        found = model.explain(columns)
+        gain, line = (_gains(found, terms, model.sigma) for terms in (_TERMS, 1))
+        counts = np.bincount(model.strip, minlength=work.strips)
+        seen |= (counts >= _FEWEST) & _spans(model, tau, work.strips)
+        gain[~seen], line[~seen] = 0.0, 0.0
+        for by in {int(np.argmax(gain)), int(np.argmax(line))}:
+            others, others_line = (_others(found, by, terms, model.sigma, seen) for terms in (_TERMS, 1))
+            change = _looked_at(model, found, columns, by, tau, work)
+            if change is None:
                 continue
-            terms = [line[:, place], line[:, place] ** 2, *map(np.nan_to_num, sides)]
-            if numbers := _without_place(
-                r[known, place], tau[known], [t[known] for t in terms], np.flatnonzero(known)
-            ):
-                trend.put(place, numbers)
+            one = _Change(by, change[0], change[1], float(gain[by]), others, change[2], float(line[by]), others_line,
+                          change[3], change[4])  # fmt: skip
+            if best is None or one.gain > best.gain:
+                best = one
+    return best, seen
 
 
-def _without_place(
-    values: FloatArray, tau: FloatArray, terms: list[FloatArray], rows: IntArray
-) -> tuple[float, float, float, float, float] | None:
-    """Return the numbers of a `_Trend` from residuals (rows,) that depend on place too; None where it is not clear."""
-    used = [t for t in terms if float(np.std(t)) > 0.003]
-    keep = np.ones(len(values), dtype=bool)
-    for trimming in (True, True, True, False):
-        if keep.sum() < _FEWEST:
-            return None
-        basis = np.linalg.qr(np.column_stack([np.ones(int(keep.sum())), *(t[keep] for t in used)]))[0]
-        own, rest = (v[keep] - basis @ (basis.T @ v[keep]) for v in (tau, values))
-        power = float(own @ own)
-        if power < _OWN * float(keep.sum()) * float(np.var(tau[keep])):
-            return None  # the contact did not come back to where it was
-        left = rest - float(own @ rest) / power * own
-        limit = 4.0 * float(np.median(np.abs(left))) + 1e-5  # a passing corner of the contact is no drift
-        beyond = np.flatnonzero(keep)[np.abs(left) > limit]
-        if trimming:
-            keep[beyond] = False
-    at = rows[keep]
-    visit = np.cumsum(np.diff(at, prepend=at[0]) > _PAUSE)
-    part = np.minimum(tau[keep] * _BLOCKS * _FINE, _BLOCKS * _FINE - 1).astype(int)
-    number = np.unique(visit * _BLOCKS * _FINE + part, return_inverse=True)[1]
-    count = np.bincount(number)
-    enough = count >= 2
-    looks, when, raw = (np.bincount(number, v)[enough] / count[enough] for v in (rest, own, tau[keep]))
-    if len(looks) < _LOOKS + len(used) or np.ptp(raw) < _SPAN:
-        return None
-    change, error, *_ = _over_time(when, looks, len(used))
-    block = np.unique(np.minimum(raw * _BLOCKS, _BLOCKS - 1).astype(int), return_inverse=True)[1]
-    weight = np.bincount(block)
-    slow, then = (np.bincount(block, v) / weight for v in (looks, raw))
-    if len(slow) < 4:
-        return None
-    _, _, wander, smooth, straight = _over_time(then, slow, 0)
-    overall = float(np.polyfit(tau[keep], values[keep], 1)[0])  # whatever the place
-    if abs(overall - change) > 0.6 * abs(change):
-        change = 0.0
-    return (
-        change,
-        error,
-        wander,
-        smooth,
-        max(straight, _STRAIGHT + 0.01 if change and abs(change) > 6.0 * error else 0.0),
+def _blocks(found: Explanation, terms: int) -> tuple[FloatArray, FloatArray]:
+    """Return power (strips, terms, strips, terms) and score (strips, terms) of the first terms of each strip."""
+    strips = len(found.score) // _TERMS
+    power = found.power.reshape(strips, _TERMS, strips, _TERMS)[:, :terms, :, :terms]
+    return power, found.score.reshape(strips, _TERMS)[:, :terms]
+
+
+def _gains(found: Explanation, terms: int, sigma: float) -> FloatArray:
+    """Return the misfit that each strip's first terms explain, in variances of a bend (strips,)."""
+    power, score = _blocks(found, terms)
+    each = np.einsum("iaib->iab", power) + np.eye(terms) * (sigma / _USUAL) ** 2
+    return np.asarray(
+        np.einsum("ia,ia->i", score, np.linalg.solve(each, score[..., None])[..., 0]) / sigma**2
     )
 
 
-def _near_touched(touched: BoolArray) -> BoolArray:
-    """Return which strips are touched or next to one that is: a contact at the ground end can pass for none."""
-    near = touched.copy()
-    near[:, 1:] |= touched[:, :-1]
-    near[:, :-1] |= touched[:, 1:]
-    return near
+def _others(found: Explanation, by: int, terms: int, sigma: float, seen: BoolArray) -> float:
+    """Return the largest gain of another strip after one strip's change was taken out."""
+    power, score = _blocks(found, terms)
+    prior = np.eye(terms) * (sigma / _USUAL) ** 2
+    solved = np.linalg.solve(power[by, :, by] + prior, np.c_[score[by], power[by].reshape(terms, -1)])
+    left = score - np.einsum("iab,b->ia", power[:, :, by], solved[:, 0])
+    cross = solved[:, 1:].reshape(terms, len(score), terms)
+    each = np.einsum("iaib->iab", power) - np.einsum("iac,cib->iab", power[:, :, by], cross) + prior
+    gains = np.einsum("ia,ia->i", left, np.linalg.solve(each, left[..., None])[..., 0]) / sigma**2
+    gains[~seen] = 0.0
+    gains[by] = 0.0
+    return float(gains.max(initial=0.0))
+
+
+def _spans(model: BendModel, tau: FloatArray, strips: int) -> BoolArray:
+    """Return which strips have bends early and late (strips,)."""
+    first, last = np.full(strips, np.inf), np.full(strips, -np.inf)
+    np.minimum.at(first, model.strip, tau[model.place])
+    np.maximum.at(last, model.strip, tau[model.place])
+    return np.asarray(last - first >= _SPAN)
+
+
+def _looked_at(
+    model: BendModel,
+    found: Explanation,
+    columns: sparse.csr_matrix,
+    by: int,
+    tau: FloatArray,
+    work: WorkingCopy,
+) -> tuple[float, float, float, float, int] | None:
+    """Return a strip's change, size, certainty, certainty of a line, and the number of looks; None of too few.
+
+    A look is a stay of the contact at one height: what shape leaves is alike then. Successive looks are independent.
+    """
+    rows = np.flatnonzero(model.strip == by)
+    if len(rows) < _FEWEST:
+        return None
+    at = np.arange(by * _TERMS, (by + 1) * _TERMS)
+    own = model.beyond(rows, columns[rows][:, at].toarray(), found.confounded[:, at])
+    place = model.place[rows]
+    height = np.nanmean(
+        np.stack([v[place][:, [by - 1, by + 1]].mean(axis=1) for v in work.k.values()]), axis=0
+    )
+    look = np.zeros(len(rows), dtype=int)
+    start = height[0]
+    for row in range(1, len(rows)):
+        apart = place[row] - place[row - 1] > _PAUSE or abs(height[row] - start) > _STEP
+        look[row] = look[row - 1] + apart
+        start = height[row] if apart else start
+    weight = model.weight[rows]
+    count, total = np.bincount(look), np.bincount(look, weight)
+    some = count >= 2
+    if some.sum() < _LOOKS_BESIDE or np.ptp((np.bincount(look, tau[place]) / count)[some]) < _SPAN:
+        return None
+    root = np.sqrt(np.minimum(count[some], _MOST_IN_LOOK))
+    mean = (np.bincount(look, weight * model.residual[rows]) / total)[some] * root
+    terms = np.stack([(np.bincount(look, weight * c) / total)[some] * root for c in own.T], axis=1)
+    free = len(mean) - _CONSTANT
+    line = terms[:, 0]
+    slope = float(line @ mean) / max(float(line @ line), 1e-12)
+    left = mean - slope * line
+    t = abs(slope) / np.sqrt(
+        max(float(left @ left), 1e-18) / max(free - 1, 1) / max(float(line @ line), 1e-12)
+    )
+    many = min(_TERMS, len(mean) // 4)
+    basis = np.linalg.qr(terms[:, :many])[0]
+    explained = float(np.sum((basis.T @ mean) ** 2))
+    rest = max(float(mean @ mean) - explained, 1e-18)
+    ratio = explained / many / (rest / max(free - many, 1))
+    size = float(np.sqrt(explained / float(np.sum(root**2))))
+    return (
+        slope * float(np.sqrt(12.0)),
+        size,
+        _normal(stats.f.logsf(ratio, many, max(free - many, 1))),
+        _normal(stats.t.logsf(t, max(free - 1, 1)) + np.log(2.0)),
+        len(mean),
+    )
+
+
+def _normal(log_chance: float) -> float:
+    """Return the deviations of a normal error that are as unlikely."""
+    return float(stats.norm.isf(np.exp(max(log_chance, -700.0))))

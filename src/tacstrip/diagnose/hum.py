@@ -42,7 +42,11 @@ def hum(log: Log, sigma: float) -> tuple[list[Finding], str]:
         names = " and ".join(f"{m:g}" for m in MAINS)
         rate = f"{1.0 / period:.4g} a second"
         return [], f"hum at {names} Hz: scans come too seldom, at {rate}, or the contacts are too short"
-    return list(_mains_lines([power for power, _ in lines], [count for _, count in lines], sigma)), ""
+    return list(
+        _mains_lines(
+            [power for power, _ in lines], [count for _, count in lines], sigma, log.sensor.kind.closed_form
+        )
+    ), ""
 
 
 def _line(log: Log, mains: float, period: float, edges: IntArray) -> tuple[FloatArray, FloatArray]:
@@ -110,8 +114,13 @@ def _typical_visit(log: Log) -> float:
     return float(each[np.searchsorted(np.cumsum(each), each.sum() / 2.0)])
 
 
-def _mains_lines(powers: list[FloatArray], counts: list[FloatArray], sigma: float) -> Iterator[Finding]:
-    """Yield findings from power on and near each line: for all strips together, or one by one."""
+def _mains_lines(
+    powers: list[FloatArray], counts: list[FloatArray], sigma: float, apart: bool
+) -> Iterator[Finding]:
+    """Yield findings from power on and near each line: for all strips together, or one by one.
+
+    `apart`: whether a strip's readings depend on its own contact alone.
+    """
     sums = np.stack([p.sum(axis=1) for p in powers])  # (mains, on or near, strips)
     weight = np.stack([c.sum(axis=0) for c in counts])
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -127,9 +136,14 @@ def _mains_lines(powers: list[FloatArray], counts: list[FloatArray], sigma: floa
     known = np.asarray((weight > 0.0).any(axis=0))
     i = int(np.argmax(np.where(weight.any(axis=1), every, -1.0)))
     level = float(np.sqrt(sums[i, 0].sum() / weight[i].sum()))
-    shared = every[i] > _LINE / 2.0 and np.mean(ratio[i, known] > 3.0) > 0.7 and level > _HUM
+    # A sheet's strips shift each other's readings: they are one witness.
+    shared = (
+        every[i] > (_LINE / 2.0 if apart else _LINE_ONCE)
+        and np.mean(ratio[i, known] > 3.0) > 0.7
+        and level > _HUM
+    )
     shared = shared and np.mean(lasting[i, known]) > 0.5
-    if known.sum() > 2 and (shared or np.sum(loud, axis=1)[i] > 0.5 * known.sum()):
+    if known.sum() > 2 and (shared or (apart and np.sum(loud, axis=1)[i] > 0.5 * known.sum())):
         evidence = f"{MAINS[i]:g} Hz of +-{100 * level:.2g} % of Vref on all strips, "
         evidence += f"{every[i]:.3g} times the power near it"
         numbers = {"hertz": MAINS[i], "amplitude": level, "ratio": float(every[i])}

@@ -50,6 +50,9 @@ class WorkingCopy:
     at_ground: BoolArray
     time_s: FloatArray
     _residuals: dict[str, tuple[FloatArray, FloatArray]] = field(default_factory=dict, init=False)
+    bends: dict[str, object] = field(
+        default_factory=dict, init=False
+    )  # `bend_model.BendModel.of` keeps its fits here
 
     @property
     def pair(self) -> tuple[FloatArray, FloatArray] | None:
@@ -74,6 +77,7 @@ class WorkingCopy:
     def changed(self) -> None:
         """Forget what was computed from readings that have changed."""
         self._residuals.clear()
+        self.bends.clear()
 
     def suspect(
         self, fault: str, strips: Sequence[int], evidence: str, numbers: Mapping[str, float], explained: float,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d
 
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.diagnose.faults import Finding
@@ -15,7 +16,14 @@ _RIMS, _STARTS = 0.25, 0.8  # of the contacts, and of the presses
 _FEWEST_CONTACTS, _FEWEST_PRESSES = 20, 4
 _WIDE = 4  # strips: of wider contacts the second-highest reading counts
 _PRESS = 6  # scans
-_LEAST = 0.03  # over Vref: the highest reading of a contact that is looked at
+_LEAST = (
+    0.03  # over Vref: the highest reading of a contact that is looked at, and the least of a strip in contact
+)
+_LEAVES, _LOW = 60, 0.8  # times that contacts come to a strip or leave it; of the highest reading, then
+_SIDEWAYS, _AWAY = (
+    0.1,
+    6,
+)  # of these times at least: the strip's reading is low and that of one so near is high
 
 
 def pressure(log: Log) -> Iterator[Finding]:
@@ -31,7 +39,16 @@ def pressure(log: Log) -> Iterator[Finding]:
         rims.append(_across(away, log.touched))
         starts.append(_during(away))
     fades, starting = min(rims), min(starts)
-    if fades > _RIMS and starting > _STARTS:
+    sideways = min(_leaves_low(np.where(log.touched, values, np.nan)) for values in log.raw.values())
+    if sideways > _SIDEWAYS:
+        evidence = (
+            f"contacts that come to a strip or leave it read low there, {100 * sideways:.3g} % of them beside"
+        )
+        evidence += (
+            " strips that read high: readings grow with pressure, and do not say where the contact lies"
+        )
+        yield Finding("pressure", (), evidence, {"sideways": sideways})
+    elif fades > _RIMS and starting > _STARTS:
         evidence = f"readings fade to rest at both rims of {100 * fades:.3g} % of the contacts"
         evidence += f" and at an end of {100 * starting:.3g} % of the presses"
         evidence += ": they grow with pressure, and do not say where the contact lies along the strips"
@@ -71,3 +88,24 @@ def _during(away: FloatArray) -> float:
         if len(one) >= _PRESS and one.max() > _LEAST:
             fades.append(max(one[0], one[-1]) < 0.8 * one.max())
     return float(np.mean(fades)) if len(fades) >= _FEWEST_PRESSES else -1.0
+
+
+def _leaves_low(values: FloatArray) -> float:
+    """Return how often a contact reads low on a strip that it comes to or leaves while it reads high beside it.
+
+    A contact that leaves over the end at Vref reads Vref, and one that leaves sideways what it read all along. -1
+    where contacts come and go too seldom, or read high then. Readings (scans, strips) are NaN where untouched.
+    """
+    values = np.nan_to_num(values)
+    there = values > _LEAST
+    change = np.diff(np.pad(there, ((1, 1), (0, 0))).astype(np.int8), axis=0)
+    first, last = change[:-1] == 1, change[1:] == -1
+    first[0], last[-1] = False, False  # not seen to come or to leave
+    scan, strip = np.nonzero(first | last)
+    if len(scan) < _LEAVES or len(np.unique(strip)) < 0.5 * values.shape[1]:
+        return -1.0
+    top, own = float(np.quantile(values[there], 0.98)), values[scan, strip]
+    if np.quantile(own, 0.9) > _LOW * top:
+        return -1.0
+    beside = maximum_filter1d(values, 2 * _AWAY + 1, axis=1, mode="constant")[scan, strip]
+    return float(np.mean((beside > 0.5 * top) & (own < 0.5 * beside)))

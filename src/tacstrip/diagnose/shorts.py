@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
-from tacstrip.diagnose.neighbour_pairs import NeighbourPair, bridges, neighbour_pair
+from tacstrip.diagnose.bend_model import BendModel
+from tacstrip.diagnose.neighbour_pairs import NeighbourPair, neighbour_pair
 from tacstrip.diagnose.neighbour_prediction import Suspect, WorkingCopy
 from tacstrip.diagnose.regression import moved_to_and_fro, regress_out
 from tacstrip.sensor.constructions import SIGNATURES, Signature
@@ -20,12 +22,16 @@ _FOLLOWS = 0.15  # of the slope around: 1 for two separate strips, 0 for two tha
 _FOLLOWS_ELSEWHERE = 0.5  # of the slope: an extrapolated line says nothing where other pairs follow it less
 _MOST_OFFSET = 0.75  # of the slope: largest offset of tied strips; 1.5 beside a jump
 _MOST = (0.95, 0.35)  # of the places with a slope: those that differ little, and those that lie near the line
-_STRENGTH = (0.5, 1.8)  # times what a bridge does to readings
-_OUTSTANDING, _OUTSTANDING_AT_EDGE = 4.0, 4.0  # times what the bridge that fits another pair best adds
+_STRENGTH = (0.45, 1.9)  # times what a bridge does to readings
+# Misfit explained, in variances, and times that of other pairs; at the edges less: two pairs have few chances.
+_GAIN, _TIMES = (80.0, 45.0), (3.0, 2.2)
+_APART = 2  # strips: pairs further away are others
+_CONFOUNDED = 0.05  # of its power: what a bridge must do beyond shape and constant errors
 _LEAST = 0.005  # over Vref: standard deviation of what a bridge adds
-_UNEXPLAINED, _UNEXPLAINED_AT_EDGE = 0.2, 0.2  # of the offset's variance: what a bridge may leave
 _HIGH_AND_LOW = 0.5  # over L: a bridge adds on one side and takes away on the other, which must be seen
 _LENGTH = 0.6  # over L: readings jump by the contact's length at a bridge; longer contacts show nothing
+_GRID = np.linspace(0.0, 1.0, 11)
+_PLACES = np.array([(a, b) for i, a in enumerate(_GRID) for b in _GRID[i:] if b - a <= _LENGTH]).T
 _SHAPE = 0.7  # of the slope's variance: if the contact's place explains more, its shape does
 
 
@@ -126,25 +132,92 @@ def _tied_at(work: WorkingCopy, strip: int, parts: list[_Part], explained: float
 
 
 def _bridged_energised(work: WorkingCopy) -> Iterator[Suspect]:
-    for strip, pair, bridge, others in bridges(work):
-        inner = 0 < strip < work.strips - 2  # at the edges, extrapolation is inaccurate
-        if (
-            _STRENGTH[0] < bridge.strength < _STRENGTH[1]
-            and bridge.unexplained <= (_UNEXPLAINED if inner else _UNEXPLAINED_AT_EDGE)
-            and bridge.size
-            >= max(_LEAST, work.sigma / 2.0, (_OUTSTANDING if inner else _OUTSTANDING_AT_EDGE) * others)
-            and bridge.places >= _MANY
-            and bridge.high - bridge.low <= _LENGTH
-            and moved_to_and_fro(pair.level, work.sigma, _HIGH_AND_LOW)
-        ):
+    (values,) = work.k.values()
+    changes = []
+    for i in range(work.strips - 1):
+        change = bridge_effect(_level(values, i)[:, None], *_PLACES)
+        changes.append([{i: change, i + 1: change}])
+    for strip, bridge, others in _outstanding(work, changes):
+        added = bridge.strength * changes[strip][0][strip][:, bridge.which]
+        size, most, least = (float(f(added)) for f in (np.nanstd, np.nanmax, np.nanmin))
+        if size > _LEAST and moved_to_and_fro(_known(_level(values, strip)), work.sigma, _HIGH_AND_LOW):
             evidence = (
-                f"both read {100 * bridge.most:+.3g} to {100 * bridge.least:+.3g} % of Vref off their neighbours' "
-                f"line from height to height, {bridge.strength:.2g} times the effect of an ideal bridge, which leaves "
-                f"{100 * bridge.unexplained:.2g} % of the variance unexplained"
+                f"both read {100 * most:+.3g} to {100 * least:+.3g} % of Vref off their neighbours' line from height "
+                f"to height, {bridge.strength:.2g} times the effect of an ideal bridge, which explains "
+                f"{bridge.gain / max(others, 1e-9):.2g} times as much as between other strips"
             )
-            kept = ("most", "least", "strength", "unexplained")
-            numbers = {name: getattr(bridge, name) for name in kept}
-            yield work.suspect("short", [strip, strip + 1], evidence, numbers, bridge.size)
+            numbers = {"most": most, "least": least, "strength": bridge.strength, "gain": bridge.gain}
+            yield work.suspect("short", [strip, strip + 1], evidence, numbers, size)
+
+
+@dataclass(frozen=True)
+class _Bridge:
+    """The bridge between two neighbours that explains most: times its ideal effect, misfit explained, which one."""
+
+    strength: float
+    gain: float
+    which: int
+
+
+def _outstanding(
+    work: WorkingCopy, changes: Sequence[Sequence[Mapping[int, FloatArray]]]
+) -> Iterator[tuple[int, _Bridge, float]]:
+    """Yield pairs whose bridge explains much more than any between strips further away, and the most of these.
+
+    `changes`, of each pair and signature: what alternative bridges do to each of its strips (places, alternatives).
+    """
+    models = [BendModel.of(work, name) for name in work.k]
+    found = [_best(models, change) for change in changes]
+    for strip, bridge in enumerate(found):
+        others = max((b.gain for i, b in enumerate(found) if abs(i - strip) > _APART), default=math.inf)
+        near = max((b.gain for i, b in enumerate(found) if 0 < abs(i - strip) <= _APART), default=0.0)
+        at_edge = strip in (0, len(found) - 1)
+        least = max(_GAIN[at_edge], _TIMES[at_edge] * others, near)
+        if _STRENGTH[0] < bridge.strength < _STRENGTH[1] and bridge.gain > least:
+            yield strip, bridge, others
+
+
+def _best(models: Sequence[BendModel | None], changes: Sequence[Mapping[int, FloatArray]]) -> _Bridge:
+    """Return the alternative that explains most of two strips' bends, all signatures together."""
+    power, score, whole = np.zeros((3, next(iter(changes[0].values())).shape[1]))
+    for model, change in zip(models, changes, strict=True):
+        if model is not None:
+            for total, part in zip((power, score, whole), model.alternatives(change), strict=True):
+                total += part / model.sigma**2
+    strength = np.where(power > _CONFOUNDED * whole, score / np.maximum(power, 1e-12), 0.0)
+    gain = np.where(strength > 0.0, strength * score, 0.0)
+    best = int(np.argmax(gain))
+    return _Bridge(float(strength[best]), float(gain[best]), best)
+
+
+def bridge_effect(level: FloatArray, low: float | FloatArray, high: float | FloatArray) -> FloatArray:
+    """Return what a bridge adds to readings over Vref, of contacts that read `level`.
+
+    Between contact and bridge the neighbour is parallel to the strip, which halves the resistance there. A contact
+    has some length: its readings go from `low` to `high` while it lies on the bridge, which then has no effect.
+    """
+    below = np.minimum(level, low)
+    above = np.maximum(level, high)
+    return np.asarray(
+        below / (1.0 - (low - below) / 2.0)
+        - below
+        + (high + (above - high) / 2.0) / (1.0 - (above - high) / 2.0)
+        - above
+    )
+
+
+def _level(values: FloatArray, strip: int) -> FloatArray:
+    """Return the level of two strips by the next ones on either side, their own where there are none (places,)."""
+    sides = [values[:, i] for i in (strip - 1, strip + 2) if 0 <= i < values.shape[1]]
+    known = [np.isfinite(side) for side in sides]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = np.sum([np.nan_to_num(s) for s in sides], axis=0) / np.sum(known, axis=0)
+    own = (values[:, strip] + values[:, strip + 1]) / 2.0
+    return np.asarray(np.clip(np.where(np.isfinite(mean), mean, own), 0.0, 1.0))
+
+
+def _known(values: FloatArray) -> FloatArray:
+    return values[np.isfinite(values)]
 
 
 def _left_ends(work: WorkingCopy) -> IntArray:

@@ -12,7 +12,8 @@ from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
 
 INDEX = ("scan", "time_s", "strip")
-PLACE = (*INDEX, "l_mm", "w_mm")  # columns that are no readings
+LAYER = "layer"  # the column of a sensor of two layers, before that of the strip
+PLACE = (*INDEX, LAYER, "l_mm", "w_mm")  # columns that are no readings
 
 POSITIONS = ("x_mm", "pos_mm", "position_mm")  # where a strip lies, as a file may have it too
 ELECTRODES = "electrodes"  # stands for a signature where all of a sheet's electrodes were read

@@ -87,7 +87,10 @@ def feature_collection(results: Sequence[Reconstruction]) -> dict[str, Any]:
         the longer principal axis, from x). Where the shape has a covariance, standard deviations:
         area_sigma_mm2, centroid_sigma_mm, orientation_sigma_rad, and vertex_sigma_mm, x and y of every vertex;
         null for what the readings do not determine. Where it was assessed, confidence, and alternatives: other
-        outlines that explain the readings, each with weight and vertices_mm.
+        outlines that explain the readings, each with weight and vertices_mm. Of pieces: hidden, a truth value per
+        corner, hidden_edges, one per edge from each corner to the next, and of those that are hidden in part
+        smallest_mm and largest_mm, the outlines between which they lie. Of two layers: hidden, whether no
+        reading determines a vertex, and other_scenes_mm, the outlines of other scenes that explain the readings.
 
     Examples
     --------
@@ -102,7 +105,9 @@ def feature_collection(results: Sequence[Reconstruction]) -> dict[str, Any]:
     """
     features = []
     for scan, result in enumerate(results):
-        about = {"scan": scan, "time_s": result.time_s, "method": result.method}
+        about: dict[str, Any] = {"scan": scan, "time_s": result.time_s, "method": result.method}
+        if result.alternatives:
+            about["other_scenes_mm"] = [[plain(ring, 6) for ring in scene] for scene in result.alternatives]
         if not result.objects:
             features.append(_feature(None, about | {"status": result.status, "advice": result.advice}))
         features += [_feature(o, about | {"status": o.status, "advice": o.advice}) for o in result.objects]
@@ -143,18 +148,27 @@ def _feature(recovered: RecoveredObject | None, properties: dict[str, Any]) -> d
             "centroid_mm": plain(recovered.centroid),
             "orientation_rad": recovered.orientation,
         }
-        if recovered.deviations is not None and recovered.covariance is not None:
+        if recovered.deviations is not None:
             area, centroid, turn = recovered.deviations
             properties |= {
                 "area_sigma_mm2": plain(area),
                 "centroid_sigma_mm": plain(centroid),
                 "orientation_sigma_rad": plain(turn),
-                "vertex_sigma_mm": plain(np.sqrt(np.diag(recovered.covariance)).reshape(-1, 2)),
             }
+        if recovered.covariance is not None:
+            properties["vertex_sigma_mm"] = plain(np.sqrt(np.diag(recovered.covariance)).reshape(-1, 2))
         if recovered.confidence is not None:
             properties["confidence"] = round(recovered.confidence, 4)
         if recovered.alternatives or recovered.confidence is not None:
             properties["alternatives"] = [_alternative(a) for a in recovered.alternatives]
+        if recovered.hidden is not None:
+            properties["hidden"] = recovered.hidden.tolist()
+        if recovered.hidden_edges is not None:
+            properties["hidden_edges"] = recovered.hidden_edges.tolist()
+        if recovered.bounds is not None:
+            properties |= dict(
+                zip(("smallest_mm", "largest_mm"), (plain(b, 6) for b in recovered.bounds), strict=True)
+            )
         if recovered.pose is not None:
             sigma = plain(np.sqrt(np.diag(recovered.pose.covariance)))
             properties |= {

@@ -19,6 +19,7 @@ from tacstrip.io.readings import scan_lines
 from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.exchanged import exchanged
+from tacstrip.sensor.layers import AnySensor, LayeredSensor
 from tacstrip.sensor.left_out import channel_name, left_out
 from tacstrip.sensor.rest_level import rest_hint
 from tacstrip.sensor.spec import Sensor
@@ -33,8 +34,10 @@ _END_BYTES, _FEW_ENDS = 65536, 8  # of a file's end that is looked at; numbers t
 _NAMED = 5  # channels that a warning names
 
 
-def unlikely_lengths(sensor: Sensor) -> str:
+def unlikely_lengths(sensor: AnySensor) -> str:
     """Return a warning where a spec's lengths, or one of them, seem to be in metres or centimetres."""
+    if isinstance(sensor, LayeredSensor):
+        return next(filter(None, (unlikely_lengths(layer.sensor) for layer in sensor.layers)), "")
     said = f"pitch_mm = {sensor.pitch_mm:.6g}, length_mm = {sensor.length_mm:.6g}: "
     if sensor.pitch_mm < _PITCH_MM:
         return f"{said}mm, not m? All lengths in a spec are millimetres"

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -25,29 +26,40 @@ from tacstrip.io.columns import (
     Column,
     electrode_names,
     finite,
-    strip_index,
     value,
     value_columns,
 )
 from tacstrip.io.csv_rows import Row, csv_writer, find, read_csv
+from tacstrip.io.strip_columns import strip_fields, strip_reader
 from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import SIGNATURES
+from tacstrip.sensor.layers import AnySensor, LayeredSensor, unit_of
 from tacstrip.sensor.raw import apply_calibration, invert_calibration
 from tacstrip.sensor.spec import Sensor
+
+
+class Frame(Protocol):
+    """What is used of a pandas DataFrame."""
+
+    @property
+    def columns(self) -> Iterable[Any]: ...  # noqa: D102
+    def __getitem__(self, name: Any, /) -> Iterable[Any]: ...
+
 
 _SAME = 0.01  # of the pitch: positions are rounded
 
 
-@takes(sensor=Sensor)
-def read_readings(path: str | Path, sensor: Sensor) -> list[Scan]:
-    r"""Read a readings file (CSV); the sensor's calibration, if it has one, corrects what the file holds.
+@takes(sensor=Sensor | LayeredSensor)
+def read_readings(path: str | Path | Frame, sensor: AnySensor) -> list[Scan]:
+    r"""Read a readings file (CSV), or a table of the same columns; the sensor's calibration, if any, corrects them.
 
     Parameters
     ----------
     path
-        The file: a line per strip and scan, in volts or A/D codes (docs/files.md).
+        The file: a line per strip and scan, in volts or A/D codes (docs/files.md); or a pandas DataFrame with its
+        columns, NaN where nothing touches.
     sensor
-        The sensor that it is of.
+        The sensor that it is of. Of two layers each line names its layer, 0 or 1, in the column `layer`.
 
     Returns
     -------
@@ -70,12 +82,21 @@ def read_readings(path: str | Path, sensor: Sensor) -> list[Scan]:
     >>> ts.read_readings(file, sensor)[0].k
     array([0.5, nan])
     """
-    example = ",".join([*INDEX, *(SIGNATURES[name].volt_column for name in sensor.signatures)])
+    if not isinstance(path, str | Path):
+        return _scans([str(name) for name in path.columns], _lines(path), sensor)
+    columns, _ = strip_fields(sensor)
+    example = ",".join([*INDEX[:-1], *columns, *(SIGNATURES[name].volt_column for name in sensor.signatures)])
     return read_csv(path, "readings", lambda header, rows: _scans(header, rows, sensor), example)
 
 
-@takes(sensor=Sensor, scans=(Scan,))
-def write_readings(path: str | Path, sensor: Sensor, scans: Sequence[Scan]) -> None:
+def _lines(frame: Frame) -> Iterator[Row]:
+    """Yield a table's rows as the lines of a file, counted from 1."""
+    for n, row in enumerate(zip(*(frame[name] for name in frame.columns), strict=True), 1):
+        yield n, ["" if v is None or v != v else str(int(v)) if v == v // 1 else str(v) for v in row]
+
+
+@takes(sensor=Sensor | LayeredSensor, scans=(Scan,))
+def write_readings(path: str | Path, sensor: AnySensor, scans: Sequence[Scan]) -> None:
     """Write scans as raw volts (CSV), which `read_readings` corrects again where the sensor has a calibration.
 
     Every strip has its line, an empty field where nothing touches.
@@ -101,27 +122,30 @@ def write_readings(path: str | Path, sensor: Sensor, scans: Sequence[Scan]) -> N
     0,0,1,
     """
     names = scans[0].signatures
-    whole = scans[0].electrodes is not None
-    columns = electrode_names(sensor) if whole else [SIGNATURES[n].volt_column for n in names]
+    whole, unit = scans[0].electrodes is not None, unit_of(sensor)
+    columns = electrode_names(unit) if whole else [SIGNATURES[n].volt_column for n in names]
 
     def fields(scan: Scan) -> Iterator[list[str]]:
-        raw = invert_calibration(sensor, {n: scan[n] for n in names})
+        raw = invert_calibration(unit, {n: scan[n] for n in names})
         read = np.stack(list(raw.values()), axis=1) if scan.electrodes is None else scan.electrodes
-        for row in read * sensor.vref_volt:  # (columns,) [V]
+        for row in read * unit.vref_volt:  # (columns,) [V]
             yield ["" if np.isnan(v) else f"{v:.9g}" for v in row]
 
     write_scans(path, sensor, columns, ((f"{scan.time_s:.9g}", fields(scan)) for scan in scans))
 
 
 def write_scans(
-    path: str | Path, sensor: Sensor, columns: Sequence[str], scans: Iterable[tuple[str, Iterable[list[str]]]]
+    path: str | Path,
+    sensor: AnySensor,
+    columns: Sequence[str],
+    scans: Iterable[tuple[str, Iterable[list[str]]]],
 ) -> int:
     """Write a readings file of each scan's time and its fields strip by strip; return the number of scans."""
-    count = 0
-    with csv_writer(path, [*INDEX, *columns]) as out:
+    count, (places, named) = 0, strip_fields(sensor)
+    with csv_writer(path, [*INDEX[:-1], *places, *columns]) as out:
         for time_text, strips in scans:
-            for strip, fields in enumerate(strips, sensor.strip_base):
-                out.writerow([count, time_text, strip, *fields])
+            for place, fields in zip(named, strips, strict=True):
+                out.writerow([count, time_text, *place, *fields])
             count += 1
     return count
 
@@ -146,13 +170,13 @@ class ScanLines:
     values: FloatArray
     strip_lines: IntArray
 
-    def check_complete(self, sensor: Sensor) -> None:
+    def check_complete(self, sensor: AnySensor) -> None:
         """Refuse a scan that lacks a strip: `ReadingError` names it."""
         if not self.strip_lines.all():
-            missing = int(self.strip_lines.argmin()) + sensor.strip_base
+            missing = sensor.where(int(self.strip_lines.argmin()))
             raise ReadingError(
-                f"scan {self.number} (from line {self.line}) has no line for strip {missing}; an untouched strip "
-                "needs its line too, with empty fields"
+                f"scan {self.number} (from line {self.line}) has no line for {missing}"
+                "; an untouched strip needs its line too, with empty fields"
             )
 
 
@@ -160,7 +184,7 @@ def scan_lines(
     header: list[str],
     rows: Iterator[Row],
     columns: Sequence[Column],
-    sensor: Sensor,
+    sensor: AnySensor,
     parse: Callable[[str, int, Column], float],
 ) -> Iterator[ScanLines]:
     """Yield a file's scans, complete or not; `parse` returns the value of a field on a line in a column.
@@ -170,25 +194,27 @@ def scan_lines(
     ReadingError
         There is none, or a line has no time or no strip, or a strip for the second time.
     """
-    index = [find(header, name) for name in INDEX]
+    index, strip_of = [find(header, name) for name in INDEX], strip_reader(header, sensor)
     places = next(((name, header.index(name)) for name in POSITIONS if name in header), None)
+    if isinstance(sensor, LayeredSensor):
+        places = None  # of which layer they are nobody says
     first: dict[int, float] = {}  # where the strips of the first scan lie, if the file says so
     scan: ScanLines | None = None
     for line, row in rows:
-        number, time_text, strip_text = (row[i] for i in index)
+        number, time_text = (row[i] for i in index[:-1])
         if scan is None or number != scan.number:
             if scan is not None:
                 yield scan
-            if first and places is not None:
+            if first and places is not None and isinstance(sensor, Sensor):
                 _check_positions(places[0], first, sensor)
                 places = None
             values = np.full((len(columns), sensor.strips), np.nan)
             time_s = finite(time_text, line, "time_s")
             scan = ScanLines(number, line, time_s, values, np.zeros(sensor.strips, dtype=np.int64))
-        strip = strip_index(strip_text, line, sensor)
+        strip = strip_of(row, line)
         if earlier := scan.strip_lines[strip]:
             raise ReadingError(
-                f"line {line}: strip {strip_text} of scan {number} is already on line {earlier}"
+                f"line {line}: {sensor.where(strip)} of scan {number} is already on line {earlier}"
             )
         scan.strip_lines[strip] = line
         if places is not None:
@@ -196,7 +222,7 @@ def scan_lines(
         scan.values[:, strip] = [parse(row[c.index], line, c) for c in columns]
     if scan is None:
         raise ReadingError("the file has a header but no readings")
-    if places is not None:
+    if places is not None and isinstance(sensor, Sensor):
         _check_positions(places[0], first, sensor)
     yield scan
 
@@ -219,8 +245,8 @@ def _check_positions(name: str, places: Mapping[int, float], sensor: Sensor) -> 
                 )
 
 
-def _scans(header: list[str], rows: Iterator[Row], sensor: Sensor) -> list[Scan]:
-    columns = value_columns(header, sensor)
+def _scans(header: list[str], rows: Iterator[Row], sensor: AnySensor) -> list[Scan]:
+    columns = value_columns(header, unit_of(sensor))
     scans: list[Scan] = []
     numbers: set[str] = set()
     for lines in scan_lines(header, rows, columns, sensor, value):
@@ -229,13 +255,13 @@ def _scans(header: list[str], rows: Iterator[Row], sensor: Sensor) -> list[Scan]
                 f"line {lines.line}: scan {lines.number} comes again; the lines of a scan must be together"
             )
         numbers.add(lines.number)
-        scans.append(_scan(lines, columns, sensor))
+        lines.check_complete(sensor)
+        scans.append(_scan(lines, columns, unit_of(sensor)))
     return scans
 
 
 def _scan(lines: ScanLines, columns: list[Column], sensor: Sensor) -> Scan:
-    """Return a scan; every strip must be there. One with one reading of two counts with that one."""
-    lines.check_complete(sensor)
+    """Return a complete scan. A strip with one reading of two counts with that one."""
     empty = np.isnan(lines.values)
     for strip in np.flatnonzero(empty.any(axis=0) & ~empty.all(axis=0)):
         if sensor.kind.closed_form:

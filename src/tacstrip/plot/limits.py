@@ -5,16 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from matplotlib.axis import Axis
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter, NullLocator
 
 from tacstrip.design.limits import ErrorMap, Limit
 from tacstrip.geometry.outline import Outline
 from tacstrip.geometry.region import regions
 from tacstrip.plot.scene import draw_polygon, draw_sensor, zoom
-from tacstrip.plot.style import COLOURS, RECOVERED, TRUE, new_panels
+from tacstrip.plot.style import COLOURS, RECOVERED, TRUE, new_panels, plain_ticks
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
 
@@ -53,18 +51,7 @@ def limits_figure(sensor: Sensor, outline: Outline, found: list[Limit], over: Er
         look: dict[str, Any] = {"norm": span, "cmap": "viridis", "shading": "nearest", "zorder": 2}
         mesh = right.pcolormesh(over.x_mm, over.y_mm, shown, **look)
         bar = figure.colorbar(mesh, ax=right, label="RMS vertex error [mm]")
-        _plain_ticks(bar.ax.yaxis)
+        plain_ticks(bar.ax.yaxis)
     right.plot(*over.centroid, "o", color=RECOVERED, markersize=4.0, zorder=5)
     right.set_title("with the contact's centroid here")
     return figure
-
-
-def _plain_ticks(axis: Axis) -> None:
-    """Write 0.34, not 3.4 x 10^-1, and thin the ticks between the powers of ten where they would touch."""
-    plain = FuncFormatter(lambda value, _: f"{value:.3g}")
-    low, high = axis.get_view_interval()
-    if high < 10.0 * low:  # no more than one power of ten within: even steps read better
-        axis.set_major_locator(MaxNLocator(6))
-        axis.set_minor_locator(NullLocator())
-    axis.set_major_formatter(plain)
-    axis.set_minor_formatter(NullFormatter())

@@ -8,6 +8,7 @@ import numpy as np
 import shapely
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from tacstrip.arrays import FloatArray
@@ -16,6 +17,7 @@ from tacstrip.geometry.region import regions
 from tacstrip.plot.labels import LabelledObject, labelled_objects
 from tacstrip.plot.scene import (
     draw_contact,
+    draw_piece,
     draw_polygon,
     draw_regions,
     draw_sensor,
@@ -72,7 +74,8 @@ def reconstruction_figure(
     _draw_readings(panels[-1], sensor, scans, touched)
     if objects or truth:
         with_regions &= any(regions(o.found.vertices, o.found.covariance) for o in objects)
-        _explain(figure, panels[0], with_regions, len(shown) > 1 and len(objects) > 0)
+        hidden = any(o.found.bounds is not None for o in objects)
+        _explain(figure, panels[0], with_regions, len(shown) > 1 and len(objects) > 0, hidden)
     return figure
 
 
@@ -85,7 +88,10 @@ def _draw_shapes(
         found, colour = drawn.found, drawn.colour
         if found.found:
             doubtful = found.status not in ("ok", "likely")
-            draw_polygon(axes, found.vertices, colour, drawn.label, doubtful=doubtful)
+            if found.hidden is None:
+                draw_polygon(axes, found.vertices, colour, drawn.label, doubtful=doubtful)
+            else:
+                draw_piece(axes, found, colour, drawn.label)
             for k, other in enumerate(found.alternatives if with_regions else ()):
                 ring = np.concatenate([other.vertices, other.vertices[:1]])
                 label = f"alternative: {other.weight:.2f}"
@@ -110,12 +116,15 @@ def _draw_shapes(
             )  # fmt: skip
 
 
-def _explain(figure: Figure, axes: Axes, with_regions: bool, several: bool) -> None:
+def _explain(figure: Figure, axes: Axes, with_regions: bool, several: bool, hidden: bool) -> None:
     """Add the legend of the shapes."""
     handles, labels = axes.get_legend_handles_labels()
     if with_regions:
         handles.append(Patch(facecolor=TRUE, alpha=0.25))
         labels.append("95 % region of a corner")
+    if hidden:
+        handles += [Line2D([], [], color=TRUE, linestyle=style) for style in ("--", ":")]
+        labels += ["hidden behind another piece", "smallest and largest"]
     if several:
         handles.append(Patch(alpha=0.0))
         labels.append("numbers: scans")

@@ -14,6 +14,7 @@ from matplotlib.patches import Polygon, Rectangle
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.shape import Contact
 from tacstrip.plot.style import COLOURS, SENSOR, STRIP, TRUE
+from tacstrip.reconstruction.result import RecoveredObject
 from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
@@ -79,6 +80,29 @@ def draw_polygon(
     )  # fmt: skip
     if doubtful:  # a whole white line lies under the dashes
         axes.plot(*ring.T, color="white", linewidth=2.6, zorder=3.9)
+
+
+def draw_piece(
+    axes: Axes,
+    piece: RecoveredObject,
+    colour: str,
+    label: str | None = None,
+) -> None:
+    """Draw a piece: edges that are seen in full, hidden ones dashed with hollow corners, its bounds dotted."""
+    assert piece.hidden is not None
+    assert piece.hidden_edges is not None
+    for bound in piece.bounds or ():
+        axes.plot(*np.concatenate([bound, bound[:1]]).T, ":", color=colour, linewidth=0.8, zorder=3.5)
+    ring = np.concatenate([piece.vertices, piece.vertices[:1]])
+    for i, unseen in enumerate(piece.hidden_edges):
+        axes.plot(
+            *ring[i : i + 2].T, "--" if unseen else "-", color=colour, linewidth=1.3, label=label, zorder=4
+        )
+        label = None
+    if len(ring) < 25:
+        for unseen, face in ((False, colour), (True, "white")):
+            at = piece.vertices[piece.hidden == unseen]
+            axes.plot(*at.T, "o", color=colour, markersize=3.5, markerfacecolor=face, zorder=4.1)
 
 
 def draw_regions(axes: Axes, sensor: Sensor, found: Iterable[FloatArray], colour: str) -> None:

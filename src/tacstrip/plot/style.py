@@ -12,8 +12,10 @@ from typing import Any
 
 import matplotlib as mpl
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter, NullLocator
 
 from tacstrip.errors import OptionError
 from tacstrip.files import replacing
@@ -88,12 +90,14 @@ def save(figure: Figure, path: str | Path, dpi: int = 110) -> Path:
     kind = file.suffix[1:].lower()
     with mpl.rc_context(_RC), warnings.catch_warnings(), replacing(file) as part:
         warnings.simplefilter("ignore", UserWarning)  # a layout too tight for its labels is still a picture
-        if kind == "png":  # laid out here and printed, for `savefig` would draw the whole figure once more for it
+        if (
+            kind == "png"
+        ):  # laid out here and printed, for `savefig` would draw the whole figure once more for it
             figure.set_dpi(dpi)
             if layout := figure.get_layout_engine():
                 layout.execute(figure)
                 figure.set_layout_engine("none")
-            FigureCanvasAgg(figure).print_png(part, metadata={"Software": None})
+            FigureCanvasAgg(figure).print_png(part, metadata={"Software": None})  # type: ignore[no-untyped-call]
         else:
             figure.savefig(part, dpi=dpi, format=kind)
     return file
@@ -113,3 +117,14 @@ def legend_above(axes: Axes, columns: int = 2, **options: Any) -> None:
     low, high = axes.get_ylim()
     axes.set_ylim(low, low + (high - low) / (1.0 - share))
     legend(axes, loc="upper left", ncols=columns, **options)
+
+
+def plain_ticks(axis: Axis) -> None:
+    """Write 0.34, not 3.4 x 10^-1, and thin the ticks between the powers of ten where they would touch."""
+    plain = FuncFormatter(lambda value, _: f"{value:.6g}")
+    low, high = axis.get_view_interval()
+    if high < 10.0 * low:  # no more than one power of ten within: even steps read better
+        axis.set_major_locator(MaxNLocator(6))
+        axis.set_minor_locator(NullLocator())
+    axis.set_major_formatter(plain)
+    axis.set_minor_formatter(NullFormatter())

@@ -73,17 +73,34 @@ def ends(
 
 def _covariance(sensor: Sensor, l: FloatArray, u: FloatArray, sigma: float) -> FloatArray:
     """Return the covariance of l, then u (2 strips, 2 strips) [mm^2], of a strip's two readings alone."""
-    slopes = signature_jacobians(sensor, l, u)
-    (a, b), (c, d) = slopes["kh"], slopes["kl"]
-    det = a * d - b * c
+    of_l, of_u, shared = _variances(sensor, l, u)
     n = np.arange(len(l))
     full = np.zeros((2 * len(l), 2 * len(l)))
-    full[n, n] = (b**2 + d**2) / det**2
-    full[len(l) + n, len(l) + n] = (a**2 + c**2) / det**2
-    full[n, len(l) + n] = full[len(l) + n, n] = -(a * b + c * d) / det**2
+    full[n, n], full[len(l) + n, len(l) + n] = of_l, of_u
+    full[n, len(l) + n] = full[len(l) + n, n] = shared
     blank = np.isnan(np.concatenate([l, u]))
     full[blank], full[:, blank] = np.nan, np.nan
     return full * sigma**2
+
+
+def _variances(sensor: Sensor, l: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return variance of l, of u, and covariance of both (n,) [mm^2], for readings of variance 1."""
+    slopes = signature_jacobians(sensor, l, u)
+    (a, b), (c, d) = slopes["kh"], slopes["kl"]
+    det = a * d - b * c
+    return (b**2 + d**2) / det**2, (a**2 + c**2) / det**2, -(a * b + c * d) / det**2
+
+
+def end_deviations(
+    sensor: Sensor, l: FloatArray, u: FloatArray, sigma: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return the standard deviations of l and of u (n,) [mm], of a strip's two readings of deviation sigma [Vref]."""
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        of_l, of_u, _ = _variances(sensor, l, u)
+    l_sigma, u_sigma = (
+        np.nan_to_num(sigma * np.sqrt(v), nan=sensor.length_mm, posinf=sensor.length_mm) for v in (of_l, of_u)
+    )
+    return np.minimum(l_sigma, sensor.length_mm), np.minimum(u_sigma, sensor.length_mm)
 
 
 def closed_ends(sensor: Sensor, kh: FloatArray, kl: FloatArray) -> tuple[FloatArray, FloatArray]:

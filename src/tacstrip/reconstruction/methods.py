@@ -12,6 +12,7 @@ from tacstrip.reconstruction.profile import profile_reconstruction
 from tacstrip.reconstruction.result import Reconstruction
 from tacstrip.reconstruction.vertex.estimate import vertex_reconstruction
 from tacstrip.scan import Scan
+from tacstrip.sensor.layers import AnySensor, LayeredSensor
 from tacstrip.sensor.spec import Sensor
 
 
@@ -21,10 +22,19 @@ def _polygon(scan: Scan, sensor: Sensor, noise: Noise | None, **options: Any) ->
     return fit_polygon(scan, sensor, noise, **options)
 
 
+def _pieces(scan: Scan, sensor: Sensor, noise: Noise | None) -> Reconstruction:
+    from tacstrip.reconstruction.pieces.estimate import (
+        piece_reconstruction,  # late: other methods do without it
+    )
+
+    return piece_reconstruction(scan, sensor, noise)
+
+
 METHODS: dict[str, Callable[..., Reconstruction]] = {
     "polygon": _polygon,
     "vertex": vertex_reconstruction,
     "profile": profile_reconstruction,
+    "pieces": _pieces,
 }
 
 
@@ -52,21 +62,21 @@ def chosen_method(method: str | None, sensor: Sensor) -> str:
     return name
 
 
-@takes(scan=Scan, sensor=Sensor, noise=Noise)
+@takes(scan=Scan, sensor=Sensor | LayeredSensor, noise=Noise)
 def reconstruct(
-    scan: Scan, sensor: Sensor, noise: Noise | None = None, *, method: str | None = "auto", **options: Any
+    scan: Scan, sensor: AnySensor, noise: Noise | None = None, *, method: str | None = "auto", **options: Any
 ) -> Reconstruction:
     """Reconstruct what touches the sensor from one scan.
 
     Parameters
     ----------
     scan, sensor
-        What was measured, with what.
+        What was measured, with what; of two layers, polygons are fitted to both layers' readings together.
     noise
         The errors of the readings, if they are known; None: estimated from the readings where the method needs them.
     method
-        "polygon" (`fit_polygon`), "vertex" (`vertex_reconstruction`), "profile" (`profile_reconstruction`), or
-        "auto", the best for this sensor.
+        "polygon" (`fit_polygon`), "vertex" (`vertex_reconstruction`), "profile" (`profile_reconstruction`), "pieces"
+        (`pieces`: several objects on the same strips), or "auto", the best for this sensor.
     **options
         Of that method's function.
 
@@ -92,4 +102,10 @@ def reconstruct(
     >>> found.status, len(found.objects[0].vertices)
     ('ok', 4)
     """
+    if isinstance(sensor, LayeredSensor):
+        if method not in (None, "auto", "polygon"):
+            raise OptionError(f'method = {method!r}: two layers are reconstructed by "polygon"')
+        from tacstrip.reconstruction.layered.estimate import fit_layers  # late: one layer does without it
+
+        return fit_layers(scan, sensor, noise, **options)
     return METHODS[chosen_method(method, sensor)](scan, sensor, noise=noise, **options)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal, Protocol, TypeAlias
 
 import numpy as np
 
-from tacstrip.arrays import FloatArray
+from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.geometry.moments import MomentDeviations, deviations, moments, orientation
 from tacstrip.geometry.region import svg
 
@@ -120,6 +120,11 @@ class RecoveredObject:
         Other outlines that explain the readings, the likeliest first.
     pose
         Of a known object (`fit_object`): where it lies.
+    hidden, hidden_edges
+        Of a piece (method "pieces"): which corners, and which edges from each to the next one, another piece hides
+        (N,); their covariance is NaN. Under two layers `hidden` says which vertices no reading determines.
+    bounds
+        Of a piece that is hidden in part: the smallest and the largest outline (M, 2) [mm] that it can have.
 
     Raises
     ------
@@ -154,6 +159,9 @@ class RecoveredObject:
     confidence: float | None = None
     alternatives: tuple[Alternative, ...] = ()
     pose: Pose | None = None
+    hidden: BoolArray | None = None
+    hidden_edges: BoolArray | None = None
+    bounds: tuple[FloatArray, FloatArray] | None = None
 
     def __post_init__(self) -> None:
         if self.covariance is not None and self.covariance.shape != (2 * len(self.vertices),) * 2:
@@ -202,9 +210,10 @@ class RecoveredObject:
     def deviations(self) -> MomentDeviations | None:
         """Standard deviations of area [mm^2], centroid (2,) [mm] and orientation [rad]; None without a covariance.
 
-        1.96 of them to either side hold 95 %, also where an error is not normal.
+        None, too, of a piece that is hidden in part. 1.96 of them to either side hold 95 %, also where an error is not
+        normal.
         """
-        if self.covariance is None:
+        if self.covariance is None or (self.hidden is not None and self.hidden.any()):
             return None
         sampled = None if self.guarantee is None else self.guarantee.deviations
         found = sampled or deviations(self.vertices, self.covariance, self.uniform)
@@ -230,6 +239,9 @@ class Reconstruction:
         One per run of touched strips, left to right.
     time_s
         The scan's time [s].
+    alternatives
+        Of two layers: other scenes that explain the readings nearly as well, the best first, each the outlines
+        (N, 2) [mm] of its objects.
 
     Examples
     --------
@@ -244,6 +256,7 @@ class Reconstruction:
     method: str
     objects: tuple[RecoveredObject, ...]
     time_s: float = 0.0
+    alternatives: tuple[tuple[FloatArray, ...], ...] = ()
 
     def __repr__(self) -> str:
         objects = "".join(f", {o!r}" for o in self.objects) if len(self.objects) == 1 else ""

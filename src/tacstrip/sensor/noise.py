@@ -6,6 +6,7 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from functools import cached_property
 from typing import Any, Literal, Self, TypeAlias
 
 from tacstrip.arguments import refuse_positional
@@ -138,7 +139,7 @@ class Noise:
                 "wander_s = 0: a time constant must be above 0; an error without one is `white`"
             )
 
-    @property
+    @cached_property
     def processes(self) -> tuple[tuple[float, float], ...]:
         """Standard deviation [Vref] and time constant [s] of every process of the wander."""
         sigmas, times_s = (v if isinstance(v, tuple) else (v,) for v in (self.wander, self.wander_s))
@@ -150,7 +151,7 @@ class Noise:
             times_s *= len(sigmas)
         return tuple((s, t) for s, t in zip(sigmas, times_s, strict=True) if s)
 
-    @property
+    @cached_property
     def independent(self) -> bool:
         """Whether every reading's error is its own, of one size, as in section 5.1: no other part is there."""
         lasting = self.processes or self.offset or self.gain or self.soft or self.hum

@@ -9,7 +9,7 @@ import re
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Self, cast
 
 import numpy as np
 
@@ -48,8 +48,9 @@ KEYS: dict[str, tuple[str, str]] = {  # key: (an example where nothing is set, c
 }
 CALIBRATION = "calibration"  # the table that `tacstrip calibrate` adds to a spec file
 NOISE = "noise"  # the table that `tacstrip noise` adds
+LAYER = "layer"  # the tables of a sensor of two layers, of which `sensor.layers` knows
 # Keys that belong to some constructions only.
-_OWN_KEYS = frozenset().union(*(c.keys for c in CONSTRUCTIONS.values()))
+OWN_KEYS = frozenset().union(*(c.keys for c in CONSTRUCTIONS.values()))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -164,6 +165,10 @@ class Sensor:
         across = f"{self.strips} strips, pitch {self.pitch_mm:.6g} mm"
         return f"{self.construction}, {across}, length {self.length_mm:.6g} mm"
 
+    def where(self, strip: int) -> str:
+        """Return the name in files of a strip that is counted from 0."""
+        return f"strip {strip + self.strip_base}"
+
     def check_signature(self, signature: str) -> str:
         """Return the name if this sensor has such a signature, else raise `SignatureError`."""
         return check_signature(self.kind, signature).name
@@ -171,6 +176,8 @@ class Sensor:
     @classmethod
     def load(cls, path: str | Path) -> Self:
         """Read a spec file, or one of the shipped specs by its name (`prototype-crs-crs`, ...).
+
+        One with two `[[layer]]` tables gives a `LayeredSensor`, which what knows one layer only refuses.
 
         Raises
         ------
@@ -197,6 +204,10 @@ class Sensor:
     @classmethod
     def from_dict(cls, raw: dict[str, Any]) -> Self:
         """Make a sensor from a spec file's keys and values; errors as for `load`."""
+        if LAYER in raw:
+            from tacstrip.sensor.layers import LayeredSensor  # late: it is made of sensors
+
+            return cast(Self, LayeredSensor.from_dict(raw))
         known = [*KEYS, CALIBRATION, NOISE]
         if unknown := [key for key in raw if key not in known]:
             raise SpecError(f"unknown key {unknown[0]!r}; the keys are: {', '.join(known)}")
@@ -211,7 +222,7 @@ class Sensor:
         lines = ["# A resistive hybrid tactile sensor, for tacstrip. Millimetres and volts."]
         for key, (example, comment) in KEYS.items():
             value = getattr(self, key)
-            if key in _OWN_KEYS and key not in self.kind.keys:
+            if key in OWN_KEYS and key not in self.kind.keys:
                 continue
             text = repr(value) if isinstance(value, int | float) else json.dumps(value, ensure_ascii=False)
             line = f"# {key} = {example}" if value in (None, ()) else f"{key} = {text}"
@@ -281,7 +292,7 @@ def _check(s: Sensor) -> None:
         "contact_lambda_mm": s.contact_lambda_mm != 0.0,
     }
     for key, given in given_keys.items():
-        if given and key in _OWN_KEYS and key not in kind.keys:
+        if given and key in OWN_KEYS and key not in kind.keys:
             owners = ", ".join(c.name for c in CONSTRUCTIONS.values() if key in c.keys)
             raise SpecError(f"{key} does not belong to a {kind.name} sensor, only to: {owners}")
         if key in kind.required and not given:

@@ -7,4 +7,5 @@ from .simulated import Drag as Drag
 from .source import RawScan as RawScan
 from .source import Shape as Shape
 from .source import Source as Source
+from .source import TrackedShape as TrackedShape
 from .source import paced as paced

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeVar, cast
 
 import numpy as np
 
@@ -15,37 +15,43 @@ from tacstrip.arguments import takes
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.errors import ReadingError, RecordingError
 from tacstrip.scan import Scan
+from tacstrip.sensor.layers import AnySensor, LayeredSensor, unit_of
 from tacstrip.sensor.left_out import channel_name, left_out
 from tacstrip.sensor.raw import apply_calibration, invert_calibration
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.source import CodeArray, RawScan
 
 ELECTRODES = "electrodes"
+_Sensor = TypeVar("_Sensor", bound="AnySensor")
 UNSET_BITS = 16  # where the spec has no adc_bits
 
 
-def with_converter(sensor: Sensor) -> Sensor:
+def with_converter(sensor: _Sensor) -> _Sensor:
     """Return the sensor with the resolution of its stored codes: 16 bits where the spec gives none."""
-    return sensor if sensor.adc_bits is not None else replace(sensor, adc_bits=UNSET_BITS)
+    if sensor.adc_bits is not None:
+        return sensor
+    if isinstance(sensor, LayeredSensor):
+        return cast(_Sensor, sensor.changed(adc_bits=UNSET_BITS))
+    return replace(sensor, adc_bits=UNSET_BITS)
 
 
-def top_code(sensor: Sensor) -> int:
+def top_code(sensor: AnySensor) -> int:
     """Return the code that reads Vref."""
     return int(2 ** (sensor.adc_bits or UNSET_BITS) - 1)
 
 
-def code_type(sensor: Sensor) -> np.dtype[np.unsignedinteger[Any]]:
+def code_type(sensor: AnySensor) -> np.dtype[np.unsignedinteger[Any]]:
     """Return the unsigned type that holds the sensor's codes, of 16 or 32 bits."""
     return np.dtype("<u2" if top_code(sensor) < 2**16 else "<u4")
 
 
-def code_shape(sensor: Sensor, name: str) -> tuple[int, ...]:
+def code_shape(sensor: AnySensor, name: str) -> tuple[int, ...]:
     """Return the shape of one scan's codes of a name."""
     return (sensor.strips, 2 * sensor.strips) if name == ELECTRODES else (sensor.strips,)
 
 
-@takes(scan=Scan, sensor=Sensor)
-def encode(scan: Scan, sensor: Sensor, sequence: int = 0) -> RawScan:
+@takes(scan=Scan, sensor=Sensor | LayeredSensor)
+def encode(scan: Scan, sensor: AnySensor, sequence: int = 0) -> RawScan:
     """Return a scan as A/D codes, each reading rounded to the nearest code; 0 where nothing touches.
 
     A calibration of the sensor is inverted, so that the codes are those that its converter would read.
@@ -78,6 +84,7 @@ def encode(scan: Scan, sensor: Sensor, sequence: int = 0) -> RawScan:
     >>> raw.codes["k"].tolist(), raw.touched.tolist()
     ([512, 0], [True, False])
     """
+    sensor = unit_of(sensor)
     scan.check(sensor)
     for name in scan.signatures:
         lost = scan.half_read & np.isnan(scan[name]) & ~left_out(sensor).get(name, np.array(False))
@@ -96,14 +103,15 @@ def to_codes(raw: Mapping[str, FloatArray], sensor: Sensor) -> dict[str, CodeArr
     return {name: np.nan_to_num(np.round(values * top)).astype(kind) for name, values in raw.items()}
 
 
-def quantisation_error(scan: Scan, sensor: Sensor) -> float:
+def quantisation_error(scan: Scan, sensor: AnySensor) -> float:
     """Return the largest distance of a reading from its code, in steps of the converter, 0 to 0.5."""
+    sensor = unit_of(sensor)
     steps = np.concatenate([v.ravel() for v in _raw(scan, sensor).values()]) * top_code(sensor)
     return float(np.nanmax(np.abs(steps - np.round(steps)), initial=0.0))
 
 
-@takes(raw=RawScan, sensor=Sensor)
-def decode(raw: RawScan, sensor: Sensor) -> Scan:
+@takes(raw=RawScan, sensor=Sensor | LayeredSensor)
+def decode(raw: RawScan, sensor: AnySensor) -> Scan:
     """Return the readings of A/D codes: over Vref, calibrated, NaN where nothing touches.
 
     Where the spec has `rest_volt`, strips whose every reading is within `touch_volt` of it are untouched too.
@@ -136,12 +144,13 @@ def decode(raw: RawScan, sensor: Sensor) -> Scan:
     return Scan(**read, time_s=raw.time_s)
 
 
-def over_vref(codes: Mapping[str, CodeArray], touched: BoolArray, sensor: Sensor) -> dict[str, FloatArray]:
+def over_vref(codes: Mapping[str, CodeArray], touched: BoolArray, sensor: AnySensor) -> dict[str, FloatArray]:
     """Return the calibrated readings of A/D codes over Vref, NaN where nothing touches.
 
     `touched`, the codes and the results have the shape (strips,) or (scans, strips); electrodes have a further axis of
     2 strips. Errors as of `decode`.
     """
+    sensor = unit_of(sensor)
     top = top_code(sensor)
     if (most := max(int(values.max(initial=0)) for values in codes.values())) > top:
         raise RecordingError(

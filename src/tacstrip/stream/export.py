@@ -6,7 +6,7 @@ import json
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -19,9 +19,13 @@ from tacstrip.io.geometry import feature_collection
 from tacstrip.io.readings import write_scans
 from tacstrip.reconstruction.result import Reconstruction, RecoveredObject
 from tacstrip.scan import Scan
+from tacstrip.sensor.layers import unit_of
 from tacstrip.stream.codes import ELECTRODES, code_shape, code_type, over_vref, top_code
 from tacstrip.stream.replay import Recording
-from tacstrip.stream.source import RawScan, Shape, Source
+from tacstrip.stream.source import RawScan, Shape, Source, TrackedShape
+
+if TYPE_CHECKING:
+    from tacstrip.tracking.live_contact import LiveTrack
 
 
 def write_csv(path: str | Path, source: Source, codes: bool = False) -> int:
@@ -32,7 +36,7 @@ def write_csv(path: str | Path, source: Source, codes: bool = False) -> int:
     """
     sensor, names = source.sensor, source.names
     columns = [column_name(name, codes) for name in names if name != ELECTRODES]
-    scale = sensor.vref_volt / top_code(sensor)
+    scale = unit_of(sensor).vref_volt / top_code(sensor)
 
     def fields(raw: RawScan) -> Iterator[list[str]]:
         rows = np.concatenate([raw.codes[n].reshape(sensor.strips, -1) for n in names], axis=1)
@@ -40,7 +44,7 @@ def write_csv(path: str | Path, source: Source, codes: bool = False) -> int:
             yield [(str(c) if codes else f"{c * scale:.12g}") if touched else "" for c in row]
 
     scans = ((f"{raw.time_s:.12g}", fields(raw)) for raw in source)
-    return write_scans(path, sensor, columns or electrode_names(sensor, codes), scans)
+    return write_scans(path, sensor, columns or electrode_names(unit_of(sensor), codes), scans)
 
 
 def write_npz(path: str | Path, source: Source) -> int:
@@ -52,12 +56,14 @@ def write_npz(path: str | Path, source: Source) -> int:
     arrivals: list[float] = []
     sequences: list[int] = []
     shapes: list[tuple[int, Shape]] = []
+    tracks: list[tuple[int, TrackedShape]] = []
     for raw in source:
         for name, data in codes.items():
             data += raw.codes[name].tobytes()
         touched += raw.touched.tobytes()
         strip_times += b"" if raw.strip_time_s is None else raw.strip_time_s.tobytes()
         shapes += [(len(times), shape) for shape in raw.shapes]
+        tracks += [(len(times), track) for track in raw.tracks]
         times.append(raw.time_s)
         arrivals.append(np.nan if raw.arrival_s is None else raw.arrival_s)
         sequences.append(raw.sequence)
@@ -82,6 +88,13 @@ def write_npz(path: str | Path, source: Source) -> int:
         yield "polygon_status", np.array([shape.status for _, shape in shapes], dtype=str)
         yield "polygon_start", np.cumsum([0, *map(len, corners)])
         yield "polygon_vertices_mm", np.concatenate([np.empty((0, 2)), *corners])
+        outlines = [track.outline for _, track in tracks]
+        yield "track_scan", np.array([scan for scan, _ in tracks], dtype=np.int64)
+        yield "track_id", np.array([track.id for _, track in tracks], dtype=np.int64)
+        yield "track_status", np.array([track.status for _, track in tracks], dtype=str)
+        yield "track_pose", np.array([track.pose for _, track in tracks]).reshape(-1, 3)
+        yield "track_start", np.cumsum([0, *map(len, outlines)])
+        yield "track_outline_mm", np.concatenate([np.empty((0, 2)), *outlines])
         yield "sensor_toml", np.array(sensor.to_toml())
         yield "origin_ns", np.array(source.origin_ns)
 
@@ -93,7 +106,7 @@ def write_npz(path: str | Path, source: Source) -> int:
 
 
 def write_shapes(path: str | Path, source: Recording) -> int:
-    """Write the shapes stored with the scans as GeoJSON, in mm; return their number.
+    """Write the shapes and objects over time stored with the scans as GeoJSON, in mm; return their number.
 
     Raises
     ------
@@ -101,9 +114,10 @@ def write_shapes(path: str | Path, source: Recording) -> int:
         The recording holds none.
     """
     method = source.about.get("method", "")
-    results = [as_reconstruction(raw, method) for raw in source]
-    collection = feature_collection(results)
+    scans = list(source)
+    collection = feature_collection([as_reconstruction(raw, method) for raw in scans])
     features = [feature for feature in collection["features"] if feature["geometry"] is not None]
+    features += [_track_feature(raw.time_s, one) for raw in scans for one in raw.tracks]
     if not features:
         raise RecordingError(
             f"{source.path}: it holds no polygons; `tacstrip record {source.path} -o NEW.mcap --reconstruct METHOD` "
@@ -115,13 +129,15 @@ def write_shapes(path: str | Path, source: Recording) -> int:
 
 
 def json_line(number: int, raw: RawScan, scan: Scan) -> str:
-    """Return a scan as one line of JSON: its readings over Vref, null where nothing touches, and its shapes [mm]."""
+    """Return a scan as one line of JSON: readings over Vref, null where nothing touches, shapes and tracks [mm]."""
     line: dict[str, Any] = {"scan": number, "sequence": raw.sequence, "time_s": round(raw.time_s, 9)}
     if raw.arrival_s is not None:
         line["arrival_s"] = round(raw.arrival_s, 9)
     for name in scan.signatures:
         line[name] = plain(scan[name], 9)
     line["shapes"] = [{"status": s.status, "vertices_mm": plain(s.vertices, 6)} for s in raw.shapes]
+    if raw.tracks:
+        line["tracks"] = [track_fields(one) for one in raw.tracks]
     return json.dumps(line, allow_nan=False)
 
 
@@ -130,3 +146,27 @@ def as_reconstruction(raw: RawScan, method: str) -> Reconstruction:
     statuses: list[tuple[Any, FloatArray]] = [(shape.status, shape.vertices) for shape in raw.shapes]
     objects = tuple(RecoveredObject(slice(0, 0), corners, status=status) for status, corners in statuses)
     return Reconstruction(method, objects, raw.time_s)
+
+
+def track_fields(one: LiveTrack | TrackedShape) -> dict[str, Any]:
+    """Return an object over time as JSON: its rigid outline [mm], where it lies, and how well it is known."""
+    seen, covariance = bool(np.isfinite(one.pose).all()), one.covariance
+    x_mm, y_mm, angle = plain(one.pose, 9)
+    deviations = None if covariance is None else np.sqrt(covariance.diagonal()).reshape(-1, 2)
+    return {
+        "id": one.id,
+        "status": one.status,
+        "scans": one.scans,
+        "outline_mm": plain(one.outline, 4),
+        "vertex_sigma_mm": None if deviations is None else plain(deviations, 5),
+        "pose": {"x_mm": x_mm, "y_mm": y_mm, "angle_rad": angle} if seen else None,
+        "vertices_mm": plain(one.placed, 4) if seen else [],
+        "advice": one.advice,
+    }
+
+
+def _track_feature(time_s: float, one: TrackedShape) -> dict[str, Any]:
+    fields = track_fields(one)
+    ring = fields.pop("vertices_mm")
+    geometry = {"type": "Polygon", "coordinates": [[*ring, ring[0]]]} if ring else None
+    return {"type": "Feature", "geometry": geometry, "properties": {"time_s": plain(time_s), "track": fields}}

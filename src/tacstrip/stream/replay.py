@@ -9,19 +9,29 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn, cast
 
 from mcap.records import Attachment, Channel, McapRecord, Message, Metadata, Schema
 
 from tacstrip.arguments import takes
 from tacstrip.errors import RecordingError, SpecError
 from tacstrip.io.readings import read_readings
+from tacstrip.sensor.layers import AnySensor, LayeredSensor, unit_of
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.codes import ELECTRODES, encode, quantisation_error, with_converter
-from tacstrip.stream.recording.messages import NAMES, NANO, POLYGON, SCANS, read_polygon, read_scan
-from tacstrip.stream.recording.recorder import ABOUT, FORMAT, POLYGON_TOPICS, SCAN_TOPIC, SPEC
+from tacstrip.stream.recording.messages import (
+    NAMES,
+    NANO,
+    POLYGON,
+    SCANS,
+    TRACK,
+    read_polygon,
+    read_scan,
+    read_track,
+)
+from tacstrip.stream.recording.recorder import ABOUT, FORMAT, POLYGON_TOPICS, SCAN_TOPIC, SPEC, TRACK_TOPIC
 from tacstrip.stream.recording.records import Condition, Records
-from tacstrip.stream.source import RawScan, Shape
+from tacstrip.stream.source import RawScan, Shape, TrackedShape
 
 _EPOCH_S = 1e9  # a readings file whose times are above this counts them from 1970
 _STATUS = {topic: status for status, topic in POLYGON_TOPICS.items()}
@@ -68,8 +78,8 @@ class Recording:
     (5, ('k',))
     """
 
-    @takes(sensor=Sensor)
-    def __init__(self, path: str | Path, sensor: Sensor | None = None) -> None:
+    @takes(sensor=Sensor | LayeredSensor)
+    def __init__(self, path: str | Path, sensor: AnySensor | None = None) -> None:
         self.path = Path(path)
         self._records = Records(path)
         self._schemas: dict[int, str] = {}
@@ -93,7 +103,8 @@ class Recording:
         self.about = about
         self.names = self._names_in(about)
         self.origin_ns = self._origin_in(about)
-        self.sensor = self._matching(sensor, self._sensor_in(spec))
+        # Of two layers what takes one refuses it; the type of all others spares them to ask.
+        self.sensor = cast(Sensor, self._matching(sensor, self._sensor_in(spec)))
 
     @property
     def condition(self) -> Condition:
@@ -101,9 +112,10 @@ class Recording:
         return self._records.condition
 
     def __iter__(self) -> Iterator[RawScan]:
-        """Yield each scan with the polygons that follow it."""
+        """Yield each scan with the polygons and objects over time that follow it."""
         last: RawScan | None = None
         shapes: list[Shape] = []
+        tracks: list[TrackedShape] = []
         for record in self._rest:
             self._note(record)
             if not isinstance(record, Message) or (channel := self._channels.get(record.channel_id)) is None:
@@ -111,18 +123,22 @@ class Recording:
             schema = self._schemas.get(channel.schema_id, "")
             if channel.topic == SCAN_TOPIC and schema in SCANS.values():
                 if last is not None:
-                    yield replace(last, shapes=tuple(shapes))
+                    yield replace(last, shapes=tuple(shapes), tracks=tuple(tracks))
                 time_s = (record.log_time - self.origin_ns) / NANO
                 arrival_s = (record.publish_time - self.origin_ns) / NANO
                 with self._located():
-                    last, shapes = read_scan(record.data, schema, self.sensor, self.names, time_s), []
+                    last = read_scan(record.data, schema, self.sensor, self.names, time_s)
+                    shapes, tracks = [], []
                 if record.publish_time != record.log_time:
                     last = replace(last, arrival_s=arrival_s)
             elif channel.topic in _STATUS and schema == POLYGON and last is not None:
                 with self._located():
                     shapes.append(read_polygon(record.data, _STATUS[channel.topic]))
+            elif channel.topic == TRACK_TOPIC and schema == TRACK and last is not None:
+                with self._located():
+                    tracks.append(read_track(record.data))
         if last is not None:
-            yield replace(last, shapes=tuple(shapes))
+            yield replace(last, shapes=tuple(shapes), tracks=tuple(tracks))
 
     def close(self) -> None:
         """Close the file; may be called twice."""
@@ -145,7 +161,7 @@ class Recording:
         elif isinstance(record, Channel):
             self._channels[record.id] = record
 
-    def _sensor_in(self, spec: bytes) -> Sensor:
+    def _sensor_in(self, spec: bytes) -> AnySensor:
         try:
             return with_converter(Sensor.from_dict(tomllib.loads(spec.decode())))
         except (SpecError, ValueError, RecursionError) as error:
@@ -165,9 +181,12 @@ class Recording:
             self._fail(f"its origin_ns is {origin!r:.20}, not a time since 1970 [ns]")
         return int(origin)
 
-    def _matching(self, given: Sensor | None, stored: Sensor) -> Sensor:
+    def _matching(self, given: AnySensor | None, stored: AnySensor) -> AnySensor:
         """Return the sensor to decode with; refuse one that the codes cannot be of."""
         sensor = stored if given is None else with_converter(given)
+        if isinstance(stored, Sensor) != isinstance(sensor, Sensor):
+            own, other = ("two layers", "one") if isinstance(sensor, Sensor) else ("one layer", "two")
+            self._fail(f"its codes are of a sensor of {own}, and the spec given has {other}")
         for key in ("construction", "strips", "adc_bits"):
             if getattr(stored, key) != getattr(sensor, key):
                 self._fail(
@@ -175,7 +194,7 @@ class Recording:
                     f"{getattr(sensor, key)}"
                 )
         for name in self.names:
-            if name not in sensor.signatures and (name != ELECTRODES or sensor.kind.closed_form):
+            if name not in sensor.signatures and (name != ELECTRODES or unit_of(sensor).kind.closed_form):
                 self._fail(f"it has codes {name}, which a {sensor.construction} sensor does not measure")
         return sensor
 
@@ -219,11 +238,13 @@ class ReadingsSource:
     [[512, 0]]
     """
 
-    @takes(sensor=Sensor)
-    def __init__(self, path: str | Path, sensor: Sensor) -> None:
-        self.sensor = with_converter(sensor)
+    @takes(sensor=Sensor | LayeredSensor)
+    def __init__(self, path: str | Path, sensor: AnySensor) -> None:
+        whole = with_converter(sensor)
+        self.sensor = cast(Sensor, whole)  # as of `Recording`
         # The codes are stored as measured: calibration and touch thresholds are applied when they are decoded.
-        plain = replace(self.sensor, calibration=None, rest_volt=None, touch_volt=None)
+        bare: dict[str, Any] = {"calibration": None, "rest_volt": None, "touch_volt": None}
+        plain = whole.changed(**bare) if isinstance(whole, LayeredSensor) else replace(whole, **bare)
         scans = read_readings(path, plain)
         self._scans = [encode(scan, plain, number) for number, scan in enumerate(scans)]
         self.names = tuple(self._scans[0].codes)
@@ -237,7 +258,7 @@ class ReadingsSource:
         """Nothing is open."""
 
 
-def open_source(path: str | Path, sensor: Sensor | None = None) -> Recording | ReadingsSource:
+def open_source(path: str | Path, sensor: AnySensor | None = None) -> Recording | ReadingsSource:
     """Open a recording (.mcap) or a readings file (.csv), which needs a sensor.
 
     Raises

@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +18,7 @@ from tacstrip.contact.noise import Noise, NoiseProcess, Rng
 from tacstrip.contact.shape import Contact
 from tacstrip.contact.strip_width import wide, wide_ends
 from tacstrip.errors import OptionError
+from tacstrip.sensor.layers import AnySensor, LayeredSensor, unit_of
 from tacstrip.sensor.raw import invert_calibration
 from tacstrip.sensor.spec import Sensor
 from tacstrip.simulation import readings, simulate
@@ -109,10 +110,10 @@ class SimulatedSource:
     [(0, 0.0), (1, 0.01), (2, 0.02)]
     """
 
-    @takes(sensor=Sensor, noise=Noise)
+    @takes(sensor=Sensor | LayeredSensor, noise=Noise)
     def __init__(
         self,
-        sensor: Sensor,
+        sensor: AnySensor,
         contact: Callable[[float], Contact],
         rate_hz: float = 100.0,
         scans: int | None = None,
@@ -128,12 +129,14 @@ class SimulatedSource:
         for name, value in {"scans": scans, "ahead": ahead}.items():
             if value is not None and value < 1:
                 raise OptionError(f"{name} = {value}: must be 1 or more")
-        self.sensor = with_converter(sensor)
+        whole = with_converter(sensor)
+        self.sensor = cast(Sensor, whole)  # of two layers what takes one refuses it
         self.origin_ns = time.time_ns() if origin_ns is None else origin_ns
         self._contact, self._rate_hz, self._scans = contact, rate_hz, scans
-        self._process = NoiseProcess(noise, self.sensor, rng)
+        self._process = NoiseProcess(noise, unit_of(whole), rng)
         self._model, self._electrodes = model, electrodes
-        self._ahead = ahead if self.sensor.kind.closed_form and model != "network" else 1
+        together = isinstance(whole, Sensor) and whole.kind.closed_form and model != "network"
+        self._ahead = ahead if together else 1
         self._first = self._scan(0)  # raises errors before anything is recorded
         self.names = tuple(self._first.codes)
 

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tacstrip.arrays import BoolArray, FloatArray, touched_strips
+from tacstrip.geometry.pose import placed
 from tacstrip.sensor.spec import Sensor
 
 if TYPE_CHECKING:
@@ -47,6 +48,54 @@ class Shape:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
+class TrackedShape:
+    """An object over time as of one scan, as it was stored with that.
+
+    Attributes
+    ----------
+    id
+        Its number.
+    status
+        "ok", "likely" or "doubtful".
+    outline
+        Corners (N, 2) [mm], in the object's frame; none where no shape is known.
+    pose
+        x, y [mm] and angle [rad] (3,): a point p of the outline lies at R(angle) p + (x, y) on the sensor. NaN where
+        the scan does not tell.
+    scans
+        How many scans tell of the outline.
+    advice
+        In words; empty when all is well.
+    covariance
+        Of `outline.ravel()` (2 N, 2 N) [mm^2]; None where it was not stored with this scan.
+    pose_covariance
+        Of the pose (3, 3) [mm, mm, rad]; None where it was not stored with this scan.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tacstrip.stream import TrackedShape
+    >>> corners, pose = np.array([(0.0, 0.0), (20.0, 0.0), (10.0, 30.0)]), np.array([50.0, 40.0, 0.1])
+    >>> TrackedShape(1, "ok", corners, pose, scans=50).scans
+    50
+    """
+
+    id: int
+    status: str
+    outline: FloatArray
+    pose: FloatArray
+    scans: int = 0
+    advice: str = ""
+    covariance: FloatArray | None = None
+    pose_covariance: FloatArray | None = None
+
+    @property
+    def placed(self) -> FloatArray:
+        """The corners (N, 2) [mm] on the sensor; NaN where the scan does not tell."""
+        return placed(self.outline, self.pose)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
 class RawScan:
     """The A/D codes of one sampling cycle.
 
@@ -68,6 +117,8 @@ class RawScan:
     arrival_s
         When it arrived by the computer's clock [s], counted from the source's `origin_ns`; None where it came from no
         device. `time_s` has the intervals of the device's clock, which may gain or lose seconds an hour.
+    tracks
+        Objects over time that are stored with the scan, as a recording may have them.
 
     Examples
     --------
@@ -86,6 +137,7 @@ class RawScan:
     strip_time_s: FloatArray | None = None
     shapes: tuple[Shape, ...] = ()
     arrival_s: float | None = None
+    tracks: tuple[TrackedShape, ...] = ()
 
     def __repr__(self) -> str:
         strips = f"{len(self.touched)} strips at {self.time_s:.6g} s: {touched_strips(self.touched)}"

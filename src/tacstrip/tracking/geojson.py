@@ -27,7 +27,8 @@ def track_collection(tracks: Sequence[Track]) -> dict[str, Any]:
     dict
         The geometry is the outline on the sensor in the first scan that shows it, null where there is none. Properties:
         id, status, advice, area_mm2 and its sigma, outline_mm in the object's frame and vertex_sigma_mm, alternatives,
-        and poses: of every scan that shows it scan, time_s, x_mm, y_mm, angle_rad and their sigmas, and velocity.
+        motion, offsets over Vref, and poses: of every scan that shows it scan, time_s, x_mm, y_mm, angle_rad and their
+        sigmas, and velocity; where no rigid outline explains the scans also `outline_mm` of that scan by itself.
 
     Examples
     --------
@@ -66,6 +67,8 @@ def _feature(track: Track) -> dict[str, Any]:
             {"weight": plain(a.weight), "vertices_mm": plain(a.vertices)} for a in track.alternatives
         ],
         "joint_scans": list(track.joint),
+        "motion": track.motion,
+        "offsets": {name: plain(values) for name, values in track.offsets.items()},
         "poses": [_pose(track, int(i)) for i in seen],
     }
     return {"type": "Feature", "geometry": geometry, "properties": properties}
@@ -77,4 +80,6 @@ def _pose(track: Track, scan: int) -> dict[str, Any]:
     found: dict[str, Any] = {"scan": scan, "time_s": plain(track.times_s[scan])}
     found |= dict(zip(names, plain(track.poses[scan], 9), strict=True))
     found["sigma"] = dict(zip(names, plain(sigma), strict=True))
+    if track.by_scan is not None:
+        found["outline_mm"] = plain(track.placed(scan), 9)
     return found | {"velocity": plain(track.velocities[scan])}

@@ -5,42 +5,55 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
 from tacstrip.arguments import takes
-from tacstrip.arrays import FloatArray
+from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.contact.noise import Noise
 from tacstrip.core.hull import available
 from tacstrip.core.problem import FLOOR
 from tacstrip.core.rigid import RigidScans
 from tacstrip.errors import ReadingError, SignatureError
 from tacstrip.geometry.moments import deviations, moments
+from tacstrip.geometry.pose import placed
 from tacstrip.reconstruction.noise_covariance import Averaging, fit_sigma
-from tacstrip.reconstruction.polygon.estimate import fit_polygon
-from tacstrip.reconstruction.result import Alternative, Status
+from tacstrip.reconstruction.result import Alternative, RecoveredObject, Status
 from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import check_closed_form
 from tacstrip.sensor.spec import Sensor
-from tacstrip.tracking.episodes import Episode, episodes
+from tacstrip.tracking.episodes import Episode, episodes, only, spanned
 from tacstrip.tracking.rigid.corners import Fit, posed
-from tacstrip.tracking.rigid.covariance import covariances
-from tacstrip.tracking.rigid.search import Found, content, placed, recognised, search, with_all_poses
+from tacstrip.tracking.rigid.covariance import covariances, information
+from tacstrip.tracking.rigid.offsets import taken_off, with_offsets
+from tacstrip.tracking.rigid.search import (
+    FEW_STRIPS,
+    LEAST_STRIPS,
+    Found,
+    content,
+    recognised,
+    search,
+    with_all_poses,
+)
 from tacstrip.tracking.shared_strips.lone_ends import lone_ends
 from tacstrip.tracking.shared_strips.scene import Alone, Shared, follow
+from tacstrip.tracking.single_scans import SingleScans
 
-_FEWEST = 5  # scans of one stretch that a shape is searched in
-_MOST = 200  # scans that a shape is fitted to; the others only have their poses fitted
-_GUESS, _CEILING = 0.003, 0.02 / math.sqrt(3.0)  # of sigma that is not known [Vref]
+FEWEST = 5  # scans of one stretch that a shape is searched in
+MOST = 200  # scans that a shape is fitted to; the others only have their poses fitted
+GUESS, _CEILING = 0.003, 0.02 / math.sqrt(3.0)  # of sigma that is not known [Vref]
 _ALIKE = 1.25  # times a guess of sigma: found again, it is believed
 _ROUNDS = 3  # of finding sigma
 _TOLD, _OF_SIZE = 0.1, 0.01  # of the pitch, and of the outline's extent, and ...
 _TELLING = 4.0  # ... deviations of the least certain corner: shapes that differ by more are not the same
-_MOVED, _FEW_STRIPS = 0.5, 12  # pitches that corners must move where fewer strips than that are touched
-_NOT_RIGID = (
+_MAY_BE_OFF, _DEVIATIONS = (
+    0.05,
+    2.0,
+)  # of the extent, by which no corner may be off, and within how many deviations
+_MOVED = 0.5  # pitches that corners must move where few strips are touched
+NOT_RIGID = (
     "no rigid outline explains all scans: {times:.3g} times the noise is left over; the object deforms or rolls, two "
-    "are taken for one, or the noise is larger than given: reconstruct the scans one by one"
+    "are taken for one, or the noise is larger than given: read the scans one by one (`single`)"
 )
 _NOT_TOLD = (
     "the motion does not tell the shape: outlines that differ by {spread:.2g} mm explain all scans; turn the object, "
@@ -50,13 +63,22 @@ _HARDLY_MOVED = (
     "in {n} scans it hardly moved across the strips or turned, so that they tell little more of the shape than one: "
     "turn the object, or slide it across the strips by more than half a pitch"
 )
+_SMALL = (
+    "most scans touch no more than two strips, which tell hardly more than where it lies: the outline is one of many; "
+    "finer strips would tell it"
+)
+_LOOSE = (
+    "the scans leave a corner uncertain by {far:.2g} mm (two standard deviations): read both signatures, turn the "
+    "object further, or slide it across the strips"
+)
 _CONCAVE = "the outline is concave: one object, or several that keep together"
 _SHORT = "{n} scans show it, too few for a shape over time: the outline is that of the scan that tells most"
 _UNEXPLAINED = (
     "in the scans in which it shares strips the known objects do not explain the readings: another is there that is "
     "never alone, or one outline is that of two"
 )
-_STANDS = "the clock stands still: no velocity"
+_LOOKS_ALIKE = "another that it shared strips with looks like it: after they parted each may be the other"
+STANDS = "the clock stands still: no velocity"
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,6 +112,14 @@ class Track:
     joint
         Scans in which it shared strips with another object. It has a pose there where the objects that are known from
         other scans explain the readings.
+    motion
+        What the shape takes for granted of the motion: "free" where each scan has a pose of its own, or which smooth
+        path; one signature takes the smoothest that explains the readings.
+    offsets
+        By signature, what each channel reads beside the truth (strips,) [Vref], where the readings of the whole
+        recording ask for it; else empty. 0 where the object never was.
+    by_scan
+        Where no rigid outline explains the scans, or they are too few for one: how `single` is found; else None.
 
     Examples
     --------
@@ -113,6 +143,9 @@ class Track:
     advice: str = ""
     alternatives: tuple[Alternative, ...] = ()
     joint: tuple[int, ...] = field(default=())
+    motion: str = "free"
+    offsets: dict[str, FloatArray] = field(default_factory=dict)
+    by_scan: SingleScans | None = field(default=None, repr=False)
 
     @property
     def present(self) -> FloatArray:
@@ -131,9 +164,21 @@ class Track:
             return math.nan
         return deviations(self.outline, self.covariance)[0]
 
+    @property
+    def single(self) -> tuple[RecoveredObject | None, ...]:
+        """What each scan shows by itself (T,), None where it is absent, if no rigid outline explains them; else empty.
+
+        Found when first asked for, in some 5 ms a scan.
+        """
+        return () if self.by_scan is None else self.by_scan.all()
+
     def placed(self, scan: int) -> FloatArray:
-        """Return the corners (N, 2) [mm] on the sensor in one scan; NaN where it is absent."""
-        return placed(self.outline, self.poses[scan])
+        """Return the corners (N, 2) [mm] on the sensor in one scan; NaN where it is absent.
+
+        They are the rigid outline's or, where none explains the scans, those of this scan by itself.
+        """
+        alone = None if self.by_scan is None else self.by_scan[scan]
+        return placed(self.outline, self.poses[scan]) if alone is None or not alone.found else alone.vertices
 
 
 @takes(scans=(Scan,), sensor=Sensor, noise=Noise)
@@ -172,7 +217,7 @@ def track(scans: Sequence[Scan], sensor: Sensor, noise: Noise | None = None) -> 
     >>> sensor = ts.Sensor(construction="crs-crs", strips=10, pitch_mm=10.0, length_mm=100.0)
     >>> shape, noise = ts.Contact.polygon([(-25, -20), (20, -25), (25, 20), (-10, 25)]), ts.Noise(positional=0.002)
     >>> scans = [
-    ...     ts.simulate(sensor, shape.turned(0.02 * i).placed(40 + 0.5 * i, 50), noise, rng=i, time_s=0.01 * i)
+    ...     ts.simulate(sensor, shape.turned(0.02 * i).placed(40 + 0.5 * i, 50), noise, rng=100 + i, time_s=0.01 * i)
     ...     for i in range(30)
     ... ]
     >>> (one,) = ts.track(scans, sensor, noise)
@@ -199,53 +244,88 @@ def track(scans: Sequence[Scan], sensor: Sensor, noise: Noise | None = None) -> 
     k = np.stack([np.stack([scan[name] for name in names]) for scan in read])
     sigma = None if noise is None else max(fit_sigma(noise, sensor, Averaging.of(read[0])), FLOOR)
     distribution = "normal" if noise is None or not noise.independent else noise.distribution
-    stretches = episodes(k)
-    read_as = _Reading(k, sensor, names, sigma, distribution)
-    left, unlike, objects = sorted(stretches, key=lambda e: -len(e.scans)), list[Episode](), list[_Object]()
+    stretches = episodes(k, sensor.closed)
+    readings = Readings(k, Skin(sensor, spanned(stretches, sensor.strips)), names, sigma, distribution)
+    left, unlike, objects = sorted(stretches, key=lambda e: -len(e.scans)), list[Episode](), list[Object]()
     while left:
         one = left.pop(0)
-        seen = _search(one, read_as, thorough=any(e.joint for e in one.group))
+        hurried = readings.followable and not any(e.joint for e in one.group)
+        seen = searched(one, readings, thorough=not hurried)
         if seen is None or not content(seen.scans, seen.found.fit, distribution):
             unlike.append(one)
-            continue
-        for other in [e for e in left if not set(e.scans) & set(seen.shown)]:
-            again = _recognise(seen, other, read_as)
-            if again is not None:
-                seen = again
-                left.remove(other)
-        objects.append(seen)
-    objects, unlike = _together(objects, unlike, stretches, read_as)
-    tracks: list[tuple[int, Track]] = []
-    for one in unlike:
-        seen = _search(one, read_as)
-        if seen is None:
-            found = _of_one_scan(one, read, sensor, noise)
-            tracks.append(((one.scans or one.joint)[0], found))
         else:
-            objects.append(seen)
+            objects.append(_with_stretches(seen, one, left, readings))
+    objects, unlike = _together(objects, unlike, stretches, readings)
+    tracks: list[tuple[int, Track]] = []
+    while unlike:
+        one = unlike.pop(0)
+        seen = searched(one, readings)
+        if seen is None:
+            tracks.append((one.scans[0], _of_one_scan(one, read, sensor, noise)))
+        else:
+            objects.append(_with_stretches(seen, one, unlike, readings))
     for each in objects:
-        found = _track(each, len(read), distribution)
+        found = summarised(each, read, readings, noise)
         tracks.append((int(np.argmax(found.present)), found))
-    tracks = [
-        (first, replace(found, times_s=times, velocities=_velocities(found.poses, times)))
-        for first, found in tracks
-    ]
     standing = len(times) > 1 and not np.diff(times).any()
     return [
-        replace(t, id=i, advice="; ".join(filter(None, [t.advice, _STANDS if standing else ""])))
+        replace(
+            t,
+            id=i,
+            times_s=times,
+            velocities=_velocities(t.poses, times),
+            advice="; ".join(filter(None, [t.advice, STANDS if standing else ""])),
+        )
         for i, (_, t) in enumerate(sorted(tracks, key=lambda pair: (pair[0], pair[1].poses[pair[0], 0])), 1)
     ]
 
 
+@dataclass(frozen=True)
+class Skin:
+    """The strips that contacts lie on: a closed tube's are laid out for as many turns as contacts go on."""
+
+    sensor: Sensor
+    span: slice
+
+    @property
+    def laid_out(self) -> Sensor:
+        """A sensor of these strips."""
+        if not self.sensor.closed:
+            return self.sensor
+        strips = self.span.stop - self.span.start
+        assert self.sensor.radius_mm is not None
+        radius = 2.0 * self.sensor.radius_mm * strips / self.sensor.strips
+        return replace(self.sensor, strips=strips, radius_mm=radius, calibration=None)
+
+
 @dataclass(frozen=True, eq=False)
-class _Object:
-    """The scans that show one object by itself, its readings there, and what was found; and with others."""
+class Object:
+    """The scans that show one object by itself, its readings there, and what was found; and with others.
+
+    `alike`: one of those that share strips with it has its shape.
+    """
 
     shown: list[int]
     joint: list[int]
+    runs: list[slice]
     scans: RigidScans
     found: Found
     shared: tuple[Shared, ...] = ()
+    alike: bool = False
+
+    @property
+    def places(self) -> set[tuple[int, int]]:
+        """Scans that show it by itself, and its first strip there."""
+        return {(scan, run.start) for scan, run in zip(self.shown, self.runs, strict=True)}
+
+    @property
+    def followable(self) -> bool:
+        """Whether it can be followed where it shares strips: there channels have no offsets and poses no spline."""
+        return (
+            self.found.offsets is None
+            and self.found.fit.basis is None
+            and self.scans.strips_touched >= LEAST_STRIPS
+        )
 
     @property
     def alone(self) -> Alone:
@@ -263,20 +343,22 @@ class _Object:
         )
 
     @property
-    def unexplained(self) -> _Object:
+    def unexplained(self) -> Object:
         """It with the advice that what it shares strips with is not known."""
         return replace(self, shared=(*self.shared, Shared(self.found.fit.corners, {}, advice=_UNEXPLAINED)))
 
-    def until(self, scan: int) -> _Object:
-        """Return what is known of it before a scan."""
-        kept = [i for i, s in enumerate(self.shown) if s < scan]
+    def without(self, places: set[tuple[int, int]]) -> Object | None:
+        """Return what is known of it without some scans and places; None where nothing is left."""
+        at = zip(self.shown, self.runs, strict=True)
+        kept = [i for i, (scan, run) in enumerate(at) if (scan, run.start) not in places]
+        if not kept:
+            return None
         fit = self.found.fit
         fit = Fit(fit.corners, fit.poses[kept], fit.costs[kept])
-        return _Object(
-            [self.shown[i] for i in kept], [], self.scans.of(kept), Found(fit, np.arange(len(kept)))
-        )
+        shown, runs = [self.shown[i] for i in kept], [self.runs[i] for i in kept]
+        return Object(shown, [], runs, self.scans.of(kept), Found(fit, np.arange(len(kept))))
 
-    def with_shared(self, more: Shared) -> _Object:
+    def with_shared(self, more: Shared) -> Object:
         """Return it with scans in which it shares strips, and the outline that they sharpened."""
         last = self.found.fit.poses
         start = np.stack([more.again.get(s, p) for s, p in zip(self.shown, last, strict=True)])
@@ -288,14 +370,26 @@ class _Object:
 
 
 @dataclass(frozen=True, eq=False)
-class _Reading:
+class Readings:
     """All readings (T, S, n), and what is known of them; sigma None: not known."""
 
     k: FloatArray
-    sensor: Sensor
+    skin: Skin
     names: tuple[str, ...]
     sigma: float | None
     distribution: str
+
+    @property
+    def followable(self) -> bool:
+        """Whether objects can be followed where they share strips: with both signatures, and compiled."""
+        return available() and len(self.names) > 1
+
+    @property
+    def touched(self) -> BoolArray:
+        """Strips of the skin that are touched (T, n)."""
+        span = self.skin.span
+        own = np.arange(span.start, span.stop) % self.k.shape[2]
+        return np.asarray(np.isfinite(self.k).any(axis=1))[:, own]
 
 
 def _checked(number: int, scan: Scan, sensor: Sensor) -> Scan:
@@ -305,31 +399,52 @@ def _checked(number: int, scan: Scan, sensor: Sensor) -> Scan:
         raise type(error)(f"scan {number}: {error}") from None
 
 
-def _search(episode: Episode, read: _Reading, thorough: bool = True) -> _Object | None:
+def searched(
+    episode: Episode, read: Readings, *, offsets: bool = True, thorough: bool = True
+) -> Object | None:
     """Return the object of an episode; None where its scans are too few for a shape over time."""
-    if len(episode.scans) < _FEWEST:
+    if len(episode.scans) < FEWEST:
         return None
-    level, step = read.sigma or max(_GUESS, read.sensor.adc_step), read.sensor.adc_step
-    every = RigidScans(read.sensor, read.names, episode.readings(read.k), level)
-    few = np.unique(np.linspace(0, len(every.k) - 1, min(len(every.k), _MOST)).astype(int))
+    step = read.skin.sensor.adc_step
+    level = read.sigma or max(GUESS, step)
+    every = RigidScans(read.skin.laid_out, read.names, episode.readings(read.k, read.skin.span), level)
+    few = np.unique(np.linspace(0, len(every.k) - 1, min(len(every.k), MOST)).astype(int))
     least = max(step / math.sqrt(12.0), FLOOR)
     for _ in range(_ROUNDS):
-        found = search(every.of(few), read.distribution, thorough)
+        found = search(every.of(few), read.distribution, offsets=offsets, thorough=thorough)
         left = level * math.sqrt(found.fit.cost / found.fit.freedom(every.of(few)))
         if read.sigma or level / _ALIKE < left < level * _ALIKE:
             break
         level = float(np.clip(left, least, _CEILING))
         every = every.with_sigma(level)
-    return _Object(
-        episode.scans, episode.joint, every, replace(found, fit=with_all_poses(every, few, found.fit))
-    )
+    every = taken_off(every, found.offsets)
+    found = replace(found, fit=with_all_poses(every, few, found.fit), chosen=few[found.chosen])
+    return Object(episode.scans, episode.joint, episode.runs, every, found)
 
 
-def _recognise(one: _Object, other: Episode, read: _Reading) -> _Object | None:
+def _with_stretches(one: Object, start: Episode, left: list[Episode], read: Readings) -> Object:
+    """Return the object with those of other stretches that its shape explains, which are taken away.
+
+    Where it shares strips with one that shows what it cannot be, at the same time, the two look alike.
+    """
+    for other in list(left):
+        at_once = bool(set(other.scans) & set(one.shown))
+        if at_once and (one.alike or not any(other is e for e in start.group)):
+            continue
+        again = _recognise(one, other, read)
+        if again is not None and at_once:
+            one = replace(one, alike=True)
+        elif again is not None:
+            one = again
+            left.remove(other)
+    return one
+
+
+def _recognise(one: Object, other: Episode, read: Readings) -> Object | None:
     """Return the object with another stretch of scans too, where its shape explains them; else None."""
-    if not other.scans or not content(one.scans, one.found.fit, read.distribution):
+    if one.found.fit.basis is not None or not content(one.scans, one.found.fit, read.distribution):
         return None
-    more = replace(one.scans, k=other.readings(read.k))
+    more = taken_off(replace(one.scans, k=other.readings(read.k, read.skin.span)), one.found.offsets)
     fit = recognised(one.scans, one.found.fit, more, read.distribution)
     if fit is None:
         return None
@@ -338,75 +453,92 @@ def _recognise(one: _Object, other: Episode, read: _Reading) -> _Object | None:
     for rival, worse in one.found.rivals if one.found.spread_mm > _TOLD * one.scans.sensor.pitch_mm else ():
         if recognised(few, rival, more, read.distribution) is not None:
             kept.append((rival, worse))
-    found = Found(fit, one.found.chosen, tuple(kept))
-    return _Object(one.shown + other.scans, one.joint + other.joint, every, found)
+    found = replace(one.found, fit=fit, rivals=tuple(kept))
+    return Object(one.shown + other.scans, one.joint + other.joint, one.runs + other.runs, every, found)
 
 
 def _together(
-    objects: list[_Object], unlike: list[Episode], stretches: list[Episode], read: _Reading
-) -> tuple[list[_Object], list[Episode]]:
+    objects: list[Object], unlike: list[Episode], stretches: list[Episode], read: Readings
+) -> tuple[list[Object], list[Episode]]:
     """Return objects with what scans add in which they share strips, and the episodes that remain unexplained."""
-    if not available():
+    if not read.followable:
         return objects, unlike
-    touched = np.asarray(np.isfinite(read.k).any(axis=1))
+    aside, objects = [o for o in objects if not o.followable], [o for o in objects if o.followable]
+    touched, laid_out = read.touched, read.skin.laid_out
     for group in {id(e.group): e.group for e in stretches}.values():
-        bent = [e for e in unlike if any(e is g for g in group) and len(e.scans) >= _FEWEST]
+        bent = [e for e in unlike if any(e is g for g in group) and len(e.scans) >= FEWEST]
         if not (bent or (objects and any(e.joint for e in group))):
             continue
+        mine = {(s, run.start) for e in group for s, run in zip(e.scans, e.runs, strict=True)}
+        if not bent and any(mine & o.places for o in aside):
+            continue
         parts = [part for e in bent for part in _parts(e, read)]
-        readings = _readings(group, read.k)
+        readings = _of_group(group, read)
         first = min((s for e in group for s in e.joint), default=0)
-        for known in _suppositions(objects, parts, group, first, read):
+        later = {place for place in mine if place[0] >= first}
+        for known in _suppositions(objects, parts, group, later, read):
             sigma = max(one.scans.sigma for one in known)
-            found = follow(
-                [o.alone for o in known], readings, touched, read.sensor, read.names, sigma, read.distribution
-            )
+            alone = [o.alone for o in known]
+            found = follow(alone, readings, touched, laid_out, read.names, sigma, read.distribution)
             if found is not None:
                 objects = [o if f is None else o.with_shared(f) for o, f in zip(known, found, strict=True)]
                 unlike = [e for e in unlike if not any(e is g for g in group)]
                 break
         else:
-            mine = {s for e in group for s in e.scans}
-            objects = [o.unexplained if mine & set(o.shown) else o for o in objects]
-    return objects, unlike
+            objects = [o.unexplained if mine & o.places else o for o in objects]
+    return [*objects, *aside], unlike
 
 
 def _suppositions(
-    objects: list[_Object], parts: list[_Object], group: list[Episode], first: int, read: _Reading
-) -> Iterator[list[_Object]]:
-    """Yield what may be known of the objects of a group that comes together in its scan `first`, most likely first.
+    objects: list[Object],
+    parts: list[Object],
+    group: list[Episode],
+    later: set[tuple[int, int]],
+    read: Readings,
+) -> Iterator[list[Object]]:
+    """Yield what may be known of the objects of a group that comes together, most likely first.
 
     Parts of episodes may be objects that are known already, and stretches that were taken for the same may be of two
-    that look alike: then only those before the first joint scan count, and the others follow from the motion.
+    that look alike: then `later` places, after they first came together, do not count, and follow from the motion.
     """
     if parts:
         yield _with_parts(objects, parts, read, True)
         yield _with_parts(objects, parts, read, False)
     elif objects:
-        yield objects
-        before = [o.until(first) for o in objects if min(o.shown) < first]
-        if len(before) > 1 and any(
-            len(b.shown) < len(o.shown) for b, o in zip(before, objects, strict=False)
-        ):
+        before = [b for o in objects if (b := o.without(later) if o.places & later else o) is not None]
+        shortened = any(o.places & later for o in objects)
+        if not (shortened and any(o.alike for o in objects if o.places & later)):
+            yield objects
+        if shortened and len(before) > 1:
             yield before
         # objects that come together and are lifted one after the other: the last of them is alone at the end
-        stretches = {tuple(e.joint): e.joint_runs for e in group if len(e.joint) >= _FEWEST}
+        stretches = {tuple(e.joint): e.joint_runs for e in group if len(e.joint) >= FEWEST}
         ends = [Episode(list(joint), runs) for joint, runs in stretches.items()]
         last = [part for e in ends for part in _parts(e, read, (True,))]
         if last:
             yield _with_parts(objects, last, read, True)
 
 
-def _parts(episode: Episode, read: _Reading, ends: tuple[bool, ...] = (False, True)) -> list[_Object]:
+def _parts(episode: Episode, read: Readings, ends: tuple[bool, ...] = (False, True)) -> list[Object]:
     """Return the objects that the first (False) and the last scans of an episode show by themselves."""
-    every = RigidScans(read.sensor, read.names, episode.readings(read.k), read.sigma or _GUESS)
+    every = RigidScans(
+        read.skin.laid_out, read.names, episode.readings(read.k, read.skin.span), read.sigma or GUESS
+    )
+    if every.strips_touched < LEAST_STRIPS:
+        return []
     return [
-        _Object([episode.scans[i] for i in some], [], every.of(np.array(some)), found)
+        Object(
+            [episode.scans[i] for i in some],
+            [],
+            [episode.runs[i] for i in some],
+            every.of(np.array(some)),
+            found,
+        )
         for some, found in lone_ends(every, read.distribution, ends)
     ]
 
 
-def _with_parts(objects: list[_Object], parts: list[_Object], read: _Reading, again: bool) -> list[_Object]:
+def _with_parts(objects: list[Object], parts: list[Object], read: Readings, again: bool) -> list[Object]:
     """Return objects with those of parts of episodes, where wanted as the same if a shape is recognised."""
     known = list(objects)
     for part in parts:
@@ -417,7 +549,11 @@ def _with_parts(objects: list[_Object], parts: list[_Object], read: _Reading, ag
             if fit is not None:
                 every = replace(one.scans, k=np.concatenate([one.scans.k, part.scans.k]))
                 known[i] = replace(
-                    one, shown=one.shown + part.shown, scans=every, found=replace(one.found, fit=fit)
+                    one,
+                    shown=one.shown + part.shown,
+                    runs=one.runs + part.runs,
+                    scans=every,
+                    found=replace(one.found, fit=fit),
                 )
                 break
         else:
@@ -425,66 +561,88 @@ def _with_parts(objects: list[_Object], parts: list[_Object], read: _Reading, ag
     return known
 
 
-def _readings(group: list[Episode], k: FloatArray) -> dict[int, FloatArray]:
-    """Return the readings of a group of episodes, scan by scan (S, n), NaN where others touch."""
+def _of_group(group: list[Episode], read: Readings) -> dict[int, FloatArray]:
+    """Return the readings of a group of episodes, scan by scan (S, strips of the skin), NaN where others touch."""
     found: dict[int, FloatArray] = {}
     for one in group:
         for scan, run in zip([*one.scans, *one.joint], [*one.runs, *one.joint_runs], strict=True):
-            own = found.setdefault(scan, np.full(k.shape[1:], np.nan))
-            own[:, run] = k[scan][:, run]
+            own = only(read.k[scan], run, read.skin.span)
+            found[scan] = np.where(np.isfinite(own), own, found.get(scan, np.nan))
     return found
 
 
-def _track(one: _Object, total: int, distribution: str) -> Track:
+def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | None) -> Track:
     """Return what is known of an object over time."""
-    fit, sensor = one.found.fit, one.scans.sensor
+    fit, skin, total = one.found.fit, read.skin, len(scans)
+    sensor = skin.sensor
+    if _signed_area(fit.corners) < 0.0:
+        fit = replace(fit, corners=fit.corners[::-1])
     corners, first = fit.corners, int(np.argmin(one.shown))
     middle, angle = corners.mean(axis=0), float(fit.poses[first, 2])
-    outline = _turned(corners - middle, angle)
-    rows = _reframed(fit.poses, middle, angle)
-    if _signed_area(outline) < 0.0:
-        outline = outline[::-1]
-    shape, of_poses = covariances(one.scans, outline, rows)
+    outline, spin = _turned(corners - middle, angle), _turned(np.eye(2), angle)
+    equations = information(one.scans, corners, fit.poses)
+    if one.found.offsets is not None:
+        equations = with_offsets(one.scans, fit, equations, one.found.offsets.deviation)
+    shape, of_poses = covariances(equations, corners, fit.poses, fit.basis)
+    all_spin = np.kron(np.eye(len(corners)), spin.T)
+    shape = np.asarray(all_spin @ shape @ all_spin.T)
     poses, spreads = np.full((total, 3), np.nan), np.full((total, 3, 3), np.nan)
-    poses[one.shown], spreads[one.shown] = rows, of_poses
+    poses[one.shown], spreads[one.shown] = _reframed(fit.poses, of_poses, middle, angle)
     for more in one.shared:
-        poses[more.scans] = _reframed(more.poses, middle, angle)
-        spreads[more.scans] = more.covariances
-    advice = note = ""
-    if not content(one.scans, fit, distribution):
+        poses[more.scans], spreads[more.scans] = _reframed(more.poses, more.covariances, middle, angle)
+    poses[:, 0] += skin.span.start * sensor.pitch_mm
+    advice, note, alone = "", "", None
+    explained = content(one.scans, fit, read.distribution)
+    if one.scans.strips_touched < LEAST_STRIPS:
+        advice = _SMALL
+    elif not explained:
         times = math.sqrt(fit.cost / fit.freedom(one.scans))
-        advice = _NOT_RIGID.format(times=times)
+        advice = NOT_RIGID.format(times=times)
+    if not explained:
+        alone = SingleScans(scans, dict(zip(one.shown, one.runs, strict=True)), sensor, noise)
     loosest = math.sqrt(float(shape.diagonal().reshape(-1, 2).sum(axis=1).max()))
     spread = one.found.spread_mm
     size = float(np.ptp(outline, axis=0).max())
-    told = spread <= max(_TOLD * sensor.pitch_mm, _OF_SIZE * size, _TELLING * loosest)
+    unsure = max(_TOLD * sensor.pitch_mm, _MAY_BE_OFF * size)
+    told = spread <= max(_TOLD * sensor.pitch_mm, _OF_SIZE * size, min(_TELLING * loosest, unsure))
     if not advice and not told:
         advice = _NOT_TOLD.format(spread=spread)
     elif not advice and _hardly_moved(one, outline, poses[np.isfinite(poses[:, 0])]):
         told, advice = False, _HARDLY_MOVED.format(n=len(one.shown))
+    elif not advice and _DEVIATIONS * loosest > unsure:
+        told, advice = False, _LOOSE.format(far=_DEVIATIONS * loosest)
     elif not advice and _reflex(outline):
         note = _CONCAVE
-    shared = "; ".join(dict.fromkeys(more.advice for more in one.shared if more.advice))
-    advice = "; ".join(filter(None, [advice, shared]))
+    parted = bool(one.joint) and max(one.shown) > min(one.joint)
+    more_advice = (
+        [_LOOKS_ALIKE] if one.alike and parted and not one.shared else [m.advice for m in one.shared]
+    )
+    advice = "; ".join(dict.fromkeys(filter(None, [advice, *more_advice])))
     others = tuple(Alternative(weight, _turned(o - middle, angle)) for o, weight in one.found.others)
     status: Status = "doubtful" if advice else "likely" if note else "ok"
+    joint = tuple(sorted({*one.joint, *(s for more in one.shared for s in more.joint)}))
     return Track(
         0, outline, shape, poses, spreads, np.empty(0), np.empty(0), status, advice or note, () if told else others,
-        tuple(sorted({*one.joint, *(s for more in one.shared for s in more.joint)})),
+        joint, _motion(fit), _offsets(one, skin), alone,
     )  # fmt: skip
 
 
-def _reframed(poses: FloatArray, middle: FloatArray, angle: float) -> FloatArray:
-    """Return poses (M, 3) of a frame about a point of the old one, turned."""
-    moved = np.array([placed(middle[None], p)[0] for p in poses]).reshape(-1, 2)
-    return np.column_stack([moved, poses[:, 2] - angle])
+def _reframed(
+    poses: FloatArray, spreads: FloatArray, middle: FloatArray, angle: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return poses (M, 3) and their covariances of a frame about a point of the old one, turned."""
+    where = np.array([placed(middle[None], p)[0] for p in poses]).reshape(-1, 2)
+    by = np.tile(np.eye(3), (len(poses), 1, 1))
+    by[:, 0, 2], by[:, 1, 2] = poses[:, 1] - where[:, 1], where[:, 0] - poses[:, 0]
+    moved = np.column_stack([where, poses[:, 2] - angle])
+    return moved, np.asarray(by @ spreads @ by.transpose(0, 2, 1))
 
 
-def _hardly_moved(one: _Object, outline: FloatArray, poses: FloatArray) -> bool:
+def _hardly_moved(one: Object, outline: FloatArray, poses: FloatArray) -> bool:
     """Whether few strips read the outline at always the same places."""
-    strips = np.median(np.isfinite(one.scans.k).any(axis=1).sum(axis=1))
     x = np.stack([placed(outline, pose)[:, 0] for pose in poses])
-    return bool(strips < _FEW_STRIPS and np.median(np.ptp(x, axis=0)) < _MOVED * one.scans.sensor.pitch_mm)
+    few = one.scans.strips_touched < FEW_STRIPS
+    return bool(few and np.median(np.ptp(x, axis=0)) < _MOVED * one.scans.sensor.pitch_mm)
 
 
 def _reflex(corners: FloatArray) -> bool:
@@ -493,15 +651,33 @@ def _reflex(corners: FloatArray) -> bool:
     return bool((before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0] < 0.0).any())
 
 
+def _motion(fit: Fit) -> str:
+    """Say what is taken for granted of the motion."""
+    if fit.basis is None:
+        return "free"
+    return (
+        f"smooth: x, y and angle are cubic splines of {fit.basis.shape[1]} knots over {len(fit.poses)} scans"
+    )
+
+
+def _offsets(one: Object, skin: Skin) -> dict[str, FloatArray]:
+    """Return the offsets of the sensor's channels by signature, where there are any."""
+    if one.found.offsets is None:
+        return {}
+    found = {}
+    own = np.arange(skin.span.start, skin.span.stop) % skin.sensor.strips
+    for name, values in zip(one.scans.names, one.found.offsets.values, strict=True):
+        found[name] = np.zeros(skin.sensor.strips)
+        np.add.at(found[name], own, values)
+    return found
+
+
 def _of_one_scan(one: Episode, scans: list[Scan], sensor: Sensor, noise: Noise | None) -> Track:
     """Return the track of an object that too few scans show: the shape of the one in which it touches most strips."""
     widest = max(range(len(one.scans)), key=lambda i: one.runs[i].stop - one.runs[i].start)
-    scan, run = scans[one.scans[widest]], one.runs[widest]
-    mine = np.arange(sensor.strips)
-    inside = (mine >= run.start) & (mine < run.stop)
-    kept: dict[str, Any] = {name: np.where(inside, scan[name], np.nan) for name in scan.signatures}
-    alone = replace(scan, **kept)
-    shape = fit_polygon(alone, sensor, noise, bounded=False).objects[0]
+    alone = SingleScans(scans, dict(zip(one.scans, one.runs, strict=True)), sensor, noise)
+    shape = alone[one.scans[widest]]
+    assert shape is not None
     poses, spreads = np.full((len(scans), 3), np.nan), np.full((len(scans), 3, 3), np.nan)
     outline = shape.vertices
     if len(outline):
@@ -510,7 +686,7 @@ def _of_one_scan(one: Episode, scans: list[Scan], sensor: Sensor, noise: Noise |
     advice = "; ".join(filter(None, [_SHORT.format(n=len(one.scans)), shape.advice]))
     return Track(
         0, outline, shape.covariance, poses, spreads, np.empty(0), np.empty(0), shape.status, advice,
-        shape.alternatives, tuple(one.joint),
+        shape.alternatives, tuple(one.joint), by_scan=alone,
     )  # fmt: skip
 
 

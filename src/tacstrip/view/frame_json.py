@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from tacstrip.arrays import FloatArray, plain
 from tacstrip.geometry.region import regions
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.live.frame import Frame
+from tacstrip.tracking.live_contact import LiveTrack
 from tacstrip.tracking.tracker import LiveObject
 
 _REGION_POINTS = 20
@@ -21,12 +24,26 @@ def sensor_json(sensor: Sensor) -> dict[str, Any]:
 
 
 def frame_json(frame: Frame) -> dict[str, Any]:
-    """Return a frame's readings over Vref, null where nothing touches, and its objects [mm]."""
+    """Return a frame's readings over Vref, null where nothing touches, its objects and those over time [mm]."""
     return {
         "number": frame.number,
         "time_s": round(frame.raw.time_s, 6),
         "readings": {name: plain(frame.scan[name], 5) for name in frame.scan.signatures},
         "objects": [_object(one, frame.sensor) for one in frame.objects],
+        "tracks": None if frame.tracks is None else [_track(one) for one in frame.tracks],
+    }
+
+
+def _track(one: LiveTrack) -> dict[str, Any]:
+    """Return an object over time: its outline where it lies, and how far its least known corner may be off."""
+    return {
+        "id": one.id,
+        "status": one.status,
+        "advice": one.advice,
+        "scans": one.scans,
+        "corners": len(one.outline),
+        "vertices": plain(one.placed, 3) if np.isfinite(one.pose).all() else [],
+        "deviation_mm": plain(one.corner_deviation_mm),
     }
 
 
@@ -38,6 +55,10 @@ def _object(one: LiveObject, sensor: Sensor) -> dict[str, Any]:
     if shape.alternatives:
         others = [(round(a.weight, 3), plain(a.vertices, 3)) for a in shape.alternatives]
         drawn["alternatives"] = [{"weight": weight, "vertices": vertices} for weight, vertices in others]
+    if shape.hidden_edges is not None and shape.hidden_edges.any():
+        drawn["hidden_edges"] = shape.hidden_edges.tolist()
+    if shape.bounds is not None:
+        drawn["bounds"] = [plain(bound, 3) for bound in shape.bounds]
     drawn["vertices"] = plain(shape.vertices, 3)
     if shape.found:
         drawn["area"], drawn["centroid"] = round(shape.area, 2), plain(shape.centroid, 2)

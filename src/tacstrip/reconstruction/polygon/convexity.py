@@ -138,8 +138,17 @@ def convex_regression(
     hinge = sign * np.maximum(x[:, None] - x[None, 1:-1], 0.0)
     every = np.concatenate([line, hinge], axis=1) * root[:, None]
     target, active = y * root, [0, 1]
+    squared, onto = every.T @ every, every.T @ target
+
+    def solved() -> FloatArray:
+        """Return the least squares of the active columns, by normal equations: the last of all is exact."""
+        try:
+            return np.linalg.solve(squared[np.ix_(active, active)], onto[active])
+        except np.linalg.LinAlgError:
+            return np.asarray(np.linalg.lstsq(every[:, active], target, rcond=None)[0])
+
     value = np.zeros(every.shape[1])
-    value[active] = np.linalg.lstsq(every[:, active], target, rcond=None)[0]
+    value[active] = solved()
     for _ in range(3 * len(x)):
         gradient = every.T @ (target - every @ value)
         gradient[active] = -np.inf
@@ -148,7 +157,7 @@ def convex_regression(
             break
         active.append(best)
         while True:
-            trial = np.linalg.lstsq(every[:, active], target, rcond=None)[0]
+            trial = solved()
             low = [i for i, a in enumerate(active) if a > 1 and trial[i] <= 0.0]
             if not low:
                 break
@@ -162,53 +171,17 @@ def convex_regression(
             active = [a for a in active if a not in gone]
         value[:] = 0.0
         value[active] = trial
+    value[active] = np.linalg.lstsq(every[:, active], target, rcond=None)[0]
     return line @ value[:2] + hinge @ value[2:], len(active) - 2
 
 
-def find_jumps(fit: PolygonFit, problem: FitProblem) -> list[Jump]:
-    """Return the jumps of a polygon's ends at its inward corners, from left to right.
-
-    A corner that turns so little from strip to strip that no gap hides in it is none.
-    """
-    n, found = len(problem.x), set()
-    least = max(_LEAST, _CLEAR * problem.sigma)
-    for c, chain in enumerate(fit.chains):
+def turns_inwards(fit: PolygonFit) -> bool:
+    """Whether a corner of a polygon turns inwards."""
+    for sign, chain in zip((1.0, -1.0), fit.chains, strict=True):
         run, rise = np.diff(chain, axis=0).T
         with np.errstate(divide="ignore", invalid="ignore"):
-            turn = np.diff(rise / run)
-        step = np.append(0.0, np.diff(np.interp(problem.x, *chain.T)))  # to each strip
-        more = np.zeros(n)
-        sides = np.stack([step[1:-2], step[3:]])
-        more[2:-1] = step[2:-1] - np.clip(step[2:-1], sides.min(axis=0), sides.max(axis=0))
-        for corner in chain[1:-1, 0][(turn < 0.0) if c == 0 else (turn > 0.0)]:
-            place = float(corner - problem.x[0]) / problem.pitch
-            near = [i for i in range(1, n) if abs(i - 0.5 - place) <= _NEAR]
-            right = math.floor(place) + 1
-            also = right - 1 if place % 1.0 < 0.5 else right + 1
-            at = max(near, key=lambda i: abs(more[i]), default=0)
-            if abs(more[at]) >= least:  # noise, and a steep begin, hide the very place
-                strips = sorted({i for i in (at, right, also) if 0 < i < n})
-                found.add(Jump(c, tuple(strips), float(more[at]), (c == 0) == bool(more[at] < 0.0)))
-            elif 1 in near or n - 1 in near:
-                found.add(Jump(c, (near[0], near[-1]), 0.0, 1 in near))
-            elif abs(step[right + 1] - step[right - 1]) >= 2.0 * _GAP:
-                found.add(Jump(c, (min(right, also), max(right, also)), 0.0, None))
-    return sorted(found, key=lambda jump: (jump.strips, jump.chain))
-
-
-def may_be_several(fit: PolygonFit, problem: FitProblem, jumps: Sequence[Jump]) -> bool:
-    """Whether one object begins at a jump, or with the run, before one ends at a jump, or with the run.
-
-    Where both begin, or both end, between the same two strips, the contact is not pointed there.
-    """
-    l, u = fit.ends(problem.x)
-    w = u - l
-    abrupt = [bool(max(2.0 * v[0] - v[1], 2.0 * v[1] - v[2] - v[0]) > _GAP) for v in (w, w[::-1])]
-    for i, jump in enumerate(jumps):
-        if jump.begins is True and (abrupt[1] or any(not other.begins for other in jumps[i + 1 :])):
-            return True
-        if jump.begins is False and (abrupt[0] or any(other.begins is not False for other in jumps[:i])):
-            return True
+            if (sign * np.diff(rise / run) < 0.0).any():
+                return True
     return False
 
 
@@ -237,18 +210,3 @@ def one_end_off(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray])
     one &= np.abs(off).max(axis=0) >= _GAP
     one[_OUTER:-_OUTER] = False
     return bool((left_out & (one | (run.freedom < _CHECKS))).any())
-
-
-def hidden_share(jumps: Sequence[Jump], problem: FitProblem, area: float) -> float:
-    """Return how much of an outline of an area (over L and the run) may not be touched behind a jump's overhang.
-
-    The least that an opening as high as the jump leaves: a triangle to the run's other end.
-    """
-    x = problem.x
-    return max(
-        (
-            0.5 * abs(j.rise) * (1.0 - x[j.strips[0]] if j.begins else x[j.strips[0] - 1]) / area
-            for j in jumps
-        ),
-        default=0.0,
-    )

@@ -12,13 +12,14 @@ from tacstrip.core.polygon_fit import PolygonFit
 from tacstrip.geometry.metrics import column_iou
 from tacstrip.geometry.moments import moments
 from tacstrip.geometry.outline import Outline
+from tacstrip.reconstruction.contact_ends import closed_ends
 from tacstrip.reconstruction.noise_covariance import CorrelatedErrors
+from tacstrip.reconstruction.pieces.chain import Cut
+from tacstrip.reconstruction.pieces.run import RunPieces, noise_level, split_run
 from tacstrip.reconstruction.polygon.convexity import (
-    find_jumps,
     fit_convex,
-    hidden_share,
-    may_be_several,
     one_end_off,
+    turns_inwards,
 )
 from tacstrip.reconstruction.polygon.run import RunFit
 from tacstrip.sensor.spec import Sensor
@@ -32,6 +33,9 @@ _FAINT = 0.01  # of sigma^2
 _APART = 3.0  # standard deviations of their distance in x by which two corners are told apart
 _HIDDEN = 0.55  # of an outline, behind an overhang: more, and the shape is not known
 _NEARLY = 0.9  # IoU with convex ends that explain the readings
+_SMOOTHED = (
+    0.7  # of what a polygon leaves over: neighbours that differ so little say that it follows them badly
+)
 _MOST_SIGMA = 0.02  # of Vref: no noise that is not given is larger
 _SPREAD = {"uniform": 0.8, "normal": 2.0}  # variance of a squared error over sigma^4
 
@@ -129,37 +133,67 @@ def second_look(
             "what was left out may be of a second object, or of an overhang: it moves one end of the contact and "
             "leaves the other, as a faulty channel hardly does; if one is faulty, leave it out by name (--without)"
         )
-    jumps = find_jumps(fit, problem)
-    if not (jumps or wrong) or (distribution is None and run.sigma > _MOST_SIGMA):
+    sigma = run.sigma
+    if distribution is None:
+        sigma = min(sigma, noise_level(np.stack([readings["kh"], readings["kl"]]), sensor))
+    if not (wrong or run.excluded.any() or turns_inwards(fit) or sigma < _SMOOTHED * run.sigma) or (
+        distribution is None and run.sigma > _MOST_SIGMA
+    ):
         return wrong
+    pieces = _pieces_of(run, sensor, readings, sigma)
+    apart = pieces.apart
     ends = fit.ends(problem.x)
-    convex = fit_convex(problem, *ends)
-    if convex.explains:
+    if not apart and (convex := fit_convex(problem, *ends)).explains:
         x = convex.x * problem.width_mm + problem.origin_mm
         own = np.stack(
             [np.interp(x, *chain.T) / sensor.length_mm for chain in (outline.lower, outline.upper)]
         )
         return "" if column_iou(own, np.sort(convex.ends, axis=0)) >= _NEARLY else wrong
     if wrong:
-        return wrong
-    step = max(abs(jump.rise) for jump in jumps) * sensor.length_mm
+        return (
+            wrong
+            if pieces.count == 1
+            else f"{wrong}; at least {pieces.count} convex pieces explain the readings"
+        )
+    jumps = [cut for _, cut in pieces.cuts if cut.kind != "corner"]
+    step = max((cut.rise for cut in jumps), default=0.0)
     at = (
         f"an end jumps by {step:.3g} mm from one strip to the next"
-        if step
-        else "a corner turns inwards near its end"
+        if jumps
+        else "a gap may hide in an inward corner"
     )
-    if may_be_several(fit, problem, jumps) and (
-        run.excluded.any() or fit_convex(problem, *ends, jumps).explains
-    ):
-        return f"the contact is concave or at least two objects on the same strips: {at}"
-    area = moments(outline.vertices)[0] / (problem.width_mm * problem.length_mm)
-    hidden = hidden_share(jumps, problem, area)
+    if apart:
+        return (
+            f"the contact is concave or at least two objects on the same strips: {at}; at least {pieces.count} convex "
+            "pieces (ts.pieces) explain the readings"
+        )
+    area = moments(outline.vertices)[0]
+    hidden = max((_behind(cut, pieces.read.x) / area for cut in jumps), default=0.0)
     if hidden > _HIDDEN:
         return (
             f"the contact is concave, or several objects on the same strips: {at}, and behind such an overhang "
             f"{100.0 * min(hidden, 1.0):.0f} % of the outline or more may not be touched; turn the object"
         )
     return ""
+
+
+def _pieces_of(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray], sigma: float) -> RunPieces:
+    """Return the pieces that a run's readings hold, also those that no polygon of one object follows."""
+    x = run.problem.x * run.problem.width_mm + run.problem.origin_mm
+    used = [
+        np.where(out, np.nan, readings[name]) for name, out in zip(("kh", "kl"), run.excluded, strict=True)
+    ]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        l, u = closed_ends(sensor, used[0], used[1])
+    return split_run(sensor, x, l, u, sigma)
+
+
+def _behind(cut: Cut, x: FloatArray) -> float:
+    """Return how much of an outline [mm^2] may not be touched behind the overhang that a jump may be.
+
+    The least that an opening as high as the jump leaves: a triangle to the run's other end.
+    """
+    return 0.5 * cut.rise * float(x[-1] - x[cut.strip] if cut.kind == "begins" else x[cut.strip - 1] - x[0])
 
 
 def weakness(

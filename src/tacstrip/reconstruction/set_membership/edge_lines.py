@@ -10,7 +10,7 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.contact.noise import Noise
-from tacstrip.core.binding import Band, Lines
+from tacstrip.core.binding import Band, Lines, Sendable
 from tacstrip.core.binding import at as address
 from tacstrip.geometry.outline import Outline
 from tacstrip.sensor.closed_form import sensing_share
@@ -29,7 +29,7 @@ def reading_bound(noise: Noise, sensor: Sensor) -> tuple[float, float]:
 
 
 @dataclass(frozen=True, eq=False)
-class ReadingBounds:
+class ReadingBounds(Sendable):
     """What the readings of neighbouring strips allow.
 
     Attributes
@@ -93,7 +93,7 @@ class ReadingBounds:
 
 
 @dataclass(frozen=True, eq=False)
-class EdgeLines:
+class EdgeLines(Sendable):
     """The edges of an outline but its vertical ones: lower chain, then upper, each left to right.
 
     Heights (2 Q,) [mm] say where they lie: of each line at its two abscissae.

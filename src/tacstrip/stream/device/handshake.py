@@ -101,7 +101,10 @@ def sensor_of(hello: Hello, sensor: Sensor | None) -> Sensor:
     if sensor is None:
         for name in spec_names():
             shipped = Sensor.load(name)
-            if (shipped.construction, shipped.strips) == (hello.construction, hello.strips):
+            if isinstance(shipped, Sensor) and (shipped.construction, shipped.strips) == (
+                hello.construction,
+                hello.strips,
+            ):
                 sensor = replace(shipped, adc_bits=None)
                 break
         else:

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import logging
+import math
 import threading
 from collections.abc import Callable
+from dataclasses import replace
 
 from tacstrip.errors import in_words
 from tacstrip.stream.live.bounded_queue import BoundedQueue
 from tacstrip.stream.recording.recorder import Recorder
-from tacstrip.stream.source import RawScan
+from tacstrip.stream.source import RawScan, TrackedShape
+from tacstrip.tracking.live_contact import LiveTrack
 
 _QUEUE_SCANS = 20_000  # that may wait for the disk; a longer queue makes the stream wait
+_DETAIL_S = 0.1  # between two covariances of an object over time: they take longer than all else
+_OBJECTS = 100  # whose last covariance is remembered
 _BATCH_S = 0.005  # between two writes: larger batches would keep a core from the stream
 
 
@@ -36,14 +41,17 @@ class BackgroundRecorder:
     def __init__(self, recorder: Recorder, notify: Callable[..., None]) -> None:
         self.recorder, self._notify = recorder, notify
         self.failed = False
-        self._queue: BoundedQueue[RawScan] = BoundedQueue(_QUEUE_SCANS, keep=True)
+        self._queue: BoundedQueue[tuple[RawScan, tuple[LiveTrack, ...]]] = BoundedQueue(
+            _QUEUE_SCANS, keep=True
+        )
+        self._detailed: dict[int, tuple[float, int]] = {}  # time and corners of each object's last covariance
         self._end = threading.Event()
         self._thread = threading.Thread(target=self._run, name="tacstrip recorder", daemon=True)
         self._thread.start()
 
-    def add(self, raw: RawScan) -> None:
-        """Record a scan; waits while 20,000 scans wait for the disk."""
-        self._queue.put(raw)
+    def add(self, raw: RawScan, tracks: tuple[LiveTrack, ...] = ()) -> None:
+        """Record a scan and its objects over time; waits while 20,000 scans wait for the disk."""
+        self._queue.put((raw, tracks))
 
     def close(self) -> None:
         """Write all scans that wait, complete the file and report its contents."""
@@ -58,8 +66,8 @@ class BackgroundRecorder:
                 ended = False
                 while not ended:
                     ended = self._end.wait(_BATCH_S)
-                    for raw in self._queue.get_all():
-                        recorder.add(raw)
+                    for raw, tracks in self._queue.get_all():
+                        recorder.add(replace(raw, tracks=tuple(self._stored(one) for one in tracks)))
                     recorder.idle(_BATCH_S)
         except Exception as error:
             self.failed = True
@@ -72,3 +80,14 @@ class BackgroundRecorder:
         else:
             size_mb = recorder.size_bytes / 1e6
             self._notify(f"{recorder.path}: {recorder.scans} scan(s), {size_mb:.3g} MB", logging.INFO)
+
+    def _stored(self, one: LiveTrack) -> TrackedShape:
+        """Return an object as it is stored: ten times a second with its covariances."""
+        shape = TrackedShape(one.id, one.status, one.outline, one.pose, one.scans, one.advice)
+        time_s, corners = self._detailed.get(one.id, (math.nan, 0))
+        if abs(one.time_s - time_s) < _DETAIL_S and corners == len(one.outline):
+            return shape
+        self._detailed = dict(list(self._detailed.items())[-_OBJECTS:]) | {
+            one.id: (one.time_s, len(one.outline))
+        }
+        return replace(shape, covariance=one.covariance, pose_covariance=one.pose_covariance)

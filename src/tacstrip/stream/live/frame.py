@@ -8,6 +8,7 @@ from tacstrip.arrays import touched_strips
 from tacstrip.scan import Scan
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.source import RawScan
+from tacstrip.tracking.live_contact import LiveTrack
 from tacstrip.tracking.tracker import LiveObject
 
 
@@ -29,6 +30,9 @@ class Frame:
         Time from the arrival of the scan's last byte until `objects` were ready [s].
     ready_s
         When `objects` were ready, by `time.perf_counter` [s].
+    tracks
+        Objects over time, as of this scan: one rigid outline each from all scans so far, in the order of their strips.
+        Those whose shape is not known yet are not there; None: not computed, because the computer was behind.
 
     Examples
     --------
@@ -49,6 +53,7 @@ class Frame:
     objects: tuple[LiveObject, ...]
     latency_s: float
     ready_s: float
+    tracks: tuple[LiveTrack, ...] | None = ()
 
     def __repr__(self) -> str:
         count = f"{len(self.objects)} object{'' if len(self.objects) == 1 else 's'}"

@@ -29,6 +29,7 @@ def live(
     speed: float = 1.0,
     record: str | Path | None = None,
     on_message: Callable[[str], None] | None = None,
+    tracks: bool = True,
 ) -> Live:
     """Return a live stream; iterating it gives the newest frames.
 
@@ -50,6 +51,8 @@ def live(
         New file (.mcap) that all scans are recorded to.
     on_message
         Called, from any thread, with messages for the user; None: the logger "tacstrip".
+    tracks
+        Whether to fuse the scans of each object into one rigid outline, `Frame.tracks`.
 
     Returns
     -------
@@ -86,7 +89,7 @@ def live(
     assert source is not None
     try:
         warm_up(source.sensor, method)
-        stream = Live(source, method, noise, speed=speed, on_message=on_message)
+        stream = Live(source, method, noise, speed=speed, on_message=on_message, tracks=tracks)
         if record is not None:
             stream.record(record)
     except BaseException:

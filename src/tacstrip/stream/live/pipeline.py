@@ -22,6 +22,7 @@ from tacstrip.arguments import takes
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import TacstripError, in_words
 from tacstrip.reconstruction.methods import chosen_method
+from tacstrip.scan import Scan
 from tacstrip.stream.live.background_recorder import BackgroundRecorder
 from tacstrip.stream.live.bounded_queue import BoundedQueue
 from tacstrip.stream.live.drift import DriftCorrectingDecoder
@@ -29,11 +30,14 @@ from tacstrip.stream.live.frame import Frame
 from tacstrip.stream.live.latency import LatencyMeter
 from tacstrip.stream.recording.recorder import Recorder
 from tacstrip.stream.source import LOGGER, DeviceSource, RawScan, Shape, Source, paced
+from tacstrip.tracking.live import LiveTracks
+from tacstrip.tracking.live_contact import LiveTrack
 from tacstrip.tracking.tracker import Tracker
 
 # Scans that waited longer, or with more behind them, are recorded without objects.
 _LATE_S, _MAX_BACKLOG = 0.02, 3
 _DETAIL_S = 1.0 / 80.0  # between two frames with covariances, while a consumer wants them
+_MOST_KNOWN = 100  # objects over time that are remembered
 _WAIT_S = 0.1  # longest single wait for a frame
 _SWITCH_S = 0.0001  # between threads; Python's default of 5 ms would show as latency (docs/decisions/)
 
@@ -57,6 +61,8 @@ class Live:
         Called, from any thread, with messages for the user, a line each; None: the logger "tacstrip".
     creep
         Whether to take the creep of contacts that are held still out of their readings.
+    tracks
+        Whether to fuse the scans of each object into one rigid outline, where the construction has a closed form.
 
     Attributes
     ----------
@@ -74,6 +80,8 @@ class Live:
         The latest messages for the user, each with its number.
     meter
         Rate and latency.
+    known
+        The latest objects over time, by their numbers.
     detail
         Whether to compute covariances, 80 times a second, for the queues that are `detailed`.
 
@@ -102,13 +110,16 @@ class Live:
         on_message: Callable[[str], None] | None = None,
         *,
         creep: bool = False,
+        tracks: bool = True,
     ) -> None:
         self.method, self.noise = method, noise
         self.frames = self.late = self.unreadable = 0
         self.error: BaseException | None = None
         self.recording_failed = self.detail = False
         self.messages: deque[tuple[int, str]] = deque(maxlen=20)
-        self._creep = creep
+        self.known: dict[int, LiveTrack] = {}
+        self._creep, self._wants_tracks = creep, tracks
+        self._tracks: LiveTracks | None = None
         self._drift, self._speed, self._next_source, self._on_message = drift, speed, next_source, on_message
         self._n_messages = 0
         self._newest: BoundedQueue[Frame] = BoundedQueue(1)
@@ -118,6 +129,7 @@ class Live:
         self._writer: BackgroundRecorder | None = None
         self._thread = threading.Thread(target=self._run, name="tacstrip stream", daemon=True)
         self._searches = ThreadPoolExecutor(1, thread_name_prefix="tacstrip search")
+        self._fusing = ThreadPoolExecutor(1, thread_name_prefix="tacstrip tracks")
         self._detail_s = 0.0
         self._switch_s = sys.getswitchinterval()
         self._take_over(source)
@@ -127,6 +139,9 @@ class Live:
         self.meter = LatencyMeter()
         self._decoder = DriftCorrectingDecoder(source.sensor, self._drift, self._creep)
         self._tracker = Tracker(source.sensor, self.method, self.noise, self._searches)
+        self.known = {}
+        fuses = self._wants_tracks and source.sensor.kind.closed_form
+        self._tracks = LiveTracks(source.sensor, self.noise, executor=self._fusing) if fuses else None
 
     def subscribe(self, size: int = 1, detailed: bool = False) -> BoundedQueue[Frame]:
         """Return a queue of the newest frames.
@@ -163,7 +178,8 @@ class Live:
             if self._thread.ident is not None:
                 self._thread.join()
                 sys.setswitchinterval(self._switch_s)
-            self._searches.shutdown(cancel_futures=True)
+            for executor in (self._searches, self._fusing):
+                executor.shutdown(cancel_futures=True)
             self._end()
 
     @property
@@ -308,14 +324,33 @@ class Live:
             if self.unreadable == 1:
                 self.notify(f"scan {number} cannot be used: {error}")
             return
+        tracks = None if waiting else self._tracked(scan)
         ready_s = time.perf_counter()
         self.meter.done(ready_s - arrived_s)
-        frame = Frame(number, raw, self._decoder.sensor, scan, objects, ready_s - arrived_s, ready_s)
+        frame = Frame(number, raw, self._decoder.sensor, scan, objects, ready_s - arrived_s, ready_s, tracks)
         for queue in (*self._queues, *(self._detailed_queues if detail else ())):
             queue.put(frame)
-        self._save(raw, tuple(Shape(o.shape.status, o.shape.vertices) for o in objects if o.shape.found))
+        shapes = tuple(Shape(o.shape.status, o.shape.vertices) for o in objects if o.shape.found)
+        self._save(raw, shapes, tracks or ())
 
-    def _save(self, raw: RawScan, shapes: tuple[Shape, ...] = ()) -> None:
+    def _tracked(self, scan: Scan) -> tuple[LiveTrack, ...]:
+        """Return the objects over time; without them the stream goes on."""
+        if self._tracks is None:
+            return ()
+        try:
+            found = self._tracks.update(scan)
+        except Exception as error:
+            self._tracks = None
+            self.notify(f"objects are not tracked any more: {in_words(error)}")
+            return ()
+        for one in found:
+            self.known.pop(one.id, None)
+            self.known[one.id] = one
+        if len(self.known) > _MOST_KNOWN:
+            del self.known[next(iter(self.known))]
+        return found
+
+    def _save(self, raw: RawScan, shapes: tuple[Shape, ...] = (), tracks: tuple[LiveTrack, ...] = ()) -> None:
         writer = self._writer
         if writer is not None:
-            writer.add(replace(raw, shapes=shapes))
+            writer.add(replace(raw, shapes=shapes, tracks=()), tracks)

@@ -10,6 +10,7 @@ from typing import IO, Any
 from tacstrip.arrays import plain
 from tacstrip.errors import in_words
 from tacstrip.stream.bridges.tuio import Tuio
+from tacstrip.stream.export import track_fields
 from tacstrip.stream.live.frame import Frame
 from tacstrip.stream.live.pipeline import Live
 
@@ -115,4 +116,5 @@ def _fields(frame: Frame, dropped: int) -> dict[str, Any]:
             }
             for o in frame.objects
         ],
+        "tracks": None if frame.tracks is None else [track_fields(one) for one in frame.tracks],
     }

@@ -1,4 +1,4 @@
-"""The messages of a recording in the encoding of ROS 2 (CDR): codes of a scan, polygons.
+"""The messages of a recording in the encoding of ROS 2 (CDR): codes of a scan, polygons, objects over time.
 
 Codes are stored as reference + change, because a recording of all strips is mostly noise in the low bits: the
 reference repeats from message to message and compresses to almost nothing, and the changes are small numbers. Every
@@ -20,11 +20,12 @@ from rosbags.typesys.store import Typestore
 from tacstrip.arrays import FloatArray
 from tacstrip.errors import RecordingError
 from tacstrip.sensor.constructions import SIGNATURES
-from tacstrip.sensor.spec import Sensor
+from tacstrip.sensor.layers import AnySensor
 from tacstrip.stream.codes import ELECTRODES, code_shape, code_type
-from tacstrip.stream.source import CodeArray, RawScan, Shape
+from tacstrip.stream.source import CodeArray, RawScan, Shape, TrackedShape
 
 POLYGON = "geometry_msgs/msg/PolygonStamped"
+TRACK = "tacstrip_msgs/msg/Track"
 SCANS = {2: "tacstrip_msgs/msg/Scan", 4: "tacstrip_msgs/msg/WideScan"}  # by bytes per code
 NAMES = (*SIGNATURES, ELECTRODES)
 FRAME = "tacstrip"  # x across the strips, y along them from the grounded end
@@ -52,7 +53,22 @@ float32[] strip_time           # per strip: when it was read, from stamp [s]; em
 """
 
 
-def scan_type(sensor: Sensor) -> str:
+_TRACK_TEXT = """\
+# An object over time, as of one scan.
+builtin_interfaces/Time stamp  # when the scan began
+uint32 id
+string status                  # ok, likely, doubtful
+string advice
+uint32 scans                   # how many tell of the outline
+float64[3] pose                # x, y [m], angle [rad]: p lies at R(angle) p + (x, y); NaN where the scan does not tell
+float32[] pose_covariance      # (3, 3) [m, m, rad]; empty: not with this scan
+float64[] outline              # x, y of every corner, in the object's frame [m]
+float32[] covariance           # of the outline (2 N, 2 N) [m^2], of its shape alone; empty: not with this scan
+"""
+_METRES = np.array([1e-3, 1e-3, 1.0])  # of a pose in mm
+
+
+def scan_type(sensor: AnySensor) -> str:
     """Return the message type that holds this sensor's codes."""
     return SCANS[code_type(sensor).itemsize]
 
@@ -62,10 +78,11 @@ def definition(name: str) -> bytes:
     own, bar, used = _store().generate_msgdef(name, ros_version=2)[0].partition("=" * 80)
     for width, scan in SCANS.items():
         own = _scan_definition(8 * width) if scan == name else own  # with its comments
+    own = _TRACK_TEXT if name == TRACK else own
     return (own + bar + used).encode()
 
 
-def scan_message(raw: RawScan, sensor: Sensor, reference: Mapping[str, CodeArray], time_ns: int) -> bytes:
+def scan_message(raw: RawScan, sensor: AnySensor, reference: Mapping[str, CodeArray], time_ns: int) -> bytes:
     """Return a scan's codes as a message; `reference` are the codes of a recent scan, or its own."""
     width = code_type(sensor).itemsize
     fields: dict[str, Any] = {}
@@ -86,7 +103,7 @@ def scan_message(raw: RawScan, sensor: Sensor, reference: Mapping[str, CodeArray
     )
 
 
-def read_scan(data: bytes, kind: str, sensor: Sensor, names: tuple[str, ...], time_s: float) -> RawScan:
+def read_scan(data: bytes, kind: str, sensor: AnySensor, names: tuple[str, ...], time_s: float) -> RawScan:
     """Return the raw scan in a message.
 
     Raises
@@ -127,12 +144,53 @@ def read_polygon(data: bytes, status: str) -> Shape:
     return Shape(status, corners * 1e3)
 
 
+def track_message(track: TrackedShape, time_ns: int) -> bytes:
+    """Return an object over time as a message."""
+    pose, shape = track.pose_covariance, track.covariance
+    return _write(
+        TRACK,
+        stamp=_stamp(time_ns),
+        id=track.id % 2**32,
+        status=track.status,
+        advice=track.advice,
+        scans=track.scans % 2**32,
+        pose=track.pose * _METRES,
+        pose_covariance=_floats(None if pose is None else pose * np.outer(_METRES, _METRES)),
+        outline=np.asarray(track.outline * 1e-3, dtype=np.float64).ravel(),
+        covariance=_floats(None if shape is None else shape * 1e-6),
+    )
+
+
+def read_track(data: bytes) -> TrackedShape:
+    """Return the object over time in a message; `RecordingError` where it is not one."""
+    message = _read(TRACK, data)
+    outline = (
+        message.outline.reshape(-1, 2) * 1e3 if len(message.outline) % 2 == 0 else np.full((1, 2), np.nan)
+    )
+    size = outline.size
+    shape = message.covariance.astype(np.float64) * 1e6
+    pose = message.pose_covariance.astype(np.float64)
+    if not np.isfinite(outline).all() or len(shape) not in (0, size**2) or len(pose) not in (0, 9):
+        raise RecordingError(
+            "an object over time has corners that are not numbers, or a covariance of another size"
+        )
+    return TrackedShape(
+        int(message.id), message.status, outline, message.pose / _METRES, int(message.scans), message.advice,
+        shape.reshape(size, size) if len(shape) else None,
+        pose.reshape(3, 3) / np.outer(_METRES, _METRES) if len(pose) else None,
+    )  # fmt: skip
+
+
+def _floats(values: FloatArray | None) -> Any:
+    return np.empty(0, "<f4") if values is None else values.astype("<f4").ravel()
+
+
 @cache
 def _store() -> Typestore:
     """Return the message types, made once: making them takes longer than importing the rest of this file."""
     store = Typestore(max_sequence_length=2**24)
     own = {name: _scan_definition(8 * width) for width, name in SCANS.items()}
-    for name, text in (_COMMON | own).items():
+    for name, text in (_COMMON | own | {TRACK: _TRACK_TEXT}).items():
         store.register(get_types_from_msg(text, name))
     return store
 

@@ -10,8 +10,11 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Self
 
+import numpy as np
+
 from tacstrip.arguments import takes
 from tacstrip.errors import RecordingError
+from tacstrip.sensor.layers import AnySensor, LayeredSensor
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.codes import decode
 from tacstrip.stream.recording import messages
@@ -26,6 +29,12 @@ POLYGON_TOPICS = {
     "ok": "/tacstrip/polygon",
     "likely": "/tacstrip/polygon_likely",
     "doubtful": "/tacstrip/polygon_doubtful",
+}
+TRACK_TOPIC = "/tacstrip/track"
+TRACK_POLYGON_TOPICS = {
+    "ok": "/tacstrip/track_polygon",
+    "likely": "/tacstrip/track_polygon_likely",
+    "doubtful": "/tacstrip/track_polygon_doubtful",
 }
 MAX_AGE_S = 0.08  # longest time that a scan waits in memory, so that a killed recorder loses less than 0.1 s
 
@@ -54,8 +63,8 @@ class Recorder:
     ----------
     path
         The file.
-    scans, polygons
-        Number of scans and polygons recorded so far.
+    scans, polygons, tracks
+        Number of scans, of polygons and of objects over time, one a scan, recorded so far.
     saved_scans
         Number of scans on disk.
 
@@ -81,11 +90,11 @@ class Recorder:
     5
     """
 
-    @takes(sensor=Sensor)
+    @takes(sensor=Sensor | LayeredSensor)
     def __init__(
         self,
         path: str | Path,
-        sensor: Sensor,
+        sensor: AnySensor,
         names: tuple[str, ...],
         origin_ns: int,
         about: Mapping[str, str] | None = None,
@@ -97,7 +106,7 @@ class Recorder:
                 "a recording holds A/D codes: set adc_bits in the spec (stream.codes.with_converter)"
             )
         self.scans = 0
-        self.polygons = 0
+        self.polygons = self.tracks = 0
         self.saved_scans = 0
         self._sensor = sensor
         self._origin_ns = origin_ns
@@ -122,10 +131,16 @@ class Recorder:
             self._scan_channel = writer.register_channel(SCAN_TOPIC, "cdr", schema)
             kind = messages.POLYGON
             schema = writer.register_schema(kind, "ros2msg", messages.definition(kind))
-            self._polygon_channels = {
-                status: writer.register_channel(topic, "cdr", schema, {"status": status, "unit": "m"})
-                for status, topic in POLYGON_TOPICS.items()
-            }
+            self._polygon_channels, self._track_polygon_channels = (
+                {
+                    status: writer.register_channel(topic, "cdr", schema, {"status": status, "unit": "m"})
+                    for status, topic in topics.items()
+                }
+                for topics in (POLYGON_TOPICS, TRACK_POLYGON_TOPICS)
+            )
+            kind = messages.TRACK
+            schema = writer.register_schema(kind, "ros2msg", messages.definition(kind))
+            self._track_channel = writer.register_channel(TRACK_TOPIC, "cdr", schema)
         self._file.flush()
 
     @property
@@ -134,7 +149,7 @@ class Recorder:
         return self._file.size_bytes
 
     def add(self, raw: RawScan) -> None:
-        """Record one scan with its polygons."""
+        """Record one scan with its polygons and objects over time."""
         try:
             now_ns = self._origin_ns + round(raw.time_s * messages.NANO)
             came_s = raw.time_s if raw.arrival_s is None else raw.arrival_s
@@ -150,11 +165,18 @@ class Recorder:
         for shape in raw.shapes:
             channel = self._polygon_channels[shape.status if shape.status in POLYGON_TOPICS else "doubtful"]
             parts.append((channel, messages.polygon_message(shape.vertices, now_ns)))
+        for track in raw.tracks:
+            parts.append((self._track_channel, messages.track_message(track, now_ns)))
+            if len(track.outline) and np.isfinite(track.pose).all():
+                status = track.status if track.status in TRACK_POLYGON_TOPICS else "doubtful"
+                corners = messages.polygon_message(track.placed, now_ns)
+                parts.append((self._track_polygon_channels[status], corners))
         with self._file.guard():
             for channel, data in parts:
                 self._file.writer.add_message(channel, now_ns, data, came_ns, self.scans % 2**32)
         self.scans += 1
         self.polygons += len(raw.shapes)
+        self.tracks += len(raw.tracks)
         self._waiting_bytes += sum(len(data) for _, data in parts)
         age_s = max(abs(raw.time_s - self._first_s), time.monotonic() - self._since)
         # The first scan is written at once: from then on the file is a recording.
@@ -185,7 +207,7 @@ class Recorder:
         self.close()
 
 
-def with_shapes(scans: Iterable[RawScan], sensor: Sensor, method: str) -> Iterator[RawScan]:
+def with_shapes(scans: Iterable[RawScan], sensor: AnySensor, method: str) -> Iterator[RawScan]:
     """Yield each scan with the shapes that a method reconstructs from it, in place of its stored ones.
 
     Raises

@@ -15,6 +15,7 @@ def summary(source: Recording, scans: Iterable[RawScan]) -> list[str]:
     """Read all scans of a recording and return its summary, line by line."""
     count, lost, touched = 0, 0, 0
     shapes: Counter[str] = Counter()
+    tracks: Counter[int] = Counter()
     first: RawScan | None = None
     last: RawScan | None = None
     for raw in scans:
@@ -24,6 +25,7 @@ def summary(source: Recording, scans: Iterable[RawScan]) -> list[str]:
         count += 1
         touched += bool(raw.touched.any())
         shapes.update(shape.status for shape in raw.shapes)
+        tracks.update(track.id for track in raw.tracks)
     sensor = source.sensor
     began = datetime.fromtimestamp(source.origin_ns / NANO, UTC).isoformat(timespec="seconds")
     lines = [
@@ -35,6 +37,9 @@ def summary(source: Recording, scans: Iterable[RawScan]) -> list[str]:
         lines.append(f"{seconds:.6g} s, {(count - 1) / seconds:.6g} scans a second")
     by_status = ", ".join(f"{number} {status}" for status, number in shapes.most_common())
     lines.append(f"shapes: {by_status or 'none'}")
+    if tracks:
+        by_number = ", ".join(f"object {number} in {scans} scans" for number, scans in sorted(tracks.items()))
+        lines.append(f"objects over time: {by_number}")
     lines += [
         f"{key}: {text}"
         for key, text in source.about.items()

@@ -6,13 +6,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tacstrip.arrays import FloatArray, IntArray
+from tacstrip.arrays import BoolArray, FloatArray, IntArray
 from tacstrip.core.rigid import RigidScans, descend, fit_poses, loss
-from tacstrip.tracking.rigid.covariance import covariances
-from tacstrip.tracking.rigid.smooth_path import centres
+from tacstrip.tracking.rigid.covariance import covariances, information
+from tacstrip.tracking.rigid.smooth_path import centres, fit_corners
 
 FEWEST, FIRST = 3, 9  # corners; from how many a rough outline is pruned
 _TRIED = 3  # corners that are taken away by turns
+_PLACES = 2.0 * float(
+    np.log(10.0)
+)  # price of a corner for the ten places where one too many may fit the noise
 _SURE = 8.0  # times what a corner must gain: there is no need to try without it
 _HOPELESS, _MARGIN = (
     3.0,
@@ -36,11 +39,14 @@ class Fit:
         x, y [mm] and angle of every scan (T, 3).
     costs
         Squared residuals over sigma^2 of every scan (T,).
+    basis
+        Of the spline that the poses are (T, K); None: they are free.
     """
 
     corners: FloatArray
     poses: FloatArray
     costs: FloatArray
+    basis: FloatArray | None = None
 
     @property
     def cost(self) -> float:
@@ -48,12 +54,15 @@ class Fit:
         return float(self.costs.sum())
 
     def criterion(self, scans: RigidScans) -> float:
-        """Return what fits are compared by: BIC."""
-        return self.cost + 2.0 * len(self.corners) * float(np.log(scans.readings.sum()))
+        """Return what fits are compared by: extended BIC, of corners that could be at any of some places."""
+        knots = 0 if self.basis is None else 3 * self.basis.shape[1]
+        numbers = 2.0 * len(self.corners) + knots
+        return self.cost + numbers * float(np.log(scans.readings.sum())) + _PLACES * len(self.corners)
 
     def freedom(self, scans: RigidScans) -> int:
         """Return the readings beyond the numbers fitted."""
-        return max(int(scans.readings.sum()) - 3 * len(self.poses) - 2 * len(self.corners) + 3, 1)
+        many = len(self.poses) if self.basis is None else self.basis.shape[1]
+        return max(int(scans.readings.sum()) - 3 * many - 2 * len(self.corners) + 3, 1)
 
 
 def fitted(
@@ -63,27 +72,35 @@ def fitted(
     steps: int = 40,
     tolerance_mm: float = 0.0,
     cauchy: float = 0.0,
+    basis: FloatArray | None = None,
 ) -> Fit:
-    """Return the fit where a descent of corners and poses ends."""
-    return Fit(*descend(scans, corners, poses, loss(scans, tolerance_mm, cauchy), steps))
+    """Return the fit where a descent of corners and poses ends; with a basis, of poses that are a spline."""
+    how = loss(scans, tolerance_mm, cauchy)
+    if basis is None:
+        return Fit(*descend(scans, corners, poses, how, steps))
+    knots = np.asarray(np.linalg.lstsq(basis, poses, rcond=None)[0], dtype=np.float64)
+    corners, knots, costs = fit_corners(scans, corners, knots, basis, how, steps)
+    return Fit(corners, basis @ knots, costs, basis)
 
 
-def pruned(scans: RigidScans, corners: FloatArray, poses: FloatArray) -> list[Fit]:
+def pruned(
+    scans: RigidScans, corners: FloatArray, poses: FloatArray, basis: FloatArray | None = None
+) -> list[Fit]:
     """Return fits of ever fewer corners, from a rough outline of many, down to counts that are out of the question."""
     while len(corners) > FIRST:
         corners = np.delete(corners, int(_areas(corners).argmin()), axis=0)
     soft = 0.05 * scans.sensor.pitch_mm
-    fit = fitted(scans, corners, poses, 8, soft, 5.0)
-    fit = fitted(scans, fit.corners, fit.poses, 8, cauchy=5.0)
+    fit = fitted(scans, corners, poses, 8, soft, 5.0, basis)
+    fit = fitted(scans, fit.corners, fit.poses, 8, cauchy=5.0, basis=basis)
     found: list[Fit] = []
     while True:
-        fit = fitted(scans, fit.corners, fit.poses, 12)
+        fit = fitted(scans, fit.corners, fit.poses, 12, basis=basis)
         found.append(fit)
         least = min(f.criterion(scans) for f in found)
         hopeless = len(found) > 3 and fit.criterion(scans) > _HOPELESS * least + _MARGIN
         if len(fit.corners) == FEWEST or hopeless:
             return found
-        tries = [_without(scans, fit, corner, 5) for corner in np.argsort(_areas(fit.corners))[:_TRIED]]
+        tries = [without(scans, fit, corner, 5) for corner in faintest(fit.corners)]
         fit = min(tries, key=lambda f: f.cost)
 
 
@@ -92,6 +109,8 @@ def settled(scans: RigidScans, fit: Fit, rounds: int = 4) -> Fit:
 
     Kinks of one scan, where a corner passes a strip, do not stop the others then.
     """
+    if fit.basis is not None:
+        return fitted(scans, fit.corners, fit.poses, 15, basis=fit.basis)
     for _ in range(rounds):
         new = fitted(scans, fit.corners, posed(scans, fit).poses, 15)
         if not new.cost < fit.cost - 0.5:
@@ -102,19 +121,25 @@ def settled(scans: RigidScans, fit: Fit, rounds: int = 4) -> Fit:
 
 def posed(scans: RigidScans, fit: Fit) -> Fit:
     """Return the fit after descents of single poses from about where they are."""
-    step = _JIGGLES * (0.05 * scans.sensor.pitch_mm, 0.05 * scans.sensor.pitch_mm, 1.0)
-    poses, costs = fit_poses(scans, fit.corners, fit.poses[:, None] + step, loss(scans), 10)
+    starts = fit.poses[:, None] + jiggles(scans.sensor.pitch_mm)
+    poses, costs = fit_poses(scans, fit.corners, starts, loss(scans), 10)
     best, rows = costs.argmin(axis=1), np.arange(len(poses))
     return Fit(fit.corners, poses[rows, best], costs[rows, best])
 
 
+def jiggles(pitch_mm: float) -> FloatArray:
+    """Return steps of a pose (5, 3) to begin descents at, about where it is: a kink that stops one stops not all."""
+    return np.asarray(_JIGGLES * (0.05 * pitch_mm, 0.05 * pitch_mm, 1.0))
+
+
 def recounted(scans: RigidScans, fit: Fit) -> Fit:
     """Return the fit without corners that the criterion does not miss."""
-    price = 2.0 * float(np.log(scans.readings.sum()))
+    price = 2.0 * float(np.log(scans.readings.sum())) + _PLACES
     while len(fit.corners) > FEWEST and len(faint := np.flatnonzero(_gains(scans, fit) < _SURE * price)):
-        tries = sorted((_without(scans, fit, int(i), 8) for i in faint), key=lambda f: f.cost)
+        tries = sorted((without(scans, fit, int(i), 8) for i in faint), key=lambda f: f.cost)
         best = min(
-            (settled(scans, fitted(scans, t.corners, t.poses)) for t in tries[:_TRIED]), key=lambda f: f.cost
+            (settled(scans, fitted(scans, t.corners, t.poses, basis=t.basis)) for t in tries[:_TRIED]),
+            key=lambda f: f.cost,
         )
         if best.criterion(scans) >= fit.criterion(scans):
             break
@@ -126,7 +151,9 @@ def _gains(scans: RigidScans, fit: Fit) -> FloatArray:
     """Return roughly what each corner gains in chi square (N,): its height over its neighbours, over sigma."""
     before, after = np.roll(fit.corners, 1, axis=0), np.roll(fit.corners, -1, axis=0)
     height = _areas(fit.corners) / np.maximum(np.hypot(*(after - before).T), 1e-9)
-    variance = covariances(scans, fit.corners, fit.poses)[0].diagonal().reshape(-1, 2).sum(axis=1)
+    found = information(scans, fit.corners, fit.poses)
+    covariance = covariances(found, fit.corners, fit.poses, fit.basis)[0]
+    variance = covariance.diagonal().reshape(-1, 2).sum(axis=1)
     return np.asarray(height**2 / np.maximum(variance, 1e-12))
 
 
@@ -151,13 +178,17 @@ def poses_all_round(
 
 def bad_scans(scans: RigidScans, fit: Fit) -> IntArray:
     """Return the scans whose readings the fit does not explain."""
-    n = scans.readings
-    return np.flatnonzero(fit.costs > n + _SPREAD * np.sqrt(n) + _BAD)
+    return np.flatnonzero(~explained(fit.costs, scans.readings))
+
+
+def explained(costs: FloatArray, readings: IntArray) -> BoolArray:
+    """Return whether what scans cost (T,) is what as many readings (T,) may."""
+    return np.asarray(costs <= readings + _SPREAD * np.sqrt(readings) + _BAD)
 
 
 def rescued(scans: RigidScans, fit: Fit, rounds: int = 2) -> Fit:
     """Return the fit after a search all round for the poses of scans that it does not explain."""
-    for _ in range(rounds):
+    for _ in range(rounds if fit.basis is None else 0):
         bad = bad_scans(scans, fit)
         if not len(bad) or len(bad) > _MOST_BAD * len(fit.poses):
             break
@@ -173,8 +204,16 @@ def rescued(scans: RigidScans, fit: Fit, rounds: int = 2) -> Fit:
     return fit
 
 
-def _without(scans: RigidScans, fit: Fit, corner: int, steps: int) -> Fit:
-    return fitted(scans, np.delete(fit.corners, corner, axis=0), fit.poses, steps, cauchy=8.0)
+def faintest(corners: FloatArray) -> IntArray:
+    """Return the corners that an outline would change least without."""
+    return np.argsort(_areas(corners))[:_TRIED]
+
+
+def without(scans: RigidScans, fit: Fit, corner: int, steps: int) -> Fit:
+    """Return the fit without one of its corners, after some steps."""
+    return fitted(
+        scans, np.delete(fit.corners, corner, axis=0), fit.poses, steps, cauchy=8.0, basis=fit.basis
+    )
 
 
 def _best(poses: FloatArray, costs: FloatArray, kept: int) -> tuple[FloatArray, FloatArray]:

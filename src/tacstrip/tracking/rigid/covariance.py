@@ -2,33 +2,44 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.shape import Contact
-from tacstrip.core.rigid import RigidScans, equations, loss, reduced
+from tacstrip.core.rigid import Equations, RigidScans, equations, linearised, loss, reduced
 from tacstrip.errors import ContactError
 from tacstrip.sensor.spec import Sensor
 from tacstrip.simulation import simulate
 
-_NEVER = 1e6  # pitches: what touched strips tell of the ends is left out, for inside the gap it is nothing
+UPRIGHT = 300.0  # slope of an edge that counts as upright
+NEVER = 1e6  # pitches: what touched strips tell of the ends is left out, for inside the gap it is nothing
 
 
-def covariances(scans: RigidScans, corners: FloatArray, poses: FloatArray) -> tuple[FloatArray, FloatArray]:
+def covariances(
+    found: Equations,
+    corners: FloatArray,
+    poses: FloatArray,
+    basis: FloatArray | None = None,
+    beside: FloatArray | float = 0.0,
+) -> tuple[FloatArray, FloatArray]:
     """Return the covariance of corners (N, 2) about their mean, (2 N, 2 N) [mm^2], and of the poses (T, 3, 3).
 
-    The frame lies where the corners' errors neither move nor turn them as a whole; the poses take that up.
+    The frame lies where the corners' errors neither move nor turn them as a whole; the poses take that up. With a
+    basis (T, K) the poses are a spline. The equations may have offsets of channels after the corners. `beside`
+    (2 N, 2 N) is what else is known of the corners, of their shape alone.
     """
-    found = equations(scans, corners, poses, loss(scans, end=_NEVER))
-    matrix, _, inverse = reduced(found)
+    matrix, _, inverse, follow = without_poses(found, basis)
+    matrix = matrix.copy()
+    matrix[: corners.size, : corners.size] += beside
     value, vector = np.linalg.eigh(matrix)
     anywhere = float(np.ptp(corners, axis=0).max()) ** 2  # what the readings do not hold at all
     pinned = vector / np.maximum(value, 1.0 / anywhere) @ vector.T
-    rigid = np.zeros((corners.size, 3))
-    rigid[::2, 0] = rigid[1::2, 1] = 1.0
-    rigid[::2, 2], rigid[1::2, 2] = -corners[:, 1], corners[:, 0]
+    rigid = rigid_motions(corners)
     as_motion = np.linalg.pinv(rigid)  # (3, 2 N): of a change of the corners
-    inner = np.eye(corners.size) - rigid @ as_motion
+    inner, whole = np.eye(corners.size) - rigid @ as_motion, np.zeros((3, len(matrix)))
+    whole[:, : corners.size] = as_motion
     turned = np.zeros((len(poses), 3, 3))
     cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
     turned[:, 0, 0], turned[:, 0, 1], turned[:, 1, 0], turned[:, 1, 1], turned[:, 2, 2] = (
@@ -38,9 +49,55 @@ def covariances(scans: RigidScans, corners: FloatArray, poses: FloatArray) -> tu
         cos,
         1.0,
     )
-    by_corners = turned @ as_motion - inverse @ found.mixed
+    by_corners = turned @ whole - follow
     of_poses = inverse + by_corners @ pinned @ by_corners.transpose(0, 2, 1)
-    return np.asarray(inner @ pinned @ inner.T), np.asarray(of_poses)
+    return np.asarray(inner @ pinned[: corners.size, : corners.size] @ inner.T), np.asarray(of_poses)
+
+
+def information(scans: RigidScans, corners: FloatArray, poses: FloatArray) -> Equations:
+    """Return the equations that `covariances` are of: without the ends, for inside a gap they tell nothing.
+
+    And without readings where an upright edge passes their strip: no straight line through them holds for long.
+    """
+    how = loss(scans, end=NEVER)
+    found = equations(scans, corners, poses, how)
+    steepest = UPRIGHT / scans.sensor.length_mm
+    if (found.pose[:, 0, 0] > (steepest / scans.sigma) ** 2).any():
+        upright = np.abs(linearised(scans, corners, poses).rows[..., 0]) > steepest
+        found = equations(replace(scans, k=np.where(upright, np.nan, scans.k)), corners, poses, how)
+    return found
+
+
+def without_poses(
+    found: Equations, basis: FloatArray | None, damping: float = 0.0
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return the corners' equations without the poses, which are a spline where there is a basis (T, K).
+
+    Returns
+    -------
+    tuple
+        Matrix and slope, the poses' covariance (T, 3, 3) were the corners known, and how the poses follow the corners
+        (T, 3, 2 N).
+    """
+    if basis is None:
+        matrix, slope, inverse = reduced(found, damping)
+        return matrix, slope, inverse, inverse @ found.mixed
+    many, knots = basis.shape
+    own = np.einsum("tk,tij,tl->kilj", basis, found.pose, basis, optimize=True).reshape(3 * knots, -1)
+    own = np.linalg.inv(own + damping * np.diag(own.diagonal()) + 1e-9 * np.eye(len(own)))
+    mixed = (basis.T @ found.mixed.reshape(many, -1)).reshape(3 * knots, -1)
+    by = np.einsum("tk,ij->tikj", basis, np.eye(3)).reshape(many, 3, -1)  # of poses by knots
+    slope = found.shape_slope - mixed.T @ own @ (basis.T @ found.pose_slope).ravel()
+    matrix = found.shape - mixed.T @ own @ mixed + damping * np.diag(found.shape.diagonal())
+    return matrix, slope, np.asarray(by @ own @ by.transpose(0, 2, 1)), np.asarray(by @ (own @ mixed))
+
+
+def rigid_motions(corners: FloatArray) -> FloatArray:
+    """Return how corners (N, 2) move as a whole, in x, in y and in angle (2 N, 3)."""
+    found = np.zeros((corners.size, 3))
+    found[::2, 0] = found[1::2, 1] = 1.0
+    found[::2, 2], found[1::2, 2] = -corners[:, 1], corners[:, 0]
+    return found
 
 
 def joint_bound(
@@ -76,7 +133,7 @@ def joint_bound(
     read = [simulate(sensor, contact) for contact in posed]
     names = read[0].signatures
     k = np.stack([np.stack([scan[name] for name in names]) for scan in read])
-    return covariances(RigidScans(sensor, names, k, sigma), own, poses)[0]
+    return covariances(information(RigidScans(sensor, names, k, sigma), own, poses), own, poses)[0]
 
 
 def _posed(contact: Contact, middle: FloatArray, pose: FloatArray) -> Contact:

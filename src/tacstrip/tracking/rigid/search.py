@@ -11,7 +11,8 @@ import shapely
 from scipy.interpolate import CubicSpline
 
 from tacstrip.arrays import FloatArray, IntArray
-from tacstrip.core.rigid import RigidScans, fit_poses, loss
+from tacstrip.core.rigid import RigidScans, equations, fit_poses, loss
+from tacstrip.geometry.pose import in_frame, placed
 from tacstrip.reconstruction.polygon.goodness_of_fit import chi_square_score
 from tacstrip.tracking.rigid.corners import (
     Fit,
@@ -23,16 +24,23 @@ from tacstrip.tracking.rigid.corners import (
     rescued,
     settled,
 )
+from tacstrip.tracking.rigid.offsets import Offsets, channel_offsets, taken_off, without_needless_corners
 from tacstrip.tracking.rigid.smooth_path import Path, circle, fit_path, spline_basis
 
 _TURNS, _FINE_TURNS = (np.radians(np.arange(-160, 161, step)) for step in (20, 10))
 _DENSE, _MANY_STRIPS, _SPARSE = 48, 20, 16  # scans that a search uses; of finer sensors fewer do
 _KNOTS, _MORE_KNOTS = 4, 8
+_ALIKE = 0.003  # of the area's root: outlines that differ by less are one
+_LARGEST = 2.0  # diagonals of the sensor: no outline is larger
+_SPLINES = (4, 6, 8, 11, 15, 20, 26)  # knots of poses that are tied to a spline
+_NEAR = 6  # fits that are tried on the best of them
+LEAST_STRIPS = 3  # that a scan touches: fewer tell hardly more than a pose
+FEW_STRIPS = 12  # that read an outline at few places, the same ones as long as it does not move across them
 _KEPT = 3  # paths that are made polygons of
 _SATISFIED = 1.15  # of the freedom: a chi square that ends the search
 _ALARM, _HARDLY_MORE = 3.5, 1.05  # deviations of chi square, and times the freedom
 _WITHIN, _WORTH_SETTLING = (
-    10.0,
+    8.0,
     1.6,
 )  # of the criterion, and of the freedom: fits that may explain the readings as well
 _COARSE, _FINER, _FINEST = 0.07, 0.023, 0.012  # tolerances of edges, over the outline's radius
@@ -63,21 +71,25 @@ class Found:
         Scans that the rivals are fits of (K,).
     rivals
         Fits that explain these about as well, but for the best one, and how much worse their criterion is.
+    offsets
+        Of the channels, where the readings ask for them: the fits are of readings without these.
     """
 
     fit: Fit
     chosen: IntArray
     rivals: tuple[tuple[Fit, float], ...] = ()
+    offsets: Offsets | None = None
+
+    def criterion(self, scans: RigidScans) -> float:
+        """Return what searches are compared by: the fit's, and what the offsets cost."""
+        return self.fit.criterion(scans) + (0.0 if self.offsets is None else self.offsets.cost)
 
     @property
     def others(self) -> list[tuple[FloatArray, float]]:
         """The rivals' corners in the fit's frame, each with its weight against all others, the fit's included."""
         odds = [math.exp(-0.5 * max(worse, 0.0)) for _, worse in self.rivals]
-        total, middle, found = 1.0 + sum(odds), len(self.chosen) // 2, []
-        for (fit, _), one in zip(self.rivals, odds, strict=True):
-            outline = placed(fit.corners, fit.poses[middle])
-            found.append((in_frame(outline, self.fit.poses[self.chosen[middle]]), one / total))
-        return found
+        total, poses = 1.0 + sum(odds), self.fit.poses[self.chosen]
+        return [(_carried(fit, poses), one / total) for (fit, _), one in zip(self.rivals, odds, strict=True)]
 
     @property
     def spread_mm(self) -> float:
@@ -88,82 +100,175 @@ class Found:
         )
 
 
-def search(scans: RigidScans, distribution: str, thorough: bool = True) -> Found:
+def _carried(rival: Fit, poses: FloatArray) -> FloatArray:
+    """Return a rival's corners as the frame has them whose poses in the same scans are these, in the median."""
+    turns = np.angle(np.exp(1j * (rival.poses[:, 2] - poses[:, 2])))
+    turn = turns[0] + np.median(np.angle(np.exp(1j * (turns - turns[0]))))
+    middle = rival.corners.mean(axis=0)
+    seen = [
+        in_frame(placed(middle[None], own), pose)[0] for own, pose in zip(rival.poses, poses, strict=True)
+    ]
+    return placed(rival.corners - middle, np.array([*np.median(seen, axis=0), turn]))
+
+
+def search(scans: RigidScans, distribution: str, *, offsets: bool = True, thorough: bool = True) -> Found:
     """Return the fit of all scans that explains them best, and what else does.
 
-    Along a smooth path first; where that explains the readings badly, and if thorough, with more turns, then without a
-    path.
+    One signature of few strips tells little more than a pose of each scan: there the poses are a spline, as long as
+    one explains the readings. Else along a smooth path first, whose poses are free in the end; where that explains
+    the readings badly, and if thorough, with more turns, then without a path. `offsets`: of channels are looked for.
     """
-    found = _along_a_path(scans, _TURNS, _KEPT, distribution)
-    if not thorough:
+    paths = _paths(scans, _TURNS, _KEPT)
+    if needs_smooth_motion(scans):
+        found = _with_offsets(scans, paths, distribution, offsets, tied=True)
+        if content(taken_off(scans, found.offsets), found.fit, distribution):
+            return found
+    found = _with_offsets(scans, paths, distribution, offsets)
+    if not thorough or scans.strips_touched < LEAST_STRIPS:
         return found
-    if not content(scans, found.fit, distribution):
-        found = min(
-            found,
-            _along_a_path(scans, _FINE_TURNS, 2 * _KEPT, distribution),
-            key=lambda f: f.fit.criterion(scans),
-        )
-    if not content(scans, found.fit, distribution):
-        found = min(
-            found, Found(_without_path(scans), np.arange(len(scans.k))), key=lambda f: f.fit.criterion(scans)
-        )
+    if not content(taken_off(scans, found.offsets), found.fit, distribution):
+        more = _polygons(scans, _paths(scans, _FINE_TURNS, 2 * _KEPT), distribution)
+        found = min(found, more, key=lambda f: f.criterion(scans))
+    if not content(taken_off(scans, found.offsets), found.fit, distribution):
+        free = Found(_without_path(scans), np.arange(len(scans.k)))
+        found = min(found, free, key=lambda f: f.criterion(scans))
     return found
 
 
-def _along_a_path(scans: RigidScans, turns: Iterable[float], kept: int, distribution: str) -> Found:
-    total = len(scans.k)
+def _with_offsets(
+    scans: RigidScans, paths: list[Path], distribution: str, wanted: bool, tied: bool = False
+) -> Found:
+    """Return the polygon that rough outlines become, of readings without what the channels are off."""
+    found = _polygons(scans, paths, distribution, tied)
+    asked = channel_offsets(scans, found.fit) if wanted else None
+    if asked is None or asked[1].cost > _WORTH_SETTLING * asked[1].freedom(scans):  # it is not offsets, then
+        return found
+    offsets, _ = without_needless_corners(scans, *asked)
+    found = _polygons(taken_off(scans, offsets), paths, distribution, tied)
+    asked = channel_offsets(scans, found.fit, offsets)
+    assert asked is not None
+    offsets, best = without_needless_corners(scans, *asked)
+    rest = taken_off(scans, offsets)
+    again = [
+        settled(rest, fitted(rest, f.corners, f.poses, basis=f.basis))
+        for f in (best, found.fit, *(f for f, _ in found.rivals))
+    ]
+    return replace(_compared(rest, again, distribution), offsets=offsets)
+
+
+def needs_smooth_motion(scans: RigidScans) -> bool:
+    """Whether a scan tells hardly more than a pose: one signature."""
+    return len(scans.names) == 1
+
+
+def _chosen(scans: RigidScans) -> IntArray:
+    """Return the scans that a search uses."""
     many = _SPARSE if scans.k.shape[2] > _MANY_STRIPS else _DENSE
-    chosen = np.unique(np.linspace(0, total - 1, min(total, many)).astype(int))
-    few, place = scans.of(chosen), chosen / max(total - 1, 1)
-    soft, fine = 0.25, 0.1
-    coarse = spline_basis(place, min(_KNOTS, len(chosen)))
+    return np.unique(np.linspace(0, len(scans.k) - 1, min(len(scans.k), many)).astype(int))
+
+
+def _spline(scans: RigidScans, chosen: IntArray, knots: int) -> FloatArray:
+    return spline_basis(chosen / max(len(scans.k) - 1, 1), min(knots, len(chosen)))
+
+
+def _paths(scans: RigidScans, turns: Iterable[float], kept: int) -> list[Path]:
+    """Return the best rough outlines on smooth paths over some of the scans."""
+    chosen = _chosen(scans)
+    few, soft, fine = scans.of(chosen), 0.25, 0.1
+    coarse, finer = (_spline(scans, chosen, knots) for knots in (_KNOTS, _MORE_KNOTS))
     paths = []
     for turn in turns:
         path = circle(few, coarse, turn)
         path = fit_path(few, path, 8, tolerance=_COARSE, cauchy=3.0, rough=_ROUGH, end=soft)
         paths.append(fit_path(few, path, 6, tolerance=_FINER, cauchy=3.0, rough=_ROUGH, end=soft))
     paths.sort(key=lambda p: p.cost)
-    finer = spline_basis(place, min(_MORE_KNOTS, len(chosen)))
     refined = []
     for path in paths[: 2 * kept]:
         path = fit_path(few, path.refined(finer), 10, tolerance=_FINER, cauchy=3.0, rough=_ROUGH, end=soft)
         refined.append(fit_path(few, path, 6, tolerance=_FINEST, cauchy=3.0, rough=_SMOOTHER, end=fine))
-    paths = refined
-    paths.sort(key=lambda p: p.cost)
-    fits: list[Fit] = []
-    for path in paths[:kept]:
-        fits += pruned(few, path.corners, path.poses)
+    return sorted(refined, key=lambda p: p.cost)[:kept]
+
+
+def _polygons(scans: RigidScans, paths: list[Path], distribution: str, tied: bool = False) -> Found:
+    """Return the polygon that rough outlines become; its poses free, or tied to a spline."""
+    chosen = _chosen(scans)
+    few, fits = scans.of(chosen), []
+    for path in paths:
+        fits += pruned(few, path.corners, path.poses, path.basis if tied else None)
+    fits = [f for f in fits if _plausible(few, f)] or fits
     fits.sort(key=lambda f: f.criterion(few))
-    fit = _on_all(scans, chosen, fits[0])
-    own = Fit(fit.corners, fit.poses[chosen], fit.costs[chosen])
-    return Found(fit, chosen, _rivals(few, own, fits, distribution))
+    if tied:
+        fits = _on_the_best_spline(scans, chosen, fits)
+    fits = _alternatives(few, fits, distribution)
+    return _compared(scans, [_on_all(scans, chosen, f) for f in fits], distribution)
 
 
-def _rivals(
-    scans: RigidScans, best: Fit, fits: list[Fit], distribution: str
-) -> tuple[tuple[Fit, float], ...]:
-    """Return the fits that explain the readings about as well as the best one, and how much worse each is."""
-    found = []
-    for fit in fits:
+def _compared(scans: RigidScans, fits: list[Fit], distribution: str) -> Found:
+    """Return the best of fits of all scans, without corners that it does not need, and those that are about as good."""
+    every = sorted(fits, key=lambda f: f.criterion(scans))
+    best = recounted(scans, every[0])
+    rivals = (
+        (f, f.criterion(scans) - best.criterion(scans)) for f in every[0 if best is not every[0] else 1 :]
+    )
+    likely = ((f, w) for f, w in rivals if w <= _WITHIN and content(scans, f, distribution))
+    return Found(best, np.arange(len(scans.k)), tuple(likely))
+
+
+def _on_the_best_spline(scans: RigidScans, chosen: IntArray, fits: list[Fit]) -> list[Fit]:
+    """Return the fits that may be right on splines of as many knots as the readings ask for, the best first."""
+    few, best, worse = scans.of(chosen), fits[0], 0
+    for knots in _SPLINES:
+        if knots > len(chosen) // 2 or worse == 2:
+            break
+        basis = _spline(scans, chosen, knots)
+        fit = fitted(few, fits[0].corners, fits[0].poses, 20, basis=basis)
+        best, worse = (fit, 0) if fit.criterion(few) < best.criterion(few) else (best, worse + 1)
+    near = [f for f in fits if f.cost < _WORTH_SETTLING * fits[0].freedom(few)]
+    again = [fitted(few, f.corners, f.poses, 20, basis=best.basis) for f in near[:_NEAR]]
+    return sorted([best, *again], key=lambda f: f.criterion(few))
+
+
+def _alternatives(scans: RigidScans, fits: list[Fit], distribution: str) -> list[Fit]:
+    """Return the best fit and those that explain the readings about as well, each outline once, the best first."""
+    best = settled(scans, fits[0])
+    found = [best]
+    for fit in fits[1:]:
         if fit.cost > _WORTH_SETTLING * fit.freedom(scans):
             continue
         fit = settled(scans, fit)
-        worse = fit.criterion(scans) - best.criterion(scans)
-        if content(scans, fit, distribution) and worse <= _WITHIN:
-            found.append((fit, worse))
-    return tuple(found)
+        worse = fit.criterion(scans) - min(f.criterion(scans) for f in found)
+        if worse <= _WITHIN and content(scans, fit, distribution) and not any(_same(fit, f) for f in found):
+            found.append(fit)
+    return sorted(found, key=lambda f: f.criterion(scans))
+
+
+def _same(a: Fit, b: Fit) -> bool:
+    """Whether two fits of the same scans have one outline."""
+    if len(a.corners) != len(b.corners):
+        return False
+    p, q = (shapely.Polygon(o).buffer(0) for o in (_carried(a, b.poses), b.corners))
+    return bool(p.hausdorff_distance(q) < _ALIKE * math.sqrt(q.area))
+
+
+def _plausible(scans: RigidScans, fit: Fit) -> bool:
+    sensor = scans.sensor
+    return bool(np.ptp(fit.corners, axis=0).max() < _LARGEST * math.hypot(sensor.width_mm, sensor.length_mm))
 
 
 def _on_all(scans: RigidScans, chosen: IntArray, fit: Fit) -> Fit:
     """Return a fit of some scans as one of all, settled and recounted."""
     poses = fit.poses
+    if fit.basis is not None:
+        basis = _spline(scans, np.arange(len(scans.k)), fit.basis.shape[1])
+        knots = np.linalg.lstsq(fit.basis, poses, rcond=None)[0]
+        return fitted(scans, fit.corners, basis @ knots, basis=basis)
     if len(chosen) < len(scans.k):
         poses = CubicSpline(chosen, poses)(np.arange(len(scans.k)))
         rough = fitted(scans, fit.corners, poses, 6, 0.05 * scans.sensor.pitch_mm, 5.0)
         fit = fitted(scans, rough.corners, rough.poses)
     else:
         fit = fitted(scans, fit.corners, poses)
-    return recounted(scans, settled(scans, rescued(scans, fit)))
+    return settled(scans, rescued(scans, fit))
 
 
 def _without_path(scans: RigidScans) -> Fit:
@@ -203,6 +308,10 @@ def with_all_poses(scans: RigidScans, chosen: IntArray, fit: Fit) -> Fit:
     """Return a fit of some scans with the poses of all: from those next to it, and all round where that fails."""
     if len(chosen) == len(scans.k):
         return fit
+    if fit.basis is not None:
+        basis = spline_basis(np.arange(len(scans.k)) / (len(scans.k) - 1), fit.basis.shape[1])
+        poses = basis @ np.linalg.lstsq(basis[chosen], fit.poses, rcond=None)[0]
+        return Fit(fit.corners, poses, equations(scans, fit.corners, poses, loss(scans)).costs, basis)
     start = np.stack(
         [np.interp(np.arange(len(scans.k)), chosen, p) for p in np.unwrap(fit.poses, axis=0).T], axis=1
     )
@@ -242,15 +351,3 @@ def recognised(known: RigidScans, fit: Fit, scans: RigidScans, distribution: str
     joint = settled(together, rescued(together, fitted(together, joint.corners, joint.poses)))
     part = Fit(joint.corners, joint.poses[-last:], joint.costs[-last:])
     return joint if content(scans, part, distribution) and content(together, joint, distribution) else None
-
-
-def placed(corners: FloatArray, pose: FloatArray) -> FloatArray:
-    """Return corners (N, 2) of a frame at a pose (3,) on the sensor."""
-    cos, sin = np.cos(pose[2]), np.sin(pose[2])
-    return np.asarray(corners @ np.array([[cos, sin], [-sin, cos]]) + pose[:2])
-
-
-def in_frame(corners: FloatArray, pose: FloatArray) -> FloatArray:
-    """Return corners (N, 2) on the sensor as the frame at a pose (3,) has them."""
-    cos, sin = np.cos(pose[2]), np.sin(pose[2])
-    return np.asarray((corners - pose[:2]) @ np.array([[cos, -sin], [sin, cos]]))

@@ -7,12 +7,13 @@ so that a start which is wrong by half the object still ends at the right shape.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
 from tacstrip.arrays import FloatArray
+from tacstrip.core.binding import Loss
 from tacstrip.core.rigid import Equations, RigidScans, equations, loss
 from tacstrip.reconstruction.contact_ends import closed_ends
 
@@ -25,6 +26,7 @@ _BY_RADIUS[2 * np.arange(RADII) + 1, np.arange(RADII)] = _SPOKES[:, 1]
 _BEND = np.roll(np.eye(RADII), 1, 1) + np.roll(np.eye(RADII), -1, 1) - 2.0 * np.eye(RADII)
 _CENTRED = 0.014  # of the radius: how near to the frame's origin the outline's middle is held
 _LOOSE = 4.0  # radii: a prior for each radius by itself, so that all are determined
+_LEAST = 1e-6  # added to the equations' diagonal
 _ROUND = 0.785  # width of a disc's mean section over its diameter
 
 
@@ -122,52 +124,98 @@ def fit_path(
     cauchy, end
         See `tacstrip.core.rigid.loss`.
     """
-    radius, basis = float(start.radii.mean()), start.basis
+    radius = float(start.radii.mean())
     how = loss(scans, tolerance * radius, cauchy, end)
     middle = _SPOKES.T / RADII
     prior = _BEND.T @ _BEND / rough**2 + middle.T @ middle / _CENTRED**2 + np.eye(RADII) / _LOOSE**2
-    prior /= radius**2
-    many, knots = basis.shape
-    pairs = (basis[:, :, None] * basis[:, None, :]).reshape(many, -1)
-
-    def at(path: Path) -> tuple[Equations, float]:
-        found = equations(scans, path.corners, path.poses, how)
-        return found, float(found.costs.sum() + path.radii @ prior @ path.radii)
-
-    path, damping = start, 1e-2
-    found, cost = at(path)
-    for _ in range(steps):
-        matrix, slope = _joint(found, path, pairs, prior)
-        size = matrix.diagonal().copy()
-        for _ in range(6):
-            step = np.linalg.solve(matrix + np.diag(damping * size + 1e-6), slope)
-            trial = replace(
-                path,
-                radii=path.radii + step[3 * knots :],
-                knots=path.knots + step[: 3 * knots].reshape(-1, 3),
-            )
-            if trial.radii.min() > 0.02 * path.radii.mean():
-                new, new_cost = at(trial)
-                if new_cost < cost:
-                    break
-            damping *= 8.0
-        else:
-            break
-        gain, damping = cost - new_cost, max(damping / 8.0, 1e-7)
-        path, found, cost = trial, new, new_cost
-        if gain < 1e-3 * cost:
-            break
-    return replace(path, cost=cost)
+    begin = _State(start.radii, start.knots, _BY_RADIUS, start.basis, prior / radius**2)
+    found = begin.descended(scans, how, steps, 1e-3, least=0.02)
+    return replace(start, radii=found.outline, knots=found.knots, cost=found.cost)
 
 
-def _joint(
-    found: Equations, path: Path, pairs: FloatArray, prior: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return the equations of a path's knots, then its radii."""
-    many, knots = path.basis.shape
+def fit_corners(
+    scans: RigidScans, corners: FloatArray, knots: FloatArray, basis: FloatArray, how: Loss, steps: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return corners (N, 2) and knots (K, 3) after a descent of both, and the scans' costs (T,)."""
+    begin = _State(corners.ravel(), knots, np.eye(corners.size), basis, np.zeros((corners.size,) * 2))
+    found = begin.descended(scans, how, steps, 1e-5)
+    return found.outline.reshape(-1, 2), found.knots, found.costs
+
+
+@dataclass(frozen=True, eq=False)
+class _State:
+    """An outline by numbers of which its corners are a linear function, and a path by its knots."""
+
+    outline: FloatArray  # (P,)
+    knots: FloatArray
+    by: FloatArray  # (2 N, P)
+    basis: FloatArray
+    prior: FloatArray  # (P, P)
+    cost: float = np.inf
+    costs: FloatArray = field(default_factory=lambda: np.empty(0))
+
+    def at(self, scans: RigidScans, how: Loss) -> tuple[Equations, _State]:
+        """Return the equations here, and this with its cost."""
+        found = equations(scans, (self.by @ self.outline).reshape(-1, 2), self.basis @ self.knots, how)
+        cost = float(found.costs.sum() + self.outline @ self.prior @ self.outline)
+        return found, replace(self, cost=cost, costs=found.costs)
+
+    def descended(
+        self, scans: RigidScans, how: Loss, steps: int, enough: float, least: float = -np.inf
+    ) -> _State:
+        """Return where a descent ends; no number of the outline gets below `least` times their mean."""
+        many, knots = self.basis.shape
+        pairs = (self.basis[:, :, None] * self.basis[:, None, :]).reshape(many, -1)
+        (found, now), damping = self.at(scans, how), 1e-2
+        for _ in range(steps):
+            matrix, slope = (np.empty((0, 0)), np.empty(0)) if many == knots else _joint(found, now, pairs)
+            size = matrix.diagonal().copy()
+            for _ in range(6):
+                if many == knots:
+                    step = _free_step(found, now, damping)
+                else:
+                    damped = matrix + np.diag(damping * size + _LEAST)
+                    step = np.asarray(np.linalg.solve(damped, slope), dtype=np.float64)
+                trial = replace(
+                    now,
+                    outline=now.outline + step[3 * knots :],
+                    knots=now.knots + step[: 3 * knots].reshape(-1, 3),
+                )
+                if least == -np.inf or trial.outline.min() > least * now.outline.mean():
+                    new, trial = trial.at(scans, how)
+                    if trial.cost < now.cost:
+                        break
+                damping *= 8.0
+            else:
+                break
+            gain, damping = now.cost - trial.cost, max(damping / 8.0, 1e-7)
+            found, now = new, trial
+            if gain < enough * now.cost:
+                break
+        return now
+
+
+def _free_step(found: Equations, now: _State, damping: float) -> FloatArray:
+    """Return a step of knots, one per scan and free of each other (Schur's complement), then of the outline."""
+    own, three = found.pose.copy(), np.arange(3)
+    own[:, three, three] += damping * own[:, three, three] + _LEAST
+    mixed, outline = found.mixed @ now.by, now.by.T @ found.shape @ now.by + now.prior
+    outline += np.diag(damping * outline.diagonal() + _LEAST)
+    inverse = np.linalg.inv(own)
+    weighted = inverse @ mixed
+    slope = now.by.T @ found.shape_slope - now.prior @ now.outline
+    slope = slope - np.einsum("tip,ti->p", weighted, found.pose_slope)
+    step = np.linalg.solve(outline - np.einsum("tip,tiq->pq", mixed, weighted, optimize=True), slope)
+    poses = np.einsum("tij,tj->ti", inverse, found.pose_slope - mixed @ step)
+    return np.concatenate([poses.ravel(), step])
+
+
+def _joint(found: Equations, now: _State, pairs: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the equations of a path's knots, then its outline."""
+    many, knots = now.basis.shape
     own = (pairs.T @ found.pose.reshape(many, 9)).reshape(knots, knots, 3, 3).transpose(0, 2, 1, 3)
-    mixed = (path.basis.T @ found.mixed.reshape(many, -1)).reshape(3 * knots, -1) @ _BY_RADIUS
-    radii = _BY_RADIUS.T @ found.shape @ _BY_RADIUS + prior
-    matrix = np.block([[own.reshape(3 * knots, 3 * knots), mixed], [mixed.T, radii]])
-    slope = _BY_RADIUS.T @ found.shape_slope - prior @ path.radii
-    return matrix, np.concatenate([(path.basis.T @ found.pose_slope).ravel(), slope])
+    mixed = (now.basis.T @ found.mixed.reshape(many, -1)).reshape(3 * knots, -1) @ now.by
+    outline = now.by.T @ found.shape @ now.by + now.prior
+    matrix = np.block([[own.reshape(3 * knots, 3 * knots), mixed], [mixed.T, outline]])
+    slope = now.by.T @ found.shape_slope - now.prior @ now.outline
+    return matrix, np.concatenate([(now.basis.T @ found.pose_slope).ravel(), slope])

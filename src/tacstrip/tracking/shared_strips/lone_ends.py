@@ -29,7 +29,7 @@ def lone_ends(
         lengths += [n for p in _PARTS if (n := total // p) >= FEWEST and n not in lengths]
         for length in lengths:
             some = range(total - length, total) if from_end else range(length)
-            one = search(scans.of(np.array(some)), distribution, thorough=False)
+            one = search(scans.of(np.array(some)), distribution, offsets=False, thorough=False)
             if content(scans.of(np.array(some)), one.fit, distribution):
                 found.append((some, one))
                 break

@@ -10,9 +10,9 @@ import numpy as np
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
 from tacstrip.core.hull import MOST_OBJECTS, HullScans, fit_hull_poses
 from tacstrip.core.rigid import RigidScans, loss
+from tacstrip.geometry.pose import in_frame, placed
 from tacstrip.reconstruction.polygon.goodness_of_fit import chi_square_score
 from tacstrip.sensor.spec import Sensor
-from tacstrip.tracking.rigid.search import in_frame, placed
 from tacstrip.tracking.shared_strips.beam import Way, ways
 from tacstrip.tracking.shared_strips.joint_fit import Scene, expected, fitted, pose_covariances
 

@@ -4,9 +4,10 @@ import { draw as drawChart } from "./chart.js";
 import { connect } from "./link.js";
 import { Objects } from "./objects.js";
 import { Surface } from "./surface.js";
+import { Tracks } from "./tracks.js";
 
 const get = (id) => document.getElementById(id);
-const surface = new Surface(get("surface"));
+const surface = new Surface(get("surface")), tracks = new Tracks(get("tracks"));
 let sensor = null, control = false, play = false, paused = false, frame = null, waiting = 0, drawing = false, lastMessage = 0, refusedAt = 0;
 const drawn = { count: 0, times: [], frame: null };
 window.tacstrip = drawn; // for the tests
@@ -47,7 +48,8 @@ function show() {
   drawn.frame = frame;
   drawn.times.push(now);
   while (drawn.times[0] < now - 1000) drawn.times.shift();
-  if (drawn.count % 12 === 1) list(frame.objects);
+  if (frame.tracks) tracks.take(frame.tracks); // null: the computer was behind
+  if (drawn.count % 12 === 1) { list(frame.objects); tracks.show(); }
 }
 
 function about(message) {

@@ -20,7 +20,7 @@ export class Surface {
   constructor(svg) {
     this.svg = svg;
     this.layers = {};
-    for (const name of ["skin", "profiles", "truths", "alternatives", "shapes", "regions", "corners", "names", "handles"]) {
+    for (const name of ["skin", "profiles", "truths", "alternatives", "shapes", "edges", "fused", "regions", "corners", "names", "handles"]) {
       this.layers[name] = make("g", {}, svg);
     }
     new ResizeObserver(() => this.measure()).observe(svg);
@@ -88,12 +88,26 @@ export class Surface {
     const found = frame.objects.filter((o) => o.vertices.length);
     const fixed = "non-scaling-stroke";
     fill(this.layers.shapes, "path", found, (e, o) => {
-      e.setAttribute("class", "shape");
+      e.setAttribute("class", o.hidden_edges ? "shape piece" : "shape");
       e.setAttribute("data-s", o.status);
       e.setAttribute("vector-effect", fixed);
       e.setAttribute("d", this.path(o.vertices));
     });
-    const others = found.flatMap((o) => o.alternatives || []);
+    if (frame.tracks) fill(this.layers.fused, "path", frame.tracks.filter((o) => o.vertices.length), (e, o) => {
+      e.setAttribute("class", "fused");
+      e.setAttribute("data-s", o.status);
+      e.setAttribute("vector-effect", fixed);
+      e.setAttribute("d", this.path(o.vertices));
+    });
+    // A piece that another one hides in part: its edges one by one, the hidden ones dashed.
+    const edges = found.filter((o) => o.hidden_edges).flatMap((o) =>
+      o.hidden_edges.map((hidden, i) => [hidden, o.vertices[i], o.vertices[(i + 1) % o.vertices.length]]));
+    fill(this.layers.edges, "path", edges, (e, [hidden, [x, y], [u, v]]) => {
+      e.setAttribute("class", hidden ? "edge hidden" : "edge");
+      e.setAttribute("vector-effect", fixed);
+      e.setAttribute("d", `M${x} ${this.y(y)}L${u} ${this.y(v)}`);
+    });
+    const others = found.flatMap((o) => [...(o.alternatives || []), ...(o.bounds || []).map((vertices) => ({ vertices }))]);
     fill(this.layers.alternatives, "path", others, (e, other) => {
       e.setAttribute("class", "alternative");
       e.setAttribute("vector-effect", fixed);

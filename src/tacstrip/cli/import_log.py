@@ -1,0 +1,171 @@
+"""`tacstrip import`."""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import tempfile
+from pathlib import Path
+
+import click
+
+from tacstrip.cli import load_sensor, new_file, note, options, warn, warn_of_log
+from tacstrip.cli.record import save_recording
+from tacstrip.diagnose.log import Log
+from tacstrip.errors import OptionError, ReadingError, one_of
+from tacstrip.files import replacing
+from tacstrip.io.input_checks import half_read
+from tacstrip.io.log_import.guess import Proposal, Question, Unanswered, propose
+from tacstrip.io.log_import.mapping import Mapping
+from tacstrip.io.log_import.readings import scans
+from tacstrip.io.log_import.table import SeveralSheets, Table, read_table
+from tacstrip.io.log_import.write import rows, write_log
+from tacstrip.io.readings import read_readings
+from tacstrip.sensor.spec import Sensor
+from tacstrip.stream.replay import open_source
+
+_SHOWN_SCANS, _SHOWN_STRIPS = 2, 6
+
+
+@click.command("import")
+@click.argument("log", type=options.FILE)
+@click.argument("spec", metavar="[SENSOR]", required=False)
+@options.output("New file: readings (.csv) or a recording (.mcap).")
+@click.option(
+    "--mapping",
+    "given",
+    type=options.FILE,
+    metavar="MAP.toml",
+    help="Read the log as an earlier one; else it is guessed, and written.",
+)
+@click.option(
+    "--answer",
+    "answers",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="Answer a question, or say what a column is; repeat.",
+)
+@click.option("--sheet", help="Of a workbook with several.")
+@options.FORCE
+def command(
+    log: Path,
+    spec: str | None,
+    output: Path,
+    given: Path | None,
+    answers: tuple[str, ...],
+    sheet: str | None,
+    force: bool,
+) -> None:
+    """Turn a LOG of your own form into readings: any separator, columns and units, spreadsheets, serial text.
+
+    What each column is is guessed, with the reason, and the mapping written beside the output, to be used again. What
+    the log does not tell is asked (exit code 1), and answered with --answer.
+
+    Example: tacstrip import bench.txt sensor.toml -o readings.csv --answer time_unit=ms
+    """
+    kind = output.suffix.lower()
+    if kind not in (".csv", ".mcap"):
+        raise OptionError(f"-o {output}: " + one_of("ending", kind, (".csv", ".mcap")))
+    if kind == ".mcap" and spec is None:
+        raise OptionError(
+            f"-o {output}: a recording holds its sensor; name the spec: tacstrip import {log} sensor.toml -o {output}"
+        )
+    if given and answers:
+        raise OptionError("--mapping says everything; leave --answer out, or edit the mapping")
+    new_file(output, force, str(log), *([spec] if spec else []))
+    sensor = load_sensor(spec) if spec else None
+    try:
+        table = read_table(log, sheet)
+        found = _mapped(table, given) if given else propose(table, sensor, _answers(answers))
+    except SeveralSheets as several:
+        raise _asked(
+            [Question("--sheet", f"the workbook has several sheets: which one? --sheet {several}")], log
+        ) from None
+    except Unanswered as unanswered:
+        raise _asked(unanswered.questions, log) from None
+    except ReadingError as error:
+        raise ReadingError(f"{log}: {error}" if not str(error).startswith(str(log)) else str(error)) from None
+    for reason in found.reasons:
+        note(f"  {reason}")
+    _write(log, found, sensor, spec, output, force)
+    _show(found)
+    if not given:
+        beside = output.with_suffix(".mapping.toml")
+        found.mapping.save(beside)
+        note(f"{beside}: how it was read; use it for logs of the same form with --mapping")
+
+
+def _mapped(table: Table, file: Path) -> Proposal:
+    mapping = Mapping.load(file)
+    return Proposal(mapping, scans(table, mapping), ())
+
+
+def _answers(texts: tuple[str, ...]) -> dict[str, str]:
+    found = {}
+    for text in texts:
+        key, equals, value = text.rpartition("=")
+        if not equals or not key.strip():
+            raise OptionError(f"--answer {text}: write KEY=VALUE, such as --answer time_unit=ms")
+        found[key.strip()] = value.strip()
+    return found
+
+
+def _asked(questions: tuple[Question, ...] | list[Question], log: Path) -> click.ClickException:
+    shown = "\n".join(
+        f"  {q.text}" + (f"  --answer {q.key}=..." if "--" not in q.text else "") for q in questions
+    )
+    return click.ClickException(f"{log} does not say:\n{shown}")
+
+
+def _write(
+    log: Path, found: Proposal, sensor: Sensor | None, spec: str | None, output: Path, force: bool
+) -> None:
+    vref = sensor.vref_volt if sensor else found.mapping.vref_volt
+    base = sensor.strip_base if sensor else found.mapping.strip_base
+    if sensor and found.mapping.strips != sensor.strips:
+        raise OptionError(f"the mapping is of {found.mapping.strips} strips, and {spec} has {sensor.strips}")
+    many = f"{len(found.scans)} scan(s) of {found.mapping.strips} strips"
+    with tempfile.TemporaryDirectory() as folder:
+        readings = Path(folder) / f"{log.stem}.csv"
+        write_log(readings, found.scans, found.mapping, vref, base)
+        if sensor is not None and spec is not None:
+            try:
+                read_readings(readings, sensor)
+            except ReadingError as error:
+                why = str(error).removeprefix(f"{readings}: ")
+                raise ReadingError(
+                    f"{log}: read as the reasons say, it gives no readings of {spec}: {why}"
+                ) from None
+            with contextlib.closing(open_source(str(readings), sensor)) as source:
+                warn(half_read(output, sensor, source.names))
+                warn_of_log(output, Log.of_codes(sensor, source))
+        with replacing(output) as part:
+            if output.suffix.lower() == ".mcap":
+                assert sensor is not None
+                assert spec is not None
+                save_recording(
+                    (spec, str(readings)), open_source(str(readings), sensor), output, force=force, part=part
+                )
+            else:
+                part.write_bytes(readings.read_bytes())
+    click.echo(f"{output}: {many}")
+
+
+def _show(found: Proposal) -> None:
+    """Show the first scans as a table, on standard error."""
+    note(
+        "  scan  time_s  strip  "
+        + "  ".join(f"{c:>8}" for c in found.mapping.channels)
+        + f"   [{found.mapping.unit}]"
+    )
+    for number, lines in itertools.groupby(
+        rows(found.scans[:_SHOWN_SCANS], found.mapping.strip_base), key=lambda row: row[0]
+    ):
+        for n, row in enumerate(lines):
+            if n < _SHOWN_STRIPS:
+                note(
+                    f"  {number:>4}  {row[1]:>6}  {row[2]:>5}  "
+                    + "  ".join(f"{v or '-':>8}" for v in row[3:])
+                )
+            elif n == _SHOWN_STRIPS:
+                note("   ...")

@@ -1,0 +1,204 @@
+"""How a signature bends across three strips: the contact's shape, the same for all, and each strip's own error.
+
+The bend of strip i is k_i - (k_(i-1) + k_(i+1)) / 2. Under a contact it depends on how the signature runs around, in
+the same way on every strip, and on constant errors of the three strips. What one strip does with time, or with the
+place of a fault, is regressed on what these leave; it shows on the strip and, reversed and half as large, on both
+neighbours.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+
+from tacstrip.arrays import BoolArray, FloatArray, IntArray
+from tacstrip.diagnose.neighbour_prediction import WorkingCopy
+from tacstrip.robust import robust_sigma
+
+_SIDES = ((0, 1.0), (-1, -0.5), (1, -0.5))  # strips of a bend, and their weights
+_POWERS = 3  # of the level, in a strip's own error: offset, gain, a bow
+_FEWEST, _FEWEST_SQUARES = 40, 300  # rows, for terms of the shape and for their products
+_MOST_ROWS = 12_000
+_ROBUST = 2.5  # deviations, from which a row loses weight (Cauchy)
+_ROUNDS = 4  # of weighting
+_RIDGE = 1e-2  # of a term's sum of squares: terms that the recording does not determine stay 0
+_FAR = 3.0  # deviations at which terms of the shape are clipped
+
+
+@dataclass(frozen=True, eq=False)
+class BendModel:
+    """The fit of one signature's bends.
+
+    Attributes
+    ----------
+    place, strip
+        Each bend's row in the working copy and its strip's place across (rows,).
+    residual, weight
+        What shape and constant errors leave over Vref, and its weight (rows,).
+    sigma
+        Its robust standard deviation.
+    """
+
+    place: IntArray
+    strip: IntArray
+    residual: FloatArray
+    weight: FloatArray
+    sigma: float
+    _own: sparse.csr_matrix
+    _shape: FloatArray
+    _inverse: FloatArray
+
+    @classmethod
+    def of(cls, work: WorkingCopy, name: str) -> BendModel | None:
+        """Return the fit of a signature by name, kept with the working copy until that changes."""
+        if name not in work.bends:
+            work.bends[name] = cls.fit(work, work.k[name])
+        found = work.bends[name]
+        assert found is None or isinstance(found, BendModel)
+        return found
+
+    @classmethod
+    def fit(cls, work: WorkingCopy, values: FloatArray) -> BendModel | None:
+        """Fit readings over Vref (places, strips); None where there are too few bends.
+
+        Source: iteratively reweighted least squares, normal equations split into sparse and dense terms.
+        """
+        known = work.there & np.isfinite(values)
+        place, strip = np.nonzero(known[:, :-2] & known[:, 1:-1] & known[:, 2:])
+        if len(place) > _MOST_ROWS:
+            every = -(-len(place) // _MOST_ROWS)
+            keep = place % every == 0
+            place, strip = place[keep], strip[keep]
+        strip = strip + 1
+        if len(place) < _FEWEST:
+            return None
+        level = np.stack([values[place, strip + side] for side, _ in _SIDES])
+        bend = level[0] - (level[1] + level[2]) / 2.0
+        # Its own level holds the strip's error, to which the neighbours' would answer.
+        level = np.stack([(level[1] + level[2]) / 2.0, level[1], level[2]]) - 0.5
+        own = _spread(
+            strip, values.shape[1], [np.stack([x**p for p in range(_POWERS)], axis=1) for x in level]
+        )
+        shape = _shape_terms(work, values, known, place, strip)
+        weight, residual, sigma = np.ones(len(bend)), bend, 0.0
+        inverse: FloatArray = np.zeros((0, 0))
+        for _ in range(_ROUNDS):
+            weighted = own.multiply(weight[:, None]).tocsr()
+            corner = np.asarray(weighted.T @ shape)
+            normal = np.block(
+                [
+                    [(weighted.T @ own).toarray(), corner],
+                    [corner.T, shape.T @ (shape * weight[:, None])],
+                ]
+            )
+            inverse = np.asarray(np.linalg.inv(normal + _RIDGE * np.eye(len(normal))))
+            found = inverse @ np.concatenate([weighted.T @ bend, shape.T @ (weight * bend)])
+            residual = bend - own @ found[: own.shape[1]] - shape @ found[own.shape[1] :]
+            sigma = max(float(robust_sigma(residual)), 1e-6)
+            weight = 1.0 / (1.0 + (residual / (_ROBUST * sigma)) ** 2)
+        return cls(place, strip, residual, weight, sigma, own, shape, inverse)
+
+    def effect(self, change: FloatArray, strips: int) -> sparse.csr_matrix:
+        """Return what changes of each strip's readings do to bends (rows, strips * terms).
+
+        Parameters
+        ----------
+        change
+            Of a strip by the places' rows, several terms (places, terms).
+        """
+        each = change[self.place]
+        return _spread(self.strip, strips, [each] * len(_SIDES))
+
+    def explain(self, columns: sparse.csr_matrix) -> Explanation:
+        """Return what columns (rows, C) explain beyond shape and constant errors."""
+        weighted = columns.multiply(self.weight[:, None]).tocsr()
+        cross = np.vstack([(self._own.T @ weighted).toarray(), np.asarray((weighted.T @ self._shape).T)])
+        confounded = self._inverse @ cross
+        power = (columns.T @ weighted).toarray() - confounded.T @ cross
+        return Explanation(power, weighted.T @ self.residual, confounded)
+
+    def alternatives(self, changes: Mapping[int, FloatArray]) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return what each of several alternatives explains alone: power (A,), score (A,), power without other terms.
+
+        Parameters
+        ----------
+        changes
+            By the place across of the strips that change, their readings' change over Vref (places, A); NaN: none.
+        """
+        rows = np.flatnonzero(np.isin(self.strip, [i + side for i in changes for side, _ in _SIDES]))
+        place, strip = self.place[rows], self.strip[rows]
+        column = np.zeros((len(rows), next(iter(changes.values())).shape[1]))
+        for side, share in _SIDES:
+            for i, change in changes.items():
+                column += np.where((strip + side == i)[:, None], share * np.nan_to_num(change[place]), 0.0)
+        weighted = column * self.weight[rows][:, None]
+        cross = np.vstack([self._own[rows].T @ weighted, self._shape[rows].T @ weighted])
+        whole = np.sum(column * weighted, axis=0)
+        power = whole - np.sum(cross * (self._inverse @ cross), axis=0)
+        return power, weighted.T @ self.residual[rows], whole
+
+    def beyond(self, rows: IntArray, columns: FloatArray, confounded: FloatArray) -> FloatArray:
+        """Return columns (rows, C) of some rows less what shape and constant errors explain of them."""
+        many = self._own.shape[1]
+        return np.asarray(
+            columns - self._own[rows] @ confounded[:many] - self._shape[rows] @ confounded[many:]
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Explanation:
+    """Normal equations of columns beyond shape and constant errors: power (C, C), score (C,).
+
+    `confounded` (terms, C): coefficients of shape and constant errors that do the same.
+    """
+
+    power: FloatArray
+    score: FloatArray
+    confounded: FloatArray
+
+
+def _spread(strip: IntArray, strips: int, terms: list[FloatArray]) -> sparse.csr_matrix:
+    """Return a matrix (rows, strips * terms) of terms (rows, terms) of each of the three strips of a bend."""
+    rows, many = terms[0].shape
+    columns = [((strip + side)[:, None] * many + np.arange(many)).ravel() for side, _ in _SIDES]
+    data = [weight * term.ravel() for (_, weight), term in zip(_SIDES, terms, strict=True)]
+    row = np.repeat(np.arange(rows), many)
+    at = np.tile(row, len(_SIDES)), np.concatenate(columns)
+    return sparse.csr_matrix((np.concatenate(data), at), (rows, strips * many))
+
+
+def _shape_terms(
+    work: WorkingCopy, values: FloatArray, known: BoolArray, place: IntArray, strip: IntArray
+) -> FloatArray:
+    """Return terms of all signatures around each bend (rows, terms): slope, bends of the next strips, products."""
+    signatures = list(work.k.values())
+    beyond = [np.pad(known, ((0, 0), (1, 1)))[place, strip + 1 + side] for side in (-2, 2)]
+    parts = []
+    for left in (False, True):
+        for right in (False, True):
+            here = np.flatnonzero((beyond[0] == left) & (beyond[1] == right))
+            if len(here) < _FEWEST:
+                continue
+            terms = []
+            for one in signatures:
+                at = one[place[here], strip[here] - 1], one[place[here], strip[here] + 1]
+                terms.append(at[1] - at[0])
+                mean = (at[0] + at[1]) / 2.0
+                terms += [one[place[here], strip[here] + side] - mean for side in [-2] * left + [2] * right]
+            one_part = np.nan_to_num(np.stack(terms, axis=1))
+            scaled = (one_part - one_part.mean(axis=0)) / (one_part.std(axis=0) + 1e-6)
+            scaled = np.clip(scaled, -_FAR, _FAR)
+            all_of_it = [np.ones((len(here), 1)), scaled]
+            if len(here) > _FEWEST_SQUARES:
+                a, b = np.triu_indices(scaled.shape[1])
+                all_of_it.append(scaled[:, a] * scaled[:, b])
+            parts.append((here, np.concatenate(all_of_it, axis=1)))
+    out = np.zeros((len(place), sum(part.shape[1] for _, part in parts)))
+    first = 0
+    for here, part in parts:
+        out[here, first : first + part.shape[1]] = part
+        first += part.shape[1]
+    return out

@@ -1,0 +1,139 @@
+"""How a log's columns become readings: a small TOML file that is written once and used again."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+
+from tacstrip.errors import OptionError, one_of
+from tacstrip.files import read_text, write_text
+from tacstrip.io.log_import.names import READING_UNITS, TIME_UNITS
+
+CHANNELS = ("h", "l", "out")
+_KINDS: dict[str, type | tuple[type, ...]] = {
+    "columns": dict, "untouched": list, "strips": int, "strip_base": int, "format": int,
+    "rate_hz": (int, float), "vref_volt": (int, float),
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Mapping:
+    """What the columns of a log are.
+
+    Attributes
+    ----------
+    columns
+        Column -> "h", "l" or "out" where each line is of one strip, "3:h" where the column is of one strip.
+    unit
+        Of the readings: "V", "mV", "code", "fraction" (of Vref) or "percent" (of Vref).
+    time, time_unit, rate_hz
+        Column of the time and its unit ("clock" for times of day and dates), or scans per second where there is none.
+    scan, strip, which
+        Columns of the scan's number, the strip's, and of the channel's name where each line holds one reading of it.
+    strip_base
+        Number of the first strip.
+    strips
+        How many there are.
+    untouched
+        What stands where nothing touches, besides empty fields.
+    missing
+        "untouched": strips without a line are untouched ones; "error".
+    broken_lines
+        "skip" or "error".
+    vref_volt
+        For fractions where no spec says it.
+    """
+
+    columns: dict[str, str]
+    unit: str
+    strips: int
+    strip_base: int = 0
+    time: str = ""
+    time_unit: str = "s"
+    rate_hz: float = 0.0
+    scan: str = ""
+    strip: str = ""
+    which: str = ""
+    untouched: tuple[str, ...] = ()
+    missing: str = "error"
+    broken_lines: str = "error"
+    vref_volt: float = 0.0
+    format: int = field(default=1)
+
+    def save(self, path: str | Path) -> None:
+        """Write it as TOML."""
+        lines = ["# How `tacstrip import` reads logs of this form; use it again with --mapping."]
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if item.name == "columns" or (value == item.default and item.name != "format"):
+                continue
+            shown = f"[{', '.join(map(_quoted, value))}]" if isinstance(value, tuple) else value
+            lines.append(f"{item.name} = {_quoted(shown) if isinstance(value, str) else shown}")
+        lines += [
+            "",
+            "[columns]",
+            *(f"{_quoted(name)} = {_quoted(what)}" for name, what in self.columns.items()),
+        ]
+        write_text(path, "\n".join(lines) + "\n")
+
+    @classmethod
+    def load(cls, path: str | Path) -> Mapping:
+        """Read one; `OptionError` names what is wrong with it."""
+        try:
+            given = tomllib.loads(read_text(path))
+        except FileNotFoundError:
+            raise OptionError(f"{path}: no such file") from None
+        except (OSError, ValueError) as error:
+            raise OptionError(f"{path}: no mapping in TOML ({error})") from None
+        known = {item.name: item for item in fields(cls)}
+        for key, value in given.items():
+            if key not in known:
+                raise OptionError(f"{path}: " + one_of("key", key, tuple(known)))
+            kind = _KINDS.get(key, str)
+            if not isinstance(value, kind) or isinstance(value, bool):
+                raise OptionError(
+                    f"{path}: {key} = {value!r} is of the wrong kind; let `tacstrip import` write one to see"
+                )
+        if lack := [key for key in ("columns", "unit", "strips") if key not in given]:
+            raise OptionError(f"{path}: {lack[0]} is missing; let `tacstrip import` write one to see")
+        if given.get("format", 1) != 1:
+            raise OptionError(f"{path}: format = {given['format']}: this version reads format 1")
+        given["untouched"] = tuple(map(str, given.get("untouched", ())))
+        made = cls(**given)
+        made.check(str(path))
+        return made
+
+    def check(self, place: str) -> None:
+        """Raise `OptionError` where it contradicts itself."""
+        for name, value, known in (
+            ("unit", self.unit, READING_UNITS), ("time_unit", self.time_unit, (*TIME_UNITS, "clock")),
+            ("missing", self.missing, ("untouched", "error")), ("broken_lines", self.broken_lines, ("skip", "error")),
+        ):  # fmt: skip
+            if value not in known:
+                raise OptionError(f"{place}: " + one_of(name, value, known))
+        if self.strips < 1 or not self.columns:
+            raise OptionError(
+                f"{place}: strips = {self.strips}, columns: {len(self.columns)}; both must be 1 or more"
+            )
+        for name, what in self.columns.items():
+            strip, colon, channel = what.rpartition(":")
+            if (channel not in CHANNELS and not self.which) or (colon and not strip.lstrip("-").isdigit()):
+                raise OptionError(
+                    f'{place}: {name} = {what!r}; write "h", "l" or "out", or "3:h" for a column of strip 3'
+                )
+
+    @property
+    def wide(self) -> bool:
+        """Whether each column is of one strip."""
+        return any(":" in what for what in self.columns.values())
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """The channels that it gives, in the order h, l, out."""
+        there = {what.rpartition(":")[2] for what in self.columns.values()}
+        return CHANNELS[:2] if self.which else tuple(c for c in CHANNELS if c in there)
+
+
+def _quoted(text: object) -> str:
+    return '"' + str(text).replace("\\", "\\\\").replace('"', '\\"').replace("\t", "\\t") + '"'

@@ -1,0 +1,242 @@
+"""The scans of a log whose columns are known, as numbers; whatever is not clear stops with the line."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+import numpy as np
+
+from tacstrip.arrays import FloatArray
+from tacstrip.errors import ReadingError
+from tacstrip.io.log_import.mapping import Mapping
+from tacstrip.io.log_import.names import TIME_UNITS, meaning
+from tacstrip.io.log_import.table import NOTHING, Table, number_of
+
+_DAY_S = 86400.0
+_DATES = (
+    "%d.%m.%Y %H:%M:%S.%f",
+    "%d.%m.%Y %H:%M:%S",
+    "%m/%d/%Y %H:%M:%S.%f",
+    "%m/%d/%Y %H:%M:%S",
+    "%d/%m/%Y %H:%M:%S",
+)
+
+
+@dataclass(eq=False)
+class LogScan:
+    """A scan: time [s], values (strips, channels) in the log's unit, NaN for untouched strips, first line."""
+
+    time_s: float
+    values: FloatArray
+    line: int
+
+
+def clock_seconds(text: str) -> float | None:
+    """Return a time of day or a date with time in seconds; None where it is neither."""
+    if found := re.fullmatch(r"(\d{1,2}):(\d\d)(?::(\d\d(?:[.,]\d+)?))?", text.strip()):
+        return int(found[1]) * 3600.0 + int(found[2]) * 60.0 + float((found[3] or "0").replace(",", "."))
+    for form in ("", *_DATES):
+        try:
+            when = (
+                datetime.strptime(text.strip().replace(",", "."), form)
+                if form
+                else datetime.fromisoformat(text.strip())
+            )
+        except ValueError:
+            continue
+        return (when if when.tzinfo else when.replace(tzinfo=UTC)).timestamp()
+    return None
+
+
+def field_value(text: str, decimal: str, untouched: frozenset[str] = frozenset()) -> float:
+    """Return a reading, NaN where nothing touches; `ValueError` where it is neither."""
+    if text.casefold() in NOTHING or text in untouched:
+        return float("nan")
+    value = number_of(text, decimal)
+    if value is None or not np.isfinite(value):
+        raise ValueError(text)
+    return float("nan") if f"{value:g}" in untouched else value
+
+
+def scans(table: Table, mapping: Mapping) -> list[LogScan]:
+    """Return a log's scans.
+
+    Raises
+    ------
+    ReadingError
+        A line that is broken, lacks a strip or a time, or holds something else than a reading; the message names it.
+    """
+    lack = [
+        n
+        for n in (*mapping.columns, mapping.time, mapping.scan, mapping.strip, mapping.which)
+        if n and n not in table.names
+    ]
+    if lack:
+        raise ReadingError(
+            f"column {lack[0]!r} of the mapping is not in the log; it has: {', '.join(table.names)}"
+        )
+    if table.broken and mapping.broken_lines != "skip":
+        raise ReadingError(
+            f'line {table.broken[0]} is not like the others; leave such lines out with broken_lines = "skip"'
+        )
+    times = _times(table, mapping)
+    found = list((_wide if mapping.wide else _long)(table, mapping, times))
+    if not found:
+        raise ReadingError("the log has no readings")
+    for before, after in itertools.pairwise(found):
+        if after.time_s < before.time_s:
+            raise ReadingError(
+                f"line {after.line}: the time falls from {before.time_s:.6g} s to "
+                f"{after.time_s:.6g} s; sort the log by time, "
+                "or cut it where the clock begins anew"
+            )
+    return found
+
+
+def _times(table: Table, mapping: Mapping) -> FloatArray | None:
+    """Return each row's time from the first on [s]; None where the log has none."""
+    if not mapping.time:
+        return None
+    values = np.empty(len(table.rows))
+    for n, (line, text) in enumerate(zip(table.lines, table.column(mapping.time), strict=True)):
+        seconds = clock_seconds(text) if mapping.time_unit == "clock" else number_of(text, table.decimal)
+        if seconds is None:
+            raise ReadingError(f"line {line}: {mapping.time} is {text!r}, not a time")
+        values[n] = seconds
+    if mapping.time_unit != "clock":
+        return np.asarray((values - values[0]) * TIME_UNITS[mapping.time_unit])
+    days = np.cumsum(np.diff(values, prepend=values[0]) < -0.5 * _DAY_S)  # midnight
+    return np.asarray(np.round(values - values[0] + days * _DAY_S, 6))  # seconds since 1970 hold no more
+
+
+def _value(table: Table, mapping: Mapping, n: int, name: str, place: int, untouched: frozenset[str]) -> float:
+    text = table.rows[n][place]
+    try:
+        return field_value(text, table.decimal, untouched)
+    except ValueError:
+        raise ReadingError(
+            f"line {table.lines[n]}: {name} is {text!r}, not a number; if it stands for no "
+            f"contact, --answer untouched={text}"
+        ) from None
+
+
+def _wide(table: Table, mapping: Mapping, times: FloatArray | None) -> Iterator[LogScan]:
+    untouched, channels = frozenset(mapping.untouched), mapping.channels
+    places = []
+    for name, what in mapping.columns.items():
+        number, _, channel = what.rpartition(":")
+        places.append(
+            (name, table.names.index(name), int(number) - mapping.strip_base, channels.index(channel))
+        )
+        if not 0 <= places[-1][2] < mapping.strips:
+            last = mapping.strip_base + mapping.strips - 1
+            raise ReadingError(
+                f"column {name!r} is of strip {number}, and strips are numbered {mapping.strip_base} to {last}"
+            )
+    there = {(strip, end) for _, _, strip, end in places}
+    for strip in range(mapping.strips):
+        for end, channel in enumerate(channels):
+            if (strip, end) not in there:
+                raise ReadingError(f"no column is of channel {channel} of strip {strip + mapping.strip_base}")
+    if len(there) < len(places):
+        raise ReadingError("two columns are of the same strip and channel")
+    for n, line in enumerate(table.lines):
+        values = np.full((mapping.strips, len(channels)), np.nan)
+        for name, place, strip, end in places:
+            values[strip, end] = _value(table, mapping, n, name, place, untouched)
+        yield LogScan(_time(times, n, n, mapping), values, line)
+
+
+def _time(times: FloatArray | None, row: int, scan: int, mapping: Mapping) -> float:
+    if times is not None:
+        return float(times[row])
+    return scan / mapping.rate_hz if mapping.rate_hz else 0.0
+
+
+def _long(table: Table, mapping: Mapping, times: FloatArray | None) -> Iterator[LogScan]:
+    untouched, channels = frozenset(mapping.untouched), mapping.channels
+    strips = [
+        _strip(text, line, mapping)
+        for text, line in zip(table.column(mapping.strip), table.lines, strict=True)
+    ]
+    which = (
+        [_which(t, n) for n, t in zip(table.lines, table.column(mapping.which), strict=True)]
+        if mapping.which
+        else None
+    )
+    number = table.column(mapping.scan) if mapping.scan else None
+    scan: LogScan | None = None
+    seen: dict[tuple[int, int], int] = {}
+    count = last = -1
+    for n, line in enumerate(table.lines):
+        names = mapping.columns.items()
+        targets = [
+            (name, table.names.index(name), channels.index(which[n] if which else what))
+            for name, what in names
+        ]
+        again = any((strips[n], end) in seen for _, _, end in targets)
+        if number is not None:
+            new = last < 0 or number[n] != number[last]
+        elif times is not None and scan is not None and not again:
+            new = bool(times[n] != times[last]) and strips[n] <= strips[last] and not which
+        else:
+            new = last < 0 or again
+        if new:
+            if scan is not None:
+                yield _complete(scan, seen, mapping)
+            count += 1
+            scan, seen = (
+                LogScan(
+                    _time(times, n, count, mapping), np.full((mapping.strips, len(channels)), np.nan), line
+                ),
+                {},
+            )
+        elif again:
+            earlier = seen[strips[n], targets[0][2]]
+            raise ReadingError(
+                f"line {line}: strip {table.column(mapping.strip)[n]} is already on line "
+                f"{earlier} of the same scan"
+            )
+        assert scan is not None
+        for name, place, end in targets:
+            scan.values[strips[n], end] = _value(table, mapping, n, name, place, untouched)
+            seen[strips[n], end] = line
+        last = n
+    if scan is not None:
+        yield _complete(scan, seen, mapping)
+
+
+def _complete(scan: LogScan, seen: dict[tuple[int, int], int], mapping: Mapping) -> LogScan:
+    there = {strip for strip, _ in seen}
+    if len(there) < mapping.strips and mapping.missing != "untouched":
+        lack = next(s for s in range(mapping.strips) if s not in there) + mapping.strip_base
+        raise ReadingError(
+            f"the scan from line {scan.line} has no line for strip {lack}; if only touched "
+            f"strips have lines, --answer missing=untouched"
+        )
+    return scan
+
+
+def _strip(text: str, line: int, mapping: Mapping) -> int:
+    digits = re.findall(r"\d+", text)
+    value = (
+        number_of(text) if not re.search("[A-Za-z]", text) else float(digits[0]) if len(digits) == 1 else None
+    )
+    if value is None or value != int(value):
+        raise ReadingError(f"line {line}: {mapping.strip} is {text!r}, not a strip's number")
+    strip = int(value) - mapping.strip_base
+    if not 0 <= strip < mapping.strips:
+        last = mapping.strip_base + mapping.strips - 1
+        raise ReadingError(f"line {line}: strip {text} is out of range {mapping.strip_base} to {last}")
+    return strip
+
+
+def _which(text: str, line: int) -> str:
+    channel = meaning(text).channel
+    if channel not in ("h", "l"):
+        raise ReadingError(f"line {line}: {text!r} names neither of the channels h and l")
+    return channel

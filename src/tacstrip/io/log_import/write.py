@@ -1,0 +1,53 @@
+"""Scans of a log as a readings file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from tacstrip.io.columns import INDEX
+from tacstrip.io.csv_rows import csv_writer
+from tacstrip.io.log_import.mapping import Mapping
+from tacstrip.io.log_import.readings import LogScan
+
+_COLUMNS = {"h": ("v_h", "code_h"), "l": ("v_l", "code_l"), "out": ("v_out", "code")}
+
+
+def write_log(
+    path: Path, scans: Sequence[LogScan], mapping: Mapping, vref_volt: float, strip_base: int
+) -> None:
+    """Write scans as readings (CSV): in volts, or in codes where the log has these.
+
+    Parameters
+    ----------
+    path
+        The file.
+    scans, mapping
+        Of the log.
+    vref_volt
+        Of readings that are over Vref.
+    strip_base
+        Number of the first strip in the file.
+    """
+    codes = mapping.unit == "code"
+    scale = {"V": 1.0, "mV": 1e-3, "code": 1.0, "fraction": vref_volt, "percent": 0.01 * vref_volt}[
+        mapping.unit
+    ]
+    with csv_writer(path, [*INDEX, *(_COLUMNS[c][codes] for c in mapping.channels)]) as out:
+        for row in rows(scans, strip_base, scale):
+            out.writerow(row)
+
+
+def rows(scans: Sequence[LogScan], strip_base: int, scale: float = 1.0) -> Iterator[list[str]]:
+    """Yield the lines of a readings file: scan, time, strip, readings, empty where nothing touches."""
+    for number, scan in enumerate(scans):
+        # A strip with one reading of two keeps it; the verbs take it with that one.
+        for strip, values in enumerate(scan.values, strip_base):
+            yield [
+                str(number),
+                f"{scan.time_s:.9g}",
+                str(strip),
+                *("" if np.isnan(v) else f"{v * scale:.9g}" for v in values),
+            ]

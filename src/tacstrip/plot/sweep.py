@@ -1,0 +1,103 @@
+"""A sweep as pictures: the Pareto front, and the error over each parameter."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tacstrip.plot.style import RECOVERED, TRUE, legend_above, new_panels, plain_ticks, save
+
+_MOST = 12  # parameters that have a panel
+_ACROSS = 3
+_SPAN = 8.0  # greatest over least, from which an axis is logarithmic
+
+
+def draw_sweep(
+    results: Mapping[str, Sequence[Any]],
+    parameters: Sequence[str],
+    error: str,
+    front: Sequence[int],
+    folder: Path,
+) -> list[tuple[str, Path]]:
+    """Draw all designs into a folder; return captions and files.
+
+    Parameters
+    ----------
+    results
+        Columns of a sweep.
+    parameters, error
+        Columns: what varied, and the error that designs are compared by [mm].
+    front
+        Rows of the Pareto front.
+    folder
+        Where pictures go; made if it is missing.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    errors = _numbers(results[error])
+    made = [("Error of all designs over connectors and rate, and the Pareto front", folder / "pareto.png")]
+    figure, pair = new_panels(9.0, 4.0, 1, 2)
+    for axes, name, label in zip(
+        pair, ("connectors", "rate_hz"), ("connectors", "full scans a second"), strict=True
+    ):
+        across = _numbers(results[name])
+        axes.scatter(across, errors, s=12, color="0.7", label="designs")
+        axes.scatter(across[list(front)], errors[list(front)], s=22, color=RECOVERED, label="Pareto front")
+        axes.set_xlabel(label)
+        _logarithmic(axes, "x", across)
+        _error_axis(axes, error, errors)
+    legend_above(pair[0])
+    save(figure, made[0][1])
+    shown = [name for name in parameters if len({str(v) for v in results[name]}) > 1][:_MOST]
+    if not shown:
+        return made
+    rows = -(-len(shown) // _ACROSS)
+    figure, panels = new_panels(3.3 * min(len(shown), _ACROSS), 2.9 * rows, rows, min(len(shown), _ACROSS))
+    for axes, name in zip(panels, shown, strict=False):
+        values = results[name]
+        if all(isinstance(v, int | float) for v in values):
+            at, ticks = _numbers(values), None
+        else:
+            ticks = sorted({str(v) for v in values})
+            at = np.array([ticks.index(str(v)) for v in values], dtype=float)
+        few = len(set(at.tolist())) <= _MOST
+        axes.plot(at, errors, ".", color="0.75", markersize=3.0)
+        if few:  # a line through the medians says what the parameter does
+            places = np.array(sorted(set(at.tolist())))
+            middle = [
+                np.nanmedian(errors[at == p]) if np.isfinite(errors[at == p]).any() else np.nan
+                for p in places
+            ]
+            axes.plot(places, middle, "o-", color=TRUE, markersize=4.0)
+        if ticks is not None:
+            axes.set_xticks(range(len(ticks)), ticks)
+        else:
+            _logarithmic(axes, "x", at)
+        axes.set_xlabel(name)
+        _error_axis(axes, error, errors)
+    for axes in panels[len(shown) :]:
+        axes.set_visible(False)
+    made.append(("Error over each parameter; lines join medians", folder / "parameters.png"))
+    save(figure, made[1][1])
+    return made
+
+
+def _error_axis(axes: Any, name: str, errors: np.ndarray[Any, Any]) -> None:
+    axes.set_ylabel(
+        name.replace("p90_mm", "(nine of ten)").replace("_mm", "").replace("_", " ") + ": error [mm]"
+    )
+    _logarithmic(axes, "y", errors)
+
+
+def _logarithmic(axes: Any, which: str, values: np.ndarray[Any, Any]) -> None:
+    """Make an axis logarithmic whose values span much, with plain numbers at its ticks."""
+    known = values[np.isfinite(values)]
+    if len(known) and known.min() > 0.0 and known.max() > _SPAN * known.min():
+        getattr(axes, f"set_{which}scale")("log")
+        plain_ticks(getattr(axes, f"{which}axis"))
+
+
+def _numbers(values: Sequence[Any]) -> np.ndarray[Any, Any]:
+    return np.array([np.nan if v is None or not np.isfinite(v) else v for v in values], dtype=float)

@@ -1,0 +1,1 @@
+"""Two layers: several polygons fitted to the hulls that the strips of both read."""

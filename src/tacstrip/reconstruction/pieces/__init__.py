@@ -1,0 +1,1 @@
+"""Convex pieces of a contact, from one scan of both signatures."""

@@ -1,0 +1,276 @@
+"""The least number of convex pieces that the stretches of l and u can belong to, and which to which.
+
+Two stretches are of one piece where the convex hull of what they show lies within what the strips read, and where
+neither shows a strip on which the other one's jump says that their piece has not begun, or has ended.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from itertools import combinations, count
+
+import numpy as np
+import shapely
+
+from tacstrip.arrays import BoolArray, FloatArray
+from tacstrip.reconstruction.pieces.chain import Chain, Stretch
+
+_SLACK = 3.0  # deviations of a reading by which a hull may leave what the strips read
+_NEAR = 1  # strips between two places that may be one
+_FEW = 2  # strips of a part, of which none is left out
+_COVERS = 12  # of one number of pieces that are compared
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A stretch of one end.
+
+    Attributes
+    ----------
+    side
+        0: of l, 1: of u.
+    stretch
+        Of l, or of -u.
+    """
+
+    side: int
+    stretch: Stretch
+
+    @property
+    def begins(self) -> bool:
+        """Whether its piece begins where it does."""
+        return self.stretch.before is None or self.stretch.before.kind == "begins"
+
+    @property
+    def ends(self) -> bool:
+        """Whether its piece ends where it does."""
+        return self.stretch.after is None or self.stretch.after.kind == "ends"
+
+
+@dataclass(frozen=True, eq=False)
+class Read:
+    """What the strips of a run read: x, l, u and their deviations, each (n,) [mm], and which lie beside no cut."""
+
+    x: FloatArray
+    l: FloatArray
+    u: FloatArray
+    l_sigma: FloatArray
+    u_sigma: FloatArray
+    sure: BoolArray
+
+    @classmethod
+    def of(cls, x: FloatArray, chains: tuple[Chain, Chain]) -> Read:
+        """Return what the chains of l and of -u say of strips at x (n,) [mm]."""
+        sure = np.ones(len(x), dtype=np.bool_)
+        fitted = []
+        for chain in chains:
+            y = np.empty(len(x))
+            for stretch in chain.stretches:
+                own = slice(stretch.start, stretch.stop)
+                y[own] = stretch.at(x[own])
+                if stretch.before is not None:
+                    sure[max(stretch.start - 1, 0) : stretch.start + 1] = False
+            fitted.append(y)
+        sigmas = [1.0 / np.sqrt(chain.weight) for chain in chains]
+        return cls(x, fitted[0], -fitted[1], sigmas[0], sigmas[1], sure)
+
+
+@dataclass(frozen=True, eq=False)
+class Cover:
+    """Which parts are of one piece.
+
+    Attributes
+    ----------
+    parts
+        All stretches of both ends.
+    pieces
+        Indices of the parts of each piece.
+    others
+        Covers by as many pieces.
+    """
+
+    parts: list[Part]
+    pieces: list[tuple[int, ...]]
+    others: tuple[Cover, ...] = ()
+
+    def gap_mm(self, x: FloatArray, pitch: float) -> float:
+        """Return the least distance [mm] between what strips at x (n,) show of two pieces, infinite with one piece.
+
+        Chains reach a pitch beyond the run, where a pointed piece closes. Where nothing jumps they reach half way into
+        inward corners too, and meet there; next to a jump elsewhere a corner may hide another one.
+        """
+        corners = all(
+            cut is None or cut.kind == "corner"
+            for part in self.parts
+            for cut in (part.stretch.before, part.stretch.after)
+        )
+        by = 0.5 * pitch if corners else 0.0
+        hulls = [
+            shapely.MultiPoint(
+                np.concatenate([_reaching(self.parts[i], x, pitch, by) for i in piece])
+            ).convex_hull
+            for piece in self.pieces
+        ]
+        return min((float(a.distance(b)) for a, b in combinations(hulls, 2)), default=math.inf)
+
+
+def least_cover(chains: tuple[Chain, Chain], read: Read, pitch: float, gap: float) -> Cover:
+    """Return the cover of both ends by the fewest pieces; of several the plainest one, with the others.
+
+    Parameters
+    ----------
+    chains
+        Of l and of -u.
+    read
+        What the strips of the run read.
+    pitch, gap
+        Of the strips, and by which objects are apart, both [mm]. So high a jump may part the run's outer strips from
+        their neighbours.
+    """
+    whole = [Part(side, stretch) for side, chain in enumerate(chains) for stretch in chain.stretches]
+    found = _of_parts(whole, read)
+    if len(found[0].pieces) == 1:
+        return found[0]
+    places = {part.stretch: i for i, part in enumerate(whole)}
+    loose = [
+        (places[chain.stretches[-1 if right else 0]], side, shed)
+        for side, chain in enumerate(chains)
+        for right in (False, True)
+        if (shed := chain.shed(right, gap)) is not None
+    ]
+    for count_shed in range(1, len(loose) + 1):
+        for chosen in combinations(loose, count_shed):
+            if len({i for i, *_ in chosen}) < count_shed:
+                continue  # both ends of one stretch
+            parts = list(whole)
+            for i, side, (kept, alone) in chosen:
+                parts[i] = Part(side, kept)
+                parts.append(Part(side, alone))
+            more = _of_parts(parts, read)
+            if len(more[0].pieces) < len(found[0].pieces):
+                found = more
+            elif len(more[0].pieces) == len(found[0].pieces):
+                found += more
+    if len(split := _split_at_corners(whole, read.x, pitch, gap)) > len(whole):
+        more = _of_parts(split, read)
+        if len(more[0].pieces) < len(found[0].pieces):
+            found = more
+    # Of covers by as many pieces, those whose pieces lie apart come first: objects do.
+    found.sort(key=lambda cover: cover.gap_mm(read.x, pitch) < gap)
+    return replace(found[0], others=tuple(found[1:]))
+
+
+def _split_at_corners(parts: list[Part], x: FloatArray, pitch: float, gap: float) -> list[Part]:
+    """Return the parts, those of the other side cut where an inward corner is that hides no gap.
+
+    Pieces that meet in a corner, as those of one concave object do, may share the chain on the other side of it.
+    """
+    corners = [
+        (1 - part.side, part.stretch.start)
+        for part in parts
+        if (cut := part.stretch.before) is not None and cut.kind == "corner" and cut.rise < gap
+    ]
+    for side, strip in corners:
+        for i, part in enumerate(parts):
+            if part.side == side and part.stretch.start + 1 < strip < part.stretch.stop - 1:
+                left, right = part.stretch.split(strip, float(x[strip]) - 0.5 * pitch)
+                parts = [*parts[:i], Part(side, left), Part(side, right), *parts[i + 1 :]]
+                break
+    return parts
+
+
+def _of_parts(parts: list[Part], read: Read) -> list[Cover]:
+    """Return the covers of parts by the fewest pieces, the plainest first."""
+    n = len(parts)
+    fits = np.zeros((n, n), dtype=np.bool_)
+    for i, j in combinations(range(n), 2):
+        fits[i, j] = fits[j, i] = _one_piece(parts[i], parts[j], read)
+    found: list[list[tuple[int, ...]]] = []
+    for most in count(1):
+        found = _covers(fits, most)
+        if found:
+            break
+    return [Cover(parts, pieces) for pieces in sorted(found, key=lambda pieces: _strangeness(pieces, parts))]
+
+
+def _covers(fits: BoolArray, most: int) -> list[list[tuple[int, ...]]]:
+    """Return partitions into at most so many sets whose members all fit each other."""
+    found: list[list[tuple[int, ...]]] = []
+
+    def add(i: int, pieces: list[tuple[int, ...]]) -> None:
+        if len(found) >= _COVERS:
+            return
+        if i == len(fits):
+            found.append(list(pieces))
+            return
+        for k, piece in enumerate(pieces):
+            if fits[i, list(piece)].all():
+                add(i + 1, [*pieces[:k], (*piece, i), *pieces[k + 1 :]])
+        if len(pieces) < most:
+            add(i + 1, [*pieces, (i,)])
+
+    add(0, [])
+    return found
+
+
+def _one_piece(a: Part, b: Part, read: Read) -> bool:
+    first, last = sorted((a, b), key=lambda part: part.stretch.start)
+    if last.begins and first.stretch.start < last.stretch.start - _NEAR:
+        return False
+    if first.begins and last.stretch.start < first.stretch.start - _NEAR:
+        return False
+    first, last = sorted((a, b), key=lambda part: part.stretch.stop)
+    if first.ends and last.stretch.stop > first.stretch.stop + _NEAR:
+        return False
+    if a.side == b.side and (a.stretch.stop == b.stretch.start or b.stretch.stop == a.stretch.start):
+        return False
+    points = np.concatenate([np.column_stack(_surely_shown(part, read.x)) for part in (a, b)])
+    within = (read.x >= points[:, 0].min()) & (read.x <= points[:, 0].max()) & read.sure
+    at = read.x[within]
+    return bool(
+        (lower_hull(points, at) >= read.l[within] - _SLACK * read.l_sigma[within]).all()
+        and (-lower_hull(points * [1.0, -1.0], at) <= read.u[within] + _SLACK * read.u_sigma[within]).all()
+    )
+
+
+def shown_ends(part: Part, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the strips that show a part (m,), and y of its chain there (m,) [mm]."""
+    at = x[part.stretch.start : part.stretch.stop]
+    y = part.stretch.at(at)
+    return at, y if part.side == 0 else -y
+
+
+def _reaching(part: Part, x: FloatArray, outside: float, inside: float) -> FloatArray:
+    """Return points of a part (M, 2) on its strips, and so much [mm] beyond, outside the run and inside at cuts."""
+    at, _ = shown_ends(part, x)
+    first, last = (inside if cut else outside for cut in (part.stretch.before, part.stretch.after))
+    at = np.concatenate([[at[0] - first], at, [at[-1] + last]])
+    y = part.stretch.at(at)
+    return np.column_stack([at, y if part.side == 0 else -y])
+
+
+def _surely_shown(part: Part, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return what shows a part, without the strips beside a cut: they may be its neighbour's."""
+    at, y = shown_ends(part, x)
+    if len(at) <= _FEW:
+        return at, y
+    kept = slice(int(part.stretch.before is not None), len(at) - int(part.stretch.after is not None))
+    return at[kept], y[kept]
+
+
+def lower_hull(points: FloatArray, x: FloatArray) -> FloatArray:
+    """Return the height at x (n,) of the lower chain of the convex hull of points (m, 2)."""
+    hull: list[tuple[float, float]] = []
+    for px, py in sorted(map(tuple, points)):
+        while len(hull) > 1 and (hull[-1][0] - hull[-2][0]) * (py - hull[-2][1]) <= (px - hull[-2][0]) * (
+            hull[-1][1] - hull[-2][1]
+        ):
+            hull.pop()
+        hull.append((px, py))
+    return np.asarray(np.interp(x, *np.array(hull).T))
+
+
+def _strangeness(pieces: list[tuple[int, ...]], parts: list[Part]) -> int:
+    """Return how many pieces show one end only: of two covers the one with fewer is the plainer."""
+    return sum(len({parts[i].side for i in piece}) == 1 for piece in pieces)

@@ -1,0 +1,106 @@
+"""One run of touched strips: both ends cut into convex stretches, and the pieces that these are of."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from tacstrip.arrays import FloatArray
+from tacstrip.reconstruction.contact_ends import end_deviations
+from tacstrip.reconstruction.pieces.chain import Chain, Cut, split_chain
+from tacstrip.reconstruction.pieces.cover import Cover, Read, least_cover
+from tacstrip.reconstruction.sections import reading_noise
+from tacstrip.sensor.spec import Sensor
+
+GAP = 0.02  # of L: objects nearer to each other are one
+FEW_STRIPS = 12  # fewer do not resolve every jump
+_LEAST_SIGMA = 5e-4  # of Vref, of noise that few strips tell
+_EXACT = 1e-5  # of Vref: no reading is taken for more exact
+_ALARM = 3.09  # deviations of chi square: p = .001
+
+
+@dataclass(frozen=True, eq=False)
+class RunPieces:
+    """The pieces of one run.
+
+    Attributes
+    ----------
+    chains
+        Of l and of -u.
+    read
+        What the strips read, as the chains have it.
+    cover
+        Which stretches are of one piece.
+    pitch, gap
+        Of the strips, and by which objects are apart, both [mm].
+    """
+
+    chains: tuple[Chain, Chain]
+    read: Read
+    cover: Cover
+    pitch: float
+    gap: float
+
+    @property
+    def count(self) -> int:
+        """Convex pieces, at least."""
+        return len(self.cover.pieces)
+
+    @property
+    def cuts(self) -> list[tuple[int, Cut]]:
+        """The cuts of l (0) and of u (1), from left to right."""
+        found = [
+            (side, s.before)
+            for side, c in enumerate(self.chains)
+            for s in c.stretches
+            if s.before is not None
+        ]
+        return sorted(found, key=lambda cut: (cut[1].strip, cut[0]))
+
+    @property
+    def explains(self) -> bool:
+        """Whether noise explains what convex stretches leave over of the readings."""
+        n = sum(int((~chain.left_out).sum()) for chain in self.chains)
+        lines = sum(len(s.lines) for c in self.chains for s in c.stretches)
+        freedom = max(n - 2 * lines, 1)
+        chi_square = sum(s.chi_square for c in self.chains for s in c.stretches)
+        small = 2.0 / (9.0 * freedom)
+        return bool(((chi_square / freedom) ** (1.0 / 3.0) - (1.0 - small)) / math.sqrt(small) <= _ALARM)
+
+    @cached_property
+    def apart(self) -> bool:
+        """Whether convex objects that touch nowhere may read so.
+
+        The pieces of an inward corner touch there, and those of an overhang where both come from.
+        """
+        covers = (self.cover, *self.cover.others)
+        return self.count > 1 and any(cover.gap_mm(self.read.x, self.pitch) >= self.gap for cover in covers)
+
+
+def noise_level(k: FloatArray, sensor: Sensor) -> float:
+    """Return the deviation [Vref] of readings (S, n) that second differences show, and the converter's steps."""
+    levels = [reading_noise(values[np.isfinite(values)]) for values in k]
+    least = _LEAST_SIGMA if k.shape[1] < FEW_STRIPS else 0.0
+    return float(max(np.sqrt(np.mean(np.square(levels))), sensor.adc_step / np.sqrt(12.0), least))
+
+
+def split_run(
+    sensor: Sensor, x_mm: FloatArray, l_mm: FloatArray, u_mm: FloatArray, sigma: float
+) -> RunPieces:
+    """Find the pieces of neighbouring strips at x (n,) from their l and u (n,) [mm], NaN where nothing is known.
+
+    `sigma` is the deviation of a reading [Vref].
+    """
+    known = np.isfinite(l_mm + u_mm)
+    filled = [np.interp(x_mm, x_mm[known], y[known]) for y in (l_mm, u_mm)]
+    sigmas = end_deviations(sensor, filled[0], filled[1], max(sigma, _EXACT))
+    chains = (
+        split_chain(x_mm, l_mm, sigmas[0], sensor.pitch_mm),
+        split_chain(x_mm, -u_mm, sigmas[1], sensor.pitch_mm),
+    )
+    read = Read.of(x_mm, chains)
+    pitch, gap = sensor.pitch_mm, GAP * sensor.length_mm
+    return RunPieces(chains, read, least_cover(chains, read, pitch, gap), pitch, gap)

@@ -1,0 +1,132 @@
+"""Objects over time while their scans come one by one: one rigid outline each, known better with every scan."""
+
+from __future__ import annotations
+
+from concurrent.futures import Executor
+
+import numpy as np
+
+from tacstrip.arguments import takes
+from tacstrip.arrays import FloatArray
+from tacstrip.contact.noise import Noise
+from tacstrip.core.problem import FLOOR
+from tacstrip.errors import OptionError, ReadingError
+from tacstrip.reconstruction.noise_covariance import Averaging, fit_sigma
+from tacstrip.scan import Scan
+from tacstrip.sensor.constructions import check_closed_form
+from tacstrip.sensor.left_out import left_out_wholly
+from tacstrip.sensor.spec import Sensor
+from tacstrip.tracking.episodes import Episode, followed
+from tacstrip.tracking.live_contact import LiveContact, LiveTrack, Stream
+from tacstrip.tracking.rigid.fixed_lag import LAG
+
+_REMEMBERED = 8  # objects that were lifted
+
+
+class LiveTracks:
+    """Fuses the scans of each object into one rigid outline, as `track` does, while they come.
+
+    The last scans keep free poses; what those before told of the corners is a normal distribution. The shape itself is
+    searched for when a contact has moved, again after twice as many scans until 200 have told of it, and when readings
+    are no more explained; each scan between takes some .3 ms.
+
+    Parameters
+    ----------
+    sensor
+        That makes the scans, of a construction with a closed form.
+    noise
+        Of the readings; None: the spec's `[noise]`, and without one estimated from what the first fit leaves over.
+    lag
+        How many scans keep free poses.
+    executor
+        Runs the searches; None: every search runs at once, in `update`.
+
+    Raises
+    ------
+    SignatureError
+        The construction has no closed form.
+    OptionError
+        The lag is no number of scans.
+
+    Examples
+    --------
+    >>> import tacstrip as ts
+    >>> sensor = ts.Sensor(construction="crs-crs", strips=10, pitch_mm=10.0, length_mm=100.0)
+    >>> shape, noise = ts.Contact.polygon([(-25, -20), (20, -25), (25, 20), (-10, 25)]), ts.Noise(positional=0.002)
+    >>> live, known = ts.LiveTracks(sensor, noise), []
+    >>> for i in range(40):
+    ...     placed = shape.turned(0.03 * i).placed(45 + 0.3 * i, 50)
+    ...     for one in live.update(ts.simulate(sensor, placed, noise, rng=i, time_s=0.01 * i)):
+    ...         known.append(one.corner_deviation_mm)
+    >>> known[0] > 2 * known[-1]
+    True
+    """
+
+    @takes(sensor=Sensor, noise=Noise)
+    def __init__(
+        self, sensor: Sensor, noise: Noise | None = None, lag: int = LAG, executor: Executor | None = None
+    ) -> None:
+        check_closed_form(sensor.kind, "track")
+        if not isinstance(lag, int) or lag < 1:
+            raise OptionError(f"lag = {lag}: must be a number of scans, 1 or more")
+        self.sensor = sensor
+        self.noise = noise = sensor.noise if noise is None else noise
+        distribution = "normal" if noise is None or not noise.independent else noise.distribution
+        self._stream = Stream(sensor, (), distribution, lag, executor, None)
+        self._silent = left_out_wholly(sensor)
+        self._number, self._ids = 0, 0
+        self._contacts: list[LiveContact] = []
+
+    @property
+    def searches(self) -> int:
+        """Number of searches so far."""
+        return self._stream.searches
+
+    def update(self, scan: Scan) -> tuple[LiveTrack, ...]:
+        """Return the objects of the next scan of which a shape is known or was, in the order of their strips.
+
+        Raises
+        ------
+        ReadingError, SignatureError
+            The scan is not of this sensor, or has other signatures than those before.
+        """
+        scan = scan.checked(self.sensor)
+        stream = self._stream
+        if not stream.names:
+            stream.names = scan.signatures
+            if self.noise is not None:
+                stream.sigma = max(fit_sigma(self.noise, self.sensor, Averaging.of(scan)), FLOOR)
+        if scan.signatures != stream.names:
+            raise ReadingError(
+                f"the scan has {' and '.join(scan.signatures)}, and those before {' and '.join(stream.names)}: give "
+                "scans alike"
+            )
+        self._number += 1
+        k = np.stack([scan[name] for name in stream.names])
+        touched = np.asarray(np.isfinite(k).any(axis=0))
+        before = {id(c.episode): c for c in self._contacts}
+        seen = followed([c.episode for c in self._contacts], self._number, touched, self._silent)
+        self._contacts = [before[id(e)] if id(e) in before else self._new(e) for e in seen]
+        for lifted in before.values():
+            if lifted in self._contacts:
+                continue
+            if (shape := lifted.known_shape) is not None:
+                stream.lifted[:] = [*stream.lifted[1 - _REMEMBERED :], shape]
+        found = [self._step(contact, k, scan.time_s) for contact in self._contacts]
+        return tuple(one for one in found if one is not None)
+
+    def _new(self, episode: Episode) -> LiveContact:
+        self._ids += 1
+        return LiveContact(self._ids, episode, self._stream)
+
+    def _step(self, contact: LiveContact, k: FloatArray, time_s: float) -> LiveTrack | None:
+        """Give a contact its part of the scan."""
+        where = contact.episode
+        if where.joint:
+            where.joint.clear()
+            return contact.shared(k, time_s)
+        where.scans.clear()
+        where.runs[:] = where.runs[-1:]
+        own = np.full(k.shape, np.nan)
+        own[:, where.last] = k[:, where.last]
+        return contact.step(own, time_s)

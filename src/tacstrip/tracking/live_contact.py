@@ -1,0 +1,379 @@
+"""One contact while its scans come: what is kept of them, when its shape is searched for, and what is known of it."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from concurrent.futures import Executor, Future
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from tacstrip.arrays import FloatArray
+from tacstrip.core.rigid import RigidScans
+from tacstrip.geometry.moments import deviations, moments
+from tacstrip.geometry.pose import placed
+from tacstrip.reconstruction.result import Alternative, Status
+from tacstrip.sensor.spec import Sensor
+from tacstrip.tracking.episodes import Episode
+from tacstrip.tracking.live_search import Contact, KnownShape, find_shape, moved
+from tacstrip.tracking.rigid.fixed_lag import FixedLag, Known
+from tacstrip.tracking.track import GUESS, MOST, STANDS
+from tacstrip.tracking.tracker import SEARCHED_AGAIN
+
+_FIRST = 10  # scans of a contact before its shape is searched for
+_LATER = 1.5  # times as many, before it is searched for again
+_LOST = 5  # scans in turn that the shape does not explain
+_CAUGHT_UP = 4  # scans that came during a search and are taken with each new one
+_WAITING = 1024  # such scans; of more only every other is kept
+_PROOF = 20  # scans that a shape found after an alarm must explain to be believed; twice as many after the next alarm
+_NOT_RIGID = (
+    "the shape that explained {scans} scans explains the last ones no more: the object deforms or rolls, another has "
+    "taken its place, or two were taken for one; believe single scans until a shape is found"
+)
+_NOT_FOUND = "no shape explains its scans so far: believe single scans"
+_UNPROVEN = "a shape found after an alarm has explained {scans} scans so far, and is believed after {proof}"
+_JOINT = "it shares strips with another object, so that this scan does not tell its pose"
+_UNEXPLAINED = "the shape that explains the other scans does not explain this one"
+_BACK = "the clock went back: no velocity"
+
+
+@dataclass(frozen=True, eq=False)
+class LiveTrack:
+    """One object over time, as of the last scan.
+
+    Attributes
+    ----------
+    id
+        Its number, counted from 1. One that is lifted and pressed again keeps it where its shape is recognised.
+    outline
+        Corners (N, 2) [mm], counter-clockwise, in the object's frame; none where no shape is known.
+    pose
+        x, y [mm] and angle [rad] (3,): a point p of the outline lies at R(angle) p + (x, y) on the sensor. NaN where
+        the last scan does not tell.
+    velocity
+        Of the pose (3,) [mm/s, mm/s, rad/s]; NaN where the clock stands still.
+    time_s
+        Of the scan [s].
+    scans
+        How many tell of the outline.
+    status
+        "ok", "likely" or "doubtful" (read the advice).
+    advice
+        In words; empty when all is well.
+    alternatives
+        Other outlines that explain the scans as well, in this object's frame.
+
+    Examples
+    --------
+    >>> import tacstrip as ts
+    >>> sensor = ts.Sensor(construction="crs-crs", strips=10, pitch_mm=10.0, length_mm=100.0)
+    >>> shape, noise = ts.Contact.polygon([(-25, -20), (20, -25), (25, 20), (-10, 25)]), ts.Noise(positional=0.002)
+    >>> live = ts.LiveTracks(sensor, noise)
+    >>> for i in range(30):
+    ...     placed = shape.turned(0.04 * i).placed(45 + 0.5 * i, 50)
+    ...     tracks = live.update(ts.simulate(sensor, placed, noise, rng=i, time_s=0.01 * i))
+    >>> tracks[0].status, tracks[0].scans, tracks[0].placed.shape
+    ('ok', 30, (4, 2))
+    """
+
+    id: int
+    outline: FloatArray
+    pose: FloatArray
+    velocity: FloatArray
+    time_s: float
+    scans: int
+    status: Status
+    advice: str = ""
+    alternatives: tuple[Alternative, ...] = ()
+    _known: Known | None = field(default=None, repr=False)
+    _scan: RigidScans | None = field(default=None, repr=False)
+
+    @property
+    def placed(self) -> FloatArray:
+        """The corners (N, 2) [mm] on the sensor; NaN where the last scan does not tell."""
+        return placed(self.outline, self.pose)
+
+    @property
+    def covariance(self) -> FloatArray | None:
+        """Of `outline.ravel()` (2 N, 2 N) [mm^2], of the shape alone; None where no shape is known."""
+        return None if self._known is None else self._known.covariance
+
+    @cached_property
+    def pose_covariance(self) -> FloatArray:
+        """Of the pose (3, 3) [mm, mm, rad]; NaN where it is not known."""
+        if self._known is None or self._scan is None or not np.isfinite(self.pose[0]):
+            return np.full((3, 3), np.nan)
+        return self._known.pose_covariance(self._scan, self.pose)
+
+    @property
+    def corner_deviation_mm(self) -> float:
+        """Standard deviation of the corner that is known least [mm]; NaN where no shape is known."""
+        if (c := self.covariance) is None:
+            return math.nan
+        return math.sqrt(float(c.diagonal().reshape(-1, 2).sum(axis=1).max()))
+
+    @property
+    def area_mm2(self) -> float:
+        """Of the outline [mm^2]; NaN where no shape is known."""
+        return moments(self.outline)[0] if len(self.outline) else math.nan
+
+    @property
+    def area_deviation_mm2(self) -> float:
+        """Standard deviation of the area [mm^2]; NaN where no shape is known."""
+        c = self.covariance
+        return math.nan if c is None else deviations(self.outline, c)[0]
+
+
+@dataclass
+class Stream:
+    """What all contacts of a stream share.
+
+    Attributes
+    ----------
+    sensor, names, distribution, lag, executor
+        As of `LiveTracks`; the signatures of its scans.
+    sigma
+        Of a reading; None: not known yet.
+    lifted
+        Objects that are not on the sensor.
+    searches
+        Number of searches so far.
+    """
+
+    sensor: Sensor
+    names: tuple[str, ...]
+    distribution: str
+    lag: int
+    executor: Executor | None
+    sigma: float | None
+    lifted: list[KnownShape] = field(default_factory=list)
+    searches: int = 0
+
+
+class History:
+    """Scans of a contact from its first to its last, at most `MOST`: ever fewer of those between."""
+
+    def __init__(
+        self, k: list[FloatArray] | None = None, poses: list[FloatArray] | None = None, stride: int = 1
+    ):
+        self.k, self.poses, self.stride, self._left = k or [], poses or [], stride, 0
+
+    def add(self, k: FloatArray, pose: FloatArray) -> None:
+        """Keep a scan (S, n) and its pose, NaN where that is not known."""
+        self._left -= 1
+        if self._left > 0:
+            return
+        if len(self.k) >= MOST:
+            self.k, self.poses, self.stride = self.k[::2], self.poses[::2], 2 * self.stride
+        self._left = self.stride
+        self.k.append(k)
+        self.poses.append(pose)
+
+    def forget_unposed(self) -> None:
+        """Forget scans whose pose is not known."""
+        kept = [i for i, pose in enumerate(self.poses) if np.isfinite(pose[0])]
+        self.k, self.poses = [self.k[i] for i in kept], [self.poses[i] for i in kept]
+
+
+class LiveContact:
+    """A contact from when it appears until it is lifted.
+
+    Parameters
+    ----------
+    number
+        Its number, until it is recognised.
+    episode
+        Where it is.
+    stream
+        What it shares with the others.
+
+    Attributes
+    ----------
+    id, episode
+        Its number, and where it is.
+    """
+
+    def __init__(self, number: int, episode: Episode, stream: Stream) -> None:
+        self.id, self.episode, self._stream = number, episode, stream
+        self._history, self._seen, self._due = History(), 0, _FIRST
+        self._task: Future[KnownShape | None] | None = None
+        self._waiting: deque[tuple[FloatArray, float]] = deque()
+        self._found: KnownShape | None = None  # which takes the scans that came since it was searched for
+        self._bad_of_found = 0
+        self._shape: KnownShape | None = None
+        self._history_of_found = History()
+        self._before: KnownShape | None = None  # the shape that was in force before an alarm
+        self._bad: list[FloatArray] = []
+        self._proof, self._since, self._alarm = 0, 0, ""
+        self._doubted = False  # the shape explains no more what comes; a search tells whether another does
+
+    @property
+    def known_shape(self) -> KnownShape | None:
+        """Its shape, for when it is pressed again; None where it has none."""
+        if self._shape is None:
+            return None
+        self._history.forget_unposed()
+        k, poses = self._history.k, self._history.poses
+        return replace(self._shape, id=self.id, k=np.stack(k), poses=np.stack(poses)) if k else None
+
+    def step(self, k: FloatArray, time_s: float) -> LiveTrack | None:
+        """Take its readings of the next scan (S, n); return the object, None where nothing is known of it yet."""
+        if self._task is not None and self._task.done():
+            task, self._task = self._task, None
+            self._answered(task.result())
+        taken = self._followed(k, time_s)
+        self._catch_up()
+        self._search_if_due()
+        return self._track(k, time_s, "" if taken else _UNEXPLAINED)
+
+    def shared(self, k: FloatArray, time_s: float) -> LiveTrack | None:
+        """Return the object of a scan in which it shares its strips with another one."""
+        return self._track(k, time_s, _JOINT)
+
+    def _followed(self, k: FloatArray, time_s: float) -> bool:
+        """Take a scan by the present shape; return whether that explains it, or there is none."""
+        self._seen += 1
+        if self._task is not None or self._found is not None:
+            self._wait(k, time_s)
+        if self._shape is None:
+            self._history.add(k, np.full(3, np.nan))
+            return True
+        shape = self._shape
+        taken = shape.lag.add(k, time_s)
+        if taken:
+            self._bad, self._since = [], self._since + 1
+            self._history.add(k, shape.lag.pose)
+        else:
+            self._bad.append(k)
+            if shape.status == "doubtful" and not self._doubted:  # it is the shape that may be wrong
+                self._history.add(k, np.full(3, np.nan))
+        wrong = len(self._bad) >= _LOST or not shape.lag.rigid
+        if self._doubted and self._since >= _LOST and not wrong:
+            self._doubted, self._task = False, None
+            self._history.forget_unposed()
+        elif wrong and self._history.stride > 1:
+            self._raise_alarm(shape.lag)
+        elif wrong and not self._doubted:
+            self._doubted, self._since, self._due = True, 0, self._seen
+            for bad in self._bad if shape.status != "doubtful" else ():
+                self._history.add(bad, np.full(3, np.nan))
+        return taken
+
+    def _wait(self, k: FloatArray, time_s: float) -> None:
+        """Keep a scan for the shape that is searched for, every other one where they are very many."""
+        self._waiting.append((k, time_s))
+        if len(self._waiting) > _WAITING:
+            self._waiting = deque(list(self._waiting)[::2])
+
+    def _raise_alarm(self, lag: FixedLag) -> None:
+        """Begin anew with the last scans: the shape does not explain them."""
+        self._alarm = _NOT_RIGID.format(scans=lag.scans)
+        self._proof = 2 * self._proof or _PROOF
+        self._before, self._shape, self._found, self._task = self.known_shape, None, None, None
+        self._waiting.clear()
+        self._doubted = False
+        self._history, self._seen, self._due = History(), 0, _FIRST
+        for k in self._bad or lag.window_readings:
+            self._history.add(k, np.full(3, np.nan))
+            self._seen += 1
+        self._bad = []
+
+    def _search_if_due(self) -> None:
+        stream, shape, history = self._stream, self._shape, self._history
+        growing = self._doubted or shape is None or shape.status != "ok" or history.stride == 1
+        if self._task is not None or self._found is not None or not growing or self._seen < self._due:
+            return
+        k = np.stack(history.k)
+        if not moved(k, stream.sigma or GUESS):
+            self._due = self._seen + max(_FIRST, self._seen // 4)
+            return
+        self._due = math.ceil(_LATER * self._seen)
+        known = ([self._before] if self._before else []) if shape or self._before else stream.lifted
+        angle = float(shape.lag.pose[2]) if shape and not self._bad else math.nan
+        contact = Contact(
+            self.id, stream.sensor, stream.names, k, stream.sigma, stream.distribution, stream.lag, angle, tuple(known)
+        )  # fmt: skip
+        stream.searches += 1
+        if stream.executor is None:
+            self._answered(find_shape(contact))
+            self._catch_up()
+        else:
+            self._task = stream.executor.submit(find_shape, contact)
+
+    def _answered(self, found: KnownShape | None) -> None:
+        """Take what a search ended with."""
+        stream = self._stream
+        if found is None or (
+            found.again and found.id != self.id and all(o.id != found.id for o in stream.lifted)
+        ):
+            self._waiting.clear()
+            return
+        if not found.explains:
+            self._waiting.clear()
+            if self._shape is None:  # perhaps the last scans alone are explained
+                self._alarm = self._alarm or found.advice or _NOT_FOUND
+                half = len(self._history.k) // 2
+                self._history = History(
+                    self._history.k[half:], self._history.poses[half:], self._history.stride
+                )
+            elif self._doubted:
+                self._raise_alarm(self._shape.lag)
+            else:
+                self._shape = replace(self._shape, status="doubtful", advice=found.advice)
+            return
+        stream.sigma = stream.sigma or found.lag.sigma
+        self._found, self._bad_of_found = found, 0
+        stride = 2 if found.again else self._history.stride  # 1: all scans are in it
+        self._history_of_found = History(list(found.k), list(found.poses), stride)
+
+    def _catch_up(self) -> None:
+        """Give the shape that was found some scans that came meanwhile; it is in force when it has taken them all."""
+        if (found := self._found) is None:
+            return
+        for _ in range(min(_CAUGHT_UP, len(self._waiting))):
+            k, time_s = self._waiting.popleft()
+            if found.lag.add(k, time_s):
+                self._history_of_found.add(k, found.lag.pose)
+                self._bad_of_found = 0
+            else:
+                self._bad_of_found += 1
+        if self._bad_of_found >= _LOST or not found.lag.rigid:
+            self._found, self._due = None, self._seen + _FIRST
+            self._waiting.clear()
+            return
+        if self._waiting:
+            return
+        if found.again and found.id != self.id:
+            self.id = found.id
+            self._stream.lifted[:] = [o for o in self._stream.lifted if o.id != found.id]
+        if self._shape is None:
+            self._since = 0 if self._proof else found.lag.scans
+        self._shape, self._history, self._found = found, self._history_of_found, None
+        self._alarm, self._bad, self._before, self._doubted = "", [], None, False
+
+    def _track(self, k: FloatArray, time_s: float, trouble: str) -> LiveTrack | None:
+        """Return the object as of this scan."""
+        nowhere = np.full(3, np.nan)
+        if (shape := self._shape) is None:
+            if not self._alarm:
+                return None
+            return LiveTrack(self.id, np.empty((0, 2)), nowhere, nowhere, time_s, 0, "doubtful", self._alarm)
+        lag, status, advice = shape.lag, shape.status, [shape.advice]
+        if self._since < self._proof:
+            advice.append(_UNPROVEN.format(scans=self._since, proof=self._proof))
+        if self._doubted:
+            advice.append(SEARCHED_AGAIN)
+        if trouble:
+            advice.append(trouble)
+        if len(advice) > 1:  # more than what the search said
+            status = "doubtful"
+        passed = lag.passed_s
+        if passed <= 0.0:
+            advice.append(STANDS if passed == 0.0 else _BACK)
+        pose = nowhere if trouble else lag.pose
+        return LiveTrack(
+            self.id, lag.corners, pose, nowhere if trouble else lag.velocity, time_s, lag.scans, status,
+            "; ".join(filter(None, advice)), shape.alternatives, lag.known, lag.of(k[None]),
+        )  # fmt: skip

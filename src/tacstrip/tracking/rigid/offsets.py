@@ -1,0 +1,117 @@
+"""Offsets of channels that last: they move with no object, so that many scans tell them from its shape."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tacstrip.arrays import FloatArray
+from tacstrip.core.rigid import Equations, RigidScans, linearised
+from tacstrip.tracking.rigid.corners import FEWEST, Fit, faintest, fitted, without
+from tacstrip.tracking.rigid.covariance import UPRIGHT, information, without_poses
+
+_FEWEST = 12  # scans that tell an offset from a shape
+_FIRST, _LEAST, _MOST = 0.002, 0.0003, 0.01  # deviation of offsets [Vref]: the first guess, and its limits
+_ROUNDS = 4  # of offsets and fit in turn
+_EVIDENCE = 12.0  # twice the logarithm of how much likelier the readings are with offsets than without
+_DAMPING = 1e-4
+
+
+@dataclass(frozen=True, eq=False)
+class Offsets:
+    """What channels read beside the truth.
+
+    Attributes
+    ----------
+    values
+        Of signatures and strips (S, n) [Vref]; 0 where nothing is known.
+    deviation
+        Standard deviation of offsets among the channels [Vref].
+    """
+
+    values: FloatArray
+    deviation: float
+
+    @property
+    def cost(self) -> float:
+        """What the values cost beside the readings' chi square."""
+        return float((self.values**2).sum()) / self.deviation**2
+
+
+def taken_off(scans: RigidScans, offsets: Offsets | None) -> RigidScans:
+    """Return scans without what their channels are off."""
+    return scans if offsets is None else replace(scans, k=scans.k - offsets.values)
+
+
+def channel_offsets(
+    scans: RigidScans, fit: Fit, known: Offsets | None = None, rounds: int = _ROUNDS
+) -> tuple[Offsets, Fit] | None:
+    """Return the offsets that explain, with a fit's outline and about its poses, what it leaves of the readings.
+
+    And the fit of the readings without them. Where none are known: None, if the readings do not ask for any. Their
+    deviation is found along with them.
+    """
+    if known is None and len(scans.k) < _FEWEST:
+        return None
+    before, size = fit.cost, fit.corners.size
+    values = np.zeros(scans.k.shape[1:]) if known is None else known.values
+    deviation, touched = known.deviation if known else _FIRST, np.isfinite(scans.k).any(axis=0).ravel()
+    for _ in range(rounds):
+        rest = replace(scans, k=scans.k - values)
+        found = with_offsets(rest, fit, information(rest, fit.corners, fit.poses), deviation)
+        slope = found.shape_slope.copy()
+        slope[size:] -= values.ravel() / deviation**2
+        matrix, slope, _, _ = without_poses(replace(found, shape_slope=slope), fit.basis, _DAMPING)
+        outline = np.linalg.solve(matrix[:size, :size], np.column_stack([matrix[:size, size:], slope[:size]]))
+        known_of = matrix[size:, size:] - matrix[size:, :size] @ outline[:, :-1]
+        asked = slope[size:] - matrix[size:, :size] @ outline[:, -1]
+        step = np.linalg.solve(known_of, asked)
+        known_of = known_of[np.ix_(touched, touched)]
+        price = float(np.linalg.slogdet(deviation**2 * known_of)[1])
+        if known is None and not values.any() and float(asked @ step) < price:
+            return None
+        values = values + step.reshape(values.shape)
+        fit = fitted(replace(scans, k=scans.k - values), fit.corners, fit.poses, 10, basis=fit.basis)
+        own, prior = values.ravel()[touched], deviation
+        deviation = float(np.sqrt((own**2 + np.linalg.inv(known_of).diagonal()).mean()))
+        deviation = min(max(deviation, _LEAST), _MOST)
+    found_now = Offsets(values, prior)
+    asked_for = known or before - fit.cost - found_now.cost - price > _EVIDENCE
+    return (found_now, fit) if asked_for else None
+
+
+def without_needless_corners(scans: RigidScans, offsets: Offsets, fit: Fit) -> tuple[Offsets, Fit]:
+    """Return offsets and fit after corners are taken away that the criterion does not miss once offsets follow.
+
+    Corners and offsets explain the same readings in part: a corner too many, once found, keeps the offsets wrong.
+    """
+    least = fit.criterion(scans) + offsets.cost
+    while len(fit.corners) > FEWEST:
+        rest, tries = taken_off(scans, offsets), []
+        for corner in faintest(fit.corners):
+            trial = channel_offsets(scans, without(rest, fit, corner, 8), offsets, 2)
+            assert trial is not None
+            tries.append((trial[1].criterion(scans) + trial[0].cost, *trial))
+        best = min(tries, key=lambda t: t[0])
+        if best[0] >= least:
+            break
+        least, offsets, fit = best
+    return offsets, fit
+
+
+def with_offsets(scans: RigidScans, fit: Fit, found: Equations, deviation: float) -> Equations:
+    """Return the equations of corners and poses with one offset per channel after the corners."""
+    here = linearised(scans, fit.corners, fit.poses)
+    there = np.isfinite(scans.k) & (np.abs(here.rows[..., 0]) <= UPRIGHT / scans.sensor.length_mm)
+    channels = (len(fit.poses), scans.k[0].size)
+    rows = np.where(there[..., None], here.rows, 0.0).reshape(*channels, -1) / scans.sigma**2
+    left = np.where(there, scans.k - here.model, 0.0).reshape(channels) / scans.sigma**2
+    cross = rows[..., 3:].sum(axis=0).T
+    own = np.diag(there.reshape(channels).sum(axis=0) / scans.sigma**2 + deviation**-2)
+    return replace(
+        found,
+        mixed=np.concatenate([found.mixed, rows[..., :3].transpose(0, 2, 1)], axis=2),
+        shape=np.block([[found.shape, cross], [cross.T, own]]),
+        shape_slope=np.concatenate([found.shape_slope, left.sum(axis=0)]),
+    )

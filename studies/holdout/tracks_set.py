@@ -1,0 +1,477 @@
+"""Rigid outlines over many scans, and what is none: `python -m studies.holdout.tracks_set -h`."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+import shapely
+from scipy.interpolate import CubicSpline
+from scipy.stats import chi2
+
+import tacstrip as ts
+from studies.holdout.readings import Unit, white
+from studies.holdout.score import CLAIMS, FINAL, RIGHT
+from studies.holdout.shapes import Array, counter_clockwise
+
+_SIDE = 100.0  # of the sensor [mm]
+_APART_S = 0.01  # from scan to scan
+_OFFSET = 0.003  # of a channel, over Vref: standard deviation
+_WANDER = 10.0  # scans: time of the errors that follow each other
+_TOLD, _OF_SIZE, _SIGMAS = (
+    0.1,
+    0.01,
+    4.0,
+)  # pitches, of the size, stated deviations: right is below the largest
+
+
+@dataclass(frozen=True)
+class Row:
+    """One kind of scene; a scene draws one of each."""
+
+    strips: int = 10
+    names: tuple[str, ...] = ("kh", "kl")
+    level: float = 0.005
+    scans: int = 50
+    shapes: tuple[str, ...] = ("convex",)
+    motions: tuple[str, ...] = ("slide", "turn", "both")
+    noises: tuple[str, ...] = ("uniform", "normal")
+    body: str = "rigid"
+
+
+ROWS = {
+    "ten": Row(),
+    "ten, .2 %": Row(level=0.002),
+    "ten, 1 %": Row(level=0.01),
+    "20 scans": Row(scans=20),
+    "200 scans": Row(scans=200),
+    "32 strips": Row(strips=32),
+    "100 strips": Row(strips=100),
+    "presses": Row(motions=("presses",)),
+    "two presses": Row(motions=("two presses",), scans=40),
+    "full turns": Row(motions=("full turns",), scans=60),
+    "border": Row(motions=("border",)),
+    "concave": Row(shapes=("L", "T", "arrow")),
+    "curved": Row(shapes=("rounded", "ellipse")),
+    "small": Row(shapes=("small",)),
+    "along": Row(motions=("along",), shapes=("convex", "ellipse", "small")),
+    "still": Row(motions=("still",), shapes=("convex", "rounded", "small")),
+    "wander": Row(noises=("wander",)),
+    "offsets": Row(noises=("offsets",)),
+    "offsets, 100": Row(noises=("offsets",), strips=100),
+    "kh, ten": Row(names=("kh",)),
+    "kh, 100": Row(names=("kh",), strips=100),
+    "kh, presses": Row(names=("kh",), motions=("presses", "two presses")),
+    "metal": Row(names=("k",)),
+    "two as one": Row(body="two"),
+    "two, 100": Row(body="two", strips=100),
+    "grows": Row(body="grows"),
+    "shears": Row(body="shears"),
+    "rolls": Row(body="rolls"),
+}  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Scans of something.
+
+    Attributes
+    ----------
+    outline, poses
+        Of a rigid one (N, 2) [mm] and (T, 3), else None.
+    read
+        Readings (T, S, n) over Vref, NaN untouched.
+    """
+
+    unit: Unit
+    row: Row
+    outline: Array | None
+    curved: bool
+    poses: Array
+    read: Array
+
+    @property
+    def scans(self) -> list[ts.Scan]:
+        """What the package gets."""
+        return [
+            ts.Scan(time_s=_APART_S * i, **dict(zip(self.unit.names, k, strict=True)))
+            for i, k in enumerate(self.unit.digitised(self.read))
+        ]
+
+
+@dataclass
+class Verdict:
+    """Of a track."""
+
+    status: str = "no track"
+    claims: bool = False
+    right: bool = False
+    counted: bool = False
+    rms: float = math.nan
+    bound: float = math.nan
+    iou: float = 0.0
+    shape_square: float = math.nan  # probability of chi square below the shape's error
+    pose_squares: list[float] = field(default_factory=list)
+    ms: float = 0.0
+    advice: str = ""
+
+
+def scene(name: str, seed: int, number: int) -> Scene:
+    """Return a scene of `ROWS`."""
+    row, random = ROWS[name], np.random.default_rng([77, list(ROWS).index(name), seed, number])
+    unit = Unit(row.names, row.strips, _SIDE / row.strips, _SIDE)
+    while True:
+        kind, motion = str(random.choice(row.shapes)), str(random.choice(row.motions))
+        size = random.uniform(18.0, 30.0) if row.strips <= 10 else random.uniform(12.0, 22.0)
+        if row.body == "two":
+            bodies = [_drawn("convex", random, random.uniform(11.0, 15.0)) for _ in range(2)]
+            lanes = np.array([[50.0, 28.0, 0.0], [50.0, 72.0, 0.0]])  # they share strips, and never touch
+            ways = [
+                lane + (_way("both", row.scans, random, lane[1]) - lane) * [0.5, 0.5, 1.0] for lane in lanes
+            ]
+        elif kind == "small":
+            bodies = [_drawn("convex", random, unit.pitch * random.uniform(0.5, 1.0))]
+            ways = [_way(motion, row.scans, random)]
+        else:
+            bodies, ways = [_drawn(kind, random, size)], [_way(motion, row.scans, random)]
+        placed = [
+            _posed(_changing(b, row.body, row.scans, random), w) for b, w in zip(bodies, ways, strict=True)
+        ]
+        reach = [(min(o.min() for o in p), max(o.max() for o in p)) for p in placed]
+        inside = all(low > 1.0 and high < _SIDE - 1.0 for low, high in reach)
+        if motion == "border":
+            inside = not inside and all(_shares(o, 0.5) for o in placed[0]) and _all_seen(placed[0])
+        if row.body == "two":
+            inside &= all(a[:, 1].max() < b[:, 1].min() - 1.0 for a, b in zip(*placed, strict=True))
+            inside &= all(_overlap(a, b) > 5.0 for a, b in zip(*placed, strict=True))
+        if not inside:
+            continue
+        low, high = (
+            np.stack(v) for v in zip(*(unit.touched(o) for o in zip(*placed, strict=True)), strict=True)
+        )
+        touched = np.isfinite(low).sum(axis=1)
+        if kind == "small" or touched[touched > 0].min() >= 3 or motion == "border":
+            break
+    if motion == "two presses":
+        low[row.scans // 2 - 1 : row.scans // 2 + 1] = np.nan
+    read = np.stack([unit.read(a, b) for a, b in zip(low, high, strict=True)])
+    read = np.clip(read + _errors(read.shape, row, random), 0.0, 1.0)
+    rigid = row.body == "rigid"
+    return Scene(unit, row, bodies[0] if rigid else None, kind in ("rounded", "ellipse"), ways[0], read)
+
+
+def _errors(shape: tuple[int, ...], row: Row, random: np.random.Generator) -> Array:
+    kind, sigma = str(random.choice(row.noises)), row.level / math.sqrt(3.0)
+    if kind == "wander":
+        keep, new = math.exp(-1.0 / _WANDER), random.normal(size=shape)
+        for i in range(1, len(new)):
+            new[i] = keep * new[i - 1] + math.sqrt(1.0 - keep**2) * new[i]
+        return np.asarray(sigma * math.sqrt(0.5) * (new + random.normal(size=shape)))
+    errors = white(shape, row.level, "normal" if kind == "normal" else "uniform", random)
+    return errors + (random.normal(0.0, _OFFSET, shape[1:]) if kind == "offsets" else 0.0)
+
+
+def _drawn(kind: str, random: np.random.Generator, size: float) -> Array:
+    """Return an outline about its centroid, `size` [mm] from there to its farthest corner, of clear corners."""
+    a, b = random.uniform(0.3, 0.55, 2)
+    slender = random.uniform(0.65, 1.0)
+    match kind:
+        case "L":
+            outline = np.array(
+                [(0, 0), (1, 0), (1, a * slender), (b, a * slender), (b, slender), (0, slender)]
+            )
+        case "T":
+            outline = np.array(
+                [(-1, 0), (1, 0), (1, 0.7), (a, 0.7), (a, 1.7), (-a, 1.7), (-a, 0.7), (-1, 0.7)]
+            )
+        case "arrow":
+            outline = np.array([(0, 0), (0.3 + a, 0.55), (0, 1.1), (1.5, 0.55)])
+        case "ellipse":
+            angle = np.linspace(0.0, 2.0 * np.pi, 180, endpoint=False)
+            outline = np.stack([np.cos(angle), random.uniform(0.5, 0.85) * np.sin(angle)], axis=1)
+        case "rounded":
+            core = shapely.box(0.0, 0.0, 1.0, slender).buffer(-0.2).buffer(0.2, quad_segs=16)
+            outline = np.array(core.exterior.coords)[:-1]
+        case _:
+            outline = _convex(random)
+    outline = counter_clockwise(outline)
+    outline = outline - shapely.get_coordinates(shapely.Polygon(outline).centroid)
+    return np.asarray(outline * size / np.hypot(*outline.T).max())
+
+
+def _convex(random: np.random.Generator) -> Array:
+    """Return a convex polygon of 3 to 8 corners that turn by 20 degrees or more, with edges of some length."""
+    corners = int(random.integers(3, 9))
+    while True:
+        points = random.normal(size=(40, 2))
+        hull = np.array(
+            shapely.MultiPoint(points / (0.6 + np.hypot(*points.T)[:, None])).convex_hull.exterior.coords
+        )[:-1]
+        if len(hull) < corners:
+            continue
+        outline = counter_clockwise(hull[np.sort(random.choice(len(hull), corners, replace=False))])
+        edge = np.roll(outline, -1, axis=0) - outline
+        heading = np.arctan2(edge[:, 1], edge[:, 0])
+        turns = (np.roll(heading, -1) - heading) % (2.0 * np.pi)
+        extent = np.linalg.eigvalsh(np.cov(outline.T))
+        clear = turns.min() > np.radians(20.0) and turns.max() < 2.6 and np.hypot(*edge.T).min() > 0.35
+        if clear and extent[0] > 0.2 * extent[1]:
+            return np.asarray(outline)
+
+
+def _way(motion: str, scans: int, random: np.random.Generator, middle_y: float = 50.0) -> Array:
+    """Return poses (T, 3) [mm, mm, rad]."""
+    t = np.linspace(0.0, 1.0, scans)
+    centre = np.array([50.0, middle_y, random.uniform(0.0, 2.0 * np.pi)])
+    centre[:2] += random.uniform(-6.0, 6.0, 2)
+    go = random.choice([-1.0, 1.0]) * random.uniform(6.0, 25.0)
+    turn = random.choice([-1.0, 1.0]) * np.radians(random.uniform(25.0, 100.0))
+
+    def smooth(x: float, y: float, angle: float) -> Array:
+        """From one place to another at a speed that changes, with small detours."""
+        at = np.sort(random.uniform(0.15, 0.85, 2))
+        pace = CubicSpline([0.0, 0.5, 1.0], [-0.5, random.uniform(-0.12, 0.12), 0.5])(t)
+        detour = CubicSpline([0.0, *at, 1.0], random.normal(0.0, [0.8, 0.8, 0.015], (4, 3)))(t)
+        return np.asarray(centre + np.outer(pace, [x, y, angle]) + detour)
+
+    match motion:
+        case "slide":
+            return smooth(go, random.uniform(-12.0, 12.0), 0.0)
+        case "turn":
+            return smooth(0.0, 0.0, turn)
+        case "both" | "border":
+            way = smooth(go, random.uniform(-8.0, 8.0), turn)
+            if motion == "border":
+                way[:, random.integers(2)] += random.choice([-1.0, 1.0]) * random.uniform(20.0, 45.0)
+            return way
+        case "full turns":
+            return smooth(
+                random.uniform(-8.0, 8.0), random.uniform(-8.0, 8.0), np.sign(turn) * random.uniform(6.3, 9.5)
+            )
+        case "along":
+            along = CubicSpline([0.0, 0.5, 1.0], [-0.5, random.uniform(-0.12, 0.12), 0.5])(t)
+            return np.asarray(centre + np.outer(along, [0.0, random.uniform(6.0, 25.0), 0.0]))
+        case "still":
+            return np.tile(centre, (scans, 1))
+        case "presses":
+            return np.column_stack(
+                [random.uniform(36.0, 64.0, (scans, 2)), random.uniform(0.0, 2.0 * np.pi, scans)]
+            )
+    first, then = smooth(go, random.uniform(-8.0, 8.0), turn), smooth(-go, random.uniform(-8.0, 8.0), -turn)
+    then += [*random.uniform(-6.0, 6.0, 2), random.uniform(0.0, 2.0 * np.pi)]
+    return np.vstack([first[: scans // 2], then[: scans - scans // 2]])
+
+
+def _changing(outline: Array, body: str, scans: int, random: np.random.Generator) -> list[Array]:
+    """Return the outline in each scan, in its frame."""
+    t = np.linspace(-0.5, 0.5, scans)
+    match body:
+        case "grows":
+            return [outline * (1.0 + s) for s in random.uniform(0.15, 0.3) * t]
+        case "shears":
+            return [outline @ np.array([[1.0, 0.0], [s, 1.0]]) for s in random.uniform(0.3, 0.6) * t]
+        case "rolls":  # over its edges: what is in touch goes from one face to another
+            other = _drawn("convex", random, float(np.hypot(*outline.T).max()))
+            a, b = _by_angle(outline), _by_angle(other)
+            return [(0.5 - s) * a + (0.5 + s) * b for s in t]
+    return [outline] * scans
+
+
+def _by_angle(outline: Array, places: int = 180) -> Array:
+    """Return where rays from the origin leave an outline."""
+    angle = np.linspace(0.0, 2.0 * np.pi, places, endpoint=False)
+    found = []
+    for c, s in zip(np.cos(angle), np.sin(angle), strict=True):
+        ray = shapely.LineString([(0.0, 0.0), (200.0 * c, 200.0 * s)]).intersection(shapely.Polygon(outline))
+        found.append(ray.length * np.array([c, s]))
+    return np.array(found)
+
+
+def _posed(outlines: list[Array], way: Array) -> list[Array]:
+    return [_at(o, pose) for o, pose in zip(outlines, way, strict=True)]
+
+
+def _at(outline: Array, pose: Array) -> Array:
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    return np.asarray(outline @ np.array([[c, s], [-s, c]]) + pose[:2])
+
+
+def _shares(outline: Array, least: float) -> bool:
+    """Whether so much of an outline lies on the sensor."""
+    shape = shapely.Polygon(outline)
+    return bool(shape.intersection(shapely.box(0.0, 0.0, _SIDE, _SIDE)).area > least * shape.area)
+
+
+def _all_seen(outlines: list[Array]) -> bool:
+    """Whether every corner is well on the sensor in a fifth of the scans at least: else no one can count them."""
+    on = (np.stack(outlines) > 2.0).all(axis=2) & (np.stack(outlines) < _SIDE - 2.0).all(axis=2)
+    return bool(on.mean(axis=0).min() > 0.2)
+
+
+def _overlap(a: Array, b: Array) -> float:
+    return float(min(a[:, 0].max(), b[:, 0].max()) - max(a[:, 0].min(), b[:, 0].min()))
+
+
+def bound(of: Scene) -> Array:
+    """Return the Cramer-Rao covariance (2 N, 2 N) [mm^2] of a rigid outline's corners, by differences of readings."""
+    assert of.outline is not None
+    outline, step = of.outline, 1e-4
+
+    def readings(corners: Array, poses: Array) -> Array:
+        return np.stack([of.unit.read(*of.unit.touched([_at(corners, p)])).ravel() for p in poses])
+
+    def slope(by_corners: Array, by_poses: Array) -> Array:
+        up, down = (readings(outline + s * by_corners, of.poses + s * by_poses) for s in (step, -step))
+        return np.nan_to_num((up - down) / (2.0 * step))
+
+    none = np.zeros((len(outline), 2))
+    poses = np.stack([slope(none, axis) for axis in np.eye(3)], axis=2)  # (T, M, 3)
+    shown = ~np.isnan(of.read.reshape(len(of.read), -1))
+    corners = np.stack([slope(axis.reshape(-1, 2), np.zeros(3)) for axis in np.eye(outline.size)], axis=2)
+    poses, corners = poses * shown[..., None], corners * shown[..., None]
+    sigma = of.row.level / math.sqrt(3.0)
+    own = poses.transpose(0, 2, 1) @ poses + 1e-12 * np.eye(3)
+    mixed = poses.transpose(0, 2, 1) @ corners
+    whole = np.einsum("tmi,tmj->ij", corners, corners) - np.einsum(
+        "tpi,tpj->ij", mixed, np.linalg.solve(own, mixed)
+    )
+    value, vector = np.linalg.eigh(whole)
+    value, vector = value[3:], vector[:, 3:]  # moved and turned as a whole it is the same shape
+    return np.asarray(sigma**2 * (vector / np.maximum(value, 1e-9)) @ vector.T)
+
+
+def judged(of: Scene) -> Verdict:
+    """Return what the package makes of a scene."""
+    scans, noise = of.scans, ts.Noise(positional=of.row.level)
+    begun = time.thread_time()
+    tracks = ts.track(scans, of.unit.sensor, noise)
+    spent = 1e3 * (time.thread_time() - begun) / len(scans)
+    if not tracks:
+        return Verdict(ms=spent)
+    one = max(tracks, key=lambda t: int(t.present.sum()))
+    found = Verdict(one.status, any(t.status in CLAIMS for t in tracks), advice=one.advice, ms=spent)
+    if of.outline is None:
+        return found
+    shown = np.flatnonzero(one.present)
+    overlaps = [
+        _iou(one.placed(int(i)), _at(of.outline, of.poses[i])) for i in shown[:: max(1, len(shown) // 12)]
+    ]
+    found.iou = float(np.median(overlaps)) if overlaps else 0.0
+    found.counted = of.curved or len(one.outline) == len(of.outline)
+    found.right = found.iou >= RIGHT and found.counted
+    if of.curved or not found.counted:
+        return found
+    shift, moved = _onto(one.outline, of.outline)
+    off = moved - (of.outline - of.outline.mean(axis=0))
+    found.rms, found.bound = math.sqrt((off**2).sum() / len(off)), math.sqrt(bound(of).trace() / len(off))
+    stated = 0.0 if one.covariance is None else math.sqrt(one.covariance.trace() / len(off))
+    size = float(np.ptp(of.outline, axis=0).max())
+    found.right &= found.rms <= max(_SIGMAS * stated, _TOLD * of.unit.pitch, _OF_SIZE * size)
+    if one.covariance is not None and one.by_scan is None:
+        found.shape_square = _shape_square(one, of.outline, shift)
+        found.pose_squares = [_pose_square(one, of, shift, int(i)) for i in shown]
+    return found
+
+
+def _iou(a: Array, b: Array) -> float:
+    board = shapely.box(0.0, 0.0, _SIDE, _SIDE)
+    p, q = (shapely.Polygon(v).buffer(0.0).intersection(board) for v in (a, b))
+    return float(p.intersection(q).area / max(p.union(q).area, 1e-9))
+
+
+def _onto(found: Array, true: Array) -> tuple[int, Array]:
+    """Return by how many corners to roll what was found, and it moved onto the true corners about their mean."""
+    b, best = true - true.mean(axis=0), (math.inf, 0, true)
+    for shift in range(len(true)):
+        a = np.roll(found - found.mean(axis=0), shift, axis=0)
+        turn = -math.atan2((a[:, 0] * -b[:, 1] + a[:, 1] * b[:, 0]).sum(), (a * b).sum())
+        moved = _at(a, np.array([0.0, 0.0, turn]))
+        best = min(best, (float(((moved - b) ** 2).sum()), shift, moved), key=lambda p: p[0])
+    return best[1], best[2]
+
+
+def _shape_square(one: ts.Track, true: Array, shift: int) -> float:
+    """Return the probability that chi square is below the shape's error over its stated covariance."""
+    assert one.covariance is not None
+    a = np.roll(one.outline - one.outline.mean(axis=0), shift, axis=0)
+    _, back = _onto(true, a)  # the truth, in the track's frame
+    off = (a - back).ravel()
+    covariance = np.roll(np.roll(one.covariance, 2 * shift, axis=0), 2 * shift, axis=1)
+    value, vector = np.linalg.eigh(covariance)
+    off, value = (off @ vector)[3:], value[3:]
+    return float(chi2.cdf((off**2 / value).sum(), len(value)))
+
+
+def _pose_square(one: ts.Track, of: Scene, shift: int, scan: int) -> float:
+    """Return that of a pose: where the true outline lies in the track's frame."""
+    assert of.outline is not None
+    true, own = _at(of.outline, of.poses[scan]), np.roll(one.placed(scan), shift, axis=0)
+    a, b = own - own.mean(axis=0), true - true.mean(axis=0)
+    turned = math.atan2((b[:, 0] * a[:, 1] - b[:, 1] * a[:, 0]).sum(), (a * b).sum())
+    error = np.array([*(own.mean(axis=0) - true.mean(axis=0)), turned])
+    return float(chi2.cdf(error @ np.linalg.solve(one.pose_covariances[scan], error), 3))
+
+
+def line(name: str, found: list[Verdict]) -> str:
+    """Return a row of the table."""
+    rigid = ROWS[name].body == "rigid"
+    status = [v.status for v in found]
+    rms = np.array([v.rms for v in found if np.isfinite(v.rms)])
+    over = np.array([v.rms / v.bound for v in found if np.isfinite(v.rms)])
+    wrong = sum(v.claims and not v.right for v in found)
+    shape = [v.shape_square < 0.95 for v in found if np.isfinite(v.shape_square) and v.right]
+    poses = [p < 0.95 for v in found if v.right for p in v.pose_squares]
+    cells = [name, str(len(found)), *(str(status.count(s)) for s in ("ok", "likely", "doubtful")), str(wrong)]
+    cells.append(str(sum(v.right and v.status == "doubtful" for v in found)) if rigid else "-")
+    cells.append(f"{np.mean([v.counted for v in found]):.2f}" if rigid else "-")
+    numbers: list[tuple[Callable[[], float], str]] = [
+        (lambda: float(np.median(rms)), ".3f"), (lambda: float(np.quantile(rms, 0.9)), ".3f"),
+        (lambda: float(np.median(over)), ".2f"), (lambda: float(np.quantile(over, 0.9)), ".2f"),
+    ]  # fmt: skip
+    cells += [format(number(), how) if len(rms) else "-" for number, how in numbers]
+    cells += [f"{np.mean(part):.2f}" if part else "-" for part in (shape, poses)]
+    return "| " + " | ".join([*cells, f"{np.median([v.ms for v in found]):.1f}"]) + " |"
+
+
+HEAD = (
+    "| row | scenes | ok | likely | doubtful | silent wrong | right, doubted | count | RMS | p90 | over bound | p90 | "
+    "95 % shape | poses | ms a scan |\n" + "| --- " * 15 + "|"
+)
+
+
+def main() -> None:
+    """Print a row of a table for each kind of scene."""
+    options = argparse.ArgumentParser(
+        description="Tracks of rigid outlines, and of what is none, beside the truth."
+    )
+    options.add_argument("--rows", help="names, separated by semicolons; left out: all")
+    options.add_argument("--scenes", type=int, default=25)
+    options.add_argument(
+        "--seed", type=int, default=0, help=f"0 to 9 to tune; from {FINAL} on: once, at the end"
+    )
+    options.add_argument("--final", action="store_true", help=f"unlocks seeds from {FINAL} on")
+    options.add_argument("--verbose", action="store_true", help="a line for every scene")
+    given = options.parse_args()
+    if given.seed >= FINAL and not given.final:
+        options.error(f"seeds from {FINAL} on decide: --final")
+    print(HEAD, flush=True)  # noqa: T201
+    for name in given.rows.split(";") if given.rows else ROWS:
+        found = []
+        for number in range(given.scenes):
+            of = scene(name, given.seed, number)
+            found.append(one := judged(of))
+            if given.verbose:
+                corners = 0 if of.outline is None or of.curved else len(of.outline)
+                print(  # noqa: T201
+                    f"{number:3d} {corners} {one.status:9s} {'right' if one.right else 'wrong'} count {one.counted} "
+                    f"rms {one.rms:.3f} bound {one.bound:.3f} iou {one.iou:.3f} {one.ms:.1f} ms {one.advice[:90]}"
+                )
+        print(line(name, found), flush=True)  # noqa: T201
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,275 @@
+"""Logs of other forms become the readings that they hold, or a question; never other numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import tacstrip as ts
+from tacstrip.cli import cli
+from tacstrip.io.log_import.guess import Unanswered, propose
+from tacstrip.io.log_import.mapping import Mapping
+from tacstrip.io.log_import.readings import scans
+from tacstrip.io.log_import.table import Table, of_text, read_table
+
+RUBBER = ts.Sensor(
+    construction="crs-crs", strips=5, pitch_mm=10.0, length_mm=50.0, vref_volt=5.0, adc_bits=10
+)
+METAL = ts.Sensor(construction="crs-m", strips=5, pitch_mm=10.0, length_mm=50.0, vref_volt=3.3, adc_bits=12)
+SHAPE = ts.Contact.polygon([(-15, -12), (18, -8), (12, 15), (-14, 12)])
+STRIPS, SCANS = range(5), range(4)
+
+
+def _pressed(sensor: ts.Sensor) -> dict[str, np.ndarray]:
+    made = [ts.simulate(sensor, SHAPE.placed(22 + 0.5 * i, 24)) for i in SCANS]
+    return {name: np.stack([scan[name] for scan in made]) for name in made[0].signatures}
+
+
+K = _pressed(RUBBER) | _pressed(METAL)
+
+
+def volts(name: str, i: int, s: int, scale: float = 5.0, nothing: str = "", form: str = ".3f") -> str:
+    k = K[name][i, s]
+    return nothing if np.isnan(k) else format(scale * k, form)
+
+
+def long(sep: str, line: Callable[[int, int], list[str]], head: str = "") -> str:
+    return head + "".join(sep.join(line(i, s)) + "\n" for i in SCANS for s in STRIPS)
+
+
+def wide(sep: str, line: Callable[[int], list[str]], head: str = "") -> str:
+    return head + "".join(sep.join(line(i)) + "\n" for i in SCANS)
+
+
+def code(name: str, i: int, s: int) -> str:
+    return volts(name, i, s, 1023.0, "-1", ".0f")
+
+
+FORMS: dict[str, tuple[ts.Sensor, str]] = {
+    "a spreadsheet's, with decimal commas and lines above": (RUBBER, long(
+        ";", lambda i, s: [str(i), str(20 * i), str(s + 1), *(volts(n, i, s).replace(".", ",") for n in ("kh", "kl"))],
+        "Gerät;Matte 3\nDatum;1.2.2026\n\nScan;Zeit [ms];Streifen;U_h [V];U_l [V]\n")),
+    "a serial monitor's": (RUBBER, wide(
+        " ", lambda i: [f"12:00:00.{20 * i:03d} ->", *(code(n, i, s) for s in STRIPS for n in ("kh", "kl"))])),
+    "a column per strip and channel, tabs": (RUBBER, wide(
+        "\t", lambda i: [str(900 + 20 * i), *(volts(n, i, s) for n in ("kh", "kl") for s in STRIPS)],
+        "millis\t" + "\t".join(f"{n}{s}" for n in ("vh", "vl") for s in STRIPS) + "\n")),
+    "named values": (RUBBER, long(
+        " ", lambda i, s: [f"t:{20 * i}", f"strip:{s}", f"high:{code('kh', i, s)}", f"low:{code('kl', i, s)}"])),
+    "millivolts of analog pins": (METAL, wide(
+        ",", lambda i: [f"{0.02 * i:.2f}", *(volts("k", i, s, 3300.0, "", ".1f") for s in STRIPS)],
+        "time_s," + ",".join(f"A{s} (mV)" for s in STRIPS) + "\n")),
+    "channels a and b in percent": (RUBBER, long(
+        ",", lambda i, s: [str(i), f"{0.02 * i:.2f}", str(s), *(volts(n, i, s, 100.0, "NaN") for n in ("kl", "kh"))],
+        "# made by hand\nframe,t,strip,a [%],b [%]\n")),
+    "a line for each reading, dates": (RUBBER, "timestamp,strip,end,value\n" + "".join(
+        f"2026-03-04T10:00:00.{20 * i:03d},S{s},{end},{volts('k' + end, i, s)}\n"
+        for i in SCANS for s in STRIPS for end in "hl")),
+    "a line of units": (RUBBER, long(
+        "|", lambda i, s: [f"{0.02 * i:.2f}", str(s), volts("kh", i, s, 5.0, "--"), volts("kl", i, s, 5.0, "--")],
+        "t|ch|high|low\ns||V|V\n")),
+    "nothing but numbers": (METAL, wide(
+        ",", lambda i: [f"{0.02 * i:.2f}", *(volts("k", i, s, 3.3) for s in STRIPS)])),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_a_log_gives_the_readings_that_are_in_it(form: str) -> None:
+    sensor, text = FORMS[form]
+    found = propose(of_text(text), sensor)
+    mapping, names = found.mapping, ("kh", "kl") if sensor is RUBBER else ("k",)
+    top = {"V": sensor.vref_volt, "mV": 1000.0 * sensor.vref_volt, "percent": 100.0, "code": 1023.0}[
+        mapping.unit
+    ]
+    for n, name in enumerate(names):
+        read = np.stack([scan.values[:, n] for scan in found.scans]) / top
+        np.testing.assert_allclose(read, K[name], atol=0.6 / 1023)
+    assert [s.time_s for s in found.scans] == pytest.approx([0.02 * i for i in SCANS], abs=1e-6)
+    assert all(found.reasons)
+
+
+HEAD = "scan,time_s,strip,v_h,v_l\n"
+
+
+def own(*names: str, scale: float = 5.0, nothing: str = "", head: str = HEAD, index: bool = True) -> str:
+    """Readings in our own form, but for what is changed."""
+    return long(
+        ",",
+        lambda i, s: [
+            *([str(i), str(i)] if index else []),
+            str(s),
+            *(volts(n, i, s, scale, nothing) for n in names),
+        ],
+        head,
+    )
+
+
+def without_empty_lines() -> str:
+    return "".join(line + "\n" for line in own("kh", "kl").splitlines() if not line.endswith(",,"))
+
+
+@pytest.mark.parametrize(
+    ("text", "key", "answer"),
+    [
+        (own("kl", "kh"), "exchanged", "yes"),
+        (own("kh", "kl", nothing="0"), "untouched", "0"),
+        (own("kh", "kl", head=HEAD.replace("time_s", "t")), "time_unit", "ms"),
+        (own("kh", "kl", scale=1.0), "unit", "fraction"),
+        (own("kh", "kl", head="strip,v_h,v_l\n", index=False), "rate_hz", "50"),
+        (without_empty_lines(), "missing", "untouched"),
+        (own("kh", "kl", nothing="OL"), "untouched", "OL"),
+        (own("kh", "kl") + "oops\n", "broken_lines", "skip"),
+    ],
+)
+def test_what_a_log_does_not_say_is_asked_and_the_answer_taken(text: str, key: str, answer: str) -> None:
+    with pytest.raises(Unanswered) as asked:
+        propose(of_text(text), RUBBER)
+    assert key in [q.key for q in asked.value.questions] or key == "missing"
+    answers = {key: answer} | ({"strip_base": "0"} if key == "missing" else {})
+    found = propose(of_text(text), RUBBER, answers)
+    vref = 1.0 if key == "unit" else 5.0
+    read = np.stack([scan.values[:, 0] for scan in found.scans]) / vref
+    np.testing.assert_allclose(read, K["kh"], atol=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("", "empty"),
+        ("hello\nworld\n", "no table"),
+        ("scan;t;strip;v_h;v_l\n0;0.1;0;1,5;2.5\n0;0.1;1;1,5;2.5\n", "decimal points .* and decimal commas"),
+        (HEAD + "0,0,0,2,1\n0,0,1,2,1\n0,0,7,2,1\n", "numbered 0 to 7, and the sensor has 5"),
+        (
+            HEAD.replace("v_h", "v_h [V]") + "0,0,0,9.5,1.5\n0,0,1,2,1\n0,0,2,2,1\n0,0,3,2,1\n0,0,4,2,1\n",
+            "9.5 is above 5",
+        ),
+        (HEAD + "".join(f"{i},{-i},{s},2.5,1.5\n" for i in range(3) for s in STRIPS), "the time falls"),
+    ],
+)
+def test_what_cannot_be_readings_is_refused_with_its_place(text: str, says: str) -> None:
+    with pytest.raises(ts.ReadingError, match=says):
+        propose(of_text(text), RUBBER)
+
+
+def test_a_mapping_is_written_and_reads_the_next_log(tmp_path: Path) -> None:
+    sensor, text = FORMS["a spreadsheet's, with decimal commas and lines above"]
+    found = propose(of_text(text), sensor)
+    found.mapping.save(tmp_path / "map.toml")
+    again = Mapping.load(tmp_path / "map.toml")
+    assert again == found.mapping
+    for one, other in zip(scans(of_text(text), again), found.scans, strict=True):
+        np.testing.assert_array_equal(one.values, other.values)
+    with pytest.raises(ts.ReadingError, match="column 'U_h"):
+        scans(of_text(HEAD + "0,0,0,1,1\n"), again)
+    (tmp_path / "bad.toml").write_text('unit = "furlong"\nstrips = 5\n[columns]\nv = "h"\n')
+    with pytest.raises(ts.OptionError, match="furlong"):
+        Mapping.load(tmp_path / "bad.toml")
+
+
+def test_the_verb_writes_readings_a_recording_and_the_mapping(tmp_path: Path) -> None:
+    sensor, text = FORMS["channels a and b in percent"]
+    sensor.save(tmp_path / "s.toml")
+    log, out = tmp_path / "bench.log", tmp_path / "r.csv"
+    log.write_text(text)
+    done = CliRunner().invoke(cli, ["import", str(log), str(tmp_path / "s.toml"), "-o", str(out)])
+    assert done.exit_code == 0, done.output
+    assert "b [%]: v_h, for it is the larger" in done.stderr
+    read = ts.read_readings(out, sensor)
+    np.testing.assert_allclose(np.stack([s["kl"] for s in read]), K["kl"], atol=1e-4)
+    words = ["import", str(log), str(tmp_path / "s.toml"), "--mapping", str(tmp_path / "r.mapping.toml")]
+    done = CliRunner().invoke(cli, [*words, "-o", str(tmp_path / "r.mcap")])
+    assert done.exit_code == 0, done.output
+    assert len(list(ts.Recording(tmp_path / "r.mcap"))) == len(SCANS)
+    log.write_text("frame,t,strip,a,b\n0,0,2,10,20\n")
+    done = CliRunner().invoke(cli, ["import", str(log), "-o", str(tmp_path / "q.csv")])
+    assert done.exit_code == 1
+    assert "strip_base=..." in done.stderr
+    assert not (tmp_path / "q.csv").exists()
+
+
+def test_arrays_of_numpy_workbooks_and_parquet(tmp_path: Path) -> None:
+    np.savez(tmp_path / "log.npz", t=0.02 * np.arange(4), kh=K["kh"], kl=K["kl"], note=np.array("x"))
+    found = propose(read_table(tmp_path / "log.npz"), RUBBER)
+    assert found.mapping.unit == "fraction"
+    np.testing.assert_allclose(found.scans[2].values[:, 1], K["kl"][2])
+    columns: dict[str, list[float]] = {
+        "scan": [i for i in SCANS for _ in STRIPS],
+        "t [s]": [0.02 * i for i in SCANS for _ in STRIPS],
+    }
+    columns |= {"strip": [s for _ in SCANS for s in STRIPS], "v_out [mV]": list(3300.0 * K["k"].ravel())}
+    _as_parquet(tmp_path / "log.parquet", columns)
+    _as_workbook(tmp_path / "log.xlsx", columns)
+    for name in ("log.parquet", "log.xlsx"):
+        found = propose(read_table(tmp_path / name), METAL)
+        np.testing.assert_allclose([s.values[:, 0] for s in found.scans], 3300.0 * K["k"], atol=1e-6)
+    for name in ("no.npz", "no.xlsx", "no.parquet"):
+        (tmp_path / name).write_bytes(b"PK\x03\x04 no archive")
+        with pytest.raises(ts.ReadingError, match=name):
+            read_table(tmp_path / name)
+
+
+def _as_parquet(path: Path, columns: dict[str, list[float]]) -> None:
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    parquet.write_table(pa.table(columns), path)
+
+
+def _as_workbook(path: Path, columns: dict[str, list[float]]) -> None:
+    import openpyxl
+
+    book = openpyxl.Workbook()
+    book.active.append(["Bench 3"])
+    book.active.append(list(columns))
+    for row in zip(*columns.values(), strict=True):
+        book.active.append([None if v != v else v for v in row])
+    book.save(path)
+
+
+class _Frame(dict[str, list[float]]):
+    """What a pandas DataFrame is to `read_readings`."""
+
+    columns = property(list)
+
+
+def test_a_data_frame_is_read_as_a_file_of_the_same_columns() -> None:
+    frame = _Frame(
+        scan=[0] * 5, time_s=[0.0] * 5, strip=[0.0, 1.0, 2.0, 3.0, 4.0], v_out=list(3.3 * K["k"][0])
+    )
+    (scan,) = ts.read_readings(frame, METAL)
+    np.testing.assert_allclose(scan["k"], K["k"][0], atol=1e-12)
+    frame["v_out"][2] = 9.0
+    with pytest.raises(ts.ReadingError, match=r"line 3: v_out = 9 V is outside"):
+        ts.read_readings(frame, METAL)
+
+
+@given(st.text(alphabet="0123456789.,;:|\t\n -#abhlstvV_%[]>", max_size=300))
+@settings(derandomize=True, max_examples=150, deadline=None)
+def test_any_text_gives_scans_a_question_or_a_clear_error(text: str) -> None:
+    try:
+        found = propose(of_text(text), RUBBER)
+    except (ts.TacstripError, Unanswered):
+        return
+    assert all(scan.values.shape[0] == 5 for scan in found.scans)
+
+
+@given(
+    st.lists(st.lists(st.one_of(st.none(), st.floats(0, 1)), min_size=5, max_size=5), min_size=2, max_size=4)
+)
+@settings(derandomize=True, max_examples=40, deadline=None)
+def test_a_table_in_our_own_form_comes_back_unchanged(values: list[list[float | None]]) -> None:
+    rows = [
+        [str(i), f"{0.1 * i:.1f}", str(s), "" if v is None else f"{v:.4f}"]
+        for i, line in enumerate(values)
+        for s, v in enumerate(line)
+    ]
+    table = Table(("scan", "time_s", "strip", "v_out [V]"), rows, list(range(len(rows))))
+    found = propose(table, METAL, {"untouched": "none"})
+    expected = [[np.nan if v is None else round(v, 4) for v in line] for line in values]
+    np.testing.assert_allclose([s.values[:, 0] for s in found.scans], expected, atol=1e-12)

@@ -1,0 +1,131 @@
+"""Objects over time while their scans come: as good and as honest as all scans at once, and what must be said."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Executor, Future
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import tacstrip as ts
+from rigid_scenes import CORNERS, at, distance, pressed, sliding, ten_strips
+from tacstrip.arrays import FloatArray
+from tacstrip.core.binding import exported
+from tacstrip.tracking import live_contact
+from tacstrip.tracking.rigid.covariance import covariances, information
+from tacstrip.tracking.rigid.fixed_lag import FixedLag
+
+NOISE = ts.Noise(positional=0.005)
+SIGMA = 0.005 / np.sqrt(3.0)
+NAMES = ("kh", "kl")
+OWN = CORNERS - CORNERS.mean(axis=0)
+
+pytestmark = pytest.mark.skipif(exported("rigid_descend") is None, reason="NumPy takes minutes")
+
+
+class Later(Executor):
+    """Runs what was submitted when it is told to."""
+
+    def __init__(self) -> None:
+        self.asked: list[tuple[Future[Any], Callable[[], Any]]] = []
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        task: Future[Any] = Future()
+        self.asked.append((task, lambda: fn(*args, **kwargs)))
+        return task
+
+    def run(self) -> None:
+        for task, work in self.asked:
+            task.set_result(work())
+        self.asked = []
+
+
+def readings(scans: list[ts.Scan]) -> FloatArray:
+    return np.stack([np.stack([scan[name] for name in NAMES]) for scan in scans])
+
+
+def of_mean(poses: FloatArray) -> FloatArray:
+    """Return poses of `CORNERS` as those of `OWN`."""
+    return np.array([(*at(CORNERS, pose).mean(axis=0), pose[2]) for pose in poses])
+
+
+def test_scans_one_by_one_tell_what_all_at_once_do(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The search ends after some more scans have come, which are then taken four at a time."""
+    monkeypatch.setattr(live_contact, "_FIRST", 30)
+    sensor, poses, later = ten_strips(), sliding(44), Later()
+    scans = pressed(sensor, CORNERS, poses, NOISE, 3)
+    live = ts.LiveTracks(sensor, NOISE, executor=later)
+    assert [live.update(scan) for scan in scans[:38]] == [()] * 38
+    later.run()
+    found = [live.update(scan) for scan in scans[38:]]
+    assert [len(f) for f in found] == [0, 0, 1, 1, 1, 1]
+    (first,), (one,) = found[2], found[-1]
+    assert [first.scans, one.scans, one.status, one.id] == [41, 44, "ok", 1]
+    (batch,) = ts.track(scans, sensor, NOISE)
+    assert distance(one.outline, CORNERS) < 0.2  # mm; of one scan 2.2
+    assert batch.covariance is not None
+    widest = np.sqrt(batch.covariance.diagonal().reshape(-1, 2).sum(axis=1).max())
+    assert one.corner_deviation_mm == pytest.approx(widest, rel=0.2)
+    assert one.area_mm2 == pytest.approx(batch.area_mm2, abs=4.0 * one.area_deviation_mm2)
+    near = np.linalg.norm(one.placed[:, None] - at(CORNERS, poses[-1]), axis=2).min(axis=1)
+    assert near.max() < 1.5
+    sigma = np.sqrt(np.diag(one.pose_covariance))
+    np.testing.assert_allclose(sigma, np.sqrt(np.diag(batch.pose_covariances[-1])), rtol=0.2)
+    assert one.velocity[0] == pytest.approx(15.0 / 0.43, rel=0.5)
+    for time_s, said in ((0.43, "clock stands still"), (0.2, "went back")):
+        for _ in range(4):
+            (one,) = live.update(replace(scans[-1], time_s=time_s))
+        assert said in one.advice
+    assert one.status == "ok"
+    assert np.isnan(one.velocity).all()
+    assert np.isfinite(one.pose).all()
+
+
+def test_a_shape_is_recognised_and_its_end_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Lifted, pressed again elsewhere, another thing in its place without a scan between."""
+    monkeypatch.setattr(live_contact, "_FIRST", 25)
+    sensor, triangle = ten_strips(), np.array([(-25.0, -20.0), (25.0, -20.0), (0.0, 28.0)])
+    silent = ts.Scan(kh=np.full(10, np.nan), kl=np.full(10, np.nan))
+    again = sliding(28, -12.0, -10.0, 0.8) + np.array([4.0, -6.0, 2.5])
+    scans = [
+        *pressed(sensor, CORNERS, sliding(28), NOISE, 1), silent,
+        *pressed(sensor, CORNERS, again, NOISE, 2), *pressed(sensor, triangle, again[::-1][:8], NOISE, 3),
+    ]  # fmt: skip
+    live = ts.LiveTracks(sensor, NOISE)
+    found = [live.update(replace(scan, time_s=0.01 * i)) for i, scan in enumerate(scans)]
+    assert [len(f) for f in found] == [0] * 24 + [1] * 4 + [0] * 25 + [1] * 12
+    known = [f[0] for f in found if f]
+    assert [(one.id, one.scans) for one in known[:8]] == [(1, 25 + i) for i in (0, 1, 2, 3, 27, 28, 29, 30)]
+    assert distance(known[7].outline, CORNERS) < 0.3
+    assert known[7].status == "ok"
+    assert [one.status for one in known[8:]] == ["doubtful"] * 8
+    assert "does not explain this one" in known[8].advice
+    assert np.isnan(known[8].pose).all()
+
+
+@pytest.mark.parametrize("lag", [5, 20])
+def test_what_left_the_window_makes_no_shape_too_sure(lag: int) -> None:
+    """Over scenes: normalised errors are those of chi square, and the spread is that of all scans at once."""
+    sensor, poses = ten_strips(), sliding(70)
+    squares, many = [], 6
+    for seed in range(many):
+        k = readings(pressed(sensor, CORNERS, poses, NOISE, seed))
+        fused = FixedLag(
+            sensor, NAMES, SIGMA, OWN + np.random.default_rng(seed).normal(0, 0.05, OWN.shape), lag
+        )
+        fused.begin(k[:30], of_mean(poses)[:30])
+        assert all(fused.add(row) for row in k[30:])
+        b, a = OWN, fused.corners - fused.corners.mean(axis=0)
+        u, _, v = np.linalg.svd(b.T @ a)
+        off, c = (a - b @ (u @ v)).ravel(), fused.known.covariance
+        value, vector = np.linalg.eigh(c)
+        kept = value > 1e-9 * value.max()
+        assert kept.sum() == c.shape[0] - 3
+        squares.append(float(((off @ vector[:, kept]) ** 2 / value[kept]).sum()))
+    assert 0.6 < np.mean(squares) / kept.sum() < 1.5  # its deviation is .22
+    own = of_mean(poses)
+    whole = covariances(information(fused.of(k), OWN, own), OWN, own)[0]
+    assert np.sqrt(np.trace(c) / np.trace(whole)) == pytest.approx(1.0, abs=0.1)
