@@ -423,18 +423,12 @@ def searched(
 
 
 def _with_stretches(one: Object, start: Episode, left: list[Episode], read: Readings) -> Object:
-    """Return the object with those of other stretches that its shape explains, which are taken away.
-
-    Where it shares strips with one that shows what it cannot be, at the same time, the two look alike.
-    """
+    """Return the object with those of other stretches that its shape explains, which are taken away."""
+    others = (e for e in start.group if e is not start and set(e.scans) & set(one.shown))
+    one = replace(one, alike=any(_recognise(one, e, read) is not None for e in others))
     for other in list(left):
-        at_once = bool(set(other.scans) & set(one.shown))
-        if at_once and (one.alike or not any(other is e for e in start.group)):
-            continue
-        again = _recognise(one, other, read)
-        if again is not None and at_once:
-            one = replace(one, alike=True)
-        elif again is not None:
+        again = None if set(other.scans) & set(one.shown) else _recognise(one, other, read)
+        if again is not None:
             one = again
             left.remove(other)
     return one
@@ -454,7 +448,14 @@ def _recognise(one: Object, other: Episode, read: Readings) -> Object | None:
         if recognised(few, rival, more, read.distribution) is not None:
             kept.append((rival, worse))
     found = replace(one.found, fit=fit, rivals=tuple(kept))
-    return Object(one.shown + other.scans, one.joint + other.joint, one.runs + other.runs, every, found)
+    return replace(
+        one,
+        shown=one.shown + other.scans,
+        joint=one.joint + other.joint,
+        runs=one.runs + other.runs,
+        scans=every,
+        found=found,
+    )
 
 
 def _together(
