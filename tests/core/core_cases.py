@@ -18,6 +18,7 @@ from polygons import convex_polygon
 from rigid_scenes import rigid_scene
 from tacstrip.core.ellipse import fit_ellipse
 from tacstrip.core.hit_and_run import hit_and_run
+from tacstrip.core.hull import HullScans, fit_hull_poses, hull_equations
 from tacstrip.core.library import library
 from tacstrip.core.polytope import analytic_centre, feasible_part, lowest, minimax
 from tacstrip.core.posterior import OutlinePrior, outline_ends, outline_record, sample_outlines
@@ -67,6 +68,12 @@ def rigid_outlines() -> Iterable[ArrayLike]:
             yield from vars(equations(scans, corners, poses, how)).values()
             yield from descend(scans, corners, poses, how)
             yield from fit_poses(scans, corners, poses[:, None] + np.zeros((3, 1)), how)
+            hull, two = HullScans(scans, np.ones(scans.k.shape[::2])), [corners, 0.5 * corners]
+            both = np.stack([poses, poses + 0.5], axis=1)
+            yield from vars(
+                hull_equations(hull, two, both, np.ones(both.shape[:2], dtype=bool), how)
+            ).values()
+            yield from fit_hull_poses(hull, two, both[:, None], both[:, None], np.full(1, 0.1), how)
 
 
 @case

@@ -16,7 +16,7 @@ TWINS = {
     "descent.c": ("core.descent", "core.polygon_fit"),
     "feasible_set.c": ("reconstruction.set_membership.feasible_set",),
     "internal.h": ("core.problem",),
-    "rigid.c": ("core.rigid",),
+    "rigid.h": ("core.rigid",),
     "philox.h": ("core.batch",),
     "outlines.c": ("reconstruction.set_membership.outlines", "geometry.moments"),
     "search.c": ("core.search", "core.problem"),
@@ -36,9 +36,8 @@ OWN = {
     "polygon_fit.c FIRM",  # where NumPy decomposes instead
     "outlines.c FLAT",  # np.linalg.pinv's own
 }
-COMPILED_ONLY = (
-    "posterior.c",
-)  # without a NumPy version: tests/core/test_posterior.py holds it to importance sampling
+# Without a NumPy version: test_posterior.py holds one to importance sampling, test_hull.py the other to simulate.
+COMPILED_ONLY = ("hull.c", "posterior.c")
 FILES = sorted(
     p for p in build_core.CORE.iterdir() if p.suffix in (".c", ".h") and p.name not in COMPILED_ONLY
 )

@@ -118,6 +118,8 @@ def _line(one: Track) -> str:
     text = f"object {one.id}: {one.status}"
     if len(seen):
         text += f", {len(seen)} scans, {one.times_s[seen[0]]:.4g} to {one.times_s[seen[-1]]:.4g} s"
+    if one.joint:
+        text += f", {len(one.joint)} of them on strips shared with others"
     if len(one.outline):
         text += f", {len(one.outline)} corners, {one.area_mm2:.6g} mm2"
         if np.isfinite(one.area_deviation_mm2):

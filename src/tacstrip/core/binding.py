@@ -133,6 +133,7 @@ SHAPE_CORNERS, SHAPE_OBJECTS = 16, 8  # of a drawn polygon and of a drawn scene
 KNOTS, MOST_CORNERS = 20, 26  # points of a chain and vertices of a sampled outline
 HOTTEST = 6  # temperatures of a sampler
 RIGID_CORNERS = 24  # corners of an outline that keeps its shape
+HULL_OBJECTS = 8  # objects on the same strips
 # `Outline` and `OutlinePrior` of core.h.
 OUTLINE = np.dtype(_fields(count="2i8", x=f"(2,{KNOTS})f8", y=f"(2,{KNOTS})f8"))
 OUTLINE_PRIOR = np.dtype(
@@ -184,6 +185,8 @@ _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
         _DOUBLE,
         (_POINTER, _INT, _POINTER, _INT, _DOUBLE, _DOUBLE, _INT, _DOUBLE, _DOUBLE, *[_POINTER] * 4),
     ),
+    "hull_equations": (_DOUBLE, (_SCANS, _LOSS, _POINTER, _INT, *[_POINTER] * 10)),
+    "hull_poses": (None, (_SCANS, _LOSS, _POINTER, _INT, *[_POINTER] * 5, _INT, _INT, _POINTER)),
     "isolated_outliers": (_INT, (_POINTER, _INT, _INT, _POINTER)),
     "batch": (_INT, (*[_POINTER] * 3, _INT, _INT, *[_POINTER] * 4)),
     "footprint": (None, (_POINTER, _POINTER, _INT, _DOUBLE, _INT, _POINTER, _POINTER)),
@@ -203,6 +206,7 @@ _LONG = frozenset(
         "hit_and_run",
         "rigid_poses",
         "rigid_descend",
+        "hull_poses",
         "refine_scene",
     )
 )

@@ -14,7 +14,7 @@
 #ifndef TACSTRIP_CORE_H
 #define TACSTRIP_CORE_H
 
-#define TACSTRIP_VERSION 7 /* goes up whenever a function or a struct of this file changes */
+#define TACSTRIP_VERSION 8 /* goes up whenever a function or a struct of this file changes */
 
 #define MAX_VERTICES 16        /* interior vertices of a polygon */
 #define END_ENTRIES 6          /* entries of theta before the first vertex */
@@ -29,6 +29,7 @@
 #define SHAPE_CORNERS 16       /* of a drawn polygon */
 #define SHAPE_OBJECTS 8        /* of a drawn scene */
 #define RIGID_CORNERS 24       /* corners of an outline that keeps its shape, at most; 19 in a descent */
+#define HULL_OBJECTS 8         /* objects on the same strips, at most */
 
 #if defined(_WIN32)
 #define EXPORTED __declspec(dllexport)
@@ -353,5 +354,20 @@ EXPORTED Int tacstrip_batch(const BatchSensor *sensor, const ShapeLaws *laws, co
    of every side; those of contact c are begin[c] to begin[c + 1] - 1. */
 EXPORTED void tacstrip_footprint(const double *edges, const Int *begin, Int contacts, double pitch, Int strips, double *l,
                                  double *u);
+
+/* The normal equations of several outlines on the same strips: corners (sum of counts, 2), one outline after the other, and
+   poses (scans, objects, 3); present (scans, objects) leaves an object out where it is 0. known (scans, strips) is 0 where
+   a strip without readings says nothing; elsewhere nothing touches it. Writes pose (scans, P, P), mixed (scans, P, C), shape
+   (C, C), pose_slope (scans, P), shape_slope (C,) and costs (scans,), P = 3 objects and C all corners' numbers. Returns the total. */
+EXPORTED double tacstrip_hull_equations(const Scans *scans, const Loss *loss, const double *known, Int objects,
+                                        const Int *counts, const double *corners, const double *present,
+                                        const double *poses, double *pose, double *mixed, double *shape,
+                                        double *pose_slope, double *shape_slope, double *costs);
+
+/* Move poses (scans, starts, objects, 3) downhill, those of a scan together, and write what they cost, costs (scans, starts),
+   with what they are off from where they are expected, squared, times weight, both as poses. */
+EXPORTED void tacstrip_hull_poses(const Scans *scans, const Loss *loss, const double *known, Int objects,
+                                  const Int *counts, const double *corners, double *poses, const double *expected,
+                                  const double *weight, Int starts, Int steps, double *costs);
 
 #endif

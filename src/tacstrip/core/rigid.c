@@ -1,77 +1,14 @@
 /* One rigid outline in many scans: the normal equations of its corners and of its pose in each, and descents by them.
    A strip reads the hull of the outline on its centre line, so that it may be concave. */
 
-#include "internal.h"
+#include "rigid.h"
 
-#define STEEPEST 16.0   /* slope squared from which an edge's tolerance grows no more */
-#define DAMPING 1e-3    /* of the diagonal, to begin with */
-#define EASED 6.0       /* how much less after a step that helps, and more after one that does not */
-#define LEAST 1e-9      /* damping at least, and what is added to the diagonal */
-#define HOPELESS 1e8    /* damping that ends a descent */
 #define PINNED 1e12     /* weight of the pose that the frame is fixed to */
-#define TOUCHES 1e-12   /* an edge no longer than this in x is vertical */
-
-typedef struct {
-  double x[RIGID_CORNERS], y[RIGID_CORNERS], cos, sin;
-  Int end[2]; /* the left-most and the right-most corner */
-} Posed;
-
-/* Where a strip's centre line crosses the outline lowest or highest. */
-typedef struct {
-  Int from, to; /* corners of the edge */
-  double y, share, slope;
-} Crossing;
 
 /* Places of the results of one scan; a null leaves it out. */
 typedef struct {
   double *pose, *mixed, *shape, *pose_slope, *shape_slope; /* (3, 3), (3, 2 N), (2 N, 2 N), (3,), (2 N,) */
 } Normal;
-
-static void place(const double *corners, Int count, const double *pose, Posed *p) {
-  p->cos = cosine(pose[2]);
-  p->sin = sine(pose[2]);
-  p->end[0] = p->end[1] = 0;
-  for (Int i = 0; i < count; i++) {
-    p->x[i] = p->cos * corners[2 * i] - p->sin * corners[2 * i + 1] + pose[0];
-    p->y[i] = p->sin * corners[2 * i] + p->cos * corners[2 * i + 1] + pose[1];
-    if (p->x[i] < p->x[p->end[0]]) p->end[0] = i;
-    if (p->x[i] > p->x[p->end[1]]) p->end[1] = i;
-  }
-}
-
-/* Beside the outline its end corner is read. */
-static void cross(const Posed *p, Int count, double x, Crossing *low, Crossing *high) {
-  int found = 0;
-  for (Int i = 0; i < count; i++) {
-    Int j = i + 1 < count ? i + 1 : 0;
-    double from = p->x[i], to = p->x[j];
-    if (!((from <= x && x < to) || (to <= x && x < from))) continue;
-    double share = (x - from) / (to - from), run = to - from;
-    if (magnitude(run) < TOUCHES) run = run < 0.0 ? -TOUCHES : TOUCHES;
-    Crossing here = {i, j, p->y[i] + share * (p->y[j] - p->y[i]), share, (p->y[j] - p->y[i]) / run};
-    if (!found || here.y < low->y) *low = here;
-    if (!found || here.y > high->y) *high = here;
-    found = 1;
-  }
-  if (found) return;
-  Int i = p->end[magnitude(x - p->x[p->end[1]]) < magnitude(x - p->x[p->end[0]])];
-  Crossing corner = {i, i, p->y[i], 0.0, 0.0};
-  *low = *high = corner;
-}
-
-/* dy of a crossing by the pose (3,) and by x and y of both corners (4,). */
-static void slopes(const Posed *p, const double *pose, const Crossing *c, double *by_pose, double *by_corner) {
-  double m = c->slope, ex = p->sin - m * p->cos, ey = m * p->sin + p->cos, keep = 1.0 - c->share;
-  double turned_from = p->x[c->from] - pose[0] + m * (p->y[c->from] - pose[1]);
-  double turned_to = p->x[c->to] - pose[0] + m * (p->y[c->to] - pose[1]);
-  by_pose[0] = -m;
-  by_pose[1] = 1.0;
-  by_pose[2] = keep * turned_from + c->share * turned_to;
-  by_corner[0] = keep * ex;
-  by_corner[1] = keep * ey;
-  by_corner[2] = c->share * ex;
-  by_corner[3] = c->share * ey;
-}
 
 /* Add w a b' + w b a' over two, with a and b the slopes of two crossings, or one, to the blocks. */
 static void add_product(const Normal *n, Int size, double weight, const Crossing *c, const double *pa, const double *ca,
@@ -89,46 +26,6 @@ static void add_gradient(const Normal *n, double weight, const Crossing *c, cons
   if (!n->shape) return;
   for (int i = 0; i < 2; i++) n->shape_slope[2 * c->from + i] += weight * by_corner[i];
   for (int i = 0; i < 2; i++) n->shape_slope[2 * c->to + i] += weight * by_corner[2 + i];
-}
-
-/* What a residual over sigma costs; *weight is multiplied by what Cauchy's loss leaves of its weight. */
-static double loss_of(const Loss *loss, double residual, double *weight) {
-  double square = residual * residual;
-  if (!(loss->cauchy > 0.0)) return square;
-  double scale = loss->cauchy * loss->cauchy, more = 1.0 + square / scale;
-  *weight /= more;
-  return scale * natural_log(more);
-}
-
-/* The readings of one strip. Returns their cost. */
-static double strip(const Scans *s, const Loss *loss, const double *k, Int stride, const Crossing *low,
-                    const Crossing *high, double *terms) {
-  double l = clip(low->y / s->length, 0.0, 1.0), u = clip(high->y / s->length, 0.0, 1.0), w = u - l, cost = 0.0;
-  double held_l = low->y > 0.0 && low->y < s->length, held_u = high->y > 0.0 && high->y < s->length;
-  double h = s->lam > 0.0 ? hyperbolic_tangent(w / (2.0 * s->lam)) : 0.0, t = s->lam * h;
-  double mix = s->lam > 0.0 ? 0.5 * (1.0 - h * h) : 0.0, keep = 1.0 - mix;
-  double over = 1.0 / larger(1.0 - s->narrow * (w - 2.0 * t), LEAST_D);
-  double rough_l = 1.0 + smaller(low->slope * low->slope, STEEPEST);
-  double rough_u = 1.0 + smaller(high->slope * high->slope, STEEPEST);
-  for (int i = 0; i < 5; i++) terms[i] = 0.0;
-  for (Int row = 0; row < s->signatures; row++) {
-    double read = k[row * stride], share = s->share[row];
-    if (!(read == read)) continue;
-    double model = ((1.0 - share) * (l + t) + share * (u - t)) * over;
-    double by_low = (1.0 - share - s->narrow * model) * over, by_high = (share + s->narrow * model) * over;
-    double by_l = (by_low * keep + by_high * mix) / s->length, by_u = (by_high * keep + by_low * mix) / s->length;
-    double soft = loss->tolerance * loss->tolerance * (by_l * by_l * rough_l + by_u * by_u * rough_u);
-    double weight = 1.0 / (s->sigma * s->sigma + soft), residual = read - model;
-    cost += loss_of(loss, residual * sqrt(weight), &weight);
-    by_l *= held_l;
-    by_u *= held_u;
-    terms[0] += weight * by_l * by_l;
-    terms[1] += weight * by_l * by_u;
-    terms[2] += weight * by_u * by_u;
-    terms[3] += weight * by_l * residual;
-    terms[4] += weight * by_u * residual;
-  }
-  return cost;
 }
 
 /* An end corner lies between a strip that is touched and the next one, which is not: nothing more is known of it. */

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from tacstrip.geometry.region import regions
 from tacstrip.plot.scene import draw_polygon, draw_sensor, x_label
-from tacstrip.plot.style import OTHERS, RECOVERED, legend, new_panels
+from tacstrip.plot.style import OTHERS, RECOVERED, SENSOR, legend, new_panels
 from tacstrip.sensor.spec import Sensor
 from tacstrip.tracking.track import Track
 
@@ -24,6 +24,7 @@ def track_figure(sensor: Sensor, tracks: Sequence[Track]) -> Figure:
     shape.set(xlabel="x [mm]", ylabel="y [mm]", title="shapes in their own frames, 95 % regions")
     shape.set_aspect("equal", adjustable="datalim")
     pose.set(xlabel="time [s]", ylabel="[mm], and [deg] dashed", title="x, y and angle")
+    shared, marked = np.zeros(len(tracks[0].times_s) if tracks else 0, dtype=bool), False
     for track, colour in zip(tracks, [RECOVERED, *OTHERS] * len(tracks), strict=False):
         seen, doubtful = np.flatnonzero(track.present), track.status not in ("ok", "likely")
         if not len(track.outline) or not len(seen):
@@ -39,11 +40,21 @@ def track_figure(sensor: Sensor, tracks: Sequence[Track]) -> Figure:
             for region in regions(track.outline, track.covariance):
                 shape.fill(*region.T, color=colour, alpha=0.25)
         time = track.times_s if np.diff(track.times_s).any() else np.arange(len(track.times_s))
+        together = np.zeros(len(time), dtype=bool)
+        together[list(track.joint)] = True
+        way.plot(*track.poses[together, :2].T, "o", color=colour, markersize=2.5, fillstyle="none")
+        shared |= together
         pose.plot(time, track.poses[:, 0], color=colour, label=f"{track.id}: x")
         pose.plot(time, track.poses[:, 1], color=colour, alpha=0.5, label=f"{track.id}: y")
         pose.plot(
             time, np.rad2deg(track.poses[:, 2]), color=colour, linestyle="--", label=f"{track.id}: angle"
         )
+    for run in np.split(np.flatnonzero(shared), np.flatnonzero(np.diff(np.flatnonzero(shared)) > 1) + 1):
+        if len(run):
+            pose.axvspan(
+                time[run[0]], time[run[-1]], color=SENSOR, zorder=0, label=None if marked else "strips shared"
+            )
+            marked = True
     for axes in (shape, pose):
         if axes.get_legend_handles_labels()[1]:
             legend(axes)

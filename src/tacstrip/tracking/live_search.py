@@ -17,7 +17,7 @@ from tacstrip.tracking.episodes import Episode
 from tacstrip.tracking.rigid.corners import Fit
 from tacstrip.tracking.rigid.fixed_lag import FixedLag
 from tacstrip.tracking.rigid.search import content, recognised
-from tacstrip.tracking.track import Skin, searched, summarised
+from tacstrip.tracking.track import Readings, Skin, searched, summarised
 
 _COMPARED = 24  # scans of a known object, and of a contact, that tell whether it is the same
 _MOVED = 2.0  # standard deviations that readings must vary by, over time
@@ -103,11 +103,12 @@ def find_shape(contact: Contact) -> KnownShape | None:
     whole = Episode(list(range(total)), [slice(0, contact.sensor.strips)] * total)
     skin = Skin(contact.sensor, slice(0, contact.sensor.strips))
     # The scans to come have what channels are off, too: the shape must explain them as they are.
-    one = searched(whole, contact.k, skin, contact.names, contact.sigma, contact.distribution, offsets=False)
+    read = Readings(contact.k, skin, contact.names, contact.sigma, contact.distribution)
+    one = searched(whole, read, offsets=False)
     if one is None:
         return None
     scans = [Scan(**dict(zip(contact.names, row, strict=True))) for row in contact.k]
-    track = summarised(one, scans, skin, None, contact.distribution)
+    track = summarised(one, scans, read, None)
     turn = 0.0 if np.isnan(contact.angle) else float(track.poses[-1, 2] - contact.angle)
     frame = np.array([0.0, 0.0, turn])
     lag = FixedLag(

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from tacstrip.arguments import takes
-from tacstrip.arrays import FloatArray
+from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.contact.noise import Noise
+from tacstrip.core.hull import available
 from tacstrip.core.problem import FLOOR
 from tacstrip.core.rigid import RigidScans
 from tacstrip.errors import ReadingError, SignatureError
@@ -22,8 +23,8 @@ from tacstrip.reconstruction.result import Alternative, RecoveredObject, Status
 from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import check_closed_form
 from tacstrip.sensor.spec import Sensor
-from tacstrip.tracking.episodes import Episode, episodes, spanned
-from tacstrip.tracking.rigid.corners import Fit
+from tacstrip.tracking.episodes import Episode, episodes, only, spanned
+from tacstrip.tracking.rigid.corners import Fit, posed
 from tacstrip.tracking.rigid.covariance import covariances, information
 from tacstrip.tracking.rigid.offsets import taken_off, with_offsets
 from tacstrip.tracking.rigid.search import (
@@ -35,6 +36,8 @@ from tacstrip.tracking.rigid.search import (
     search,
     with_all_poses,
 )
+from tacstrip.tracking.shared_strips.lone_ends import lone_ends
+from tacstrip.tracking.shared_strips.scene import Alone, Shared, follow
 from tacstrip.tracking.single_scans import SingleScans
 
 FEWEST = 5  # scans of one stretch that a shape is searched in
@@ -71,6 +74,11 @@ _LOOSE = (
 )
 _CONCAVE = "the outline is concave: one object, or several that keep together"
 _SHORT = "{n} scans show it, too few for a shape over time: the outline is that of the scan that tells most"
+_UNEXPLAINED = (
+    "in the scans in which it shares strips the known objects do not explain the readings: another is there that is "
+    "never alone, or one outline is that of two"
+)
+_LOOKS_ALIKE = "another that it shared strips with looks like it: after they parted each may be the other"
 STANDS = "the clock stands still: no velocity"
 
 
@@ -103,7 +111,8 @@ class Track:
     alternatives
         Other outlines that explain the scans as well, in this object's frame.
     joint
-        Scans in which it shared strips with another object, and has no pose.
+        Scans in which it shared strips with another object. It has a pose there where the objects that are known from
+        other scans explain the readings.
     motion
         What the shape takes for granted of the motion: "free" where each scan has a pose of its own, or which smooth
         path; one signature takes the smoothest that explains the readings.
@@ -192,8 +201,8 @@ def track(scans: Sequence[Scan], sensor: Sensor, noise: Noise | None = None) -> 
     Returns
     -------
     list of Track
-        In the order of appearance. An object that is lifted and pressed again keeps its number where its shape is
-        recognised.
+        In the order of appearance, from left to right. An object that is lifted and pressed again keeps its number
+        where its shape is recognised, and one that shares strips with others where it was alone before or after.
 
     Raises
     ------
@@ -237,29 +246,39 @@ def track(scans: Sequence[Scan], sensor: Sensor, noise: Noise | None = None) -> 
     k = np.stack([np.stack([scan[name] for name in names]) for scan in read])
     sigma = None if noise is None else max(fit_sigma(noise, sensor, Averaging.of(read[0])), FLOOR)
     distribution = "normal" if noise is None or not noise.independent else noise.distribution
-    seen_once = episodes(k, sensor.closed)
-    skin = Skin(sensor, spanned(seen_once, sensor.strips))
-    left = sorted(seen_once, key=lambda e: -len(e.scans))
-    tracks: list[tuple[int, Track]] = []
+    stretches = episodes(k, sensor.closed)
+    readings = Readings(k, Skin(sensor, spanned(stretches, sensor.strips)), names, sigma, distribution)
+    left, unlike, objects = sorted(stretches, key=lambda e: -len(e.scans)), list[Episode](), list[Object]()
     while left:
         one = left.pop(0)
-        seen = searched(one, k, skin, names, sigma, distribution)
-        if seen is None:
-            found = _of_one_scan(one, read, sensor, noise)
+        hurried = readings.followable and not any(e.joint for e in one.group)
+        seen = searched(one, readings, thorough=not hurried)
+        if seen is None or not content(seen.scans, seen.found.fit, distribution):
+            unlike.append(one)
         else:
-            for other in [e for e in left if not set(e.scans) & set(seen.shown)]:
-                again = _recognise(seen, other, k, skin, distribution)
-                if again is not None:
-                    seen = again
-                    left.remove(other)
-            found = summarised(seen, read, skin, noise, distribution)
-        tracks.append(
-            (one.scans[0], replace(found, times_s=times, velocities=_velocities(found.poses, times)))
-        )
+            objects.append(_with_stretches(seen, one, left, readings))
+    objects, unlike = _together(objects, unlike, stretches, readings)
+    tracks: list[tuple[int, Track]] = []
+    while unlike:
+        one = unlike.pop(0)
+        seen = searched(one, readings)
+        if seen is None:
+            tracks.append((one.scans[0], _of_one_scan(one, read, sensor, noise)))
+        else:
+            objects.append(_with_stretches(seen, one, unlike, readings))
+    for each in objects:
+        found = summarised(each, read, readings, noise)
+        tracks.append((int(np.argmax(found.present)), found))
     standing = len(times) > 1 and not np.diff(times).any()
     return [
-        replace(t, id=i, advice="; ".join(filter(None, [t.advice, STANDS if standing else ""])))
-        for i, (_, t) in enumerate(sorted(tracks, key=lambda pair: pair[0]), 1)
+        replace(
+            t,
+            id=i,
+            times_s=times,
+            velocities=_velocities(t.poses, times),
+            advice="; ".join(filter(None, [t.advice, STANDS if standing else ""])),
+        )
+        for i, (_, t) in enumerate(sorted(tracks, key=lambda pair: (pair[0], pair[1].poses[pair[0], 0])), 1)
     ]
 
 
@@ -283,13 +302,96 @@ class Skin:
 
 @dataclass(frozen=True, eq=False)
 class Object:
-    """The scans that show one object, its readings there, and what was found."""
+    """The scans that show one object by itself, its readings there, and what was found; and with others.
+
+    `alike`: one of those that share strips with it has its shape.
+    """
 
     shown: list[int]
     joint: list[int]
     runs: list[slice]
     scans: RigidScans
     found: Found
+    shared: tuple[Shared, ...] = ()
+    alike: bool = False
+
+    @property
+    def places(self) -> set[tuple[int, int]]:
+        """Scans that show it by itself, and its first strip there."""
+        return {(scan, run.start) for scan, run in zip(self.shown, self.runs, strict=True)}
+
+    @property
+    def followable(self) -> bool:
+        """Whether it can be followed where it shares strips: there channels have no offsets and poses no spline."""
+        return (
+            self.found.offsets is None
+            and self.found.fit.basis is None
+            and self.scans.strips_touched >= LEAST_STRIPS
+        )
+
+    @property
+    def alone(self) -> Alone:
+        """What is known of it for scans in which it shares strips."""
+        order = np.argsort(self.shown)
+        fit = self.found.fit
+        return Alone(
+            fit.corners,
+            [self.shown[i] for i in order],
+            fit.poses[order],
+            self.scans.k[order],
+            tuple(o for o, _ in self.found.others)
+            if self.found.spread_mm > _TOLD * self.scans.sensor.pitch_mm
+            else (),
+        )
+
+    @property
+    def unexplained(self) -> Object:
+        """It with the advice that what it shares strips with is not known."""
+        return replace(self, shared=(*self.shared, Shared(self.found.fit.corners, {}, advice=_UNEXPLAINED)))
+
+    def without(self, places: set[tuple[int, int]]) -> Object | None:
+        """Return what is known of it without some scans and places; None where nothing is left."""
+        at = zip(self.shown, self.runs, strict=True)
+        kept = [i for i, (scan, run) in enumerate(at) if (scan, run.start) not in places]
+        if not kept:
+            return None
+        fit = self.found.fit
+        fit = Fit(fit.corners, fit.poses[kept], fit.costs[kept])
+        shown, runs = [self.shown[i] for i in kept], [self.runs[i] for i in kept]
+        return Object(shown, [], runs, self.scans.of(kept), Found(fit, np.arange(len(kept))))
+
+    def with_shared(self, more: Shared) -> Object:
+        """Return it with scans in which it shares strips, and the outline that they sharpened."""
+        last = self.found.fit.poses
+        start = np.stack([more.again.get(s, p) for s, p in zip(self.shown, last, strict=True)])
+        fit = posed(self.scans, Fit(more.corners, start, np.full(len(start), np.inf)))
+        rivals = tuple(
+            (replace(fit, corners=o, poses=fit.poses[self.found.chosen]), w) for o, w in more.rivals
+        )
+        return replace(self, found=replace(self.found, fit=fit, rivals=rivals), shared=(*self.shared, more))
+
+
+@dataclass(frozen=True, eq=False)
+class Readings:
+    """All readings (T, S, n), and what is known of them; sigma None: not known."""
+
+    k: FloatArray
+    skin: Skin
+    names: tuple[str, ...]
+    sigma: float | None
+    distribution: str
+
+    @property
+    def followable(self) -> bool:
+        """Whether objects can be followed where they share strips: with both signatures, and compiled."""
+        return available() and len(self.names) > 1
+
+    @property
+    def touched(self) -> BoolArray:
+        """Strips of the skin that are touched (T, n)."""
+        span = self.skin.span
+        own = np.arange(span.start, span.stop) % self.k.shape[2]
+        return np.asarray(np.isfinite(self.k).any(axis=1))[:, own]
 
 
 def _checked(number: int, scan: Scan, sensor: Sensor) -> Scan:
@@ -300,27 +402,20 @@ def _checked(number: int, scan: Scan, sensor: Sensor) -> Scan:
 
 
 def searched(
-    episode: Episode,
-    k: FloatArray,
-    skin: Skin,
-    names: tuple[str, ...],
-    sigma: float | None,
-    distribution: str,
-    *,
-    offsets: bool = True,
+    episode: Episode, read: Readings, *, offsets: bool = True, thorough: bool = True
 ) -> Object | None:
     """Return the object of an episode; None where its scans are too few for a shape over time."""
     if len(episode.scans) < FEWEST:
         return None
-    sensor = skin.sensor
-    level = sigma or max(GUESS, sensor.adc_step)
-    every = RigidScans(skin.laid_out, names, episode.readings(k, skin.span), level)
+    step = read.skin.sensor.adc_step
+    level = read.sigma or max(GUESS, step)
+    every = RigidScans(read.skin.laid_out, read.names, episode.readings(read.k, read.skin.span), level)
     few = np.unique(np.linspace(0, len(every.k) - 1, min(len(every.k), MOST)).astype(int))
-    least = max(sensor.adc_step / math.sqrt(12.0), FLOOR)
+    least = max(step / math.sqrt(12.0), FLOOR)
     for _ in range(_ROUNDS):
-        found = search(every.of(few), distribution, offsets=offsets)
+        found = search(every.of(few), read.distribution, offsets=offsets, thorough=thorough)
         left = level * math.sqrt(found.fit.cost / found.fit.freedom(every.of(few)))
-        if sigma or level / _ALIKE < left < level * _ALIKE:
+        if read.sigma or level / _ALIKE < left < level * _ALIKE:
             break
         level = float(np.clip(left, least, _CEILING))
         every = every.with_sigma(level)
@@ -329,46 +424,178 @@ def searched(
     return Object(episode.scans, episode.joint, episode.runs, every, found)
 
 
-def _recognise(one: Object, other: Episode, k: FloatArray, skin: Skin, distribution: str) -> Object | None:
+def _with_stretches(one: Object, start: Episode, left: list[Episode], read: Readings) -> Object:
+    """Return the object with those of other stretches that its shape explains, which are taken away."""
+    others = (e for e in start.group if e is not start and set(e.scans) & set(one.shown))
+    one = replace(one, alike=any(_recognise(one, e, read) is not None for e in others))
+    for other in list(left):
+        again = None if set(other.scans) & set(one.shown) else _recognise(one, other, read)
+        if again is not None:
+            one = again
+            left.remove(other)
+    return one
+
+
+def _recognise(one: Object, other: Episode, read: Readings) -> Object | None:
     """Return the object with another stretch of scans too, where its shape explains them; else None."""
-    if one.found.fit.basis is not None or not content(one.scans, one.found.fit, distribution):
+    if one.found.fit.basis is not None or not content(one.scans, one.found.fit, read.distribution):
         return None
-    more = taken_off(replace(one.scans, k=other.readings(k, skin.span)), one.found.offsets)
-    fit = recognised(one.scans, one.found.fit, more, distribution)
+    more = taken_off(replace(one.scans, k=other.readings(read.k, read.skin.span)), one.found.offsets)
+    fit = recognised(one.scans, one.found.fit, more, read.distribution)
     if fit is None:
         return None
     every = replace(one.scans, k=np.concatenate([one.scans.k, more.k]))
     few, kept = one.scans.of(one.found.chosen), []
     for rival, worse in one.found.rivals if one.found.spread_mm > _TOLD * one.scans.sensor.pitch_mm else ():
-        if recognised(few, rival, more, distribution) is not None:
+        if recognised(few, rival, more, read.distribution) is not None:
             kept.append((rival, worse))
     found = replace(one.found, fit=fit, rivals=tuple(kept))
-    return Object(one.shown + other.scans, one.joint + other.joint, one.runs + other.runs, every, found)
+    return replace(
+        one,
+        shown=one.shown + other.scans,
+        joint=one.joint + other.joint,
+        runs=one.runs + other.runs,
+        scans=every,
+        found=found,
+    )
 
 
-def summarised(one: Object, scans: list[Scan], skin: Skin, noise: Noise | None, distribution: str) -> Track:
+def _together(
+    objects: list[Object], unlike: list[Episode], stretches: list[Episode], read: Readings
+) -> tuple[list[Object], list[Episode]]:
+    """Return objects with what scans add in which they share strips, and the episodes that remain unexplained."""
+    if not read.followable:
+        return objects, unlike
+    aside, objects = [o for o in objects if not o.followable], [o for o in objects if o.followable]
+    touched, laid_out = read.touched, read.skin.laid_out
+    for group in {id(e.group): e.group for e in stretches}.values():
+        bent = [e for e in unlike if any(e is g for g in group) and len(e.scans) >= FEWEST]
+        if not (bent or (objects and any(e.joint for e in group))):
+            continue
+        mine = {(s, run.start) for e in group for s, run in zip(e.scans, e.runs, strict=True)}
+        if not bent and any(mine & o.places for o in aside):
+            continue
+        parts = [part for e in bent for part in _parts(e, read)]
+        readings = _of_group(group, read)
+        first = min((s for e in group for s in e.joint), default=0)
+        later = {place for place in mine if place[0] >= first}
+        for known in _suppositions(objects, parts, group, later, read):
+            sigma = max(one.scans.sigma for one in known)
+            alone = [o.alone for o in known]
+            found = follow(alone, readings, touched, laid_out, read.names, sigma, read.distribution)
+            if found is not None:
+                objects = [o if f is None else o.with_shared(f) for o, f in zip(known, found, strict=True)]
+                unlike = [e for e in unlike if not any(e is g for g in group)]
+                break
+        else:
+            objects = [o.unexplained if mine & o.places else o for o in objects]
+    return [*objects, *aside], unlike
+
+
+def _suppositions(
+    objects: list[Object],
+    parts: list[Object],
+    group: list[Episode],
+    later: set[tuple[int, int]],
+    read: Readings,
+) -> Iterator[list[Object]]:
+    """Yield what may be known of the objects of a group that comes together, most likely first.
+
+    Parts of episodes may be objects that are known already, and stretches that were taken for the same may be of two
+    that look alike: then `later` places, after they first came together, do not count, and follow from the motion.
+    """
+    if parts:
+        yield _with_parts(objects, parts, read, True)
+        yield _with_parts(objects, parts, read, False)
+    elif objects:
+        before = [b for o in objects if (b := o.without(later) if o.places & later else o) is not None]
+        shortened = any(o.places & later for o in objects)
+        if not (shortened and any(o.alike for o in objects if o.places & later)):
+            yield objects
+        if shortened and len(before) > 1:
+            yield before
+        # objects that come together and are lifted one after the other: the last of them is alone at the end
+        stretches = {tuple(e.joint): e.joint_runs for e in group if len(e.joint) >= FEWEST}
+        ends = [Episode(list(joint), runs) for joint, runs in stretches.items()]
+        last = [part for e in ends for part in _parts(e, read, (True,))]
+        if last:
+            yield _with_parts(objects, last, read, True)
+
+
+def _parts(episode: Episode, read: Readings, ends: tuple[bool, ...] = (False, True)) -> list[Object]:
+    """Return the objects that the first (False) and the last scans of an episode show by themselves."""
+    every = RigidScans(
+        read.skin.laid_out, read.names, episode.readings(read.k, read.skin.span), read.sigma or GUESS
+    )
+    if every.strips_touched < LEAST_STRIPS:
+        return []
+    return [
+        Object(
+            [episode.scans[i] for i in some],
+            [],
+            [episode.runs[i] for i in some],
+            every.of(np.array(some)),
+            found,
+        )
+        for some, found in lone_ends(every, read.distribution, ends)
+    ]
+
+
+def _with_parts(objects: list[Object], parts: list[Object], read: Readings, again: bool) -> list[Object]:
+    """Return objects with those of parts of episodes, where wanted as the same if a shape is recognised."""
+    known = list(objects)
+    for part in parts:
+        for i, one in enumerate(known) if again else ():
+            fit = None
+            if not set(part.shown) & set(one.shown):
+                fit = recognised(one.scans, one.found.fit, part.scans, read.distribution)
+            if fit is not None:
+                every = replace(one.scans, k=np.concatenate([one.scans.k, part.scans.k]))
+                known[i] = replace(
+                    one,
+                    shown=one.shown + part.shown,
+                    runs=one.runs + part.runs,
+                    scans=every,
+                    found=replace(one.found, fit=fit),
+                )
+                break
+        else:
+            known.append(part)
+    return known
+
+
+def _of_group(group: list[Episode], read: Readings) -> dict[int, FloatArray]:
+    """Return the readings of a group of episodes, scan by scan (S, strips of the skin), NaN where others touch."""
+    found: dict[int, FloatArray] = {}
+    for one in group:
+        for scan, run in zip([*one.scans, *one.joint], [*one.runs, *one.joint_runs], strict=True):
+            own = only(read.k[scan], run, read.skin.span)
+            found[scan] = np.where(np.isfinite(own), own, found.get(scan, np.nan))
+    return found
+
+
+def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | None) -> Track:
     """Return what is known of an object over time."""
-    fit, sensor, total = one.found.fit, skin.sensor, len(scans)
+    fit, skin, total = one.found.fit, read.skin, len(scans)
+    sensor = skin.sensor
     if _signed_area(fit.corners) < 0.0:
         fit = replace(fit, corners=fit.corners[::-1])
     corners, first = fit.corners, int(np.argmin(one.shown))
     middle, angle = corners.mean(axis=0), float(fit.poses[first, 2])
     outline, spin = _turned(corners - middle, angle), _turned(np.eye(2), angle)
-    where = np.stack([placed(middle[None], p)[0] for p in fit.poses])
-    rows = np.column_stack([where, fit.poses[:, 2] - angle])
     equations = information(one.scans, corners, fit.poses)
     if one.found.offsets is not None:
         equations = with_offsets(one.scans, fit, equations, one.found.offsets.deviation)
     shape, of_poses = covariances(equations, corners, fit.poses, fit.basis)
-    all_spin, by = np.kron(np.eye(len(corners)), spin.T), np.tile(np.eye(3), (len(rows), 1, 1))
+    all_spin = np.kron(np.eye(len(corners)), spin.T)
     shape = np.asarray(all_spin @ shape @ all_spin.T)
-    by[:, 0, 2], by[:, 1, 2] = fit.poses[:, 1] - where[:, 1], where[:, 0] - fit.poses[:, 0]
-    of_poses = np.asarray(by @ of_poses @ by.transpose(0, 2, 1))
     poses, spreads = np.full((total, 3), np.nan), np.full((total, 3, 3), np.nan)
-    poses[one.shown], spreads[one.shown] = rows, of_poses
+    poses[one.shown], spreads[one.shown] = _reframed(fit.poses, of_poses, middle, angle)
+    for more in one.shared:
+        poses[more.scans], spreads[more.scans] = _reframed(more.poses, more.covariances, middle, angle)
     poses[:, 0] += skin.span.start * sensor.pitch_mm
     advice, note, alone = "", "", None
-    explained = content(one.scans, fit, distribution)
+    explained = content(one.scans, fit, read.distribution)
     if one.scans.strips_touched < LEAST_STRIPS:
         advice = _SMALL
     elif not explained:
@@ -383,18 +610,35 @@ def summarised(one: Object, scans: list[Scan], skin: Skin, noise: Noise | None, 
     told = spread <= max(_TOLD * sensor.pitch_mm, _OF_SIZE * size, min(_TELLING * loosest, unsure))
     if not advice and not told:
         advice = _NOT_TOLD.format(spread=spread)
-    elif not advice and _hardly_moved(one, outline, rows):
+    elif not advice and _hardly_moved(one, outline, poses[np.isfinite(poses[:, 0])]):
         told, advice = False, _HARDLY_MOVED.format(n=len(one.shown))
     elif not advice and _DEVIATIONS * loosest > unsure:
         told, advice = False, _LOOSE.format(far=_DEVIATIONS * loosest)
     elif not advice and _reflex(outline):
         note = _CONCAVE
+    parted = bool(one.joint) and max(one.shown) > min(one.joint)
+    more_advice = (
+        [_LOOKS_ALIKE] if one.alike and parted and not one.shared else [m.advice for m in one.shared]
+    )
+    advice = "; ".join(dict.fromkeys(filter(None, [advice, *more_advice])))
     others = tuple(Alternative(weight, _turned(o - middle, angle)) for o, weight in one.found.others)
     status: Status = "doubtful" if advice else "likely" if note else "ok"
+    joint = tuple(sorted({*one.joint, *(s for more in one.shared for s in more.joint)}))
     return Track(
         0, outline, shape, poses, spreads, np.empty(0), np.empty(0), status, advice or note, () if told else others,
-        tuple(one.joint), _motion(fit), _offsets(one, skin), alone,
+        joint, _motion(fit), _offsets(one, skin), alone,
     )  # fmt: skip
+
+
+def _reframed(
+    poses: FloatArray, spreads: FloatArray, middle: FloatArray, angle: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return poses (M, 3) and their covariances of a frame about a point of the old one, turned."""
+    where = np.array([placed(middle[None], p)[0] for p in poses]).reshape(-1, 2)
+    by = np.tile(np.eye(3), (len(poses), 1, 1))
+    by[:, 0, 2], by[:, 1, 2] = poses[:, 1] - where[:, 1], where[:, 0] - poses[:, 0]
+    moved = np.column_stack([where, poses[:, 2] - angle])
+    return moved, np.asarray(by @ spreads @ by.transpose(0, 2, 1))
 
 
 def _hardly_moved(one: Object, outline: FloatArray, poses: FloatArray) -> bool:

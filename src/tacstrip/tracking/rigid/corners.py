@@ -111,15 +111,20 @@ def settled(scans: RigidScans, fit: Fit, rounds: int = 4) -> Fit:
     """
     if fit.basis is not None:
         return fitted(scans, fit.corners, fit.poses, 15, basis=fit.basis)
-    step = jiggles(scans.sensor.pitch_mm)
     for _ in range(rounds):
-        poses, costs = fit_poses(scans, fit.corners, fit.poses[:, None] + step, loss(scans), 10)
-        best = poses[np.arange(len(poses)), costs.argmin(axis=1)]
-        new = fitted(scans, fit.corners, best, 15)
+        new = fitted(scans, fit.corners, posed(scans, fit).poses, 15)
         if not new.cost < fit.cost - 0.5:
             break
         fit = new
     return fit
+
+
+def posed(scans: RigidScans, fit: Fit) -> Fit:
+    """Return the fit after descents of single poses from about where they are."""
+    starts = fit.poses[:, None] + jiggles(scans.sensor.pitch_mm)
+    poses, costs = fit_poses(scans, fit.corners, starts, loss(scans), 10)
+    best, rows = costs.argmin(axis=1), np.arange(len(poses))
+    return Fit(fit.corners, poses[rows, best], costs[rows, best])
 
 
 def jiggles(pitch_mm: float) -> FloatArray:

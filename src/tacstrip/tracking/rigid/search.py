@@ -111,12 +111,12 @@ def _carried(rival: Fit, poses: FloatArray) -> FloatArray:
     return placed(rival.corners - middle, np.array([*np.median(seen, axis=0), turn]))
 
 
-def search(scans: RigidScans, distribution: str, *, offsets: bool = True) -> Found:
+def search(scans: RigidScans, distribution: str, *, offsets: bool = True, thorough: bool = True) -> Found:
     """Return the fit of all scans that explains them best, and what else does.
 
     One signature of few strips tells little more than a pose of each scan: there the poses are a spline, as long as
     one explains the readings. Else along a smooth path first, whose poses are free in the end; where that explains
-    the readings badly with more turns, then without a path. `offsets`: of channels are looked for.
+    the readings badly, and if thorough, with more turns, then without a path. `offsets`: of channels are looked for.
     """
     paths = _paths(scans, _TURNS, _KEPT)
     if needs_smooth_motion(scans):
@@ -124,7 +124,7 @@ def search(scans: RigidScans, distribution: str, *, offsets: bool = True) -> Fou
         if content(taken_off(scans, found.offsets), found.fit, distribution):
             return found
     found = _with_offsets(scans, paths, distribution, offsets)
-    if scans.strips_touched < LEAST_STRIPS:
+    if not thorough or scans.strips_touched < LEAST_STRIPS:
         return found
     if not content(taken_off(scans, found.offsets), found.fit, distribution):
         more = _polygons(scans, _paths(scans, _FINE_TURNS, 2 * _KEPT), distribution)

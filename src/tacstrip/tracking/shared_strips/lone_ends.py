@@ -1,0 +1,49 @@
+"""Stretches at the ends of one contact that a rigid outline explains, where none explains all of it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tacstrip.arrays import FloatArray
+from tacstrip.core.rigid import RigidScans
+from tacstrip.tracking.rigid.search import Found, content, search
+
+FEWEST = 5  # scans of a stretch
+_MOST, _JUMP = (
+    50.0,
+    3.0,
+)  # sigmas that a strip counts at most; times the usual change, and sigmas more, that is a jump
+_JUMPS, _PARTS = 3, (2, 3, 4, 6)  # jumps that are tried, and parts of all scans
+
+
+def lone_ends(
+    scans: RigidScans, distribution: str, ends: tuple[bool, ...] = (False, True)
+) -> list[tuple[range, Found]]:
+    """Return the scans at the beginning (False) and at the end that one rigid outline each explains, and these."""
+    found: list[tuple[range, Found]] = []
+    total = len(scans.k)
+    jumps = _jumps(scans)
+    for from_end in ends:
+        cuts = sorted({total - j if from_end else j for j in jumps}, reverse=True)
+        lengths = [n for n in cuts if FEWEST <= n < total]
+        lengths += [n for p in _PARTS if (n := total // p) >= FEWEST and n not in lengths]
+        for length in lengths:
+            some = range(total - length, total) if from_end else range(length)
+            one = search(scans.of(np.array(some)), distribution, offsets=False, thorough=False)
+            if content(scans.of(np.array(some)), one.fit, distribution):
+                found.append((some, one))
+                break
+    if len(found) == 2 and found[0][0].stop > found[1][0].start:
+        return found[:1]
+    return found
+
+
+def _jumps(scans: RigidScans) -> list[int]:
+    """Return the scans in which much more changes than usual, the largest changes first."""
+    now, before = scans.k[1:], scans.k[:-1]
+    change = np.abs(now - before) / scans.sigma
+    either = np.isfinite(now) | np.isfinite(before)
+    change = np.where(np.isfinite(change), np.minimum(change, _MOST), np.where(either, _MOST, 0.0))
+    size: FloatArray = change.sum(axis=(1, 2)) / np.maximum(either.sum(axis=(1, 2)), 1)
+    large = np.flatnonzero(size > _JUMP * np.median(size) + _JUMP)
+    return [int(i) + 1 for i in large[np.argsort(-size[large], kind="stable")][:_JUMPS]]

@@ -1,0 +1,626 @@
+"""Objects that share strips: who is there, and where, from scans in which each was alone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from tacstrip.arrays import BoolArray, FloatArray, IntArray
+from tacstrip.core.hull import MOST_OBJECTS, HullScans, fit_hull_poses
+from tacstrip.core.rigid import RigidScans, loss
+from tacstrip.geometry.pose import in_frame, placed
+from tacstrip.reconstruction.polygon.goodness_of_fit import chi_square_score
+from tacstrip.sensor.spec import Sensor
+from tacstrip.tracking.shared_strips.beam import Way, ways
+from tacstrip.tracking.shared_strips.joint_fit import Scene, expected, fitted, pose_covariances
+
+_BEFORE = 4  # scans before a window that its beam begins with
+_CANDIDATES = 3  # of each direction that are fitted
+_AROUND, _MOST_ALONE = (
+    20,
+    60,
+)  # scans alone on both sides of a window, and of an object, that are fitted along
+_EVENT, _FAR = (
+    25.0,
+    100.0,
+)  # of chi square: that something came or went, and most for a jump into what follows
+_SOFT, _CAUCHY = 0.005, 6.0  # tolerance of edges over the size, and scale of the loss, of the first descent
+_BAD, _SPREAD = 6.0, 5.0  # chi square of a scan beyond its readings, and times its deviation
+_REPAIRS = 3  # rounds
+_WORST = 0.05  # of the scans that may stay unexplained
+_ALARM, _HARDLY_MORE = 3.5, 1.05  # deviations of chi square, and times the freedom
+_STEADY, _TURNS = 0.003, 0.008  # least deviation of second differences: of the size, and [rad]
+_JERKS = 2.0  # motion that costs so many times what is expected is less smooth than thought
+_MISSED = 4.0  # of chi square that an object must gain to be there
+_ALIKE, _APART = 10.0, 0.03  # of chi square, and of the size: another way that explains as well
+_RIVALS, _BETTER = 3, 6.0  # outlines that are tried against the one found, and how much better one must be
+_HELD, _HELD_ANGLE = 0.017, 0.026  # deviations of a pose that is held: of the size, and [rad]
+_HIDDEN = (
+    "in {n} of the scans {first} to {last} others hide so much of it that the readings do not hold its pose: there it "
+    "goes on as it went, see the covariance"
+)
+_ELSEWHERE = (
+    "in scans {first} to {last} all objects may lie elsewhere: another way of theirs explains "
+    "the readings as well"
+)
+_LEFT_OVER = "in {n} of the scans {first} to {last} the objects that are known do not explain the readings"
+_JIGGLES = np.array(
+    [
+        (0.0, 0.0, 0.0),
+        (1.0, 0, 1.0),
+        (-1.0, 0, -1.0),
+        (0, 1.0, -1.0),
+        (0, -1.0, 1.0),
+        (0, 0, 3.0),
+        (0, 0, -3.0),
+    ]
+)
+_NARROW, _WIDE = (
+    np.array([0.005, 0.005, 0.01]),
+    np.array([0.02, 0.02, 0.03]),
+)  # of jiggles, of the size, and [rad]
+_STAGES = (
+    (0.01, 3.0, 0.15),
+    (0.005, 5.0, 0.05),
+    (0.0, 0.0, 0.05),
+)  # tolerance over the size, scale of the loss, ends
+_LOOSE = np.array([0.01, 0.01, 0.03])  # deviations from what is between the scans that are explained
+_ROUGH = 12.0  # of what the motion costs at a scan
+
+
+@dataclass(frozen=True, eq=False)
+class Alone:
+    """What is known of an object from scans in which it is alone.
+
+    Attributes
+    ----------
+    corners
+        Its outline (N, 2) [mm], in a frame of its own.
+    scans
+        Numbers of these scans, ascending.
+    poses
+        In these (M, 3).
+    readings
+        Its own (M, S, n), NaN elsewhere.
+    rivals
+        Other outlines in the same frame that explain these as well.
+    """
+
+    corners: FloatArray
+    scans: list[int]
+    poses: FloatArray
+    readings: FloatArray
+    rivals: tuple[FloatArray, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Shared:
+    """What scans together with others add.
+
+    Attributes
+    ----------
+    corners
+        As `Alone.corners`, better known.
+    again
+        Numbers of scans alone whose poses were fitted along, and these (M, 3).
+    scans, poses, covariances
+        Numbers of scans that show it with others about, its poses there (J, 3) and their covariances (J, 3, 3).
+    joint
+        Those in which it shares strips with one of them.
+    rivals
+        Those of `Alone.rivals` that explain all scans as well, fitted to them, and how much worse their criterion is.
+    advice
+        What is doubtful there; empty when all is well.
+    """
+
+    corners: FloatArray
+    again: dict[int, FloatArray]
+    scans: list[int] = field(default_factory=list)
+    poses: FloatArray = field(default_factory=lambda: np.empty((0, 3)))
+    covariances: FloatArray = field(default_factory=lambda: np.empty((0, 3, 3)))
+    joint: tuple[int, ...] = ()
+    rivals: tuple[tuple[FloatArray, float], ...] = ()
+    advice: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class _Elsewhere:
+    """Another way of all objects through a window (W rows): poses (W, K, 3), and who is there (W, K)."""
+
+    window: IntArray
+    outlines: tuple[FloatArray, ...]
+    poses: FloatArray
+    present: BoolArray
+
+
+@dataclass(eq=False)
+class _Rows:
+    """All scans that are fitted, one a row, and what is known of them."""
+
+    numbers: IntArray
+    hull: HullScans
+    poses: FloatArray  # (R, K, 3), NaN where an object is absent or its pose is not known yet
+    outlines: tuple[FloatArray, ...]
+    motion: FloatArray
+    alone: BoolArray  # (R, K): known before
+
+    @property
+    def follows(self) -> BoolArray:
+        """Whether each row is the scan after the row before."""
+        return np.concatenate([[False], np.diff(self.numbers) == 1])
+
+    @property
+    def sizes(self) -> FloatArray:
+        return np.array([float(np.ptp(o, axis=0).max()) for o in self.outlines])
+
+
+def follow(
+    known: Sequence[Alone],
+    readings: Mapping[int, FloatArray],
+    touched: BoolArray,
+    sensor: Sensor,
+    names: tuple[str, ...],
+    sigma: float,
+    distribution: str,
+) -> list[Shared | None] | None:
+    """Return for each known object what scans add in which objects share strips.
+
+    Parameters
+    ----------
+    known
+        Objects, at most 8.
+    readings
+        Of the scans in question (S, n), NaN where nothing touches or what touches is not in question.
+    touched
+        Strips of all scans (T, n).
+    sensor, names, sigma, distribution
+        Of the readings.
+
+    Returns
+    -------
+    list of Shared or None
+        None for an object that is in none of these scans; no list where the known objects do not explain them.
+    """
+    rows = _rows(known[:MOST_OBJECTS], readings, touched, sensor, names, sigma)
+    open_rows = _unexplained(rows, known, readings)
+    windows = [
+        w for w in np.split(open_rows, np.flatnonzero(np.diff(rows.numbers[open_rows]) > 1) + 1) if len(w)
+    ]
+    if not windows:
+        return None
+    alike: list[_Elsewhere] = []
+    for window in windows:
+        found = _of_window(rows, window, _MOST_ALONE if len(windows) == 1 else _AROUND)
+        if found is None:
+            return None
+        scene, chosen, others = found
+        rows.poses[chosen] = np.where(scene.present[..., None], scene.poses, np.nan)
+        rows.outlines = scene.outlines
+        alike += others
+    there: BoolArray = np.isfinite(rows.poses[..., 0])
+    part = np.asarray(there[np.concatenate(windows)].any(axis=0))
+    if len(windows) > 1:
+        chosen = _chosen(rows, np.concatenate(windows), part, _MOST_ALONE)
+        scene = _settled(_some(rows, chosen), _scene(rows, chosen))
+    scene = _trimmed(_some(rows, chosen), scene, np.asarray(~rows.alone[chosen].any(axis=1)))
+    some = _some(rows, chosen)
+    kept: list[list[tuple[FloatArray, float]]] = [[] for _ in part]
+    for k in np.flatnonzero(part):
+        scene, kept[k] = _against_rivals(some, scene, int(k), known[int(k)].rivals)
+    return _shared(rows, chosen, scene, part, alike, kept, distribution)
+
+
+def _against_rivals(
+    some: _Rows, scene: Scene, k: int, rivals: Sequence[FloatArray]
+) -> tuple[Scene, list[tuple[FloatArray, float]]]:
+    """Return the scene with the outline of an object that explains all scans best, and which others do as well."""
+    price = 2.0 * float(np.log(some.hull.scans.readings.sum()))
+    tried = [scene]
+    for rival in rivals[:_RIVALS]:
+        outlines = tuple(rival if i == k else o for i, o in enumerate(scene.outlines))
+        trial = fitted(
+            some.hull, replace(scene, outlines=outlines), some.follows, 8, _SOFT * float(some.sizes.max())
+        )
+        tried.append(_settled(some, fitted(some.hull, trial, some.follows), 1))
+    criteria = np.array([s.cost + price * len(s.outlines[k]) for s in tried])
+    criteria[1:] += _BETTER  # what was found first stays unless another is clearly better
+    best = int(criteria.argmin())
+    criteria[1:] -= _BETTER
+    scene, anchor = tried[best], int(np.flatnonzero(some.alone[:, k])[0]) if some.alone[:, k].any() else 0
+    return scene, [
+        (in_frame(placed(s.outlines[k], s.poses[anchor, k]), scene.poses[anchor, k]), float(worse))
+        for i, (s, worse) in enumerate(zip(tried, criteria - criteria[best], strict=True))
+        if i != best and worse < _ALIKE
+    ]
+
+
+def _rows(
+    known: Sequence[Alone],
+    readings: Mapping[int, FloatArray],
+    touched: BoolArray,
+    sensor: Sensor,
+    names: tuple[str, ...],
+    sigma: float,
+) -> _Rows:
+    numbers = np.array(sorted({*readings, *(s for one in known for s in one.scans)}))
+    row_of = {int(n): i for i, n in enumerate(numbers)}
+    k = np.full((len(numbers), len(names), sensor.strips), np.nan)
+    poses = np.full((len(numbers), len(known), 3), np.nan)
+    for number, own in readings.items():
+        k[row_of[number]] = own
+    for i, one in enumerate(known):
+        for number, pose, own in zip(one.scans, one.poses, one.readings, strict=True):
+            row = k[row_of[number]]
+            row[np.isfinite(own)] = own[np.isfinite(own)]
+            poses[row_of[number], i] = pose
+    mine = np.isfinite(k).any(axis=1)
+    ever = np.flatnonzero(touched.any(axis=0))
+    dead = np.zeros(sensor.strips, dtype=bool)
+    dead[ever[0] : ever[-1] + 1] = ~touched[:, ever[0] : ever[-1] + 1].any(axis=0)
+    quiet = np.where(~mine & (touched[numbers] | dead), 0.0, 1.0)
+    motion = np.stack([_jerk(one) for one in known])
+    return _Rows(
+        numbers, HullScans(RigidScans(sensor, names, k, sigma), quiet), poses, tuple(one.corners for one in known),
+        motion, np.isfinite(poses[..., 0]),
+    )  # fmt: skip
+
+
+def _jerk(one: Alone) -> FloatArray:
+    """Return how large second differences of its poses are (3,)."""
+    size = float(np.ptp(one.corners, axis=0).max())
+    return np.array([_STEADY * size, _STEADY * size, _TURNS])
+
+
+def _unexplained(rows: _Rows, known: Sequence[Alone], readings: Mapping[int, FloatArray]) -> IntArray:
+    """Return the rows in which something is touched that no object alone accounts for."""
+    left = np.asarray(np.isfinite(rows.hull.scans.k).any(axis=1))
+    row_of = {int(n): i for i, n in enumerate(rows.numbers)}
+    for one in known:
+        for number, own in zip(one.scans, one.readings, strict=True):
+            left[row_of[number]] &= ~np.isfinite(own).any(axis=0)
+    return np.flatnonzero(left.any(axis=1))
+
+
+def _of_window(rows: _Rows, window: IntArray, most: int) -> tuple[Scene, IntArray, list[_Elsewhere]] | None:
+    """Return the best scene about a window, its rows, and others that explain the window as well."""
+    candidates = _candidates(rows, window)
+    fits: list[tuple[Scene, float, IntArray]] = []
+    for poses, events in candidates:
+        trial = _with_poses(rows, window, poses)
+        part = np.asarray(np.isfinite(poses[..., 0]).any(axis=0))
+        chosen = _chosen(trial, window, part, most)
+        scene = _scene(trial, chosen)
+        fits.append((scene, scene.cost + events, chosen))
+    if not fits:
+        return None
+    order = np.argsort([cost for _, cost, _ in fits], kind="stable")
+    best, cost, chosen = fits[order[0]]
+    others = [
+        _Elsewhere(window, scene.outlines, scene.poses[at], scene.present[at])
+        for scene, worse, own in (fits[i] for i in order[1:])
+        if worse - cost < _ALIKE and len(at := np.searchsorted(own, window))
+    ]
+    best = _settled(_some(rows, chosen), best)
+    if len(_bad(_some(rows, chosen).hull, best)) > _WORST * len(window) + 1:
+        return None
+    return best, chosen, others
+
+
+def _with_poses(rows: _Rows, window: IntArray, poses: FloatArray) -> _Rows:
+    """Return rows with poses (W, K, 3) in a window, angles without jumps."""
+    every = rows.poses.copy()
+    every[window] = poses
+    for k in range(every.shape[1]):
+        on = np.flatnonzero(np.isfinite(every[:, k, 2]))
+        every[on, k, 2] = np.unwrap(every[on, k, 2])
+    return replace(rows, poses=every)
+
+
+def _candidates(rows: _Rows, window: IntArray) -> list[tuple[FloatArray, float]]:
+    """Return poses (W, K, 3) in a window that may be, and what they cost because something comes or goes."""
+    first, last = int(window[0]), int(window[-1])
+    follows = rows.follows
+    found: list[tuple[FloatArray, float]] = []
+    for sign, edge in ((-1, first), (1, last)):
+        start: list[FloatArray] = []
+        row = edge + sign
+        while 0 <= row < len(follows) and len(start) < _BEFORE and follows[row + (sign < 0)]:
+            start.insert(0, rows.poses[row])
+            row += sign
+        empty = not start
+        if empty:
+            start = [np.full(rows.poses.shape[1:], np.nan)]
+        order = window if sign < 0 else window[::-1]
+        if empty and sign > 0:
+            continue  # nothing is known behind it, and from in front it was tried
+        ended = ways(rows.hull, rows.outlines, start, order)
+        scored = sorted(
+            ((w.cost + _jump(rows, w, last + 1 if sign < 0 else first - 1, follows), w) for w in ended),
+            key=lambda p: p[0],
+        )
+        for _, way in scored[:_CANDIDATES]:
+            poses = np.stack(way.poses[len(start) :])
+            poses = poses if sign < 0 else poses[::-1]
+            found.append((poses, _EVENT * _events(rows, window, poses)))
+    return found
+
+
+def _jump(rows: _Rows, way: Way, after: int, follows: BoolArray) -> float:
+    """Return what it costs that a hypothesis goes on as the row after it is known."""
+    if not 0 <= after < len(rows.numbers):
+        return 0.0
+    pose, cost = rows.poses[after], 0.0
+    scale = 0.05 * np.stack([rows.sizes, rows.sizes, np.ones(len(rows.sizes))], axis=1)
+    for k in range(len(pose)):
+        now, then = np.isfinite(pose[k, 0]), k in way.present
+        if now != then:
+            cost += _EVENT
+        elif now:
+            off = way.expected[k] - pose[k]
+            off[2] = (off[2] + np.pi) % (2.0 * np.pi) - np.pi
+            cost += min(float(((off / scale[k]) ** 2).sum()), _FAR)
+    return cost
+
+
+def _events(rows: _Rows, window: IntArray, poses: FloatArray) -> int:
+    """Return how often something comes or goes."""
+    every = rows.poses.copy()
+    every[window] = poses
+    a, b = max(int(window[0]) - 1, 0), min(int(window[-1]) + 2, len(every))
+    there = np.isfinite(every[a:b, :, 0])
+    return int((there[1:] != there[:-1]).sum())
+
+
+def _chosen(rows: _Rows, window: IntArray, part: BoolArray, most: int) -> IntArray:
+    """Return the rows of a fit: a window, what is next to it, and of each object that takes part enough alone."""
+    take = np.zeros(len(rows.numbers), dtype=bool)
+    take[window] = True
+    for k in np.flatnonzero(part):
+        mine = np.flatnonzero(rows.alone[:, k])
+        near = np.abs(mine[:, None] - window[None]).min(axis=1)
+        take[mine[np.argsort(near, kind="stable")[:most]]] = True
+        take[mine[np.unique(np.linspace(0, len(mine) - 1, min(most, len(mine))).astype(int))]] = True
+    return np.flatnonzero(take)
+
+
+def _some(rows: _Rows, chosen: IntArray) -> _Rows:
+    return replace(
+        rows,
+        numbers=rows.numbers[chosen],
+        hull=rows.hull.of(chosen),
+        poses=rows.poses[chosen],
+        alone=rows.alone[chosen],
+    )
+
+
+def _scene(rows: _Rows, chosen: IntArray) -> Scene:
+    """Return the joint fit of some rows from their poses."""
+    some = _some(rows, chosen)
+    present = np.isfinite(some.poses[..., 0])
+    poses = np.nan_to_num(some.poses)
+    scene = Scene(rows.outlines, poses, present, rows.motion, np.zeros(len(poses)))
+    soft = _SOFT * float(rows.sizes.max())
+    scene = fitted(some.hull, scene, some.follows, 8, soft, _CAUCHY, shapes=False)
+    scene = fitted(some.hull, scene, some.follows, 8, soft, shapes=False)
+    scene = _settled(some, scene, 2, soft, shapes=False)
+    scene = fitted(some.hull, scene, some.follows, 8, soft, _CAUCHY)
+    scene = fitted(some.hull, scene, some.follows, 8, cauchy=_CAUCHY)
+    scene = fitted(some.hull, scene, some.follows)
+    for _ in range(2):  # motion that is less smooth than thought
+        bends = 3.0 * float((scene.bends & some.follows[1:-1, None] & some.follows[2:, None]).sum())
+        if scene.prior <= _JERKS * max(bends, 1.0):
+            break
+        scene = replace(scene, motion=scene.motion * np.sqrt(scene.prior / bends))
+        scene = fitted(some.hull, scene, some.follows)
+    return scene
+
+
+def _bad(hull: HullScans, scene: Scene) -> IntArray:
+    """Return the rows whose readings a scene does not explain."""
+    n = hull.scans.readings
+    return np.flatnonzero(scene.costs > n + _SPREAD * np.sqrt(n) + _BAD)
+
+
+def _settled(
+    rows: _Rows, scene: Scene, rounds: int = _REPAIRS, tolerance_mm: float = 0.0, shapes: bool = True
+) -> Scene:
+    """Return the scene after descents of single scans from about where they are, and of all together, in turn.
+
+    Kinks of one scan, where a corner passes a strip, do not stop the others then. Scans that are not explained begin
+    again between their neighbours too. `tolerance_mm` is of the edges.
+    """
+    soft = tolerance_mm / float(rows.sizes.max())
+    for _ in range(rounds):
+        poses, suspect = scene.poses.copy(), _suspect(rows, scene)
+        for there in np.unique(scene.present, axis=0):
+            same = np.flatnonzero((scene.present == there).all(axis=1))
+            for wide, some in ((False, np.setdiff1d(same, suspect)), (True, np.intersect1d(same, suspect))):
+                if len(some):
+                    _by_themselves(rows, scene, np.flatnonzero(there), some, wide, suspect, poses, soft)
+        trial = fitted(rows.hull, replace(scene, poses=poses), rows.follows, 15, tolerance_mm, shapes=shapes)
+        gain = scene.cost - trial.cost
+        if gain > 0.0:
+            scene = trial
+        if gain < 0.5 + 1e-3 * scene.cost:
+            break
+    return scene
+
+
+def _suspect(rows: _Rows, scene: Scene) -> IntArray:
+    """Return the rows whose readings a scene does not explain, or which make its motion rough."""
+    where, weight = expected(scene, rows.follows)
+    rough = (weight * (where - scene.poses) ** 2).sum(axis=(1, 2)) > _ROUGH
+    return np.union1d(_bad(rows.hull, scene), np.flatnonzero(rough))
+
+
+def _by_themselves(
+    rows: _Rows,
+    scene: Scene,
+    on: IntArray,
+    some: IntArray,
+    wide: bool,
+    bad: IntArray,
+    poses: FloatArray,
+    soft: float,
+) -> None:
+    """Put into poses (T, K, 3) what is best for each of some rows by itself."""
+    scale = np.stack([rows.sizes[on], rows.sizes[on], np.ones(len(on))], axis=1)
+    where, weight = (a[some][:, on][:, None] for a in expected(scene, rows.follows))
+    step, base = _NARROW * scale, scene.poses[some][:, on]
+    starts = [base + jiggle * step for jiggle in _JIGGLES[: None if wide else 5]]
+    hull, outlines = rows.hull.of(some), [scene.outlines[k] for k in on]
+    if wide:
+        starts += [
+            base + jiggle * step * (np.arange(len(on)) == k)[:, None]
+            for jiggle in _JIGGLES[1:]
+            for k in range(len(on))
+        ]
+        good = np.setdiff1d(np.arange(len(scene.poses)), bad)
+        between = np.stack([_between(scene, row, good)[on] for row in some])
+        starts += [from_ + jiggle * _WIDE * scale for from_ in (base, between) for jiggle in _JIGGLES]
+        starts += [between + jiggle * step for jiggle in _JIGGLES]
+        where = between[:, None]
+        weight = np.minimum(weight, 1.0 / (_LOOSE * scale) ** 2) + 1e-3 / (_LOOSE * scale) ** 2
+    found = np.stack(starts, axis=1)
+    for tolerance, cauchy, end in _STAGES if wide else _STAGES[-1:]:
+        how = loss(hull.scans, max(tolerance, soft) * float(rows.sizes.max()), cauchy, end)
+        found, costs = fit_hull_poses(hull, outlines, found, where, weight, how, 10)
+    poses[some[:, None], on] = found[np.arange(len(some)), costs.argmin(axis=1)]
+
+
+def _between(scene: Scene, row: int, good: IntArray) -> FloatArray:
+    """Return poses (K, 3) of a row between those of good rows."""
+    found = scene.poses[row].copy()
+    for k in np.flatnonzero(scene.present[row]):
+        own = good[scene.present[good, k]]
+        if len(own):
+            found[k] = [np.interp(row, own, scene.poses[own, k, c]) for c in range(3)]
+    return np.asarray(found)
+
+
+def _trimmed(rows: _Rows, scene: Scene, shared: BoolArray) -> Scene:
+    """Return the scene without objects in scans at the ends of their stay in which nothing shows them."""
+    present = scene.present.copy()
+    for k in range(present.shape[1]):
+        for sign in (1, -1):
+            on = np.flatnonzero(present[:, k])[::sign]
+            for row in on:
+                before = row - sign
+                inside = shared[row] and present[row].sum() > 1
+                neighbour = (
+                    0 <= before < len(present) and rows.follows[max(row, before)] and present[before, k]
+                )
+                if not inside or neighbour or not (0 <= before < len(present)):
+                    break
+                without = present[row].copy()
+                without[k] = False
+                on_too = np.flatnonzero(without)
+                _, costs = fit_hull_poses(
+                    rows.hull.of([row]), [scene.outlines[i] for i in on_too], scene.poses[row, on_too][None, None],
+                    scene.poses[row, on_too], np.zeros(1), loss(rows.hull.scans), 10,
+                )  # fmt: skip
+                if costs[0, 0] > scene.costs[row] + _MISSED:
+                    break
+                present[row, k] = False
+    if (present == scene.present).all():
+        return scene
+    return fitted(rows.hull, replace(scene, present=present), rows.follows)
+
+
+def _shared(
+    rows: _Rows,
+    chosen: IntArray,
+    scene: Scene,
+    part: BoolArray,
+    alike: list[_Elsewhere],
+    rivals: list[list[tuple[FloatArray, float]]],
+    distribution: str,
+) -> list[Shared | None]:
+    """Return what is known of each object."""
+    some = _some(rows, chosen)
+    bad, readings = _bad(some.hull, scene), some.hull.scans.readings
+    shared = ~some.alone.any(axis=1) | (scene.present.sum(axis=1) > some.alone.sum(axis=1))
+    bends = 3 * int((scene.bends & some.follows[1:-1, None] & some.follows[2:, None]).sum())
+    unknowns = 3 * int(scene.present.sum()) + 2 * sum(
+        len(o) for o, p in zip(scene.outlines, part, strict=True) if p
+    )
+    freedom = max(int(readings.sum()) + bends - unknowns, 1)
+    residuals = np.sqrt([*scene.costs, scene.prior])
+    content = (
+        scene.cost <= _HARDLY_MORE * freedom or chi_square_score(residuals, freedom, distribution) <= _ALARM
+    )
+    anchors = [
+        int(np.flatnonzero(some.alone[:, k])[0]) if some.alone[:, k].any() else 0 for k in range(len(part))
+    ]
+    spread = pose_covariances(some.hull, scene, some.follows, anchors, np.flatnonzero(shared))
+    found: list[Shared | None] = []
+    for k in range(len(part)):
+        if not part[k]:
+            found.append(None)
+            continue
+        mine = np.flatnonzero(shared & scene.present[:, k] & ~some.alone[:, k])
+        numbers = some.numbers[mine]
+        advice = []
+        if len(mine):
+            size = float(rows.sizes[k])
+            sd = np.sqrt(np.diagonal(spread[mine, k], axis1=1, axis2=2))
+            loose = (np.hypot(sd[:, 0], sd[:, 1]) > _HELD * size) | (sd[:, 2] > _HELD_ANGLE)
+            if loose.any():
+                advice.append(
+                    _HIDDEN.format(n=int(loose.sum()), first=numbers[loose].min(), last=numbers[loose].max())
+                )
+            left = np.intersect1d(bad, mine)
+            if len(left) or not content:
+                own = some.numbers[left] if len(left) else numbers
+                advice.append(_LEFT_OVER.format(n=len(own), first=own.min(), last=own.max()))
+            advice += _elsewhere(some, scene, k, alike, rows, size, sd, mine)
+        again = {int(some.numbers[i]): scene.poses[i, k] for i in np.flatnonzero(some.alone[:, k])}
+        found.append(
+            Shared(
+                scene.outlines[k], again, numbers.tolist(), scene.poses[mine, k], spread[mine, k],
+                _sharing(some, scene, mine, k), tuple(rivals[k]), "; ".join(advice),
+            )
+        )  # fmt: skip
+    return found
+
+
+def _sharing(some: _Rows, scene: Scene, mine: IntArray, k: int) -> tuple[int, ...]:
+    """Return the numbers of those of some rows in which an object shares strips with another."""
+    half, found = 0.5 * some.hull.scans.sensor.pitch_mm, []
+    for row in mine:
+        x = {
+            int(j): placed(scene.outlines[j], scene.poses[row, j])[:, 0]
+            for j in np.flatnonzero(scene.present[row])
+        }
+        low, high = x[k].min() - half, x[k].max() + half
+        if any(j != k and other.min() < high and other.max() > low for j, other in x.items()):
+            found.append(int(some.numbers[row]))
+    return tuple(found)
+
+
+def _elsewhere(
+    some: _Rows,
+    scene: Scene,
+    k: int,
+    alike: list[_Elsewhere],
+    rows: _Rows,
+    size: float,
+    sd: FloatArray,
+    mine: IntArray,
+) -> list[str]:
+    """Return advice where another way of the objects explains the readings as well."""
+    at = {int(some.numbers[i]): j for j, i in enumerate(mine)}
+    apart: list[int] = []
+    for other in alike:
+        for row, pose, there in zip(other.window, other.poses, other.present, strict=True):
+            number = int(rows.numbers[row])
+            if number not in at:
+                continue
+            j = at[number]
+            limit = max(_APART * size, 4.0 * float(np.hypot(*sd[j, :2]) + sd[j, 2] * size))
+            own, its = placed(scene.outlines[k], scene.poses[mine[j], k]), placed(other.outlines[k], pose[k])
+            if not there[k] or np.hypot(*(own[:, None] - its).T).min(axis=0).max() > limit:
+                apart.append(number)
+    return [_ELSEWHERE.format(first=min(apart), last=max(apart))] if apart else []

@@ -1,0 +1,98 @@
+"""Objects on the same strips: poses from what all read together, who comes and goes, and what is not held."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import tacstrip as ts
+from rigid_scenes import at, ten_strips
+from tacstrip.arrays import BoolArray, FloatArray, IntArray
+from tacstrip.cli import cli
+from tacstrip.core.hull import available
+
+pytestmark = pytest.mark.skipif(not available(), reason="compiled only")
+
+NOISE = ts.Noise(positional=0.005)
+TRIANGLE = np.array([(-10.0, -9.0), (11.0, -8.0), (0.0, 12.0)])
+QUAD = np.array([(-12.0, -8.0), (10.0, -10.0), (12.0, 7.0), (-9.0, 10.0)])
+
+
+def passing(scans: int = 50) -> FloatArray:
+    """Return poses (T, 2, 3) of two objects that pass each other on the same strips."""
+    found, side = np.empty((scans, 2, 3)), np.linspace(-30.0, 30.0, scans)
+    for k, sign in enumerate((1.0, -1.0)):
+        found[:, k, 0] = 50.0 + sign * side
+        found[:, k, 1] = 50.0 - 14.0 * sign + 2.0 * np.sin(np.linspace(0.0, 4.0, scans) + k)
+        found[:, k, 2] = 0.5 * k + sign * np.linspace(0.0, 0.8, scans)
+    return found
+
+
+def pressed(
+    sensor: ts.Sensor, shapes: list[FloatArray], poses: FloatArray, there: BoolArray
+) -> list[ts.Scan]:
+    """Return scans of shapes at poses (T, K, 3), of those that are there (T, K), 20 ms apart."""
+    found = []
+    for i, (pose, present) in enumerate(zip(poses, there, strict=True)):
+        parts = [
+            ts.Contact.polygon(at(s, p)).shapes[0] for s, p, t in zip(shapes, pose, present, strict=True) if t
+        ]
+        found.append(ts.simulate(sensor, ts.Contact(tuple(parts)), NOISE, rng=i, time_s=0.02 * i))
+    return found
+
+
+def off(track: ts.Track, shape: FloatArray, poses: FloatArray, scans: IntArray) -> FloatArray:
+    """Return how far the farthest corner is from the true ones in some scans [mm]."""
+    return np.array(
+        [
+            np.linalg.norm(track.placed(int(i))[:, None] - at(shape, poses[i]), axis=2).min(axis=1).max()
+            for i in scans
+        ]
+    )
+
+
+def test_two_that_pass_each_other_keep_their_poses_and_numbers() -> None:
+    sensor, poses = ten_strips(strips=32), passing()
+    tracks = ts.track(pressed(sensor, [TRIANGLE, QUAD], poses, np.ones((50, 2), dtype=bool)), sensor, NOISE)
+    assert [(t.status, len(t.outline), int(t.present.sum())) for t in tracks] == [
+        ("ok", 3, 50),
+        ("ok", 4, 50),
+    ]
+    both = np.flatnonzero(np.abs(poses[:, 0, 0] - poses[:, 1, 0]) < 18.0)
+    for k, (track, shape) in enumerate(zip(tracks, (TRIANGLE, QUAD), strict=True)):
+        assert set(both) <= set(track.joint)
+        assert np.median(off(track, shape, poses[:, k], both)) < 0.5
+        sigma = np.sqrt(np.diagonal(track.pose_covariances[both], axis1=1, axis2=2))
+        assert 0.0 < np.median(sigma[:, 0]) < 0.3
+
+
+def test_two_that_look_alike_are_told_by_their_ways() -> None:
+    sensor, poses = ten_strips(strips=32), passing(40)
+    tracks = ts.track(pressed(sensor, [QUAD, QUAD], poses, np.ones((40, 2), dtype=bool)), sensor, NOISE)
+    assert len(tracks) == 2
+    for k, track in enumerate(tracks):
+        assert np.median(off(track, QUAD, poses[:, k], np.arange(40))) < 0.5
+
+
+def test_who_comes_and_goes_on_shared_strips_is_found(tmp_path: Path) -> None:
+    """One is alone, another is put down beside it, the first is lifted: no strip is ever between them."""
+    sensor, poses, there = ten_strips(strips=32), passing(45), np.ones((45, 2), dtype=bool)
+    poses[:, :, 0] = 50.0 + 0.3 * (poses[:, :, 0] - 50.0)
+    there[:15, 1] = there[30:, 0] = False
+    scans = pressed(sensor, [TRIANGLE, QUAD], poses, there)
+    (tmp_path / "s.toml").write_text(sensor.to_toml())
+    ts.write_readings(tmp_path / "r.csv", sensor, scans)
+    files = [str(tmp_path / name) for name in ("s.toml", "r.csv", "t.geojson", "t.png")]
+    done = CliRunner().invoke(
+        cli, ["track", *files[:2], "-o", files[2], "--plot", files[3], "--positional", "0.005"]
+    )
+    assert done.exit_code == 0, done.output
+    assert "15 of them on strips shared with others" in done.stderr
+    features = json.loads((tmp_path / "t.geojson").read_text())["features"]
+    for k, feature in enumerate(features):
+        assert [p["scan"] for p in feature["properties"]["poses"]] == np.flatnonzero(there[:, k]).tolist()
+        assert feature["properties"]["joint_scans"] == list(range(15, 30))
