@@ -82,7 +82,10 @@ FORMS: dict[str, tuple[ts.Sensor, str]] = {
 @pytest.mark.parametrize("form", FORMS)
 def test_a_log_gives_the_readings_that_are_in_it(form: str) -> None:
     sensor, text = FORMS[form]
-    found = propose(of_text(text), sensor)
+    # Whole numbers without a name may be codes or millivolts: that is asked.
+    found = propose(
+        of_text(text), sensor, {"unit": "code"} if form in ("a serial monitor's", "named values") else None
+    )
     mapping, names = found.mapping, ("kh", "kl") if sensor is RUBBER else ("k",)
     top = {"V": sensor.vref_volt, "mV": 1000.0 * sensor.vref_volt, "percent": 100.0, "code": 1023.0}[
         mapping.unit
@@ -92,6 +95,46 @@ def test_a_log_gives_the_readings_that_are_in_it(form: str) -> None:
         np.testing.assert_allclose(read, K[name], atol=0.6 / 1023)
     assert [s.time_s for s in found.scans] == pytest.approx([0.02 * i for i in SCANS], abs=1e-6)
     assert all(found.reasons)
+
+
+PINS = "t_ms," + ",".join(f"A{s}" for s in STRIPS)
+
+
+def codes(last: str) -> str:
+    return (
+        PINS.replace(",A", ",raw")
+        + "\n"
+        + "".join(f"{20 * i},-1,{400 + i},{500 + i},{600 + i},-1\n" for i in SCANS)
+        + last
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "sensor", "says"),
+    [
+        (codes("80,-1,404,504,604,6"), METAL, "line.s. 6 are not like the others"),
+        (codes("60,-1,403,503,603,-1\n"), METAL, "line 6 has the time and the readings of line 5"),
+        (
+            PINS.replace(",A", ",mV A") + "\n" + "".join(f"{20 * i},,1.757,2.{i}57,1.900,\n" for i in SCANS),
+            METAL,
+            "thousands",
+        ),
+        (
+            PINS + "\n" + "".join(f"{20 * i},,611,32{i},300,\n" for i in SCANS),
+            METAL,
+            "in which unit .code, mV",
+        ),
+        (
+            "time_s,channel,value\n"
+            + "".join(f"{0.1 * i},{s}{end},1.5\n" for i in SCANS for s in STRIPS for end in "HL"),
+            RUBBER,
+            "'0H' elsewhere: both strip 0",
+        ),
+    ],
+)
+def test_what_would_give_other_numbers_is_no_guess(text: str, sensor: ts.Sensor, says: str) -> None:
+    with pytest.raises((Unanswered, ts.ReadingError), match=says):
+        propose(of_text(text), sensor)
 
 
 HEAD = "scan,time_s,strip,v_h,v_l\n"
@@ -270,6 +313,6 @@ def test_a_table_in_our_own_form_comes_back_unchanged(values: list[list[float | 
         for s, v in enumerate(line)
     ]
     table = Table(("scan", "time_s", "strip", "v_out [V]"), rows, list(range(len(rows))))
-    found = propose(table, METAL, {"untouched": "none"})
+    found = propose(table, METAL, {"untouched": "none", "unit": "V"})
     expected = [[np.nan if v is None else round(v, 4) for v in line] for line in values]
     np.testing.assert_allclose([s.values[:, 0] for s in found.scans], expected, atol=1e-12)

@@ -8,6 +8,7 @@ import tempfile
 from pathlib import Path
 
 import click
+import numpy as np
 
 from tacstrip.cli import load_sensor, new_file, note, options, warn, warn_of_log
 from tacstrip.cli.record import save_recording
@@ -25,6 +26,7 @@ from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.replay import open_source
 
 _SHOWN_SCANS, _SHOWN_STRIPS = 2, 6
+_BELOW = 0.02  # of the largest reading: v_h below v_l by more is no noise
 
 
 @click.command("import")
@@ -87,6 +89,7 @@ def command(
         raise ReadingError(f"{log}: {error}" if not str(error).startswith(str(log)) else str(error)) from None
     for reason in found.reasons:
         note(f"  {reason}")
+    warn(_below(found), file=log)
     _write(log, found, sensor, spec, output, force)
     _show(found)
     if not given:
@@ -149,6 +152,23 @@ def _write(
             else:
                 part.write_bytes(readings.read_bytes())
     click.echo(f"{output}: {many}")
+
+
+def _below(found: Proposal) -> str:
+    """Return a warning where v_h is below v_l on single strips, beyond noise."""
+    if found.mapping.channels != ("h", "l"):
+        return ""
+    apart = np.stack([scan.values[:, 0] - scan.values[:, 1] for scan in found.scans])
+    top = max(float(np.nanmax(scan.values, initial=0.0)) for scan in found.scans)
+    wrong = np.argwhere(apart < -_BELOW * top)
+    if not len(wrong):
+        return ""
+    scan, strip = wrong[0]
+    more = f", and {len(wrong) - 1} time(s) more" if len(wrong) > 1 else ""
+    return (
+        f"v_h is below v_l on strip {strip + found.mapping.strip_base} of the scan from line "
+        f"{found.scans[scan].line}{more}: no sensor reads so; is a digit lost, or are columns exchanged?"
+    )
 
 
 def _show(found: Proposal) -> None:

@@ -35,8 +35,7 @@ _RATES_HZ = (0.12, 20_000.0)  # scans per second that a log may have
 _ABOVE = 0.95  # of the strips: k_h is above k_l there, and so the names are clear
 _APART = 0.004  # over the largest reading: by which k_h and k_l differ, in the median
 _SENTINELS = (999.0, 9999.0, 99999.0, 32767.0, 65535.0, 99.9, 99.99, 999.9, 999.99)
-_SMALL, _LARGE = 0.25, 0.3  # of Vref, of the converter: the largest reading of a press is seldom below
-_NEAR_0 = 0.01  # of the largest reading
+_NEAR_0 = 0.01  # of the largest reading; and of the most that there can be
 
 
 @dataclass(frozen=True)
@@ -351,12 +350,12 @@ class _Guess:
             self._ask(
                 name,
                 f"there is one reading for each strip, and the sensor has two: is {name!r} v_h "
-                f"or v_l? --answer '{name}=h'",
+                f"or v_l? --answer '{name}=...' (h or l)",
             )
             chosen = dict.fromkeys(readings, "h")
         else:
             odd = next(n for n, m in readings.items() if m.channel not in ("h", "l"))
-            self._ask(odd, f"is {odd!r} v_h, v_l, or neither? --answer '{odd}=h' (or l, out, skip)")
+            self._ask(odd, f"is {odd!r} v_h, v_l, or neither? --answer '{odd}=...' (h, l, out or skip)")
             chosen = dict.fromkeys(readings, "h")
         if len(readings) > len({(m.strip, chosen[n]) for n, m in readings.items()}):
             twice = [
@@ -430,7 +429,7 @@ class _Guess:
 
     def _strips(self, columns: dict[str, str], strip: str) -> tuple[int, int]:
         if strip:
-            found = set()
+            found, texts = set(), dict[int, str]()
             for line, text in zip(self.table.lines, self.table.column(strip), strict=True):
                 digits = re.findall(r"\d+", text)
                 value = (
@@ -442,6 +441,13 @@ class _Guess:
                 )
                 if value is None or value != int(value):
                     raise ReadingError(f"line {line}: {strip} is {text!r}, not a strip's number")
+                if texts.setdefault(int(value), text) != text and re.search(
+                    "[A-Za-z]", text + texts[int(value)]
+                ):
+                    raise ReadingError(
+                        f"line {line}: {strip} is {text!r}, and {texts[int(value)]!r} elsewhere: both "
+                        f"strip {int(value)}? Put the channel into a column of its own"
+                    )
                 found.add(int(value))
         else:
             found = {int(what.partition(":")[0]) for what in columns.values()}
@@ -611,6 +617,13 @@ class _Guess:
                 f"{unit}; check the unit (--answer unit=...) and "
                 f"{'adc_bits' if unit == 'code' else 'vref_volt'} in the spec"
             )
+        if unit and top and values.max() < _NEAR_0 * top and not answer:
+            self._ask(
+                "unit",
+                f"no reading is above {values.max():g}, and there can be {top:g} {unit}: is the mark in them one of "
+                f"thousands (then save them without), or are they in another unit? --answer unit={unit} takes them as "
+                "they are",
+            )
         if (
             unit == "V"
             and top > 2.0
@@ -645,14 +658,6 @@ class _Guess:
                 + ["percent"] * (1.0 < top <= 100.0 and (vref or 24.0) < top)
             )
             fits += ["mV"] * ((vref or 24.0) < top <= 1000.0 * (vref or 24.0))
-        if (
-            fits == ["code", "mV"]
-            and bits
-            and vref
-            and top < _SMALL * 1000.0 * vref
-            and top > _LARGE * 2.0**bits
-        ):
-            fits = ["code"]
         if fits == ["fraction", "V"] and vref and (vref <= 1.2 or top > 1.0):
             fits = ["V"]
         if len(fits) == 1:

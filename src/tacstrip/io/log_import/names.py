@@ -11,8 +11,8 @@ def _words(text: str) -> frozenset[str]:
     return frozenset(text.split())
 
 
-_HIGH = _words("h hi high vh uh kh hoch haut alto codeh adch rawh")
-_LOW = _words("l lo low vl ul kl tief niedrig bas bajo codel adcl rawl")
+_HIGH = _words("h hi high vh uh kh vhi vhigh uhigh hoch haut haute alto alta codeh adch rawh")
+_LOW = _words("l lo low vl ul kl vlo vlow ulow tief niedrig bas basse bassa basso bajo baja codel adcl rawl")
 _OUT = _words("out vout uout codeout")
 # Pairs of channels whose names do not say which end they are of; the readings do (k_h >= k_l).
 _PAIRS = (
@@ -26,10 +26,11 @@ _VALUE = _words(
 )
 _STRIP = _words(
     "strip strips stripe streifen ch channel kanal sensor taxel line element row track bande electrode s col column "
-    "pin tira stripid stripno sid"
+    "pin tira striscia fascia stripid stripno sid"
 )
 _TIME = _words(
-    "t time times zeit timestamp millis micros elapsed seconds sec secs uhrzeit datetime temps tiempo clock stamp ts "
+    "t time times zeit zeitstempel tempo heure hora ora timestamp millis "
+    "micros elapsed seconds sec secs uhrzeit datetime temps tiempo clock stamp ts "
     "timems timeus ms"
 )
 _SCAN = _words(
@@ -138,6 +139,7 @@ def _tokens(name: str) -> tuple[list[str], str]:
     slash = re.search(r"/\s*(\w+|%)\s*$", plain)
     if slash and slash.group(1).casefold() in UNITS:
         unit, plain = unit or UNITS[slash.group(1).casefold()], plain[: slash.start()]
+    plain = plain.replace("mV", "mv")  # no two words
     plain = re.sub(r"([a-z])([A-Z])", r"\1 \2", plain).casefold()
     tokens = re.findall(r"[a-zµ]+|\d+|%", plain)
     if not unit and len(tokens) > 1 and tokens[-1] in ("mv", "ms", "us", "pct", "%"):

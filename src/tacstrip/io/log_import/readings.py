@@ -17,6 +17,7 @@ from tacstrip.io.log_import.names import TIME_UNITS, meaning
 from tacstrip.io.log_import.table import NOTHING, Table, number_of
 
 _DAY_S = 86400.0
+_FEW_SCANS = 4  # of fewer, equal times tell nothing
 _DATES = (
     "%d.%m.%Y %H:%M:%S.%f",
     "%d.%m.%Y %H:%M:%S",
@@ -94,7 +95,20 @@ def scans(table: Table, mapping: Mapping) -> list[LogScan]:
                 f"{after.time_s:.6g} s; sort the log by time, "
                 "or cut it where the clock begins anew"
             )
+    _check_repeated(found)
     return found
+
+
+def _check_repeated(found: list[LogScan]) -> None:
+    """Refuse a log in which one scan stands twice: the same time and readings, where all other times differ."""
+    same = [(a, b) for a, b in itertools.pairwise(found) if a.time_s == b.time_s]
+    if len(same) != 1 or len(found) < _FEW_SCANS:
+        return
+    before, after = same[0]
+    if np.array_equal(before.values, after.values, equal_nan=True):
+        raise ReadingError(
+            f"line {after.line} has the time and the readings of line {before.line}: take one of them out"
+        )
 
 
 def _times(table: Table, mapping: Mapping) -> FloatArray | None:
@@ -206,7 +220,8 @@ def _long(table: Table, mapping: Mapping, times: FloatArray | None) -> Iterator[
             scan.values[strips[n], end] = _value(table, mapping, n, name, place, untouched)
             seen[strips[n], end] = line
         last = n
-    if scan is not None:
+    cut = bool(table.broken) and scan is not None and table.broken[-1] > scan.line
+    if scan is not None and not (cut and len({strip for strip, _ in seen}) < mapping.strips):
         yield _complete(scan, seen, mapping)
 
 

@@ -7,7 +7,7 @@ import importlib
 import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +30,7 @@ NOTHING = frozenset(
     {"", "nan", "na", "n/a", "#n/a", "-", "--", "---", "null", "none", "open", "untouched", "-nan", "nc"}
 )
 _MOST_BYTES = 2**30
+_FEW_LINES = 4  # of fewer, the length of the last number tells nothing
 _STEADY = 0.8  # of the lines: a form that as many have is that of the log
 CLOCK = "time of day [s]"  # the column of the serial monitor's stamps
 
@@ -82,6 +83,7 @@ def number_of(text: str, decimal: str = ".") -> float | None:
     >>> number_of("2,50 V", ","), number_of("512"), number_of("n/a")
     (2.5, 512.0, None)
     """
+    text = text.replace("\u202f", " ").replace("\xa0", " ")
     found = _NUMBER.match(text) if text.isascii() or "µ" in text else None
     if not found:
         return None
@@ -154,7 +156,7 @@ def of_text(text: str, path: str | Path = "the log") -> Table:
         stamps = {i: _seconds(m) for i, m in found if m}
         lines = [(i, line[m.end() :] if m else line) for (i, line), (_, m) in zip(lines, found, strict=True)]
         remarks.append("each line begins with a time of day, as a serial monitor puts there")
-    table = _pairs(lines) or _separated(lines, path)
+    table = _without_cut_end(_pairs(lines) or _separated(lines, path), text)
     remarks += table.remarks
     names, rows = table.names, table.rows
     if stamps:
@@ -167,6 +169,18 @@ def of_text(text: str, path: str | Path = "the log") -> Table:
             [stamps[i].replace(".", table.decimal), *row] for i, row in zip(table.lines, rows, strict=True)
         ]
     return Table(names, rows, table.lines, table.decimal, table.named, tuple(remarks), table.broken)
+
+
+def _without_cut_end(table: Table, text: str) -> Table:
+    """Return a table whose last line is a broken one, if the log ends within its last number."""
+    if text.endswith(("\n", "\r")) or len(table.rows) < _FEW_LINES:
+        return table
+    *others, last = [row[-1] for row in table.rows]
+    longer = [len(cell) for cell in others if cell]
+    if not last or not longer or len(last) >= min(longer):
+        return table
+    broken = (*table.broken, table.lines[-1])
+    return replace(table, rows=table.rows[:-1], lines=table.lines[:-1], broken=broken)
 
 
 def _seconds(stamp: re.Match[str]) -> str:
