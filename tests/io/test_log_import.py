@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 import tacstrip as ts
 from tacstrip.cli import cli
 from tacstrip.io.log_import.guess import Unanswered, propose
-from tacstrip.io.log_import.mapping import Mapping
-from tacstrip.io.log_import.readings import scans
+from tacstrip.io.log_import.mapping import ColumnMapping
+from tacstrip.io.log_import.scans import scans
 from tacstrip.io.log_import.table import Table, of_text, read_table
 
 RUBBER = ts.Sensor(
@@ -204,7 +204,7 @@ def test_a_mapping_is_written_and_reads_the_next_log(tmp_path: Path) -> None:
     sensor, text = FORMS["a spreadsheet's, with decimal commas and lines above"]
     found = propose(of_text(text), sensor)
     found.mapping.save(tmp_path / "map.toml")
-    again = Mapping.load(tmp_path / "map.toml")
+    again = ColumnMapping.load(tmp_path / "map.toml")
     assert again == found.mapping
     for one, other in zip(scans(of_text(text), again), found.scans, strict=True):
         np.testing.assert_array_equal(one.values, other.values)
@@ -212,7 +212,7 @@ def test_a_mapping_is_written_and_reads_the_next_log(tmp_path: Path) -> None:
         scans(of_text(HEAD + "0,0,0,1,1\n"), again)
     (tmp_path / "bad.toml").write_text('unit = "furlong"\nstrips = 5\n[columns]\nv = "h"\n')
     with pytest.raises(ts.OptionError, match="furlong"):
-        Mapping.load(tmp_path / "bad.toml")
+        ColumnMapping.load(tmp_path / "bad.toml")
 
 
 def test_the_verb_writes_readings_a_recording_and_the_mapping(tmp_path: Path) -> None:

@@ -17,8 +17,8 @@ from tacstrip.errors import OptionError, ReadingError, one_of
 from tacstrip.files import replacing
 from tacstrip.io.input_checks import half_read
 from tacstrip.io.log_import.guess import Proposal, Question, Unanswered, propose
-from tacstrip.io.log_import.mapping import Mapping
-from tacstrip.io.log_import.readings import scans
+from tacstrip.io.log_import.mapping import ColumnMapping
+from tacstrip.io.log_import.scans import scans
 from tacstrip.io.log_import.table import SeveralSheets, Table, read_table
 from tacstrip.io.log_import.write import rows, write_log
 from tacstrip.io.readings import read_readings
@@ -99,7 +99,7 @@ def command(
 
 
 def _mapped(table: Table, file: Path) -> Proposal:
-    mapping = Mapping.load(file)
+    mapping = ColumnMapping.load(file)
     return Proposal(mapping, scans(table, mapping), ())
 
 

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Mapping as Answers
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.errors import OptionError, ReadingError, one_of
-from tacstrip.io.log_import.mapping import CHANNELS, Mapping
+from tacstrip.io.log_import.mapping import CHANNELS, ColumnMapping
 from tacstrip.io.log_import.names import READING_UNITS, TIME_UNITS, Meaning, meaning, pair_of
-from tacstrip.io.log_import.readings import LogScan, clock_seconds, scans
+from tacstrip.io.log_import.scans import LogScan, clock_seconds, scans, strip_numbers
 from tacstrip.io.log_import.table import CLOCK, NOTHING, Table, number_of
 from tacstrip.sensor.spec import Sensor
 
@@ -58,12 +58,12 @@ class Unanswered(Exception):  # noqa: N818, it is no error of the user's
 class Proposal:
     """A mapping, the scans that it gives, and why."""
 
-    mapping: Mapping
+    mapping: ColumnMapping
     scans: list[LogScan]
     reasons: tuple[str, ...]
 
 
-def propose(table: Table, sensor: Sensor | None = None, answers: Answers[str, str] | None = None) -> Proposal:
+def propose(table: Table, sensor: Sensor | None = None, answers: Mapping[str, str] | None = None) -> Proposal:
     """Propose how to read a log.
 
     Parameters
@@ -94,6 +94,7 @@ class _Guess:
         self.table, self.sensor, self.answers = table, sensor, answers
         self.reasons: list[str] = list(table.remarks)
         self.questions: list[Question] = []
+        self.paired = False  # channels of which no name tells the end
         for key, answer in answers.items():
             if key not in _KEYS and key not in table.names:
                 raise OptionError(
@@ -112,7 +113,7 @@ class _Guess:
         time = self._role("time")
         scan = self._role("scan")
         base, count = self._strips(columns, strip)
-        mapping = Mapping(
+        mapping = ColumnMapping(
             columns=columns, unit="V",
             strips=count, strip_base=base, scan=scan if strip else "", strip=strip, which=which, time=time,
             broken_lines=self._broken(), untouched=self._untouched(columns), missing="untouched",
@@ -391,9 +392,7 @@ class _Guess:
         at = [(n // 2, n % 2) if order == "alternating" else (n % many, n // many) for n in range(2 * many)]
         return {name: f"{strip}:{'hl'[end]}" for name, (strip, end) in zip(names, at, strict=True)}
 
-    paired = False
-
-    def _ends(self, mapping: Mapping, rough: list[LogScan]) -> dict[str, str]:
+    def _ends(self, mapping: ColumnMapping, rough: list[LogScan]) -> dict[str, str]:
         """Return the columns with the ends that the readings confirm: k_h is never below k_l."""
         columns = mapping.columns
         if mapping.channels != ("h", "l"):
@@ -429,26 +428,7 @@ class _Guess:
 
     def _strips(self, columns: dict[str, str], strip: str) -> tuple[int, int]:
         if strip:
-            found, texts = set(), dict[int, str]()
-            for line, text in zip(self.table.lines, self.table.column(strip), strict=True):
-                digits = re.findall(r"\d+", text)
-                value = (
-                    number_of(text, self.table.decimal)
-                    if not re.search("[A-Za-z]", text)
-                    else float(digits[0])
-                    if len(digits) == 1
-                    else None
-                )
-                if value is None or value != int(value):
-                    raise ReadingError(f"line {line}: {strip} is {text!r}, not a strip's number")
-                if texts.setdefault(int(value), text) != text and re.search(
-                    "[A-Za-z]", text + texts[int(value)]
-                ):
-                    raise ReadingError(
-                        f"line {line}: {strip} is {text!r}, and {texts[int(value)]!r} elsewhere: both "
-                        f"strip {int(value)}? Put the channel into a column of its own"
-                    )
-                found.add(int(value))
+            found = set(strip_numbers(self.table, strip))
         else:
             found = {int(what.partition(":")[0]) for what in columns.values()}
         low, high = min(found), max(found)
@@ -482,7 +462,7 @@ class _Guess:
         self._ask("broken_lines", f"line(s) {shown} are not like the others: leave them out (skip)?")
         return "skip"
 
-    def _missing(self, mapping: Mapping) -> str:
+    def _missing(self, mapping: ColumnMapping) -> str:
         if answer := self.answers.get("missing"):
             return answer
         try:
@@ -558,7 +538,7 @@ class _Guess:
             return "clock"
         return self.meanings[time].unit
 
-    def _time(self, mapping: Mapping, rough: list[LogScan]) -> Mapping:
+    def _time(self, mapping: ColumnMapping, rough: list[LogScan]) -> ColumnMapping:
         rate = self._number("rate_hz")
         if not mapping.time:
             if rate is None and len(rough) > 1:
@@ -587,7 +567,7 @@ class _Guess:
             )
         return replace(mapping, time_unit="s")
 
-    def _unit(self, mapping: Mapping, rough: list[LogScan]) -> Mapping:
+    def _unit(self, mapping: ColumnMapping, rough: list[LogScan]) -> ColumnMapping:
         values = np.concatenate([s.values.ravel() for s in rough])
         values = values[np.isfinite(values)]
         answer = self._check_answer("unit", READING_UNITS)
@@ -638,7 +618,7 @@ class _Guess:
             )
         return replace(mapping, unit=unit or "V", vref_volt=0.0 if self.sensor else vref)
 
-    def _volts_named(self, mapping: Mapping) -> bool:
+    def _volts_named(self, mapping: ColumnMapping) -> bool:
         return any(self.meanings[n].unit == "V" for n in mapping.columns)
 
     def _by_size(self, values: FloatArray, vref: float) -> str:

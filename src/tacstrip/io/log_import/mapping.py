@@ -18,7 +18,7 @@ _KINDS: dict[str, type | tuple[type, ...]] = {
 
 
 @dataclass(frozen=True)
-class Mapping:
+class ColumnMapping:
     """What the columns of a log are.
 
     Attributes
@@ -78,7 +78,7 @@ class Mapping:
         write_text(path, "\n".join(lines) + "\n")
 
     @classmethod
-    def load(cls, path: str | Path) -> Mapping:
+    def load(cls, path: str | Path) -> ColumnMapping:
         """Read one; `OptionError` names what is wrong with it."""
         try:
             given = tomllib.loads(read_text(path))

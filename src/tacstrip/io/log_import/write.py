@@ -9,14 +9,14 @@ import numpy as np
 
 from tacstrip.io.columns import INDEX
 from tacstrip.io.csv_rows import csv_writer
-from tacstrip.io.log_import.mapping import Mapping
-from tacstrip.io.log_import.readings import LogScan
+from tacstrip.io.log_import.mapping import ColumnMapping
+from tacstrip.io.log_import.scans import LogScan
 
 _COLUMNS = {"h": ("v_h", "code_h"), "l": ("v_l", "code_l"), "out": ("v_out", "code")}
 
 
 def write_log(
-    path: Path, scans: Sequence[LogScan], mapping: Mapping, vref_volt: float, strip_base: int
+    path: Path, scans: Sequence[LogScan], mapping: ColumnMapping, vref_volt: float, strip_base: int
 ) -> None:
     """Write scans as readings (CSV): in volts, or in codes where the log has these.
 

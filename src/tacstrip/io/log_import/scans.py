@@ -12,7 +12,7 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.errors import ReadingError
-from tacstrip.io.log_import.mapping import Mapping
+from tacstrip.io.log_import.mapping import ColumnMapping
 from tacstrip.io.log_import.names import TIME_UNITS, meaning
 from tacstrip.io.log_import.table import NOTHING, Table, number_of
 
@@ -63,7 +63,7 @@ def field_value(text: str, decimal: str, untouched: frozenset[str] = frozenset()
     return float("nan") if f"{value:g}" in untouched else value
 
 
-def scans(table: Table, mapping: Mapping) -> list[LogScan]:
+def scans(table: Table, mapping: ColumnMapping) -> list[LogScan]:
     """Return a log's scans.
 
     Raises
@@ -111,7 +111,7 @@ def _check_repeated(found: list[LogScan]) -> None:
         )
 
 
-def _times(table: Table, mapping: Mapping) -> FloatArray | None:
+def _times(table: Table, mapping: ColumnMapping) -> FloatArray | None:
     """Return each row's time from the first on [s]; None where the log has none."""
     if not mapping.time:
         return None
@@ -127,7 +127,9 @@ def _times(table: Table, mapping: Mapping) -> FloatArray | None:
     return np.asarray(np.round(values - values[0] + days * _DAY_S, 6))  # seconds since 1970 hold no more
 
 
-def _value(table: Table, mapping: Mapping, n: int, name: str, place: int, untouched: frozenset[str]) -> float:
+def _value(
+    table: Table, mapping: ColumnMapping, n: int, name: str, place: int, untouched: frozenset[str]
+) -> float:
     text = table.rows[n][place]
     try:
         return field_value(text, table.decimal, untouched)
@@ -138,7 +140,7 @@ def _value(table: Table, mapping: Mapping, n: int, name: str, place: int, untouc
         ) from None
 
 
-def _wide(table: Table, mapping: Mapping, times: FloatArray | None) -> Iterator[LogScan]:
+def _wide(table: Table, mapping: ColumnMapping, times: FloatArray | None) -> Iterator[LogScan]:
     untouched, channels = frozenset(mapping.untouched), mapping.channels
     places = []
     for name, what in mapping.columns.items():
@@ -165,18 +167,15 @@ def _wide(table: Table, mapping: Mapping, times: FloatArray | None) -> Iterator[
         yield LogScan(_time(times, n, n, mapping), values, line)
 
 
-def _time(times: FloatArray | None, row: int, scan: int, mapping: Mapping) -> float:
+def _time(times: FloatArray | None, row: int, scan: int, mapping: ColumnMapping) -> float:
     if times is not None:
         return float(times[row])
     return scan / mapping.rate_hz if mapping.rate_hz else 0.0
 
 
-def _long(table: Table, mapping: Mapping, times: FloatArray | None) -> Iterator[LogScan]:
+def _long(table: Table, mapping: ColumnMapping, times: FloatArray | None) -> Iterator[LogScan]:
     untouched, channels = frozenset(mapping.untouched), mapping.channels
-    strips = [
-        _strip(text, line, mapping)
-        for text, line in zip(table.column(mapping.strip), table.lines, strict=True)
-    ]
+    strips = _placed(strip_numbers(table, mapping.strip), table, mapping)
     which = (
         [_which(t, n) for n, t in zip(table.lines, table.column(mapping.which), strict=True)]
         if mapping.which
@@ -225,7 +224,7 @@ def _long(table: Table, mapping: Mapping, times: FloatArray | None) -> Iterator[
         yield _complete(scan, seen, mapping)
 
 
-def _complete(scan: LogScan, seen: dict[tuple[int, int], int], mapping: Mapping) -> LogScan:
+def _complete(scan: LogScan, seen: dict[tuple[int, int], int], mapping: ColumnMapping) -> LogScan:
     there = {strip for strip, _ in seen}
     if len(there) < mapping.strips and mapping.missing != "untouched":
         lack = next(s for s in range(mapping.strips) if s not in there) + mapping.strip_base
@@ -236,18 +235,40 @@ def _complete(scan: LogScan, seen: dict[tuple[int, int], int], mapping: Mapping)
     return scan
 
 
-def _strip(text: str, line: int, mapping: Mapping) -> int:
-    digits = re.findall(r"\d+", text)
-    value = (
-        number_of(text) if not re.search("[A-Za-z]", text) else float(digits[0]) if len(digits) == 1 else None
-    )
-    if value is None or value != int(value):
-        raise ReadingError(f"line {line}: {mapping.strip} is {text!r}, not a strip's number")
-    strip = int(value) - mapping.strip_base
-    if not 0 <= strip < mapping.strips:
-        last = mapping.strip_base + mapping.strips - 1
-        raise ReadingError(f"line {line}: strip {text} is out of range {mapping.strip_base} to {last}")
-    return strip
+def strip_numbers(table: Table, column: str) -> list[int]:
+    """Return the strip of each line as the log numbers it: "3", "S3", "strip 03".
+
+    Raises
+    ------
+    ReadingError
+        A field is none, or two of them, as 3H and 3L, would be the same strip.
+    """
+    found: list[int] = []
+    texts: dict[int, str] = {}
+    for line, text in zip(table.lines, table.column(column), strict=True):
+        digits, named = re.findall(r"\d+", text), bool(re.search("[A-Za-z]", text))
+        value = (
+            number_of(text, table.decimal) if not named else float(digits[0]) if len(digits) == 1 else None
+        )
+        if value is None or value != int(value):
+            raise ReadingError(f"line {line}: {column} is {text!r}, not a strip's number")
+        first = texts.setdefault(int(value), text)
+        if first != text and (named or re.search("[A-Za-z]", first)):
+            raise ReadingError(
+                f"line {line}: {column} is {text!r}, and {first!r} elsewhere: both strip {int(value)}? Put the channel "
+                "into a column of its own"
+            )
+        found.append(int(value))
+    return found
+
+
+def _placed(strips: list[int], table: Table, mapping: ColumnMapping) -> list[int]:
+    """Return strips counted from 0."""
+    first, last = mapping.strip_base, mapping.strip_base + mapping.strips - 1
+    for line, strip in zip(table.lines, strips, strict=True):
+        if not first <= strip <= last:
+            raise ReadingError(f"line {line}: strip {strip} is out of range {first} to {last}")
+    return [strip - first for strip in strips]
 
 
 def _which(text: str, line: int) -> str:
