@@ -28,8 +28,22 @@ _MOVED = 0.025  # of Vref: the median channel's change from the first half to th
 _LEAST_STRAY = 0.002  # over Vref: nearer than that is none, however quiet the converter
 
 
+class Signatures:
+    """Readings by signature, of one scan (strips,) or of many (scans, strips); NaN where nothing touches."""
+
+    @property
+    def signatures(self) -> tuple[str, ...]:
+        """Names of the signatures that were measured."""
+        return tuple(name for name in SIGNATURES if getattr(self, name) is not None)
+
+    @property
+    def touched(self) -> BoolArray:
+        """Whether each strip is touched, of the shape of the readings."""
+        return np.asarray(~np.all([np.isnan(getattr(self, name)) for name in self.signatures], axis=0))
+
+
 @dataclass(frozen=True, eq=False)
-class Scan:
+class Scan(Signatures):
     """Readings of all strips over Vref, one array (strips,) per signature; NaN where nothing touches.
 
     A strip with one reading of two is touched, and counts with that one: its other channel is left out.
@@ -163,16 +177,6 @@ class Scan:
         if values is None:
             raise SignatureError(f"the scan has no {signature!r}; it has: {', '.join(self.signatures)}")
         return values
-
-    @property
-    def signatures(self) -> tuple[str, ...]:
-        """Names of the signatures that were measured."""
-        return tuple(name for name in SIGNATURES if getattr(self, name) is not None)
-
-    @property
-    def touched(self) -> BoolArray:
-        """Whether each strip is touched (strips,)."""
-        return np.asarray(~np.all([np.isnan(self[name]) for name in self.signatures], axis=0))
 
     @property
     def half_read(self) -> BoolArray:

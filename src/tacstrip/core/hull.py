@@ -13,7 +13,7 @@ import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
 from tacstrip.core.binding import HULL_OBJECTS, Loss, at, exported
-from tacstrip.core.rigid import RigidScans
+from tacstrip.core.rigid import Equations, RigidScans
 
 MOST_OBJECTS = HULL_OBJECTS
 
@@ -47,31 +47,9 @@ class HullScans:
         return replace(self, scans=self.scans.with_sigma(sigma))
 
 
-@dataclass(frozen=True)
-class HullEquations:
-    """Normal equations of K outlines with C numbers in all, and of their poses in T scans.
-
-    Attributes
-    ----------
-    pose, mixed, shape
-        Blocks of J'WJ: (T, 3 K, 3 K), (T, 3 K, C) and (C, C).
-    pose_slope, shape_slope
-        J'Wr, (T, 3 K) and (C,).
-    costs
-        What each scan costs (T,).
-    """
-
-    pose: FloatArray
-    mixed: FloatArray
-    shape: FloatArray
-    pose_slope: FloatArray
-    shape_slope: FloatArray
-    costs: FloatArray
-
-
 def hull_equations(
     scans: HullScans, outlines: Sequence[FloatArray], poses: FloatArray, present: BoolArray, how: Loss
-) -> HullEquations:
+) -> Equations:
     """Return the normal equations of outlines (N_k, 2) [mm] at poses (T, K, 3), where present (T, K)."""
     core = exported("hull_equations")
     assert core is not None, "compiled only"
@@ -79,7 +57,7 @@ def hull_equations(
     corners, counts = _joined(outlines)
     many, width, size = len(poses), 3 * len(outlines), corners.size
     shapes = ((many, width, width), (many, width, size), (size, size), (many, width), (size,), (many,))
-    found = HullEquations(*(np.empty(shape) for shape in shapes))
+    found = Equations(*(np.empty(shape) for shape in shapes))
     poses, present, known = (np.ascontiguousarray(a, dtype=float) for a in (poses, present, scans.known))
     core(
         scans.scans.compiled, how, at(known), len(counts), at(counts), at(corners), at(present), at(poses),

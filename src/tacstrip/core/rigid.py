@@ -98,14 +98,14 @@ class RigidScans(Sendable):
 
 @dataclass(frozen=True)
 class Equations:
-    """Normal equations of corners (N, 2) and poses (T, 3).
+    """Normal equations of the corners of K outlines, C numbers in all, and of their poses in T scans.
 
     Attributes
     ----------
     pose, mixed, shape
-        Blocks of J'WJ: (T, 3, 3), (T, 3, 2 N) and (2 N, 2 N).
+        Blocks of J'WJ: (T, 3 K, 3 K), (T, 3 K, C) and (C, C).
     pose_slope, shape_slope
-        J'Wr, (T, 3) and (2 N,).
+        J'Wr, (T, 3 K) and (C,).
     costs
         What each scan costs (T,).
     """

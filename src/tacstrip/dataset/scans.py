@@ -15,7 +15,7 @@ from tacstrip.contact.shape import Contact
 from tacstrip.dataset.shapes import KINDS
 from tacstrip.errors import ReadingError, SignatureError
 from tacstrip.files import replacing, why_unreadable
-from tacstrip.scan import Scan
+from tacstrip.scan import Scan, Signatures
 from tacstrip.sensor.constructions import SIGNATURES
 
 Floats: TypeAlias = npt.NDArray[Any]  # float32 or float64
@@ -82,7 +82,7 @@ class Labels:
 
 
 @dataclass(frozen=True, eq=False)
-class Scans:
+class Scans(Signatures):
     """Readings of many scans over Vref, an array (scans, strips) per signature; NaN where nothing touches.
 
     `scans[3]` is a `Scan`, `scans[10:20]` and `scans[mask]` are `Scans`; iterating gives a `Scan` after the other.
@@ -147,16 +147,6 @@ class Scans:
 
     def __len__(self) -> int:
         return len(self[self.signatures[0]])
-
-    @property
-    def signatures(self) -> tuple[str, ...]:
-        """Names of the signatures that were measured."""
-        return tuple(name for name in SIGNATURES if getattr(self, name) is not None)
-
-    @property
-    def touched(self) -> BoolArray:
-        """Whether each strip is touched (scans, strips)."""
-        return np.asarray(~np.all([np.isnan(self[name]) for name in self.signatures], axis=0))
 
     @overload
     def __getitem__(self, which: str) -> Floats: ...

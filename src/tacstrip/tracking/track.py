@@ -47,10 +47,8 @@ _ALIKE = 1.25  # times a guess of sigma: found again, it is believed
 _ROUNDS = 3  # of finding sigma
 _TOLD, _OF_SIZE = 0.1, 0.01  # of the pitch, and of the outline's extent, and ...
 _TELLING = 4.0  # ... deviations of the least certain corner: shapes that differ by more are not the same
-_MAY_BE_OFF, _DEVIATIONS = (
-    0.05,
-    2.0,
-)  # of the extent, by which no corner may be off, and within how many deviations
+_MAY_BE_OFF = 0.05  # of the extent, by which no corner may be off ...
+_DEVIATIONS = 2.0  # ... within so many deviations
 _MOVED = 0.5  # pitches that corners must move where few strips are touched
 NOT_RIGID = (
     "no rigid outline explains all scans: {times:.3g} times the noise is left over; the object deforms or rolls, two "

@@ -13,14 +13,11 @@ from tacstrip.tracking.rigid.smooth_path import centres, fit_corners
 
 FEWEST, FIRST = 3, 9  # corners; from how many a rough outline is pruned
 _TRIED = 3  # corners that are taken away by turns
-_PLACES = 2.0 * float(
-    np.log(10.0)
-)  # price of a corner for the ten places where one too many may fit the noise
+# Price of a corner for the ten places where one too many may fit the noise.
+_PLACES = 2.0 * float(np.log(10.0))
 _SURE = 8.0  # times what a corner must gain: there is no need to try without it
-_HOPELESS, _MARGIN = (
-    3.0,
-    300.0,
-)  # cost of fewer corners, times the best criterion and more, that ends the pruning
+# Times the best criterion, and more: a cost of fewer corners that ends the pruning.
+_HOPELESS, _MARGIN = 3.0, 300.0
 _ANGLES, _KEPT = 36, 6  # of a pose of which nothing is known: starts all round, and how many are refined
 _JIGGLES = np.array([(0, 0, 0), (0.5, 0, 0.02), (-0.5, 0, -0.02), (0, 0.5, -0.03), (0, -0.5, 0.03)])
 _BAD, _SPREAD = 6.0, 5.0  # chi square of a scan beyond its readings, and times its deviation

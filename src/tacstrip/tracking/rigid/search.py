@@ -39,10 +39,8 @@ FEW_STRIPS = 12  # that read an outline at few places, the same ones as long as 
 _KEPT = 3  # paths that are made polygons of
 _SATISFIED = 1.15  # of the freedom: a chi square that ends the search
 _ALARM, _HARDLY_MORE = 3.5, 1.05  # deviations of chi square, and times the freedom
-_WITHIN, _WORTH_SETTLING = (
-    8.0,
-    1.6,
-)  # of the criterion, and of the freedom: fits that may explain the readings as well
+_WITHIN = 8.0  # of the best criterion: fits that explain the readings as well
+_WORTH_SETTLING = 1.6  # times the freedom: fits that may, once they are settled
 _COARSE, _FINER, _FINEST = 0.07, 0.023, 0.012  # tolerances of edges, over the outline's radius
 _ROUGH, _SMOOTHER = 0.07, 0.09  # the radii's second differences, likewise
 _REFERENCES = 3  # of a search without a path: scans that it begins with ...

@@ -15,8 +15,8 @@ from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
 from tacstrip.core.binding import Loss
-from tacstrip.core.hull import HullEquations, HullScans, hull_equations
-from tacstrip.core.rigid import DAMPING, EASED, HOPELESS, LEAST, PINNED, loss
+from tacstrip.core.hull import HullScans, hull_equations
+from tacstrip.core.rigid import DAMPING, EASED, HOPELESS, LEAST, PINNED, Equations, loss
 
 _DONE = 0.02  # gain in chi square that ends a descent
 _AT_ONCE = 64  # scans whose covariances are found together
@@ -163,7 +163,7 @@ def expected(scene: Scene, rows: BoolArray) -> tuple[FloatArray, FloatArray]:
     return scene.poses + slope / np.maximum(weight, 1e-300), weight
 
 
-def _equations(scans: HullScans, scene: Scene, how: Loss) -> HullEquations:
+def _equations(scans: HullScans, scene: Scene, how: Loss) -> Equations:
     return hull_equations(scans, scene.outlines, scene.poses, scene.present, how)
 
 
@@ -176,7 +176,7 @@ def _bent(scene: Scene, bends: BoolArray) -> tuple[float, FloatArray]:
     return float((second**2).sum()), slope
 
 
-def _banded(found: HullEquations, scene: Scene, bends: BoolArray) -> FloatArray:
+def _banded(found: Equations, scene: Scene, bends: BoolArray) -> FloatArray:
     """Return the equations of all poses (2 W + 1, T W), W = 3 K, each diagonal a row."""
     many, width = len(scene.poses), 3 * len(scene.outlines)
     band = np.zeros((2 * width + 1, many, width))
@@ -192,7 +192,7 @@ def _banded(found: HullEquations, scene: Scene, bends: BoolArray) -> FloatArray:
 
 
 def _step(
-    found: HullEquations, scene: Scene, bends: BoolArray, slope: FloatArray, damping: float, shapes: bool
+    found: Equations, scene: Scene, bends: BoolArray, slope: FloatArray, damping: float, shapes: bool
 ) -> tuple[FloatArray, FloatArray] | None:
     """Return steps of the poses (T, K, 3) and of the corners (C,); None where the equations are not definite."""
     band = _banded(found, scene, bends)
