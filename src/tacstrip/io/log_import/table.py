@@ -7,11 +7,13 @@ import importlib
 import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from tacstrip.errors import OptionError, ReadingError
 from tacstrip.files import why_unreadable
@@ -123,25 +125,19 @@ def read_table(path: str | Path, sheet: str | None = None) -> Table:
     try:
         match file.suffix.lower():
             case ".xlsx" | ".xlsm":
-                return _of_cells(_workbook(file, sheet), path)
+                return _of_cells(_chosen_sheet(file, _sheets(file), sheet), path)
             case ".npz":
-                return _of_arrays(file)
+                return _of_arrays(_archive(file), path)
             case ".parquet":
-                parquet = _library("pyarrow.parquet", path, "data")
-                columns = parquet.read_table(file).to_pydict()
-                return _of_columns(columns)
+                return _of_columns(_parquet(file))
             case ".xls" | ".ods" | ".mat" | ".h5" | ".hdf5" | ".json":
                 raise ReadingError(f"{path}: not a form that is read here; export it as CSV")
             case _:
                 return of_text(_decoded(file), path)
     except FileNotFoundError:
         raise ReadingError(f"{path}: no such file") from None
-    except (ReadingError, OptionError, SeveralSheets):
-        raise
-    except (OSError, ValueError, KeyError, EOFError, NotImplementedError) as error:
-        raise ReadingError(f"{path}: cannot be read ({error})") from None
-    except Exception as error:  # whatever a library raises on a damaged file of its own form
-        raise ReadingError(f"{path}: no {file.suffix} file, or a damaged one ({error})") from None
+    except OSError as error:
+        raise ReadingError(f"{path}: cannot be read ({error.strerror or error})") from None
 
 
 def of_text(text: str, path: str | Path = "the log") -> Table:
@@ -373,26 +369,53 @@ def _decimal(rows: list[list[str]], separator: str) -> str:
     return "," if commas else "."
 
 
-def _workbook(file: Path, sheet: str | None) -> Iterator[list[str]]:
-    openpyxl = _library("openpyxl", file, "spreadsheet")
-    book = openpyxl.load_workbook(file, read_only=True, data_only=True)
-    full = [
-        ws
-        for ws in book.worksheets
-        if ws.max_row and any(any(c is not None for c in row) for row in ws.iter_rows(values_only=True))
-    ]
-    chosen = [ws for ws in full if sheet in (None, ws.title)]
-    if not chosen:
+@contextmanager
+def _library_at_work(file: Path) -> Iterator[None]:
+    """Turn whatever a library raises on a damaged file of its own form into a `ReadingError`."""
+    try:
+        yield
+    except OSError:
+        raise
+    except Exception as error:
         raise ReadingError(
-            f"{file}: no sheet {sheet!r}; it has: {', '.join(ws.title for ws in full) or 'nothing'}"
-        )
+            f"{file}: no {file.suffix} file, or a damaged one ({type(error).__name__})"
+        ) from None
+
+
+def _sheets(file: Path) -> dict[str, list[list[str]]]:
+    """Return the cells of the sheets of a workbook that hold something, by name."""
+    openpyxl = _library("openpyxl", file, "spreadsheet")
+    with file.open("rb") as opened, _library_at_work(file):
+        book = openpyxl.load_workbook(opened, read_only=True, data_only=True)
+        found = {
+            ws.title: [[_text(cell) for cell in row] for row in ws.iter_rows(values_only=True)]
+            for ws in book.worksheets
+        }
+    return {title: rows for title, rows in found.items() if any(map(any, rows))}
+
+
+def _chosen_sheet(file: Path, sheets: dict[str, list[list[str]]], name: str | None) -> list[list[str]]:
+    chosen = [title for title in sheets if name in (None, title)]
+    if not chosen:
+        raise ReadingError(f"{file}: no sheet {name!r}; it has: {', '.join(sheets) or 'nothing'}")
     if len(chosen) > 1:
-        raise SeveralSheets(", ".join(ws.title for ws in chosen))
-    for row in chosen[0].iter_rows(values_only=True):
-        yield [_text(cell) for cell in row]
+        raise SeveralSheets(", ".join(chosen))
+    return sheets[chosen[0]]
 
 
-def _of_cells(rows: Iterator[list[str]], path: str | Path) -> Table:
+def _archive(file: Path) -> dict[str, npt.NDArray[Any]]:
+    with file.open("rb") as opened, _library_at_work(file), np.load(opened, allow_pickle=False) as archive:
+        return {name: archive[name] for name in archive.files}
+
+
+def _parquet(file: Path) -> dict[str, list[Any]]:
+    parquet = _library("pyarrow.parquet", file, "data")
+    with file.open("rb") as opened, _library_at_work(file):
+        columns: dict[str, list[Any]] = parquet.read_table(opened).to_pydict()
+    return columns
+
+
+def _of_cells(rows: list[list[str]], path: str | Path) -> Table:
     numbered = [(i, row) for i, row in enumerate(rows, 1) if any(row)]
     if not numbered:
         raise ReadingError(f"{path}: the sheet is empty")
@@ -405,15 +428,13 @@ def _of_cells(rows: Iterator[list[str]], path: str | Path) -> Table:
     )
 
 
-def _of_arrays(file: Path) -> Table:
+def _of_arrays(arrays: dict[str, npt.NDArray[Any]], path: str | Path) -> Table:
     """Return the arrays of a NumPy archive: one column each, or one per strip where there is a second axis."""
     names: list[str] = []
     columns: list[list[str]] = []
-    with file.open("rb") as opened, np.load(opened, allow_pickle=False) as archive:
-        arrays = {name: archive[name] for name in archive.files}
     lengths = Counter(a.shape[0] for a in arrays.values() if a.ndim in (1, 2))
     if not lengths:
-        raise ReadingError(f"{file}: no array of scans (scans,) or (scans, strips) in it")
+        raise ReadingError(f"{path}: no array of scans (scans,) or (scans, strips) in it")
     scans = max(lengths.items(), key=lambda item: (item[1], item[0]))[0]
     passed = [name for name, a in arrays.items() if a.ndim not in (1, 2) or a.shape[0] != scans]
     for name, array in arrays.items():
