@@ -23,7 +23,8 @@ pen, finger, outlines = [], [], []
 for step in range(100):
     data.ctrl = 0.012 * step / 100
     mujoco.mj_step(model, data, 10)
-    scan, patch = skin.read(data), skin.press(data)
+    patch = skin.press(data)
+    scan = skin.read(data, patch)
     pen.append(1e3 * data.geom("pen").xpos[0])
     finger.append(1e3 * data.body("finger").xpos[0])
     outlines.append(patch.outline_xyz)
@@ -33,11 +34,10 @@ print(
 )
 
 # %%
-# The pen rolls half as far as the finger goes, and its patch wanders over the skin: here after .2, .5 and .8 s.
+# The pen (orange) rolls half as far as the finger; its patch wanders over the skin: here after .2, .5 and .8 s.
 figure, (left, right) = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
-left.plot(finger, label="finger")
-left.plot(pen, label="pen")
+left.plot(finger)
+left.plot(pen)
 left.set(xlabel="step of 10 ms", ylabel="x [mm]")
-left.legend()
 right.plot(*[xy for outline in outlines[20::30] for xy in outline[:, :2].T])
 right.set(xlabel="x on the fingertip [mm]", ylabel="y [mm]", aspect="equal")

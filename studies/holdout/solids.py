@@ -1,6 +1,6 @@
 """Solids pressed into a fingertip, found again by `ts.fit_solid`: skin, solids and strips apart from the package.
 
-A case depends on the seed and its number alone. Strips are as wide as `WIDTH_MM`: nine lines across, of 4,000 cells,
+A case depends on the seed and its number alone. Strips are as wide as `WIDTH_MM`: nine lines across, of 2,000 cells,
 and where they lie in the solid or not is asked cell by cell; an end is the lines' mean. Every second solid is a mesh
 of flat faces round the one that is told. Patches are sums over the skin, pressure from how far along the normal a solid
 goes, by halving. The noise is uniform, normal, triangular or Laplace's in turn, of one sigma; uniform is told.
@@ -26,7 +26,8 @@ KINDS = ("plane", "cylinder", "edge", "sphere")
 RADIUS, TIP, RIM, STRIPS, THICK, STIFF = 10.0, math.radians(12.0), math.radians(90.0), 16, 3.0, 0.1
 LENGTH = RADIUS * (RIM - TIP)
 UNIT = Unit(("kh", "kl"), STRIPS, 2.0 * math.pi * RADIUS / STRIPS, LENGTH)
-WIDTH_MM, LINES, CELLS = 0.3, 9, 4000
+WIDTH_MM, LINES, CELLS = 0.3, 9, 2000
+GRID = (350, 700)  # of the skin, from pole to rim and round
 HALF_WIDTH = 0.005
 NOISES = ("uniform", "normal", "triangular", "laplace")
 FACETS = 96  # of a mesh round a cylinder, rings of a ball
@@ -91,13 +92,13 @@ def share(y: Array) -> Array:
 
 def load(solid: Pressed) -> tuple[float, float]:
     """Return area [mm^2] and force [N] along the way that a solid is pressed, of the skin down to the rim."""
-    cos = 1.0 - (np.arange(700) + 0.5) / 700  # even in cos: cells of one size
-    around = (np.arange(1400) + 0.5) * 2.0 * math.pi / 1400
+    cos = 1.0 - (np.arange(GRID[0]) + 0.5) / GRID[0]  # even in cos: cells of one size
+    around = (np.arange(GRID[1]) + 0.5) * 2.0 * math.pi / GRID[1]
     out = skin(np.arccos(cos)[:, None], around)
     out = out[solid.holds(RADIUS * out) > 0.0]
-    cell = 2.0 * math.pi * RADIUS**2 / (700 * 1400)
+    cell = 2.0 * math.pi * RADIUS**2 / math.prod(GRID)
     low, high = np.zeros(len(out)), np.full(len(out), 2.0 * THICK)
-    for _ in range(24):
+    for _ in range(18):
         middle = 0.5 * (low + high)
         inside = solid.holds((RADIUS - middle)[:, None] * out) > 0.0
         low, high = np.where(inside, middle, low), np.where(inside, high, middle)

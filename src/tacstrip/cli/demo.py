@@ -8,7 +8,7 @@ import click
 
 from tacstrip.cli import options
 from tacstrip.io.geometry import write_geojson
-from tacstrip.plot.style import save
+from tacstrip.plot.theme import save
 from tacstrip.reconstruction.result import Reconstruction
 
 

@@ -84,7 +84,7 @@ def _seed(_: click.Context, parameter: click.Parameter, value: int) -> int:
 
 def _picture(_: click.Context, __: click.Parameter, path: Path | None) -> Path | None:
     if path is not None:
-        from tacstrip.plot.style import check_picture
+        from tacstrip.plot.theme import check_picture
 
         check_picture(path)
     return path

@@ -102,8 +102,8 @@ def command(
     if not touched:
         warn("no strip is touched: the object lies between centre lines, or where the skin has no strips")
     if plot is not None:
-        from tacstrip.plot.press import film_figure, press_figure
-        from tacstrip.plot.style import save
+        from tacstrip.plot.skins import film_figure, press_figure
+        from tacstrip.plot.theme import save
 
         figure = film_figure(spec, times, found) if path else press_figure(spec, found[0])
         click.echo(f"{save(figure, plot)}: picture")

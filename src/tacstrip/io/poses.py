@@ -9,8 +9,9 @@ from pathlib import Path
 
 from tacstrip.contact.press.solid import Solid
 from tacstrip.errors import ContactError, ReadingError
+from tacstrip.io.column_names import nearly
 from tacstrip.io.columns import finite
-from tacstrip.io.csv_rows import Row, find, read_csv
+from tacstrip.io.csv_rows import Row, read_csv
 
 _NEEDED = ("x_mm", "y_mm", "z_mm", "dx", "dy", "dz")
 _GIVEN = ("time_s", "turn_deg", "depth_mm", "force_n")
@@ -52,12 +53,17 @@ def read_poses(path: str | Path, solid: Solid) -> list[PosedSolid]:
     """
 
     def parse(header: list[str], rows: Iterator[Row]) -> list[PosedSolid]:
-        at = {name: find(header, name) for name in _NEEDED}
+        for name in _NEEDED:
+            if name not in header:
+                raise ReadingError(
+                    nearly(header, [name], (*_NEEDED, *_GIVEN), letters=False)
+                    or f"column {name!r} is missing; the header has: {', '.join(header)}"
+                )
         if unknown := [name for name in header if name not in (*_NEEDED, *_GIVEN)]:
             raise ReadingError(
                 f"column {unknown[0]!r} is unknown; poses have: {', '.join((*_NEEDED, *_GIVEN))}"
             )
-        at |= {name: header.index(name) for name in _GIVEN if name in header}
+        at = {name: header.index(name) for name in header}
         if "depth_mm" in at and "force_n" in at:
             raise ReadingError(
                 "columns depth_mm and force_n: a solid is pressed so far or so hard; leave one out"

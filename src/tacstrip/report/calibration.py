@@ -9,7 +9,7 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.calibrate.unit import Calibrated
-from tacstrip.plot.calibration import draw_all, graphed_strips
+from tacstrip.plot.calibrations import draw_all, graphed_strips
 from tacstrip.report.page import Picture, write_page
 
 

@@ -17,7 +17,7 @@ from tacstrip.geometry.region import regions
 from tacstrip.io.geometry import read_contact
 from tacstrip.io.readings import read_readings
 from tacstrip.plot.scene import draw_contact, draw_polygon, draw_regions, draw_sensor, draw_signatures, zoom
-from tacstrip.plot.style import COLOURS, TRUE, add_axes, legend_above, new_figure
+from tacstrip.plot.theme import COLOURS, TRUE, add_axes, legend_above, new_figure
 from tacstrip.reconstruction.polygon.estimate import fit_polygon
 from tacstrip.reconstruction.profile import profile_reconstruction
 from tacstrip.reconstruction.result import RecoveredObject

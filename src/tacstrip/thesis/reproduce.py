@@ -14,7 +14,7 @@ import numpy as np
 from tacstrip.data.published import METRICS, experiments, published, rows
 from tacstrip.files import write_text
 from tacstrip.interrupt import worker_processes
-from tacstrip.plot.style import save
+from tacstrip.plot.theme import save
 from tacstrip.report.page import Picture, write_report
 from tacstrip.thesis import chapter2, chapter3, chapter4
 from tacstrip.thesis.captions import caption

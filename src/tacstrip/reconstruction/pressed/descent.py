@@ -12,7 +12,8 @@ import numpy as np
 from tacstrip.arrays import FloatArray
 from tacstrip.reconstruction.pressed.poses import TOUCH_MM, TURNS, Poses
 
-_BEST, _FOLLOWED = 40, 10  # starts from which a rough descent begins; of their ends, those that are followed
+_BEST = 40  # starts from which a rough descent begins
+_FOLLOWED = (10, 5)  # of the ends so far, those from which the next ones begin
 _TOUCHES_MM = (0.1, TOUCH_MM)  # what touch is known to in the descents that follow
 _FAR_MM = 0.3  # the same, of the first descents of a mesh, whose depth is not told
 _ITERATIONS, _ROUGH, _SETTLED, _MOST_DAMPING = 30, 0.01, 1e-3, 1e7
@@ -27,19 +28,18 @@ def descents(poses: Poses) -> tuple[FloatArray, FloatArray]:
     """Return where descents end (M, P), best first, and their costs (M,): the sum of squared residuals."""
     rough = poses.depth_residuals if poses.solid.mesh is None else partial(poses.residuals, touch_mm=_FAR_MM)
     values, costs = descend(rough, _starts(poses, rough), _ROUGH)
-    values = _apart(values, costs)
-    for touch_mm in _TOUCHES_MM:
-        values, costs = descend(partial(poses.residuals, touch_mm=touch_mm), values, _SETTLED)
-        order = np.argsort(costs)
-        values, costs = values[order], costs[order]
-    return values, costs
+    for touch_mm, count in zip(_TOUCHES_MM, _FOLLOWED, strict=True):
+        start = _apart(values, costs, count)
+        values, costs = descend(partial(poses.residuals, touch_mm=touch_mm), start, _SETTLED)
+    order = np.argsort(costs)
+    return values[order], costs[order]
 
 
-def _apart(values: FloatArray, costs: FloatArray) -> FloatArray:
-    """Return the best ends, of which no two are alike."""
+def _apart(values: FloatArray, costs: FloatArray, count: int) -> FloatArray:
+    """Return the best ends, so many at most, of which no two are alike."""
     kept: list[FloatArray] = []
     for one in values[np.argsort(costs)]:
-        if len(kept) < _FOLLOWED and all(np.abs(one - other).max() > _ALIKE for other in kept):
+        if len(kept) < count and all(np.abs(one - other).max() > _ALIKE for other in kept):
             kept.append(one)
     return np.array(kept)
 

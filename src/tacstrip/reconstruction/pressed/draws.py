@@ -15,7 +15,7 @@ from tacstrip.arrays import FloatArray
 from tacstrip.reconstruction.pressed.descent import jacobian
 from tacstrip.reconstruction.pressed.poses import TURNS, Poses
 
-_ROUNDS, _DRAWS, _ENOUGH, _MOST_ROUNDS = 4, 320, 250.0, 10
+_ROUNDS, _DRAWS, _ENOUGH, _MOST_ROUNDS = 4, 240, 200.0, 12
 _CENTRES, _SHRUNK = 40, 0.6  # of later rounds; their spread over the draws' own
 _FREEDOM, _WIDER = 4.0, 1.2  # of Student's t; of the descents' ends
 _WIDEST = {"log_radius": 0.7, "turn_rad": 0.5}  # standard deviations that a descent's end is taken for

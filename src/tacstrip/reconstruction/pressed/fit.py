@@ -29,16 +29,19 @@ from tacstrip.sensor.constructions import check_closed_form
 from tacstrip.sensor.spec import Sensor
 
 _SEED = 20  # of the draws: the same result for the same scan
-_LOADS = 160  # draws whose area and force are computed
+_LOADS = 96  # draws whose area and force are computed
 _FEW_DRAWS = 40.0  # even draws, fewer of which do not tell how well something is known
 _MEAN = (
     1.0  # per parameter: the cost by which the draws' mean may be above the best pose's, else that is given
 )
+_BELIEF = 8.0  # readings that the noise given counts for, against what is left over
 _ALARM = 3.5  # standard deviations of chi square
 _LOST_MM = 0.1  # depth by which touch and silence may contradict the object
+_LIKELY = 0.05  # share of draws
 _RIVAL = 4.0  # chi square by which another pose is no rival
 _UNTOLD = 0.5  # relative standard deviation of a radius or force that is not told
-_AREA, _DIRECTION, _AXIS = 0.1, math.radians(5.0), math.radians(10.0)  # beyond which the result is doubtful
+# Standard deviations beyond which a result is doubtful: with 95 % area, direction and axis are within twice as much.
+_AREA, _DIRECTION, _AXIS = 0.05, math.radians(2.5), math.radians(5.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,9 +161,11 @@ def fit_solid(
     poses = Poses.of(scan, sensor, solid, sensor.noise if noise is None else noise, known_size)
     ends, costs = descents(poses)
     left = poses.residuals(ends[:1])[0]
-    scale, freedom = 1.0, poses.readings - len(poses.names)
+    squares, freedom = float(np.square(left[: poses.readings]).sum()), poses.readings - len(poses.names)
     if poses.noise is None and freedom >= 3:  # sigma is what is left over
-        scale = max(float(np.square(left[: poses.readings]).sum()) / freedom, 1e-6)
+        scale = max(squares / freedom, 1e-6)
+    else:  # strips, skin and object are never quite those of the model: what they leave over counts as noise
+        scale = max(1.0, (_BELIEF + squares) / (_BELIEF + max(freedom, 0)))
     random = np.random.default_rng(_SEED)
     draws = draw(poses, ends, costs, random, scale)
     mean = draws.mean
@@ -179,6 +184,7 @@ class _Scatter:
     radius: FloatArray
     direction: float
     axis: float
+    elsewhere: float  # the share of draws that differ by more than a result may that is not doubtful
 
     @classmethod
     def of(cls, poses: Poses, values: FloatArray, draws: FloatArray) -> _Scatter:
@@ -191,10 +197,13 @@ class _Scatter:
         turn = np.arctan2(axes[1:, 0] @ y, axes[1:, 0] @ x)
         period = TURNS.get(poses.solid.kind, 2.0 * math.pi)
         turn = np.remainder(turn + 0.5 * period, period) - 0.5 * period
+        area, turns = np.array([load.area_mm2 for load in loads]), poses.solid.kind in TURNS
+        off = (np.abs(area[1:] - area[0]) > 2.0 * _AREA * area[0]) | (np.hypot(*tilt) > 2.0 * _DIRECTION)
+        off |= turns & (np.abs(turn) > 2.0 * _AXIS)
         return cls(
-            np.array([load.area_mm2 for load in loads]), np.array([load.force_n for load in loads]),
-            poses.radii(every), math.sqrt(np.linalg.eigvalsh(tilt @ tilt.T / len(draws))[-1]),
-            math.sqrt(float(np.square(turn).mean())) if poses.solid.kind in TURNS else math.nan,
+            area, np.array([load.force_n for load in loads]), poses.radii(every),
+            math.sqrt(np.linalg.eigvalsh(tilt @ tilt.T / len(draws))[-1]),
+            math.sqrt(float(np.square(turn).mean())) if turns else math.nan, float(off.mean()),
         )  # fmt: skip
 
 
@@ -241,8 +250,8 @@ def _result(
         patch = None
     ends, costs = descended
     left, freedom = poses.residuals(ends[:1])[0][: poses.readings], poses.readings - len(values)
-    known = poses.noise is not None and freedom >= 1
-    if known and chi_square_score(left, freedom, poses.noise.distribution) > _ALARM:
+    noise = poses.noise
+    if noise and freedom >= 1 and chi_square_score(left, freedom, noise.distribution) > _ALARM:
         doubtful = True
         notes.append(
             "no such object explains the readings: it is another one, there are several, or the noise is larger"
@@ -254,11 +263,12 @@ def _result(
         )
     if poses.noise is None and freedom < 3:
         notes.append(f"the noise is taken for {100 * GUESS:g} % of Vref; give it")
-    few = draws.effective < _FEW_DRAWS
-    if patch is None or few or not area_sigma <= _AREA * area or not scatter.direction <= _DIRECTION:
+    open_ = not area_sigma <= _AREA * area or not scatter.direction <= _DIRECTION or scatter.axis > _AXIS
+    if patch is None or draws.effective < _FEW_DRAWS or open_:
         doubtful = True
         notes.append("few strips tell of it: its pose is open; press harder, or across more strips")
-    others = _alternatives(poses, values, ends[costs - costs[0] < _RIVAL * scale], area)
+    near = ends[(costs - costs[0] < _RIVAL * scale) & (scatter.elsewhere > _LIKELY)]
+    others = _alternatives(poses, values, near, area)
     if others:
         doubtful = True
         notes.append("other poses explain the readings as well; see the alternatives")
@@ -289,4 +299,4 @@ def _differ(a: Solid, b: Solid, area: float) -> bool:
     """Whether two objects differ in their patches' area, direction or axis."""
     tilted = math.acos(min(1.0, float(a.toward @ b.toward)))
     turned = math.asin(min(1.0, float(np.linalg.norm(np.cross(a.axes[0], b.axes[0])))))
-    return bool(area > _AREA or tilted > _DIRECTION or (a.kind in TURNS and turned > _AXIS))
+    return bool(area > 2.0 * _AREA or tilted > 2.0 * _DIRECTION or (a.kind in TURNS and turned > 2.0 * _AXIS))

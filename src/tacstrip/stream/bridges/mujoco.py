@@ -195,12 +195,15 @@ class MujocoSkin:
             patches.append(patch)
         return _together(self.sensor, patches)
 
-    def read(self, data: Any) -> Scan:
-        """Return what the skin reads, with the time of the simulation; faster than `press`, which also gives forces."""
-        skin = self._skin
-        l, u = np.full(skin.strips, np.nan), np.full(skin.strips, np.nan)
-        for _, solid in self.solids(data):
-            low, high = strip_ends(skin, solid)
+    def read(self, data: Any, patch: Patch | None = None) -> Scan:
+        """Return what the skin reads, with the time of the simulation; of a patch that `press` has given, faster."""
+        l, u = np.full(self.sensor.strips, np.nan), np.full(self.sensor.strips, np.nan)
+        ends = (
+            [strip_ends(self._skin, s) for _, s in self.solids(data)]
+            if patch is None
+            else [(patch.l, patch.u)]
+        )
+        for low, high in ends:
             l, u = np.fmin(l, low), np.fmax(u, high)
         read = readings(self.sensor, l, u, process=self.process, time_s=float(data.time))
         return Scan(**leave_out(self.sensor, read), time_s=float(data.time))
