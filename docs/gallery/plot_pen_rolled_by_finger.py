@@ -19,25 +19,21 @@ model = mujoco.MjModel.from_xml_string("""<mujoco><option timestep=".001" cone="
 data, fingertip, noise = mujoco.MjData(model), ts.Sensor.load("fingertip"), ts.Noise(positional=0.002)
 skin = ts.mujoco_skin(model, fingertip, site="tip", noise=noise, geoms=["pen"])  # 1 mm thicker than the bone
 
-pen, finger, outlines = [], [], []
+x_mm, outlines = [], []
 for step in range(100):
     data.ctrl = 0.012 * step / 100
     mujoco.mj_step(model, data, 10)
     patch = skin.press(data)
     scan = skin.read(data, patch)
-    pen.append(1e3 * data.geom("pen").xpos[0])
-    finger.append(1e3 * data.body("finger").xpos[0])
+    x_mm.append([1e3 * data.body("finger").xpos[0], 1e3 * data.geom("pen").xpos[0]])
     outlines.append(patch.outline_xyz)
 found = ts.fit_solid(scan, fingertip, ts.Solid.cylinder(6.0), noise)
-print(
-    f"the pen's radius by the last scan: {found.radius_mm:.2f} +- {found.radius_sigma_mm:.2f} mm; it is 4 mm"
-)
+print(f"the pen's radius by the last scan: {found.radius_mm:.2f} +- {found.radius_sigma_mm:.2f} mm")
 
 # %%
 # The pen (orange) rolls half as far as the finger; its patch wanders over the skin: here after .2, .5 and .8 s.
 figure, (left, right) = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
-left.plot(finger)
-left.plot(pen)
+left.plot(x_mm)
 left.set(xlabel="step of 10 ms", ylabel="x [mm]")
 right.plot(*[xy for outline in outlines[20::30] for xy in outline[:, :2].T])
 right.set(xlabel="x on the fingertip [mm]", ylabel="y [mm]", aspect="equal")

@@ -194,9 +194,9 @@ def run(kind: str, seed: int, presses: int, verbose: bool = False) -> str:
         sigmas.append(list(by.values()))
         if verbose:
             touched = int(scan.touched.sum())
-            cells = (f"{name} {v:.2g} ({by[name]:.1f})" for name, v in off.items() if math.isfinite(v))
-            _write(f"{number:3d} {found.status:8s} {touched:2d} strips {', '.join(cells)} {found.advice}")
-    told = np.isfinite(errors).any(axis=0)
+            shown = (f"{name} {v:.2g} ({by[name]:.1f})" for name, v in off.items() if math.isfinite(v))
+            _write(f"{number:3d} {found.status:8s} {touched:2d} strips {', '.join(shown)} {found.advice}")
+    told = np.asarray(np.isfinite(errors).any(axis=0)).tolist()
     quantiles = (
         np.quantile(np.nan_to_num(errors, nan=np.inf), q, axis=0, method="higher") for q in (0.5, 0.9)
     )

@@ -95,4 +95,4 @@ def test_what_cannot_be_gets_a_sentence() -> None:
         ({"body": "finger", "geoms": ["bal"]}, "geoms.*bal.*ball"),
     ):
         with pytest.raises(OptionError, match=text):
-            ts.mujoco_skin(model, TIP, **words)  # type: ignore[arg-type]
+            ts.mujoco_skin(model, TIP, **words)

@@ -250,8 +250,8 @@ def _result(
         patch = None
     ends, costs = descended
     left, freedom = poses.residuals(ends[:1])[0][: poses.readings], poses.readings - len(values)
-    noise = poses.noise
-    if noise and freedom >= 1 and chi_square_score(left, freedom, noise.distribution) > _ALARM:
+    # By normal noise also where it is uniform, whose squares spread less: the model is not exact enough for that.
+    if poses.noise is not None and freedom >= 1 and chi_square_score(left, freedom, "normal") > _ALARM:
         doubtful = True
         notes.append(
             "no such object explains the readings: it is another one, there are several, or the noise is larger"
