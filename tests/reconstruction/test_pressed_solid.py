@@ -41,6 +41,24 @@ def test_a_solid_is_found_within_its_deviations(solid: ts.Solid, family: ts.Soli
         assert across < 4.0 * (found.axis_sigma_rad + found.direction_sigma_rad)
 
 
+def test_deviations_hold_where_slopes_at_one_pose_did_not() -> None:
+    random = np.random.default_rng(2)  # before, the radius was off by 3.3 of its deviations
+    polar, around, turn = (
+        random.uniform(0.35, 0.9),
+        random.uniform(0.0, 2.0 * math.pi),
+        random.uniform(-1.2, 1.2),
+    )
+    out = np.array([math.sin(polar) * math.cos(around), math.sin(polar) * math.sin(around), math.cos(polar)])
+    pen = ts.Solid.cylinder(random.uniform(3.0, 8.0))
+    patch = ts.press(TIP, pen.at(12.0 * out, -out, turn), depth_mm=random.uniform(1.0, 2.0))
+    found = ts.fit_solid(ts.simulate(TIP, patch, NOISE, rng=2), TIP, ts.Solid.cylinder(5.0), NOISE)
+    assert abs(found.radius_mm - pen.size[0]) < 1.5 * found.radius_sigma_mm < 0.3
+    assert set(found.intervals) == {"area_mm2", "force_n", "radius_mm"}
+    for name, right in (("area_mm2", patch.area_mm2), ("force_n", patch.force_n), ("radius_mm", pen.size[0])):
+        low, high = found.intervals[name]
+        assert low < right < high
+
+
 def test_of_a_ball_on_a_ball_radius_and_force_are_not_told() -> None:
     patch, scan = pressed(ts.Solid.sphere(6.0), 1.2)
     found = ts.fit_solid(scan, TIP, ts.Solid.sphere(9.0), NOISE)

@@ -9,7 +9,6 @@ import pytest
 
 import tacstrip as ts
 from studies.holdout import solids
-from tacstrip.contact.press.patch import patch_at
 
 
 @pytest.mark.parametrize("kind", solids.KINDS)
@@ -20,7 +19,8 @@ def test_two_ways_to_press_agree(kind: str, monkeypatch: pytest.MonkeyPatch) -> 
     family = solids.FAMILIES[kind]
     size = (pressed.radius,) if kind in ("cylinder", "sphere") else family.size
     tip = ts.Sensor.load("fingertip")
-    patch = patch_at(tip, replace(family, position_mm=pressed.at, axes=pressed.axes, size=size))
+    posed = replace(family, position_mm=pressed.at, axes=pressed.axes, size=size)
+    patch = ts.press(tip, posed, depth_mm=solids.RADIUS - float(np.linalg.norm(pressed.at)))
     low, high = solids.ends(pressed)
     np.testing.assert_allclose(low, patch.l, atol=2.0 * solids.LENGTH / solids.CELLS)
     np.testing.assert_allclose(high, patch.u, atol=2.0 * solids.LENGTH / solids.CELLS)

@@ -22,7 +22,8 @@ from tacstrip.surface.skin import Skin, skin_of
 _COARSE = (48, 32)  # the whole skin's grid, across and up
 _FINE, _TIGHT = 64, 33  # of the grid over the patch; of the one that finds where it is
 _ALONG = 192  # samples along a strip
-_ZOOMS, _ZOOM = 5, 9  # of the search for the first touch: each grid is a quarter of the last
+_ZOOM, _ZOOMS, _SHARP_ZOOMS = 9, 5, 9  # points a side and grids of the search for the first touch
+_SHORT_MM = 1e-3  # of differences
 _ROOTS, _SMOOTH, _ROOT_MM = (
     20,
     5,
@@ -197,21 +198,33 @@ def first_touch(skin: Skin, solid: Solid) -> float:
         )
     at = np.unravel_index(int(gaps.argmin()), gaps.shape)
     a, t, best = float(across[at[0]]), float(up[at[1]]), float(gaps[at])
-    reach = np.array([across[1] - across[0], up[1] - up[0]])
-    unit = np.linspace(-1.0, 1.0, _ZOOM)
-    for _ in range(_ZOOMS):
-        near_a, near_t = a + reach[0] * unit, np.clip(t + reach[1] * unit, *skin.up)
+    reach = max(float(np.abs(skin.stretch(up)).max()) * (across[1] - across[0]), up[1] - up[0])
+    i, j = np.meshgrid(*2 * [np.linspace(-1.0, 1.0, _ZOOM)], indexing="ij")
+    sharp = solid.kind in ("edge", "box")
+    for _ in range(_SHARP_ZOOMS if sharp else _ZOOMS):
+        per = max(float(np.abs(skin.stretch(np.array(t)))), _SHORT_MM)
+        ca, ct = _directions(skin, solid, a, t, per) if sharp else (1.0, 0.0)
+        near_a = a + reach / per * (ca * i - ct * j)
+        near_t = np.clip(t + reach * (ct * i + ca * j), *skin.up)
         if not skin.round:
             near_a = np.clip(near_a, *skin.across)
         near = np.where(
-            skin.normals(near_a[:, None], near_t) @ solid.toward < 0.0,
-            solid.gap(skin.points(near_a[:, None], near_t)), np.inf,
-        )  # fmt: skip
+            skin.normals(near_a, near_t) @ solid.toward < 0.0, solid.gap(skin.points(near_a, near_t)), np.inf
+        )
         at = np.unravel_index(int(near.argmin()), near.shape)
         if near[at] <= best:
-            a, t, best = float(near_a[at[0]]), float(near_t[at[1]]), float(near[at])
-        reach = reach / 4.0
+            a, t, best = float(near_a[at]), float(near_t[at]), float(near[at])
+        reach *= 0.4 if sharp else 0.25
     return best
+
+
+def _directions(skin: Skin, solid: Solid, across: float, up: float, per: float) -> tuple[float, float]:
+    """Return cosine and sine of the object's x on the skin: the gap of an edge is a sharp valley along that."""
+    places = ((0.0, 0.0), (_SHORT_MM / per, 0.0), (0.0, _SHORT_MM))
+    here, aside, on = (skin.points(np.array(across + a), np.array(up + t)) for a, t in places)
+    cos, sin = (aside - here) @ solid.axes[0], (on - here) @ solid.axes[0]
+    long = math.hypot(cos, sin)
+    return (float(cos / long), float(sin / long)) if long > 1e-3 * _SHORT_MM else (1.0, 0.0)
 
 
 def strip_ends(skin: Skin, solid: Solid) -> tuple[FloatArray, FloatArray]:
