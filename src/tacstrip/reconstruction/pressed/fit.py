@@ -40,6 +40,7 @@ _LOST_MM = 0.1  # depth by which touch and silence may contradict the object
 _LIKELY = 0.05  # share of draws
 _RIVAL = 4.0  # chi square by which another pose is no rival
 _UNTOLD = 0.5  # relative standard deviation of a radius or force that is not told
+_AXES = ("cylinder", "edge", "box")  # a mesh may be alike turned about its own axis
 # Standard deviations beyond which a result is doubtful: with 95 % area, direction and axis are within twice as much.
 _AREA, _DIRECTION, _AXIS = 0.05, math.radians(2.5), math.radians(5.0)
 
@@ -68,7 +69,7 @@ class SolidFit:
     direction, direction_sigma_rad
         From the skin into the object, a unit vector (3,), and its standard deviation in the worse of two ways.
     axis_sigma_rad
-        Of the axis (`solid.axes[0]`) of a cylinder, edge, box or mesh, about the direction; else NaN.
+        Of the axis (`solid.axes[0]`) of a cylinder, edge or box, about the direction; else NaN.
     alternatives
         Other poses that explain the readings nearly as well.
     time_s
@@ -197,7 +198,7 @@ class _Scatter:
         turn = np.arctan2(axes[1:, 0] @ y, axes[1:, 0] @ x)
         period = TURNS.get(poses.solid.kind, 2.0 * math.pi)
         turn = np.remainder(turn + 0.5 * period, period) - 0.5 * period
-        area, turns = np.array([load.area_mm2 for load in loads]), poses.solid.kind in TURNS
+        area, turns = np.array([load.area_mm2 for load in loads]), poses.solid.kind in _AXES
         off = (np.abs(area[1:] - area[0]) > 2.0 * _AREA * area[0]) | (np.hypot(*tilt) > 2.0 * _DIRECTION)
         off |= turns & (np.abs(turn) > 2.0 * _AXIS)
         return cls(
@@ -299,4 +300,4 @@ def _differ(a: Solid, b: Solid, area: float) -> bool:
     """Whether two objects differ in their patches' area, direction or axis."""
     tilted = math.acos(min(1.0, float(a.toward @ b.toward)))
     turned = math.asin(min(1.0, float(np.linalg.norm(np.cross(a.axes[0], b.axes[0])))))
-    return bool(area > 2.0 * _AREA or tilted > 2.0 * _DIRECTION or (a.kind in TURNS and turned > 2.0 * _AXIS))
+    return bool(area > 2.0 * _AREA or tilted > 2.0 * _DIRECTION or (a.kind in _AXES and turned > 2.0 * _AXIS))

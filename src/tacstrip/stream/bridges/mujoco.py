@@ -71,8 +71,7 @@ def mujoco_skin(
     Raises
     ------
     OptionError
-        The model has no such name, both or neither of `site` and `body` are given, or the skin is off by a factor that
-        says that the spec or the model is in another unit.
+        The model has no such name, or both or neither of `site` and `body` are given.
     ContactError
         A geom is of a kind that cannot be pressed (height field, signed distance field).
 
