@@ -63,7 +63,7 @@ def _frame(number: int, statuses: dict[int, str]) -> ts.Frame:
     scan = replace(ts.simulate(SENSOR, SHAPE), time_s=0.25 * number)
     shape = ts.profile_reconstruction(scan, SENSOR).objects[0]
     objects = tuple(
-        LiveObject(id_, replace(shape, status=status, vertices=shape.vertices + id_))
+        LiveObject(id_, replace(shape, status=status, vertices=shape.vertices + id_))  # type: ignore[arg-type]
         for id_, status in statuses.items()
     )
     return ts.Frame(number, encode(scan, SENSOR, number), SENSOR, scan, objects, 0.0, 0.0)
@@ -71,7 +71,7 @@ def _frame(number: int, statuses: dict[int, str]) -> ts.Frame:
 
 def _live() -> Live:
     source = ts.SimulatedSource(SENSOR, still, scans=1)
-    source.origin_ns = ORIGIN_NS  # type: ignore[misc]
+    source.origin_ns = ORIGIN_NS
     return Live(source)
 
 
