@@ -133,7 +133,10 @@ def _room_above(axes: Axes) -> None:
 def draw_all(result: Calibrated, folder: Path) -> list[tuple[str, Path]]:
     """Write all pictures into a folder and return caption and file of each."""
     folder.mkdir(parents=True, exist_ok=True)
+    worst = calibration(result).figure
+    assert isinstance(worst, Figure)
     figures = {
+        "worst": ("Error of each strip before and after calibration, the worst strips first", worst),
         "errors": ("Errors of readings of known contacts, strip by strip", residuals_by_strip(result)),
         "residuals": ("Residuals along the strips, all strips together", residuals_along_strips(result)),
     }

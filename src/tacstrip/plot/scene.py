@@ -22,7 +22,7 @@ from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
 
 _MOST_STRIPS = 120  # more are drawn as one area
-_TICK_INCH = 0.4  # between two strips' numbers, at least
+_TICK_INCH, _DIGIT_INCH = 0.1, 0.08  # between two strips' numbers, at least
 _MOST_MARKED = 150  # touched strips that have a marker each
 _MEANT = {"kh": "upper end", "kl": "lower end", "k": "metal sheet"}
 
@@ -83,7 +83,8 @@ class _Strips(MaxNLocator):
         low, high = max(vmin, self.first), min(vmax, self.last)
         axes: Any = self.axis.axes  # type: ignore[union-attr]
         inches = axes.bbox.width / axes.figure.dpi * (high - low) / max(vmax - vmin, 1e-9)
-        self.set_params(nbins=int(min(max(inches / _TICK_INCH, 1), 8)))
+        least = _TICK_INCH + _DIGIT_INCH * len(str(self.last))
+        self.set_params(nbins=int(min(max(inches / least, 1), 8)))
         return [at for at in super().tick_values(low, high) if self.first <= at <= self.last]
 
 

@@ -201,6 +201,12 @@ def save(figure: Figure, path: str | Path, dpi: int | None = None) -> Path:
     return file
 
 
+def save_axes(axes: Axes, path: str | Path) -> Path:
+    """Write the figure that axes lie on, as `save` does."""
+    assert isinstance(axes.figure, Figure)
+    return save(axes.figure, path)
+
+
 def legend(axes: Axes, **options: Any) -> None:
     """Add a legend in the current style, on white that what lies below shines through; options as for `Axes.legend`."""
     with themed():
