@@ -19,6 +19,7 @@ extensions = [
     "numpydoc",
     "sphinx_gallery.gen_gallery",
     "tools.site.commands",
+    "tools.site.drawings",
     "tools.site.mathml",
     "tools.site.reproduction",
     "tools.site.transcript",
