@@ -20,8 +20,8 @@ from studies.physics import FIGURES as PHYSICS
 from studies.pieces import FIGURES as PIECES
 from studies.tracks import FIGURES as TRACKS
 from studies.width import FIGURES as WIDTH
-from tacstrip.plot.press import press_figure
-from tacstrip.plot.style import save
+from tacstrip.plot.skins import press_figure
+from tacstrip.plot.theme import save
 from tacstrip.thesis.chapter2 import FIGURES as CHAPTER_2
 from tacstrip.thesis.chapter3 import FIGURES as CHAPTER_3
 from tacstrip.thesis.chapter4 import FIGURES as CHAPTER_4

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from tacstrip.plot.style import COLOURS, SENSOR, STRIP, new_axes, save
+from tacstrip.plot.theme import COLOURS, SENSOR, STRIP, new_axes, save
 
 PICTURES = Path(__file__).parents[1] / "docs" / "pictures"
 STRIPS = 10

@@ -1,3 +1,4 @@
+from . import plot as plot
 from .calibrate.touch import learn_touch as learn_touch
 from .calibrate.unit import Calibrated as Calibrated
 from .calibrate.unit import calibrate_unit as calibrate_unit

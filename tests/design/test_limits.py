@@ -16,7 +16,7 @@ from tacstrip.design.candidates import candidates, designs, requirements_unmet
 from tacstrip.design.limits import limit_map, limits, outline_of
 from tacstrip.errors import ContactError, OptionError, SpecError
 from tacstrip.geometry.outline import Outline
-from tacstrip.plot.limits import limits_figure
+from tacstrip.plot.bounds import limits_figure
 from tacstrip.reconstruction.cramer_rao import vertex_covariance, vertex_rms
 from waiting import HANG_S
 

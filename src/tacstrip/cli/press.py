@@ -82,8 +82,8 @@ def command(
     if not touched:
         warn("no strip is touched: the object lies between centre lines, or where the skin has no strips")
     if plot is not None:
-        from tacstrip.plot.press import press_figure
-        from tacstrip.plot.style import save
+        from tacstrip.plot.skins import press_figure
+        from tacstrip.plot.theme import save
 
         click.echo(f"{save(press_figure(spec, found), plot)}: picture")
 

@@ -15,7 +15,7 @@ from tacstrip.arrays import FloatArray
 from tacstrip.contact.shape import Contact
 from tacstrip.plot.labels import LabelledObject, labelled_objects
 from tacstrip.plot.scene import draw_contact, draw_signatures
-from tacstrip.plot.style import SENSOR, STRIP, legend_above, new_panels
+from tacstrip.plot.theme import SENSOR, STRIP, legend_above, new_panels
 from tacstrip.reconstruction.result import Reconstruction
 from tacstrip.scan import Scan
 from tacstrip.sensor.layers import Layer, LayeredSensor

@@ -2,17 +2,34 @@
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Mapping
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from tacstrip.arrays import FloatArray
+from tacstrip.arguments import takes
+from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.calibrate.residuals import expected
 from tacstrip.calibrate.unit import Calibrated
-from tacstrip.plot.style import COLOURS, TRUE, legend_above, new_panels, save
+from tacstrip.errors import ArgumentError
+from tacstrip.plot.theme import (
+    COLOURS,
+    OTHERS,
+    RECOVERED,
+    STRIP,
+    TRUE,
+    axes_or_new,
+    legend,
+    legend_above,
+    new_panels,
+    plain_ticks,
+    save,
+)
 from tacstrip.sensor.constructions import SIGNATURES
 
 _PROFILES = {"I": 0.5, "II": 1.0}  # half-widths of the thesis' P.U. profiles [% of Vref] (5.1.3)
@@ -21,10 +38,105 @@ _MOST_STRIPS = 12  # with graphs: nobody looks through more
 _LEAST_SPAN = 0.2  # of Vref, in a graph: the error of a single point must not be exaggerated
 
 
+@takes(result=Calibrated)
+def calibration(result: Calibrated, *, most: int = 24, ax: Axes | None = None) -> Axes:
+    """Draw the error of each strip before and after calibration, the worst strips first.
+
+    Parameters
+    ----------
+    result
+        What `ts.calibrate_unit` returned.
+    most
+        Strips that are drawn; of more the title says how many there are.
+    ax
+        Axes to draw into; None: new ones on a figure of their own.
+
+    Returns
+    -------
+    Axes
+        Strips from the worst to the best, by their numbers in files; root mean square error of their readings
+        [% of Vref], on a logarithmic axis. Rows that do not count have a cross of their own.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import tacstrip as ts
+    >>> from tacstrip import plot
+    >>> sensor = ts.Sensor(construction="crs-m", strips=3, pitch_mm=6.5, length_mm=325.0, strip_base=1)
+    >>> l_mm = np.repeat([[50.0], [150.0], [250.0]], 3, axis=1)  # (contacts, strips)
+    >>> error = np.array([[0.02, -0.01, 0.010], [0.02, -0.01, 0.012], [0.02, -0.01, 0.008]])
+    >>> runs = ts.Runs(l_mm, 0.0 * l_mm, {"k": ts.signatures(sensor, l_mm, l_mm)["k"] + error},
+    ...                line=np.arange(2, 11).reshape(3, 3), rest={})
+    >>> ax = plot.calibration(ts.calibrate_unit(sensor, runs, model="offset"))
+    >>> ax.get_xticklabels()[0].get_text()
+    '3'
+    """
+    if most < 1:
+        raise ArgumentError(f"most = {most}: draw 1 strip or more")
+    every = np.isfinite(result.runs.l_mm)
+    worst = strip_errors(result.after, every)
+    order = [int(i) for i in np.argsort(-worst, kind="stable") if np.isfinite(worst[i])]
+    shown = order[:most]
+    axes = axes_or_new(ax, max(4.0, 0.26 * len(shown) + 1.6), 3.4)
+    at = np.arange(len(shown))
+    least = 0.001  # % of Vref: finer than any converter
+    before, done, left_out = (
+        np.maximum(strip_errors(off, which)[shown], least)
+        for off, which in (
+            (result.before, result.counted),
+            (result.after, result.counted),
+            (result.after, every & ~result.counted),
+        )
+    )
+    axes.vlines(at, done, before, color=STRIP, linewidth=2.0, zorder=1)
+    axes.plot(at, before, "o", color=OTHERS[0], markerfacecolor="white", markersize=5.0, label="as it was")
+    axes.plot(at, done, "o", color=RECOVERED, markersize=5.0, label="calibrated")
+    if np.isfinite(left_out).any():
+        axes.plot(at, left_out, "x", color="black", markersize=4.0, label="rows that do not count")
+    for name, half in _PROFILES.items():
+        sigma = half / np.sqrt(3.0)
+        look: dict[str, Any] = {
+            "color": TRUE,
+            "linewidth": 0.8,
+            "linestyle": "--" if name == "I" else ":",
+            "zorder": 0,
+        }
+        axes.axhline(sigma, label=f"error of P.U. profile {name}", **look)
+    axes.set_yscale("log")
+    axes.set_xticks(at, [str(i + result.uncalibrated.strip_base) for i in shown])
+    axes.set(xlabel="strip, the worst first", ylabel="error, RMS [% of Vref]", xlim=(-0.7, len(shown) - 0.3))
+    _room_above(axes)
+    plain_ticks(axes.yaxis)
+    legend(axes, loc="upper right", ncols=2)
+    if len(shown) < len(order):
+        axes.set_title(f"the worst {len(shown)} of {len(order)} strips")
+    return axes
+
+
+def strip_errors(off: Mapping[str, FloatArray], which: BoolArray) -> FloatArray:
+    """Return each strip's root mean square error over signatures and contacts (strips,) [% of Vref]; NaN without.
+
+    `off` are errors by signature over Vref, `which` the rows that are meant, both (contacts, strips).
+    """
+    squares = [np.where(which, np.square(values), np.nan) for values in off.values()]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # strips without such a row
+        return np.asarray(100.0 * np.sqrt(np.nanmean(np.concatenate(squares), axis=0)))
+
+
+def _room_above(axes: Axes) -> None:
+    """Make a logarithmic axis reach higher, for the legend."""
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, high * (high / low) ** 0.35)
+
+
 def draw_all(result: Calibrated, folder: Path) -> list[tuple[str, Path]]:
     """Write all pictures into a folder and return caption and file of each."""
     folder.mkdir(parents=True, exist_ok=True)
+    worst = calibration(result).figure
+    assert isinstance(worst, Figure)
     figures = {
+        "worst": ("Error of each strip before and after calibration, the worst strips first", worst),
         "errors": ("Errors of readings of known contacts, strip by strip", residuals_by_strip(result)),
         "residuals": ("Residuals along the strips, all strips together", residuals_along_strips(result)),
     }

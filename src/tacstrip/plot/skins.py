@@ -5,14 +5,25 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from tacstrip.arguments import takes
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.press.patch import Patch
 from tacstrip.contact.press.solid import Solid
-from tacstrip.plot.scene import draw_sensor, x_label
-from tacstrip.plot.style import OTHERS, RECOVERED, SENSOR, TRUE, add_axes, legend_above, new_figure
+from tacstrip.plot.scene import draw_sensor, number_strips, x_label
+from tacstrip.plot.theme import (
+    OTHERS,
+    RECOVERED,
+    SENSOR,
+    TRUE,
+    add_axes,
+    axes_or_new,
+    legend_above,
+    new_figure,
+)
 from tacstrip.sensor.spec import Sensor
 from tacstrip.surface.skin import Skin, skin_of
 
@@ -20,16 +31,59 @@ _GRID = (49, 25)  # of the skin as it is drawn
 _REACH = 0.9  # of the skin's size: how far an endless object is drawn
 _MOST_FACES = 4000
 _MOST_STRIPS = 60  # drawn one by one
+_AZIM = -60.0  # from where a skin is seen that nothing touches [deg]
+
+
+@takes(sensor=Sensor, patch=Patch)
+def skin(sensor: Sensor, patch: Patch | None = None, *, ax: Axes | None = None) -> Axes:
+    """Draw a skin in space, and what is pressed into it: touched strips thick, the patch outlined.
+
+    Parameters
+    ----------
+    sensor
+        Flat, round a tube, or on a surface of its own.
+    patch
+        What `ts.press` returned; None: the skin alone.
+    ax
+        Axes in space, as `fig.add_subplot(projection="3d")` makes them; None: new ones on a figure of their own.
+
+    Returns
+    -------
+    Axes
+        x, y and z of space [mm].
+
+    Raises
+    ------
+    ArgumentError
+        The axes are flat.
+
+    Examples
+    --------
+    >>> import tacstrip as ts
+    >>> from tacstrip import plot
+    >>> fingertip = ts.Sensor.load("fingertip")
+    >>> pen = ts.Solid.cylinder(4.0).at((20, 0, 20), (-1, 0, -1))
+    >>> ax = plot.skin(fingertip, ts.press(fingertip, pen, depth_mm=1.5))
+    >>> ax.get_zlabel()
+    'z [mm]'
+    """
+    axes = axes_or_new(ax, 5.0, 4.6, projection="3d")
+    _draw_space(axes, skin_of(sensor), patch)
+    return axes
 
 
 def press_figure(sensor: Sensor, patch: Patch) -> Figure:
     """Return the picture of a patch: skin, object and patch in space, and l, u and outline on the unrolled skin."""
-    skin = skin_of(sensor)
-    figure = new_figure(9.5, 4.6)
-    space: Any = add_axes(figure, 1, 2, 1, projection="3d")
-    _draw_space(space, skin, patch)
-    flat = add_axes(figure, 1, 2, 2)
+    figure = new_figure(9.5, 4.8)
+    skin(sensor, patch, ax=add_axes(figure, 1, 2, 1, projection="3d"))
+    _draw_flat(add_axes(figure, 1, 2, 2), sensor, skin_of(sensor), patch)
+    return figure
+
+
+def _draw_flat(flat: Axes, sensor: Sensor, skin: Skin, patch: Patch) -> None:
+    """Draw what is touched of each strip, and the patch's outline, on the unrolled skin."""
     draw_sensor(flat, sensor)
+    number_strips(flat, sensor)
     flat.set_aspect("auto")
     on = np.flatnonzero(patch.touched)
     flat.vlines(
@@ -48,10 +102,10 @@ def press_figure(sensor: Sensor, patch: Patch) -> Figure:
     if sensor.closed:
         for x in (0.0, sensor.width_mm):
             flat.axvline(x, color=TRUE, linewidth=0.8, linestyle=":", label=None if x else "seam")
-    flat.set(xlabel=x_label(sensor, "unrolled: strip times pitch [mm]"), ylabel="y along the strip [mm]")
+    flat.set(xlabel=x_label(sensor, "unrolled: strip times pitch [mm]"))
     flat.set_title(f"{patch.area_mm2:.4g} mm$^2$, {patch.force_n:.3g} N")
-    legend_above(flat)
-    return figure
+    if flat.get_legend_handles_labels()[1]:
+        legend_above(flat, 3)
 
 
 def _rings(outline: FloatArray) -> list[FloatArray]:
@@ -60,7 +114,7 @@ def _rings(outline: FloatArray) -> list[FloatArray]:
     return [r[~np.isnan(r[:, 0])] for r in np.split(outline, cuts) if len(r) > 1]
 
 
-def _draw_space(axes: Any, skin: Skin, patch: Patch) -> None:
+def _draw_space(axes: Any, skin: Skin, patch: Patch | None) -> None:
     across = np.linspace(*_covered(skin), _GRID[0])
     up = np.linspace(*skin.up, _GRID[1])
     surface = skin.points(across[:, None], up)
@@ -69,12 +123,14 @@ def _draw_space(axes: Any, skin: Skin, patch: Patch) -> None:
     )
     if skin.strips <= _MOST_STRIPS:
         y = np.linspace(0.0, 1.0, 40)
-        for strip, (length, touched) in enumerate(zip(skin.lengths_mm, patch.touched, strict=True)):
+        on = np.zeros(skin.strips, dtype=bool) if patch is None else patch.touched
+        for strip, (length, touched) in enumerate(zip(skin.lengths_mm, on, strict=True)):
             line = skin.points(*skin.places(np.array(float(strip)), length * y))
-            axes.plot(*line.T, color=RECOVERED if touched else TRUE, linewidth=0.9 if touched else 0.5)
-    _draw_object(axes, patch.solid, float(np.ptp(surface.reshape(-1, 3), axis=0).max()))
-    for ring in _rings(patch.outline_xyz):
-        axes.plot(*ring.T, color=OTHERS[0], linewidth=2.0, zorder=10)
+            axes.plot(*line.T, color=RECOVERED if touched else TRUE, linewidth=1.4 if touched else 0.5)
+    if patch is not None:
+        _draw_object(axes, patch.solid, float(np.ptp(surface.reshape(-1, 3), axis=0).max()))
+        for ring in _rings(patch.outline_xyz):
+            axes.plot(*ring.T, color=OTHERS[0], linewidth=2.0, zorder=10)
     points = surface.reshape(-1, 3)
     low, high = points.min(axis=0), points.max(axis=0)
     half = 0.65 * np.maximum(high - low, 0.4 * (high - low).max())
@@ -83,8 +139,11 @@ def _draw_space(axes: Any, skin: Skin, patch: Patch) -> None:
         getattr(axes, f"set_{name}label")(f"{name} [mm]")
         getattr(axes, f"{name}axis").set_major_locator(MaxNLocator(4))
     axes.set_box_aspect(half / half.max())
-    out = patch.normal if np.isfinite(patch.normal).all() else -patch.solid.toward
-    axes.view_init(elev=25.0, azim=float(np.degrees(np.arctan2(out[1], out[0]))) + 50.0)
+    azim = _AZIM
+    if patch is not None:
+        out = patch.normal if np.isfinite(patch.normal).all() else -patch.solid.toward
+        azim = float(np.degrees(np.arctan2(out[1], out[0]))) + 50.0
+    axes.view_init(elev=25.0, azim=azim)
 
 
 def _covered(skin: Skin) -> tuple[float, float]:
