@@ -44,8 +44,8 @@ ros2: setup ## add what `tacstrip live --ros2` needs to .venv
 demo: setup ## reconstruct the bundled readings into demo/
 	@$(BIN)/tacstrip demo --out demo
 
-test: setup ## run the tests, two at a time, the slow studies left out
-	@$(BIN)/pytest -m "not slow and not builds" $(or $(ARGS),-n 2 --dist loadfile --no-loadscope-reorder)
+test: setup ## run the tests, three at a time, the slow studies left out
+	@$(BIN)/pytest -m "not slow and not builds" $(or $(ARGS),-n 3 --dist loadfile --no-loadscope-reorder)
 
 check: setup ## lint, format and types; the core by other compilers and under sanitizers
 	@$(BIN)/ruff check
