@@ -25,7 +25,7 @@ runs = ts.Runs(l_mm, w_mm, raw, line=np.arange(2, 62).reshape(6, 10), rest={})
 result = ts.calibrate_unit(sensor, runs, model="offset+gain")
 print(result.status, result.advice)
 print(f"root mean square error: {result.rms_percent}")
-print(result.sensor.calibration.channel("kh").offset.round(4), "is", offset.round(4))
+print(np.round(result.sensor.calibration.channel("kh").offset, 3), "is", offset.round(3))
 
 # %%
 # ``result.sensor`` is the calibrated sensor; ``result.sensor.save("calibrated.toml")`` writes its spec.

@@ -15,7 +15,7 @@ from sphinx.util.docutils import SphinxDirective
 
 import tacstrip as ts
 from tacstrip.plot.scene import draw_contact, draw_sensor
-from tacstrip.plot.style import COLOURS, new_axes, new_panels, save
+from tacstrip.plot.theme import COLOURS, new_axes, new_panels, save
 
 _RUBBER, _SENSING, _OBJECT, _LIVE = "#8a8577", "#c9c2b0", "#7fa6c9", "#c1440e"
 _L, _U, _LENGTH = 30.0, 60.0, 100.0

@@ -130,7 +130,7 @@ def claims(chapter: str) -> str:
 def _draw(number: str, folder: Path) -> tuple[Path, str]:
     """Draw a figure unless it is there; return its file and its caption."""
     from tacstrip.data.published import rows
-    from tacstrip.plot.style import save
+    from tacstrip.plot.theme import save
     from tacstrip.thesis.captions import caption
     from tacstrip.thesis.chapter5 import recovery_figures
     from tacstrip.thesis.chapter5.tables import run_cell
