@@ -19,7 +19,7 @@ from tacstrip.reconstruction.contact_ends import closed_ends
 
 _WIDTH, _AT_FIRST, _FIRST = 8, 24, 5  # hypotheses kept, and in so many scans after something came
 _STEP = np.array([0.013, 0.013, 0.03])  # of the size, and [rad]: how far poses are off from where they went
-_SAME = np.array([0.02, 0.02, 0.05])  # of the size, and [rad]: hypotheses that are one
+SAME = np.array([0.02, 0.02, 0.05])  # of the size, and [rad]: hypotheses that are one
 _SOFT, _COARSE, _ROUGH = 0.005, 0.01, 0.033  # tolerances of edges over the size, ever less is known
 _EVENT = 25.0  # of chi square: what it must gain that an object comes or goes
 _BAD, _SPREAD = 6.0, 5.0  # chi square of a scan beyond its readings, and times its deviation
@@ -240,7 +240,7 @@ def _places(scan: HullScans, outline: FloatArray) -> FloatArray:
 
 def _pruned(found: list[Way], sizes: FloatArray) -> list[Way]:
     """Return the best hypotheses that differ."""
-    same = _SAME * np.stack([sizes, sizes, np.ones(len(sizes))], axis=1)
+    same = SAME * np.stack([sizes, sizes, np.ones(len(sizes))], axis=1)
     order = sorted(found, key=lambda w: w.cost)
     last, kept = np.stack([w.poses[-1] for w in order]) / same, list[int]()
     for i, way in enumerate(order):
