@@ -7,6 +7,7 @@ integer i, and what lies within 1e-9 pitches of a centre line is taken to lie on
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -124,7 +125,8 @@ def _area_ends(sensor: Sensor, contacts: Sequence[Contact]) -> tuple[FloatArray,
     shape = (len(contacts), sensor.strips)
     if (core := exported("footprint")) is not None:
         start, end, owner = _edges(contacts, "Polygon")
-        l, u, edges = np.empty(shape), np.empty(shape), np.concatenate((start, end), axis=1)
+        l, u = (np.empty(math.prod(shape) + 4)[:-4].reshape(shape) for _ in range(2))
+        edges = np.concatenate((start, end), axis=1)
         begin = np.searchsorted(owner, np.arange(len(contacts) + 1))
         core(at(edges), at(begin), len(contacts), sensor.pitch_mm, sensor.strips, at(l), at(u))
         return l, u

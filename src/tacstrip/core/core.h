@@ -346,12 +346,12 @@ EXPORTED double tacstrip_rigid_descend(const Scans *scans, const Loss *loss, con
 
 /* Simulate scans number first to first + scans - 1: of shapes drawn by laws, or where that is null of contacts from l to u
    (scans, strips) [mm]. Numbers depend on the key and the scan's number alone. Returns the place (scan, strip) of the first
-   strip that a contact on metal shorts, -1 where there is none. workspace (15 strips + 512,). */
+   strip that a contact on metal shorts, -1 where there is none. workspace (16 strips + 512,). */
 EXPORTED Int tacstrip_batch(const BatchSensor *sensor, const ShapeLaws *laws, const BatchErrors *errors, Int first,
                             Int scans, const double *l, const double *u, const BatchResult *out, double *workspace);
 
-/* Write the hull l and u (contacts, strips) [mm] of areas, NaN where nothing touches. edges (E, 4): x and y of both ends
-   of every side; those of contact c are begin[c] to begin[c + 1] - 1. */
+/* Write the hull l and u (contacts, strips) [mm] of areas, each with room for 4 more, NaN where nothing touches. edges (E, 4):
+   x and y of both ends of every side; those of contact c are begin[c] to begin[c + 1] - 1. */
 EXPORTED void tacstrip_footprint(const double *edges, const Int *begin, Int contacts, double pitch, Int strips, double *l,
                                  double *u);
 
