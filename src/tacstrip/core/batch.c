@@ -304,7 +304,6 @@ static void touch_shapes(const BatchSensor *s, const ShapeLaws *laws, const Draw
 /* Where a scan is worked on, each with room for BLOCKS more than the strips. */
 typedef struct {
   double *start, *left; /* (strips,) l and the length of the contact less what its ends do not short, where they do not */
-  double *normal[2];    /* (strips,) */
   void *rows[4];        /* readings, l and u, as they are written, NaN where nothing touches */
   Word64 *words;
 } Desk;
@@ -344,6 +343,23 @@ static inline void digitise(void *row, Int single, Int i, Pack k, double top) {
   put_pack(row, single, i, k / top);
 }
 
+/* sqrt(-2 log p), the logarithm as natural_log has it. */
+static inline Pack normal_radius(Pack p) {
+#if WIDTH == 1
+  return sqrt(-2.0 * natural_log(p));
+#else
+  Mask bits = (Mask)p;
+  Pack m = (Pack)((bits & 0xfffffffffffffLL) | 0x3ff0000000000000LL);
+  Pack k = (Pack)((bits >> 52) | 0x4330000000000000LL) - 4503599627371519.0;
+  Mask large = m > 1.4142135623730951;
+  m = where(large, m * 0.5, m);
+  k = where(large, k + 1.0, k);
+  Pack f = (m - 1.0) / (m + 1.0), z = f * f, sum = all(LOG_SERIES[0]);
+  for (int i = 1; i < 12; i++) sum = sum * z + LOG_SERIES[i];
+  return root(-2.0 * (k * LN2_HIGH + (2.0 * f * sum + k * LN2_LOW)));
+#endif
+}
+
 /* Write what the touched strips read to the desk, and leave `touch` empty. The words of strips 8 v to 8 v + 7 are the eighths
    v D to v D + D - 1 of the scan's stream, where a strip takes D words. Of the two words of a normal pair p and q, as shares, it
    is sqrt(-2 log p) times cosine and sine (Box and Muller). */
@@ -355,25 +371,21 @@ static void read_strips(const BatchSensor *s, const BatchErrors *e, const Keys *
   Int each = parts * s->signatures + (e->sigma > 0.0 ? 2 : 0), call = from * each / 4, start = call;
   const Word64 *words = desk->words;
   for (; 4 * call < to * each; call++) philox(keys, (Word32)(BLOCKS * call), 0, scan, desk->words + WORDS * (call - start));
-  if (e->sigma > 0.0) {
-    for (Int v = from; v < to; v++)
-      for (int j = 0; j < 2 * BLOCKS; j += WIDTH)
-        store(desk->normal[j / BLOCKS] + BLOCKS * v + j % BLOCKS,
-              share_of(words + BLOCKS * (v * each - 4 * start + parts * s->signatures) + j));
-    double *p = desk->normal[0] + BLOCKS * from;
-    for (Int i = 0; i < BLOCKS * (to - from); i++) p[i] = sqrt(-2.0 * natural_log(p[i]));
-  }
   if (s->lam > 0.0) soften(touch, s->lam, desk);
   for (Int i = touch->first; i < touch->end; i += WIDTH) {
     const Word64 *word = words + BLOCKS * (i / BLOCKS * each - 4 * start) + i % BLOCKS;
     Pack l = load(touch->l + i), u = -load(touch->minus_u + i), left = s->lam > 0.0 ? load(desk->left + i) : u - l;
-    Pack from_l = s->lam > 0.0 ? load(desk->start + i) : l, inverse = 1.0 / (s->length - s->narrow * left), wave[2];
+    Pack from_l = s->lam > 0.0 ? load(desk->start + i) : l, inverse = 1.0 / (s->length - s->narrow * left), radius, wave[2];
     Mask there = u >= l;
-    if (e->sigma > 0.0) turned(load(desk->normal[1] + i) * 6.28318530717958647693, wave + 1, wave);
+    if (e->sigma > 0.0) {
+      const Word64 *pair = word + BLOCKS * parts * s->signatures;
+      turned(share_of(pair + BLOCKS) * 6.28318530717958647693, wave + 1, wave);
+      radius = e->sigma * normal_radius(share_of(pair));
+    }
     for (Int row = 0; row < s->signatures; row++) {
       Pack k = (from_l + s->share[row] * left) * inverse;
       for (Int part = 0; part < parts; part++, word += BLOCKS) k += scale[part] * centred(word);
-      if (e->sigma > 0.0) k += e->sigma * (load(desk->normal[0] + i) * wave[row]);
+      if (e->sigma > 0.0) k += radius * wave[row];
       digitise(desk->rows[row], s->single, i, where(there, k, all(none)), s->top);
     }
     put_pack(desk->rows[2], s->single, i, where(there, l, all(none)));
@@ -410,8 +422,8 @@ Int tacstrip_batch(const BatchSensor *s, const ShapeLaws *laws, const BatchError
   Int bytes = n * (Int)(s->single ? sizeof(float) : sizeof(double));
   double *at = workspace;
   Touch touch = {at, at + padded, n, 0, padded};
-  Desk desk = {at + 2 * padded, at + 3 * padded, {at + 4 * padded, at + 5 * padded},
-               {at + 6 * padded, at + 7 * padded, at + 8 * padded, at + 9 * padded}, (Word64 *)(at + 10 * padded)};
+  Desk desk = {at + 2 * padded, at + 3 * padded, {at + 4 * padded, at + 5 * padded, at + 6 * padded, at + 7 * padded},
+               (Word64 *)(at + 8 * padded)};
   void *to[] = {out->readings[0], out->readings[1], out->l, out->u};
   Drawn drawn[SHAPE_OBJECTS];
   Keys keys;

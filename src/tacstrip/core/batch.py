@@ -109,7 +109,7 @@ def batch(
         slices = [slice(a, b) for a, b in pairwise(edges)]
 
         def run(part: slice) -> int:
-            workspace, result = np.empty(16 * sensor.strips + 512), _result(out, part)
+            workspace, result = np.empty(14 * sensor.strips + 512), _result(out, part)
             ends = (None, None) if ends_mm is None else tuple(at(end[part]) for end in ends_mm)
             place = core(
                 ctypes.addressof(sensor), laws and ctypes.addressof(laws), ctypes.addressof(errors),
@@ -136,7 +136,7 @@ def closed_forms(sensor: Sensor, l_mm: FloatArray, u_mm: FloatArray) -> dict[str
     if core is None or sensor.surface is not None:
         return None
     by, errors, out = batch_sensor(sensor), BatchErrors(), np.empty((len(sensor.signatures), sensor.strips))
-    by.top, workspace = 0.0, np.empty(16 * sensor.strips + 512)
+    by.top, workspace = 0.0, np.empty(14 * sensor.strips + 512)
     result = BatchResult((at(out[0]), at(out[-1])))
     given = (np.ascontiguousarray(l_mm), np.ascontiguousarray(u_mm))
     core(ctypes.addressof(by), None, ctypes.addressof(errors), 0, 1, at(given[0]), at(given[1]),

@@ -346,7 +346,7 @@ EXPORTED double tacstrip_rigid_descend(const Scans *scans, const Loss *loss, con
 
 /* Simulate scans number first to first + scans - 1: of shapes drawn by laws, or where that is null of contacts from l to u
    (scans, strips) [mm]. Numbers depend on the key and the scan's number alone. Returns the place (scan, strip) of the first
-   strip that a contact on metal shorts, -1 where there is none. workspace (16 strips + 512,). */
+   strip that a contact on metal shorts, -1 where there is none. workspace (14 strips + 512,). */
 EXPORTED Int tacstrip_batch(const BatchSensor *sensor, const ShapeLaws *laws, const BatchErrors *errors, Int first,
                             Int scans, const double *l, const double *u, const BatchResult *out, double *workspace);
 
