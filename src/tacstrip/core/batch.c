@@ -456,17 +456,18 @@ Int tacstrip_batch(const BatchSensor *s, const ShapeLaws *laws, const BatchError
   return bad;
 }
 
-void tacstrip_footprint(const double *edges, const Int *begin, Int contacts, double pitch, Int strips, double *l,
-                        double *u) {
+void tacstrip_footprint(const double *points, const Int *ring, const Int *begin, Int contacts, double pitch, Int strips,
+                        double *l, double *u) {
   double none = not_a_number();
   for (Int c = 0; c < contacts; c++, l += strips, u += strips) {
     for (Int i = 0; i < strips; i++) l[i] = INFINITE;
     for (Int i = 0; i < strips; i++) u[i] = INFINITE; /* less than 0 until the end */
-    for (const double *e = edges + 4 * begin[c]; e < edges + 4 * begin[c + 1]; e += 4) {
-      double s0 = strip_coordinate(e[0], pitch), s1 = strip_coordinate(e[2], pitch);
-      double rise = s0 == s1 ? 0.0 : (e[3] - e[1]) / (s1 - s0);
-      touch_edge(l, strips, s0, e[1], s1, e[3], rise);
-      touch_edge(u, strips, s0, -e[1], s1, -e[3], -rise);
+    for (Int p = begin[c]; p + 1 < begin[c + 1]; p++) {
+      if (ring[p] != ring[p + 1]) continue;
+      double s0 = strip_coordinate(points[2 * p], pitch), s1 = strip_coordinate(points[2 * p + 2], pitch);
+      double y0 = points[2 * p + 1], y1 = points[2 * p + 3], rise = s0 == s1 ? 0.0 : (y1 - y0) / (s1 - s0);
+      touch_edge(l, strips, s0, y0, s1, y1, rise);
+      touch_edge(u, strips, s0, -y0, s1, -y1, -rise);
     }
     for (Int i = 0; i < strips; i++) {
       int there = l[i] <= -u[i];
