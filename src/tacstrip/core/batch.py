@@ -118,11 +118,17 @@ def batch(
             )  # fmt: skip
             return -1 if place < 0 else int(place) + part.start * sensor.strips
 
+        waiting = iter(slices)
+
+        def work() -> list[int]:
+            return [run(part) for part in waiting]
+
         if count == 1:
-            found = [run(part) for part in slices]
+            found = work()
         else:
-            with ThreadPoolExecutor(count) as threads:
-                found = list(threads.map(run, slices))
+            with ThreadPoolExecutor(count - 1) as threads:
+                others = [threads.submit(work) for _ in range(count - 1)]
+                found = work() + [place for other in others for place in other.result()]
     bad = [place for place in found if place >= 0]
     return out, divmod(min(bad), sensor.strips) if bad else None
 
