@@ -114,8 +114,9 @@ def legend_above(axes: Axes, columns: int = 2, **options: Any) -> None:
     assert isinstance(axes.figure, Figure)
     height = axes.get_position().height * axes.figure.get_size_inches()[1]
     share = min((0.2 * math.ceil(entries / columns) + 0.1) / height, 0.6)
-    low, high = axes.get_ylim()
-    axes.set_ylim(low, low + (high - low) / (1.0 - share))
+    scale = axes.yaxis.get_transform()  # a logarithmic axis too
+    low, high = scale.transform(axes.get_ylim())
+    axes.set_ylim(top=float(scale.inverted().transform(low + (high - low) / (1.0 - share))))
     legend(axes, loc="upper left", ncols=columns, **options)
 
 
