@@ -1,7 +1,7 @@
 """Sweeps: a million batches planned and listed; the share of the workers' time that is work.
 
-Time is the clock's, and work is what workers were at, so that other load on the machine disturbs both alike. What dealing
-out costs is the processor time of the first process.
+Time is the clock's, and work is what workers were at, so that other load on the machine disturbs both alike. What
+dealing out costs is the processor time of the first process.
 
 Run: python benchmarks/sweeps.py [--quick] [--designs 2000] [--scans 4] [--workers 2]
 """
