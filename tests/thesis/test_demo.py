@@ -35,7 +35,9 @@ def test_nothing_of_the_demo_is_cut_off(demo: Demo) -> None:
     figure = picture(demo)
     draw(figure)
     _, read, recovered = figure.axes
-    texts = recovered.get_legend().get_texts()
+    legend = recovered.get_legend()
+    assert legend is not None
+    texts = legend.get_texts()
     assert [t.get_text() for t in texts] == ["true shape", "before calibration: doubtful", "after calibration: ok",
                                              "95 % region of a corner"]  # fmt: skip
     assert not {"P.R.", "V.R."} & {text.get_text() for text in figure.findobj(Text)}
