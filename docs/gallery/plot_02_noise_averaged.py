@@ -31,5 +31,7 @@ for count in counts:
 figure, axes = plt.subplots(figsize=(6, 4), layout="constrained")
 axes.loglog(counts, errors, "o-", color="#c1440e", label="furthest point of the outline, median of 8")
 axes.loglog(counts, bound, "--", color="#555555", label="bound of a corner, root mean square")
-axes.set(xlabel="scans averaged", ylabel="error [mm]", title="Error falls with the root of the number of scans")
+axes.set(
+    xlabel="scans averaged", ylabel="error [mm]", title="Error falls with the root of the number of scans"
+)
 axes.legend(frameon=False)

@@ -26,5 +26,10 @@ for position in range(POSITIONS):
 
 axes.plot(range(1, POSITIONS + 1), row.printed["mc"], "o", color="#c1440e", label="printed")
 axes.plot([], [], "_", color="#999999", markersize=12, label="our draws")
-axes.set(xlabel="position", ylabel="mismatch coefficient M.C. [rad]", xticks=range(1, 6), title="Table 5.5, profile I")
+axes.set(
+    xlabel="position",
+    ylabel="mismatch coefficient M.C. [rad]",
+    xticks=range(1, 6),
+    title="Table 5.5, profile I",
+)
 axes.legend(frameon=False)

@@ -25,4 +25,6 @@ print(f"{len(overlap)} shapes, {100 * good.mean():.1f} % with an IoU of 0.8 or m
 
 figure, axes = plt.subplots(figsize=(6.5, 4), layout="constrained")
 axes.hist(overlap, bins=np.linspace(0.5, 1.0, 41), color="#c1440e")
-axes.set(xlabel="overlap with the true shape (IoU)", ylabel="shapes", title="200 random polygons on 32 strips")
+axes.set(
+    xlabel="overlap with the true shape (IoU)", ylabel="shapes", title="200 random polygons on 32 strips"
+)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 from docutils import nodes
@@ -26,7 +27,11 @@ def _layers(axes: Axes, pressed: bool = True) -> None:
     axes.add_patch(Rectangle((-4, -7), 108, 5, facecolor="#eeeae0", edgecolor="none"))
     axes.add_patch(Rectangle((0, -2), _LENGTH, 5, facecolor=_RUBBER, edgecolor="none"))
     y = np.linspace(0.0, _LENGTH, 401)
-    lifted = 4.0 * (1.0 - np.clip(np.minimum(y - _L + 8.0, _U + 8.0 - y) / 8.0, 0.0, 1.0)) if pressed else 4.0 + 0.0 * y
+    lifted = (
+        4.0 * (1.0 - np.clip(np.minimum(y - _L + 8.0, _U + 8.0 - y) / 8.0, 0.0, 1.0))
+        if pressed
+        else 4.0 + 0.0 * y
+    )
     low = 3.0 + lifted
     axes.fill_between(y, low, low + 5.0, color=_SENSING, linewidth=0)
     if pressed:
@@ -44,7 +49,10 @@ def cross_section() -> Figure:
         axes.plot([x], [0.5], "o", color="black", markersize=5)
         side = -3.0 if align == "right" else 3.0
         axes.text(x + side, 0.5, name, ha=align, va="center")
-    for x, name, align, key in ((0.0, "read here: v_l", "right", "kl"), (_LENGTH, "read here: v_h", "left", "kh")):
+    for x, name, align, key in (
+        (0.0, "read here: v_l", "right", "kl"),
+        (_LENGTH, "read here: v_h", "left", "kh"),
+    ):
         axes.plot([x], [9.5], "o", color=COLOURS[key], markersize=6)
         side = -3.0 if align == "right" else 3.0
         axes.text(x + side, 9.5, name, ha=align, va="center", color=COLOURS[key])
@@ -59,7 +67,9 @@ def cross_section() -> Figure:
         axes.annotate(name, xy, at, ha="center", va="center", arrowprops={"arrowstyle": "-", "lw": 0.7})
     axes.text(45, -5.0, "base", ha="center", va="center", fontsize=8)
     axes.add_patch(FancyArrowPatch((0, -19.0), (_LENGTH, -19.0), arrowstyle="<->", mutation_scale=9, lw=0.8))
-    axes.text(50, -22.5, "strip length L; places y are counted from the grounded end", ha="center", va="center")
+    axes.text(
+        50, -22.5, "strip length L; places y are counted from the grounded end", ha="center", va="center"
+    )
     axes.set_ylim(-25, 46)
     return figure
 
@@ -81,7 +91,11 @@ def three_steps() -> Figure:
             above.plot([x[i], x[i]], ends, color=_LIVE, linewidth=3.0 if i == strip else 1.3)
     above.text(x[strip] + 2.0, low - 1.0, "l", color=_LIVE, va="top", style="italic", fontsize=11)
     above.text(x[strip] + 2.0, high + 1.0, "u", color=_LIVE, va="bottom", style="italic", fontsize=11)
-    above.set(title="1  Ten strips, seen from above", xlabel="across the strips, x [mm]", ylabel="along them, y [mm]")
+    above.set(
+        title="1  Ten strips, seen from above",
+        xlabel="across the strips, x [mm]",
+        ylabel="along them, y [mm]",
+    )
     _layers(side)
     side.set(title="2  One of them, from the side", ylim=(-45, 60))
     for at, name in ((_L, "l"), (_U, "u")):
@@ -96,7 +110,9 @@ def three_steps() -> Figure:
     volts.plot([_U, _LENGTH], [kh, kh], color=COLOURS["kh"], linestyle="--", linewidth=1.2)
     volts.text(1, kl + 0.02, r"$k_l = v_l\,/\,V_{ref}$", color=COLOURS["kl"], va="bottom")
     volts.text(99, kh - 0.03, r"$k_h = v_h\,/\,V_{ref}$", color=COLOURS["kh"], va="top", ha="right")
-    volts.set(title="3  Its voltages give l and u", xlabel="along the strip, y [mm]", ylabel="voltage over Vref")
+    volts.set(
+        title="3  Its voltages give l and u", xlabel="along the strip, y [mm]", ylabel="voltage over Vref"
+    )
     volts.legend(loc="upper left", frameon=False)
     return figure
 
@@ -132,7 +148,7 @@ DRAWINGS = {"cross-section": cross_section, "three-steps": three_steps, "pipelin
 
 class _Drawing(SphinxDirective):
     required_arguments = 1
-    option_spec = {"alt": directives.unchanged_required}
+    option_spec: ClassVar = {"alt": directives.unchanged_required}
 
     def run(self) -> list[nodes.Node]:
         name = self.arguments[0]
