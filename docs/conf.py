@@ -37,7 +37,8 @@ suppress_warnings = ["config.cache"]
 
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3
-math_renderer = html_math_renderer = "mathml"
+smartquotes = False  # -- is an option's beginning
+html_math_renderer = "mathml"
 
 autosummary_generate = True
 autodoc_typehints_format = "short"

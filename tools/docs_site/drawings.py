@@ -43,7 +43,7 @@ def _layers(axes: Axes, pressed: bool = True) -> None:
 
 def cross_section() -> Figure:
     """Return one pair of strips from the side, with its wires."""
-    figure, axes = new_axes(8.0, 3.4)
+    figure, axes = new_axes(7.0, 3.1)
     _layers(axes)
     for x, name, align in ((0.0, "ground, 0 V", "right"), (_LENGTH, "supply, Vref", "left")):
         axes.plot([x], [0.5], "o", color="black", markersize=5)
@@ -76,7 +76,7 @@ def cross_section() -> Figure:
 
 def three_steps() -> Figure:
     """Return a press in three steps: from above, from the side, and as voltages."""
-    figure, (above, side, volts) = new_panels(11.0, 3.9, 1, 3)
+    figure, (above, side, volts) = new_panels(9.0, 3.4, 1, 3)
     sensor = ts.Sensor(construction="crs-crs", strips=10, pitch_mm=10.0, length_mm=100.0)
     contact = ts.Contact.polygon([(22, 18), (70, 34), (62, 72), (30, 66)])
     draw_sensor(above, sensor)
@@ -97,18 +97,18 @@ def three_steps() -> Figure:
         ylabel="along them, y [mm]",
     )
     _layers(side)
-    side.set(title="2  One of them, from the side", ylim=(-45, 60))
+    side.set(title="2  One of them, from the side", ylim=(-50, 60))
     for at, name in ((_L, "l"), (_U, "u")):
         side.plot([at, at], [-9.0, 3.0], color=_LIVE, linewidth=0.9, linestyle="--")
         side.text(at, -11.0, name, ha="center", va="top", color=_LIVE, style="italic", fontsize=11)
-    side.text(50, -28, "between l and u both strips\ncarry the current", ha="center", va="center")
+    side.text(50, -33, "between l and u both strips\ncarry the current", ha="center", va="center")
     kl, kh = _L / (_LENGTH - (_U - _L) / 2.0), (_L + (_U - _L) / 2.0) / (_LENGTH - (_U - _L) / 2.0)
     volts.plot([0, _LENGTH], [0, 1], color="#999999", linewidth=0.8, linestyle=":", label="untouched")
     volts.plot([0, _L, _U, _LENGTH], [0, kl, kh, 1], color="black", label="energised strip")
     volts.axvspan(_L, _U, color=_LIVE, alpha=0.12, linewidth=0)
     volts.plot([0, _L], [kl, kl], color=COLOURS["kl"], linestyle="--", linewidth=1.2)
     volts.plot([_U, _LENGTH], [kh, kh], color=COLOURS["kh"], linestyle="--", linewidth=1.2)
-    volts.text(1, kl + 0.02, r"$k_l = v_l\,/\,V_{ref}$", color=COLOURS["kl"], va="bottom")
+    volts.text(-2, kl + 0.02, r"$k_l = v_l\,/\,V_{ref}$", color=COLOURS["kl"], va="bottom")
     volts.text(99, kh - 0.03, r"$k_h = v_h\,/\,V_{ref}$", color=COLOURS["kh"], va="top", ha="right")
     volts.set(
         title="3  Its voltages give l and u", xlabel="along the strip, y [mm]", ylabel="voltage over Vref"
@@ -119,7 +119,7 @@ def three_steps() -> Figure:
 
 def pipeline() -> Figure:
     """Return the way from readings to a shape as three pictures of the same press."""
-    figure, (readings, ends, shape) = new_panels(11.0, 3.6, 1, 3)
+    figure, (readings, ends, shape) = new_panels(9.0, 3.2, 1, 3)
     sensor = ts.Sensor(construction="crs-crs", strips=20, pitch_mm=5.0, length_mm=100.0)
     contact = ts.Contact.polygon([(22, 18), (70, 34), (62, 72), (30, 66)])
     noise = ts.Noise(positional=0.005)
@@ -129,7 +129,7 @@ def pipeline() -> Figure:
     readings.set(title="Two voltages a strip ...", xlabel="strip", ylabel="voltage over Vref")
     readings.text(13.6, 0.6, "$k_h$", color=COLOURS["kh"])
     readings.text(13.6, 0.34, "$k_l$", color=COLOURS["kl"])
-    readings.set(xlim=(-0.5, sensor.strips - 0.5), ylim=(0.0, 1.0))
+    readings.set(xlim=(-0.5, sensor.strips - 0.5), ylim=(0.0, 1.0), xticks=range(0, sensor.strips, 4))
     profile = ts.profile_reconstruction(scan, sensor).objects[0].vertices
     found = ts.reconstruct(scan, sensor, noise).objects[0].vertices
     for axes in (ends, shape):
@@ -162,8 +162,3 @@ def setup(app: Sphinx) -> dict[str, bool]:
     """Register the directive."""
     app.add_directive("drawing", _Drawing)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
-
-
-if __name__ == "__main__":
-    for name, draw in DRAWINGS.items():
-        print(save(draw(), Path(f"/tmp/s5-site/{name}.png"), dpi=80))
