@@ -18,6 +18,7 @@ from tacstrip.arrays import FloatArray
 from tacstrip.data import spec_names, spec_path
 from tacstrip.errors import SpecError
 from tacstrip.files import read_text, why_unreadable, write_text
+from tacstrip.notebook import Drawn, SvgPath, strip_paths
 from tacstrip.sensor.calibration import Calibration
 from tacstrip.sensor.constructions import CONSTRUCTIONS, Construction, check_signature, construction
 from tacstrip.sensor.left_out import checked_names
@@ -57,7 +58,7 @@ OWN_KEYS = frozenset().union(*(c.keys for c in CONSTRUCTIONS.values()))
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sensor:
+class Sensor(Drawn):
     """A resistive hybrid tactile sensor; the keys of the spec file, in [mm] and [V].
 
     `calibration` turns this unit's raw readings into corrected ones where they enter (`sensor.raw`): a `Scan` is
@@ -105,6 +106,9 @@ class Sensor:
         bits = f", {self.adc_bits} bits" if self.adc_bits else ""
         known = (", calibrated" if self.calibration else "") + (", noise known" if self.noise else "")
         return f"<Sensor {self.fingerprint}{bits}{known}>"
+
+    def _paths(self) -> list[SvgPath]:
+        return strip_paths(self.strips, self.pitch_mm, self.strip_width, self.length_mm)
 
     def __post_init__(self) -> None:
         """Bring numbers to their type and refuse what cannot be."""
