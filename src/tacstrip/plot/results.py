@@ -167,7 +167,7 @@ def uncertainty(
         legend_above(axes, handles=handles, labels=labels)
     else:
         say_nothing(axes, f"no shape: {result.status}")
-    fill_sheet(axes)
+    fill_sheet(axes, sensor if isinstance(sensor, Sensor) else None)
     return axes
 
 
