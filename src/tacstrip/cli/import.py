@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import itertools
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 import click
@@ -16,10 +17,12 @@ from tacstrip.diagnose.log import Log
 from tacstrip.errors import OptionError, ReadingError, one_of
 from tacstrip.files import replacing
 from tacstrip.io.input_checks import half_read
-from tacstrip.io.log_import.guess import Proposal, Question, Unanswered, propose
+from tacstrip.io.log_import.containers import SeveralSheets, read_table
+from tacstrip.io.log_import.guess import Proposal, propose
 from tacstrip.io.log_import.mapping import ColumnMapping
+from tacstrip.io.log_import.questions import Question, Unanswered
 from tacstrip.io.log_import.scans import scans
-from tacstrip.io.log_import.table import SeveralSheets, Table, read_table
+from tacstrip.io.log_import.table import Table
 from tacstrip.io.log_import.write import rows, write_log
 from tacstrip.io.readings import read_readings
 from tacstrip.sensor.spec import Sensor
@@ -77,11 +80,13 @@ def command(
     new_file(output, force, str(log), *([spec] if spec else []))
     sensor = load_sensor(spec) if spec else None
     try:
-        table = read_table(log, sheet)
-        found = _mapped(table, given) if given else propose(table, sensor, _answers(answers))
+        told = _answers(answers)
+        table = read_table(log, sheet or told.get("sheet"))
+        found = _mapped(table, given) if given else propose(table, sensor, told)
     except SeveralSheets as several:
         raise _asked(
-            [Question("--sheet", f"the workbook has several sheets: which one? --sheet {several}")], log
+            [Question("sheet", "several sheets hold something: which one?", tuple(str(several).split(", ")))],
+            log,
         ) from None
     except Unanswered as unanswered:
         raise _asked(unanswered.questions, log) from None
@@ -113,11 +118,10 @@ def _answers(texts: tuple[str, ...]) -> dict[str, str]:
     return found
 
 
-def _asked(questions: tuple[Question, ...] | list[Question], log: Path) -> click.ClickException:
-    shown = "\n".join(
-        f"  {q.text}" + (f"  --answer {q.key}=..." if "--" not in q.text else "") for q in questions
+def _asked(questions: Sequence[Question], log: Path) -> click.ClickException:
+    return click.ClickException(
+        f"{log} does not say:\n" + "\n".join(f"  {question}" for question in questions)
     )
-    return click.ClickException(f"{log} does not say:\n{shown}")
 
 
 def _write(

@@ -31,8 +31,9 @@ def write_log(
     strip_base
         Number of the first strip in the file.
     """
-    codes = mapping.unit == "code"
-    scale = {"V": 1.0, "mV": 1e-3, "code": 1.0, "fraction": vref_volt, "percent": 0.01 * vref_volt}[
+    codes = mapping.unit == "code" and not mapping.adc_bits
+    of_code = vref_volt / (2.0**mapping.adc_bits - 1.0) if mapping.adc_bits else 1.0
+    scale = {"V": 1.0, "mV": 1e-3, "code": of_code, "fraction": vref_volt, "percent": 0.01 * vref_volt}[
         mapping.unit
     ]
     with csv_writer(path, [*INDEX, *(_COLUMNS[c][codes] for c in mapping.channels)]) as out:
