@@ -54,12 +54,18 @@ def quantity(text: str, decimal: str = ".") -> tuple[float, str] | None:
     """
     if _PLAIN.match(text) and (decimal == "." or "." not in text):
         return float(text), ""
-    text = text.strip().replace("\u202f", " ").replace("\xa0", " ").replace("\u2212", "-").replace("μ", "µ")
+    text = (
+        text.strip()
+        .replace("\u202f", " ")
+        .replace("\xa0", " ")
+        .replace("\u2212", "-")
+        .replace("\u03bc", "\u00b5")
+    )
     found = _NUMBER.match(text) if text.isascii() or "µ" in text else None
     if not found:
         return None
     sign, digits, power, word = found.groups()
-    unit = UNITS.get(word) or UNITS.get(word.casefold(), "")
+    unit = UNITS.get(word) or UNITS.get(word.lower(), "")
     if word and not unit:
         return None
     if digits[:2].casefold() == "0x":

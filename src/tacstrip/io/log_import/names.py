@@ -204,18 +204,18 @@ def pair_of(channels: set[str]) -> tuple[str, str] | None:
 def _tokens(name: str) -> tuple[list[str], str]:
     """Return a name's words and numbers in lower case, and the unit in brackets, after a slash, or last."""
     plain = "".join(c for c in unicodedata.normalize("NFKD", name) if not unicodedata.combining(c))
-    plain = plain.replace("μ", "µ")
+    plain = plain.replace("\u03bc", "\u00b5")
     unit = ""
     for bracket in re.finditer(r"[\[(]\s*([^\])]*?)\s*[\])]", plain):
-        inner = bracket.group(1).casefold()
+        inner = bracket.group(1).lower()
         unit = unit or UNITS.get(inner, "")
         if not re.search(r"\d", inner):
             plain = plain.replace(bracket.group(0), " ")
     slash = re.search(r"/\s*(\w+|%)\s*$", plain)
-    if slash and slash.group(1).casefold() in UNITS:
-        unit, plain = unit or UNITS[slash.group(1).casefold()], plain[: slash.start()]
+    if slash and slash.group(1).lower() in UNITS:
+        unit, plain = unit or UNITS[slash.group(1).lower()], plain[: slash.start()]
     plain = plain.replace("mV", "mv")  # no two words
-    plain = re.sub(r"([a-z])([A-Z])", r"\1 \2", plain).casefold()
+    plain = re.sub(r"([a-z])([A-Z])", r"\1 \2", plain).lower()
     tokens = re.findall(r"[a-zµ]+|\d+|%", plain)
     if not unit and len(tokens) > 1 and tokens[-1] in _LAST:
         unit = UNITS[tokens.pop()]

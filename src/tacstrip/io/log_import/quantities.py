@@ -18,6 +18,7 @@ from tacstrip.io.log_import.questions import Clues
 from tacstrip.io.log_import.scans import LogScan, raw_times
 
 _RATES_HZ = (0.12, 5000.0)  # scans per second that a log may have
+_POSSIBLE_S = (2e-5, 3600.0)  # from scan to scan
 _SENTINELS = (999.0, 9999.0, 99999.0, 32767.0, 65535.0, 99.9, 99.99, 999.9, 999.99)
 _NEAR_0 = 0.01  # of the largest reading; and of the most that there can be
 _MANY = 0.05  # of the readings: more that are exactly 0 are no chance
@@ -103,10 +104,18 @@ def settled_time(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> 
                 "rate_hz", f"the log has {len(rough)} scans and no time: how many scans per second?", "50"
             )
         return replace(mapping, rate_hz=rate or 0.0)
-    if mapping.time_unit or len(rough) < 2:
-        return replace(mapping, time_unit=mapping.time_unit or "s")
     steps = np.diff([s.time_s for s in rough])
     step = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
+    if mapping.time_unit or len(rough) < 2:
+        if "time_unit" not in clues.answers and step and not _POSSIBLE_S[0] <= step <= _POSSIBLE_S[1]:
+            clues.ask(
+                "time_unit",
+                f"{mapping.time} would rise by {step:g} s from scan to scan: in which unit is it?",
+                "ms",
+                "us",
+                "s",
+            )
+        return replace(mapping, time_unit=mapping.time_unit or "s")
     fits = [
         u
         for u in ("s", "ms", "us", "days")

@@ -197,6 +197,11 @@ def of_json(text: str, path: str | Path) -> Table | None:
             return None
     else:
         found = [(n, r) for n, r in enumerate(_rows_of(whole), 1)]
+        if found and all(isinstance(r, list) for _, r in found) and len({len(r) for _, r in found}) == 1:
+            rows = [list(flattened("", r).values()) for _, r in found]
+            names = tuple(f"column {n + 1}" for n in range(len(rows[0])))
+            if len({len(r) for r in rows}) == 1:
+                return Table(names, rows, [n for n, _ in found], named=False, remarks=("rows in JSON",))
         if not any(isinstance(r, dict) for _, r in found):
             return None
     records, lines = [], []

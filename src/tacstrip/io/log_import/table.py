@@ -162,7 +162,7 @@ def _names(above: list[list[str]], width: int) -> list[str]:
     if units is None:
         return best
     given = [u.strip("[]() ") for u in units]
-    known = [UNITS.get(u) or UNITS.get(u.casefold(), "") for u in given]
+    known = [UNITS.get(u) or UNITS.get(u.lower(), "") for u in given]
     return [f"{n} [{u}]" if u and n and not meaning(n).unit else n for n, u in zip(best, known, strict=True)]
 
 
@@ -203,21 +203,18 @@ def _counts(row: list[str], other: list[str]) -> bool:
     """Return whether a row only counts the columns, beside fields that are empty though others are not."""
     counted = [n for n, cell in enumerate(row) if cell]
     numbers = [number_of(row[n]) for n in counted]
-    return (
-        len(counted) > 1
-        and counted[0] > 0
-        and any(other[: counted[0]])
-        and numbers in ([float(n + base) for n in range(len(counted))] for base in (0, 1))
-    )
+    if len(counted) < 2 or counted[0] == 0 or not any(other[: counted[0]]):
+        return False
+    return any(numbers == [float(n + base) for n in range(len(counted))] for base in (0, 1))
 
 
 def _are_units(row: list[str]) -> bool:
     """Return whether a header line names units: each of its fields, or of all but the first the same of a reading."""
     if all(
-        (cell.strip("[]() ").casefold() in {"", "-", "n", "nr", "-/-", "1", *UNITS}) for cell in row
+        (cell.strip("[]() ").lower() in {"", "-", "n", "nr", "-/-", "1", *UNITS}) for cell in row
     ) and any(row):
         return True
-    rest = {UNITS.get(cell.strip("[]() ").casefold(), "?") for cell in row[1:] if cell}
+    rest = {UNITS.get(cell.strip("[]() ").lower(), "?") for cell in row[1:] if cell}
     return len(rest) == 1 and rest <= set(READING_UNITS) and bool(row[0])
 
 

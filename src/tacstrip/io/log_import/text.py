@@ -22,6 +22,7 @@ _COMMENT = ("#", "%", "//", "!")
 _STAMPED = re.compile(rf"\s*\[?(?P<stamp>{STAMP})\]?\s*(?:->|=>|>|\||:|\t|\s)\s*(?=\S)")
 _LEVEL = re.compile(r"[\[(]?(?:TRACE|DEBUG|INFO|WARN|WARNING|ERROR)[\])]?[\s:|-]\s*")
 _ARRAY = re.compile(r"(?<![\"\w])\[[\d\s.,;eE+\-naNuloNe]*\](?!\")")
+_BRACKETED = re.compile(r"\s*[\[({](.*)[\])}]\s*[,;]?\s*")  # a line such as "(20, [1, 2])"
 _RULE = re.compile(r"[\s\-=+|~*_:]+")  # a line drawn below names
 _MOST_BYTES = 2**30
 _FEW_LINES = 4  # of fewer, the length of the last number tells nothing
@@ -67,6 +68,8 @@ def of_text(text: str, path: str | Path = "the log") -> Table:
     if not lines:
         raise ReadingError(f"{path}: the file is empty")
     lines, stamps = _without_stamps(lines)
+    if sum(_BRACKETED.fullmatch(line) is not None for _, line in lines) > STEADY * len(lines):
+        lines = [(i, _BRACKETED.sub(r"\1", line)) for i, line in lines]
     table = named_values([(i, line) for i, line in lines if not line.lstrip().startswith(_COMMENT)])
     if table is None:
         blank = {i for i, line in every if not line.strip()}
@@ -221,7 +224,7 @@ def _in_blocks(table: Table, labels: dict[int, list[Item]], blank: set[int]) -> 
         following = next(pending, None)
         for line in table.lines:
             while following is not None and following < line:
-                state |= {item.name: item.values[0] for item in labels[following]}
+                state |= {item.name: item.values[0].replace(".", table.decimal) for item in labels[following]}
                 following = next(pending, None)
             columns.append(list(state.values()))
         if any("" in column for column in columns):
