@@ -54,15 +54,10 @@ def find_columns(clues: Clues) -> Columns:
     """Say what each column is; raises `Unanswered` where no readings can be found without an answer."""
     known = _meanings(clues)
     found = _find(clues, known)
-    clues.because(
-        "passed over: "
-        + (", ".join(n for n in clues.table.names if n not in _used(found) and n != ROW) or "nothing")
-    )
+    used = {*found.readings, found.time, found.scan, found.strip, found.which, ROW}
+    if passed := [n for n in clues.table.names if n not in used]:
+        clues.because(f"passed over: {', '.join(passed)}")
     return found
-
-
-def _used(found: Columns) -> set[str]:
-    return {*found.readings, found.time, found.scan, found.strip, found.which}
 
 
 def _meanings(clues: Clues) -> dict[str, Meaning]:
@@ -381,13 +376,16 @@ def _unnamed(clues: Clues) -> dict[str, Meaning]:
     found |= {n: meaning(n) for n in labels}
     texts = {n: set(clues.table.column(n)) for n in names}
     which = [n for n in names if {meaning(f).channel for f in texts[n]} == {"h", "l"} and len(texts[n]) == 2]
-    constant = [n for n in names if not _numeric(clues, n) and len(texts[n]) == 1 and any(texts[n])]
+    constant = [
+        n for n in names if len(texts[n]) == 1 and not (_numeric(clues, n) or says_nothing(*texts[n]))
+    ]
     names = [n for n in names if n not in (*labels, *which, *constant)]
     found |= {n: Meaning("which") for n in which}
     values = {n: clues.values(n) for n in names}
     channels = 1 if which else max(len(clues.expected), 1)
     wide = channels * sensor.strips if sensor else 0
-    rising = [n for n in names if _rises(values[n])]
+    clocks = [n for n in names if all(clock_seconds(t) is not None for t in texts[n])]
+    rising = [n for n in names if _rises(values[n]) or n in clocks]
     spare = len(names) - wide - len(set(rising) & set(names[:2]))
     if sensor and spare > 0 and not any(clues.table.column(names[-1])):  # each line ends with a separator
         names = names[:-1]
@@ -404,16 +402,14 @@ def _unnamed(clues: Clues) -> dict[str, Meaning]:
         clues.because(f"{wide} columns without names are the {sensor.strips} strips in their order")
         return found
     cycles = [n for n in names if _cycles(values[n])]
-    clocks = [n for n in names if all(clock_seconds(t) is not None for t in texts[n])]
-    rest = [n for n in names if n not in cycles and n not in rising and n not in clocks]
+    rest = [n for n in names if n not in cycles and n not in rising]
     told = ROW in clues.table.names or "strip" in {m.role for m in found.values()}
     placed = len(cycles) == 1 or (not cycles and told)
     if placed and len(rest) in (1, 2) and (not sensor or len(rest) == channels):
         found |= dict(
             zip(rest, (Meaning("reading", c) for c in ("ab" if len(rest) == 2 else ("",))), strict=False)
         )
-        found |= {n: Meaning("time" if n == rising[-1] else "scan") for n in rising}
-        found |= {n: Meaning("time") for n in clocks}
+        found |= {n: Meaning("time" if n == rising[-1] or n in clocks else "scan") for n in rising}
         for name in cycles:
             found[name] = Meaning("strip")
             clues.because(f"{name}: whole numbers that come again and again, so they are the strips")

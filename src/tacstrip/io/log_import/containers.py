@@ -64,7 +64,7 @@ def read_table(path: str | Path, sheet: str | None = None) -> Table:
 
 
 def of_columns(columns: Mapping[str, Iterable[Any]]) -> Table:
-    """Return columns of values as a table; None and NaN are empty fields."""
+    """Return columns of values as a table in normal form; None and NaN are empty fields."""
     rows = [[_field(value) for value in row] for row in zip(*columns.values(), strict=True)]
     return in_normal_form(Table(tuple(columns), rows, list(range(1, len(rows) + 1))))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -52,19 +53,23 @@ def propose(table: Table, sensor: Sensor | None = None, answers: Mapping[str, st
         An answer to nothing, or one that is not possible.
     """
     clues = Clues(table, sensor, dict(answers or {}))
-    if not table.rows:
+    mapping, _ = assembled(clues)
+    clues.stop()
+    return Proposal(mapping, scans(table, mapping), tuple(clues.reasons))
+
+
+def assembled(clues: Clues) -> tuple[ColumnMapping, list[LogScan]]:
+    """Return a mapping as far as it can be known, and the scans that it gives; what is open is asked in `clues`."""
+    if not clues.table.rows:
         raise ReadingError("the log has no readings")
     found = find_columns(clues)
     mapping, rough = _rough(clues, found)
     mapping = quantities.settled_time(clues, mapping, rough)
     mapping = replace(mapping, untouched=(*mapping.untouched, *quantities.numbers_for_nothing(clues, rough)))
-    rough = scans(
-        table, replace(mapping, time_unit=mapping.time_unit or "s", restart="continue", missing="untouched")
-    )
+    loose = replace(mapping, time_unit=mapping.time_unit or "s", restart="continue", missing="untouched")
+    rough = scans(clues.table, loose)
     mapping = _with_ends(clues, mapping, found, rough)
-    mapping = quantities.with_unit(clues, mapping, found, rough)
-    clues.stop()
-    return Proposal(mapping, scans(table, mapping), tuple(clues.reasons))
+    return quantities.with_unit(clues, mapping, found, rough), rough
 
 
 def _rough(clues: Clues, found: Columns) -> tuple[ColumnMapping, list[LogScan]]:
@@ -158,9 +163,10 @@ def _strips(clues: Clues, found: Columns) -> tuple[int, int]:
         return 0, count
     if found.strip:
         shown = ColumnMapping(columns=found.readings, unit="V", strips=1, strip=found.strip)
-        there = set(strip_numbers(clues.table, shown))
+        many_lines = Counter(strip_numbers(clues.table, shown))
+        there, all_listed = set(many_lines), len(set(many_lines.values())) == 1
     else:
-        there = {int(what.partition(":")[0]) for what in found.readings.values()}
+        there, all_listed = {int(what.partition(":")[0]) for what in found.readings.values()}, True
     low, high = min(there), max(there)
     base = clues.number("strip_base")
     if base is None:
@@ -169,7 +175,7 @@ def _strips(clues: Clues, found: Columns) -> tuple[int, int]:
             raise ReadingError(
                 f"strips are numbered {low} to {high}, and the sensor has {count}; check strips in the spec"
             )
-        if low in fits and (not count or len(there) == count or len(fits) == 1):
+        if low in fits and (len(there) == count if count and len(fits) > 1 else all_listed or low == 0):
             base = low
         elif len(fits) == 1:
             base = fits[0]

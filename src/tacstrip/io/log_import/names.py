@@ -136,6 +136,12 @@ def meanings(names: Sequence[str]) -> dict[str, Meaning]:
     shared = {t for t, many in alike.items() if many > 1 and 2 * many >= len(names)}
     split = {name: ([t for t in ts if t not in shared] or ts, u) for name, (ts, u) in split.items()}
     found = {name: _of_tokens(*tokens) for name, tokens in split.items()}
+    if any(
+        m.channel == "b" and m.strip is not None for m in found.values()
+    ):  # then a1, a2, ... are no analog pins
+        found |= {
+            n: replace(m, channel="a") for n, m in found.items() if "a" in split[n][0] and m.strip is not None
+        }
     slots = {n: [int(t) for t in ts if t.isdigit()] for n, (ts, _) in split.items()}
     several = [n for n, numbers in slots.items() if len(numbers) > 1 and len(slots[n]) == 2]
     if len(several) < 2:

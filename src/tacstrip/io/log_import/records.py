@@ -18,6 +18,7 @@ from tacstrip.io.log_import.table import Table, flattened, of_records
 STEADY = 0.8  # of the lines: a form that as many have is that of the log
 _LABELS = frozenset({"time", "scan", "strip", "which"})
 _FEW_KINDS = 0.5  # of the records: as many name the same values, or all do as they like
+_COMMA = re.compile(r"(?<![\d,.:])\d+,\d+(?![\d,.])")
 _SAMPLE = 200  # lines that tell whether all are of a kind
 _UNIT = "|".join(sorted((re.escape(u) for u in UNITS if len(u) < 8), key=len, reverse=True))
 _TOKEN = re.compile(
@@ -65,7 +66,8 @@ def items(line: str) -> list[Item]:
     for token in _TOKEN.finditer(line):
         kind, text = str(token.lastgroup), token.group().strip()
         if kind == "word" and (not open_name or not says_nothing(text)):
-            if open_name and text.casefold() in UNITS and found and found[-1].values:
+            named = line[token.end() :].lstrip()[:1] in (":", "=") and token.end() < len(line)
+            if open_name and not named and text.casefold() in UNITS and found and found[-1].values:
                 continue  # a unit apart from its number
             words.append(text)
             open_name = False
@@ -107,11 +109,17 @@ def named_values(lines: list[tuple[int, str]]) -> Table | None:
 
 
 def _with_points(lines: list[tuple[int, str]]) -> list[tuple[int, str]]:
-    """Return lines with decimal points where they have decimal commas."""
-    pairs = [p for _, line in lines for p in re.findall(r"(?<![\d,.])\d+,\d+(?![\d,.])", line)]
+    """Return lines with decimal points where they have decimal commas; `ReadingError` where these may be lists."""
+    pairs = [p for _, line in lines for p in _COMMA.findall(line)]
     if not pairs or any(re.search(r"\d\.\d|\d,\d+,\d|[,;] ?[A-Za-z]", line) for _, line in lines):
         return lines
-    if not any(p.startswith("0,") for p in pairs):
+    sizes: dict[str, set[int]] = {}  # with how many values each name stands
+    for _, line in lines:
+        for item in items(line):
+            sizes.setdefault(item.name, set()).add(len(item.values))
+    alike = len({len(p.partition(",")[2]) for p in pairs}) == 1 and all(p.find(",") <= 2 for p in pairs)
+    single = alike and any(found == {1, 2} for found in sizes.values())
+    if not (single or any(re.search(r"\A0,|,0\d", p) for p in pairs)):
         raise ReadingError(
             f"{pairs[0]!r}: a decimal comma, or two values? Write such numbers with a decimal point"
         )

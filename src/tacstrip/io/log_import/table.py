@@ -18,6 +18,7 @@ from tacstrip.io.log_import.names import READING_UNITS, UNITS, meaning, meanings
 CLOCK = "time stamp"  # the column of what a serial monitor or a logger puts before each line
 ROW = "line of its block"  # where blocks of as many lines follow each other
 _TALLEST_HEADER = 5
+_FEW = 2  # fields that may look like units by chance
 
 
 @dataclass(frozen=True)
@@ -210,12 +211,12 @@ def _counts(row: list[str], other: list[str]) -> bool:
 
 def _are_units(row: list[str]) -> bool:
     """Return whether a header line names units: each of its fields, or of all but the first the same of a reading."""
-    if all(
-        (cell.strip("[]() ").lower() in {"", "-", "n", "nr", "-/-", "1", *UNITS}) for cell in row
-    ) and any(row):
+    if all((cell.strip("[]() ").lower() in {"", "-", "n", "nr", "-/-", "1", *UNITS}) for cell in row) and any(
+        row
+    ):
         return True
     rest = {UNITS.get(cell.strip("[]() ").lower(), "?") for cell in row[1:] if cell}
-    return len(rest) == 1 and rest <= set(READING_UNITS) and bool(row[0])
+    return len(rest) == 1 and rest <= set(READING_UNITS) and bool(row[0]) and sum(map(bool, row)) > _FEW
 
 
 def decimal_mark(rows: Sequence[Sequence[str]]) -> str:
@@ -246,7 +247,7 @@ def decimal_mark(rows: Sequence[Sequence[str]]) -> str:
         for column in columns
         if any(comma.fullmatch(f) for f in column)
         and all(re.fullmatch(r"[+-]?[1-9]\d{0,2}(,\d{3})?", f) for f in column)
-        and any("," not in f for f in column)
+        and any("," not in f and not f.startswith("-") for f in column)  # -1 is no reading
     ]
     if thousands:
         shown = next(f for f in thousands[0] if "," in f)

@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from tacstrip.errors import ReadingError
-from tacstrip.io.log_import.fields import STAMP, number_of
+from tacstrip.io.log_import.fields import STAMP, is_value, number_of
 from tacstrip.io.log_import.records import STEADY, Item, is_label, items, named_values, of_json
 from tacstrip.io.log_import.shape import in_normal_form
 from tacstrip.io.log_import.table import CLOCK, ROW, Table, decimal_mark, headed
@@ -24,6 +24,8 @@ _LEVEL = re.compile(r"[\[(]?(?:TRACE|DEBUG|INFO|WARN|WARNING|ERROR)[\])]?[\s:|-]
 _ARRAY = re.compile(r"(?<![\"\w])\[[\d\s.,;eE+\-naNuloNe]*\](?!\")")
 _BRACKETED = re.compile(r"\s*[\[({](.*)[\])}]\s*[,;]?\s*")  # a line such as "(20, [1, 2])"
 _RULE = re.compile(r"[\s\-=+|~*_:]+")  # a line drawn below names
+_SEVERAL = re.compile(r"[\d-]\s+[-+]?\d")
+_SAMPLE = 500  # lines at either end that tell what separates the fields
 _MOST_BYTES = 2**30
 _FEW_LINES = 4  # of fewer, the length of the last number tells nothing
 _FEW_BLOCKS = 2
@@ -92,12 +94,18 @@ def _without_stamps(lines: list[tuple[int, str]]) -> tuple[list[tuple[int, str]]
     found = [_STAMPED.match(line) for _, line in lines]
     if sum(m is not None for m in found) <= STEADY * len(lines):
         return lines, {}
+    if any(m is None and _as_wide(line, lines[-1][1]) for (_, line), m in zip(lines, found, strict=True)):
+        return lines, {}  # a table, whose names count the time, too
     stamps = {i: m["stamp"].strip() for (i, _), m in zip(lines, found, strict=True) if m}
     rest = [(i, line[m.end() :] if m else line) for (i, line), m in zip(lines, found, strict=True)]
     levels = [_LEVEL.match(line) for _, line in rest]
     if all(levels):
         rest = [(i, line[m.end() :]) for (i, line), m in zip(rest, levels, strict=True) if m]
     return [(i, line) for i, line in rest if line.strip()], stamps
+
+
+def _as_wide(line: str, other: str) -> bool:
+    return any(len(line.split(by)) == len(other.split(by)) > 2 for by in ("\t", "|", None))
 
 
 def _without_cut_end(table: Table, text: str) -> Table:
@@ -170,15 +178,21 @@ def _labels(lines: list[tuple[int, str]]) -> dict[int, list[Item]]:
 def _separator(data: list[tuple[int, str]], path: str | Path) -> tuple[str, int]:
     """Return what separates the fields, and how many there are in most lines."""
     ranked = []
+    data = data if len(data) <= 2 * _SAMPLE else data[:_SAMPLE] + data[-_SAMPLE:]
     for separator in _SEPARATORS:
         try:
-            counts = Counter(len(_fields(line, separator)) for _, line in data)
+            split = [_fields(line, separator) for _, line in data]
         except csv.Error:
             continue
-        width, many = max(counts.items(), key=lambda item: (item[0] > 1, item[1]))
+        width, many = max(Counter(map(len, split)).items(), key=lambda item: (item[0] > 1, item[1]))
         if width > 1:
-            share = many / len(data) if separator.strip() or separator == "\t" else 0.99 * many / len(data)
-            ranked.append((share, separator, width))
+            several = sum(
+                _SEVERAL.search(f) is not None and not is_value(f, ".") for row in split for f in row
+            )
+            share = (many - several) / len(data)  # a field of two numbers is none
+            ranked.append(
+                (share if separator.strip() or separator == "\t" else 0.99 * share, separator, width)
+            )
     if not ranked:
         if sum(number_of(line) is not None for _, line in data) < STEADY * len(data):
             raise ReadingError(f"{path}: no table: no line has two fields")
@@ -206,7 +220,11 @@ def _below_a_preamble(
         run = next((n for n, w in enumerate(reversed(widths)) if w != width), len(widths)) if width > 1 else 0
         found.append((run, -_SEPARATORS.index(separator), separator, width))
     run, _, separator, width = max(found)
-    return (1.0 if run >= _FEW_LINES else 0.0), separator, width
+    return (
+        (1.0 if run >= _FEW_LINES or (run == _FEW_LINES - 1 and width > _FEW_LINES) else 0.0),
+        separator,
+        width,
+    )
 
 
 def _in_blocks(table: Table, labels: dict[int, list[Item]], blank: set[int]) -> Table:
