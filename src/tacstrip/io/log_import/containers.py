@@ -157,7 +157,11 @@ def _of_arrays(arrays: dict[str, npt.NDArray[Any]], path: str | Path) -> Table:
     lengths = Counter(a.shape[0] for a in arrays.values() if 1 <= a.ndim <= 3)
     if not lengths:
         raise ReadingError(f"{path}: no array of scans (scans,) or (scans, strips) in it")
-    scans = max(lengths.items(), key=lambda item: (item[1], item[0]))[0]
+    clocks = [len(a) for name, a in arrays.items() if a.ndim == 1 and meanings([name])[name].role == "time"]
+    scans = clocks[0] if clocks else max(lengths.items(), key=lambda item: (item[1], item[0]))[0]
+    arrays = {
+        name: a.T if a.ndim == 2 and a.shape[0] != scans == a.shape[1] else a for name, a in arrays.items()
+    }
     used = {name: a for name, a in arrays.items() if 1 <= a.ndim <= 3 and a.shape[0] == scans}
     passed = [name for name in arrays if name not in used]
     records = [

@@ -13,20 +13,21 @@ from tacstrip.io.log_import.names import UNITS
 # What stands for an untouched strip in anybody's log.
 NOTHING = frozenset(
     {"", "nan", "na", "n/a", "n.a.", "#n/a", "<na>", "nat", "-", "--", "---", "null", "none", "open", "untouched"}
-    | {"-nan", "nc", "n.c.", "no contact", "\u2013", "\u2014"}
+    | {"-nan", "nc", "n.c.", "n.v.", "no contact", "[]", "{}", "offen", "leer", "vide", "\u2013", "\u2014"}
 )  # fmt: skip
-_NO_NUMBER = re.compile(r"(?:-?nan|n/?a|-{2,3})\s?(?:m?V|ms|s|%|LSB)", re.IGNORECASE)
+_NO_NUMBER = re.compile(r"(?:-?nan|n/?a|-{1,3})\s?(?:m?V|ms|s|%|LSB)", re.IGNORECASE)
 _PLAIN = re.compile(r"[+-]?\d+(?:\.\d+)?\Z")
 _NUMBER = re.compile(r"([+-]?)([\d.,' ]*\d[.,]?|0x[\da-f]+)(e[+-]?\d+)?\s*([a-zµ%]*)\Z", re.IGNORECASE)
 _DAY_S = 86400.0
+_GROUPED = re.compile(r"(?<=\d)[ '\u2009\u202f\xa0](?=\d{3}(?!\d))")
 _OF_DAY = r"(?P<h>\d{1,2}):(?P<m>\d\d):(?P<s>\d\d(?:[.,]\d+|:\d{3,6})?)\s*(?P<half>[AaPp]\.?[Mm]\.?)?"
 _DATE = (
     r"(?:(?P<Y>\d{4})[-/.](?P<M>\d\d?)[-/.](?P<D>\d\d?)"
     r"|(?P<a>\d\d?)(?P<mark>[-/. ])(?P<b>\d\d?|[A-Za-z]{3,9}\.?)[-/. ](?P<y>\d{4}|\d\d))"
 )
 _ZONE = r"\s*(?:Z|UTC|[+-]\d\d:?\d\d)?"
-STAMP = rf"(?:{_DATE}[T ,_]+)?{_OF_DAY}{_ZONE}"  # a date, if any, and a time of day
-_CLOCK = re.compile(STAMP)
+STAMP = rf"(?:{_DATE}(?:[T_]|,? +))?{_OF_DAY}{_ZONE}"  # a date, if any, and a time of day
+_CLOCK = re.compile(rf"(?:{_DATE}[T ,_]+)?{_OF_DAY}{_ZONE}")
 _COMPACT = re.compile(r"(\d{4})(\d\d)(\d\d)[T_ -](\d\d)(\d\d)(\d\d(?:\.\d+)?)")
 _MINUTES = re.compile(r"(\d{1,3}):(\d\d(?:[.,]\d+)?)")
 _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
@@ -76,6 +77,21 @@ def quantity(text: str, decimal: str = ".") -> tuple[float, str] | None:
         return None
     value = float(f"{sign}{re.sub('[^0-9]', '', whole) or 0}.{rest or 0}{power or ''}")
     return (value, unit) if abs(value) < float("inf") else None
+
+
+def ungrouped(text: str) -> str:
+    """Return a field without the spaces or apostrophes that mark thousands.
+
+    Examples
+    --------
+    >>> ungrouped("2 756,6"), ungrouped("12 34")
+    ('2756,6', '12 34')
+    """
+    return (
+        _GROUPED.sub("", text)
+        if re.match(r"[+-]?\d{1,3}(?:[ '\u2009\u202f\xa0]\d{3})+(?!\d)", text)
+        else text
+    )
 
 
 def number_of(text: str, decimal: str = ".") -> float | None:

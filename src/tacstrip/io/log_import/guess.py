@@ -171,6 +171,8 @@ def _strips(clues: Clues, found: Columns) -> tuple[int, int]:
     base = clues.number("strip_base")
     if base is None:
         fits = [b for b in (0, 1) if low >= b and (not count or high <= b + count - 1)]
+        if count and len(there) == count == high - low + 1:  # such as pins A2 to A7
+            fits = [low]
         if count and not fits:
             raise ReadingError(
                 f"strips are numbered {low} to {high}, and the sensor has {count}; check strips in the spec"

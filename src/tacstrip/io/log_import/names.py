@@ -7,6 +7,7 @@ import unicodedata
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 
 def _words(text: str) -> frozenset[str]:
@@ -106,6 +107,7 @@ class Meaning:
     volts: bool = False
 
 
+@lru_cache(maxsize=2**12)
 def meaning(name: str) -> Meaning:
     """Interpret a column's name.
 

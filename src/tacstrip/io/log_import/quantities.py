@@ -21,6 +21,7 @@ _RATES_HZ = (0.12, 5000.0)  # scans per second that a log may have
 _POSSIBLE_S = (2e-5, 3600.0)  # from scan to scan
 _SENTINELS = (999.0, 9999.0, 99999.0, 32767.0, 65535.0, 99.9, 99.99, 999.9, 999.99)
 _NEAR_0 = 0.01  # of the largest reading; and of the most that there can be
+_GAP = 5.0  # times: how far above what is nearly 0 the other readings begin, where that is the noise of open inputs
 _MANY = 0.05  # of the readings: more that are exactly 0 are no chance
 # Of what there can be: a unit in which a log uses less is out where it uses as much in another.
 _LITTLE, _MUCH = 0.21, 0.5
@@ -185,7 +186,7 @@ def numbers_for_nothing(clues: Clues, rough: list[LogScan]) -> tuple[str, ...]:
     numbers = Counter(values[np.isfinite(values)].tolist())
     found: list[float] = []
     negative = [v for v in numbers if v < 0.0]
-    if len(negative) == 1 and negative[0] <= -1.0:
+    if len(negative) == 1 and negative[0] <= -1.0 and negative[0] % 1.0 == 0.0:
         found += negative
         clues.because(f"{negative[0]:g} stands for no contact: it is the only negative number")
     rest = sorted(v for v in numbers if v not in found)
@@ -223,6 +224,15 @@ def _at_an_end(clues: Clues, values: FloatArray, numbers: Counter[float], rest: 
             f"{100 * share:.0f} % of the readings are exactly {end:g}, and no other is near: does it stand for no "
             "contact, or is it a reading (none)?",
             f"{end:g}", "none",
+        )  # fmt: skip
+    low, high = [v for v in rest if v < _NEAR_0 * rest[-1]], [v for v in rest if v >= _NEAR_0 * rest[-1]]
+    share = sum(numbers[v] for v in low) / values.size
+    if not ends and len(low) > 1 and share > _MANY and min(high) > _GAP * _NEAR_0 * rest[-1]:
+        clues.ask(
+            "untouched",
+            f"{100 * share:.0f} % of the readings are {low[-1]:g} or less, and all others {min(high):g} or more: is "
+            "that the noise of strips that nothing touches, or are they readings (none)?",
+            f"<{min(high):g}", "none",
         )  # fmt: skip
     return []
 

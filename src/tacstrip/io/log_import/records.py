@@ -104,8 +104,9 @@ def named_values(lines: list[tuple[int, str]]) -> Table | None:
     told = [p for p in said if is_label(p) or any(i.told for i in p)]
     if len(told) < max(STEADY * len(said), 1) or all(is_label(p) for p in told):
         return None
-    lines = _with_points(lines)
-    return _gathered([(i, items(line)) for i, line in lines], dict(lines))
+    pointed = _with_points(lines)
+    parsed = parsed if pointed is lines else [(i, items(line)) for i, line in pointed]
+    return _gathered(parsed, dict(pointed))
 
 
 def _with_points(lines: list[tuple[int, str]]) -> list[tuple[int, str]]:

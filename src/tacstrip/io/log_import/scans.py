@@ -38,7 +38,8 @@ def field_value(text: str, decimal: str, untouched: frozenset[str] = frozenset()
     value = number_of(text, decimal)
     if value is None or not np.isfinite(value):
         raise ValueError(text)
-    return float("nan") if f"{value:g}" in untouched else value
+    below = max((float(u[1:]) for u in untouched if re.fullmatch(r"<\d+(\.\d+)?", u)), default=-np.inf)
+    return float("nan") if f"{value:g}" in untouched or value < below else value
 
 
 def scans(table: Table, mapping: ColumnMapping) -> list[LogScan]:

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from tacstrip.io.log_import.fields import array_of, clock_seconds, number_of, quantity
-from tacstrip.io.log_import.names import TIME_UNITS, meaning
+from tacstrip.io.log_import.names import TIME_UNITS, meaning, meanings
 from tacstrip.io.log_import.table import Table, flattened
 
 _ARRAYS = 0.5  # of a column's fields that say something: then it is one of arrays
@@ -24,7 +24,7 @@ def in_normal_form(table: Table) -> Table:
     two, merged cells are filled, a column that only counts the rows is left out, and columns of scans become rows.
     """
     steps: tuple[Callable[[Table], Table], ...] = (
-        _spread, _without_units, _upright, _split_keys, _filled, _without_index,
+        _transposed, _spread, _without_units, _in_one_unit, _upright, _split_keys, _filled, _without_index,
     )  # fmt: skip
     for step in steps:
         table = step(table) if table.rows else table
@@ -34,6 +34,40 @@ def in_normal_form(table: Table) -> Table:
 def _with(table: Table, columns: dict[str, list[str]], *remarks: str) -> Table:
     rows = [list(row) for row in zip(*columns.values(), strict=True)]
     return replace(table, names=tuple(columns), rows=rows, remarks=(*table.remarks, *remarks))
+
+
+def _transposed(table: Table) -> Table:
+    """Turn a table whose lines begin with their names, each of other values than the next."""
+    names = table.column(table.names[0])
+    roles = [meaning(name).role for name in names]
+    if table.named or len(table.names) < 3 or not all(roles) or any(number_of(n) is not None for n in names):
+        return table
+    if len(set(names)) < len(names) or len(names) < 2 or "reading" not in roles:
+        return table
+    rows = [list(row) for row in zip(*(row[1:] for row in table.rows), strict=True)]
+    told = (*table.remarks, "the first field of each line is its name, so scans are columns")
+    lines = [table.lines[0]] * len(rows)
+    return replace(table, names=tuple(names), rows=rows, lines=lines, named=True, remarks=told)
+
+
+def _in_one_unit(table: Table) -> Table:
+    """Bring readings in millivolts to volts where others are in volts."""
+    units = {name: m.unit for name, m in meanings(table.names).items() if m.role == "reading"}
+    if {"V", "mV"} - set(units.values()):
+        return table
+    columns = {}
+    for name in table.names:
+        key, fields = name, table.column(name)
+        if units.get(name) == "mV":
+            read = [number_of(f, table.decimal) for f in fields]
+            fields = [
+                f if v is None else f"{v * 1e-3:.15g}".replace(".", table.decimal)
+                for f, v in zip(fields, read, strict=True)
+            ]
+            key = re.sub(r"[\s_]*[\[(]?mV[\])]?", "", name) + " [V]"
+        columns[key] = fields
+    told = "millivolts beside volts: all in volts"
+    return _with(table, columns, told) if len(columns) == len(table.names) else table
 
 
 def _spread(table: Table) -> Table:

@@ -5,14 +5,14 @@ from __future__ import annotations
 import itertools
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from tacstrip.errors import ReadingError
-from tacstrip.io.log_import.fields import is_value, number_of, says_nothing
+from tacstrip.io.log_import.fields import is_value, number_of, says_nothing, ungrouped
 from tacstrip.io.log_import.names import READING_UNITS, UNITS, meaning, meanings
 
 CLOCK = "time stamp"  # the column of what a serial monitor or a logger puts before each line
@@ -121,7 +121,18 @@ def headed(
         any(column) and 2 * sum(is_value(c, decimal) for c in column if c) >= sum(map(bool, column))
         for column in zip(*full[len(full) // 2 :], strict=True)
     ]
-    headers = [len(row) != width or _is_header(row, numeric, decimal) for _, row in split]
+    if not any(numeric):
+        raise ReadingError("the log has no column of numbers")
+    # Words that stand for no contact come again in the lines below the names.
+    lower = [
+        row
+        for row in full[len(full) // 2 :]
+        if any(n and is_value(cell, decimal) for cell, n in zip(row, numeric, strict=True))
+    ]
+    usual = {cell for row in lower for cell in row if not is_value(cell, decimal)}
+    headers = [
+        len(row) != width or not any(row) or _named(row, numeric, decimal, usual) > 0 for _, row in split
+    ]
     first = headers.index(False) if False in headers else len(split)
     above = [row for _, row in split[:first] if len(row) == width and any(row)][-_TALLEST_HEADER:]
     if not above and first < len(split) and _counts(split[first][1], full[-1]):
@@ -129,12 +140,14 @@ def headed(
     below = [(i, row) for i, row in split[first:] if any(row)]
     if not above and below:
         above = [row for i, row in comments if i < below[0][0] and len(row) == width][-1:]
-        above = [row for row in above if _is_header(row, numeric, decimal)]
+        above = [row for row in above if _named(row, numeric, decimal)]
     again = {i for i, row in below if len(row) == width and row in above}
     rows = [(i, row) for i, row in below if len(row) == width and i not in again]
     # A line without a digit holds no reading, so none is lost with it.
     broken = tuple(i for i, row in below if len(row) != width and re.search(r"\d", "".join(row)))
     words = sum(len(row) != width for _, row in below) - len(broken)
+    if not rows:
+        raise ReadingError("the log has no line of readings" + (", only names" if above else ""))
     names = _names(above, width)
     told = [
         f"{first - len(above)} line(s) above the table passed over" if first > len(above) > 0 else "",
@@ -191,13 +204,12 @@ def _distinct(names: Sequence[str]) -> list[str]:
     return [f"{name} ({n + 1})" if name in twice else name for n, name in enumerate(names)]
 
 
-def _is_header(row: Sequence[str], numeric: Sequence[bool], decimal: str) -> bool:
-    """Return whether a row has words, and no signs of an untouched strip, where columns hold numbers; or is empty."""
-    words = [
-        bool(cell) and not is_value(cell, decimal) and not says_nothing(cell) and cell.casefold() != "ol"
-        for cell in row
-    ]
-    return any(w and n for w, n in zip(words, numeric, strict=True)) or not any(row)
+def _named(row: Sequence[str], numeric: Sequence[bool], decimal: str, usual: Set[str] = frozenset()) -> int:
+    """Return in how many columns of numbers a row has a word, but signs of an untouched strip and what is usual."""
+    return sum(
+        n and bool(cell) and cell not in usual and not (is_value(cell, decimal) or says_nothing(cell))
+        for cell, n in zip(row, numeric, strict=False)
+    )
 
 
 def _counts(row: list[str], other: list[str]) -> bool:
@@ -228,6 +240,7 @@ def decimal_mark(rows: Sequence[Sequence[str]]) -> str:
         Both occur, or a comma could be either.
     """
     comma, point = (re.compile(rf"[+-]?\d*\{mark}\d+(?:[eE][+-]?\d+)?(?:\s*[A-Za-z%]+)?") for mark in ",.")
+    rows = [[ungrouped(f) for f in row] for row in rows]
     columns = [
         [f for f in column if number_of(f) is not None or comma.fullmatch(f)]
         for column in zip(*rows, strict=True)

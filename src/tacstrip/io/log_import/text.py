@@ -19,7 +19,7 @@ _WIDE = "  "  # two spaces or more
 _SEPARATORS = (";", "\t", "|", ",", _WIDE, " ")
 _COMMENT = ("#", "%", "//", "!")
 # Such as "14:03:07.512 -> ", which the serial monitor of the Arduino IDE puts before each line, or "[14:03:07] ".
-_STAMPED = re.compile(rf"\s*\[?(?P<stamp>{STAMP})\]?\s*(?:->|=>|>|\||:|\t|\s)\s*(?=\S)")
+_STAMPED = re.compile(rf"\s*\[?(?P<stamp>{STAMP})\]?(?!\s*[AaPp]\.?[Mm]\b)\s*(?:->|=>|>|\||:|\t|\s)\s*(?=\S)")
 _LEVEL = re.compile(r"[\[(]?(?:TRACE|DEBUG|INFO|WARN|WARNING|ERROR)[\])]?[\s:|-]\s*")
 _ARRAY = re.compile(r"(?<![\"\w])\[[\d\s.,;eE+\-naNuloNe]*\](?!\")")
 _BRACKETED = re.compile(r"\s*[\[({](.*)[\])}]\s*[,;]?\s*")  # a line such as "(20, [1, 2])"
@@ -29,7 +29,7 @@ _SAMPLE = 500  # lines at either end that tell what separates the fields
 _MOST_BYTES = 2**30
 _FEW_LINES = 4  # of fewer, the length of the last number tells nothing
 _FEW_BLOCKS = 2
-_WORDED = re.compile(r"[^\dA-Za-z]*[A-Za-z]")
+_WORDED = re.compile(r"[^\dA-Za-z]*[A-Za-z][^\t;|]*(?<!,)\Z")  # and without fields
 _LONG = 80  # characters: no label has as many
 
 
@@ -140,6 +140,7 @@ def _separated(lines: list[tuple[int, str]], blank: set[int], path: str | Path) 
     data = [(i, line) for i, line in data if i not in labels]
     if not data:
         raise ReadingError(f"{path}: nothing but comments")
+    data = _without_columns_of_blanks(data)
     separator, width = _separator(data, path)
     split = [(i, _fields(line, separator)) for i, line in data]
     split = [(i, row[:-1] if len(row) == width + 1 and not row[-1] else row) for i, row in split]
@@ -207,6 +208,24 @@ def _separator(data: list[tuple[int, str]], path: str | Path) -> tuple[str, int]
             f"{path}: no separator gives lines of as many fields; save it as CSV with one line per reading"
         )
     return separator, width
+
+
+def _without_columns_of_blanks(data: list[tuple[int, str]]) -> list[tuple[int, str]]:
+    """Return lines with tabs between their fields, where these stand in columns of a fixed width and some are blank."""
+    sample = [line.expandtabs() for _, line in data[len(data) // 2 :][:_SAMPLE]]
+    counts = {len(line.split()) for line in sample}
+    if len(counts) < 2 or any(re.search(r"[,;|]", line) for line in sample):
+        return data
+    width = max(map(len, sample))
+    blank = [all(line[n : n + 1] in ("", " ") for line in sample) for n in range(width)]
+    ends = [n for n in range(1, width) if blank[n] and not blank[n - 1]]
+    pieces = list(zip([0, *ends], [*ends, None], strict=True))
+    if len(pieces) < max(counts) or max(counts) < 2:
+        return data
+    cut = [(i, [line.expandtabs()[a:b].strip() for a, b in pieces]) for i, line in data]
+    if any(re.search(r"\S\s\S", piece) for _, row in cut[len(cut) // 2 :] for piece in row):
+        return data
+    return [(i, "\t".join(row)) for i, row in cut]
 
 
 def _below_a_preamble(
