@@ -536,7 +536,7 @@ def test_any_bytes_are_a_table_or_a_clear_error(tmp_path_factory: pytest.TempPat
 
 
 def test_the_page_shows_what_the_verbs_do(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    page = (Path(__file__).parents[2] / "docs" / "import.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[2] / "docs" / "guide" / "import.md").read_text(encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     Path("bench.log").write_text(page.partition("```text\n")[2].partition("```")[0])
     for shown in page.split("```console\n")[1:]:

@@ -18,7 +18,7 @@ from tacstrip.sensor.constructions import CONSTRUCTIONS, SIGNATURES
 from tacstrip.sensor.constructions import construction as construction_named
 from tacstrip.sensor.spec import UNKNOWN, Sensor
 
-# Where CRS-CRP reads well (docs/physics.md), for a spec that is still to be edited.
+# Where CRS-CRP reads well (docs/science/physics.md), for a spec that is still to be edited.
 _SHEET_RATIO = 100.0
 _LAMBDA = 0.01  # of the strip length
 _BITS = (8, 10, 12, 14, 16, 24)  # that converters have
@@ -88,7 +88,7 @@ def _made(keys: dict[str, Any]) -> Sensor:
     if guessed:
         note(
             f"contact_lambda_mm is set to {sensor.contact_lambda_mm:.4g}, a guess: put your rubber's there, it "
-            "matters most (docs/physics.md)"
+            "matters most (docs/science/physics.md)"
         )
     return sensor
 

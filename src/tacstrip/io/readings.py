@@ -56,8 +56,9 @@ def read_readings(path: str | Path | Frame, sensor: AnySensor) -> list[Scan]:
     Parameters
     ----------
     path
-        The file: a line per strip and scan, in volts or A/D codes (docs/files.md); or a pandas DataFrame with its
-        columns, or of another form, as `tacstrip import` reads (docs/import.md), NaN where nothing touches.
+        The file: a line per strip and scan, in volts or A/D codes (docs/reference/files.md); or a pandas DataFrame
+        with its columns, or of another form, as `tacstrip import` reads (docs/guide/import.md), NaN where nothing
+        touches.
     sensor
         The sensor that it is of. Of two layers each line names its layer, 0 or 1, in the column `layer`.
 
