@@ -20,7 +20,7 @@ def touching(time_s):
     return block.turned(time_s).placed(50 + 20 * math.cos(2 * time_s), 50 + 20 * math.sin(2 * time_s))
 
 
-source = ts.SimulatedSource(sensor, touching, rate_hz=100.0, scans=300, noise=ts.Noise(positional=0.005))
+source = ts.SimulatedSource(sensor, touching, rate_hz=100.0, scans=150, noise=ts.Noise(positional=0.005))
 way = []
 with ts.live(source=source, speed=math.inf, tracks=False) as stream:  # a device: ts.live("/dev/ttyACM0")
     for frame in stream:

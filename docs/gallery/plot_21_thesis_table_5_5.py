@@ -2,7 +2,7 @@
 A table of the thesis, run again
 ================================
 
-Table 5.5: Vertex Reconstruction of a triangle from k_l, with the errors of 5.1. Printed values beside two dozen draws.
+Table 5.5: Vertex Reconstruction of a triangle from k_l, with the errors of 5.1. Printed values beside a dozen draws.
 """
 
 import matplotlib.pyplot as plt
@@ -17,7 +17,7 @@ print(row.table, row.shape, row.algorithm, row.signature, row.noise)
 
 figure, axes = plt.subplots(figsize=(7, 4), layout="constrained")
 for position in range(POSITIONS):
-    ours = run_cell(number, position, 24).known[:, 0]  # M.C. [rad] of each draw that has a shape
+    ours = run_cell(number, position, 12).known[:, 0]  # M.C. [rad] of each draw that has a shape
     axes.plot(np.full(len(ours), position + 1), ours, "_", color="#999999", markersize=18)
     print(f"position {position + 1}: printed {row.printed['mc'][position]:.3f}, ours {np.median(ours):.3f}")
 
