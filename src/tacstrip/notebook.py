@@ -11,7 +11,7 @@ import numpy as np
 from tacstrip.arrays import FloatArray
 
 SKIN, STRIP, GREY = "#e6e2d8", "#b9b19d", "#555555"
-VERMILION, BLUE, GREEN = "#d55e00", "#0072b2", "#009e73"
+VERMILION, BLUE, GREEN = "#cc5500", "#0072b2", "#007d5c"
 SIGNATURE_COLOURS = {"kh": VERMILION, "kl": BLUE, "k": GREEN}
 _SIZE = 320.0  # of the picture's longer side [px]
 _MARGIN = 0.06

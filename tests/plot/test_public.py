@@ -18,8 +18,15 @@ import tacstrip as ts
 from drawn import check_texts, draw
 from tacstrip import plot
 from tacstrip.calibrate.unit import Calibrated
-from tacstrip.diagnose import FAULTS, Finding, Report
+from tacstrip.design.limits import limit_map, limits, outline_of
+from tacstrip.diagnose import FAULTS, Finding, Log, Report
 from tacstrip.diagnose.faults import Quality
+from tacstrip.plot.bounds import limits_figure
+from tacstrip.plot.layers import layers_figure
+from tacstrip.plot.results import reconstruction_figure
+from tacstrip.plot.skins import press_figure
+from tacstrip.plot.strip_health import health_figure
+from tacstrip.plot.tracks import track_figure
 from tacstrip.reconstruction.result import Reconstruction, RecoveredObject
 
 NAN = float("nan")
@@ -189,3 +196,51 @@ ts.plot.sensor(ts.Sensor.load("simulated-crs-m"))
 assert "matplotlib.pyplot" not in sys.modules
 """
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def _limits(sensor: ts.Sensor) -> Figure:
+    outline = outline_of(sensor, ts.Contact.polygon(0.5 * SQUARE))
+    return limits_figure(
+        sensor, outline, limits(sensor, outline, NOISE), limit_map(sensor, outline, NOISE, 2, 2)
+    )
+
+
+def _healths() -> Figure:
+    raw = {name: np.full((3, 1000), 0.5) for name in ("kh", "kl")}
+    log = Log.of(SENSORS["a thousand"], np.arange(3.0), raw)
+    return health_figure(log, _report(1000, dict.fromkeys(FAULTS, (7, 500))))
+
+
+def _press() -> Figure:
+    patch = ts.press(SENSORS["fingertip"], ts.Solid.sphere(4.0).at((20, 0, 20), (-1, 0, -1)), depth_mm=1.0)
+    return press_figure(SENSORS["fingertip"], patch)
+
+
+FIGURES: dict[str, Callable[[], Figure]] = {
+    "a scan": lambda: reconstruction_figure(SENSOR, [_read(SENSOR)], {"polygon": [_found("doubtful")]}),
+    "methods": lambda: reconstruction_figure(
+        SENSOR, [_read(SENSOR)], {"polygon": [_found()], "profile": [_found("likely", 5.0)]},
+        [ts.Contact.polygon(SQUARE)],
+    ),
+    "scans": lambda: reconstruction_figure(
+        SENSOR, [_read(SENSOR)] * 40, {"polygon": [_found(shift=0.5 * i) for i in range(40)]}
+    ),
+    "a narrow film": lambda: reconstruction_figure(
+        SENSORS["narrow"], [_read(SENSORS["narrow"])] * 6, {"polygon": [_found(shift=-20.0)] * 6}
+    ),
+    "nothing": lambda: reconstruction_figure(
+        SENSOR, [_read(SENSOR, NAN)], {"polygon": [Reconstruction("polygon", ())]}
+    ),
+    "limits": lambda: _limits(SENSOR),
+    "limits of a wide one": lambda: _limits(SENSORS["wide"]),
+    "limits of a narrow one": lambda: _limits(SENSORS["narrow"]),
+    "health": _healths,
+    "tracks": lambda: track_figure(SENSOR, [_track(i) for i in range(1, 12)]),
+    "press": _press,
+    "two layers": lambda: layers_figure(LAYERS, [_read(LAYERS.unit)], [_found()]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_no_text_of_a_verb_s_picture_hides_another(name: str) -> None:
+    check_texts(FIGURES[name]())

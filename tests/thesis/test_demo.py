@@ -13,6 +13,7 @@ from matplotlib.text import Text
 from drawn import check_above, draw
 from tacstrip.cli import cli
 from tacstrip.thesis.demo import FIT, Demo, picture, run, table
+from tacstrip.thesis.reproduce import _draw
 
 
 @pytest.fixture(scope="module")
@@ -51,8 +52,24 @@ def test_nothing_of_the_demo_is_cut_off(demo: Demo) -> None:
 
 
 def test_the_demo_tells_and_writes_what_it_recovered(tmp_path: Path) -> None:
-    done = CliRunner().invoke(cli, ["demo", "--out", str(tmp_path)])
+    done = CliRunner().invoke(cli, ["demo", "--out", str(tmp_path), "--format", "svg"])
     assert done.exit_code == 0, done.output
     assert "after     Polygon fit" in done.output
+    assert "<svg" in (tmp_path / "demo.svg").read_text(encoding="utf-8")
     (shape,) = json.loads((tmp_path / "shape.geojson").read_text())["features"]
     assert len(shape["geometry"]["coordinates"][0]) == 5  # the rectangle's corners, the first again
+
+
+@pytest.mark.parametrize("verb", ["demo", "reproduce"])
+def test_a_format_that_is_none(verb: str, tmp_path: Path) -> None:
+    done = CliRunner().invoke(cli, [verb, "--out", str(tmp_path / "new"), "--format", "gif"])
+    assert str(done.exception) == "--format 'gif' does not exist; choose one of: png, svg, pdf"
+    assert not (tmp_path / "new").exists()
+
+
+def test_figures_of_the_thesis_as_the_kind_that_was_asked_for(tmp_path: Path) -> None:
+    for kind in ("svg", "pdf"):
+        _draw("2.4", tmp_path, kind)
+    assert sorted(f.name for f in tmp_path.iterdir()) == [
+        f"figure_2_04.{kind}" for kind in ("pdf", "png", "svg")
+    ]

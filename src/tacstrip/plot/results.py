@@ -167,7 +167,7 @@ def uncertainty(
         legend_above(axes, handles=handles, labels=labels)
     else:
         say_nothing(axes, f"no shape: {result.status}")
-    fill_sheet(axes)
+    fill_sheet(axes, sensor if isinstance(sensor, Sensor) else None)
     return axes
 
 
@@ -372,7 +372,7 @@ def _draw_shapes(
             for k, other in enumerate(found.alternatives if with_regions else ()):
                 ring = np.concatenate([other.vertices, other.vertices[:1]])
                 label = f"alternative: {other.weight:.2f}"
-                dashes = (0, (4, 2 + 2 * k))
+                dashes = (0, (1, 1 + k))  # dotted: what is doubtful is dashed
                 axes.plot(*ring.T, color=colour, linestyle=dashes, linewidth=1.0, label=label, zorder=3.5)
             if sensor.closed and found.vertices[:, 0].max() > sensor.width_mm:  # it goes on beyond the seam
                 again = found.vertices - (sensor.width_mm, 0.0)

@@ -43,12 +43,19 @@ def draw_sensor(axes: Axes, sensor: Sensor) -> None:
     axes.set(xlabel=x_label(sensor), ylabel="along the strips y [mm]")
 
 
-def fill_sheet(axes: Axes) -> None:
+def fill_sheet(axes: Axes, sensor: Sensor | None = None) -> None:
     """Show millimetres across and along alike, and as much around the limits as the sheet has room for.
 
-    To be called when all is drawn and the limits are set.
+    To be called when all is drawn and the limits are set. What is shown besides lies on the sensor, as far as it goes.
     """
     _ = axes.viewLim  # what autoscaling was asked for by artists is done with
+    if sensor is not None:
+        (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
+        spare = (y1 - y0) * axes.bbox.width / axes.bbox.height - (x1 - x0)
+        if spare > 0.0:
+            left = min(max(x0 - 0.5 * spare, -sensor.pitch_mm), x0)
+            right = max(min(left + x1 - x0 + spare, sensor.width_mm + sensor.pitch_mm), x1)
+            axes.set_xlim(max(min(left, right - (x1 - x0) - spare), -sensor.pitch_mm), right)
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_autoscale_on(True)  # else Matplotlib warns that it widens limits
 

@@ -23,8 +23,9 @@ from tacstrip.errors import ArgumentError, OptionError, one_of
 from tacstrip.files import replacing
 
 ENDINGS = (".png", ".svg", ".pdf")
-# Okabe and Ito's colours, which all kinds of colour vision tell apart; markers and dashes tell them apart in grey.
-_BLUE, _VERMILION, _GREEN, _PURPLE, _ORANGE = "#0072b2", "#d55e00", "#009e73", "#aa4499", "#e69f00"
+# Okabe and Ito's colours, which all kinds of colour vision tell apart, darkened where lines would be faint on the skin;
+# markers and dashes tell them apart in grey.
+_BLUE, _VERMILION, _GREEN, _PURPLE, _ORANGE = "#0072b2", "#cc5500", "#007d5c", "#aa4499", "#806000"
 TRUE = "#555555"  # the shape that touched
 SENSOR = "#e6e2d8"
 STRIP = "#cfc8b8"

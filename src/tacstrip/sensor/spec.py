@@ -26,6 +26,7 @@ from tacstrip.sensor.noise import Noise
 from tacstrip.sensor.surface import Surface
 
 FORMAT = 1
+UNKNOWN = "?"  # the value of a key that somebody still has to fill in
 _SEAM = 0.1  # pitches: no wider a gap between the last strip and the first is one, but rounding of a radius
 _MOST_STRIPS = 1_000_000
 _FAR = 1e9  # mm, V or a ratio: beyond it, or below 1 / it, sums and squares of them are no numbers any more
@@ -229,6 +230,8 @@ class Sensor(Drawn):
         needed = ("format", "construction", "strips", "pitch_mm", "length_mm")
         if missing := [key for key in needed if key not in raw]:
             raise SpecError(f"key {missing[0]!r} is missing; a spec needs: {', '.join(needed)}")
+        if open_keys := [key for key, value in raw.items() if value == UNKNOWN]:
+            raise SpecError(f"{', '.join(open_keys)}: still to be filled in, where {UNKNOWN!r} stands")
         kinds: dict[str, type[Calibration | Noise]] = {CALIBRATION: Calibration, NOISE: Noise}
         return cls(**raw | {key: kind.from_dict(raw[key]) for key, kind in kinds.items() if key in raw})
 
