@@ -86,7 +86,7 @@ class Controller:
 
     def watched(self, anybody: bool) -> None:
         """Set whether a page is open: only then are covariances computed and scans examined."""
-        self.live.detail = anybody
+        self.live.want_detail(self, anybody)
         if not anybody:
             self._examined_s = time.monotonic()
         elif time.monotonic() - self._examined_s > _EXAMINE_S:

@@ -82,8 +82,6 @@ class Live:
         Rate and latency.
     known
         The latest objects over time, by their numbers.
-    detail
-        Whether to compute covariances, 80 times a second, for the queues that are `detailed`.
 
     Examples
     --------
@@ -115,7 +113,8 @@ class Live:
         self.method, self.noise = method, noise
         self.frames = self.late = self.unreadable = 0
         self.error: BaseException | None = None
-        self.recording_failed = self.detail = False
+        self.recording_failed = False
+        self._want_detail: set[object] = set()
         self.messages: deque[tuple[int, str]] = deque(maxlen=20)
         self.known: dict[int, LiveTrack] = {}
         self._creep, self._wants_tracks = creep, tracks
@@ -158,6 +157,10 @@ class Live:
         if self._newest.closed:
             queue.close()
         return queue
+
+    def want_detail(self, who: object, wanted: bool) -> None:
+        """Say whether somebody wants covariances, which are computed 80 times a second while anybody does."""
+        (self._want_detail.add if wanted else self._want_detail.discard)(who)
 
     def start(self) -> None:
         """Begin to read."""
@@ -310,7 +313,7 @@ class Live:
             self.late += 1
             self._save(raw)
             return
-        detail = self.detail and now_s - self._detail_s >= _DETAIL_S
+        detail = bool(self._want_detail) and now_s - self._detail_s >= _DETAIL_S
         if detail:
             self._detail_s = now_s
         try:
@@ -325,9 +328,11 @@ class Live:
                 self.notify(f"scan {number} cannot be used: {error}")
             return
         tracks = None if waiting else self._tracked(scan)
-        ready_s = time.perf_counter()
+        ready_s, source = time.perf_counter(), self.source
         self.meter.done(ready_s - arrived_s)
-        frame = Frame(number, raw, self._decoder.sensor, scan, objects, ready_s - arrived_s, ready_s, tracks)
+        frame = Frame(number, raw, self._decoder.sensor, scan, objects, ready_s - arrived_s, ready_s, tracks,
+                      source.origin_ns, getattr(source, "clock", "source"),
+                      getattr(source, "device", ""))  # fmt: skip
         for queue in (*self._queues, *(self._detailed_queues if detail else ())):
             queue.put(frame)
         shapes = tuple(Shape(o.shape.status, o.shape.vertices) for o in objects if o.shape.found)

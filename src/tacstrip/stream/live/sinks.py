@@ -1,4 +1,4 @@
-"""Consumers of a live stream other than the page: JSON lines and TUIO, each in a thread of its own."""
+"""Consumers of a live stream other than the page: JSON lines, TUIO and Foxglove, each in a thread of its own."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import IO, Any
 
 from tacstrip.arrays import plain
 from tacstrip.errors import in_words
+from tacstrip.stream.bridges.foxglove.bridge import Foxglove
 from tacstrip.stream.bridges.tuio import Tuio
 from tacstrip.stream.export import track_fields
 from tacstrip.stream.live.frame import Frame
@@ -99,12 +100,24 @@ def tuio_sink(live: Live, target: str) -> Sink:
     return Sink(live, send, 1, "TUIO", tuio.close)
 
 
+def foxglove_sink(live: Live, host: str, port: int) -> tuple[Sink, int]:
+    """Send all frames to the viewers of a server on host and port (0: any free one); return its port, too."""
+    bridge = Foxglove(live, host, port)
+    return Sink(
+        live, lambda frame, _: bridge.send(frame), _QUEUE_LINES, "Foxglove", bridge.close
+    ), bridge.server.port
+
+
 def _fields(frame: Frame, dropped: int) -> dict[str, Any]:
     """Return the fields of a frame's line of JSON."""
     return {
         "scan": frame.number,
         "sequence": frame.raw.sequence,
         "time_s": round(frame.raw.time_s, 6),
+        "time_ns": frame.time_ns,
+        "clock": frame.clock,
+        "frame_id": frame.frame_id,
+        "unit": frame.unit,
         "latency_ms": round(1e3 * frame.latency_s, 3),
         "dropped": dropped,
         "objects": [
