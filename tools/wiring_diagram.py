@@ -1,4 +1,4 @@
-"""Draw how an Arduino Uno, two multiplexers and a ten-strip sensor are joined, for docs/build.md.
+"""Draw how an Arduino Uno, two multiplexers and a ten-strip sensor are joined, for docs/guide/build.md.
 
 Run: make pictures (writes docs/pictures/wiring_*.png).
 """
