@@ -65,7 +65,8 @@ class Viewer:
 
 def _fields(data: bytes) -> list[tuple[int, Any]]:
     """Return the fields of a protobuf message: numbers and values, which are whole numbers or bytes."""
-    at, found = 0, []
+    at = 0
+    found: list[tuple[int, Any]] = []
 
     def varint() -> int:
         nonlocal at
@@ -107,7 +108,9 @@ def _decoded(
     data: bytes, name: str, types: dict[str, dict[int, tuple[str, int, str, bool]]]
 ) -> dict[str, Any]:
     defaults = {_DOUBLE: 0.0, _STRING: "", _MESSAGE: None}
-    message = {f: [] if many else defaults.get(kind, 0) for f, kind, _, many in types[name].values()}
+    message: dict[str, Any] = {
+        f: [] if many else defaults.get(kind, 0) for f, kind, _, many in types[name].values()
+    }
     for number, value in _fields(data):
         field, kind, inner, many = types[name][number]
         if kind == _MESSAGE:
@@ -117,7 +120,7 @@ def _decoded(
         elif kind == _STRING:
             value = value.decode()
         if many:
-            message[field].append(value)  # type: ignore[union-attr]
+            message[field].append(value)
         else:
             message[field] = value
     return message

@@ -177,7 +177,8 @@ class _Connection(web.RequestHandler):
     def __init__(self, manager: Any, waiting: dict[asyncio.BaseProtocol, None]) -> None:
         # keepalive_timeout counts from the beginning, too: headers that never end are closed with it.
         super().__init__(
-            manager, loop=asyncio.get_running_loop(), access_log=None, keepalive_timeout=_IDLE_S,
+            manager, loop=asyncio.get_running_loop(), access_log=None,  # type: ignore[arg-type]
+            keepalive_timeout=_IDLE_S,
             lingering_time=1.0,
         )  # fmt: skip
         self._waiting = waiting

@@ -11,7 +11,7 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import AsyncIterator, Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import replace
@@ -38,12 +38,11 @@ from tacstrip.tracking.tracker import Tracker
 _LATE_S, _MAX_BACKLOG = 0.02, 3
 _DETAIL_S = 1.0 / 80.0  # between two frames with covariances, while a consumer wants them
 _MOST_KNOWN = 100  # objects over time that are remembered
-_WAIT_S = 0.1  # longest single wait for a frame
 _SWITCH_S = 0.0001  # between threads; Python's default of 5 ms would show as latency (docs/decisions/)
 
 
 class Live:
-    """A live stream; use it in `with`. Iterating it gives the newest frames.
+    """A live stream; use it in `with` or `async with`. Iterating it, by `for` or `async for`, gives the newest frames.
 
     Parameters
     ----------
@@ -115,6 +114,7 @@ class Live:
         self.error: BaseException | None = None
         self.recording_failed = False
         self._want_detail: set[object] = set()
+        self._at_end: list[Callable[[], object]] = []
         self.messages: deque[tuple[int, str]] = deque(maxlen=20)
         self.known: dict[int, LiveTrack] = {}
         self._creep, self._wants_tracks = creep, tracks
@@ -184,6 +184,25 @@ class Live:
             for executor in (self._searches, self._fusing):
                 executor.shutdown(cancel_futures=True)
             self._end()
+            for function in self._at_end:
+                function()
+
+    def at_end(self, function: Callable[[], object]) -> None:
+        """Call a function when the stream has been stopped and all frames were handed out."""
+        self._at_end.append(function)
+
+    def wait(self, timeout_s: float | None = None) -> bool:
+        """Wait until the stream ends by itself, at most `timeout_s` [s]; return whether it has.
+
+        Raises
+        ------
+        Exception
+            What ended it, where that was an error.
+        """
+        self._thread.join(timeout_s)
+        if self.error is not None:
+            raise self.error
+        return not self.running
 
     @property
     def running(self) -> bool:
@@ -254,9 +273,18 @@ class Live:
             with self:
                 yield from self
             return
-        while not self._newest.closed or len(self._newest):
-            if (frame := self._newest.get(_WAIT_S)) is not None:
-                yield frame
+        yield from self._newest
+        if self.error is not None:
+            raise self.error
+
+    async def __aiter__(self) -> AsyncIterator[Frame]:
+        if self._thread.ident is None:
+            async with self:
+                async for frame in self:
+                    yield frame
+            return
+        async for frame in self._newest:
+            yield frame
         if self.error is not None:
             raise self.error
 
@@ -266,6 +294,15 @@ class Live:
 
     def __exit__(self, *_: object) -> None:
         self.stop()
+
+    async def __aenter__(self) -> Self:
+        self.start()
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        from asyncio import to_thread
+
+        await to_thread(self.stop)  # which waits for the disk
 
     def _run(self) -> None:
         try:

@@ -44,7 +44,7 @@ class Sink:
     def __init__(
         self,
         live: Live,
-        take: Callable[[Frame, int], None],
+        take: Callable[[Frame, int], object],
         waiting: int,
         name: str,
         release: Callable[[], None] = lambda: None,
@@ -63,7 +63,8 @@ class Sink:
     def close(self) -> None:
         """Pass on the frames that wait, and end."""
         self._queue.close()
-        self._thread.join(timeout=2.0)  # a reader that hangs must not block the end of the stream
+        if threading.current_thread() is not self._thread:
+            self._thread.join(timeout=2.0)  # a reader that hangs must not block the end of the stream
 
     def _run(self) -> None:
         try:

@@ -267,7 +267,12 @@ def _shape_fields(frame: Frame) -> bytes:
 
 def _of_object(one: LiveObject) -> dict[str, Any]:
     shape = one.shape
-    about = {"id": one.id, "status": shape.status, "advice": shape.advice, "corners": len(shape.vertices)}
+    about: dict[str, Any] = {
+        "id": one.id,
+        "status": shape.status,
+        "advice": shape.advice,
+        "corners": len(shape.vertices),
+    }
     if shape.found:
         area, (x, y), second = moments(shape.vertices)
         area = area if shape.on_skin is None else shape.on_skin.area_mm2
@@ -278,7 +283,12 @@ def _of_object(one: LiveObject) -> dict[str, Any]:
 
 def _of_track(one: LiveTrack) -> dict[str, Any]:
     x, y, angle = plain(one.pose, 6)
-    about = {"id": one.id, "status": one.status, "advice": one.advice, "corners": len(one.outline)}
+    about: dict[str, Any] = {
+        "id": one.id,
+        "status": one.status,
+        "advice": one.advice,
+        "corners": len(one.outline),
+    }
     return about | {"scans": one.scans, "area_mm2": _finite(one.area_mm2), "x_mm": x, "y_mm": y, "angle_rad": angle,
                     "deviation_mm": _finite(one.corner_deviation_mm)}  # fmt: skip
 
