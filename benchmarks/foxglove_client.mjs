@@ -1,10 +1,10 @@
 // A viewer by Foxglove's own client library, for benchmarks/foxglove_viewers.py: subscribes to everything, counts what comes.
 // In a folder where `npm install @foxglove/ws-protocol ws` was run: node foxglove_client.mjs ws://127.0.0.1:8765
 
-import { FoxgloveClient } from "@foxglove/ws-protocol";
+import protocol from "@foxglove/ws-protocol";
 import WebSocket from "ws";
 
-const client = new FoxgloveClient({ ws: new WebSocket(process.argv[2], ["foxglove.sdk.v1"]) });
+const client = new protocol.FoxgloveClient({ ws: new WebSocket(process.argv[2], ["foxglove.sdk.v1"]) });
 const topics = new Map(), counts = {}, status = [];
 let last = Date.now(), first = true;
 client.on("advertise", (channels) => {

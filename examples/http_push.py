@@ -12,6 +12,7 @@ from typing import Any
 import aiohttp
 
 import tacstrip as ts
+from tacstrip.stream import Drag
 
 SENSOR = ts.Sensor(construction="crs-crs", strips=20, pitch_mm=5.0, length_mm=100.0, adc_bits=12)
 SHAPE = ts.Contact.polygon([(-16, -12), (18, -14), (12, 15), (-14, 12)])
@@ -47,7 +48,7 @@ async def main(url: str, port: str | None = None) -> int:
     if port is not None:
         stream = await asyncio.to_thread(ts.live, port)  # opening takes up to 5 s
     else:
-        drag = ts.stream.Drag(SHAPE, [(30, 50), (70, 50)], seconds=2.0)
+        drag = Drag(SHAPE, [(30, 50), (70, 50)], seconds=2.0)
         stream = ts.live(source=ts.SimulatedSource(SENSOR, drag, 200.0, 400), tracks=False)
     async with stream:
         return await push(stream, url)

@@ -11,6 +11,7 @@ from contextlib import suppress
 from typing import Any
 
 import tacstrip as ts
+from tacstrip.stream import Drag
 
 SENSOR = ts.Sensor(construction="crs-crs", strips=20, pitch_mm=5.0, length_mm=100.0, adc_bits=12)
 SHAPE = ts.Contact.polygon([(-16, -12), (18, -14), (12, 15), (-14, 12)])
@@ -45,7 +46,7 @@ def main(file: str, port: str | None = None) -> None:
     if port is not None:
         stream = ts.live(port)
     else:
-        drag = ts.stream.Drag(SHAPE, [(30, 50), (70, 50)], seconds=2.0)
+        drag = Drag(SHAPE, [(30, 50), (70, 50)], seconds=2.0)
         stream = ts.live(source=ts.SimulatedSource(SENSOR, drag, 200.0, 400), tracks=False)
     with stream:
         box = stream.subscribe(1000)  # every scan, while the table keeps up within 1000 scans

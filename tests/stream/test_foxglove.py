@@ -57,7 +57,7 @@ def test_a_viewer_gets_every_scan_as_it_was_at_the_time_it_was() -> None:
 
     async def watch(viewer: Viewer) -> dict[str, list[tuple[int, Any]]]:
         await viewer.subscribe()
-        got = defaultdict(list)
+        got: dict[str, list[tuple[int, Any]]] = defaultdict(list)
         (
             topic,
             time_ns,
@@ -134,7 +134,7 @@ def test_a_viewer_that_does_not_read_costs_nothing_and_gets_the_newest() -> None
         for i in range(sent):
             server.publish(channel, i, payload % i)
         await asyncio.to_thread(wait_until, lambda: server.dropped)
-        numbers = []
+        numbers: list[int] = []
         while not numbers or numbers[-1] != sent - 1:
             _, time_ns, (number,) = await viewer.message()
             assert time_ns == number

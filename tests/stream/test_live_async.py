@@ -66,7 +66,9 @@ def test_a_loop_that_is_left_ends_the_stream_and_an_error_is_raised() -> None:
         async for _ in ts.live(source=_source(10_000_000), tracks=False):
             break
         with pytest.raises(OSError, match="the bench is on fire"):
-            async for _ in ts.live(source=Breaks(SENSOR, still, 200.0, 5), speed=math.inf, on_message=str):
+            async for _ in ts.live(
+                source=Breaks(SENSOR, still, 200.0, 5), speed=math.inf, on_message=lambda text: None
+            ):
                 pass
 
     asyncio.run(leave())
@@ -80,7 +82,7 @@ def test_two_tasks_wait_without_a_thread_each() -> None:
             before = threading.active_count()
 
             async def count(box: Any) -> int:
-                return len([frame async for frame in box]) + box.dropped
+                return sum([1 async for _ in box]) + int(box.dropped)
 
             found = await asyncio.gather(*map(count, boxes))
             assert threading.active_count() <= before + 1
@@ -137,7 +139,7 @@ def test_the_table_has_a_row_an_object_with_its_time() -> None:
 def test_frames_are_pushed_to_a_service_that_is_away_at_first(capsys: pytest.CaptureFixture[str]) -> None:
     taken: list[dict[str, Any]] = []
     example = _example("http_push")
-    example.EVERY_S = 0.0
+    vars(example)["EVERY_S"] = 0.0
 
     async def take(request: web.Request) -> web.Response:
         taken.append(json.loads(await request.text()))

@@ -27,6 +27,7 @@ from tacstrip.stream.device.pty import PtyDevice
 from tacstrip.stream.device.source import SerialSource
 from tacstrip.stream.http_server import check_port
 from tacstrip.stream.live.pipeline import Live
+from tacstrip.stream.live.service import Service
 from tacstrip.stream.live.sinks import Sink, foxglove_sink, json_sink, tuio_sink
 from tacstrip.stream.live.warmup import warm_up
 from tacstrip.stream.replay import open_source
@@ -191,14 +192,26 @@ def _stream(
             stack.enter_context(_page(live, simulator, given))
         if given["output"] is not None:
             live.record(given["output"], force=given["force"], durable=given["durable"])
+        service = Service()
         with live:
-            while live.running and running() and not (sinks and all(sink.ended for sink in sinks)):
-                pass
+            service.ready()
+            try:
+                while live.running and running() and not (sinks and all(sink.ended for sink in sinks)):
+                    service.alive(_status(live))
+            finally:
+                service.stopping()  # before the disk is waited for
     for one in sorted(live.known.values(), key=lambda one: one.id):
         note(_line(one))
     # The reader of the lines may close them at any time.
     sink_failed = any(sink.error and not isinstance(sink.error, BrokenPipeError) for sink in sinks)
     return sink_failed or live.recording_failed or live.error is not None
+
+
+def _status(live: Live) -> str:
+    """Say in a line how the stream is."""
+    rate_hz, recorder = live.meter.rate_hz, live.recording
+    text = f"{rate_hz:.3g} scans/s" if rate_hz else "no scans come"
+    return text if recorder is None else f"{text}; recording to {recorder.path}"
 
 
 def _line(one: LiveTrack) -> str:

@@ -26,6 +26,7 @@ from tacstrip.stream.http_server import HttpServer, close_socket, is_loopback
 PROTOCOLS = ("foxglove.sdk.v1", "foxglove.websocket.v1")  # the same, under its new and its old name
 _DATA = 0x01  # opcode of a message
 _MAX_WAITING = 8000  # messages for a viewer: two seconds of 1,000 scans/s
+_BATCH = 16  # messages that are taken together to be sent
 _MAX_VIEWERS = 8
 _MAX_REQUEST_BYTES = 2**20
 _TELL_S = 1.0  # between two messages to a viewer about what it has missed
@@ -234,12 +235,12 @@ class FoxgloveServer(HttpServer):
             while True:
                 await viewer.wake.wait()
                 with self._lock:
-                    message = viewer.waiting.popleft() if viewer.waiting else None
-                    if message is None:
+                    batch = [viewer.waiting.popleft() for _ in range(min(_BATCH, len(viewer.waiting)))]
+                    if not batch:
                         viewer.idle = True
                         viewer.wake.clear()
-                        continue
-                await viewer.socket.send_bytes(message)
+                for message in batch:
+                    await viewer.socket.send_bytes(message)
                 now_s = self._loop.time()
                 if viewer.dropped != told and now_s - told_s > _TELL_S:
                     first, told, told_s = told == 0, viewer.dropped, now_s
