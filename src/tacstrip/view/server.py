@@ -129,7 +129,7 @@ class Server(HttpServer):
             except (TypeError, ValueError, KeyError, AttributeError):
                 refused = "the request is malformed"
         if refused:
-            answer = {"kind": "refused", "text": refused}
+            answer = {"kind": "refused", "text": refused, "field": request.get("field")}
         if answer:
             await page.send(json.dumps(answer))
 

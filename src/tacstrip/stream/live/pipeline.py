@@ -125,7 +125,7 @@ class Live:
         self._queues = [self._newest]
         self._detailed_queues: list[BoundedQueue[Frame]] = []
         self._stopped, self._writing = threading.Event(), threading.Lock()
-        self._writer: BackgroundRecorder | None = None
+        self._writers: tuple[BackgroundRecorder, ...] = ()
         self._thread = threading.Thread(target=self._run, name="tacstrip stream", daemon=True)
         self._searches = ThreadPoolExecutor(1, thread_name_prefix="tacstrip search")
         self._fusing = ThreadPoolExecutor(1, thread_name_prefix="tacstrip tracks")
@@ -215,28 +215,33 @@ class Live:
         about: Mapping[str, str] | None = None,
         force: bool = False,
         durable: bool = False,
-    ) -> None:
-        """Begin a recording of all scans from now on; parameters and errors as of `Recorder`."""
+    ) -> Recorder:
+        """Begin a recording of all scans from now on, beside others; parameters and errors as of `Recorder`."""
         source, notes = self.source, {"source": "live", "method": self.method or "best", **(about or {})}
         recorder = Recorder(path, source.sensor, source.names, source.origin_ns, notes, force, durable)
-        self._replace_writer(BackgroundRecorder(recorder, self.notify))
-
-    def stop_recording(self) -> None:
-        """End the recording, if there is one."""
-        self._replace_writer(None)
-
-    def _replace_writer(self, writer: BackgroundRecorder | None) -> None:
+        writer = BackgroundRecorder(recorder, self.notify)
         with self._writing:
-            previous, self._writer = self._writer, writer
-        if previous is not None:
-            previous.close()
-            self.recording_failed |= previous.failed
+            self._writers = (*self._writers, writer)
+        return recorder
+
+    def stop_recording(self, recorder: Recorder | None = None) -> None:
+        """End a recording, if it is in progress; None: all."""
+        with self._writing:
+            ended = [w for w in self._writers if recorder is None or w.recorder is recorder]
+            self._writers = tuple(w for w in self._writers if w not in ended)
+        for writer in ended:
+            writer.close()
+            self.recording_failed |= writer.failed
+
+    @property
+    def recordings(self) -> tuple[Recorder, ...]:
+        """The recordings in progress, in the order in which they were begun."""
+        return tuple(writer.recorder for writer in self._writers if not writer.failed)
 
     @property
     def recording(self) -> Recorder | None:
-        """The recording in progress."""
-        writer = self._writer
-        return None if writer is None or writer.failed else writer.recorder
+        """The recording in progress that was begun first."""
+        return next(iter(self.recordings), None)
 
     @property
     def method_name(self) -> str:
@@ -393,6 +398,5 @@ class Live:
         return found
 
     def _save(self, raw: RawScan, shapes: tuple[Shape, ...] = (), tracks: tuple[LiveTrack, ...] = ()) -> None:
-        writer = self._writer
-        if writer is not None:
+        for writer in self._writers:
             writer.add(replace(raw, shapes=shapes, tracks=()), tracks)
