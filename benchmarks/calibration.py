@@ -1,4 +1,4 @@
-"""What a calibration leaves on units that the network model makes: the table of docs/calibration.md, and speeds.
+"""What a calibration leaves on units that the network model makes: the table of docs/guide/calibration.md, and speeds.
 
 Runs: 81 places and fewer, w = 0, 5, 10 units at the 1, 2, 3, ... unit marks, 3 repeats, +-0.2 % of Vref. Errors: the
 largest on other contacts, without noise, up to the place where an offset takes readings to Vref.

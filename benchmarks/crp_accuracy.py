@@ -1,4 +1,4 @@
-"""How well the inversion of CRS-CRP does: tables of docs/physics.md.
+"""How well the inversion of CRS-CRP does: tables of docs/science/physics.md.
 
 Run: python benchmarks/crp_accuracy.py [neighbours | polygons | constants | sheet ...]
 """

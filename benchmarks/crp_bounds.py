@@ -1,4 +1,4 @@
-"""The Cramer-Rao bound of l and u for CRS-CRP, by contact, build and wiring: tables of docs/physics.md.
+"""The Cramer-Rao bound of l and u for CRS-CRP, by contact, build and wiring: tables of docs/science/physics.md.
 
 Run: python benchmarks/crp_bounds.py [mesh | places | builds | wirings ...]
 """

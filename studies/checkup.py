@@ -88,7 +88,7 @@ def shape(sensor: Sensor, random: np.random.Generator, names: Sequence[str], wid
 def exercise(
     sensor: Sensor, random: np.random.Generator, scans: int, names: Sequence[str] = _CONVEX
 ) -> list[Contact]:
-    """Return what docs/doctor.md asks for: a wide contact that goes along and across all strips, and turns."""
+    """Return what docs/guide/doctor.md asks for: a wide contact that goes along and across all strips, and turns."""
     wide = max(5.0, random.uniform(0.4, 0.7) * sensor.strips)
     contact = shape(sensor, random, names, wide)
     share = np.linspace(0.0, 1.0, scans)

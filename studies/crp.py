@@ -1,4 +1,4 @@
-"""How well a CRS-CRP sensor (3.3) knows the ends of a contact, and what its sheet does: pictures of docs/physics.md."""
+"""How well a CRS-CRP sensor (3.3) knows the ends of a contact, and its sheet: pictures of docs/science/physics.md."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """CRS-CRP against a sheet of nine columns a pitch, laid out with SciPy alone.
 
-`python benchmarks/crp_accuracy.py sheet` prints the table of docs/physics.md.
+`python benchmarks/crp_accuracy.py sheet` prints the table of docs/science/physics.md.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ COLUMNS = 9  # a pitch, each in the middle of its cell
 
 
 def a_sensor(contact_lambda_mm: float) -> ts.Sensor:
-    """Return the square sensor of docs/physics.md."""
+    """Return the square sensor of docs/science/physics.md."""
     return ts.Sensor(
         construction="crs-crp",
         strips=STRIPS,

@@ -1,4 +1,4 @@
-"""The polygon fit in pictures: docs/estimation.md."""
+"""The polygon fit in pictures: docs/science/estimation.md."""
 
 from __future__ import annotations
 

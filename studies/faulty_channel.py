@@ -1,6 +1,6 @@
 """One faulty channel of ten strips: how many shapes come back right, with the channel named and without.
 
-`python -m studies.faulty_channel` prints the table of docs/estimation.md.
+`python -m studies.faulty_channel` prints the table of docs/science/estimation.md.
 """
 
 from __future__ import annotations

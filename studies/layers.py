@@ -1,4 +1,4 @@
-"""Pictures of two layers for docs/two-layers.md; the figures there are from `studies/holdout/layers.py`."""
+"""Pictures of two layers for docs/guide/two-layers.md; the figures there are from `studies/holdout/layers.py`."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """How well 95 % regions hold on noise learned from a minute of a still press, and what tells a common offset.
 
 Errors come from `tests/noise_generator.py`, which shares no code with the package: wander from its spectrum, soft edges
-by smoothing. `PYTHONPATH=tests python -m studies.noise` prints the table of docs/noise.md, in some ten minutes.
+by smoothing. `PYTHONPATH=tests python -m studies.noise` prints the table of docs/guide/noise.md, in some ten minutes.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a real strip sensor does that the closed forms do not know: the pictures of docs/physics.md."""
+"""What a real strip sensor does that the closed forms do not know: the pictures of docs/science/physics.md."""
 
 from __future__ import annotations
 

@@ -124,7 +124,7 @@ def score(seed: int, strips: int, count: int, cases: int, half_width: float = 0.
 
 
 def main() -> None:
-    """Print the table of docs/several-objects.md."""
+    """Print the table of docs/guide/several-objects.md."""
     parser = argparse.ArgumentParser(prog="python -m studies.pieces", description=__doc__)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--cases", type=int, default=200)

@@ -1,4 +1,4 @@
-"""A device that misbehaves, from docs/protocol.md alone: its own frames, COBS and CRC, on a clock of the test's."""
+"""A device that misbehaves, from docs/reference/protocol.md alone: own frames, COBS and CRC, on the test's clock."""
 
 from __future__ import annotations
 

@@ -127,7 +127,7 @@ def test_the_doctors_snippet_runs(
         volts[5] = 0.0  # open at the end at Vref
         lines += [f"{t},{0.01 * t:.2f},{i},{h:.5f},{low:.5f}" for i, (h, low) in enumerate(volts)]
     Path("readings.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
-    exec(compile(_snippet("doctor.md"), "doctor.md", "exec"), {})
+    exec(compile(_snippet("guide/doctor.md"), "doctor.md", "exec"), {})
     told = capsys.readouterr().out.splitlines()
     assert told[0].startswith("strip 5 open strip")
     assert told[-1].startswith("False")
@@ -145,7 +145,7 @@ def test_the_calibrations_snippet_runs(
             (k,) = ts.signatures(sensor, np.array([l]), np.array([l + w]))["k"]
             lines.append(f"{i},{l},{w},{sensor.vref_volt * (k + 0.02 + 0.0005 * (-1) ** len(lines)):.5f}")
     Path("runs.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
-    exec(compile(_snippet("calibration.md"), "calibration.md", "exec"), {})
+    exec(compile(_snippet("guide/calibration.md"), "calibration.md", "exec"), {})
     assert capsys.readouterr().out.startswith("ok")
     calibration = ts.Sensor.load("calibrated.toml").calibration
     assert calibration is not None
@@ -158,6 +158,6 @@ def test_the_readmes_table_has_every_verb() -> None:
 
 
 def test_the_files_page_has_every_key() -> None:
-    text = (ROOT / "docs/files.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs/reference/files.md").read_text(encoding="utf-8")
     for key in KEYS:
         assert f"`{key}`" in text, key

@@ -1,4 +1,4 @@
-"""The table of docs/build.md: which rubber the ten-strip sensor can be made of. `python tools/strip_resistance.py`."""
+"""Table of docs/guide/build.md: rubber for the ten-strip sensor. `python tools/strip_resistance.py`."""
 
 from __future__ import annotations
 

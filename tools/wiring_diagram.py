@@ -1,4 +1,4 @@
-"""Draw how a board, two multiplexers and a ten-strip sensor are joined, for docs/build.md and docs/rp2040.md.
+"""Draw how a board, two multiplexers and a ten-strip sensor are joined: docs/guide/build.md, docs/guide/rp2040.md.
 
 Run: make pictures (writes docs/pictures/wiring_*.png).
 """

@@ -1,5 +1,5 @@
 /* Raspberry Pi Pico and its kin: RP2040 at 48 MHz, without an operating system or the maker's library. Wiring as in
-   docs/rp2040.md:
+   docs/guide/rp2040.md:
 
    GP0, GP1     UART 0: sends, receives
    GP2-GP5      address S0-S3 of every multiplexer

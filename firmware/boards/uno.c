@@ -1,4 +1,4 @@
-/* Arduino Uno and its kin: ATmega328P at 16 MHz. Wiring as in docs/build.md:
+/* Arduino Uno and its kin: ATmega328P at 16 MHz. Wiring as in docs/guide/build.md:
 
    D2-D5 (PD2-PD5)   address S0-S3 of every multiplexer
    D8-D11 (PB0-PB3)  enable, active low, of the multiplexers of strips 0.., WAYS.., 2 WAYS.., 3 WAYS..

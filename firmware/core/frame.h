@@ -1,4 +1,4 @@
-/* Frames of docs/protocol.md: header, body, CRC-16, COBS, a zero byte before and after. */
+/* Frames of docs/reference/protocol.md: header, body, CRC-16, COBS, a zero byte before and after. */
 #ifndef TACSTRIP_FRAME_H
 #define TACSTRIP_FRAME_H
 

@@ -1,4 +1,4 @@
-/* What hangs on the Uno's pins, as docs/build.md wires it: multiplexers, weak pulls and the sensor's strips.
+/* What hangs on the Uno's pins, as docs/guide/build.md wires it: multiplexers, weak pulls and the sensor's strips.
 
    A line is a capacitor that the selected strip charges through its resistance, and the pull through its own. */
 #ifndef WIRING_H

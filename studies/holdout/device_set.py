@@ -1,4 +1,4 @@
-"""A device that misbehaves, written from docs/protocol.md alone: what the host records and says."""
+"""A device that misbehaves, written from docs/reference/protocol.md alone: what the host records and says."""
 
 from __future__ import annotations
 

@@ -330,7 +330,7 @@ def verdict(
 
     def right(entry: dict[str, Any]) -> bool:
         names = [entry.get("fault", ""), *causes(entry)]
-        if kind == "dead channel" and metal:  # a sheet that stays on ground, as docs/doctor.md says
+        if kind == "dead channel" and metal:  # a sheet that stays on ground, as docs/guide/doctor.md says
             names = [re.sub("^open.*", "dead", str(n)) for n in names]
         strips = set(entry.get("strips") or ())
         here = not place or (bool(strips & set(mine)) and strips <= set(mine))

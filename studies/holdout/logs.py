@@ -140,7 +140,7 @@ def _path(points: Array, scans: int) -> Array:
 
 
 def exercise(unit: Build | SheetBuild, scans: int, rate: float, random: np.random.Generator) -> Touching:
-    """Return what docs/doctor.md asks for: an object dragged across and along, off the ends, and turned."""
+    """Return what docs/guide/doctor.md asks for: an object dragged across and along, off the ends, and turned."""
     wide, length = unit.strips * unit.pitch, unit.length
     size = unit.pitch * random.uniform(4.5, min(7.0, 0.6 * unit.strips)), length * random.uniform(0.2, 0.35)
     outline = _outline(random, *size)

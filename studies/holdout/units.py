@@ -20,7 +20,7 @@ Link: TypeAlias = tuple[Array, Array, Array]  # nodes, nodes, conductances betwe
 
 METAL = ("crs-m", "cyl-crs-m")
 _POINT = 0.05  # mm: what touches at least
-_PULL = 100e3  # ohm: how the device asks whether a line is held, as docs/build.md says
+_PULL = 100e3  # ohm: how the device asks whether a line is held, as docs/guide/build.md says
 _HELD = 0.25  # of Vref: less than this between pull-up and pull-down
 _LEAK = 1e-14  # S: a node that nothing holds is somewhere
 _SYSTEMS = 5000  # ladders that are solved at once

@@ -253,6 +253,11 @@ BAD = {
         _write("c.wkt", "POINT (5 5)"),
         "positional = 1.5: a fraction of Vref, 0.01 for 1 %",
     ),
+    "rate at which no scan ever comes": (
+        (*_SIM, "--still", "2", "--rate", "1e-320"),
+        _write("c.wkt", "POINT (5 5)"),
+        "--rate 9.99989e-321: give scans a second [Hz], from 1e-6 to 1e6",
+    ),
     "output is input": (
         ("simulate", "small.toml", "c.wkt", "-o", "small.toml"),
         _write("c.wkt", "POINT (5 5)"),

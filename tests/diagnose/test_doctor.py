@@ -115,7 +115,7 @@ def test_a_bridge_over_metal_gives_the_current_a_second_way() -> None:
 
 
 def test_a_bridge_between_energised_rubber_strips_does_next_to_nothing() -> None:
-    """docs/doctor.md says so: it cannot be found, and need not be."""
+    """docs/guide/doctor.md says so: it cannot be found, and need not be."""
     contacts = exercise(RUBBER, np.random.default_rng(5), 30)
     build = Imperfections(shorts=[Short(4, 160.0, 20.0)])
     for contact in contacts:

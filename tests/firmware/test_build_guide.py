@@ -10,7 +10,7 @@ from types import ModuleType
 import pytest
 
 ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / "docs" / "build.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "guide" / "build.md").read_text(encoding="utf-8")
 
 
 def _tool() -> ModuleType:

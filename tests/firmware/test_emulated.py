@@ -31,7 +31,7 @@ from tacstrip.stream.device.protocol.frames import Kind
 from tacstrip.stream.device.protocol.messages import Command, Hello, SelfTest
 
 pytestmark = [needs_compiler, needs_simavr]
-BUILD_PAGE = (FIRMWARE.parent / "docs" / "build.md").read_text(encoding="utf-8")
+BUILD_PAGE = (FIRMWARE.parent / "docs" / "guide" / "build.md").read_text(encoding="utf-8")
 STRIPS = 10
 TOP = 2**10 - 1
 SHAPE = ts.Contact.polygon([(14.0, 45.0), (38.0, 18.0), (82.0, 40.0), (52.0, 80.0)])

@@ -84,7 +84,7 @@ def test_the_lists_rubber_gives_shapes(
                          calibration=ts.Calibration(channels=(channel,)))  # fmt: skip
     (shape,) = ts.vertex_reconstruction(decode(raw, spec), spec, transitions=[6.0, 48.0, 94.0]).objects
     assert shape.status == "ok"
-    # The switches take more from a wide contact than from the calibration's narrow ones: docs/build.md.
+    # The switches take more from a wide contact than from the calibration's narrow ones: docs/guide/build.md.
     assert ts.mismatch(CORNERS, shape.vertices).iou > (
         0.9 if (construction, resistivity) == ("crs-m", LOW) else 0.97
     )

@@ -31,7 +31,7 @@ STRIPS, VREF_VOLT, TOP = 10, 3.3, 4095
 STARTED_S = 0.01  # by then it has said hello
 ADC = Converter(wide_codes=(512, 1536, 2560, 3584), widths_lsb=(9.5, 9.0, 10.0, 8.5))
 WIDE = "widths 0 512=9.5 1536=9 2560=10 3584=8.5\n"
-PAGE = (FIRMWARE.parent / "docs" / "rp2040.md").read_text(encoding="utf-8")
+PAGE = (FIRMWARE.parent / "docs" / "guide" / "rp2040.md").read_text(encoding="utf-8")
 
 
 def sensor(construction: str = "crs-crs") -> ts.Sensor:

@@ -285,7 +285,7 @@ def test_the_slant_explains_what_the_centre_line_misses() -> None:
     ids=["prototype", "b = 5 % of L"],
 )
 def test_the_rules_over_random_contacts(sensor: ts.Sensor, centre: float, slant: float, hull: float) -> None:
-    """The table of docs/physics.md: medians, in % of L."""
+    """The table of docs/science/physics.md: medians, in % of L."""
     errors = rule_errors(sensor, 100, 60.0, across=24)
     typical = {rule: 100.0 * np.median(np.abs(ends)) / sensor.length_mm for rule, (ends, _) in errors.items()}
     expected = {"centre line": centre, "mean, slant counted": slant, "hull": hull}

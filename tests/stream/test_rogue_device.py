@@ -282,7 +282,7 @@ def test_a_unit_is_not_read_with_the_calibration_of_another(clock: Clock) -> Non
 
 
 def test_a_full_last_block_may_be_followed_by_an_empty_one(clock: Clock) -> None:
-    """docs/protocol.md: none is sent; both are taken."""
+    """docs/reference/protocol.md: none is sent; both are taken."""
     for length in range(600):
         body = bytes([7]) * length
         plain = b"\x01\x09" + bytes([5]) * 8 + body

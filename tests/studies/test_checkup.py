@@ -45,7 +45,7 @@ _EASY = ["open-strip", "swapped-ends", "swapped-strips", "saturation", "bits", "
 def test_two_hundred_faults_alone_and_in_pairs_and_two_hundred_healthy_units(
     first: int, least: float, most: int, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """`make studies ARGS="-k two_hundred"` prints the tables of docs/doctor.md."""
+    """`make studies ARGS="-k two_hundred"` prints the tables of docs/guide/doctor.md."""
     healthy_ones = confusion(map(healthy, range(first, first + 200)))[0]
     faults: Counter[tuple[str, str]] = Counter()
     wrong = 0

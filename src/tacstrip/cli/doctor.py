@@ -24,7 +24,7 @@ from tacstrip.diagnose.log import Log
 def command(file: Path, sensor: str | None, as_json: bool, plot: Path | None) -> None:
     """Say what is wrong with the hardware that made FILE: readings (CSV) or a recording (.mcap).
 
-    Needs a contact four strips wide or more that goes across and along all strips and turns; docs/doctor.md says
+    Needs a contact four strips wide or more that goes across and along all strips and turns; docs/guide/doctor.md says
     which fault needs what, and the report lists what was not checked. Exit code 0: no fault found; 1: faults found;
     2: bad input.
 

@@ -15,7 +15,7 @@ from tacstrip.sensor.constructions import CONSTRUCTIONS
 from tacstrip.sensor.constructions import construction as construction_named
 from tacstrip.sensor.spec import Sensor
 
-# Where CRS-CRP reads well (docs/physics.md), for a spec that is still to be edited.
+# Where CRS-CRP reads well (docs/science/physics.md), for a spec that is still to be edited.
 _SHEET_RATIO = 100.0
 _LAMBDA = 0.01  # of the strip length
 
@@ -69,6 +69,6 @@ def _made(keys: dict[str, Any]) -> Sensor:
     if guessed:
         note(
             f"contact_lambda_mm is set to {sensor.contact_lambda_mm:.4g}, a guess: put your rubber's there, it "
-            "matters most (docs/physics.md)"
+            "matters most (docs/science/physics.md)"
         )
     return sensor

@@ -50,7 +50,7 @@ _RATE_HZ = 1000.0
 @click.option("--device", is_flag=True,
               help="Serve a simulated device on a serial port, for another program.")  # fmt: skip
 @click.option("--sensor", metavar="SENSOR", help="Spec of the device, the simulator or the recording.")
-@click.option("--rate", type=options.NUMBER, callback=options.finite_above_0,
+@click.option("--rate", type=options.NUMBER, callback=options.rate,
               help="Scan rate to request from the device; the simulator's is 1000 [Hz].")  # fmt: skip
 @click.option("--method", help="Method of reconstruction: polygon, vertex, profile or pieces.")
 @click.option(

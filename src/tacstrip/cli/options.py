@@ -69,6 +69,13 @@ def finite_above_0(context: click.Context, parameter: click.Parameter, value: fl
     return above_0(context, parameter, math.nan if value == math.inf else value)
 
 
+def rate(_: click.Context, parameter: click.Parameter, value: float | None) -> float | None:
+    """Refuse scans a second at which times are no longer told apart, or never come: a callback of options."""
+    if value is not None and not 1e-6 <= value <= 1e6:
+        raise OptionError(f"{parameter.opts[-1]} {value:g}: give scans a second [Hz], from 1e-6 to 1e6")
+    return value
+
+
 def _seed(_: click.Context, parameter: click.Parameter, value: int) -> int:
     if value < 0:
         raise OptionError(f"{parameter.opts[-1]} {value}: must be 0 or more")
@@ -93,7 +100,7 @@ SENSOR = click.argument("sensor", metavar="SENSOR")
 CONTACT = click.argument("contact", metavar="CONTACT", type=FILE)
 FORCE = click.option("--force", is_flag=True, help="Overwrite an existing file.")
 DURABLE = click.option("--durable", is_flag=True, help="Record so that a power cut loses a second at most; "
-                       "see docs/recordings.md for what it costs.")  # fmt: skip
+                       "see docs/guide/recordings.md for what it costs.")  # fmt: skip
 SEED = click.option(
     "--seed", type=WHOLE, default=0, show_default=True, callback=_seed, help="Of random errors."
 )

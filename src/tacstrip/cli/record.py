@@ -51,7 +51,7 @@ _TEXT_ROUNDING = 0.01  # steps of the converter by which the rounding of a text 
 @click.option(
     "--turn-rate", type=options.NUMBER, default=0.0, metavar="DEG/S", help="Contact: keep turning it."
 )
-@click.option("--rate", type=options.NUMBER, default=100.0, show_default=True, callback=options.finite_above_0,
+@click.option("--rate", type=options.NUMBER, default=100.0, show_default=True, callback=options.rate,
               help="Contact: scan rate [Hz].")  # fmt: skip
 @click.option("--seconds", type=options.NUMBER, default=1.0, show_default=True, callback=options.finite_above_0,
               help="Contact: duration, from the path's start to its end.")  # fmt: skip

@@ -37,7 +37,7 @@ from tacstrip.simulation import simulate
 @click.option(
     "--turn-per-step", type=options.NUMBER, default=0.0, metavar="DEG", help="Turn it while dragging."
 )
-@click.option("--rate", type=options.NUMBER, default=100.0, show_default=True, callback=options.finite_above_0,
+@click.option("--rate", type=options.NUMBER, default=100.0, show_default=True, callback=options.rate,
               help="Scans a second, of several [Hz].")  # fmt: skip
 @options.noise
 @options.WITHOUT

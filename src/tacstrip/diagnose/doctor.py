@@ -48,7 +48,7 @@ def diagnose(log: Log) -> Report:
     """Examine a recording.
 
     It should show every strip touched, by a contact four strips wide or more that moves along and across the strips
-    and turns (docs/doctor.md); what the recording cannot show is listed as unchecked.
+    and turns (docs/guide/doctor.md); what the recording cannot show is listed as unchecked.
 
     Returns
     -------

@@ -56,8 +56,8 @@ def read_readings(path: str | Path | Frame, sensor: AnySensor) -> list[Scan]:
     Parameters
     ----------
     path
-        The file: a line per strip and scan, in volts or A/D codes (docs/files.md); or a pandas DataFrame with its
-        columns, NaN where nothing touches.
+        The file: a line per strip and scan, in volts or A/D codes (docs/reference/files.md); or a pandas
+        DataFrame with its columns, NaN where nothing touches.
     sensor
         The sensor that it is of. Of two layers each line names its layer, 0 or 1, in the column `layer`.
 

@@ -49,7 +49,7 @@ def vertex_reconstruction(
         What was measured, with what.
     signature
         "kh", "kl" or "k"; by default the last of these that the scan has: k_l before k_h, as 5.6 advises
-        (docs/reconstruction.md says where that is wrong).
+        (docs/guide/reconstruction.md says where that is wrong).
     transitions
         Ascending x [mm] of all vertices, ends included; or to find them "auto" (those of the polygon
         that fits all strips best) or "gradient" (as simple a rule as the thesis').

@@ -1,4 +1,4 @@
-"""A simulated device: it answers commands and sends scans as the firmware does (docs/protocol.md)."""
+"""A simulated device: it answers commands and sends scans as the firmware does (docs/reference/protocol.md)."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""The wire format (docs/protocol.md): bytes to scans and messages and back."""
+"""The wire format (docs/reference/protocol.md): bytes to scans and messages and back."""

@@ -1,4 +1,4 @@
-"""Decode the bytes of a device into scans and messages (docs/protocol.md)."""
+"""Decode the bytes of a device into scans and messages (docs/reference/protocol.md)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Frames on the wire: COBS between zero bytes, CRC-16, header (docs/protocol.md)."""
+"""Frames on the wire: COBS between zero bytes, CRC-16, header (docs/reference/protocol.md)."""
 
 from __future__ import annotations
 

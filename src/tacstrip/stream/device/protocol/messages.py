@@ -1,4 +1,4 @@
-"""All messages but scans: identification, replies, self-test, commands, and their parser (docs/protocol.md)."""
+"""Messages but scans: identification, replies, self-test, commands, and their parser (docs/reference/protocol.md)."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ class Hello:
 
 @dataclass(frozen=True)
 class Reply:
-    """Reply to a command: its kind and sequence, the status, and a number (see docs/protocol.md)."""
+    """Reply to a command: its kind and sequence, the status, and a number (see docs/reference/protocol.md)."""
 
     command: int
     command_sequence: int

@@ -1,4 +1,4 @@
-"""Scans on the wire: the layout of their frames, batches of them as arrays, and encoding (docs/protocol.md)."""
+"""Scans on the wire: layout of the frames, batches of them as arrays, and encoding (docs/reference/protocol.md)."""
 
 from __future__ import annotations
 
