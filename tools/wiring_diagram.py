@@ -253,16 +253,16 @@ def with_plug(figure: Figure) -> Figure:
     axes.text(-32, 43, "USB plug", ha="center", fontsize=7)
     signal = "#1f6f8b"
     for y, pin, name, colour in (
-        (47, "GP0", "RXD", signal),
-        (41, "GP1", "TXD", signal),
-        (35, "GND", "GND", GROUND),
+        (47.0, "GP0", "RXD", signal),
+        (41.0, "GP1", "TXD", signal),
+        (35.0, "GND", "GND", GROUND),
     ):
         wire(axes, [(-10, y), (2, y)], colour)
         axes.text(-10.5, y, name, ha="right", va="center", fontsize=6.5, zorder=5)
         axes.text(2.6, y, pin, va="center", fontsize=7, zorder=5)
     reference, supply = PIN["supply"] + 6, PIN["supply"] + 2
     wire(axes, [(2, reference), (-2, reference), (-2, supply), (2, supply)], SUPPLY)
-    for y, pin in ((reference, "ADC_VREF"), (supply, "3V3"), (11, "USB")):
+    for y, pin in ((reference, "ADC_VREF"), (supply, "3V3"), (11.0, "USB")):
         axes.text(2.6, y, pin, va="center", fontsize=6.5, zorder=5)
     box(axes, -28, 6, 18, 10, "USB power\n(and flashing)", "#f4f4f4")
     wire(axes, [(-10, 11), (2, 11)], "#222222", 3.0)
