@@ -21,8 +21,8 @@
 #define CRYSTAL_HZ 12000000UL
 #define CPU_HZ 48000000UL /* of the PLL for USB, which the converter needs anyway: one PLL, little ripple */
 #define DIVISOR ((4 * CPU_HZ + BAUD / 2) / BAUD) /* 64ths of CPU_HZ / 16 BAUD */
-#if BAUD > 3000000 || BAUD < 1200
-#error "48 MHz makes a BAUD from 1200 to 3000000"
+#if BAUD > 3000000 || BAUD < 57600 /* slower, a long frame would take longer than the watchdog waits */
+#error "BAUD is 57600 to 3000000"
 #endif
 
 #define ADDRESS_PIN 2
@@ -33,7 +33,7 @@
 #define ADDRESS_PINS (0xFU << ADDRESS_PIN)
 #define ENABLE_PINS (0xFU << ENABLE_PIN)
 #define RECEIVED 64 /* a power of 2 */
-/* The longest frame takes 5 ms at 500,000 baud, the longest scan 5. The counter goes down by two a microsecond (RP2040-E1). */
+/* The longest frame takes 50 ms at 57,600 baud, the longest scan 5. The counter goes down by two a microsecond (RP2040-E1). */
 #define WATCHDOG_COUNT (2 * 250000UL)
 
 const uint8_t board_adc_bits = 12;

@@ -135,9 +135,8 @@ class Converter:
     def mean_square(self, bits: int) -> float:
         """Return the mean square of the rounding over that of equal codes, for voltages all over the range."""
         usual = self._usual_width(bits)
-        return (
-            float(sum(w**3 for w in self.widths_lsb) + (2**bits - len(self.wide_codes)) * usual**3) / 2**bits
-        )
+        cubes = sum(w**3 for w in self.widths_lsb) + (2**bits - len(self.wide_codes)) * usual**3
+        return float(cubes / 2**bits)
 
     @cached_property
     def widest_lsb(self) -> float:
@@ -145,7 +144,7 @@ class Converter:
         return max((1.0, *self.widths_lsb))
 
     def _usual_width(self, bits: int) -> float:
-        return float(2**bits - sum(self.widths_lsb)) / (2**bits - len(self.wide_codes))
+        return float((2**bits - sum(self.widths_lsb)) / (2**bits - len(self.wide_codes)))
 
     def _edges(self, bits: int) -> tuple[FloatArray, FloatArray]:
         """Return where wide codes begin and end: by their numbers, and in steps of equal codes (2 codes + 2,)."""
