@@ -94,3 +94,23 @@ def test_a_table_that_cannot_be_is_refused(tmp_path: Path, table: str, said: str
     file.write_text(SENSOR.to_toml() + "\n[adc]\n" + table, encoding="utf-8")
     with pytest.raises(ts.SpecError, match=said):
         ts.Sensor.load(file)
+
+
+def test_with_the_table_outlines_explain_the_readings_and_without_they_do_not() -> None:
+    """A dozen quadrangles on ten strips, noise known to be none but the converter's."""
+    random = np.random.default_rng(5)
+    n_ok = {"equal codes": 0, "table": 0, "no table": 0}
+    for _ in range(12):
+        angle = np.arange(4) * np.pi / 2 + random.uniform(0.0, 1.2, 4)
+        corners = np.column_stack([50 + 38 * np.cos(angle), 50 + 35 * np.sin(angle)])
+        scan = ts.simulate(SENSOR, ts.Contact.polygon(corners))
+        for name, reads, means in (
+            ("equal codes", SENSOR, SENSOR),
+            ("table", UNIT, UNIT),
+            ("no table", UNIT, SENSOR),
+        ):
+            found = ts.fit_polygon(decode(encode(scan, reads), means), means, ts.Noise())
+            n_ok[name] += found.status == "ok"
+    assert n_ok["equal codes"] >= 11
+    assert n_ok["table"] >= n_ok["equal codes"] - 1
+    assert n_ok["no table"] <= 4
