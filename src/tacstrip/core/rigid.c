@@ -5,11 +5,6 @@
 
 #define PINNED 1e12     /* weight of the pose that the frame is fixed to */
 
-/* Places of the results of one scan; a null leaves it out. */
-typedef struct {
-  double *pose, *mixed, *shape, *pose_slope, *shape_slope; /* (3, 3), (3, 2 N), (2 N, 2 N), (3,), (2 N,) */
-} Normal;
-
 /* Add w a b' + w b a' over two, with a and b the slopes of two crossings, or one, to the blocks. */
 static void add_product(const Normal *n, Int size, double weight, const Crossing *c, const double *pa, const double *ca,
                         const Crossing *d, const double *pb, const double *cb) {
@@ -151,22 +146,21 @@ void tacstrip_rigid_poses(const Scans *s, const Loss *loss, const double *corner
     }
 }
 
-/* Solve the damped equations with the poses eliminated (Schur's complement). Writes steps of corners (2 N,) and poses (S, 3);
-   0 where they are not positive definite. `pinned` holds the pose in the middle. */
-static int joint_step(Int scans, Int size, const Normal *n, double damping, double pinned, double *by_corner,
-                      double *by_pose) {
+int rigid_step(Int scans, Int size, const Normal *n, double damping, double least, double pinned, double *by_outline,
+               double *by_pose) {
   Matrix a, b;
+  CHECK(size <= SIZE);
   for (Int i = 0; i < size; i++) {
     for (Int j = 0; j < size; j++) a[i][j] = n->shape[i * size + j];
-    a[i][i] += damping * a[i][i] + LEAST;
-    by_corner[i] = n->shape_slope[i];
+    a[i][i] += damping * a[i][i] + least;
+    by_outline[i] = n->shape_slope[i];
   }
   for (Int s = 0; s < scans; s++) {
     const double *pose = n->pose + 9 * s, *mixed = n->mixed + 3 * size * s, *slope = n->pose_slope + 3 * s;
     double weighted[3][SIZE], residual[3];
     for (int i = 0; i < 3; i++) {
       for (int j = 0; j < 3; j++) b[i][j] = pose[3 * i + j];
-      b[i][i] += damping * b[i][i] + LEAST + (s == scans / 2 ? pinned : 0.0);
+      b[i][i] += damping * b[i][i] + least + (s == scans / 2 ? pinned : 0.0);
     }
     if (!factor(b, 3)) return 0;
     for (Int c = 0; c < size; c++) {
@@ -181,18 +175,18 @@ static int joint_step(Int scans, Int size, const Normal *n, double damping, doub
         for (int i = 0; i < 3; i++) sum += mixed[i * size + c] * weighted[i][d];
         a[c][d] -= sum;
       }
-      for (int i = 0; i < 3; i++) by_corner[c] -= weighted[i][c] * residual[i];
+      for (int i = 0; i < 3; i++) by_outline[c] -= weighted[i][c] * residual[i];
     }
   }
   if (!factor(a, size)) return 0;
-  solve(a, size, by_corner);
+  solve(a, size, by_outline);
   for (Int s = 0; s < scans; s++) {
     const double *pose = n->pose + 9 * s, *mixed = n->mixed + 3 * size * s;
     for (int i = 0; i < 3; i++) {
       for (int j = 0; j < 3; j++) b[i][j] = pose[3 * i + j];
-      b[i][i] += damping * b[i][i] + LEAST + (s == scans / 2 ? pinned : 0.0);
+      b[i][i] += damping * b[i][i] + least + (s == scans / 2 ? pinned : 0.0);
       by_pose[3 * s + i] = n->pose_slope[3 * s + i];
-      for (Int c = 0; c < size; c++) by_pose[3 * s + i] -= mixed[i * size + c] * by_corner[c];
+      for (Int c = 0; c < size; c++) by_pose[3 * s + i] -= mixed[i * size + c] * by_outline[c];
     }
     if (!factor(b, 3)) return 0;
     solve(b, 3, by_pose + 3 * s);
@@ -240,7 +234,7 @@ double tacstrip_rigid_descend(const Scans *s, const Loss *loss, const CornerPrio
   for (Int step = 0; step < steps && damping < HOPELESS; step++) {
     double new_cost = INFINITE;
     const Normal *o = &n[!now];
-    if (joint_step(scans, size, &n[now], damping, pinned, by_corner, by_pose)) {
+    if (rigid_step(scans, size, &n[now], damping, LEAST, pinned, by_corner, by_pose)) {
       for (Int i = 0; i < size; i++) trial_corners[i] = corners[i] + by_corner[i];
       for (Int i = 0; i < 3 * scans; i++) trial_poses[i] = poses[i] + by_pose[i];
       new_cost = tacstrip_rigid_equations(s, loss, trial_corners, count, trial_poses, o->pose, o->mixed, o->shape,

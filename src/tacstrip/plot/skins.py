@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -33,6 +34,7 @@ _MOST_FACES = 4000
 _MOST_STRIPS = 60  # drawn one by one
 _ZOOM = 0.85  # that the axes' names fit in
 _LABEL_PAD = 6.0  # of the axes' names [points]
+_FRAMES = 6  # of a film strip
 _AZIM = -60.0  # from where a skin is seen that nothing touches [deg]
 
 
@@ -78,7 +80,29 @@ def press_figure(sensor: Sensor, patch: Patch) -> Figure:
     """Return the picture of a patch: skin, object and patch in space, and l, u and outline on the unrolled skin."""
     figure = new_figure(9.5, 4.8)
     skin(sensor, patch, ax=add_axes(figure, 1, 2, 1, projection="3d"))
-    _draw_flat(add_axes(figure, 1, 2, 2), sensor, skin_of(sensor), patch)
+    flat = add_axes(figure, 1, 2, 2)
+    _draw_flat(flat, sensor, skin_of(sensor), patch)
+    if flat.get_legend_handles_labels()[1]:
+        legend_above(flat, 3)
+    return figure
+
+
+def film_figure(sensor: Sensor, times_s: Sequence[float], patches: Sequence[Patch]) -> Figure:
+    """Return a film strip of patches: six of them at most, in space above and on the unrolled skin below."""
+    shown = np.unique(np.linspace(0, len(patches) - 1, min(len(patches), _FRAMES)).round().astype(int))
+    figure, n = new_figure(2.9 * len(shown) + 0.5, 5.6), len(shown)
+    normals = np.nan_to_num([p.normal for p in patches]).sum(axis=0)
+    azim = float(np.degrees(np.arctan2(normals[1], normals[0]))) + 50.0 if normals.any() else _AZIM
+    for column, i in enumerate(shown, 1):
+        space: Any = skin(sensor, patches[i], ax=add_axes(figure, 2, n, column, projection="3d"))
+        space.view_init(elev=25.0, azim=azim)  # all from one side
+        space.set_title(f"{times_s[i]:.4g} s")
+        flat = add_axes(figure, 2, n, n + column)
+        _draw_flat(flat, sensor, skin_of(sensor), patches[i])
+        if column > 1:
+            flat.set_ylabel("")
+        drawn = flat.get_legend_handles_labels()
+    figure.legend(*drawn, loc="outside lower center", ncols=4, frameon=False)
     return figure
 
 
@@ -106,8 +130,6 @@ def _draw_flat(flat: Axes, sensor: Sensor, skin: Skin, patch: Patch) -> None:
             flat.axvline(x, color=TRUE, linewidth=0.8, linestyle=":", label=None if x else "seam")
     flat.set(xlabel=x_label(sensor, "unrolled: strip times pitch [mm]"))
     flat.set_title(f"{patch.area_mm2:.4g} mm$^2$, {patch.force_n:.3g} N")
-    if flat.get_legend_handles_labels()[1]:
-        legend_above(flat, 3)
 
 
 def _rings(outline: FloatArray) -> list[FloatArray]:

@@ -231,8 +231,9 @@ def legend_above(axes: Axes, columns: int = 2, **options: Any) -> None:
         if size.width <= across:
             break
     share = min((size.height + 0.05 * axes.figure.dpi) / axes.bbox.height, 0.6)
-    low, high = axes.get_ylim()
-    axes.set_ylim(low, low + (high - low) / (1.0 - share))
+    scale = axes.yaxis.get_transform()  # a logarithmic axis too
+    low, high = scale.transform(axes.get_ylim())
+    axes.set_ylim(top=float(scale.inverted().transform(low + (high - low) / (1.0 - share))))
 
 
 def plain_ticks(axis: Axis) -> None:
