@@ -23,7 +23,7 @@ for other in shape.alternatives:
     print(f"weight {other.weight:.2f}:", other.vertices.round().tolist())
 
 # %%
-# Dashed: outlines that explain the readings as well. Rubber strips instead of metal would give two voltages a strip, and
+# Dotted: outlines that explain the readings as well. Rubber strips instead of metal would give two voltages a strip, and
 # no doubt.
 
 figure, axes = plt.subplots(figsize=(6, 5), layout="constrained")
