@@ -24,7 +24,6 @@ from tacstrip.plot.theme import (
     STRIP,
     TRUE,
     axes_or_new,
-    legend,
     legend_above,
     new_panels,
     plain_ticks,
@@ -105,9 +104,8 @@ def calibration(result: Calibrated, *, most: int = 24, ax: Axes | None = None) -
     axes.set_yscale("log")
     axes.set_xticks(at, [str(i + result.uncalibrated.strip_base) for i in shown])
     axes.set(xlabel="strip, the worst first", ylabel="error, RMS [% of Vref]", xlim=(-0.7, len(shown) - 0.3))
-    _room_above(axes)
+    legend_above(axes, 3)
     plain_ticks(axes.yaxis)
-    legend(axes, loc="upper right", ncols=2)
     if len(shown) < len(order):
         axes.set_title(f"the worst {len(shown)} of {len(order)} strips")
     return axes
@@ -122,12 +120,6 @@ def strip_errors(off: Mapping[str, FloatArray], which: BoolArray) -> FloatArray:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # strips without such a row
         return np.asarray(100.0 * np.sqrt(np.nanmean(np.concatenate(squares), axis=0)))
-
-
-def _room_above(axes: Axes) -> None:
-    """Make a logarithmic axis reach higher, for the legend."""
-    low, high = axes.get_ylim()
-    axes.set_ylim(low, high * (high / low) ** 0.35)
 
 
 def draw_all(result: Calibrated, folder: Path) -> list[tuple[str, Path]]:

@@ -6,7 +6,7 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.core.rigid import RigidScans
-from tacstrip.tracking.rigid.search import Found, content, search
+from tacstrip.tracking.rigid.search import Found, rigid_stretch
 
 FEWEST = 5  # scans of a stretch
 _MOST, _JUMP = (
@@ -29,8 +29,8 @@ def lone_ends(
         lengths += [n for p in _PARTS if (n := total // p) >= FEWEST and n not in lengths]
         for length in lengths:
             some = range(total - length, total) if from_end else range(length)
-            one = search(scans.of(np.array(some)), distribution, offsets=False, thorough=False)
-            if content(scans.of(np.array(some)), one.fit, distribution):
+            one = rigid_stretch(scans.of(np.array(some)), distribution)
+            if one is not None:
                 found.append((some, one))
                 break
     if len(found) == 2 and found[0][0].stop > found[1][0].start:
