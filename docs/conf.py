@@ -40,6 +40,7 @@ myst_heading_anchors = 3
 smartquotes = False  # -- is an option's beginning
 html_math_renderer = "mathml"
 
+default_role = "code"  # of `name` in docstrings
 autosummary_generate = True
 autodoc_typehints_format = "short"
 autodoc_member_order = "bysource"
