@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from matplotlib.figure import Figure
+from opening_picture import opening_figure
 
 import tacstrip as ts
 from studies.budget import budget_figure
@@ -34,6 +35,7 @@ PICTURES = Path(__file__).parents[1] / "docs" / "pictures"
 def main() -> None:
     """Write all of them."""
     drawn = {
+        "opening": opening_figure(),
         "demo": picture(run()),
         "touching_a_tube": CHAPTER_3["3.10"](),
         "same_signature": CHAPTER_4["4.5"](),

@@ -1,7 +1,9 @@
 """Pictures of sensors, contacts, scans, results and what else there is: Axes in, Axes out, without a display.
 
 Each function takes axes of yours as `ax`, or makes a figure of its own (`ax.figure`), and returns the axes. None
-touches pyplot or Matplotlib's settings: `plot.style("print")` holds as long as its `with` block.
+touches pyplot or Matplotlib's settings: `plot.style("print")` holds as long as its `with` block. In a notebook
+`plot.scan(scan, sensor).figure` as a cell's last line shows the picture; in a script write it to a file, or give axes
+of pyplot and call its `show`.
 
 Examples
 --------

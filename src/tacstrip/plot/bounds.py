@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 
 from tacstrip.arguments import takes
 from tacstrip.contact.noise import Noise
@@ -79,7 +80,7 @@ def limits(
     noise = sensor.noise or Noise() if noise is None else noise
     over = limit_map(sensor, outline, noise, grid, grid)
     axes = on_sensor(sensor, ax)
-    _draw_map(axes, outline, over)
+    _draw_map(axes, sensor, outline, over)
     return axes
 
 
@@ -119,14 +120,14 @@ def limits_figure(sensor: Sensor, outline: Outline, found: Sequence[Limit], over
     left.set_title("95 % regions of the best estimate")
     if left.get_legend_handles_labels()[1]:
         legend_above(left)
-    fill_sheet(left)
+    fill_sheet(left, sensor)
     on_sensor(sensor, right)
-    _draw_map(right, outline, over)
+    _draw_map(right, sensor, outline, over)
     right.set_title("error with the contact's centroid here")
     return figure
 
 
-def _draw_map(axes: Axes, outline: Outline, over: ErrorMap) -> None:
+def _draw_map(axes: Axes, sensor: Sensor, outline: Outline, over: ErrorMap) -> None:
     """Draw the error at each place of the centroid, a bar of its colours, and the contact where it lies."""
     look: dict[str, Any]
     known = np.isfinite(over.rms_mm)
@@ -137,6 +138,10 @@ def _draw_map(axes: Axes, outline: Outline, over: ErrorMap) -> None:
         look = {"norm": span, "cmap": "viridis", "shading": "nearest", "zorder": 2}
         with themed():
             mesh = axes.pcolormesh(over.x_mm, over.y_mm, shown, **look)
+            # Half a cell reaches over the edge.
+            mesh.set_clip_path(
+                Rectangle((0.0, 0.0), sensor.width_mm, sensor.length_mm, transform=axes.transData)
+            )
             bar = axes.figure.colorbar(mesh, ax=axes, label="error of a corner, RMS [mm]")
         plain_ticks(bar.ax.yaxis)
     ring = np.concatenate([outline.vertices, outline.vertices[:1]])

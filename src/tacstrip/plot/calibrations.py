@@ -24,7 +24,6 @@ from tacstrip.plot.theme import (
     STRIP,
     TRUE,
     axes_or_new,
-    legend,
     legend_above,
     new_panels,
     plain_ticks,
@@ -71,8 +70,8 @@ def calibration(result: Calibrated, *, most: int = 24, ax: Axes | None = None) -
     >>> ax.get_xticklabels()[0].get_text()
     '3'
     """
-    if most < 1:
-        raise ArgumentError(f"most = {most}: draw 1 strip or more")
+    if not isinstance(most, int) or most < 1:
+        raise ArgumentError(f"most = {most!r}: draw 1 strip or more")
     every = np.isfinite(result.runs.l_mm)
     worst = strip_errors(result.after, every)
     order = [int(i) for i in np.argsort(-worst, kind="stable") if np.isfinite(worst[i])]
@@ -105,9 +104,8 @@ def calibration(result: Calibrated, *, most: int = 24, ax: Axes | None = None) -
     axes.set_yscale("log")
     axes.set_xticks(at, [str(i + result.uncalibrated.strip_base) for i in shown])
     axes.set(xlabel="strip, the worst first", ylabel="error, RMS [% of Vref]", xlim=(-0.7, len(shown) - 0.3))
-    _room_above(axes)
+    legend_above(axes, 3)
     plain_ticks(axes.yaxis)
-    legend(axes, loc="upper right", ncols=2)
     if len(shown) < len(order):
         axes.set_title(f"the worst {len(shown)} of {len(order)} strips")
     return axes
@@ -124,16 +122,13 @@ def strip_errors(off: Mapping[str, FloatArray], which: BoolArray) -> FloatArray:
         return np.asarray(100.0 * np.sqrt(np.nanmean(np.concatenate(squares), axis=0)))
 
 
-def _room_above(axes: Axes) -> None:
-    """Make a logarithmic axis reach higher, for the legend."""
-    low, high = axes.get_ylim()
-    axes.set_ylim(low, high * (high / low) ** 0.35)
-
-
 def draw_all(result: Calibrated, folder: Path) -> list[tuple[str, Path]]:
     """Write all pictures into a folder and return caption and file of each."""
     folder.mkdir(parents=True, exist_ok=True)
+    worst = calibration(result).figure
+    assert isinstance(worst, Figure)
     figures = {
+        "worst": ("Error of each strip before and after calibration, the worst strips first", worst),
         "errors": ("Errors of readings of known contacts, strip by strip", residuals_by_strip(result)),
         "residuals": ("Residuals along the strips, all strips together", residuals_along_strips(result)),
     }

@@ -138,7 +138,7 @@ def uncertainty(
     Raises
     ------
     ArgumentError
-        `magnify` is not above 0.
+        `magnify` is no number above 0.
 
     Examples
     --------
@@ -152,8 +152,8 @@ def uncertainty(
     >>> ax.get_legend().get_texts()[-1].get_text()
     '95 % region of a corner, 5 times larger'
     """
-    if magnify is not None and not magnify > 0.0:
-        raise ArgumentError(f"magnify = {magnify}: must be above 0, such as 10")
+    if magnify is not None and not (isinstance(magnify, int | float) and 0.0 < magnify < np.inf):
+        raise ArgumentError(f"magnify = {magnify!r}: must be a number above 0, such as 10")
     axes = on_sensor(sensor, ax)
     objects = [o for o in labelled_objects({"recovered": [result]}, [0]) if o.found.found]
     points = _points(objects, [] if truth is None else [truth])
@@ -167,7 +167,7 @@ def uncertainty(
         legend_above(axes, handles=handles, labels=labels)
     else:
         say_nothing(axes, f"no shape: {result.status}")
-    fill_sheet(axes)
+    fill_sheet(axes, sensor if isinstance(sensor, Sensor) else None)
     return axes
 
 
@@ -208,8 +208,8 @@ def film_strip(
     >>> len(frames), frames[3].get_title()
     (8, 'scan 3, 0.3 s')
     """
-    if most < 1:
-        raise ArgumentError(f"most = {most}: draw 1 frame or more")
+    if not isinstance(most, int) or most < 1:
+        raise ArgumentError(f"most = {most!r}: draw 1 frame or more")
     touched = [i for i, one in enumerate(results) if one.objects]
     shown = spread(touched, most)
     rows, columns = _grid(max(len(shown), 1))
@@ -372,7 +372,7 @@ def _draw_shapes(
             for k, other in enumerate(found.alternatives if with_regions else ()):
                 ring = np.concatenate([other.vertices, other.vertices[:1]])
                 label = f"alternative: {other.weight:.2f}"
-                dashes = (0, (4, 2 + 2 * k))
+                dashes = (0, (1, 1 + k))  # dotted: what is doubtful is dashed
                 axes.plot(*ring.T, color=colour, linestyle=dashes, linewidth=1.0, label=label, zorder=3.5)
             if sensor.closed and found.vertices[:, 0].max() > sensor.width_mm:  # it goes on beyond the seam
                 again = found.vertices - (sensor.width_mm, 0.0)

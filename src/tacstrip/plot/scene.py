@@ -22,7 +22,7 @@ from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
 
 _MOST_STRIPS = 120  # more are drawn as one area
-_TICK_INCH = 0.4  # between two strips' numbers, at least
+_TICK_INCH, _DIGIT_INCH = 0.1, 0.08  # between two strips' numbers, at least
 _MOST_MARKED = 150  # touched strips that have a marker each
 _MEANT = {"kh": "upper end", "kl": "lower end", "k": "metal sheet"}
 
@@ -43,12 +43,19 @@ def draw_sensor(axes: Axes, sensor: Sensor) -> None:
     axes.set(xlabel=x_label(sensor), ylabel="along the strips y [mm]")
 
 
-def fill_sheet(axes: Axes) -> None:
+def fill_sheet(axes: Axes, sensor: Sensor | None = None) -> None:
     """Show millimetres across and along alike, and as much around the limits as the sheet has room for.
 
-    To be called when all is drawn and the limits are set.
+    To be called when all is drawn and the limits are set. What is shown besides lies on the sensor, as far as it goes.
     """
     _ = axes.viewLim  # what autoscaling was asked for by artists is done with
+    if sensor is not None:
+        (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
+        spare = (y1 - y0) * axes.bbox.width / axes.bbox.height - (x1 - x0)
+        if spare > 0.0:
+            left = min(max(x0 - 0.5 * spare, -sensor.pitch_mm), x0)
+            right = max(min(left + x1 - x0 + spare, sensor.width_mm + sensor.pitch_mm), x1)
+            axes.set_xlim(max(min(left, right - (x1 - x0) - spare), -sensor.pitch_mm), right)
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_autoscale_on(True)  # else Matplotlib warns that it widens limits
 
@@ -83,7 +90,8 @@ class _Strips(MaxNLocator):
         low, high = max(vmin, self.first), min(vmax, self.last)
         axes: Any = self.axis.axes  # type: ignore[union-attr]
         inches = axes.bbox.width / axes.figure.dpi * (high - low) / max(vmax - vmin, 1e-9)
-        self.set_params(nbins=int(min(max(inches / _TICK_INCH, 1), 8)))
+        least = _TICK_INCH + _DIGIT_INCH * len(str(self.last))
+        self.set_params(nbins=int(min(max(inches / least, 1), 8)))
         return [at for at in super().tick_values(low, high) if self.first <= at <= self.last]
 
 

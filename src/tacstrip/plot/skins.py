@@ -32,6 +32,8 @@ _GRID = (49, 25)  # of the skin as it is drawn
 _REACH = 0.9  # of the skin's size: how far an endless object is drawn
 _MOST_FACES = 4000
 _MOST_STRIPS = 60  # drawn one by one
+_ZOOM = 0.85  # that the axes' names fit in
+_LABEL_PAD = 6.0  # of the axes' names [points]
 _FRAMES = 6  # of a film strip
 _AZIM = -60.0  # from where a skin is seen that nothing touches [deg]
 
@@ -158,9 +160,9 @@ def _draw_space(axes: Any, skin: Skin, patch: Patch | None) -> None:
     half = 0.65 * np.maximum(high - low, 0.4 * (high - low).max())
     for name, at, reach in zip("xyz", 0.5 * (low + high), half, strict=True):
         getattr(axes, f"set_{name}lim")(at - reach, at + reach)
-        getattr(axes, f"set_{name}label")(f"{name} [mm]")
+        getattr(axes, f"set_{name}label")(f"{name} [mm]", labelpad=_LABEL_PAD)
         getattr(axes, f"{name}axis").set_major_locator(MaxNLocator(4))
-    axes.set_box_aspect(half / half.max())
+    axes.set_box_aspect(half / half.max(), zoom=_ZOOM)
     azim = _AZIM
     if patch is not None:
         out = patch.normal if np.isfinite(patch.normal).all() else -patch.solid.toward

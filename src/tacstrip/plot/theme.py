@@ -23,8 +23,9 @@ from tacstrip.errors import ArgumentError, OptionError, one_of
 from tacstrip.files import replacing
 
 ENDINGS = (".png", ".svg", ".pdf")
-# Okabe and Ito's colours, which all kinds of colour vision tell apart; markers and dashes tell them apart in grey.
-_BLUE, _VERMILION, _GREEN, _PURPLE, _ORANGE = "#0072b2", "#d55e00", "#009e73", "#aa4499", "#e69f00"
+# Okabe and Ito's colours, which all kinds of colour vision tell apart, darkened where lines would be faint on the skin;
+# markers and dashes tell them apart in grey.
+_BLUE, _VERMILION, _GREEN, _PURPLE, _ORANGE = "#0072b2", "#cc5500", "#007d5c", "#aa4499", "#806000"
 TRUE = "#555555"  # the shape that touched
 SENSOR = "#e6e2d8"
 STRIP = "#cfc8b8"
@@ -201,6 +202,12 @@ def save(figure: Figure, path: str | Path, dpi: int | None = None) -> Path:
     return file
 
 
+def save_axes(axes: Axes, path: str | Path) -> Path:
+    """Write the figure that axes lie on, as `save` does."""
+    assert isinstance(axes.figure, Figure)
+    return save(axes.figure, path)
+
+
 def legend(axes: Axes, **options: Any) -> None:
     """Add a legend in the current style, on white that what lies below shines through; options as for `Axes.legend`."""
     with themed():
@@ -224,8 +231,9 @@ def legend_above(axes: Axes, columns: int = 2, **options: Any) -> None:
         if size.width <= across:
             break
     share = min((size.height + 0.05 * axes.figure.dpi) / axes.bbox.height, 0.6)
-    low, high = axes.get_ylim()
-    axes.set_ylim(low, low + (high - low) / (1.0 - share))
+    scale = axes.yaxis.get_transform()  # a logarithmic axis too
+    low, high = scale.transform(axes.get_ylim())
+    axes.set_ylim(top=float(scale.inverted().transform(low + (high - low) / (1.0 - share))))
 
 
 def plain_ticks(axis: Axis) -> None:
