@@ -13,7 +13,9 @@ from one_clock import Clock
 for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(name, "1")
 
-if hasattr(signal, "SIGHUP"):  # a suite begun under nohup hangs up like any other, and so do the programs that it starts
+if hasattr(
+    signal, "SIGHUP"
+):  # a suite begun under nohup hangs up like any other, and so do the programs that it starts
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 LONGEST = ("thesis/test_reproduce.py", "network/test_crp.py")  # begun last, one process would wait for them

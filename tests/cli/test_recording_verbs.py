@@ -277,7 +277,10 @@ BAD: dict[str, tuple[tuple[str, ...], str]] = {
         ("record", "a.mcap", "-o", "c.mcap", "--rate", "5"),
         "--rate is for a contact",
     ),
-    "no rate": ((*RECORD[:3], "-o", "c.mcap", "--rate", "0"), "--rate 0: give scans a second [Hz], from 1e-6 to 1e6"),
+    "no rate": (
+        (*RECORD[:3], "-o", "c.mcap", "--rate", "0"),
+        "--rate 0: give scans a second [Hz], from 1e-6 to 1e6",
+    ),
     "nan seconds": ((*RECORD[:3], "-o", "c.mcap", "--seconds", "nan"), "'--seconds': 'nan' is not a number"),
     "negative seed": ((*RECORD[:3], "-o", "c.mcap", "--seed", "-1"), "--seed -1: must be 0 or more"),
     "no method": (
