@@ -65,7 +65,8 @@ def scan(line: Callable[[int], str], head: str = "") -> str:
     return head + "".join(line(i) + "\n" for i in N)
 
 
-HL = ",".join(f"H{s},L{s}" for s in S)
+CODES = "ms,strip,code_h,code_l\n"
+HL = "ms,strip,h,l\n"
 FORMS: dict[str, tuple[ts.Sensor, str, dict[str, str]]] = {
     # Lines that name their values.
     "serial plotter": (
@@ -392,6 +393,32 @@ FORMS: dict[str, tuple[ts.Sensor, str, dict[str, str]]] = {
         ),
         {"adc_bits": "14"},
     ),
+    "a word before the names, pairs": (
+        TWO,
+        scan(
+            lambda i: (
+                f"{'HOLD' if i else 'PRESS'} t={0.02 * i:.2f}s | "
+                + " | ".join(f"strip{s}: {hl('/', i, s, nothing='--')} V" for s in S)
+            )
+        ),
+        {},
+    ),
+    "the same word before each line": (
+        ONE,
+        each(lambda i, s: f"[10:00:00.{20 * i:03d}] RX: {s},{v('k', i, s, 3.3)}"),
+        {},
+    ),
+    "a comment above that is no name": (
+        TWO,
+        "# gain 1\n# rate 50 Hz\n"
+        + "\n\n".join("".join(hl(" ", i, s, nothing="nan") + "\n" for s in S) for i in N),
+        {},
+    ),
+    "a time of another language": (
+        ONE,
+        each(lambda i, s: f"{0.02 * i:.2f};{s};{v('k', i, s, 3.3)}", "Laikas;strip;volt\n"),
+        {"Laikas": "time"},
+    ),
     "boot messages": (
         TWO,
         each(
@@ -429,6 +456,32 @@ def _check(found: list, unit: str, sensor: ts.Sensor, bits: int) -> None:  # typ
     for n, name in enumerate(sensor.signatures):
         np.testing.assert_allclose(np.stack([one.values[:, n] for one in found]) / top, K[name], atol=3e-4)
     assert [one.time_s for one in found] == pytest.approx([0.02 * i for i in N], abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("text", "key"),
+    [
+        # A record of other names, or of other digits than those understood, is never passed over.
+        (scan(lambda i: "".join(f"s{s}:{v('k', i, s, 3.3, nothing='-')} " for s in S[: 4 + (i > 0)])), "broken_lines"),
+        ("t=0 s0=1 s1=2V7 s2=1 s3=1 s4=2\n" + "t=20 s0=1 s1=2.7 s2=1 s3=1 s4=2\n" * 9, "broken_lines"),
+        # One channel by its name, the other perhaps by one that says nothing.
+        (each(lambda i, s: f"{0.02 * i:.2f};{s};{hl(';', i, s)}", "t;strip;foo;low\n"), "foo"),
+        # The noise of open inputs; codes above what the spec's converter gives.
+        (
+            each(lambda i, s: f"{20 * i},{s},{c('kh', i, s, str(s % 3))},{c('kl', i, s, str(i % 2))}", HL),
+            "untouched",
+        ),
+        (
+            each(lambda i, s: f"{20 * i},{s}," + ",".join(v(n, i, s, 4095.0, ".0f") for n in ("kh", "kl")), CODES),
+            "adc_bits",
+        ),
+    ],
+)  # fmt: skip
+def test_what_was_once_read_wrong_without_a_word_is_asked(text: str, key: str) -> None:
+    sensor = ONE if "s0" in text else TWO
+    with pytest.raises(Unanswered) as asked:
+        propose(of_text(text), sensor)
+    assert key in {question.key for question in asked.value.questions}
 
 
 def test_readings_in_frames_of_another_form_and_what_they_leave_open() -> None:

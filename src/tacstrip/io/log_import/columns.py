@@ -87,6 +87,7 @@ def _find(clues: Clues, known: dict[str, Meaning]) -> Columns:
     scan = _scan(clues, known, time)
     wide = [n for n, m in known.items() if m.role == "reading" and m.strip is not None]
     strip, step = _strip(clues, known, which, wide)
+    scan = "" if scan == strip else scan
     readings = {n: m for n, m in known.items() if m.role == "reading" and n != strip}
     if strip:  # a number in a name is then of a channel
         readings = {
@@ -110,7 +111,14 @@ def _find(clues: Clues, known: dict[str, Meaning]) -> Columns:
     for role, name in (("time", time), ("scan", scan if strip else ""), ("strip", strip), ("which", which)):
         if name:
             clues.because(f"{name}: the {_ROLE_NAMES.get(role, role)}")
-    columns, paired = _channels(clues, readings, which)
+    used = {*readings, time, scan, strip, which}
+    left = [
+        n
+        for n, m in known.items()
+        if n not in used and m.role in ("", "reading") and _numeric(clues, n) and n != ROW
+    ]
+    left = [n for n in left if strip and n not in clues.answers and len(set(clues.table.column(n))) > 1]
+    columns, paired = _channels(clues, readings, which, left)
     return Columns(columns, known | readings, time, scan if strip else "", strip, which, paired, step)
 
 
@@ -140,7 +148,8 @@ def _which(clues: Clues, known: dict[str, Meaning]) -> str:
 def _time(clues: Clues, known: dict[str, Meaning]) -> str:
     """Return the column of the time: that which never falls and says the most."""
     there = []
-    for n in [name for name, m in known.items() if m.role == "time"]:
+    dated = {n for n, m in known.items() if m.role == "" and n != ROW and _is_clock(clues.table.column(n))}
+    for n in [name for name, m in known.items() if m.role == "time" or name in dated]:
         fields = clues.table.column(n)
         numbers = [number_of(f, clues.table.decimal) for f in fields]
         times = numbers if None not in numbers else [clock_seconds(f) for f in fields]
@@ -155,6 +164,10 @@ def _time(clues: Clues, known: dict[str, Meaning]) -> str:
         there = [t for t in there if t[0] != CLOCK]
     there = [t for t in there if t[2] > 1 or len(clues.table.rows) < 2] or there[:1]
     return max(there, key=lambda t: (t[0] in clues.answers, t[1], t[2]))[0] if there else ""
+
+
+def _is_clock(fields: list[str]) -> bool:
+    return all(number_of(f) is None and clock_seconds(f) is not None for f in fields)
 
 
 def _scan(clues: Clues, known: dict[str, Meaning], time: str) -> str:
@@ -273,7 +286,9 @@ def _one_unit(clues: Clues, readings: dict[str, Meaning]) -> dict[str, Meaning]:
     return {n: m for n, m in readings.items() if n in volts.values()}
 
 
-def _channels(clues: Clues, readings: dict[str, Meaning], which: str) -> tuple[dict[str, str], bool]:
+def _channels(
+    clues: Clues, readings: dict[str, Meaning], which: str, left: list[str]
+) -> tuple[dict[str, str], bool]:
     """Return column -> what it is, and whether the readings must tell the ends (`ends_of`)."""
     kinds = {m.channel for m in readings.values()}
     per_strip = Counter(m.strip for m in readings.values())
@@ -292,6 +307,9 @@ def _channels(clues: Clues, readings: dict[str, Meaning], which: str) -> tuple[d
         chosen = dict.fromkeys(readings, "out")
     elif kinds <= {"h", "l"}:
         chosen = {n: m.channel for n, m in readings.items()}
+        if len(kinds) == 1 and clues.expected == ("h", "l") and left:
+            lack = "l" if kinds == {"h"} else "h"
+            clues.ask(left[0], f"no name says v_{lack}: is it {left[0]!r}?", lack, "skip")
     elif len(kinds) == 2 and (pair := pair_of(kinds)):
         chosen = {n: "h" if m.channel == pair[0] else "l" for n, m in readings.items()}
         paired = True

@@ -195,12 +195,9 @@ def _strips(clues: Clues, found: Columns) -> tuple[int, int]:
 
 
 def _broken(clues: Clues) -> str:
-    broken, lines = clues.table.broken, clues.table.lines
+    broken = clues.table.broken
     if not broken or clues.choice("broken_lines", ("skip", "error")):
         return clues.answers.get("broken_lines", "error")
-    if set(broken) <= {lines[0] - 1, min(broken)} and broken[0] < lines[0]:
-        clues.because(f"line {broken[0]} passed over: the log begins in the middle of it")
-        return "skip"
     shown = ", ".join(map(str, broken[:5])) + (", ..." if len(broken) > 5 else "")
     clues.ask("broken_lines", f"line(s) {shown} are not like the others: leave them out?", "skip")
     return "skip"
@@ -213,15 +210,19 @@ def _missing(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> str:
     try:
         scans(clues.table, replace(mapping, missing="error"))
     except ReadingError as error:
-        if "no line for" not in str(error) and "lacks a value" not in str(error):
+        if not any(said in str(error) for said in ("no line for", "lacks a value", "no column is of")):
             raise
         if not clues.table.broken and not mapping.which and _only_touched(clues.table, mapping, rough):
             clues.because(
                 "only touched strips have lines: they lie side by side, and none is without a reading"
             )
             return "untouched"
-        what = "strips without a line" if "no line" in str(error) else "values that are not there"
-        clues.ask("missing", f"{str(error).partition(';')[0]}: are {what} untouched?", "untouched")
+        what = "values" if "lacks a value" in str(error) else "strips"
+        clues.ask(
+            "missing",
+            f"{str(error).partition(';')[0]}: are {what} that are not there untouched?",
+            "untouched",
+        )
         return "untouched"
     return "error"
 

@@ -24,6 +24,7 @@ _OUT = _words("out vout uout codeout")
 _PAIRS = (
     ("a", "b"), ("top", "bottom"), ("upper", "lower"), ("oben", "unten"), ("left", "right"), ("end", "start"),
     ("first", "second"), ("x", "y"), ("p", "q"), ("e1", "e2"), ("up", "down"), ("far", "near"), ("links", "rechts"),
+    ("o", "u"), ("plus", "minus"),
 )  # fmt: skip
 _ONE_OF_PAIR = frozenset(name for pair in _PAIRS for name in pair)
 _VOLTS = _words("v u voltage volt volts spannung tension tensione tensiune vout uout voltaje") | {
@@ -31,7 +32,7 @@ _VOLTS = _words("v u voltage volt volts spannung tension tensione tensiune vout 
 }
 _VALUE = _VOLTS | _words(
     "value val reading readings wert messwert signal output level ain ai an analog in k data kanal ratio adc raw code "
-    "codes count counts valeur valore valor lesung measured meas y amplitude"
+    "codes count counts valeur valore valor lesung read measured meas y amplitude"
 )
 _STRIP = _words(
     "strip strips stripe streifen ch channel kanal sensor taxel line element row track bande band electrode s "
@@ -39,7 +40,7 @@ _STRIP = _words(
 )
 _TIME = _words(
     "t time times zeit zeitstempel tempo heure hora ora timestamp millis micros elapsed seconds sec secs uhrzeit "
-    "datetime date datum temps tiempo clock stamp ts timems timeus ms us nsecs tick tijd rostime unix epoch utc"
+    "datetime date datum temps tiempo clock stamp ts timems timeus ms us nsecs tick tijd tid czas unix epoch utc"
 )
 _SCAN = _words(
     "scan frame sample samples n nr no index idx i messung cycle seq sequence scanno messnr count sweep id frameno "
@@ -222,12 +223,13 @@ def _tokens(name: str) -> tuple[list[str], str]:
     for bracket in re.finditer(r"[\[(]\s*([^\])]*?)\s*[\])]", plain):
         inner = bracket.group(1).lower()
         unit = unit or UNITS.get(inner, "")
-        if not re.search(r"\d", inner):
+        if not re.search(r"\d", inner) and inner not in _HIGH | _LOW | _OUT:  # as in analogRead(H)
             plain = plain.replace(bracket.group(0), " ")
     slash = re.search(r"/\s*(\w+|%)\s*$", plain)
     if slash and slash.group(1).lower() in UNITS:
         unit, plain = unit or UNITS[slash.group(1).lower()], plain[: slash.start()]
     plain = plain.replace("mV", "mv")  # no two words
+    plain = re.sub(r"(?<=\w)([+-])\s*$", lambda sign: " plus" if sign[1] == "+" else " minus", plain)
     plain = re.sub(r"([a-z])([A-Z])", r"\1 \2", plain).lower()
     tokens = [_singular(t) for t in re.findall(r"[a-zµ]+|\d+|%", plain)]
     if not unit and len(tokens) > 1 and tokens[-1] in _LAST:

@@ -16,6 +16,7 @@ from tacstrip.io.log_import.mapping import RESTARTS, ColumnMapping
 from tacstrip.io.log_import.names import READING_UNITS, TIME_UNITS
 from tacstrip.io.log_import.questions import Clues
 from tacstrip.io.log_import.scans import LogScan, raw_times
+from tacstrip.io.log_import.table import CLOCK, ROW
 
 _RATES_HZ = (0.12, 5000.0)  # scans per second that a log may have
 _POSSIBLE_S = (2e-5, 3600.0)  # from scan to scan
@@ -25,6 +26,7 @@ _GAP = 5.0  # times: how far above what is nearly 0 the other readings begin, wh
 _MANY = 0.05  # of the readings: more that are exactly 0 are no chance
 # Of what there can be: a unit in which a log uses less is out where it uses as much in another.
 _LITTLE, _MUCH = 0.21, 0.5
+_EVEN = 0.2  # of the largest step: so much may others of a clock be less
 _BITS = (8, 10, 12, 14, 16, 24)
 _FEW_CODES = 6  # distinct readings that lie on a converter's steps: no chance
 _CLOCK_BITS = (16, 32)
@@ -101,9 +103,13 @@ def settled_time(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> 
     if not mapping.time:
         rate = rate or _rate_above(clues)
         if rate is None and len(rough) > 1:
-            clues.ask(
-                "rate_hz", f"the log has {len(rough)} scans and no time: how many scans per second?", "50"
-            )
+            if even := _even_column(clues, mapping, len(rough)):
+                clues.ask(
+                    even, f"no name says the time, and {even!r} rises evenly: is it? Or give rate_hz", "time"
+                )
+            else:
+                text = f"the log has {len(rough)} scans and no time: how many scans per second?"
+                clues.ask("rate_hz", text, "50")
         return replace(mapping, rate_hz=rate or 0.0)
     steps = np.diff([s.time_s for s in rough])
     step = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
@@ -131,6 +137,26 @@ def settled_time(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> 
         *(fits or ("s", "ms", "us")),
     )
     return replace(mapping, time_unit="s")
+
+
+def _even_column(clues: Clues, mapping: ColumnMapping, scans: int) -> str:
+    """Return a column of no known meaning that rises from scan to scan by always as much; "" where there is none."""
+    used = {*mapping.columns, mapping.scan, mapping.strip, mapping.which, CLOCK, ROW}
+    for name in clues.table.names:
+        values = np.array([np.nan if v is None else v for v in clues.values(name)])
+        steps = np.diff(values)
+        steps = steps[steps != 0.0]
+        if (
+            name in used
+            or name in clues.answers
+            or len(steps) != scans - 1
+            or not (steps > 0.0).all()
+            or len(steps) < 2
+        ):
+            continue
+        if np.ptp(steps) <= _EVEN * steps.max() and (steps != 1.0).any():  # else it counts the scans
+            return name
+    return ""
 
 
 def _rate_above(clues: Clues) -> float | None:

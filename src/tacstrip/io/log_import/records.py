@@ -27,7 +27,7 @@ _TOKEN = re.compile(
     | (?P<number>(?<![\w.])(?>[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?(?:\s?(?i:{_UNIT})(?![\w=:]))?))(?![\w])
     | (?P<word>[A-Za-zµ_\u00c0-\u024f][\w/.%-]*(?:\[\d+\])*(?:\s?[\[(][^\])\d]{{0,12}}[\])](?=\s*[:=]))?)
     | (?P<sign>[:=])
-    | (?P<nothing>-{{1,9}}(?=[\s,;|]|$))
+    | (?P<nothing>-{{1,9}}(?=[\s,;|/]|$))
     | (?P<comma>(?<=\d),(?=\d))""",
     re.VERBOSE,
 )
@@ -76,6 +76,8 @@ def items(line: str) -> list[Item]:
             open_name = False
         elif kind == "sign":
             if words:
+                while len(words) > 1 and not meaning(words[0]).role:  # as the level before "t=20"
+                    del words[0]
                 close(" ".join(words[-3:]), told=True)
             elif found and found[-1].name and len(found[-1].values) == 1 and not found[-1].told:
                 found[-1] = replace(found[-1], told=True)  # as in "strip 3: 512 300"
@@ -161,6 +163,7 @@ def _fields(found: Sequence[Item]) -> dict[str, str]:
 def _gathered(parsed: list[tuple[int, list[Item]]], texts: Mapping[int, str]) -> Table | None:
     """Gather lines to records: labels hold for the lines below, and a name that comes again begins the next record."""
     records: list[dict[str, str]] = []
+    above: list[int] = []
     lines: list[int] = []
     labels: dict[str, str] = {}
     record: dict[str, str] = {}
@@ -176,7 +179,10 @@ def _gathered(parsed: list[tuple[int, list[Item]]], texts: Mapping[int, str]) ->
 
     for number, found in parsed:
         if not any(i.told or i.name for i in found):
-            strange += [number] * bool(found or re.search(r"\d", texts[number]))
+            if not records and not record:
+                above.append(number)
+            elif found or re.search(r"\d", texts[number]):
+                strange.append(number)
             continue
         fields = _fields(found)
         told = {name: f for name, f in fields.items() if meaning(name).role in _LABELS}
@@ -191,16 +197,19 @@ def _gathered(parsed: list[tuple[int, list[Item]]], texts: Mapping[int, str]) ->
         return None
     kinds = Counter(frozenset(r) for r in records)
     usual, many = kinds.most_common(1)[0]
+    strange += [i for i in above if any(re.search(rf"\b{re.escape(n)}\s*[:=]", texts[i]) for n in usual)]
     if many >= _FEW_KINDS * len(records):
-        strange += [i for i, r in zip(lines, records, strict=True) if frozenset(r) != usual]
+        odd = [(i, r) for i, r in zip(lines, records, strict=True) if frozenset(r) != usual]
         kept = [(i, r) for i, r in zip(lines, records, strict=True) if frozenset(r) == usual]
         lines, records = [i for i, _ in kept], [r for _, r in kept]
-    first = min(lines)
-    above = [texts[i] for i in strange if i < first]
-    strange = [i for i in strange if i > first]
-    told = [f"{len(above)} line(s) above passed over"] if above else []
-    table = of_records(records, lines, ".", "each line names its values", *told)
-    return replace(table, broken=tuple(sorted(strange)), preamble=tuple(above))
+        names = list(records[0])
+        # Of other names altogether, or the end of a line in the middle of which the log begins.
+        above += [i for i, r in odd if i < lines[0] and (not usual & {*r} or list(r) == names[-len(r) :])]
+        strange += [i for i, _ in odd if i not in above]
+    above = [i for i in above if i not in strange]
+    said = [f"{len(above)} line(s) above passed over"] if above else []
+    table = of_records(records, lines, ".", "each line names its values", *said)
+    return replace(table, broken=tuple(sorted(strange)), preamble=tuple(texts[i] for i in above))
 
 
 def of_json(text: str, path: str | Path) -> Table | None:
@@ -222,6 +231,10 @@ def of_json(text: str, path: str | Path) -> Table | None:
                 broken.append(number)
         if not any(isinstance(value, dict) for _, value in found) or len(found) < len(broken):
             return None
+        if (
+            broken and broken[0] < found[0][0] and not plain.lstrip().startswith("{")
+        ):  # the log begins in the middle of it
+            del broken[0]
     else:
         found = [(n, r) for n, r in enumerate(_rows_of(whole), 1)]
         if found and all(isinstance(r, list) for _, r in found) and len({len(r) for _, r in found}) == 1:

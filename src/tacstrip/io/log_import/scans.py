@@ -228,7 +228,10 @@ def _targets(table: Table, mapping: ColumnMapping) -> list[tuple[str, int, int, 
     if len(there) < len(targets):
         raise ReadingError("two columns are of the same strip and channel")
     if not mapping.strip:
-        for strip in range(mapping.strips):
+        listed = (
+            {strip for strip, _ in there} if mapping.missing == "untouched" else set(range(mapping.strips))
+        )
+        for strip in sorted(listed):
             for end, channel in enumerate(("",) if mapping.which else channels):
                 if (strip, end) not in there:
                     raise ReadingError(

@@ -140,7 +140,9 @@ def headed(
     below = [(i, row) for i, row in split[first:] if any(row)]
     if not above and below:
         above = [row for i, row in comments if i < below[0][0] and len(row) == width][-1:]
-        above = [row for row in above if _named(row, numeric, decimal)]
+        above = [
+            r for r in above if _named(r, numeric, decimal) and not any(number_of(c) is not None for c in r)
+        ]
     again = {i for i, row in below if len(row) == width and row in above}
     rows = [(i, row) for i, row in below if len(row) == width and i not in again]
     # A line without a digit holds no reading, so none is lost with it.

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from tacstrip.errors import ReadingError
 from tacstrip.io.log_import.fields import STAMP, is_value, number_of
+from tacstrip.io.log_import.names import meaning
 from tacstrip.io.log_import.records import STEADY, Item, is_label, items, named_values, of_json
 from tacstrip.io.log_import.shape import in_normal_form
 from tacstrip.io.log_import.table import CLOCK, ROW, Table, decimal_mark, headed
@@ -23,6 +24,7 @@ _STAMPED = re.compile(rf"\s*\[?(?P<stamp>{STAMP})\]?(?!\s*[AaPp]\.?[Mm]\b)\s*(?:
 _LEVEL = re.compile(r"[\[(]?(?:TRACE|DEBUG|INFO|WARN|WARNING|ERROR)[\])]?[\s:|-]\s*")
 _ARRAY = re.compile(r"(?<![\"\w])\[[\d\s.,;eE+\-naNuloNe]*\](?!\")")
 _BRACKETED = re.compile(r"\s*[\[({](.*)[\])}]\s*[,;]?\s*")  # a line such as "(20, [1, 2])"
+_PREFIX = re.compile(r"\s*[A-Za-z]+:\s+(?=[-+\d])")  # such as "RX: " before the fields of each line
 _RULE = re.compile(r"[\s\-=+|~*_:]+")  # a line drawn below names
 _SEVERAL = re.compile(r"[\d-]\s+[-+]?\d")
 _SAMPLE = 500  # lines at either end that tell what separates the fields
@@ -70,6 +72,10 @@ def of_text(text: str, path: str | Path = "the log") -> Table:
     if not lines:
         raise ReadingError(f"{path}: the file is empty")
     lines, stamps = _without_stamps(lines)
+    heads = Counter(m.group() if (m := _PREFIX.match(line)) else "" for _, line in lines)
+    head, many = heads.most_common(1)[0]
+    if head and many > STEADY * len(lines) and not meaning(head).role:
+        lines = [(i, line.removeprefix(head)) for i, line in lines]
     if sum(_BRACKETED.fullmatch(line) is not None for _, line in lines) > STEADY * len(lines):
         lines = [(i, _BRACKETED.sub(r"\1", line)) for i, line in lines]
     table = named_values([(i, line) for i, line in lines if not line.lstrip().startswith(_COMMENT)])
@@ -189,7 +195,7 @@ def _separator(data: list[tuple[int, str]], path: str | Path) -> tuple[str, int]
             raise ReadingError(f"{path}: no table: no line has two fields")
         return ",", 1
     share, separator, width = max(
-        ranked, key=lambda r: (r[0] > STEADY, r[0] > 0.999, -_SEPARATORS.index(r[1]), r[0])
+        ranked, key=lambda r: (r[0] > STEADY, r[0] > 0.98, -_SEPARATORS.index(r[1]), r[0])
     )
     if share < STEADY * 0.99 and len(data) > _FEW_LINES:
         share, separator, width = _below_a_preamble(ranked, data)
