@@ -28,7 +28,7 @@ from tacstrip.stream.device.source import SerialSource
 from tacstrip.stream.http_server import check_port
 from tacstrip.stream.live.pipeline import Live
 from tacstrip.stream.live.service import Service
-from tacstrip.stream.live.sinks import Sink, foxglove_sink, json_sink, tuio_sink
+from tacstrip.stream.live.sinks import Sink, foxglove_sink, json_sink, ros2_sink, tuio_sink
 from tacstrip.stream.live.warmup import warm_up
 from tacstrip.stream.replay import open_source
 from tacstrip.stream.source import LOGGER, Source
@@ -41,6 +41,7 @@ from tacstrip.view.simulator import Settings, Simulator
 from tacstrip.view.watch import watch
 
 _HTTP = 8360
+_ROS2 = {"ros_domain": "domain", "ros_name": "name", "ros_frame": "frame_id", "ros_interface": "interface"}
 _POLL_S = 0.1
 # The simulator's, where no spec is given.
 _SENSOR = Sensor(construction="crs-crs", strips=50, pitch_mm=2.0, length_mm=100.0, adc_bits=12)
@@ -81,6 +82,12 @@ _RATE_HZ = 1000.0
               help="Address of the page; 0.0.0.0 lets the local network in, with a token.")  # fmt: skip
 @click.option("--json", "lines", is_flag=True, help="Objects as JSON lines on standard output.")
 @click.option("--osc", metavar="HOST:PORT", help="Objects as TUIO 1.1 blobs over UDP.")
+@click.option("--ros2", is_flag=True, help="Polygons, readings and state as topics of ROS 2, without ROS.")
+@click.option("--ros-domain", type=options.WHOLE, help="Domain id of ROS 2; else ROS_DOMAIN_ID, else 0.")
+@click.option("--ros-name", metavar="NAME", help="Namespace of the topics; else tacstrip.")
+@click.option("--ros-frame", metavar="FRAME", help="Frame id of the polygons; else the namespace.")
+@click.option("--ros-interface", metavar="INTERFACE",
+              help="Network interface for ROS 2, by name or address; auto: any. Else only this computer.")  # fmt: skip
 @click.option("--foxglove", metavar="[PORT]", type=options.WHOLE, is_flag=False, flag_value=FOXGLOVE_PORT,
               help=f"Serve Foxglove and Lichtblick on PORT, {FOXGLOVE_PORT} by default; 0: any free one.")  # fmt: skip
 @click.option("--foxglove-host", default="127.0.0.1", show_default=True,
@@ -106,6 +113,7 @@ def command(files: tuple[str, ...], **given: Any) -> None:
             raise OptionError(f"-o {given['output']}: a recording is a file that ends in .mcap")
         new_file(given["output"], given["force"], *files)
     options.belong(given["output"], "is for a recording: give -o as well", "durable")
+    options.belong(given["ros2"], "is for --ros2: give that as well", *_ROS2)
     options.belong(given["foxglove"] is not None, "is for --foxglove: give that as well",
                    "foxglove_host", "foxglove_layout")  # fmt: skip
     if given["foxglove"] is not None:
@@ -228,6 +236,9 @@ def _sinks(live: Live, given: dict[str, Any]) -> Iterator[Sink]:
         yield json_sink(live, sys.stdout)
     if given["osc"]:
         yield tuio_sink(live, given["osc"])
+    if given["ros2"]:
+        chosen = {key: given[option] for option, key in _ROS2.items() if given[option] is not None}
+        yield ros2_sink(live, **chosen)
     if given["foxglove"] is not None:
         host = given["foxglove_host"]
         sink, port = foxglove_sink(live, host, given["foxglove"])

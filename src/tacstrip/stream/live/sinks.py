@@ -1,4 +1,4 @@
-"""Consumers of a live stream other than the page: JSON lines, TUIO and Foxglove, each in a thread of its own."""
+"""Consumers of a live stream other than the page: JSON lines, TUIO, Foxglove and ROS 2, each in a thread of its own."""
 
 from __future__ import annotations
 
@@ -10,12 +10,13 @@ from typing import IO, Any
 from tacstrip.arrays import plain
 from tacstrip.errors import in_words
 from tacstrip.stream.bridges.foxglove.bridge import Foxglove
+from tacstrip.stream.bridges.ros2 import Ros2
 from tacstrip.stream.bridges.tuio import Tuio
 from tacstrip.stream.export import track_fields
 from tacstrip.stream.live.frame import Frame
 from tacstrip.stream.live.pipeline import Live
 
-_QUEUE_LINES = 1000  # frames that wait for the reader of the lines; then the oldest is dropped
+_QUEUE_LINES = 1000  # frames that wait for the reader of the lines, or for ROS 2; then the oldest is dropped
 _TUIO_HZ = 100.0
 
 
@@ -99,6 +100,12 @@ def tuio_sink(live: Live, target: str) -> Sink:
         pause.wait(1.0 / _TUIO_HZ)
 
     return Sink(live, send, 1, "TUIO", tuio.close)
+
+
+def ros2_sink(live: Live, **options: Any) -> Sink:
+    """Publish every frame as topics of ROS 2; options and errors as of `Ros2`."""
+    ros2 = Ros2(live, **options)
+    return Sink(live, ros2.send, _QUEUE_LINES, "ROS 2", ros2.close)
 
 
 def foxglove_sink(live: Live, host: str, port: int) -> tuple[Sink, int]:
