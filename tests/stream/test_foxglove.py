@@ -133,7 +133,7 @@ def test_a_viewer_that_does_not_read_costs_nothing_and_gets_the_newest() -> None
         await asyncio.to_thread(wait_until, lambda: server.wanted(channel))
         for i in range(sent):
             server.publish(i, (channel, payload % i))
-        await asyncio.to_thread(wait_until, lambda: server.dropped)
+        await asyncio.to_thread(wait_until, lambda: server.dropped and told)
         numbers: list[int] = []
         while not numbers or numbers[-1] != sent - 1:
             _, time_ns, (number,) = await viewer.message()

@@ -107,7 +107,7 @@ class FoxgloveServer(HttpServer):
         self._max_waiting = max_waiting
         self._session = str(time.time_ns())
         self._lock = threading.Lock()
-        self._viewers: set[_Viewer] = set()
+        self._viewers: frozenset[_Viewer] = frozenset()  # never changed, only replaced: other threads go through it
         self.dropped = 0
         super().__init__(host, port, "Foxglove", ("--foxglove PORT", "--foxglove-host"))
 
@@ -180,7 +180,7 @@ class FoxgloveServer(HttpServer):
         await socket.prepare(request)
         viewer = _Viewer(socket, request.transport, self._max_waiting)
         with self._lock:
-            self._viewers.add(viewer)
+            self._viewers |= {viewer}
         sending = asyncio.ensure_future(self._send(viewer))
         try:
             hello = {"op": "serverInfo", "name": "tacstrip", "capabilities": [], "supportedEncodings": []}
@@ -194,7 +194,7 @@ class FoxgloveServer(HttpServer):
         finally:
             sending.cancel()
             with self._lock:
-                self._viewers.discard(viewer)
+                self._viewers -= {viewer}
             if viewer.dropped:
                 self._on_message(f"Foxglove: a viewer that left had missed {viewer.dropped} messages")
         return socket
@@ -248,16 +248,17 @@ class FoxgloveServer(HttpServer):
                     await asyncio.sleep(_POLL_S)
                 now_s = self._loop.time()
                 if viewer.dropped != told and now_s - told_s > _TELL_S:
-                    first, told, told_s = told == 0, viewer.dropped, now_s
+                    told, told_s = viewer.dropped, now_s
                     text = f"this viewer reads too slowly and has missed {told} messages"
                     status = {"op": "status", "level": _WARNING, "message": text, "id": "dropped"}
                     await viewer.socket.send_json(status)
-                    if first:
-                        self._on_message("Foxglove: a viewer reads too slowly and misses messages")
 
     async def _work(self) -> None:
         while True:
             self._on_tick()
+            for viewer in [v for v in self._viewers if v.dropped and not v.slow]:
+                viewer.slow = True
+                self._on_message("Foxglove: a viewer reads too slowly and misses messages")
             await asyncio.sleep(_TICK_S)
 
     async def _close_sockets(self) -> None:
@@ -277,6 +278,7 @@ class _Viewer:
         self.idle = True
         self.wake = asyncio.Event()
         self.dropped = 0
+        self.slow = False  # which was told
 
     def put(self, message: bytes) -> int:
         """Let a message wait; return how many older ones were dropped for it."""
