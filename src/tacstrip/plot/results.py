@@ -41,6 +41,7 @@ _MOST_SCANS = 12  # more shapes than these overlap beyond reading
 _MOST_WITH_REGIONS = 3  # scans
 _OVERLAID = 3  # scans; more are frames of a film strip
 _ACROSS = 4  # frames
+_ENTRY_INCH = 1.9  # of a legend's entry
 _NEARLY_ALL = 0.5  # of the sensor: a closer view of so much shows nothing more
 _SEEN = 0.08  # of an outline's extent: smaller regions are drawn larger
 _SCALES = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
@@ -325,9 +326,13 @@ def _draw_frames(
         entries |= dict(zip(labels, handles, strict=True))
         frames.append(axes)
     if entries:
-        figure.legend(
-            list(entries.values()), list(entries), loc="outside lower center", ncols=4, frameon=False
-        )
+        across = max(int(figure.get_size_inches()[0] / _ENTRY_INCH), 1)
+        figure.legend(list(entries.values()), list(entries), loc="outside lower center", ncols=min(across, 4),
+                      frameon=False)  # fmt: skip
+    if layout := figure.get_layout_engine():
+        layout.execute(
+            figure
+        )  # frames of fixed shape take two rounds to find their places; drawing is the second
     return tuple(frames)
 
 
