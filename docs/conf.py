@@ -1,13 +1,17 @@
 """The site: `make docs` builds it into docs/_build/html, where index.html opens without a server."""
 
+import os
 import sys
 from importlib import metadata
 from pathlib import Path
 
 DOCS = Path(__file__).parent
-sys.path[:0] = [str(DOCS.parent), str(DOCS.parent / "tests")]  # tools/ and studies/, and the tests' simulated faults
+sys.path.insert(0, str(DOCS.parent / "tools"))
+os.environ["PATH"] = os.pathsep.join(
+    [str(Path(sys.executable).parent), os.environ.get("PATH", "")]
+)  # `tacstrip`
 
-from tools.site.scraper import figures  # noqa: E402
+from docs_site.scraper import figures  # noqa: E402
 
 project = "tacstrip"
 author = "tacstrip maintainers"
@@ -20,21 +24,23 @@ extensions = [
     "sphinx.ext.autosummary",
     "numpydoc",
     "sphinx_gallery.gen_gallery",
-    "tools.site.commands",
-    "tools.site.drawings",
-    "tools.site.mathml",
-    "tools.site.reproduction",
-    "tools.site.transcript",
+    "docs_site.commands",
+    "docs_site.drawings",
+    "docs_site.mathml",
+    "docs_site.reproduction",
+    "docs_site.transcript",
 ]
 source_suffix = {".md": "markdown", ".rst": "restructuredtext"}
 exclude_patterns = ["_build", "_templates", "gallery/*.py", "gallery/README.rst"]
 templates_path = ["_templates"]
-suppress_warnings = ["config.cache"]
+suppress_warnings = ["config.cache", "toc.empty_glob"]
 
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3
-math_renderer = html_math_renderer = "mathml"
+smartquotes = False  # -- is an option's beginning
+html_math_renderer = "mathml"
 
+default_role = "code"  # of `name` in docstrings
 autosummary_generate = True
 autodoc_typehints_format = "short"
 autodoc_member_order = "bysource"
@@ -67,7 +73,7 @@ sphinx_gallery_conf = {
     "show_memory": False,
     "show_signature": False,
     "plot_gallery": "True",
-    "abort_on_example_error": False,
+    "abort_on_example_error": True,
     "remove_config_comments": True,
     "image_scrapers": (figures,),
     "reset_modules": (),

@@ -65,7 +65,7 @@ def test_names_and_keywords_of_the_package_are_there(page: Path) -> None:
             if isinstance(node, ast.ImportFrom) and str(node.module).startswith("tacstrip"):
                 given |= {n.asname or n.name: _find(f"{node.module}.{n.name}") for n in node.names}
     for name in re.findall(r"\b(?:tacstrip|ts)(?:\.[A-Za-z_]\w*)+", text):
-        if "tacstrip.toml" not in name:
+        if not re.fullmatch(r"tacstrip\.(toml|json|service|rules|conf)", name):  # files
             _find(re.sub("^ts", "tacstrip", name))
     for code in _code(text):
         for node in ast.walk(code):

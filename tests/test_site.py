@@ -12,13 +12,13 @@ from typing import get_args
 
 import click
 import pytest
+from docs_site.commands import command_page
+from docs_site.links import problems
+from docs_site.reproduction import claims, printed_table
+from docs_site.transcript import run
 
 from tacstrip.cli import VERBS
 from tacstrip.reconstruction.result import Status
-from tools.site.commands import command_page
-from tools.site.links import problems
-from tools.site.reproduction import claims, printed_table
-from tools.site.transcript import run
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -26,7 +26,8 @@ MOST_WORDS, MOST_LINES, MOST_README = 1500, 40, 120
 ROOMS = ["tacstrip"] + [
     f"tacstrip.{room}"
     for room in (
-        "calibrate contact diagnose io network plot reconstruction sensor stream surface tracking".split()
+        *("calibrate", "contact", "diagnose", "io", "network", "plot"),
+        *("reconstruction", "sensor", "stream", "surface", "tracking"),
     )
 ]
 BUILT = ("_build", "examples", "python")
@@ -88,7 +89,9 @@ def test_an_example_is_short_and_draws(file: Path) -> None:
     code = ast.parse(text)
     title, underline = (ast.get_docstring(code) or "\n").splitlines()[:2]
     assert underline == "=" * len(title)
-    assert "figure" in {n.id for n in ast.walk(code) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}
+    assert "figure" in {
+        n.id for n in ast.walk(code) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)
+    }
 
 
 def test_a_transcript_is_what_the_command_prints(tmp_path: Path) -> None:
@@ -109,8 +112,12 @@ def test_the_printed_tables_are_shown() -> None:
 
 
 def test_broken_links_are_found(tmp_path: Path) -> None:
-    (tmp_path / "a.html").write_text('<p id="here"><a href="b.html#there">b</a><a href="#here">a</a><img src="c.png">')
-    (tmp_path / "b.html").write_text('<script src="https://example.org/x.js"></script><a href="https://example.org">')
+    (tmp_path / "a.html").write_text(
+        '<p id="here"><a href="b.html#there">b</a><a href="#here">a</a><img src="c.png">'
+    )
+    (tmp_path / "b.html").write_text(
+        '<script src="https://example.org/x.js"></script><a href="https://example.org">'
+    )
     wrong, outside = problems(tmp_path)
     assert sorted(wrong) == [
         "a.html: a picture without an alternative text: c.png",

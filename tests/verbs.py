@@ -23,5 +23,5 @@ def run(folder: Path, *words: object) -> CompletedProcess[str]:
         except SystemExit as end:
             code = end.code or 0
     assert isinstance(code, int)
-    texts = [stream.buffer.getvalue().decode() for stream in (said, errors)]  # type: ignore[attr-defined]
+    texts = [stream.buffer.getvalue().decode() for stream in (said, errors)]
     return CompletedProcess(line, code, *texts)

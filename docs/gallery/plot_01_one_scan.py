@@ -2,7 +2,8 @@
 One scan
 ========
 
-A quadrangle on twenty strips, read once with errors of up to 0.5 % of the supply voltage, and the shape recovered from it.
+A quadrangle on twenty strips, read once with errors of up to 0.5 % of the supply voltage, and the shape that comes
+back.
 """
 
 import matplotlib.pyplot as plt

@@ -2,7 +2,8 @@
 Which pitch?
 ============
 
-How fine must the strips be for corners to be known to half a millimetre? The Cramer-Rao bound answers before anything is built.
+How fine must the strips be for corners to be known to half a millimetre? The Cramer-Rao bound answers before anything
+is built.
 """
 
 import matplotlib.pyplot as plt

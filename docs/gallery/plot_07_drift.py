@@ -23,8 +23,8 @@ for time_s, now in zip(times, true, strict=True):
     followed.append(estimator.drift["k"])
 
 # %%
-# ``tacstrip live`` does this by itself where the calibration knows the rest level; ``tacstrip calibrate --rezero`` does it
-# once, from a file.
+# ``tacstrip live`` does this by itself where the calibration knows the rest level; ``tacstrip calibrate --rezero``
+# does it once, from a file.
 
 figure, axes = plt.subplots(figsize=(7, 4), layout="constrained")
 for strip, colour in enumerate(("#c1440e", "#1f5fa8", "#2a7f3f", "#7a3e9d")):

@@ -23,8 +23,8 @@ for other in shape.alternatives:
     print(f"weight {other.weight:.2f}:", other.vertices.round().tolist())
 
 # %%
-# Dotted: outlines that explain the readings as well. Rubber strips instead of metal would give two voltages a strip, and
-# no doubt.
+# Dotted: outlines that explain the readings as well. Two voltages a strip, as on rubber,
+# leave less doubt.
 
 figure, axes = plt.subplots(figsize=(6, 5), layout="constrained")
 plot.uncertainty(found, sensor, truth=contact, ax=axes)

@@ -20,7 +20,7 @@ def touching(time_s):
     return block.turned(time_s).placed(50 + 20 * math.cos(2 * time_s), 50 + 20 * math.sin(2 * time_s))
 
 
-source = ts.SimulatedSource(sensor, touching, rate_hz=100.0, scans=300, noise=ts.Noise(positional=0.005))
+source = ts.SimulatedSource(sensor, touching, rate_hz=100.0, scans=150, noise=ts.Noise(positional=0.005))
 way = []
 with ts.live(source=source, speed=math.inf, tracks=False) as stream:  # a device: ts.live("/dev/ttyACM0")
     for frame in stream:
@@ -32,4 +32,6 @@ print(f"{len(way)} places of object {way[0][0]}")
 
 figure, axes = plt.subplots(figsize=(5, 5), layout="constrained")
 axes.plot([x for _, x, _ in way], [y for *_, y in way], ".", color="#c1440e", markersize=4)
-axes.set(aspect="equal", xlim=(0, 100), ylim=(0, 100), xlabel="x [mm]", ylabel="y [mm]", title="Its centroid, live")
+axes.set(
+    aspect="equal", xlim=(0, 100), ylim=(0, 100), xlabel="x [mm]", ylabel="y [mm]", title="Its centroid, live"
+)

@@ -12,7 +12,9 @@ from tacstrip import plot
 
 sensor = ts.Sensor.load("layered-crs-crs")
 noise = ts.Noise(positional=0.005)
-contact = ts.Contact.polygon([(20, 20), (45, 25), (30, 50)]) + ts.Contact.polygon([(35, 60), (70, 55), (60, 80)])
+contact = ts.Contact.polygon([(20, 20), (45, 25), (30, 50)]) + ts.Contact.polygon(
+    [(35, 60), (70, 55), (60, 80)]
+)
 scan = ts.simulate(sensor, contact, noise, rng=1)
 
 both = ts.reconstruct(scan, sensor, noise)

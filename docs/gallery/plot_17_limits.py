@@ -18,5 +18,5 @@ for ax, construction in zip(axes, ("crs-crs", "crs-m"), strict=True):
     sensor = ts.Sensor(construction=construction, strips=20, pitch_mm=5.0, length_mm=100.0)
     bound = ts.vertex_covariance(ts.Outline.of(contact.vertices), sensor, noise)
     print(f"{construction}: {ts.vertex_rms(bound):.2f} mm in the middle")
-    plot.limits(sensor, contact, noise, grid=12, ax=ax)
+    plot.limits(sensor, contact, noise, grid=9, ax=ax)
     ax.set_title(construction.upper())

@@ -2,8 +2,8 @@
 The live page
 =============
 
-``tacstrip live --simulate`` opens this page; ``--port /dev/ttyACM0`` fills it from a device. The picture is stored, because a
-page needs a browser; frames for other programs come as JSON lines, as here.
+``tacstrip live --simulate`` opens this page; ``--port /dev/ttyACM0`` fills it from a device. The picture is stored,
+because a page needs a browser; frames for other programs come as JSON lines, as here.
 """
 
 import json
@@ -17,7 +17,10 @@ import tacstrip as ts
 
 sensor = ts.Sensor(construction="crs-crs", strips=20, pitch_mm=5.0, length_mm=100.0)
 block = ts.Contact.polygon([(30, 30), (60, 34), (56, 70), (26, 60)])
-scans = [ts.simulate(sensor, block.moved(i, 0.0), ts.Noise(positional=0.003), rng=i, time_s=0.01 * i) for i in range(5)]
+scans = [
+    ts.simulate(sensor, block.moved(i, 0.0), ts.Noise(positional=0.003), rng=i, time_s=0.01 * i)
+    for i in range(5)
+]
 folder = Path(tempfile.mkdtemp())
 sensor.save(folder / "sensor.toml")
 ts.write_readings(folder / "readings.csv", sensor, scans)

@@ -139,7 +139,9 @@ def _places(sensor: Sensor, step: float, lengths: tuple[int, ...] = _LENGTHS) ->
 
 def _reading_jacobian(sensor: Sensor, model: Model, places: FloatArray) -> FloatArray:
     """Return the derivatives of one strip's readings by its parameters (places, signatures, parameters)."""
-    surface = sensor.surface and replace(sensor.surface, around_deg=sensor.surface.around_deg / sensor.strips)
+    surface = sensor.surface
+    if surface is not None:  # as narrow as one strip; even ones read as flat ones do
+        surface = None if surface.even else replace(surface, around_deg=surface.around_deg / sensor.strips)
     one = replace(sensor, strips=1, surface=surface, calibration=None)
     constants = initial_constants(model, one, sensor.signatures)
     l, w = places[:, :1], places[:, 1:]

@@ -168,13 +168,14 @@ static inline void lower(double *end, Mask there, Pack y) {
   store(end, lesser(where(there, y, all(INFINITE)), load(end)));
 }
 
-/* Of an edge from s0, y0 to s1, y1 that rises by so much a strip, lower `ends` of strips. */
-static inline void touch_edge(double *ends, Int strips, double s0, double y0, double s1, double y1, double rise) {
-  double left = smaller(s0, s1), right = larger(s0, s1);
+/* Lower `ends` of strips to an edge from s0, y0 to s1, y1. */
+static inline void touch_edge(double *ends, Int strips, double s0, double y0, double s1, double y1) {
+  double left = smaller(s0, s1), right = larger(s0, s1), rise = s0 == s1 ? 0.0 : (y1 - y0) / (s1 - s0);
+  double from = s0 <= s1 ? y0 : y1, to = s0 <= s1 ? y1 : y0;
   Int first = first_strip(left), last = last_strip(right, strips);
   for (Int i = first - first % WIDTH; i <= last; i += WIDTH) {
-    Pack at = all((double)i) + load(LANE), y = where(at == s1, all(y1), y0 + (at - s0) * rise);
-    lower(ends + i, (at >= left) & (at <= right), y);
+    Pack at = all((double)i) + load(LANE), y = from + (at - left) * rise;
+    lower(ends + i, (at >= left) & (at <= right), where(at == right, all(to), y));
   }
 }
 
@@ -375,7 +376,7 @@ static void read_strips(const BatchSensor *s, const BatchErrors *e, const Keys *
   for (Int i = touch->first; i < touch->end; i += WIDTH) {
     const Word64 *word = words + BLOCKS * (i / BLOCKS * each - 4 * start) + i % BLOCKS;
     Pack l = load(touch->l + i), u = -load(touch->minus_u + i), left = s->lam > 0.0 ? load(desk->left + i) : u - l;
-    Pack from_l = s->lam > 0.0 ? load(desk->start + i) : l, inverse = 1.0 / (s->length - s->narrow * left), radius, wave[2];
+    Pack from_l = s->lam > 0.0 ? load(desk->start + i) : l, below = s->length - s->narrow * left, radius, wave[2];
     Mask there = u >= l;
     if (e->sigma > 0.0) {
       const Word64 *pair = word + BLOCKS * parts * s->signatures;
@@ -383,7 +384,7 @@ static void read_strips(const BatchSensor *s, const BatchErrors *e, const Keys *
       radius = e->sigma * normal_radius(share_of(pair));
     }
     for (Int row = 0; row < s->signatures; row++) {
-      Pack k = (from_l + s->share[row] * left) * inverse;
+      Pack k = (from_l + s->share[row] * left) / below;
       for (Int part = 0; part < parts; part++, word += BLOCKS) k += scale[part] * centred(word);
       if (e->sigma > 0.0) k += radius * wave[row];
       digitise(desk->rows[row], s->single, i, where(there, k, all(none)), s->top);
@@ -465,9 +466,9 @@ void tacstrip_footprint(const double *points, const Int *ring, const Int *begin,
     for (Int p = begin[c]; p + 1 < begin[c + 1]; p++) {
       if (ring[p] != ring[p + 1]) continue;
       double s0 = strip_coordinate(points[2 * p], pitch), s1 = strip_coordinate(points[2 * p + 2], pitch);
-      double y0 = points[2 * p + 1], y1 = points[2 * p + 3], rise = s0 == s1 ? 0.0 : (y1 - y0) / (s1 - s0);
-      touch_edge(l, strips, s0, y0, s1, y1, rise);
-      touch_edge(u, strips, s0, -y0, s1, -y1, -rise);
+      double y0 = points[2 * p + 1], y1 = points[2 * p + 3];
+      touch_edge(l, strips, s0, y0, s1, y1);
+      touch_edge(u, strips, s0, -y0, s1, -y1);
     }
     for (Int i = 0; i < strips; i++) {
       int there = l[i] <= -u[i];

@@ -172,7 +172,7 @@ def _draw_space(axes: Any, skin: Skin, patch: Patch | None) -> None:
 
 def _covered(skin: Skin) -> tuple[float, float]:
     """Return the span across that strips cover."""
-    return skin.across if skin.surface is None else (0.0, skin.surface.around)
+    return skin.across if skin.surface is None or not skin.round else (0.0, skin.surface.around)
 
 
 def _draw_object(axes: Any, solid: Solid, size: float) -> None:

@@ -121,7 +121,7 @@ class Poses:
         """Return where the objects of parameters (M, P) are (M, 3) [mm], and their axes (M, 3, 3)."""
         near = self.origin + values[:, :2] @ self.tangents
         across, up = self.skin.places_near(near)
-        if self.skin.surface is not None:  # also beyond the skin's border
+        if self.skin.surface is not None and self.skin.round:  # also beyond the skin's border
             r, z = np.hypot(near[:, 0], near[:, 1]), near[:, 2]
             for _ in range(2):
                 mr, mz, dr, dz = self.skin.surface.meridian(up)

@@ -133,6 +133,19 @@ class MujocoSkin:
         What it lies on, "site" or "body", and which one.
     geoms
         What can touch it.
+
+    Examples
+    --------
+    >>> import mujoco
+    >>> import tacstrip as ts
+    >>> model = mujoco.MjModel.from_xml_string(
+    ...     '''<mujoco><worldbody><geom type="plane" size="1 1 1"/><body pos="0 0 .0095"><joint/>
+    ...       <geom size=".008"/><site name="tip" euler="140 0 0"/></body></worldbody></mujoco>''')
+    >>> data = mujoco.MjData(model)
+    >>> mujoco.mj_step(model, data)
+    >>> scan = ts.mujoco_skin(model, ts.Sensor.load("fingertip"), site="tip").read(data)
+    >>> scan.touched.nonzero()[0].tolist(), scan.time_s
+    ([11, 12], 0.002)
     """
 
     sensor: Sensor

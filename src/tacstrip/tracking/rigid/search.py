@@ -41,6 +41,7 @@ _KEPT = 3  # paths that are made polygons of
 _SATISFIED = 1.15  # of the freedom: a chi square that ends the search
 _ALARM, _HARDLY_MORE = 3.5, 1.05  # deviations of chi square, and times the freedom
 _WITHIN = 8.0  # of the best criterion: fits that explain the readings as well
+_LOST = 0.5  # of the scans: a polygon that leaves more will not explain them once it is settled
 _WORTH_SETTLING = 1.6  # times the freedom: fits that may, once they are settled
 _SOFT, _HARD = 0.25, 0.1  # pitches that an end of an outline is off
 _COARSE, _FINER, _FINEST = 0.07, 0.023, 0.012  # tolerances of edges, over the outline's radius
@@ -193,6 +194,7 @@ def search(
     offsets: bool = True,
     thorough: bool = True,
     begun: Found | None = None,
+    starts: Starts | None = None,
 ) -> Found:
     """Return the fit of all scans that explains them best, and what else does.
 
@@ -200,9 +202,9 @@ def search(
     one explains the readings. Else along a smooth path first, whose poses are free in the end; where that explains
     the readings badly, and if thorough, with more turns, then without a path. What moves along no smooth path is
     searched for without one first. `offsets`: of channels are looked for. `begun`: what a search that was not thorough
-    found.
+    found. `starts`: of these scans, where there are some.
     """
-    starts = Starts(scans) if begun is None or begun.starts is None else begun.starts
+    starts = starts or (begun and begun.starts) or Starts(scans)
     erratic, free, found = starts.erratic, None, begun
 
     def explained(one: Found) -> bool:
@@ -228,6 +230,17 @@ def search(
         free = free or Found(_without_path(scans), np.arange(len(scans.k)), starts=starts)
         found = min(found, free, key=lambda f: f.criterion(scans))
     return found
+
+
+def rigid_stretch(scans: RigidScans, distribution: str, *, thorough: bool = False) -> Found | None:
+    """Return the fit of all scans; None where no rigid outline explains them. If not thorough, searched for quickly."""
+    starts = Starts(scans)
+    if not thorough and not starts.erratic and not needs_smooth_motion(scans):
+        fits = starts.pruned(starts.best(_TURNS, _KEPT))
+        if min(len(bad_scans(starts.few, f)) for f in fits) > _LOST * len(starts.chosen):
+            return None
+    found = search(scans, distribution, offsets=False, thorough=thorough, starts=starts)
+    return found if content(scans, found.fit, distribution) else None
 
 
 def _with_offsets(

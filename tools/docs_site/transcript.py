@@ -12,6 +12,7 @@ import shlex
 import sys
 import tempfile
 from pathlib import Path
+from typing import ClassVar
 from unittest import mock
 
 from docutils import nodes
@@ -43,7 +44,11 @@ def run(line: str, folder: Path) -> tuple[int, str]:
 
 class _Transcript(SphinxDirective):
     has_content = True
-    option_spec = {"file": directives.unchanged, "exit": directives.nonnegative_int, "lines": directives.positive_int}
+    option_spec: ClassVar = {
+        "file": directives.unchanged,
+        "exit": directives.nonnegative_int,
+        "lines": directives.positive_int,
+    }
 
     def run(self) -> list[nodes.Node]:
         page = _FOLDERS.setdefault(self.env.docname, tempfile.TemporaryDirectory(prefix="tacstrip-docs-"))

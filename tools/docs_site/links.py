@@ -63,7 +63,8 @@ def main(folder: str) -> int:
     if size > MOST_MB:
         wrong.append(f"the site has {size:.0f} MB, and {MOST_MB} are allowed")
     (site.parent / "outside.txt").write_text("\n".join(sorted(outside)) + "\n", encoding="utf-8")
-    print(*wrong, f"{size:.1f} MB; {len(outside)} addresses outside, not fetched: {site.parent / 'outside.txt'}", sep="\n")
+    listed = site.parent / "outside.txt"
+    print(*wrong, f"{size:.1f} MB; {len(outside)} addresses outside, not fetched: {listed}", sep="\n")
     return 1 if wrong else 0
 
 

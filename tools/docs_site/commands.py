@@ -28,7 +28,7 @@ def command_page(verb: str) -> str:
 
 
 def _prose(text: str) -> str:
-    """Return a command's docstring, in which \\b keeps the lines of what follows it."""
+    """Return a command's docstring as paragraphs; those that click is told not to wrap stay as they are."""
     parts = []
     for paragraph in text.split("\n\n"):
         if paragraph.lstrip().startswith("\b"):

@@ -1,7 +1,7 @@
 """Chapters 2 to 6 a page each: the directives `{printed-table} 5.5`, `{thesis-figures} 5.5` and `{claims} 5`.
 
 The figures are drawn while the site is built. The tables come from docs/reproduction/results.json, which
-`python -m tools.site.reproduction reproduction/tables.json` writes from what `tacstrip reproduce` has written.
+`python tools/docs_site/reproduction.py reproduction/tables.json` writes from what `tacstrip reproduce` has written.
 """
 
 from __future__ import annotations
@@ -26,7 +26,17 @@ def summarised(tables: dict[str, Any]) -> dict[str, Any]:
     """Return what the pages show of `tables.json`, in numbers of four digits."""
 
     def kept(row: dict[str, Any], metrics: tuple[str, ...]) -> dict[str, Any]:
-        names = ("table", "figure", "sensor", "algorithm", "signature", "shape", "noise", "region", "calibrated")
+        names = (
+            "table",
+            "figure",
+            "sensor",
+            "algorithm",
+            "signature",
+            "shape",
+            "noise",
+            "region",
+            "calibrated",
+        )
         own = row["ours"]
         short: dict[str, Any] = {n: row[n] for n in names if n in row}
         short["printed"] = {m: row.get(m) for m in metrics if m in row}
@@ -75,7 +85,10 @@ def printed_table(number: str) -> str:
                 cells = [_cell(row, metric, p) for p in range(5)]
                 lines.append(f"| {row['noise']} | {name} | " + " | ".join(cells) + " |")
         return "\n".join(lines)
-    lines = ["| figure | region | " + " | ".join(_METRICS.values()).replace("units", "cm") + " |", "| --- " * 5 + "|"]
+    lines = [
+        "| figure | region | " + " | ".join(_METRICS.values()).replace("units", "cm") + " |",
+        "| --- " * 5 + "|",
+    ]
     for row in _results()["experiment"]:
         if row["table"] == number:
             region = row["region"] + ("" if row["calibrated"] else ", not calibrated")
