@@ -220,6 +220,7 @@ def film_strip(
     frames = _draw_frames(figure, (rows, columns), sensor, named, shown, times, truth, len(results))
     if why := left_out(shown, touched, results):
         figure.suptitle(why)
+    _settle(figure)
     return frames
 
 
@@ -280,6 +281,7 @@ def _film_figure(
     _draw_readings(
         add_axes(figure, rows + 1, columns, (rows * columns + 1, (rows + 1) * columns)), sensor, scans
     )
+    _settle(figure)
     return figure
 
 
@@ -329,11 +331,13 @@ def _draw_frames(
         across = max(int(figure.get_size_inches()[0] / _ENTRY_INCH), 1)
         figure.legend(list(entries.values()), list(entries), loc="outside lower center", ncols=min(across, 4),
                       frameon=False)  # fmt: skip
-    if layout := figure.get_layout_engine():
-        layout.execute(
-            figure
-        )  # frames of fixed shape take two rounds to find their places; drawing is the second
     return tuple(frames)
+
+
+def _settle(figure: Figure) -> None:
+    """Lay a figure out once: frames of fixed shape take two rounds to find their places, and drawing is the second."""
+    if layout := figure.get_layout_engine():
+        layout.execute(figure)
 
 
 def _grid(frames: int) -> tuple[int, int]:
