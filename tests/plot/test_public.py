@@ -97,7 +97,6 @@ PICTURES: dict[str, Callable[[], Axes | tuple[Axes, ...]]] = {
     "contact": lambda: plot.contact(ts.Contact.polygon(SQUARE), SENSOR),
     "contact alone": lambda: plot.contact(ts.Contact.points([(3, 3)])),
     "untouched": lambda: plot.scan(_read(SENSOR, NAN), SENSOR),
-    "two layers read": lambda: plot.scan(_read(LAYERS.unit), LAYERS),
     "a thousand scans": lambda: plot.scan([_read(SENSOR)] * 1000, SENSOR),
     "result": lambda: plot.result(_found(), SENSOR, truth=ts.Contact.polygon(SQUARE)),
     "doubtful, on a narrow one": lambda: plot.result(_found("doubtful", -20.0), SENSORS["narrow"]),
@@ -106,8 +105,8 @@ PICTURES: dict[str, Callable[[], Axes | tuple[Axes, ...]]] = {
     "two layers": lambda: plot.result(_found(), LAYERS),
     "uncertainty": lambda: plot.uncertainty(_found(spread=0.01), SENSOR, truth=ts.Contact.polygon(SQUARE)),
     "no shape": lambda: plot.uncertainty(Reconstruction("polygon", ()), SENSOR),
-    "film": lambda: plot.film_strip([_found(shift=0.03 * i) for i in range(1000)], SENSOR, most=6),
-    "short film": lambda: plot.film_strip([_found()] * 2, SENSOR),
+    "film": lambda: plot.film_strip([_found(shift=0.03 * i) for i in range(1000)], SENSOR, most=3),
+    "one frame": lambda: plot.film_strip([_found()], SENSOR, truth=ts.Contact.polygon(SQUARE)),
     "limits": lambda: plot.limits(SENSOR, ts.Contact.polygon(SQUARE), NOISE, grid=2),
     "calibration": lambda: plot.calibration(_calibrated(100)),
     "calibration of one strip": lambda: plot.calibration(_calibrated(1)),
@@ -235,11 +234,10 @@ FIGURES: dict[str, Callable[[], Figure]] = {
     "nothing": lambda: reconstruction_figure(
         SENSOR, [_read(SENSOR, NAN)], {"polygon": [Reconstruction("polygon", ())]}
     ),
-    "limits": lambda: _limits(SENSOR),
     "limits of a wide one": lambda: _limits(SENSORS["wide"]),
     "limits of a narrow one": lambda: _limits(SENSORS["narrow"]),
     "health": _healths,
-    "tracks": lambda: track_figure(SENSOR, [_track(i) for i in range(1, 12)]),
+    "tracks": lambda: track_figure(SENSOR, [_track(i) for i in range(1, 6)]),
     "press": _press,
     "two layers": lambda: layers_figure(LAYERS, [_read(LAYERS.unit)], [_found()]),
 }  # fmt: skip

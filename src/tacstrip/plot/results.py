@@ -41,6 +41,7 @@ _MOST_SCANS = 12  # more shapes than these overlap beyond reading
 _MOST_WITH_REGIONS = 3  # scans
 _OVERLAID = 3  # scans; more are frames of a film strip
 _ACROSS = 4  # frames
+_ENTRY_INCH = 1.9  # of a legend's entry
 _NEARLY_ALL = 0.5  # of the sensor: a closer view of so much shows nothing more
 _SEEN = 0.08  # of an outline's extent: smaller regions are drawn larger
 _SCALES = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
@@ -219,6 +220,7 @@ def film_strip(
     frames = _draw_frames(figure, (rows, columns), sensor, named, shown, times, truth, len(results))
     if why := left_out(shown, touched, results):
         figure.suptitle(why)
+    _settle(figure)
     return frames
 
 
@@ -279,6 +281,7 @@ def _film_figure(
     _draw_readings(
         add_axes(figure, rows + 1, columns, (rows * columns + 1, (rows + 1) * columns)), sensor, scans
     )
+    _settle(figure)
     return figure
 
 
@@ -325,10 +328,16 @@ def _draw_frames(
         entries |= dict(zip(labels, handles, strict=True))
         frames.append(axes)
     if entries:
-        figure.legend(
-            list(entries.values()), list(entries), loc="outside lower center", ncols=4, frameon=False
-        )
+        across = max(int(figure.get_size_inches()[0] / _ENTRY_INCH), 1)
+        figure.legend(list(entries.values()), list(entries), loc="outside lower center", ncols=min(across, 4),
+                      frameon=False)  # fmt: skip
     return tuple(frames)
+
+
+def _settle(figure: Figure) -> None:
+    """Lay a figure out once: frames of fixed shape take two rounds to find their places, and drawing is the second."""
+    if layout := figure.get_layout_engine():
+        layout.execute(figure)
 
 
 def _grid(frames: int) -> tuple[int, int]:

@@ -105,7 +105,7 @@ def health_figure(log: Log, report: Report) -> Figure:
     readings.set(ylabel="raw readings\n[parts of Vref]")
     legend(readings, loc="center left", bbox_to_anchor=(1.0, 0.5))
     half = 100.0 * np.sqrt(3.0) * report.quality.strips
-    noise.bar(strips, np.nan_to_num(half), width=0.8, color="#8ea6c4")
+    noise.stairs(np.nan_to_num(half), np.append(strips, strips[-1] + 1) - 0.5, fill=True, color="#8ea6c4")
     for number, level in (("I", PROFILE_I), ("II", PROFILE_II)):
         noise.axhline(100.0 * level, color="#555555", linewidth=0.8, linestyle="--")
         at = noise.get_yaxis_transform()  # x in parts of the axes
