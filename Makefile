@@ -26,7 +26,7 @@ export UV_PYTHON_DOWNLOADS = never
 MIRROR := $(UV_DEFAULT_INDEX)$(UV_INDEX_URL)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup ros2 demo test check docs reproduce bench studies mutations pictures firmware clean
+.PHONY: help setup ros2 demo test check docs reproduce bench studies mutations pictures firmware pico clean
 
 help: ## list these targets
 	@sed -n 's/^\([a-z0-9]*\):.*## \(.*\)/\1|\2/p' Makefile | \
@@ -83,6 +83,9 @@ pictures: setup ## draw the pictures of README and docs again
 
 firmware: ## build the firmware for the Arduino Uno (avr-gcc, avr-libc) and print what it takes
 	@$(MAKE) --no-print-directory -C firmware
+
+pico: ## build the firmware for the Raspberry Pi Pico (gcc-arm-none-eabi) and print what it takes
+	@$(MAKE) --no-print-directory -C firmware rp2040
 
 clean: ## remove everything that make made
 	@rm -rf .venv .tools demo reproduction dist firmware/build .pytest_cache .hypothesis .mypy_cache .ruff_cache

@@ -143,6 +143,10 @@ def test_axes_of_ones_own_are_drawn_into_and_others_refused() -> None:
         plot.skin(SENSOR, ax=flat)
     with pytest.raises(ts.ArgumentError, match="contact: contact and sensor are exchanged"):
         plot.contact(SENSOR, ts.Contact.polygon(SQUARE))  # type: ignore[arg-type]
+    with pytest.raises(ts.ArgumentError, match="magnify = 0: must be a number above 0"):
+        plot.uncertainty(_found(), SENSOR, magnify=0)
+    with pytest.raises(ts.ArgumentError, match="report is a Sensor, not a Report; write tacstrip"):
+        plot.health(SENSOR)  # type: ignore[arg-type]
     with pytest.raises(ts.ReadingError, match="the scan has 20 strips and the sensor has 1"):
         plot.scan(_read(SENSOR), SENSORS["one strip"])
 

@@ -132,16 +132,16 @@ def test_a_viewer_that_does_not_read_costs_nothing_and_gets_the_newest() -> None
         await viewer.subscribe()
         await asyncio.to_thread(wait_until, lambda: server.wanted(channel))
         for i in range(sent):
-            server.publish(channel, i, payload % i)
+            server.publish(i, (channel, payload % i))
         await asyncio.to_thread(wait_until, lambda: server.dropped)
         numbers: list[int] = []
         while not numbers or numbers[-1] != sent - 1:
             _, time_ns, (number,) = await viewer.message()
             assert time_ns == number
             numbers.append(number)
-        server.publish(channel, sent, payload % sent)
+        server.publish(sent, (channel, payload % sent))
         while not viewer.status:
-            server.publish(channel, sent, payload % sent)
+            server.publish(sent, (channel, payload % sent))
             await viewer.message()
         missed = int(viewer.status[0]["message"].split()[-2])
         assert 0 < missed <= sent - len(numbers)
@@ -165,7 +165,7 @@ def test_the_end_does_not_wait_for_a_viewer_that_does_not_read() -> None:
         await viewer.subscribe()
         await asyncio.to_thread(wait_until, lambda: server.wanted(channel))
         for i in range(1500):
-            server.publish(channel, i, 20_000 * b" ")
+            server.publish(i, (channel, 20_000 * b" "))
         await asyncio.to_thread(server.close)
 
     _talk(server.port, stall)

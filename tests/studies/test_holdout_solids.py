@@ -20,10 +20,7 @@ def test_two_ways_to_press_agree(kind: str, monkeypatch: pytest.MonkeyPatch) -> 
     family = solids.FAMILIES[kind]
     size = (pressed.radius,) if kind in ("cylinder", "sphere") else family.size
     tip = ts.Sensor.load("fingertip")
-    depth = solids.RADIUS - float(np.linalg.norm(pressed.at))
-    patch = ts.press(
-        tip, replace(family, position_mm=pressed.at, axes=pressed.axes, size=size), depth_mm=depth
-    )
+    patch = patch_at(tip, replace(family, position_mm=pressed.at, axes=pressed.axes, size=size))
     low, high = solids.ends(pressed)
     np.testing.assert_allclose(low, patch.l, atol=2.0 * solids.LENGTH / solids.CELLS)
     np.testing.assert_allclose(high, patch.u, atol=2.0 * solids.LENGTH / solids.CELLS)

@@ -11,7 +11,6 @@ import click
 import numpy as np
 
 from tacstrip.cli import load_sensor, new_file, note, options, warn, warn_of_log
-from tacstrip.cli.import_answers import ANSWERS, answered, asked_of
 from tacstrip.cli.record import save_recording
 from tacstrip.diagnose.log import Log
 from tacstrip.errors import OptionError, ReadingError, one_of
@@ -42,7 +41,7 @@ _BELOW = 0.02  # of the largest reading: v_h below v_l by more is no noise
     metavar="MAP.toml",
     help="Read the log as an earlier one; else it is guessed, and written.",
 )
-@ANSWERS
+@options.ANSWERS
 @click.option("--sheet", help="Of a workbook with several.")
 @options.FORCE
 def command(
@@ -72,8 +71,8 @@ def command(
         raise OptionError("--mapping says everything; leave --answer out, or edit the mapping")
     new_file(output, force, str(log), *([spec] if spec else []))
     sensor = load_sensor(spec) if spec else None
-    told = answered(answers)
-    with asked_of(log):
+    told = options.answered(answers)
+    with options.asked_of(log):
         table = read_table(log, sheet or told.get("sheet"))
         found = _mapped(table, given) if given else propose(table, sensor, told)
     for reason in found.reasons:

@@ -9,7 +9,6 @@ from typing import Any
 import click
 
 from tacstrip.cli import note, options, protect, warn
-from tacstrip.cli.import_answers import ANSWERS, answered, asked_of
 from tacstrip.data import spec_names
 from tacstrip.errors import SpecError
 from tacstrip.files import write_text
@@ -44,7 +43,7 @@ _BITS = (8, 10, 12, 14, 16, 24)  # that converters have
 @click.option("--like", metavar="SPEC", help="Copy a shipped spec instead: " + ", ".join(spec_names()) + ".")
 @click.option("--from", "log", type=options.FILE, metavar="LOG",
               help="Begin with what a log of any form says; what it does not is '?', to be filled in.")  # fmt: skip
-@ANSWERS
+@options.ANSWERS
 @options.FORCE
 def command(
     file: Path, like: str | None, log: Path | None, answers: tuple[str, ...], force: bool, **keys: Any
@@ -99,8 +98,8 @@ def _begun(log: Path, answers: tuple[str, ...], keys: dict[str, Any]) -> tuple[s
     from tacstrip.io.log_import.containers import read_table
     from tacstrip.io.log_import.facts import sensor_facts
 
-    told = answered(answers)
-    with asked_of(log):
+    told = options.answered(answers)
+    with options.asked_of(log):
         facts = sensor_facts(read_table(log, told.get("sheet")), told)
     names = {key for key in keys if options.given(key)}
     kinds = [

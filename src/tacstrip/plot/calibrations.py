@@ -70,8 +70,8 @@ def calibration(result: Calibrated, *, most: int = 24, ax: Axes | None = None) -
     >>> ax.get_xticklabels()[0].get_text()
     '3'
     """
-    if most < 1:
-        raise ArgumentError(f"most = {most}: draw 1 strip or more")
+    if not isinstance(most, int) or most < 1:
+        raise ArgumentError(f"most = {most!r}: draw 1 strip or more")
     every = np.isfinite(result.runs.l_mm)
     worst = strip_errors(result.after, every)
     order = [int(i) for i in np.argsort(-worst, kind="stable") if np.isfinite(worst[i])]

@@ -138,7 +138,7 @@ def uncertainty(
     Raises
     ------
     ArgumentError
-        `magnify` is not above 0.
+        `magnify` is no number above 0.
 
     Examples
     --------
@@ -152,8 +152,8 @@ def uncertainty(
     >>> ax.get_legend().get_texts()[-1].get_text()
     '95 % region of a corner, 5 times larger'
     """
-    if magnify is not None and not magnify > 0.0:
-        raise ArgumentError(f"magnify = {magnify}: must be above 0, such as 10")
+    if magnify is not None and not (isinstance(magnify, int | float) and 0.0 < magnify < np.inf):
+        raise ArgumentError(f"magnify = {magnify!r}: must be a number above 0, such as 10")
     axes = on_sensor(sensor, ax)
     objects = [o for o in labelled_objects({"recovered": [result]}, [0]) if o.found.found]
     points = _points(objects, [] if truth is None else [truth])
@@ -208,8 +208,8 @@ def film_strip(
     >>> len(frames), frames[3].get_title()
     (8, 'scan 3, 0.3 s')
     """
-    if most < 1:
-        raise ArgumentError(f"most = {most}: draw 1 frame or more")
+    if not isinstance(most, int) or most < 1:
+        raise ArgumentError(f"most = {most!r}: draw 1 frame or more")
     touched = [i for i, one in enumerate(results) if one.objects]
     shown = spread(touched, most)
     rows, columns = _grid(max(len(shown), 1))

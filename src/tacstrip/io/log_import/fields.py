@@ -15,7 +15,7 @@ NOTHING = frozenset(
     {"", "nan", "na", "n/a", "n.a.", "#n/a", "<na>", "nat", "-", "--", "---", "null", "none", "open", "untouched"}
     | {"-nan", "nc", "n.c.", "n.v.", "no contact", "[]", "{}", "offen", "leer", "vide", "\u2013", "\u2014"}
 )  # fmt: skip
-_NO_NUMBER = re.compile(r"(?:-?nan|n/?a|-{1,3})\s?(?:m?V|ms|s|%|LSB)", re.IGNORECASE)
+_NO_NUMBER = re.compile(r"(?:-?nan|n/?a|-+)\s?(?:m?V|ms|s|%|LSB)?", re.IGNORECASE)
 _PLAIN = re.compile(r"[+-]?\d+(?:\.\d+)?\Z")
 _NUMBER = re.compile(r"([+-]?)([\d.,' ]*\d[.,]?|0x[\da-f]+)(e[+-]?\d+)?\s*([a-zµ%]*)\Z", re.IGNORECASE)
 _DAY_S = 86400.0

@@ -34,16 +34,16 @@ _VALUE = _VOLTS | _words(
     "codes count counts valeur valore valor lesung measured meas y amplitude"
 )
 _STRIP = _words(
-    "strip strips stripe streifen ch channel kanal sensor sensors taxel line element row track bande band electrode s "
+    "strip strips stripe streifen ch channel kanal sensor taxel line element row track bande band electrode s "
     "col column pin tira striscia fascia stripid stripno sid lane zone chan strap elektrode canal canale"
 )
 _TIME = _words(
     "t time times zeit zeitstempel tempo heure hora ora timestamp millis micros elapsed seconds sec secs uhrzeit "
-    "datetime date datum temps tiempo clock stamp ts timems timeus ms us nsecs ticks tick tijd rostime"
+    "datetime date datum temps tiempo clock stamp ts timems timeus ms us nsecs tick tijd rostime unix epoch utc"
 )
 _SCAN = _words(
     "scan frame sample samples n nr no index idx i messung cycle seq sequence scanno messnr count sweep id frameno "
-    "scanid unnamed mesure muestra probe run record packet packets scans"
+    "scanid unnamed mesure muestra probe run record packet loop iteration step round pass"
 )
 _WHICH = _words(
     "signature kind end type which side seite level measurement meas signal phase channel ch output"
@@ -209,6 +209,11 @@ def pair_of(channels: set[str]) -> tuple[str, str] | None:
     return next((pair for pair in _PAIRS if channels == set(pair)), None)
 
 
+def _singular(word: str) -> str:
+    known = _ANY | _TIME | _SCAN | _WHICH
+    return word[:-1] if word.endswith("s") and word not in known and word[:-1] in known else word
+
+
 def _tokens(name: str) -> tuple[list[str], str]:
     """Return a name's words and numbers in lower case, and the unit in brackets, after a slash, or last."""
     plain = "".join(c for c in unicodedata.normalize("NFKD", name) if not unicodedata.combining(c))
@@ -224,7 +229,7 @@ def _tokens(name: str) -> tuple[list[str], str]:
         unit, plain = unit or UNITS[slash.group(1).lower()], plain[: slash.start()]
     plain = plain.replace("mV", "mv")  # no two words
     plain = re.sub(r"([a-z])([A-Z])", r"\1 \2", plain).lower()
-    tokens = re.findall(r"[a-zµ]+|\d+|%", plain)
+    tokens = [_singular(t) for t in re.findall(r"[a-zµ]+|\d+|%", plain)]
     if not unit and len(tokens) > 1 and tokens[-1] in _LAST:
         unit = UNITS[tokens.pop()]
     return tokens, unit

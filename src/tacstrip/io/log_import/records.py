@@ -19,6 +19,7 @@ STEADY = 0.8  # of the lines: a form that as many have is that of the log
 _LABELS = frozenset({"time", "scan", "strip", "which"})
 _FEW_KINDS = 0.5  # of the records: as many name the same values, or all do as they like
 _COMMA = re.compile(r"(?<![\d,.:])\d+,\d+(?![\d,.])")
+_WITH_TIME = re.compile(r"\d\s?(?:[mu]?s|min)\Z")
 _SAMPLE = 200  # lines that tell whether all are of a kind
 _UNIT = "|".join(sorted((re.escape(u) for u in UNITS if len(u) < 8), key=len, reverse=True))
 _TOKEN = re.compile(
@@ -26,7 +27,7 @@ _TOKEN = re.compile(
     | (?P<number>(?<![\w.])(?>[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?(?:\s?(?i:{_UNIT})(?![\w=:]))?))(?![\w])
     | (?P<word>[A-Za-zµ_\u00c0-\u024f][\w/.%-]*(?:\[\d+\])*(?:\s?[\[(][^\])\d]{{0,12}}[\])](?=\s*[:=]))?)
     | (?P<sign>[:=])
-    | (?P<nothing>-{{1,3}}(?=[\s,;|]|$))
+    | (?P<nothing>-{{1,9}}(?=[\s,;|]|$))
     | (?P<comma>(?<=\d),(?=\d))""",
     re.VERBOSE,
 )
@@ -55,6 +56,7 @@ def items(line: str) -> list[Item]:
         return []
     found: list[Item] = []
     words: list[str] = []
+    end = 0  # of the last word
     open_name = False  # values of the last name may follow
 
     def close(name: str, told: bool) -> None:
@@ -70,6 +72,7 @@ def items(line: str) -> list[Item]:
             if open_name and not named and text.casefold() in UNITS and found and found[-1].values:
                 continue  # a unit apart from its number
             words.append(text)
+            end = token.end()
             open_name = False
         elif kind == "sign":
             if words:
@@ -77,11 +80,17 @@ def items(line: str) -> list[Item]:
             elif found and found[-1].name and len(found[-1].values) == 1 and not found[-1].told:
                 found[-1] = replace(found[-1], told=True)  # as in "strip 3: 512 300"
         elif kind != "comma":
-            if words:
-                label = next((w for w in words[-1:] if meaning(w).role in _LABELS), "")
-                close(label, told=False)
+            if words:  # as in "strip 3" or "S3 H 512"
+                strips = [
+                    m.strip for w in words[:-1] if (m := meaning(w)).role == "reading" and not m.channel
+                ]
+                found += [Item("strip", (str(n),), told=False) for n in strips if n is not None]
+                last_word = meaning(words[-1])
+                beside = line[end : token.start()].isspace() and last_word.strip is None
+                implied = last_word.role in _LABELS or (last_word.channel and beside)
+                close(words[-1] if implied else "", told=False)
             elif not open_name:
-                found.append(Item("", (), told=False))
+                found.append(Item("time" if _WITH_TIME.search(text) else "", (), told=False))
             last = found[-1]
             found[-1] = replace(last, values=(*last.values, text))
             if not last.told:
@@ -101,12 +110,17 @@ def named_values(lines: list[tuple[int, str]]) -> Table | None:
         return None
     parsed = [(i, items(line)) for i, line in lines]
     said = [p for (_, p), (_, line) in zip(parsed, lines, strict=True) if re.search(r"\d", line)]
-    told = [p for p in said if is_label(p) or any(i.told for i in p)]
+    told = [p for p in said if is_label(p) or any(i.told for i in p) or _pairs(p)]
     if len(told) < max(STEADY * len(said), 1) or all(is_label(p) for p in told):
         return None
     pointed = _with_points(lines)
     parsed = parsed if pointed is lines else [(i, items(line)) for i, line in pointed]
     return _gathered(parsed, dict(pointed))
+
+
+def _pairs(found: Sequence[Item]) -> bool:
+    """Return whether a line is of words and numbers in turn, such as "S3 H 512 L 300"."""
+    return all(i.name for i in found) and any(meaning(i.name).channel for i in found)
 
 
 def _with_points(lines: list[tuple[int, str]]) -> list[tuple[int, str]]:
@@ -118,7 +132,8 @@ def _with_points(lines: list[tuple[int, str]]) -> list[tuple[int, str]]:
     for _, line in lines:
         for item in items(line):
             sizes.setdefault(item.name, set()).add(len(item.values))
-    alike = len({len(p.partition(",")[2]) for p in pairs}) == 1 and all(p.find(",") <= 2 for p in pairs)
+    places = {len(p.partition(",")[2]) for p in pairs}
+    alike = len(places) == 1 and (max(places) <= 2 or all(p.find(",") <= 2 for p in pairs))
     single = alike and any(found == {1, 2} for found in sizes.values())
     if not (single or any(re.search(r"\A0,|,0\d", p) for p in pairs)):
         raise ReadingError(
@@ -135,8 +150,7 @@ def _fields(found: Sequence[Item]) -> dict[str, str]:
         name = item.name
         if not name:
             unnamed += 1
-            unit = next((u for u in ("us", "ms", "min", "s") if item.values[0].endswith(u)), "")
-            name = f"time [{unit}]" if unit and unnamed == 1 else f"value {unnamed}"
+            name = f"value {unnamed}"
         if len(item.values) == 1:
             fields[name] = item.values[0]
         else:
@@ -181,8 +195,12 @@ def _gathered(parsed: list[tuple[int, list[Item]]], texts: Mapping[int, str]) ->
         strange += [i for i, r in zip(lines, records, strict=True) if frozenset(r) != usual]
         kept = [(i, r) for i, r in zip(lines, records, strict=True) if frozenset(r) == usual]
         lines, records = [i for i, _ in kept], [r for _, r in kept]
-    table = of_records(records, lines, ".", "each line names its values")
-    return replace(table, broken=tuple(sorted(strange)))
+    first = min(lines)
+    above = [texts[i] for i in strange if i < first]
+    strange = [i for i in strange if i > first]
+    told = [f"{len(above)} line(s) above passed over"] if above else []
+    table = of_records(records, lines, ".", "each line names its values", *told)
+    return replace(table, broken=tuple(sorted(strange)), preamble=tuple(above))
 
 
 def of_json(text: str, path: str | Path) -> Table | None:

@@ -24,7 +24,8 @@ def in_normal_form(table: Table) -> Table:
     two, merged cells are filled, a column that only counts the rows is left out, and columns of scans become rows.
     """
     steps: tuple[Callable[[Table], Table], ...] = (
-        _transposed, _spread, _without_units, _in_one_unit, _upright, _split_keys, _filled, _without_index,
+        _without_empty, _transposed, _spread, _without_units, _in_one_unit, _upright, _split_keys, _filled,
+        _without_index,
     )  # fmt: skip
     for step in steps:
         table = step(table) if table.rows else table
@@ -34,6 +35,13 @@ def in_normal_form(table: Table) -> Table:
 def _with(table: Table, columns: dict[str, list[str]], *remarks: str) -> Table:
     rows = [list(row) for row in zip(*columns.values(), strict=True)]
     return replace(table, names=tuple(columns), rows=rows, remarks=(*table.remarks, *remarks))
+
+
+def _without_empty(table: Table) -> Table:
+    """Leave out columns without a name and without a field, as where lines end with several separators."""
+    columns = {n: table.column(n) for n in table.names}
+    kept = {n: f for n, f in columns.items() if any(f) or not re.fullmatch(r"column \d+", n)}
+    return _with(table, kept) if table.named and 0 < len(kept) < len(columns) else table
 
 
 def _transposed(table: Table) -> Table:

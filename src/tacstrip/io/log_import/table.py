@@ -135,8 +135,8 @@ def headed(
     ]
     first = headers.index(False) if False in headers else len(split)
     above = [row for _, row in split[:first] if len(row) == width and any(row)][-_TALLEST_HEADER:]
-    if not above and first < len(split) and _counts(split[first][1], full[-1]):
-        above, first = [split[first][1]], first + 1  # a header of numbers, as of a frame without names
+    if first < len(split) and _counts(split[first][1], full[-1]):  # as of a frame without names
+        above, first = [*above, split[first][1]], first + 1
     below = [(i, row) for i, row in split[first:] if any(row)]
     if not above and below:
         above = [row for i, row in comments if i < below[0][0] and len(row) == width][-1:]
@@ -213,12 +213,12 @@ def _named(row: Sequence[str], numeric: Sequence[bool], decimal: str, usual: Set
 
 
 def _counts(row: list[str], other: list[str]) -> bool:
-    """Return whether a row only counts the columns, beside fields that are empty though others are not."""
+    """Return whether a row only counts strips, all as often, beside fields that are empty there and not below."""
     counted = [n for n, cell in enumerate(row) if cell]
-    numbers = [number_of(row[n]) for n in counted]
-    if len(counted) < 2 or counted[0] == 0 or not any(other[: counted[0]]):
+    many = Counter(number_of(row[n]) for n in counted)
+    if len(counted) < 2 or counted[0] == 0 or not any(other[: counted[0]]) or len(set(many.values())) > 1:
         return False
-    return any(numbers == [float(n + base) for n in range(len(counted))] for base in (0, 1))
+    return any(set(many) == {float(n + base) for n in range(len(many))} for base in (0, 1))
 
 
 def _are_units(row: list[str]) -> bool:

@@ -124,7 +124,8 @@ def _fields(line: str, separator: str) -> list[str]:
     if separator == _WIDE:
         return re.split(r"\s{2,}|\t", line.strip())
     if separator == " ":
-        return line.split()
+        first, *others = line.split() or [""]
+        return [first[:-1] if others and re.fullmatch(r"\d+:", first) else first, *others]
     if "[" in line and '"' not in line:
         line = _ARRAY.sub(lambda m: f'"{m.group()}"', line)
     return [f.strip() for f in next(csv.reader([line], delimiter=separator, skipinitialspace=True))]
@@ -134,7 +135,7 @@ def _separated(lines: list[tuple[int, str]], blank: set[int], path: str | Path) 
     """Return lines of fields with the separator that most of them share."""
     comments = [(i, line) for i, line in lines if line.lstrip().startswith(_COMMENT)]
     data = [(i, line) for i, line in lines if not line.lstrip().startswith(_COMMENT)]
-    if len(data) < len(lines) / 2 and not data:
+    if not data:  # all of it is commented out
         data, comments = [(i, line.lstrip("#%/! \t")) for i, line in lines], []
     labels = _labels(lines)
     data = [(i, line) for i, line in data if i not in labels]
@@ -144,17 +145,6 @@ def _separated(lines: list[tuple[int, str]], blank: set[int], path: str | Path) 
     separator, width = _separator(data, path)
     split = [(i, _fields(line, separator)) for i, line in data]
     split = [(i, row[:-1] if len(row) == width + 1 and not row[-1] else row) for i, row in split]
-    top = next((row for _, row in split if len(row) == width), [])
-    if (
-        width > 1
-        and top
-        and not top[-1]
-        and any(top)
-        and all(len(row) < width or not row[-1] for _, row in split)
-    ):
-        words = [cell for cell in top if cell and number_of(cell) is None and number_of(cell, ",") is None]
-        if 2 * len(words) > len(top):  # a header that ends with a separator, as all lines below it do
-            split, width = [(i, row[: width - 1]) for i, row in split], width - 1
     full = [row for _, row in split if len(row) == width]
     decimal = "." if separator == "," else decimal_mark(full)
     said = {"\t": "tabs", " ": "spaces", _WIDE: "spaces"}.get(separator, repr(separator))
@@ -214,7 +204,11 @@ def _without_columns_of_blanks(data: list[tuple[int, str]]) -> list[tuple[int, s
     """Return lines with tabs between their fields, where these stand in columns of a fixed width and some are blank."""
     sample = [line.expandtabs() for _, line in data[len(data) // 2 :][:_SAMPLE]]
     counts = {len(line.split()) for line in sample}
-    if len(counts) < 2 or any(re.search(r"[,;|]", line) for line in sample):
+    if (
+        len(counts) < 2
+        or any(re.search(r"[,;|]", line) for line in sample)
+        or any("\t" in line for _, line in data)
+    ):
         return data
     width = max(map(len, sample))
     blank = [all(line[n : n + 1] in ("", " ") for line in sample) for n in range(width)]
@@ -223,6 +217,9 @@ def _without_columns_of_blanks(data: list[tuple[int, str]]) -> list[tuple[int, s
     if len(pieces) < max(counts) or max(counts) < 2:
         return data
     cut = [(i, [line.expandtabs()[a:b].strip() for a, b in pieces]) for i, line in data]
+    full = [line for _, line in data if len(line.split()) >= len(pieces)]
+    if any(len(line[n - 1 : n + 1].strip()) == 2 for line in full for n in ends):  # a boundary within a word
+        return data
     if any(re.search(r"\S\s\S", piece) for _, row in cut[len(cut) // 2 :] for piece in row):
         return data
     return [(i, "\t".join(row)) for i, row in cut]

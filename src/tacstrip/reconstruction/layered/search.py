@@ -97,7 +97,8 @@ class Search:
             other = Search(problem, thorough=False)._found()
             if other is not None:
                 again = self._candidate(self.pruned(other.fitted.scene), other.pieces)
-                best = min(best, self._polished(again), key=lambda c: c.criterion)
+                again = self._condensed(self._polished(self._simplified(again)))
+                best = min(best, again, key=lambda c: c.criterion)
         return best
 
     def _found(self) -> Candidate | None:

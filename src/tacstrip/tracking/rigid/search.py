@@ -232,14 +232,14 @@ def search(
     return found
 
 
-def rigid_stretch(scans: RigidScans, distribution: str) -> Found | None:
-    """Return the fit of all scans, searched for quickly; None where no rigid outline explains them."""
+def rigid_stretch(scans: RigidScans, distribution: str, *, thorough: bool = False) -> Found | None:
+    """Return the fit of all scans; None where no rigid outline explains them. If not thorough, searched for quickly."""
     starts = Starts(scans)
-    if not starts.erratic and not needs_smooth_motion(scans):
+    if not thorough and not starts.erratic and not needs_smooth_motion(scans):
         fits = starts.pruned(starts.best(_TURNS, _KEPT))
         if min(len(bad_scans(starts.few, f)) for f in fits) > _LOST * len(starts.chosen):
             return None
-    found = search(scans, distribution, offsets=False, thorough=False, starts=starts)
+    found = search(scans, distribution, offsets=False, thorough=thorough, starts=starts)
     return found if content(scans, found.fit, distribution) else None
 
 

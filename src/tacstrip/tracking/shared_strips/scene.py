@@ -150,6 +150,7 @@ class _Rows:
     outlines: tuple[FloatArray, ...]
     motion: FloatArray
     alone: BoolArray  # (R, K): known before
+    rivals: tuple[tuple[FloatArray, ...], ...]  # of each outline, as `Alone.rivals`
 
     @property
     def follows(self) -> BoolArray:
@@ -268,7 +269,7 @@ def _rows(
     motion = np.stack([_jerk(one) for one in known])
     return _Rows(
         numbers, HullScans(RigidScans(sensor, names, k, sigma), quiet), poses, tuple(one.corners for one in known),
-        motion, np.isfinite(poses[..., 0]),
+        motion, np.isfinite(poses[..., 0]), tuple(one.rivals for one in known),
     )  # fmt: skip
 
 
@@ -312,10 +313,12 @@ def _of_window(rows: _Rows, window: IntArray, most: int) -> tuple[Scene, IntArra
         for scene, worse, own in (fits[i] for i in order[1:])
         if worse - cost < _ALIKE and len(at := np.searchsorted(own, window))
     ]
-    best = _settled(_some(rows, chosen), best)
-    if len(_bad(_some(rows, chosen).hull, best)) > _WORST * len(window) + 1:
-        return None
-    return best, chosen, others
+    some, allowed = _some(rows, chosen), _WORST * len(window) + 1
+    best = _settled(some, best)
+    for k, own in enumerate(rows.rivals):  # what scans alone leave open, all scans may decide
+        if len(_bad(some.hull, best)) > allowed and best.present[:, k].any():
+            best, _ = _against_rivals(some, best, k, own)
+    return (best, chosen, others) if len(_bad(some.hull, best)) <= allowed else None
 
 
 def _same_way(poses: FloatArray, scene: Scene, at: IntArray, sizes: FloatArray) -> bool:

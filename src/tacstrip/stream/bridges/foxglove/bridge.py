@@ -30,6 +30,7 @@ from tacstrip.tracking.tracker import LiveObject
 
 PORT = 8765  # that viewers propose
 _REGION_POINTS = 20
+_REGIONS_LAST_NS = NANO // 5
 _MAX_REGIONS = 20  # an outline of more vertices is drawn without regions
 _MAX_STRIPS = 250  # of more strips the gaps are not drawn
 _LOGGED = 50  # messages of the log that a new viewer gets
@@ -96,7 +97,7 @@ class Foxglove:
         self._places = ""  # strips and their places as JSON
         self._said: dict[int, str] = {}  # status and advice by object
         self._last_message = 0
-        self._time_ns = 0
+        self._time_ns = self._regions_ns = 0
         channels = (self._sensor, self._objects, self._regions, self._tracks, self._signatures, self._shapes,
                     self._health, self._log)  # fmt: skip
         self.server = FoxgloveServer(channels, host, port, live.notify, self._tick)
@@ -109,25 +110,28 @@ class Foxglove:
     def send(self, frame: Frame) -> None:
         """Send a frame."""
         self._time_ns = time_ns = frame.time_ns
-        wanted, publish = self.server.wanted, self.server.publish
+        wanted = self.server.wanted
+        messages = []
         if self._shown != frame.sensor.fingerprint:
             self._begin(frame.sensor, time_ns)
         self._say(frame.objects, time_ns)
         if wanted(self._signatures):
-            publish(self._signatures, time_ns, self._signature_fields(frame))
+            messages.append((self._signatures, self._signature_fields(frame)))
         if wanted(self._shapes):
-            publish(self._shapes, time_ns, _shape_fields(frame))
+            messages.append((self._shapes, _shape_fields(frame)))
         if wanted(self._objects):
             shapes = [(o.id, o.shape.status, o.shape.vertices) for o in frame.objects if o.shape.found]
-            publish(self._objects, time_ns, self._scene("objects", time_ns, shapes))
+            messages.append((self._objects, self._scene("objects", time_ns, shapes)))
         if frame.tracks is not None and wanted(self._tracks):
             seen = [one for one in frame.tracks if np.isfinite(one.pose).all() and len(one.outline)]
             shapes = [(one.id, one.status, one.placed) for one in seen]
-            publish(self._tracks, time_ns, self._scene("tracks", time_ns, shapes, _TRACK))
+            messages.append((self._tracks, self._scene("tracks", time_ns, shapes, _TRACK)))
         self._live.want_detail(self, wanted(self._regions))
-        # Covariances come with some of the frames only.
+        # Covariances come with some of the frames only; regions without new ones are of what was.
         found = [o.shape for o in frame.objects if o.shape.covariance is not None]
-        if (found or not frame.objects) and wanted(self._regions):
+        old = not frame.objects or abs(time_ns - self._regions_ns) > _REGIONS_LAST_NS
+        if (found or old) and wanted(self._regions):
+            self._regions_ns = time_ns
             rings = [
                 ring[:: max(1, len(ring) // _REGION_POINTS)]
                 for shape in found
@@ -135,7 +139,8 @@ class Foxglove:
                 for ring in regions(shape.vertices, shape.covariance)
             ]
             lines = [self._loop(ring, _REGION, 1.5) for ring in rings]
-            publish(self._regions, time_ns, self._entity("regions", time_ns, lines))
+            messages.append((self._regions, self._entity("regions", time_ns, lines)))
+        self.server.publish(time_ns, *messages)
 
     def _begin(self, sensor: Sensor, time_ns: int) -> None:
         """Draw another sensor."""
@@ -150,7 +155,7 @@ class Foxglove:
             ends = np.stack([np.repeat(x, 2), np.tile([0.0, length], len(x))], axis=1)
             kind = self._sdk.LinePrimitiveLineType.LineList
             lines.append(self._loop(ends, _GREY, 0.5, kind))
-        self.server.publish(self._sensor, time_ns, self._entity("sensor", time_ns, lines))
+        self.server.publish(time_ns, (self._sensor, self._entity("sensor", time_ns, lines)))
 
     def _signature_fields(self, frame: Frame) -> bytes:
         values = ", ".join(
@@ -228,7 +233,7 @@ class Foxglove:
 
     def _write(self, text: str, level: Any, time_ns: int) -> None:
         log = self._sdk.Log(timestamp=self._timestamp(time_ns), level=level, message=text, name="tacstrip")
-        self.server.publish(self._log, time_ns, log.encode())
+        self.server.publish(time_ns, (self._log, log.encode()))
 
     def _tick(self) -> None:
         """Log the stream's messages, and send its health."""
@@ -247,7 +252,7 @@ class Foxglove:
             0 if recorder is None else recorder.scans, server.dropped, server.viewers, len(live.source.sensor.without),
         )  # fmt: skip
         fields = {"timestamp": _stamp(self._now_ns()), **dict(zip(_HEALTH.split(), values, strict=True))}
-        server.publish(self._health, self._now_ns(), json.dumps(fields).encode())
+        server.publish(self._now_ns(), (self._health, json.dumps(fields).encode()))
 
     def _now_ns(self) -> int:
         """Return the time of the last frame, by which viewers order what they get; the computer's before the first."""
