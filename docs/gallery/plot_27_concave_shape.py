@@ -21,5 +21,5 @@ figure, axes = plt.subplots(1, 3, figsize=(13, 4.6), layout="constrained")
 for ax, method in zip(axes, ("profile", "polygon", "vertex"), strict=True):
     found = ts.reconstruct(scan, sensor, noise, method=method)
     plot.result(found, sensor, truth=contact, ax=ax)
-    ax.set(title=f"{method}: {found.status}", xlim=(300, 700), ylim=(380, 640))
+    ax.set(title=f"{method}: {found.status}", xlim=(300, 700), ylim=(380, 640), adjustable="box")
     print(method, found.status, f"IoU {ts.mismatch(contact.vertices, found.objects[0].vertices).iou:.2f}")

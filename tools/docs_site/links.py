@@ -27,13 +27,17 @@ class _Page(HTMLParser):
         needed = given.get("src") or (given.get("href", "") if tag == "link" else "")
         if needed and given.get("rel") != "canonical":
             self.needed.append(needed)
-        if tag == "img" and not given.get("alt"):
+        if tag == "img" and "alt" not in given:  # an empty one is for pictures that repeat their caption
             self.bare.append(given.get("src", ""))
 
 
 def problems(site: Path) -> tuple[list[str], set[str]]:
     """Return what is wrong with the site, and the addresses outside that it names."""
-    pages = {file: _Page(file.read_text(encoding="utf-8")) for file in sorted(site.rglob("*.html"))}
+    pages = {
+        file: _Page(file.read_text(encoding="utf-8"))
+        for file in sorted(site.rglob("*.html"))
+        if "_static" not in file.parts
+    }
     wrong, outside = [], set()
     for file, page in pages.items():
         here = file.relative_to(site)
