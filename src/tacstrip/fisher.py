@@ -52,7 +52,7 @@ def covariance(jacobian: FloatArray) -> FloatArray:
     norm = np.linalg.norm(jacobian, axis=0)
     scale = 1.0 / np.where(norm > 0.0, norm, 1.0)  # parameters of any unit or strength compare
     rows = np.concatenate([jacobian * scale, np.zeros((max(0, count - len(jacobian)), count))])
-    value, vector = np.linalg.svd(rows, full_matrices=False)[1:]
+    value, vector = np.linalg.svd(np.linalg.qr(rows, mode="r"))[1:]  # many rows: in a quarter of the time
     identified = value > _ROUNDING * max(value.max(initial=0.0), np.finfo(float).tiny)
     root = (vector[identified].T / value[identified]) * scale[:, None]
     found = root @ root.T

@@ -42,7 +42,9 @@ def test_readings_are_those_of_simulate(name: str) -> None:
         _same(given, one, i)
         _same(given, given[i], i)
     assert given.l is not None
+    assert given.u is not None
     np.testing.assert_array_equal(given.l, scans.l)
+    np.testing.assert_array_equal(given.u, scans.u)
 
 
 def test_round_objects_are_read_as_polygons_of_many_corners() -> None:

@@ -15,8 +15,9 @@ import tacstrip as ts
 from tacstrip.cli.sweep import command
 from tacstrip.dataset import sweep as module
 from tacstrip.dataset.measures import Case, measure
-from tacstrip.dataset.sweep import Sweep, Work, batches_there, changed, collect, do, pareto, sweep
+from tacstrip.dataset.sweep import Progress, Sweep, Work, batches_there, changed, collect, do, pareto, sweep
 from tacstrip.errors import OptionError, SpecError
+from tacstrip.plot.sweep import draw_sweep
 
 pq = pytest.importorskip("pyarrow.parquet")
 
@@ -105,6 +106,13 @@ def test_measures_are_what_they_say(tmp_path: Path) -> None:
     assert "profile: " in str(metal["problem"])
 
 
+def test_the_thesis_simulation_is_a_study() -> None:
+    study = Sweep.load(Path(__file__).parents[2] / "studies" / "thesis_simulation.toml")
+    assert study.designs == 24
+    assert changed(study.base, study.design(23)).sensor.strips == 20
+    assert changed(study.base, study.design(0)).sensor.strips == 1000
+
+
 def test_shards_and_extensions_give_the_table_of_one_run(tmp_path: Path) -> None:
     study, alone, shared = _study(tmp_path), tmp_path / "alone", tmp_path / "shared"
     sweep(study, alone, workers=1)
@@ -170,6 +178,27 @@ def test_a_dask_cluster_gives_the_same_table(tmp_path: Path) -> None:
         sweep(_study(tmp_path, STUDY.replace("seed = 3", "seed = 9")), remote, dask="nowhere")
 
 
+@pytest.mark.slow
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="there is no such signal here")
+def test_a_cluster_of_four_workers_one_killed_midway_gives_the_same_table(tmp_path: Path) -> None:
+    distributed = pytest.importorskip("distributed")
+    text = STUDY.replace("samples = 3", "samples = 12").replace("batch_designs = 2", "batch_designs = 1")
+    study, local, remote = _study(tmp_path, text), tmp_path / "local", tmp_path / "remote"
+    sweep(study, local, workers=2)
+    with distributed.LocalCluster(n_workers=4, threads_per_worker=1, dashboard_address=None) as cluster:
+        first: list[int] = [nanny.pid for nanny in cluster.workers.values()]
+
+        def kill_one(state: Progress) -> None:
+            if state.done >= state.total // 3 and len(first) == 4:
+                os.kill(first.pop(), signal.SIGKILL)
+
+        state = sweep(study, remote, dask=cluster.scheduler_address, progress=kill_one)
+    assert len(first) == 3
+    assert state.done == state.total == 48
+    assert collect(study, remote) == collect(study, local)
+    assert (remote / "results.parquet").read_bytes() == (local / "results.parquet").read_bytes()
+
+
 def test_the_pareto_front_is_that_of_all_pairs() -> None:
     random = np.random.default_rng(1)
     table = {
@@ -185,6 +214,18 @@ def test_the_pareto_front_is_that_of_all_pairs() -> None:
         and not any((goals[:, j] <= goals[:, i]).all() and (goals[:, j] < goals[:, i]).any() for j in range(60))
     ]  # fmt: skip
     assert sorted(pareto(table, "e")) == best
+
+
+def test_the_pareto_front_is_drawn_where_rates_are_not_known(tmp_path: Path) -> None:
+    """Without a converter there is no rate, and errors span two powers of ten."""
+    study = _study(tmp_path, STUDY.replace("adc_bits = 12", "").replace("0.0005", "0.00001"))
+    sweep(study, tmp_path / "out", workers=1)
+    results = collect(study, tmp_path / "out")
+    assert results is not None
+    assert set(results["rate_hz"]) == {None}
+    made = draw_sweep(results, study.parameters, "bound_mm", pareto(results, "bound_mm"), tmp_path)
+    assert made[0][0] == "Error of all designs over connectors, and the Pareto front"
+    assert all(picture.stat().st_size > 0 for _, picture in made)
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ import tacstrip as ts
 from drawn import legend_of
 from tacstrip.core.convex_chain import straight_lines
 from tacstrip.io import feature_collection
-from tacstrip.plot.result import reconstruction_figure
+from tacstrip.plot.results import reconstruction_figure
 from tacstrip.reconstruction.pieces.chain import split_chain
 from tacstrip.stream import encode
 from tacstrip.stream.live.frame import Frame

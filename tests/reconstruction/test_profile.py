@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
 import pytest
 import shapely
@@ -144,3 +146,23 @@ def test_exchanged_wires_are_noticed() -> None:
     one = ts.profile_reconstruction(ts.Scan(kh=kh, kl=kl), SENSOR)
     assert one.status == "doubtful"
     assert "k_h is below k_l on 1 of 261 strips (x = 450.5 mm)" in one.advice
+
+
+def test_ten_thousand_strips_fit_into_memory() -> None:
+    """A matrix over all ends would take 3.2 GB, one of the vertices 1 GB; smaller profiles have theirs."""
+    noise = ts.Noise(positional=0.002)
+    for strips, known in ((10_000, False), (1000, True)):
+        sensor = ts.Sensor(
+            construction="crs-crs", strips=strips, pitch_mm=1000.0 / strips, length_mm=1000.0, adc_bits=16
+        )
+        scan = ts.simulate(sensor, ts.Contact.polygon([(200, 300), (800, 200), (500, 800)]), noise)
+        tracemalloc.start()
+        found = ts.profile_reconstruction(scan, sensor, noise).objects[0]
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        assert peak < 80e6
+        assert len(found.vertices) > strips
+        assert (found.covariance is not None) == known
+        if found.covariance is not None:
+            assert found.covariance.shape == (2 * len(found.vertices),) * 2
+            assert np.linalg.eigvalsh(found.covariance[1:200:2, 1:200:2]).min() > 0.0

@@ -7,6 +7,7 @@ integer i, and what lies within 1e-9 pitches of a centre line is taken to lie on
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -106,7 +107,7 @@ def footprint(sensor: Sensor, contact: Contact | Sequence[Contact]) -> Footprint
     """
     contacts = [contact] if isinstance(contact, Contact) else list(contact)
     outside = _sticks_out(sensor, contacts)
-    for number in np.flatnonzero(outside.any(axis=1)):
+    for number in np.flatnonzero(outside.any(axis=1)) if outside.any() else ():
         contacts[number] = on_sensor(sensor, contacts[number])
     l, u = _area_ends(sensor, contacts)
     if any(s.geom_type != "Polygon" for c in contacts for s in c.shapes):
@@ -123,10 +124,10 @@ def _area_ends(sensor: Sensor, contacts: Sequence[Contact]) -> tuple[FloatArray,
     """Return l and u of the areas alone (contacts, strips) [mm], NaN where none touches."""
     shape = (len(contacts), sensor.strips)
     if (core := exported("footprint")) is not None:
-        start, end, owner = _edges(contacts, "Polygon")
-        l, u, edges = np.empty(shape), np.empty(shape), np.concatenate((start, end), axis=1)
+        points, ring, owner = _points(contacts, "Polygon")
+        l, u = (np.empty(math.prod(shape) + 4)[:-4].reshape(shape) for _ in range(2))
         begin = np.searchsorted(owner, np.arange(len(contacts) + 1))
-        core(at(edges), at(begin), len(contacts), sensor.pitch_mm, sensor.strips, at(l), at(u))
+        core(at(points), at(ring), at(begin), *(len(contacts), sensor.pitch_mm, sensor.strips), at(l), at(u))
         return l, u
     l, u = np.full(shape, np.nan), np.full(shape, np.nan)
     area = _area_crossings(sensor, contacts)
@@ -167,6 +168,15 @@ def _sticks_out(sensor: Sensor, contacts: Sequence[Contact]) -> BoolArray:
 
 def _edges(contacts: Sequence[Contact], kind: str) -> tuple[FloatArray, FloatArray, IntArray]:
     """Return starts (E, 2), ends (E, 2) and owners (E,) of all edges of the shapes of one kind."""
+    xy, line, owner = _points(contacts, kind)
+    if kind == "Point":
+        return xy, xy, owner
+    joined = np.flatnonzero(line[1:] == line[:-1])
+    return xy[joined], xy[joined + 1], owner[joined]
+
+
+def _points(contacts: Sequence[Contact], kind: str) -> tuple[FloatArray, IntArray, IntArray]:
+    """Return the points (P, 2) [mm] of the shapes of one kind, which line or ring each is of, and which contact."""
     pairs = [(s, i) for i, c in enumerate(contacts) for s in c.shapes if s.geom_type == kind]
     lines = np.array([s for s, _ in pairs])
     owner = np.array([i for _, i in pairs], dtype=np.int64)
@@ -174,10 +184,7 @@ def _edges(contacts: Sequence[Contact], kind: str) -> tuple[FloatArray, FloatArr
         lines, part = shapely.get_rings(lines, return_index=True)
         owner = owner[part]
     xy, line = shapely.get_coordinates(lines, return_index=True)
-    if kind == "Point":
-        return xy, xy, owner[line]
-    joined = np.flatnonzero(line[1:] == line[:-1])
-    return xy[joined], xy[joined + 1], owner[line[joined]]
+    return xy, line, owner[line]
 
 
 def _strip_coordinate(sensor: Sensor, x_mm: FloatArray) -> FloatArray:

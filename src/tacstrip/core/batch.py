@@ -109,7 +109,7 @@ def batch(
         slices = [slice(a, b) for a, b in pairwise(edges)]
 
         def run(part: slice) -> int:
-            workspace, result = np.empty(15 * sensor.strips + 512), _result(out, part)
+            workspace, result = np.empty(14 * sensor.strips + 512), _result(out, part)
             ends = (None, None) if ends_mm is None else tuple(at(end[part]) for end in ends_mm)
             place = core(
                 ctypes.addressof(sensor), laws and ctypes.addressof(laws), ctypes.addressof(errors),
@@ -118,11 +118,17 @@ def batch(
             )  # fmt: skip
             return -1 if place < 0 else int(place) + part.start * sensor.strips
 
+        waiting = iter(slices)
+
+        def work() -> list[int]:
+            return [run(part) for part in waiting]
+
         if count == 1:
-            found = [run(part) for part in slices]
+            found = work()
         else:
-            with ThreadPoolExecutor(count) as threads:
-                found = list(threads.map(run, slices))
+            with ThreadPoolExecutor(count - 1) as threads:
+                others = [threads.submit(work) for _ in range(count - 1)]
+                found = work() + [place for other in others for place in other.result()]
     bad = [place for place in found if place >= 0]
     return out, divmod(min(bad), sensor.strips) if bad else None
 
@@ -136,7 +142,7 @@ def closed_forms(sensor: Sensor, l_mm: FloatArray, u_mm: FloatArray) -> dict[str
     if core is None or sensor.surface is not None:
         return None
     by, errors, out = batch_sensor(sensor), BatchErrors(), np.empty((len(sensor.signatures), sensor.strips))
-    by.top, workspace = 0.0, np.empty(15 * sensor.strips + 512)
+    by.top, workspace = 0.0, np.empty(14 * sensor.strips + 512)
     result = BatchResult((at(out[0]), at(out[-1])))
     given = (np.ascontiguousarray(l_mm), np.ascontiguousarray(u_mm))
     core(ctypes.addressof(by), None, ctypes.addressof(errors), 0, 1, at(given[0]), at(given[1]),

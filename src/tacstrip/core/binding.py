@@ -206,7 +206,7 @@ _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "lower_hull": (_INT, (_POINTER, _INT, _POINTER)),
     "isolated_outliers": (_INT, (_POINTER, _INT, _INT, _POINTER)),
     "batch": (_INT, (*[_POINTER] * 3, _INT, _INT, *[_POINTER] * 4)),
-    "footprint": (None, (_POINTER, _POINTER, _INT, _DOUBLE, _INT, _POINTER, _POINTER)),
+    "footprint": (None, (*[_POINTER] * 3, _INT, _DOUBLE, _INT, _POINTER, _POINTER)),
     "spikes": (None, (_POINTER, _INT, _DOUBLE, _POINTER, _POINTER)),
 }
 

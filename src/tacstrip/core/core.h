@@ -14,7 +14,7 @@
 #ifndef TACSTRIP_CORE_H
 #define TACSTRIP_CORE_H
 
-#define TACSTRIP_VERSION 8 /* goes up whenever a function or a struct of this file changes */
+#define TACSTRIP_VERSION 11 /* goes up whenever a function or a struct of this file changes */
 
 #define MAX_VERTICES 16        /* interior vertices of a polygon */
 #define END_ENTRIES 6          /* entries of theta before the first vertex */
@@ -389,14 +389,14 @@ EXPORTED Int tacstrip_lower_hull(const double *points, Int n, double *hull);
 
 /* Simulate scans number first to first + scans - 1: of shapes drawn by laws, or where that is null of contacts from l to u
    (scans, strips) [mm]. Numbers depend on the key and the scan's number alone. Returns the place (scan, strip) of the first
-   strip that a contact on metal shorts, -1 where there is none. workspace (15 strips + 512,). */
+   strip that a contact on metal shorts, -1 where there is none. workspace (14 strips + 512,). */
 EXPORTED Int tacstrip_batch(const BatchSensor *sensor, const ShapeLaws *laws, const BatchErrors *errors, Int first,
                             Int scans, const double *l, const double *u, const BatchResult *out, double *workspace);
 
-/* Write the hull l and u (contacts, strips) [mm] of areas, NaN where nothing touches. edges (E, 4): x and y of both ends
-   of every side; those of contact c are begin[c] to begin[c + 1] - 1. */
-EXPORTED void tacstrip_footprint(const double *edges, const Int *begin, Int contacts, double pitch, Int strips, double *l,
-                                 double *u);
+/* Write the hull l and u (contacts, strips) [mm] of areas, each with room for 4 more, NaN where nothing touches. points (P, 2)
+   [mm] are the corners of closed rings (P,), the first one's last again; those of contact c are begin[c] to begin[c + 1] - 1. */
+EXPORTED void tacstrip_footprint(const double *points, const Int *ring, const Int *begin, Int contacts, double pitch,
+                                 Int strips, double *l, double *u);
 
 /* The normal equations of several outlines on the same strips: corners (sum of counts, 2), one outline after the other, and
    poses (scans, objects, 3); present (scans, objects) leaves an object out where it is 0. known (scans, strips) is 0 where

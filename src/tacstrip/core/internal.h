@@ -36,7 +36,10 @@ typedef union {
 
 static const double LN2_HIGH = 6.93147180369123816490e-01, LN2_LOW = 1.90821492927058770002e-10;
 
-/* x = 2^k m with m about 1; log m = 2 artanh f, f = (m - 1) / (m + 1). x > 0, no branch: a loop of them is worked in lanes. */
+static const double LOG_SERIES[] = {1.0 / 23.0, 1.0 / 21.0, 1.0 / 19.0, 1.0 / 17.0, 1.0 / 15.0, 1.0 / 13.0,
+                                    1.0 / 11.0, 1.0 / 9.0,  1.0 / 7.0,  1.0 / 5.0,  1.0 / 3.0,  1.0};
+
+/* x = 2^k m with m about 1; log m = 2 artanh f, f = (m - 1) / (m + 1). x > 0. */
 static inline double natural_log(double x) {
   Word word, power;
   word.value = x;
@@ -46,18 +49,8 @@ static inline double natural_log(double x) {
   int large = m > 1.4142135623730951;
   m = large ? m * 0.5 : m;
   k = large ? k + 1.0 : k;
-  double f = (m - 1.0) / (m + 1.0), z = f * f, sum = 1.0 / 23.0;
-  sum = sum * z + 1.0 / 21.0;
-  sum = sum * z + 1.0 / 19.0;
-  sum = sum * z + 1.0 / 17.0;
-  sum = sum * z + 1.0 / 15.0;
-  sum = sum * z + 1.0 / 13.0;
-  sum = sum * z + 1.0 / 11.0;
-  sum = sum * z + 1.0 / 9.0;
-  sum = sum * z + 1.0 / 7.0;
-  sum = sum * z + 1.0 / 5.0;
-  sum = sum * z + 1.0 / 3.0;
-  sum = sum * z + 1.0;
+  double f = (m - 1.0) / (m + 1.0), z = f * f, sum = LOG_SERIES[0];
+  for (int i = 1; i < 12; i++) sum = sum * z + LOG_SERIES[i];
   return k * LN2_HIGH + (2.0 * f * sum + k * LN2_LOW);
 }
 

@@ -21,6 +21,13 @@ static inline Pack load(const double *a) { return *(const Anywhere *)a; }
 static inline void store(double *a, Pack v) { *(Anywhere *)a = v; }
 static inline Pack all(double v) { return (Pack){0.0} + v; }
 static inline Pack where(Mask yes, Pack a, Pack b) { return (Pack)((yes & (Mask)a) | (~yes & (Mask)b)); }
+#if defined(__AVX__) /* a > b ? a : b and a < b ? a : b, one instruction each */
+static inline Pack greater(Pack a, Pack b) { return __builtin_ia32_maxpd256(a, b); }
+static inline Pack lesser(Pack a, Pack b) { return __builtin_ia32_minpd256(a, b); }
+#else
+static inline Pack greater(Pack a, Pack b) { return where(a > b, a, b); }
+static inline Pack lesser(Pack a, Pack b) { return where(a < b, a, b); }
+#endif
 #else
 #define WIDTH 1
 typedef double Pack;
@@ -28,6 +35,9 @@ typedef double Pack;
 #define store(a, v) (*(a) = (v))
 #define all(v) ((Pack)(v))
 #define where(yes, a, b) ((yes) ? (a) : (b))
+#define greater(a, b) larger(a, b)
+#define lesser(a, b) smaller(a, b)
+typedef int Mask;
 #endif
 
 #define PACKS (LANES / WIDTH)

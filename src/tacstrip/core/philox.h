@@ -30,23 +30,32 @@ typedef int Halves __attribute__((vector_size(8 * WIDTH)));
 #endif
 #endif
 
+/* What each round adds of a key. */
+typedef struct {
+  Word64 round[ROUNDS][2];
+} Keys;
+
+static inline void spread_key(const Word32 *key, Keys *keys) {
+  for (Word64 i = 0; i < ROUNDS; i++) {
+    keys->round[i][0] = (key[0] + i * 0x9E3779B9ULL) & LOW_HALF;
+    keys->round[i][1] = (key[1] + i * 0xBB67AE85ULL) & LOW_HALF;
+  }
+}
+
 /* Word w of block first + j to words[BLOCKS w + j], of a stream of a scan. */
-static inline void philox(const Word32 *key, Word32 first, Word32 stream, Int scan, Word64 *words) {
+static inline void philox(const Keys *keys, Word32 first, Word32 stream, Int scan, Word64 *words) {
+  static const Word64 ascending[BLOCKS] = {0, 1, 2, 3, 4, 5, 6, 7};
   for (int j = 0; j < BLOCKS; j += WIDTH) {
     Anyword *to = (Anyword *)(words + j);
-    Word64 k0 = key[0], k1 = key[1];
-    Words zero = {0}, a, b = zero + stream, c = zero + ((Word64)scan & LOW_HALF), d = zero + ((Word64)scan >> 32);
-    for (int i = 0; i < WIDTH; i++) words[j + i] = first + (Word32)(j + i);
-    a = *to;
+    Words zero = {0}, a = *(const Anyword *)(ascending + j) + first, b = zero + stream;
+    Words c = zero + ((Word64)scan & LOW_HALF), d = zero + ((Word64)scan >> 32);
     /* Upper halves hold what is left of products: they are never multiplied, and are cut off at the end. */
     for (int round = 0; round < ROUNDS; round++) {
       Words p = low_product(a, 0xD2511F53ULL), q = low_product(c, 0xCD9E8D57ULL);
-      a = (q >> 32) ^ b ^ k0;
-      c = (p >> 32) ^ d ^ k1;
+      a = (q >> 32) ^ b ^ keys->round[round][0];
+      c = (p >> 32) ^ d ^ keys->round[round][1];
       b = q;
       d = p;
-      k0 = (k0 + 0x9E3779B9U) & LOW_HALF;
-      k1 = (k1 + 0xBB67AE85U) & LOW_HALF;
     }
     to[0] = a & LOW_HALF;
     to[BLOCKS / WIDTH] = b & LOW_HALF;

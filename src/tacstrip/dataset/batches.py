@@ -300,6 +300,8 @@ class _Run:
 
 def _frame_s(shapes: Shapes, number: IntArray) -> FloatArray:
     """Return when scans of these numbers are made [s], from the beginning of their scene."""
+    if shapes.frames == 1:
+        return np.zeros(len(number))
     return np.asarray(shapes.period_s * (number % shapes.frames), dtype=float)
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from tacstrip.plot.style import RECOVERED, TRUE, legend_above, new_panels, plain_ticks, save
+from tacstrip.plot.theme import RECOVERED, TRUE, legend_above, new_panels, plain_ticks, save
 
 _MOST = 12  # parameters that have a panel
 _ACROSS = 3
@@ -37,15 +37,15 @@ def draw_sweep(
     """
     folder.mkdir(parents=True, exist_ok=True)
     errors = _numbers(results[error])
-    made = [("Error of all designs over connectors and rate, and the Pareto front", folder / "pareto.png")]
-    figure, pair = new_panels(9.0, 4.0, 1, 2)
-    for axes, name, label in zip(
-        pair, ("connectors", "rate_hz"), ("connectors", "full scans a second"), strict=True
-    ):
-        across = _numbers(results[name])
+    costs = {"connectors": "connectors", "rate_hz": "full scans a second"}
+    known = {name: at for name in costs if np.isfinite(at := _numbers(results[name])).any()}
+    words = " and ".join(name.removesuffix("_hz") for name in known)
+    made = [(f"Error of all designs over {words}, and the Pareto front", folder / "pareto.png")]
+    figure, pair = new_panels(4.5 * len(known), 4.0, 1, len(known))
+    for axes, (name, across) in zip(pair, known.items(), strict=True):
         axes.scatter(across, errors, s=12, color="0.7", label="designs")
         axes.scatter(across[list(front)], errors[list(front)], s=22, color=RECOVERED, label="Pareto front")
-        axes.set_xlabel(label)
+        axes.set_xlabel(costs[name])
         _logarithmic(axes, "x", across)
         _error_axis(axes, error, errors)
     legend_above(pair[0])
@@ -64,13 +64,13 @@ def draw_sweep(
             at = np.array([ticks.index(str(v)) for v in values], dtype=float)
         few = len(set(at.tolist())) <= _MOST
         axes.plot(at, errors, ".", color="0.75", markersize=3.0)
-        if few:  # a line through the medians says what the parameter does
+        if few:  # the medians, joined where there is something between, say what the parameter does
             places = np.array(sorted(set(at.tolist())))
             middle = [
                 np.nanmedian(errors[at == p]) if np.isfinite(errors[at == p]).any() else np.nan
                 for p in places
             ]
-            axes.plot(places, middle, "o-", color=TRUE, markersize=4.0)
+            axes.plot(places, middle, "o-" if ticks is None else "o", color=TRUE, markersize=4.0)
         if ticks is not None:
             axes.set_xticks(range(len(ticks)), ticks)
         else:
@@ -79,7 +79,7 @@ def draw_sweep(
         _error_axis(axes, error, errors)
     for axes in panels[len(shown) :]:
         axes.set_visible(False)
-    made.append(("Error over each parameter; lines join medians", folder / "parameters.png"))
+    made.append(("Error over each parameter; dark dots are medians", folder / "parameters.png"))
     save(figure, made[1][1])
     return made
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tacstrip.arrays import FloatArray
+from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.network.crp.inversion import invert, invert_all
 from tacstrip.network.crp.mesh import Wiring
 from tacstrip.reconstruction.noise_covariance import signature_jacobians
@@ -18,6 +18,7 @@ from tacstrip.scan import Scan
 from tacstrip.sensor.closed_form import lower_and_width
 from tacstrip.sensor.spec import Sensor
 
+_MOST_VERTICES = 4000
 _SIGMA = 1e-3  # of Vref: weighs nothing where the noise is not given, all readings being alike
 
 
@@ -30,8 +31,8 @@ class Ends:
     l, u
         (strips,) [mm], 0 <= l <= u <= L; NaN where nothing touches.
     covariance
-        Of l of all strips, then u (2 strips, 2 strips) [mm^2], NaN where nothing touches; None
-        where no noise was given.
+        From the network's inversion: of l of all strips, then u (2 strips, 2 strips) [mm^2], NaN where nothing touches.
+        None where no noise was given.
     strip_status, advice
         From the network's inversion, a word per strip; empty where closed forms do.
     """
@@ -41,6 +42,34 @@ class Ends:
     covariance: FloatArray | None = None
     strip_status: tuple[str, ...] = ()
     advice: str = ""
+    own: FloatArray | None = (
+        None  # from closed forms: variance of l, of u, covariance of both (3, strips) [mm^2]
+    )
+
+    def covariance_of(self, which: IntArray) -> FloatArray | None:
+        """Return the covariance of vertices (2N, 2N) [mm^2] whose y are some of the ends, and whose x are known.
+
+        None where no noise was given, or of more than 4000 vertices, for it would take half a gigabyte and more.
+
+        Parameters
+        ----------
+        which
+            The ends (N,): i is l of strip i, n + i is u, of n strips.
+        """
+        if (self.covariance is None and self.own is None) or len(which) > _MOST_VERTICES:
+            return None
+        full = np.zeros((2 * len(which), 2 * len(which)))
+        if self.covariance is not None:
+            full[1::2, 1::2] = self.covariance[np.ix_(which, which)]
+        if self.own is not None:
+            n, y = len(self.l), 2 * np.arange(len(which)) + 1
+            full[y, y] = self.own[:2].ravel()[which]
+            place = np.full(2 * n, -1)
+            place[which] = y
+            lower, upper = place[:n], place[n:]
+            both = (lower >= 0) & (upper >= 0)
+            full[lower[both], upper[both]] = full[upper[both], lower[both]] = self.own[2][both]
+        return full
 
 
 def ends(
@@ -59,7 +88,7 @@ def ends(
     """
     if sensor.kind.closed_form:
         l, u = closed_ends(sensor, scan["kh"], scan["kl"])
-        return Ends(l, u, None if sigma is None else _covariance(sensor, l, u, sigma))
+        return Ends(l, u, own=None if sigma is None else sigma**2 * np.stack(_variances(sensor, l, u)))
     if not scan.touched.any():
         return Ends(scan["kl"], scan["kl"])
     weight = sigma or _SIGMA
@@ -69,18 +98,6 @@ def ends(
         found = invert_all(sensor, scan.electrodes, weight, convex, wiring=wiring)
     covariance = None if sigma is None else found.covariance * (sigma / weight) ** 2
     return Ends(found.l, found.u, covariance, found.status, found.advice)
-
-
-def _covariance(sensor: Sensor, l: FloatArray, u: FloatArray, sigma: float) -> FloatArray:
-    """Return the covariance of l, then u (2 strips, 2 strips) [mm^2], of a strip's two readings alone."""
-    of_l, of_u, shared = _variances(sensor, l, u)
-    n = np.arange(len(l))
-    full = np.zeros((2 * len(l), 2 * len(l)))
-    full[n, n], full[len(l) + n, len(l) + n] = of_l, of_u
-    full[n, len(l) + n] = full[len(l) + n, n] = shared
-    blank = np.isnan(np.concatenate([l, u]))
-    full[blank], full[:, blank] = np.nan, np.nan
-    return full * sigma**2
 
 
 def _variances(sensor: Sensor, l: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

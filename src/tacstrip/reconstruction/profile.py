@@ -44,7 +44,7 @@ def profile_reconstruction(
     scan, sensor
         What was measured, by what.
     noise
-        The readings' errors if they are known; the objects then have a covariance.
+        The readings' errors if they are known; the objects then have a covariance, up to 4000 vertices.
     convex
         CRS-CRP: take every run of strips for one convex contact; less noise where that is true.
     wiring
@@ -137,15 +137,7 @@ def _object(sensor: Sensor, run: slice, scan: Scan, found: Ends) -> RecoveredObj
     keep = distinct(ring)
     strips = np.arange(run.start, run.stop)[there]
     which = np.concatenate([strips, sensor.strips + strips[::-1]])[keep]
-    covariance = None if found.covariance is None else _of_vertices(found.covariance[np.ix_(which, which)])
-    return RecoveredObject(run, ring[keep], profile, covariance, status, advice, own)
-
-
-def _of_vertices(ends: FloatArray) -> FloatArray:
-    """Return the covariance of vertices (2N, 2N) of that of their y (N, N); a strip's x is known."""
-    full = np.zeros((2 * len(ends), 2 * len(ends)))
-    full[1::2, 1::2] = ends
-    return full
+    return RecoveredObject(run, ring[keep], profile, found.covariance_of(which), status, advice, own)
 
 
 def _told(x: FloatArray, own: tuple[str, ...], advice: str) -> tuple[Status, str]:

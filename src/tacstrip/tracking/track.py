@@ -17,6 +17,7 @@ from tacstrip.core.rigid import RigidScans
 from tacstrip.errors import ReadingError, SignatureError
 from tacstrip.geometry.moments import deviations, moments
 from tacstrip.geometry.pose import placed
+from tacstrip.notebook import BLUE, VERMILION, Drawn, SvgPath
 from tacstrip.reconstruction.noise_covariance import Averaging, fit_sigma
 from tacstrip.reconstruction.on_surface import refuse_surface
 from tacstrip.reconstruction.result import Alternative, RecoveredObject, Status
@@ -49,6 +50,7 @@ _TOLD, _OF_SIZE = 0.1, 0.01  # of the pitch, and of the outline's extent, and ..
 _TELLING = 4.0  # ... deviations of the least certain corner: shapes that differ by more are not the same
 _MAY_BE_OFF = 0.05  # of the extent, by which no corner may be off ...
 _DEVIATIONS = 2.0  # ... within so many deviations
+_DRAWN = 6  # outlines of a track in a notebook
 _MOVED = 0.5  # pitches that corners must move where few strips are touched
 NOT_RIGID = (
     "no rigid outline explains all scans: {times:.3g} times the noise is left over; the object deforms or rolls, two "
@@ -81,7 +83,7 @@ STANDS = "the clock stands still: no velocity"
 
 
 @dataclass(frozen=True, eq=False)
-class Track:
+class Track(Drawn):
     """One object over time.
 
     Attributes
@@ -145,6 +147,16 @@ class Track:
     motion: str = "free"
     offsets: dict[str, FloatArray] = field(default_factory=dict)
     by_scan: SingleScans | None = field(default=None, repr=False)
+
+    def __repr__(self) -> str:
+        corners = f"{len(self.outline)} corners, {self.area_mm2:.4g} mm2"
+        return f"<Track {self.id}: {self.status}, {corners}, in {int(self.present.sum())} of {len(self.poses)} scans>"
+
+    def _paths(self) -> list[SvgPath]:
+        seen = np.flatnonzero(self.present)
+        shown = seen[np.unique(np.linspace(0, len(seen) - 1, _DRAWN).astype(int))] if len(seen) else seen
+        outlines = [SvgPath(self.placed(int(i)), stroke=VERMILION, fill=VERMILION, width=1.0) for i in shown]
+        return [*outlines, SvgPath(self.poses[:, :2], stroke=BLUE, closed=False)]
 
     @property
     def present(self) -> FloatArray:
