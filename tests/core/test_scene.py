@@ -38,3 +38,15 @@ def test_ends_short_of_touched_strips_and_over_silent_ones_are_charged() -> None
     for grown in (0.7, 1.3):
         other = Scene.of([p.mean(axis=0) + grown * (p - p.mean(axis=0)) for p in true.polygons])
         assert problem.fitted(other).cost > 20.0 * best
+
+
+def test_some_of_the_strips_lead_a_search_each_once() -> None:
+    """Of 24 strips a layer three problems of eight; none of strips that are few already."""
+    problem, _ = two_triangles()
+    parts = problem.coarser(8)
+    assert len(parts) == 3
+    for layer, whole in enumerate(problem.layers):
+        kept = np.stack([p.layers[layer].problem.weight > 0.0 for p in parts])
+        np.testing.assert_array_equal(kept.sum(axis=0), whole.problem.weight > 0.0)
+        assert (np.diff(np.flatnonzero(kept[0].any(axis=0))) % 3 == 0).all()
+    assert problem.coarser(13) == []

@@ -14,6 +14,8 @@ from rigid_scenes import at, ten_strips
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
 from tacstrip.cli import cli
 from tacstrip.core.hull import available
+from tacstrip.core.rigid import RigidScans
+from tacstrip.tracking.shared_strips import lone_ends
 
 pytestmark = pytest.mark.skipif(not available(), reason="compiled only")
 
@@ -96,3 +98,20 @@ def test_who_comes_and_goes_on_shared_strips_is_found(tmp_path: Path) -> None:
     for k, feature in enumerate(features):
         assert [p["scan"] for p in feature["properties"]["poses"]] == np.flatnonzero(there[:, k]).tolist()
         assert feature["properties"]["joint_scans"] == list(range(15, 30))
+
+
+def test_a_jump_that_a_quick_search_stays_short_of_is_searched_thoroughly(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Sixteen scans, of which the first eight show one object: the quick search explains but five of them."""
+    asked = []
+
+    def stretch(scans: RigidScans, distribution: str, *, thorough: bool = False) -> str | None:
+        asked.append((len(scans.k), thorough))
+        return "found" if len(scans.k) <= (8 if thorough else 5) else None
+
+    monkeypatch.setattr(lone_ends, "rigid_stretch", stretch)
+    k = np.where(np.arange(16)[:, None, None] < 8, 0.3, 0.6) + np.zeros((16, 2, 10))
+    found = lone_ends.lone_ends(RigidScans(ten_strips(), ("kh", "kl"), k, 0.003), "uniform", (False,))
+    assert [(some, str(one)) for some, one in found] == [(range(8), "found")]
+    assert asked == [(8, False), (5, False), (8, True)]

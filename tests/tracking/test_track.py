@@ -71,6 +71,15 @@ def test_regions_of_corners_and_poses_hold_the_truth() -> None:
     assert 0.4 < np.median(pose_squares) / 0.789 < 2.0  # the median of chi square with 3 degrees over 3
 
 
+def test_presses_at_random_tell_the_shape() -> None:
+    """No smooth path leads from one pose to the next."""
+    sensor, random = ten_strips(), np.random.default_rng(3)
+    poses = np.column_stack([random.uniform(38.0, 62.0, (24, 2)), random.uniform(0.0, 6.0, 24)])
+    (one,) = ts.track(pressed(sensor, CORNERS, poses, NOISE), sensor, NOISE)
+    assert one.status == "ok"
+    assert distance(one.outline, CORNERS) < 0.4  # mm
+
+
 def _moved(poses: FloatArray, x_mm: float, y_mm: float = 0.0, angle: float = 0.0) -> FloatArray:
     return np.asarray(poses + np.array([x_mm, y_mm, angle]))
 
