@@ -26,28 +26,40 @@ export UV_PYTHON_DOWNLOADS = never
 MIRROR := $(UV_DEFAULT_INDEX)$(UV_INDEX_URL)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test check reproduce bench benchmarks studies mutations pictures firmware clean
+.PHONY: help setup ros2 demo test check docs reproduce bench benchmarks studies mutations pictures firmware pico clean
 
 help: ## list these targets
-	@sed -n 's/^\([a-z]*\):.*## \(.*\)/\1|\2/p' Makefile | \
+	@sed -n 's/^\([a-z0-9]*\):.*## \(.*\)/\1|\2/p' Makefile | \
 	while IFS='|' read -r target what; do printf 'make %-10s %s\n' "$$target" "$$what"; done
 
 setup: .venv/.core ## make .venv with everything that uv.lock pins, and compile the core
 	@:
 
+# The extra at the pins and under the hashes of uv.lock; another version than pinned is replaced.
+ros2: setup ## add what `tacstrip live --ros2` needs to .venv
+	@"$(UV)" export --frozen --quiet --no-emit-project --no-default-groups --extra ros2 --output-file .venv/ros2.txt
+	@"$(UV)" pip install --quiet --python .venv --require-hashes -r .venv/ros2.txt
+	@$(BIN)/python -c "import cyclonedds.core"
+
 demo: setup ## reconstruct the bundled readings into demo/
 	@$(BIN)/tacstrip demo --out demo
 
-test: setup ## run the tests, two at a time, the slow studies left out
-	@$(BIN)/pytest -m "not slow and not builds" $(or $(ARGS),-n 2 --dist loadfile --no-loadscope-reorder)
+test: setup ## run the tests, three at a time, the slow studies left out
+	@$(BIN)/pytest -m "not slow and not builds" $(or $(ARGS),-n 3 --dist loadfile --no-loadscope-reorder)
 
-check: setup ## lint, format and types; the core by other compilers and under sanitizers
+docs: setup ## build the site of docs/ into docs/_build/html, with every example run; warnings are errors
+	@$(BIN)/python -m sphinx --builder html --jobs 2 --quiet --fail-on-warning --keep-going docs docs/_build/html
+	@$(BIN)/python tools/docs_site/links.py docs/_build/html
+	@echo "docs/_build/html/index.html: the site"
+
+check: setup ## lint, format and types; the core by other compilers and under sanitizers; the site
 	@$(BIN)/ruff check
 	@$(BIN)/ruff format --check
 	@$(BIN)/mypy
 	@$(BIN)/lint-imports
 	@$(BIN)/pytest -m builds -rs tests/core
 	@$(BIN)/python tools/check_core.py
+	@$(MAKE) --no-print-directory docs
 
 reproduce: setup ## make the published results again into reproduction/
 	@$(BIN)/tacstrip reproduce --out reproduction
@@ -75,8 +87,12 @@ pictures: setup ## draw the pictures of README and docs again
 firmware: ## build the firmware for the Arduino Uno (avr-gcc, avr-libc) and print what it takes
 	@$(MAKE) --no-print-directory -C firmware
 
+pico: ## build the firmware for the Raspberry Pi Pico (gcc-arm-none-eabi) and print what it takes
+	@$(MAKE) --no-print-directory -C firmware rp2040
+
 clean: ## remove everything that make made
 	@rm -rf .venv .tools demo reproduction dist firmware/build .pytest_cache .hypothesis .mypy_cache .ruff_cache
+	@rm -rf docs/_build docs/_drawn docs/examples docs/reference/python docs/reproduction/figures docs/sg_execution_times.rst
 	@rm -f src/tacstrip/core/*.so src/tacstrip/core/*.dll
 	@find src tests tools benchmarks -name __pycache__ -exec rm -rf {} + 2>/dev/null || true
 

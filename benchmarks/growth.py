@@ -25,7 +25,7 @@ import tacstrip as ts
 from studies.sheet import Sheet, Touch, by_factor
 from tacstrip.geometry.outline import Outline
 from tacstrip.network.strips.ladder import fast_readings
-from tacstrip.plot.style import COLOURS, legend_above, new_panels, plain_ticks, save
+from tacstrip.plot.theme import COLOURS, legend_above, new_panels, plain_ticks, save
 
 NOISE = ts.Noise(positional=0.004)
 _COLOURS = [*COLOURS.values(), "#b8860b"]

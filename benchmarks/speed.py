@@ -169,8 +169,8 @@ def table(quick: bool) -> list[str]:
     return lines
 
 
-def page(quick: bool, picture: Path) -> str:
-    """Measure, and return the page."""
+def page(quick: bool, picture: Path, folder: Path) -> str:
+    """Measure, draw, and return the page, whose links are from a folder."""
     found = growth.measure(quick)
     growth.draw(found, picture)
     load = f"{os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else "unknown"
@@ -190,7 +190,7 @@ def page(quick: bool, picture: Path) -> str:
         "An exponent is the slope of the time in log-log scale over the upper half of the sizes: what every call costs "
         "makes it less than the algorithm's own.",
         "",
-        f"![Time over strips, scans, corners, nodes and workers](../pictures/{picture.name})",
+        f"![Time over strips, scans, corners, nodes and workers]({os.path.relpath(picture, folder)})",
         "",
         *growth.table(found),
         "",
@@ -208,7 +208,7 @@ def main() -> None:
         sys.stdout.write("\n".join(table(given.quick)) + "\n")
         return
     picture = PICTURE if given.out.resolve() == DEFAULT else given.out.with_suffix(".png")
-    write_text(given.out, page(given.quick, picture))
+    write_text(given.out, page(given.quick, picture, given.out.parent))
 
 
 if __name__ == "__main__":

@@ -44,11 +44,20 @@ def main() -> None:
         "| place | filtered | angle | filtered | ms a scan |"
     )
     print("| --- " * 16 + "|")
+    notes = []
     for row in ROWS:
-        print("|", " | ".join(_row(*row, given.scenes, given.seed)), "|", flush=True)
+        cells, alone = _row(*row, given.scenes, given.seed)
+        print("|", " | ".join(cells), "|", flush=True)
+        if alone:
+            notes.append(f"{', '.join(cells[:5])}: {alone} of {given.scenes}")
+    if notes:
+        print("\nScenes of which no single scan gave a fit, which have no filtered pose:", "; ".join(notes))
 
 
-def _row(strips: int, level: float, scans: int, names: str, motion: str, scenes: int, seed: int) -> list[str]:
+def _row(
+    strips: int, level: float, scans: int, names: str, motion: str, scenes: int, seed: int
+) -> tuple[list[str], int]:
+    """Return a row of the table, and how many scenes have no filtered poses."""
     sensor = ts.Sensor(construction="crs-crs", strips=strips, pitch_mm=100.0 / strips, length_mm=100.0)
     noise, random = ts.Noise(positional=level), np.random.default_rng([seed, strips, scans])
     found = np.array([_scene(random, sensor, noise, scans, names, motion) for _ in range(scenes)])
@@ -56,13 +65,14 @@ def _row(strips: int, level: float, scans: int, names: str, motion: str, scenes:
     right = np.isfinite(error)
     shown = [f"{strips}", f"{100 * level:g} %", f"{scans}", names, motion, f"{ok.mean():.2f}"]
     if motion != "any":
-        return [*shown, *["-"] * 9, f"{np.median(spent):.1f}"]
-    ratio = np.median(error[right] / bound[right])
-    return [
+        return [*shown, *["-"] * 9, f"{np.median(spent):.1f}"], 0
+    ratio = "-" if np.isnan(bound).all() else f"{np.median(error[right] / bound[right]):.2f}"
+    cells = [
         *shown, f"{right.mean():.2f}", f"{np.median(error[right]):.3f}", f"{np.quantile(error[right], 0.9):.3f}",
-        f"{ratio:.2f}", f"{np.nanmedian(averaged):.2f}", f"{np.median(place):.2f}", f"{np.median(other_place):.2f}",
-        f"{np.median(angle):.2f}", f"{np.median(other_angle):.2f}", f"{np.median(spent):.1f}",
+        ratio, f"{np.nanmedian(averaged):.2f}", f"{np.median(place):.2f}", f"{np.nanmedian(other_place):.2f}",
+        f"{np.median(angle):.2f}", f"{np.nanmedian(other_angle):.2f}", f"{np.median(spent):.1f}",
     ]  # fmt: skip
+    return cells, int(np.isnan(other_place).sum())
 
 
 def _scene(
@@ -130,6 +140,8 @@ def _filtered(measured: list[tuple[float, float, float]]) -> FloatArray:
     """
     z, every = np.array(measured), np.arange(len(measured))
     seen = np.isfinite(z).all(axis=1)  # a scan that gives no shape is bridged
+    if not seen.any():
+        return np.full_like(z, math.nan)
     z = np.stack([np.interp(every, every[seen], column[seen]) for column in z.T], axis=1)
     z[:, 2] = 0.5 * np.unwrap(2.0 * z[:, 2])
     found = np.empty_like(z)

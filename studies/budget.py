@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from tacstrip.contact.shape import Contact
 from tacstrip.network.imperfections import Imperfections, Readout
 from tacstrip.network.strips.ladder import fast_readings
-from tacstrip.plot.style import COLOURS, legend, new_axes
+from tacstrip.plot.theme import COLOURS, legend, new_axes
 from tacstrip.sensor.spec import Sensor
 
 PROFILE_I, PROFILE_II = 0.005, 0.01  # of Vref, table 5.1

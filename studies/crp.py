@@ -16,7 +16,7 @@ from tacstrip.contact.footprint import footprint
 from tacstrip.contact.shape import Contact
 from tacstrip.network.crp import inversion as crp
 from tacstrip.plot.scene import draw_contact, draw_sensor
-from tacstrip.plot.style import COLOURS, add_axes, legend, new_figure
+from tacstrip.plot.theme import COLOURS, add_axes, legend, new_figure
 from tacstrip.sensor.spec import Sensor
 
 SIGMA = 1e-3  # of Vref: the noise of a reading

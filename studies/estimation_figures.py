@@ -17,7 +17,7 @@ from tacstrip.contact.signature import signatures
 from tacstrip.geometry.outline import Outline
 from tacstrip.geometry.region import ellipse, regions
 from tacstrip.plot.scene import draw_contact, zoom
-from tacstrip.plot.style import COLOURS, OTHERS, RECOVERED, add_axes, legend, new_figure
+from tacstrip.plot.theme import COLOURS, OTHERS, RECOVERED, add_axes, legend, new_figure
 from tacstrip.reconstruction.cramer_rao import reading_sigma, vertex_covariance
 from tacstrip.reconstruction.polygon.estimate import fit_polygon
 from tacstrip.reconstruction.result import RecoveredObject

@@ -12,7 +12,7 @@ import tacstrip as ts
 from tacstrip.plot.labels import labelled_objects
 from tacstrip.plot.layers import draw_layers, draw_object, layers_figure
 from tacstrip.plot.scene import draw_contact
-from tacstrip.plot.style import new_panels
+from tacstrip.plot.theme import new_panels
 
 _NOISE = ts.Noise(positional=0.005)
 _SQUARE = ts.Sensor(construction="crs-crs", strips=32, pitch_mm=3.0, length_mm=96.0)

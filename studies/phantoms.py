@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from tacstrip.arrays import FloatArray
 from tacstrip.network.devices.digital_array import phantoms
 from tacstrip.network.grid import check_count
-from tacstrip.plot.style import OTHERS, TRUE, add_axes, legend, new_figure
+from tacstrip.plot.theme import OTHERS, TRUE, add_axes, legend, new_figure
 
 FILLS = np.linspace(0.01, 0.3, 16)
 

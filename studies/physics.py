@@ -16,7 +16,7 @@ from tacstrip.network.nodal import solve_measurement
 from tacstrip.network.strips.measurements import measurement_of, network_readings
 from tacstrip.network.strips.mesh import make_mesh
 from tacstrip.plot.scene import draw_contact, draw_sensor
-from tacstrip.plot.style import COLOURS, OTHERS, add_axes, legend, new_axes, new_figure
+from tacstrip.plot.theme import COLOURS, OTHERS, add_axes, legend, new_axes, new_figure
 from tacstrip.sensor.closed_form import lower_and_width, transfer_length
 from tacstrip.sensor.spec import Sensor
 

@@ -16,7 +16,7 @@ from shapely.affinity import translate
 import tacstrip as ts
 from tacstrip.arrays import FloatArray
 from tacstrip.plot.scene import draw_contact, draw_piece
-from tacstrip.plot.style import OTHERS, RECOVERED, new_panels
+from tacstrip.plot.theme import OTHERS, RECOVERED, new_panels
 from tacstrip.reconstruction.methods import reconstruct
 
 _SENSOR = ts.Sensor(construction="crs-crs", strips=100, pitch_mm=1.0, length_mm=100.0)

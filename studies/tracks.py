@@ -12,8 +12,8 @@ import tacstrip as ts
 from tacstrip.arrays import FloatArray
 from tacstrip.geometry.region import regions
 from tacstrip.plot.scene import draw_polygon
-from tacstrip.plot.style import OTHERS, RECOVERED, TRUE, new_panels
-from tacstrip.plot.track import track_figure
+from tacstrip.plot.theme import OTHERS, RECOVERED, TRUE, new_panels
+from tacstrip.plot.tracks import track_figure
 
 _CORNERS = np.array([(-25.0, -18.0), (22.0, -20.0), (26.0, 8.0), (0.0, 25.0), (-20.0, 14.0)])
 _SENSOR = ts.Sensor(construction="crs-crs", strips=10, pitch_mm=10.0, length_mm=100.0)

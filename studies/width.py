@@ -17,7 +17,7 @@ from tacstrip.contact.footprint import footprint
 from tacstrip.contact.shape import Contact
 from tacstrip.contact.signature import signatures
 from tacstrip.network.strips.resolved import wide_readings
-from tacstrip.plot.style import COLOURS, OTHERS, add_axes, legend, new_figure
+from tacstrip.plot.theme import COLOURS, OTHERS, add_axes, legend, new_figure
 from tacstrip.sensor.closed_form import lower_and_width
 from tacstrip.sensor.slant import slant_shift
 from tacstrip.sensor.spec import Sensor

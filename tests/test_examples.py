@@ -15,7 +15,7 @@ WITH_EXAMPLES = sorted(
     for file in ROOT.rglob("*.py")
     if ">>> " in file.read_text("utf-8")
 )
-ROOMS = ("tacstrip", "tacstrip.io", "tacstrip.stream", "tacstrip.tracking")
+ROOMS = ("tacstrip", "tacstrip.io", "tacstrip.plot", "tacstrip.stream", "tacstrip.tracking")
 PUBLIC = [(room, n) for room in ROOMS for n in dir(importlib.import_module(room)) if not n.startswith("__")]
 
 

@@ -177,7 +177,7 @@ def test_a_full_disk_leaves_no_part_of_a_file(full: tuple[Path, list[tuple[int, 
 
 
 def test_a_picture_that_cannot_be_drawn_leaves_the_old_one(tmp_path: Path) -> None:
-    from tacstrip.plot.style import new_axes, save
+    from tacstrip.plot.theme import new_axes, save
 
     figure, axes = new_axes()
     axes.set_title("$\\nothing$")  # no such symbol: found while it is drawn

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from matplotlib.figure import Figure
+from opening_picture import opening_figure
 
 import tacstrip as ts
 from studies.budget import budget_figure
@@ -20,8 +21,8 @@ from studies.physics import FIGURES as PHYSICS
 from studies.pieces import FIGURES as PIECES
 from studies.tracks import FIGURES as TRACKS
 from studies.width import FIGURES as WIDTH
-from tacstrip.plot.press import press_figure
-from tacstrip.plot.style import save
+from tacstrip.plot.skins import press_figure
+from tacstrip.plot.theme import save
 from tacstrip.thesis.chapter2 import FIGURES as CHAPTER_2
 from tacstrip.thesis.chapter3 import FIGURES as CHAPTER_3
 from tacstrip.thesis.chapter4 import FIGURES as CHAPTER_4
@@ -34,6 +35,7 @@ PICTURES = Path(__file__).parents[1] / "docs" / "pictures"
 def main() -> None:
     """Write all of them."""
     drawn = {
+        "opening": opening_figure(),
         "demo": picture(run()),
         "touching_a_tube": CHAPTER_3["3.10"](),
         "same_signature": CHAPTER_4["4.5"](),

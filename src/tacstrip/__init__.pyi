@@ -1,3 +1,4 @@
+from . import plot as plot
 from .calibrate.touch import learn_touch as learn_touch
 from .calibrate.unit import Calibrated as Calibrated
 from .calibrate.unit import calibrate_unit as calibrate_unit
@@ -40,8 +41,8 @@ from .reconstruction.pieces.estimate import Piece as Piece
 from .reconstruction.pieces.estimate import pieces as pieces
 from .reconstruction.polygon.estimate import fit_polygon as fit_polygon
 from .reconstruction.polygon.estimate import fit_polygons as fit_polygons
-from .reconstruction.pressed_solid import SolidFit as SolidFit
-from .reconstruction.pressed_solid import fit_solid as fit_solid
+from .reconstruction.pressed.fit import SolidFit as SolidFit
+from .reconstruction.pressed.fit import fit_solid as fit_solid
 from .reconstruction.profile import profile_reconstruction as profile_reconstruction
 from .reconstruction.result import Reconstruction as Reconstruction
 from .reconstruction.result import RecoveredObject as RecoveredObject
@@ -56,6 +57,8 @@ from .sensor.layers import LayeredSensor as LayeredSensor
 from .sensor.spec import Sensor as Sensor
 from .sensor.surface import Surface as Surface
 from .simulation import simulate as simulate
+from .stream.bridges.mujoco import MujocoSkin as MujocoSkin
+from .stream.bridges.mujoco import mujoco_skin as mujoco_skin
 from .stream.device.source import SerialSource as SerialSource
 from .stream.live.frame import Frame as Frame
 from .stream.live.open import live as live

@@ -28,6 +28,10 @@ _MAKE = {
     "Reconstruction": "ts.fit_polygon(scan, sensor)",
     "RecoveredObject": "ts.fit_polygon(scan, sensor).objects[0]",
     "Outline": "ts.Outline(vertices)",
+    "Track": "ts.track(scans, sensor)[0]",
+    "Patch": "ts.press(sensor, solid, depth_mm=1.0)",
+    "Calibrated": "ts.calibrate_unit(sensor, runs)",
+    "Report": "tacstrip.diagnose.diagnose(log)",
     "Solid": "ts.Solid.plane().at(position_mm, toward), .sphere, .cylinder, .edge, .box or .from_mesh",
 }
 

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from tacstrip.arrays import BoolArray, FloatArray, extent, numbers, touched_strips
 from tacstrip.errors import ArgumentError, ReadingError, SignatureError
+from tacstrip.notebook import Drawn, SvgPath, signature_paths
 from tacstrip.robust import robust_sigma
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.creep import creep_rate, log_age
@@ -43,7 +44,7 @@ class Signatures:
 
 
 @dataclass(frozen=True, eq=False)
-class Scan(Signatures):
+class Scan(Signatures, Drawn):
     """Readings of all strips over Vref, one array (strips,) per signature; NaN where nothing touches.
 
     A strip with one reading of two is touched, and counts with that one: its other channel is left out.
@@ -103,6 +104,9 @@ class Scan(Signatures):
         ranges = [f", {name} {extent(getattr(self, name))}" for name in names]
         strips = f"{len(self.touched)} strips at {self.time_s:.6g} s: {touched_strips(self.touched)}"
         return f"<Scan of {strips}{''.join(ranges)}>"
+
+    def _paths(self) -> list[SvgPath]:
+        return signature_paths([{name: self[name] for name in self.signatures}])
 
     @classmethod
     def mean(cls, scans: Sequence[Scan]) -> Scan:

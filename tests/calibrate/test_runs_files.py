@@ -203,9 +203,10 @@ def test_from_plan_to_calibrated_spec(bench: Path) -> None:
     with runs.open("a") as file:  # untouched strips in the same runs
         for i in range(24):
             file.write(f"{1 + i % 2},,,{0.2 + 0.001 * (i % 3)},0.1,,\n")
-    done = run(spec, runs, "-o", out, "--report", bench / "report")
+    done = run(spec, runs, "-o", out, "--report", bench / "report", "--plot", bench / "strips.svg")
     assert done.code == 0
     assert "learned" in done.text
+    assert "<svg" in (bench / "strips.svg").read_text(encoding="utf-8")
     sensor = ts.Sensor.load(out)
     assert sensor.calibration is not None
     assert (sensor.calibration.unit, sensor.calibration.source) == ("left", "runs.csv")
@@ -215,7 +216,8 @@ def test_from_plan_to_calibrated_spec(bench: Path) -> None:
     np.testing.assert_allclose(sensor.calibration.channel("kh").offset, (0.05, 0.01), atol=1e-3)
     assert sensor.rest_volt == pytest.approx(0.15, abs=0.06)
     page = (bench / "report" / "report.html").read_text(encoding="utf-8")
-    assert page.count("data:image/png;base64,") == 4  # two of all strips, one a strip
+    assert page.count("data:image/png;base64,") == 5  # three of all strips, one a strip
+    assert page.index("the worst strips first") < page.index("<details>")  # what is looked at is not folded
     for words in ("unit left", "mean offsets (6.1)-(6.5)", "P.U. profile", "offset kh", "Models on trial"):
         assert words in page
     assert (bench / "report" / "figures" / "strip-2.png").exists()
@@ -280,6 +282,10 @@ def test_touch_and_rezero_on_the_command_line(bench: Path) -> None:
         (["sensor.toml", "runs.csv", "-o", "x.toml", "--wanted", "1"], "--wanted is for --plan"),
         (["sensor.toml", "runs.csv", "-o", "x.toml", "--reference", "1", "1"], "--reference is for --rezero"),
         (["sensor.toml", "--report", "r", "-o", "x.toml"], "--report is of a calibration: give RUNS"),
+        (
+            ["sensor.toml", "--plan", "--plot", "p.gif"],
+            "p.gif: a picture is a file that ends in .png, .svg, .pdf",
+        ),
         (["sensor.toml", "runs.csv", "-o", "runs.csv"], "runs.csv is read here and would be written over"),
         (["sheet.toml", "runs.csv", "-o", "x.toml"], "a crs-crp sensor cannot be calibrated strip by strip"),
         (["--plan", "sheet.toml"], "a crs-crp sensor cannot be calibrated strip by strip"),

@@ -19,9 +19,9 @@ from tacstrip.cli.live import command
 from waiting import HANG_S, wait_until
 
 
-def _start(*words: str) -> subprocess.Popen[str]:
+def _start(*words: str, **variables: str) -> subprocess.Popen[str]:
     line = [sys.executable, "-c", "from tacstrip.cli import main; main()", "live", *words]
-    environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
+    environment = {**os.environ, "PYTHONUNBUFFERED": "1", **variables}
     return subprocess.Popen(line, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
 
 
@@ -45,6 +45,28 @@ def test_ctrl_c_leaves_a_complete_recording(tmp_path: Path, spec: Path) -> None:
     assert [raw.sequence for raw in scans] == list(range(len(scans)))
     assert f"{file}: {len(scans)} scan(s)" in said
     assert "the page is at http://127.0.0.1:" in said
+
+
+def test_a_service_says_that_it_is_ready_and_lives_and_ends_on_request(tmp_path: Path, spec: Path) -> None:
+    file, address = tmp_path / "a.mcap", str(tmp_path / "notify")
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+        manager.bind(address)
+        manager.settimeout(HANG_S)
+        words = ("--simulate", "--sensor", str(spec), "--rate", "100", "--no-view", "-o", str(file))
+        run = _start(*words, NOTIFY_SOCKET=address, WATCHDOG_USEC="200000")
+        said = [manager.recv(4096).decode()]
+        assert said == ["READY=1"]
+        while not (any("STATUS=" in text for text in said) and sum("WATCHDOG=1" in t for t in said) > 1):
+            said.append(manager.recv(4096).decode())
+        assert any(f"; recording to {file}" in text for text in said)
+        run.send_signal(signal.SIGTERM)
+        while said[-1] != "STOPPING=1":
+            said.append(manager.recv(4096).decode())
+        _, told = run.communicate(timeout=HANG_S)
+    assert run.returncode == 0, told
+    recording = ts.Recording(file)
+    assert len(list(recording)) > 0
+    assert recording.condition.whole
 
 
 def test_json_lines_of_the_simulated_device_and_of_its_recording(tmp_path: Path, spec: Path) -> None:

@@ -57,3 +57,45 @@ def test_bad_input_gets_a_sentence_and_no_file(
     assert isinstance(done.exception, TacstripError)
     assert text in str(done.exception)
     assert not Path("r.csv").exists()
+
+
+def test_a_path_is_pressed_scan_by_scan(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    header = "time_s,x_mm,y_mm,z_mm,dx,dy,dz,turn_deg"
+    rows = ["0,8,1,8,-1,0,-1,30", "0.5,6,6,8,-1,-1,-1,0"]
+    Path("path.csv").write_text("\n".join([f"{header},depth_mm", f"{rows[0]},1.5", f"{rows[1]},1"]) + "\n")
+    words = ["press", "fingertip", "cylinder:4", "--path"]
+    run = CliRunner().invoke
+    done = run(
+        cli,
+        [*words, "path.csv", "-o", "r.csv", "--patch", "p.json", "--plot", "f.png"],
+        catch_exceptions=False,
+    )
+    assert "r.csv: 2 scans, " in done.output
+    sensor = ts.Sensor.load("fingertip")
+    scans = ts.read_readings("r.csv", sensor)
+    assert [scan.time_s for scan in scans] == [0.0, 0.5]
+    cylinder = ts.Solid.cylinder(4.0)
+    right = ts.press(sensor, cylinder.at((8, 1, 8), (-1, 0, -1), np.radians(30.0)), depth_mm=1.5)
+    np.testing.assert_allclose(scans[0]["kh"], ts.simulate(sensor, right)["kh"], atol=1e-8)
+    assert [round(p["depth_mm"], 9) for p in json.loads(Path("p.json").read_text())] == [1.5, 1.0]
+    assert Path("f.png").stat().st_size > 10_000
+    # Without depth and force it is where it is: here 20 mm beside the skin, then 1 mm in it.
+    Path("is.csv").write_text(header.removesuffix(",turn_deg") + "\n0,0,0,30,0,0,-1\n1,0,0,9,0.3,0,-1\n")
+    run(cli, ["press", "fingertip", "plane", "--path", "is.csv", "-o", "i.csv"], catch_exceptions=False)
+    beside, within = ts.read_readings("i.csv", sensor)
+    assert not beside.touched.any()
+    assert within.touched.any()
+    for text, more, said in (
+        (f"{header}\n{rows[0]}\n{rows[0]}\n", [], "bad.csv: line 3: time_s = 0 does not come after 0"),
+        (f"{header}\n{rows[0]}\n", ["--depth", "9"], "bad.csv: line 2: the object sinks"),
+        (f"{header},depth_mm\n{rows[0]},1\n", ["--force", "1"], "leave --depth and --force out"),
+        ("x_mm,y_mm,z_mm,dx,dy\n", [], "column 'dz' is missing"),
+        (f"{header},colour\n", [], "column 'colour' is unknown"),
+        (f"{header}\n", [], "a header and no poses"),
+    ):
+        Path("bad.csv").write_text(text)
+        error = run(cli, [*words, "bad.csv", "-o", "b.csv", *more]).exception
+        assert isinstance(error, TacstripError)
+        assert said in str(error)
+        assert not Path("b.csv").exists()

@@ -4,26 +4,20 @@ from __future__ import annotations
 
 import json
 import re
-import subprocess
-import sys
 from pathlib import Path
+from subprocess import CompletedProcess
 
 import pytest
 from click.testing import CliRunner
 
 import tacstrip as ts
-from waiting import HANG_S
+from verbs import run
 
 RECTANGLE = "POLYGON ((-25 -17.5, 25 -17.5, 25 17.5, -25 17.5, -25 -17.5))"
 HEAD = "scan,time_s,strip,v_h,v_l\n"
 
 
-def _run(folder: Path, *words: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-c", "from tacstrip.cli import main; main()", *map(str, words)]
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, timeout=HANG_S)
-
-
-def _good(done: subprocess.CompletedProcess[str]) -> subprocess.CompletedProcess[str]:
+def _good(done: CompletedProcess[str]) -> CompletedProcess[str]:
     assert done.returncode == 0, done.stderr
     return done
 
@@ -46,12 +40,12 @@ def folder(tmp_path: Path) -> Path:
 
 
 def test_from_spec_to_shape(folder: Path) -> None:
-    _good(_run(folder, "init", "mine.toml", "--strips", 60, "--pitch", 1.1, "--length", 300))
+    _good(run(folder, "init", "mine.toml", "--strips", 60, "--pitch", 1.1, "--length", 300))
     assert ts.Sensor.load(folder / "mine.toml").strips == 60
-    done = _good(_run(folder, "simulate", "mine.toml", "rectangle.wkt", "-o", "r.csv", "--at", 33, 150, "--turn", 30,
+    done = _good(run(folder, "simulate", "mine.toml", "rectangle.wkt", "-o", "r.csv", "--at", 33, 150, "--turn", 30,
                       "--plot", "sim.png"))  # fmt: skip
     assert "1 scan(s) of 60 strips, 56 of them touched" in done.stdout
-    done = _good(_run(folder, "reconstruct", "mine.toml", "r.csv", "-o", "o.geojson", "--plot", "o.png"))
+    done = _good(run(folder, "reconstruct", "mine.toml", "r.csv", "-o", "o.geojson", "--plot", "o.png"))
     assert "scan 0, polygon: ok" in done.stderr
     (feature,) = json.loads((folder / "o.geojson").read_text())["features"]
     assert feature["properties"]["area_mm2"] == pytest.approx(50.0 * 35.0, rel=0.03)
@@ -62,23 +56,23 @@ def test_from_spec_to_shape(folder: Path) -> None:
 def test_dragging_turning_and_noise(folder: Path) -> None:
     words = ["simulate", "prototype-crs-m", "rectangle.wkt", "-o", "r.csv", "--at", 20, 60, "--drag", 20, 180,
              "--steps", 4, "--turn-per-step", 20, "--rate", 50, "--positional", 0.005]  # fmt: skip
-    done = _good(_run(folder, *words, "--seed", 3))
+    done = _good(run(folder, *words, "--seed", 3))
     assert "a part of the contact lies off the sensor" in done.stderr
     first = (folder / "r.csv").read_text()
     sensor = ts.Sensor.load("prototype-crs-m")
     scans = ts.read_readings(folder / "r.csv", sensor)
     assert [s.time_s for s in scans] == pytest.approx([0.0, 0.02, 0.04, 0.06])
-    _good(_run(folder, *words, "--seed", 3))
+    _good(run(folder, *words, "--seed", 3))
     assert (folder / "r.csv").read_text() == first
-    _good(_run(folder, *words, "--seed", 4))
+    _good(run(folder, *words, "--seed", 4))
     assert (folder / "r.csv").read_text() != first
 
 
 def test_method_signature_transitions_and_truth(folder: Path) -> None:
     polygon = "POLYGON ((100.5 500, 300.5 380, 420.5 520, 250.5 640, 100.5 500))"
     (folder / "shape.wkt").write_text(polygon)
-    _good(_run(folder, "simulate", "simulated-crs-crs", "shape.wkt", "-o", "r.csv"))
-    done = _good(_run(folder, "reconstruct", "simulated-crs-crs", "r.csv", "--method", "vertex", "--signature", "kh",
+    _good(run(folder, "simulate", "simulated-crs-crs", "shape.wkt", "-o", "r.csv"))
+    done = _good(run(folder, "reconstruct", "simulated-crs-crs", "r.csv", "--method", "vertex", "--signature", "kh",
                       "--transitions", "100.5,250.5,300.5,420.5", "--truth", "shape.wkt"))  # fmt: skip
     (feature,) = json.loads(done.stdout)["features"]
     assert feature["properties"]["method"] == "vertex"
@@ -89,24 +83,24 @@ def test_method_signature_transitions_and_truth(folder: Path) -> None:
 
 def test_truth_with_several_polygons_as_placed(folder: Path) -> None:
     (folder / "two.wkt").write_text("MULTIPOLYGON (((0 0, 20 0, 8 30, 0 0)), ((60 10, 90 20, 70 60, 60 10)))")
-    _good(_run(folder, "simulate", "simulated-crs-crs", "two.wkt", "-o", "r.csv", "--at", 500, 400, "--turn", 20,
+    _good(run(folder, "simulate", "simulated-crs-crs", "two.wkt", "-o", "r.csv", "--at", 500, 400, "--turn", 20,
                "--placed", "placed.wkt"))  # fmt: skip
     done = _good(
-        _run(folder, "reconstruct", "simulated-crs-crs", "r.csv", "-o", "o.geojson", "--truth", "placed.wkt")
+        run(folder, "reconstruct", "simulated-crs-crs", "r.csv", "-o", "o.geojson", "--truth", "placed.wkt")
     )
     overlaps = [float(v) for v in re.findall(r"IoU ([\d.]+)", done.stderr)]
     assert "polygon 2: " in done.stderr  # numbered as in the picture
     assert len(overlaps) == 2
     assert min(overlaps) > 0.9
     (folder / "line.wkt").write_text("LINESTRING (0 0, 5 5)")
-    done = _run(folder, "reconstruct", "simulated-crs-crs", "r.csv", "--truth", "line.wkt")
+    done = run(folder, "reconstruct", "simulated-crs-crs", "r.csv", "--truth", "line.wkt")
     assert done.returncode == 2
     assert "--truth line.wkt: holds no polygon to compare with" in done.stderr
 
 
 def test_what_could_not_be_recovered_ends_with_1(folder: Path) -> None:
     _good(
-        _run(
+        run(
             folder,
             "simulate",
             "simulated-crs-crs",
@@ -120,7 +114,7 @@ def test_what_could_not_be_recovered_ends_with_1(folder: Path) -> None:
             30,
         )
     )
-    done = _run(
+    done = run(
         folder, "reconstruct", "simulated-crs-crs", "r.csv", "--method", "vertex", "--transitions", "470,530"
     )
     assert done.returncode == 1
@@ -130,7 +124,7 @@ def test_what_could_not_be_recovered_ends_with_1(folder: Path) -> None:
 
 
 def test_demo(tmp_path: Path) -> None:
-    done = _good(_run(tmp_path, "demo", "--out", "made/here"))
+    done = _good(run(tmp_path, "demo", "--out", "made/here"))
     assert "Synthetic readings" in done.stdout
     assert (tmp_path / "made/here/demo.png").stat().st_size > 20_000
     assert json.loads((tmp_path / "made/here/shape.geojson").read_text())["features"][0]["geometry"]
@@ -307,7 +301,7 @@ BAD = {
 def test_bad_input_gets_a_clear_error(folder: Path, name: str) -> None:
     words, (file, data), message = BAD[name]
     (folder / file).write_bytes(data)
-    done = _run(folder, *words)
+    done = run(folder, *words)
     assert done.returncode == 2, (done.returncode, done.stdout, done.stderr)
     assert message in done.stderr
     assert "Traceback" not in done.stderr
@@ -315,7 +309,7 @@ def test_bad_input_gets_a_clear_error(folder: Path, name: str) -> None:
 
 def test_a_full_disk_is_not_bad_input(folder: Path) -> None:
     (folder / "c.wkt").write_text("POINT (5 5)")
-    done = _run(folder, "simulate", "small.toml", "c.wkt", "-o", "/dev/full")
+    done = run(folder, "simulate", "small.toml", "c.wkt", "-o", "/dev/full")
     assert done.returncode == 1
     assert done.stderr == (
         "Error: /dev/full: No space left on device; nothing is written there: make room, or choose another disk\n"
@@ -323,10 +317,10 @@ def test_a_full_disk_is_not_bad_input(folder: Path) -> None:
 
 
 def test_bad_input_leaves_what_was_written_alone(folder: Path) -> None:
-    _good(_run(folder, "simulate", "prototype-crs-crs", "rectangle.wkt", "-o", "r.csv", "--at", 32, 160))
+    _good(run(folder, "simulate", "prototype-crs-crs", "rectangle.wkt", "-o", "r.csv", "--at", 32, 160))
     before = (folder / "r.csv").read_bytes()
     assert (
-        _run(
+        run(
             folder, "simulate", "prototype-crs-crs", "rectangle.wkt", "-o", "r.csv", "--at", 900, 0
         ).returncode
         == 2
@@ -337,7 +331,7 @@ def test_bad_input_leaves_what_was_written_alone(folder: Path) -> None:
 def test_help_shows_an_example_for_every_verb(tmp_path: Path) -> None:
     from tacstrip.cli import VERBS, cli
 
-    overview = _good(_run(tmp_path, "--help")).stdout
+    overview = _good(run(tmp_path, "--help")).stdout
     for verb in VERBS:
         assert verb in overview
         done = CliRunner().invoke(cli, [verb, "--help"])
@@ -346,8 +340,8 @@ def test_help_shows_an_example_for_every_verb(tmp_path: Path) -> None:
 
 
 def test_a_sheet_is_recovered_by_the_method_for_it(folder: Path) -> None:
-    _good(_run(folder, "simulate", "sheet.toml", "rectangle.wkt", "-o", "r.csv", "--at", 25, 50))
-    done = _good(_run(folder, "reconstruct", "sheet.toml", "r.csv", "-o", "o.geojson"))
+    _good(run(folder, "simulate", "sheet.toml", "rectangle.wkt", "-o", "r.csv", "--at", 25, 50))
+    done = _good(run(folder, "reconstruct", "sheet.toml", "r.csv", "-o", "o.geojson"))
     assert "scan 0, profile: " in done.stderr
 
 
@@ -365,9 +359,9 @@ def _readings(folder: Path, columns: str, volts: list[tuple[float, float]] = _VO
 def test_half_of_the_readings_is_told(folder: Path) -> None:
     _readings(folder, "v_l")
     for words in (("reconstruct", "five.toml", "r.csv"), ("doctor", "r.csv", "--sensor", "five.toml")):
-        assert "Warning: using v_l only: r.csv has no v_h (or code_h)" in _run(folder, *words).stderr
+        assert "Warning: using v_l only: r.csv has no v_h (or code_h)" in run(folder, *words).stderr
     _readings(folder, "v_h,v_l")
-    assert "Warning" not in _run(folder, "reconstruct", "five.toml", "r.csv").stderr
+    assert "Warning" not in run(folder, "reconstruct", "five.toml", "r.csv").stderr
 
 
 def test_exchanged_columns_are_told(folder: Path) -> None:
@@ -375,41 +369,41 @@ def test_exchanged_columns_are_told(folder: Path) -> None:
     assert (
         "Warning: r.csv: k_h is below k_l on 5 of 5 strips: are the columns exchanged? "
         "Then exchange their names, or the two wires"
-    ) in _run(folder, "reconstruct", "five.toml", "r.csv").stderr
+    ) in run(folder, "reconstruct", "five.toml", "r.csv").stderr
 
 
 def test_readings_over_vref_are_told(folder: Path) -> None:
     _readings(folder, "v_h,v_l", [(high / 5.0, low / 5.0) for high, low in _VOLTS])
     for words in (("reconstruct", "five.toml", "r.csv"), ("doctor", "r.csv", "--sensor", "five.toml")):
-        told = _run(folder, *words).stderr
+        told = run(folder, *words).stderr
         assert "Warning: r.csv: no reading is above 1 V, and vref_volt is 5: are they over Vref?" in told
 
 
 def test_metres_are_told(folder: Path) -> None:
-    done = _good(_run(folder, "init", "metres.toml", "--pitch", 0.004, "--length", 0.12))
+    done = _good(run(folder, "init", "metres.toml", "--pitch", 0.004, "--length", 0.12))
     assert "Warning: pitch_mm = 0.004, length_mm = 0.12: mm, not m?" in done.stderr
     (folder / "m.wkt").write_text("POLYGON ((0.02 0.03, 0.07 0.025, 0.06 0.08, 0.02 0.03))")
-    done = _good(_run(folder, "simulate", "small.toml", "m.wkt", "-o", "r.csv"))
+    done = _good(run(folder, "simulate", "small.toml", "m.wkt", "-o", "r.csv"))
     assert (
         "no strip is touched: the contact falls between centre lines\nWarning: the contact is 0.055 mm"
         in done.stderr
     )
-    done = _good(_run(folder, "simulate", "metres.toml", "m.wkt", "-o", "r.csv"))
+    done = _good(run(folder, "simulate", "metres.toml", "m.wkt", "-o", "r.csv"))
     assert "Warning: metres.toml: pitch_mm = 0.004" in done.stderr
     (folder / "gap.wkt").write_text("POLYGON ((6 30, 14 30, 14 40, 6 30))")
-    done = _good(_run(folder, "simulate", "small.toml", "gap.wkt", "-o", "r.csv"))
+    done = _good(run(folder, "simulate", "small.toml", "gap.wkt", "-o", "r.csv"))
     assert "metres" not in done.stderr
 
 
 @pytest.mark.parametrize("words", [("spice",), ("simulate", "--model", "network")])
 def test_a_contact_between_centre_lines_is_told(folder: Path, words: tuple[str, ...]) -> None:
     (folder / "gap.wkt").write_text("POLYGON ((6 30, 14 30, 14 40, 6 30))")
-    done = _good(_run(folder, words[0], "small.toml", "gap.wkt", "-o", "out", *words[1:]))
+    done = _good(run(folder, words[0], "small.toml", "gap.wkt", "-o", "out", *words[1:]))
     assert "Warning: no strip is touched" in done.stderr
 
 
 def test_a_spec_on_the_output(folder: Path) -> None:
-    done = _good(_run(folder, "init", "-", "--strips", 7))
+    done = _good(run(folder, "init", "-", "--strips", 7))
     assert not (folder / "-").exists()
     (folder / "printed.toml").write_text(done.stdout)
     assert ts.Sensor.load(folder / "printed.toml").strips == 7
@@ -417,5 +411,5 @@ def test_a_spec_on_the_output(folder: Path) -> None:
 
 def test_the_table_of_limits_has_heads(folder: Path) -> None:
     words = ("limits", "prototype-crs-crs", "rectangle.wkt", "--at", 32, 160, "--turn", 20, "--grid", 2)
-    done = _good(_run(folder, *words, "--positional", 0.01))
+    done = _good(run(folder, *words, "--positional", 0.01))
     assert done.stdout.splitlines()[2].split() == ["x", "y"] * 4

@@ -16,6 +16,7 @@ import tacstrip as ts
 from layered_scenes import two_triangles
 from polygons import convex_polygon
 from rigid_scenes import rigid_scene
+from tacstrip.core.convex_chain import best_lines, convex_cuts, convex_regression, lower_hull, polyline
 from tacstrip.core.ellipse import fit_ellipse
 from tacstrip.core.hit_and_run import hit_and_run
 from tacstrip.core.hull import HullScans, fit_hull_poses, hull_equations
@@ -25,6 +26,7 @@ from tacstrip.core.posterior import OutlinePrior, outline_ends, outline_record, 
 from tacstrip.core.problem import FitProblem
 from tacstrip.core.rigid import descend, equations, fit_poses, loss
 from tacstrip.core.search import fit_counts
+from tacstrip.tracking.rigid.smooth_path import circle, fit_corners, fit_path, spline_basis
 
 Case = Callable[[], Iterable[ArrayLike]]
 CASES: dict[str, Case] = {}
@@ -74,6 +76,31 @@ def rigid_outlines() -> Iterable[ArrayLike]:
                 hull_equations(hull, two, both, np.ones(both.shape[:2], dtype=bool), how)
             ).values()
             yield from fit_hull_poses(hull, two, both[:, None], both[:, None], np.full(1, 0.1), how)
+
+
+@case
+def rigid_paths() -> Iterable[ArrayLike]:
+    """A rough outline on a spline, and with a knot for each scan; corners on a spline."""
+    scans, corners, poses = rigid_scene("crs-crs", 2.0)
+    for knots in (5, len(poses)):
+        basis = spline_basis(np.linspace(0.0, 1.0, len(poses)), knots)
+        path = fit_path(scans, circle(scans, basis, 1.0), 8, tolerance=0.07, cauchy=3.0, rough=0.07, end=0.25)
+        yield from (path.radii, path.knots, path.cost)
+        at_knots = np.asarray(np.linalg.lstsq(basis, poses, rcond=None)[0].round(9), dtype=np.float64)
+        yield from fit_corners(scans, corners, at_knots, basis, loss(scans), 8)
+
+
+@case
+def convex_chains() -> Iterable[ArrayLike]:
+    """Ends of one to a hundred strips, convex in parts."""
+    random = np.random.default_rng(4)
+    for n in (1, 2, 3, 12, 100):
+        x = np.linspace(0.0, 1.5 * (n - 1), n)
+        y = 0.02 * (x - 30.0) ** 2 + 8.0 * (x > 60.0) + random.normal(0.0, 0.2, n)
+        weight = random.uniform(10.0, 40.0, n)
+        yield from (*convex_regression(x, y, weight), *convex_regression(x, y, weight, -1.0))
+        yield from (*best_lines(x, y, weight, 20.0, 6.0), *convex_cuts(x, y, weight))
+        yield from (*polyline(x, y, weight, 1.5), lower_hull(np.column_stack([x, y]), x))
 
 
 @case

@@ -154,6 +154,39 @@ static void rigid(void) {
   }
 }
 
+/* An outline of four radii on a path of three knots, and one end of a contact. */
+static void paths_and_chains(void) {
+  enum { SCANS = 12, RADII = 4, KNOTTED = 3 };
+  static double k[SCANS * 2 * STRIPS], basis[SCANS * KNOTTED], room[4000], costs[SCANS], prior[RADII * RADII], fitted[STRIPS];
+  double radii[RADII] = {25.0, 22.0, 26.0, 24.0}, weight[2 * RADII] = {1.0, 0.0, 0.0, 1.0, -1.0, 0.0, 0.0, -1.0}, end[STRIPS];
+  double knots[3 * KNOTTED] = {45.0, 30.0, -0.5, 46.0, 30.0, 0.0, 47.0, 30.0, 0.5}, level[STRIPS], lines[5 * STRIPS], chi[1];
+  Int which[2 * RADII], places[2 * STRIPS + 2], cuts[STRIPS + 1];
+  measure(0.004);
+  for (int s = 0; s < SCANS; s++) {
+    double t = 2.0 * s / (SCANS - 1);
+    for (int i = 0; i < 2 * STRIPS; i++) k[s * 2 * STRIPS + i] = i % STRIPS < s ? 0.0 / 0.0 : readings[i];
+    for (int i = 0; i < KNOTTED; i++) basis[KNOTTED * s + i] = t > i - 1 && t < i + 1 ? (t < i ? t - i + 1 : i + 1 - t) : 0.0;
+  }
+  for (int i = 0; i < 2 * RADII; i++) which[i] = i / 2;
+  for (int i = 0; i < RADII; i++) prior[(RADII + 1) * i] = 0.01;
+  OutlineBy by = {RADII, RADII, which, weight, prior};
+  Scans scans = {SCANS, STRIPS, 2, x_mm, k, 0.004, 1.0, LENGTH, {0.5, 0.0}, 0.5, 0.0};
+  Loss loss = {0.5, 3.0, 0.25};
+  tacstrip_rigid_path(&scans, &loss, &by, radii, basis, KNOTTED, knots, 6, 1e-3, 0.02, costs, room);
+  show("radii", radii, sizeof radii);
+  show("knots", knots, sizeof knots);
+  for (int i = 0; i < STRIPS; i++) {
+    end[i] = readings[i] + (i > STRIPS / 2 ? 0.2 : 0.0);
+    level[i] = 1e4;
+  }
+  tacstrip_convex_regression(x_mm, end, level, STRIPS, 1.0, fitted, places, room);
+  show("convex", fitted, sizeof fitted);
+  Int stretches = tacstrip_convex_cuts(x_mm, end, level, STRIPS, cuts, lines, places, room);
+  show("cuts", cuts, (stretches + 1) * sizeof *cuts);
+  Int count = tacstrip_convex_polyline(x_mm, end, level, STRIPS, 1.0, fitted, lines, chi, places, room);
+  show("lines", lines, 5 * count * sizeof *lines);
+}
+
 int main(void) {
   int version = tacstrip_core_version();
   show("version", &version, sizeof version);
@@ -161,5 +194,6 @@ int main(void) {
   runs();
   bounded();
   rigid();
+  paths_and_chains();
   return 0;
 }

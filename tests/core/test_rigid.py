@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from rigid_scenes import CORNERS, distance, rigid_scene, sliding
-from tacstrip.core import rigid
+from tacstrip.core import rigid, rigid_path
 from tacstrip.core.rigid import (
     Prior,
     RigidScans,
@@ -18,6 +20,7 @@ from tacstrip.core.rigid import (
     reduced,
 )
 from tacstrip.tracking.rigid.covariance import rigid_motions
+from tacstrip.tracking.rigid.smooth_path import Path, circle, fit_corners, fit_path, spline_basis
 
 SCENES = [("crs-crs", 0.0), ("crs-crs", 2.0), ("crs-m", 0.0)]
 LOSSES = [(0.0, 0.0, 0.05), (0.5, 3.0, 0.25)]
@@ -123,3 +126,33 @@ def test_scans_without_readings_cost_nothing() -> None:
     empty = RigidScans(scans.sensor, scans.names, np.full_like(scans.k, np.nan), scans.sigma)
     for found in (equations, plain_equations):
         assert not found(empty, corners, sliding(3), loss(empty)).costs.any()
+
+
+@pytest.mark.parametrize(("construction", "lam"), SCENES)
+@pytest.mark.parametrize("knots", [5, 20])
+def test_descents_of_a_path_end_where_those_of_numpy_do(
+    construction: str, lam: float, knots: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Radii with a prior on a spline, and with as many knots as scans; corners without a prior on the spline."""
+    scans, corners, poses = rigid_scene(construction, lam)
+    basis = spline_basis(np.linspace(0.0, 1.0, len(poses)), knots)
+    path = replace(circle(scans, basis, 1.0), basis=basis)
+
+    def both() -> list[np.ndarray]:
+        found = fit_path(scans, path, 6, tolerance=0.07, cauchy=3.0, rough=0.07, end=0.25)
+        at_knots = np.asarray(np.linalg.lstsq(basis, poses, rcond=None)[0], dtype=np.float64)
+        fit = fit_corners(scans, corners, at_knots, basis, loss(scans, 0.5, 3.0), 6)
+        return [found.radii, found.knots, np.array(found.cost), *fit]
+
+    compiled = both()
+    for module in (rigid, rigid_path):
+        monkeypatch.setattr(module, "exported", lambda name: None)
+    for found, wanted in zip(compiled, both(), strict=True):
+        np.testing.assert_allclose(found, wanted, atol=1e-6 * np.abs(wanted).max())
+    assert compiled[2] < 0.5 * _circle_cost(scans, path)
+
+
+def _circle_cost(scans: RigidScans, path: Path) -> float:
+    """Return what a circle on the way of the contact's middle costs."""
+    how = loss(scans, 0.07 * float(path.radii.mean()), 3.0, 0.25)
+    return float(equations(scans, path.corners, path.poses, how).costs.sum())

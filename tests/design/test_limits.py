@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +14,9 @@ from tacstrip.design.candidates import candidates, designs, requirements_unmet
 from tacstrip.design.limits import limit_map, limits, outline_of
 from tacstrip.errors import ContactError, OptionError, SpecError
 from tacstrip.geometry.outline import Outline
-from tacstrip.plot.limits import limits_figure
+from tacstrip.plot.bounds import limits_figure
 from tacstrip.reconstruction.cramer_rao import vertex_covariance, vertex_rms
-from waiting import HANG_S
+from verbs import run
 
 KITE = np.array([(10.2, 50.0), (30.4, 22.0), (70.9, 60.0), (48.3, 85.0)])
 OUTLINE = Outline.of(KITE)
@@ -145,11 +143,6 @@ def test_harmon_s_requirements() -> None:
 # The verb
 
 
-def _run(folder: Path, *words: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-c", "from tacstrip.cli import main; main()", "limits", *map(str, words)]
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, timeout=HANG_S)
-
-
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     corners = ", ".join(f"{x} {y}" for x, y in np.vstack([KITE, KITE[:1]]))
@@ -159,8 +152,21 @@ def folder(tmp_path: Path) -> Path:
 
 
 def test_the_verb_writes_numbers_and_a_picture(folder: Path) -> None:
-    done = _run(folder, "s.toml", "kite.wkt", "--positional", 0.005, "--grid", 3, "--plot", "p.png", "-o", "n.json",
-                "--wanted-mm", 2, "--pitch", 1, "--pitch", 2, "--length", 100)  # fmt: skip
+    words = [
+        "--positional",
+        0.005,
+        "--grid",
+        3,
+        "--wanted-mm",
+        2,
+        "--pitch",
+        1,
+        "--pitch",
+        2,
+        "--length",
+        100,
+    ]
+    done = run(folder, "limits", "s.toml", "kite.wkt", *words, "--plot", "p.png", "-o", "n.json")
     assert done.returncode == 0, done.stderr
     record = json.loads((folder / "n.json").read_text())
     rms = limits(a_sensor(), OUTLINE, NOISE)[2].rms
@@ -173,11 +179,13 @@ def test_the_verb_writes_numbers_and_a_picture(folder: Path) -> None:
 
 
 def test_the_verb_without_an_answer_ends_with_1(folder: Path) -> None:
-    done = _run(folder, "s.toml", "kite.wkt", "--bits", 12, "--grid", 2, "--wanted-mm", 1e-7, "--pitch", 5,
+    done = run(folder, "limits", "s.toml", "kite.wkt", "--bits", 12, "--grid", 2, "--wanted-mm", 1e-7, "--pitch", 5,
                 "--length", 100, "-o", "n.json")  # fmt: skip
     assert done.returncode == 1
     assert "0 of 10 designs reach" in done.stdout
-    done = _run(folder, "s.toml", "kite.wkt", "--bits", 12, "--at", 50, 50, "--turn", 10, "--grid", 2)
+    done = run(
+        folder, "limits", "s.toml", "kite.wkt", "--bits", 12, "--at", 50, 50, "--turn", 10, "--grid", 2
+    )
     assert done.returncode == 0, done.stderr
 
 
@@ -196,7 +204,7 @@ def test_the_verb_without_an_answer_ends_with_1(folder: Path) -> None:
     ],
 )
 def test_what_a_user_gets_wrong(folder: Path, words: list[str], said: str) -> None:
-    done = _run(folder, *words)
+    done = run(folder, "limits", *words)
     assert done.returncode == 2
     assert said in done.stderr
     assert "Traceback" not in done.stderr
@@ -206,6 +214,6 @@ def test_a_sensor_without_a_closed_form(folder: Path) -> None:
     a_sensor("crs-crp", strips=10, pitch_mm=10.0, resistivity_ratio=100.0, contact_lambda_mm=5.0).save(
         folder / "p.toml"
     )
-    done = _run(folder, "p.toml", "kite.wkt", "--positional", 0.001, "--grid", 2)
+    done = run(folder, "limits", "p.toml", "kite.wkt", "--positional", 0.001, "--grid", 2)
     assert done.returncode == 0, done.stderr
     assert "from kh, kl, kh+kl" in done.stdout

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -21,17 +19,12 @@ from tacstrip.errors import OptionError, ReadingError, SignatureError
 from tacstrip.network import Break, Imperfections, Short
 from tacstrip.network.imperfections import Layer
 from tacstrip.stream.source import RawScan
-from waiting import HANG_S
+from verbs import run
 
 SENSOR = ts.Sensor(
     construction="crs-crs", strips=10, pitch_mm=6.5, length_mm=325.0, adc_bits=12, strip_base=1
 )
 FAINT = Noise(positional=0.001)
-
-
-def _run(folder: Path, *words: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-c", "from tacstrip.cli import main; main()", *map(str, words)]
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, timeout=HANG_S)
 
 
 def _write(path: Path, log: Log) -> None:
@@ -58,16 +51,16 @@ def folder(tmp_path: Path) -> Path:
 def test_exit_codes_words_picture_and_json(folder: Path, contacts: list[ts.Contact]) -> None:
     _write(folder / "good.csv", faulty_log(SENSOR, contacts, noise=FAINT))
     _write(folder / "bad.csv", faulty_log(SENSOR, contacts, [Defect("stuck", 4, 0.5, "kl")], FAINT))
-    good = _run(folder, "doctor", "good.csv", "--sensor", "sensor.toml")
+    good = run(folder, "doctor", "good.csv", "--sensor", "sensor.toml")
     assert (good.returncode, good.stderr) == (0, "")
     assert "No fault found, as far as this recording shows" in good.stdout
     assert "within profile I" in good.stdout
-    bad = _run(folder, "doctor", "bad.csv", "--sensor", "sensor.toml", "--plot", "health.png")
+    bad = run(folder, "doctor", "bad.csv", "--sensor", "sensor.toml", "--plot", "health.png")
     assert bad.returncode == 1
     assert "BROKEN: strip 5, v_l: stuck channel. Stays within" in bad.stdout
     assert "Check the multiplexer's address lines" in bad.stdout
     assert (folder / "health.png").read_bytes()[:4] == b"\x89PNG"
-    done = _run(folder, "doctor", "bad.csv", "--sensor", "sensor.toml", "--json")
+    done = run(folder, "doctor", "bad.csv", "--sensor", "sensor.toml", "--json")
     report = json.loads(done.stdout)
     assert done.returncode == 1
     assert [(f["fault"], f["strips"], f["signature"]) for f in report["findings"]] == [("stuck", [5], "kl")]
@@ -78,8 +71,8 @@ def test_exit_codes_words_picture_and_json(folder: Path, contacts: list[ts.Conta
 
 def test_a_recording_brings_its_sensor(folder: Path, contacts: list[ts.Contact]) -> None:
     _write(folder / "bad.csv", faulty_log(SENSOR, contacts, [Defect("swapped-wires", 6)], FAINT))
-    assert _run(folder, "record", "sensor.toml", "bad.csv", "-o", "bad.mcap").returncode == 0
-    done = _run(folder, "doctor", "bad.mcap")
+    assert run(folder, "record", "sensor.toml", "bad.csv", "-o", "bad.mcap").returncode == 0
+    done = run(folder, "doctor", "bad.mcap")
     assert done.returncode == 1
     assert "BROKEN: strip 7: v_h and v_l exchanged." in done.stdout
 
@@ -97,13 +90,13 @@ def test_a_recording_brings_its_sensor(folder: Path, contacts: list[ts.Contact])
 )
 def test_bad_input_ends_with_2(folder: Path, text: str, said: str) -> None:
     (folder / "r.csv").write_text(text)
-    done = _run(folder, "doctor", "r.csv", "--sensor", "sensor.toml")
+    done = run(folder, "doctor", "r.csv", "--sensor", "sensor.toml")
     assert (done.returncode, done.stdout) == (2, "")
     assert said in done.stderr
 
 
 def test_a_readings_file_needs_its_sensor(folder: Path) -> None:
-    done = _run(folder, "doctor", "r.csv")
+    done = run(folder, "doctor", "r.csv")
     assert done.returncode == 2
     assert "name its spec: --sensor sensor.toml" in done.stderr
 

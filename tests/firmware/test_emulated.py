@@ -31,7 +31,9 @@ from tacstrip.stream.device.protocol.frames import Kind
 from tacstrip.stream.device.protocol.messages import Command, Hello, SelfTest
 
 pytestmark = [needs_compiler, needs_simavr]
-BUILD_PAGE = (FIRMWARE.parent / "docs" / "guide" / "build.md").read_text(encoding="utf-8")
+_DOCS = FIRMWARE.parent / "docs"
+BUILD_PAGE = (_DOCS / "guide/build.md").read_text(encoding="utf-8")
+ERROR_PAGE = (_DOCS / "science/electronics.md").read_text(encoding="utf-8")
 STRIPS = 10
 TOP = 2**10 - 1
 SHAPE = ts.Contact.polygon([(14.0, 45.0), (38.0, 18.0), (82.0, 40.0), (52.0, 80.0)])
@@ -295,10 +297,10 @@ def test_a_setting_that_does_not_exist_is_refused(
 
 
 def test_the_pages_example_gives_the_pages_figures(capsys: pytest.CaptureFixture[str]) -> None:
-    (code,) = re.findall(r"```python\n(.*?)```", BUILD_PAGE, re.DOTALL)
+    (code,) = re.findall(r"```python\n(.*?)```", ERROR_PAGE, re.DOTALL)
     exec(compile(code, "build.md", "exec"), {})
     printed = [line.split() for line in capsys.readouterr().out.splitlines()]
-    table = re.findall(r"^\| ([^|]*%[^|]*) \| ([\d.]+) mm \| ([\d.]+) mm \|$", BUILD_PAGE, re.MULTILINE)
+    table = re.findall(r"^\| ([^|]*%[^|]*) \| ([\d.]+) mm \| ([\d.]+) mm \|$", ERROR_PAGE, re.MULTILINE)
     assert len(printed) == len(table) == 4
     for numbers, (_, ten, twelve) in zip(printed, table, strict=True):
         assert [float(numbers[1]), float(numbers[2])] == pytest.approx([float(ten), float(twelve)], rel=0.02)

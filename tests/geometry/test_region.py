@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import tacstrip as ts
-from tacstrip.geometry.region import ellipse, regions, svg
+from tacstrip.geometry.region import ellipse, outline_paths, regions
+from tacstrip.notebook import drawing
 
 SQUARE = np.array([(0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)])
 
@@ -33,15 +34,16 @@ def test_what_is_not_known_has_no_region() -> None:
 
 
 def test_a_result_draws_itself() -> None:
-    drawn = ET.fromstring(svg([(SQUARE, np.eye(8)), (SQUARE + 20.0, None)]))
+    drawn = ET.fromstring(drawing(outline_paths([(SQUARE, np.eye(8)), (SQUARE + 20.0, None)]), "two squares"))
     assert len(list(drawn)) == 2 + 4
     sensor = ts.Sensor(construction="crs-crs", strips=20, pitch_mm=1, length_mm=50)
     scan = ts.simulate(sensor, ts.Contact.polygon([(3, 10), (15, 12), (9, 40)]))
     result = ts.profile_reconstruction(scan, sensor, ts.Noise(positional=0.005))
     for picture in (result._repr_svg_(), result.objects[0]._repr_svg_()):
+        assert picture is not None
         assert "<path" in picture
         ET.fromstring(picture)
-    assert "no shape" in ts.Reconstruction("profile", ())._repr_svg_()
+    assert "no shape" in str(ts.Reconstruction("profile", ())._repr_svg_())
 
 
 def test_a_profile_with_noise_says_how_exact_its_area_is() -> None:

@@ -38,7 +38,11 @@ def _exchanged(*scans: ts.Scan) -> str:
         (0.5, 60.0, ""),
         (0.004, 0.12, "mm, not m?"),
         (4.0, 0.12, "shorter"),
-        (0.4, 12.0, "not cm?"),
+        (
+            0.4,
+            12.0,
+            "not cm? All lengths in a spec are millimetres; if so, write pitch_mm = 4, length_mm = 120",
+        ),
     ],
 )
 def test_a_spec_in_other_units(pitch: float, length: float, told: str) -> None:

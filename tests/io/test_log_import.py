@@ -13,10 +13,13 @@ from hypothesis import strategies as st
 
 import tacstrip as ts
 from tacstrip.cli import cli
-from tacstrip.io.log_import.guess import Unanswered, propose
+from tacstrip.io.log_import.containers import read_table
+from tacstrip.io.log_import.guess import propose
 from tacstrip.io.log_import.mapping import ColumnMapping
+from tacstrip.io.log_import.questions import Unanswered
 from tacstrip.io.log_import.scans import scans
-from tacstrip.io.log_import.table import Table, of_text, read_table
+from tacstrip.io.log_import.table import Table
+from tacstrip.io.log_import.text import of_text
 
 RUBBER = ts.Sensor(
     construction="crs-crs", strips=5, pitch_mm=10.0, length_mm=50.0, vref_volt=5.0, adc_bits=10
@@ -122,13 +125,13 @@ def codes(last: str) -> str:
         (
             PINS + "\n" + "".join(f"{20 * i},,611,32{i},300,\n" for i in SCANS),
             METAL,
-            "in which unit .code, mV",
+            "in which unit.*unit=mV or --answer unit=code",
         ),
         (
-            "time_s,channel,value\n"
-            + "".join(f"{0.1 * i},{s}{end},1.5\n" for i in SCANS for s in STRIPS for end in "HL"),
+            "time_s,strip,value\n"
+            + "".join(f"{0.1 * i},{s}{end},1.5\n" for i in SCANS for s in STRIPS for end in "QZ"),
             RUBBER,
-            "'0H' elsewhere: both strip 0",
+            "'0Q' elsewhere: both strip 0",
         ),
     ],
 )
@@ -161,13 +164,12 @@ def without_empty_lines() -> str:
     ("text", "key", "answer"),
     [
         (own("kl", "kh"), "exchanged", "yes"),
-        (own("kh", "kl", nothing="0"), "untouched", "0"),
         (own("kh", "kl", head=HEAD.replace("time_s", "t")), "time_unit", "ms"),
         (own("kh", "kl", scale=1.0), "unit", "fraction"),
         (own("kh", "kl", head="strip,v_h,v_l\n", index=False), "rate_hz", "50"),
         (without_empty_lines(), "missing", "untouched"),
         (own("kh", "kl", nothing="OL"), "untouched", "OL"),
-        (own("kh", "kl") + "oops\n", "broken_lines", "skip"),
+        (own("kh", "kl") + "oops 7\n", "broken_lines", "skip"),
     ],
 )
 def test_what_a_log_does_not_say_is_asked_and_the_answer_taken(text: str, key: str, answer: str) -> None:
@@ -232,7 +234,8 @@ def test_the_verb_writes_readings_a_recording_and_the_mapping(tmp_path: Path) ->
     log.write_text("frame,t,strip,a,b\n0,0,2,10,20\n")
     done = CliRunner().invoke(cli, ["import", str(log), "-o", str(tmp_path / "q.csv")])
     assert done.exit_code == 1
-    assert "strip_base=..." in done.stderr
+    assert "--answer strip_base=0 or --answer strip_base=1" in done.stderr
+    assert "--answer a=h or --answer a=l" in done.stderr  # all that is open is asked at once
     assert not (tmp_path / "q.csv").exists()
 
 

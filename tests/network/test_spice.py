@@ -76,6 +76,19 @@ def test_ngspice_finds_the_same_voltages(
 
 
 @needs_ngspice
+def test_ngspice_finds_the_closed_forms_of_a_hemisphere(tmp_path: Path) -> None:
+    tip = ts.Sensor.load("fingertip")
+    contact = ts.Contact.polygon([(3, 2), (30, 4), (8, 11)])
+    asked = measurements(tip, contact)
+    printed = _run(tmp_path, deck("tip", {str(s): q for s, q in asked.items()}, tip.vref_volt))
+    ideal = ts.simulate(tip, contact)
+    assert len(asked) == ideal.touched.sum() > 4
+    for strip in asked:
+        for name, volts in (("kh", "vh"), ("kl", "vl")):
+            assert printed[f"{volts}_{strip}"] / tip.vref_volt == pytest.approx(ideal[name][strip], abs=1e-6)
+
+
+@needs_ngspice
 def test_ngspice_agrees_on_a_sheet_of_50_by_50(tmp_path: Path) -> None:
     n = 50
     node = np.arange(n * n).reshape(n, n)

@@ -12,7 +12,7 @@ from drawn import check_above
 from tacstrip.calibrate.unit import Calibrated
 from tacstrip.contact.signature import signatures
 from tacstrip.io.runs import Runs
-from tacstrip.plot.calibration import (
+from tacstrip.plot.calibrations import (
     calibration_graphs,
     graphed_strips,
     residuals_along_strips,
@@ -54,7 +54,7 @@ def test_the_report_says_which_strips_have_graphs(
 ) -> None:
     assert len(graphed_strips(unit)) == 12
     assert 20 in graphed_strips(unit)
-    monkeypatch.setattr("tacstrip.plot.calibration._MOST_STRIPS", 2)
+    monkeypatch.setattr("tacstrip.plot.calibrations._MOST_STRIPS", 2)
     first, second = graphed_strips(unit)
     page = write_report(unit, tmp_path).read_text(encoding="utf-8")
     assert "Calibration graphs of 2 of the 24 strips: those with the largest residuals." in page

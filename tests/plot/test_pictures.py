@@ -16,9 +16,9 @@ from drawn import check_above, draw, legend_of
 from recordings import sensor
 from tacstrip.design.limits import ErrorMap, Limit
 from tacstrip.geometry.outline import Outline
-from tacstrip.plot.limits import limits_figure
-from tacstrip.plot.result import reconstruction_figure
-from tacstrip.plot.style import legend_above, new_axes
+from tacstrip.plot.bounds import limits_figure
+from tacstrip.plot.results import reconstruction_figure
+from tacstrip.plot.theme import legend_above, new_axes
 from tacstrip.reconstruction.profile import profile_reconstruction
 from tacstrip.reconstruction.result import Reconstruction, RecoveredObject
 
@@ -75,7 +75,7 @@ def test_a_closer_view_only_where_it_is_closer() -> None:
     for corners, titles in ((SMALL, ["sensor", "shapes"]), (TRIANGLE, ["shapes"])):
         result = Reconstruction("polygon", (_found(corners),))
         figure = reconstruction_figure(SENSOR, [_scan(SENSOR, corners)], {"polygon": [result]})
-        assert _titles(figure) == [*titles, "pseudo-signatures"]
+        assert _titles(figure) == [*titles, "readings"]
 
 
 def test_regions_end_with_the_sensor() -> None:
@@ -92,32 +92,31 @@ def test_regions_end_with_the_sensor() -> None:
     assert {axes.get_position().height > 0.3 for axes in figure.axes} == {True}
 
 
-def test_of_many_scans_some_are_drawn() -> None:
+def test_many_scans_are_a_film_strip_of_some() -> None:
     many, result = 1000, Reconstruction("polygon", (_found(SMALL, spread=1.0),))
     scan = _scan(SENSOR, SMALL)
     results = {"polygon": [result] * many}
     start = time.process_time()
     figure = reconstruction_figure(SENSOR, [scan] * many, results)
     assert time.process_time() - start < 3.0
-    assert _titles(figure) == ["sensor", "shapes\n12 of 1000 scans", "pseudo-signatures\n6 of 1000 scans"]
-    numbers = [t.get_text() for t in figure.axes[0].texts]
-    assert numbers[0] == "0"
-    assert numbers[-1] == "999"
-    assert np.ptp(np.diff([int(n) for n in numbers])) <= 1
-    assert not [p for p in figure.axes[1].patches if isinstance(p, Polygon)]
-    assert legend_of(figure) == ["polygon: ok", "numbers: scans"]
+    assert figure.get_suptitle() == "shapes of 12 of 1000 scans"
+    *frames, readings = _titles(figure)
+    assert (len(frames), frames[0], frames[-1]) == (12, "scan 0", "scan 999")
+    assert readings == "readings of 6 of 1000 scans"
+    assert np.ptp(np.diff([int(n.removeprefix("scan ")) for n in frames])) <= 1
+    assert legend_of(figure) == ["polygon: ok", "95 % region of a corner"]
     nothing = replace(scan, kh=np.full(24, np.nan), kl=np.full(24, np.nan))
     half = reconstruction_figure(
         SENSOR, [scan, nothing] * 20, {"polygon": [result, Reconstruction("polygon", ())] * 20}
     )
-    assert "shapes\n12 of 20 scans in contact" in _titles(half)
+    assert half.get_suptitle() == "shapes of 12 of 20 scans in contact"
 
 
 def test_places_of_a_drag_without_results() -> None:
     contacts = [ts.Contact.polygon(SMALL + i) for i in range(30)]
     figure = reconstruction_figure(SENSOR, [ts.simulate(SENSOR, c) for c in contacts], {}, contacts)
     assert legend_of(figure) == ["true shape"]
-    assert len(figure.axes[0].lines) == 12
+    assert [len(axes.lines) for axes in figure.axes[:-1]] == [1] * 12
 
 
 def test_x_runs_along_the_arc_of_a_tube() -> None:

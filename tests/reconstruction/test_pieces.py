@@ -9,9 +9,10 @@ from shapely import Polygon
 
 import tacstrip as ts
 from drawn import legend_of
+from tacstrip.core.convex_chain import straight_lines
 from tacstrip.io import feature_collection
-from tacstrip.plot.result import reconstruction_figure
-from tacstrip.reconstruction.pieces.chain import split_chain, straight_lines
+from tacstrip.plot.results import reconstruction_figure
+from tacstrip.reconstruction.pieces.chain import split_chain
 from tacstrip.stream import encode
 from tacstrip.stream.live.frame import Frame
 from tacstrip.tracking import LiveObject

@@ -10,7 +10,7 @@ import pytest
 
 import tacstrip as ts
 from tacstrip.io import feature_collection
-from tacstrip.plot.result import reconstruction_figure
+from tacstrip.plot.results import reconstruction_figure
 from tacstrip.reconstruction.seam import unrolled
 from tacstrip.stream.bridges.tuio import blob
 from tacstrip.tracking import Tracker

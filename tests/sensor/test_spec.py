@@ -24,7 +24,7 @@ METAL: dict[str, Any] = {**FLAT, "construction": "crs-m"}
 GOOD = 'format = 1\nconstruction = "crs-crs"\nstrips = 10\npitch_mm = 5.0\nlength_mm = 100.0\n'
 ALL_KEYS = (
     "format, construction, strips, pitch_mm, length_mm, strip_width_mm, radius_mm, resistivity_ratio, "
-    "contact_lambda_mm, vref_volt, adc_bits, rest_volt, touch_volt, strip_base, without, surface, noise, "
+    "contact_lambda_mm, vref_volt, adc_bits, rest_volt, touch_volt, strip_base, without, adc, surface, noise, "
     "calibration"
 )
 NEEDED = "format, construction, strips, pitch_mm, length_mm"

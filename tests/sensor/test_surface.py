@@ -11,7 +11,6 @@ import pytest
 
 import tacstrip as ts
 from tacstrip.arrays import FloatArray
-from tacstrip.calibrate.unit import require_closed_form
 from tacstrip.errors import SpecError
 from tacstrip.sensor.resistance import electrical_ends, electrical_slopes, ends_from_electrical
 from tacstrip.sensor.surface import Surface
@@ -209,7 +208,7 @@ def test_what_cannot_take_a_curved_skin_yet_says_so() -> None:
     scan = ts.simulate(sensor, ts.Contact.polygon([(3, 2), (30, 4), (8, 11)]))
     for call in (
         lambda: ts.vertex_reconstruction(scan, sensor), lambda: ts.track([scan], sensor),
-        lambda: ts.fit_object(scan, sensor, [(0, 0), (5, 0), (0, 5)]), lambda: require_closed_form(sensor),
+        lambda: ts.fit_object(scan, sensor, [(0, 0), (5, 0), (0, 5)]),
         lambda: ts.fit_polygon(scan, sensor, area_mm2=10.0),
     ):  # fmt: skip
         with pytest.raises(ts.OptionError, match=r"cannot take a sensor with a \[surface\] yet: "):

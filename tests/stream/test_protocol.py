@@ -29,7 +29,8 @@ from tacstrip.stream.device.protocol.messages import Command, Hello, Reply, Self
 from tacstrip.stream.device.protocol.scans import MAX_STRIPS, ScanBatch, encode_scan
 from tacstrip.stream.source import RawScan
 
-PAGE = (Path(__file__).parents[2] / "docs" / "reference" / "protocol.md").read_text(encoding="utf-8")
+_REFERENCE = Path(__file__).parents[2] / "docs" / "reference"
+PAGE = "".join((_REFERENCE / f"{n}.md").read_text(encoding="utf-8") for n in ("protocol", "protocol-vectors"))
 VECTORS: list[dict[str, Any]] = [json.loads(t) for t in re.findall(r"```json\n(.*?)```", PAGE, re.DOTALL)]
 NAMES = [f"{v['what']} {i}" for i, v in enumerate(VECTORS)]
 FIXED = settings(derandomize=True, deadline=None, max_examples=100)

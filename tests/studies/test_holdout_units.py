@@ -117,7 +117,7 @@ def test_a_sheet_over_strips_is_symmetric_and_between_its_contacts_ends() -> Non
 
 
 def test_frames_are_those_of_the_protocol_page() -> None:
-    page = Path("docs/reference/protocol.md").read_text()
+    page = Path("docs/reference/protocol-vectors.md").read_text()
     vector = re.search(r'"what": "scan", "hex": "(00 05 [^"]*)"', page)
     assert vector is not None
     body = bytes.fromhex("0300 03 0a 90010000 05 0002 0000 ff03 0001 0000 2d00".replace(" ", ""))

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from studies.phantoms import figure_phantoms, phantoms_over_fill
-from tacstrip.plot.style import save
+from tacstrip.plot.theme import save
 
 
 def test_the_figure_has_named_axes(tmp_path: Any) -> None:

@@ -8,10 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from matplotlib.text import Text
 
-from drawn import check_above, draw, legend_of
+from drawn import check_above, draw
 from tacstrip.cli import cli
 from tacstrip.thesis.demo import FIT, Demo, picture, run, table
+from tacstrip.thesis.reproduce import _draw
 
 
 @pytest.fixture(scope="module")
@@ -33,19 +35,41 @@ def test_the_demo_shows_the_default_method_first(demo: Demo) -> None:
 def test_nothing_of_the_demo_is_cut_off(demo: Demo) -> None:
     figure = picture(demo)
     draw(figure)
-    assert "95 % region of a corner" in legend_of(figure)
+    _, read, recovered = figure.axes
+    legend = recovered.get_legend()
+    assert legend is not None
+    texts = legend.get_texts()
+    assert [t.get_text() for t in texts] == ["true shape", "before calibration: doubtful", "after calibration: ok",
+                                             "95 % region of a corner"]  # fmt: skip
+    assert not {"P.R.", "V.R."} & {text.get_text() for text in figure.findobj(Text)}
     for axes in figure.axes:
         (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
         for line in axes.lines:
             x, y = np.asarray(line.get_xydata()).T
             assert x0 <= np.nanmin(x) <= np.nanmax(x) <= x1
             assert y0 <= np.nanmin(y) <= np.nanmax(y) <= y1
-    check_above(figure)
+    check_above(figure, read)
 
 
 def test_the_demo_tells_and_writes_what_it_recovered(tmp_path: Path) -> None:
-    done = CliRunner().invoke(cli, ["demo", "--out", str(tmp_path)])
+    done = CliRunner().invoke(cli, ["demo", "--out", str(tmp_path), "--format", "svg"])
     assert done.exit_code == 0, done.output
     assert "after     Polygon fit" in done.output
+    assert "<svg" in (tmp_path / "demo.svg").read_text(encoding="utf-8")
     (shape,) = json.loads((tmp_path / "shape.geojson").read_text())["features"]
     assert len(shape["geometry"]["coordinates"][0]) == 5  # the rectangle's corners, the first again
+
+
+@pytest.mark.parametrize("verb", ["demo", "reproduce"])
+def test_a_format_that_is_none(verb: str, tmp_path: Path) -> None:
+    done = CliRunner().invoke(cli, [verb, "--out", str(tmp_path / "new"), "--format", "gif"])
+    assert str(done.exception) == "--format 'gif' does not exist; choose one of: png, svg, pdf"
+    assert not (tmp_path / "new").exists()
+
+
+def test_figures_of_the_thesis_as_the_kind_that_was_asked_for(tmp_path: Path) -> None:
+    for kind in ("svg", "pdf"):
+        _draw("2.4", tmp_path, kind)
+    assert sorted(f.name for f in tmp_path.iterdir()) == [
+        f"figure_2_04.{kind}" for kind in ("pdf", "png", "svg")
+    ]

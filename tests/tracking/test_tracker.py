@@ -93,3 +93,17 @@ def test_a_corner_that_is_gone_is_dropped_within_half_a_second() -> None:
 def test_other_methods_keep_numbers_too(method: str) -> None:
     tracker = Tracker(FINE, method)
     assert [[o.id for o in tracker.update(_scan(TWO, i))] for i in range(3)] == [[1, 2]] * 3
+
+
+def test_on_a_curved_skin_numbers_stay_across_the_seam() -> None:
+    tip = ts.Sensor.load("fingertip")
+    tracker = Tracker(tip, noise=ts.Noise(positional=0.002))
+    ball = ts.Solid.sphere(6.0)
+    for i, around in enumerate(np.radians([-25.0, -8.0, 8.0, 25.0])):
+        out = np.array([0.7 * math.cos(around), 0.7 * math.sin(around), 0.714])
+        patch = ts.press(tip, ball.at(20.0 * out, -out), depth_mm=1.5)
+        (one,) = tracker.update(ts.simulate(tip, patch, ts.Noise(positional=0.002), rng=i, time_s=0.01 * i))
+        assert one.id == 1
+        assert one.shape.on_skin is None or one.shape.on_skin.area_mm2 == pytest.approx(
+            patch.area_mm2, rel=0.25
+        )

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import os
 import shutil
+import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -172,12 +173,74 @@ def test_settings_pause_theme_and_recording(
     wait_until(lambda: server.controller.live.method == "vertex")
 
 
+def test_a_refused_number_says_so_at_its_field_and_deleting_keeps_the_focus(
+    open_page: Callable[..., Any], server: Server
+) -> None:
+    page = open_page(viewport={"width": 1280, "height": 860})
+    for field, wrong, words, right in (
+        ("strips", "1", "strips = 1: must be 2 to 1000; 50 stays in force", "40"),
+        ("hz", "6000", "rate_hz = 6000: must be 1 to 5000; 1000 stays in force", "500"),
+        ("noise", "700", "positional = 7: a fraction of Vref", "1"),
+        ("noise", "", "not a number; 1 stays in force", "0.5"),
+    ):
+        box, said = page.locator(f"#{field}"), page.locator(f"#{field}-refused")
+        box.fill(wrong)
+        box.press("Enter")
+        said.filter(has_text=words).wait_for()
+        assert box.get_attribute("aria-invalid") == "true"
+        assert page.locator(f"#{field}[aria-describedby='{field}-refused']").count() == 1
+        box.fill(right)
+        box.press("Enter")
+        wait_until(lambda: said.inner_text() == "" and box.get_attribute("aria-invalid") is None)  # noqa: B023
+        box.blur()
+        wait_until(lambda: float(box.input_value()) == float(right))  # noqa: B023
+    focused = "() => document.activeElement.dataset.key ?? document.activeElement.id"
+    page.locator("[data-key='1.2']").focus()
+    assert page.locator("[data-key='1.2']").evaluate("e => getComputedStyle(e).outlineStyle") == "none"
+    for after in ("0.", "add"):  # a triangle goes as a whole
+        page.keyboard.press("Delete")
+        wait_until(lambda: page.evaluate(focused) == after)  # noqa: B023
+
+
+def test_a_page_without_news_is_dimmed_and_a_new_server_is_heard(browser: Any, server: Server) -> None:
+    page = browser.new_page()
+    page.goto(server.urls["control"])
+    stale = "() => document.body.classList.contains('stale')"
+    wait_until(lambda: _drawn(page) > 5 and not page.evaluate(stale))
+    for text in ("one", "two"):
+        server.controller.live.notify(text)
+    page.locator("#said li").filter(has_text="two").wait_for()
+    went_on = threading.Event()
+    server._loop.call_soon_threadsafe(went_on.wait)  # the server hangs, and its line stays open
+    page.locator("#line").filter(has_text="no news for 1 s").wait_for()
+    assert page.evaluate(stale)
+    wait_until(lambda: float(page.locator("#skin").evaluate("e => getComputedStyle(e).opacity")) < 0.5)
+    went_on.set()
+    wait_until(lambda: not page.evaluate(stale))
+    server.close()
+    page.locator("#line").filter(has_text="not connected").wait_for()
+    wait_until(lambda: page.evaluate(stale))
+    simulator = Simulator(Settings(SENSOR, RATE_HZ), OBJECTS)
+    with Live(simulator.source()) as live:
+        live.notify("after the restart")  # its first message, as "one" was
+        controller = Controller(live, server.controller.health._executor, simulator)
+        again = Server(controller, Access("127.0.0.1"), server.port)
+        page.locator("#said li").filter(has_text="after the restart").wait_for()
+        live.stop()
+        page.locator("#line").filter(has_text="the stream has ended").wait_for()
+        assert page.locator("body.no-scans").count() == 1
+        again.close()
+    page.close()
+
+
 def test_the_page_on_a_phone(open_page: Callable[..., Any], tmp_path: Path) -> None:
     page = open_page(viewport={"width": 390, "height": 844}, has_touch=True, is_mobile=True)
     wide = page.evaluate("() => document.documentElement.scrollWidth")
     assert wide <= 390
     for key in ("pause", "record", "add", "left"):
         assert page.locator(f"#{key}").bounding_box()["height"] >= 30.0
+    corner = page.locator("[data-key='0.1']").bounding_box()
+    assert min(corner["width"], corner["height"]) >= 24.0
     _picture(page, "live_phone", tmp_path)
 
 

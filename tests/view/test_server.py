@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import itertools
 import json
+import socket
 from collections.abc import Awaitable, Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -104,6 +105,69 @@ def test_another_origin_and_another_name_are_refused(server: Server) -> None:
         assert "not to evil.example" in text
     assert _status(f"{_base(server)}/", Origin=_base(server))[0] == 200
     assert _status(f"{_base(server)}/", Host=f"localhost:{server.port}")[0] == 200
+
+
+SAFE = ("Content-Security-Policy", "X-Content-Type-Options", "Referrer-Policy", "Cache-Control")
+MALFORMED = [
+    ("GET / HTTP/1.1\r\nHost: [", 403),
+    ("GET / HTTP/1.1\r\nHost: \xff\xfe", 403),
+    ("GET / HTTP/1.1", 400),
+    ("GET / HTTP/1.1\r\n{host}\r\nOrigin: http://[", 403),
+    ("GET / HTTP/1.1\r\n{host}\r\nX: " + 9000 * "x", 400),
+    ("GET /%00 HTTP/1.1\r\n{host}", 404),
+    ("GET /%ff%fe HTTP/1.1\r\n{host}", 404),
+    ("GET http://[ HTTP/1.1\r\n{host}", 400),
+    ("GET /a/b HTTP/1.1\r\n{host}", 404),
+    ("POST / HTTP/1.1\r\n{host}\r\nContent-Length: 0", 405),
+    ("GET /ws HTTP/1.1\r\n{host}", 400),
+    ("nonsense", 400),
+    ("\x16\x03\x01", 400),
+]
+
+
+def _raw(server: Server, text: str) -> tuple[int, dict[str, str]]:
+    """Send bytes that a client of HTTP would not, and return status and headers of the answer."""
+    with socket.create_connection(("127.0.0.1", server.port)) as line:
+        line.settimeout(HANG_S)
+        line.sendall((text.format(host=f"Host: 127.0.0.1:{server.port}") + "\r\n\r\n").encode("latin-1"))
+        answer = b""
+        while b"\r\n\r\n" not in answer:
+            part = line.recv(65536)
+            assert part, "closed without an answer"
+            answer += part
+    first, *lines = answer.partition(b"\r\n\r\n")[0].decode("latin-1").split("\r\n")
+    return int(first.split()[1]), dict(part.split(": ", 1) for part in lines)
+
+
+def test_what_is_no_request_gets_one_line_and_the_headers_of_all(
+    server: Server, caplog: pytest.LogCaptureFixture, capfd: pytest.CaptureFixture[str]
+) -> None:
+    for text, status in MALFORMED:
+        found, headers = _raw(server, text)
+        assert (found, [name for name in SAFE if name not in headers]) == (status, []), text
+
+    async def speak(session: aiohttp.ClientSession) -> None:
+        async with session.ws_connect(f"{_base(server)}/ws") as line:
+            await line.send_frame(b"\xff\xfe", aiohttp.WSMsgType.TEXT)  # no UTF-8
+            while (message := await line.receive(HANG_S)).type == aiohttp.WSMsgType.TEXT:
+                pass
+            assert message.data == aiohttp.WSCloseCode.INVALID_TEXT
+
+    _talk(speak)
+    assert _status(f"{_base(server)}/")[0] == 200
+    assert caplog.text == ""
+    assert "Traceback" not in "".join(capfd.readouterr())
+
+
+def test_many_connections_that_ask_for_nothing_shut_nobody_out(server: Server) -> None:
+    idle = [socket.create_connection(("127.0.0.1", server.port)) for _ in range(200)]
+    idle[-1].sendall(b"GET / HTTP/1.1\r\nHost: ")  # and ends there
+    assert _status(f"{_base(server)}/")[0] == 200
+    wait_until(lambda: len(server._idle) <= 64)
+    idle[0].settimeout(HANG_S)
+    assert idle[0].recv(100) == b""  # the oldest go
+    for line in idle:
+        line.close()
 
 
 def test_on_the_network_a_token_is_needed_and_the_looking_one_changes_nothing(
@@ -237,6 +301,43 @@ def test_recording_from_the_page(server: Server, tmp_path: Path) -> None:
     scans = _talk(record)
     (file,) = tmp_path.glob("*.mcap")
     assert len(list(ts.Recording(file))) >= scans > 0
+
+
+def test_recording_from_the_page_leaves_that_of_the_command_alone(
+    controller: Controller, live: Live, tmp_path: Path
+) -> None:
+    live.record(tmp_path / "command.mcap")
+    controller.do({"do": "record"})
+    with pytest.raises(ts.OptionError, match="recording already"):
+        controller.do({"do": "record"})
+    wait_until(lambda: (controller.state()["recording"] or {}).get("scans"))
+    assert controller.state()["command_records"] == [str(tmp_path / "command.mcap")]
+    controller.do({"do": "stop recording"})
+    assert controller.state()["recording"] is None
+    (command,) = live.recordings
+    scans = command.scans
+    wait_until(lambda: command.scans > scans)
+    live.stop()
+    assert not live.recording_failed
+    own, page = (list(ts.Recording(file)) for file in sorted(tmp_path.glob("*.mcap")))
+    assert {raw.sequence for raw in page} <= {raw.sequence for raw in own}
+    assert len(own) > len(page) > 0
+
+
+def test_a_sheet_gives_back_what_it_could_not_have(simulator: Simulator) -> None:
+    simulator.change({"construction": "crs-crp"})
+    now = simulator.settings
+    assert (now.sensor.strips, now.rate_hz) == (20, 20.0)
+    for wrong, words in (({"strips": 50}, "2 to 24"), ({"rate_hz": 100}, "1 to 20")):
+        with pytest.raises(ts.OptionError, match=words):
+            simulator.change(wrong)
+    simulator.change({"construction": "crs-m"})
+    assert (simulator.settings.sensor.strips, simulator.settings.rate_hz) == (20, 500.0)
+    simulator.change({"strips": 50})
+    simulator.change({"construction": "crs-crp"})
+    assert simulator.settings.sensor.strips == 24
+    simulator.change({"construction": "crs-crs"})
+    assert simulator.settings.sensor.strips == 50
 
 
 @pytest.mark.parametrize("construction", ["crs-m", "cyl-crs-m", "crs-crp"])

@@ -12,6 +12,7 @@ from tacstrip.arrays import FloatArray
 from tacstrip.sensor.calibration import Calibration
 from tacstrip.sensor.channel import Channel, fading, piecewise_map
 from tacstrip.sensor.closed_form import k_h, k_l, transfer_length
+from tacstrip.sensor.resistance import electrical_ends
 from tacstrip.sensor.spec import Sensor
 
 
@@ -228,8 +229,12 @@ def predict(
     model, length = constants.model, sensor.length_mm
     lam = constants.value("lambda") * length if model.has("lambda") else sensor.contact_lambda_mm
     ratio: Any = sensor.sensing_ratio * np.exp(constants.value("ratios" if model.has("ratios") else "ratio"))
-    t = transfer_length(w_mm, lam)
-    low, high = (l_mm + t) / length, (l_mm + w_mm - t) / length
+    if sensor.surface is None:
+        t = transfer_length(w_mm, lam)
+        low, high = (l_mm + t) / length, (l_mm + w_mm - t) / length
+    else:
+        touching = replace(sensor, contact_lambda_mm=float(lam), calibration=None)
+        low, high = (v / length for v in electrical_ends(touching, l_mm, l_mm + w_mm)[:2])
     if model.has("warp") or model.has("ends"):
         low, high = (piecewise_map(v, constants.warp_at, constants.warp) for v in (low, high))
     found = {}

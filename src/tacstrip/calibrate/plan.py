@@ -93,6 +93,11 @@ def plan(
         A value that cannot be, or a construction without a closed form.
     """
     require_closed_form(sensor)
+    if sensor.surface is not None and sensor.surface.along == "parallels":
+        raise OptionError(
+            "strips along parallels are each of their own length, and no contact lies alike on all of them: press "
+            "where you can, and give the runs to the calibration"
+        )
     parts = parse_model(model or planned_model(sensor, uneven).name, sensor, sensor.signatures)
     step = sensor.length_mm / 32.5 if unit_mm is None else unit_mm
     if not 0.0 < wanted_percent < 100.0:
@@ -134,7 +139,11 @@ def _places(sensor: Sensor, step: float, lengths: tuple[int, ...] = _LENGTHS) ->
 
 def _reading_jacobian(sensor: Sensor, model: Model, places: FloatArray) -> FloatArray:
     """Return the derivatives of one strip's readings by its parameters (places, signatures, parameters)."""
-    constants = initial_constants(model, replace(sensor, strips=1, calibration=None), sensor.signatures)
+    surface = sensor.surface
+    if surface is not None:  # as narrow as one strip; even ones read as flat ones do
+        surface = None if surface.even else replace(surface, around_deg=surface.around_deg / sensor.strips)
+    one = replace(sensor, strips=1, surface=surface, calibration=None)
+    constants = initial_constants(model, one, sensor.signatures)
     l, w = places[:, :1], places[:, 1:]
     return np.asarray(np.moveaxis(jacobian(sensor, constants, l, w)[:, :, 0], 0, 1))
 

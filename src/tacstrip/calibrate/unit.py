@@ -18,7 +18,6 @@ from tacstrip.calibrate.offsets import mean_offset_sigma, mean_offsets
 from tacstrip.calibrate.residuals import residuals, rms_percent
 from tacstrip.errors import OptionError, ReadingError
 from tacstrip.io.runs import Runs
-from tacstrip.reconstruction.on_surface import refuse_surface
 from tacstrip.sensor.calibration import Calibration
 from tacstrip.sensor.spec import Sensor
 
@@ -240,9 +239,6 @@ def _changed(sensor: Sensor, runs: Runs) -> str:
 
 def require_closed_form(sensor: Sensor) -> None:
     """Refuse a construction whose readings constants per strip do not describe: `OptionError`."""
-    refuse_surface(
-        sensor, "calibration", "set vref_volt, resistivity_ratio and contact_lambda_mm in the spec"
-    )
     if not sensor.kind.closed_form:
         raise OptionError(
             f"a {sensor.construction} sensor cannot be calibrated strip by strip: its strips shift each other's "

@@ -252,8 +252,8 @@ def save_picture(
 ) -> Path:  # fmt: skip
     """Draw scans, what was reconstructed of them by each method, and the contacts that touched; return the file."""
     from tacstrip.plot.layers import layers_figure
-    from tacstrip.plot.result import reconstruction_figure
-    from tacstrip.plot.style import save
+    from tacstrip.plot.results import reconstruction_figure
+    from tacstrip.plot.theme import save
     from tacstrip.sensor.spec import Sensor
 
     if isinstance(sensor, Sensor):

@@ -32,6 +32,7 @@ _MOST_LINES = 20
 @click.argument("data", metavar="[RUNS]", type=options.FILE, required=False)
 @options.output("Calibrated spec (.toml), or the plan (.csv).", required=False)
 @click.option("--report", type=options.FILE, help="Folder for report.html and its pictures.")
+@options.plot("Picture of each strip's error before and after, the worst strips first (.png, .svg, .pdf).")
 @click.option("--model", default="auto", show_default=True, metavar="auto|mean|PARTS", help="mean: the thesis' mean "
               "offsets. PARTS: of offset, gain, fade, ratio, ratios, lambda, ends, warp8, curve8, joined "
               "by +.")  # fmt: skip
@@ -61,6 +62,7 @@ def command(
     data: Path | None,
     output: Path | None,
     report: Path | None,
+    plot: Path | None,
     model: str,
     touch: Path | None,
     unit: str,
@@ -79,6 +81,7 @@ def command(
     Example: tacstrip calibrate sensor.toml runs.csv -o calibrated.toml --report report
     """
     protect(output, sensor, data, touch)
+    protect(plot, sensor, data, touch, output)
     _check_options(planned, zeroed, data is not None)
     spec = load_sensor(sensor)
     if planned:
@@ -120,6 +123,11 @@ def command(
             from tacstrip.report.calibration import write_report
 
             click.echo(f"{write_report(result, report)}: report")
+        if plot is not None:
+            from tacstrip.plot.calibrations import calibration
+            from tacstrip.plot.theme import save_axes
+
+            click.echo(f"{save_axes(calibration(result), plot)}: picture")
         warn(result.advice)
         accepted = result.status == "ok"
         if not accepted and not force:
@@ -146,7 +154,7 @@ def _check_options(planned: bool, zeroed: bool, data: bool) -> None:
         )
     options.belong(planned, "is for --plan; leave it out", "wanted", "noise", "unit_mm", "uneven")
     options.belong(zeroed, "is for --rezero; leave it out", "reference")
-    options.belong(data and not zeroed, "is of a calibration: give RUNS", "report")
+    options.belong(data and not zeroed, "is of a calibration: give RUNS", "report", "plot")
 
 
 def _show_plan(made: Plan, spec: Sensor, wanted: float) -> None:

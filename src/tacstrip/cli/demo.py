@@ -8,13 +8,13 @@ import click
 
 from tacstrip.cli import options
 from tacstrip.io.geometry import write_geojson
-from tacstrip.plot.style import save
 from tacstrip.reconstruction.result import Reconstruction
 
 
 @click.command()
 @click.option("--out", type=options.FILE, default="demo", show_default=True, help="Folder to write to.")
-def command(out: Path) -> None:
+@options.figure_format("Of the picture.")
+def command(out: Path, kind: str) -> None:
     """Reconstruct a rectangle from packaged volts of the ten-strip prototype, before and after calibration.
 
     The volts are synthetic: the published geometry, a tilted 5 x 3.5 cm rectangle, the printed offsets and
@@ -22,6 +22,7 @@ def command(out: Path) -> None:
 
     Example: tacstrip demo --out demo
     """
+    from tacstrip.plot.theme import save
     from tacstrip.thesis.demo import FIT, picture, run, table  # late: --help does without it
 
     demo = run()
@@ -33,5 +34,5 @@ def command(out: Path) -> None:
     best = next(t for t in demo.trials if (t.readings, t.method) == ("after", FIT))
     out.mkdir(parents=True, exist_ok=True)
     write_geojson(out / "shape.geojson", [Reconstruction("polygon", (best.recovered,))])
-    file = save(picture(demo), out / "demo.png")
+    file = save(picture(demo), out / f"demo.{kind}")
     click.echo(f"\n{file}: the picture\n{out / 'shape.geojson'}: the fitted polygon after calibration, in mm")

@@ -35,8 +35,8 @@ def command(file: Path, sensor: str | None, as_json: bool, plot: Path | None) ->
     report = diagnose(log)
     click.echo(json.dumps(report.to_json(), indent=1) if as_json else "\n".join(_lines(log, report)))
     if plot is not None:
-        from tacstrip.plot.health import health_figure
-        from tacstrip.plot.style import save
+        from tacstrip.plot.strip_health import health_figure
+        from tacstrip.plot.theme import save
 
         note(f"{save(health_figure(log, report), plot)} written")
     sys.exit(0 if report.healthy else 1)

@@ -16,10 +16,11 @@ from tacstrip.diagnose.log import Log
 from tacstrip.errors import OptionError, ReadingError, one_of
 from tacstrip.files import replacing
 from tacstrip.io.input_checks import half_read
-from tacstrip.io.log_import.guess import Proposal, Question, Unanswered, propose
+from tacstrip.io.log_import.containers import read_table
+from tacstrip.io.log_import.guess import Proposal, propose
 from tacstrip.io.log_import.mapping import ColumnMapping
 from tacstrip.io.log_import.scans import scans
-from tacstrip.io.log_import.table import SeveralSheets, Table, read_table
+from tacstrip.io.log_import.table import Table
 from tacstrip.io.log_import.write import rows, write_log
 from tacstrip.io.readings import read_readings
 from tacstrip.sensor.spec import Sensor
@@ -40,13 +41,7 @@ _BELOW = 0.02  # of the largest reading: v_h below v_l by more is no noise
     metavar="MAP.toml",
     help="Read the log as an earlier one; else it is guessed, and written.",
 )
-@click.option(
-    "--answer",
-    "answers",
-    multiple=True,
-    metavar="KEY=VALUE",
-    help="Answer a question, or say what a column is; repeat.",
-)
+@options.ANSWERS
 @click.option("--sheet", help="Of a workbook with several.")
 @options.FORCE
 def command(
@@ -76,17 +71,10 @@ def command(
         raise OptionError("--mapping says everything; leave --answer out, or edit the mapping")
     new_file(output, force, str(log), *([spec] if spec else []))
     sensor = load_sensor(spec) if spec else None
-    try:
-        table = read_table(log, sheet)
-        found = _mapped(table, given) if given else propose(table, sensor, _answers(answers))
-    except SeveralSheets as several:
-        raise _asked(
-            [Question("--sheet", f"the workbook has several sheets: which one? --sheet {several}")], log
-        ) from None
-    except Unanswered as unanswered:
-        raise _asked(unanswered.questions, log) from None
-    except ReadingError as error:
-        raise ReadingError(f"{log}: {error}" if not str(error).startswith(str(log)) else str(error)) from None
+    told = options.answered(answers)
+    with options.asked_of(log):
+        table = read_table(log, sheet or told.get("sheet"))
+        found = _mapped(table, given) if given else propose(table, sensor, told)
     for reason in found.reasons:
         note(f"  {reason}")
     warn(_below(found), file=log)
@@ -101,23 +89,6 @@ def command(
 def _mapped(table: Table, file: Path) -> Proposal:
     mapping = ColumnMapping.load(file)
     return Proposal(mapping, scans(table, mapping), ())
-
-
-def _answers(texts: tuple[str, ...]) -> dict[str, str]:
-    found = {}
-    for text in texts:
-        key, equals, value = text.rpartition("=")
-        if not equals or not key.strip():
-            raise OptionError(f"--answer {text}: write KEY=VALUE, such as --answer time_unit=ms")
-        found[key.strip()] = value.strip()
-    return found
-
-
-def _asked(questions: tuple[Question, ...] | list[Question], log: Path) -> click.ClickException:
-    shown = "\n".join(
-        f"  {q.text}" + (f"  --answer {q.key}=..." if "--" not in q.text else "") for q in questions
-    )
-    return click.ClickException(f"{log} does not say:\n{shown}")
 
 
 def _write(

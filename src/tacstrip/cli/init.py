@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -10,14 +11,16 @@ import click
 from tacstrip.cli import note, options, protect, warn
 from tacstrip.data import spec_names
 from tacstrip.errors import SpecError
+from tacstrip.files import write_text
 from tacstrip.io.input_checks import unlikely_lengths
-from tacstrip.sensor.constructions import CONSTRUCTIONS
+from tacstrip.sensor.constructions import CONSTRUCTIONS, SIGNATURES
 from tacstrip.sensor.constructions import construction as construction_named
-from tacstrip.sensor.spec import Sensor
+from tacstrip.sensor.spec import UNKNOWN, Sensor
 
 # Where CRS-CRP reads well (docs/science/physics.md), for a spec that is still to be edited.
 _SHEET_RATIO = 100.0
 _LAMBDA = 0.01  # of the strip length
+_BITS = (8, 10, 12, 14, 16, 24)  # that converters have
 
 
 @click.command()
@@ -35,9 +38,16 @@ _LAMBDA = 0.01  # of the strip length
               help="Resistivity of the second layer over the strips'.")  # fmt: skip
 @click.option("--lambda", "contact_lambda_mm", type=options.NUMBER,
               help="Decay length of the contact resistance [mm].")  # fmt: skip
+@click.option("--vref", "vref_volt", type=options.NUMBER, help="Reference voltage [V].")
+@click.option("--bits", "adc_bits", type=options.WHOLE, help="Resolution of the A/D converter.")
 @click.option("--like", metavar="SPEC", help="Copy a shipped spec instead: " + ", ".join(spec_names()) + ".")
+@click.option("--from", "log", type=options.FILE, metavar="LOG",
+              help="Begin with what a log of any form says; what it does not is '?', to be filled in.")  # fmt: skip
+@options.ANSWERS
 @options.FORCE
-def command(file: Path, like: str | None, force: bool, **keys: Any) -> None:
+def command(
+    file: Path, like: str | None, log: Path | None, answers: tuple[str, ...], force: bool, **keys: Any
+) -> None:
     """Write a commented sensor spec to FILE (sensor.toml by default, - for the output), to edit by hand.
 
     Example: tacstrip init mysensor.toml --construction crs-m --strips 9 --pitch 4.5 --length 250
@@ -46,15 +56,23 @@ def command(file: Path, like: str | None, force: bool, **keys: Any) -> None:
     protect(None if printed else file)
     if file.exists() and not force and not printed:
         raise SpecError(f"{file} exists already; choose another name, or write over it with --force")
-    if like is not None and options.given(*keys):
+    if like is not None and options.given("log", *keys):
         raise SpecError("--like copies a whole spec; leave the other options out and edit the file")
-    sensor = _made(keys) if like is None else Sensor.load(like)
-    warn(unlikely_lengths(sensor))
+    options.belong(log, "answers questions of a log; name it with --from", "answers")
+    if log is not None:
+        text, unknown = _begun(log, answers, keys)
+    else:
+        sensor = _made(keys) if like is None else Sensor.load(like)
+        warn(unlikely_lengths(sensor))
+        text, unknown = sensor.to_toml(), []
     if printed:
-        click.echo(sensor.to_toml(), nl=False)
+        click.echo(text, nl=False)
         return
-    sensor.save(file)
-    click.echo(f"{file} written. Edit it, then: tacstrip simulate {file} CONTACT.wkt -o readings.csv")
+    write_text(file, text)
+    if unknown:
+        click.echo(f"{file} begun. Fill in what stands as {UNKNOWN!r}: {', '.join(unknown)}")
+    else:
+        click.echo(f"{file} written. Edit it, then: tacstrip simulate {file} CONTACT.wkt -o readings.csv")
 
 
 def _made(keys: dict[str, Any]) -> Sensor:
@@ -72,3 +90,50 @@ def _made(keys: dict[str, Any]) -> Sensor:
             "matters most (docs/science/physics.md)"
         )
     return sensor
+
+
+def _begun(log: Path, answers: tuple[str, ...], keys: dict[str, Any]) -> tuple[str, list[str]]:
+    """Return the text of a spec begun from a log and the options that were given, and the keys still unknown."""
+    # Late: only this option needs them.
+    from tacstrip.io.log_import.containers import read_table
+    from tacstrip.io.log_import.facts import sensor_facts
+
+    told = options.answered(answers)
+    with options.asked_of(log):
+        facts = sensor_facts(read_table(log, told.get("sheet")), told)
+    names = {key for key in keys if options.given(key)}
+    kinds = [
+        kind.name
+        for kind in CONSTRUCTIONS.values()
+        if {SIGNATURES[s].volt_column for s in kind.signatures} == {f"v_{c}" for c in facts.channels}
+    ]
+    fits = [bits for bits in _BITS if facts.largest <= 2**bits - 1] or [32]
+    codes = facts.unit == "code" or (not facts.unit and facts.whole)
+    hints = {
+        "construction": f"one of: {', '.join(kinds)}, with {len(facts.channels)} reading(s) of a strip",
+        "strips": f"number of strips; the log names {facts.strip_base} to {facts.highest}",
+        "pitch_mm": "from centre line to centre line", "length_mm": "strip length L",
+        "vref_volt": "reference voltage" + (f"; readings reach {facts.largest:.4g} V" if facts.unit == "V" else ""),
+        "adc_bits": f"resolution of the A/D converter: codes reach {facts.largest:g}, so {fits[0]} or more",
+    }  # fmt: skip
+    known = {"strip_base": facts.strip_base} | {key: keys[key] for key in names}
+    if facts.strips is not None:
+        known.setdefault("strips", facts.strips)
+    unknown = [key for key in hints if key not in known and (key != "adc_bits" or codes)]
+    chosen = known.get("construction", kinds[0])
+    # A sensor that could be, whose keys are then marked as unknown.
+    filled = {"construction": chosen, "strips": 10, "pitch_mm": 6.5, "length_mm": 325.0} | known
+    sensor = _made({"contact_lambda_mm": None, "resistivity_ratio": None} | filled)
+    if len(facts.channels) != len(sensor.signatures):
+        raise SpecError(
+            f"{log} has {len(facts.channels)} reading(s) of a strip, and {chosen} {len(sensor.signatures)}"
+        )
+    text = sensor.to_toml()
+    for key in unknown:
+        line = f'{key} = "{UNKNOWN}"'
+        text = re.sub(
+            rf"(?m)^(?:# )?{key} = .*$", f"{line:<32} # TO BE FILLED IN: {hints[key]}", text, count=1
+        )
+    for reason in facts.reasons:
+        note(f"  {reason}")
+    return text, unknown

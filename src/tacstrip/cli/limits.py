@@ -132,8 +132,8 @@ def command(
         farad, conversion_s = design["picofarad"] * 1e-12, design["conversion_us"] * 1e-6
         judged = designs(sensors, outline, noise, wanted_mm, design["try_bits"] or BITS, farad, conversion_s)
     if plot is not None:
-        from tacstrip.plot.limits import limits_figure
-        from tacstrip.plot.style import save
+        from tacstrip.plot.bounds import limits_figure
+        from tacstrip.plot.theme import save
 
         click.echo(f"{save(limits_figure(spec, outline, found, over), plot)}: picture")
     if output is not None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import logging
 import math
+import socket
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -16,18 +17,23 @@ import click
 from tacstrip.cli import check_method, load_sensor, new_file, note, one_layer, options, warn_of_input
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError, PortError
+from tacstrip.files import write_text
 from tacstrip.interrupt import deferred_interrupt
 from tacstrip.sensor.spec import Sensor
+from tacstrip.stream.bridges.foxglove.bridge import PORT as FOXGLOVE_PORT
+from tacstrip.stream.bridges.foxglove.layout import layout_text
 from tacstrip.stream.device.port import BAUD, SerialPort
 from tacstrip.stream.device.pty import PtyDevice
 from tacstrip.stream.device.source import SerialSource
+from tacstrip.stream.http_server import check_port
 from tacstrip.stream.live.pipeline import Live
-from tacstrip.stream.live.sinks import Sink, json_sink, tuio_sink
+from tacstrip.stream.live.service import Service
+from tacstrip.stream.live.sinks import Sink, foxglove_sink, json_sink, ros2_sink, tuio_sink
 from tacstrip.stream.live.warmup import warm_up
 from tacstrip.stream.replay import open_source
 from tacstrip.stream.source import LOGGER, Source
 from tacstrip.tracking.live_contact import LiveTrack
-from tacstrip.view.access import Access, check_port
+from tacstrip.view.access import Access
 from tacstrip.view.controller import Controller
 from tacstrip.view.health import background_process
 from tacstrip.view.server import Server
@@ -35,6 +41,7 @@ from tacstrip.view.simulator import Settings, Simulator
 from tacstrip.view.watch import watch
 
 _HTTP = 8360
+_ROS2 = {"ros_domain": "domain", "ros_name": "name", "ros_frame": "frame_id", "ros_interface": "interface"}
 _POLL_S = 0.1
 # The simulator's, where no spec is given.
 _SENSOR = Sensor(construction="crs-crs", strips=50, pitch_mm=2.0, length_mm=100.0, adc_bits=12)
@@ -75,6 +82,18 @@ _RATE_HZ = 1000.0
               help="Address of the page; 0.0.0.0 lets the local network in, with a token.")  # fmt: skip
 @click.option("--json", "lines", is_flag=True, help="Objects as JSON lines on standard output.")
 @click.option("--osc", metavar="HOST:PORT", help="Objects as TUIO 1.1 blobs over UDP.")
+@click.option("--ros2", is_flag=True, help="Polygons, readings and state as topics of ROS 2, without ROS.")
+@click.option("--ros-domain", type=options.WHOLE, help="Domain id of ROS 2; else ROS_DOMAIN_ID, else 0.")
+@click.option("--ros-name", metavar="NAME", help="Namespace of the topics; else tacstrip.")
+@click.option("--ros-frame", metavar="FRAME", help="Frame id of the polygons; else the namespace.")
+@click.option("--ros-interface", metavar="INTERFACE",
+              help="Network interface for ROS 2, by name or address; auto: any. Else only this computer.")  # fmt: skip
+@click.option("--foxglove", metavar="[PORT]", type=options.WHOLE, is_flag=False, flag_value=FOXGLOVE_PORT,
+              help=f"Serve Foxglove and Lichtblick on PORT, {FOXGLOVE_PORT} by default; 0: any free one.")  # fmt: skip
+@click.option("--foxglove-host", default="127.0.0.1", show_default=True,
+              help="Address for Foxglove; 0.0.0.0 lets the local network look, without a token.")  # fmt: skip
+@click.option("--foxglove-layout", type=options.FILE, metavar="FILE",
+              help="Write a layout (.json) for Foxglove and Lichtblick.")  # fmt: skip
 @click.option("--seconds", type=options.NUMBER, default=math.inf, callback=options.above_0,
               help="End after so many seconds.")  # fmt: skip
 def command(files: tuple[str, ...], **given: Any) -> None:
@@ -94,6 +113,15 @@ def command(files: tuple[str, ...], **given: Any) -> None:
             raise OptionError(f"-o {given['output']}: a recording is a file that ends in .mcap")
         new_file(given["output"], given["force"], *files)
     options.belong(given["output"], "is for a recording: give -o as well", "durable")
+    options.belong(given["ros2"], "is for --ros2: give that as well", *_ROS2)
+    options.belong(given["foxglove"] is not None, "is for --foxglove: give that as well",
+                   "foxglove_host", "foxglove_layout")  # fmt: skip
+    if given["foxglove"] is not None:
+        check_port(given["foxglove"], "--foxglove")
+    if (layout := given["foxglove_layout"]) is not None:
+        if layout.suffix.lower() != ".json":
+            raise OptionError(f"--foxglove-layout {layout}: a layout is a file that ends in .json")
+        new_file(layout, given["force"], *files)
     spec = files[0] if len(files) == 2 else given["sensor"]
     sensor = load_sensor(spec) if spec else None
     with deferred_interrupt() as stop, _log_on_stderr():
@@ -172,14 +200,26 @@ def _stream(
             stack.enter_context(_page(live, simulator, given))
         if given["output"] is not None:
             live.record(given["output"], force=given["force"], durable=given["durable"])
+        service = Service()
         with live:
-            while live.running and running() and not (sinks and all(sink.ended for sink in sinks)):
-                pass
+            service.ready()
+            try:
+                while live.running and running() and not (sinks and all(sink.ended for sink in sinks)):
+                    service.alive(_status(live))
+            finally:
+                service.stopping()  # before the disk is waited for
     for one in sorted(live.known.values(), key=lambda one: one.id):
         note(_line(one))
     # The reader of the lines may close them at any time.
     sink_failed = any(sink.error and not isinstance(sink.error, BrokenPipeError) for sink in sinks)
     return sink_failed or live.recording_failed or live.error is not None
+
+
+def _status(live: Live) -> str:
+    """Say in a line how the stream is."""
+    rate_hz, recorder = live.meter.rate_hz, live.recording
+    text = f"{rate_hz:.3g} scans/s" if rate_hz else "no scans come"
+    return text if recorder is None else f"{text}; recording to {recorder.path}"
 
 
 def _line(one: LiveTrack) -> str:
@@ -196,6 +236,22 @@ def _sinks(live: Live, given: dict[str, Any]) -> Iterator[Sink]:
         yield json_sink(live, sys.stdout)
     if given["osc"]:
         yield tuio_sink(live, given["osc"])
+    if given["ros2"]:
+        chosen = {key: given[option] for option, key in _ROS2.items() if given[option] is not None}
+        yield ros2_sink(live, **chosen)
+    if given["foxglove"] is not None:
+        host = given["foxglove_host"]
+        sink, port = foxglove_sink(live, host, given["foxglove"])
+        note(f"Foxglove and Lichtblick: open a connection to ws://{_reachable(host)}:{port}")
+        if (layout := given["foxglove_layout"]) is not None:
+            write_text(layout, layout_text(live.source.sensor))
+            note(f'{layout}: choose it there by "Import from file" in the menu of layouts')
+        yield sink
+
+
+def _reachable(host: str) -> str:
+    """Return the name under which others reach a server that listens on a host."""
+    return socket.gethostname() if host in ("0.0.0.0", "::") else f"[{host}]" if ":" in host else host
 
 
 @contextmanager

@@ -61,7 +61,7 @@ def command(
     click.echo("\n".join(_lines(found, log.sensor)))
     if plot is not None:
         from tacstrip.plot.noise import allan_figure
-        from tacstrip.plot.style import save
+        from tacstrip.plot.theme import save
 
         click.echo(f"{save(allan_figure(found), plot)}: picture")
     if not found.touched and (output or write):

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import click
 from click.core import ParameterSource
 
-from tacstrip.errors import OptionError, is_number, number
+from tacstrip.errors import OptionError, ReadingError, is_number, number, one_of
 
 
 class _Number(click.types.FloatParamType):
@@ -84,10 +85,18 @@ def _seed(_: click.Context, parameter: click.Parameter, value: int) -> int:
 
 def _picture(_: click.Context, __: click.Parameter, path: Path | None) -> Path | None:
     if path is not None:
-        from tacstrip.plot.style import check_picture
+        from tacstrip.plot.theme import check_picture
 
         check_picture(path)
     return path
+
+
+def _format(_: click.Context, __: click.Parameter, kind: str) -> str:
+    from tacstrip.plot.theme import ENDINGS
+
+    if f".{kind}" not in ENDINGS:
+        raise OptionError(one_of("--format", kind, [ending[1:] for ending in ENDINGS]))
+    return kind
 
 
 def _one_input(_: click.Context, __: click.Parameter, files: tuple[str, ...]) -> tuple[str, ...]:
@@ -100,7 +109,7 @@ SENSOR = click.argument("sensor", metavar="SENSOR")
 CONTACT = click.argument("contact", metavar="CONTACT", type=FILE)
 FORCE = click.option("--force", is_flag=True, help="Overwrite an existing file.")
 DURABLE = click.option("--durable", is_flag=True, help="Record so that a power cut loses a second at most; "
-                       "see docs/guide/recordings.md for what it costs.")  # fmt: skip
+                       "see docs/science/recordings.md for what it costs.")  # fmt: skip
 SEED = click.option(
     "--seed", type=WHOLE, default=0, show_default=True, callback=_seed, help="Of random errors."
 )
@@ -120,6 +129,12 @@ def output(text: str, required: bool = True) -> Callable[..., Any]:
 def plot(text: str = "Picture to write (.png, .svg, .pdf).") -> Callable[..., Any]:
     """Return the option --plot, whose ending is checked; `text` is its help."""
     return click.option("--plot", type=FILE, callback=_picture, help=text)
+
+
+def figure_format(text: str) -> Callable[..., Any]:
+    """Return the option --format, of figures; `text` is its help."""
+    return click.option("--format", "kind", default="png", show_default=True, callback=_format,
+                        metavar="svg|pdf|png", help=text)  # fmt: skip
 
 
 def sensor_and_input(metavar: str = "[SENSOR] INPUT", required: bool = True) -> Callable[..., Any]:
@@ -143,3 +158,45 @@ def noise(command: Callable[..., None]) -> Callable[..., None]:
         command(noise=made, **rest)
 
     return call
+
+
+ANSWERS = click.option(
+    "--answer",
+    "answers",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="Answer a question, or say what a column is; repeat.",
+)
+
+
+def answered(texts: tuple[str, ...]) -> dict[str, str]:
+    """Return answers by their key; `OptionError` where one has none."""
+    found = {}
+    for text in texts:
+        key, equals, value = text.rpartition("=")
+        if not equals or not key.strip():
+            raise OptionError(f"--answer {text}: write KEY=VALUE, such as --answer time_unit=ms")
+        found[key.strip()] = value.strip()
+    return found
+
+
+@contextmanager
+def asked_of(log: Path) -> Iterator[None]:
+    """Turn questions into a failure with exit code 1 that asks them; name the log in errors."""
+    # Late: they load NumPy.
+    from tacstrip.io.log_import.containers import SeveralSheets
+    from tacstrip.io.log_import.questions import Question, Unanswered
+
+    try:
+        yield
+    except SeveralSheets as several:
+        which = Question(
+            "sheet", "several sheets hold something: which one?", tuple(str(several).split(", "))
+        )
+        raise click.ClickException(f"{log} does not say:\n  {which}") from None
+    except Unanswered as open_:
+        raise click.ClickException(
+            "\n  ".join([f"{log} does not say:", *map(str, open_.questions)])
+        ) from None
+    except ReadingError as error:
+        raise ReadingError(f"{log}: {error}" if not str(error).startswith(str(log)) else str(error)) from None

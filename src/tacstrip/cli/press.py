@@ -11,12 +11,14 @@ import numpy as np
 
 from tacstrip.arrays import plain
 from tacstrip.cli import load_sensor, options, protect, warn
-from tacstrip.contact.noise import Noise
-from tacstrip.contact.press.patch import Patch, press
+from tacstrip.contact.noise import Noise, NoiseProcess
+from tacstrip.contact.press.patch import Patch, patch_at, press
 from tacstrip.contact.press.solid import Solid
-from tacstrip.errors import OptionError, number
+from tacstrip.errors import OptionError, TacstripError, number
 from tacstrip.files import write_text
+from tacstrip.io.poses import read_poses
 from tacstrip.io.readings import write_readings
+from tacstrip.sensor.spec import Sensor
 from tacstrip.simulation import simulate
 
 _POSE = (options.NUMBER,) * 6
@@ -28,11 +30,16 @@ _MESHES = (".stl", ".obj", ".ply", ".off", ".glb")
 @options.SENSOR
 @click.argument("solid", metavar="OBJECT")
 @options.output("Readings file (CSV).")
-@click.option("--pose", type=_POSE, required=True, metavar="X Y Z DX DY DZ",
+@click.option("--pose", type=_POSE, metavar="X Y Z DX DY DZ",
               help="Where the object's lowest place is [mm], and the direction in which it is pressed.")  # fmt: skip
+@click.option("--path", type=options.FILE,
+              help="Poses from scan to scan (.csv: x_mm, y_mm, z_mm, dx, dy, dz, and time_s, turn_deg, depth_mm or "
+                   "force_n).")  # fmt: skip
 @click.option("--turn", type=options.NUMBER, default=0.0, metavar="DEG", help="Turn it about that direction.")
 @click.option("--depth", type=options.NUMBER, metavar="MM", help="How far, from its first touch.")
 @click.option("--force", type=options.NUMBER, metavar="N", help="How hard, by the skin's stiffness.")
+@click.option("--rate", type=options.NUMBER, default=100.0, show_default=True, callback=options.finite_above_0,
+              help="Scans a second of a path without time_s [Hz].")  # fmt: skip
 @click.option("--unit", default="mm", show_default=True, help="Of a mesh: mm, cm, m or inch.")
 @options.noise
 @options.SEED
@@ -42,10 +49,12 @@ def command(
     sensor: str,
     solid: str,
     output: Path,
-    pose: tuple[float, ...],
+    pose: tuple[float, ...] | None,
+    path: Path | None,
     turn: float,
     depth: float | None,
     force: float | None,
+    rate: float,
     unit: str,
     noise: Noise,
     seed: int,
@@ -54,38 +63,71 @@ def command(
 ) -> None:
     """Press OBJECT into the skin of SENSOR (a spec file or a shipped spec) and write the readings.
 
-    OBJECT is plane, sphere:R, cylinder:R, edge:DEG, box:AxBxC (mm), or a mesh (.stl, .obj, .ply).
+    OBJECT is plane, sphere:R, cylinder:R, edge:DEG, box:AxBxC (mm), or a mesh (.stl, .obj, .ply). Along a --path it is
+    pressed from each pose by depth or force, or where the file has neither and no option says so, it is where it is.
 
     Example: tacstrip press fingertip cylinder:4 --pose 8 0 8 -1 0 -1 --depth 1.5 -o readings.csv --plot press.png
     """
     mesh = Path(solid) if Path(solid).suffix.lower() in _MESHES else None
-    protect(output, sensor, mesh)
-    protect(patch, sensor, mesh, output)
-    protect(plot, sensor, mesh, output, patch)
+    protect(output, sensor, mesh, path)
+    protect(patch, sensor, mesh, path, output)
+    protect(plot, sensor, mesh, path, output, patch)
     options.belong(mesh, "is for a mesh", "unit")
-    if (depth is None) == (force is None):
+    options.belong(path, "needs --path: there is one scan only", "rate")
+    options.belong(path is None, "goes with --pose; in a path it is the column turn_deg", "turn")
+    if (pose is None) == (path is None):
+        raise OptionError("give one of --pose, where the object is, and --path, a file of poses")
+    if (depth is None) == (force is None) and (path is None or depth is not None):
         raise OptionError("give one of --depth, how far [mm], and --force, how hard [N]")
-    spec = load_sensor(sensor)
-    thing = (Solid.from_mesh(mesh, unit) if mesh else _solid(solid)).at(
-        pose[:3], pose[3:], math.radians(turn)
-    )
-    found = press(spec, thing, depth_mm=depth, force_n=force)
-    scan = simulate(spec, found, noise, rng=seed)
-    write_readings(output, spec, [scan])
+    spec, thing = load_sensor(sensor), Solid.from_mesh(mesh, unit) if mesh else _solid(solid)
+    if path is not None:
+        times, found = _along(spec, thing, path, depth, force, rate)
+    else:
+        assert pose is not None
+        placed = thing.at(pose[:3], pose[3:], math.radians(turn))
+        times, found = [0.0], [press(spec, placed, depth_mm=depth, force_n=force)]
+    process = NoiseProcess(noise, spec, seed)
+    scans = [simulate(spec, p, process=process, time_s=t) for t, p in zip(times, found, strict=True)]
+    write_readings(output, spec, scans)
     if patch is not None:
-        write_text(patch, json.dumps(_as_json(found), indent=1) + "\n")
-    touched = int(found.touched.sum())
+        shown = [_as_json(p) for p in found]
+        write_text(patch, json.dumps(shown if path else shown[0], indent=1) + "\n")
+    touched = int(np.any([p.touched for p in found], axis=0).sum())
+    most = max(found, key=lambda p: p.force_n)
     click.echo(
-        f"{output}: {touched} of {spec.strips} strips touched, {found.area_mm2:.4g} mm2, {found.force_n:.4g} N, "
-        f"{found.depth_mm:.4g} mm deep"
+        f"{output}: {f'{len(scans)} scans, ' if path else ''}{touched} of {spec.strips} strips touched, "
+        f"{'up to ' if path else ''}{most.area_mm2:.4g} mm2, {most.force_n:.4g} N, "
+        f"{most.max_indentation_mm if path else most.depth_mm:.4g} mm deep"
     )
     if not touched:
         warn("no strip is touched: the object lies between centre lines, or where the skin has no strips")
     if plot is not None:
-        from tacstrip.plot.press import press_figure
-        from tacstrip.plot.style import save
+        from tacstrip.plot.skins import film_figure, press_figure
+        from tacstrip.plot.theme import save
 
-        click.echo(f"{save(press_figure(spec, found), plot)}: picture")
+        figure = film_figure(spec, times, found) if path else press_figure(spec, found[0])
+        click.echo(f"{save(figure, plot)}: picture")
+
+
+def _along(
+    sensor: Sensor, solid: Solid, path: Path, depth: float | None, force: float | None, rate: float
+) -> tuple[list[float], list[Patch]]:
+    """Return times [s] and patches of a path of poses; errors name the file and its line."""
+    times, found = [], []
+    for i, one in enumerate(read_poses(path, solid)):
+        own = one.depth_mm, one.force_n
+        if own != (None, None) and (depth, force) != (None, None):
+            raise OptionError(f"{path} says how far or how hard to press: leave --depth and --force out")
+        by_depth, by_force = own if own != (None, None) else (depth, force)
+        try:
+            if by_depth is None and by_force is None:
+                found.append(patch_at(sensor, one.solid))
+            else:
+                found.append(press(sensor, one.solid, depth_mm=by_depth, force_n=by_force))
+        except TacstripError as error:
+            raise type(error)(f"{path}: line {one.line}: {error}") from None
+        times.append(i / rate if one.time_s is None else one.time_s)
+    return times, found
 
 
 def _solid(text: str) -> Solid:

@@ -17,14 +17,17 @@ from tacstrip.thesis.reproduce import inside_counts, reproduce
     "--seeds", type=options.WholeRange(1), default=200, show_default=True, help="Draws per noisy cell."
 )
 @click.option("--workers", type=options.WholeRange(1), help="Processes; by default one per core.")
-def command(out: Path, seeds: int, workers: int | None) -> None:
+@options.figure_format("Of the figures; svg and pdf are written beside those that the report shows.")
+def command(out: Path, seeds: int, workers: int | None, kind: str) -> None:
     """Reproduce tables 5.2-5.14, 6.1-6.11 and the figures of chapters 2 to 6, with the printed values.
 
     Writes tables.json, report.html and figures/. Example: tacstrip reproduce --out reproduction --seeds 20
     """
     with Progress(transient=True) as bar:
         task = bar.add_task("cells and figures", total=None)
-        tables = reproduce(out, seeds, workers, lambda n, total: bar.update(task, completed=n, total=total))
+        tables = reproduce(
+            out, seeds, workers, lambda n, total: bar.update(task, completed=n, total=total), kind
+        )
     click.echo("Printed values inside our 5-95 % range:")
     counts = inside_counts(tables)
     for table, (good, total) in counts.items():

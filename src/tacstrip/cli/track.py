@@ -62,8 +62,8 @@ def command(
             write_tracks(output, tracks)
         note(f"{output} written")
     if plot is not None:
-        from tacstrip.plot.style import save
-        from tacstrip.plot.track import track_figure
+        from tacstrip.plot.theme import save
+        from tacstrip.plot.tracks import track_figure
 
         note(f"{save(track_figure(spec, tracks), plot)} written")
     if not any(len(one.outline) for one in tracks):

@@ -16,13 +16,14 @@ from shapely.geometry.base import BaseGeometry
 from tacstrip.arrays import FloatArray, numbers
 from tacstrip.contact.parse_errors import why_not_geojson, why_not_wkt
 from tacstrip.errors import ArgumentError, ContactError
+from tacstrip.notebook import GREY, Drawn, SvgPath
 
 _KINDS = {"Polygon": "polygon", "LineString": "line", "Point": "point"}
 _FAR = 1e9  # mm; GEOS fails on numbers whose squares overflow
 
 
 @dataclass(frozen=True)
-class Contact:
+class Contact(Drawn):
     """A set of closed shapes on the sensor's surface, in [mm]; y = 0 is the grounded end.
 
     Make one with `polygon`, `line`, `points`, `from_wkt` or `from_geojson`, and join several with `+`.
@@ -54,6 +55,16 @@ class Contact:
             parts = [f"polygon of {len(shapely.get_exterior_ring(self.shapes[0]).coords) - 1} vertices"]
         x0, y0, x1, y1 = shapely.GeometryCollection(list(self.shapes)).bounds
         return f"<Contact: {', '.join(parts)}, x {x0:.4g} to {x1:.4g}, y {y0:.4g} to {y1:.4g} mm>"
+
+    def _paths(self) -> list[SvgPath]:
+        found = []
+        for shape in self.shapes:
+            area = shape.geom_type == "Polygon"
+            parts = shapely.get_rings(shape) if area else [shape]
+            rings = [np.vstack([shapely.get_coordinates(part), [(np.nan, np.nan)]]) for part in parts]
+            found.append(SvgPath(np.concatenate(rings), stroke=GREY, fill=GREY if area else "none", closed=area,
+                              width=1.5 if area else 4.0))  # fmt: skip
+        return found
 
     @classmethod
     def polygon(cls, vertices: npt.ArrayLike, *, holes: Sequence[npt.ArrayLike] = ()) -> Self:

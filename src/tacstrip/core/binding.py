@@ -88,6 +88,13 @@ class CornerPrior(ctypes.Structure):
     _fields_ = _fields(information=_POINTER, slope=_POINTER, about=_POINTER)
 
 
+class OutlineBy(ctypes.Structure):
+    """`OutlineBy` of core.h; `arrays` keeps alive what it points to."""
+
+    arrays: tuple[npt.NDArray[Any], ...]
+    _fields_ = _fields(count=_INT, numbers=_INT, which=_POINTER, weight=_POINTER, prior=_POINTER)
+
+
 class BatchSensor(ctypes.Structure):
     """`BatchSensor` of core.h."""
 
@@ -152,6 +159,7 @@ RUN = np.dtype(
 
 _PROBLEM, _LINES, _BAND = (ctypes.POINTER(struct) for struct in (Problem, Lines, Band))
 _SCANS, _LOSS, _PRIOR = (ctypes.POINTER(struct) for struct in (Scans, Loss, CornerPrior))
+_BY = ctypes.POINTER(OutlineBy)
 _NOTHING = ctypes.c_char * 0
 _SEARCH_WORKSPACE = 3613  # doubles: SEARCH_WORKSPACE of core.h
 # What each one returns and takes; a pointer stands for the array that core.h describes.
@@ -181,12 +189,21 @@ _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
         _DOUBLE,
         (_SCANS, _LOSS, _PRIOR, _POINTER, _INT, _POINTER, _INT, _DOUBLE, _POINTER, _POINTER),
     ),
+    "rigid_path": (
+        _DOUBLE,
+        (_SCANS, _LOSS, _BY, _POINTER, _POINTER, _INT, _POINTER, _INT, _DOUBLE, _DOUBLE, _POINTER, _POINTER),
+    ),
     "refine_scene": (
         _DOUBLE,
         (_POINTER, _INT, _POINTER, _INT, _DOUBLE, _DOUBLE, _INT, _DOUBLE, _DOUBLE, *[_POINTER] * 4),
     ),
     "hull_equations": (_DOUBLE, (_SCANS, _LOSS, _POINTER, _INT, *[_POINTER] * 10)),
     "hull_poses": (None, (_SCANS, _LOSS, _POINTER, _INT, *[_POINTER] * 5, _INT, _INT, _POINTER)),
+    "convex_regression": (_INT, (*[_POINTER] * 3, _INT, _DOUBLE, *[_POINTER] * 3)),
+    "best_lines": (_INT, (*[_POINTER] * 3, _INT, _DOUBLE, _DOUBLE, *[_POINTER] * 4)),
+    "convex_cuts": (_INT, (*[_POINTER] * 3, _INT, *[_POINTER] * 4)),
+    "convex_polyline": (_INT, (*[_POINTER] * 3, _INT, _DOUBLE, *[_POINTER] * 5)),
+    "lower_hull": (_INT, (_POINTER, _INT, _POINTER)),
     "isolated_outliers": (_INT, (_POINTER, _INT, _INT, _POINTER)),
     "batch": (_INT, (*[_POINTER] * 3, _INT, _INT, *[_POINTER] * 4)),
     "footprint": (None, (*[_POINTER] * 3, _INT, _DOUBLE, _INT, _POINTER, _POINTER)),
@@ -206,6 +223,7 @@ _LONG = frozenset(
         "hit_and_run",
         "rigid_poses",
         "rigid_descend",
+        "rigid_path",
         "hull_poses",
         "refine_scene",
     )

@@ -14,7 +14,7 @@
 #ifndef TACSTRIP_CORE_H
 #define TACSTRIP_CORE_H
 
-#define TACSTRIP_VERSION 9 /* goes up whenever a function or a struct of this file changes */
+#define TACSTRIP_VERSION 10 /* goes up whenever a function or a struct of this file changes */
 
 #define MAX_VERTICES 16        /* interior vertices of a polygon */
 #define END_ENTRIES 6          /* entries of theta before the first vertex */
@@ -112,6 +112,14 @@ typedef struct {
 typedef struct {
   const double *information, *slope, *about; /* (2 N, 2 N), (2 N,), (2 N,) */
 } CornerPrior;
+
+/* Corners (count, 2) that are a linear function of some numbers, at most 2 count: each of their entries is one of these,
+   times a weight; and what is known of the numbers: they cost v' prior v. */
+typedef struct {
+  Int count, numbers;
+  const Int *which;             /* (2 count,) */
+  const double *weight, *prior; /* (2 count,), (numbers, numbers) */
+} OutlineBy;
 
 /* A fit of a run of strips. */
 typedef struct {
@@ -343,6 +351,41 @@ EXPORTED void tacstrip_rigid_poses(const Scans *scans, const Loss *loss, const d
 EXPORTED double tacstrip_rigid_descend(const Scans *scans, const Loss *loss, const CornerPrior *prior, double *corners,
                                        Int count, double *poses, Int steps, double enough, double *costs,
                                        double *workspace);
+
+/* Move the numbers of an outline, outline (numbers,), and a path, at_knots (knots, 3), downhill together until a step gains less
+   than its share `enough` of the cost, or for so many steps. Poses are the path at basis (scans, knots); where that is null
+   each scan has a knot, and there are at most SIZE numbers. No number gets below `least` of their mean; negative: it
+   may. Writes costs (scans,) and returns the total, with the prior's. C = 2 count, M = 3 knots + numbers and, with a
+   basis, A = M, else 0: workspace (scans (28 + 6 C + 3 numbers) + 2 C^2 + 3 C + numbers^2 + numbers + 2 M + 2 A^2 + A,). */
+EXPORTED double tacstrip_rigid_path(const Scans *scans, const Loss *loss, const OutlineBy *by, double *outline,
+                                    const double *basis, Int knots, double *at_knots, Int steps, double enough,
+                                    double least, double *costs, double *workspace);
+
+/* Write the convex function (sign 1; -1: concave) nearest to y (n,) at x (n,), ascending, to fitted (n,), by least squares with
+   weights (n,), and return its kinks. Here and in the next three: places (2 n + 2,), workspace (9 n + 7,). */
+EXPORTED Int tacstrip_convex_regression(const double *x, const double *y, const double *weight, Int n, double sign,
+                                        double *fitted, Int *places, double *workspace);
+
+/* Write where the straight lines begin that explain y best, with the end of all, to begins (n + 1,), and their cost; return
+   how many. Each line costs `price`, of one strip `single` less. */
+EXPORTED Int tacstrip_best_lines(const double *x, const double *y, const double *weight, Int n, double price,
+                                 double single, Int *begins, double *cost, Int *places, double *workspace);
+
+/* Write where convex stretches begin, with the end of all, to cuts (n + 1,), and what each cut between two of them gains to
+   gains (n,); return how many stretches. */
+EXPORTED Int tacstrip_convex_cuts(const double *x, const double *y, const double *weight, Int n, Int *cuts, double *gains,
+                                  Int *places, double *workspace);
+
+/* Write the convex polyline through two strips or more: borders (lines + 1,) of its lines, from half a pitch before the first
+   strip to half a pitch after the last, lines (lines, 5): height at the middle, slope, middle, and variances of height and
+   slope, and what the nearest convex function leaves over; return how many lines, at most n. */
+EXPORTED Int tacstrip_convex_polyline(const double *x, const double *y, const double *weight, Int n, double pitch,
+                                      double *borders, double *lines, double *chi_square, Int *places,
+                                      double *workspace);
+
+/* Write the lower chain of the convex hull of points (n, 2), ascending in x and, at one x, in y, to hull (n, 2) from left to
+   right; return how many points. */
+EXPORTED Int tacstrip_lower_hull(const double *points, Int n, double *hull);
 
 /* Simulate scans number first to first + scans - 1: of shapes drawn by laws, or where that is null of contacts from l to u
    (scans, strips) [mm]. Numbers depend on the key and the scan's number alone. Returns the place (scan, strip) of the first

@@ -5,20 +5,15 @@
 
 #define PINNED 1e12     /* weight of the pose that the frame is fixed to */
 
-/* Places of the results of one scan; a null leaves it out. */
-typedef struct {
-  double *pose, *mixed, *shape, *pose_slope, *shape_slope; /* (3, 3), (3, 2 N), (2 N, 2 N), (3,), (2 N,) */
-} Normal;
-
-/* Add w a b' + w b a' over two, with a and b the slopes of two crossings, or one, to the blocks. */
-static void add_product(const Normal *n, Int size, double weight, const Crossing *c, const double *pa, const double *ca,
-                        const Crossing *d, const double *pb, const double *cb) {
-  Int at_a[4] = {2 * c->from, 2 * c->from + 1, 2 * c->to, 2 * c->to + 1};
-  Int at_b[4] = {2 * d->from, 2 * d->from + 1, 2 * d->to, 2 * d->to + 1};
-  for (int i = 0; i < 3; i++) for (int j = 0; j < 3; j++) n->pose[3 * i + j] += weight * pa[i] * pb[j];
+/* Add w a a', with a the slopes of a crossing, to the blocks. */
+static void add_product(const Normal *n, Int size, double weight, const Crossing *c, const double *by_pose,
+                        const double *by_corner) {
+  Int at[4] = {2 * c->from, 2 * c->from + 1, 2 * c->to, 2 * c->to + 1};
+  for (int i = 0; i < 3; i++) for (int j = 0; j < 3; j++) n->pose[3 * i + j] += weight * by_pose[i] * by_pose[j];
   if (!n->shape) return;
-  for (int i = 0; i < 3; i++) for (int j = 0; j < 4; j++) n->mixed[i * size + at_b[j]] += weight * pa[i] * cb[j];
-  for (int i = 0; i < 4; i++) for (int j = 0; j < 4; j++) n->shape[at_a[i] * size + at_b[j]] += weight * ca[i] * cb[j];
+  for (int i = 0; i < 3; i++) for (int j = 0; j < 4; j++) n->mixed[i * size + at[j]] += weight * by_pose[i] * by_corner[j];
+  for (int i = 0; i < 4; i++)
+    for (int j = 0; j < 4; j++) n->shape[at[i] * size + at[j]] += weight * by_corner[i] * by_corner[j];
 }
 
 static void add_gradient(const Normal *n, double weight, const Crossing *c, const double *by_pose, const double *by_corner) {
@@ -44,9 +39,42 @@ static double gap(const Scans *s, const Loss *loss, const Posed *p, const double
   double cost = loss_of(loss, residual / loss->end, &weight);
   double by_pose[3] = {1.0, 0.0, pose[1] - p->y[i]}, by_corner[4] = {p->cos, -p->sin, 0.0, 0.0};
   Crossing corner = {i, i, p->y[i], 0.0, 0.0};
-  add_product(n, size, weight, &corner, by_pose, by_corner, &corner, by_pose, by_corner);
+  add_product(n, size, weight, &corner, by_pose, by_corner);
   add_gradient(n, weight * residual, &corner, by_pose, by_corner);
   return cost;
+}
+
+/* Add what a strip reads, of which `terms` are what `strip` returns: J'WJ of both crossings, and J'Wr. */
+static void add_strip(const Normal *n, Int size, const double *terms, const Crossing *low, const double *low_pose,
+                      const double *low_corner, const Crossing *high, const double *high_pose, const double *high_corner) {
+  double by_low[3], by_high[3];
+  for (int i = 0; i < 3; i++) {
+    by_low[i] = terms[0] * low_pose[i] + terms[1] * high_pose[i];
+    by_high[i] = terms[1] * low_pose[i] + terms[2] * high_pose[i];
+    n->pose_slope[i] += terms[3] * low_pose[i] + terms[4] * high_pose[i];
+  }
+  for (int i = 0; i < 3; i++)
+    for (int j = 0; j < 3; j++) n->pose[3 * i + j] += by_low[i] * low_pose[j] + by_high[i] * high_pose[j];
+  if (!n->shape) return;
+  Int at_low[2] = {2 * low->from, 2 * low->to}, at_high[2] = {2 * high->from, 2 * high->to};
+  for (int i = 0; i < 3; i++)
+    for (int j = 0; j < 4; j++) {
+      n->mixed[i * size + at_low[j / 2] + j % 2] += by_low[i] * low_corner[j];
+      n->mixed[i * size + at_high[j / 2] + j % 2] += by_high[i] * high_corner[j];
+    }
+  for (int i = 0; i < 4; i++) {
+    double *row = n->shape + (at_low[i / 2] + i % 2) * size, *other = n->shape + (at_high[i / 2] + i % 2) * size;
+    double low_low = terms[0] * low_corner[i], low_high = terms[1] * low_corner[i];
+    double high_low = terms[1] * high_corner[i], high_high = terms[2] * high_corner[i];
+    for (int j = 0; j < 4; j++) {
+      row[at_low[j / 2] + j % 2] += low_low * low_corner[j];
+      row[at_high[j / 2] + j % 2] += low_high * high_corner[j];
+      other[at_low[j / 2] + j % 2] += high_low * low_corner[j];
+      other[at_high[j / 2] + j % 2] += high_high * high_corner[j];
+    }
+    n->shape_slope[at_low[i / 2] + i % 2] += terms[3] * low_corner[i];
+    n->shape_slope[at_high[i / 2] + i % 2] += terms[4] * high_corner[i];
+  }
 }
 
 /* Add one scan's part to the blocks and return its cost. */
@@ -68,12 +96,7 @@ static double scan_equations(const Scans *s, const Loss *loss, Int scan, const d
     cost += strip(s, loss, k, s->strips, &low, &high, terms);
     slopes(&p, pose, &low, low_pose, low_corner);
     slopes(&p, pose, &high, high_pose, high_corner);
-    add_product(n, size, terms[0], &low, low_pose, low_corner, &low, low_pose, low_corner);
-    add_product(n, size, terms[1], &low, low_pose, low_corner, &high, high_pose, high_corner);
-    add_product(n, size, terms[1], &high, high_pose, high_corner, &low, low_pose, low_corner);
-    add_product(n, size, terms[2], &high, high_pose, high_corner, &high, high_pose, high_corner);
-    add_gradient(n, terms[3], &low, low_pose, low_corner);
-    add_gradient(n, terms[4], &high, high_pose, high_corner);
+    add_strip(n, size, terms, &low, low_pose, low_corner, &high, high_pose, high_corner);
   }
   if (first >= 0) {
     cost += gap(s, loss, &p, pose, 0, first, n, size);
@@ -151,51 +174,72 @@ void tacstrip_rigid_poses(const Scans *s, const Loss *loss, const double *corner
     }
 }
 
-/* Solve the damped equations with the poses eliminated (Schur's complement). Writes steps of corners (2 N,) and poses (S, 3);
-   0 where they are not positive definite. `pinned` holds the pose in the middle. */
-static int joint_step(Int scans, Int size, const Normal *n, double damping, double pinned, double *by_corner,
-                      double *by_pose) {
-  Matrix a, b;
+/* U'U of a damped block (3, 3), its diagonal by what divides. */
+typedef struct {
+  double by[3], u01, u02, u12;
+} Root;
+
+static int root_of(const double *pose, double damping, double least, Root *u) {
+  double a = pose[0] + damping * pose[0] + least, b = pose[4] + damping * pose[4] + least;
+  double c = pose[8] + damping * pose[8] + least;
+  if (!(a > 0.0)) return 0;
+  u->by[0] = 1.0 / sqrt(a);
+  u->u01 = pose[1] * u->by[0];
+  u->u02 = pose[2] * u->by[0];
+  b -= u->u01 * u->u01;
+  if (!(b > 0.0)) return 0;
+  u->by[1] = 1.0 / sqrt(b);
+  u->u12 = (pose[5] - u->u01 * u->u02) * u->by[1];
+  c -= u->u02 * u->u02 + u->u12 * u->u12;
+  if (!(c > 0.0)) return 0;
+  u->by[2] = 1.0 / sqrt(c);
+  return 1;
+}
+
+/* U'^-1 of a column, its entries `stride` apart. */
+static void forward(const Root *u, const double *column, Int stride, double *out, Int out_stride) {
+  double first = column[0] * u->by[0], second = (column[stride] - u->u01 * first) * u->by[1];
+  out[0] = first;
+  out[out_stride] = second;
+  out[2 * out_stride] = (column[2 * stride] - u->u02 * first - u->u12 * second) * u->by[2];
+}
+
+int rigid_step(Int scans, Int size, const Normal *n, double damping, double least, double pinned, double *by_outline,
+               double *by_pose) {
+  Matrix a;
+  Root u;
+  CHECK(size <= SIZE);
   for (Int i = 0; i < size; i++) {
     for (Int j = 0; j < size; j++) a[i][j] = n->shape[i * size + j];
-    a[i][i] += damping * a[i][i] + LEAST;
-    by_corner[i] = n->shape_slope[i];
+    a[i][i] += damping * a[i][i] + least;
+    by_outline[i] = n->shape_slope[i];
   }
   for (Int s = 0; s < scans; s++) {
-    const double *pose = n->pose + 9 * s, *mixed = n->mixed + 3 * size * s, *slope = n->pose_slope + 3 * s;
-    double weighted[3][SIZE], residual[3];
-    for (int i = 0; i < 3; i++) {
-      for (int j = 0; j < 3; j++) b[i][j] = pose[3 * i + j];
-      b[i][i] += damping * b[i][i] + LEAST + (s == scans / 2 ? pinned : 0.0);
-    }
-    if (!factor(b, 3)) return 0;
+    const double *mixed = n->mixed + 3 * size * s;
+    double rows[3][SIZE], slope[3];
+    if (!root_of(n->pose + 9 * s, damping, least + (s == scans / 2 ? pinned : 0.0), &u)) return 0;
+    for (Int c = 0; c < size; c++) forward(&u, mixed + c, size, rows[0] + c, SIZE);
+    forward(&u, n->pose_slope + 3 * s, 1, slope, 1);
     for (Int c = 0; c < size; c++) {
-      double column[3] = {mixed[c], mixed[size + c], mixed[2 * size + c]};
-      solve(b, 3, column);
-      for (int i = 0; i < 3; i++) weighted[i][c] = column[i];
-    }
-    for (int i = 0; i < 3; i++) residual[i] = slope[i];
-    for (Int c = 0; c < size; c++) {
-      for (Int d = c; d < size; d++) {
-        double sum = 0.0;
-        for (int i = 0; i < 3; i++) sum += mixed[i * size + c] * weighted[i][d];
-        a[c][d] -= sum;
-      }
-      for (int i = 0; i < 3; i++) by_corner[c] -= weighted[i][c] * residual[i];
+      double x = rows[0][c], y = rows[1][c], z = rows[2][c];
+      for (Int d = c; d < size; d++) a[c][d] -= x * rows[0][d] + y * rows[1][d] + z * rows[2][d];
+      by_outline[c] -= x * slope[0] + y * slope[1] + z * slope[2];
     }
   }
   if (!factor(a, size)) return 0;
-  solve(a, size, by_corner);
+  solve(a, size, by_outline);
   for (Int s = 0; s < scans; s++) {
-    const double *pose = n->pose + 9 * s, *mixed = n->mixed + 3 * size * s;
+    const double *mixed = n->mixed + 3 * size * s;
+    double *step = by_pose + 3 * s, rest[3];
     for (int i = 0; i < 3; i++) {
-      for (int j = 0; j < 3; j++) b[i][j] = pose[3 * i + j];
-      b[i][i] += damping * b[i][i] + LEAST + (s == scans / 2 ? pinned : 0.0);
-      by_pose[3 * s + i] = n->pose_slope[3 * s + i];
-      for (Int c = 0; c < size; c++) by_pose[3 * s + i] -= mixed[i * size + c] * by_corner[c];
+      rest[i] = n->pose_slope[3 * s + i];
+      for (Int c = 0; c < size; c++) rest[i] -= mixed[i * size + c] * by_outline[c];
     }
-    if (!factor(b, 3)) return 0;
-    solve(b, 3, by_pose + 3 * s);
+    root_of(n->pose + 9 * s, damping, least + (s == scans / 2 ? pinned : 0.0), &u);
+    forward(&u, rest, 1, step, 1);
+    step[2] *= u.by[2];
+    step[1] = (step[1] - u.u12 * step[2]) * u.by[1];
+    step[0] = (step[0] - u.u01 * step[1] - u.u02 * step[2]) * u.by[0];
   }
   return 1;
 }
@@ -240,7 +284,7 @@ double tacstrip_rigid_descend(const Scans *s, const Loss *loss, const CornerPrio
   for (Int step = 0; step < steps && damping < HOPELESS; step++) {
     double new_cost = INFINITE;
     const Normal *o = &n[!now];
-    if (joint_step(scans, size, &n[now], damping, pinned, by_corner, by_pose)) {
+    if (rigid_step(scans, size, &n[now], damping, LEAST, pinned, by_corner, by_pose)) {
       for (Int i = 0; i < size; i++) trial_corners[i] = corners[i] + by_corner[i];
       for (Int i = 0; i < 3 * scans; i++) trial_poses[i] = poses[i] + by_pose[i];
       new_cost = tacstrip_rigid_equations(s, loss, trial_corners, count, trial_poses, o->pose, o->mixed, o->shape,

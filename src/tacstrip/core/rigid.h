@@ -23,6 +23,17 @@ typedef struct {
   double y, share, slope;
 } Crossing;
 
+/* Places of the results of one scan, or of all; a null `shape` leaves out what is about the corners. */
+typedef struct {
+  double *pose, *mixed, *shape, *pose_slope, *shape_slope; /* (3, 3), (3, 2 N), (2 N, 2 N), (3,), (2 N,) */
+} Normal;
+
+/* rigid.c: solve the damped equations of `size` numbers of an outline with the poses eliminated (Schur's complement). Writes
+   their steps and those of the poses (scans, 3); 0 where they are not positive definite. `least` is added to the diagonal,
+   `pinned` holds the pose in the middle. */
+HIDDEN int rigid_step(Int scans, Int size, const Normal *n, double damping, double least, double pinned, double *by_outline,
+                      double *by_pose);
+
 static inline void place(const double *corners, Int count, const double *pose, Posed *p) {
   p->cos = cosine(pose[2]);
   p->sin = sine(pose[2]);

@@ -193,6 +193,16 @@ class SceneProblem:
         )
         return SceneProblem(parts, self.sigma)
 
+    def coarser(self, enough: int) -> list[SceneProblem]:
+        """Return the problems of about so many strips of each layer, evenly spread; none of fewer than twice that."""
+        step = max(len(part.x_mm) for part in self.layers) // enough
+        return [
+            self.without(
+                [np.tile(np.arange(len(p.x_mm)) % step != first, (len(p.problem.k), 1)) for p in self.layers]
+            )
+            for first in range(step if step > 1 else 0)
+        ]
+
     def fitted(self, scene: Scene) -> Fitted:
         """Return how well a scene explains the readings."""
         return self.refine(scene, 0)

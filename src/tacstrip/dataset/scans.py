@@ -15,6 +15,7 @@ from tacstrip.contact.shape import Contact
 from tacstrip.dataset.shapes import KINDS
 from tacstrip.errors import ReadingError, SignatureError
 from tacstrip.files import replacing, why_unreadable
+from tacstrip.notebook import Drawn, SvgPath, signature_paths
 from tacstrip.scan import Scan, Signatures
 from tacstrip.sensor.constructions import SIGNATURES
 
@@ -23,6 +24,7 @@ Which: TypeAlias = slice | IntArray | BoolArray | Sequence[int]
 
 _ROUND = 256  # corners of a contact that stands for an ellipse
 _FORMAT = 1
+_DRAWN = 6  # scans in a notebook's picture
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +84,7 @@ class Labels:
 
 
 @dataclass(frozen=True, eq=False)
-class Scans(Signatures):
+class Scans(Signatures, Drawn):
     """Readings of many scans over Vref, an array (scans, strips) per signature; NaN where nothing touches.
 
     `scans[3]` is a `Scan`, `scans[10:20]` and `scans[mask]` are `Scans`; iterating gives a `Scan` after the other.
@@ -144,6 +146,10 @@ class Scans(Signatures):
         ranges = ", ".join(f"{name} {extent(self[name])}" for name in self.signatures)
         labels = ", labelled" if self.labels is not None else ""
         return f"<{len(self)} scans of {self[self.signatures[0]].shape[1]} strips: {ranges}{labels}>"
+
+    def _paths(self) -> list[SvgPath]:
+        shown = np.unique(np.linspace(0, len(self) - 1, _DRAWN).astype(int)).tolist() if len(self) else []
+        return signature_paths([{name: self[name][i] for name in self.signatures} for i in shown])
 
     def __len__(self) -> int:
         return len(self[self.signatures[0]])

@@ -130,7 +130,11 @@ class Log:
     def k(self) -> dict[str, FloatArray]:
         """Readings corrected by the sensor's calibration (scans, strips), NaN where nothing touches."""
         raw = {name: np.where(self.touched, values, np.nan) for name, values in self.raw.items()}
-        return raw if self.sensor.calibration is None else apply_calibration(self.sensor, raw)
+        return (
+            raw
+            if self.sensor.calibration is None and self.sensor.converter is None
+            else apply_calibration(self.sensor, raw)
+        )
 
     def part(self, most: int) -> Log:
         """Return at most so many scans: 8 stretches of neighbouring ones, evenly spread."""

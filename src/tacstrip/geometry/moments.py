@@ -38,10 +38,13 @@ def moments(vertices: FloatArray) -> tuple[float, FloatArray, FloatArray]:
 
 def orientation(vertices: FloatArray) -> float:
     """Return the angle of the longer principal axis from x, in (-pi/2, pi/2] [rad]; NaN without vertices."""
-    if not len(vertices):
-        return math.nan
-    xx, yy, xy = moments(vertices)[2]
-    return float(0.5 * np.arctan2(2.0 * xy, xx - yy))
+    return principal_angle(moments(vertices)[2]) if len(vertices) else math.nan
+
+
+def principal_angle(second: FloatArray) -> float:
+    """Return the angle of the longer principal axis from x, in (-pi/2, pi/2] [rad], from `moments`' xx, yy, xy."""
+    xx, yy, xy = second.tolist()
+    return 0.5 * math.atan2(2.0 * xy, xx - yy)
 
 
 def moment_jacobian(vertices: FloatArray) -> FloatArray:

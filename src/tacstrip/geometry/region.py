@@ -1,4 +1,4 @@
-"""Where a vertex lies with 95 % probability, and shapes with these regions as SVG for notebooks."""
+"""Where a vertex lies with 95 % probability, and shapes with these regions for notebooks."""
 
 from __future__ import annotations
 
@@ -9,9 +9,7 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.geometry.moments import LEVEL
-
-_NAMESPACE = 'xmlns="http://www.w3.org/2000/svg"'
-_SIZE = 320.0  # of the picture's longer side [px]
+from tacstrip.notebook import BLUE, VERMILION, SvgPath
 
 
 def ellipse(vertex: FloatArray, covariance: FloatArray, level: float = LEVEL) -> FloatArray:
@@ -43,27 +41,9 @@ def regions(vertices: FloatArray, covariance: FloatArray | None) -> list[FloatAr
     return [region for region in own if len(region)]
 
 
-def svg(shapes: Sequence[tuple[FloatArray, FloatArray | None]]) -> str:
-    """Return polygons (N, 2) [mm] with their covariance (2N, 2N) or None as one SVG, y upwards, with 95 % regions."""
+def outline_paths(shapes: Sequence[tuple[FloatArray, FloatArray | None]]) -> list[SvgPath]:
+    """Return polygons (N, 2) [mm] with their covariance (2N, 2N) or None as areas, and their 95 % regions as rings."""
     shapes = [(v, c) for v, c in shapes if len(v)]
-    if not shapes:
-        return f'<svg {_NAMESPACE} width="90" height="24"><text x="4" y="16">no shape</text></svg>'
-    around = [regions(v, c) for v, c in shapes]
-    every = np.concatenate([*(v for v, _ in shapes), *(r for each in around for r in each)])
-    low, high = every.min(axis=0), every.max(axis=0)
-    margin = 0.06 * max(float((high - low).max()), 1e-9)
-    low, high = low - margin, high + margin
-    width, height = (float(part) for part in high - low)
-    scale = _SIZE / max(width, height)
-
-    def path(points: FloatArray) -> str:
-        return "M" + " ".join(f"{x - low[0]:.6g},{high[1] - y:.6g}" for x, y in points) + "Z"
-
-    shape = f'fill="#c1440e" fill-opacity=".15" stroke="#c1440e" stroke-width="{1.5 / scale:.6g}"'
-    region = f'fill="none" stroke="#1f5fa8" stroke-width="{1.0 / scale:.6g}"'
-    lines = [f'<path d="{path(v)}" {shape}/>' for v, _ in shapes]
-    lines += [f'<path d="{path(r)}" {region}/>' for each in around for r in each]
-    return (
-        f'<svg {_NAMESPACE} width="{width * scale:.0f}" height="{height * scale:.0f}" '
-        f'viewBox="0 0 {width:.6g} {height:.6g}">{"".join(lines)}</svg>'
-    )
+    around = [region for v, c in shapes for region in regions(v, c)]
+    areas = [SvgPath(v, stroke=VERMILION, fill=VERMILION) for v, _ in shapes]
+    return areas + [SvgPath(region, stroke=BLUE, width=1.0) for region in around]

@@ -40,12 +40,18 @@ def unlikely_lengths(sensor: AnySensor) -> str:
         return next(filter(None, (unlikely_lengths(layer.sensor) for layer in sensor.layers)), "")
     said = f"pitch_mm = {sensor.pitch_mm:.6g}, length_mm = {sensor.length_mm:.6g}: "
     if sensor.pitch_mm < _PITCH_MM:
-        return f"{said}mm, not m? All lengths in a spec are millimetres"
+        return f"{said}mm, not m? {_in_mm(sensor, 1000.0)}"
     if sensor.length_mm < max(_LENGTH_MM, sensor.pitch_mm):
         return f"{said}a strip shorter than the pitch, or than 2 mm? All lengths in a spec are millimetres"
     if sensor.pitch_mm < 10.0 * _PITCH_MM and sensor.width_mm < _TINY_MM:
-        return f"{said}mm, not cm? All lengths in a spec are millimetres"
+        return f"{said}mm, not cm? {_in_mm(sensor, 10.0)}"
     return ""
+
+
+def _in_mm(sensor: Sensor, times: float) -> str:
+    """Say what the lengths of a spec in another unit are in millimetres."""
+    right = f"pitch_mm = {times * sensor.pitch_mm:.6g}, length_mm = {times * sensor.length_mm:.6g}"
+    return f"All lengths in a spec are millimetres; if so, write {right}"
 
 
 def unlikely_contact(contact: Contact, sensor: Sensor) -> str:

@@ -56,8 +56,9 @@ def read_readings(path: str | Path | Frame, sensor: AnySensor) -> list[Scan]:
     Parameters
     ----------
     path
-        The file: a line per strip and scan, in volts or A/D codes (docs/reference/files.md); or a pandas
-        DataFrame with its columns, NaN where nothing touches.
+        The file: a line per strip and scan, in volts or A/D codes (docs/reference/files.md); or a pandas DataFrame
+        with its columns, or of another form, as `tacstrip import` reads (docs/guide/import.md), NaN where nothing
+        touches.
     sensor
         The sensor that it is of. Of two layers each line names its layer, 0 or 1, in the column `layer`.
 
@@ -83,10 +84,37 @@ def read_readings(path: str | Path | Frame, sensor: AnySensor) -> list[Scan]:
     array([0.5, nan])
     """
     if not isinstance(path, str | Path):
-        return _scans([str(name) for name in path.columns], _lines(path), sensor)
+        header = [str(name) for name in path.columns]
+        if isinstance(sensor, Sensor) and not set(INDEX) <= set(header):
+            return _of_other_form(path, sensor)
+        return _scans(header, _lines(path), sensor)
     columns, _ = strip_fields(sensor)
     example = ",".join([*INDEX[:-1], *columns, *(SIGNATURES[name].volt_column for name in sensor.signatures)])
     return read_csv(path, "readings", lambda header, rows: _scans(header, rows, sensor), example)
+
+
+def _of_other_form(frame: Frame, sensor: Sensor) -> list[Scan]:
+    """Return the scans of a table of somebody's form; `ReadingError` asks for what it does not tell."""
+    from tacstrip.io.log_import.containers import of_columns  # late: files have no need of it
+    from tacstrip.io.log_import.guess import propose
+    from tacstrip.io.log_import.questions import Unanswered
+    from tacstrip.io.log_import.write import as_readings
+
+    columns = {str(name): frame[name] for name in frame.columns}
+    index = getattr(frame, "index", None)
+    if index is not None and (
+        name := getattr(index, "name", None) or ("time" if hasattr(index, "tz") else "")
+    ):
+        columns = {str(name): index} | columns
+    try:
+        found = propose(of_columns(columns), sensor)
+    except Unanswered as open_:
+        asked = "; ".join(question.text for question in open_.questions)
+        raise ReadingError(
+            f"the table does not say: {asked}. Name its columns so, or save it and import the file"
+        ) from None
+    header, rows = as_readings(found.scans, found.mapping, sensor.vref_volt, sensor.strip_base)
+    return _scans(header, enumerate(rows, 1), sensor)
 
 
 def _lines(frame: Frame) -> Iterator[Row]:

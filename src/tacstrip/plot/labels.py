@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import matplotlib as mpl
 from matplotlib.colors import to_hex
 
-from tacstrip.plot.style import OTHERS, RECOVERED
+from tacstrip.plot.theme import OTHERS, RECOVERED
 from tacstrip.reconstruction.result import Reconstruction, RecoveredObject
 from tacstrip.sensor.spec import Sensor
 

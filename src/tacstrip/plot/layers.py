@@ -14,8 +14,8 @@ from matplotlib.patches import Polygon
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.shape import Contact
 from tacstrip.plot.labels import LabelledObject, labelled_objects
-from tacstrip.plot.scene import draw_contact, draw_signatures
-from tacstrip.plot.style import SENSOR, STRIP, legend_above, new_panels
+from tacstrip.plot.scene import draw_contact, draw_signatures, number_strips
+from tacstrip.plot.theme import SENSOR, STRIP, legend_above, new_panels
 from tacstrip.reconstruction.result import Reconstruction
 from tacstrip.scan import Scan
 from tacstrip.sensor.layers import Layer, LayeredSensor
@@ -67,17 +67,18 @@ def layers_figure(
         handles.append(
             Line2D([], [], color=_OTHER, linestyle=":", label="other scenes that explain the readings")
         )
-    scene.set_title("both layers", fontsize=10.0)
+    scene.set_title("both layers")
     figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)
     parts = [scans[i].split(sensor) for i in shown[:_MOST_SIGNATURES]]
     for number, (axes, layer) in enumerate(zip(panels, sensor.layers, strict=True)):
         for k, part in enumerate(parts):
-            draw_signatures(axes, layer.sensor, part[number])
+            draw_signatures(axes, layer.sensor, part[number], of_vref=True)
             if k == 0:
                 entries = axes.get_legend_handles_labels()
         turned = "" if layer.angle_deg == 0.0 else f", turned by {layer.angle_deg:g} deg"
-        axes.set_title(f"layer {number}{turned}", fontsize=10.0)
-        axes.set(xlabel="across its strips [mm]", ylabel="k L [mm]")
+        axes.set_title(f"layer {number}{turned}")
+        axes.set(xlabel="across its strips [mm]", ylabel="reading [parts of Vref]")
+        number_strips(axes, layer.sensor)
         if parts:
             legend_above(axes, handles=entries[0], labels=entries[1])
     return figure

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
 from tacstrip.diagnose.learned_noise import LearnedNoise
-from tacstrip.plot.style import OTHERS, RECOVERED, TRUE, legend, new_axes
+from tacstrip.plot.theme import OTHERS, RECOVERED, TRUE, legend, new_axes
 
 
 def allan_figure(found: LearnedNoise) -> Figure:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -10,16 +11,20 @@ import shapely
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba
 from matplotlib.patches import Polygon, Rectangle
+from matplotlib.ticker import MaxNLocator
 
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.shape import Contact
-from tacstrip.plot.style import COLOURS, SENSOR, STRIP, TRUE
+from tacstrip.plot.theme import COLOURS, DASHES, MARKERS, SENSOR, STRIP, TRUE, themed
 from tacstrip.reconstruction.result import RecoveredObject
 from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
 
 _MOST_STRIPS = 120  # more are drawn as one area
+_TICK_INCH, _DIGIT_INCH = 0.1, 0.08  # between two strips' numbers, at least
+_MOST_MARKED = 150  # touched strips that have a marker each
+_MEANT = {"kh": "upper end", "kl": "lower end", "k": "metal sheet"}
 
 
 def draw_sensor(axes: Axes, sensor: Sensor) -> None:
@@ -35,10 +40,62 @@ def draw_sensor(axes: Axes, sensor: Sensor) -> None:
             axes.add_patch(Rectangle(corner, wide, length, facecolor=STRIP, edgecolor="none", zorder=0.5))
     margin = 0.02 * max(width, length)
     axes.set(xlim=(-margin, width + margin), ylim=(-margin, length + margin), aspect="equal")
-    axes.set(xlabel=x_label(sensor, "digital dimension x [mm]"), ylabel="analog dimension y [mm]")
+    axes.set(xlabel=x_label(sensor), ylabel="along the strips y [mm]")
 
 
-def x_label(sensor: Sensor, flat: str = "x [mm]") -> str:
+def fill_sheet(axes: Axes, sensor: Sensor | None = None) -> None:
+    """Show millimetres across and along alike, and as much around the limits as the sheet has room for.
+
+    To be called when all is drawn and the limits are set. What is shown besides lies on the sensor, as far as it goes.
+    """
+    _ = axes.viewLim  # what autoscaling was asked for by artists is done with
+    if sensor is not None:
+        (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
+        spare = (y1 - y0) * axes.bbox.width / axes.bbox.height - (x1 - x0)
+        if spare > 0.0:
+            left = min(max(x0 - 0.5 * spare, -sensor.pitch_mm), x0)
+            right = max(min(left + x1 - x0 + spare, sensor.width_mm + sensor.pitch_mm), x1)
+            axes.set_xlim(max(min(left, right - (x1 - x0) - spare), -sensor.pitch_mm), right)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_autoscale_on(True)  # else Matplotlib warns that it widens limits
+
+
+def number_strips(axes: Axes, sensor: Sensor) -> None:
+    """Write the strips' numbers, as the user counts them, above axes whose x is in mm."""
+    base, pitch = sensor.strip_base, sensor.pitch_mm
+
+    def number(x_mm: Any) -> Any:
+        return x_mm / pitch - 0.5 + base
+
+    def place(strip: Any) -> Any:
+        return (strip - base + 0.5) * pitch
+
+    with themed():
+        top = axes.secondary_xaxis("top", functions=(number, place))
+        top.xaxis.set_major_locator(_Strips(base, base + sensor.strips - 1))
+        top.set_xlabel("strip", labelpad=2.0)
+        top.tick_params(length=2.0, pad=1.0)
+        top.spines["top"].set_visible(False)
+
+
+class _Strips(MaxNLocator):
+    """Ticks at whole numbers from the first strip to the last, as many as fit."""
+
+    def __init__(self, first: int, last: int) -> None:
+        super().__init__(nbins=8, integer=True, min_n_ticks=1)
+        self.first, self.last = first, last
+
+    def tick_values(self, vmin: float, vmax: float) -> Sequence[float]:
+        """Return those within the view that are strips."""
+        low, high = max(vmin, self.first), min(vmax, self.last)
+        axes: Any = self.axis.axes  # type: ignore[union-attr]
+        inches = axes.bbox.width / axes.figure.dpi * (high - low) / max(vmax - vmin, 1e-9)
+        least = _TICK_INCH + _DIGIT_INCH * len(str(self.last))
+        self.set_params(nbins=int(min(max(inches / least, 1), 8)))
+        return [at for at in super().tick_values(low, high) if self.first <= at <= self.last]
+
+
+def x_label(sensor: Sensor, flat: str = "across the strips x [mm]") -> str:
     """Name the x axis: on a tube x runs along the arc."""
     return "arc length x [mm]" if sensor.kind.cylindrical else flat
 
@@ -65,6 +122,7 @@ def draw_polygon(
     label: str | None = None,
     dashed: bool = False,
     doubtful: bool = False,
+    alpha: float = 1.0,
 ) -> None:
     """Draw a recovered polygon's outline and corners; a raw profile's many corners stay unmarked.
 
@@ -76,7 +134,7 @@ def draw_polygon(
     axes.plot(
         *ring.T, color=colour, linestyle="--" if dashed or doubtful else "-", marker=marker,
         markersize=4.5 if doubtful else 3.0, markerfacecolor="white" if doubtful else colour, linewidth=1.3,
-        label=label, zorder=4,
+        label=label, zorder=4, alpha=alpha,
     )  # fmt: skip
     if doubtful:  # a whole white line lies under the dashes
         axes.plot(*ring.T, color="white", linewidth=2.6, zorder=3.9)
@@ -120,14 +178,30 @@ def draw_regions(axes: Axes, sensor: Sensor, found: Iterable[FloatArray], colour
 
 
 def draw_signatures(
-    axes: Axes, sensor: Sensor, scan: Scan, names: Iterable[str] | None = None, style: str = ".-"
+    axes: Axes,
+    sensor: Sensor,
+    scan: Scan,
+    names: Iterable[str] | None = None,
+    style: str | None = None,
+    of_vref: bool = False,
+    **options: Any,
 ) -> None:
-    """Draw the pseudo-signatures k L [mm] of a scan over x (4.1)."""
+    """Draw the pseudo-signatures k L [mm] of a scan over x (4.1), or the readings k over Vref.
+
+    Without a `style` each signature has a marker of its own or, where many strips are touched, dashes.
+    """
+    many = int(scan.touched.sum()) > _MOST_MARKED
     for name in scan.signatures if names is None else names:
-        axes.plot(
-            sensor.x_mm, scan[name] * sensor.length_mm, style, color=COLOURS[name], markersize=3.0, linewidth=0.9,
-            label=f"${SIGNATURES[name].symbol} L$", zorder=3,
-        )  # fmt: skip
+        symbol = SIGNATURES[name].symbol
+        label = f"${symbol}$, {_MEANT[name]}" if of_vref else f"${symbol} L$"
+        look: dict[str, Any] = {"color": COLOURS[name], "markersize": 3.0, "linewidth": 0.9, "zorder": 3}
+        if style is None:
+            face = "white" if name == "kl" else COLOURS[name]
+            look |= (
+                {"linestyle": DASHES[name]} if many else {"marker": MARKERS[name], "markerfacecolor": face}
+            )
+        k = scan[name] if of_vref else scan[name] * sensor.length_mm
+        axes.plot(sensor.x_mm, k, *([style] if style else []), label=label, **look | options)
 
 
 def zoom(axes: Axes, points: npt.ArrayLike, sensor: Sensor, share: float = 0.25) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from tacstrip.plot.style import RECOVERED, TRUE, legend_above, new_panels, plain_ticks, save
+from tacstrip.plot.theme import RECOVERED, TRUE, legend_above, new_panels, plain_ticks, save
 
 _MOST = 12  # parameters that have a panel
 _ACROSS = 3

@@ -66,7 +66,7 @@ def own_variance(noise: Noise, sensor: Sensor, averaging: Averaging) -> float:
     fresh += noise.white**2 * (1.0 - noise.white_shared)
     if averaging.count > 1:  # of a single scan they are told by their neighbours
         fresh += noise.strays * noise.stray_size**2
-    steps = sensor.adc_step**2 / 12.0
+    steps = sensor.adc_variance
     dithered = fresh + noise.white**2 * noise.white_shared >= (_DITHER * sensor.adc_step) ** 2
     lasting = sum(s**2 * averaging.lasting(t) for s, t in noise.processes) * (1.0 - noise.wander_shared)
     return (fresh + steps * dithered) / averaging.count + steps * (not dithered) + lasting

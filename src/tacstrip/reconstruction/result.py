@@ -9,7 +9,8 @@ import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.geometry.moments import MomentDeviations, deviations, moments, orientation
-from tacstrip.geometry.region import svg
+from tacstrip.geometry.region import outline_paths
+from tacstrip.notebook import Drawn, SvgPath
 
 if TYPE_CHECKING:
     from tacstrip.core.outline_model import OutlineModel
@@ -83,7 +84,7 @@ class Alternative:
 
 
 @dataclass(frozen=True, eq=False)
-class RecoveredObject:
+class RecoveredObject(Drawn):
     """One object on the sensor.
 
     Attributes
@@ -228,13 +229,12 @@ class RecoveredObject:
         area, centroid, _ = found  # a rigid outline's axes turn with it, however round it is
         return area, centroid, float(np.sqrt(self.pose.covariance[2, 2]))
 
-    def _repr_svg_(self) -> str:
-        """Draw it in a notebook."""
-        return svg([(self.vertices, self.covariance)])
+    def _paths(self) -> list[SvgPath]:
+        return outline_paths([(self.vertices, self.covariance)])
 
 
 @dataclass(frozen=True)
-class Reconstruction:
+class Reconstruction(Drawn):
     """All objects of one scan.
 
     Attributes
@@ -278,9 +278,8 @@ class Reconstruction:
         worst = [o.status for o in (*failed, *self.objects) if o.status not in ("ok", "likely")]
         return next(iter(worst), "likely" if any(o.status == "likely" for o in self.objects) else "ok")
 
-    def _repr_svg_(self) -> str:
-        """Draw all objects in a notebook."""
-        return svg([(o.vertices, o.covariance) for o in self.objects])
+    def _paths(self) -> list[SvgPath]:
+        return outline_paths([(o.vertices, o.covariance) for o in self.objects])
 
     @property
     def advice(self) -> str:

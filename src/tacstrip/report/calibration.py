@@ -9,7 +9,7 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.calibrate.unit import Calibrated
-from tacstrip.plot.calibration import draw_all, graphed_strips
+from tacstrip.plot.calibrations import draw_all, graphed_strips, strip_errors
 from tacstrip.report.page import Picture, write_page
 
 
@@ -58,8 +58,10 @@ def _errors(result: Calibrated) -> dict[str, dict[str, FloatArray]]:
 
 
 def _strips(result: Calibrated) -> list[dict[str, object]]:
+    """Return the rows of the table of strips, the worst strips first."""
     rows: list[dict[str, object]] = []
-    for strip in range(result.sensor.strips):
+    worst = strip_errors(result.after, np.isfinite(result.runs.l_mm))
+    for strip in np.argsort(-np.nan_to_num(worst, nan=-1.0), kind="stable").tolist():
         there = result.counted[:, strip]
         for name in result.runs.signatures:
             cells = [_cell(100.0 * off[name][there, strip]) for off in _errors(result).values()]

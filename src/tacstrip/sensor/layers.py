@@ -16,6 +16,7 @@ import shapely
 from tacstrip.arrays import FloatArray
 from tacstrip.errors import SpecError
 from tacstrip.files import write_text
+from tacstrip.notebook import Drawn, SvgPath, strip_paths
 from tacstrip.sensor.constructions import CONSTRUCTIONS
 from tacstrip.sensor.noise import Noise
 from tacstrip.sensor.spec import FORMAT, KEYS, LAYER, NOISE, OWN_KEYS, Sensor
@@ -88,7 +89,7 @@ class Layer:
 
 
 @dataclass(frozen=True, kw_only=True)
-class LayeredSensor:
+class LayeredSensor(Drawn):
     """Two strip sensors on each other, read by one unit; `Sensor.load` makes one of a spec with two `[[layer]]` tables.
 
     A scan of it has the strips of layer 0, then those of layer 1; `split` takes it apart. What touches lies in the
@@ -147,6 +148,15 @@ class LayeredSensor:
     def __repr__(self) -> str:
         parts = [f"{x.sensor.fingerprint}, turned by {x.angle_deg:g} deg" for x in self.layers]
         return f"<LayeredSensor: {'; '.join(parts)}{', noise known' if self.noise else ''}>"
+
+    def _paths(self) -> list[SvgPath]:
+        own = [(x, strip_paths(x.sensor.strips, x.sensor.pitch_mm, x.sensor.strip_width, x.sensor.length_mm))
+               for x in self.layers]  # fmt: skip
+        return [
+            replace(path, points=layer.to_whole(path.points), opacity=0.5 * path.opacity)
+            for layer, paths in own
+            for path in paths
+        ]
 
     @classmethod
     def crossed(cls, sensor: Sensor, angle_deg: float = _CROSSED_DEG) -> LayeredSensor:

@@ -39,12 +39,15 @@ def apply_calibration(sensor: Sensor, raw: Mapping[str, FloatArray]) -> dict[str
     sensor
         Its `calibration`, `rest_volt` and `touch_volt` count.
     raw
-        Raw readings over Vref by signature, (strips,) or (scans, strips). With k_h and k_l together a strip's own
+        Raw readings over Vref by signature, (strips,) or (scans, strips); wide codes of the converter are corrected
+        first. With k_h and k_l together a strip's own
         rubber is exact; with one of them it is taken as for a contact without length (`Calibration.correct`). What
         the spec leaves out (`without`) is NaN.
     """
     there = touched(sensor, raw)
     values = {name: np.where(there, v, np.nan) for name, v in leave_out(sensor, raw).items()}
+    if sensor.converter is not None and sensor.adc_bits is not None:
+        values = {name: sensor.converter.correct(v, sensor.adc_bits) for name, v in values.items()}
     calibration = sensor.calibration
     if calibration is None:
         return values
@@ -54,10 +57,12 @@ def apply_calibration(sensor: Sensor, raw: Mapping[str, FloatArray]) -> dict[str
 @takes(sensor=Sensor)
 def invert_calibration(sensor: Sensor, readings: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
     """Return the raw readings that `apply_calibration` turns into these; NaN, nothing touches, stays NaN."""
-    calibration = sensor.calibration
-    if calibration is None:
-        return dict(readings)
-    return _by_pairs(readings, sensor, calibration.distort_pair, calibration.distort)
+    calibration, raw = sensor.calibration, dict(readings)
+    if calibration is not None:
+        raw = _by_pairs(raw, sensor, calibration.distort_pair, calibration.distort)
+    if sensor.converter is not None and sensor.adc_bits is not None:
+        raw = {name: sensor.converter.distort(v, sensor.adc_bits) for name, v in raw.items()}
+    return raw
 
 
 def _by_pairs(

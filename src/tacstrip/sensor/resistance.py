@@ -102,12 +102,13 @@ def electrical_slopes(
 
 def _lost(surface: Surface, l: FloatArray, u: FloatArray, lam: float) -> tuple[FloatArray, FloatArray]:
     """Return T at both ends of contacts along meridians, in s."""
+    if surface.even:
+        lost = np.asarray(lam * np.tanh((u - l) / (2.0 * lam)) / surface.meridian_mm)
+        return lost, lost
     reach = lam * np.tanh((u - l) / (2.0 * lam))  # about as far the bracket counts: to the middle at most
     r, _, dr, _ = surface.meridian(np.stack([l, u]))
     inner, _, by, _ = surface.meridian(np.stack([l + reach, u - reach]))
     bend = -1.0 / float(surface.radius_mm or 1.0) ** 2 if surface.kind == "sphere" else 0.0  # r'' / r
-    if not surface.tapered:
-        r, dr, inner, by, bend = np.ones_like(r), np.zeros_like(r), np.ones_like(r), np.zeros_like(r), 0.0
     q = np.sqrt(np.maximum(1.0 / lam**2 + 0.5 * bend - 0.25 * (by / inner) ** 2, 1e-6 / lam**2))
     beta_l, beta_u = 0.5 * dr / r
     # D = A c(y) + B s(y), c = cosh(q (y - m)) / cosh(q w / 2) and s = sinh(..) / cosh(..): 1 and -+th at the ends.
@@ -121,5 +122,4 @@ def _lost(surface: Surface, l: FloatArray, u: FloatArray, lam: float) -> tuple[F
     root = np.sqrt(r)
     low, high = (a - b * th) / root[0], -(a + b * th) / root[1]
     low, high = (np.where(u > l, side, np.where(np.isnan(l), np.nan, 0.0)) for side in (low, high))
-    total = 1.0 / surface.resistance if surface.tapered else 1.0 / surface.meridian_mm
-    return low * total, high * total
+    return low / surface.resistance, high / surface.resistance

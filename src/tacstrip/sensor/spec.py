@@ -18,13 +18,16 @@ from tacstrip.arrays import FloatArray
 from tacstrip.data import spec_names, spec_path
 from tacstrip.errors import SpecError
 from tacstrip.files import read_text, why_unreadable, write_text
+from tacstrip.notebook import Drawn, SvgPath, strip_paths
 from tacstrip.sensor.calibration import Calibration
 from tacstrip.sensor.constructions import CONSTRUCTIONS, Construction, check_signature, construction
+from tacstrip.sensor.converter import Converter
 from tacstrip.sensor.left_out import checked_names
 from tacstrip.sensor.noise import Noise
 from tacstrip.sensor.surface import Surface
 
 FORMAT = 1
+UNKNOWN = "?"  # the value of a key that somebody still has to fill in
 _SEAM = 0.1  # pitches: no wider a gap between the last strip and the first is one, but rounding of a radius
 _MOST_STRIPS = 1_000_000
 _FAR = 1e9  # mm, V or a ratio: beyond it, or below 1 / it, sums and squares of them are no numbers any more
@@ -52,17 +55,19 @@ CALIBRATION = "calibration"  # the table that `tacstrip calibrate` adds to a spe
 NOISE = "noise"  # the table that `tacstrip noise` adds
 LAYER = "layer"  # the tables of a sensor of two layers, of which `sensor.layers` knows
 SURFACE = "surface"  # the table of a curved skin
+ADC = "adc"  # the table of a converter with wide codes
 # Keys that belong to some constructions only.
 OWN_KEYS = frozenset().union(*(c.keys for c in CONSTRUCTIONS.values()))
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sensor:
+class Sensor(Drawn):
     """A resistive hybrid tactile sensor; the keys of the spec file, in [mm] and [V].
 
     `calibration` turns this unit's raw readings into corrected ones where they enter (`sensor.raw`): a `Scan` is
     always a corrected one, and so is what `simulate` makes. `noise` is what errors its readings have, where that was
-    measured (`tacstrip noise`): reconstructions and limits take it where they are given none.
+    measured (`tacstrip noise`): reconstructions and limits take it where they are given none. `converter` has the wide
+    codes of its A/D converter, where it has some.
 
     Raises
     ------
@@ -94,6 +99,7 @@ class Sensor:
     calibration: Calibration | None = None
     noise: Noise | None = None
     surface: Surface | None = None
+    converter: Converter | None = None
 
     def __new__(cls, *values: object, **named: object) -> Self:
         """Refuse values without a name: `ArgumentError`."""
@@ -106,11 +112,14 @@ class Sensor:
         known = (", calibrated" if self.calibration else "") + (", noise known" if self.noise else "")
         return f"<Sensor {self.fingerprint}{bits}{known}>"
 
+    def _paths(self) -> list[SvgPath]:
+        return strip_paths(self.strips, self.pitch_mm, self.strip_width, self.length_mm)
+
     def __post_init__(self) -> None:
         """Bring numbers to their type and refuse what cannot be."""
         for name, kind in self.__annotations__.items():
             value, optional = getattr(self, name), "None" in str(kind)
-            if name not in ("construction", "without", CALIBRATION, NOISE, SURFACE) and not (
+            if name not in ("construction", "without", CALIBRATION, NOISE, SURFACE, "converter") and not (
                 optional and value is None
             ):
                 object.__setattr__(self, name, _number(name, value, whole="int" in str(kind)))
@@ -118,6 +127,10 @@ class Sensor:
         object.__setattr__(self, "without", checked_names(self))
         if self.noise is not None and not isinstance(self.noise, Noise):
             raise SpecError(f"noise = {self.noise!r}: must be a Noise, such as ts.Noise(white=0.005)")
+        if self.converter is not None:
+            if not isinstance(self.converter, Converter):
+                raise SpecError(f"converter = {self.converter!r}: must be a tacstrip.sensor.Converter")
+            self.converter.check(self.adc_bits)
         if self.surface is not None:
             _check_surface(self, self.surface)
         if self.calibration is not None:
@@ -161,6 +174,21 @@ class Sensor:
     def adc_step(self) -> float:
         """Step of the A/D converter over Vref, 1 / (2^bits - 1); 0 where the spec gives no `adc_bits`."""
         return 0.0 if self.adc_bits is None else 1.0 / (2.0**self.adc_bits - 1.0)
+
+    @property
+    def adc_variance(self) -> float:
+        """Variance of the A/D converter's rounding [Vref^2], for voltages all over the range; its wide codes count."""
+        wide = (
+            1.0
+            if self.converter is None or self.adc_bits is None
+            else self.converter.mean_square(self.adc_bits)
+        )
+        return wide * self.adc_step**2 / 12.0
+
+    @property
+    def adc_bound(self) -> float:
+        """Largest error of the A/D converter's rounding over Vref: half of its widest code."""
+        return 0.5 * self.adc_step * (1.0 if self.converter is None else self.converter.widest_lsb)
 
     @property
     def x_mm(self) -> FloatArray:
@@ -217,14 +245,19 @@ class Sensor:
             from tacstrip.sensor.layers import LayeredSensor  # late: it is made of sensors
 
             return cast(Self, LayeredSensor.from_dict(raw))
-        known = [*KEYS, SURFACE, NOISE, CALIBRATION]
+        known = [*KEYS, ADC, SURFACE, NOISE, CALIBRATION]
         if unknown := [key for key in raw if key not in known]:
             raise SpecError(f"unknown key {unknown[0]!r}; the keys are: {', '.join(known)}")
+        if ADC in raw:
+            raw = {**raw, "converter": Converter.from_dict(raw[ADC])}
+            del raw[ADC]
         if SURFACE in raw:
             raw = _with_surface(raw)
         needed = ("format", "construction", "strips", "pitch_mm", "length_mm")
         if missing := [key for key in needed if key not in raw]:
             raise SpecError(f"key {missing[0]!r} is missing; a spec needs: {', '.join(needed)}")
+        if open_keys := [key for key, value in raw.items() if value == UNKNOWN]:
+            raise SpecError(f"{', '.join(open_keys)}: still to be filled in, where {UNKNOWN!r} stands")
         kinds: dict[str, type[Calibration | Noise]] = {CALIBRATION: Calibration, NOISE: Noise}
         return cls(**raw | {key: kind.from_dict(raw[key]) for key, kind in kinds.items() if key in raw})
 
@@ -238,7 +271,7 @@ class Sensor:
             text = repr(value) if isinstance(value, int | float) else json.dumps(value, ensure_ascii=False)
             line = f"# {key} = {example}" if value in (None, ()) else f"{key} = {text}"
             lines.append(f"{line:<32} # {comment}")
-        known = (self.surface, self.noise, self.calibration)
+        known = (self.converter, self.surface, self.noise, self.calibration)
         tables = [table.to_toml() for table in known if table is not None]
         return "\n".join(["\n".join(lines) + "\n", *tables])
 

@@ -48,7 +48,7 @@ def write_csv(path: str | Path, source: Source, codes: bool = False) -> int:
 
 
 def write_npz(path: str | Path, source: Source) -> int:
-    """Write a source as NumPy arrays (docs/guide/recordings.md lists them); return the number of scans."""
+    """Write a source as NumPy arrays (docs/reference/recording-file.md lists them); return the number of scans."""
     sensor = source.sensor
     codes = {name: bytearray() for name in source.names}
     touched, strip_times = bytearray(), bytearray()

@@ -78,6 +78,8 @@ class Recording:
     (5, ('k',))
     """
 
+    clock = "recording"
+
     @takes(sensor=Sensor | LayeredSensor)
     def __init__(self, path: str | Path, sensor: AnySensor | None = None) -> None:
         self.path = Path(path)
@@ -237,6 +239,8 @@ class ReadingsSource:
     ...     [raw.codes["k"].tolist() for raw in ReadingsSource(file, sensor)]
     [[512, 0]]
     """
+
+    clock = "file"
 
     @takes(sensor=Sensor | LayeredSensor)
     def __init__(self, path: str | Path, sensor: AnySensor) -> None:

@@ -110,6 +110,8 @@ class SimulatedSource:
     [(0, 0.0), (1, 0.01), (2, 0.02)]
     """
 
+    clock = "simulation"
+
     @takes(sensor=Sensor | LayeredSensor, noise=Noise)
     def __init__(
         self,

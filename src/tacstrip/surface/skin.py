@@ -1,7 +1,8 @@
 """The skin in space: points and normals at (strip, y), and the whole of it with what no strip covers.
 
-A plane or a surface of revolution about z is a map of two coordinates, `across` and `up`: x and y [mm] on a plane, else
-the angle [rad] round the axis and the arc [mm] of the meridian, 0 where the strips begin.
+A plane, a bent sheet or a surface of revolution about z is a map of two coordinates, `across` and `up`: square to the
+strips and along them [mm] on planes and sheets, else the angle [rad] round the axis and the arc [mm] of the meridian, 0
+where the strips begin.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ class Skin:
     Attributes
     ----------
     surface
-        The surface of revolution; None: a plane.
+        The surface of revolution or sheet; None: a plane.
     strips, pitch_mm, length_mm
         As in the spec.
     across, up
@@ -45,7 +46,7 @@ class Skin:
     @property
     def round(self) -> bool:
         """Whether `across` is an angle and the skin goes all round."""
-        return self.surface is not None
+        return self.surface is not None and self.surface.kind != "sheet"
 
     @property
     def lengths_mm(self) -> FloatArray:
@@ -57,7 +58,7 @@ class Skin:
     def places(self, strip: FloatArray, y_mm: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return `across` and `up` of strip coordinates (0 is the first centre line) and y [mm] along the strip."""
         strip, y = np.asarray(strip, dtype=float), np.asarray(y_mm, dtype=float)
-        if self.surface is None:
+        if self.surface is None or not self.round:
             return (strip + 0.5) * self.pitch_mm, y
         if self.surface.along == "meridians":
             return (strip + 0.5) * self.surface.around / self.strips, y
@@ -66,7 +67,7 @@ class Skin:
 
     def strip_places(self, across: FloatArray, up: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return strip coordinate and y [mm] of places, the inverse of `places`."""
-        if self.surface is None:
+        if self.surface is None or not self.round:
             return across / self.pitch_mm - 0.5, up
         middle = 0.5 * self.surface.around
         angle = middle + np.remainder(across - middle + np.pi, 2.0 * np.pi) - np.pi
@@ -78,6 +79,10 @@ class Skin:
         """Return points (..., 3) [mm] at places."""
         if self.surface is None:
             return _vectors(across, up, 0.0)
+        if not self.round:
+            along, z = (up, across) if self.surface.along == "path" else (across, up)
+            x, y, _, _ = self.surface.path(along)
+            return _vectors(*np.broadcast_arrays(x, y, z))
         r, z, _, _ = self.surface.meridian(up)
         return _vectors(r * np.cos(across), r * np.sin(across), z)
 
@@ -85,18 +90,28 @@ class Skin:
         """Return unit normals (..., 3) off the skin at places."""
         if self.surface is None:
             return np.broadcast_to([0.0, 0.0, 1.0], (*np.broadcast_shapes(across.shape, up.shape), 3))
+        if not self.round:
+            path = self.surface.along == "path"
+            _, _, dx, dy = self.surface.path(up if path else across)
+            side, one = (
+                -1.0 if self.surface.inside else 1.0,
+                np.ones(np.broadcast_shapes(across.shape, up.shape)),
+            )
+            return _vectors(side * dy * one, -side * dx * one, 0.0)
         _, _, dr, dz = self.surface.meridian(up)
         out = -self.surface.outward * dz
         return _vectors(out * np.cos(across), out * np.sin(across), self.surface.outward * dr)
 
     def stretch(self, up: FloatArray) -> FloatArray:
         """Return mm per unit of `across` at `up`: the radius; area is stretch d(across) d(up)."""
-        return np.ones_like(up) if self.surface is None else self.surface.meridian(up)[0]
+        return np.ones_like(up) if self.surface is None or not self.round else self.surface.meridian(up)[0]
 
     def places_near(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return `across` and `up` of points (..., 3) on or near the skin, along the normal where it is smooth."""
         if self.surface is None:
             return points[..., 0], points[..., 1]
+        if not self.round:
+            return self._sheet_near(points)
         across = np.arctan2(points[..., 1], points[..., 0])
         r, z = np.hypot(points[..., 0], points[..., 1]), points[..., 2]
         low, high = self.up
@@ -107,6 +122,18 @@ class Skin:
             mr, mz, dr, dz = self.surface.meridian(up)
             up = np.clip(up + (r - mr) * dr + (z - mz) * dz, low, high)
         return across, up
+
+    def _sheet_near(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        surface = self.surface
+        assert surface is not None
+        x, y, length = points[..., 0], points[..., 1], surface.path_length_mm
+        grid = np.linspace(0.0, length, 721)
+        gx, gy, _, _ = surface.path(grid)
+        t = grid[np.argmin((x[..., None] - gx) ** 2 + (y[..., None] - gy) ** 2, axis=-1)]
+        for _ in range(3):  # foot of the perpendicular
+            px, py, dx, dy = surface.path(t)
+            t = np.clip(t + (x - px) * dx + (y - py) * dy, 0.0, length)
+        return (points[..., 2], t) if surface.along == "path" else (t, points[..., 2])
 
 
 def _vectors(x: FloatArray, y: FloatArray, z: FloatArray | float) -> FloatArray:
@@ -119,6 +146,11 @@ def _vectors(x: FloatArray, y: FloatArray, z: FloatArray | float) -> FloatArray:
 def _made(surface: Surface | None, strips: int, pitch_mm: float, length_mm: float) -> Skin:
     if surface is None:
         return Skin(None, strips, pitch_mm, length_mm, (0.0, strips * pitch_mm), (0.0, length_mm))
+    if surface.kind == "sheet":
+        return Skin(
+            surface, strips, pitch_mm, length_mm, (0.0, strips * pitch_mm), (0.0, length_mm),
+            surface.thickness_mm, surface.stiffness_n_per_mm3,
+        )  # fmt: skip
     low = -surface.lead_mm
     return Skin(
         surface, strips, pitch_mm, length_mm, (0.0, 2.0 * math.pi), (low, surface.meridian_mm),

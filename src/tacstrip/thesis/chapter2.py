@@ -17,7 +17,7 @@ from tacstrip.network.devices.digital_array import ISOLATIONS, phantoms, scan_ar
 from tacstrip.network.devices.four_wire import four_wire
 from tacstrip.network.grid import check_count, tactels
 from tacstrip.plot.scene import draw_contact, draw_polygon, draw_sensor
-from tacstrip.plot.style import COLOURS, OTHERS, RECOVERED, SENSOR, STRIP, TRUE, add_axes, legend, new_figure
+from tacstrip.plot.theme import COLOURS, OTHERS, RECOVERED, SENSOR, STRIP, TRUE, add_axes, legend, new_figure
 from tacstrip.reconstruction.profile import profile_reconstruction
 from tacstrip.sensor.constructions import construction
 from tacstrip.sensor.spec import Sensor

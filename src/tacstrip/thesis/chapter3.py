@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon, Wedge
 
 from tacstrip.arrays import BoolArray, FloatArray
-from tacstrip.plot.style import COLOURS, SENSOR, STRIP, TRUE, add_axes, legend, new_figure, new_panels
+from tacstrip.plot.theme import COLOURS, SENSOR, STRIP, TRUE, add_axes, legend, new_figure, new_panels
 from tacstrip.sensor.closed_form import k_h, k_l, k_metal
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor

@@ -14,7 +14,7 @@ from tacstrip.contact.shape import Contact
 from tacstrip.contact.signature import geometric_centre
 from tacstrip.geometry.outline import close_chains
 from tacstrip.plot.scene import draw_contact, draw_polygon, draw_sensor, draw_signatures, zoom
-from tacstrip.plot.style import COLOURS, OTHERS, TRUE, add_axes, legend, new_axes, new_figure, new_panels
+from tacstrip.plot.theme import COLOURS, OTHERS, TRUE, add_axes, legend, new_axes, new_figure, new_panels
 from tacstrip.reconstruction.sections import fit_sections
 from tacstrip.reconstruction.vertex.blocks import blocks, linear_system
 from tacstrip.sensor.constructions import SIGNATURES

@@ -5,19 +5,28 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from matplotlib.artist import Artist
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from tacstrip import plot
 from tacstrip.contact.shape import Contact
 from tacstrip.data import data_path
 from tacstrip.geometry.metrics import Mismatch, mismatch
 from tacstrip.geometry.region import regions
 from tacstrip.io.geometry import read_contact
 from tacstrip.io.readings import read_readings
-from tacstrip.plot.scene import draw_contact, draw_polygon, draw_regions, draw_sensor, draw_signatures, zoom
-from tacstrip.plot.style import COLOURS, TRUE, add_axes, legend_above, new_figure
+from tacstrip.plot.scene import (
+    draw_contact,
+    draw_polygon,
+    draw_regions,
+    draw_sensor,
+    draw_signatures,
+    fill_sheet,
+    number_strips,
+    zoom,
+)
+from tacstrip.plot.theme import OTHERS, RECOVERED, TRUE, legend_above, new_figure, themed
 from tacstrip.reconstruction.polygon.estimate import fit_polygon
 from tacstrip.reconstruction.profile import profile_reconstruction
 from tacstrip.reconstruction.result import RecoveredObject
@@ -27,8 +36,7 @@ from tacstrip.sensor.spec import Sensor
 from tacstrip.thesis.chapter6.twin import twin
 
 FIT = "Polygon fit"
-_COLOURS = {FIT: COLOURS["k"], "P.R.": COLOURS["profile"]}
-_COLOURS |= {"V.R. k_h": COLOURS["kh"], "V.R. k_l": COLOURS["kl"]}
+_COLOURS = {"before": OTHERS[0], "after": RECOVERED}
 
 
 @dataclass(frozen=True)
@@ -94,55 +102,39 @@ def table(demo: Demo) -> str:
 
 
 def picture(demo: Demo) -> Figure:
-    """Draw sensor, true shape and signatures, the polygon fit before and after, and the thesis' methods."""
-    figure = new_figure(9.5, 7.4)
-    axes = add_axes(figure, 2, 3, (1, 4))
-    draw_sensor(axes, demo.sensor)
-    _draw_shapes(axes, demo, "after", [FIT])
-    axes.set_title("Prototype, 10 strips")
-    panels = {2: ("before", [FIT]), 3: ("after", [FIT]), 5: ("after", ["P.R.", "V.R. k_h", "V.R. k_l"])}
-    for place, (name, methods) in panels.items():
-        axes = add_axes(figure, 2, 3, place)
-        _draw_shapes(axes, demo, name, methods)
-        axes.set_aspect("equal")
-        zoom(axes, np.concatenate([t.recovered.vertices for t in demo.trials if _shown(t)]), demo.sensor, 0.1)
-        axes.set(xlabel="x [mm]", ylabel="y [mm]")
-        if methods == [FIT]:
-            fits = [t for t in demo.trials if (t.readings, t.method) == (name, FIT)]
-            axes.set_title(f"{FIT} {name}\ncalibration: {', '.join(t.recovered.status for t in fits)}")
-        else:
-            axes.set_title(f"The thesis' methods {name} calibration\n(V.R.: true transitions given)")
-    _explain(figure, demo)
-    axes = add_axes(figure, 2, 3, 6)
-    for name, style in (("before", ":"), ("after", ".-")):
-        draw_signatures(axes, demo.sensor, demo.scans[name], style=style)
-    axes.set(title="Pseudo-signatures\n(dotted: before calibration)", xlabel="x [mm]", ylabel="k L [mm]")
-    handles, labels = axes.get_legend_handles_labels()
-    legend_above(axes, handles=handles[2:], labels=labels[2:])
-    made = "closed forms + printed offsets and residual errors; no hardware was measured"
-    figure.suptitle(f"Synthetic readings: {made}")
+    """Draw what touched, what the strips read, and what the polygon fit recovers before and after calibration."""
+    figure = new_figure(11.0, 5.0)
+    with themed():
+        touched, read, recovered = figure.subplots(1, 3, width_ratios=(0.6, 1.0, 1.1))
+    plot.contact(demo.contact, demo.sensor, ax=touched)
+    touched.set_title("1. A block lies on ten strips")
+    plot.scan(demo.scans["after"], demo.sensor, ax=read)
+    handles, labels = read.get_legend_handles_labels()
+    draw_signatures(read, demo.sensor, demo.scans["before"], style=":", of_vref=True, zorder=2)
+    handles.append(Line2D([], [], color=TRUE, linestyle=":"))
+    read.autoscale(axis="y")
+    legend_above(read, handles=handles, labels=[*labels, "before calibration"])
+    read.set_title("2. Each strip reads two voltages")
+    fits = {t.readings: t.recovered for t in demo.trials if t.method == FIT}
+    draw_sensor(recovered, demo.sensor)
+    number_strips(recovered, demo.sensor)
+    draw_contact(recovered, demo.contact, label="true shape")
+    for name, colour in _COLOURS.items():
+        found = fits[name]
+        draw_regions(recovered, demo.sensor, regions(found.vertices, found.covariance), colour)
+        doubtful = found.status not in ("ok", "likely")
+        draw_polygon(
+            recovered, found.vertices, colour, f"{name} calibration: {found.status}", doubtful=doubtful
+        )
+    corners = [demo.contact.vertices, *(found.vertices for found in fits.values())]
+    zoom(recovered, np.concatenate(corners), demo.sensor, 0.1)
+    handles, labels = recovered.get_legend_handles_labels()
+    handles.append(Patch(facecolor=TRUE, alpha=0.25))
+    legend_above(recovered, handles=handles, labels=[*labels, "95 % region of a corner"])
+    fill_sheet(recovered)
+    recovered.set_title("3. From these: its shape")
+    figure.suptitle(
+        "Simulated: closed forms, printed offsets and residual errors; no hardware was measured",
+        fontsize="small",
+    )
     return figure
-
-
-def _shown(trial: Trial) -> bool:
-    """Tell whether a trial is in the picture: all after calibration, and the fit before; given transitions only."""
-    return trial.transitions != "found" and (trial.readings == "after" or trial.method == FIT)
-
-
-def _draw_shapes(axes: Axes, demo: Demo, name: str, methods: list[str]) -> None:
-    draw_contact(axes, demo.contact, label="true shape")
-    for t in demo.trials:
-        if t.readings == name and t.method in methods and _shown(t):
-            colour, o = _COLOURS[t.method], t.recovered
-            draw_regions(axes, demo.sensor, regions(o.vertices, o.covariance), colour)
-            draw_polygon(axes, o.vertices, colour, t.method, doubtful=o.status not in ("ok", "likely"))
-
-
-def _explain(figure: Figure, demo: Demo) -> None:
-    """Add one legend for all shapes."""
-    entries: dict[str, Artist] = {}
-    for axes in figure.axes:
-        handles, labels = axes.get_legend_handles_labels()
-        entries |= {str(label): h for h, label in zip(handles, labels, strict=True)}
-    entries["95 % region of a corner"] = Patch(facecolor=TRUE, alpha=0.25)
-    figure.legend(entries.values(), entries.keys(), loc="outside lower center", ncols=6, frameon=False)

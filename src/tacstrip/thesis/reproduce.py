@@ -10,11 +10,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from tacstrip.data.published import METRICS, experiments, published, rows
 from tacstrip.files import write_text
 from tacstrip.interrupt import worker_processes
-from tacstrip.plot.style import save
+from tacstrip.plot.theme import save
 from tacstrip.report.page import Picture, write_report
 from tacstrip.thesis import chapter2, chapter3, chapter4
 from tacstrip.thesis.captions import caption
@@ -33,7 +34,9 @@ _DRAWN = {figure: draw for file in _FILES for figure, draw in file.FIGURES.items
 Progress = Callable[[int, int], None]
 
 
-def reproduce(out: Path, seeds: int, workers: int | None, progress: Progress) -> dict[str, Any]:
+def reproduce(
+    out: Path, seeds: int, workers: int | None, progress: Progress, kind: str = "png"
+) -> dict[str, Any]:
     """Reproduce tables 5.2-5.14, 6.1-6.11 and the figures of chapters 2 to 6.
 
     Parameters
@@ -46,6 +49,8 @@ def reproduce(out: Path, seeds: int, workers: int | None, progress: Progress) ->
         Processes; None: one per core.
     progress
         Called with the number of tasks done and of all tasks.
+    kind
+        "svg" or "pdf": the figures as such files too; the page shows those that are "png".
 
     Returns
     -------
@@ -56,9 +61,9 @@ def reproduce(out: Path, seeds: int, workers: int | None, progress: Progress) ->
     folder.mkdir(parents=True, exist_ok=True)
     numbers = {"simulation": range(len(rows())), "experiment": range(len(experiments()))}
     tasks: dict[Any, tuple[Any, ...]] = {"calibration": (calibration_rows, seeds)}
-    tasks |= {("simulation", n): (_run_row, n, seeds, folder) for n in numbers["simulation"]}
+    tasks |= {("simulation", n): (_run_row, n, seeds, folder, kind) for n in numbers["simulation"]}
     tasks |= {("experiment", n): (run_experiment, n, seeds) for n in numbers["experiment"]}
-    tasks |= {figure: (_draw, figure, folder) for figure in _DRAWN}
+    tasks |= {figure: (_draw, figure, folder, kind) for figure in _DRAWN}
     done: dict[Any, Any] = {}
     with worker_processes(workers) as pool:
         futures = {pool.submit(*task): key for key, task in tasks.items()}
@@ -88,16 +93,23 @@ def inside_counts(tables: dict[str, Any]) -> dict[str, tuple[int, int]]:
     return counts
 
 
-def _run_row(number: int, seeds: int, folder: Path) -> dict[str, Any]:
+def _run_row(number: int, seeds: int, folder: Path, kind: str) -> dict[str, Any]:
     """Run a row's cells, draw its figure, and return its results."""
     cells = [run_cell(number, position, seeds) for position in range(POSITIONS)]
     row = rows()[number]
-    save(chapter5.recovery(row, [cell.sample for cell in cells]), _file(folder, row.figure))
+    _save(chapter5.recovery(row, [cell.sample for cell in cells]), folder, row.figure, kind)
     return summarise(number, cells)
 
 
-def _draw(figure: str, folder: Path) -> None:
-    save(_DRAWN[figure](), _file(folder, figure))
+def _draw(figure: str, folder: Path, kind: str) -> None:
+    _save(_DRAWN[figure](), folder, figure, kind)
+
+
+def _save(drawn: Figure, folder: Path, figure: str, kind: str) -> None:
+    """Write a figure for the page, and as the kind of file that was asked for."""
+    file = save(drawn, _file(folder, figure))
+    if kind != "png":
+        save(drawn, file.with_suffix(f".{kind}"))
 
 
 def _file(folder: Path, figure: str) -> Path:

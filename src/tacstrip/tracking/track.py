@@ -17,6 +17,7 @@ from tacstrip.core.rigid import RigidScans
 from tacstrip.errors import ReadingError, SignatureError
 from tacstrip.geometry.moments import deviations, moments
 from tacstrip.geometry.pose import placed
+from tacstrip.notebook import BLUE, VERMILION, Drawn, SvgPath
 from tacstrip.reconstruction.noise_covariance import Averaging, fit_sigma
 from tacstrip.reconstruction.on_surface import refuse_surface
 from tacstrip.reconstruction.result import Alternative, RecoveredObject, Status
@@ -49,6 +50,7 @@ _TOLD, _OF_SIZE = 0.1, 0.01  # of the pitch, and of the outline's extent, and ..
 _TELLING = 4.0  # ... deviations of the least certain corner: shapes that differ by more are not the same
 _MAY_BE_OFF = 0.05  # of the extent, by which no corner may be off ...
 _DEVIATIONS = 2.0  # ... within so many deviations
+_DRAWN = 6  # outlines of a track in a notebook
 _MOVED = 0.5  # pitches that corners must move where few strips are touched
 NOT_RIGID = (
     "no rigid outline explains all scans: {times:.3g} times the noise is left over; the object deforms or rolls, two "
@@ -81,7 +83,7 @@ STANDS = "the clock stands still: no velocity"
 
 
 @dataclass(frozen=True, eq=False)
-class Track:
+class Track(Drawn):
     """One object over time.
 
     Attributes
@@ -145,6 +147,16 @@ class Track:
     motion: str = "free"
     offsets: dict[str, FloatArray] = field(default_factory=dict)
     by_scan: SingleScans | None = field(default=None, repr=False)
+
+    def __repr__(self) -> str:
+        corners = f"{len(self.outline)} corners, {self.area_mm2:.4g} mm2"
+        return f"<Track {self.id}: {self.status}, {corners}, in {int(self.present.sum())} of {len(self.poses)} scans>"
+
+    def _paths(self) -> list[SvgPath]:
+        seen = np.flatnonzero(self.present)
+        shown = seen[np.unique(np.linspace(0, len(seen) - 1, _DRAWN).astype(int))] if len(seen) else seen
+        outlines = [SvgPath(self.placed(int(i)), stroke=VERMILION, fill=VERMILION, width=1.0) for i in shown]
+        return [*outlines, SvgPath(self.poses[:, :2], stroke=BLUE, closed=False)]
 
     @property
     def present(self) -> FloatArray:
@@ -247,19 +259,23 @@ def track(scans: Sequence[Scan], sensor: Sensor, noise: Noise | None = None) -> 
     stretches = episodes(k, sensor.closed)
     readings = Readings(k, Skin(sensor, spanned(stretches, sensor.strips)), names, sigma, distribution)
     left, unlike, objects = sorted(stretches, key=lambda e: -len(e.scans)), list[Episode](), list[Object]()
+    tried: dict[int, Object | None] = {}
     while left:
         one = left.pop(0)
         hurried = readings.followable and not any(e.joint for e in one.group)
         seen = searched(one, readings, thorough=not hurried)
         if seen is None or not content(seen.scans, seen.found.fit, distribution):
             unlike.append(one)
+            tried[id(one)] = seen
         else:
             objects.append(_with_stretches(seen, one, left, readings))
     objects, unlike = _together(objects, unlike, stretches, readings)
     tracks: list[tuple[int, Track]] = []
     while unlike:
         one = unlike.pop(0)
-        seen = searched(one, readings)
+        seen = tried[id(one)]
+        if seen is not None and seen.begun is not None:
+            seen = searched(one, readings, begun=seen.begun)
         if seen is None:
             tracks.append((one.scans[0], _of_one_scan(one, read, sensor, noise)))
         else:
@@ -302,7 +318,7 @@ class Skin:
 class Object:
     """The scans that show one object by itself, its readings there, and what was found; and with others.
 
-    `alike`: one of those that share strips with it has its shape.
+    `alike`: one of those that share strips with it has its shape. `begun`: what a search that was not thorough found.
     """
 
     shown: list[int]
@@ -312,6 +328,7 @@ class Object:
     found: Found
     shared: tuple[Shared, ...] = ()
     alike: bool = False
+    begun: Found | None = field(default=None, repr=False)
 
     @property
     def places(self) -> set[tuple[int, int]]:
@@ -400,26 +417,38 @@ def _checked(number: int, scan: Scan, sensor: Sensor) -> Scan:
 
 
 def searched(
-    episode: Episode, read: Readings, *, offsets: bool = True, thorough: bool = True
+    episode: Episode,
+    read: Readings,
+    *,
+    offsets: bool = True,
+    thorough: bool = True,
+    begun: Found | None = None,
 ) -> Object | None:
-    """Return the object of an episode; None where its scans are too few for a shape over time."""
+    """Return the object of an episode; None where its scans are too few for a shape over time.
+
+    `begun`: what a search that was not thorough ended with, `Object.begun`.
+    """
     if len(episode.scans) < FEWEST:
         return None
     step = read.skin.sensor.adc_step
     level = read.sigma or max(GUESS, step)
+    if begun is not None and begun.starts is not None:
+        level = begun.starts.scans.sigma
     every = RigidScans(read.skin.laid_out, read.names, episode.readings(read.k, read.skin.span), level)
     few = np.unique(np.linspace(0, len(every.k) - 1, min(len(every.k), MOST)).astype(int))
     least = max(step / math.sqrt(12.0), FLOOR)
     for _ in range(_ROUNDS):
-        found = search(every.of(few), read.distribution, offsets=offsets, thorough=thorough)
-        left = level * math.sqrt(found.fit.cost / found.fit.freedom(every.of(few)))
+        ended = search(every.of(few), read.distribution, offsets=offsets, thorough=thorough, begun=begun)
+        left = level * math.sqrt(ended.fit.cost / ended.fit.freedom(every.of(few)))
         if read.sigma or level / _ALIKE < left < level * _ALIKE:
             break
-        level = float(np.clip(left, least, _CEILING))
+        level, begun = float(np.clip(left, least, _CEILING)), None
         every = every.with_sigma(level)
-    every = taken_off(every, found.offsets)
-    found = replace(found, fit=with_all_poses(every, few, found.fit), chosen=few[found.chosen])
-    return Object(episode.scans, episode.joint, episode.runs, every, found)
+    every = taken_off(every, ended.offsets)
+    fit = with_all_poses(every, few, ended.fit)
+    found = replace(ended, fit=fit, chosen=few[ended.chosen], starts=None)
+    kept = None if thorough else ended
+    return Object(episode.scans, episode.joint, episode.runs, every, found, begun=kept)
 
 
 def _with_stretches(one: Object, start: Episode, left: list[Episode], read: Readings) -> Object:
@@ -478,6 +507,8 @@ def _together(
         first = min((s for e in group for s in e.joint), default=0)
         later = {place for place in mine if place[0] >= first}
         for known in _suppositions(objects, parts, group, later, read):
+            if len(known) < 2:  # one by itself shares strips with none
+                continue
             sigma = max(one.scans.sigma for one in known)
             alone = [o.alone for o in known]
             found = follow(alone, readings, touched, laid_out, read.names, sigma, read.distribution)
@@ -504,8 +535,10 @@ def _suppositions(
     that look alike: then `later` places, after they first came together, do not count, and follow from the motion.
     """
     if parts:
-        yield _with_parts(objects, parts, read, True)
-        yield _with_parts(objects, parts, read, False)
+        together = _with_parts(objects, parts, read, True)
+        yield together
+        if len(together) < len(objects) + len(parts):
+            yield _with_parts(objects, parts, read, False)
     elif objects:
         before = [b for o in objects if (b := o.without(later) if o.places & later else o) is not None]
         shortened = any(o.places & later for o in objects)

@@ -128,7 +128,9 @@ class Tracker:
             Compute the covariance of updated polygons too.
         """
         scan = scan.checked(self.sensor)
-        if self.method != "polygon":
+        if (
+            self.method != "polygon" or self.sensor.surface is not None
+        ):  # a curved skin's: each scan on its own
             self._assign_ids(_tracks(self._reconstructed(scan), scan))
             return self._numbered()
         runs = self._laid_out(scan)[0].runs()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import secrets
 import time
 from collections.abc import Mapping
 from concurrent.futures import Executor
@@ -13,6 +14,7 @@ from tacstrip.errors import OptionError
 from tacstrip.reconstruction.methods import METHODS, chosen_method
 from tacstrip.sensor.constructions import CONSTRUCTIONS
 from tacstrip.stream.live.pipeline import Live
+from tacstrip.stream.recording.recorder import Recorder
 from tacstrip.stream.source import DeviceSource
 from tacstrip.view.frame_json import frame_json, sensor_json
 from tacstrip.view.health import Health
@@ -45,10 +47,12 @@ class Controller:
         self.health = Health(executor)
         self._queue = live.subscribe(detailed=True)
         self._examined_s = time.monotonic()
+        self._session = secrets.token_hex(8)  # the messages' numbers begin anew with each
+        self._recorder: Recorder | None = None  # of the recording that the page has begun
 
     def hello(self, control: bool) -> dict[str, Any]:
         """Return the first message to a new page."""
-        return {"kind": "hello", "control": control, **self._about()}
+        return {"kind": "hello", "control": control, "session": self._session, **self._about()}
 
     def picture(self) -> str:
         """Return the newest frame as JSON; an empty text where there is none since the last call."""
@@ -65,7 +69,7 @@ class Controller:
         """Return the state of the stream, as the page shows it."""
         live, source = self.live, self.live.source
         p50, p99 = live.meter.latency_s(*_LATENCY_QUANTILES)
-        recorder = live.recording
+        recorder = self._recorder if self._recorder in live.recordings else None
         return {
             "kind": "state",
             "running": live.running,
@@ -78,7 +82,8 @@ class Controller:
             "recording": None
             if recorder is None
             else {"path": str(recorder.path), "scans": recorder.scans, "bytes": recorder.size_bytes},
-            "messages": list(live.messages)[-4:],
+            "command_records": [str(one.path) for one in live.recordings if one is not recorder],
+            "messages": list(live.messages),
             "problem": "" if self.simulator is None else self.simulator.problem,
             "health": self._health(),
             **self._about(),
@@ -86,7 +91,7 @@ class Controller:
 
     def watched(self, anybody: bool) -> None:
         """Set whether a page is open: only then are covariances computed and scans examined."""
-        self.live.detail = anybody
+        self.live.want_detail(self, anybody)
         if not anybody:
             self._examined_s = time.monotonic()
         elif time.monotonic() - self._examined_s > _EXAMINE_S:
@@ -105,7 +110,8 @@ class Controller:
             case {"do": "record"}:
                 return self._record()
             case {"do": "stop recording"}:
-                self.live.stop_recording()
+                if self._recorder is not None:
+                    self.live.stop_recording(self._recorder)
             case {"do": "examine"}:
                 if reason := self.health.examine():
                     raise OptionError(reason)
@@ -123,9 +129,11 @@ class Controller:
         return None
 
     def _record(self) -> dict[str, Any]:
+        if self._recorder in self.live.recordings:
+            raise OptionError("the page is recording already")
         path = self.folder / time.strftime("tacstrip-%Y%m%d-%H%M%S.mcap")
         try:
-            self.live.record(path)
+            self._recorder = self.live.record(path)
         except OSError as error:
             raise OptionError(f"{path}: {error.strerror}; nothing is recorded") from None
         return {"kind": "notice", "text": f"recording to {path}"}

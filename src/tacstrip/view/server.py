@@ -5,37 +5,27 @@ from __future__ import annotations
 import asyncio
 import json
 import socket
-import threading
-from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from aiohttp import WSMsgType, web
 
-from tacstrip.errors import OptionError, TacstripError
-from tacstrip.view.access import Access, check_port, listen_error
+from tacstrip.errors import TacstripError
+from tacstrip.stream.http_server import HttpServer, close_socket
+from tacstrip.view.access import Access
 from tacstrip.view.controller import Controller
 
 PAGE = Path(__file__).parent / "page"
 _FILES = {".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
-_POLICY = (
-    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; "
-    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
-)
-_SAFE = {
-    "Content-Security-Policy": _POLICY,
-    "X-Content-Type-Options": "nosniff",
-    "Referrer-Policy": "no-referrer",
-    "Cache-Control": "no-store",
-}
 _DRAW_S = 0.012  # slightly less than the period of a screen
 _STATE_S = 0.25
 _MAX_UNDRAWN = 2  # frames that were sent to a page and are not drawn yet
+_MAX_PAGES = 32
 _MAX_MESSAGE_BYTES = 2**16  # from a page
 
 
-class Server:
+class Server(HttpServer):
     """Serves the page until it is closed.
 
     Parameters
@@ -61,19 +51,9 @@ class Server:
     """
 
     def __init__(self, controller: Controller, access: Access, port: int = 0) -> None:
-        check_port(port)
-        self.controller, self.access, self.port = controller, access, port
-        self._loop = asyncio.new_event_loop()
+        self.controller, self.access = controller, access
         self.pages: set[_Page] = set()
-        self._ready = threading.Event()
-        self._failed: OSError | UnicodeError | None = None
-        self._end: asyncio.Event | None = None
-        self._thread = threading.Thread(target=self._run, name="tacstrip view", daemon=True)
-        self._thread.start()
-        self._ready.wait()
-        if self._failed is not None:
-            reason = listen_error(self._failed, access.host)
-            raise OptionError(f"the page cannot be served on {access.host}:{port}: {reason}")
+        super().__init__(access.host, port, "the page", ("--http", "--host"))
 
     @property
     def urls(self) -> dict[str, str]:
@@ -84,67 +64,36 @@ class Server:
             return {"control": base}
         return {"control": f"{base}?token={self.access.control}", "look": f"{base}?token={self.access.look}"}
 
-    def close(self) -> None:
-        """End the server; may be called twice."""
-        if self._end is not None and self._thread.is_alive():
-            self._loop.call_soon_threadsafe(self._end.set)
-            self._thread.join()
+    def _add_routes(self, router: web.UrlDispatcher) -> None:
+        router.add_get("/", self._file)
+        router.add_get("/ws", self._connect)
+        router.add_get("/{name}", self._file)
 
-    def _run(self) -> None:
-        asyncio.set_event_loop(self._loop)
-        try:
-            self._loop.run_until_complete(self._serve())
-        finally:
-            self._ready.set()
-            self._loop.close()
+    def _refused(self, request: web.Request) -> str:
+        return self.access.refused(request.headers.get("Host"), request.headers.get("Origin"))
 
-    async def _serve(self) -> None:
-        self._end = asyncio.Event()
-        app = web.Application(middlewares=[self._guard])
-        app.router.add_get("/", self._file)
-        app.router.add_get("/ws", self._connect)
-        app.router.add_get("/{name}", self._file)
-        runner = web.AppRunner(app, access_log=None)
-        await runner.setup()
-        try:
-            site = web.TCPSite(runner, self.access.host, self.port)
-            await site.start()
-            self.port = runner.addresses[0][1]
-            self._ready.set()
-            drawing = asyncio.ensure_future(self._draw())
-            await self._end.wait()
-            drawing.cancel()
-            for page in list(self.pages):
-                await page.socket.close()
-        except (OSError, UnicodeError) as error:  # UnicodeError: an impossible host name
-            self._failed = error
-        finally:
-            await runner.cleanup()
-
-    @web.middleware
-    async def _guard(self, request: web.Request, handler: Callable[[web.Request], Any]) -> web.StreamResponse:
-        if reason := self.access.refused(request.headers.get("Host"), request.headers.get("Origin")):
-            return web.Response(status=403, text=reason, headers=_SAFE)
-        answer: web.StreamResponse = await handler(request)
-        return answer
+    async def _close_sockets(self) -> None:
+        await asyncio.gather(*(close_socket(page.socket, page.transport) for page in self.pages))
 
     async def _file(self, request: web.Request) -> web.StreamResponse:
         path = PAGE / (request.match_info.get("name") or "index.html")
         kind = _FILES.get(path.suffix)
         if kind is None or path.parent != PAGE or not path.is_file():
-            return web.Response(status=404, text="no such file", headers=_SAFE)
+            return web.Response(status=404, text="no such file")
         if path.suffix == ".html" and not self.access.may(request.query.get("token"))[0]:
             reason = "the address needs the token that `tacstrip live` printed: ...?token=..."
-            return web.Response(status=403, text=reason, headers=_SAFE)
-        return web.Response(body=path.read_bytes(), content_type=kind, charset="utf-8", headers=_SAFE)
+            return web.Response(status=403, text=reason)
+        return web.Response(body=path.read_bytes(), content_type=kind, charset="utf-8")
 
     async def _connect(self, request: web.Request) -> web.StreamResponse:
         look, control = self.access.may(request.query.get("token"))
         if not look:
-            return web.Response(status=403, text="the address needs a token", headers=_SAFE)
+            return web.Response(status=403, text="the address needs a token")
+        if len(self.pages) >= _MAX_PAGES:
+            return web.Response(status=503, text=f"{_MAX_PAGES} pages are open already; close one")
         socket = web.WebSocketResponse(max_msg_size=_MAX_MESSAGE_BYTES, heartbeat=20.0)
         await socket.prepare(request)
-        page = _Page(socket, control)
+        page = _Page(socket, request.transport, control)
         self.pages.add(page)
         try:
             await socket.send_str(json.dumps(self.controller.hello(control)))
@@ -180,11 +129,11 @@ class Server:
             except (TypeError, ValueError, KeyError, AttributeError):
                 refused = "the request is malformed"
         if refused:
-            answer = {"kind": "refused", "text": refused}
+            answer = {"kind": "refused", "text": refused, "field": request.get("field")}
         if answer:
             await page.send(json.dumps(answer))
 
-    async def _draw(self) -> None:
+    async def _work(self) -> None:
         """Send the newest frame to each page that has drawn the previous ones; slow pages get fewer."""
         state_s = 0.0
         while True:
@@ -201,8 +150,10 @@ class Server:
 class _Page:
     """An open page."""
 
-    def __init__(self, socket: web.WebSocketResponse, control: bool) -> None:
-        self.socket, self.control = socket, control
+    def __init__(
+        self, socket: web.WebSocketResponse, transport: asyncio.Transport | None, control: bool
+    ) -> None:
+        self.socket, self.transport, self.control = socket, transport, control
         self.sent = 0  # frames that it has not drawn yet
         self._task: asyncio.Task[None] | None = None
 

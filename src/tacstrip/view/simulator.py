@@ -54,6 +54,12 @@ class Simulator:
 
     def __init__(self, settings: Settings, objects: Sequence[Ring] | None = None, seed: int = 0) -> None:
         self.settings = _feasible(settings)
+        sensor = settings.sensor
+        self._asked: dict[str, Any] = {
+            "construction": sensor.construction,
+            "strips": sensor.strips,
+            "rate_hz": settings.rate_hz,
+        }
         self.objects: list[Ring] = []
         self.device: VirtualDevice | None = None
         self._lock = threading.Lock()
@@ -85,17 +91,25 @@ class Simulator:
         TacstripError
             The setting does not exist, or cannot have this value; nothing is changed.
         """
-        now = self.settings
+        now, asked = self.settings, self._asked | dict(wanted)
         if unknown := [key for key in wanted if key not in _SETTINGS]:
             raise OptionError(one_of("setting", unknown[0], _SETTINGS))
         sensor = now.sensor
         if "construction" in wanted or "strips" in wanted:
-            same: dict[str, Any] = {"construction": sensor.construction, "strips": sensor.strips, **wanted}
-            sensor = sensor_of(same["construction"], same["strips"], sensor)
+            sensor = sensor_of(asked["construction"], asked["strips"], sensor)
+            if "strips" in wanted and sensor.strips < wanted["strips"]:
+                raise OptionError(
+                    f"strips = {wanted['strips']}: a sheet is computed as a network: 2 to {_SHEET_STRIPS}"
+                )
         noise = Noise(positional=wanted["noise"]) if "noise" in wanted else now.noise
-        new = _feasible(Settings(sensor, _rate(wanted.get("rate_hz", now.rate_hz)), noise))
+        new = _feasible(Settings(sensor, _rate(asked["rate_hz"]), noise))
+        if "rate_hz" in wanted and new.rate_hz < wanted["rate_hz"]:
+            raise OptionError(
+                f"rate_hz = {wanted['rate_hz']}: a sheet is computed as a network: 1 to {_SHEET_HZ:g}"
+            )
         restart = (new.sensor, new.rate_hz) != (now.sensor, now.rate_hz)
-        self.settings = new
+        # What a sheet cannot have comes back with the next construction that can.
+        self.settings, self._asked = new, {key: asked[key] for key in self._asked}
         return restart
 
     def source(self) -> SerialSource:

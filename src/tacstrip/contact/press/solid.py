@@ -170,7 +170,9 @@ class Solid:
         """Return how deep points (..., 3) lie in it [mm], below 0 outside; not of a mesh."""
         if self.mesh is not None:
             raise ContactError("a mesh has no depth of its own; press it into a skin")
-        q = self._local(points)
+        return self._depth(self._local(points))
+
+    def _depth(self, q: FloatArray) -> FloatArray:
         if self.kind in ("sphere", "cylinder"):
             e = self._round(q)[0]
             return np.asarray(self.size[0] - np.sqrt(np.einsum("...i,...i->...", e, e)))
@@ -183,10 +185,11 @@ class Solid:
         It is touched where the object is met on the way in. A skin that would have to yield by more than its thickness
         yields inf.
         """
+        return self._indentation(self._local(points), normals @ self.axes.T, thickness_mm)
+
+    def _indentation(self, q: FloatArray, n: FloatArray, thickness_mm: float | FloatArray) -> FloatArray:
         if self.mesh is not None:
-            local = self._local(points), normals @ self.axes.T
-            return self.mesh.indentation(*local, thickness_mm)
-        q, n = self._local(points), normals @ self.axes.T
+            return self.mesh.indentation(q, n, float(np.max(thickness_mm)))
         if self.kind in ("sphere", "cylinder"):
             e, counted = self._round(q)
             n = n * counted
@@ -213,14 +216,19 @@ class Solid:
 
         That is the depth, but where the object reaches under a point beside it, as a box's corner does.
         """
+        return self.touch_in_own_frame(self._local(points), normals @ self.axes.T, thickness_mm)
+
+    def touch_in_own_frame(
+        self, q: FloatArray, n: FloatArray, thickness_mm: float | FloatArray
+    ) -> FloatArray:
+        """Return `touch` at points and normals (..., 3) in its own frame; thickness (...) may be each point's own."""
         if self.mesh is not None:
-            return np.minimum(self.indentation(points, normals, thickness_mm), thickness_mm)
-        found = self.depth(points)
-        beside = (found <= 0.0) & (found > -thickness_mm)
+            return np.minimum(self._indentation(q, n, thickness_mm), thickness_mm)
+        found = self._depth(q)
+        thickness = np.broadcast_to(thickness_mm, found.shape)
+        beside = (found <= 0.0) & (found > -thickness)
         if self.kind != "plane" and beside.any():
-            found[beside] = under(
-                found[beside], self.indentation(points[beside], normals[beside], thickness_mm)
-            )
+            found[beside] = under(found[beside], self._indentation(q[beside], n[beside], thickness[beside]))
         return found
 
     def gap(self, points: FloatArray) -> FloatArray:

@@ -11,9 +11,10 @@ from tacstrip.files import read_text, write_text
 from tacstrip.io.log_import.names import READING_UNITS, TIME_UNITS
 
 CHANNELS = ("h", "l", "out")
+RESTARTS = ("error", "continue", "first", "last")
 _KINDS: dict[str, type | tuple[type, ...]] = {
     "columns": dict, "untouched": list, "strips": int, "strip_base": int, "format": int,
-    "rate_hz": (int, float), "vref_volt": (int, float),
+    "rate_hz": (int, float), "vref_volt": (int, float), "adc_bits": int, "time_bits": int, "strip_step": (int, float),
 }  # fmt: skip
 
 
@@ -30,7 +31,7 @@ class ColumnMapping:
     time, time_unit, rate_hz
         Column of the time and its unit ("clock" for times of day and dates), or scans per second where there is none.
     scan, strip, which
-        Columns of the scan's number, the strip's, and of the channel's name where each line holds one reading of it.
+        Columns of the scan's number, the strip's, and of the channel's name where a line holds readings of one of them.
     strip_base
         Number of the first strip.
     strips
@@ -42,7 +43,18 @@ class ColumnMapping:
     broken_lines
         "skip" or "error".
     vref_volt
-        For fractions where no spec says it.
+        For fractions, or codes of another converter than the spec's, where no spec says it.
+    which_h
+        What stands in the column `which` for the channel h, where its words do not say so.
+    adc_bits
+        Of codes that are not of the spec's converter; 0: they are.
+    time_bits
+        Of a device's clock that begins anew when these are full; 0: it never did.
+    restart
+        Where the clock begins anew otherwise: "error", "continue" (a usual step later), "first" or "last" (only the
+        part before or after).
+    strip_step
+        Where the column of the strip says instead where it lies: from strip to strip, in the column's unit; else 0.
     """
 
     columns: dict[str, str]
@@ -60,6 +72,11 @@ class ColumnMapping:
     broken_lines: str = "error"
     vref_volt: float = 0.0
     format: int = field(default=1)
+    which_h: str = ""
+    adc_bits: int = 0
+    time_bits: int = 0
+    restart: str = "error"
+    strip_step: float = 0.0
 
     def save(self, path: str | Path) -> None:
         """Write it as TOML."""
@@ -109,6 +126,7 @@ class ColumnMapping:
         for name, value, known in (
             ("unit", self.unit, READING_UNITS), ("time_unit", self.time_unit, (*TIME_UNITS, "clock")),
             ("missing", self.missing, ("untouched", "error")), ("broken_lines", self.broken_lines, ("skip", "error")),
+            ("restart", self.restart, RESTARTS),
         ):  # fmt: skip
             if value not in known:
                 raise OptionError(f"{place}: " + one_of(name, value, known))

@@ -4,55 +4,81 @@ from __future__ import annotations
 
 import re
 import unicodedata
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 
 def _words(text: str) -> frozenset[str]:
     return frozenset(text.split())
 
 
-_HIGH = _words("h hi high vh uh kh vhi vhigh uhigh hoch haut haute alto alta codeh adch rawh")
-_LOW = _words("l lo low vl ul kl vlo vlow ulow tief niedrig bas basse bassa basso bajo baja codel adcl rawl")
+_QUANTITY = ("", "v", "u", "k", "code", "adc", "raw", "val", "volt", "s", "sig")
+_HIGH = _words("high hoch haut haute alto alta") | {q + e for q in _QUANTITY for e in ("h", "hi", "high")}
+_LOW = _words("low tief niedrig bas basse bassa basso bajo baja") | {
+    q + e for q in _QUANTITY for e in ("l", "lo", "low")
+}
 _OUT = _words("out vout uout codeout")
 # Pairs of channels whose names do not say which end they are of; the readings do (k_h >= k_l).
 _PAIRS = (
     ("a", "b"), ("top", "bottom"), ("upper", "lower"), ("oben", "unten"), ("left", "right"), ("end", "start"),
-    ("first", "second"), ("x", "y"), ("p", "q"), ("e1", "e2"),
+    ("first", "second"), ("x", "y"), ("p", "q"), ("e1", "e2"), ("up", "down"), ("far", "near"), ("links", "rechts"),
 )  # fmt: skip
 _ONE_OF_PAIR = frozenset(name for pair in _PAIRS for name in pair)
-_VALUE = _words(
-    "v u value val reading voltage volt volts spannung wert messwert signal output level tension ain an analog in k "
-    "data kanal ratio adc raw code codes count counts"
+_VOLTS = _words("v u voltage volt volts spannung tension tensione tensiune vout uout voltaje") | {
+    q + e for q in "vu" for e in ("h", "hi", "high", "l", "lo", "low")
+}
+_VALUE = _VOLTS | _words(
+    "value val reading readings wert messwert signal output level ain ai an analog in k data kanal ratio adc raw code "
+    "codes count counts valeur valore valor lesung measured meas y amplitude"
 )
 _STRIP = _words(
-    "strip strips stripe streifen ch channel kanal sensor taxel line element row track bande electrode s col column "
-    "pin tira striscia fascia stripid stripno sid"
+    "strip strips stripe streifen ch channel kanal sensor taxel line element row track bande band electrode s "
+    "col column pin tira striscia fascia stripid stripno sid lane zone chan strap elektrode canal canale"
 )
 _TIME = _words(
-    "t time times zeit zeitstempel tempo heure hora ora timestamp millis "
-    "micros elapsed seconds sec secs uhrzeit datetime temps tiempo clock stamp ts "
-    "timems timeus ms"
+    "t time times zeit zeitstempel tempo heure hora ora timestamp millis micros elapsed seconds sec secs uhrzeit "
+    "datetime date datum temps tiempo clock stamp ts timems timeus ms us nsecs tick tijd rostime unix epoch utc"
 )
 _SCAN = _words(
     "scan frame sample samples n nr no index idx i messung cycle seq sequence scanno messnr count sweep id frameno "
-    "scanid unnamed"
+    "scanid unnamed mesure muestra probe run record packet loop iteration step round pass"
 )
-_WHICH = _words("signature kind end type which side seite level measurement meas signal phase")
-_BESIDE = _words("no nr number nummer id idx index")  # beside another word, they say nothing more
+_WHICH = _words(
+    "signature kind end type which side seite level measurement meas signal phase channel ch output"
+)
+_BESIDE = _words(
+    "no nr number nummer num id idx index nummero numero"
+)  # beside another word, they say nothing more
+_FILLER = _words("field header msg message stamp the of der des in at rosbag and")
 UNITS = {
     word: unit
     for unit, alike in {
-        "s": "s sec secs seconds second sekunden", "ms": "ms msec millis milliseconds",
-        "us": "us µs usec micros microseconds",
-        "min": "min minutes", "ns": "ns", "V": "v volt volts", "mV": "mv millivolt millivolts",
+        "s": "s sec secs seconds second sekunden sekunde", "ms": "ms msec msecs millis milliseconds",
+        "us": "us µs usec usecs micros microseconds",
+        "min": "min minutes", "ns": "ns nsec nsecs nanoseconds", "V": "v volt volts", "mV": "mv millivolt millivolts",
         "percent": "% percent pct prozent", "code": "code codes adc raw counts count lsb digits digit dn",
         "fraction": "ratio fraction norm normalised normalized", "mm": "mm", "cm": "cm", "m": "m",
     }.items()
     for word in alike.split()
 }  # fmt: skip
+_LAST = frozenset(UNITS) - {
+    "count",
+    "counts",
+    "second",
+    "norm",
+    "ratio",
+    "fraction",
+    "raw",
+    "adc",
+    "code",
+    "codes",
+}
 _ANY = _HIGH | _LOW | _OUT | _ONE_OF_PAIR | _VALUE | _STRIP | _BESIDE | frozenset(UNITS)
-TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}
+TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "days": 86400.0}
 READING_UNITS = ("V", "mV", "code", "fraction", "percent")
+LENGTHS_MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
 
 
 @dataclass(frozen=True)
@@ -65,36 +91,85 @@ class Meaning:
         "time", "scan", "strip", "reading", "which" (a column that says of which channel a line is), "position", or ""
         where the name says nothing.
     channel
-        Of a reading: "h", "l", "out", a name of one of two channels, or "" where the name does not say.
+        Of a reading: "h", "l", "out", a name or number of one of two channels, or "" where the name does not say.
     strip
         Number in the name, of a reading; None where there is none.
     unit
         "" where the name does not say.
+    volts
+        Whether a reading is called a voltage.
     """
 
     role: str
     channel: str = ""
     strip: int | None = None
     unit: str = ""
+    volts: bool = False
 
 
+@lru_cache(maxsize=2**12)
 def meaning(name: str) -> Meaning:
     """Interpret a column's name.
 
     Examples
     --------
     >>> meaning("U_h03 [mV]")
-    Meaning(role='reading', channel='h', strip=3, unit='mV')
-    >>> meaning("Zeit (ms)").role, meaning("remark").role
-    ('time', '')
+    Meaning(role='reading', channel='h', strip=3, unit='mV', volts=True)
+    >>> meaning("Zeit (ms)").role, meaning("x_cm").unit, meaning("remark").role
+    ('time', 'cm', '')
     """
-    tokens, unit = _tokens(name)
+    return _of_tokens(*_tokens(name))
+
+
+def meanings(names: Sequence[str]) -> dict[str, Meaning]:
+    """Interpret the names of a table together: what all share says nothing, nor a number that is always the same.
+
+    Examples
+    --------
+    >>> [m.strip for m in meanings(["t", "Dev1/ai0", "Dev1/ai1"]).values()]
+    [None, 0, 1]
+    >>> [(m.strip, m.channel) for m in meanings(["S1_1", "S1_2", "S2_1", "S2_2", "S3_1", "S3_2"]).values()][2:4]
+    [(2, '1'), (2, '2')]
+    """
+    split = {name: _tokens(name) for name in names}
+    alike = Counter(
+        t for tokens, _ in split.values() for t in set(tokens) if not t.isdigit() and t not in _ANY
+    )
+    shared = {t for t, many in alike.items() if many > 1 and 2 * many >= len(names)}
+    split = {name: ([t for t in ts if t not in shared] or ts, u) for name, (ts, u) in split.items()}
+    found = {name: _of_tokens(*tokens) for name, tokens in split.items()}
+    if any(
+        m.channel == "b" and m.strip is not None for m in found.values()
+    ):  # then a1, a2, ... are no analog pins
+        found |= {
+            n: replace(m, channel="a") for n, m in found.items() if "a" in split[n][0] and m.strip is not None
+        }
+    slots = {n: [int(t) for t in ts if t.isdigit()] for n, (ts, _) in split.items()}
+    several = [n for n, numbers in slots.items() if len(numbers) > 1 and len(slots[n]) == 2]
+    if len(several) < 2:
+        return found
+    kinds = [{slots[n][place] for n in several} for place in (0, 1)]
+    varying = [place for place in (0, 1) if len(kinds[place]) > 1]
+    if len(varying) == 1 or (len(varying) == 2 and len(kinds[1]) == 2 < len(kinds[0])):
+        for name in several:
+            tokens = [t for t in split[name][0] if not t.isdigit()]
+            read = _of_tokens([*tokens, str(slots[name][varying[0]])], split[name][1])
+            if read.role == "reading" and len(varying) == 2 and not read.channel:
+                read = replace(read, channel=str(slots[name][1]))
+            found[name] = read
+    return found
+
+
+def _of_tokens(tokens: list[str], unit: str) -> Meaning:
     numbers = [int(t) for t in tokens if t.isdigit()]
     words = [t for t in tokens if not t.isdigit()]
+    words = [w for w in words if w not in _FILLER] or words
     named = set(words)
     if not numbers:
         unit = unit or next((UNITS[w] for w in words if w in UNITS and w != "v"), "")
-        if named & {"x", "pos", "position"} and unit in ("mm", "cm", "m", "") and not named & _VALUE:
+        if named == {"x", "value"}:  # as LabVIEW writes
+            return Meaning("time", unit="s")
+        if named & {"x", "pos", "position"} and unit in (*LENGTHS_MM, "") and not named & _VALUE:
             return Meaning("position", unit=unit)
         core = [w for w in words if w not in _BESIDE] or words
         if any(w in _TIME for w in core) and not named & (_HIGH | _LOW) - {"h", "l"}:
@@ -103,9 +178,10 @@ def meaning(name: str) -> Meaning:
             return Meaning("strip")
         if core and all(w in _SCAN for w in core):
             return Meaning("scan")
+    volts = bool(named & _VOLTS)
+    read = Meaning("reading", unit=unit if unit in READING_UNITS else "", volts=volts)
     if not words and len(numbers) == 1:
-        return Meaning("reading", strip=numbers[0])
-    read = Meaning("reading", unit=unit if unit in READING_UNITS else "")
+        return replace(read, strip=numbers[0])
     if not read.unit:
         told = [UNITS[w] for w in words if w in UNITS and UNITS[w] in READING_UNITS and w not in ("v",)]
         read = replace(read, unit="fraction" if named & {"k", "kh", "kl"} else (told or [""])[0])
@@ -117,7 +193,8 @@ def meaning(name: str) -> Meaning:
         return replace(read, channel=ends[0], strip=strip)
     if ends:
         return Meaning("")
-    if (pair := named & _ONE_OF_PAIR) and len(pair) == 1:
+    pair = named & _ONE_OF_PAIR
+    if len(pair) == 1 and not (words == ["a"] and strip is not None):  # A3 is an analog pin
         return replace(read, channel=pair.pop(), strip=strip)
     if strip is not None or named & _VALUE:
         return replace(read, strip=strip)
@@ -126,22 +203,33 @@ def meaning(name: str) -> Meaning:
 
 def pair_of(channels: set[str]) -> tuple[str, str] | None:
     """Return two channels whose names do not say which is which, if these are just a pair."""
+    numbers = sorted(int(c) for c in channels if c.isdigit())
+    if len(channels) == 2 and len(numbers) == 2 and numbers[1] == numbers[0] + 1:
+        return str(numbers[0]), str(numbers[1])
     return next((pair for pair in _PAIRS if channels == set(pair)), None)
 
 
+def _singular(word: str) -> str:
+    known = _ANY | _TIME | _SCAN | _WHICH
+    return word[:-1] if word.endswith("s") and word not in known and word[:-1] in known else word
+
+
 def _tokens(name: str) -> tuple[list[str], str]:
-    """Return a name's words and numbers in lower case, and the unit in brackets or after a slash."""
+    """Return a name's words and numbers in lower case, and the unit in brackets, after a slash, or last."""
     plain = "".join(c for c in unicodedata.normalize("NFKD", name) if not unicodedata.combining(c))
-    bracket = re.search(r"[\[(]\s*([^\])]*?)\s*[\])]", plain)
-    unit = UNITS.get(bracket.group(1).casefold().replace("μ", "µ"), "") if bracket else ""
-    if bracket:
-        plain = plain.replace(bracket.group(0), " ") if not bracket.group(1).isdigit() else plain
+    plain = plain.replace("\u03bc", "\u00b5")
+    unit = ""
+    for bracket in re.finditer(r"[\[(]\s*([^\])]*?)\s*[\])]", plain):
+        inner = bracket.group(1).lower()
+        unit = unit or UNITS.get(inner, "")
+        if not re.search(r"\d", inner):
+            plain = plain.replace(bracket.group(0), " ")
     slash = re.search(r"/\s*(\w+|%)\s*$", plain)
-    if slash and slash.group(1).casefold() in UNITS:
-        unit, plain = unit or UNITS[slash.group(1).casefold()], plain[: slash.start()]
+    if slash and slash.group(1).lower() in UNITS:
+        unit, plain = unit or UNITS[slash.group(1).lower()], plain[: slash.start()]
     plain = plain.replace("mV", "mv")  # no two words
-    plain = re.sub(r"([a-z])([A-Z])", r"\1 \2", plain).casefold()
-    tokens = re.findall(r"[a-zµ]+|\d+|%", plain)
-    if not unit and len(tokens) > 1 and tokens[-1] in ("mv", "ms", "us", "pct", "%"):
+    plain = re.sub(r"([a-z])([A-Z])", r"\1 \2", plain).lower()
+    tokens = [_singular(t) for t in re.findall(r"[a-zµ]+|\d+|%", plain)]
+    if not unit and len(tokens) > 1 and tokens[-1] in _LAST:
         unit = UNITS[tokens.pop()]
     return tokens, unit

@@ -6,25 +6,20 @@ import itertools
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
-from datetime import UTC, datetime
 
 import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.errors import ReadingError
+from tacstrip.io.log_import.fields import clock_seconds, number_of, says_nothing
 from tacstrip.io.log_import.mapping import ColumnMapping
 from tacstrip.io.log_import.names import TIME_UNITS, meaning
-from tacstrip.io.log_import.table import NOTHING, Table, number_of
+from tacstrip.io.log_import.table import Table
 
 _DAY_S = 86400.0
+_FEW_FALLS = 0.34  # of the scans: where the time falls more often, the log is unsorted
 _FEW_SCANS = 4  # of fewer, equal times tell nothing
-_DATES = (
-    "%d.%m.%Y %H:%M:%S.%f",
-    "%d.%m.%Y %H:%M:%S",
-    "%m/%d/%Y %H:%M:%S.%f",
-    "%m/%d/%Y %H:%M:%S",
-    "%d/%m/%Y %H:%M:%S",
-)
+_ON_PLACE = 0.05  # of the pitch: so near a strip's place is its position
 
 
 @dataclass(eq=False)
@@ -36,31 +31,15 @@ class LogScan:
     line: int
 
 
-def clock_seconds(text: str) -> float | None:
-    """Return a time of day or a date with time in seconds; None where it is neither."""
-    if found := re.fullmatch(r"(\d{1,2}):(\d\d)(?::(\d\d(?:[.,]\d+)?))?", text.strip()):
-        return int(found[1]) * 3600.0 + int(found[2]) * 60.0 + float((found[3] or "0").replace(",", "."))
-    for form in ("", *_DATES):
-        try:
-            when = (
-                datetime.strptime(text.strip().replace(",", "."), form)
-                if form
-                else datetime.fromisoformat(text.strip())
-            )
-        except ValueError:
-            continue
-        return (when if when.tzinfo else when.replace(tzinfo=UTC)).timestamp()
-    return None
-
-
 def field_value(text: str, decimal: str, untouched: frozenset[str] = frozenset()) -> float:
     """Return a reading, NaN where nothing touches; `ValueError` where it is neither."""
-    if text.casefold() in NOTHING or text in untouched:
+    if says_nothing(text) or text in untouched:
         return float("nan")
     value = number_of(text, decimal)
     if value is None or not np.isfinite(value):
         raise ValueError(text)
-    return float("nan") if f"{value:g}" in untouched else value
+    below = max((float(u[1:]) for u in untouched if re.fullmatch(r"<\d+(\.\d+)?", u)), default=-np.inf)
+    return float("nan") if f"{value:g}" in untouched or value < below else value
 
 
 def scans(table: Table, mapping: ColumnMapping) -> list[LogScan]:
@@ -84,19 +63,41 @@ def scans(table: Table, mapping: ColumnMapping) -> list[LogScan]:
         raise ReadingError(
             f'line {table.broken[0]} is not like the others; leave such lines out with broken_lines = "skip"'
         )
-    times = _times(table, mapping)
-    found = list((_wide if mapping.wide else _long)(table, mapping, times))
+    if table.absent and mapping.missing != "untouched":
+        raise ReadingError(
+            f"line {table.absent} lacks a value that others have; if it is no contact, --answer missing=untouched"
+        )
+    found = list(_scans(*_in_order(table, _times(table, mapping), mapping), mapping))
     if not found:
         raise ReadingError("the log has no readings")
-    for before, after in itertools.pairwise(found):
-        if after.time_s < before.time_s:
-            raise ReadingError(
-                f"line {after.line}: the time falls from {before.time_s:.6g} s to "
-                f"{after.time_s:.6g} s; sort the log by time, "
-                "or cut it where the clock begins anew"
-            )
+    found = _from_one_clock(found, mapping)
     _check_repeated(found)
     return found
+
+
+def _from_one_clock(found: list[LogScan], mapping: ColumnMapping) -> list[LogScan]:
+    """Return scans in the order of time, where the clock began anew as the mapping says."""
+    anew = [n for n, (a, b) in enumerate(itertools.pairwise(found), 1) if b.time_s < a.time_s]
+    if not anew:
+        return found
+    few = len(anew) <= _FEW_FALLS * len(found)
+    if mapping.restart == "error" or not few:
+        before, after = found[anew[0] - 1 : anew[0] + 1]
+        raise ReadingError(
+            f"line {after.line}: the time falls from {before.time_s:.6g} s to {after.time_s:.6g} s; sort the log"
+            + (", or say restart=continue, first or last" if few else "")
+        )
+    if mapping.restart in ("first", "last"):
+        part = found[: anew[0]] if mapping.restart == "first" else found[anew[-1] :]
+        return [LogScan(s.time_s - part[0].time_s, s.values, s.line) for s in part]
+    steps = np.diff([s.time_s for s in found])
+    usual = float(np.median(steps[steps >= 0.0])) if (steps >= 0.0).any() else 0.0
+    shift, moved = 0.0, [found[0]]
+    for n, scan in enumerate(found[1:], 1):
+        if n in anew:
+            shift += found[n - 1].time_s - scan.time_s + usual
+        moved.append(LogScan(scan.time_s + shift, scan.values, scan.line))
+    return moved
 
 
 def _check_repeated(found: list[LogScan]) -> None:
@@ -111,121 +112,138 @@ def _check_repeated(found: list[LogScan]) -> None:
         )
 
 
+def raw_times(table: Table, mapping: ColumnMapping) -> FloatArray:
+    """Return each row's time in the unit of its column, seconds of a clock."""
+    values = np.empty(len(table.rows))
+    for n, (line, text) in enumerate(zip(table.lines, table.column(mapping.time), strict=True)):
+        time = clock_seconds(text) if mapping.time_unit == "clock" else number_of(text, table.decimal)
+        if time is None:
+            raise ReadingError(f"line {line}: {mapping.time} is {text!r}, not a time")
+        values[n] = time
+    return values
+
+
 def _times(table: Table, mapping: ColumnMapping) -> FloatArray | None:
     """Return each row's time from the first on [s]; None where the log has none."""
     if not mapping.time:
         return None
-    values = np.empty(len(table.rows))
-    for n, (line, text) in enumerate(zip(table.lines, table.column(mapping.time), strict=True)):
-        seconds = clock_seconds(text) if mapping.time_unit == "clock" else number_of(text, table.decimal)
-        if seconds is None:
-            raise ReadingError(f"line {line}: {mapping.time} is {text!r}, not a time")
-        values[n] = seconds
-    if mapping.time_unit != "clock":
-        return np.asarray((values - values[0]) * TIME_UNITS[mapping.time_unit])
-    days = np.cumsum(np.diff(values, prepend=values[0]) < -0.5 * _DAY_S)  # midnight
-    return np.asarray(np.round(values - values[0] + days * _DAY_S, 6))  # seconds since 1970 hold no more
+    values = raw_times(table, mapping)
+    falls = np.diff(values, prepend=values[0])
+    if mapping.time_unit == "clock":
+        days = np.cumsum((falls < -0.5 * _DAY_S) & (falls > -_DAY_S))  # midnight
+        return np.asarray(np.round(values - values[0] + days * _DAY_S, 6))  # seconds since 1970 hold no more
+    if mapping.time_bits:
+        full = 2.0**mapping.time_bits
+        values = values + full * np.cumsum(falls < -0.5 * full)
+    return np.asarray((values - values[0]) * TIME_UNITS[mapping.time_unit])
 
 
-def _value(
-    table: Table, mapping: ColumnMapping, n: int, name: str, place: int, untouched: frozenset[str]
-) -> float:
-    text = table.rows[n][place]
-    try:
-        return field_value(text, table.decimal, untouched)
-    except ValueError:
-        raise ReadingError(
-            f"line {table.lines[n]}: {name} is {text!r}, not a number; if it stands for no "
-            f"contact, --answer untouched={text}"
-        ) from None
+def _in_order(
+    table: Table, times: FloatArray | None, mapping: ColumnMapping
+) -> tuple[Table, FloatArray | None]:
+    """Return rows by time, where they stand strip after strip, each through all times."""
+    if times is None or not (mapping.strip or mapping.which):
+        return table, times
+    keys = [n for n in (mapping.strip, mapping.which) if n]
+    groups: dict[tuple[str, ...], list[int]] = {}
+    for n, key in enumerate(zip(*(table.column(k) for k in keys), strict=True)):
+        groups.setdefault(key, []).append(n)
+    runs = list(groups.values())
+    together = all(run == list(range(run[0], run[0] + len(run))) for run in runs)
+    if not together or len(runs) < 2 or len(runs[0]) < 2 or len({tuple(times[run]) for run in runs}) > 1:
+        return table, times
+    if (np.diff(times[runs[0]]) <= 0.0).any():
+        return table, times
+    order = [run[n] for n in range(len(runs[0])) for run in runs]
+    rows, lines = [table.rows[n] for n in order], [table.lines[n] for n in order]
+    return Table(table.names, rows, lines, table.decimal, broken=table.broken), times[order]
 
 
-def _wide(table: Table, mapping: ColumnMapping, times: FloatArray | None) -> Iterator[LogScan]:
+def _scans(table: Table, times: FloatArray | None, mapping: ColumnMapping) -> Iterator[LogScan]:
+    """Yield scans: a new one begins with the next number or time, or when a strip comes again."""
     untouched, channels = frozenset(mapping.untouched), mapping.channels
-    places = []
-    for name, what in mapping.columns.items():
-        number, _, channel = what.rpartition(":")
-        places.append(
-            (name, table.names.index(name), int(number) - mapping.strip_base, channels.index(channel))
-        )
-        if not 0 <= places[-1][2] < mapping.strips:
-            last = mapping.strip_base + mapping.strips - 1
-            raise ReadingError(
-                f"column {name!r} is of strip {number}, and strips are numbered {mapping.strip_base} to {last}"
-            )
-    there = {(strip, end) for _, _, strip, end in places}
-    for strip in range(mapping.strips):
-        for end, channel in enumerate(channels):
-            if (strip, end) not in there:
-                raise ReadingError(f"no column is of channel {channel} of strip {strip + mapping.strip_base}")
-    if len(there) < len(places):
-        raise ReadingError("two columns are of the same strip and channel")
-    for n, line in enumerate(table.lines):
-        values = np.full((mapping.strips, len(channels)), np.nan)
-        for name, place, strip, end in places:
-            values[strip, end] = _value(table, mapping, n, name, place, untouched)
-        yield LogScan(_time(times, n, n, mapping), values, line)
-
-
-def _time(times: FloatArray | None, row: int, scan: int, mapping: ColumnMapping) -> float:
-    if times is not None:
-        return float(times[row])
-    return scan / mapping.rate_hz if mapping.rate_hz else 0.0
-
-
-def _long(table: Table, mapping: ColumnMapping, times: FloatArray | None) -> Iterator[LogScan]:
-    untouched, channels = frozenset(mapping.untouched), mapping.channels
-    strips = _placed(strip_numbers(table, mapping.strip), table, mapping)
-    which = (
-        [_which(t, n) for n, t in zip(table.lines, table.column(mapping.which), strict=True)]
-        if mapping.which
-        else None
-    )
+    strips = _placed(strip_numbers(table, mapping), table, mapping) if mapping.strip else None
+    which = which_channels(table, mapping) if mapping.which else None
+    columns = _targets(table, mapping)
     number = table.column(mapping.scan) if mapping.scan else None
+    shape = (mapping.strips, len(channels))
     scan: LogScan | None = None
     seen: dict[tuple[int, int], int] = {}
-    count = last = -1
+    count, last = -1, 0
     for n, line in enumerate(table.lines):
-        names = mapping.columns.items()
         targets = [
-            (name, table.names.index(name), channels.index(which[n] if which else what))
-            for name, what in names
+            (name, place, strips[n] if strips else strip, channels.index(which[n]) if which else end)
+            for name, place, strip, end in columns
         ]
-        again = any((strips[n], end) in seen for _, _, end in targets)
-        if number is not None:
-            new = last < 0 or number[n] != number[last]
-        elif times is not None and scan is not None and not again:
+        again = any((strip, end) in seen for _, _, strip, end in targets)
+        if number is not None and scan is not None:
+            new = number[n] != number[last]
+        elif times is not None and scan is not None and strips and not again:
             new = bool(times[n] != times[last]) and strips[n] <= strips[last] and not which
         else:
-            new = last < 0 or again
+            new = scan is None or again
         if new:
             if scan is not None:
                 yield _complete(scan, seen, mapping)
             count += 1
-            scan, seen = (
-                LogScan(
-                    _time(times, n, count, mapping), np.full((mapping.strips, len(channels)), np.nan), line
-                ),
-                {},
-            )
+            time = float(times[n]) if times is not None else count / (mapping.rate_hz or np.inf)
+            scan, seen = LogScan(time, np.full(shape, np.nan), line), {}
         elif again:
-            earlier = seen[strips[n], targets[0][2]]
+            strip, end = next((s, e) for _, _, s, e in targets if (s, e) in seen)
             raise ReadingError(
-                f"line {line}: strip {table.column(mapping.strip)[n]} is already on line "
-                f"{earlier} of the same scan"
+                f"line {line}: strip {strip + mapping.strip_base} is already on line {seen[strip, end]} of its scan"
             )
         assert scan is not None
-        for name, place, end in targets:
-            scan.values[strips[n], end] = _value(table, mapping, n, name, place, untouched)
-            seen[strips[n], end] = line
+        for name, place, strip, end in targets:
+            text = table.rows[n][place]
+            try:
+                scan.values[strip, end] = field_value(text, table.decimal, untouched)
+            except ValueError:
+                raise ReadingError(
+                    f"line {line}: {name} is {text!r}, not a number; if it stands for no contact, "
+                    f"--answer untouched={text}"
+                ) from None
+            seen[strip, end] = line
         last = n
     cut = bool(table.broken) and scan is not None and table.broken[-1] > scan.line
-    if scan is not None and not (cut and len({strip for strip, _ in seen}) < mapping.strips):
+    if scan is not None and not (cut and len(seen) < scan.values.size):
         yield _complete(scan, seen, mapping)
+
+
+def _targets(table: Table, mapping: ColumnMapping) -> list[tuple[str, int, int, int]]:
+    """Return name, place, strip and channel of the columns; what another column says of a row is 0 here."""
+    channels, first = mapping.channels, mapping.strip_base
+    targets = []
+    for name, what in mapping.columns.items():
+        number, _, channel = what.rpartition(":")
+        strip = 0 if mapping.strip else int(number or first) - first
+        end = 0 if mapping.which else channels.index(channel)
+        targets.append((name, table.names.index(name), strip, end))
+        if not 0 <= strip < mapping.strips:
+            last = first + mapping.strips - 1
+            raise ReadingError(
+                f"column {name!r} is of strip {number}, and strips are numbered {first} to {last}"
+            )
+    there = {(strip, end) for _, _, strip, end in targets}
+    if len(there) < len(targets):
+        raise ReadingError("two columns are of the same strip and channel")
+    if not mapping.strip:
+        for strip in range(mapping.strips):
+            for end, channel in enumerate(("",) if mapping.which else channels):
+                if (strip, end) not in there:
+                    raise ReadingError(
+                        f"no column is of{' channel ' + channel + ' of' if channel else ''} strip {strip + first}"
+                    )
+    return targets
 
 
 def _complete(scan: LogScan, seen: dict[tuple[int, int], int], mapping: ColumnMapping) -> LogScan:
     there = {strip for strip, _ in seen}
+    if mapping.which and len(seen) < 2 * len(there):
+        strip, end = next((s, e) for s in there for e in (0, 1) if (s, e) not in seen)
+        raise ReadingError(
+            f"the scan from line {scan.line} has no line for channel {'hl'[end]} of strip {strip + mapping.strip_base}"
+        )
     if len(there) < mapping.strips and mapping.missing != "untouched":
         lack = next(s for s in range(mapping.strips) if s not in there) + mapping.strip_base
         raise ReadingError(
@@ -235,8 +253,8 @@ def _complete(scan: LogScan, seen: dict[tuple[int, int], int], mapping: ColumnMa
     return scan
 
 
-def strip_numbers(table: Table, column: str) -> list[int]:
-    """Return the strip of each line as the log numbers it: "3", "S3", "strip 03".
+def strip_numbers(table: Table, mapping: ColumnMapping) -> list[int]:
+    """Return the strip of each line as the log numbers it: "3", "S3", "#3", "strip 03", or where it lies.
 
     Raises
     ------
@@ -245,11 +263,15 @@ def strip_numbers(table: Table, column: str) -> list[int]:
     """
     found: list[int] = []
     texts: dict[int, str] = {}
+    column = mapping.strip
     for line, text in zip(table.lines, table.column(column), strict=True):
-        digits, named = re.findall(r"\d+", text), bool(re.search("[A-Za-z]", text))
+        digits, named = re.findall(r"\d+", text), bool(re.search("[A-Za-z#]", text))
         value = (
             number_of(text, table.decimal) if not named else float(digits[0]) if len(digits) == 1 else None
         )
+        if value is not None and mapping.strip_step:
+            value = value / mapping.strip_step
+            value = round(value) + mapping.strip_base if abs(value - round(value)) < _ON_PLACE else None
         if value is None or value != int(value):
             raise ReadingError(f"line {line}: {column} is {text!r}, not a strip's number")
         first = texts.setdefault(int(value), text)
@@ -271,8 +293,15 @@ def _placed(strips: list[int], table: Table, mapping: ColumnMapping) -> list[int
     return [strip - first for strip in strips]
 
 
-def _which(text: str, line: int) -> str:
-    channel = meaning(text).channel
-    if channel not in ("h", "l"):
-        raise ReadingError(f"line {line}: {text!r} names neither of the channels h and l")
-    return channel
+def which_channels(table: Table, mapping: ColumnMapping) -> list[str]:
+    """Return of which channel each row is, "h" or "l"; `ReadingError` where a field names neither."""
+    fields = table.column(mapping.which)
+    if mapping.which_h:
+        other = next((f for f in fields if f != mapping.which_h), "")
+        known = {mapping.which_h: "h", other: "l"}
+    else:
+        known = {f: meaning(f).channel for f in set(fields)}
+    for line, text in zip(table.lines, fields, strict=True):
+        if known.get(text) not in ("h", "l"):
+            raise ReadingError(f"line {line}: {text!r} names neither of the channels h and l")
+    return [known[text] for text in fields]

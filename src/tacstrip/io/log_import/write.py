@@ -31,13 +31,22 @@ def write_log(
     strip_base
         Number of the first strip in the file.
     """
-    codes = mapping.unit == "code"
-    scale = {"V": 1.0, "mV": 1e-3, "code": 1.0, "fraction": vref_volt, "percent": 0.01 * vref_volt}[
+    header, lines = as_readings(scans, mapping, vref_volt, strip_base)
+    with csv_writer(path, header) as out:
+        for row in lines:
+            out.writerow(row)
+
+
+def as_readings(
+    scans: Sequence[LogScan], mapping: ColumnMapping, vref_volt: float, strip_base: int
+) -> tuple[list[str], Iterator[list[str]]]:
+    """Return the header and the lines of a readings file; parameters as of `write_log`."""
+    codes = mapping.unit == "code" and not mapping.adc_bits
+    of_code = vref_volt / (2.0**mapping.adc_bits - 1.0) if mapping.adc_bits else 1.0
+    scale = {"V": 1.0, "mV": 1e-3, "code": of_code, "fraction": vref_volt, "percent": 0.01 * vref_volt}[
         mapping.unit
     ]
-    with csv_writer(path, [*INDEX, *(_COLUMNS[c][codes] for c in mapping.channels)]) as out:
-        for row in rows(scans, strip_base, scale):
-            out.writerow(row)
+    return [*INDEX, *(_COLUMNS[c][codes] for c in mapping.channels)], rows(scans, strip_base, scale)
 
 
 def rows(scans: Sequence[LogScan], strip_base: int, scale: float = 1.0) -> Iterator[list[str]]:

@@ -78,7 +78,7 @@ class StripMesh:
         r0 = self.readout.strip_ohm / self.sensor.length_mm
         weight = np.full(len(y), y[1] - y[0])
         weight[[0, -1]] *= 0.5
-        if (surface := self.sensor.surface) is not None and surface.tapered:  # wider strips conduct better
+        if (surface := self.sensor.surface) is not None and not surface.even:  # wider strips conduct better
             weight = weight * surface.meridian(y)[0] * surface.resistance / self.sensor.length_mm
         return np.asarray(weight / (r0 * (1.0 + self.sensor.sensing_ratio) * lam**2))
 

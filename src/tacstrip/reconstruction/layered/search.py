@@ -24,6 +24,7 @@ _SHAKE = 0.004  # of the strip length: restarts beside the kinks of the hull
 _SHAKES, _LAST_SHAKES, _LAST_MOVES = 3, 12, 80
 _MOST_GROWN = 4  # corners that a scene gets which does not explain the readings
 _FARTHEST = 6.0  # times that
+_ENOUGH = 32  # strips of a layer that lead a search
 _TRIED = 4  # corners whose loss is tried before the rest is taken for certain
 _CERTAIN = 100.0  # squared deviations of a corner from the line past it: it is one
 _LOOSE = 0.1  # of the strip length: deviation of a corner that nothing determines
@@ -82,7 +83,26 @@ class Search:
         self._random = np.random.default_rng(0)
 
     def run(self) -> Candidate | None:
-        """Return the best scene; None where the layers' touched strips do not cross."""
+        """Return the best scene; None where the layers' touched strips do not cross.
+
+        Many strips have many kinks, over which corners do not get: a search whose end the readings contradict begins
+        again where some of the strips lead it.
+        """
+        best = self._found()
+        if best is None:
+            return None
+        for problem in self.problem.coarser(_ENOUGH):
+            if self.explains(best.fitted):
+                break
+            other = Search(problem, thorough=False)._found()
+            if other is not None:
+                again = self._candidate(self.pruned(other.fitted.scene), other.pieces)
+                again = self._condensed(self._polished(self._simplified(again)))
+                best = min(best, again, key=lambda c: c.criterion)
+        return best
+
+    def _found(self) -> Candidate | None:
+        """Return the best scene of one search."""
         pieces = possible(self.problem)
         best = self._first(pieces[:_MOST]) if pieces else None
         if best is None:

@@ -14,6 +14,7 @@ import numpy as np
 import shapely
 
 from tacstrip.arrays import BoolArray, FloatArray
+from tacstrip.core.convex_chain import lower_hull
 from tacstrip.reconstruction.pieces.chain import Chain, Stretch
 
 _SLACK = 3.0  # deviations of a reading by which a hull may leave what the strips read
@@ -190,8 +191,11 @@ def _of_parts(parts: list[Part], read: Read) -> list[Cover]:
     """Return the covers of parts by the fewest pieces, the plainest first."""
     n = len(parts)
     fits = np.zeros((n, n), dtype=np.bool_)
+    shown = [np.column_stack(_surely_shown(part, read.x)) for part in parts]
     for i, j in combinations(range(n), 2):
-        fits[i, j] = fits[j, i] = _one_piece(parts[i], parts[j], read)
+        fits[i, j] = fits[j, i] = _may_be_one(parts[i], parts[j]) and _within(
+            np.concatenate([shown[i], shown[j]]), read
+        )
     for most in count(1):
         found = _covers(fits, most)
         if found is None:
@@ -236,7 +240,8 @@ def _first_fit(fits: BoolArray) -> list[tuple[int, ...]]:
     return pieces
 
 
-def _one_piece(a: Part, b: Part, read: Read) -> bool:
+def _may_be_one(a: Part, b: Part) -> bool:
+    """Whether neither part shows a strip on which the other one's piece has not begun, or has ended."""
     first, last = sorted((a, b), key=lambda part: part.stretch.start)
     if last.begins and first.stretch.start < last.stretch.start - _NEAR:
         return False
@@ -245,9 +250,11 @@ def _one_piece(a: Part, b: Part, read: Read) -> bool:
     first, last = sorted((a, b), key=lambda part: part.stretch.stop)
     if first.ends and last.stretch.stop > first.stretch.stop + _NEAR:
         return False
-    if a.side == b.side and (a.stretch.stop == b.stretch.start or b.stretch.stop == a.stretch.start):
-        return False
-    points = np.concatenate([np.column_stack(_surely_shown(part, read.x)) for part in (a, b)])
+    return a.side != b.side or (a.stretch.stop != b.stretch.start and b.stretch.stop != a.stretch.start)
+
+
+def _within(points: FloatArray, read: Read) -> bool:
+    """Whether the hull of points (M, 2) lies within what the strips read."""
     within = (read.x >= points[:, 0].min()) & (read.x <= points[:, 0].max()) & read.sure
     at = read.x[within]
     return bool(
@@ -279,18 +286,6 @@ def _surely_shown(part: Part, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         return at, y
     kept = slice(int(part.stretch.before is not None), len(at) - int(part.stretch.after is not None))
     return at[kept], y[kept]
-
-
-def lower_hull(points: FloatArray, x: FloatArray) -> FloatArray:
-    """Return the height at x (n,) of the lower chain of the convex hull of points (m, 2)."""
-    hull: list[tuple[float, float]] = []
-    for px, py in sorted(map(tuple, points)):
-        while len(hull) > 1 and (hull[-1][0] - hull[-2][0]) * (py - hull[-2][1]) <= (px - hull[-2][0]) * (
-            hull[-1][1] - hull[-2][1]
-        ):
-            hull.pop()
-        hull.append((px, py))
-    return np.asarray(np.interp(x, *np.array(hull).T))
 
 
 def _strangeness(pieces: list[tuple[int, ...]], parts: list[Part]) -> int:

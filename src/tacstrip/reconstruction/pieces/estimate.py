@@ -11,7 +11,8 @@ import shapely
 from tacstrip.arguments import takes
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.contact.noise import Noise
-from tacstrip.geometry.region import svg
+from tacstrip.geometry.region import outline_paths
+from tacstrip.notebook import Drawn, SvgPath
 from tacstrip.reconstruction.contact_ends import closed_ends
 from tacstrip.reconstruction.implausible import implausible_hint
 from tacstrip.reconstruction.noise_covariance import Averaging, fit_sigma
@@ -35,7 +36,7 @@ _SHOWN = 5  # strips that advice names
 
 
 @dataclass(frozen=True, eq=False)
-class Piece:
+class Piece(Drawn):
     """A convex piece of what touches the sensor, as far as one scan shows it.
 
     Attributes
@@ -86,9 +87,8 @@ class Piece:
         seen = f"{int((~self.hidden).sum())} corners seen, {int(self.hidden.sum())} hidden"
         return f"<Piece: {self.status}, {seen}, strips {self.strips.start} to {self.strips.stop - 1}>"
 
-    def _repr_svg_(self) -> str:
-        """Draw it in a notebook."""
-        return svg([(self.outline, None)])
+    def _paths(self) -> list[SvgPath]:
+        return outline_paths([(self.outline, None)])
 
 
 @takes(scan=Scan, sensor=Sensor, noise=Noise)

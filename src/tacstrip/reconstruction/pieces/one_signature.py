@@ -8,8 +8,8 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import Noise
+from tacstrip.core.convex_chain import straight_lines
 from tacstrip.reconstruction.noise_covariance import Averaging, fit_sigma
-from tacstrip.reconstruction.pieces.chain import straight_lines
 from tacstrip.reconstruction.pieces.estimate import Piece
 from tacstrip.reconstruction.pieces.run import noise_level
 from tacstrip.reconstruction.polygon.estimate import fit_polygon

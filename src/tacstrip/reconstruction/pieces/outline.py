@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray
-from tacstrip.reconstruction.pieces.cover import Part, Read, lower_hull
+from tacstrip.core.convex_chain import lower_hull
+from tacstrip.reconstruction.pieces.cover import Part, Read
 
 _HALFWAY = 0.5  # between the smallest and the largest outline
 _SLIVER = 0.01  # of the way: a piece of which one straight edge is seen is no line

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tacstrip.arrays import FloatArray
+from tacstrip.core.convex_chain import convex_regression
 from tacstrip.core.polygon_fit import PolygonFit
 from tacstrip.core.problem import FitProblem
 from tacstrip.reconstruction.contact_ends import closed_ends
@@ -22,7 +23,6 @@ from tacstrip.sensor.spec import Sensor
 
 _POINTS = 60  # at most, that the regression sees: a mean of a convex function's neighbours is convex too
 _ROUNDS = 3  # of l with u as it is, and u with l
-_SPARE = 1e-9  # of the largest gradient: none is left
 _NEAR = (
     1.6  # pitches from an inward corner to the jump that it belongs to; nearer to an end no jump is resolved
 )
@@ -121,58 +121,6 @@ def fit_convex(problem: FitProblem, l: FloatArray, u: FloatArray, jumps: Sequenc
     off = found - z
     chi = float(np.einsum("ni,nij,nj->", off, m, off))
     return ConvexFit(x, found.T, chi, max(2 * len(x) - sum(kinks) - 4, 1))
-
-
-def convex_regression(
-    x: FloatArray, y: FloatArray, weight: FloatArray, sign: float = 1.0
-) -> tuple[FloatArray, int]:
-    """Return the convex function (sign 1; -1: concave) nearest to y (n,) at x (n,), and its number of kinks.
-
-    By least squares with weights (n,), as a line and hinges of positive weight (Lawson and Hanson's active set).
-    """
-    if len(x) < 3:
-        return y.copy(), 0
-    root = np.sqrt(weight)
-    centre = x.mean()
-    line = np.stack([np.ones_like(x), x - centre], axis=1)
-    hinge = sign * np.maximum(x[:, None] - x[None, 1:-1], 0.0)
-    every = np.concatenate([line, hinge], axis=1) * root[:, None]
-    target, active = y * root, [0, 1]
-    squared, onto = every.T @ every, every.T @ target
-
-    def solved() -> FloatArray:
-        """Return the least squares of the active columns, by normal equations: the last of all is exact."""
-        try:
-            return np.linalg.solve(squared[np.ix_(active, active)], onto[active])
-        except np.linalg.LinAlgError:
-            return np.asarray(np.linalg.lstsq(every[:, active], target, rcond=None)[0])
-
-    value = np.zeros(every.shape[1])
-    value[active] = solved()
-    for _ in range(3 * len(x)):
-        gradient = every.T @ (target - every @ value)
-        gradient[active] = -np.inf
-        best = int(np.argmax(gradient[2:])) + 2 if len(gradient) > 2 else 0
-        if best == 0 or gradient[best] <= _SPARE * max(np.abs(target).sum(), 1e-300):
-            break
-        active.append(best)
-        while True:
-            trial = solved()
-            low = [i for i, a in enumerate(active) if a > 1 and trial[i] <= 0.0]
-            if not low:
-                break
-            now = value[active]
-            step = min(now[i] / max(now[i] - trial[i], 1e-300) for i in low)
-            value[active] = now + step * (trial - now)
-            gone = {active[i] for i in low if value[active[i]] <= 1e-15 + 1e-12 * abs(now[i])} or {
-                active[low[0]]
-            }
-            value[list(gone)] = 0.0
-            active = [a for a in active if a not in gone]
-        value[:] = 0.0
-        value[active] = trial
-    value[active] = np.linalg.lstsq(every[:, active], target, rcond=None)[0]
-    return line @ value[:2] + hinge @ value[2:], len(active) - 2
 
 
 def turns_inwards(fit: PolygonFit) -> bool:

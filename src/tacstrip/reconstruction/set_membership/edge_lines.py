@@ -24,7 +24,7 @@ def reading_bound(noise: Noise, sensor: Sensor) -> tuple[float, float]:
     Errors uniform within +-a, +-b and half an A/D step add up to a trapezoid: flat up to the largest less the others,
     then falling to the sum of all. Of three errors that is nearly so.
     """
-    parts = (noise.quantisation, noise.positional, 0.5 * sensor.adc_step)
+    parts = (noise.quantisation, noise.positional, sensor.adc_bound)
     return sum(parts), max(2.0 * max(parts) - sum(parts), 0.0)
 
 

@@ -122,6 +122,16 @@ class SerialSource:
         self._flood_s, self._flood_scans, self._flooded = 0.0, 0, False
 
     @property
+    def clock(self) -> str:
+        """Whose clock the scans' times go by: "device", or "computer" where the device's is faulty."""
+        return "computer" if self._clock.fault else "device"
+
+    @property
+    def device(self) -> str:
+        """The unit's name."""
+        return self.hello.unit_name
+
+    @property
     def counts(self) -> Counts:
         """Frames that came, and that were lost or corrupt, since the source was made."""
         return Counts(*(a + b for a, b in zip(self._previous_counts, self._decoder.counts, strict=True)))

@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import threading
 from collections import deque
+from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import suppress
 from typing import Generic, TypeVar
 
 T = TypeVar("T")
 
 
+_WAIT_S = 0.1  # longest single wait for an item
+
+
 class BoundedQueue(Generic[T]):
-    """A first-in, first-out queue of limited length.
+    """A first-in, first-out queue of limited length. Iterate it, also by `async for`, until it is closed and empty.
 
     Parameters
     ----------
@@ -32,6 +37,7 @@ class BoundedQueue(Generic[T]):
         self._items: deque[T] = deque()
         self._change = threading.Condition()
         self._closed = False
+        self._wakers: list[Callable[[], object]] = []
 
     def __len__(self) -> int:
         return len(self._items)
@@ -53,7 +59,8 @@ class BoundedQueue(Generic[T]):
                 self.dropped += 1
             self._items.append(item)
             self._change.notify_all()
-            return True
+        self._wake()
+        return True
 
     def get(self, wait_s: float = 0.0) -> T | None:
         """Fetch the oldest item, after waiting for one for at most `wait_s` [s]; None where there is none."""
@@ -76,3 +83,36 @@ class BoundedQueue(Generic[T]):
         with self._change:
             self._closed = True
             self._change.notify_all()
+        self._wake()
+
+    async def next(self) -> T | None:
+        """Fetch the oldest item once there is one, without a thread that waits; None once no more will come."""
+        import asyncio
+
+        loop = asyncio.get_running_loop()
+        while True:
+            came = asyncio.Event()
+            with self._change:
+                if self._items or self._closed:
+                    item = self._items.popleft() if self._items else None
+                    self._change.notify_all()
+                    return item
+                self._wakers.append(lambda: loop.call_soon_threadsafe(came.set))  # noqa: B023
+            await came.wait()
+
+    def __iter__(self) -> Iterator[T]:
+        while not self._closed or len(self._items):
+            if (item := self.get(_WAIT_S)) is not None:
+                yield item
+
+    async def __aiter__(self) -> AsyncIterator[T]:
+        while (item := await self.next()) is not None:
+            yield item
+
+    def _wake(self) -> None:
+        """Wake those that await an item."""
+        if self._wakers:
+            wakers, self._wakers = self._wakers, []
+            for wake in wakers:
+                with suppress(RuntimeError):  # its loop has ended
+                    wake()

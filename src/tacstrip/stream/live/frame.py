@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from tacstrip.arrays import touched_strips
 from tacstrip.scan import Scan
 from tacstrip.sensor.spec import Sensor
+from tacstrip.stream.recording.messages import FRAME, NANO
 from tacstrip.stream.source import RawScan
 from tacstrip.tracking.live_contact import LiveTrack
 from tacstrip.tracking.tracker import LiveObject
@@ -33,6 +34,17 @@ class Frame:
     tracks
         Objects over time, as of this scan: one rigid outline each from all scans so far, in the order of their strips.
         Those whose shape is not known yet are not there; None: not computed, because the computer was behind.
+    origin_ns
+        Unix time of `raw.time_s` = 0 [ns].
+    clock
+        Whose clock `raw.time_s` and `time_ns` go by: "device" (its intervals, set by the computer's clock when the
+        stream began), "computer" (the device's is faulty), "recording", "file" or "simulation"; "source" where a
+        source of your own does not say, by an attribute `clock`.
+    device
+        Name of the unit that the scan came from; empty where it has none.
+    frame_id, unit
+        The coordinates' frame, as in recordings (x across the strips, y along them from the grounded end), and the
+        unit of all lengths.
 
     Examples
     --------
@@ -44,6 +56,8 @@ class Frame:
     >>> frames = list(ts.live(source=source, speed=math.inf))
     >>> frames[-1].number, len(frames[-1].objects)
     (19, 1)
+    >>> frames[-1].clock, frames[-1].frame_id, frames[-1].unit
+    ('simulation', 'tacstrip', 'mm')
     """
 
     number: int
@@ -54,6 +68,16 @@ class Frame:
     latency_s: float
     ready_s: float
     tracks: tuple[LiveTrack, ...] | None = ()
+    origin_ns: int = 0
+    clock: str = "source"
+    device: str = ""
+    frame_id: str = FRAME
+    unit: str = "mm"
+
+    @property
+    def time_ns(self) -> int:
+        """When the scan began [ns since 1970], by `clock`."""
+        return self.origin_ns + round(self.raw.time_s * NANO)
 
     def __repr__(self) -> str:
         count = f"{len(self.objects)} object{'' if len(self.objects) == 1 else 's'}"

@@ -11,7 +11,9 @@ from tacstrip.errors import OptionError
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.device.port import BAUD, SerialPort
 from tacstrip.stream.device.source import SerialSource
+from tacstrip.stream.live.frame import Frame
 from tacstrip.stream.live.pipeline import Live
+from tacstrip.stream.live.sinks import Sink
 from tacstrip.stream.live.warmup import warm_up
 from tacstrip.stream.source import Source
 
@@ -30,8 +32,11 @@ def live(
     record: str | Path | None = None,
     on_message: Callable[[str], None] | None = None,
     tracks: bool = True,
+    on_frame: Callable[[Frame], object] | None = None,
 ) -> Live:
-    """Return a live stream; iterating it gives the newest frames.
+    """Return a live stream; iterating it, by `for` or `async for`, gives the newest frames.
+
+    Nothing that is done with a frame holds the stream up: who is slow gets fewer of them.
 
     Parameters
     ----------
@@ -53,11 +58,15 @@ def live(
         Called, from any thread, with messages for the user; None: the logger "tacstrip".
     tracks
         Whether to fuse the scans of each object into one rigid outline, `Frame.tracks`.
+    on_frame
+        Called with the newest frames, in a thread of its own; an exception that it raises ends the calls with a
+        message, not the stream.
 
     Returns
     -------
     Live
-        Iterate it, or use it in `with`.
+        Iterate it, or use it in `with`; with `on_frame`, `wait` for its end. Opening a port takes up to 5 s: in a
+        program of asyncio write `await asyncio.to_thread(ts.live, port)`.
 
     Raises
     ------
@@ -80,6 +89,23 @@ def live(
     ...     ids = [one.id for one in frame.objects]
     >>> ids
     [1]
+
+    In asyncio, and by a callback:
+
+    >>> import asyncio
+    >>> def again():
+    ...     return ts.SimulatedSource(sensor, lambda time_s: contact, rate_hz=200.0, scans=20)
+    >>> async def last_number():
+    ...     async for frame in ts.live(source=again(), speed=math.inf):
+    ...         number = frame.number
+    ...     return number
+    >>> asyncio.run(last_number())
+    19
+    >>> numbers = []
+    >>> with ts.live(source=again(), speed=math.inf, on_frame=lambda frame: numbers.append(frame.number)) as stream:
+    ...     ended = stream.wait()
+    >>> ended, numbers[-1]
+    (True, 19)
     """
     if (port is None) == (source is None):
         raise OptionError("give either a port or a source")
@@ -90,6 +116,9 @@ def live(
     try:
         warm_up(source.sensor, method)
         stream = Live(source, method, noise, speed=speed, on_message=on_message, tracks=tracks)
+        if on_frame is not None:
+            call = on_frame
+            stream.at_end(Sink(stream, lambda frame, _: call(frame), 1, "the callback").close)
         if record is not None:
             stream.record(record)
     except BaseException:

@@ -11,7 +11,7 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import AsyncIterator, Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import replace
@@ -38,12 +38,11 @@ from tacstrip.tracking.tracker import Tracker
 _LATE_S, _MAX_BACKLOG = 0.02, 3
 _DETAIL_S = 1.0 / 80.0  # between two frames with covariances, while a consumer wants them
 _MOST_KNOWN = 100  # objects over time that are remembered
-_WAIT_S = 0.1  # longest single wait for a frame
 _SWITCH_S = 0.0001  # between threads; Python's default of 5 ms would show as latency (docs/decisions/)
 
 
 class Live:
-    """A live stream; use it in `with`. Iterating it gives the newest frames.
+    """A live stream; use it in `with` or `async with`. Iterating it, by `for` or `async for`, gives the newest frames.
 
     Parameters
     ----------
@@ -82,8 +81,6 @@ class Live:
         Rate and latency.
     known
         The latest objects over time, by their numbers.
-    detail
-        Whether to compute covariances, 80 times a second, for the queues that are `detailed`.
 
     Examples
     --------
@@ -115,7 +112,9 @@ class Live:
         self.method, self.noise = method, noise
         self.frames = self.late = self.unreadable = 0
         self.error: BaseException | None = None
-        self.recording_failed = self.detail = False
+        self.recording_failed = False
+        self._want_detail: set[object] = set()
+        self._at_end: list[Callable[[], object]] = []
         self.messages: deque[tuple[int, str]] = deque(maxlen=20)
         self.known: dict[int, LiveTrack] = {}
         self._creep, self._wants_tracks = creep, tracks
@@ -126,7 +125,7 @@ class Live:
         self._queues = [self._newest]
         self._detailed_queues: list[BoundedQueue[Frame]] = []
         self._stopped, self._writing = threading.Event(), threading.Lock()
-        self._writer: BackgroundRecorder | None = None
+        self._writers: tuple[BackgroundRecorder, ...] = ()
         self._thread = threading.Thread(target=self._run, name="tacstrip stream", daemon=True)
         self._searches = ThreadPoolExecutor(1, thread_name_prefix="tacstrip search")
         self._fusing = ThreadPoolExecutor(1, thread_name_prefix="tacstrip tracks")
@@ -159,6 +158,10 @@ class Live:
             queue.close()
         return queue
 
+    def want_detail(self, who: object, wanted: bool) -> None:
+        """Say whether somebody wants covariances, which are computed 80 times a second while anybody does."""
+        (self._want_detail.add if wanted else self._want_detail.discard)(who)
+
     def start(self) -> None:
         """Begin to read."""
         sys.setswitchinterval(min(self._switch_s, _SWITCH_S))
@@ -181,6 +184,25 @@ class Live:
             for executor in (self._searches, self._fusing):
                 executor.shutdown(cancel_futures=True)
             self._end()
+            for function in self._at_end:
+                function()
+
+    def at_end(self, function: Callable[[], object]) -> None:
+        """Call a function when the stream has been stopped and all frames were handed out."""
+        self._at_end.append(function)
+
+    def wait(self, timeout_s: float | None = None) -> bool:
+        """Wait until the stream ends by itself, at most `timeout_s` [s]; return whether it has.
+
+        Raises
+        ------
+        Exception
+            What ended it, where that was an error.
+        """
+        self._thread.join(timeout_s)
+        if self.error is not None:
+            raise self.error
+        return not self.running
 
     @property
     def running(self) -> bool:
@@ -193,28 +215,33 @@ class Live:
         about: Mapping[str, str] | None = None,
         force: bool = False,
         durable: bool = False,
-    ) -> None:
-        """Begin a recording of all scans from now on; parameters and errors as of `Recorder`."""
+    ) -> Recorder:
+        """Begin a recording of all scans from now on, beside others; parameters and errors as of `Recorder`."""
         source, notes = self.source, {"source": "live", "method": self.method or "best", **(about or {})}
         recorder = Recorder(path, source.sensor, source.names, source.origin_ns, notes, force, durable)
-        self._replace_writer(BackgroundRecorder(recorder, self.notify))
-
-    def stop_recording(self) -> None:
-        """End the recording, if there is one."""
-        self._replace_writer(None)
-
-    def _replace_writer(self, writer: BackgroundRecorder | None) -> None:
+        writer = BackgroundRecorder(recorder, self.notify)
         with self._writing:
-            previous, self._writer = self._writer, writer
-        if previous is not None:
-            previous.close()
-            self.recording_failed |= previous.failed
+            self._writers = (*self._writers, writer)
+        return recorder
+
+    def stop_recording(self, recorder: Recorder | None = None) -> None:
+        """End a recording, if it is in progress; None: all."""
+        with self._writing:
+            ended = [w for w in self._writers if recorder is None or w.recorder is recorder]
+            self._writers = tuple(w for w in self._writers if w not in ended)
+        for writer in ended:
+            writer.close()
+            self.recording_failed |= writer.failed
+
+    @property
+    def recordings(self) -> tuple[Recorder, ...]:
+        """The recordings in progress, in the order in which they were begun."""
+        return tuple(writer.recorder for writer in self._writers if not writer.failed)
 
     @property
     def recording(self) -> Recorder | None:
-        """The recording in progress."""
-        writer = self._writer
-        return None if writer is None or writer.failed else writer.recorder
+        """The recording in progress that was begun first."""
+        return next(iter(self.recordings), None)
 
     @property
     def method_name(self) -> str:
@@ -251,9 +278,18 @@ class Live:
             with self:
                 yield from self
             return
-        while not self._newest.closed or len(self._newest):
-            if (frame := self._newest.get(_WAIT_S)) is not None:
-                yield frame
+        yield from self._newest
+        if self.error is not None:
+            raise self.error
+
+    async def __aiter__(self) -> AsyncIterator[Frame]:
+        if self._thread.ident is None:
+            async with self:
+                async for frame in self:
+                    yield frame
+            return
+        async for frame in self._newest:
+            yield frame
         if self.error is not None:
             raise self.error
 
@@ -263,6 +299,15 @@ class Live:
 
     def __exit__(self, *_: object) -> None:
         self.stop()
+
+    async def __aenter__(self) -> Self:
+        self.start()
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        from asyncio import to_thread
+
+        await to_thread(self.stop)  # which waits for the disk
 
     def _run(self) -> None:
         try:
@@ -310,7 +355,7 @@ class Live:
             self.late += 1
             self._save(raw)
             return
-        detail = self.detail and now_s - self._detail_s >= _DETAIL_S
+        detail = bool(self._want_detail) and now_s - self._detail_s >= _DETAIL_S
         if detail:
             self._detail_s = now_s
         try:
@@ -325,9 +370,11 @@ class Live:
                 self.notify(f"scan {number} cannot be used: {error}")
             return
         tracks = None if waiting else self._tracked(scan)
-        ready_s = time.perf_counter()
+        ready_s, source = time.perf_counter(), self.source
         self.meter.done(ready_s - arrived_s)
-        frame = Frame(number, raw, self._decoder.sensor, scan, objects, ready_s - arrived_s, ready_s, tracks)
+        frame = Frame(number, raw, self._decoder.sensor, scan, objects, ready_s - arrived_s, ready_s, tracks,
+                      source.origin_ns, getattr(source, "clock", "source"),
+                      getattr(source, "device", ""))  # fmt: skip
         for queue in (*self._queues, *(self._detailed_queues if detail else ())):
             queue.put(frame)
         shapes = tuple(Shape(o.shape.status, o.shape.vertices) for o in objects if o.shape.found)
@@ -351,6 +398,5 @@ class Live:
         return found
 
     def _save(self, raw: RawScan, shapes: tuple[Shape, ...] = (), tracks: tuple[LiveTrack, ...] = ()) -> None:
-        writer = self._writer
-        if writer is not None:
+        for writer in self._writers:
             writer.add(replace(raw, shapes=shapes, tracks=()), tracks)

@@ -1,4 +1,4 @@
-"""Consumers of a live stream other than the page: JSON lines and TUIO, each in a thread of its own."""
+"""Consumers of a live stream other than the page: JSON lines, TUIO, Foxglove and ROS 2, each in a thread of its own."""
 
 from __future__ import annotations
 
@@ -9,12 +9,14 @@ from typing import IO, Any
 
 from tacstrip.arrays import plain
 from tacstrip.errors import in_words
+from tacstrip.stream.bridges.foxglove.bridge import Foxglove
+from tacstrip.stream.bridges.ros2 import Ros2
 from tacstrip.stream.bridges.tuio import Tuio
 from tacstrip.stream.export import track_fields
 from tacstrip.stream.live.frame import Frame
 from tacstrip.stream.live.pipeline import Live
 
-_QUEUE_LINES = 1000  # frames that wait for the reader of the lines; then the oldest is dropped
+_QUEUE_LINES = 1000  # frames that wait for the reader of the lines, or for ROS 2; then the oldest is dropped
 _TUIO_HZ = 100.0
 
 
@@ -43,7 +45,7 @@ class Sink:
     def __init__(
         self,
         live: Live,
-        take: Callable[[Frame, int], None],
+        take: Callable[[Frame, int], object],
         waiting: int,
         name: str,
         release: Callable[[], None] = lambda: None,
@@ -62,7 +64,8 @@ class Sink:
     def close(self) -> None:
         """Pass on the frames that wait, and end."""
         self._queue.close()
-        self._thread.join(timeout=2.0)  # a reader that hangs must not block the end of the stream
+        if threading.current_thread() is not self._thread:
+            self._thread.join(timeout=2.0)  # a reader that hangs must not block the end of the stream
 
     def _run(self) -> None:
         try:
@@ -99,12 +102,30 @@ def tuio_sink(live: Live, target: str) -> Sink:
     return Sink(live, send, 1, "TUIO", tuio.close)
 
 
+def ros2_sink(live: Live, **options: Any) -> Sink:
+    """Publish every frame as topics of ROS 2; options and errors as of `Ros2`."""
+    ros2 = Ros2(live, **options)
+    return Sink(live, ros2.send, _QUEUE_LINES, "ROS 2", ros2.close)
+
+
+def foxglove_sink(live: Live, host: str, port: int) -> tuple[Sink, int]:
+    """Send all frames to the viewers of a server on host and port (0: any free one); return its port, too."""
+    bridge = Foxglove(live, host, port)
+    return Sink(
+        live, lambda frame, _: bridge.send(frame), _QUEUE_LINES, "Foxglove", bridge.close
+    ), bridge.server.port
+
+
 def _fields(frame: Frame, dropped: int) -> dict[str, Any]:
     """Return the fields of a frame's line of JSON."""
     return {
         "scan": frame.number,
         "sequence": frame.raw.sequence,
         "time_s": round(frame.raw.time_s, 6),
+        "time_ns": frame.time_ns,
+        "clock": frame.clock,
+        "frame_id": frame.frame_id,
+        "unit": frame.unit,
         "latency_ms": round(1e3 * frame.latency_s, 3),
         "dropped": dropped,
         "objects": [

@@ -125,9 +125,9 @@ def read_scan(data: bytes, kind: str, sensor: AnySensor, names: tuple[str, ...],
     return RawScan(time_s, codes, message.touched != 0, message.sequence, times)
 
 
-def polygon_message(vertices: FloatArray, time_ns: int) -> bytes:
+def polygon_message(vertices: FloatArray, time_ns: int, frame_id: str = FRAME) -> bytes:
     """Return vertices (N, 2) [mm] as a message."""
-    header = _new("std_msgs/msg/Header", stamp=_stamp(time_ns), frame_id=FRAME)
+    header = _new("std_msgs/msg/Header", stamp=_stamp(time_ns), frame_id=frame_id)
     empty = _write(POLYGON, header=header, polygon=_new("geometry_msgs/msg/Polygon", points=[]))
     points = np.zeros((len(vertices), 3), "<f4")  # x, y, z [m]
     points[:, :2] = np.round(vertices * (1e-3 * _GRAIN)) / _GRAIN

@@ -1,4 +1,4 @@
-"""Write a recording: codes and polygons in one self-describing MCAP file (docs/guide/recordings.md)."""
+"""Write a recording: codes and polygons in one self-describing MCAP file (docs/reference/recording-file.md)."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ from tacstrip.contact.footprint import footprint
 from tacstrip.contact.shape import Contact
 from tacstrip.geometry.metrics import clean_polygon, mismatch_coefficient
 from tacstrip.plot.scene import draw_contact, draw_polygon, draw_sensor
-from tacstrip.plot.style import (
+from tacstrip.plot.theme import (
     COLOURS,
     OTHERS,
     RECOVERED,

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from tacstrip.arrays import FloatArray
 from tacstrip.data.published import Row
 from tacstrip.plot.scene import draw_contact, draw_polygon, draw_sensor
-from tacstrip.plot.style import COLOURS, legend, new_axes
+from tacstrip.plot.theme import COLOURS, legend, new_axes
 from tacstrip.reconstruction.vertex.transitions import by_gradient
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.simulation import simulate

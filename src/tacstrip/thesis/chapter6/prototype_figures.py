@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from tacstrip.contact.signature import signatures
 from tacstrip.data.published import offsets_volt
 from tacstrip.plot.scene import draw_contact, draw_sensor
-from tacstrip.plot.style import COLOURS, OTHERS, SENSOR, STRIP, TRUE, add_axes, legend, new_figure
+from tacstrip.plot.theme import COLOURS, OTHERS, SENSOR, STRIP, TRUE, add_axes, legend, new_figure
 from tacstrip.sensor.spec import Sensor
 from tacstrip.surface.cylinder import strip_angle, to_cartesian, tube_radius
 from tacstrip.thesis.captions import by_number, captioned

@@ -16,7 +16,7 @@ from tacstrip.contact.signature import signatures
 from tacstrip.data.published import Experiment, experiments
 from tacstrip.geometry.metrics import mismatch
 from tacstrip.plot.scene import draw_contact, draw_polygon, draw_sensor, zoom
-from tacstrip.plot.style import COLOURS, OTHERS, TRUE, add_axes, legend, new_axes, new_figure
+from tacstrip.plot.theme import COLOURS, OTHERS, TRUE, add_axes, legend, new_axes, new_figure
 from tacstrip.reconstruction.profile import profile_reconstruction
 from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import SIGNATURES

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 import shapely
@@ -25,9 +26,9 @@ from tacstrip.tracking.rigid.corners import (
     settled,
 )
 from tacstrip.tracking.rigid.offsets import Offsets, channel_offsets, taken_off, without_needless_corners
-from tacstrip.tracking.rigid.smooth_path import Path, circle, fit_path, spline_basis
+from tacstrip.tracking.rigid.smooth_path import Path, centres, circle, fit_path, spline_basis
 
-_TURNS, _FINE_TURNS = (np.radians(np.arange(-160, 161, step)) for step in (20, 10))
+_TURNS, _FINE_TURNS = (tuple(range(-160, 161, step)) for step in (20, 10))  # degrees
 _DENSE, _MANY_STRIPS, _SPARSE = 48, 20, 16  # scans that a search uses; of finer sensors fewer do
 _KNOTS, _MORE_KNOTS = 4, 8
 _ALIKE = 0.003  # of the area's root: outlines that differ by less are one
@@ -40,9 +41,12 @@ _KEPT = 3  # paths that are made polygons of
 _SATISFIED = 1.15  # of the freedom: a chi square that ends the search
 _ALARM, _HARDLY_MORE = 3.5, 1.05  # deviations of chi square, and times the freedom
 _WITHIN = 8.0  # of the best criterion: fits that explain the readings as well
+_LOST = 0.5  # of the scans: a polygon that leaves more will not explain them once it is settled
 _WORTH_SETTLING = 1.6  # times the freedom: fits that may, once they are settled
+_SOFT, _HARD = 0.25, 0.1  # pitches that an end of an outline is off
 _COARSE, _FINER, _FINEST = 0.07, 0.023, 0.012  # tolerances of edges, over the outline's radius
 _ROUGH, _SMOOTHER = 0.07, 0.09  # the radii's second differences, likewise
+_ERRATIC = 0.2  # of the radius: a middle that is so far off any smooth path, in the median, moves along none
 _REFERENCES = 3  # of a search without a path: scans that it begins with ...
 _EASED = (0.04, 0.025, 0.016)  # ... and the tolerance of each round from one of them
 _RANDOM_SCANS = 40
@@ -71,12 +75,15 @@ class Found:
         Fits that explain these about as well, but for the best one, and how much worse their criterion is.
     offsets
         Of the channels, where the readings ask for them: the fits are of readings without these.
+    starts
+        What the search began with, for one that is more thorough.
     """
 
     fit: Fit
     chosen: IntArray
     rivals: tuple[tuple[Fit, float], ...] = ()
     offsets: Offsets | None = None
+    starts: Starts | None = field(default=None, repr=False)
 
     def criterion(self, scans: RigidScans) -> float:
         """Return what searches are compared by: the fit's, and what the offsets cost."""
@@ -109,40 +116,144 @@ def _carried(rival: Fit, poses: FloatArray) -> FloatArray:
     return placed(rival.corners - middle, np.array([*np.median(seen, axis=0), turn]))
 
 
-def search(scans: RigidScans, distribution: str, *, offsets: bool = True, thorough: bool = True) -> Found:
+@dataclass(eq=False)
+class Starts:
+    """Rough outlines on smooth paths, by total turn [deg], and the polygons that they become: each made once.
+
+    Attributes
+    ----------
+    scans
+        All of them.
+    rough, refined
+        Outlines on few knots, and the best of them on more.
+    polygons
+        With free poses, of ever fewer corners.
+    """
+
+    scans: RigidScans
+    rough: dict[int, Path] = field(default_factory=dict)
+    refined: dict[int, Path] = field(default_factory=dict)
+    polygons: dict[int, list[Fit]] = field(default_factory=dict)
+
+    @cached_property
+    def chosen(self) -> IntArray:
+        """Scans that a search uses."""
+        return _chosen(self.scans)
+
+    @cached_property
+    def few(self) -> RigidScans:
+        """These."""
+        return self.scans.of(self.chosen)
+
+    @cached_property
+    def splines(self) -> list[FloatArray]:
+        """Of few and of more knots, over these."""
+        return [_spline(self.scans, self.chosen, knots) for knots in (_KNOTS, _MORE_KNOTS)]
+
+    @property
+    def erratic(self) -> bool:
+        """Whether the contact's middle moves along no smooth path."""
+        middle, area = centres(self.few)
+        basis = self.splines[1]
+        off = middle - basis @ np.linalg.lstsq(basis, middle, rcond=None)[0]
+        return bool(np.median(np.hypot(*off.T)) > _ERRATIC * math.sqrt(float(np.median(area)) / math.pi))
+
+    def best(self, turns: Sequence[int], kept: int) -> list[int]:
+        """Return the turns that the best outlines come from."""
+        for turn in turns:
+            if turn not in self.rough:
+                path = circle(self.few, self.splines[0], math.radians(turn))
+                path = fit_path(self.few, path, 8, tolerance=_COARSE, cauchy=3.0, rough=_ROUGH, end=_SOFT)
+                path = fit_path(self.few, path, 6, tolerance=_FINER, cauchy=3.0, rough=_ROUGH, end=_SOFT)
+                self.rough[turn] = path
+        near = sorted(turns, key=lambda t: self.rough[t].cost)[: 2 * kept]
+        for turn in near:
+            if turn not in self.refined:
+                path = self.rough[turn].refined(self.splines[1])
+                path = fit_path(self.few, path, 10, tolerance=_FINER, cauchy=3.0, rough=_ROUGH, end=_SOFT)
+                path = fit_path(self.few, path, 6, tolerance=_FINEST, cauchy=3.0, rough=_SMOOTHER, end=_HARD)
+                self.refined[turn] = path
+        return sorted(near, key=lambda t: self.refined[t].cost)[:kept]
+
+    def paths(self, turns: Sequence[int]) -> list[Path]:
+        """Return the outlines of some turns."""
+        return [self.refined[turn] for turn in turns]
+
+    def pruned(self, turns: Sequence[int]) -> list[Fit]:
+        """Return the polygons, with free poses, that the outlines of some turns become."""
+        for turn, path in zip(turns, self.paths(turns), strict=True):
+            if turn not in self.polygons:
+                self.polygons[turn] = pruned(self.few, path.corners, path.poses)
+        return [fit for turn in turns for fit in self.polygons[turn]]
+
+
+def search(
+    scans: RigidScans,
+    distribution: str,
+    *,
+    offsets: bool = True,
+    thorough: bool = True,
+    begun: Found | None = None,
+    starts: Starts | None = None,
+) -> Found:
     """Return the fit of all scans that explains them best, and what else does.
 
     One signature of few strips tells little more than a pose of each scan: there the poses are a spline, as long as
     one explains the readings. Else along a smooth path first, whose poses are free in the end; where that explains
-    the readings badly, and if thorough, with more turns, then without a path. `offsets`: of channels are looked for.
+    the readings badly, and if thorough, with more turns, then without a path. What moves along no smooth path is
+    searched for without one first. `offsets`: of channels are looked for. `begun`: what a search that was not thorough
+    found. `starts`: of these scans, where there are some.
     """
-    paths = _paths(scans, _TURNS, _KEPT)
-    if needs_smooth_motion(scans):
-        found = _with_offsets(scans, paths, distribution, offsets, tied=True)
-        if content(taken_off(scans, found.offsets), found.fit, distribution):
-            return found
-    found = _with_offsets(scans, paths, distribution, offsets)
+    starts = starts or (begun and begun.starts) or Starts(scans)
+    erratic, free, found = starts.erratic, None, begun
+
+    def explained(one: Found) -> bool:
+        return content(taken_off(scans, one.offsets), one.fit, distribution)
+
+    if found is None:
+        if erratic:
+            free = Found(_without_path(scans), np.arange(len(scans.k)), starts=starts)
+            if explained(free):
+                return free
+        turns = starts.best(_TURNS, _KEPT)
+        if needs_smooth_motion(scans):
+            found = _with_offsets(starts, turns, distribution, offsets, tied=True)
+            if explained(found):
+                return found
+        found = _with_offsets(starts, turns, distribution, offsets)
     if not thorough or scans.strips_touched < LEAST_STRIPS:
         return found
-    if not content(taken_off(scans, found.offsets), found.fit, distribution):
-        more = _polygons(scans, _paths(scans, _FINE_TURNS, 2 * _KEPT), distribution)
+    if not explained(found):
+        more = _polygons(starts, scans, starts.best(_FINE_TURNS, 2 * _KEPT), distribution)
         found = min(found, more, key=lambda f: f.criterion(scans))
-    if not content(taken_off(scans, found.offsets), found.fit, distribution):
-        free = Found(_without_path(scans), np.arange(len(scans.k)))
+    if not explained(found):
+        free = free or Found(_without_path(scans), np.arange(len(scans.k)), starts=starts)
         found = min(found, free, key=lambda f: f.criterion(scans))
     return found
 
 
+def rigid_stretch(scans: RigidScans, distribution: str, *, thorough: bool = False) -> Found | None:
+    """Return the fit of all scans; None where no rigid outline explains them. If not thorough, searched for quickly."""
+    starts = Starts(scans)
+    if not thorough and not starts.erratic and not needs_smooth_motion(scans):
+        fits = starts.pruned(starts.best(_TURNS, _KEPT))
+        if min(len(bad_scans(starts.few, f)) for f in fits) > _LOST * len(starts.chosen):
+            return None
+    found = search(scans, distribution, offsets=False, thorough=thorough, starts=starts)
+    return found if content(scans, found.fit, distribution) else None
+
+
 def _with_offsets(
-    scans: RigidScans, paths: list[Path], distribution: str, wanted: bool, tied: bool = False
+    starts: Starts, turns: list[int], distribution: str, wanted: bool, tied: bool = False
 ) -> Found:
     """Return the polygon that rough outlines become, of readings without what the channels are off."""
-    found = _polygons(scans, paths, distribution, tied)
+    scans = starts.scans
+    found = _polygons(starts, scans, turns, distribution, tied)
     asked = channel_offsets(scans, found.fit) if wanted else None
     if asked is None or asked[1].cost > _WORTH_SETTLING * asked[1].freedom(scans):  # it is not offsets, then
         return found
     offsets, _ = without_needless_corners(scans, *asked)
-    found = _polygons(taken_off(scans, offsets), paths, distribution, tied)
+    found = _polygons(starts, taken_off(scans, offsets), turns, distribution, tied)
     asked = channel_offsets(scans, found.fit, offsets)
     assert asked is not None
     offsets, best = without_needless_corners(scans, *asked)
@@ -151,7 +262,7 @@ def _with_offsets(
         settled(rest, fitted(rest, f.corners, f.poses, basis=f.basis))
         for f in (best, found.fit, *(f for f, _ in found.rivals))
     ]
-    return replace(_compared(rest, again, distribution), offsets=offsets)
+    return replace(_compared(rest, again, distribution), offsets=offsets, starts=starts)
 
 
 def needs_smooth_motion(scans: RigidScans) -> bool:
@@ -169,36 +280,26 @@ def _spline(scans: RigidScans, chosen: IntArray, knots: int) -> FloatArray:
     return spline_basis(chosen / max(len(scans.k) - 1, 1), min(knots, len(chosen)))
 
 
-def _paths(scans: RigidScans, turns: Iterable[float], kept: int) -> list[Path]:
-    """Return the best rough outlines on smooth paths over some of the scans."""
-    chosen = _chosen(scans)
-    few, soft, fine = scans.of(chosen), 0.25, 0.1
-    coarse, finer = (_spline(scans, chosen, knots) for knots in (_KNOTS, _MORE_KNOTS))
-    paths = []
-    for turn in turns:
-        path = circle(few, coarse, turn)
-        path = fit_path(few, path, 8, tolerance=_COARSE, cauchy=3.0, rough=_ROUGH, end=soft)
-        paths.append(fit_path(few, path, 6, tolerance=_FINER, cauchy=3.0, rough=_ROUGH, end=soft))
-    paths.sort(key=lambda p: p.cost)
-    refined = []
-    for path in paths[: 2 * kept]:
-        path = fit_path(few, path.refined(finer), 10, tolerance=_FINER, cauchy=3.0, rough=_ROUGH, end=soft)
-        refined.append(fit_path(few, path, 6, tolerance=_FINEST, cauchy=3.0, rough=_SMOOTHER, end=fine))
-    return sorted(refined, key=lambda p: p.cost)[:kept]
+def _polygons(
+    starts: Starts, scans: RigidScans, turns: list[int], distribution: str, tied: bool = False
+) -> Found:
+    """Return the polygon that rough outlines become; its poses free, or tied to a spline.
 
-
-def _polygons(scans: RigidScans, paths: list[Path], distribution: str, tied: bool = False) -> Found:
-    """Return the polygon that rough outlines become; its poses free, or tied to a spline."""
-    chosen = _chosen(scans)
-    few, fits = scans.of(chosen), []
-    for path in paths:
-        fits += pruned(few, path.corners, path.poses, path.basis if tied else None)
+    `scans` are those of the starts, or these without what the channels are off.
+    """
+    chosen = starts.chosen
+    if scans is starts.scans and not tied:
+        few, fits = starts.few, starts.pruned(turns)
+    else:
+        few, fits = scans.of(chosen), []
+        for path in starts.paths(turns):
+            fits += pruned(few, path.corners, path.poses, path.basis if tied else None)
     fits = [f for f in fits if _plausible(few, f)] or fits
-    fits.sort(key=lambda f: f.criterion(few))
+    fits = sorted(fits, key=lambda f: f.criterion(few))
     if tied:
         fits = _on_the_best_spline(scans, chosen, fits)
     fits = _alternatives(few, fits, distribution)
-    return _compared(scans, [_on_all(scans, chosen, f) for f in fits], distribution)
+    return replace(_compared(scans, [_on_all(scans, chosen, f) for f in fits], distribution), starts=starts)
 
 
 def _compared(scans: RigidScans, fits: list[Fit], distribution: str) -> Found:

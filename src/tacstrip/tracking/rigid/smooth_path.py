@@ -7,26 +7,23 @@ so that a start which is wrong by half the object still ends at the right shape.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
 from tacstrip.arrays import FloatArray
 from tacstrip.core.binding import Loss
-from tacstrip.core.rigid import Equations, RigidScans, equations, loss
+from tacstrip.core.rigid import RigidScans, loss
+from tacstrip.core.rigid_path import OnPath, OutlineNumbers, descend_path
 from tacstrip.reconstruction.contact_ends import closed_ends
 
 RADII = 24
 _ANGLES = 2.0 * np.pi * np.arange(RADII) / RADII
 _SPOKES = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], axis=1)
-_BY_RADIUS = np.zeros((2 * RADII, RADII))
-_BY_RADIUS[2 * np.arange(RADII), np.arange(RADII)] = _SPOKES[:, 0]
-_BY_RADIUS[2 * np.arange(RADII) + 1, np.arange(RADII)] = _SPOKES[:, 1]
 _BEND = np.roll(np.eye(RADII), 1, 1) + np.roll(np.eye(RADII), -1, 1) - 2.0 * np.eye(RADII)
 _CENTRED = 0.014  # of the radius: how near to the frame's origin the outline's middle is held
 _LOOSE = 4.0  # radii: a prior for each radius by itself, so that all are determined
-_LEAST = 1e-6  # added to the equations' diagonal
 _ROUND = 0.785  # width of a disc's mean section over its diameter
 
 
@@ -128,8 +125,9 @@ def fit_path(
     how = loss(scans, tolerance * radius, cauchy, end)
     middle = _SPOKES.T / RADII
     prior = _BEND.T @ _BEND / rough**2 + middle.T @ middle / _CENTRED**2 + np.eye(RADII) / _LOOSE**2
-    begin = _State(start.radii, start.knots, _BY_RADIUS, start.basis, prior / radius**2)
-    found = begin.descended(scans, how, steps, 1e-3, least=0.02)
+    by = OutlineNumbers(np.repeat(np.arange(RADII), 2), _SPOKES.ravel(), prior / radius**2)
+    begin = OnPath(start.radii, start.knots)
+    found = descend_path(scans, by, begin, start.basis, how, steps, 1e-3, least=0.02)
     return replace(start, radii=found.outline, knots=found.knots, cost=found.cost)
 
 
@@ -137,85 +135,7 @@ def fit_corners(
     scans: RigidScans, corners: FloatArray, knots: FloatArray, basis: FloatArray, how: Loss, steps: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return corners (N, 2) and knots (K, 3) after a descent of both, and the scans' costs (T,)."""
-    begin = _State(corners.ravel(), knots, np.eye(corners.size), basis, np.zeros((corners.size,) * 2))
-    found = begin.descended(scans, how, steps, 1e-5)
-    return found.outline.reshape(-1, 2), found.knots, found.costs
-
-
-@dataclass(frozen=True, eq=False)
-class _State:
-    """An outline by numbers of which its corners are a linear function, and a path by its knots."""
-
-    outline: FloatArray  # (P,)
-    knots: FloatArray
-    by: FloatArray  # (2 N, P)
-    basis: FloatArray
-    prior: FloatArray  # (P, P)
-    cost: float = np.inf
-    costs: FloatArray = field(default_factory=lambda: np.empty(0))
-
-    def at(self, scans: RigidScans, how: Loss) -> tuple[Equations, _State]:
-        """Return the equations here, and this with its cost."""
-        found = equations(scans, (self.by @ self.outline).reshape(-1, 2), self.basis @ self.knots, how)
-        cost = float(found.costs.sum() + self.outline @ self.prior @ self.outline)
-        return found, replace(self, cost=cost, costs=found.costs)
-
-    def descended(
-        self, scans: RigidScans, how: Loss, steps: int, enough: float, least: float = -np.inf
-    ) -> _State:
-        """Return where a descent ends; no number of the outline gets below `least` times their mean."""
-        many, knots = self.basis.shape
-        pairs = (self.basis[:, :, None] * self.basis[:, None, :]).reshape(many, -1)
-        (found, now), damping = self.at(scans, how), 1e-2
-        for _ in range(steps):
-            matrix, slope = (np.empty((0, 0)), np.empty(0)) if many == knots else _joint(found, now, pairs)
-            size = matrix.diagonal().copy()
-            for _ in range(6):
-                if many == knots:
-                    step = _free_step(found, now, damping)
-                else:
-                    damped = matrix + np.diag(damping * size + _LEAST)
-                    step = np.asarray(np.linalg.solve(damped, slope), dtype=np.float64)
-                trial = replace(
-                    now,
-                    outline=now.outline + step[3 * knots :],
-                    knots=now.knots + step[: 3 * knots].reshape(-1, 3),
-                )
-                if least == -np.inf or trial.outline.min() > least * now.outline.mean():
-                    new, trial = trial.at(scans, how)
-                    if trial.cost < now.cost:
-                        break
-                damping *= 8.0
-            else:
-                break
-            gain, damping = now.cost - trial.cost, max(damping / 8.0, 1e-7)
-            found, now = new, trial
-            if gain < enough * now.cost:
-                break
-        return now
-
-
-def _free_step(found: Equations, now: _State, damping: float) -> FloatArray:
-    """Return a step of knots, one per scan and free of each other (Schur's complement), then of the outline."""
-    own, three = found.pose.copy(), np.arange(3)
-    own[:, three, three] += damping * own[:, three, three] + _LEAST
-    mixed, outline = found.mixed @ now.by, now.by.T @ found.shape @ now.by + now.prior
-    outline += np.diag(damping * outline.diagonal() + _LEAST)
-    inverse = np.linalg.inv(own)
-    weighted = inverse @ mixed
-    slope = now.by.T @ found.shape_slope - now.prior @ now.outline
-    slope = slope - np.einsum("tip,ti->p", weighted, found.pose_slope)
-    step = np.linalg.solve(outline - np.einsum("tip,tiq->pq", mixed, weighted, optimize=True), slope)
-    poses = np.einsum("tij,tj->ti", inverse, found.pose_slope - mixed @ step)
-    return np.concatenate([poses.ravel(), step])
-
-
-def _joint(found: Equations, now: _State, pairs: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the equations of a path's knots, then its outline."""
-    many, knots = now.basis.shape
-    own = (pairs.T @ found.pose.reshape(many, 9)).reshape(knots, knots, 3, 3).transpose(0, 2, 1, 3)
-    mixed = (now.basis.T @ found.mixed.reshape(many, -1)).reshape(3 * knots, -1) @ now.by
-    outline = now.by.T @ found.shape @ now.by + now.prior
-    matrix = np.block([[own.reshape(3 * knots, 3 * knots), mixed], [mixed.T, outline]])
-    slope = now.by.T @ found.shape_slope - now.prior @ now.outline
-    return matrix, np.concatenate([(now.basis.T @ found.pose_slope).ravel(), slope])
+    size = corners.size
+    by = OutlineNumbers(np.arange(size), np.ones(size), np.zeros((size, size)))
+    found = descend_path(scans, by, OnPath(corners.ravel(), knots), basis, how, steps, 1e-5)
+    return by.corners(found.outline), found.knots, found.costs

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from tacstrip.reconstruction.contact_ends import closed_ends
 
 _WIDTH, _AT_FIRST, _FIRST = 8, 24, 5  # hypotheses kept, and in so many scans after something came
 _STEP = np.array([0.013, 0.013, 0.03])  # of the size, and [rad]: how far poses are off from where they went
-_SAME = np.array([0.02, 0.02, 0.05])  # of the size, and [rad]: hypotheses that are one
+SAME = np.array([0.02, 0.02, 0.05])  # of the size, and [rad]: hypotheses that are one
 _SOFT, _COARSE, _ROUGH = 0.005, 0.01, 0.033  # tolerances of edges over the size, ever less is known
 _EVENT = 25.0  # of chi square: what it must gain that an object comes or goes
 _BAD, _SPREAD = 6.0, 5.0  # chi square of a scan beyond its readings, and times its deviation
@@ -60,12 +61,12 @@ class Way:
     since: int = 99
     before: float = 0.0
 
-    @property
+    @cached_property
     def present(self) -> tuple[int, ...]:
         """Numbers of the objects that are there now."""
         return tuple(int(i) for i in np.flatnonzero(np.isfinite(self.poses[-1][:, 0])))
 
-    @property
+    @cached_property
     def expected(self) -> FloatArray:
         """Where they will be in the next scan (K, 3)."""
         last = found = self.poses[-1]
@@ -239,14 +240,13 @@ def _places(scan: HullScans, outline: FloatArray) -> FloatArray:
 
 def _pruned(found: list[Way], sizes: FloatArray) -> list[Way]:
     """Return the best hypotheses that differ."""
-    same = _SAME * np.stack([sizes, sizes, np.ones(len(sizes))], axis=1)
-    kept: list[Way] = []
-    for way in sorted(found, key=lambda w: w.cost):
-        if all(
-            way.present != other.present or np.nanmax(np.abs(way.poses[-1] - other.poses[-1]) / same) > 1.0
-            for other in kept
-        ):
-            kept.append(way)
+    same = SAME * np.stack([sizes, sizes, np.ones(len(sizes))], axis=1)
+    order = sorted(found, key=lambda w: w.cost)
+    last, kept = np.stack([w.poses[-1] for w in order]) / same, list[int]()
+    for i, way in enumerate(order):
+        alike = [j for j in kept if order[j].present == way.present]
+        if not alike or (np.nanmax(np.abs(last[i] - last[alike]), axis=(1, 2)) > 1.0).all():
+            kept.append(i)
         if len(kept) >= (_AT_FIRST if way.since < _FIRST else _WIDTH):
             break
-    return kept
+    return [order[i] for i in kept]

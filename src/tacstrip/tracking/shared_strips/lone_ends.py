@@ -6,7 +6,7 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.core.rigid import RigidScans
-from tacstrip.tracking.rigid.search import Found, content, search
+from tacstrip.tracking.rigid.search import Found, rigid_stretch
 
 FEWEST = 5  # scans of a stretch
 _MOST, _JUMP = (
@@ -24,18 +24,35 @@ def lone_ends(
     total = len(scans.k)
     jumps = _jumps(scans)
     for from_end in ends:
-        cuts = sorted({total - j if from_end else j for j in jumps}, reverse=True)
-        lengths = [n for n in cuts if FEWEST <= n < total]
-        lengths += [n for p in _PARTS if (n := total // p) >= FEWEST and n not in lengths]
-        for length in lengths:
-            some = range(total - length, total) if from_end else range(length)
-            one = search(scans.of(np.array(some)), distribution, offsets=False, thorough=False)
-            if content(scans.of(np.array(some)), one.fit, distribution):
-                found.append((some, one))
-                break
+        cuts = sorted(
+            {n for j in jumps if FEWEST <= (n := total - j if from_end else j) < total}, reverse=True
+        )
+        parts = [n for p in _PARTS if (n := total // p) >= FEWEST and n not in cuts]
+        best = _longest(scans, [*cuts, *parts], from_end, distribution)
+        least = 0 if best is None else len(best[0])
+        if (
+            least not in cuts
+        ):  # a jump says where a stretch ends: a search may have failed that stays short of it
+            more = [n for n in cuts[::-1] if n > least]
+            best = _longest(scans, more, from_end, distribution, thorough=True) or best
+        if best is not None:
+            found.append(best)
     if len(found) == 2 and found[0][0].stop > found[1][0].start:
         return found[:1]
     return found
+
+
+def _longest(
+    scans: RigidScans, lengths: list[int], from_end: bool, distribution: str, *, thorough: bool = False
+) -> tuple[range, Found] | None:
+    """Return the first of some lengths that a rigid outline explains at an end of all scans, and it."""
+    total = len(scans.k)
+    for length in lengths:
+        some = range(total - length, total) if from_end else range(length)
+        one = rigid_stretch(scans.of(np.array(some)), distribution, thorough=thorough)
+        if one is not None:
+            return some, one
+    return None
 
 
 def _jumps(scans: RigidScans) -> list[int]:

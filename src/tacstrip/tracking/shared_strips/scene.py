@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import zip_longest
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from tacstrip.core.rigid import RigidScans, loss
 from tacstrip.geometry.pose import in_frame, placed
 from tacstrip.reconstruction.polygon.goodness_of_fit import chi_square_score
 from tacstrip.sensor.spec import Sensor
-from tacstrip.tracking.shared_strips.beam import Way, ways
+from tacstrip.tracking.shared_strips.beam import SAME, Way, ways
 from tacstrip.tracking.shared_strips.joint_fit import Scene, expected, fitted, pose_covariances
 
 _BEFORE = 4  # scans before a window that its beam begins with
@@ -30,6 +31,10 @@ _SOFT, _CAUCHY = 0.005, 6.0  # tolerance of edges over the size, and scale of th
 _BAD, _SPREAD = 6.0, 5.0  # chi square of a scan beyond its readings, and times its deviation
 _REPAIRS = 3  # rounds
 _WORST = 0.05  # of the scans that may stay unexplained
+_FIRST, _HOPELESS = (
+    2,
+    0.5,
+)  # candidates, best of each direction; where they leave so many of the scans none will do
 _ALARM, _HARDLY_MORE = 3.5, 1.05  # deviations of chi square, and times the freedom
 _STEADY, _TURNS = 0.003, 0.008  # least deviation of second differences: of the size, and [rad]
 _JERKS = 2.0  # motion that costs so many times what is expected is less smooth than thought
@@ -145,6 +150,7 @@ class _Rows:
     outlines: tuple[FloatArray, ...]
     motion: FloatArray
     alone: BoolArray  # (R, K): known before
+    rivals: tuple[tuple[FloatArray, ...], ...]  # of each outline, as `Alone.rivals`
 
     @property
     def follows(self) -> BoolArray:
@@ -263,7 +269,7 @@ def _rows(
     motion = np.stack([_jerk(one) for one in known])
     return _Rows(
         numbers, HullScans(RigidScans(sensor, names, k, sigma), quiet), poses, tuple(one.corners for one in known),
-        motion, np.isfinite(poses[..., 0]),
+        motion, np.isfinite(poses[..., 0]), tuple(one.rivals for one in known),
     )  # fmt: skip
 
 
@@ -285,9 +291,14 @@ def _unexplained(rows: _Rows, known: Sequence[Alone], readings: Mapping[int, Flo
 
 def _of_window(rows: _Rows, window: IntArray, most: int) -> tuple[Scene, IntArray, list[_Elsewhere]] | None:
     """Return the best scene about a window, its rows, and others that explain the window as well."""
-    candidates = _candidates(rows, window)
     fits: list[tuple[Scene, float, IntArray]] = []
-    for poses, events in candidates:
+    for tried, (poses, events) in enumerate(_candidates(rows, window)):
+        if any(_same_way(poses, scene, np.searchsorted(own, window), rows.sizes) for scene, _, own in fits):
+            continue
+        if tried >= _FIRST and all(
+            len(_bad(_some(rows, own).hull, scene)) > _HOPELESS * len(window) for scene, _, own in fits
+        ):
+            return None
         trial = _with_poses(rows, window, poses)
         part = np.asarray(np.isfinite(poses[..., 0]).any(axis=0))
         chosen = _chosen(trial, window, part, most)
@@ -302,10 +313,22 @@ def _of_window(rows: _Rows, window: IntArray, most: int) -> tuple[Scene, IntArra
         for scene, worse, own in (fits[i] for i in order[1:])
         if worse - cost < _ALIKE and len(at := np.searchsorted(own, window))
     ]
-    best = _settled(_some(rows, chosen), best)
-    if len(_bad(_some(rows, chosen).hull, best)) > _WORST * len(window) + 1:
-        return None
-    return best, chosen, others
+    some, allowed = _some(rows, chosen), _WORST * len(window) + 1
+    best = _settled(some, best)
+    for k, own in enumerate(rows.rivals):  # what scans alone leave open, all scans may decide
+        if len(_bad(some.hull, best)) > allowed and best.present[:, k].any():
+            best, _ = _against_rivals(some, best, k, own)
+    return (best, chosen, others) if len(_bad(some.hull, best)) <= allowed else None
+
+
+def _same_way(poses: FloatArray, scene: Scene, at: IntArray, sizes: FloatArray) -> bool:
+    """Whether poses (W, K, 3) are where a scene that was fitted has them in its rows `at` (W,)."""
+    there = np.isfinite(poses[..., 0])
+    if (there != scene.present[at]).any():
+        return False
+    off = poses - scene.poses[at]
+    off[..., 2] = (off[..., 2] + np.pi) % (2.0 * np.pi) - np.pi
+    return bool((np.abs(off) <= SAME * np.stack([sizes, sizes, np.ones(len(sizes))], axis=1))[there].all())
 
 
 def _with_poses(rows: _Rows, window: IntArray, poses: FloatArray) -> _Rows:
@@ -319,10 +342,13 @@ def _with_poses(rows: _Rows, window: IntArray, poses: FloatArray) -> _Rows:
 
 
 def _candidates(rows: _Rows, window: IntArray) -> list[tuple[FloatArray, float]]:
-    """Return poses (W, K, 3) in a window that may be, and what they cost because something comes or goes."""
+    """Return poses (W, K, 3) in a window that may be, and what they cost because something comes or goes.
+
+    The best of each direction come first.
+    """
     first, last = int(window[0]), int(window[-1])
     follows = rows.follows
-    found: list[tuple[FloatArray, float]] = []
+    found: list[list[tuple[FloatArray, float]]] = []
     for sign, edge in ((-1, first), (1, last)):
         start: list[FloatArray] = []
         row = edge + sign
@@ -340,11 +366,9 @@ def _candidates(rows: _Rows, window: IntArray) -> list[tuple[FloatArray, float]]
             ((w.cost + _jump(rows, w, last + 1 if sign < 0 else first - 1, follows), w) for w in ended),
             key=lambda p: p[0],
         )
-        for _, way in scored[:_CANDIDATES]:
-            poses = np.stack(way.poses[len(start) :])
-            poses = poses if sign < 0 else poses[::-1]
-            found.append((poses, _EVENT * _events(rows, window, poses)))
-    return found
+        own = [np.stack(way.poses[len(start) :])[::-sign] for _, way in scored[:_CANDIDATES]]
+        found.append([(poses, _EVENT * _events(rows, window, poses)) for poses in own])
+    return [one for alike in zip_longest(*found) for one in alike if one is not None]
 
 
 def _jump(rows: _Rows, way: Way, after: int, follows: BoolArray) -> float:

@@ -8,7 +8,8 @@ import { Tracks } from "./tracks.js";
 
 const get = (id) => document.getElementById(id);
 const surface = new Surface(get("surface")), tracks = new Tracks(get("tracks"));
-let sensor = null, control = false, play = false, paused = false, frame = null, waiting = 0, drawing = false, lastMessage = 0, refusedAt = 0;
+let sensor = null, control = false, play = false, paused = false, frame = null, waiting = 0, drawing = false, lastMessage = 0, session = "", refusedAt = 0;
+const FIELDS = ["construction", "strips", "noise", "hz", "method"], force = {}; // what is in force, by field
 const drawn = { count: 0, times: [], frame: null };
 window.tacstrip = drawn; // for the tests
 
@@ -30,8 +31,13 @@ function hear(message) {
     waiting += 1;
     frame = message;
     if (!drawing) { drawing = true; requestAnimationFrame(show); }
-  } else if (message.kind === "hello") { control = message.control; about(message); line("on", control ? "connected" : "connected, look only"); }
+  } else if (message.kind === "hello") {
+    if (message.session !== session) { session = message.session; lastMessage = 0; } // another server: it counts anew
+    control = message.control;
+    about(message);
+    line("on", control ? "connected" : "connected, look only"); }
   else if (message.kind === "state") state(message);
+  else if (message.kind === "refused" && FIELDS.includes(message.field)) refuse(message.field, message.text);
   else if (message.kind === "notice") say(message.text);
   else if (message.kind === "refused" && performance.now() - refusedAt > 500) { refusedAt = performance.now(); say(message.text); }
 }
@@ -63,13 +69,21 @@ function about(message) {
   document.querySelectorAll(".play").forEach((e) => { e.hidden = !play; });
   surface.svg.classList.toggle("surface-look", !control);
   options(get("method"), message.methods, message.method);
+  force.method = message.method;
   if (play) {
     options(get("construction"), message.constructions, sensor.construction);
-    value(get("strips"), sensor.strips);
-    value(get("noise"), +(100 * message.simulator.noise).toFixed(3));
-    value(get("hz"), message.simulator.rate_hz);
+    Object.assign(force, { construction: sensor.construction, strips: sensor.strips, noise: +(100 * message.simulator.noise).toFixed(3), hz: message.simulator.rate_hz });
+    for (const id of ["strips", "noise", "hz"]) value(get(id), force[id]);
   }
   document.querySelectorAll("form button, form select, form input, #record, #examine, #method").forEach((e) => { e.disabled = !control; });
+}
+
+// Say at a field why its number was refused; without a reason, that all is well.
+function refuse(id, why) {
+  const field = get(id), said = get(`${id}-refused`);
+  said.textContent = why && `${why}; ${force[id]} stays in force`;
+  if (why) field.setAttribute("aria-invalid", "true");
+  else field.removeAttribute("aria-invalid");
 }
 
 function options(select, names, chosen) {
@@ -93,7 +107,12 @@ function state(message) {
   get("skipped").textContent = message.late + message.unreadable;
   get("skipped").title = `recorded, but not recovered because the computer was behind: ${message.late}; no readings: ${message.unreadable}`;
   get("draws").textContent = paused ? "paused" : drawn.times.length;
-  line(message.running ? "on" : "off", !message.running ? "the stream has ended" : message.problem || (control ? "connected" : "connected, look only"));
+  const silent = message.running && message.frames > 0 && message.rate_hz === 0;
+  document.body.classList.toggle("no-scans", silent || !message.running);
+  const also = message.command_records.map((path) => `; the command records ${path.split("/").pop()}`).join("");
+  const well = (control ? "connected" : "connected, look only") + also;
+  if (!message.running) line("off", "the stream has ended");
+  else line(silent ? "wait" : "on", message.problem || (silent ? "no scans come" : well));
   const recording = message.recording;
   get("record").setAttribute("aria-pressed", Boolean(recording));
   get("record-text").textContent = recording ? `${recording.scans} scans, ${(recording.bytes / 1e6).toFixed(1)} MB` : "Record";
@@ -171,14 +190,21 @@ get("pause").onclick = pause;
 get("record").onclick = record;
 get("theme").onclick = () => theme(document.documentElement.dataset.theme === "dark" ? "light" : "dark");
 get("examine").onclick = () => link.send({ do: "examine" });
-get("method").onchange = (event) => link.send({ do: "method", method: event.target.value });
+get("method").onchange = (event) => { refuse("method", ""); link.send({ do: "method", method: event.target.value, field: "method" }); };
 get("add").onclick = () => objects.add();
 get("corner").onclick = () => objects.addCorner();
 get("left").onclick = () => objects.turn(Math.PI / 36);
 get("right").onclick = () => objects.turn(-Math.PI / 36);
 get("remove").onclick = () => objects.remove();
 get("play").onsubmit = (event) => event.preventDefault();
-const setting = (id, name, read) => { get(id).onchange = (event) => link.send({ do: "set", settings: { [name]: read(event.target.value) } }); };
+const setting = (id, name, read) => {
+  get(id).onchange = (event) => {
+    refuse(id, "");
+    const field = event.target;
+    if (field.type === "number" && (field.validity.badInput || field.value === "")) refuse(id, "not a number");
+    else link.send({ do: "set", settings: { [name]: read(field.value) }, field: id });
+  };
+};
 setting("construction", "construction", String);
 setting("strips", "strips", Number);
 setting("noise", "noise", (text) => Number(text) / 100);

@@ -79,7 +79,7 @@ export class Objects {
         e.setAttribute("class", on ? "handle chosen" : "handle");
         e.setAttribute("cx", ring[corner][0]);
         e.setAttribute("cy", this.surface.y(ring[corner][1]));
-        e.setAttribute("r", 8 * px);
+        e.setAttribute("r", 12.5 * px); // 24 pixels wide at least, for a finger
       }
     }
     there.forEach((e) => e.remove());
@@ -152,6 +152,14 @@ export class Objects {
       this.chosen = { object: 0, corner: null };
       this.change(this.rings.filter((_, i) => i !== object));
     }
+    this.focusChosen();
+  }
+
+  // Put the focus on what is chosen now, or where a new object comes from.
+  focusChosen() {
+    const { truths } = this.surface.layers;
+    const next = [...truths.children].find((e) => e.dataset.key === `${this.chosen.object}.`);
+    (next ?? document.getElementById("add")).focus({ preventScroll: true });
   }
 
   add() {

@@ -41,6 +41,9 @@ export class Surface {
       const lines = Array.from({ length: sensor.strips - 1 }, (_, i) => `M${(i + 1) * sensor.pitch_mm} 0V${this.length}`);
       make("path", { class: "gaps", d: lines.join(""), "stroke-width": Math.min(0.12 * sensor.pitch_mm, 1) }, skin);
     }
+    if (sensor.closed) {  // where the skin was cut open to lie flat
+      make("path", { class: "seam", d: `M0 0V${this.length}M${this.width} 0V${this.length}`, "vector-effect": "non-scaling-stroke" }, skin);
+    }
     this.axes = make("g", {}, skin);
     this.measure();
   }

@@ -247,4 +247,6 @@ def _encoded(name: str, value: str) -> bytes:
 
 
 def _decoded(field: bytes) -> str:
-    return field.rstrip(b"\0").decode("ascii", "replace")
+    """Return a device's text with a mark in place of each byte that is none, such as an escape for a terminal."""
+    text = field.rstrip(b"\0").decode("ascii", "replace")
+    return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)

@@ -1,0 +1,458 @@
+"""Which column is time, scan, strip or reading: by its name, and by what it holds where names say nothing."""
+
+from __future__ import annotations
+
+import itertools
+from collections import Counter
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from tacstrip.arrays import FloatArray
+from tacstrip.io.log_import.fields import clock_seconds, number_of, says_nothing
+from tacstrip.io.log_import.mapping import CHANNELS
+from tacstrip.io.log_import.names import LENGTHS_MM, Meaning, meaning, meanings, pair_of
+from tacstrip.io.log_import.questions import Clues
+from tacstrip.io.log_import.table import CLOCK, ROW
+
+_ABOVE = 0.95  # of the strips: k_h is above k_l there, and so the names are clear
+_APART = 0.004  # over the largest reading: by which k_h and k_l differ, in the median
+_ON_PITCH = 0.02  # of the pitch
+_ALIKE = 0.02  # relative: two columns that are the same quantity in two units
+_ROLE_NAMES = {"scan": "scan's number", "strip": "strip's number", "which": "channel's name"}
+
+
+@dataclass(frozen=True)
+class Columns:
+    """What the columns are.
+
+    Attributes
+    ----------
+    readings
+        Column -> what it is, as of `ColumnMapping.columns`.
+    meanings
+        Of all columns.
+    time, scan, strip, which
+        Their names; "" where there is none.
+    paired
+        Whether no name tells which of two channels is v_h.
+    strip_step
+        From strip to strip, where the column of the strip says where it lies; else 0.
+    """
+
+    readings: dict[str, str]
+    meanings: dict[str, Meaning] = field(repr=False)
+    time: str = ""
+    scan: str = ""
+    strip: str = ""
+    which: str = ""
+    paired: bool = False
+    strip_step: float = 0.0
+
+
+def find_columns(clues: Clues) -> Columns:
+    """Say what each column is; raises `Unanswered` where no readings can be found without an answer."""
+    known = _meanings(clues)
+    found = _find(clues, known)
+    used = {*found.readings, found.time, found.scan, found.strip, found.which, ROW}
+    if passed := [n for n in clues.table.names if n not in used]:
+        clues.because(f"passed over: {', '.join(passed)}")
+    return found
+
+
+def _meanings(clues: Clues) -> dict[str, Meaning]:
+    table = clues.table
+    named = table.named or any(name in clues.answers for name in table.names)
+    found = meanings(table.names) if named else _unnamed(clues)
+    for name in table.names:
+        if name in (CLOCK, ROW):
+            found[name] = Meaning("time", unit="clock") if name == CLOCK else Meaning("")
+        answer = clues.answers.get(name, "")
+        if answer in ("", name) and name not in clues.answers:
+            continue
+        strip, _, channel = answer.rpartition(":")
+        reading = channel in CHANNELS
+        unit = found[name].unit
+        found[name] = Meaning(
+            "reading" if reading else answer, channel if reading else "", int(strip) if strip else None, unit
+        )
+    return found
+
+
+def _find(clues: Clues, known: dict[str, Meaning]) -> Columns:
+    given = {name: clues.answers[name] for name in clues.table.names if name in clues.answers}
+    which = _which(clues, known)
+    known = {n: Meaning("which") if n == which else m for n, m in known.items()}
+    time = _time(clues, known)
+    scan = _scan(clues, known, time)
+    wide = [n for n, m in known.items() if m.role == "reading" and m.strip is not None]
+    strip, step = _strip(clues, known, which, wide)
+    readings = {n: m for n, m in known.items() if m.role == "reading" and n != strip}
+    if strip:  # a number in a name is then of a channel
+        readings = {
+            n: replace(m, strip=None, channel=m.channel or ("" if m.strip is None else str(m.strip)))
+            for n, m in readings.items()
+        }
+    elif wide:
+        readings = {n: m for n, m in readings.items() if m.strip is not None}
+    if not readings:
+        readings = _by_contents(clues, known, {time, scan, strip, which}, given)
+    if not strip and all(m.strip is None for m in readings.values()):
+        first = next((n for n in clues.table.names if n not in {*readings, time, scan, which}), "")
+        clues.ask(
+            first or clues.table.names[0],
+            "no column says which strip a line is of: name it"
+            + ("" if first else ", or add one with its number"),
+            "strip",
+        )
+        clues.stop()
+    readings = _one_unit(clues, readings)
+    for role, name in (("time", time), ("scan", scan if strip else ""), ("strip", strip), ("which", which)):
+        if name:
+            clues.because(f"{name}: the {_ROLE_NAMES.get(role, role)}")
+    columns, paired = _channels(clues, readings, which)
+    return Columns(columns, known | readings, time, scan if strip else "", strip, which, paired, step)
+
+
+# Roles
+
+
+def _which(clues: Clues, known: dict[str, Meaning]) -> str:
+    """Return the column that says of which channel a line is."""
+    if answered := [n for n, a in clues.answers.items() if a == "which" and n in known]:
+        return answered[0]
+    if clues.expected == ("out",):
+        return ""
+    strips = [n for n, m in known.items() if m.role == "strip"]
+    for name, m in known.items():
+        fields = set(clues.table.column(name))
+        if len(fields) != 2 or name in clues.answers or m.role in ("time", "position"):
+            continue
+        channels = {meaning(f).channel or f.casefold() for f in fields}
+        worded = not any(number_of(f) is not None for f in fields)
+        if (worded and (channels == {"h", "l"} or pair_of(channels))) or (
+            pair_of(channels) and (m.role == "which" or (m.role == "strip" and len(strips) > 1))
+        ):
+            return name
+    return ""
+
+
+def _time(clues: Clues, known: dict[str, Meaning]) -> str:
+    """Return the column of the time: that which never falls and says the most."""
+    there = []
+    for n in [name for name, m in known.items() if m.role == "time"]:
+        fields = clues.table.column(n)
+        numbers = [number_of(f, clues.table.decimal) for f in fields]
+        times = numbers if None not in numbers else [clock_seconds(f) for f in fields]
+        if None in times:
+            if n in clues.answers or (clock_seconds(fields[0]) or numbers[0]) is not None:
+                there.append((n, True, 0))
+            continue
+        falls = any(b < a for a, b in itertools.pairwise(times) if a is not None and b is not None)
+        there.append((n, not falls, len(set(times))))
+    own = [n for n, rises, _ in there if n != CLOCK and rises]
+    if own:  # the device's own clock is better than a monitor's
+        there = [t for t in there if t[0] != CLOCK]
+    there = [t for t in there if t[2] > 1 or len(clues.table.rows) < 2] or there[:1]
+    return max(there, key=lambda t: (t[0] in clues.answers, t[1], t[2]))[0] if there else ""
+
+
+def _scan(clues: Clues, known: dict[str, Meaning], time: str) -> str:
+    """Return the column of the scan's number: one that is not another on each line."""
+    there = {n: len(set(clues.table.column(n))) for n, m in known.items() if m.role == "scan"}
+    many = len(clues.table.rows)
+    fit = {n: count for n, count in there.items() if n in clues.answers or 1 < count < many}
+    return max(fit, key=lambda n: (n in clues.answers, fit[n])) if fit else ""
+
+
+def _strip(clues: Clues, known: dict[str, Meaning], which: str, wide: list[str]) -> tuple[str, float]:
+    """Return the column of the strip, and from strip to strip where it says where that lies."""
+    there = [n for n, m in known.items() if m.role == "strip" and n != which]
+    there = [n for n in there if len(set(clues.table.column(n))) > 1 or n in clues.answers] or there[:1]
+    if wide and there and not any(n in clues.answers for n in there):
+        one = clues.sensor is not None and clues.sensor.strips == 1
+        there = [n for n in there if len(set(clues.table.column(n))) > 1 and not one and len(wide) <= 2]
+    if len(there) > 1:
+        clues.ask(there[1], f"both {there[0]!r} and {there[1]!r} look like the strip: which is not?", "skip")
+    if there:
+        return there[0], 0.0
+    if wide:
+        return "", 0.0
+    for name, m in known.items():
+        if m.role == "position" and (step := _pitches(clues, name, m.unit)):
+            return name, step
+    strips = clues.sensor.strips if clues.sensor else 0
+    for name in clues.table.names:
+        fields = clues.table.column(name)
+        if name == ROW and (not strips or len(set(fields)) == strips):
+            clues.because("each block has a line for each strip, in their order")
+            return name, 0.0
+        unknown = known[name].role in ("", "scan") and name != ROW
+        if unknown and strips > 1 and _cycles(clues.values(name)) and len(set(fields)) == strips:
+            clues.because(f"{name}: {strips} whole numbers that come again and again, as many as strips")
+            return name, 0.0
+    return "", 0.0
+
+
+def _pitches(clues: Clues, name: str, unit: str) -> float:
+    """Return from strip to strip where a column's positions are those of the sensor's strips; else 0."""
+    values = clues.values(name)
+    if clues.sensor is None or any(v is None for v in values):
+        return 0.0
+    places = np.unique([v for v in values if v is not None])
+    for scale in [LENGTHS_MM[unit]] if unit else LENGTHS_MM.values():
+        step = clues.sensor.pitch_mm / scale
+        numbers = places / step
+        whole = (
+            np.abs(numbers - np.round(numbers)) < _ON_PITCH
+        ).all() and numbers.max() - numbers.min() >= 1.0
+        if whole and numbers.min() > -0.5 and numbers.max() <= clues.sensor.strips - 0.5:
+            clues.because(
+                f"{name}: multiples of the pitch, {clues.sensor.pitch_mm:g} mm, so they are the strips"
+            )
+            return step
+    return 0.0
+
+
+def _by_contents(
+    clues: Clues, known: dict[str, Meaning], taken: set[str], given: dict[str, str]
+) -> dict[str, Meaning]:
+    """Return as readings the columns of numbers that are left, if there are as many as channels; else ask."""
+    left = [
+        n
+        for n, m in known.items()
+        if n not in taken
+        and n not in given
+        and m.role in ("", "which", "position")
+        and n != ROW
+        and _numeric(clues, n)
+    ]
+    many = (1,) if clues.expected == ("out",) else (2,) if clues.expected else (1, 2)
+    if len(left) in many and taken - {""}:
+        clues.because(f"{' and '.join(left)}: the only numbers that are left, so they are the readings")
+        channels = ("1", "2") if len(left) == 2 else ("",)
+        return {n: Meaning("reading", c, unit=known[n].unit) for n, c in zip(left, channels, strict=True)}
+    shown = ", ".join(clues.table.names[:8]) + (", ..." if len(clues.table.names) > 8 else "")
+    clues.ask(
+        (left or list(clues.table.names))[-1],
+        f"no column's name says that it holds readings (they are: {shown}); say it, of each that does",
+        *(clues.expected or ("h", "l", "out")),
+    )
+    clues.stop()
+    raise AssertionError
+
+
+def _numeric(clues: Clues, name: str) -> bool:
+    fields = [f for f in clues.table.column(name) if not says_nothing(f)]
+    return bool(fields) and all(number_of(f, clues.table.decimal) is not None for f in fields)
+
+
+# Channels
+
+
+def _one_unit(clues: Clues, readings: dict[str, Meaning]) -> dict[str, Meaning]:
+    """Return readings without those that say the same again in another unit, such as codes beside volts."""
+    groups: dict[str, dict[tuple[int | None, str], str]] = {}
+    for name, m in readings.items():
+        groups.setdefault(m.unit or ("V" if m.volts else ""), {})[m.strip, m.channel] = name
+    if len(groups) != 2 or sum(map(len, groups.values())) < len(readings):
+        return readings
+    (one, first), (other, second) = groups.items()
+    if set(first) != set(second):
+        return readings
+    for key, name in first.items():
+        a, b = (np.array([np.nan if v is None else v for v in clues.values(n)]) for n in (name, second[key]))
+        ratio = (a / b)[
+            np.isfinite(a) & np.isfinite(b) & (np.abs(b) > 0.1 * np.nanmax(np.abs(b), initial=0.0))
+        ]
+        if len(ratio) and np.ptp(ratio) > _ALIKE * abs(float(np.median(ratio))):
+            return readings
+    volts = first if one in ("V", "mV") else second if other in ("V", "mV") else first
+    out = second if volts is first else first
+    clues.because(f"{next(iter(out.values()))}: the same readings again in another unit; passed over")
+    return {n: m for n, m in readings.items() if n in volts.values()}
+
+
+def _channels(clues: Clues, readings: dict[str, Meaning], which: str) -> tuple[dict[str, str], bool]:
+    """Return column -> what it is, and whether the readings must tell the ends (`ends_of`)."""
+    kinds = {m.channel for m in readings.values()}
+    per_strip = Counter(m.strip for m in readings.values())
+    expected = clues.expected or (("h", "l") if kinds & {"h", "l"} or len(kinds) == 2 or which else ("out",))
+    paired = False
+    if which:
+        chosen = dict.fromkeys(readings, "h")
+    elif expected == ("out",):
+        if kinds & {"h", "l"} and max(per_strip.values()) == 1 and len(kinds) == 1:
+            name = next(iter(readings))
+            clues.ask(
+                name,
+                f"{name!r} looks like one of two channels, and the sensor has one output: is it that?",
+                "out",
+            )
+        chosen = dict.fromkeys(readings, "out")
+    elif kinds <= {"h", "l"}:
+        chosen = {n: m.channel for n, m in readings.items()}
+    elif len(kinds) == 2 and (pair := pair_of(kinds)):
+        chosen = {n: "h" if m.channel == pair[0] else "l" for n, m in readings.items()}
+        paired = True
+    elif len(kinds) == 1 and len(expected) == 2:
+        numbers = sorted(s for s in per_strip if s is not None)
+        if clues.sensor and len(numbers) == 2 * clues.sensor.strips:
+            return _numbered(clues, readings, numbers), False
+        name = next(iter(readings))
+        clues.ask(
+            name,
+            f"there is one reading for each strip, and the sensor has two: is {name!r} v_h or v_l?",
+            "h",
+            "l",
+        )
+        chosen = dict.fromkeys(readings, "h")
+    else:
+        for odd in [n for n, m in readings.items() if m.channel not in ("h", "l")]:
+            clues.ask(odd, f"is {odd!r} v_h, v_l, or neither?", "h", "l", "skip")
+        chosen = dict.fromkeys(readings, "h")
+        clues.stop()
+    many = Counter((m.strip, chosen[n]) for n, m in readings.items())
+    if twice := [n for n, m in readings.items() if many[m.strip, chosen[n]] > 1]:
+        clues.ask(
+            twice[1], f"{twice[0]!r} and {twice[1]!r} look like the same channel of a strip: which is it?",
+            "skip", *(expected if len(expected) > 1 else ()),
+        )  # fmt: skip
+        clues.stop()
+    for channel in CHANNELS:
+        if names := [n for n in readings if chosen[n] == channel and not paired and not which]:
+            clues.because(f"{names[0]}{' ... ' + names[-1] if len(names) > 1 else ''}: v_{channel}")
+    return {
+        n: chosen[n] if m.strip is None else f"{m.strip}:{chosen[n]}" for n, m in readings.items()
+    }, paired
+
+
+def _numbered(clues: Clues, readings: dict[str, Meaning], numbers: list[int]) -> dict[str, str]:
+    """Take 2 n numbered inputs as h and l of n strips, in the order that the readings allow."""
+    assert clues.sensor is not None
+    by_number = {m.strip: n for n, m in readings.items()}
+    names = [by_number[i] for i in numbers]
+    order = _order(clues, names, f"{names[0]} to {names[-1]} are two for each strip")
+    many = clues.sensor.strips
+    at = [(n // 2, n % 2) if order == "alternating" else (n % many, n // many) for n in range(2 * many)]
+    return {name: f"{strip}:{'hl'[end]}" for name, (strip, end) in zip(names, at, strict=True)}
+
+
+def _order(clues: Clues, names: list[str], said: str) -> str:
+    """Return in which order columns of h and l stand: that in which k_h is the larger, if only one is."""
+    if answer := clues.choice("order", ("alternating", "blocks")):
+        return answer
+    table = np.array([[np.nan if v is None or v < 0.0 else v for v in clues.values(n)] for n in names]).T
+    half = len(names) // 2
+    ways = {"alternating": (table[:, 0::2], table[:, 1::2]), "blocks": (table[:, :half], table[:, half:])}
+    # Where one channel says that nothing touches, the other does.
+    holds = [
+        way
+        for way, (high, low) in ways.items()
+        if above(high, low)
+        and (np.isnan(high) == np.isnan(low)).all()
+        and ((high == 0.0) == (low == 0.0)).all()
+    ]
+    if len(holds) == 1:
+        clues.because(f"columns are {holds[0]}: only so is k_h above k_l everywhere, as it must be")
+        return holds[0]
+    clues.ask(
+        "order",
+        f"{said}: h, l, h, l, ... (alternating), or all h and then all l (blocks)?",
+        "alternating",
+        "blocks",
+    )
+    return "alternating"
+
+
+# Tables without names
+
+
+def _unnamed(clues: Clues) -> dict[str, Meaning]:
+    """Say what the columns of a table without names are, from their number and how they rise."""
+    sensor, names = clues.sensor, [n for n in clues.table.names if n not in (CLOCK, ROW)]
+    found = {n: Meaning("") for n in clues.table.names}
+    labels = [n for n in names if not n.startswith("column ")]  # of lines between blocks
+    found |= {n: meaning(n) for n in labels}
+    texts = {n: set(clues.table.column(n)) for n in names}
+    which = [n for n in names if {meaning(f).channel for f in texts[n]} == {"h", "l"} and len(texts[n]) == 2]
+    constant = [
+        n for n in names if len(texts[n]) == 1 and not (_numeric(clues, n) or says_nothing(*texts[n]))
+    ]
+    names = [n for n in names if n not in (*labels, *which, *constant)]
+    found |= {n: Meaning("which") for n in which}
+    values = {n: clues.values(n) for n in names}
+    channels = 1 if which else max(len(clues.expected), 1)
+    wide = channels * sensor.strips if sensor else 0
+    clocks = [n for n in names if all(clock_seconds(t) is not None for t in texts[n])]
+    rising = [n for n in names if _rises(values[n]) or n in clocks]
+    spare = len(names) - wide - len(set(rising) & set(names[:2]))
+    if sensor and spare > 0 and not any(clues.table.column(names[-1])):  # each line ends with a separator
+        names = names[:-1]
+    extra, rest = names[: len(names) - wide], names[len(names) - wide :]
+    if sensor and 0 <= len(extra) <= 2 and set(rising) >= set(extra) and len(rest) == wide:
+        found |= {n: Meaning("scan") for n in extra[:-1]} | {n: Meaning("time") for n in extra[-1:]}
+        if extra:
+            clues.because(f"{extra[-1]}: rises from line to line, so it is the time")
+        order = _order(clues, rest, "the columns have no names") if channels == 2 else ""
+        for n, name in enumerate(rest):
+            alternating = order == "alternating" or channels == 1
+            strip, end = divmod(n, channels) if alternating else (n % sensor.strips, n // sensor.strips)
+            found[name] = Meaning("reading", "" if which else clues.expected[end], strip)
+        clues.because(f"{wide} columns without names are the {sensor.strips} strips in their order")
+        return found
+    cycles = [n for n in names if _cycles(values[n])]
+    rest = [n for n in names if n not in cycles and n not in rising]
+    told = ROW in clues.table.names or "strip" in {m.role for m in found.values()}
+    placed = len(cycles) == 1 or (not cycles and told)
+    if placed and len(rest) in (1, 2) and (not sensor or len(rest) == channels):
+        found |= dict(
+            zip(rest, (Meaning("reading", c) for c in ("ab" if len(rest) == 2 else ("",))), strict=False)
+        )
+        found |= {n: Meaning("time" if n == rising[-1] or n in clocks else "scan") for n in rising}
+        for name in cycles:
+            found[name] = Meaning("strip")
+            clues.because(f"{name}: whole numbers that come again and again, so they are the strips")
+        return found
+    first = (names or list(clues.table.names))[0]
+    clues.ask(
+        first,
+        f"the {len(names)} columns have no names: say what each is"
+        + ("" if sensor else "; or name the SENSOR, whose strips may tell"),
+        "time", "strip", "h",
+    )  # fmt: skip
+    clues.stop()
+    raise AssertionError
+
+
+def _rises(values: list[float | None]) -> bool:
+    numbers = [v for v in values if v is not None]
+    steps = np.diff(numbers)
+    return len(numbers) == len(values) > 1 and bool((steps >= 0.0).all()) and numbers[-1] > numbers[0]
+
+
+def _cycles(values: list[float | None]) -> bool:
+    """Return whether these are whole numbers from 0 or 1 on, all as often, in runs that begin anew."""
+    if any(v is None or v != int(v) for v in values) or len(values) < 4:
+        return False
+    numbers = [int(v) for v in values if v is not None]
+    many = Counter(numbers)
+    distinct = sorted(many)
+    return (
+        len(distinct) > 1
+        and distinct == list(range(distinct[0], distinct[0] + len(distinct)))
+        and distinct[0] in (0, 1)
+        and len(set(many.values())) == 1
+        and (numbers[: len(distinct)] == distinct or numbers[: len(distinct)] == distinct[::-1])
+    )
+
+
+def above(high: FloatArray, low: FloatArray) -> bool:
+    """Return whether one of two channels is the larger nearly everywhere, and clearly so in the median."""
+    apart = (high - low)[
+        np.isfinite(high - low) & ((high != 0.0) | (low != 0.0))
+    ]  # both are 0 where nothing touches
+    if len(apart) < 2:
+        return False
+    scale = float(np.nanmax(np.abs(np.stack([high, low]))))
+    return bool((apart >= -_APART * scale).mean() >= _ABOVE and np.median(apart) > _APART * scale)

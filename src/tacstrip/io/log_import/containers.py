@@ -1,0 +1,184 @@
+"""Logs in files that are no text: spreadsheets, NumPy archives, Parquet; and a log's file of any kind as a table."""
+
+from __future__ import annotations
+
+import importlib
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from tacstrip.errors import OptionError, ReadingError
+from tacstrip.files import why_unreadable
+from tacstrip.io.log_import.names import meanings
+from tacstrip.io.log_import.shape import in_normal_form
+from tacstrip.io.log_import.table import Table, decimal_mark, flattened, headed, text_of
+from tacstrip.io.log_import.text import decoded, of_text
+
+
+class SeveralSheets(Exception):  # noqa: N818, a question
+    """Names of the sheets of a workbook, of which one must be chosen."""
+
+
+def read_table(path: str | Path, sheet: str | None = None) -> Table:
+    """Read a log: .csv, .tsv, .txt, .log, .json, .jsonl and other text, .xlsx, .npz, .parquet.
+
+    Parameters
+    ----------
+    path
+        The file.
+    sheet
+        Of a workbook; None: its only one that holds readings.
+
+    Raises
+    ------
+    ReadingError
+        It cannot be read, or has no table.
+    OptionError
+        A library that it needs is not there.
+    """
+    if unreadable := why_unreadable(path):
+        raise ReadingError(f"{path}: {unreadable}")
+    file = Path(path)
+    try:
+        match file.suffix.lower():
+            case ".xlsx" | ".xlsm":
+                return _of_workbook(file, _sheets(file), sheet)
+            case ".npz":
+                return _of_arrays(_archive(file), path)
+            case ".parquet":
+                return of_columns(_parquet(file))
+            case ".xls" | ".ods" | ".mat" | ".h5" | ".hdf5":
+                raise ReadingError(f"{path}: not a form that is read here; export it as CSV")
+            case _:
+                return of_text(decoded(file), path)
+    except FileNotFoundError:
+        raise ReadingError(f"{path}: no such file") from None
+    except OSError as error:
+        raise ReadingError(f"{path}: cannot be read ({error.strerror or error})") from None
+
+
+def of_columns(columns: Mapping[str, Iterable[Any]]) -> Table:
+    """Return columns of values as a table in normal form; None and NaN are empty fields."""
+    rows = [[_field(value) for value in row] for row in zip(*columns.values(), strict=True)]
+    return in_normal_form(Table(tuple(columns), rows, list(range(1, len(rows) + 1))))
+
+
+def _field(value: Any) -> str:
+    array = isinstance(value, list | tuple | np.ndarray)
+    return "[" + ", ".join(_field(v) or "null" for v in value) + "]" if array else text_of(value)
+
+
+@contextmanager
+def _library_at_work(file: Path) -> Iterator[None]:
+    """Turn whatever a library raises on a damaged file of its own form into a `ReadingError`."""
+    try:
+        yield
+    except OSError:
+        raise
+    except Exception as error:
+        raise ReadingError(
+            f"{file}: no {file.suffix} file, or a damaged one ({type(error).__name__})"
+        ) from None
+
+
+def _sheets(file: Path) -> dict[str, list[list[Any]]]:
+    """Return the cells of the sheets of a workbook that hold something, by name."""
+    openpyxl = _library("openpyxl", file, "spreadsheet")
+    with file.open("rb") as opened, _library_at_work(file):
+        book = openpyxl.load_workbook(opened, read_only=True, data_only=True)
+        found = {ws.title: [list(row) for row in ws.iter_rows(values_only=True)] for ws in book.worksheets}
+    return {title: rows for title, rows in found.items() if any(text_of(c) for row in rows for c in row)}
+
+
+def _of_workbook(file: Path, sheets: dict[str, list[list[Any]]], name: str | None) -> Table:
+    if name is not None and name not in sheets:
+        raise ReadingError(f"{file}: no sheet {name!r}; it has: {', '.join(sheets) or 'nothing'}")
+    if not sheets:
+        raise ReadingError(f"{file}: the workbook is empty")
+    if name is not None or len(sheets) == 1:
+        return _of_cells(sheets[name or next(iter(sheets))], file)
+    tables = {title: _of_cells(rows, file) for title, rows in sheets.items()}
+    read = [title for title, table in tables.items() if table.named and table.rows and _holds_readings(table)]
+    if len(read) != 1:
+        raise SeveralSheets(", ".join(read or sheets))
+    told = f"sheet {read[0]!r}: the only one with readings"
+    return replace(tables[read[0]], remarks=(told, *tables[read[0]].remarks))
+
+
+def _holds_readings(table: Table) -> bool:
+    return any(m.role == "reading" for m in meanings(table.names).values())
+
+
+def _of_cells(cells: list[list[Any]], path: str | Path) -> Table:
+    written = [[c if isinstance(c, str) else "" for c in row] for row in cells]
+    width = max(len(row) for row in cells)
+    comma = decimal_mark([[c.strip() for c in row] + [""] * (width - len(row)) for row in written]) == ","
+    rows = [
+        [c.strip().replace(",", ".") if comma and isinstance(c, str) and _is_comma(c) else text_of(c) for c in row]
+        for row in cells
+    ]  # fmt: skip
+    numbered = [(i, row) for i, row in enumerate(rows, 1) if any(row)]
+    if not numbered:
+        raise ReadingError(f"{path}: the sheet is empty")
+    lengths = [max(n + 1 for n, cell in enumerate(row) if cell) for _, row in numbered]
+    width = Counter(lengths).most_common(1)[0][0]
+    width = max(
+        [width, *(n for n in lengths[:6] if n > 1)]
+    )  # names may reach further than the first readings
+    told = ("decimal commas in text cells",) if comma else ()
+    split = [(i, [*row[:width], *[""] * (width - len(row))]) for i, row in numbered]
+    return in_normal_form(headed(split, width, ".", told))
+
+
+def _is_comma(text: str) -> bool:
+    return text.count(",") == 1 and text.strip().strip("+-").replace(",", "").isdigit()
+
+
+def _archive(file: Path) -> dict[str, npt.NDArray[Any]]:
+    with file.open("rb") as opened, _library_at_work(file), np.load(opened, allow_pickle=False) as archive:
+        return {name: archive[name] for name in archive.files}
+
+
+def _parquet(file: Path) -> dict[str, list[Any]]:
+    parquet = _library("pyarrow.parquet", file, "data")
+    with file.open("rb") as opened, _library_at_work(file):
+        columns: dict[str, list[Any]] = parquet.read_table(opened).to_pydict()
+    return columns
+
+
+def _of_arrays(arrays: dict[str, npt.NDArray[Any]], path: str | Path) -> Table:
+    """Return the arrays of a NumPy archive: their first axis is the scans, others are strips and channels."""
+    lengths = Counter(a.shape[0] for a in arrays.values() if 1 <= a.ndim <= 3)
+    if not lengths:
+        raise ReadingError(f"{path}: no array of scans (scans,) or (scans, strips) in it")
+    clocks = [len(a) for name, a in arrays.items() if a.ndim == 1 and meanings([name])[name].role == "time"]
+    scans = clocks[0] if clocks else max(lengths.items(), key=lambda item: (item[1], item[0]))[0]
+    arrays = {
+        name: a.T if a.ndim == 2 and a.shape[0] != scans == a.shape[1] else a for name, a in arrays.items()
+    }
+    used = {name: a for name, a in arrays.items() if 1 <= a.ndim <= 3 and a.shape[0] == scans}
+    passed = [name for name in arrays if name not in used]
+    records = [
+        {key: text for name, a in used.items() for key, text in flattened(name, a[n].tolist()).items()}
+        for n in range(scans)
+    ]
+    if not records or not records[0]:
+        raise ReadingError(f"{path}: its arrays hold nothing")
+    remarks = (f"arrays of another length passed over: {', '.join(passed)}",) if passed else ()
+    names = tuple(records[0])
+    return Table(names, [list(r.values()) for r in records], list(range(1, scans + 1)), remarks=remarks)
+
+
+def _library(name: str, path: str | Path, extra: str) -> Any:
+    try:
+        return importlib.import_module(name)
+    except ImportError:
+        raise OptionError(
+            f"{path}: reading it needs {name}: pip install 'tacstrip[{extra}]', or save it as CSV"
+        ) from None

@@ -1,0 +1,185 @@
+"""What one field of a log says: a number, perhaps with its unit, a time, an array, or that nothing touches."""
+
+from __future__ import annotations
+
+import json
+import re
+from datetime import date
+from functools import lru_cache
+from typing import Any
+
+from tacstrip.io.log_import.names import UNITS
+
+# What stands for an untouched strip in anybody's log.
+NOTHING = frozenset(
+    {"", "nan", "na", "n/a", "n.a.", "#n/a", "<na>", "nat", "-", "--", "---", "null", "none", "open", "untouched"}
+    | {"-nan", "nc", "n.c.", "n.v.", "no contact", "[]", "{}", "offen", "leer", "vide", "\u2013", "\u2014"}
+)  # fmt: skip
+_NO_NUMBER = re.compile(r"(?:-?nan|n/?a|-+)\s?(?:m?V|ms|s|%|LSB)?", re.IGNORECASE)
+_PLAIN = re.compile(r"[+-]?\d+(?:\.\d+)?\Z")
+_NUMBER = re.compile(r"([+-]?)([\d.,' ]*\d[.,]?|0x[\da-f]+)(e[+-]?\d+)?\s*([a-zµ%]*)\Z", re.IGNORECASE)
+_DAY_S = 86400.0
+_GROUPED = re.compile(r"(?<=\d)[ '\u2009\u202f\xa0](?=\d{3}(?!\d))")
+_OF_DAY = r"(?P<h>\d{1,2}):(?P<m>\d\d):(?P<s>\d\d(?:[.,]\d+|:\d{3,6})?)\s*(?P<half>[AaPp]\.?[Mm]\.?)?"
+_DATE = (
+    r"(?:(?P<Y>\d{4})[-/.](?P<M>\d\d?)[-/.](?P<D>\d\d?)"
+    r"|(?P<a>\d\d?)(?P<mark>[-/. ])(?P<b>\d\d?|[A-Za-z]{3,9}\.?)[-/. ](?P<y>\d{4}|\d\d))"
+)
+_ZONE = r"\s*(?:Z|UTC|[+-]\d\d:?\d\d)?"
+STAMP = rf"(?:{_DATE}(?:[T_]|,? +))?{_OF_DAY}{_ZONE}"  # a date, if any, and a time of day
+_CLOCK = re.compile(rf"(?:{_DATE}[T ,_]+)?{_OF_DAY}{_ZONE}")
+_COMPACT = re.compile(r"(\d{4})(\d\d)(\d\d)[T_ -](\d\d)(\d\d)(\d\d(?:\.\d+)?)")
+_MINUTES = re.compile(r"(\d{1,3}):(\d\d(?:[.,]\d+)?)")
+_MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
+
+
+def says_nothing(text: str) -> bool:
+    """Return whether a field says that nothing touches: empty, or a word such as "n/a" or "nan V".
+
+    Examples
+    --------
+    >>> says_nothing("---"), says_nothing("nanV"), says_nothing("0"), says_nothing("OL")
+    (True, True, False, False)
+    """
+    return text.casefold() in NOTHING or bool(_NO_NUMBER.fullmatch(text))
+
+
+@lru_cache(maxsize=2**16)
+def quantity(text: str, decimal: str = ".") -> tuple[float, str] | None:
+    """Return a field's number and unit ("" where it has none); None where it is no number.
+
+    Examples
+    --------
+    >>> quantity("2,50 V", ","), quantity("0x1FF"), quantity("12 34"), quantity("1.234,5", ",")
+    ((2.5, 'V'), (511.0, ''), None, (1234.5, ''))
+    """
+    if _PLAIN.match(text) and (decimal == "." or "." not in text):
+        return float(text), ""
+    text = (
+        text.strip()
+        .replace("\u202f", " ")
+        .replace("\xa0", " ")
+        .replace("\u2212", "-")
+        .replace("\u03bc", "\u00b5")
+    )
+    found = _NUMBER.match(text) if text.isascii() or "µ" in text else None
+    if not found:
+        return None
+    sign, digits, power, word = found.groups()
+    unit = UNITS.get(word) or UNITS.get(word.lower(), "")
+    if word and not unit:
+        return None
+    if digits[:2].casefold() == "0x":
+        return (float(int(digits, 16)), unit) if not (sign or power) else None
+    whole, _, rest = digits.partition(decimal)
+    other = r"\." if decimal == "," else ","
+    if not re.fullmatch(rf"\d*|\d{{1,3}}(?:[{other}' ]\d{{3}})+", whole) or not re.fullmatch(r"\d*", rest):
+        return None
+    value = float(f"{sign}{re.sub('[^0-9]', '', whole) or 0}.{rest or 0}{power or ''}")
+    return (value, unit) if abs(value) < float("inf") else None
+
+
+def ungrouped(text: str) -> str:
+    """Return a field without the spaces or apostrophes that mark thousands.
+
+    Examples
+    --------
+    >>> ungrouped("2 756,6"), ungrouped("12 34")
+    ('2756,6', '12 34')
+    """
+    return (
+        _GROUPED.sub("", text)
+        if re.match(r"[+-]?\d{1,3}(?:[ '\u2009\u202f\xa0]\d{3})+(?!\d)", text)
+        else text
+    )
+
+
+def number_of(text: str, decimal: str = ".") -> float | None:
+    """Return a field's number, without its unit; None where it is none.
+
+    Examples
+    --------
+    >>> number_of("2,50 V", ","), number_of("512"), number_of("n/a")
+    (2.5, 512.0, None)
+    """
+    found = quantity(text, decimal)
+    return found[0] if found else None
+
+
+def clock_seconds(text: str) -> float | None:
+    """Return a time of day, a date with time, or minutes and seconds in seconds; None where it is none of these.
+
+    Examples
+    --------
+    >>> clock_seconds("3:04:05,5 PM"), clock_seconds("01:02.5"), clock_seconds("2.5")
+    (54245.5, 62.5, None)
+    """
+    text = text.strip()
+    if found := _MINUTES.fullmatch(text):
+        return int(found[1]) * 60.0 + float(found[2].replace(",", "."))
+    if found := _COMPACT.fullmatch(text):
+        year, month, day, hour, minute, second = found.groups()
+        part = int(hour) * 3600.0 + int(minute) * 60.0 + float(second)
+        days = _days(int(year), month, int(day))
+        return None if days is None else days * _DAY_S + part
+    found = _CLOCK.fullmatch(text)
+    if not found:
+        return None
+    hour, half = int(found["h"]), (found["half"] or "").casefold()[:1]
+    if half and not 1 <= hour <= 12:
+        return None
+    hour = hour % 12 + 12 * (half == "p") if half else hour
+    seconds = float(re.sub("[,:]", ".", found["s"]))
+    if hour > 24 or int(found["m"]) > 59 or seconds > 61.0:
+        return None
+    of_day = hour * 3600.0 + int(found["m"]) * 60.0 + seconds
+    if found["Y"]:
+        days = _days(int(found["Y"]), found["M"], int(found["D"]))
+    elif found["a"]:
+        days = _of_other_order(found)
+    else:
+        return of_day
+    return None if days is None else days * _DAY_S + of_day
+
+
+def is_value(cell: str, decimal: str) -> bool:
+    """Return whether a field is a number, a time or a date."""
+    return (
+        number_of(cell, decimal) is not None
+        or clock_seconds(cell) is not None
+        or bool(re.fullmatch(_DATE, cell) or re.fullmatch(r"\d[\d:.\-T ]+Z?", cell))
+    )
+
+
+def array_of(text: str) -> list[Any] | None:
+    """Return a field such as "[1, 2, null]" or "[1. 2. nan]" as a list, perhaps of lists; None where it is none."""
+    if not (text.startswith(("[", "(")) and text.endswith(("]", ")"))):
+        return None
+    plain = text.replace("(", "[").replace(")", "]")
+    plain = re.sub(r"\b(?:nan|none|null)\b", "null", plain, flags=re.IGNORECASE)
+    plain = re.sub(r"(?<=[\d.l\]])\s+(?=[-+\d.n\[])", ", ", plain)  # as NumPy writes it
+    plain = re.sub(r"(?<=\d)\.(?=\D)", ".0", re.sub(r"(?<=[\[\s,])\.(?=\d)", "0.", plain))
+    try:
+        found = json.loads(re.sub(r"[,;]\s*\]", "]", plain.replace(";", ",")))
+    except (ValueError, RecursionError):
+        return None
+    return found if isinstance(found, list) and found else None
+
+
+def _of_other_order(found: re.Match[str]) -> float | None:
+    """Return the day of 4.3.2026, 04-Mar-26 or 3/4/2026 (of America, unless it cannot be)."""
+    first, second = int(found["a"]), found["b"]
+    year = int(found["y"]) + 2000 * (len(found["y"]) == 2)
+    if found["mark"] == "/" and second.isdigit() and first <= 12:
+        return _days(year, str(first), int(second)) or _days(year, second, first)
+    return _days(year, second, first)
+
+
+def _days(year: int, month: str, day: int) -> float | None:
+    """Return days since 1970; None where there is no such day."""
+    name = month.casefold()[:3]
+    try:
+        number = int(month) if month.isdigit() else _MONTHS.index(name) + 1
+        return float(date(year, number, day).toordinal() - date(1970, 1, 1).toordinal())
+    except ValueError:
+        return None

@@ -1,0 +1,346 @@
+"""What the numbers of a log are in: the unit of readings and of the time, what stands for no contact."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+
+from tacstrip.arrays import FloatArray
+from tacstrip.errors import ReadingError
+from tacstrip.io.log_import.columns import Columns
+from tacstrip.io.log_import.fields import clock_seconds, number_of, says_nothing
+from tacstrip.io.log_import.mapping import RESTARTS, ColumnMapping
+from tacstrip.io.log_import.names import READING_UNITS, TIME_UNITS
+from tacstrip.io.log_import.questions import Clues
+from tacstrip.io.log_import.scans import LogScan, raw_times
+
+_RATES_HZ = (0.12, 5000.0)  # scans per second that a log may have
+_POSSIBLE_S = (2e-5, 3600.0)  # from scan to scan
+_SENTINELS = (999.0, 9999.0, 99999.0, 32767.0, 65535.0, 99.9, 99.99, 999.9, 999.99)
+_NEAR_0 = 0.01  # of the largest reading; and of the most that there can be
+_GAP = 5.0  # times: how far above what is nearly 0 the other readings begin, where that is the noise of open inputs
+_MANY = 0.05  # of the readings: more that are exactly 0 are no chance
+# Of what there can be: a unit in which a log uses less is out where it uses as much in another.
+_LITTLE, _MUCH = 0.21, 0.5
+_BITS = (8, 10, 12, 14, 16, 24)
+_FEW_CODES = 6  # distinct readings that lie on a converter's steps: no chance
+_CLOCK_BITS = (16, 32)
+_JUMP = 5.0  # usual steps: so much a clock may rise where it begins anew
+_EPOCHS = {"s": 1e9, "ms": 1e12, "us": 1e15, "ns": 1e18}  # since 1970, up to 2.2 times that
+_SAME_TIME = 0.5  # of the scans: if more have the time of the one before, the clock is too coarse
+_RATE = re.compile(
+    r"\b(?:\w*(?:rate|frequenz|frequency|fs|freq|takt)\w*)\b[^\d\n]{0,20}?([\d.,]+)\s*(k?)(?:hz|sps|s/s|1/s)",
+    re.IGNORECASE,
+)
+_PERIOD = re.compile(
+    r"\b(?:\w*(?:interval|period|intervall|periode|delta[ _]?[tx]|dt|time ?step|schrittweite)\w*)\b[^\d\n]{0,20}?"
+    r"([\d.,]+(?:e[+-]?\d+)?)[\s,;]*(s|ms|us|µs|sec|seconds|msec)\b",
+    re.IGNORECASE,
+)
+
+
+# Time
+
+
+def with_time(clues: Clues, mapping: ColumnMapping, found: Columns) -> ColumnMapping:
+    """Return the mapping with the unit of its time and what its clock does, as far as the column says it."""
+    if not found.time:
+        return mapping
+    clues.choice("restart", RESTARTS)
+    unit = clues.choice("time_unit", (*TIME_UNITS, "clock")) or _unit_of_name(clues, found)
+    mapping = replace(mapping, time_unit=unit or "s")
+    times = raw_times(clues.table, mapping)
+    if not unit and (since := [u for u, s in _EPOCHS.items() if s <= abs(times[0]) <= 2.2 * s]):
+        clues.because(f"{found.time}: {since[0]} since 1970")
+        unit = since[0]
+    steps = np.diff(times)
+    mapping = replace(mapping, time_unit=unit)
+    return (
+        mapping
+        if unit == "clock"
+        else replace(mapping, time_bits=_clock_bits(clues, found.time, times, steps))
+    )
+
+
+def _unit_of_name(clues: Clues, found: Columns) -> str:
+    first = clues.table.column(found.time)[0]
+    if number_of(first, clues.table.decimal) is None and clock_seconds(first) is not None:
+        clues.because(f"{found.time}: times of day or dates, such as {first}")
+        return "clock"
+    unit = found.meanings[found.time].unit
+    return unit if unit in TIME_UNITS else ""
+
+
+def _clock_bits(clues: Clues, name: str, times: FloatArray, steps: FloatArray) -> int:
+    """Return how many bits a clock has that falls only where these are full; 0 where it never falls, or otherwise."""
+    falls, rises = steps[steps < 0.0], steps[steps > 0.0]
+    if not len(falls) or not len(rises) or (times != np.round(times)).any():
+        return 0
+    for bits in _CLOCK_BITS:
+        over = falls + 2.0**bits
+        if times.max() < 2.0**bits and (over > 0.0).all() and (over <= _JUMP * rises.max()).all():
+            clues.because(f"{name}: a clock of {bits} bits, for it begins anew where these are full")
+            return bits
+    return 0
+
+
+def settled_time(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> ColumnMapping:
+    """Return the mapping with the unit of its time, by the steps from scan to scan, or with its rate."""
+    rate = clues.number("rate_hz")
+    if mapping.time and len(rough) > 1:
+        steps = np.diff([s.time_s for s in rough])
+        if (steps == 0.0).mean() > _SAME_TIME:
+            if (steps != 0.0).any() or rate is None:
+                clues.because(
+                    f"{mapping.time}: most scans have the time of the one before, so it says nothing"
+                )
+            mapping = replace(mapping, time="", time_unit="s", time_bits=0)
+    if not mapping.time:
+        rate = rate or _rate_above(clues)
+        if rate is None and len(rough) > 1:
+            clues.ask(
+                "rate_hz", f"the log has {len(rough)} scans and no time: how many scans per second?", "50"
+            )
+        return replace(mapping, rate_hz=rate or 0.0)
+    steps = np.diff([s.time_s for s in rough])
+    step = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
+    if mapping.time_unit or len(rough) < 2:
+        if "time_unit" not in clues.answers and step and not _POSSIBLE_S[0] <= step <= _POSSIBLE_S[1]:
+            clues.ask(
+                "time_unit",
+                f"{mapping.time} would rise by {step:g} s from scan to scan: in which unit is it?",
+                "ms",
+                "us",
+                "s",
+            )
+        return replace(mapping, time_unit=mapping.time_unit or "s")
+    fits = [
+        u
+        for u in ("s", "ms", "us", "days")
+        if step and _RATES_HZ[0] <= 1.0 / (step * TIME_UNITS[u]) <= _RATES_HZ[1]
+    ]
+    if len(fits) == 1:
+        clues.because(f"{mapping.time} is in {fits[0]}: it rises by {step:g} from scan to scan")
+        return replace(mapping, time_unit=fits[0])
+    clues.ask(
+        "time_unit",
+        f"{mapping.time} rises by {step:g} from scan to scan: in which unit?",
+        *(fits or ("s", "ms", "us")),
+    )
+    return replace(mapping, time_unit="s")
+
+
+def _rate_above(clues: Clues) -> float | None:
+    """Return the rate that the lines above the table say, if only one."""
+    text = "\n".join(clues.table.preamble)
+    rates = {
+        value * (1000.0 if kilo else 1.0)
+        for digits, kilo in _RATE.findall(text)
+        if (value := number_of(digits.rstrip(".,"), "," if "," in digits else "."))
+    }
+    rates |= {
+        1.0 / (value * TIME_UNITS[{"sec": "s", "seconds": "s", "msec": "ms", "µs": "us"}.get(unit, unit)])
+        for digits, unit in ((d, u.casefold()) for d, u in _PERIOD.findall(text))
+        if (value := number_of(digits.rstrip(".,"), "," if "," in digits else "."))
+    }
+    if len(rates) != 1:
+        return None
+    clues.because(f"{rates.copy().pop():g} scans per second, by a line above the table")
+    return rates.pop()
+
+
+# No contact
+
+
+def words_for_nothing(clues: Clues, found: Columns) -> tuple[str, ...]:
+    """Return words that are no readings, which the user says stand for no contact; ask where nothing is said."""
+    if (answer := clues.answers.get("untouched")) is not None:
+        return (
+            () if answer in ("none", "empty") else tuple(filter(None, (a.strip() for a in answer.split(","))))
+        )
+    table = clues.table
+    for name in found.readings:
+        for line, text in zip(table.lines, table.column(name), strict=True):
+            if _is_word(text, table.decimal):
+                clues.ask(
+                    "untouched", f"line {line}: {text!r} is no number; does it stand for no contact?", text
+                )
+                return tuple(
+                    {t for n in found.readings for t in table.column(n) if _is_word(t, table.decimal)}
+                )
+    return ()
+
+
+def _is_word(text: str, decimal: str) -> bool:
+    return number_of(text, decimal) is None and not says_nothing(text)
+
+
+def numbers_for_nothing(clues: Clues, rough: list[LogScan]) -> tuple[str, ...]:
+    """Return numbers that stand for no contact: below 0, far above all others, or 0 in both channels at once."""
+    if "untouched" in clues.answers or not rough:
+        return ()
+    values = np.stack([s.values for s in rough])  # (scans, strips, channels)
+    numbers = Counter(values[np.isfinite(values)].tolist())
+    found: list[float] = []
+    negative = [v for v in numbers if v < 0.0]
+    if len(negative) == 1 and negative[0] <= -1.0 and negative[0] % 1.0 == 0.0:
+        found += negative
+        clues.because(f"{negative[0]:g} stands for no contact: it is the only negative number")
+    rest = sorted(v for v in numbers if v not in found)
+    if len(rest) > 1 and rest[-1] in _SENTINELS and rest[-2] < 0.5 * rest[-1]:
+        found.append(rest.pop())
+        clues.because(f"{found[-1]:g} stands for no contact: all other readings are far below it")
+    if (
+        (clues.sensor is None or clues.sensor.rest_volt is None)
+        and not np.isnan(values).any()
+        and not found
+        and rest
+    ):
+        found += _at_an_end(clues, values, numbers, rest)
+    return tuple(f"{v:g}" for v in found)
+
+
+def _at_an_end(clues: Clues, values: FloatArray, numbers: Counter[float], rest: list[float]) -> list[float]:
+    """Return 0, or the most that there can be, where both channels have it at once: it stands for no contact."""
+    most = {2.0**bits - 1.0 for bits in _BITS} | ({clues.sensor.vref_volt} if clues.sensor else set())
+    others = [v for v in rest if v > 0.0]
+    ends = [0.0] * bool(others and min(others) > _NEAR_0 * max(others))
+    ends += [rest[-1]] * bool(rest[-1] in most and len(rest) > 1 and rest[-2] < (1.0 - _NEAR_0) * rest[-1])
+    for end in ends:
+        there = values == end
+        share = numbers.get(end, 0) / values.size
+        if share <= _MANY or numbers[end] < 2:
+            continue
+        if values.shape[2] == 2 and (there[:, :, 0] == there[:, :, 1]).all():
+            clues.because(
+                f"{end:g} stands for no contact: both channels of a strip have it at once, and none alone"
+            )
+            return [end]
+        clues.ask(
+            "untouched",
+            f"{100 * share:.0f} % of the readings are exactly {end:g}, and no other is near: does it stand for no "
+            "contact, or is it a reading (none)?",
+            f"{end:g}", "none",
+        )  # fmt: skip
+    low, high = [v for v in rest if v < _NEAR_0 * rest[-1]], [v for v in rest if v >= _NEAR_0 * rest[-1]]
+    share = sum(numbers[v] for v in low) / values.size
+    if not ends and len(low) > 1 and share > _MANY and min(high) > _GAP * _NEAR_0 * rest[-1]:
+        clues.ask(
+            "untouched",
+            f"{100 * share:.0f} % of the readings are {low[-1]:g} or less, and all others {min(high):g} or more: is "
+            "that the noise of strips that nothing touches, or are they readings (none)?",
+            f"<{min(high):g}", "none",
+        )  # fmt: skip
+    return []
+
+
+# Units
+
+
+def with_unit(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list[LogScan]) -> ColumnMapping:
+    """Return the mapping with the unit of its readings, and what that needs."""
+    sensor = clues.sensor
+    values = np.concatenate([s.values.ravel() for s in rough])
+    values = values[np.isfinite(values)]
+    answer = clues.choice("unit", READING_UNITS)
+    vref = clues.number("vref_volt") or (sensor.vref_volt if sensor else 0.0)
+    bits = int(clues.number("adc_bits") or (sensor.adc_bits or 0 if sensor else 0))
+    if not len(values):
+        return replace(mapping, unit=answer or "V")
+    told = [found.meanings[n] for n in mapping.columns]
+    named = {m.unit for m in told} - {""}
+    volts = any(m.volts for m in told)
+    unit = answer or (named.pop() if len(named) == 1 else _by_size(clues, values, vref, bits, volts))
+    if unit == "code":
+        bits = _bits(clues, values, bits)
+    if sensor is None and unit in ("fraction", "percent") and not vref:
+        clues.ask(
+            "vref_volt", "the readings are over Vref: how many volts is that? Or name the SENSOR", "5", "3.3"
+        )
+    top = {"V": vref, "mV": 1000.0 * vref, "fraction": 1.0, "percent": 100.0, "code": 2.0**bits - 1.0}.get(
+        unit, 0.0
+    )
+    if unit and top and values.max() > 1.01 * top:
+        raise ReadingError(
+            f"a reading of {values.max():g} is above {top:g}, the most that there can be in {unit}; check the unit "
+            f"(--answer unit=...) and {'adc_bits' if unit == 'code' else 'vref_volt'} in the spec"
+        )
+    if unit and top and values.max() < _NEAR_0 * top and not answer:
+        clues.ask(
+            "unit",
+            f"no reading is above {values.max():g}, and there can be {top:g} {unit}: is the mark in them one of "
+            f"thousands (then save them without), or are they in another unit?",
+            unit, *(u for u in ("fraction", "V") if u != unit),
+        )  # fmt: skip
+    other = bits if unit == "code" and sensor is not None and bits != sensor.adc_bits else 0
+    return replace(mapping, unit=unit or "V", vref_volt=0.0 if sensor else vref, adc_bits=other)
+
+
+def _bits(clues: Clues, values: FloatArray, bits: int) -> int:
+    """Return the bits of codes, 0 where nobody says them; ask where these are none, or are above the spec's."""
+    broken = values[values != np.round(values)]
+    if len(broken):
+        clues.ask(
+            "unit", f"the readings are called codes, and {broken[0]:g} is none: which unit?", "V", "fraction"
+        )
+        return 0
+    over = bits and values.max() > 2.0**bits - 1.0
+    if (over or not bits) and clues.sensor is not None:
+        fits = [str(b) for b in _BITS if values.max() <= 2.0**b - 1.0][:3]
+        why = f"and adc_bits = {bits}" if bits else "and the spec has no adc_bits"
+        clues.ask("adc_bits", f"codes reach {values.max():g}, {why}: how many bits has the converter?", *fits)
+        return 0
+    return bits
+
+
+def _by_size(clues: Clues, values: FloatArray, vref: float, bits: int, volts: bool) -> str:
+    """Return the unit that the readings' size and steps leave, and a question where there are several."""
+    whole, top = bool((values == np.round(values)).all()), float(values.max())
+    most = {"V": vref or 24.0, "mV": 1000.0 * (vref or 24.0), "fraction": 1.0, "percent": 100.0}
+    if whole and top > 1.0:
+        few = len(set(values.tolist())) < 4
+        most = {"code": 2.0**bits - 1.0 if bits else 2.0**24, "mV": most["mV"]} | (
+            {"V": most["V"]} if few else {}
+        )
+    fits = {u: top / m for u, m in most.items() if top <= m}
+    if bits and whole and top > most.get("code", top):
+        fits["code"] = 1.0  # of another converter than the spec's, which would be asked
+    fits = {u: used for u, used in fits.items() if used > 0.0}
+    if "V" in fits and top > 1.0 and not whole:
+        fits = {"V": fits["V"]}
+    best = max(fits.values(), default=0.0)
+    likely = [u for u, used in fits.items() if used >= _LITTLE or best < _MUCH]
+    if volts and not whole and "V" in fits:
+        likely = list(fits)
+    if volts and whole and len(fits) > 1:
+        likely = list(fits)
+    if len(likely) > 1 and vref and bits and (steps := _on_steps(values, vref, bits)) in likely:
+        clues.because(f"readings are in {steps}: all lie on the steps of {bits} bits, which is no chance")
+        return steps
+    if len(likely) == 1:
+        of = f", and Vref is {vref:g} V" if vref else ""
+        clues.because(f"readings are in {likely[0]}: they reach {top:g}{of}")
+        return likely[0]
+    clues.ask(
+        "unit", f"readings reach {top:g}{' in whole numbers' if whole else ''}: in which unit?",
+        *(u for u in READING_UNITS if u in (likely or READING_UNITS)),
+    )  # fmt: skip
+    return likely[0] if likely else "V"
+
+
+def _on_steps(values: FloatArray, vref: float, bits: int) -> str:
+    """Return "V" or "mV" where all readings are rounded images of a converter's codes, which others would not be."""
+    texts = {f"{v:.9g}" for v in values.tolist()}
+    places = max(len(t.partition(".")[2]) for t in texts)
+    quantum = 10.0**-places
+    for unit, full in (("V", vref), ("mV", 1000.0 * vref)):
+        for codes in (2.0**bits - 1.0, 2.0**bits):
+            step = full / codes
+            chance = min(1.0, 1.01 * quantum / step) ** len(texts)  # that numbers at random lie so near
+            off = np.abs(values - step * np.round(values / step))
+            if len(texts) >= _FEW_CODES and chance < 1e-4 and (off <= 0.501 * quantum).all():
+                return unit
+    return ""

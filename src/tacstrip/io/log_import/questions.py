@@ -1,0 +1,127 @@
+"""What a log does not tell: questions with the answers that they take, and the answers that were given."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+
+from tacstrip.errors import OptionError, one_of
+from tacstrip.io.log_import.fields import number_of
+from tacstrip.io.log_import.mapping import CHANNELS
+from tacstrip.io.log_import.table import Table
+from tacstrip.sensor.spec import Sensor
+
+ROLES = ("time", "scan", "strip", "which", "position", "skip", *CHANNELS)
+KEYS = (
+    "time_unit", "rate_hz", "strip_base", "strips", "unit", "untouched", "missing", "broken_lines", "vref_volt",
+    "adc_bits", "exchanged", "order", "restart", "which_h", "sheet",
+)  # fmt: skip
+_BASES = {"0-based": "0", "1-based": "1"}  # strips=1-based says strip_base=1
+
+
+@dataclass(frozen=True)
+class Question:
+    """What the log does not tell: the key of the answer, what is asked, and answers that are possible.
+
+    Examples
+    --------
+    >>> print(Question("strip_base", "is the first strip 0 or 1?", ("0", "1")))
+    is the first strip 0 or 1?  --answer strip_base=0 or --answer strip_base=1
+    """
+
+    key: str
+    text: str
+    choices: tuple[str, ...]
+
+    def __str__(self) -> str:
+        ways = [f"{self.key}={choice}" for choice in self.choices]
+        return f"{self.text}  " + " or ".join(f"--answer {_for_shell(way)}" for way in ways)
+
+
+class Unanswered(Exception):  # noqa: N818, it is no error of the user's
+    """Questions that must be answered before the log can be read."""
+
+    def __init__(self, *questions: Question) -> None:
+        super().__init__("; ".join(map(str, questions)))
+        self.questions = questions
+
+
+@dataclass
+class Clues:
+    """A log, its sensor if that is known, the answers given; what was concluded and what remains to be asked.
+
+    Raises
+    ------
+    OptionError
+        An answer to nothing, or one that is not possible.
+    """
+
+    table: Table
+    sensor: Sensor | None
+    answers: dict[str, str]
+    reasons: list[str] = field(default_factory=list)
+    questions: list[Question] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.reasons += self.table.remarks
+        if (base := _BASES.get(self.answers.get("strips", ""))) is not None:
+            self.answers = {k: v for k, v in self.answers.items() if k != "strips"} | {"strip_base": base}
+        for key, answer in self.answers.items():
+            named = key in self.table.names
+            if key not in KEYS and not named:
+                raise OptionError(
+                    f"--answer {key}={answer}: no question has that key, and no column that name; "
+                    + one_of("key", key, (*KEYS, *self.table.names))
+                )
+            if (
+                named
+                and key not in KEYS
+                and answer not in ROLES
+                and not re.fullmatch(r"-?\d+:(h|l|out)", answer)
+            ):
+                raise OptionError(
+                    f"--answer {key}={answer}: " + one_of("role of a column", answer, (*ROLES, "3:h"))
+                )
+
+    def ask(self, key: str, text: str, *choices: str) -> None:
+        """Ask for what cannot be known; once for each key."""
+        if key not in {q.key for q in self.questions}:
+            self.questions.append(Question(key, text, choices))
+
+    def stop(self) -> None:
+        """Raise `Unanswered` if anything was asked."""
+        if self.questions:
+            raise Unanswered(*self.questions)
+
+    def because(self, reason: str) -> None:
+        """Note why something is read as it is."""
+        self.reasons.append(reason)
+
+    def choice(self, key: str, known: tuple[str, ...]) -> str:
+        """Return the answer of some that are possible; "" where there is none."""
+        answer = self.answers.get(key, "")
+        if answer and answer not in known:
+            raise OptionError(f"--answer {key}={answer}: " + one_of(key, answer, known))
+        return answer
+
+    def number(self, key: str) -> float | None:
+        """Return an answer that is a number; None where there is none."""
+        if key not in self.answers:
+            return None
+        value = number_of(self.answers[key])
+        if value is None or value < 0.0:
+            raise OptionError(f"--answer {key}={self.answers[key]}: not a number of 0 or more")
+        return value
+
+    def values(self, name: str) -> list[float | None]:
+        """Return a column's numbers."""
+        return [number_of(t, self.table.decimal) for t in self.table.column(name)]
+
+    @property
+    def expected(self) -> tuple[str, ...]:
+        """The channels of the sensor; () where it is not known."""
+        return () if self.sensor is None else ("out",) if self.sensor.signatures == ("k",) else ("h", "l")
+
+
+def _for_shell(way: str) -> str:
+    return way if re.fullmatch(r"[\w=.,:+-]+", way) else "'" + way.replace("'", "'\\''") + "'"

@@ -1,0 +1,201 @@
+"""The normal form of a table: a number in a field, a unit in a column, strip and channel in columns of their own."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from tacstrip.io.log_import.fields import array_of, clock_seconds, number_of, quantity
+from tacstrip.io.log_import.names import TIME_UNITS, meaning, meanings
+from tacstrip.io.log_import.table import Table, flattened
+
+_ARRAYS = 0.5  # of a column's fields that say something: then it is one of arrays
+_IN_VOLTS = {"V": 1.0, "mV": 1e-3}
+_SCAN_IN_NAME = re.compile(r"\W*(t|time|zeit|scan|frame|sample)\W*([+-]?\d+(?:\.\d+)?)\s*(\w*)\W*\Z", re.I)
+
+
+def in_normal_form(table: Table) -> Table:
+    """Return a table in normal form; each change is told in its remarks.
+
+    Arrays in fields become columns, units in fields go to the column's name, a column such as "3H" or "vh[3]" becomes
+    two, merged cells are filled, a column that only counts the rows is left out, and columns of scans become rows.
+    """
+    steps: tuple[Callable[[Table], Table], ...] = (
+        _without_empty, _transposed, _spread, _without_units, _in_one_unit, _upright, _split_keys, _filled,
+        _without_index,
+    )  # fmt: skip
+    for step in steps:
+        table = step(table) if table.rows else table
+    return table
+
+
+def _with(table: Table, columns: dict[str, list[str]], *remarks: str) -> Table:
+    rows = [list(row) for row in zip(*columns.values(), strict=True)]
+    return replace(table, names=tuple(columns), rows=rows, remarks=(*table.remarks, *remarks))
+
+
+def _without_empty(table: Table) -> Table:
+    """Leave out columns without a name and without a field, as where lines end with several separators."""
+    columns = {n: table.column(n) for n in table.names}
+    kept = {n: f for n, f in columns.items() if any(f) or not re.fullmatch(r"column \d+", n)}
+    return _with(table, kept) if table.named and 0 < len(kept) < len(columns) else table
+
+
+def _transposed(table: Table) -> Table:
+    """Turn a table whose lines begin with their names, each of other values than the next."""
+    names = table.column(table.names[0])
+    roles = [meaning(name).role for name in names]
+    if table.named or len(table.names) < 3 or not all(roles) or any(number_of(n) is not None for n in names):
+        return table
+    if len(set(names)) < len(names) or len(names) < 2 or "reading" not in roles:
+        return table
+    rows = [list(row) for row in zip(*(row[1:] for row in table.rows), strict=True)]
+    told = (*table.remarks, "the first field of each line is its name, so scans are columns")
+    lines = [table.lines[0]] * len(rows)
+    return replace(table, names=tuple(names), rows=rows, lines=lines, named=True, remarks=told)
+
+
+def _in_one_unit(table: Table) -> Table:
+    """Bring readings in millivolts to volts where others are in volts."""
+    units = {name: m.unit for name, m in meanings(table.names).items() if m.role == "reading"}
+    if {"V", "mV"} - set(units.values()):
+        return table
+    columns = {}
+    for name in table.names:
+        key, fields = name, table.column(name)
+        if units.get(name) == "mV":
+            read = [number_of(f, table.decimal) for f in fields]
+            fields = [
+                f if v is None else f"{v * 1e-3:.15g}".replace(".", table.decimal)
+                for f, v in zip(fields, read, strict=True)
+            ]
+            key = re.sub(r"[\s_]*[\[(]?mV[\])]?", "", name) + " [V]"
+        columns[key] = fields
+    told = "millivolts beside volts: all in volts"
+    return _with(table, columns, told) if len(columns) == len(table.names) else table
+
+
+def _spread(table: Table) -> Table:
+    """Give arrays in fields a column for each element."""
+    columns: dict[str, list[str]] = {}
+    told = []
+    for name in table.names:
+        fields = table.column(name)
+        arrays = [array_of(f) for f in fields] if any(f[:1] in ("[", "(") for f in fields) else []
+        said = [a for a, f in zip(arrays, fields, strict=False) if f]
+        if not said or sum(a is not None for a in said) < _ARRAYS * len(said):
+            columns[name] = fields
+            continue
+        spread = [flattened(name, a) if a is not None else {} for a in arrays]
+        keys = tuple(dict.fromkeys(key for row in spread for key in row))
+        columns |= {key: [row.get(key, "") for row in spread] for key in keys}
+        told.append(f"{name}: arrays of {len(keys)}")
+    if not told:
+        return table
+    return _with(table, columns, *told)
+
+
+def _without_units(table: Table) -> Table:
+    """Move a unit that stands in the fields of a column to its name."""
+    columns, told = {}, []
+    for name in table.names:
+        fields = columns[name] = table.column(name)
+        if not any(f[-1:].isalpha() or f[-1:] == "%" for f in fields):
+            continue
+        found = [quantity(f, table.decimal) for f in fields]
+        units = {q[1] for q in found if q and q[1]}
+        if not units or any(q and not q[1] and q[0] != 0.0 for q in found):  # of some nothing is said
+            continue
+        if len(units) == 1:
+            (unit,), scale = units, dict.fromkeys(units, 1.0)
+        elif units <= {*_IN_VOLTS}:
+            unit, scale = "V", _IN_VOLTS
+        elif units <= {*TIME_UNITS}:
+            unit, scale = "s", TIME_UNITS
+        else:
+            continue
+        del columns[name]
+        named = name if meaning(name).unit else f"{name} [{unit}]"
+        columns[named] = [
+            f if q is None else f"{q[0] * scale.get(q[1], 1.0):.15g}".replace(".", table.decimal)
+            for q, f in zip(found, fields, strict=True)
+        ]
+        told.append(f"{name}: its fields say {' and '.join(sorted(units))}")
+    return _with(table, columns, *told) if told else table
+
+
+def _upright(table: Table) -> Table:
+    """Turn a table whose columns are scans, named by their times or numbers, into one of rows."""
+    scans = {n: m for n in table.names if (m := _SCAN_IN_NAME.match(n))}
+    others = [n for n in table.names if n not in scans]
+    if len(scans) < 2 or not 1 <= len(others) <= 2 or len(scans) < len(others):
+        return table
+    word, _, unit = next(iter(scans.values())).groups()
+    if any(m[1] != word or m[3] != unit or (unit and unit not in TIME_UNITS) for m in scans.values()):
+        return table
+    places = [table.names.index(n) for n in others]
+    names = (f"{word} [{unit}]" if unit else word, *others, "value")
+    rows, lines = [], []
+    for name, found in scans.items():
+        place = table.names.index(name)
+        for line, row in zip(table.lines, table.rows, strict=True):
+            rows.append([found[2].replace(".", table.decimal), *(row[p] for p in places), row[place]])
+            lines.append(line)
+    said = (*table.remarks, f"{next(iter(scans))} ...: the columns are scans")
+    return replace(table, names=names, rows=rows, lines=lines, remarks=said)
+
+
+def _split_keys(table: Table) -> Table:
+    """Split a column of names such as "3H", "vh[3]" or "S01 high" into strip and channel."""
+    for name in table.names:
+        fields = table.column(name)
+        kinds = {f: meaning(f) for f in set(fields)}
+        if len(kinds) < 2 or any(
+            m.role != "reading" or m.strip is None or not m.channel or number_of(f) is not None
+            for f, m in kinds.items()
+        ):
+            continue
+        if len({(m.strip, m.channel) for m in kinds.values()}) < len(kinds):
+            continue
+        columns = {n: table.column(n) for n in table.names if n != name}
+        columns["strip"] = [str(kinds[f].strip) for f in fields]
+        columns["channel"] = [kinds[f].channel for f in fields]
+        if len(columns) < len(table.names) + 1:  # there is such a column already
+            continue
+        return _with(table, columns, f"{name}: strip and channel in one, such as {fields[0]!r}")
+    return table
+
+
+def _filled(table: Table) -> Table:
+    """Fill a time or a scan's number down, where cells are merged or only the first line of a scan has it."""
+    columns, told = {}, []
+    for name in table.names:
+        fields = columns[name] = table.column(name)
+        blank = sum(not f for f in fields)
+        if not blank or not fields[0] or meaning(name).role not in ("time", "scan"):
+            continue
+        last, filled = "", []
+        for field in fields:
+            last = field or last
+            filled.append(last)
+        columns[name] = filled
+        told.append(f"{name}: empty fields are filled with the one above")
+    return _with(table, columns, *told) if told else table
+
+
+def _without_index(table: Table) -> Table:
+    """Leave out a column without a name of its own that only counts the rows, as pandas writes it."""
+    first = table.names[0]
+    index = re.fullmatch(r"column 1|unnamed: ?\d+|index", first, re.IGNORECASE)
+    if not (table.named and index and len(table.names) > 2):
+        return table
+    if clock_seconds(table.rows[0][0]) is not None:
+        return table
+    numbers = [number_of(f) for f in table.column(first)]
+    if None in numbers or len(numbers) < 2 or (np.diff(np.array(numbers, dtype=float)) != 1.0).any():
+        return table
+    columns = {n: table.column(n) for n in table.names[1:]}
+    return _with(table, columns, f"{first}: only counts the lines")

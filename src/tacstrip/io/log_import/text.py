@@ -1,0 +1,277 @@
+"""A text log as a table: how it is encoded, what stands before its lines, what separates its fields, its blocks."""
+
+from __future__ import annotations
+
+import bisect
+import csv
+import re
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+
+from tacstrip.errors import ReadingError
+from tacstrip.io.log_import.fields import STAMP, is_value, number_of
+from tacstrip.io.log_import.records import STEADY, Item, is_label, items, named_values, of_json
+from tacstrip.io.log_import.shape import in_normal_form
+from tacstrip.io.log_import.table import CLOCK, ROW, Table, decimal_mark, headed
+
+_WIDE = "  "  # two spaces or more
+_SEPARATORS = (";", "\t", "|", ",", _WIDE, " ")
+_COMMENT = ("#", "%", "//", "!")
+# Such as "14:03:07.512 -> ", which the serial monitor of the Arduino IDE puts before each line, or "[14:03:07] ".
+_STAMPED = re.compile(rf"\s*\[?(?P<stamp>{STAMP})\]?(?!\s*[AaPp]\.?[Mm]\b)\s*(?:->|=>|>|\||:|\t|\s)\s*(?=\S)")
+_LEVEL = re.compile(r"[\[(]?(?:TRACE|DEBUG|INFO|WARN|WARNING|ERROR)[\])]?[\s:|-]\s*")
+_ARRAY = re.compile(r"(?<![\"\w])\[[\d\s.,;eE+\-naNuloNe]*\](?!\")")
+_BRACKETED = re.compile(r"\s*[\[({](.*)[\])}]\s*[,;]?\s*")  # a line such as "(20, [1, 2])"
+_RULE = re.compile(r"[\s\-=+|~*_:]+")  # a line drawn below names
+_SEVERAL = re.compile(r"[\d-]\s+[-+]?\d")
+_SAMPLE = 500  # lines at either end that tell what separates the fields
+_MOST_BYTES = 2**30
+_FEW_LINES = 4  # of fewer, the length of the last number tells nothing
+_FEW_BLOCKS = 2
+_WORDED = re.compile(r"[^\dA-Za-z]*[A-Za-z][^\t;|]*(?<!,)\Z")  # and without fields
+_LONG = 80  # characters: no label has as many
+
+
+def decoded(file: Path) -> str:
+    """Return a file's text, whatever its encoding; `ReadingError` where it is none."""
+    raw = file.read_bytes() if file.stat().st_size <= _MOST_BYTES else b""
+    if not raw and file.stat().st_size:
+        raise ReadingError(f"{file}: more than a gigabyte of text; cut it into pieces, or use a recording")
+    for mark, name in ((b"\xef\xbb\xbf", "utf-8-sig"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16")):
+        if raw.startswith(mark):
+            return _in_utf16(raw, file, name)
+    if raw[:40].count(0) >= len(raw[:40]) // 2 - 1 > 2:
+        return _in_utf16(raw, file, "utf-16-le" if raw[1] == 0 else "utf-16-be")
+    text = raw.rstrip(b"\0")  # as where a logger was switched off
+    if b"\0" in text:
+        raise ReadingError(f"{file}: not a text file (byte {text.index(0)} is 0)")
+    try:
+        return text.decode()
+    except UnicodeDecodeError:
+        return text.decode("cp1252", errors="replace")  # of a spreadsheet on Windows
+
+
+def _in_utf16(raw: bytes, file: Path, name: str) -> str:
+    try:
+        return raw.decode(name)
+    except UnicodeDecodeError:
+        raise ReadingError(f"{file}: its marks say {name}, and it is not; save it as UTF-8") from None
+
+
+def of_text(text: str, path: str | Path = "the log") -> Table:
+    """Return a text as a table in normal form; errors as of `read_table`."""
+    if (table := of_json(text, path)) is not None:
+        return in_normal_form(table)
+    text = re.sub(r"\x1b\[[0-9;]*[A-Za-z]", "", text)  # a terminal's colours
+    # The empty lines in between tell where blocks begin.
+    every = [(i, line) for i, line in enumerate(re.split(r"\r\n|\r\r\n|\n|\r", text), 1)]
+    lines = [(i, line) for i, line in every if line.strip() and not _RULE.fullmatch(line)]
+    if not lines:
+        raise ReadingError(f"{path}: the file is empty")
+    lines, stamps = _without_stamps(lines)
+    if sum(_BRACKETED.fullmatch(line) is not None for _, line in lines) > STEADY * len(lines):
+        lines = [(i, _BRACKETED.sub(r"\1", line)) for i, line in lines]
+    table = named_values([(i, line) for i, line in lines if not line.lstrip().startswith(_COMMENT)])
+    if table is None:
+        blank = {i for i, line in every if not line.strip()}
+        table = _separated(lines, blank, path)
+    table = _without_cut_end(table, text)
+    if stamps:
+        lacks = [i for i in table.lines if i not in stamps]
+        if lacks:
+            raise ReadingError(f"{path}: line {lacks[0]} has no time of day before it, and most have")
+        said = (
+            f"each line begins with a time, such as {stamps[table.lines[0]]}, as a serial monitor puts there"
+        )
+        rows = [[stamps[i], *row] for i, row in zip(table.lines, table.rows, strict=True)]
+        table = replace(table, names=(CLOCK, *table.names), rows=rows, remarks=(said, *table.remarks))
+    return in_normal_form(table)
+
+
+def _without_stamps(lines: list[tuple[int, str]]) -> tuple[list[tuple[int, str]], dict[int, str]]:
+    """Return lines without what a monitor or a logger puts before each: the time, by line, and a level."""
+    found = [_STAMPED.match(line) for _, line in lines]
+    if sum(m is not None for m in found) <= STEADY * len(lines):
+        return lines, {}
+    if any(m is None and _as_wide(line, lines[-1][1]) for (_, line), m in zip(lines, found, strict=True)):
+        return lines, {}  # a table, whose names count the time, too
+    stamps = {i: m["stamp"].strip() for (i, _), m in zip(lines, found, strict=True) if m}
+    rest = [(i, line[m.end() :] if m else line) for (i, line), m in zip(lines, found, strict=True)]
+    levels = [_LEVEL.match(line) for _, line in rest]
+    if all(levels):
+        rest = [(i, line[m.end() :]) for (i, line), m in zip(rest, levels, strict=True) if m]
+    return [(i, line) for i, line in rest if line.strip()], stamps
+
+
+def _as_wide(line: str, other: str) -> bool:
+    return any(len(line.split(by)) == len(other.split(by)) > 2 for by in ("\t", "|", None))
+
+
+def _without_cut_end(table: Table, text: str) -> Table:
+    """Return a table whose last line is a broken one, if the log ends within its last number."""
+    if text.endswith(("\n", "\r")) or len(table.rows) < _FEW_LINES:
+        return table
+    *others, last = [row[-1] for row in table.rows]
+    longer = [len(cell) for cell in others if cell]
+    if not last or not longer or len(last) >= min(longer):
+        return table
+    broken = (*table.broken, table.lines[-1])
+    return replace(table, rows=table.rows[:-1], lines=table.lines[:-1], broken=broken)
+
+
+def _fields(line: str, separator: str) -> list[str]:
+    if separator == _WIDE:
+        return re.split(r"\s{2,}|\t", line.strip())
+    if separator == " ":
+        first, *others = line.split() or [""]
+        return [first[:-1] if others and re.fullmatch(r"\d+:", first) else first, *others]
+    if "[" in line and '"' not in line:
+        line = _ARRAY.sub(lambda m: f'"{m.group()}"', line)
+    return [f.strip() for f in next(csv.reader([line], delimiter=separator, skipinitialspace=True))]
+
+
+def _separated(lines: list[tuple[int, str]], blank: set[int], path: str | Path) -> Table:
+    """Return lines of fields with the separator that most of them share."""
+    comments = [(i, line) for i, line in lines if line.lstrip().startswith(_COMMENT)]
+    data = [(i, line) for i, line in lines if not line.lstrip().startswith(_COMMENT)]
+    if not data:  # all of it is commented out
+        data, comments = [(i, line.lstrip("#%/! \t")) for i, line in lines], []
+    labels = _labels(lines)
+    data = [(i, line) for i, line in data if i not in labels]
+    if not data:
+        raise ReadingError(f"{path}: nothing but comments")
+    data = _without_columns_of_blanks(data)
+    separator, width = _separator(data, path)
+    split = [(i, _fields(line, separator)) for i, line in data]
+    split = [(i, row[:-1] if len(row) == width + 1 and not row[-1] else row) for i, row in split]
+    full = [row for _, row in split if len(row) == width]
+    decimal = "." if separator == "," else decimal_mark(full)
+    said = {"\t": "tabs", " ": "spaces", _WIDE: "spaces"}.get(separator, repr(separator))
+    remarks = (
+        f"fields are separated by {said}" if width > 1 else "",
+        "decimal commas" if decimal == "," else "",
+    )
+    named = [(i, _fields(line.lstrip("#%/! \t"), separator)) for i, line in comments]
+    above = [line for i, line in comments if i < split[-1][0]]
+    table = headed(split, width, decimal, tuple(filter(None, remarks)), named, above)
+    return _in_blocks(table, labels, blank)
+
+
+def _labels(lines: list[tuple[int, str]]) -> dict[int, list[Item]]:
+    """Return the lines that only say to which scan or strip those below belong, if there are several alike."""
+    worded = [(i, line.strip("#%/! \t")) for i, line in lines if _WORDED.match(line) and len(line) < _LONG]
+    found = {i: parts for i, line in worded if is_label(parts := items(line))}
+    kinds = Counter(tuple(item.name for item in parts) for parts in found.values())
+    return {i: parts for i, parts in found.items() if kinds[tuple(p.name for p in parts)] >= _FEW_BLOCKS}
+
+
+def _separator(data: list[tuple[int, str]], path: str | Path) -> tuple[str, int]:
+    """Return what separates the fields, and how many there are in most lines."""
+    ranked = []
+    data = data if len(data) <= 2 * _SAMPLE else data[:_SAMPLE] + data[-_SAMPLE:]
+    for separator in _SEPARATORS:
+        try:
+            split = [_fields(line, separator) for _, line in data]
+        except csv.Error:
+            continue
+        width, many = max(Counter(map(len, split)).items(), key=lambda item: (item[0] > 1, item[1]))
+        if width > 1:
+            several = sum(
+                _SEVERAL.search(f) is not None and not is_value(f, ".") for row in split for f in row
+            )
+            share = (many - several) / len(data)  # a field of two numbers is none
+            ranked.append(
+                (share if separator.strip() or separator == "\t" else 0.99 * share, separator, width)
+            )
+    if not ranked:
+        if sum(number_of(line) is not None for _, line in data) < STEADY * len(data):
+            raise ReadingError(f"{path}: no table: no line has two fields")
+        return ",", 1
+    share, separator, width = max(
+        ranked, key=lambda r: (r[0] > STEADY, r[0] > 0.999, -_SEPARATORS.index(r[1]), r[0])
+    )
+    if share < STEADY * 0.99 and len(data) > _FEW_LINES:
+        share, separator, width = _below_a_preamble(ranked, data)
+    if share < STEADY * 0.99 and len(data) > _FEW_LINES:
+        raise ReadingError(
+            f"{path}: no separator gives lines of as many fields; save it as CSV with one line per reading"
+        )
+    return separator, width
+
+
+def _without_columns_of_blanks(data: list[tuple[int, str]]) -> list[tuple[int, str]]:
+    """Return lines with tabs between their fields, where these stand in columns of a fixed width and some are blank."""
+    sample = [line.expandtabs() for _, line in data[len(data) // 2 :][:_SAMPLE]]
+    counts = {len(line.split()) for line in sample}
+    if (
+        len(counts) < 2
+        or any(re.search(r"[,;|]", line) for line in sample)
+        or any("\t" in line for _, line in data)
+    ):
+        return data
+    width = max(map(len, sample))
+    blank = [all(line[n : n + 1] in ("", " ") for line in sample) for n in range(width)]
+    ends = [n for n in range(1, width) if blank[n] and not blank[n - 1]]
+    pieces = list(zip([0, *ends], [*ends, None], strict=True))
+    if len(pieces) < max(counts) or max(counts) < 2:
+        return data
+    cut = [(i, [line.expandtabs()[a:b].strip() for a, b in pieces]) for i, line in data]
+    full = [line for _, line in data if len(line.split()) >= len(pieces)]
+    if any(len(line[n - 1 : n + 1].strip()) == 2 for line in full for n in ends):  # a boundary within a word
+        return data
+    if any(re.search(r"\S\s\S", piece) for _, row in cut[len(cut) // 2 :] for piece in row):
+        return data
+    return [(i, "\t".join(row)) for i, row in cut]
+
+
+def _below_a_preamble(
+    ranked: list[tuple[float, str, int]], data: list[tuple[int, str]]
+) -> tuple[float, str, int]:
+    """Return the separator of the log's second half, where what stands above the table is as long as the table."""
+    found = []
+    for _, separator, _ in ranked:
+        widths = [len(_fields(line, separator)) for _, line in data]
+        width = widths[-1]
+        run = next((n for n, w in enumerate(reversed(widths)) if w != width), len(widths)) if width > 1 else 0
+        found.append((run, -_SEPARATORS.index(separator), separator, width))
+    run, _, separator, width = max(found)
+    return (
+        (1.0 if run >= _FEW_LINES or (run == _FEW_LINES - 1 and width > _FEW_LINES) else 0.0),
+        separator,
+        width,
+    )
+
+
+def _in_blocks(table: Table, labels: dict[int, list[Item]], blank: set[int]) -> Table:
+    """Return a table with what the lines between its blocks say as columns, and each line's place in its block."""
+    if not table.rows:
+        return table
+    marks = sorted(labels) if labels else sorted(i for i in blank if table.lines[0] < i < table.lines[-1])
+    blocks = [bisect.bisect_left(marks, line) for line in table.lines]
+    sizes = Counter(blocks)
+    rows, names = table.rows, table.names
+    if labels:
+        keys = tuple(dict.fromkeys(item.name for found in labels.values() for item in found))
+        state, columns = dict.fromkeys(keys, ""), []
+        pending = iter(sorted(labels))
+        following = next(pending, None)
+        for line in table.lines:
+            while following is not None and following < line:
+                state |= {item.name: item.values[0].replace(".", table.decimal) for item in labels[following]}
+                following = next(pending, None)
+            columns.append(list(state.values()))
+        if any("" in column for column in columns):
+            raise ReadingError(
+                f"line {table.lines[0]}: no {' or '.join(keys)} above it, as there is above others"
+            )
+        rows = [[*column, *row] for column, row in zip(columns, rows, strict=True)]
+        names = (*keys, *names)
+    if len(sizes) >= _FEW_BLOCKS and len(set(sizes.values())) == 1 and sizes[blocks[0]] > 1:
+        places = [n % sizes[blocks[0]] for n in range(len(blocks))]
+        rows = [[*row, str(place)] for row, place in zip(rows, places, strict=True)]
+        names = (*names, ROW)
+    if names == table.names:
+        return table
+    told = f"{len(sizes)} blocks" + (f", each below its {' and '.join(keys)}" if labels else "")
+    return replace(table, names=names, rows=rows, remarks=(*table.remarks, told))

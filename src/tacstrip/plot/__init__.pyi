@@ -1,0 +1,12 @@
+from .bounds import limits as limits
+from .calibrations import calibration as calibration
+from .results import film_strip as film_strip
+from .results import result as result
+from .results import uncertainty as uncertainty
+from .scans import scan as scan
+from .sensors import contact as contact
+from .sensors import sensor as sensor
+from .skins import skin as skin
+from .strip_health import health as health
+from .theme import style as style
+from .tracks import track as track

@@ -1,0 +1,121 @@
+"""Objects over time: their ways over the sensor, the shapes that all scans give, and their poses."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from tacstrip.arguments import takes
+from tacstrip.geometry.region import regions
+from tacstrip.plot.scans import say_nothing
+from tacstrip.plot.scene import draw_polygon, fill_sheet
+from tacstrip.plot.sensors import on_sensor
+from tacstrip.plot.theme import OTHERS, RECOVERED, SENSOR, legend_above, new_panels
+from tacstrip.sensor.spec import Sensor
+from tacstrip.tracking.track import Track
+
+_DRAWN = 6  # outlines on each way
+_PALER = 0.72  # from one outline to that before
+_MOST_NAMED = 8  # objects with an entry of their own in a legend
+_MARKERS = "os^Dv"
+
+
+@takes(tracks=(Track, Track), sensor=Sensor)
+def track(tracks: Track | Sequence[Track], sensor: Sensor, *, ax: Axes | None = None) -> Axes:
+    """Draw the ways of objects over the sensor, with six outlines on each, earlier ones paler, dashed where doubtful.
+
+    Parameters
+    ----------
+    tracks
+        What `ts.track` returned, or one of them.
+    sensor
+        That made the scans.
+    ax
+        Axes to draw into; None: new ones on a figure of their own.
+
+    Returns
+    -------
+    Axes
+        x across the strips and y along them [mm]; a mark stands where a way begins, rings where objects share strips.
+
+    Examples
+    --------
+    >>> import tacstrip as ts
+    >>> from tacstrip import plot
+    >>> sensor = ts.Sensor(construction="crs-crs", strips=10, pitch_mm=10.0, length_mm=100.0)
+    >>> shape = ts.Contact.polygon([(-25, -20), (20, -25), (25, 20), (-10, 25)])
+    >>> scans = [ts.simulate(sensor, shape.turned(0.05 * i).placed(50, 50), time_s=0.01 * i) for i in range(12)]
+    >>> ax = plot.track(ts.track(scans, sensor), sensor)
+    >>> [text.get_text() for text in ax.get_legend().get_texts()]
+    ['object 1: ok']
+    """
+    axes = on_sensor(sensor, ax)
+    any_drawn = False
+    for one, colour, marker in _coloured([tracks] if isinstance(tracks, Track) else tracks):
+        doubtful = one.status not in ("ok", "likely")
+        label = f"object {one.id}: {one.status}" if one.id <= _MOST_NAMED else None
+        axes.plot(*one.poses[:, :2].T, color=colour, linewidth=0.9, zorder=4)
+        seen = np.flatnonzero(one.present)
+        axes.plot(*one.poses[seen[0], :2], marker, color=colour, markersize=5.0, zorder=5)
+        drawn = seen[np.unique(np.linspace(0, len(seen) - 1, _DRAWN).astype(int))]
+        for order, i in enumerate(
+            reversed(drawn.tolist())
+        ):  # the last one first: it is in full, and in the legend
+            draw_polygon(axes, one.placed(i), colour, label, doubtful=doubtful, alpha=_PALER**order)
+            label = None
+        axes.plot(*one.poses[list(one.joint), :2].T, "o", color=colour, markersize=2.5, fillstyle="none")
+        any_drawn = True
+    if any_drawn:
+        legend_above(axes)
+    else:
+        say_nothing(axes, "no object was tracked")
+    fill_sheet(axes)
+    return axes
+
+
+def track_figure(sensor: Sensor, tracks: Sequence[Track]) -> Figure:
+    """Draw tracks: where they went, what they look like, and how they turned."""
+    figure, (way, shape, pose) = new_panels(12.0, 4.6, 1, 3)
+    track(tracks, sensor, ax=way)
+    way.set_title("ways over the sensor")
+    shape.set(xlabel="x [mm]", ylabel="y [mm]", title="shapes in their own frames, 95 % regions")
+    pose.set(xlabel="time [s]", ylabel="[mm], and [deg] dotted", title="x, y and angle")
+    shared, marked = np.zeros(len(tracks[0].times_s) if tracks else 0, dtype=bool), False
+    for one, colour, marker in _coloured(tracks):
+        doubtful = one.status not in ("ok", "likely")
+        draw_polygon(shape, one.outline, colour, f"{one.id}: {one.status}", doubtful=doubtful)
+        for other in one.alternatives:
+            ring = np.concatenate([other.vertices, other.vertices[:1]])
+            shape.plot(*ring.T, color=colour, linestyle="--", linewidth=0.8, label=f"or: {other.weight:.2f}")
+        if one.covariance is not None:
+            for region in regions(one.outline, one.covariance):
+                shape.fill(*region.T, color=colour, alpha=0.25)
+        time = one.times_s if np.diff(one.times_s).any() else np.arange(len(one.times_s))
+        shared[list(one.joint)] = True
+        values = (one.poses[:, 0], one.poses[:, 1], np.rad2deg(one.poses[:, 2]))
+        for name, value, dashes in zip(("x", "y", "angle"), values, ("-", "--", ":"), strict=True):
+            look: dict[str, Any] = {"color": colour, "linestyle": dashes, "marker": marker, "markersize": 3.0}
+            pose.plot(time, value, markevery=max(len(time) // 8, 1), label=f"{one.id}: {name}", **look)
+    for run in np.split(np.flatnonzero(shared), np.flatnonzero(np.diff(np.flatnonzero(shared)) > 1) + 1):
+        if len(run):
+            label = None if marked else "strips shared"
+            pose.axvspan(time[run[0]], time[run[-1]], color=SENSOR, zorder=0, label=label)
+            marked = True
+    for axes in (shape, pose):
+        handles, labels = axes.get_legend_handles_labels()
+        if labels:
+            legend_above(axes, 3, handles=handles[: 3 * _MOST_NAMED], labels=labels[: 3 * _MOST_NAMED])
+    fill_sheet(shape)
+    return figure
+
+
+def _coloured(tracks: Sequence[Track]) -> Iterator[tuple[Track, str, str]]:
+    """Give the tracks that have an outline and a place, with a colour and a marker each."""
+    palette = (RECOVERED, *OTHERS)
+    for number, one in enumerate(tracks):
+        if len(one.outline) and one.present.any():
+            yield one, palette[number % len(palette)], _MARKERS[number % len(_MARKERS)]

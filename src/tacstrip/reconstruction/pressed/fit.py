@@ -1,0 +1,302 @@
+"""Which object was pressed into a skin: its pose, depth and radius from one scan, by how deep the skin lies in it.
+
+The family is given: planes, edges of one angle, cylinders, spheres, or one box or mesh. A pose is a place on the skin,
+the depth there, and how the object is turned about the skin's normal, along which it came. Where an object touches a
+strip, its readings are compared; that it touches strips that read nothing, or none where readings are, costs depth.
+What is given, and how well it is known, are mean and scatter of draws from the likelihood.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tacstrip.arguments import takes
+from tacstrip.arrays import FloatArray
+from tacstrip.contact.noise import Noise
+from tacstrip.contact.press.patch import Patch, patch_at, patch_load
+from tacstrip.contact.press.solid import Solid
+from tacstrip.errors import ContactError
+from tacstrip.reconstruction.polygon.goodness_of_fit import chi_square_score
+from tacstrip.reconstruction.pressed.descent import descents
+from tacstrip.reconstruction.pressed.draws import Draws, draw
+from tacstrip.reconstruction.pressed.poses import GUESS, TOUCH_MM, TURNS, Poses, cap
+from tacstrip.reconstruction.result import Status
+from tacstrip.scan import Scan
+from tacstrip.sensor.constructions import check_closed_form
+from tacstrip.sensor.spec import Sensor
+
+_SEED = 20  # of the draws: the same result for the same scan
+_LOADS = 96  # draws whose area and force are computed
+_FEW_DRAWS = 40.0  # even draws, fewer of which do not tell how well something is known
+_MEAN = (
+    1.0  # per parameter: the cost by which the draws' mean may be above the best pose's, else that is given
+)
+_BELIEF = 8.0  # readings that the noise given counts for, against what is left over
+_ALARM = 3.5  # standard deviations of chi square
+_LOST_MM = 0.1  # depth by which touch and silence may contradict the object
+_LIKELY = 0.05  # share of draws
+_RIVAL = 4.0  # chi square by which another pose is no rival
+_UNTOLD = 0.5  # relative standard deviation of a radius or force that is not told
+# Standard deviations beyond which a result is doubtful: with 95 % area, direction and axis are within twice as much.
+_AREA, _DIRECTION, _AXIS = 0.05, math.radians(2.5), math.radians(5.0)
+
+
+@dataclass(frozen=True, eq=False)
+class SolidFit:
+    """The object that explains a scan, with how well that is known.
+
+    Attributes
+    ----------
+    status, advice
+        "ok"; "doubtful": the readings leave much open, or are of another object; "no contact". In words, why.
+    solid
+        The object at its pose; None without contact.
+    patch
+        What it touches of the skin, with `l`, `u`, outline and so on.
+    names, values, covariance
+        What was fitted: "across_mm", "along_mm" of the place, on a plane that touches the skin where the readings are;
+        "depth_mm", "log_radius", "turn_rad"; their values (P,) and covariance (P, P).
+    area_mm2, area_sigma_mm2
+        Of the patch, and its standard deviation.
+    force_n, force_sigma_n
+        By the skin's stiffness; NaN where the readings do not tell it.
+    radius_mm, radius_sigma_mm
+        Of a sphere or cylinder; NaN where the readings do not tell it.
+    direction, direction_sigma_rad
+        From the skin into the object, a unit vector (3,), and its standard deviation in the worse of two ways.
+    axis_sigma_rad
+        Of the axis (`solid.axes[0]`) of a cylinder, edge, box or mesh, about the direction; else NaN.
+    alternatives
+        Other poses that explain the readings nearly as well.
+    time_s
+        The scan's time [s].
+    intervals
+        Within what each of "area_mm2", "force_n" and "radius_mm" lies with 95 %: (low, high), of what is told.
+
+    Examples
+    --------
+    >>> import tacstrip as ts
+    >>> fingertip, noise = ts.Sensor.load("fingertip"), ts.Noise(positional=0.002)
+    >>> patch = ts.press(fingertip, ts.Solid.plane().at((20, 0, 20), toward=(-1, 0, -1)), depth_mm=1.0)
+    >>> found = ts.fit_solid(ts.simulate(fingertip, patch, noise, rng=1), fingertip, ts.Solid.plane(), noise)
+    >>> bool(found.direction @ [0.7071, 0, 0.7071] > 0.9999), round(found.area_mm2)
+    (True, 63)
+    """
+
+    status: Status
+    advice: str
+    solid: Solid | None = None
+    patch: Patch | None = None
+    names: tuple[str, ...] = ()
+    values: FloatArray | None = None
+    covariance: FloatArray | None = None
+    area_mm2: float = math.nan
+    area_sigma_mm2: float = math.nan
+    force_n: float = math.nan
+    force_sigma_n: float = math.nan
+    radius_mm: float = math.nan
+    radius_sigma_mm: float = math.nan
+    direction: FloatArray | None = None
+    direction_sigma_rad: float = math.nan
+    axis_sigma_rad: float = math.nan
+    alternatives: tuple[Solid, ...] = ()
+    time_s: float = 0.0
+    intervals: dict[str, tuple[float, float]] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        if self.solid is None:
+            return f"<SolidFit: {self.status}>"
+        return (
+            f"<SolidFit: {self.status}, {self.solid.kind}, {self.area_mm2:.4g} +- {self.area_sigma_mm2:.2g} mm2, "
+            f"{self.force_n:.4g} N>"
+        )
+
+
+@takes(scan=Scan, sensor=Sensor, solid=Solid, noise=Noise)
+def fit_solid(
+    scan: Scan, sensor: Sensor, solid: Solid, noise: Noise | None = None, *, known_size: bool = False
+) -> SolidFit:
+    """Find which object of a family was pressed, from one scan: pose, depth, and the radius of spheres and cylinders.
+
+    Parameters
+    ----------
+    scan, sensor
+        What was measured, with what.
+    solid
+        The family: its kind counts and its angle, sides or mesh; its radius is where the search begins; not its pose.
+        It came along the skin's normal.
+    noise
+        Of the readings; None: the spec's `[noise]`, and without one estimated from what the fit leaves over.
+    known_size
+        True: the radius is the one given.
+
+    Returns
+    -------
+    SolidFit
+        With status and advice. What the readings do not tell is NaN: of a sphere on a sphere every patch is a cap, so
+        that a light press of a large one reads as a hard press of a small one.
+
+    Raises
+    ------
+    ReadingError, SignatureError, OptionError
+        The scan is not of this sensor, or the construction has no closed form.
+
+    Examples
+    --------
+    >>> import tacstrip as ts
+    >>> fingertip, noise = ts.Sensor.load("fingertip"), ts.Noise(positional=0.005)
+    >>> pen = ts.Solid.cylinder(4.0).at((20, 0, 20), toward=(-1, 0, -1), turn_rad=0.5)
+    >>> scan = ts.simulate(fingertip, ts.press(fingertip, pen, depth_mm=1.5), noise, rng=1)
+    >>> found = ts.fit_solid(scan, fingertip, ts.Solid.cylinder(6.0), noise)
+    >>> found.status, bool(abs(found.radius_mm - 4.0) < 3 * found.radius_sigma_mm)
+    ('ok', True)
+    """
+    scan = scan.checked(sensor)
+    check_closed_form(sensor.kind, "fit_solid")
+    if not scan.touched.any():
+        return SolidFit("no contact", "no strip reads a contact; press harder", time_s=scan.time_s)
+    poses = Poses.of(scan, sensor, solid, sensor.noise if noise is None else noise, known_size)
+    ends, costs = descents(poses)
+    left = poses.residuals(ends[:1])[0]
+    squares, freedom = float(np.square(left[: poses.readings]).sum()), poses.readings - len(poses.names)
+    if poses.noise is None and freedom >= 3:  # sigma is what is left over
+        scale = max(squares / freedom, 1e-6)
+    else:  # strips, skin and object are never quite those of the model: what they leave over counts as noise
+        scale = max(1.0, (_BELIEF + squares) / (_BELIEF + max(freedom, 0)))
+    random = np.random.default_rng(_SEED)
+    draws = draw(poses, ends, costs, random, scale)
+    mean = draws.mean
+    cost = float(np.square(poses.residuals(mean[None])).sum())
+    values = mean if cost - costs[0] <= _MEAN * len(mean) * scale else ends[0]
+    scatter = _Scatter.of(poses, values, draws.even(_LOADS, random))
+    return _result(poses, values, (ends, costs), draws, scatter, scale, known_size, scan.time_s)
+
+
+@dataclass(frozen=True, eq=False)
+class _Scatter:
+    """An object's area and force (1 + N,), first as given, then of draws; how its direction and axis scatter [rad]."""
+
+    area: FloatArray
+    force: FloatArray
+    radius: FloatArray
+    direction: float
+    axis: float
+    elsewhere: float  # the share of draws that differ by more than a result may that is not doubtful
+
+    @classmethod
+    def of(cls, poses: Poses, values: FloatArray, draws: FloatArray) -> _Scatter:
+        """Return them about parameters (P,), of draws (N, P)."""
+        every = np.concatenate([values[None], draws])
+        _, axes = poses.frames(every)
+        loads = [patch_load(poses.skin, solid, limited=False) for solid in poses.solids(every)]
+        x, y, _ = axes[0]
+        tilt = np.stack([axes[1:, 2] @ x, axes[1:, 2] @ y])
+        turn = np.arctan2(axes[1:, 0] @ y, axes[1:, 0] @ x)
+        period = TURNS.get(poses.solid.kind, 2.0 * math.pi)
+        turn = np.remainder(turn + 0.5 * period, period) - 0.5 * period
+        area, turns = np.array([load.area_mm2 for load in loads]), poses.solid.kind in TURNS
+        off = (np.abs(area[1:] - area[0]) > 2.0 * _AREA * area[0]) | (np.hypot(*tilt) > 2.0 * _DIRECTION)
+        off |= turns & (np.abs(turn) > 2.0 * _AXIS)
+        return cls(
+            area, np.array([load.force_n for load in loads]), poses.radii(every),
+            math.sqrt(np.linalg.eigvalsh(tilt @ tilt.T / len(draws))[-1]),
+            math.sqrt(float(np.square(turn).mean())) if turns else math.nan, float(off.mean()),
+        )  # fmt: skip
+
+
+def _about(values: FloatArray) -> tuple[float, float, tuple[float, float]]:
+    """Return the first of values, the others' root mean square from it, and what 95 % of them lie within."""
+    low, high = np.quantile(values[1:], (0.025, 0.975))
+    return (
+        float(values[0]),
+        math.sqrt(float(np.square(values[1:] - values[0]).mean())),
+        (float(low), float(high)),
+    )
+
+
+def _result(
+    poses: Poses, values: FloatArray, descended: tuple[FloatArray, FloatArray], draws: Draws, scatter: _Scatter,
+    scale: float, known_size: bool, time_s: float,
+) -> SolidFit:  # fmt: skip
+    """Put together what was found, and judge it."""
+    (solid,), kind = poses.solids(values[None]), poses.solid.kind
+    (area, area_sigma, of_area), (force, force_sigma, of_force) = _about(scatter.area), _about(scatter.force)
+    intervals = {"area_mm2": of_area}
+    radius = radius_sigma = math.nan
+    notes, doubtful = [], False
+    if kind in ("sphere", "cylinder"):
+        radius, radius_sigma, of_radius = _about(scatter.radius)
+        alike = cap(poses.skin, solid) and not known_size
+        if alike or radius_sigma > _UNTOLD * radius:
+            why = "every patch of a sphere on this skin is alike" if alike else "it is open"
+            notes.append(
+                f"the radius and the force cannot be told from this contact ({why}): area and direction hold; give a "
+                "known radius with known_size=True"
+            )
+            radius = radius_sigma = force = force_sigma = math.nan
+        else:
+            intervals["radius_mm"] = of_radius
+    if force_sigma > _UNTOLD * abs(force):
+        force = math.nan
+        notes.append("the force cannot be told from this contact")
+    if math.isfinite(force):
+        intervals["force_n"] = of_force
+    try:
+        patch: Patch | None = patch_at(poses.sensor, solid)
+    except ContactError:
+        patch = None
+    ends, costs = descended
+    left, freedom = poses.residuals(ends[:1])[0][: poses.readings], poses.readings - len(values)
+    # By normal noise also where it is uniform, whose squares spread less: the model is not exact enough for that.
+    if poses.noise is not None and freedom >= 1 and chi_square_score(left, freedom, "normal") > _ALARM:
+        doubtful = True
+        notes.append(
+            "no such object explains the readings: it is another one, there are several, or the noise is larger"
+        )
+    if _contradiction(poses, ends[:1]) > _LOST_MM:
+        doubtful = True
+        notes.append(
+            "strips are touched where this object would not, or silent where it would: it is another one"
+        )
+    if poses.noise is None and freedom < 3:
+        notes.append(f"the noise is taken for {100 * GUESS:g} % of Vref; give it")
+    open_ = not area_sigma <= _AREA * area or not scatter.direction <= _DIRECTION or scatter.axis > _AXIS
+    if patch is None or draws.effective < _FEW_DRAWS or open_:
+        doubtful = True
+        notes.append("few strips tell of it: its pose is open; press harder, or across more strips")
+    near = ends[(costs - costs[0] < _RIVAL * scale) & (scatter.elsewhere > _LIKELY)]
+    others = _alternatives(poses, values, near, area)
+    if others:
+        doubtful = True
+        notes.append("other poses explain the readings as well; see the alternatives")
+    return SolidFit(
+        "doubtful" if doubtful else "ok", "; ".join(notes), solid, patch, poses.names, values, draws.covariance,
+        area, area_sigma, force, force_sigma, radius, radius_sigma,
+        -solid.toward, scatter.direction, scatter.axis, others, time_s, intervals,
+    )  # fmt: skip
+
+
+def _contradiction(poses: Poses, values: FloatArray) -> float:
+    """Return the most depth [mm] that strips touched or silent lack or have too much."""
+    deepest = poses.ends(values, TOUCH_MM)[2][0]
+    return float(np.where(poses.touched, -deepest, np.where(poses.silent, deepest, 0.0)).max())
+
+
+def _alternatives(poses: Poses, values: FloatArray, ends: FloatArray, area: float) -> tuple[Solid, ...]:
+    """Return the objects of other descents' ends (M, P) that differ by more than a result may that is not doubtful."""
+    found = [(poses.solids(values[None])[0], area)]
+    for solid in poses.solids(ends):
+        size = patch_load(poses.skin, solid, limited=False).area_mm2
+        if all(_differ(solid, its, abs(size / its_area - 1.0)) for its, its_area in found):
+            found.append((solid, size))
+    return tuple(solid for solid, _ in found[1:])
+
+
+def _differ(a: Solid, b: Solid, area: float) -> bool:
+    """Whether two objects differ in their patches' area, direction or axis."""
+    tilted = math.acos(min(1.0, float(a.toward @ b.toward)))
+    turned = math.asin(min(1.0, float(np.linalg.norm(np.cross(a.axes[0], b.axes[0])))))
+    return bool(area > 2.0 * _AREA or tilted > 2.0 * _DIRECTION or (a.kind in TURNS and turned > 2.0 * _AXIS))

@@ -1,0 +1,321 @@
+"""Many poses of an object in a skin at once: what each would read, and how far that is from a scan.
+
+A pose is a place on the skin, the depth there, how the object is turned about the skin's normal, along which it came,
+and the logarithm of a radius. Places are those of a plane that touches the skin where the readings are, so that
+nothing is singular where meridians meet.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+
+from tacstrip.arrays import BoolArray, FloatArray
+from tacstrip.contact.noise import Noise
+from tacstrip.contact.press.patch import samples
+from tacstrip.contact.press.solid import Solid
+from tacstrip.contact.signature import signatures
+from tacstrip.reconstruction.noise_covariance import Averaging, reading_covariance
+from tacstrip.scan import Scan
+from tacstrip.sensor.left_out import left_out_wholly
+from tacstrip.sensor.resistance import ends_from_electrical
+from tacstrip.sensor.spec import Sensor
+from tacstrip.surface.skin import Skin, skin_of
+
+TURNS = {"cylinder": math.pi, "edge": math.pi, "box": math.pi, "mesh": 2.0 * math.pi}  # until it is alike
+GUESS = 0.005  # of Vref: sigma where the noise is not known and too few readings are left to tell it
+TOUCH_MM = 0.03  # standard deviation of the depth from which a strip reads
+_SAMPLES, _ROOTS = 64, 5  # along a strip; steps that place an end between two of them
+_FEW_SAMPLES, _ROUGH_MM, _BORDER = 16, 0.1, 0.01  # of what starts are compared by; share of a strip's length
+_TOGETHER = 48  # poses; more at once are no faster
+_LINE_MM = 0.05  # depth of a strip below which it does not read as its centre line
+_LOG_RADIUS = 1.5  # how far, as a logarithm, the radius may be from the one given: hardly a prior
+_FLATTER = 4.0  # times a spherical skin's radius: caps of balls that large need the least depth
+_RADII = (-5.0, 8.0)  # of the logarithm
+
+
+@dataclass(frozen=True, eq=False)
+class Poses:
+    """One scan's readings k (S, n), which of them count, and the family of objects.
+
+    Attributes
+    ----------
+    white
+        What makes the errors of all readings independent, of variance 1 (R, R).
+    names
+        Of the parameters (P,).
+    origin, tangents
+        Place on the skin about which poses are told (3,) [mm]; two directions along it (2, 3).
+    ends_read
+        About where contacts end on strips: l and u (strips,) [mm].
+    """
+
+    sensor: Sensor
+    skin: Skin
+    solid: Solid
+    k: FloatArray
+    touched: BoolArray
+    silent: BoolArray
+    white: FloatArray
+    read: tuple[str, ...]
+    names: tuple[str, ...]
+    origin: FloatArray
+    tangents: FloatArray
+    ends_read: tuple[FloatArray, FloatArray]
+    noise: Noise | None
+
+    @classmethod
+    def of(cls, scan: Scan, sensor: Sensor, solid: Solid, noise: Noise | None, known_size: bool) -> Self:
+        """Prepare the poses that a scan is compared with."""
+        skin, k = skin_of(sensor), np.stack([scan[name] for name in scan.signatures])
+        ends = _ends_read(sensor, scan)
+        origin, tangents = _middle(skin, scan, ends)
+        names = ["across_mm", "along_mm", "depth_mm"]
+        if solid.kind in ("sphere", "cylinder") and not known_size:
+            if cap(skin, solid) and skin.surface is not None:
+                if not skin.surface.inside:
+                    solid = replace(
+                        solid, size=(max(solid.size[0], _FLATTER * float(skin.surface.radius_mm or 0.0)),)
+                    )
+            else:
+                names.append("log_radius")
+        names += ["turn_rad"] * (solid.kind in TURNS)
+        read = ~np.isnan(k)
+        white = np.eye(int(read.sum())) / GUESS
+        if noise is not None:
+            errors = reading_covariance(
+                noise, sensor, sensor.x_mm, ends, scan.signatures, Averaging.of(scan)
+            )[np.ix_(read.ravel(), read.ravel())]  # fmt: skip
+            white = np.linalg.inv(np.linalg.cholesky(errors))
+        silent = ~scan.touched & ~left_out_wholly(sensor)
+        return cls(
+            sensor, skin, solid, k, scan.touched, silent, white, scan.signatures, tuple(names), origin, tangents,
+            ends, noise,
+        )  # fmt: skip
+
+    def column(self, name: str) -> int | None:
+        """Return which parameter is called so; None where the family has none."""
+        return self.names.index(name) if name in self.names else None
+
+    @cached_property
+    def readings(self) -> int:
+        """How many readings are compared."""
+        return len(self.white)
+
+    def _value(self, values: FloatArray, name: str, otherwise: float) -> FloatArray:
+        at = self.column(name)
+        return np.full(len(values), otherwise) if at is None else values[:, at]
+
+    def radii(self, values: FloatArray) -> FloatArray:
+        """Return the radii (M,) [mm] of parameters (M, P); 1 where the family has none."""
+        if self.solid.kind not in ("sphere", "cylinder"):
+            return np.ones(len(values))
+        return np.exp(np.clip(self._value(values, "log_radius", math.log(self.solid.size[0])), *_RADII))
+
+    def frames(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return where the objects of parameters (M, P) are (M, 3) [mm], and their axes (M, 3, 3)."""
+        near = self.origin + values[:, :2] @ self.tangents
+        across, up = self.skin.places_near(near)
+        if self.skin.surface is not None and self.skin.round:  # also beyond the skin's border
+            r, z = np.hypot(near[:, 0], near[:, 1]), near[:, 2]
+            for _ in range(2):
+                mr, mz, dr, dz = self.skin.surface.meridian(up)
+                up = up + (r - mr) * dr + (z - mz) * dz
+        normal = self.skin.normals(across, up)
+        first = self.tangents[0] - (normal @ self.tangents[0])[:, None] * normal
+        first /= np.linalg.norm(first, axis=1, keepdims=True)
+        turn = self._value(values, "turn_rad", 0.0)[:, None]
+        x = np.cos(turn) * first + np.sin(turn) * np.cross(normal, first)
+        at = self.skin.points(across, up) - values[:, 2:3] * normal
+        return at, np.stack([x, np.cross(normal, x), normal], axis=1)
+
+    def solids(self, values: FloatArray) -> list[Solid]:
+        """Return the objects of parameters (M, P)."""
+        size = self.solid.size
+        return [
+            replace(self.solid, position_mm=at, axes=axes, size=(float(radius),) if len(size) == 1 and
+                    self.solid.kind != "edge" else size)
+            for at, axes, radius in zip(*self.frames(values), self.radii(values), strict=True)
+        ]  # fmt: skip
+
+    def residuals(self, values: FloatArray, touch_mm: float = TOUCH_MM) -> FloatArray:
+        """Return what is left at parameters (M, P): of whitened readings, of touch and silence, of what hardly counts.
+
+        Half their squares is minus the logarithm of the likelihood: a strip reads where the object is as deep as a
+        depth that is known to `touch_mm`.
+        """
+        return np.concatenate([
+            self._residuals(values[i : i + _TOGETHER], touch_mm) for i in range(0, len(values), _TOGETHER)
+        ])  # fmt: skip
+
+    def _residuals(self, values: FloatArray, touch_mm: float) -> FloatArray:
+        l, u, deepest = self.ends(values, touch_mm)
+        read = signatures(self.sensor, l, u)
+        with np.errstate(invalid="ignore"):
+            off = self.k - np.stack([read[name] for name in self.read], axis=1)
+        read_here = ~np.isnan(self.k)
+        # Strips are no lines: of one that is hardly touched, the ends on its centre line tell little.
+        looser = 1.0 + np.square(_LINE_MM / np.maximum(deepest, 0.2 * _LINE_MM))
+        looser = np.broadcast_to(looser[:, None], off.shape)[:, read_here]
+        left = (np.nan_to_num(off[:, read_here], nan=1.0) / np.sqrt(looser)) @ self.white.T
+        sign = np.where(self.touched, 1.0, -1.0)
+        lost = np.where(self.touched | self.silent, _misfit(sign * deepest / touch_mm), 0.0)
+        return np.concatenate([left, lost, np.sqrt(np.log(looser)), self._hardly(values)], axis=1)
+
+    def _hardly(self, values: FloatArray) -> FloatArray:
+        """Return residuals of what is known beforehand: hardly anything, but how thick the skin is."""
+        depth, thick = values[:, 2], self.skin.thickness_mm
+        hardly = [(np.maximum(depth - thick, 0.0) + np.maximum(-depth, 0.0)) / TOUCH_MM]
+        reach = max(self.sensor.length_mm, self.sensor.width_mm)
+        hardly += [values[:, 0] / reach, values[:, 1] / reach]
+        if (at := self.column("log_radius")) is not None:
+            hardly.append((values[:, at] - math.log(self.solid.size[0])) / _LOG_RADIUS)
+        if (at := self.column("turn_rad")) is not None:
+            hardly.append(values[:, at] / (2.0 * TURNS[self.solid.kind]))
+        return np.stack(hardly, axis=1)
+
+    def _touch(self, values: FloatArray) -> Callable[[FloatArray, Callable[[], FloatArray]], FloatArray]:
+        """Return what gives the touch (M, ...) of objects (M, P) at points (M or 1, ..., 3), of normals where asked."""
+        (at, axes), radius = self.frames(values), self.radii(values)
+        unit = replace(self.solid, size=(1.0,)) if self.solid.kind in ("sphere", "cylinder") else self.solid
+
+        # Only objects that go deeper than they are thick reach under places beside the patch.
+        under = np.flatnonzero(values[:, 2] > 0.8 * radius) if unit.size == (1.0,) else np.arange(len(values))
+        if self.solid.kind == "plane":
+            under = under[:0]
+
+        def touch(points: FloatArray, normals: Callable[[], FloatArray]) -> FloatArray:
+            """Return that of the object of radius 1, made larger."""
+            scale, turned = radius[:, None, None, None], np.swapaxes(axes, 1, 2)
+            shape = (len(at), *points.shape[1:])
+            q = ((points.reshape(len(points), -1, 3) - at[:, None]) @ turned).reshape(shape) / scale
+            if not len(under):
+                return scale[..., 0] * unit.depth(q)
+            out = normals()
+            n = (np.broadcast_to(out, shape).reshape(len(at), -1, 3) @ turned).reshape(shape)
+            thick = self.skin.thickness_mm / scale[..., 0]
+            if len(under) == len(at):
+                return scale[..., 0] * unit.touch_in_own_frame(q, n, thick)
+            found = unit.depth(q)
+            found[under] = unit.touch_in_own_frame(q[under], n[under], thick[under])
+            return scale[..., 0] * found
+
+        return touch
+
+    def depth_residuals(self, values: FloatArray) -> FloatArray:
+        """Return how deep the places where contacts were read to end lie in objects (M, P), which should be 0; rough.
+
+        In between they should lie in it, and silent strips should not. Slopes lead there from far, as those of
+        readings, which know nothing of strips that are not touched, do not.
+        """
+        touch, (l, u) = self._touch(values), self.ends_read
+        on, off = np.flatnonzero(self.touched), np.flatnonzero(self.silent)
+        length = self.skin.lengths_mm[on]
+        y = np.stack([l[on], u[on], 0.5 * (l + u)[on]], axis=1)
+        place = self.skin.places(on[:, None].astype(float), y)
+        g = touch(self.skin.points(*place)[None], lambda: self.skin.normals(*place)[None])
+        open_ = np.stack([l[on] < _BORDER * length, u[on] > (1.0 - _BORDER) * length, on >= 0], axis=1)
+        left = [np.where(open_, np.minimum(g, 0.0), g).reshape(len(values), -1)]
+        if len(off):
+            _, _, points, normals = samples(self.skin, _FEW_SAMPLES)
+            deepest = touch(points[None, off], lambda: normals[None, off]).max(axis=2)
+            left.append(np.maximum(deepest, 0.0))
+        return np.concatenate([*(part / _ROUGH_MM for part in left), self._hardly(values)], axis=1)
+
+    def ends(self, values: FloatArray, touch_mm: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return l and u (M, strips) [mm] of parameters (M, P), and how deep the object is on each strip at most.
+
+        Of a strip that is not touched, or less deep than a tenth of `touch_mm`, ends are those of what lies so much
+        higher at most, so that they move as the object does.
+        """
+        strip, y, points, normals = samples(self.skin, _SAMPLES)
+        touch = self._touch(values)
+
+        def touch_at(places_y: FloatArray) -> FloatArray:
+            """Return touch at y (M, n, S) along the strips."""
+            place = self.skin.places(strip[:, None], places_y)
+            return touch(self.skin.points(*place), lambda: self.skin.normals(*place))
+
+        g = touch(points[None], lambda: normals[None])  # (M, n, S)
+        last, rows = _SAMPLES - 1, np.arange(len(strip))
+        step = y[:, 1] - y[:, 0]
+        at_top = np.clip(g.argmax(axis=2), 1, last - 1)
+        a, b, c = (np.take_along_axis(g, at_top[..., None] + i, axis=2)[..., 0] for i in (-1, 0, 1))
+        with np.errstate(divide="ignore", invalid="ignore"):  # the top of a parabola through three samples
+            top = np.clip(np.nan_to_num(0.5 * (a - c) / (a - 2.0 * b + c)), -1.0, 1.0)
+        y_top = y[rows, at_top] + top * step
+        g_top = touch_at(y_top[..., None])[..., 0]
+        highest = g.max(axis=2)
+        y_top = np.where(g_top >= highest, y_top, y[rows, g.argmax(axis=2)])
+        deepest = np.maximum(highest, g_top)
+        level = np.minimum(deepest - 0.1 * touch_mm, 0.0)
+        on = g > level[..., None]
+        any_on = on.any(axis=2)
+        first, final = on.argmax(axis=2), last - on[..., ::-1].argmax(axis=2)
+        before = np.where(any_on, first - 1, np.floor(y_top / step).astype(int))
+        after = np.where(any_on, final + 1, np.floor(y_top / step).astype(int) + 1)
+        inner = np.stack(
+            [np.where(any_on, y[rows, first], y_top), np.where(any_on, y[rows, final], y_top)], axis=2
+        )
+        outer = np.stack([y[rows, np.clip(before, 0, last)], y[rows, np.clip(after, 0, last)]], axis=2)
+        border = outer
+        # The top may lie beyond the outermost sample that touches.
+        inner[..., 0] = np.where(deepest > highest, np.minimum(inner[..., 0], y_top), inner[..., 0])
+        inner[..., 1] = np.where(deepest > highest, np.maximum(inner[..., 1], y_top), inner[..., 1])
+        high, low = (touch_at(v) - level[..., None] for v in (inner, outer))
+        beyond, was = low >= 0.0, np.zeros(low.shape)  # the strip ends first; the side of the last step
+        now = outer
+        for _ in range(_ROOTS):  # regula falsi, by Illinois
+            with np.errstate(divide="ignore", invalid="ignore"):
+                share = np.nan_to_num(high / (high - low), nan=0.5)
+            now = inner + np.clip(share, 0.0, 1.0) * (outer - inner)
+            here = touch_at(now) - level[..., None]
+            inside = here > 0.0
+            side = np.where(inside, 1.0, -1.0)
+            again = np.where(side == was, 0.5, 1.0)
+            inner, outer, was = np.where(inside, now, inner), np.where(inside, outer, now), side
+            high, low = np.where(inside, here, again * high), np.where(inside, again * low, here)
+        now = np.where(beyond, border, now)
+        return now[..., 0], now[..., 1], deepest
+
+
+def cap(skin: Skin, solid: Solid) -> bool:
+    """Whether every patch is a cap, whatever the object's radius: a sphere on a spherical skin."""
+    return solid.kind == "sphere" and skin.surface is not None and skin.surface.kind == "sphere"
+
+
+def _misfit(depth: FloatArray) -> FloatArray:
+    """Return the root of minus twice the logarithm of how likely a strip reads, by its depth in standard deviations."""
+    from scipy.special import log_ndtr
+
+    return np.sqrt(-2.0 * np.asarray(log_ndtr(depth)))
+
+
+def _ends_read(sensor: Sensor, scan: Scan) -> tuple[FloatArray, FloatArray]:
+    """Return about where contacts end on strips: l and u (n,) [mm]."""
+    k = np.stack([scan[name] for name in scan.signatures])
+    low, high = (
+        f(np.where(np.isnan(k), fill, k), axis=0) * sensor.length_mm
+        for f, fill in ((np.min, np.inf), (np.max, -np.inf))
+    )
+    low, high = (np.where(scan.touched, v, np.nan) for v in (low, high))
+    l, u = (low, high) if sensor.surface is None else ends_from_electrical(sensor, low, high)
+    return l, np.maximum(u, l)
+
+
+def _middle(skin: Skin, scan: Scan, ends: tuple[FloatArray, FloatArray]) -> tuple[FloatArray, FloatArray]:
+    """Return the place on the skin that the readings are about (3,), and two directions along the skin there (2, 3)."""
+    on = np.flatnonzero(scan.touched)
+    across, up = skin.places_near(
+        skin.points(*skin.places(on.astype(float), 0.5 * (ends[0] + ends[1])[on])).mean(axis=0)
+    )
+    normal = skin.normals(across, up)
+    first = np.eye(3)[np.abs(normal).argmin()]
+    first = first - (first @ normal) * normal
+    first /= np.linalg.norm(first)
+    return skin.points(across, up), np.stack([first, np.cross(normal, first)])

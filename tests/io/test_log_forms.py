@@ -1,0 +1,554 @@
+"""Logs as people write them give the readings that are in them; what is composed at random never gives others."""
+
+from __future__ import annotations
+
+import json
+import random
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+import tacstrip as ts
+from tacstrip.cli import cli
+from tacstrip.io.log_import.containers import read_table
+from tacstrip.io.log_import.fields import array_of, clock_seconds, number_of, quantity
+from tacstrip.io.log_import.guess import propose
+from tacstrip.io.log_import.names import meaning, meanings
+from tacstrip.io.log_import.questions import Unanswered
+from tacstrip.io.log_import.records import items
+from tacstrip.io.log_import.scans import scans
+from tacstrip.io.log_import.text import of_text
+
+TWO = ts.Sensor(construction="crs-crs", strips=5, pitch_mm=10.0, length_mm=50.0, vref_volt=5.0, adc_bits=10)
+ONE = ts.Sensor(construction="crs-m", strips=5, pitch_mm=10.0, length_mm=50.0, vref_volt=3.3, adc_bits=12)
+S, N = range(5), range(6)
+SHAPE = ts.Contact.polygon([(-15, -12), (18, -8), (12, 15), (-14, 12)])
+
+
+def _codes(sensor: ts.Sensor) -> dict[str, np.ndarray]:
+    made = [ts.simulate(sensor, SHAPE.placed(22 + 0.5 * i, 24)) for i in N]
+    most = 2 ** (sensor.adc_bits or 0) - 1
+    return {
+        name: np.round(np.stack([scan[name] for scan in made]) * most) / most for name in made[0].signatures
+    }
+
+
+K = _codes(TWO) | _codes(ONE)
+
+
+def v(
+    name: str, i: int, s: int, scale: float = 5.0, form: str = ".3f", nothing: str = "", comma: bool = False
+) -> str:
+    k = K[name][i, s]
+    return nothing if np.isnan(k) else format(scale * k, form).replace(".", "," if comma else ".")
+
+
+def c(name: str, i: int, s: int, nothing: str = "-1") -> str:
+    return v(name, i, s, 1023.0, ".0f", nothing)
+
+
+def hl(by: str, i: int, s: int, **way: object) -> str:
+    return by.join(v(n, i, s, **way) for n in ("kh", "kl"))  # type: ignore[arg-type]
+
+
+def each(line: Callable[[int, int], str], head: str = "", before: Callable[[int], str] = lambda i: "") -> str:
+    """A line for each strip of each scan."""
+    return head + "".join(before(i) + "".join(line(i, s) + "\n" for s in S) for i in N)
+
+
+def scan(line: Callable[[int], str], head: str = "") -> str:
+    return head + "".join(line(i) + "\n" for i in N)
+
+
+HL = ",".join(f"H{s},L{s}" for s in S)
+FORMS: dict[str, tuple[ts.Sensor, str, dict[str, str]]] = {
+    # Lines that name their values.
+    "serial plotter": (
+        TWO,
+        scan(lambda i: f"t:{20 * i} " + " ".join(f"H{s}:{c('kh', i, s)} L{s}:{c('kl', i, s)}" for s in S)),
+        {},
+    ),
+    "key=value with units, logging module": (
+        TWO,
+        each(
+            lambda i, s: (
+                f"2026-03-04 10:00:00,{20 * i:03d} INFO tac: strip={s} "
+                f"vh={v('kh', i, s, nothing='nan')}V vl={v('kl', i, s, nothing='nan')}V"
+            )
+        ),
+        {},
+    ),
+    "labels above sentences": (
+        TWO,
+        each(
+            lambda i, s: f"Strip {s + 1}: H={c('kh', i, s, '---')} L={c('kl', i, s, '---')}",
+            before=lambda i: f"--- Scan {i}, t = {20 * i} ms ---\n",
+        ),
+        {},
+    ),
+    "several lines a scan": (
+        ONE,
+        "".join(
+            f"TIME: {20 * i} ms\n" + "".join(f"  CH{s} = {v('k', i, s, 3.3, nothing='open')} V\n" for s in S)
+            for i in N
+        ),
+        {},
+    ),
+    "two lists a line": (
+        TWO,
+        scan(
+            lambda i: (
+                f"{20 * i} ms H: "
+                + " ".join(c("kh", i, s) for s in S)
+                + " | L: "
+                + " ".join(c("kl", i, s) for s in S)
+            )
+        ),
+        {},
+    ),
+    "JSON lines, nested": (
+        TWO,
+        scan(
+            lambda i: json.dumps(
+                {
+                    "ts": f"2026-03-04T10:00:00.{20 * i:03d}Z",
+                    "strips": [
+                        {
+                            "id": s,
+                            "high_mV": float(v("kh", i, s, 5e3, ".1f", "nan")),
+                            "low_mV": float(v("kl", i, s, 5e3, ".1f", "nan")),
+                        }
+                        for s in S
+                    ],
+                }
+            )
+        ),
+        {},
+    ),
+    "an object of columns": (
+        ONE,
+        json.dumps(
+            {"time_s": [0.02 * i for i in N]}
+            | {f"strip{s}_V": [float(v("k", i, s, 3.3, ".4f", "nan")) for i in N] for s in S}
+        ),
+        {},
+    ),
+    "tuples of Python": (
+        ONE,
+        scan(lambda i: f"({20 * i}, [{', '.join(v('k', i, s, 4095.0, '.0f', 'None') for s in S)}])"),
+        {"unit": "code"},
+    ),
+    # Blocks.
+    "rows below labels": (
+        TWO,
+        each(
+            lambda i, s: f"{s}\t{hl(chr(9), i, s, nothing='-')}", before=lambda i: f"scan {i} t={20 * i}ms\n"
+        ),
+        {},
+    ),
+    "blocks below comments, decimal commas": (
+        TWO,
+        each(
+            lambda i, s: f"{s + 1};{hl(';', i, s, nothing='-', comma=True)}",
+            before=lambda i: f"# t = {0.02 * i:.2f} s\n",
+        ),
+        {},
+    ),
+    "blocks of as many lines": (
+        TWO,
+        "\n".join("".join(hl(" ", i, s, nothing="nan") + "\n" for s in S) for i in N),
+        {"rate_hz": "50"},
+    ),
+    # Names in several lines, units in them.
+    "two lines of names": (
+        TWO,
+        scan(
+            lambda i: f"{20 * i};" + ";".join(hl(";", i, s, comma=True) for s in S),
+            "t [ms];"
+            + ";".join(f"Streifen {s + 1};" for s in S)
+            + "\n;"
+            + ";".join("oben;unten" for s in S)
+            + "\n",
+        ),
+        {},
+    ),
+    "names of pandas in three lines": (
+        TWO,
+        scan(
+            lambda i: f"{0.02 * i:.2f}," + ",".join(hl(",", i, s) for s in S),
+            "strip,"
+            + ",".join(f"{s},{s}" for s in S)
+            + "\nchannel,"
+            + ",".join("h,l" for s in S)
+            + "\ntime,,,,,,,,,,\n",
+        ),
+        {},
+    ),
+    "LabVIEW": (
+        ONE,
+        scan(
+            lambda i: (
+                f"{0.02 * i:.6f}\t".replace(".", ",")
+                + "\t".join(v("k", i, s, 3.3, ".6f", comma=True) for s in S)
+            ),
+            "LabVIEW Measurement\nSeparator\tTab\n***End_of_Header***\n\nChannels\t5\t\t\t\t\nY_Unit_Label"
+            + "\tVolts" * 5
+            + "\nX_Dimension"
+            + "\tTime" * 5
+            + "\n***End_of_Header***\nX_Value\t"
+            + "\t".join(f"S{s}" for s in S)
+            + "\n",
+        ),
+        {},
+    ),
+    "an oscilloscope": (
+        ONE,
+        scan(
+            lambda i: f"{-0.04 + 0.02 * i:.5E}," + ",".join(v("k", i, s, 3.3, ".5E") for s in S),
+            "Record Length,6,Points\nSample Interval,0.02,s\n,,\nTIME,"
+            + ",".join(f"CH{s + 1}" for s in S)
+            + "\nsecond"
+            + ",Volt" * 5
+            + "\n",
+        ),
+        {},
+    ),
+    "MATLAB": (
+        TWO,
+        each(lambda i, s: f"{0.02 * i:g},{s},{hl(',', i, s, nothing='NaN')}", "Time_s_,Strip,Vh_V_,Vl_V_\n"),
+        {},
+    ),
+    "a rate above, no time": (
+        ONE,
+        scan(
+            lambda i: f"{i};" + ";".join(v("k", i, s, 3.3) for s in S),
+            "Sampling rate: 50 Hz\n\nSample;" + ";".join(f"AI{s} [V]" for s in S) + "\n",
+        ),
+        {},
+    ),
+    "modules before the inputs": (
+        ONE,
+        scan(
+            lambda i: f"03/04/2026 10:00:00.{20 * i:03d}\t" + "\t".join(v("k", i, s, 3.3) for s in S),
+            "time\t" + "\t".join(f"Dev1/ai{s} (V)" for s in S) + "\n",
+        ),
+        {},
+    ),
+    # Fields of another kind.
+    "arrays in fields": (
+        TWO,
+        scan(
+            lambda i: (
+                f'{1772000000.5 + 0.02 * i:.2f},{i},"['
+                + ", ".join(v("kh", i, s, 1.0, ".4f", "nan") for s in S)
+                + ']","['
+                + ", ".join(v("kl", i, s, 1.0, ".4f", "nan") for s in S)
+                + ']"'
+            ),
+            "rosbagTimestamp,seq,kh,kl\n",
+        ),
+        {},
+    ),
+    "units in fields, mixed": (
+        TWO,
+        each(
+            lambda i, s: (
+                f"{20 * i}ms,#{s + 1},{v('kh', i, s, nothing='-')}V,{v('kl', i, s, 5e3, '.0f', '-')} mV".replace(
+                    "-V", "-"
+                )
+            ),
+            "t,strip,h,l\n",
+        ),
+        {},
+    ),
+    "hexadecimal": (
+        TWO,
+        each(
+            lambda i, s: (
+                f"{20 * i};{s};"
+                + ";".join(hex(int(x)) if (x := c(n, i, s, "")) else "" for n in ("kh", "kl"))
+            ),
+            "ms;strip;H;L\n",
+        ),
+        {},
+    ),
+    "AM and PM, strips #1": (
+        TWO,
+        each(lambda i, s: f"12:00:00.{20 * i:03d} PM;#{s + 1};{hl(';', i, s)}", "Time;Strip;High;Low\n"),
+        {},
+    ),
+    "minutes and seconds, S01": (
+        ONE,
+        each(
+            lambda i, s: f"01:{2 + 0.02 * i:05.2f}\tS{s + 1:02d}\t{v('k', i, s, 3.3)}",
+            "Zeit\tStreifen\tSpannung\n",
+        ),
+        {},
+    ),
+    "places in centimetres": (
+        TWO,
+        each(lambda i, s: f"{0.02 * i:.2f},{s:.1f},{hl(',', i, s)}", "t_s,x_cm,high_V,low_V\n"),
+        {},
+    ),
+    "columns of a fixed width, some blank": (
+        TWO,
+        each(
+            lambda i, s: f"{0.02 * i:7.2f}{s:7d}" + "".join(f"{v(n, i, s):>10}" for n in ("kh", "kl")),
+            "   Time  Strip      High       Low\n",
+        ),
+        {},
+    ),
+    "both channels at 0": (
+        TWO,
+        scan(lambda i: f"{20 * i}," + ",".join(f"{c('kh', i, s, '0')},{c('kl', i, s, '0')}" for s in S)),
+        {},
+    ),
+    # Clocks.
+    "micros that begin anew": (
+        TWO,
+        each(
+            lambda i, s: f"{(2**32 - 50_000 + 20_000 * i) % 2**32}, {s}, {hl(', ', i, s, nothing='-1')}",
+            "# micros, strip, high, low\n",
+        ),
+        {},
+    ),
+    "ticks of 16 bits": (
+        ONE,
+        scan(
+            lambda i: f"{(65480 + 20 * i) % 65536}\t" + "\t".join(v("k", i, s, 3.3, nothing="--") for s in S),
+            "time_ms\t" + "\t".join(f"strip{s}" for s in S) + "\n",
+        ),
+        {},
+    ),
+    "a reset, and the names again": (
+        TWO,
+        "".join(
+            ("ms,strip,h_V,l_V\n" if i in (0, 3) else "")
+            + "".join(f"{20 * (i % 3)},{s},{hl(',', i, s)}\n" for s in S)
+            for i in N
+        ),
+        {"restart": "continue"},
+    ),
+    # Other shapes.
+    "melted, strip after strip": (
+        TWO,
+        "".join(
+            f"{n},{0.02 * i:.2f},{key}[{s}],{v(name, i, s)}\n"
+            for n, (key, name, s, i) in enumerate(
+                (key, name, s, i) for key, name in (("vh", "kh"), ("vl", "kl")) for s in S for i in N
+            )
+        ).join([",t,variable,value\n", ""]),
+        {},
+    ),
+    "a line of each channel": (
+        TWO,
+        "".join(
+            f"{20 * i},{e.upper()}," + ",".join(c(f"k{e}", i, s) for s in S) + "\n" for i in N for e in "hl"
+        ),
+        {},
+    ),
+    "channels 0 and 1": (
+        TWO,
+        "time_ms,strip,ch,adc\n"
+        + "".join(f"{20 * i},{s},{e},{c(('kl', 'kh')[e], i, s, '')}\n" for i in N for s in S for e in (0, 1)),
+        {},
+    ),
+    "scans are columns": (
+        ONE,
+        "time (s),"
+        + ",".join(f"{0.02 * i:g}" for i in N)
+        + "\n"
+        + "".join(f"Strip {s + 1}," + ",".join(v("k", i, s, 3.3) for i in N) + "\n" for s in S),
+        {},
+    ),
+    "only touched strips": (
+        TWO,
+        each(
+            lambda i, s: f"{i},{0.02 * i:.2f},{s},{hl(',', i, s)}" if v("kh", i, s) else "",
+            "scan,time_s,strip,v_h,v_l\n",
+        )
+        .replace("\n\n", "\n")
+        .replace("\n\n", "\n"),
+        {"strip_base": "0"},
+    ),
+    "codes and volts of the same": (
+        ONE,
+        each(
+            lambda i, s: f"{0.02 * i:.2f};{s};{v('k', i, s, 4095.0, '.0f')};{v('k', i, s, 3.3)}",
+            "t;strip;adc;volt\n",
+        ),
+        {},
+    ),
+    "codes of another converter": (
+        ONE,
+        scan(
+            lambda i: f"{20 * i}," + ",".join(v("k", i, s, 16383.0, ".0f") for s in S),
+            "t_ms," + ",".join(f"code_{s}" for s in S) + "\n",
+        ),
+        {"adc_bits": "14"},
+    ),
+    "boot messages": (
+        TWO,
+        each(
+            lambda i, s: f"{800 + 20 * i}\t{s}\t{hl(chr(9), i, s, nothing='nan')}",
+            "rst:0x1 (POWERON_RESET),boot:0x13\nCalibration done.\nms\tstrip\tVH\tVL\n",
+        ),
+        {},
+    ),
+}
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_a_form_gives_its_readings_after_its_only_question(form: str) -> None:
+    sensor, text, answers = FORMS[form]
+    if answers:
+        with pytest.raises(Unanswered) as asked:
+            propose(of_text(text), sensor)
+        assert {q.key for q in asked.value.questions} == set(answers)
+        assert all(f"--answer {key}=" in str(asked.value) for key in answers)
+    table = of_text(text)
+    found = propose(table, sensor, answers)
+    _check(found.scans, found.mapping.unit, sensor, found.mapping.adc_bits)
+    _check(scans(table, found.mapping), found.mapping.unit, sensor, found.mapping.adc_bits)
+
+
+def _check(found: list, unit: str, sensor: ts.Sensor, bits: int) -> None:  # type: ignore[type-arg]
+    most = 2 ** (bits or sensor.adc_bits or 0) - 1
+    top = {
+        "V": sensor.vref_volt,
+        "mV": 1e3 * sensor.vref_volt,
+        "percent": 100.0,
+        "fraction": 1.0,
+        "code": most,
+    }[unit]
+    for n, name in enumerate(sensor.signatures):
+        np.testing.assert_allclose(np.stack([one.values[:, n] for one in found]) / top, K[name], atol=3e-4)
+    assert [one.time_s for one in found] == pytest.approx([0.02 * i for i in N], abs=1e-6)
+
+
+def test_readings_in_frames_of_another_form_and_what_they_leave_open() -> None:
+    class Frame(dict[str, list[object]]):
+        columns = property(list)
+
+    frame = Frame(
+        {"t_ms": [20 * i for i in N]}
+        | {f"{end}{s} (V)": list(5.0 * K[f"k{end}"][:, s]) for s in S for end in "hl"}
+    )
+    read = ts.read_readings(frame, TWO)
+    np.testing.assert_allclose(np.stack([one["kl"] for one in read]), K["kl"], atol=1e-9)
+    assert [one.time_s for one in read] == pytest.approx([0.02 * i for i in N])
+    with pytest.raises(ts.ReadingError, match="how many scans per second"):
+        ts.read_readings(Frame({k: w for k, w in frame.items() if k != "t_ms"}), TWO)
+
+
+def _composed(seed: int) -> tuple[str, np.ndarray, float, str]:
+    """Return a log of a random form, its readings over Vref, their tolerance, and the unit that it is in."""
+    r = random.Random(seed)
+    unit, places = r.choice([("V", 3), ("mV", 1), ("code", 0), ("fraction", 4), ("percent", 2)])
+    scale = {"V": 5.0, "mV": 5e3, "code": 1023.0, "fraction": 1.0, "percent": 100.0}[unit]
+    comma = r.random() < 0.4
+    by = r.choice([";", "\t", " ", "|"] if comma else [",", ";", "\t", " ", "|"])
+    nothing = r.choice(["nan", "-", "n/a", "-1", "0"])
+    base, wide, head = r.choice([0, 1]), r.random() < 0.5, r.random() < 0.8
+    ends = r.choice([("h", "l"), ("l", "h")])
+    names = {"h": r.choice(["h", "high", "oben", "v_h"])}
+    names["l"] = {"h": "l", "high": "low", "oben": "unten", "v_h": "v_l"}[names["h"]]
+    said = {"percent": "%"}.get(unit, unit) if r.random() < 0.6 and unit not in ("code", "fraction") else ""
+    of = {end: names[end] + (f"[{said}]" if said else "") for end in "hl"}
+    clock = r.choice(["{:.0f}", "{:.2f}", "10:00:{:06.3f}"])
+
+    def value(end: str, i: int, s: int) -> str:
+        return v(f"k{end}", i, s, scale, f".{places}f", nothing, comma)
+
+    def time(i: int) -> str:
+        text = clock.format(20 * i if clock == "{:.0f}" else 0.02 * i)
+        return text.replace(".", ",") if comma else text
+
+    columns = (
+        [(s, end) for s in S for end in ends] if r.random() < 0.5 else [(s, end) for end in ends for s in S]
+    )
+    if wide:
+        top = by.join(["time", *(f"S{s + base}_{of[end]}" for s, end in columns)])
+        lines = [by.join([time(i), *(value(end, i, s) for s, end in columns)]) for i in N]
+    else:
+        top = by.join(["time", "strip", *(of[end] for end in ends)])
+        lines = [by.join([time(i), str(s + base), *(value(end, i, s) for end in ends)]) for i in N for s in S]
+    text = "\n".join(r.choice([[], ["# bench 7"], ["Operator: KB", ""]]) + [top] * head + lines) + "\n"
+    return text, np.stack([K["kh"], K["kl"]], axis=-1), 0.51 * 10.0**-places / scale, unit
+
+
+def test_what_is_composed_at_random_is_read_right_or_asked_never_otherwise() -> None:
+    right = 0
+    for seed in range(40):
+        text, readings, tolerance, unit = _composed(seed)
+        try:
+            found = propose(of_text(text), TWO)
+        except (Unanswered, ts.ReadingError):
+            continue
+        assert found.mapping.unit == unit, text
+        top = {"V": 5.0, "mV": 5e3, "code": 1023.0, "fraction": 1.0, "percent": 100.0}[unit]
+        read = np.stack([one.values for one in found.scans]) / top
+        np.testing.assert_allclose(read, readings, atol=tolerance, err_msg=text)
+        assert [one.time_s for one in found.scans] == pytest.approx([0.02 * i for i in N], abs=1e-6), text
+        right += 1
+    assert right > 24
+
+
+_LOG_LIKE = st.text(alphabet="0123456789.,;:|=\t\n -#abchlmnostvAV_%[]{}\"'/>µ", max_size=120)
+
+
+@given(_LOG_LIKE)
+@example("[1, [2, 3]")
+@example('{"t": 1}\n{"t": [2]}')
+@example("strip 1: H=\n")
+@settings(derandomize=True, max_examples=120, deadline=None)
+def test_parsers_take_any_text(text: str) -> None:
+    for field in text.split():
+        assert (quantity(field) or (0.0, ""))[0] == (number_of(field) or 0.0)
+        assert (clock_seconds(field) or 0.0) >= 0.0 or "-" in field or "." in field or "/" in field
+        array_of(field)
+        assert meaning(field) == meaning(field.strip())
+    meanings(text.split(","))
+    for line in text.splitlines():
+        assert all(item.values for item in items(line))
+    try:
+        found = propose(of_text(text), ONE)
+    except (ts.TacstripError, Unanswered):
+        return
+    assert all(one.values.shape == (5, 1) for one in found.scans)
+
+
+@given(st.binary(max_size=80))
+@settings(derandomize=True, max_examples=30, deadline=None)
+def test_any_bytes_are_a_table_or_a_clear_error(tmp_path_factory: pytest.TempPathFactory, raw: bytes) -> None:
+    for ending in (".csv", ".json", ".xlsx"):
+        file: Path = tmp_path_factory.getbasetemp() / f"any{ending}"
+        file.write_bytes(raw)
+        try:
+            assert read_table(file).names
+        except ts.ReadingError as error:
+            assert str(error)  # noqa: PT017
+
+
+def test_the_page_shows_what_the_verbs_do(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    page = (Path(__file__).parents[2] / "docs" / "guide" / "import.md").read_text(encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    Path("bench.log").write_text(page.partition("```text\n")[2].partition("```")[0])
+    for shown in page.split("```console\n")[1:]:
+        for part in shown.partition("```")[0].split("$ tacstrip ")[1:]:
+            words, _, printed = part.partition("\n")
+            done = CliRunner().invoke(cli, words.split())
+            assert done.output == printed
+            assert done.exit_code == ("Error" in printed)
+    known = ["--construction", "crs-crs", "--vref", "5", "--bits", "10"]
+    done = CliRunner().invoke(cli, ["init", "open.toml", "--from", "bench.log", *known])
+    assert done.stdout == "open.toml begun. Fill in what stands as '?': pitch_mm, length_mm\n"
+    with pytest.raises(
+        ts.SpecError, match=r"open.toml: pitch_mm, length_mm: still to be filled in, where '\?'"
+    ):
+        ts.Sensor.load("open.toml")

@@ -1,0 +1,1 @@
+"""What the site takes from the package while it is built: commands, transcripts, the reproduced tables."""
