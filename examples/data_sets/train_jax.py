@@ -49,14 +49,15 @@ def main() -> None:
     weights = beginning([inputs[0].size, 128, 64, 2])
     means = jax.tree.map(jnp.zeros_like, weights), jax.tree.map(jnp.zeros_like, weights)
 
-    @jax.jit
-    def step(weights: Weights, means: Any, count: Any, x: Any, y: Any) -> tuple[Weights, Any]:
+    def one_step(weights: Weights, means: Any, count: Any, x: Any, y: Any) -> tuple[Weights, Any]:
         slope = jax.grad(lambda w: jnp.mean((network(w, x) - y) ** 2))(weights)
         first = jax.tree.map(lambda m, g: 0.9 * m + 0.1 * g, means[0], slope)
         second = jax.tree.map(lambda m, g: 0.999 * m + 0.001 * g * g, means[1], slope)
         rate = 1e-3 * jnp.sqrt(1.0 - 0.999**count) / (1.0 - 0.9**count)  # Adam
         moved = jax.tree.map(lambda w, m, v: w - rate * m / (jnp.sqrt(v) + 1e-8), weights, first, second)
         return moved, (first, second)
+
+    step = jax.jit(one_step)
 
     order, count = np.random.default_rng(0), 0
     for _ in range(given.epochs):
