@@ -26,7 +26,7 @@ export UV_PYTHON_DOWNLOADS = never
 MIRROR := $(UV_DEFAULT_INDEX)$(UV_INDEX_URL)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup ros2 demo test check docs reproduce bench studies mutations pictures firmware pico clean
+.PHONY: help setup ros2 demo test check docs reproduce bench benchmarks studies mutations pictures firmware pico clean
 
 help: ## list these targets
 	@sed -n 's/^\([a-z0-9]*\):.*## \(.*\)/\1|\2/p' Makefile | \
@@ -64,7 +64,10 @@ check: setup ## lint, format and types; the core by other compilers and under sa
 reproduce: setup ## make the published results again into reproduction/
 	@$(BIN)/tacstrip reproduce --out reproduction
 
-bench: setup ## run every benchmark in turn
+bench: setup ## measure speeds and growth beside peers, and write docs/reference/speed.md
+	@$(BIN)/python benchmarks/speed.py --out docs/reference/speed.md
+
+benchmarks: setup ## run every benchmark in turn
 	@for file in benchmarks/[a-z]*.py; do \
 	  [ -f "$$file" ] || continue; \
 	  echo "== $$file"; \

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 from collections.abc import Callable
-from importlib.util import find_spec
+from importlib.util import find_spec, module_from_spec, spec_from_file_location
 from pathlib import Path
 
 import numpy as np
@@ -76,6 +77,28 @@ def test_a_data_set_is_whole_split_by_scene_and_read_without_tacstrip(study: Dat
     assert not scenes["train"] & scenes["test"] | scenes["train"] & scenes["validation"]
     assert ts.Sensor.load(out / "sensor.toml") == study.sensor
     assert json.loads((out / "dataset.json").read_text(encoding="utf-8"))["seed"] == 5
+
+
+def test_the_examples_read_both_formats_alike(study: DataSet, tmp_path: Path) -> None:
+    """What the examples for PyTorch and JAX share; neither is installed here."""
+    spec = spec_from_file_location("scans", Path(__file__).parents[2] / "examples" / "data_sets" / "scans.py")
+    assert spec is not None
+    assert spec.loader is not None
+    example = module_from_spec(spec)
+    spec.loader.exec_module(example)
+    out = tmp_path / "data"
+    generate(study, out)
+    scans = ts.simulate_many(study.sensor, study.shapes, study.noise, rng=5, dtype="float32")
+    assert scans.labels is not None
+    by_zarr = example.inputs_and_targets(out, "train")
+    shutil.rmtree(out / "train.zarr")
+    for found in (by_zarr, example.inputs_and_targets(out, "train")):
+        inputs, targets = found
+        assert inputs.shape == (66, 3, 12)
+        assert inputs.dtype == np.float32
+        np.testing.assert_array_equal(inputs[:, 0], np.nan_to_num(scans["kh"][:66]))
+        np.testing.assert_array_equal(inputs[:, 2] > 0.0, scans.touched[:66])
+        np.testing.assert_array_equal(targets, scans.labels.pose[:66, 0, :2])
 
 
 def test_the_examples_of_the_card_run(
