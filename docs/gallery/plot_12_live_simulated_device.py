@@ -23,7 +23,10 @@ def touching(time_s):
 source = ts.SimulatedSource(sensor, touching, rate_hz=100.0, scans=150, noise=ts.Noise(positional=0.005))
 way = []
 with ts.live(source=source, speed=math.inf, tracks=False) as stream:  # a device: ts.live("/dev/ttyACM0")
-    for frame in stream:
+    frames = stream.subscribe(
+        1000
+    )  # a queue; `for frame in stream` gives the newest frame, and may miss some
+    while (frame := frames.get(10.0)) is not None:
         way += [(one.id, *one.shape.centroid) for one in frame.objects or () if one.shape.status == "ok"]
 print(f"{len(way)} places of object {way[0][0]}")
 
