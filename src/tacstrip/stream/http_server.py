@@ -135,6 +135,7 @@ class HttpServer:
             self.port = server.sockets[0].getsockname()[1]
             self._ready.set()
             work = asyncio.ensure_future(self._work())
+            work.add_done_callback(self._note_failure)
             await self._end.wait()
             work.cancel()
             await self._close_sockets()
@@ -146,6 +147,10 @@ class HttpServer:
             for connection in list(self._idle):
                 connection.force_close()  # type: ignore[attr-defined]
             await runner.cleanup()
+
+    def _note_failure(self, work: asyncio.Future[None]) -> None:
+        if not work.cancelled() and (error := work.exception()) is not None:
+            LOGGER.error("%s: its server works no more: %s", self._what, in_words(error))
 
     @web.middleware
     async def _guard(self, request: web.Request, handler: Any) -> web.StreamResponse:

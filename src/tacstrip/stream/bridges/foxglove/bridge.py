@@ -100,10 +100,12 @@ class Foxglove:
         self._time_ns = self._regions_ns = 0
         channels = (self._sensor, self._objects, self._regions, self._tracks, self._signatures, self._shapes,
                     self._health, self._log)  # fmt: skip
-        self.server = FoxgloveServer(channels, host, port, live.notify, self._tick)
+        self.server = FoxgloveServer(channels, host, port, live.notify)
+        self.server.on_tick = self._tick  # only now: its thread runs already
 
     def close(self) -> None:
-        """End the server."""
+        """Send the last messages, and end the server."""
+        self._tick()
         self.server.close()
         self._live.want_detail(self, False)
 

@@ -33,6 +33,7 @@ _MAX_VIEWERS = 8
 _MAX_REQUEST_BYTES = 2**20
 _TELL_S = 1.0  # between two messages to a viewer about what it has missed
 _TICK_S = 0.25
+_LAST_S = 0.5  # for viewers to take what waits when the server ends
 _WARNING = 1  # level of a status message
 
 
@@ -79,8 +80,6 @@ class FoxgloveServer(HttpServer):
         The address that it listens on; port 0: any free one.
     on_message
         Called with messages for the user.
-    on_tick
-        Called four times a second.
     max_waiting
         Largest number of messages that wait for a viewer.
 
@@ -90,6 +89,8 @@ class FoxgloveServer(HttpServer):
         The port in use.
     dropped
         Number of messages that viewers have missed.
+    on_tick
+        Called four times a second.
     """
 
     def __init__(
@@ -98,16 +99,18 @@ class FoxgloveServer(HttpServer):
         host: str,
         port: int,
         on_message: Callable[[str], None],
-        on_tick: Callable[[], None] = lambda: None,
         max_waiting: int = _MAX_WAITING,
     ) -> None:
         self._numbers = {channel: number for number, channel in enumerate(channels, 1)}
         self._channels = {number: channel for channel, number in self._numbers.items()}
-        self._on_message, self._on_tick = on_message, on_tick
+        self._on_message = on_message
+        self.on_tick: Callable[[], None] = lambda: None
         self._max_waiting = max_waiting
         self._session = str(time.time_ns())
         self._lock = threading.Lock()
-        self._viewers: frozenset[_Viewer] = frozenset()  # never changed, only replaced: other threads go through it
+        self._viewers: frozenset[_Viewer] = (
+            frozenset()
+        )  # never changed, only replaced: other threads go through it
         self.dropped = 0
         super().__init__(host, port, "Foxglove", ("--foxglove PORT", "--foxglove-host"))
 
@@ -255,13 +258,16 @@ class FoxgloveServer(HttpServer):
 
     async def _work(self) -> None:
         while True:
-            self._on_tick()
+            self.on_tick()
             for viewer in [v for v in self._viewers if v.dropped and not v.slow]:
                 viewer.slow = True
                 self._on_message("Foxglove: a viewer reads too slowly and misses messages")
             await asyncio.sleep(_TICK_S)
 
     async def _close_sockets(self) -> None:
+        end_s = self._loop.time() + _LAST_S
+        while self.waiting and self._loop.time() < end_s:
+            await asyncio.sleep(_POLL_S)
         ends = [close_socket(viewer.socket, viewer.transport) for viewer in self._viewers]
         await asyncio.gather(*ends)
 
