@@ -120,7 +120,8 @@ def scipy_fit(sensor: ts.Sensor, scan: ts.Scan, corners: Array) -> Job:
         l = np.interp(x, [left[0], below[0], right[0]], [left[1], below[1], right[1]])
         u = np.interp(x, [left[0], above[0], right[0]], [left[1], above[1], right[1]])
         length = sensor.length_mm - (1.0 - share) * (u - l)
-        return np.concatenate([(l + share * (u - l)) / length, l / length]) - read
+        errors: Array = np.concatenate([(l + share * (u - l)) / length, l / length]) - read
+        return errors
 
     start = corners.ravel() + 0.02 * sensor.length_mm * np.array([1, -1, -1, 1, -1, 1, 1, -1])
     return lambda: least_squares(residuals, start, x_scale=sensor.length_mm)
