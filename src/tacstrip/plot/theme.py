@@ -5,6 +5,7 @@ Figures are made without pyplot, so that no display, no global state and no leak
 
 from __future__ import annotations
 
+import io
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -197,8 +198,9 @@ def save(figure: Figure, path: str | Path, dpi: int | None = None) -> Path:
                 layout.execute(figure)
                 figure.set_layout_engine("none")
             FigureCanvasAgg(figure).print_png(part, metadata={"Software": None})  # type: ignore[no-untyped-call]
-        else:
-            figure.savefig(part, dpi=dpi, format=kind)
+        else:  # in memory first: on a full disk Matplotlib's PDF ends in an error of its own
+            figure.savefig(made := io.BytesIO(), dpi=dpi, format=kind)
+            part.write_bytes(made.getvalue())
     return file
 
 
