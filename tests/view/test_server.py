@@ -380,10 +380,12 @@ def test_the_doctor_looks_at_what_was_measured(controller: Controller, live: Liv
     controller.watched(True)
 
     def examined() -> bool:
-        x, y = next(places), np.array([20.0, 30.0, 70.0, 50.0])
-        controller.do({"do": "place", "objects": [np.stack([ring * 0.6 + x, y + 0.3 * x], axis=1).tolist()]})
-        controller.picture()
-        controller.health.examine()
+        if not controller.health.examining:
+            x, y = next(places), np.array([20.0, 30.0, 70.0, 50.0])
+            outline = np.stack([ring * 0.6 + x, y + 0.3 * x], axis=1).tolist()
+            controller.do({"do": "place", "objects": [outline]})
+            controller.picture()
+            controller.health.examine()
         return controller.health.report is not None
 
     wait_until(examined)
