@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import random
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -482,6 +483,37 @@ def test_what_was_once_read_wrong_without_a_word_is_asked(text: str, key: str) -
     with pytest.raises(Unanswered) as asked:
         propose(of_text(text), sensor)
     assert key in {question.key for question in asked.value.questions}
+
+
+THREE = ts.Sensor(construction="crs-m", strips=3, pitch_mm=10.0, length_mm=50.0, vref_volt=5.0)
+RISING = "".join(f"{20 * i},{1.1 + 0.013 * i * i:.3f},1.3,{1.4 - 0.01 * i:.2f},4.96\n" for i in range(8))
+NOISE = "t,s0,s1,s2\n" + "".join(f"{0.2 * i:.1f},1.1,1.2,0.0{12 + 7 * (i % 5)}\n" for i in range(8))
+
+
+@pytest.mark.parametrize(
+    ("text", "key"),
+    [
+        (
+            "time_s,S0,S1,S2\n0,1134,1338,1529\n0.1,1177,2356,3330\n0.2,1180,2360,3200\n",
+            "unit",
+        ),  # mV or codes
+        (RISING, "column 1"),  # the time and the strips, or a count, the time, and so on
+        (NOISE, "untouched"),
+    ],
+)
+def test_what_two_readings_of_a_log_explain_is_asked(text: str, key: str) -> None:
+    with pytest.raises(Unanswered) as asked:
+        propose(of_text(text), THREE)
+    assert key in {question.key for question in asked.value.questions}
+    if key == "untouched":  # what is offered takes no reading
+        assert 0.04 < float(re.search(r"untouched=<([\d.]+)", str(asked.value))[1]) < 1.1  # type: ignore[index]
+
+
+def test_a_line_that_stands_twice_is_no_scan_of_its_own() -> None:
+    lines = [f"{0.1 * i:.1f},{s},1.{s + 1}" for i in range(4) for s in range(3)]
+    lines.insert(5, lines[4].replace("1.2", "1.25"))
+    with pytest.raises(ts.ReadingError, match="strip 1 is already on line 6"):
+        propose(of_text("\n".join(["t,strip,v_out", *lines])), THREE)
 
 
 def test_readings_in_frames_of_another_form_and_what_they_leave_open() -> None:

@@ -18,6 +18,7 @@ from tacstrip.io.log_import.table import CLOCK, ROW
 _ABOVE = 0.95  # of the strips: k_h is above k_l there, and so the names are clear
 _APART = 0.004  # over the largest reading: by which k_h and k_l differ, in the median
 _ON_PITCH = 0.02  # of the pitch
+_STEADY, _MOSTLY = 0.5, 0.7  # so far are steps of a clock from the usual one, and so many of them
 _ALIKE = 0.02  # relative: two columns that are the same quantity in two units
 _ROLE_NAMES = {"scan": "scan's number", "strip": "strip's number", "which": "channel's name"}
 
@@ -408,7 +409,11 @@ def _unnamed(clues: Clues) -> dict[str, Meaning]:
     if sensor and spare > 0 and not any(clues.table.column(names[-1])):  # each line ends with a separator
         names = names[:-1]
     extra, rest = names[: len(names) - wide], names[len(names) - wide :]
-    if sensor and 0 <= len(extra) <= 2 and set(rising) >= set(extra) and len(rest) == wide:
+    clear = (
+        len(extra) < 2 or extra[0] in clocks or _counts(values[extra[0]])
+    )  # else one may be a strip, and the last not
+    clear = clear and (not extra or extra[-1] in clocks or _steady(values[extra[-1]]))
+    if sensor and len(extra) <= 2 and clear and set(rising) >= set(extra) and len(rest) == wide:
         found |= {n: Meaning("scan") for n in extra[:-1]} | {n: Meaning("time") for n in extra[-1:]}
         if extra:
             clues.because(f"{extra[-1]}: rises from line to line, so it is the time")
@@ -441,6 +446,19 @@ def _unnamed(clues: Clues) -> dict[str, Meaning]:
     )  # fmt: skip
     clues.stop()
     raise AssertionError
+
+
+def _counts(values: list[float | None]) -> bool:
+    """Whether numbers go up by one, or stay."""
+    return set(np.diff([np.nan if v is None else v for v in values]).tolist()) <= {0.0, 1.0}
+
+
+def _steady(values: list[float | None]) -> bool:
+    """Whether numbers go up as a clock's do: by steps that are mostly alike."""
+    steps = np.diff([np.nan if v is None else v for v in values])
+    steps = steps[steps > 0.0]
+    usual = np.median(steps) if len(steps) else 0.0
+    return len(steps) > 0 and bool((np.abs(steps - usual) <= _STEADY * usual).mean() >= _MOSTLY)
 
 
 def _rises(values: list[float | None]) -> bool:

@@ -59,7 +59,8 @@ UNITS = {
         "s": "s sec secs seconds second sekunden sekunde", "ms": "ms msec msecs millis milliseconds",
         "us": "us µs usec usecs micros microseconds",
         "min": "min minutes", "ns": "ns nsec nsecs nanoseconds", "V": "v volt volts", "mV": "mv millivolt millivolts",
-        "percent": "% percent pct prozent", "code": "code codes adc raw counts count lsb digits digit dn",
+        "percent": "% percent pct prozent",
+        "code": "code codes adc raw counts count cnt lsb digits digit dig bit bits dn",
         "fraction": "ratio fraction norm normalised normalized", "mm": "mm", "cm": "cm", "m": "m",
     }.items()
     for word in alike.split()
@@ -67,6 +68,9 @@ UNITS = {
 _LAST = frozenset(UNITS) - {
     "count",
     "counts",
+    "bit",
+    "bits",
+    "dig",
     "second",
     "norm",
     "ratio",

@@ -22,7 +22,8 @@ _RATES_HZ = (0.12, 5000.0)  # scans per second that a log may have
 _POSSIBLE_S = (2e-5, 3600.0)  # from scan to scan
 _SENTINELS = (999.0, 9999.0, 99999.0, 32767.0, 65535.0, 99.9, 99.99, 999.9, 999.99)
 _NEAR_0 = 0.01  # of the largest reading; and of the most that there can be
-_GAP = 5.0  # times: how far above what is nearly 0 the other readings begin, where that is the noise of open inputs
+_REST = 0.05  # of the largest reading: the most that the noise of open inputs reaches
+_GAP = 5.0  # times: how far above that the other readings begin
 _MANY = 0.05  # of the readings: more that are exactly 0 are no chance
 # Of what there can be: a unit in which a log uses less is out where it uses as much in another.
 _LITTLE, _MUCH = 0.21, 0.5
@@ -251,14 +252,15 @@ def _at_an_end(clues: Clues, values: FloatArray, numbers: Counter[float], rest: 
             "contact, or is it a reading (none)?",
             f"{end:g}", "none",
         )  # fmt: skip
-    low, high = [v for v in rest if v < _NEAR_0 * rest[-1]], [v for v in rest if v >= _NEAR_0 * rest[-1]]
+    low = [v for v in rest if v < _REST * rest[-1]]
+    high = rest[len(low) :]
     share = sum(numbers[v] for v in low) / values.size
-    if not ends and len(low) > 1 and share > _MANY and min(high) > _GAP * _NEAR_0 * rest[-1]:
+    if not ends and len(low) > 1 and share > _MANY and high[0] > _GAP * low[-1]:
         clues.ask(
             "untouched",
-            f"{100 * share:.0f} % of the readings are {low[-1]:g} or less, and all others {min(high):g} or more: is "
+            f"{100 * share:.0f} % of the readings are {low[-1]:g} or less, and all others {high[0]:g} or more: is "
             "that the noise of strips that nothing touches, or are they readings (none)?",
-            f"<{min(high):g}", "none",
+            f"<{0.5 * (low[-1] + high[0]):.3g}", "none",
         )  # fmt: skip
     return []
 
@@ -328,9 +330,9 @@ def _by_size(clues: Clues, values: FloatArray, vref: float, bits: int, volts: bo
     most = {"V": vref or 24.0, "mV": 1000.0 * (vref or 24.0), "fraction": 1.0, "percent": 100.0}
     if whole and top > 1.0:
         few = len(set(values.tolist())) < 4
-        most = {"code": 2.0**bits - 1.0 if bits else 2.0**24, "mV": most["mV"]} | (
-            {"V": most["V"]} if few else {}
-        )
+        fitting = [b for b in _BITS if vref and top <= 2.0**b - 1.0]
+        width = bits or (fitting or _BITS[-1:])[0]
+        most = {"code": 2.0**width - 1.0, "mV": most["mV"]} | ({"V": most["V"]} if few else {})
     fits = {u: top / m for u, m in most.items() if top <= m}
     if bits and whole and top > most.get("code", top):
         fits["code"] = 1.0  # of another converter than the spec's, which would be asked

@@ -176,8 +176,11 @@ def _scans(table: Table, times: FloatArray | None, mapping: ColumnMapping) -> It
             for name, place, strip, end in columns
         ]
         again = any((strip, end) in seen for _, _, strip, end in targets)
+        twice = again and strips and mapping.strips > 1 and strips[n] == strips[last] and len(seen) > 1
         if number is not None and scan is not None:
             new = number[n] != number[last]
+        elif twice and times is not None and times[n] == times[last] and not which:
+            new = False
         elif times is not None and scan is not None and strips and not again:
             new = bool(times[n] != times[last]) and strips[n] <= strips[last] and not which
         else:
