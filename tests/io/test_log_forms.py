@@ -516,6 +516,14 @@ def test_a_line_that_stands_twice_is_no_scan_of_its_own() -> None:
         propose(of_text("\n".join(["t,strip,v_out", *lines])), THREE)
 
 
+def test_names_of_more_columns_than_lines_have_are_not_passed_over() -> None:
+    lines = [
+        f"{0.02 * i:.2f}" + ("    1.1   1.2      " if i % 3 else "          1.4   1.2") for i in range(8)
+    ]
+    with pytest.raises(ts.ReadingError, match="line 1 names 4 columns, and most lines have 3 fields"):
+        propose(of_text("\n".join(["t/s      S1    S2    S3", *lines])), THREE)
+
+
 def test_readings_in_frames_of_another_form_and_what_they_leave_open() -> None:
     class Frame(dict[str, list[object]]):
         columns = property(list)

@@ -27,6 +27,7 @@ _BRACKETED = re.compile(r"\s*[\[({](.*)[\])}]\s*[,;]?\s*")  # a line such as "(2
 _PREFIX = re.compile(r"\s*[A-Za-z]+:\s+(?=[-+\d])")  # such as "RX: " before the fields of each line
 _RULE = re.compile(r"[\s\-=+|~*_:]+")  # a line drawn below names
 _SEVERAL = re.compile(r"[\d-]\s+[-+]?\d")
+_NUMBERED = re.compile(r"[A-Za-z_]+\d+\S*")  # a column's name, such as S1 or v2_h
 _SAMPLE = 500  # lines at either end that tell what separates the fields
 _MOST_BYTES = 2**30
 _FEW_LINES = 4  # of fewer, the length of the last number tells nothing
@@ -151,6 +152,12 @@ def _separated(lines: list[tuple[int, str]], blank: set[int], path: str | Path) 
     separator, width = _separator(data, path)
     split = [(i, _fields(line, separator)) for i, line in data]
     split = [(i, row[:-1] if len(row) == width + 1 and not row[-1] else row) for i, row in split]
+    line, top = split[0]
+    if separator.isspace() and len(top) > width > 1 and all(_NUMBERED.fullmatch(name) for name in top[1:]):
+        raise ReadingError(
+            f"{path}: line {line} names {len(top)} columns, and most lines have {width} fields: what stands for the "
+            "others is not to be told from spaces; put commas or tabs between the fields"
+        )
     full = [row for _, row in split if len(row) == width]
     decimal = "." if separator == "," else decimal_mark(full)
     said = {"\t": "tabs", " ": "spaces", _WIDE: "spaces"}.get(separator, repr(separator))
