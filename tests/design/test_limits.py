@@ -183,6 +183,11 @@ def test_the_verb_without_an_answer_ends_with_1(folder: Path) -> None:
                 "--length", 100, "-o", "n.json")  # fmt: skip
     assert done.returncode == 1
     assert "0 of 10 designs reach" in done.stdout
+    noisy = run(folder, "limits", "s.toml", "kite.wkt", "--positional", 0.2, "--grid", 2, "--wanted-mm", 0.5,
+                "--pitch", 1, "--length", 100)  # fmt: skip
+    assert noisy.returncode == 1
+    assert "0 of 10 designs reach 0.5 mm" in noisy.stdout
+    assert "more reach it with less noise" in noisy.stdout
     done = run(
         folder, "limits", "s.toml", "kite.wkt", "--bits", 12, "--at", 50, 50, "--turn", 10, "--grid", 2
     )

@@ -36,6 +36,23 @@ def scan_with(value: float, strip: int = 5, name: str = "kh", seed: int = 1) -> 
     return ts.Scan(kh=k["kh"], kl=k["kl"])
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_an_object_that_may_go_on_under_strips_left_out_is_doubted(seed: int) -> None:
+    fine = replace(SENSOR, strips=20, pitch_mm=5.0)
+    contact, few = ts.Contact.polygon([(22, 35), (50, 18), (70, 62), (40, 70)]), ts.Noise(positional=0.002)
+    scan = ts.simulate(fine, contact, few, rng=seed)
+    assert ts.fit_polygon(scan, fine, few).status == "ok"
+    last = int(np.flatnonzero(scan.touched)[-1]) + 1  # as the file counts
+    hidden = replace(fine, without=tuple(str(last - n) for n in range(3)))
+    for find in (ts.fit_polygon, ts.profile_reconstruction):
+        (found,) = find(scan, hidden).objects
+        assert ts.mismatch(contact.vertices, found.vertices).iou < 0.8
+        assert found.status == "doubtful"
+        assert f"strip {last - 2}, {last - 1}, {last} beside it is left out" in found.advice
+    (beyond,) = ts.fit_polygon(scan, replace(fine, without=("1", "20")), few).objects
+    assert (beyond.status, beyond.advice) == ("ok", "")
+
+
 def test_names_are_strip_and_channel_as_the_file_counts() -> None:
     sensor = replace(SENSOR, without=("7:v_h", "1"))
     out = left_out(sensor)

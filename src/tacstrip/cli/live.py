@@ -239,6 +239,16 @@ def _sinks(live: Live, given: dict[str, Any]) -> Iterator[Sink]:
     if given["ros2"]:
         chosen = {key: given[option] for option, key in _ROS2.items() if given[option] is not None}
         yield ros2_sink(live, **chosen)
+        name = chosen.get("name", "tacstrip")
+        here = (
+            ""
+            if "interface" in chosen
+            else (
+                "; readers on this computer find them if they look there: ROS_LOCALHOST_ONLY=1, from Iron on "
+                "ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST, or give --ros-interface auto here"
+            )
+        )
+        note(f"ROS 2: topics below /{name}, on {chosen.get('interface', 'this computer alone')}{here}")
     if given["foxglove"] is not None:
         host = given["foxglove_host"]
         sink, port = foxglove_sink(live, host, given["foxglove"])
