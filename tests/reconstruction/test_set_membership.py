@@ -124,15 +124,15 @@ def test_bounds_stay_in_what_a_reading_can_be() -> None:
 def test_lines_are_an_outline_and_back(shape: str) -> None:
     outline = SHAPES[shape]
     lines, heights = EdgeLines.of(outline)
-    blunt_x = np.array([outline.lower[0, 0], outline.lower[-1, 0]])
-    for found, chain in zip(lines.chains(heights, blunt_x), (outline.lower, outline.upper), strict=True):
+    vertical_x = np.array([outline.lower[0, 0], outline.lower[-1, 0]])
+    for found, chain in zip(lines.chains(heights, vertical_x), (outline.lower, outline.upper), strict=True):
         np.testing.assert_allclose(found, chain, rtol=0, atol=1e-9)
     kinks = [*outline.lower[1:-1, 0], *outline.upper[1:-1, 0]]
     np.testing.assert_allclose(lines.cross(heights)[: len(kinks)], kinks)
-    assert lines.blunt == ((True, True) if shape == "square" else (False, False))
+    assert lines.vertical == ((True, True) if shape == "square" else (False, False))
     many = np.stack([heights, heights + 1.0])
     np.testing.assert_allclose(
-        lines.chains(many, np.stack([blunt_x, blunt_x]))[0][1], outline.lower + np.array([0.0, 1.0])
+        lines.chains(many, np.stack([vertical_x, vertical_x]))[0][1], outline.lower + np.array([0.0, 1.0])
     )
 
 

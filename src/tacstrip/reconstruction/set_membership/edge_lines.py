@@ -104,7 +104,7 @@ class EdgeLines(Sendable):
         Two abscissae per line (Q, 2) [mm].
     lower
         How many lines are of the lower chain.
-    blunt
+    vertical
         Whether the left and the right end are vertical edges.
     turns
         Per kink, lower chain first, 1 where the slope rises and -1 where it falls (kinks,).
@@ -112,14 +112,14 @@ class EdgeLines(Sendable):
 
     reach: FloatArray
     lower: int
-    blunt: tuple[bool, bool]
+    vertical: tuple[bool, bool]
     turns: IntArray
 
     @cached_property
     def compiled(self) -> Lines:
         """What the compiled core takes."""
         reach, turns = np.ascontiguousarray(self.reach), np.array(self.turns, dtype=np.int64)
-        made = Lines(len(reach), self.lower, self.blunt, address(reach), address(turns))
+        made = Lines(len(reach), self.lower, self.vertical, address(reach), address(turns))
         made.arrays = (reach, turns)
         return made
 
@@ -169,10 +169,10 @@ class EdgeLines(Sendable):
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.asarray(origin - gap / (next_gap - gap))
 
-    def chains(self, heights: FloatArray, blunt_x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the chains of vertices (..., M, 2) and (..., N, 2) [mm]; blunt_x (..., 2) is x of vertical edges."""
+    def chains(self, heights: FloatArray, vertical_x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the chains of vertices (..., M, 2) and (..., N, 2) [mm]; vertical_x (..., 2) is x of vertical edges."""
         x = self.cross(heights)
-        ends = np.where(self.blunt, blunt_x, x[..., -2:])
+        ends = np.where(self.vertical, vertical_x, x[..., -2:])
         kinks = np.split(x[..., :-2], [self.lower - 1], axis=-1)
         chains = []
         counts = (self.lower, len(self.reach) - self.lower)
@@ -181,7 +181,7 @@ class EdgeLines(Sendable):
             line = start + np.append(np.arange(count), count - 1)
             chains.append(np.stack([at, self.at(heights, line, at)], axis=-1))
         for end in (0, -1):
-            if not self.blunt[end]:
+            if not self.vertical[end]:
                 chains[1][..., end, :] = chains[0][..., end, :]
         return chains[0], chains[1]
 
@@ -194,7 +194,7 @@ class EdgeLines(Sendable):
         run = np.concatenate([np.diff(lower[..., 0]), np.diff(upper[..., 0])], axis=-1)  # (..., Q)
         h = heights.reshape(*heights.shape[:-1], -1, 2)
         slope = (h[..., 1] - h[..., 0]) / np.diff(self.reach, axis=1)[:, 0]
-        given = np.append(np.full(len(self.turns), True), ~np.array(self.blunt))
+        given = np.append(np.full(len(self.turns), True), ~np.array(self.vertical))
         first, second = self.crossings[given].T
         turn = np.abs(slope[..., second] - slope[..., first])
         with np.errstate(divide="ignore", invalid="ignore"):

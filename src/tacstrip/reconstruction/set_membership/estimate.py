@@ -131,7 +131,7 @@ def _mean(lower: FloatArray, upper: FloatArray, lines: EdgeLines, band: ReadingB
     """Return the mean of drawn chains; None where it is none that the readings allow: the set is not convex."""
     chains = lower.mean(axis=0), upper.mean(axis=0)
     for end, window in zip((0, -1), band.windows, strict=True):
-        for chain in chains if lines.blunt[end] else ():
+        for chain in chains if lines.vertical[end] else ():
             chain[end, 0] = window.mean()
     try:
         mean = Outline(*chains)

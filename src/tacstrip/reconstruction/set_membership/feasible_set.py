@@ -211,7 +211,7 @@ def _crossing_rows(lines: EdgeLines, zones: FloatArray, windows: FloatArray) -> 
     """Return rows r with r h <= 0: two lines cross within their zone, and turn as they do."""
     pairs, turns = lines.crossings, np.concatenate([lines.turns, [1, -1]])
     inside = np.concatenate([zones, windows])
-    given = np.concatenate([np.full(len(zones), True), ~np.array(lines.blunt)])
+    given = np.concatenate([np.full(len(zones), True), ~np.array(lines.vertical)])
     pairs, turns, inside = pairs[given], turns[given], inside[given]
     rows = []
     for end, sign in ((0, 1.0), (1, -1.0)):

@@ -113,7 +113,7 @@ class _Search:
     def extents(self) -> FloatArray:
         """Return how far each crossing reaches (C, 2) [mm]; a zone's end where it reaches that, or beyond."""
         pairs, turns = self.lines.crossings, np.concatenate([self.lines.turns, [1, -1]])
-        given = [*([True] * len(self.lines.turns)), *(not b for b in self.lines.blunt)]
+        given = [*([True] * len(self.lines.turns)), *(not b for b in self.lines.vertical)]
         found = self.bounds.zones.copy()
         seen = self.lines.cross(self.points)
         for c in np.flatnonzero(given):
@@ -158,7 +158,7 @@ class _Search:
         kinks = [self._region(extents[c], pairs[c]) for c in range(count)]
         ends = []
         for c in (count, count + 1):
-            if self.lines.blunt[c - count]:
+            if self.lines.vertical[c - count]:
                 ends.append((self._region(extents[c], pairs[c][:1]), self._region(extents[c], pairs[c][1:])))
             else:
                 both = self._region(extents[c], pairs[c])
