@@ -170,7 +170,7 @@ class EdgeLines(Sendable):
             return np.asarray(origin - gap / (next_gap - gap))
 
     def chains(self, heights: FloatArray, vertical_x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the chains of vertices (..., M, 2) and (..., N, 2) [mm]; vertical_x (..., 2) is x of vertical edges."""
+        """Return the chains of vertices (..., M, 2), (..., N, 2) [mm]; vertical_x (..., 2) is x of vertical edges."""
         x = self.cross(heights)
         ends = np.where(self.vertical, vertical_x, x[..., -2:])
         kinks = np.split(x[..., :-2], [self.lower - 1], axis=-1)
