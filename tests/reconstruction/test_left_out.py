@@ -49,6 +49,7 @@ def test_an_object_that_may_go_on_under_strips_left_out_is_doubted(seed: int) ->
         assert ts.mismatch(contact.vertices, found.vertices).iou < 0.8
         assert found.status == "doubtful"
         assert f"strip {last - 2}, {last - 1}, {last} beside it is left out" in found.advice
+    assert [piece.status for piece in ts.pieces(scan, hidden, few)] == ["doubtful"]
     (beyond,) = ts.fit_polygon(scan, replace(fine, without=("1", "20")), few).objects
     assert (beyond.status, beyond.advice) == ("ok", "")
 

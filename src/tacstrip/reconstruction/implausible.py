@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
-from tacstrip.arrays import BoolArray
+from tacstrip.arrays import FloatArray
 from tacstrip.reconstruction.result import Reconstruction, RecoveredObject
 from tacstrip.scan import Scan
 from tacstrip.sensor.exchanged import exchanged
@@ -23,12 +23,11 @@ _MUCH_MORE = 0.2  # of its area: an IoU of .8 is what "ok" promises
 def doubt_implausible(result: Reconstruction, scan: Scan, sensor: Sensor) -> Reconstruction:
     """Return the result; where the readings are implausible "doubtful" in place of "ok", and with advice."""
     hint = implausible_hint(scan, sensor, result.status not in ("ok", "likely") or bool(result.advice))
-    unread = left_out_wholly(sensor) & (result.method in _OF_RUNS)
-    if not hint and not unread.any():
+    if not hint and not sensor.without:
         return result
 
     def doubted(found: RecoveredObject) -> RecoveredObject:
-        beside = _goes_on(found, sensor, unread)
+        beside = goes_on(found.vertices, found.strips, sensor) if result.method in _OF_RUNS else ""
         advice = "; ".join(filter(None, (found.advice, beside, hint)))
         if not (beside or hint):
             return found
@@ -38,13 +37,14 @@ def doubt_implausible(result: Reconstruction, scan: Scan, sensor: Sensor) -> Rec
     return replace(result, objects=tuple(map(doubted, result.objects)))
 
 
-def _goes_on(found: RecoveredObject, sensor: Sensor, unread: BoolArray) -> str:
+def goes_on(vertices: FloatArray, strips: slice, sensor: Sensor) -> str:
     """Say that an object may go on under strips that are left out, if by much: a convex one widens no faster."""
-    if not unread.any() or len(found.vertices) < 3:
+    unread = left_out_wholly(sensor)
+    if not unread.any() or len(vertices) < 3:
         return ""
     x, closed = sensor.x_mm, sensor.closed
-    polygon, more, names = shapely.Polygon(found.vertices).buffer(0.0), 0.0, []
-    for last, step in ((found.strips.start, -1), (found.strips.stop - 1, 1)):
+    polygon, more, names = shapely.Polygon(vertices).buffer(0.0), 0.0, []
+    for last, step in ((strips.start, -1), (strips.stop - 1, 1)):
         beside: list[int] = []
         at = last + step
         while (
@@ -57,7 +57,7 @@ def _goes_on(found: RecoveredObject, sensor: Sensor, unread: BoolArray) -> str:
         origin = x[0] + last * sensor.pitch_mm
         # A little within the strip's centre line, for the outline may end there.
         width, inner = (_chord(polygon, origin - step * d * sensor.pitch_mm, sensor) for d in (0.01, 1.0))
-        slope = width - inner if found.strips.stop - found.strips.start > 1 else 0.0
+        slope = width - inner if strips.stop - strips.start > 1 else 0.0
         ahead = np.maximum(width + slope * np.arange(1, len(beside) + 1), 0.0)
         more += float(ahead.sum()) * sensor.pitch_mm
         names += [str(s + sensor.strip_base) for s in beside]

@@ -14,7 +14,7 @@ from tacstrip.contact.noise import Noise
 from tacstrip.geometry.region import outline_paths
 from tacstrip.notebook import Drawn, SvgPath
 from tacstrip.reconstruction.contact_ends import closed_ends
-from tacstrip.reconstruction.implausible import implausible_hint
+from tacstrip.reconstruction.implausible import goes_on, implausible_hint
 from tacstrip.reconstruction.noise_covariance import Averaging, fit_sigma
 from tacstrip.reconstruction.on_surface import refuse_surface
 from tacstrip.reconstruction.pieces.cover import Part
@@ -139,11 +139,13 @@ def pieces(scan: Scan, sensor: Sensor, noise: Noise | None = None) -> list[Piece
     for strips, run in _runs(scan, sensor, noise):
         found += _of_run(run, sensor, strips, len(found))
     hint = implausible_hint(scan, sensor, any(p.status == "doubtful" for p in found))
-    if hint:
-        found = [
-            replace(p, status="doubtful", advice="; ".join(filter(None, (p.advice, hint)))) for p in found
-        ]
-    return found
+    told = [(p, goes_on(p.outline, p.strips, sensor)) for p in found]
+    return [
+        replace(p, status="doubtful", advice="; ".join(filter(None, (p.advice, beside, hint))))
+        if beside or hint
+        else p
+        for p, beside in told
+    ]
 
 
 def _runs(scan: Scan, sensor: Sensor, noise: Noise | None) -> list[tuple[slice, RunPieces]]:
