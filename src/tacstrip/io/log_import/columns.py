@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import itertools
+import re
 from collections import Counter
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from tacstrip.arrays import FloatArray
+from tacstrip.errors import ReadingError
 from tacstrip.io.log_import.fields import clock_seconds, number_of, says_nothing
-from tacstrip.io.log_import.mapping import CHANNELS
-from tacstrip.io.log_import.names import LENGTHS_MM, Meaning, meaning, meanings, pair_of
+from tacstrip.io.log_import.names import CHANNELS, IN_VOLTS, LENGTHS_MM, Meaning, meaning, meanings, numbered_groups, pair_of
 from tacstrip.io.log_import.questions import Clues
 from tacstrip.io.log_import.table import CLOCK, ROW
 
@@ -97,16 +98,16 @@ def _find(clues: Clues, known: dict[str, Meaning]) -> Columns:
         }
     elif wide:
         readings = {n: m for n, m in readings.items() if m.strip is not None}
+    if not readings and not strip:
+        readings = _by_number(clues, known, {time, scan, which})
     if not readings:
         readings = _by_contents(clues, known, {time, scan, strip, which}, given)
     if not strip and all(m.strip is None for m in readings.values()):
-        first = next((n for n in clues.table.names if n not in {*readings, time, scan, which}), "")
-        clues.ask(
-            first or clues.table.names[0],
-            "no column says which strip a line is of: name it"
-            + ("" if first else ", or add one with its number"),
-            "strip",
-        )
+        some = [n for n in clues.table.names if n not in {*readings, time, scan, which} and _labels(clues, n)]
+        text = "no column says which strip a line is of"
+        if not some:
+            raise ReadingError(f"{text}; add one with its number")
+        clues.ask(some[0], f"{text}: is it this one? Say it of the right one", "strip")
         clues.stop()
     readings = _one_unit(clues, readings)
     for role, name in (("time", time), ("scan", scan if strip else ""), ("strip", strip), ("which", which)):
@@ -160,6 +161,11 @@ def _time(clues: Clues, known: dict[str, Meaning]) -> str:
             continue
         falls = any(b < a for a, b in itertools.pairwise(times) if a is not None and b is not None)
         there.append((n, not falls, len(set(times))))
+    if not there and clues.table.named and not any(m.role == "time" for m in known.values()):
+        nameless = [n for n in clues.table.names if re.fullmatch(r"column \d+", n) and n not in clues.answers]
+        for n in [n for n in nameless if _rises(clues.values(n)) and not _counts(clues.values(n))][:1]:
+            clues.because(f"{n}: has no name, and rises from line to line, so it is the time")
+            there.append((n, True, len(set(clues.table.column(n)))))
     own = [n for n, rises, _ in there if n != CLOCK and rises]
     if own:  # the device's own clock is better than a monitor's
         there = [t for t in there if t[0] != CLOCK]
@@ -256,6 +262,33 @@ def _by_contents(
     raise AssertionError
 
 
+def _by_number(clues: Clues, known: dict[str, Meaning], taken: set[str]) -> dict[str, Meaning]:
+    """Return as readings the columns whose names are the same but for a number, if these are as many as strips."""
+    groups = [
+        group
+        for group in numbered_groups([n for n, m in known.items() if n not in taken and m.role in ("", "which")])
+        if all(_numeric(clues, n) or all(map(says_nothing, clues.table.column(n))) for n in group.values())
+        and any(len(set(clues.table.column(n))) > 1 for n in group.values())
+        and (not clues.sensor or len(group) == clues.sensor.strips)
+    ]
+    if len(groups) not in ((1, 2) if not clues.expected else (len(clues.expected),)) or len({*map(len, groups)}) != 1:
+        return {}
+    clues.because(f"{' and '.join(g[min(g)] for g in groups)}, ...: the only names that count as strips do")
+    channels = ("1", "2") if len(groups) == 2 else ("",)
+    return {
+        name: Meaning("reading", channel, number, unit=known[name].unit)
+        for channel, group in zip(channels, groups, strict=True)
+        for number, name in group.items()
+    }
+
+
+def _labels(clues: Clues, name: str) -> bool:
+    """Return whether a column may say which strip a line is of: a few labels or whole numbers that come again."""
+    fields = clues.table.column(name)
+    numbers = [v for v in clues.values(name) if v is not None]
+    return 1 < len(set(fields)) <= len(fields) // 2 and all(v == int(v) for v in numbers)
+
+
 def _numeric(clues: Clues, name: str) -> bool:
     fields = [f for f in clues.table.column(name) if not says_nothing(f)]
     return bool(fields) and all(number_of(f, clues.table.decimal) is not None for f in fields)
@@ -281,7 +314,7 @@ def _one_unit(clues: Clues, readings: dict[str, Meaning]) -> dict[str, Meaning]:
         ]
         if len(ratio) and np.ptp(ratio) > _ALIKE * abs(float(np.median(ratio))):
             return readings
-    volts = first if one in ("V", "mV") else second if other in ("V", "mV") else first
+    volts = first if one in IN_VOLTS else second if other in IN_VOLTS else first
     out = second if volts is first else first
     clues.because(f"{next(iter(out.values()))}: the same readings again in another unit; passed over")
     return {n: m for n, m in readings.items() if n in volts.values()}

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from tacstrip.errors import OptionError, one_of
 from tacstrip.io.log_import.fields import number_of
-from tacstrip.io.log_import.mapping import CHANNELS
+from tacstrip.io.log_import.names import CHANNELS
 from tacstrip.io.log_import.table import Table
 from tacstrip.sensor.spec import Sensor
 

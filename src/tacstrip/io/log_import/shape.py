@@ -9,11 +9,10 @@ from dataclasses import replace
 import numpy as np
 
 from tacstrip.io.log_import.fields import array_of, clock_seconds, number_of, quantity
-from tacstrip.io.log_import.names import TIME_UNITS, meaning, meanings
+from tacstrip.io.log_import.names import IN_VOLTS, TIME_UNITS, meaning, meanings
 from tacstrip.io.log_import.table import Table, flattened
 
 _ARRAYS = 0.5  # of a column's fields that say something: then it is one of arrays
-_IN_VOLTS = {"V": 1.0, "mV": 1e-3}
 _SCAN_IN_NAME = re.compile(r"\W*(t|time|zeit|scan|frame|sample)\W*([+-]?\d+(?:\.\d+)?)\s*(\w*)\W*\Z", re.I)
 
 
@@ -103,7 +102,7 @@ def _without_units(table: Table) -> Table:
     columns, told = {}, []
     for name in table.names:
         fields = columns[name] = table.column(name)
-        if not any(f[-1:].isalpha() or f[-1:] == "%" for f in fields):
+        if not any(f[-1:].isalpha() or f[-1:] in ("%", "‰") for f in fields):
             continue
         found = [quantity(f, table.decimal) for f in fields]
         units = {q[1] for q in found if q and q[1]}
@@ -111,8 +110,8 @@ def _without_units(table: Table) -> Table:
             continue
         if len(units) == 1:
             (unit,), scale = units, dict.fromkeys(units, 1.0)
-        elif units <= {*_IN_VOLTS}:
-            unit, scale = "V", _IN_VOLTS
+        elif units <= {*IN_VOLTS}:
+            unit, scale = "V", IN_VOLTS
         elif units <= {*TIME_UNITS}:
             unit, scale = "s", TIME_UNITS
         else:
@@ -152,7 +151,7 @@ def _split_keys(table: Table) -> Table:
     """Split a column of names such as "3H", "vh[3]" or "S01 high" into strip and channel."""
     for name in table.names:
         fields = table.column(name)
-        kinds = {f: meaning(f) for f in set(fields)}
+        kinds = meanings(sorted(set(fields)))
         if len(kinds) < 2 or any(
             m.role != "reading" or m.strip is None or not m.channel or number_of(f) is not None
             for f, m in kinds.items()

@@ -11,8 +11,9 @@ from pathlib import Path
 
 from tacstrip.errors import ReadingError
 from tacstrip.io.log_import.fields import STAMP, is_value, number_of
+from tacstrip.io.log_import.literals import one_page, unwrapped
 from tacstrip.io.log_import.names import meaning
-from tacstrip.io.log_import.records import STEADY, Item, is_label, items, named_values, of_json
+from tacstrip.io.log_import.records import STEADY, Item, is_label, items, named_values, of_literals
 from tacstrip.io.log_import.shape import in_normal_form
 from tacstrip.io.log_import.table import CLOCK, ROW, Table, decimal_mark, headed
 
@@ -25,6 +26,7 @@ _LEVEL = re.compile(r"[\[(]?(?:TRACE|DEBUG|INFO|WARN|WARNING|ERROR)[\])]?[\s:|-]
 _ARRAY = re.compile(r"(?<![\"\w])\[[\d\s.,;eE+\-naNuloNe]*\](?!\")")
 _BRACKETED = re.compile(r"\s*[\[({](.*)[\])}]\s*[,;]?\s*")  # a line such as "(20, [1, 2])"
 _PREFIX = re.compile(r"\s*[A-Za-z]+:\s+(?=[-+\d])")  # such as "RX: " before the fields of each line
+_REMARK = re.compile(r"(?<=[\d\w,;])\s+(?:#|//)\s+\S.*")  # behind the fields of a line
 _RULE = re.compile(r"[\s\-=+|~*_:]+")  # a line drawn below names
 _SEVERAL = re.compile(r"[\d-]\s+[-+]?\d")
 _NUMBERED = re.compile(r"[A-Za-z_]+\d+\S*")  # a column's name, such as S1 or v2_h
@@ -64,15 +66,19 @@ def _in_utf16(raw: bytes, file: Path, name: str) -> str:
 
 def of_text(text: str, path: str | Path = "the log") -> Table:
     """Return a text as a table in normal form; errors as of `read_table`."""
-    if (table := of_json(text, path)) is not None:
+    if (table := of_literals(text, path)) is not None:
         return in_normal_form(table)
     text = re.sub(r"\x1b\[[0-9;]*[A-Za-z]", "", text)  # a terminal's colours
     # The empty lines in between tell where blocks begin.
     every = [(i, line) for i, line in enumerate(re.split(r"\r\n|\r\r\n|\n|\r", text), 1)]
+    every = one_page(unwrapped(every))
     lines = [(i, line) for i, line in every if line.strip() and not _RULE.fullmatch(line)]
     if not lines:
         raise ReadingError(f"{path}: the file is empty")
     lines, stamps = _without_stamps(lines)
+    said = [bool(_LEVEL.match(line)) for _, line in lines]
+    if 0 < sum(said) < 0.5 * len(said):  # messages between the readings
+        lines = [(i, line) for (i, line), level in zip(lines, said, strict=True) if not level]
     heads = Counter(m.group() if (m := _PREFIX.match(line)) else "" for _, line in lines)
     head, many = heads.most_common(1)[0]
     if head and many > STEADY * len(lines) and not meaning(head).role:
@@ -150,6 +156,9 @@ def _separated(lines: list[tuple[int, str]], blank: set[int], path: str | Path) 
         raise ReadingError(f"{path}: nothing but comments")
     data = _without_columns_of_blanks(data)
     separator, width = _separator(data, path)
+    remarked = [_REMARK.search(line) for _, line in data]
+    if 0 < sum(map(bool, remarked)) < 0.5 * len(data):
+        data = [(i, line[: m.start()] if m else line) for (i, line), m in zip(data, remarked, strict=True)]
     split = [(i, _fields(line, separator)) for i, line in data]
     split = [(i, row[:-1] if len(row) == width + 1 and not row[-1] else row) for i, row in split]
     line, top = split[0]
@@ -217,6 +226,8 @@ def _without_columns_of_blanks(data: list[tuple[int, str]]) -> list[tuple[int, s
     """Return lines with tabs between their fields, where these stand in columns of a fixed width and some are blank."""
     sample = [line.expandtabs() for _, line in data[len(data) // 2 :][:_SAMPLE]]
     counts = {len(line.split()) for line in sample}
+    if cut := _below_their_names([(i, line.expandtabs()) for i, line in data]):
+        return cut
     if (
         len(counts) < 2
         or any(re.search(r"[,;|]", line) for line in sample)
@@ -236,6 +247,23 @@ def _without_columns_of_blanks(data: list[tuple[int, str]]) -> list[tuple[int, s
     if any(re.search(r"\S\s\S", piece) for _, row in cut[len(cut) // 2 :] for piece in row):
         return data
     return [(i, "\t".join(row)) for i, row in cut]
+
+
+def _below_their_names(data: list[tuple[int, str]]) -> list[tuple[int, str]]:
+    """Return lines with tabs between fields that end, or begin, where their names do, if some are blank; else none."""
+    words = [list(re.finditer(r"\S+", line)) for _, line in data]
+    full = max(map(len, words))
+    if full < 3 or len(words[0]) != full or any(re.search(r"[,;|\t]", line) for _, line in data) or any(number_of(m.group()) is not None for m in words[0]):
+        return []
+    for side in (lambda m: m.end(), lambda m: m.start()):
+        places = [side(m) for m in words[0]]
+        if any(not {side(m) for m in found} <= {*places} for found in words):
+            continue
+        if all(len(found) == full for found in words):
+            return []
+        at = [{side(m): m.group() for m in found} for found in words]
+        return [(i, "\t".join(row.get(p, "") for p in places)) for (i, _), row in zip(data, at, strict=True)]
+    return []
 
 
 def _below_a_preamble(
