@@ -498,7 +498,7 @@ NOISE = "t,s0,s1,s2\n" + "".join(f"{0.2 * i:.1f},1.1,1.2,0.0{12 + 7 * (i % 5)}\n
             "time_s,S0,S1,S2\n0,1134,1338,1529\n0.1,1177,2356,3330\n0.2,1180,2360,3200\n",
             "unit",
         ),  # mV or codes
-        (RISING, "column 1"),  # the time and the strips, or a count, the time, and so on
+        (RISING, "readings"),  # the time and the strips, or a count, the time, and so on
         (NOISE, "untouched"),
     ],
 )

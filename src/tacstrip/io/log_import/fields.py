@@ -15,7 +15,7 @@ NOTHING = frozenset(
     {"", "nan", "na", "n/a", "n.a.", "#n/a", "<na>", "nat", "-", "--", "---", "null", "none", "open", "untouched"}
     | {"-nan", "nc", "n.c.", "n.v.", "no contact", "[]", "{}", "offen", "leer", "vide", "\u2013", "\u2014"}
 )  # fmt: skip
-_NO_NUMBER = re.compile(r"(?:-?nan|n/?a|-+)\s?(?:m?V|ms|s|%|LSB)?", re.IGNORECASE)
+_NO_NUMBER = re.compile(r"(?:-?nan|n/?a|-[-.]*|\.nan)\s?(?:m?V|ms|s|%|LSB)?", re.IGNORECASE)
 _PLAIN = re.compile(r"[+-]?\d+(?:\.\d+)?\Z")
 _NUMBER = re.compile(r"([+-]?)(0x[\da-f]+|[\d.,' ]*\d[.,]?)(e[+-]?\d+)?\s*([a-zµ%‰]*)\Z", re.IGNORECASE)
 _OVER = re.compile(r"[+-]?9\.9[01]?0*[eE]\+?37(?:\s?V)?")  # what SCPI instruments send above their range

@@ -44,10 +44,16 @@ def literal(text: str) -> Any:
 def literals(text: str) -> list[tuple[int, Any]]:
     """Return the containers that a text, or most of its lines, write in Python's form, with their lines."""
     whole = literal(text.strip())
-    if isinstance(whole, list | tuple) and len(whole) > 1 and all(isinstance(r, list | tuple | dict) for r in whole):
+    if (
+        isinstance(whole, list | tuple)
+        and len(whole) > 1
+        and all(isinstance(r, list | tuple | dict) for r in whole)
+    ):
         return list(enumerate(whole, 1))
     lines = [(i, line) for i, line in enumerate(text.splitlines(), 1) if line.strip()]
-    found = [(i, value) for i, line in lines if isinstance(value := literal(line), list | tuple | dict) and value]
+    found = [
+        (i, value) for i, line in lines if isinstance(value := literal(line), list | tuple | dict) and value
+    ]
     return found if len(found) == len(lines) else []
 
 
@@ -71,19 +77,23 @@ def unwrapped(every: list[tuple[int, str]]) -> list[tuple[int, str]]:
     for i, line in made:
         if rows := _ROWS.fullmatch(line):
             before = [(i, rows[1].strip())] if rows[1].strip() else []
-            split += [*before, (i, ""), *((i + n, row) for n, row in enumerate(re.findall(r"\[[^\[\]]*\]", rows[2])))]
+            split += [
+                *before,
+                (i, ""),
+                *((i + n, row) for n, row in enumerate(re.findall(r"\[[^\[\]]*\]", rows[2]))),
+            ]
         else:
             split.append((i, line))
     return split
 
 
 def one_page(every: list[tuple[int, str]]) -> list[tuple[int, str]]:
-    """Return lines with the columns of a matrix beside each other that was printed in pages, times the factor above.
+    r"""Return lines with the columns of a matrix beside each other that was printed in pages, times the factor above.
 
     Examples
     --------
     >>> one_page([(1, "1.0e+03 *"), (2, "Columns 1 through 2"), (3, "0 1.5"), (4, "Column 3"), (5, "NaN")])
-    [(3, '0\\t1500\\tnan')]
+    [(3, '0\t1500\tnan')]
     """
     if not any(_SCALE.fullmatch(line) or _PAGE.fullmatch(line) for _, line in every):
         return every
@@ -102,5 +112,7 @@ def one_page(every: list[tuple[int, str]]) -> list[tuple[int, str]]:
     pages = [page for page in pages if page]
     if len({len(page) for page in pages}) != 1:
         return every
-    rows = [(row[0][0], "\t".join(f for _, fields in row for f in fields)) for row in zip(*pages, strict=True)]
+    rows = [
+        (row[0][0], "\t".join(f for _, fields in row for f in fields)) for row in zip(*pages, strict=True)
+    ]
     return [(i, line) for i, line in others if i < rows[0][0] and re.search(r"\d", line)] + rows

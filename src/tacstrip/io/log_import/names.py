@@ -41,7 +41,8 @@ _STRIP = _words(
 )
 _TIME = _words(
     "t time times zeit zeitstempel tempo heure hora ora timestamp millis micros elapsed seconds sec secs uhrzeit "
-    "datetime date datum temps tiempo clock stamp ts timems timeus ms us nsecs tick tijd tid czas unix epoch utc"
+    "datetime date datum temps tiempo clock stamp ts timems timeus ms us msec msecs usec usecs nsecs tick tijd tid "
+    "czas unix epoch utc"
 )
 _SCAN = _words(
     "scan frame sample samples n nr no index idx i messung cycle seq sequence scanno messnr count sweep id frameno "
@@ -59,7 +60,9 @@ UNITS = {
     for unit, alike in {
         "s": "s sec secs seconds second sekunden sekunde", "ms": "ms msec msecs millis milliseconds",
         "us": "us µs usec usecs micros microseconds",
-        "min": "min minutes", "ns": "ns nsec nsecs nanoseconds", "V": "v volt volts vdc dcv", "mV": "mv millivolt millivolts mvdc", "uV": "uv µv microvolt microvolts",
+        "min": "min minutes", "ns": "ns nsec nsecs nanoseconds", "V": "v volt volts vdc dcv",
+        "mV": "mv millivolt millivolts mvdc",
+        "uV": "uv µv microvolt microvolts",
         "percent": "% percent pct prozent", "permille": "‰ permille permil promille",
         "code": "code codes adc raw counts count cnt lsb digits digit dig bit bits dn",
         "fraction": "ratio fraction norm normalised normalized", "mm": "mm", "cm": "cm", "m": "m",
@@ -159,26 +162,33 @@ def meanings(names: Sequence[str]) -> dict[str, Meaning]:
             n: replace(m, channel="a") for n, m in found.items() if "a" in split[n][0] and m.strip is not None
         }
     slots = {n: [int(t) for t in ts if t.isdigit()] for n, (ts, _) in split.items()}
-    several = [n for n, numbers in slots.items() if len(numbers) > 1 and len(slots[n]) == 2]
+    most = Counter(len(numbers) for numbers in slots.values() if len(numbers) > 1)
+    several = [n for n, numbers in slots.items() if most and len(numbers) == most.most_common(1)[0][0]]
     if len(several) < 2:
         return found
-    kinds = [{slots[n][place] for n in several} for place in (0, 1)]
-    varying = [place for place in (0, 1) if len(kinds[place]) > 1]
-    if len(kinds[0]) == len(kinds[1]) == len({(*slots[n],) for n in several}):  # as in "101 <strip 1>"
-        varying = [max(varying, key=lambda place: (min(kinds[place]) < 2, place))] if varying else []
-    if len(varying) == 1 or (len(varying) == 2 and len(kinds[1]) == 2 < len(kinds[0])):
+    kinds = [{*place} for place in zip(*(slots[n] for n in several), strict=True)]
+    varying = [place for place, values in enumerate(kinds) if len(values) > 1]
+    pairs = {tuple(slots[n][place] for place in varying) for n in several}
+    if len(varying) == 2 and len(kinds[varying[0]]) == len(kinds[varying[1]]) == len(
+        pairs
+    ):  # as in "101 <strip 1>"
+        varying = [max(varying, key=lambda place: (min(kinds[place]) < 2, place))]
+    if len(varying) == 1 or (len(varying) == 2 and len(kinds[varying[1]]) == 2 < len(kinds[varying[0]])):
         for name in several:
             tokens = [t for t in split[name][0] if not t.isdigit()]
             read = _of_tokens([*tokens, str(slots[name][varying[0]])], split[name][1])
             if read.role == "reading" and len(varying) == 2 and not read.channel:
-                read = replace(read, channel=str(slots[name][1]))
+                read = replace(read, channel=str(slots[name][varying[1]]))
             found[name] = read
     return found
 
 
 def _with_letters(split: dict[str, tuple[list[str], str]]) -> dict[str, tuple[list[str], str]]:
     """Return tokens with numbers in place of letters that count, as in "A", "B", "C" or "AH", "AL", "BH", ..."""
-    apart = {n: [p for t in ts for p in (t if re.fullmatch("[a-z][hl]", t) else [t])] for n, (ts, _) in split.items()}
+    apart = {
+        n: [p for t in ts for p in (t if re.fullmatch("[a-z][hl]", t) else [t])]
+        for n, (ts, _) in split.items()
+    }
     for tokens in ({n: ts for n, (ts, _) in split.items()}, apart):
         groups: dict[tuple[int, tuple[str, ...]], dict[str, str]] = {}
         for name, ts in tokens.items():
@@ -196,7 +206,9 @@ def _with_letters(split: dict[str, tuple[list[str], str]]) -> dict[str, tuple[li
 
 
 def _from_a(group: Mapping[str, str]) -> Iterator[tuple[str, str]]:
-    return itertools.takewhile(lambda item: item[1], ((c, group.get(c, "")) for c in "abcdefghijklmnopqrstuvwxyz"))
+    return itertools.takewhile(
+        lambda item: item[1], ((c, group.get(c, "")) for c in "abcdefghijklmnopqrstuvwxyz")
+    )
 
 
 def numbered_groups(names: Sequence[str]) -> list[dict[int, str]]:
@@ -283,7 +295,7 @@ def _tokens(name: str) -> tuple[list[str], str]:
     slash = re.search(r"/\s*(\w+|%)\s*$", plain)
     if slash and slash.group(1).lower() in _IN_NAMES:
         unit, plain = unit or _IN_NAMES[slash.group(1).lower()], plain[: slash.start()]
-    plain = plain.replace("mV", "mv")  # no two words
+    plain = plain.replace("mV", "mv").replace("mSec", "msec")  # no two words
     plain = re.sub(r"(?<=\w)([+-])\s*$", lambda sign: " plus" if sign[1] == "+" else " minus", plain)
     plain = re.sub(r"([a-z])([A-Z])", r"\1 \2", plain).lower()
     tokens = [_singular(t) for t in re.findall(r"[a-zµ]+|\d+|%", plain)]

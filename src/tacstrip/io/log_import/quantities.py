@@ -24,7 +24,7 @@ _SENTINELS = (999.0, 9999.0, 99999.0, 32767.0, 65535.0, 99.9, 99.99, 999.9, 999.
 _NEAR_0 = 0.01  # of the largest reading; and of the most that there can be
 _REST = 0.05  # of the largest reading: the most that the noise of open inputs reaches
 _GAP = 5.0  # times: how far above that the other readings begin
-_LEAP = 3.0  # times the largest step of a strip that stays touched: a contact begins or ends
+_LEAP = 2.0  # times the largest step of a strip that stays touched: a contact begins or ends
 _AT_ONCE = "strips go there and back in one step, and no other reading moves as far"
 _MANY = 0.05  # of the readings: more that are exactly 0 are no chance
 # Of what there can be: a unit in which a log uses less is out where it uses as much in another.
@@ -43,7 +43,8 @@ _RATE = re.compile(
 _BITS_TOLD = re.compile(r"\b(\d{1,2})[\s_-]?bits?\b", re.IGNORECASE)
 _UNIT_TOLD = re.compile(
     r"\b(?:units?|readings?|values?|voltages?|signals?|channels?|data|in|all|normali[sz]ed|ratiometric)\b[^\n,;]{0,16}?"
-    r"(?<![\w])(mV|[uµ]V|V|volts?|millivolts?|microvolts?|counts?|codes?|percent|%|‰|to Vref|of Vref|over Vref|/ ?Vref)(?!\w)|\b(counts|codes|LSBs?)\b",
+    r"(?<![\w])(mV|[uµ]V|V|volts?|millivolts?|microvolts?|counts?|codes?|percent|%|‰"
+    r"|to Vref|of Vref|over Vref|/ ?Vref)(?!\w)|\b(counts|codes|LSBs?)\b",
     re.IGNORECASE,
 )
 _PERIOD = re.compile(
@@ -229,7 +230,7 @@ def numbers_for_nothing(clues: Clues, rough: list[LogScan]) -> tuple[str, ...]:
     if len(negative) == 1 and negative[0] <= -1.0 and negative[0] % 1.0 == 0.0:
         found.append(f"{negative[0]:g}")
         clues.because(f"{negative[0]:g} stands for no contact: it is the only negative number")
-    rest = sorted(v for v in numbers if v >= 0.0)
+    rest = sorted(v for v in numbers if f"{v:g}" not in found)
     if len(rest) > 1 and rest[-1] in _SENTINELS and rest[-2] < 0.5 * rest[-1]:
         found.append(f"{rest.pop():g}")
         clues.because(f"{found[-1]} stands for no contact: all other readings are far below it")
@@ -242,7 +243,7 @@ def numbers_for_nothing(clues: Clues, rough: list[LogScan]) -> tuple[str, ...]:
 def _at_an_end(clues: Clues, values: FloatArray, rest: list[float]) -> list[str]:
     """Return 0, the most that there can be, or what is near 0, where that is no reading; ask where it may be one."""
     most = {2.0**bits - 1.0 for bits in _BITS} | ({clues.sensor.vref_volt} if clues.sensor else set())
-    others = [v for v in rest if v > 0.0]
+    others = [v for v in rest if v != 0.0]
     ends = [0.0] * bool(others and min(others) > _NEAR_0 * max(others))
     ends += [rest[-1]] * bool(rest[-1] in most and len(rest) > 1 and rest[-2] < (1.0 - _NEAR_0) * rest[-1])
     for end in ends:
@@ -263,7 +264,7 @@ def _at_an_end(clues: Clues, values: FloatArray, rest: list[float]) -> list[str]
     low = [v for v in rest if v < _REST * rest[-1]]
     high = rest[len(low) :]
     there = values <= max(low, default=-1.0)
-    if ends or len(low) < 2 or there.mean() <= _MANY or high[0] <= _GAP * low[-1]:
+    if ends or not low or there.mean() <= _MANY or high[0] <= _GAP * max(low[-1], -low[0]):
         return []
     below = f"<{0.5 * (low[-1] + high[0]):.3g}"
     told = f"{100 * there.mean():.0f} % of the readings are {low[-1]:g} or less, and all others {high[0]:g} or more"
@@ -284,10 +285,10 @@ def _comes_at_once(values: FloatArray, there: BoolArray) -> bool:
 
     A contact that moves to the end of a strip takes its reading there by and by.
     """
-    idle = there.all(axis=2)  # (scans, strips)
+    idle = np.asarray(there.all(axis=2))  # (scans, strips)
     if (there.any(axis=2) != idle).any():
         return False
-    side_by_side = all(row[np.argmax(row) :][: row.sum()].all() for row in ~idle)
+    side_by_side = all(row[np.argmax(row) :][: row.sum()].all() for row in np.asarray(~idle))
     steps = np.abs(np.diff(values, axis=0)).max(axis=2)
     jumps = steps[idle[1:] != idle[:-1]]
     moves = steps[~(idle[1:] | idle[:-1])]
@@ -311,6 +312,10 @@ def with_unit(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list[
     told = [found.meanings[n] for n in mapping.columns]
     named = {m.unit for m in told} - {""}
     volts = any(m.volts for m in told)
+    if not named and all(
+        f[:2].casefold() == "0x" for n in mapping.columns for f in clues.table.column(n) if f
+    ):
+        named = {"code"}
     unit = answer or (named.pop() if len(named) == 1 else _by_size(clues, values, vref, bits, volts))
     if unit == "code":
         bits = _bits(clues, values, bits)
@@ -343,7 +348,9 @@ def _bits(clues: Clues, values: FloatArray, bits: int) -> int:
             "unit", f"the readings are called codes, and {broken[0]:g} is none: which unit?", "V", "fraction"
         )
         return 0
-    told = {int(b) for b in _BITS_TOLD.findall("\n".join((*clues.table.preamble, *clues.table.names)))} & {*_BITS}
+    told = {int(b) for b in _BITS_TOLD.findall("\n".join((*clues.table.preamble, *clues.table.names)))} & {
+        *_BITS
+    }
     if not bits and len(told) == 1 and values.max() <= 2.0 ** min(told) - 1.0:
         bits = told.pop()
         clues.because(f"codes of {bits} bits, as the log says")

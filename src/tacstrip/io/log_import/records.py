@@ -21,14 +21,16 @@ _LABELS = frozenset({"time", "scan", "strip", "which"})
 _FEW_KINDS = 0.5  # of the records: as many name the same values, or all do as they like
 _COMMA = re.compile(r"(?<![\d,.:])\d+,\d+(?![\d,.])")
 _WITH_TIME = re.compile(r"\d\s?(?:[mu]?s|min)\Z")
+_EPOCH = re.compile(r"1\d{9}(?:\.\d+|\d{3}|\d{6}|\d{9})?")  # since 1970
 _SAMPLE = 200  # lines that tell whether all are of a kind
 _UNIT = "|".join(sorted((re.escape(u) for u in UNITS if len(u) < 8), key=len, reverse=True))
 _TOKEN = re.compile(
     rf"""(?P<clock>(?<![\w.])\d{{1,2}}:\d\d(?::\d\d(?:[.,]\d+)?|\.\d+)?(?!\d))
     | (?P<number>(?<![\w.])(?>[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?(?:\s?(?i:{_UNIT})(?![\w=:]))?))(?![\w])
-    | (?P<word>(?:\d{{1,3}}(?=[A-Za-z]{{1,5}}\b))?[A-Za-zµ_\u00c0-\u024f][\w/.%-]*(?:\[\d+\])*(?:\s?[\[(][^\])\d]{{0,12}}[\])](?=\s*[:=]))?)
+    | (?P<word>(?:\d{{1,3}}(?=[A-Za-z]{{1,5}}\b))?
+        [A-Za-zµ_\u00c0-\u024f][\w/.%-]*(?:\[\d+\])*(?:\s?[\[(][^\])\d]{{0,12}}[\])](?=\s*[:=]))?)
     | (?P<sign>[:=])
-    | (?P<nothing>-{{1,9}}(?=[\s,;|/]|$))
+    | (?P<nothing>-{{1,9}}(?=[\s,;|/)\]]|$))
     | (?P<comma>(?<=\d),(?=\d))""",
     re.VERBOSE,
 )
@@ -53,6 +55,7 @@ def items(line: str) -> list[Item]:
     """
     if dressed := re.match(r"\s*[*#=~_<>-]{2,}\s*(?=\w)", line):  # as in "--- scan 3 ---"
         line = re.sub(r"[\s*#=~_<>-]+$", "", line[dressed.end() :])
+    line = re.sub(r"\s*:\s*$", "", line)
     if re.search(r"\d", _TOKEN.sub("", line)):  # not all of it would be read
         return []
     found: list[Item] = []
@@ -94,9 +97,14 @@ def items(line: str) -> list[Item]:
                 beside = line[end : token.start()].isspace()
                 beside = beside and (last_word.strip is None or last_word.channel in CHANNELS)
                 implied = last_word.role in _LABELS or (last_word.channel and beside)
-                close(words[-1] if implied else "", told=False)
+                timed = "time" if _WITH_TIME.search(text) and len(words[-1]) < 4 else ""  # as in "at 20 ms"
+                close(words[-1] if implied else timed, told=False)
             elif not open_name:
                 found.append(Item("time" if _WITH_TIME.search(text) else "", (), told=False))
+            elif found[-1].values and (_EPOCH.fullmatch(text) or meaning(found[-1].name).role in _LABELS):
+                found.append(
+                    Item("time" if _EPOCH.fullmatch(text) else "", (), told=False)
+                )  # a label has one value
             last = found[-1]
             found[-1] = replace(last, values=(*last.values, text))
             if not last.told:
@@ -230,7 +238,7 @@ def _gathered(parsed: list[tuple[int, list[Item]]], texts: Mapping[int, str]) ->
 
 
 def of_literals(text: str, path: str | Path) -> Table | None:
-    """Return JSON or what Python prints as a table: lines of objects or lists, an array of them, or an object of columns.
+    """Return JSON or what Python prints as a table: lines of objects or lists, an array of them, an object of columns.
 
     None where it is none of these.
     """

@@ -279,9 +279,16 @@ def strip_numbers(table: Table, mapping: ColumnMapping) -> list[int]:
         if letter:
             value: float | None = ord(letter[1].casefold()) - 97.0
         else:
-            value = number_of(text, table.decimal) if not named else float(digits[0]) if len(digits) == 1 else None
+            value = (
+                number_of(text, table.decimal)
+                if not named
+                else float(digits[0])
+                if len(digits) == 1
+                else None
+            )
         if value is not None and mapping.strip_step:
             value = value / mapping.strip_step
+            value -= 0.5 * (abs(value % 1.0 - 0.5) < _ON_PLACE)  # the middle of a strip
             value = round(value) + mapping.strip_base if abs(value - round(value)) < _ON_PLACE else None
         if value is None or value != int(value):
             raise ReadingError(f"line {line}: {column} is {text!r}, not a strip's number")

@@ -19,9 +19,10 @@ CLOCK = "time stamp"  # the column of what a serial monitor or a logger puts bef
 ROW = "line of its block"  # where blocks of as many lines follow each other
 _TALLEST_HEADER = 5
 _STATISTICS = frozenset(
-    "mean average avg mittel mittelwert moyenne media promedio min minimum max maximum std stdev stddev stabw sd sum "
-    "summe total somme median count anzahl rms var variance range 25% 50% 75% sigma mw".split()
-)
+    {"mean", "average", "avg", "mittel", "mittelwert", "moyenne", "media", "promedio", "mw", "min", "minimum", "max"}
+    | {"maximum", "std", "stdev", "stddev", "stabw", "sd", "sigma", "sum", "summe", "total", "somme", "median", "count"}
+    | {"anzahl", "rms", "var", "variance", "range", "25%", "50%", "75%"}
+)  # fmt: skip
 _FEW = 2  # fields that may look like units by chance
 
 
@@ -178,7 +179,9 @@ def headed(
         f"{first - len(above)} line(s) above the table passed over" if first > len(above) > 0 else "",
         f"{words} line(s) without a number passed over" if words else "",
         f"line {min(again)}: the names again; passed over" if again else "",
-        f"line(s) {', '.join(map(str, sums))}: {', '.join(dict.fromkeys(sums.values()))}; passed over" if sums else "",
+        f"line(s) {', '.join(map(str, sums))}: {', '.join(dict.fromkeys(sums.values()))}; passed over"
+        if sums
+        else "",
     ]
     return Table(
         tuple(_distinct(names)), [row for _, row in rows], [i for i, _ in rows], decimal, bool(above),

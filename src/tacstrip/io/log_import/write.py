@@ -45,7 +45,9 @@ def as_readings(
     codes = mapping.unit == "code" and not mapping.adc_bits
     of_code = vref_volt / (2.0**mapping.adc_bits - 1.0) if mapping.adc_bits else 1.0
     scale = IN_VOLTS | {"code": of_code} | {unit: vref_volt * part for unit, part in OF_VREF.items()}
-    return [*INDEX, *(_COLUMNS[c][codes] for c in mapping.channels)], rows(scans, strip_base, scale[mapping.unit])
+    return [*INDEX, *(_COLUMNS[c][codes] for c in mapping.channels)], rows(
+        scans, strip_base, scale[mapping.unit]
+    )
 
 
 def rows(scans: Sequence[LogScan], strip_base: int, scale: float = 1.0) -> Iterator[list[str]]:
