@@ -157,6 +157,7 @@ def test_slopes_are_those_of_differences() -> None:
         k,
         np.full_like(k, 100.0),
         1.0,
+        np.zeros(SENSOR.strips, dtype=bool),
     )
     at = np.array([[50.3, 47.0, 0.37, 0.2]])
     slope = fit.rows(at)[1][0]
