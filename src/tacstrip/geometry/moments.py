@@ -141,14 +141,13 @@ def _sums(v: npt.NDArray[Any]) -> tuple[Any, Any, Any]:
 
     Of polygons (..., N, 2), real or complex.
     """
-    x0, y0 = v[..., 0], v[..., 1]
-    x1, y1 = (np.concatenate([a[..., 1:], a[..., :1]], axis=-1) for a in (x0, y0))
-    cross = x0 * y1 - x1 * y0
-    xx, yy = x0**2 + x0 * x1 + x1**2, y0**2 + y0 * y1 + y1**2
-    xy = x0 * y1 + 2.0 * x0 * y0 + 2.0 * x1 * y1 + x1 * y0
-    first = np.stack([((a + b) * cross).sum(axis=-1) / 6.0 for a, b in ((x0, x1), (y0, y1))], axis=-1)
-    second = [(m * cross).sum(axis=-1) / c for m, c in ((xx, 12.0), (yy, 12.0), (xy, 24.0))]
-    return cross.sum(axis=-1) / 2.0, first, np.stack(second, axis=-1)
+    w = np.concatenate([v[..., 1:, :], v[..., :1, :]], axis=-2)
+    cross = v[..., :1] * w[..., 1:] - w[..., :1] * v[..., 1:]  # (..., N, 1)
+    squares, both = v * v + w * w, v + w
+    mixed = both[..., :1] * both[..., 1:] + v[..., :1] * v[..., 1:] + w[..., :1] * w[..., 1:]
+    terms = np.concatenate([both / 6.0, (squares + v * w) / 12.0, mixed / 24.0], axis=-1) * cross
+    sums = terms.sum(axis=-2)
+    return cross.sum(axis=(-2, -1)) / 2.0, sums[..., :2], sums[..., 2:]
 
 
 def _slopes(v: FloatArray) -> FloatArray:

@@ -191,7 +191,12 @@ def _filled(table: Table) -> Table:
     for name in table.names:
         fields = columns[name] = table.column(name)
         blank = sum(not f for f in fields)
-        if not blank or not fields[0] or meaning(name).role not in ("time", "scan"):
+        role = meaning(name).role
+        if not blank or not fields[0] or role not in ("time", "scan"):
+            continue
+        if role == "scan" and any(
+            (number_of(f, table.decimal) or 0.0) % 1.0 for f in fields
+        ):  # it counts nothing
             continue
         last, filled = "", []
         for field in fields:
