@@ -62,7 +62,7 @@ class Controller:
         self.health.add(frame)
         message = {"kind": "frame", **frame_json(frame)}
         if self.simulator is not None:
-            message["truth"] = self.simulator.objects
+            message["truth"] = self.simulator.truth
         return json.dumps(message, allow_nan=False)
 
     def state(self) -> dict[str, Any]:
@@ -149,7 +149,8 @@ class Controller:
         if self.simulator is not None:
             now = self.simulator.settings
             about["simulator"] = {"noise": now.noise.positional, "rate_hz": now.rate_hz}
-            about["constructions"] = list(CONSTRUCTIONS)
+            fits = [n for n, kind in CONSTRUCTIONS.items() if kind.closed_form and not kind.cylindrical]
+            about["constructions"] = list(CONSTRUCTIONS) if now.sensor.surface is None else fits
         return about
 
     def _health(self) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.live.frame import Frame
 from tacstrip.tracking.live_contact import LiveTrack
 from tacstrip.tracking.tracker import LiveObject
+from tacstrip.view.solids import KINDS, skin_json
 
 _REGION_POINTS = 20
 _MAX_REGIONS = 20  # an outline of more vertices is drawn without regions
@@ -20,7 +21,10 @@ _MAX_REGIONS = 20  # an outline of more vertices is drawn without regions
 def sensor_json(sensor: Sensor) -> dict[str, Any]:
     """Return the sensor's properties that the page needs."""
     keys = "construction strips strip_base pitch_mm length_mm adc_bits closed signatures"
-    return {key: getattr(sensor, key) for key in keys.split()}
+    about = {key: getattr(sensor, key) for key in keys.split()}
+    surface = sensor.surface
+    about |= {"skin": skin_json(sensor), "presses": None if surface is None else KINDS}
+    return about | {"rigid": surface is None or surface.isometric}
 
 
 def frame_json(frame: Frame) -> dict[str, Any]:
@@ -61,7 +65,8 @@ def _object(one: LiveObject, sensor: Sensor) -> dict[str, Any]:
         drawn["bounds"] = [plain(bound, 3) for bound in shape.bounds]
     drawn["vertices"] = plain(shape.vertices, 3)
     if shape.found:
-        drawn["area"], drawn["centroid"] = round(shape.area, 2), plain(shape.centroid, 2)
+        area = shape.area if shape.on_skin is None else shape.on_skin.area_mm2
+        drawn["area"], drawn["centroid"] = round(area, 2), plain(shape.centroid, 2)
         drawn["regions"] = _regions(shape.vertices, shape.covariance)
     if shape.profile is not None:
         drawn["profile"] = plain(shape.profile, 3)

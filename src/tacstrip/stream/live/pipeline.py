@@ -139,7 +139,8 @@ class Live:
         self._decoder = DriftCorrectingDecoder(source.sensor, self._drift, self._creep)
         self._tracker = Tracker(source.sensor, self.method, self.noise, self._searches)
         self.known = {}
-        fuses = self._wants_tracks and source.sensor.kind.closed_form and source.sensor.surface is None
+        flat = source.sensor.surface is None or source.sensor.surface.isometric
+        fuses = self._wants_tracks and source.sensor.kind.closed_form and flat
         self._tracks = LiveTracks(source.sensor, self.noise, executor=self._fusing) if fuses else None
 
     def subscribe(self, size: int = 1, detailed: bool = False) -> BoundedQueue[Frame]:
