@@ -54,7 +54,7 @@ class Simulator:
         Vertices of each object [mm]; of a sensor with a `[surface]` the solids that are pressed into it.
     """
 
-    def __init__(self, settings: Settings, objects: Sequence[Ring] | None = None, seed: int = 0) -> None:
+    def __init__(self, settings: Settings, objects: Sequence[Any] | None = None, seed: int = 0) -> None:
         self.settings = _feasible(settings)
         sensor = settings.sensor
         self._asked: dict[str, Any] = {
@@ -62,7 +62,7 @@ class Simulator:
             "strips": sensor.strips,
             "rate_hz": settings.rate_hz,
         }
-        self.objects: list[Ring] | list[Pressed] = []
+        self.objects: list[Any] = []
         self._shown: list[Any] = []
         self.device: VirtualDevice | None = None
         self._lock = threading.Lock()

@@ -18,8 +18,7 @@ from tacstrip.sensor.spec import Sensor
 from tacstrip.surface.skin import Skin, skin_of
 
 KINDS = ("plane", "sphere", "cylinder", "edge", "box")
-_COLUMNS, _ROWS = 65, 13  # of the skin as it is drawn, at most across
-_EDGE = 0.5 * math.pi  # rad between its sides
+_COLUMNS, _ROWS = 65, 10  # of the skin as it is drawn, at most across
 _OUTLINE = 48  # points of an outline
 _REACH = 0.35  # of the skin's size: how far an endless solid is drawn to either side
 
@@ -67,6 +66,18 @@ class Pressed:
         except TypeError:
             raise OptionError(f"a solid has {', '.join(cls.__annotations__)}") from None
 
+    def _made(self) -> Solid:
+        match self.solid:
+            case "sphere":
+                return Solid.sphere(self.size_mm)
+            case "cylinder":
+                return Solid.cylinder(self.size_mm)
+            case "edge":
+                return Solid.edge()
+            case "box":
+                return Solid.box((self.size_mm, 0.5 * self.size_mm, 0.5 * self.size_mm))
+        return Solid.plane()
+
     def press(self, sensor: Sensor) -> Patch:
         """Press it: `ContactError` where it does not meet the skin, or sinks in too deep."""
         skin, strip = skin_of(sensor), self.x_mm / sensor.pitch_mm - 0.5
@@ -75,13 +86,8 @@ class Pressed:
         strip = min(max(strip, -0.5), sensor.strips - 0.5)
         along = min(max(self.y_mm, 0.0), float(skin.lengths_mm[min(max(round(strip), 0), sensor.strips - 1)]))
         place = skin.places(np.array(strip), np.array(along))
-        shape = {
-            "plane": Solid.plane, "edge": lambda: Solid.edge(_EDGE),
-            "sphere": lambda: Solid.sphere(self.size_mm), "cylinder": lambda: Solid.cylinder(self.size_mm),
-            "box": lambda: Solid.box((self.size_mm, 0.5 * self.size_mm, 0.5 * self.size_mm)),
-        }[self.solid]()  # fmt: skip
         normal = skin.normals(*place)
-        at = shape.at(skin.points(*place), toward=-normal, turn_rad=math.radians(self.turn_deg))
+        at = self._made().at(skin.points(*place), toward=-normal, turn_rad=math.radians(self.turn_deg))
         return press(sensor, at, depth_mm=self.depth_mm)
 
     def json(self, sensor: Sensor, patch: Patch) -> dict[str, Any]:
@@ -144,7 +150,7 @@ def _as_json(skin: Skin) -> dict[str, Any]:
 @lru_cache(maxsize=4)
 def _grid(skin: Skin) -> tuple[FloatArray, FloatArray, int]:
     """Return points (C, R, 3), the length of a strip at each column (C,), and 1 where columns x rows face outwards."""
-    columns = min(max(2 * skin.strips, 32), _COLUMNS - 1) + 1
+    columns = min(max(skin.strips, 32), _COLUMNS - 1) + 1
     strip = np.linspace(-0.5, skin.strips - 0.5, columns)
     lengths = np.interp(strip, np.arange(skin.strips), skin.lengths_mm)
     place = skin.places(strip[:, None], lengths[:, None] * np.linspace(0.0, 1.0, _ROWS))
@@ -172,8 +178,8 @@ def _wire(solid: Solid, reach: float) -> list[FloatArray]:
         return [np.stack([r * a, r * b, r * c + r], axis=1) for a, b, c in rings]
     if solid.kind == "cylinder":
         r = solid.size[0]
-        rings = [np.stack([np.full(25, at), r * sin, r - r * cos], axis=1) for at in ends]
-        return rings + [np.stack([ends, *(np.full(2, v) for v in (r * s, r - r * c))], axis=1)
+        circles = [np.stack([np.full(25, at), r * sin, r - r * cos], axis=1) for at in ends]
+        return circles + [np.stack([ends, *(np.full(2, v) for v in (r * s, r - r * c))], axis=1)
                         for s, c in ((0, 1), (1, 0), (0, -1), (-1, 0))]  # fmt: skip
     if solid.kind == "box":
         a, b, c = solid.size

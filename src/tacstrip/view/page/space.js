@@ -44,6 +44,18 @@ export class Space {
     const low = [0, 1, 2].map((i) => Math.min(...all.map((p) => p[i]))), high = [0, 1, 2].map((i) => Math.max(...all.map((p) => p[i])));
     this.centre = mix(low, high, 0.5);
     this.reach = 0.5 * Math.hypot(...minus(high, low));
+    const { points, lengths, outward } = this.skin, columns = points.length - 1;
+    this.tiles = points.slice(1).flatMap((right, i) => right.slice(1).map((_, j) => {
+      const corners = [points[i][j], right[j], right[j + 1], points[i][j + 1]];
+      const normal = cross(minus(corners[2], corners[0]), minus(corners[3], corners[1])), long = outward / (Math.hypot(...normal) || 1);
+      return { corners, normal: normal.map((v) => long * v), middle: mix(corners[0], corners[2], 0.5) };
+    }));
+    // Centre lines of the strips, where they are not too many.
+    this.strips = Array.from({ length: sensor.strips <= 100 ? sensor.strips : 0 }, (_, i) => {
+      const x = (i + 0.5) * sensor.pitch_mm, long = lengths[Math.round(((i + 0.5) / sensor.strips) * columns)];
+      return Array.from({ length: 13 }, (_, k) => this.at([x, (k / 12) * long]));
+    });
+    this.seam = sensor.closed ? points[0].map((_, j) => this.at([0, (j / (points[0].length - 1)) * lengths[0]])) : [];
   }
 
   // The place in space of x across the strips and y along them [mm], and the skin's normal there.
@@ -84,23 +96,14 @@ export class Space {
     const right = [-Math.sin(azimuth), Math.cos(azimuth), 0], up = cross(to, right);
     const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     const on = (p) => { const q = minus(p, this.centre); return [w / 2 + zoom * dot(q, right), h / 2 - zoom * dot(q, up)]; };
-    const { points, outward } = this.skin, tiles = [];
-    for (let i = 0; i + 1 < points.length; i += 1) {
-      for (let j = 0; j + 1 < points[0].length; j += 1) {
-        const corners = [points[i][j], points[i + 1][j], points[i + 1][j + 1], points[i][j + 1]];
-        const normal = cross(minus(corners[2], corners[0]), minus(corners[3], corners[1]));
-        const facing = (outward * dot(normal, to)) / (Math.hypot(...normal) || 1);
-        tiles.push({ corners, facing, far: corners.reduce((sum, p) => sum + dot(p, to), 0) });
-      }
-    }
-    tiles.sort((a, b) => a.far - b.far);
-    const readings = Object.values(frame.readings)[0] || [], columns = points.length - 1;
-    for (const { corners, facing } of tiles) {
+    const tiles = this.tiles.map((tile) => [dot(tile.middle, to), tile]).sort((a, b) => a[0] - b[0]);
+    pen.fillStyle = pen.strokeStyle = colour("strip");
+    for (const [, { corners, normal }] of tiles) {
+      const facing = dot(normal, to);
       pen.globalAlpha = facing > 0 ? 0.55 + 0.45 * facing : 0.35;
       pen.beginPath();
       corners.map(on).forEach(([x, y], i) => (i ? pen.lineTo(x, y) : pen.moveTo(x, y)));
       pen.closePath();
-      pen.fillStyle = pen.strokeStyle = colour("strip");
       pen.fill();
       pen.stroke();
     }
@@ -119,12 +122,9 @@ export class Space {
       }
       pen.setLineDash([]);
     };
-    // Centre lines of strips, those in touch stronger; the seam.
-    if (this.sensor.strips <= 100) readings.forEach((value, i) => {
-      const x = (i + 0.5) * this.sensor.pitch_mm, long = this.skin.lengths[Math.round(((i + 0.5) / this.sensor.strips) * columns)];
-      line(this.laid([[x, 0], [x, 0.5 * long], [x, long]], false), value === null ? "line" : "soft", value === null ? 1 : 2);
-    });
-    if (this.sensor.closed) line(this.laid([[0, 0], [0, this.sensor.length_mm]], false), "soft", 1.5, [2, 4]);
+    const readings = Object.values(frame.readings)[0] || [];
+    this.strips.forEach((strip, i) => (readings[i] === null ? line(strip, "line", 1) : line(strip, "soft", 2)));
+    line(this.seam, "soft", 1.5, [2, 4]);
     for (const one of frame.truth || []) {
       for (const wire of one.lines || []) { pen.globalAlpha = 1; line(wire.map((p) => [p, null]), "truth", 1); }
       for (const ring of one.rings || []) line(this.laid(ring, false), "truth", 2, [3, 4]);
