@@ -69,6 +69,8 @@ from .stream.replay import Recording as Recording
 from .stream.simulated import SimulatedSource as SimulatedSource
 from .tracking.live import LiveTracks as LiveTracks
 from .tracking.live_contact import LiveTrack as LiveTrack
+from .tracking.solid import SolidTrack as SolidTrack
+from .tracking.solid import track_solid as track_solid
 from .tracking.track import Track as Track
 from .tracking.track import track as track
 

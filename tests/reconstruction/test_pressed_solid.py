@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 import tacstrip as ts
+from tacstrip.reconstruction.pressed.fit import descended
+from tacstrip.reconstruction.pressed.poses import Poses
 
 TIP, NOISE = ts.Sensor.load("fingertip"), ts.Noise(positional=0.005)
 OUT = np.array([math.sin(0.7) * math.cos(2.0), math.sin(0.7) * math.sin(2.0), math.cos(0.7)])
@@ -39,6 +41,24 @@ def test_a_solid_is_found_within_its_deviations(solid: ts.Solid, family: ts.Soli
         assert abs(found.radius_mm - 4.0) < 3.0 * found.radius_sigma_mm < 1.5
         across = np.linalg.norm(np.cross(found.solid.axes[0], patch.solid.axes[0]))
         assert across < 4.0 * (found.axis_sigma_rad + found.direction_sigma_rad)
+
+
+def test_a_start_that_is_near_leads_to_the_same_fit_and_one_that_is_not_is_left() -> None:
+    patch, scan = pressed(ts.Solid.cylinder(4.0), 1.5)
+    whole = ts.fit_solid(scan, TIP, ts.Solid.cylinder(5.0), NOISE)
+    assert whole.axis is not None
+    assert abs(whole.axis @ patch.solid.axes[0]) > 0.99
+    assert whole.depth_mm == pytest.approx(1.5, abs=0.1)
+    found = ts.fit_solid(scan, TIP, ts.Solid.cylinder(5.0), NOISE, start=whole)
+    assert found.status == "ok"
+    assert found.radius_mm == pytest.approx(whole.radius_mm, abs=0.3 * whole.radius_sigma_mm)
+    assert found.area_mm2 == pytest.approx(whole.area_mm2, rel=0.01)
+    poses = Poses.of(scan, TIP, ts.Solid.cylinder(5.0), NOISE, known_size=False)
+    best = descended(poses, patch.solid)[1][0]
+    far = ts.Solid.cylinder(8.0).at((0.0, 0.0, 9.0), (0.0, 0.0, -1.0), 2.0)
+    assert descended(poses, far)[1][0] == pytest.approx(best, abs=0.01)
+    with pytest.raises(ts.OptionError, match=r"start = .*: give a plane in the skin, or the fit of one"):
+        ts.fit_solid(scan, TIP, ts.Solid.plane(), NOISE, start=whole)
 
 
 def test_deviations_hold_where_slopes_at_one_pose_did_not() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -69,6 +70,33 @@ def test_round_a_circle_it_is_a_tube_and_straight_it_is_flat() -> None:
     assert on_sheet.force_n == pytest.approx(on_flat.force_n, rel=1e-3)
     fit = ts.fit_solid(ts.simulate(like, on_sheet), like, ts.Solid.sphere(9.0), ts.Noise(positional=0.001))
     assert abs(fit.area_mm2 - on_sheet.area_mm2) < 3.0 * fit.area_sigma_mm2
+
+
+def test_a_flat_outline_is_followed_on_what_unrolls_to_a_rectangle() -> None:
+    outline, noise = (
+        ts.Contact.polygon([(-25, -20), (20, -25), (25, 20), (-10, 25)]),
+        ts.Noise(positional=0.002),
+    )
+    round_it = {"kind": "cylinder", "radius_mm": 100.0 / math.pi, "height_mm": 100.0}
+    tube = ts.Sensor.from_dict({"format": 1, "construction": "crs-crs", "strips": 20, "surface": round_it})
+    flat = ts.Sensor(construction="crs-crs", strips=10, pitch_mm=10.0, length_mm=100.0)
+    straight = sheet([[0, 0], [40, 20], [90, 0]], height=100.0)
+    bent = replace(straight, surface=replace(straight.surface, along="extrusion"), length_mm=100.0,
+                   pitch_mm=straight.surface.path_length_mm / 10) if straight.surface else straight  # fmt: skip
+    for sensor, start, step in (
+        (flat, 40.0, 0.5),
+        (bent, 40.0, 0.5),
+        (tube, 185.0, 1.0),
+    ):  # and across the seam
+        moved = [outline.turned(0.03 * i).placed(start + step * i, 50.0) for i in range(20)]
+        scans = [ts.simulate(sensor, c, noise, rng=i, time_s=0.01 * i) for i, c in enumerate(moved)]
+        (one,) = ts.track(scans, sensor, noise)
+        assert (one.status, len(one.outline)) == ("ok", 4)
+        assert one.poses[-1, 2] - one.poses[0, 2] == pytest.approx(0.57, abs=0.02)
+        assert one.poses[-1, 0] - one.poses[0, 0] == pytest.approx(19 * step, abs=0.8)
+        placed = ts.fit_object(scans[-1], sensor, outline, noise).objects[0]
+        assert placed.pose is not None
+        assert [placed.pose.x_mm, placed.pose.y_mm] == pytest.approx([start + 19 * step, 50.0], abs=0.5)
 
 
 @pytest.mark.parametrize(

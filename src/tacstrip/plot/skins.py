@@ -119,12 +119,7 @@ def _draw_flat(flat: Axes, sensor: Sensor, skin: Skin, patch: Patch) -> None:
     if lengths.min() < lengths.max():
         flat.plot(sensor.x_mm, lengths, ".", color=TRUE, markersize=3.0, label="end of the strip")
     for i, ring in enumerate(_rings(patch.outline_xyz)):
-        strip, y = skin.strip_places(*skin.places_near(ring))
-        jump = np.abs(np.diff(strip)) > 0.5 * skin.strips  # across the seam
-        xy = np.insert(
-            np.stack([(strip + 0.5) * skin.pitch_mm, y], axis=1), np.flatnonzero(jump) + 1, np.nan, axis=0
-        )
-        flat.plot(*xy.T, color=OTHERS[0], linewidth=1.2, label=None if i else "outline")
+        flat.plot(*skin.unrolled(ring).T, color=OTHERS[0], linewidth=1.2, label=None if i else "outline")
     if sensor.closed:
         for x in (0.0, sensor.width_mm):
             flat.axvline(x, color=TRUE, linewidth=0.8, linestyle=":", label=None if x else "seam")

@@ -32,7 +32,7 @@ from tacstrip.reconstruction.noise_covariance import (
     reading_covariance,
     signature_jacobians,
 )
-from tacstrip.reconstruction.on_surface import refuse_surface
+from tacstrip.reconstruction.on_surface import refuse_stretched
 from tacstrip.reconstruction.polygon.goodness_of_fit import autocorrelation_score, chi_square_score
 from tacstrip.reconstruction.polygon.run import fit_run
 from tacstrip.reconstruction.result import Alternative, Pose, Reconstruction, RecoveredObject, Status
@@ -117,7 +117,7 @@ def fit_object(
     """
     scan = scan.checked(sensor)
     check_closed_form(sensor.kind, "fit_object")
-    refuse_surface(sensor, "fit_object", "a solid pressed into it is found by ts.fit_solid")
+    refuse_stretched(sensor, "fit_object")
     if not isinstance(edge_mm, int | float | np.number) or not 0.0 <= edge_mm < math.inf:
         raise OptionError(f"edge_mm = {edge_mm!r}: must be 0 (hard edges) or more")
     corners = _corners(outline)

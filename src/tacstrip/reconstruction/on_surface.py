@@ -54,6 +54,15 @@ class OnSkin:
     area_deviation_mm2: float = float("nan")
 
 
+def refuse_stretched(sensor: Sensor, what: str) -> None:
+    """Refuse `what`, which moves a flat outline, for a skin on which outlines change where they move: `OptionError`."""
+    if sensor.surface is not None and not sensor.surface.isometric:
+        raise OptionError(
+            f"{what} moves a flat outline, and a {sensor.surface.kind} does not unroll to a rectangle: follow a solid "
+            "that is pressed into it by ts.track_solid, or ts.fit_solid in one scan"
+        )
+
+
 def refuse_surface(sensor: Sensor, what: str, instead: str) -> None:
     """Refuse `what`, the start of the message, for a sensor with a `[surface]`: `OptionError`."""
     if sensor.surface is not None:

@@ -17,7 +17,15 @@ from tacstrip.scan import Scan
 from tacstrip.sensor.spec import Sensor
 
 BRIDGED = 3  # strips that may be missing inside a contact
-_OPEN = 2.0  # times the circumference: the two rounds are laid out on a tube that is not closed
+_OPEN = 2.0  # times the circumference: rounds are laid out on a tube that is not closed
+
+
+def opened(sensor: Sensor, strips: int) -> Sensor:
+    """Return a sensor of so many strips like a closed one's, which is not closed."""
+    if sensor.radius_mm is None:  # a tube of even strips
+        return replace(sensor, strips=strips, surface=None, calibration=None)
+    radius = _OPEN * sensor.radius_mm * strips / sensor.strips
+    return replace(sensor, strips=strips, radius_mm=radius, calibration=None)
 
 
 def unrolled(scan: Scan, sensor: Sensor, bridged: int = 0, turn: int | None = None) -> tuple[Scan, Sensor]:
@@ -28,11 +36,7 @@ def unrolled(scan: Scan, sensor: Sensor, bridged: int = 0, turn: int | None = No
     """
     if not sensor.closed:
         return scan, sensor
-    assert sensor.radius_mm is not None
-    flat = replace(
-        sensor, strips=2 * sensor.strips, radius_mm=2.0 * _OPEN * sensor.radius_mm, calibration=None
-    )
-    return rounds(scan, bridged, turn), flat
+    return rounds(scan, bridged, turn), opened(sensor, 2 * sensor.strips)
 
 
 def rounds(scan: Scan, bridged: int = 0, turn: int | None = None) -> Scan:

@@ -161,6 +161,11 @@ class Surface:
         """Whether strips are as wide everywhere."""
         return self.kind == "sheet" or not self.tapered
 
+    @property
+    def isometric(self) -> bool:
+        """Whether it unrolls to a rectangle of even strips: a rigid outline is the same wherever it lies."""
+        return self.kind in ("sheet", "cylinder")
+
     @cached_property
     def _curve(self) -> tuple[FloatArray, FloatArray]:
         """A sheet's path: arcs (K,) [mm], and x, y and the unit tangent there (K, 4)."""

@@ -13,8 +13,10 @@ import numpy.typing as npt
 import shapely
 
 from tacstrip.arguments import takes
+from tacstrip.arrays import FloatArray
 from tacstrip.contact.footprint import footprint
 from tacstrip.contact.noise import Noise, NoiseProcess, Rng
+from tacstrip.contact.press.patch import Patch
 from tacstrip.contact.shape import Contact
 from tacstrip.contact.strip_width import wide, wide_ends
 from tacstrip.errors import OptionError
@@ -81,7 +83,7 @@ class SimulatedSource:
     sensor
         The sensor; a spec without `adc_bits` gets a converter of 16 bits.
     contact
-        Function of time [s] that returns the contact, such as a `Drag`.
+        Function of time [s] that returns the contact, such as a `Drag`, or the patch of a solid (`press`).
     rate_hz
         Scan rate [Hz].
     scans
@@ -116,7 +118,7 @@ class SimulatedSource:
     def __init__(
         self,
         sensor: AnySensor,
-        contact: Callable[[float], Contact],
+        contact: Callable[[float], Contact | Patch],
         rate_hz: float = 100.0,
         scans: int | None = None,
         noise: Noise = _IDEAL,
@@ -161,15 +163,25 @@ class SimulatedSource:
         )  # fmt: skip
         return encode(scan, self.sensor, number)
 
+    def _ends(self, contacts: list[Contact | Patch]) -> tuple[FloatArray, FloatArray]:
+        """Return l and u (contacts, strips) [mm]."""
+        flat = [c for c in contacts if isinstance(c, Contact)]
+        if len(flat) == len(contacts):
+            by_width = wide(self.sensor, flat)
+            ends = wide_ends(self.sensor, flat) if by_width else footprint(self.sensor, flat)
+            return ends.l, ends.u
+        each = [(c.l, c.u) if isinstance(c, Patch) else tuple(footprint(self.sensor, c)) for c in contacts]
+        l, u = zip(*each, strict=True)
+        return np.stack(l), np.stack(u)
+
     def _block(self, first: int, count: int) -> Iterator[RawScan]:
         """Yield scans that the closed forms compute together, thirty times as fast as one by one."""
         numbers = range(first, first + count)
         contacts = [self._contact(number / self._rate_hz) for number in numbers]
-        by_width = wide(self.sensor, contacts)
-        ends = wide_ends(self.sensor, contacts) if by_width else footprint(self.sensor, contacts)
+        l, u = self._ends(contacts)
         times_s = np.array(numbers) / self._rate_hz
-        values = readings(self.sensor, ends.l, ends.u, process=self._process, time_s=times_s)
-        touched = ~np.isnan(ends.l)
+        values = readings(self.sensor, l, u, process=self._process, time_s=times_s)
+        touched = ~np.isnan(l)
         if any(np.isnan(v[touched]).any() for v in values.values()):
             yield from map(self._scan, numbers)  # a short circuit: `simulate` names the strip
             return

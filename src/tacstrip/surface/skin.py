@@ -123,6 +123,12 @@ class Skin:
             up = np.clip(up + (r - mr) * dr + (z - mz) * dz, low, high)
         return across, up
 
+    def unrolled(self, points: FloatArray) -> FloatArray:
+        """Return x, strip times pitch, and y of a line of points (N, 3); NaN where it crosses the seam."""
+        strip, y = self.strip_places(*self.places_near(points))
+        jump = np.flatnonzero(np.abs(np.diff(strip)) > 0.5 * self.strips)
+        return np.insert(np.stack([(strip + 0.5) * self.pitch_mm, y], axis=1), jump + 1, np.nan, axis=0)
+
     def _sheet_near(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
         surface = self.surface
         assert surface is not None

@@ -14,7 +14,7 @@ from tacstrip.core.problem import FLOOR
 from tacstrip.errors import OptionError, ReadingError
 from tacstrip.reconstruction.implausible import doubted, scale_hint
 from tacstrip.reconstruction.noise_covariance import Averaging, fit_sigma
-from tacstrip.reconstruction.on_surface import refuse_surface
+from tacstrip.reconstruction.on_surface import refuse_stretched
 from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import check_closed_form
 from tacstrip.sensor.left_out import left_out_wholly
@@ -70,7 +70,7 @@ class LiveTracks:
         self, sensor: Sensor, noise: Noise | None = None, lag: int = LAG, executor: Executor | None = None
     ) -> None:
         check_closed_form(sensor.kind, "track")
-        refuse_surface(sensor, "LiveTracks", "reconstruct scan by scan, by ts.reconstruct or ts.fit_solid")
+        refuse_stretched(sensor, "LiveTracks")
         if not isinstance(lag, int) or lag < 1:
             raise OptionError(f"lag = {lag}: must be a number of scans, 1 or more")
         self.sensor = sensor

@@ -20,8 +20,9 @@ from tacstrip.geometry.pose import placed
 from tacstrip.notebook import BLUE, VERMILION, Drawn, SvgPath
 from tacstrip.reconstruction.implausible import doubted, scale_hint
 from tacstrip.reconstruction.noise_covariance import Averaging, fit_sigma
-from tacstrip.reconstruction.on_surface import refuse_surface
+from tacstrip.reconstruction.on_surface import refuse_stretched
 from tacstrip.reconstruction.result import Alternative, RecoveredObject, Status
+from tacstrip.reconstruction.seam import opened
 from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import check_closed_form
 from tacstrip.sensor.spec import Sensor
@@ -237,7 +238,7 @@ def track(scans: Sequence[Scan], sensor: Sensor, noise: Noise | None = None) -> 
     ('ok', 4, True)
     """
     check_closed_form(sensor.kind, "track")
-    refuse_surface(sensor, "track", "reconstruct scan by scan, by ts.reconstruct or ts.fit_solid")
+    refuse_stretched(sensor, "track")
     read = [_checked(i, scan, sensor) for i, scan in enumerate(scans)]
     if not read:
         raise ReadingError("there is no scan: give those of a recording, in the order of time")
@@ -308,10 +309,7 @@ class Skin:
         """A sensor of these strips."""
         if not self.sensor.closed:
             return self.sensor
-        strips = self.span.stop - self.span.start
-        assert self.sensor.radius_mm is not None
-        radius = 2.0 * self.sensor.radius_mm * strips / self.sensor.strips
-        return replace(self.sensor, strips=strips, radius_mm=radius, calibration=None)
+        return opened(self.sensor, self.span.stop - self.span.start)
 
 
 @dataclass(frozen=True, eq=False)

@@ -63,7 +63,7 @@ class Controller:
         self.health.add(frame)
         message = {"kind": "frame", **frame_json(frame)}
         if self.simulator is not None:
-            message["truth"] = self.simulator.objects
+            message["truth"] = self.simulator.truth
         return json.dumps(message, allow_nan=False)
 
     def state(self) -> dict[str, Any]:
@@ -149,8 +149,14 @@ class Controller:
         if self.simulator is not None:
             now = self.simulator.settings
             about["simulator"] = {"noise": now.noise.positional, "rate_hz": now.rate_hz}
-            own = [now.sensor.construction] if isinstance(now.sensor, LayeredSensor) else list(CONSTRUCTIONS)
-            about["constructions"] = own
+            sensor = now.sensor
+            if isinstance(sensor, LayeredSensor):
+                offered = [sensor.construction]
+            elif sensor.surface is None:
+                offered = list(CONSTRUCTIONS)
+            else:
+                offered = [n for n, kind in CONSTRUCTIONS.items() if kind.closed_form and not kind.cylindrical]
+            about["constructions"] = offered
         return about
 
     def _health(self) -> dict[str, Any]:

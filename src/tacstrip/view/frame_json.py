@@ -13,6 +13,7 @@ from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.live.frame import Frame
 from tacstrip.tracking.live_contact import LiveTrack
 from tacstrip.tracking.tracker import LiveObject
+from tacstrip.view.solids import KINDS, skin_json
 
 _REGION_POINTS = 20
 _MAX_REGIONS = 20  # an outline of more vertices is drawn without regions
@@ -20,7 +21,7 @@ _MAX_REGIONS = 20  # an outline of more vertices is drawn without regions
 
 def sensor_json(sensor: AnySensor) -> dict[str, Any]:
     """Return the sensor's properties that the page needs: of each layer its corners (4, 2) [mm], too."""
-    unit = unit_of(sensor)
+    unit, curved = unit_of(sensor), isinstance(sensor, Sensor) and sensor.surface is not None
     about = {
         key: getattr(unit, key)
         for key in ("construction", "strips", "strip_base", "adc_bits", "closed", "signatures")
@@ -31,7 +32,8 @@ def sensor_json(sensor: AnySensor) -> dict[str, Any]:
         | {"corners": plain(one.corners_mm, 4)}
         for one in layers
     ]
-    return about
+    about |= {"skin": skin_json(unit), "presses": KINDS if curved else None}
+    return about | {"rigid": unit.surface is None or unit.surface.isometric}
 
 
 def frame_json(frame: Frame) -> dict[str, Any]:
@@ -75,7 +77,8 @@ def _object(one: LiveObject, sensor: Sensor) -> dict[str, Any]:
         drawn["bounds"] = [plain(bound, 3) for bound in shape.bounds]
     drawn["vertices"] = plain(shape.vertices, 3)
     if shape.found:
-        drawn["area"], drawn["centroid"] = round(shape.area, 2), plain(shape.centroid, 2)
+        area = shape.area if shape.on_skin is None else shape.on_skin.area_mm2
+        drawn["area"], drawn["centroid"] = round(area, 2), plain(shape.centroid, 2)
         drawn["regions"] = _regions(shape.vertices, shape.covariance)
     if shape.profile is not None:
         drawn["profile"] = plain(shape.profile, 3)

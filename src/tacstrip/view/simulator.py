@@ -6,12 +6,13 @@ import functools
 import operator
 import threading
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from tacstrip.contact.noise import Noise
+from tacstrip.contact.press.patch import Patch
 from tacstrip.contact.shape import Contact
 from tacstrip.errors import ContactError, OptionError, one_of
 from tacstrip.sensor.constructions import CONSTRUCTIONS
@@ -22,6 +23,7 @@ from tacstrip.stream.device.source import SerialSource
 from tacstrip.stream.device.virtual import Loopback, VirtualDevice
 from tacstrip.stream.simulated import SimulatedSource
 from tacstrip.stream.source import RawScan
+from tacstrip.view.solids import Pressed, first_solid, together
 
 MAX_STRIPS, MAX_OBJECTS, MAX_VERTICES = 1000, 8, 40
 _BLOCK_S = 0.01  # duration of the scans that are computed together
@@ -50,10 +52,10 @@ class Simulator:
     settings
         The present settings.
     objects
-        Vertices of each object [mm].
+        Vertices of each object [mm]; of a sensor with a `[surface]` the solids that are pressed into it.
     """
 
-    def __init__(self, settings: Settings, objects: Sequence[Ring] | None = None, seed: int = 0) -> None:
+    def __init__(self, settings: Settings, objects: Sequence[Any] | None = None, seed: int = 0) -> None:
         self.settings = _feasible(settings)
         sensor = settings.sensor
         self._asked: dict[str, Any] = {
@@ -61,12 +63,23 @@ class Simulator:
             "strips": sensor.strips,
             "rate_hz": settings.rate_hz,
         }
-        self.objects: list[Ring] = []
+        self.objects: list[Any] = []
+        self._shown: list[Any] = []
         self.device: VirtualDevice | None = None
         self._lock = threading.Lock()
-        self._contact: Contact | None = None
+        self._contact: Contact | Patch | None = None
         self._random = np.random.default_rng(seed)
-        self.place(example(self.settings.sensor) if objects is None else objects)
+        self.place(self._example() if objects is None else objects)
+
+    def _example(self) -> Sequence[Any]:
+        sensor = self.settings.sensor
+        return example(sensor) if sensor.surface is None else [asdict(one) for one in first_solid(sensor)]
+
+    @property
+    def truth(self) -> list[Any]:
+        """The objects as a page draws them: vertices, or solids with their outlines."""
+        with self._lock:
+            return self._shown
 
     def place(self, objects: Sequence[Any]) -> None:
         """Replace the objects on the sensor.
@@ -74,15 +87,28 @@ class Simulator:
         Raises
         ------
         OptionError, ContactError
-            They are not polygons, or too many; the objects then stay as they are.
+            They are not polygons or solids, or too many, or a solid does not fit; the objects then stay as they are.
         """
+        if self.settings.sensor.surface is not None:
+            self._press(objects)
+            return
         if len(objects) > MAX_OBJECTS or any(len(ring) > MAX_VERTICES for ring in objects):
             raise OptionError(f"at most {MAX_OBJECTS} objects of {MAX_VERTICES} vertices")
         contacts = [Contact.polygon(ring) for ring in objects]
         contact = functools.reduce(operator.add, contacts) if contacts else None
         with self._lock:
             self.objects = [[(float(x), float(y)) for x, y in ring] for ring in objects]
-            self._contact = contact
+            self._contact, self._shown = contact, self.objects
+
+    def _press(self, objects: Sequence[Any]) -> None:
+        if len(objects) > MAX_OBJECTS:
+            raise OptionError(f"at most {MAX_OBJECTS} objects")
+        sensor, solids = self.settings.sensor, [Pressed.of(one) for one in objects]
+        patches = [one.press(sensor) for one in solids]
+        shown = [one.json(sensor, patch) for one, patch in zip(solids, patches, strict=True)]
+        with self._lock:
+            self.objects, self._shown = solids, shown
+            self._contact = together(patches) if patches else None
 
     def change(self, wanted: Mapping[str, Any]) -> bool:
         """Change settings by name; return whether that needs a new stream.
@@ -113,6 +139,8 @@ class Simulator:
         restart = (new.sensor, new.rate_hz) != (now.sensor, now.rate_hz)
         # What a sheet cannot have comes back with the next construction that can.
         self.settings, self._asked = new, {key: asked[key] for key in self._asked}
+        if restart and new.sensor.surface is not None:
+            self.place([asdict(one) for one in self.objects if isinstance(one, Pressed)])
         return restart
 
     def source(self) -> SerialSource:
@@ -143,7 +171,7 @@ class Simulator:
                 if self.settings.noise is not noise:
                     break
 
-    def _now(self, time_s: float) -> Contact:
+    def _now(self, time_s: float) -> Contact | Patch:
         with self._lock:
             contact = self._contact
         if contact is None:
@@ -156,10 +184,19 @@ def sensor_of(construction: str, strips: Any, like: Sensor) -> Sensor:
     if construction not in CONSTRUCTIONS:
         raise OptionError(one_of("construction", construction, CONSTRUCTIONS))
     kind = CONSTRUCTIONS[construction]
+    if like.surface is not None and (kind.cylindrical or not kind.closed_form):
+        raise OptionError(
+            f"construction = {construction}: the skin has a [surface], which a {construction} cannot"
+        )
     max_count = MAX_STRIPS if kind.closed_form else _SHEET_STRIPS
     if not isinstance(strips, int) or not 2 <= strips <= MAX_STRIPS:
         raise OptionError(f"strips = {strips}: must be 2 to {MAX_STRIPS}")
     count = min(strips, max_count)
+    if (surface := like.surface) is not None:
+        return Sensor(
+            construction=construction, strips=count, pitch_mm=surface.pitch_mm(count),
+            length_mm=surface.length_mm(count), vref_volt=like.vref_volt, adc_bits=like.adc_bits, surface=surface,
+        )  # fmt: skip
     pitch = like.width_mm / count
     given: dict[str, Any] = {}
     if "radius_mm" in kind.keys:

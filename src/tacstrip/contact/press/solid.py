@@ -36,7 +36,8 @@ class Solid:
     position_mm
         Where its lowest place is (3,) [mm].
     axes
-        Its x, y and z in space (3, 3), unit vectors a row each; -z is the way that it is pressed.
+        Its x, y and z in space (3, 3), unit vectors a row each. x, `axes[0]`, is a cylinder's axis, an edge's ridge,
+        a box's first side; -z is the way that it is pressed.
     mesh
         Of a mesh, else None.
 
@@ -137,6 +138,11 @@ class Solid:
         x = math.cos(turn_rad) * south + math.sin(turn_rad) * east
         axes = np.stack([x, np.cross(up, x), up])
         return replace(self, position_mm=_vector("position_mm", position_mm), axes=axes)
+
+    @property
+    def axis(self) -> FloatArray | None:
+        """Unit vector (3,) along a cylinder's axis or an edge's ridge, to either side; None of others."""
+        return self.axes[0] if self.kind in ("cylinder", "edge") else None
 
     @property
     def toward(self) -> FloatArray:

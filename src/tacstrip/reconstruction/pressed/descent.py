@@ -24,6 +24,11 @@ _COUNTS = {"cylinder": 9, "edge": 9, "box": 8, "mesh": 12}  # of turns to begin 
 _Residuals: TypeAlias = Callable[[FloatArray], FloatArray]
 
 
+def refined(poses: Poses, values: FloatArray, held: str = "") -> tuple[FloatArray, FloatArray]:
+    """Return where descents from near parameters (M, P), of which one may be held, end, and their costs (M,)."""
+    return descend(poses.residuals, values, _SETTLED, poses.column(held))
+
+
 def descents(poses: Poses) -> tuple[FloatArray, FloatArray]:
     """Return where descents end (M, P), best first, and their costs (M,): the sum of squared residuals."""
     rough = poses.depth_residuals if poses.solid.mesh is None else partial(poses.residuals, touch_mm=_FAR_MM)
@@ -52,8 +57,10 @@ def jacobian(residuals: _Residuals, values: FloatArray, left: FloatArray) -> Flo
     return np.swapaxes((found - left[:, None]) / _STEP, 1, 2)
 
 
-def descend(residuals: _Residuals, values: FloatArray, settled: float) -> tuple[FloatArray, FloatArray]:
-    """Return where descents from parameters (M, P) end, and their costs (M,)."""
+def descend(
+    residuals: _Residuals, values: FloatArray, settled: float, held: int | None = None
+) -> tuple[FloatArray, FloatArray]:
+    """Return where descents from parameters (M, P), of which one may be held, end, and their costs (M,)."""
     values, count = values.copy(), values.shape[1]
     left = residuals(values)
     costs, damping = np.square(left).sum(axis=1), np.full(len(values), 1e-2)
@@ -64,6 +71,8 @@ def descend(residuals: _Residuals, values: FloatArray, settled: float) -> tuple[
             break
         if (new := going & fresh).any():
             slopes[new] = jacobian(residuals, values[new], left[new])
+            if held is not None:
+                slopes[new, :, held] = 0.0
         (at,) = np.nonzero(going)
         normal = np.einsum("mrp,mrq->mpq", slopes[at], slopes[at])
         diagonal = np.einsum("mpp->mp", normal)

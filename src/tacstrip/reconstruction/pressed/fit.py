@@ -18,9 +18,9 @@ from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import Noise
 from tacstrip.contact.press.patch import Patch, patch_at, patch_load
 from tacstrip.contact.press.solid import Solid
-from tacstrip.errors import ContactError
+from tacstrip.errors import ContactError, OptionError
 from tacstrip.reconstruction.polygon.goodness_of_fit import chi_square_score
-from tacstrip.reconstruction.pressed.descent import descents
+from tacstrip.reconstruction.pressed.descent import descents, refined
 from tacstrip.reconstruction.pressed.draws import Draws, draw
 from tacstrip.reconstruction.pressed.poses import GUESS, TOUCH_MM, TURNS, Poses, cap
 from tacstrip.reconstruction.result import Status
@@ -69,7 +69,7 @@ class SolidFit:
     direction, direction_sigma_rad
         From the skin into the object, a unit vector (3,), and its standard deviation in the worse of two ways.
     axis_sigma_rad
-        Of the axis (`solid.axes[0]`) of a cylinder, edge or box, about the direction; else NaN.
+        Of the axis of a cylinder or edge, or a box's first side, about the direction; else NaN.
     alternatives
         Other poses that explain the readings nearly as well.
     time_s
@@ -107,6 +107,16 @@ class SolidFit:
     time_s: float = 0.0
     intervals: dict[str, tuple[float, float]] = field(default_factory=dict)
 
+    @property
+    def axis(self) -> FloatArray | None:
+        """Unit vector (3,) along a cylinder's axis or an edge's ridge, to either side; None of others."""
+        return None if self.solid is None else self.solid.axis
+
+    @property
+    def depth_mm(self) -> float:
+        """How deep the object's lowest place lies in the skin; NaN without contact."""
+        return math.nan if self.values is None else float(self.values[self.names.index("depth_mm")])
+
     def __repr__(self) -> str:
         if self.solid is None:
             return f"<SolidFit: {self.status}>"
@@ -118,8 +128,9 @@ class SolidFit:
 
 @takes(scan=Scan, sensor=Sensor, solid=Solid, noise=Noise)
 def fit_solid(
-    scan: Scan, sensor: Sensor, solid: Solid, noise: Noise | None = None, *, known_size: bool = False
-) -> SolidFit:
+    scan: Scan, sensor: Sensor, solid: Solid, noise: Noise | None = None, *, known_size: bool = False,
+    start: Solid | SolidFit | None = None,
+) -> SolidFit:  # fmt: skip
     """Find which object of a family was pressed, from one scan: pose, depth, and the radius of spheres and cylinders.
 
     Parameters
@@ -133,6 +144,9 @@ def fit_solid(
         Of the readings; None: the spec's `[noise]`, and without one estimated from what the fit leaves over.
     known_size
         True: the radius is the one given.
+    start
+        Where the object is about, such as the fit of the scan before: the search begins there alone, and everywhere
+        where that does not explain the readings.
 
     Returns
     -------
@@ -154,19 +168,21 @@ def fit_solid(
     >>> found = ts.fit_solid(scan, fingertip, ts.Solid.cylinder(6.0), noise)
     >>> found.status, bool(abs(found.radius_mm - 4.0) < 3 * found.radius_sigma_mm)
     ('ok', True)
+    >>> bool(abs(found.axis @ pen.axis) > 0.99), bool(abs(found.depth_mm - 1.5) < 0.2)
+    (True, True)
     """
     scan = scan.checked(sensor)
     check_closed_form(sensor.kind, "fit_solid")
+    start = start.solid if isinstance(start, SolidFit) else start
+    if start is not None and (not isinstance(start, Solid) or start.kind != solid.kind):
+        raise OptionError(f"start = {start!r}: give a {solid.kind} in the skin, or the fit of one")
     if not scan.touched.any():
         return SolidFit("no contact", "no strip reads a contact; press harder", time_s=scan.time_s)
     poses = Poses.of(scan, sensor, solid, sensor.noise if noise is None else noise, known_size)
-    ends, costs = descents(poses)
+    ends, costs = descended(poses, start)
     left = poses.residuals(ends[:1])[0]
     squares, freedom = float(np.square(left[: poses.readings]).sum()), poses.readings - len(poses.names)
-    if poses.noise is None and freedom >= 3:  # sigma is what is left over
-        scale = max(squares / freedom, 1e-6)
-    else:  # strips, skin and object are never quite those of the model: what they leave over counts as noise
-        scale = max(1.0, (_BELIEF + squares) / (_BELIEF + max(freedom, 0)))
+    scale = noise_scale(squares, freedom, poses.noise is None)
     random = np.random.default_rng(_SEED)
     draws = draw(poses, ends, costs, random, scale)
     mean = draws.mean
@@ -174,6 +190,35 @@ def fit_solid(
     values = mean if cost - costs[0] <= _MEAN * len(mean) * scale else ends[0]
     scatter = _Scatter.of(poses, values, draws.even(_LOADS, random))
     return _result(poses, values, (ends, costs), draws, scatter, scale, known_size, scan.time_s)
+
+
+def noise_scale(squares: float, freedom: int, unknown: bool) -> float:
+    """Return by what the readings' variance is larger than given, from squares left over and degrees of freedom."""
+    if unknown and freedom >= 3:  # sigma is what is left over
+        return max(squares / freedom, 1e-6)
+    # Strips, skin and object are never quite those of the model: what they leave over counts as noise.
+    return max(1.0, (_BELIEF + squares) / (_BELIEF + max(freedom, 0)))
+
+
+def descended(poses: Poses, start: Solid | None) -> tuple[FloatArray, FloatArray]:
+    """Return where descents end (M, P), best first, and their costs (M,): from one that is near, else everywhere."""
+    if start is not None:
+        ends, costs = refined(poses, poses.values_of(start)[None])
+        if explains(poses, ends):
+            return ends, costs
+    return descents(poses)
+
+
+def explains(poses: Poses, values: FloatArray) -> bool:
+    """Whether an object (1, P) touches the strips that read and no others, and chi square is one of the noise."""
+    return contradiction(poses, values) <= _LOST_MM and in_noise(poses, values)
+
+
+def in_noise(poses: Poses, values: FloatArray) -> bool:
+    """Whether chi square of an object (1, P) is one of the noise; True where that is not known, or nothing is left."""
+    left, freedom = poses.residuals(values)[0][: poses.readings], poses.readings - len(poses.names)
+    # By normal noise also where it is uniform, whose squares spread less: the model is not exact enough for that.
+    return poses.noise is None or freedom < 1 or chi_square_score(left, freedom, "normal") <= _ALARM
 
 
 @dataclass(frozen=True, eq=False)
@@ -250,19 +295,17 @@ def _result(
     except ContactError:
         patch = None
     ends, costs = descended
-    left, freedom = poses.residuals(ends[:1])[0][: poses.readings], poses.readings - len(values)
-    # By normal noise also where it is uniform, whose squares spread less: the model is not exact enough for that.
-    if poses.noise is not None and freedom >= 1 and chi_square_score(left, freedom, "normal") > _ALARM:
+    if not in_noise(poses, ends[:1]):
         doubtful = True
         notes.append(
             "no such object explains the readings: it is another one, there are several, or the noise is larger"
         )
-    if _contradiction(poses, ends[:1]) > _LOST_MM:
+    if contradiction(poses, ends[:1]) > _LOST_MM:
         doubtful = True
         notes.append(
             "strips are touched where this object would not, or silent where it would: it is another one"
         )
-    if poses.noise is None and freedom < 3:
+    if poses.noise is None and poses.readings - len(values) < 3:
         notes.append(f"the noise is taken for {100 * GUESS:g} % of Vref; give it")
     open_ = not area_sigma <= _AREA * area or not scatter.direction <= _DIRECTION or scatter.axis > _AXIS
     if patch is None or draws.effective < _FEW_DRAWS or open_:
@@ -280,7 +323,7 @@ def _result(
     )  # fmt: skip
 
 
-def _contradiction(poses: Poses, values: FloatArray) -> float:
+def contradiction(poses: Poses, values: FloatArray) -> float:
     """Return the most depth [mm] that strips touched or silent lack or have too much."""
     deepest = poses.ends(values, TOUCH_MM)[2][0]
     return float(np.where(poses.touched, -deepest, np.where(poses.silent, deepest, 0.0)).max())

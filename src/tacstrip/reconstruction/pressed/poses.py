@@ -36,6 +36,7 @@ _TOGETHER = 48  # poses; more at once are no faster
 _LINE_MM = 0.05  # depth of a strip below which it does not read as its centre line
 _LOG_RADIUS = 1.5  # how far, as a logarithm, the radius may be from the one given: hardly a prior
 _FLATTER = 4.0  # times a spherical skin's radius: caps of balls that large need the least depth
+_CHART_STEPS = 8  # from a place on the skin to the tangent plane, where a step leaves a tenth
 _RADII = (-5.0, 8.0)  # of the logarithm
 
 
@@ -107,6 +108,11 @@ class Poses:
         """How many readings are compared."""
         return len(self.white)
 
+    @property
+    def pull(self) -> float:
+        """One over how far the logarithm of the radius may be from the one given."""
+        return 1.0 / _LOG_RADIUS
+
     def _value(self, values: FloatArray, name: str, otherwise: float) -> FloatArray:
         at = self.column(name)
         return np.full(len(values), otherwise) if at is None else values[:, at]
@@ -117,9 +123,8 @@ class Poses:
             return np.ones(len(values))
         return np.exp(np.clip(self._value(values, "log_radius", math.log(self.solid.size[0])), *_RADII))
 
-    def frames(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return where the objects of parameters (M, P) are (M, 3) [mm], and their axes (M, 3, 3)."""
-        near = self.origin + values[:, :2] @ self.tangents
+    def _bases(self, near: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return places on the skin (M, 3), normals and first directions there, of points near it (M, 3)."""
         across, up = self.skin.places_near(near)
         if self.skin.surface is not None and self.skin.round:  # also beyond the skin's border
             r, z = np.hypot(near[:, 0], near[:, 1]), near[:, 2]
@@ -128,11 +133,28 @@ class Poses:
                 up = up + (r - mr) * dr + (z - mz) * dz
         normal = self.skin.normals(across, up)
         first = self.tangents[0] - (normal @ self.tangents[0])[:, None] * normal
-        first /= np.linalg.norm(first, axis=1, keepdims=True)
+        return self.skin.points(across, up), normal, first / np.linalg.norm(first, axis=1, keepdims=True)
+
+    def frames(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return where the objects of parameters (M, P) are (M, 3) [mm], and their axes (M, 3, 3)."""
+        place, normal, first = self._bases(self.origin + values[:, :2] @ self.tangents)
         turn = self._value(values, "turn_rad", 0.0)[:, None]
         x = np.cos(turn) * first + np.sin(turn) * np.cross(normal, first)
-        at = self.skin.points(across, up) - values[:, 2:3] * normal
-        return at, np.stack([x, np.cross(normal, x), normal], axis=1)
+        return place - values[:, 2:3] * normal, np.stack([x, np.cross(normal, x), normal], axis=1)
+
+    def values_of(self, solid: Solid) -> FloatArray:
+        """Return the parameters (P,) of an object in the skin, the inverse of `solids`."""
+        (place,), (normal,), (first,) = self._bases(solid.position_mm[None])
+        aside = (place - self.origin) @ self.tangents.T
+        for _ in range(_CHART_STEPS):
+            (found,), _, _ = self._bases((self.origin + aside @ self.tangents)[None])
+            aside = aside + (place - found) @ self.tangents.T
+        known = {
+            "across_mm": aside[0], "along_mm": aside[1], "depth_mm": (place - solid.position_mm) @ normal,
+            "log_radius": math.log(solid.size[0]) if solid.size else 0.0,
+            "turn_rad": math.atan2(solid.axes[0] @ np.cross(normal, first), solid.axes[0] @ first),
+        }  # fmt: skip
+        return np.array([known[name] for name in self.names])
 
     def solids(self, values: FloatArray) -> list[Solid]:
         """Return the objects of parameters (M, P)."""
@@ -174,7 +196,7 @@ class Poses:
         reach = max(self.sensor.length_mm, self.sensor.width_mm)
         hardly += [values[:, 0] / reach, values[:, 1] / reach]
         if (at := self.column("log_radius")) is not None:
-            hardly.append((values[:, at] - math.log(self.solid.size[0])) / _LOG_RADIUS)
+            hardly.append((values[:, at] - math.log(self.solid.size[0])) * self.pull)
         if (at := self.column("turn_rad")) is not None:
             hardly.append(values[:, at] / (2.0 * TURNS[self.solid.kind]))
         return np.stack(hardly, axis=1)

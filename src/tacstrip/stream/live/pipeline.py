@@ -147,11 +147,9 @@ class Live:
         self._decoder = DriftCorrectingDecoder(source.sensor, self._drift, self._creep)
         self._tracker = self._new_tracker(self.method)
         self.known = {}
-        fuses = (
-            self._wants_tracks
-            and isinstance(source.sensor, Sensor)
-            and (source.sensor.kind.closed_form and source.sensor.surface is None)
-        )
+        sensor = source.sensor
+        fuses = self._wants_tracks and isinstance(sensor, Sensor) and sensor.kind.closed_form
+        fuses = fuses and (sensor.surface is None or sensor.surface.isometric)
         self._tracks = LiveTracks(source.sensor, self.noise, executor=self._fusing) if fuses else None
 
     def _new_tracker(self, method: str | None) -> Tracker | LayeredTracker:

@@ -3,11 +3,13 @@
 import { draw as drawChart } from "./chart.js";
 import { connect } from "./link.js";
 import { Objects } from "./objects.js";
+import { Solids } from "./solids.js";
+import { Space } from "./space.js";
 import { Surface } from "./surface.js";
 import { Tracks } from "./tracks.js";
 
 const get = (id) => document.getElementById(id);
-const surface = new Surface(get("surface")), tracks = new Tracks(get("tracks"));
+const surface = new Surface(get("surface")), space = new Space(get("space")), tracks = new Tracks(get("tracks"));
 let sensor = null, control = false, play = false, paused = false, frame = null, waiting = 0, drawing = false, lastMessage = 0, session = "", refusedAt = 0;
 const FIELDS = ["construction", "strips", "noise", "hz", "method"], force = {}, reasons = {}; // what is in force, and why another was refused, by field
 const drawn = { count: 0, times: [], frame: null };
@@ -15,8 +17,9 @@ window.tacstrip = drawn; // for the tests
 
 const line = (state, text) => Object.assign(get("line"), { textContent: text }).setAttribute("data-state", state);
 const link = connect(hear, line);
-const objects = new Objects(surface, (rings) => { placed = rings; if (!placing) sendPlaced(); });
-let placed = null, placing = false;
+const place = (things) => { placed = things; if (!placing) sendPlaced(); };
+const polygons = new Objects(surface, place), solids = new Solids(surface, place, showSolid);
+let placed = null, placing = false, objects = polygons;
 
 // At most one message about objects a screen refresh, the newest.
 function sendPlaced() {
@@ -47,6 +50,7 @@ function show() {
   for (; waiting > 0; waiting -= 1) link.send({ drawn: frame.number });
   if (paused || !sensor || Object.values(frame.readings)[0].length !== sensor.strips) return;
   surface.draw(frame);
+  space.draw(frame);
   if (frame.truth) objects.take(frame.truth);
   drawChart(get("chart"), sensor, frame.readings);
   const now = performance.now();
@@ -62,6 +66,13 @@ function about(message) {
   if (JSON.stringify(message.sensor) !== JSON.stringify(sensor)) {
     sensor = message.sensor;
     surface.begin(sensor);
+    space.begin(sensor);
+    objects = sensor.presses ? solids : polygons;
+    for (const layer of ["truths", "handles"]) surface.layers[layer].replaceChildren();
+    document.querySelectorAll(".flat").forEach((e) => { e.hidden = Boolean(sensor.presses); });
+    document.querySelectorAll(".solid").forEach((e) => { e.hidden = !sensor.presses; });
+    get("rigid").hidden = !sensor.rigid; // outlines change where they move
+    if (sensor.presses) options(get("solid"), sensor.presses);
     objects.draw();
     const strips = sensor.layers.map((one) => one.strips).join(" + ");
     get("what").textContent = `${sensor.construction}, ${strips} strips, ${+surface.width.toFixed(1)} × ${+surface.length.toFixed(1)} mm`;
@@ -100,6 +111,16 @@ function options(select, names, chosen) {
 }
 
 function value(field, now) { if (document.activeElement !== field) field.value = now; }
+
+// The fields of the solid that is chosen.
+function showSolid(one) {
+  for (const id of ["solid", "size", "depth"]) get(id).disabled = !one || !control;
+  if (!one) return;
+  value(get("solid"), one.solid);
+  value(get("size"), one.size_mm);
+  value(get("depth"), one.depth_mm);
+  get("pressed").textContent = one.area_mm2 === undefined ? "" : `${one.area_mm2.toFixed(1)} mm², ${one.force_n.toFixed(2)} N by the skin's stiffness`;
+}
 
 function state(message) {
   about(message);
@@ -210,6 +231,9 @@ const setting = (id, name, read) => {
     else link.send({ do: "set", settings: { [name]: read(field.value) }, field: id });
   };
 };
+for (const [id, name] of [["solid", "solid"], ["size", "size_mm"], ["depth", "depth_mm"]]) {
+  get(id).onchange = (event) => solids.set({ [name]: id === "solid" ? event.target.value : event.target.valueAsNumber });
+}
 setting("construction", "construction", String);
 setting("strips", "strips", Number);
 setting("noise", "noise", (text) => Number(text) / 100);

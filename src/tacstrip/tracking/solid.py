@@ -1,0 +1,340 @@
+"""A solid over time: its pose in every scan, and one radius of a sphere or cylinder from all of them.
+
+Every scan has its own likelihood; what all share is the radius. Over a few radii each scan's best poses, with how far
+they scatter (Laplace), give its likelihood of the radius, and their product the radius and how well it is known.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tacstrip.arguments import takes
+from tacstrip.arrays import BoolArray, FloatArray
+from tacstrip.contact.noise import Noise
+from tacstrip.contact.press.patch import patch_load
+from tacstrip.contact.press.solid import Solid
+from tacstrip.errors import ReadingError
+from tacstrip.reconstruction.pressed.descent import jacobian, refined
+from tacstrip.reconstruction.pressed.fit import descended, explains, noise_scale
+from tacstrip.reconstruction.pressed.poses import Poses, cap
+from tacstrip.reconstruction.result import Status
+from tacstrip.scan import Scan
+from tacstrip.sensor.constructions import check_closed_form
+from tacstrip.sensor.spec import Sensor
+
+_RADII, _WIDE, _ENOUGH = (
+    11,
+    4.0,
+    9.0,
+)  # of a grid; its half width in deviations; -2 log likelihood at its ends
+_ROUNDS, _FINE = 6, 801
+_LEAST, _MOST = 1e-3, 0.7  # deviations of the radius' logarithm that a grid is laid out for
+_STEP = 1e-3  # of differences: mm, rad, or a logarithm
+_UNLIKE = 4.0  # standard deviations of chi square by which scans disagree about the radius
+_UNTOLD = 0.5  # relative deviation of a radius that is not told
+
+
+@dataclass(frozen=True, eq=False)
+class SolidTrack:
+    """A solid over time; from `track_solid`.
+
+    Attributes
+    ----------
+    status, advice
+        "ok"; "doubtful": some scans are not explained, or disagree about the radius; "no contact". In words, why.
+    solids
+        The object at its pose in every scan; None where nothing is touched.
+    times_s
+        Of the scans (T,) [s].
+    radius_mm, radius_sigma_mm
+        Of a sphere or cylinder, from all scans; NaN where they do not tell it.
+    radius_sigmas_mm
+        How well the scans up to each one tell the radius (T,) [mm].
+    radius_interval_mm
+        What it lies within with 95 %.
+    directions, axes
+        From the skin into the object (T, 3), and along a cylinder's axis or an edge's ridge (T, 3), unit vectors; NaN
+        where nothing is touched, axes also of other solids.
+    area_mm2, area_sigma_mm2, force_n, force_sigma_n
+        Of the patches (T,), with standard deviations; the force by the skin's stiffness, NaN where it is not told.
+    explained
+        Whether the object explains each scan (T,); True where nothing is touched.
+
+    Examples
+    --------
+    See `track_solid`.
+    """
+
+    status: Status
+    advice: str
+    solids: tuple[Solid | None, ...]
+    times_s: FloatArray
+    radius_mm: float
+    radius_sigma_mm: float
+    radius_sigmas_mm: FloatArray
+    radius_interval_mm: tuple[float, float]
+    directions: FloatArray
+    axes: FloatArray
+    area_mm2: FloatArray
+    area_sigma_mm2: FloatArray
+    force_n: FloatArray
+    force_sigma_n: FloatArray
+    explained: BoolArray
+
+    def __repr__(self) -> str:
+        radius = f", radius {self.radius_mm:.4g} +- {self.radius_sigma_mm:.2g} mm"
+        told = radius if math.isfinite(self.radius_mm) else ""
+        return f"<SolidTrack: {self.status}, {len(self.solids)} scans{told}>"
+
+
+@takes(sensor=Sensor, solid=Solid, noise=Noise)
+def track_solid(
+    scans: Sequence[Scan],
+    sensor: Sensor,
+    solid: Solid,
+    noise: Noise | None = None,
+    *,
+    known_size: bool = False,
+) -> SolidTrack:
+    """Follow a solid that moves on a skin, and tell the radius of a sphere or cylinder from all scans together.
+
+    Parameters
+    ----------
+    scans, sensor
+        What was measured, in the order of time, and with what: of any skin, curved or flat.
+    solid
+        The family, as of `fit_solid`: its kind counts; its radius is where the search begins.
+    noise
+        Of the readings; None: the spec's `[noise]`, and without one estimated from what the fits leave over.
+    known_size
+        True: the radius is the one given.
+
+    Returns
+    -------
+    SolidTrack
+        A pose for every scan, area and force, and one radius for all, with status and advice.
+
+    Raises
+    ------
+    ReadingError, SignatureError, OptionError
+        There is no scan, they are not in order or not of this sensor, or the construction has no closed form.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import tacstrip as ts
+    >>> fingertip, noise = ts.Sensor.load("fingertip"), ts.Noise(positional=0.005)
+    >>> pen, scans = ts.Solid.cylinder(4.0), []
+    >>> for i, turn in enumerate(np.linspace(0.4, 1.2, 5)):
+    ...     at = pen.at((20, 0, 20), toward=(-1, 0, -1), turn_rad=turn)
+    ...     patch = ts.press(fingertip, at, depth_mm=1.5)
+    ...     scans.append(ts.simulate(fingertip, patch, noise, rng=i, time_s=0.01 * i))
+    >>> found = ts.track_solid(scans, fingertip, ts.Solid.cylinder(6.0), noise)
+    >>> found.status, bool(abs(found.radius_mm - 4.0) < 3 * found.radius_sigma_mm)
+    ('ok', True)
+    >>> bool(found.radius_sigmas_mm[-1] < 0.7 * found.radius_sigmas_mm[0])
+    True
+    """
+    check_closed_form(sensor.kind, "track_solid")
+    read = [scan.checked(sensor) for scan in scans]
+    if not read:
+        raise ReadingError("there is no scan: give those of a recording, in the order of time")
+    times = np.array([scan.time_s for scan in read])
+    if len(back := np.flatnonzero(np.diff(times) < 0.0)):
+        raise ReadingError(f"scan {back[0] + 1} is from before scan {back[0]}: sort the scans by time")
+    noise = sensor.noise if noise is None else noise
+    last: Solid | None = None
+    seen: list[_Seen | None] = []
+    for scan in read:
+        if not scan.touched.any():
+            last = None
+            seen.append(None)
+            continue
+        poses = Poses.of(scan, sensor, solid, noise, known_size)
+        values = descended(poses, last)[0][0]
+        (last,) = poses.solids(values[None])
+        seen.append(_Seen(poses, values))
+    there = [one for one in seen if one is not None]
+    if not there:
+        return _summary(
+            "no contact", ["no strip reads a contact; press harder"], seen, times, None, 1.0, False
+        )
+    squares = sum(one.squares for one in there)
+    shares = "log_radius" in there[0].poses.names
+    freedom = sum(one.poses.readings - len(one.values) + shares for one in there) - shares
+    scale = noise_scale(squares, freedom, noise is None)
+    alike = cap(there[0].poses.skin, solid) and not known_size
+    radius, notes = None, []
+    if shares:
+        radius = _Radius.of(there, scale)
+        if radius.unlike > _UNLIKE:
+            notes.append("the scans disagree about the radius: it is another object, or its radius changes")
+        at = iter(radius.poses)
+        seen = [one and replace(one, values=next(at)) for one in seen]
+    unexplained = [
+        i for i, one in enumerate(seen) if one is not None and not explains(one.poses, one.values[None])
+    ]
+    if unexplained:
+        shown = ", ".join(map(str, unexplained[:5])) + (", ..." if len(unexplained) > 5 else "")
+        notes.append(
+            f"no such object explains {len(unexplained)} of {len(there)} scans ({shown}): it is another one, there are "
+            "several, or the noise is larger"
+        )
+    status: Status = "doubtful" if notes else "ok"
+    if alike or (radius is not None and radius.sigma > _UNTOLD):
+        notes.append(
+            "the radius and the force cannot be told from these contacts: give a known radius with known_size=True"
+        )
+    return _summary(status, notes, seen, times, radius, scale, alike)
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """A scan's poses and the best of them (P,)."""
+
+    poses: Poses
+    values: FloatArray
+
+    @property
+    def squares(self) -> float:
+        """Sum of squares of what is left over of the readings."""
+        return float(np.square(self.poses.residuals(self.values[None])[0, : self.poses.readings]).sum())
+
+    def normal(self, values: FloatArray) -> FloatArray:
+        """Return J'J (M, P, P) at parameters (M, P)."""
+        slopes = jacobian(self.poses.residuals, values, self.poses.residuals(values))
+        return np.asarray(np.einsum("mrp,mrq->mpq", slopes, slopes))
+
+    def information(self, scale: float) -> float:
+        """Return what the scan tells of the radius' logarithm: one over its variance."""
+        normal, at = self.normal(self.values[None])[0] / scale, self.poses.column("log_radius")
+        assert at is not None
+        rest = np.delete(np.arange(len(normal)), at)
+        aside = np.linalg.solve(normal[np.ix_(rest, rest)], normal[rest, at])
+        return float(max(normal[at, at] - normal[at, rest] @ aside - self.poses.pull**2 / scale, 0.0))
+
+    def likelihood(self, logs: FloatArray, scale: float) -> tuple[FloatArray, FloatArray]:
+        """Return -2 log likelihood of radii (M,), but for a constant, and the poses (M, P) that are best with them."""
+        at = self.poses.column("log_radius")
+        assert at is not None
+        values = np.repeat(self.values[None], len(logs), axis=0)
+        values[:, at] = logs
+        values, costs = refined(self.poses, values, "log_radius")
+        normal = np.delete(np.delete(self.normal(values), at, axis=1), at, axis=2)
+        pull = self.poses.pull * (logs - math.log(self.poses.solid.size[0]))  # counts for no scan
+        return (costs - pull**2) / scale + np.linalg.slogdet(normal)[1], values
+
+
+@dataclass(frozen=True, eq=False)
+class _Radius:
+    """What all scans tell of the radius' logarithm, each scan's pose with it (P,), and how unlike they are."""
+
+    mean: float
+    sigma: float
+    interval: tuple[float, float]
+    poses: list[FloatArray]
+    information: FloatArray
+    unlike: float
+
+    @classmethod
+    def of(cls, seen: Sequence[_Seen], scale: float) -> _Radius:
+        """Return it from scans."""
+        at = seen[0].poses.column("log_radius")
+        assert at is not None
+        own, told = (
+            np.array([one.values[at] for one in seen]),
+            np.array([one.information(scale) for one in seen]),
+        )
+        centre = float(np.average(own, weights=told + 1e-9))
+        half = _WIDE * min(max(1.0 / math.sqrt(told.sum() + 1e-12), _LEAST), _MOST)
+        for _ in range(_ROUNDS):
+            logs = np.linspace(centre - half, centre + half, _RADII)
+            each, poses = zip(*(one.likelihood(logs, scale) for one in seen), strict=True)
+            total = np.sum(each, axis=0)
+            best = int(total.argmin())
+            if (
+                0 < best < _RADII - 1 and min(total[0], total[-1]) - total[best] >= _ENOUGH
+            ) or half > _WIDE * _MOST:
+                break
+            centre, half = float(logs[best]), half if best in (0, _RADII - 1) else 1.7 * half
+        from scipy.interpolate import CubicSpline
+
+        fine = np.linspace(logs[0], logs[-1], _FINE)
+        curve = CubicSpline(logs, total)(fine)
+        weight = np.exp(-0.5 * (curve - curve.min()))
+        weight /= weight.sum()
+        mean = float(weight @ fine)
+        low, high = np.interp((0.025, 0.975), np.cumsum(weight), fine)
+        rises = sum(float(CubicSpline(logs, one)(mean) - one.min()) for one in each)
+        freedom = max(len(seen) - 1, 1)
+        near = int(np.abs(logs - mean).argmin())
+        held = []
+        for one, values in zip(seen, poses, strict=True):
+            start = values[near : near + 1].copy()
+            start[:, at] = mean
+            held.append(refined(one.poses, start, "log_radius")[0][0])
+        return cls(
+            mean, math.sqrt(float(weight @ np.square(fine - mean))), (float(low), float(high)), held, told,
+            (rises - freedom) / math.sqrt(2.0 * freedom) if len(seen) > 1 else 0.0,
+        )  # fmt: skip
+
+
+def _summary(
+    status: Status, notes: list[str], seen: list[_Seen | None], times: FloatArray, radius: _Radius | None,
+    scale: float, alike: bool,
+) -> SolidTrack:  # fmt: skip
+    """Put together what was found."""
+    area, by_area, force, by_force = (np.full(len(seen), np.nan) for _ in range(4))
+    (directions, axes), solids = np.full((2, len(seen), 3), np.nan), list[Solid | None]()
+    explained, told, information = np.ones(len(seen), dtype=bool), 0.0, np.full(len(seen), np.nan)
+    scans = iter(() if radius is None else radius.information)
+    for i, one in enumerate(seen):
+        if radius is not None:
+            told += 0.0 if one is None else next(scans)
+            information[i] = told
+        if one is None:
+            solids.append(None)
+            continue
+        every = np.concatenate([one.values[None], one.values + _STEP * np.eye(len(one.values))])
+        at = one.poses.solids(every)
+        loads = np.array(
+            [(p.area_mm2, p.force_n) for p in (patch_load(one.poses.skin, s, limited=False) for s in at)]
+        )
+        slopes = (loads[1:] - loads[0]) / _STEP  # (P, 2)
+        known = _covariance(one, 0.0 if radius is None else radius.sigma, scale)
+        area[i], force[i] = loads[0]
+        by_area[i], by_force[i] = np.sqrt(np.einsum("pa,pq,qa->a", slopes, known, slopes))
+        axes[i] = np.nan if at[0].axis is None else at[0].axis
+        directions[i], explained[i] = -at[0].toward, explains(one.poses, one.values[None])
+        solids.append(at[0])
+    mean = sigma = math.nan
+    interval = (math.nan, math.nan)
+    if radius is not None and radius.sigma <= _UNTOLD:
+        mean = math.exp(radius.mean)
+        sigma, interval = mean * radius.sigma, (math.exp(radius.interval[0]), math.exp(radius.interval[1]))
+    elif radius is not None or alike:
+        force, by_force = (np.full(len(seen), np.nan) for _ in range(2))
+    with np.errstate(divide="ignore"):
+        sigmas = mean / np.sqrt(information)
+    return SolidTrack(
+        status, "; ".join(notes), tuple(solids), times, mean, sigma, sigmas, interval, directions, axes, area, by_area,
+        force, by_force, explained,
+    )  # fmt: skip
+
+
+def _covariance(one: _Seen, radius_sigma: float, scale: float) -> FloatArray:
+    """Return the covariance (P, P) of a scan's parameters, the radius as well known as all scans tell it."""
+    normal, at = one.normal(one.values[None])[0], one.poses.column("log_radius")
+    if at is None:
+        return np.asarray(np.linalg.inv(normal) * scale)
+    rest = np.delete(np.arange(len(normal)), at)
+    own = np.linalg.inv(normal[np.ix_(rest, rest)])
+    follows = np.zeros(len(normal))
+    follows[at], follows[rest] = 1.0, -own @ normal[rest, at]
+    known = radius_sigma**2 * np.outer(follows, follows)
+    known[np.ix_(rest, rest)] += own * scale
+    return known
