@@ -205,6 +205,7 @@ _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "convex_polyline": (_INT, (*[_POINTER] * 3, _INT, _DOUBLE, *[_POINTER] * 5)),
     "lower_hull": (_INT, (_POINTER, _INT, _POINTER)),
     "isolated_outliers": (_INT, (_POINTER, _INT, _INT, _POINTER)),
+    "swept_areas": (None, (_POINTER, _POINTER, _INT, _POINTER, _INT, *[_POINTER] * 3)),
     "batch": (_INT, (*[_POINTER] * 3, _INT, _INT, *[_POINTER] * 4)),
     "footprint": (None, (*[_POINTER] * 3, _INT, _DOUBLE, _INT, _POINTER, _POINTER)),
     "spikes": (None, (_POINTER, _INT, _DOUBLE, _POINTER, _POINTER)),
