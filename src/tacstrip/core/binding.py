@@ -222,6 +222,8 @@ _LONG = frozenset(
         "feasible_part",
         "minimax",
         "hit_and_run",
+        "outlines",
+        "scatter",
         "rigid_poses",
         "rigid_descend",
         "rigid_path",
