@@ -39,11 +39,14 @@ def digitise(k: FloatArray, bits: int | None) -> FloatArray:
 
     Codes run from 0 to 2^bits - 1, which reads Vref. Without a converter, readings are only clipped.
     """
-    k = np.minimum(np.maximum(k, 0.0), 1.0)
-    if bits is None:
-        return k
-    top = 2.0**bits - 1.0
-    return np.asarray(np.rint(k * top) / top)
+    k = np.asarray(np.maximum(k, 0.0))
+    np.minimum(k, 1.0, out=k)
+    if bits is not None:
+        top = 2.0**bits - 1.0
+        k *= top
+        np.rint(k, out=k)
+        k /= top
+    return k
 
 
 def generator(rng: Rng) -> np.random.Generator:

@@ -36,6 +36,14 @@ def moments(vertices: FloatArray) -> tuple[float, FloatArray, FloatArray]:
     return float(area), origin + np.array([x, y]), second - area * np.array([x * x, y * y, x * y])
 
 
+def area(vertices: FloatArray) -> float:
+    """Return a polygon's area alone [mm^2]; arguments as of `moments`."""
+    if not len(vertices):
+        return 0.0
+    x, y = (vertices - vertices[0]).T
+    return 0.5 * float((x[:-1] * y[1:] - x[1:] * y[:-1]).sum())
+
+
 def orientation(vertices: FloatArray) -> float:
     """Return the angle of the longer principal axis from x, in (-pi/2, pi/2] [rad]; NaN without vertices."""
     return principal_angle(moments(vertices)[2]) if len(vertices) else math.nan

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
 from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.core.outline_model import OutlineModel
+from tacstrip.core.swept_area import swept_areas
 from tacstrip.errors import OptionError, one_of
 from tacstrip.geometry.metrics import column_iou
-from tacstrip.geometry.moments import moments
+from tacstrip.geometry.moments import area
 from tacstrip.geometry.outline import Outline
 from tacstrip.reconstruction.polygon.run import RunFit
 from tacstrip.reconstruction.posterior.draws import Draws, column_ends, columns, draw
@@ -37,7 +37,7 @@ _FIRM, _SURE = (
     0.9,
     0.995,
 )  # IoU of nearly all outlines that the covariance allows: nothing to sample, and what it is worth
-_NORMAL_DRAWS, _STRIPS, _NEARLY_ALL = 64, 12, 0.95
+_STRIPS, _NEARLY_ALL = 12, 0.95
 _SWEPT = 1.0 - _FIRM  # of the area: what differs by no more overlaps as much
 
 
@@ -136,27 +136,11 @@ def _firm(run: RunFit, outline: Outline, covariance: FloatArray) -> bool:
     """Whether the covariance leaves hardly any other outline."""
     if run.problem.x.size < _STRIPS or not np.isfinite(covariance).all():
         return False
-    value, vector = np.linalg.eigh(covariance)
-    off = ((_normal(len(value)) * np.sqrt(np.maximum(value, 0.0))) @ vector.T).reshape(_NORMAL_DRAWS, -1, 2)
-    if np.mean(_swept_mm2(outline, off) <= _SWEPT * moments(outline.vertices)[0]) > _NEARLY_ALL:
+    off, swept = swept_areas(outline.vertices, covariance)
+    if np.count_nonzero(swept <= _SWEPT * area(outline.vertices)) > _NEARLY_ALL * len(swept):
         return True
     moved = outline.vertices + off
     at, (lower, upper) = columns(run.problem), outline.indices
     own = column_ends(run.problem, at, outline.lower, outline.upper)
     drawn = column_ends(run.problem, at, moved[:, lower], moved[:, upper])
     return bool(np.mean(column_iou(drawn, own) >= _FIRM) > _NEARLY_ALL)
-
-
-@cache
-def _normal(size: int) -> FloatArray:
-    """Return normal draws (K, size), the same each time."""
-    return np.random.default_rng(0).normal(size=(_NORMAL_DRAWS, size))
-
-
-def _swept_mm2(outline: Outline, off: FloatArray) -> FloatArray:
-    """Return the area (K,) that edges sweep at most when the vertices move by `off` (K, V, 2) [mm]."""
-    after = np.arange(1, off.shape[1] + 1) % off.shape[1]
-    edge = outline.vertices[after] - outline.vertices
-    step = np.hypot(off[..., 0], off[..., 1])
-    both = np.maximum(step, step[:, after]), step + step[:, after]
-    return np.asarray((both[0] * (np.hypot(*edge.T) + both[1])).sum(axis=1))
