@@ -17,7 +17,7 @@ INSTALL := "$(UV)" pip install --quiet --reinstall-package tacstrip --python .ve
 ARGS :=
 
 # What somebody else's environment sets must not reach ours.
-unexport VIRTUAL_ENV PYTHONPATH PYTHONHOME \
+unexport VIRTUAL_ENV PYTHONPATH PYTHONHOME PYTHONDONTWRITEBYTECODE \
   UV_PYTHON UV_PYTHON_PREFERENCE UV_PROJECT_ENVIRONMENT UV_SYSTEM_PYTHON UV_NO_DEV UV_FROZEN
 export UV_PYTHON_DOWNLOADS = never
 
