@@ -17,7 +17,7 @@ noise = ts.Noise(positional=0.003)
 both = ts.simulate(sensor, contact, noise, rng=5)
 
 results = {"k_h alone": ts.Scan(kh=both.kh), "k_h and k_l": both}
-figure, axes = plt.subplots(1, 2, figsize=(10, 4.6), layout="constrained")
+figure, axes = plt.subplots(1, 2, figsize=(7, 3.3), layout="constrained")
 for ax, (name, scan) in zip(axes, results.items(), strict=True):
     found = ts.reconstruct(scan, sensor, noise)
     shape = found.objects[0].vertices

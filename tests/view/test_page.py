@@ -248,7 +248,7 @@ def test_the_page_on_a_phone(open_page: Callable[..., Any], tmp_path: Path) -> N
 def test_pictures(
     open_page: Callable[..., Any], server: Server, tmp_path: Path, name: str, scheme: str
 ) -> None:
-    page = open_page(viewport={"width": 1280, "height": 860}, color_scheme=scheme)
+    page = open_page(viewport={"width": 1000, "height": 720}, color_scheme=scheme)
     assert page.evaluate("() => document.documentElement.dataset.theme") == scheme
     for field, value in (("noise", "1"), ("hz", "250")):  # so that regions show
         page.locator(f"#{field}").fill(value)
