@@ -3,7 +3,8 @@ One signature or two?
 =====================
 
 The same press read with k_h alone and with k_h and k_l. One voltage a strip takes every shape for convex,
-and nothing in the readings contradicts it: the status says ``ok`` for a wrong shape. Two voltages take any shape.
+and nothing in the readings contradicts it: the shape is wrong. It is ``doubtful`` only because the convex outline needs
+six corners, as blunt and rounded objects do. Two voltages take any shape.
 """
 
 import matplotlib.pyplot as plt

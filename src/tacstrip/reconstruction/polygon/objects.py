@@ -19,7 +19,14 @@ from tacstrip.reconstruction.cramer_rao import reading_sigma
 from tacstrip.reconstruction.noise_covariance import Averaging, CorrelatedErrors, averaging_advice
 from tacstrip.reconstruction.polygon.goodness_of_fit import explains, misfit, second_look, weakness
 from tacstrip.reconstruction.polygon.run import RunFit
-from tacstrip.reconstruction.posterior.assessment import ENOUGH, PROMISED_IOU, Assessment, Effort, assess
+from tacstrip.reconstruction.posterior.assessment import (
+    ENOUGH,
+    ENOUGH_OF_ONE,
+    PROMISED_IOU,
+    Assessment,
+    Effort,
+    assess,
+)
 from tacstrip.reconstruction.result import Profile, RecoveredObject, Status
 from tacstrip.reconstruction.set_membership.edge_lines import ReadingBounds
 from tacstrip.reconstruction.set_membership.estimate import Bounded, fewest
@@ -196,7 +203,7 @@ def _verdict(
     if assessed.confidence is None:
         why = "" if effort == "none" else "how sure this is was not assessed: the compiled core is missing"
         return ("doubtful" if weak else "likely"), [weak, why]
-    if assessed.confidence >= ENOUGH:
+    if assessed.confidence >= (ENOUGH if signatures > 1 else ENOUGH_OF_ONE):
         return ("likely" if effort == "fast" and signatures == 1 else "ok"), [weak]
     more = f"{averaging}, or use finer strips" if signatures > 1 else f"use both signatures, {averaging}"
     others = "others explain the readings too" + (
