@@ -27,7 +27,7 @@ from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import check_closed_form
 from tacstrip.sensor.spec import Sensor
 from tacstrip.tracking.episodes import Episode, episodes, only, spanned
-from tacstrip.tracking.rigid.corners import Fit, posed
+from tacstrip.tracking.rigid.corners import Fit, posed, reflex
 from tacstrip.tracking.rigid.covariance import covariances, information
 from tacstrip.tracking.rigid.offsets import taken_off, with_offsets
 from tacstrip.tracking.rigid.search import (
@@ -35,6 +35,7 @@ from tacstrip.tracking.rigid.search import (
     LEAST_STRIPS,
     Found,
     content,
+    freer_spline,
     recognised,
     search,
     with_all_poses,
@@ -616,7 +617,7 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
     equations = information(one.scans, corners, fit.poses)
     if one.found.offsets is not None:
         equations = with_offsets(one.scans, fit, equations, one.found.offsets.deviation)
-    shape, of_poses = covariances(equations, corners, fit.poses, fit.basis)
+    shape, of_poses = covariances(equations, corners, fit.poses, freer_spline(fit.basis))
     all_spin = np.kron(np.eye(len(corners)), spin.T)
     shape = np.asarray(all_spin @ shape @ all_spin.T)
     poses, spreads = np.full((total, 3), np.nan), np.full((total, 3, 3), np.nan)
@@ -644,7 +645,7 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
         told, advice = False, _HARDLY_MOVED.format(n=len(one.shown))
     elif not advice and _DEVIATIONS * loosest > unsure:
         told, advice = False, _LOOSE.format(far=_DEVIATIONS * loosest)
-    elif not advice and _reflex(outline):
+    elif not advice and reflex(outline).any():
         note = _CONCAVE
     parted = bool(one.joint) and max(one.shown) > min(one.joint)
     more_advice = (
@@ -676,12 +677,6 @@ def _hardly_moved(one: Object, outline: FloatArray, poses: FloatArray) -> bool:
     x = np.stack([placed(outline, pose)[:, 0] for pose in poses])
     few = one.scans.strips_touched < FEW_STRIPS
     return bool(few and np.median(np.ptp(x, axis=0)) < _MOVED * one.scans.sensor.pitch_mm)
-
-
-def _reflex(corners: FloatArray) -> bool:
-    """Whether a corner of an outline, counter-clockwise, turns inwards."""
-    before, after = corners - np.roll(corners, 1, axis=0), np.roll(corners, -1, axis=0) - corners
-    return bool((before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0] < 0.0).any())
 
 
 def _motion(fit: Fit) -> str:
