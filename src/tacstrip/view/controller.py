@@ -155,7 +155,9 @@ class Controller:
             elif sensor.surface is None:
                 offered = list(CONSTRUCTIONS)
             else:
-                offered = [n for n, kind in CONSTRUCTIONS.items() if kind.closed_form and not kind.cylindrical]
+                offered = [
+                    n for n, kind in CONSTRUCTIONS.items() if kind.closed_form and not kind.cylindrical
+                ]
             about["constructions"] = offered
         return about
 

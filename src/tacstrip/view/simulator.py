@@ -73,7 +73,11 @@ class Simulator:
 
     def _example(self) -> Sequence[Any]:
         sensor = self.settings.sensor
-        return example(sensor) if sensor.surface is None else [asdict(one) for one in first_solid(sensor)]
+        return (
+            example(sensor)
+            if unit_of(sensor).surface is None
+            else [asdict(one) for one in first_solid(sensor)]
+        )
 
     @property
     def truth(self) -> list[Any]:
@@ -89,7 +93,7 @@ class Simulator:
         OptionError, ContactError
             They are not polygons or solids, or too many, or a solid does not fit; the objects then stay as they are.
         """
-        if self.settings.sensor.surface is not None:
+        if unit_of(self.settings.sensor).surface is not None:
             self._press(objects)
             return
         if len(objects) > MAX_OBJECTS or any(len(ring) > MAX_VERTICES for ring in objects):
@@ -139,7 +143,7 @@ class Simulator:
         restart = (new.sensor, new.rate_hz) != (now.sensor, now.rate_hz)
         # What a sheet cannot have comes back with the next construction that can.
         self.settings, self._asked = new, {key: asked[key] for key in self._asked}
-        if restart and new.sensor.surface is not None:
+        if restart and unit_of(new.sensor).surface is not None:
             self.place([asdict(one) for one in self.objects if isinstance(one, Pressed)])
         return restart
 
