@@ -126,7 +126,7 @@ def _find(clues: Clues, known: dict[str, Meaning]) -> Columns:
         if not some:
             raise ReadingError(f"{text}; add one with its number")
         clues.ask(some[0], f"{text}: is it this one? Say it of the right one", "strip")
-        clues.stop()
+        strip = some[0]
     readings = _one_unit(clues, readings)
     for role, name in (("time", time), ("scan", scan if strip else ""), ("strip", strip), ("which", which)):
         if name:
@@ -297,7 +297,8 @@ def _by_contents(
         if len(some) == wide and all(re.fullmatch(r"column \d+", n) for n in some):
             clues.because(f"{wide} columns without names are the strips in their order")
             return _of_block(clues, some, known, "")
-        _ask_for_block(clues, "no name says of which strip a column is", some, wide)
+        block = _ask_for_block(clues, "no name says of which strip a column is", some, wide)
+        return _of_block(clues, block, known, "")
     if len(left) in many and taken - {""}:
         clues.because(f"{' and '.join(left)}: the only numbers that are left, so they are the readings")
         channels = ("1", "2") if len(left) == 2 else ("",)
@@ -312,11 +313,12 @@ def _by_contents(
     raise AssertionError
 
 
-def _ask_for_block(clues: Clues, why: str, names: list[str], wide: int) -> None:
+def _ask_for_block(clues: Clues, why: str, names: list[str], wide: int) -> list[str]:
+    """Ask which columns are the strips; return the likeliest, with which other questions can be found."""
     blocks = [f"{names[n]}..{names[n + wide - 1]}" for n in range(len(names) - wide + 1)]
     shown = (blocks[-1], *blocks[:-1][:2])
     clues.ask("readings", f"{why}: which {wide} are the readings of the strips in their order?", *shown)
-    clues.stop()
+    return names[-wide:]
 
 
 def _answered_block(clues: Clues) -> list[str]:
@@ -563,7 +565,11 @@ def _unnamed(clues: Clues) -> dict[str, Meaning]:
             clues.because(f"{name}: whole numbers that come again and again, so they are the strips")
         return found
     if len(names) > wide > 1 and not labels:
-        _ask_for_block(clues, f"the {len(names)} columns have no names", names[names[0] in rising :], wide)
+        block = _ask_for_block(
+            clues, f"the {len(names)} columns have no names", names[names[0] in rising :], wide
+        )
+        found |= {n: Meaning("time") for n in rising[:1] if n not in block}
+        return found | _of_block(clues, block, found, "".join(which[:1]))
     first = (names or list(clues.table.names))[0]
     clues.ask(
         first,

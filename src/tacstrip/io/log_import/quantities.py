@@ -33,6 +33,7 @@ _EVEN = 0.2  # of the largest step: so much may others of a clock be less
 _BITS = (8, 10, 12, 14, 16, 24)
 _FEW_CODES = 6  # distinct readings that lie on a converter's steps: no chance
 _CLOCK_BITS = (16, 32)
+_FAR = 1e5  # usual steps: no pause is as long
 _JUMP = 5.0  # usual steps: so much a clock may rise where it begins anew
 _EPOCHS = {"s": 1e9, "ms": 1e12, "us": 1e15, "ns": 1e18}  # since 1970, up to 2.2 times that
 _SAME_TIME = 0.5  # of the scans: if more have the time of the one before, the clock is too coarse
@@ -122,6 +123,11 @@ def settled_time(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> 
                 clues.ask("rate_hz", text, "50")
         return replace(mapping, rate_hz=rate or 0.0)
     steps = np.diff([s.time_s for s in rough])
+    if len(steps) > 2 and steps[0] > _FAR * np.median(steps[1:]) > 0.0:
+        raise ReadingError(
+            f"line {rough[1].line}: the time jumps as at no other line from {rough[0].time_s:g} s; if the line before "
+            "is cut, take it out"
+        )
     step = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
     if mapping.time_unit or len(rough) < 2:
         if "time_unit" not in clues.answers and step and not _POSSIBLE_S[0] <= step <= _POSSIBLE_S[1]:

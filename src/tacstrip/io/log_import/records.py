@@ -56,7 +56,8 @@ def items(line: str) -> list[Item]:
     if dressed := re.match(r"\s*[*#=~_<>-]{2,}\s*(?=\w)", line):  # as in "--- scan 3 ---"
         line = re.sub(r"[\s*#=~_<>-]+$", "", line[dressed.end() :])
     line = re.sub(r"\s*:\s*$", "", line)
-    if re.search(r"\d", _TOKEN.sub("", line)):  # not all of it would be read
+    garbled = re.search(r"\d[?\ufffd]|[?\ufffd]\d", line)
+    if garbled or re.search(r"\d", _TOKEN.sub("", line)):  # not all of it would be read
         return []
     found: list[Item] = []
     words: list[str] = []
@@ -264,15 +265,13 @@ def of_literals(text: str, path: str | Path) -> Table | None:
 
 def _of_lists(rows: Sequence[tuple[int, Any]]) -> Table | None:
     """Return lists of lists as a table without names, in the order of their places; None where the log is no table."""
-    flat = [flattened("", list(value)) for _, value in rows]
-    places = {key: tuple(map(int, re.findall(r"\d+", key))) for row in flat for key in row}
-    inner = {place[:n] for place in places.values() for n in range(1, len(place))}
-    keys = sorted((k for k, place in places.items() if place not in inner), key=lambda k: places[k])
-    if len(keys) < 2 or any(row.get(k) for row in flat for k in places if k not in keys):
+    table = of_records([flattened("", list(value)) for _, value in rows], [i for i, _ in rows])
+    order = sorted(table.names, key=lambda key: [int(n) for n in re.findall(r"\d+", key)])
+    if len(order) < 2 or any(re.search(r"[^\[\]\d]", key) for key in order):
         return None
-    fields = [[row.get(key, "") for key in keys] for row in flat]
-    names = tuple(f"column {n + 1}" for n in range(len(keys)))
-    return Table(names, fields, [i for i, _ in rows], named=False, remarks=("rows of lists",))
+    fields = [list(row) for row in zip(*(table.column(key) for key in order), strict=True)]
+    names = tuple(f"column {n + 1}" for n in range(len(order)))
+    return Table(names, fields, table.lines, named=False, remarks=("rows of lists",))
 
 
 def _json(text: str, path: str | Path) -> tuple[list[tuple[int, Any]] | None, list[int]]:

@@ -23,6 +23,7 @@ _STATISTICS = frozenset(
     | {"maximum", "std", "stdev", "stddev", "stabw", "sd", "sigma", "sum", "summe", "total", "somme", "median", "count"}
     | {"anzahl", "rms", "var", "variance", "range", "25%", "50%", "75%"}
 )  # fmt: skip
+_INNER = re.compile(r"(?:\[\d+\]|\.\w+)([.\[].*)")  # what is within a part of a record
 _FEW = 2  # fields that may look like units by chance
 
 
@@ -79,6 +80,13 @@ def of_records(
     parents = {parent for name in names for parent in _parents(name)}
     void = {n for n in names if n in parents and not any(record.get(n) for record in records)}
     names = tuple(n for n in names if n not in void)
+    for empty in [n for n in names if not any(record.get(n) for record in records)]:
+        # What is empty throughout has the parts that its neighbours have.
+        parent = (_parents(empty) or ["\0"])[-1]
+        beside = [found for n in names if n != empty and (found := _INNER.fullmatch(n.removeprefix(parent)))]
+        if parts := sorted({found[1] for found in beside}):
+            names = tuple(x for n in names for x in ([empty + part for part in parts] if n == empty else [n]))
+            void.add(empty)
     absent = next(
         (
             i

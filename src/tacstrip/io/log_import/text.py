@@ -291,6 +291,8 @@ def _without_columns_of_blanks(data: list[tuple[int, str]]) -> list[tuple[int, s
     full = [line for _, line in data if len(line.split()) >= len(pieces)]
     if any(len(line[n - 1 : n + 1].strip()) == 2 for line in full for n in ends):  # a boundary within a word
         return data
+    if any(piece and says_nothing(piece) for _, row in cut for piece in row):  # then a blank one is lost
+        return data
     if any(re.search(r"\S\s\S", piece) for _, row in cut[len(cut) // 2 :] for piece in row):
         return data
     return [(i, "\t".join(row)) for i, row in cut]
