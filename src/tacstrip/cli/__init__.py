@@ -62,6 +62,7 @@ _TWO_LAYERS = (
     "replay",
     "convert",
     "recover",
+    "live",
 )  # the verbs that take a sensor of two layers
 _LOOK_SCANS = 10_000  # of a recording, for a warning
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
