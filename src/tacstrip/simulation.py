@@ -251,4 +251,5 @@ def _measured(
     ends_mm: tuple[FloatArray, FloatArray] | None = None,
 ) -> dict[str, FloatArray]:
     noisy = process.add(ideal, time_s, ends_mm)
-    return {name: digitise(k, process.sensor.adc_bits) for name, k in noisy.items()}
+    sensor = process.sensor
+    return {name: digitise(k, sensor.adc_bits, sensor.converter) for name, k in noisy.items()}

@@ -258,10 +258,11 @@ def test_strips_that_are_left_out_do_not_make_it_another_object(out: tuple[int, 
     strips = [int(np.flatnonzero(scan.touched)[i]) for i in out]
     left = replace(sensor, without=tuple(map(str, strips)))
     kept = {n: np.where(np.isin(np.arange(20), strips), np.nan, scan[n]) for n in scan.signatures}
-    (found,) = ts.fit_object(ts.Scan(**kept), left, SHAPES["five"]).objects
+    beside = ts.Scan(kh=kept["kh"], kl=kept["kl"])
+    (found,) = ts.fit_object(beside, left, SHAPES["five"]).objects
     assert found.status == "ok", found.advice
     assert iou(found.vertices, truth.vertices) > 0.9
-    (other,) = ts.fit_object(ts.Scan(**kept), left, SHAPES["triangle"]).objects
+    (other,) = ts.fit_object(beside, left, SHAPES["triangle"]).objects
     assert other.status == "doubtful"
 
 

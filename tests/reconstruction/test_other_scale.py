@@ -82,6 +82,6 @@ def test_tracks_are_doubted_too() -> None:
     ]
     live = ts.LiveTracks(SENSOR, NOISE)
     shown = [one for scan in scans for one in live.update(scan)]
-    for one in (*ts.track(scans, SENSOR, NOISE), *shown):
-        assert one.status == "doubtful"
-        assert not len(one.outline) or "write vref_volt = 1" in one.advice
+    said = [(t.status, t.advice) for t in ts.track(scans, SENSOR, NOISE)]
+    said += [(one.status, one.advice) for one in shown if len(one.outline)]
+    assert all(status == "doubtful" and "write vref_volt = 1" in advice for status, advice in said)

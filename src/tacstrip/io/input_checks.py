@@ -28,6 +28,7 @@ from tacstrip.sensor.spec import Sensor
 
 _PITCH_MM = 0.1  # nobody cuts strips as fine
 _LENGTH_MM = 2.0  # nor as short
+_MANY, _STUBBY = 8, 3.0  # strips, and pitches, below which so many strips are seldom long
 _TINY_MM = 10.0  # width of ten strips of such a pitch
 _SMALL = 0.01  # of the sensor's shorter side: a contact in metres is a thousandth of itself
 _CORNER = 0.1  # of the sensor: one in centimetres lies within this, whatever it is and wherever it was to be
@@ -45,7 +46,15 @@ def unlikely_lengths(sensor: AnySensor) -> str:
     if sensor.pitch_mm < _PITCH_MM:
         return f"{said}mm, not m? {_in_mm(sensor, 1000.0)}"
     if sensor.length_mm < max(_LENGTH_MM, sensor.pitch_mm):
-        return f"{said}a strip shorter than the pitch, or than 2 mm? All lengths in a spec are millimetres"
+        if_m = f"; if the length is in metres, write length_mm = {1000.0 * sensor.length_mm:.6g}"
+        return (
+            f"{said}a strip shorter than the pitch, or than 2 mm? All lengths in a spec are millimetres{if_m}"
+        )
+    if sensor.strips >= _MANY and sensor.length_mm < _STUBBY * sensor.pitch_mm:
+        return (
+            f"{said}strips hardly longer than they are apart? All lengths in a spec are millimetres; if the length is "
+            f"in centimetres, write length_mm = {10.0 * sensor.length_mm:.6g}"
+        )
     if sensor.pitch_mm < 10.0 * _PITCH_MM and sensor.width_mm < _TINY_MM:
         return f"{said}mm, not cm? {_in_mm(sensor, 10.0)}"
     return ""

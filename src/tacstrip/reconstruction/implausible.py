@@ -110,7 +110,8 @@ def scale_hint(scans: Sequence[Scan], outlines: Sequence[FloatArray], sensor: Se
 def _boxes(scan: Scan, sensor: Sensor) -> list[tuple[float, ...]]:
     """Return the least x and y and the greatest of each run of strips [mm], by (4.36)."""
     l, u = closed_ends(sensor, scan["kh"], scan["kl"])
-    found, half = [], 0.5 * sensor.pitch_mm
+    found: list[tuple[float, ...]] = []
+    half = 0.5 * sensor.pitch_mm
     for run in scan.runs():
         x = sensor.x_mm[run]
         if np.isfinite(l[run]).any():

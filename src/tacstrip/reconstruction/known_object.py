@@ -317,7 +317,7 @@ class _Fit:
         poses[:, 2] = angle
         posed = _posed(self.corners, poses)
         low, high = posed[..., 0].min(axis=1), posed[..., 0].max(axis=1)
-        known = tuple(gap < math.inf for gap in self.gaps)
+        known = self.gaps[0] < math.inf, self.gaps[1] < math.inf
         before, beyond = (0.5 * (gap if gap < math.inf else self.sensor.pitch_mm) for gap in self.gaps)
         x = self.sensor.x_mm
         left, right = x[self.run.start] - before - low, x[self.run.stop - 1] + beyond - high
