@@ -175,6 +175,31 @@ def test_without_embreex_it_is_said_once_and_reads_the_same(
     assert sum("embreex is not installed" in r.message for r in caplog.records) == 1
 
 
+@pytest.mark.parametrize("turned", [False, True], ids=["right", "inside out"])
+def test_a_hole_that_the_skin_meets_is_said_once_and_one_that_it_does_not_is_not(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, turned: bool
+) -> None:
+    ball = trimesh.creation.icosphere(subdivisions=3, radius=5.0)
+    monkeypatch.setattr(meshes, "_told", set())
+    said = []
+    for name, kept in (
+        ("front", ball.triangles_center[:, 2] < 2.0),
+        ("holes", np.arange(len(ball.faces)) % 7 > 0),
+    ):
+        part = ball.copy()
+        part.update_faces(kept)
+        if turned:
+            part.invert()
+        solid = ts.Solid("mesh", mesh=meshes.Mesh(part, name))
+        with caplog.at_level(logging.WARNING, "tacstrip"):
+            patches = [ts.press(TIP, solid.at(*POSE), depth_mm=1.0) for _ in range(2)]
+        said += [patches[0].area_mm2]
+    whole = ts.press(TIP, ts.Solid("mesh", mesh=meshes.Mesh(ball, "ball")).at(*POSE), depth_mm=1.0).area_mm2
+    assert said[0] == pytest.approx(whole, rel=1e-6)
+    assert said[1] < 0.95 * whole
+    assert [r.getMessage().split(",")[0] for r in caplog.records] == ["holes is not closed"]
+
+
 PLANE = ts.Solid.plane().at(*POSE)
 
 

@@ -289,6 +289,41 @@ def test_the_shape_from_all_scans_is_drawn_beside_the_single_one(
     _picture(page, "live_tracks", tmp_path)
 
 
+def test_a_solid_is_pressed_into_a_fingertip_that_is_shown_in_space(browser: Any, tmp_path: Path) -> None:
+    simulator = Simulator(Settings(ts.Sensor.load("fingertip"), 100.0, ts.Noise(positional=0.001)))
+    with Live(simulator.source(), next_source=simulator.source) as live, background_process() as executor:
+        server = Server(Controller(live, executor, simulator, tmp_path), Access("127.0.0.1"))
+        page, faults = browser.new_page(viewport={"width": 1280, "height": 860}), list[str]()
+        page.on("pageerror", lambda error: faults.append(str(error)))
+        page.goto(server.urls["control"])
+        wait_until(lambda: _drawn(page) > 5)
+        shown = "() => document.getElementById('space').toDataURL()"
+        before = page.evaluate(shown)
+        assert len(before) > 5_000  # something is drawn
+        page.locator("#space").press("ArrowLeft")
+        assert page.evaluate(shown) != before
+        page.locator("#solid").select_option("edge")
+        wait_until(lambda: simulator.objects[0].solid == "edge")
+        x, y = _centre(page, ".handle")
+        page.mouse.move(x, y)
+        page.mouse.down()
+        page.mouse.move(x - 120, y, steps=4)
+        page.mouse.up()
+        wait_until(lambda: simulator.objects[0].x_mm < 25.0)
+        page.locator(".handle").press("+")
+        wait_until(lambda: simulator.objects[0].depth_mm == 1.6)
+        page.locator("#depth").fill("9")
+        page.locator("#depth").press("Enter")
+        wait_until(lambda: "sinks 9 mm into a skin of 3 mm" in page.locator("#said").inner_text())
+        assert page.locator("#rigid").is_hidden()
+        wait_until(lambda: page.locator("#depth").input_value() == "1.6" or page.locator("#depth").blur())
+        page.evaluate("() => scrollTo(0, 0)")
+        _picture(page, "live_fingertip", tmp_path)
+        page.close()
+        server.close()
+    assert faults == []
+
+
 def _picture(page: Any, name: str, otherwise: Path) -> None:
     folder = Path(os.environ.get("TACSTRIP_PICTURES", otherwise))
     page.screenshot(path=folder / f"{name}.png")

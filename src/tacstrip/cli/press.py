@@ -150,6 +150,8 @@ def _solid(text: str) -> Solid:
     if name == "box":
         return Solid.box(sizes)
     if name == "edge":
+        if not 0.0 < sizes[0] < 180.0:
+            raise OptionError(f"OBJECT {text}: an edge has between 0 and 180 degrees, as in edge:90")
         return Solid.edge(math.radians(sizes[0]))
     if name == "plane":
         return Solid.plane()

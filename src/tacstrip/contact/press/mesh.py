@@ -134,6 +134,20 @@ class Mesh:
         found = np.where(np.isfinite(distance), thickness_mm - distance, _MISS)
         if self.mesh.is_watertight:  # a ray that first comes out of the mesh began in it
             found[np.isfinite(distance) & (cosine > 0.0)] = np.inf
+        elif (on := found > 0.0).any() and self.name not in _told:
+            # Its faces may all be inside out: what looks the other way than those in touch is seen through a hole.
+            within = np.isfinite(distance) & (cosine * cosine[on].sum() < 0.0)
+            middle = p[on].mean(axis=0)
+            if (
+                np.linalg.norm(p[within] - middle, axis=1).min(initial=np.inf)
+                < np.linalg.norm(p[on] - middle, axis=1).max()
+            ):
+                _told.add(self.name)
+                logging.getLogger("tacstrip").warning(
+                    "%s is not closed, and the skin meets a hole in it, where nothing is touched: area and force are "
+                    "too small; close the mesh",
+                    self.name,
+                )
         return np.asarray(found.reshape(points.shape[:-1]))
 
     def lowest(self, x: FloatArray, y: FloatArray) -> FloatArray:
