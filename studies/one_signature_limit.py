@@ -192,7 +192,7 @@ def laid(
 
 def _weigh(seen: Seen, some: Particles) -> None:
     """Set log density and misfit."""
-    at = np.arange(seen.first - 1, seen.last + 2) + 0.5
+    at: Array = np.arange(seen.first - 1, seen.last + 2, dtype=np.float64) + 0.5
     for shape in np.unique(some.shape):
         here = np.flatnonzero(some.shape == shape)
         l, u, log = laid(seen, int(shape), some.place[here], some.latent[here], at)
