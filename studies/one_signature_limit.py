@@ -2,10 +2,11 @@
 
 Run: python -m studies.one_signature_limit [--cases 60] [--seed 1]
 
-Contacts are drawn as `studies/holdout` does (without weak corners; 12 to 60 strips, known normal noise). Sequential
-Monte Carlo over that generator's own random numbers gives outlines as often as the readings make them likely, so that
-the probability of an IoU of .8 is the best that any rule can go by. Printed: the share of wrong `ok` ("silent") at each
-share of false doubts, for the package's confidence, for the best confidence of its outline, and for the best outline.
+Contacts are drawn as `studies/holdout` does, but without weak corners, on 12 to 40 strips, with known normal noise of
+.2 to 1 %. Sequential Monte Carlo over that generator's own random numbers gives outlines as often as the readings make
+them likely, so that the probability of an IoU of .8 is the best that any rule can go by. Printed: the share of wrong
+`ok` ("silent") at each share of false doubts, for the package's confidence, for the best confidence of its outline, and
+for the best outline. Last, what the posterior said and what was: where these part, particles have missed the family.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ SHAPES = tuple(kind for kind in KINDS if not kind.startswith("over"))
 INSIDE, LEFT, RIGHT_SIDE, BELOW, ABOVE = range(5)  # where an outline lies on the sensor
 _LATENTS = 32  # numbers uniform in 0 to 1 that make one outline
 _POINTS = 12  # of which a hull is made at most
-_PRIOR, _PARTICLES, _SWEEPS, _MOST_LEVELS = 24_000, 1_600, 4, 120
+_PRIOR, _PARTICLES, _SWEEPS, _MOST_LEVELS = 16_000, 1_000, 4, 120
 _COLUMNS = 64
 _FALSE_DOUBTS = (0.05, 0.10, 0.17, 0.25, 0.35, 0.5)
 _PAIRS = np.triu_indices(_POINTS, 1)
@@ -191,7 +192,7 @@ def laid(
 
 def _weigh(seen: Seen, some: Particles) -> None:
     """Set log density and misfit."""
-    at = np.arange(seen.first - 1, seen.last + 2) + 0.5
+    at: Array = np.arange(seen.first - 1, seen.last + 2, dtype=np.float64) + 0.5
     for shape in np.unique(some.shape):
         here = np.flatnonzero(some.shape == shape)
         l, u, log = laid(seen, int(shape), some.place[here], some.latent[here], at)
@@ -227,10 +228,10 @@ def _from_prior(seen: Seen, random: np.random.Generator) -> Particles:
 
 def posterior(seen: Seen, random: np.random.Generator) -> Particles:
     """Return outlines as often as the readings make them likely, by tempering from the generator's own distribution."""
-    some = _from_prior(seen, random)
-    log, heat = some.log_prior.copy(), 0.0  # inverse temperature
-    some.log_prior = log
-    weight = log - log.max()
+    some, heat = _from_prior(seen, random), 0.0  # inverse temperature
+    weight = some.log_prior - some.log_prior.max(initial=-np.inf)
+    if not len(weight):
+        return some
     for _ in range(_MOST_LEVELS):
         step = _next(weight, some.misfit, 1.0 - heat)
         heat += step
@@ -316,9 +317,9 @@ class Judged:
 
 def draw(random: np.random.Generator) -> tuple[cases.Case, Seen]:
     """Draw a contact of the hold-out's kinds, and what is seen of it."""
-    noise = cases.log_uniform(random, 0.0005, 0.01)
+    noise = cases.log_uniform(random, 0.002, 0.01)
     name = str(random.choice(["kh", "kl", "k"], p=[0.36, 0.28, 0.36]))
-    strips = int(cases.log_uniform(random, 12, 61))
+    strips = int(cases.log_uniform(random, 12, 41))
     case = cases.single(random, str(random.choice(KINDS)), strips, (name,), noise)
     at = np.flatnonzero(np.isfinite(case.low))
     ideal, sigma = case.unit.read(case.low, case.high), noise / np.sqrt(3.0)
@@ -326,8 +327,8 @@ def draw(random: np.random.Generator) -> tuple[cases.Case, Seen]:
     return case, Seen(case.unit, int(at[0]), int(at[-1]), read[0, at], sigma)
 
 
-def judge(case: cases.Case, seen: Seen, random: np.random.Generator) -> Judged:
-    """Fit a case, and compare with its posterior."""
+def judge(case: cases.Case, seen: Seen, random: np.random.Generator) -> Judged | None:
+    """Fit a case, and compare with its posterior; None where no outline drawn touches these strips only."""
     unit = seen.unit
     read = np.full((1, unit.strips), np.nan)
     read[0, seen.first : seen.last + 1] = np.clip(seen.read, 0.0, 1.0)
@@ -335,6 +336,8 @@ def judge(case: cases.Case, seen: Seen, random: np.random.Generator) -> Judged:
     found = ts.fit_polygon(ts.Scan(**{unit.names[0]: read[0]}), unit.sensor, noise).objects[0]
     at = np.linspace(max(seen.first - 0.5, 0.0), min(seen.last + 1.5, unit.strips), 2 * _COLUMNS + 1)[1::2]
     some = posterior(seen, random)
+    if not len(some.shape):
+        return None
     ends = np.zeros((len(some.shape), 2, _COLUMNS))
     for shape in np.unique(some.shape):
         here = np.flatnonzero(some.shape == shape)
@@ -402,11 +405,11 @@ def main() -> None:
     parser.add_argument("--cases", type=int, default=60)
     parser.add_argument("--seed", type=int, default=1)
     asked = parser.parse_args()
-    random, found = np.random.default_rng(asked.seed), []
+    random, judged = np.random.default_rng(asked.seed), []
     for _ in range(asked.cases):
         case, seen = draw(random)
-        found.append(judge(case, seen, random))
-    sys.stdout.write(report(found) + "\n")
+        judged.append(judge(case, seen, random))
+    sys.stdout.write(report([one for one in judged if one is not None]) + "\n")
 
 
 if __name__ == "__main__":

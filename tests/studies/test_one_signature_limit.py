@@ -16,7 +16,7 @@ UNIT = Unit(("kh",), 24, 2.0, 60.0)
 def test_an_outline_is_laid_on_the_strips_as_the_hold_out_reads_it(name: str) -> None:
     random = np.random.default_rng(3)
     seen = limit.Seen(UNIT, 4, 15, np.zeros(12), 0.001)
-    shape, z, at = limit.SHAPES.index(name), random.random((4, 32)), np.arange(4, 16) + 0.5
+    shape, z, at = limit.SHAPES.index(name), random.random((4, 32)), np.arange(4.5, 16.0, dtype=np.float64)
     l, u, _ = limit.laid(seen, shape, np.zeros(4, dtype=np.int64), z, at)
     for k, points in enumerate(limit._points(shape, z)[0]):
         outline = np.array(shapely.MultiPoint(points).convex_hull.exterior.coords)[:-1]

@@ -30,7 +30,10 @@ _EVALUATIONS = {"thorough": 240_000, "fast": 14_000}
 _KEPT = {"thorough": 240, "fast": 100}
 _RATHER_WRONG, _BETTER = 0.5, 0.1  # an estimate less sure than this is given up for one that is so much surer
 # With one signature: log odds of being right, by `doubts`. `studies/confidence.py` fits them.
-_ODDS = {"thorough": (-0.521, 0.885, -4.852, 1.019, -0.560), "fast": (-1.215, 0.710, -1.850, 0.640, -0.415)}
+_ODDS = {
+    "thorough": (-0.521, 0.885, -4.852, 1.019, -0.560, -2.2),
+    "fast": (-1.215, 0.710, -1.850, 0.640, -0.415, -2.2),
+}
 _PLAIN, _MANY = 5, 7  # corners that are no doubt, and how many more of them count
 _LEAST = 0.01  # share of draws that none of them counts as
 _ALARM = 3.5
@@ -122,10 +125,11 @@ def assess(
 
 
 def doubts(share: float, run: RunFit, model: OutlineModel | None, corners: int) -> FloatArray:
-    """Return what tells whether an outline from one signature is right (5,): 1, log odds of the share, doubts.
+    """Return what tells whether an outline from one signature is right (6,): 1, log odds of the share, doubts.
 
     Draws and estimate share a prior of polygons and ellipses. An outline that needs many corners, or an ellipse that is
-    hardly better than a polygon, is often of an object with blunt or rounded ends, of which neither is a likeness.
+    hardly better than a polygon, is often of an object with blunt or rounded ends, of which neither is a likeness. On
+    few strips such objects have few corners too.
 
     Parameters
     ----------
@@ -134,10 +138,11 @@ def doubts(share: float, run: RunFit, model: OutlineModel | None, corners: int) 
     run, model, corners
         The fit, the outline's model, and its corners if that is a polygon.
     """
+    few = float(run.problem.x.size < _STRIPS)
     odds = math.log((share + _LEAST) / (1.0 + _LEAST - share))
     if isinstance(model, Ellipse):
-        return np.array([1.0, odds, 1.0, math.log1p(max(run.ellipse_advantage, 0.0)), 0.0])
-    return np.array([1.0, odds, 0.0, 0.0, min(max(corners - _PLAIN, 0), _MANY)])
+        return np.array([1.0, odds, 1.0, math.log1p(max(run.ellipse_advantage, 0.0)), 0.0, few])
+    return np.array([1.0, odds, 0.0, 0.0, min(max(corners - _PLAIN, 0), _MANY), few])
 
 
 def probability(of: FloatArray, effort: Effort) -> float:
