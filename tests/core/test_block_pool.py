@@ -16,7 +16,8 @@ SHAPES = {"a": ((1_000_000,), np.float32), "b": ((3, 5), np.int8), "c": ((70_000
 def test_a_block_is_taken_again_once_nothing_refers_to_it_and_never_before() -> None:
     first = empty_arrays(SHAPES)
     for name, (shape, kind) in SHAPES.items():
-        assert (first[name].shape, first[name].dtype) == (shape, kind)
+        assert first[name].shape == shape
+        assert first[name].dtype == np.dtype(kind)
     places = {name: a.ctypes.data for name, a in first.items()}
     assert not any(place % 64 for place in places.values())
     for number, array in enumerate(first.values()):
