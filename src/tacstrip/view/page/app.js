@@ -63,7 +63,9 @@ function about(message) {
     sensor = message.sensor;
     surface.begin(sensor);
     objects.draw();
-    get("what").textContent = `${sensor.construction}, ${sensor.strips} strips, ${+(sensor.strips * sensor.pitch_mm).toFixed(1)} × ${sensor.length_mm} mm`;
+    const strips = sensor.layers.map((one) => one.strips).join(" + ");
+    get("what").textContent = `${sensor.construction}, ${strips} strips, ${+surface.width.toFixed(1)} × ${+surface.length.toFixed(1)} mm`;
+    get("h-tracks").parentElement.hidden = sensor.layers.length > 1; // one outline from all scans is for one layer
   }
   play = Boolean(message.simulator);
   document.querySelectorAll(".play").forEach((e) => { e.hidden = !play; });
