@@ -13,7 +13,7 @@ from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.contact.noise import Noise
 from tacstrip.core.hull import available
 from tacstrip.core.problem import FLOOR
-from tacstrip.core.rigid import RigidScans
+from tacstrip.core.rigid import RigidScans, linearised
 from tacstrip.errors import ReadingError, SignatureError
 from tacstrip.geometry.moments import deviations, moments
 from tacstrip.geometry.pose import placed
@@ -76,6 +76,18 @@ _LOOSE = (
     "object further, or slide it across the strips"
 )
 _CONCAVE = "the outline is concave: one object, or several that keep together"
+_SMOOTH = (
+    "one signature on few strips tells the shape only as far as the motion is smooth: corners and poses may be off by "
+    "more than their regions say"
+)
+_WANDERS = (
+    "errors of channels follow each other from scan to scan: many scans are worth fewer, and a corner may be made of "
+    "such errors; regions of the shape are {times:.2g} times as wide. Calibrate, or let the unit warm up"
+)
+_FOLLOWING, _LAGS = (
+    3.0,
+    20,
+)  # deviations of what neighbouring scans leave over alike; scans that are looked back
 _SHORT = "{n} scans show it, too few for a shape over time: the outline is that of the scan that tells most"
 _UNEXPLAINED = (
     "in the scans in which it shares strips the known objects do not explain the readings: another is there that is "
@@ -108,7 +120,7 @@ class Track(Drawn):
     velocities
         Of the poses (T, 3) [mm/s, mm/s, rad/s]; NaN where it is absent or the clock stands still.
     status
-        "ok", "doubtful" (read the advice), or that of the single scan which showed most of it.
+        "ok", "likely" or "doubtful" (read the advice), or that of the single scan which showed most of it.
     advice
         In words; empty when all is well.
     alternatives
@@ -618,6 +630,8 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
     if one.found.offsets is not None:
         equations = with_offsets(one.scans, fit, equations, one.found.offsets.deviation)
     shape, of_poses = covariances(equations, corners, fit.poses, freer_spline(fit.basis))
+    wider = _following(one, fit)
+    shape = wider**2 * shape
     all_spin = np.kron(np.eye(len(corners)), spin.T)
     shape = np.asarray(all_spin @ shape @ all_spin.T)
     poses, spreads = np.full((total, 3), np.nan), np.full((total, 3, 3), np.nan)
@@ -645,8 +659,10 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
         told, advice = False, _HARDLY_MOVED.format(n=len(one.shown))
     elif not advice and _DEVIATIONS * loosest > unsure:
         told, advice = False, _LOOSE.format(far=_DEVIATIONS * loosest)
-    elif not advice and reflex(outline).any():
-        note = _CONCAVE
+    elif not advice:
+        tied = fit.basis is not None and one.scans.strips_touched < FEW_STRIPS
+        concave, wander = bool(reflex(outline).any()), [_WANDERS.format(times=wider)] * (wider > 1.0)
+        note = "; ".join([_CONCAVE] * concave + [_SMOOTH] * tied + wander)
     parted = bool(one.joint) and max(one.shown) > min(one.joint)
     more_advice = (
         [_LOOKS_ALIKE] if one.alike and parted and not one.shared else [m.advice for m in one.shared]
@@ -659,6 +675,25 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
         0, outline, shape, poses, spreads, np.empty(0), np.empty(0), status, advice or note, () if told else others,
         joint, _motion(fit), _offsets(one, skin), alone,
     )  # fmt: skip
+
+
+def _following(one: Object, fit: Fit) -> float:
+    """Return how many times as far off errors that follow each other from scan to scan leave the shape; 1: none do.
+
+    That is the square root of their integrated autocorrelation, as for the mean of a series.
+    """
+    order = np.argsort(one.shown)
+    left = (one.scans.k - linearised(one.scans, fit.corners, fit.poses).model)[order]
+    alike = np.empty(0)
+    for lag in range(1, min(_LAGS, len(left) // 2)):
+        a, b = left[:-lag], left[lag:]
+        both = np.isfinite(a) & np.isfinite(b)
+        a, b = a[both], b[both]
+        r = float((a * b).sum() / max(math.sqrt(float((a * a).sum() * (b * b).sum())), 1e-300))
+        if r <= 0.0 or (lag == 1 and r * math.sqrt(len(a)) < _FOLLOWING):
+            break
+        alike = np.append(alike, r)
+    return math.sqrt(1.0 + 2.0 * float(alike.sum()))
 
 
 def _reframed(

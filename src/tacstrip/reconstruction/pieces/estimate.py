@@ -228,7 +228,8 @@ def _verdict(
     doubts, notes = [], []
     if count > 1:
         kind = "or a concave object, which reads the same" if run.apart else "which meet: one concave object"
-        notes.append(f"at least {count} convex pieces on strips {base} to {base + n - 1}, {kind}")
+        more = "; more may lie hidden behind these" if run.apart else ""
+        notes.append(f"at least {count} convex pieces on strips {base} to {base + n - 1}, {kind}{more}")
     if n < _FEW:
         doubts.append(
             f"{n} strip{'s are' if n > 1 else ' is'} touched, too few for a shape: use finer strips"
