@@ -107,7 +107,7 @@ class Simulator:
     def _press(self, objects: Sequence[Any]) -> None:
         if len(objects) > MAX_OBJECTS:
             raise OptionError(f"at most {MAX_OBJECTS} objects")
-        sensor, solids = self.settings.sensor, [Pressed.of(one) for one in objects]
+        sensor, solids = unit_of(self.settings.sensor), [Pressed.of(one) for one in objects]
         patches = [one.press(sensor) for one in solids]
         shown = [one.json(sensor, patch) for one, patch in zip(solids, patches, strict=True)]
         with self._lock:
