@@ -26,6 +26,7 @@ sensor.save(folder / "sensor.toml")
 ts.write_readings(folder / "readings.csv", sensor, scans)
 
 command = ["tacstrip", "live", "sensor.toml", "readings.csv", "--no-view", "--json"]
+command += ["--noise", "0.003"]  # else it is estimated, and of twenty strips that is rough
 lines = subprocess.run(command, capture_output=True, text=True, check=True, cwd=folder).stdout.splitlines()
 frame = json.loads(lines[-1])
 print(len(lines), "frames; the last one:", json.dumps(frame["objects"])[:200], "...")

@@ -84,10 +84,10 @@ def test_simulated_codes_are_as_wide_as_the_spec_says() -> None:
     )
     ideal = ts.Sensor(construction="crs-crs", strips=200, pitch_mm=1.0, length_mm=100.0)
     contact = ts.Contact.polygon([(2, 2), (198, 2), (198, 98)])
-    truth = ts.simulate(ideal, contact)
-    for read in (ts.simulate(sensor, contact).kh, ts.simulate_many(sensor, [contact]).kh[0]):
-        off = 4095.0 * np.abs(read - truth.kh)
-        inside = 4095.0 * np.abs(truth.kh - pico.correct(512 / 4095, 12)) < 19.0
+    truth = ts.simulate(ideal, contact)["kh"]
+    for read in (ts.simulate(sensor, contact)["kh"], ts.simulate_many(sensor, [contact])["kh"][0]):
+        off = 4095.0 * np.abs(read - truth)
+        inside = 4095.0 * np.abs(truth - pico.correct(512 / 4095, 12)) < 19.0
         assert inside.any()
         assert np.ptp(read[inside]) < 1e-12
         assert np.nanmax(off[~inside]) < 1.5 < off[inside].max() < 20.5

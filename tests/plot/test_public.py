@@ -150,6 +150,16 @@ def test_axes_of_ones_own_are_drawn_into_and_others_refused() -> None:
         plot.scan(_read(SENSOR), SENSORS["one strip"])
 
 
+def test_limits_of_the_callers_axes_stay() -> None:
+    sensor = ts.Sensor(construction="crs-crs", strips=10, pitch_mm=10.0, length_mm=100.0)
+    contact = ts.Contact.polygon([(22, 18), (70, 34), (62, 72), (30, 66)])
+    found = ts.reconstruct(ts.simulate(sensor, contact), sensor)
+    axes = Figure().subplots()
+    axes.set(xlim=(20.0, 50.0), ylim=(10.0, 40.0))
+    plot.result(found, sensor, truth=contact, ax=axes)
+    assert (axes.get_xlim(), axes.get_ylim()) == ((20.0, 50.0), (10.0, 40.0))
+
+
 def test_strips_have_the_numbers_that_files_give_them() -> None:
     for base in (0, 1):
         axes = plot.sensor(_sensor(4, strip_base=base))

@@ -142,8 +142,8 @@ def _implausible(fit: ModelFit) -> str:
         gain = float(np.median(1.0 + c.value(f"gain {name}")))
         if not 1.0 / _GAIN <= gain <= _GAIN:
             return (
-                f"readings would have to be {gain:.2g} times what the spec's strips give; are length_mm and vref_volt "
-                "in the spec right, and is it this sensor's?"
+                f"readings would have to be {gain:.2g} times what the spec's strips give; are length_mm, vref_volt "
+                "and adc_bits in the spec right, and is it this sensor's?"
             )
         if c.model.has("curve"):
             bend = np.median(c.curve(name) - c.model.knots, axis=0)

@@ -107,7 +107,8 @@ class Calibrated:
         if good.doubt:
             return (
                 f"{good.doubt}: the runs do not describe this sensor. Are they of this unit, in the order of their "
-                "rows, and the places in millimetres from the grounded end? The report draws each strip's readings"
+                "rows, and the places in millimetres from the grounded end, and are vref_volt and adc_bits "
+                "right? The report draws each strip's readings"
             )
         if good.poor_strips:
             names = ", ".join(str(i + self.uncalibrated.strip_base) for i in good.poor_strips)

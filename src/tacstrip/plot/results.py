@@ -69,7 +69,8 @@ def result(
     truth
         What touched, where that is known: one for all results, or one per result.
     ax
-        Axes to draw into; None: new ones on a figure of their own.
+        Axes to draw into, whose limits stay where they were set or something is drawn; None: new ones on a figure of
+        their own.
 
     Returns
     -------
@@ -90,6 +91,8 @@ def result(
     results = [result] if isinstance(result, Reconstruction) else list(result)
     touched = [i for i, one in enumerate(results) if one.objects]
     shown = spread(touched, _MOST_SCANS)
+    own = ax is not None and (ax.has_data() or not ax.get_autoscale_on())  # limits of the caller's
+    kept = {"xlim": ax.get_xlim(), "ylim": ax.get_ylim()} if ax is not None and own else None
     axes = on_sensor(sensor, ax)
     objects = labelled_objects({"recovered": results}, shown)
     some = _shown_truth(truth, len(results), shown)
@@ -102,7 +105,10 @@ def result(
         say_nothing(axes, "no strip is touched")
     if why := left_out(shown, touched, results):
         axes.set_title(why)
-    fill_sheet(axes)
+    if kept is None:
+        fill_sheet(axes)
+    else:
+        axes.set(**kept)
     return axes
 
 
