@@ -37,7 +37,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ("recontruct s.toml r.csv", "Did you mean 'reconstruct'?"),
         (
             "press fingertip plane --pose 0 0 20 -1 0 -1 --depth 9 -o p.csv",
-            "depth_mm = 9: the skin is 3 mm thick",
+            "the object sinks 9 mm into a skin of 3 mm: press less",
         ),
     ],
 )

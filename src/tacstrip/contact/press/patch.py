@@ -142,8 +142,8 @@ def press(
             if wanted <= skin.thickness_mm:
                 raise
             raise ContactError(
-                f"depth_mm = {wanted:g}: the skin is {skin.thickness_mm:g} mm thick (surface.thickness_mm), and "
-                "nothing sinks in deeper: press less far"
+                f"the object sinks {wanted:g} mm into a skin of {skin.thickness_mm:g} mm: press less deep, or mend "
+                "surface.thickness_mm"
             ) from None
     low, high, over = 0.0, skin.thickness_mm, math.inf
     depth = 0.1 * high
