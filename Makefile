@@ -17,7 +17,7 @@ INSTALL := "$(UV)" pip install --quiet --reinstall-package tacstrip --python .ve
 ARGS :=
 
 # What somebody else's environment sets must not reach ours.
-unexport VIRTUAL_ENV PYTHONPATH PYTHONHOME \
+unexport VIRTUAL_ENV PYTHONPATH PYTHONHOME PYTHONDONTWRITEBYTECODE \
   UV_PYTHON UV_PYTHON_PREFERENCE UV_PROJECT_ENVIRONMENT UV_SYSTEM_PYTHON UV_NO_DEV UV_FROZEN
 export UV_PYTHON_DOWNLOADS = never
 
@@ -50,6 +50,7 @@ test: setup ## run the tests, three at a time, the slow studies left out
 docs: setup ## build the site of docs/ into docs/_build/html, with every example run; warnings are errors
 	@$(BIN)/python -m sphinx --builder html --jobs 2 --quiet --fail-on-warning --keep-going docs docs/_build/html
 	@$(BIN)/python tools/docs_site/links.py docs/_build/html
+	@$(BIN)/python tools/docs_site/axe.py docs/_build/html
 	@echo "docs/_build/html/index.html: the site"
 
 check: setup ## lint, format and types; the core by other compilers and under sanitizers; the site

@@ -26,6 +26,7 @@ extensions = [
     "sphinx_gallery.gen_gallery",
     "docs_site.commands",
     "docs_site.drawings",
+    "docs_site.gallery_links",
     "docs_site.mathml",
     "docs_site.reproduction",
     "docs_site.transcript",

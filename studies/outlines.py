@@ -1,4 +1,4 @@
-"""Contacts of twelve kinds, on sensors of any number of strips: what estimates and their confidence are tuned on.
+"""Contacts of many kinds, on sensors of any number of strips: what estimates and their confidence are tuned on.
 
 Drawn apart from the package: outlines are Shapely polygons, scaled to the sensor and put on it or over a border.
 """
@@ -108,6 +108,45 @@ def _ellipse(random: np.random.Generator) -> shapely.Polygon:
 
 
 @_kind
+def _rounded_rectangle(random: np.random.Generator) -> shapely.Polygon:
+    """Return a rectangle with corners rounded up to a stadium, upright or turned."""
+    h = random.uniform(0.3, 1.0)
+    r = h * random.choice([1.0 - 1e-6, random.uniform(0.1, 0.9)], p=[0.2, 0.8])
+    box = shapely.box(r - 1, r - h, 1 - r, h - r).buffer(r, quad_segs=16)
+    return affinity.rotate(box, random.choice([0.0, 90.0, random.uniform(0.0, 180.0)]))
+
+
+@_kind
+def _superellipse(random: np.random.Generator) -> shapely.Polygon:
+    t, power = 2.0 * np.pi * np.arange(120) / 120, 2.0 / random.uniform(1.4, 6.0)
+    x, y = (np.sign(v) * np.abs(v) ** power for v in (np.cos(t), np.sin(t)))
+    return affinity.rotate(
+        shapely.Polygon(np.stack([x, random.uniform(0.4, 1.0) * y], axis=1)),
+        random.choice([0.0, random.uniform(0.0, 90.0)]),
+    )
+
+
+@_kind
+def _cut_oval(random: np.random.Generator) -> shapely.Polygon:
+    """Return what one straight cut leaves of an oval: a D, or nearly all of it."""
+    part = _ellipse(random).intersection(shapely.box(-2, -2, random.uniform(-0.2, 0.9), 2))
+    return affinity.rotate(part, random.choice([0.0, 90.0, 180.0, 270.0, random.uniform(0.0, 360.0)]))
+
+
+@_kind
+def _hull(random: np.random.Generator) -> shapely.Polygon:
+    while True:
+        found = shapely.MultiPoint(random.normal(size=(int(random.integers(4, 16)), 2))).convex_hull
+        if found.area > 0.3 * found.envelope.area:
+            return found
+
+
+@_kind
+def _many_corners(random: np.random.Generator) -> shapely.Polygon:
+    return _ring(random, int(random.integers(8, 13)), 0.1)
+
+
+@_kind
 def _concave(random: np.random.Generator) -> shapely.Polygon:
     """Return a polygon with a notch, an L, a T or a star."""
     way = random.integers(4)
@@ -139,6 +178,7 @@ def _pair(random: np.random.Generator) -> shapely.Polygon:
     raise NotImplementedError
 
 
+AS_DRAWN = ("rounded rectangle", "cut oval")  # of one scale along and across the strips: round stays round
 ONE = [name for name in KINDS if name != "pair"]
 CONVEX = [name for name in ONE if name != "concave"]
 
@@ -174,7 +214,10 @@ def _placed(
     """Scale a shape to a part of the sensor, and put it somewhere on it, or over a border."""
     rx, ry = w * random.uniform(0.12, 0.45), length * random.uniform(0.1, 0.42)
     low = np.array(shape.bounds)
-    shape = affinity.scale(shape, 2 * rx / (low[2] - low[0]), 2 * ry / (low[3] - low[1]), origin=(0, 0))
+    scale = 2 * rx / (low[2] - low[0]), 2 * ry / (low[3] - low[1])
+    if kind in AS_DRAWN:
+        scale = min(scale), min(scale)
+    shape = affinity.scale(shape, *scale, origin=(0, 0))
     x0, y0, x1, y1 = shape.bounds
     x, y = random.uniform(-x0, w - x1), random.uniform(-y0, length - y1)
     if kind == "over left or right":

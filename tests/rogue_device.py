@@ -13,12 +13,19 @@ BITS, STRIPS = 10, 6
 Trouble = Callable[["Rogue", int, bytes], list[bytes]]
 
 
+def _shifted(value: int) -> int:
+    for _ in range(8):
+        value = (value << 1 ^ (0x1021 if value & 0x8000 else 0)) & 0xFFFF
+    return value
+
+
+_SHIFTED = [_shifted(byte << 8) for byte in range(256)]
+
+
 def crc(data: bytes) -> int:
     value = 0xFFFF
     for byte in data:
-        value ^= byte << 8
-        for _ in range(8):
-            value = (value << 1 ^ (0x1021 if value & 0x8000 else 0)) & 0xFFFF
+        value = (value << 8 & 0xFFFF) ^ _SHIFTED[value >> 8 ^ byte]
     return value
 
 

@@ -5,17 +5,24 @@ from __future__ import annotations
 import ast
 import importlib
 import inspect
+import json
 import re
 from collections import Counter
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
 import click
 import pytest
 from docs_site.commands import command_page
+from docs_site.gallery_links import to_pages
+from docs_site.legible import refuse_small_letters, small_letters
 from docs_site.links import problems
 from docs_site.reproduction import claims, printed_table
 from docs_site.transcript import run
+from matplotlib.figure import Figure
+from sphinx_gallery.gen_gallery import DEFAULT_GALLERY_CONF
+from sphinx_gallery.notebook import jupyter_notebook
+from sphinx_gallery.py_source_parser import split_code_and_text_blocks
 
 from tacstrip.cli import VERBS
 from tacstrip.reconstruction.result import Status
@@ -33,6 +40,14 @@ ROOMS = ["tacstrip"] + [
 BUILT = ("_build", "examples", "python")
 PAGES = sorted(p for p in DOCS.rglob("*.md") if not set(p.relative_to(DOCS).parts) & set(BUILT))
 EXAMPLES = sorted((DOCS / "gallery").glob("plot_*.py"))
+
+
+def notebook(file: Path, folder: Path) -> dict[str, Any]:
+    """Return the notebook that the site offers for an example, through JSON as it is stored."""
+    settings = {**DEFAULT_GALLERY_CONF, "src_dir": str(folder), "notebook_images": False}
+    blocks = split_code_and_text_blocks(str(file))[1]
+    made: dict[str, Any] = json.loads(json.dumps(jupyter_notebook(blocks, settings, str(folder))))
+    return made
 
 
 @pytest.mark.parametrize("room", ROOMS)
@@ -92,6 +107,48 @@ def test_an_example_is_short_and_draws(file: Path) -> None:
     assert "figure" in {
         n.id for n in ast.walk(code) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)
     }
+
+
+@pytest.mark.parametrize("file", EXAMPLES, ids=lambda p: p.stem)
+def test_an_examples_notebook_is_whole(file: Path, tmp_path: Path) -> None:
+    cells = notebook(file, tmp_path)["cells"]
+    assert cells[0]["cell_type"] == "markdown"
+    for cell in cells:
+        assert set(cell) >= {"cell_type", "metadata", "source"}
+        if cell["cell_type"] == "code":
+            assert (cell["outputs"], cell["execution_count"]) == ([], None)
+            compile("".join(cell["source"]), file.name, "exec")
+
+
+def test_the_tutorials_notebook_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MPLBACKEND", "agg")
+    made = notebook(next(f for f in EXAMPLES if "ten_minutes" in f.stem), tmp_path)
+    names: dict[str, Any] = {}
+    for cell in made["cells"]:
+        if cell["cell_type"] == "code":
+            exec("".join(cell["source"]).replace("%matplotlib inline", ""), names)
+    assert (made["nbformat"], names["found"].status) == (4, "ok")
+    assert small_letters(names["figure"]) == []
+
+
+def test_letters_that_are_too_small_are_found() -> None:
+    wide, narrow = Figure(figsize=(12, 3)), Figure(figsize=(6, 3))
+    for figure in (wide, narrow):
+        figure.suptitle("ten points", fontsize=10)
+    assert small_letters(wide) == ["'ten points' (6.9 pixels)"]
+    assert small_letters(narrow) == []
+    with pytest.raises(
+        ValueError, match=r"a\.png: too small where it is shown 600 pixels wide: 'ten points'"
+    ):
+        refuse_small_letters(wide, "a.png")
+
+
+def test_links_to_the_gallery_lead_to_its_pages() -> None:
+    text = "[a](../gallery/README.rst), [b](gallery/plot_01_one_scan.py), [c](../gallery/a.csv)"
+    assert (
+        to_pages(text)
+        == "[a](../examples/index.rst), [b](examples/plot_01_one_scan.rst), [c](../gallery/a.csv)"
+    )
 
 
 def test_a_transcript_is_what_the_command_prints(tmp_path: Path) -> None:

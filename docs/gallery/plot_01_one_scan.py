@@ -24,6 +24,6 @@ print(f"overlap with the true shape (IoU): {ts.mismatch(contact.vertices, shape.
 # %%
 # Left what the sensor reads, right what that means. The grey shape is the true one, which only a simulation knows.
 
-figure, (left, right) = plt.subplots(1, 2, figsize=(10, 4.2), layout="constrained")
+figure, (left, right) = plt.subplots(1, 2, figsize=(7, 3), layout="constrained")
 plot.scan(scan, sensor, ax=left)
 plot.result(found, sensor, truth=contact, ax=right)

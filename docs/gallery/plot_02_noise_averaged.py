@@ -29,7 +29,7 @@ for count in counts:
 # The dashed line is the least error that any unbiased method can have (the Cramer-Rao bound).
 
 figure, axes = plt.subplots(figsize=(6, 4), layout="constrained")
-axes.loglog(counts, errors, "o-", color="#c1440e", label="furthest point of the outline, median of 6")
+axes.loglog(counts, errors, "o-", color="#cc5500", label="furthest point of the outline, median of 6")
 axes.loglog(counts, bound, "--", color="#555555", label="bound of a corner, root mean square")
 axes.set(
     xlabel="scans averaged", ylabel="error [mm]", title="Error falls with the root of the number of scans"

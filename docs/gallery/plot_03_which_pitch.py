@@ -16,13 +16,13 @@ coin = ts.Outline.of([(14, 55), (50, 15), (106, 48), (66, 100)])
 pitches = np.array([1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0])
 
 figure, axes = plt.subplots(figsize=(6.5, 4), layout="constrained")
-for positional, colour in ((0.002, "#1f5fa8"), (0.005, "#c1440e"), (0.01, "#7a3e9d")):
+for positional, look in ((0.002, "s-"), (0.005, "o--"), (0.01, "^:")):
     errors = []
     for pitch in pitches:
         strips = int(width_mm / pitch)
         sensor = ts.Sensor(construction="crs-crs", strips=strips, pitch_mm=pitch, length_mm=120.0)
         errors.append(ts.vertex_rms(ts.vertex_covariance(coin, sensor, ts.Noise(positional=positional))))
-    axes.loglog(pitches, errors, "o-", color=colour, label=f"readings within {100 * positional:g} % of Vref")
+    axes.loglog(pitches, errors, look, label=f"readings within {100 * positional:g} % of Vref")
     good = pitches[np.array(errors) <= wanted_mm]
     print(f"{100 * positional:g} %: pitch of at most {good.max():g} mm" if len(good) else "none")
 

@@ -28,7 +28,7 @@ together = ts.reconstruct(scan, sensor, noise)
 parted = ts.reconstruct(scan, sensor, noise, method="pieces")
 print(together.status, "-", together.objects[0].advice)
 
-figure, axes = plt.subplots(1, 2, figsize=(10, 4.6), layout="constrained")
+figure, axes = plt.subplots(1, 2, figsize=(7, 3.3), layout="constrained")
 for ax, found, title in zip(axes, (together, parted), ("taken for one", "parted"), strict=True):
     plot.result(found, sensor, truth=contact, ax=ax)
     ax.set_title(title)

@@ -33,5 +33,5 @@ for finding in report.findings:
 # %%
 # From a file: ``tacstrip doctor readings.csv --sensor sensor.toml --plot health.png``.
 
-figure, axes = plt.subplots(figsize=(8, 3), layout="constrained")
+figure, axes = plt.subplots(figsize=(7, 2.6), layout="constrained")
 plot.health(report, ax=axes)

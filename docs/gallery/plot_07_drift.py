@@ -27,8 +27,14 @@ for time_s, now in zip(times, true, strict=True):
 # does it once, from a file.
 
 figure, axes = plt.subplots(figsize=(7, 4), layout="constrained")
-for strip, colour in enumerate(("#c1440e", "#1f5fa8", "#2a7f3f", "#7a3e9d")):
-    axes.plot(times, 100 * np.array(followed)[:, strip], color=colour, label=f"strip {strip}")
+for strip, mark in enumerate("os^v"):
+    axes.plot(
+        times,
+        100 * np.array(followed)[:, strip],
+        marker=mark,
+        markevery=60 + 5 * strip,
+        label=f"strip {strip}",
+    )
     axes.plot(times, 100 * true[:, strip], "--", color="black", linewidth=0.8)
 axes.set(xlabel="time [s]", ylabel="drift [% of Vref]", title="Drift as estimated; dashed: as it is")
 axes.legend(frameon=False, ncols=2)

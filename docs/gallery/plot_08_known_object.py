@@ -29,7 +29,7 @@ print(wrong.status, "-", wrong.objects[0].advice)
 # Left the pose of the known outline; right the outline that eight strips give without knowing it.
 
 free = ts.reconstruct(scan, sensor, noise)
-figure, axes = plt.subplots(1, 2, figsize=(10, 4.6), layout="constrained")
+figure, axes = plt.subplots(1, 2, figsize=(7, 3.3), layout="constrained")
 for ax, result, title in zip(axes, (found, free), ("known outline, fitted pose", "unknown"), strict=True):
     plot.result(result, sensor, truth=pressed, ax=ax)
     ax.set_title(title)

@@ -3,7 +3,8 @@ One signature or two?
 =====================
 
 The same press read with k_h alone and with k_h and k_l. One voltage a strip takes every shape for convex,
-and nothing in the readings contradicts it: the status says ``ok`` for a wrong shape. Two voltages take any shape.
+and nothing in the readings contradicts it: the shape is wrong. It is ``doubtful`` only because the convex outline needs
+six corners, as blunt and rounded objects do. Two voltages take any shape.
 """
 
 import matplotlib.pyplot as plt
@@ -17,7 +18,7 @@ noise = ts.Noise(positional=0.003)
 both = ts.simulate(sensor, contact, noise, rng=5)
 
 results = {"k_h alone": ts.Scan(kh=both.kh), "k_h and k_l": both}
-figure, axes = plt.subplots(1, 2, figsize=(10, 4.6), layout="constrained")
+figure, axes = plt.subplots(1, 2, figsize=(7, 3.3), layout="constrained")
 for ax, (name, scan) in zip(axes, results.items(), strict=True):
     found = ts.reconstruct(scan, sensor, noise)
     shape = found.objects[0].vertices

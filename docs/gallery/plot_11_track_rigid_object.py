@@ -26,7 +26,7 @@ print("speed there (mm/s, mm/s, rad/s):", track.velocities[10].round(2))
 # Left the last scan alone, right what all scans know.
 
 alone = ts.reconstruct(scans[-1], sensor, noise)
-figure, (left, right) = plt.subplots(1, 2, figsize=(10, 4.6), layout="constrained")
+figure, (left, right) = plt.subplots(1, 2, figsize=(7, 3.3), layout="constrained")
 plot.result(alone, sensor, truth=places[-1], ax=left)
 left.set_title("one scan alone")
 plot.track(track, sensor, ax=right)

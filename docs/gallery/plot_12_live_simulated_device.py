@@ -34,7 +34,7 @@ print(f"{len(way)} places of object {way[0][0]}")
 # The same with a page in the browser: ``tacstrip live --simulate``.
 
 figure, axes = plt.subplots(figsize=(5, 5), layout="constrained")
-axes.plot([x for _, x, _ in way], [y for *_, y in way], ".", color="#c1440e", markersize=4)
+axes.plot([x for _, x, _ in way], [y for *_, y in way], ".", color="#cc5500", markersize=4)
 axes.set(
     aspect="equal", xlim=(0, 100), ylim=(0, 100), xlabel="x [mm]", ylabel="y [mm]", title="Its centroid, live"
 )

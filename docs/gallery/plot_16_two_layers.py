@@ -27,7 +27,7 @@ print("one layer:", [thing.status for thing in alone.objects], alone.objects[0].
 # %%
 # Left one layer alone, right both.
 
-figure, (left, right) = plt.subplots(1, 2, figsize=(10, 4.8), layout="constrained")
+figure, (left, right) = plt.subplots(1, 2, figsize=(7, 3.5), layout="constrained")
 plot.result(alone, lower, truth=contact, ax=left)
 left.set_title("one layer")
 plot.result(both, sensor, truth=contact, ax=right)

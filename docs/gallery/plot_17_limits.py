@@ -13,7 +13,7 @@ from tacstrip import plot
 
 contact = ts.Contact.polygon([(-16, -14), (14, -18), (18, 12), (-8, 18)]).placed(50, 50)
 noise = ts.Noise(positional=0.005)
-figure, axes = plt.subplots(1, 2, figsize=(11, 4.8), layout="constrained")
+figure, axes = plt.subplots(1, 2, figsize=(7, 3.5), layout="constrained")
 for ax, construction in zip(axes, ("crs-crs", "crs-m"), strict=True):
     sensor = ts.Sensor(construction=construction, strips=20, pitch_mm=5.0, length_mm=100.0)
     bound = ts.vertex_covariance(ts.Outline.of(contact.vertices), sensor, noise)

@@ -31,8 +31,8 @@ subprocess.run(command, check=True, cwd=folder)
 # Each point is a design; the dashed line is half a millimetre.
 
 stored = list(csv.DictReader(Path("ten_thousand_designs.csv").read_text(encoding="utf-8").splitlines()))
-figure, axes = plt.subplots(figsize=(7.5, 4.6), layout="constrained")
-for kind, colour in (("crs-m", "#8ea6c4"), ("crs-crs", "#c1440e")):
+figure, axes = plt.subplots(figsize=(7, 4.3), layout="constrained")
+for kind, colour in (("crs-m", "#8ea6c4"), ("crs-crs", "#cc5500")):
     x, y = ([float(r[key]) for r in stored if r["construction"] == kind] for key in ("strips", "bound_mm"))
     axes.loglog(x, y, ".", color=colour, markersize=2, alpha=0.6, label=kind.upper())
 axes.axhline(0.5, color="#555555", linestyle="--")

@@ -36,5 +36,5 @@ for name in ("train", "test"):
 
 weights, *_ = np.linalg.lstsq(*sets["train"], rcond=None)
 figure, axes = plt.subplots(figsize=(5, 5), layout="constrained")
-axes.plot(sets["test"][1], sets["test"][0] @ weights, ".", color="#c1440e", markersize=4)
+axes.plot(sets["test"][1], sets["test"][0] @ weights, ".", color="#cc5500", markersize=4)
 axes.set(xlabel="touched area [mm2]", ylabel="learned from readings [mm2]", aspect="equal")

@@ -24,7 +24,7 @@ for position in range(POSITIONS):
 # %%
 # Every table is on the pages of :doc:`the reproduction </reproduction/index>`.
 
-axes.plot(range(1, POSITIONS + 1), row.printed["mc"], "o", color="#c1440e", label="printed")
+axes.plot(range(1, POSITIONS + 1), row.printed["mc"], "o", color="#cc5500", label="printed")
 axes.plot([], [], "_", color="#999999", markersize=12, label="our draws")
 axes.set(
     xlabel="position",

@@ -30,7 +30,7 @@ told = ts.reconstruct(scan, sensor, ts.Noise(white=0.005))  # its typical size
 # %%
 # The parts that :class:`tacstrip.Noise` knows by name need no code: white noise, wander, hum, strays, soft edges.
 
-figure, axes = plt.subplots(1, 2, figsize=(10, 4.6), layout="constrained")
+figure, axes = plt.subplots(1, 2, figsize=(7, 3.3), layout="constrained")
 for ax, found, title in zip(axes, (guessed, told), ("noise estimated", "noise given"), strict=True):
     plot.uncertainty(found, sensor, truth=contact, ax=ax)
     ax.set_title(f"{title}: {found.status}")

@@ -27,7 +27,7 @@ units = {
 # %%
 # Differences from the closed form; at 0.5 % of Vref they are as large as the thesis' noise profile I.
 
-figure, axes = plt.subplots(figsize=(7.5, 4), layout="constrained")
+figure, axes = plt.subplots(figsize=(7, 3.7), layout="constrained")
 for mark, (name, scan) in zip("ov^s", units.items(), strict=True):
     axes.plot(100 * (scan.kh - ideal.kh), mark, label=name, markersize=5, fillstyle="none")
     print(f"{name}: up to {100 * abs(scan.kh - ideal.kh)[scan.touched].max():.2g} % of Vref")

@@ -25,6 +25,6 @@ print(f"IoU {ts.mismatch(contact.vertices, shape.vertices, around_mm=tube.width_
 # %%
 # The part beyond the seam is drawn on the other side, too.
 
-figure, (left, right) = plt.subplots(1, 2, figsize=(10, 5), layout="constrained")
+figure, (left, right) = plt.subplots(1, 2, figsize=(7, 3.6), layout="constrained")
 plot.scan(scan, tube, ax=left)
 plot.result(found, tube, truth=contact, ax=right)

@@ -27,5 +27,5 @@ print(learned.noise.to_toml())
 # sensor.toml --plot allan.png``.
 
 figure, axes = plt.subplots(figsize=(6.5, 4), layout="constrained")
-axes.loglog(learned.counts * learned.period_s, 100 * learned.allan, color="#c1440e", alpha=0.4, linewidth=0.8)
+axes.loglog(learned.counts * learned.period_s, 100 * learned.allan, color="#cc5500", alpha=0.4, linewidth=0.8)
 axes.set(xlabel="time averaged [s]", ylabel="Allan deviation [% of Vref]", title="One line per channel")

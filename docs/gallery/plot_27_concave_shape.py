@@ -17,7 +17,7 @@ contact = SHAPES["concave tetragon"].contact(2)
 noise = ts.Noise(positional=0.005)
 scan = ts.simulate(sensor, contact, noise, rng=1)
 
-figure, axes = plt.subplots(1, 3, figsize=(13, 4.6), layout="constrained")
+figure, axes = plt.subplots(1, 3, figsize=(7, 3), layout="constrained")
 for ax, method in zip(axes, ("profile", "polygon", "vertex"), strict=True):
     found = ts.reconstruct(scan, sensor, noise, method=method)
     plot.result(found, sensor, truth=contact, ax=ax)

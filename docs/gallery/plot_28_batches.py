@@ -25,7 +25,7 @@ good = np.array(overlap) >= 0.8
 print(f"{len(overlap)} shapes, {100 * good.mean():.1f} % with an IoU of 0.8 or more")
 
 figure, axes = plt.subplots(figsize=(6.5, 4), layout="constrained")
-axes.hist(overlap, bins=np.linspace(0.5, 1.0, 41), color="#c1440e")
+axes.hist(overlap, bins=np.linspace(0.5, 1.0, 41), color="#cc5500")
 axes.set(
     xlabel="overlap with the true shape (IoU)", ylabel="shapes", title="120 random polygons on 32 strips"
 )

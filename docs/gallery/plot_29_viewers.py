@@ -33,6 +33,6 @@ print(len(lines), "frames; the last one:", json.dumps(frame["objects"])[:200], "
 # %%
 # :doc:`The page's functions </guide/live>`: dragging simulated objects, recording, health of every strip.
 
-figure, axes = plt.subplots(figsize=(8, 5.2), layout="constrained")
+figure, axes = plt.subplots(figsize=(7, 4.5), layout="constrained")
 axes.imshow(plt.imread(Path("../pictures/live.png")))
 axes.axis("off")

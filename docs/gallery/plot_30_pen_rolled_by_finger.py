@@ -32,8 +32,8 @@ print(f"the pen's radius by the last scan: {found.radius_mm:.2f} +- {found.radiu
 
 # %%
 # The pen (orange) rolls half as far as the finger; its patch wanders over the skin: here after .2, .5 and .8 s.
-figure, (left, right) = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
-left.plot(x_mm)
-left.set(xlabel="step of 10 ms", ylabel="x [mm]")
+figure, (left, right) = plt.subplots(1, 2, figsize=(7, 2.9), layout="constrained")
+left.plot([x for x, _ in x_mm], "-", [x for _, x in x_mm], "--")
+left.set(xlabel="step of 10 ms", ylabel="x [mm]", title="finger (solid), pen (dashed)")
 right.plot(*[xy for outline in outlines[20::30] for xy in outline[:, :2].T])
 right.set(xlabel="x on the fingertip [mm]", ylabel="y [mm]", aspect="equal")

@@ -2,8 +2,8 @@
 How thick a pen is, by rolling it
 =================================
 
-One scan of a pressed pen tells its radius to a percent or two; scans in which it lies in other ways tell more, for it
-is one pen.
+One scan of a pressed pen tells its radius to a percent or two; scans in which it lies in other ways tell more, for
+it is one pen.
 """
 
 import matplotlib.pyplot as plt

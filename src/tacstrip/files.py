@@ -13,6 +13,13 @@ from pathlib import Path
 
 _LONGEST = 2**26  # characters of a spec or a contact: a pipe may go on without end
 _HANDED_OVER = ("/dev/stdin", "/dev/fd/", "/proc/self/fd/")  # what the caller opened: its end is the caller's
+_KINDS = {
+    ".csv": "readings or runs (CSV)",
+    ".mcap": "a recording",
+    ".toml": "a spec or a study (TOML)",
+    ".wkt": "a contact",
+    ".geojson": "a contact, or shapes",
+}
 
 
 @contextmanager
@@ -73,6 +80,12 @@ def read_text(path: str | Path) -> str:
     if len(text) > _LONGEST:
         raise ValueError(f"it is longer than {_LONGEST} characters")
     return text
+
+
+def other_kind(path: str | Path, *wanted: str) -> str:
+    """Say what a file is by its ending, where that is none of those wanted, such as ".csv"; nothing where it may be."""
+    ending = Path(path).suffix.lower()
+    return "" if ending in wanted else _KINDS.get(ending, "")
 
 
 def why_unreadable(path: str | Path) -> str:

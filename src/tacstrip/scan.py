@@ -40,7 +40,10 @@ class Signatures:
     @property
     def touched(self) -> BoolArray:
         """Whether each strip is touched, of the shape of the readings."""
-        return np.asarray(~np.all([np.isnan(getattr(self, name)) for name in self.signatures], axis=0))
+        first, *others = (np.isnan(getattr(self, name)) for name in self.signatures)
+        for nothing in others:
+            first &= nothing
+        return np.asarray(~first)
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,15 +192,17 @@ class Scan(Signatures, Drawn):
 
     def runs(self) -> list[slice]:
         """Return the runs of neighbouring touched strips: a signature, an object each (4.2.4, step 1)."""
-        edges = np.diff(np.concatenate(([0], self.touched.astype(np.int8), [0])))
-        begins, ends = np.flatnonzero(edges == 1).tolist(), np.flatnonzero(edges == -1).tolist()
-        return [slice(a, b) for a, b in zip(begins, ends, strict=True)]
+        at = self.touched.nonzero()[0]
+        gaps = (at[1:] - at[:-1] > 1).nonzero()[0]
+        begins, ends = at[[0, *gaps + 1]] if len(at) else at, at[[*gaps, -1]] if len(at) else at
+        return [slice(a, b + 1) for a, b in zip(begins.tolist(), ends.tolist(), strict=True)]
 
     def check(self, sensor: Sensor) -> None:
         """Refuse a scan that this sensor cannot have made: `ReadingError` or `SignatureError`."""
-        if len(self.touched) != sensor.strips:
-            raise ReadingError(f"the scan has {len(self.touched)} strips and the sensor has {sensor.strips}")
-        for name in self.signatures:
+        names = self.signatures
+        if (strips := len(self[names[0]])) != sensor.strips:
+            raise ReadingError(f"the scan has {strips} strips and the sensor has {sensor.strips}")
+        for name in names:
             sensor.check_signature(name)
         if not sensor.kind.closed_form and len(half := np.flatnonzero(self.half_read)):
             raise ReadingError(

@@ -199,9 +199,9 @@ def _of_layer(
 def _check_shorted(scan: Mapping[str, FloatArray], touch: BoolArray, name_of: Callable[[int], str]) -> None:
     """Refuse a contact that ties both ends of a strip to a metal sheet: `ContactError`."""
     for values in scan.values():
-        if len(shorted := np.flatnonzero(np.isnan(values) & touch)):
+        if (shorted := np.isnan(values) & touch).any():
             raise ContactError(
-                f"the contact covers {name_of(int(shorted[0]))} from end to end: on metal that shorts Vref to "
+                f"the contact covers {name_of(int(shorted.argmax()))} from end to end: on metal that shorts Vref to "
                 "ground, and nothing can be read"
             )
 
@@ -251,4 +251,5 @@ def _measured(
     ends_mm: tuple[FloatArray, FloatArray] | None = None,
 ) -> dict[str, FloatArray]:
     noisy = process.add(ideal, time_s, ends_mm)
-    return {name: digitise(k, process.sensor.adc_bits) for name, k in noisy.items()}
+    sensor = process.sensor
+    return {name: digitise(k, sensor.adc_bits, sensor.converter) for name, k in noisy.items()}

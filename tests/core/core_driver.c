@@ -68,8 +68,15 @@ static void runs(void) {
     double covariance[4 * SIZE * SIZE];
     unsigned size = 2 * (unsigned)(best->m + 2 + best->vertical[0] + best->vertical[1]);
     problem.k = k;
-    if (tacstrip_vertex_covariance(&problem, best, 0.0, STRIPS, LENGTH, x_mm, STRIPS, covariance))
+    if (tacstrip_vertex_covariance(&problem, best, 0.0, STRIPS, LENGTH, x_mm, STRIPS, covariance)) {
+      double corners[SIZE + 2], normal[8 * (SIZE + 2)], off[8 * (SIZE + 2)], areas[8];
       show("covariance", covariance, size * size * sizeof(double));
+      for (unsigned i = 0; i < size; i++) corners[i] = 60.0 * number();
+      for (unsigned i = 0; i < 8 * size; i++) normal[i] = number() - 0.5;
+      tacstrip_swept_areas(corners, covariance, size / 2, normal, 8, off, areas, workspace);
+      show("off", off, 8 * size * sizeof(double));
+      show("areas", areas, sizeof areas);
+    }
   }
 }
 
@@ -187,6 +194,93 @@ static void paths_and_chains(void) {
   show("lines", lines, 5 * count * sizeof *lines);
 }
 
+static const double BOX[8] = {-9.0, -9.0, 9.0, -9.0, 9.0, 9.0, -9.0, 9.0};
+
+/* Three boxes on the same strips: their equations, and poses by themselves. */
+static void hulls(void) {
+  enum { SCANS = 6, OBJECTS = 3, CORNERS = 4 * OBJECTS, POSES = 3 * OBJECTS };
+  static double k[SCANS * 2 * STRIPS], known[SCANS * STRIPS], mixed[SCANS * POSES * 2 * CORNERS], starts[2 * SCANS * POSES];
+  double corners[2 * CORNERS], poses[SCANS * POSES], present[SCANS * OBJECTS], expected[2 * SCANS * POSES];
+  double pose[SCANS * POSES * POSES], shape[4 * CORNERS * CORNERS], weight[2 * SCANS * POSES], costs[2 * SCANS];
+  double pose_slope[SCANS * POSES], shape_slope[2 * CORNERS];
+  Int counts[OBJECTS] = {4, 4, 4};
+  measure(0.004);
+  for (int i = 0; i < SCANS * 2 * STRIPS; i++) k[i] = i % STRIPS % 29 == 28 ? 0.0 / 0.0 : readings[i % (2 * STRIPS)];
+  for (int i = 0; i < SCANS * STRIPS; i++) known[i] = i % 17 != 3;
+  for (int i = 0; i < 2 * CORNERS; i++) corners[i] = BOX[i % 8] + number();
+  for (int i = 0; i < SCANS * OBJECTS; i++) present[i] = i % 7 != 5;
+  for (int i = 0; i < SCANS * POSES; i++) poses[i] = i % 3 == 0 ? 15.0 + 30.0 * (i % POSES / 3) + number() : i % 3 == 1 ? 30.0 : number();
+  for (int i = 0; i < 2 * SCANS * POSES; i++) {
+    starts[i] = expected[i] = poses[i / (2 * POSES) * POSES + i % POSES] + 0.5 * number();
+    weight[i] = 0.1;
+  }
+  for (int which = 0; which < 2; which++) {
+    Scans scans = {SCANS, STRIPS, 2, x_mm, k, 0.004, 1.0, LENGTH, {0.5, 0.0}, 0.5, which ? 0.02 : 0.0};
+    Loss loss = {which ? 0.5 : 0.0, which ? 3.0 : 0.0, 0.05};
+    tacstrip_hull_equations(&scans, &loss, known, OBJECTS, counts, corners, present, poses, pose, mixed, shape, pose_slope,
+                            shape_slope, costs);
+    show("hull poses", pose, sizeof pose);
+    show("hull mixed", mixed, sizeof mixed);
+    show("hull shape", shape, sizeof shape);
+    tacstrip_hull_poses(&scans, &loss, known, OBJECTS, counts, corners, starts, expected, weight, 2, 4, costs);
+    show("hull starts", starts, sizeof starts);
+    show("hull costs", costs, sizeof costs);
+  }
+}
+
+/* Scans of drawn shapes, and of given contacts: float and double, hard and soft, errors of both kinds. */
+static void batches(void) {
+  enum { SCANS = 40, MOST = 3, CORNERS = 7 };
+  static double out[4][SCANS * STRIPS], vertices[SCANS * MOST * CORNERS * 2], pose[SCANS * MOST * 3], axes[SCANS * MOST * 2];
+  static signed char kind[SCANS * MOST], corners[SCANS * MOST];
+  for (int which = 0; which < 8; which++) {
+    Int strips = which % 3 == 2 ? 5 : STRIPS;
+    BatchSensor sensor = {strips, which == 5 ? 1 : 2, which % 2, 1.0, LENGTH, {0.5, 0.0}, 0.5, which & 4 ? 1.0 : 0.0,
+                          which & 2 ? 0.0 : 4095.0};
+    ShapeLaws laws = {0.5, 0.7, {3, CORNERS}, {1, strips > 5 ? MOST : 1}, which & 1 ? 4 : 1, 1, {1.0, strips > 5 ? 20.0 : 4.0},
+                      {0.4, 1.0}, {-3.0, 3.0}, {0.0, (double)strips}, {0.0, LENGTH}, 0.6, 1.0, 0.5, 1.0};
+    BatchErrors errors = {{7, 8}, {0.004, which & 1 ? 0.001 : 0.0}, which & 2 ? 0.002 : 0.0};
+    BatchResult result = {{out[0], out[1]}, out[2], out[3], vertices, pose, axes, kind, corners};
+    unsigned long long bytes = (unsigned long long)(SCANS * strips) * (which % 2 ? sizeof(float) : sizeof(double));
+    unsigned long long objects = SCANS * (unsigned long long)laws.objects[1];
+    Int bad = tacstrip_batch(&sensor, &laws, &errors, 3, SCANS, 0, 0, &result, workspace);
+    show("bad", &bad, sizeof bad);
+    for (int i = sensor.signatures < 2; i < 4; i++) show("batch", out[i == 1 && sensor.signatures < 2 ? 0 : i], bytes);
+    show("kinds", kind, objects);
+    show("vertices", vertices, objects * CORNERS * 2 * (which % 2 ? sizeof(float) : sizeof(double)));
+    if (which % 2) continue;
+    static double l[SCANS * STRIPS], u[SCANS * STRIPS];
+    for (int i = 0; i < SCANS * strips; i++) l[i] = out[2][i], u[i] = out[3][i];
+    result.l = result.u = result.kind = 0;
+    tacstrip_batch(&sensor, 0, &errors, 3, SCANS, l, u, &result, workspace);
+    show("given", out[0], bytes);
+  }
+}
+
+/* A box and a triangle under two crossed layers of which each reads a quadrilateral, hard and soft. */
+static void scenes(void) {
+  enum { CORNERS = 7 };
+  static unsigned char touched[STRIPS];
+  static double weight[2 * STRIPS], matrix[4 * CORNERS * CORNERS], gradient[2 * CORNERS];
+  double corners[2 * CORNERS] = {20.0, 20.0, 50.0, 18.0, 52.0, 45.0, 22.0, 40.0, 60.0, 20.0, 80.0, 25.0, 70.0, 45.0};
+  Int sizes[2] = {4, 3};
+  measure(0.004);
+  for (int i = 0; i < STRIPS; i++) touched[i] = i % 31 != 30;
+  for (int i = 0; i < 2 * STRIPS; i++) weight[i] = touched[i % STRIPS] / (0.004 * 0.004);
+  for (int which = 0; which < 2; which++) {
+    double lam = which ? 1.0 : 0.0;
+    CrossedLayer layers[2] = {
+        {STRIPS, 2, x_mm, readings, weight, touched, 1.0, LENGTH, {0.5, 0.0}, 0.5, lam, {1.0, 0.0, 0.0, 1.0}, {0.0, 0.0}},
+        {STRIPS, 2, x_mm, readings, weight, touched, 1.0, LENGTH, {0.5, 0.0}, 0.5, lam, {0.0, 1.0, -1.0, 0.0}, {90.0, 0.0}}};
+    double cost = tacstrip_refine_scene(layers, 2, sizes, 2, which ? 1.0 : 0.0, which ? 4.0 : 0.0, 10, 1e-3, 6.0, corners,
+                                        matrix, gradient, workspace);
+    show("scene", corners, sizeof corners);
+    show("scene cost", &cost, sizeof cost);
+    show("scene matrix", matrix, sizeof matrix);
+    show("scene gradient", gradient, sizeof gradient);
+  }
+}
+
 int main(void) {
   int version = tacstrip_core_version();
   show("version", &version, sizeof version);
@@ -195,5 +289,8 @@ int main(void) {
   bounded();
   rigid();
   paths_and_chains();
+  hulls();
+  batches();
+  scenes();
   return 0;
 }

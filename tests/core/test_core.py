@@ -17,6 +17,7 @@ from tacstrip.core.polygon_fit import PolygonFit, plain_refine, refine
 from tacstrip.core.problem import FitProblem
 from tacstrip.core.score_test import NEW, TRIED, candidates, places
 from tacstrip.core.search import fit_counts, plain_fit_counts
+from tacstrip.core.swept_area import plain_swept_areas, swept_areas
 from tacstrip.core.vertex_covariance import covariance_with_x_priors
 from tacstrip.geometry.outline import Outline
 from tacstrip.sensor.closed_form import k_h, k_l, k_metal
@@ -370,6 +371,31 @@ def test_covariances_agree(vertical_ends: tuple[int, int]) -> None:
     wanted = covariance_with_x_priors(outline, sensor, fit.information_root(problem))
     scale = np.sqrt(wanted.diagonal())
     np.testing.assert_allclose(got / np.outer(scale, scale), wanted / np.outer(scale, scale), atol=1e-6)
+
+
+@pytest.mark.parametrize("rank", [8, 5])
+def test_swept_areas_agree_and_scatter_as_the_covariance_says(rank: int) -> None:
+    random = np.random.default_rng(rank)
+    root = random.normal(size=(8, rank))
+    covariance = root @ root.T
+    vertices = np.array([(0.0, 0.0), (90.0, 10.0), (80.0, 70.0), (10.0, 60.0)])
+    off, areas = swept_areas(vertices, covariance)
+    plain, plain_areas = plain_swept_areas(vertices, covariance)
+    np.testing.assert_allclose(
+        off, plain, rtol=0.0, atol=1e-6
+    )  # what rounding leaves of a rank that is not full
+    np.testing.assert_allclose(areas, plain_areas, rtol=1e-6)
+    drawn = off.reshape(len(off), -1)
+    spread = np.sqrt(np.diag(covariance))
+    assert np.abs(np.cov(drawn.T) - covariance).max() < 0.5 * spread.max() ** 2  # of 64 draws
+    # No more than a strip along each edge, as wide as its further end moves, and its ends' own.
+    moved = vertices + off
+    apart = np.abs([_area(m) - _area(vertices) for m in moved])
+    assert (apart <= areas).all()
+
+
+def _area(v: FloatArray) -> float:
+    return float(0.5 * (v[:, 0] * np.roll(v[:, 1], -1) - np.roll(v[:, 0], -1) * v[:, 1]).sum())
 
 
 def test_vertices_are_brought_into_order_with_their_chains() -> None:

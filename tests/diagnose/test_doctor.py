@@ -289,11 +289,12 @@ def test_a_sheet_is_examined_as_far_as_its_channels_go() -> None:
     assert any("CRS-CRP" in reason for reason in report.unchecked)
 
 
-def test_a_long_recording_is_examined_in_parts() -> None:
+def test_a_long_recording_is_examined_in_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tacstrip.diagnose.doctor._MOST_SCANS", 4000)
     case = faulty(2, scans=300, faults=["stuck"])
     assert isinstance(case, Case)
     log = faulty_log(case.sensor, case.contacts, case.defects, case.noise, case.seed)
-    many = 80
+    many = 16
     long = Log(
         log.sensor, np.arange(300 * many) / 220.0, {n: np.tile(v, (many, 1)) for n, v in log.raw.items()},
         np.tile(log.touched, (many, 1)),

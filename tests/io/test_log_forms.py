@@ -420,6 +420,134 @@ FORMS: dict[str, tuple[ts.Sensor, str, dict[str, str]]] = {
         each(lambda i, s: f"{0.02 * i:.2f};{s};{v('k', i, s, 3.3)}", "Laikas;strip;volt\n"),
         {"Laikas": "time"},
     ),
+    "the noise of open inputs, in both channels at once": (
+        TWO,
+        each(lambda i, s: f"{20 * i},{s},{c('kh', i, s, str(s % 3))},{c('kl', i, s, str(i % 2))}", HL),
+        {},
+    ),
+    # As programs and instruments print.
+    "tuples within lists": (
+        TWO,
+        scan(
+            lambda i: str(
+                (
+                    0.02 * i,
+                    [
+                        None if np.isnan(K["kh"][i, s]) else tuple(float(v(k, i, s)) for k in ("kh", "kl"))
+                        for s in S
+                    ],
+                )
+            )
+        ),
+        {},
+    ),
+    "arrays of NumPy over several lines": (
+        TWO,
+        scan(
+            lambda i: (
+                f"{0.02 * i:.2f} "
+                + " ".join(
+                    "[" + " ".join(v(k, i, s, nothing="nan") + ("\n" if s == 2 else "") for s in S) + "]"
+                    for k in ("kh", "kl")
+                )
+            )
+        ),
+        {},
+    ),
+    "pages of MATLAB, times a factor": (
+        ONE,
+        "  1.0e+03 *\n\n  Columns 1 through 3\n\n"
+        + scan(lambda i: f"{0.02 * i:9.4f} " + " ".join(v("k", i, s, 3.3, ".5f", "NaN") for s in (0, 1)))
+        + "\n  Columns 4 through 6\n\n"
+        + scan(lambda i: " ".join(v("k", i, s, 3.3, ".5f", "NaN") for s in (2, 3, 4))),
+        {},
+    ),
+    "a data logger's inputs, with alarms and what is over its range": (
+        ONE,
+        scan(
+            lambda i: (
+                f"{i},03/04/2026 10:00:00:{20 * i:03d},"
+                + ",".join(v("k", i, s, 3.3, ".6E", "9.9E+37") + ",0" for s in S)
+            ),
+            "Scan,Time," + ",".join(f"{101 + s} <S{s + 1}> (VDC),Alarm {101 + s}" for s in S) + "\n",
+        ),
+        {},
+    ),
+    "pairs of names that only count, a row of means": (
+        TWO,
+        scan(
+            lambda i: f"{20 * i}," + ",".join(hl(",", i, s) for s in S),
+            "ms," + ",".join(f"pad {s} rail side,pad {s} open side" for s in S) + "\n",
+        )
+        + "Mean,"
+        + ",".join(["1.5"] * 10)
+        + "\n",
+        {},
+    ),
+    "letters": (
+        ONE,
+        scan(lambda i: f"{20 * i}," + ",".join(v("k", i, s, 3.3) for s in S), "ms,A,B,C,D,E\n"),
+        {},
+    ),
+    "letters in lines": (
+        TWO,
+        each(lambda i, s: f"{20 * i}\t{'ABCDE'[s]}\t{hl(chr(9), i, s)}", "ms\tstrip\tH\tL\n"),
+        {},
+    ),
+    "hexadecimal without a mark": (
+        TWO,
+        scan(
+            lambda i: (
+                f"[{20 * i:05d}] " + " ".join(f"{int(c(k, i, s, '0')):03X}" for s in S for k in ("kh", "kl"))
+            )
+        ),
+        {},
+    ),
+    "a strip in each line, since 1970": (
+        TWO,
+        each(
+            lambda i, s: (
+                f"{1.77e9 + 0.02 * i:.2f} strip{s} H={v('kh', i, s, nothing='nan')} L={v('kl', i, s, nothing='nan')}"
+            )
+        ),
+        {},
+    ),
+    "an index without a name": (
+        TWO,
+        '"t" "strip" "vh" "vl"\n'
+        + "".join(
+            f'"{5 * i + s + 1}" {0.02 * i:.2f} {s} {hl(" ", i, s, nothing="NA")}\n' for i in N for s in S
+        ),
+        {},
+    ),
+    "microvolts, a clock in two columns": (
+        ONE,
+        scan(
+            lambda i: f"10:00:00,{20 * i}," + ",".join(v("k", i, s, 3.3e6, ".0f") for s in S),
+            "Time,mSec," + ",".join(f"S{s} [µV]" for s in S) + "\n",
+        ),
+        {},
+    ),
+    "per mille, messages between": (
+        ONE,
+        scan(
+            lambda i: (
+                ("[WARN] 80% full\n" if i == 3 else "")
+                + f"{20 * i};"
+                + ";".join(v("k", i, s, 1e3, ".1f") for s in S)
+            ),
+            "ms;" + ";".join(f"S{s} [‰]" for s in S) + "\n",
+        ),
+        {},
+    ),
+    "names of no known word": (
+        ONE,
+        scan(
+            lambda i: f"{20 * i}," + ",".join(v("k", i, s, 3.3) for s in S),
+            "ms,thumb,index,middle,ring,little\n",
+        ),
+        {"readings": "thumb..little"},
+    ),
     "boot messages": (
         TWO,
         each(
@@ -445,15 +573,47 @@ def test_a_form_gives_its_readings_after_its_only_question(form: str) -> None:
     _check(scans(table, found.mapping), found.mapping.unit, sensor, found.mapping.adc_bits)
 
 
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        (each(lambda i, s: f"t={20 * i} strip={s} H=2121 L=18{'2?' if i == s == 3 else '21'}"), "not like"),
+        (  # a field is lost where the others have a sign for no contact
+            scan(lambda i: f"{20 * i:3d} " + " ".join(v("k", i, s, 3.3, nothing="-.---") for s in S[i == 4 :])),
+            "not like|no separator|columns have no names",
+        ),
+        ("2.02;1.1;1.2;1.3;1.4;1.5\n" + scan(lambda i: f"{4.6e9 + 0.02 * i:.2f};1.1;1.2;1.3;1.4;1.{i}"), "is cut"),
+    ],
+)  # fmt: skip
+def test_what_is_damaged_is_never_read_as_if_it_were_whole(text: str, says: str) -> None:
+    with pytest.raises((Unanswered, ts.ReadingError), match=says):
+        propose(of_text(text), TWO if "strip=" in text else ONE)
+
+
+@pytest.mark.parametrize("way", ["at once", "by and by", "alone"])
+def test_what_is_near_0_is_no_contact_where_it_comes_at_once(way: str) -> None:
+    """A contact takes its reading to the end of a strip by and by; of two channels never both are there."""
+    edge = {
+        "at once": [550, 540, 530, 0, 1, 0],
+        "by and by": [550, 410, 270, 130, 0, 1],
+        "alone": [0, 1, 0, 1, 0, 2],
+    }[way]
+    rows = [f"{20 * i},{e},{600 + 9 * i},{620 - 9 * i}" for i, e in enumerate(edge)]
+    table = of_text("# 10 bit\nms,code_0,code_1,code_2\n" + "\n".join(rows))
+    if way == "at once":
+        read = np.stack([one.values[:, 0] for one in propose(table, THREE).scans])
+        np.testing.assert_array_equal(np.isnan(read[:, 0]), np.array(edge) < 5)
+        assert not np.isnan(read[:, 1:]).any()
+    else:
+        with pytest.raises(Unanswered, match="untouched="):
+            propose(table, THREE)
+
+
 def _check(found: list, unit: str, sensor: ts.Sensor, bits: int) -> None:  # type: ignore[type-arg]
     most = 2 ** (bits or sensor.adc_bits or 0) - 1
     top = {
-        "V": sensor.vref_volt,
-        "mV": 1e3 * sensor.vref_volt,
-        "percent": 100.0,
-        "fraction": 1.0,
-        "code": most,
-    }[unit]
+        "V": sensor.vref_volt, "mV": 1e3 * sensor.vref_volt, "uV": 1e6 * sensor.vref_volt, "permille": 1e3,
+        "percent": 100.0, "fraction": 1.0, "code": most,
+    }[unit]  # fmt: skip
     for n, name in enumerate(sensor.signatures):
         np.testing.assert_allclose(np.stack([one.values[:, n] for one in found]) / top, K[name], atol=3e-4)
     assert [one.time_s for one in found] == pytest.approx([0.02 * i for i in N], abs=1e-6)
@@ -467,11 +627,7 @@ def _check(found: list, unit: str, sensor: ts.Sensor, bits: int) -> None:  # typ
         ("t=0 s0=1 s1=2V7 s2=1 s3=1 s4=2\n" + "t=20 s0=1 s1=2.7 s2=1 s3=1 s4=2\n" * 9, "broken_lines"),
         # One channel by its name, the other perhaps by one that says nothing.
         (each(lambda i, s: f"{0.02 * i:.2f};{s};{hl(';', i, s)}", "t;strip;foo;low\n"), "foo"),
-        # The noise of open inputs; codes above what the spec's converter gives.
-        (
-            each(lambda i, s: f"{20 * i},{s},{c('kh', i, s, str(s % 3))},{c('kl', i, s, str(i % 2))}", HL),
-            "untouched",
-        ),
+        # Codes above what the spec's converter gives.
         (
             each(lambda i, s: f"{20 * i},{s}," + ",".join(v(n, i, s, 4095.0, ".0f") for n in ("kh", "kl")), CODES),
             "adc_bits",
@@ -497,7 +653,7 @@ NOISE = "t,s0,s1,s2\n" + "".join(f"{0.2 * i:.1f},1.1,1.2,0.0{12 + 7 * (i % 5)}\n
             "time_s,S0,S1,S2\n0,1134,1338,1529\n0.1,1177,2356,3330\n0.2,1180,2360,3200\n",
             "unit",
         ),  # mV or codes
-        (RISING, "column 1"),  # the time and the strips, or a count, the time, and so on
+        (RISING, "readings"),  # the time and the strips, or a count, the time, and so on
         (NOISE, "untouched"),
     ],
 )
@@ -514,6 +670,17 @@ def test_a_line_that_stands_twice_is_no_scan_of_its_own() -> None:
     lines.insert(5, lines[4].replace("1.2", "1.25"))
     with pytest.raises(ts.ReadingError, match="strip 1 is already on line 6"):
         propose(of_text("\n".join(["t,strip,v_out", *lines])), THREE)
+
+
+def test_what_is_open_beside_the_columns_is_asked_at_once() -> None:
+    text = scan(lambda i: ",".join(v("k", i, s, 3.3) for s in S), "thumb,index,middle,ring,little\n")
+    with pytest.raises(Unanswered) as asked:
+        propose(of_text(text), ONE)
+    assert [q.key for q in asked.value.questions] == ["readings", "rate_hz"]
+    answers = {"readings": asked.value.questions[0].choices[0], "rate_hz": "50"}
+    _check(propose(of_text(text), ONE, answers).scans, "V", ONE, 0)
+    with pytest.raises(ts.OptionError, match="these are 4 columns, and the sensor has 5 readings"):
+        propose(of_text(text), ONE, {"readings": "thumb..ring"})
 
 
 def test_names_of_more_columns_than_lines_have_are_not_passed_over() -> None:

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,7 @@ from tacstrip.thesis.chapter5 import error_figures
 from tacstrip.thesis.shapes import SIMULATED
 
 MODULES = (chapter2, chapter3, chapter4, error_figures)
-FIGURES = {number: draw for module in MODULES for number, draw in module.FIGURES.items()}
+FIGURES = {number: cache(draw) for module in MODULES for number, draw in module.FIGURES.items()}  # drawn once
 L = 1000.0
 OWNER = {name: sensor for sensor in SIMULATED.values() for name in sensor.signatures}
 

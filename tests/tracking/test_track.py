@@ -12,6 +12,7 @@ from click.testing import CliRunner
 
 import tacstrip as ts
 from rigid_scenes import CORNERS, at, distance, pressed, rigid_scene, sliding, ten_strips
+from studies.holdout.tracks_set import scene
 from tacstrip.arrays import FloatArray, plain
 from tacstrip.cli import cli
 from tacstrip.core.binding import exported
@@ -98,6 +99,25 @@ def test_the_size_of_the_sensor_does_not_matter(factor: float) -> None:
     assert distance(one.outline, CORNERS * factor) < 0.3 * factor
 
 
+def test_a_concave_outline_is_searched_for_beside_where_it_came_to_rest() -> None:
+    """Scenes of the tuning seeds: one ended 1.7 mm off, one was "likely" though its inner corner is nowhere read."""
+    known, hidden = (scene("concave", 3, number) for number in (3, 5))
+    (one,) = ts.track(known.scans, known.unit.sensor, NOISE)
+    assert known.outline is not None
+    assert distance(one.outline, known.outline) < 3.0
+    assert len(one.outline) == len(known.outline)
+    (other,) = ts.track(hidden.scans, hidden.unit.sensor, NOISE)
+    assert other.status == "doubtful"
+    assert len(other.alternatives) > 0
+
+
+def test_errors_that_follow_each_other_widen_the_regions_and_are_said() -> None:
+    wandering = scene("wander", 3, 4)
+    (one,) = ts.track(wandering.scans, wandering.unit.sensor, NOISE)
+    assert one.status == "likely"
+    assert "errors of channels follow each other from scan to scan" in one.advice
+
+
 def test_noise_that_is_not_given_is_found() -> None:
     sensor = ten_strips()
     (one,) = ts.track(pressed(sensor, CORNERS, sliding(30), ts.Noise(positional=0.001)), sensor)
@@ -175,7 +195,8 @@ def test_one_signature_takes_the_smoothest_path() -> None:
     sensor = ten_strips()
     both = pressed(sensor, CORNERS, sliding(40), NOISE, 3)
     (one,) = ts.track([ts.Scan(kh=scan.kh, time_s=scan.time_s) for scan in both], sensor, NOISE)
-    assert (one.status, len(one.outline)) == ("ok", 5)
+    assert (one.status, len(one.outline)) == ("likely", 5)  # as sure as the motion is smooth
+    assert "one signature on few strips" in one.advice
     assert distance(one.outline, CORNERS) < 0.7
     assert one.motion.startswith("smooth: ")
 

@@ -44,7 +44,9 @@ def test_what_is_placed_is_pressed_read_and_drawn() -> None:
     assert alone["lines"]
     simulator.place([BALL])
     assert simulator.change({"strips": 24}) is True
-    assert (simulator.settings.sensor.strips, simulator.settings.sensor.surface) == (24, TIP.surface)
+    now = simulator.settings.sensor
+    assert isinstance(now, ts.Sensor)
+    assert (now.strips, now.surface) == (24, TIP.surface)
     assert len(simulator.truth) == 1
 
 

@@ -15,6 +15,7 @@ from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
 import tacstrip as ts
+from docs_site.legible import refuse_small_letters
 from tacstrip.plot.scene import draw_contact, draw_sensor
 from tacstrip.plot.theme import COLOURS, new_axes, new_panels, save
 
@@ -76,7 +77,7 @@ def cross_section() -> Figure:
 
 def three_steps() -> Figure:
     """Return a press in three steps: from above, from the side, and as voltages."""
-    figure, (above, side, volts) = new_panels(9.0, 3.4, 1, 3)
+    figure, (above, side, volts) = new_panels(7.0, 3.2, 1, 3)
     sensor = ts.Sensor(construction="crs-crs", strips=10, pitch_mm=10.0, length_mm=100.0)
     contact = ts.Contact.polygon([(22, 18), (70, 34), (62, 72), (30, 66)])
     draw_sensor(above, sensor)
@@ -92,41 +93,40 @@ def three_steps() -> Figure:
     above.text(x[strip] + 2.0, low - 1.0, "l", color=_LIVE, va="top", style="italic", fontsize=11)
     above.text(x[strip] + 2.0, high + 1.0, "u", color=_LIVE, va="bottom", style="italic", fontsize=11)
     above.set(
-        title="1  Ten strips, seen from above",
+        title="1  Ten strips, from above",
         xlabel="across the strips, x [mm]",
         ylabel="along them, y [mm]",
     )
     _layers(side)
-    side.set(title="2  One of them, from the side", ylim=(-50, 60))
+    side.set(title="2  One, from the side", xlim=(-6, 106), ylim=(-62, 60))
     for at, name in ((_L, "l"), (_U, "u")):
         side.plot([at, at], [-9.0, 3.0], color=_LIVE, linewidth=0.9, linestyle="--")
         side.text(at, -11.0, name, ha="center", va="top", color=_LIVE, style="italic", fontsize=11)
-    side.text(50, -33, "between l and u both strips\ncarry the current", ha="center", va="center")
+    side.text(50, -44, "between l and u\nboth strips carry\nthe current", ha="center", va="center")
     kl, kh = _L / (_LENGTH - (_U - _L) / 2.0), (_L + (_U - _L) / 2.0) / (_LENGTH - (_U - _L) / 2.0)
     volts.plot([0, _LENGTH], [0, 1], color="#999999", linewidth=0.8, linestyle=":", label="untouched")
     volts.plot([0, _L, _U, _LENGTH], [0, kl, kh, 1], color="black", label="energised strip")
     volts.axvspan(_L, _U, color=_LIVE, alpha=0.12, linewidth=0)
     volts.plot([0, _L], [kl, kl], color=COLOURS["kl"], linestyle="--", linewidth=1.2)
     volts.plot([_U, _LENGTH], [kh, kh], color=COLOURS["kh"], linestyle="--", linewidth=1.2)
-    volts.text(-2, kl + 0.02, r"$k_l = v_l\,/\,V_{ref}$", color=COLOURS["kl"], va="bottom")
-    volts.text(99, kh - 0.03, r"$k_h = v_h\,/\,V_{ref}$", color=COLOURS["kh"], va="top", ha="right")
-    volts.set(
-        title="3  Its voltages give l and u", xlabel="along the strip, y [mm]", ylabel="voltage over Vref"
-    )
+    volts.text(-2, kl + 0.02, "$k_l$", color=COLOURS["kl"], va="bottom")
+    volts.text(99, kh - 0.03, "$k_h$", color=COLOURS["kh"], va="top", ha="right")
+    volts.set(title="3  Its voltages", xlabel="along the strip, y [mm]", ylabel="voltage over Vref")
+    volts.set_ylim(-0.03, 1.3)
     volts.legend(loc="upper left", frameon=False)
     return figure
 
 
 def pipeline() -> Figure:
     """Return the way from readings to a shape as three pictures of the same press."""
-    figure, (readings, ends, shape) = new_panels(9.0, 3.2, 1, 3)
+    figure, (readings, ends, shape) = new_panels(7.0, 2.9, 1, 3)
     sensor = ts.Sensor(construction="crs-crs", strips=20, pitch_mm=5.0, length_mm=100.0)
     contact = ts.Contact.polygon([(22, 18), (70, 34), (62, 72), (30, 66)])
     noise = ts.Noise(positional=0.005)
     scan = ts.simulate(sensor, contact, noise, rng=3)
     for name in ("kh", "kl"):
         readings.plot(range(sensor.strips), scan[name], "o", color=COLOURS[name], markersize=3.5)
-    readings.set(title="Two voltages a strip ...", xlabel="strip", ylabel="voltage over Vref")
+    readings.set(title="two voltages a strip", xlabel="strip", ylabel="voltage over Vref")
     readings.text(13.6, 0.6, "$k_h$", color=COLOURS["kh"])
     readings.text(13.6, 0.34, "$k_l$", color=COLOURS["kl"])
     readings.set(xlim=(-0.5, sensor.strips - 0.5), ylim=(0.0, 1.0), xticks=range(0, sensor.strips, 4))
@@ -136,10 +136,10 @@ def pipeline() -> Figure:
         draw_sensor(axes, sensor)
         axes.set(xlabel="x [mm]", ylabel="y [mm]")
     ends.plot(*profile.T, "o", color=_LIVE, markersize=3.0)
-    ends.set_title("... place both ends of the contact ...")
+    ends.set_title("both ends on each")
     draw_contact(shape, contact)
     shape.add_patch(Polygon(found, closed=True, fill=False, edgecolor=_LIVE, linewidth=1.6))
-    shape.set_title("... and all together the outline")
+    shape.set_title("the outline of all")
     return figure
 
 
@@ -154,7 +154,8 @@ class _Drawing(SphinxDirective):
         name = self.arguments[0]
         folder = Path(self.env.srcdir) / "_drawn"
         folder.mkdir(exist_ok=True)
-        save(DRAWINGS[name](), folder / f"{name}.png", dpi=110)
+        save(figure := DRAWINGS[name](), folder / f"{name}.png", dpi=120)
+        refuse_small_letters(figure, name)
         return [nodes.image(uri=f"/_drawn/{name}.png", alt=self.options["alt"])]
 
 

@@ -14,8 +14,11 @@ from pathlib import Path
 from typing import Any
 
 from docutils import nodes
+from matplotlib.figure import Figure
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
+
+from docs_site.legible import refuse_small_letters
 
 RESULTS = Path(__file__).parents[2] / "docs" / "reproduction" / "results.json"
 _METRICS = {"mc": "M.C. [rad]", "aoe": "A.O.E. [rad]", "ape": "A.P.E. [units]"}
@@ -150,16 +153,20 @@ def _draw(number: str, folder: Path) -> tuple[Path, str]:
     from tacstrip.thesis.reproduce import _DRAWN
     from tacstrip.thesis.shapes import POSITIONS
 
+    def drawn(figure: Figure) -> None:
+        save(figure, file, dpi=110)
+        refuse_small_letters(figure, file.name)
+
     file = folder / f"figure_{number.replace('.', '_')}.png"
     recovered = {row.figure: n for n, row in enumerate(rows())}
     if number in _DRAWN:
         if not file.exists():
-            save(_DRAWN[number](), file, dpi=80)
+            drawn(_DRAWN[number]())
         return file, caption(_DRAWN[number])
     row = rows()[recovered[number]]
     if not file.exists():
         cells = [run_cell(recovered[number], p, 1) for p in range(POSITIONS)]
-        save(recovery_figures.recovery(row, [cell.sample for cell in cells]), file, dpi=80)
+        drawn(recovery_figures.recovery(row, [cell.sample for cell in cells]))
     return file, recovery_figures.recovery_caption(row)
 
 

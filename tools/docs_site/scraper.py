@@ -8,6 +8,8 @@ from typing import Any
 import matplotlib.pyplot as plt
 from sphinx_gallery.scrapers import figure_rst
 
+from docs_site.legible import refuse_small_letters
+
 
 def figures(block: Any, block_vars: dict[str, Any], gallery_conf: dict[str, Any]) -> str:
     """Save the figure of the example after its last block, and return the reST that shows it."""
@@ -16,7 +18,8 @@ def figures(block: Any, block_vars: dict[str, Any], gallery_conf: dict[str, Any]
     if figure is None or any(line.startswith("# %%") for line in rest):
         return ""
     path = Path(next(block_vars["image_path_iterator"]))
-    figure.savefig(path, dpi=90)
+    figure.savefig(path, dpi=120)
+    refuse_small_letters(figure, path.name)
     plt.close("all")
     titles = [axes.get_title() or axes.get_ylabel() for axes in figure.axes]
     words = str(block_vars["example_globals"].get("__doc__") or "").strip().splitlines()

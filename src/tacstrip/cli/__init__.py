@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import difflib
 import errno
 import importlib
 import itertools
@@ -61,6 +62,7 @@ _TWO_LAYERS = (
     "replay",
     "convert",
     "recover",
+    "live",
 )  # the verbs that take a sensor of two layers
 _LOOK_SCANS = 10_000  # of a recording, for a warning
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
@@ -77,6 +79,12 @@ class _Verbs(click.Group):
         command = importlib.import_module(f"tacstrip.cli.{cmd_name}").command
         assert isinstance(command, click.Command)
         return command
+
+    def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
+        """Find the verb, or name the one that is nearly written so."""
+        if args[0] not in VERBS and (near := difflib.get_close_matches(args[0], VERBS, 1)):
+            ctx.fail(f"No such command {args[0]!r}. Did you mean {near[0]!r}?")
+        return super().resolve_command(ctx, args)
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the verb; whoever reads its output may stop, as `| head` does, and that is no error."""
@@ -176,9 +184,16 @@ def one_layer(name: str | Path, sensor: AnySensor) -> Sensor:
 
 def load_layers(spec: str | Path, without: Sequence[str] = ()) -> AnySensor:
     """Load a spec as `load_sensor` does, also one with two layers."""
+    from tacstrip.files import other_kind
     from tacstrip.io.input_checks import unlikely_lengths  # late, as all that loads NumPy
     from tacstrip.sensor.spec import Sensor
 
+    if (kind := other_kind(spec, ".toml")) and Path(spec).is_file():
+        ctx = click.get_current_context()
+        order = " ".join(p for p in ctx.command.collect_usage_pieces(ctx) if not p.startswith("[OPTIONS"))
+        raise OptionError(
+            f"{spec}: is {kind}, where the sensor's spec (.toml) belongs: tacstrip {ctx.info_name} {order}"
+        )
     sensor: AnySensor = Sensor.load(spec)
     if isinstance(sensor, Sensor):
         sensor = replace(sensor, without=(*sensor.without, *without))
@@ -237,10 +252,10 @@ def warn_of_log(name: str | Path, log: Log) -> None:
     """Warn of what is probably not meant in the readings of a file."""
     import numpy as np
 
-    from tacstrip.io.input_checks import implausible
+    from tacstrip.io.input_checks import implausible, other_scale
 
     raw = {n: np.where(log.touched, values, np.nan) for n, values in log.raw.items()}
-    warn(*implausible(name, log.sensor, raw))
+    warn(*implausible(name, log.sensor, raw), other_scale(name, log.sensor, raw))
 
 
 def save_picture(

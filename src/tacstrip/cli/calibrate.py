@@ -177,6 +177,10 @@ def _show_result(result: Calibrated) -> None:
         f"before, {result.rms_percent(result.mean):.3g} % after mean offsets, "
         f"{result.rms_percent(result.after):.3g} % after this"
     )
+    from tacstrip.report.calibration import wrongest  # late, as all that loads Matplotlib
+
+    furthest = ", ".join(f"strip {strip} ({percent:.2g} %)" for strip, percent in wrongest(result, 3))
+    click.echo(f"  furthest off before: {furthest}")
     for p in result.parameters:
         if p.strip is None:
             click.echo(f"  {p.name} = {p.value:.5g} +- {p.sigma:.2g} {p.unit}".rstrip())

@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+import time
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import click
+import numpy as np
 from rich.progress import Progress
 
-from tacstrip.cli import options
+from tacstrip.cli import options, warn
+from tacstrip.dataset.batches import simulate_many
 from tacstrip.dataset.generation import DataSet, generate
+
+_SOME, _SOME_WIDE = 500, 2  # scans that are looked at first; those of resolved strips take long
+_MUCH, _LONG_S = 0.01, 60.0  # share of scans that no strip feels, and time, that are worth a word
 
 
 @click.command()
@@ -23,6 +31,7 @@ def command(study: Path, out: Path, workers: int | None) -> None:
     Example: tacstrip generate study.toml --out data
     """
     data = DataSet.load(study)
+    _look(data)
     with Progress(transient=True) as bar:
         task = bar.add_task("scans", total=data.shapes.n)
         written = generate(data, out, workers, lambda n, total: bar.update(task, completed=n, total=total))
@@ -30,3 +39,24 @@ def command(study: Path, out: Path, workers: int | None) -> None:
     click.echo(f"{out}: {data.shapes.n} scans of {data.sensor.strips} strips ({counts})"
                + ("" if written else "; it was complete already"))  # fmt: skip
     click.echo(f"{out / 'README.md'}: what is in it, and how to read it")
+
+
+def _look(data: DataSet) -> None:
+    """Warn, by some scans, where many would be empty, or where it would take long."""
+    some = replace(data.shapes, n=min(data.shapes.n, _SOME_WIDE if data.sensor.strip_width_mm else _SOME))
+    begun = time.perf_counter()
+    model: Any = data.model
+    scans = simulate_many(data.sensor, some, rng=data.seed, model=model, workers=1)
+    each_s = (time.perf_counter() - begun) / some.n
+    assert scans.labels is not None
+    pressed = (scans.labels.kind > 0).any(axis=1)
+    unseen = int((pressed & ~np.isfinite(scans[data.sensor.signatures[0]]).any(axis=1)).sum())
+    if unseen > _MUCH * some.n:
+        warn(
+            f"{unseen} of the first {some.n} scans have an object and touch no strip, as it lies between two: make "
+            "size_mm larger, or the pitch finer"
+        )
+    if each_s * data.shapes.n > _LONG_S:
+        wide = "; strips of strip_width_mm are resolved one by one: leave it out of the sensor for thin ones"
+        why = wide if data.sensor.strip_width_mm else ""
+        warn(f"this takes some {each_s * data.shapes.n / 60.0:.0f} minutes on one core{why}")

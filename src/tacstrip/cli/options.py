@@ -40,6 +40,7 @@ def _in_digits(value: Any, param: click.Parameter | None, ctx: click.Context | N
     return value
 
 
+_MUCH = 0.05  # of Vref: five times P.U. profile II
 NUMBER, WHOLE = _Number(), _Whole()
 FILE = click.Path(path_type=Path)
 POINT = (NUMBER, NUMBER)
@@ -155,6 +156,12 @@ def noise(command: Callable[..., None]) -> Callable[..., None]:
         from tacstrip.contact.noise import Noise
 
         made = Noise(quantisation=quantisation, positional=positional, distribution=distribution)
+        for name, half in (("--quantisation", quantisation), ("--positional", positional)):
+            if half > _MUCH:
+                click.echo(
+                    f"Warning: {name} {half:g}: is {100.0 * half:.4g} % of Vref; is it in percent? Then write "
+                    f"{half / 100.0:g}", err=True
+                )  # fmt: skip
         command(noise=made, **rest)
 
     return call

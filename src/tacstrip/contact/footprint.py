@@ -126,7 +126,7 @@ def _area_ends(sensor: Sensor, contacts: Sequence[Contact]) -> tuple[FloatArray,
     if (core := exported("footprint")) is not None:
         points, ring, owner = _points(contacts, "Polygon")
         l, u = (np.empty(math.prod(shape) + 4)[:-4].reshape(shape) for _ in range(2))
-        begin = np.searchsorted(owner, np.arange(len(contacts) + 1))
+        begin = owner.searchsorted(np.arange(len(contacts) + 1))
         core(at(points), at(ring), at(begin), *(len(contacts), sensor.pitch_mm, sensor.strips), at(l), at(u))
         return l, u
     l, u = np.full(shape, np.nan), np.full(shape, np.nan)
@@ -177,6 +177,11 @@ def _edges(contacts: Sequence[Contact], kind: str) -> tuple[FloatArray, FloatArr
 
 def _points(contacts: Sequence[Contact], kind: str) -> tuple[FloatArray, IntArray, IntArray]:
     """Return the points (P, 2) [mm] of the shapes of one kind, which line or ring each is of, and which contact."""
+    if len(contacts) == 1 and len(contacts[0].shapes) == 1:
+        only = contacts[0].shapes[0]
+        if only.geom_type == kind and not (kind == "Polygon" and len(only.interiors)):
+            xy = shapely.get_coordinates(only)
+            return xy, (none := np.zeros(len(xy), dtype=np.int64)), none
     pairs = [(s, i) for i, c in enumerate(contacts) for s in c.shapes if s.geom_type == kind]
     lines = np.array([s for s, _ in pairs])
     owner = np.array([i for _, i in pairs], dtype=np.int64)

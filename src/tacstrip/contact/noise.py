@@ -13,6 +13,7 @@ import numpy.typing as npt
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.signature import signatures
 from tacstrip.sensor.constructions import check_closed_form
+from tacstrip.sensor.converter import Converter
 from tacstrip.sensor.noise import Noise as Noise
 from tacstrip.sensor.spec import Sensor
 
@@ -34,16 +35,22 @@ def add_transition_errors(x_mm: FloatArray, noise: Noise, rng: np.random.Generat
     return np.asarray(x_mm + _draw(noise.transition_mm, noise.distribution, x_mm.shape, rng))
 
 
-def digitise(k: FloatArray, bits: int | None) -> FloatArray:
+def digitise(k: FloatArray, bits: int | None, converter: Converter | None = None) -> FloatArray:
     """Return readings as an A/D converter of so many bits gives them: clipped to 0..1, then rounded.
 
-    Codes run from 0 to 2^bits - 1, which reads Vref. Without a converter, readings are only clipped.
+    Codes run from 0 to 2^bits - 1, which reads Vref. Without a converter, readings are only clipped. One with wide
+    codes rounds to its own, and is corrected as it is where codes are read.
     """
-    k = np.minimum(np.maximum(k, 0.0), 1.0)
-    if bits is None:
-        return k
-    top = 2.0**bits - 1.0
-    return np.asarray(np.rint(k * top) / top)
+    k = np.asarray(np.maximum(k, 0.0))
+    np.minimum(k, 1.0, out=k)
+    if bits is not None and converter is not None:
+        return np.clip(converter.correct(digitise(converter.distort(k, bits), bits), bits), 0.0, 1.0)
+    if bits is not None:
+        top = 2.0**bits - 1.0
+        k *= top
+        np.rint(k, out=k)
+        k /= top
+    return k
 
 
 def generator(rng: Rng) -> np.random.Generator:

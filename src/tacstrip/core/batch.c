@@ -185,10 +185,12 @@ typedef struct {
   double s[SHAPE_CORNERS], y[SHAPE_CORNERS], rise[SHAPE_CORNERS];
 } Sides;
 
-static inline Pack highest(const Sides *sides, Pack at) {
-  Pack most = all(-INFINITE);
-  for (Int i = 0; i < sides->count; i++) most = greater(sides->y[i] + (at - sides->s[i]) * sides->rise[i], most);
-  return most;
+/* The highest of them at BLOCKS places. */
+static inline void highest(const Sides *sides, const Pack *at, Pack *most) {
+  for (int j = 0; j < BLOCKS / WIDTH; j++) most[j] = all(-INFINITE);
+  for (Int i = 0; i < sides->count; i++)
+    for (int j = 0; j < BLOCKS / WIDTH; j++)
+      most[j] = greater(sides->y[i] + (at[j] - sides->s[i]) * sides->rise[i], most[j]);
 }
 
 /* A convex polygon of `count` corners x, y [mm], counter-clockwise, with room for WIDTH more: it lies above the lines of
@@ -215,11 +217,16 @@ static inline void touch_polygon(const Touch *touch, double pitch, double *x, do
     right = larger(right, s[i]);
   }
   Int first = first_strip(left), last = last_strip(right, touch->strips);
-  for (Int i = first - first % WIDTH; i <= last; i += WIDTH) {
-    Pack at = all((double)i) + load(LANE), l = highest(&below, at), minus_u = highest(&above, at);
-    Mask there = (at >= left) & (at <= right);
-    lower(touch->l + i, there, l);
-    lower(touch->minus_u + i, there, lesser(minus_u, -l)); /* never crossed by rounding */
+  for (Int i = first - first % BLOCKS; i <= last; i += BLOCKS) {
+    Pack at[BLOCKS / WIDTH], l[BLOCKS / WIDTH], minus_u[BLOCKS / WIDTH];
+    for (int j = 0; j < BLOCKS / WIDTH; j++) at[j] = all((double)(i + j * WIDTH)) + load(LANE);
+    highest(&below, at, l);
+    highest(&above, at, minus_u);
+    for (int j = 0; j < BLOCKS / WIDTH; j++) {
+      Mask there = (at[j] >= left) & (at[j] <= right);
+      lower(touch->l + i + j * WIDTH, there, l[j]);
+      lower(touch->minus_u + i + j * WIDTH, there, lesser(minus_u[j], -l[j])); /* never crossed by rounding */
+    }
   }
 }
 
@@ -305,12 +312,12 @@ static void touch_shapes(const BatchSensor *s, const ShapeLaws *laws, const Draw
 /* Where a scan is worked on, each with room for BLOCKS more than the strips. */
 typedef struct {
   double *start, *left; /* (strips,) l and the length of the contact less what its ends do not short, where they do not */
-  void *rows[4];        /* readings, l and u, as they are written, NaN where nothing touches */
+  void *rows[4];        /* readings, l and u, as they are written; null where they are not */
   Word64 *words;
 } Desk;
 
 /* Contact resistance: current goes over within some lambda of each end. */
-static void soften(const Touch *touch, double lam, Desk *desk) {
+static void soften(const Touch *touch, double lam, const Desk *desk) {
   for (Int i = touch->first; i < touch->end; i++) {
     double w = -touch->minus_u[i] - touch->l[i], t = w >= 0.0 ? lam * hyperbolic_tangent(w / (2.0 * lam)) : 0.0;
     desk->start[i] = touch->l[i] + t;
@@ -327,21 +334,13 @@ static inline void put_pack(void *row, Int single, Int i, Pack v) {
 #endif
 }
 
-/* Write readings as the converter has them: within 0 to 1, and in steps. */
-static inline void digitise(void *row, Int single, Int i, Pack k, double top) {
+/* Readings as the converter has them: within 0 to 1, and in steps. Rounded to float, quotients of whole numbers below 2^24 are
+   the same by the reciprocal: of an odd `top` none lies near the middle between two floats. */
+static inline Pack digitised(Pack k, double top, double over_top) {
   k = lesser(all(1.0), greater(all(0.0), k));
-  if (!(top > 0.0)) {
-    put_pack(row, single, i, k);
-    return;
-  }
+  if (!(top > 0.0)) return k;
   k = rounded(k * top);
-#if WIDTH > 1
-  if (single && top < 16777216.0) { /* the same bits, sooner: both are whole, and a quotient of doubles has bits enough */
-    *(Singles *)((float *)row + i) = __builtin_convertvector(k, Singles) / (float)top;
-    return;
-  }
-#endif
-  put_pack(row, single, i, k / top);
+  return over_top > 0.0 ? k * over_top : k / top;
 }
 
 /* sqrt(-2 log p), the logarithm as natural_log has it. */
@@ -361,37 +360,56 @@ static inline Pack normal_radius(Pack p) {
 #endif
 }
 
-/* Write what the touched strips read to the desk, and leave `touch` empty. The words of strips 8 v to 8 v + 7 are the eighths
-   v D to v D + D - 1 of the scan's stream, where a strip takes D words. Of the two words of a normal pair p and q, as shares, it
-   is sqrt(-2 log p) times cosine and sine (Box and Muller). */
-static void read_strips(const BatchSensor *s, const BatchErrors *e, const Keys *keys, Int scan, Touch *touch, Desk *desk) {
-  Int parts = 0, from = touch->first / BLOCKS, to = touch->end / BLOCKS;
-  double scale[2], none = not_a_number();
+/* Write what the touched strips read. The words of strips 8 v to 8 v + 7 are the eighths v D to v D + D - 1 of the scan's stream,
+   where a strip takes D words. Of the two words of a normal pair p and q, as shares, it is sqrt(-2 log p) times cosine and sine
+   (Box and Muller). What is constant is copied, for what is written might be it. */
+static inline void read_as(const BatchSensor *sensor, const BatchErrors *e, const Keys *keys, Int scan, const Touch *touch,
+                           const Desk *desk, Int signatures, Int single) {
+  const BatchSensor s = *sensor;
+  const Touch t = *touch;
+  const Desk to = *desk;
+  const double sigma = e->sigma, none = not_a_number();
+  const double over_top = single && s.top > 0.0 && s.top < 16777216.0 ? 1.0 / s.top : 0.0;
+  Int parts = 0, from = t.first / BLOCKS, end = t.end / BLOCKS;
+  double scale[2];
   for (int i = 0; i < 2; i++)
     if (e->uniform[i] > 0.0) scale[parts++] = e->uniform[i] * (1.0 / 2147483648.0);
-  Int each = parts * s->signatures + (e->sigma > 0.0 ? 2 : 0), call = from * each / 4, start = call;
-  const Word64 *words = desk->words;
-  for (; 4 * call < to * each; call++) philox(keys, (Word32)(BLOCKS * call), 0, scan, desk->words + WORDS * (call - start));
-  if (s->lam > 0.0) soften(touch, s->lam, desk);
-  for (Int i = touch->first; i < touch->end; i += WIDTH) {
-    const Word64 *word = words + BLOCKS * (i / BLOCKS * each - 4 * start) + i % BLOCKS;
-    Pack l = load(touch->l + i), u = -load(touch->minus_u + i), left = s->lam > 0.0 ? load(desk->left + i) : u - l;
-    Pack from_l = s->lam > 0.0 ? load(desk->start + i) : l, below = s->length - s->narrow * left, radius, wave[2];
+  Int each = parts * signatures + (sigma > 0.0 ? 2 : 0), call = from * each / 4, start = call;
+  for (; 4 * call < end * each; call++) philox(keys, (Word32)(BLOCKS * call), 0, scan, to.words + WORDS * (call - start));
+  if (s.lam > 0.0) soften(touch, s.lam, desk);
+  for (Int i = t.first; i < t.end; i += WIDTH) {
+    const Word64 *word = to.words + BLOCKS * (i / BLOCKS * each - 4 * start) + i % BLOCKS;
+    const Word64 *pair = word + BLOCKS * parts * signatures;
+    Pack l = load(t.l + i), u = -load(t.minus_u + i), from_l = l, left = u - l, radius = l, wave[2];
     Mask there = u >= l;
-    if (e->sigma > 0.0) {
-      const Word64 *pair = word + BLOCKS * parts * s->signatures;
+    if (s.lam > 0.0) {
+      from_l = load(to.start + i);
+      left = load(to.left + i);
+    }
+    if (sigma > 0.0) {
       turned(share_of(pair + BLOCKS) * 6.28318530717958647693, wave + 1, wave);
-      radius = e->sigma * normal_radius(share_of(pair));
+      radius = sigma * normal_radius(share_of(pair));
     }
-    for (Int row = 0; row < s->signatures; row++) {
-      Pack k = (from_l + s->share[row] * left) / below;
-      for (Int part = 0; part < parts; part++, word += BLOCKS) k += scale[part] * centred(word);
-      if (e->sigma > 0.0) k += radius * wave[row];
-      digitise(desk->rows[row], s->single, i, where(there, k, all(none)), s->top);
+    Pack below = s.length - s.narrow * left;
+    for (Int row = 0; row < signatures; row++) {
+      Pack k = (from_l + s.share[row] * left) / below;
+      if (parts > 0) k += scale[0] * centred(word + BLOCKS * parts * row);
+      if (parts > 1) k += scale[1] * centred(word + BLOCKS * (parts * row + 1));
+      if (sigma > 0.0) k += radius * wave[row];
+      put_pack(to.rows[row], single, i, where(there, digitised(k, s.top, over_top), all(none)));
     }
-    put_pack(desk->rows[2], s->single, i, where(there, l, all(none)));
-    put_pack(desk->rows[3], s->single, i, where(there, u, all(none)));
+    if (!to.rows[2]) continue;
+    put_pack(to.rows[2], single, i, where(there, l, all(none)));
+    put_pack(to.rows[3], single, i, where(there, u, all(none)));
   }
+}
+
+static void read_strips(const BatchSensor *s, const BatchErrors *e, const Keys *keys, Int scan, const Touch *touch,
+                        const Desk *desk) {
+  if (s->signatures == 2) {
+    if (s->single) read_as(s, e, keys, scan, touch, desk, 2, 1);
+    else read_as(s, e, keys, scan, touch, desk, 2, 0);
+  } else read_as(s, e, keys, scan, touch, desk, 1, s->single);
 }
 
 /* The first strip that metal joins to both its ends, -1 where there is none. */
@@ -403,14 +421,21 @@ static Int shorted(const Touch *touch, const void *row, Int single) {
   return -1;
 }
 
-static void clear(Touch *touch, const Desk *desk, Int single) {
-  Pack none = all(not_a_number());
+static void clear(Touch *touch) {
   for (Int i = touch->first; i < touch->end; i += WIDTH) {
     store(touch->l + i, all(INFINITE));
     store(touch->minus_u + i, all(INFINITE));
-    for (int row = 0; row < 4; row++) put_pack(desk->rows[row], single, i, none);
   }
   touch->first = touch->end = 0;
+}
+
+/* Write NaN where nothing touches. */
+static inline void blank(void *row, Int single, Int first, Int end) {
+  double none = not_a_number();
+  if (single)
+    for (Int i = first; i < end; i++) ((float *)row)[i] = (float)none;
+  else
+    for (Int i = first; i < end; i++) ((double *)row)[i] = none;
 }
 
 static inline void copy(char *restrict to, const char *restrict from, Int bytes) {
@@ -420,17 +445,16 @@ static inline void copy(char *restrict to, const char *restrict from, Int bytes)
 Int tacstrip_batch(const BatchSensor *s, const ShapeLaws *laws, const BatchErrors *errors, Int first, Int scans,
                    const double *l, const double *u, const BatchResult *out, double *workspace) {
   Int n = s->strips, padded = n + BLOCKS - n % BLOCKS, bad = -1, scene = -1, objects = 0;
-  Int bytes = n * (Int)(s->single ? sizeof(float) : sizeof(double));
+  Int bytes = n * (Int)(s->single ? sizeof(float) : sizeof(double)), in_place = scans - BLOCKS / n - 1;
   double *at = workspace;
   Touch touch = {at, at + padded, n, 0, padded};
-  Desk desk = {at + 2 * padded, at + 3 * padded, {at + 4 * padded, at + 5 * padded, at + 6 * padded, at + 7 * padded},
-               (Word64 *)(at + 8 * padded)};
-  void *to[] = {out->readings[0], out->readings[1], out->l, out->u};
+  Desk desk = {at + 2 * padded, at + 3 * padded, {0}, (Word64 *)(at + 8 * padded)};
+  char *to[] = {out->readings[0], s->signatures > 1 ? out->readings[1] : 0, out->l, out->u};
   Drawn drawn[SHAPE_OBJECTS];
   Keys keys;
   CHECK(!laws || (laws->objects[1] <= SHAPE_OBJECTS && laws->corners[1] <= SHAPE_CORNERS && laws->frames >= 1));
   spread_key(errors->key, &keys);
-  clear(&touch, &desk, s->single);
+  clear(&touch);
   for (Int row = 0; row < scans; row++) {
     if (laws) {
       Int now = laws->frames > 1 ? (first + row) / laws->frames : first + row;
@@ -445,14 +469,21 @@ Int tacstrip_batch(const BatchSensor *s, const ShapeLaws *laws, const BatchError
         touch.minus_u[i] = high == high ? -high : INFINITE;
       }
     }
+    /* What is written past the end of a row is written over by the next ones; the last ones are copied. */
+    for (Int j = 0; j < 4; j++)
+      desk.rows[j] = !to[j] ? 0 : row < in_place ? to[j] + row * bytes : (char *)(workspace + (4 + j) * padded);
     read_strips(s, errors, &keys, first + row, &touch, &desk);
+    for (Int j = 0; j < 4; j++) {
+      if (!to[j]) continue;
+      blank(desk.rows[j], s->single, 0, touch.first);
+      blank(desk.rows[j], s->single, touch.end, n);
+      if (row >= in_place) copy(to[j] + row * bytes, desk.rows[j], bytes);
+    }
     if (bad < 0 && s->narrow == 1.0) {
       Int strip = shorted(&touch, desk.rows[0], s->single);
       if (strip >= 0) bad = row * n + strip;
     }
-    for (Int j = 0; j < 4; j++)
-      if (j < 2 ? j < s->signatures : out->l != 0) copy((char *)to[j] + row * bytes, desk.rows[j], bytes);
-    clear(&touch, &desk, s->single);
+    clear(&touch);
   }
   return bad;
 }

@@ -33,6 +33,7 @@ from tacstrip.core.binding import (
     at,
     exported,
 )
+from tacstrip.core.block_pool import empty_arrays
 from tacstrip.sensor.closed_form import fraction, sensing_share
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
@@ -144,23 +145,25 @@ def closed_forms(sensor: Sensor, l_mm: FloatArray, u_mm: FloatArray) -> dict[str
     by, errors, out = batch_sensor(sensor), BatchErrors(), np.empty((len(sensor.signatures), sensor.strips))
     by.top, workspace = 0.0, np.empty(14 * sensor.strips + 512)
     result = BatchResult((at(out[0]), at(out[-1])))
-    given = (np.ascontiguousarray(l_mm), np.ascontiguousarray(u_mm))
-    core(ctypes.addressof(by), None, ctypes.addressof(errors), 0, 1, at(given[0]), at(given[1]),
-         ctypes.addressof(result), at(workspace))  # fmt: skip
+    l, u = np.ascontiguousarray(l_mm), np.ascontiguousarray(u_mm)
+    core(ctypes.addressof(by), None, ctypes.addressof(errors), 0, 1, at(l), at(u), ctypes.addressof(result),
+         at(workspace))  # fmt: skip
     return dict(zip(sensor.signatures, out, strict=True))
 
 
 def _empty(sensor: BatchSensor, laws: ShapeLaws | None, scans: int, labels: bool) -> Arrays:
     kind = np.float32 if sensor.single else np.float64
-    out: Arrays = {"readings": np.empty((sensor.signatures, scans, sensor.strips), kind)}
+    sizes: dict[str, tuple[tuple[int, ...], npt.DTypeLike]] = {
+        "readings": ((sensor.signatures, scans, sensor.strips), kind)
+    }
     if labels:
-        out |= {name: np.empty((scans, sensor.strips), kind) for name in ("l", "u")}
+        sizes |= dict.fromkeys(("l", "u"), ((scans, sensor.strips), kind))
     if labels and laws is not None:
         many = (scans, laws.objects[1])
-        out |= {name: np.empty(many, np.int8) for name in ("kind", "corners")}
-        sizes = {"pose": (3,), "axes": (2,), "vertices": (laws.corners[1], 2)}
-        out |= {name: np.empty((*many, *size), kind) for name, size in sizes.items()}
-    return out
+        sizes |= dict.fromkeys(("kind", "corners"), (many, np.int8))
+        more = {"pose": (3,), "axes": (2,), "vertices": (laws.corners[1], 2)}
+        sizes |= {name: ((*many, *size), kind) for name, size in more.items()}
+    return empty_arrays(sizes)
 
 
 def _result(out: Arrays, part: slice) -> BatchResult:

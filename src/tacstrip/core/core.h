@@ -14,7 +14,7 @@
 #ifndef TACSTRIP_CORE_H
 #define TACSTRIP_CORE_H
 
-#define TACSTRIP_VERSION 11 /* goes up whenever a function or a struct of this file changes */
+#define TACSTRIP_VERSION 12 /* goes up whenever a function or a struct of this file changes */
 
 #define MAX_VERTICES 16        /* interior vertices of a polygon */
 #define END_ENTRIES 6          /* entries of theta before the first vertex */
@@ -386,6 +386,12 @@ EXPORTED Int tacstrip_convex_polyline(const double *x, const double *y, const do
 /* Write the lower chain of the convex hull of points (n, 2), ascending in x and, at one x, in y, to hull (n, 2) from left to
    right; return how many points. */
 EXPORTED Int tacstrip_lower_hull(const double *points, Int n, double *hull);
+
+/* Move the vertices (count, 2) of a polygon by their covariance (2 count, 2 count) as normal (draws, 2 count) numbers say: off
+   (draws, count, 2), and the area that its edges sweep at most, areas (draws,). A covariance may be singular.
+   workspace (4 count^2 + 2 count + 1,). */
+EXPORTED void tacstrip_swept_areas(const double *vertices, const double *covariance, Int count, const double *normal,
+                                   Int draws, double *off, double *areas, double *workspace);
 
 /* Simulate scans number first to first + scans - 1: of shapes drawn by laws, or where that is null of contacts from l to u
    (scans, strips) [mm]. Numbers depend on the key and the scan's number alone. Returns the place (scan, strip) of the first

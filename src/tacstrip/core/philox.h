@@ -30,15 +30,15 @@ typedef int Halves __attribute__((vector_size(8 * WIDTH)));
 #endif
 #endif
 
-/* What each round adds of a key. */
+/* What each round adds of a key, in every lane. */
 typedef struct {
-  Word64 round[ROUNDS][2];
+  Words round[ROUNDS][2];
 } Keys;
 
 static inline void spread_key(const Word32 *key, Keys *keys) {
   for (Word64 i = 0; i < ROUNDS; i++) {
-    keys->round[i][0] = (key[0] + i * 0x9E3779B9ULL) & LOW_HALF;
-    keys->round[i][1] = (key[1] + i * 0xBB67AE85ULL) & LOW_HALF;
+    keys->round[i][0] = (Words){0} + ((key[0] + i * 0x9E3779B9ULL) & LOW_HALF);
+    keys->round[i][1] = (Words){0} + ((key[1] + i * 0xBB67AE85ULL) & LOW_HALF);
   }
 }
 

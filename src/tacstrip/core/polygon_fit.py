@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -73,7 +74,7 @@ class PolygonFit:
         """Where all vertices are in x, ends included, ascending (m + 2,), in units of the problem."""
         return np.concatenate([self.theta[:1], self.theta[END_ENTRIES::2], self.theta[3:4]])
 
-    @property
+    @cached_property
     def chains(self) -> tuple[FloatArray, FloatArray]:
         """Lower and upper chain (M, 2), (N, 2) in units of the problem, held to l <= u."""
         vertices = self.theta[END_ENTRIES:].reshape(-1, 2)
@@ -176,11 +177,13 @@ class PolygonFit:
         """Return a copy of what the compiled core left in a `POLYGON` (1,)."""
         m = int(record["m"][0])
         theta, upper = record["theta"][0, : END_ENTRIES + 2 * m], record["upper"][0, :m]
-        return cls(theta.copy(), upper.copy(), record["vertical"][0].copy(), float(record["cost"][0]))
+        found = cls(theta.copy(), upper.copy(), record["vertical"][0].copy(), float(record["cost"][0]))
+        found.__dict__["record"] = record.copy()  # the cached property's place
+        return found
 
-    @property
+    @cached_property
     def record(self) -> npt.NDArray[Any]:
-        """A copy for the compiled core: a `POLYGON` (1,); there may be MAX_VERTICES vertices."""
+        """For the compiled core, not to be written to: a `POLYGON` (1,); there may be MAX_VERTICES vertices."""
         record, m = np.zeros(1, POLYGON), self.n_interior
         record["m"], record["vertical"] = m, self.vertical_ends
         record["theta"][0, : END_ENTRIES + 2 * m], record["upper"][0, :m] = self.theta, self.chain
@@ -193,7 +196,7 @@ def refine(fit: PolygonFit, problem: FitProblem) -> PolygonFit:
     core = exported("refine")
     if core is None:
         return plain_refine(fit, problem)
-    record = fit.record
+    record = fit.record.copy()
     core(problem.compiled, at(record))
     return PolygonFit.of_record(record)
 

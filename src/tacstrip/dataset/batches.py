@@ -139,10 +139,12 @@ class _Run:
 
     @cached_property
     def errors(self) -> BatchErrors | None:
-        """The errors as the core draws them; None where some last, are shared or stray."""
+        """The errors as the core draws them; None where some last, are shared or stray, or codes differ in width."""
         noise = self.noise
-        if not (noise.independent or replace(noise, white=0.0).independent) or (
-            noise.white and noise.white_shared
+        if (
+            self.sensor.converter is not None
+            or not (noise.independent or replace(noise, white=0.0).independent)
+            or (noise.white and noise.white_shared)
         ):
             return None
         parts, variance = (noise.quantisation, noise.positional), noise.white**2
@@ -261,7 +263,7 @@ class _Run:
             process = NoiseProcess(self.noise, self.sensor, np.random.Generator(own))
             ends = (ends_mm[0][part], ends_mm[1][part])
             for name, k in process.add({n: k[part] for n, k in ideal.items()}, time_s[part], ends).items():
-                found[name][part] = digitise(k, self.sensor.adc_bits)
+                found[name][part] = digitise(k, self.sensor.adc_bits, self.sensor.converter)
         return found
 
     def _ends(self, contacts: Sequence[Contact | None]) -> tuple[FloatArray, FloatArray]:

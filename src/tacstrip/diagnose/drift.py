@@ -6,8 +6,9 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import sparse, stats
-from scipy.signal import medfilt
+from scipy import sparse
+from scipy.ndimage import median_filter
+from scipy.special import fdtrc, ndtri, stdtr  # scipy.stats takes half a second to import
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
 from tacstrip.diagnose.bend_model import BendModel, Explanation
@@ -30,6 +31,7 @@ _USUAL = 0.02  # over Vref: prior standard deviation of each
 _FEWEST = 24  # bends of a strip
 _PAUSE, _STEP = 2, 0.12  # rows between two looks at a strip, and over Vref, how far its contact moves in one
 _LOOKS_BESIDE, _MOST_IN_LOOK = 14, 6  # looks, and rows of one that count
+_LEAST_CHANCE = float(np.exp(-700.0))  # that a float can hold, nearly
 _CONSTANT = 3  # numbers of a strip's constant error
 # A change stands out if it explains so much more than the next strip's does, and is certain (standard deviations).
 _GAIN, _OUTSTANDING, _CERTAIN, _SIZE = 140.0, 2.1, 2.7, 0.0025
@@ -162,7 +164,7 @@ def _levels_at_rest(log: Log, order: IntArray, tau: FloatArray) -> tuple[FloatAr
         # A stray block is not a change.
         there = np.flatnonzero(np.isfinite(own[:, place]))
         if len(there) >= _LOOKS and np.ptp(_MIDDLE[there]) >= _SPAN:
-            out[there, order[place]] = medfilt(own[there, place], 3)
+            out[there, order[place]] = median_filter(own[there, place], 3, mode="constant")
             out[there[[0, -1]], order[place]] = np.nan  # which the filter pads
     return out, float(np.median(shared)) if shared else np.nan
 
@@ -347,12 +349,12 @@ def _looked_at(
     return (
         slope * float(np.sqrt(12.0)),
         size,
-        _normal(stats.f.logsf(ratio, many, max(free - many, 1))),
-        _normal(stats.t.logsf(t, max(free - 1, 1)) + np.log(2.0)),
+        _normal(fdtrc(many, max(free - many, 1), ratio)),
+        _normal(2.0 * stdtr(max(free - 1, 1), -t)),
         len(mean),
     )
 
 
-def _normal(log_chance: float) -> float:
+def _normal(chance: float) -> float:
     """Return the deviations of a normal error that are as unlikely."""
-    return float(stats.norm.isf(np.exp(max(log_chance, -700.0))))
+    return -float(ndtri(max(chance, _LEAST_CHANCE)))

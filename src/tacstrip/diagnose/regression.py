@@ -11,23 +11,24 @@ _BACK = 3  # times: twice may be one movement to and fro
 _RANGE = 0.3  # over Vref: a contact that sways shows little else than its shape
 
 
-def regress_out(values: FloatArray, *terms: FloatArray) -> FloatArray:
-    """Return the residual of values (rows,) after regression on a constant and the terms, each (rows,).
+def orthonormal(*terms: FloatArray) -> list[FloatArray]:
+    """Return an orthonormal basis of what the terms, each (rows,), span.
 
     Gram-Schmidt by hand: BLAS would start threads for these few columns, which wait for each other on a busy machine.
     """
-    basis: list[FloatArray] = []  # orthonormal
-    for term in (np.ones(len(values)), *terms):
-        rest = _orthogonal_part(_orthogonal_part(term, basis), basis)  # twice, for rounding
-        length = np.sqrt(np.sum(rest**2))
-        if length > _DEPENDENT * np.sqrt(np.sum(term**2)):
+    basis: list[FloatArray] = []
+    for term in terms:
+        rest = orthogonal_part(orthogonal_part(term, basis), basis)  # twice, for rounding
+        length = np.sqrt((rest**2).sum())
+        if length > _DEPENDENT * np.sqrt((term**2).sum()):
             basis.append(rest / length)
-    return _orthogonal_part(values, basis)
+    return basis
 
 
-def _orthogonal_part(values: FloatArray, basis: list[FloatArray]) -> FloatArray:
+def orthogonal_part(values: FloatArray, basis: list[FloatArray]) -> FloatArray:
+    """Return values (rows,) less their parts along an orthonormal basis."""
     for axis in basis:
-        values = values - np.sum(values * axis) * axis
+        values = values - (values * axis).sum() * axis
     return values
 
 

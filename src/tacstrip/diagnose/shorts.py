@@ -12,7 +12,7 @@ from tacstrip.arrays import BoolArray, FloatArray, IntArray
 from tacstrip.diagnose.bend_model import BendModel
 from tacstrip.diagnose.neighbour_pairs import NeighbourPair, neighbour_pair
 from tacstrip.diagnose.neighbour_prediction import Suspect, WorkingCopy
-from tacstrip.diagnose.regression import moved_to_and_fro, regress_out
+from tacstrip.diagnose.regression import moved_to_and_fro, orthogonal_part, orthonormal
 from tacstrip.sensor.constructions import SIGNATURES, Signature
 
 _FEW, _MANY = 8, 25  # places
@@ -99,7 +99,8 @@ class _Part:
     @classmethod
     def of(cls, pair: NeighbourPair, at: BoolArray, ends: IntArray, strip: int) -> _Part:
         level = pair.level[at]  # offsets that fade at the ends do
-        d, e, both = (regress_out(v[at], level, level**2) for v in (pair.difference, pair.slope, pair.offset))
+        basis = orthonormal(np.ones(len(level)), level, level**2)
+        d, e, both = (orthogonal_part(v[at], basis) for v in (pair.difference, pair.slope, pair.offset))
         return cls(d, e, both, ends[pair.rows[at], strip])
 
 

@@ -36,6 +36,14 @@ def moments(vertices: FloatArray) -> tuple[float, FloatArray, FloatArray]:
     return float(area), origin + np.array([x, y]), second - area * np.array([x * x, y * y, x * y])
 
 
+def area(vertices: FloatArray) -> float:
+    """Return a polygon's area alone [mm^2]; arguments as of `moments`."""
+    if not len(vertices):
+        return 0.0
+    x, y = (vertices - vertices[0]).T
+    return 0.5 * float((x[:-1] * y[1:] - x[1:] * y[:-1]).sum())
+
+
 def orientation(vertices: FloatArray) -> float:
     """Return the angle of the longer principal axis from x, in (-pi/2, pi/2] [rad]; NaN without vertices."""
     return principal_angle(moments(vertices)[2]) if len(vertices) else math.nan
@@ -141,14 +149,13 @@ def _sums(v: npt.NDArray[Any]) -> tuple[Any, Any, Any]:
 
     Of polygons (..., N, 2), real or complex.
     """
-    x0, y0 = v[..., 0], v[..., 1]
-    x1, y1 = (np.concatenate([a[..., 1:], a[..., :1]], axis=-1) for a in (x0, y0))
-    cross = x0 * y1 - x1 * y0
-    xx, yy = x0**2 + x0 * x1 + x1**2, y0**2 + y0 * y1 + y1**2
-    xy = x0 * y1 + 2.0 * x0 * y0 + 2.0 * x1 * y1 + x1 * y0
-    first = np.stack([((a + b) * cross).sum(axis=-1) / 6.0 for a, b in ((x0, x1), (y0, y1))], axis=-1)
-    second = [(m * cross).sum(axis=-1) / c for m, c in ((xx, 12.0), (yy, 12.0), (xy, 24.0))]
-    return cross.sum(axis=-1) / 2.0, first, np.stack(second, axis=-1)
+    w = np.concatenate([v[..., 1:, :], v[..., :1, :]], axis=-2)
+    cross = v[..., :1] * w[..., 1:] - w[..., :1] * v[..., 1:]  # (..., N, 1)
+    squares, both = v * v + w * w, v + w
+    mixed = both[..., :1] * both[..., 1:] + v[..., :1] * v[..., 1:] + w[..., :1] * w[..., 1:]
+    terms = np.concatenate([both / 6.0, (squares + v * w) / 12.0, mixed / 24.0], axis=-1) * cross
+    sums = terms.sum(axis=-2)
+    return cross.sum(axis=(-2, -1)) / 2.0, sums[..., :2], sums[..., 2:]
 
 
 def _slopes(v: FloatArray) -> FloatArray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -49,9 +50,9 @@ class Outline:
             object.__setattr__(self, name, chain)
             if chain.ndim != 2 or chain.shape[1] != 2 or len(chain) < 2 or not np.isfinite(chain).all():
                 raise ContactError(f"the {name} chain needs two or more finite vertices (x, y)")
-            if len(back := np.flatnonzero(np.diff(chain[:, 0]) <= 0.0)):
-                at = chain[back[0] + 1, 0]
-                raise ContactError(f"the {name} chain does not ascend at x = {at:.6g} mm: not x-monotone")
+            for before, at in pairwise(chain[:, 0].tolist()):
+                if at <= before:
+                    raise ContactError(f"the {name} chain does not ascend at x = {at:.6g} mm: not x-monotone")
         if self.lower[0, 0] != self.upper[0, 0] or self.lower[-1, 0] != self.upper[-1, 0]:
             raise ContactError("the chains must begin on one x and end on one x")
         x = np.concatenate([self.lower[:, 0], self.upper[:, 0]])

@@ -12,6 +12,7 @@ from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
 
 INDEX = ("scan", "time_s", "strip")
+OTHER_FORM = "A log of another form? `tacstrip import LOG SENSOR -o READINGS` makes readings of it"
 LAYER = "layer"  # the column of a sensor of two layers, before that of the strip
 PLACE = (*INDEX, LAYER, "l_mm", "w_mm")  # columns that are no readings
 
@@ -63,7 +64,9 @@ def value_columns(header: list[str], sensor: Sensor) -> list[Column]:
     if misspelt := _misspelt(header, sensor, found):
         raise ReadingError(misspelt)
     if not found:
-        raise ReadingError(f"a column of readings is missing: {wanted}; the header has: {', '.join(header)}")
+        raise ReadingError(
+            f"a column of readings is missing: {wanted}; the header has: {', '.join(header)}. {OTHER_FORM}"
+        )
     for name, signature in found.items():
         if signature not in (*sensor.signatures, ELECTRODES):
             raise ReadingError(

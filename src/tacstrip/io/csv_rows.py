@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any, TextIO, TypeVar
 
 from tacstrip.errors import ReadingError, is_number
-from tacstrip.files import replacing, why_unreadable
+from tacstrip.files import other_kind, replacing, why_unreadable
 from tacstrip.io.column_names import nearly
-from tacstrip.io.columns import PLACE
+from tacstrip.io.columns import OTHER_FORM, PLACE
 
 Row = tuple[int, list[str]]  # line number, fields
 _Result = TypeVar("_Result")
@@ -45,6 +45,8 @@ def read_csv(
     """
     if unreadable := why_unreadable(path):
         raise ReadingError(f"{path}: {unreadable}")
+    if (kind := other_kind(path, ".csv")) and Path(path).is_file():
+        raise ReadingError(f"{path}: is {kind}, not {what} (CSV)")
     last, ended = "\n", False  # the last line read, and whether it is the file's last
 
     def lines(file: TextIO) -> Iterator[str]:
@@ -84,9 +86,10 @@ def read_csv(
 def find(header: list[str], name: str) -> int:
     """Return the place of a column that must be there."""
     if name not in header:
+        hint = f". {OTHER_FORM}" if name in ("scan", "time_s") else ""
         raise ReadingError(
             nearly(header, [name], PLACE)
-            or f"column {name!r} is missing; the header has: {', '.join(header)}"
+            or f"column {name!r} is missing; the header has: {', '.join(header)}{hint}"
         )
     return header.index(name)
 

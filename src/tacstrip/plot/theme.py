@@ -32,10 +32,12 @@ SENSOR = "#e6e2d8"
 STRIP = "#cfc8b8"
 COLOURS = {"kh": _VERMILION, "kl": _BLUE, "k": _GREEN, "profile": _PURPLE, "geometric": "#333333"}
 MARKERS = {"kh": "o", "kl": "s", "k": "^"}
-DASHES = {"kh": "-", "kl": "--", "k": "-"}
+DASHES = {"kh": "-", "kl": "--", "k": "-."}
 RECOVERED = _VERMILION
 OTHERS = (_BLUE, _GREEN, _PURPLE, _ORANGE)
-SCREEN_DPI = 110
+SCREEN_DPI = 120
+# Shown 600 pixels wide, as on a page, the smallest letters (8 points) of a figure of this width are 9 pixels high.
+WIDEST = 7.0  # inch
 
 _SCREEN: dict[Any, Any] = {
     "font.size": 9.0,
@@ -117,8 +119,8 @@ def themed() -> Any:
 
 
 def new_figure(width_inch: float = 5.0, height_inch: float = 4.2) -> Figure:
-    """Return an empty figure in the current style, drawn by Agg."""
-    scale = _WIDTH[_current.get()]
+    """Return an empty figure in the current style, drawn by Agg; one wider than `WIDEST` shrinks, not its letters."""
+    scale = _WIDTH[_current.get()] * min(WIDEST / width_inch, 1.0)
     with themed():
         figure = Figure(figsize=(scale * width_inch, scale * height_inch), layout="constrained")
     FigureCanvasAgg(figure)

@@ -27,6 +27,8 @@ def exchanged(readings: Mapping[str, FloatArray]) -> str:
     below, touched = (apart < -_NOISE).sum(axis=1), np.isfinite(apart).sum(axis=1)
     counts = touched >= _FEW
     wrong = np.flatnonzero(counts & (2 * below > touched))
+    if not len(wrong):
+        return ""
     scatter = np.nanstd(apart[wrong], axis=1) / np.sqrt(touched[wrong])
     wrong = wrong[np.nanmean(apart[wrong], axis=1) < -_SURE * scatter]
     if not len(wrong) or 2 * len(wrong) < counts.sum():

@@ -17,7 +17,7 @@ from tacstrip.arguments import refuse_positional
 from tacstrip.arrays import FloatArray
 from tacstrip.data import spec_names, spec_path
 from tacstrip.errors import SpecError
-from tacstrip.files import read_text, why_unreadable, write_text
+from tacstrip.files import other_kind, read_text, why_unreadable, write_text
 from tacstrip.notebook import Drawn, SvgPath, strip_paths
 from tacstrip.sensor.calibration import Calibration
 from tacstrip.sensor.constructions import CONSTRUCTIONS, Construction, check_signature, construction
@@ -236,7 +236,9 @@ class Sensor(Drawn):
         except SpecError as error:
             raise SpecError(f"{path}: {error}") from None
         except (OSError, ValueError, RecursionError) as error:
-            raise SpecError(f"{path}: not a readable TOML spec ({error}). See `tacstrip init`") from None
+            kind = other_kind(path, ".toml")
+            what = f"is {kind}, not a spec (TOML)" if kind else f"not a readable TOML spec ({error})"
+            raise SpecError(f"{path}: {what}. See `tacstrip init`") from None
 
     @classmethod
     def from_dict(cls, raw: dict[str, Any]) -> Self:

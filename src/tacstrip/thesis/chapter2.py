@@ -37,8 +37,8 @@ _NO_CURRENT = 1e-9
 
 def figure_2_3() -> Figure:
     """One object through the analog four-wire, the hybrid CRS-CRS and the digital sensor; costs at 100 us a sample."""
-    figure = new_figure(10.2, 5.3)
-    grid = figure.add_gridspec(2, 3, height_ratios=(2.5, 1.0))
+    figure = new_figure(7.0, 5.2)
+    grid = figure.add_gridspec(2, 3, height_ratios=(2.5, 1.4))
     reads = {"one point": _draw_analog, "a profile": _draw_hybrid, "an image": _draw_digital}
     names = ("(a) analog", "(b) hybrid", "(c) digital")
     for k, (output, draw) in enumerate(reads.items()):
@@ -50,20 +50,20 @@ def figure_2_3() -> Figure:
         axes.set(xlabel="x [mm]", ylabel="y [mm]")
         axes.set_title(f"{names[k]}: {output}", fontsize=10.0)
         axes.spines[["top", "right"]].set_visible(False)
-        legend(axes, loc="upper left", fontsize=7.5)
+        legend(axes, loc="upper left", fontsize=8.0)
     _draw_table(figure.add_subplot(grid[1, :]), (N, 100, 1000))
     return figure
 
 
 def figure_2_4() -> Figure:
     """Parallel path: row i is driven; what its columns read, and where current flows, for each kind of isolation."""
-    figure = new_figure(10.2, 3.9)
+    figure = new_figure(7.0, 3.6)
     for number, isolation in enumerate(ISOLATIONS, start=1):
         axes = add_axes(figure, 1, 3, number)
         _draw_array(axes, PARALLEL_PATH, 1, isolation)
         count = phantoms(PARALLEL_PATH, isolation=isolation)
-        axes.set_title(f"isolation: {isolation}; {count or 'no'} phantom", fontsize=10.0)
-    figure.legend(handles=_array_key(), loc="outside lower center", ncols=4, frameon=False, fontsize=8.0)
+        axes.set_title(f"isolation: {isolation}\n{count or 'no'} phantom", fontsize=9.0)
+    figure.legend(handles=_array_key(), loc="outside lower center", ncols=2, frameon=False, fontsize=8.0)
     return figure
 
 
@@ -107,7 +107,7 @@ def _draw_digital(axes: Axes) -> None:
     outline = {"facecolor": "none", "edgecolor": RECOVERED, "linewidth": 0.6}
     squares: list[tuple[BoolArray, str, dict[str, Any]]] = [
         (image, f"closed: {image.sum()} tactels", {"facecolor": COLOURS["k"], "alpha": 0.75}),
-        (raw & ~image, f"{np.sum(raw & ~image)} phantoms without isolation", outline),
+        (raw & ~image, f"{np.sum(raw & ~image)} phantoms else", outline),
     ]  # fmt: skip
     for where, label, look in squares:
         for number, (i, j) in enumerate(np.argwhere(where)):
@@ -117,19 +117,18 @@ def _draw_digital(axes: Axes) -> None:
 
 def _draw_table(axes: Axes, sizes: Sequence[int]) -> None:
     tables = [comparison_table(n) for n in sizes]
-    costs = ("samples", "connectors", "scan")
-    head = ["sensor", "gives", *(f"{cost}\nn = {n:,}" for n in sizes for cost in costs)]
+    costs = ("samples", "wires", "scan")
+    head = ["sensor", *(f"{cost}\nn = {n:,}" for n in sizes for cost in costs)]
     cells = [
-        [row["sensor"], row["gives"], *(text for t in tables for text in _costs(t[k]))]
-        for k, row in enumerate(tables[0])
+        [row["sensor"], *(text for t in tables for text in _costs(t[k]))] for k, row in enumerate(tables[0])
     ]
-    widths = [0.2, 0.14, *([0.075, 0.08, 0.065] * len(sizes))]
+    widths = [0.26, *([0.09, 0.075, 0.082] * len(sizes))]
     table = axes.table(cells, colLabels=head, colWidths=widths, loc="center", edges="horizontal")
     table.auto_set_font_size(False)
     table.set_fontsize(8.0)
     for (row, column), cell in table.get_celld().items():
         cell.set(height=0.26 if row == 0 else 0.16, linewidth=0.5)
-        cell.set_text_props(ha="left" if column < 2 else "right")
+        cell.set_text_props(ha="left" if column == 0 else "right")
     axes.set(xlabel="what a scan costs", ylabel="sensor")
     axes.set_axis_off()
 
@@ -162,7 +161,7 @@ def _draw_array(axes: Axes, pattern: BoolArray, row: int, isolation: str) -> Non
     _draw_currents(axes, switch_currents(pattern, row, isolation))
     what = "current" if isolation == "zero-potential" else "voltage"
     axes.set(xlim=(-1.7, columns - 0.4), ylim=(rows + 0.1, -0.6), aspect="equal", ylabel="row")
-    axes.set_xlabel(f"column; the {what} it reads while row i is driven", fontsize=8.0)
+    axes.set_xlabel(f"column; the {what} it\nreads while row i is driven", fontsize=8.0)
     axes.set_xticks(range(columns), _names("j", columns))
     axes.set_yticks(range(rows), _names("i", rows))
     axes.tick_params(length=0.0, labelsize=8.0)

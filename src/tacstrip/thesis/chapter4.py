@@ -41,7 +41,7 @@ def figure_4_1() -> Figure:
     radius = 245.0 * (1.0 + 0.22 * np.cos(2.0 * angle - 0.5) + 0.09 * np.sin(3.0 * angle))
     contact = Contact.polygon(np.stack([520.0 + radius * np.cos(angle), 480.0 + radius * np.sin(angle)], 1))
     size: dict[str, Any] = {"strips": 40, "pitch_mm": 25.0, "length_mm": 1000.0, "strip_width_mm": 17.0}
-    return _all_signatures([Sensor(construction=name, **size) for name in SIMULATED], contact, ".-")[0]
+    return _all_signatures([Sensor(construction=name, **size) for name in SIMULATED], contact)[0]
 
 
 def figure_4_2() -> Figure:
@@ -61,7 +61,7 @@ def figure_4_4() -> Figure:
 
 def figure_4_5() -> Figure:
     """Two ambiguities: (a) polygons X and Y with the very same k_h, (b) a shape that strips meet twice."""
-    figure = new_figure(9.2, 4.9)
+    figure = new_figure(7.0, 4.0)
     axes = add_axes(figure, 1, 2, 1)
     draw_sensor(axes, _CRS)
     pair = same_kh_pair()
@@ -71,7 +71,7 @@ def figure_4_5() -> Figure:
         y = scans[i]["kh"] * _CRS.length_mm
         axes.plot(_CRS.x_mm, y, line, color=COLOURS["kh"], linewidth=width, label=f"$k_h L$ of {name}")
     h, l = (float(np.nanmax(np.abs(scans[0][name] - scans[1][name]))) for name in ("kh", "kl"))
-    title = f"(a) $k_h$ of X and Y: the same, to {h:.0e} of Vref;\ntheir $k_l$: up to {l:.0%} of Vref apart"
+    title = f"(a) $k_h$ of X and Y: the same to {h:.0e}\nof Vref; $k_l$: up to {l:.0%} apart"
     axes.set_title(title, fontsize=9.0)
     legend(axes, loc="upper right", ncols=2)
     axes, touch = add_axes(figure, 1, 2, 2), footprint(_CRS, FORK)
@@ -80,7 +80,7 @@ def figure_4_5() -> Figure:
     axes.fill_between(_CRS.x_mm[twice], touch.l[twice], touch.u[twice], fc="none", ec=OTHERS[3], hatch="///")
     for end in touch:
         axes.plot(_CRS.x_mm, end, color=COLOURS["profile"], label="outer hull, l and u")
-    title = f"(b) {twice.sum()} strips meet the object in two pieces (hatched);\nthey read the outer hull"
+    title = f"(b) {twice.sum()} strips meet the object\ntwice (hatched); they read its hull"
     axes.set_title(title, fontsize=9.0)
     legend(axes, handles=axes.get_lines()[:2], loc="upper right", ncols=2)
     return figure
@@ -89,7 +89,7 @@ def figure_4_5() -> Figure:
 def figure_4_6() -> Figure:
     """Tetragon, its geometric signature and pseudo-signatures; two interior vertices make three sections."""
     contact = TETRAGON.placed(*PLACES["middle"])
-    figure, axes = _all_signatures(list(SIMULATED.values()), contact, "-")
+    figure, axes = _all_signatures(list(SIMULATED.values()), contact)
     zoom(axes, contact.vertices, _CRS)
     x, top = np.sort(contact.vertices[:, 0]), contact.vertices[:, 1].max() + 50.0
     axes.vlines(x, axes.get_ylim()[0], top + 35.0, TRUE, "dotted", linewidth=0.8)
@@ -190,11 +190,11 @@ def _draw_geometric(axes: Axes, sensor: Sensor, contact: Contact) -> FloatArray:
     return y
 
 
-def _all_signatures(sensors: list[Sensor], contact: Contact, style: str) -> tuple[Figure, Axes]:
+def _all_signatures(sensors: list[Sensor], contact: Contact) -> tuple[Figure, Axes]:
     """Draw a contact on sensors of one size, with every signature that they measure."""
     figure, axes = new_axes(5.2, 5.3)
     for sensor in sensors:
-        draw_signatures(axes, sensor, simulate(sensor, contact), style=style)
+        draw_signatures(axes, sensor, simulate(sensor, contact))
     _draw_geometric(axes, sensors[0], contact)
     _draw_scene(axes, sensors[0], contact, [])
     figure.legend(loc="outside upper center", ncols=5, frameon=False, fontsize=8.0)
@@ -204,7 +204,7 @@ def _all_signatures(sensors: list[Sensor], contact: Contact, style: str) -> tupl
 def _at_places(signature: str) -> Figure:
     """Draw a signature at three places, and how far it lies from the geometric signature."""
     sensor, symbol = _OWNER[signature], SIGNATURES[signature].symbol
-    figure, (left, right) = new_panels(9.0, 4.3, 1, 2)
+    figure, (left, right) = new_panels(7.0, 3.6, 1, 2)
     for (place, at), style in zip(PLACES.items(), ("-", "--", "-."), strict=True):
         contact = TETRAGON.placed(*at)
         _draw_scene(left, sensor, contact, [signature])

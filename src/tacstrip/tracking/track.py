@@ -13,11 +13,12 @@ from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.contact.noise import Noise
 from tacstrip.core.hull import available
 from tacstrip.core.problem import FLOOR
-from tacstrip.core.rigid import RigidScans
+from tacstrip.core.rigid import RigidScans, linearised
 from tacstrip.errors import ReadingError, SignatureError
 from tacstrip.geometry.moments import deviations, moments
 from tacstrip.geometry.pose import placed
 from tacstrip.notebook import BLUE, VERMILION, Drawn, SvgPath
+from tacstrip.reconstruction.implausible import doubted, scale_hint
 from tacstrip.reconstruction.noise_covariance import Averaging, fit_sigma
 from tacstrip.reconstruction.on_surface import refuse_stretched
 from tacstrip.reconstruction.result import Alternative, RecoveredObject, Status
@@ -26,7 +27,7 @@ from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import check_closed_form
 from tacstrip.sensor.spec import Sensor
 from tacstrip.tracking.episodes import Episode, episodes, only, spanned
-from tacstrip.tracking.rigid.corners import Fit, posed
+from tacstrip.tracking.rigid.corners import Fit, posed, reflex
 from tacstrip.tracking.rigid.covariance import covariances, information
 from tacstrip.tracking.rigid.offsets import taken_off, with_offsets
 from tacstrip.tracking.rigid.search import (
@@ -34,6 +35,7 @@ from tacstrip.tracking.rigid.search import (
     LEAST_STRIPS,
     Found,
     content,
+    freer_spline,
     recognised,
     search,
     with_all_poses,
@@ -74,6 +76,18 @@ _LOOSE = (
     "object further, or slide it across the strips"
 )
 _CONCAVE = "the outline is concave: one object, or several that keep together"
+_SMOOTH = (
+    "one signature on few strips tells the shape only as far as the motion is smooth: corners and poses may be off by "
+    "more than their regions say"
+)
+_WANDERS = (
+    "errors of channels follow each other from scan to scan: many scans are worth fewer, and a corner may be made of "
+    "such errors; regions of the shape are {times:.2g} times as wide. Calibrate, or let the unit warm up"
+)
+_FOLLOWING, _LAGS = (
+    3.0,
+    20,
+)  # deviations of what neighbouring scans leave over alike; scans that are looked back
 _SHORT = "{n} scans show it, too few for a shape over time: the outline is that of the scan that tells most"
 _UNEXPLAINED = (
     "in the scans in which it shares strips the known objects do not explain the readings: another is there that is "
@@ -106,7 +120,7 @@ class Track(Drawn):
     velocities
         Of the poses (T, 3) [mm/s, mm/s, rad/s]; NaN where it is absent or the clock stands still.
     status
-        "ok", "doubtful" (read the advice), or that of the single scan which showed most of it.
+        "ok", "likely" or "doubtful" (read the advice), or that of the single scan which showed most of it.
     advice
         In words; empty when all is well.
     alternatives
@@ -284,17 +298,16 @@ def track(scans: Sequence[Scan], sensor: Sensor, noise: Noise | None = None) -> 
     for each in objects:
         found = summarised(each, read, readings, noise)
         tracks.append((int(np.argmax(found.present)), found))
-    standing = len(times) > 1 and not np.diff(times).any()
-    return [
-        replace(
-            t,
-            id=i,
-            times_s=times,
-            velocities=_velocities(t.poses, times),
-            advice="; ".join(filter(None, [t.advice, STANDS if standing else ""])),
-        )
-        for i, (_, t) in enumerate(sorted(tracks, key=lambda pair: (pair[0], pair[1].poses[pair[0], 0])), 1)
-    ]
+    standing = STANDS if len(times) > 1 and not np.diff(times).any() else ""
+    outlines = [t.placed(int(i)) for _, t in tracks for i in np.flatnonzero(t.present)]
+    scale = scale_hint(read, outlines, sensor)
+    done = []
+    for i, (_, t) in enumerate(sorted(tracks, key=lambda pair: (pair[0], pair[1].poses[pair[0], 0])), 1):
+        status, advice = doubted(t.status, t.advice, scale)
+        advice = "; ".join(filter(None, [advice, standing]))
+        velocities = _velocities(t.poses, times)
+        done.append(replace(t, id=i, times_s=times, velocities=velocities, status=status, advice=advice))
+    return done
 
 
 @dataclass(frozen=True)
@@ -616,7 +629,9 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
     equations = information(one.scans, corners, fit.poses)
     if one.found.offsets is not None:
         equations = with_offsets(one.scans, fit, equations, one.found.offsets.deviation)
-    shape, of_poses = covariances(equations, corners, fit.poses, fit.basis)
+    shape, of_poses = covariances(equations, corners, fit.poses, freer_spline(fit.basis))
+    wider = _following(one, fit)
+    shape = wider**2 * shape
     all_spin = np.kron(np.eye(len(corners)), spin.T)
     shape = np.asarray(all_spin @ shape @ all_spin.T)
     poses, spreads = np.full((total, 3), np.nan), np.full((total, 3, 3), np.nan)
@@ -644,8 +659,10 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
         told, advice = False, _HARDLY_MOVED.format(n=len(one.shown))
     elif not advice and _DEVIATIONS * loosest > unsure:
         told, advice = False, _LOOSE.format(far=_DEVIATIONS * loosest)
-    elif not advice and _reflex(outline):
-        note = _CONCAVE
+    elif not advice:
+        tied = fit.basis is not None and one.scans.strips_touched < FEW_STRIPS
+        concave, wander = bool(reflex(outline).any()), [_WANDERS.format(times=wider)] * (wider > 1.0)
+        note = "; ".join([_CONCAVE] * concave + [_SMOOTH] * tied + wander)
     parted = bool(one.joint) and max(one.shown) > min(one.joint)
     more_advice = (
         [_LOOKS_ALIKE] if one.alike and parted and not one.shared else [m.advice for m in one.shared]
@@ -658,6 +675,25 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
         0, outline, shape, poses, spreads, np.empty(0), np.empty(0), status, advice or note, () if told else others,
         joint, _motion(fit), _offsets(one, skin), alone,
     )  # fmt: skip
+
+
+def _following(one: Object, fit: Fit) -> float:
+    """Return how many times as far off errors that follow each other from scan to scan leave the shape; 1: none do.
+
+    That is the square root of their integrated autocorrelation, as for the mean of a series.
+    """
+    order = np.argsort(one.shown)
+    left = (one.scans.k - linearised(one.scans, fit.corners, fit.poses).model)[order]
+    alike = np.empty(0)
+    for lag in range(1, min(_LAGS, len(left) // 2)):
+        a, b = left[:-lag], left[lag:]
+        both = np.isfinite(a) & np.isfinite(b)
+        a, b = a[both], b[both]
+        r = float((a * b).sum() / max(math.sqrt(float((a * a).sum() * (b * b).sum())), 1e-300))
+        if r <= 0.0 or (lag == 1 and r * math.sqrt(len(a)) < _FOLLOWING):
+            break
+        alike = np.append(alike, r)
+    return math.sqrt(1.0 + 2.0 * float(alike.sum()))
 
 
 def _reframed(
@@ -676,12 +712,6 @@ def _hardly_moved(one: Object, outline: FloatArray, poses: FloatArray) -> bool:
     x = np.stack([placed(outline, pose)[:, 0] for pose in poses])
     few = one.scans.strips_touched < FEW_STRIPS
     return bool(few and np.median(np.ptp(x, axis=0)) < _MOVED * one.scans.sensor.pitch_mm)
-
-
-def _reflex(corners: FloatArray) -> bool:
-    """Whether a corner of an outline, counter-clockwise, turns inwards."""
-    before, after = corners - np.roll(corners, 1, axis=0), np.roll(corners, -1, axis=0) - corners
-    return bool((before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0] < 0.0).any())
 
 
 def _motion(fit: Fit) -> str:

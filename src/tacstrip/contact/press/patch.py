@@ -136,7 +136,15 @@ def press(
     skin = skin_of(sensor)
     touching = solid.moved(first_touch(skin, solid))
     if force_n is None:
-        return patch_at(sensor, touching.moved(wanted), wanted)
+        try:
+            return patch_at(sensor, touching.moved(wanted), wanted)
+        except ContactError:
+            if wanted <= skin.thickness_mm:
+                raise
+            raise ContactError(
+                f"depth_mm = {wanted:g}: the skin is {skin.thickness_mm:g} mm thick (surface.thickness_mm), and "
+                "nothing sinks in deeper: press less far"
+            ) from None
     low, high, over = 0.0, skin.thickness_mm, math.inf
     depth = 0.1 * high
     for _ in range(_FORCE_STEPS):  # regula falsi, halving where that is slow

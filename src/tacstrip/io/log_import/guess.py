@@ -60,6 +60,15 @@ def propose(table: Table, sensor: Sensor | None = None, answers: Mapping[str, st
 
 def assembled(clues: Clues) -> tuple[ColumnMapping, list[LogScan]]:
     """Return a mapping as far as it can be known, and the scans that it gives; what is open is asked in `clues`."""
+    try:
+        return _assembled(clues)
+    except (ReadingError, OptionError):
+        if any(q.key == "readings" or q.choices == ("strip",) for q in clues.questions):
+            clues.stop()  # what is taken for likely until that is answered need not fit
+        raise
+
+
+def _assembled(clues: Clues) -> tuple[ColumnMapping, list[LogScan]]:
     if not clues.table.rows:
         raise ReadingError("the log has no readings")
     found = find_columns(clues)

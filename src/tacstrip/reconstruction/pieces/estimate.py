@@ -138,7 +138,9 @@ def pieces(scan: Scan, sensor: Sensor, noise: Noise | None = None) -> list[Piece
     found: list[Piece] = []
     for strips, run in _runs(scan, sensor, noise):
         found += _of_run(run, sensor, strips, len(found))
-    hint = implausible_hint(scan, sensor, any(p.status == "doubtful" for p in found))
+    hint = implausible_hint(
+        scan, sensor, any(p.status == "doubtful" for p in found), [p.outline for p in found]
+    )
     told = [(p, goes_on(p.outline, p.strips, sensor)) for p in found]
     return [
         replace(p, status="doubtful", advice="; ".join(filter(None, (p.advice, beside, hint))))
@@ -226,7 +228,8 @@ def _verdict(
     doubts, notes = [], []
     if count > 1:
         kind = "or a concave object, which reads the same" if run.apart else "which meet: one concave object"
-        notes.append(f"at least {count} convex pieces on strips {base} to {base + n - 1}, {kind}")
+        more = "; more may lie hidden behind these" if run.apart else ""
+        notes.append(f"at least {count} convex pieces on strips {base} to {base + n - 1}, {kind}{more}")
     if n < _FEW:
         doubts.append(
             f"{n} strip{'s are' if n > 1 else ' is'} touched, too few for a shape: use finer strips"

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -126,11 +127,14 @@ def fit_convex(problem: FitProblem, l: FloatArray, u: FloatArray, jumps: Sequenc
 def turns_inwards(fit: PolygonFit) -> bool:
     """Whether a corner of a polygon turns inwards."""
     for sign, chain in zip((1.0, -1.0), fit.chains, strict=True):
-        run, rise = np.diff(chain, axis=0).T
-        with np.errstate(divide="ignore", invalid="ignore"):
-            if (sign * np.diff(rise / run) < 0.0).any():
-                return True
+        slopes = [sign * _slope(x1 - x0, y1 - y0) for (x0, y0), (x1, y1) in pairwise(chain.tolist())]
+        if any(after < before for before, after in pairwise(slopes)):
+            return True
     return False
+
+
+def _slope(run: float, rise: float) -> float:
+    return rise / run if run else math.copysign(math.inf, rise) if rise else math.nan
 
 
 def one_end_off(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray]) -> bool:

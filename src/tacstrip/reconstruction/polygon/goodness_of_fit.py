@@ -134,11 +134,13 @@ def second_look(
             "what was left out may be of a second object, or of an overhang: it moves one end of the contact and "
             "leaves the other, as a faulty channel hardly does; if one is faulty, leave it out by name (--without)"
         )
-    sigma, level = run.sigma, noise_level(np.stack([readings["kh"], readings["kl"]]), sensor)
-    if distribution is None:
-        sigma = min(sigma, level)
-    elif wrong and level > _NOISIER * sigma:
-        return wrong  # of readings that scatter more than the noise given, jumps tell nothing
+    sigma = run.sigma
+    if distribution is None or wrong:
+        level = noise_level(np.stack([readings["kh"], readings["kl"]]), sensor)
+        if distribution is None:
+            sigma = min(sigma, level)
+        elif level > _NOISIER * sigma:
+            return wrong  # of readings that scatter more than the noise given, jumps tell nothing
     if not (wrong or run.excluded.any() or turns_inwards(fit) or sigma < _SMOOTHED * run.sigma) or (
         distribution is None and run.sigma > _MOST_SIGMA
     ):

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from functools import cache
 from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
 from tacstrip.arrays import FloatArray
+from tacstrip.core.ellipse import Ellipse
 from tacstrip.core.outline_model import OutlineModel
+from tacstrip.core.swept_area import swept_areas
 from tacstrip.errors import OptionError, one_of
 from tacstrip.geometry.metrics import column_iou
-from tacstrip.geometry.moments import moments
+from tacstrip.geometry.moments import area
 from tacstrip.geometry.outline import Outline
 from tacstrip.reconstruction.polygon.run import RunFit
 from tacstrip.reconstruction.posterior.draws import Draws, column_ends, columns, draw
@@ -23,21 +25,24 @@ Effort: TypeAlias = Literal["thorough", "fast", "none"]
 
 PROMISED_IOU = 0.8  # of an outline that is "ok" with the true one
 ENOUGH = 0.77  # confidence of the least certain "ok": all of them together are right in 95 of 100 cases
+ENOUGH_OF_ONE = 0.8  # with one signature, where many are hardly surer than that
 _EVALUATIONS = {"thorough": 240_000, "fast": 14_000}
 _KEPT = {"thorough": 240, "fast": 100}
 _RATHER_WRONG, _BETTER = 0.5, 0.1  # an estimate less sure than this is given up for one that is so much surer
-# With one signature, which share of draws is how often right: `studies/confidence.py` on cases that no figure is from.
-_RIGHT = {
-    "thorough": ((0.0, 0.24, 0.54, 0.68, 0.78, 0.89, 1.0), (0.0, 0.22, 0.42, 0.59, 0.71, 0.81, 0.97)),
-    "fast": ((0.0, 0.37, 0.57, 0.80, 0.93, 0.975, 1.0), (0.0, 0.10, 0.33, 0.48, 0.60, 0.81, 0.95)),
+# With one signature: log odds of being right, by `doubts`. `studies/confidence.py` fits them.
+_ODDS = {
+    "thorough": (-0.521, 0.885, -4.852, 1.019, -0.560, -2.2),
+    "fast": (-1.215, 0.710, -1.850, 0.640, -0.415, -2.2),
 }
+_PLAIN, _MANY = 5, 7  # corners that are no doubt, and how many more of them count
+_LEAST = 0.01  # share of draws that none of them counts as
 _ALARM = 3.5
 _LIGHTEST, _MOST = 0.05, 4  # weight of an alternative, and how many are told
 _FIRM, _SURE = (
     0.9,
     0.995,
 )  # IoU of nearly all outlines that the covariance allows: nothing to sample, and what it is worth
-_NORMAL_DRAWS, _STRIPS, _NEARLY_ALL = 64, 12, 0.95
+_STRIPS, _NEARLY_ALL = 12, 0.95
 _SWEPT = 1.0 - _FIRM  # of the area: what differs by no more overlaps as much
 
 
@@ -109,13 +114,40 @@ def assess(
         near = every[best] >= PROMISED_IOU
         if near @ drawn.weight > confidence + _BETTER:
             own, confidence, better = near, float(near @ drawn.weight), drawn.model(best, run.problem)
+            outline = Outline(*better.chains_mm(run.problem))
     if len(run.problem.k) == 1:
-        confidence = float(np.interp(confidence, *_RIGHT[effort]))
+        confidence = probability(doubts(confidence, run, better or run.model, len(outline.vertices)), effort)
     # Chi square of the better half of the draws; that of normal errors exceeds its mean by 3.5 deviations in .02 %.
     readings = drawn.problem.readings
     typical = float(np.median(drawn.samples.squares)) if sigma_known else np.inf
     explained = typical < readings + _ALARM * np.sqrt(2.0 * readings)
     return Assessment(confidence, _alternatives(drawn, every >= PROMISED_IOU, own), better, bool(explained))
+
+
+def doubts(share: float, run: RunFit, model: OutlineModel | None, corners: int) -> FloatArray:
+    """Return what tells whether an outline from one signature is right (6,): 1, log odds of the share, doubts.
+
+    Draws and estimate share a prior of polygons and ellipses. An outline that needs many corners, or an ellipse that is
+    hardly better than a polygon, is often of an object with blunt or rounded ends, of which neither is a likeness. On
+    few strips such objects have few corners too.
+
+    Parameters
+    ----------
+    share
+        Of the draws, that the outline overlaps.
+    run, model, corners
+        The fit, the outline's model, and its corners if that is a polygon.
+    """
+    few = float(run.problem.x.size < _STRIPS)
+    odds = math.log((share + _LEAST) / (1.0 + _LEAST - share))
+    if isinstance(model, Ellipse):
+        return np.array([1.0, odds, 1.0, math.log1p(max(run.ellipse_advantage, 0.0)), 0.0, few])
+    return np.array([1.0, odds, 0.0, 0.0, min(max(corners - _PLAIN, 0), _MANY), few])
+
+
+def probability(of: FloatArray, effort: Effort) -> float:
+    """Return how often outlines of such `doubts` are right."""
+    return float(1.0 / (1.0 + np.exp(-(of @ _ODDS[effort]))))
 
 
 def _alternatives(drawn: Draws, alike: np.ndarray, own: np.ndarray) -> tuple[Alternative, ...]:
@@ -136,27 +168,11 @@ def _firm(run: RunFit, outline: Outline, covariance: FloatArray) -> bool:
     """Whether the covariance leaves hardly any other outline."""
     if run.problem.x.size < _STRIPS or not np.isfinite(covariance).all():
         return False
-    value, vector = np.linalg.eigh(covariance)
-    off = ((_normal(len(value)) * np.sqrt(np.maximum(value, 0.0))) @ vector.T).reshape(_NORMAL_DRAWS, -1, 2)
-    if np.mean(_swept_mm2(outline, off) <= _SWEPT * moments(outline.vertices)[0]) > _NEARLY_ALL:
+    off, swept = swept_areas(outline.vertices, covariance)
+    if np.count_nonzero(swept <= _SWEPT * area(outline.vertices)) > _NEARLY_ALL * len(swept):
         return True
     moved = outline.vertices + off
     at, (lower, upper) = columns(run.problem), outline.indices
     own = column_ends(run.problem, at, outline.lower, outline.upper)
     drawn = column_ends(run.problem, at, moved[:, lower], moved[:, upper])
     return bool(np.mean(column_iou(drawn, own) >= _FIRM) > _NEARLY_ALL)
-
-
-@cache
-def _normal(size: int) -> FloatArray:
-    """Return normal draws (K, size), the same each time."""
-    return np.random.default_rng(0).normal(size=(_NORMAL_DRAWS, size))
-
-
-def _swept_mm2(outline: Outline, off: FloatArray) -> FloatArray:
-    """Return the area (K,) that edges sweep at most when the vertices move by `off` (K, V, 2) [mm]."""
-    after = np.arange(1, off.shape[1] + 1) % off.shape[1]
-    edge = outline.vertices[after] - outline.vertices
-    step = np.hypot(off[..., 0], off[..., 1])
-    both = np.maximum(step, step[:, after]), step + step[:, after]
-    return np.asarray((both[0] * (np.hypot(*edge.T) + both[1])).sum(axis=1))

@@ -91,6 +91,8 @@ class Records:
         if start != MAGIC:
             self.close()
             what = "the file is empty" if not start else "not a recording: it does not begin as an MCAP file"
+            if self.path.suffix.lower() == ".csv":
+                what = "is readings (CSV), not a recording: `tacstrip record SENSOR READINGS -o FILE.mcap` makes one"
             raise RecordingError(f"{path}: {what}")
 
     def close(self) -> None:

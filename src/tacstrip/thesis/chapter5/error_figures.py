@@ -37,7 +37,7 @@ PRESSED = Contact.polygon([(18, 62), (92, 21), (138.5, 85), (104, 109.5), (70, 1
 SKEW_RAD = np.deg2rad(3.0)  # of the upper strips over the lower ones
 A = np.array([(0.0, 0.0), (60.0, 0.0), (60.0, 40.0), (0.0, 40.0)])
 B = np.array([(85.0, 0.0), (155.0, 8.0), (143.0, 46.0), (105.0, 52.0), (79.0, 30.0)])
-_SIDES = {"A": (A, OTHERS[0]), "B": (B, RECOVERED)}
+_SIDES = {"A": (A, OTHERS[0], "-"), "B": (B, RECOVERED, "--")}
 SHADE = "#dcdcdc"
 _PROFILE_II = 0.01  # of Vref: P.U. profile II (table 5.1)
 
@@ -87,7 +87,7 @@ def figure_5_2() -> Figure:
 
     Where strips cross at an angle, each pair is read about along the line midway between the two.
     """
-    figure = new_figure(8.2, 6.6)
+    figure = new_figure(7.0, 6.2)
     skewed = OBJECT.turned(-0.5 * SKEW_RAD, (0.5 * SENSOR.width_mm, 0.5 * SENSOR.length_mm))
     top = [add_axes(figure, 2, 2, i, anchor="S") for i in (1, 2)]
     for axes in top:
@@ -96,7 +96,7 @@ def figure_5_2() -> Figure:
     _draw_skewed_strips(top[0])
     top[0].set_title(f"(a) upper strips (green) {np.rad2deg(SKEW_RAD):.0f} degrees askew", fontsize=9.0)
     draw_contact(top[1], PRESSED, "in touch", COLOURS["profile"])
-    top[1].set_title("(b) uneven pressure: touched (purple) but for an edge", fontsize=9.0)
+    top[1].set_title("(b) touched (purple) but for an edge", fontsize=9.0)
     ideal, below = simulate(SENSOR, OBJECT)["kh"], add_axes(figure, 2, 2, 3)
     for axes, contact in ((below, skewed), (add_axes(figure, 2, 2, 4, sharey=below), PRESSED)):
         off = simulate(SENSOR, contact)["kh"] - ideal
@@ -110,12 +110,12 @@ def figure_5_2() -> Figure:
 
 def figure_5_3() -> Figure:
     """Two polygons A and B, and their turning functions over the perimeter's parts."""
-    figure, (left, right) = new_panels(8.6, 3.6, 1, 2)
-    for name, (corners, colour) in _SIDES.items():
-        draw_polygon(left, corners, colour, name)
+    figure, (left, right) = new_panels(7.0, 3.2, 1, 2)
+    for name, (corners, colour, line) in _SIDES.items():
+        draw_polygon(left, corners, colour, name, dashed=line == "--")
         left.plot(*corners[0], "o", color=colour, markersize=8.0, fillstyle="none")
         s, theta = turning_function(corners)
-        right.stairs(theta, s, baseline=None, color=colour, label=f"$\\theta_{name}$")
+        right.stairs(theta, s, baseline=None, color=colour, linestyle=line, label=f"$\\theta_{name}$")
     left.set(aspect="equal", xlabel="x [mm]", ylabel="y [mm]", ylim=(-10.0, 80.0))
     left.set_title("a ring marks the start, s = 0", fontsize=9.0)
     _name_turning_axes(right)
@@ -129,7 +129,8 @@ def figure_5_4() -> Figure:
     figure, axes = new_axes(6.0, 3.8)
     axes.stairs(best.theta_a, best.s, baseline=best.theta_b, fill=True, color=TRUE, alpha=0.3)
     for theta, name in ((best.theta_a, "A"), (best.theta_b, "B")):
-        axes.stairs(theta, best.s, baseline=None, color=_SIDES[name][1], label=f"$\\theta_{name}$")
+        _, colour, line = _SIDES[name]
+        axes.stairs(theta, best.s, baseline=None, color=colour, linestyle=line, label=f"$\\theta_{name}$")
     _name_turning_axes(axes)
     coefficient = mismatch_coefficient(A, B)
     axes.set_title(f"shaded: {best.mc:.4f} rad; M.C. = {coefficient:.4f} rad", fontsize=9.0)

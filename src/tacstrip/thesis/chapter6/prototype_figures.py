@@ -51,7 +51,7 @@ def calibration_graph(name: str, w_units: int) -> Figure:
     now = runs.w_mm[:, 0] == width
     l = np.linspace(0.0, sensor.length_mm - width, 100, endpoint=width == 0.0)
     line = signatures(sensor, *(np.repeat(v[:, None], sensor.strips, axis=1) for v in (l, l + width)))
-    figure = new_figure(4.4 * len(runs.raw), 3.7)
+    figure = new_figure(3.5 * len(runs.raw), 3.3)
     for column, (signature, raw) in enumerate(runs.raw.items(), start=1):
         axes = add_axes(figure, 1, len(runs.raw), column)
         colour, volt = COLOURS[signature], sensor.vref_volt
@@ -73,7 +73,7 @@ def figure_6_35() -> Figure:
     """Two-point contacts on the tube: where they are, and where raw and calibrated readings put them."""
     sensor = twin(_TUBE)
     true, raw, good = recovered_points()
-    figure = new_figure(9.6, 4.8)
+    figure = new_figure(7.0, 4.2)
     space, flat = _tube(figure, sensor, 2, 1), add_axes(figure, 1, 2, 2)
     draw_sensor(flat, sensor)
     kinds = (
@@ -92,7 +92,7 @@ def figure_6_35() -> Figure:
             space.plot(*points.T, style, markevery=[0, 8], zorder=10, **options)
         flat.annotate(f"line {i + 1}", (sensor.x_mm[line[1][0]] + 1.2, true[i, 1]), fontsize=8.0, va="center")
     worst = np.abs(raw - true).max(), np.abs(good - true).max()
-    title = f"unrolled; largest error {worst[0]:.1f} mm raw, {worst[1]:.1f} mm calibrated"
+    title = f"unrolled; largest error\n{worst[0]:.1f} mm raw, {worst[1]:.1f} mm calibrated"
     flat.set(title=title, aspect="auto")
     flat.legend(loc="upper left", frameon=False, fontsize=8.0)
     return figure
@@ -129,7 +129,7 @@ def _label_ends(axes: Axes, sensor: Sensor) -> None:
     """Write the first and the last strip's numbers above them."""
     for i in (0, sensor.strips - 1):
         at = (sensor.x_mm[i], sensor.length_mm + 2.0)
-        axes.annotate(str(i + sensor.strip_base), at, ha="center", va="bottom", fontsize=7.0)
+        axes.annotate(str(i + sensor.strip_base), at, ha="center", va="bottom", fontsize=8.0)
     axes.set_ylim(-6.0, sensor.length_mm + 16.0)
 
 

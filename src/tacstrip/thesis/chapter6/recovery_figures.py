@@ -41,16 +41,17 @@ def recovery(figure: str) -> Figure:
     """Draw the results of V.R. or P.R. and of the polygon fit for the twin's readings, and the readings."""
     e = RECOVERIES[figure]
     placings = list(PLACINGS[e.sensor])
-    drawing = new_figure(4.3 * (len(placings) + 1) - 1.0, 4.4)
+    several = len(placings) > 1  # then their readings lie below, over the whole width
+    drawing = new_figure(7.0, 7.0 if several else 4.6)
     own = Variant(raw=not e.calibrated)
     for column, name in enumerate(placings, start=1):
-        axes = add_axes(drawing, 1, len(placings) + 1, column)
+        axes = add_axes(drawing, 1 + several, 2, column)
         _draw_shapes(axes, e, replace(own, placing=name))
-        if len(placings) > 1:
+        if several:
             axes.set_title(f"rectangle {name}", fontsize=9.0)
-    axes = add_axes(drawing, 1, len(placings) + 1, len(placings) + 1)
+    axes = add_axes(drawing, 1 + several, 2, (3, 4) if several else 2)
     for name, line in zip(placings, ("-", "--"), strict=False):
-        _draw_readings(axes, e, replace(own, placing=name), line, name if len(placings) > 1 else "")
+        _draw_readings(axes, e, replace(own, placing=name), line, name if several else "")
     legend(axes)
     drawing.suptitle(textwrap.fill(f"Figure {figure}: {_caption(figure)}", 105), fontsize=10.0)
     return drawing
@@ -93,8 +94,8 @@ def _draw_shapes(axes: Axes, e: Experiment, variant: Variant) -> None:
     _draw_one(axes, contact, vertices, COLOURS[name], method)
     if e.signature is None:
         outline = profile_reconstruction(scan, sensor).objects[0].vertices
-        draw_polygon(axes, outline, OTHERS[1], "P.R., every strip", dashed=True)
-    _draw_one(axes, contact, fitted, _POLYGON, "polygon fit")
+        draw_polygon(axes, outline, OTHERS[1], "P.R., every strip", alpha=0.5)
+    _draw_one(axes, contact, fitted, _POLYGON, "polygon fit", dashed=True)
     shown = [v for v in (contact.vertices, vertices, fitted) if len(v)]
     zoom(axes, np.concatenate(shown), sensor, share=0.12)
     low, high = axes.get_ylim()
@@ -103,18 +104,20 @@ def _draw_shapes(axes: Axes, e: Experiment, variant: Variant) -> None:
         axes.plot([], [], " ", label=f"in print: {e.printed['aoe']:.3f}, {e.printed['ape']:.3f}")
     axes.set(xlabel="x [mm]", ylabel="y [mm]")
     axes.legend(
-        loc="upper center", bbox_to_anchor=(0.5, -0.13), frameon=False, fontsize=7.5,
-        title="A.O.E. [rad], A.P.E. [cm]", title_fontsize=7.5,
+        loc="upper center", bbox_to_anchor=(0.5, -0.2), frameon=False, fontsize=8.0,
+        title="A.O.E. [rad], A.P.E. [cm]", title_fontsize=8.0,
     )  # fmt: skip
 
 
-def _draw_one(axes: Axes, contact: Contact, vertices: FloatArray, colour: str, label: str) -> None:
+def _draw_one(
+    axes: Axes, contact: Contact, vertices: FloatArray, colour: str, label: str, dashed: bool = False
+) -> None:
     """Draw a recovered shape with its A.O.E. and A.P.E. in the legend, or say there that there is none."""
     if not len(vertices):
         axes.plot([], [], color=colour, label=f"{label}: no shape")
         return
     m = mismatch(contact.vertices, vertices)
-    draw_polygon(axes, vertices, colour, f"{label}: {m.aoe:.3f}, {m.ape / 10.0:.3f}")
+    draw_polygon(axes, vertices, colour, f"{label}: {m.aoe:.3f}, {m.ape / 10.0:.3f}", dashed=dashed)
 
 
 def _draw_readings(axes: Axes, e: Experiment, variant: Variant, line: str, label: str) -> None:

@@ -21,6 +21,12 @@ _HOPELESS, _MARGIN = 3.0, 300.0
 _ANGLES, _KEPT = 36, 6  # of a pose of which nothing is known: starts all round, and how many are refined
 _JIGGLES = np.array([(0, 0, 0), (0.5, 0, 0.02), (-0.5, 0, -0.02), (0, 0.5, -0.03), (0, -0.5, 0.03)])
 _BAD, _SPREAD = 6.0, 5.0  # chi square of a scan beyond its readings, and times its deviation
+_EXPLORED, _BEST, _SETTLED = (
+    5,
+    4,
+    7,
+)  # rounds, descents of each that are settled: the best, and with unlike ones
+_FAR = 2.5  # times a short move
 _MOST_BAD = 0.8  # of all scans: with more the shape is wrong, not the poses
 
 
@@ -142,6 +148,68 @@ def recounted(scans: RigidScans, fit: Fit) -> Fit:
             break
         fit = best
     return fit
+
+
+def explored(scans: RigidScans, fit: Fit) -> list[Fit]:
+    """Return a concave outline's fits from beside it: what lies deep in a notch is read by few strips of few scans.
+
+    The best first, the fit or a better one; the others are ends of descents that stayed elsewhere. Corners are moved
+    along their edges and edges across themselves, by little and by much; again from wherever that is better.
+    """
+    ends, soft = list[Fit](), 0.05 * scans.sensor.pitch_mm
+    for _ in range(_EXPLORED):
+        tries = [
+            fitted(scans, start, fit.poses, 8, soft, 5.0, fit.basis) for start in _moved(fit.corners, scans)
+        ]
+        tries = [fitted(scans, f.corners, f.poses, 6, basis=fit.basis) for f in tries]
+        near = [settled(scans, f, 2) for f in _unlike(sorted(tries, key=lambda f: f.cost), scans)]
+        ends += near
+        best = min(near, key=lambda f: f.cost)
+        if not best.cost < fit.cost - 0.5:
+            break
+        ends.append(fit)
+        fit = best
+    return [fit, *sorted(ends, key=lambda f: f.cost)]
+
+
+def _unlike(fits: list[Fit], scans: RigidScans) -> list[Fit]:
+    """Return the first ones of fits, and of the others some that are unlike these."""
+    kept = fits[:_BEST]
+    for fit in fits[_BEST:]:
+        if fit.cost > _HOPELESS * fits[0].cost or len(kept) == _SETTLED:
+            break
+        apart = [np.abs(fit.corners - k.corners).max() for k in kept]  # frames stay about where they are
+        if min(apart) > 0.1 * scans.sensor.pitch_mm:
+            kept.append(fit)
+    return kept
+
+
+def _moved(corners: FloatArray, scans: RigidScans) -> list[FloatArray]:
+    """Return an outline with a corner moved along one of its edges, or an edge across itself, everywhere by turns."""
+    after = np.roll(corners, -1, axis=0) - corners
+    length = np.hypot(*after.T)
+    along = after / np.maximum(length, 1e-9)[:, None]
+    step = max(0.1 * scans.sensor.pitch_mm, 0.05 * float(np.ptp(corners, axis=0).max()))
+    found = []
+    for i in range(len(corners)):
+        j = (i + 1) % len(corners)
+        across = np.array([-along[i, 1], along[i, 0]])
+        for by in (step, -step, _FAR * step, -_FAR * step):
+            if abs(by) > 0.8 * length[i]:
+                continue
+            for at, direction in (([i], along[i]), ([j], along[i]), ([i, j], across)):
+                moved = corners.copy()
+                moved[at] += by * direction
+                found.append(moved)
+    return found
+
+
+def reflex(corners: FloatArray) -> BoolArray:
+    """Return which corners of an outline turn inwards (N,)."""
+    before, after = corners - np.roll(corners, 1, axis=0), np.roll(corners, -1, axis=0) - corners
+    turn = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
+    x, y = corners.T
+    return np.asarray(np.sign((x * np.roll(y, -1) - np.roll(x, -1) * y).sum()) * turn < 0.0)
 
 
 def _gains(scans: RigidScans, fit: Fit) -> FloatArray:

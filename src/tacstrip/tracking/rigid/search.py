@@ -18,10 +18,12 @@ from tacstrip.reconstruction.polygon.goodness_of_fit import chi_square_score
 from tacstrip.tracking.rigid.corners import (
     Fit,
     bad_scans,
+    explored,
     fitted,
     poses_all_round,
     pruned,
     recounted,
+    reflex,
     rescued,
     settled,
 )
@@ -34,6 +36,7 @@ _KNOTS, _MORE_KNOTS = 4, 8
 _ALIKE = 0.003  # of the area's root: outlines that differ by less are one
 _LARGEST = 2.0  # diagonals of the sensor: no outline is larger
 _SPLINES = (4, 6, 8, 11, 15, 20, 26)  # knots of poses that are tied to a spline
+_FREER = 2  # steps up these: the freedom that errors allow the motion
 _NEAR = 6  # fits that are tried on the best of them
 LEAST_STRIPS = 3  # that a scan touches: fewer tell hardly more than a pose
 FEW_STRIPS = 12  # that read an outline at few places, the same ones as long as it does not move across them
@@ -41,6 +44,7 @@ _KEPT = 3  # paths that are made polygons of
 _SATISFIED = 1.15  # of the freedom: a chi square that ends the search
 _ALARM, _HARDLY_MORE = 3.5, 1.05  # deviations of chi square, and times the freedom
 _WITHIN = 8.0  # of the best criterion: fits that explain the readings as well
+_WITHIN_KINKS = 16.0  # likewise of concave ones, which seldom come to rest at their least cost
 _LOST = 0.5  # of the scans: a polygon that leaves more will not explain them once it is settled
 _WORTH_SETTLING = 1.6  # times the freedom: fits that may, once they are settled
 _SOFT, _HARD = 0.25, 0.1  # pitches that an end of an outline is off
@@ -270,6 +274,18 @@ def needs_smooth_motion(scans: RigidScans) -> bool:
     return len(scans.names) == 1
 
 
+def freer_spline(basis: FloatArray | None) -> FloatArray | None:
+    """Return a spline of more knots over the same scans: what the readings do not rule out, errors must allow for.
+
+    The motion is no spline; that one of few knots explains the readings says only how smooth it is about.
+    """
+    if basis is None:
+        return None
+    scans, knots = basis.shape
+    more = min([k for k in _SPLINES if k > knots][:_FREER] or [2 * knots], key=lambda k: -k)
+    return spline_basis(np.arange(scans) / max(scans - 1, 1), min(more, scans))
+
+
 def _chosen(scans: RigidScans) -> IntArray:
     """Return the scans that a search uses."""
     many = _SPARSE if scans.k.shape[2] > _MANY_STRIPS else _DENSE
@@ -305,11 +321,15 @@ def _polygons(
 def _compared(scans: RigidScans, fits: list[Fit], distribution: str) -> Found:
     """Return the best of fits of all scans, without corners that it does not need, and those that are about as good."""
     every = sorted(fits, key=lambda f: f.criterion(scans))
-    best = recounted(scans, every[0])
+    best, within = recounted(scans, every[0]), _WITHIN
+    if reflex(best.corners).any() and best.cost < _WORTH_SETTLING * best.freedom(scans):
+        first, *others = explored(scans, best)
+        best, every = recounted(scans, first), sorted([*every, *others], key=lambda f: f.criterion(scans))
+        within = _WITHIN_KINKS
     rivals = (
         (f, f.criterion(scans) - best.criterion(scans)) for f in every[0 if best is not every[0] else 1 :]
     )
-    likely = ((f, w) for f, w in rivals if w <= _WITHIN and content(scans, f, distribution))
+    likely = ((f, w) for f, w in rivals if w <= within and content(scans, f, distribution))
     return Found(best, np.arange(len(scans.k)), tuple(likely))
 
 

@@ -74,7 +74,9 @@ function about(message) {
     get("rigid").hidden = !sensor.rigid; // outlines change where they move
     if (sensor.presses) options(get("solid"), sensor.presses);
     objects.draw();
-    get("what").textContent = `${sensor.construction}, ${sensor.strips} strips, ${+(sensor.strips * sensor.pitch_mm).toFixed(1)} × ${+sensor.length_mm.toFixed(1)} mm`;
+    const strips = sensor.layers.map((one) => one.strips).join(" + ");
+    get("what").textContent = `${sensor.construction}, ${strips} strips, ${+surface.width.toFixed(1)} × ${+surface.length.toFixed(1)} mm`;
+    get("h-tracks").parentElement.hidden = sensor.layers.length > 1; // one outline from all scans is for one layer
   }
   play = Boolean(message.simulator);
   document.querySelectorAll(".play").forEach((e) => { e.hidden = !play; });

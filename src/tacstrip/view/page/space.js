@@ -52,7 +52,7 @@ export class Space {
     }));
     // Centre lines of the strips, where they are not too many.
     this.strips = Array.from({ length: sensor.strips <= 100 ? sensor.strips : 0 }, (_, i) => {
-      const x = (i + 0.5) * sensor.pitch_mm, long = lengths[Math.round(((i + 0.5) / sensor.strips) * columns)];
+      const x = (i + 0.5) * sensor.layers[0].pitch_mm, long = lengths[Math.round(((i + 0.5) / sensor.strips) * columns)];
       return Array.from({ length: 13 }, (_, k) => this.at([x, (k / 12) * long]));
     });
     this.seam = sensor.closed ? points[0].map((_, j) => this.at([0, (j / (points[0].length - 1)) * lengths[0]])) : [];
@@ -61,7 +61,7 @@ export class Space {
   // The place in space of x across the strips and y along them [mm], and the skin's normal there.
   at([x, y]) {
     const { points, lengths, outward } = this.skin, columns = points.length - 1, rows = points[0].length - 1;
-    const width = this.sensor.strips * this.sensor.pitch_mm;
+    const width = this.sensor.strips * this.sensor.layers[0].pitch_mm;
     const c = Math.min(Math.max(((this.sensor.closed ? (x % width + width) % width : x) / width) * columns, 0), columns - 1e-9);
     const i = Math.floor(c), long = lengths[i] + (c - i) * (lengths[i + 1] - lengths[i]);
     const r = Math.min(Math.max((y / long) * rows, 0), rows - 1e-9), j = Math.floor(r);
@@ -72,7 +72,7 @@ export class Space {
 
   // An outline in strip coordinates as places in space, close enough to lie on the skin.
   laid(ring, closed = true) {
-    const fine = 0.25 * this.sensor.pitch_mm;
+    const fine = 0.25 * this.sensor.layers[0].pitch_mm;
     return ring.flatMap((p, i) => {
       const q = ring[(i + 1) % ring.length];
       if (i + 1 === ring.length && !closed) return [p];

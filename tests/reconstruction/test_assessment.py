@@ -1,0 +1,56 @@
+"""Whether one signature's `ok` can be relied on: what lowers the confidence, and what does not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import tacstrip as ts
+from tacstrip.core.binding import exported
+from tacstrip.core.polygon_fit import PolygonFit
+from tacstrip.core.problem import FitProblem
+from tacstrip.reconstruction.polygon.run import fit_run
+from tacstrip.reconstruction.posterior.assessment import Effort, doubts, probability
+
+SENSOR = ts.Sensor(construction="crs-crs", strips=40, pitch_mm=2.5, length_mm=100.0)
+NOISE = ts.Noise(positional=0.003)
+OVAL = 20.0 * np.stack(
+    [f(np.linspace(0.0, 2.0 * np.pi, 60, endpoint=False)) for f in (np.cos, np.sin)], axis=1
+)
+
+
+@pytest.mark.skipif(exported("sample_outlines") is None, reason="only the compiled core samples")
+@pytest.mark.parametrize(
+    ("outline", "trusted"),
+    [
+        ([(15, 20), (85, 45), (40, 80)], True),
+        ([(20, 30), (50, 48), (80, 28), (74, 74), (30, 78)], False),  # k_h hides the inward corner
+    ],
+    ids=["convex", "concave"],
+)
+def test_one_signature_is_trusted_where_it_is_right(
+    outline: list[tuple[float, float]], trusted: bool
+) -> None:
+    contact = ts.Contact.polygon(outline)
+    scan = ts.Scan(kh=ts.simulate(SENSOR, contact, NOISE, rng=5).kh)
+    found = ts.fit_polygon(scan, SENSOR, NOISE).objects[0]
+    assert (found.status == "ok") == trusted
+    assert (ts.mismatch(outline, found.vertices).iou > 0.8) == trusted
+
+
+@pytest.mark.parametrize("effort", ["thorough", "fast"])
+def test_many_corners_and_an_ellipse_that_is_hardly_better_are_doubted(effort: Effort) -> None:
+    scan = ts.simulate(SENSOR, ts.Contact.polygon(OVAL + 50.0), NOISE, rng=1)
+    touched = scan.touched
+    run = fit_run(SENSOR, SENSOR.x_mm[touched], {"kh": scan["kh"][touched]}, 0.003 / np.sqrt(3.0))
+    assert isinstance(run.problem, FitProblem)
+    assert run.selection is not None
+    polygon = run.selection.chosen
+    assert isinstance(polygon, PolygonFit)
+    by_corners = [probability(doubts(0.98, run, polygon, n), effort) for n in (3, 5, 6, 9, 12, 40)]
+    assert by_corners[0] == by_corners[1] > by_corners[2] > by_corners[3] > by_corners[4] == by_corners[5]
+    assert probability(doubts(0.98, run, run.ellipse, 42), effort) > by_corners[4]
+    shares = [probability(doubts(share, run, polygon, 4), effort) for share in (0.0, 0.3, 0.7, 1.0)]
+    assert shares == sorted(shares)
+    assert 0.0 < shares[0] < 0.1
+    assert 0.8 < shares[-1] < 1.0

@@ -1,0 +1,101 @@
+"""Check contrast, names and alternative texts of a built site with axe-core in Chromium, in light and dark.
+
+axe-core comes from npm into .tools/axe at a pinned version; what is missing is named, and then nothing is checked.
+
+Run: python tools/docs_site/axe.py docs/_build/html [PAGE ...]; "all" for all pages, without one the sample.
+"""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+AXE = "axe-core@4.14.1"
+_TOOLS = Path(__file__).parents[2] / ".tools" / "axe"
+# A page of every kind: tables, code, formulas, pictures, options, signatures, figures with captions.
+SAMPLE = (
+    *("index.html", "start/what-is-this-sensor.html", "start/ten-minutes.html", "guide/index.html"),
+    *("guide/build.html", "examples/index.html", "examples/plot_01_one_scan.html", "reference/index.html"),
+    *("reference/python.html", "reference/commands/simulate.html", "reference/statuses.html"),
+    *("science/index.html", "science/physics.html", "reproduction/chapter-5.html", "glossary.html"),
+)
+_RUN = "axe.run(document, {resultTypes: ['violations']}).then(found => found.violations)"
+
+
+def script() -> Path:
+    """Return axe-core's file, fetched by npm when it is not there.
+
+    Raises
+    ------
+    OSError
+        npm is missing, or cannot fetch it.
+    """
+    file = _TOOLS / "node_modules" / "axe-core" / "axe.min.js"
+    if not file.exists():
+        if shutil.which("npm") is None:
+            raise OSError("npm is not installed (apt-get install npm)")
+        command = [
+            "npm",
+            "install",
+            "--silent",
+            "--no-save",
+            "--ignore-scripts",
+            "--prefix",
+            str(_TOOLS),
+            AXE,
+        ]
+        if subprocess.run(command, capture_output=True, check=False).returncode or not file.exists():
+            raise OSError(f"npm cannot fetch {AXE}")
+    return file
+
+
+def violations(site: Path, pages: list[str], axe: Path) -> list[str]:
+    """Return what axe finds on pages of a site, a line each: page, scheme, rule, place.
+
+    Raises
+    ------
+    OSError
+        Playwright or Chromium is missing.
+    """
+    try:
+        from playwright.sync_api import sync_playwright
+    except ImportError:
+        raise OSError("playwright is not installed (it is of the group dev)") from None
+    if (chromium := shutil.which("chromium") or shutil.which("chromium-browser")) is None:
+        raise OSError("Chromium is not installed (apt-get install chromium)")
+    code, found = axe.read_text(encoding="utf-8"), []
+    with sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
+        for scheme in ("light", "dark"):
+            page = browser.new_page(color_scheme=scheme)
+            page.add_init_script(f"localStorage.setItem('mode', '{scheme}')")
+            for name in pages:
+                page.goto((site / name).resolve().as_uri())
+                page.evaluate(code)
+                for rule in page.evaluate(_RUN):
+                    for node in rule["nodes"]:
+                        why = node["failureSummary"].splitlines()[-1].strip()
+                        found.append(f"{name}, {scheme}: {rule['id']}: {node['html'][:100]}: {why}")
+        browser.close()
+    return found
+
+
+def main(folder: str, *pages: str) -> int:
+    """Print what axe finds; return the exit code."""
+    site = Path(folder)
+    chosen = list(pages or SAMPLE)
+    if chosen == ["all"]:
+        chosen = [str(f.relative_to(site)) for f in sorted(site.rglob("*.html")) if "_static" not in f.parts]
+    try:
+        found = violations(site, chosen, script())
+    except OSError as error:
+        print(f"contrast and alternative texts were not checked: {error}")
+        return 0
+    print(*found, f"axe: {len(found)} violations on {len(chosen)} pages, light and dark", sep="\n")
+    return 1 if found else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(*sys.argv[1:]))
