@@ -39,8 +39,9 @@ def test_an_outline_is_laid_on_the_strips_as_the_hold_out_reads_it(name: str) ->
 def test_the_posterior_of_a_triangle_holds_it_and_explains_the_readings(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(limit, "_PRIOR", 3000)
-    monkeypatch.setattr(limit, "_PARTICLES", 200)
+    monkeypatch.setattr(limit, "_PRIOR", 2000)
+    monkeypatch.setattr(limit, "_PARTICLES", 150)
+    monkeypatch.setattr(limit, "_SWEEPS", 2)
     triangle, random = np.array([(9.0, 20.0), (35.0, 12.0), (28.0, 45.0)]), np.random.default_rng(1)
     low, high = UNIT.touched([triangle])
     at = np.flatnonzero(np.isfinite(low))
