@@ -51,7 +51,7 @@ def _digamma(x: FloatArray) -> FloatArray:
     with np.errstate(divide="ignore"):
         below = sum(1.0 / (x + i) for i in range(8))
     far = x + 8.0
-    z, series = 1.0 / far**2, 0.0
+    z, series = 1.0 / far**2, np.zeros_like(far)
     for term in (691.0 / 32760.0, -1.0 / 132.0, 1.0 / 240.0, -1.0 / 252.0, 1.0 / 120.0, -1.0 / 12.0):
         series = (series + term) * z
     return np.asarray(np.log(far) - 0.5 / far + series - below)
