@@ -36,8 +36,9 @@ JOBS = {
 
 
 def start(code: str) -> None:
-    """Run code in a new interpreter."""
-    subprocess.run([sys.executable, "-c", code], check=True, capture_output=True)
+    """Run code in a new interpreter; the demo's readings before calibration are no polygon, which is exit code 1."""
+    done = subprocess.run([sys.executable, "-c", code], check=False, capture_output=True)
+    assert done.returncode in (0, 1), done.stderr
 
 
 def main() -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from scipy.special import zeta
+from scipy.special import digamma, zeta
 
 import tacstrip as ts
 from studies.budget import PROFILE_I
@@ -18,7 +18,7 @@ from tacstrip.arrays import FloatArray
 from tacstrip.contact.signature import signatures
 from tacstrip.network.strips.resolved import MOST, wide_measurements, wide_readings
 from tacstrip.sensor import lower_and_width
-from tacstrip.sensor.slant import slant_shift
+from tacstrip.sensor.slant import _digamma, slant_shift
 
 B, L = 10.0, 100.0  # width and length of the strips [mm]
 SIZE: dict[str, Any] = {"strips": 3, "pitch_mm": B, "length_mm": L}
@@ -97,6 +97,11 @@ def test_a_line_along_the_strip_reads_shorter(x: float, shift: float) -> None:
     exact = np.array([20.0 + shift * B, 80.0 - shift * B])
     assert np.abs(fine - exact).max() < 0.02 * B
     np.testing.assert_allclose(np.abs(coarse - exact) / np.abs(fine - exact), 2.0, atol=0.2)  # a tip: order 1
+
+
+def test_the_digamma_function_is_scipys() -> None:
+    x = np.concatenate([np.geomspace(1e-12, 1.0, 500), np.linspace(0.001, 1.0, 500)])
+    np.testing.assert_allclose(_digamma(x), digamma(x), rtol=1e-14, atol=1e-14)
 
 
 def test_slant_shift_between_its_limits() -> None:
