@@ -256,7 +256,7 @@ def test_across_the_seam_of_a_tube_it_is_one_object() -> None:
     beside, across = (
         ts.track(pressed(tube, CORNERS, _moved(sliding(25), x), NOISE, 3), tube, NOISE) for x in (60.0, 150.0)
     )
-    assert [t.status for t in (*beside, *across)] == ["ok", "ok"]
+    assert [t.status for t in (*beside, *across)] == ["likely", "likely"]  # one signature, few strips
     assert across[0].poses[0] - beside[0].poses[0] == pytest.approx([90.0, 0.0, 0.0], abs=1.5)
     assert distance(across[0].outline, CORNERS) < 0.5
 
