@@ -59,7 +59,11 @@ def test_limits_say_what_the_second_layer_buys(here: Path) -> None:
             "spice two.toml pair.wkt -o x.cir",
             "two.toml: is of two layers, and `tacstrip spice` takes a sensor of one",
         ),
-        ("live --simulate --sensor two.toml", "`tacstrip live` takes a sensor of one"),
+        (
+            "live --simulate --sensor two.toml --watch",
+            "--watch is for a sensor of one layer, and this one has two",
+        ),
+        ("live --simulate --sensor two.toml --method pieces", 'two layers are reconstructed by "polygon"'),
         ("simulate two.toml pair.wkt -o x.csv --model network", "--model is for a sensor of one layer"),
         (
             "simulate two.toml pair.wkt -o x.csv --without 3:v_h",

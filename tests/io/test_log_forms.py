@@ -420,6 +420,11 @@ FORMS: dict[str, tuple[ts.Sensor, str, dict[str, str]]] = {
         each(lambda i, s: f"{0.02 * i:.2f};{s};{v('k', i, s, 3.3)}", "Laikas;strip;volt\n"),
         {"Laikas": "time"},
     ),
+    "the noise of open inputs, in both channels at once": (
+        TWO,
+        each(lambda i, s: f"{20 * i},{s},{c('kh', i, s, str(s % 3))},{c('kl', i, s, str(i % 2))}", HL),
+        {},
+    ),
     "boot messages": (
         TWO,
         each(
@@ -467,11 +472,7 @@ def _check(found: list, unit: str, sensor: ts.Sensor, bits: int) -> None:  # typ
         ("t=0 s0=1 s1=2V7 s2=1 s3=1 s4=2\n" + "t=20 s0=1 s1=2.7 s2=1 s3=1 s4=2\n" * 9, "broken_lines"),
         # One channel by its name, the other perhaps by one that says nothing.
         (each(lambda i, s: f"{0.02 * i:.2f};{s};{hl(';', i, s)}", "t;strip;foo;low\n"), "foo"),
-        # The noise of open inputs; codes above what the spec's converter gives.
-        (
-            each(lambda i, s: f"{20 * i},{s},{c('kh', i, s, str(s % 3))},{c('kl', i, s, str(i % 2))}", HL),
-            "untouched",
-        ),
+        # Codes above what the spec's converter gives.
         (
             each(lambda i, s: f"{20 * i},{s}," + ",".join(v(n, i, s, 4095.0, ".0f") for n in ("kh", "kl")), CODES),
             "adc_bits",
@@ -497,7 +498,7 @@ NOISE = "t,s0,s1,s2\n" + "".join(f"{0.2 * i:.1f},1.1,1.2,0.0{12 + 7 * (i % 5)}\n
             "time_s,S0,S1,S2\n0,1134,1338,1529\n0.1,1177,2356,3330\n0.2,1180,2360,3200\n",
             "unit",
         ),  # mV or codes
-        (RISING, "column 1"),  # the time and the strips, or a count, the time, and so on
+        (RISING, "readings"),  # the time and the strips, or a count, the time, and so on
         (NOISE, "untouched"),
     ],
 )

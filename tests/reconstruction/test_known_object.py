@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -156,6 +157,7 @@ def test_slopes_are_those_of_differences() -> None:
         k,
         np.full_like(k, 100.0),
         1.0,
+        np.zeros(SENSOR.strips, dtype=bool),
     )
     at = np.array([[50.3, 47.0, 0.37, 0.2]])
     slope = fit.rows(at)[1][0]
@@ -245,3 +247,27 @@ def test_an_outline_of_the_wrong_type_gets_a_sentence(outline: object) -> None:
         ts.fit_object(ts.simulate(SENSOR, pressed("five", 0.0)), SENSOR, outline)  # type: ignore[arg-type]
     with pytest.raises(ts.OptionError, match="edge_mm = 'x'"):
         ts.fit_object(ts.simulate(SENSOR, pressed("five", 0.0)), SENSOR, SHAPES["five"], edge_mm="x")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("out", [(-1, -2), (0,), (2, 3, 4, 5, 6)])
+def test_strips_that_are_left_out_do_not_make_it_another_object(out: tuple[int, ...]) -> None:
+    """At an end it may go on beneath them, by so many pitches more; in the middle they do not make two of it."""
+    sensor = ts.Sensor(construction="crs-crs", strips=20, pitch_mm=5.0, length_mm=100.0)
+    truth = pressed("five", 0.9)
+    scan = ts.simulate(sensor, truth, NOISE, rng=2)
+    strips = [int(np.flatnonzero(scan.touched)[i]) for i in out]
+    left = replace(sensor, without=tuple(map(str, strips)))
+    kept = {n: np.where(np.isin(np.arange(20), strips), np.nan, scan[n]) for n in scan.signatures}
+    (found,) = ts.fit_object(ts.Scan(**kept), left, SHAPES["five"]).objects
+    assert found.status == "ok", found.advice
+    assert iou(found.vertices, truth.vertices) > 0.9
+    (other,) = ts.fit_object(ts.Scan(**kept), left, SHAPES["triangle"]).objects
+    assert other.status == "doubtful"
+
+
+def test_one_signature_of_few_strips_in_unknown_noise_does_not_tell_the_object() -> None:
+    statuses = []
+    for seed in range(6):
+        scan = ts.simulate(SENSOR, pressed("triangle", 0.4 + seed), ts.Noise(positional=0.002), rng=seed)
+        statuses.append(ts.fit_object(ts.Scan(kh=scan["kh"]), SENSOR, SHAPES["five"]).status)
+    assert set(statuses) == {"doubtful"}

@@ -199,11 +199,14 @@ def test_a_silent_device_is_told_to_send_again() -> None:
 
 
 class _Spoilt(Loopback):
-    """Changes a byte now and then."""
+    """Changes a byte of the first frame read after ten more were sent, however many a read brings."""
+
+    _spoilt = 0
 
     def read(self, wait_s: float) -> bytes:
         data = bytearray(super().read(wait_s))
-        if len(data) > 50 and self.device._number % 10 == 9:
+        if len(data) > 50 and self.device._number >= self._spoilt + 10:
+            self._spoilt = self.device._number
             data[30] ^= 0x55
         return bytes(data)
 

@@ -7,6 +7,7 @@ import itertools
 import json
 import socket
 from collections.abc import Awaitable, Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -353,6 +354,32 @@ def test_the_simulator_changes_its_sensor(
             break
     assert (frame.sensor.strips, frame.sensor.width_mm) == (16, 100.0)
     assert live.error is None
+
+
+def test_two_layers_are_shown_where_they_lie_and_keep_their_strips(tmp_path: Path) -> None:
+    simulator = Simulator(Settings(ts.Sensor.load("layered-crs-crs"), 50.0))
+    with Live(simulator.source()) as live, ThreadPoolExecutor(1) as executor:
+        controller = Controller(live, executor, simulator, tmp_path)
+        about = controller.hello(control=True)
+        controller.watched(True)
+        frame: dict[str, Any] = {}
+
+        def has_shapes() -> bool:
+            text = controller.picture()
+            frame.update(json.loads(text) if text else {})
+            return '"vertices": [[' in text
+
+        wait_until(has_shapes)
+        with pytest.raises(ts.OptionError, match="of two layers, construction and strips are the spec's"):
+            controller.do({"do": "set", "settings": {"strips": 10}})
+        with pytest.raises(ts.OptionError, match='two layers are reconstructed by "polygon"'):
+            controller.do({"do": "method", "method": "profile"})
+        assert controller.state()["method"] == "polygon"
+    assert [layer["strips"] for layer in about["sensor"]["layers"]] == [32, 32]
+    assert about["sensor"]["layers"][1]["corners"] == [[96.0, 0.0], [96.0, 96.0], [0.0, 96.0], [0.0, 0.0]]
+    assert (about["methods"], about["constructions"]) == (["polygon"], ["crs-crs"])
+    assert len(frame["readings"]["kh"]) == 64
+    assert [len(one["vertices"]) for one in frame["objects"]] == [3, 3]
 
 
 def test_sensors_of_the_simulator() -> None:

@@ -83,7 +83,7 @@ def plan(
     model
         Parts to be fitted; by default offset, gain, lambda, and the ratio of two layers of rubber.
     unit_mm
-        Step of the places, the thesis' unit; by default about a thirtieth of the length.
+        Step of the places, the thesis' unit; by default about a thirtieth of the length, to .1 mm (below 1 mm to .01).
     uneven
         Whether the rubber may vary along y, by some 6 %: the default model with a warp.
 
@@ -99,7 +99,8 @@ def plan(
             "where you can, and give the runs to the calibration"
         )
     parts = parse_model(model or planned_model(sensor, uneven).name, sensor, sensor.signatures)
-    step = sensor.length_mm / 32.5 if unit_mm is None else unit_mm
+    usual = sensor.length_mm / 32.5
+    step = round(usual, 1 if usual >= 1.0 else 2 if usual >= 0.1 else 4) if unit_mm is None else unit_mm
     if not 0.0 < wanted_percent < 100.0:
         raise OptionError(f"--wanted {wanted_percent}: a percentage of Vref above 0, such as 0.2")
     if not 0.0 < step <= sensor.length_mm / 4.0 or sensor.length_mm / step > 1000.0:
@@ -134,7 +135,7 @@ def _places(sensor: Sensor, step: float, lengths: tuple[int, ...] = _LENGTHS) ->
     None ends within a fifteenth of the length from the end at Vref, where an offset may take readings to Vref.
     """
     last = _TOP * sensor.length_mm / step + 1e-9
-    return np.array([(i * step, n * step) for n in lengths for i in range(1, int(last - n) + 1)])
+    return np.round([(i * step, n * step) for n in lengths for i in range(1, int(last - n) + 1)], 9)
 
 
 def _reading_jacobian(sensor: Sensor, model: Model, places: FloatArray) -> FloatArray:

@@ -61,6 +61,7 @@ _TWO_LAYERS = (
     "replay",
     "convert",
     "recover",
+    "live",
 )  # the verbs that take a sensor of two layers
 _LOOK_SCANS = 10_000  # of a recording, for a warning
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
@@ -237,10 +238,10 @@ def warn_of_log(name: str | Path, log: Log) -> None:
     """Warn of what is probably not meant in the readings of a file."""
     import numpy as np
 
-    from tacstrip.io.input_checks import implausible
+    from tacstrip.io.input_checks import implausible, other_scale
 
     raw = {n: np.where(log.touched, values, np.nan) for n, values in log.raw.items()}
-    warn(*implausible(name, log.sensor, raw))
+    warn(*implausible(name, log.sensor, raw), other_scale(name, log.sensor, raw))
 
 
 def save_picture(

@@ -14,11 +14,13 @@ from typing import Any
 
 import click
 
-from tacstrip.cli import check_method, load_sensor, new_file, note, one_layer, options, warn_of_input
+from tacstrip.cli import check_method, load_layers, new_file, note, options, warn_of_input
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError, PortError
 from tacstrip.files import write_text
-from tacstrip.interrupt import deferred_interrupt
+from tacstrip.interrupt import deferred_interrupt, worker_processes
+from tacstrip.reconstruction.methods import chosen_method
+from tacstrip.sensor.layers import AnySensor
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.bridges.foxglove.bridge import PORT as FOXGLOVE_PORT
 from tacstrip.stream.bridges.foxglove.layout import layout_text
@@ -42,10 +44,11 @@ from tacstrip.view.watch import watch
 
 _HTTP = 8360
 _ROS2 = {"ros_domain": "domain", "ros_name": "name", "ros_frame": "frame_id", "ros_interface": "interface"}
+_ONE_LAYER = ("watched", "creep", "osc", "ros2", "foxglove")
 _POLL_S = 0.1
 # The simulator's, where no spec is given.
 _SENSOR = Sensor(construction="crs-crs", strips=50, pitch_mm=2.0, length_mm=100.0, adc_bits=12)
-_RATE_HZ = 1000.0
+_RATE_HZ, _LAYERED_HZ = 1000.0, 100.0
 
 
 @click.command()
@@ -57,7 +60,7 @@ _RATE_HZ = 1000.0
               help="Serve a simulated device on a serial port, for another program.")  # fmt: skip
 @click.option("--sensor", metavar="SENSOR", help="Spec of the device, the simulator or the recording.")
 @click.option("--rate", type=options.NUMBER, callback=options.rate,
-              help="Scan rate to request from the device; the simulator's is 1000 [Hz].")  # fmt: skip
+              help="Scan rate to ask the device for; the simulator's is 1000, of two layers 100 [Hz].")  # fmt: skip
 @click.option("--method", help="Method of reconstruction: polygon, vertex, profile or pieces.")
 @click.option(
     "--noise", type=options.NUMBER, help="Half-width of the readings' errors over Vref, where it is known."
@@ -123,7 +126,7 @@ def command(files: tuple[str, ...], **given: Any) -> None:
             raise OptionError(f"--foxglove-layout {layout}: a layout is a file that ends in .json")
         new_file(layout, given["force"], *files)
     spec = files[0] if len(files) == 2 else given["sensor"]
-    sensor = load_sensor(spec) if spec else None
+    sensor = load_layers(spec) if spec else None
     with deferred_interrupt() as stop, _log_on_stderr():
         end_s = time.monotonic() + given["seconds"]
 
@@ -154,8 +157,9 @@ def _log_on_stderr() -> Iterator[None]:
         LOGGER.removeHandler(handler)
 
 
-def _simulator(sensor: Sensor | None, given: dict[str, Any]) -> Simulator:
-    return Simulator(Settings(sensor or _SENSOR, given["rate"] or _RATE_HZ))
+def _simulator(sensor: AnySensor | None, given: dict[str, Any]) -> Simulator:
+    usual_hz = _RATE_HZ if sensor is None or isinstance(sensor, Sensor) else _LAYERED_HZ
+    return Simulator(Settings(sensor or _SENSOR, given["rate"] or usual_hz))
 
 
 def _serve_device(simulator: Simulator, running: Callable[[], bool]) -> None:
@@ -167,7 +171,7 @@ def _serve_device(simulator: Simulator, running: Callable[[], bool]) -> None:
 
 
 def _stream(
-    files: tuple[str, ...], sensor: Sensor | None, given: dict[str, Any], running: Callable[[], bool]
+    files: tuple[str, ...], sensor: AnySensor | None, given: dict[str, Any], running: Callable[[], bool]
 ) -> bool:
     """Run the stream to its end; return whether it, or its recording, failed."""
     simulator = _simulator(sensor, given) if given["simulate"] else None
@@ -178,17 +182,24 @@ def _stream(
         source = SerialSource(lambda: SerialPort(given["port"], given["baud"]), sensor, given["rate"])
     else:
         source = open_source(files[-1], sensor)
-        one_layer(files[-1], source.sensor)
-    check_method("--method", given["method"], source.sensor, source.names)
+    if isinstance(source.sensor, Sensor):
+        check_method("--method", given["method"], source.sensor, source.names)
+    else:
+        chosen_method(given["method"], source.sensor)
+        options.belong(False, "is for a sensor of one layer, and this one has two", *_ONE_LAYER)
     if files:
         warn_of_input(files[-1], source)
     warm_up(source.sensor, given["method"])
     noise = None if given["noise"] is None else Noise(positional=given["noise"])
     # The next source is that of a simulator whose settings were changed.
     next_source = (lambda: None) if simulator is None else simulator.source
-    live = Live(source, given["method"], noise, not given["no_drift"], given["speed"], next_source,
-                creep=given["creep"], tracks=not given["no_tracks"])  # fmt: skip
     with ExitStack() as stack:
+        searches = None
+        if not isinstance(source.sensor, Sensor):
+            searches = stack.enter_context(worker_processes(1, start_method="spawn"))
+            searches.submit(warm_up, source.sensor).result()
+        live = Live(source, given["method"], noise, not given["no_drift"], given["speed"], next_source,
+                    creep=given["creep"], tracks=not given["no_tracks"], searches=searches)  # fmt: skip
         # The page and the sinks come first: where they fail, no recording has been begun.
         sinks = list(_sinks(live, given))
         for sink in sinks:

@@ -19,6 +19,7 @@ from tacstrip.geometry.metrics import mismatch
 from tacstrip.io.geometry import feature_collection, read_contact, write_geojson
 from tacstrip.io.input_checks import half_read, implausible, misread, one_reading
 from tacstrip.io.readings import read_readings
+from tacstrip.reconstruction.implausible import doubt_scale
 from tacstrip.reconstruction.known_object import fit_object
 from tacstrip.reconstruction.methods import chosen_method, reconstruct
 from tacstrip.reconstruction.result import Reconstruction
@@ -138,6 +139,8 @@ def command(
         results = [fit_object(scan, unit, outline, known) for scan in used]
     else:
         results = [reconstruct(scan, spec, known, method=chosen, **own) for scan in used]
+    if not layered:
+        results = doubt_scale(results, used, unit)
     contact = read_contact(truth) if truth else None
     if contact is not None and not _polygons(contact):
         raise OptionError(

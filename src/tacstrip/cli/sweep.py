@@ -8,6 +8,7 @@ import click
 from rich.progress import Progress
 
 from tacstrip.cli import note, options
+from tacstrip.dataset.measures import PROBLEM
 from tacstrip.dataset.sweep import Sweep, batches_there, collect, error_column, pareto, sweep
 from tacstrip.errors import OptionError
 
@@ -79,4 +80,6 @@ def command(
         click.echo(
             f"{len(front)} of {asked.designs} designs are on the Pareto front of error, strips, connectors, rate"
         )
-    click.echo(f"{page}: the report\n{out / 'results.parquet'}: all designs")
+    lack = sum(why is not None for why in results[PROBLEM])
+    but = f", {lack} of them not or not wholly measured: the column {PROBLEM} says why" if lack else ""
+    click.echo(f"{page}: the report\n{out / 'results.parquet'}: all {asked.designs} designs{but}")

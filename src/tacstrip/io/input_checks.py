@@ -16,11 +16,13 @@ from tacstrip.contact.shape import Contact
 from tacstrip.io.columns import value, value_columns
 from tacstrip.io.csv_rows import Row, read_csv
 from tacstrip.io.readings import scan_lines
+from tacstrip.reconstruction.implausible import scale_hint
 from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.exchanged import exchanged
 from tacstrip.sensor.layers import AnySensor, LayeredSensor
 from tacstrip.sensor.left_out import channel_name, left_out
+from tacstrip.sensor.raw import apply_calibration
 from tacstrip.sensor.rest_level import rest_hint
 from tacstrip.sensor.spec import Sensor
 
@@ -31,6 +33,7 @@ _SMALL = 0.01  # of the sensor's shorter side: a contact in metres is a thousand
 _CORNER = 0.1  # of the sensor: one in centimetres lies within this, whatever it is and wherever it was to be
 _VREF_VOLT = 2.0  # above it, volts that all stay below 1 are seldom volts
 _END_BYTES, _FEW_ENDS = 65536, 8  # of a file's end that is looked at; numbers there, at least
+_SOME = 20  # scans of a file of which outlines are looked at
 _NAMED = 5  # channels that a warning names
 
 
@@ -125,6 +128,23 @@ def misread(path: str | Path, sensor: Sensor, raw: Mapping[str, FloatArray]) -> 
 def implausible(path: str | Path, sensor: Sensor, raw: Mapping[str, FloatArray]) -> list[str]:
     """Return warnings where readings are none of this sensor touched by something; arguments as of `misread`."""
     return [f"{path}: {one}" for one in (exchanged(raw), rest_hint(sensor, raw)) if one]
+
+
+def other_scale(path: str | Path, sensor: Sensor, raw: Mapping[str, FloatArray]) -> str:
+    """Return a warning where both signatures look as if they were of another scale (`scale_hint`)."""
+    if len(raw) < 2 or not sensor.kind.closed_form or sensor.surface is not None:
+        return ""  # outlines would be needed
+    touched = np.flatnonzero(np.isfinite(raw["kh"]).any(axis=1))
+    some = (
+        touched[np.unique(np.linspace(0, len(touched) - 1, _SOME).astype(int))] if len(touched) else touched
+    )
+    read = apply_calibration(sensor, {name: values[some] for name, values in raw.items()})
+    scans = [
+        Scan(**{name: np.clip(values[i], 0.0, 1.0) for name, values in read.items()})
+        for i in range(len(some))
+    ]
+    hint = scale_hint(scans, (), sensor)
+    return f"{path}: {hint}" if hint else ""
 
 
 def unfinished(path: str | Path) -> str:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import shapely
 
 from tacstrip.arrays import FloatArray
-from tacstrip.reconstruction.result import Reconstruction, RecoveredObject
+from tacstrip.reconstruction.contact_ends import closed_ends
+from tacstrip.reconstruction.result import Reconstruction, RecoveredObject, Status
 from tacstrip.scan import Scan
 from tacstrip.sensor.exchanged import exchanged
 from tacstrip.sensor.left_out import left_out_wholly
@@ -18,23 +21,116 @@ from tacstrip.sensor.spec import Sensor
 
 _OF_RUNS = ("polygon", "profile", "vertex")  # methods that take an object to end where its strips do
 _MUCH_MORE = 0.2  # of its area: an IoU of .8 is what "ok" promises
+_LEAST_VOLT = 1.5  # Vref below which readings over Vref are hardly smaller than volts
+_BITS = (8, 10, 12, 14)  # of converters that are common
+_ASPECT = 0.55  # standard deviation of the logarithm of objects' extent along the strips over that across
+_BORDER = 0.05  # of the smaller scale: what ends below it may be cut by the border, and looks flat for that
+SCALE = "all that touches is flat and lies near y = 0"
+_ODDS = 3.0  # logarithm of the odds beyond which readings are taken for another scale's
 
 
 def doubt_implausible(result: Reconstruction, scan: Scan, sensor: Sensor) -> Reconstruction:
     """Return the result; where the readings are implausible "doubtful" in place of "ok", and with advice."""
-    hint = implausible_hint(scan, sensor, result.status not in ("ok", "likely") or bool(result.advice))
+    failed = result.status not in ("ok", "likely") or bool(result.advice)
+    hint = implausible_hint(scan, sensor, failed, [o.vertices for o in result.objects])
     if not hint and not sensor.without:
         return result
 
-    def doubted(found: RecoveredObject) -> RecoveredObject:
+    def judged(found: RecoveredObject) -> RecoveredObject:
         beside = goes_on(found.vertices, found.strips, sensor) if result.method in _OF_RUNS else ""
-        advice = "; ".join(filter(None, (found.advice, beside, hint)))
-        if not (beside or hint):
+        why = "; ".join(filter(None, (beside, hint)))
+        if not why:
             return found
-        status = "doubtful" if found.status in ("ok", "likely") else found.status
-        return replace(found, status=status, advice=advice, confidence=None if beside else found.confidence)
+        status, advice = doubted(found.status, found.advice, why)
+        return replace(found, status=status, advice=advice, confidence=None)
 
-    return replace(result, objects=tuple(map(doubted, result.objects)))
+    return replace(result, objects=tuple(map(judged, result.objects)))
+
+
+def doubt_scale(
+    results: Sequence[Reconstruction], scans: Sequence[Scan], sensor: Sensor
+) -> list[Reconstruction]:
+    """Return the results of a whole file, doubted where all scans together are of another scale (`scale_hint`)."""
+    outlines = [o.vertices for result in results for o in result.objects]
+    hint = scale_hint(scans, outlines, sensor)
+    if not hint:
+        return list(results)
+
+    def judged(found: RecoveredObject) -> RecoveredObject:
+        told = SCALE in found.advice
+        status, advice = doubted(found.status, found.advice, "" if told else hint)
+        return replace(found, status=status, advice=advice, confidence=None)
+
+    return [replace(result, objects=tuple(map(judged, result.objects))) for result in results]
+
+
+def doubted(status: Status, advice: str, hint: str) -> tuple[Status, str]:
+    """Return a status, "doubtful" in place of "ok" or "likely", and an advice with a hint that is not in it yet."""
+    known = not hint or hint in advice
+    doubt: Status = "doubtful" if hint and status in ("ok", "likely") else status
+    return doubt, advice if known else "; ".join(filter(None, (advice, hint)))
+
+
+def scale_hint(scans: Sequence[Scan], outlines: Sequence[FloatArray], sensor: Sensor) -> str:
+    """Say that readings are probably of another scale: over Vref where volts were meant, or codes of fewer bits.
+
+    So read, all that touches lies near y = 0 and is as many times flatter. The odds are those of random objects at
+    random places; what the border may cut, or is two strips wide, says nothing.
+
+    Parameters
+    ----------
+    scans, outlines
+        One scan or many, and what was found of them, (N, 2) [mm]: where readings alone do not tell l and u.
+    sensor
+        Its `vref_volt` and `adc_bits` may be wrong.
+    """
+    most = max(
+        (float(np.nanmax(scan[n], initial=0.0)) for scan in scans for n in scan.signatures), default=0.0
+    )
+    bits = sensor.adc_bits or 0
+    scales = {2.0 ** (n - bits): f"codes of {n} bits (write adc_bits = {n})" for n in _BITS if n < bits}
+    if sensor.vref_volt >= _LEAST_VOLT:
+        scales[1.0 / sensor.vref_volt] = "over Vref, 0 to 1, in place of volts (write vref_volt = 1)"
+    scales = {scale: said for scale, said in scales.items() if 0.0 < most <= scale + 1e-9}
+    if not scales:
+        return ""
+    if sensor.kind.closed_form and sensor.surface is None and all(len(scan.signatures) > 1 for scan in scans):
+        boxes = [box for scan in scans for box in _boxes(scan, sensor)]
+    else:
+        boxes = [(*o.min(axis=0), *o.max(axis=0)) for o in outlines if len(o)]
+    said = [scales[scale] for scale in sorted(scales, reverse=True) if _odds(boxes, scale, sensor) > _ODDS]
+    if not said:
+        return ""
+    return (
+        f"no reading is above {most:.2g} of Vref, and {SCALE}: probably the readings are {' or '.join(said)}; else "
+        "press elsewhere too"
+    )
+
+
+def _boxes(scan: Scan, sensor: Sensor) -> list[tuple[float, ...]]:
+    """Return the least x and y and the greatest of each run of strips [mm], by (4.36)."""
+    l, u = closed_ends(sensor, scan["kh"], scan["kl"])
+    found, half = [], 0.5 * sensor.pitch_mm
+    for run in scan.runs():
+        x = sensor.x_mm[run]
+        if np.isfinite(l[run]).any():
+            found.append((x[0] - half, float(np.nanmin(l[run])), x[-1] + half, float(np.nanmax(u[run]))))
+    return found
+
+
+def _odds(boxes: Sequence[tuple[float, ...]], scale: float, sensor: Sensor) -> float:
+    """Return the logarithm of the odds that readings are `scale` times what they should be."""
+    length, flat, ends = sensor.length_mm, [], [1.0, 0.0]
+    for x0, y0, x1, y1 in boxes:
+        ends = [min(ends[0], y0 / length), max(ends[1], y1 / length)]
+        if x1 - x0 > 2.5 * sensor.pitch_mm and y0 > _BORDER * scale * length:
+            aspect = math.log(max(y1 - y0, 1e-3 * length) / (x1 - x0))
+            flat.append((aspect**2 - (aspect - math.log(scale)) ** 2) / (2.0 * _ASPECT**2))
+    if not flat:
+        return -math.inf
+    height = min(ends[1] - ends[0], 0.99)
+    place = math.log((1.0 - height) / max(scale - height, 0.25 * scale))  # all over the strips, or only low
+    return float(np.median(flat)) + place
 
 
 def goes_on(vertices: FloatArray, strips: slice, sensor: Sensor) -> str:
@@ -74,8 +170,11 @@ def _chord(polygon: shapely.Geometry, x_mm: float, sensor: Sensor) -> float:
     return float(polygon.intersection(line).length)
 
 
-def implausible_hint(scan: Scan, sensor: Sensor, failed: bool) -> str:
-    """Say why readings cannot be meant, nothing where they can; `failed`: whether their result is doubted anyway."""
+def implausible_hint(scan: Scan, sensor: Sensor, failed: bool, outlines: Sequence[FloatArray] = ()) -> str:
+    """Say why readings cannot be meant, nothing where they can.
+
+    `failed`: whether their result is doubted anyway; `outlines` (N, 2) [mm]: what was found of them.
+    """
     read = {name: scan[name] for name in scan.signatures}
     hint = exchanged(read) if sensor.kind.closed_form else ""
     if scan.touched.all() and not hint:
@@ -85,4 +184,4 @@ def implausible_hint(scan: Scan, sensor: Sensor, failed: bool) -> str:
             f"the contact moved while {scan.averaged} scans were averaged: half of the channels changed by "
             f"{100.0 * scan.moved:.2g} % of Vref or more; average fewer"
         )
-    return hint
+    return hint or scale_hint([scan], outlines, sensor)

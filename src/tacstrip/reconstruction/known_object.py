@@ -10,13 +10,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 import shapely
 
 from tacstrip.arguments import takes
-from tacstrip.arrays import FloatArray
+from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.contact.noise import Noise
 from tacstrip.contact.shape import Contact
 from tacstrip.contact.signature import signatures
@@ -38,6 +39,7 @@ from tacstrip.reconstruction.result import Alternative, Pose, Reconstruction, Re
 from tacstrip.reconstruction.seam import unrolled
 from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import check_closed_form
+from tacstrip.sensor.left_out import left_out_wholly
 from tacstrip.sensor.spec import Sensor
 
 _STARTS = 48  # angles
@@ -52,6 +54,10 @@ _DRAWS = 64  # of the posterior, for that probability
 _NEAR = 4.0  # spreads within which two descents ended in one pose
 _CEILING = (
     0.014  # of Vref: sigma of noise of 2 %, and its estimate's error; what fits worse is another object
+)
+_FEWEST_READINGS = 6  # of one signature, below which ...
+_PLAUSIBLE = (
+    0.0035  # ... or above which level (P.U. profile I, estimated) [Vref] another object may explain it
 )
 _RAIL = 0.05  # of Vref: nearer to ground or Vref the contact may lie over the border
 _GUESS = 0.005  # of Vref: noise of the search where none is given
@@ -118,13 +124,15 @@ def fit_object(
     reach = 2.0 * float(np.linalg.norm(corners, axis=1).max())
     runs: list[slice] = []
     laid_out, surface = unrolled(scan, sensor, _BRIDGED)
+    silent = np.resize(left_out_wholly(sensor), surface.strips)  # of a closed tube, in both rounds
     for run in laid_out.runs():
-        joint = runs and run.start - runs[-1].stop <= _BRIDGED
+        between = silent[runs[-1].stop : run.start] if runs else silent[:0]
+        joint = runs and (len(between) <= _BRIDGED or between.all())
         if joint and (run.stop - runs[-1].start - 1) * sensor.pitch_mm <= reach:
             run = slice(runs.pop().start, run.stop)
         runs.append(run)
     noise = sensor.noise if noise is None else noise
-    objects = tuple(_placed(laid_out, surface, corners, run, noise, edge_mm) for run in runs)
+    objects = tuple(_placed(laid_out, surface, corners, run, silent, noise, edge_mm) for run in runs)
     return doubt_implausible(Reconstruction("object", objects, scan.time_s), scan, sensor)
 
 
@@ -144,8 +152,9 @@ def pose_covariance(
     run = slice(int(strips[0]), int(strips[-1]) + 1)
     none = np.zeros((len(sensor.signatures), len(strips)))
     fit = _Fit(
-        sensor, corners, run, sensor.x_mm[run], sensor.signatures, none, np.full_like(none, 1.0 / sigma), 0.0
-    )
+        sensor, corners, run, sensor.x_mm[run], sensor.signatures, none, np.full_like(none, 1.0 / sigma), 0.0,
+        left_out_wholly(sensor),
+    )  # fmt: skip
     jacobian = fit.rows(at)[1][0, :, :3]
     return np.asarray(np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-13, hermitian=True))
 
@@ -186,6 +195,7 @@ class _Fit:
     k: FloatArray
     weight: FloatArray
     edge_mm: float
+    silent: BoolArray  # strips that are left out (strips of the sensor,)
 
     @property
     def parameters(self) -> int:
@@ -236,8 +246,8 @@ class _Fit:
                 slope = by_l[..., None] * l_slope + by_u[..., None] * u_slope
             residuals.append(np.nan_to_num(off * weight, nan=1e3))
             slopes.append(np.nan_to_num(slope * weight[:, None]))
-        for end, sure in zip((0, 1), self._ends_known(), strict=True):
-            if sure:
+        for end, gap in enumerate(self.gaps):
+            if gap < math.inf:
                 off, slope = self._end(posed, poses, end)
                 residuals.append(off)
                 slopes.append(slope)
@@ -246,17 +256,24 @@ class _Fit:
             slopes.append(np.broadcast_to([0.0, 0.0, 0.0, 1.0 / self.edge_mm], (len(poses), 1, 4)))
         return np.concatenate(residuals, axis=1), np.concatenate(slopes, axis=1)
 
-    def _ends_known(self) -> tuple[bool, bool]:
-        """Return whether a strip that is not touched lies beyond either end; at the sensor's border none does."""
-        return self.run.start > 0, self.run.stop < self.sensor.strips
+    @cached_property
+    def gaps(self) -> tuple[float, float]:
+        """How far beyond the run's first and last strip the next one lies that is read, and not touched [mm].
+
+        Infinite at the sensor's border.
+        """
+        after = np.flatnonzero(~self.silent[self.run.stop :])
+        before = np.flatnonzero(~self.silent[: self.run.start][::-1])
+        left, right = (float(at[0] + 1) if len(at) else math.inf for at in (before, after))
+        return left * self.sensor.pitch_mm, right * self.sensor.pitch_mm
 
     def _end(self, posed: FloatArray, poses: FloatArray, end: int) -> tuple[FloatArray, FloatArray]:
         sign = 1.0 if end else -1.0
-        pitch = self.sensor.pitch_mm
+        gap = self.gaps[end]
         corner = (sign * posed[..., 0]).argmax(axis=1)
         x, y = np.take_along_axis(posed, corner[:, None, None], axis=1)[:, 0].T
-        expected = self.sensor.x_mm[self.run.stop - 1 if end else self.run.start] + sign * 0.5 * pitch
-        weight = math.sqrt(12.0 / (pitch**2 + 12.0 * self.edge_mm**2))
+        expected = self.sensor.x_mm[self.run.stop - 1 if end else self.run.start] + sign * 0.5 * gap
+        weight = math.sqrt(12.0 / (gap**2 + 12.0 * self.edge_mm**2))
         one, zero = np.ones_like(x), np.zeros_like(x)
         slope = np.stack([one, zero, poses[:, 1] - y, sign * one], axis=-1)
         off = expected - x - sign * poses[:, 3]
@@ -300,9 +317,10 @@ class _Fit:
         poses[:, 2] = angle
         posed = _posed(self.corners, poses)
         low, high = posed[..., 0].min(axis=1), posed[..., 0].max(axis=1)
-        half, x = 0.5 * self.sensor.pitch_mm, self.sensor.x_mm
-        left, right = x[self.run.start] - half - low, x[self.run.stop - 1] + half - high
-        known = self._ends_known()
+        known = tuple(gap < math.inf for gap in self.gaps)
+        before, beyond = (0.5 * (gap if gap < math.inf else self.sensor.pitch_mm) for gap in self.gaps)
+        x = self.sensor.x_mm
+        left, right = x[self.run.start] - before - low, x[self.run.stop - 1] + beyond - high
         by_end = {(True, False): [left], (False, True): [right], (True, True): [0.5 * (left + right)]}
         places = by_end.get(known, [left, 0.5 * (left + right), right])
         used = self.weight > 0.0
@@ -342,6 +360,7 @@ def _placed(
     sensor: Sensor,
     corners: FloatArray,
     run: slice,
+    silent: BoolArray,
     noise: Noise | None,
     edge_mm: float,
 ) -> RecoveredObject:
@@ -360,6 +379,7 @@ def _placed(
         np.where(there, k, 0.0),
         there.astype(float),
         edge_mm,
+        silent,
     )
     fit = fit.with_sigma(known or max(_GUESS, sensor.adc_step))
     coarse = fit.thinned()
@@ -447,7 +467,7 @@ def _noise(fit: _Fit, pose: FloatArray) -> float:
 
 def _freedom(fit: _Fit) -> int:
     """Return readings beyond the numbers fitted; what touched strips tell of the ends counts for one number."""
-    return int(np.count_nonzero(fit.weight)) - 3 + int(any(fit._ends_known()))
+    return int(np.count_nonzero(fit.weight)) - 3 + int(min(fit.gaps) < math.inf)
 
 
 def _of_student(fit: _Fit, known: float | None) -> float:
@@ -532,7 +552,7 @@ def _judge(
 ) -> tuple[Status, str]:
     left = _readings_left(fit, pose)
     readings = int(np.count_nonzero(fit.weight))
-    freedom = max(readings + sum(fit._ends_known()) - 3, 1)
+    freedom = max(readings + sum(gap < math.inf for gap in fit.gaps) - 3, 1)
     level = _noise(fit, pose)
     if errors is not None:
         left, freedom = errors.whitened(fit.covariance(pose))
@@ -547,13 +567,17 @@ def _judge(
         )
     x = _posed(fit.corners, pose[None])[0, :, 0]
     beyond = max(x.min() - fit.x_mm[0], fit.x_mm[-1] - x.max())
-    missing = max(fit.x_mm[0] - x.min() if fit.run.start else 0.0, 0.0)
-    if fit.run.stop < fit.sensor.strips:
-        missing = max(missing, x.max() - fit.x_mm[-1])
-    if max(beyond, missing - fit.sensor.pitch_mm) > fit.sensor.pitch_mm:
+    missing = max(fit.x_mm[0] - x.min() - fit.gaps[0], x.max() - fit.x_mm[-1] - fit.gaps[1])
+    if max(beyond, missing) > fit.sensor.pitch_mm:
         return "doubtful", (
-            f"the touched strips end {max(beyond, missing):.3g} mm from where this object does: it is another object, "
+            f"this object ends {max(beyond, missing):.3g} mm from where the touched strips say: it is another object, "
             "or there are two"
+        )
+    if known is None and len(fit.names) == 1 and (readings < _FEWEST_READINGS or level > _PLAUSIBLE):
+        return "doubtful", (
+            f"the readings are {100.0 * level:.2g} % of Vref from this object's on {readings} strips: one signature "
+            "does not tell noise from another object; give the noise (noise=, --positional, or [noise] in "
+            "the spec), or read both signatures"
         )
     if sure < _PROBABLE:
         return "doubtful", (

@@ -12,7 +12,7 @@ from tacstrip.reconstruction.profile import profile_reconstruction
 from tacstrip.reconstruction.result import Reconstruction
 from tacstrip.reconstruction.vertex.estimate import vertex_reconstruction
 from tacstrip.scan import Scan
-from tacstrip.sensor.layers import AnySensor, LayeredSensor
+from tacstrip.sensor.layers import AnySensor, LayeredSensor, unit_of
 from tacstrip.sensor.spec import Sensor
 
 
@@ -30,6 +30,7 @@ def _pieces(scan: Scan, sensor: Sensor, noise: Noise | None) -> Reconstruction:
     return piece_reconstruction(scan, sensor, noise)
 
 
+_LAYERED = "polygon"  # the method of two layers
 METHODS: dict[str, Callable[..., Reconstruction]] = {
     "polygon": _polygon,
     "vertex": vertex_reconstruction,
@@ -48,15 +49,22 @@ def best_method(sensor: Sensor) -> str:
     return "polygon" if sensor.kind.closed_form else "profile"
 
 
-def chosen_method(method: str | None, sensor: Sensor) -> str:
+def methods_of(sensor: AnySensor) -> tuple[str, ...]:
+    """Return the names of all methods; of two layers, of the only one."""
+    return (_LAYERED,) if isinstance(sensor, LayeredSensor) else tuple(METHODS)
+
+
+def chosen_method(method: str | None, sensor: AnySensor) -> str:
     """Return the name of a method that exists: the given one, or for None and "auto" the best for this sensor.
 
     Raises
     ------
     OptionError
-        There is no such method.
+        There is no such method, or it is not for two layers.
     """
-    name = best_method(sensor) if method is None or method == "auto" else method
+    name = best_method(unit_of(sensor)) if method is None or method == "auto" else method
+    if isinstance(sensor, LayeredSensor) and name != _LAYERED:
+        raise OptionError(f'method = {method!r}: two layers are reconstructed by "{_LAYERED}"')
     if name not in METHODS:
         raise OptionError(one_of("method", name, METHODS))
     return name
@@ -102,10 +110,9 @@ def reconstruct(
     >>> found.status, len(found.objects[0].vertices)
     ('ok', 4)
     """
+    name = chosen_method(method, sensor)
     if isinstance(sensor, LayeredSensor):
-        if method not in (None, "auto", "polygon"):
-            raise OptionError(f'method = {method!r}: two layers are reconstructed by "polygon"')
         from tacstrip.reconstruction.layered.estimate import fit_layers  # late: one layer does without it
 
         return fit_layers(scan, sensor, noise, **options)
-    return METHODS[chosen_method(method, sensor)](scan, sensor, noise=noise, **options)
+    return METHODS[name](scan, sensor, noise=noise, **options)

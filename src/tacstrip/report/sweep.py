@@ -25,10 +25,11 @@ def write_report(study: Sweep, results: Mapping[str, Sequence[Any]], folder: Pat
         pictures = [Picture("", caption, file) for caption, file in made]
     names = ["design", *study.parameters, *columns(study.measures)]
     file = folder / "report.html"
+    whys = [p for p in results[PROBLEM] if p is not None]
     write_page(
         file, "sweep.html.j2", study=study, error=error, names=names, pictures=pictures,
         rows=[[_cell(results[name][i]) for name in names] for i in front[:_MOST_ROWS]], on_front=len(front),
-        problems=Counter(p for p in results[PROBLEM] if p is not None).most_common(20),
+        problems=Counter(whys).most_common(20), unmeasured=len(whys),
     )  # fmt: skip
     return file
 

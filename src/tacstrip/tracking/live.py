@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import Executor
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import Noise
 from tacstrip.core.problem import FLOOR
 from tacstrip.errors import OptionError, ReadingError
+from tacstrip.reconstruction.implausible import doubted, scale_hint
 from tacstrip.reconstruction.noise_covariance import Averaging, fit_sigma
 from tacstrip.reconstruction.on_surface import refuse_surface
 from tacstrip.scan import Scan
@@ -115,7 +117,12 @@ class LiveTracks:
             if (shape := lifted.known_shape) is not None:
                 stream.lifted[:] = [*stream.lifted[1 - _REMEMBERED :], shape]
         found = [self._step(contact, k, scan.time_s) for contact in self._contacts]
-        return tuple(one for one in found if one is not None)
+        shown = [one for one in found if one is not None]
+        outlines = [one.placed for one in shown if np.isfinite(one.pose[0])]
+        if not (scale := scale_hint([scan], outlines, self.sensor)):
+            return tuple(shown)
+        judged = [(one, doubted(one.status, one.advice, scale)) for one in shown]
+        return tuple(replace(one, status=status, advice=advice) for one, (status, advice) in judged)
 
     def _new(self, episode: Episode) -> LiveContact:
         self._ids += 1

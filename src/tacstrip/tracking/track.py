@@ -18,6 +18,7 @@ from tacstrip.errors import ReadingError, SignatureError
 from tacstrip.geometry.moments import deviations, moments
 from tacstrip.geometry.pose import placed
 from tacstrip.notebook import BLUE, VERMILION, Drawn, SvgPath
+from tacstrip.reconstruction.implausible import doubted, scale_hint
 from tacstrip.reconstruction.noise_covariance import Averaging, fit_sigma
 from tacstrip.reconstruction.on_surface import refuse_surface
 from tacstrip.reconstruction.result import Alternative, RecoveredObject, Status
@@ -283,17 +284,16 @@ def track(scans: Sequence[Scan], sensor: Sensor, noise: Noise | None = None) -> 
     for each in objects:
         found = summarised(each, read, readings, noise)
         tracks.append((int(np.argmax(found.present)), found))
-    standing = len(times) > 1 and not np.diff(times).any()
-    return [
-        replace(
-            t,
-            id=i,
-            times_s=times,
-            velocities=_velocities(t.poses, times),
-            advice="; ".join(filter(None, [t.advice, STANDS if standing else ""])),
-        )
-        for i, (_, t) in enumerate(sorted(tracks, key=lambda pair: (pair[0], pair[1].poses[pair[0], 0])), 1)
-    ]
+    standing = STANDS if len(times) > 1 and not np.diff(times).any() else ""
+    outlines = [t.placed(int(i)) for _, t in tracks for i in np.flatnonzero(t.present)]
+    scale = scale_hint(read, outlines, sensor)
+    done = []
+    for i, (_, t) in enumerate(sorted(tracks, key=lambda pair: (pair[0], pair[1].poses[pair[0], 0])), 1):
+        status, advice = doubted(t.status, t.advice, scale)
+        advice = "; ".join(filter(None, [advice, standing]))
+        velocities = _velocities(t.poses, times)
+        done.append(replace(t, id=i, times_s=times, velocities=velocities, status=status, advice=advice))
+    return done
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from tacstrip.errors import OptionError
-from tacstrip.reconstruction.methods import METHODS, chosen_method
+from tacstrip.reconstruction.methods import methods_of
 from tacstrip.sensor.constructions import CONSTRUCTIONS
+from tacstrip.sensor.layers import LayeredSensor
 from tacstrip.stream.live.pipeline import Live
 from tacstrip.stream.recording.recorder import Recorder
 from tacstrip.stream.source import DeviceSource
@@ -116,7 +117,6 @@ class Controller:
                 if reason := self.health.examine():
                     raise OptionError(reason)
             case {"do": "method", "method": method}:
-                chosen_method(method, self.live.source.sensor)
                 self.live.use(method)
             case {"do": "place", "objects": objects}:
                 self._required_simulator().place(objects)
@@ -145,11 +145,12 @@ class Controller:
 
     def _about(self) -> dict[str, Any]:
         about: dict[str, Any] = {"sensor": sensor_json(self.live.source.sensor)}
-        about |= {"method": self.live.method_name, "methods": list(METHODS)}
+        about |= {"method": self.live.method_name, "methods": list(methods_of(self.live.source.sensor))}
         if self.simulator is not None:
             now = self.simulator.settings
             about["simulator"] = {"noise": now.noise.positional, "rate_hz": now.rate_hz}
-            about["constructions"] = list(CONSTRUCTIONS)
+            own = [now.sensor.construction] if isinstance(now.sensor, LayeredSensor) else list(CONSTRUCTIONS)
+            about["constructions"] = own
         return about
 
     def _health(self) -> dict[str, Any]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray, plain
 from tacstrip.geometry.region import regions
+from tacstrip.sensor.layers import AnySensor, Layer, LayeredSensor, unit_of
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.live.frame import Frame
 from tacstrip.tracking.live_contact import LiveTrack
@@ -17,10 +18,20 @@ _REGION_POINTS = 20
 _MAX_REGIONS = 20  # an outline of more vertices is drawn without regions
 
 
-def sensor_json(sensor: Sensor) -> dict[str, Any]:
-    """Return the sensor's properties that the page needs."""
-    keys = "construction strips strip_base pitch_mm length_mm adc_bits closed signatures"
-    return {key: getattr(sensor, key) for key in keys.split()}
+def sensor_json(sensor: AnySensor) -> dict[str, Any]:
+    """Return the sensor's properties that the page needs: of each layer its corners (4, 2) [mm], too."""
+    unit = unit_of(sensor)
+    about = {
+        key: getattr(unit, key)
+        for key in ("construction", "strips", "strip_base", "adc_bits", "closed", "signatures")
+    }
+    layers = sensor.layers if isinstance(sensor, LayeredSensor) else (Layer(sensor=sensor),)
+    about["layers"] = [
+        {key: getattr(one.sensor, key) for key in ("strips", "pitch_mm", "length_mm")}
+        | {"corners": plain(one.corners_mm, 4)}
+        for one in layers
+    ]
+    return about
 
 
 def frame_json(frame: Frame) -> dict[str, Any]:
@@ -55,8 +66,11 @@ def _object(one: LiveObject, sensor: Sensor) -> dict[str, Any]:
     if shape.alternatives:
         others = [(round(a.weight, 3), plain(a.vertices, 3)) for a in shape.alternatives]
         drawn["alternatives"] = [{"weight": weight, "vertices": vertices} for weight, vertices in others]
-    if shape.hidden_edges is not None and shape.hidden_edges.any():
-        drawn["hidden_edges"] = shape.hidden_edges.tolist()
+    edges = shape.hidden_edges
+    if edges is None and shape.hidden is not None:  # of two layers: those that end where no reading tells
+        edges = shape.hidden | np.roll(shape.hidden, -1)
+    if edges is not None and edges.any():
+        drawn["hidden_edges"] = edges.tolist()
     if shape.bounds is not None:
         drawn["bounds"] = [plain(bound, 3) for bound in shape.bounds]
     drawn["vertices"] = plain(shape.vertices, 3)

@@ -10,6 +10,7 @@ from typing import Any
 from tacstrip.diagnose.log import Log
 from tacstrip.errors import TacstripError
 from tacstrip.interrupt import worker_processes
+from tacstrip.sensor.layers import AnySensor, LayeredSensor
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.live.frame import Frame
 from tacstrip.stream.source import RawScan
@@ -40,7 +41,7 @@ class Health:
         self.report: dict[str, Any] | None = None
         self.problem = ""
         self._kept: deque[RawScan] = deque(maxlen=_KEPT)
-        self._sensor: Sensor | None = None
+        self._sensor: AnySensor | None = None
         self._last_s = -1.0
         self._running: Future[dict[str, Any]] | None = None
 
@@ -64,6 +65,8 @@ class Health:
         if self.examining:
             return "the examination is under way"
         scans, sensor = list(self._kept), self._sensor
+        if isinstance(sensor, LayeredSensor):
+            return "the doctor examines sensors of one layer, and this one has two"
         if sensor is None or len(scans) < _MIN_SCANS:
             return f"{len(scans)} scans are too few to examine; {_MIN_SCANS} are needed"
         self._running = self._executor.submit(examined, sensor, scans)

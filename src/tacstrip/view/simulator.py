@@ -15,6 +15,7 @@ from tacstrip.contact.noise import Noise
 from tacstrip.contact.shape import Contact
 from tacstrip.errors import ContactError, OptionError, one_of
 from tacstrip.sensor.constructions import CONSTRUCTIONS
+from tacstrip.sensor.layers import AnySensor, LayeredSensor, unit_of
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.codes import with_converter
 from tacstrip.stream.device.source import SerialSource
@@ -36,7 +37,7 @@ Ring = list[tuple[float, float]]
 class Settings:
     """Settings of the simulator; a change of `sensor` or `rate_hz` begins a new stream."""
 
-    sensor: Sensor
+    sensor: AnySensor
     rate_hz: float = 1000.0
     noise: Noise = field(default_factory=lambda: Noise(positional=0.005))
 
@@ -96,6 +97,8 @@ class Simulator:
             raise OptionError(one_of("setting", unknown[0], _SETTINGS))
         sensor = now.sensor
         if "construction" in wanted or "strips" in wanted:
+            if isinstance(sensor, LayeredSensor):
+                raise OptionError("of two layers, construction and strips are the spec's: change them there")
             sensor = sensor_of(asked["construction"], asked["strips"], sensor)
             if "strips" in wanted and sensor.strips < wanted["strips"]:
                 raise OptionError(
@@ -169,10 +172,15 @@ def sensor_of(construction: str, strips: Any, like: Sensor) -> Sensor:
     )  # fmt: skip
 
 
-def example(sensor: Sensor) -> list[Ring]:
-    """Return a first object, in the middle of the sensor."""
-    w, h = sensor.width_mm, sensor.length_mm
-    return [[(0.22 * w, 0.38 * h), (0.62 * w, 0.22 * h), (0.80 * w, 0.55 * h), (0.45 * w, 0.76 * h)]]
+def example(sensor: AnySensor) -> list[Ring]:
+    """Return a first object, in the middle of the sensor; of two layers two, which share strips of the first."""
+    quadrangle = [(0.22, 0.38), (0.62, 0.22), (0.80, 0.55), (0.45, 0.76)]
+    if not isinstance(sensor, LayeredSensor):
+        return [[(x * sensor.width_mm, y * sensor.length_mm) for x, y in quadrangle]]
+    first = sensor.layers[0]
+    size = (first.sensor.width_mm, first.sensor.length_mm)
+    pair = [(0.21, 0.21), (0.47, 0.26), (0.31, 0.52)], [(0.36, 0.62), (0.73, 0.57), (0.62, 0.83)]
+    return [[(x, y) for x, y in first.to_whole(np.multiply(ring, size)).tolist()] for ring in pair]
 
 
 def _rate(rate_hz: Any) -> float:
@@ -184,5 +192,5 @@ def _rate(rate_hz: Any) -> float:
 def _feasible(settings: Settings) -> Settings:
     """Return the settings with a converter, and the rate limited to what a network can be solved at."""
     sensor = with_converter(settings.sensor)
-    rate = settings.rate_hz if sensor.kind.closed_form else min(settings.rate_hz, _SHEET_HZ)
+    rate = settings.rate_hz if unit_of(sensor).kind.closed_form else min(settings.rate_hz, _SHEET_HZ)
     return replace(settings, sensor=sensor, rate_hz=rate)

@@ -3,15 +3,25 @@
 from __future__ import annotations
 
 import itertools
+import re
 from collections import Counter
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from tacstrip.arrays import FloatArray
+from tacstrip.errors import OptionError, ReadingError
 from tacstrip.io.log_import.fields import clock_seconds, number_of, says_nothing
-from tacstrip.io.log_import.mapping import CHANNELS
-from tacstrip.io.log_import.names import LENGTHS_MM, Meaning, meaning, meanings, pair_of
+from tacstrip.io.log_import.names import (
+    CHANNELS,
+    IN_VOLTS,
+    LENGTHS_MM,
+    Meaning,
+    meaning,
+    meanings,
+    numbered_groups,
+    pair_of,
+)
 from tacstrip.io.log_import.questions import Clues
 from tacstrip.io.log_import.table import CLOCK, ROW
 
@@ -63,8 +73,9 @@ def find_columns(clues: Clues) -> Columns:
 
 def _meanings(clues: Clues) -> dict[str, Meaning]:
     table = clues.table
-    named = table.named or any(name in clues.answers for name in table.names)
+    named = table.named or any(name in clues.answers for name in (*table.names, "readings"))
     found = meanings(table.names) if named else _unnamed(clues)
+    before = dict(found)
     for name in table.names:
         if name in (CLOCK, ROW):
             found[name] = Meaning("time", unit="clock") if name == CLOCK else Meaning("")
@@ -75,8 +86,14 @@ def _meanings(clues: Clues) -> dict[str, Meaning]:
         reading = channel in CHANNELS
         unit = found[name].unit
         found[name] = Meaning(
-            "reading" if reading else answer, channel if reading else "", int(strip) if strip else None, unit
-        )
+            "reading" if reading else answer, channel if reading else "",
+            int(strip) if strip else before[name].strip if reading else None, unit,
+        )  # fmt: skip
+        if reading and not strip and before[name].strip is not None:  # it holds for all columns of its kind
+            found |= {
+                n: replace(m, channel=channel) for n, m in before.items()
+                if m.role == "reading" and m.channel == before[name].channel and n not in clues.answers
+            }  # fmt: skip
     return found
 
 
@@ -97,16 +114,18 @@ def _find(clues: Clues, known: dict[str, Meaning]) -> Columns:
         }
     elif wide:
         readings = {n: m for n, m in readings.items() if m.strip is not None}
+    if "readings" in clues.answers:
+        readings = _of_block(clues, _answered_block(clues), known, which)
+    if not readings and not strip:
+        readings = _by_number(clues, known, {time, scan, which})
     if not readings:
         readings = _by_contents(clues, known, {time, scan, strip, which}, given)
     if not strip and all(m.strip is None for m in readings.values()):
-        first = next((n for n in clues.table.names if n not in {*readings, time, scan, which}), "")
-        clues.ask(
-            first or clues.table.names[0],
-            "no column says which strip a line is of: name it"
-            + ("" if first else ", or add one with its number"),
-            "strip",
-        )
+        some = [n for n in clues.table.names if n not in {*readings, time, scan, which} and _labels(clues, n)]
+        text = "no column says which strip a line is of"
+        if not some:
+            raise ReadingError(f"{text}; add one with its number")
+        clues.ask(some[0], f"{text}: is it this one? Say it of the right one", "strip")
         clues.stop()
     readings = _one_unit(clues, readings)
     for role, name in (("time", time), ("scan", scan if strip else ""), ("strip", strip), ("which", which)):
@@ -160,6 +179,21 @@ def _time(clues: Clues, known: dict[str, Meaning]) -> str:
             continue
         falls = any(b < a for a, b in itertools.pairwise(times) if a is not None and b is not None)
         there.append((n, not falls, len(set(times))))
+    if (
+        not there
+        and (clues.table.named or "readings" in clues.answers)
+        and not any(m.role == "time" for m in known.values())
+    ):
+        block = _answered_block(clues) if "readings" in clues.answers else []
+        nameless = [
+            n
+            for n in clues.table.names
+            if re.fullmatch(r"column \d+", n) and n not in (*clues.answers, *block)
+        ]
+        rising = [n for n in nameless if _rises(clues.values(n))]
+        for n in sorted(rising, key=lambda n: _counts(clues.values(n)))[:1]:
+            clues.because(f"{n}: has no name, and rises from line to line, so it is the time")
+            there.append((n, True, len(set(clues.table.column(n)))))
     own = [n for n, rises, _ in there if n != CLOCK and rises]
     if own:  # the device's own clock is better than a monitor's
         there = [t for t in there if t[0] != CLOCK]
@@ -174,6 +208,11 @@ def _is_clock(fields: list[str]) -> bool:
 def _scan(clues: Clues, known: dict[str, Meaning], time: str) -> str:
     """Return the column of the scan's number: one that is not another on each line."""
     there = {n: len(set(clues.table.column(n))) for n, m in known.items() if m.role == "scan"}
+    there = {
+        n: c
+        for n, c in there.items()
+        if n in clues.answers or all(v is None or v % 1.0 == 0.0 for v in clues.values(n))
+    }
     many = len(clues.table.rows)
     fit = {n: count for n, count in there.items() if n in clues.answers or 1 < count < many}
     return max(fit, key=lambda n: (n in clues.answers, fit[n])) if fit else ""
@@ -196,6 +235,13 @@ def _strip(clues: Clues, known: dict[str, Meaning], which: str, wide: list[str])
         if m.role == "position" and (step := _pitches(clues, name, m.unit)):
             return name, step
     strips = clues.sensor.strips if clues.sensor else 0
+    for name in [n for n, m in known.items() if m.role == "" and n != ROW]:
+        kinds = meanings(sorted(set(clues.table.column(name))))
+        told = {m.strip for m in kinds.values()}
+        named = all(m.role == "reading" and m.strip is not None and not m.channel for m in kinds.values())
+        if named and len(told) == len(kinds) == strips and not any(number_of(f) is not None for f in kinds):
+            clues.because(f"{name}: {strips} names that count, as many as strips, such as {min(kinds)!r}")
+            return name, 0.0
     for name in clues.table.names:
         fields = clues.table.column(name)
         if name == ROW and (not strips or len(set(fields)) == strips):
@@ -217,6 +263,8 @@ def _pitches(clues: Clues, name: str, unit: str) -> float:
     for scale in [LENGTHS_MM[unit]] if unit else LENGTHS_MM.values():
         step = clues.sensor.pitch_mm / scale
         numbers = places / step
+        if np.abs(numbers % 1.0 - 0.5).max() < _ON_PITCH:  # the middle of each strip
+            numbers = numbers - 0.5
         whole = (
             np.abs(numbers - np.round(numbers)) < _ON_PITCH
         ).all() and numbers.max() - numbers.min() >= 1.0
@@ -242,6 +290,14 @@ def _by_contents(
         and _numeric(clues, n)
     ]
     many = (1,) if clues.expected == ("out",) else (2,) if clues.expected else (1, 2)
+    wide = clues.sensor.strips * many[0] if clues.sensor else 0
+    some = [n for n, m in known.items() if n not in {*taken, *given, ROW} and m.role not in ("time", "strip")]
+    some = [n for n in some if _numeric(clues, n) or all(map(says_nothing, clues.table.column(n)))]
+    if len(some) >= wide > 1:
+        if len(some) == wide and all(re.fullmatch(r"column \d+", n) for n in some):
+            clues.because(f"{wide} columns without names are the strips in their order")
+            return _of_block(clues, some, known, "")
+        _ask_for_block(clues, "no name says of which strip a column is", some, wide)
     if len(left) in many and taken - {""}:
         clues.because(f"{' and '.join(left)}: the only numbers that are left, so they are the readings")
         channels = ("1", "2") if len(left) == 2 else ("",)
@@ -254,6 +310,79 @@ def _by_contents(
     )
     clues.stop()
     raise AssertionError
+
+
+def _ask_for_block(clues: Clues, why: str, names: list[str], wide: int) -> None:
+    blocks = [f"{names[n]}..{names[n + wide - 1]}" for n in range(len(names) - wide + 1)]
+    shown = (blocks[-1], *blocks[:-1][:2])
+    clues.ask("readings", f"{why}: which {wide} are the readings of the strips in their order?", *shown)
+    clues.stop()
+
+
+def _answered_block(clues: Clues) -> list[str]:
+    """Return the columns from the one to the other of the answer "readings"."""
+    answer, names = clues.answers["readings"], clues.table.names
+    first, _, last = answer.partition("..")
+    if first not in names or last not in names:
+        raise OptionError(
+            f"--answer readings={answer}: name the first and the last column, as in {names[0]}..{names[-1]}"
+        )
+    block = list(names[names.index(first) : names.index(last) + 1])
+    wide = clues.sensor.strips * len(clues.expected) if clues.sensor else len(block)
+    if len(block) != wide:
+        raise OptionError(
+            f"--answer readings={answer}: these are {len(block)} columns, and the sensor has {wide} readings"
+        )
+    return block
+
+
+def _of_block(clues: Clues, block: list[str], known: dict[str, Meaning], which: str) -> dict[str, Meaning]:
+    """Return columns as the readings of the strips in their order, h and l as the readings allow."""
+    channels = 1 if which else max(len(clues.expected), 1)
+    order = _order(clues, block, f"{block[0]} to {block[-1]} are two for each strip") if channels == 2 else ""
+    strips = len(block) // channels
+    at = [
+        (n, 0) if channels == 1 else divmod(n, 2) if order == "alternating" else (n % strips, n // strips)
+        for n in range(len(block))
+    ]
+    return {
+        name: Meaning(
+            "reading", "" if which or not clues.expected else clues.expected[end], strip, known[name].unit
+        )
+        for name, (strip, end) in zip(block, at, strict=True)
+    }
+
+
+def _by_number(clues: Clues, known: dict[str, Meaning], taken: set[str]) -> dict[str, Meaning]:
+    """Return as readings the columns whose names are the same but for a number, if these are as many as strips."""
+    groups = [
+        group
+        for group in numbered_groups(
+            [n for n, m in known.items() if n not in taken and m.role in ("", "which")]
+        )
+        if all(_numeric(clues, n) or all(map(says_nothing, clues.table.column(n))) for n in group.values())
+        and any(len(set(clues.table.column(n))) > 1 for n in group.values())
+        and (not clues.sensor or len(group) == clues.sensor.strips)
+    ]
+    if (
+        len(groups) not in ((1, 2) if not clues.expected else (len(clues.expected),))
+        or len({*map(len, groups)}) != 1
+    ):
+        return {}
+    clues.because(f"{' and '.join(g[min(g)] for g in groups)}, ...: the only names that count as strips do")
+    channels = ("1", "2") if len(groups) == 2 else ("",)
+    return {
+        name: Meaning("reading", channel, number, unit=known[name].unit)
+        for channel, group in zip(channels, groups, strict=True)
+        for number, name in group.items()
+    }
+
+
+def _labels(clues: Clues, name: str) -> bool:
+    """Return whether a column may say which strip a line is of: a few labels or whole numbers that come again."""
+    fields = clues.table.column(name)
+    numbers = [v for v in clues.values(name) if v is not None]
+    return 1 < len(set(fields)) <= len(fields) // 2 and all(v == int(v) for v in numbers)
 
 
 def _numeric(clues: Clues, name: str) -> bool:
@@ -281,7 +410,7 @@ def _one_unit(clues: Clues, readings: dict[str, Meaning]) -> dict[str, Meaning]:
         ]
         if len(ratio) and np.ptp(ratio) > _ALIKE * abs(float(np.median(ratio))):
             return readings
-    volts = first if one in ("V", "mV") else second if other in ("V", "mV") else first
+    volts = first if one in IN_VOLTS else second if other in IN_VOLTS else first
     out = second if volts is first else first
     clues.because(f"{next(iter(out.values()))}: the same readings again in another unit; passed over")
     return {n: m for n, m in readings.items() if n in volts.values()}
@@ -417,11 +546,7 @@ def _unnamed(clues: Clues) -> dict[str, Meaning]:
         found |= {n: Meaning("scan") for n in extra[:-1]} | {n: Meaning("time") for n in extra[-1:]}
         if extra:
             clues.because(f"{extra[-1]}: rises from line to line, so it is the time")
-        order = _order(clues, rest, "the columns have no names") if channels == 2 else ""
-        for n, name in enumerate(rest):
-            alternating = order == "alternating" or channels == 1
-            strip, end = divmod(n, channels) if alternating else (n % sensor.strips, n // sensor.strips)
-            found[name] = Meaning("reading", "" if which else clues.expected[end], strip)
+        found |= _of_block(clues, rest, found, "".join(which[:1]))
         clues.because(f"{wide} columns without names are the {sensor.strips} strips in their order")
         return found
     cycles = [n for n in names if _cycles(values[n])]
@@ -437,6 +562,8 @@ def _unnamed(clues: Clues) -> dict[str, Meaning]:
             found[name] = Meaning("strip")
             clues.because(f"{name}: whole numbers that come again and again, so they are the strips")
         return found
+    if len(names) > wide > 1 and not labels:
+        _ask_for_block(clues, f"the {len(names)} columns have no names", names[names[0] in rising :], wide)
     first = (names or list(clues.table.names))[0]
     clues.ask(
         first,

@@ -15,9 +15,10 @@ NOTHING = frozenset(
     {"", "nan", "na", "n/a", "n.a.", "#n/a", "<na>", "nat", "-", "--", "---", "null", "none", "open", "untouched"}
     | {"-nan", "nc", "n.c.", "n.v.", "no contact", "[]", "{}", "offen", "leer", "vide", "\u2013", "\u2014"}
 )  # fmt: skip
-_NO_NUMBER = re.compile(r"(?:-?nan|n/?a|-+)\s?(?:m?V|ms|s|%|LSB)?", re.IGNORECASE)
+_NO_NUMBER = re.compile(r"(?:-?nan|n/?a|-[-.]*|\.nan)\s?(?:m?V|ms|s|%|LSB)?", re.IGNORECASE)
 _PLAIN = re.compile(r"[+-]?\d+(?:\.\d+)?\Z")
-_NUMBER = re.compile(r"([+-]?)([\d.,' ]*\d[.,]?|0x[\da-f]+)(e[+-]?\d+)?\s*([a-zµ%]*)\Z", re.IGNORECASE)
+_NUMBER = re.compile(r"([+-]?)(0x[\da-f]+|[\d.,' ]*\d[.,]?)(e[+-]?\d+)?\s*([a-zµ%‰]*)\Z", re.IGNORECASE)
+_OVER = re.compile(r"[+-]?9\.9[01]?0*[eE]\+?37(?:\s?V)?")  # what SCPI instruments send above their range
 _DAY_S = 86400.0
 _GROUPED = re.compile(r"(?<=\d)[ '\u2009\u202f\xa0](?=\d{3}(?!\d))")
 _OF_DAY = r"(?P<h>\d{1,2}):(?P<m>\d\d):(?P<s>\d\d(?:[.,]\d+|:\d{3,6})?)\s*(?P<half>[AaPp]\.?[Mm]\.?)?"
@@ -38,10 +39,10 @@ def says_nothing(text: str) -> bool:
 
     Examples
     --------
-    >>> says_nothing("---"), says_nothing("nanV"), says_nothing("0"), says_nothing("OL")
-    (True, True, False, False)
+    >>> says_nothing("---"), says_nothing("nanV"), says_nothing("9.9E+37"), says_nothing("0"), says_nothing("OL")
+    (True, True, True, False, False)
     """
-    return text.casefold() in NOTHING or bool(_NO_NUMBER.fullmatch(text))
+    return text.casefold() in NOTHING or bool(_NO_NUMBER.fullmatch(text) or _OVER.fullmatch(text))
 
 
 @lru_cache(maxsize=2**16)
@@ -62,7 +63,7 @@ def quantity(text: str, decimal: str = ".") -> tuple[float, str] | None:
         .replace("\u2212", "-")
         .replace("\u03bc", "\u00b5")
     )
-    found = _NUMBER.match(text) if text.isascii() or "µ" in text else None
+    found = _NUMBER.match(text) if text.isascii() or "µ" in text or "‰" in text else None
     if not found:
         return None
     sign, digits, power, word = found.groups()

@@ -8,9 +8,8 @@ from pathlib import Path
 
 from tacstrip.errors import OptionError, one_of
 from tacstrip.files import read_text, write_text
-from tacstrip.io.log_import.names import READING_UNITS, TIME_UNITS
+from tacstrip.io.log_import.names import CHANNELS, READING_UNITS, TIME_UNITS
 
-CHANNELS = ("h", "l", "out")
 RESTARTS = ("error", "continue", "first", "last")
 _KINDS: dict[str, type | tuple[type, ...]] = {
     "columns": dict, "untouched": list, "strips": int, "strip_base": int, "format": int,
@@ -27,7 +26,7 @@ class ColumnMapping:
     columns
         Column -> "h", "l" or "out" where each line is of one strip, "3:h" where the column is of one strip.
     unit
-        Of the readings: "V", "mV", "code", "fraction" (of Vref) or "percent" (of Vref).
+        Of the readings: "V", "mV", "uV", "code", "fraction", "percent" or "permille" (of Vref).
     time, time_unit, rate_hz
         Column of the time and its unit ("clock" for times of day and dates), or scans per second where there is none.
     scan, strip, which

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 import unicodedata
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -40,7 +41,8 @@ _STRIP = _words(
 )
 _TIME = _words(
     "t time times zeit zeitstempel tempo heure hora ora timestamp millis micros elapsed seconds sec secs uhrzeit "
-    "datetime date datum temps tiempo clock stamp ts timems timeus ms us nsecs tick tijd tid czas unix epoch utc"
+    "datetime date datum temps tiempo clock stamp ts timems timeus ms us msec msecs usec usecs nsecs tick tijd tid "
+    "czas unix epoch utc"
 )
 _SCAN = _words(
     "scan frame sample samples n nr no index idx i messung cycle seq sequence scanno messnr count sweep id frameno "
@@ -58,8 +60,10 @@ UNITS = {
     for unit, alike in {
         "s": "s sec secs seconds second sekunden sekunde", "ms": "ms msec msecs millis milliseconds",
         "us": "us µs usec usecs micros microseconds",
-        "min": "min minutes", "ns": "ns nsec nsecs nanoseconds", "V": "v volt volts", "mV": "mv millivolt millivolts",
-        "percent": "% percent pct prozent",
+        "min": "min minutes", "ns": "ns nsec nsecs nanoseconds", "V": "v volt volts vdc dcv",
+        "mV": "mv millivolt millivolts mvdc",
+        "uV": "uv µv microvolt microvolts",
+        "percent": "% percent pct prozent", "permille": "‰ permille permil promille",
         "code": "code codes adc raw counts count cnt lsb digits digit dig bit bits dn",
         "fraction": "ratio fraction norm normalised normalized", "mm": "mm", "cm": "cm", "m": "m",
     }.items()
@@ -82,8 +86,15 @@ _LAST = frozenset(UNITS) - {
 }
 _ANY = _HIGH | _LOW | _OUT | _ONE_OF_PAIR | _VALUE | _STRIP | _BESIDE | frozenset(UNITS)
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "days": 86400.0}
-READING_UNITS = ("V", "mV", "code", "fraction", "percent")
+READING_UNITS = ("V", "mV", "uV", "code", "fraction", "percent", "permille")
+CHANNELS = ("h", "l", "out")
+_IN_NAMES = UNITS | {"vref": "fraction"}  # in brackets or after a slash
+IN_VOLTS = {"V": 1.0, "mV": 1e-3, "uV": 1e-6}
+OF_VREF = {"fraction": 1.0, "percent": 1e-2, "permille": 1e-3}
 LENGTHS_MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
+
+
+_NAMELESS = re.compile(r"column \d+")  # what a log without names is given
 
 
 @dataclass(frozen=True)
@@ -123,7 +134,7 @@ def meaning(name: str) -> Meaning:
     >>> meaning("Zeit (ms)").role, meaning("x_cm").unit, meaning("remark").role
     ('time', 'cm', '')
     """
-    return _of_tokens(*_tokens(name))
+    return Meaning("") if _NAMELESS.fullmatch(name) else _of_tokens(*_tokens(name))
 
 
 def meanings(names: Sequence[str]) -> dict[str, Meaning]:
@@ -142,7 +153,8 @@ def meanings(names: Sequence[str]) -> dict[str, Meaning]:
     )
     shared = {t for t, many in alike.items() if many > 1 and 2 * many >= len(names)}
     split = {name: ([t for t in ts if t not in shared] or ts, u) for name, (ts, u) in split.items()}
-    found = {name: _of_tokens(*tokens) for name, tokens in split.items()}
+    split = _with_letters(split)
+    found = {n: meaning(n) if _NAMELESS.fullmatch(n) else _of_tokens(*tokens) for n, tokens in split.items()}
     if any(
         m.channel == "b" and m.strip is not None for m in found.values()
     ):  # then a1, a2, ... are no analog pins
@@ -150,19 +162,70 @@ def meanings(names: Sequence[str]) -> dict[str, Meaning]:
             n: replace(m, channel="a") for n, m in found.items() if "a" in split[n][0] and m.strip is not None
         }
     slots = {n: [int(t) for t in ts if t.isdigit()] for n, (ts, _) in split.items()}
-    several = [n for n, numbers in slots.items() if len(numbers) > 1 and len(slots[n]) == 2]
+    most = Counter(len(numbers) for numbers in slots.values() if len(numbers) > 1)
+    several = [n for n, numbers in slots.items() if most and len(numbers) == most.most_common(1)[0][0]]
     if len(several) < 2:
         return found
-    kinds = [{slots[n][place] for n in several} for place in (0, 1)]
-    varying = [place for place in (0, 1) if len(kinds[place]) > 1]
-    if len(varying) == 1 or (len(varying) == 2 and len(kinds[1]) == 2 < len(kinds[0])):
+    kinds = [{*place} for place in zip(*(slots[n] for n in several), strict=True)]
+    varying = [place for place, values in enumerate(kinds) if len(values) > 1]
+    pairs = {tuple(slots[n][place] for place in varying) for n in several}
+    if len(varying) == 2 and len(kinds[varying[0]]) == len(kinds[varying[1]]) == len(
+        pairs
+    ):  # as in "101 <strip 1>"
+        varying = [max(varying, key=lambda place: (min(kinds[place]) < 2, place))]
+    if len(varying) == 1 or (len(varying) == 2 and len(kinds[varying[1]]) == 2 < len(kinds[varying[0]])):
         for name in several:
             tokens = [t for t in split[name][0] if not t.isdigit()]
             read = _of_tokens([*tokens, str(slots[name][varying[0]])], split[name][1])
             if read.role == "reading" and len(varying) == 2 and not read.channel:
-                read = replace(read, channel=str(slots[name][1]))
+                read = replace(read, channel=str(slots[name][varying[1]]))
             found[name] = read
     return found
+
+
+def _with_letters(split: dict[str, tuple[list[str], str]]) -> dict[str, tuple[list[str], str]]:
+    """Return tokens with numbers in place of letters that count, as in "A", "B", "C" or "AH", "AL", "BH", ..."""
+    apart = {
+        n: [p for t in ts for p in (t if re.fullmatch("[a-z][hl]", t) else [t])]
+        for n, (ts, _) in split.items()
+    }
+    for tokens in ({n: ts for n, (ts, _) in split.items()}, apart):
+        groups: dict[tuple[int, tuple[str, ...]], dict[str, str]] = {}
+        for name, ts in tokens.items():
+            for place, token in enumerate(ts):
+                if re.fullmatch("[a-z]", token) and not any(t.isdigit() for t in ts):
+                    groups.setdefault((place, (*ts[:place], *ts[place + 1 :])), {})[token] = name
+        runs = {k: dict(_from_a(group)) for k, group in groups.items()}
+        if counted := {k: run for k, run in runs.items() if len(run) > 2}:
+            numbers = {n: (k[0], letter) for k, g in counted.items() for letter, n in g.items()}
+            return split | {
+                n: ([*tokens[n][:place], str(ord(letter) - 97), *tokens[n][place + 1 :]], split[n][1])
+                for n, (place, letter) in numbers.items()
+            }
+    return split
+
+
+def _from_a(group: Mapping[str, str]) -> Iterator[tuple[str, str]]:
+    return itertools.takewhile(
+        lambda item: item[1], ((c, group.get(c, "")) for c in "abcdefghijklmnopqrstuvwxyz")
+    )
+
+
+def numbered_groups(names: Sequence[str]) -> list[dict[int, str]]:
+    """Return columns whose names are the same but for one number, by that number.
+
+    Examples
+    --------
+    >>> numbered_groups(["t", "pad 1 near", "pad 1 far", "pad 2 near", "pad 2 far"])
+    [{1: 'pad 1 near', 2: 'pad 2 near'}, {1: 'pad 1 far', 2: 'pad 2 far'}]
+    """
+    groups: dict[tuple[str, ...], dict[int, str]] = {}
+    for name in names:
+        tokens, unit = _tokens(name)
+        numbers = [int(t) for t in tokens if t.isdigit()]
+        if len(numbers) == 1:
+            groups.setdefault((unit, *(t for t in tokens if not t.isdigit())), {})[numbers[0]] = name
+    return [group for group in groups.values() if len(group) > 1]
 
 
 def _of_tokens(tokens: list[str], unit: str) -> Meaning:
@@ -226,13 +289,13 @@ def _tokens(name: str) -> tuple[list[str], str]:
     unit = ""
     for bracket in re.finditer(r"[\[(]\s*([^\])]*?)\s*[\])]", plain):
         inner = bracket.group(1).lower()
-        unit = unit or UNITS.get(inner, "")
+        unit = unit or _IN_NAMES.get(inner, "")
         if not re.search(r"\d", inner) and inner not in _HIGH | _LOW | _OUT:  # as in analogRead(H)
             plain = plain.replace(bracket.group(0), " ")
     slash = re.search(r"/\s*(\w+|%)\s*$", plain)
-    if slash and slash.group(1).lower() in UNITS:
-        unit, plain = unit or UNITS[slash.group(1).lower()], plain[: slash.start()]
-    plain = plain.replace("mV", "mv")  # no two words
+    if slash and slash.group(1).lower() in _IN_NAMES:
+        unit, plain = unit or _IN_NAMES[slash.group(1).lower()], plain[: slash.start()]
+    plain = plain.replace("mV", "mv").replace("mSec", "msec")  # no two words
     plain = re.sub(r"(?<=\w)([+-])\s*$", lambda sign: " plus" if sign[1] == "+" else " minus", plain)
     plain = re.sub(r"([a-z])([A-Z])", r"\1 \2", plain).lower()
     tokens = [_singular(t) for t in re.findall(r"[a-zµ]+|\d+|%", plain)]

@@ -8,12 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from tacstrip.arrays import FloatArray
+from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.errors import ReadingError
 from tacstrip.io.log_import.columns import Columns
 from tacstrip.io.log_import.fields import clock_seconds, number_of, says_nothing
 from tacstrip.io.log_import.mapping import RESTARTS, ColumnMapping
-from tacstrip.io.log_import.names import READING_UNITS, TIME_UNITS
+from tacstrip.io.log_import.names import IN_VOLTS, OF_VREF, READING_UNITS, TIME_UNITS, UNITS
 from tacstrip.io.log_import.questions import Clues
 from tacstrip.io.log_import.scans import LogScan, raw_times
 from tacstrip.io.log_import.table import CLOCK, ROW
@@ -24,6 +24,8 @@ _SENTINELS = (999.0, 9999.0, 99999.0, 32767.0, 65535.0, 99.9, 99.99, 999.9, 999.
 _NEAR_0 = 0.01  # of the largest reading; and of the most that there can be
 _REST = 0.05  # of the largest reading: the most that the noise of open inputs reaches
 _GAP = 5.0  # times: how far above that the other readings begin
+_LEAP = 2.0  # times the largest step of a strip that stays touched: a contact begins or ends
+_AT_ONCE = "strips go there and back in one step, and no other reading moves as far"
 _MANY = 0.05  # of the readings: more that are exactly 0 are no chance
 # Of what there can be: a unit in which a log uses less is out where it uses as much in another.
 _LITTLE, _MUCH = 0.21, 0.5
@@ -36,6 +38,13 @@ _EPOCHS = {"s": 1e9, "ms": 1e12, "us": 1e15, "ns": 1e18}  # since 1970, up to 2.
 _SAME_TIME = 0.5  # of the scans: if more have the time of the one before, the clock is too coarse
 _RATE = re.compile(
     r"\b(?:\w*(?:rate|frequenz|frequency|fs|freq|takt)\w*)\b[^\d\n]{0,20}?([\d.,]+)\s*(k?)(?:hz|sps|s/s|1/s)",
+    re.IGNORECASE,
+)
+_BITS_TOLD = re.compile(r"\b(\d{1,2})[\s_-]?bits?\b", re.IGNORECASE)
+_UNIT_TOLD = re.compile(
+    r"\b(?:units?|readings?|values?|voltages?|signals?|channels?|data|in|all|normali[sz]ed|ratiometric)\b[^\n,;]{0,16}?"
+    r"(?<![\w])(mV|[uµ]V|V|volts?|millivolts?|microvolts?|counts?|codes?|percent|%|‰"
+    r"|to Vref|of Vref|over Vref|/ ?Vref)(?!\w)|\b(counts|codes|LSBs?)\b",
     re.IGNORECASE,
 )
 _PERIOD = re.compile(
@@ -132,9 +141,14 @@ def settled_time(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> 
     if len(fits) == 1:
         clues.because(f"{mapping.time} is in {fits[0]}: it rises by {step:g} from scan to scan")
         return replace(mapping, time_unit=fits[0])
+    counts = step == 1.0 and set(steps.tolist()) == {1.0}
+    if counts and rate:
+        clues.because(f"{mapping.time}: counts the scans")
+        return replace(mapping, time="", time_unit="s", time_bits=0, rate_hz=rate)
     clues.ask(
         "time_unit",
-        f"{mapping.time} rises by {step:g} from scan to scan: in which unit?",
+        f"{mapping.time} rises by {step:g} from scan to scan: in which unit?"
+        + (" (If it only counts the scans, --answer rate_hz=50 with their rate instead)" if counts else ""),
         *(fits or ("s", "ms", "us")),
     )
     return replace(mapping, time_unit="s")
@@ -211,58 +225,75 @@ def numbers_for_nothing(clues: Clues, rough: list[LogScan]) -> tuple[str, ...]:
         return ()
     values = np.stack([s.values for s in rough])  # (scans, strips, channels)
     numbers = Counter(values[np.isfinite(values)].tolist())
-    found: list[float] = []
+    found: list[str] = []
     negative = [v for v in numbers if v < 0.0]
     if len(negative) == 1 and negative[0] <= -1.0 and negative[0] % 1.0 == 0.0:
-        found += negative
+        found.append(f"{negative[0]:g}")
         clues.because(f"{negative[0]:g} stands for no contact: it is the only negative number")
-    rest = sorted(v for v in numbers if v not in found)
+    rest = sorted(v for v in numbers if f"{v:g}" not in found)
     if len(rest) > 1 and rest[-1] in _SENTINELS and rest[-2] < 0.5 * rest[-1]:
-        found.append(rest.pop())
-        clues.because(f"{found[-1]:g} stands for no contact: all other readings are far below it")
-    if (
-        (clues.sensor is None or clues.sensor.rest_volt is None)
-        and not np.isnan(values).any()
-        and not found
-        and rest
-    ):
-        found += _at_an_end(clues, values, numbers, rest)
-    return tuple(f"{v:g}" for v in found)
+        found.append(f"{rest.pop():g}")
+        clues.because(f"{found[-1]} stands for no contact: all other readings are far below it")
+    rests = clues.sensor is not None and clues.sensor.rest_volt is not None
+    if rest and not (rests or found or np.isnan(values).any()):
+        found += _at_an_end(clues, values, rest)
+    return tuple(found)
 
 
-def _at_an_end(clues: Clues, values: FloatArray, numbers: Counter[float], rest: list[float]) -> list[float]:
-    """Return 0, or the most that there can be, where both channels have it at once: it stands for no contact."""
+def _at_an_end(clues: Clues, values: FloatArray, rest: list[float]) -> list[str]:
+    """Return 0, the most that there can be, or what is near 0, where that is no reading; ask where it may be one."""
     most = {2.0**bits - 1.0 for bits in _BITS} | ({clues.sensor.vref_volt} if clues.sensor else set())
-    others = [v for v in rest if v > 0.0]
+    others = [v for v in rest if v != 0.0]
     ends = [0.0] * bool(others and min(others) > _NEAR_0 * max(others))
     ends += [rest[-1]] * bool(rest[-1] in most and len(rest) > 1 and rest[-2] < (1.0 - _NEAR_0) * rest[-1])
     for end in ends:
         there = values == end
-        share = numbers.get(end, 0) / values.size
-        if share <= _MANY or numbers[end] < 2:
+        if there.mean() <= _MANY or there.sum() < 2:
             continue
+        told = f"{100 * there.mean():.0f} % of the readings are exactly {end:g}, and no other is near"
         if values.shape[2] == 2 and (there[:, :, 0] == there[:, :, 1]).all():
-            clues.because(
-                f"{end:g} stands for no contact: both channels of a strip have it at once, and none alone"
-            )
-            return [end]
-        clues.ask(
-            "untouched",
-            f"{100 * share:.0f} % of the readings are exactly {end:g}, and no other is near: does it stand for no "
-            "contact, or is it a reading (none)?",
-            f"{end:g}", "none",
-        )  # fmt: skip
+            told = f"{end:g} stands for no contact: both channels of a strip have it at once, and none alone"
+        elif _comes_at_once(values, there):
+            told = f"{end:g} stands for no contact: {_AT_ONCE}"
+        else:
+            told += ": does it stand for no contact, or is it a reading (none)?"
+            clues.ask("untouched", told, f"{end:g}", "none")
+            return []
+        clues.because(told)
+        return [f"{end:g}"]
     low = [v for v in rest if v < _REST * rest[-1]]
     high = rest[len(low) :]
-    share = sum(numbers[v] for v in low) / values.size
-    if not ends and len(low) > 1 and share > _MANY and high[0] > _GAP * low[-1]:
-        clues.ask(
-            "untouched",
-            f"{100 * share:.0f} % of the readings are {low[-1]:g} or less, and all others {high[0]:g} or more: is "
-            "that the noise of strips that nothing touches, or are they readings (none)?",
-            f"<{0.5 * (low[-1] + high[0]):.3g}", "none",
-        )  # fmt: skip
+    there = values <= max(low, default=-1.0)
+    if ends or not low or there.mean() <= _MANY or high[0] <= _GAP * max(low[-1], -low[0]):
+        return []
+    below = f"<{0.5 * (low[-1] + high[0]):.3g}"
+    told = f"{100 * there.mean():.0f} % of the readings are {low[-1]:g} or less, and all others {high[0]:g} or more"
+    both = values.shape[2] == 2 and (there[:, :, 0] == there[:, :, 1]).all() and low[-1] < _NEAR_0 * rest[-1]
+    if both or _comes_at_once(values, there):
+        why = "both channels of a strip are so low at once, and none alone" if both else _AT_ONCE
+        clues.because(f"{told}: the noise of strips that nothing touches, for {why}")
+        return [below]
+    clues.ask(
+        "untouched", f"{told}: is that the noise of strips that nothing touches, or are they readings (none)?",
+        below, "none",
+    )  # fmt: skip
     return []
+
+
+def _comes_at_once(values: FloatArray, there: BoolArray) -> bool:
+    """Return whether strips go to such values and back in one step, of which no other reading makes the like.
+
+    A contact that moves to the end of a strip takes its reading there by and by.
+    """
+    idle = np.asarray(there.all(axis=2))  # (scans, strips)
+    if (there.any(axis=2) != idle).any():
+        return False
+    side_by_side = all(row[np.argmax(row) :][: row.sum()].all() for row in np.asarray(~idle))
+    steps = np.abs(np.diff(values, axis=0)).max(axis=2)
+    jumps = steps[idle[1:] != idle[:-1]]
+    moves = steps[~(idle[1:] | idle[:-1])]
+    far = max(_LEAP * float(moves.max(initial=0.0)), _REST * float(values.max()))
+    return side_by_side and len(jumps) > 0 and bool(jumps.min() > far)
 
 
 # Units
@@ -281,6 +312,10 @@ def with_unit(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list[
     told = [found.meanings[n] for n in mapping.columns]
     named = {m.unit for m in told} - {""}
     volts = any(m.volts for m in told)
+    if not named and all(
+        f[:2].casefold() == "0x" for n in mapping.columns for f in clues.table.column(n) if f
+    ):
+        named = {"code"}
     unit = answer or (named.pop() if len(named) == 1 else _by_size(clues, values, vref, bits, volts))
     if unit == "code":
         bits = _bits(clues, values, bits)
@@ -288,9 +323,7 @@ def with_unit(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list[
         clues.ask(
             "vref_volt", "the readings are over Vref: how many volts is that? Or name the SENSOR", "5", "3.3"
         )
-    top = {"V": vref, "mV": 1000.0 * vref, "fraction": 1.0, "percent": 100.0, "code": 2.0**bits - 1.0}.get(
-        unit, 0.0
-    )
+    top = (_most(vref) | {"code": 2.0**bits - 1.0}).get(unit, 0.0)
     if unit and top and values.max() > 1.01 * top:
         raise ReadingError(
             f"a reading of {values.max():g} is above {top:g}, the most that there can be in {unit}; check the unit "
@@ -315,6 +348,13 @@ def _bits(clues: Clues, values: FloatArray, bits: int) -> int:
             "unit", f"the readings are called codes, and {broken[0]:g} is none: which unit?", "V", "fraction"
         )
         return 0
+    told = {int(b) for b in _BITS_TOLD.findall("\n".join((*clues.table.preamble, *clues.table.names)))} & {
+        *_BITS
+    }
+    if not bits and len(told) == 1 and values.max() <= 2.0 ** min(told) - 1.0:
+        bits = told.pop()
+        clues.because(f"codes of {bits} bits, as the log says")
+        return bits
     over = bits and values.max() > 2.0**bits - 1.0
     if (over or not bits) and clues.sensor is not None:
         fits = [str(b) for b in _BITS if values.max() <= 2.0**b - 1.0][:3]
@@ -327,7 +367,8 @@ def _bits(clues: Clues, values: FloatArray, bits: int) -> int:
 def _by_size(clues: Clues, values: FloatArray, vref: float, bits: int, volts: bool) -> str:
     """Return the unit that the readings' size and steps leave, and a question where there are several."""
     whole, top = bool((values == np.round(values)).all()), float(values.max())
-    most = {"V": vref or 24.0, "mV": 1000.0 * (vref or 24.0), "fraction": 1.0, "percent": 100.0}
+    most = _most(vref or 24.0)
+    rare = {u: most.pop(u) for u in ("permille", "uV")}
     if whole and top > 1.0:
         few = len(set(values.tolist())) < 4
         fitting = [b for b in _BITS if vref and top <= 2.0**b - 1.0]
@@ -336,7 +377,9 @@ def _by_size(clues: Clues, values: FloatArray, vref: float, bits: int, volts: bo
     fits = {u: top / m for u, m in most.items() if top <= m}
     if bits and whole and top > most.get("code", top):
         fits["code"] = 1.0  # of another converter than the spec's, which would be asked
-    fits = {u: used for u, used in fits.items() if used > 0.0}
+    if top > most["mV"]:
+        fits["uV"] = top / rare["uV"]
+    fits = {u: used for u, used in fits.items() if 0.0 < used <= 1.0}
     if "V" in fits and top > 1.0 and not whole:
         fits = {"V": fits["V"]}
     best = max(fits.values(), default=0.0)
@@ -345,9 +388,17 @@ def _by_size(clues: Clues, values: FloatArray, vref: float, bits: int, volts: bo
         likely = list(fits)
     if volts and whole and len(fits) > 1:
         likely = list(fits)
+    if likely == ["mV"] and vref and fits["mV"] < _LITTLE and top <= rare["permille"]:
+        likely.append("permille")
     if len(likely) > 1 and vref and bits and (steps := _on_steps(values, vref, bits)) in likely:
         clues.because(f"readings are in {steps}: all lie on the steps of {bits} bits, which is no chance")
         return steps
+    if len(likely) > 1:
+        said = {w.casefold() for w in _UNIT_TOLD.findall("\n".join(clues.table.preamble)) for w in w if w}
+        named = {"fraction" if w.endswith("vref") else UNITS.get(w, "") for w in said}
+        if len(named) == 1 and named <= set(likely):
+            clues.because(f"readings are in {min(named)}, as the log says above them")
+            return named.pop()
     if len(likely) == 1:
         of = f", and Vref is {vref:g} V" if vref else ""
         clues.because(f"readings are in {likely[0]}: they reach {top:g}{of}")
@@ -357,6 +408,11 @@ def _by_size(clues: Clues, values: FloatArray, vref: float, bits: int, volts: bo
         *(u for u in READING_UNITS if u in (likely or READING_UNITS)),
     )  # fmt: skip
     return likely[0] if likely else "V"
+
+
+def _most(vref: float) -> dict[str, float]:
+    """Return the most that there can be in each unit but codes."""
+    return {u: vref / scale for u, scale in IN_VOLTS.items()} | {u: 1.0 / s for u, s in OF_VREF.items()}
 
 
 def _on_steps(values: FloatArray, vref: float, bits: int) -> str:

@@ -7,14 +7,14 @@ from dataclasses import dataclass, field
 
 from tacstrip.errors import OptionError, one_of
 from tacstrip.io.log_import.fields import number_of
-from tacstrip.io.log_import.mapping import CHANNELS
+from tacstrip.io.log_import.names import CHANNELS
 from tacstrip.io.log_import.table import Table
 from tacstrip.sensor.spec import Sensor
 
 ROLES = ("time", "scan", "strip", "which", "position", "skip", *CHANNELS)
 KEYS = (
     "time_unit", "rate_hz", "strip_base", "strips", "unit", "untouched", "missing", "broken_lines", "vref_volt",
-    "adc_bits", "exchanged", "order", "restart", "which_h", "sheet",
+    "adc_bits", "exchanged", "order", "restart", "which_h", "sheet", "readings",
 )  # fmt: skip
 _BASES = {"0-based": "0", "1-based": "1"}  # strips=1-based says strip_base=1
 

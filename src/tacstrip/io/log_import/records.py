@@ -12,7 +12,8 @@ from typing import Any
 
 from tacstrip.errors import ReadingError
 from tacstrip.io.log_import.fields import says_nothing
-from tacstrip.io.log_import.names import UNITS, meaning
+from tacstrip.io.log_import.literals import literal, literals
+from tacstrip.io.log_import.names import CHANNELS, UNITS, meaning
 from tacstrip.io.log_import.table import Table, flattened, of_records
 
 STEADY = 0.8  # of the lines: a form that as many have is that of the log
@@ -20,14 +21,16 @@ _LABELS = frozenset({"time", "scan", "strip", "which"})
 _FEW_KINDS = 0.5  # of the records: as many name the same values, or all do as they like
 _COMMA = re.compile(r"(?<![\d,.:])\d+,\d+(?![\d,.])")
 _WITH_TIME = re.compile(r"\d\s?(?:[mu]?s|min)\Z")
+_EPOCH = re.compile(r"1\d{9}(?:\.\d+|\d{3}|\d{6}|\d{9})?")  # since 1970
 _SAMPLE = 200  # lines that tell whether all are of a kind
 _UNIT = "|".join(sorted((re.escape(u) for u in UNITS if len(u) < 8), key=len, reverse=True))
 _TOKEN = re.compile(
     rf"""(?P<clock>(?<![\w.])\d{{1,2}}:\d\d(?::\d\d(?:[.,]\d+)?|\.\d+)?(?!\d))
     | (?P<number>(?<![\w.])(?>[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?(?:\s?(?i:{_UNIT})(?![\w=:]))?))(?![\w])
-    | (?P<word>[A-Za-zµ_\u00c0-\u024f][\w/.%-]*(?:\[\d+\])*(?:\s?[\[(][^\])\d]{{0,12}}[\])](?=\s*[:=]))?)
+    | (?P<word>(?:\d{{1,3}}(?=[A-Za-z]{{1,5}}\b))?
+        [A-Za-zµ_\u00c0-\u024f][\w/.%-]*(?:\[\d+\])*(?:\s?[\[(][^\])\d]{{0,12}}[\])](?=\s*[:=]))?)
     | (?P<sign>[:=])
-    | (?P<nothing>-{{1,9}}(?=[\s,;|/]|$))
+    | (?P<nothing>-{{1,9}}(?=[\s,;|/)\]]|$))
     | (?P<comma>(?<=\d),(?=\d))""",
     re.VERBOSE,
 )
@@ -52,6 +55,7 @@ def items(line: str) -> list[Item]:
     """
     if dressed := re.match(r"\s*[*#=~_<>-]{2,}\s*(?=\w)", line):  # as in "--- scan 3 ---"
         line = re.sub(r"[\s*#=~_<>-]+$", "", line[dressed.end() :])
+    line = re.sub(r"\s*:\s*$", "", line)
     if re.search(r"\d", _TOKEN.sub("", line)):  # not all of it would be read
         return []
     found: list[Item] = []
@@ -67,7 +71,8 @@ def items(line: str) -> list[Item]:
 
     for token in _TOKEN.finditer(line):
         kind, text = str(token.lastgroup), token.group().strip()
-        if kind == "word" and (not open_name or not says_nothing(text)):
+        nothing = says_nothing(text) and (open_name or (words and meaning(words[-1]).channel in CHANNELS))
+        if kind == "word" and not nothing:
             named = line[token.end() :].lstrip()[:1] in (":", "=") and token.end() < len(line)
             if open_name and not named and text.casefold() in UNITS and found and found[-1].values:
                 continue  # a unit apart from its number
@@ -78,26 +83,46 @@ def items(line: str) -> list[Item]:
             if words:
                 while len(words) > 1 and not meaning(words[0]).role:  # as the level before "t=20"
                     del words[0]
+                if len(words) > 1 and _is_strip(words[0]):  # as in "strip0 H=512 L=300"
+                    found.append(Item("strip", (str(meaning(words.pop(0)).strip),), told=False))
                 close(" ".join(words[-3:]), told=True)
             elif found and found[-1].name and len(found[-1].values) == 1 and not found[-1].told:
                 found[-1] = replace(found[-1], told=True)  # as in "strip 3: 512 300"
         elif kind != "comma":
             if words:  # as in "strip 3" or "S3 H 512"
-                strips = [
-                    m.strip for w in words[:-1] if (m := meaning(w)).role == "reading" and not m.channel
+                found += [
+                    Item("strip", (str(meaning(w).strip),), told=False) for w in words[:-1] if _is_strip(w)
                 ]
-                found += [Item("strip", (str(n),), told=False) for n in strips if n is not None]
                 last_word = meaning(words[-1])
-                beside = line[end : token.start()].isspace() and last_word.strip is None
+                beside = line[end : token.start()].isspace()
+                beside = beside and (last_word.strip is None or last_word.channel in CHANNELS)
                 implied = last_word.role in _LABELS or (last_word.channel and beside)
-                close(words[-1] if implied else "", told=False)
+                timed = "time" if _WITH_TIME.search(text) and len(words[-1]) < 4 else ""  # as in "at 20 ms"
+                close(words[-1] if implied else timed, told=False)
             elif not open_name:
                 found.append(Item("time" if _WITH_TIME.search(text) else "", (), told=False))
+            elif found[-1].values and (_EPOCH.fullmatch(text) or meaning(found[-1].name).role in _LABELS):
+                found.append(
+                    Item("time" if _EPOCH.fullmatch(text) else "", (), told=False)
+                )  # a label has one value
             last = found[-1]
             found[-1] = replace(last, values=(*last.values, text))
             if not last.told:
                 open_name = False
-    return [i for i in found if i.values]
+    found = [i for i in found if i.values]
+    places = [n for n, item in enumerate(found) if item.name == "strip"]
+    if len(places) < 2:
+        return found
+    for place, end in zip(places, [*places[1:], len(found)], strict=True):  # each holds up to the next
+        strip = found[place].values[0]
+        for n in range(place + 1, end):
+            found[n] = replace(found[n], name=f"strip {strip} {found[n].name}".rstrip())
+    return [item for n, item in enumerate(found) if n not in places]
+
+
+def _is_strip(word: str) -> bool:
+    said = meaning(word)
+    return said.role == "reading" and said.strip is not None and not said.channel and not said.unit
 
 
 def is_label(found: Sequence[Item]) -> bool:
@@ -152,7 +177,7 @@ def _fields(found: Sequence[Item]) -> dict[str, str]:
         name = item.name
         if not name:
             unnamed += 1
-            name = f"value {unnamed}"
+            name = f"column {unnamed}"
         if len(item.values) == 1:
             fields[name] = item.values[0]
         else:
@@ -212,10 +237,46 @@ def _gathered(parsed: list[tuple[int, list[Item]]], texts: Mapping[int, str]) ->
     return replace(table, broken=tuple(sorted(strange)), preamble=tuple(texts[i] for i in above))
 
 
-def of_json(text: str, path: str | Path) -> Table | None:
-    """Return JSON as a table: lines of objects, an array of them, or an object of columns; None where it is no JSON."""
-    if text.lstrip()[:1] not in ("{", "["):
+def of_literals(text: str, path: str | Path) -> Table | None:
+    """Return JSON or what Python prints as a table: lines of objects or lists, an array of them, an object of columns.
+
+    None where it is none of these.
+    """
+    if "[" not in text and "{" not in text:
         return None
+    found, broken = _json(text, path) if text.lstrip()[:1] in ("{", "[") else ([], [])
+    if found is None or not any(isinstance(value, dict | list) for _, value in found):
+        found, broken = literals(text), []
+    if len(found) == 1 and isinstance(found[0][1], dict):
+        found = list(enumerate(_rows_of(found[0][1]), 1))
+    rows = [(i, value) for i, value in found if isinstance(value, list | tuple)]
+    if rows and len(rows) == len(found):
+        return _of_lists(rows)
+    records, lines = [], []
+    for number, value in found:
+        for record in _exploded(value) if isinstance(value, dict) else []:
+            records.append(record)
+            lines.append(number)
+    if not records:
+        return None
+    return replace(of_records(records, lines, ".", "records in JSON"), broken=tuple(broken))
+
+
+def _of_lists(rows: Sequence[tuple[int, Any]]) -> Table | None:
+    """Return lists of lists as a table without names, in the order of their places; None where the log is no table."""
+    flat = [flattened("", list(value)) for _, value in rows]
+    places = {key: tuple(map(int, re.findall(r"\d+", key))) for row in flat for key in row}
+    inner = {place[:n] for place in places.values() for n in range(1, len(place))}
+    keys = sorted((k for k, place in places.items() if place not in inner), key=lambda k: places[k])
+    if len(keys) < 2 or any(row.get(k) for row in flat for k in places if k not in keys):
+        return None
+    fields = [[row.get(key, "") for key in keys] for row in flat]
+    names = tuple(f"column {n + 1}" for n in range(len(keys)))
+    return Table(names, fields, [i for i, _ in rows], named=False, remarks=("rows of lists",))
+
+
+def _json(text: str, path: str | Path) -> tuple[list[tuple[int, Any]] | None, list[int]]:
+    """Return the values of JSON, whole or in lines, with their lines, and the broken lines; None where it is none."""
     plain = re.sub(r"(?<=[:\[, ])-?(?:NaN|Infinity)\b", "null", text)
     found: list[tuple[int, Any]] = []
     broken = []
@@ -226,40 +287,22 @@ def of_json(text: str, path: str | Path) -> Table | None:
     except ValueError:
         for number, line in enumerate(plain.splitlines(), 1):
             try:
-                found += [(number, _loaded(line))] if line.strip() else []
+                found += [(number, json.loads(line.rstrip().rstrip(",")))] if line.strip() else []
             except (ValueError, RecursionError):
-                broken.append(number)
+                value = literal(line)
+                if value is None:
+                    broken.append(number)
+                else:
+                    found.append((number, value))
         if not any(isinstance(value, dict) for _, value in found) or len(found) < len(broken):
-            return None
-        if (
-            broken and broken[0] < found[0][0] and not plain.lstrip().startswith("{")
-        ):  # the log begins in the middle of it
-            del broken[0]
-    else:
-        found = [(n, r) for n, r in enumerate(_rows_of(whole), 1)]
-        if found and all(isinstance(r, list) for _, r in found) and len({len(r) for _, r in found}) == 1:
-            rows = [list(flattened("", r).values()) for _, r in found]
-            names = tuple(f"column {n + 1}" for n in range(len(rows[0])))
-            if len({len(r) for r in rows}) == 1:
-                return Table(names, rows, [n for n, _ in found], named=False, remarks=("rows in JSON",))
-        if not any(isinstance(r, dict) for _, r in found):
-            return None
-    records, lines = [], []
-    for number, value in found:
-        for record in _exploded(value) if isinstance(value, dict) else []:
-            records.append(record)
-            lines.append(number)
-    if not records:
-        raise ReadingError(f"{path}: JSON without readings")
-    return replace(of_records(records, lines, ".", "records in JSON"), broken=tuple(broken))
-
-
-def _loaded(line: str) -> Any:
-    """Return a line of JSON, or of Python's form."""
-    try:
-        return json.loads(line)
-    except ValueError:
-        return json.loads(re.sub(r"\bNone\b|\bnan\b", "null", line.replace("'", '"')))
+            return None, []
+        if broken and broken[0] < found[0][0] and not plain.lstrip().startswith("{"):
+            del broken[0]  # the log begins in the middle of it
+        return found, broken
+    rows = list(enumerate(_rows_of(whole), 1))
+    if rows and not any(isinstance(r, dict | list) for _, r in rows):
+        return None, []
+    return rows, []
 
 
 def _rows_of(value: Any) -> list[Any]:

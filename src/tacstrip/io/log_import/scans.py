@@ -17,6 +17,7 @@ from tacstrip.io.log_import.names import TIME_UNITS, meaning
 from tacstrip.io.log_import.table import Table
 
 _DAY_S = 86400.0
+_HALF_HOUR_S = 1800.0
 _FEW_FALLS = 0.34  # of the scans: where the time falls more often, the log is unsorted
 _FEW_SCANS = 4  # of fewer, equal times tell nothing
 _ON_PLACE = 0.05  # of the pitch: so near a strip's place is its position
@@ -130,6 +131,8 @@ def _times(table: Table, mapping: ColumnMapping) -> FloatArray | None:
     values = raw_times(table, mapping)
     falls = np.diff(values, prepend=values[0])
     if mapping.time_unit == "clock":
+        if not any(text.count(":") > 1 for text in table.column(mapping.time)):  # minutes and seconds
+            values = values + 2.0 * _HALF_HOUR_S * np.cumsum(falls < -_HALF_HOUR_S)
         days = np.cumsum((falls < -0.5 * _DAY_S) & (falls > -_DAY_S))  # midnight
         return np.asarray(np.round(values - values[0] + days * _DAY_S, 6))  # seconds since 1970 hold no more
     if mapping.time_bits:
@@ -272,11 +275,20 @@ def strip_numbers(table: Table, mapping: ColumnMapping) -> list[int]:
     column = mapping.strip
     for line, text in zip(table.lines, table.column(column), strict=True):
         digits, named = re.findall(r"\d+", text), bool(re.search("[A-Za-z#]", text))
-        value = (
-            number_of(text, table.decimal) if not named else float(digits[0]) if len(digits) == 1 else None
-        )
+        letter = re.fullmatch(r"(?:\w{2,}[\s_-]+)?([A-Za-z])", text.strip())
+        if letter:
+            value: float | None = ord(letter[1].casefold()) - 97.0
+        else:
+            value = (
+                number_of(text, table.decimal)
+                if not named
+                else float(digits[0])
+                if len(digits) == 1
+                else None
+            )
         if value is not None and mapping.strip_step:
             value = value / mapping.strip_step
+            value -= 0.5 * (abs(value % 1.0 - 0.5) < _ON_PLACE)  # the middle of a strip
             value = round(value) + mapping.strip_base if abs(value - round(value)) < _ON_PLACE else None
         if value is None or value != int(value):
             raise ReadingError(f"line {line}: {column} is {text!r}, not a strip's number")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Callable
 from dataclasses import replace
@@ -9,11 +10,11 @@ from dataclasses import replace
 import numpy as np
 
 from tacstrip.io.log_import.fields import array_of, clock_seconds, number_of, quantity
-from tacstrip.io.log_import.names import TIME_UNITS, meaning, meanings
+from tacstrip.io.log_import.names import IN_VOLTS, TIME_UNITS, meaning, meanings
 from tacstrip.io.log_import.table import Table, flattened
 
 _ARRAYS = 0.5  # of a column's fields that say something: then it is one of arrays
-_IN_VOLTS = {"V": 1.0, "mV": 1e-3}
+_WHOLE_SECONDS = r"(?:[\d/.-]+[T ])?\d{1,2}:\d\d:\d\d"
 _SCAN_IN_NAME = re.compile(r"\W*(t|time|zeit|scan|frame|sample)\W*([+-]?\d+(?:\.\d+)?)\s*(\w*)\W*\Z", re.I)
 
 
@@ -24,8 +25,8 @@ def in_normal_form(table: Table) -> Table:
     two, merged cells are filled, a column that only counts the rows is left out, and columns of scans become rows.
     """
     steps: tuple[Callable[[Table], Table], ...] = (
-        _without_empty, _transposed, _spread, _without_units, _in_one_unit, _upright, _split_keys, _filled,
-        _without_index,
+        _without_empty, _of_one_clock, _transposed, _spread, _without_units, _in_one_unit, _upright, _split_keys,
+        _filled, _without_index,
     )  # fmt: skip
     for step in steps:
         table = step(table) if table.rows else table
@@ -42,6 +43,21 @@ def _without_empty(table: Table) -> Table:
     columns = {n: table.column(n) for n in table.names}
     kept = {n: f for n, f in columns.items() if any(f) or not re.fullmatch(r"column \d+", n)}
     return _with(table, kept) if table.named and 0 < len(kept) < len(columns) else table
+
+
+def _of_one_clock(table: Table) -> Table:
+    """Put milliseconds that stand in a column of their own behind the seconds of a clock."""
+    clocks = [n for n in table.names if all(re.fullmatch(_WHOLE_SECONDS, f) for f in table.column(n))]
+    for name in [n for n in table.names if (m := meaning(n)).role == "time" and m.unit in ("ms", "us")]:
+        digits, fields = {"ms": 3, "us": 6}[meaning(name).unit], table.column(name)
+        if len(clocks) != 1 or not all(f.isdigit() and len(f) <= digits for f in fields):
+            continue
+        columns = {n: table.column(n) for n in table.names if n != name}
+        columns[clocks[0]] = [f"{a}.{b:0>{digits}}" for a, b in zip(columns[clocks[0]], fields, strict=True)]
+        times = [clock_seconds(f) or 0.0 for f in columns[clocks[0]]]
+        if not any(b < a for a, b in itertools.pairwise(times)):
+            return _with(table, columns, f"{clocks[0]} and {name}: a clock and the parts of its seconds")
+    return table
 
 
 def _transposed(table: Table) -> Table:
@@ -103,7 +119,7 @@ def _without_units(table: Table) -> Table:
     columns, told = {}, []
     for name in table.names:
         fields = columns[name] = table.column(name)
-        if not any(f[-1:].isalpha() or f[-1:] == "%" for f in fields):
+        if not any(f[-1:].isalpha() or f[-1:] in ("%", "‰") for f in fields):
             continue
         found = [quantity(f, table.decimal) for f in fields]
         units = {q[1] for q in found if q and q[1]}
@@ -111,8 +127,8 @@ def _without_units(table: Table) -> Table:
             continue
         if len(units) == 1:
             (unit,), scale = units, dict.fromkeys(units, 1.0)
-        elif units <= {*_IN_VOLTS}:
-            unit, scale = "V", _IN_VOLTS
+        elif units <= {*IN_VOLTS}:
+            unit, scale = "V", IN_VOLTS
         elif units <= {*TIME_UNITS}:
             unit, scale = "s", TIME_UNITS
         else:
@@ -152,7 +168,7 @@ def _split_keys(table: Table) -> Table:
     """Split a column of names such as "3H", "vh[3]" or "S01 high" into strip and channel."""
     for name in table.names:
         fields = table.column(name)
-        kinds = {f: meaning(f) for f in set(fields)}
+        kinds = meanings(sorted(set(fields)))
         if len(kinds) < 2 or any(
             m.role != "reading" or m.strip is None or not m.channel or number_of(f) is not None
             for f, m in kinds.items()

@@ -18,6 +18,11 @@ from tacstrip.io.log_import.names import READING_UNITS, UNITS, meaning, meanings
 CLOCK = "time stamp"  # the column of what a serial monitor or a logger puts before each line
 ROW = "line of its block"  # where blocks of as many lines follow each other
 _TALLEST_HEADER = 5
+_STATISTICS = frozenset(
+    {"mean", "average", "avg", "mittel", "mittelwert", "moyenne", "media", "promedio", "mw", "min", "minimum", "max"}
+    | {"maximum", "std", "stdev", "stddev", "stabw", "sd", "sigma", "sum", "summe", "total", "somme", "median", "count"}
+    | {"anzahl", "rms", "var", "variance", "range", "25%", "50%", "75%"}
+)  # fmt: skip
 _FEW = 2  # fields that may look like units by chance
 
 
@@ -66,11 +71,28 @@ class Table:
 def of_records(
     records: Sequence[Mapping[str, str]], lines: list[int], decimal: str = ".", *remarks: str
 ) -> Table:
-    """Return records as a table with a column for each name that occurs."""
+    """Return records as a table with a column for each name that occurs.
+
+    An empty field in the place of a list or a record stands for all of what is in that elsewhere.
+    """
     names = tuple(dict.fromkeys(itertools.chain.from_iterable(records)))
-    absent = next((i for i, r in zip(lines, records, strict=True) if len(r) < len(names)), 0)
+    parents = {parent for name in names for parent in _parents(name)}
+    void = {n for n in names if n in parents and not any(record.get(n) for record in records)}
+    names = tuple(n for n in names if n not in void)
+    absent = next(
+        (
+            i
+            for i, r in zip(lines, records, strict=True)
+            if any(n not in r and not void.intersection(_parents(n), r) for n in names)
+        ),
+        0,
+    )
     rows = [[record.get(name, "") for name in names] for record in records]
     return Table(names, rows, lines, decimal, remarks=remarks, absent=absent)
+
+
+def _parents(name: str) -> list[str]:
+    return [name[: mark.start()] for mark in re.finditer(r"[.\[]", name)]
 
 
 def flattened(name: str, value: Any) -> dict[str, str]:
@@ -145,6 +167,8 @@ def headed(
         ]
     again = {i for i, row in below if len(row) == width and row in above}
     rows = [(i, row) for i, row in below if len(row) == width and i not in again]
+    sums = {i: word for i, row in rows if (word := _statistic(row, numeric, decimal))}
+    rows = [(i, row) for i, row in rows if i not in sums]
     # A line without a digit holds no reading, so none is lost with it.
     broken = tuple(i for i, row in below if len(row) != width and re.search(r"\d", "".join(row)))
     words = sum(len(row) != width for _, row in below) - len(broken)
@@ -155,6 +179,9 @@ def headed(
         f"{first - len(above)} line(s) above the table passed over" if first > len(above) > 0 else "",
         f"{words} line(s) without a number passed over" if words else "",
         f"line {min(again)}: the names again; passed over" if again else "",
+        f"line(s) {', '.join(map(str, sums))}: {', '.join(dict.fromkeys(sums.values()))}; passed over"
+        if sums
+        else "",
     ]
     return Table(
         tuple(_distinct(names)), [row for _, row in rows], [i for i, _ in rows], decimal, bool(above),
@@ -212,6 +239,13 @@ def _named(row: Sequence[str], numeric: Sequence[bool], decimal: str, usual: Set
         n and bool(cell) and cell not in usual and not (is_value(cell, decimal) or says_nothing(cell))
         for cell, n in zip(row, numeric, strict=False)
     )
+
+
+def _statistic(row: Sequence[str], numeric: Sequence[bool], decimal: str) -> str:
+    """Return the word that says that a row sums up the others, in a column of numbers or in front of empty fields."""
+    at = next((n for n, cell in enumerate(row) if cell), 0)
+    word = row[at].strip(" :.=")
+    return word if word.casefold() in _STATISTICS and (numeric[at] or at == 0) else ""
 
 
 def _counts(row: list[str], other: list[str]) -> bool:

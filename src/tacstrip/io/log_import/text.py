@@ -6,13 +6,17 @@ import bisect
 import csv
 import re
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from tacstrip.errors import ReadingError
-from tacstrip.io.log_import.fields import STAMP, is_value, number_of
+from tacstrip.io.log_import.fields import STAMP, is_value, number_of, says_nothing
+from tacstrip.io.log_import.literals import one_page, unwrapped
 from tacstrip.io.log_import.names import meaning
-from tacstrip.io.log_import.records import STEADY, Item, is_label, items, named_values, of_json
+from tacstrip.io.log_import.records import STEADY, Item, is_label, items, named_values, of_literals
 from tacstrip.io.log_import.shape import in_normal_form
 from tacstrip.io.log_import.table import CLOCK, ROW, Table, decimal_mark, headed
 
@@ -24,11 +28,17 @@ _STAMPED = re.compile(rf"\s*\[?(?P<stamp>{STAMP})\]?(?!\s*[AaPp]\.?[Mm]\b)\s*(?:
 _LEVEL = re.compile(r"[\[(]?(?:TRACE|DEBUG|INFO|WARN|WARNING|ERROR)[\])]?[\s:|-]\s*")
 _ARRAY = re.compile(r"(?<![\"\w])\[[\d\s.,;eE+\-naNuloNe]*\](?!\")")
 _BRACKETED = re.compile(r"\s*[\[({](.*)[\])}]\s*[,;]?\s*")  # a line such as "(20, [1, 2])"
-_PREFIX = re.compile(r"\s*[A-Za-z]+:\s+(?=[-+\d])")  # such as "RX: " before the fields of each line
+_PREFIX = re.compile(r"\s*(?:[A-Za-z]+:|-)\s+(?=[-+.\d])")  # such as "RX: " before the fields of each line
+_CHECKED = re.compile(r"\*[\dA-Fa-f]{2}\s*\Z")  # the checksum of a sentence as of NMEA
+# Such as "[001200] " or "I (1200) ".
+_COUNTED = re.compile(r"\s*(?:[A-Z]\s)?[\[(]\s*(?P<stamp>\d+(?:\.\d+)?)\s*[\])]:?\s*(?=\S)")
+_REMARK = re.compile(r"(?<=[\d\w,;])\s+(?:#|//)\s+\S.*")  # behind the fields of a line
 _RULE = re.compile(r"[\s\-=+|~*_:]+")  # a line drawn below names
 _SEVERAL = re.compile(r"[\d-]\s+[-+]?\d")
 _NUMBERED = re.compile(r"[A-Za-z_]+\d+\S*")  # a column's name, such as S1 or v2_h
 _SAMPLE = 500  # lines at either end that tell what separates the fields
+_HEX = r"[\dA-Fa-f]{2,8}"
+_MOSTLY = 0.6  # of the lines, where these have several fields
 _MOST_BYTES = 2**30
 _FEW_LINES = 4  # of fewer, the length of the last number tells nothing
 _FEW_BLOCKS = 2
@@ -64,41 +74,49 @@ def _in_utf16(raw: bytes, file: Path, name: str) -> str:
 
 def of_text(text: str, path: str | Path = "the log") -> Table:
     """Return a text as a table in normal form; errors as of `read_table`."""
-    if (table := of_json(text, path)) is not None:
+    if (table := of_literals(text, path)) is not None:
         return in_normal_form(table)
     text = re.sub(r"\x1b\[[0-9;]*[A-Za-z]", "", text)  # a terminal's colours
     # The empty lines in between tell where blocks begin.
     every = [(i, line) for i, line in enumerate(re.split(r"\r\n|\r\r\n|\n|\r", text), 1)]
+    every = one_page(unwrapped(every))
     lines = [(i, line) for i, line in every if line.strip() and not _RULE.fullmatch(line)]
     if not lines:
         raise ReadingError(f"{path}: the file is empty")
     lines, stamps = _without_stamps(lines)
+    levels = [bool(_LEVEL.match(line)) for _, line in lines]
+    if 0 < sum(levels) < 0.5 * len(levels):  # messages between the readings
+        lines = [(i, line) for (i, line), level in zip(lines, levels, strict=True) if not level]
+    if sum(bool(_CHECKED.search(line)) for _, line in lines) > STEADY * len(lines):
+        lines = [(i, _CHECKED.sub("", line)) for i, line in lines]
     heads = Counter(m.group() if (m := _PREFIX.match(line)) else "" for _, line in lines)
     head, many = heads.most_common(1)[0]
-    if head and many > STEADY * len(lines) and not meaning(head).role:
+    numbers = sum(bool(re.search(r"\d|nan", line)) for _, line in lines)
+    if head and many > STEADY * numbers and not meaning(head).role:
         lines = [(i, line.removeprefix(head)) for i, line in lines]
     if sum(_BRACKETED.fullmatch(line) is not None for _, line in lines) > STEADY * len(lines):
         lines = [(i, _BRACKETED.sub(r"\1", line)) for i, line in lines]
     table = named_values([(i, line) for i, line in lines if not line.lstrip().startswith(_COMMENT)])
     if table is None:
-        blank = {i for i, line in every if not line.strip()}
+        blank = {i for i, line in every if not line.strip() or _RULE.fullmatch(line)}
         table = _separated(lines, blank, path)
     table = _without_cut_end(table, text)
     if stamps:
         lacks = [i for i in table.lines if i not in stamps]
         if lacks:
             raise ReadingError(f"{path}: line {lacks[0]} has no time of day before it, and most have")
+        name = "time before each line" if number_of(stamps[table.lines[0]]) is not None else CLOCK
         said = (
             f"each line begins with a time, such as {stamps[table.lines[0]]}, as a serial monitor puts there"
         )
         rows = [[stamps[i], *row] for i, row in zip(table.lines, table.rows, strict=True)]
-        table = replace(table, names=(CLOCK, *table.names), rows=rows, remarks=(said, *table.remarks))
+        table = replace(table, names=(name, *table.names), rows=rows, remarks=(said, *table.remarks))
     return in_normal_form(table)
 
 
 def _without_stamps(lines: list[tuple[int, str]]) -> tuple[list[tuple[int, str]], dict[int, str]]:
     """Return lines without what a monitor or a logger puts before each: the time, by line, and a level."""
-    found = [_STAMPED.match(line) for _, line in lines]
+    found = [_STAMPED.match(line) or _COUNTED.match(line) for _, line in lines]
     if sum(m is not None for m in found) <= STEADY * len(lines):
         return lines, {}
     if any(m is None and _as_wide(line, lines[-1][1]) for (_, line), m in zip(lines, found, strict=True)):
@@ -131,7 +149,11 @@ def _fields(line: str, separator: str) -> list[str]:
     if separator == _WIDE:
         return re.split(r"\s{2,}|\t", line.strip())
     if separator == " ":
-        first, *others = line.split() or [""]
+        if '"' in line:
+            line = " ".join(
+                re.sub(r"\s+", "_", f) for f in next(csv.reader([line], delimiter=" ", skipinitialspace=True))
+            )
+        first, *others = re.sub(r"\[((?:[-+\s\d.eE]|nan)*)\]", r" \1 ", line).split() or [""]
         return [first[:-1] if others and re.fullmatch(r"\d+:", first) else first, *others]
     if "[" in line and '"' not in line:
         line = _ARRAY.sub(lambda m: f'"{m.group()}"', line)
@@ -150,8 +172,12 @@ def _separated(lines: list[tuple[int, str]], blank: set[int], path: str | Path) 
         raise ReadingError(f"{path}: nothing but comments")
     data = _without_columns_of_blanks(data)
     separator, width = _separator(data, path)
+    remarked = [_REMARK.search(line) for _, line in data]
+    if 0 < sum(map(bool, remarked)) < 0.5 * len(data):
+        data = [(i, line[: m.start()] if m else line) for (i, line), m in zip(data, remarked, strict=True)]
     split = [(i, _fields(line, separator)) for i, line in data]
     split = [(i, row[:-1] if len(row) == width + 1 and not row[-1] else row) for i, row in split]
+    split = _in_decimals(_below_an_index(split, width), width)
     line, top = split[0]
     if separator.isspace() and len(top) > width > 1 and all(_NUMBERED.fullmatch(name) for name in top[1:]):
         raise ReadingError(
@@ -169,6 +195,35 @@ def _separated(lines: list[tuple[int, str]], blank: set[int], path: str | Path) 
     above = [line for i, line in comments if i < split[-1][0]]
     table = headed(split, width, decimal, tuple(filter(None, remarks)), named, above)
     return _in_blocks(table, labels, blank)
+
+
+def _below_an_index(split: list[tuple[int, list[str]]], width: int) -> list[tuple[int, list[str]]]:
+    """Return rows with a name for a column that only counts them, as R writes it, if the names lack one."""
+    numbers = [number_of(row[0]) for _, row in split[1:] if len(row) == width]
+    counts = (
+        None not in numbers and len(numbers) > 1 and set(np.diff(np.array(numbers, dtype=float))) == {1.0}
+    )
+    if len(split[0][1]) == width - 1 and counts and not any(is_value(f, ".") for f in split[0][1]):
+        split[0][1].insert(0, "index")
+    return split
+
+
+def _in_decimals(split: list[tuple[int, list[str]]], width: int) -> list[tuple[int, list[str]]]:
+    """Mark as such the numbers of columns that are hexadecimal: of one length, some with letters."""
+    full = [row for _, row in split if len(row) == width]
+    body = full[len(full) // 10 + 1 :]
+    digits = [n for n in range(width) if body and all(re.fullmatch(_HEX, row[n]) for row in body)]
+    digits = [n for n in digits if len({len(row[n]) for row in body}) == 1]
+    lettered = [row[n] for row in body for n in digits if re.search("[A-Fa-f]", row[n])]
+    if 10 * len(lettered) < len(body) or not any(
+        re.search(r"[ABCDFabcdf]", f) and f[0].isdigit() for f in lettered
+    ):
+        return split
+    digits = [n for n in digits if len(body[0][n]) == len(lettered[0])]
+    for _, row in split:
+        for n in digits if len(row) == width else ():
+            row[n] = f"0x{row[n]}" if re.fullmatch(_HEX, row[n]) else row[n]
+    return split
 
 
 def _labels(lines: list[tuple[int, str]]) -> dict[int, list[Item]]:
@@ -198,15 +253,18 @@ def _separator(data: list[tuple[int, str]], path: str | Path) -> tuple[str, int]
                 (share if separator.strip() or separator == "\t" else 0.99 * share, separator, width)
             )
     if not ranked:
-        if sum(number_of(line) is not None for _, line in data) < STEADY * len(data):
+        if sum(number_of(line) is not None or says_nothing(line.strip()) for _, line in data) < STEADY * len(
+            data
+        ):
             raise ReadingError(f"{path}: no table: no line has two fields")
         return ",", 1
     share, separator, width = max(
         ranked, key=lambda r: (r[0] > STEADY, r[0] > 0.98, -_SEPARATORS.index(r[1]), r[0])
     )
-    if share < STEADY * 0.99 and len(data) > _FEW_LINES:
+    enough = 0.99 * (STEADY if width < _FEW_LINES else _MOSTLY)
+    if share < enough and len(data) > _FEW_LINES:
         share, separator, width = _below_a_preamble(ranked, data)
-    if share < STEADY * 0.99 and len(data) > _FEW_LINES:
+    if share < enough and len(data) > _FEW_LINES:
         raise ReadingError(
             f"{path}: no separator gives lines of as many fields; save it as CSV with one line per reading"
         )
@@ -217,11 +275,11 @@ def _without_columns_of_blanks(data: list[tuple[int, str]]) -> list[tuple[int, s
     """Return lines with tabs between their fields, where these stand in columns of a fixed width and some are blank."""
     sample = [line.expandtabs() for _, line in data[len(data) // 2 :][:_SAMPLE]]
     counts = {len(line.split()) for line in sample}
-    if (
-        len(counts) < 2
-        or any(re.search(r"[,;|]", line) for line in sample)
-        or any("\t" in line for _, line in data)
-    ):
+    if any(re.search(r"[,;|\t]", line) for _, line in data):
+        return data
+    if below := _below_their_names(data):
+        return below
+    if len(counts) < 2:
         return data
     width = max(map(len, sample))
     blank = [all(line[n : n + 1] in ("", " ") for line in sample) for n in range(width)]
@@ -236,6 +294,24 @@ def _without_columns_of_blanks(data: list[tuple[int, str]]) -> list[tuple[int, s
     if any(re.search(r"\S\s\S", piece) for _, row in cut[len(cut) // 2 :] for piece in row):
         return data
     return [(i, "\t".join(row)) for i, row in cut]
+
+
+def _below_their_names(data: list[tuple[int, str]]) -> list[tuple[int, str]]:
+    """Return lines with tabs between fields that end, or begin, where their names do, if some are blank; else none."""
+    words = [list(re.finditer(r"\S+", line)) for _, line in data]
+    full = max(map(len, words))
+    if full < 3 or len(words[0]) != full or any(number_of(m.group()) is not None for m in words[0]):
+        return []
+    sides: tuple[Callable[[re.Match[str]], int], ...] = (lambda m: m.end(), lambda m: m.start())
+    for side in sides:
+        places = [side(m) for m in words[0]]
+        if any(not {side(m) for m in found} <= {*places} for found in words):
+            continue
+        if all(len(found) == full for found in words):
+            return []
+        at = [{side(m): m.group() for m in found} for found in words]
+        return [(i, "\t".join(row.get(p, "") for p in places)) for (i, _), row in zip(data, at, strict=True)]
+    return []
 
 
 def _below_a_preamble(

@@ -10,6 +10,7 @@ import numpy as np
 from tacstrip.io.columns import INDEX
 from tacstrip.io.csv_rows import csv_writer
 from tacstrip.io.log_import.mapping import ColumnMapping
+from tacstrip.io.log_import.names import IN_VOLTS, OF_VREF
 from tacstrip.io.log_import.scans import LogScan
 
 _COLUMNS = {"h": ("v_h", "code_h"), "l": ("v_l", "code_l"), "out": ("v_out", "code")}
@@ -43,10 +44,10 @@ def as_readings(
     """Return the header and the lines of a readings file; parameters as of `write_log`."""
     codes = mapping.unit == "code" and not mapping.adc_bits
     of_code = vref_volt / (2.0**mapping.adc_bits - 1.0) if mapping.adc_bits else 1.0
-    scale = {"V": 1.0, "mV": 1e-3, "code": of_code, "fraction": vref_volt, "percent": 0.01 * vref_volt}[
-        mapping.unit
-    ]
-    return [*INDEX, *(_COLUMNS[c][codes] for c in mapping.channels)], rows(scans, strip_base, scale)
+    scale = IN_VOLTS | {"code": of_code} | {unit: vref_volt * part for unit, part in OF_VREF.items()}
+    return [*INDEX, *(_COLUMNS[c][codes] for c in mapping.channels)], rows(
+        scans, strip_base, scale[mapping.unit]
+    )
 
 
 def rows(scans: Sequence[LogScan], strip_base: int, scale: float = 1.0) -> Iterator[list[str]]:

@@ -107,7 +107,7 @@ def fit_layers(
     problem, fitted = search.problem, best.fitted
     wrong = _misfit(search, fitted, noise)
     rivals = _rivals(search, best) if thorough else []
-    covariance, hidden = _covariance(problem, fitted, sensor, noise, Averaging.of(scan))
+    covariance, hidden = covariance_of(problem, fitted, sensor, noise, Averaging.of(scan))
     confident = draw_scenes(problem, fitted.scene).confidence if thorough and not wrong else None
     shared = [wrong, _rivals_advice(best, rivals), *_left_out(out, sensor, scan)]
     objects = []
@@ -122,7 +122,9 @@ def fit_layers(
         status: Status = "doubtful" if doubtful else "ok" if confidence is not None else "likely"
         advice = "; ".join(filter(None, [*shared[:2], own, *shared[2:]]))
         objects.append(
-            replace(made, strips=_strips(sensor, ring), status=status, advice=advice, confidence=confidence)
+            replace(
+                made, strips=strips_under(sensor, ring), status=status, advice=advice, confidence=confidence
+            )
         )
     result = Reconstruction(
         _METHOD,
@@ -151,7 +153,7 @@ def _searched(
     scan: Scan, sensor: LayeredSensor, noise: Noise | None, thorough: bool
 ) -> tuple[Search, Candidate | None, list[BoolArray]]:
     """Return the search, its best scene, and which readings of each layer (S, n) were left out as outliers."""
-    whole = scene_problem(scan, sensor, _sigma(scan, sensor, noise))
+    whole = scene_problem(scan, sensor, level_of(scan, sensor, noise))
     out = [_lone_spikes(part, whole.sigma) for part in whole.layers]
     problem = whole.without(out)
     search = Search(problem, thorough)
@@ -200,7 +202,8 @@ def _lone_spikes(part: LayerReadings, sigma: float) -> BoolArray:
     return np.asarray(out & (out.sum(axis=0) == 1)) if len(k) > 1 else np.zeros_like(out)
 
 
-def _sigma(scan: Scan, sensor: LayeredSensor, noise: Noise | None) -> float:
+def level_of(scan: Scan, sensor: LayeredSensor, noise: Noise | None) -> float:
+    """Return the standard deviation of a reading [Vref]: the noise's, or as far as the readings tell."""
     if noise is not None:
         averaging = Averaging.of(scan)
         return max(_LEAST_SIGMA, *(fit_sigma(noise, layer.sensor, averaging) for layer in sensor.layers))
@@ -263,7 +266,7 @@ def _rivals_advice(best: Candidate, rivals: list[Candidate]) -> str:
     )
 
 
-def _covariance(
+def covariance_of(
     problem: SceneProblem, fitted: Fitted, sensor: LayeredSensor, noise: Noise | None, averaging: Averaging
 ) -> tuple[FloatArray, BoolArray]:
     """Return the covariance of all corners (2 M, 2 M) [mm^2], and which of them no reading determines (M,)."""
@@ -304,7 +307,7 @@ def _advice(made: RecoveredObject, confidence: float | None) -> str:
     )
 
 
-def _strips(sensor: LayeredSensor, ring: FloatArray) -> slice:
+def strips_under(sensor: LayeredSensor, ring: FloatArray) -> slice:
     """Return the strips of layer 0 that an object lies on."""
     layer = sensor.layers[0]
     x = layer.to_layer(ring)[:, 0] / layer.sensor.pitch_mm

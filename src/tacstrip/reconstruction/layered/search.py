@@ -20,7 +20,7 @@ _START_CORNERS = (6, 8, 5)
 _MORE_STARTS = 8  # where none of these explains the readings
 _STAGES = ((1.0, 4.0), (0.2, 5.0))  # first how soft [% of the strip length], and how far a residual counts
 _STAGE_STEPS, _STEPS, _FULL_STEPS = 10, 15, 30
-_SHAKE = 0.004  # of the strip length: restarts beside the kinks of the hull
+SHAKE = 0.004  # of the strip length: restarts beside the kinks of the hull
 _SHAKES, _LAST_SHAKES, _LAST_MOVES = 3, 12, 80
 _MOST_GROWN = 4  # corners that a scene gets which does not explain the readings
 _FARTHEST = 6.0  # times that
@@ -181,7 +181,7 @@ class Search:
 
     def _shaken(self, scene: Scene, steps: int, shakes: int = _SHAKES) -> Fitted:
         """Return the best of descents from a scene and from beside it."""
-        best, by = self.problem.refine(scene, steps), _SHAKE * self.problem.length_mm
+        best, by = self.problem.refine(scene, steps), SHAKE * self.problem.length_mm
         for _ in range(shakes):
             moved = best.scene.moved(self._random.normal(0.0, by, best.scene.corners.shape))
             best = min(best, self.problem.refine(moved, steps), key=lambda f: f.cost)
@@ -197,7 +197,7 @@ class Search:
         """Return a descent from a scene with the corners of one polygon moved at random, by little or by much."""
         k, far = int(self._random.integers(len(scene.sizes))), self._random.uniform(1.0, _FARTHEST)
         moved, own = np.zeros_like(scene.corners), slice(scene.starts[k], scene.starts[k] + scene.sizes[k])
-        moved[own] = self._random.normal(0.0, far * _SHAKE * self.problem.length_mm, moved[own].shape)
+        moved[own] = self._random.normal(0.0, far * SHAKE * self.problem.length_mm, moved[own].shape)
         return self.problem.refine(scene.moved(moved), _FULL_STEPS)
 
     def pruned(self, scene: Scene) -> Fitted:

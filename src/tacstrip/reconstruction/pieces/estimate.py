@@ -138,7 +138,9 @@ def pieces(scan: Scan, sensor: Sensor, noise: Noise | None = None) -> list[Piece
     found: list[Piece] = []
     for strips, run in _runs(scan, sensor, noise):
         found += _of_run(run, sensor, strips, len(found))
-    hint = implausible_hint(scan, sensor, any(p.status == "doubtful" for p in found))
+    hint = implausible_hint(
+        scan, sensor, any(p.status == "doubtful" for p in found), [p.outline for p in found]
+    )
     told = [(p, goes_on(p.outline, p.strips, sensor)) for p in found]
     return [
         replace(p, status="doubtful", advice="; ".join(filter(None, (p.advice, beside, hint))))

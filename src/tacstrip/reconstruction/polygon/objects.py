@@ -112,7 +112,7 @@ def reconstruct_object(
     """
     strips, run = contact.strips, contact.run
     averaging = averaging_advice(noise, sensor, Averaging.of(scan))
-    notes = _notes(scan, sensor, contact, around)
+    notes = _notes(scan, sensor, contact, around, noise is not None)
     x = sensor.x_mm[strips]
     if run.selection is None:
         few = f"{strips.stop - strips.start} strips are touched, too few for a polygon: use finer strips"
@@ -159,7 +159,9 @@ def reconstruct_object(
         wrong = ""  # outlines of more corners explain the readings, and the confidence counts them
     if area_mm2 is not None and not wrong:
         wrong = _other_area(outline, covariance, area_mm2)
-    status, advice = _verdict(wrong, weak, assessed, effort, len(run.problem.k), averaging)
+    status, advice = _verdict(
+        wrong, weak, assessed, effort, len(run.problem.k), averaging, area_mm2 is not None
+    )
     profile = (x, np.interp(x, *outline.lower.T), np.interp(x, *outline.upper.T))
     return RecoveredObject(
         strips,
@@ -186,7 +188,7 @@ def _other_area(outline: Outline, covariance: FloatArray, area_mm2: tuple[float,
 
 
 def _verdict(
-    wrong: str, weak: str, assessed: Assessment, effort: Effort, signatures: int, averaging: str
+    wrong: str, weak: str, assessed: Assessment, effort: Effort, signatures: int, averaging: str, area: bool
 ) -> tuple[Status, list[str]]:
     """Return the status, and advice: what the outline does not explain, what is left open, how sure it is."""
     if wrong:
@@ -197,9 +199,13 @@ def _verdict(
     if assessed.confidence >= ENOUGH:
         return ("likely" if effort == "fast" and signatures == 1 else "ok"), [weak]
     more = f"{averaging}, or use finer strips" if signatures > 1 else f"use both signatures, {averaging}"
+    others = "others explain the readings too" + (
+        "" if assessed.alternatives else ", though none of them is likely"
+    )
+    narrower = "" if area else ", or give the contact's area"
     sure = (
         f"with a probability of {assessed.confidence:.2f} only it overlaps the true outline by an IoU of "
-        f"{PROMISED_IOU} or more, for others explain the readings too: {more}, or give the contact's area"
+        f"{PROMISED_IOU} or more, for {others}: {more}{narrower}"
     )
     return "doubtful", [sure, weak]
 
@@ -309,7 +315,7 @@ def _raw_profile(scan: Scan, sensor: Sensor, strips: slice) -> Profile | None:
     return (sensor.x_mm[strips], l, u) if np.isfinite(l + u).all() else None
 
 
-def _notes(scan: Scan, sensor: Sensor, contact: FittedContact, around: int) -> list[str]:
+def _notes(scan: Scan, sensor: Sensor, contact: FittedContact, around: int, known: bool) -> list[str]:
     """Name the strips that were bridged, and the readings that were left out."""
     notes, base = [], sensor.strip_base
     named = left_out_wholly(sensor)
@@ -325,7 +331,10 @@ def _notes(scan: Scan, sensor: Sensor, contact: FittedContact, around: int) -> l
                 for s, i in excluded
             ]
         )
-        notes.append(f"strip {names} does not fit its neighbours and was left out: is a channel stuck?")
+        guessed = "" if known else " Or is that noise? Then give the noise, which is only estimated here"
+        notes.append(
+            f"strip {names} does not fit its neighbours and was left out: is a channel stuck?{guessed}"
+        )
     return notes
 
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from tacstrip.data import spec_names
 from tacstrip.errors import PortError, SpecError
+from tacstrip.sensor.layers import AnySensor, LayeredSensor, unit_of
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.device.port import Port
 from tacstrip.stream.device.protocol.decoder import Decoder
@@ -96,7 +97,7 @@ def check_unit(hello: Hello, first: Hello) -> None:
             )
 
 
-def sensor_of(hello: Hello, sensor: Sensor | None) -> Sensor:
+def sensor_of(hello: Hello, sensor: AnySensor | None) -> AnySensor:
     """Return the sensor of a device, with its A/D bits: this spec, or a matching shipped one; else `PortError`."""
     if sensor is None:
         for name in spec_names():
@@ -112,8 +113,10 @@ def sensor_of(hello: Hello, sensor: Sensor | None) -> Sensor:
                 f"the device is a {hello.construction} sensor of {hello.strips} strips, and no shipped spec has that: "
                 "write one with `tacstrip init sensor.toml` and name it with --sensor"
             )
-    check_device(hello, sensor)
+    check_device(hello, unit_of(sensor))
     try:
+        if isinstance(sensor, LayeredSensor):
+            return sensor.changed(adc_bits=hello.adc_bits)
         return replace(sensor, adc_bits=hello.adc_bits)
     except SpecError as error:
         raise PortError(f"the device and the spec do not go together: {error}") from None

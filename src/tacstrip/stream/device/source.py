@@ -6,9 +6,11 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from typing import cast
 
 from tacstrip.arguments import takes
 from tacstrip.errors import PortError
+from tacstrip.sensor.layers import AnySensor, LayeredSensor, unit_of
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.device.clocks import DeviceClock, HostClock
 from tacstrip.stream.device.handshake import WrongDeviceError, check_device, check_unit, handshake, sensor_of
@@ -49,7 +51,7 @@ class SerialSource:
     open_port
         Opens the line: called at once, and again after the device was unplugged.
     sensor
-        Its spec; None: the shipped spec of the same construction and number of strips.
+        Its spec, of one layer or two; None: the shipped spec of the same construction and number of strips.
     rate_hz
         Scan rate to request [Hz]; None: the device's own, 0: as fast as possible.
     on_message
@@ -90,11 +92,11 @@ class SerialSource:
     4
     """
 
-    @takes(sensor=Sensor)
+    @takes(sensor=Sensor | LayeredSensor)
     def __init__(
         self,
         open_port: Callable[[], Port],
-        sensor: Sensor | None = None,
+        sensor: AnySensor | None = None,
         rate_hz: float | None = None,
         on_message: Callable[[str], None] = LOGGER.warning,
         handshake_s: float = _HANDSHAKE_S,
@@ -106,9 +108,10 @@ class SerialSource:
         self._previous_counts = Counts()
         self.arrived_s = 0.0
         self.waiting = 0
-        self._wanted: Sensor | None = None
+        self._wanted: Sensor | None = None  # what the device must be
         self.hello = self._connect()
-        self.sensor = self._wanted = sensor_of(self.hello, sensor)
+        own = sensor_of(self.hello, sensor)
+        self.sensor, self._wanted = cast(Sensor, own), unit_of(own)  # of two layers what takes one refuses it
         self.names = self.hello.signatures
         self.origin_ns, self._host = time.time_ns(), HostClock()
         period_us = self.hello.period_us if self._period_us is None else self._period_us

@@ -9,6 +9,7 @@ import numpy as np
 
 from tacstrip.arguments import takes
 from tacstrip.errors import ContactError, PortError
+from tacstrip.sensor.layers import AnySensor, LayeredSensor, unit_of
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.codes import code_type, top_code, with_converter
 from tacstrip.stream.device.protocol.decoder import Decoder
@@ -34,7 +35,8 @@ class VirtualDevice:
     Parameters
     ----------
     sensor
-        The sensor; a spec without `adc_bits` gets a converter of 16 bits.
+        The sensor; a spec without `adc_bits` gets a converter of 16 bits. Of two layers the device sends the strips of
+        both, one layer after the other.
     scans
         Returns an endless iterator of scans; their times and numbers are replaced by the device's own. While it
         raises `ContactError`, nothing is touched.
@@ -64,16 +66,16 @@ class VirtualDevice:
     6
     """
 
-    @takes(sensor=Sensor)
+    @takes(sensor=Sensor | LayeredSensor)
     def __init__(
         self,
-        sensor: Sensor,
+        sensor: AnySensor,
         scans: Callable[[], Iterator[RawScan]],
         rate_hz: float,
         span_s: float = 0.0,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self.sensor = with_converter(sensor)
+        self.sensor = with_converter(unit_of(sensor))
         self.problem = ""
         self._begin = scans
         self._scans: Iterator[RawScan] = iter(())

@@ -11,6 +11,7 @@ import numpy as np
 from tacstrip.calibrate.drift import DriftEstimator
 from tacstrip.errors import OptionError
 from tacstrip.scan import Scan
+from tacstrip.sensor.layers import unit_of
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.codes import ELECTRODES, decode, top_code
 from tacstrip.stream.live.creep import CreepFilter
@@ -47,17 +48,19 @@ class DriftCorrectingDecoder:
     def __init__(self, sensor: Sensor, drift: bool = True, creep: bool = False) -> None:
         self.sensor = self._zeroed = sensor
         self.left_out: tuple[str, ...] = ()
-        self.creep = CreepFilter() if creep and sensor.kind.closed_form else None
+        self._left_out: tuple[str, ...] = ()  # as of the last scan
+        self.creep = CreepFilter() if creep and unit_of(sensor).kind.closed_form else None
         self.drift: DriftEstimator | None = None
-        if drift and sensor.rest_volt is not None:
+        if drift and isinstance(sensor, Sensor) and sensor.rest_volt is not None:
             with suppress(OptionError):  # no calibration, or no level of untouched strips in it
                 self.drift = DriftEstimator(sensor)
         self._sampled_s = self._applied_s = -math.inf
 
     def decode(self, raw: RawScan) -> Scan:
         """Return the readings of the next scan; errors as of `stream.codes.decode`."""
-        if self.sensor.without != (used := (*self._zeroed.without, *self.left_out)):
-            self.sensor = replace(self._zeroed, without=used)
+        if self.left_out != self._left_out:
+            self._left_out = self.left_out
+            self.sensor = replace(self._zeroed, without=(*self._zeroed.without, *self.left_out))
         due = abs(raw.time_s - self._sampled_s) >= _SAMPLE_S and ELECTRODES not in raw.codes
         if self.drift is not None and due:
             self._sampled_s, top = raw.time_s, top_code(self.sensor)
@@ -66,6 +69,6 @@ class DriftCorrectingDecoder:
             if abs(raw.time_s - self._applied_s) >= _APPLY_S:
                 self._applied_s = raw.time_s
                 self._zeroed = self.drift.zeroed("live")
-                self.sensor = replace(self._zeroed, without=self.sensor.without)
+                self.sensor = replace(self._zeroed, without=(*self._zeroed.without, *self.left_out))
         scan = decode(raw, self.sensor)
         return scan if self.creep is None else self.creep.update(scan)

@@ -24,7 +24,7 @@ class Frame:
     raw
         A/D codes, with the time of each strip where it is known.
     sensor, scan
-        The sensor with its calibration at that time, and the readings over Vref.
+        The sensor with its calibration at that time, of two layers a `LayeredSensor`, and the readings over Vref.
     objects
         Objects that touch the sensor, in the order of their strips; each keeps its number while it stays.
     latency_s

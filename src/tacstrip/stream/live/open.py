@@ -8,6 +8,7 @@ from pathlib import Path
 from tacstrip.arguments import takes
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError
+from tacstrip.sensor.layers import AnySensor, LayeredSensor
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.device.port import BAUD, SerialPort
 from tacstrip.stream.device.source import SerialSource
@@ -18,12 +19,12 @@ from tacstrip.stream.live.warmup import warm_up
 from tacstrip.stream.source import Source
 
 
-@takes(sensor=Sensor, noise=Noise)
+@takes(sensor=Sensor | LayeredSensor, noise=Noise)
 def live(
     port: str | None = None,
     *,
     source: Source | None = None,
-    sensor: Sensor | None = None,
+    sensor: AnySensor | None = None,
     baud: int = BAUD,
     rate_hz: float | None = None,
     method: str | None = None,
@@ -45,7 +46,7 @@ def live(
     source
         Any other source of scans: a `Recording`, a `SimulatedSource`, your own.
     sensor
-        Spec of the device; None: the shipped spec of its construction and number of strips.
+        Spec of the device, of one layer or two; None: the shipped spec of its construction and number of strips.
     method
         "polygon", "vertex" or "profile"; None: the best for the sensor.
     noise

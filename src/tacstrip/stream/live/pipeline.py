@@ -12,7 +12,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import AsyncIterator, Callable, Iterator, Mapping
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -20,9 +20,10 @@ from typing import Self
 
 from tacstrip.arguments import takes
 from tacstrip.contact.noise import Noise
-from tacstrip.errors import TacstripError, in_words
+from tacstrip.errors import OptionError, TacstripError, in_words
 from tacstrip.reconstruction.methods import chosen_method
 from tacstrip.scan import Scan
+from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.live.background_recorder import BackgroundRecorder
 from tacstrip.stream.live.bounded_queue import BoundedQueue
 from tacstrip.stream.live.drift import DriftCorrectingDecoder
@@ -30,6 +31,7 @@ from tacstrip.stream.live.frame import Frame
 from tacstrip.stream.live.latency import LatencyMeter
 from tacstrip.stream.recording.recorder import Recorder
 from tacstrip.stream.source import LOGGER, DeviceSource, RawScan, Shape, Source, paced
+from tacstrip.tracking.layered import LayeredTracker, tracker_of
 from tacstrip.tracking.live import LiveTracks
 from tacstrip.tracking.live_contact import LiveTrack
 from tacstrip.tracking.tracker import Tracker
@@ -61,7 +63,11 @@ class Live:
     creep
         Whether to take the creep of contacts that are held still out of their readings.
     tracks
-        Whether to fuse the scans of each object into one rigid outline, where the construction has a closed form.
+        Whether to fuse the scans of each object into one rigid outline, where the construction has a closed form and
+        the sensor one layer.
+    searches
+        Runs the searches of a sensor of two layers, which take a second and more each: best a process, as
+        `concurrent.futures` has them. None: a thread.
 
     Attributes
     ----------
@@ -108,6 +114,7 @@ class Live:
         *,
         creep: bool = False,
         tracks: bool = True,
+        searches: Executor | None = None,
     ) -> None:
         self.method, self.noise = method, noise
         self.frames = self.late = self.unreadable = 0
@@ -128,6 +135,7 @@ class Live:
         self._writers: tuple[BackgroundRecorder, ...] = ()
         self._thread = threading.Thread(target=self._run, name="tacstrip stream", daemon=True)
         self._searches = ThreadPoolExecutor(1, thread_name_prefix="tacstrip search")
+        self._layer_searches = searches or self._searches
         self._fusing = ThreadPoolExecutor(1, thread_name_prefix="tacstrip tracks")
         self._detail_s = 0.0
         self._switch_s = sys.getswitchinterval()
@@ -137,10 +145,19 @@ class Live:
         self.source = source
         self.meter = LatencyMeter()
         self._decoder = DriftCorrectingDecoder(source.sensor, self._drift, self._creep)
-        self._tracker = Tracker(source.sensor, self.method, self.noise, self._searches)
+        self._tracker = self._new_tracker(self.method)
         self.known = {}
-        fuses = self._wants_tracks and source.sensor.kind.closed_form and source.sensor.surface is None
+        fuses = (
+            self._wants_tracks
+            and isinstance(source.sensor, Sensor)
+            and (source.sensor.kind.closed_form and source.sensor.surface is None)
+        )
         self._tracks = LiveTracks(source.sensor, self.noise, executor=self._fusing) if fuses else None
+
+    def _new_tracker(self, method: str | None) -> Tracker | LayeredTracker:
+        sensor = self.source.sensor
+        executor = self._searches if isinstance(sensor, Sensor) else self._layer_searches
+        return tracker_of(sensor, method, self.noise, executor)
 
     def subscribe(self, size: int = 1, detailed: bool = False) -> BoundedQueue[Frame]:
         """Return a queue of the newest frames.
@@ -250,11 +267,15 @@ class Live:
 
     def use(self, method: str | None) -> None:
         """Reconstruct by another method from now on."""
+        self._tracker = self._new_tracker(method)
         self.method = method
-        self._tracker = Tracker(self.source.sensor, method, self.noise, self._searches)
 
     def leave_out(self, names: tuple[str, ...]) -> None:
         """Do without these channels from the next scan on, named as in the spec's `without`; they are recorded."""
+        if not isinstance(self.source.sensor, Sensor):
+            raise OptionError(
+                "of two layers no channel is left out while they stream: write it into the spec"
+            )
         replace(self.source.sensor, without=names)  # which refuses channels that it has not
         self._decoder.left_out = names
 

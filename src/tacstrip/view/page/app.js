@@ -9,7 +9,7 @@ import { Tracks } from "./tracks.js";
 const get = (id) => document.getElementById(id);
 const surface = new Surface(get("surface")), tracks = new Tracks(get("tracks"));
 let sensor = null, control = false, play = false, paused = false, frame = null, waiting = 0, drawing = false, lastMessage = 0, session = "", refusedAt = 0;
-const FIELDS = ["construction", "strips", "noise", "hz", "method"], force = {}; // what is in force, by field
+const FIELDS = ["construction", "strips", "noise", "hz", "method"], force = {}, reasons = {}; // what is in force, and why another was refused, by field
 const drawn = { count: 0, times: [], frame: null };
 window.tacstrip = drawn; // for the tests
 
@@ -63,7 +63,9 @@ function about(message) {
     sensor = message.sensor;
     surface.begin(sensor);
     objects.draw();
-    get("what").textContent = `${sensor.construction}, ${sensor.strips} strips, ${+(sensor.strips * sensor.pitch_mm).toFixed(1)} × ${sensor.length_mm} mm`;
+    const strips = sensor.layers.map((one) => one.strips).join(" + ");
+    get("what").textContent = `${sensor.construction}, ${strips} strips, ${+surface.width.toFixed(1)} × ${+surface.length.toFixed(1)} mm`;
+    get("h-tracks").parentElement.hidden = sensor.layers.length > 1; // one outline from all scans is for one layer
   }
   play = Boolean(message.simulator);
   document.querySelectorAll(".play").forEach((e) => { e.hidden = !play; });
@@ -75,13 +77,16 @@ function about(message) {
     Object.assign(force, { construction: sensor.construction, strips: sensor.strips, noise: +(100 * message.simulator.noise).toFixed(3), hz: message.simulator.rate_hz });
     for (const id of ["strips", "noise", "hz"]) value(get(id), force[id]);
   }
+  for (const id of FIELDS) if (reasons[id]) refuse(id, reasons[id]); // what is in force may be another by now
   document.querySelectorAll("form button, form select, form input, #record, #examine, #method").forEach((e) => { e.disabled = !control; });
 }
 
 // Say at a field why its number was refused; without a reason, that all is well.
 function refuse(id, why) {
   const field = get(id), said = get(`${id}-refused`);
-  said.textContent = why && `${why}; ${force[id]} stays in force`;
+  const text = why && `${why}; ${force[id]} stays in force`;
+  reasons[id] = why;
+  if (said.textContent !== text) said.textContent = text; // read aloud once
   if (why) field.setAttribute("aria-invalid", "true");
   else field.removeAttribute("aria-invalid");
 }

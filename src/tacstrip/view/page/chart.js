@@ -26,9 +26,9 @@ export function draw(canvas, sensor, readings) {
     pen.fillStyle = colour("soft");
     if (value !== 0.25 && value !== 0.75) pen.fillText(String(value), 4, y + 4);
   }
-  const span = sensor.strips * sensor.pitch_mm;
-  pen.fillText("0", left, box.height - 3);
-  const end = `${+span.toFixed(1)} mm`;
+  const [first, second] = sensor.layers, border = second ? first.strips : sensor.strips; // layer 1 begins there
+  pen.fillText(second ? "layer 0" : "0", left, box.height - 3);
+  const end = second ? "layer 1" : `${+(first.strips * first.pitch_mm).toFixed(1)} mm`;
   pen.fillText(end, left + w - pen.measureText(end).width, box.height - 3);
   let label = left + 0.5 * w - 30;
   for (const [name, values] of Object.entries(readings)) {
@@ -41,7 +41,7 @@ export function draw(canvas, sensor, readings) {
     values.forEach((value, i) => {
       if (value === null) { on = false; return; }
       const x = left + ((i + 0.5) / values.length) * w, y = top + (1 - value) * h;
-      if (on) pen.lineTo(x, y); else pen.moveTo(x, y);
+      if (on && i !== border) pen.lineTo(x, y); else pen.moveTo(x, y);
       on = true;
     });
     pen.stroke();

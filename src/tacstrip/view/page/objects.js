@@ -165,7 +165,8 @@ export class Objects {
   add() {
     const { width: w, length: h } = this.surface, at = this.rings.length % 2 ? 0.25 : 0.75;
     const size = 0.14 * Math.min(w, h);
-    const corner = (part) => [at * w + size * Math.cos(part * Math.PI), 0.5 * h + size * Math.sin(part * Math.PI)];
+    const x = this.surface.left + at * w, y = this.surface.top - 0.5 * h;
+    const corner = (part) => [x + size * Math.cos(part * Math.PI), y + size * Math.sin(part * Math.PI)];
     this.chosen = { object: this.rings.length, corner: null };
     this.change([...this.rings, [0.1, 0.8, 1.45].map(corner)]);
   }

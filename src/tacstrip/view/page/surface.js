@@ -29,18 +29,25 @@ export class Surface {
   // Draw the strips of another sensor.
   begin(sensor) {
     this.sensor = sensor;
-    this.width = sensor.strips * sensor.pitch_mm;
-    this.length = sensor.length_mm;
+    const corners = sensor.layers.flatMap((one) => one.corners), xs = corners.map(([x]) => x), ys = corners.map(([, y]) => y);
+    [this.left, this.top] = [Math.min(...xs), Math.max(...ys)];
+    [this.width, this.length] = [Math.max(...xs) - this.left, this.top - Math.min(...ys)];
     const margin = 0.09 * Math.max(this.width, this.length);
-    this.svg.setAttribute("viewBox", `${-margin} ${-0.3 * margin} ${this.width + 2 * margin} ${this.length + 1.1 * margin}`);
+    this.svg.setAttribute("viewBox", `${this.left - margin} ${-0.3 * margin} ${this.width + 2 * margin} ${this.length + 1.1 * margin}`);
     const skin = this.layers.skin;
     skin.replaceChildren();
-    make("rect", { class: "skin", width: this.width, height: this.length, "vector-effect": "non-scaling-stroke" }, skin);
-    this.touched = make("path", { class: "touched" }, skin);
-    if (sensor.strips <= 250) {
-      const lines = Array.from({ length: sensor.strips - 1 }, (_, i) => `M${(i + 1) * sensor.pitch_mm} 0V${this.length}`);
-      make("path", { class: "gaps", d: lines.join(""), "stroke-width": Math.min(0.12 * sensor.pitch_mm, 1) }, skin);
+    this.last = null;
+    this.strips = []; // the corners of each, layer by layer
+    const seen = { "fill-opacity": sensor.layers.length > 1 ? 0.5 : 1 }; // what lies below, too
+    for (const { strips, pitch_mm, corners: [[x, y], [u, v], , [s, t]] } of sensor.layers) {
+      const at = (i, far) => [x + (u - x) * i / strips + far * (s - x), y + (v - y) * i / strips + far * (t - y)];
+      this.strips.push(...Array.from({ length: strips }, (_, i) => [at(i, 0), at(i + 1, 0), at(i + 1, 1), at(i, 1)]));
+      make("path", { class: "skin", ...seen, d: this.path([at(0, 0), at(strips, 0), at(strips, 1), at(0, 1)]), "vector-effect": "non-scaling-stroke" }, skin);
+      if (strips > 250) continue;
+      const lines = Array.from({ length: strips - 1 }, (_, i) => this.path([at(i + 1, 0), at(i + 1, 1)]));
+      make("path", { class: "gaps", d: lines.join(""), "stroke-width": Math.min(0.12 * pitch_mm, 1) }, skin);
     }
+    this.touched = sensor.layers.map(() => make("path", { class: "touched", ...seen }, skin));
     if (sensor.closed) {  // where the skin was cut open to lie flat
       make("path", { class: "seam", d: `M0 0V${this.length}M${this.width} 0V${this.length}`, "vector-effect": "non-scaling-stroke" }, skin);
     }
@@ -48,7 +55,7 @@ export class Surface {
     this.measure();
   }
 
-  y(value) { return this.length - value; }
+  y(value) { return this.top - value; }
 
   // Millimetres a pixel, for what keeps its size on the screen.
   measure() {
@@ -63,8 +70,9 @@ export class Surface {
     };
     const show = (value) => `${+value.toFixed(1)}`;
     for (const part of [0, 0.5, 1]) {
-      text(part * this.width, this.length + 1.5 * size, "middle", show(part * this.width) + (part === 1 ? " mm" : ""));
-      text(-0.6 * size, this.y(part * this.length) + 0.35 * size, "end", show(part * this.length));
+      const x = this.left + part * this.width, y = this.top - (1 - part) * this.length;
+      text(x, this.length + 1.5 * size, "middle", show(x) + (part === 1 ? " mm" : ""));
+      text(this.left - 0.6 * size, this.y(y) + 0.35 * size, "end", show(y));
     }
     if (this.last) this.draw(this.last);
   }
@@ -84,10 +92,9 @@ export class Surface {
 
   draw(frame) {
     this.last = frame;
-    const readings = Object.values(frame.readings)[0] || [], pitch = this.sensor.pitch_mm;
-    let strips = "";
-    readings.forEach((value, i) => { if (value !== null) strips += `M${i * pitch} 0h${pitch}v${this.length}h${-pitch}z`; });
-    this.touched.setAttribute("d", strips);
+    const readings = Object.values(frame.readings)[0] || [];
+    const strips = readings.map((value, i) => (value === null ? "" : this.path(this.strips[i])));
+    this.touched.forEach((e, i) => e.setAttribute("d", strips.splice(0, this.sensor.layers[i].strips).join("")));
     const found = frame.objects.filter((o) => o.vertices.length);
     const fixed = "non-scaling-stroke";
     fill(this.layers.shapes, "path", found, (e, o) => {
