@@ -14,6 +14,7 @@ from matplotlib.patches import Polygon
 import tacstrip as ts
 from drawn import check_above, draw, legend_of
 from recordings import sensor
+from tacstrip import plot
 from tacstrip.design.limits import ErrorMap, Limit
 from tacstrip.geometry.outline import Outline
 from tacstrip.plot.bounds import limits_figure
@@ -149,3 +150,19 @@ def test_the_colour_bar_of_limits_reads_plain_numbers() -> None:
         labels = [t.get_text() for t in figure.axes[-1].get_yticklabels()]
         shown = [float(text) for text in labels if text]
         assert len([v for v in shown if low <= v <= high]) >= 2
+
+
+def test_an_object_keeps_its_colour_through_a_film() -> None:
+    def at(x: float, y: float) -> RecoveredObject:
+        return RecoveredObject(slice(0, 4), np.array([(x, y), (x + 8, y), (x, y + 8)]), None, None, "ok")
+
+    ways = [
+        ((10, 20), (70, 70)),
+        ((30, 70), (40, 20)),
+    ]  # the two change sides: counted from the left they swap
+    sensor = ts.Sensor(construction="crs-crs", strips=20, pitch_mm=5.0, length_mm=100.0)
+    film = plot.film_strip([Reconstruction("pieces", (at(*a), at(*b))) for a, b in ways], sensor)
+    outlines = [[one for one in axes.lines if len(one.get_xydata()) == 4] for axes in film]
+    colours = [{one.get_xydata()[0, 1]: one.get_color() for one in frame} for frame in outlines]
+    assert colours[0] == colours[1]
+    assert len(set(colours[0].values())) == 2

@@ -118,8 +118,8 @@ def limits_figure(sensor: Sensor, outline: Outline, found: Sequence[Limit], over
             label = None
     zoom(left, outline.vertices, sensor)
     left.set_title("95 % regions of the best estimate")
-    if left.get_legend_handles_labels()[1]:
-        legend_above(left)
+    if entries := left.get_legend_handles_labels()[0]:  # within, it would lie on a long sensor
+        figure.legend(handles=entries, loc="outside lower left", ncols=3, frameon=False)
     fill_sheet(left, sensor)
     on_sensor(sensor, right)
     _draw_map(right, sensor, outline, over)

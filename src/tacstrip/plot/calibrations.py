@@ -174,7 +174,7 @@ def calibration_graphs(result: Calibrated, strip: int) -> Figure:
 
 def residuals_by_strip(result: Calibrated) -> Figure:
     """Draw every row's error by strip: raw, after the thesis' mean offsets, after this calibration."""
-    figure, panels = new_panels(11.0, 3.6, 1, 3)
+    figure, panels = new_panels(7.0, 7.2, 3, 1)
     strip, counted = np.nonzero(result.counted)[1] + result.uncalibrated.strip_base, result.counted
     stages = {"raw": result.before, "mean offsets (6.1)-(6.5)": result.mean, result.model: result.after}
     for axes, (title, off) in zip(panels, stages.items(), strict=True):
@@ -191,7 +191,7 @@ def residuals_by_strip(result: Calibrated) -> Figure:
 
 def residuals_along_strips(result: Calibrated) -> Figure:
     """Draw the residuals of mean offsets and of this calibration over the contact's middle, by its length."""
-    figure, panels = new_panels(9.0, 3.6, 1, 2)
+    figure, panels = new_panels(7.0, 3.6, 1, 2)
     middle = result.runs.l_mm + 0.5 * result.runs.w_mm
     stages = (("mean offsets", result.mean), (result.model, result.after))
     for axes, (title, off) in zip(panels, stages, strict=True):

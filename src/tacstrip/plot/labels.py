@@ -47,13 +47,18 @@ class LabelledObject:
 
 
 def labelled_objects(
-    results: Mapping[str, Sequence[Reconstruction]], shown: Sequence[int]
+    results: Mapping[str, Sequence[Reconstruction]],
+    shown: Sequence[int],
+    numbers: Sequence[int] | None = None,
 ) -> list[LabelledObject]:
-    """Return the objects of the scans that are shown, method by method."""
+    """Return the objects of the scans that are shown, method by method.
+
+    `numbers` are the objects' own where they were followed from frame to frame; else they count from left to right.
+    """
     palette = (RECOVERED, *OTHERS)
     several = len(shown) > 1
     every = [
-        (method, name, order, i, k, found)
+        (method, name, order, i, k if numbers is None else numbers[k], found)
         for method, (name, reconstructions) in enumerate(results.items())
         for order, i in enumerate(shown)
         for k, found in enumerate(reconstructions[i].objects)

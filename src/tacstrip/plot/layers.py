@@ -15,7 +15,7 @@ from tacstrip.arrays import FloatArray
 from tacstrip.contact.shape import Contact
 from tacstrip.plot.labels import LabelledObject, labelled_objects
 from tacstrip.plot.scene import draw_contact, draw_signatures, number_strips
-from tacstrip.plot.theme import SENSOR, STRIP, legend_above, new_panels
+from tacstrip.plot.theme import SENSOR, STRIP, add_axes, legend_above, new_figure
 from tacstrip.reconstruction.result import Reconstruction
 from tacstrip.scan import Scan
 from tacstrip.sensor.layers import Layer, LayeredSensor
@@ -50,7 +50,9 @@ def layers_figure(
     touched = [i for i, scan in enumerate(scans) if scan.touched.any()]
     shown = touched[:: max(1, -(-len(touched) // _MOST_SCANS))]
     truth = [truth[i] for i in shown] if len(truth) == len(scans) else truth
-    figure, (scene, *panels) = new_panels(11.0, 4.6, 1, 1 + len(sensor.layers))
+    figure, count = new_figure(7.0, 7.0), len(sensor.layers)
+    scene = add_axes(figure, 2, count, (1, count))
+    panels = [add_axes(figure, 2, count, count + 1 + i) for i in range(count)]
     draw_layers(scene, sensor)
     for i, contact in enumerate(truth):
         draw_contact(scene, contact, label=None if i else "true shape")
@@ -68,7 +70,7 @@ def layers_figure(
             Line2D([], [], color=_OTHER, linestyle=":", label="other scenes that explain the readings")
         )
     scene.set_title("both layers")
-    figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)
+    figure.legend(handles=handles, loc="outside lower center", ncols=2, frameon=False)
     parts = [scans[i].split(sensor) for i in shown[:_MOST_SIGNATURES]]
     for number, (axes, layer) in enumerate(zip(panels, sensor.layers, strict=True)):
         for k, part in enumerate(parts):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
@@ -11,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from scipy.optimize import linear_sum_assignment
 
 from tacstrip.arguments import takes
 from tacstrip.arrays import FloatArray
@@ -40,7 +42,7 @@ from tacstrip.sensor.spec import Sensor
 _MOST_SCANS = 12  # more shapes than these overlap beyond reading
 _MOST_WITH_REGIONS = 3  # scans
 _OVERLAID = 3  # scans; more are frames of a film strip
-_ACROSS = 4  # frames
+_ACROSS = 3  # frames
 _ENTRY_INCH = 1.9  # of a legend's entry
 _NEARLY_ALL = 0.5  # of the sensor: a closer view of so much shows nothing more
 _SEEN = 0.08  # of an outline's extent: smaller regions are drawn larger
@@ -266,7 +268,7 @@ def reconstruction_figure(
     _draw_readings(panels[-1], sensor, scans)
     handles, labels = _explained(panels[0], objects, True, len(touched) > 1)
     if handles:
-        figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False)
+        figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False)
     return figure
 
 
@@ -309,7 +311,8 @@ def _draw_frames(
 ) -> tuple[Axes, ...]:
     """Draw a frame per scan that is shown, and one legend for all."""
     contacts = _shown_truth(truth, count, shown)
-    scenes = [labelled_objects(results, [i]) for i in shown]
+    followed = _followed([next(iter(results.values()))[i] for i in shown]) if len(results) == 1 else {}
+    scenes = [labelled_objects(results, [i], followed.get(order)) for order, i in enumerate(shown)]
     every = [o for scene in scenes for o in scene]
     points = _points(every, contacts)
     part = len(points) > 0 and not _nearly_all(sensor, points)
@@ -338,6 +341,23 @@ def _draw_frames(
         figure.legend(list(entries.values()), list(entries), loc="outside lower center", ncols=min(across, 4),
                       frameon=False)  # fmt: skip
     return tuple(frames)
+
+
+def _followed(frames: Sequence[Reconstruction]) -> dict[int, list[int]]:
+    """Return the numbers of each frame's objects: those of the nearest ones before, new ones for new objects."""
+    numbers: dict[int, list[int]] = {}
+    places: dict[int, FloatArray] = {}  # where each number was last
+    for order, frame in enumerate(frames):
+        here = [
+            np.asarray(o.centroid if o.found else (o.strips.start, 0.0), dtype=float) for o in frame.objects
+        ]
+        before = list(places)
+        cost = [[float(np.hypot(*(place - places[number]))) for number in before] for place in here]
+        own = dict(zip(*linear_sum_assignment(np.reshape(cost, (len(here), len(before)))), strict=True))
+        free = (n for n in itertools.count() if n not in before)
+        numbers[order] = [before[own[k]] if k in own else next(free) for k in range(len(here))]
+        places |= dict(zip(numbers[order], here, strict=True))
+    return numbers
 
 
 def _settle(figure: Figure) -> None:

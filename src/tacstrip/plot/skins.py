@@ -32,7 +32,7 @@ _GRID = (49, 25)  # of the skin as it is drawn
 _REACH = 0.9  # of the skin's size: how far an endless object is drawn
 _MOST_FACES = 4000
 _MOST_STRIPS = 60  # drawn one by one
-_ZOOM = 0.85  # that the axes' names fit in
+_ZOOM = 0.66  # that the axes' names fit in
 _LABEL_PAD = 6.0  # of the axes' names [points]
 _FRAMES = 6  # of a film strip
 _AZIM = -60.0  # from where a skin is seen that nothing touches [deg]
@@ -90,7 +90,7 @@ def press_figure(sensor: Sensor, patch: Patch) -> Figure:
 def film_figure(sensor: Sensor, times_s: Sequence[float], patches: Sequence[Patch]) -> Figure:
     """Return a film strip of patches: six of them at most, in space above and on the unrolled skin below."""
     shown = np.unique(np.linspace(0, len(patches) - 1, min(len(patches), _FRAMES)).round().astype(int))
-    figure, n = new_figure(2.9 * len(shown) + 0.5, 5.6), len(shown)
+    figure, n = new_figure(wide := 2.9 * len(shown) + 0.5, 5.6, widest=wide), len(shown)
     normals = np.nan_to_num([p.normal for p in patches]).sum(axis=0)
     azim = float(np.degrees(np.arctan2(normals[1], normals[0]))) + 50.0 if normals.any() else _AZIM
     for column, i in enumerate(shown, 1):

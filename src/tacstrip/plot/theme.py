@@ -118,11 +118,11 @@ def themed() -> Any:
     return mpl.rc_context(STYLES[_current.get()])
 
 
-def new_figure(width_inch: float = 5.0, height_inch: float = 4.2) -> Figure:
-    """Return an empty figure in the current style, drawn by Agg; one wider than `WIDEST` shrinks, not its letters."""
-    scale = _WIDTH[_current.get()] * min(WIDEST / width_inch, 1.0)
+def new_figure(width_inch: float = 5.0, height_inch: float = 4.2, widest: float = WIDEST) -> Figure:
+    """Return an empty figure in the current style, drawn by Agg, and not wider than the letters allow."""
+    scale = _WIDTH[_current.get()]
     with themed():
-        figure = Figure(figsize=(scale * width_inch, scale * height_inch), layout="constrained")
+        figure = Figure(figsize=(scale * min(width_inch, widest), scale * height_inch), layout="constrained")
     FigureCanvasAgg(figure)
     return figure
 

@@ -14,7 +14,7 @@ from tacstrip.geometry.region import regions
 from tacstrip.plot.scans import say_nothing
 from tacstrip.plot.scene import draw_polygon, fill_sheet
 from tacstrip.plot.sensors import on_sensor
-from tacstrip.plot.theme import OTHERS, RECOVERED, SENSOR, legend_above, new_panels
+from tacstrip.plot.theme import OTHERS, RECOVERED, SENSOR, add_axes, legend_above, new_figure
 from tacstrip.sensor.spec import Sensor
 from tacstrip.tracking.track import Track
 
@@ -79,10 +79,11 @@ def track(tracks: Track | Sequence[Track], sensor: Sensor, *, ax: Axes | None = 
 
 def track_figure(sensor: Sensor, tracks: Sequence[Track]) -> Figure:
     """Draw tracks: where they went, what they look like, and how they turned."""
-    figure, (way, shape, pose) = new_panels(12.0, 4.6, 1, 3)
+    figure = new_figure(7.0, 6.6)
+    way, shape, pose = (add_axes(figure, 2, 2, place) for place in (1, 2, (3, 4)))
     track(tracks, sensor, ax=way)
     way.set_title("ways over the sensor")
-    shape.set(xlabel="x [mm]", ylabel="y [mm]", title="shapes in their own frames, 95 % regions")
+    shape.set(xlabel="x [mm]", ylabel="y [mm]", title="shapes, 95 % regions")
     pose.set(xlabel="time [s]", ylabel="[mm], and [deg] dotted", title="x, y and angle")
     shared, marked = np.zeros(len(tracks[0].times_s) if tracks else 0, dtype=bool), False
     for one, colour, marker in _coloured(tracks):

@@ -103,11 +103,12 @@ def table(demo: Demo) -> str:
 
 def picture(demo: Demo) -> Figure:
     """Draw what touched, what the strips read, and what the polygon fit recovers before and after calibration."""
-    figure = new_figure(11.0, 5.0)
+    figure = new_figure(7.0, 7.0)
+    places = [["touched", "read"], ["touched", "recovered"]]
     with themed():
-        touched, read, recovered = figure.subplots(1, 3, width_ratios=(0.6, 1.0, 1.1))
+        touched, read, recovered = figure.subplot_mosaic(places, width_ratios=(0.5, 1.0)).values()
     plot.contact(demo.contact, demo.sensor, ax=touched)
-    touched.set_title("1. A block lies on ten strips")
+    touched.set_title("1. A block lies\non ten strips")
     plot.scan(demo.scans["after"], demo.sensor, ax=read)
     handles, labels = read.get_legend_handles_labels()
     draw_signatures(read, demo.sensor, demo.scans["before"], style=":", of_vref=True, zorder=2)
