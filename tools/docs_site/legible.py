@@ -13,7 +13,7 @@ def small_letters(figure: Figure) -> list[str]:
     """Return the texts of a figure that was drawn whose letters are too small where it is shown, with their heights."""
     point_px = min(_SHOWN_PX / figure.get_figwidth(), 96.0) / 72.0  # a small figure is not enlarged
     texts = [t for t in figure.findobj(Text) if t.get_visible() and t.get_text().strip()]
-    heights = {t.get_text(): point_px * t.get_fontsize() for t in texts}
+    heights = {t.get_text(): point_px * float(t.get_fontsize()) for t in texts}
     return [f"{text!r} ({height:.1f} pixels)" for text, height in heights.items() if height < _LEAST_PX]
 
 

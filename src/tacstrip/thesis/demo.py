@@ -104,9 +104,8 @@ def table(demo: Demo) -> str:
 def picture(demo: Demo) -> Figure:
     """Draw what touched, what the strips read, and what the polygon fit recovers before and after calibration."""
     figure = new_figure(7.0, 7.0)
-    places = [["touched", "read"], ["touched", "recovered"]]
     with themed():
-        touched, read, recovered = figure.subplot_mosaic(places, width_ratios=(0.5, 1.0)).values()
+        touched, read, recovered = figure.subplot_mosaic("tr;ts", width_ratios=(0.5, 1.0)).values()
     plot.contact(demo.contact, demo.sensor, ax=touched)
     touched.set_title("1. A block lies\non ten strips")
     plot.scan(demo.scans["after"], demo.sensor, ax=read)
