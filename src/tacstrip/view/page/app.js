@@ -71,12 +71,12 @@ function about(message) {
     for (const layer of ["truths", "handles"]) surface.layers[layer].replaceChildren();
     document.querySelectorAll(".flat").forEach((e) => { e.hidden = Boolean(sensor.presses); });
     document.querySelectorAll(".solid").forEach((e) => { e.hidden = !sensor.presses; });
-    get("rigid").hidden = !sensor.rigid; // outlines change where they move
     if (sensor.presses) options(get("solid"), sensor.presses);
     objects.draw();
     const strips = sensor.layers.map((one) => one.strips).join(" + ");
     get("what").textContent = `${sensor.construction}, ${strips} strips, ${+surface.width.toFixed(1)} × ${+surface.length.toFixed(1)} mm`;
-    get("h-tracks").parentElement.hidden = sensor.layers.length > 1; // one outline from all scans is for one layer
+    // One outline from all scans is for one layer, and for skins on which it does not change where it moves.
+    get("rigid").hidden = !sensor.rigid || sensor.layers.length > 1;
   }
   play = Boolean(message.simulator);
   document.querySelectorAll(".play").forEach((e) => { e.hidden = !play; });
