@@ -73,11 +73,8 @@ class Simulator:
 
     def _example(self) -> Sequence[Any]:
         sensor = self.settings.sensor
-        return (
-            example(sensor)
-            if unit_of(sensor).surface is None
-            else [asdict(one) for one in first_solid(sensor)]
-        )
+        unit = unit_of(sensor)
+        return example(sensor) if unit.surface is None else [asdict(one) for one in first_solid(unit)]
 
     @property
     def truth(self) -> list[Any]:
