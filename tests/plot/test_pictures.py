@@ -163,6 +163,8 @@ def test_an_object_keeps_its_colour_through_a_film() -> None:
     sensor = ts.Sensor(construction="crs-crs", strips=20, pitch_mm=5.0, length_mm=100.0)
     film = plot.film_strip([Reconstruction("pieces", (at(*a), at(*b))) for a, b in ways], sensor)
     outlines = [[one for one in axes.lines if len(np.asarray(one.get_ydata())) == 4] for axes in film]
-    colours = [{float(np.asarray(one.get_ydata())[0]): one.get_color() for one in frame} for frame in outlines]
+    colours = [
+        {float(np.asarray(one.get_ydata())[0]): one.get_color() for one in frame} for frame in outlines
+    ]
     assert colours[0] == colours[1]
     assert len(set(colours[0].values())) == 2
