@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 import tacstrip as ts
 from polygons import convex_polygon, from_left
+from tacstrip.reconstruction.implausible import SCALE
 from tacstrip.reconstruction.vertex.blocks import blocks, linear_system
 from tacstrip.reconstruction.vertex.validity import judge
 
@@ -29,7 +30,9 @@ def test_vertices_come_back_without_noise(sensor: ts.Sensor, signature: str, see
     polygon = convex_polygon(seed, corners)
     scan = ts.simulate(sensor, ts.Contact.polygon(polygon))
     found = ts.vertex_reconstruction(scan, sensor, signature=signature, transitions=np.sort(polygon[:, 0]))
-    assert found.status == "ok", found.advice
+    assert found.status == "ok" or SCALE in found.advice, (
+        found.advice
+    )  # what is low and flat may be another scale's
     np.testing.assert_allclose(found.objects[0].vertices, from_left(polygon), rtol=0.0, atol=1e-6)
 
 

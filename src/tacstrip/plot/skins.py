@@ -33,7 +33,7 @@ _REACH = 0.9  # of the skin's size: how far an endless object is drawn
 _MOST_FACES = 4000
 _MOST_STRIPS = 60  # drawn one by one
 _ZOOM = 0.66  # that the axes' names fit in
-_LABEL_PAD = 6.0  # of the axes' names [points]
+_LABEL_PAD = 9.0  # of the axes' names [points]
 _FRAMES = 6  # of a film strip
 _AZIM = -60.0  # from where a skin is seen that nothing touches [deg]
 

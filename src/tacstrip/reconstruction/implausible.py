@@ -26,7 +26,7 @@ _BITS = (8, 10, 12, 14)  # of converters that are common
 _ASPECT = 0.55  # standard deviation of the logarithm of objects' extent along the strips over that across
 _BORDER = 0.05  # of the smaller scale: what ends below it may be cut by the border, and looks flat for that
 SCALE = "all that touches is flat and lies near y = 0"
-_ODDS = 3.0  # logarithm of the odds beyond which readings are taken for another scale's
+_ODDS = 4.0  # logarithm of the odds beyond which readings are taken for another scale's
 
 
 def doubt_implausible(result: Reconstruction, scan: Scan, sensor: Sensor) -> Reconstruction:
