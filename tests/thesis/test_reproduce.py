@@ -33,8 +33,9 @@ LOOKED_AT = ("2_03", "3_07", "4_09", "5_02", "5_05", "6_01", "6_05", "6_30")
 def _sketch(drawn: Figure, file: Path) -> Path:
     """Check a figure's axes and write it, all but those of `LOOKED_AT` small and not laid out: half the time."""
     assert drawn.axes
+    # Not all of chapter 6 have names.
     named = all(axes.get_xlabel() and axes.get_ylabel() for axes in drawn.axes)
-    assert named or "_6_" in file.name, f"{file.name}: an axis without a name"  # not all of chapter 6 have them
+    assert named or "_6_" in file.name, f"{file.name}: an axis without a name"
     if file.stem.endswith(LOOKED_AT):
         return save(drawn, file)
     drawn.set_dpi(40)
