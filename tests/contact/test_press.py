@@ -211,6 +211,7 @@ PLANE = ts.Solid.plane().at(*POSE)
         (lambda: ts.press(TIP, PLANE, depth_mm=0.0), "depth_mm = 0.0: must be above 0"),
         (lambda: ts.press(TIP, PLANE, force_n=math.inf), "force_n = inf: must be above 0"),
         (lambda: ts.press(TIP, PLANE, depth_mm=4.0), "the object sinks 4 mm into a skin of 3 mm: press less"),
+        (lambda: ts.press(TIP, ts.Solid.sphere(4.0).at(*POSE), depth_mm=40.0), "the object sinks 40 mm into a skin"),
         (lambda: ts.press(TIP, PLANE, force_n=900.0), "N press the object in by the skin's thickness, 3 mm"),
         (lambda: ts.press(TIP, ts.Solid.sphere(2.0).at((30, 0, 50), (0, 0, -1)), depth_mm=1.0), "does not meet"),
         (lambda: ts.press(TIP, PLANE.at((0, 0, 0), (0, 0, 0)), depth_mm=1.0), "toward = (0, 0, 0): give the direction"),

@@ -54,3 +54,15 @@ def test_many_corners_and_an_ellipse_that_is_hardly_better_are_doubted(effort: E
     assert shares == sorted(shares)
     assert 0.0 < shares[0] < 0.1
     assert 0.8 < shares[-1] < 1.0
+
+
+@pytest.mark.parametrize("effort", ["thorough", "fast"])
+def test_few_strips_of_one_signature_are_never_sure_enough(effort: Effort) -> None:
+    """However much better an ellipse is: a superellipse is read as one (3 of 6 that were ok so were wrong)."""
+    few = ts.Sensor(construction="crs-crs", strips=10, pitch_mm=10.0, length_mm=100.0)
+    scan = ts.simulate(few, ts.Contact.polygon(1.5 * OVAL + 50.0), ts.Noise(positional=1e-4), rng=1)
+    touched = scan.touched
+    run = fit_run(few, few.x_mm[touched], {"kh": scan["kh"][touched]}, 1e-4 / np.sqrt(3.0))
+    assert run.ellipse is not None
+    assert run.ellipse_advantage > 10.0
+    assert probability(doubts(1.0, run, run.ellipse, 42), effort) < 0.8

@@ -1,4 +1,4 @@
-"""Give names to what the theme and sphinx-gallery leave without: toggles, links of thumbnails, empty cells of tables."""
+"""Give names to what the theme and sphinx-gallery leave without: toggles, thumbnails, empty cells of tables."""
 
 from __future__ import annotations
 
