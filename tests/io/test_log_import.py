@@ -319,3 +319,32 @@ def test_a_table_in_our_own_form_comes_back_unchanged(values: list[list[float | 
     found = propose(table, METAL, {"untouched": "none", "unit": "V"})
     expected = [[np.nan if v is None else round(v, 4) for v in line] for line in values]
     np.testing.assert_allclose([s.values[:, 0] for s in found.scans], expected, atol=1e-12)
+
+
+COUNTS = 1500 + 37 * np.arange(20)[:, None] + np.arange(5)
+DIGITS = ts.Sensor(construction="crs-m", strips=5, pitch_mm=10.0, length_mm=50.0, vref_volt=5.0, adc_bits=16)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        lambda i, values: f"{20 * i},{values},{'D9C2' if i == 4 else f'{4096 + i:04d}'}",
+        lambda i, values: f"{'WARN ' if i > 14 else ''}{0.02 * i:.2f},{values}",
+        lambda i, values: f"10:00:{i // 2:02d}.{500 * (i % 2):03d},{values}",
+    ],
+    ids=["one checksum of letters", "a level before readings", "a clock of two scans a second"],
+)
+def test_what_looks_like_another_form_is_not_taken_for_it(
+    line: Callable[[int, str], str], tmp_path: Path
+) -> None:
+    """Codes are not hexadecimal for one lettered column, readings no remark for their level, a clock no strips."""
+    log, spec, out = tmp_path / "a.log", tmp_path / "sensor.toml", tmp_path / "out.csv"
+    head = "time," + ",".join(f"s{i}" for i in STRIPS)
+    body = [line(i, ",".join(map(str, row))) for i, row in enumerate(COUNTS)]
+    log.write_text("\n".join([head + ",crc" * (body[0].count(",") > 5), *body]) + "\n")
+    DIGITS.save(spec)
+    words = ["import", str(log), str(spec), "-o", str(out), "--answer", "unit=code", "--answer", "crc=skip"]
+    done = CliRunner().invoke(cli, words if ",crc" in log.read_text() else words[:-2])
+    assert done.exit_code == 0, done.output
+    read = ts.read_readings(out, DIGITS)
+    np.testing.assert_allclose([scan["k"] for scan in read], COUNTS / 65535.0, atol=1e-5)
