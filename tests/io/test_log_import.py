@@ -328,7 +328,7 @@ DIGITS = ts.Sensor(construction="crs-m", strips=5, pitch_mm=10.0, length_mm=50.0
 @pytest.mark.parametrize(
     "line",
     [
-        lambda i, values: f"{20 * i},{values},{0xA9C2 + 371 * i:04X}",
+        lambda i, values: f"{20 * i},{values},{0x1A9C + 371 * i:04X}",
         lambda i, values: f"{'WARN ' if i > 14 else ''}{0.02 * i:.2f},{values}",
         lambda i, values: f"10:00:{i // 2:02d}.{500 * (i % 2):03d},{values}",
     ],
