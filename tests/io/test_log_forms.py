@@ -760,7 +760,7 @@ def test_what_is_composed_at_random_is_read_right_or_asked_never_otherwise() -> 
     assert right > 24
 
 
-THREE = ts.Sensor(construction="crs-crs", strips=3, pitch_mm=10.0, length_mm=50.0, vref_volt=5.0, adc_bits=12)
+TRIO = ts.Sensor(construction="crs-crs", strips=3, pitch_mm=10.0, length_mm=50.0, vref_volt=5.0, adc_bits=12)
 _HEAD = "time_s,vh0,vl0,vh1,vl1,vh2,vl2\n"
 _TWO_SCANS = "0.00,2.513,1.204,,,,\n0.05,2.541,1.233,2.713,1.322,,\n"
 
@@ -789,7 +789,7 @@ _TWO_SCANS = "0.00,2.513,1.204,,,,\n0.05,2.541,1.233,2.713,1.322,,\n"
 )  # fmt: skip
 def test_what_contradicts_itself_is_asked_or_refused_with_its_place(log: str, said: str) -> None:
     with pytest.raises((Unanswered, ts.ReadingError), match=re.escape(said)):
-        propose(of_text(log), THREE)
+        propose(of_text(log), TRIO)
 
 
 @pytest.mark.parametrize(
@@ -809,7 +809,7 @@ def test_what_contradicts_itself_is_asked_or_refused_with_its_place(log: str, sa
 def test_long_units_left_out_ends_and_scans_without_a_line(
     log: str, times: list[float], touched: list[int], largest: float
 ) -> None:
-    found = propose(of_text(log), THREE)
+    found = propose(of_text(log), TRIO)
     values = np.stack([one.values for one in found.scans])
     assert [one.time_s for one in found.scans] == pytest.approx(times)
     assert np.isfinite(values).all(axis=2).sum(axis=1).tolist() == touched

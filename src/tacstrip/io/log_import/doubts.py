@@ -108,9 +108,10 @@ def _places(text: str, decimal: str) -> int:
 def _of_known_units(mapping: ColumnMapping) -> None:
     """Refuse columns that name a unit, or a factor, which is not known for readings."""
     said = {name: unknown_unit(name) for name in mapping.columns}
-    if strange := [name for name in said if said[name]]:
-        if len(strange) < len(said) and not re.search(r"[A-Za-z]", said[strange[0]]):
-            return  # a number of a strip
+    strange = [name for name in said if said[name]]
+    if (
+        2 * len(strange) >= len(said) and len({said[name] for name in strange}) == 1
+    ):  # else they are numbers of strips
         raise ReadingError(
             f"column {strange[0]!r}: {said[strange[0]]!r} is no unit of readings that is known; save them in V, mV, "
             "codes or over Vref, or say --answer unit=V (mV, code, ...) if the numbers are in that"

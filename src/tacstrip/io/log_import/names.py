@@ -104,9 +104,9 @@ _IN_NAMES = (
 # In brackets, what is a unit of something else, or a factor.
 _FOREIGN = re.compile(
     r"(?:[pnu\u00b5mkM]?(?:[Oo]hms?|\u03a9|\u2126|Amps?|Hz|Pa|F|W|N|A|S)|kV|[mkn]?g|[mckn]m|psi|bar|\u00b0C|degC?|a\.?u\.?|mA|[a-z]?ticks?)\Z"
-    r"|\d+(?:\.\d+)?(?:e[+-]?\d+)?\s*[A-Za-z\u00b5%]+\Z|.*[/*x\u00d7\u00f7:^]\s*\d+"
+    r"|\d+(?:\.\d+)?(?:e[+-]?\d+)?\s*[A-Za-z\u00b5%]+\Z|(?=.*(?:[A-Za-z]|10)).*[/*x\u00d7\u00f7]\s*\d+"
 )
-_FACTOR = re.compile(r"(?<![A-Za-z\d])[x*\u00d7/\u00f7]\s?1?0+(?!\d)")
+_FACTOR = re.compile(r"(?<![A-Za-z\d])[x*\u00d7/\u00f7]\s?10+(?!\d)")
 IN_VOLTS = {"V": 1.0, "mV": 1e-3, "uV": 1e-6}
 OF_VREF = {"fraction": 1.0, "percent": 1e-2, "permille": 1e-3}
 LENGTHS_MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0}

@@ -255,7 +255,7 @@ def _filled(table: Table) -> Table:
             ]
             broken = tuple(sorted({*table.broken, *(i for i, _ in out)}))
             return _filled(
-                replace(table, rows=rows, lines=lines, broken=broken, quotes=table.quotes | dict(out))
+                replace(table, rows=rows, lines=lines, broken=broken, quotes={**table.quotes, **dict(out)})
             )
         last, filled = "", []
         for field in fields:

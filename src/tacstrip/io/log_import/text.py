@@ -188,7 +188,7 @@ def _separated(lines: list[tuple[int, str]], blank: set[int], path: str | Path) 
     full = [row for _, row in split if len(row) == width]
     decimal = "." if separator == "," else decimal_mark(full)
     said = {"\t": "tabs", " ": "spaces", _WIDE: "spaces"}.get(separator, repr(separator))
-    remarks = (
+    remarks: tuple[str, ...] = (
         f"fields are separated by {said}" if width > 1 else "",
         "decimal commas" if decimal == "," else "",
         trimmed,
