@@ -263,10 +263,11 @@ def _named(row: Sequence[str], numeric: Sequence[bool], decimal: str, usual: Set
 
 
 def _statistic(row: Sequence[str], numeric: Sequence[bool], decimal: str) -> str:
-    """Return the word that says that a row sums up the others, in a column of numbers or in front of empty fields."""
+    """Return the word that says that a row sums up the others, in a column of numbers or in front."""
     at = next((n for n, cell in enumerate(row) if cell), 0)
-    word = row[at].strip(" :.=")
-    return word if word.casefold() in _STATISTICS and (numeric[at] or at == 0) else ""
+    words = [cell.strip(" :.=") if n == at or numeric[n] else "" for n, cell in enumerate(row)]
+    found = [w for n, w in enumerate(words) if w.casefold() in _STATISTICS and (numeric[n] or n == 0)]
+    return (found or [""])[0]
 
 
 def _counts(row: list[str], other: list[str]) -> bool:
