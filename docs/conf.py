@@ -28,6 +28,7 @@ extensions = [
     "docs_site.drawings",
     "docs_site.gallery_links",
     "docs_site.mathml",
+    "docs_site.named",
     "docs_site.reproduction",
     "docs_site.transcript",
 ]

@@ -34,13 +34,11 @@ def test_the_figures_are_those_asked_for() -> None:
 
 
 @pytest.mark.parametrize("number", FIGURES)
-def test_a_figure_has_a_caption_and_named_axes(number: str) -> None:
-    figure = FIGURES[number]()  # test_reproduce.py saves it
+def test_a_figure_has_a_caption(number: str) -> None:
+    """test_reproduce.py draws it, and sees that its axes are named."""
     caption = (FIGURES[number].__doc__ or "").splitlines()[0]
     assert len(caption) > 30
     assert caption.endswith(".")
-    assert figure.axes
-    assert all(axes.get_xlabel() and axes.get_ylabel() for axes in figure.axes)
 
 
 @pytest.mark.parametrize("n", [10, 100, 1000])

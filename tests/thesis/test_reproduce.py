@@ -9,9 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 from PIL import Image
 
 from tacstrip.data.published import METRICS, experiments, rows
+from tacstrip.plot.theme import save, themed
 from tacstrip.thesis.chapter5.claims import judge_claims
 from tacstrip.thesis.chapter5.tables import run_cell, summarise
 from tacstrip.thesis.chapter6.claims import judge_chapter6, most_upright_deg
@@ -23,12 +26,39 @@ NUMBER = {e.figure: i for i, e in enumerate(experiments())}
 Made = tuple[Path, dict[str, Any]]
 
 
+# One or two of each kind, drawn as a user gets them:
+LOOKED_AT = ("2_03", "3_07", "4_09", "5_02", "5_05", "6_01", "6_05", "6_30")
+
+
+def _sketch(drawn: Figure, file: Path) -> Path:
+    """Check a figure's axes and write it, all but those of `LOOKED_AT` small and not laid out: half the time."""
+    assert drawn.axes
+    # Not all of chapter 6 have names.
+    named = all(axes.get_xlabel() and axes.get_ylabel() for axes in drawn.axes)
+    assert named or "_6_" in file.name, f"{file.name}: an axis without a name"
+    if file.stem.endswith(LOOKED_AT):
+        return save(drawn, file)
+    drawn.set_dpi(40)
+    drawn.set_layout_engine("none")
+    with themed():
+        FigureCanvasAgg(drawn).print_png(file)  # type: ignore[no-untyped-call]
+    return file
+
+
+def _levels(picture: Path) -> int:
+    """Return how many levels of grey a picture has: one where it is empty."""
+    with Image.open(picture) as opened:
+        return len(opened.convert("L").getcolors() or [])
+
+
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
     """What `tacstrip reproduce --seeds 4` makes: its folder and its tables."""
     out = tmp_path_factory.mktemp("reproduction")
     seen: list[tuple[int, int]] = []
-    tables = reproduce(out, seeds=4, workers=2, progress=lambda done, total: seen.append((done, total)))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("tacstrip.thesis.reproduce.save", _sketch)  # processes are forked: they have it too
+        tables = reproduce(out, seeds=4, workers=2, progress=lambda done, total: seen.append((done, total)))
     assert seen[-1][0] == seen[-1][1]  # every task came back
     return out, tables
 
@@ -71,10 +101,11 @@ def test_report_shows_every_figure_and_table(made: tuple[Path, dict[str, Any]]) 
     page = (out / "report.html").read_text()
     for number in [*range(1, 5), *range(5, 62)]:
         assert f'id="figure-5.{number}"' in page
-        assert (out / "figures" / f"figure_5_{number:02d}.png").stat().st_size > 3_000
-    for number in ("2_03", "3_07", "4_09", "5_02"):
-        with Image.open(out / "figures" / f"figure_{number}.png") as picture:
-            assert len(picture.convert("L").getcolors() or []) > 50
+    pictures = sorted((out / "figures").iterdir())
+    assert len(pictures) == 112
+    assert min(_levels(picture) for picture in pictures) > 50
+    for number in LOOKED_AT:
+        assert (out / "figures" / f"figure_{number}.png").stat().st_size > 10_000
     for figure in ["2.3", "2.4", "3.3", "3.4", "3.7", "3.10", *(f"4.{n}" for n in range(1, 11))]:
         assert f'id="figure-{figure}"' in page
     for table in range(2, 15):
@@ -151,7 +182,6 @@ def test_the_report_has_chapter_6(made: Made) -> None:
     page = (made[0] / "report.html").read_text()
     for number in range(1, 36):
         assert f'id="figure-6.{number}"' in page
-        assert (made[0] / "figures" / f"figure_6_{number:02d}.png").stat().st_size > 3_000
     for text in (
         "No hardware was measured",
         "6.1.2",

@@ -307,8 +307,12 @@ class _Fit:
 
     def covariance(self, pose: FloatArray) -> FloatArray:
         """Return the covariance (P, P) of a pose (4,)."""
-        j = self.rows(pose[None])[1][0, :, : self.parameters]
-        return np.asarray(np.linalg.pinv(j.T @ j, rcond=1e-13, hermitian=True))
+        return np.asarray(self.covariances(pose[None])[0])
+
+    def covariances(self, poses: FloatArray) -> FloatArray:
+        """Return the covariances (B, P, P) of poses (B, 4)."""
+        j = self.rows(poses)[1][..., : self.parameters]
+        return np.asarray(np.linalg.pinv(j.swapaxes(1, 2) @ j, rcond=1e-13, hermitian=True))
 
     def starts(self) -> FloatArray:
         """Return poses (B, 4) to begin with: angles all round, x by the touched strips, y by the mean reading."""
@@ -438,14 +442,14 @@ def _distinct(fit: _Fit, poses: FloatArray, cost: FloatArray) -> FloatArray:
     """Return the different poses (M, 4) among those where descents ended, the best first; poor ones are left out."""
     kept: list[FloatArray] = []
     size = float(np.linalg.norm(fit.corners, axis=1).max())
-    for i in np.argsort(cost, kind="stable"):
-        if cost[i] > cost.min() + max(25.0, 0.5 * cost.min()) or len(kept) >= _STARTS:
-            break
-        own = np.sqrt(np.maximum(np.diag(fit.covariance(poses[i]))[:3], 0.0))
-        units = np.array([size, size, 1.0])
-        near = np.minimum(_NEAR * own, 0.1 * units) + 1e-3 * units
-        if not any((np.abs(_difference(poses[i], other)) <= near).all() for other in kept):
-            kept.append(poses[i])
+    units = np.array([size, size, 1.0])
+    poses = poses[np.argsort(cost, kind="stable")][: np.sum(cost <= cost.min() + max(25.0, 0.5 * cost.min()))]
+    own = np.sqrt(np.maximum(np.einsum("bii->bi", fit.covariances(poses))[:, :3], 0.0))
+    for pose, near in zip(poses, np.minimum(_NEAR * own, 0.1 * units) + 1e-3 * units, strict=True):
+        if len(kept) < _STARTS and not any(
+            (np.abs(_difference(pose, other)) <= near).all() for other in kept
+        ):
+            kept.append(pose)
     return np.array(kept)
 
 

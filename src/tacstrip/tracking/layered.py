@@ -1,6 +1,6 @@
 """Track objects on two layers from scan to scan: each keeps its number, its polygon follows the readings.
 
-To follow takes half a millisecond, a search a second, so searches run in the background; what came meanwhile is
+To follow takes about a millisecond, a search a second, so searches run in the background; what came meanwhile is
 followed from the scan that was searched. The first is a quick one: until the next, "likely" is the best status.
 """
 

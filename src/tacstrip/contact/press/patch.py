@@ -137,14 +137,17 @@ def press(
     touching = solid.moved(first_touch(skin, solid))
     if force_n is None:
         try:
-            return patch_at(sensor, touching.moved(wanted), wanted)
+            found: Patch | None = patch_at(sensor, touching.moved(wanted), wanted)
         except ContactError:
             if wanted <= skin.thickness_mm:
                 raise
+            found = None
+        if found is None or (wanted > skin.thickness_mm and not found.area_mm2 > 0.0):
             raise ContactError(
                 f"the object sinks {wanted:g} mm into a skin of {skin.thickness_mm:g} mm: press less deep, or mend "
                 "surface.thickness_mm"
-            ) from None
+            )
+        return found
     low, high, over = 0.0, skin.thickness_mm, math.inf
     depth = 0.1 * high
     for _ in range(_FORCE_STEPS):  # regula falsi, halving where that is slow

@@ -65,14 +65,14 @@ def unwrapped(every: list[tuple[int, str]]) -> list[tuple[int, str]]:
     >>> unwrapped([(1, "t=0 [[1. 2."), (2, "  3.]"), (3, " [4. 5. 6.]]")])
     [(1, 't=0'), (1, ''), (1, '[1. 2. 3.]'), (2, '[4. 5. 6.]')]
     """
+    if sum(line.count("[") - line.count("]") for _, line in every):
+        return every
     made: list[tuple[int, str]] = []
     for i, line in every:
         if made and "," not in made[-1][1] and made[-1][1].count("[") > made[-1][1].count("]"):
             made[-1] = (made[-1][0], f"{made[-1][1]} {line.strip()}")
         else:
             made.append((i, line))
-    if made and made[-1][1].count("[") != made[-1][1].count("]"):
-        return every
     split: list[tuple[int, str]] = []
     for i, line in made:
         if rows := _ROWS.fullmatch(line):

@@ -210,6 +210,8 @@ def _split_keys(table: Table) -> Table:
     """Split a column of names such as "3H", "vh[3]" or "S01 high" into strip and channel."""
     for name in table.names:
         fields = table.column(name)
+        if meaning(name).role == "time":
+            continue
         kinds = meanings(sorted(set(fields)))
         if len(kinds) < 2 or any(
             m.role != "reading" or m.strip is None or not m.channel or number_of(f) is not None

@@ -188,6 +188,7 @@ def headed(
     again = {i for i, row in below if len(row) == width and row in above}
     rows = [(i, row) for i, row in below if len(row) == width and i not in again]
     sums = {i: word for i, row in rows if (word := _statistic(row, numeric, decimal))}
+    sums = sums if 2 * len(sums) < len(rows) else {}  # else these are labels
     rows = [(i, row) for i, row in rows if i not in sums]
     # A line without a digit holds no reading, so none is lost with it.
     broken = tuple(i for i, row in below if len(row) != width and re.search(r"\d", "".join(row)))

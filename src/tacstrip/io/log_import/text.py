@@ -40,6 +40,7 @@ _RULE = re.compile(r"[\s\-=+|~*_:]+")  # a line drawn below names
 _SEVERAL = re.compile(r"[\d-]\s+[-+]?\d")
 _NUMBERED = re.compile(r"[A-Za-z_]+\d+\S*")  # a column's name, such as S1 or v2_h
 _SAMPLE = 500  # lines at either end that tell what separates the fields
+_BETWEEN = r"[,;|\s]+"
 _HEX = r"[\dA-Fa-f]{2,8}"
 _MOSTLY = 0.6  # of the lines, where these have several fields
 _MOST_BYTES = 2**30
@@ -90,7 +91,13 @@ def of_text(text: str, path: str | Path = "the log") -> Table:
     lines, stamps = _without_stamps(lines)
     levels = [bool(_LEVEL.match(line)) for _, line in lines]
     if 0 < sum(levels) < 0.5 * len(levels):  # messages between the readings
-        lines = [(i, line) for (i, line), level in zip(lines, levels, strict=True) if not level]
+        usual = next(line for (_, line), level in zip(lines[::-1], levels[::-1], strict=True) if not level)
+        bare = [(i, line[m.end() :] if (m := _LEVEL.match(line)) else line) for i, line in lines]
+        lines = [
+            (i, line)
+            for (i, line), level in zip(bare, levels, strict=True)
+            if not level or len(re.split(_BETWEEN, line)) == len(re.split(_BETWEEN, usual)) > 2
+        ]
     if sum(bool(_CHECKED.search(line)) for _, line in lines) > STEADY * len(lines):
         lines = [(i, _CHECKED.sub("", line)) for i, line in lines]
     heads = Counter(m.group() if (m := _PREFIX.match(line)) else "" for _, line in lines)
@@ -178,7 +185,10 @@ def _separated(lines: list[tuple[int, str]], blank: set[int], path: str | Path) 
     separator, width = _separator(data, path)
     remarked = [_REMARK.search(line) for _, line in data]
     if 0 < sum(map(bool, remarked)) < 0.5 * len(data):
-        data = [(i, line[: m.start()] if m else line) for (i, line), m in zip(data, remarked, strict=True)]
+        data = [
+            (i, line[: m.start()] if m and len(_fields(line[: m.start()], separator)) == width else line)
+            for (i, line), m in zip(data, remarked, strict=True)
+        ]
     split = [(i, _fields(line, separator)) for i, line in data]
     split = [(i, row[:-1] if len(row) == width + 1 and not row[-1] else row) for i, row in split]
     split, width, trimmed = _untrimmed(split, width)
@@ -254,6 +264,9 @@ def _in_decimals(split: list[tuple[int, list[str]]], width: int) -> list[tuple[i
     digits = [n for n in range(width) if body and all(re.fullmatch(_HEX, row[n]) for row in body)]
     digits = [n for n in digits if len({len(row[n]) for row in body}) == 1]
     lettered = [row[n] for row in body for n in digits if re.search("[A-Fa-f]", row[n])]
+    moving = [n for n in digits if len({row[n] for row in body}) > 1]
+    if 2 * sum(any(re.search("[A-Fa-f]", row[n]) for row in body) for n in moving) < len(moving):
+        return split  # numbers beside a checksum or a device's name
     if 10 * len(lettered) < len(body) or not any(
         re.search(r"[ABCDFabcdf]", f) and f[0].isdigit() for f in lettered
     ):

@@ -141,7 +141,8 @@ def doubts(share: float, run: RunFit, model: OutlineModel | None, corners: int) 
     few = float(run.problem.x.size < _STRIPS)
     odds = math.log((share + _LEAST) / (1.0 + _LEAST - share))
     if isinstance(model, Ellipse):
-        return np.array([1.0, odds, 1.0, math.log1p(max(run.ellipse_advantage, 0.0)), 0.0, few])
+        better = 0.0 if few else math.log1p(max(run.ellipse_advantage, 0.0))
+        return np.array([1.0, odds, 1.0, better, 0.0, few])
     return np.array([1.0, odds, 0.0, 0.0, min(max(corners - _PLAIN, 0), _MANY), few])
 
 

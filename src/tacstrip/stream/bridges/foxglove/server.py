@@ -264,7 +264,7 @@ class FoxgloveServer(HttpServer):
                         viewer.wake.clear()
                 if batch:
                     transport.write(b"".join(batch))
-                    await asyncio.sleep(_GATHER_S)
+                    await asyncio.sleep(_GATHER_S if len(batch) < _BATCH else 0)
                 viewer.blocked_s = self._loop.time()
                 while transport.get_write_buffer_size() > _BUFFER_BYTES and not transport.is_closing():
                     await asyncio.sleep(_POLL_S)
