@@ -1,4 +1,5 @@
 """Logs as people write them give the readings that are in them; what is composed at random never gives others."""
+# ruff: noqa: E501 (a line is a form)
 
 from __future__ import annotations
 
@@ -757,6 +758,66 @@ def test_what_is_composed_at_random_is_read_right_or_asked_never_otherwise() -> 
         assert [one.time_s for one in found.scans] == pytest.approx([0.02 * i for i in N], abs=1e-6), text
         right += 1
     assert right > 24
+
+
+TRIO = ts.Sensor(construction="crs-crs", strips=3, pitch_mm=10.0, length_mm=50.0, vref_volt=5.0, adc_bits=12)
+_HEAD = "time_s,vh0,vl0,vh1,vl1,vh2,vl2\n"
+_TWO_SCANS = "0.00,2.513,1.204,,,,\n0.05,2.541,1.233,2.713,1.322,,\n"
+
+
+@pytest.mark.parametrize(
+    ("log", "said"),
+    [
+        (_HEAD.replace("v", "") + _TWO_SCANS + "0.10,,,2740,1.355,3.010,1.721\n", "line 4, h1: 2740"),
+        ("t_ms,strip,vh,vl\n0,0,2513,1204\n0,1,2713,1322\n0,2,,\n50,0,2541,1233\n50,1,2.722,1.333\n50,2,,\n", "line 6, vh"),
+        ("t_ms,strip,vh,vl\n0,0,2.513,1.204\n0,1,,\n0,2,,\n50,0,2541,1233\n50,1,2713,1322\n50,2,,\n", "line 2, vh: 2.513"),
+        (_HEAD.replace("vh", "h").replace("vl", "l") + "0,0.513,0.204,,,,\n0.05,0.541,0.233,0.913,0.322,,\n", "unit=V or"),
+        (re.sub(r"([vhl]+\d)", r"\1 [mA]", _HEAD) + _TWO_SCANS, "'mA' is no unit"),
+        (re.sub(r"([vhl]+\d)", r"\1 [10 mV]", _HEAD) + _TWO_SCANS, "'10 mV' is no unit"),
+        (re.sub(r"([vhl]+\d)", r"\1 x10 [V]", _HEAD) + _TWO_SCANS, "'x10' is no unit"),
+        ("time_s,strip,v_mid,v_width\n0,0,1.858,1.309\n0,1,,\n0,2,,\n1,0,1.9,1.3\n1,1,2.0,1.4\n1,2,,\n", "'v_mid' is called"),
+        (_HEAD + _TWO_SCANS + "0.10,,,2.740,1.355,,\n0.15,,,2.7,1.3,,\n,2.527,1.219,2.727,1.339,,\n", "line(s) 6 (' 2.527"),
+        ("# Vref = 3.3 V\n" + _HEAD + _TWO_SCANS, "the log says Vref = 3.3 V"),
+        ("# ADC 10 bit\n" + _HEAD.replace("v", "code_") + "0,513,204,,,,\n0.1,541,233,713,322,,\n", "the log says 10 bit"),
+        ("vref," + _HEAD + "5.0,0,2.5,1.2,,,,\n4.5,0.1,2.5,1.2,2.7,1.3,,\n", "line 3: the log says Vref = 4.5 V"),
+        ("t_ms,strip,vh,vl,valid\n0,0,2.5,1.2,1\n0,1,2.9,1.5,0\n0,2,2.9,1.5,0\n50,0,2.5,1.2,1\n50,1,2.7,1.3,1\n50,2,2.9,1.5,0\n", "valid=skip"),
+        (_HEAD + "0,2.513,1.204\n0.05,2.5,1.2,2.7,1.3,3.0,1.7\n0.1,2.6,1.2,2.7,1.3,3.0,1.7\n", "line(s) 2 ('0 2.513"),
+        ("FRAME 1 t=0ms\nstrip 0: hi=1V lo=.5V\nstrip 1: hi=2V lo=1V\n[D] heap=2143\nFRAME 2 t=9ms\nstrip 0: hi=1.1V lo=.6V\n"
+         "strip 1: hi=2V lo=1V\nFRAME 3 t=18ms\nstrip 1: hi=2.1V lo=1V\n", "line(s) 4 ('[D] heap"),
+        ("FRAME 1 t=0ms\nstrip 0: hi=1V lo=.5V\nFRAME 2 t=9ms\nstrip 0: hi=2V lo=1V\nFRAME 3 t=18ms", "line(s) 5 ('FRAME 3"),
+    ],
+)  # fmt: skip
+def test_what_contradicts_itself_is_asked_or_refused_with_its_place(log: str, said: str) -> None:
+    with pytest.raises((Unanswered, ts.ReadingError), match=re.escape(said)):
+        propose(of_text(log), TRIO)
+
+
+@pytest.mark.parametrize(
+    ("log", "times", "touched", "largest"),
+    [
+        (_HEAD.replace("time_s", "time [h]") + _TWO_SCANS, [0.0, 180.0], [1, 2], 2.713),
+        (_HEAD.replace("time_s", "t [d]") + _TWO_SCANS.replace("0.05", "0.0005"), [0.0, 43.2], [1, 2], 2.713),
+        (_HEAD + _TWO_SCANS.replace(",,", "").replace(",\n", "\n") + "0.10,,,2.740,1.355,3.010,1.721\n", [0.0, 0.05, 0.1], [1, 2, 2], 3.01),
+        ('{"t": 0.0, "unit": "V", "h": [2.5, null, null], "l": [1.2, null, null]}\n'
+         '{"t": 0.1, "unit": "mV", "h": [2541, 2713, null], "l": [1233, 1322, null]}\n', [0.0, 0.1], [1, 2], 2.713),
+        (_HEAD.replace("time_s", "date") + "11/12/2026 23:59:59.9,2.5,1.2,,,,\n12/12/2026 00:00:00.0,2.5,1.2,2.7,1.3,,\n", [0.0, 0.1], [1, 2], 2.7),
+        (_HEAD.replace("time_s", "date") + "12/11/2026 23:59:59.9,2.5,1.2,,,,\n12/12/2026 00:00:00.0,2.5,1.2,2.7,1.3,,\n", [0.0, 0.1], [1, 2], 2.7),
+        ("FRAME 0 t=0ms\nFRAME 1 t=50ms\nstrip 0: hi=1V lo=.5V\nFRAME 2 t=100ms\nFRAME 3 t=150ms\nstrip 0: hi=1.2V lo=.4V\n"
+         "strip 1: hi=2V lo=1V\nFRAME 4 t=200ms\nEND\n", [0.0, 0.05, 0.1, 0.15, 0.2], [0, 1, 0, 2, 0], 2.0),
+        (">>> df\n   time  strip  v_hi  v_lo\n0  0.00      0  2.50  1.50\n1  0.00      1   NaN   NaN\n2  0.00      2   NaN   NaN\n"
+         "3  0.05      0  2.60  1.60\n4  0.05      1  2.70  1.70\n5  0.05      2   NaN   NaN\n\n[6 rows x 4 columns]\n", [0.0, 0.05], [1, 2], 2.7),
+        ("t_ms,strip,vh,vl\n0,0,2.5,1.5\n0,1,,\n0,2,,\n0,mean,2.5,1.5\n50,0,2.6,1.6\n50,1,2.7,1.7\n50,2,,\n50,mean,2.65,1.65\n", [0.0, 0.05], [1, 2], 2.7),
+    ],
+)  # fmt: skip
+def test_long_units_left_out_ends_and_scans_without_a_line(
+    log: str, times: list[float], touched: list[int], largest: float
+) -> None:
+    found = propose(of_text(log), TRIO)
+    values = np.stack([one.values for one in found.scans])
+    assert [one.time_s for one in found.scans] == pytest.approx(times)
+    assert np.isfinite(values).all(axis=2).sum(axis=1).tolist() == touched
+    assert np.nanmax(values) == pytest.approx(largest)
+    assert found.mapping.unit == "V"
 
 
 _LOG_LIKE = st.text(alphabet="0123456789.,;:|=\t\n -#abchlmnostvAV_%[]{}\"'/>µ", max_size=120)

@@ -143,15 +143,18 @@ def _below(found: Proposal) -> str:
 
 
 def _show(found: Proposal) -> None:
-    """Show the first scans as a table, on standard error."""
+    """Show the first scans that something touches as a table, and the range of readings, on standard error."""
+    touched = [n for n, scan in enumerate(found.scans) if np.isfinite(scan.values).any()]
+    shown = set(touched[:_SHOWN_SCANS]) or {*range(min(_SHOWN_SCANS, len(found.scans)))}
     note(
         "  scan  time_s  strip  "
         + "  ".join(f"{c:>8}" for c in found.mapping.channels)
         + f"   [{found.mapping.unit}]"
     )
-    for number, lines in itertools.groupby(
-        rows(found.scans[:_SHOWN_SCANS], found.mapping.strip_base), key=lambda row: row[0]
-    ):
+    upto = rows(found.scans[: max(shown) + 1], found.mapping.strip_base)
+    for number, lines in itertools.groupby(upto, key=lambda row: row[0]):
+        if int(number) not in shown:
+            continue
         for n, row in enumerate(lines):
             if n < _SHOWN_STRIPS:
                 note(
@@ -160,3 +163,10 @@ def _show(found: Proposal) -> None:
                 )
             elif n == _SHOWN_STRIPS:
                 note("   ...")
+    values = np.concatenate([scan.values.ravel() for scan in found.scans])
+    values = values[np.isfinite(values)]
+    told = ", ".join(f"{v:.6g}" for v in np.quantile(values, (0.0, 0.5, 1.0))) if len(values) else "none"
+    note(
+        f"  {len(touched)} of {len(found.scans)} scans touched; readings (least, median, greatest): {told} "
+        f"{found.mapping.unit}"
+    )

@@ -30,6 +30,12 @@ _APART = 0.004  # over the largest reading: by which k_h and k_l differ, in the 
 _ON_PITCH = 0.02  # of the pitch
 _STEADY, _MOSTLY = 0.5, 0.7  # so far are steps of a clock from the usual one, and so many of them
 _ALIKE = 0.02  # relative: two columns that are the same quantity in two units
+# What a column may be that holds something made of readings, or what is measured beside them.
+_DERIVED = frozenset(
+    {"mid", "middle", "center", "centre", "mitte", "width", "breite", "span", "mean", "avg", "average", "sum", "total"}
+    | {"diff", "difference", "delta", "std", "var", "gain", "offset", "force", "pressure", "temp", "temperature"}
+    | {"current", "resistance", "area", "load", "gap", "product", "error"}
+)  # fmt: skip
 _ROLE_NAMES = {"scan": "scan's number", "strip": "strip's number", "which": "channel's name"}
 
 
@@ -300,6 +306,12 @@ def _by_contents(
         block = _ask_for_block(clues, "no name says of which strip a column is", some, wide)
         return _of_block(clues, block, known, "")
     if len(left) in many and taken - {""}:
+        if odd := [n for n in left if _DERIVED & set(re.findall(r"[a-z]+", n.lower()))]:
+            clues.ask(
+                odd[0], f"{odd[0]!r} is called neither a reading nor an end of a strip: which is it? (A middle, a "
+                "width or a difference of two ends is no reading)", *(clues.expected or ("h", "l", "out")), "skip",
+            )  # fmt: skip
+            clues.stop()
         clues.because(f"{' and '.join(left)}: the only numbers that are left, so they are the readings")
         channels = ("1", "2") if len(left) == 2 else ("",)
         return {n: Meaning("reading", c, unit=known[n].unit) for n, c in zip(left, channels, strict=True)}

@@ -162,6 +162,13 @@ def _of_arrays(arrays: dict[str, npt.NDArray[Any]], path: str | Path) -> Table:
     arrays = {
         name: a.T if a.ndim == 2 and a.shape[0] != scans == a.shape[1] else a for name, a in arrays.items()
     }
+    if square := [
+        name for name, a in arrays.items() if a.ndim == 2 and a.shape == (scans, scans) and scans > 1
+    ]:
+        raise ReadingError(
+            f"{path}: {square[0]} is {scans} by {scans}, so nothing tells the scans from the strips; save it with one "
+            "scan more or less, or a column for each strip"
+        )
     used = {name: a for name, a in arrays.items() if 1 <= a.ndim <= 3 and a.shape[0] == scans}
     passed = [name for name in arrays if name not in used]
     records = [

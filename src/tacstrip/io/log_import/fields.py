@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import re
 from datetime import date
@@ -107,8 +108,10 @@ def number_of(text: str, decimal: str = ".") -> float | None:
     return found[0] if found else None
 
 
-def clock_seconds(text: str) -> float | None:
+def clock_seconds(text: str, day_first: bool = False) -> float | None:
     """Return a time of day, a date with time, or minutes and seconds in seconds; None where it is none of these.
+
+    Of 3/4/2026 the month comes first, unless it cannot be or `day_first`.
 
     Examples
     --------
@@ -137,10 +140,29 @@ def clock_seconds(text: str) -> float | None:
     if found["Y"]:
         days = _days(int(found["Y"]), found["M"], int(found["D"]))
     elif found["a"]:
-        days = _of_other_order(found)
+        days = _of_other_order(found, day_first)
     else:
         return of_day
     return None if days is None else days * _DAY_S + of_day
+
+
+def clock_times(texts: list[str]) -> list[float | None]:
+    """Return times as of `clock_seconds`, in that order of day and month in which no day is left out.
+
+    Examples
+    --------
+    >>> b, a = clock_times(["11/12/2026 23:59:59", "12/12/2026 00:00:01"])
+    >>> a - b
+    2.0
+    """
+    ways = [[clock_seconds(t, day_first) for t in texts] for day_first in (False, True)]
+    if ways[0] == ways[1] or any(None in way for way in ways):
+        return ways[0] if None not in ways[0] else ways[1]
+    far = [
+        max((abs(b - a) for a, b in itertools.pairwise(way) if a is not None and b is not None), default=0.0)
+        for way in ways
+    ]
+    return ways[far[1] < far[0]]
 
 
 def is_value(cell: str, decimal: str) -> bool:
@@ -167,11 +189,11 @@ def array_of(text: str) -> list[Any] | None:
     return found if isinstance(found, list) and found else None
 
 
-def _of_other_order(found: re.Match[str]) -> float | None:
+def _of_other_order(found: re.Match[str], day_first: bool) -> float | None:
     """Return the day of 4.3.2026, 04-Mar-26 or 3/4/2026 (of America, unless it cannot be)."""
     first, second = int(found["a"]), found["b"]
     year = int(found["y"]) + 2000 * (len(found["y"]) == 2)
-    if found["mark"] == "/" and second.isdigit() and first <= 12:
+    if found["mark"] == "/" and second.isdigit() and first <= 12 and not day_first:
         return _days(year, str(first), int(second)) or _days(year, second, first)
     return _days(year, second, first)
 

@@ -11,6 +11,7 @@ import numpy as np
 from tacstrip.errors import OptionError, ReadingError
 from tacstrip.io.log_import import quantities
 from tacstrip.io.log_import.columns import Columns, above, find_columns
+from tacstrip.io.log_import.doubts import raise_doubts
 from tacstrip.io.log_import.mapping import ColumnMapping
 from tacstrip.io.log_import.names import meaning
 from tacstrip.io.log_import.questions import Clues
@@ -78,6 +79,7 @@ def _assembled(clues: Clues) -> tuple[ColumnMapping, list[LogScan]]:
     loose = replace(mapping, time_unit=mapping.time_unit or "s", restart="continue", missing="untouched")
     rough = scans(clues.table, loose)
     mapping = _with_ends(clues, mapping, found, rough)
+    raise_doubts(clues, mapping)
     return quantities.with_unit(clues, mapping, found, rough), rough
 
 
@@ -208,6 +210,8 @@ def _broken(clues: Clues) -> str:
     if not broken or clues.choice("broken_lines", ("skip", "error")):
         return clues.answers.get("broken_lines", "error")
     shown = ", ".join(map(str, broken[:5])) + (", ..." if len(broken) > 5 else "")
+    if quote := clues.table.quotes.get(broken[0], ""):
+        shown += f" ({quote[:40]!r}{' ...' if len(quote) > 40 else ''})"
     clues.ask("broken_lines", f"line(s) {shown} are not like the others: leave them out?", "skip")
     return "skip"
 
@@ -239,7 +243,7 @@ def _missing(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> str:
 def _only_touched(table: Table, mapping: ColumnMapping, rough: list[LogScan]) -> bool:
     """Return whether scans list only touched strips: side by side in each, with readings, and seldom all of them."""
     there = np.asarray(np.isfinite(np.stack([s.values for s in rough])).any(axis=2))  # (scans, strips)
-    listed = table.rows if mapping.strip and not table.absent else []
-    touched = int(there.sum()) == len(listed)
+    listed = len(table.rows) - table.empty if mapping.strip and not table.absent else 0
+    touched = int(there.sum()) == listed
     side_by_side = all(row[np.argmax(row) :][: row.sum()].all() for row in there)
     return touched and side_by_side and bool(there.all(axis=1).mean() < _MOST_COMPLETE)

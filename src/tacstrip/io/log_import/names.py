@@ -85,10 +85,28 @@ _LAST = frozenset(UNITS) - {
     "codes",
 }
 _ANY = _HIGH | _LOW | _OUT | _ONE_OF_PAIR | _VALUE | _STRIP | _BESIDE | frozenset(UNITS)
-TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "days": 86400.0}
+TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0, "days": 86400.0}
 READING_UNITS = ("V", "mV", "uV", "code", "fraction", "percent", "permille")
 CHANNELS = ("h", "l", "out")
-_IN_NAMES = UNITS | {"vref": "fraction"}  # in brackets or after a slash
+_LONG_TIMES = {
+    "h": "h",
+    "hr": "h",
+    "hrs": "h",
+    "hour": "h",
+    "hours": "h",
+    "d": "days",
+    "day": "days",
+    "days": "days",
+}
+_IN_NAMES = (
+    UNITS | {"vref": "fraction"} | {w: u for w, u in _LONG_TIMES.items() if w != "h"}
+)  # in brackets or after /
+# In brackets, what is a unit of something else, or a factor.
+_FOREIGN = re.compile(
+    r"(?:[pnu\u00b5mkM]?(?:[Oo]hms?|\u03a9|\u2126|Amps?|Hz|Pa|F|W|N|A|S)|kV|[mkn]?g|[mckn]m|psi|bar|\u00b0C|degC?|a\.?u\.?|mA|[a-z]?ticks?)\Z"
+    r"|\d+(?:\.\d+)?(?:e[+-]?\d+)?\s*[A-Za-z\u00b5%]+\Z|(?=.*(?:[A-Za-z]|10)).*[/*x\u00d7\u00f7]\s*\d+"
+)
+_FACTOR = re.compile(r"(?<![A-Za-z\d])[x*\u00d7/\u00f7]\s?10+(?!\d)")
 IN_VOLTS = {"V": 1.0, "mV": 1e-3, "uV": 1e-6}
 OF_VREF = {"fraction": 1.0, "percent": 1e-2, "permille": 1e-3}
 LENGTHS_MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
@@ -241,7 +259,8 @@ def _of_tokens(tokens: list[str], unit: str) -> Meaning:
             return Meaning("position", unit=unit)
         core = [w for w in words if w not in _BESIDE] or words
         if any(w in _TIME for w in core) and not named & (_HIGH | _LOW) - {"h", "l"}:
-            return Meaning("time", unit=unit if unit in TIME_UNITS else "")
+            long = next((_LONG_TIMES[w] for w in words if w in _LONG_TIMES), "")
+            return Meaning("time", unit=unit if unit in TIME_UNITS else long)
         if core and all(w in _STRIP for w in core) and core != ["line"]:
             return Meaning("strip")
         if core and all(w in _SCAN for w in core):
@@ -267,6 +286,25 @@ def _of_tokens(tokens: list[str], unit: str) -> Meaning:
     if strip is not None or named & _VALUE:
         return replace(read, strip=strip)
     return Meaning("which") if named & _WHICH else Meaning("")
+
+
+def unknown_unit(name: str) -> str:
+    """Return what stands as a unit in a name and is none of a reading or a time, or a factor; "" where nothing does.
+
+    Examples
+    --------
+    >>> unknown_unit("h0 [mA]"), unknown_unit("t [10 ms]"), unknown_unit("vh[3] (V)"), unknown_unit("S1 (left)")
+    ('mA', '10 ms', '', '')
+    """
+    for square, round_ in re.findall(r"\[\s*([^\]]*?)\s*\]|\(\s*([^)]*?)\s*\)", name):
+        inner = square or round_
+        known = _IN_NAMES.get(inner.lower(), "")
+        if known in READING_UNITS or known in TIME_UNITS:
+            continue
+        if (square or len(inner) > 1) and _FOREIGN.match(inner):
+            return str(inner)
+    factor = _FACTOR.search(re.sub(r"[\[(].*?[\])]", " ", name))
+    return factor.group() if factor else ""
 
 
 def pair_of(channels: set[str]) -> tuple[str, str] | None:

@@ -13,7 +13,7 @@ from tacstrip.errors import ReadingError
 from tacstrip.io.log_import.columns import Columns
 from tacstrip.io.log_import.fields import clock_seconds, number_of, says_nothing
 from tacstrip.io.log_import.mapping import RESTARTS, ColumnMapping
-from tacstrip.io.log_import.names import IN_VOLTS, OF_VREF, READING_UNITS, TIME_UNITS, UNITS
+from tacstrip.io.log_import.names import IN_VOLTS, OF_VREF, READING_UNITS, TIME_UNITS, UNITS, unknown_unit
 from tacstrip.io.log_import.questions import Clues
 from tacstrip.io.log_import.scans import LogScan, raw_times
 from tacstrip.io.log_import.table import CLOCK, ROW
@@ -144,7 +144,8 @@ def settled_time(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> 
         for u in ("s", "ms", "us", "days")
         if step and _RATES_HZ[0] <= 1.0 / (step * TIME_UNITS[u]) <= _RATES_HZ[1]
     ]
-    if len(fits) == 1:
+    strange = unknown_unit(mapping.time)
+    if len(fits) == 1 and not strange:
         clues.because(f"{mapping.time} is in {fits[0]}: it rises by {step:g} from scan to scan")
         return replace(mapping, time_unit=fits[0])
     counts = step == 1.0 and set(steps.tolist()) == {1.0}
@@ -154,6 +155,7 @@ def settled_time(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> 
     clues.ask(
         "time_unit",
         f"{mapping.time} rises by {step:g} from scan to scan: in which unit?"
+        + (f" ({strange!r} is none that is known: if it is none of these, write seconds)" if strange else "")
         + (" (If it only counts the scans, --answer rate_hz=50 with their rate instead)" if counts else ""),
         *(fits or ("s", "ms", "us")),
     )
@@ -361,6 +363,11 @@ def _bits(clues: Clues, values: FloatArray, bits: int) -> int:
         bits = told.pop()
         clues.because(f"codes of {bits} bits, as the log says")
         return bits
+    if bits and told and bits not in told and "adc_bits" not in clues.answers:
+        clues.ask(
+            "adc_bits", f"the log says {min(told)} bit, and the spec adc_bits = {bits}: which is it?",
+            *(str(b) for b in (*sorted(told), bits)),
+        )  # fmt: skip
     over = bits and values.max() > 2.0**bits - 1.0
     if (over or not bits) and clues.sensor is not None:
         fits = [str(b) for b in _BITS if values.max() <= 2.0**b - 1.0][:3]
@@ -394,6 +401,8 @@ def _by_size(clues: Clues, values: FloatArray, vref: float, bits: int, volts: bo
         likely = list(fits)
     if volts and whole and len(fits) > 1:
         likely = list(fits)
+    if likely == ["fraction"] and vref:
+        likely.append("V")  # a light touch reads as little
     if likely == ["mV"] and vref and fits["mV"] < _LITTLE and top <= rare["permille"]:
         likely.append("permille")
     if len(likely) > 1 and vref and bits and (steps := _on_steps(values, vref, bits)) in likely:

@@ -195,13 +195,20 @@ def _gathered(parsed: list[tuple[int, list[Item]]], texts: Mapping[int, str]) ->
     record: dict[str, str] = {}
     start = 0
     strange = []
+    parts: list[tuple[int, set[str]]] = []  # of the record: its lines, and what they name
+    pieces: list[list[tuple[int, set[str]]]] = []
+    heading: dict[str, int] = {}  # labels of a scan below which no record has come yet, and their lines
+    void: list[
+        tuple[int, int, dict[str, str]]
+    ] = []  # scans without a line: before which record, line, labels
 
     def flush() -> None:
-        nonlocal record
+        nonlocal record, parts
         if record:
             records.append(labels | record)
             lines.append(start)
-        record = {}
+            pieces.append(parts)
+        record, parts = {}, []
 
     for number, found in parsed:
         if not any(i.told or i.name for i in found):
@@ -214,16 +221,47 @@ def _gathered(parsed: list[tuple[int, list[Item]]], texts: Mapping[int, str]) ->
         told = {name: f for name, f in fields.items() if meaning(name).role in _LABELS}
         if told or any(name in record for name in fields):
             flush()
+        alone = len(told) == len(fields)  # a line that only says which scan the next ones are of
+        if anew := [n for n in told if n in heading and alone]:
+            void.append((len(records), heading[anew[0]], dict(labels)))
+            heading = {}
         labels = labels | told
+        heading |= {n: number for n in told if alone and meaning(n).role in ("scan", "time")}
         if rest := {name: f for name, f in fields.items() if name not in told}:
             start = start if record else number
             record |= rest
+            parts.append((number, {*rest}))
+            heading = {}
     flush()
     if not records:
         return None
     kinds = Counter(frozenset(r) for r in records)
     usual, many = kinds.most_common(1)[0]
     strange += [i for i in above if any(re.search(rf"\b{re.escape(n)}\s*[:=]", texts[i]) for n in usual)]
+    for n, (r, lines_of) in enumerate(zip(records, pieces, strict=True)):
+        # A line of other names behind those of a record, as of a debugging message, is none of it.
+        other = [(i, named) for i, named in lines_of if not named & usual]
+        if frozenset(r) > usual and other and {*r} - set().union(*(named for _, named in other)) == usual:
+            strange += [i for i, _ in other]
+            records[n] = {name: f for name, f in r.items() if name in usual}
+    empty = 0
+    strips = [n for n in usual if meaning(n).role == "strip"]
+    if heading:
+        last = (len(records), min(heading.values()), dict(labels))
+        ended = parsed[-1][0] > max(heading.values()) or (void and void[-1][0] == len(records))
+        void += [last] if ended else []  # else it may be cut
+        strange += [] if ended else [last[1]]
+    if void and not strips:
+        strange += [line for _, line, _ in void]
+    elif void:
+        shown = next(r[strips[0]] for r in records if strips[0] in r)
+        for place, line, told in reversed(void):
+            if {*told} <= usual:
+                records.insert(place, dict.fromkeys(usual, "") | told | {strips[0]: shown})
+                lines.insert(place, line)
+                empty += 1
+            else:
+                strange.append(line)
     if many >= _FEW_KINDS * len(records):
         odd = [(i, r) for i, r in zip(lines, records, strict=True) if frozenset(r) != usual]
         kept = [(i, r) for i, r in zip(lines, records, strict=True) if frozenset(r) == usual]
@@ -235,7 +273,18 @@ def _gathered(parsed: list[tuple[int, list[Item]]], texts: Mapping[int, str]) ->
     above = [i for i in above if i not in strange]
     said = [f"{len(above)} line(s) above passed over"] if above else []
     table = of_records(records, lines, ".", "each line names its values", *said)
-    return replace(table, broken=tuple(sorted(strange)), preamble=tuple(texts[i] for i in above))
+    quotes = {i: texts[i].strip() for i in strange}
+    if empty:
+        table = replace(
+            table, remarks=(*table.remarks, f"{empty} scan(s) without a line: nothing touches in them")
+        )
+    return replace(
+        table,
+        broken=tuple(sorted(strange)),
+        preamble=tuple(texts[i] for i in above),
+        quotes=quotes,
+        empty=empty,
+    )
 
 
 def of_literals(text: str, path: str | Path) -> Table | None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.errors import ReadingError
-from tacstrip.io.log_import.fields import clock_seconds, number_of, says_nothing
+from tacstrip.io.log_import.fields import clock_times, number_of, says_nothing
 from tacstrip.io.log_import.mapping import ColumnMapping
 from tacstrip.io.log_import.names import TIME_UNITS, meaning
 from tacstrip.io.log_import.table import Table
@@ -116,8 +116,10 @@ def _check_repeated(found: list[LogScan]) -> None:
 def raw_times(table: Table, mapping: ColumnMapping) -> FloatArray:
     """Return each row's time in the unit of its column, seconds of a clock."""
     values = np.empty(len(table.rows))
-    for n, (line, text) in enumerate(zip(table.lines, table.column(mapping.time), strict=True)):
-        time = clock_seconds(text) if mapping.time_unit == "clock" else number_of(text, table.decimal)
+    fields = table.column(mapping.time)
+    clock = mapping.time_unit == "clock"
+    read = clock_times(fields) if clock else [number_of(text, table.decimal) for text in fields]
+    for n, (line, text, time) in enumerate(zip(table.lines, fields, read, strict=True)):
         if time is None:
             raise ReadingError(f"line {line}: {mapping.time} is {text!r}, not a time")
         values[n] = time

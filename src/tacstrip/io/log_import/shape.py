@@ -9,12 +9,17 @@ from dataclasses import replace
 
 import numpy as np
 
+from tacstrip.errors import ReadingError
 from tacstrip.io.log_import.fields import array_of, clock_seconds, number_of, quantity
-from tacstrip.io.log_import.names import IN_VOLTS, TIME_UNITS, meaning, meanings
+from tacstrip.io.log_import.names import IN_VOLTS, READING_UNITS, TIME_UNITS, UNITS, meaning, meanings
 from tacstrip.io.log_import.table import Table, flattened
 
 _ARRAYS = 0.5  # of a column's fields that say something: then it is one of arrays
 _WHOLE_SECONDS = r"(?:[\d/.-]+[T ])?\d{1,2}:\d\d:\d\d"
+_UNITS_COLUMN = re.compile(
+    r"(?:\w+[ _.])?(?:units?|einheit(?:en)?|unit\u00e9s?|unidad|unit\u00e0)(?:[ _.]\w+)?", re.I
+)
+_FEW_BLANKS = 0.25  # of the rows: where more have no time, cells are merged
 _SCAN_IN_NAME = re.compile(r"\W*(t|time|zeit|scan|frame|sample)\W*([+-]?\d+(?:\.\d+)?)\s*(\w*)\W*\Z", re.I)
 
 
@@ -25,8 +30,8 @@ def in_normal_form(table: Table) -> Table:
     two, merged cells are filled, a column that only counts the rows is left out, and columns of scans become rows.
     """
     steps: tuple[Callable[[Table], Table], ...] = (
-        _without_empty, _of_one_clock, _transposed, _spread, _without_units, _in_one_unit, _upright, _split_keys,
-        _filled, _without_index,
+        _without_empty, _of_one_clock, _transposed, _spread, _without_units, _of_unit_column, _in_one_unit,
+        _upright, _split_keys, _filled, _without_index,
     )  # fmt: skip
     for step in steps:
         table = step(table) if table.rows else table
@@ -143,6 +148,43 @@ def _without_units(table: Table) -> Table:
     return _with(table, columns, *told) if told else table
 
 
+def _of_unit_column(table: Table) -> Table:
+    """Give readings the unit that a column of units says, and bring those of several to volts."""
+    named = [n for n in table.names if _UNITS_COLUMN.fullmatch(n.strip()) and any(table.column(n))]
+    if len(named) != 1:
+        return table
+    said = [UNITS.get(f) or UNITS.get(f.lower(), "") for f in table.column(named[0])]
+    units = {u for u, f in zip(said, table.column(named[0]), strict=True) if f}
+    readings = [
+        n for n, m in meanings(table.names).items() if m.role == "reading" and not m.unit and n != named[0]
+    ]
+    volts = units <= {*IN_VOLTS}
+    if not readings or not (units <= {*READING_UNITS} and (volts or len(units) == 1)):
+        if len(set(table.column(named[0]))) == 1:
+            return table
+        n = next((i for i, u in enumerate(said) if u != said[0]), 0)
+        raise ReadingError(
+            f"line {table.lines[n]}: {named[0]} is {table.column(named[0])[n]!r}, and {table.column(named[0])[0]!r} on "
+            f"line {table.lines[0]}; save all readings in one unit"
+        )
+    unit = units.copy().pop() if len(units) == 1 else "V"
+    columns = {}
+    for name in (n for n in table.names if n != named[0]):
+        fields = table.column(name)
+        if name in readings and len(units) > 1:
+            read = [number_of(f, table.decimal) for f in fields]
+            if lack := [
+                i for i, v, u in zip(table.lines, read, said, strict=True) if v is not None and not u
+            ]:
+                raise ReadingError(f"line {lack[0]}: no {named[0]} is said, as on other lines")
+            fields = [
+                f if v is None else f"{v * IN_VOLTS[u]:.15g}".replace(".", table.decimal)
+                for f, v, u in zip(fields, read, said, strict=True)
+            ]
+        columns[f"{name} [{unit}]" if name in readings else name] = fields
+    return _with(table, columns, f"{named[0]}: the readings are in {' and '.join(sorted(units))}")
+
+
 def _upright(table: Table) -> Table:
     """Turn a table whose columns are scans, named by their times or numbers, into one of rows."""
     scans = {n: m for n in table.names if (m := _SCAN_IN_NAME.match(n))}
@@ -200,6 +242,23 @@ def _filled(table: Table) -> Table:
             (number_of(f, table.decimal) or 0.0) % 1.0 for f in fields
         ):  # it counts nothing
             continue
+        strips = any(meaning(n).role == "strip" for n in table.names)
+        if (
+            not strips
+            and role == "time"
+            and blank <= _FEW_BLANKS * len(fields)
+            and len(set(fields)) > len(fields) - blank
+        ):
+            kept = [bool(f) for f in fields]
+            rows = [row for row, k in zip(table.rows, kept, strict=True) if k]
+            lines = [i for i, k in zip(table.lines, kept, strict=True) if k]
+            out = [
+                (i, " ".join(row)) for i, row, k in zip(table.lines, table.rows, kept, strict=True) if not k
+            ]
+            broken = tuple(sorted({*table.broken, *(i for i, _ in out)}))
+            return _filled(
+                replace(table, rows=rows, lines=lines, broken=broken, quotes={**table.quotes, **dict(out)})
+            )
         last, filled = "", []
         for field in fields:
             last = field or last

@@ -51,6 +51,10 @@ class Table:
         Lines above the table.
     absent
         Of records that do not all name the same values: the first line that lacks one, 0 where none does.
+    quotes
+        What stands on broken lines, as far as that is known.
+    empty
+        Rows that stand for scans without a line.
     """
 
     names: tuple[str, ...]
@@ -62,6 +66,8 @@ class Table:
     broken: tuple[int, ...] = field(default=())
     preamble: tuple[str, ...] = ()
     absent: int = 0
+    quotes: Mapping[int, str] = field(default_factory=dict)
+    empty: int = 0
 
     def column(self, name: str) -> list[str]:
         """Return the fields of a column."""
@@ -167,7 +173,13 @@ def headed(
     above = [row for _, row in split[:first] if len(row) == width and any(row)][-_TALLEST_HEADER:]
     if first < len(split) and _counts(split[first][1], full[-1]):  # as of a frame without names
         above, first = [*above, split[first][1]], first + 1
-    below = [(i, row) for i, row in split[first:] if any(row)]
+    # What is below the names, and has numbers, is no heading, however short.
+    names_at = max((n for n, (_, row) in enumerate(split[:first]) if row in above), default=first)
+    cut = [
+        (i, row) for i, row in split[names_at + 1 : first]
+        if row not in above and len(row) > 1 and sum(is_value(c, decimal) for c in row) > 0.5 * len(row)
+    ]  # fmt: skip
+    below = cut + [(i, row) for i, row in split[first:] if any(row)]
     if not above and below:
         above = [row for i, row in comments if i < below[0][0] and len(row) == width][-1:]
         above = [
@@ -195,6 +207,7 @@ def headed(
     return Table(
         tuple(_distinct(names)), [row for _, row in rows], [i for i, _ in rows], decimal, bool(above),
         (*remarks, *filter(None, told)), broken, (*preamble, *("\t".join(row) for _, row in split[:first])),
+        quotes={i: " ".join(row) for i, row in below if i in broken},
     )  # fmt: skip
 
 
@@ -251,10 +264,11 @@ def _named(row: Sequence[str], numeric: Sequence[bool], decimal: str, usual: Set
 
 
 def _statistic(row: Sequence[str], numeric: Sequence[bool], decimal: str) -> str:
-    """Return the word that says that a row sums up the others, in a column of numbers or in front of empty fields."""
+    """Return the word that says that a row sums up the others, in a column of numbers or in front."""
     at = next((n for n, cell in enumerate(row) if cell), 0)
-    word = row[at].strip(" :.=")
-    return word if word.casefold() in _STATISTICS and (numeric[at] or at == 0) else ""
+    words = [cell.strip(" :.=") if n == at or numeric[n] else "" for n, cell in enumerate(row)]
+    found = [w for n, w in enumerate(words) if w.casefold() in _STATISTICS and (numeric[n] or n == 0)]
+    return (found or [""])[0]
 
 
 def _counts(row: list[str], other: list[str]) -> bool:

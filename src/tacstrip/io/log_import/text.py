@@ -33,6 +33,9 @@ _CHECKED = re.compile(r"\*[\dA-Fa-f]{2}\s*\Z")  # the checksum of a sentence as 
 # Such as "[001200] " or "I (1200) ".
 _COUNTED = re.compile(r"\s*(?:[A-Z]\s)?[\[(]\s*(?P<stamp>\d+(?:\.\d+)?)\s*[\])]:?\s*(?=\S)")
 _REMARK = re.compile(r"(?<=[\d\w,;])\s+(?:#|//)\s+\S.*")  # behind the fields of a line
+_SHELL = re.compile(
+    r"\s*(?:>>> (?!\s*[-+\d.]).*|\[\d+ rows x \d+ columns\]\s*)"
+)  # around a printed DataFrame
 _RULE = re.compile(r"[\s\-=+|~*_:]+")  # a line drawn below names
 _SEVERAL = re.compile(r"[\d-]\s+[-+]?\d")
 _NUMBERED = re.compile(r"[A-Za-z_]+\d+\S*")  # a column's name, such as S1 or v2_h
@@ -82,6 +85,7 @@ def of_text(text: str, path: str | Path = "the log") -> Table:
     every = [(i, line) for i, line in enumerate(re.split(r"\r\n|\r\r\n|\n|\r", text), 1)]
     every = one_page(unwrapped(every))
     lines = [(i, line) for i, line in every if line.strip() and not _RULE.fullmatch(line)]
+    lines = [(i, line) for i, line in lines if not _SHELL.fullmatch(line)]
     if not lines:
         raise ReadingError(f"{path}: the file is empty")
     lines, stamps = _without_stamps(lines)
@@ -187,6 +191,7 @@ def _separated(lines: list[tuple[int, str]], blank: set[int], path: str | Path) 
         ]
     split = [(i, _fields(line, separator)) for i, line in data]
     split = [(i, row[:-1] if len(row) == width + 1 and not row[-1] else row) for i, row in split]
+    split, width, trimmed = _untrimmed(split, width)
     split = _in_decimals(_below_an_index(split, width), width)
     line, top = split[0]
     if separator.isspace() and len(top) > width > 1 and all(_NUMBERED.fullmatch(name) for name in top[1:]):
@@ -197,14 +202,48 @@ def _separated(lines: list[tuple[int, str]], blank: set[int], path: str | Path) 
     full = [row for _, row in split if len(row) == width]
     decimal = "." if separator == "," else decimal_mark(full)
     said = {"\t": "tabs", " ": "spaces", _WIDE: "spaces"}.get(separator, repr(separator))
-    remarks = (
+    remarks: tuple[str, ...] = (
         f"fields are separated by {said}" if width > 1 else "",
         "decimal commas" if decimal == "," else "",
+        trimmed,
     )
     named = [(i, _fields(line.lstrip("#%/! \t"), separator)) for i, line in comments]
     above = [line for i, line in comments if i < split[-1][0]]
+    out = [
+        i for i, row in named
+        if i > split[0][0] and len(row) == width > 1 and all(is_value(c, decimal) or not c for c in row)
+    ]  # fmt: skip
+    if out:
+        remarks = (
+            *remarks,
+            f"line(s) {', '.join(map(str, out))}: readings that are commented out; passed over",
+        )
     table = headed(split, width, decimal, tuple(filter(None, remarks)), named, above)
     return _in_blocks(table, labels, blank)
+
+
+def _untrimmed(
+    split: list[tuple[int, list[str]]], width: int
+) -> tuple[list[tuple[int, list[str]]], int, str]:
+    """Return rows with the empty fields that were left out at their ends, the width of the names, and a remark.
+
+    That is sure where no row ends with an empty field, and empty ones stand inside.
+    """
+    wide = max(len(row) for _, row in split)
+    top = next(n for n, (_, row) in enumerate(split) if len(row) == wide)
+    names, below = split[top][1], split[top + 1 :]
+    short = [row for _, row in below if len(row) < wide]
+    if len(short) < 2 or not all(names) or any(is_value(cell, ".") for cell in names):
+        return split, width, ""
+    rows = [row for _, row in below]
+    if not all(row[-1] and not says_nothing(row[-1]) for row in rows) or "" not in [
+        c for r in rows for c in r
+    ]:
+        return split, width, ""
+    if any(len(row) < 2 or sum(is_value(c, ".") or not c for c in row) < len(row) - 1 for row in short):
+        return split, width, ""
+    filled = [(i, row + [""] * (wide - len(row))) for i, row in below]
+    return split[: top + 1] + filled, wide, f"{len(short)} line(s) end early: what is not there is empty"
 
 
 def _below_an_index(split: list[tuple[int, list[str]]], width: int) -> list[tuple[int, list[str]]]:

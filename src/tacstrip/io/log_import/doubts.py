@@ -1,0 +1,141 @@
+"""What speaks against reading a log as its names and sizes suggest: each doubt is asked or refused, with its place."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+import numpy as np
+
+from tacstrip.errors import ReadingError
+from tacstrip.io.log_import.fields import number_of
+from tacstrip.io.log_import.mapping import ColumnMapping
+from tacstrip.io.log_import.names import unknown_unit
+from tacstrip.io.log_import.questions import Clues
+from tacstrip.io.log_import.scans import field_value
+
+_APART = 5.0  # times: nothing lies between numbers of two units, or around one that lost its point
+_RATIOS = (30.0, 3000.0)  # of the medians of two such groups
+_AS_FAR = 4.0  # times: so far the one group, multiplied, may reach beyond the other
+_FEW = 0.05  # of the readings: more are no slip of single fields
+_SHOWN = 3
+_SAME = 0.02  # relative: as the spec says it
+_VREF = re.compile(r"\b(?:v_?ref|aref|vcc|vdd)\b[^\d\n]{0,12}?(\d+(?:[.,]\d+)?)\s*(m?)V\b", re.IGNORECASE)
+_VREF_NAME = re.compile(r"v_?ref(?:_?(?:m?v|volts?))?(?:\s*[\[(]m?V[\])])?", re.IGNORECASE)
+_VALIDITY = re.compile(
+    r"(?:is_?)?(?:valid|ok|okay|good|bad|invalid|error|err|fault|flag|quality|saturated|overrange|clipped)",
+    re.IGNORECASE,
+)
+
+
+def raise_doubts(clues: Clues, mapping: ColumnMapping) -> None:
+    """Ask for, or refuse, what contradicts the mapping.
+
+    Raises
+    ------
+    ReadingError
+        Readings of two units in one log, columns of a unit that is none of readings, another Vref than the spec's.
+    """
+    if "unit" not in clues.answers:
+        if "untouched" not in {
+            *clues.answers,
+            *(q.key for q in clues.questions),
+        }:  # else small ones may be noise
+            _of_one_unit(clues, mapping)
+        _of_known_units(mapping)
+    _vref(clues)
+    used = {*mapping.columns, mapping.time, mapping.scan, mapping.strip, mapping.which}
+    for name in clues.table.names:
+        if name in used or name in clues.answers or not _VALIDITY.fullmatch(name.strip()):
+            continue
+        fields = clues.table.column(name)
+        if len(set(fields)) > 1:
+            line = clues.table.lines[next(n for n, f in enumerate(fields) if f != fields[0])]
+            clues.ask(
+                name,
+                f"{name!r} is {fields[0]!r} on line {clues.table.lines[0]} and another on line {line}: if it says that "
+                "readings are void, empty these; or pass it over",
+                "skip",
+            )
+
+
+def _readings(clues: Clues, mapping: ColumnMapping) -> Iterator[tuple[int, str, str, float]]:
+    """Yield line, column, text and value of each reading of more than 0."""
+    void = frozenset(mapping.untouched)
+    for name in mapping.columns:
+        for line, text in zip(clues.table.lines, clues.table.column(name), strict=True):
+            try:
+                value = field_value(text, clues.table.decimal, void)
+            except ValueError:
+                continue
+            if value > 0.0:
+                yield line, name, text, value
+
+
+def _of_one_unit(clues: Clues, mapping: ColumnMapping) -> None:
+    """Refuse numbers of two sizes with nothing between, one about 100 or 1000 times the other and written otherwise."""
+    read = sorted(_readings(clues, mapping), key=lambda r: r[3])
+    values = np.array([r[3] for r in read])
+    if len(values) < 2:
+        return
+    cut = int(np.argmax(values[1:] / values[:-1])) + 1
+    low, high = values[:cut], values[cut:]
+    ratio = float(np.median(high) / np.median(low))
+    if high[0] < _APART * low[-1] or not _RATIOS[0] <= ratio <= _RATIOS[1]:
+        return
+    scale = 100.0 if ratio < 300.0 else 1000.0
+    if not high[0] / _AS_FAR <= scale * np.median(low) <= _AS_FAR * high[-1]:
+        return
+    places = [{_places(r[2], clues.table.decimal) for r in part} for part in (read[:cut], read[cut:])]
+    slip = len(high) <= _FEW * len(values) and high[-1] > 1.0
+    if max(places[0]) <= max(places[1]) and not slip:  # as the noise of a converter, or a light touch
+        return
+    odd, others = (read[cut:], low) if len(high) <= len(low) else (read[:cut], high)
+    odd = sorted(odd)
+    shown = "; ".join(f"line {line}, {name}: {text}" for line, name, text, _ in odd[:_SHOWN])
+    more = f" and {len(odd) - _SHOWN} more" if len(odd) > _SHOWN else ""
+    raise ReadingError(
+        f"{shown}{more}: the other readings lie from {others[0]:g} to {others[-1]:g}; is a decimal point lost, or are "
+        "these in another unit? Mend them, or say --answer unit=V (mV, code, ...) if all are in it as they stand"
+    )
+
+
+def _places(text: str, decimal: str) -> int:
+    """Return the decimals that a number is written with."""
+    return len(re.match(r"\d*", text.partition(decimal)[2]).group())  # type: ignore[union-attr]
+
+
+def _of_known_units(mapping: ColumnMapping) -> None:
+    """Refuse columns that name a unit, or a factor, which is not known for readings."""
+    said = {name: unknown_unit(name) for name in mapping.columns}
+    strange = [name for name in said if said[name]]
+    if (
+        2 * len(strange) >= len(said) and len({said[name] for name in strange}) == 1
+    ):  # else they are numbers of strips
+        raise ReadingError(
+            f"column {strange[0]!r}: {said[strange[0]]!r} is no unit of readings that is known; save them in V, mV, "
+            "codes or over Vref, or say --answer unit=V (mV, code, ...) if the numbers are in that"
+        )
+
+
+def _vref(clues: Clues) -> None:
+    """Refuse a log that says another Vref than the spec, unless the answer says which holds."""
+    if clues.sensor is None or "vref_volt" in clues.answers:
+        return
+    told = {
+        float(d.replace(",", ".")) * (1e-3 if m else 1.0): ""
+        for d, m in _VREF.findall("\n".join(clues.table.preamble))
+    }
+    for name in clues.table.names:
+        if _VREF_NAME.fullmatch(name.strip()):
+            milli = 1e-3 if re.search(r"mv", name, re.IGNORECASE) else 1.0
+            for line, text in zip(clues.table.lines, clues.table.column(name), strict=True):
+                value = number_of(text, clues.table.decimal)
+                told |= {milli * value: f"line {line}: "} if value and milli * value not in told else {}
+    vref = clues.sensor.vref_volt
+    for volts, place in told.items():
+        if abs(volts - vref) > _SAME * vref:
+            raise ReadingError(
+                f"{place}the log says Vref = {volts:g} V, and the spec vref_volt = {vref:g}: change the spec, or say "
+                f"--answer vref_volt={vref:g} if that is right"
+            )
