@@ -85,13 +85,13 @@ def _of_one_unit(clues: Clues, mapping: ColumnMapping) -> None:
     if high[0] < _APART * low[-1] or not _RATIOS[0] <= ratio <= _RATIOS[1]:
         return
     odd, others = (read[cut:], low) if len(high) <= len(low) else (read[:cut], high)
-    few, whole = (
-        len(high) <= _FEW * len(values),
-        max(_places(r[2], clues.table.decimal) for r in read[cut:]) <= 1,
+    small, large = (
+        max(_places(r[2], clues.table.decimal) for r in part) for part in (read[:cut], read[cut:])
     )
+    few = len(high) <= _FEW * len(values)
     scales = {1000.0} | ({100.0} if few or low[-1] <= 1.0 else set())  # fractions beside percent
-    # Small readings of many decimals are a light touch; the larger of two units is a coarse one.
-    if high[-1] < _NO_VOLTS or not (few or whole):
+    # The larger numbers of two units have fewer decimals; else small ones are by the grounded end.
+    if high[-1] < _NO_VOLTS or not (few or small > large <= 1):
         return
     up = 1.0 if odd[0][3] > others[0] else -1.0
     moved = [np.array([r[3] for r in odd]) * scale**-up for scale in scales]
