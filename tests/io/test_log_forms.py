@@ -804,6 +804,7 @@ def test_what_contradicts_itself_is_asked_or_refused_with_its_place(log: str, sa
         (_HEAD.replace("time_s", "date") + "12/11/2026 23:59:59.9,2.5,1.2,,,,\n12/12/2026 00:00:00.0,2.5,1.2,2.7,1.3,,\n", [0.0, 0.1], [1, 2], 2.7),
         ("FRAME 0 t=0ms\nFRAME 1 t=50ms\nstrip 0: hi=1V lo=.5V\nFRAME 2 t=100ms\nFRAME 3 t=150ms\nstrip 0: hi=1.2V lo=.4V\n"
          "strip 1: hi=2V lo=1V\nFRAME 4 t=200ms\nEND\n", [0.0, 0.05, 0.1, 0.15, 0.2], [0, 1, 0, 2, 0], 2.0),
+        ("time_s,vh0 [V],vl0 [V],vh1 [V],vl1 [V],vh2 [V],vl2 [V]\n0,2.91,0.00318,,,,\n0.1,2.99,0.00201,1.5,0.00151,,\n", [0.0, 0.1], [1, 2], 2.99),
         (">>> df\n   time  strip  v_hi  v_lo\n0  0.00      0  2.50  1.50\n1  0.00      1   NaN   NaN\n2  0.00      2   NaN   NaN\n"
          "3  0.05      0  2.60  1.60\n4  0.05      1  2.70  1.70\n5  0.05      2   NaN   NaN\n\n[6 rows x 4 columns]\n", [0.0, 0.05], [1, 2], 2.7),
         ("t_ms,strip,vh,vl\n0,0,2.5,1.5\n0,1,,\n0,2,,\n0,mean,2.5,1.5\n50,0,2.6,1.6\n50,1,2.7,1.7\n50,2,,\n50,mean,2.65,1.65\n", [0.0, 0.05], [1, 2], 2.7),

@@ -16,7 +16,8 @@ from tacstrip.io.log_import.scans import field_value
 
 _APART = 5.0  # times: nothing lies between numbers of two units, or around one that lost its point
 _RATIOS = (30.0, 3000.0)  # of the medians of two such groups
-_AS_FAR = 4.0  # times: so far the one group, multiplied, may reach beyond the other
+_AS_FAR = 2.0  # times: so far the one group, multiplied, may reach beyond the other
+_NO_VOLTS = 24.0  # nothing that large is in volts
 _FEW = 0.05  # of the readings: more are no slip of single fields
 _SHOWN = 3
 _SAME = 0.02  # relative: as the spec says it
@@ -83,14 +84,19 @@ def _of_one_unit(clues: Clues, mapping: ColumnMapping) -> None:
     ratio = float(np.median(high) / np.median(low))
     if high[0] < _APART * low[-1] or not _RATIOS[0] <= ratio <= _RATIOS[1]:
         return
-    scale = 100.0 if ratio < 300.0 else 1000.0
-    if not high[0] / _AS_FAR <= scale * np.median(low) <= _AS_FAR * high[-1]:
-        return
-    places = [{_places(r[2], clues.table.decimal) for r in part} for part in (read[:cut], read[cut:])]
-    slip = len(high) <= _FEW * len(values) and high[-1] > 1.0
-    if max(places[0]) <= max(places[1]) and not slip:  # as the noise of a converter, or a light touch
-        return
     odd, others = (read[cut:], low) if len(high) <= len(low) else (read[:cut], high)
+    small, large = (
+        max(_places(r[2], clues.table.decimal) for r in part) for part in (read[:cut], read[cut:])
+    )
+    few = len(high) <= _FEW * len(values)
+    scales = {1000.0} | ({100.0} if few or low[-1] <= 1.0 else set())  # fractions beside percent
+    # The larger numbers of two units have fewer decimals; else small ones are by the grounded end.
+    if high[-1] < _NO_VOLTS or not (few or small > large <= 1):
+        return
+    up = 1.0 if odd[0][3] > others[0] else -1.0
+    moved = [np.array([r[3] for r in odd]) * scale**-up for scale in scales]
+    if not any(m.min() >= others[0] / _AS_FAR and m.max() <= _AS_FAR * others[-1] for m in moved):
+        return
     odd = sorted(odd)
     shown = "; ".join(f"line {line}, {name}: {text}" for line, name, text, _ in odd[:_SHOWN])
     more = f" and {len(odd) - _SHOWN} more" if len(odd) > _SHOWN else ""
