@@ -107,7 +107,7 @@ def error_map_figure() -> Figure:
     maps = {"own electrodes": error_map("own"), "all electrodes": error_map("all")}
     values = [getattr(m, end) for m in maps.values() for end in ("l", "u")]
     shades = LogNorm(min(v.min() for v in values), max(v.max() for v in values))
-    figure = new_figure(8.4, 7.6)
+    figure = new_figure(8.4, 7.6, widest=8.4)
     drawn: list[Axes] = []
     for row, (end, half, name) in enumerate((("u", 0.5, "upper"), ("l", -0.5, "lower"))):
         for column, (title, found) in enumerate(maps.items()):
@@ -133,7 +133,7 @@ def strip_bounds_figure() -> Figure:
     """Draw how well each strip's ends of one contact are known, from its own electrodes and from all."""
     sensor, contact = a_sensor(), SHAPES["hexagon"]
     l, u = footprint(sensor, contact)
-    figure = new_figure(8.4, 3.9)
+    figure = new_figure(8.4, 3.9, widest=8.4)
     left, right = add_axes(figure, 1, 2, 1), add_axes(figure, 1, 2, 2)
     draw_sensor(left, sensor)
     draw_contact(left, contact)
@@ -169,7 +169,7 @@ def sheet_figure() -> Figure:
     alone = np.where(np.arange(sensor.strips) == _ENERGISED, 0.0, np.nan)
     both = [sheet_potentials(_ENERGISED, *ends, sensor) for ends in ((l, u), (l + alone, u + alone))]
     x = sensor.x_mm[_ENERGISED]
-    figure = new_figure(10.5, 3.9)
+    figure = new_figure(10.5, 3.9, widest=10.5)
     for at, (sheet, title) in enumerate(
         zip(both, ("all strips of the contact", "this strip alone"), strict=True)
     ):

@@ -38,7 +38,7 @@ _BOUNDED, _GAUSS = OTHERS[1], OTHERS[0]
 
 def fit_figure() -> Figure:
     """Draw a noisy signature with the sections and kinks fitted to it, and the polygon with its regions."""
-    figure = new_figure(10.0, 4.4)
+    figure = new_figure(10.0, 4.4, widest=10.0)
     left, right = add_axes(figure, 1, 2, 1), add_axes(figure, 1, 2, 2)
     scan = simulate(_COARSE, Contact.polygon(_SHAPE), _NOISE, rng=4)
     scan = Scan(kh=scan["kh"])
@@ -89,7 +89,7 @@ def _draw_found(axes: Axes, found: RecoveredObject) -> None:
 
 def noise_figure() -> Figure:
     """Draw error and right counts over the noise: the fit, the bound, and Vertex Reconstruction's gradient rule."""
-    figure = new_figure(10.0, 4.2)
+    figure = new_figure(10.0, 4.2, widest=10.0)
     left, right = add_axes(figure, 1, 2, 1), add_axes(figure, 1, 2, 2)
     by_method = {method: np.array([_scores(method, a) for a in _LEVELS]) for method in _METHODS}
     percent = 100.0 * np.array(_LEVELS)
@@ -166,7 +166,7 @@ def _shape(seed: int) -> FloatArray:
 
 def bounded_figure() -> Figure:
     """Draw the outlines that a bound of the noise leaves, against the region of least squares, vertex by vertex."""
-    figure = new_figure(10.0, 6.2)
+    figure = new_figure(10.0, 6.2, widest=10.0)
     noise = Noise(positional=0.005)
     scan = _scan(noise, seed=4)
     found, fit = _first(scan, noise), _first(scan, noise, False)

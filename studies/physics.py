@@ -31,7 +31,7 @@ def _pair(contact_lambda_mm: float) -> Sensor:
 
 def potentials() -> Figure:
     """Potentials along both strips of a pair: contact resistance bends them apart at the contact's ends."""
-    figure = new_figure(9.0, 3.8)
+    figure = new_figure(9.0, 3.8, widest=9.0)
     block = Contact.polygon([(0, 120), (65, 120), (65, 200), (0, 200)])
     for i, lam in enumerate((0.0, 5.0, 20.0)):
         axes = add_axes(figure, 1, 3, i + 1)
@@ -92,7 +92,7 @@ def tied_grounds() -> Figure:
     """Ground ends tied together: the touched strips load the sheet, and every reading is far too low."""
     sensor = Sensor.load("prototype-crs-m")
     contact = Contact.polygon([(4, 90), (30, 70), (38, 130), (12, 150)])
-    figure = new_figure(7.5, 4.0)
+    figure = new_figure(7.5, 4.0, widest=7.5)
     left, right = add_axes(figure, 1, 2, 1), add_axes(figure, 1, 2, 2)
     draw_sensor(left, sensor)
     draw_contact(left, contact)

@@ -147,7 +147,7 @@ def _convex(sensor: Sensor, size_mm: float, random: np.random.Generator) -> Cont
 
 def width_figure() -> Figure:
     """Draw what a slanted edge reads, and from which slope on the centre line is not good enough."""
-    figure = new_figure(9.0, 4.0)
+    figure = new_figure(9.0, 4.0, widest=9.0)
     left, right = add_axes(figure, 1, 2, 1), add_axes(figure, 1, 2, 2)
     angle = np.linspace(0.0, 75.0, 151)
     slope = np.tan(np.deg2rad(angle))

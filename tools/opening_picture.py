@@ -33,7 +33,7 @@ def opening_figure() -> Figure:
     noise = ts.Noise(positional=0.003)
     scan = ts.simulate(sensor, ts.Contact((hand,)), noise, rng=1)
     found = ts.profile_reconstruction(scan, sensor)
-    figure = new_figure(9.6, 3.3)
+    figure = new_figure(9.6, 3.3, widest=9.6)  # three short titles above pictures, legible at 600 pixels
     with themed():
         panels = figure.subplots(1, 3, width_ratios=(1.3, 1.0, 1.0))
     _draw_press(panels[0], sensor, hand)
