@@ -26,6 +26,7 @@ _BITS = (8, 10, 12, 14)  # of converters that are common
 _ASPECT = 0.55  # standard deviation of the logarithm of objects' extent along the strips over that across
 _BORDER = 0.05  # of the smaller scale: what ends below it may be cut by the border, and looks flat for that
 SCALE = "all that touches is flat and lies near y = 0"
+_PLACES = 3  # more of them are not taken for more
 _ODDS = 4.0  # logarithm of the odds beyond which readings are taken for another scale's
 
 
@@ -131,7 +132,16 @@ def _odds(boxes: Sequence[tuple[float, ...]], scale: float, sensor: Sensor) -> f
         return -math.inf
     height = min(ends[1] - ends[0], 0.99)
     place = math.log((1.0 - height) / max(scale - height, 0.25 * scale))  # all over the strips, or only low
-    return float(np.median(flat)) + place
+    return float(np.median(flat)) + place * min(_apart(boxes), _PLACES)
+
+
+def _apart(boxes: Sequence[tuple[float, ...]]) -> int:
+    """Return how many boxes (x0, y0, x1, y1) lie apart from all counted before: places that were chosen anew."""
+    found: list[tuple[float, ...]] = []
+    for x0, y0, x1, y1 in boxes:
+        if len(found) < _PLACES and all(x1 < a or c < x0 or y1 < b or d < y0 for a, b, c, d in found):
+            found.append((x0, y0, x1, y1))
+    return len(found)
 
 
 def goes_on(vertices: FloatArray, strips: slice, sensor: Sensor) -> str:
