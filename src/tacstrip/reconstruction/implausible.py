@@ -99,9 +99,10 @@ def scale_hint(scans: Sequence[Scan], outlines: Sequence[FloatArray], sensor: Se
         boxes = [box for scan in scans for box in _boxes(scan, sensor)]
     else:
         boxes = [(*o.min(axis=0), *o.max(axis=0)) for o in outlines if len(o)]
-    said = [scales[scale] for scale in sorted(scales, reverse=True) if _odds(boxes, scale, sensor) > _ODDS]
-    if not said:
+    odds = {scale: _odds(boxes, scale, sensor) for scale in sorted(scales, reverse=True)}
+    if max(odds.values()) <= _ODDS:
         return ""
+    said = [scales[scale] for scale, of in odds.items() if of > max(odds.values()) - _ODDS]
     return (
         f"no reading is above {most:.2g} of Vref, and {SCALE}: probably the readings are {' or '.join(said)}; else "
         "press elsewhere too"
