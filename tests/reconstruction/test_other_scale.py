@@ -88,12 +88,12 @@ def test_tracks_are_doubted_too() -> None:
 
 
 def test_every_scale_that_the_readings_leave_is_named() -> None:
-    """A fifth of Vref and a quarter of the codes look alike: whoever reads the advice must not mend the wrong one."""
+    """A third of the volts and a quarter of the codes look alike: whoever reads the advice must not mend the wrong one."""
     sensor = ts.Sensor(
-        construction="crs-crs", strips=12, pitch_mm=5.0, length_mm=80.0, vref_volt=5.0, adc_bits=12
+        construction="crs-crs", strips=12, pitch_mm=5.0, length_mm=80.0, vref_volt=3.3, adc_bits=12
     )
     shape = ts.Contact.polygon([(12, 30), (44, 22), (48, 60), (20, 66)])
-    (found,) = ts.reconstruct(scaled(ts.simulate(sensor, shape, NOISE, rng=0), 0.2), sensor, NOISE).objects
+    (found,) = ts.reconstruct(scaled(ts.simulate(sensor, shape), 0.25), sensor, NOISE).objects
     assert found.status == "doubtful"
     assert "write vref_volt = 1" in found.advice
     assert "write adc_bits = 10" in found.advice
