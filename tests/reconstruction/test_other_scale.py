@@ -88,7 +88,7 @@ def test_tracks_are_doubted_too() -> None:
 
 
 def test_every_scale_that_the_readings_leave_is_named() -> None:
-    """A third of the volts and a quarter of the codes look alike: whoever reads the advice must not mend the wrong one."""
+    """A third of the volts and a quarter of the codes look alike: the advice must not mend the wrong one."""
     sensor = ts.Sensor(
         construction="crs-crs", strips=12, pitch_mm=5.0, length_mm=80.0, vref_volt=3.3, adc_bits=12
     )
