@@ -63,7 +63,7 @@ def figure_counter_examples() -> Figure:
     """Draw what touched, and what two layers make of it without noise worth speaking of."""
     sensor, noise = ts.LayeredSensor.crossed(_SQUARE), ts.Noise(positional=0.001)
     cases = counter_examples()
-    figure, panels = new_panels(12.0, 3.6, 1, len(cases))
+    figure, panels = new_panels(7.0, 7.4, 2, 2)
     for axes, (name, contact) in zip(panels, cases.items(), strict=True):
         found = ts.reconstruct(ts.simulate(sensor, contact, noise, rng=1), sensor, noise)
         draw_layers(axes, sensor)

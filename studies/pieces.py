@@ -42,7 +42,7 @@ _HIDDEN = {
 
 
 def _draw(scenes: dict[str, tuple[shapely.Polygon, ...]]) -> Figure:
-    figure, panels = new_panels(13.0, 3.5, 1, len(scenes))
+    figure, panels = new_panels(7.0, 7.4, 2, 2)
     for axes, (name, shapes) in zip(panels, scenes.items(), strict=True):
         contact = ts.Contact(shapes)
         found = reconstruct(ts.simulate(_SENSOR, contact, _NOISE, rng=1), _SENSOR, _NOISE, method="pieces")
@@ -55,7 +55,8 @@ def _draw(scenes: dict[str, tuple[shapely.Polygon, ...]]) -> Figure:
         count = len(found.objects)
         axes.set(aspect="equal", xlim=(0, 100), ylim=(0, 100), xlabel="x [mm]")
         axes.set_title(f"{name}: at least {count} piece{'s' if count > 1 else ''}", fontsize=10.0)
-    panels[0].set_ylabel("y [mm]")
+    for left in panels[::2]:
+        left.set_ylabel("y [mm]")
     return figure
 
 
