@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import Literal, TypeAlias
 
@@ -102,7 +103,7 @@ class Stretch:
             ),
         )  # fmt: skip
 
-    @property
+    @cached_property
     def corners(self) -> FloatArray:
         """Its corners, ends included (M + 1, 2)."""
         height, slope, middle = self.lines.T

@@ -7,7 +7,9 @@ neither shows a strip on which the other one's jump says that their piece has no
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
 from itertools import combinations, count
 
 import numpy as np
@@ -136,12 +138,21 @@ def least_cover(chains: tuple[Chain, Chain], read: Read, pitch: float, gap: floa
         their neighbours.
     """
     whole = [Part(side, stretch) for side, chain in enumerate(chains) for stretch in chain.stretches]
-    found = _of_parts(whole, read)
+
+    @cache
+    def shown(part: Part) -> FloatArray:
+        return np.column_stack(_surely_shown(part, read.x))
+
+    @cache
+    def one(a: Part, b: Part) -> bool:
+        return _may_be_one(a, b) and _within(np.concatenate([shown(a), shown(b)]), read)
+
+    found = _of_parts(whole, one)
     if len(found[0].pieces) == 1 or len(whole) > _MANY_PARTS:
         return found[0]
     places = {part.stretch: i for i, part in enumerate(whole)}
     loose = [
-        (places[chain.stretches[-1 if right else 0]], side, shed)
+        (places[chain.stretches[-1 if right else 0]], [Part(side, stretch) for stretch in shed])
         for side, chain in enumerate(chains)
         for right in (False, True)
         if (shed := chain.shed(right, gap)) is not None
@@ -151,20 +162,21 @@ def least_cover(chains: tuple[Chain, Chain], read: Read, pitch: float, gap: floa
             if len({i for i, *_ in chosen}) < count_shed:
                 continue  # both ends of one stretch
             parts = list(whole)
-            for i, side, (kept, alone) in chosen:
-                parts[i] = Part(side, kept)
-                parts.append(Part(side, alone))
-            more = _of_parts(parts, read)
+            for i, (kept, alone) in chosen:
+                parts[i] = kept
+                parts.append(alone)
+            more = _of_parts(parts, one)
             if len(more[0].pieces) < len(found[0].pieces):
                 found = more
             elif len(more[0].pieces) == len(found[0].pieces):
                 found += more
     if len(split := _split_at_corners(whole, read.x, pitch, gap)) > len(whole):
-        more = _of_parts(split, read)
+        more = _of_parts(split, one)
         if len(more[0].pieces) < len(found[0].pieces):
             found = more
     # Of covers by as many pieces, those whose pieces lie apart come first: objects do.
-    found.sort(key=lambda cover: cover.gap_mm(read.x, pitch) < gap)
+    if len(found) > 1:
+        found.sort(key=lambda cover: cover.gap_mm(read.x, pitch) < gap)
     return replace(found[0], others=tuple(found[1:]))
 
 
@@ -187,15 +199,12 @@ def _split_at_corners(parts: list[Part], x: FloatArray, pitch: float, gap: float
     return parts
 
 
-def _of_parts(parts: list[Part], read: Read) -> list[Cover]:
-    """Return the covers of parts by the fewest pieces, the plainest first."""
+def _of_parts(parts: list[Part], one: Callable[[Part, Part], bool]) -> list[Cover]:
+    """Return the covers of parts by the fewest pieces, the plainest first; `one`: whether two may be of one piece."""
     n = len(parts)
     fits = np.zeros((n, n), dtype=np.bool_)
-    shown = [np.column_stack(_surely_shown(part, read.x)) for part in parts]
     for i, j in combinations(range(n), 2):
-        fits[i, j] = fits[j, i] = _may_be_one(parts[i], parts[j]) and _within(
-            np.concatenate([shown[i], shown[j]]), read
-        )
+        fits[i, j] = fits[j, i] = one(parts[i], parts[j])
     for most in count(1):
         found = _covers(fits, most)
         if found is None:

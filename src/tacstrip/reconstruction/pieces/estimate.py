@@ -260,8 +260,8 @@ def _verdict(
         doubts.append("what is seen of the pieces overlaps: there are more, or one concave object")
     if (off := _error(run, traced, sensor)) > 1.0 - _PROMISED:
         doubts.append(f"noise and strips leave about {100.0 * off:.0f} % of its area open: use finer strips")
-    overlap = _iou(traced.smallest, traced.largest)
     if traced.hidden.any():
+        overlap = _iou(traced.smallest, traced.largest)
         notes.append(
             f"{int(traced.hidden.sum())} of its {len(traced.hidden)} corners are hidden behind other pieces; its "
             f"smallest and largest outline overlap by an IoU of {overlap:.2f}"
@@ -295,9 +295,10 @@ def _error(run: RunPieces, traced: PieceOutline, sensor: Sensor) -> float:
 def _iou(inner: FloatArray, outer: FloatArray) -> float:
     if min(len(inner), len(outer)) < 3:
         return 0.0
-    a, b = shapely.Polygon(inner).buffer(0.0), shapely.Polygon(outer).buffer(0.0)
-    union = a.union(b).area
-    return float(a.intersection(b).area / union) if union else 0.0
+    a, b = (p if p.is_valid else p.buffer(0.0) for p in map(shapely.Polygon, (inner, outer)))
+    shared = a.intersection(b).area
+    union = a.area + b.area - shared
+    return float(shared / union) if union else 0.0
 
 
 @takes(scan=Scan, sensor=Sensor, noise=Noise)

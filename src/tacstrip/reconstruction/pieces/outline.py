@@ -6,12 +6,13 @@ edges, by what the strips read, and by the hulls of what the other pieces show.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from tacstrip.arrays import BoolArray, FloatArray
+from tacstrip.arrays import BoolArray, FloatArray, IntArray
 from tacstrip.core.convex_chain import lower_hull
 from tacstrip.reconstruction.pieces.cover import Part, Read
 
@@ -111,12 +112,12 @@ def trace(parts: Sequence[Part], read: Read, others: Sequence[FloatArray], pitch
     for block in blocks:
         covariance[at : at + len(block), at : at + len(block)] = block
         at += len(block)
-    kept = np.flatnonzero(_corners(ring))
-    kept = np.roll(kept, -int(np.lexsort((ring[kept, 1], ring[kept, 0]))[0]))  # from the left-most
-    unseen_edges = [
-        bool(np.roll(unseen, -a)[: (b - a - 1) % len(ring) + 1].any())
-        for a, b in zip(kept, np.roll(kept, -1), strict=True)
-    ]
+    kept = _corners(ring)
+    first = int(np.lexsort((ring[kept, 1], ring[kept, 0]))[0])
+    kept = np.concatenate([kept[first:], kept[:first]])  # from the left-most
+    upto = np.cumsum(np.concatenate([[0], unseen, unseen]))  # twice round
+    following = np.concatenate([kept[1:], kept[:1]])
+    unseen_edges = upto[following + len(ring) * (following <= kept)] > upto[kept]
     both = (2 * kept[:, None] + [0, 1]).ravel()
     covariance = covariance[np.ix_(both, both)]
     of_hidden = np.repeat(hidden[kept], 2)
@@ -125,26 +126,29 @@ def trace(parts: Sequence[Part], read: Read, others: Sequence[FloatArray], pitch
     return PieceOutline(
         ring[kept],
         hidden[kept],
-        np.array(unseen_edges),
+        unseen_edges,
         covariance,
         least[_corners(least)],
         whole[_corners(whole)],
     )
 
 
-def _corners(ring: FloatArray) -> BoolArray:
+def _corners(ring: FloatArray) -> IntArray:
     """Return which points of a ring (N, 2) are corners: not the same as the one before, and none that turns inwards."""
-    kept = np.ones(len(ring), dtype=np.bool_)
-    size = float(np.ptp(ring, axis=0).max()) ** 2
-    while kept.sum() > 3:
-        at = np.flatnonzero(kept)
-        here, before, after = ring[at], ring[np.roll(at, 1)], ring[np.roll(at, -1)]
-        into, out = here - before, after - here
-        turn = into[:, 0] * out[:, 1] - into[:, 1] * out[:, 0]
-        if turn.min() > _TURN * size:
-            break
-        kept[at[turn.argmin()]] = False
-    return kept
+    kept, points = list(range(len(ring))), ring.tolist()  # a ring is small: lists are faster than arrays
+    least = _TURN * float(np.ptp(ring, axis=0).max()) ** 2
+
+    def turn(i: int) -> float:
+        (ax, ay), (x, y), (bx, by) = (points[kept[j % len(kept)]] for j in (i - 1, i, i + 1))
+        return float((x - ax) * (by - y) - (y - ay) * (bx - x))
+
+    turns = [turn(i) for i in range(len(kept))]
+    while len(kept) > 3 and (lowest := min(turns)) <= least:
+        at = turns.index(lowest)
+        del kept[at], turns[at]
+        for beside in (at - 1, at % len(kept)):
+            turns[beside] = turn(beside)
+    return np.array(kept)
 
 
 def _ring(parts: Sequence[Part], pitch: float) -> list[_Arc]:
@@ -242,26 +246,27 @@ def _furthest(
     It lies within both edges' lines, and so far out as strips and other pieces allow.
     """
     middle = 0.5 * (start + end)
-    matrix = np.column_stack([leaving, -arriving])
-    if abs(float(np.linalg.det(matrix))) > _TURN * float(np.linalg.norm(leaving) * np.linalg.norm(arriving)):
-        along, back = np.linalg.solve(matrix, end - start)
-    else:
-        along = back = -1.0
-    if along > 0.0 and back > 0.0:
-        reach = start + along * leaving - middle
+    (px, py), (qx, qy), (gx, gy) = leaving.tolist(), arriving.tolist(), (end - start).tolist()
+    long, short = math.hypot(px, py), math.hypot(qx, qy)
+    across = py * qx - px * qy
+    if (
+        abs(across) > _TURN * long * short
+        and (ahead := (gy * qx - gx * qy) / across) > 0.0
+        and (px * gy - py * gx) / across > 0.0
+    ):
+        reach = start + ahead * leaving - middle
     else:  # the edges never meet
-        outward = leaving / np.linalg.norm(leaving) + arriving / np.linalg.norm(arriving)
+        outward = leaving / long + arriving / short
         if not np.linalg.norm(outward) > 0.0:
-            outward = np.array([end[1] - start[1], start[0] - end[0]])
+            outward = np.array([gy, -gx])
         size = max(float(np.ptp(read.x)), float(np.nanmax(read.u) - np.nanmin(read.l)))
         reach = outward / np.linalg.norm(outward) * size
-    if not float((end - start)[0] * reach[1] - (end - start)[1] * reach[0]) < 0.0:
+    if not gx * float(reach[1]) - gy * float(reach[0]) < 0.0:
         return None  # inwards
     best = middle + _SLIVER * reach if np.array_equal(leaving, arriving) else None  # one end alone shows it
     tips = middle + np.linspace(0.0, 1.0, _STEPS + 1)[1:, None] * reach
-    there = np.all(
-        [_allowed(at, read, others) for at in (tips, 0.5 * (start + tips), 0.5 * (end + tips))], axis=0
-    )
+    beside = np.concatenate([tips, 0.5 * (start + tips), 0.5 * (end + tips)])
+    there = _allowed(beside, read, others).reshape(3, _STEPS).all(axis=0)
     reached = int(there.argmin()) if not there.all() else _STEPS
     return tips[reached - 1] if reached else best
 

@@ -76,8 +76,9 @@ class RunPieces:
 
         The pieces of an inward corner touch there, and those of an overhang where both come from.
         """
-        covers = (self.cover, *self.cover.others)
-        return self.count > 1 and any(cover.gap_mm(self.read.x, self.pitch) >= self.gap for cover in covers)
+        return (
+            self.count > 1 and self.cover.gap_mm(self.read.x, self.pitch) >= self.gap
+        )  # the first is the widest
 
 
 def noise_level(k: FloatArray, sensor: Sensor) -> float:
