@@ -27,8 +27,10 @@ from tacstrip.io.log_import.table import CLOCK, ROW
 
 _ABOVE = 0.95  # of the strips: k_h is above k_l there, and so the names are clear
 _APART = 0.004  # over the largest reading: by which k_h and k_l differ, in the median
+CLOCK_BITS = (16, 32)
 _ON_PITCH = 0.02  # of the pitch
 _STEADY, _MOSTLY = 0.5, 0.7  # so far are steps of a clock from the usual one, and so many of them
+_OFTEN = 0.2  # of the readings
 _ALIKE = 0.02  # relative: two columns that are the same quantity in two units
 # What a column may be that holds something made of readings, or what is measured beside them.
 _DERIVED = frozenset(
@@ -298,6 +300,8 @@ def _by_contents(
     many = (1,) if clues.expected == ("out",) else (2,) if clues.expected else (1, 2)
     wide = clues.sensor.strips * many[0] if clues.sensor else 0
     some = [n for n, m in known.items() if n not in {*taken, *given, ROW} and m.role not in ("time", "strip")]
+    if sum(known[n].role != "scan" for n in some) == wide:
+        some = [n for n in some if known[n].role != "scan"]
     some = [n for n in some if _numeric(clues, n) or all(map(says_nothing, clues.table.column(n)))]
     if len(some) >= wide > 1:
         if len(some) == wide and all(re.fullmatch(r"column \d+", n) for n in some):
@@ -504,7 +508,16 @@ def _order(clues: Clues, names: list[str], said: str) -> str:
     """Return in which order columns of h and l stand: that in which k_h is the larger, if only one is."""
     if answer := clues.choice("order", ("alternating", "blocks")):
         return answer
-    table = np.array([[np.nan if v is None or v < 0.0 else v for v in clues.values(n)] for n in names]).T
+    fields = [
+        [np.nan if says_nothing(f) else number_of(f, clues.table.decimal) for f in clues.table.column(n)]
+        for n in names
+    ]
+    table = np.array([[np.nan if v is None or v < 0.0 else v for v in column] for column in fields]).T
+    many = Counter(table[np.isfinite(table)].tolist())
+    if many and many[top := max(many)] > max(
+        _OFTEN * many.total(), 2
+    ):  # full scale stands for no contact, too
+        table[table == top] = 0.0
     half = len(names) // 2
     ways = {"alternating": (table[:, 0::2], table[:, 1::2]), "blocks": (table[:, :half], table[:, half:])}
     # Where one channel says that nothing touches, the other does.
@@ -609,7 +622,15 @@ def _steady(values: list[float | None]) -> bool:
 def _rises(values: list[float | None]) -> bool:
     numbers = [v for v in values if v is not None]
     steps = np.diff(numbers)
-    return len(numbers) == len(values) > 1 and bool((steps >= 0.0).all()) and numbers[-1] > numbers[0]
+    if len(numbers) < len(values) or len(numbers) < 2:
+        return False
+    falls = steps[steps < 0.0]
+    if (
+        len(falls) == 1 and len(steps) > 2 and all(v % 1.0 == 0.0 for v in numbers)
+    ):  # a clock whose bits are full
+        over = [falls[0] + 2.0**bits for bits in CLOCK_BITS if max(numbers) < 2.0**bits]
+        return any(0.0 < o <= 2.0 * steps.max() for o in over)
+    return bool((steps >= 0.0).all()) and numbers[-1] > numbers[0]
 
 
 def _cycles(values: list[float | None]) -> bool:
