@@ -86,7 +86,8 @@ def _meanings(clues: Clues) -> dict[str, Meaning]:
     before = dict(found)
     for name in table.names:
         if name in (CLOCK, ROW):
-            found[name] = Meaning("time", unit="clock") if name == CLOCK else Meaning("")
+            kept = found[name] if found[name].role == "which" else Meaning("")
+            found[name] = Meaning("time", unit="clock") if name == CLOCK else kept
         answer = clues.answers.get(name, "")
         if answer in ("", name) and name not in clues.answers:
             continue
@@ -551,6 +552,8 @@ def _unnamed(clues: Clues) -> dict[str, Meaning]:
     found |= {n: meaning(n) for n in labels}
     texts = {n: set(clues.table.column(n)) for n in names}
     which = [n for n in names if {meaning(f).channel for f in texts[n]} == {"h", "l"} and len(texts[n]) == 2]
+    if sensor and not which and len(names) - len(labels) == sensor.strips and len(clues.expected) == 2:
+        which = [n for n in (ROW,) if n in clues.table.names and {*clues.table.column(n)} == {"0", "1"}]
     constant = [
         n for n in names if len(texts[n]) == 1 and not (_numeric(clues, n) or says_nothing(*texts[n]))
     ]
@@ -576,7 +579,7 @@ def _unnamed(clues: Clues) -> dict[str, Meaning]:
         found |= _of_block(clues, rest, found, "".join(which[:1]))
         clues.because(f"{wide} columns without names are the {sensor.strips} strips in their order")
         return found
-    cycles = [n for n in names if _cycles(values[n])]
+    cycles = [n for n in names if _cycles(values[n]) or _are_strips(texts[n])]
     rest = [n for n in names if n not in cycles and n not in rising]
     told = ROW in clues.table.names or "strip" in {m.role for m in found.values()}
     placed = len(cycles) == 1 or (not cycles and told)
@@ -604,6 +607,14 @@ def _unnamed(clues: Clues) -> dict[str, Meaning]:
     )  # fmt: skip
     clues.stop()
     raise AssertionError
+
+
+def _are_strips(texts: set[str]) -> bool:
+    """Return whether words count strips, as "/skin/0", "/skin/1", ..."""
+    kinds = meanings(sorted(texts))
+    named = all(m.role == "reading" and m.strip is not None and not m.channel for m in kinds.values())
+    worded = not any(number_of(t) is not None for t in texts)
+    return worded and named and len({m.strip for m in kinds.values()}) == len(texts) > 2
 
 
 def _counts(values: list[float | None]) -> bool:

@@ -54,6 +54,13 @@ def plain_rows(text: str) -> str:
         body = re.sub(r"\\(?:top|mid|bottom|h|c)(?:rule|line)(?:\{[^}]*\})?|(?<!\\)%.*", "", body)
         rows = [re.sub(r"\\(?:text|math)\w*\{([^}]*)\}|[${}]", r"\1", row) for row in body.split(r"\\")]
         cells = [re.sub(r"\\[;, ]", " ", row).split("&") for row in rows if row.strip()]
+    elif inserted := re.findall(
+        r"INSERT INTO \S+ *\(([^()]*)\) *VALUES *((?:\([^()]*\)[,\s]*)+);", text, re.IGNORECASE
+    ):
+        if len({names for names, _ in inserted}) > 1:
+            return text
+        groups = [inserted[0][0], *(g for _, many in inserted for g in re.findall(r"\(([^()]*)\)", many))]
+        cells = [[c.strip(" '\"`") for c in group.split(",")] for group in groups]
     else:
         return text
     return "\n".join("\t".join(" ".join(c.split()) for c in row) for row in cells)

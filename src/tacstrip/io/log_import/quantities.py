@@ -254,7 +254,8 @@ def numbers_for_nothing(clues: Clues, rough: list[LogScan]) -> tuple[str, ...]:
     numbers = Counter(values[np.isfinite(values)].tolist())
     found: list[str] = []
     negative = [v for v in numbers if v < 0.0]
-    if len(negative) == 1 and negative[0] <= -1.0 and negative[0] % 1.0 == 0.0:
+    nines = len(negative) == 1 and re.fullmatch(r"-9+\.9+", f"{negative[0]:g}")
+    if len(negative) == 1 and negative[0] <= -1.0 and (negative[0] % 1.0 == 0.0 or nines):
         found.append(f"{negative[0]:g}")
         clues.because(f"{negative[0]:g} stands for no contact: it is the only negative number")
     rest = sorted(v for v in numbers if f"{v:g}" not in found)
@@ -415,6 +416,14 @@ def _by_size(clues: Clues, values: FloatArray, vref: float, bits: int, volts: bo
     if "V" in fits and top > 1.0 and not whole:
         fits = {"V": fits["V"]}
     best = max(fits.values(), default=0.0)
+    if (
+        whole
+        and bits
+        and {*fits} == {"code", "mV"}
+        and fits["mV"] < _LITTLE
+        and _off_steps(values, vref, bits)
+    ):
+        best = max(best, _MUCH)  # so few of the millivolts, and not on the converter's steps of them
     likely = [u for u, used in fits.items() if used >= _LITTLE or best < _MUCH]
     if volts and not whole and "V" in fits:
         likely = list(fits)
@@ -451,6 +460,14 @@ def _by_size(clues: Clues, values: FloatArray, vref: float, bits: int, volts: bo
 def _most(vref: float) -> dict[str, float]:
     """Return the most that there can be in each unit but codes."""
     return {u: vref / scale for u, scale in IN_VOLTS.items()} | {u: 1.0 / s for u, s in OF_VREF.items()}
+
+
+def _off_steps(values: FloatArray, vref: float, bits: int) -> bool:
+    """Return whether several whole numbers lie between the steps in millivolts of a converter, rounded."""
+    step = 1000.0 * vref / 2.0**bits
+    distinct = np.unique(values)
+    off = np.abs(distinct - step * np.round(distinct / step))
+    return step > 2.0 and int((off > 1.0).sum()) >= _FEW_CODES
 
 
 def _on_steps(values: FloatArray, vref: float, bits: int) -> str:

@@ -60,6 +60,11 @@ def items(line: str) -> list[Item]:
     line = re.sub(r"\s*:\s*$", "", line)
     line = re.sub(r"\b\w+=\"[^\"]*[A-Za-z][^\"]*\"", "", line)  # a text
     line = re.sub(r"=(?=\s*(?:[,;|]|$|\s[A-Za-z]\w*=))", "=nan", line)  # of which nothing is said
+    for listed in re.findall(r"[:=]\s*((?:[^\s,;:=]+\s*,\s*){2,}[^\s,;:=]+)", line):
+        parts = [p.strip(" ()[]{}") for p in listed.split(",")]
+        odd = [n for n, p in enumerate(parts) if not (re.search(r"\d", p) or says_nothing(p))]
+        if odd and len(odd) < len(parts) and (len(odd) > 1 or odd[0] < len(parts) - 1):
+            return []  # else the others would be taken for other strips
     garbled = re.search(r"\d[?\ufffd]|[?\ufffd]\d", line)
     if garbled or re.search(r"\d", _TOKEN.sub("", line)):  # not all of it would be read
         return []

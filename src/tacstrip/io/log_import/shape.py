@@ -54,6 +54,14 @@ def _without_empty(table: Table) -> Table:
 def _of_one_clock(table: Table) -> Table:
     """Put milliseconds that stand in a column of their own behind the seconds of a clock."""
     clocks = [n for n in table.names if all(re.fullmatch(_WHOLE_SECONDS, f) for f in table.column(n))]
+    for name in [n for n in table.names if re.fullmatch(r"frac\w*[ _]sec\w*", n, re.I)]:
+        columns = {n: table.column(n) for n in table.names if n != name}
+        if len(clocks) == 1 and all(re.fullmatch(r"0?\.\d+|0", f) for f in table.column(name)):
+            columns[clocks[0]] = [
+                f"{a}.{b.partition('.')[2] or 0}"
+                for a, b in zip(columns[clocks[0]], table.column(name), strict=True)
+            ]
+            return _with(table, columns, f"{clocks[0]} and {name}: a clock and the parts of its seconds")
     for name in [n for n in table.names if (m := meaning(n)).role == "time" and m.unit in ("ms", "us")]:
         digits, fields = {"ms": 3, "us": 6}[meaning(name).unit], table.column(name)
         if len(clocks) != 1 or not all(f.isdigit() and len(f) <= digits for f in fields):

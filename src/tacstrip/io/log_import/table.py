@@ -180,8 +180,9 @@ def headed(
     """
     full = [row for _, row in split if len(row) == width]
     numeric = [
-        any(column) and 2 * sum(is_value(c, decimal) for c in column if c) >= sum(map(bool, column))
-        for column in zip(*full[len(full) // 2 :], strict=True)
+        any(is_value(c, decimal) for c in column)
+        and 2 * sum(is_value(c, decimal) for c in column) >= sum(not says_nothing(c) for c in column)
+        for column in zip(*full[len(full) // 3 :], strict=True)
     ]
     if not any(numeric):
         raise ReadingError("the log has no column of numbers")
@@ -197,7 +198,7 @@ def headed(
     ]
     first = headers.index(False) if False in headers else len(split)
     above = [row for _, row in split[:first] if len(row) == width and any(row)][-_TALLEST_HEADER:]
-    if first < len(split) and _counts(split[first][1], full[-1]):  # as of a frame without names
+    if first < len(split) and (_counts(split[first][1], full[-1]) or _numbers_columns(split[first][1])):
         above, first = [*above, split[first][1]], first + 1
     # What is below the names, and has numbers, is no heading, however short.
     names_at = max((n for n, (_, row) in enumerate(split[:first]) if row in above), default=first)
@@ -322,6 +323,12 @@ def _counts(row: list[str], other: list[str]) -> bool:
     if len(counted) < 2 or counted[0] == 0 or not any(other[: counted[0]]) or len(set(many.values())) > 1:
         return False
     return any(set(many) == {float(n + base) for n in range(len(many))} for base in (0, 1))
+
+
+def _numbers_columns(row: Sequence[str]) -> bool:
+    """Return whether a row only numbers its columns: 0, 1, 2, ... or 1, 2, 3, ..."""
+    row = [cell for cell in row if cell]
+    return len(row) > _FEW + 1 and any(row == [str(n + base) for n in range(len(row))] for base in (0, 1))
 
 
 def _are_units(row: list[str]) -> bool:

@@ -44,7 +44,7 @@ _TOPIC = re.compile(r"([A-Za-z][\w.-]*(?:/[\w.-]+)+)\s+(\S+)")
 _COUNTED = re.compile(r"\s*(?:[A-Z]\s)?[\[(]\s*(?P<stamp>\d+(?:\.\d+)?)\s*[\])]:?\s*(?=\S)")
 _REMARK = re.compile(r"(?<=[\d\w,;])\s+(?:#|//)\s+\S.*")  # behind the fields of a line
 _SHELL = re.compile(
-    r"\s*(?:>>> (?!\s*[-+\d.]).*|\[\d+ rows x \d+ columns\]\s*)"
+    r"\s*(?:>>> (?!\s*[-+\d.]).*|\[\d+ rows x \d+ columns\]\s*|\(?\d+ rows?(?: in set.*|\)\s*))"
 )  # around a printed DataFrame
 _R_ROW = re.compile(r"\s*\[\d+,\](?=\s)")  # before the rows of a matrix that R prints
 _RULE = re.compile(r"[\s\-=+|~*_:]+")  # a line drawn below names
@@ -116,7 +116,8 @@ def of_text(text: str, path: str | Path = "the log") -> Table:
     heads = Counter(m.group() if (m := _PREFIX.match(line)) else "" for _, line in lines)
     numbers = sum(bool(re.search(r"\d|nan", line)) for _, line in lines)
     for head, many in heads.most_common(1):
-        if head and many > STEADY * numbers and not meaning(head).role:
+        wide = sum(len(re.split(_BETWEEN, line.strip())) > _FEW_LINES for _, line in lines) > STEADY * numbers
+        if head and many > STEADY * numbers and (wide or not meaning(head).role):
             lines = [(i, line.removeprefix(head)) for i, line in lines]
     if sum(bool(_R_ROW.match(line)) for _, line in lines) > _MOSTLY * len(lines):
         lines = [(i, _R_ROW.sub("", line)) for i, line in lines if not line.startswith("> ")]
