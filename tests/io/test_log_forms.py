@@ -782,8 +782,8 @@ _TWO_SCANS = "0.00,2.513,1.204,,,,\n0.05,2.541,1.233,2.713,1.322,,\n"
         ("vref," + _HEAD + "5.0,0,2.5,1.2,,,,\n4.5,0.1,2.5,1.2,2.7,1.3,,\n", "line 3: the log says Vref = 4.5 V"),
         ("t_ms,strip,vh,vl,valid\n0,0,2.5,1.2,1\n0,1,2.9,1.5,0\n0,2,2.9,1.5,0\n50,0,2.5,1.2,1\n50,1,2.7,1.3,1\n50,2,2.9,1.5,0\n", "valid=skip"),
         (_HEAD + "0,2.513,1.204\n0.05,2.5,1.2,2.7,1.3,3.0,1.7\n0.1,2.6,1.2,2.7,1.3,3.0,1.7\n", "line(s) 2 ('0 2.513"),
-        ("FRAME 1 t=0ms\nstrip 0: hi=1V lo=.5V\nstrip 1: hi=2V lo=1V\n[D] heap=2143\nFRAME 2 t=9ms\nstrip 0: hi=1.1V lo=.6V\n"
-         "strip 1: hi=2V lo=1V\nFRAME 3 t=18ms\nstrip 1: hi=2.1V lo=1V\n", "line(s) 4 ('[D] heap"),
+        ("FRAME 1 t=0ms\nstrip 0: hi=1V lo=.5V\nstrip 1: hi=2V lo=1V\nstrip 0; hi 2143\nFRAME 2 t=9ms\nstrip 0: hi=1.1V lo=.6V\n"
+         "strip 1: hi=2V lo=1V\nFRAME 3 t=18ms\nstrip 1: hi=2.1V lo=1V\n", "line(s) 4 ("),
         ("FRAME 1 t=0ms\nstrip 0: hi=1V lo=.5V\nFRAME 2 t=9ms\nstrip 0: hi=2V lo=1V\nFRAME 3 t=18ms", "line(s) 5 ('FRAME 3"),
     ],
 )  # fmt: skip

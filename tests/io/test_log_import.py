@@ -168,8 +168,8 @@ def without_empty_lines() -> str:
         (own("kh", "kl", scale=1.0), "unit", "fraction"),
         (own("kh", "kl", head="strip,v_h,v_l\n", index=False), "rate_hz", "50"),
         (without_empty_lines(), "missing", "untouched"),
-        (own("kh", "kl", nothing="OL"), "untouched", "OL"),
-        (own("kh", "kl") + "oops 7\n", "broken_lines", "skip"),
+        (own("kh", "kl", nothing="sat"), "untouched", "sat"),
+        (own("kh", "kl") + "3,60\n", "broken_lines", "skip"),
     ],
 )
 def test_what_a_log_does_not_say_is_asked_and_the_answer_taken(text: str, key: str, answer: str) -> None:

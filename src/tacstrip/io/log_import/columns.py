@@ -27,8 +27,10 @@ from tacstrip.io.log_import.table import CLOCK, ROW
 
 _ABOVE = 0.95  # of the strips: k_h is above k_l there, and so the names are clear
 _APART = 0.004  # over the largest reading: by which k_h and k_l differ, in the median
+CLOCK_BITS = (16, 32)
 _ON_PITCH = 0.02  # of the pitch
 _STEADY, _MOSTLY = 0.5, 0.7  # so far are steps of a clock from the usual one, and so many of them
+_OFTEN = 0.2  # of the readings
 _ALIKE = 0.02  # relative: two columns that are the same quantity in two units
 # What a column may be that holds something made of readings, or what is measured beside them.
 _DERIVED = frozenset(
@@ -84,7 +86,8 @@ def _meanings(clues: Clues) -> dict[str, Meaning]:
     before = dict(found)
     for name in table.names:
         if name in (CLOCK, ROW):
-            found[name] = Meaning("time", unit="clock") if name == CLOCK else Meaning("")
+            kept = found[name] if found[name].role == "which" else Meaning("")
+            found[name] = Meaning("time", unit="clock") if name == CLOCK else kept
         answer = clues.answers.get(name, "")
         if answer in ("", name) and name not in clues.answers:
             continue
@@ -298,6 +301,8 @@ def _by_contents(
     many = (1,) if clues.expected == ("out",) else (2,) if clues.expected else (1, 2)
     wide = clues.sensor.strips * many[0] if clues.sensor else 0
     some = [n for n, m in known.items() if n not in {*taken, *given, ROW} and m.role not in ("time", "strip")]
+    if sum(known[n].role != "scan" for n in some) == wide:
+        some = [n for n in some if known[n].role != "scan"]
     some = [n for n in some if _numeric(clues, n) or all(map(says_nothing, clues.table.column(n)))]
     if len(some) >= wide > 1:
         if len(some) == wide and all(re.fullmatch(r"column \d+", n) for n in some):
@@ -504,7 +509,16 @@ def _order(clues: Clues, names: list[str], said: str) -> str:
     """Return in which order columns of h and l stand: that in which k_h is the larger, if only one is."""
     if answer := clues.choice("order", ("alternating", "blocks")):
         return answer
-    table = np.array([[np.nan if v is None or v < 0.0 else v for v in clues.values(n)] for n in names]).T
+    fields = [
+        [np.nan if says_nothing(f) else number_of(f, clues.table.decimal) for f in clues.table.column(n)]
+        for n in names
+    ]
+    table = np.array([[np.nan if v is None or v < 0.0 else v for v in column] for column in fields]).T
+    many = Counter(table[np.isfinite(table)].tolist())
+    if many and many[top := max(many)] > max(
+        _OFTEN * many.total(), 2
+    ):  # full scale stands for no contact, too
+        table[table == top] = 0.0
     half = len(names) // 2
     ways = {"alternating": (table[:, 0::2], table[:, 1::2]), "blocks": (table[:, :half], table[:, half:])}
     # Where one channel says that nothing touches, the other does.
@@ -538,6 +552,8 @@ def _unnamed(clues: Clues) -> dict[str, Meaning]:
     found |= {n: meaning(n) for n in labels}
     texts = {n: set(clues.table.column(n)) for n in names}
     which = [n for n in names if {meaning(f).channel for f in texts[n]} == {"h", "l"} and len(texts[n]) == 2]
+    if sensor and not which and len(names) - len(labels) == sensor.strips and len(clues.expected) == 2:
+        which = [n for n in (ROW,) if n in clues.table.names and {*clues.table.column(n)} == {"0", "1"}]
     constant = [
         n for n in names if len(texts[n]) == 1 and not (_numeric(clues, n) or says_nothing(*texts[n]))
     ]
@@ -563,7 +579,7 @@ def _unnamed(clues: Clues) -> dict[str, Meaning]:
         found |= _of_block(clues, rest, found, "".join(which[:1]))
         clues.because(f"{wide} columns without names are the {sensor.strips} strips in their order")
         return found
-    cycles = [n for n in names if _cycles(values[n])]
+    cycles = [n for n in names if _cycles(values[n]) or _are_strips(texts[n])]
     rest = [n for n in names if n not in cycles and n not in rising]
     told = ROW in clues.table.names or "strip" in {m.role for m in found.values()}
     placed = len(cycles) == 1 or (not cycles and told)
@@ -593,6 +609,14 @@ def _unnamed(clues: Clues) -> dict[str, Meaning]:
     raise AssertionError
 
 
+def _are_strips(texts: set[str]) -> bool:
+    """Return whether words count strips, as "/skin/0", "/skin/1", ..."""
+    kinds = meanings(sorted(texts))
+    named = all(m.role == "reading" and m.strip is not None and not m.channel for m in kinds.values())
+    worded = not any(number_of(t) is not None for t in texts)
+    return worded and named and len({m.strip for m in kinds.values()}) == len(texts) > 2
+
+
 def _counts(values: list[float | None]) -> bool:
     """Whether numbers go up by one, or stay."""
     return set(np.diff([np.nan if v is None else v for v in values]).tolist()) <= {0.0, 1.0}
@@ -609,7 +633,15 @@ def _steady(values: list[float | None]) -> bool:
 def _rises(values: list[float | None]) -> bool:
     numbers = [v for v in values if v is not None]
     steps = np.diff(numbers)
-    return len(numbers) == len(values) > 1 and bool((steps >= 0.0).all()) and numbers[-1] > numbers[0]
+    if len(numbers) < len(values) or len(numbers) < 2:
+        return False
+    falls = steps[steps < 0.0]
+    if (
+        len(falls) == 1 and len(steps) > 2 and all(v % 1.0 == 0.0 for v in numbers)
+    ):  # a clock whose bits are full
+        over = [falls[0] + 2.0**bits for bits in CLOCK_BITS if max(numbers) < 2.0**bits]
+        return any(0.0 < o <= 2.0 * steps.max() for o in over)
+    return bool((steps >= 0.0).all()) and numbers[-1] > numbers[0]
 
 
 def _cycles(values: list[float | None]) -> bool:

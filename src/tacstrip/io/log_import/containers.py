@@ -15,9 +15,10 @@ import numpy.typing as npt
 
 from tacstrip.errors import OptionError, ReadingError
 from tacstrip.files import why_unreadable
+from tacstrip.io.log_import.arrays import of_arrays
 from tacstrip.io.log_import.names import meanings
 from tacstrip.io.log_import.shape import in_normal_form
-from tacstrip.io.log_import.table import Table, decimal_mark, flattened, headed, text_of
+from tacstrip.io.log_import.table import Table, decimal_mark, headed, text_of
 from tacstrip.io.log_import.text import decoded, of_text
 
 
@@ -50,7 +51,7 @@ def read_table(path: str | Path, sheet: str | None = None) -> Table:
             case ".xlsx" | ".xlsm":
                 return _of_workbook(file, _sheets(file), sheet)
             case ".npz":
-                return _of_arrays(_archive(file), path)
+                return _of_archive(_archive(file), path)
             case ".parquet":
                 return of_columns(_parquet(file))
             case ".xls" | ".ods" | ".mat" | ".h5" | ".hdf5":
@@ -145,41 +146,16 @@ def _archive(file: Path) -> dict[str, npt.NDArray[Any]]:
         return {name: archive[name] for name in archive.files}
 
 
+def _of_archive(arrays: dict[str, npt.NDArray[Any]], path: str | Path) -> Table:
+    numbers = {name: a.item() for name, a in arrays.items() if a.size == 1 and a.ndim == 0}
+    return of_arrays(arrays, path, numbers)
+
+
 def _parquet(file: Path) -> dict[str, list[Any]]:
     parquet = _library("pyarrow.parquet", file, "data")
     with file.open("rb") as opened, _library_at_work(file):
         columns: dict[str, list[Any]] = parquet.read_table(opened).to_pydict()
     return columns
-
-
-def _of_arrays(arrays: dict[str, npt.NDArray[Any]], path: str | Path) -> Table:
-    """Return the arrays of a NumPy archive: their first axis is the scans, others are strips and channels."""
-    lengths = Counter(a.shape[0] for a in arrays.values() if 1 <= a.ndim <= 3)
-    if not lengths:
-        raise ReadingError(f"{path}: no array of scans (scans,) or (scans, strips) in it")
-    clocks = [len(a) for name, a in arrays.items() if a.ndim == 1 and meanings([name])[name].role == "time"]
-    scans = clocks[0] if clocks else max(lengths.items(), key=lambda item: (item[1], item[0]))[0]
-    arrays = {
-        name: a.T if a.ndim == 2 and a.shape[0] != scans == a.shape[1] else a for name, a in arrays.items()
-    }
-    if square := [
-        name for name, a in arrays.items() if a.ndim == 2 and a.shape == (scans, scans) and scans > 1
-    ]:
-        raise ReadingError(
-            f"{path}: {square[0]} is {scans} by {scans}, so nothing tells the scans from the strips; save it with one "
-            "scan more or less, or a column for each strip"
-        )
-    used = {name: a for name, a in arrays.items() if 1 <= a.ndim <= 3 and a.shape[0] == scans}
-    passed = [name for name in arrays if name not in used]
-    records = [
-        {key: text for name, a in used.items() for key, text in flattened(name, a[n].tolist()).items()}
-        for n in range(scans)
-    ]
-    if not records or not records[0]:
-        raise ReadingError(f"{path}: its arrays hold nothing")
-    remarks = (f"arrays of another length passed over: {', '.join(passed)}",) if passed else ()
-    names = tuple(records[0])
-    return Table(names, [list(r.values()) for r in records], list(range(1, scans + 1)), remarks=remarks)
 
 
 def _library(name: str, path: str | Path, extra: str) -> Any:

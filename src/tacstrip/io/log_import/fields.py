@@ -14,6 +14,8 @@ from tacstrip.io.log_import.names import UNITS
 # What stands for an untouched strip in anybody's log.
 NOTHING = frozenset(
     {"", "nan", "na", "n/a", "n.a.", "#n/a", "<na>", "nat", "-", "--", "---", "null", "none", "open", "untouched"}
+    | {".", "x", "off", "idle", "free", "frei", "s/d", "s.d.", "k.a.", "n.d."}
+    | {"not touched", "no touch", "unber\u00fchrt"}
     | {"-nan", "nc", "n.c.", "n.v.", "no contact", "[]", "{}", "offen", "leer", "vide", "\u2013", "\u2014"}
 )  # fmt: skip
 _NO_NUMBER = re.compile(r"(?:-?nan|n/?a|-[-.]*|\.nan)\s?(?:m?V|ms|s|%|LSB)?", re.IGNORECASE)
@@ -44,6 +46,24 @@ def says_nothing(text: str) -> bool:
     (True, True, True, False, False)
     """
     return text.casefold() in NOTHING or bool(_NO_NUMBER.fullmatch(text) or _OVER.fullmatch(text))
+
+
+def is_prose(line: str, names: frozenset[str] | set[str] = frozenset()) -> bool:
+    """Return whether a line is a message between the readings: words, and none of those that name or stand for these.
+
+    Examples
+    --------
+    >>> is_prose("heap=214339, stack ok", {"h", "l"}), is_prose("strip 3 h=5?2", {"strip", "h"}), is_prose("2.5 open 1")
+    (True, False, False)
+    """
+    words = [w.casefold() for w in re.findall(r"[^\W\d_]+", line)]
+    long = [w for w in words if len(w) > 2 and not says_nothing(w)]
+    digits = sum(c.isdigit() for c in line)
+    worded = len(long) > 1 and sum(map(len, long)) >= 1.5 * digits
+    short = (
+        bool(long) and re.match(r"\W*[^\W\d]", line) and len(re.findall(r"[\d.]+", line)) <= 2
+    )  # "heap 1984"
+    return bool(worded or short) and not names.intersection(words)
 
 
 @lru_cache(maxsize=2**16)

@@ -110,6 +110,7 @@ def _rough(clues: Clues, found: Columns) -> tuple[ColumnMapping, list[LogScan]]:
                 "continue", "first", "last",
             )  # fmt: skip
         mapping = replace(mapping, restart=clues.answers.get("restart", "continue"))
+    quantities.settle_words(clues, mapping, rough)
     mapping = replace(mapping, missing=_missing(clues, loose, rough))
     return mapping, rough
 

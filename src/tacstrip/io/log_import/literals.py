@@ -12,7 +12,7 @@ _WRAPPED = re.compile(
     r"\b(?:np\.|numpy\.)?(?:array|float\d*|u?int\d*|deque|tuple|list)\(((?:[^()]|\([^()]*\))*?)(?:,\s*dtype=[\w.']+)?\)"
 )
 _ASSIGNED = re.compile(r"\s*(?:>>>\s*)?(?:[A-Za-z_]\w*\s*=\s*)?(?=[\[({])")
-_NONE = re.compile(r"(?<![\w'\"])[+-]?(?:nan|NaN|inf|Infinity|null)(?![\w'\"])")
+_NONE = re.compile(r"(?<![\w'\"])[+-]?(?:nan|NaN|NAN|inf|Infinity|null)(?![\w'\"])")
 _SCALE = re.compile(r"\s*(\d+(?:\.\d+)?[eE][+-]?\d+)\s*\*\s*")
 _PAGE = re.compile(r"\s*Columns? \d+(?: (?:through|thru|and|to) \d+)?:?\s*")
 _ROWS = re.compile(r"([^\[]*)\[\s*((?:\[[^\[\],]*\]\s*)+)\]\s*\)?")
@@ -32,6 +32,9 @@ def literal(text: str) -> Any:
     head = _ASSIGNED.match(text)
     if not head or text.count("[") + text.count("(") > _DEEPEST + len(text) // 4:
         return None
+    if ":" not in text and "{" in text:  # as in C
+        text = re.sub(r"(?<=\d)[fF]\b", "", text.translate({123: 91, 125: 93}))
+        head = _ASSIGNED.match(text) or head
     plain, many = _NONE.sub("None", text[head.end() :].rstrip().rstrip(",;")), 1
     while many:
         plain, many = _WRAPPED.subn(r"\1", plain)

@@ -54,7 +54,28 @@ _WHICH = _words(
 _BESIDE = _words(
     "no nr number nummer num id idx index nummero numero"
 )  # beside another word, they say nothing more
-_FILLER = _words("field header msg message stamp the of der des in at rosbag and")
+_FILLER = _words(
+    "field header msg message stamp the of der des in at rosbag and side end edge seite ende lado lato cote extremo "
+    "extremite electrode contact signal"
+)
+# Of other scripts, the words that logs have.
+_TRANSLATED = {
+    word: f" {english} "
+    for english, alike in {
+        "time": "\u65f6\u95f4 \u6642\u9593 \u6642\u523b \uc2dc\uac04 \u0432\u0440\u0435\u043c\u044f",
+        "ms": "\u6beb\u79d2 \u30df\u30ea\u79d2",
+        "s": "\u79d2",
+        "channel": "\u901a\u9053 \u30c1\u30e3\u30f3\u30cd\u30eb \ucc44\ub110 \u043a\u0430\u043d\u0430\u043b",
+        "strip": "\u6761 \u689d \u6761\u5e26 \u30b9\u30c8\u30ea\u30c3\u30d7 \u043f\u043e\u043b\u043e\u0441\u0430",
+        "high": "\u9ad8 \u9ad8\u7aef \u4e0a \u4e0a\u7aef \u0432\u0435\u0440\u0445",
+        "low": "\u4f4e \u4f4e\u7aef \u4e0b \u4e0b\u7aef \u043d\u0438\u0437",
+        "voltage": "\u7535\u538b \u96fb\u5727 \u043d\u0430\u043f\u0440\u044f\u0436\u0435\u043d\u0438\u0435",
+        "number": "\u53f7 \u7f16\u53f7 \u756a\u53f7",
+        "frame": "\u5e27 \u30d5\u30ec\u30fc\u30e0",
+    }.items()
+    for word in alike.split()
+}
+_OTHER_SCRIPT = re.compile("|".join(sorted(_TRANSLATED, key=len, reverse=True)))
 UNITS = {
     word: unit
     for unit, alike in {
@@ -186,6 +207,9 @@ def meanings(names: Sequence[str]) -> dict[str, Meaning]:
         return found
     kinds = [{*place} for place in zip(*(slots[n] for n in several), strict=True)]
     varying = [place for place, values in enumerate(kinds) if len(values) > 1]
+    grids = [_in_a_grid(several, split, slots, place) for place in varying]
+    if len(varying) > 1 and sum(map(bool, grids)) == 1:  # as in "101 <VH1>", "Mod2/strip3_hi"
+        return found | next(filter(None, grids))
     pairs = {tuple(slots[n][place] for place in varying) for n in several}
     if len(varying) == 2 and len(kinds[varying[0]]) == len(kinds[varying[1]]) == len(
         pairs
@@ -199,6 +223,27 @@ def meanings(names: Sequence[str]) -> dict[str, Meaning]:
                 read = replace(read, channel=str(slots[name][varying[1]]))
             found[name] = read
     return found
+
+
+def _in_a_grid(
+    names: Sequence[str],
+    split: Mapping[str, tuple[list[str], str]],
+    slots: Mapping[str, list[int]],
+    place: int,
+) -> dict[str, Meaning]:
+    """Return readings if with the number in that place each strip has the same channels, one of each; else none."""
+    read = {
+        n: _of_tokens([*(t for t in split[n][0] if not t.isdigit()), str(slots[n][place])], split[n][1])
+        for n in names
+    }
+    strips: dict[int | None, list[str]] = {}
+    for m in read.values():
+        strips.setdefault(m.strip if m.role == "reading" else None, []).append(m.channel)
+    full = {tuple(sorted(channels)) for channels in strips.values()}
+    channels = full.pop()
+    numbers = sorted(s for s in strips if s is not None)
+    counted = numbers == list(range(numbers[0], numbers[0] + len(strips))) if numbers else False
+    return read if not full and counted and len(set(channels)) == len(channels) and len(strips) > 1 else {}
 
 
 def _with_letters(split: dict[str, tuple[list[str], str]]) -> dict[str, tuple[list[str], str]]:
@@ -220,6 +265,17 @@ def _with_letters(split: dict[str, tuple[list[str], str]]) -> dict[str, tuple[li
                 n: ([*tokens[n][:place], str(ord(letter) - 97), *tokens[n][place + 1 :]], split[n][1])
                 for n, (place, letter) in numbers.items()
             }
+    # Letters of three strips or more, each with the same two numbers, as in "A1", "A2", "B1", ...
+    lettered = {
+        n: (ts[-2], ts[-1]) for n, (ts, _) in split.items() if re.fullmatch(r".*\b[a-z] \d+", " ".join(ts))
+    }
+    first, second = ({pair[k] for pair in lettered.values()} for k in (0, 1))
+    run = len(dict(_from_a(dict.fromkeys(first, "x"))))
+    if len(first) == run > 2 == len(second) and len(lettered) == len({*lettered.values()}) == 2 * run:
+        return split | {
+            n: ([*split[n][0][:-2], str(ord(pair[0]) - 97), pair[1]], split[n][1])
+            for n, pair in lettered.items()
+        }
     return split
 
 
@@ -301,7 +357,11 @@ def unknown_unit(name: str) -> str:
         known = _IN_NAMES.get(inner.lower(), "")
         if known in READING_UNITS or known in TIME_UNITS:
             continue
-        if (square or len(inner) > 1) and _FOREIGN.match(inner):
+        if (
+            (square or len(inner) > 1)
+            and not inner.lower().endswith(("bit", "bits"))
+            and _FOREIGN.match(inner)
+        ):
             return str(inner)
     factor = _FACTOR.search(re.sub(r"[\[(].*?[\])]", " ", name))
     return factor.group() if factor else ""
@@ -322,12 +382,13 @@ def _singular(word: str) -> str:
 
 def _tokens(name: str) -> tuple[list[str], str]:
     """Return a name's words and numbers in lower case, and the unit in brackets, after a slash, or last."""
+    name = _OTHER_SCRIPT.sub(lambda m: _TRANSLATED[m[0]], name)
     plain = "".join(c for c in unicodedata.normalize("NFKD", name) if not unicodedata.combining(c))
     plain = plain.replace("\u03bc", "\u00b5")
     unit = ""
     for bracket in re.finditer(r"[\[(]\s*([^\])]*?)\s*[\])]", plain):
         inner = bracket.group(1).lower()
-        unit = unit or _IN_NAMES.get(inner, "")
+        unit = unit or _IN_NAMES.get(inner, "") or _IN_NAMES.get(inner.rpartition(" in ")[2], "")
         if not re.search(r"\d", inner) and inner not in _HIGH | _LOW | _OUT:  # as in analogRead(H)
             plain = plain.replace(bracket.group(0), " ")
     slash = re.search(r"/\s*(\w+|%)\s*$", plain)

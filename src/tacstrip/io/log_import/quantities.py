@@ -10,7 +10,7 @@ import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.errors import ReadingError
-from tacstrip.io.log_import.columns import Columns
+from tacstrip.io.log_import.columns import CLOCK_BITS, Columns
 from tacstrip.io.log_import.fields import clock_seconds, number_of, says_nothing
 from tacstrip.io.log_import.mapping import RESTARTS, ColumnMapping
 from tacstrip.io.log_import.names import IN_VOLTS, OF_VREF, READING_UNITS, TIME_UNITS, UNITS, unknown_unit
@@ -32,7 +32,6 @@ _LITTLE, _MUCH = 0.21, 0.5
 _EVEN = 0.2  # of the largest step: so much may others of a clock be less
 _BITS = (8, 10, 12, 14, 16, 24)
 _FEW_CODES = 6  # distinct readings that lie on a converter's steps: no chance
-_CLOCK_BITS = (16, 32)
 _FAR = 1e5  # usual steps: no pause is as long
 _JUMP = 5.0  # usual steps: so much a clock may rise where it begins anew
 _EPOCHS = {"s": 1e9, "ms": 1e12, "us": 1e15, "ns": 1e18}  # since 1970, up to 2.2 times that
@@ -41,6 +40,9 @@ _RATE = re.compile(
     r"\b(?:\w*(?:rate|frequenz|frequency|fs|freq|takt)\w*)\b[^\d\n]{0,20}?([\d.,]+)\s*(k?)(?:hz|sps|s/s|1/s)",
     re.IGNORECASE,
 )
+_ALARM = re.compile(
+    r"err|fault|fail|sat|clip|ovf|overf|bad|invalid|miss|\?", re.IGNORECASE
+)  # not of no contact
 _BITS_TOLD = re.compile(r"\b(\d{1,2})[\s_-]?bits?\b", re.IGNORECASE)
 _UNIT_TOLD = re.compile(
     r"\b(?:units?|readings?|values?|voltages?|signals?|channels?|data|in|all|normali[sz]ed|ratiometric)\b[^\n,;]{0,16}?"
@@ -92,7 +94,7 @@ def _clock_bits(clues: Clues, name: str, times: FloatArray, steps: FloatArray) -
     falls, rises = steps[steps < 0.0], steps[steps > 0.0]
     if not len(falls) or not len(rises) or (times != np.round(times)).any():
         return 0
-    for bits in _CLOCK_BITS:
+    for bits in CLOCK_BITS:
         over = falls + 2.0**bits
         if times.max() < 2.0**bits and (over > 0.0).all() and (over <= _JUMP * rises.max()).all():
             clues.because(f"{name}: a clock of {bits} bits, for it begins anew where these are full")
@@ -214,13 +216,30 @@ def words_for_nothing(clues: Clues, found: Columns) -> tuple[str, ...]:
     for name in found.readings:
         for line, text in zip(table.lines, table.column(name), strict=True):
             if _is_word(text, table.decimal):
-                clues.ask(
-                    "untouched", f"line {line}: {text!r} is no number; does it stand for no contact?", text
-                )
-                return tuple(
-                    {t for n in found.readings for t in table.column(n) if _is_word(t, table.decimal)}
-                )
+                said = {t for n in found.readings for t in table.column(n) if _is_word(t, table.decimal)}
+                if any(c.isdigit() or _ALARM.search(t) for t in said for c in t):
+                    clues.ask(
+                        "untouched",
+                        f"line {line}: {text!r} is no number; does it stand for no contact?",
+                        text,
+                    )
+                return tuple(sorted(said))
     return ()
+
+
+def settle_words(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> None:
+    """Ask for words that are no readings, unless both channels of a strip always have them at once, and often."""
+    if not mapping.untouched or "untouched" in {*clues.answers, *(q.key for q in clues.questions)}:
+        return
+    values = np.stack([s.values for s in rough])  # (scans, strips, channels)
+    word = ", ".join(mapping.untouched)
+    idle = np.isnan(values)
+    if values.shape[2] == 2 and (idle[:, :, 0] == idle[:, :, 1]).all() and idle.mean() > _MANY:
+        clues.because(f"{word}: no contact, for both channels of a strip have it at once, and none alone")
+        return
+    clues.ask(
+        "untouched", f"{word!r} is no number; does it stand for no contact?", ",".join(mapping.untouched)
+    )
 
 
 def _is_word(text: str, decimal: str) -> bool:
@@ -235,7 +254,8 @@ def numbers_for_nothing(clues: Clues, rough: list[LogScan]) -> tuple[str, ...]:
     numbers = Counter(values[np.isfinite(values)].tolist())
     found: list[str] = []
     negative = [v for v in numbers if v < 0.0]
-    if len(negative) == 1 and negative[0] <= -1.0 and negative[0] % 1.0 == 0.0:
+    nines = len(negative) == 1 and re.fullmatch(r"-9+\.9+", f"{negative[0]:g}")
+    if len(negative) == 1 and negative[0] <= -1.0 and (negative[0] % 1.0 == 0.0 or nines):
         found.append(f"{negative[0]:g}")
         clues.because(f"{negative[0]:g} stands for no contact: it is the only negative number")
     rest = sorted(v for v in numbers if f"{v:g}" not in found)
@@ -396,6 +416,14 @@ def _by_size(clues: Clues, values: FloatArray, vref: float, bits: int, volts: bo
     if "V" in fits and top > 1.0 and not whole:
         fits = {"V": fits["V"]}
     best = max(fits.values(), default=0.0)
+    if (
+        whole
+        and bits
+        and {*fits} == {"code", "mV"}
+        and fits["mV"] < _LITTLE
+        and _off_steps(values, vref, bits)
+    ):
+        best = max(best, _MUCH)  # so few of the millivolts, and not on the converter's steps of them
     likely = [u for u, used in fits.items() if used >= _LITTLE or best < _MUCH]
     if volts and not whole and "V" in fits:
         likely = list(fits)
@@ -414,6 +442,10 @@ def _by_size(clues: Clues, values: FloatArray, vref: float, bits: int, volts: bo
         if len(named) == 1 and named <= set(likely):
             clues.because(f"readings are in {min(named)}, as the log says above them")
             return named.pop()
+        told = {int(b) for b in _BITS_TOLD.findall("\n".join(clues.table.preamble))}
+        if "code" in likely and not said and bits in told and not volts:
+            clues.because(f"codes of {bits} bits, as the log says above them")
+            return "code"
     if len(likely) == 1:
         of = f", and Vref is {vref:g} V" if vref else ""
         clues.because(f"readings are in {likely[0]}: they reach {top:g}{of}")
@@ -428,6 +460,14 @@ def _by_size(clues: Clues, values: FloatArray, vref: float, bits: int, volts: bo
 def _most(vref: float) -> dict[str, float]:
     """Return the most that there can be in each unit but codes."""
     return {u: vref / scale for u, scale in IN_VOLTS.items()} | {u: 1.0 / s for u, s in OF_VREF.items()}
+
+
+def _off_steps(values: FloatArray, vref: float, bits: int) -> bool:
+    """Return whether several whole numbers lie between the steps in millivolts of a converter, rounded."""
+    step = 1000.0 * vref / 2.0**bits
+    distinct = np.unique(values)
+    off = np.abs(distinct - step * np.round(distinct / step))
+    return step > 2.0 and int((off > 1.0).sum()) >= _FEW_CODES
 
 
 def _on_steps(values: FloatArray, vref: float, bits: int) -> str:

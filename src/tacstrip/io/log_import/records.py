@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from tacstrip.errors import ReadingError
-from tacstrip.io.log_import.fields import says_nothing
+from tacstrip.io.log_import.fields import is_prose, says_nothing
 from tacstrip.io.log_import.literals import literal, literals
 from tacstrip.io.log_import.names import CHANNELS, UNITS, meaning
-from tacstrip.io.log_import.table import Table, flattened, of_records
+from tacstrip.io.log_import.table import Table, flattened, of_records, said_above
 
 STEADY = 0.8  # of the lines: a form that as many have is that of the log
 _LABELS = frozenset({"time", "scan", "strip", "which"})
@@ -22,10 +22,12 @@ _FEW_KINDS = 0.5  # of the records: as many name the same values, or all do as t
 _COMMA = re.compile(r"(?<![\d,.:])\d+,\d+(?![\d,.])")
 _WITH_TIME = re.compile(r"\d\s?(?:[mu]?s|min)\Z")
 _EPOCH = re.compile(r"1\d{9}(?:\.\d+|\d{3}|\d{6}|\d{9})?")  # since 1970
+_ENDED = re.compile(r"\s*(?:[,;|/)]|\Z|\S*[A-Za-z]\S*\s*[:=])")  # behind a value: a mark, or the next name
 _SAMPLE = 200  # lines that tell whether all are of a kind
 _UNIT = "|".join(sorted((re.escape(u) for u in UNITS if len(u) < 8), key=len, reverse=True))
 _TOKEN = re.compile(
-    rf"""(?P<clock>(?<![\w.])\d{{1,2}}:\d\d(?::\d\d(?:[.,]\d+)?|\.\d+)?(?!\d))
+    rf"""(?P<clock>(?<![\w.])\d{{4}}-\d\d-\d\d[T ]\d\d:\d\d:\d\d(?:[.,]\d+)?(?:Z|[+-]\d\d:?\d\d)?(?!\w)
+    | (?<![\w.])\d{{1,2}}:\d\d(?::\d\d(?:[.,]\d+)?|\.\d+)?(?!\d))
     | (?P<number>(?<![\w.])(?>[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?(?:\s?(?i:{_UNIT})(?![\w=:]))?))(?![\w])
     | (?P<word>(?:\d{{1,3}}(?=[A-Za-z]{{1,5}}\b))?
         [A-Za-zµ_\u00c0-\u024f][\w/.%-]*(?:\[\d+\])*(?:\s?[\[(][^\])\d]{{0,12}}[\])](?=\s*[:=]))?)
@@ -56,6 +58,13 @@ def items(line: str) -> list[Item]:
     if dressed := re.match(r"\s*[*#=~_<>-]{2,}\s*(?=\w)", line):  # as in "--- scan 3 ---"
         line = re.sub(r"[\s*#=~_<>-]+$", "", line[dressed.end() :])
     line = re.sub(r"\s*:\s*$", "", line)
+    line = re.sub(r"\b\w+=\"[^\"]*[A-Za-z][^\"]*\"", "", line)  # a text
+    line = re.sub(r"=(?=\s*(?:[,;|]|$|\s[A-Za-z]\w*=))", "=nan", line)  # of which nothing is said
+    for listed in re.findall(r"[:=]\s*((?:[^\s,;:=]+\s*,\s*){2,}[^\s,;:=]+)", line):
+        parts = [p.strip(" ()[]{}") for p in listed.split(",")]
+        odd = [n for n, p in enumerate(parts) if not (re.search(r"\d", p) or says_nothing(p))]
+        if odd and len(odd) < len(parts) and (len(odd) > 1 or odd[0] < len(parts) - 1):
+            return []  # else the others would be taken for other strips
     garbled = re.search(r"\d[?\ufffd]|[?\ufffd]\d", line)
     if garbled or re.search(r"\d", _TOKEN.sub("", line)):  # not all of it would be read
         return []
@@ -72,9 +81,16 @@ def items(line: str) -> list[Item]:
 
     for token in _TOKEN.finditer(line):
         kind, text = str(token.lastgroup), token.group().strip()
-        nothing = says_nothing(text) and (open_name or (words and meaning(words[-1]).channel in CHANNELS))
+        nothing = says_nothing(text) and (
+            open_name or (words and (meaning(words[-1]).channel in CHANNELS or _is_strip(words[-1])))
+        )
         if kind == "word" and not nothing:
             named = line[token.end() :].lstrip()[:1] in (":", "=") and token.end() < len(line)
+            void = open_name and not named and not found[-1].values and _is_reading(found[-1].name)
+            if void and _ENDED.match(line, token.end()):  # as in "H=OL L=OL"
+                found[-1] = replace(found[-1], values=(text,))
+                open_name = False
+                continue
             if open_name and not named and text.casefold() in UNITS and found and found[-1].values:
                 continue  # a unit apart from its number
             words.append(text)
@@ -97,8 +113,11 @@ def items(line: str) -> list[Item]:
                 last_word = meaning(words[-1])
                 beside = line[end : token.start()].isspace()
                 beside = beside and (last_word.strip is None or last_word.channel in CHANNELS)
-                implied = last_word.role in _LABELS or (last_word.channel and beside)
+                implied = last_word.role in _LABELS and (last_word.role == "time" or not text[-1:].isalpha())
+                implied = implied or bool(last_word.channel and beside)
                 timed = "time" if _WITH_TIME.search(text) and len(words[-1]) < 4 else ""  # as in "at 20 ms"
+                if _is_strip(words[-1]) and not timed:  # as in "S1 512/300"
+                    found.append(Item("strip", (str(last_word.strip),), told=False))
                 close(words[-1] if implied else timed, told=False)
             elif not open_name:
                 found.append(Item("time" if _WITH_TIME.search(text) else "", (), told=False))
@@ -116,14 +135,24 @@ def items(line: str) -> list[Item]:
         return found
     for place, end in zip(places, [*places[1:], len(found)], strict=True):  # each holds up to the next
         strip = found[place].values[0]
+        bare = [n for n in range(place + 1, end) if not found[n].name]
+        if len(bare) > 1:  # a pair such as 512/300
+            found[bare[0]] = replace(found[bare[0]], values=tuple(v for n in bare for v in found[n].values))
+            for n in bare[1:]:
+                found[n] = replace(found[n], values=())
         for n in range(place + 1, end):
             found[n] = replace(found[n], name=f"strip {strip} {found[n].name}".rstrip())
-    return [item for n, item in enumerate(found) if n not in places]
+    return [item for n, item in enumerate(found) if n not in places and item.values]
 
 
 def _is_strip(word: str) -> bool:
     said = meaning(word)
     return said.role == "reading" and said.strip is not None and not said.channel and not said.unit
+
+
+def _is_reading(name: str) -> bool:
+    said = meaning(name)
+    return said.role == "reading" and (said.channel in CHANNELS or said.strip is not None)
 
 
 def is_label(found: Sequence[Item]) -> bool:
@@ -147,8 +176,9 @@ def named_values(lines: list[tuple[int, str]]) -> Table | None:
 
 
 def _pairs(found: Sequence[Item]) -> bool:
-    """Return whether a line is of words and numbers in turn, such as "S3 H 512 L 300"."""
-    return all(i.name for i in found) and any(meaning(i.name).channel for i in found)
+    """Return whether a line is of words and numbers in turn, such as "S3 H 512 L 300" or "S1 512/300 | S2 480/270"."""
+    strips = sum(i.name.startswith("strip ") for i in found)
+    return strips > 1 or (all(i.name for i in found) and any(meaning(i.name).channel for i in found))
 
 
 def _with_points(lines: list[tuple[int, str]]) -> list[tuple[int, str]]:
@@ -219,7 +249,7 @@ def _gathered(parsed: list[tuple[int, list[Item]]], texts: Mapping[int, str]) ->
             continue
         fields = _fields(found)
         told = {name: f for name, f in fields.items() if meaning(name).role in _LABELS}
-        if told or any(name in record for name in fields):
+        if any(labels.get(n) != f for n, f in told.items()) or any(name in record for name in fields):
             flush()
         alone = len(told) == len(fields)  # a line that only says which scan the next ones are of
         if anew := [n for n in told if n in heading and alone]:
@@ -271,7 +301,11 @@ def _gathered(parsed: list[tuple[int, list[Item]]], texts: Mapping[int, str]) ->
         above += [i for i, r in odd if i < lines[0] and (not usual & {*r} or list(r) == names[-len(r) :])]
         strange += [i for i, _ in odd if i not in above]
     above = [i for i in above if i not in strange]
+    words = {w.casefold() for n in usual for w in re.findall(r"[A-Za-z]+", n)}
+    prose = [i for i in strange if is_prose(texts[i], words)]
+    strange = [i for i in strange if i not in prose]
     said = [f"{len(above)} line(s) above passed over"] if above else []
+    said += [f"line(s) {', '.join(map(str, prose))}: messages, passed over"] if prose else []
     table = of_records(records, lines, ".", "each line names its values", *said)
     quotes = {i: texts[i].strip() for i in strange}
     if empty:
@@ -298,18 +332,30 @@ def of_literals(text: str, path: str | Path) -> Table | None:
     if found is None or not any(isinstance(value, dict | list) for _, value in found):
         found, broken = literals(text), []
     if len(found) == 1 and isinstance(found[0][1], dict):
-        found = list(enumerate(_rows_of(found[0][1]), 1))
-    rows = [(i, value) for i, value in found if isinstance(value, list | tuple)]
+        table = of_values(found[0][1], path)
+    else:
+        table = of_values(found, path, numbered=True)
+    return None if table is None else replace(table, broken=tuple(broken))
+
+
+def of_values(
+    value: Any, path: str | Path, told: str = "records in JSON", *, numbered: bool = False
+) -> Table | None:
+    """Return records, lists or an object of columns as a table; None where they are none. Perhaps with their lines."""
+    above: tuple[str, ...] = ()
+    found = value if numbered else list(enumerate(_rows_of(value), 1))
+    if not numbered and isinstance(value, dict) and found[0][1] is not value:
+        above = said_above({k: v for k, v in value.items() if not isinstance(v, list)})
+    rows = [(i, row) for i, row in found if isinstance(row, list | tuple)]
     if rows and len(rows) == len(found):
-        return _of_lists(rows)
+        table = _of_lists(rows)
+        return table and replace(table, preamble=above)
     records, lines = [], []
-    for number, value in found:
-        for record in _exploded(value) if isinstance(value, dict) else []:
+    for number, row in found:
+        for record in _exploded(row) if isinstance(row, dict) else []:
             records.append(record)
             lines.append(number)
-    if not records:
-        return None
-    return replace(of_records(records, lines, ".", "records in JSON"), broken=tuple(broken))
+    return replace(of_records(records, lines, ".", told), preamble=above) if records else None
 
 
 def _of_lists(rows: Sequence[tuple[int, Any]]) -> Table | None:
@@ -347,6 +393,8 @@ def _json(text: str, path: str | Path) -> tuple[list[tuple[int, Any]] | None, li
         if broken and broken[0] < found[0][0] and not plain.lstrip().startswith("{"):
             del broken[0]  # the log begins in the middle of it
         return found, broken
+    if isinstance(whole, dict):
+        return [(1, whole)], []
     rows = list(enumerate(_rows_of(whole), 1))
     if rows and not any(isinstance(r, dict | list) for _, r in rows):
         return None, []
@@ -366,6 +414,10 @@ def _rows_of(value: Any) -> list[Any]:
         for k, v in value.items()
     ):
         return [value]  # one scan
+    rows = [(k, v) for k, v in lists.items() if len(v) > 1 and all(isinstance(r, list) for r in v)]
+    if len(rows) == len(lists) == 1 and len({len(r) for r in rows[0][1]}) == 1:  # one matrix
+        key, matrix = rows[0]
+        return [list(c) for c in zip(*matrix, strict=True)] if meaning(key).role == "strip" else matrix
     columns = lists
     if isinstance(value, dict) and len(value) > 1 and all(isinstance(v, dict) for v in value.values()):
         columns = {k: list(v.values()) for k, v in value.items()}  # as pandas writes it
@@ -375,11 +427,19 @@ def _rows_of(value: Any) -> list[Any]:
 
 
 def _exploded(record: Mapping[str, Any]) -> list[dict[str, str]]:
-    """Return a record as rows: one, or one for each element of the list of records that is in it."""
-    inner = [
-        k for k, v in record.items() if isinstance(v, list) and v and all(isinstance(e, dict) for e in v)
-    ]
+    """Return a record as rows: one, or one for each element of the only list of records that is in it."""
+    parts = _unfolded("", record)
+    inner = [k for k, v in parts.items() if isinstance(v, list) and v and all(isinstance(e, dict) for e in v)]
     if len(inner) != 1:
         return [flattened("", dict(record))]
-    outer = flattened("", {k: v for k, v in record.items() if k != inner[0]})
-    return [outer | flattened(inner[0], element) for element in record[inner[0]]]
+    outer = flattened("", {k: v for k, v in parts.items() if k != inner[0]})
+    return [outer | flattened(inner[0], element) for element in parts[inner[0]]]
+
+
+def _unfolded(name: str, record: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a record with the parts of the records in it beside its own."""
+    parts: dict[str, Any] = {}
+    for key, value in record.items():
+        key = f"{name}.{key}" if name else str(key)
+        parts |= _unfolded(key, value) if isinstance(value, dict) and value else {key: value}
+    return parts

@@ -154,8 +154,12 @@ def _in_order(
     for n, key in enumerate(zip(*(table.column(k) for k in keys), strict=True)):
         groups.setdefault(key, []).append(n)
     runs = list(groups.values())
-    together = all(run == list(range(run[0], run[0] + len(run))) for run in runs)
-    if not together or len(runs) < 2 or len(runs[0]) < 2 or len({tuple(times[run]) for run in runs}) > 1:
+    if (
+        (np.diff(times) >= 0.0).all()
+        or len(runs) < 2
+        or len(runs[0]) < 2
+        or len({tuple(times[run]) for run in runs}) > 1
+    ):
         return table, times
     if (np.diff(times[runs[0]]) <= 0.0).any():
         return table, times

@@ -12,7 +12,7 @@ import numpy as np
 from tacstrip.errors import ReadingError
 from tacstrip.io.log_import.fields import array_of, clock_seconds, number_of, quantity
 from tacstrip.io.log_import.names import IN_VOLTS, READING_UNITS, TIME_UNITS, UNITS, meaning, meanings
-from tacstrip.io.log_import.table import Table, flattened
+from tacstrip.io.log_import.table import ROW, Table, flattened
 
 _ARRAYS = 0.5  # of a column's fields that say something: then it is one of arrays
 _WHOLE_SECONDS = r"(?:[\d/.-]+[T ])?\d{1,2}:\d\d:\d\d"
@@ -20,6 +20,7 @@ _UNITS_COLUMN = re.compile(
     r"(?:\w+[ _.])?(?:units?|einheit(?:en)?|unit\u00e9s?|unidad|unit\u00e0)(?:[ _.]\w+)?", re.I
 )
 _FEW_BLANKS = 0.25  # of the rows: where more have no time, cells are merged
+_CORNER = re.compile(r"(\w+)\s*[\\/|]\s*(t|time|zeit)\s*(?:[\[(]?(\w+)[\])]?)?", re.I)
 _SCAN_IN_NAME = re.compile(r"\W*(t|time|zeit|scan|frame|sample)\W*([+-]?\d+(?:\.\d+)?)\s*(\w*)\W*\Z", re.I)
 
 
@@ -30,8 +31,8 @@ def in_normal_form(table: Table) -> Table:
     two, merged cells are filled, a column that only counts the rows is left out, and columns of scans become rows.
     """
     steps: tuple[Callable[[Table], Table], ...] = (
-        _without_empty, _of_one_clock, _transposed, _spread, _without_units, _of_unit_column, _in_one_unit,
-        _upright, _split_keys, _filled, _without_index,
+        _without_empty, _of_one_clock, _of_two_numbers, _transposed, _spread, _without_units, _of_unit_column,
+        _in_one_unit, _upright, _split_keys, _filled, _without_index,
     )  # fmt: skip
     for step in steps:
         table = step(table) if table.rows else table
@@ -53,6 +54,14 @@ def _without_empty(table: Table) -> Table:
 def _of_one_clock(table: Table) -> Table:
     """Put milliseconds that stand in a column of their own behind the seconds of a clock."""
     clocks = [n for n in table.names if all(re.fullmatch(_WHOLE_SECONDS, f) for f in table.column(n))]
+    for name in [n for n in table.names if re.fullmatch(r"frac\w*[ _]sec\w*", n, re.I)]:
+        columns = {n: table.column(n) for n in table.names if n != name}
+        if len(clocks) == 1 and all(re.fullmatch(r"0?\.\d+|0", f) for f in table.column(name)):
+            columns[clocks[0]] = [
+                f"{a}.{b.partition('.')[2] or 0}"
+                for a, b in zip(columns[clocks[0]], table.column(name), strict=True)
+            ]
+            return _with(table, columns, f"{clocks[0]} and {name}: a clock and the parts of its seconds")
     for name in [n for n in table.names if (m := meaning(n)).role == "time" and m.unit in ("ms", "us")]:
         digits, fields = {"ms": 3, "us": 6}[meaning(name).unit], table.column(name)
         if len(clocks) != 1 or not all(f.isdigit() and len(f) <= digits for f in fields):
@@ -62,6 +71,26 @@ def _of_one_clock(table: Table) -> Table:
         times = [clock_seconds(f) or 0.0 for f in columns[clocks[0]]]
         if not any(b < a for a, b in itertools.pairwise(times)):
             return _with(table, columns, f"{clocks[0]} and {name}: a clock and the parts of its seconds")
+    return table
+
+
+def _of_two_numbers(table: Table) -> Table:
+    """Put nanoseconds that stand in a column of their own behind the seconds, as ROS writes a time."""
+    parts = {
+        n: m for n in table.names if (m := re.fullmatch(r"(.*?)n(?:ano)?_?sec(?:ond)?s?", n, re.IGNORECASE))
+    }
+    for name, found in parts.items():
+        whole = [
+            n for n in table.names if re.fullmatch(re.escape(found[1]) + r"sec(?:ond)?s?", n, re.IGNORECASE)
+        ]
+        if len(whole) != 1 or not all(f.isdigit() for n in (whole[0], name) for f in table.column(n)):
+            continue
+        columns = {n: table.column(n) for n in table.names if n != name}
+        columns[whole[0]] = [
+            f"{a}{int(b):09d}" for a, b in zip(columns[whole[0]], table.column(name), strict=True)
+        ]
+        columns = {f"{n} [ns]" if n == whole[0] else n: f for n, f in columns.items()}
+        return _with(table, columns, f"{whole[0]} and {name}: seconds and their parts")
     return table
 
 
@@ -187,8 +216,15 @@ def _of_unit_column(table: Table) -> Table:
 
 def _upright(table: Table) -> Table:
     """Turn a table whose columns are scans, named by their times or numbers, into one of rows."""
+    corner = next((m for n in table.names if (m := _CORNER.fullmatch(n))), None)
+    if corner and table.named:  # as in "strip \\ t(s), 0.0, 0.5, ..."
+        plain = [
+            corner[1] if n == corner[0] else f"t={n} {corner[3] or ''}" if number_of(n) is not None else n
+            for n in table.names
+        ]
+        table = replace(table, names=tuple(plain))
     scans = {n: m for n in table.names if (m := _SCAN_IN_NAME.match(n))}
-    others = [n for n in table.names if n not in scans]
+    others = [n for n in table.names if n not in scans and n != ROW]
     if len(scans) < 2 or not 1 <= len(others) <= 2 or len(scans) < len(others):
         return table
     word, _, unit = next(iter(scans.values())).groups()

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from tacstrip.errors import ReadingError
-from tacstrip.io.log_import.fields import is_value, number_of, says_nothing, ungrouped
+from tacstrip.io.log_import.fields import is_prose, is_value, number_of, says_nothing, ungrouped
 from tacstrip.io.log_import.names import READING_UNITS, UNITS, meaning, meanings
 
 CLOCK = "time stamp"  # the column of what a serial monitor or a logger puts before each line
@@ -24,6 +24,11 @@ _STATISTICS = frozenset(
     | {"anzahl", "rms", "var", "variance", "range", "25%", "50%", "75%"}
 )  # fmt: skip
 _INNER = re.compile(r"(?:\[\d+\]|\.\w+)([.\[].*)")  # what is within a part of a record
+_SAID_IN = {"hz": "Hz", "s": "s", "ms": "ms", "us": "us", "v": "V", "volt": "V", "volts": "V", "mv": "mV"}
+_SAID = (
+    (r"(?:\w+[_ ]?)?(?:fs|rate|freq|frequency|hz|sps)", "Hz"), (r"dt|interval|period|t_?s(?:ample)?", "s"),
+    (r"(?:adc[_ ]?)?(?:bits|resolution(?:[_ ]bits)?)", "bits"), (r"v_?ref|aref|vcc|vdd", "V"),
+)  # fmt: skip
 _FEW = 2  # fields that may look like units by chance
 
 
@@ -120,6 +125,27 @@ def flattened(name: str, value: Any) -> dict[str, str]:
     return {key: text for part, v in parts for key, text in flattened(part, v).items()}
 
 
+def said_above(values: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return what stands beside a log's arrays or records as lines such as "rate 20 Hz" that could stand above them.
+
+    Examples
+    --------
+    >>> said_above({"meta": {"fs": 20, "adc": {"bits": 12}}, "vref_mV": 3300, "unit": "mV"})
+    ('fs: 20 Hz', 'bits: 12 bits', 'vref: 3300 mV', 'unit: mV')
+    """
+    told: list[str] = []
+    for key, value in values.items():
+        if isinstance(value, Mapping):
+            told += said_above(value)
+        elif isinstance(value, str | int | float) and not isinstance(value, bool):
+            name, _, last = key.rpartition("_")
+            unit = _SAID_IN.get(last.casefold() if name else "", "")
+            name = name if unit else key
+            unit = unit or next((u for words, u in _SAID if re.fullmatch(words, key, re.IGNORECASE)), "")
+            told.append(f"{name}: {value} {unit if isinstance(value, int | float) else ''}".rstrip())
+    return tuple(told)
+
+
 def text_of(value: Any) -> str:
     """Return a cell of a spreadsheet, an array or a record as a field."""
     if value is None or value != value:
@@ -154,8 +180,9 @@ def headed(
     """
     full = [row for _, row in split if len(row) == width]
     numeric = [
-        any(column) and 2 * sum(is_value(c, decimal) for c in column if c) >= sum(map(bool, column))
-        for column in zip(*full[len(full) // 2 :], strict=True)
+        any(is_value(c, decimal) for c in column)
+        and 2 * sum(is_value(c, decimal) for c in column) >= sum(not says_nothing(c) for c in column)
+        for column in zip(*full[len(full) // 3 :], strict=True)
     ]
     if not any(numeric):
         raise ReadingError("the log has no column of numbers")
@@ -171,7 +198,7 @@ def headed(
     ]
     first = headers.index(False) if False in headers else len(split)
     above = [row for _, row in split[:first] if len(row) == width and any(row)][-_TALLEST_HEADER:]
-    if first < len(split) and _counts(split[first][1], full[-1]):  # as of a frame without names
+    if first < len(split) and (_counts(split[first][1], full[-1]) or _numbers_columns(split[first][1])):
         above, first = [*above, split[first][1]], first + 1
     # What is below the names, and has numbers, is no heading, however short.
     names_at = max((n for n, (_, row) in enumerate(split[:first]) if row in above), default=first)
@@ -191,14 +218,29 @@ def headed(
     sums = sums if 2 * len(sums) < len(rows) else {}  # else these are labels
     rows = [(i, row) for i, row in rows if i not in sums]
     # A line without a digit holds no reading, so none is lost with it.
-    broken = tuple(i for i, row in below if len(row) != width and re.search(r"\d", "".join(row)))
+    told_names = {w.casefold() for row in above for w in re.findall(r"[^\W\d_]+", " ".join(row))}
+    told_names |= {w.casefold() for _, row in rows for cell in row for w in re.findall(r"[^\W\d_]{3,}", cell)}
+    broken = tuple(
+        i for i, row in below
+        if len(row) != width and re.search(r"\d", "".join(row)) and not is_prose(" ".join(row), told_names)
+    )  # fmt: skip
     words = sum(len(row) != width for _, row in below) - len(broken)
     if not rows:
         raise ReadingError("the log has no line of readings" + (", only names" if above else ""))
     names = _names(above, width)
+    columns = list(zip(*(row for _, row in rows), strict=True))
+    again_at = {
+        n
+        for n in range(width)
+        if columns[n] in [c for c, x in zip(columns[:n], names, strict=False) if x == names[n]]
+    }
+    again_at = {n for n in again_at if any(columns[n])}
+    if again_at:
+        names = [x for n, x in enumerate(names) if n not in again_at]
+        rows = [(i, [c for n, c in enumerate(row) if n not in again_at]) for i, row in rows]
     told = [
         f"{first - len(above)} line(s) above the table passed over" if first > len(above) > 0 else "",
-        f"{words} line(s) without a number passed over" if words else "",
+        f"{words} line(s) without a reading passed over" if words else "",
         f"line {min(again)}: the names again; passed over" if again else "",
         f"line(s) {', '.join(map(str, sums))}: {', '.join(dict.fromkeys(sums.values()))}; passed over"
         if sums
@@ -228,6 +270,8 @@ def _names(above: list[list[str]], width: int) -> list[str]:
         return best
     given = [u.strip("[]() ") for u in units]
     known = [UNITS.get(u) or UNITS.get(u.lower(), "") for u in given]
+    if meaning(units[0]).role and not known[0]:  # a name beside units, as in "time [s], V, V"
+        best = [units[0], *best[1:]]
     return [f"{n} [{u}]" if u and n and not meaning(n).unit else n for n, u in zip(best, known, strict=True)]
 
 
@@ -245,7 +289,8 @@ def _joined(rows: list[list[str]]) -> list[str]:
     for parts in columns:
         told = list(dict.fromkeys(p for p in parts if p))
         joined = " ".join(told)
-        names.append(joined if len(told) < 2 or meaning(joined).role else told[-1])
+        own = len(told) < 2 or (meaning(joined).role and meaning(told[-1]).role != "time")
+        names.append(joined if own else told[-1])
     return names
 
 
@@ -278,6 +323,12 @@ def _counts(row: list[str], other: list[str]) -> bool:
     if len(counted) < 2 or counted[0] == 0 or not any(other[: counted[0]]) or len(set(many.values())) > 1:
         return False
     return any(set(many) == {float(n + base) for n in range(len(many))} for base in (0, 1))
+
+
+def _numbers_columns(row: Sequence[str]) -> bool:
+    """Return whether a row only numbers its columns: 0, 1, 2, ... or 1, 2, 3, ..."""
+    row = [cell for cell in row if cell]
+    return len(row) > _FEW + 1 and any(row == [str(n + base) for n in range(len(row))] for base in (0, 1))
 
 
 def _are_units(row: list[str]) -> bool:

@@ -13,32 +13,44 @@ from pathlib import Path
 import numpy as np
 
 from tacstrip.errors import ReadingError
+from tacstrip.io.log_import.dialects import of_dialect, plain_rows
 from tacstrip.io.log_import.fields import STAMP, is_value, number_of, says_nothing
 from tacstrip.io.log_import.literals import one_page, unwrapped
 from tacstrip.io.log_import.names import meaning
 from tacstrip.io.log_import.records import STEADY, Item, is_label, items, named_values, of_literals
+from tacstrip.io.log_import.sections import in_one_table
 from tacstrip.io.log_import.shape import in_normal_form
 from tacstrip.io.log_import.table import CLOCK, ROW, Table, decimal_mark, headed
 
 _WIDE = "  "  # two spaces or more
 _SEPARATORS = (";", "\t", "|", ",", _WIDE, " ")
 _COMMENT = ("#", "%", "//", "!")
+_DAY_NAMED = r"(?:(?:[A-Z][a-z]{2},? )?[A-Z][a-z]{2} [ \d]\d )?"  # as "Sun Nov 22 "
+_HOST = re.compile(r"[\w.-]+ [\w./-]+(?:\[\d+\])?: ")  # behind the time of a system's journal
 # Such as "14:03:07.512 -> ", which the serial monitor of the Arduino IDE puts before each line, or "[14:03:07] ".
-_STAMPED = re.compile(rf"\s*\[?(?P<stamp>{STAMP})\]?(?!\s*[AaPp]\.?[Mm]\b)\s*(?:->|=>|>|\||:|\t|\s)\s*(?=\S)")
+_STAMPED = re.compile(
+    rf"\s*\[?{_DAY_NAMED}(?P<stamp>{STAMP})(?: \d{{4}}(?=\]))?\]?"
+    r"(?!\s*[AaPp]\.?[Mm]\b)\s*(?:->|=>|>|\||:|\t|\s)\s*(?=\S)"
+)
 _LEVEL = re.compile(r"[\[(]?(?:TRACE|DEBUG|INFO|WARN|WARNING|ERROR)[\])]?[\s:|-]\s*")
 _ARRAY = re.compile(r"(?<![\"\w])\[[\d\s.,;eE+\-naNuloNe]*\](?!\")")
 _BRACKETED = re.compile(r"\s*[\[({](.*)[\])}]\s*[,;]?\s*")  # a line such as "(20, [1, 2])"
 _PREFIX = re.compile(r"\s*(?:[A-Za-z]+:|-)\s+(?=[-+.\d])")  # such as "RX: " before the fields of each line
 _CHECKED = re.compile(r"\*[\dA-Fa-f]{2}\s*\Z")  # the checksum of a sentence as of NMEA
+_VALUE = r"[+-]?(?:\d+\.?\d*|\.\d+)|nan|NaN|NA|OL|-{1,3}|\."
+_PAIRED = re.compile(rf"(?<![\w./:(-])\(?({_VALUE})\s?(?:/|,\s?(?=[^()]*\))|:)\s?({_VALUE})\)?(?![\w./:-])")
+_TOPIC = re.compile(r"([A-Za-z][\w.-]*(?:/[\w.-]+)+)\s+(\S+)")
 # Such as "[001200] " or "I (1200) ".
 _COUNTED = re.compile(r"\s*(?:[A-Z]\s)?[\[(]\s*(?P<stamp>\d+(?:\.\d+)?)\s*[\])]:?\s*(?=\S)")
 _REMARK = re.compile(r"(?<=[\d\w,;])\s+(?:#|//)\s+\S.*")  # behind the fields of a line
 _SHELL = re.compile(
-    r"\s*(?:>>> (?!\s*[-+\d.]).*|\[\d+ rows x \d+ columns\]\s*)"
+    r"\s*(?:>>> (?!\s*[-+\d.]).*|\[\d+ rows x \d+ columns\]\s*|\(?\d+ rows?(?: in set.*|\)\s*))"
 )  # around a printed DataFrame
+_R_ROW = re.compile(r"\s*\[\d+,\](?=\s)")  # before the rows of a matrix that R prints
 _RULE = re.compile(r"[\s\-=+|~*_:]+")  # a line drawn below names
 _SEVERAL = re.compile(r"[\d-]\s+[-+]?\d")
 _NUMBERED = re.compile(r"[A-Za-z_]+\d+\S*")  # a column's name, such as S1 or v2_h
+_HALF_WIDTH = {c: c - 0xFEE0 for c in range(0xFF01, 0xFF5F)}  # of East Asian full-width letters and digits
 _SAMPLE = 500  # lines at either end that tell what separates the fields
 _BETWEEN = r"[,;|\s]+"
 _HEX = r"[\dA-Fa-f]{2,8}"
@@ -78,7 +90,8 @@ def _in_utf16(raw: bytes, file: Path, name: str) -> str:
 
 def of_text(text: str, path: str | Path = "the log") -> Table:
     """Return a text as a table in normal form; errors as of `read_table`."""
-    if (table := of_literals(text, path)) is not None:
+    text = plain_rows(text.translate(_HALF_WIDTH))
+    if (table := of_literals(text, path) or of_dialect(text, str(path))) is not None:
         return in_normal_form(table)
     text = re.sub(r"\x1b\[[0-9;]*[A-Za-z]", "", text)  # a terminal's colours
     # The empty lines in between tell where blocks begin.
@@ -101,12 +114,18 @@ def of_text(text: str, path: str | Path = "the log") -> Table:
     if sum(bool(_CHECKED.search(line)) for _, line in lines) > STEADY * len(lines):
         lines = [(i, _CHECKED.sub("", line)) for i, line in lines]
     heads = Counter(m.group() if (m := _PREFIX.match(line)) else "" for _, line in lines)
-    head, many = heads.most_common(1)[0]
     numbers = sum(bool(re.search(r"\d|nan", line)) for _, line in lines)
-    if head and many > STEADY * numbers and not meaning(head).role:
-        lines = [(i, line.removeprefix(head)) for i, line in lines]
+    for head, many in heads.most_common(1):
+        wide = sum(len(re.split(_BETWEEN, line.strip())) > _FEW_LINES for _, line in lines) > STEADY * numbers
+        if head and many > STEADY * numbers and (wide or not meaning(head).role):
+            lines = [(i, line.removeprefix(head)) for i, line in lines]
+    if sum(bool(_R_ROW.match(line)) for _, line in lines) > _MOSTLY * len(lines):
+        lines = [(i, _R_ROW.sub("", line)) for i, line in lines if not line.startswith("> ")]
     if sum(_BRACKETED.fullmatch(line) is not None for _, line in lines) > STEADY * len(lines):
         lines = [(i, _BRACKETED.sub(r"\1", line)) for i, line in lines]
+    if sum(line.lstrip().startswith("#") for _, line in lines) > STEADY * len(lines):  # it numbers them
+        lines = [(i, line.lstrip("# \t")) for i, line in lines]
+    lines = in_one_table(_in_pairs(_of_topics(lines)))
     table = named_values([(i, line) for i, line in lines if not line.lstrip().startswith(_COMMENT)])
     if table is None:
         blank = {i for i, line in every if not line.strip() or _RULE.fullmatch(line)}
@@ -125,6 +144,32 @@ def of_text(text: str, path: str | Path = "the log") -> Table:
     return in_normal_form(table)
 
 
+def _of_topics(lines: list[tuple[int, str]]) -> list[tuple[int, str]]:
+    """Return lines of a path and a value, such as "lab/skin/3/high 2.5", with an equals sign between them."""
+    found = [_TOPIC.fullmatch(line.strip()) for _, line in lines]
+    if sum(bool(m) for m in found) <= STEADY * len(lines):
+        return lines
+    return [(i, f"{m[1]}={m[2]}" if m else line) for (i, line), m in zip(lines, found, strict=True)]
+
+
+def _in_pairs(lines: list[tuple[int, str]]) -> list[tuple[int, str]]:
+    """Return lines with spaces, or what else stands between fields, in pairs of values such as 512/300 or (2.5,1.1)."""
+    many = Counter(len(_PAIRED.findall(line)) for _, line in lines)
+    usual, often = many.most_common(1)[0]
+    if usual < 2 or often < STEADY * sum(bool(re.search(r"\d", line)) for _, line in lines):
+        return lines
+    sample = next(line for _, line in lines[len(lines) // 2 :] if len(_PAIRED.findall(line)) == usual)
+    if len(re.findall(r"[A-Za-z]\s*\d*\s*[=:]?\s*#", _PAIRED.sub("#", sample))) > 1:
+        return lines  # these have names
+    between = re.search(r"#([^#]*)#", _PAIRED.sub("#", sample))
+    mark = (between[1].strip() if between else "") or " "
+    if len(mark) > 1:
+        return lines
+    return [
+        (i, _PAIRED.sub(rf"\1{mark}\2", line).replace("|", " " if mark == " " else "|")) for i, line in lines
+    ]
+
+
 def _without_stamps(lines: list[tuple[int, str]]) -> tuple[list[tuple[int, str]], dict[int, str]]:
     """Return lines without what a monitor or a logger puts before each: the time, by line, and a level."""
     found = [_STAMPED.match(line) or _COUNTED.match(line) for _, line in lines]
@@ -134,9 +179,10 @@ def _without_stamps(lines: list[tuple[int, str]]) -> tuple[list[tuple[int, str]]
         return lines, {}  # a table, whose names count the time, too
     stamps = {i: m["stamp"].strip() for (i, _), m in zip(lines, found, strict=True) if m}
     rest = [(i, line[m.end() :] if m else line) for (i, line), m in zip(lines, found, strict=True)]
-    levels = [_LEVEL.match(line) for _, line in rest]
-    if all(levels):
-        rest = [(i, line[m.end() :]) for (i, line), m in zip(rest, levels, strict=True) if m]
+    for prefix in (_HOST, _LEVEL):
+        before = [prefix.match(line) for _, line in rest]
+        if all(before) and (prefix is _LEVEL or len({m.group() for m in before if m}) == 1):
+            rest = [(i, line[m.end() :]) for (i, line), m in zip(rest, before, strict=True) if m]
     return [(i, line) for i, line in rest if line.strip()], stamps
 
 

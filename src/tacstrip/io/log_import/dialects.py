@@ -1,0 +1,311 @@
+"""Text of known dialects: Teleplot, InfluxDB's line protocol, YAML, MATLAB's and R's print, HTML and LaTeX tables."""
+
+from __future__ import annotations
+
+import html
+import json
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from tacstrip.io.log_import.arrays import of_arrays
+from tacstrip.io.log_import.fields import number_of, says_nothing
+from tacstrip.io.log_import.records import of_values
+from tacstrip.io.log_import.table import Table, of_records
+
+_STEADY = 0.8  # of the lines
+_TELEPLOT = re.compile(r">([^:|§\d][^:|§]*):(\d+(?:\.\d+)?):([^:;|§]+)(?:§([^|]*))?(?:\|\w*)?")
+_KEYS = r"[^,=\s]+=(?:\"[^\"]*\"|[^,\s\"]+)"
+_INFLUX = re.compile(rf"[^,=\s]+((?:,{_KEYS})*) ({_KEYS}(?:,{_KEYS})*) (\d{{10,19}})")
+_ITEM = re.compile(r"\s*(?:- )*\s*(?:-|[\w.\"'/ -]+:(?:\s.*)?|- .*|---|\.\.\.|#.*)?")
+_ASSIGNED = re.compile(r"([A-Za-z_][\w.]*)\s*=\s*(\[[^\]]*\]|[^;\n\[]+)\s*'?\s*;?")
+_RANGE = re.compile(r"\(?([^:()]+):([^:()]+)(?::([^:()]+))?\)?(?:\s*\.?([*/])\s*(.+))?")
+_PRINTED = re.compile(r"\s*\[(\d+)\]\s+(.*)")  # R's print of a vector
+_NAMED = re.compile(r"(?:\$|>\s*(?:print\()?)\s*([A-Za-z][\w.$]*)\)?\s*")
+_VECTOR = re.compile(r"`?([\w.]+)`?\s*=\s*c\(([^()]*)\)")
+
+
+def of_dialect(text: str, path: str) -> Table | None:
+    """Return a text of a known dialect as a table, not yet in normal form; None where it is of none."""
+    readers: tuple[Callable[[str, str], Table | None], ...] = (_teleplot, _influx, _matlab, _of_r, _yaml)
+    return next((table for read in readers if (table := read(text, path)) is not None), None)
+
+
+def plain_rows(text: str) -> str:
+    r"""Return the rows of an HTML or LaTeX table with tabs between their cells; another text as it is.
+
+    Examples
+    --------
+    >>> plain_rows("<tr><th>t</th><th>h</th></tr> <tr><td>0</td><td>&nbsp;</td></tr>")
+    't\th\n0\t'
+    >>> plain_rows(r"\begin{tabular}{rr} $t$/s & $v_h$/V \\ \midrule 0 & 2.5 \\ \end{tabular}")
+    't/s\tv_h/V\n0\t2.5'
+    """
+    if re.search(r"<tr\b.*</t[dh]>", text, re.IGNORECASE | re.DOTALL):
+        rows = re.findall(r"<tr\b.*?>(.*?)</tr>", text, re.IGNORECASE | re.DOTALL)
+        split = [re.findall(r"<t[dh]\b.*?>(.*?)</t[dh]>", row, re.IGNORECASE | re.DOTALL) for row in rows]
+        cells = [[html.unescape(re.sub(r"<[^>]*>", "", c)) for c in row] for row in split]
+    elif inner := re.search(r"\\begin\{(?:tabular\w*|longtable|array)\}(.*)\\end\{", text, re.DOTALL):
+        body = re.sub(r"\A(?:\[.*?\])?\s*\{[^{}]*\}", "", inner[1])
+        body = re.sub(r"\\(?:top|mid|bottom|h|c)(?:rule|line)(?:\{[^}]*\})?|(?<!\\)%.*", "", body)
+        rows = [re.sub(r"\\(?:text|math)\w*\{([^}]*)\}|[${}]", r"\1", row) for row in body.split(r"\\")]
+        cells = [re.sub(r"\\[;, ]", " ", row).split("&") for row in rows if row.strip()]
+    elif inserted := re.findall(
+        r"INSERT INTO \S+ *\(([^()]*)\) *VALUES *((?:\([^()]*\)[,\s]*)+);", text, re.IGNORECASE
+    ):
+        if len({names for names, _ in inserted}) > 1:
+            return text
+        groups = [inserted[0][0], *(g for _, many in inserted for g in re.findall(r"\(([^()]*)\)", many))]
+        cells = [[c.strip(" '\"`") for c in group.split(",")] for group in groups]
+    else:
+        return text
+    return "\n".join("\t".join(" ".join(c.split()) for c in row) for row in cells)
+
+
+def _lines(text: str) -> list[tuple[int, str]]:
+    return [(i, line.strip()) for i, line in enumerate(text.splitlines(), 1) if line.strip()]
+
+
+def _merged(entries: Iterable[tuple[int, Mapping[str, str], Mapping[str, str]]], told: str) -> Table:
+    """Return values below labels as records: a new one begins with other labels, or a name that comes again."""
+    records: list[dict[str, str]] = []
+    lines: list[int] = []
+    last: Mapping[str, str] | None = None
+    for line, labels, values in entries:
+        if labels != last or any(name in records[-1] for name in values):
+            records.append(dict(labels))
+            lines.append(line)
+            last = labels
+        records[-1] |= values
+    return of_records(records, lines, ".", told)
+
+
+def _teleplot(text: str, _: str) -> Table | None:
+    lines = _lines(text)
+    found = [(i, m) for i, line in lines if (m := _TELEPLOT.fullmatch(line))]
+    if len(found) < _STEADY * len(lines) or len(found) < 2:
+        return None
+    entries = []
+    for i, m in found:
+        name, time, value, unit = (part.strip() if part else "" for part in m.groups())
+        if number_of(value) is not None or says_nothing(value):
+            entries.append((i, {"time [ms]": time}, {f"{name} [{unit}]" if unit else name: value}))
+    table = _merged(entries, "Teleplot's lines: name, milliseconds, value")
+    return _with_broken(table, [(i, x) for i, x in lines if x.startswith(">") and ":ok" not in x], _TELEPLOT)
+
+
+def _influx(text: str, _: str) -> Table | None:
+    lines = [(i, line) for i, line in _lines(text) if not line.startswith("#")]
+    found = [(i, m) for i, line in lines if (m := _INFLUX.fullmatch(line))]
+    if len(found) < _STEADY * len(lines) or not found:
+        return None
+    entries = []
+    for i, m in found:
+        tags, fields = (dict(re.findall(r"([^,=]+)=(\"[^\"]*\"|[^,]+)", part)) for part in m.groups()[:2])
+        values = {k: re.sub(r"(?<=\d)[iu]\Z", "", v).strip('"') for k, v in fields.items()}
+        entries.append((i, {"time [ns]": _nanoseconds(m[3]), **tags}, values))
+    return _with_broken(_merged(entries, "InfluxDB's line protocol"), lines, _INFLUX)
+
+
+def _nanoseconds(stamp: str) -> str:
+    return stamp + "0" * {10: 9, 13: 6, 16: 3}.get(len(stamp), 0)
+
+
+def _with_broken(table: Table, lines: Sequence[tuple[int, str]], form: re.Pattern[str]) -> Table:
+    broken = {i: line for i, line in lines if not form.fullmatch(line)}
+    return replace(table, broken=tuple(broken), quotes=broken)
+
+
+# YAML
+
+
+def _yaml(text: str, path: str) -> Table | None:
+    lines = [
+        line.rstrip() for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")
+    ]
+    blocks = any(re.fullmatch(r"\s*(?:- )?[\w.-]+:", line) for line in lines) or lines[:1] == ["---"]
+    lists = [line for line in lines if re.match(r"\s*- ", line)]
+    if not (blocks or lists) or not all(_ITEM.fullmatch(line) for line in lines):
+        return None
+    if not any(re.match(r"\s*- (?:\w+:|\S+\Z)", line) for line in lists):
+        return None
+    documents: list[list[str]] = [[]]
+    for line in lines:
+        if line in ("---", "..."):
+            documents.append([])
+        else:
+            documents[-1].append(line)
+    try:
+        found = [_block(doc)[0] for doc in documents if doc]
+    except ValueError:
+        return None
+    values = found[0] if len(found) == 1 else found
+    return of_values(values if isinstance(values, list) else [values], path, "documents in YAML")
+
+
+def _block(lines: list[str], start: int = 0) -> tuple[Any, int]:
+    """Return the value that begins at a line of YAML, and the line after it; `ValueError` where it is none."""
+    depth = len(lines[start]) - len(lines[start].lstrip())
+    listed = lines[start].lstrip().startswith("-")
+    many: list[Any] = []
+    named: dict[str, Any] = {}
+    n = start
+    while n < len(lines):
+        text = lines[n].lstrip()
+        inside = len(lines[n]) - len(text)
+        if inside < depth or (inside == depth and text.startswith("-") != listed):
+            break
+        if inside > depth:
+            raise ValueError(lines[n])
+        if listed:
+            rest = text[1:].lstrip()
+            if re.match(r"[\w.\"'-]+:(?:\s|\Z)", rest) or rest.startswith(
+                "- "
+            ):  # a record begins behind the dash
+                lines = [*lines[:n], " " * (inside + len(text) - len(rest)) + rest, *lines[n + 1 :]]
+                value, n = _block(lines, n)
+            elif rest:
+                value, n = _scalar(rest), n + 1
+            else:
+                value, n = _block(lines, n + 1)
+            many.append(value)
+            continue
+        key, colon, rest = text.partition(":")
+        if not colon:
+            raise ValueError(text)
+        n += 1
+        value = _scalar(rest.strip()) if rest.strip() else None
+        if not rest.strip() and n < len(lines):
+            below = lines[n].lstrip()
+            if len(lines[n]) - len(below) > depth or (
+                len(lines[n]) - len(below) == depth and below.startswith("-")
+            ):
+                value, n = _block(lines, n)
+        named[key.strip("\"' ")] = value
+    return (many if listed else named), n
+
+
+def _scalar(text: str) -> Any:
+    plain = re.sub(r"\s+#.*", "", text)
+    if plain[:1] in "[{":
+        quoted = re.sub(r"(?<![\w.\"])([A-Za-z_][\w.-]*)(?=\s*:)", r'"\1"', plain)
+        quoted = re.sub(r"(?<![\w\"])(?:[.]nan|nan|NaN|[.]NaN|None|~)(?![\w\"])", "null", quoted)
+        return json.loads(quoted)
+    return None if plain in ("~", "null") else plain.strip("\"'")
+
+
+# Scripts and prints of MATLAB, Octave, Julia and R
+
+
+def _matlab(text: str, path: str) -> Table | None:
+    plain = re.sub(r"(?m)%.*$|^\s*//.*$", "", text)
+    plain = re.sub(r"\.\.\.[^\n]*\n", " ", plain)
+    if not re.search(r"(?m)^\s*[A-Za-z_][\w.]*\s*=\s*\[", plain):
+        return None
+    found = [(m[1].rpartition(".")[2], m[2].strip()) for m in _ASSIGNED.finditer(plain)]
+    rest = _ASSIGNED.sub("", plain)
+    if re.search(r"\d", rest) or len({name for name, _ in found}) < len(found):
+        return None
+    arrays: dict[str, npt.NDArray[Any]] = {}
+    numbers: dict[str, float] = {}
+    for name, value in found:
+        if value.startswith("["):
+            array = _matrix(value[1:-1])
+            if array is None:
+                return None
+            arrays[name] = array
+        elif (number := number_of(value)) is not None:
+            numbers[name] = number
+        elif (steps := _range(value, numbers)) is not None:
+            arrays[name] = steps
+    if not arrays:
+        return None
+    return of_arrays(_in_columns(arrays), path, numbers, "a script's matrices")
+
+
+def _matrix(text: str) -> npt.NDArray[np.float64] | None:
+    """Return a matrix as MATLAB writes it; None where something in it is no number."""
+    rows = [re.split(r"[,\s]+", row.strip(" \t,")) for row in re.split(r"[;\n]", text) if row.strip(" \t,")]
+    read = [[float("nan") if says_nothing(f) else number_of(f) for f in row] for row in rows]
+    if not rows or len({len(row) for row in rows}) > 1 or any(v is None for row in read for v in row):
+        return None
+    return np.array(read, dtype=np.float64)
+
+
+def _in_columns(arrays: Mapping[str, npt.NDArray[Any]]) -> dict[str, npt.NDArray[Any]]:
+    """Return arrays with vectors of one row or column as such."""
+    return {name: a.ravel() if a.ndim == 2 and 1 in a.shape else a for name, a in arrays.items()}
+
+
+def _range(text: str, numbers: Mapping[str, float]) -> npt.NDArray[np.float64] | None:
+    """Return the numbers of a range such as "0:0.05:1" or "(0:11)/fs"; None where it is none."""
+
+    def of(part: str | None) -> float | None:
+        part = (part or "").strip(" ()'")
+        sums = part.partition("-")
+        if sums[1] and sums[0].strip() in numbers:  # as in 0:n-1
+            less = number_of(sums[2].strip())
+            return None if less is None else numbers[sums[0].strip()] - less
+        return numbers.get(part, number_of(part))
+
+    found = _RANGE.fullmatch(text.strip(" ;'"))
+    if not found:
+        return None
+    first, second, third = of(found[1]), of(found[2]), of(found[3])
+    factor = of(found[5]) if found[5] else 1.0
+    if first is None or second is None or not factor or (found[3] and third is None):
+        return None
+    step, last = (1.0, second) if third is None else (second, third)
+    if not step or not 0.0 <= (last - first) / step < 1e7:
+        return None
+    made = first + step * np.arange(int((last - first) / step + 1e-9) + 1)
+    return np.asarray(made / factor if found[4] == "/" else made * factor)
+
+
+def _of_r(text: str, path: str) -> Table | None:
+    """Return vectors that R printed or dumped, or a matrix that it printed."""
+    if re.match(r"\s*(?:\w+\s*(?:<-|=)\s*)?(?:structure\()?(?:list|data\.frame)\(", text):
+        vectors = {
+            n: v for n, v in _VECTOR.findall(text) if n not in ("row.names", "class", "names", ".Names")
+        }
+        arrays = {name: _vector(inner.split(",")) for name, inner in vectors.items()}
+        kept = {name: a for name, a in arrays.items() if a is not None}
+        return of_arrays(kept, path, {}, "vectors of R") if len(kept) > 1 else None
+    lines = _lines(text)
+    printed = [(i, _PRINTED.fullmatch(line), _NAMED.fullmatch(line)) for i, line in lines]
+    if next((p[1] for _, p, _ in printed if p), "") != "1" or not all(p or n for _, p, n in printed):
+        return None
+    series: list[tuple[int, str, list[str]]] = []
+    name = ""
+    for i, values, named in printed:
+        if named:
+            name = named[1]
+        elif values and values[1] == "1":
+            series.append((i, name, values[2].split()))
+            name = ""
+        elif values and series:
+            series[-1][2].extend(values[2].split())
+    if all(n for _, n, _ in series) and len({n for _, n, _ in series}) == len(series) > 1:
+        read = {n: _vector(fields) for _, n, fields in series}
+        kept = {n: a for n, a in read.items() if a is not None}
+        return of_arrays(kept, path, {}, "vectors of R") if len(kept) == len(read) else None
+    if any(n for _, n, _ in series) or len({len(f) for _, _, f in series}) > 1:
+        return None
+    names = tuple(f"column {n + 1}" for n in range(len(series[0][2])))
+    rows = [[f.strip('"') for f in fields] for _, _, fields in series]
+    return Table(names, rows, [i for i, _, _ in series], named=False, remarks=("R's print of vectors",))
+
+
+def _vector(fields: Sequence[str]) -> npt.NDArray[np.float64] | None:
+    plain = [re.sub(r"(?<=\d)L\Z", "", f.strip().strip('"')) for f in fields]
+    spread: list[float | None] = []
+    for f in plain:
+        if found := re.fullmatch(r"(\d+):(\d+)", f):
+            spread += [float(v) for v in range(int(found[1]), int(found[2]) + 1)]
+        else:
+            spread.append(float("nan") if says_nothing(f) or f == "NA" else number_of(f))
+    return None if None in spread else np.array(spread, dtype=np.float64)
