@@ -7,6 +7,7 @@ from pathlib import Path
 
 DOCS = Path(__file__).parent
 sys.path.insert(0, str(DOCS.parent / "tools"))
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the build has processes enough
 os.environ["PATH"] = os.pathsep.join(
     [str(Path(sys.executable).parent), os.environ.get("PATH", "")]
 )  # `tacstrip`
@@ -27,6 +28,7 @@ extensions = [
     "docs_site.commands",
     "docs_site.drawings",
     "docs_site.gallery_links",
+    "docs_site.gallery_workers",
     "docs_site.mathml",
     "docs_site.named",
     "docs_site.reproduction",

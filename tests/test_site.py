@@ -15,6 +15,7 @@ import click
 import pytest
 from docs_site.commands import command_page
 from docs_site.gallery_links import to_pages
+from docs_site.gallery_workers import LONGEST
 from docs_site.legible import refuse_small_letters, small_letters
 from docs_site.links import problems
 from docs_site.reproduction import claims, printed_table
@@ -95,6 +96,7 @@ def test_the_readme_is_short() -> None:
 
 def test_there_are_examples_enough() -> None:
     assert len(EXAMPLES) >= 24
+    assert set(LONGEST) <= {file.name[5:7] for file in EXAMPLES}
 
 
 @pytest.mark.parametrize("file", EXAMPLES, ids=lambda p: p.stem)
