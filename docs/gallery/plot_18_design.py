@@ -2,8 +2,8 @@
 Design a sensor
 ===============
 
-Which sensors locate the corners of an object to 1 or 2 mm, and how many wires do they need? Every candidate is judged by its
-bound and by what its electronics can do.
+Which sensors locate the corners of an object to 1 or 2 mm, and how many strips do they need? Every candidate is judged
+by its bound and by what its electronics can do.
 """
 
 import matplotlib.pyplot as plt

@@ -125,7 +125,7 @@ def _draw_table(axes: Axes, sizes: Sequence[int]) -> None:
     cells = [
         [row["sensor"], *(text for t in tables for text in _costs(t[k]))] for k, row in enumerate(tables[0])
     ]
-    widths = [0.27, *([0.09, 0.07, 0.08] * len(sizes))]
+    widths = [0.26, *([0.105, 0.063, 0.077] * len(sizes))]
     table = axes.table(cells, colLabels=head, colWidths=widths, loc="center", edges="horizontal")
     table.auto_set_font_size(False)
     table.set_fontsize(8.0)
