@@ -48,8 +48,10 @@ def _run(app: Sphinx) -> None:
     with ProcessPoolExecutor(app.parallel, multiprocessing.get_context("fork")) as pool:
         made = {job: pool.submit(_make, job) for job in jobs(docs)}
         for job, done in made.items():
-            if error := done.exception():
-                raise ExtensionError(f"{job} failed: {error}", error)
+            try:
+                done.result()
+            except Exception as error:
+                raise ExtensionError(f"{job} failed: {error}", error) from error
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
