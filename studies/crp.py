@@ -144,7 +144,14 @@ def strip_bounds_figure() -> Figure:
             label = f"{name}, {electrodes} electrodes"
             bars = 10.0 * error / 100.0 * sensor.length_mm
             left.errorbar(sensor.x_mm + shift, y, bars, fmt="none", ecolor=colour, alpha=strong)
-            right.semilogy(sensor.x_mm, error, "." + style, color=colour, label=label)
+            right.semilogy(
+                sensor.x_mm,
+                error,
+                {"l": "s", "u": "o"}[name] + style,
+                color=colour,
+                label=label,
+                markersize=3.0,
+            )
     left.set_title("errors, drawn 10 times as large", fontsize=9.0)
     right.set_xlabel("digital dimension x [mm]")
     right.set_ylabel("Cramer-Rao bound at 0.1 % noise [% of L]")
@@ -189,8 +196,11 @@ def sheet_figure() -> Figure:
         axes.set_ylabel("analog dimension y [mm]")
     figure.colorbar(image, ax=drawn, label="potential of the sheet over Vref")
     axes = add_axes(figure, 2, 2, (3, 4))
-    for sheet, colour, label in zip(both, ("black", COLOURS["kl"]), ("all strips", "alone"), strict=True):
-        axes.plot(y, sheet[_ENERGISED], color=colour, label=f"{label}: k_h = {sheet[_ENERGISED, -1]:.3f}")
+    looks = zip(both, ("black", COLOURS["kl"]), ("all strips", "alone"), "-:", strict=True)
+    for sheet, colour, label, line in looks:
+        axes.plot(
+            y, sheet[_ENERGISED], line, color=colour, label=f"{label}: k_h = {sheet[_ENERGISED, -1]:.3f}"
+        )
     axes.axvspan(l[_ENERGISED], u[_ENERGISED], color="#eeeeee")
     axes.set_title("along the energised strip")
     axes.set_xlabel("y [mm]")
