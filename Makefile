@@ -49,8 +49,8 @@ test: setup ## run the tests, three at a time, the slow studies left out
 
 docs: setup ## build the site of docs/ into docs/_build/html, with every example run; warnings are errors
 	@$(BIN)/python -m sphinx --builder html --jobs 2 --quiet --fail-on-warning --keep-going docs docs/_build/html
-	@$(BIN)/python tools/docs_site/links.py docs/_build/html
-	@$(BIN)/python tools/docs_site/axe.py docs/_build/html
+	@$(BIN)/python tools/docs_site/links.py docs/_build/html & links=$$!; \
+	$(BIN)/python tools/docs_site/axe.py docs/_build/html; axe=$$?; wait $$links && exit $$axe
 	@echo "docs/_build/html/index.html: the site"
 
 check: setup ## lint, format and types; the core by other compilers and under sanitizers; the site

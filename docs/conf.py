@@ -7,6 +7,7 @@ from pathlib import Path
 
 DOCS = Path(__file__).parent
 sys.path.insert(0, str(DOCS.parent / "tools"))
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the build has processes enough
 os.environ["PATH"] = os.pathsep.join(
     [str(Path(sys.executable).parent), os.environ.get("PATH", "")]
 )  # `tacstrip`
@@ -24,6 +25,7 @@ extensions = [
     "sphinx.ext.autosummary",
     "numpydoc",
     "sphinx_gallery.gen_gallery",
+    "docs_site.ahead",
     "docs_site.commands",
     "docs_site.drawings",
     "docs_site.gallery_links",

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from tacstrip.contact.shape import Contact
 from tacstrip.network.imperfections import Imperfections, Readout
 from tacstrip.network.strips.ladder import fast_readings
-from tacstrip.plot.theme import COLOURS, legend, new_axes
+from tacstrip.plot.theme import COLOURS, new_axes
 from tacstrip.sensor.spec import Sensor
 
 PROFILE_I, PROFILE_II = 0.005, 0.01  # of Vref, table 5.1
@@ -121,23 +121,23 @@ def budget() -> list[dict[str, object]]:
 
 def budget_figure() -> Figure:
     """Cost of each imperfection as it grows: where a line crosses 0.5 %, profile I is spent on it alone."""
-    figure, axes = new_axes(6.4, 4.2)
+    figure, axes = new_axes(6.4, 5.0)
     sensor = Sensor.load("prototype-crs-m")
     crs = Sensor.load("prototype-crs-crs")
     colours = (*COLOURS.values(), "#b8860b")
-    for imperfection, colour in zip(IMPERFECTIONS, colours, strict=False):
+    for imperfection, colour, marker in zip(IMPERFECTIONS, colours, "os^Dv", strict=False):
         sizes = np.geomspace(0.1, 20.0, 9)
         shown = crs if cost(crs, imperfection, 20.0) > 1e-9 else sensor
         label = f"{imperfection.name} [{imperfection.unit}], {shown.construction}"
         costs = [100.0 * cost(shown, imperfection, s) for s in sizes if s <= imperfection.largest]
-        axes.loglog(sizes[: len(costs)], costs, ".-", color=colour, label=label)
+        axes.loglog(sizes[: len(costs)], costs, marker + "-", color=colour, markersize=4.0, label=label)
     for level, name in ((PROFILE_I, "P.U. profile I"), (PROFILE_II, "profile II")):
         axes.axhline(100.0 * level, color="#999999", linestyle=":")
         axes.annotate(name, (0.1, 105.0 * level), fontsize=8.0, color="#666666")
     axes.set_xlabel("size of the imperfection, in its unit")
     axes.set_ylabel("error, 95 % point [% of Vref]")
     axes.set_ylim(1e-3, 30.0)
-    legend(axes, loc="lower right", fontsize=7.0)
+    figure.legend(loc="outside lower left", frameon=False, fontsize=8.0)
     return figure
 
 

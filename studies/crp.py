@@ -107,7 +107,7 @@ def error_map_figure() -> Figure:
     maps = {"own electrodes": error_map("own"), "all electrodes": error_map("all")}
     values = [getattr(m, end) for m in maps.values() for end in ("l", "u")]
     shades = LogNorm(min(v.min() for v in values), max(v.max() for v in values))
-    figure = new_figure(8.4, 7.6, widest=8.4)
+    figure = new_figure(7.0, 7.0)
     drawn: list[Axes] = []
     for row, (end, half, name) in enumerate((("u", 0.5, "upper"), ("l", -0.5, "lower"))):
         for column, (title, found) in enumerate(maps.items()):
@@ -119,13 +119,13 @@ def error_map_figure() -> Figure:
             axes.set_aspect("equal")
             axes.set_title(f"{name} end, {title}")
             axes.set_xlabel("digital dimension x [mm]")
-            axes.set_ylabel(f"where the {name} end lies, y [mm]")
+            axes.set_ylabel(f"y of the {name} end [mm]")
             drawn.append(axes)
     bar = figure.colorbar(image, ax=drawn, shrink=0.7)
     ticks = [0.03, 0.05, 0.1, 0.2, 0.3, 0.5]
     bar.set_ticks(ticks, labels=[f"{t:g}" for t in ticks])
     bar.ax.minorticks_off()
-    bar.set_label("standard error of that end at 0.1 % noise: Cramer-Rao bound [% of L]")
+    bar.set_label("standard error of that end: Cramer-Rao bound at 0.1 % noise [% of L]")
     return figure
 
 
@@ -133,7 +133,7 @@ def strip_bounds_figure() -> Figure:
     """Draw how well each strip's ends of one contact are known, from its own electrodes and from all."""
     sensor, contact = a_sensor(), SHAPES["hexagon"]
     l, u = footprint(sensor, contact)
-    figure = new_figure(8.4, 3.9, widest=8.4)
+    figure = new_figure(7.0, 3.9)
     left, right = add_axes(figure, 1, 2, 1), add_axes(figure, 1, 2, 2)
     draw_sensor(left, sensor)
     draw_contact(left, contact)
@@ -144,8 +144,15 @@ def strip_bounds_figure() -> Figure:
             label = f"{name}, {electrodes} electrodes"
             bars = 10.0 * error / 100.0 * sensor.length_mm
             left.errorbar(sensor.x_mm + shift, y, bars, fmt="none", ecolor=colour, alpha=strong)
-            right.semilogy(sensor.x_mm, error, "." + style, color=colour, label=label)
-    left.set_title("standard errors, drawn 10 times as large")
+            right.semilogy(
+                sensor.x_mm,
+                error,
+                {"l": "s", "u": "o"}[name] + style,
+                color=colour,
+                label=label,
+                markersize=3.0,
+            )
+    left.set_title("errors, drawn 10 times as large", fontsize=9.0)
     right.set_xlabel("digital dimension x [mm]")
     right.set_ylabel("Cramer-Rao bound at 0.1 % noise [% of L]")
     right.set_ylim(0.01, 4.0)
@@ -169,11 +176,12 @@ def sheet_figure() -> Figure:
     alone = np.where(np.arange(sensor.strips) == _ENERGISED, 0.0, np.nan)
     both = [sheet_potentials(_ENERGISED, *ends, sensor) for ends in ((l, u), (l + alone, u + alone))]
     x = sensor.x_mm[_ENERGISED]
-    figure = new_figure(10.5, 3.9, widest=10.5)
+    figure = new_figure(7.0, 6.4)
+    drawn: list[Axes] = []
     for at, (sheet, title) in enumerate(
         zip(both, ("all strips of the contact", "this strip alone"), strict=True)
     ):
-        axes = add_axes(figure, 1, 3, at + 1)
+        drawn.append(axes := add_axes(figure, 2, 2, at + 1))
         y = np.linspace(0.0, sensor.length_mm, sheet.shape[1])
         image = axes.pcolormesh(sensor.x_mm, y, sheet.T, vmin=0.1, vmax=0.7, cmap="coolwarm")
         axes.contour(
@@ -186,10 +194,13 @@ def sheet_figure() -> Figure:
         axes.set_title(title)
         axes.set_xlabel("digital dimension x [mm]")
         axes.set_ylabel("analog dimension y [mm]")
-    figure.colorbar(image, ax=axes, label="potential of the sheet over Vref")
-    axes = add_axes(figure, 1, 3, 3)
-    for sheet, colour, label in zip(both, ("black", COLOURS["kl"]), ("all strips", "alone"), strict=True):
-        axes.plot(y, sheet[_ENERGISED], color=colour, label=f"{label}: k_h = {sheet[_ENERGISED, -1]:.3f}")
+    figure.colorbar(image, ax=drawn, label="potential of the sheet over Vref")
+    axes = add_axes(figure, 2, 2, (3, 4))
+    looks = zip(both, ("black", COLOURS["kl"]), ("all strips", "alone"), "-:", strict=True)
+    for sheet, colour, label, line in looks:
+        axes.plot(
+            y, sheet[_ENERGISED], line, color=colour, label=f"{label}: k_h = {sheet[_ENERGISED, -1]:.3f}"
+        )
     axes.axvspan(l[_ENERGISED], u[_ENERGISED], color="#eeeeee")
     axes.set_title("along the energised strip")
     axes.set_xlabel("y [mm]")

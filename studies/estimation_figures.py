@@ -38,8 +38,8 @@ _BOUNDED, _GAUSS = OTHERS[1], OTHERS[0]
 
 def fit_figure() -> Figure:
     """Draw a noisy signature with the sections and kinks fitted to it, and the polygon with its regions."""
-    figure = new_figure(10.0, 4.4, widest=10.0)
-    left, right = add_axes(figure, 1, 2, 1), add_axes(figure, 1, 2, 2)
+    figure = new_figure(7.0, 7.4)
+    left, right = add_axes(figure, 2, 1, 1), add_axes(figure, 2, 1, 2)
     scan = simulate(_COARSE, Contact.polygon(_SHAPE), _NOISE, rng=4)
     scan = Scan(kh=scan["kh"])
     (found,) = fit_polygon(scan, _COARSE, _NOISE).objects
@@ -89,7 +89,7 @@ def _draw_found(axes: Axes, found: RecoveredObject) -> None:
 
 def noise_figure() -> Figure:
     """Draw error and right counts over the noise: the fit, the bound, and Vertex Reconstruction's gradient rule."""
-    figure = new_figure(10.0, 4.2, widest=10.0)
+    figure = new_figure(7.0, 4.2)
     left, right = add_axes(figure, 1, 2, 1), add_axes(figure, 1, 2, 2)
     by_method = {method: np.array([_scores(method, a) for a in _LEVELS]) for method in _METHODS}
     percent = 100.0 * np.array(_LEVELS)
@@ -166,7 +166,7 @@ def _shape(seed: int) -> FloatArray:
 
 def bounded_figure() -> Figure:
     """Draw the outlines that a bound of the noise leaves, against the region of least squares, vertex by vertex."""
-    figure = new_figure(10.0, 6.2, widest=10.0)
+    figure = new_figure(7.0, 7.6)
     noise = Noise(positional=0.005)
     scan = _scan(noise, seed=4)
     found, fit = _first(scan, noise), _first(scan, noise, False)
@@ -176,7 +176,7 @@ def bounded_figure() -> Figure:
     outlines = _outlines(bounded)
     truth = Outline.of(_SHAPE).vertices
     for i, vertex in enumerate(truth):
-        axes = add_axes(figure, 2, 3, i + 1)
+        axes = add_axes(figure, 3, 2, i + 1)
         normal = ellipse(fit.vertices[i], fit.covariance[2 * i : 2 * i + 2, 2 * i : 2 * i + 2])
         axes.plot(*np.concatenate([normal, normal[:1]]).T, color=_GAUSS, label="least squares, 95 %")
         axes.plot(*fit.vertices[i], "x", color=_GAUSS)
@@ -192,7 +192,7 @@ def bounded_figure() -> Figure:
         axes.set_xlabel("x [mm]")
         axes.set_ylabel("y [mm]")
     handles, labels = axes.get_legend_handles_labels()
-    figure.legend(handles, labels, loc=(0.72, 0.15), frameon=False)
+    figure.legend(handles, labels, loc=(0.6, 0.08), frameon=False)
     return figure
 
 

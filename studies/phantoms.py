@@ -19,9 +19,9 @@ def figure_phantoms() -> Figure:
     """Phantoms of random patterns without isolation: they break out where 1 / n of the switches is closed."""
     figure = new_figure(5.6, 4.0)
     axes = add_axes(figure, 1, 1, 1)
-    for n, colour in zip((8, 16, 32), OTHERS, strict=False):
+    for n, colour, marker in zip((8, 16, 32), OTHERS, "os^", strict=False):
         share = phantoms_over_fill(n)
-        axes.plot(FILLS, share, ".-", color=colour, label=f"n = {n}")
+        axes.plot(FILLS, share, marker + "-", color=colour, markersize=4.0, label=f"n = {n}")
         axes.axvline(1.0 / n, color=colour, linewidth=0.8, linestyle=":")
     axes.set(xlim=(0.0, FILLS[-1]), ylim=(-0.02, 1.02))
     axes.set(xlabel="share of switches that are closed", ylabel="share of open switches read as closed")

@@ -31,7 +31,7 @@ def _pair(contact_lambda_mm: float) -> Sensor:
 
 def potentials() -> Figure:
     """Potentials along both strips of a pair: contact resistance bends them apart at the contact's ends."""
-    figure = new_figure(9.0, 3.8, widest=9.0)
+    figure = new_figure(7.0, 3.6)
     block = Contact.polygon([(0, 120), (65, 120), (65, 200), (0, 200)])
     for i, lam in enumerate((0.0, 5.0, 20.0)):
         axes = add_axes(figure, 1, 3, i + 1)
@@ -71,15 +71,16 @@ def potentials_along(sensor: Sensor, contact: Contact, strip: int) -> dict[str, 
 def contact_transfer_length() -> Figure:
     """Contact resistance shortens what is read: each end by T = lambda tanh(w / 2 lambda)."""
     figure, axes = new_axes(5.6, 3.8)
-    for lam, colour in zip((2.0, 5.0, 20.0), (COLOURS["kh"], *OTHERS), strict=False):
+    looks = zip((2.0, 5.0, 20.0), (COLOURS["kh"], *OTHERS[:2]), ("-", "--", "-."), "os^", strict=True)
+    for lam, colour, dashes, marker in looks:
         w = np.linspace(0.0, 100.0, 201)
-        axes.plot(w, transfer_length(w, lam), color=colour, label=f"lambda = {lam:.0f} mm")
+        axes.plot(w, transfer_length(w, lam), dashes, color=colour, label=f"lambda = {lam:.0f} mm")
         for width in (5.0, 20.0, 60.0, 95.0):
             read = network_readings(
                 _pair(lam), Contact.polygon([(0, 100), (65, 100), (65, 100 + width), (0, 100 + width)])
             )
             l, _ = lower_and_width(read["kh"][_STRIP], read["kl"][_STRIP], 325.0)
-            axes.plot(width, l - 100.0, "o", color=colour, markersize=4.0)
+            axes.plot(width, l - 100.0, marker, color=colour, markersize=4.0)
     axes.plot([0.0, 40.0], [0.0, 20.0], color="#999999", linestyle=":", label="w / 2: nothing is left")
     axes.set_xlabel("true length of the contact w [mm]")
     axes.set_ylabel("transfer length T at either end [mm]")
@@ -92,7 +93,7 @@ def tied_grounds() -> Figure:
     """Ground ends tied together: the touched strips load the sheet, and every reading is far too low."""
     sensor = Sensor.load("prototype-crs-m")
     contact = Contact.polygon([(4, 90), (30, 70), (38, 130), (12, 150)])
-    figure = new_figure(7.5, 4.0, widest=7.5)
+    figure = new_figure(7.0, 4.0)
     left, right = add_axes(figure, 1, 2, 1), add_axes(figure, 1, 2, 2)
     draw_sensor(left, sensor)
     draw_contact(left, contact)

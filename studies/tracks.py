@@ -1,4 +1,4 @@
-"""Pictures of shapes over time: ways, shape and poses; and how the shape sharpens with the scans."""
+"""Pictures of shapes over time: paths, shape and poses; and how the shape sharpens with the scans."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def way() -> Figure:
 
 def sharpening() -> Figure:
     """Draw the shape known from one scan and from more, with 95 % regions of its corners."""
-    figure, panels = new_panels(12.0, 3.6, 1, len(_COUNTS))
+    figure, panels = new_panels(7.0, 6.8, 2, 2)
     for axes, count in zip(panels, _COUNTS, strict=True):
         scans = _scans(count)
         if count == 1:

@@ -17,7 +17,7 @@ from tacstrip.contact.footprint import footprint
 from tacstrip.contact.shape import Contact
 from tacstrip.contact.signature import signatures
 from tacstrip.network.strips.resolved import wide_readings
-from tacstrip.plot.theme import COLOURS, OTHERS, add_axes, legend, new_figure
+from tacstrip.plot.theme import COLOURS, DASHES, OTHERS, add_axes, legend, new_figure
 from tacstrip.sensor.closed_form import lower_and_width
 from tacstrip.sensor.slant import slant_shift
 from tacstrip.sensor.spec import Sensor
@@ -147,17 +147,18 @@ def _convex(sensor: Sensor, size_mm: float, random: np.random.Generator) -> Cont
 
 def width_figure() -> Figure:
     """Draw what a slanted edge reads, and from which slope on the centre line is not good enough."""
-    figure = new_figure(9.0, 4.0, widest=9.0)
-    left, right = add_axes(figure, 1, 2, 1), add_axes(figure, 1, 2, 2)
+    figure = new_figure(7.0, 7.4)
+    left, right = add_axes(figure, 2, 1, 1), add_axes(figure, 2, 1, 2)
     angle = np.linspace(0.0, 75.0, 151)
     slope = np.tan(np.deg2rad(angle))
     left.plot(angle, 0.5 * slope, color="#999999", linestyle=":", label="hull")
     left.plot(angle, slant_shift(slope), color="black", label="ideal contact: closed form")
     at = np.arange(5.0, 75.1, 5.0)
-    for lam, colour in zip((0.0, 0.1, 0.5, 2.0), ("black", COLOURS["kh"], *OTHERS), strict=False):
+    looks = zip((0.0, 0.1, 0.5, 2.0), ("black", COLOURS["kh"], *OTHERS[:2]), "oos^", strict=True)
+    for lam, colour, marker in looks:
         shifts = [edge_shift(s, lam, 40) for s in np.tan(np.deg2rad(at))]
         label = f"lambda = {lam:g} b" if lam else "the same, resolved across the width"
-        left.plot(at, shifts, "o-" if lam else "o", color=colour, markersize=3.0, label=label)
+        left.plot(at, shifts, marker + "-" * (lam > 0.0), color=colour, markersize=4.0, label=label)
     left.axhline(0.0, color="#999999", linestyle="--", label="centre line = mean")
     left.set_ylim(-0.05, 1.2)
     left.set_xlabel("angle of the edge [deg]")
@@ -169,8 +170,9 @@ def width_figure() -> Figure:
         (PROFILE_I, "0.5 % (profile I)"),
         (0.0005, "0.05 % (C.Q.E.)"),
     )
-    for (limit, label), colour in zip(limits, (COLOURS["kl"], COLOURS["kh"], COLOURS["k"]), strict=True):
-        right.semilogx(100.0 * widths, [steepest(limit, b) for b in widths], color=colour, label=label)
+    for (limit, label), name in zip(limits, ("kl", "kh", "k"), strict=True):
+        look = {"color": COLOURS[name], "linestyle": DASHES[name], "label": label}
+        right.semilogx(100.0 * widths, [steepest(limit, b) for b in widths], **look)
     right.axvline(100.0 * 3.0 / 325.0, color="#999999", linestyle=":", label="the CRS-CRS prototype")
     right.set_xlabel("strip width b [% of L]")
     right.set_ylabel("steepest edge [deg]")

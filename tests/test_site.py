@@ -13,6 +13,7 @@ from typing import Any, get_args
 
 import click
 import pytest
+from docs_site.ahead import LONGEST, jobs
 from docs_site.commands import command_page
 from docs_site.gallery_links import to_pages
 from docs_site.legible import refuse_small_letters, small_letters
@@ -95,6 +96,12 @@ def test_the_readme_is_short() -> None:
 
 def test_there_are_examples_enough() -> None:
     assert len(EXAMPLES) >= 24
+
+
+def test_long_jobs_of_the_site_begin_first() -> None:
+    made = jobs(DOCS)
+    assert set(made) >= {file.name for file in EXAMPLES} | {"2.3", "5.61"}
+    assert [job[5:7] if job.endswith(".py") else job for job in made[: len(LONGEST)]] == list(LONGEST)
 
 
 @pytest.mark.parametrize("file", EXAMPLES, ids=lambda p: p.stem)

@@ -1,10 +1,13 @@
 """Make the pictures of the README and the docs again, by the package's own code.
 
-Run: make pictures (writes docs/pictures/).
+Run: make pictures, or python tools/docs_pictures.py NAME ... (writes docs/pictures/). Those of the live page:
+TACSTRIP_PICTURES=docs/pictures pytest tests/view/test_page.py.
 """
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -32,31 +35,30 @@ from tacstrip.thesis.demo import picture, run
 PICTURES = Path(__file__).parents[1] / "docs" / "pictures"
 
 
-def main() -> None:
-    """Write all of them."""
-    drawn = {
-        "opening": opening_figure(),
-        "demo": picture(run()),
-        "touching_a_tube": CHAPTER_3["3.10"](),
-        "same_signature": CHAPTER_4["4.5"](),
-        "blocks": CHAPTER_4["4.9"](),
-        "hidden_kink": noisy_signature("5.9"),
-        "concave": ambiguity("5.19"),
-        "three_sensors": CHAPTER_2["2.3"](),
-        "parallel_path": CHAPTER_2["2.4"](),
-        "budget": budget_figure(),
-        "phantoms": figure_phantoms(),
-        "press_fingertip": _pressed(
-            "fingertip", ts.Solid.cylinder(4.0), ((20, 0, 20), (-1, 0, -1), 0.5), 1.5
-        ),
-        "press_forearm": _pressed("forearm", ts.Solid.box((40, 20, 10)), ((0, 80, 90), (0, -1, 0)), 2.0),
-        **{
-            name: draw()
-            for name, draw in (PHYSICS | CRP | WIDTH | ESTIMATION | TRACKS | PIECES | LAYERS).items()
-        },
-    }
-    for name, figure in drawn.items():
-        print(save(figure, PICTURES / f"{name}.png", dpi=90))
+DRAW: dict[str, Callable[[], Figure]] = {
+    "opening": opening_figure,
+    "demo": lambda: picture(run()),
+    "touching_a_tube": CHAPTER_3["3.10"],
+    "same_signature": CHAPTER_4["4.5"],
+    "blocks": CHAPTER_4["4.9"],
+    "hidden_kink": lambda: noisy_signature("5.9"),
+    "concave": lambda: ambiguity("5.19"),
+    "three_sensors": CHAPTER_2["2.3"],
+    "parallel_path": CHAPTER_2["2.4"],
+    "budget": budget_figure,
+    "phantoms": figure_phantoms,
+    "press_fingertip": lambda: _pressed(
+        "fingertip", ts.Solid.cylinder(4.0), ((20, 0, 20), (-1, 0, -1), 0.5), 1.5
+    ),
+    "press_forearm": lambda: _pressed("forearm", ts.Solid.box((40, 20, 10)), ((0, 80, 90), (0, -1, 0)), 2.0),
+    **(PHYSICS | CRP | WIDTH | ESTIMATION | TRACKS | PIECES | LAYERS),
+}
+
+
+def main(*names: str) -> None:
+    """Write those that are named, or all of them."""
+    for name in names or DRAW:
+        print(save(DRAW[name](), PICTURES / f"{name}.png", dpi=90), flush=True)
 
 
 def _pressed(sensor: str, solid: ts.Solid, pose: Any, depth_mm: float) -> Figure:
@@ -66,4 +68,4 @@ def _pressed(sensor: str, solid: ts.Solid, pose: Any, depth_mm: float) -> Figure
 
 
 if __name__ == "__main__":
-    main()
+    main(*sys.argv[1:])

@@ -2,8 +2,8 @@
 Design a sensor
 ===============
 
-Which sensors locate the corners of a coin to 1 mm, and how many wires do they need? Every candidate is judged by its
-bound and by what its electronics can do.
+Which sensors locate the corners of an object to 1 or 2 mm, and how many strips do they need? Every candidate is judged
+by its bound and by what its electronics can do.
 """
 
 import matplotlib.pyplot as plt
@@ -12,13 +12,13 @@ import tacstrip as ts
 from tacstrip.design.candidates import candidates, designs
 
 base = ts.Sensor(construction="crs-crs", strips=20, pitch_mm=5.0, length_mm=100.0)
-coin = ts.Outline.of([(30, 45), (45, 25), (70, 35), (72, 60), (45, 70)])
+part = ts.Outline.of([(30, 45), (45, 25), (70, 35), (72, 60), (45, 70)])
 wanted = (1.0, 2.0)
 
 tried = list(candidates(base, pitches_mm=(3.0, 5.0)))
 figure, axes = plt.subplots(figsize=(7, 4.4), layout="constrained")
 for mark, wanted_mm in zip("os", wanted, strict=True):
-    good = [d for d in designs(tried, coin, ts.Noise(positional=0.005), wanted_mm) if d.noise > 0.0]
+    good = [d for d in designs(tried, part, ts.Noise(positional=0.005), wanted_mm) if d.noise > 0.0]
     print(
         f"{wanted_mm} mm: {len(good)} designs; fewest strips: {min((d.sensor.strips for d in good), default='-')}"
     )

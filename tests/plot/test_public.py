@@ -160,6 +160,18 @@ def test_limits_of_the_callers_axes_stay() -> None:
     assert (axes.get_xlim(), axes.get_ylim()) == ((20.0, 50.0), (10.0, 40.0))
 
 
+def test_nothing_is_cut_where_a_legend_stands_above() -> None:
+    one = _track(1)
+    figure = track_figure(SENSOR, [one])
+    draw(figure)
+    for axes, low, high in (
+        (figure.axes[0], (0.0, 0.0), (SENSOR.width_mm, SENSOR.length_mm)),
+        (figure.axes[1], one.outline.min(axis=0), one.outline.max(axis=0)),
+    ):
+        (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
+        assert (x0 <= low[0], y0 <= low[1], x1 >= high[0], y1 >= high[1]) == (True,) * 4
+
+
 def test_strips_have_the_numbers_that_files_give_them() -> None:
     for base in (0, 1):
         axes = plot.sensor(_sensor(4, strip_base=base))

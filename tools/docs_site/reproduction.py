@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import sys
 from functools import cache
 from pathlib import Path
@@ -143,7 +144,14 @@ def claims(chapter: str) -> str:
     return "\n".join(lines)
 
 
-def _draw(number: str, folder: Path) -> tuple[Path, str]:
+def figure_numbers(docs: Path) -> list[str]:
+    """Return the numbers of the figures that the chapters' pages show."""
+    pages = sorted((docs / "reproduction").glob("*.md"))
+    lists = re.findall(r"\{thesis-figures\} (.*)", "\n".join(p.read_text(encoding="utf-8") for p in pages))
+    return " ".join(lists).split()
+
+
+def draw_figure(number: str, docs: Path) -> tuple[Path, str]:
     """Draw a figure unless it is there; return its file and its caption."""
     from tacstrip.data.published import rows
     from tacstrip.plot.theme import save
@@ -157,6 +165,8 @@ def _draw(number: str, folder: Path) -> tuple[Path, str]:
         save(figure, file, dpi=110)
         refuse_small_letters(figure, file.name)
 
+    folder = docs / "reproduction" / "figures"
+    folder.mkdir(exist_ok=True)
     file = folder / f"figure_{number.replace('.', '_')}.png"
     recovered = {row.figure: n for n, row in enumerate(rows())}
     if number in _DRAWN:
@@ -191,11 +201,9 @@ class _Figures(SphinxDirective):
     final_argument_whitespace = True
 
     def run(self) -> list[nodes.Node]:
-        folder = Path(self.env.srcdir) / "reproduction" / "figures"
-        folder.mkdir(exist_ok=True)
         made: list[nodes.Node] = []
         for number in self.arguments[0].split():
-            file, text = _draw(number, folder)
+            file, text = draw_figure(number, Path(self.env.srcdir))
             text = f"Figure {number}: {text.replace('$', '')}"
             image = nodes.image(uri=f"figures/{file.name}", alt=text)
             made.append(nodes.figure("", image, nodes.caption("", text)))

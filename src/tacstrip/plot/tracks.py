@@ -1,4 +1,4 @@
-"""Objects over time: their ways over the sensor, the shapes that all scans give, and their poses."""
+"""Objects over time: their paths over the sensor, the shapes that all scans give, and their poses."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tacstrip.plot.theme import OTHERS, RECOVERED, SENSOR, add_axes, legend_abov
 from tacstrip.sensor.spec import Sensor
 from tacstrip.tracking.track import Track
 
-_DRAWN = 6  # outlines on each way
+_DRAWN = 6  # outlines on each path
 _PALER = 0.72  # from one outline to that before
 _MOST_NAMED = 8  # objects with an entry of their own in a legend
 _MARKERS = "os^Dv"
@@ -26,7 +26,7 @@ _MARKERS = "os^Dv"
 
 @takes(tracks=(Track, Track), sensor=Sensor)
 def track(tracks: Track | Sequence[Track], sensor: Sensor, *, ax: Axes | None = None) -> Axes:
-    """Draw the ways of objects over the sensor, with six outlines on each, earlier ones paler, dashed where doubtful.
+    """Draw the paths of objects over the sensor, with six outlines on each, earlier ones paler, dashed where doubtful.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def track(tracks: Track | Sequence[Track], sensor: Sensor, *, ax: Axes | None = 
     Returns
     -------
     Axes
-        x across the strips and y along them [mm]; a mark stands where a way begins, rings where objects share strips.
+        x across the strips and y along them [mm]; a mark stands where a path begins, rings where objects share strips.
 
     Examples
     --------
@@ -82,7 +82,7 @@ def track_figure(sensor: Sensor, tracks: Sequence[Track]) -> Figure:
     figure = new_figure(7.0, 6.6)
     way, shape, pose = (add_axes(figure, 2, 2, place) for place in (1, 2, (3, 4)))
     track(tracks, sensor, ax=way)
-    way.set_title("ways over the sensor")
+    way.set_title("paths over the sensor")
     shape.set(xlabel="x [mm]", ylabel="y [mm]", title="shapes, 95 % regions")
     pose.set(xlabel="time [s]", ylabel="[mm], and [deg] dotted", title="x, y and angle")
     shared, marked = np.zeros(len(tracks[0].times_s) if tracks else 0, dtype=bool), False

@@ -37,8 +37,8 @@ _NO_CURRENT = 1e-9
 
 def figure_2_3() -> Figure:
     """One object through the analog four-wire, the hybrid CRS-CRS and the digital sensor; costs at 100 us a sample."""
-    figure = new_figure(7.0, 5.2)
-    grid = figure.add_gridspec(2, 3, height_ratios=(2.5, 1.4))
+    figure = new_figure(7.0, 4.8)
+    grid = figure.add_gridspec(2, 3, height_ratios=(2.0, 1.4))
     reads = {"one point": _draw_analog, "a profile": _draw_hybrid, "an image": _draw_digital}
     names = ("(a) analog", "(b) hybrid", "(c) digital")
     for k, (output, draw) in enumerate(reads.items()):
@@ -46,11 +46,11 @@ def figure_2_3() -> Figure:
         axes.add_patch(Rectangle((0, 0), SIDE_MM, SIDE_MM, facecolor=SENSOR, edgecolor="none", zorder=0))
         draw(axes)
         draw_contact(axes, OBJECT, "object")
-        axes.set(xlim=(-2, SIDE_MM + 2), ylim=(-2, SIDE_MM + 2), aspect="equal")
+        axes.set(xlim=(-2, SIDE_MM + 2), ylim=(-2, 1.4 * SIDE_MM), aspect="equal", yticks=range(0, 101, 25))
         axes.set(xlabel="x [mm]", ylabel="y [mm]")
-        axes.set_title(f"{names[k]}: {output}", fontsize=10.0)
+        axes.set_title(f"{names[k]}: {output}", fontsize=9.0)
         axes.spines[["top", "right"]].set_visible(False)
-        legend(axes, loc="upper left", fontsize=8.0)
+        legend(axes, loc="upper left", fontsize=8.0, borderaxespad=0.0, handlelength=1.2)
     _draw_table(figure.add_subplot(grid[1, :]), (N, 100, 1000))
     return figure
 
@@ -118,17 +118,21 @@ def _draw_digital(axes: Axes) -> None:
 def _draw_table(axes: Axes, sizes: Sequence[int]) -> None:
     tables = [comparison_table(n) for n in sizes]
     costs = ("samples", "wires", "scan")
-    head = ["sensor", *(f"{cost}\nn = {n:,}" for n in sizes for cost in costs)]
+    head = [
+        "sensor",
+        *(f"n = {n:,}\n{cost}" if cost == "samples" else f"\n{cost}" for n in sizes for cost in costs),
+    ]
     cells = [
         [row["sensor"], *(text for t in tables for text in _costs(t[k]))] for k, row in enumerate(tables[0])
     ]
-    widths = [0.26, *([0.09, 0.075, 0.082] * len(sizes))]
+    widths = [0.26, *([0.105, 0.063, 0.077] * len(sizes))]
     table = axes.table(cells, colLabels=head, colWidths=widths, loc="center", edges="horizontal")
     table.auto_set_font_size(False)
     table.set_fontsize(8.0)
     for (row, column), cell in table.get_celld().items():
         cell.set(height=0.26 if row == 0 else 0.16, linewidth=0.5)
         cell.set_text_props(ha="left" if column == 0 else "right")
+        cell.PAD = 0.04
     axes.set(xlabel="what a scan costs", ylabel="sensor")
     axes.set_axis_off()
 

@@ -46,7 +46,7 @@ def figure_3_7() -> Figure:
 def figure_3_10() -> Figure:
     """Flat object on the Cyl-CRS-M prototype, and how many strips it touches at the depth it sinks in."""
     sensor = Sensor.load("prototype-cyl-crs-m")
-    figure, (left, right) = new_panels(8.6, 3.9, 1, 2)
+    figure, (left, right) = new_panels(7.0, 3.6, 1, 2)
     _cross_section(left, sensor)
     _strips_over_depth(right, sensor)
     return figure
@@ -108,7 +108,7 @@ def _cross_section(axes: Axes, sensor: Sensor) -> None:
     block = [(-side, bottom), (side, bottom), (side, bottom + 3.0), (-side, bottom + 3.0)]
     axes.add_patch(Polygon(block, facecolor=TRUE, alpha=0.25, edgecolor="none"))
     axes.plot([-side, side], [bottom, bottom], color=TRUE, linewidth=1.2)
-    axes.text(0.0, bottom + 1.5, f"flat object, sunk in by {_DEPTH_MM} mm", ha="center", va="center")
+    axes.text(0.0, bottom + 1.5, f"sunk in by {_DEPTH_MM} mm", ha="center", va="center")
     axes.text(0.0, 0.0, "tube", ha="center", va="center", color=TRUE)
     axes.set(xlim=(-1.15 * radius, 1.15 * radius), ylim=(-1.1 * radius, 1.35 * radius), aspect="equal")
     axes.set(xlabel="across the tube [mm]", ylabel="height above the axis [mm]")
@@ -124,7 +124,7 @@ def _strips_over_depth(axes: Axes, sensor: Sensor) -> None:
     axes.step(depth, fewest, "--", where="post", color=COLOURS["k"], label="fewest")
     limit = depth_limit(sensor, 2)
     axes.axvline(limit, ymax=0.88, color=TRUE, linewidth=0.8, linestyle=":")
-    axes.text(limit + 0.03, 0.15, f"{limit:.2f} mm: up to here never more than two", color=TRUE, va="center")
+    axes.text(limit + 0.03, 0.15, f"up to {limit:.2f} mm: two at most", color=TRUE, va="center")
     axes.set(xlim=(0.0, 2.0), ylim=(-0.15, sensor.strips + 0.6), yticks=range(sensor.strips + 1))
     axes.set(xlabel="depth that the object sinks in [mm]", ylabel="strips touched")
     legend(axes, loc="upper left", ncols=2)
