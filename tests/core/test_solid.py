@@ -20,6 +20,7 @@ from tacstrip.core.solid import (
 
 SOLIDS = (
     ts.Solid.plane(), ts.Solid.sphere(4.0), ts.Solid.cylinder(3.0), ts.Solid.edge(1.2), ts.Solid.box((9.0, 6.0, 4.0)),
+    ts.Solid.cone(1.4),
 )  # fmt: skip
 
 

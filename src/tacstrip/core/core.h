@@ -395,7 +395,7 @@ EXPORTED void tacstrip_swept_areas(const double *vertices, const double *covaria
                                    Int draws, double *off, double *areas, double *workspace);
 
 /* How deep n points of a skin lie in each of `count` objects, touch (count, n) [mm], by their frames (count, SOLID_FRAME).
-   Kinds: 0 plane, 1 sphere, 2 cylinder (radius), 3 edge (sine and cosine of half its angle), 4 box (sides). points and
+   Kinds: 0 plane, 1 sphere, 2 cylinder (radius), 3 edge and 5 cone (sine and cosine of half the angle), 4 box (sides). points and
    normals are (3, n) of all or, own, (3, count, n); without normals depth is geometry alone, else a point that the object
    reaches under counts as a little deep. yields (count, n), or null: how far along the normal a skin of `thickness`
    yields, where it does not the depth. */

@@ -6,7 +6,7 @@
 #define NOT_MET (-1e6) /* mm that the skin yields to what it does not meet */
 #define PARALLEL 1e-9 /* cosine of a normal and a face's, below which they never meet */
 
-enum { PLANE, SPHERE, CYLINDER, EDGE, BOX };
+enum { PLANE, SPHERE, CYLINDER, EDGE, BOX, CONE };
 typedef struct {
   double x, y, z;
 } Vector;
@@ -24,6 +24,7 @@ static inline Vector place(const double *frame, const double *points, Int stride
 static inline double depth_of(Int kind, const double *size, Vector q) {
   if (kind == PLANE) return q.z;
   if (kind == EDGE) return size[0] * q.z - size[1] * magnitude(q.y);
+  if (kind == CONE) return size[0] * q.z - size[1] * sqrt(q.x * q.x + q.y * q.y);
   if (kind == BOX)
     return smaller(smaller(0.5 * size[0] - magnitude(q.x), 0.5 * size[1] - magnitude(q.y)), smaller(q.z, size[2] - q.z));
   double z = q.z - size[0], square = q.y * q.y + z * z;
@@ -37,6 +38,18 @@ static inline void cut(double slack, double steep, double *into, double *out) {
   else if (slack < 0.0) *into = INFINITE;
 }
 
+/* What of a column is within a cone, by the roots of A d^2 - 2 B d + C on its side of the tip. */
+static inline double cone_yield(const double *size, double thickness, Vector q, Vector n) {
+  double s = size[0] * size[0], c = size[1] * size[1];
+  double A = s * n.z * n.z - c * (n.x * n.x + n.y * n.y), B = s * q.z * n.z - c * (q.x * n.x + q.y * n.y);
+  double C = s * q.z * q.z - c * (q.x * q.x + q.y * q.y), square = B * B - A * C;
+  if (!(square >= 0.0) || magnitude(A) < PARALLEL) return NOT_MET;
+  double root = sqrt(square), low = (B - root) / A, high = (B + root) / A; /* low <= high where A > 0 */
+  if (A < 0.0) return q.z - B / A * n.z > 0.0 && high < thickness ? low : NOT_MET;
+  if (n.z > 0.0) return low;
+  return high < thickness ? INFINITE : NOT_MET;
+}
+
 static inline double yield_of(Int kind, const double *size, double thickness, Vector q, Vector n) {
   if (kind == SPHERE || kind == CYLINDER) {
     double z = q.z - size[0], along = q.y * n.y + z * n.z, square = n.y * n.y + n.z * n.z;
@@ -46,6 +59,7 @@ static inline double yield_of(Int kind, const double *size, double thickness, Ve
     if (!(half > 0.0 && along - half < thickness * square)) return NOT_MET;
     return along >= 0.0 ? (along + half) / square : beyond / (along - half); /* without cancellation */
   }
+  if (kind == CONE) return cone_yield(size, thickness, q, n);
   double into = -INFINITE, out = INFINITE;
   if (kind == PLANE) cut(q.z, n.z, &into, &out);
   else if (kind == EDGE) {
@@ -87,6 +101,7 @@ void tacstrip_solid_gap(Int kind, const double *frame, const double *points, con
     Vector q = place(frame, points + i, n);
     double lead = 0.0, square = q.y * q.y + (kind == SPHERE ? q.x * q.x : 0.0);
     if (kind == EDGE) lead = size[1] / size[0] * magnitude(q.y);
+    else if (kind == CONE) lead = size[1] / size[0] * sqrt(q.x * q.x + q.y * q.y);
     else if (kind == BOX) lead = magnitude(q.x) <= 0.5 * size[0] && magnitude(q.y) <= 0.5 * size[1] ? 0.0 : INFINITE;
     else if (kind != PLANE)
       lead = square <= size[0] * size[0] ? size[0] - sqrt(size[0] * size[0] - square) : INFINITE;

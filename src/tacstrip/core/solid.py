@@ -1,8 +1,8 @@
 """How deep points of a skin lie in objects, how far the skin yields to them there, and how far off they are.
 
 Objects of one kind are frames (M, 15): their axes, a row each, where they are, and three numbers of their shape: the
-radius of a sphere or cylinder, a box's sides, sine and cosine of half an edge's angle. Points and normals (3, M, K)
-have their components first; (3, 1, K) are those of all objects.
+radius of a sphere or cylinder, a box's sides, sine and cosine of half an edge's or cone's angle. Points and normals
+(3, M, K) have their components first; (3, 1, K) are those of all objects.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 from tacstrip.arrays import FloatArray
 from tacstrip.core.binding import at, exported
 
-KINDS = ("plane", "sphere", "cylinder", "edge", "box")
+KINDS = ("plane", "sphere", "cylinder", "edge", "box", "cone")
 _UNDER = 0.05  # mm: depth that a point counts with which the object reaches under
 _NOT_MET = -1e6  # mm that the skin yields to what it does not meet
 _PARALLEL = 1e-9  # cosine of a normal and a face's, below which they never meet
@@ -96,6 +96,8 @@ def plain_gap(
         lead = np.zeros_like(z)
     elif kind == "edge":
         lead = size[1] / size[0] * np.abs(y)
+    elif kind == "cone":
+        lead = size[1] / size[0] * np.hypot(x, y)
     elif kind == "box":
         lead = np.where((np.abs(x) <= 0.5 * size[0]) & (np.abs(y) <= 0.5 * size[1]), 0.0, np.inf)
     else:
@@ -106,18 +108,20 @@ def plain_gap(
 
 def _own_frame(frame: FloatArray, points: FloatArray) -> tuple[FloatArray, FloatArray]:
     axes = frame[:9].reshape(3, 3)
-    return axes, axes @ (points - frame[9:12, None])
+    return axes, np.asarray(axes @ (points - frame[9:12, None]))
 
 
 def _depth(kind: str, size: FloatArray, q: FloatArray) -> FloatArray:
     x, y, z = q
     if kind == "plane":
-        return z
+        return np.asarray(z)
     if kind == "edge":
         return np.asarray(size[0] * z - size[1] * np.abs(y))
+    if kind == "cone":
+        return np.asarray(size[0] * z - size[1] * np.hypot(x, y))
     if kind == "box":
         beside = np.minimum(0.5 * size[0] - np.abs(x), 0.5 * size[1] - np.abs(y))
-        return np.minimum(beside, np.minimum(z, size[2] - z))
+        return np.asarray(np.minimum(beside, np.minimum(z, size[2] - z)))
     square = y**2 + (z - size[0]) ** 2 + (x**2 if kind == "sphere" else 0.0)
     return np.asarray(size[0] - np.sqrt(square))
 
@@ -135,6 +139,8 @@ def _yields(kind: str, size: FloatArray, q: FloatArray, n: FloatArray, thickness
             # the further root, without cancellation
             out = np.where(along >= 0.0, (along + half) / square, beyond / (along - half))
             return np.where(met, out, _NOT_MET)
+        if kind == "cone":
+            return _cone_yields(size, q, n, thickness_mm)
         faces, offsets = _half_spaces(kind, size)
         slack, steep = faces @ q + offsets[:, None], faces @ n
         cut = slack / steep
@@ -142,6 +148,18 @@ def _yields(kind: str, size: FloatArray, q: FloatArray, n: FloatArray, thickness
     beside = np.where((slack < 0.0) & (steep <= _PARALLEL), np.inf, -np.inf)
     into = np.where(steep < -_PARALLEL, cut, beside).max(axis=0)
     return np.where((into <= out) & (into < thickness_mm), out, _NOT_MET)
+
+
+def _cone_yields(size: FloatArray, q: FloatArray, n: FloatArray, thickness_mm: float) -> FloatArray:
+    """Return what of columns is within a cone, by the roots of a d^2 - 2 b d + c on its side of the tip."""
+    s, c = size[0] ** 2, size[1] ** 2
+    a, b, c = (s * u[2] * v[2] - c * (u[0] * v[0] + u[1] * v[1]) for u, v in ((n, n), (q, n), (q, q)))
+    root = np.sqrt(b * b - a * c)  # NaN: not met
+    low, high = (b - root) / a, (b + root) / a  # low <= high where a > 0
+    flat = np.where((q[2] - b / a * n[2] > 0.0) & (high < thickness_mm), low, _NOT_MET)
+    steep = np.where(n[2] > 0.0, low, np.where(high < thickness_mm, np.inf, _NOT_MET))
+    found = np.where(a < 0.0, flat, steep)
+    return np.where(np.isfinite(root) & (np.abs(a) >= _PARALLEL), found, _NOT_MET)
 
 
 def _half_spaces(kind: str, size: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -207,7 +207,7 @@ def first_touch(skin: Skin, solid: Solid) -> float:
     at = np.unravel_index(int(gaps.argmin()), gaps.shape)
     a, t, best = float(across[at[0]]), float(up[at[1]]), float(gaps[at])
     reach = max(float(np.abs(skin.stretch(up)).max()) * (across[1] - across[0]), up[1] - up[0])
-    sharp = solid.kind in ("edge", "box")
+    sharp = solid.kind in ("edge", "box", "cone")
     side, grids, smaller = _SHARP_ZOOM if sharp else _ZOOM
     i = np.linspace(-1.0, 1.0, side)
     j = i[:, None]

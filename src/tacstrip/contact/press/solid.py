@@ -1,4 +1,4 @@
-"""Objects that are pressed: plane, sphere, cylinder, edge, box, or a triangle mesh, at a pose.
+"""Objects that are pressed: plane, sphere, cylinder, edge, box, cone, or a triangle mesh, at a pose.
 
 In an object's own frame its lowest place, which touches first, is the origin; z points from the skin into the object;
 a cylinder's axis and an edge's ridge are x.
@@ -21,16 +21,17 @@ from tacstrip.core.solid import solid_gap, solid_touch, solid_yields
 from tacstrip.errors import ContactError
 
 _FAR = 1e6  # mm
+_ANGLED = ("edge", "cone")  # whose size is an angle
 
 
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """An object and where it is; make one with `plane`, `sphere`, `cylinder`, `edge`, `box` or `from_mesh`, then `at`.
+    """An object and where it is; make one with `plane`, `sphere`, ... or `from_mesh`, then `at`.
 
     Attributes
     ----------
     kind
-        "plane", "sphere", "cylinder", "edge", "box" or "mesh".
+        "plane", "sphere", "cylinder", "edge", "box", "cone" or "mesh".
     size
         Radius [mm]; angle [rad]; or the box's three sides [mm].
     position_mm
@@ -49,7 +50,7 @@ class Solid:
     [1.0, -1.0]
     """
 
-    kind: Literal["plane", "sphere", "cylinder", "edge", "box", "mesh"]
+    kind: Literal["plane", "sphere", "cylinder", "edge", "box", "cone", "mesh"]
     size: tuple[float, ...] = ()
     position_mm: FloatArray = field(default_factory=lambda: np.zeros(3))
     axes: FloatArray = field(default_factory=lambda: np.eye(3))
@@ -57,7 +58,7 @@ class Solid:
 
     def __repr__(self) -> str:
         size = "" if not self.size else " of " + " x ".join(f"{s:.4g}" for s in self.size)
-        unit = " rad" if self.kind == "edge" else " mm" if self.size else ""
+        unit = " rad" if self.kind in _ANGLED else " mm" if self.size else ""
         at, toward = (", ".join(f"{v:.4g}" for v in vector) for vector in (self.position_mm, self.toward))
         return f"<Solid: {self.kind}{size}{unit} at ({at}) mm toward ({toward})>"
 
@@ -79,11 +80,12 @@ class Solid:
     @classmethod
     def edge(cls, angle_rad: float = 0.5 * math.pi) -> Self:
         """Make the edge of a body, by the angle [rad] between its two sides, which lies along its x."""
-        if not 0.0 < _size("angle_rad", angle_rad) < math.pi:
-            raise ContactError(
-                f"angle_rad = {angle_rad}: an edge has between 0 and pi, and is not in degrees"
-            )
-        return cls("edge", (float(angle_rad),))
+        return cls("edge", (_angle("an edge", angle_rad),))
+
+    @classmethod
+    def cone(cls, angle_rad: float = 0.5 * math.pi) -> Self:
+        """Make a cone without base, which touches with its tip, by the angle [rad] there between opposite sides."""
+        return cls("cone", (_angle("a cone", angle_rad),))
 
     @classmethod
     def box(cls, size_mm: npt.ArrayLike) -> Self:
@@ -160,8 +162,8 @@ class Solid:
     @cached_property
     def frame(self) -> FloatArray:
         """What `core.solid` knows of it (15,)."""
-        half = 0.5 * self.size[0] if self.kind == "edge" else 0.0
-        shape = (math.sin(half), math.cos(half)) if self.kind == "edge" else self.size
+        half = 0.5 * self.size[0] if self.kind in _ANGLED else 0.0
+        shape = (math.sin(half), math.cos(half)) if half else self.size
         return np.concatenate([self.axes.ravel(), self.position_mm, shape, np.zeros(3 - len(shape))])
 
     def depth(self, points: npt.ArrayLike) -> FloatArray:
@@ -223,6 +225,12 @@ def _size(name: str, value: float) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not 0.0 < value < _FAR:
         raise ContactError(f"{name} = {value!r}: must be above 0 and below {_FAR:g}")
     return float(value)
+
+
+def _angle(what: str, angle_rad: float) -> float:
+    if not 0.0 < _size("angle_rad", angle_rad) < math.pi:
+        raise ContactError(f"angle_rad = {angle_rad}: {what} has between 0 and pi, and is not in degrees")
+    return float(angle_rad)
 
 
 def _vector(name: str, values: npt.ArrayLike) -> FloatArray:

@@ -197,9 +197,8 @@ def noise_scale(squares: float, freedom: int, unknown: bool) -> float:
     """Return by what the readings' variance is larger than given, from squares left over and degrees of freedom."""
     if unknown and freedom >= 3:  # sigma is what is left over
         return max(squares / freedom, 1e-6)
-    # Strips, skin and object are never quite those of the model: what they leave over counts as noise. Never to take it
-    # for less would make deviations too large on the whole.
-    return (_BELIEF + squares) / (_BELIEF + max(freedom, 0))
+    # Strips, skin and object are never quite those of the model: what they leave over counts as noise.
+    return max(1.0, (_BELIEF + squares) / (_BELIEF + max(freedom, 0)))
 
 
 def descended(poses: Poses, start: Solid | None) -> tuple[FloatArray, FloatArray]:

@@ -161,8 +161,8 @@ class Poses:
         """Return the objects of parameters (M, P)."""
         size = self.solid.size
         return [
-            replace(self.solid, position_mm=at, axes=axes, size=(float(radius),) if len(size) == 1 and
-                    self.solid.kind != "edge" else size)
+            replace(self.solid, position_mm=at, axes=axes, size=(float(radius),) if self.solid.kind in
+                    ("sphere", "cylinder") else size)
             for at, axes, radius in zip(*self.frames(values), self.radii(values), strict=True)
         ]  # fmt: skip
 
