@@ -145,7 +145,7 @@ FAMILIES = {
 
 
 def judge(solid: Pressed, found: ts.SolidFit) -> tuple[dict[str, float], dict[str, float]]:
-    """Return errors (as the names say) and how many stated deviations they are, of what is told."""
+    """Return errors (as the names say) and how far they are from the edge of what holds with 95 %, of what is told."""
     assert found.solid is not None
     assert found.direction is not None
     area, force = load(solid)
@@ -158,16 +158,18 @@ def judge(solid: Pressed, found: ts.SolidFit) -> tuple[dict[str, float], dict[st
         "axis deg": math.degrees(axis) if solid.kind in ("cylinder", "edge") else math.nan,
     }  # fmt: skip
     about = abs(float(solid.axes[0] @ found.solid.axes[1]))  # the axis about the direction
-    sigmas = {
-        "area %": abs(found.area_mm2 - area) / found.area_sigma_mm2,
-        "direction deg": tilt / found.direction_sigma_rad / 1.249,  # 95 % of two normal errors within 2.448
-        "force %": abs(found.force_n - force) / found.force_sigma_n,
-        "radius %": abs(found.radius_mm - solid.radius) / found.radius_sigma_mm,
-        "axis deg": math.asin(min(about, 1.0)) / found.axis_sigma_rad,
+
+    def beyond(name: str, off: float) -> float:
+        """Return how far beside the middle of its 95 % an error is, 1 at their edge."""
+        low, high = found.intervals.get(name, (math.nan, math.nan))
+        return max(off - high, low - off) / (0.5 * (high - low)) + 1.0
+
+    held = {
+        "area %": beyond("area_mm2", area), "direction deg": beyond("direction_rad", tilt),
+        "force %": beyond("force_n", force), "radius %": beyond("radius_mm", solid.radius),
+        "axis deg": beyond("axis_rad", math.asin(min(about, 1.0))),
     }  # fmt: skip
-    return errors, {
-        name: value if math.isfinite(errors[name]) else math.nan for name, value in sigmas.items()
-    }
+    return errors, {name: value if math.isfinite(errors[name]) else math.nan for name, value in held.items()}
 
 
 def run(kind: str, seed: int, presses: int, verbose: bool = False) -> str:
@@ -202,7 +204,7 @@ def run(kind: str, seed: int, presses: int, verbose: bool = False) -> str:
     )
     cells = [f"{a:.2g} ({b:.2g})" if t else "" for a, b, t in zip(*quantiles, told, strict=True)]
     held = [
-        f"{100.0 * np.mean(v[np.isfinite(v)] < 1.96):.0f}" if t else "-"
+        f"{100.0 * np.mean(v[np.isfinite(v)] <= 1.0):.0f}" if t else "-"
         for v, t in zip(np.array(sigmas).T, told, strict=True)
     ]
     return "| " + " | ".join(

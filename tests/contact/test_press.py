@@ -110,13 +110,17 @@ def pairs() -> dict[str, tuple[ts.Solid, Any]]:
     pen = trimesh.creation.cylinder(radius=4.0, height=60.0, sections=256)
     pen.apply_transform(trimesh.transformations.rotation_matrix(0.5 * math.pi, (0, 1, 0)))
     pen.apply_translation((0, 0, 4))
+    tip = trimesh.creation.cone(radius=8.0 * math.tan(1.3), height=8.0, sections=256)
+    tip.apply_transform(trimesh.transformations.rotation_matrix(math.pi, (1, 0, 0)))
+    tip.apply_translation((0, 0, 8))
     return {
+        "cone": (ts.Solid.cone(2.6), tip),
         "sphere": (ts.Solid.sphere(5.0), ball), "box": (ts.Solid.box((12, 6, 8)), box),
         "cylinder": (ts.Solid.cylinder(4.0), pen),
     }  # fmt: skip
 
 
-@pytest.mark.parametrize("kind", ["sphere", "box", "cylinder"])
+@pytest.mark.parametrize("kind", ["sphere", "box", "cylinder", "cone"])
 def test_a_mesh_is_pressed_as_the_solid_that_it_is(kind: str, tmp_path: Path) -> None:
     solid, mesh = pairs()[kind]
     file = tmp_path / "thing.stl"

@@ -16,6 +16,7 @@ import tacstrip as ts
 from layered_scenes import two_triangles
 from polygons import convex_polygon
 from rigid_scenes import rigid_scene
+from tacstrip.contact.press.patch import samples
 from tacstrip.core.convex_chain import best_lines, convex_cuts, convex_regression, lower_hull, polyline
 from tacstrip.core.ellipse import fit_ellipse
 from tacstrip.core.hit_and_run import hit_and_run
@@ -26,6 +27,8 @@ from tacstrip.core.posterior import OutlinePrior, outline_ends, outline_record, 
 from tacstrip.core.problem import FitProblem
 from tacstrip.core.rigid import descend, equations, fit_poses, loss
 from tacstrip.core.search import fit_counts
+from tacstrip.core.solid import patch_sums, solid_gap, solid_yields
+from tacstrip.surface.skin import skin_of
 from tacstrip.tracking.rigid.smooth_path import circle, fit_corners, fit_path, spline_basis
 
 Case = Callable[[], Iterable[ArrayLike]]
@@ -59,6 +62,27 @@ def polygon_fits() -> Iterable[ArrayLike]:
                 yield found.vertices
                 if found.covariance is not None:
                     yield found.covariance
+
+
+@case
+def pressed_solids() -> Iterable[ArrayLike]:
+    """Solids of every kind in a fingertip: ends on strips, and what the patch sums up to."""
+    tip, pose = ts.Sensor.load("fingertip"), ((10.0, 3.0, 10.0), (-1.0, -0.3, -1.0), 0.4)
+    solids = (
+        ts.Solid.plane(),
+        ts.Solid.sphere(5.0),
+        ts.Solid.cylinder(4.0),
+        ts.Solid.edge(),
+        ts.Solid.box((12, 6, 8)),
+    )
+    skin = [np.ascontiguousarray(np.moveaxis(v, -1, 0).reshape(3, 1, -1)) for v in samples(skin_of(tip))[2:]]
+    for solid in solids:
+        frame = solid.at(*pose).moved(-4.0).frame
+        touch, yields = solid_yields(solid.kind, frame[None], *skin, 3.0)
+        yield from (touch, yields, solid_gap(solid.kind, frame, *(v[:, 0] for v in skin), 0.0))
+        grid = [v.reshape(3, tip.strips, -1).transpose(1, 2, 0) for v in skin]
+        cells = np.ones(tip.strips), np.ones(grid[0].shape[1] - 1)
+        yield patch_sums(touch.reshape(tip.strips, -1), yields.reshape(tip.strips, -1), *grid, *cells)
 
 
 @case

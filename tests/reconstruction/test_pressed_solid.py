@@ -73,7 +73,7 @@ def test_deviations_hold_where_slopes_at_one_pose_did_not() -> None:
     patch = ts.press(TIP, pen.at(12.0 * out, -out, turn), depth_mm=random.uniform(1.0, 2.0))
     found = ts.fit_solid(ts.simulate(TIP, patch, NOISE, rng=2), TIP, ts.Solid.cylinder(5.0), NOISE)
     assert abs(found.radius_mm - pen.size[0]) < 1.5 * found.radius_sigma_mm < 0.3
-    assert set(found.intervals) == {"area_mm2", "force_n", "radius_mm"}
+    assert set(found.intervals) == {"area_mm2", "force_n", "radius_mm", "direction_rad", "axis_rad"}
     for name, right in (("area_mm2", patch.area_mm2), ("force_n", patch.force_n), ("radius_mm", pen.size[0])):
         low, high = found.intervals[name]
         assert low < right < high

@@ -22,7 +22,7 @@ from tacstrip.sensor.spec import Sensor
 from tacstrip.simulation import simulate
 
 _POSE = (options.NUMBER,) * 6
-_SIZES = {"plane": 0, "sphere": 1, "cylinder": 1, "edge": 1, "box": 3}  # numbers after the name
+_SIZES = {"plane": 0, "sphere": 1, "cylinder": 1, "edge": 1, "cone": 1, "box": 3}  # numbers after the name
 _MESHES = (".stl", ".obj", ".ply", ".off", ".glb")
 
 
@@ -63,8 +63,9 @@ def command(
 ) -> None:
     """Press OBJECT into the skin of SENSOR (a spec file or a shipped spec) and write the readings.
 
-    OBJECT is plane, sphere:R, cylinder:R, edge:DEG, box:AxBxC (mm), or a mesh (.stl, .obj, .ply). Along a --path it is
-    pressed from each pose by depth or force, or where the file has neither and no option says so, it is where it is.
+    OBJECT is plane, sphere:R, cylinder:R, edge:DEG, cone:DEG, box:AxBxC (mm), or a mesh (.stl, .obj, .ply). Along a
+    --path it is pressed from each pose by depth or force, or where the file has neither and no option says so, it is
+    where it is.
 
     Example: tacstrip press fingertip cylinder:4 --pose 8 0 8 -1 0 -1 --depth 1.5 -o readings.csv --plot press.png
     """
@@ -149,10 +150,10 @@ def _solid(text: str) -> Solid:
         raise OptionError(f"OBJECT {text}: a {name} has {wanted}")
     if name == "box":
         return Solid.box(sizes)
-    if name == "edge":
+    if name in ("edge", "cone"):
         if not 0.0 < sizes[0] < 180.0:
-            raise OptionError(f"OBJECT {text}: an edge has between 0 and 180 degrees, as in edge:90")
-        return Solid.edge(math.radians(sizes[0]))
+            raise OptionError(f"OBJECT {text}: its angle is between 0 and 180 degrees, as in {name}:90")
+        return (Solid.edge if name == "edge" else Solid.cone)(math.radians(sizes[0]))
     if name == "plane":
         return Solid.plane()
     return Solid.sphere(sizes[0]) if name == "sphere" else Solid.cylinder(sizes[0])

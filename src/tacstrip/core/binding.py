@@ -141,6 +141,7 @@ KNOTS, MOST_CORNERS = 20, 26  # points of a chain and vertices of a sampled outl
 HOTTEST = 6  # temperatures of a sampler
 RIGID_CORNERS = 24  # corners of an outline that keeps its shape
 HULL_OBJECTS = 8  # objects on the same strips
+SOLID_FRAME = 15  # numbers of a pressed object
 # `Outline` and `OutlinePrior` of core.h.
 OUTLINE = np.dtype(_fields(count="2i8", x=f"(2,{KNOTS})f8", y=f"(2,{KNOTS})f8"))
 OUTLINE_PRIOR = np.dtype(
@@ -208,6 +209,12 @@ _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "swept_areas": (None, (_POINTER, _POINTER, _INT, _POINTER, _INT, *[_POINTER] * 3)),
     "batch": (_INT, (*[_POINTER] * 3, _INT, _INT, *[_POINTER] * 4)),
     "footprint": (None, (*[_POINTER] * 3, _INT, _DOUBLE, _INT, _POINTER, _POINTER)),
+    "solid_touch": (
+        None,
+        (_INT, _POINTER, _INT, _POINTER, _POINTER, _INT, _INT, _DOUBLE, _POINTER, _POINTER),
+    ),
+    "solid_gap": (None, (_INT, *[_POINTER] * 3, _INT, _DOUBLE, _POINTER)),
+    "patch_sums": (None, (*[_POINTER] * 4, _INT, _INT, *[_POINTER] * 3)),
     "spikes": (None, (_POINTER, _INT, _DOUBLE, _POINTER, _POINTER)),
 }
 

@@ -14,7 +14,7 @@
 #ifndef TACSTRIP_CORE_H
 #define TACSTRIP_CORE_H
 
-#define TACSTRIP_VERSION 12 /* goes up whenever a function or a struct of this file changes */
+#define TACSTRIP_VERSION 13 /* goes up whenever a function or a struct of this file changes */
 
 #define MAX_VERTICES 16        /* interior vertices of a polygon */
 #define END_ENTRIES 6          /* entries of theta before the first vertex */
@@ -30,6 +30,7 @@
 #define SHAPE_OBJECTS 8        /* of a drawn scene */
 #define RIGID_CORNERS 24       /* corners of an outline that keeps its shape, at most; 19 in a descent */
 #define HULL_OBJECTS 8         /* objects on the same strips, at most */
+#define SOLID_FRAME 15         /* numbers of an object: three axes, a place, three of its shape */
 
 #if defined(_WIN32)
 #define EXPORTED __declspec(dllexport)
@@ -392,6 +393,26 @@ EXPORTED Int tacstrip_lower_hull(const double *points, Int n, double *hull);
    workspace (4 count^2 + 2 count + 1,). */
 EXPORTED void tacstrip_swept_areas(const double *vertices, const double *covariance, Int count, const double *normal,
                                    Int draws, double *off, double *areas, double *workspace);
+
+/* How deep n points of a skin lie in each of `count` objects, touch (count, n) [mm], by their frames (count, SOLID_FRAME).
+   Kinds: 0 plane, 1 sphere, 2 cylinder (radius), 3 edge and 5 cone (sine and cosine of half the angle), 4 box (sides). points and
+   normals are (3, n) of all or, own, (3, count, n); without normals depth is geometry alone, else a point that the object
+   reaches under counts as a little deep. yields (count, n), or null: how far along the normal a skin of `thickness`
+   yields, where it does not the depth. */
+EXPORTED void tacstrip_solid_touch(Int kind, const double *frames, Int count, const double *points,
+                                   const double *normals, Int own, Int n, double thickness, double *touch,
+                                   double *yields);
+
+/* How far one object must be moved on to touch each of points (3, n), gap (n,) [mm]; infinite where it never does, or the
+   cosine of normals (3, n) with its way out is not above `steepest`. */
+EXPORTED void tacstrip_solid_gap(Int kind, const double *frame, const double *points, const double *normals, Int n,
+                                 double steepest, double *gap);
+
+/* Sum over a patch what a grid (rows, columns) of the skin says: touch and yields of tacstrip_solid_touch, points and normals
+   (3, rows, columns), and the sizes of cells, across (rows,) and up (columns - 1,). Along a row the depth is linear. sums (13,):
+   area, it times place and normal, depth times -normal, and the moment of that. */
+EXPORTED void tacstrip_patch_sums(const double *touch, const double *yields, const double *points, const double *normals,
+                                  Int rows, Int columns, const double *across, const double *up, double *sums);
 
 /* Simulate scans number first to first + scans - 1: of shapes drawn by laws, or where that is null of contacts from l to u
    (scans, strips) [mm]. Numbers depend on the key and the scan's number alone. Returns the place (scan, strip) of the first

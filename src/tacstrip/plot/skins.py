@@ -195,6 +195,10 @@ def _sheets(solid: Solid, reach: float) -> list[FloatArray]:
         side = 0.5 * (v + 0.5 * reach)
         half = 0.5 * solid.size[0]
         return [np.stack([u, s * side * np.sin(half), side * np.cos(half)], axis=-1) for s in (1.0, -1.0)]
+    if solid.kind == "cone":
+        u, v = np.meshgrid(0.5 * (line + 0.5 * reach), turn, indexing="ij")
+        wide = u * np.sin(0.5 * solid.size[0])
+        return [np.stack([wide * np.cos(v), wide * np.sin(v), u * np.cos(0.5 * solid.size[0])], axis=-1)]
     if solid.kind == "box":
         a, b, c = solid.size
         corners = [

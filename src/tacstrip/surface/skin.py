@@ -143,9 +143,10 @@ class Skin:
 
 
 def _vectors(x: FloatArray, y: FloatArray, z: FloatArray | float) -> FloatArray:
-    found = np.empty((*np.broadcast_shapes(x.shape, y.shape, np.shape(z)), 3))
-    found[..., 0], found[..., 1], found[..., 2] = x, y, z
-    return found
+    """Return vectors (..., 3), in memory components first, as solids take them."""
+    found = np.empty((3, *np.broadcast_shapes(x.shape, y.shape, np.shape(z))))
+    found[0], found[1], found[2] = x, y, z
+    return found.transpose(*range(1, found.ndim), 0)
 
 
 @lru_cache(maxsize=16)

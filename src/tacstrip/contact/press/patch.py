@@ -14,7 +14,8 @@ import numpy as np
 
 from tacstrip.arguments import takes
 from tacstrip.arrays import BoolArray, FloatArray, extent, touched_strips
-from tacstrip.contact.press.solid import Solid, under
+from tacstrip.contact.press.solid import Solid
+from tacstrip.core.solid import patch_sums
 from tacstrip.errors import ContactError, OptionError
 from tacstrip.sensor.spec import Sensor
 from tacstrip.surface.skin import Skin, skin_of
@@ -22,13 +23,10 @@ from tacstrip.surface.skin import Skin, skin_of
 _COARSE = (48, 32)  # the whole skin's grid, across and up
 _FINE, _TIGHT = 64, 33  # of the grid over the patch; of the one that finds where it is
 _ALONG = 192  # samples along a strip
-_ZOOM, _ZOOMS, _SHARP_ZOOMS = 9, 5, 9  # points a side and grids of the search for the first touch
+# Of the search for the first touch: points a side, grids, and how much smaller each is; where gaps have sharp valleys.
+_ZOOM, _SHARP_ZOOM = (33, 3, 0.0625), (17, 6, 0.2)
 _SHORT_MM = 1e-3  # of differences
-_ROOTS, _SMOOTH, _ROOT_MM = (
-    20,
-    5,
-    1e-6,
-)  # steps that place an end between two samples, the first of regula falsi
+_PARTS, _ROUNDS = 32, 2  # that place an end between two samples: to so many parts, so often
 _FEW = 12  # touched places of the coarse grid, fewer of which may miss some of a mesh
 _FORCE_STEPS, _FORCE_TOLERANCE = 40, 1e-6
 _SLACK = 1e-9
@@ -200,8 +198,7 @@ def patch_at(sensor: Sensor, solid: Solid, depth_mm: float = math.nan) -> Patch:
 def first_touch(skin: Skin, solid: Solid) -> float:
     """Return how far an object must be moved on to touch the skin [mm], below 0 where it lies in it: `ContactError`."""
     across, up, points, normals = _whole(skin)
-    faces = normals @ solid.toward < -1e-3
-    gaps = np.where(faces, solid.gap(points), np.inf)
+    gaps = solid.gap(points, normals, 1e-3)
     if not np.isfinite(gaps.min(initial=np.inf)):
         x, y, z = solid.toward
         raise ContactError(
@@ -210,22 +207,23 @@ def first_touch(skin: Skin, solid: Solid) -> float:
     at = np.unravel_index(int(gaps.argmin()), gaps.shape)
     a, t, best = float(across[at[0]]), float(up[at[1]]), float(gaps[at])
     reach = max(float(np.abs(skin.stretch(up)).max()) * (across[1] - across[0]), up[1] - up[0])
-    i, j = np.meshgrid(*2 * [np.linspace(-1.0, 1.0, _ZOOM)], indexing="ij")
-    sharp = solid.kind in ("edge", "box")
-    for _ in range(_SHARP_ZOOMS if sharp else _ZOOMS):
+    sharp = solid.kind in ("edge", "box", "cone")
+    side, grids, smaller = _SHARP_ZOOM if sharp else _ZOOM
+    i = np.linspace(-1.0, 1.0, side)
+    j = i[:, None]
+    for _ in range(grids):
         per = max(float(np.abs(skin.stretch(np.array(t)))), _SHORT_MM)
         ca, ct = _directions(skin, solid, a, t, per) if sharp else (1.0, 0.0)
-        near_a = a + reach / per * (ca * i - ct * j)
-        near_t = np.clip(t + reach * (ct * i + ca * j), *skin.up)
+        near_a = a + reach / per * (ca * i - ct * j if sharp else i)
+        near_t = np.clip(t + reach * (ct * i + ca * j if sharp else j), *skin.up)
         if not skin.round:
             near_a = np.clip(near_a, *skin.across)
-        near = np.where(
-            skin.normals(near_a, near_t) @ solid.toward < 0.0, solid.gap(skin.points(near_a, near_t)), np.inf
-        )
-        at = np.unravel_index(int(near.argmin()), near.shape)
-        if near[at] <= best:
-            a, t, best = float(near_a[at]), float(near_t[at]), float(near[at])
-        reach *= 0.4 if sharp else 0.25
+        near = solid.gap(skin.points(near_a, near_t), skin.normals(near_a, near_t))
+        here = int(near.argmin())
+        if near.flat[here] <= best:
+            best = float(near.flat[here])
+            a, t = (float(np.broadcast_to(v, near.shape).flat[here]) for v in (near_a, near_t))
+        reach *= smaller
     return best
 
 
@@ -252,39 +250,25 @@ def strip_ends(skin: Skin, solid: Solid) -> tuple[FloatArray, FloatArray]:
     inner = np.concatenate([first, last])
     outer = np.clip(np.concatenate([first - 1, last + 1]), 0, on.shape[1] - 1)
     rows = np.concatenate([touched, touched])
-    (y_in, y_out), (g_in, g_out) = ((v[rows, inner], v[rows, outer]) for v in (y, g))
-    found = _roots(skin, solid, strip[rows], (y_in, y_out), (g_in, g_out))
-    l[touched], u[touched] = np.split(found, 2)
+    l[touched], u[touched] = np.split(_ends(skin, solid, strip[rows], y[rows, inner], y[rows, outer]), 2)
     return l, u
 
 
-def _roots(
-    skin: Skin,
-    solid: Solid,
-    strip: FloatArray,
-    y: tuple[FloatArray, FloatArray],
-    g: tuple[FloatArray, FloatArray],
-) -> FloatArray:
-    """Return where touch ends (N,) [mm] between y touched and y not touched, by its values there."""
-    (y_in, y_out), (g_in, g_out) = y, g
-    at = np.where(y_in == y_out, y_in, np.nan)
-    for step in range(
-        _ROOTS
-    ):  # regula falsi, then halving of what it does not find: jumps, as at a box's side
-        (open_,) = np.nonzero(np.isnan(at))
-        if not len(open_):
-            break
-        inner, outer, high, low = (v[open_] for v in (y_in, y_out, g_in, g_out))
-        share = high / (high - low) if step < _SMOOTH and step != 1 else np.full(len(open_), 0.5)
-        now = inner + share * (outer - inner)
-        place = skin.places(strip[open_], now)
-        g_now = solid.touch(skin.points(*place), skin.normals(*place), skin.thickness_mm)
-        done = (np.abs(g_now) <= _ROOT_MM) | (np.abs(outer - inner) <= _ROOT_MM) | (step == _ROOTS - 1)
-        at[open_[done]] = now[done]
-        inside = g_now > 0.0
-        y_in[open_], g_in[open_] = np.where(inside, now, inner), np.where(inside, g_now, high)
-        y_out[open_], g_out[open_] = np.where(inside, outer, now), np.where(inside, low, g_now)
-    return np.asarray(at)
+def _ends(skin: Skin, solid: Solid, strip: FloatArray, inner: FloatArray, outer: FloatArray) -> FloatArray:
+    """Return where touch ends (N,) [mm] on strips, between y touched and y not touched."""
+    rows, share = np.arange(len(strip)), np.linspace(0.0, 1.0, _PARTS + 1)
+    y_in, y_out, g_in, g_out = inner, outer, np.ones(len(strip)), np.zeros(len(strip))
+    for _ in range(_ROUNDS):  # in parts, for there may be jumps, as at a box's side
+        y = y_in[:, None] + share * (y_out - y_in)[:, None]
+        place = skin.places(strip[:, None], y)
+        g = solid.touch(skin.points(*place), skin.normals(*place), skin.thickness_mm)
+        off = g <= 0.0
+        off[:, 0], off[:, -1] = False, True
+        at = off.argmax(axis=1)
+        (y_in, y_out), (g_in, g_out) = ((v[rows, at - 1], v[rows, at]) for v in (y, g))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        part = np.clip(np.nan_to_num(g_in / (g_in - g_out)), 0.0, 1.0)
+    return np.where(inner == outer, inner, y_in + part * (y_out - y_in))
 
 
 @lru_cache(maxsize=16)
@@ -293,7 +277,7 @@ def samples(skin: Skin, count: int = _ALONG) -> tuple[FloatArray, FloatArray, Fl
     strip = np.arange(skin.strips, dtype=float)
     y = skin.lengths_mm[:, None] * np.linspace(0.0, 1.0, count)
     place = skin.places(strip[:, None], y)
-    return strip, y, skin.points(*place), np.ascontiguousarray(skin.normals(*place))
+    return strip, y, skin.points(*place), skin.normals(*place)
 
 
 @lru_cache(maxsize=16)
@@ -302,12 +286,7 @@ def _whole(skin: Skin) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     count = _COARSE if skin.round else (_COARSE[0] + 1, _COARSE[1])
     across = np.linspace(*skin.across, count[0], endpoint=not skin.round)
     up = np.linspace(*skin.up, count[1])
-    return (
-        across,
-        up,
-        skin.points(across[:, None], up),
-        np.ascontiguousarray(skin.normals(across[:, None], up)),
-    )
+    return across, up, skin.points(across[:, None], up), skin.normals(across[:, None], up)
 
 
 @dataclass(frozen=True, eq=False)
@@ -339,39 +318,20 @@ def patch_load(skin: Skin, solid: Solid, limited: bool = True) -> Load:
     """Integrate over the patch: errors as of `press`, but not `limited` by the skin's thickness none."""
     across, up = _box(skin, solid)
     points, normals = skin.points(across[:, None], up), skin.normals(across[:, None], up)
-    yields = solid.indentation(points, normals, skin.thickness_mm)
-    depth = yields
-    if solid.mesh is None:
-        depth = under(solid.depth(points), yields)
-        yields = np.where(depth > 0.0, yields, depth)
+    depth, yields = solid.yields(points, normals, skin.thickness_mm)
     deepest = float(yields.max(initial=0.0))
     if limited and deepest > skin.thickness_mm * (1.0 + 1e-9):
         sinks = "deeper than" if deepest == math.inf else f"{deepest:.3g} mm into"
         raise ContactError(
             f"the object sinks {sinks} a skin of {skin.thickness_mm:g} mm: press less, or mend surface.thickness_mm"
         )
-    # Along `up` the depth is linear between samples: edges are cut where they are. Where the skin yields by more
-    # than its place is deep, the object ends beside it, with a step.
-    a, b = depth[:, :-1], depth[:, 1:]
-    high = np.maximum(a, b)
-    cut = (a > 0.0) != (b > 0.0)
-    share = np.where(cut, high / np.where(cut, np.abs(a - b), 1.0), (a > 0.0).astype(float))
-    positive = np.maximum(yields, 0.0)
-    most = np.maximum(positive[:, :-1], positive[:, 1:])
-    edge = np.where(cut, most - np.minimum(high, most), np.minimum(positive[:, :-1], positive[:, 1:]))
-    mean = 0.5 * (most + edge) * share
-    middle = 0.5 * (up[1:] + up[:-1])
-    by_across = np.gradient(across) if len(across) > 1 else np.ones(1)
-    by_across[[0, -1]] *= 0.5
-    cell = np.abs(skin.stretch(middle)) * np.diff(up) * by_across[:, None]
-    area, weight = (share * cell).ravel(), (skin.stiffness_n_per_mm3 * mean * cell).ravel()
-    at = skin.points(across[:, None], middle).reshape(-1, 3)
-    out = skin.normals(across[:, None], middle).reshape(-1, 3)
-    force = -weight @ out
-    of = -(at * weight[:, None]).T @ out  # (3, 3): sum of place times force
-    moment = np.array([of[1, 2] - of[2, 1], of[2, 0] - of[0, 2], of[0, 1] - of[1, 0]])
-    total = float(area.sum())
-    point, normal = area @ at, area @ out
+    by_across = np.zeros(len(across))
+    by_across[1:] = 0.5 * np.diff(across)
+    by_across[:-1] += by_across[1:]
+    by_up = np.abs(skin.stretch(0.5 * (up[1:] + up[:-1]))) * np.diff(up)
+    sums = patch_sums(depth, yields, points, normals, by_across, by_up)
+    total, point, normal = float(sums[0]), sums[1:4], sums[4:7]
+    force, moment = skin.stiffness_n_per_mm3 * sums[7:].reshape(2, 3)
     length = float(np.linalg.norm(normal))
     return Load(
         total, float(force @ solid.toward), force, moment, point / total if total else np.full(3, np.nan),
@@ -386,7 +346,7 @@ def _box(skin: Skin, solid: Solid) -> tuple[FloatArray, FloatArray]:
     apart = max(float(np.abs(skin.stretch(up)).max()) * (across[1] - across[0]), up[1] - up[0])
     near = solid.touch(points, normals, skin.thickness_mm) > (-0.75 * apart if solid.mesh is None else 0.0)
     if solid.mesh is not None and near.sum() < _FEW:
-        gaps = np.where(normals @ solid.toward < 0.0, solid.gap(points), np.inf)
+        gaps = solid.gap(points, normals)
         near |= np.abs(gaps) <= 0.25 * apart
         near.flat[int(gaps.argmin())] = True
     if not near.any():

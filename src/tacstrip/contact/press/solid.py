@@ -1,4 +1,4 @@
-"""Objects that are pressed: plane, sphere, cylinder, edge, box, or a triangle mesh, at a pose.
+"""Objects that are pressed: plane, sphere, cylinder, edge, box, cone, or a triangle mesh, at a pose.
 
 In an object's own frame its lowest place, which touches first, is the origin; z points from the skin into the object;
 a cylinder's axis and an edge's ridge are x.
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal, Self
 
@@ -16,21 +17,21 @@ import numpy.typing as npt
 
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.press.mesh import Mesh
+from tacstrip.core.solid import solid_gap, solid_touch, solid_yields
 from tacstrip.errors import ContactError
 
 _FAR = 1e6  # mm
-_PARALLEL = 1e-9  # cosine of a normal and a face's, below which they never meet
-_UNDER_MM = 0.05  # depth that a point counts with which the object reaches under
+_ANGLED = ("edge", "cone")  # whose size is an angle
 
 
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """An object and where it is; make one with `plane`, `sphere`, `cylinder`, `edge`, `box` or `from_mesh`, then `at`.
+    """An object and where it is; make one with `plane`, `sphere`, ... or `from_mesh`, then `at`.
 
     Attributes
     ----------
     kind
-        "plane", "sphere", "cylinder", "edge", "box" or "mesh".
+        "plane", "sphere", "cylinder", "edge", "box", "cone" or "mesh".
     size
         Radius [mm]; angle [rad]; or the box's three sides [mm].
     position_mm
@@ -49,7 +50,7 @@ class Solid:
     [1.0, -1.0]
     """
 
-    kind: Literal["plane", "sphere", "cylinder", "edge", "box", "mesh"]
+    kind: Literal["plane", "sphere", "cylinder", "edge", "box", "cone", "mesh"]
     size: tuple[float, ...] = ()
     position_mm: FloatArray = field(default_factory=lambda: np.zeros(3))
     axes: FloatArray = field(default_factory=lambda: np.eye(3))
@@ -57,7 +58,7 @@ class Solid:
 
     def __repr__(self) -> str:
         size = "" if not self.size else " of " + " x ".join(f"{s:.4g}" for s in self.size)
-        unit = " rad" if self.kind == "edge" else " mm" if self.size else ""
+        unit = " rad" if self.kind in _ANGLED else " mm" if self.size else ""
         at, toward = (", ".join(f"{v:.4g}" for v in vector) for vector in (self.position_mm, self.toward))
         return f"<Solid: {self.kind}{size}{unit} at ({at}) mm toward ({toward})>"
 
@@ -79,11 +80,12 @@ class Solid:
     @classmethod
     def edge(cls, angle_rad: float = 0.5 * math.pi) -> Self:
         """Make the edge of a body, by the angle [rad] between its two sides, which lies along its x."""
-        if not 0.0 < _size("angle_rad", angle_rad) < math.pi:
-            raise ContactError(
-                f"angle_rad = {angle_rad}: an edge has between 0 and pi, and is not in degrees"
-            )
-        return cls("edge", (float(angle_rad),))
+        return cls("edge", (_angle("an edge", angle_rad),))
+
+    @classmethod
+    def cone(cls, angle_rad: float = 0.5 * math.pi) -> Self:
+        """Make a cone without base, which touches with its tip, by the angle [rad] there between opposite sides."""
+        return cls("cone", (_angle("a cone", angle_rad),))
 
     @classmethod
     def box(cls, size_mm: npt.ArrayLike) -> Self:
@@ -153,122 +155,82 @@ class Solid:
         """Return it moved on, the way that it is pressed."""
         return replace(self, position_mm=self.position_mm + distance_mm * self.toward)
 
-    def _local(self, points: npt.ArrayLike) -> FloatArray:
-        return np.asarray((np.asarray(points, dtype=float) - self.position_mm) @ self.axes.T)
+    def _turned(self, vectors: npt.ArrayLike) -> FloatArray:
+        """Return vectors (..., 3) in its own frame."""
+        return np.asarray(np.asarray(vectors, dtype=float) @ self.axes.T)
 
-    def _faces(self) -> tuple[FloatArray, FloatArray]:
-        """Return what half-spaces a plane, edge or box is made of: slack = offset + normal . point >= 0 within."""
-        if self.kind == "edge":
-            sin, cos = math.sin(0.5 * self.size[0]), math.cos(0.5 * self.size[0])
-            return np.array([[0.0, cos, sin], [0.0, -cos, sin]]), np.zeros(2)
-        if self.kind == "plane":
-            return np.array([[0.0, 0.0, 1.0]]), np.zeros(1)
-        a, b, c = self.size
-        half = np.array([0.5 * a, 0.5 * a, 0.5 * b, 0.5 * b, 0.0, c])
-        return np.repeat(np.eye(3), 2, axis=0) * np.tile([1.0, -1.0], 3)[:, None], half
-
-    def _round(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return vectors from a sphere's centre or a cylinder's axis, and what of a direction counts."""
-        counted = np.array([0.0 if self.kind == "cylinder" else 1.0, 1.0, 1.0])
-        return (q - [0.0, 0.0, self.size[0]]) * counted, counted
+    @cached_property
+    def frame(self) -> FloatArray:
+        """What `core.solid` knows of it (15,)."""
+        half = 0.5 * self.size[0] if self.kind in _ANGLED else 0.0
+        shape = (math.sin(half), math.cos(half)) if half else self.size
+        return np.concatenate([self.axes.ravel(), self.position_mm, shape, np.zeros(3 - len(shape))])
 
     def depth(self, points: npt.ArrayLike) -> FloatArray:
         """Return how deep points (..., 3) lie in it [mm], below 0 outside; not of a mesh."""
         if self.mesh is not None:
             raise ContactError("a mesh has no depth of its own; press it into a skin")
-        return self._depth(self._local(points))
-
-    def _depth(self, q: FloatArray) -> FloatArray:
-        if self.kind in ("sphere", "cylinder"):
-            e = self._round(q)[0]
-            return np.asarray(self.size[0] - np.sqrt(np.einsum("...i,...i->...", e, e)))
-        normals, offsets = self._faces()
-        return np.asarray((q @ normals.T + offsets).min(axis=-1))
-
-    def indentation(self, points: FloatArray, normals: FloatArray, thickness_mm: float) -> FloatArray:
-        """Return how far the skin at points (..., 3) yields along its normals [mm]; 0 or below where it is not touched.
-
-        It is touched where the object is met on the way in. A skin that would have to yield by more than its thickness
-        yields inf.
-        """
-        return self._indentation(self._local(points), normals @ self.axes.T, thickness_mm)
-
-    def _indentation(self, q: FloatArray, n: FloatArray, thickness_mm: float | FloatArray) -> FloatArray:
-        if self.mesh is not None:
-            return self.mesh.indentation(q, n, float(np.max(thickness_mm)))
-        if self.kind in ("sphere", "cylinder"):
-            e, counted = self._round(q)
-            n = n * counted
-            along, square = np.einsum("...i,...i->...", e, n), np.einsum("...i,...i->...", n, n)
-            beyond = np.einsum("...i,...i->...", e, e) - self.size[0] ** 2
-            half = np.sqrt(np.maximum(along**2 - square * beyond, 0.0))
-            met = (half > 0.0) & (along - half < thickness_mm * square)
-            with np.errstate(divide="ignore", invalid="ignore"):  # the further root, without cancellation
-                out = np.where(along >= 0.0, (along + half) / square, beyond / (along - half))
-            return np.asarray(np.where(met, out, -_FAR))
-        faces, offsets = self._faces()
-        slack, steep = q @ faces.T + offsets, n @ faces.T
-        with np.errstate(divide="ignore", invalid="ignore"):
-            cut = slack / steep
-        out = np.where(steep > _PARALLEL, cut, np.inf).min(axis=-1)
-        into = np.where(
-            steep < -_PARALLEL, cut, np.where((slack < 0.0) & (steep <= _PARALLEL), np.inf, -np.inf)
-        )
-        into = into.max(axis=-1)
-        return np.asarray(np.where((into <= out) & (into < thickness_mm), out, -_FAR))
+        p = components(np.asarray(points, dtype=float))
+        return solid_touch(self.kind, self.frame[None], p, None, 0.0).reshape(np.shape(points)[:-1])
 
     def touch(self, points: FloatArray, normals: FloatArray, thickness_mm: float) -> FloatArray:
         """Return what is above 0 where the skin at points (..., 3) is touched, and changes as steadily as it can.
 
         That is the depth, but where the object reaches under a point beside it, as a box's corner does.
         """
-        return self.touch_in_own_frame(self._local(points), normals @ self.axes.T, thickness_mm)
-
-    def touch_in_own_frame(
-        self, q: FloatArray, n: FloatArray, thickness_mm: float | FloatArray
-    ) -> FloatArray:
-        """Return `touch` at points and normals (..., 3) in its own frame; thickness (...) may be each point's own."""
         if self.mesh is not None:
-            return np.minimum(self._indentation(q, n, thickness_mm), thickness_mm)
-        found = self._depth(q)
-        thickness = np.broadcast_to(thickness_mm, found.shape)
-        beside = (found <= 0.0) & (found > -thickness)
-        if self.kind != "plane" and beside.any():
-            found[beside] = under(found[beside], self._indentation(q[beside], n[beside], thickness[beside]))
-        return found
+            return np.minimum(self._yields_to_mesh(points, normals, thickness_mm), thickness_mm)
+        p, n = components(points), components(normals)
+        return solid_touch(self.kind, self.frame[None], p, n, thickness_mm).reshape(points.shape[:-1])
 
-    def gap(self, points: FloatArray) -> FloatArray:
-        """Return how far it must be moved on to touch each of the points (..., 3) [mm]; inf where it never does."""
-        q = self._local(points)
-        x, y, z = np.moveaxis(q, -1, 0)
+    def yields(
+        self, points: FloatArray, normals: FloatArray, thickness_mm: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return `touch`, and how far the skin at points (..., 3) yields along its normals [mm]: 0 or below untouched.
+
+        It is touched where the object is met on the way in. A skin that would have to yield by more than its thickness
+        yields inf.
+        """
         if self.mesh is not None:
-            return np.asarray(self.mesh.lowest(x, y) - z)
-        radius = self.size[0] if self.size else 0.0
-        if self.kind == "plane":
-            lead = np.zeros_like(z)
-        elif self.kind == "edge":
-            lead = np.abs(y) / math.tan(0.5 * radius)
-        elif self.kind == "box":
-            lead = np.where(
-                (np.abs(x) <= 0.5 * self.size[0]) & (np.abs(y) <= 0.5 * self.size[1]), 0.0, np.inf
-            )
-        else:
-            square = y**2 + (x**2 if self.kind == "sphere" else 0.0)
-            lead = np.where(
-                square <= radius**2, radius - np.sqrt(np.maximum(radius**2 - square, 0.0)), np.inf
-            )
-        return np.asarray(lead - z)
+            found = self._yields_to_mesh(points, normals, thickness_mm)
+            return found, found
+        p, n = components(points), components(normals)
+        touch, found = solid_yields(self.kind, self.frame[None], p, n, thickness_mm)
+        return touch.reshape(points.shape[:-1]), found.reshape(points.shape[:-1])
+
+    def _yields_to_mesh(self, points: FloatArray, normals: FloatArray, thickness_mm: float) -> FloatArray:
+        assert self.mesh is not None
+        return self.mesh.indentation(
+            self._turned(points - self.position_mm), self._turned(normals), thickness_mm
+        )
+
+    def gap(self, points: FloatArray, normals: FloatArray, steepest: float = 0.0) -> FloatArray:
+        """Return how far it must be moved on to touch the skin at points (..., 3) [mm].
+
+        inf where it never does, or where the cosine between the skin's normal and its way out is not above `steepest`.
+        """
+        if self.mesh is not None:
+            x, y, z = np.moveaxis(self._turned(points - self.position_mm), -1, 0)
+            return np.where(normals @ self.axes[2] > steepest, self.mesh.lowest(x, y) - z, np.inf)
+        p, n = components(points)[:, 0], components(normals)[:, 0]
+        return solid_gap(self.kind, self.frame, p, n, steepest).reshape(points.shape[:-1])
 
 
-def under(depth: FloatArray, yields: FloatArray) -> FloatArray:
-    """Return depths, of points that the object reaches under a little above 0."""
-    return np.where((depth <= 0.0) & (yields > 0.0), np.minimum(yields, _UNDER_MM), depth)
+def components(vectors: FloatArray) -> FloatArray:
+    """Return vectors (..., 3) with components first (3, 1, K), as `core.solid` takes them."""
+    return vectors.transpose(-1, *range(vectors.ndim - 1)).reshape(3, 1, -1)
 
 
 def _size(name: str, value: float) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not 0.0 < value < _FAR:
         raise ContactError(f"{name} = {value!r}: must be above 0 and below {_FAR:g}")
     return float(value)
+
+
+def _angle(what: str, angle_rad: float) -> float:
+    if not 0.0 < _size("angle_rad", angle_rad) < math.pi:
+        raise ContactError(f"angle_rad = {angle_rad}: {what} has between 0 and pi, and is not in degrees")
+    return float(angle_rad)
 
 
 def _vector(name: str, values: npt.ArrayLike) -> FloatArray:

@@ -41,8 +41,8 @@ _LIKELY = 0.05  # share of draws
 _RIVAL = 4.0  # chi square by which another pose is no rival
 _UNTOLD = 0.5  # relative standard deviation of a radius or force that is not told
 _AXES = ("cylinder", "edge", "box")  # a mesh may be alike turned about its own axis
-# Standard deviations beyond which a result is doubtful: with 95 % area, direction and axis are within twice as much.
-_AREA, _DIRECTION, _AXIS = 0.05, math.radians(2.5), math.radians(5.0)
+# Standard deviations from which on a result is doubtful; with 95 % area, direction, axis, radius are within twice that.
+_AREA, _DIRECTION, _AXIS, _RADIUS = 0.05, math.radians(2.5), math.radians(5.0), 0.125
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +75,8 @@ class SolidFit:
     time_s
         The scan's time [s].
     intervals
-        Within what each of "area_mm2", "force_n" and "radius_mm" lies with 95 %: (low, high), of what is told.
+        Within what each of "area_mm2", "force_n" and "radius_mm" lies with 95 %: (low, high), of what is told. In
+        "direction_rad" and "axis_rad" how far the direction, and the axis about it, are off: (0, at most).
 
     Examples
     --------
@@ -230,6 +231,7 @@ class _Scatter:
     radius: FloatArray
     direction: float
     axis: float
+    intervals: dict[str, tuple[float, float]]  # of direction and axis
     elsewhere: float  # the share of draws that differ by more than a result may that is not doubtful
 
     @classmethod
@@ -246,16 +248,23 @@ class _Scatter:
         area, turns = np.array([load.area_mm2 for load in loads]), poses.solid.kind in _AXES
         off = (np.abs(area[1:] - area[0]) > 2.0 * _AREA * area[0]) | (np.hypot(*tilt) > 2.0 * _DIRECTION)
         off |= turns & (np.abs(turn) > 2.0 * _AXIS)
+        of = {"direction_rad": np.hypot(*tilt)} | ({"axis_rad": np.abs(turn)} if turns else {})
+        intervals = {name: (0.0, float(_quantiles(v, 0.95))) for name, v in of.items()}
         return cls(
             area, np.array([load.force_n for load in loads]), poses.radii(every),
             math.sqrt(np.linalg.eigvalsh(tilt @ tilt.T / len(draws))[-1]),
-            math.sqrt(float(np.square(turn).mean())) if turns else math.nan, float(off.mean()),
+            math.sqrt(float(np.square(turn).mean())) if turns else math.nan, intervals, float(off.mean()),
         )  # fmt: skip
+
+
+def _quantiles(draws: FloatArray, share: float | tuple[float, ...]) -> FloatArray:
+    """Return what another draw is below with these shares."""
+    return np.asarray(np.quantile(draws, share, method="weibull"))
 
 
 def _about(values: FloatArray) -> tuple[float, float, tuple[float, float]]:
     """Return the first of values, the others' root mean square from it, and what 95 % of them lie within."""
-    low, high = np.quantile(values[1:], (0.025, 0.975))
+    low, high = _quantiles(values[1:], (0.025, 0.975))
     return (
         float(values[0]),
         math.sqrt(float(np.square(values[1:] - values[0]).mean())),
@@ -270,12 +279,13 @@ def _result(
     """Put together what was found, and judge it."""
     (solid,), kind = poses.solids(values[None]), poses.solid.kind
     (area, area_sigma, of_area), (force, force_sigma, of_force) = _about(scatter.area), _about(scatter.force)
-    intervals = {"area_mm2": of_area}
+    intervals = {"area_mm2": of_area} | scatter.intervals
     radius = radius_sigma = math.nan
-    notes, doubtful = [], False
+    notes, doubtful, open_ = [], False, False
     if kind in ("sphere", "cylinder"):
         radius, radius_sigma, of_radius = _about(scatter.radius)
         alike = cap(poses.skin, solid) and not known_size
+        open_ = not alike and not radius_sigma <= _RADIUS * radius
         if alike or radius_sigma > _UNTOLD * radius:
             why = "every patch of a sphere on this skin is alike" if alike else "it is open"
             notes.append(
@@ -307,7 +317,7 @@ def _result(
         )
     if poses.noise is None and poses.readings - len(values) < 3:
         notes.append(f"the noise is taken for {100 * GUESS:g} % of Vref; give it")
-    open_ = not area_sigma <= _AREA * area or not scatter.direction <= _DIRECTION or scatter.axis > _AXIS
+    open_ |= not area_sigma <= _AREA * area or not scatter.direction <= _DIRECTION or scatter.axis > _AXIS
     if patch is None or draws.effective < _FEW_DRAWS or open_:
         doubtful = True
         notes.append("few strips tell of it: its pose is open; press harder, or across more strips")

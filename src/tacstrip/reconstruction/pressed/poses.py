@@ -20,6 +20,7 @@ from tacstrip.contact.noise import Noise
 from tacstrip.contact.press.patch import samples
 from tacstrip.contact.press.solid import Solid
 from tacstrip.contact.signature import signatures
+from tacstrip.core.solid import solid_touch
 from tacstrip.reconstruction.noise_covariance import Averaging, reading_covariance
 from tacstrip.scan import Scan
 from tacstrip.sensor.left_out import left_out_wholly
@@ -160,8 +161,8 @@ class Poses:
         """Return the objects of parameters (M, P)."""
         size = self.solid.size
         return [
-            replace(self.solid, position_mm=at, axes=axes, size=(float(radius),) if len(size) == 1 and
-                    self.solid.kind != "edge" else size)
+            replace(self.solid, position_mm=at, axes=axes, size=(float(radius),) if self.solid.kind in
+                    ("sphere", "cylinder") else size)
             for at, axes, radius in zip(*self.frames(values), self.radii(values), strict=True)
         ]  # fmt: skip
 
@@ -203,29 +204,26 @@ class Poses:
 
     def _touch(self, values: FloatArray) -> Callable[[FloatArray, Callable[[], FloatArray]], FloatArray]:
         """Return what gives the touch (M, ...) of objects (M, P) at points (M or 1, ..., 3), of normals where asked."""
-        (at, axes), radius = self.frames(values), self.radii(values)
-        unit = replace(self.solid, size=(1.0,)) if self.solid.kind in ("sphere", "cylinder") else self.solid
-
+        solids, thick = self.solids(values), self.skin.thickness_mm
+        frames, kind = np.stack([solid.frame for solid in solids]), self.solid.kind
         # Only objects that go deeper than they are thick reach under places beside the patch.
-        under = np.flatnonzero(values[:, 2] > 0.8 * radius) if unit.size == (1.0,) else np.arange(len(values))
-        if self.solid.kind == "plane":
-            under = under[:0]
+        round_ = kind in ("sphere", "cylinder")
+        reaches = kind != "plane" and not (round_ and (values[:, 2] <= 0.8 * self.radii(values)).all())
 
         def touch(points: FloatArray, normals: Callable[[], FloatArray]) -> FloatArray:
-            """Return that of the object of radius 1, made larger."""
-            scale, turned = radius[:, None, None, None], np.swapaxes(axes, 1, 2)
-            shape = (len(at), *points.shape[1:])
-            q = ((points.reshape(len(points), -1, 3) - at[:, None]) @ turned).reshape(shape) / scale
-            if not len(under):
-                return scale[..., 0] * unit.depth(q)
-            out = normals()
-            n = (np.broadcast_to(out, shape).reshape(len(at), -1, 3) @ turned).reshape(shape)
-            thick = self.skin.thickness_mm / scale[..., 0]
-            if len(under) == len(at):
-                return scale[..., 0] * unit.touch_in_own_frame(q, n, thick)
-            found = unit.depth(q)
-            found[under] = unit.touch_in_own_frame(q[under], n[under], thick[under])
-            return scale[..., 0] * found
+            shape = points.shape[1:-1]
+            if self.solid.mesh is not None:  # in its frame, all rays at once
+                axes = frames[:, :9].reshape(-1, 3, 3).swapaxes(1, 2)
+                q = (points.reshape(len(points), -1, 3) - frames[:, None, 9:12]) @ axes
+                out = normals().reshape(len(points), -1, 3) @ axes
+                found = self.solid.mesh.indentation(q, out, thick)
+                return np.minimum(found, thick).reshape(len(values), *shape)
+            p, n = (
+                None if v is None else v.transpose(-1, *range(v.ndim - 1)).reshape(3, len(v), -1)
+                for v in (points, normals() if reaches else None)
+            )
+            assert p is not None
+            return solid_touch(kind, frames, p, n, thick).reshape(len(values), *shape)
 
         return touch
 
