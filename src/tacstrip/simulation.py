@@ -163,8 +163,9 @@ def _scan(
 ) -> Scan:
     """Return readings with their errors as a scan: `ContactError` where metal shorts Vref to ground."""
     scan = _measured(process, ideal, time_s, ends)
-    _check_shorted(scan, touch, lambda strip: f"strip {strip + sensor.strip_base}")
-    return Scan(**leave_out(sensor, scan), time_s=time_s)
+    if sensor.sensing_ratio == 0.0:
+        _check_shorted(scan, touch, lambda strip: f"strip {strip + sensor.strip_base}")
+    return Scan.of_readings(leave_out(sensor, scan), time_s)
 
 
 def _layered(sensor: LayeredSensor, contact: Contact, process: NoiseProcess, time_s: float) -> Scan:
@@ -252,4 +253,5 @@ def _measured(
 ) -> dict[str, FloatArray]:
     noisy = process.add(ideal, time_s, ends_mm)
     sensor = process.sensor
-    return {name: digitise(k, sensor.adc_bits, sensor.converter) for name, k in noisy.items()}
+    digital = digitise(np.stack([*noisy.values()]), sensor.adc_bits, sensor.converter)
+    return dict(zip(noisy, digital, strict=True))
