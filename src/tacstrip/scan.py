@@ -168,7 +168,7 @@ class Scan(Signatures, Drawn):
 
     @classmethod
     def of_readings(cls, readings: Mapping[str, FloatArray], time_s: float = 0.0) -> Self:
-        """Make a scan of a converter's readings, name to (strips,), which are within 0..1: nothing is checked or copied."""
+        """Make a scan of a converter's readings, name to (strips,), within 0..1; nothing is checked or copied."""
         for k in readings.values():
             k.flags.writeable = False
         scan = cls.__new__(cls)
