@@ -66,6 +66,12 @@ static void runs(void) {
     show("run", best->theta, (END_ENTRIES + 2 * (unsigned)best->m) * sizeof(double));
     show("residuals", residuals, sizeof residuals);
     show("excluded", excluded, sizeof excluded);
+    double low[2 * (MAX_VERTICES + 2)], high[2 * (MAX_VERTICES + 2)];
+    Int above = 2;
+    for (Int i = 0; i < best->m; i++) above += best->upper[i];
+    tacstrip_chains(best, 0.0, STRIPS, LENGTH, 1, low, high);
+    show("lower", low, 2 * (unsigned)(best->m + 4 - above) * sizeof(double));
+    show("upper", high, 2 * (unsigned)above * sizeof(double));
     double covariance[4 * SIZE * SIZE];
     unsigned size = 2 * (unsigned)(best->m + 2 + best->vertical[0] + best->vertical[1]);
     problem.k = k;

@@ -183,6 +183,7 @@ _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "vertex_covariance": (_INT, (_PROBLEM, _POINTER, _DOUBLE, _DOUBLE, _DOUBLE, _POINTER, _INT, _POINTER)),
     "descend": (_DOUBLE, (_PROBLEM, _POINTER, _INT, _DOUBLE, _DOUBLE)),
     "refine": (None, (_PROBLEM, _POINTER)),
+    "chains": (None, (_POINTER, *[_DOUBLE] * 3, _INT, _POINTER, _POINTER)),
     "places": (_INT, (_PROBLEM, _POINTER, _INT, _POINTER, _POINTER)),
     "fit_counts": (_INT, (_PROBLEM, _INT, _INT, _INT, _INT, _POINTER, _POINTER, _POINTER)),
     "fit_runs": (None, (_POINTER, _INT, _DOUBLE, _INT, _INT, _POINTER)),

@@ -208,6 +208,11 @@ EXPORTED double tacstrip_descend(const Problem *problem, Polygon *polygon, Int s
 /* The least-squares polygon near a given one, in place. An end whose edge closed becomes a point. */
 EXPORTED void tacstrip_refine(const Problem *problem, Polygon *polygon);
 
+/* Write the chains of a polygon, lower (l + 2, 2) with l interior vertices and upper (m - l + 2, 2), x as width x + origin and
+   y as length y; an upper end is no lower than the lower one, and with `apart` neither chain passes the other. */
+EXPORTED void tacstrip_chains(const Polygon *polygon, double origin, double width, double length, Int apart, double *lower,
+                              double *upper);
+
 /* Write polygons of one vertex more to starts (TRIED,), where the score test gains most, and return how many. n is at
    most COARSEST. workspace (SEARCH_WORKSPACE,). */
 EXPORTED Int tacstrip_places(const Problem *problem, const Polygon *polygon, Int convex, Polygon *starts,

@@ -32,7 +32,7 @@ from tacstrip.sensor.left_out import left_out_wholly
 from tacstrip.sensor.spec import Sensor
 
 _ROUNDS = 2  # of taking away what the strips' width adds
-_AT_ONCE, _PARTS = 8, 4  # scans that the core takes in one call, and calls for each thread at least
+_AT_ONCE, _PARTS = 16, 2  # scans that the core takes in one call, and calls for each thread at least
 _ABOUT = 0.2  # of an area that is given without its standard deviation
 
 

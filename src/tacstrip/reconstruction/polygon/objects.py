@@ -139,7 +139,7 @@ def reconstruct_object(
         return RecoveredObject(
             strips, profile=profile, status="too few transitions", advice="; ".join([line, *notes])
         )
-    outline = Outline(lower, upper)
+    outline = Outline.held(lower, upper)
     covariance = model.covariance(run.problem, sensor)
     guarantee, empty = None, False
     many = noise is not None and bounded and model is fit and fit.n_vertices > _CORNERS
@@ -303,7 +303,7 @@ def _refined(scan: Scan, sensor: Sensor, contact: FittedContact, noise: Noise) -
             continue
         lower, upper = fit.chains_mm(run.problem)
         if max_height(lower, upper) > _THIN * sensor.length_mm:
-            outline = Outline(lower, upper)
+            outline = Outline.held(lower, upper)
             candidates.append((outline, fit.covariance(run.problem, sensor)))
     readings = {
         name: np.where(out, np.nan, contact.readings[name])
