@@ -87,7 +87,9 @@ def main() -> None:
                 for run in scan.runs()
             ]
             core = partial(fit_runs, sensor, runs)
-            jobs = [partial(fit_polygons, scans, sensor, noise, workers=n) for n in (1, 2)]
+            jobs: list[Callable[[], object]] = [
+                partial(fit_polygons, scans, sensor, noise, workers=n) for n in (1, 2)
+            ]
             jobs += [core, partial(at_once, core)]
             least, end = [float("inf")] * 4, time.perf_counter() + seconds
             while time.perf_counter() < end:

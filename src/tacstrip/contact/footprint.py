@@ -106,19 +106,30 @@ def footprint(sensor: Sensor, contact: Contact | Sequence[Contact]) -> Footprint
     [nan, 50.0, 50.0, nan]
     """
     contacts = [contact] if isinstance(contact, Contact) else list(contact)
+    outside, l, u = _hulls(sensor, contacts)
+    if isinstance(contact, Contact):
+        l, u = l[0], u[0]
+    cut = outside[:, 1:] if sensor.closed else outside
+    return Footprint(l, u, bool(cut.any()), sensor, tuple(contacts))
+
+
+def contact_ends(sensor: Sensor, contact: Contact) -> tuple[FloatArray, FloatArray]:
+    """Return l and u of `footprint` alone, of one contact (strips,) [mm]."""
+    _, l, u = _hulls(sensor, [contact])
+    return l[0], u[0]
+
+
+def _hulls(sensor: Sensor, contacts: list[Contact]) -> tuple[BoolArray, FloatArray, FloatArray]:
+    """Clip contacts in place; return which reached beyond (contacts, 2), and l and u (contacts, strips) [mm]."""
     outside = _sticks_out(sensor, contacts)
-    sticks_out = outside.any()
-    for number in np.flatnonzero(outside.any(axis=1)) if sticks_out else ():
+    for number in np.flatnonzero(outside.any(axis=1)) if outside.any() else ():
         contacts[number] = on_sensor(sensor, contacts[number])
     l, u = _area_ends(sensor, contacts)
     if any(s.geom_type != "Polygon" for c in contacts for s in c.shapes):
         index, y0, y1 = _thin_touches(sensor, contacts)
         np.fmin.at(l.reshape(-1), index, np.minimum(y0, y1))
         np.fmax.at(u.reshape(-1), index, np.maximum(y0, y1))
-    if isinstance(contact, Contact):
-        l, u = l[0], u[0]
-    cut = sticks_out and (outside[:, 1:] if sensor.closed else outside).any()
-    return Footprint(l, u, bool(cut), sensor, tuple(contacts))
+    return outside, l, u
 
 
 def _area_ends(sensor: Sensor, contacts: Sequence[Contact]) -> tuple[FloatArray, FloatArray]:

