@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -27,6 +27,9 @@ _BITS, _FEWEST_BITS = (
 _STRAY, _STRAY_COUNT = 6.0, 8  # standard deviations; scans of which a stray can be told
 _MOVED = 0.025  # of Vref: the median channel's change from the first half to the second that is no wander
 _LEAST_STRAY = 0.002  # over Vref: nearer than that is none, however quiet the converter
+
+
+_SINGLE = {"electrodes": None, "averaged": 1, "span_s": 0.0, "moved": 0.0}  # of a scan that is no mean
 
 
 class Signatures:
@@ -162,6 +165,15 @@ class Scan(Signatures, Drawn):
         return cls(
             **found, time_s=float(np.mean(times)), averaged=count, span_s=max(times) - min(times), moved=moved
         )
+
+    @classmethod
+    def of_readings(cls, readings: Mapping[str, FloatArray], time_s: float = 0.0) -> Self:
+        """Make a scan of a converter's readings, name to (strips,), within 0..1; nothing is checked or copied."""
+        for k in readings.values():
+            k.flags.writeable = False
+        scan = cls.__new__(cls)
+        scan.__dict__.update(dict.fromkeys(SIGNATURES), **readings, **_SINGLE, time_s=time_s)
+        return scan
 
     @classmethod
     def of_electrodes(cls, electrodes: npt.ArrayLike, time_s: float = 0.0) -> Scan:

@@ -11,7 +11,7 @@ import shapely
 
 from tacstrip.arguments import takes
 from tacstrip.arrays import BoolArray, FloatArray
-from tacstrip.contact.footprint import footprint
+from tacstrip.contact.footprint import contact_ends, footprint
 from tacstrip.contact.noise import Noise, NoiseProcess, Rng, digitise
 from tacstrip.contact.press.patch import Patch
 from tacstrip.contact.shape import Contact
@@ -163,8 +163,9 @@ def _scan(
 ) -> Scan:
     """Return readings with their errors as a scan: `ContactError` where metal shorts Vref to ground."""
     scan = _measured(process, ideal, time_s, ends)
-    _check_shorted(scan, touch, lambda strip: f"strip {strip + sensor.strip_base}")
-    return Scan(**leave_out(sensor, scan), time_s=time_s)
+    if sensor.sensing_ratio == 0.0:
+        _check_shorted(scan, touch, lambda strip: f"strip {strip + sensor.strip_base}")
+    return Scan.of_readings(leave_out(sensor, scan), time_s)
 
 
 def _layered(sensor: LayeredSensor, contact: Contact, process: NoiseProcess, time_s: float) -> Scan:
@@ -211,7 +212,7 @@ def _closed(
 ) -> tuple[BoolArray, tuple[FloatArray, FloatArray], dict[str, FloatArray]]:
     """Return which strips are touched, l and u [mm], and ideal readings; strips without closed form may be resolved."""
     if not wide(sensor, [contact]):
-        l, u = footprint(sensor, contact)
+        l, u = contact_ends(sensor, contact)
         return ~np.isnan(l), (l, u), closed_forms(sensor, l, u) or signatures(sensor, l, u)
     ends = wide_ends(sensor, [contact])
     touch, ideal = ~np.isnan(ends.l[0]), signatures(sensor, ends.l[0], ends.u[0])
@@ -252,4 +253,5 @@ def _measured(
 ) -> dict[str, FloatArray]:
     noisy = process.add(ideal, time_s, ends_mm)
     sensor = process.sensor
-    return {name: digitise(k, sensor.adc_bits, sensor.converter) for name, k in noisy.items()}
+    digital = digitise(np.array([*noisy.values()]), sensor.adc_bits, sensor.converter)
+    return dict(zip(noisy, digital, strict=True))

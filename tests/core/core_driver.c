@@ -59,12 +59,19 @@ static void runs(void) {
     for (int i = 0; i < STRIPS; i++) x[i] = x_mm[i] / STRIPS;
     if (which > 1) readings[20] = 0.9;
     if (which > 1) readings[STRIPS + 60] = 7.0;
-    tacstrip_fit_run(&problem, which % 2 ? 0.0 : 0.004 / 1.7320508075688772, 1e-5, MAX_VERTICES, 0, &run, k, weight,
-                     residuals, excluded, workspace);
+    double sigma = which % 2 ? 0.0 : 0.004 / 1.7320508075688772;
+    RunTask task = {problem, sigma, &run, k, weight, residuals, excluded};
+    tacstrip_fit_runs(&task, 1, 1e-5, MAX_VERTICES, 0, workspace);
     Polygon *best = run.found + run.best;
     show("run", best->theta, (END_ENTRIES + 2 * (unsigned)best->m) * sizeof(double));
     show("residuals", residuals, sizeof residuals);
     show("excluded", excluded, sizeof excluded);
+    double low[2 * (MAX_VERTICES + 2)], high[2 * (MAX_VERTICES + 2)];
+    Int above = 2;
+    for (Int i = 0; i < best->m; i++) above += best->upper[i];
+    tacstrip_chains(best, 0.0, STRIPS, LENGTH, 1, low, high);
+    show("lower", low, 2 * (unsigned)(best->m + 4 - above) * sizeof(double));
+    show("upper", high, 2 * (unsigned)above * sizeof(double));
     double covariance[4 * SIZE * SIZE];
     unsigned size = 2 * (unsigned)(best->m + 2 + best->vertical[0] + best->vertical[1]);
     problem.k = k;

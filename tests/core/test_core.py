@@ -358,6 +358,20 @@ def test_outliers_agree() -> None:
 
 
 @needs_core
+def test_chains_are_those_of_numpy_to_the_bit() -> None:
+    random = np.random.default_rng(5)
+    for seed in range(40):
+        fit, problem = _case(seed, MODELS[0], (seed % 2, seed // 2 % 2))
+        theta = fit.theta.copy()
+        theta[1:3], theta[4:6] = random.random((2, 2))  # ends and chains that cross
+        theta[END_ENTRIES + 1 :: 2] = random.random(fit.n_interior)
+        fit = PolygonFit.of_record(PolygonFit(theta, fit.chain, fit.vertical_ends, 0.0).record)
+        got = (*fit.chains, *fit.chains_mm(problem))
+        for chain, plain in zip(got, (*fit.plain_chains(), *fit.plain_chains_mm(problem)), strict=True):
+            np.testing.assert_array_equal(chain, plain)
+
+
+@needs_core
 @pytest.mark.parametrize("vertical_ends", [(0, 0), (0, 1), (1, 0), (1, 1)])
 def test_covariances_agree(vertical_ends: tuple[int, int]) -> None:
     sensor = Sensor(construction="crs-crs", strips=70, pitch_mm=1.0, length_mm=60.0)

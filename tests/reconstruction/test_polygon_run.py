@@ -11,7 +11,7 @@ from tacstrip.arrays import FloatArray
 from tacstrip.core.binding import exported
 from tacstrip.reconstruction.polygon.run import fit_run, plain_fit_run
 
-pytestmark = pytest.mark.skipif(exported("fit_run") is None, reason="the core is not compiled here")
+pytestmark = pytest.mark.skipif(exported("fit_runs") is None, reason="the core is not compiled here")
 _ANGLE = np.linspace(0.0, 6.2, 60)
 ROUND = 500.0 + 300.0 * np.stack([np.cos(_ANGLE), np.sin(_ANGLE)], axis=1)
 

@@ -467,7 +467,7 @@ def test_no_other_linear_algebra_moves_an_outline() -> None:
     """OpenBLAS has other kernels for other processors, and they round differently."""
     if platform.machine() != "x86_64":
         pytest.skip("the kernels named here are of x86-64")
-    if exported("fit_run") is None:
+    if exported("fit_runs") is None:
         pytest.skip("without the compiled core NumPy's linear algebra is used")
     said = []
     for kernels in ("Prescott", "Haswell"):

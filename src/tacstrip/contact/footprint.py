@@ -106,6 +106,21 @@ def footprint(sensor: Sensor, contact: Contact | Sequence[Contact]) -> Footprint
     [nan, 50.0, 50.0, nan]
     """
     contacts = [contact] if isinstance(contact, Contact) else list(contact)
+    outside, l, u = _hulls(sensor, contacts)
+    if isinstance(contact, Contact):
+        l, u = l[0], u[0]
+    cut = outside[:, 1:] if sensor.closed else outside
+    return Footprint(l, u, bool(cut.any()), sensor, tuple(contacts))
+
+
+def contact_ends(sensor: Sensor, contact: Contact) -> tuple[FloatArray, FloatArray]:
+    """Return l and u of `footprint` alone, of one contact (strips,) [mm]."""
+    _, l, u = _hulls(sensor, [contact])
+    return l[0], u[0]
+
+
+def _hulls(sensor: Sensor, contacts: list[Contact]) -> tuple[BoolArray, FloatArray, FloatArray]:
+    """Clip contacts in place; return which reached beyond (contacts, 2), and l and u (contacts, strips) [mm]."""
     outside = _sticks_out(sensor, contacts)
     for number in np.flatnonzero(outside.any(axis=1)) if outside.any() else ():
         contacts[number] = on_sensor(sensor, contacts[number])
@@ -114,10 +129,7 @@ def footprint(sensor: Sensor, contact: Contact | Sequence[Contact]) -> Footprint
         index, y0, y1 = _thin_touches(sensor, contacts)
         np.fmin.at(l.reshape(-1), index, np.minimum(y0, y1))
         np.fmax.at(u.reshape(-1), index, np.maximum(y0, y1))
-    if isinstance(contact, Contact):
-        l, u = l[0], u[0]
-    cut = outside[:, 1:] if sensor.closed else outside
-    return Footprint(l, u, bool(cut.any()), sensor, tuple(contacts))
+    return outside, l, u
 
 
 def _area_ends(sensor: Sensor, contacts: Sequence[Contact]) -> tuple[FloatArray, FloatArray]:
@@ -125,9 +137,24 @@ def _area_ends(sensor: Sensor, contacts: Sequence[Contact]) -> tuple[FloatArray,
     shape = (len(contacts), sensor.strips)
     if (core := exported("footprint")) is not None:
         points, ring, owner = _points(contacts, "Polygon")
-        l, u = (np.empty(math.prod(shape) + 4)[:-4].reshape(shape) for _ in range(2))
-        begin = owner.searchsorted(np.arange(len(contacts) + 1))
-        core(at(points), at(ring), at(begin), *(len(contacts), sensor.pitch_mm, sensor.strips), at(l), at(u))
+        if len(contacts) == 1:
+            begin = np.array((0, len(points)), dtype=np.int64)
+        else:
+            begin = owner.searchsorted(np.arange(len(contacts) + 1))
+        size = math.prod(shape)
+        ends = np.empty((2, size + 4))
+        low = at(ends)
+        core(
+            at(points),
+            at(ring),
+            at(begin),
+            len(contacts),
+            sensor.pitch_mm,
+            sensor.strips,
+            low,
+            low + ends.strides[0],
+        )
+        l, u = ends[:, :size].reshape(2, *shape)
         return l, u
     l, u = np.full(shape, np.nan), np.full(shape, np.nan)
     area = _area_crossings(sensor, contacts)
@@ -156,6 +183,9 @@ def on_sensor(sensor: Sensor, contact: Contact) -> Contact:
 def _sticks_out(sensor: Sensor, contacts: Sequence[Contact]) -> BoolArray:
     """Tell which contacts reach beyond the sensor in x and in y (contacts, 2)."""
     shapes = [s for c in contacts for s in c.shapes]
+    if len(shapes) == 1 and not sensor.closed:
+        x0, y0, x1, y1 = shapely.bounds(shapes[0]).tolist()
+        return np.array([[x0 < 0.0 or x1 > sensor.width_mm, y0 < 0.0 or y1 > sensor.length_mm]])
     bounds = shapely.bounds(shapes)  # (shapes, 4)
     out = (bounds[:, :2] < 0.0) | (bounds[:, 2:] > (sensor.width_mm, sensor.length_mm))
     if sensor.closed:  # what only reaches the seam touches the strips on both sides

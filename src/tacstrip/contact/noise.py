@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
@@ -94,11 +93,13 @@ class NoiseProcess:
         self._edges += noise.blur_mm * draw() * np.array([[-1.0], [1.0]])
         self._common = draw(len(noise.processes))
 
-    @cached_property
+    @property
     def _random(self) -> np.random.Generator:
-        return generator(
-            self._rng
-        )  # when it is first used: making one takes as long as a scan's closed forms
+        if not isinstance(self._rng, np.random.Generator):
+            self._rng = generator(
+                self._rng
+            )  # when first used: making one takes as long as a scan's closed forms
+        return self._rng
 
     def add(
         self,
@@ -182,4 +183,4 @@ def _draw(
 ) -> FloatArray:
     if distribution == "normal":
         return rng.normal(0.0, half_width / math.sqrt(3.0), shape)
-    return rng.uniform(-half_width, half_width, shape)
+    return np.asarray(2.0 * half_width * rng.random(shape) - half_width)  # as rng.uniform, in half the time

@@ -47,6 +47,9 @@ _SLICES = 4  # of each thread, so that none waits long for another
 _PLAIN = 2_000_000  # strips that NumPy works on at a time
 _TAU = 2.0 * np.pi
 
+_IDEAL = BatchErrors()
+_NO_ERRORS = ctypes.addressof(_IDEAL)
+
 Arrays = dict[str, npt.NDArray[Any]]
 
 
@@ -142,12 +145,14 @@ def closed_forms(sensor: Sensor, l_mm: FloatArray, u_mm: FloatArray) -> dict[str
     core = exported("batch")
     if core is None or sensor.surface is not None:
         return None
-    by, errors, out = batch_sensor(sensor), BatchErrors(), np.empty((len(sensor.signatures), sensor.strips))
-    by.top, workspace = 0.0, np.empty(14 * sensor.strips + 512)
-    result = BatchResult((at(out[0]), at(out[-1])))
+    by, rows, n = batch_sensor(sensor), len(sensor.signatures), sensor.strips
+    by.top, block = 0.0, np.empty((16 + rows) * n + 512)  # readings, and the workspace
+    out, first = block[: rows * n].reshape(rows, n), at(block)
+    result = BatchResult((first, first + 8 * (rows - 1) * n))
     l, u = np.ascontiguousarray(l_mm), np.ascontiguousarray(u_mm)
-    core(ctypes.addressof(by), None, ctypes.addressof(errors), 0, 1, at(l), at(u), ctypes.addressof(result),
-         at(workspace))  # fmt: skip
+    core(
+        ctypes.addressof(by), None, _NO_ERRORS, 0, 1, at(l), at(u), ctypes.addressof(result), first + 8 * rows * n
+    )  # fmt: skip
     return dict(zip(sensor.signatures, out, strict=True))
 
 

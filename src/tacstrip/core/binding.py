@@ -38,6 +38,20 @@ class Problem(ctypes.Structure):
     )  # fmt: skip
 
 
+class RunTask(ctypes.Structure):
+    """`RunTask` of core.h."""
+
+    _fields_ = _fields(
+        problem=Problem,
+        sigma=_DOUBLE,
+        run=_POINTER,
+        k=_POINTER,
+        weight=_POINTER,
+        residuals=_POINTER,
+        excluded=_POINTER,
+    )
+
+
 class Lines(ctypes.Structure):
     """`Lines` of core.h; `arrays` keeps alive what it points to."""
 
@@ -170,9 +184,10 @@ _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "vertex_covariance": (_INT, (_PROBLEM, _POINTER, _DOUBLE, _DOUBLE, _DOUBLE, _POINTER, _INT, _POINTER)),
     "descend": (_DOUBLE, (_PROBLEM, _POINTER, _INT, _DOUBLE, _DOUBLE)),
     "refine": (None, (_PROBLEM, _POINTER)),
+    "chains": (None, (_POINTER, *[_DOUBLE] * 3, _INT, _POINTER, _POINTER)),
     "places": (_INT, (_PROBLEM, _POINTER, _INT, _POINTER, _POINTER)),
     "fit_counts": (_INT, (_PROBLEM, _INT, _INT, _INT, _INT, _POINTER, _POINTER, _POINTER)),
-    "fit_run": (None, (_PROBLEM, _DOUBLE, _DOUBLE, _INT, _INT, *[_POINTER] * 6)),
+    "fit_runs": (None, (_POINTER, _INT, _DOUBLE, _INT, _INT, _POINTER)),
     "fit_ellipse": (_DOUBLE, (_PROBLEM, _POINTER, _DOUBLE, _POINTER, _POINTER)),
     "lowest": (_DOUBLE, (*[_POINTER] * 5, _INT, _INT, _POINTER)),
     "minimax": (_INT, (*[_POINTER] * 3, _DOUBLE, _INT, _INT, _POINTER, _POINTER)),
@@ -224,7 +239,7 @@ _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
 _LONG = frozenset(
     (
         "batch",
-        "fit_run",
+        "fit_runs",
         "fit_counts",
         "feasible_part",
         "minimax",

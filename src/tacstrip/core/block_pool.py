@@ -1,7 +1,7 @@
 """Memory for large results: a block that nothing refers to any more is taken for the next result.
 
 Problem: memory that is new to the process is cleared page by page when first written to, as long as a batch takes.
-Solution: blocks that are given back are kept, up to `_KEPT` bytes; new ones begin on a large page.
+Solution: blocks that are given back are kept, up to `_KEPT` bytes; new ones of a page or more begin on a large page.
 """
 
 from __future__ import annotations
@@ -15,8 +15,10 @@ import numpy.typing as npt
 
 _PAGE = 2**21  # bytes of a large page
 _ALIGNED = 64  # bytes at a multiple of which every array begins
-_SMALL = 2**20  # bytes that an allocator has at hand
-_KEPT = 64 * 2**20  # bytes that are kept for later at most
+_SMALL = (
+    2**17
+)  # bytes that an allocator has at hand; more it takes from the system, and gives back, every time
+_KEPT = 128 * 2**20  # bytes that are kept for later at most
 _WASTE = 2  # times what is wanted, that a block may have
 
 Block = npt.NDArray[np.uint8]
@@ -56,6 +58,7 @@ def _block(size: int) -> Block:
         # Another thread may have taken it meanwhile.
         if size <= block.nbytes <= _WASTE * size and _free.pop(id(block), None) is not None:
             return block
-    whole: Block = np.empty(size + _PAGE, np.uint8)
-    begin = -whole.ctypes.data % _PAGE
+    aligned = _PAGE if size >= _PAGE else _ALIGNED
+    whole: Block = np.empty(size + aligned, np.uint8)
+    begin = -whole.ctypes.data % aligned
     return whole[begin : begin + size]

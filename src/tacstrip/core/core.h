@@ -209,6 +209,11 @@ EXPORTED double tacstrip_descend(const Problem *problem, Polygon *polygon, Int s
 /* The least-squares polygon near a given one, in place. An end whose edge closed becomes a point. */
 EXPORTED void tacstrip_refine(const Problem *problem, Polygon *polygon);
 
+/* Write the chains of a polygon, lower (l + 2, 2) with l interior vertices and upper (m - l + 2, 2), x as width x + origin and
+   y as length y; an upper end is no lower than the lower one, and with `apart` neither chain passes the other. */
+EXPORTED void tacstrip_chains(const Polygon *polygon, double origin, double width, double length, Int apart, double *lower,
+                              double *upper);
+
 /* Write polygons of one vertex more to starts (TRIED,), where the score test gains most, and return how many. n is at
    most COARSEST. workspace (SEARCH_WORKSPACE,). */
 EXPORTED Int tacstrip_places(const Problem *problem, const Polygon *polygon, Int convex, Polygon *starts,
@@ -247,15 +252,22 @@ EXPORTED void tacstrip_spikes(const double *k, Int n, double sigma, unsigned cha
    many. Returns how many. */
 EXPORTED Int tacstrip_isolated_outliers(const double *residuals, Int signatures, Int n, unsigned char *out);
 
-/* A whole run from readings to a fit. problem->k are the readings as measured, of which those that are not finite or far
-   outside 0..1 are left out, as outliers are; its weights are not read. sigma [Vref]: of a reading, or 0 where it is
-   estimated, then at least `step`. max_vertices and n_vertices as for fit_counts.
-   Writes the fit, and what it was made of: k and weight as in Problem, residuals over sigma, each (signatures, n), and
-   the readings that were there but not used, excluded (signatures, n), 0 or 1.
-   workspace (SEARCH_WORKSPACE + (4 + signatures) n,). */
-EXPORTED void tacstrip_fit_run(const Problem *problem, double sigma, double step, Int max_vertices, Int n_vertices,
-                               Run *run, double *k, double *weight, double *residuals, unsigned char *excluded,
-                               double *workspace);
+/* One of the runs that fit_runs takes, and where it leaves what. problem.k are the readings as measured, of which those
+   that are not finite or far outside 0..1 are left out, as outliers are; its weights are not read. sigma [Vref]: of a
+   reading, or 0 where it is estimated. Written are the fit, and what it was made of: k and weight as in Problem, residuals
+   over sigma, each (signatures, n), and the readings that were there but not used, excluded (signatures, n), 0 or 1. */
+typedef struct {
+  Problem problem;
+  double sigma;
+  Run *run;
+  double *k, *weight, *residuals;
+  unsigned char *excluded;
+} RunTask;
+
+/* Whole runs (count,) from readings to fits, each by itself. A sigma that is estimated is `step` at least. max_vertices and
+   n_vertices as for fit_counts. workspace (SEARCH_WORKSPACE + (4 + 2 signatures) n,) for the longest of them. */
+EXPORTED void tacstrip_fit_runs(const RunTask *tasks, Int count, double step, Int max_vertices, Int n_vertices,
+                                double *workspace);
 
 /* Write the outlines within the band whose kinks lie in their zones (count - 2, 2) [mm], and turn as the lines do, as rows
    over the heights, and pairs of rows of which one holds: a (size, rows), b and edge (rows,), the slack over which

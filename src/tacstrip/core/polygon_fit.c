@@ -30,6 +30,38 @@ void tacstrip_residuals(const Problem *s, const Polygon *p, double *residuals) {
   }
 }
 
+/* Write one chain's points x, y (count, 2); return the count. */
+static Int points_of(const Polygon *p, Int upper, double origin, double width, double length, double *points) {
+  Int count = 0;
+  for (Int j = -1; j <= p->m; j++) {
+    if (j >= 0 && j < p->m && p->upper[j] != upper) continue;
+    Int at = j < 0 ? 0 : j < p->m ? END_ENTRIES + 2 * j : 3;
+    points[2 * count] = p->theta[at] * width + origin;
+    points[2 * count++ + 1] = p->theta[at + (j < 0 || j == p->m ? 1 + upper : 1)] * length;
+  }
+  return count;
+}
+
+/* The height of a chain at x. */
+static double interpolated(const double *points, Int count, double x) {
+  Int i = 0;
+  if (!(x < points[2 * count - 2])) return points[2 * count - 1];
+  if (x < points[0]) return points[1];
+  while (!(x < points[2 * i + 2])) i++;
+  const double *a = points + 2 * i;
+  return (a[3] - a[1]) / (a[2] - a[0]) * (x - a[0]) + a[1];
+}
+
+void tacstrip_chains(const Polygon *p, double origin, double width, double length, Int apart, double *lower, double *upper) {
+  Int low = points_of(p, 0, origin, width, length, lower), high = points_of(p, 1, origin, width, length, upper);
+  upper[1] = larger(upper[1], lower[1]);
+  upper[2 * high - 1] = larger(upper[2 * high - 1], lower[2 * low - 1]);
+  for (Int i = 1; apart && i < low - 1; i++)
+    lower[2 * i + 1] = smaller(lower[2 * i + 1], interpolated(upper, high, lower[2 * i]));
+  for (Int i = 1; apart && i < high - 1; i++)
+    upper[2 * i + 1] = larger(upper[2 * i + 1], interpolated(lower, low, upper[2 * i]));
+}
+
 /* Mark the x of both knots of each edge that crosses one strip or none. */
 static void steep(const Polygon *p, double origin, double width, const double *x_mm, Int strips, Int *known) {
   for (int upper = 0; upper < 2; upper++) {

@@ -77,6 +77,10 @@ class PolygonFit:
     @cached_property
     def chains(self) -> tuple[FloatArray, FloatArray]:
         """Lower and upper chain (M, 2), (N, 2) in units of the problem, held to l <= u."""
+        return self._compiled_chains() or self.plain_chains()
+
+    def plain_chains(self) -> tuple[FloatArray, FloatArray]:
+        """Return `chains`, in NumPy."""
         vertices = self.theta[END_ENTRIES:].reshape(-1, 2)
         both = []
         for side in (0, 1):
@@ -108,9 +112,25 @@ class PolygonFit:
 
     def chains_mm(self, problem: FitProblem) -> tuple[FloatArray, FloatArray]:
         """Return lower and upper chain (M, 2), (N, 2) [mm]; where noise crossed them they touch instead."""
+        made = self._compiled_chains(problem.origin_mm, problem.width_mm, problem.length_mm, True)
+        return made or self.plain_chains_mm(problem)
+
+    def plain_chains_mm(self, problem: FitProblem) -> tuple[FloatArray, FloatArray]:
+        """Return `chains_mm`, in NumPy."""
         scale, origin = (problem.width_mm, problem.length_mm), (problem.origin_mm, 0.0)
-        lower, upper = self.chains
+        lower, upper = self.plain_chains()
         return uncrossed(lower * scale + origin, upper * scale + origin)
+
+    def _compiled_chains(
+        self, origin: float = 0.0, width: float = 1.0, length: float = 1.0, apart: bool = False
+    ) -> tuple[FloatArray, FloatArray] | None:
+        core, record = exported("chains"), self.__dict__.get("record")
+        if core is None or record is None:  # without one NumPy is as fast
+            return None
+        points = np.empty((self.n_interior + 4, 2))
+        split, first = self.n_interior - int(np.count_nonzero(self.chain)) + 2, at(points)
+        core(at(record), origin, width, length, apart, first, first + split * points.strides[0])
+        return points[:split], points[split:]
 
     def information(self, problem: FitProblem) -> FloatArray:
         """Return J'J (6 + 2 m, 6 + 2 m), J the Jacobian of all readings over sigma by theta."""

@@ -224,24 +224,24 @@ static void fit(Fitter *f, double sigma, Flag *out, Run *run) {
   }
 }
 
-void tacstrip_fit_run(const Problem *raw, double sigma, double step, Int max_vertices, Int n_vertices, Run *run,
-                      double *k, double *weight, double *residuals, unsigned char *excluded, double *workspace) {
+static void fit_run(const RunTask *task, double step, Int max_vertices, Int n_vertices, double *workspace) {
   Fitter f;
+  const Problem *raw = &task->problem;
   Int n = raw->n;
   CHECK(n > 0 && (raw->signatures == 1 || raw->signatures == 2));
   f.raw = raw;
   f.now = *raw;
   f.all = raw->signatures * n;
-  f.now.k = f.k = k;
-  f.now.weight = f.weight = weight;
-  f.residuals = residuals;
-  f.known = sigma > 0.0;
+  f.now.k = f.k = task->k;
+  f.now.weight = f.weight = task->weight;
+  f.residuals = task->residuals;
+  f.known = task->sigma > 0.0;
   f.max_vertices = max_vertices;
   f.n_vertices = n_vertices;
   f.search = workspace;
   f.scratch = workspace + SEARCH_WORKSPACE;
   f.there = (Flag *)(f.scratch + 4 * n);
-  double squares = 0.0, start = sigma;
+  double squares = 0.0, start = task->sigma;
   for (Int i = 0; i < f.all; i++) f.there[i] = raw->k[i] >= -BEYOND && raw->k[i] <= 1.0 + BEYOND;
   if (!f.known) {
     for (Int row = 0; row < raw->signatures; row++) {
@@ -252,9 +252,13 @@ void tacstrip_fit_run(const Problem *raw, double sigma, double step, Int max_ver
   }
   start = larger(start, FLOOR);
   for (int round = 0; round < ROUNDS; round++) {
-    fit(&f, start, excluded, run);
-    if (f.known || run->sigma > SURER * start) break;
-    start = run->sigma; /* curvature passed for noise, and made what is known of the ends weigh too much */
+    fit(&f, start, task->excluded, task->run);
+    if (f.known || task->run->sigma > SURER * start) break;
+    start = task->run->sigma; /* curvature passed for noise, and made what is known of the ends weigh too much */
   }
-  for (Int i = 0; i < f.all; i++) excluded[i] &= f.there[i];
+  for (Int i = 0; i < f.all; i++) task->excluded[i] &= f.there[i];
+}
+
+void tacstrip_fit_runs(const RunTask *tasks, Int count, double step, Int max_vertices, Int n_vertices, double *workspace) {
+  for (Int i = 0; i < count; i++) fit_run(tasks + i, step, max_vertices, n_vertices, workspace);
 }

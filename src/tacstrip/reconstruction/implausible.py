@@ -86,7 +86,7 @@ def scale_hint(scans: Sequence[Scan], outlines: Sequence[FloatArray], sensor: Se
         Its `vref_volt` and `adc_bits` may be wrong.
     """
     most = max(
-        (float(np.nanmax(scan[n], initial=0.0)) for scan in scans for n in scan.signatures), default=0.0
+        (float(np.fmax.reduce(scan[n], initial=0.0)) for scan in scans for n in scan.signatures), default=0.0
     )
     bits = sensor.adc_bits or 0
     scales = {2.0 ** (n - bits): f"codes of {n} bits (write adc_bits = {n})" for n in _BITS if n < bits}

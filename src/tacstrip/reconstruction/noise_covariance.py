@@ -79,6 +79,11 @@ def common_variance(noise: Noise, averaging: Averaging) -> float:
     return white + lasting + noise.offset**2 + noise.hum**2 * averaging.humming(noise.hum_hz)
 
 
+def correlated(noise: Noise, averaging: Averaging) -> bool:
+    """Whether the errors of readings are not independent."""
+    return noise.soft or noise.gain > 0.0 or common_variance(noise, averaging) > 0.0
+
+
 def fit_sigma(noise: Noise, sensor: Sensor, averaging: Averaging) -> float:
     """Return the sigma [Vref] by which a fit tells corners from noise, before it knows where the contact lies.
 
@@ -212,14 +217,12 @@ class CorrelatedErrors:
         residuals: FloatArray,
         used: BoolArray,
         sigma: float,
-    ) -> CorrelatedErrors | None:
-        """Return those of a run that an outline was fitted to; None where they are independent.
+    ) -> CorrelatedErrors:
+        """Return those of a run that an outline was fitted to.
 
         `residuals` and `used` are (S, n), strips at x_mm (n,).
         """
         averaging = Averaging.of(scan)
-        if common_variance(noise, averaging) == 0.0 and not (noise.soft or noise.gain):
-            return None
         held = np.clip(x_mm, outline.lower[0, 0], outline.lower[-1, 0])  # the fit reads its ends beyond them
         ends = outline.ends(held)
         matrix = reading_covariance(noise, sensor, x_mm, ends, scan.signatures, averaging)

@@ -23,7 +23,10 @@ def exchanged(readings: Mapping[str, FloatArray]) -> str:
     """
     if not {"kh", "kl"} <= set(readings):
         return ""
-    apart = np.atleast_2d(readings["kh"] - readings["kl"])  # (scans, strips)
+    apart = readings["kh"] - readings["kl"]
+    if np.fmin.reduce(apart, axis=None, initial=0.0) >= -_NOISE:
+        return ""
+    apart = np.atleast_2d(apart)  # (scans, strips)
     below, touched = (apart < -_NOISE).sum(axis=1), np.isfinite(apart).sum(axis=1)
     counts = touched >= _FEW
     wrong = np.flatnonzero(counts & (2 * below > touched))

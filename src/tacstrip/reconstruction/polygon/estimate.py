@@ -7,8 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
-from functools import partial
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,7 +21,7 @@ from tacstrip.reconstruction.implausible import doubt_implausible
 from tacstrip.reconstruction.noise_covariance import Averaging, fit_sigma
 from tacstrip.reconstruction.on_surface import on_surface, refuse_surface
 from tacstrip.reconstruction.polygon.objects import FittedContact, reconstruct_object
-from tacstrip.reconstruction.polygon.run import RunFit, fit_run, should_merge
+from tacstrip.reconstruction.polygon.run import RunFit, RunReadings, fit_run, fit_runs, should_merge
 from tacstrip.reconstruction.posterior.assessment import Effort, check_effort
 from tacstrip.reconstruction.result import Reconstruction
 from tacstrip.reconstruction.seam import BRIDGED, unrolled
@@ -33,6 +32,7 @@ from tacstrip.sensor.left_out import left_out_wholly
 from tacstrip.sensor.spec import Sensor
 
 _ROUNDS = 2  # of taking away what the strips' width adds
+_AT_ONCE, _PARTS = 16, 2  # scans that the core takes in one call, and calls for each thread at least
 _ABOUT = 0.2  # of an area that is given without its standard deviation
 
 
@@ -98,7 +98,22 @@ def fit_polygon(
     >>> thing.status, thing.vertices.round(0).tolist()
     ('ok', [[20.0, 40.0], [55.0, 20.0], [80.0, 50.0], [45.0, 75.0]])
     """
-    scan = scan.checked(sensor)
+    return _fit_polygon(scan, sensor, noise, max_vertices, bounded, vertices, assessment, area_mm2)
+
+
+def _fit_polygon(
+    scan: Scan,
+    sensor: Sensor,
+    noise: Noise | None,
+    max_vertices: int = MAX_VERTICES,
+    bounded: bool = True,
+    vertices: int | None = None,
+    assessment: Effort = "thorough",
+    area_mm2: float | tuple[float, float] | None = None,
+    ready: _Fitted | None = None,
+) -> Reconstruction:
+    """Do as `fit_polygon`; `ready`: what is fitted of the scan already."""
+    scan = scan.checked(sensor) if ready is None else ready.scan
     check_closed_form(sensor.kind, "fit_polygon")
     check_effort(assessment)
     if vertices is not None and not isinstance(vertices, int | np.integer):
@@ -118,7 +133,7 @@ def fit_polygon(
             f"vertices = {vertices}: a polygon has 3 or more, and here {MAX_VERTICES + 2} at most"
         )
     laid_out, surface = unrolled(scan, sensor, BRIDGED)
-    contacts = _contacts(laid_out, surface, noise, max_vertices, vertices)
+    contacts = _contacts(laid_out, surface, noise, max_vertices, vertices, ready)
     if contacts and contacts[-1].strips.start >= sensor.strips:  # near the seam, not across it
         laid_out, surface = unrolled(scan, sensor)
         contacts = _contacts(laid_out, surface, noise, max_vertices, vertices)
@@ -153,7 +168,7 @@ def fit_polygons(
 ) -> list[Reconstruction]:
     """Fit many scans; arguments and errors as for `fit_polygon` by default, but for a fast assessment.
 
-    `workers` threads share the interpreter outside the compiled core, which is half of a fit's time.
+    `workers` threads share the interpreter outside the compiled core, which takes the runs of several scans at once.
 
     Examples
     --------
@@ -165,11 +180,50 @@ def fit_polygons(
     >>> [found.status for found in ts.fit_polygons(scans, sensor, noise)]
     ['ok', 'ok', 'ok']
     """
-    fit = partial(fit_polygon, sensor=sensor, noise=noise, assessment=assessment)
-    if workers == 1 or len(scans) < 2:
-        return [fit(scan) for scan in scans]
+    noise = sensor.noise if noise is None else noise
+
+    def fit(part: Sequence[Scan]) -> list[Reconstruction]:
+        ready = _first_fits(part, sensor, noise)
+        return [
+            _fit_polygon(scan, sensor, noise, assessment=assessment, ready=of_scan)
+            for scan, of_scan in zip(part, ready, strict=True)
+        ]
+
+    size = max(1, min(_AT_ONCE, len(scans) // (_PARTS * workers)))
+    parts = [scans[i : i + size] for i in range(0, len(scans), size)]
+    if workers == 1 or len(parts) < 2:
+        return [found for part in parts for found in fit(part)]
     with ThreadPoolExecutor(workers) as threads:
-        return list(threads.map(fit, scans))
+        return [found for many in threads.map(fit, parts) for found in many]
+
+
+@dataclass(frozen=True, eq=False)
+class _Fitted:
+    """What counts of a scan, the sigma of its readings if known, and its runs of strips, each with its fit."""
+
+    scan: Scan
+    sigma: float | None
+    runs: list[tuple[slice, RunFit | None]]
+
+
+def _first_fits(scans: Sequence[Scan], sensor: Sensor, noise: Noise | None) -> list[_Fitted | None]:
+    """Fit all runs of scans in one call of the core; None for each where runs are not fitted as they are read."""
+    if (
+        not sensor.kind.closed_form
+        or sensor.surface is not None
+        or sensor.closed
+        or sensor.strip_width_mm is not None
+    ):
+        return [None for _ in scans]
+    x_mm, begun, read = sensor.x_mm, [], []
+    for scan in (scan.checked(sensor) for scan in scans):
+        sigma, runs = _sigma(noise, scan, sensor), scan.runs()
+        begun.append((scan, sigma, runs))
+        read += [
+            RunReadings(x_mm[run], {name: scan[name][run] for name in scan.signatures}, sigma) for run in runs
+        ]
+    fits = iter(fit_runs(sensor, read))
+    return [_Fitted(scan, sigma, [(run, next(fits)) for run in runs]) for scan, sigma, runs in begun]
 
 
 def fitted_transitions(
@@ -194,15 +248,22 @@ def fitted_transitions(
 
 
 def _contacts(
-    scan: Scan, sensor: Sensor, noise: Noise | None, max_vertices: int, vertices: int | None
+    scan: Scan,
+    sensor: Sensor,
+    noise: Noise | None,
+    max_vertices: int,
+    vertices: int | None,
+    ready: _Fitted | None = None,
 ) -> list[FittedContact]:
-    sigma = _sigma(noise, scan, sensor)
+    if ready is None:
+        ready = _Fitted(scan, _sigma(noise, scan, sensor), [(run, None) for run in scan.runs()])
+    sigma = ready.sigma
 
-    def fit(strips: slice, missing: tuple[int, ...] = ()) -> FittedContact:
+    def fit(strips: slice, missing: tuple[int, ...] = (), run: RunFit | None = None) -> FittedContact:
         fitted, margin_mm = fitted_strips(sensor, strips)
         x = sensor.x_mm[fitted]
         measured = readings = {name: scan[name][fitted] for name in scan.signatures}
-        run = fit_run(sensor, x, readings, sigma, max_vertices, vertices, margin_mm)
+        run = run or fit_run(sensor, x, readings, sigma, max_vertices, vertices, margin_mm)
         for _ in range(_ROUNDS if sensor.strip_width_mm else 0):
             if (outline := run.outline) is None:
                 break
@@ -213,8 +274,8 @@ def _contacts(
 
     found: list[FittedContact] = []
     named = left_out_wholly(sensor)
-    for strips in scan.runs():
-        contact = fit(strips)
+    for strips, first in ready.runs:
+        contact = fit(strips, run=first)
         if found and strips.start - found[-1].strips.stop <= BRIDGED:
             before = found[-1]
             gap = range(before.strips.stop, strips.start)

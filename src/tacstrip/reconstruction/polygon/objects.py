@@ -16,7 +16,7 @@ from tacstrip.geometry.moments import deviations, moments
 from tacstrip.geometry.outline import Outline, max_height
 from tacstrip.reconstruction.contact_ends import closed_ends
 from tacstrip.reconstruction.cramer_rao import reading_sigma
-from tacstrip.reconstruction.noise_covariance import Averaging, CorrelatedErrors, averaging_advice
+from tacstrip.reconstruction.noise_covariance import Averaging, CorrelatedErrors, averaging_advice, correlated
 from tacstrip.reconstruction.polygon.goodness_of_fit import explains, misfit, second_look, weakness
 from tacstrip.reconstruction.polygon.run import RunFit
 from tacstrip.reconstruction.posterior.assessment import (
@@ -139,7 +139,7 @@ def reconstruct_object(
         return RecoveredObject(
             strips, profile=profile, status="too few transitions", advice="; ".join([line, *notes])
         )
-    outline = Outline(lower, upper)
+    outline = Outline.held(lower, upper)
     covariance = model.covariance(run.problem, sensor)
     guarantee, empty = None, False
     many = noise is not None and bounded and model is fit and fit.n_vertices > _CORNERS
@@ -261,7 +261,7 @@ def _errors(
     scan: Scan, sensor: Sensor, contact: FittedContact, noise: Noise | None, outline: Outline
 ) -> CorrelatedErrors | None:
     """Return the errors of a contact's readings where they are known not to be independent."""
-    if noise is None:
+    if noise is None or not correlated(noise, Averaging.of(scan)):
         return None
     run = contact.run
     residuals, used = run.residuals * run.sigma, run.problem.weight > 0.0
@@ -272,6 +272,8 @@ def _errors(
 
 def _upright(outline: Outline, covariance: FloatArray, sensor: Sensor) -> tuple[int, ...]:
     """Return the places in `vertices.ravel()` of x of vertical ends of which no more than a pitch is known."""
+    if len(outline.vertices) == len(outline.lower) + len(outline.upper) - 2:  # both ends are points
+        return ()
     lower, upper = outline.indices
     places = [2 * int(lower[end]) for end in (0, -1) if lower[end] != upper[end]]
     return tuple(i for i in places if covariance[i, i] > _ANYWHERE * sensor.pitch_mm**2 / 12.0)
@@ -301,7 +303,7 @@ def _refined(scan: Scan, sensor: Sensor, contact: FittedContact, noise: Noise) -
             continue
         lower, upper = fit.chains_mm(run.problem)
         if max_height(lower, upper) > _THIN * sensor.length_mm:
-            outline = Outline(lower, upper)
+            outline = Outline.held(lower, upper)
             candidates.append((outline, fit.covariance(run.problem, sensor)))
     readings = {
         name: np.where(out, np.nan, contact.readings[name])
@@ -329,13 +331,12 @@ def _notes(scan: Scan, sensor: Sensor, contact: FittedContact, around: int, know
     if missing := [i % around for i in contact.missing if not named[i % around]]:
         names = _list([str(i + base) for i in missing])
         notes.append(f"strip {names} reads nothing inside the contact and was bridged: is it broken?")
-    excluded = np.argwhere(contact.run.excluded)
-    if len(excluded):
+    if contact.run.excluded.any():
         names = _list(
             [
                 f"{(i + contact.fitted.start) % around + base} ({SIGNATURES[scan.signatures[s]].symbol} = "
                 f"{scan[scan.signatures[s]][i + contact.fitted.start]:.3g})"
-                for s, i in excluded
+                for s, i in np.argwhere(contact.run.excluded)
             ]
         )
         guessed = "" if known else " Or is that noise? Then give the noise, which is only estimated here"

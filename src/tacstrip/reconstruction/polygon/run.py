@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import ctypes
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray
-from tacstrip.core.binding import MAX_VERTICES, RUN, at, exported, search_workspace
+from tacstrip.core.binding import MAX_VERTICES, RUN, RunTask, at, exported, search_workspace
 from tacstrip.core.ellipse import Ellipse, fit_ellipse
 from tacstrip.core.model_selection import complexity_penalty, deviance, per_vertex_penalty
 from tacstrip.core.outliers import isolated_outliers, spikes
@@ -143,26 +144,52 @@ def fit_run(
     margin_mm
         How much further out the ends lie than within half a pitch of the outer strips.
     """
-    core = exported("fit_run")
+    task = RunReadings(x_mm, readings, sigma, margin_mm)
+    return fit_runs(sensor, [task], max_vertices, n_vertices)[0]
+
+
+@dataclass(frozen=True, eq=False)
+class RunReadings:
+    """What one run is fitted to; as for `fit_run`."""
+
+    x_mm: FloatArray
+    readings: Mapping[str, FloatArray]
+    sigma: float | None
+    margin_mm: float = 0.0
+
+
+def fit_runs(
+    sensor: Sensor,
+    runs: Sequence[RunReadings],
+    max_vertices: int = MAX_VERTICES,
+    n_vertices: int | None = None,
+) -> list[RunFit]:
+    """Fit polygons to many runs in one call of the core, during which other threads run; otherwise as `fit_run`."""
+    core = exported("fit_runs")
     if core is None:
-        return plain_fit_run(sensor, x_mm, readings, sigma, max_vertices, n_vertices, margin_mm)
-    raw = np.array([*readings.values()], dtype=np.float64)
-    k, weight, residuals = np.empty((3, *raw.shape))
-    excluded, record = np.empty(raw.shape, dtype=np.bool_), np.empty(1, RUN)
-    workspace = search_workspace((4 + 2 * raw.shape[0]) * raw.shape[1])
-    problem = FitProblem.of_strips(sensor, x_mm, tuple(readings), k, weight, margin_mm)
-    given = problem.compiled
-    given.k = at(raw)
-    core(
-        given,
-        0.0 if sigma is None else max(sigma, FLOOR),
-        sensor.adc_step / math.sqrt(12.0),
-        max_vertices,
-        n_vertices or 0,
-        *map(at, (record, k, weight, residuals, excluded, workspace)),
-    )
-    given.k = at(k)
-    return _of_record(problem, record[0], excluded, residuals)
+        return [
+            plain_fit_run(sensor, r.x_mm, r.readings, r.sigma, max_vertices, n_vertices, r.margin_mm)
+            for r in runs
+        ]
+    records, tasks, made = np.empty(len(runs), RUN), (RunTask * len(runs))(), []
+    first, longest = at(records), 0
+    for i, run in enumerate(runs):
+        raw = np.array([*run.readings.values()], dtype=np.float64)
+        k, weight, residuals = fitted = np.empty((3, *raw.shape))
+        excluded, begin = np.empty(raw.shape, dtype=np.bool_), at(fitted)
+        problem = FitProblem.of_strips(sensor, run.x_mm, tuple(run.readings), k, weight, run.margin_mm)
+        sigma, longest = (
+            0.0 if run.sigma is None else max(run.sigma, FLOOR),
+            max(longest, raw.size + 2 * len(raw[0])),
+        )
+        places = (begin + part * raw.nbytes for part in range(3))
+        tasks[i] = RunTask(problem.compiled, sigma, first + i * RUN.itemsize, *places, at(excluded))
+        tasks[i].problem.k = at(raw)
+        made.append((problem, excluded, residuals, raw))
+    workspace = search_workspace(2 * longest)
+    step = sensor.adc_step / math.sqrt(12.0)
+    core(ctypes.addressof(tasks), len(runs), step, max_vertices, n_vertices or 0, at(workspace))
+    return [_of_record(problem, records[i], *rest[:2]) for i, (problem, *rest) in enumerate(made)]
 
 
 def _of_record(problem: FitProblem, record: np.void, excluded: BoolArray, residuals: FloatArray) -> RunFit:

@@ -22,6 +22,7 @@ from tacstrip.reconstruction.result import Alternative
 from tacstrip.sensor.spec import Sensor
 
 Effort: TypeAlias = Literal["thorough", "fast", "none"]
+_EFFORTS = get_args(Effort)
 
 PROMISED_IOU = 0.8  # of an outline that is "ok" with the true one
 ENOUGH = 0.77  # confidence of the least certain "ok": all of them together are right in 95 of 100 cases
@@ -70,8 +71,8 @@ class Assessment:
 
 def check_effort(assessment: str) -> None:
     """Refuse an unknown effort: `OptionError`."""
-    if assessment not in get_args(Effort):
-        raise OptionError(one_of("assessment", assessment, get_args(Effort)))
+    if assessment not in _EFFORTS:
+        raise OptionError(one_of("assessment", assessment, _EFFORTS))
 
 
 def assess(
