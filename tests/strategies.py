@@ -15,6 +15,14 @@ from tacstrip.sensor.spec import Sensor
 FIXED = settings(derandomize=True, deadline=None)
 
 
+def texts(max_size: int | None = None) -> st.SearchStrategy[str]:
+    """Any text. Not `st.text()`: its first use in a process encodes every character there is, for seconds."""
+    beyond = st.integers(0x80, 0x10FFFF - 0x800).map(
+        lambda code: code + 0x800 * (code >= 0xD800)
+    )  # no surrogates
+    return st.lists(st.integers(0, 0x7F).map(chr) | beyond.map(chr), max_size=max_size).map("".join)
+
+
 def ratios() -> st.SearchStrategy[float]:
     """Resistivity ratios over four decades, equal strips among them."""
     return st.one_of(st.just(1.0), st.floats(-2.0, 2.0).map(lambda e: 10.0**e))

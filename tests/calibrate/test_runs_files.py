@@ -15,6 +15,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import tacstrip as ts
+from strategies import texts
 from tacstrip.cli import cli
 from tacstrip.io.runs import read_runs, write_plan
 from tacstrip.sensor import Channel
@@ -132,7 +133,7 @@ LINES = st.lists(st.lists(FIELD, min_size=4, max_size=7).map(",".join), max_size
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
 @given(
-    st.one_of(LINES.map(lambda t: HEAD + ROWS + t), LINES, st.text(max_size=80), st.integers(0, 400)),
+    st.one_of(LINES.map(lambda t: HEAD + ROWS + t), LINES, texts(max_size=80), st.integers(0, 400)),
     st.booleans(),
 )
 def test_any_file_gives_runs_or_a_clear_error(tmp_path: Path, text: str | int, metal: bool) -> None:

@@ -13,7 +13,7 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from strategies import FIXED, areas
+from strategies import FIXED, areas, texts
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.shape import Contact
 from tacstrip.errors import ContactError
@@ -421,7 +421,7 @@ def mutated(draw: st.DrawFn, text: str, bits: list[str]) -> str:
 @settings(FIXED, max_examples=400)
 @given(
     st.one_of(
-        st.text(),
+        texts(),
         st.lists(WKT_WORDS, max_size=12).map(" ".join),
         mutated(GOOD_WKT, ["", "(", ")", ",", " ", "9", "-", "1e999", "nan", "Z", "EMPTY", "\0"]),
     )
@@ -442,7 +442,7 @@ GEOMETRIES = st.recursive(
         st.fixed_dictionaries({"type": st.just("Polygon"), "coordinates": st.lists(RINGS, max_size=2)}),
         st.fixed_dictionaries({"type": st.just("LineString"), "coordinates": RINGS}),
         st.none(),
-        st.text(max_size=4),
+        texts(max_size=4),
     ),
     lambda inner: st.one_of(
         st.fixed_dictionaries({"type": st.just("Feature"), "geometry": inner, "properties": st.just({})}),
@@ -467,7 +467,7 @@ def test_no_parsed_geojson_brings_another_error(source: Any) -> None:
 @settings(FIXED, max_examples=400)
 @given(
     st.one_of(
-        st.text(),
+        texts(),
         mutated(
             GOOD_GEOJSON, ["", "{", "}", "[", "]", ",", '"', "9", "-", "1e999", "NaN", "null", "\\u0000"]
         ),

@@ -10,6 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import tacstrip as ts
+from strategies import texts
 
 CRS = ts.Sensor(construction="crs-crs", strips=3, pitch_mm=1.0, length_mm=10.0, vref_volt=6.05, adc_bits=12)
 METAL = ts.Sensor(construction="crs-m", strips=3, pitch_mm=1.0, length_mm=10.0, strip_base=1)
@@ -209,7 +210,7 @@ def test_missing_file(tmp_path: Path) -> None:
 
 @given(
     data=st.one_of(
-        st.binary(max_size=300), st.text(max_size=200).map(lambda t: (HEAD + t).encode(errors="ignore"))
+        st.binary(max_size=300), texts(max_size=200).map(lambda t: (HEAD + t).encode(errors="ignore"))
     )
 )
 @settings(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -256,6 +257,7 @@ def test_strip_by_strip_fails() -> None:
     assert np.nanmax(alone) > 0.15
 
 
+@cache
 def noise_over_bound(
     shape: str, electrodes: crp.Electrodes, trials: int, rows: int = 50
 ) -> tuple[FloatArray, FloatArray]:
@@ -294,7 +296,7 @@ def test_noise_costs_what_the_bound_says_end_by_end(shape: str, electrodes: crp.
 
 
 def test_all_electrodes_of_a_wide_contact_reach_half_a_permille() -> None:
-    errors, bound = noise_over_bound("hexagon", "all", 8, rows=25)
+    errors, bound = noise_over_bound("hexagon", "all", 30, rows=25)
     assert np.median(np.abs(errors)) < 5e-4 * L
     assert np.median(bound) < 5e-4 * L
 

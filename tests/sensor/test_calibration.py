@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import tacstrip as ts
-from strategies import FIXED
+from strategies import FIXED, texts
 from tacstrip.data.published import offsets_volt
 from tacstrip.network import Imperfections
 from tacstrip.sensor import Channel, apply_calibration, invert_calibration
@@ -241,8 +241,8 @@ def test_what_is_no_calibration_is_refused() -> None:
 
 
 JUNK = st.recursive(
-    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
-    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
+    st.none() | st.booleans() | st.integers() | st.floats() | texts(max_size=5),
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(texts(max_size=5), inner, max_size=3),
     max_leaves=12,
 )
 INNER = st.dictionaries(

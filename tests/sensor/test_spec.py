@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from strategies import FIXED, sensors
+from strategies import FIXED, sensors, texts
 from tacstrip.data import data_path, spec_names
 from tacstrip.errors import SignatureError, SpecError
 from tacstrip.sensor.constructions import CONSTRUCTIONS
@@ -321,14 +321,14 @@ VALUES = st.one_of(
     st.integers(0, 20),
     st.floats(),
     st.sampled_from(sorted(CONSTRUCTIONS)),
-    st.text(),
+    texts(),
     st.lists(st.integers(), max_size=2),
-    st.dictionaries(st.text(max_size=3), st.integers(), max_size=2),
+    st.dictionaries(texts(max_size=3), st.integers(), max_size=2),
 )
 
 
 @settings(FIXED, max_examples=300)
-@given(st.dictionaries(st.sampled_from(sorted(KEYS)) | st.text(), VALUES))
+@given(st.dictionaries(st.sampled_from(sorted(KEYS)) | texts(), VALUES))
 def test_no_dictionary_brings_another_error(raw: dict[str, Any]) -> None:
     try:
         sensor = Sensor.from_dict({"format": 1, "construction": "crs-crs", "strips": 3} | raw)
@@ -348,9 +348,9 @@ LITERALS = st.one_of(
     st.sampled_from(
         ['"crs-crs"', '"crs-m"', "true", "[1]", "{a = 1}", "1979-05-27", "nan", "0x_", "''", "1e9999"]
     ),
-    st.text(max_size=5),
+    texts(max_size=5),
 )
-LINES = st.builds("{} = {}".format, st.sampled_from(sorted(KEYS)) | st.text(max_size=5), LITERALS)
+LINES = st.builds("{} = {}".format, st.sampled_from(sorted(KEYS)) | texts(max_size=5), LITERALS)
 
 
 @settings(FIXED, max_examples=300)

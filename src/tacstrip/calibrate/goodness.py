@@ -58,14 +58,19 @@ class Goodness:
         return self.residual > (2.0 if self.repeated else 1.0) * self.noise
 
     @property
+    def most(self) -> float:
+        """The largest residual of constants that may be used."""
+        surely = max(_SURELY, _SURELY_FAR * self.noise) if self.repeated else _MOST
+        return max(min(_MOST, surely), _FAR * self.noise)
+
+    @property
     def doubt(self) -> str:
         """Why these constants must not be used, on any strip; "" where they may."""
         if self.implausible:
             return self.implausible
         if self.noise > _LOUD:
             return f"repeats of one place differ by {100.0 * self.noise:.2g} % of Vref"
-        most = max(_SURELY, _SURELY_FAR * self.noise) if self.repeated else _MOST
-        if self.residual > max(min(_MOST, most), _FAR * self.noise):
+        if self.residual > self.most:
             source = "by its repeats" if self.repeated else "hardly more than"
             noise = f"the readings' noise is {source} {100.0 * self.noise:.2g} %"
             return f"the residual is {100.0 * self.residual:.2g} % of Vref, and {noise}"

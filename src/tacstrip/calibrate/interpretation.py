@@ -8,14 +8,18 @@ from dataclasses import replace
 import numpy as np
 
 from tacstrip.arrays import FloatArray
+from tacstrip.calibrate.fit import fit_model
 from tacstrip.calibrate.goodness import Goodness, assess_fit
-from tacstrip.calibrate.model_selection import fit_planned
+from tacstrip.calibrate.model_selection import fit_planned, planned_model
 from tacstrip.calibrate.residuals import residuals
 from tacstrip.errors import SpecError
 from tacstrip.io.runs import Runs
 from tacstrip.sensor.spec import Sensor
 
 _FAR_BETTER = 1.0 / 3.0  # of the residual as the runs are read: another interpretation must leave less
+_HOPELESS = (
+    2.0  # times the residual of a usable fit: where the planned model leaves more, no part of it is usable
+)
 _LEAST = 0.003  # over Vref: a residual below this is no misreading
 _UNITS = {
     10.0: "centimetres",
@@ -40,6 +44,8 @@ def misread(sensor: Sensor, runs: Runs, as_read: Goodness) -> str:
         return ""
     best: tuple[float, str] | None = None
     for words, other in _interpretations(sensor, runs):
+        if _hopeless(sensor, other):
+            continue
         try:
             found = assess_fit(sensor, fit_planned(sensor, other), other)
         except SpecError:
@@ -58,6 +64,15 @@ def misread(sensor: Sensor, runs: Runs, as_read: Goodness) -> str:
         f"{words}: read so, the fit leaves {100.0 * residual:.2g} % of Vref, and {100.0 * as_read.residual:.2g} % as "
         "the runs are" + (f" ({as_read.implausible})" if as_read.implausible else "")
     )
+
+
+def _hopeless(sensor: Sensor, runs: Runs) -> bool:
+    """Tell by one fit, of the planned model, that none of the smaller ones that it holds can be used either."""
+    try:
+        whole = assess_fit(sensor, fit_model(planned_model(sensor), sensor, runs), runs)
+    except SpecError:
+        return False
+    return whole.residual > _HOPELESS * whole.most
 
 
 def reversed_order(sensor: Sensor, runs: Runs) -> str:

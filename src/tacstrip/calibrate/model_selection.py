@@ -45,17 +45,19 @@ def planned_model(sensor: Sensor, uneven: bool = False) -> Model:
 
 def fit_planned(sensor: Sensor, runs: Runs) -> ModelFit:
     """Return the fit of the planned model, or of the largest part of it that the runs determine."""
-    return _Search(sensor, runs).first()
+    return Search(sensor, runs).first()
 
 
-def select_model(sensor: Sensor, runs: Runs) -> tuple[ModelFit, tuple[Trial, ...]]:
+def select_model(
+    sensor: Sensor, runs: Runs, search: Search | None = None
+) -> tuple[ModelFit, tuple[Trial, ...]]:
     """Return the fit of the model that the runs make likeliest, and all trials.
 
     The search starts from the planned model, as far as the runs determine it: what any unit has stays, even where it
     is small, for else the others' uncertainties would not count it. Then it finds what errors of places have in common,
-    and adds the part that raises the evidence most, while one does.
+    and adds the part that raises the evidence most, while one does. A search that has begun is gone on with.
     """
-    search = _Search(sensor, runs)
+    search = search or Search(sensor, runs)
     now = search.place_errors(search.first())
     while True:
         found = [search.attempt(m, now) for m in _larger(now.constants.model, sensor, runs)]
@@ -71,7 +73,7 @@ def select_model(sensor: Sensor, runs: Runs) -> tuple[ModelFit, tuple[Trial, ...
     )  # fmt: skip
 
 
-class _Search:
+class Search:
     """Models tried so far, each once."""
 
     def __init__(self, sensor: Sensor, runs: Runs) -> None:
@@ -87,7 +89,8 @@ class _Search:
             if found := [f for m in possible if (f := self.attempt(m, None))]:
                 return max(found, key=lambda f: f.evidence)
         offsets = Model(frozenset({"offset"}))
-        fit = self.tried[offsets.name] = fit_model(offsets, self.sensor, self.runs)
+        if not isinstance(fit := self.tried.get(offsets.name), ModelFit):
+            fit = self.tried[offsets.name] = fit_model(offsets, self.sensor, self.runs)
         return fit
 
     def place_errors(self, fit: ModelFit) -> ModelFit:

@@ -13,7 +13,7 @@ from tacstrip.calibrate.fit import ModelFit, usable_rows
 from tacstrip.calibrate.goodness import Goodness, assess, assess_fit
 from tacstrip.calibrate.interpretation import misread, reversed_order
 from tacstrip.calibrate.model import apply
-from tacstrip.calibrate.model_selection import Trial, fit_named, fit_planned, select_model
+from tacstrip.calibrate.model_selection import Search, Trial, fit_named, select_model
 from tacstrip.calibrate.offsets import mean_offset_sigma, mean_offsets
 from tacstrip.calibrate.residuals import residuals, rms_percent
 from tacstrip.errors import OptionError, ReadingError
@@ -185,15 +185,16 @@ def calibrate_unit(
             f"strip {dead[0] + sensor.strip_base} reads 0 or Vref in every contact: is it connected, and pressed?"
         )
     plain = replace(sensor, calibration=None)
+    search = Search(plain, runs)
     if not force:
-        as_read = assess_fit(plain, fit_planned(plain, runs), runs)
+        as_read = assess_fit(plain, search.first(), runs)
         if why := misread(plain, runs, as_read) or reversed_order(sensor, runs):
             raise ReadingError(f"{why}. Put it right; if the runs are right as they are, give --force")
     with_means = replace(plain, calibration=mean_offsets(plain, runs))
     fit: ModelFit | None = None
     trials: tuple[Trial, ...] = ()
     if model == "auto":
-        fit, trials = select_model(plain, runs)
+        fit, trials = select_model(plain, runs, search)
     elif model != "mean":
         fit = fit_named(model, plain, runs)
     done = with_means if fit is None else apply(fit.constants, plain)

@@ -17,8 +17,7 @@ from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import Noise
 from tacstrip.contact.shape import Contact
 from tacstrip.data.published import METRICS, Row
-from tacstrip.errors import ContactError
-from tacstrip.geometry.metrics import mismatch
+from tacstrip.geometry.metrics import errors_of_many
 from tacstrip.geometry.outline import Outline
 from tacstrip.reconstruction.cramer_rao import reading_sigma, vertex_covariance
 from tacstrip.scan import Scan
@@ -72,7 +71,7 @@ def fit_errors(row: Row, position: int, noise: Noise, random: np.random.Generato
         if not objects:
             return np.full(3, np.nan), 0
         largest = max(objects, key=lambda o: o.area)
-        return _measures(contact.vertices, largest.vertices), len(largest.vertices)
+        return errors_of_many(contact.vertices, largest.vertices[np.newaxis])[0], len(largest.vertices)
 
     count = len(contact.vertices)
     measures, found = of(None)
@@ -96,7 +95,7 @@ def bound_medians(row: Row, position: int, noise: Noise) -> FloatArray:
     lean = covariance[:, ends] @ np.linalg.inv(covariance[np.ix_(ends, ends)])
     error += (random.uniform(-wide, wide, (_DRAWS, 2)) - error[:, ends]) @ lean.T
     drawn = true + error.reshape(_DRAWS, -1, 2)
-    return np.asarray(np.nanmedian([_measures(true, polygon) for polygon in drawn], axis=0))
+    return np.asarray(np.nanmedian(errors_of_many(true, drawn), axis=0))
 
 
 def reached(row: Row, medians: FloatArray, bound: FloatArray, position: int) -> list[Verdict | None]:
@@ -108,11 +107,3 @@ def reached(row: Row, medians: FloatArray, bound: FloatArray, position: int) -> 
     printed = [np.nan if values is None else values[position] for values in read]
     verdicts = zip((medians < printed).tolist(), (medians <= WITHIN * bound).tolist(), strict=True)
     return [None if np.isnan(value) else verdict for value, verdict in zip(printed, verdicts, strict=True)]
-
-
-def _measures(true: FloatArray, vertices: FloatArray) -> FloatArray:
-    try:
-        m = mismatch(true, vertices)
-    except ContactError:  # sides that cross
-        return np.full(3, np.nan)
-    return np.array([m.mc, m.aoe, m.ape])
