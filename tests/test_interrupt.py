@@ -14,7 +14,7 @@ import pytest
 
 from recordings import make, sensor
 from tacstrip.cli import main
-from tacstrip.interrupt import all_as_ctrl_c, deferred_interrupt, worker_processes
+from tacstrip.interrupt import _end_with, all_as_ctrl_c, deferred_interrupt, worker_processes
 from tacstrip.stream import RawScan
 from tacstrip.stream.replay import Recording
 from waiting import wait_until
@@ -46,6 +46,18 @@ def test_what_nohup_ignores_stays_ignored() -> None:
             assert not stop()
     finally:
         signal.signal(signal.SIGHUP, before)
+
+
+def test_a_worker_ends_itself_once_its_parent_is_gone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One that was killed could not end it; while there is a parent it stays."""
+    parents, ended = iter([7, 7, 1]), list[object]()
+    monkeypatch.setattr(os, "getppid", lambda: next(parents))
+    monkeypatch.setattr(os, "kill", lambda pid, number: ended.append((pid, number)))
+    monkeypatch.setattr(os, "_exit", ended.append)
+    monkeypatch.setattr("tacstrip.interrupt.time.sleep", lambda _: None)
+    _end_with(7)
+    assert ended == [(os.getpid(), signal.SIGTERM), 1]
+    assert next(parents, None) is None
 
 
 @pytest.mark.parametrize("number", SIGNALS)

@@ -72,6 +72,14 @@ def test_a_scan_keeps_a_copy_that_cannot_be_written() -> None:
         ),
         (lambda: Scan(k=np.array([np.inf])), "k of strip 0 is inf, outside 0..1: it is a voltage over Vref"),
         (lambda: Scan(kh=np.zeros(3), kl=np.zeros(4)), "kh has 3 strips and kl has 4"),
+        (
+            lambda: Scan(k=np.array([0.5]), time_s=NAN),
+            "time_s = nan: must be a time in seconds, a finite number",
+        ),
+        (
+            lambda: Scan(k=np.array([0.5]), time_s="now"),  # type: ignore[arg-type]
+            "time_s = 'now': must be a time in seconds, a finite number",
+        ),
         (lambda: Scan(k=np.zeros((2, 3))), "k needs one value per strip, not an array of shape (2, 3)"),
         (lambda: Scan(k=np.zeros(0)), "k needs one value per strip, not an array of shape (0,)"),
         (lambda: Scan(k=np.array(0.5)), "k needs one value per strip, not an array of shape ()"),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
@@ -16,6 +17,7 @@ from typing import TypeVar
 _Item = TypeVar("_Item")
 # Windows has no SIGHUP.
 _SIGNALS = [s for name in ("SIGINT", "SIGTERM", "SIGHUP") if (s := getattr(signal, name, None)) is not None]
+_ORPHAN_S = 0.5  # between two looks of a worker whether its parent is there
 _LAST_S = 0.5  # for a process to put away the file that it writes
 
 
@@ -119,5 +121,15 @@ def _begin(nice: int) -> None:
     for number in _SIGNALS:
         signal.signal(number, lambda *_: sys.exit(1))
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
     with suppress(AttributeError, OSError):
         os.nice(nice)
+
+
+def _end_with(parent: int) -> None:
+    """End this process once its parent is gone: one that was killed could not end its children."""
+    while os.getppid() == parent:
+        time.sleep(_ORPHAN_S)
+    os.kill(os.getpid(), signal.SIGTERM)
+    time.sleep(_LAST_S)
+    os._exit(1)

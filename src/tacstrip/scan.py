@@ -5,6 +5,8 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import isfinite
+from numbers import Real
 from typing import Any, Self
 
 import numpy as np
@@ -68,8 +70,8 @@ class Scan(Signatures, Drawn):
     Raises
     ------
     ReadingError
-        No signature, arrays of different lengths, or a value outside 0..1; the message names the strip, counted
-        from 0.
+        No signature, arrays of different lengths, a value outside 0..1, or a time that is no finite number; the
+        message names the strip, counted from 0.
 
     Examples
     --------
@@ -95,6 +97,8 @@ class Scan(Signatures, Drawn):
             raise ReadingError(
                 f"averaged = {self.averaged}, span_s = {self.span_s}: a scan is made of 1 or more, over 0 s or more"
             )
+        if not isinstance(self.time_s, Real) or not isfinite(self.time_s):
+            raise ReadingError(f"time_s = {self.time_s!r}: must be a time in seconds, a finite number")
         names = self.signatures
         if not names:
             raise ReadingError("a scan needs at least one signature: kh, kl or k")
@@ -196,6 +200,11 @@ class Scan(Signatures, Drawn):
         if values is None:
             raise SignatureError(f"the scan has no {signature!r}; it has: {', '.join(self.signatures)}")
         return values
+
+    def reading(self, signature: str) -> FloatArray:
+        """Return one signature's readings (strips,), NaN where the scan does not have it."""
+        values: FloatArray | None = getattr(self, signature)
+        return np.full(len(self.touched), np.nan) if values is None else values
 
     @property
     def half_read(self) -> BoolArray:

@@ -47,6 +47,22 @@ def test_ctrl_c_leaves_a_complete_recording(tmp_path: Path, spec: Path) -> None:
     assert "the page is at http://127.0.0.1:" in said
 
 
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("--device", "-o", "a.mcap"), "-o"),
+        (("--device", "--json"), "--json is not for --device"),
+        (("--simulate", "--speed", "2"), "--speed is for INPUT"),
+        (("a.mcap", "--rate", "5"), "--rate is for a device"),
+        (("a.toml", "a.csv", "--sensor", "b.toml"), "--sensor names the sensor a second time, after a.toml"),
+    ],
+)
+def test_what_would_be_passed_over_is_refused(words: tuple[str, ...], says: str) -> None:
+    done = CliRunner().invoke(command, words)
+    assert isinstance(done.exception, ts.OptionError)
+    assert says in str(done.exception)
+
+
 def test_a_service_says_that_it_is_ready_and_lives_and_ends_on_request(tmp_path: Path, spec: Path) -> None:
     file, address = tmp_path / "a.mcap", str(tmp_path / "notify")
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:

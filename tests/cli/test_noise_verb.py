@@ -11,6 +11,7 @@ from click.testing import CliRunner, Result
 import tacstrip as ts
 from noise_generator import Rubber
 from tacstrip.cli import cli
+from tacstrip.cli.reconstruct import _only
 from tacstrip.diagnose.log import Log
 
 SENSOR = ts.Sensor(construction="crs-crs", strips=20, pitch_mm=5.0, length_mm=100.0, adc_bits=12)
@@ -67,6 +68,8 @@ def test_a_still_press_becomes_a_table_that_everything_takes(folder: Path) -> No
     assert np.nanstd(np.diff(log.k["kh"], axis=0)) / np.sqrt(2.0) == pytest.approx(0.004, rel=0.25)
     found = run("reconstruct", spec, folder / "more.csv", "--average", 16, "-o", folder / "found.geojson")
     assert "2 scan(s), 2 object(s)" in found.output
+    found = run("reconstruct", spec, folder / "more.csv", "--average", 20, "-o", folder / "found.geojson")
+    assert "the last 12 of 32 scans are too few for a mean" in found.output
     bound = run("limits", spec, folder / "contact.wkt", "--grid", 2)
     assert bound.exit_code == 0, bound.output
 
@@ -98,3 +101,12 @@ def test_what_cannot_be_told_is_exit_code_1_and_writes_nothing(folder: Path) -> 
 def test_wrong_options_get_a_sentence(folder: Path, words: tuple[str, ...], message: str) -> None:
     done = run(*(w.format(folder) for w in words))
     assert message in str(done.exception)
+
+
+def test_one_signature_of_a_mean_still_tells_that_the_contact_moved() -> None:
+    scans = [ts.simulate(SENSOR, CONTACT.moved(0.0, 2.0 * i), time_s=0.1 * i) for i in range(8)]
+    mean = ts.Scan.mean(scans)
+    one = _only(mean, "kh")
+    assert one.signatures == ("kh",)
+    assert one.moved == mean.moved > 0.0
+    assert (one.averaged, one.span_s) == (mean.averaged, mean.span_s)

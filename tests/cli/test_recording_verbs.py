@@ -9,6 +9,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -94,6 +95,8 @@ def test_recover_a_cut_file(run: Run) -> None:
     assert code == 0
     assert "cut.mcap was cut" in error
     assert "`tacstrip recover`" in error
+    with patch("tacstrip.cli.track.track", lambda *_: []):
+        assert "cut.mcap was cut" in run("track", "cut.mcap")[2]
     out = _good(run("recover", "cut.mcap"))
     assert "cut-recovered.mcap: " in out
     count = len(list(ts.Recording("cut-recovered.mcap")))

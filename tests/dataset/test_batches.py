@@ -159,6 +159,8 @@ def test_scans_come_apart_and_together_and_from_files(tmp_path: Path) -> None:
         SENSORS["crs-crs"], ts.Shapes(n=5), ts.Noise(positional=0.01), rng=1, dtype="float32"
     )
     again = ts.Scans.of(list(scans))
+    with pytest.raises(ts.ReadingError, match="scan 0 is a mean of several"):
+        ts.Scans.of([ts.Scan.mean(list(scans)), scans[0]])
     np.testing.assert_array_equal(again["kh"], scans["kh"])
     assert (len(scans[1:3]), len(scans[np.asarray(scans.touched.any(axis=1))])) == (2, 5)
     scans.save(tmp_path / "scans.npz")

@@ -6,14 +6,17 @@ import json
 import re
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from importlib.util import find_spec, module_from_spec, spec_from_file_location
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
 
 import tacstrip as ts
+from tacstrip.cli import generate as verb
 from tacstrip.cli.generate import command
 from tacstrip.dataset.generation import DataSet, generate
 from tacstrip.errors import OptionError, SpecError
@@ -192,3 +195,28 @@ def test_the_verb_writes_and_says_what(tmp_path: Path) -> None:
     assert first.exit_code == 0, first.output
     assert "95 scans of 12 strips (66 train, 12 validation, 17 test)\n" in first.output
     assert "complete already" in second.output
+
+
+@pytest.mark.parametrize(("each_s", "says"), [(0.001, ""), (0.1, "this takes some 33 minutes on one core")])
+def test_a_long_job_is_announced_by_what_a_scan_takes_once_all_is_loaded(
+    study: DataSet,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    each_s: float,
+    says: str,
+) -> None:
+    clock, loading_s = [0.0], [0.5]
+
+    def slow(sensor: ts.Sensor, shapes: ts.Shapes, **options: Any) -> ts.Scans:
+        clock[0] += each_s * shapes.n + (loading_s.pop() if loading_s else 0.0)
+        return ts.simulate_many(sensor, shapes, **options)
+
+    monkeypatch.setattr(verb, "simulate_many", slow)
+    monkeypatch.setattr("tacstrip.cli.generate.time.perf_counter", lambda: clock[0])
+    wide = replace(study.sensor, strip_width_mm=3.0)
+    shapes = replace(study.shapes, n=20_000, objects=1)
+    verb._look(replace(study, sensor=wide, model="closed", shapes=shapes))
+    said = capsys.readouterr().err
+    assert says in said
+    assert bool(says) == bool(said)
+    assert "resolved" not in said  # which closed forms are not

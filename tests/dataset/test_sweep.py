@@ -52,6 +52,16 @@ def _study(folder: Path, text: str = STUDY) -> Sweep:
     return Sweep.load(folder / "study.toml")
 
 
+def test_a_range_of_lengths_is_of_whole_numbers_only_where_that_is_asked_for(tmp_path: Path) -> None:
+    ranges = "pitch_mm = {from = 1, to = 4, steps = 7}\nadc_bits = {from = 8, to = 14, steps = 3}"
+    given = STUDY.replace("pitch_mm = [2.5, 5.0]", ranges)
+    vary = _study(tmp_path, given).vary
+    assert vary["sensor.pitch_mm"] == (1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0)
+    assert vary["sensor.adc_bits"] == (8, 11, 14)
+    whole = _study(tmp_path, given.replace("steps = 7", "steps = 7, whole = true")).vary
+    assert whole["sensor.pitch_mm"] == (1, 2, 3, 4)
+
+
 def test_designs_are_all_combinations_in_batches_that_keep_their_names(tmp_path: Path) -> None:
     study = _study(tmp_path)
     assert study.designs == 12

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,12 +11,16 @@ import numpy as np
 import pytest
 
 import tacstrip as ts
+from tacstrip.dataset.measures import Case
+from tacstrip.dataset.sweep import changed
 from tacstrip.design.candidates import candidates, designs, requirements_unmet
 from tacstrip.design.limits import limit_map, limits, outline_of
 from tacstrip.errors import ContactError, OptionError, SpecError
 from tacstrip.geometry.outline import Outline
 from tacstrip.plot.bounds import limits_figure
 from tacstrip.reconstruction.cramer_rao import vertex_covariance, vertex_rms
+from tacstrip.sensor.calibration import Calibration
+from tacstrip.sensor.channel import Channel
 from verbs import run
 
 KITE = np.array([(10.2, 50.0), (30.4, 22.0), (70.9, 60.0), (48.3, 85.0)])
@@ -96,6 +101,16 @@ def test_candidates_keep_the_width() -> None:
         list(candidates(a_sensor(), ["x"]))
     with pytest.raises(SpecError, match="pitch_mm"):
         list(candidates(a_sensor(), pitches_mm=[0.0]))
+
+
+def test_a_calibrated_unit_s_designs_are_of_others_and_a_curved_skin_has_none() -> None:
+    unit = a_sensor()
+    offsets = tuple(Channel(signature=name, offset=(0.01,) * 100) for name in unit.signatures)
+    unit = replace(unit, calibration=Calibration(channels=offsets, sensor=unit.fingerprint))
+    assert all(one.calibration is None for one in candidates(unit))
+    assert changed(Case(unit, ts.Shapes(n=1), NOISE), {"sensor.pitch_mm": 2.0}).sensor.calibration is None
+    with pytest.raises(OptionError, match=r"has a \[surface\]"):
+        next(candidates(ts.Sensor.load("fingertip")))
 
 
 def test_a_design_reaches_the_error_with_its_largest_noise() -> None:

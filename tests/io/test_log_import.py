@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -278,7 +279,7 @@ def _as_workbook(path: Path, columns: dict[str, list[float]]) -> None:
     book.save(path)
 
 
-class _Frame(dict[str, list[float]]):
+class _Frame(dict[str, list[Any]]):
     """What a pandas DataFrame is to `read_readings`."""
 
     columns = property(list)
@@ -286,7 +287,11 @@ class _Frame(dict[str, list[float]]):
 
 def test_a_data_frame_is_read_as_a_file_of_the_same_columns() -> None:
     frame = _Frame(
-        scan=[0] * 5, time_s=[0.0] * 5, strip=[0.0, 1.0, 2.0, 3.0, 4.0], v_out=list(3.3 * K["k"][0])
+        scan=[0] * 5,
+        time_s=[0.0] * 5,
+        strip=[0.0, 1.0, 2.0, 3.0, 4.0],
+        v_out=list(3.3 * K["k"][0]),
+        note=["a", None, "b", "c", "d"],  # columns that nobody asks for are passed over, as in a file
     )
     (scan,) = ts.read_readings(frame, METAL)
     np.testing.assert_allclose(scan["k"], K["k"][0], atol=1e-12)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,10 @@ from hypothesis import strategies as st
 
 import tacstrip as ts
 from strategies import texts
+from tacstrip.stream import ReadingsSource
+from tacstrip.stream.export import write_csv
 
+NAN = float("nan")
 CRS = ts.Sensor(construction="crs-crs", strips=3, pitch_mm=1.0, length_mm=10.0, vref_volt=6.05, adc_bits=12)
 METAL = ts.Sensor(construction="crs-m", strips=3, pitch_mm=1.0, length_mm=10.0, strip_base=1)
 HEAD = "scan,time_s,strip,v_h,v_l\n"
@@ -225,3 +229,14 @@ def test_any_bytes_give_scans_or_a_clear_error(tmp_path: Path, data: bytes) -> N
     except ts.ReadingError:  # and nothing else
         return
     assert all(len(s.touched) == 3 for s in scans)
+
+
+@pytest.mark.parametrize("began_s", [1763800000.0, 86400.0, -1.0])
+def test_times_from_1970_and_of_long_runs_keep_a_millisecond(tmp_path: Path, began_s: float) -> None:
+    sensor = replace(METAL, adc_bits=12)
+    given_scans = [ts.Scan(k=np.array([0.5, 0.5, NAN]), time_s=began_s + 0.001 * i) for i in range(3)]
+    ts.write_readings(tmp_path / "out.csv", sensor, given_scans)
+    source = ReadingsSource(tmp_path / "out.csv", sensor)
+    write_csv(tmp_path / "again.csv", source)
+    back = [scan.time_s for scan in ts.read_readings(tmp_path / "again.csv", sensor)]
+    assert np.subtract(back, began_s) == pytest.approx([0.0, 0.001, 0.002], abs=1e-5)

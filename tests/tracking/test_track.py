@@ -308,6 +308,22 @@ def test_scans_that_make_no_recording_are_refused(scans: list[ts.Scan], says: st
         ts.track(scans, ten_strips())
 
 
+def test_scans_of_strips_whose_other_channel_is_left_out_are_of_the_same_recording() -> None:
+    """The object comes in over such strips: the first scans have one signature, the others two."""
+    sensor = replace(ten_strips(), without=("0:v_l", "1:v_l"))
+    poses = sliding(12, 50.0)
+    poses[:, 0] -= 35.0
+    scans = pressed(sensor, CORNERS, poses, NOISE)
+    untouched = ts.Scan(kh=np.full(10, np.nan), kl=np.full(10, np.nan), time_s=-1.0)
+    assert scans[0].checked(sensor).signatures == ("kh",)
+    (one,) = ts.track([untouched, *scans], sensor, NOISE)
+    assert one.present[1:].all()
+    live = ts.LiveTracks(sensor, NOISE)
+    for scan in (untouched, *scans):
+        found = live.update(scan)
+    assert found[0].scans > 8
+
+
 def test_a_clock_that_stands_still_is_said() -> None:
     sensor = ten_strips()
     scans = [replace(s, time_s=0.0) for s in pressed(sensor, CORNERS, sliding(12), NOISE)]

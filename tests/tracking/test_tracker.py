@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -107,3 +108,14 @@ def test_on_a_curved_skin_numbers_stay_across_the_seam() -> None:
         assert one.shape.on_skin is None or one.shape.on_skin.area_mm2 == pytest.approx(
             patch.area_mm2, rel=0.25
         )
+
+
+def test_an_object_goes_on_to_strips_whose_other_channel_is_left_out() -> None:
+    """There a scan has one signature, where it had two before; in live use the doctor may do so at any time."""
+    sensor = replace(FINE, without=tuple(f"{i}:v_l" for i in range(50)))
+    tracker = Tracker(sensor)
+    for i, x in enumerate((75.0, 74.0, 25.0, 24.0, 25.0, 75.0)):
+        (one,) = tracker.update(
+            _scan(ts.Contact.polygon([(-20, -20), (20, -25), (15, 20)]).placed(x, 50), i, sensor)
+        )
+    assert one.shape.centroid[0] == pytest.approx(75.0, abs=0.5)

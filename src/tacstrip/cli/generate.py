@@ -15,7 +15,11 @@ from tacstrip.cli import options, warn
 from tacstrip.dataset.batches import simulate_many
 from tacstrip.dataset.generation import DataSet, generate
 
-_SOME, _SOME_WIDE = 500, 2  # scans that are looked at first; those of resolved strips take long
+_SOME, _MORE, _LOOK_S = (
+    500,
+    5,
+    2.0,
+)  # scans that are looked at first, from one on ever more, in so long at most
 _MUCH, _LONG_S = 0.01, 60.0  # share of scans that no strip feels, and time, that are worth a word
 
 
@@ -43,11 +47,16 @@ def command(study: Path, out: Path, workers: int | None) -> None:
 
 def _look(data: DataSet) -> None:
     """Warn, by some scans, where many would be empty, or where it would take long."""
-    some = replace(data.shapes, n=min(data.shapes.n, _SOME_WIDE if data.sensor.strip_width_mm else _SOME))
-    begun = time.perf_counter()
     model: Any = data.model
-    scans = simulate_many(data.sensor, some, rng=data.seed, model=model, workers=1)
-    each_s = (time.perf_counter() - begun) / some.n
+    count, each_s = 1, 0.0  # the first scan also loads what it needs: of quick ones more are looked at
+    while True:
+        some = replace(data.shapes, n=min(data.shapes.n, count))
+        begun = time.perf_counter()
+        scans = simulate_many(data.sensor, some, rng=data.seed, model=model, workers=1)
+        each_s = (time.perf_counter() - begun) / some.n
+        if some.n < count or count >= _SOME or (count > 1 and _MORE * count * each_s > _LOOK_S):
+            break
+        count = 2 if count == 1 else _MORE * count
     assert scans.labels is not None
     pressed = (scans.labels.kind > 0).any(axis=1)
     unseen = int((pressed & ~np.isfinite(scans[data.sensor.signatures[0]]).any(axis=1)).sum())
@@ -57,6 +66,7 @@ def _look(data: DataSet) -> None:
             "size_mm larger, or the pitch finer"
         )
     if each_s * data.shapes.n > _LONG_S:
-        wide = "; strips of strip_width_mm are resolved one by one: leave it out of the sensor for thin ones"
-        why = wide if data.sensor.strip_width_mm else ""
+        resolved = data.sensor.strip_width_mm is not None and data.model != "closed"
+        wide = '; strips of strip_width_mm are resolved one by one: model = "closed" in [dataset] takes their edges'
+        why = wide if resolved else ""
         warn(f"this takes some {each_s * data.shapes.n / 60.0:.0f} minutes on one core{why}")

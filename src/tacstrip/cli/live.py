@@ -44,6 +44,7 @@ from tacstrip.view.watch import watch
 
 _HTTP = 8360
 _ROS2 = {"ros_domain": "domain", "ros_name": "name", "ros_frame": "frame_id", "ros_interface": "interface"}
+_OF_STREAM = ("output", "lines", "osc", "ros2", "foxglove", "watched", "method", "creep")  # a device has none
 _ONE_LAYER = ("watched", "creep", "osc", "ros2", "foxglove")
 _POLL_S = 0.1
 # The simulator's, where no spec is given.
@@ -110,6 +111,14 @@ def command(files: tuple[str, ...], **given: Any) -> None:
     ways = (bool(files), bool(given["port"]), given["simulate"], given["device"])
     if sum(ways) != 1:
         raise OptionError("give one of --port PORT, --simulate, --device, or a recording or readings file")
+    options.belong(
+        not given["device"], "is not for --device, which only serves scans to another program", *_OF_STREAM
+    )
+    options.belong(files, "is for INPUT, whose pace it changes", "speed")
+    options.belong(not files, "is for a device; --speed changes the pace of INPUT", "rate")
+    options.belong(
+        len(files) < 2, f"names the sensor a second time, after {files[0] if files else ''}", "sensor"
+    )
     check_port(given["http"], "--http")
     if given["output"] is not None:
         if given["output"].suffix.lower() != ".mcap":

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -112,6 +113,10 @@ def command(
         )
     if average > len(scans):
         raise OptionError(f"--average {average}: {readings} has {len(scans)} scan(s)")
+    if over := len(scans) % average:
+        warn(
+            f"--average {average}: the last {over} of {len(scans)} scans are too few for a mean, and left out"
+        )
     if average > 1:
         scans = [Scan.mean(scans[i : i + average]) for i in range(0, len(scans) - average + 1, average)]
     chosen = chosen_method(method or ("vertex" if options.given("transitions", "reading") else None), unit)
@@ -173,9 +178,9 @@ def _area(text: str) -> float | tuple[float, float]:
 
 def _only(scan: Scan, signature: str) -> Scan:
     """Leave the scan's other signatures out."""
-    return Scan(
-        **{signature: scan[signature]}, time_s=scan.time_s, averaged=scan.averaged, span_s=scan.span_s
-    )
+    scan[signature]  # which names those that there are
+    others: dict[str, Any] = dict.fromkeys(name for name in scan.signatures if name != signature)
+    return replace(scan, **others)
 
 
 def _transitions(text: str) -> str | list[float]:

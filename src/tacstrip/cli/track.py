@@ -10,11 +10,14 @@ from pathlib import Path
 import click
 import numpy as np
 
-from tacstrip.cli import load_sensor, new_file, note, one_layer, options, protect
+from tacstrip.cli import load_sensor, new_file, note, one_layer, options, protect, warn, warn_of_input
+from tacstrip.cli.replay import warn_of_cut
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError, ReadingError
 from tacstrip.files import replacing
+from tacstrip.io.input_checks import half_read, implausible, misread
 from tacstrip.io.readings import read_readings
+from tacstrip.sensor.raw import invert_calibration
 from tacstrip.stream.codes import decode
 from tacstrip.stream.recording.recorder import Recorder
 from tacstrip.stream.replay import ReadingsSource, Recording, open_source
@@ -51,6 +54,13 @@ def command(
     scans = read_readings(files[-1], spec) if decoded is None else decoded
     if not any(scan.touched.any() for scan in scans):
         raise ReadingError(f"{files[-1]}: no strip is touched in any of {len(scans)} scan(s)")
+    if source is None:
+        raw = invert_calibration(spec, {n: np.stack([s[n] for s in scans]) for n in scans[0].signatures})
+        name = files[-1]
+        warn(half_read(name, spec, tuple(raw)), *misread(name, spec, raw), *implausible(name, spec, raw))
+    else:
+        warn_of_input(files[-1], source)
+        warn_of_cut(source)
     tracks = track(scans, spec, noise if options.given("quantisation", "positional") else None)
     for one in tracks:
         note(_line(one))

@@ -60,6 +60,11 @@ class RigidScans(Sendable):
         return np.asarray(np.isfinite(self.k).sum(axis=(1, 2)), dtype=np.int64)
 
     @cached_property
+    def read(self) -> tuple[int, ...]:
+        """Places of the signatures that have readings; those of strips whose other channel is left out have one."""
+        return tuple(np.flatnonzero(np.isfinite(self.k).any(axis=(0, 2))).tolist())
+
+    @cached_property
     def strips_touched(self) -> float:
         """How many strips a scan touches, in the median."""
         return float(np.median(np.isfinite(self.k).any(axis=1).sum(axis=1)))

@@ -189,7 +189,7 @@ class Scans(Signatures, Drawn):
         Raises
         ------
         ReadingError
-            There is none, or they have different signatures or numbers of strips.
+            There is none, they have different signatures or numbers of strips, or one is a mean or has electrodes.
         """
         if not scans:
             raise ReadingError("there are no scans to put together")
@@ -197,6 +197,9 @@ class Scans(Signatures, Drawn):
         for i, scan in enumerate(scans):
             if scan.signatures != names or len(scan.touched) != strips:
                 raise ReadingError(f"scan {i} has other signatures or another number of strips than scan 0")
+            if scan.averaged > 1 or scan.electrodes is not None:
+                what = "a mean of several" if scan.averaged > 1 else "of all electrodes"
+                raise ReadingError(f"scan {i} is {what}, which Scans cannot hold: keep the scans in a list")
         readings: dict[str, Any] = {name: np.stack([scan[name] for scan in scans]) for name in names}
         return cls(**readings, time_s=np.array([scan.time_s for scan in scans]))
 

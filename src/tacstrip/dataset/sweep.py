@@ -35,9 +35,16 @@ from tacstrip.files import replacing
 from tacstrip.interrupt import children_end, worker_pool
 from tacstrip.sensor.constructions import construction
 from tacstrip.sensor.spec import KEYS as SENSOR_KEYS
+from tacstrip.sensor.spec import Sensor
 
 KEYS = ("name", "seed", "sensor", "shapes", "noise", "vary", "latin", "measure")
 _TABLES = ("sensor", "shapes", "noise")
+_WHOLE = [
+    f"{table}.{key}"
+    for table, kind in (("sensor", Sensor), ("shapes", Shapes), ("noise", Noise))
+    for key, of in kind.__annotations__.items()
+    if str(of).startswith("int")
+]  # parameters of whole numbers
 _OF_RANGE = ("from", "to", "steps", "log", "whole")
 _OF_MEASURE = ("what", "scans", "batch_designs")
 _BATCH_S = 3.0  # of work in a batch, by the rough costs of measures
@@ -205,6 +212,7 @@ def changed(base: Case, parameters: Mapping[str, Any]) -> Case:
                 } | own
             if width is not None:
                 own["strips"] = max(1, round(width / own.get("pitch_mm", sensor.pitch_mm)))
+            own.setdefault("calibration", None)  # a design is no unit
             sensor = replace(sensor, **own)
         elif table == "shapes":
             shapes |= own
@@ -479,7 +487,7 @@ def _range(name: str, given: Mapping[str, Any]) -> tuple[float, float, bool, boo
     log = bool(given.get("log", False))
     if log and min(low, high) <= 0.0:
         raise OptionError(f"{name} = {dict(given)}: a logarithmic range lies above 0")
-    whole = bool(given.get("whole", isinstance(low, int) and isinstance(high, int)))
+    whole = bool(given.get("whole", name in _WHOLE))
     return float(low), float(high), log, whole
 
 

@@ -73,9 +73,11 @@ def candidates(
 
     Raises
     ------
-    SpecError
-        There is no such construction, or a design cannot be.
+    SpecError, OptionError
+        There is no such construction, or a design cannot be; the sensor has a `[surface]`.
     """
+    if sensor.surface is not None:
+        raise OptionError("designs are sought for flat sensors and tubes, and this sensor has a [surface]")
     if constructions is None:
         alike = [c for c in CONSTRUCTIONS.values() if c.cylindrical == sensor.kind.cylindrical]
         kinds = [c for c in alike if c.closed_form]
@@ -91,6 +93,7 @@ def candidates(
                 yield replace(
                     sensor, construction=kind.name, strips=strips, pitch_mm=pitch, length_mm=length,
                     strip_width_mm=None, resistivity_ratio=ratio, radius_mm=radius, without=(),
+                    calibration=None,
                 )  # fmt: skip
 
 

@@ -130,6 +130,11 @@ def strip_index(text: str, line: int, sensor: Sensor) -> int:
     return strip - first
 
 
+def seconds(time_s: float) -> str:
+    """Return a time as a text, to 1 ns as far as its digits go: also one that counts from 1970."""
+    return f"{round(time_s, 9):.15g}"
+
+
 def finite(text: str, line: int, name: str) -> float:
     """Return a field as a finite number, or raise `ReadingError` with its line."""
     try:

@@ -9,8 +9,10 @@ alone, that the other channel is left out. Codes run from 0 to 2^adc_bits - 1, w
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from numbers import Real
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -26,6 +28,7 @@ from tacstrip.io.columns import (
     Column,
     electrode_names,
     finite,
+    seconds,
     value,
     value_columns,
 )
@@ -120,7 +123,15 @@ def _of_other_form(frame: Frame, sensor: Sensor) -> list[Scan]:
 def _lines(frame: Frame) -> Iterator[Row]:
     """Yield a table's rows as the lines of a file, counted from 1."""
     for n, row in enumerate(zip(*(frame[name] for name in frame.columns), strict=True), 1):
-        yield n, ["" if v is None or v != v else str(int(v)) if v == v // 1 else str(v) for v in row]
+        yield n, [_field(v) for v in row]
+
+
+def _field(value: Any) -> str:
+    """Return what a file would hold for a table's value; tables have 3.0 for 3, and three kinds of nothing."""
+    if value is None or value is getattr(sys.modules.get("pandas"), "NA", None) or value != value:
+        return ""
+    whole = isinstance(value, Real) and value == value // 1
+    return str(int(value)) if whole else str(value)
 
 
 @takes(sensor=Sensor | LayeredSensor, scans=(Scan,))
@@ -159,7 +170,7 @@ def write_readings(path: str | Path, sensor: AnySensor, scans: Sequence[Scan]) -
         for row in read * unit.vref_volt:  # (columns,) [V]
             yield ["" if np.isnan(v) else f"{v:.9g}" for v in row]
 
-    write_scans(path, sensor, columns, ((f"{scan.time_s:.9g}", fields(scan)) for scan in scans))
+    write_scans(path, sensor, columns, ((seconds(scan.time_s), fields(scan)) for scan in scans))
 
 
 def write_scans(

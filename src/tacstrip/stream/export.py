@@ -14,7 +14,7 @@ import numpy.typing as npt
 from tacstrip.arrays import FloatArray, plain
 from tacstrip.errors import RecordingError
 from tacstrip.files import replacing, write_text
-from tacstrip.io.columns import column_name, electrode_names
+from tacstrip.io.columns import column_name, electrode_names, seconds
 from tacstrip.io.geometry import feature_collection
 from tacstrip.io.readings import write_scans
 from tacstrip.reconstruction.result import Reconstruction, RecoveredObject
@@ -43,7 +43,7 @@ def write_csv(path: str | Path, source: Source, codes: bool = False) -> int:
         for touched, row in zip(raw.touched, rows.tolist(), strict=True):
             yield [(str(c) if codes else f"{c * scale:.12g}") if touched else "" for c in row]
 
-    scans = ((f"{raw.time_s:.12g}", fields(raw)) for raw in source)
+    scans = ((seconds(raw.time_s), fields(raw)) for raw in source)
     return write_scans(path, sensor, columns or electrode_names(unit_of(sensor), codes), scans)
 
 

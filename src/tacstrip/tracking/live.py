@@ -17,7 +17,7 @@ from tacstrip.reconstruction.noise_covariance import Averaging, fit_sigma
 from tacstrip.reconstruction.on_surface import refuse_stretched
 from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import check_closed_form
-from tacstrip.sensor.left_out import left_out_wholly
+from tacstrip.sensor.left_out import left_out, left_out_wholly
 from tacstrip.sensor.spec import Sensor
 from tacstrip.tracking.episodes import Episode, followed
 from tacstrip.tracking.live_contact import LiveContact, LiveTrack, Stream
@@ -77,6 +77,7 @@ class LiveTracks:
         self.noise = noise = sensor.noise if noise is None else noise
         distribution = "normal" if noise is None or not noise.independent else noise.distribution
         self._stream = Stream(sensor, (), distribution, lag, executor, None)
+        self._own: tuple[str, ...] = ()  # signatures of its scans
         self._silent = left_out_wholly(sensor)
         self._number, self._ids = 0, 0
         self._contacts: list[LiveContact] = []
@@ -94,19 +95,20 @@ class LiveTracks:
         ReadingError, SignatureError
             The scan is not of this sensor, or has other signatures than those before.
         """
+        stream, own = self._stream, scan.signatures
         scan = scan.checked(self.sensor)
-        stream = self._stream
-        if not stream.names:
-            stream.names = scan.signatures
+        if not self._own:
+            out = left_out(self.sensor)
+            self._own = own
+            stream.names = tuple(name for name in own if name not in out or not out[name].all()) or own
             if self.noise is not None:
                 stream.sigma = max(fit_sigma(self.noise, self.sensor, Averaging.of(scan)), FLOOR)
-        if scan.signatures != stream.names:
+        if own != self._own:
             raise ReadingError(
-                f"the scan has {' and '.join(scan.signatures)}, and those before {' and '.join(stream.names)}: give "
-                "scans alike"
+                f"the scan has {' and '.join(own)}, and those before {' and '.join(self._own)}: give scans alike"
             )
         self._number += 1
-        k = np.stack([scan[name] for name in stream.names])
+        k = np.stack([scan.reading(name) for name in stream.names])
         touched = np.asarray(np.isfinite(k).any(axis=0))
         before = {id(c.episode): c for c in self._contacts}
         seen = followed([c.episode for c in self._contacts], self._number, touched, self._silent)

@@ -252,6 +252,7 @@ def track(scans: Sequence[Scan], sensor: Sensor, noise: Noise | None = None) -> 
     """
     check_closed_form(sensor.kind, "track")
     refuse_stretched(sensor, "track")
+    scans = list(scans)
     read = [_checked(i, scan, sensor) for i, scan in enumerate(scans)]
     if not read:
         raise ReadingError("there is no scan: give those of a recording, in the order of time")
@@ -259,16 +260,19 @@ def track(scans: Sequence[Scan], sensor: Sensor, noise: Noise | None = None) -> 
     if len(back := np.flatnonzero(np.diff(times) < 0.0)):
         i = int(back[0]) + 1
         raise ReadingError(
-            f"scan {i} is from {times[i]:.6g} s, before scan {i - 1} from {times[i - 1]:.6g} s: sort the scans by time"
+            f"scan {i} is from {times[i]:.12g} s, before scan {i - 1} from {times[i - 1]:.12g} s: sort the scans "
+            "by time"
         )
-    names = read[0].signatures
-    for i, scan in enumerate(read):
-        if scan.signatures != names:
+    own = scans[0].signatures
+    for i, scan in enumerate(scans):
+        if scan.signatures != own:
             raise ReadingError(
-                f"scan {i} has {' and '.join(scan.signatures)}, and scan 0 {' and '.join(names)}: give scans alike"
+                f"scan {i} has {' and '.join(scan.signatures)}, and scan 0 {' and '.join(own)}: give scans alike"
             )
+    # a scan that touches only strips whose other channel is left out lacks a signature that others have
+    names = tuple(name for name in own if any(np.isfinite(scan.reading(name)).any() for scan in read)) or own
     noise = sensor.noise if noise is None else noise
-    k = np.stack([np.stack([scan[name] for name in names]) for scan in read])
+    k = np.stack([np.stack([scan.reading(name) for name in names]) for scan in read])
     sigma = None if noise is None else max(fit_sigma(noise, sensor, Averaging.of(read[0])), FLOOR)
     distribution = "normal" if noise is None or not noise.independent else noise.distribution
     stretches = episodes(k, sensor.closed)

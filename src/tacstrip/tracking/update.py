@@ -96,8 +96,10 @@ def update(
     Raises
     ------
     TrackLost
-        The outline cannot be placed on these strips.
+        The outline cannot be placed on these strips, or fewer or more signatures are read there.
     """
+    if len(scan.signatures) != len(last.outliers):
+        raise TrackLost
     problem = _fit_problem(scan, sensor, strips, last.sigma, last.outliers, last.shape)
     start = _normalised(last.fit, problem)
     found = last.model.fitted(start, problem)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tacstrip.io.columns import INDEX
+from tacstrip.io.columns import INDEX, seconds
 from tacstrip.io.csv_rows import csv_writer
 from tacstrip.io.log_import.mapping import ColumnMapping
 from tacstrip.io.log_import.names import IN_VOLTS, OF_VREF
@@ -57,7 +57,7 @@ def rows(scans: Sequence[LogScan], strip_base: int, scale: float = 1.0) -> Itera
         for strip, values in enumerate(scan.values, strip_base):
             yield [
                 str(number),
-                f"{scan.time_s:.9g}",
+                seconds(scan.time_s),
                 str(strip),
                 *("" if np.isnan(v) else f"{v * scale:.9g}" for v in values),
             ]

@@ -14,6 +14,7 @@ from tacstrip.sensor.creep import creep_rate, log_age
 _BLOCK_S = 0.25  # of a mean that is kept
 _MOST_BLOCKS = 480  # then every other is forgotten
 _RATE_S = 1.0  # between two estimates
+_MOSTLY = 0.5  # of the blocks, that a channel is read in to have a rate
 _MOVED, _MOVED_SCANS = 0.03, 3  # Vref, scans in turn: a contact that is elsewhere is another
 
 
@@ -89,4 +90,8 @@ class CreepFilter:
         if age_s - self._estimated_s >= _RATE_S:
             self._estimated_s = age_s
             ages, means = (np.array(v) for v in zip(*self._blocks, strict=True))
-            self._rate = creep_rate(ages, means)
+            read = (
+                np.isfinite(means).mean(axis=0) > _MOSTLY
+            )  # a channel that is left out says nothing of the others
+            self._rate = np.zeros(len(read))
+            self._rate[read] = creep_rate(ages, means[:, read])

@@ -271,7 +271,7 @@ def _with_offsets(
 
 def needs_smooth_motion(scans: RigidScans) -> bool:
     """Whether a scan tells hardly more than a pose: one signature."""
-    return len(scans.names) == 1
+    return len(scans.read) == 1
 
 
 def freer_spline(basis: FloatArray | None) -> FloatArray | None:

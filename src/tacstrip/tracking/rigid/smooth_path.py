@@ -77,7 +77,7 @@ def centres(scans: RigidScans) -> tuple[FloatArray, FloatArray]:
     """Return roughly where the contact's middle is in each scan (T, 2) [mm], and its area (T,) [mm^2]."""
     pitch, length = scans.sensor.pitch_mm, scans.sensor.length_mm
     touched = np.isfinite(scans.k).any(axis=1)
-    if len(scans.names) == 2:
+    if len(scans.read) == 2:
         with np.errstate(invalid="ignore", divide="ignore"):
             l, u = closed_ends(scans.sensor, scans.k[:, 0], scans.k[:, 1])
         width = np.where(touched, np.maximum(np.nan_to_num(u - l), 1e-3 * length), 0.0)
@@ -85,8 +85,9 @@ def centres(scans: RigidScans) -> tuple[FloatArray, FloatArray]:
     else:
         across = touched.sum(axis=1, keepdims=True) * pitch
         width = np.where(touched, _ROUND * across, 0.0)
-        middle = np.nan_to_num(scans.k[:, 0]) * (length - 0.5 * width)
-        if scans.shares[0] == 0.0:
+        row = next(iter(scans.read), 0)
+        middle = np.nan_to_num(scans.k[:, row]) * (length - 0.5 * width)
+        if scans.shares[row] == 0.0:
             middle = middle + 0.5 * width
     weight = np.maximum(width.sum(axis=1), 1e-12)
     found = (
