@@ -10,9 +10,9 @@ import numpy as np
 import shapely
 
 from studies.holdout.readings import Unit, white
-from studies.holdout.shapes import CONCAVE, CONVEX, PLAIN, Array, draw, is_convex
+from studies.holdout.shapes import CONCAVE, CONVEX, PLAIN, ROUNDED, Array, draw, is_convex
 
-SETS = ("convex", "pairs", "channels", "regions", "material")
+SETS = ("convex", "pairs", "channels", "regions", "material", "rounded")
 FAULTS = ("dead", "stuck", "saturated")
 _T = TypeVar("_T")
 _TURNS = 200  # tries to place something before another outline is drawn
@@ -62,6 +62,13 @@ def convex(random: np.random.Generator) -> Case:
     """Draw a convex shape, its unit and its noise."""
     strips = int(log_uniform(random, *_choose(random, {(6, 12): 0.3, (12, 101): 0.5, (100, 1001): 0.2})))
     return single(random, str(random.choice(CONVEX)), strips, _some_names(random), _half_width(random))
+
+
+def rounded(random: np.random.Generator) -> Case:
+    """Draw a rounded shape, as `convex` does."""
+    strips = int(log_uniform(random, 12, 101))
+    half_width = log_uniform(random, 0.0005, 0.01)
+    return single(random, str(random.choice(ROUNDED)), strips, _some_names(random), half_width)
 
 
 def pairs(random: np.random.Generator) -> Case:

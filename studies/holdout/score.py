@@ -97,9 +97,9 @@ def judged(case: Case, result: ts.Reconstruction) -> Row:
     }
 
 
-def score_convex(seed: int, mode: str, number: int) -> list[Row]:
-    """Fit one convex shape."""
-    case = cases.convex(cases.rng("convex", seed, number))
+def score_convex(seed: int, mode: str, number: int, which: str = "convex") -> list[Row]:
+    """Fit one convex shape, or one of the rounded families."""
+    case = {"convex": cases.convex, "rounded": cases.rounded}[which](cases.rng(which, seed, number))
     return [judged(case, fit(case.unit, case.unit.scan(case.read), told_noise(case), **MODES[mode]))]
 
 
@@ -362,6 +362,7 @@ SCORES: dict[str, tuple[Callable[[int, str, int], list[Row]], Callable[[list[Row
     "channels": (score_channels, table_channels),
     "regions": (score_regions, table_regions),
     "material": (score_material, table_material),
+    "rounded": (partial(score_convex, which="rounded"), table_convex),
 }
 
 

@@ -1,4 +1,4 @@
-"""Outlines (N, 2), counter-clockwise, of any size and place: convex in twelve categories, and concave."""
+"""Outlines (N, 2), counter-clockwise, of any size and place: convex in twelve categories, rounded, and concave."""
 
 from __future__ import annotations
 
@@ -20,17 +20,28 @@ CONVEX = (
     "rounded",
     "circle",
 )
+ROUNDED = (
+    "superellipse",
+    "stadium",
+    "egg",
+    "Reuleaux",
+    "segment",
+    "lens",
+    "teardrop",
+    "rounded triangle",
+    "rounded pentagon",
+)
 CONCAVE = ("L", "dart", "star", "notched", "crescent")
 _LEAST_FILL = 0.25  # of the bounding box: no slivers
 
 
 def draw(category: str, random: np.random.Generator) -> Array:
-    """Return an outline of a category of `CONVEX` or `CONCAVE`, about 1 in size.
+    """Return an outline of a category of `CONVEX`, `ROUNDED` or `CONCAVE`, about 1 in size.
 
     A weak corner is added, and a border crossed, once the sensor is known: here these are hulls, or plain shapes.
     """
     while True:
-        outline = counter_clockwise(_draw(category, random))
+        outline = counter_clockwise((_rounded if category in ROUNDED else _draw)(category, random))
         if shapely.Polygon(outline).area > _LEAST_FILL * float(np.prod(np.ptp(outline, axis=0))):
             return outline
 
@@ -92,6 +103,50 @@ def _draw(category: str, random: np.random.Generator) -> Array:
             return turned(np.array(disc.difference(bite).exterior.coords)[:-1], 4.0 * turn)
         case _:
             return _hull(random)
+
+
+def _rounded(category: str, random: np.random.Generator) -> Array:
+    """Return what people press: thumbs, caps, erasers, half coins."""
+    angle = 2.0 * np.pi * np.arange(192) / 192
+    c, s = np.cos(angle), np.sin(angle)
+    flat = np.exp(random.uniform(-1.0, 0.0))
+    match category:
+        case "superellipse":
+            power = 2.0 / random.uniform(2.1, 3.0)
+            outline = np.column_stack(
+                [np.sign(c) * np.abs(c) ** power, flat * np.sign(s) * np.abs(s) ** power]
+            )
+        case "stadium":
+            core = shapely.LineString([(0.0, 0.0), (random.uniform(0.3, 2.0), 0.0)])
+            outline = np.array(core.buffer(0.5, quad_segs=48).exterior.coords)[:-1]
+        case "egg":
+            outline = np.column_stack([c, flat * s * (1.0 + random.uniform(0.1, 0.4) * c)])
+        case "Reuleaux":
+            corners = [shapely.Point(np.cos(a), np.sin(a)) for a in 2.0 * np.pi * np.arange(3) / 3]
+            inner, radius = random.uniform(0.0, 0.4), np.sqrt(3.0)
+            discs = [corner.buffer(radius - inner, quad_segs=64) for corner in corners]
+            shape = shapely.intersection_all(discs).buffer(inner, quad_segs=24)
+            outline = np.array(shape.exterior.coords)[:-1]
+        case "segment":
+            disc = shapely.Point(0.0, 0.0).buffer(1.0, quad_segs=64)
+            part = shapely.clip_by_rect(disc, random.uniform(-0.6, 0.4), -2.0, 2.0, 2.0)
+            outline = np.array(part.exterior.coords)[:-1]
+        case "lens":
+            off = random.uniform(0.3, 0.7)
+            discs = [shapely.Point(side * off, 0.0).buffer(1.0, quad_segs=64) for side in (-1.0, 1.0)]
+            outline = np.array(shapely.intersection_all(discs).exterior.coords)[:-1]
+        case "teardrop":
+            disc = shapely.Point(0.0, 0.0).buffer(0.5, quad_segs=48)
+            tip = shapely.Point(random.uniform(0.7, 1.3), 0.0)
+            outline = np.array(shapely.union(disc, tip).convex_hull.exterior.coords)[:-1]
+        case _:
+            count = 3 if category == "rounded triangle" else 5
+            at = 2.0 * np.pi * (np.arange(count) + random.uniform(-0.25, 0.25, count)) / count
+            core = shapely.Polygon(np.column_stack([np.cos(at), flat * np.sin(at)]))
+            outline = np.array(core.buffer(random.uniform(0.1, 0.6) * flat, quad_segs=24).exterior.coords)[
+                :-1
+            ]
+    return turned(outline, random.uniform(0.0, 2.0 * np.pi) if random.random() < 0.7 else 0.0)
 
 
 def _hull(random: np.random.Generator) -> Array:

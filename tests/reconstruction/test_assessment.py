@@ -10,7 +10,7 @@ from tacstrip.core.binding import exported
 from tacstrip.core.polygon_fit import PolygonFit
 from tacstrip.core.problem import FitProblem
 from tacstrip.reconstruction.polygon.run import fit_run
-from tacstrip.reconstruction.posterior.assessment import Effort, doubts, probability
+from tacstrip.reconstruction.posterior.assessment import ENOUGH_OF_ONE, Effort, doubts, probability
 
 SENSOR = ts.Sensor(construction="crs-crs", strips=40, pitch_mm=2.5, length_mm=100.0)
 NOISE = ts.Noise(positional=0.003)
@@ -50,10 +50,10 @@ def test_many_corners_and_an_ellipse_that_is_hardly_better_are_doubted(effort: E
     by_corners = [probability(doubts(0.98, run, polygon, n), effort) for n in (3, 5, 6, 9, 12, 40)]
     assert by_corners[0] == by_corners[1] > by_corners[2] > by_corners[3] > by_corners[4] == by_corners[5]
     assert probability(doubts(0.98, run, run.ellipse, 42), effort) > by_corners[4]
-    shares = [probability(doubts(share, run, polygon, 4), effort) for share in (0.0, 0.3, 0.7, 1.0)]
+    shares = [probability(doubts(iou, run, polygon, 4), effort) for iou in (0.0, 0.3, 0.7, 1.0)]
     assert shares == sorted(shares)
     assert 0.0 < shares[0] < 0.1
-    assert 0.8 < shares[-1] < 1.0
+    assert ENOUGH_OF_ONE < shares[-1] < 1.0
 
 
 @pytest.mark.parametrize("effort", ["thorough", "fast"])
@@ -65,4 +65,4 @@ def test_few_strips_of_one_signature_are_never_sure_enough(effort: Effort) -> No
     run = fit_run(few, few.x_mm[touched], {"kh": scan["kh"][touched]}, 1e-4 / np.sqrt(3.0))
     assert run.ellipse is not None
     assert run.ellipse_advantage > 10.0
-    assert probability(doubts(1.0, run, run.ellipse, 42), effort) < 0.8
+    assert probability(doubts(1.0, run, run.ellipse, 42), effort) < ENOUGH_OF_ONE

@@ -8,6 +8,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from tacstrip.arrays import FloatArray
+from tacstrip.core.ellipse import Ellipse
+from tacstrip.core.outline_model import OutlineModel
 from tacstrip.core.polygon_fit import PolygonFit
 from tacstrip.geometry.metrics import column_iou
 from tacstrip.geometry.moments import moments
@@ -202,21 +204,30 @@ def _behind(cut: Cut, x: FloatArray) -> float:
 
 
 def weakness(
-    run: RunFit, vertices: FloatArray, covariance: FloatArray, averaging: str = "average more scans"
+    run: RunFit,
+    model: OutlineModel,
+    vertices: FloatArray,
+    covariance: FloatArray,
+    averaging: str = "average more scans",
 ) -> str:
     """Return advice on what the readings leave open of an outline, else nothing.
 
     Parameters
     ----------
-    run
-        What was fitted to what.
+    run, model
+        What was fitted to what, and what the outline is of.
     vertices, covariance
         Of the outline, counter-clockwise (V, 2) [mm], (2 V, 2 V) [mm^2].
     averaging
         What advice says of averaging scans, from `averaging_advice`.
     """
-    if not isinstance(run.model, PolygonFit):
+    if isinstance(model, Ellipse):
         return "this contact looks round: the outline is the ellipse that explains the readings better than corners"
+    if not isinstance(model, PolygonFit):
+        return (
+            "this contact looks rounded: the outline is the commonest of the rounded ones that explain the readings; "
+            "take the outline, not the vertices"
+        )
     selection = run.selection
     if run.ellipse_advantage > _RIVAL:
         return "this contact looks round: an ellipse fits as well; take the outline, not the vertices"

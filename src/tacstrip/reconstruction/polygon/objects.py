@@ -155,14 +155,17 @@ def reconstruct_object(
             wrong
             or f"the readings hold {fit.n_vertices} vertices, not the {contact.known_count} that were given"
         )
-    assessed = assess(run, sensor, outline, covariance, noise is not None, effort, area_mm2)
-    if assessed.better is not None and contact.known_count is None:
+    free = contact.known_count is None
+    assessed = assess(run, sensor, outline, covariance, noise is not None, effort, area_mm2, free)
+    if assessed.better is not None:
         model, guarantee, faint = assessed.better, None, False
         outline, covariance = Outline(*model.chains_mm(run.problem)), model.covariance(run.problem, sensor)
         errors = _errors(scan, sensor, contact, noise, outline)
     covariance = covariance if errors is None else errors.propagated(covariance)
-    weak = _FAINT.format(averaging) if faint else weakness(run, outline.vertices, covariance, averaging)
-    if assessed.explained and len(run.problem.k) == 1 and contact.known_count is None:
+    weak = (
+        _FAINT.format(averaging) if faint else weakness(run, model, outline.vertices, covariance, averaging)
+    )
+    if assessed.explained and len(run.problem.k) == 1 and free:
         wrong = ""  # outlines of more corners explain the readings, and the confidence counts them
     if area_mm2 is not None and not wrong:
         wrong = _other_area(outline, covariance, area_mm2)

@@ -11,6 +11,7 @@ import numpy as np
 from tacstrip.arrays import FloatArray
 from tacstrip.core.ellipse import Ellipse
 from tacstrip.core.outline_model import OutlineModel
+from tacstrip.core.polygon_fit import PolygonFit
 from tacstrip.core.swept_area import swept_areas
 from tacstrip.errors import OptionError, one_of
 from tacstrip.geometry.metrics import column_iou
@@ -18,6 +19,7 @@ from tacstrip.geometry.moments import area
 from tacstrip.geometry.outline import Outline
 from tacstrip.reconstruction.polygon.run import RunFit
 from tacstrip.reconstruction.posterior.draws import Draws, column_ends, columns, draw
+from tacstrip.reconstruction.posterior.rounded import RoundedDraws, RoundedOutline, draw_rounded
 from tacstrip.reconstruction.result import Alternative
 from tacstrip.sensor.spec import Sensor
 
@@ -26,17 +28,21 @@ _EFFORTS = get_args(Effort)
 
 PROMISED_IOU = 0.8  # of an outline that is "ok" with the true one
 ENOUGH = 0.77  # confidence of the least certain "ok": all of them together are right in 95 of 100 cases
-ENOUGH_OF_ONE = 0.8  # with one signature, where many are hardly surer than that
+ENOUGH_OF_ONE = 0.62  # with one signature, where many are hardly surer than that
 _EVALUATIONS = {"thorough": 240_000, "fast": 14_000}
 _KEPT = {"thorough": 240, "fast": 100}
 _RATHER_WRONG, _BETTER = 0.5, 0.1  # an estimate less sure than this is given up for one that is so much surer
 # With one signature: log odds of being right, by `doubts`. `studies/confidence.py` fits them.
 _ODDS = {
-    "thorough": (-0.521, 0.885, -4.852, 1.019, -0.560, -2.2),
-    "fast": (-1.215, 0.710, -1.850, 0.640, -0.415, -2.2),
+    "thorough": (-1.492, 0.730, -0.547, 1.817, -0.406, -2.2, 0.275, 0.555, 1.132, 0.310),
+    "fast": (-1.215, 0.710, -1.850, 0.640, -0.415, -2.2, 0.0, 0.0, 0.0, 0.0),
 }
 _PLAIN, _MANY = 5, 7  # corners that are no doubt, and how many more of them count
-_LEAST = 0.01  # share of draws that none of them counts as
+_LEAST, _LEAST_ALIKE = 0.02, 0.03  # expected IoU, and share of rounded outlines, that none counts as
+_MISFITS = (0.5, 300.0)  # of the best rounded outline, beyond which it tells no more
+# A rounded outline takes the place of one of many corners that the draws are sure of, which takes some: if so many
+# rounded ones agree and leave no more of a reading than this, squared over sigma^2. It is right so often then.
+_SURE_OF, _AGREE, _EXPLAINS, _TRUSTED = 0.6, 0.95, 1.5, 0.9
 _ALARM = 3.5
 _LIGHTEST, _MOST = 0.05, 4  # weight of an alternative, and how many are told
 _FIRM, _SURE = (
@@ -83,6 +89,7 @@ def assess(
     sigma_known: bool,
     effort: Effort,
     area_mm2: tuple[float, float] | None = None,
+    replace: bool = True,
 ) -> Assessment:
     """Compare an estimate with outlines drawn from the posterior.
 
@@ -98,6 +105,8 @@ def assess(
         "thorough", "fast", or "none": not at all.
     area_mm2
         Mean and standard deviation of the contact's area, where that is known.
+    replace
+        Whether another outline may take the estimate's place: `Assessment.better`.
     """
     if effort == "none":
         return Assessment()
@@ -106,18 +115,31 @@ def assess(
     drawn = draw(run, sensor, sigma_known, _EVALUATIONS[effort], _KEPT[effort], area_mm2)
     if drawn is None:
         return Assessment()
-    own = drawn.overlap(drawn.ends_of(outline.lower, outline.upper)) >= PROMISED_IOU
+    ends = drawn.ends_of(outline.lower, outline.upper)
+    own, one = drawn.overlap(ends) >= PROMISED_IOU, len(run.problem.k) == 1
     confidence, better = float(own @ drawn.weight), None
     every = column_iou(drawn.ends[:, None], drawn.ends[None])
-    if confidence < _RATHER_WRONG and len(run.problem.k) == 1:
-        # The outline that overlaps the others best; the mean of them would be none that the readings allow.
-        best = int(np.argmax(np.where(drawn.few_corners, every @ drawn.weight, 0.0)))
-        near = every[best] >= PROMISED_IOU
-        if near @ drawn.weight > confidence + _BETTER:
-            own, confidence, better = near, float(near @ drawn.weight), drawn.model(best, run.problem)
-            outline = Outline(*better.chains_mm(run.problem))
-    if len(run.problem.k) == 1:
-        confidence = probability(doubts(confidence, run, better or run.model, len(outline.vertices)), effort)
+    rounded, best, agree = None, 0, 0.0
+    if one and effort == "thorough" and area_mm2 is None and run.problem.x.size >= _STRIPS:
+        rounded = draw_rounded(drawn.problem, drawn.window, drawn.x, ends)
+        best, agree = rounded.commonest(PROMISED_IOU)
+    many = isinstance(run.model, PolygonFit) and len(outline.vertices) > _PLAIN and confidence > _SURE_OF
+    if rounded is not None and replace and many and rounded.misfit < _EXPLAINS and agree > _AGREE:
+        better = RoundedOutline.of(rounded, best, drawn.problem.lam)
+        own = drawn.overlap(rounded.ends[best]) >= PROMISED_IOU
+        confidence = _TRUSTED * agree
+    elif one:
+        if confidence < _RATHER_WRONG and replace:
+            # The outline that overlaps the others best; the mean of them would be none that the readings allow.
+            at = int(np.argmax(np.where(drawn.few_corners, every @ drawn.weight, 0.0)))
+            near = every[at] >= PROMISED_IOU
+            if near @ drawn.weight > confidence + _BETTER:
+                own, confidence, better = near, float(near @ drawn.weight), drawn.model(at, run.problem)
+                outline = Outline(*better.chains_mm(run.problem))
+                ends = drawn.ends_of(outline.lower, outline.upper)
+        model, corners = better or run.model, len(outline.vertices)
+        expected = float(drawn.overlap(ends) @ drawn.weight)
+        confidence = probability(doubts(expected, run, model, corners, rounded, ends), effort)
     # Chi square of the better half of the draws; that of normal errors exceeds its mean by 3.5 deviations in .02 %.
     readings = drawn.problem.readings
     typical = float(np.median(drawn.samples.squares)) if sigma_known else np.inf
@@ -125,26 +147,44 @@ def assess(
     return Assessment(confidence, _alternatives(drawn, every >= PROMISED_IOU, own), better, bool(explained))
 
 
-def doubts(share: float, run: RunFit, model: OutlineModel | None, corners: int) -> FloatArray:
-    """Return what tells whether an outline from one signature is right (6,): 1, log odds of the share, doubts.
+def doubts(
+    expected: float,
+    run: RunFit,
+    model: OutlineModel | None,
+    corners: int,
+    rounded: RoundedDraws | None = None,
+    ends: FloatArray | None = None,
+) -> FloatArray:
+    """Return what tells whether an outline from one signature is right (10,): 1, log odds of the IoU, doubts.
 
     Draws and estimate share a prior of polygons and ellipses. An outline that needs many corners, or an ellipse that is
-    hardly better than a polygon, is often of an object with blunt or rounded ends, of which neither is a likeness. On
-    few strips such objects have few corners too.
+    hardly better than a polygon, is often of an object with blunt or rounded ends, of which neither is a likeness; less
+    often so if no rounded outline explains the readings. On few strips such objects have few corners too.
 
     Parameters
     ----------
-    share
-        Of the draws, that the outline overlaps.
+    expected
+        IoU of the outline with the draws, on average.
     run, model, corners
         The fit, the outline's model, and its corners if that is a polygon.
+    rounded, ends
+        Rounded outlines that explain the readings best, and l and u of the outline in their columns.
     """
-    few = float(run.problem.x.size < _STRIPS)
-    odds = math.log((share + _LEAST) / (1.0 + _LEAST - share))
+    few, odds = float(run.problem.x.size < _STRIPS), _log_odds(expected, _LEAST)
+    misfit, alike = 0.0, 0.0
+    if rounded is not None and ends is not None:
+        misfit = math.log(min(max(rounded.misfit, _MISFITS[0]), _MISFITS[1]))
+        alike = _log_odds(rounded.share(ends, PROMISED_IOU), _LEAST_ALIKE)
     if isinstance(model, Ellipse):
         better = 0.0 if few else math.log1p(max(run.ellipse_advantage, 0.0))
-        return np.array([1.0, odds, 1.0, better, 0.0, few])
-    return np.array([1.0, odds, 0.0, 0.0, min(max(corners - _PLAIN, 0), _MANY), few])
+        return np.array([1.0, odds, 1.0, better, 0.0, few, 0.0, misfit, alike, 0.0])
+    many = min(max(corners - _PLAIN, 0), _MANY)
+    near = alike * math.exp(-max(misfit, 0.0))
+    return np.array([1.0, odds, 0.0, 0.0, many, few, misfit, 0.0, 0.0, near])
+
+
+def _log_odds(share: float, least: float) -> float:
+    return math.log((share + least) / (1.0 + least - share))
 
 
 def probability(of: FloatArray, effort: Effort) -> float:

@@ -57,6 +57,8 @@ class Draws:
         Of each outline (K,), 1 in all.
     samples, ellipses
         Polygons, and after them ellipses.
+    window
+        Between which x the left end may lie, and the right one (4,).
     """
 
     problem: FitProblem
@@ -65,6 +67,7 @@ class Draws:
     weight: FloatArray
     samples: Samples
     ellipses: tuple[Ellipse, ...] = ()
+    window: tuple[float, float, float, float] = (0.0, 0.0, 1.0, 1.0)
 
     def ends_of(self, lower: FloatArray, upper: FloatArray) -> FloatArray:
         """Return l and u (2, G) in the columns, of chains [mm]."""
@@ -182,7 +185,7 @@ def draw(
         round_ends = np.stack([column_ends(problem, x, *one.chains_mm(problem)) for one in ellipses])
         ends = np.concatenate([ends, round_ends])
         weight = np.concatenate([(1.0 - share) * weight, np.full(len(ellipses), share / len(ellipses))])
-    return Draws(problem, x, ends, weight, samples, ellipses)
+    return Draws(problem, x, ends, weight, samples, ellipses, prior.window)
 
 
 def _ellipses(run: RunFit, count: int, seed: int) -> tuple[Ellipse, ...]:

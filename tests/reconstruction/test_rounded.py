@@ -1,0 +1,63 @@
+"""Rounded outlines from one signature: told apart from polygons, in their place where they explain the readings."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import tacstrip as ts
+from tacstrip.core.binding import exported
+from tacstrip.core.problem import FitProblem
+from tacstrip.reconstruction.posterior.rounded import RoundedOutline, _library, draw_rounded
+
+SENSOR = ts.Sensor(construction="crs-m", strips=40, pitch_mm=2.5, length_mm=100.0)
+NOISE = ts.Noise(positional=0.002)
+_T = 2.0 * np.pi * np.arange(120) / 120
+_CAP = np.stack(
+    [r * np.sign(f(_T)) * np.abs(f(_T)) ** (2.0 / 2.6) for r, f in ((30.0, np.cos), (22.0, np.sin))]
+)
+CAP = _CAP.T @ np.array([[np.cos(0.5), np.sin(0.5)], [-np.sin(0.5), np.cos(0.5)]]) + [50.0, 48.0]
+SCAN = ts.simulate(SENSOR, ts.Contact.polygon(CAP), NOISE, rng=0)
+needs_core = pytest.mark.skipif(exported("sample_outlines") is None, reason="only the compiled core samples")
+
+
+def test_outlines_of_the_families_are_convex_and_fill_a_unit_box() -> None:
+    _, _, chains = _library()
+    np.testing.assert_allclose(chains.min(axis=1), np.tile([0.0, -0.5], (len(chains), 1)), atol=1e-12)
+    np.testing.assert_allclose(chains.max(axis=1), np.tile([1.0, 0.5], (len(chains), 1)), atol=1e-12)
+    half = chains.shape[1] // 2
+    ring = np.concatenate([chains[:, :half], chains[:, : half - 1 : -1]], axis=1)
+    step = np.roll(ring, -1, axis=1) - ring
+    after = np.roll(step, -1, axis=1)
+    turn = step[..., 0] * after[..., 1] - step[..., 1] * after[..., 0]
+    assert turn.min() > -1e-5
+
+
+@needs_core
+def test_a_rounded_square_of_one_signature_is_recovered_and_ok() -> None:
+    """Its best polygon has the same readings, 8 corners and less than half of its area."""
+    found = ts.fit_polygon(SCAN, SENSOR, NOISE).objects[0]
+    assert found.model is RoundedOutline
+    assert found.status == "ok"
+    assert ts.mismatch(CAP, found.vertices).iou > 0.85
+    assert found.covariance is not None
+    assert "looks rounded" in found.advice
+
+
+@needs_core
+def test_a_count_of_vertices_that_is_given_keeps_its_outline_and_that_outlines_confidence() -> None:
+    found = ts.fit_polygon(SCAN, SENSOR, NOISE, vertices=6).objects[0]
+    assert len(found.vertices) == 6
+    assert ts.mismatch(CAP, found.vertices).iou < 0.8
+    assert found.status == "doubtful"
+    assert found.confidence is None or found.confidence < 0.5
+
+
+def test_polygons_leave_rounded_outlines_far_behind() -> None:
+    sensor = ts.Sensor(construction="crs-crs", strips=40, pitch_mm=2.5, length_mm=100.0)
+    scan = ts.simulate(sensor, ts.Contact.polygon([(15, 20), (85, 45), (40, 80)]), NOISE, rng=5)
+    touched = scan.touched
+    problem = FitProblem.of(sensor, sensor.x_mm[touched], {"kh": scan["kh"][touched]}, 0.002 / np.sqrt(3.0))
+    half, x = 0.5 * problem.pitch, np.linspace(0.0, 1.0, 30)
+    box = np.stack([np.full(30, 0.3), np.full(30, 0.6)])
+    assert draw_rounded(problem, (-half, half, 1.0 - half, 1.0 + half), x, box).misfit > 3.0
