@@ -126,7 +126,7 @@ def fit_polygon(
         "polygon",
         tuple(
             reconstruct_object(
-                laid_out,
+                laid_out.read_on(c.strips),
                 surface,
                 c,
                 noise,
@@ -201,7 +201,8 @@ def _contacts(
     def fit(strips: slice, missing: tuple[int, ...] = ()) -> FittedContact:
         fitted, margin_mm = fitted_strips(sensor, strips)
         x = sensor.x_mm[fitted]
-        measured = readings = {name: scan[name][fitted] for name in scan.signatures}
+        own = scan.read_on(strips)
+        measured = readings = {name: own[name][fitted] for name in own.signatures}
         run = fit_run(sensor, x, readings, sigma, max_vertices, vertices, margin_mm)
         for _ in range(_ROUNDS if sensor.strip_width_mm else 0):
             if (outline := run.outline) is None:
