@@ -206,6 +206,12 @@ class Scan(Signatures, Drawn):
         values: FloatArray | None = getattr(self, signature)
         return np.full(len(self.touched), np.nan) if values is None else values
 
+    def read_on(self, strips: slice) -> Scan:
+        """Return it without signatures that nothing reads on these strips, as where their channels are left out."""
+        lost = [name for name in self.signatures if np.isnan(self[name][strips]).all()]
+        none: dict[str, Any] = dict.fromkeys(lost)
+        return replace(self, **none) if 0 < len(lost) < len(self.signatures) else self
+
     @property
     def half_read(self) -> BoolArray:
         """Whether each strip is touched and lacks one of its readings (strips,)."""

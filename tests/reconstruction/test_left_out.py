@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import tomllib
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -202,3 +203,24 @@ def test_a_strip_left_out_by_name_neither_splits_its_contact_nor_is_asked_about(
     assert len(named.objects) == 1
     assert "broken" not in named.advice
     assert ts.mismatch(TRUTH, named.objects[0].vertices).iou > 0.85
+
+
+def test_an_object_on_strips_of_one_signature_is_as_by_itself_beside_one_that_has_both() -> None:
+    sensor = ts.Sensor(
+        construction="crs-crs",
+        strips=40,
+        pitch_mm=2.5,
+        length_mm=100.0,
+        without=tuple(f"{i}:v_l" for i in range(22)),
+    )
+    noise = ts.Noise(positional=0.003)
+    one = ts.Contact.polygon([(40.4, 58.9), (25.6, 68.0), (17.2, 33.8), (30.2, 32.8)])
+    both = one + ts.Contact.polygon([(70, 40), (95, 45), (80, 70)])
+    alone, beside = (ts.simulate(sensor, contact, noise, rng=2) for contact in (one, both))
+    polygon, known = partial(ts.fit_polygon, assessment="none"), partial(ts.fit_object, outline=one)
+    for fit in (polygon, known):
+        (by_itself,), (first, _) = (fit(scan, sensor, noise=noise).objects for scan in (alone, beside))
+        assert first.status == by_itself.status
+        np.testing.assert_allclose(first.vertices, by_itself.vertices, atol=1e-6)
+    with pytest.raises(ts.SignatureError, match="one channel is left out"):
+        ts.pieces(beside, sensor, noise)

@@ -280,6 +280,17 @@ def test_episodes_follow_strips_and_join_where_contacts_do() -> None:
     assert all(e.joint == [1] for e in episodes(k)[:2])
 
 
+def test_untouched_strips_between_two_objects_keep_them_apart_and_dead_ones_split_none() -> None:
+    """Strips that no scan touches are between two, unless single scans go across them or the spec leaves them out."""
+    sensor = ten_strips(strips=20)
+    pair = [ts.Contact.polygon(c) for c in ([(8, 30), (38, 40), (22, 65)], [(62, 40), (94, 45), (75, 70)])]
+    scans = [ts.simulate(sensor, pair[0].moved(0, i) + pair[1].moved(0, -i), NOISE, rng=i) for i in range(6)]
+    assert [round(t.poses[0, 0], -1) for t in ts.track(scans, sensor, NOISE)] == [20, 80]
+    body = ts.Contact.polygon([(20, 30), (80, 35), (50, 75)])
+    scans = [ts.simulate(replace(sensor, without=("9",)), body.moved(0, i), NOISE, rng=i) for i in range(6)]
+    assert len(ts.track(scans, sensor, NOISE)) == 1  # the spec does not know that strip 9 is dead
+
+
 def test_episodes_go_on_round_a_tube() -> None:
     k = np.full((14, 1, 6), np.nan)
     for scan in range(14):

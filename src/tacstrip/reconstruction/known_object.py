@@ -132,7 +132,9 @@ def fit_object(
             run = slice(runs.pop().start, run.stop)
         runs.append(run)
     noise = sensor.noise if noise is None else noise
-    objects = tuple(_placed(laid_out, surface, corners, run, silent, noise, edge_mm) for run in runs)
+    objects = tuple(
+        _placed(laid_out.read_on(run), surface, corners, run, silent, noise, edge_mm) for run in runs
+    )
     return doubt_implausible(Reconstruction("object", objects, scan.time_s), scan, sensor)
 
 

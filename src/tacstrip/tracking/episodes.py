@@ -76,15 +76,15 @@ class _Party:
 _Placed = TypeVar("_Placed", bound=Episode | _Party)
 
 
-def episodes(k: FloatArray, closed: bool = False) -> list[Episode]:
+def episodes(k: FloatArray, closed: bool = False, silent: BoolArray | None = None) -> list[Episode]:
     """Return the stretches of scans k (T, S, n) that show one contact each.
 
     A contact keeps on while its strips overlap those of the scan before. Contacts that come together share a run until
-    they part; which is which then, only their shapes and ways can tell, so that new stretches begin. Strips that never
-    read anything split none. Round a closed tube the last strip is beside the first.
+    they part; which is which then, only their shapes and ways can tell, so that new stretches begin. Strips that are
+    `silent` (n,), of which nothing is known, split none. Round a closed tube the last strip is beside the first.
     """
     touched = np.asarray(np.isfinite(k).any(axis=1))
-    silent = np.asarray(~touched.any(axis=0))
+    silent = np.zeros(k.shape[2], dtype=bool) if silent is None else silent
     turn = k.shape[2] if closed else 0
     found: list[Episode] = []
     going: list[_Party] = []

@@ -21,10 +21,12 @@ from tacstrip.notebook import BLUE, VERMILION, Drawn, SvgPath
 from tacstrip.reconstruction.implausible import doubted, scale_hint
 from tacstrip.reconstruction.noise_covariance import Averaging, fit_sigma
 from tacstrip.reconstruction.on_surface import refuse_stretched
+from tacstrip.reconstruction.polygon.estimate import fit_polygon
 from tacstrip.reconstruction.result import Alternative, RecoveredObject, Status
-from tacstrip.reconstruction.seam import opened
+from tacstrip.reconstruction.seam import BRIDGED, opened
 from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import check_closed_form
+from tacstrip.sensor.left_out import left_out_wholly
 from tacstrip.sensor.spec import Sensor
 from tacstrip.tracking.episodes import Episode, episodes, only, spanned
 from tacstrip.tracking.rigid.corners import Fit, posed, reflex
@@ -53,6 +55,7 @@ _TOLD, _OF_SIZE = 0.1, 0.01  # of the pitch, and of the outline's extent, and ..
 _TELLING = 4.0  # ... deviations of the least certain corner: shapes that differ by more are not the same
 _MAY_BE_OFF = 0.05  # of the extent, by which no corner may be off ...
 _DEVIATIONS = 2.0  # ... within so many deviations
+_LOOKS = 3  # single scans that are asked whether strips between touched ones are dead
 _DRAWN = 6  # outlines of a track in a notebook
 _MOVED = 0.5  # pitches that corners must move where few strips are touched
 NOT_RIGID = (
@@ -275,7 +278,7 @@ def track(scans: Sequence[Scan], sensor: Sensor, noise: Noise | None = None) -> 
     k = np.stack([np.stack([scan.reading(name) for name in names]) for scan in read])
     sigma = None if noise is None else max(fit_sigma(noise, sensor, Averaging.of(read[0])), FLOOR)
     distribution = "normal" if noise is None or not noise.independent else noise.distribution
-    stretches = episodes(k, sensor.closed)
+    stretches = episodes(k, sensor.closed, _silent(read, sensor, noise))
     readings = Readings(k, Skin(sensor, spanned(stretches, sensor.strips)), names, sigma, distribution)
     left, unlike, objects = sorted(stretches, key=lambda e: -len(e.scans)), list[Episode](), list[Object]()
     tried: dict[int, Object | None] = {}
@@ -422,6 +425,32 @@ class Readings:
         span = self.skin.span
         own = np.arange(span.start, span.stop) % self.k.shape[2]
         return np.asarray(np.isfinite(self.k).any(axis=1))[:, own]
+
+
+def _silent(scans: list[Scan], sensor: Sensor, noise: Noise | None) -> BoolArray:
+    """Return the strips of which nothing is known (n,): those left out as a whole, and dead ones within a contact.
+
+    A few neighbours that no scan touches may be dead, or lie between two objects: single scans tell which.
+    """
+    silent, n = left_out_wholly(sensor).copy(), sensor.strips
+    touched = np.stack([scan.touched for scan in scans])
+    ever = touched.any(axis=0)
+    at = np.flatnonzero(ever)
+    for i, left in enumerate(at):
+        right = at[i + 1] if i + 1 < len(at) else at[0] + n if sensor.closed else left
+        gap = np.arange(left + 1, right) % n
+        if not 0 < len(gap) <= BRIDGED or silent[gap].all():
+            continue
+        both = np.flatnonzero(touched[:, left] & touched[:, right % n])
+        some = (
+            both[np.unique(np.linspace(0, max(len(both) - 1, 0), _LOOKS).astype(int))] if len(both) else both
+        )
+        fits = (fit_polygon(scans[j], sensor, noise, bounded=False, assessment="none") for j in some)
+        across = [
+            any(np.isin(gap, np.arange(*o.strips.indices(2 * n)) % n).all() for o in f.objects) for f in fits
+        ]
+        silent[gap] |= 2 * sum(across) > len(across)
+    return silent
 
 
 def _checked(number: int, scan: Scan, sensor: Sensor) -> Scan:

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from tacstrip.arrays import FloatArray
+from tacstrip.errors import SignatureError
 from tacstrip.reconstruction.contact_ends import end_deviations
 from tacstrip.reconstruction.pieces.chain import Chain, Cut, split_chain
 from tacstrip.reconstruction.pieces.cover import Cover, Read, least_cover
@@ -96,6 +97,11 @@ def split_run(
     `sigma` is the deviation of a reading [Vref].
     """
     known = np.isfinite(l_mm + u_mm)
+    if not known.any():
+        raise SignatureError(
+            "a contact lies on strips of which one channel is left out: nobody knows its ends there, nor pieces; take "
+            "the polygon"
+        )
     filled = [np.interp(x_mm, x_mm[known], y[known]) for y in (l_mm, u_mm)]
     sigmas = end_deviations(sensor, filled[0], filled[1], max(sigma, _EXACT))
     chains = (

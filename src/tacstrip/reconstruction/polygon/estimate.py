@@ -141,7 +141,7 @@ def _fit_polygon(
         "polygon",
         tuple(
             reconstruct_object(
-                laid_out,
+                laid_out.read_on(c.strips),
                 surface,
                 c,
                 noise,
@@ -219,9 +219,9 @@ def _first_fits(scans: Sequence[Scan], sensor: Sensor, noise: Noise | None) -> l
     for scan in (scan.checked(sensor) for scan in scans):
         sigma, runs = _sigma(noise, scan, sensor), scan.runs()
         begun.append((scan, sigma, runs))
-        read += [
-            RunReadings(x_mm[run], {name: scan[name][run] for name in scan.signatures}, sigma) for run in runs
-        ]
+        for run in runs:
+            own = scan.read_on(run)
+            read.append(RunReadings(x_mm[run], {name: own[name][run] for name in own.signatures}, sigma))
     fits = iter(fit_runs(sensor, read))
     return [_Fitted(scan, sigma, [(run, next(fits)) for run in runs]) for scan, sigma, runs in begun]
 
@@ -262,7 +262,8 @@ def _contacts(
     def fit(strips: slice, missing: tuple[int, ...] = (), run: RunFit | None = None) -> FittedContact:
         fitted, margin_mm = fitted_strips(sensor, strips)
         x = sensor.x_mm[fitted]
-        measured = readings = {name: scan[name][fitted] for name in scan.signatures}
+        own = scan.read_on(strips)
+        measured = readings = {name: own[name][fitted] for name in own.signatures}
         run = run or fit_run(sensor, x, readings, sigma, max_vertices, vertices, margin_mm)
         for _ in range(_ROUNDS if sensor.strip_width_mm else 0):
             if (outline := run.outline) is None:

@@ -147,6 +147,8 @@ def second_look(
         distribution is None and run.sigma > _MOST_SIGMA
     ):
         return wrong
+    if not np.isfinite(sum(readings.values())).any():
+        return wrong  # no strip has both its ends: nothing tells pieces
     pieces = _pieces_of(run, sensor, readings, sigma)
     apart = pieces.apart
     ends = fit.ends(problem.x)
