@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tacstrip.errors import ContactError, OptionError
-from tacstrip.geometry.metrics import clean_polygon, mismatch, mismatch_coefficient
+from tacstrip.geometry.metrics import clean_polygon, errors_of_many, mismatch, mismatch_coefficient
 from tacstrip.geometry.moments import moments
 
 if TYPE_CHECKING:
@@ -365,3 +365,20 @@ def test_a_spike_without_width_is_dropped() -> None:
     spiked = [(0, 0), (2, 0), (2, 2), (2, 5), (2, 7), (2, 5), (2, 2), (0, 2)]
     np.testing.assert_allclose(clean_polygon(spiked), clean_polygon(square))
     assert mismatch(square, spiked).mc == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize(("corners", "sides"), [(5, 5), (4, 6)])
+def test_errors_of_many_are_those_of_each(corners: int, sides: int) -> None:
+    """Clockwise ones and repeated corners among them; NaN where there is no polygon."""
+    random = np.random.default_rng(2)
+    original = regular(corners, 10.0) * [1.0, 1.3]
+    many = regular(sides, 8.0) + random.normal(0.0, 1.0, (20, sides, 2))
+    many[3] = many[3, ::-1]
+    many[4, 1] = many[4, 0]
+    many[5] = 1.0
+    many[6, [1, 2]] = many[6, [2, 1]]
+    errors = errors_of_many(original, many)
+    assert np.flatnonzero(np.isnan(errors).any(axis=1)).tolist() == [5, 6]
+    for k in set(range(20)) - {5, 6}:
+        m = mismatch(original, many[k])
+        np.testing.assert_allclose(errors[k], [m.mc, m.aoe, m.ape], rtol=0, atol=1e-12)

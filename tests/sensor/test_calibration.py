@@ -243,17 +243,19 @@ def test_what_is_no_calibration_is_refused() -> None:
 JUNK = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | texts(max_size=5),
     lambda inner: st.lists(inner, max_size=4) | st.dictionaries(texts(max_size=5), inner, max_size=3),
-    max_leaves=12,
+    max_leaves=4,
 )
 INNER = st.dictionaries(
     st.sampled_from(["offset", "gain", "fade", "curve", "curve_at", "drift", "rest", "noise", "more"]),
     JUNK | lists(-1.0, 1.0) | st.lists(lists(-1.0, 1.0), min_size=N, max_size=N),
+    max_size=3,
 )
 TABLES = st.dictionaries(
     st.sampled_from(
         ["kh", "kl", "k", "ratio", "warp", "warp_at", "made", "sensor", "before_percent", "more"]
     ),
     JUNK | INNER | lists(0.0, 2.0),
+    max_size=3,
 )
 
 

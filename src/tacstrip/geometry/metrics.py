@@ -251,14 +251,13 @@ def _orientation_error(a: _Polygon, b: _Polygon) -> FloatArray:
     n = b.shape[-1]
     if len(a) == n:
         # sum |b[k + shift] - a[k]|^2 is least where the real part of sum b[k + shift] conj(a[k]) is greatest.
-        shifted = sliding_window_view(
-            np.concatenate((b, b[..., :-1]), axis=-1), n, axis=-1
-        )  # (..., shifts, n)
+        twice = np.concatenate((b, b[..., :-1]), axis=-1)
+        shifted = sliding_window_view(twice, n, axis=-1)  # (..., shifts, n)
         partner = (reference + (shifted @ a.conj()).real.argmax(axis=-1)) % n
     else:
         partner = np.abs(b - a[reference]).argmin(axis=-1)
     found = np.take_along_axis(b, partner[..., np.newaxis], axis=-1)[..., 0]
-    return np.abs(np.angle(found / a[reference]))
+    return np.asarray(np.abs(np.angle(found / a[reference])))
 
 
 def _turning_function(z: _Polygon) -> tuple[FloatArray, FloatArray]:
