@@ -5,7 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from tacstrip.core.binding import exported
+
 Polygon = NDArray[np.float64]
+# What one signature's outline is at best, and why: without the core nothing is drawn that tells how sure it is.
+DRAWN = exported("sample_outlines") is not None
+SURE, WHY = (
+    ("ok", "") if DRAWN else ("likely", "how sure this is was not assessed: the compiled core is missing")
+)
 
 
 def convex_polygon(seed: int, corners: int, size: float = 1000.0, least_gap: float = 3.01) -> Polygon:

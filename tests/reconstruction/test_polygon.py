@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from polygons import DRAWN, SURE, WHY
 from strategies import FIXED, sensors
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import Noise
@@ -70,7 +71,7 @@ def _away(found: RecoveredObject, truth: FloatArray) -> FloatArray:
 @pytest.mark.parametrize("sensor", SENSORS, ids=_names)
 def test_a_pentagon_comes_back_within_its_own_uncertainty(sensor: Sensor, noise: Noise | None) -> None:
     found = _only(simulate(sensor, Contact.polygon(PENTAGON), NOISE, rng=1), sensor, noise)
-    assert (found.status, found.advice) == ("ok", "")
+    assert (found.status, found.advice) == (("ok", "") if len(sensor.signatures) > 1 else (SURE, WHY))
     assert _away(found, PENTAGON).max() < 4.0
     assert found.profile is not None
     assert np.all(found.profile[1] <= found.profile[2])
@@ -183,7 +184,7 @@ def test_faulty_strips_are_named_and_do_no_harm(
     fault(readings)
     found = _only(_scan(readings), sensor, noise)
     assert said in found.advice
-    assert found.status == "ok"
+    assert found.status == ("ok" if sensor is CRS else SURE)
     assert _away(found, PENTAGON).max() < 4.5
 
 
@@ -209,7 +210,7 @@ def test_a_round_contact_gets_its_outline(name: str) -> None:
     oval = np.stack([500.0 + 350.0 * np.cos(angle), 400.0 + 200.0 * np.sin(angle + 0.2)], axis=1)
     scan = simulate(sensor, Contact.polygon(oval), NOISE, rng=1)
     found = _only(scan if name in ("both", "k") else _single(scan, name), sensor)
-    assert found.status == "ok"
+    assert found.status == ("ok" if DRAWN or name == "both" else "doubtful")
     assert "round" in found.advice
     assert mismatch(oval, found.vertices).iou > 0.97
     assert found.covariance is not None
