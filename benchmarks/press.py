@@ -66,7 +66,7 @@ def depths(solid: ts.Solid, ball: Any, rounds: int) -> dict[str, tuple[float, fl
         "tacstrip, rays along the normals at the mesh": lambda: solid.touch(points, normals, 3.0),
     }
     right = ts.Solid.sphere(5.0).at(solid.position_mm, solid.toward)
-    along = right.indentation(points, normals, 3.0)
+    along = right.yields(points, normals, 3.0)[1]
     nearest = right.depth(points)
     ways["tacstrip, analytic ball"] = lambda: right.touch(points, normals, 3.0)
     if importlib.util.find_spec("igl"):

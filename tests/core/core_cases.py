@@ -74,15 +74,16 @@ def pressed_solids() -> Iterable[ArrayLike]:
         ts.Solid.cylinder(4.0),
         ts.Solid.edge(),
         ts.Solid.box((12, 6, 8)),
+        ts.Solid.cone(),
     )
-    skin = [np.ascontiguousarray(np.moveaxis(v, -1, 0).reshape(3, 1, -1)) for v in samples(skin_of(tip))[2:]]
+    _, _, at, out = samples(skin_of(tip))
+    points, normals = (np.moveaxis(v, -1, 0).reshape(3, 1, -1) for v in (at, out))
+    across, up = np.ones(len(at)), np.ones(at.shape[1] - 1)
     for solid in solids:
         frame = solid.at(*pose).moved(-4.0).frame
-        touch, yields = solid_yields(solid.kind, frame[None], *skin, 3.0)
-        yield from (touch, yields, solid_gap(solid.kind, frame, *(v[:, 0] for v in skin), 0.0))
-        grid = [v.reshape(3, tip.strips, -1).transpose(1, 2, 0) for v in skin]
-        cells = np.ones(tip.strips), np.ones(grid[0].shape[1] - 1)
-        yield patch_sums(touch.reshape(tip.strips, -1), yields.reshape(tip.strips, -1), *grid, *cells)
+        touch, yields = solid_yields(solid.kind, frame[None], points, normals, 3.0)
+        yield from (touch, yields, solid_gap(solid.kind, frame, points[:, 0], normals[:, 0], 0.0))
+        yield patch_sums(touch.reshape(at.shape[:2]), yields.reshape(at.shape[:2]), at, out, across, up)
 
 
 @case

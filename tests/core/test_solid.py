@@ -55,13 +55,10 @@ def test_compiled_and_numpy_agree(solid: ts.Solid) -> None:
         )
         assert np.isfinite(gap).any()
     assert (touch > 0.0).any()
-    grid = [v[:, 0].reshape(3, 20, 20).transpose(1, 2, 0) for v in (points, normals)]
-    cells = random.uniform(0.1, 0.2, 20), random.uniform(0.1, 0.2, 19)
+    p, n = (v[:, 0].reshape(3, 20, 20) for v in (points, normals))
+    across, up = random.uniform(0.1, 0.2, 20), random.uniform(0.1, 0.2, 19)
     depth, deep = (np.minimum(v[0], 3.0).reshape(20, 20) for v in (touch, yields))
-    first = [np.moveaxis(v, -1, 0) for v in grid]
     np.testing.assert_allclose(
-        patch_sums(depth, deep, *grid, *cells),
-        plain_patch_sums(depth, deep, *first, *cells),
-        rtol=1e-9,
-        atol=1e-9,
-    )
+        patch_sums(depth, deep, np.moveaxis(p, 0, -1), np.moveaxis(n, 0, -1), across, up),
+        plain_patch_sums(depth, deep, p, n, across, up), rtol=1e-9, atol=1e-9,
+    )  # fmt: skip

@@ -93,6 +93,14 @@ def test_of_a_ball_on_a_ball_radius_and_force_are_not_told() -> None:
 
 
 def test_readings_of_another_object_and_of_none_are_not_ok() -> None:
+    # As many readings as an edge has unknowns: before, this box was surely an edge, of 1.9 times the force.
+    two, few = pressed(ts.Solid.box((14.0, 4.0, 6.0)), 0.6, 0.9)
+    assert two.touched.sum() == 2
+    found = ts.fit_solid(few, TIP, ts.Solid.edge(), NOISE)
+    assert found.status == "doubtful"
+    assert (
+        "no more readings than unknowns: nothing tells whether it is of the kind given, edge" in found.advice
+    )
     _, scan = pressed(ts.Solid.cylinder(3.0), 2.0)
     assert ts.fit_solid(scan, TIP, ts.Solid.plane(), NOISE).status == "doubtful"
     none = ts.fit_solid(ts.Scan(kh=np.full(16, np.nan), kl=np.full(16, np.nan)), TIP, ts.Solid.plane(), NOISE)

@@ -315,6 +315,12 @@ def _result(
         notes.append(
             "strips are touched where this object would not, or silent where it would: it is another one"
         )
+    if poses.readings <= len(values):
+        doubtful = True
+        notes.append(
+            f"no more readings than unknowns: nothing tells whether it is of the kind given, {kind}; press across more "
+            "strips"
+        )
     if poses.noise is None and poses.readings - len(values) < 3:
         notes.append(f"the noise is taken for {100 * GUESS:g} % of Vref; give it")
     open_ |= not area_sigma <= _AREA * area or not scatter.direction <= _DIRECTION or scatter.axis > _AXIS
