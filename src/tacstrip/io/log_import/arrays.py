@@ -41,6 +41,12 @@ def of_arrays(
         )
     used = {name: a for name, a in arrays.items() if 1 <= a.ndim <= 3 and a.shape[0] == scans}
     passed = [name for name in arrays if name not in used]
+    widths = {a.shape[1:]: name for name, a in used.items() if a.ndim > 1}
+    for name in passed:
+        if arrays[name].ndim > 1 and (beside := widths.get(arrays[name].shape[1:])):
+            raise ReadingError(
+                f"{path}: {name} has {len(arrays[name])} rows, and {beside} has {scans}: is a row lost?"
+            )
     records = [
         {key: text for name, a in used.items() for key, text in flattened(name, a[n].tolist()).items()}
         for n in range(scans)

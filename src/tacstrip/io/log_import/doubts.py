@@ -79,23 +79,28 @@ def _of_one_unit(clues: Clues, mapping: ColumnMapping) -> None:
     values = np.array([r[3] for r in read])
     if len(values) < 2:
         return
-    cut = int(np.argmax(values[1:] / values[:-1])) + 1
+    steps = values[1:] / values[:-1]
+    places = [_places(r[2], clues.table.decimal) for r in read]
+    # A few far above all others, alone without decimals: these have lost a point.
+    tops = [n + 1 for n in np.flatnonzero(steps >= _APART) if n + 1 >= (1.0 - _FEW) * len(values)]
+    lost = next((n for n in tops if not any(places[n:]) and min(places[:n]) > 0), 0)
+    cut = lost or int(np.argmax(steps)) + 1
     low, high = values[:cut], values[cut:]
     ratio = float(np.median(high) / np.median(low))
-    if high[0] < _APART * low[-1] or not _RATIOS[0] <= ratio <= _RATIOS[1]:
+    few = len(high) <= _FEW * len(values)
+    if not lost and (high[0] < _APART * low[-1] or not _RATIOS[0] <= ratio <= _RATIOS[1]):
         return
     odd, others = (read[cut:], low) if len(high) <= len(low) else (read[:cut], high)
-    small, large = (
-        max(_places(r[2], clues.table.decimal) for r in part) for part in (read[:cut], read[cut:])
-    )
-    few = len(high) <= _FEW * len(values)
+    small, large = max(places[:cut]), max(places[cut:])
     scales = {1000.0} | ({100.0} if few or low[-1] <= 1.0 else set())  # fractions beside percent
     # The larger numbers of two units have fewer decimals; else small ones are by the grounded end.
-    if high[-1] < _NO_VOLTS or not (few or small > large <= 1):
+    if not lost and (high[-1] < _NO_VOLTS or not (few or small > large <= 1)):
         return
     up = 1.0 if odd[0][3] > others[0] else -1.0
     moved = [np.array([r[3] for r in odd]) * scale**-up for scale in scales]
-    if not any(m.min() >= others[0] / _AS_FAR and m.max() <= _AS_FAR * others[-1] for m in moved):
+    if not lost and not any(
+        m.min() >= others[0] / _AS_FAR and m.max() <= _AS_FAR * others[-1] for m in moved
+    ):
         return
     odd = sorted(odd)
     shown = "; ".join(f"line {line}, {name}: {text}" for line, name, text, _ in odd[:_SHOWN])

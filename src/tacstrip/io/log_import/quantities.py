@@ -33,6 +33,7 @@ _EVEN = 0.2  # of the largest step: so much may others of a clock be less
 _BITS = (8, 10, 12, 14, 16, 24)
 _FEW_CODES = 6  # distinct readings that lie on a converter's steps: no chance
 _FAR = 1e5  # usual steps: no pause is as long
+_FAR_LAST = 300.0  # times the largest step before
 _JUMP = 5.0  # usual steps: so much a clock may rise where it begins anew
 _EPOCHS = {"s": 1e9, "ms": 1e12, "us": 1e15, "ns": 1e18}  # since 1970, up to 2.2 times that
 _SAME_TIME = 0.5  # of the scans: if more have the time of the one before, the clock is too coarse
@@ -129,6 +130,11 @@ def settled_time(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> 
         raise ReadingError(
             f"line {rough[1].line}: the time jumps as at no other line from {rough[0].time_s:g} s; if the line before "
             "is cut, take it out"
+        )
+    if len(steps) > _FEW_CODES and steps[-1] > _FAR_LAST * max(steps[:-1]) > 0.0:
+        raise ReadingError(
+            f"line {rough[-1].line}, the last: the time jumps there as nowhere else, to {rough[-1].time_s:g} s: is a "
+            "point lost, or is it cut? Mend it, or take it out"
         )
     step = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
     if mapping.time_unit or len(rough) < 2:

@@ -65,7 +65,7 @@ def items(line: str) -> list[Item]:
         odd = [n for n, p in enumerate(parts) if not (re.search(r"\d", p) or says_nothing(p))]
         if odd and len(odd) < len(parts) and (len(odd) > 1 or odd[0] < len(parts) - 1):
             return []  # else the others would be taken for other strips
-    garbled = re.search(r"\d[?\ufffd]|[?\ufffd]\d", line)
+    garbled = re.search(r"\d[?~^$&!@\ufffd]|[?~^$&!@\ufffd][.\d]", line)
     if garbled or re.search(r"\d", _TOKEN.sub("", line)):  # not all of it would be read
         return []
     found: list[Item] = []

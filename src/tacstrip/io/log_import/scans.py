@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import re
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -118,6 +119,11 @@ def raw_times(table: Table, mapping: ColumnMapping) -> FloatArray:
     values = np.empty(len(table.rows))
     fields = table.column(mapping.time)
     clock = mapping.time_unit == "clock"
+    colons = Counter(text.count(":") for text in fields)
+    if clock and len(colons) > 1:  # minutes and seconds among hours
+        usual = colons.most_common(1)[0][0]
+        line, text = next((i, f) for i, f in zip(table.lines, fields, strict=True) if f.count(":") != usual)
+        raise ReadingError(f"line {line}: {mapping.time} is {text!r}, and of another form on other lines")
     read = clock_times(fields) if clock else [number_of(text, table.decimal) for text in fields]
     for n, (line, text, time) in enumerate(zip(table.lines, fields, read, strict=True)):
         if time is None:
