@@ -272,9 +272,9 @@ def _fifths() -> list[str]:
 def _as_json(values: FloatArray) -> str:
     """Return signatures (strips,) to five digits as the elements of a JSON array, null for NaN."""
     steps = np.rint(_STEPS * values) + _STEPS // 5
-    steps[np.isnan(values)] = -1  # the last
     texts = _fifths()
-    if steps.min(initial=0) < -1 or steps.max(initial=0) > len(texts) - 2:
+    steps[np.isnan(values)] = last = len(texts) - 1
+    if steps.min(initial=0) < 0 or steps.max(initial=0) > last or (steps[~np.isnan(values)] == last).any():
         return json.dumps(plain(values, 5))[1:-1]
     return ", ".join([texts[n] for n in steps.astype(int).tolist()])
 
