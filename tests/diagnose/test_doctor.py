@@ -10,6 +10,7 @@ import pytest
 import tacstrip as ts
 from studies.checkup import Case, exercise, faulty, said
 from studies.faults import Defect, faulty_log
+from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import Noise
 from tacstrip.diagnose.doctor import diagnose
 from tacstrip.diagnose.faults import Finding, Report
@@ -318,3 +319,45 @@ def test_one_reading_far_outside_is_told() -> None:
     (found,) = [f for f in diagnose(log).findings if f.fault == "wrong-vref"]
     assert found.strips == (5,)
     assert "1 reading(s) lie outside 0 to Vref, the first in scan 57" in found.evidence
+
+
+def _parallelogram(scans: int, scale: float = 1.0) -> tuple[ts.Sensor, FloatArray, FloatArray]:
+    """Return a sensor, times and readings (scans, strips) of a slanted contact on it that goes up and down."""
+    sensor = ts.Sensor(construction="crs-m", strips=12, pitch_mm=5.0, length_mm=100.0, adc_bits=12)
+    time_s = np.arange(scans) / 20.0
+    first = 1.0 + np.sin(0.31 * time_s)
+    at = np.arange(12.0) - first[:, None]
+    low = 27.0 + 25.0 * np.sin(0.7 * time_s)[:, None] + 1.5 * at
+    low = np.where((at > -0.5) & (at < 9.5), low, np.nan)
+    k = scale * ts.signatures(sensor, low, low + 20.0)["k"]
+    return sensor, time_s, k + np.random.default_rng(3).normal(0.0, 0.001 * scale, k.shape)
+
+
+def test_readings_of_another_scale_are_noted() -> None:
+    for scale in (0.2, 1.0):  # over Vref, where the spec says volts
+        sensor, time_s, k = _parallelogram(120, scale)
+        report = diagnose(Log.of(sensor, time_s, {"k": k}))
+        assert report.healthy
+        notes = [n.evidence for n in report.notes if n.fault == "scale"]
+        assert ["write vref_volt = 1" in n for n in notes] == [True] * (scale < 1.0)
+
+
+def test_a_joint_that_is_open_during_one_pass_is_loose() -> None:
+    sensor, time_s, k = _parallelogram(300)
+    under = np.flatnonzero(np.isfinite(k[:, 3:8]).all(axis=1) & (k[:, 5] < 0.6))
+    k[under[5:25], 5] = 0.999
+    (found,) = diagnose(Log.of(sensor, time_s, {"k": k})).findings
+    assert (found.fault, found.strips) == ("intermittent", (5,))
+
+
+def test_a_contact_that_slides_in_at_the_ground_end_is_no_wander_of_untouched_strips() -> None:
+    sensor = ts.Sensor(
+        construction="crs-m", strips=10, pitch_mm=5.0, length_mm=100.0, rest_volt=0.15, touch_volt=0.2
+    )
+    time_s = np.arange(800) / 20.0
+    k = 0.03 + np.random.default_rng(0).normal(0.0, 0.001, (800, 10))
+    k[:, :3] = 0.01  # on ground, under the contact, which reads as rest does
+    k[:, 3] = 0.04 + 0.055 * np.sin(0.5 * time_s) ** 3
+    log = Log.of(sensor, time_s, {"k": k})
+    assert 0.05 < log.touched[:, 3].mean() < 0.4
+    assert diagnose(log).healthy

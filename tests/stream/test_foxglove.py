@@ -20,6 +20,7 @@ import tacstrip as ts
 from foxglove_viewer import SUBPROTOCOL, Viewer
 from live_devices import SENSOR
 from tacstrip.cli.live import command
+from tacstrip.stream.bridges.foxglove.bridge import _as_json
 from tacstrip.stream.bridges.foxglove.server import PROTOCOLS, Channel, FoxgloveServer
 from tacstrip.stream.live.pipeline import Live
 from tacstrip.stream.live.sinks import foxglove_sink
@@ -240,3 +241,9 @@ def test_without_the_sdk_the_command_to_install_it_is_said(monkeypatch: pytest.M
     with pytest.raises(ts.OptionError, match=r"pip install 'tacstrip\[foxglove\]'"):
         foxglove_sink(stream, "127.0.0.1", 0)
     stream.stop()
+
+
+def test_readings_beyond_the_scale_are_written_as_they_are_and_only_untouched_as_null() -> None:
+    values = [-0.20001, -0.2, -0.20002, 0.5, 1.2, 1.20001, math.nan]
+    for some in ([v] for v in values):
+        assert json.loads(f"[{_as_json(np.array(some))}]") == [None if math.isnan(v) else v for v in some]

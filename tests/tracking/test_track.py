@@ -21,6 +21,7 @@ from tacstrip.tracking.episodes import episodes, spanned
 from tacstrip.tracking.geojson import track_collection
 from tacstrip.tracking.rigid.covariance import covariances, information, joint_bound
 from tacstrip.tracking.rigid.smooth_path import fit_corners
+from tacstrip.tracking.track import _less_than_half_turns
 
 NOISE = ts.Noise(positional=0.005)
 
@@ -412,3 +413,10 @@ def test_tracks_without_a_shape_are_valid_json() -> None:
     scan = _scan([np.nan] * 8 + [0.5, np.nan], [np.nan] * 8 + [0.4, np.nan])
     text = json.dumps(track_collection(ts.track([scan], sensor)), allow_nan=False)
     assert json.loads(text)["features"][0]["geometry"] is None
+
+
+def test_angles_go_on_by_less_than_half_a_turn() -> None:
+    pressed_again = np.array([0.0, 0.02, np.nan, 6.3, 6.32])  # a full turn further, which is none
+    assert np.nanmax(_less_than_half_turns(pressed_again)) < 0.04
+    twice_around = np.linspace(0.0, 4.0 * np.pi, 50)
+    np.testing.assert_allclose(_less_than_half_turns(twice_around % (2.0 * np.pi)), twice_around, atol=1e-9)

@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import cho_solve, solve_triangular
 from scipy.special import stdtrit
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
@@ -333,18 +334,29 @@ class _Eliminated:
         self.q, self.r = np.linalg.qr(own)
         self.t = np.swapaxes(self.q, 1, 2) @ common  # (strips, own, common)
         self.z = common - self.q @ self.t
-        prior = np.eye(errors, shared + errors, shared)
-        self.rest = np.concatenate([*self.z, prior])
+        # Errors of places have a prior of 1 each: Cholesky's factor of their information is safe, and small matrices
+        # are quick, where a QR of all rows by hundreds of errors is slow, and slower on BLAS' threads.
+        of_shared, of_errors = np.split(np.concatenate(self.z), [shared], axis=1)
+        self.root_of_errors = np.linalg.cholesky(of_errors.T @ of_errors + np.eye(errors))
+        self.by_shared = self._errors_from(of_errors.T @ of_shared)
+        self.rest = np.concatenate([of_shared - of_errors @ self.by_shared, -self.by_shared])
+        self.of_errors = of_errors
+
+    def _errors_from(self, score: FloatArray) -> FloatArray:
+        """Return the errors of places (errors, ...) from their score: the inverse of their information times it."""
+        return np.asarray(cho_solve((self.root_of_errors, True), score)) if self.errors else score
 
     def solve(self, white: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the steps of shared and own parameters, and the errors of places, from whitened residuals."""
         b = np.moveaxis(white * self.root, 2, 0).reshape(len(self.q), -1)
         b = np.pad(np.concatenate([b, -self.prior], axis=1), ((0, 0), (0, self.lack)))[..., None]
         along = np.swapaxes(self.q, 1, 2) @ b
-        right = np.concatenate([(b - self.q @ along).ravel(), np.zeros(self.errors)])
-        common = np.linalg.lstsq(self.rest, right, rcond=1e-10)[0]
+        right = (b - self.q @ along).ravel()
+        shared = np.linalg.lstsq(self.rest, np.pad(right, (0, self.errors)), rcond=1e-10)[0]
+        errors = self._errors_from(self.of_errors.T @ right) - self.by_shared @ shared
+        common = np.concatenate([shared, errors])
         own = np.linalg.pinv(self.r, rcond=1e-10) @ (along - self.t @ common[:, None])
-        return common[: self.shared], own[..., 0], common[self.shared :]
+        return shared, own[..., 0], errors
 
     def redundancy(self, here: _Linear) -> FloatArray:
         """Return what share of a reading's error its residual shows (signatures, contacts, strips): sqrt(1 - leverage).
@@ -359,12 +371,16 @@ class _Eliminated:
 
         From the shape (signatures, contacts, strips): a row's squares add to its leverage.
         """
-        columns = self.q
-        if self.rest.shape[1]:
+        columns = [self.q]
+        if self.errors:
+            of_errors = solve_triangular(self.root_of_errors, self.of_errors.T, lower=True).T
+            columns.append(of_errors.reshape(*self.z.shape[:2], -1))
+        if self.shared:
             known = np.linalg.pinv(np.linalg.qr(self.rest, mode="r"), rcond=1e-10)
-            columns = np.concatenate([self.q, self.z @ known], axis=2)
+            columns.append((self.rest[: len(self.of_errors)] @ known).reshape(*self.z.shape[:2], -1))
+        fit = np.concatenate(columns, axis=2)
         signatures, contacts, strips = shape
-        return columns[:, : signatures * contacts].reshape(strips, signatures, contacts, columns.shape[2])
+        return fit[:, : signatures * contacts].reshape(strips, signatures, contacts, fit.shape[2])
 
     def spread(self, part: str, constants: Constants, old: float) -> float:
         """Return the spread of a pooled part over the strips: squares over how many of them the readings determine."""
@@ -383,20 +399,24 @@ class _Eliminated:
         """Return that of the parameters' information."""
         factors = [
             np.diagonal(self.r, axis1=1, axis2=2).ravel(),
+            np.diagonal(self.root_of_errors),
             np.diagonal(np.linalg.qr(self.rest, mode="r")),
         ]
         return float(2.0 * np.log(np.maximum(np.abs(np.concatenate(factors)), 1e-12)).sum())
 
     def uncertainty(self) -> tuple[FloatArray, FloatArray]:
         """Return the standard deviations of the shared and of the own parameters: the Cramer-Rao bound."""
-        common, own = self.rest.shape[1], self.r.shape[1]
-        lack = max(0, common - len(self.rest))
-        together = np.linalg.qr(np.pad(self.rest, ((0, lack), (0, 0))), mode="r")
-        shared_sigma = np.sqrt(np.diag(covariance(self.rest)))[: self.shared] if self.shared else np.zeros(0)
+        own = self.r.shape[1]
+        together = np.linalg.qr(np.pad(self.rest, ((0, self.shared), (0, 0))), mode="r")
+        shared_sigma = np.sqrt(np.diag(covariance(self.rest))) if self.shared else np.zeros(0)
         own_sigma = np.zeros((len(self.r), own))
         below = np.concatenate([np.zeros((len(together), own)), together], axis=1)
         for strip, (r, t) in enumerate(zip(self.r, self.t, strict=True)):
-            rows = np.concatenate([np.concatenate([r, t], axis=1), below])
+            of_shared, of_errors = t[:, : self.shared], t[:, self.shared :]
+            # What places are off by is noise of the strip's rows.
+            noise = np.linalg.cholesky(np.eye(own) + of_errors @ self._errors_from(of_errors.T))
+            above = np.concatenate([r, of_shared - of_errors @ self.by_shared], axis=1)
+            rows = np.concatenate([np.linalg.solve(noise, above), below])
             own_sigma[strip] = np.sqrt(np.diag(covariance(rows)))[:own]
         return shared_sigma, own_sigma
 

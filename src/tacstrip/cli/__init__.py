@@ -255,7 +255,8 @@ def warn_of_log(name: str | Path, log: Log) -> None:
     from tacstrip.io.input_checks import implausible, other_scale
 
     raw = {n: np.where(log.touched, values, np.nan) for n, values in log.raw.items()}
-    warn(*implausible(name, log.sensor, raw), other_scale(name, log.sensor, raw))
+    hint = other_scale(log.sensor, raw)
+    warn(*implausible(name, log.sensor, raw), f"{name}: {hint}" if hint else "")
 
 
 def save_picture(

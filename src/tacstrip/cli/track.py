@@ -136,7 +136,8 @@ def _line(one: Track) -> str:
             text += f" +- {one.area_deviation_mm2:.2g}"
         way = np.ptp(one.poses[seen], axis=0)
         text += f", moved {way[0]:.3g} mm across and {way[1]:.3g} mm along the strips"
-        off = float(np.sqrt(np.nanmedian(one.pose_covariances[seen, 2, 2]) * 2.0))  # of a difference of two
+        known = np.isfinite(spread := one.pose_covariances[seen, 2, 2])
+        off = float(np.sqrt(2.0 * np.median(spread[known]))) if known.any() else 0.0  # of a difference of two
         text += f", turned {np.rad2deg(way[2]):.3g} deg" + (f" +- {np.rad2deg(off):.2g}" if off > 0.0 else "")
     if one.motion != "free":
         text += f"; taken for {one.motion}"

@@ -27,6 +27,7 @@ from tacstrip.diagnose.pressure import pressure
 from tacstrip.diagnose.questions import questions
 from tacstrip.diagnose.regression import moved_to_and_fro
 from tacstrip.diagnose.shorts import shorts
+from tacstrip.io.input_checks import other_scale
 from tacstrip.sensor.rest_level import rest_hint
 
 _MOST_SCANS, _MOST_READINGS = 20_000, 400_000  # of longer recordings, evenly spread stretches are examined
@@ -173,6 +174,8 @@ def _notes(log: Log, work: WorkingCopy) -> Iterator[Finding]:
     raw = {name: np.where(log.touched, values, np.nan) for name, values in log.raw.items()}
     if hint := rest_hint(log.sensor, raw, failed=len(log.time_s) > 1):
         yield Finding("rest-level", (), hint)
+    elif hint := other_scale(log.sensor, raw):
+        yield Finding("scale", (), hint)
 
 
 def _offset(expected: FloatArray, off: FloatArray, sigma: float) -> float:

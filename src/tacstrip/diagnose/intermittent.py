@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -13,9 +15,14 @@ from tacstrip.diagnose.neighbour_prediction import WorkingCopy, predict_from_nei
 _FAR = (
     0.12  # over Vref: a reading this far off its neighbours' line, at the level of a free wire, dropped out
 )
+_FREE = (
+    0.04  # over Vref: a free wire's level is its rail's or the rest level, but for the channel's own offset
+)
 _STILL = 0.05  # over Vref: what the neighbours may change while a reading jumps by more than _FAR
 _JUMPS, _JUMPS_SILENT = 3, 8  # to and fro, beside neighbours that stay; to untouched, as at a contact's rim
 _FEWEST = 5  # scans that dropped out
+_CLEAR, _MANY_CLEAR = 0.3, 8  # over Vref off the line, and scans, in which the contact moves:
+_MOVES = 0.03  # over Vref
 _MOST_ALONE = 8  # scans that a pointed contact touches one strip at its end
 _LEAST, _MOST = 0.04, 0.7  # of the scans in which a dropout could be seen
 _OTHERS = 4.0  # times as many jumps as the third-worst strip: a contact's shape does the same to several
@@ -31,73 +38,42 @@ def intermittent(work: WorkingCopy) -> Iterator[Finding]:
         A row for each scan.
     """
     rest = (work.sensor.rest_volt or 0.0) / work.sensor.vref_volt
-    near = max(0.02, 5.0 * work.sigma)
-    expected = {name: predict_from_neighbours(values, work.there) for name, values in work.k.items()}
+    near = max(_FREE, 5.0 * work.sigma)
     gone = _gaps(work)
-    found: dict[str, tuple[BoolArray, BoolArray, FloatArray]] = {}
+    found: dict[str, list[_Seen]] = {}
     for name, values in work.k.items():
-        e, both, gap = expected[name]
+        e, both, gap = predict_from_neighbours(values, work.there)
+        inner = both & (gap < 0.3)
         both[:, [0, -1]] = np.isfinite(e[:, [0, -1]])
         steady = both & (gap < 0.3)
         free = np.any([np.abs(values - level) < near for level in {0.0, rest, 1.0}], axis=0)
         with np.errstate(invalid="ignore"):
             out = steady & free & (np.abs(values - e) > _FAR)
             good = steady & (np.abs(values - e) < _FAR / 2.0)
-        found[name] = out, good, e
-    # A strip that counts as untouched has no reading; its neighbours' line spans the gap.
-    for name, values in work.k.items():
-        out, good, e = found[name]
-        lost = work.there & np.isnan(values) & np.isfinite(values).any(axis=0)
-        silent = gone | lost
+            clear = out & inner & (np.abs(values - e) > _CLEAR)
+        off_line = _Seen(out, good, e, clear)
+        # A strip that counts as untouched has no reading; its neighbours' line spans the gap.
+        silent = gone | (work.there & np.isnan(values) & np.isfinite(values).any(axis=0))
         if silent.any():
             spanned, both, gap = predict_from_neighbours(values, work.there | gone)
             e = np.where(silent, spanned, e)
             silent = silent & both & (gap < 0.3)
-        if work.sensor.rest_volt is not None:  # a contact may read as rest does
+        if work.sensor.rest_volt is not None:
+            # A contact may read as rest does; beside strips that rest, a free wire has its own level instead.
             silent &= np.abs(e - rest) > 2.0 * (work.sensor.touch_volt or 0.0) / work.sensor.vref_volt
-        if work.sensor.rest_volt is not None:  # the wire's level instead of rest, beside strips that rest
-            alone = _alone(work.there)
-            lone = (
-                alone & work.there & np.any([np.abs(values - level) < near for level in (0.0, 1.0)], axis=0)
-            )
+            alone, rails = _alone(work.there), np.minimum(np.abs(values), np.abs(values - 1.0)) < near
+            lone = alone & work.there & rails
             often = lone.sum(axis=0) > _MOST_ALONE
             silent |= lone & often
             good = good | (alone & ~work.there & often)
             e = np.where(alone, 0.0, e)
-        found[name] = out | silent, good, e
-    jumps = np.zeros((len(work.k), work.strips))
-    for row, (out, good, e) in enumerate(found.values()):
-        with np.errstate(invalid="ignore"):
-            same = np.abs(np.diff(e, axis=0)) < _STILL
-        jumps[row] = (same & ((out[1:] & good[:-1]) | (good[1:] & out[:-1]))).sum(axis=0)
-    usual = np.sort(jumps, axis=1)[:, -4] if work.strips > 4 else np.zeros(len(work.k))
+        found[name] = [off_line, _Seen(out | silent, good, e, np.zeros_like(out))]
     for strip in range(work.strips):
-        channels = []
-        for row, (name, (out, good, e)) in enumerate(found.items()):
-            gaps, fine = int(out[:, strip].sum()), int(good[:, strip].sum())
-            share = gaps / max(gaps + fine, 1)
-            under = work.there[:, strip] & np.isfinite(work.k[name][:, strip]) & good[:, strip]
-            if under.sum() < _FEWEST:
-                continue  # it never reads a contact
-            least = _JUMPS_SILENT if (out & np.isnan(work.k[name]))[:, strip].sum() > 0.5 * gaps else _JUMPS
-            few = jumps[row, strip] < max(least, _OTHERS * usual[row] + 1)
-            if gaps < _FEWEST or few or not _LEAST < share < _MOST:
-                continue
-            read = np.where(gone[:, strip], np.nan, work.k[name][:, strip])
-            line, fine_at = e[:, strip], good[:, strip]
-            # Where the neighbours read as a free wire does, good readings prove nothing.
-            levels = (
-                (read < 0.5, line > _FAR),
-                (read >= 0.5, line < 1.0 - _FAR),
-                (np.isnan(read), line > -1.0),
-            )
-            mixed = [
-                _mixed(line[out[:, strip] & side], line[fine_at & apart])
-                for side, apart in levels if (out[:, strip] & side).sum() >= _FEWEST
-            ]  # fmt: skip
-            if not mixed or not all(mixed):
-                continue
-            channels.append((name, share, gaps, int(jumps[row, strip])))
+        channels = [
+            (name, *seen)
+            for name, ways in found.items()
+            if (seen := next(filter(None, (w.dropouts(work.k[name], gone, strip) for w in ways)), None))
+        ]
         if not channels:
             continue
         name, share, gaps, count = max(channels, key=lambda c: c[1])
@@ -109,8 +85,50 @@ def intermittent(work: WorkingCopy) -> Iterator[Finding]:
         yield Finding("intermittent", (int(work.order[strip]),), evidence, numbers,
                       name if len(channels) == 1 and len(work.k) == 2 else None)  # fmt: skip
         for channel, *_ in channels:
-            work.k[channel][found[channel][0][:, strip], strip] = np.nan
+            work.k[channel][found[channel][1].out[:, strip], strip] = np.nan
         work.there[gone[:, strip], strip] = True
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """Where a signature's channels drop out, where they read well, and what their neighbours expect (scans, strips).
+
+    `clear`: dropouts that no contact's shape explains, between two neighbours that it leaves where they are.
+    """
+
+    out: BoolArray
+    good: BoolArray
+    expected: FloatArray
+    clear: BoolArray
+
+    @cached_property
+    def jumps(self) -> FloatArray:
+        """How often each channel drops out or comes back from one scan to the next while its neighbours stay."""
+        with np.errstate(invalid="ignore"):
+            same = np.abs(np.diff(self.expected, axis=0)) < _STILL
+        out, good = self.out, self.good
+        return np.asarray((same & ((out[1:] & good[:-1]) | (good[1:] & out[:-1]))).sum(axis=0))
+
+    def dropouts(self, values: FloatArray, gone: BoolArray, strip: int) -> tuple[float, int, int] | None:
+        """Return the share of dropouts, in how many scans, and the jumps of a loose channel; None of a sound one."""
+        out, good, read = self.out[:, strip], self.good[:, strip], values[:, strip]
+        gaps, under = int(out.sum()), int((good & np.isfinite(read)).sum())
+        share = gaps / max(gaps + int(good.sum()), 1)
+        usual = np.sort(self.jumps)[-4] if len(self.jumps) > 4 else 0.0
+        least = _JUMPS_SILENT if (out & np.isnan(read)).sum() > 0.5 * gaps else _JUMPS
+        clear = self.expected[self.clear[:, strip], strip]  # rare jumps: one or two passes over a strip
+        few = len(clear) < _MANY_CLEAR or np.ptp(clear) < _MOVES
+        few &= self.jumps[strip] < max(least, _OTHERS * usual + 1)
+        if min(under, gaps) < _FEWEST or few or not _LEAST < share < _MOST:
+            return None
+        read, line = np.where(gone[:, strip], np.nan, read), self.expected[:, strip]
+        # Where the neighbours read as a free wire does, good readings prove nothing.
+        levels = (read < 0.5, line > _FAR), (read >= 0.5, line < 1.0 - _FAR), (np.isnan(read), line > -1.0)
+        mixed = [
+            _mixed(line[out & side], line[good & apart])
+            for side, apart in levels if (out & side).sum() >= _FEWEST
+        ]  # fmt: skip
+        return (share, gaps, int(self.jumps[strip])) if mixed and all(mixed) else None
 
 
 def _gaps(work: WorkingCopy) -> BoolArray:

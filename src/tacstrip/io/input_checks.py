@@ -139,11 +139,14 @@ def implausible(path: str | Path, sensor: Sensor, raw: Mapping[str, FloatArray])
     return [f"{path}: {one}" for one in (exchanged(raw), rest_hint(sensor, raw)) if one]
 
 
-def other_scale(path: str | Path, sensor: Sensor, raw: Mapping[str, FloatArray]) -> str:
-    """Return a warning where both signatures look as if they were of another scale (`scale_hint`)."""
-    if len(raw) < 2 or not sensor.kind.closed_form or sensor.surface is not None:
+def other_scale(sensor: Sensor, raw: Mapping[str, FloatArray]) -> str:
+    """Return a hint where raw readings over Vref look as if they were of another scale (`scale_hint`).
+
+    By signature (scans, strips), NaN where nothing touches.
+    """
+    if sensor.surface is not None:
         return ""  # outlines would be needed
-    touched = np.flatnonzero(np.isfinite(raw["kh"]).any(axis=1))
+    touched = np.flatnonzero(np.any([np.isfinite(values).any(axis=1) for values in raw.values()], axis=0))
     some = (
         touched[np.unique(np.linspace(0, len(touched) - 1, _SOME).astype(int))] if len(touched) else touched
     )
@@ -152,8 +155,7 @@ def other_scale(path: str | Path, sensor: Sensor, raw: Mapping[str, FloatArray])
         Scan(**{name: np.clip(values[i], 0.0, 1.0) for name, values in read.items()})
         for i in range(len(some))
     ]
-    hint = scale_hint(scans, (), sensor)
-    return f"{path}: {hint}" if hint else ""
+    return scale_hint(scans, None, sensor)
 
 
 def unfinished(path: str | Path) -> str:

@@ -26,6 +26,7 @@ _BITS = (8, 10, 12, 14)  # of converters that are common
 _ASPECT = 0.55  # standard deviation of the logarithm of objects' extent along the strips over that across
 _BORDER = 0.05  # of the smaller scale: what ends below it may be cut by the border, and looks flat for that
 SCALE = "all that touches is flat and lies near y = 0"
+_WIDE = 2.5  # strips: narrower ones do not tell
 _PLACES = 3  # more of them are not taken for more
 _ODDS = 4.0  # logarithm of the odds beyond which readings are taken for another scale's
 
@@ -72,7 +73,7 @@ def doubted(status: Status, advice: str, hint: str) -> tuple[Status, str]:
     return doubt, advice if known else "; ".join(filter(None, (advice, hint)))
 
 
-def scale_hint(scans: Sequence[Scan], outlines: Sequence[FloatArray], sensor: Sensor) -> str:
+def scale_hint(scans: Sequence[Scan], outlines: Sequence[FloatArray] | None, sensor: Sensor) -> str:
     """Say that readings are probably of another scale: over Vref where volts were meant, or codes of fewer bits.
 
     So read, all that touches lies near y = 0 and is as many times flatter. The odds are those of random objects at
@@ -81,7 +82,8 @@ def scale_hint(scans: Sequence[Scan], outlines: Sequence[FloatArray], sensor: Se
     Parameters
     ----------
     scans, outlines
-        One scan or many, and what was found of them, (N, 2) [mm]: where readings alone do not tell l and u.
+        One scan or many, and what was found of them, (N, 2) [mm]: where readings alone do not tell l and u. None where
+        nobody looked: then one signature, which lies between l and u, tells the place alone.
     sensor
         Its `vref_volt` and `adc_bits` may be wrong.
     """
@@ -95,11 +97,23 @@ def scale_hint(scans: Sequence[Scan], outlines: Sequence[FloatArray], sensor: Se
     scales = {scale: said for scale, said in scales.items() if 0.0 < most <= scale + 1e-9}
     if not scales:
         return ""
-    if sensor.kind.closed_form and sensor.surface is None and all(len(scan.signatures) > 1 for scan in scans):
-        boxes = [box for scan in scans for box in _boxes(scan, sensor)]
+    both = sensor.kind.closed_form and sensor.surface is None and all(len(s.signatures) > 1 for s in scans)
+    if both:
+        boxes = [
+            box
+            for scan in scans
+            for box in _boxes(scan, sensor, *closed_ends(sensor, scan["kh"], scan["kl"]))
+        ]
+    elif outlines is None:
+        ends = [
+            [scan[n] * sensor.length_mm for n in (scan.signatures[-1], scan.signatures[0])] for scan in scans
+        ]
+        boxes = [box for scan, (l, u) in zip(scans, ends, strict=True) for box in _boxes(scan, sensor, l, u)]
     else:
         boxes = [(*o.min(axis=0), *o.max(axis=0)) for o in outlines if len(o)]
-    odds = {scale: _odds(boxes, scale, sensor) for scale in sorted(scales, reverse=True)}
+    if not (flat := outlines is not None or both):  # a contact that reads as rest on some strips is in pieces
+        boxes = [box for box in boxes if box[2] - box[0] > _WIDE * sensor.pitch_mm]
+    odds = {scale: _odds(boxes, scale, sensor, flat) for scale in sorted(scales, reverse=True)}
     if max(odds.values()) <= _ODDS:
         return ""
     said = [scales[scale] for scale, of in odds.items() if of > max(odds.values()) - _ODDS]
@@ -109,9 +123,8 @@ def scale_hint(scans: Sequence[Scan], outlines: Sequence[FloatArray], sensor: Se
     )
 
 
-def _boxes(scan: Scan, sensor: Sensor) -> list[tuple[float, ...]]:
-    """Return the least x and y and the greatest of each run of strips [mm], by (4.36)."""
-    l, u = closed_ends(sensor, scan["kh"], scan["kl"])
+def _boxes(scan: Scan, sensor: Sensor, l: FloatArray, u: FloatArray) -> list[tuple[float, ...]]:
+    """Return the least x and y and the greatest of each run of strips [mm], from its contacts' ends (strips,)."""
     found: list[tuple[float, ...]] = []
     half = 0.5 * sensor.pitch_mm
     for run in scan.runs():
@@ -121,15 +134,15 @@ def _boxes(scan: Scan, sensor: Sensor) -> list[tuple[float, ...]]:
     return found
 
 
-def _odds(boxes: Sequence[tuple[float, ...]], scale: float, sensor: Sensor) -> float:
-    """Return the logarithm of the odds that readings are `scale` times what they should be."""
-    length, flat, ends = sensor.length_mm, [], [1.0, 0.0]
+def _odds(boxes: Sequence[tuple[float, ...]], scale: float, sensor: Sensor, by_shape: bool) -> float:
+    """Return the logarithm of the odds that readings are `scale` times what they should be, `by_shape` or place."""
+    length, flat, ends = sensor.length_mm, [] if by_shape else [0.0], [1.0, 0.0]
     for x0, y0, x1, y1 in boxes:
         ends = [min(ends[0], y0 / length), max(ends[1], y1 / length)]
-        if x1 - x0 > 2.5 * sensor.pitch_mm and y0 > _BORDER * scale * length:
+        if by_shape and x1 - x0 > _WIDE * sensor.pitch_mm and y0 > _BORDER * scale * length:
             aspect = math.log(max(y1 - y0, 1e-3 * length) / (x1 - x0))
             flat.append((aspect**2 - (aspect - math.log(scale)) ** 2) / (2.0 * _ASPECT**2))
-    if not flat:
+    if not flat or not boxes:
         return -math.inf
     height = min(ends[1] - ends[0], 0.99)
     place = math.log((1.0 - height) / max(scale - height, 0.25 * scale))  # all over the strips, or only low

@@ -672,6 +672,10 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
     for more in one.shared:
         poses[more.scans], spreads[more.scans] = _reframed(more.poses, more.covariances, middle, angle)
     poses[:, 0] += skin.span.start * sensor.pitch_mm
+    present = np.isfinite(poses[:, 2])
+    poses[present, 2] = np.unwrap(
+        poses[present, 2]
+    )  # from one scan to the next it turns by less than half a turn
     advice, note, alone = "", "", None
     explained = content(one.scans, fit, read.distribution)
     if one.scans.strips_touched < LEAST_STRIPS:
@@ -784,6 +788,13 @@ def _of_one_scan(one: Episode, scans: list[Scan], sensor: Sensor, noise: Noise |
         0, outline, shape.covariance, poses, spreads, np.empty(0), np.empty(0), shape.status, advice,
         shape.alternatives, tuple(one.joint), by_scan=alone,
     )  # fmt: skip
+
+
+def _less_than_half_turns(angles: FloatArray) -> FloatArray:
+    """Return angles (T,) [rad], NaN where absent, that go on by less than half a turn from one scan to the next."""
+    found, present = angles.copy(), np.isfinite(angles)
+    found[present] = np.unwrap(angles[present])
+    return found
 
 
 def _velocities(poses: FloatArray, times: FloatArray) -> FloatArray:
