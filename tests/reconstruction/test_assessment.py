@@ -23,7 +23,7 @@ OVAL = 20.0 * np.stack(
 @pytest.mark.parametrize(
     ("outline", "trusted"),
     [
-        ([(15, 20), (85, 45), (40, 80)], True),
+        ([(15, 35), (60, 15), (88, 50), (40, 85)], True),
         ([(20, 30), (50, 48), (80, 28), (74, 74), (30, 78)], False),  # k_h hides the inward corner
     ],
     ids=["convex", "concave"],
