@@ -44,6 +44,7 @@ def test_a_rounded_square_of_one_signature_is_recovered() -> None:
     assert ts.mismatch(CAP, found.vertices).iou > 0.8
     assert found.covariance is not None
     assert "looks rounded" in found.advice
+    assert found.confidence + sum(a.weight for a in found.alternatives) < 1.0 + 1e-9
 
 
 @needs_core

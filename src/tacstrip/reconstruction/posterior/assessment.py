@@ -146,7 +146,9 @@ def assess(
     readings = drawn.problem.readings
     typical = float(np.median(drawn.samples.squares)) if sigma_known else np.inf
     explained = typical < readings + _ALARM * np.sqrt(2.0 * readings)
-    return Assessment(confidence, _alternatives(drawn, every >= PROMISED_IOU, own), better, bool(explained))
+    rest = 1.0 - confidence if isinstance(better, RoundedOutline) else 1.0  # which draws know nothing of
+    others = _alternatives(drawn, every >= PROMISED_IOU, own, rest)
+    return Assessment(confidence, others, better, bool(explained))
 
 
 def doubts(
@@ -194,10 +196,10 @@ def probability(of: FloatArray, effort: Effort) -> float:
     return float(1.0 / (1.0 + np.exp(-(of @ _ODDS[effort]))))
 
 
-def _alternatives(drawn: Draws, alike: np.ndarray, own: np.ndarray) -> tuple[Alternative, ...]:
-    """Return the outlines that most others are like, of those that are not like the estimate."""
+def _alternatives(drawn: Draws, alike: np.ndarray, own: np.ndarray, weight: float) -> tuple[Alternative, ...]:
+    """Return the outlines that most others are like, of those unlike the estimate; `weight`: of all draws."""
     found: list[Alternative] = []
-    left = drawn.weight * ~own
+    left = weight * drawn.weight * ~own
     while len(found) < _MOST:
         share = alike @ left
         at = int(np.argmax(np.where(left > 0.0, share, -1.0)))
