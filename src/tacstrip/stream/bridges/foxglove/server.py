@@ -17,6 +17,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from socket import SO_SNDBUF, SOL_SOCKET
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -197,6 +198,9 @@ class FoxgloveServer(HttpServer):
             protocols=PROTOCOLS, max_msg_size=_MAX_REQUEST_BYTES, heartbeat=20.0, compress=False
         )
         await socket.prepare(request)
+        if request.transport is not None and (below := request.transport.get_extra_info("socket")):
+            # Else the system takes seconds of messages for a viewer that does not read, before that is noticed.
+            below.setsockopt(SOL_SOCKET, SO_SNDBUF, _BUFFER_BYTES)
         viewer = _Viewer(socket, request.transport, self._max_waiting)
         with self._lock:
             self._viewers |= {viewer}
