@@ -348,16 +348,3 @@ def test_a_joint_that_is_open_during_one_pass_is_loose() -> None:
     k[under[5:25], 5] = 0.999
     (found,) = diagnose(Log.of(sensor, time_s, {"k": k})).findings
     assert (found.fault, found.strips) == ("intermittent", (5,))
-
-
-def test_a_contact_that_slides_in_at_the_ground_end_is_no_wander_of_untouched_strips() -> None:
-    sensor = ts.Sensor(
-        construction="crs-m", strips=10, pitch_mm=5.0, length_mm=100.0, rest_volt=0.15, touch_volt=0.2
-    )
-    time_s = np.arange(800) / 20.0
-    k = 0.03 + np.random.default_rng(0).normal(0.0, 0.001, (800, 10))
-    k[:, :3] = 0.01  # on ground, under the contact, which reads as rest does
-    k[:, 3] = 0.04 + 0.055 * np.sin(0.5 * time_s) ** 3
-    log = Log.of(sensor, time_s, {"k": k})
-    assert 0.05 < log.touched[:, 3].mean() < 0.4
-    assert diagnose(log).healthy

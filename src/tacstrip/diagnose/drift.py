@@ -25,7 +25,6 @@ _STRAIGHT = 0.7  # of the changes' variance in a line: more is drift
 _BLOCKS, _RESTS = 32, 4  # of time at rest, and untouched readings in one
 _LOOKS, _SPAN = 7, 0.6  # blocks, and the part of the recording that they span
 _JUMP = 0.01  # over Vref: an untouched reading that far from its strip's usual one is a contact that reads as rest
-_SLIDES = 0.03  # over Vref: less is no jump from rest to a contact's reading
 _RESTLESS = 3.0  # times the other strips' changes from scan to scan: contacts that read as rest come and go
 _TERMS = 8  # functions of time: a line, and cosines of 1 to 4 periods
 _USUAL = 0.02  # over Vref: prior standard deviation of each
@@ -138,7 +137,6 @@ def _levels_at_rest(log: Log, order: IntArray, tau: FloatArray) -> tuple[FloatAr
     edges = np.searchsorted(block, np.arange(_BLOCKS + 1)) if (np.diff(block) >= 0).all() else None
     touched = log.touched[:, order]
     near = _beside(touched) | touched
-    near[:, _slides_in(log, order, touched)] = True
     for values in log.raw.values():
         rest = np.where(touched, np.nan, values[:, order])
         moved = rest - _columns(np.nanmedian, rest)
@@ -169,13 +167,6 @@ def _levels_at_rest(log: Log, order: IntArray, tau: FloatArray) -> tuple[FloatAr
             out[there, order[place]] = median_filter(own[there, place], 3, mode="constant")
             out[there[[0, -1]], order[place]] = np.nan  # which the filter pads
     return out, float(np.median(shared)) if shared else np.nan
-
-
-def _slides_in(log: Log, order: IntArray, touched: BoolArray) -> BoolArray:
-    """Return which strips (strips,) contacts come to without a jump: there a contact has passed for none before."""
-    step = np.max([np.abs(np.diff(values[:, order], axis=0)) for values in log.raw.values()], axis=0)
-    jump = _columns(np.nanmedian, np.where(touched[1:] != touched[:-1], step, np.nan))
-    return np.asarray(jump < _SLIDES)
 
 
 def _columns(statistic: Callable[..., FloatArray], values: FloatArray) -> FloatArray:
