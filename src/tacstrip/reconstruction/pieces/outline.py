@@ -116,8 +116,8 @@ def trace(parts: Sequence[Part], read: Read, others: Sequence[FloatArray], pitch
     first = int(np.lexsort((ring[kept, 1], ring[kept, 0]))[0])
     kept = np.concatenate([kept[first:], kept[:first]])  # from the left-most
     upto = np.cumsum(np.concatenate([[0], unseen, unseen]))  # twice round
-    following = np.concatenate([kept[1:], kept[:1]])
-    unseen_edges = upto[following + len(ring) * (following <= kept)] > upto[kept]
+    behind = np.concatenate([kept[1:], kept[:1]])
+    unseen_edges = upto[behind + len(ring) * (behind <= kept)] > upto[kept]
     both = (2 * kept[:, None] + [0, 1]).ravel()
     covariance = covariance[np.ix_(both, both)]
     of_hidden = np.repeat(hidden[kept], 2)
