@@ -40,10 +40,10 @@ def test_skin_object_and_patch_come_out(tmp_path: Path, monkeypatch: pytest.Monk
     [
         (
             ["ball", *POSE, "--depth", "1"],
-            "OBJECT ball: is none of plane, sphere, cylinder, edge, box, nor a mesh",
+            "OBJECT ball: is none of plane, sphere, cylinder, edge, cone, box, nor a mesh",
         ),
         (["box:3", *POSE, "--depth", "1"], "OBJECT box:3: a box has three numbers, as in box:20x10x5"),
-        (["edge:270", *POSE, "--depth", "1"], "OBJECT edge:270: an edge has between 0 and 180 degrees"),
+        (["edge:270", *POSE, "--depth", "1"], "OBJECT edge:270: its angle is between 0 and 180 degrees"),
         (["plane", *POSE], "give one of --depth, how far [mm], and --force, how hard [N]"),
         (["plane", *POSE, "--depth", "5"], "the object sinks 5 mm into a skin of 3 mm"),
         (["no.stl", *POSE, "--depth", "1"], "no.stl: no such file"),

@@ -127,7 +127,7 @@ def mismatch(
     mc = float(_turning_distance(a, b))
     perimeters = np.abs(_sides(a)).sum() + np.abs(_sides(b)).sum()
     aoe = _orientation_error(a - center_a, b - center_b)
-    return Mismatch(mc, mc * 0.5 * float(perimeters), float(aoe), abs(center_b - center_a), a, b)
+    return Mismatch(mc, mc * 0.5 * float(perimeters), float(aoe), float(abs(center_b - center_a)), a, b)
 
 
 def errors_of_many(original: npt.ArrayLike, recovered: FloatArray) -> FloatArray:
