@@ -348,3 +348,12 @@ def test_a_joint_that_is_open_during_one_pass_is_loose() -> None:
     k[under[5:25], 5] = 0.999
     (found,) = diagnose(Log.of(sensor, time_s, {"k": k})).findings
     assert (found.fault, found.strips) == ("intermittent", (5,))
+
+
+def test_a_doubtful_strip_of_one_press_on_one_channel_is_asked_about() -> None:
+    presses = [ts.Contact.polygon([(9.0, 60.0), (69.0, 70.0), (69.0, 180.0), (9.0, 150.0)])] * 6
+    log = faulty_log(RUBBER, presses, noise=FAINT)
+    read = log.raw["kl"].copy()
+    read[:, 5] -= 0.2
+    report = diagnose(Log.of(RUBBER, log.time_s, {"kl": read}))
+    assert [q.strips for q in report.questions] == [(5,)]

@@ -108,6 +108,8 @@ def _causes(
 
 def _fits_reversed(work: WorkingCopy, strip: int, lines: dict[str, FloatArray]) -> bool:
     turned = {"kh": "kl", "kl": "kh", "k": "k"}
+    if any(turned[n] not in work.k for n in work.k):
+        return False  # the other end is not read
     as_is, reversed_ends = (
         np.concatenate([np.abs(v[:, strip] - lines[n][:, strip]) for n, v in values.items()])
         for values in (work.k, {n: 1.0 - work.k[turned[n]] for n in work.k})
