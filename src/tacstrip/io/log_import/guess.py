@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -14,11 +15,12 @@ from tacstrip.io.log_import.columns import Columns, above, find_columns
 from tacstrip.io.log_import.doubts import raise_doubts
 from tacstrip.io.log_import.mapping import ColumnMapping
 from tacstrip.io.log_import.names import meaning
-from tacstrip.io.log_import.questions import Clues
+from tacstrip.io.log_import.questions import KEYS, Clues, Unanswered
 from tacstrip.io.log_import.scans import LogScan, scans, strip_numbers
 from tacstrip.io.log_import.table import Table
 from tacstrip.sensor.spec import Sensor
 
+Read = TypeVar("Read")
 _MOST_COMPLETE = 0.5  # of the scans: if more have all strips, lines are lost where others have not
 
 
@@ -53,10 +55,49 @@ def propose(table: Table, sensor: Sensor | None = None, answers: Mapping[str, st
     OptionError
         An answer to nothing, or one that is not possible.
     """
-    clues = Clues(table, sensor, dict(answers or {}))
+    return settled(table, lambda found: _proposed(found, sensor, dict(answers or {})))
+
+
+def settled(table: Table, read: Callable[[Table], Read]) -> Read:
+    """Return what `read` makes of a log, without its stray lines where it says nothing of the log with them.
+
+    Errors are those of the log as it stands, unless without strays only plain questions are left.
+    """
+    try:
+        return read(table)
+    except (ReadingError, OptionError, Unanswered) as error:
+        if not _is_stuck(error):
+            raise
+        for other in table.retries():
+            try:
+                return read(other)
+            except (ReadingError, OptionError, Unanswered) as left:
+                if not _is_stuck(left):
+                    raise
+        if table.refused:
+            raise table.refused from None
+        raise
+
+
+def _is_stuck(error: Exception) -> bool:
+    """Return whether a log is not understood: no plain questions of it are left, but of what its columns are."""
+    return not isinstance(error, Unanswered) or any(
+        q.key not in KEYS or q.key == "readings" for q in error.questions
+    )
+
+
+def _proposed(table: Table, sensor: Sensor | None, answers: dict[str, str]) -> Proposal:
+    clues = Clues(table, sensor, answers)
     mapping, _ = assembled(clues)
     clues.stop()
-    return Proposal(mapping, scans(table, mapping), tuple(clues.reasons))
+    dropped: list[int] = []
+    found = scans(table, mapping, dropped)
+    if dropped:
+        clues.because(
+            f"{len(dropped)} scan(s) left out, from line(s) {', '.join(map(str, dropped))}: a line left out may be of "
+            "these, and of strips that they lack it is not known whether anything touches them"
+        )
+    return Proposal(mapping, found, tuple(clues.reasons))
 
 
 def assembled(clues: Clues) -> tuple[ColumnMapping, list[LogScan]]:
