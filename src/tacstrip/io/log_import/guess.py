@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -59,31 +60,36 @@ def propose(table: Table, sensor: Sensor | None = None, answers: Mapping[str, st
 
 
 def settled(table: Table, read: Callable[[Table], Read]) -> Read:
-    """Return what `read` makes of a log, without its stray lines where it says nothing of the log with them.
+    """Return what `read` makes of a log, without its stray lines where it is not understood with them.
 
-    Errors are those of the log as it stands, unless without strays only plain questions are left.
+    Errors are those of the log as it stands, unless without strays less is open.
     """
-    try:
-        return read(table)
-    except (ReadingError, OptionError, Unanswered) as error:
-        if not _is_stuck(error):
-            raise
-        for other in table.retries():
-            try:
-                return read(other)
-            except (ReadingError, OptionError, Unanswered) as left:
-                if not _is_stuck(left):
-                    raise
-        if table.refused:
-            raise table.refused from None
-        raise
+    fewest: float = np.inf
+    kept: Exception | None = None
+    for one in itertools.chain([table], table.retries()):
+        try:
+            return read(one)
+        except (ReadingError, OptionError, Unanswered) as error:
+            open_ = _open(error)
+            if kept is None or open_ < fewest:
+                fewest, kept = open_, error
+            # A line of a form of its own may name a value that all others lack.
+            lacks = isinstance(error, Unanswered) and "missing" in {q.key for q in error.questions}
+            if open_ < np.inf and not lacks:
+                break
+    if fewest == np.inf and table.refused:
+        raise table.refused
+    assert kept is not None
+    raise kept
 
 
-def _is_stuck(error: Exception) -> bool:
-    """Return whether a log is not understood: no plain questions of it are left, but of what its columns are."""
-    return not isinstance(error, Unanswered) or any(
+def _open(error: Exception) -> float:
+    """Return how much of a log is open; inf where it is not understood: nothing tells what its columns are."""
+    if not isinstance(error, Unanswered) or any(
         q.key not in KEYS or q.key == "readings" for q in error.questions
-    )
+    ):
+        return np.inf
+    return sum(q.key != "broken_lines" for q in error.questions)
 
 
 def _proposed(table: Table, sensor: Sensor | None, answers: dict[str, str]) -> Proposal:

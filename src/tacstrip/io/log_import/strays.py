@@ -13,7 +13,7 @@ from tacstrip.io.log_import.table import Table
 
 _NUMBER = re.compile(r"(?<![A-Za-z])[+-]?(?:\d+(?:[.,:/-]\d+)*|\.\d+)(?:[eE][+-]?\d+)?|\b0x[\dA-Fa-f]+\b")
 _WORD = re.compile(r"[^\W\d_]+(?:/[^\W\d_]+)*|-{1,3}(?=[\s,;|]|\Z)")
-_MAY_NAME = re.compile(r"[^\W\d_]+[\w\s.()\[\]/\"%-]*\Z")
+_FIELD = re.compile(r"\s*[,;|\t]\s*|\s+")
 _NAMES_ITSELF = re.compile(r"[^\W\d_]{2,}\d*\s*[:=]")  # a line that needs no names above it
 _OFTEN, _FEW = 3, 0.05  # lines, and part of all lines, that have a form in common: fewer of one are strays
 _MOST = 0.25  # of all lines: more strays are no strays
@@ -53,10 +53,10 @@ def stray_lines(text: str) -> list[frozenset[int]]:
     head, tail = [n for n in rare if n < common[0]], [n for n in rare if n > common[-1]]
     inner = [n for n in rare if common[0] < n < common[-1]]
     tried = [tail, head[:-1] + tail]
-    first = form_of(next(line for n, line in _numbered(text) if n == head[-1])) if head else ""
-    if not _MAY_NAME.search(first) or any(
-        _NAMES_ITSELF.search(form) for _, form in lines if many[form] >= often
-    ):
+    wide = len(_FIELD.split(max(many, key=lambda form: many[form])))
+    above = form_of(dict(_numbered(text))[head[-1]]) if head else ""
+    names = len(_FIELD.split(above)) >= wide - 1 and re.search(r"[^\W\d_]", above)
+    if not names or any(_NAMES_ITSELF.search(form) for _, form in lines if many[form] >= often):
         tried.append(head + tail)
     tried += [part + inner for part in ([], *tried)]
     sets = [s for s in dict.fromkeys(map(frozenset, tried)) if s]
