@@ -15,6 +15,8 @@ _NUMBER = re.compile(r"(?<![A-Za-z])[+-]?(?:\d+(?:[.,:/-]\d+)*|\.\d+)(?:[eE][+-]
 _WORD = re.compile(r"[^\W\d_]+(?:/[^\W\d_]+)*|-{1,3}(?=[\s,;|]|\Z)")
 _FIELD = re.compile(r"\s*[,;|\t]\s*|\s+")
 _NAMES_ITSELF = re.compile(r"[^\W\d_]{2,}\d*\s*[:=]")  # a line that needs no names above it
+_PATH = re.compile(r"[^\W\d]\w*/\w+")
+_OTHER_TOPICS = 0.5  # times the lines of the commonest path: others are of something else
 _OFTEN, _FEW = 3, 0.05  # lines, and part of all lines, that have a form in common: fewer of one are strays
 _MOST = 0.25  # of all lines: more strays are no strays
 _SHOWN, _LONG = 5, 40  # strays, and characters of each, that are quoted
@@ -59,8 +61,11 @@ def stray_lines(text: str) -> list[frozenset[int]]:
     if not names or any(_NAMES_ITSELF.search(form) for _, form in lines if many[form] >= often):
         tried.append(head + tail)
     tried += [part + inner for part in ([], *tried)]
+    usual = max(many.values())
+    topics = [n for n, form in lines if _PATH.search(form) and _FEW <= many[form] / usual < _OTHER_TOPICS]
+    tried += [head + inner + tail + topics] if topics else []
     sets = [s for s in dict.fromkeys(map(frozenset, tried)) if s]
-    return [s for s in sets if len(s & {*inner, *tail}) <= _MOST * len(lines)]
+    return [s for s in sets if len(s - {*head}) <= _MOST * len(lines)]
 
 
 def without(text: str, lines: frozenset[int]) -> str:
