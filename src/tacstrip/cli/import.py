@@ -17,7 +17,7 @@ from tacstrip.errors import OptionError, ReadingError, one_of
 from tacstrip.files import replacing
 from tacstrip.io.input_checks import half_read
 from tacstrip.io.log_import.containers import read_table
-from tacstrip.io.log_import.guess import Proposal, propose
+from tacstrip.io.log_import.guess import Proposal, propose, settled
 from tacstrip.io.log_import.mapping import ColumnMapping
 from tacstrip.io.log_import.scans import scans
 from tacstrip.io.log_import.table import Table
@@ -88,7 +88,7 @@ def command(
 
 def _mapped(table: Table, file: Path) -> Proposal:
     mapping = ColumnMapping.load(file)
-    return Proposal(mapping, scans(table, mapping), ())
+    return settled(table, lambda found: Proposal(mapping, scans(found, mapping), ()))
 
 
 def _write(

@@ -98,6 +98,16 @@ def _meanings(clues: Clues) -> dict[str, Meaning]:
             "reading" if reading else answer, channel if reading else "",
             int(strip) if strip else before[name].strip if reading else None, unit,
         )  # fmt: skip
+        counted = next((g for g in numbered_groups(table.names) if name in g.values()), {})
+        if before[name].role == "" and not strip and answer in (*CHANNELS, "skip"):  # as does that of unknown ones
+            alike = {n: i for i, n in counted.items() if before[n].role == "" and n not in clues.answers}
+            found |= {
+                n: replace(found[name], strip=i, unit=before[n].unit) if reading else Meaning("skip")
+                for n, i in alike.items()
+            }  # fmt: skip
+            if reading and counted:
+                number = next(i for i, n in counted.items() if n == name)
+                found[name] = replace(found[name], strip=number)
         if reading and not strip and before[name].strip is not None:  # it holds for all columns of its kind
             found |= {
                 n: replace(m, channel=channel) for n, m in before.items()
@@ -136,7 +146,7 @@ def _find(clues: Clues, known: dict[str, Meaning]) -> Columns:
             raise ReadingError(f"{text}; add one with its number")
         clues.ask(some[0], f"{text}: is it this one? Say it of the right one", "strip")
         strip = some[0]
-    readings = _one_unit(clues, readings)
+    readings = _one_unit(clues, _with_other_end(clues, known, readings, {time, scan, which}))
     for role, name in (("time", time), ("scan", scan if strip else ""), ("strip", strip), ("which", which)):
         if name:
             clues.because(f"{name}: the {_ROLE_NAMES.get(role, role)}")
@@ -395,6 +405,37 @@ def _by_number(clues: Clues, known: dict[str, Meaning], taken: set[str]) -> dict
         for channel, group in zip(channels, groups, strict=True)
         for number, name in group.items()
     }
+
+
+def _with_other_end(
+    clues: Clues, known: dict[str, Meaning], readings: dict[str, Meaning], taken: set[str]
+) -> dict[str, Meaning]:
+    """Return readings of one end with the only other columns that count as these do: R1 beside L1; others are asked."""
+    ends = {m.channel for m in readings.values()}
+    strips = {m.strip for m in readings.values()}
+    if clues.expected != ("h", "l") or len(ends) != 1 or not ends <= {"h", "l"} or None in strips:
+        return readings
+    left = [n for n, m in known.items() if n not in {*readings, *taken, *clues.answers} and m.role == ""]
+    groups = [
+        g for g in numbered_groups(left) if {*g} == strips and all(_numeric(clues, n) for n in g.values())
+    ]
+    groups = [g for g in groups if any(len(set(clues.table.column(n))) > 1 for n in g.values())]
+    lack = "l" if ends == {"h"} else "h"
+    for group in groups:
+        first, one = group[min(group)], next(iter(readings))
+        if len(groups) == 1 and ends == {"l"} and re.match(r"[Rr]\W*\d", first) and re.match(r"[Ll]\W*\d", one):
+            clues.because(f"{one} and {first}, ...: left and right are the two ends")
+            sides = {n: replace(m, channel="left") for n, m in readings.items()}
+            return sides | {
+                n: Meaning("reading", "right", i, known[n].unit or readings[one].unit) for i, n in group.items()
+            }
+        clues.ask(
+            first, f"{first!r}, ... are as many as the strips, as are {one!r}, ... (v_{min(ends)}): are they v_{lack}?",
+            lack, "skip",
+        )  # fmt: skip
+    if groups:
+        clues.stop()
+    return readings
 
 
 def _labels(clues: Clues, name: str) -> bool:

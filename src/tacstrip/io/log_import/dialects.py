@@ -18,6 +18,7 @@ from tacstrip.io.log_import.records import of_values
 from tacstrip.io.log_import.table import Table, of_records
 
 _STEADY = 0.8  # of the lines
+_FEW = 2  # records
 _TELEPLOT = re.compile(r">([^:|§\d][^:|§]*):(\d+(?:\.\d+)?):([^:;|§]+)(?:§([^|]*))?(?:\|\w*)?")
 _KEYS = r"[^,=\s]+=(?:\"[^\"]*\"|[^,\s\"]+)"
 _INFLUX = re.compile(rf"[^,=\s]+((?:,{_KEYS})*) ({_KEYS}(?:,{_KEYS})*) (\d{{10,19}})")
@@ -124,27 +125,44 @@ def _with_broken(table: Table, lines: Sequence[tuple[int, str]], form: re.Patter
 
 
 def _yaml(text: str, path: str) -> Table | None:
-    lines = [
-        line.rstrip() for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")
+    numbered = [
+        (i, line.rstrip())
+        for i, line in enumerate(text.splitlines(), 1)
+        if line.strip() and not line.lstrip().startswith("#")
     ]
+    lines = [line for _, line in numbered]
     blocks = any(re.fullmatch(r"\s*(?:- )?[\w.-]+:", line) for line in lines) or lines[:1] == ["---"]
     lists = [line for line in lines if re.match(r"\s*- ", line)]
     if not (blocks or lists) or not all(_ITEM.fullmatch(line) for line in lines):
         return None
     if not any(re.match(r"\s*- (?:\w+:|\S+\Z)", line) for line in lists):
         return None
-    documents: list[list[str]] = [[]]
-    for line in lines:
+    documents: list[tuple[int, list[str]]] = [(0, [])]
+    for i, line in numbered:
         if line in ("---", "..."):
-            documents.append([])
+            documents.append((0, []))
         else:
-            documents[-1].append(line)
+            first, doc = documents[-1]
+            doc.append(line)
+            documents[-1] = (first or i, doc)
     try:
-        found = [_block(doc)[0] for doc in documents if doc]
+        found = [(i, _block(doc)[0]) for i, doc in documents if doc]
     except ValueError:
         return None
-    values = found[0] if len(found) == 1 else found
-    return of_values(values if isinstance(values, list) else [values], path, "documents in YAML")
+    if len(found) == 1:
+        value = found[0][1]
+        return of_values(value if isinstance(value, list) else [value], path, "documents in YAML")
+    keys = [set(_paths(value)) for _, value in found]
+    cut = len(found) > _FEW and keys[-1] < set.intersection(*keys[:-1])
+    table = of_values(found[: len(found) - cut], path, "documents in YAML", numbered=True)
+    return replace(table, broken=(found[-1][0],), quotes={found[-1][0]: "the last record"}) if table and cut else table
+
+
+def _paths(value: Any, before: str = "") -> Iterable[str]:
+    """Yield the keys of all levels of a record."""
+    for key, inner in value.items() if isinstance(value, dict) else ():
+        yield f"{before}{key}"
+        yield from _paths(inner, f"{before}{key}.")
 
 
 def _block(lines: list[str], start: int = 0) -> tuple[Any, int]:

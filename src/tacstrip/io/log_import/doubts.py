@@ -38,11 +38,8 @@ def raise_doubts(clues: Clues, mapping: ColumnMapping) -> None:
         Readings of two units in one log, columns of a unit that is none of readings, another Vref than the spec's.
     """
     if "unit" not in clues.answers:
-        if "untouched" not in {
-            *clues.answers,
-            *(q.key for q in clues.questions),
-        }:  # else small ones may be noise
-            _of_one_unit(clues, mapping)
+        noise = "untouched" in {*clues.answers, *(q.key for q in clues.questions)}  # small ones may be that
+        _of_one_unit(clues, mapping, only_lost=noise)
         _of_known_units(mapping)
     _vref(clues)
     used = {*mapping.columns, mapping.time, mapping.scan, mapping.strip, mapping.which}
@@ -73,8 +70,11 @@ def _readings(clues: Clues, mapping: ColumnMapping) -> Iterator[tuple[int, str, 
                 yield line, name, text, value
 
 
-def _of_one_unit(clues: Clues, mapping: ColumnMapping) -> None:
-    """Refuse numbers of two sizes with nothing between, one about 100 or 1000 times the other and written otherwise."""
+def _of_one_unit(clues: Clues, mapping: ColumnMapping, only_lost: bool) -> None:
+    """Refuse numbers of two sizes with nothing between, one about 100 or 1000 times the other and written otherwise.
+
+    Perhaps only those that have lost their point.
+    """
     read = sorted(_readings(clues, mapping), key=lambda r: r[3])
     values = np.array([r[3] for r in read])
     if len(values) < 2:
@@ -84,6 +84,8 @@ def _of_one_unit(clues: Clues, mapping: ColumnMapping) -> None:
     # A few far above all others, alone without decimals: these have lost a point.
     tops = [n + 1 for n in np.flatnonzero(steps >= _APART) if n + 1 >= (1.0 - _FEW) * len(values)]
     lost = next((n for n in tops if not any(places[n:]) and min(places[:n]) > 0), 0)
+    if only_lost and not lost:
+        return
     cut = lost or int(np.argmax(steps)) + 1
     low, high = values[:cut], values[cut:]
     ratio = float(np.median(high) / np.median(low))

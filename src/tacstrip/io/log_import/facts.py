@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tacstrip.io.log_import.guess import assembled
+from tacstrip.io.log_import.guess import assembled, settled
 from tacstrip.io.log_import.questions import Clues
 from tacstrip.io.log_import.table import Table
 
@@ -62,7 +62,11 @@ def sensor_facts(table: Table, answers: Mapping[str, str] | None = None) -> Sens
     ReadingError, OptionError
         As of `propose`.
     """
-    clues = Clues(table, None, dict(answers or {}))
+    return settled(table, lambda found: _facts(found, dict(answers or {})))
+
+
+def _facts(table: Table, answers: dict[str, str]) -> SensorFacts:
+    clues = Clues(table, None, answers)
     mapping, rough = assembled(clues)
     open_keys = {q.key for q in clues.questions}
     clues.questions = [q for q in clues.questions if q.key not in _OF_READINGS]

@@ -185,6 +185,11 @@ def clock_times(texts: list[str]) -> list[float | None]:
     return ways[far[1] < far[0]]
 
 
+def is_date(text: str) -> bool:
+    """Return whether a field is a date without a time of day."""
+    return re.fullmatch(_DATE, text.strip()) is not None
+
+
 def is_value(cell: str, decimal: str) -> bool:
     """Return whether a field is a number, a time or a date."""
     return (

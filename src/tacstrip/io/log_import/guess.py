@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -14,11 +16,12 @@ from tacstrip.io.log_import.columns import Columns, above, find_columns
 from tacstrip.io.log_import.doubts import raise_doubts
 from tacstrip.io.log_import.mapping import ColumnMapping
 from tacstrip.io.log_import.names import meaning
-from tacstrip.io.log_import.questions import Clues
+from tacstrip.io.log_import.questions import KEYS, Clues, Unanswered
 from tacstrip.io.log_import.scans import LogScan, scans, strip_numbers
 from tacstrip.io.log_import.table import Table
 from tacstrip.sensor.spec import Sensor
 
+Read = TypeVar("Read")
 _MOST_COMPLETE = 0.5  # of the scans: if more have all strips, lines are lost where others have not
 
 
@@ -53,10 +56,54 @@ def propose(table: Table, sensor: Sensor | None = None, answers: Mapping[str, st
     OptionError
         An answer to nothing, or one that is not possible.
     """
-    clues = Clues(table, sensor, dict(answers or {}))
+    return settled(table, lambda found: _proposed(found, sensor, dict(answers or {})))
+
+
+def settled(table: Table, read: Callable[[Table], Read]) -> Read:
+    """Return what `read` makes of a log, without its stray lines where it is not understood with them.
+
+    Errors are those of the log as it stands, unless without strays less is open.
+    """
+    fewest: float = np.inf
+    kept: Exception | None = None
+    for one in itertools.chain([table], table.retries()):
+        try:
+            return read(one)
+        except (ReadingError, OptionError, Unanswered) as error:
+            open_ = _open(error)
+            if kept is None or open_ < fewest:
+                fewest, kept = open_, error
+            # A line of a form of its own may name a value that all others lack.
+            lacks = isinstance(error, Unanswered) and "missing" in {q.key for q in error.questions}
+            if open_ < np.inf and not lacks:
+                break
+    if fewest == np.inf and table.refused:
+        raise table.refused
+    assert kept is not None
+    raise kept
+
+
+def _open(error: Exception) -> float:
+    """Return how much of a log is open; inf where it is not understood: nothing tells what its columns are."""
+    if not isinstance(error, Unanswered) or any(
+        q.key not in KEYS or q.key == "readings" for q in error.questions
+    ):
+        return np.inf
+    return sum(q.key != "broken_lines" for q in error.questions)
+
+
+def _proposed(table: Table, sensor: Sensor | None, answers: dict[str, str]) -> Proposal:
+    clues = Clues(table, sensor, answers)
     mapping, _ = assembled(clues)
     clues.stop()
-    return Proposal(mapping, scans(table, mapping), tuple(clues.reasons))
+    dropped: list[int] = []
+    found = scans(table, mapping, dropped)
+    if dropped:
+        clues.because(
+            f"{len(dropped)} scan(s) left out, from line(s) {', '.join(map(str, dropped))}: a line left out may be of "
+            "these, and of strips that they lack it is not known whether anything touches them"
+        )
+    return Proposal(mapping, found, tuple(clues.reasons))
 
 
 def assembled(clues: Clues) -> tuple[ColumnMapping, list[LogScan]]:

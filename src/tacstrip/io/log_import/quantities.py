@@ -33,7 +33,7 @@ _EVEN = 0.2  # of the largest step: so much may others of a clock be less
 _BITS = (8, 10, 12, 14, 16, 24)
 _FEW_CODES = 6  # distinct readings that lie on a converter's steps: no chance
 _FAR = 1e5  # usual steps: no pause is as long
-_FAR_LAST = 300.0  # times the largest step before
+_FAR_LAST = 300.0  # times the largest other step
 _JUMP = 5.0  # usual steps: so much a clock may rise where it begins anew
 _EPOCHS = {"s": 1e9, "ms": 1e12, "us": 1e15, "ns": 1e18}  # since 1970, up to 2.2 times that
 _SAME_TIME = 0.5  # of the scans: if more have the time of the one before, the clock is too coarse
@@ -126,7 +126,8 @@ def settled_time(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> 
                 clues.ask("rate_hz", text, "50")
         return replace(mapping, rate_hz=rate or 0.0)
     steps = np.diff([s.time_s for s in rough])
-    if len(steps) > 2 and steps[0] > _FAR * np.median(steps[1:]) > 0.0:
+    far = _FAR_LAST * max(steps[1:], default=0.0) if len(steps) > _FEW_CODES else _FAR * np.median(steps[1:])
+    if len(steps) > 2 and steps[0] > far > 0.0:
         raise ReadingError(
             f"line {rough[1].line}: the time jumps as at no other line from {rough[0].time_s:g} s; if the line before "
             "is cut, take it out"
@@ -269,6 +270,9 @@ def numbers_for_nothing(clues: Clues, rough: list[LogScan]) -> tuple[str, ...]:
         found.append(f"{rest.pop():g}")
         clues.because(f"{found[-1]} stands for no contact: all other readings are far below it")
     rests = clues.sensor is not None and clues.sensor.rest_volt is not None
+    if rest and clues.answers.get("missing") == "untouched":  # the others may have noise, all the same
+        idle = np.isnan(values).all(axis=2)  # (scans, strips)
+        values = np.where(idle[:, :, None], rest[0], values)[:, ~idle.all(axis=0)]
     if rest and not (rests or found or np.isnan(values).any()):
         found += _at_an_end(clues, values, rest)
     return tuple(found)

@@ -44,8 +44,8 @@ def field_value(text: str, decimal: str, untouched: frozenset[str] = frozenset()
     return float("nan") if f"{value:g}" in untouched or value < below else value
 
 
-def scans(table: Table, mapping: ColumnMapping) -> list[LogScan]:
-    """Return a log's scans.
+def scans(table: Table, mapping: ColumnMapping, dropped: list[int] | None = None) -> list[LogScan]:
+    """Return a log's scans; to `dropped` go the first lines of those that broken lines may have been of.
 
     Raises
     ------
@@ -69,7 +69,11 @@ def scans(table: Table, mapping: ColumnMapping) -> list[LogScan]:
         raise ReadingError(
             f"line {table.absent} lacks a value that others have; if it is no contact, --answer missing=untouched"
         )
-    found = list(_scans(*_in_order(table, _times(table, mapping), mapping), mapping))
+    found = list(
+        _scans(
+            *_in_order(table, _times(table, mapping), mapping), mapping, [] if dropped is None else dropped
+        )
+    )
     if not found:
         raise ReadingError("the log has no readings")
     found = _from_one_clock(found, mapping)
@@ -174,8 +178,13 @@ def _in_order(
     return Table(table.names, rows, lines, table.decimal, broken=table.broken), times[order]
 
 
-def _scans(table: Table, times: FloatArray | None, mapping: ColumnMapping) -> Iterator[LogScan]:
-    """Yield scans: a new one begins with the next number or time, or when a strip comes again."""
+def _scans(
+    table: Table, times: FloatArray | None, mapping: ColumnMapping, dropped: list[int]
+) -> Iterator[LogScan]:
+    """Yield scans: a new one begins with the next number or time, or when a strip comes again.
+
+    One that lacks strips is dropped if a broken line may have been of it: what it said of them is not known.
+    """
     untouched, channels = frozenset(mapping.untouched), mapping.channels
     strips = _placed(strip_numbers(table, mapping), table, mapping) if mapping.strip else None
     which = which_channels(table, mapping) if mapping.which else None
@@ -184,7 +193,15 @@ def _scans(table: Table, times: FloatArray | None, mapping: ColumnMapping) -> It
     shape = (mapping.strips, len(channels))
     scan: LogScan | None = None
     seen: dict[tuple[int, int], int] = {}
-    count, last = -1, 0
+    count, last, ended = -1, 0, 0
+
+    def closed(scan: LogScan, until: float) -> Iterator[LogScan]:
+        per_line = mapping.strip or mapping.which
+        if per_line and len(seen) < scan.values.size and any(ended < b < until for b in table.broken):
+            dropped.append(scan.line)
+        else:
+            yield _complete(scan, seen, mapping)
+
     for n, line in enumerate(table.lines):
         targets = [
             (name, place, strips[n] if strips else strip, channels.index(which[n]) if which else end)
@@ -202,7 +219,8 @@ def _scans(table: Table, times: FloatArray | None, mapping: ColumnMapping) -> It
             new = scan is None or again
         if new:
             if scan is not None:
-                yield _complete(scan, seen, mapping)
+                yield from closed(scan, line)
+                ended = table.lines[last]
             count += 1
             time = float(times[n]) if times is not None else count / (mapping.rate_hz or np.inf)
             scan, seen = LogScan(time, np.full(shape, np.nan), line), {}
@@ -223,9 +241,8 @@ def _scans(table: Table, times: FloatArray | None, mapping: ColumnMapping) -> It
                 ) from None
             seen[strip, end] = line
         last = n
-    cut = bool(table.broken) and scan is not None and table.broken[-1] > scan.line
-    if scan is not None and not (cut and len(seen) < scan.values.size):
-        yield _complete(scan, seen, mapping)
+    if scan is not None:
+        yield from closed(scan, np.inf)
 
 
 def _targets(table: Table, mapping: ColumnMapping) -> list[tuple[str, int, int, int]]:

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from tacstrip.errors import ReadingError
-from tacstrip.io.log_import.fields import array_of, clock_seconds, number_of, quantity
+from tacstrip.io.log_import.fields import array_of, clock_seconds, is_date, number_of, quantity
 from tacstrip.io.log_import.names import IN_VOLTS, READING_UNITS, TIME_UNITS, UNITS, meaning, meanings
 from tacstrip.io.log_import.table import ROW, Table, flattened
 
@@ -31,7 +31,7 @@ def in_normal_form(table: Table) -> Table:
     two, merged cells are filled, a column that only counts the rows is left out, and columns of scans become rows.
     """
     steps: tuple[Callable[[Table], Table], ...] = (
-        _without_empty, _of_one_clock, _of_two_numbers, _transposed, _spread, _without_units, _of_unit_column,
+        _without_empty, _of_day_and_clock, _of_one_clock, _of_two_numbers, _transposed, _spread, _without_units, _of_unit_column,
         _in_one_unit, _upright, _split_keys, _filled, _without_index,
     )  # fmt: skip
     for step in steps:
@@ -49,6 +49,21 @@ def _without_empty(table: Table) -> Table:
     columns = {n: table.column(n) for n in table.names}
     kept = {n: f for n, f in columns.items() if any(f) or not re.fullmatch(r"column \d+", n)}
     return _with(table, kept) if table.named and 0 < len(kept) < len(columns) else table
+
+
+def _of_day_and_clock(table: Table) -> Table:
+    """Put dates that stand in a column of their own, and are not all one, before the times of day."""
+    dates = [n for n in table.names if len(fields := {*table.column(n)}) > 1 and all(map(is_date, fields))]
+    clocks = [
+        n for n in table.names
+        if n not in dates and all(f.count(":") > 1 and clock_seconds(f) is not None for f in table.column(n))
+    ]  # fmt: skip
+    if len(dates) != 1 or len(clocks) != 1 or clock_seconds(f"{table.column(dates[0])[0]} 0:00:00") is None:
+        return table
+    columns = {n: table.column(n) for n in table.names if n != dates[0]}
+    days = table.column(dates[0])
+    columns[clocks[0]] = [f"{d.strip()} {t}" for d, t in zip(days, columns[clocks[0]], strict=True)]
+    return _with(table, columns, f"{dates[0]} and {clocks[0]}: a date and a time of day")
 
 
 def _of_one_clock(table: Table) -> Table:

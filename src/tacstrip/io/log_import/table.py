@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -60,6 +60,10 @@ class Table:
         What stands on broken lines, as far as that is known.
     empty
         Rows that stand for scans without a line.
+    retries
+        The tables that the log would be without its stray lines, the fewest set aside first.
+    refused
+        Why the log is none with its stray lines.
     """
 
     names: tuple[str, ...]
@@ -73,6 +77,8 @@ class Table:
     absent: int = 0
     quotes: Mapping[int, str] = field(default_factory=dict)
     empty: int = 0
+    retries: Callable[[], Iterator[Table]] = field(default=lambda: iter(()), repr=False, compare=False)
+    refused: ReadingError | None = None
 
     def column(self, name: str) -> list[str]:
         """Return the fields of a column."""

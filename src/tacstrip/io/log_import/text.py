@@ -20,6 +20,7 @@ from tacstrip.io.log_import.names import meaning
 from tacstrip.io.log_import.records import STEADY, Item, is_label, items, named_values, of_literals
 from tacstrip.io.log_import.sections import in_one_table
 from tacstrip.io.log_import.shape import in_normal_form
+from tacstrip.io.log_import.strays import with_retries, without
 from tacstrip.io.log_import.table import CLOCK, ROW, Table, decimal_mark, headed
 
 _WIDE = "  "  # two spaces or more
@@ -90,13 +91,18 @@ def _in_utf16(raw: bytes, file: Path, name: str) -> str:
 
 def of_text(text: str, path: str | Path = "the log") -> Table:
     """Return a text as a table in normal form; errors as of `read_table`."""
-    text = plain_rows(text.translate(_HALF_WIDTH))
+    return with_retries(text, lambda strays: _of_lines(text, path, strays))
+
+
+def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
+    """Return a text as a table in normal form, as if some of its lines were not there."""
+    text = plain_rows(without(text, strays).translate(_HALF_WIDTH))
     if (table := of_literals(text, path) or of_dialect(text, str(path))) is not None:
         return in_normal_form(table)
     text = re.sub(r"\x1b\[[0-9;]*[A-Za-z]", "", text)  # a terminal's colours
     # The empty lines in between tell where blocks begin.
     every = [(i, line) for i, line in enumerate(re.split(r"\r\n|\r\r\n|\n|\r", text), 1)]
-    every = one_page(unwrapped(every))
+    every = one_page(unwrapped([(i, line) for i, line in every if i not in strays]))
     lines = [(i, line) for i, line in every if line.strip() and not _RULE.fullmatch(line)]
     lines = [(i, line) for i, line in lines if not _SHELL.fullmatch(line)]
     if not lines:

@@ -1,0 +1,132 @@
+"""Lines of a log that have not the form that nearly all others share: which they are, and the log without them."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+from tacstrip.errors import ReadingError
+from tacstrip.io.log_import.fields import is_prose, says_nothing
+from tacstrip.io.log_import.table import Table
+
+_NUMBER = re.compile(r"(?<![A-Za-z])[+-]?(?:\d+(?:[.,:/-]\d+)*|\.\d+)(?:[eE][+-]?\d+)?|\b0x[\dA-Fa-f]+\b")
+_WORD = re.compile(r"[^\W\d_]+(?:/[^\W\d_]+)*|-{1,3}(?=[\s,;|]|\Z)")
+_FIELD = re.compile(r"\s*[,;|\t]\s*|\s+")
+_NAMES_ITSELF = re.compile(r"[^\W\d_]{2,}\d*\s*[:=]")  # a line that needs no names above it
+_PATH = re.compile(r"[^\W\d]\w*/\w+")
+_OTHER_TOPICS = 0.5  # times the lines of the commonest path: others are of something else
+_OFTEN, _FEW = 3, 0.05  # lines, and part of all lines, that have a form in common: fewer of one are strays
+_MOST = 0.25  # of all lines: more strays are no strays
+_SHOWN, _LONG = 5, 40  # strays, and characters of each, that are quoted
+
+Read = Callable[[frozenset[int]], Table]
+
+
+def form_of(line: str) -> str:
+    """Return what a line has in common with others that hold other numbers.
+
+    Examples
+    --------
+    >>> form_of("S1  2.5 V, nan"), form_of("12:03:01 -> 5,,7")
+    ('S0 0 V, 0', '0 -> 0,0,0')
+    """
+    line = re.sub(r"\d+", "0", _NUMBER.sub("0", " ".join(line.split())))
+    line = _WORD.sub(lambda m: "0" if says_nothing(m.group()) else m.group(), line)
+    return re.sub(r"(?<=[,;|])(?=[,;|]|\Z)", "0", line)
+
+
+def stray_lines(text: str) -> list[frozenset[int]]:
+    """Return the sets of lines (from 1) that may be strays, the smallest first.
+
+    Those at the end and above the table, then with those in between. The last line above is kept where it may hold
+    the names of columns.
+    """
+    lines = [
+        (n, form_of(line)) for n, line in enumerate(re.split(r"\r\n|\r\r\n|\n|\r", text), 1) if line.strip()
+    ]
+    many = Counter(form for _, form in lines)
+    often = max(_OFTEN, _FEW * max(many.values(), default=0))
+    common = [n for n, form in lines if many[form] >= often]
+    if not common:
+        return []
+    rare = [n for n, form in lines if many[form] < often]
+    head, tail = [n for n in rare if n < common[0]], [n for n in rare if n > common[-1]]
+    inner = [n for n in rare if common[0] < n < common[-1]]
+    tried = [tail, head[:-1] + tail]
+    wide = len(_FIELD.split(max(many, key=lambda form: many[form])))
+    above = form_of(dict(_numbered(text))[head[-1]]) if head else ""
+    names = len(_FIELD.split(above)) >= wide - 1 and re.search(r"[^\W\d_]", above)
+    if not names or any(_NAMES_ITSELF.search(form) for _, form in lines if many[form] >= often):
+        tried.append(head + tail)
+    tried += [part + inner for part in ([], *tried)]
+    usual = max(many.values())
+    topics = [n for n, form in lines if _PATH.search(form) and _FEW <= many[form] / usual < _OTHER_TOPICS]
+    tried += [head + inner + tail + topics] if topics else []
+    sets = [s for s in dict.fromkeys(map(frozenset, tried)) if s]
+    return [s for s in sets if len(s - {*head}) <= _MOST * len(lines)]
+
+
+def without(text: str, lines: frozenset[int]) -> str:
+    """Return a text with some of its lines empty, so that the others keep their numbers."""
+    return "\n".join("" if n in lines else line for n, line in _numbered(text))
+
+
+def _numbered(text: str) -> list[tuple[int, str]]:
+    return list(enumerate(re.split(r"\r\n|\r\r\n|\n|\r", text), 1))
+
+
+def with_retries(text: str, read: Read) -> Table:
+    """Return the table of a text, of which `read` leaves lines out; with those that lines set aside would make of it.
+
+    Raises
+    ------
+    ReadingError
+        It is no table, whatever is set aside.
+    """
+
+    def retries() -> Iterator[Table]:
+        for strays in stray_lines(text):
+            try:
+                yield _told(read(strays), strays, dict(_numbered(text)))
+            except ReadingError:
+                continue
+
+    try:
+        return replace(read(frozenset()), retries=retries)
+    except ReadingError as error:
+        others = retries()
+        refused = error
+        if strays := max(stray_lines(text), key=len, default=frozenset()):
+            shown = _quoted(sorted(strays), dict(_numbered(text)))
+            refused = ReadingError(
+                f"{error}\n  not of the others' form: {shown}; take out what is no reading"
+            )
+        if (table := next(others, None)) is None:
+            raise refused from None
+        return replace(table, retries=lambda: others, refused=refused)
+
+
+def _quoted(lines: list[int], texts: dict[int, str]) -> str:
+    shown = ", ".join(f"line {n} ({texts[n].strip()[:_LONG]!r})" for n in lines[:_SHOWN])
+    return shown + (f" and {len(lines) - _SHOWN} more" if len(lines) > _SHOWN else "")
+
+
+def _told(table: Table, strays: frozenset[int], texts: dict[int, str]) -> Table:
+    """Return a table that says which lines were set aside: broken, if they may hold readings."""
+    first, last = min(table.lines, default=0), max(table.lines, default=0)
+    words = {w.casefold() for name in table.names for w in re.findall(r"[^\W\d_]+", name)}
+    there = sorted(n for n in strays if n not in table.lines)
+    broken = [
+        n for n in there
+        if n > first and re.search(r"\d", texts[n]) and not is_prose(texts[n], words)
+    ]  # fmt: skip
+    said = _quoted(there, texts)
+    return replace(
+        table,
+        remarks=(f"{len(there)} line(s) set aside, for they have not the form of the others: {said}", *table.remarks),
+        broken=tuple(sorted({*table.broken, *broken})),
+        quotes={**table.quotes, **{n: texts[n].strip() for n in broken}},
+        preamble=(*(texts[n] for n in there if n <= last), *table.preamble),
+    )  # fmt: skip
