@@ -381,7 +381,7 @@ def test_covariances_agree(vertical_ends: tuple[int, int]) -> None:
             fit.theta[END_ENTRIES] + 0.5 / 60
         )  # an edge that crosses one strip or none
     outline = Outline(*fit.chains_mm(problem))
-    got = fit.covariance(problem, sensor)
+    got = fit.linear_covariance(problem, sensor)
     wanted = covariance_with_x_priors(outline, sensor, fit.information_root(problem))
     scale = np.sqrt(wanted.diagonal())
     np.testing.assert_allclose(got / np.outer(scale, scale), wanted / np.outer(scale, scale), atol=1e-6)

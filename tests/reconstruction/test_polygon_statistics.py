@@ -63,3 +63,23 @@ def test_regions_hold_the_truth_in_93_to_97_percent(
     right, inside = _trials(construction, names, kind, known, 2000)
     assert right >= 0.97  # their kinks may be weak: benchmarks/transitions.py has counts where they are not
     assert 0.93 <= inside <= 0.97
+
+
+@pytest.mark.parametrize("pitch", [8.0, 10.0])
+def test_corners_hold_where_an_edge_crosses_one_strip(pitch: float) -> None:
+    """A line through that strip and the one beside its corner seems to tell to .2 mm where the corner is."""
+    random = np.random.default_rng(1)
+    sensor = Sensor(construction="crs-crs", strips=int(100 / pitch), pitch_mm=pitch, length_mm=100.0)
+    noise = Noise(positional=0.005)
+    inside = []
+    for _ in range(40):
+        true = np.array([(22.0, 18.0), (70.0, 34.0), (62.0, 72.0), (30.0, 66.0)]) + random.uniform(-3, 3, 2)
+        scan = simulate(sensor, Contact.polygon(true), noise, rng=random)
+        found = fit_polygon(scan, sensor, noise, bounded=False, assessment="none").objects[0]
+        for i, vertex in enumerate(found.vertices if len(found.vertices) == 4 else ()):
+            assert found.covariance is not None
+            off = vertex - true[np.linalg.norm(true - vertex, axis=1).argmin()]
+            own = found.covariance[2 * i : 2 * i + 2, 2 * i : 2 * i + 2]
+            inside.append(off @ np.linalg.solve(own, off) < 5.99)
+    assert len(inside) > 100
+    assert np.mean(inside) > 0.9

@@ -20,6 +20,8 @@ from tacstrip.sensor.spec import Sensor
 
 _FINE, _SETTLED = 40, 1e-4  # steps of a last descent, and the gain in chi square that ends it
 _CLOSED = 1e-12  # of the strip length
+_APART = 1e-6  # of the run: vertices of a chain
+_TOLD = 6.0  # deviations of a strip's readings between two edges: less, and either explains them
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,7 +171,21 @@ class PolygonFit:
         return np.stack([x, y], axis=1).ravel()
 
     def covariance(self, problem: FitProblem, sensor: Sensor) -> FloatArray:
-        """Return the covariance of the vertices (2 V, 2 V) [mm^2], see `covariance_with_x_priors`."""
+        """Return the covariance of the vertices (2 V, 2 V) [mm^2], see `covariance_with_x_priors`.
+
+        An edge that crosses two strips, of which the next edge explains one as well, may cross the other one alone: its
+        vertices are anywhere within a pitch then, though a line through both strips seems to tell their place.
+        """
+        fit = self._with_loose_edges(problem)
+        covariance = fit.linear_covariance(problem, sensor)
+        if fit is not self:
+            scale = np.tile([problem.width_mm, problem.length_mm], self.n_vertices)
+            off = (self.theta[self._vertex_entries()] - fit.theta[fit._vertex_entries()]) * scale
+            covariance += np.kron(np.eye(self.n_vertices), np.ones((2, 2))) * np.outer(off, off)
+        return covariance
+
+    def linear_covariance(self, problem: FitProblem, sensor: Sensor) -> FloatArray:
+        """Return the covariance of the vertices (2 V, 2 V) [mm^2] by slopes at this outline alone."""
         core = exported("vertex_covariance")
         if core is not None:
             record, x_mm = self.record, sensor.x_mm
@@ -179,6 +195,51 @@ class PolygonFit:
                 return covariance
         outline = Outline(*self.chains_mm(problem))
         return covariance_with_x_priors(outline, sensor, self.information_root(problem))
+
+    def _with_loose_edges(self, problem: FitProblem) -> PolygonFit:
+        """Return it, vertices of edges that may cross one strip or none moved to the middle of where they may be."""
+        theta = self.theta.copy()
+        for side, points in enumerate(self.chains):
+            places = np.searchsorted(problem.x, points[:, 0]).tolist()
+            for i in range(len(points) - 1):
+                if not 2 <= (crossed := places[i + 1] - places[i]) <= 3:
+                    continue
+                moved = points.copy()
+                for vertex, edge, strip, by in (
+                    (i, points[max(i - 1, 0) : i + 1], places[i], 0.5),
+                    (i + 1, points[i + 1 : i + 3], places[i + 1] - 1, -0.5),
+                ):
+                    if len(edge) == 2 and (place := self._beside(problem, side, edge, strip, by)):
+                        moved[vertex], crossed = place, crossed - 1
+                if crossed <= 1 and (np.diff(moved[:, 0]) > _APART).all():
+                    points = moved
+            entries = END_ENTRIES + 2 * np.flatnonzero(self.chain == side)
+            theta[entries], theta[entries + 1] = points[1:-1].T
+        if np.array_equal(theta, self.theta):
+            return self
+        order = np.argsort(theta[END_ENTRIES::2], kind="stable")
+        vertices = theta[END_ENTRIES:].reshape(-1, 2)[order]
+        theta = np.concatenate([theta[:END_ENTRIES], vertices.ravel()])
+        return PolygonFit(theta, self.chain[order], self.vertical_ends, self.cost)
+
+    def _beside(
+        self, problem: FitProblem, side: int, edge: FloatArray, strip: int, by: float
+    ) -> tuple[float, float] | None:
+        """Return the place `by` pitches from a strip on an edge (2, 2), lengthened, that explains it as the chain does.
+
+        None where the readings contradict it.
+        """
+        (ax, ay), (bx, by_) = edge.tolist()
+        x = problem.x
+        to = float(x[strip] + by * (x[1] - x[0]))
+        if not ax < bx:
+            return None
+        slope = (by_ - ay) / (bx - ax)
+        ends = [e[strip : strip + 1] for e in self.ends(x)]
+        there = problem.readings_of(*ends)
+        ends[side] = np.array([ay + slope * (x[strip] - ax)])
+        off = (problem.readings_of(*ends) - there)[:, 0] * problem.root_weight[:, strip]
+        return (to, ay + slope * (to - ax)) if np.linalg.norm(off) < _TOLD else None
 
     @classmethod
     def of(cls, outline: Outline, problem: FitProblem) -> PolygonFit:
