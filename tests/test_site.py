@@ -109,6 +109,9 @@ def test_an_example_is_short_and_draws(file: Path) -> None:
     text = file.read_text(encoding="utf-8")
     assert len(text.splitlines()) <= MOST_LINES
     code = ast.parse(text)
+    words = {n.value for n in ast.walk(code) if isinstance(n, ast.Constant) and isinstance(n.value, str)}
+    beside = {w for w in words if Path(w).suffix and "\n" not in w and (file.parent / w).is_file()}
+    assert not beside or ".exists()" in text, f"a download has no {beside}"
     title, underline = (ast.get_docstring(code) or "\n").splitlines()[:2]
     assert underline == "=" * len(title)
     assert "figure" in {

@@ -24,7 +24,9 @@ raw = {name: gain * k + offset + rng.uniform(-0.002, 0.002, k.shape) for name, k
 runs = ts.Runs(l_mm, w_mm, raw, line=np.arange(2, 62).reshape(6, 10), rest={})
 result = ts.calibrate_unit(sensor, runs, model="offset+gain")
 print(result.status, result.advice)
-print(f"root mean square error: {result.rms_percent}")
+print(
+    f"off by {result.rms_percent(result.before):.2f} % of Vref, after it {result.rms_percent(result.after):.2f} %"
+)
 print(np.round(result.sensor.calibration.channel("kh").offset, 3), "is", offset.round(3))
 
 # %%

@@ -12,7 +12,7 @@ from tacstrip import plot
 fingertip, noise = ts.Sensor.load("fingertip"), ts.Noise(positional=0.005)
 pen = ts.Solid.cylinder(4.0).at((20, 0, 20), toward=(-1, 0, -1), turn_rad=0.5)
 patch = ts.press(fingertip, pen, depth_mm=1.5)
-print(f"true: {patch.area_mm2:.0f} mm2, {patch.force_n:.1f} N, {len(patch.touched)} strips touched")
+print(f"true: {patch.area_mm2:.0f} mm2, {patch.force_n:.1f} N, {patch.touched.sum()} strips touched")
 
 scan = ts.simulate(fingertip, patch, noise, rng=1)
 found = ts.fit_solid(scan, fingertip, ts.Solid.cylinder(6.0), noise)  # "a cylinder, some 6 mm"

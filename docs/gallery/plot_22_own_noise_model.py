@@ -28,7 +28,8 @@ guessed = ts.reconstruct(scan, sensor)  # the noise is estimated from the residu
 told = ts.reconstruct(scan, sensor, ts.Noise(white=0.005))  # its typical size
 
 # %%
-# The parts that :class:`tacstrip.Noise` knows by name need no code: white noise, wander, hum, strays, soft edges.
+# The parts that :class:`tacstrip.Noise` knows by name need no code: white noise, wander, hum, strays, soft edges. For
+# errors that are not independent their size is not enough: :doc:`what to tell the fit </guide/noise>`.
 
 figure, axes = plt.subplots(1, 2, figsize=(7, 3.3), layout="constrained")
 for ax, found, title in zip(axes, (guessed, told), ("noise estimated", "noise given"), strict=True):

@@ -17,23 +17,24 @@ import tacstrip as ts
 
 sensor = ts.Sensor(construction="crs-crs", strips=20, pitch_mm=5.0, length_mm=100.0)
 block = ts.Contact.polygon([(30, 30), (60, 34), (56, 70), (26, 60)])
-scans = [
-    ts.simulate(sensor, block.moved(i, 0.0), ts.Noise(positional=0.003), rng=i, time_s=0.01 * i)
-    for i in range(5)
-]
+noise = ts.Noise(positional=0.003)
+scans = [ts.simulate(sensor, block.moved(i, 0.0), noise, rng=i, time_s=0.01 * i) for i in range(5)]
 folder = Path(tempfile.mkdtemp())
 sensor.save(folder / "sensor.toml")
 ts.write_readings(folder / "readings.csv", sensor, scans)
 
-command = ["tacstrip", "live", "sensor.toml", "readings.csv", "--no-view", "--json"]
-command += ["--noise", "0.003"]  # else it is estimated, and of twenty strips that is rough
+command = ["tacstrip", "live", "sensor.toml", "readings.csv", "--no-view", "--json", "--noise", "0.003"]
 lines = subprocess.run(command, capture_output=True, text=True, check=True, cwd=folder).stdout.splitlines()
 frame = json.loads(lines[-1])
 print(len(lines), "frames; the last one:", json.dumps(frame["objects"])[:200], "...")
 
 # %%
-# :doc:`The page's functions </guide/live>`: dragging simulated objects, recording, health of every strip.
+# :doc:`The page's functions </guide/live>`: dragging simulated objects, recording, health of every strip. Where this
+# file was downloaded alone, without the repository's picture, the last outline is drawn.
 
 figure, axes = plt.subplots(figsize=(7, 4.5), layout="constrained")
-axes.imshow(plt.imread(Path("../pictures/live.png")))
-axes.axis("off")
+if (picture := Path("../pictures/live.png")).exists():
+    axes.imshow(plt.imread(picture))
+    axes.axis("off")
+else:
+    axes.fill(*zip(*frame["objects"][0]["vertices_mm"], strict=True), fill=False)

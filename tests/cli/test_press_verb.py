@@ -23,6 +23,7 @@ def test_skin_object_and_patch_come_out(tmp_path: Path, monkeypatch: pytest.Monk
     words = ["press", "tip.toml", "cylinder:4", *POSE, "--turn", "30", "--depth", "1.5", "-o", "r.csv"]
     done = run(cli, [*words, "--patch", "p.json", "--plot", "p.png"], catch_exceptions=False)
     assert "3 of 16 strips touched" in done.output
+    assert "readings without noise: give --positional" in done.output
     sensor = ts.Sensor.load("tip.toml")
     (scan,) = ts.read_readings("r.csv", sensor)
     patch = json.loads(Path("p.json").read_text())

@@ -84,7 +84,10 @@ def test_volts_of_untouched_strips(tmp_path: Path) -> None:
 
 FAULTS: dict[str, tuple[str | bytes, str]] = {
     "empty file": ("", "the file is empty; readings need a header line"),
-    "semicolons": ("scan;time_s;strip;v_h\n", "columns are separated by ';'; separate them by commas"),
+    "semicolons": (
+        "scan;time_s;strip;v_h\n",
+        "separated by ';'; separate them by commas, .* `tacstrip import LOG",
+    ),
     "column twice": ("scan,time_s,strip,v_h,v_h\n", "column 'v_h' is there twice"),
     "decimal commas": (
         HEAD + "0,0,0,1,5,1,5\n",
@@ -210,6 +213,9 @@ def test_missing_file(tmp_path: Path) -> None:
         ts.read_readings(tmp_path / "none.csv", CRS)
     with pytest.raises(ts.ReadingError, match="cannot be read"):
         ts.read_readings(tmp_path, CRS)
+    (tmp_path / "session.mcap").touch()
+    with pytest.raises(ts.ReadingError, match=r"is a recording, .*`tacstrip convert .*session\.mcap -o"):
+        ts.read_readings(tmp_path / "session.mcap", CRS)
 
 
 @given(

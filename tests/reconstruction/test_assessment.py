@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -66,3 +68,15 @@ def test_few_strips_of_one_signature_are_never_sure_enough(effort: Effort) -> No
     assert run.ellipse is not None
     assert run.ellipse_advantage > 10.0
     assert probability(doubts(1.0, run, run.ellipse, 42), effort) < ENOUGH_OF_ONE
+
+
+def test_advice_asks_for_a_second_signature_only_where_the_sensor_has_one() -> None:
+    square = ts.Contact.polygon([(20, 20), (70, 20), (70, 70), (20, 70)])
+    for kind, wanted in (("crs-crs", "use both signatures"), ("crs-m", "use finer strips or two signatures")):
+        sensor = ts.Sensor(construction=kind, strips=12, pitch_mm=8.0, length_mm=100.0)
+        noise = ts.Noise(positional=0.005)
+        scan = ts.simulate(sensor, square, noise, rng=1)
+        one = ts.Scan(k=scan["k"]) if kind == "crs-m" else ts.Scan(kl=scan["kl"])
+        found = ts.fit_polygon(one, sensor, noise, assessment="fast").objects[0]
+        assert found.status == "doubtful"
+        assert re.findall("use .*?signatures", found.advice)[0] == wanted

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from tacstrip.arrays import FloatArray, plain
 from tacstrip.cli import cli
 from tacstrip.core.binding import exported
 from tacstrip.core.rigid import descend, loss
+from tacstrip.geometry.moments import moments
 from tacstrip.tracking.episodes import episodes, spanned
 from tacstrip.tracking.geojson import track_collection
 from tacstrip.tracking.rigid.covariance import covariances, information, joint_bound
@@ -355,6 +357,10 @@ def test_the_verb_writes_tracks_and_a_picture(tmp_path: Path) -> None:
     )
     assert done.exit_code == 0, done.output
     assert "object 1: ok, 20 scans" in done.stderr
+    told = re.search(r"its centroid moved (\S+) mm across and (\S+) mm along", done.stderr)
+    assert told is not None
+    way = np.ptp([moments(at(CORNERS, pose))[1] for pose in sliding(20)], axis=0)
+    np.testing.assert_allclose([float(mm) for mm in told.groups()], way, atol=0.5)
     (feature,) = json.loads((tmp_path / "t.geojson").read_text())["features"]
     assert len(feature["properties"]["poses"]) == 20
     assert feature["geometry"]["type"] == "Polygon"

@@ -141,7 +141,7 @@ def calibrate_unit(
     sensor, runs
         The sensor, and what it read; a calibration that it has already is replaced.
     model
-        "auto": chosen by cross-validation; "mean": the thesis' mean offsets; or parts, "offset+ratio+lambda".
+        "auto": chosen by evidence; "mean": the thesis' mean offsets; or parts, "offset+ratio+lambda".
     unit
         Name of this very unit, kept with its calibration.
     force

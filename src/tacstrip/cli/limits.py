@@ -219,6 +219,12 @@ def _show_designs(reached: list[Design], others: list[Design], tried: int, wante
         click.echo(f"{len(others)} more reach it with less noise{'' if reached else ', in `noise %`'}")
     if not (reached or others):
         return
+    if reached:
+        best = max(reached, key=lambda d: (d.sensor.pitch_mm, -d.sensor.strips, d.noise)).sensor
+        click.echo(
+            f"The coarsest that does: pitch {best.pitch_mm:.4g} mm, {best.strips} strips {best.length_mm:.4g} mm long, "
+            f"{best.construction}, {best.adc_bits} bits"
+        )
     reached = reached or others
     click.echo(
         "`error`: with the noise that you gave; `noise %`: the largest that still reaches it (half-width, % of Vref)"

@@ -116,8 +116,8 @@ SEED = click.option(
 )
 TURN = click.option("--turn", type=NUMBER, default=0.0, metavar="DEG", help="Turn the contact anticlockwise.")
 AT = click.option("--at", type=POINT, metavar="X Y", help="Put the contact's centroid here [mm].")
-WITHOUT = click.option("--without", multiple=True, metavar="STRIP:CHANNEL",
-                       help="Leave out a dead, stuck or saturated channel, such as 7:v_h; repeat.")  # fmt: skip
+WITHOUT = click.option("--without", multiple=True, metavar="STRIP[:CHANNEL]",
+                       help="Leave out a dead or stuck channel, as 7:v_h, or a strip, as 7; repeat.")  # fmt: skip
 MODEL = click.option("--model", help="closed or network; by default closed where there are closed forms.")
 ELECTRODES = click.option("--electrodes", default="own", show_default=True, help="CRS-CRP: own or all.")
 

@@ -99,6 +99,7 @@ def command(
         f"{output}: {f'{len(scans)} scans, ' if path else ''}{touched} of {spec.strips} strips touched, "
         f"{'up to ' if path else ''}{most.area_mm2:.4g} mm2, {most.force_n:.4g} N, "
         f"{most.max_indentation_mm if path else most.depth_mm:.4g} mm deep"
+        f"{'; readings without noise: give --positional 0.005 or the like' if noise == Noise() else ''}"
     )
     if not touched:
         warn("no strip is touched: the object lies between centre lines, or where the skin has no strips")

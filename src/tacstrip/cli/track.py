@@ -15,6 +15,8 @@ from tacstrip.cli.replay import warn_of_cut
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError, ReadingError
 from tacstrip.files import replacing
+from tacstrip.geometry.moments import moments
+from tacstrip.geometry.pose import placed
 from tacstrip.io.input_checks import half_read, implausible, misread
 from tacstrip.io.readings import read_readings
 from tacstrip.sensor.raw import invert_calibration
@@ -134,11 +136,13 @@ def _line(one: Track) -> str:
         text += f", {len(one.outline)} corners, {one.area_mm2:.6g} mm2"
         if np.isfinite(one.area_deviation_mm2):
             text += f" +- {one.area_deviation_mm2:.2g}"
-        way = np.ptp(one.poses[seen], axis=0)
-        text += f", moved {way[0]:.3g} mm across and {way[1]:.3g} mm along the strips"
+        centre = moments(one.outline)[1][None]
+        way = np.ptp(np.vstack([placed(centre, pose) for pose in one.poses[seen]]), axis=0)
+        text += f", its centroid moved {way[0]:.3g} mm across and {way[1]:.3g} mm along the strips"
         known = np.isfinite(spread := one.pose_covariances[seen, 2, 2])
         off = float(np.sqrt(2.0 * np.median(spread[known]))) if known.any() else 0.0  # of a difference of two
-        text += f", turned {np.rad2deg(way[2]):.3g} deg" + (f" +- {np.rad2deg(off):.2g}" if off > 0.0 else "")
+        turned = np.rad2deg(np.ptp(one.poses[seen, 2]))
+        text += f", turned {turned:.3g} deg" + (f" +- {np.rad2deg(off):.2g}" if off > 0.0 else "")
     if one.motion != "free":
         text += f"; taken for {one.motion}"
     if one.offsets:

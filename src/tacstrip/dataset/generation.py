@@ -366,7 +366,7 @@ def _readme(data: DataSet) -> str:
     if "parquet" in data.formats:
         reading.append(f"""```python
 import numpy as np
-import pandas as pd  # pandas: lists become NumPy arrays
+import pandas as pd  # pip install pandas pyarrow; run beside this file; lists become NumPy arrays
 
 table = pd.read_parquet("train")
 readings = np.stack(table["{which}"])  # (scans, strips)

@@ -46,7 +46,8 @@ def read_csv(
     if unreadable := why_unreadable(path):
         raise ReadingError(f"{path}: {unreadable}")
     if (kind := other_kind(path, ".csv")) and Path(path).is_file():
-        raise ReadingError(f"{path}: is {kind}, not {what} (CSV)")
+        remedy = f"; `tacstrip convert {path} -o readings.csv` makes them" if kind == "a recording" else ""
+        raise ReadingError(f"{path}: is {kind}, not {what} (CSV){remedy if what == 'readings' else ''}")
     last, ended = "\n", False  # the last line read, and whether it is the file's last
 
     def lines(file: TextIO) -> Iterator[str]:
@@ -111,6 +112,7 @@ def _header(header: list[str] | None, what: str, example: str) -> list[str]:
     if len(header) == 1 and (other := next((c for c in ";\t|" if c in header[0]), None)):
         raise ReadingError(
             f"columns are separated by {other!r}; separate them by commas, with decimal points"
+            + (f". {OTHER_FORM}" if what == "readings" else "")
         )
     if any(header) and all(is_number(name) for name in header if name):
         raise ReadingError(

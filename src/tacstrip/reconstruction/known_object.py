@@ -30,6 +30,7 @@ from tacstrip.reconstruction.noise_covariance import (
     common_variance,
     fit_sigma,
     reading_covariance,
+    signature_advice,
     signature_jacobians,
 )
 from tacstrip.reconstruction.on_surface import refuse_stretched
@@ -583,12 +584,13 @@ def _judge(
         return "doubtful", (
             f"the readings are {100.0 * level:.2g} % of Vref from this object's on {readings} strips: one signature "
             "does not tell noise from another object; give the noise (noise=, --positional, or [noise] in "
-            "the spec), or read both signatures"
+            f"the spec), or {signature_advice(fit.sensor)}"
         )
     if sure < _PROBABLE:
         return "doubtful", (
             f"the pose is not certain: the outline overlaps the object by 80 % with a probability of {sure:.2g}; see "
-            "the alternatives, turn the object a little, average more scans, or use both signatures"
+            "the alternatives, turn the object a little, average more scans, or "
+            f"{signature_advice(fit.sensor) if len(fit.names) == 1 else 'use finer strips'}"
         )
     return "ok", ""
 

@@ -113,6 +113,15 @@ def averaging_advice(noise: Noise | None, sensor: Sensor, averaging: Averaging) 
     return f"average {enough} scans (more hardly help: {stays})"
 
 
+def signature_advice(sensor: Sensor) -> str:
+    """Say what to do where one signature leaves a shape open: some constructions have no other."""
+    return (
+        "use both signatures"
+        if len(sensor.signatures) > 1
+        else "use finer strips or two signatures (crs-crs)"
+    )
+
+
 def signature_jacobians(
     sensor: Sensor, l_mm: FloatArray, u_mm: FloatArray
 ) -> dict[str, tuple[FloatArray, FloatArray]]:

@@ -211,6 +211,7 @@ def weakness(
     vertices: FloatArray,
     covariance: FloatArray,
     averaging: str = "average more scans",
+    second: str = "use both signatures",
 ) -> str:
     """Return advice on what the readings leave open of an outline, else nothing.
 
@@ -222,6 +223,8 @@ def weakness(
         Of the outline, counter-clockwise (V, 2) [mm], (2 V, 2 V) [mm^2].
     averaging
         What advice says of averaging scans, from `averaging_advice`.
+    second
+        What it says of a second signature, from `signature_advice`.
     """
     if isinstance(model, Ellipse):
         return "this contact looks round: the outline is the ellipse that explains the readings better than corners"
@@ -241,7 +244,7 @@ def weakness(
     x_sigma = np.sqrt(covariance.diagonal()[::2])
     at = int(np.argmax(x_sigma))
     if x_sigma[at] > _LOOSE * run.problem.width_mm:
-        more = averaging if len(run.problem.k) > 1 else f"{averaging}, or use both signatures"
+        more = averaging if len(run.problem.k) > 1 else f"{averaging}, or {second}"
         if x_sigma[at] > run.problem.width_mm:
             return (
                 f"the readings do not tell where along its edges the vertex {_where(vertices[at])} lies; is it one? "
@@ -251,12 +254,12 @@ def weakness(
     if len(run.problem.k) == 1 and (pair := _opposite(vertices, covariance)) is not None:
         return (
             f"the corners {_where(vertices[pair[0]])} and y = {vertices[pair[1], 1]:.6g} mm hardly differ in x: their "
-            "kinks hide each other, and both heights may be wrong; turn the object a little, or use both signatures"
+            f"kinks hide each other, and both heights may be wrong; turn the object a little, or {second}"
         )
     if len(run.problem.k) == 1 and (inward := _reflex(vertices, covariance)) is not None:
         return (
             f"the corner {_where(vertices[inward])} turns inwards, which one signature cannot tell from other shapes; "
-            "use both signatures"
+            f"{second}"
         )
     return ""
 

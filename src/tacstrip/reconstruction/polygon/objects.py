@@ -16,7 +16,13 @@ from tacstrip.geometry.moments import deviations, moments
 from tacstrip.geometry.outline import Outline, max_height
 from tacstrip.reconstruction.contact_ends import closed_ends
 from tacstrip.reconstruction.cramer_rao import reading_sigma
-from tacstrip.reconstruction.noise_covariance import Averaging, CorrelatedErrors, averaging_advice, correlated
+from tacstrip.reconstruction.noise_covariance import (
+    Averaging,
+    CorrelatedErrors,
+    averaging_advice,
+    correlated,
+    signature_advice,
+)
 from tacstrip.reconstruction.polygon.goodness_of_fit import explains, misfit, second_look, weakness
 from tacstrip.reconstruction.polygon.run import RunFit
 from tacstrip.reconstruction.posterior.assessment import (
@@ -45,10 +51,7 @@ _WORSE, _FEWER = 20.0, 0.0  # of the criterion: so much worse, more vertices, or
 _CORNERS = 12  # at most: the search for a set grows with them
 _FAR_AREA = 3.0  # deviations between an area that was given and the one that the readings say
 _NAMED = 5  # strips that advice names
-_FAINT = (
-    "no corner could be distinguished from noise: a line fits as well as the triangle that is given; {}, or use "
-    "both signatures"
-)
+_FAINT = "no corner could be distinguished from noise: a line fits as well as the triangle that is given; {}, or {}"
 _EMPTY = (
     "no polygon stays within the noise's bound on every strip: the noise is larger than given, or the contact is no "
     "polygon of these vertices; the outline is that of least squares"
@@ -162,16 +165,17 @@ def reconstruct_object(
         outline, covariance = Outline(*model.chains_mm(run.problem)), model.covariance(run.problem, sensor)
         errors = _errors(scan, sensor, contact, noise, outline)
     covariance = covariance if errors is None else errors.propagated(covariance)
+    second = signature_advice(sensor) if len(run.problem.k) == 1 else ""
     weak = (
-        _FAINT.format(averaging) if faint else weakness(run, model, outline.vertices, covariance, averaging)
+        _FAINT.format(averaging, second or "use finer strips")
+        if faint
+        else weakness(run, model, outline.vertices, covariance, averaging, second)
     )
     if assessed.explained and len(run.problem.k) == 1 and free:
         wrong = ""  # outlines of more corners explain the readings, and the confidence counts them
     if area_mm2 is not None and not wrong:
         wrong = _other_area(outline, covariance, area_mm2)
-    status, advice = _verdict(
-        wrong, weak, assessed, effort, len(run.problem.k), averaging, area_mm2 is not None
-    )
+    status, advice = _verdict(wrong, weak, assessed, effort, second, averaging, area_mm2 is not None)
     profile = (x, np.interp(x, *outline.lower.T), np.interp(x, *outline.upper.T))
     return RecoveredObject(
         strips,
@@ -198,17 +202,20 @@ def _other_area(outline: Outline, covariance: FloatArray, area_mm2: tuple[float,
 
 
 def _verdict(
-    wrong: str, weak: str, assessed: Assessment, effort: Effort, signatures: int, averaging: str, area: bool
+    wrong: str, weak: str, assessed: Assessment, effort: Effort, second: str, averaging: str, area: bool
 ) -> tuple[Status, list[str]]:
-    """Return the status, and advice: what the outline does not explain, what is left open, how sure it is."""
+    """Return the status, and advice: what the outline does not explain, what is left open, how sure it is.
+
+    `second` is what to do about a second signature, "" where both are read.
+    """
     if wrong:
         return "doubtful", [wrong]
     if assessed.confidence is None:
         why = "" if effort == "none" else "how sure this is was not assessed: the compiled core is missing"
         return ("doubtful" if weak else "likely"), [weak, why]
-    if assessed.confidence >= (ENOUGH if signatures > 1 else ENOUGH_OF_ONE):
-        return ("likely" if effort == "fast" and signatures == 1 else "ok"), [weak]
-    more = f"{averaging}, or use finer strips" if signatures > 1 else f"use both signatures, {averaging}"
+    if assessed.confidence >= (ENOUGH_OF_ONE if second else ENOUGH):
+        return ("likely" if effort == "fast" and second else "ok"), [weak]
+    more = f"{second}, {averaging}" if second else f"{averaging}, or use finer strips"
     others = "others explain the readings too" + (
         "" if assessed.alternatives else ", though none of them is likely"
     )

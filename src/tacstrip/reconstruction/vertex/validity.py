@@ -6,12 +6,12 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.signature import signatures
+from tacstrip.reconstruction.noise_covariance import signature_advice
 from tacstrip.reconstruction.result import Profile, Status
 from tacstrip.reconstruction.sections import reading_noise
 from tacstrip.sensor.spec import Sensor
 
 _ROUNDING = 1e-6  # of the strip length: off the sensor by less is rounding, not noise
-_REMEDY = "average more scans, recalibrate, or use both signatures"
 
 
 def judge(sensor: Sensor, polygon: FloatArray, weak_x: FloatArray) -> tuple[Status, str]:
@@ -31,21 +31,22 @@ def judge(sensor: Sensor, polygon: FloatArray, weak_x: FloatArray) -> tuple[Stat
     tuple
         "too noisy": no such polygon can touch the sensor. "doubtful": it can, but is likely wrong. "ok".
     """
+    remedy = f"average more scans, recalibrate, or {signature_advice(sensor)}"
     off = np.maximum(-polygon[:, 1], polygon[:, 1] - sensor.length_mm)
     if off.max() > _ROUNDING * sensor.length_mm:
         where = _at(polygon[off.argmax()])
-        return "too noisy", f"a vertex falls off the sensor, at {where}; {_REMEDY}"
+        return "too noisy", f"a vertex falls off the sensor, at {where}; {remedy}"
     if _chains_cross(polygon):
-        return "too noisy", f"the vertices found make no polygon: upper and lower sides cross; {_REMEDY}"
+        return "too noisy", f"the vertices found make no polygon: upper and lower sides cross; {remedy}"
     if len(weak_x):
         kink = f"the kink at x = {weak_x[0]:.6g} mm hides in the noise"
-        return "doubtful", f"{kink}: its vertex may be on the other side; {_REMEDY}"
+        return "doubtful", f"{kink}: its vertex may be on the other side; {remedy}"
     edge = np.roll(polygon, -1, axis=0) - polygon
     turn = edge[:, 0] * np.roll(edge[:, 1], -1) - edge[:, 1] * np.roll(edge[:, 0], -1)
     if turn.min() < 0.0:
         where = _at(np.roll(polygon, -1, axis=0)[turn.argmin()])
         corner = f"the corner at {where} is not convex, which Vertex Reconstruction assumes"
-        return "doubtful", f"{corner}; {_REMEDY}"
+        return "doubtful", f"{corner}; {remedy}"
     return "ok", ""
 
 
@@ -82,7 +83,7 @@ def judge_fit(
     if misfit > (1.15 + 3.0 / np.sqrt(len(k))) * reading_noise(k) + _ROUNDING:
         said = f"the polygon's readings are {100.0 * misfit:.2g} % of Vref from the measured ones"
         cause = "a corner may be missing, or the object is not convex"
-        return "doubtful", f"{said}: {cause}; give the transitions by hand, or use both signatures"
+        return "doubtful", f"{said}: {cause}; give the transitions by hand, or {signature_advice(sensor)}"
     return "ok", ""
 
 
