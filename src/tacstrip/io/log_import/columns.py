@@ -99,7 +99,9 @@ def _meanings(clues: Clues) -> dict[str, Meaning]:
             int(strip) if strip else before[name].strip if reading else None, unit,
         )  # fmt: skip
         counted = next((g for g in numbered_groups(table.names) if name in g.values()), {})
-        if before[name].role == "" and not strip and answer in (*CHANNELS, "skip"):  # as does that of unknown ones
+        if (
+            before[name].role == "" and not strip and answer in (*CHANNELS, "skip")
+        ):  # as does that of unknown ones
             alike = {n: i for i, n in counted.items() if before[n].role == "" and n not in clues.answers}
             found |= {
                 n: replace(found[name], strip=i, unit=before[n].unit) if reading else Meaning("skip")
@@ -423,11 +425,17 @@ def _with_other_end(
     lack = "l" if ends == {"h"} else "h"
     for group in groups:
         first, one = group[min(group)], next(iter(readings))
-        if len(groups) == 1 and ends == {"l"} and re.match(r"[Rr]\W*\d", first) and re.match(r"[Ll]\W*\d", one):
+        if (
+            len(groups) == 1
+            and ends == {"l"}
+            and re.match(r"[Rr]\W*\d", first)
+            and re.match(r"[Ll]\W*\d", one)
+        ):
             clues.because(f"{one} and {first}, ...: left and right are the two ends")
             sides = {n: replace(m, channel="left") for n, m in readings.items()}
             return sides | {
-                n: Meaning("reading", "right", i, known[n].unit or readings[one].unit) for i, n in group.items()
+                n: Meaning("reading", "right", i, known[n].unit or readings[one].unit)
+                for i, n in group.items()
             }
         clues.ask(
             first, f"{first!r}, ... are as many as the strips, as are {one!r}, ... (v_{min(ends)}): are they v_{lack}?",

@@ -155,7 +155,11 @@ def _yaml(text: str, path: str) -> Table | None:
     keys = [set(_paths(value)) for _, value in found]
     cut = len(found) > _FEW and keys[-1] < set.intersection(*keys[:-1])
     table = of_values(found[: len(found) - cut], path, "documents in YAML", numbered=True)
-    return replace(table, broken=(found[-1][0],), quotes={found[-1][0]: "the last record"}) if table and cut else table
+    return (
+        replace(table, broken=(found[-1][0],), quotes={found[-1][0]: "the last record"})
+        if table and cut
+        else table
+    )
 
 
 def _paths(value: Any, before: str = "") -> Iterable[str]:
@@ -167,6 +171,8 @@ def _paths(value: Any, before: str = "") -> Iterable[str]:
 
 def _block(lines: list[str], start: int = 0) -> tuple[Any, int]:
     """Return the value that begins at a line of YAML, and the line after it; `ValueError` where it is none."""
+    if start == len(lines):  # the log ends within it
+        return "", start
     depth = len(lines[start]) - len(lines[start].lstrip())
     listed = lines[start].lstrip().startswith("-")
     many: list[Any] = []

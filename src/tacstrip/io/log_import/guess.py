@@ -73,9 +73,9 @@ def settled(table: Table, read: Callable[[Table], Read]) -> Read:
             open_ = _open(error)
             if kept is None or open_ < fewest:
                 fewest, kept = open_, error
-            # A line of a form of its own may name a value that all others lack.
+            # A line of a form of its own may name a value that all others lack, or hide the names.
             lacks = isinstance(error, Unanswered) and "missing" in {q.key for q in error.questions}
-            if open_ < np.inf and not lacks:
+            if open_ == 0.0 or (one is table and table.named and open_ < np.inf and not lacks):
                 break
     if fewest == np.inf and table.refused:
         raise table.refused
@@ -234,7 +234,9 @@ def _strips(clues: Clues, found: Columns) -> tuple[int, int]:
             fits = [low]
         if count and not fits:
             raise ReadingError(
-                f"strips are numbered {low} to {high}, and the sensor has {count}; check strips in the spec"
+                f"strips are numbered {low} to {high}, and the sensor has {count}{_where(clues, found, high)}; check "
+                "strips in the spec, or say which column is the strip's number: --answer NAME=strip, and NAME=skip of "
+                f"others (they are: {', '.join(clues.table.names[:8])})"
             )
         if low in fits and (len(there) == count if count and len(fits) > 1 else all_listed or low == 0):
             base = low
@@ -251,6 +253,17 @@ def _strips(clues: Clues, found: Columns) -> tuple[int, int]:
         )
     clues.because(f"strips are numbered from {int(base)}")
     return int(base), count or high - int(base) + 1
+
+
+def _where(clues: Clues, found: Columns, strip: int) -> str:
+    """Return where a strip stands: a column's name, and the first line."""
+    if not found.strip:
+        return (
+            f" (column {next(n for n, w in found.readings.items() if int(w.partition(':')[0]) == strip)!r})"
+        )
+    shown = ColumnMapping(columns=found.readings, unit="V", strips=1, strip=found.strip)
+    line = clues.table.lines[strip_numbers(clues.table, shown).index(strip)]
+    return f" (column {found.strip!r}, line {line})"
 
 
 def _broken(clues: Clues) -> str:

@@ -72,7 +72,11 @@ def unwrapped(every: list[tuple[int, str]]) -> list[tuple[int, str]]:
         return every
     made: list[tuple[int, str]] = []
     for i, line in every:
-        if made and "," not in made[-1][1] and made[-1][1].count("[") > made[-1][1].count("]"):
+        if (
+            made
+            and "," not in made[-1][1].rpartition("[")[2]
+            and made[-1][1].count("[") > made[-1][1].count("]")
+        ):
             made[-1] = (made[-1][0], f"{made[-1][1]} {line.strip()}")
         else:
             made.append((i, line))

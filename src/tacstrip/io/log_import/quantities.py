@@ -26,6 +26,7 @@ _REST = 0.05  # of the largest reading: the most that the noise of open inputs r
 _GAP = 5.0  # times: how far above that the other readings begin
 _LEAP = 2.0  # times the largest step of a strip that stays touched: a contact begins or ends
 _AT_ONCE = "strips go there and back in one step, and no other reading moves as far"
+_FEW_TOUCHED = 0.005  # of the readings: fewer are no contact among noise
 _MANY = 0.05  # of the readings: more that are exactly 0 are no chance
 # Of what there can be: a unit in which a log uses less is out where it uses as much in another.
 _LITTLE, _MUCH = 0.21, 0.5
@@ -125,9 +126,11 @@ def settled_time(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> 
                 text = f"the log has {len(rough)} scans and no time: how many scans per second?"
                 clues.ask("rate_hz", text, "50")
         return replace(mapping, rate_hz=rate or 0.0)
-    steps = np.diff([s.time_s for s in rough])
-    far = _FAR_LAST * max(steps[1:], default=0.0) if len(steps) > _FEW_CODES else _FAR * np.median(steps[1:])
-    if len(steps) > 2 and steps[0] > far > 0.0:
+    steps = np.diff(np.array([s.time_s for s in rough]))
+    if len(steps) > 2 and (
+        steps[0] > _FAR * np.median(steps[1:]) > 0.0
+        or (len(steps) > _FEW_CODES and steps[0] > _FAR_LAST * max(steps[1:]) > 0.0)
+    ):
         raise ReadingError(
             f"line {rough[1].line}: the time jumps as at no other line from {rough[0].time_s:g} s; if the line before "
             "is cut, take it out"
@@ -223,6 +226,12 @@ def words_for_nothing(clues: Clues, found: Columns) -> tuple[str, ...]:
     for name in found.readings:
         for line, text in zip(table.lines, table.column(name), strict=True):
             if _is_word(text, table.decimal):
+                if len(parts := text.split()) > 1 and all(
+                    number_of(p, table.decimal) is not None for p in parts
+                ):
+                    raise ReadingError(
+                        f"line {line}: {name} is {text!r}, which are {len(parts)} numbers, not one"
+                    )
                 said = {t for n in found.readings for t in table.column(n) if _is_word(t, table.decimal)}
                 if any(c.isdigit() or _ALARM.search(t) for t in said for c in t):
                     clues.ask(
@@ -271,7 +280,7 @@ def numbers_for_nothing(clues: Clues, rough: list[LogScan]) -> tuple[str, ...]:
         clues.because(f"{found[-1]} stands for no contact: all other readings are far below it")
     rests = clues.sensor is not None and clues.sensor.rest_volt is not None
     if rest and clues.answers.get("missing") == "untouched":  # the others may have noise, all the same
-        idle = np.isnan(values).all(axis=2)  # (scans, strips)
+        idle = np.asarray(np.isnan(values).all(axis=2))  # (scans, strips)
         values = np.where(idle[:, :, None], rest[0], values)[:, ~idle.all(axis=0)]
     if rest and not (rests or found or np.isnan(values).any()):
         found += _at_an_end(clues, values, rest)
@@ -302,7 +311,9 @@ def _at_an_end(clues: Clues, values: FloatArray, rest: list[float]) -> list[str]
     low = [v for v in rest if v < _REST * rest[-1]]
     high = rest[len(low) :]
     there = values <= max(low, default=-1.0)
-    if ends or not low or there.mean() <= _MANY or high[0] <= _GAP * max(low[-1], -low[0]):
+    if ends or not low or high[0] <= _GAP * max(low[-1], -low[0]):
+        return []
+    if not _MANY < there.mean() < 1.0 - _FEW_TOUCHED:  # else the others have lost a point
         return []
     below = f"<{0.5 * (low[-1] + high[0]):.3g}"
     told = f"{100 * there.mean():.0f} % of the readings are {low[-1]:g} or less, and all others {high[0]:g} or more"

@@ -240,11 +240,19 @@ def _gathered(parsed: list[tuple[int, list[Item]]], texts: Mapping[int, str]) ->
             pieces.append(parts)
         record, parts = {}, []
 
+    # What a line that is cut before its first number could hold.
+    words = {m.group() for text in texts.values() if (m := re.match(r"[A-Za-z]{2,}", text.strip()))}
+    starts = {
+        word[:n]
+        for word in words
+        if sum(t.strip().startswith(word) for t in texts.values()) > 2
+        for n in range(2, len(word) + 1)
+    }
     for number, found in parsed:
         if not any(i.told or i.name for i in found):
             if not records and not record:
                 above.append(number)
-            elif found or re.search(r"\d", texts[number]):
+            elif found or re.search(r"\d", texts[number]) or texts[number].strip() in starts:
                 strange.append(number)
             continue
         fields = _fields(found)

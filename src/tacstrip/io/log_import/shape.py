@@ -31,8 +31,8 @@ def in_normal_form(table: Table) -> Table:
     two, merged cells are filled, a column that only counts the rows is left out, and columns of scans become rows.
     """
     steps: tuple[Callable[[Table], Table], ...] = (
-        _without_empty, _of_day_and_clock, _of_one_clock, _of_two_numbers, _transposed, _spread, _without_units, _of_unit_column,
-        _in_one_unit, _upright, _split_keys, _filled, _without_index,
+        _without_empty, _of_day_and_clock, _of_one_clock, _of_two_numbers, _transposed, _spread, _without_units,
+        _of_unit_column, _in_one_unit, _upright, _split_keys, _filled, _without_index,
     )  # fmt: skip
     for step in steps:
         table = step(table) if table.rows else table

@@ -61,8 +61,11 @@ def stray_lines(text: str) -> list[frozenset[int]]:
     if not names or any(_NAMES_ITSELF.search(form) for _, form in lines if many[form] >= often):
         tried.append(head + tail)
     tried += [part + inner for part in ([], *tried)]
-    usual = max(many.values())
-    topics = [n for n, form in lines if _PATH.search(form) and _FEW <= many[form] / usual < _OTHER_TOPICS]
+    usual = max(many, key=lambda form: many[form])
+    topics = [
+        n for n, form in lines if _PATH.search(form) and often <= many[form] < _OTHER_TOPICS * many[usual]
+    ]
+    topics = topics if _PATH.search(usual) else []
     tried += [head + inner + tail + topics] if topics else []
     sets = [s for s in dict.fromkeys(map(frozenset, tried)) if s]
     return [s for s in sets if len(s - {*head}) <= _MOST * len(lines)]

@@ -53,6 +53,11 @@ _SEVERAL = re.compile(r"[\d-]\s+[-+]?\d")
 _NUMBERED = re.compile(r"[A-Za-z_]+\d+\S*")  # a column's name, such as S1 or v2_h
 _HALF_WIDTH = {c: c - 0xFEE0 for c in range(0xFF01, 0xFF5F)}  # of East Asian full-width letters and digits
 _SAMPLE = 500  # lines at either end that tell what separates the fields
+_HEAD = 40  # lines in which a log may say what separates its fields
+_SEPARATED_BY = re.compile(
+    r"(?:sep|separator|delimiter)[\s:=\"]+(tab|comma|semicolon|[;,|])\"?", re.IGNORECASE
+)
+_SAID_SEPARATORS = {"tab": "\t", "comma": ",", "semicolon": ";"}
 _BETWEEN = r"[,;|\s]+"
 _HEX = r"[\dA-Fa-f]{2,8}"
 _MOSTLY = 0.6  # of the lines, where these have several fields
@@ -288,6 +293,14 @@ def _untrimmed(
     if len(short) < 2 or not all(names) or any(is_value(cell, ".") for cell in names):
         return split, width, ""
     rows = [row for _, row in below]
+    noted = [row[-1] for row in rows if len(row) == wide]  # a column of remarks, which few lines have
+    if (
+        wide == width + 1
+        and noted
+        and not any(is_value(t, ".") or is_value(t, ",") or says_nothing(t) for t in noted)
+    ):
+        filled = [(i, [*row, ""] if len(row) == width else row) for i, row in below]
+        return split[: top + 1] + filled, wide, f"{names[-1]}: a remark on {len(noted)} line(s)"
     if not all(row[-1] and not says_nothing(row[-1]) for row in rows) or "" not in [
         c for r in rows for c in r
     ]:
@@ -341,6 +354,13 @@ def _labels(lines: list[tuple[int, str]]) -> dict[int, list[Item]]:
 def _separator(data: list[tuple[int, str]], path: str | Path) -> tuple[str, int]:
     """Return what separates the fields, and how many there are in most lines."""
     ranked = []
+    if said := next((m for _, line in data[:_HEAD] if (m := _SEPARATED_BY.fullmatch(line.strip()))), None):
+        separator = _SAID_SEPARATORS.get(said[1].casefold(), said[1])
+        width = Counter(len(_fields(line, separator)) for _, line in data[len(data) // 2 :]).most_common(1)[
+            0
+        ][0]
+        if width > 1:
+            return separator, width
     data = data if len(data) <= 2 * _SAMPLE else data[:_SAMPLE] + data[-_SAMPLE:]
     for separator in _SEPARATORS:
         try:
