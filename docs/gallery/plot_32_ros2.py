@@ -3,7 +3,8 @@ Publish to ROS 2
 ================
 
 ``tacstrip live --ros2`` publishes outlines and readings without ROS; here a reader in another process, through Cyclone
-DDS. Without it (``pip install 'tacstrip[ros2]'``) an earlier run's outline is shown. With ROS: ``ros2 topic echo``.
+DDS. Without it (``make ros2`` in a checkout, else ``pip install 'tacstrip[ros2]'``) an earlier run's outline is shown.
+With ROS: ``ros2 topic echo``.
 """
 
 import subprocess

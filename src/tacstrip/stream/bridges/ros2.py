@@ -238,8 +238,8 @@ def _joined(domain: int, interface: str) -> Participant:
         if error.name is None or error.name.partition(".")[0] != "cyclonedds":
             raise
         raise OptionError(
-            "--ros2 needs cyclonedds: pip install 'tacstrip[ros2]' (there is none for 64-bit ARM on Linux: publish "
-            "from another computer)"
+            "--ros2 needs cyclonedds: pip install 'tacstrip[ros2]', in a checkout make ros2 (there is none for "
+            "64-bit ARM on Linux: publish from another computer)"
         ) from None
     try:
         return Participant(domain, interface)
