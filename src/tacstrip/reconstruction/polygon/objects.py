@@ -151,7 +151,8 @@ def reconstruct_object(
         if guarantee is not None:
             outline, covariance = guarantee.outline, guarantee.region_covariance
     errors = _errors(scan, sensor, contact, noise, outline)
-    wrong = misfit(run, distribution, covariance, errors) or (_EMPTY if empty else _MANY if many else "")
+    slopes = covariance if guarantee is not None else _by_slopes(model, run, sensor, covariance)
+    wrong = misfit(run, distribution, slopes, errors) or (_EMPTY if empty else _MANY if many else "")
     wrong = second_look(run, distribution, outline, sensor, wrong, contact.readings)
     if contact.known_count is not None and fit.n_vertices < contact.known_count:
         wrong = (
@@ -164,7 +165,11 @@ def reconstruct_object(
         model, guarantee, faint = assessed.better, None, False
         outline, covariance = Outline(*model.chains_mm(run.problem)), model.covariance(run.problem, sensor)
         errors = _errors(scan, sensor, contact, noise, outline)
-    covariance = covariance if errors is None else errors.propagated(covariance)
+        slopes = _by_slopes(model, run, sensor, covariance)
+    if errors is not None:
+        with np.errstate(invalid="ignore"):  # what nothing tells is infinite in both
+            loose = np.nan_to_num(covariance - slopes, nan=0.0, posinf=0.0, neginf=0.0)
+        covariance = errors.propagated(slopes) + loose
     second = signature_advice(sensor) if len(run.problem.k) == 1 else ""
     weak = (
         _FAINT.format(averaging, second or "use finer strips")
@@ -278,6 +283,11 @@ def _errors(
     return CorrelatedErrors.of(
         noise, sensor, outline, sensor.x_mm[contact.fitted], scan, residuals, used, run.sigma
     )
+
+
+def _by_slopes(model: OutlineModel, run: RunFit, sensor: Sensor, covariance: FloatArray) -> FloatArray:
+    """Return the covariance of which errors are propagated: by slopes at the estimate, as they are."""
+    return model.linear_covariance(run.problem, sensor) if isinstance(model, PolygonFit) else covariance
 
 
 def _upright(outline: Outline, covariance: FloatArray, sensor: Sensor) -> tuple[int, ...]:
