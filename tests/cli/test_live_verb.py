@@ -125,6 +125,7 @@ def test_another_sensor_and_a_missing_port_end_with_one_line(tmp_path: Path) -> 
         (["--simulate", "--seconds", "0"], "--seconds 0.0: must be above 0"),
         (["a", "b", "c"], "c: one INPUT only"),
         (["--simulate", "--osc", "nowhere", "--no-view"], "must be HOST:PORT"),
+        (["--simulate", "--osc", "127.0.0.1:\u00b2", "--no-view"], "must be HOST:PORT"),
         (["--simulate", "--http", "80000"], "--http 80000: must be 0 to 65535; 0: any free one"),
         (["--simulate", "--http", "-5"], "--http -5: must be 0 to 65535"),
         (

@@ -188,7 +188,7 @@ def meanings(names: Sequence[str]) -> dict[str, Meaning]:
     """
     split = {name: _tokens(name) for name in names}
     alike = Counter(
-        t for tokens, _ in split.values() for t in set(tokens) if not t.isdigit() and t not in _ANY
+        t for tokens, _ in split.values() for t in set(tokens) if not t.isdecimal() and t not in _ANY
     )
     shared = {t for t, many in alike.items() if many > 1 and 2 * many >= len(names)}
     split = {name: ([t for t in ts if t not in shared] or ts, u) for name, (ts, u) in split.items()}
@@ -200,7 +200,7 @@ def meanings(names: Sequence[str]) -> dict[str, Meaning]:
         found |= {
             n: replace(m, channel="a") for n, m in found.items() if "a" in split[n][0] and m.strip is not None
         }
-    slots = {n: [int(t) for t in ts if t.isdigit()] for n, (ts, _) in split.items()}
+    slots = {n: [int(t) for t in ts if t.isdecimal()] for n, (ts, _) in split.items()}
     most = Counter(len(numbers) for numbers in slots.values() if len(numbers) > 1)
     several = [n for n, numbers in slots.items() if most and len(numbers) == most.most_common(1)[0][0]]
     if len(several) < 2:
@@ -217,7 +217,7 @@ def meanings(names: Sequence[str]) -> dict[str, Meaning]:
         varying = [max(varying, key=lambda place: (min(kinds[place]) < 2, place))]
     if len(varying) == 1 or (len(varying) == 2 and len(kinds[varying[1]]) == 2 < len(kinds[varying[0]])):
         for name in several:
-            tokens = [t for t in split[name][0] if not t.isdigit()]
+            tokens = [t for t in split[name][0] if not t.isdecimal()]
             read = _of_tokens([*tokens, str(slots[name][varying[0]])], split[name][1])
             if read.role == "reading" and len(varying) == 2 and not read.channel:
                 read = replace(read, channel=str(slots[name][varying[1]]))
@@ -233,7 +233,7 @@ def _in_a_grid(
 ) -> dict[str, Meaning]:
     """Return readings if with the number in that place each strip has the same channels, one of each; else none."""
     read = {
-        n: _of_tokens([*(t for t in split[n][0] if not t.isdigit()), str(slots[n][place])], split[n][1])
+        n: _of_tokens([*(t for t in split[n][0] if not t.isdecimal()), str(slots[n][place])], split[n][1])
         for n in names
     }
     strips: dict[int | None, list[str]] = {}
@@ -256,7 +256,7 @@ def _with_letters(split: dict[str, tuple[list[str], str]]) -> dict[str, tuple[li
         groups: dict[tuple[int, tuple[str, ...]], dict[str, str]] = {}
         for name, ts in tokens.items():
             for place, token in enumerate(ts):
-                if re.fullmatch("[a-z]", token) and not any(t.isdigit() for t in ts):
+                if re.fullmatch("[a-z]", token) and not any(t.isdecimal() for t in ts):
                     groups.setdefault((place, (*ts[:place], *ts[place + 1 :])), {})[token] = name
         runs = {k: dict(_from_a(group)) for k, group in groups.items()}
         if counted := {k: run for k, run in runs.items() if len(run) > 2}:
@@ -296,15 +296,15 @@ def numbered_groups(names: Sequence[str]) -> list[dict[int, str]]:
     groups: dict[tuple[str, ...], dict[int, str]] = {}
     for name in names:
         tokens, unit = _tokens(name)
-        numbers = [int(t) for t in tokens if t.isdigit()]
+        numbers = [int(t) for t in tokens if t.isdecimal()]
         if len(numbers) == 1:
-            groups.setdefault((unit, *(t for t in tokens if not t.isdigit())), {})[numbers[0]] = name
+            groups.setdefault((unit, *(t for t in tokens if not t.isdecimal())), {})[numbers[0]] = name
     return [group for group in groups.values() if len(group) > 1]
 
 
 def _of_tokens(tokens: list[str], unit: str) -> Meaning:
-    numbers = [int(t) for t in tokens if t.isdigit()]
-    words = [t for t in tokens if not t.isdigit()]
+    numbers = [int(t) for t in tokens if t.isdecimal()]
+    words = [t for t in tokens if not t.isdecimal()]
     words = [w for w in words if w not in _FILLER] or words
     named = set(words)
     if not numbers:
@@ -369,7 +369,7 @@ def unknown_unit(name: str) -> str:
 
 def pair_of(channels: set[str]) -> tuple[str, str] | None:
     """Return two channels whose names do not say which is which, if these are just a pair."""
-    numbers = sorted(int(c) for c in channels if c.isdigit())
+    numbers = sorted(int(c) for c in channels if c.isdecimal())
     if len(channels) == 2 and len(numbers) == 2 and numbers[1] == numbers[0] + 1:
         return str(numbers[0]), str(numbers[1])
     return next((pair for pair in _PAIRS if channels == set(pair)), None)
