@@ -672,10 +672,7 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
     for more in one.shared:
         poses[more.scans], spreads[more.scans] = _reframed(more.poses, more.covariances, middle, angle)
     poses[:, 0] += skin.span.start * sensor.pitch_mm
-    present = np.isfinite(poses[:, 2])
-    poses[present, 2] = np.unwrap(
-        poses[present, 2]
-    )  # from one scan to the next it turns by less than half a turn
+    poses[:, 2] = _less_than_half_turns(poses[:, 2])
     advice, note, alone = "", "", None
     explained = content(one.scans, fit, read.distribution)
     if one.scans.strips_touched < LEAST_STRIPS:
