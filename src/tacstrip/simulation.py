@@ -11,7 +11,7 @@ import shapely
 
 from tacstrip.arguments import takes
 from tacstrip.arrays import BoolArray, FloatArray
-from tacstrip.contact.footprint import contact_ends, footprint
+from tacstrip.contact.footprint import contact_ends, footprint, on_sensor
 from tacstrip.contact.noise import Noise, NoiseProcess, Rng, digitise
 from tacstrip.contact.press.patch import Patch
 from tacstrip.contact.shape import Contact
@@ -214,10 +214,12 @@ def _closed(
     if not wide(sensor, [contact]):
         l, u = contact_ends(sensor, contact)
         return ~np.isnan(l), (l, u), closed_forms(sensor, l, u) or signatures(sensor, l, u)
+    contact = on_sensor(sensor, contact)
     ends = wide_ends(sensor, [contact])
     touch, ideal = ~np.isnan(ends.l[0]), signatures(sensor, ends.l[0], ends.u[0])
-    low, high = (f(s.bounds[i] for s in contact.shapes) for f, i in ((min, 0), (max, 2)))
-    near = np.abs(sensor.x_mm - np.clip(sensor.x_mm, low, high)) <= 0.5 * sensor.strip_width
+    bounds = shapely.bounds(np.array(contact.shapes))[:, [0, 2], None]  # (shapes, 2, 1)
+    beyond = np.abs(sensor.x_mm - np.clip(sensor.x_mm, bounds[:, 0], bounds[:, 1])).min(axis=0)
+    near = beyond <= 0.5 * sensor.strip_width
     if resolved and (inexact := np.flatnonzero(near & ~ends.exact[0])).size:
         for name, values in wide_readings(sensor, contact, strips=inexact).items():
             ideal[name][inexact] = values[inexact]

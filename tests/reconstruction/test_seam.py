@@ -146,3 +146,13 @@ def test_the_place_lies_within_the_contact_whatever_its_width(l: float, w: float
     (found,) = ts.fit_polygon(ts.Scan(k=np.array([np.nan, l / (100.0 - w), np.nan, np.nan, np.nan])),
                               ts.Sensor.load("prototype-cyl-crs-m")).objects  # fmt: skip
     assert l - 1e-9 <= found.points[0, 1] <= l + w + 1e-9
+
+
+def test_wide_strips_read_across_the_seam_as_anywhere_else() -> None:
+    """What lay beyond it was cut away."""
+    tube = ts.Sensor(construction="cyl-crs-m", strips=24, pitch_mm=5.0, length_mm=100.0, strip_width_mm=3.0,
+                     radius_mm=60.0 / np.pi)  # fmt: skip
+    contact = ts.Contact.polygon([(102, 30), (141, 35), (133, 70), (110, 62)])
+    across, elsewhere = (ts.simulate(tube, c)["k"] for c in (contact, contact.moved(-60.0, 0.0)))
+    assert np.flatnonzero(np.isfinite(across)).tolist() == [0, 1, 2, 3, 20, 21, 22, 23]
+    np.testing.assert_allclose(across, np.roll(elsewhere, 12), atol=1e-9)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray
-from tacstrip.contact.footprint import footprint
+from tacstrip.contact.footprint import footprint, on_sensor
 from tacstrip.contact.shape import Contact
 from tacstrip.sensor.slant import PARTS, edge_read
 from tacstrip.sensor.spec import Sensor
@@ -49,7 +49,7 @@ def wide(sensor: Sensor, contacts: Sequence[Contact]) -> bool:
 def wide_ends(sensor: Sensor, contacts: Sequence[Contact]) -> WideEnds:
     """Return what wide strips read of areas, by lines across the width; errors as of `footprint`."""
     width, lam = sensor.strip_width, sensor.contact_lambda_mm
-    kept = [c.clipped(sensor.width_mm, sensor.length_mm, "sensor") for c in contacts]
+    kept = [on_sensor(sensor, c) for c in contacts]
     size = (len(contacts), sensor.strips, PARTS + 1)
     low, high = np.full(size, np.nan), np.full(size, np.nan)
     for line, across in enumerate(width * (np.arange(PARTS + 1) / PARTS - 0.5)):
