@@ -242,3 +242,14 @@ def test_strips_left_out_count_on_a_curved_skin_too(around_deg: float) -> None:
     assert [o.status for o in ts.reconstruct(scan, within, method="profile").objects] == ["doubtful"] * 2
     (found,) = ts.fit_polygon(scan, within, noise, assessment="none").objects
     assert (found.status, found.advice) == ("likely", "")
+
+
+def test_strips_left_out_beyond_a_curved_tube_s_seam_count() -> None:
+    skin = Surface(kind="cylinder", radius_mm=20.0, height_mm=60.0)
+    pitch = skin.pitch_mm(24)
+    sensor = ts.Sensor(construction="crs-crs", strips=24, pitch_mm=pitch, length_mm=skin.length_mm(24),
+                       surface=skin, without=("21", "22", "23"))  # fmt: skip
+    contact = ts.Contact.polygon([(-3 * pitch, 15), (6 * pitch, 15), (6 * pitch, 45), (-3 * pitch, 45)])
+    (found,) = ts.reconstruct(ts.simulate(sensor, contact), sensor, method="profile").objects
+    assert (found.strips, found.status) == (slice(0, 6), "doubtful")
+    assert found.advice.startswith("strip 23, 22, 21 beside it is left out")

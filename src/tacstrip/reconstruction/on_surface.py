@@ -18,6 +18,7 @@ import numpy as np
 from tacstrip.arrays import FloatArray
 from tacstrip.errors import ContactError, OptionError
 from tacstrip.geometry.outline import Outline
+from tacstrip.reconstruction.implausible import doubted, goes_on
 from tacstrip.reconstruction.result import Reconstruction, RecoveredObject
 from tacstrip.reconstruction.seam import BRIDGED, rounds
 from tacstrip.scan import Scan
@@ -83,7 +84,18 @@ def on_surface(
         again = (f"{int(strip) + n}{colon}{channel}" for strip, colon, channel in named)
         scan, even = rounds(scan, BRIDGED), replace(even, strips=2 * n, without=(*sensor.without, *again))
     found = method(scan, even)
-    return replace(found, objects=tuple(_laid(sensor, o) for o in found.objects))
+    objects = [_doubted(o, even, sensor) for o in found.objects] if sensor.closed else found.objects
+    return replace(found, objects=tuple(_laid(sensor, o) for o in objects))
+
+
+def _doubted(found: RecoveredObject, even: Sensor, sensor: Sensor) -> RecoveredObject:
+    """Return an object of the even sensor, doubted for what is left out beside it round the whole tube."""
+    laid_out, around = (goes_on(found.vertices, found.strips, of) for of in (even, sensor))
+    if not around:
+        return found
+    told = found.advice.replace(laid_out, around) if laid_out else found.advice
+    status, advice = doubted(found.status, told, around)
+    return replace(found, status=status, advice=advice, confidence=None)
 
 
 @dataclass(frozen=True, eq=False)
