@@ -283,3 +283,12 @@ def test_a_strip_left_out_across_the_seam_has_its_own_number() -> None:
     k[1] = 0.95
     (found,) = ts.fit_object(ts.Scan(k=k), tube, shape, ts.Noise(positional=0.002)).objects
     assert found.advice.startswith("strip 1 does not fit")
+
+
+def test_a_doubt_names_the_width_of_strips_which_is_not_counted() -> None:
+    wide = replace(SENSOR, strip_width_mm=9.0)
+    noise = ts.Noise(positional=0.002)
+    scan = ts.simulate(wide, pressed("triangle", 0.4), noise)
+    (found,) = ts.fit_object(scan, wide, SHAPES["triangle"], noise).objects
+    assert found.status == "doubtful"
+    assert "or the strips' width" in found.advice

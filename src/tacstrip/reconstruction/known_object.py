@@ -81,7 +81,8 @@ def fit_object(
     Parameters
     ----------
     scan, sensor
-        What was measured, with what; both signatures or one.
+        What was measured, with what; both signatures or one. Strips count as their centre lines, also where the spec
+        gives `strip_width_mm`.
     outline
         The object's corners (N, 2) [mm] in a frame of its own, convex or concave, either way round; or a contact of
         one polygon. It is turned and moved, not mirrored.
@@ -571,9 +572,12 @@ def _judge(
         or (readings > 6 and autocorrelation_score(left, readings) > _ALARM)
         or (known is None and (level > _CEILING or (not fit.edge_mm and _beyond_polygon(fit, pose))))
     ):
+        width = (
+            "" if fit.sensor.strip_width_mm is None else ", or the strips' width, which is not counted here"
+        )
         return "doubtful", (
             f"at the best pose the readings are {100.0 * level:.2g} % of Vref from this object's: it is another "
-            "object, pressed in part, or the noise is larger than given"
+            f"object, pressed in part, or the noise is larger than given{width}"
         )
     x = _posed(fit.corners, pose[None])[0, :, 0]
     beyond = max(x.min() - fit.x_mm[0], fit.x_mm[-1] - x.max())
