@@ -268,7 +268,7 @@ def test_pictures(
     "server", [(ts.Sensor.load("layered-crs-crs"), 50.0, ON_SHARED_STRIPS)], indirect=True, ids=["layered"]
 )
 def test_two_layers_and_their_objects_are_drawn(open_page: Callable[..., Any], tmp_path: Path) -> None:
-    page = open_page(viewport={"width": 1000, "height": 800})
+    page = open_page(viewport={"width": 1000, "height": 860})
     wait_until(lambda: [one["status"] for one in _objects(page)] == ["ok"] * 2)
     assert page.locator(".touched").count() == 2
     _picture(page, "live_two_layers", tmp_path)
