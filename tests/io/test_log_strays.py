@@ -60,7 +60,7 @@ def test_a_scan_of_which_a_line_is_left_out_is_left_out() -> None:
     whole = values("\n".join(["t [s];strip;h [mV];l [mV];note", *TOUCHED]), TWO)
     found = propose(of_text(text), TWO, {"broken_lines": "skip", "missing": "untouched"})
     left = np.stack([one.values for one in found.scans])
-    assert any("2 scan(s) left out, from line(s) 2, 5" in reason for reason in found.reasons)
+    assert any("2 scan(s) left out, from line(s) 2, 5" in doubt for doubt in found.doubts)
     np.testing.assert_array_equal(left, whole[2:])
 
 

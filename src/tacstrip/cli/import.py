@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import itertools
 import tempfile
+import tomllib
 from pathlib import Path
 
 import click
@@ -14,14 +15,14 @@ from tacstrip.cli import load_sensor, new_file, note, options, warn, warn_of_log
 from tacstrip.cli.record import save_recording
 from tacstrip.diagnose.log import Log
 from tacstrip.errors import OptionError, ReadingError, one_of
-from tacstrip.files import replacing
+from tacstrip.files import read_text, replacing
 from tacstrip.io.input_checks import half_read
 from tacstrip.io.log_import.containers import read_table
 from tacstrip.io.log_import.guess import Proposal, propose, settled
 from tacstrip.io.log_import.mapping import ColumnMapping
 from tacstrip.io.log_import.scans import scans
 from tacstrip.io.log_import.table import Table
-from tacstrip.io.log_import.write import rows, write_log
+from tacstrip.io.log_import.write import at_rest, rows, touched, write_log
 from tacstrip.io.readings import read_readings
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.replay import open_source
@@ -74,21 +75,28 @@ def command(
     told = options.answered(answers)
     with options.asked_of(log):
         table = read_table(log, sheet or told.get("sheet"))
-        found = _mapped(table, given) if given else propose(table, sensor, told)
+        found = _mapped(table, given, sensor) if given else propose(table, sensor, told, _stated(spec))
     for reason in found.reasons:
         note(f"  {reason}")
-    warn(_below(found), file=log)
+    warn(*found.doubts, _below(found), file=log)
     _write(log, found, sensor, spec, output, force)
-    _show(found)
+    _show(found, sensor)
     if not given:
         beside = output.with_suffix(".mapping.toml")
         found.mapping.save(beside)
         note(f"{beside}: how it was read; use it for logs of the same form with --mapping")
 
 
-def _mapped(table: Table, file: Path) -> Proposal:
+def _stated(spec: str | None) -> frozenset[str] | None:
+    """Return the keys that a spec's file states; None for one of the package's own."""
+    return frozenset(tomllib.loads(read_text(spec))) if spec and Path(spec).is_file() else None
+
+
+def _mapped(table: Table, file: Path, sensor: Sensor | None) -> Proposal:
     mapping = ColumnMapping.load(file)
-    return settled(table, lambda found: Proposal(mapping, scans(found, mapping), ()))
+    return settled(
+        table, lambda found: Proposal(mapping, at_rest(scans(found, mapping), mapping, sensor), ())
+    )
 
 
 def _write(
@@ -142,10 +150,11 @@ def _below(found: Proposal) -> str:
     )
 
 
-def _show(found: Proposal) -> None:
+def _show(found: Proposal, sensor: Sensor | None) -> None:
     """Show the first scans that something touches as a table, and the range of readings, on standard error."""
-    touched = [n for n, scan in enumerate(found.scans) if np.isfinite(scan.values).any()]
-    shown = set(touched[:_SHOWN_SCANS]) or {*range(min(_SHOWN_SCANS, len(found.scans)))}
+    strips = touched(found.scans, found.mapping, sensor)
+    some = [n for n, there in enumerate(strips) if there.any()]
+    shown = set(some[:_SHOWN_SCANS]) or {*range(min(_SHOWN_SCANS, len(found.scans)))}
     note(
         "  scan  time_s  strip  "
         + "  ".join(f"{c:>8}" for c in found.mapping.channels)
@@ -163,10 +172,10 @@ def _show(found: Proposal) -> None:
                 )
             elif n == _SHOWN_STRIPS:
                 note("   ...")
-    values = np.concatenate([scan.values.ravel() for scan in found.scans])
+    values = np.concatenate([s.values[there].ravel() for s, there in zip(found.scans, strips, strict=True)])
     values = values[np.isfinite(values)]
     told = ", ".join(f"{v:.6g}" for v in np.quantile(values, (0.0, 0.5, 1.0))) if len(values) else "none"
     note(
-        f"  {len(touched)} of {len(found.scans)} scans touched; readings (least, median, greatest): {told} "
+        f"  {len(some)} of {len(found.scans)} scans touched; readings (least, median, greatest): {told} "
         f"{found.mapping.unit}"
     )

@@ -31,6 +31,7 @@ CLOCK_BITS = (16, 32)
 _ON_PITCH = 0.02  # of the pitch
 _STEADY, _MOSTLY = 0.5, 0.7  # so far are steps of a clock from the usual one, and so many of them
 _OFTEN = 0.2  # of the readings
+_REST, _GAP = 0.05, 5.0  # of the largest reading: the most of noise; and times that: where readings begin
 _ALIKE = 0.02  # relative: two columns that are the same quantity in two units
 # What a column may be that holds something made of readings, or what is measured beside them.
 _DERIVED = frozenset(
@@ -568,7 +569,12 @@ def _order(clues: Clues, names: list[str], said: str) -> str:
         _OFTEN * many.total(), 2
     ):  # full scale stands for no contact, too
         table[table == top] = 0.0
+    if below := _noise(table):
+        table[table <= below] = 0.0
     half = len(names) // 2
+    if told := _told_order(clues.table.preamble, half):
+        clues.because(f"columns are {told}, as the log says above them")
+        return told
     ways = {"alternating": (table[:, 0::2], table[:, 1::2]), "blocks": (table[:, :half], table[:, half:])}
     # Where one channel says that nothing touches, the other does.
     holds = [
@@ -588,6 +594,26 @@ def _order(clues: Clues, names: list[str], said: str) -> str:
         "blocks",
     )
     return "alternating"
+
+
+def _noise(table: FloatArray) -> float:
+    """Return the most that the noise of untouched strips reaches, where a gap parts it from the readings; else 0."""
+    values = np.unique(table[np.isfinite(table)])
+    low = values[values < _REST * values.max(initial=0.0)]
+    high = values[len(low) :]
+    return float(low[-1]) if len(low) and len(high) and high[0] > _GAP * low[-1] else 0.0
+
+
+def _told_order(preamble: tuple[str, ...], strips: int) -> str:
+    """Return the order of columns that a line above them describes, as "h0..h7 then l0..l7"; "" where none does."""
+    for line in preamble:
+        told = re.findall(r"(?<![A-Za-z])(?:[vku]_?)?([hl])_?\[?(\d+)", line.casefold())
+        ends, numbers = "".join(end for end, _ in told), [int(n) for _, n in told]
+        if re.fullmatch(r"h{2,}l{2,}", ends) and max(numbers) - min(numbers) == strips - 1:
+            return "blocks"
+        if re.fullmatch(r"(?:hl){2,}", ends) and numbers[0] == numbers[1] == numbers[2] - 1:
+            return "alternating"
+    return ""
 
 
 # Tables without names

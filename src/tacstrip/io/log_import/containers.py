@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import gzip
 import importlib
+import tempfile
+import zlib
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -16,10 +19,12 @@ import numpy.typing as npt
 from tacstrip.errors import OptionError, ReadingError
 from tacstrip.files import why_unreadable
 from tacstrip.io.log_import.arrays import of_arrays
-from tacstrip.io.log_import.names import meanings
+from tacstrip.io.log_import.names import meaning, meanings, pair_of
 from tacstrip.io.log_import.shape import in_normal_form
 from tacstrip.io.log_import.table import Table, decimal_mark, headed, text_of
 from tacstrip.io.log_import.text import decoded, of_text
+
+_MOST_UNPACKED = 2**28  # bytes
 
 
 class SeveralSheets(Exception):  # noqa: N818, a question
@@ -46,6 +51,8 @@ def read_table(path: str | Path, sheet: str | None = None) -> Table:
     if unreadable := why_unreadable(path):
         raise ReadingError(f"{path}: {unreadable}")
     file = Path(path)
+    if file.suffix.lower() == ".gz":
+        return _of_gzip(file, sheet)
     try:
         match file.suffix.lower():
             case ".xlsx" | ".xlsm":
@@ -62,6 +69,27 @@ def read_table(path: str | Path, sheet: str | None = None) -> Table:
         raise ReadingError(f"{path}: no such file") from None
     except OSError as error:
         raise ReadingError(f"{path}: cannot be read ({error.strerror or error})") from None
+
+
+def _of_gzip(file: Path, sheet: str | None) -> Table:
+    """Return the table of a file that gzip has packed, of any form that is read here."""
+    with tempfile.TemporaryDirectory() as folder:
+        plain = Path(folder) / file.stem
+        try:
+            with gzip.open(file) as packed, plain.open("wb") as out:
+                size = 0
+                while part := packed.read(2**20):
+                    if (size := size + len(part)) > _MOST_UNPACKED:
+                        raise ReadingError(
+                            f"{file}: more than {_MOST_UNPACKED / 2**20:g} MB unpacked; cut it into pieces"
+                        )
+                    out.write(part)
+        except (OSError, EOFError, zlib.error) as error:
+            raise ReadingError(f"{file}: no .gz file, or a damaged one ({error})") from None
+        try:
+            return read_table(plain, sheet)
+        except ReadingError as error:
+            raise ReadingError(str(error).replace(str(plain), str(file))) from None
 
 
 def of_columns(columns: Mapping[str, Iterable[Any]]) -> Table:
@@ -106,10 +134,26 @@ def _of_workbook(file: Path, sheets: dict[str, list[list[Any]]], name: str | Non
         return _of_cells(sheets[name or next(iter(sheets))], file)
     tables = {title: _of_cells(rows, file) for title, rows in sheets.items()}
     read = [title for title, table in tables.items() if table.named and table.rows and _holds_readings(table)]
+    if len(read) == 2 and (both := _of_two_sheets({title: tables[title] for title in read})):
+        return both
     if len(read) != 1:
         raise SeveralSheets(", ".join(read or sheets))
     told = f"sheet {read[0]!r}: the only one with readings"
     return replace(tables[read[0]], remarks=(told, *tables[read[0]].remarks))
+
+
+def _of_two_sheets(tables: Mapping[str, Table]) -> Table | None:
+    """Return two sheets of the same columns, named for the two channels, as one table; None where they are none."""
+    (one, first), (other, second) = tables.items()
+    said = {meaning(one).channel, meaning(other).channel}
+    if first.names != second.names or not (said == {"h", "l"} or pair_of(said)):
+        return None
+    rows = [[title, *row] for title, table in tables.items() for row in table.rows]
+    told = f"sheets {one!r} and {other!r}: the two channels of the same scans"
+    return Table(
+        ("channel", *first.names), rows, [*first.lines, *second.lines], first.decimal, True, (told, *first.remarks),
+        broken=(*first.broken, *second.broken), preamble=(*first.preamble, *second.preamble),
+    )  # fmt: skip
 
 
 def _holds_readings(table: Table) -> bool:

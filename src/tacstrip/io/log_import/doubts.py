@@ -126,8 +126,8 @@ def _of_known_units(mapping: ColumnMapping) -> None:
         2 * len(strange) >= len(said) and len({said[name] for name in strange}) == 1
     ):  # else they are numbers of strips
         raise ReadingError(
-            f"column {strange[0]!r}: {said[strange[0]]!r} is no unit of readings that is known; save them in V, mV, "
-            "codes or over Vref, or say --answer unit=V (mV, code, ...) if the numbers are in that"
+            f"column {strange[0]!r}: {said[strange[0]]!r} is no unit of readings that is known; save them in "
+            "V, mV, codes or over Vref, or say --answer unit=V (mV, code, ...) if the numbers are in that"
         )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -19,9 +20,18 @@ from tacstrip.io.log_import.names import meaning
 from tacstrip.io.log_import.questions import KEYS, Clues, Unanswered
 from tacstrip.io.log_import.scans import LogScan, scans, strip_numbers
 from tacstrip.io.log_import.table import Table
+from tacstrip.io.log_import.write import at_rest
 from tacstrip.sensor.spec import Sensor
 
 Read = TypeVar("Read")
+# As "strips are numbered 1 to 10", "strip numbers from 0", "1-based", "first strip is 1".
+_BASE_TOLD = re.compile(
+    r"\bstrips?\b[^\d\n]{0,30}?\b(?:from|numbered|counted|count|are|ab|von)\b[^\d\n]{0,12}?\b([01])\b"
+    r"|\b([01])[ -](?:based|indexed)\b|\bfirst strip\b[^\d\n]{0,20}?\b([01])\b|\bstrips ([01]) ?(?:to|-|\.\.+|bis) ?\d",
+    re.IGNORECASE,
+)
+_SHOWN, _LONG = 3, 40  # broken lines, and characters of each, that are quoted
+_FEW_BROKEN, _MOST_BROKEN = 2, 1.0 / 3.0  # lines, and part of the lines: of more, the log is of another form
 _MOST_COMPLETE = 0.5  # of the scans: if more have all strips, lines are lost where others have not
 
 
@@ -32,9 +42,15 @@ class Proposal:
     mapping: ColumnMapping
     scans: list[LogScan]
     reasons: tuple[str, ...]
+    doubts: tuple[str, ...] = ()
 
 
-def propose(table: Table, sensor: Sensor | None = None, answers: Mapping[str, str] | None = None) -> Proposal:
+def propose(
+    table: Table,
+    sensor: Sensor | None = None,
+    answers: Mapping[str, str] | None = None,
+    stated: frozenset[str] | None = None,
+) -> Proposal:
     """Propose how to read a log.
 
     Parameters
@@ -46,6 +62,8 @@ def propose(table: Table, sensor: Sensor | None = None, answers: Mapping[str, st
     answers
         To questions: by their key, or by a column's name ("h", "l", "out", "3:h", "time", "scan", "strip", "which",
         "position", "skip").
+    stated
+        Keys that the spec's file states, so that their values are no defaults; None: not known.
 
     Raises
     ------
@@ -56,7 +74,7 @@ def propose(table: Table, sensor: Sensor | None = None, answers: Mapping[str, st
     OptionError
         An answer to nothing, or one that is not possible.
     """
-    return settled(table, lambda found: _proposed(found, sensor, dict(answers or {})))
+    return settled(table, lambda found: _proposed(found, sensor, dict(answers or {}), stated))
 
 
 def settled(table: Table, read: Callable[[Table], Read]) -> Read:
@@ -92,18 +110,29 @@ def _open(error: Exception) -> float:
     return sum(q.key != "broken_lines" for q in error.questions)
 
 
-def _proposed(table: Table, sensor: Sensor | None, answers: dict[str, str]) -> Proposal:
-    clues = Clues(table, sensor, answers)
+def _proposed(
+    table: Table, sensor: Sensor | None, answers: dict[str, str], stated: frozenset[str] | None
+) -> Proposal:
+    clues = Clues(table, sensor, answers, stated=stated)
     mapping, _ = assembled(clues)
     clues.stop()
     dropped: list[int] = []
     found = scans(table, mapping, dropped)
+    if table.broken:
+        shown = "; ".join(f"line {n}{_quote(table, n)}" for n in table.broken[:_SHOWN])
+        more = f" and {len(table.broken) - _SHOWN} more" if len(table.broken) > _SHOWN else ""
+        clues.doubt(f"left out: {shown}{more}; what they say is lost")
     if dropped:
-        clues.because(
+        clues.doubt(
             f"{len(dropped)} scan(s) left out, from line(s) {', '.join(map(str, dropped))}: a line left out may be of "
             "these, and of strips that they lack it is not known whether anything touches them"
         )
-    return Proposal(mapping, found, tuple(clues.reasons))
+    return Proposal(mapping, at_rest(found, mapping, sensor), tuple(clues.reasons), tuple(clues.doubts))
+
+
+def _quote(table: Table, line: int) -> str:
+    text = table.quotes.get(line, "")
+    return f" ({text[:_LONG]!r}{' ...' if len(text) > _LONG else ''})" if text else ""
 
 
 def assembled(clues: Clues) -> tuple[ColumnMapping, list[LogScan]]:
@@ -242,6 +271,22 @@ def _strips(clues: Clues, found: Columns) -> tuple[int, int]:
             base = low
         elif len(fits) == 1:
             base = fits[0]
+        elif (
+            len(
+                told := {
+                    int(b) for b in itertools.chain(*_BASE_TOLD.findall("\n".join(clues.table.preamble))) if b
+                }
+            )
+            == 1
+        ):
+            base = told.pop()
+            clues.because(f"strips are numbered from {base}, as the log says above them")
+        elif clues.sensor and "strip_base" in (clues.stated or ()) and not clues.sensor.strip_base < low < 2:
+            base = clues.sensor.strip_base
+            clues.doubt(
+                f"strips are numbered {low} to {high}, and the log does not say from where on: taken as "
+                f"strip_base = {base} of the spec; else --answer strip_base={1 - base}"
+            )
         else:
             clues.ask(
                 "strip_base", f"strips are numbered {low} to {high}: is the first one 0 or 1?", "0", "1"
@@ -268,11 +313,20 @@ def _where(clues: Clues, found: Columns, strip: int) -> str:
 
 def _broken(clues: Clues) -> str:
     broken = clues.table.broken
-    if not broken or clues.choice("broken_lines", ("skip", "error")):
+    if not broken:
         return clues.answers.get("broken_lines", "error")
-    shown = ", ".join(map(str, broken[:5])) + (", ..." if len(broken) > 5 else "")
-    if quote := clues.table.quotes.get(broken[0], ""):
-        shown += f" ({quote[:40]!r}{' ...' if len(quote) > 40 else ''})"
+    shown = (
+        ", ".join(map(str, broken[:5]))
+        + (", ..." if len(broken) > 5 else "")
+        + _quote(clues.table, broken[0])
+    )
+    if len(broken) > _FEW_BROKEN and len(broken) >= _MOST_BROKEN * (len(broken) + len(clues.table.rows)):
+        raise ReadingError(
+            f"line(s) {shown} are not like the others, and they are {len(broken)} beside {len(clues.table.rows)} that "
+            "are: the log is not of a form that is read here; save it with a line per strip or per scan"
+        )
+    if clues.choice("broken_lines", ("skip", "error")):
+        return clues.answers["broken_lines"]
     clues.ask("broken_lines", f"line(s) {shown} are not like the others: leave them out?", "skip")
     return "skip"
 

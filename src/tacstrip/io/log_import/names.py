@@ -83,7 +83,7 @@ UNITS = {
         "us": "us µs usec usecs micros microseconds",
         "min": "min minutes", "ns": "ns nsec nsecs nanoseconds", "V": "v volt volts vdc dcv",
         "mV": "mv millivolt millivolts mvdc",
-        "uV": "uv µv microvolt microvolts",
+        "uV": "uv µv microvolt microvolts", "cV": "cv centivolt centivolts", "dV": "dv decivolt decivolts",
         "percent": "% percent pct prozent", "permille": "‰ permille permil promille",
         "code": "code codes adc raw counts count cnt lsb digits digit dig bit bits dn",
         "fraction": "ratio fraction norm normalised normalized", "mm": "mm", "cm": "cm", "m": "m",
@@ -107,7 +107,7 @@ _LAST = frozenset(UNITS) - {
 }
 _ANY = _HIGH | _LOW | _OUT | _ONE_OF_PAIR | _VALUE | _STRIP | _BESIDE | frozenset(UNITS)
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0, "days": 86400.0}
-READING_UNITS = ("V", "mV", "uV", "code", "fraction", "percent", "permille")
+READING_UNITS = ("V", "mV", "uV", "code", "fraction", "percent", "permille", "cV", "dV")
 CHANNELS = ("h", "l", "out")
 _LONG_TIMES = {
     "h": "h",
@@ -124,11 +124,18 @@ _IN_NAMES = (
 )  # in brackets or after /
 # In brackets, what is a unit of something else, or a factor.
 _FOREIGN = re.compile(
-    r"(?:[pnu\u00b5mkM]?(?:[Oo]hms?|\u03a9|\u2126|Amps?|Hz|Pa|F|W|N|A|S)|kV|[mkn]?g|[mckn]m|psi|bar|\u00b0C|degC?|a\.?u\.?|mA|[a-z]?ticks?)\Z"
+    r"(?:[pnu\u00b5mkMh]?(?:[Oo]hms?|\u03a9|\u2126|Amps?|Hz|Pa|F|W|N|A|S)|kV|[mkn]?g|[mckn]m|psi|m?bar|[mk]?gf|lbf?|oz|atm|Torr|mmHg"
+    r"|dBm?|(?:\u00b0|deg\.? ?)[CFK]?|deg(?:rees?)?|Celsius|Fahrenheit|Kelvin|[KCJT]|cd|lu?x|rpm|%RH|N/\S+"
+    r"|a\.?u\.?|[a-z]?ticks?)\Z"
     r"|\d+(?:\.\d+)?(?:e[+-]?\d+)?\s*[A-Za-z\u00b5%]+\Z|(?=.*(?:[A-Za-z]|10)).*[/*x\u00d7\u00f7]\s*\d+"
 )
 _FACTOR = re.compile(r"(?<![A-Za-z\d])[x*\u00d7/\u00f7]\s?10+(?!\d)")
-IN_VOLTS = {"V": 1.0, "mV": 1e-3, "uV": 1e-6}
+# Behind an underscore, a space or a number, what no word of a name is.
+_FOREIGN_LAST = re.compile(
+    r"(?:[_ ]|(?<=\d))((?:deg_?|\u00b0)[CFK]|[um\u00b5]A|[kMhm]?Pa|m?bar|psi|[km]?[Oo]hms?|m?N|[mk]?gf|[pnu]F"
+    r"|k?Hz|kV)\Z"
+)
+IN_VOLTS = {"V": 1.0, "mV": 1e-3, "uV": 1e-6, "cV": 1e-2, "dV": 1e-1}
 OF_VREF = {"fraction": 1.0, "percent": 1e-2, "permille": 1e-3}
 LENGTHS_MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
 
@@ -187,6 +194,7 @@ def meanings(names: Sequence[str]) -> dict[str, Meaning]:
     [(2, '1'), (2, '2')]
     """
     split = {name: _tokens(name) for name in names}
+    split |= _with_first(split)
     alike = Counter(
         t for tokens, _ in split.values() for t in set(tokens) if not t.isdecimal() and t not in _ANY
     )
@@ -244,6 +252,19 @@ def _in_a_grid(
     numbers = sorted(s for s in strips if s is not None)
     counted = numbers == list(range(numbers[0], numbers[0] + len(strips))) if numbers else False
     return read if not full and counted and len(set(channels)) == len(channels) and len(strips) > 1 else {}
+
+
+def _with_first(split: Mapping[str, tuple[list[str], str]]) -> dict[str, tuple[list[str], str]]:
+    """Return the tokens of a name without a number, which others have from 1 on, with 0, as LabVIEW's."""
+    numbers: dict[tuple[tuple[str, ...], str], set[int]] = {}
+    for tokens, unit in split.values():
+        if tokens and tokens[-1].isdecimal():
+            numbers.setdefault((tuple(tokens[:-1]), unit), set()).add(int(tokens[-1]))
+    counted = {
+        key for key, there in numbers.items() if there == set(range(1, len(there) + 1)) and len(there) > 1
+    }
+    first = {n: (tokens, unit) for n, (tokens, unit) in split.items() if (tuple(tokens), unit) in counted}
+    return {n: ([*tokens, "0"], unit) for n, (tokens, unit) in first.items()}
 
 
 def _with_letters(split: dict[str, tuple[list[str], str]]) -> dict[str, tuple[list[str], str]]:
@@ -337,6 +358,7 @@ def _of_tokens(tokens: list[str], unit: str) -> Meaning:
     if ends:
         return Meaning("")
     pair = named & _ONE_OF_PAIR
+    pair = pair - {"u"} if len(pair) > 1 else pair  # a voltage, as in U_oben
     if len(pair) == 1 and not (words == ["a"] and strip is not None):  # A3 is an analog pin
         return replace(read, channel=pair.pop(), strip=strip)
     if strip is not None or named & _VALUE:
@@ -351,6 +373,8 @@ def unknown_unit(name: str) -> str:
     --------
     >>> unknown_unit("h0 [mA]"), unknown_unit("t [10 ms]"), unknown_unit("vh[3] (V)"), unknown_unit("S1 (left)")
     ('mA', '10 ms', '', '')
+    >>> unknown_unit("T0 [degF]"), unknown_unit("s0_kPa"), unknown_unit("s0_cV")
+    ('degF', 'kPa', '')
     """
     for square, round_ in re.findall(r"\[\s*([^\]]*?)\s*\]|\(\s*([^)]*?)\s*\)", name):
         inner = square or round_
@@ -363,8 +387,10 @@ def unknown_unit(name: str) -> str:
             and _FOREIGN.match(inner)
         ):
             return str(inner)
-    factor = _FACTOR.search(re.sub(r"[\[(].*?[\])]", " ", name))
-    return factor.group() if factor else ""
+    bare = re.sub(r"[\[(].*?[\])]", " ", name)
+    last = _FOREIGN_LAST.search(bare.strip())
+    factor = _FACTOR.search(bare)
+    return last[1] if last else factor.group() if factor else ""
 
 
 def pair_of(channels: set[str]) -> tuple[str, str] | None:
@@ -394,7 +420,7 @@ def _tokens(name: str) -> tuple[list[str], str]:
     slash = re.search(r"/\s*(\w+|%)\s*$", plain)
     if slash and slash.group(1).lower() in _IN_NAMES:
         unit, plain = unit or _IN_NAMES[slash.group(1).lower()], plain[: slash.start()]
-    plain = plain.replace("mV", "mv").replace("mSec", "msec")  # no two words
+    plain = re.sub("[mcd]V", lambda unit: unit[0].lower(), plain).replace("mSec", "msec")  # no two words
     plain = re.sub(r"(?<=\w)([+-])\s*$", lambda sign: " plus" if sign[1] == "+" else " minus", plain)
     plain = re.sub(r"([a-z])([A-Z])", r"\1 \2", plain).lower()
     tokens = [_singular(t) for t in re.findall(r"[a-zµ]+|\d+|%", plain)]

@@ -26,6 +26,10 @@ _REST = 0.05  # of the largest reading: the most that the noise of open inputs r
 _GAP = 5.0  # times: how far above that the other readings begin
 _LEAP = 2.0  # times the largest step of a strip that stays touched: a contact begins or ends
 _AT_ONCE = "strips go there and back in one step, and no other reading moves as far"
+_FAINT = 0.005  # of what there can be: a log that stays below was hardly made so
+# Of Vref: so far above is no offset, and so far may another Vref let readings go; and fewer that do are slips.
+_OFF_VREF, _MOST_OVER, _FEW_OVER = 0.01, 2.0, 2
+_VREFS = (1.1, 1.8, 2.048, 2.5, 3.0, 3.3, 4.096, 5.0, 10.0, 12.0, 24.0)
 _FEW_TOUCHED = 0.005  # of the readings: fewer are no contact among noise
 _MANY = 0.05  # of the readings: more that are exactly 0 are no chance
 # Of what there can be: a unit in which a log uses less is out where it uses as much in another.
@@ -366,13 +370,32 @@ def with_unit(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list[
     ):
         named = {"code"}
     unit = answer or (named.pop() if len(named) == 1 else _by_size(clues, values, vref, bits, volts))
-    if unit == "code":
+    open_unit = next((q for q in clues.questions if q.key == "unit"), None)
+    if unit == "code" or (open_unit and sensor and "code" in open_unit.choices):
         bits = _bits(clues, values, bits)
     if sensor is None and unit in ("fraction", "percent") and not vref:
         clues.ask(
             "vref_volt", "the readings are over Vref: how many volts is that? Or name the SENSOR", "5", "3.3"
         )
     top = (_most(vref) | {"code": 2.0**bits - 1.0}).get(unit, 0.0)
+    if unit in IN_VOLTS and sensor and not open_unit and "vref_volt" not in clues.answers:
+        over = values > (1.0 + _OFF_VREF) * top
+        if over.sum() > _FEW_OVER and over.mean() > _MANY and values.max() <= _MOST_OVER * top and not answer:
+            least = next((f"{v:g}" for v in _VREFS if v >= 0.99 * values.max() * IN_VOLTS[unit]), "5")
+            clues.ask(
+                "vref_volt",
+                f"readings reach {values.max():g} {unit}, above vref_volt = {vref:g} of the spec: with which Vref was "
+                "the log made (then put it into the spec, too)? If they are no volts, say --answer unit=code (mV, ...)",
+                least,
+            )  # fmt: skip
+            return replace(mapping, unit=unit, vref_volt=float(least))
+        if clues.stated is not None and "vref_volt" not in clues.stated:
+            clues.ask(
+                "vref_volt",
+                f"readings are in {unit}, and the spec does not state vref_volt (unset, it is {vref:g} V): how "
+                "many volts is Vref? Or write it into the spec",
+                f"{vref:g}", "3.3",
+            )  # fmt: skip
     if unit and top and values.max() > 1.01 * top:
         raise ReadingError(
             f"a reading of {values.max():g} is above {top:g}, the most that there can be in {unit}; check the unit "
@@ -385,8 +408,22 @@ def with_unit(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list[
             f"thousands (then save them without), or are they in another unit?",
             unit, *(u for u in ("fraction", "V") if u != unit),
         )  # fmt: skip
+    if answer and top and values.max() < _FAINT * top:
+        clues.doubt(f"in {answer}, no reading is above {values.max():g} of {top:g}: is that the unit?")
+    whole = answer == "mV" and bool((values == np.round(values)).all())
+    if whole and sensor and sensor.adc_bits and _off_steps(values, vref, sensor.adc_bits):
+        clues.doubt(
+            f"in mV, readings do not lie on the steps of the spec's {sensor.adc_bits} bits: are they codes?"
+        )
     other = bits if unit == "code" and sensor is not None and bits != sensor.adc_bits else 0
-    return replace(mapping, unit=unit or "V", vref_volt=0.0 if sensor else vref, adc_bits=other)
+    if sensor and (vref == sensor.vref_volt or unit not in IN_VOLTS):
+        vref = 0.0
+    if sensor and vref:
+        clues.doubt(
+            f"volts of Vref = {vref:g} are written as such of vref_volt = {sensor.vref_volt:g} of the spec, with the "
+            f"same ratios; better put vref_volt = {vref:g} into the spec and import again"
+        )
+    return replace(mapping, unit=unit or "V", vref_volt=vref, adc_bits=other)
 
 
 def _bits(clues: Clues, values: FloatArray, bits: int) -> int:
@@ -422,7 +459,7 @@ def _by_size(clues: Clues, values: FloatArray, vref: float, bits: int, volts: bo
     """Return the unit that the readings' size and steps leave, and a question where there are several."""
     whole, top = bool((values == np.round(values)).all()), float(values.max())
     most = _most(vref or 24.0)
-    rare = {u: most.pop(u) for u in ("permille", "uV")}
+    rare = {u: most.pop(u) for u in ("permille", "uV", "cV", "dV")}
     if whole and top > 1.0:
         few = len(set(values.tolist())) < 4
         fitting = [b for b in _BITS if vref and top <= 2.0**b - 1.0]
@@ -434,8 +471,10 @@ def _by_size(clues: Clues, values: FloatArray, vref: float, bits: int, volts: bo
     if top > most["mV"]:
         fits["uV"] = top / rare["uV"]
     fits = {u: used for u, used in fits.items() if 0.0 < used <= 1.0}
-    if "V" in fits and top > 1.0 and not whole:
-        fits = {"V": fits["V"]}
+    if top > 1.0 and not whole:
+        if "V" not in fits and top <= _MOST_OVER * vref:
+            return "V"  # of another Vref, which is asked
+        fits = {"V": fits["V"]} if "V" in fits else fits
     best = max(fits.values(), default=0.0)
     if (
         whole

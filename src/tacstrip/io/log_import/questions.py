@@ -61,9 +61,12 @@ class Clues:
     answers: dict[str, str]
     reasons: list[str] = field(default_factory=list)
     questions: list[Question] = field(default_factory=list)
+    stated: frozenset[str] | None = None  # keys that the spec's file states; None: not known
+    doubts: list[str] = field(default_factory=list)  # what is read all the same, and may be meant otherwise
 
     def __post_init__(self) -> None:
         self.reasons += self.table.remarks
+        self.doubts += self.table.doubts
         if (base := _BASES.get(self.answers.get("strips", ""))) is not None:
             self.answers = {k: v for k, v in self.answers.items() if k != "strips"} | {"strip_base": base}
         for key, answer in self.answers.items():
@@ -92,6 +95,11 @@ class Clues:
         """Raise `Unanswered` if anything was asked."""
         if self.questions:
             raise Unanswered(*self.questions)
+
+    def doubt(self, text: str) -> None:
+        """Note what may be meant otherwise, of what is read all the same; once."""
+        if text not in self.doubts:
+            self.doubts.append(text)
 
     def because(self, reason: str) -> None:
         """Note why something is read as it is."""

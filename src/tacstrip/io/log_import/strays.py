@@ -9,13 +9,18 @@ from dataclasses import replace
 
 from tacstrip.errors import ReadingError
 from tacstrip.io.log_import.fields import is_prose, says_nothing
-from tacstrip.io.log_import.table import Table
+from tacstrip.io.log_import.table import ContradictionError, Table
 
 _NUMBER = re.compile(r"(?<![A-Za-z])[+-]?(?:\d+(?:[.,:/-]\d+)*|\.\d+)(?:[eE][+-]?\d+)?|\b0x[\dA-Fa-f]+\b")
 _WORD = re.compile(r"[^\W\d_]+(?:/[^\W\d_]+)*|-{1,3}(?=[\s,;|]|\Z)")
 _FIELD = re.compile(r"\s*[,;|\t]\s*|\s+")
 _NAMES_ITSELF = re.compile(r"[^\W\d_]{2,}\d*\s*[:=]")  # a line that needs no names above it
 _PATH = re.compile(r"[^\W\d]\w*/\w+")
+# A level, a time and a tag before each line, as ESP-IDF and Python write.
+_TAGGED = re.compile(
+    r"\s*(?:[EWIDV] \(\d+\) |(?:[\d:.,T/-]+ ){0,2}(?:- )?\[?(?:TRACE|DEBUG|INFO|WARN|WARNING|ERROR)\]?[ :-]+)"
+    r"([A-Za-z][\w.-]*): "
+)
 _OTHER_TOPICS = 0.5  # times the lines of the commonest path: others are of something else
 _OFTEN, _FEW = 3, 0.05  # lines, and part of all lines, that have a form in common: fewer of one are strays
 _MOST = 0.25  # of all lines: more strays are no strays
@@ -71,6 +76,23 @@ def stray_lines(text: str) -> list[frozenset[int]]:
     return [s for s in sets if len(s - {*head}) <= _MOST * len(lines)]
 
 
+def without_messages(text: str) -> tuple[str, str]:
+    r"""Return a text without log lines of other tags than the readings', such as "W (12407) wifi: ...", and a remark.
+
+    Examples
+    --------
+    >>> without_messages("I (1) TACT: 5\\nW (2) wifi: up 3\\nI (3) TACT: 6\\nI (4) TACT: 6")[0].split("\\n")[1]
+    ''
+    """
+    found = {n: m for n, line in _numbered(text) if (m := _TAGGED.match(line))}
+    tags = Counter(m[1] for m in found.values()).most_common(1)
+    if not tags or tags[0][1] < _OFTEN or 2 * tags[0][1] <= len(found):
+        return text, ""
+    out = frozenset(n for n, m in found.items() if m[1] != tags[0][0])
+    said = f"line(s) {', '.join(map(str, sorted(out)[:_SHOWN]))}: of another tag than {tags[0][0]!r}; passed over"
+    return (without(text, out), said) if out else (text, "")
+
+
 def without(text: str, lines: frozenset[int]) -> str:
     """Return a text with some of its lines empty, so that the others keep their numbers."""
     return "\n".join("" if n in lines else line for n, line in _numbered(text))
@@ -98,6 +120,8 @@ def with_retries(text: str, read: Read) -> Table:
 
     try:
         return replace(read(frozenset()), retries=retries)
+    except ContradictionError:
+        raise
     except ReadingError as error:
         others = retries()
         refused = error

@@ -6,7 +6,7 @@ import itertools
 import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence, Set
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -30,6 +30,10 @@ _SAID = (
     (r"(?:adc[_ ]?)?(?:bits|resolution(?:[_ ]bits)?)", "bits"), (r"v_?ref|aref|vcc|vdd", "V"),
 )  # fmt: skip
 _FEW = 2  # fields that may look like units by chance
+
+
+class ContradictionError(ReadingError):
+    """What no line that is set aside would mend."""
 
 
 @dataclass(frozen=True)
@@ -64,6 +68,8 @@ class Table:
         The tables that the log would be without its stray lines, the fewest set aside first.
     refused
         Why the log is none with its stray lines.
+    doubts
+        What of it may be meant otherwise than it is read.
     """
 
     names: tuple[str, ...]
@@ -79,6 +85,7 @@ class Table:
     empty: int = 0
     retries: Callable[[], Iterator[Table]] = field(default=lambda: iter(()), repr=False, compare=False)
     refused: ReadingError | None = None
+    doubts: tuple[str, ...] = ()
 
     def column(self, name: str) -> list[str]:
         """Return the fields of a column."""
@@ -218,6 +225,7 @@ def headed(
         above = [
             r for r in above if _named(r, numeric, decimal) and not any(number_of(c) is not None for c in r)
         ]
+    _check_names(split, above, width, decimal)
     again = {i for i, row in below if len(row) == width and row in above}
     rows = [(i, row) for i, row in below if len(row) == width and i not in again]
     sums = {i: word for i, row in rows if (word := _statistic(row, numeric, decimal))}
@@ -256,7 +264,38 @@ def headed(
         tuple(_distinct(names)), [row for _, row in rows], [i for i, _ in rows], decimal, bool(above),
         (*remarks, *filter(None, told)), broken, (*preamble, *("\t".join(row) for _, row in split[:first])),
         quotes={i: " ".join(row) for i, row in below if i in broken},
+        doubts=_fewer_names(split[:first], above, width),
     )  # fmt: skip
+
+
+def _check_names(
+    split: list[tuple[int, list[str]]], above: list[list[str]], width: int, decimal: str
+) -> None:
+    """Refuse names that come again with other units."""
+    if not above:
+        return
+    names = [replace(meaning(c), unit="", volts=False) for c in above[-1]]
+    for i, row in split:
+        if row in above or len(row) != width or any(is_value(c, decimal) for c in row):
+            continue
+        if [replace(meaning(c), unit="", volts=False) for c in row] == names and any(m.role for m in names):
+            old, new = next((a, b) for a, b in zip(above[-1], row, strict=True) if a != b)
+            raise ContradictionError(
+                f"line {i}: the names come again, and {old!r} is {new!r} from there on; save each part "
+                "as a log of its own"
+            )
+
+
+def _fewer_names(head: list[tuple[int, list[str]]], above: list[list[str]], width: int) -> tuple[str, ...]:
+    """Return a doubt where a line above the numbers names other columns than there are; none where names are known."""
+    for i, row in head if not above else ():
+        names = [m for m in meanings(row).values() if m.role in ("time", "reading", "strip")]
+        if 1 < len(row) != width and 2 * len(names) > width and len(names) > _FEW:
+            return (
+                f"line {i} has {len(row)} names, and the lines below it {width} fields: its names are passed "
+                "over; if one is missing there, write it in",
+            )
+    return ()
 
 
 def _names(above: list[list[str]], width: int) -> list[str]:

@@ -16,12 +16,12 @@ from tacstrip.errors import ReadingError
 from tacstrip.io.log_import.dialects import of_dialect, plain_rows
 from tacstrip.io.log_import.fields import STAMP, is_value, number_of, says_nothing
 from tacstrip.io.log_import.literals import one_page, unwrapped
-from tacstrip.io.log_import.names import meaning
+from tacstrip.io.log_import.names import meaning, pair_of
 from tacstrip.io.log_import.records import STEADY, Item, is_label, items, named_values, of_literals
 from tacstrip.io.log_import.sections import in_one_table
 from tacstrip.io.log_import.shape import in_normal_form
-from tacstrip.io.log_import.strays import with_retries, without
-from tacstrip.io.log_import.table import CLOCK, ROW, Table, decimal_mark, headed
+from tacstrip.io.log_import.strays import with_retries, without, without_messages
+from tacstrip.io.log_import.table import CLOCK, ROW, ContradictionError, Table, decimal_mark, headed
 
 _WIDE = "  "  # two spaces or more
 _SEPARATORS = (";", "\t", "|", ",", _WIDE, " ")
@@ -65,6 +65,10 @@ _MOST_BYTES = 2**30
 _FEW_LINES = 4  # of fewer, the length of the last number tells nothing
 _FEW_BLOCKS = 2
 _WORDED = re.compile(r"[^\dA-Za-z]*[A-Za-z][^\t;|]*(?<!,)\Z")  # and without fields
+_COLOUR = re.compile(r"\x1b\[[0-9;]*[A-Za-z]")  # of a terminal
+_CHANNEL_LINE = re.compile(
+    r"\s*((?:\d+(?:\.\d+)?[\s,;]+)?)([A-Za-z_]+)\s*[:=]((?:[\s,;]+[-+\d.eEna]+)+)[\s,;]*\Z"
+)
 _LONG = 80  # characters: no label has as many
 
 
@@ -101,10 +105,12 @@ def of_text(text: str, path: str | Path = "the log") -> Table:
 
 def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
     """Return a text as a table in normal form, as if some of its lines were not there."""
-    text = plain_rows(without(text, strays).translate(_HALF_WIDTH))
+    text, messages = without_messages(
+        _COLOUR.sub("", plain_rows(without(text, strays).translate(_HALF_WIDTH)))
+    )
+    text = _of_two_lines(text)
     if (table := of_literals(text, path) or of_dialect(text, str(path))) is not None:
         return in_normal_form(table)
-    text = re.sub(r"\x1b\[[0-9;]*[A-Za-z]", "", text)  # a terminal's colours
     # The empty lines in between tell where blocks begin.
     every = [(i, line) for i, line in enumerate(re.split(r"\r\n|\r\r\n|\n|\r", text), 1)]
     every = one_page(unwrapped([(i, line) for i, line in every if i not in strays]))
@@ -152,7 +158,25 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
         )
         rows = [[stamps[i], *row] for i, row in zip(table.lines, table.rows, strict=True)]
         table = replace(table, names=(name, *table.names), rows=rows, remarks=(said, *table.remarks))
+    if messages:
+        table = replace(table, remarks=(messages, *table.remarks))
     return in_normal_form(table)
+
+
+def _of_two_lines(text: str) -> str:
+    """Return lines such as "50 H: 1 388 437", of one channel each, with fields in place of the channel's colon."""
+    found = [(m, line) if (m := _CHANNEL_LINE.match(line)) else (None, line) for line in text.splitlines()]
+    words = Counter(m[2].casefold() for m, _ in found if m)
+    said = {meaning(w).channel for w in words}
+    many = sum(words.values())
+    numbers = sum(bool(re.search(r"\d", line)) for _, line in found)
+    if len(words) != 2 or many < STEADY * numbers or not ({*said} == {"h", "l"} or pair_of(said)):
+        return text
+    if abs(words.most_common()[0][1] - words.most_common()[1][1]) > 1:
+        return text
+    rows = ["\t".join([*m[1].split(), m[2], *m[3].split()]) if m else line for m, line in found]
+    width = Counter(row.count("\t") for row in rows if "\t" in row).most_common(1)[0][0]
+    return text if width < _FEW_LINES else "\n".join(rows)
 
 
 def _of_topics(lines: list[tuple[int, str]]) -> list[tuple[int, str]]:
@@ -257,6 +281,7 @@ def _separated(lines: list[tuple[int, str]], blank: set[int], path: str | Path) 
             "others is not to be told from spaces; put commas or tabs between the fields"
         )
     full = [row for _, row in split if len(row) == width]
+    _check_commas(top, width, separator, line)
     decimal = "." if separator == "," else decimal_mark(full)
     said = {"\t": "tabs", " ": "spaces", _WIDE: "spaces"}.get(separator, repr(separator))
     remarks: tuple[str, ...] = (
@@ -265,6 +290,8 @@ def _separated(lines: list[tuple[int, str]], blank: set[int], path: str | Path) 
         trimmed,
     )
     named = [(i, _fields(line.lstrip("#%/! \t"), separator)) for i, line in comments]
+    if separator == _WIDE:  # names may stand nearer to each other than numbers
+        named = [(i, row if len(row) == width else " ".join(row).split()) for i, row in named]
     above = [line for i, line in comments if i < split[-1][0]]
     out = [
         i for i, row in named
@@ -277,6 +304,17 @@ def _separated(lines: list[tuple[int, str]], blank: set[int], path: str | Path) 
         )
     table = headed(split, width, decimal, tuple(filter(None, remarks)), named, above)
     return _in_blocks(table, labels, blank)
+
+
+def _check_commas(names: list[str], width: int, separator: str, line: int) -> None:
+    """Refuse decimal commas between commas: names, and about as many more fields as are numbers with decimals."""
+    roles = [meaning(name).role for name in names]
+    if separator != "," or not len(names) + 1 < width <= 2 * len(names) or not all(roles) or len(names) < 2:
+        return
+    raise ContradictionError(
+        f"line {line} has {len(names)} names, and the lines below it {width} fields: decimal commas, and commas "
+        "between fields, too? Save it with decimal points, or with semicolons between fields"
+    )
 
 
 def _untrimmed(

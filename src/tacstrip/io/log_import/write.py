@@ -7,12 +7,15 @@ from pathlib import Path
 
 import numpy as np
 
+from tacstrip.arrays import BoolArray
 from tacstrip.io.columns import INDEX, seconds
 from tacstrip.io.csv_rows import csv_writer
 from tacstrip.io.log_import.mapping import ColumnMapping
 from tacstrip.io.log_import.names import IN_VOLTS, OF_VREF
 from tacstrip.io.log_import.scans import LogScan
+from tacstrip.sensor.spec import Sensor
 
+_OFFSET = 0.005  # over Vref: so far outside 0 to Vref, a reading is one at that end
 _COLUMNS = {"h": ("v_h", "code_h"), "l": ("v_l", "code_l"), "out": ("v_out", "code")}
 
 
@@ -43,11 +46,42 @@ def as_readings(
 ) -> tuple[list[str], Iterator[list[str]]]:
     """Return the header and the lines of a readings file; parameters as of `write_log`."""
     codes = mapping.unit == "code" and not mapping.adc_bits
-    of_code = vref_volt / (2.0**mapping.adc_bits - 1.0) if mapping.adc_bits else 1.0
-    scale = IN_VOLTS | {"code": of_code} | {unit: vref_volt * part for unit, part in OF_VREF.items()}
-    return [*INDEX, *(_COLUMNS[c][codes] for c in mapping.channels)], rows(
-        scans, strip_base, scale[mapping.unit]
-    )
+    scale = 1.0 if codes else in_volts(mapping, vref_volt)
+    return [*INDEX, *(_COLUMNS[c][codes] for c in mapping.channels)], rows(scans, strip_base, scale)
+
+
+def in_volts(mapping: ColumnMapping, vref_volt: float, adc_bits: int | None = None) -> float:
+    """Return the volts of one unit of the log's readings; of another Vref than the spec's, so that ratios hold."""
+    if mapping.unit == "code":
+        return vref_volt / (2.0 ** (mapping.adc_bits or adc_bits or 1) - 1.0)
+    if mapping.unit in OF_VREF:
+        return vref_volt * OF_VREF[mapping.unit]
+    return IN_VOLTS[mapping.unit] * (vref_volt / mapping.vref_volt if mapping.vref_volt else 1.0)
+
+
+def at_rest(scans: Sequence[LogScan], mapping: ColumnMapping, sensor: Sensor | None) -> list[LogScan]:
+    """Return scans with readings that an offset, or noise about the spec's rest, puts outside 0 to Vref at that end."""
+    if sensor is None:
+        return list(scans)
+    top = sensor.vref_volt / in_volts(mapping, sensor.vref_volt, sensor.adc_bits)
+    low, high = -_OFFSET, 1.0 + _OFFSET
+    if sensor.rest_volt is not None and sensor.touch_volt is not None:
+        low = min(low, (sensor.rest_volt - sensor.touch_volt) / sensor.vref_volt)
+        high = max(high, (sensor.rest_volt + sensor.touch_volt) / sensor.vref_volt)
+    clipped = []
+    for scan in scans:
+        values = scan.values
+        near = (values >= low * top) & (values <= high * top)
+        clipped.append(LogScan(scan.time_s, np.where(near, np.clip(values, 0.0, top), values), scan.line))
+    return clipped
+
+
+def touched(scans: Sequence[LogScan], mapping: ColumnMapping, sensor: Sensor | None) -> list[BoolArray]:
+    """Return which strips of each scan something touches, (strips,): by `rest_volt` and `touch_volt`, where given."""
+    if sensor is None or sensor.rest_volt is None or sensor.touch_volt is None:
+        return [np.asarray(np.isfinite(s.values).any(axis=1)) for s in scans]
+    scale, rest = in_volts(mapping, sensor.vref_volt, sensor.adc_bits), sensor.rest_volt
+    return [np.asarray((np.abs(s.values * scale - rest) > sensor.touch_volt).any(axis=1)) for s in scans]
 
 
 def rows(scans: Sequence[LogScan], strip_base: int, scale: float = 1.0) -> Iterator[list[str]]:
