@@ -38,7 +38,8 @@ def test_nothing_of_the_demo_is_cut_off(demo: Demo) -> None:
     _, read, key, recovered = figure.axes
     legend = key.get_legend()
     assert legend is not None
-    assert (drawn := recovered.get_tightbbox()) is not None
+    drawn = recovered.get_tightbbox()
+    assert drawn is not None
     assert not legend.get_window_extent().overlaps(drawn)
     texts = legend.get_texts()
     assert [t.get_text() for t in texts] == ["true shape", "before calibration:\ndoubtful", "after calibration:\nok",
