@@ -201,8 +201,11 @@ def words(seconds: float) -> str:
 def draw(all_grown: Sequence[Grown], file: Path) -> None:
     """Draw time over size, a panel for each of what grows."""
     overs = list(dict.fromkeys(g.over for g in all_grown))
-    figure, panels = new_panels(3.6 * len(overs), 4.2, 1, len(overs))
-    for axes, over in zip(panels, overs, strict=True):
+    rows = -(-len(overs) // 2)
+    figure, panels = new_panels(7.0, 3.3 * rows, rows, 2)
+    for axes in panels[len(overs) :]:
+        axes.axis("off")
+    for axes, over in zip(panels, overs, strict=False):
         for g, colour in zip((g for g in all_grown if g.over == over), _COLOURS, strict=False):
             axes.plot(
                 g.sizes, g.took_s, "o-", color=colour, markersize=3.5, label=f"{g.name}: {g.exponent:.2f}"

@@ -203,11 +203,12 @@ def page(quick: bool, picture: Path, folder: Path) -> str:
     growth.draw(found, picture)
     load = f"{os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else "unknown"
     text = [
-        "# Speed",
+        "# Speed beside others, and growth",
         "",
+        "How fast the main operations are beside other tools in the same run, and how their time grows with the size. "
         f"Written by `make bench`{' (quick)' if quick else ''}: Python {platform.python_version()}, NumPy "
-        f"{np.__version__}, {platform.machine()}, {os.cpu_count()} cores, load {load}. Least times of rounds, ours "
-        "and peers' in turns. Other benchmarks: `python benchmarks/NAME.py`; each says at its top what it measures.",
+        f"{np.__version__}, {platform.machine()}, {os.cpu_count()} cores, load {load}; least times of rounds, ours and "
+        "peers' in turns. Times of single operations: [speed](../science/speed.md).",
         "",
         "## Beside others",
         "",
