@@ -9,7 +9,7 @@ import pytest
 
 import tacstrip as ts
 from studies.holdout import solids
-from tacstrip.reconstruction.pressed.fit import descended
+from tacstrip.reconstruction.pressed.fit import _about, descended
 from tacstrip.reconstruction.pressed.poses import Poses
 
 TIP, NOISE = ts.Sensor.load("fingertip"), ts.Noise(positional=0.005)
@@ -135,3 +135,8 @@ def test_a_body_of_another_kind_is_told_by_how_it_is_curved() -> None:
     found = ts.fit_solid(scan, TIP, ts.Solid.plane(), NOISE)
     assert found.status == "doubtful"
     assert "a body of another kind explains the readings better than this one, plane" in found.advice
+
+
+def test_a_force_that_is_boundless_in_some_draws_is_not_told() -> None:
+    _, sigma, _ = _about(np.array([1.0, 1.2, math.inf, math.inf, 0.9]))  # before, a warning of NumPy's
+    assert not sigma < math.inf

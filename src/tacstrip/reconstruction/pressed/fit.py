@@ -277,17 +277,18 @@ class _Scatter:
 
 def _quantiles(draws: FloatArray, share: float | tuple[float, ...]) -> FloatArray:
     """Return what another draw is below with these shares."""
-    return np.asarray(np.quantile(draws, share, method="weibull"))
+    with np.errstate(
+        invalid="ignore"
+    ):  # where a mesh sinks in deeper than the skin is thick, its force is inf
+        return np.asarray(np.quantile(draws, share, method="weibull"))
 
 
 def _about(values: FloatArray) -> tuple[float, float, tuple[float, float]]:
     """Return the first of values, the others' root mean square from it, and what 95 % of them lie within."""
     low, high = _quantiles(values[1:], (0.025, 0.975))
-    return (
-        float(values[0]),
-        math.sqrt(float(np.square(values[1:] - values[0]).mean())),
-        (float(low), float(high)),
-    )
+    with np.errstate(invalid="ignore"):
+        sigma = math.sqrt(float(np.square(values[1:] - values[0]).mean()))
+    return float(values[0]), sigma, (float(low), float(high))
 
 
 def _result(
@@ -313,7 +314,7 @@ def _result(
             radius = radius_sigma = force = force_sigma = math.nan
         else:
             intervals["radius_mm"] = of_radius
-    if force_sigma > _UNTOLD * abs(force):
+    if not math.isnan(force) and not force_sigma <= _UNTOLD * abs(force) < math.inf:
         force = math.nan
         notes.append("the force cannot be told from this contact")
     if math.isfinite(force):
