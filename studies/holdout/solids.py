@@ -5,7 +5,7 @@ and where they lie in the solid or not is asked cell by cell; an end is the line
 of flat faces round the one that is told. Patches are sums over the skin, pressure from how far along the normal a solid
 goes, by halving. The noise is uniform, normal, triangular or Laplace's in turn, of one sigma; uniform is told.
 
-Run: python -m studies.holdout.solids --seed 0 --presses 40 [--kinds plane cylinder edge sphere]
+Run: python -m studies.holdout.solids --seed 0 --presses 40 [--kinds plane cylinder edge sphere] [--wrong]
 """
 
 from __future__ import annotations
@@ -23,6 +23,12 @@ from studies.holdout.readings import Unit
 from studies.holdout.shapes import Array
 
 KINDS = ("plane", "cylinder", "edge", "sphere")
+STRANGE = ("ellipsoid", "box", "cone", "wedge")
+# What is pressed, and the family that it is fitted as, which is not right.
+PAIRS = [
+    (kind, family) for kind in (*STRANGE, *KINDS) for family in KINDS
+    if kind != family and (kind, family) not in [("sphere", "plane"), ("plane", "sphere")]  # every patch is a cap
+]  # fmt: skip
 RADIUS, TIP, RIM, STRIPS, THICK, STIFF = 10.0, math.radians(12.0), math.radians(90.0), 16, 3.0, 0.1
 LENGTH = RADIUS * (RIM - TIP)
 UNIT = Unit(("kh", "kl"), STRIPS, 2.0 * math.pi * RADIUS / STRIPS, LENGTH)
@@ -44,14 +50,28 @@ class Pressed:
     axes: Array
     radius: float = math.nan
     faceted: bool = False
+    sizes: tuple[float, ...] = ()
 
     def holds(self, points: Array) -> Array:
         """Return whether points (..., 3) lie in it, as numbers above 0."""
         x, y, z = np.moveaxis((points - self.at) @ self.axes.T, -1, 0)
         if self.kind == "plane":
             return np.asarray(z)
-        if self.kind == "edge":  # 90 degrees
-            return np.asarray(z - np.abs(y))
+        if self.kind in (
+            "edge",
+            "wedge",
+            "cone",
+        ):  # 90 degrees, or of a wedge and a cone the cotangent of half
+            aside = np.hypot(x, y) if self.kind == "cone" else np.abs(y)
+            return np.asarray(z - aside * (self.sizes[0] if self.sizes else 1.0))
+        if self.kind == "box":
+            a, b, c = self.sizes
+            return np.asarray(
+                np.minimum(np.minimum(0.5 * a - np.abs(x), 0.5 * b - np.abs(y)), np.minimum(z, c - z))
+            )
+        if self.kind == "ellipsoid":
+            a, b, c = self.sizes
+            return np.asarray(1.0 - np.square(x / a) - np.square(y / b) - np.square(z / c - 1.0))
         if self.kind == "sphere":
             y = np.hypot(x, y)
         off = np.hypot(y, z - self.radius)
@@ -113,14 +133,28 @@ def draw(kind: str, number: int, random: np.random.Generator) -> Pressed:
     south = skin(np.array(polar + 0.5 * math.pi), np.array(around))
     east = np.array([-math.sin(around), math.cos(around), 0.0])
     x = math.cos(turn) * south + math.sin(turn) * east
+    sizes: tuple[float, ...] = ()
+    if kind == "ellipsoid":
+        sizes = (random.uniform(4.0, 15.0), random.uniform(3.0, 8.0), random.uniform(3.0, 8.0))
+    elif kind == "box":
+        sizes = (random.uniform(6.0, 16.0), random.uniform(4.0, 12.0), 10.0)
+    elif kind in ("cone", "wedge"):  # 60 to 75, or 110 to 140 degrees
+        sizes = (
+            1.0
+            / math.tan(0.5 * math.radians(random.choice([random.uniform(60, 75), random.uniform(110, 140)]))),
+        )
     depth, radius = {
         "plane": (random.uniform(0.6, 2.0), math.nan),
         "cylinder": (random.uniform(1.0, 2.0), random.uniform(3.0, 8.0)),
         "edge": (random.uniform(1.0, 2.5), math.nan),
         "sphere": (random.uniform(1.0, 2.0), random.uniform(4.0, 15.0)),
+        "ellipsoid": (random.uniform(1.0, 2.0), math.nan),
+        "box": (random.uniform(0.6, 2.0), math.nan),
+        "cone": (random.uniform(1.0, 2.5), math.nan),
+        "wedge": (random.uniform(1.0, 2.5), math.nan),
     }[kind]
     return Pressed(
-        kind, (RADIUS - depth) * out, np.stack([x, np.cross(out, x), out]), radius, bool(number % 2)
+        kind, (RADIUS - depth) * out, np.stack([x, np.cross(out, x), out]), radius, bool(number % 2), sizes
     )
 
 
@@ -212,6 +246,33 @@ def run(kind: str, seed: int, presses: int, verbose: bool = False) -> str:
     ) + " |"  # fmt: skip
 
 
+def wrong(kind: str, family: str, seed: int, presses: int, verbose: bool = False) -> str:
+    """Return a table's line of a kind of solid that is fitted as another family."""
+    count = dict.fromkeys(("ok and right", "ok and wrong", "doubtful and right", "doubtful and wrong"), 0)
+    for number in range(presses):
+        random = np.random.default_rng([seed, (KINDS + STRANGE).index(kind), number])
+        solid = draw(kind, number, random)
+        scan = scan_of(solid, NOISES[(number // 2) % len(NOISES)], random)
+        found = ts.fit_solid(
+            scan, ts.Sensor.load("fingertip"), FAMILIES[family], ts.Noise(positional=HALF_WIDTH)
+        )
+        assert found.direction is not None
+        area, force = load(solid)
+        off = (
+            100.0 * abs(found.area_mm2 / area - 1.0),
+            math.degrees(math.acos(min(1.0, float(found.direction @ solid.axes[2])))),
+            100.0 * abs(found.force_n / force - 1.0),  # NaN is not told, and so not wrong
+        )
+        bad = any(v > limit for v, limit in zip(off, WRONG.values(), strict=False))
+        count[f"{'ok' if found.status == 'ok' else 'doubtful'} and {'wrong' if bad else 'right'}"] += 1
+        if verbose:
+            shown = ", ".join(f"{name} {v:.2g}" for name, v in zip(WRONG, off, strict=False))
+            _write(
+                f"{number:3d} {found.status:8s} {int(scan.touched.sum()):2d} strips {shown} {found.advice}"
+            )
+    return "| " + " | ".join([kind, family, *map(str, count.values())]) + " |"
+
+
 def _write(line: str) -> None:
     sys.stdout.write(line + "\n")
     sys.stdout.flush()
@@ -224,10 +285,23 @@ def main() -> None:
     options.add_argument("--seed", type=int, default=0)
     options.add_argument("--final", action="store_true")
     options.add_argument("--verbose", action="store_true")
+    options.add_argument(
+        "--wrong", action="store_true", help="solids fitted as families that they are not of"
+    )
     options.add_argument("--kinds", nargs="+", choices=KINDS, default=KINDS)
     given = options.parse_args()
     if given.seed >= FINAL and not given.final:
         raise SystemExit(f"seeds of {FINAL} and above decide: run each once, with --final")
+    if given.wrong:
+        _write(
+            "| solid | fitted as | ok and right | ok and wrong | doubtful and right | doubtful and wrong |\n"
+            + "| --- " * 6
+            + "|"
+        )
+        for kind, family in PAIRS:
+            if family in given.kinds:
+                _write(wrong(kind, family, given.seed, given.presses, given.verbose))
+        return
     names = ("solid", "ok", "silent wrong", "false doubt", *WRONG, "within 95 % (in that order)", "CPU s")
     _write("| " + " | ".join(names) + " |\n" + "| --- " * len(names) + "|")
     for kind in given.kinds:

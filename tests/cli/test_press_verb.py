@@ -19,7 +19,10 @@ POSE = ["--pose", "8", "1", "8", "-1", "0", "-1"]
 def test_skin_object_and_patch_come_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     run = CliRunner().invoke
-    assert run(cli, ["init", "tip.toml", "--like", "fingertip"], catch_exceptions=False).exit_code == 0
+    hint = run(cli, ["init", "tip.toml", "--like", "fingertip"], catch_exceptions=False).output
+    first = hint.partition("then: tacstrip ")[2].split()
+    assert first[0] == "press"
+    assert "3 of 16 strips touched" in run(cli, first, catch_exceptions=False).output
     words = ["press", "tip.toml", "cylinder:4", *POSE, "--turn", "30", "--depth", "1.5", "-o", "r.csv"]
     done = run(cli, [*words, "--patch", "p.json", "--plot", "p.png"], catch_exceptions=False)
     assert "3 of 16 strips touched" in done.output

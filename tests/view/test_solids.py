@@ -39,6 +39,8 @@ def test_what_is_placed_is_pressed_read_and_drawn() -> None:
     for name in ("kh", "kl"):
         np.testing.assert_allclose(raw.codes[name] / 65535, np.nan_to_num(ideal[name], nan=0.0), atol=1e-4)
         np.testing.assert_array_equal(raw.codes[name], again.codes[name])
+    simulator.place([BALL | {"solid": "cone"}])
+    assert [len(line) for line in simulator.truth[0]["lines"]] == [25, 2, 2, 2, 2]
     simulator.place([])
     assert simulator.truth == []
     assert alone["lines"]
@@ -53,7 +55,7 @@ def test_what_is_placed_is_pressed_read_and_drawn() -> None:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"solid": "cone"}, "solid 'cone' does not exist"),
+        ({"solid": "wedge"}, "solid 'wedge' does not exist"),
         ({"x_mm": float("nan")}, "x_mm = nan: must be a number"),
         ({"depth_mm": True}, "depth_mm = True: must be a number"),
         ({"depth_mm": 9.0}, "the object sinks .* a skin of 3 mm: press less"),

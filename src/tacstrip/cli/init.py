@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+import numpy as np
 
 from tacstrip.cli import note, options, protect, warn
 from tacstrip.data import spec_names
@@ -16,6 +17,7 @@ from tacstrip.io.input_checks import unlikely_lengths
 from tacstrip.sensor.constructions import CONSTRUCTIONS, SIGNATURES
 from tacstrip.sensor.constructions import construction as construction_named
 from tacstrip.sensor.spec import UNKNOWN, Sensor
+from tacstrip.surface.skin import skin_of
 
 # Where CRS-CRP reads well (docs/science/physics.md), for a spec that is still to be edited.
 _SHEET_RATIO = 100.0
@@ -59,12 +61,14 @@ def command(
     if like is not None and options.given("log", *keys):
         raise SpecError("--like copies a whole spec; leave the other options out and edit the file")
     options.belong(log, "answers questions of a log; name it with --from", "answers")
+    then = f"simulate {file} CONTACT.wkt"
     if log is not None:
         text, unknown = _begun(log, answers, keys)
     else:
         sensor = _made(keys) if like is None else Sensor.load(like)
         warn(unlikely_lengths(sensor))
         text, unknown = sensor.to_toml(), []
+        then = then if sensor.surface is None else f"press {file} {_first_press(sensor)}"
     if printed:
         click.echo(text, nl=False)
         return
@@ -72,7 +76,15 @@ def command(
     if unknown:
         click.echo(f"{file} begun. Fill in what stands as {UNKNOWN!r}: {', '.join(unknown)}")
     else:
-        click.echo(f"{file} written. Edit it, then: tacstrip simulate {file} CONTACT.wkt -o readings.csv")
+        click.echo(f"{file} written. Edit it, then: tacstrip {then} -o readings.csv")
+
+
+def _first_press(sensor: Sensor) -> str:
+    """Return a press into the middle of a curved skin, as `press` takes it."""
+    skin, strip = skin_of(sensor), sensor.strips // 2
+    place = skin.places(np.array(float(strip)), np.array(0.5 * skin.lengths_mm[strip]))
+    pose = " ".join(f"{v:.3g}" for v in (*skin.points(*place), *(0.0 - skin.normals(*place))))
+    return f"plane --pose {pose} --depth {0.4 * skin.thickness_mm:.2g}"
 
 
 def _made(keys: dict[str, Any]) -> Sensor:

@@ -167,7 +167,7 @@ def track_solid(
     shares = "log_radius" in there[0].poses.names
     freedom = sum(one.poses.readings - len(one.values) + shares for one in there) - shares
     scale = noise_scale(squares, freedom, noise is None)
-    alike = cap(there[0].poses.skin, solid) and not known_size
+    alike = solid.kind == "sphere" and cap(there[0].poses.skin) and not known_size
     radius, notes = None, []
     if shares:
         radius = _Radius.of(there, scale)

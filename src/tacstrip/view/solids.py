@@ -17,7 +17,7 @@ from tacstrip.errors import ContactError, OptionError, one_of
 from tacstrip.sensor.spec import Sensor
 from tacstrip.surface.skin import Skin, skin_of
 
-KINDS = ("plane", "sphere", "cylinder", "edge", "box")
+KINDS = ("plane", "sphere", "cylinder", "edge", "cone", "box")
 _COLUMNS, _ROWS = 65, 10  # of the skin as it is drawn, at most across
 _OUTLINE = 48  # points of an outline
 _REACH = 0.35  # of the skin's size: how far an endless solid is drawn to either side
@@ -74,6 +74,8 @@ class Pressed:
                 return Solid.cylinder(self.size_mm)
             case "edge":
                 return Solid.edge()
+            case "cone":
+                return Solid.cone()
             case "box":
                 return Solid.box((self.size_mm, 0.5 * self.size_mm, 0.5 * self.size_mm))
         return Solid.plane()
@@ -186,6 +188,10 @@ def _wire(solid: Solid, reach: float) -> list[FloatArray]:
         base = 0.5 * np.array([[-a, -b, 0], [a, -b, 0], [a, b, 0], [-a, b, 0], [-a, -b, 0]])
         top = base + np.array([0.0, 0.0, c])
         return [base, top, *(np.stack([base[i], top[i]]) for i in range(4))]
+    if solid.kind == "cone":
+        side, up = reach * math.sin(0.5 * solid.size[0]), reach * math.cos(0.5 * solid.size[0])
+        base = np.stack([side * cos, side * sin, np.full(25, up)], axis=1)
+        return [base, *(np.stack([base[i], np.zeros(3)]) for i in (0, 6, 12, 18))]
     half = 0.5 * solid.size[0] if solid.kind == "edge" else 0.5 * math.pi
     side, up = reach * math.sin(half), reach * math.cos(half)
     corners = [(-side, up), (0.0, 0.0), (side, up)]

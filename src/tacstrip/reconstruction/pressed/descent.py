@@ -18,43 +18,57 @@ _TOUCHES_MM = (0.1, TOUCH_MM)  # what touch is known to in the descents that fol
 _FAR_MM = 0.3  # the same, of the first descents of a mesh, whose depth is not told
 _ITERATIONS, _ROUGH, _SETTLED, _MOST_DAMPING = 30, 0.01, 1e-3, 1e7
 _LONGEST = 0.8  # mm, rad, or a factor's logarithm: a step
-_STEP = 1e-3  # the same, of differences
-_ALIKE = 0.02  # the same: ends that are one
+STEP = 1e-3  # the same, of differences
+_ALIKE, _FAR = 0.02, 25.0  # the same: ends that are one; cost above twice the least of those that are left
 _COUNTS = {"cylinder": 9, "edge": 9, "box": 8, "mesh": 12}  # of turns to begin with
 _Residuals: TypeAlias = Callable[[FloatArray], FloatArray]
 
 
 def refined(poses: Poses, values: FloatArray, held: str = "") -> tuple[FloatArray, FloatArray]:
     """Return where descents from near parameters (M, P), of which one may be held, end, and their costs (M,)."""
-    return descend(poses.residuals, values, _SETTLED, poses.column(held))
+    at = poses.column(held)
+    values, _ = descend(partial(poses.residuals, smooth=True), values, _SETTLED, at)
+    return descend(poses.residuals, values, _SETTLED, at)
 
 
 def descents(poses: Poses) -> tuple[FloatArray, FloatArray]:
     """Return where descents end (M, P), best first, and their costs (M,): the sum of squared residuals."""
-    rough = poses.depth_residuals if poses.solid.mesh is None else partial(poses.residuals, touch_mm=_FAR_MM)
+    rough = (
+        poses.depth_residuals
+        if poses.solid.mesh is None
+        else partial(poses.residuals, touch_mm=_FAR_MM, smooth=True)
+    )
     values, costs = descend(rough, _starts(poses, rough), _ROUGH)
     for touch_mm, count in zip(_TOUCHES_MM, _FOLLOWED, strict=True):
-        start = _apart(values, costs, count)
-        values, costs = descend(partial(poses.residuals, touch_mm=touch_mm), start, _SETTLED)
+        start = _apart(poses, values, costs, count)
+        values, costs = descend(partial(poses.residuals, touch_mm=touch_mm, smooth=True), start, _SETTLED)
+    values, costs = descend(poses.residuals, values, _SETTLED)
     order = np.argsort(costs)
     return values[order], costs[order]
 
 
-def _apart(values: FloatArray, costs: FloatArray, count: int) -> FloatArray:
-    """Return the best ends, so many at most, of which no two are alike."""
-    kept: list[FloatArray] = []
-    for one in values[np.argsort(costs)]:
-        if len(kept) < count and all(np.abs(one - other).max() > _ALIKE for other in kept):
-            kept.append(one)
-    return np.array(kept)
+def _apart(poses: Poses, values: FloatArray, costs: FloatArray, count: int) -> FloatArray:
+    """Return the best ends that are unlike, half of so many, and of those that cost little more the furthest apart."""
+    near = costs <= _FAR + 2.0 * costs.min()
+    values = values[near][np.argsort(costs[near])]
+    places = values
+    if (at := poses.column("turn_rad")) is not None:  # which is alike after a turn
+        per = TURNS[poses.solid.kind] / (2.0 * math.pi)
+        round_ = per * np.stack([np.cos(values[:, at] / per), np.sin(values[:, at] / per)], axis=1)
+        places = np.concatenate([np.delete(values, at, axis=1), round_], axis=1)
+    kept, off = [0], np.abs(places - places[0]).max(axis=1)
+    while len(kept) < count and off.max() > _ALIKE:
+        kept.append(int((off > _ALIKE if len(kept) < count // 2 else off).argmax()))
+        off = np.minimum(off, np.abs(places - places[kept[-1]]).max(axis=1))
+    return values[kept]
 
 
 def jacobian(residuals: _Residuals, values: FloatArray, left: FloatArray) -> FloatArray:
     """Return the slopes (M, R, P) of residuals (M, R) at parameters (M, P), by differences to one side."""
     count = values.shape[1]
-    moved = (values[:, None] + _STEP * np.eye(count)).reshape(-1, count)
+    moved = (values[:, None] + STEP * np.eye(count)).reshape(-1, count)
     found = residuals(moved).reshape(len(values), count, -1)
-    return np.swapaxes((found - left[:, None]) / _STEP, 1, 2)
+    return np.swapaxes((found - left[:, None]) / STEP, 1, 2)
 
 
 def descend(

@@ -17,6 +17,10 @@ from tacstrip.reconstruction.pressed.poses import TURNS, Poses
 
 _ROUNDS, _DRAWS, _ENOUGH, _MOST_ROUNDS = 4, 240, 200.0, 12
 _CENTRES, _SHRUNK = 40, 0.6  # of later rounds; their spread over the draws' own
+_SPREAD, _LEAST_POWER = (
+    60.0,
+    0.05,
+)  # even draws that the next centres are drawn from; of weights, to get so many
 _FREEDOM, _WIDER = 4.0, 1.2  # of Student's t; of the descents' ends
 _WIDEST = {"log_radius": 0.7, "turn_rad": 0.5}  # standard deviations that a descent's end is taken for
 _FAR = 25.0  # cost by which another descent's end is no centre
@@ -24,11 +28,15 @@ _FAR = 25.0  # cost by which another descent's end is no centre
 
 @dataclass(frozen=True, eq=False)
 class Draws:
-    """Parameters (N, P) with weights (N,) that add up to 1; `effective` is how many even ones tell as much."""
+    """Parameters (N, P) with weights (N,) that add up to 1; `effective` is how many even ones tell as much.
+
+    `best` is the likeliest of them (P,).
+    """
 
     values: FloatArray
     weights: FloatArray
     effective: float
+    best: FloatArray
 
     def even(self, count: int, random: np.random.Generator) -> FloatArray:
         """Return as many draws of equal weight (count, P), by systematic resampling."""
@@ -90,7 +98,7 @@ def draw(
     share = 0.7 * share / share.sum() + 0.3 / len(share)
     proposals = [_Mixture(ends, share / share.sum(), _WIDER * np.asarray(np.linalg.cholesky(covariances)))]
     values, log_likelihood = np.empty((0, ends.shape[1])), np.empty(0)
-    draws = Draws(values, log_likelihood, 0.0)
+    draws = Draws(values, log_likelihood, 0.0, ends[0])
     for number in range(_MOST_ROUNDS):
         new = proposals[-1].draw(_DRAWS, random)
         values = np.concatenate([values, new])
@@ -100,20 +108,32 @@ def draw(
         drawn = np.logaddexp.reduce([p.log_density(values) for p in proposals], axis=0) - math.log(
             len(proposals)
         )
-        weights = np.exp(log_likelihood - drawn - (log_likelihood - drawn).max())
-        weights /= weights.sum()
-        wrapped = _wrapped(poses, values, values[int(np.argmax(log_likelihood))])
-        draws = Draws(wrapped, weights, float(1.0 / np.square(weights).sum()))
+        weights = _normal(log_likelihood - drawn)
+        best = values[int(np.argmax(log_likelihood))]
+        wrapped = _wrapped(poses, values, best)
+        draws = Draws(wrapped, weights, float(1.0 / np.square(weights).sum()), best)
         if number + 1 >= _ROUNDS and draws.effective >= _ENOUGH:
             break
-        root = np.linalg.cholesky(draws.covariance + 1e-12 * np.eye(len(draws.covariance)))
-        centres = Draws(values, weights, 0.0).even(_CENTRES, random)
+        power = 1.0  # less while few draws outweigh all others, so that the next ones reach further
+        while power > _LEAST_POWER and 1.0 / np.square(weights).sum() < _SPREAD:
+            power *= 0.7
+            weights = _normal(power * (log_likelihood - drawn))
+        root = np.linalg.cholesky(
+            Draws(wrapped, weights, 0.0, best).covariance + 1e-12 * np.eye(values.shape[1])
+        )
+        centres = Draws(values, weights, 0.0, best).even(_CENTRES, random)
         proposals.append(
             _Mixture(
                 centres, np.full(_CENTRES, 1.0 / _CENTRES), np.repeat(_SHRUNK * root[None], _CENTRES, axis=0)
             )
         )
     return draws
+
+
+def _normal(log_weights: FloatArray) -> FloatArray:
+    """Return weights (N,) that add up to 1."""
+    weights = np.exp(log_weights - log_weights.max())
+    return np.asarray(weights / weights.sum())
 
 
 def _laplace(poses: Poses, ends: FloatArray) -> FloatArray:

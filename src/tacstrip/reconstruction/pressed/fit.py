@@ -22,6 +22,7 @@ from tacstrip.errors import ContactError, OptionError
 from tacstrip.reconstruction.polygon.goodness_of_fit import chi_square_score
 from tacstrip.reconstruction.pressed.descent import descents, refined
 from tacstrip.reconstruction.pressed.draws import Draws, draw
+from tacstrip.reconstruction.pressed.kinds import Held
 from tacstrip.reconstruction.pressed.poses import GUESS, TOUCH_MM, TURNS, Poses, cap
 from tacstrip.reconstruction.result import Status
 from tacstrip.scan import Scan
@@ -29,6 +30,7 @@ from tacstrip.sensor.constructions import check_closed_form
 from tacstrip.sensor.spec import Sensor
 
 _SEED = 20  # of the draws: the same result for the same scan
+_REDRAWN = 3  # times that draws may find a pose far better than any before
 _LOADS = 96  # draws whose area and force are computed
 _FEW_DRAWS = 40.0  # even draws, fewer of which do not tell how well something is known
 _MEAN = (
@@ -36,11 +38,19 @@ _MEAN = (
 )
 _BELIEF = 8.0  # readings that the noise given counts for, against what is left over
 _ALARM = 3.5  # standard deviations of chi square
+_BETTER = 9.0  # chi square of one by which another kind explains the readings better
+_STRAIGHT = 0.1  # standard deviation of a bend, per 10 mm: about that of the force, relative to it
 _LOST_MM = 0.1  # depth by which touch and silence may contradict the object
 _LIKELY = 0.05  # share of draws
 _RIVAL = 4.0  # chi square by which another pose is no rival
 _UNTOLD = 0.5  # relative standard deviation of a radius or force that is not told
 _AXES = ("cylinder", "edge", "box")  # a mesh may be alike turned about its own axis
+_BENT = {  # what rests on the kind that was given, where readings do not tell it
+    "plane": "the force holds if it is flat: a ball leaves the same patch",
+    "cylinder": "radius and force hold if it is straight: a body that is curved along its axis too, as an ellipsoid, "
+                "reads the same",
+    "edge": "the force holds if its ridge is straight: one that is curved along it reads the same",
+}  # fmt: skip
 # Standard deviations from which on a result is doubtful; with 95 % area, direction, axis, radius are within twice that.
 _AREA, _DIRECTION, _AXIS, _RADIUS = 0.05, math.radians(2.5), math.radians(5.0), 0.125
 
@@ -181,11 +191,19 @@ def fit_solid(
         return SolidFit("no contact", "no strip reads a contact; press harder", time_s=scan.time_s)
     poses = Poses.of(scan, sensor, solid, sensor.noise if noise is None else noise, known_size)
     ends, costs = descended(poses, start)
-    left = poses.residuals(ends[:1])[0]
-    squares, freedom = float(np.square(left[: poses.readings]).sum()), poses.readings - len(poses.names)
-    scale = noise_scale(squares, freedom, poses.noise is None)
-    random = np.random.default_rng(_SEED)
-    draws = draw(poses, ends, costs, random, scale)
+    for _ in range(_REDRAWN):
+        left = poses.residuals(ends[:1])[0]
+        squares, freedom = float(np.square(left[: poses.readings]).sum()), poses.readings - len(poses.names)
+        scale = noise_scale(squares, freedom, poses.noise is None)
+        random = np.random.default_rng(_SEED)
+        draws = draw(poses, ends, costs, random, scale)
+        better, its = refined(poses, draws.best[None])
+        if its[0] > costs[0] - _RIVAL:
+            break
+        ends, costs = (
+            np.concatenate([better, ends]),
+            np.concatenate([its, costs]),
+        )  # that no descent had found
     mean = draws.mean
     cost = float(np.square(poses.residuals(mean[None])).sum())
     values = mean if cost - costs[0] <= _MEAN * len(mean) * scale else ends[0]
@@ -259,17 +277,18 @@ class _Scatter:
 
 def _quantiles(draws: FloatArray, share: float | tuple[float, ...]) -> FloatArray:
     """Return what another draw is below with these shares."""
-    return np.asarray(np.quantile(draws, share, method="weibull"))
+    with np.errstate(
+        invalid="ignore"
+    ):  # where a mesh sinks in deeper than the skin is thick, its force is inf
+        return np.asarray(np.quantile(draws, share, method="weibull"))
 
 
 def _about(values: FloatArray) -> tuple[float, float, tuple[float, float]]:
     """Return the first of values, the others' root mean square from it, and what 95 % of them lie within."""
     low, high = _quantiles(values[1:], (0.025, 0.975))
-    return (
-        float(values[0]),
-        math.sqrt(float(np.square(values[1:] - values[0]).mean())),
-        (float(low), float(high)),
-    )
+    with np.errstate(invalid="ignore"):
+        sigma = math.sqrt(float(np.square(values[1:] - values[0]).mean()))
+    return float(values[0]), sigma, (float(low), float(high))
 
 
 def _result(
@@ -284,7 +303,7 @@ def _result(
     notes, doubtful, open_ = [], False, False
     if kind in ("sphere", "cylinder"):
         radius, radius_sigma, of_radius = _about(scatter.radius)
-        alike = cap(poses.skin, solid) and not known_size
+        alike = kind == "sphere" and cap(poses.skin) and not known_size
         open_ = not alike and not radius_sigma <= _RADIUS * radius
         if alike or radius_sigma > _UNTOLD * radius:
             why = "every patch of a sphere on this skin is alike" if alike else "it is open"
@@ -295,7 +314,7 @@ def _result(
             radius = radius_sigma = force = force_sigma = math.nan
         else:
             intervals["radius_mm"] = of_radius
-    if force_sigma > _UNTOLD * abs(force):
+    if not math.isnan(force) and not force_sigma <= _UNTOLD * abs(force) < math.inf:
         force = math.nan
         notes.append("the force cannot be told from this contact")
     if math.isfinite(force):
@@ -310,6 +329,15 @@ def _result(
         notes.append(
             "no such object explains the readings: it is another one, there are several, or the noise is larger"
         )
+    held = Held.of(poses, ends[0], scale)
+    squares = float(np.square(poses.residuals(ends[:1])[0, : poses.readings]).sum())
+    other = noise_scale(squares - held.gain, poses.readings - len(values) - 1, poses.noise is None)
+    if held.gain > _BETTER * other and not doubtful:
+        doubtful = True
+        notes.append(
+            f"a body of another kind explains the readings better than this one, {kind}: one that is curved otherwise, "
+            "or has another angle"
+        )
     if contradiction(poses, ends[:1]) > _LOST_MM:
         doubtful = True
         notes.append(
@@ -321,6 +349,12 @@ def _result(
             f"no more readings than unknowns: nothing tells whether it is of the kind given, {kind}; press across more "
             "strips"
         )
+    if (
+        math.isfinite(force)
+        and kind in _BENT
+        and (held.bend > _STRAIGHT or (kind == "plane" and cap(poses.skin)))
+    ):
+        notes.append(_BENT[kind])
     if poses.noise is None and poses.readings - len(values) < 3:
         notes.append(f"the noise is taken for {100 * GUESS:g} % of Vref; give it")
     open_ |= not area_sigma <= _AREA * area or not scatter.direction <= _DIRECTION or scatter.axis > _AXIS

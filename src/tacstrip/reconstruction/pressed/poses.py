@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import Self
+from functools import cached_property, partial
+from typing import Self, TypeAlias
 
 import numpy as np
 
@@ -34,11 +34,16 @@ TOUCH_MM = 0.03  # standard deviation of the depth from which a strip reads
 _SAMPLES, _ROOTS = 64, 5  # along a strip; steps that place an end between two of them
 _FEW_SAMPLES, _ROUGH_MM, _BORDER = 16, 0.1, 0.01  # of what starts are compared by; share of a strip's length
 _TOGETHER = 48  # poses; more at once are no faster
-_LINE_MM = 0.05  # depth of a strip below which it does not read as its centre line
+_WIDTH_MM, _SHORT_MM = 0.3, 1e-3  # that a strip reads over, about; of differences
+_LINE_MM = 0.05  # depth of a strip below which descents on the way do not take it for its centre line
 _LOG_RADIUS = 1.5  # how far, as a logarithm, the radius may be from the one given: hardly a prior
 _FLATTER = 4.0  # times a spherical skin's radius: caps of balls that large need the least depth
 _CHART_STEPS = 8  # from a place on the skin to the tangent plane, where a step leaves a tenth
 _RADII = (-5.0, 8.0)  # of the logarithm
+_OPENINGS = (0.1, 3.1)  # of an edge's or cone's angle [rad]
+_BEND_MM, _MOST_BENT = 10.0, 3.0  # over which radius a bend is 1; how far it may be from 0: hardly a prior
+
+_Touch: TypeAlias = Callable[[FloatArray, Callable[[], FloatArray]], FloatArray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +60,8 @@ class Poses:
         Place on the skin about which poses are told (3,) [mm]; two directions along it (2, 3).
     ends_read
         About where contacts end on strips: l and u (strips,) [mm].
+    sigma
+        Standard deviations of the readings' errors (R,).
     """
 
     sensor: Sensor
@@ -70,6 +77,7 @@ class Poses:
     tangents: FloatArray
     ends_read: tuple[FloatArray, FloatArray]
     noise: Noise | None
+    sigma: FloatArray
 
     @classmethod
     def of(cls, scan: Scan, sensor: Sensor, solid: Solid, noise: Noise | None, known_size: bool) -> Self:
@@ -79,7 +87,7 @@ class Poses:
         origin, tangents = _middle(skin, scan, ends)
         names = ["across_mm", "along_mm", "depth_mm"]
         if solid.kind in ("sphere", "cylinder") and not known_size:
-            if cap(skin, solid) and skin.surface is not None:
+            if solid.kind == "sphere" and cap(skin) and skin.surface is not None:
                 if not skin.surface.inside:
                     solid = replace(
                         solid, size=(max(solid.size[0], _FLATTER * float(skin.surface.radius_mm or 0.0)),)
@@ -88,16 +96,17 @@ class Poses:
                 names.append("log_radius")
         names += ["turn_rad"] * (solid.kind in TURNS)
         read = ~np.isnan(k)
-        white = np.eye(int(read.sum())) / GUESS
+        count = int(read.sum())
+        white, sigma = np.eye(count) / GUESS, np.full(count, GUESS)
         if noise is not None:
             errors = reading_covariance(
                 noise, sensor, sensor.x_mm, ends, scan.signatures, Averaging.of(scan)
             )[np.ix_(read.ravel(), read.ravel())]  # fmt: skip
-            white = np.linalg.inv(np.linalg.cholesky(errors))
+            white, sigma = np.linalg.inv(np.linalg.cholesky(errors)), np.sqrt(np.diag(errors))
         silent = ~scan.touched & ~left_out_wholly(sensor)
         return cls(
             sensor, skin, solid, k, scan.touched, silent, white, scan.signatures, tuple(names), origin, tangents,
-            ends, noise,
+            ends, noise, sigma,
         )  # fmt: skip
 
     def column(self, name: str) -> int | None:
@@ -159,36 +168,47 @@ class Poses:
 
     def solids(self, values: FloatArray) -> list[Solid]:
         """Return the objects of parameters (M, P)."""
-        size = self.solid.size
+        sizes = [self.solid.size] * len(values)
+        if self.solid.kind in ("sphere", "cylinder"):
+            sizes = [(float(radius),) for radius in self.radii(values)]
+        elif (at := self.column("opening")) is not None:
+            sizes = [(float(angle),) for angle in np.clip(values[:, at], *_OPENINGS)]
         return [
-            replace(self.solid, position_mm=at, axes=axes, size=(float(radius),) if self.solid.kind in
-                    ("sphere", "cylinder") else size)
-            for at, axes, radius in zip(*self.frames(values), self.radii(values), strict=True)
-        ]  # fmt: skip
+            replace(self.solid, position_mm=place, axes=axes, size=size)
+            for place, axes, size in zip(*self.frames(values), sizes, strict=True)
+        ]
 
-    def residuals(self, values: FloatArray, touch_mm: float = TOUCH_MM) -> FloatArray:
+    def residuals(self, values: FloatArray, touch_mm: float = TOUCH_MM, smooth: bool = False) -> FloatArray:
         """Return what is left at parameters (M, P): of whitened readings, of touch and silence, of what hardly counts.
 
         Half their squares is minus the logarithm of the likelihood: a strip reads where the object is as deep as a
-        depth that is known to `touch_mm`.
+        depth that is known to `touch_mm`. `smooth`: by a rule for strips hardly touched that descents can follow.
         """
         return np.concatenate([
-            self._residuals(values[i : i + _TOGETHER], touch_mm) for i in range(0, len(values), _TOGETHER)
+            self._residuals(values[i : i + _TOGETHER], touch_mm, smooth) for i in range(0, len(values), _TOGETHER)
         ])  # fmt: skip
 
-    def _residuals(self, values: FloatArray, touch_mm: float) -> FloatArray:
-        l, u, deepest = self.ends(values, touch_mm)
-        read = signatures(self.sensor, l, u)
-        with np.errstate(invalid="ignore"):
-            off = self.k - np.stack([read[name] for name in self.read], axis=1)
-        read_here = ~np.isnan(self.k)
-        # Strips are no lines: of one that is hardly touched, the ends on its centre line tell little.
-        looser = 1.0 + np.square(_LINE_MM / np.maximum(deepest, 0.2 * _LINE_MM))
-        looser = np.broadcast_to(looser[:, None], off.shape)[:, read_here]
-        left = (np.nan_to_num(off[:, read_here], nan=1.0) / np.sqrt(looser)) @ self.white.T
+    def _residuals(self, values: FloatArray, touch_mm: float, smooth: bool) -> FloatArray:
+        touch, here = self._touch(values), ~np.isnan(self.k)
+        ends, deepest, y_top = self._ends(touch, touch_mm)
+        k = self._readings(ends, here)
+        if smooth:
+            spread = np.repeat(
+                (_LINE_MM / np.maximum(deepest, 0.2 * _LINE_MM))[:, None], len(self.k), axis=1
+            )[:, here]
+        else:  # strips are no lines
+            beside = self._readings(self._aside(touch, ends, deepest, y_top), here)
+            spread = np.nan_to_num(beside - k) / self.sigma
+        off, looser = self.k[here] - k, 1.0 + np.square(spread)
+        left = (np.nan_to_num(off, nan=1.0) / np.sqrt(looser)) @ self.white.T
         sign = np.where(self.touched, 1.0, -1.0)
         lost = np.where(self.touched | self.silent, _misfit(sign * deepest / touch_mm), 0.0)
         return np.concatenate([left, lost, np.sqrt(np.log(looser)), self._hardly(values)], axis=1)
+
+    def _readings(self, ends: FloatArray, here: BoolArray) -> FloatArray:
+        """Return what is read (M, R) of ends (M, strips, 2) [mm]."""
+        read = signatures(self.sensor, ends[..., 0], ends[..., 1])
+        return np.stack([read[name] for name in self.read], axis=1)[:, here]
 
     def _hardly(self, values: FloatArray) -> FloatArray:
         """Return residuals of what is known beforehand: hardly anything, but how thick the skin is."""
@@ -199,16 +219,21 @@ class Poses:
         if (at := self.column("log_radius")) is not None:
             hardly.append((values[:, at] - math.log(self.solid.size[0])) * self.pull)
         if (at := self.column("turn_rad")) is not None:
-            hardly.append(values[:, at] / (2.0 * TURNS[self.solid.kind]))
+            hardly.append(values[:, at] / (2.0 * TURNS.get(self.solid.kind, math.pi)))
+        if (at := self.column("bend")) is not None:
+            hardly.append(values[:, at] / _MOST_BENT)
         return np.stack(hardly, axis=1)
 
-    def _touch(self, values: FloatArray) -> Callable[[FloatArray, Callable[[], FloatArray]], FloatArray]:
+    def _touch(self, values: FloatArray) -> _Touch:
         """Return what gives the touch (M, ...) of objects (M, P) at points (M or 1, ..., 3), of normals where asked."""
-        solids, thick = self.solids(values), self.skin.thickness_mm
+        solids, thick, bend = self.solids(values), self.skin.thickness_mm, self.column("bend")
         frames, kind = np.stack([solid.frame for solid in solids]), self.solid.kind
         # Only objects that go deeper than they are thick reach under places beside the patch.
         round_ = kind in ("sphere", "cylinder")
         reaches = kind != "plane" and not (round_ and (values[:, 2] <= 0.8 * self.radii(values)).all())
+        straight = np.concatenate(
+            [np.tile([1.0, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0], (len(frames), 1)), frames[:, 12:]], axis=1
+        )
 
         def touch(points: FloatArray, normals: Callable[[], FloatArray]) -> FloatArray:
             shape = points.shape[1:-1]
@@ -223,6 +248,9 @@ class Poses:
                 for v in (points, normals() if reaches else None)
             )
             assert p is not None
+            if bend is not None:
+                p, n = _bent(frames, values[:, bend], p, n)
+                return solid_touch(kind, straight, p, n, thick).reshape(len(values), *shape)
             return solid_touch(kind, frames, p, n, thick).reshape(len(values), *shape)
 
         return touch
@@ -248,19 +276,18 @@ class Poses:
         return np.concatenate([*(part / _ROUGH_MM for part in left), self._hardly(values)], axis=1)
 
     def ends(self, values: FloatArray, touch_mm: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return l and u (M, strips) [mm] of parameters (M, P), and how deep the object is on each strip at most.
+        """Return l and u (M, strips) [mm] of parameters (M, P), and how deep the object is on each strip at most."""
+        ends, deepest, _ = self._ends(self._touch(values), touch_mm)
+        return ends[..., 0], ends[..., 1], deepest
+
+    def _ends(self, touch: _Touch, touch_mm: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return ends (M, strips, 2) [mm], how deep objects are on each strip at most (M, strips), and at which y.
 
         Of a strip that is not touched, or less deep than a tenth of `touch_mm`, ends are those of what lies so much
         higher at most, so that they move as the object does.
         """
         strip, y, points, normals = samples(self.skin, _SAMPLES)
-        touch = self._touch(values)
-
-        def touch_at(places_y: FloatArray) -> FloatArray:
-            """Return touch at y (M, n, S) along the strips."""
-            place = self.skin.places(strip[:, None], places_y)
-            return touch(self.skin.points(*place), lambda: self.skin.normals(*place))
-
+        touch_at = partial(self._touch_at, touch, strip[:, None])
         g = touch(points[None], lambda: normals[None])  # (M, n, S)
         last, rows = _SAMPLES - 1, np.arange(len(strip))
         step = y[:, 1] - y[:, 0]
@@ -300,13 +327,68 @@ class Poses:
             again = np.where(side == was, 0.5, 1.0)
             inner, outer, was = np.where(inside, now, inner), np.where(inside, outer, now), side
             high, low = np.where(inside, here, again * high), np.where(inside, again * low, here)
-        now = np.where(beyond, border, now)
-        return now[..., 0], now[..., 1], deepest
+        return np.where(beyond, border, now), deepest, y_top
+
+    def _touch_at(self, touch: _Touch, strip: FloatArray, y: FloatArray) -> FloatArray:
+        """Return touch at strip coordinates and y (M, n, S)."""
+        place = self.skin.places(strip, y)
+        return touch(self.skin.points(*place), lambda: self.skin.normals(*place))
+
+    def _aside(self, touch: _Touch, ends: FloatArray, deepest: FloatArray, y_top: FloatArray) -> FloatArray:
+        """Return other ends (M, strips, 2) [mm] than centre lines', as far off as those of strips of a width may be.
+
+        A strip is no line: of one that is touched on one side, or at its border, places in touch lie beside its middle.
+        """
+        strip, y = (
+            np.arange(self.skin.strips, dtype=float)[:, None],
+            np.concatenate([ends, y_top[..., None]], axis=2),
+        )
+        here, beside = (self._touch_at(touch, strip + step, y) for step in (0.0, _SHORT_MM))
+        on = self._touch_at(touch, strip, ends + _SHORT_MM)
+        side = (self.skin.points(*self.skin.places(strip + step, y)) for step in (0.0, _SHORT_MM))
+        across = (beside - here) / np.linalg.norm(np.subtract(*side), axis=-1)
+        along, half = (on - here[..., :2]) / _SHORT_MM, 0.5 * _WIDTH_MM
+        # From the centre line to where the strip is no longer touched; by how much ends at its sides differ from there.
+        free = np.clip(deepest / np.maximum(np.abs(across[..., 2]), 1e-9), -half, half)[..., None]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            slope = np.nan_to_num(np.abs(across[..., :2] / along))
+            beyond = np.nan_to_num(np.abs(here[..., :2] / along))
+        most = np.maximum(ends[..., 1] - ends[..., 0], _WIDTH_MM)[..., None]
+        border = np.stack([ends[..., 0], self.skin.lengths_mm - ends[..., 1]], axis=-1)
+        aside = np.minimum(slope * half, most)
+        cut = np.square(np.maximum(aside - np.where(border > 0.0, border, beyond), 0.0)) / (
+            4.0 * aside + 1e-9
+        )
+        part = np.where(border > 0.0, 0.5 * aside * (1.0 - free / half), 0.0)
+        outward = np.array([-1.0, 1.0])
+        return np.asarray(np.clip(ends + (part - cut) * outward, 0.0, self.skin.lengths_mm[:, None]))
 
 
-def cap(skin: Skin, solid: Solid) -> bool:
-    """Whether every patch is a cap, whatever the object's radius: a sphere on a spherical skin."""
-    return solid.kind == "sphere" and skin.surface is not None and skin.surface.kind == "sphere"
+def _bent(
+    frames: FloatArray, bend: FloatArray, points: FloatArray, normals: FloatArray | None
+) -> tuple[FloatArray, FloatArray | None]:
+    """Return points and normals (3, M or 1, K) in the frames of objects bent along their x, as if these were straight.
+
+    `bend` (M,) is the curvature of the line that was their x axis, above 0 away from the skin, times `_BEND_MM`.
+    """
+    axes, at = frames[:, :9].reshape(-1, 3, 3), frames[:, 9:12]
+    k = bend[:, None] / _BEND_MM
+    k = np.where(np.abs(k) < 1e-9, 1e-9, k)
+    x, y, z = np.einsum(
+        "mac,cmk->amk", axes, np.broadcast_to(points, (3, len(k), points.shape[2])) - at.T[..., None]
+    )
+    far = np.hypot(k * x, 1.0 - k * z)
+    cos, sin = (1.0 - k * z) / far, k * x / far
+    found = np.stack([np.arctan2(k * x, 1.0 - k * z) / k, y, (1.0 - far) / k])
+    if normals is None:
+        return found, None
+    nx, ny, nz = np.einsum("mac,cmk->amk", axes, np.broadcast_to(normals, found.shape))
+    return found, np.stack([cos * nx + sin * nz, ny, cos * nz - sin * nx])
+
+
+def cap(skin: Skin) -> bool:
+    """Whether every patch of a ball or a plane is a cap, whatever the radius: on a spherical skin."""
+    return skin.surface is not None and skin.surface.kind == "sphere"
 
 
 def _misfit(depth: FloatArray) -> FloatArray:
