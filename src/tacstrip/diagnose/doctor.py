@@ -96,6 +96,9 @@ def diagnose(log: Log) -> Report:
     for suspect in named:
         suspect.repair(work)
     work.changed()
+    # Strips in the wrong order have a gap at a contact's end.
+    exchanged = {i for s in named if s.finding.fault == "swapped-strips" for i in s.finding.strips}
+    loose = [f for f in loose if not exchanged & set(f.strips)]
     removed = [*pressed, *loose, *_merged([s.finding for s in named])]
     timed = places(work, max(len(part.time_s) // _TIMED, 1))
     drifting, moving, together, checked = drift(part, timed, timed.time_s)

@@ -69,9 +69,11 @@ def intermittent(work: WorkingCopy) -> tuple[list[Finding], list[Question]]:
 
 def _anywhere(work: WorkingCopy, lines: list[FloatArray], away: BoolArray, strip: int) -> bool:
     """Whether a strip drops out at heights at which it reads well, too: a cut one does so on one side of the cut."""
-    for line, out, values in zip(lines, away[:, :, strip], work.k.values(), strict=True):
+    sides = np.pad(work.there, ((0, 0), (1, 1)))
+    under = work.there[:, strip] | (sides[:, strip] & sides[:, strip + 2])
+    for line, gone, values in zip(lines, away[:, :, strip], work.k.values(), strict=True):
+        out, good = gone & under, line[~gone, strip]
         line, high = line[:, strip], values[:, strip] >= 0.5
-        good = line[~out]
         for side in (out & high & (line < 1.0 - _CLEAR), out & ~high & (line > _CLEAR)):
             if np.isfinite(line[side]).sum() >= _FEW_OUT and not _mixed(line[side], good):
                 return False
@@ -115,7 +117,7 @@ def _jumps(work: WorkingCopy) -> tuple[IntArray, BoolArray]:
             off |= np.abs(beside[:, :, good] - values[:, good]) > _FAR
             off |= np.abs(values[:, good] - level[:, gone]) < _CLEAR
             sound = work.there[good] & ~away[:, good]
-        enough = known.all(axis=0) | (known.any(axis=0) & same[gone])
+        enough = known.all(axis=0) | (known.any(axis=0) & same[gone] & sound.all(axis=0))
         jumps += (solid[:, gone] & sound & enough & ~(off & known).any(axis=0)).sum(axis=1)
     return jumps, away
 
