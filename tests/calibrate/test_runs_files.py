@@ -284,6 +284,17 @@ def test_touch_and_rezero_on_the_command_line(bench: Path) -> None:
         (["sensor.toml", "runs.csv", "-o", "x.toml", "--reference", "1", "1"], "--reference is for --rezero"),
         (["sensor.toml", "--report", "r", "-o", "x.toml"], "--report is of a calibration: give RUNS"),
         (
+            ["--rezero", "sensor.toml", "runs.csv", "-o", "x.toml", "--unit", "b"],
+            "--unit is of a calibration",
+        ),
+        (["--rezero", "sensor.toml", "runs.csv", "-o", "x.toml", "--force"], "--force is of a calibration"),
+        (
+            ["--rezero", "sensor.toml", "runs.csv", "-o", "x.toml", "--touch", "r"],
+            "--touch is a job of its own",
+        ),
+        (["--plan", "sensor.toml", "--touch", "runs.csv"], "--touch is a job of its own"),
+        (["sensor.toml", "--touch", "r", "-o", "x.toml", "--model", "mean"], "--model is of a calibration"),
+        (
             ["sensor.toml", "--plan", "--plot", "p.gif"],
             "p.gif: a picture is a file that ends in .png, .svg, .pdf",
         ),

@@ -98,7 +98,7 @@ def test_a_cut_sensing_strip() -> None:
 
 def test_shorts_of_wires_and_over_metal() -> None:
     tied = _only(_examined(RUBBER, Defect("short", 4, 1.0, "kh")), "short", 4, 5)
-    assert abs(tied.numbers["follows"]) < 0.25
+    assert tied.numbers["differ"] < 0.3 * tied.numbers["others"]
     bridged = _only(_examined(METAL, Defect("short", 4, 0.4)), "short", 4, 5)
     assert bridged.numbers["most"] - bridged.numbers["least"] > 0.02
 
@@ -256,6 +256,16 @@ def test_a_unit_without_calibration_is_not_broken_but_is_told_so() -> None:
     assert {f.fault for f in report.notes} == {"calibration"}
     low = next(f for f in report.notes if f.strips == (1,))
     assert low.numbers["offset"] < -0.02
+
+
+def test_a_strip_that_the_spec_leaves_out_is_not_named() -> None:
+    dead = _examined(METAL, Defect("dead", 5, 0.0))
+    assert 5 in {i for f in dead.findings for i in f.strips}
+    left_out = _examined(replace(METAL, without=("5",)), Defect("dead", 5, 0.0))
+    assert left_out.healthy
+    assert not left_out.questions
+    assert "strip 5: left out by the spec (without)" in left_out.unchecked
+    assert left_out.condition(5) == "unchecked"
 
 
 def test_what_was_not_touched_is_not_called_healthy() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,7 +18,7 @@ from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import Noise
 from tacstrip.diagnose import Log, diagnose, read_log
 from tacstrip.io.readings import write_readings
-from tacstrip.view.watch import Verdicts
+from tacstrip.view.watch import Verdicts, watch
 
 METAL = ts.Sensor(construction="crs-m", strips=12, pitch_mm=6.5, length_mm=250.0, adc_bits=12)
 
@@ -44,6 +45,35 @@ def test_an_intermittent_contact(level: float, share: float) -> None:
     (found,) = diagnose(Log.of(METAL, log.time_s, {"k": k})).findings
     assert (found.fault, found.strips) == ("intermittent", (6,))
     assert found.numbers["share"] == pytest.approx(share, abs=0.2)
+
+
+def test_a_contact_that_comes_and_goes_a_few_times() -> None:
+    """From scan to scan, on ground, while the neighbours stay: once is a question; before, both were missed."""
+    log = _log(scans=450)
+    k = log.raw["k"].copy()
+    beside = np.stack([k[:, 5], k[:, 7]])
+    calm = (np.abs(k[:, 6] - beside) < 0.1).all(axis=0) & (k[:, 6] > 0.35)
+    calm[1:] &= (np.abs(np.diff(beside, axis=1)) < 0.045).all(axis=0)
+    runs = [i for i in range(1, 446) if calm[i - 1 : i + 3].all()]
+    k[runs[0] : runs[0] + 2, 6] = 0.0
+    once = diagnose(Log.of(METAL, log.time_s, {"k": k}))
+    assert once.healthy
+    assert [(q.causes, q.strips) for q in once.questions] == [(("intermittent",), (6,))]
+    for start in (runs[len(runs) // 2], runs[-1]):
+        k[start : start + 2, 6] = 0.0
+    assert said(diagnose(Log.of(METAL, log.time_s, {"k": k}))) == [("intermittent", (6,))]
+
+
+def test_a_bridge_shows_where_a_contact_ends_on_it() -> None:
+    """A strip that nothing touches reads the bridge's height through the next one: before, most were missed."""
+    log, strip = _log(), 5
+    k = log.raw["k"].copy()
+    pair = k[:, [strip, strip + 1]]
+    fed = np.isnan(pair) & np.isfinite(pair[:, ::-1])
+    k[:, [strip, strip + 1]] = np.where(fed, [0.31, 0.33], pair)
+    report = diagnose(Log.of(METAL, log.time_s, {"k": k}))
+    assert said(report) == [("short", (strip, strip + 1))]
+    assert report.findings[0].numbers["level"] == pytest.approx(0.32, abs=0.01)
 
 
 def test_a_sensor_that_reads_pressure_is_called_that() -> None:
@@ -190,3 +220,16 @@ def test_a_stream_does_without_a_channel_and_records_it() -> None:
     assert np.isfinite(frame.scan["kl"][9])
     assert frame.raw.codes["kh"][9] > 0
     assert frame.sensor.without == ("9:v_h",)
+
+
+def test_a_stream_too_short_for_a_verdict_says_so() -> None:
+    sensor = ts.Sensor(construction="crs-crs", strips=8, pitch_mm=5.0, length_mm=100.0)
+    contact = ts.Contact.polygon([(2, 38), (38, 22), (30, 55)])
+    said_: list[str] = []
+    source = ts.SimulatedSource(sensor, lambda time_s: contact, rate_hz=200.0, scans=5)
+    live = ts.Live(source, speed=sys.float_info.max, on_message=said_.append)
+    with ThreadPoolExecutor(1) as executor:
+        doctor = watch(live, executor)
+        list(live)
+        doctor.close()
+    assert any("no verdict before the stream ended" in text for text in said_)

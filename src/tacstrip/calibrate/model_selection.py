@@ -134,7 +134,7 @@ def fit_named(text: str, sensor: Sensor, runs: Runs) -> ModelFit:
     fit = fit_model(model, sensor, runs)
     if why := unidentifiable(fit, sensor, runs):
         raise ReadingError(f"the runs do not determine a model {model.name}: {why}")
-    return fit
+    return Search(sensor, runs).place_errors(fit)
 
 
 def parse_model(text: str, sensor: Sensor, signatures: tuple[str, ...]) -> Model:

@@ -154,7 +154,10 @@ def _check_options(planned: bool, zeroed: bool, data: bool) -> None:
         )
     options.belong(planned, "is for --plan; leave it out", "wanted", "noise", "unit_mm", "uneven")
     options.belong(zeroed, "is for --rezero; leave it out", "reference")
-    options.belong(data and not zeroed, "is of a calibration: give RUNS", "report", "plot")
+    calibrates = data and not zeroed
+    options.belong(calibrates, "is of a calibration: give RUNS", "report", "plot", "force")
+    options.belong(calibrates or planned, "is of a calibration: give RUNS, or --plan", "model", "unit")
+    options.belong(not (planned or zeroed), "is a job of its own, or of a calibration: leave it out", "touch")
 
 
 def _show_plan(made: Plan, spec: Sensor, wanted: float) -> None:

@@ -28,6 +28,7 @@ from tacstrip.diagnose.questions import questions
 from tacstrip.diagnose.regression import moved_to_and_fro
 from tacstrip.diagnose.shorts import shorts
 from tacstrip.io.input_checks import other_scale
+from tacstrip.sensor.left_out import left_out_wholly
 from tacstrip.sensor.rest_level import rest_hint
 
 _MOST_SCANS, _MOST_READINGS = 20_000, 400_000  # of longer recordings, evenly spread stretches are examined
@@ -83,17 +84,21 @@ def diagnose(log: Log) -> Report:
     pressed = list(pressure(part)) if geometric else []
     reference, factor = wrong_reference(part, sigma) if not ceiling and not pressed else ([], 1.0)
     work = working_copy(part, sigma)
+    work.drop(*np.flatnonzero(left_out_wholly(log.sensor)).tolist())
     for name, values in work.k.items():
         beyond = [c.numbers["side"] * (values - c.numbers["level"]) > -_AT for c in ceiling]
         out = np.any([np.zeros(values.shape, bool), *beyond], axis=0)
         work.k[name] = np.where(out, np.nan, values / factor)
-    loose = list(intermittent(work)) if geometric and not pressed else []
+    loose, doubted = intermittent(work) if geometric and not pressed else ([], [])
     rows = places(work)
     tests = () if pressed else _TESTS if geometric else (never_touched, swapped_wires)
     named = _remove_dominant(rows, tests if not ceiling else [t for t in tests if t is not clipped])
     for suspect in named:
         suspect.repair(work)
     work.changed()
+    # Strips in the wrong order have a gap at a contact's end.
+    exchanged = {i for s in named if s.finding.fault == "swapped-strips" for i in s.finding.strips}
+    loose = [f for f in loose if not exchanged & set(f.strips)]
     removed = [*pressed, *loose, *_merged([s.finding for s in named])]
     timed = places(work, max(len(part.time_s) // _TIMED, 1))
     drifting, moving, together, checked = drift(part, timed, timed.time_s)
@@ -114,7 +119,9 @@ def diagnose(log: Log) -> Report:
     return Report(
         findings=tuple(sorted(findings, key=lambda f: (_WORST[f.kind.severity], f.strips))),
         notes=(*together, *_notes(log, rows)),
-        questions=_questions(rows, known, moving) if geometric and not pressed and not ceiling else (),
+        questions=_questions(rows, known, [*doubted, *moving])
+        if geometric and not pressed and not ceiling
+        else (),
         unchecked=tuple(reason for reason in unchecked if reason),
         quality=quality(log.sensor, noise),
         touched_scans=log.touched.sum(axis=0),
@@ -190,7 +197,10 @@ def _offset(expected: FloatArray, off: FloatArray, sigma: float) -> float:
 def _not_checked(log: Log, work: WorkingCopy, ill: set[int]) -> Iterator[str]:
     """Yield what this recording could not show; `ill` are strips that are named already."""
     base = log.sensor.strip_base
-    if never := [int(i) + base for i in np.flatnonzero(~log.touched.any(axis=0))]:
+    silent = left_out_wholly(log.sensor)
+    if silent.any():
+        yield f"{_names([int(i) + base for i in np.flatnonzero(silent)])}: left out by the spec (without)"
+    if never := [int(i) + base for i in np.flatnonzero(~log.touched.any(axis=0) & ~silent)]:
         yield f"{_names(never)}: never touched; move the contact over them"
     if not log.sensor.kind.closed_form:
         yield "open strips, shorts, order, ends: a CRS-CRP sheet's strips shift each other's readings"

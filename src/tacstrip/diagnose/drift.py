@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy import sparse
 from scipy.ndimage import median_filter
 from scipy.special import fdtrc, ndtri, stdtr  # scipy.stats takes half a second to import
@@ -26,6 +27,7 @@ _BLOCKS, _RESTS = 32, 4  # of time at rest, and untouched readings in one
 _LOOKS, _SPAN = 7, 0.6  # blocks, and the part of the recording that they span
 _JUMP = 0.01  # over Vref: an untouched reading that far from its strip's usual one is a contact that reads as rest
 _RESTLESS = 3.0  # times the other strips' changes from scan to scan: contacts that read as rest come and go
+_STEPS, _STEP_NOISE = 4, 8.0  # scans beside a jump, twice; times the median change
 _TERMS = 8  # functions of time: a line, and cosines of 1 to 4 periods
 _USUAL = 0.02  # over Vref: prior standard deviation of each
 _FEWEST = 24  # bends of a strip
@@ -83,9 +85,13 @@ def drift(
     first, seconds = float(log.time_s.min()), float(np.ptp(log.time_s))
     if seconds <= 0.0:
         return [], [], [], np.zeros(log.sensor.strips, dtype=bool)
-    level, common = _levels_at_rest(log, work.order, (log.time_s - first) / seconds)
+    level, common, rests = _levels_at_rest(log, work.order, (log.time_s - first) / seconds)
     checked = np.isfinite(level).sum(axis=0) >= _LOOKS
-    found = list(_outstanding_at_rest(level, work.order))
+    found = [
+        f
+        for f in _outstanding_at_rest(level, work.order)
+        if f.fault == "drift" or not _steps(rests, int(np.flatnonzero(work.order == f.strips[0])[0]))
+    ]
     notes = []
     if np.isfinite(common) and abs(common) > 2.0 * _DRIFT:
         evidence = f"untouched strips moved together by {100 * common:+.2g} % of Vref from start to end"
@@ -125,14 +131,16 @@ def _judged(one: _Change, strip: int) -> Finding | Question | None:
     return Question((strip,), ("drift", "wander"), wandered) if stands_out else None
 
 
-def _levels_at_rest(log: Log, order: IntArray, tau: FloatArray) -> tuple[FloatArray, float]:
+def _levels_at_rest(log: Log, order: IntArray, tau: FloatArray) -> tuple[FloatArray, float, list[FloatArray]]:
     """Return untouched levels over time less those of the other strips (blocks, strips), and the change these share.
+
+    Then, by channel, the untouched readings of the strips across (scans, strips) that were used.
 
     Of two channels, their mean. A contact at the ground end can pass for none: next to a touched strip, and where a
     neighbour's untouched reading is far from its usual one, nothing counts.
     """
     strips = log.sensor.strips
-    levels, shared, scatters = [], [], []
+    levels, shared, scatters, rests = [], [], [], []
     block = np.minimum((tau * _BLOCKS).astype(int), _BLOCKS - 1)
     edges = np.searchsorted(block, np.arange(_BLOCKS + 1)) if (np.diff(block) >= 0).all() else None
     touched = log.touched[:, order]
@@ -142,6 +150,7 @@ def _levels_at_rest(log: Log, order: IntArray, tau: FloatArray) -> tuple[FloatAr
         moved = rest - _columns(np.nanmedian, rest)
         away = np.abs(moved - _columns(np.nanmedian, moved.T)[:, None]) > _JUMP
         rest = np.where(near | _beside(away), np.nan, rest)
+        rests.append(rest)
         scatters.append(_columns(np.nanstd, np.diff(rest, axis=0)))
         level = np.full((_BLOCKS, strips), np.nan)
         for b in range(_BLOCKS):
@@ -166,7 +175,7 @@ def _levels_at_rest(log: Log, order: IntArray, tau: FloatArray) -> tuple[FloatAr
         if len(there) >= _LOOKS and np.ptp(_MIDDLE[there]) >= _SPAN:
             out[there, order[place]] = median_filter(own[there, place], 3, mode="constant")
             out[there[[0, -1]], order[place]] = np.nan  # which the filter pads
-    return out, float(np.median(shared)) if shared else np.nan
+    return out, float(np.median(shared)) if shared else np.nan, rests
 
 
 def _columns(statistic: Callable[..., FloatArray], values: FloatArray) -> FloatArray:
@@ -208,6 +217,17 @@ def _outstanding_at_rest(level: FloatArray, order: IntArray) -> Iterator[Finding
             evidence = f"wanders by +-{100 * size[row]:.2g} % of Vref, slowly, untouched, the others by "
             evidence += f"+-{100 * float(np.median(others)):.2g} %"
             yield Finding("wander", (i,), evidence, {"wander": float(size[row])})
+
+
+def _steps(rests: list[FloatArray], place: int) -> bool:
+    """Whether an untouched strip's level jumps: contacts that read as rest does come and go, and nothing wanders so."""
+    for values in rests:
+        three = np.median(sliding_window_view(values[:, place], 3), axis=1)  # past strays
+        step = np.abs(three[3:] - three[:-3])
+        step = step[np.isfinite(step)]
+        if len(step) and np.count_nonzero(step > max(_JUMP, _STEP_NOISE * float(np.median(step)))) >= _STEPS:
+            return True
+    return False
 
 
 def _line(level: FloatArray) -> tuple[float, float]:

@@ -8,8 +8,8 @@ from functools import cached_property
 
 import numpy as np
 
-from tacstrip.arrays import BoolArray, FloatArray
-from tacstrip.diagnose.faults import Finding
+from tacstrip.arrays import BoolArray, FloatArray, IntArray
+from tacstrip.diagnose.faults import Finding, Question
 from tacstrip.diagnose.neighbour_prediction import WorkingCopy, predict_from_neighbours
 
 _FAR = (
@@ -26,17 +26,104 @@ _MOVES = 0.03  # over Vref
 _MOST_ALONE = 8  # scans that a pointed contact touches one strip at its end
 _LEAST, _MOST = 0.04, 0.7  # of the scans in which a dropout could be seen
 _OTHERS = 4.0  # times as many jumps as the third-worst strip: a contact's shape does the same to several
+_FEW_OUT = 8  # scans on one rail, as those of a cut strip are
+_MOST_ASKED = 2  # strips: more is no joint of a strip
 _CUT = 0.12  # a cut strip drops out at some heights, which are all above or all below the others
 
 
-def intermittent(work: WorkingCopy) -> Iterator[Finding]:
+def intermittent(work: WorkingCopy) -> tuple[list[Finding], list[Question]]:
     """Find channels that drop out and come back; what they read meanwhile is discarded from the working copy.
 
     Parameters
     ----------
     work
         A row for each scan.
+
+    Returns
+    -------
+    findings, questions
+        The latter of strips that did so once or twice.
     """
+    jumps, away = _jumps(work)
+    lines = [predict_from_neighbours(values, work.there)[0] for values in work.k.values()]
+    findings = list(_often(work))
+    named = {i for f in findings for i in f.strips}
+    asked: list[Question] = []
+    for strip in np.flatnonzero(jumps.any(axis=0)).tolist():
+        if (number := int(work.order[strip])) in named or not _anywhere(work, lines, away, strip):
+            continue
+        count, gaps = int(jumps[:, strip].max()), int(away[:, :, strip].any(axis=0).sum())
+        evidence = (
+            f"goes from a reading that fits its neighbours to that of a free wire or back, {count} times from one "
+            "scan to the next, while they stay"
+        )
+        if count >= _JUMPS:
+            numbers = {"scans": float(gaps), "jumps": float(count)}
+            findings.append(Finding("intermittent", (number,), evidence, numbers))
+            for values, out in zip(work.k.values(), away, strict=True):
+                values[out[:, strip], strip] = np.nan
+        else:
+            asked.append(Question((number,), ("intermittent",), evidence))
+    return findings, asked if len(asked) <= _MOST_ASKED else []
+
+
+def _anywhere(work: WorkingCopy, lines: list[FloatArray], away: BoolArray, strip: int) -> bool:
+    """Whether a strip drops out at heights at which it reads well, too: a cut one does so on one side of the cut."""
+    sides = np.pad(work.there, ((0, 0), (1, 1)))
+    under = work.there[:, strip] | (sides[:, strip] & sides[:, strip + 2])
+    for line, gone, values in zip(lines, away[:, :, strip], work.k.values(), strict=True):
+        out, good = gone & under, line[~gone, strip]
+        line, high = line[:, strip], values[:, strip] >= 0.5
+        for side in (out & high & (line < 1.0 - _CLEAR), out & ~high & (line > _CLEAR)):
+            if np.isfinite(line[side]).sum() >= _FEW_OUT and not _mixed(line[side], good):
+                return False
+    return True
+
+
+def _jumps(work: WorkingCopy) -> tuple[IntArray, BoolArray]:
+    """Count from scan to scan how often a channel goes from a good reading to a free wire's level, or comes back.
+
+    Before and after, the neighbours are under the same contact and stay where they are, far from that level. On the
+    rim of a contact there is one neighbour: then both channels must be on one level, which no other contact does.
+
+    Returns
+    -------
+    jumps, away
+        By signature and strip; where a channel is at a free wire's level or untouched (signatures, scans, strips).
+    """
+    rest = (work.sensor.rest_volt or 0.0) / work.sensor.vref_volt
+    near = max(_FREE, 5.0 * work.sigma)
+    values = np.stack(list(work.k.values()))  # (signatures, scans, strips)
+    level = np.full(values.shape, rest)
+    for rail in (0.0, 1.0, rest):
+        level = np.where(np.abs(values - rail) < near, rail, level)
+    away = ~(work.there & (np.abs(values - level) >= near))
+    same = (
+        work.there & (away & (level == level[0])).all(axis=0)
+        if len(values) > 1
+        else np.zeros(work.there.shape, bool)
+    )
+    lasts = away.copy()  # not a stray
+    lasts[:, 1:-1] &= away[:, 2:] | away[:, :-2]
+    solid = away & (same | lasts)
+    sides = np.pad(np.where(work.there, values, np.nan), ((0, 0), (0, 0), (1, 1)), constant_values=np.nan)
+    beside = np.stack([sides[:, :, :-2], sides[:, :, 2:]])  # (sides, signatures, scans, strips)
+    jumps = np.zeros((len(values), work.strips), int)
+    for gone, good in ((slice(1, None), slice(None, -1)), (slice(None, -1), slice(1, None))):
+        with np.errstate(invalid="ignore"):
+            known = np.isfinite(beside[:, :, gone]) & np.isfinite(beside[:, :, good])
+            off = np.abs(beside[:, :, gone] - beside[:, :, good]) > _STILL
+            off |= np.abs(beside[:, :, gone] - level[:, gone]) < _CLEAR
+            off |= np.abs(beside[:, :, good] - values[:, good]) > _FAR
+            off |= np.abs(values[:, good] - level[:, gone]) < _CLEAR
+            sound = work.there[good] & ~away[:, good]
+        enough = known.all(axis=0) | (known.any(axis=0) & same[gone] & sound.all(axis=0))
+        jumps += (solid[:, gone] & sound & enough & ~(off & known).any(axis=0)).sum(axis=1)
+    return jumps, away
+
+
+def _often(work: WorkingCopy) -> Iterator[Finding]:
+    """Yield channels that drop out in many scans."""
     rest = (work.sensor.rest_volt or 0.0) / work.sensor.vref_volt
     near = max(_FREE, 5.0 * work.sigma)
     gone = _gaps(work)

@@ -39,7 +39,7 @@ class NeighbourPair:
         return self.difference - self.slope
 
 
-def neighbour_pair(values: FloatArray, strip: int, beyond: int | None = None) -> NeighbourPair | None:
+def neighbour_pair(values: FloatArray, strip: int) -> NeighbourPair | None:
     """Compare a strip and the next one, at the places where all four strips have readings.
 
     Parameters
@@ -47,15 +47,12 @@ def neighbour_pair(values: FloatArray, strip: int, beyond: int | None = None) ->
     values
         Readings of one signature over Vref (places, strips).
     strip
-        The first of the two.
-    beyond
-        Where the line comes from: 0, one strip on either side; 1, the next two; -1, the two before. None: from both
-        sides, but at an edge of the sensor. None is returned where there are none.
+        The first of the two. The line goes through the strips on both sides, at an edge through the next two; None is
+        returned where there are none.
     """
     n = values.shape[1]
-    if beyond is None:
-        beyond = 0 if 0 < strip < n - 2 else 1 if strip == 0 else -1
-    a, b = {0: (strip - 1, strip + 2), 1: (strip + 2, strip + 3), -1: (strip - 2, strip - 1)}[beyond]
+    inner = strip - 1, strip + 2
+    a, b = inner if 0 < strip < n - 2 else (strip + 2, strip + 3) if strip == 0 else (strip - 2, strip - 1)
     if a < 0 or b >= n:
         return None
     slope = (values[:, b] - values[:, a]) / (b - a)

@@ -10,21 +10,29 @@ import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
 from tacstrip.diagnose.bend_model import BendModel
-from tacstrip.diagnose.neighbour_pairs import NeighbourPair, neighbour_pair
 from tacstrip.diagnose.neighbour_prediction import Suspect, WorkingCopy
-from tacstrip.diagnose.regression import moved_to_and_fro, orthogonal_part, orthonormal
-from tacstrip.sensor.constructions import SIGNATURES, Signature
+from tacstrip.diagnose.regression import moved_to_and_fro
+from tacstrip.sensor.constructions import SIGNATURES
 
-_FEW, _MANY = 8, 25  # places
-_HEIGHTS = np.linspace(0.0, 1.0, 9)  # over L, at which a bridge is looked for
+_HEIGHTS = np.linspace(0.25, 1.0, 6)  # over L, at which a bridge is looked for: of contacts on one side of it
 _CLEAR = 0.1  # over Vref: contacts this far from a bridge lie wholly on one side
-_FOLLOWS = 0.15  # of the slope around: 1 for two separate strips, 0 for two that are tied
-_FOLLOWS_ELSEWHERE = 0.5  # of the slope: an extrapolated line says nothing where other pairs follow it less
-_MOST_OFFSET = 0.75  # of the slope: largest offset of tied strips; 1.5 beside a jump
-_MOST = (0.95, 0.35)  # of the places with a slope: those that differ little, and those that lie near the line
+_MANY, _PASSES, _PAUSE = 25, 4, 1  # places, and times that the contact came there, after so many other places
+_FEWEST_PAIRS, _OTHER_PAIRS = 5, 3  # that a pair is held against
+_MOST, _WIDTH = 0.85, 1.44  # of the places; such a share of normal errors lies within so many deviations
+_NOISE = 1.4  # times what noise makes of a difference
+_TIED, _SLOPE = (
+    0.45,
+    0.75,
+)  # times the least that other pairs differ; of the slope around, which a pair follows
+_JUMP, _RESOLVED = 0.04, 0.004  # over Vref: from the next strip; of a level
+_ONE_LEVEL = 0.06  # over Vref: offsets of two strips that read one level
+_FEW, _COMES, _OFTEN = 4, 2, 6  # places; times that the contact comes to an end; to both
+_RISES = 0.35  # over Vref, what the contact moves meanwhile
 _STRENGTH = (0.45, 1.9)  # times what a bridge does to readings
-# Misfit explained, in variances, and times that of other pairs; at the edges less: two pairs have few chances.
-_GAIN, _TIMES = (80.0, 45.0), (3.0, 2.2)
+_GAIN, _TIMES = (
+    (80.0, 45.0),
+    4.5,
+)  # misfit explained, in variances, inside and at the edges; times other pairs'
 _APART = 2  # strips: pairs further away are others
 _CONFOUNDED = 0.05  # of its power: what a bridge must do beyond shape and constant errors
 _LEAST = 0.005  # over Vref: standard deviation of what a bridge adds
@@ -32,7 +40,6 @@ _HIGH_AND_LOW = 0.5  # over L: a bridge adds on one side and takes away on the o
 _LENGTH = 0.6  # over L: readings jump by the contact's length at a bridge; longer contacts show nothing
 _GRID = np.linspace(0.0, 1.0, 11)
 _PLACES = np.array([(a, b) for i, a in enumerate(_GRID) for b in _GRID[i:] if b - a <= _LENGTH]).T
-_SHAPE = 0.7  # of the slope's variance: if the contact's place explains more, its shape does
 
 
 def shorts(work: WorkingCopy) -> Iterator[Suspect]:
@@ -40,96 +47,146 @@ def shorts(work: WorkingCopy) -> Iterator[Suspect]:
 
     Tied sensing strips or wires read one voltage, whatever the slope of the contact. Over metal, where strips are
     energised in turn, a bridge between energised strips gives the current a second way to the sheet: both read too
-    much for contacts below the bridge and too little above it. Between CRS-CRS's energised strips, all on one
-    supply, a bridge changes next to nothing.
+    much for contacts below the bridge and too little above it, and one that nothing touches reads the bridge's height
+    through the other. Between CRS-CRS's energised strips, all on one supply, a bridge changes next to nothing.
     """
-    return _bridged_energised(work) if work.sensor.sensing_ratio == 0.0 else _tied_sensing(work)
+    if work.sensor.sensing_ratio:
+        return _tied_sensing(work)
+    held = list(_held_by_a_bridge(work))
+    return iter(held) if held else _bridged_energised(work)
 
 
 def _tied_sensing(work: WorkingCopy) -> Iterator[Suspect]:
-    ends = _left_ends(work)
-    signatures = [SIGNATURES[name] for name in work.k]
-    pairs = {i: [neighbour_pair(work.k[s.name], i) for s in signatures] for i in range(work.strips - 1)}
-    free = {i: max([float(np.std(b.excess)) for b in of if b], default=0.0) for i, of in pairs.items()}
-    usual = float(np.median(list(free.values()))) if free else 0.0
-    for strip, of in pairs.items():
-        if free[strip] < 0.5 * usual or not all(moved_to_and_fro(b.level, work.sigma) for b in of if b):
-            continue
-        found: list[Suspect] = []
+    """Find pairs whose difference is noise and offset alone, where that of all other pairs changes with the contact."""
+    best: dict[int, tuple[float, Suspect]] = {}
+    for name, values in work.k.items():
+        difference, level = np.diff(values, axis=1), (values[:, 1:] + values[:, :-1]) / 2.0
+        pairs = difference.shape[1]
+        if pairs < _FEWEST_PAIRS:
+            return
+        around = np.full_like(
+            difference, np.nan
+        )  # the slope from the strips on either side, of the next two at edges
+        around[:, 1:-1] = (values[:, 3:] - values[:, :-3]) / 3.0
+        around[:, 0], around[:, -1] = difference[:, 2], difference[:, -3]
         for height in _HEIGHTS:
             # A bridge ties v_h of contacts below it, and v_l of contacts above it.
-            parts = [
-                (b, (b.level < height - _CLEAR) if s.at_upper_end else (b.level > height + _CLEAR))
-                for s, b in zip(signatures, of, strict=True)
-                if b is not None
-            ]
-            there = [_Part.of(b, at, ends, strip) for b, at in parts if at.sum() >= _FEW]
-            found += _tied_at(work, strip, there, free[strip])
-        if found and not _shape_ties(work, strip, signatures, ends):
-            yield max(found, key=lambda suspect: suspect.finding.numbers["places"])
+            at = level < height - _CLEAR if SIGNATURES[name].at_upper_end else level > 1.0 - height + _CLEAR
+            own = _scatter(difference, level, at)
+            noise = _WIDTH * np.sqrt(2.0) * work.sigma
+            for pair in np.flatnonzero(own < _NOISE * noise).tolist():
+                others = np.delete(own, [i for i in (pair - 1, pair, pair + 1) if 0 <= i < pairs])
+                others = others[np.isfinite(others)]
+                slope = float(_scatter(around[:, [pair]], level[:, [pair]], at[:, [pair]])[0])
+                rows = np.flatnonzero(at[:, pair] & np.isfinite(difference[:, pair]))
+                if len(others) < _OTHER_PAIRS or _passes(rows) < _PASSES:
+                    continue
+                least = np.fmin(float(others.min()), _SLOPE * slope)
+                ratio = float(own[pair]) / max(float(least), 1e-9)
+                if ratio > _TIED or ratio >= best.get(pair, (1.0,))[0]:
+                    continue
+                usual = float(np.median(others))
+                evidence = (
+                    f"they read one voltage: beside their offsets they differ by {100 * own[pair]:.2g} % of Vref, as "
+                    f"noise does, over {len(rows)} places, where other neighbours differ by {100 * usual:.2g} %"
+                )
+                numbers = {"differ": float(own[pair]), "others": usual, "places": float(len(rows))}
+                best[pair] = ratio, work.suspect("short", [pair, pair + 1], evidence, numbers, usual)
+    yield from (suspect for _, suspect in best.values())
 
 
-def _shape_ties(work: WorkingCopy, strip: int, signatures: list[Signature], ends: IntArray) -> bool:
-    """Whether, at an edge, the line extrapolated from one side ties other pairs of strips as well."""
-    if 0 < strip < work.strips - 2:
-        return False
-    beyond = 1 if strip == 0 else -1
-    others = range(3, work.strips - 3) if strip == 0 else range(2, work.strips - 4)
-    follows = []
-    for other in others[:: max(len(others) // 8, 1)]:
-        pairs = [pair for s in signatures if (pair := neighbour_pair(work.k[s.name], other, beyond))]
-        parts = [_Part.of(p, np.ones(len(p.level), bool), ends, other) for p in pairs if len(p.level) >= _FEW]
-        d, e = (
-            np.concatenate([getattr(p, n) for p in parts] or [np.zeros(0)]) for n in ("difference", "slope")
+def _scatter(values: FloatArray, level: FloatArray, at: BoolArray) -> FloatArray:
+    """Return how far values (places, pairs) lie off a line over their level, 85 % of those at some places (pairs,).
+
+    NaN where there are few. The line, fitted twice, is what offsets and gains do.
+    """
+    use = at & np.isfinite(values)
+    enough = use.sum(axis=0) >= _MANY
+    off = np.full(values.shape, np.nan)
+    for _ in range(2):
+        count = np.maximum(use.sum(axis=0), 1)
+        x, y = (np.where(use, v, 0.0) for v in (level, values))
+        x0, y0 = x.sum(axis=0) / count, y.sum(axis=0) / count
+        across = np.where(use, level - x0, 0.0)
+        slope = (across * y).sum(axis=0) / np.maximum((across**2).sum(axis=0), 1e-9)
+        off = np.where(at, np.abs(values - y0 - slope * (level - x0)), np.nan)
+        off[:, ~enough] = np.nan
+        use = off <= 3.0 * _columns(off, 0.5)
+    return np.where(enough, _columns(off, _MOST), np.nan)
+
+
+def _columns(values: FloatArray, share: float) -> FloatArray:
+    """Return a quantile of each column's numbers (columns,), inf where there are none."""
+    count = np.isfinite(values).sum(axis=0)
+    ordered = np.sort(np.where(np.isfinite(values), values, np.inf), axis=0)
+    return np.asarray(ordered[(share * np.maximum(count - 1, 0)).astype(int), np.arange(values.shape[1])])
+
+
+def _passes(rows: IntArray) -> int:
+    """Return how many times a contact came, from the places (rows,) where it was there."""
+    return int(np.count_nonzero(np.diff(rows) > _PAUSE)) + 1 if len(rows) else 0
+
+
+def _held_by_a_bridge(work: WorkingCopy) -> Iterator[Suspect]:
+    """Find energised pairs of which either one reads one level where a contact lies on the other alone."""
+    (values,) = work.k.values()
+    rest = (work.sensor.rest_volt or 0.0) / work.sensor.vref_volt
+    there = np.pad(work.there, ((0, 0), (1, 1)))
+    for strip in range(work.strips - 1):
+        both = np.isfinite(values[:, strip : strip + 2]).all(axis=1)
+        ends = (strip, strip + 1, there[:, strip]), (strip + 1, strip, there[:, strip + 3])
+        held = [_Held.of(values[:, a], values[:, b], both & ~beyond, work.sigma) for a, b, beyond in ends]
+        left, right = held
+        if left is None or right is None or left.comes + right.comes < _OFTEN:
+            continue
+        level, places = (left.level + right.level) / 2.0, left.places + right.places
+        # A free wire keeps a level too.
+        if (
+            abs(left.level - right.level) > _ONE_LEVEL
+            or min(abs(level - v) for v in (0.0, rest, 1.0)) < _JUMP
+        ):
+            continue
+        evidence = (
+            f"where a contact ends on them, the outer one reads {left.level:.3g} and {right.level:.3g} Vref in "
+            f"{places} places, while the other reads {left.low:.2g} to {left.high:.2g}: it is fed through the other, "
+            f"by a bridge near y = {level * work.sensor.length_mm:.3g} mm"
         )
-        if len(e) >= _MANY:
-            follows.append(float(np.sum(d * e) / max(np.sum(e**2), 1e-12)))
-    return len(follows) < 2 or min(follows) < _FOLLOWS_ELSEWHERE
+        numbers = {"level": level, "places": float(places)}
+        yield work.suspect("short", [strip, strip + 1], evidence, numbers, left.off + right.off)
 
 
-@dataclass(frozen=True, eq=False)
-class _Part:
-    """A pair of neighbours at some places, without what changes smoothly with height (places,)."""
+@dataclass(frozen=True)
+class _Held:
+    """A level that a strip keeps at a contact's end: in how many places and times, what the next strip reads then.
 
-    difference: FloatArray
-    slope: FloatArray
-    offset: FloatArray
-    ends: IntArray
+    off: their mean difference.
+    """
+
+    level: float
+    places: int
+    comes: int
+    low: float
+    high: float
+    off: float
 
     @classmethod
-    def of(cls, pair: NeighbourPair, at: BoolArray, ends: IntArray, strip: int) -> _Part:
-        level = pair.level[at]  # offsets that fade at the ends do
-        basis = orthonormal(np.ones(len(level)), level, level**2)
-        d, e, both = (orthogonal_part(v[at], basis) for v in (pair.difference, pair.slope, pair.offset))
-        return cls(d, e, both, ends[pair.rows[at], strip])
-
-
-def _tied_at(work: WorkingCopy, strip: int, parts: list[_Part], explained: float) -> Iterator[Suspect]:
-    """Judge the places where a bridge at some height would tie two strips."""
-    if not parts:
-        return
-    d, e, both, ends = (
-        np.concatenate([getattr(p, name) for p in parts])
-        for name in ("difference", "slope", "offset", "ends")
-    )
-    slope = float(np.std(e))
-    steep = np.abs(e) > max(0.006, 3.0 * work.sigma)
-    many = _MANY if 0 < strip < work.strips - 2 else 2 * _MANY  # at an edge the line is extrapolated
-    if steep.sum() < many or _explained(e, ends) > _SHAPE:
-        return
-    d, e, both = d[steep], e[steep], both[steep]
-    follows = float(np.sum(d * e) / np.sum(e**2))
-    # Two strips on one flat piece beside a jump differ as little, but both lie off the line.
-    little = float(np.mean(np.abs(d) < 0.35 * np.abs(e) + 2.0 * work.sigma))
-    near = float(np.mean(np.abs(both) < _MOST_OFFSET * np.abs(e) + 1.5 * work.sigma))
-    if abs(follows) > _FOLLOWS or little < _MOST[0] or near < _MOST[1]:
-        return
-    evidence = (
-        f"they differ by {100 * np.mean(np.abs(d)):.2g} % of Vref where the strips around slope by "
-        f"+-{100 * slope:.2g} % a strip, over {len(d)} readings: they follow the slope by {follows:.2f}, not 1"
-    )
-    numbers = {"follows": follows, "slope": slope, "places": len(d)}
-    yield work.suspect("short", [strip, strip + 1], evidence, numbers, explained)
+    def of(cls, outer: FloatArray, inner: FloatArray, at: BoolArray, sigma: float) -> _Held | None:
+        """Return it of two strips' readings at some places (places,); None where there is no such level."""
+        rows = np.flatnonzero(at & (np.abs(outer - inner) > max(_JUMP, 8.0 * sigma)))
+        if len(rows) < _FEW:
+            return None
+        near, ordered = 3.0 * sigma + _RESOLVED, np.sort(outer[rows])
+        count = np.searchsorted(ordered, ordered + 2.0 * near) - np.arange(len(ordered))
+        most = int(np.argmax(count))
+        level = float(ordered[most : most + count[most]].mean())
+        rows = rows[np.abs(outer[rows] - level) <= near]
+        low, high = np.percentile(inner[rows], [5.0, 95.0])
+        comes = _passes(rows)
+        if len(rows) < _FEW or comes < _COMES or high - low < _RISES:
+            return None
+        return cls(
+            level, len(rows), comes, float(low), float(high), float(np.abs(inner[rows] - level).mean())
+        )
 
 
 def _bridged_energised(work: WorkingCopy) -> Iterator[Suspect]:
@@ -173,7 +230,7 @@ def _outstanding(
         others = max((b.gain for i, b in enumerate(found) if abs(i - strip) > _APART), default=math.inf)
         near = max((b.gain for i, b in enumerate(found) if 0 < abs(i - strip) <= _APART), default=0.0)
         at_edge = strip in (0, len(found) - 1)
-        least = max(_GAIN[at_edge], _TIMES[at_edge] * others, near)
+        least = max(_GAIN[at_edge], _TIMES * others, near)
         if _STRENGTH[0] < bridge.strength < _STRENGTH[1] and bridge.gain > least:
             yield strip, bridge, others
 
@@ -219,22 +276,3 @@ def _level(values: FloatArray, strip: int) -> FloatArray:
 
 def _known(values: FloatArray) -> FloatArray:
     return values[np.isfinite(values)]
-
-
-def _left_ends(work: WorkingCopy) -> IntArray:
-    """Return where the contact on each strip begins (places, strips), a strip's number."""
-    starts = work.there.copy()
-    starts[:, 1:] &= ~work.there[:, :-1]
-    numbers = np.where(starts, np.arange(work.strips), 0)
-    return np.asarray(np.maximum.accumulate(numbers, axis=1))
-
-
-def _explained(values: FloatArray, ends: IntArray) -> float:
-    """Return which share of the variance of values the contact's left end explains."""
-    group = np.unique(ends, return_inverse=True)[1]
-    count, means = np.bincount(group), np.bincount(group, values) / np.bincount(group)
-    free = len(values) - len(count)
-    if free < 1 or not np.ptp(values):
-        return 1.0
-    within = float(np.sum((values - means[group]) ** 2)) / free
-    return 1.0 - within / float(np.var(values, ddof=1))

@@ -74,7 +74,7 @@ def _channels(finding: Mapping[str, Any]) -> list[str]:
 def watch(live: Live, executor: Executor, every_s: float = EVERY_S) -> Sink:
     """Examine the latest scans of a stream again and again, in `executor`, and leave faulty channels out of it."""
     watched = _Watch(live, executor, every_s)
-    return Sink(live, watched.take, 1, "the doctor of the stream")
+    return Sink(live, watched.take, 1, "the doctor of the stream", watched.end)
 
 
 class _Watch:
@@ -82,7 +82,7 @@ class _Watch:
         self._live, self._every_s = live, every_s
         self._health, self._verdicts = Health(executor), Verdicts()
         self._sensor, self._report = live.source.sensor, self._health.report
-        self._since = time.monotonic()
+        self._since, self._heard = time.monotonic(), False
 
     def take(self, frame: Frame, _: int) -> None:
         """Keep a frame's scan; begin an examination when one is due, and heed the last one."""
@@ -94,6 +94,7 @@ class _Watch:
         health = self._health
         health.add(replace(frame, sensor=replace(frame.sensor, without=sensor.without)))
         if health.report is not None and health.report is not self._report:
+            self._heard = True
             for text in self._verdicts.update(health.report):
                 self._live.notify(text)
             self._live.leave_out(tuple(self._verdicts.left_out))
@@ -101,3 +102,16 @@ class _Watch:
         if time.monotonic() - self._since >= self._every_s and not health.examining:
             self._since = time.monotonic()
             health.examine()
+
+    def end(self) -> None:
+        """Say at the end that there was no verdict, where there was none: silence would read as "no fault"."""
+        if not self._live.source.sensor.kind.closed_form:
+            self._live.notify(
+                "the doctor leaves no channel out of a CRS-CRP stream: its strips are solved together"
+            )
+        elif not self._heard:
+            why = f": {self._health.problem}" if self._health.problem else ""
+            self._live.notify(
+                f"the doctor had no verdict before the stream ended{why}. It looks at 50 scans or more every "
+                f"{EVERY_S:g} s; examine a recording with `tacstrip doctor FILE`"
+            )
