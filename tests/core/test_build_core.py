@@ -19,11 +19,16 @@ posix = pytest.mark.skipif(sys.platform == "win32", reason="the stand-in compile
 VARIABLES = ("CC", "CFLAGS", "LDFLAGS", "ARCHFLAGS", "TACSTRIP_BUILD_CORE")
 
 
-@pytest.fixture
-def programs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Return an empty folder that alone is on PATH, and unset what chooses a compiler."""
+@pytest.fixture(autouse=True)
+def unset(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Unset what chooses a compiler, which whoever runs the tests may have set."""
     for name in VARIABLES:
         monkeypatch.delenv(name, raising=False)
+
+
+@pytest.fixture
+def programs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return an empty folder that alone is on PATH."""
     folder = tmp_path / "programs"
     folder.mkdir()
     monkeypatch.setenv("PATH", str(folder))

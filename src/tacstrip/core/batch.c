@@ -1,7 +1,6 @@
 /* Many scans in one pass: shapes drawn, footprint, closed form, errors, converter. Each strip is by itself, so packs of any
    width give the same bits. */
 
-#include "internal.h"
 #include "philox.h"
 
 #define ON_LINE 1e-9    /* pitches: as near as that to a centre line lies on it */

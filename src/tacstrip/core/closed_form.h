@@ -9,11 +9,8 @@
    the slopes of a reading by l and by u, and r what is measured less what l and u make. l > u costs extra. */
 enum { LL, LU, UU, LR, UR, RR, TERMS };
 
-#define LEAST_D 1e-3  /* of L: a metal sheet under a whole strip would divide by zero */
 #define CROSSED 100.0 /* weight of l > u against a reading */
 #define CROSSED_FROM 1e-9 /* of L: where both chains meet on a strip, a rounding error must not cross them */
-
-double hyperbolic_tangent(double x);
 
 /* Contacts from l to u as ideal ones: contact resistance eats t into each end (docs/decisions/, one closed form). */
 typedef struct {

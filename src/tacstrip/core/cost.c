@@ -4,7 +4,7 @@
    edge below and of the edge above: four columns. With s and q from 0 to 1 along these edges every product of the
    columns follows from sums of the terms times 1, s, s^2, q, q^2 and s q. */
 
-#include "internal.h"
+#include "closed_form.h"
 
 /* Products of the columns lower left, lower right, upper left, upper right; of these with the residuals; the cost. */
 static double section(const Problem *s, Int start, Int end, Line low, Line high, double (*product)[4], double *with_r) {

@@ -1,6 +1,6 @@
 /* An ellipse as a rival of the polygon: l and u are c + s t -+ b sqrt(1 - t^2), t from -1 to 1 over the contact. */
 
-#include "internal.h"
+#include "closed_form.h"
 
 #define STEPS 25
 #define ENOUGH 1e-2 /* the gain in chi square that ends a descent */

@@ -1,6 +1,6 @@
 /* A Gibbs walk through a set of bounds, in coordinates that make it round. */
 
-#include "internal.h"
+#include "lanes.h"
 
 #define NEAREST 112      /* bounds that the walk can meet: all others are too far */
 #define NEAREST_PAIRS 48 /* a multiple of LANES, as NEAREST is */
@@ -11,16 +11,23 @@ typedef unsigned long long Bits;
 
 /* How far one can go before a slack is 0: up and down from 0. n is a multiple of LANES. */
 static void reach_of_rows(const double *row, const double *room, Int n, double *high, double *low) {
-  Pack most = all(1e-300), least = all(-1e-300);
-  double mosts[WIDTH], leasts[WIDTH], up = 1e-300, down = -1e-300;
-  for (Int i = 0; i < n; i += WIDTH) {
-    Pack ratio = load(row + i) / load(room + i);
-    most = where(ratio > most, ratio, most);
-    least = where(ratio < least, ratio, least);
+  Pack most[PACKS], least[PACKS];
+  double mosts[LANES], leasts[LANES], up = 1e-300, down = -1e-300;
+  for (int j = 0; j < PACKS; j++) {
+    most[j] = all(up);
+    least[j] = all(down);
   }
-  store(mosts, most);
-  store(leasts, least);
-  for (int j = 0; j < WIDTH; j++) {
+  for (Int i = 0; i < n; i += LANES)
+    for (int j = 0; j < PACKS; j++) {
+      Pack ratio = load(row + i + j * WIDTH) / load(room + i + j * WIDTH);
+      most[j] = greater(ratio, most[j]);
+      least[j] = lesser(ratio, least[j]);
+    }
+  for (int j = 0; j < PACKS; j++) {
+    store(mosts + j * WIDTH, most[j]);
+    store(leasts + j * WIDTH, least[j]);
+  }
+  for (int j = 0; j < LANES; j++) {
     up = larger(up, mosts[j]);
     down = smaller(down, leasts[j]);
   }
@@ -28,13 +35,18 @@ static void reach_of_rows(const double *row, const double *room, Int n, double *
   *low = 1.0 / down;
 }
 
-/* The same of pairs of slacks, row (2, n) and room (2, n), of which one stays above 0. */
+/* The same of pairs of slacks, row (2, n) and room (2, n), of which one stays above 0. Few pairs end the way that the
+   rows leave: where a product says that neither way is shorter, by more than rounding, nothing is divided. */
 static void reach_of_pairs(const double *row, const double *room, Int n, double *high, double *low) {
-  Pack up = all(*high), down = all(*low), none = all(0.0), far = all(INFINITE);
+  Pack up = all(*high), down = all(*low), none = all(0.0), far = all(INFINITE), surely = all(1.0 + 1e-9);
   double ups[WIDTH], downs[WIDTH];
   for (Int i = 0; i < n; i += WIDTH) {
     Pack s1 = load(room + i), s2 = load(room + n + i), r1 = load(row + i), r2 = load(row + n + i);
-    Pack s = where(s1 < s2, s2, s1), t = where(s1 < s2, s1, s2), r = where(s1 < s2, r2, r1), q = where(s1 < s2, r1, r2);
+    Mask swap = s1 < s2;
+    Pack s = where(swap, s2, s1), r = where(swap, r2, r1), t = where(swap, s1, s2), q = where(swap, r1, r2);
+    Pack above = up * surely, below = down * surely;
+    if (!any(((above * r > s) & ((t < none) | (above * q > t))) | ((below * r > s) & ((t < none) | (below * q > t)))))
+      continue;
     Pack longer = where(s > none, s, none) / r, other = t / q; /* the slack that is left, and the other */
     Pack reach = where(r > none, longer, far), second = where(q > none, other, far);
     Pack both = where(reach > second, reach, second);
@@ -56,9 +68,16 @@ static void reach_of_pairs(const double *row, const double *room, Int n, double 
   }
 }
 
-/* Move by a step along one coordinate. */
+/* Move by a step along one coordinate; n is a multiple of LANES. */
 static void advance(double *room, const double *row, double step, Int n) {
-  for (Int i = 0; i < n; i++) room[i] -= step * row[i];
+  Pack by = all(step);
+  for (Int i = 0; i < n; i += WIDTH) store(room + i, load(room + i) - by * load(row + i));
+}
+
+/* How far each bound is drawn in, of the room (n,) that the larger of two slacks leaves. */
+static void draw_in(const double *edge, const double *slack, const double *other, Int n, Bits place, double *cut) {
+  for (Int i = 0; i < n; i++)
+    cut[i] = edge[i] > 0.0 ? uniform_draw(place + (Bits)i) * smaller(edge[i], larger(slack[i], other[i])) : 0.0;
 }
 
 /* Rows in round coordinates, sides of each: out (size, sides, all). distance (all,): of the farther side. */
@@ -130,16 +149,10 @@ Int tacstrip_hit_and_run(const double *a, const double *b, const double *edges, 
                  scratch);
   for (Int sweep = -SETTLING; sweep < sweeps; sweep++) {
     Bits place = (Bits)(sweep + SETTLING) * (NEAREST + NEAREST_PAIRS + SIZE);
-    for (Int i = 0; i < n; i++) {
-      cut[i] = edge[i] > 0.0 ? uniform_draw(place + (Bits)i) * smaller(edge[i], slack[i]) : 0.0;
-      slack[i] -= cut[i];
-    }
-    for (Int i = 0; i < e; i++) {
-      double room = larger(pair_slack[i], pair_slack[e + i]);
-      pair_cut[i] = pair_edge[i] > 0.0 ? uniform_draw(place + (Bits)(NEAREST + i)) * smaller(pair_edge[i], room) : 0.0;
-      pair_slack[i] -= pair_cut[i];
-      pair_slack[e + i] -= pair_cut[i];
-    }
+    draw_in(edge, slack, slack, n, place, cut);
+    draw_in(pair_edge, pair_slack, pair_slack + e, e, place + NEAREST, pair_cut);
+    advance(slack, cut, 1.0, n);
+    for (int side = 0; side < 2; side++) advance(pair_slack + side * e, pair_cut, 1.0, e);
     for (Int j = 0; j < size; j++) {
       const double *row = near + j * n, *pair = near_pairs + 2 * j * e;
       double high, low;
@@ -150,11 +163,8 @@ Int tacstrip_hit_and_run(const double *a, const double *b, const double *edges, 
       advance(slack, row, step, n);
       advance(pair_slack, pair, step, 2 * e);
     }
-    for (Int i = 0; i < n; i++) slack[i] += cut[i];
-    for (Int i = 0; i < e; i++) {
-      pair_slack[i] += pair_cut[i];
-      pair_slack[e + i] += pair_cut[i];
-    }
+    advance(slack, cut, -1.0, n);
+    for (int side = 0; side < 2; side++) advance(pair_slack + side * e, pair_cut, -1.0, e);
     if (sweep < 0) continue;
     double *point = out + sweep * size;
     for (Int p = 0; p < size; p++) point[p] = z[p];

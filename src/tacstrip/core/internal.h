@@ -1,9 +1,9 @@
-/* What the core's files share among themselves: lanes, small helpers, and functions that are not exported. */
+/* What the core's files share among themselves: small helpers, and functions that are not exported. */
 
 #ifndef TACSTRIP_INTERNAL_H
 #define TACSTRIP_INTERNAL_H
 
-#include "closed_form.h"
+#include "core.h"
 
 #if defined(_WIN32) || defined(__TINYC__)
 #define HIDDEN
@@ -12,6 +12,8 @@
 #endif
 
 #define INFINITE (1.0 / 0.0)
+#define LANES 4      /* of sums, see lanes.h */
+#define LEAST_D 1e-3 /* of L: a metal sheet under a whole strip would divide by zero */
 
 #ifdef TACSTRIP_DEBUG
 void abort(void);
@@ -54,9 +56,17 @@ static inline double natural_log(double x) {
   return k * LN2_HIGH + (2.0 * f * sum + k * LN2_LOW);
 }
 
+/* Of a place in the one sequence of numbers from 0 to 1 (splitmix64). */
+static inline double uniform_draw(unsigned long long place) {
+  unsigned long long bits = (place + 1) * 0x9E3779B97F4A7C15ULL;
+  bits = (bits ^ (bits >> 30)) * 0xBF58476D1CE4E5B9ULL;
+  bits = (bits ^ (bits >> 27)) * 0x94D049BB133111EBULL;
+  bits ^= bits >> 31;
+  return (double)(Int)(bits >> 11) * (1.0 / 9007199254740992.0);
+}
+
 /* mathematics.c */
 HIDDEN double exponential(double x);        /* |x| < 700 */
-HIDDEN double uniform_draw(unsigned long long place); /* a place in the one sequence of numbers from 0 to 1 */
 HIDDEN double hyperbolic_tangent(double x); /* any x */
 HIDDEN double arctangent(double x);         /* x >= 0 */
 HIDDEN double sine(double x);               /* |x| < 1e6 */

@@ -4,9 +4,7 @@
 #ifndef TACSTRIP_LANES_H
 #define TACSTRIP_LANES_H
 
-#include "core.h"
-
-#define LANES 4
+#include "internal.h"
 
 #if defined(__GNUC__) && !defined(__TINYC__)
 #if defined(__AVX__)
@@ -21,6 +19,15 @@ static inline Pack load(const double *a) { return *(const Anywhere *)a; }
 static inline void store(double *a, Pack v) { *(Anywhere *)a = v; }
 static inline Pack all(double v) { return (Pack){0.0} + v; }
 static inline Pack where(Mask yes, Pack a, Pack b) { return (Pack)((yes & (Mask)a) | (~yes & (Mask)b)); }
+static inline int any(Mask yes) {
+#if defined(__AVX__)
+  return __builtin_ia32_movmskpd256((Pack)yes);
+#elif defined(__SSE2__)
+  return __builtin_ia32_movmskpd((Pack)yes);
+#else
+  return (yes[0] | yes[1]) != 0;
+#endif
+}
 #if defined(__AVX__) /* a > b ? a : b and a < b ? a : b, one instruction each */
 static inline Pack greater(Pack a, Pack b) { return __builtin_ia32_maxpd256(a, b); }
 static inline Pack lesser(Pack a, Pack b) { return __builtin_ia32_minpd256(a, b); }
@@ -35,6 +42,7 @@ typedef double Pack;
 #define store(a, v) (*(a) = (v))
 #define all(v) ((Pack)(v))
 #define where(yes, a, b) ((yes) ? (a) : (b))
+#define any(yes) (yes)
 #define greater(a, b) larger(a, b)
 #define lesser(a, b) smaller(a, b)
 typedef int Mask;

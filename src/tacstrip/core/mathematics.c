@@ -27,15 +27,6 @@ double hyperbolic_tangent(double x) {
   return x < 0.0 ? -value : value;
 }
 
-/* splitmix64 */
-double uniform_draw(unsigned long long place) {
-  unsigned long long bits = (place + 1) * 0x9E3779B97F4A7C15ULL;
-  bits = (bits ^ (bits >> 30)) * 0xBF58476D1CE4E5B9ULL;
-  bits = (bits ^ (bits >> 27)) * 0x94D049BB133111EBULL;
-  bits ^= bits >> 31;
-  return (double)(Int)(bits >> 11) * (1.0 / 9007199254740992.0);
-}
-
 /* By arctan x = pi/2 - arctan 1/x, then half the angle twice. */
 double arctangent(double x) {
   double t = x > 1.0 ? 1.0 / x : x, sum = 0.0;

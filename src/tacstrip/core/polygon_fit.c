@@ -1,6 +1,6 @@
 /* What a fitted polygon leaves over, and how sure it is. */
 
-#include "internal.h"
+#include "closed_form.h"
 
 #define FIRM 1e-10 /* of a parameter's information, once the others are solved for: less is for a decomposition */
 

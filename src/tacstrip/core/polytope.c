@@ -1,7 +1,7 @@
 /* Linear programs over a polytope, and the analytic centre of what they find. A row is a column of a (size, rows), so
    that loops run over neighbouring rows and no sum depends on how many of them a CPU takes at once. */
 
-#include "internal.h"
+#include "lanes.h"
 
 #define ROUNDING 1e-9
 #define SLANTED 1e-7 /* a row less against the direction than this depends on the met ones; to pass it by is safe */

@@ -4,7 +4,7 @@
    A reading of contact l to u stays the same along dl = -(s + n k) t, du = (1 - s - n k) t, with s the closed form's share
    and n its `narrow`: du - dl = t. With one signature chains move along that direction; with two nothing is free. */
 
-#include "internal.h"
+#include "closed_form.h"
 
 #define ROOM (COARSEST + LANES)
 #define GRID 61         /* places where the free direction is known, over x from -.1 to 1.1 */

@@ -5,7 +5,7 @@
    (v'r)^2 / (v'v - v'J (J'J)^-1 J'v). A hat and every column of J are straight between knots, so all products follow
    from running sums over the strips of the terms times 1, x and x^2. */
 
-#include "internal.h"
+#include "closed_form.h"
 
 #define PLACES 48   /* positions that are tested */
 #define NEAR 3      /* of them, within which two are one place */
