@@ -38,9 +38,11 @@ from tacstrip.reconstruction.polygon.goodness_of_fit import autocorrelation_scor
 from tacstrip.reconstruction.polygon.run import fit_run
 from tacstrip.reconstruction.result import Alternative, Pose, Reconstruction, RecoveredObject, Status
 from tacstrip.reconstruction.seam import unrolled
+from tacstrip.reconstruction.strip_width import PARTIAL_STRIPS, across
 from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import check_closed_form
 from tacstrip.sensor.left_out import left_out_wholly
+from tacstrip.sensor.slant import edge_read
 from tacstrip.sensor.spec import Sensor
 
 _STARTS = 48  # angles
@@ -64,6 +66,9 @@ _RAIL = 0.05  # of Vref: nearer to ground or Vref the contact may lie over the b
 _GUESS = 0.005  # of Vref: noise of the search where none is given
 _CHANCE, _LEAST_FREEDOM = 1e-3, 3  # of the F test, and of a polygon that it is made with
 _LEAST_NOISE = 2e-4  # of Vref: sensors that read better are compared with that
+_WIDTH_READ = 0.2  # of the width: by how much wide strips read other than their centre lines
+_PARTLY = 0.1  # of the width: how far off a strip is modelled that a corner or a steep edge lies on
+_ENOUGH = 4  # wide strips: of fewer none is left out
 _SUSPECTS = 8  # readings that are left out by turns where no pose explains all
 
 
@@ -81,8 +86,8 @@ def fit_object(
     Parameters
     ----------
     scan, sensor
-        What was measured, with what; both signatures or one. Strips count as their centre lines, also where the spec
-        gives `strip_width_mm`.
+        What was measured, with what; both signatures or one. Where the spec gives `strip_width_mm`, strips read over
+        it, roughly where a corner lies on them: "likely" at best.
     outline
         The object's corners (N, 2) [mm] in a frame of its own, convex or concave, either way round; or a contact of
         one polygon. It is turned and moved, not mirrored.
@@ -201,6 +206,7 @@ class _Fit:
     weight: FloatArray
     edge_mm: float
     silent: BoolArray  # strips that are left out (strips of the sensor,)
+    wide: bool = False  # whether strips read over their width, or on their centre lines
 
     @property
     def parameters(self) -> int:
@@ -210,13 +216,17 @@ class _Fit:
     def ends(self, poses: FloatArray) -> tuple[FloatArray, ...]:
         """Return l and u (B, n) [mm], their slopes by the pose (B, n, 4), and the corners (B, N, 2)."""
         posed = _posed(self.corners, poses)
+        lines = across(self.sensor, self.x_mm) if self.wide else self.x_mm[:, None]
+        every = lines.ravel()
         ax, ay = posed[..., 0, None], posed[..., 1, None]  # (B, N, 1)
         bx, by = np.roll(ax, -1, axis=1), np.roll(ay, -1, axis=1)
         low, high = ax.min(axis=1), ax.max(axis=1)
         slack = 1e-9 * (high - low)
-        x = np.clip(self.x_mm, low + slack, high - slack)  # (B, n): beside the outline its end corner is read
+        x = np.clip(every, low + slack, high - slack)  # (B, lines): beside the outline its end corner is read
+        there = (x == every).reshape(len(poses), *lines.shape)
+        there |= ~there.any(axis=-1, keepdims=True)
         run = np.where(np.abs(bx - ax) < 1e-12, 1e-12, bx - ax)
-        share = (x[:, None] - ax) / run  # (B, N, n)
+        share = (x[:, None] - ax) / run  # (B, N, lines)
         crossed = (share >= 0.0) & (share <= 1.0)
         y = ay + share * (by - ay)
         found: list[FloatArray] = []
@@ -225,17 +235,28 @@ class _Fit:
             edge = np.where(crossed, sign * y, np.inf).argmin(axis=1)[:, None]
             at = np.take_along_axis(y, edge, axis=1)[:, 0]
             slope = np.take_along_axis((by - ay) / run, edge, axis=1)[:, 0]
-            slope = np.where(x == self.x_mm, slope, 0.0)
+            slope = np.where(x == every, slope, 0.0)
             out = np.hypot(1.0, slope)
             growth = sign * poses[:, 3:] * out
             turned = x - poses[:, :1] + slope * (at - poses[:, 1:2] - growth)
-            grown = at - growth
-            held = np.clip(grown, 0.0, self.sensor.length_mm)
             by_pose = np.stack([-slope, np.ones_like(slope), turned, -sign * out], axis=-1)
+            grown, by_pose = self._over_the_width(at - growth, by_pose, there, -sign)
+            held = np.clip(grown, 0.0, self.sensor.length_mm)
             found.append(held)
             slopes.append(by_pose * (held == grown)[..., None])
         found[1] = np.maximum(found[0], found[1])
         return found[0], found[1], slopes[0], slopes[1], posed
+
+    def _over_the_width(
+        self, height: FloatArray, slopes: FloatArray, there: BoolArray, sign: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return what strips read of an edge on their lines (B, n * lines), (B, n), and its slopes (B, n, 4)."""
+        if there.shape[-1] == 1:
+            return height, slopes
+        height = np.where(there, height.reshape(there.shape), np.nan)
+        mean = (slopes.reshape(*there.shape, 4) * there[..., None]).sum(axis=2) / there.sum(axis=-1)[..., None]
+        read = edge_read(height, self.sensor.strip_width, sign, self.sensor.contact_lambda_mm)
+        return np.where(np.isfinite(read), read, np.nanmean(height, axis=-1)), mean
 
     def rows(self, poses: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return residuals over their sigma (B, M) and the model's slopes by the pose (B, M, 4)."""
@@ -272,12 +293,18 @@ class _Fit:
         left, right = (float(at[0] + 1) if len(at) else math.inf for at in (before, after))
         return left * self.sensor.pitch_mm, right * self.sensor.pitch_mm
 
+    @property
+    def _half_width(self) -> float:
+        """How far inside a strip's border its centre line lies: wide strips are touched up to there [mm]."""
+        return 0.0 if self.sensor.strip_width_mm is None else 0.5 * self.sensor.strip_width
+
     def _end(self, posed: FloatArray, poses: FloatArray, end: int) -> tuple[FloatArray, FloatArray]:
         sign = 1.0 if end else -1.0
         gap = self.gaps[end]
         corner = (sign * posed[..., 0]).argmax(axis=1)
         x, y = np.take_along_axis(posed, corner[:, None, None], axis=1)[:, 0].T
-        expected = self.sensor.x_mm[self.run.stop - 1 if end else self.run.start] + sign * 0.5 * gap
+        beyond = 0.5 * gap - self._half_width
+        expected = self.sensor.x_mm[self.run.stop - 1 if end else self.run.start] + sign * beyond
         weight = math.sqrt(12.0 / (gap**2 + 12.0 * self.edge_mm**2))
         one, zero = np.ones_like(x), np.zeros_like(x)
         slope = np.stack([one, zero, poses[:, 1] - y, sign * one], axis=-1)
@@ -327,7 +354,9 @@ class _Fit:
         posed = _posed(self.corners, poses)
         low, high = posed[..., 0].min(axis=1), posed[..., 0].max(axis=1)
         known = self.gaps[0] < math.inf, self.gaps[1] < math.inf
-        before, beyond = (0.5 * (gap if gap < math.inf else self.sensor.pitch_mm) for gap in self.gaps)
+        before, beyond = (
+            0.5 * (gap if gap < math.inf else self.sensor.pitch_mm) - self._half_width for gap in self.gaps
+        )
         x = self.sensor.x_mm
         left, right = x[self.run.start] - before - low, x[self.run.stop - 1] + beyond - high
         by_end = {(True, False): [left], (False, True): [right], (True, True): [0.5 * (left + right)]}
@@ -345,17 +374,18 @@ class _Fit:
         return np.concatenate(made)
 
     def thinned(self) -> _Fit:
-        """Return the fit on some of many strips, each for its neighbours."""
+        """Return the fit on the centre lines of some of many strips, each for its neighbours."""
         stride = -(-len(self.x_mm) // _COARSE_STRIPS)
         if stride == 1:
-            return self
+            return replace(self, wide=False)
         kept = slice(stride // 2, None, stride)
         weight = self.weight[:, kept] * math.sqrt(stride)
-        return replace(self, x_mm=self.x_mm[kept], k=self.k[:, kept], weight=weight)
+        return replace(self, x_mm=self.x_mm[kept], k=self.k[:, kept], weight=weight, wide=False)
 
     def with_sigma(self, sigma: float, pose: FloatArray | None = None) -> _Fit:
         """Return the fit with a reading's sigma [Vref], and with what soft edges add to it at a pose (4,)."""
-        variance = np.full(self.k.shape, sigma**2)
+        covered = _PARTLY * self.sensor.strip_width / self.sensor.length_mm if self.wide else 0.0
+        variance = np.full(self.k.shape, sigma**2 + covered**2)
         if pose is not None and self.edge_mm:
             l, u = (end[0] for end in self.ends(pose[None])[:2])
             of = signature_jacobians(self.sensor, l, u)
@@ -380,6 +410,9 @@ def _placed(
     distribution = noise.distribution if noise is not None and noise.independent else "normal"
     k = np.stack([scan[name][run] for name in scan.signatures])
     there = np.isfinite(k)
+    wide = sensor.strip_width_mm is not None
+    if wide and k.shape[1] >= _ENOUGH:  # the outer ones may be covered in part
+        there[:, :PARTIAL_STRIPS] = there[:, -PARTIAL_STRIPS:] = False
     fit = _Fit(
         sensor,
         corners,
@@ -390,9 +423,12 @@ def _placed(
         there.astype(float),
         edge_mm,
         silent,
+        wide,
     )
     fit = fit.with_sigma(known or max(_GUESS, sensor.adc_step))
     coarse = fit.thinned()
+    if wide:  # centre lines are as far off as that
+        coarse = coarse.with_sigma(max(known or _GUESS, _WIDTH_READ * sensor.strip_width / sensor.length_mm))
     poses, cost = coarse.descend(coarse.starts(), _STEPS)
     poses = _distinct(coarse, poses, cost)
     if edge_mm:
@@ -572,12 +608,9 @@ def _judge(
         or (readings > 6 and autocorrelation_score(left, readings) > _ALARM)
         or (known is None and (level > _CEILING or (not fit.edge_mm and _beyond_polygon(fit, pose))))
     ):
-        width = (
-            "" if fit.sensor.strip_width_mm is None else ", or the strips' width, which is not counted here"
-        )
         return "doubtful", (
             f"at the best pose the readings are {100.0 * level:.2g} % of Vref from this object's: it is another "
-            f"object, pressed in part, or the noise is larger than given{width}"
+            "object, pressed in part, or the noise is larger than given"
         )
     x = _posed(fit.corners, pose[None])[0, :, 0]
     beyond = max(x.min() - fit.x_mm[0], fit.x_mm[-1] - x.max())
@@ -598,6 +631,11 @@ def _judge(
             f"the pose is not certain: the outline overlaps the object by 80 % with a probability of {sure:.2g}; see "
             "the alternatives, turn the object a little, average more scans, or "
             f"{signature_advice(fit.sensor) if len(fit.names) == 1 else 'use finer strips'}"
+        )
+    if fit.wide:
+        return "likely", (
+            "a strip that a corner or a steep edge lies on is modelled roughly: the pose may be off by a part of "
+            "strip_width_mm, or turned"
         )
     return "ok", ""
 
