@@ -88,6 +88,20 @@ def test_printed_ranges_hold_where_places_are_uncertain() -> None:
     assert 0.7 < float(np.sqrt(np.mean(np.square(every)))) < 1.35
 
 
+def test_a_named_model_heeds_uncertain_places() -> None:
+    """Before, it passed their standard deviations over, and ranges were those of exact places."""
+    rng = np.random.default_rng(3)
+    unit = units.draw(rng, "crs-m", strips=4)
+    exact = units.press(unit, planned_places(unit.sensor), rng, 0.001)
+    told = replace(
+        exact, l_sd_mm=np.full(exact.l_mm.shape, 2.0), w_sd_mm=np.where(exact.w_mm > 0.0, 2.0, 0.0)
+    )
+    known, unsure = (
+        ts.calibrate_unit(unit.sensor, r, model="offset+gain+lambda").parameters for r in (exact, told)
+    )
+    assert all(b.sigma > 2.0 * a.sigma for a, b in zip(known, unsure, strict=True))
+
+
 def test_runs_of_another_unit_are_said_where_the_spec_is_calibrated() -> None:
     rng = np.random.default_rng(5)
     one, other = (units.draw(rng, "crs-m", strips=4, offset=0.02) for _ in range(2))

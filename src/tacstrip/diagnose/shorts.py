@@ -19,6 +19,7 @@ _CLEAR = 0.1  # over Vref: contacts this far from a bridge lie wholly on one sid
 _MANY, _PASSES, _PAUSE = 25, 4, 1  # places, and times that the contact came there, after so many other places
 _FEWEST_PAIRS, _OTHER_PAIRS = 5, 3  # that a pair is held against
 _MOST, _WIDTH = 0.85, 1.44  # of the places; such a share of normal errors lies within so many deviations
+_GAINS = 0.05  # by which two channels' gains differ at most: a dead one differs by all of the other's reading
 _NOISE = 1.4  # times what noise makes of a difference
 _TIED, _SLOPE = (
     0.45,
@@ -108,7 +109,7 @@ def _scatter(values: FloatArray, level: FloatArray, at: BoolArray) -> FloatArray
         x, y = (np.where(use, v, 0.0) for v in (level, values))
         x0, y0 = x.sum(axis=0) / count, y.sum(axis=0) / count
         across = np.where(use, level - x0, 0.0)
-        slope = (across * y).sum(axis=0) / np.maximum((across**2).sum(axis=0), 1e-9)
+        slope = np.clip((across * y).sum(axis=0) / np.maximum((across**2).sum(axis=0), 1e-9), -_GAINS, _GAINS)
         off = np.where(at, np.abs(values - y0 - slope * (level - x0)), np.nan)
         off[:, ~enough] = np.nan
         use = off <= 3.0 * _columns(off, 0.5)
