@@ -46,7 +46,7 @@ _RIVAL = 4.0  # chi square by which another pose is no rival
 _UNTOLD = 0.5  # relative standard deviation of a radius or force that is not told
 _AXES = ("cylinder", "edge", "box")  # a mesh may be alike turned about its own axis
 _BENT = {  # what rests on the kind that was given, where readings do not tell it
-    "plane": "the force holds if it is flat: a ball leaves the same patch",
+    "plane": "the force holds if it is flat: a ball or a cone leaves the same patch",
     "cylinder": "radius and force hold if it is straight: a body that is curved along its axis too, as an ellipsoid, "
                 "reads the same",
     "edge": "the force holds if its ridge is straight: one that is curved along it reads the same",
