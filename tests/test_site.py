@@ -75,6 +75,10 @@ def test_every_option_of_a_command_has_its_entry(verb: str) -> None:
                 assert re.search(rf"`[^`\n]*(?<![\w-]){re.escape(name)}(?![\w-])", shown), f"{verb} {name}"
 
 
+def test_pages_that_help_names_are_links() -> None:
+    assert "[docs/guide/doctor.md](../../guide/doctor.md)" in command_page("doctor")
+
+
 def test_every_status_has_its_row() -> None:
     text = (DOCS / "reference/statuses.md").read_text(encoding="utf-8")
     assert re.findall(r"^\| `([^`]+)`", text, re.MULTILINE) == list(get_args(Status))

@@ -43,7 +43,9 @@ def _prose(text: str) -> str:
 
 
 def _escaped(text: str) -> str:
-    return re.sub(r"([*_<>\[\]])", r"\\\1", text) if "`" not in text else re.sub(r"([<>])", r"\\\1", text)
+    """Return text whose signs are no Markdown, and whose pages of docs/ are links from docs/reference/commands/."""
+    text = re.sub(r"([*_<>\[\]])" if "`" not in text else r"([<>])", r"\\\1", text)
+    return re.sub(r"\bdocs/([a-z/-]+\.md)", r"[docs/\1](../../\1)", text)
 
 
 class _Command(SphinxDirective):
