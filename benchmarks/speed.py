@@ -17,12 +17,16 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import _peers as peers
 import growth
 import numpy as np
+from _kinks import FINDERS
+from _protocol import Cell
+from transitions import SEED, Score, score
 
 import tacstrip as ts
 from studies.sheet import Sheet, Touch, by_factor
@@ -112,6 +116,28 @@ def fits() -> Contest:
     )
 
 
+def kinks(quick: bool) -> list[str]:
+    """Return a row per library that finds the kinks of a signature; `benchmarks/transitions.py` has more."""
+    cell, methods = (
+        Cell("kh", 0.005, 100),
+        [m for m, (_, needs) in FINDERS.items() if not needs or find_spec(needs)],
+    )
+    found = score(cell, methods, 3 if quick else 60, SEED)
+    ours = found.pop("polygon")
+
+    def words(of: Score) -> str:
+        right, off = 100.0 * np.mean(of.right), 100.0 * np.median(of.away)
+        return f"count right in {right:.0f} %, off by {off:.2f} % of the width"
+
+    own = float(np.median(ours.seconds))
+    return [
+        f"| the fit's search, k_h of 100 strips, count unknown ({words(ours)}) | {growth.words(own)} a signature | "
+        f"{name} ({words(of)}) | {growth.words(float(np.median(of.seconds)))} | "
+        f"{np.median(of.seconds) / own:.3g} | - |"
+        for name, of in found.items()
+    ]
+
+
 def ladders(folder: Path) -> Contest:
     """Solve the network of 20 strips, against ngspice."""
     sensor = ts.Sensor(
@@ -164,6 +190,8 @@ def table(quick: bool) -> list[str]:
                         f"| {contest.name} | {growth.words(ours)} a {contest.each} | {name} | "
                         f"{growth.words(theirs)} | {theirs / ours:.3g} | {limit} |"
                     )
+        lines += kinks(quick)
+    missing += [m for m, (_, needs) in FINDERS.items() if needs and not find_spec(needs)]
     if missing:
         lines += ["", f"Not installed here, and so left out: {', '.join(missing)}."]
     return lines

@@ -1,4 +1,4 @@
-"""Table of docs/guide/build.md: rubber for the ten-strip sensor. `python tools/strip_resistance.py`."""
+"""Table of docs/science/electronics.md: rubber for the ten-strip sensor. `python tools/strip_resistance.py`."""
 
 from __future__ import annotations
 

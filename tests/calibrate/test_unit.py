@@ -21,6 +21,7 @@ from tacstrip.calibrate.residuals import residuals, rms_percent
 from tacstrip.data.published import offsets_volt
 from tacstrip.io.runs import Runs
 from tacstrip.network import Imperfections
+from tacstrip.sensor.raw import touched
 
 CRS = ts.Sensor(construction="crs-crs", strips=3, pitch_mm=6.5, length_mm=325.0, vref_volt=6.05)
 METAL = ts.Sensor(construction="crs-m", strips=3, pitch_mm=4.5, length_mm=250.0, vref_volt=6.05)
@@ -483,3 +484,14 @@ def test_a_strip_that_reads_vref_throughout_is_named() -> None:
     runs.raw["kh"][:, 1] = 1.0
     with pytest.raises(ts.ReadingError, match="strip 1 reads 0 or Vref in every contact: is it connected"):
         ts.calibrate_unit(CRS, runs)
+
+
+def test_a_channel_that_is_left_out_needs_no_rest_level() -> None:
+    sensor = ts.Sensor(construction="crs-crs", strips=4, pitch_mm=5.0, length_mm=100.0, without=("2:v_h",))
+    noise = np.random.default_rng(0)
+    raw = {name: 0.02 + 0.001 * noise.normal(size=(50, 4)) for name in ("kh", "kl")}
+    raw["kh"][:, 2] = np.nan
+    learned = ts.learn_touch(sensor, raw)
+    assert not touched(learned, {name: values[0] for name, values in raw.items()}).any()
+    pressed = {name: np.full(4, 0.4) for name in raw}
+    assert touched(learned, pressed).all()

@@ -298,6 +298,10 @@ BAD: dict[str, tuple[tuple[str, ...], str]] = {
     "replay nothing": (("replay", "none.mcap"), "none.mcap: no such file"),
     "replay a spec": (("replay", "s.toml"), "s.toml: not a recording"),
     "replay backwards": (("replay", "a.mcap", "--speed", "-1"), "--speed -1.0: must be above 0"),
+    "replay fast and slow": (
+        ("replay", "a.mcap", "--fast", "--speed", "0.5"),
+        "--speed is the pace of scans",
+    ),
     "another sensor": (
         ("replay", "a.mcap", "--sensor", "prototype-crs-m"),
         "construction = crs-crs, and the",

@@ -6,11 +6,13 @@ import json
 import re
 from pathlib import Path
 from subprocess import CompletedProcess
+from unittest.mock import patch
 
 import pytest
 from click.testing import CliRunner
 
 import tacstrip as ts
+from tacstrip.cli.reconstruct import command as reconstruct
 from verbs import run
 
 RECTANGLE = "POLYGON ((-25 -17.5, 25 -17.5, 25 17.5, -25 17.5, -25 -17.5))"
@@ -168,6 +170,11 @@ BAD = {
         _SIM,
         _write("c.wkt", "POINT (300 5)"),
         "lies outside the sensor (x 0 to 30, y 0 to 100 mm); move it, or check its unit: mm",
+    ),
+    "distribution of no noise": (
+        (*_REC, "--distribution", "normal"),
+        _write("r.csv", HEAD),
+        "--distribution is of noise that is given: add --positional",
     ),
     "signature not there": (
         ("reconstruct", "small.toml", "r.csv", "--method", "vertex", "--signature", "k"),
@@ -413,3 +420,17 @@ def test_the_table_of_limits_has_heads(folder: Path) -> None:
     words = ("limits", "prototype-crs-crs", "rectangle.wkt", "--at", 32, 160, "--turn", 20, "--grid", 2)
     done = _good(run(folder, *words, "--positional", 0.01))
     assert done.stdout.splitlines()[2].split() == ["x", "y"] * 4
+
+
+def test_a_reader_that_stops_costs_no_picture(folder: Path) -> None:
+    _good(run(folder, "simulate", "simulated-crs-crs", "rectangle.wkt", "-o", "r.csv", "--at", 500, 400))
+
+    def closed(*_: object, err: bool = False, **__: object) -> None:
+        if not err:
+            raise BrokenPipeError
+
+    words = ["simulated-crs-crs", str(folder / "r.csv"), "--assessment", "none", "--plot"]
+    with patch("tacstrip.cli.reconstruct.click.echo", closed):
+        done = CliRunner().invoke(reconstruct, [*words, str(folder / "p.png")])
+    assert isinstance(done.exception, BrokenPipeError)
+    assert (folder / "p.png").exists()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ import tacstrip as ts
 from tacstrip.dataset.measures import Case
 from tacstrip.dataset.sweep import changed
 from tacstrip.design.candidates import candidates, designs, requirements_unmet
+from tacstrip.design.layers import layer_limits
 from tacstrip.design.limits import limit_map, limits, outline_of
 from tacstrip.errors import ContactError, OptionError, SpecError
 from tacstrip.geometry.outline import Outline
@@ -21,6 +23,7 @@ from tacstrip.plot.bounds import limits_figure
 from tacstrip.reconstruction.cramer_rao import vertex_covariance, vertex_rms
 from tacstrip.sensor.calibration import Calibration
 from tacstrip.sensor.channel import Channel
+from tacstrip.sensor.converter import Converter
 from verbs import run
 
 KITE = np.array([(10.2, 50.0), (30.4, 22.0), (70.9, 60.0), (48.3, 85.0)])
@@ -239,3 +242,23 @@ def test_a_sensor_without_a_closed_form(folder: Path) -> None:
     done = run(folder, "limits", "p.toml", "kite.wkt", "--positional", 0.001, "--grid", 2)
     assert done.returncode == 0, done.stderr
     assert "from kh, kl, kh+kl" in done.stdout
+
+
+def test_what_all_readings_share_counts_under_two_layers_as_under_one() -> None:
+    layers = ts.LayeredSensor.crossed(
+        ts.Sensor(construction="crs-crs", strips=32, pitch_mm=3.0, length_mm=96.0, adc_bits=12)
+    )
+    contact = ts.Contact.polygon([(20, 40), (55, 20), (80, 50), (45, 75)])
+    noise = ts.Noise(positional=0.005, offset=0.02)
+    first = layer_limits(layers, contact, noise)[1]
+    (*_, alone) = limits(layers.layers[0].sensor, Outline.of(contact.vertices), noise)
+    assert math.sqrt(2.0 * float(np.mean(first.sigma**2))) == pytest.approx(alone.rms, rel=1e-6)
+
+
+def test_designs_have_a_converter_of_their_own() -> None:
+    pico = Converter(wide_codes=(512, 3584), widths_lsb=(9.5, 8.5))
+    sensor = ts.Sensor(
+        construction="crs-crs", strips=10, pitch_mm=10.0, length_mm=100.0, adc_bits=12, converter=pico
+    )
+    (made,) = candidates(sensor, ["crs-crs"], [10.0], [100.0])
+    assert made.converter is None

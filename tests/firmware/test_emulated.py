@@ -248,7 +248,7 @@ def test_the_build_prints_what_it_takes(tmp_path: Path) -> None:
         assert int(now) == pytest.approx(int(page), rel=0.05)
 
 
-RATES = re.findall(r"^\| (\d+) \| (double|single|CRS-M) \|(.*)\|$", BUILD_PAGE, re.MULTILINE)
+RATES = re.findall(r"^\| (\d+) \| (double|single|CRS-M) \|(.*)\|$", ERROR_PAGE, re.MULTILINE)
 BAUDS = (115_200, 250_000, 500_000)
 
 

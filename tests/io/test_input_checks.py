@@ -32,21 +32,19 @@ def _exchanged(*scans: ts.Scan) -> str:
 
 
 @pytest.mark.parametrize(
-    ("pitch", "length", "told"),
+    ("strips", "pitch", "length", "told"),
     [
-        (4.0, 120.0, ""),
-        (0.5, 60.0, ""),
-        (0.004, 0.12, "mm, not m?"),
-        (4.0, 0.12, "shorter"),
-        (
-            0.4,
-            12.0,
-            "not cm? All lengths in a spec are millimetres; if so, write pitch_mm = 4, length_mm = 120",
-        ),
+        (24, 4.0, 120.0, ""),
+        (24, 0.5, 60.0, ""),
+        (24, 0.004, 0.12, "mm, not m?"),
+        (24, 4.0, 0.12, "shorter"),
+        (24, 0.4, 12.0, "not cm? All lengths in a spec are millimetres; if so, write pitch_mm = 4, length_mm = 120"),
+        (20, 0.5, 10.0, "if so, write pitch_mm = 5, length_mm = 100"),
     ],
-)
-def test_a_spec_in_other_units(pitch: float, length: float, told: str) -> None:
-    said = unlikely_lengths(ts.Sensor.from_dict(SENSOR_KEYS | {"pitch_mm": pitch, "length_mm": length}))
+)  # fmt: skip
+def test_a_spec_in_other_units(strips: int, pitch: float, length: float, told: str) -> None:
+    keys = {"strips": strips, "pitch_mm": pitch, "length_mm": length}
+    said = unlikely_lengths(ts.Sensor.from_dict(SENSOR_KEYS | keys))
     assert told in said if told else said == ""
 
 

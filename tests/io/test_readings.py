@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 import tacstrip as ts
 from strategies import texts
-from tacstrip.stream import ReadingsSource
+from tacstrip.sensor.converter import Converter
+from tacstrip.stream import ReadingsSource, decode, encode
 from tacstrip.stream.export import write_csv
 
 NAN = float("nan")
@@ -246,3 +247,35 @@ def test_times_from_1970_and_of_long_runs_keep_a_millisecond(tmp_path: Path, beg
     write_csv(tmp_path / "again.csv", source)
     back = [scan.time_s for scan in ts.read_readings(tmp_path / "again.csv", sensor)]
     assert np.subtract(back, began_s) == pytest.approx([0.0, 0.001, 0.002], abs=1e-5)
+
+
+def test_electrodes_read_by_a_converter_with_wide_codes_come_back(tmp_path: Path) -> None:
+    pico = Converter(wide_codes=(512, 1536), widths_lsb=(9.5, 9.0))
+    sheet = ts.Sensor(construction="crs-crp", strips=4, pitch_mm=5.0, length_mm=30.0, resistivity_ratio=100.0,
+                      adc_bits=12, contact_lambda_mm=0.5, converter=pico)  # fmt: skip
+    contact = ts.Contact.polygon([(4, 6), (16, 8), (12, 22)])
+    scan = ts.simulate(sheet, contact, electrodes="all")
+    ts.write_readings(tmp_path / "r.csv", sheet, [scan])
+    for back in (ts.read_readings(tmp_path / "r.csv", sheet)[0], decode(encode(scan, sheet), sheet)):
+        assert scan.electrodes is not None
+        assert back.electrodes is not None
+        np.testing.assert_allclose(back.electrodes, scan.electrodes, atol=1e-8)
+
+
+def test_times_that_count_from_1970_keep_their_microseconds(tmp_path: Path) -> None:
+    sensor = ts.Sensor(construction="crs-m", strips=1, pitch_mm=5.0, length_mm=100.0)
+    times = [1763851200.123456 + 2e-6 * i for i in range(3)]
+    ts.write_readings(
+        tmp_path / "r.csv", sensor, [ts.Scan(k=np.array([0.5]), time_s=time_s) for time_s in times]
+    )
+    back = ts.read_readings(tmp_path / "r.csv", sensor)
+    assert [scan.time_s for scan in back] == pytest.approx(times, rel=0.0, abs=2e-7)
+    with pytest.raises(ts.ReadingError, match="there is no scan to write"):
+        ts.write_readings(tmp_path / "r.csv", sensor, [])
+
+
+def test_a_time_of_a_later_strip_is_read_too(tmp_path: Path) -> None:
+    sensor = ts.Sensor(construction="crs-m", strips=2, pitch_mm=5.0, length_mm=100.0)
+    (tmp_path / "r.csv").write_text("scan,time_s,strip,v_out\n0,0,0,0.5\n0,oops,1,0.5\n")
+    with pytest.raises(ts.ReadingError, match="line 3: time_s is 'oops', not a number"):
+        ts.read_readings(tmp_path / "r.csv", sensor)

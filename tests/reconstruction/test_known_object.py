@@ -272,3 +272,14 @@ def test_one_signature_of_few_strips_in_unknown_noise_does_not_tell_the_object()
         scan = ts.simulate(SENSOR, pressed("triangle", 0.4 + seed), ts.Noise(positional=0.002), rng=seed)
         statuses.append(ts.fit_object(ts.Scan(kh=scan["kh"]), SENSOR, SHAPES["five"]).status)
     assert set(statuses) == {"doubtful"}
+
+
+def test_a_strip_left_out_across_the_seam_has_its_own_number() -> None:
+    tube = ts.Sensor(
+        construction="cyl-crs-m", strips=24, pitch_mm=5.0, length_mm=100.0, radius_mm=60.0 / math.pi
+    )
+    shape = ts.Contact.polygon([(100, 30), (140, 35), (135, 70), (105, 60)])
+    k = ts.simulate(tube, shape)["k"].copy()
+    k[1] = 0.95
+    (found,) = ts.fit_object(ts.Scan(k=k), tube, shape, ts.Noise(positional=0.002)).objects
+    assert found.advice.startswith("strip 1 does not fit")

@@ -23,6 +23,7 @@ from tacstrip.sensor.calibration import Calibration
 from tacstrip.sensor.channel import Channel
 from tacstrip.sensor.left_out import leave_out, left_out
 from tacstrip.sensor.raw import apply_calibration, touched
+from tacstrip.sensor.surface import Surface
 from tacstrip.stream import decode, encode
 
 SENSOR = ts.Sensor(construction="crs-crs", strips=10, pitch_mm=10.0, length_mm=100.0, strip_base=1)
@@ -222,3 +223,22 @@ def test_an_object_on_strips_of_one_signature_is_as_by_itself_beside_one_that_ha
         np.testing.assert_allclose(first.vertices, by_itself.vertices, atol=1e-6)
     with pytest.raises(ts.SignatureError, match="one channel is left out"):
         ts.pieces(beside, sensor, noise)
+
+
+@pytest.mark.parametrize("around_deg", [180.0, 360.0], ids=["half", "tube"])
+def test_strips_left_out_count_on_a_curved_skin_too(around_deg: float) -> None:
+    """They hid half of the object there, and what was read of it was ok."""
+    skin = Surface(kind="cylinder", radius_mm=20.0, height_mm=60.0, around_deg=around_deg)
+    pitch = skin.pitch_mm(24)
+    sensor = ts.Sensor(
+        construction="crs-crs", strips=24, pitch_mm=pitch, length_mm=skin.length_mm(24), surface=skin
+    )
+    contact = ts.Contact.polygon([(7 * pitch, 15), (17 * pitch, 15), (17 * pitch, 45), (7 * pitch, 45)])
+    noise = ts.Noise(positional=0.002)
+    scan = ts.simulate(sensor, contact, noise, rng=1)
+    beside, within = (replace(sensor, without=names) for names in (("14", "15", "16"), ("11", "12")))
+    (found,) = ts.reconstruct(scan, beside, method="profile").objects
+    assert (found.status, found.advice[:12]) == ("doubtful", "strip 14, 15")
+    assert [o.status for o in ts.reconstruct(scan, within, method="profile").objects] == ["doubtful"] * 2
+    (found,) = ts.fit_polygon(scan, within, noise, assessment="none").objects
+    assert (found.status, found.advice) == ("likely", "")

@@ -607,3 +607,15 @@ def test_points_inside_and_centres_are_the_plain_ones(seed: int) -> None:
         assert found is not None or not is_found
         if found is not None and plain is not None:
             np.testing.assert_allclose(found[0], plain[0], rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("seed", [6, 17])
+def test_few_readings_that_happen_to_be_far_off_still_have_a_set(seed: int) -> None:
+    """Their squares sum up to more than sigma says on average, and each is within the bound: that is no alarm."""
+    sensor = ts.Sensor(construction="crs-crs", strips=10, pitch_mm=10.0, length_mm=100.0)
+    noise = ts.Noise(positional=0.01)
+    contact = ts.Contact.polygon([(22, 18), (70, 34), (62, 72), (30, 66)])
+    scan = ts.simulate(sensor, contact, noise, rng=seed)
+    (found,) = ts.fit_polygon(scan, sensor, noise, assessment="none").objects
+    assert (found.status, found.advice) == ("likely", "")
+    assert found.guarantee is not None

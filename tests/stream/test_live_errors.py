@@ -5,9 +5,14 @@ from __future__ import annotations
 import io
 import logging
 import math
+import socket
 import threading
+import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future
+from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
+from typing import Any
 
 import pytest
 from click.testing import CliRunner
@@ -17,6 +22,7 @@ from live_devices import SENSOR, still
 from tacstrip.cli.live import command
 from tacstrip.stream import RawScan
 from tacstrip.stream.live.pipeline import Live
+from tacstrip.stream.live.service import Service
 from tacstrip.stream.live.sinks import Sink, json_sink
 from tacstrip.stream.recording.recorder import Recorder
 from tacstrip.tracking import Tracker
@@ -229,3 +235,69 @@ def test_messages_go_to_the_logger_by_default(tmp_path: Path, caplog: pytest.Log
         list(ts.live(source=_Breaks(ts.PortError("gone"), 5), record=file, speed=math.inf))
     said = [(r.name, r.levelname, r.getMessage().partition(" scan(s)")[0]) for r in caplog.records]
     assert said == [("tacstrip", "WARNING", "gone"), ("tacstrip", "INFO", f"{file}: 5")]
+
+
+class _Dead(Executor):
+    """A pool whose process was killed."""
+
+    def submit(self, function: Any, /, *words: Any, **_: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+        future.set_exception(BrokenProcessPool("a process was terminated abruptly"))
+        return future
+
+
+def test_searches_go_on_when_their_process_is_killed(monkeypatch: pytest.MonkeyPatch) -> None:
+    searched: list[ts.Scan] = []
+
+    def search(scan: ts.Scan, *_: object) -> tuple[ts.Reconstruction, None]:
+        searched.append(scan)
+        return ts.Reconstruction("polygon", ()), None
+
+    monkeypatch.setattr("tacstrip.tracking.layered._searched", search)
+    layers = ts.LayeredSensor.crossed(
+        ts.Sensor(construction="crs-crs", strips=8, pitch_mm=5.0, length_mm=40.0, adc_bits=12)
+    )
+    contact = ts.Contact.polygon([(8, 8), (30, 10), (20, 32)])
+    source = ts.SimulatedSource(layers, lambda time_s: contact, 10.0, 20)
+    stream = Live(source, speed=math.inf, searches=_Dead())
+    with stream:
+        stream.wait(10.0)
+    assert stream.error is None
+    assert sum("the process that searches for objects is gone" in text for _, text in stream.messages) == 1
+    assert searched
+
+
+def test_a_reader_that_hangs_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The watchdog's question: how long the scan in hand has been worked on."""
+    hang, hangs = threading.Event(), threading.Event()
+
+    def update(*_: object) -> tuple[()]:
+        hangs.set()
+        hang.wait(10.0)
+        return ()
+
+    monkeypatch.setattr(Tracker, "update", update)
+    stream = Live(ts.SimulatedSource(SENSOR, still, 1000.0, 2), speed=math.inf, tracks=False)
+    assert stream.stuck_s == 0.0
+    with stream:
+        assert hangs.wait(10.0)
+        before_s = stream.stuck_s
+        time.sleep(0.02)
+        assert stream.stuck_s > before_s + 0.01
+        hang.set()
+        stream.wait(10.0)
+    assert stream.stuck_s == 0.0
+
+
+def test_what_hangs_is_not_told_to_live(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    address = str(tmp_path / "notify")
+    monkeypatch.setenv("NOTIFY_SOCKET", address)
+    monkeypatch.setenv("WATCHDOG_USEC", "2000")
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+        manager.bind(address)
+        service = Service()
+        time.sleep(0.002)
+        service.alive("fine", stuck_s=0.002)
+        service.alive("fine", stuck_s=0.0)
+        said = manager.recv(4096).decode().splitlines() + manager.recv(4096).decode().splitlines()
+    assert said == ["STATUS=fine", "WATCHDOG=1"]

@@ -35,12 +35,15 @@ def test_the_demo_shows_the_default_method_first(demo: Demo) -> None:
 def test_nothing_of_the_demo_is_cut_off(demo: Demo) -> None:
     figure = picture(demo)
     draw(figure)
-    _, read, recovered = figure.axes
-    legend = recovered.get_legend()
+    _, read, key, recovered = figure.axes
+    legend = key.get_legend()
     assert legend is not None
+    drawn = recovered.get_tightbbox()
+    assert drawn is not None
+    assert not legend.get_window_extent().overlaps(drawn)
     texts = legend.get_texts()
-    assert [t.get_text() for t in texts] == ["true shape", "before calibration: doubtful", "after calibration: ok",
-                                             "95 % region of a corner"]  # fmt: skip
+    assert [t.get_text() for t in texts] == ["true shape", "before calibration:\ndoubtful", "after calibration:\nok",
+                                             "95 % region\nof a corner"]  # fmt: skip
     assert not {"P.R.", "V.R."} & {text.get_text() for text in figure.findobj(Text)}
     for axes in figure.axes:
         (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()

@@ -376,6 +376,8 @@ def test_the_verb_writes_tracks_and_a_picture(tmp_path: Path) -> None:
     assert "objects over time: object 1 in 20 scans" in again.output
     with pytest.raises(ts.OptionError, match="exists already"):
         CliRunner().invoke(cli, words, catch_exceptions=False)
+    with pytest.raises(ts.OptionError, match=r"t.npz: objects over time go into .* \.geojson or \.mcap"):
+        CliRunner().invoke(cli, [*words[:4], str(tmp_path / "t.npz")], catch_exceptions=False)
     with pytest.raises(ts.OptionError, match="does not say what sensor"):
         CliRunner().invoke(cli, ["track", files[1]], catch_exceptions=False)
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from concurrent.futures import Executor, Future
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -119,3 +121,29 @@ def test_an_object_goes_on_to_strips_whose_other_channel_is_left_out() -> None:
             _scan(ts.Contact.polygon([(-20, -20), (20, -25), (15, 20)]).placed(x, 50), i, sensor)
         )
     assert one.shape.centroid[0] == pytest.approx(75.0, abs=0.5)
+
+
+def test_a_guarantee_is_of_the_scan_that_was_searched() -> None:
+    """Regions that hold for certain what lay there when it was searched for hold nothing once it has moved."""
+    sensor = ts.Sensor(construction="crs-crs", strips=30, pitch_mm=3.0, length_mm=100.0)
+    tracker = Tracker(sensor, noise=NOISE)
+    (one,) = tracker.update(_scan(TETRAGON, 0, sensor))
+    assert one.shape.guarantee is not None
+    (one,) = tracker.update(_scan(TETRAGON.moved(1.0, 1.0), 1, sensor))
+    assert tracker.searches == 1
+    assert (one.shape.status, one.shape.guarantee) == ("ok", None)
+
+
+def test_what_no_longer_explains_the_readings_has_no_confidence() -> None:
+    tracker = Tracker(FINE, executor=_Never())
+    assert tracker.update(_scan(TETRAGON, 0))[0].shape.confidence is not None
+    bent = ts.Contact.polygon([(25, 35), (60, 22), (78, 56), (56, 86), (45, 76), (30, 58)])
+    (one,) = tracker.update(_scan(bent, 1))
+    assert (one.shape.status, one.shape.advice, one.shape.confidence) == ("doubtful", SEARCHED_AGAIN, None)
+
+
+class _Never(Executor):
+    """Searches that never end."""
+
+    def submit(self, *_: Any, **__: Any) -> Future[Any]:
+        return Future()

@@ -38,6 +38,7 @@ OBJECTS = [
     [(10.0, 58.0), (26.0, 30.0), (44.0, 44.0), (36.0, 80.0)],
     [(60.0, 22.0), (88.0, 34.0), (70.0, 66.0)],
 ]
+ON_SHARED_STRIPS = [[(20.0, 20.0), (46.0, 25.0), (30.0, 50.0)], [(35.0, 60.0), (70.0, 55.0), (60.0, 80.0)]]
 
 
 @pytest.fixture(scope="module")
@@ -49,8 +50,9 @@ def browser() -> Iterator[Any]:
 
 
 @pytest.fixture
-def server(tmp_path: Path) -> Iterator[Server]:
-    simulator = Simulator(Settings(SENSOR, RATE_HZ), OBJECTS)
+def server(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Server]:
+    sensor, rate_hz, objects = getattr(request, "param", (SENSOR, RATE_HZ, OBJECTS))
+    simulator = Simulator(Settings(sensor, rate_hz), objects)
     with Live(simulator.source(), next_source=simulator.source) as live, background_process() as executor:
         made = Server(Controller(live, executor, simulator, tmp_path), Access("127.0.0.1"))
         yield made
@@ -248,7 +250,7 @@ def test_the_page_on_a_phone(open_page: Callable[..., Any], tmp_path: Path) -> N
 def test_pictures(
     open_page: Callable[..., Any], server: Server, tmp_path: Path, name: str, scheme: str
 ) -> None:
-    page = open_page(viewport={"width": 1000, "height": 720}, color_scheme=scheme)
+    page = open_page(viewport={"width": 1000, "height": 800}, color_scheme=scheme)
     assert page.evaluate("() => document.documentElement.dataset.theme") == scheme
     for field, value in (("noise", "1"), ("hz", "250")):  # so that regions show
         page.locator(f"#{field}").fill(value)
@@ -261,10 +263,21 @@ def test_pictures(
     _picture(page, name, tmp_path)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "server", [(ts.Sensor.load("layered-crs-crs"), 50.0, ON_SHARED_STRIPS)], indirect=True, ids=["layered"]
+)
+def test_two_layers_and_their_objects_are_drawn(open_page: Callable[..., Any], tmp_path: Path) -> None:
+    page = open_page(viewport={"width": 1000, "height": 860})
+    wait_until(lambda: [one["status"] for one in _objects(page)] == ["ok"] * 2)
+    assert page.locator(".touched").count() == 2
+    _picture(page, "live_two_layers", tmp_path)
+
+
 def test_the_shape_from_all_scans_is_drawn_beside_the_single_one(
     open_page: Callable[..., Any], server: Server, tmp_path: Path
 ) -> None:
-    page = open_page(viewport={"width": 1280, "height": 1100})
+    page = open_page(viewport={"width": 1000, "height": 900})
     page.locator("#hz").fill("200")
     page.locator("#hz").press("Enter")
     page.locator("#hz").blur()
@@ -293,7 +306,7 @@ def test_a_solid_is_pressed_into_a_fingertip_that_is_shown_in_space(browser: Any
     simulator = Simulator(Settings(ts.Sensor.load("fingertip"), 100.0, ts.Noise(positional=0.001)))
     with Live(simulator.source(), next_source=simulator.source) as live, background_process() as executor:
         server = Server(Controller(live, executor, simulator, tmp_path), Access("127.0.0.1"))
-        page, faults = browser.new_page(viewport={"width": 1280, "height": 860}), list[str]()
+        page, faults = browser.new_page(viewport={"width": 1000, "height": 800}), list[str]()
         page.on("pageerror", lambda error: faults.append(str(error)))
         page.goto(server.urls["control"])
         wait_until(lambda: _drawn(page) > 5)
@@ -317,7 +330,9 @@ def test_a_solid_is_pressed_into_a_fingertip_that_is_shown_in_space(browser: Any
         wait_until(lambda: "sinks 9 mm into a skin of 3 mm" in page.locator("#said").inner_text())
         assert page.locator("#rigid").is_hidden()
         wait_until(lambda: page.locator("#depth").input_value() == "1.6" or page.locator("#depth").blur())
-        page.evaluate("() => scrollTo(0, 0)")
+        page.locator("#depth").fill("2.6")
+        page.locator("#depth").press("Enter")
+        wait_until(lambda: simulator.objects[0].depth_mm == 2.6)
         _picture(page, "live_fingertip", tmp_path)
         page.close()
         server.close()
@@ -325,6 +340,12 @@ def test_a_solid_is_pressed_into_a_fingertip_that_is_shown_in_space(browser: Any
 
 
 def _picture(page: Any, name: str, otherwise: Path) -> None:
-    folder = Path(os.environ.get("TACSTRIP_PICTURES", otherwise))
+    """Write a picture from the page's top; with letters that can be read where it is shown 600 pixels wide."""
+    folder, large = Path(os.environ.get("TACSTRIP_PICTURES", otherwise)), page.viewport_size["width"] > 600
+    page.evaluate(
+        "large => { if (large) document.documentElement.style.fontSize = '20px'; scrollTo(0, 0); }", large
+    )
+    drawn = _drawn(page)
+    wait_until(lambda: _drawn(page) > drawn + 1)
     page.screenshot(path=folder / f"{name}.png")
     assert (folder / f"{name}.png").stat().st_size > 20_000

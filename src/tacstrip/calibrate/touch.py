@@ -13,6 +13,7 @@ from tacstrip.arrays import FloatArray
 from tacstrip.errors import ReadingError
 from tacstrip.robust import half_sigma
 from tacstrip.sensor.calibration import Calibration
+from tacstrip.sensor.left_out import left_out
 from tacstrip.sensor.raw import invert_calibration, touched
 from tacstrip.sensor.spec import Sensor
 
@@ -52,7 +53,7 @@ def learn_touch(sensor: Sensor, raw: Mapping[str, FloatArray], *, source: str = 
     >>> round(learned.rest_volt, 2), round(learned.touch_volt, 3)
     (0.1, 0.03)
     """
-    levels = {name: _untouched_level(sensor, name, values) for name, values in raw.items()}
+    levels = {name: _untouched_level(sensor, name, values) for name, values in _filled(sensor, raw).items()}
     calibration = sensor.calibration or Calibration(sensor=sensor.fingerprint)
     new = [
         replace(calibration.channel(name), rest=tuple(rest), noise=tuple(noise), drift=())
@@ -70,6 +71,17 @@ def learn_touch(sensor: Sensor, raw: Mapping[str, FloatArray], *, source: str = 
         touch_volt=max(touch, 1e-6) * sensor.vref_volt,
         calibration=replace(calibration, channels=(*kept, *new), touch=source),
     )
+
+
+def _filled(sensor: Sensor, raw: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+    """Return readings with the others' median in channels that the spec leaves out, of which no level counts."""
+    out = left_out(sensor)
+    return {
+        name: np.where(out[name], np.nanmedian(v[:, ~out[name]], axis=1)[:, None], v)
+        if name in out and not out[name].all() and len(v)
+        else v
+        for name, v in raw.items()
+    }
 
 
 def _untouched_level(sensor: Sensor, name: str, values: FloatArray) -> tuple[FloatArray, FloatArray, float]:

@@ -225,7 +225,7 @@ def _stream(
             service.ready()
             try:
                 while live.running and running() and not (sinks and all(sink.ended for sink in sinks)):
-                    service.alive(_status(live))
+                    service.alive(_status(live), live.stuck_s)
             finally:
                 service.stopping()  # before the disk is waited for
     for one in sorted(live.known.values(), key=lambda one: one.id):

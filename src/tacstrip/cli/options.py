@@ -155,6 +155,9 @@ def noise(command: Callable[..., None]) -> Callable[..., None]:
     def call(quantisation: float, positional: float, distribution: Any, **rest: Any) -> None:
         from tacstrip.contact.noise import Noise
 
+        belong(
+            given("quantisation", "positional"), "is of noise that is given: add --positional", "distribution"
+        )
         made = Noise(quantisation=quantisation, positional=positional, distribution=distribution)
         for name, half in (("--quantisation", quantisation), ("--positional", positional)):
             if half > _MUCH:

@@ -152,14 +152,14 @@ def command(
             f"--truth {truth}: holds no polygon to compare with; a line or a point has no outline"
         )
     _report(results, contact, unit.width_mm if unit.closed else None)
-    if output is None:
-        click.echo(json.dumps(feature_collection(results), indent=1))
-    else:
+    if output is not None:
         write_geojson(output, results)
         note(f"{output} written")
     if plot is not None:
         truths = [contact] if contact else []
         note(f"{save_picture(plot, spec, scans, {chosen: results}, truths)} written")
+    if output is None:  # last: whoever reads it may stop
+        click.echo(json.dumps(feature_collection(results), indent=1))
     if not any(o.found for r in results for o in r.objects):
         sys.exit(1)
 

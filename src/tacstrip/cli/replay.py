@@ -46,6 +46,7 @@ def command(
 
     Example: tacstrip replay session.mcap --speed 0.5 | head -n 3
     """
+    options.belong(not (fast or short), "is the pace of scans; leave it or --fast and --summary out", "speed")
     if short and plot is not None:
         raise OptionError("--summary prints no scans; leave --plot out")
     protect(plot, recording)

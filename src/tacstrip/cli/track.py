@@ -47,6 +47,8 @@ def command(
     protect(output, *files)
     protect(plot, *files, output)
     recorded = output is not None and output.suffix.lower() == ".mcap"
+    if output is not None and output.suffix.lower() not in (".mcap", ".geojson", ".json"):
+        raise OptionError(f"-o {output}: objects over time go into a file that ends in .geojson or .mcap")
     options.belong(recorded, "is for a recording: -o FILE.mcap", "force")
     if output is not None and recorded:
         new_file(output, force, *files)

@@ -238,7 +238,7 @@ class _Run:
 
     def _one_by_one(self, contacts: Sequence[Contact | None]) -> dict[str, FloatArray]:
         """Return ideal readings (scans, strips), not digitised, of contacts that no closed form covers."""
-        ideal = replace(self.sensor, adc_bits=None, without=())
+        ideal = replace(self.sensor, adc_bits=None, converter=None, without=())
         found = {name: np.full((len(contacts), ideal.strips), np.nan) for name in ideal.signatures}
         for i, contact in enumerate(contacts):
             if contact is not None:

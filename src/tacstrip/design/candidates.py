@@ -93,7 +93,7 @@ def candidates(
                 yield replace(
                     sensor, construction=kind.name, strips=strips, pitch_mm=pitch, length_mm=length,
                     strip_width_mm=None, resistivity_ratio=ratio, radius_mm=radius, without=(),
-                    calibration=None,
+                    calibration=None, converter=None,
                 )  # fmt: skip
 
 

@@ -14,7 +14,7 @@ from tacstrip.core.scene import Scene, SceneProblem
 from tacstrip.errors import ContactError
 from tacstrip.fisher import checked_sigma, covariance
 from tacstrip.reconstruction.layered.estimate import scene_problem
-from tacstrip.reconstruction.noise_covariance import Averaging, fit_sigma
+from tacstrip.reconstruction.noise_covariance import Averaging, common_variance, fit_sigma
 from tacstrip.sensor.layers import LayeredSensor
 from tacstrip.simulation import simulate
 
@@ -72,12 +72,19 @@ def layer_limits(sensor: LayeredSensor, contact: Contact, noise: Noise) -> list[
     areas = Contact(tuple(shapely.Polygon(outline) for outline in outlines))
     problem = scene_problem(simulate(sensor, areas), sensor, sigma)
     every = tuple(range(len(problem.layers)))
-    return [LayerLimit(which, _sigma(problem, which, scene)) for which in (every, *((k,) for k in every))]
+    shared = common_variance(noise, averaging)
+    return [
+        LayerLimit(which, _sigma(problem, which, scene, shared)) for which in (every, *((k,) for k in every))
+    ]
 
 
-def _sigma(problem: SceneProblem, layers: tuple[int, ...], scene: Scene) -> FloatArray:
+def _sigma(problem: SceneProblem, layers: tuple[int, ...], scene: Scene, shared: float) -> FloatArray:
+    """Return the standard errors; `shared` is the variance of the error that all readings have alike [Vref^2]."""
     own = replace(problem, layers=tuple(problem.layers[k] for k in layers))
-    information = own.fitted(scene).information + own.end_information(scene)
+    fitted = own.fitted(scene)
+    information = fitted.information + own.end_information(scene)
+    pull = own.of_offset(fitted)  # what an offset, fitted along with a prior, takes away
+    information -= shared / (1.0 + shared * own.readings / own.sigma**2) * np.outer(pull, pull)
     value, vector = np.linalg.eigh(information)
     found = covariance(np.sqrt(np.maximum(value, 0.0))[:, None] * vector.T)
     sigma = np.sqrt(np.diag(found)).reshape(-1, 2)

@@ -132,7 +132,7 @@ def strip_index(text: str, line: int, sensor: Sensor) -> int:
 
 def seconds(time_s: float) -> str:
     """Return a time as a text, to 1 ns as far as its digits go: also one that counts from 1970."""
-    return f"{round(time_s, 9):.15g}"
+    return repr(float(round(time_s, 9))).removesuffix(".0")
 
 
 def finite(text: str, line: int, name: str) -> float:

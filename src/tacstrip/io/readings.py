@@ -145,7 +145,12 @@ def write_readings(path: str | Path, sensor: AnySensor, scans: Sequence[Scan]) -
     path
         The file to write.
     sensor, scans
-        The sensor, and scans of it with the same signatures.
+        The sensor, and scans of it, one or more, with the same signatures.
+
+    Raises
+    ------
+    ReadingError
+        There is no scan.
 
     Examples
     --------
@@ -160,14 +165,16 @@ def write_readings(path: str | Path, sensor: AnySensor, scans: Sequence[Scan]) -
     0,0,0,2.5
     0,0,1,
     """
+    if not scans:
+        raise ReadingError(f"{path}: there is no scan to write")
     names = scans[0].signatures
     whole, unit = scans[0].electrodes is not None, unit_of(sensor)
     columns = electrode_names(unit) if whole else [SIGNATURES[n].volt_column for n in names]
 
     def fields(scan: Scan) -> Iterator[list[str]]:
-        raw = invert_calibration(unit, {n: scan[n] for n in names})
-        read = np.stack(list(raw.values()), axis=1) if scan.electrodes is None else scan.electrodes
-        for row in read * unit.vref_volt:  # (columns,) [V]
+        read = {n: scan[n] for n in names} if scan.electrodes is None else {ELECTRODES: scan.electrodes}
+        raw = np.column_stack([*invert_calibration(unit, read).values()])
+        for row in raw * unit.vref_volt:  # (columns,) [V]
             yield ["" if np.isnan(v) else f"{v:.9g}" for v in row]
 
     write_scans(path, sensor, columns, ((seconds(scan.time_s), fields(scan)) for scan in scans))
@@ -239,6 +246,7 @@ def scan_lines(
         places = None  # of which layer they are nobody says
     first: dict[int, float] = {}  # where the strips of the first scan lie, if the file says so
     scan: ScanLines | None = None
+    written = ""
     for line, row in rows:
         number, time_text = (row[i] for i in index[:-1])
         if scan is None or number != scan.number:
@@ -248,8 +256,10 @@ def scan_lines(
                 _check_positions(places[0], first, sensor)
                 places = None
             values = np.full((len(columns), sensor.strips), np.nan)
-            time_s = finite(time_text, line, "time_s")
+            time_s, written = finite(time_text, line, "time_s"), time_text
             scan = ScanLines(number, line, time_s, values, np.zeros(sensor.strips, dtype=np.int64))
+        elif time_text != written:
+            finite(time_text, line, "time_s")  # a strip's own time, which is passed over
         strip = strip_of(row, line)
         if earlier := scan.strip_lines[strip]:
             raise ReadingError(

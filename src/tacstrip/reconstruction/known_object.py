@@ -134,7 +134,8 @@ def fit_object(
         runs.append(run)
     noise = sensor.noise if noise is None else noise
     objects = tuple(
-        _placed(laid_out.read_on(run), surface, corners, run, silent, noise, edge_mm) for run in runs
+        _placed(laid_out.read_on(run), surface, corners, run, silent, noise, edge_mm, sensor.strips)
+        for run in runs
     )
     return doubt_implausible(Reconstruction("object", objects, scan.time_s), scan, sensor)
 
@@ -370,8 +371,9 @@ def _placed(
     silent: BoolArray,
     noise: Noise | None,
     edge_mm: float,
+    around: int,
 ) -> RecoveredObject:
-    """Return the object of one run of strips."""
+    """Return the object of one run of strips; round a tube their numbers begin again after `around`."""
     averaging = Averaging.of(scan)
     known = None if noise is None else max(fit_sigma(noise, sensor, averaging), FLOOR)
     distribution = noise.distribution if noise is not None and noise.independent else "normal"
@@ -427,7 +429,8 @@ def _placed(
     )
     notes = [advice]
     if out.any():
-        names = ", ".join(str(i + run.start + sensor.strip_base) for i in np.flatnonzero(out.any(axis=0)))
+        where = (np.flatnonzero(out.any(axis=0)) + run.start) % around + sensor.strip_base
+        names = ", ".join(map(str, where))
         notes.append(f"strip {names} does not fit the object and was left out: is a channel stuck?")
     return RecoveredObject(
         run, vertices, (fit.x_mm, l, u), covariance, status, "; ".join(n for n in notes if n),

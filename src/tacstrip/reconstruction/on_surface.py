@@ -77,11 +77,11 @@ def on_surface(
     assert surface is not None
     scan = scan.checked(sensor)
     n = sensor.strips
-    even = replace(
-        sensor, surface=None, contact_lambda_mm=0.0, strip_width_mm=None, calibration=None, without=()
-    )
+    even = replace(sensor, surface=None, contact_lambda_mm=0.0, strip_width_mm=None, calibration=None)
     if sensor.closed:
-        scan, even = rounds(scan, BRIDGED), replace(even, strips=2 * n)
+        named = [name.partition(":") for name in sensor.without]
+        again = (f"{int(strip) + n}{colon}{channel}" for strip, colon, channel in named)
+        scan, even = rounds(scan, BRIDGED), replace(even, strips=2 * n, without=(*sensor.without, *again))
     found = method(scan, even)
     return replace(found, objects=tuple(_laid(sensor, o) for o in found.objects))
 

@@ -165,6 +165,5 @@ def over_vref(codes: Mapping[str, CodeArray], touched: BoolArray, sensor: AnySen
 
 
 def _raw(scan: Scan, sensor: Sensor) -> dict[str, FloatArray]:
-    if scan.electrodes is not None:
-        return {ELECTRODES: scan.electrodes}
-    return invert_calibration(sensor, {name: scan[name] for name in scan.signatures})
+    read = {name: scan[name] for name in scan.signatures}
+    return invert_calibration(sensor, read if scan.electrodes is None else {ELECTRODES: scan.electrodes})

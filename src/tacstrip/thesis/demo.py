@@ -26,7 +26,7 @@ from tacstrip.plot.scene import (
     number_strips,
     zoom,
 )
-from tacstrip.plot.theme import OTHERS, RECOVERED, TRUE, legend_above, new_figure, themed
+from tacstrip.plot.theme import OTHERS, RECOVERED, TRUE, legend, legend_above, new_figure, themed
 from tacstrip.reconstruction.polygon.estimate import fit_polygon
 from tacstrip.reconstruction.profile import profile_reconstruction
 from tacstrip.reconstruction.result import RecoveredObject
@@ -105,7 +105,9 @@ def picture(demo: Demo) -> Figure:
     """Draw what touched, what the strips read, and what the polygon fit recovers before and after calibration."""
     figure = new_figure(7.0, 7.0)
     with themed():
-        touched, read, recovered = figure.subplot_mosaic("tr;ts", width_ratios=(0.5, 1.0)).values()
+        touched, read, key, recovered = figure.subplot_mosaic(
+            "trr;tks", width_ratios=(1.0, 0.8, 1.2)
+        ).values()
     plot.contact(demo.contact, demo.sensor, ax=touched)
     touched.set_title("1. A block lies\non ten strips")
     plot.scan(demo.scans["after"], demo.sensor, ax=read)
@@ -130,8 +132,10 @@ def picture(demo: Demo) -> Figure:
     zoom(recovered, np.concatenate(corners), demo.sensor, 0.1)
     handles, labels = recovered.get_legend_handles_labels()
     handles.append(Patch(facecolor=TRUE, alpha=0.25))
-    legend_above(recovered, handles=handles, labels=[*labels, "95 % region of a corner"])
     fill_sheet(recovered)
+    key.axis("off")
+    labels = [*(label.replace(": ", ":\n") for label in labels), "95 % region\nof a corner"]
+    legend(key, handles=handles, labels=labels, loc="upper left")
     recovered.set_title("3. From these: its shape")
     figure.suptitle(
         "Simulated: closed forms, printed offsets and residual errors; no hardware was measured",

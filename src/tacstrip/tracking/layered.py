@@ -101,6 +101,10 @@ class LayeredTracker:
         self._search_on(scan, explained, detail)
         return tuple(sorted(self._objects, key=lambda o: _left(o.shape)))
 
+    def search_by(self, executor: Executor | None) -> None:
+        """Search by another executor from now on; a search that is under way is given up."""
+        self._executor, self._pending = executor, None
+
     def _search_on(self, scan: Scan, explained: bool, detail: bool) -> None:
         """Take what a search has found, and begin another one where it is time."""
         if self._pending is not None:

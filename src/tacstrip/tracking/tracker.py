@@ -166,7 +166,9 @@ class Tracker:
             if not explained:
                 due |= since >= self._wait_s
                 if track.state is not None:
-                    track.shape = replace(track.shape, status="doubtful", advice=SEARCHED_AGAIN)
+                    track.shape = replace(
+                        track.shape, status="doubtful", advice=SEARCHED_AGAIN, confidence=None
+                    )
         if not due:
             return True
         if self._executor is None:

@@ -114,7 +114,8 @@ def update(
     if (profile[2] - profile[1]).max() <= _MIN_WIDTH * sensor.length_mm:
         raise TrackLost
     vertices = close_chains(lower, upper)
-    shape = replace(last.shape, strips=strips, vertices=vertices, profile=profile, covariance=covariance)
+    shape = replace(last.shape, strips=strips, vertices=vertices, profile=profile, covariance=covariance,
+                    guarantee=None)  # fmt: skip
     moved = shape.centroid - last.shape.centroid
     others = tuple(replace(a, vertices=a.vertices + moved) for a in last.shape.alternatives)
     shape = replace(shape, alternatives=others)

@@ -43,9 +43,7 @@ from tacstrip.sensor.left_out import left_out_wholly
 from tacstrip.sensor.spec import Sensor
 
 _THIN = 1e-6  # of the strip length: thinner is a line
-_HOPELESS = (
-    1.5  # times sigma: least squares that leaves more over on average, where sqrt(3) is the most, has no set
-)
+_UNIFORM = 3.0  # of sigma^2: the largest square of an error that is uniform
 _ANYWHERE = 0.9  # of the variance within a pitch
 _WORSE, _FEWER = 20.0, 0.0  # of the criterion: so much worse, more vertices, or fewer, are not tried
 _CORNERS = 12  # at most: the search for a set grows with them
@@ -312,8 +310,9 @@ def _refined(scan: Scan, sensor: Sensor, contact: FittedContact, noise: Noise) -
     """Return what the noise's bound leaves of the fits, fewest vertices first; None where it leaves none."""
     run = contact.run
     assert run.selection is not None
-    freedom = max(run.freedom, 1)
-    if (run.residuals**2).sum() > _HOPELESS**2 * freedom:
+    if (run.residuals**2).sum() > _UNIFORM * (
+        run.problem.readings + 2
+    ):  # and both ends: no outline leaves more
         return None
     candidates = []
     for fit, score in zip(run.selection.fits, run.selection.scores, strict=True):

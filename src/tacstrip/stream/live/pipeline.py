@@ -7,12 +7,13 @@ Queues are bounded: that of the recording waits for the disk, all others discard
 from __future__ import annotations
 
 import logging
+import math
 import sys
 import threading
 import time
 from collections import deque
 from collections.abc import AsyncIterator, Callable, Iterator, Mapping
-from concurrent.futures import Executor, ThreadPoolExecutor
+from concurrent.futures import BrokenExecutor, Executor, ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -138,6 +139,7 @@ class Live:
         self._layer_searches = searches or self._searches
         self._fusing = ThreadPoolExecutor(1, thread_name_prefix="tacstrip tracks")
         self._detail_s = 0.0
+        self._begun_s = math.inf
         self._switch_s = sys.getswitchinterval()
         self._take_over(source)
 
@@ -223,6 +225,11 @@ class Live:
     def running(self) -> bool:
         """Whether frames may still come."""
         return self._thread.is_alive()
+
+    @property
+    def stuck_s(self) -> float:
+        """How long the scan in hand has been worked on [s]; 0 between two scans."""
+        return max(time.perf_counter() - self._begun_s, 0.0)
 
     def record(
         self,
@@ -361,10 +368,15 @@ class Live:
         if isinstance(source, DeviceSource):
             source.on_message = self.notify
             for raw in source:
-                self._process(raw, source.arrived_s, source.waiting)
+                self._take(raw, source.arrived_s, source.waiting)
         else:
             for raw in paced(source, self._speed, self._stopped.is_set):
-                self._process(raw, time.perf_counter(), 0)
+                self._take(raw, time.perf_counter(), 0)
+
+    def _take(self, raw: RawScan, arrived_s: float, waiting: int) -> None:
+        self._begun_s = time.perf_counter()
+        self._process(raw, arrived_s, waiting)
+        self._begun_s = math.inf
 
     def _process(self, raw: RawScan, arrived_s: float, waiting: int) -> None:
         now_s = time.perf_counter()
@@ -382,6 +394,11 @@ class Live:
             objects = self._tracker.update(scan, detail)
         except Exception as error:
             self._save(raw)
+            if isinstance(error, BrokenExecutor) and isinstance(self._tracker, LayeredTracker):
+                self._layer_searches = self._searches
+                self._tracker.search_by(self._searches)
+                self.notify("the process that searches for objects is gone: searches go on in this one")
+                return
             if not isinstance(error, TacstripError):
                 raise
             self.unreadable += 1

@@ -31,11 +31,14 @@ class Service:
         """Say that the service ends."""
         self._send("STOPPING=1")
 
-    def alive(self, status: str) -> None:
-        """Say that the service lives, as often as it is asked for, and how it is, in one line, where that is new."""
+    def alive(self, status: str, stuck_s: float = 0.0) -> None:
+        """Say that the service lives, as often as it is asked for, and how it is, in one line, where that is new.
+
+        `stuck_s`: how long the scan in hand has been worked on [s]; who does not get on with it does not live.
+        """
         now_s = time.monotonic()
         said = []
-        if self._alive_s and now_s - self._alive_at_s >= self._alive_s:
+        if stuck_s < self._alive_s and now_s - self._alive_at_s >= self._alive_s:
             self._alive_at_s = now_s
             said.append("WATCHDOG=1")
         if status != self._status and now_s - self._status_at_s >= _STATUS_S:

@@ -12,9 +12,10 @@ export function draw(canvas, sensor, readings) {
   pen.clearRect(0, 0, box.width, box.height);
   const css = getComputedStyle(document.documentElement);
   const colour = (name) => css.getPropertyValue(`--${name}`);
-  const left = 26, bottom = 16, top = 6, right = 6;
+  const letters = 0.75 * parseFloat(css.fontSize);  // [px]
+  const left = 2.2 * letters, bottom = 1.5 * letters, top = 0.6 * letters, right = 6;
   const w = box.width - left - right, h = box.height - top - bottom;
-  pen.font = "11px system-ui, sans-serif";
+  pen.font = `${letters}px system-ui, sans-serif`;
   pen.lineWidth = 1;
   for (const value of [0, 0.25, 0.5, 0.75, 1]) {
     const y = top + (1 - value) * h;
@@ -24,17 +25,17 @@ export function draw(canvas, sensor, readings) {
     pen.lineTo(left + w, y);
     pen.stroke();
     pen.fillStyle = colour("soft");
-    if (value !== 0.25 && value !== 0.75) pen.fillText(String(value), 4, y + 4);
+    if (value !== 0.25 && value !== 0.75) pen.fillText(String(value), 4, y + 0.35 * letters);
   }
   const [first, second] = sensor.layers, border = second ? first.strips : sensor.strips; // layer 1 begins there
-  pen.fillText(second ? "layer 0" : "0", left, box.height - 3);
+  pen.fillText(second ? "layer 0" : "0", left, box.height - 0.35 * letters);
   const end = second ? "layer 1" : `${+(first.strips * first.pitch_mm).toFixed(1)} mm`;
-  pen.fillText(end, left + w - pen.measureText(end).width, box.height - 3);
-  let label = left + 0.5 * w - 30;
+  pen.fillText(end, left + w - pen.measureText(end).width, box.height - 0.35 * letters);
+  let label = left + 0.5 * w - 2.7 * letters;
   for (const [name, values] of Object.entries(readings)) {
     pen.strokeStyle = pen.fillStyle = colour(name);
-    pen.fillText(NAMES[name], label, box.height - 3);
-    label += 34;
+    pen.fillText(NAMES[name], label, box.height - 0.35 * letters);
+    label += 3 * letters;
     pen.lineWidth = 1.8;
     pen.beginPath();
     let on = false;

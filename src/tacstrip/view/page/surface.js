@@ -39,15 +39,16 @@ export class Surface {
     this.last = null;
     this.strips = []; // the corners of each, layer by layer
     const seen = { "fill-opacity": sensor.layers.length > 1 ? 0.5 : 1 }; // what lies below, too
+    const [skins, touched, gaps] = Array.from({ length: 3 }, () => make("g", {}, skin));  // from below
     for (const { strips, pitch_mm, corners: [[x, y], [u, v], , [s, t]] } of sensor.layers) {
       const at = (i, far) => [x + (u - x) * i / strips + far * (s - x), y + (v - y) * i / strips + far * (t - y)];
       this.strips.push(...Array.from({ length: strips }, (_, i) => [at(i, 0), at(i + 1, 0), at(i + 1, 1), at(i, 1)]));
-      make("path", { class: "skin", ...seen, d: this.path([at(0, 0), at(strips, 0), at(strips, 1), at(0, 1)]), "vector-effect": "non-scaling-stroke" }, skin);
+      make("path", { class: "skin", ...seen, d: this.path([at(0, 0), at(strips, 0), at(strips, 1), at(0, 1)]), "vector-effect": "non-scaling-stroke" }, skins);
       if (strips > 250) continue;
       const lines = Array.from({ length: strips - 1 }, (_, i) => this.path([at(i + 1, 0), at(i + 1, 1)]));
-      make("path", { class: "gaps", d: lines.join(""), "stroke-width": Math.min(0.12 * pitch_mm, 1) }, skin);
+      make("path", { class: "gaps", d: lines.join(""), "stroke-width": Math.min(0.12 * pitch_mm, 1) }, gaps);
     }
-    this.touched = sensor.layers.map(() => make("path", { class: "touched", ...seen }, skin));
+    this.touched = sensor.layers.map(() => make("path", { class: "touched", ...seen }, touched));
     if (sensor.closed) {  // where the skin was cut open to lie flat
       make("path", { class: "seam", d: `M0 0V${this.length}M${this.width} 0V${this.length}`, "vector-effect": "non-scaling-stroke" }, skin);
     }
@@ -63,7 +64,7 @@ export class Surface {
     if (!map || !this.sensor) return;
     this.px = 1 / map.a;
     this.axes.replaceChildren();
-    const size = 11 * this.px;
+    const size = 0.75 * parseFloat(getComputedStyle(document.documentElement).fontSize) * this.px;
     const text = (x, y, anchor, words) => {
       const element = make("text", { class: "axis", x, y, "font-size": size, "text-anchor": anchor }, this.axes);
       element.textContent = words;
