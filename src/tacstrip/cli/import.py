@@ -18,7 +18,7 @@ from tacstrip.errors import OptionError, ReadingError, one_of
 from tacstrip.files import read_text, replacing
 from tacstrip.io.input_checks import half_read
 from tacstrip.io.log_import.containers import read_table
-from tacstrip.io.log_import.guess import Proposal, propose, settled
+from tacstrip.io.log_import.guess import Proposal, left_out, propose, settled
 from tacstrip.io.log_import.mapping import ColumnMapping
 from tacstrip.io.log_import.scans import scans
 from tacstrip.io.log_import.table import Table
@@ -94,9 +94,13 @@ def _stated(spec: str | None) -> frozenset[str] | None:
 
 def _mapped(table: Table, file: Path, sensor: Sensor | None) -> Proposal:
     mapping = ColumnMapping.load(file)
-    return settled(
-        table, lambda found: Proposal(mapping, at_rest(scans(found, mapping), mapping, sensor), ())
-    )
+
+    def read(found: Table) -> Proposal:
+        dropped: list[int] = []
+        rough = scans(found, mapping, dropped)
+        return Proposal(mapping, at_rest(rough, mapping, sensor), (), tuple(left_out(found, dropped)))
+
+    return settled(table, read)
 
 
 def _write(

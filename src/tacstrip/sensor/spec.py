@@ -46,8 +46,11 @@ KEYS: dict[str, tuple[str, str]] = {  # key: (an example where nothing is set, c
     "contact_lambda_mm": ("", "decay length of the contact resistance; 0: ideal contact"),
     "vref_volt": ("", "reference voltage"),
     "adc_bits": ("12", "resolution of the A/D converter; unset: not simulated, and codes cannot be read"),
-    "rest_volt": ("0.0", "for logs that give volts for untouched strips: the level they rest at"),
-    "touch_volt": ("0.05", "a strip counts as touched when a reading is further than this from rest_volt"),
+    "rest_volt": ("0.0", "for logs that give volts for untouched strips: the level they rest at; set both"),
+    "touch_volt": (
+        "0.05",
+        "a strip counts as touched when a reading is further than this from rest_volt; set both",
+    ),
     "strip_base": ("", "number of the first strip in readings files, 0 or 1"),
     "without": ('["2"]', 'channels left out: "7:v_h" one of a strip, "2" all of it'),
 }

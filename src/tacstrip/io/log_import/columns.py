@@ -32,6 +32,11 @@ _ON_PITCH = 0.02  # of the pitch
 _STEADY, _MOSTLY = 0.5, 0.7  # so far are steps of a clock from the usual one, and so many of them
 _OFTEN = 0.2  # of the readings
 _REST, _GAP = 0.05, 5.0  # of the largest reading: the most of noise; and times that: where readings begin
+_ORDER_SAID = re.compile(
+    r"(?=.*\b(?:strips?|columns?|channels?|streifen|spalten)\b)"
+    r".*\b(?:first|last|then|order|reversed?|descending|backwards|zuerst|zuletzt|dann|absteigend)\b",
+    re.IGNORECASE,
+)
 _ALIKE = 0.02  # relative: two columns that are the same quantity in two units
 # What a column may be that holds something made of readings, or what is measured beside them.
 _DERIVED = frozenset(
@@ -371,6 +376,11 @@ def _answered_block(clues: Clues) -> list[str]:
 def _of_block(clues: Clues, block: list[str], known: dict[str, Meaning], which: str) -> dict[str, Meaning]:
     """Return columns as the readings of the strips in their order, h and l as the readings allow."""
     channels = 1 if which else max(len(clues.expected), 1)
+    said = [line for line in clues.table.preamble if _ORDER_SAID.search(line)]
+    if said and not _told_order(tuple(said), len(block) // channels):
+        clues.doubt(
+            f"a line above the columns, which have no names, says {said[0].strip()[:80]!r}: is that their order?"
+        )
     order = _order(clues, block, f"{block[0]} to {block[-1]} are two for each strip") if channels == 2 else ""
     strips = len(block) // channels
     at = [

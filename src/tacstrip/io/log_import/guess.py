@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import re
 from collections import Counter
@@ -16,7 +17,7 @@ from tacstrip.io.log_import import quantities
 from tacstrip.io.log_import.columns import Columns, above, find_columns
 from tacstrip.io.log_import.doubts import raise_doubts
 from tacstrip.io.log_import.mapping import ColumnMapping
-from tacstrip.io.log_import.names import meaning
+from tacstrip.io.log_import.names import meaning, meanings
 from tacstrip.io.log_import.questions import KEYS, Clues, Unanswered
 from tacstrip.io.log_import.scans import LogScan, scans, strip_numbers
 from tacstrip.io.log_import.table import Table
@@ -118,16 +119,27 @@ def _proposed(
     clues.stop()
     dropped: list[int] = []
     found = scans(table, mapping, dropped)
+    return Proposal(
+        mapping,
+        at_rest(found, mapping, sensor),
+        tuple(clues.reasons),
+        (*clues.doubts, *left_out(table, dropped)),
+    )
+
+
+def left_out(table: Table, dropped: list[int]) -> list[str]:
+    """Return what to warn of where broken lines, and scans that they may have been of, are left out."""
+    said = []
     if table.broken:
         shown = "; ".join(f"line {n}{_quote(table, n)}" for n in table.broken[:_SHOWN])
         more = f" and {len(table.broken) - _SHOWN} more" if len(table.broken) > _SHOWN else ""
-        clues.doubt(f"left out: {shown}{more}; what they say is lost")
+        said.append(f"left out: {shown}{more}; what they say is lost")
     if dropped:
-        clues.doubt(
+        said.append(
             f"{len(dropped)} scan(s) left out, from line(s) {', '.join(map(str, dropped))}: a line left out may be of "
             "these, and of strips that they lack it is not known whether anything touches them"
         )
-    return Proposal(mapping, at_rest(found, mapping, sensor), tuple(clues.reasons), tuple(clues.doubts))
+    return said
 
 
 def _quote(table: Table, line: int) -> str:
@@ -148,7 +160,11 @@ def assembled(clues: Clues) -> tuple[ColumnMapping, list[LogScan]]:
 def _assembled(clues: Clues) -> tuple[ColumnMapping, list[LogScan]]:
     if not clues.table.rows:
         raise ReadingError("the log has no readings")
-    found = find_columns(clues)
+    try:
+        found = find_columns(clues)
+    except Unanswered:
+        _ask_for_base(clues)
+        raise Unanswered(*clues.questions) from None
     mapping, rough = _rough(clues, found)
     mapping = quantities.settled_time(clues, mapping, rough)
     mapping = replace(mapping, untouched=(*mapping.untouched, *quantities.numbers_for_nothing(clues, rough)))
@@ -298,6 +314,14 @@ def _strips(clues: Clues, found: Columns) -> tuple[int, int]:
         )
     clues.because(f"strips are numbered from {int(base)}")
     return int(base), count or high - int(base) + 1
+
+
+def _ask_for_base(clues: Clues) -> None:
+    """Ask from where on strips are numbered, beside what else is asked, where a column is sure to be the strip."""
+    strips = [n for n, m in meanings(clues.table.names).items() if m.role == "strip"]
+    if len(strips) == 1:
+        with contextlib.suppress(ReadingError, OptionError):
+            _strips(clues, Columns({strips[0]: ""}, {}, strip=strips[0]))
 
 
 def _where(clues: Clues, found: Columns, strip: int) -> str:

@@ -420,7 +420,9 @@ def _tokens(name: str) -> tuple[list[str], str]:
     slash = re.search(r"/\s*(\w+|%)\s*$", plain)
     if slash and slash.group(1).lower() in _IN_NAMES:
         unit, plain = unit or _IN_NAMES[slash.group(1).lower()], plain[: slash.start()]
-    plain = re.sub("[mcd]V", lambda unit: unit[0].lower(), plain).replace("mSec", "msec")  # no two words
+    plain = re.sub("[mcdu\u00b5]V", lambda unit: unit[0].lower(), plain).replace(
+        "mSec", "msec"
+    )  # no two words
     plain = re.sub(r"(?<=\w)([+-])\s*$", lambda sign: " plus" if sign[1] == "+" else " minus", plain)
     plain = re.sub(r"([a-z])([A-Z])", r"\1 \2", plain).lower()
     tokens = [_singular(t) for t in re.findall(r"[a-zµ]+|\d+|%", plain)]

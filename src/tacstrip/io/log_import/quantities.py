@@ -29,7 +29,7 @@ _AT_ONCE = "strips go there and back in one step, and no other reading moves as 
 _FAINT = 0.005  # of what there can be: a log that stays below was hardly made so
 # Of Vref: so far above is no offset, and so far may another Vref let readings go; and fewer that do are slips.
 _OFF_VREF, _MOST_OVER, _FEW_OVER = 0.01, 2.0, 2
-_VREFS = (1.1, 1.8, 2.048, 2.5, 3.0, 3.3, 4.096, 5.0, 10.0, 12.0, 24.0)
+_VREFS = (1.1, 1.8, 2.048, 2.5, 3.0, 3.3, 4.096, 5.0, 10.0, 12.0, 24.0, 48.0)
 _FEW_TOUCHED = 0.005  # of the readings: fewer are no contact among noise
 _MANY = 0.05  # of the readings: more that are exactly 0 are no chance
 # Of what there can be: a unit in which a log uses less is out where it uses as much in another.
@@ -381,14 +381,14 @@ def with_unit(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list[
     if unit in IN_VOLTS and sensor and not open_unit and "vref_volt" not in clues.answers:
         over = values > (1.0 + _OFF_VREF) * top
         if over.sum() > _FEW_OVER and over.mean() > _MANY and values.max() <= _MOST_OVER * top and not answer:
-            least = next((f"{v:g}" for v in _VREFS if v >= 0.99 * values.max() * IN_VOLTS[unit]), "5")
+            fits = [f"{v:g}" for v in _VREFS if v >= 0.99 * values.max() * IN_VOLTS[unit]][:2]
             clues.ask(
                 "vref_volt",
                 f"readings reach {values.max():g} {unit}, above vref_volt = {vref:g} of the spec: with which Vref was "
                 "the log made (then put it into the spec, too)? If they are no volts, say --answer unit=code (mV, ...)",
-                least,
+                *fits,
             )  # fmt: skip
-            return replace(mapping, unit=unit, vref_volt=float(least))
+            return replace(mapping, unit=unit, vref_volt=float(fits[0]))
         if clues.stated is not None and "vref_volt" not in clues.stated:
             clues.ask(
                 "vref_volt",

@@ -274,12 +274,15 @@ def _check_names(
     """Refuse names that come again with other units."""
     if not above:
         return
-    names = [replace(meaning(c), unit="", volts=False) for c in above[-1]]
+    said = [meaning(c) for c in above[-1]]
     for i, row in split:
         if row in above or len(row) != width or any(is_value(c, decimal) for c in row):
             continue
-        if [replace(meaning(c), unit="", volts=False) for c in row] == names and any(m.role for m in names):
-            old, new = next((a, b) for a, b in zip(above[-1], row, strict=True) if a != b)
+        now = [meaning(c) for c in row]
+        alike = all(replace(a, unit=b.unit, volts=b.volts) == b for a, b in zip(said, now, strict=True))
+        other = [n for n, (a, b) in enumerate(zip(said, now, strict=True)) if a.unit != b.unit]
+        if alike and other and any(m.role for m in said):
+            old, new = above[-1][other[0]], row[other[0]]
             raise ContradictionError(
                 f"line {i}: the names come again, and {old!r} is {new!r} from there on; save each part "
                 "as a log of its own"
