@@ -285,10 +285,16 @@ def test_a_strip_left_out_across_the_seam_has_its_own_number() -> None:
     assert found.advice.startswith("strip 1 does not fit")
 
 
-def test_a_doubt_names_the_width_of_strips_which_is_not_counted() -> None:
-    wide = replace(SENSOR, strip_width_mm=9.0)
-    noise = ts.Noise(positional=0.002)
-    scan = ts.simulate(wide, pressed("triangle", 0.4), noise)
-    (found,) = ts.fit_object(scan, wide, SHAPES["triangle"], noise).objects
-    assert found.status == "doubtful"
-    assert "or the strips' width" in found.advice
+def test_wide_strips_are_read_over_their_width_and_never_for_sure() -> None:
+    wide, noise = replace(SENSOR, strip_width_mm=9.0), ts.Noise(positional=0.002)
+    off = []
+    for turn in (0.4, 1.0, 2.0, 2.9):
+        scan = ts.simulate(wide, pressed("triangle", turn), noise, rng=1)
+        thin, found = (
+            ts.fit_object(scan, sensor, SHAPES["triangle"], noise).objects[0] for sensor in (SENSOR, wide)
+        )
+        assert found.status in ("likely", "doubtful")
+        assert "strip" in found.advice
+        off.append([np.abs(o.vertices - pressed("triangle", turn).vertices[:, None]).sum(-1).min(0).max()
+                    for o in (thin, found)])  # fmt: skip
+    assert np.median(off, axis=0)[1] < 0.5 * np.median(off, axis=0)[0]

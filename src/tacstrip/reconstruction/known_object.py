@@ -254,7 +254,9 @@ class _Fit:
         if there.shape[-1] == 1:
             return height, slopes
         height = np.where(there, height.reshape(there.shape), np.nan)
-        mean = (slopes.reshape(*there.shape, 4) * there[..., None]).sum(axis=2) / there.sum(axis=-1)[..., None]
+        mean = (slopes.reshape(*there.shape, 4) * there[..., None]).sum(axis=2) / there.sum(axis=-1)[
+            ..., None
+        ]
         read = edge_read(height, self.sensor.strip_width, sign, self.sensor.contact_lambda_mm)
         return np.where(np.isfinite(read), read, np.nanmean(height, axis=-1)), mean
 
