@@ -18,6 +18,7 @@ from click.testing import CliRunner
 import tacstrip as ts
 from tacstrip.cli import generate as verb
 from tacstrip.cli.generate import command
+from tacstrip.dataset import generation
 from tacstrip.dataset.generation import DataSet, generate
 from tacstrip.errors import OptionError, SpecError
 
@@ -142,14 +143,35 @@ def test_an_interrupted_run_goes_on_to_the_same_bytes(study: DataSet, tmp_path: 
             generate(study, broken, workers=2, progress=_stops_after(scans))
         assert not (broken / "dataset.json").exists()
         assert all(name in _files(whole) for name in _files(broken) if name.endswith(".parquet"))
+    (broken / "test").mkdir(exist_ok=True)
     (broken / "test" / ".tacstrip-12345678.part").write_bytes(b"half")  # what a kill leaves
     last = max((broken / ".work").glob("*.done"))
     last.unlink()
-    chunk = broken / ".work" / f"{last.name.partition('-')[0]}.zarr" / "kh" / "c" / "0" / "0"
+    split, _, number = last.stem.partition("-")
+    chunk = broken / ".work" / f"{split}.zarr" / "kh" / "c" / str(int(number)) / "0"
     chunk.write_bytes(chunk.read_bytes()[:50])
     assert generate(study, broken)
     assert _files(broken) == _files(whole)
     assert not generate(study, broken)
+
+
+def test_the_end_is_heeded_within_a_part(
+    study: DataSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Blocks change no byte, and one part of all scans is left at its first block."""
+    generate(study, tmp_path / "whole", workers=1)
+    monkeypatch.setattr(generation, "_BLOCK", 5)
+    generate(study, tmp_path / "blocks", workers=1)
+    assert _files(tmp_path / "blocks") == _files(tmp_path / "whole")
+    seen: list[int] = []
+
+    def stop(done: int, _: int) -> None:
+        seen.append(done)
+        raise _Killed
+
+    with pytest.raises(_Killed):
+        generate(replace(study, part_scans=95), tmp_path / "left", workers=1, progress=stop)
+    assert seen == [6]  # two scenes
 
 
 def test_another_data_set_is_not_written_over(study: DataSet, tmp_path: Path) -> None:

@@ -38,7 +38,14 @@ def command(study: Path, out: Path, workers: int | None) -> None:
     _look(data)
     with Progress(transient=True) as bar:
         task = bar.add_task("scans", total=data.shapes.n)
-        written = generate(data, out, workers, lambda n, total: bar.update(task, completed=n, total=total))
+        try:
+            written = generate(
+                data, out, workers, lambda n, total: bar.update(task, completed=n, total=total)
+            )
+        except KeyboardInterrupt:
+            bar.stop()
+            click.echo(f"ended; parts that are whole are kept in {out}: the same command goes on", err=True)
+            raise
     counts = ", ".join(f"{count} {name}" for name, count in data.counts.items() if count)
     click.echo(f"{out}: {data.shapes.n} scans of {data.sensor.strips} strips ({counts})"
                + ("" if written else "; it was complete already"))  # fmt: skip

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import asdict, dataclass
@@ -34,6 +35,10 @@ FORMATS = ("parquet", "zarr")
 SPLITS = ("train", "validation", "test")
 _OF_DATASET = ("formats", "split", "dtype", "part_scans", "model")
 _PART_BYTES = 2**25  # of readings and labels together, where the study gives no number of scans
+_RESOLVED = (
+    1000  # scans of a part at most where strips of some width are resolved one by one, up to seconds each
+)
+_BLOCK, _RESOLVED_BLOCK = 4096, 8  # scans that are made between two looks whether the end was asked for
 _ROW_GROUP = 8192  # rows of a Parquet file that are read together
 _WORK, _PLAN, _CARD = ".work", "plan.json", "dataset.json"
 # What a column holds, and its unit.
@@ -104,7 +109,8 @@ class DataSet:
             if model not in (None, "closed", "network"):
                 raise OptionError(one_of("model", model, ("closed", "network")))
             row = (5 + len(sensor.signatures)) * sensor.strips * (4 if dtype == "float32" else 8)
-            part = given.get("part_scans", max(_PART_BYTES // row, 1))
+            most = _RESOLVED if _resolved(sensor, model) else _PART_BYTES
+            part = given.get("part_scans", max(min(_PART_BYTES // row, most), 1))
             if not isinstance(part, int) or isinstance(part, bool) or part < 1:
                 raise OptionError(f"part_scans = {part!r}: must be a whole number, 1 or more")
         licence = study.text("licence", "CC-BY-4.0")
@@ -139,20 +145,40 @@ class DataSet:
             "tacstrip": version("tacstrip"),
         }  # fmt: skip
 
-    def simulate(self, part: Part, scans: int | None = None) -> Scans:
-        """Return a part's scans with their labels, or its first so many."""
-        shapes = Shapes.from_dict(self.shapes.to_dict() | {"n": part.scans if scans is None else scans})
+    def blocks(self, part: Part) -> Iterator[Scans]:
+        """Make a part's scans with their labels, some whole scenes at a time."""
+        frames, begin, end = self.shapes.frames, part.first, part.first + part.scans
+        scenes = -(-(_RESOLVED_BLOCK if _resolved(self.sensor, self.model) else _BLOCK) // frames)
+        while begin < end:
+            stop = min((begin // frames + scenes) * frames, end)
+            yield self._simulate(begin, stop - begin)
+            begin = stop
+
+    def columns(
+        self, part: Part, made: Callable[[int], object] = lambda _: None
+    ) -> dict[str, npt.NDArray[Any]]:
+        """Return a part's columns, an array with a row a scan each; `made` is called with the scans of each block."""
+        blocks = []
+        for scans in self.blocks(part):
+            blocks.append(_columns(scans))
+            made(len(scans))
+        found = {key: np.concatenate([block[key] for block in blocks]) for key in blocks[0]}
+        return {"scan": np.arange(part.first, part.first + part.scans), **found}
+
+    def first_columns(self) -> dict[str, npt.NDArray[Any]]:
+        """Return the columns of the first scan."""
+        return {"scan": np.arange(1), **_columns(self._simulate(self.parts[0].first, 1))}
+
+    def _simulate(self, first: int, scans: int) -> Scans:
+        shapes = Shapes.from_dict(self.shapes.to_dict() | {"n": scans})
         model: Any = self.model
         return simulate_many(
-            self.sensor,
-            shapes,
-            self.noise,
-            rng=self.seed,
-            dtype=self.dtype,
-            model=model,
-            first=part.first,
-            workers=1,
-        )
+            self.sensor, shapes, self.noise, rng=self.seed, dtype=self.dtype, model=model, first=first, workers=1
+        )  # fmt: skip
+
+
+class _EndedError(Exception):
+    """The end was asked for: nothing more is made."""
 
 
 def generate(
@@ -199,17 +225,27 @@ def generate(
     def missing(part: Part) -> list[Callable[[Part, dict[str, npt.NDArray[Any]]], None]]:
         return [write for done, write in writers if not done(part).exists()]
 
-    def make(part: Part) -> int:
-        if writing := missing(part):
-            columns = _columns(data.simulate(part), part)
-            for write in writing:
-                write(part, columns)
-        return part.scans
-
+    ended, lock = threading.Event(), threading.Lock()
     total, done, tell = data.shapes.n, 0, progress or (lambda *_: None)
-    for scans in _in_threads(make, data.parts, available_cores() if workers is None else workers):
-        done += scans
-        tell(done, total)
+
+    def count(scans: int) -> None:
+        nonlocal done
+        if ended.is_set():
+            raise _EndedError
+        with lock:
+            done += scans
+            tell(done, total)
+
+    def make(part: Part) -> None:
+        writing = missing(part)
+        if not writing:
+            count(part.scans)
+            return
+        columns = data.columns(part, count)
+        for write in writing:
+            write(part, columns)
+
+    _in_threads(make, data.parts, available_cores() if workers is None else workers, ended)
     for split in SPLITS:
         if "zarr" in data.formats and (made := work / f"{split}.zarr").exists():
             made.replace(out / f"{split}.zarr")
@@ -220,19 +256,30 @@ def generate(
     return True
 
 
-def _in_threads(make: Callable[[Part], int], parts: list[Part], workers: int) -> Iterator[int]:
-    """Yield the results in any order; no part is begun that is not wanted any more."""
+def _in_threads(
+    make: Callable[[Part], None], parts: list[Part], workers: int, ended: threading.Event
+) -> None:
+    """Make all parts; none is begun, and what is begun is left, once one fails or the end is asked for."""
     with ThreadPoolExecutor(max(workers, 1)) as threads:
-        waiting: set[Future[int]] = set()
+        waiting: set[Future[None]] = set()
         try:
             for part in parts:
                 if len(waiting) > workers:
                     done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
-                    yield from (f.result() for f in done)
+                    for future in done:
+                        future.result()
                 waiting.add(threads.submit(make, part))
-            yield from (f.result() for f in waiting)
-        finally:
+            for future in waiting:
+                future.result()
+        except BaseException:
+            ended.set()
             threads.shutdown(cancel_futures=True)
+            raise
+
+
+def _resolved(sensor: Sensor, model: str | None) -> bool:
+    """Whether scans are resolved one by one."""
+    return model == "network" or (model is None and sensor.strip_width_mm is not None)
 
 
 def _begin(out: Path, card: dict[str, Any]) -> bool:
@@ -261,12 +308,12 @@ def _begin(out: Path, card: dict[str, Any]) -> bool:
     return True
 
 
-def _columns(scans: Scans, part: Part) -> dict[str, npt.NDArray[Any]]:
-    """Return a part's columns, an array with a row a scan each."""
+def _columns(scans: Scans) -> dict[str, npt.NDArray[Any]]:
+    """Return the columns but the scans' numbers, an array with a row a scan each."""
     assert scans.labels is not None
     assert scans.l is not None
-    found = {"scan": np.arange(part.first, part.first + part.scans), "scene": scans.labels.scene}
-    found |= {"time_s": np.asarray(scans.time_s), **{name: scans[name] for name in scans.signatures}}
+    found = {"scene": scans.labels.scene, "time_s": np.asarray(scans.time_s)}
+    found |= {name: scans[name] for name in scans.signatures}
     found |= {"l": scans.l, "u": np.asarray(scans.u)}
     return found | {name: values for name, values in vars(scans.labels).items() if name != "scene"}
 
@@ -317,7 +364,7 @@ def _create_zarr(data: DataSet, out: Path) -> None:
         new = path.with_suffix(".new")
         shutil.rmtree(new, ignore_errors=True)
         group = zarr.open_group(new, mode="w", attributes={"data set": fingerprint(data.content)})
-        for key, values in _columns(data.simulate(data.parts[0], 1), Part(split, 0, 0, 1)).items():
+        for key, values in data.first_columns().items():
             group.create_array(
                 key,
                 shape=(count, *values.shape[1:]),
@@ -352,7 +399,7 @@ def _write_zarr(out: Path, data: DataSet, part: Part, columns: dict[str, npt.NDA
 
 def _readme(data: DataSet) -> str:
     """Return the data card: front matter that data hubs read, and what a reader needs without tacstrip."""
-    first = _columns(data.simulate(data.parts[0], 1), Part("train", 0, 0, 1))
+    first = data.first_columns()
     shape = "x".join(str(s) for s in first["vertices"].shape[1:])
     rows = "\n".join(
         f"| `{key}` | {values.dtype} | {'x'.join(str(s) for s in values.shape[1:]) or 'number'} | {_COLUMNS[key]} |"
