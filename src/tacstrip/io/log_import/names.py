@@ -263,7 +263,8 @@ def _with_first(split: Mapping[str, tuple[list[str], str]]) -> dict[str, tuple[l
     counted = {
         key for key, there in numbers.items() if there == set(range(1, len(there) + 1)) and len(there) > 1
     }
-    first = {n: (tokens, unit) for n, (tokens, unit) in split.items() if (tuple(tokens), unit) in counted}
+    first = {n: found for n, found in split.items() if (tuple(found[0]), found[1]) in counted}
+    first = {n: found for n, found in first.items() if _of_tokens(*found).role == "reading"}
     return {n: ([*tokens, "0"], unit) for n, (tokens, unit) in first.items()}
 
 

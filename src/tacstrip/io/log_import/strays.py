@@ -81,7 +81,7 @@ def without_messages(text: str) -> tuple[str, str]:
 
     Examples
     --------
-    >>> without_messages("I (1) TACT: 5\\nW (2) wifi: up 3\\nI (3) TACT: 6\\nI (4) TACT: 6")[0].split("\\n")[1]
+    >>> without_messages("I (1) TACT: 5\nW (2) wifi: up 3\nI (3) TACT: 6\nI (4) TACT: 6")[0].split("\n")[1]
     ''
     """
     found = {n: m for n, line in _numbered(text) if (m := _TAGGED.match(line))}
