@@ -133,6 +133,7 @@ WRITES = [
 DRIVER = """
 import contextlib, io, json, resource, sys
 from tacstrip.cli import main
+sys.dont_write_bytecode = True  # half a file of bytecode would stay
 resource.setrlimit(resource.RLIMIT_FSIZE, (64, 64))
 told = []
 for line in json.load(sys.stdin):

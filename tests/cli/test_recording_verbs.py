@@ -250,7 +250,7 @@ def test_full_disk(tmp_path: Path) -> None:
     sensor().save(tmp_path / "s.toml")
     (tmp_path / "o.wkt").write_text(RECTANGLE)
     done = subprocess.run(
-        [sys.executable, "-c", "from tacstrip.cli import main; main()", *RECORD],
+        [sys.executable, "-B", "-c", "from tacstrip.cli import main; main()", *RECORD],
         cwd=tmp_path,
         capture_output=True,
         text=True,

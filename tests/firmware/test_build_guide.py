@@ -11,6 +11,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "guide" / "build.md").read_text(encoding="utf-8")
+SCIENCE = (ROOT / "docs" / "science" / "electronics.md").read_text(encoding="utf-8")
 
 
 def _tool() -> ModuleType:
@@ -26,8 +27,17 @@ TOOL = _tool()
 
 
 def test_the_pages_table_is_the_tools() -> None:
-    lines = re.findall(r"^\| [\d.]+ \([\d.]+\) \|.*\|$", PAGE, re.MULTILINE)
+    lines = re.findall(r"^\| [\d.]+ \([\d.]+\) \|.*\|$", SCIENCE, re.MULTILINE)
     assert lines == [f"| {' | '.join(row)} |" for row in TOOL.rows()]
+
+
+def test_the_guides_short_table_says_what_can_be_read() -> None:
+    short = re.findall(r"^\| [\d.]+ \([\d.]+\) \| [\d.]+ kΩ \| (\w+).* \| (\w+).* \|$", PAGE, re.MULTILINE)
+    ohms = [1e3 * float(k) for k in re.findall(r"^\| [\d.]+ \([\d.]+\) \| ([\d.]+) kΩ", PAGE, re.MULTILINE)]
+    assert len(short) == len(ohms) == 6
+    for ohm, said in zip(ohms, short, strict=True):
+        for kind, word in zip(("crs-crs", "crs-m"), said, strict=True):
+            assert (word == "no") == TOOL.verdict(kind, ohm).startswith("no")
 
 
 def test_the_rubber_that_the_page_asks_for_makes_the_strips_that_it_asks_for() -> None:
@@ -51,7 +61,7 @@ def test_the_rubber_that_the_page_asks_for_makes_the_strips_that_it_asks_for() -
 
 
 def test_a_shorted_strip_draws_no_more_than_a_switch_bears_and_the_page_says_how_much() -> None:
-    (found,) = re.findall(r"switches, which may carry (\d+). With the 100 Ω\nit draws (\d+) mA", PAGE)
+    (found,) = re.findall(r"switches, which may carry (\d+); with the 100 Ω it draws (\d+) mA", SCIENCE)
     bears, shown = map(float, found)
     assert TOOL.short_ma("crs-m") == pytest.approx(shown, abs=0.5)
     assert shown < bears

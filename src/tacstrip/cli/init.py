@@ -68,7 +68,8 @@ def command(
         sensor = _made(keys) if like is None else Sensor.load(like)
         warn(unlikely_lengths(sensor))
         text, unknown = sensor.to_toml(), []
-        then = then if sensor.surface is None else f"press {file} {_first_press(sensor)}"
+        curved = isinstance(sensor, Sensor) and sensor.surface is not None
+        then = f"press {file} {_first_press(sensor)}" if curved else then
     if printed:
         click.echo(text, nl=False)
         return

@@ -29,6 +29,7 @@ from tacstrip.sensor.layers import LayeredSensor, unit_of
 from tacstrip.sensor.raw import invert_calibration
 
 _MOST_LINES = 20
+_NOISELESS = ("vertex", "profile")  # methods that take no account of noise
 _OF_METHODS = {  # option: the methods that have it
     "signature": ("polygon", "vertex"),
     "vertices": ("polygon",),
@@ -151,7 +152,14 @@ def command(
         raise OptionError(
             f"--truth {truth}: holds no polygon to compare with; a line or a point has no outline"
         )
-    _report(results, contact, unit.width_mm if unit.closed else None)
+    source = (
+        "as given"
+        if known
+        else "the spec's [noise]"
+        if unit.noise
+        else "estimated (give it, or see tacstrip noise)"
+    )
+    _report(results, contact, unit.width_mm if unit.closed else None, "" if chosen in _NOISELESS else source)
     if output is not None:
         write_geojson(output, results)
         note(f"{output} written")
@@ -194,8 +202,10 @@ def _transitions(text: str) -> str | list[float]:
         ) from None
 
 
-def _report(results: list[Reconstruction], truth: Contact | None, around_mm: float | None) -> None:
-    """Say on standard error what was found: scan by scan, or counted where there are many."""
+def _report(
+    results: list[Reconstruction], truth: Contact | None, around_mm: float | None, noise: str
+) -> None:
+    """Say on standard error what was found, scan by scan or counted where there are many, and with which noise."""
     lines = [
         _line(number, result, k, truth, around_mm)
         for number, result in enumerate(results)
@@ -208,7 +218,10 @@ def _report(results: list[Reconstruction], truth: Contact | None, around_mm: flo
     counts = Counter(o.status for r in results for o in r.objects)
     counts["no contact"] = sum(not r.objects for r in results)
     by_status = ", ".join(f"{status}: {count}" for status, count in counts.most_common() if count)
-    note(f"{len(results)} scan(s), {len(lines)} object(s); {by_status}")
+    note(
+        f"{len(results)} scan(s), {len(lines)} object(s); {by_status}"
+        + (f"; noise: {noise}" if noise else "")
+    )
 
 
 def _line(
