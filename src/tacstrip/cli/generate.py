@@ -13,7 +13,7 @@ from rich.progress import Progress
 
 from tacstrip.cli import options, warn
 from tacstrip.dataset.batches import simulate_many
-from tacstrip.dataset.generation import DataSet, generate
+from tacstrip.dataset.generation import DataSet, generate, parts_there
 
 _SOME, _MORE, _LOOK_S = (
     500,
@@ -44,7 +44,8 @@ def command(study: Path, out: Path, workers: int | None) -> None:
             )
         except KeyboardInterrupt:
             bar.stop()
-            click.echo(f"ended; parts that are whole are kept in {out}: the same command goes on", err=True)
+            kept = f"{parts_there(data, out)} of {len(data.parts)} parts are whole and kept in {out}"
+            click.echo(f"ended; {kept}: the same command goes on", err=True)
             raise
     counts = ", ".join(f"{count} {name}" for name, count in data.counts.items() if count)
     click.echo(f"{out}: {data.shapes.n} scans of {data.sensor.strips} strips ({counts})"

@@ -38,7 +38,7 @@ _PART_BYTES = 2**25  # of readings and labels together, where the study gives no
 _RESOLVED = (
     1000  # scans of a part at most where strips of some width are resolved one by one, up to seconds each
 )
-_BLOCK, _RESOLVED_BLOCK = 4096, 8  # scans that are made between two looks whether the end was asked for
+_BLOCK, _RESOLVED_BLOCK = 4096, 1  # scans that are made between two looks whether the end was asked for
 _ROW_GROUP = 8192  # rows of a Parquet file that are read together
 _WORK, _PLAN, _CARD = ".work", "plan.json", "dataset.json"
 # What a column holds, and its unit.
@@ -254,6 +254,12 @@ def generate(
     write_text(out / _CARD, json.dumps(card, indent=1) + "\n")
     shutil.rmtree(work)
     return True
+
+
+def parts_there(data: DataSet, out: Path) -> int:
+    """Return how many parts of a data set are whole in its folder, in every format."""
+    of = {"parquet": _parquet_file, "zarr": _zarr_mark}
+    return sum(all(of[name](out, part).exists() for name in data.formats) for part in data.parts)
 
 
 def _in_threads(
