@@ -28,7 +28,7 @@ from tacstrip.diagnose.questions import questions
 from tacstrip.diagnose.regression import moved_to_and_fro
 from tacstrip.diagnose.shorts import shorts
 from tacstrip.io.input_checks import other_scale
-from tacstrip.sensor.left_out import left_out_wholly
+from tacstrip.sensor.left_out import channel_name, left_out, left_out_wholly
 from tacstrip.sensor.rest_level import rest_hint
 
 _MOST_SCANS, _MOST_READINGS = 20_000, 400_000  # of longer recordings, evenly spread stretches are examined
@@ -89,7 +89,10 @@ def diagnose(log: Log) -> Report:
         beyond = [c.numbers["side"] * (values - c.numbers["level"]) > -_AT for c in ceiling]
         out = np.any([np.zeros(values.shape, bool), *beyond], axis=0)
         work.k[name] = np.where(out, np.nan, values / factor)
-    loose, doubted = intermittent(work) if geometric and not pressed else ([], [])
+    at_rest = bool(
+        rest_hint(log.sensor, _touched_readings(part))
+    )  # strips that nothing touches count as touched
+    loose, doubted = intermittent(work) if geometric and not pressed and not at_rest else ([], [])
     rows = places(work)
     tests = () if pressed else _TESTS if geometric else (never_touched, swapped_wires)
     named = _remove_dominant(rows, tests if not ceiling else [t for t in tests if t is not clipped])
@@ -99,7 +102,7 @@ def diagnose(log: Log) -> Report:
     # Strips in the wrong order have a gap at a contact's end.
     exchanged = {i for s in named if s.finding.fault == "swapped-strips" for i in s.finding.strips}
     loose = [f for f in loose if not exchanged & set(f.strips)]
-    removed = [*pressed, *loose, *_merged([s.finding for s in named])]
+    removed = [*pressed, *loose, *_silent_channels(part), *_merged([s.finding for s in named])]
     timed = places(work, max(len(part.time_s) // _TIMED, 1))
     drifting, moving, together, checked = drift(part, timed, timed.time_s)
     humming, no_hum = hum(part, sigma)
@@ -112,6 +115,7 @@ def diagnose(log: Log) -> Report:
         log.missing,
         _pauses(log.time_s),
         *_not_checked(part, rows, known),
+        "intermittent contacts: the rest level is not given" if at_rest and geometric else "",
         no_bits,
         no_hum,
         *_drift_not_checked(part, checked, known),
@@ -168,6 +172,23 @@ def _merged(findings: list[Finding]) -> list[Finding]:
     return [f for f in findings if not (f.fault == "swapped-wires" and f.strips in turned)]
 
 
+def _silent_channels(log: Log) -> Iterator[Finding]:
+    """Find channels without any reading where the strip's other channel has some: a logger leaves a dead one empty."""
+    out, channels = left_out(log.sensor), log.sensor.signatures
+    for name, other in (channels, channels[::-1]) if len(channels) == 2 else ():
+        if name not in log.raw or other not in log.raw or not np.isfinite(log.raw[name]).any():
+            continue  # of one signature alone
+        read = np.isfinite(log.raw[other]).sum(axis=0)
+        mute = ~np.isfinite(log.raw[name]).any(axis=0) & (read >= _FEWEST)
+        for strip in np.flatnonzero(mute & ~out.get(name, np.zeros_like(mute))).tolist():
+            evidence = f"empty in all {int(read[strip])} scans in which the strip's other channel reads"
+            yield Finding("dead", (strip,), evidence, {"scans": float(read[strip])}, name)
+
+
+def _touched_readings(log: Log) -> dict[str, FloatArray]:
+    return {name: np.where(log.touched, values, np.nan) for name, values in log.raw.items()}
+
+
 def _notes(log: Log, work: WorkingCopy) -> Iterator[Finding]:
     pairs = [neighbour_residuals(work, n) for n in work.k] if log.sensor.kind.closed_form else []
     # Extrapolation to the outermost strips is inaccurate.
@@ -178,7 +199,7 @@ def _notes(log: Log, work: WorkingCopy) -> Iterator[Finding]:
                 "calibration", (int(work.order[strip]),),
                 f"reads {100 * worst:+.2g} % of Vref off its neighbours' line", {"offset": worst},
             )  # fmt: skip
-    raw = {name: np.where(log.touched, values, np.nan) for name, values in log.raw.items()}
+    raw = _touched_readings(log)
     if hint := rest_hint(log.sensor, raw, failed=len(log.time_s) > 1):
         yield Finding("rest-level", (), hint)
     elif hint := other_scale(log.sensor, raw):
@@ -200,6 +221,13 @@ def _not_checked(log: Log, work: WorkingCopy, ill: set[int]) -> Iterator[str]:
     silent = left_out_wholly(log.sensor)
     if silent.any():
         yield f"{_names([int(i) + base for i in np.flatnonzero(silent)])}: left out by the spec (without)"
+    single = [
+        channel_name(int(i), name, base)
+        for name, out in left_out(log.sensor).items()
+        for i in np.flatnonzero(out & ~silent)
+    ]
+    if single:
+        yield f"{', '.join(single)}: left out by the spec (without)"
     if never := [int(i) + base for i in np.flatnonzero(~log.touched.any(axis=0) & ~silent)]:
         yield f"{_names(never)}: never touched; move the contact over them"
     if not log.sensor.kind.closed_form:
