@@ -97,7 +97,10 @@ def test_what_the_spec_does_not_state_is_asked_and_what_it_states_is_taken() -> 
         propose(of_text(touched_only(0)), TWO, {}, frozenset({"strip_base"}))
     found = propose(of_text(touched_only(0)), TWO, {}, ALL)
     np.testing.assert_allclose(array(found)[:, :, 0], HIGH, atol=1e-3)
-    assert any("strip_base = 0 of the spec" in doubt for doubt in found.doubts)
+    assert any("strip_base = 0, as the spec says" in reason for reason in found.reasons)
+    assert not any("numbered" in doubt for doubt in found.doubts)
+    last = propose(of_text(touched_only(1)), replace(TWO, strips=5), {}, ALL)
+    assert any("strip_base = 0 in the spec" in doubt for doubt in last.doubts)
     said = propose(of_text("# strips are numbered 1 to 6\n" + touched_only(1)), TWO, {}, ALL)
     np.testing.assert_allclose(array(said)[:, :, 0], HIGH, atol=1e-3)
     assert not said.doubts
@@ -192,4 +195,7 @@ def test_names_that_do_not_fit_their_columns_are_said() -> None:
         propose(of_text(again), TWO, {}, ALL)
     reversed_ = wide("# columns: strip 5 first ... strip 0 last (h l each)", both)
     found = propose(of_text(reversed_), TWO, {"time_unit": "ms"}, ALL)
-    assert any("is that their order" in doubt for doubt in found.doubts)
+    np.testing.assert_allclose(array(found)[:, ::-1, 0], HIGH, atol=1e-3)
+    vague = wide("# columns of strips in reversed order", both)
+    with pytest.raises(Unanswered, match="strip_order=ascending or --answer strip_order=descending"):
+        propose(of_text(vague), TWO, {"time_unit": "ms"}, ALL)

@@ -159,12 +159,14 @@ def _show(found: Proposal, sensor: Sensor | None) -> None:
     strips = touched(found.scans, found.mapping, sensor)
     some = [n for n, there in enumerate(strips) if there.any()]
     shown = set(some[:_SHOWN_SCANS]) or {*range(min(_SHOWN_SCANS, len(found.scans)))}
+    base = sensor.strip_base if sensor else found.mapping.strip_base  # as in the output
     note(
         "  scan  time_s  strip  "
         + "  ".join(f"{c:>8}" for c in found.mapping.channels)
         + f"   [{found.mapping.unit}]"
+        + ("   (strips are numbered as in the output)" if base != found.mapping.strip_base else "")
     )
-    upto = rows(found.scans[: max(shown) + 1], found.mapping.strip_base)
+    upto = rows(found.scans[: max(shown) + 1], base)
     for number, lines in itertools.groupby(upto, key=lambda row: row[0]):
         if int(number) not in shown:
             continue

@@ -377,16 +377,27 @@ def _of_block(clues: Clues, block: list[str], known: dict[str, Meaning], which: 
     """Return columns as the readings of the strips in their order, h and l as the readings allow."""
     channels = 1 if which else max(len(clues.expected), 1)
     said = [line for line in clues.table.preamble if _ORDER_SAID.search(line)]
-    if said and not _told_order(tuple(said), len(block) // channels):
-        clues.doubt(
-            f"a line above the columns, which have no names, says {said[0].strip()[:80]!r}: is that their order?"
-        )
-    order = _order(clues, block, f"{block[0]} to {block[-1]} are two for each strip") if channels == 2 else ""
     strips = len(block) // channels
+    answer = clues.choice("strip_order", ("ascending", "descending"))
+    if said and not answer and not _told_order(tuple(said), strips):
+        if _from_last(said, strips):
+            answer = "descending"
+            clues.because(f"the last strip's columns stand first, as the log says: {said[0].strip()[:80]!r}")
+        else:
+            clues.ask(
+                "strip_order",
+                f"a line above the columns, which have no names, says {said[0].strip()[:80]!r}: does the first strip "
+                "stand first (ascending), or the last (descending)?",
+                "ascending",
+                "descending",
+            )
+    order = _order(clues, block, f"{block[0]} to {block[-1]} are two for each strip") if channels == 2 else ""
     at = [
         (n, 0) if channels == 1 else divmod(n, 2) if order == "alternating" else (n % strips, n // strips)
         for n in range(len(block))
     ]
+    if answer == "descending":
+        at = [(strips - 1 - strip, end) for strip, end in at]
     return {
         name: Meaning(
             "reading", "" if which or not clues.expected else clues.expected[end], strip, known[name].unit
@@ -612,6 +623,14 @@ def _noise(table: FloatArray) -> float:
     low = values[values < _REST * values.max(initial=0.0)]
     high = values[len(low) :]
     return float(low[-1]) if len(low) and len(high) and high[0] > _GAP * low[-1] else 0.0
+
+
+def _from_last(said: list[str], strips: int) -> bool:
+    """Return whether a line says that the last strip's columns stand first, by the numbers of both."""
+    numbers = [
+        [int(n) for n in re.findall(r"\b(?:strips?|s|channels?|ch)\s*#?(\d+)", t.casefold())] for t in said
+    ]
+    return len(said) == 1 and any(numbers[0] == [strips - 1 + base, base] for base in (0, 1))
 
 
 def _told_order(preamble: tuple[str, ...], strips: int) -> str:

@@ -27,6 +27,14 @@ _ASSIGNED = re.compile(r"([A-Za-z_][\w.]*)\s*=\s*(\[[^\]]*\]|[^;\n\[]+)\s*'?\s*;
 _RANGE = re.compile(r"\(?([^:()]+):([^:()]+)(?::([^:()]+))?\)?(?:\s*\.?([*/])\s*(.+))?")
 _PRINTED = re.compile(r"\s*\[(\d+)\]\s+(.*)")  # R's print of a vector
 _NAMED = re.compile(r"(?:\$|>\s*(?:print\()?)\s*([A-Za-z][\w.$]*)\)?\s*")
+_CREATED = re.compile(
+    r"CREATE\s+TABLE\s+(?:IF\s+NOT\s+EXISTS\s+)?([^\s(]+)\s*\(((?:[^()]|\([^()]*\))*)\)", re.IGNORECASE
+)
+_INSERTED = re.compile(
+    r"INSERT\s+INTO\s+(\S+?)\s+VALUES\s*((?:\((?:'[^']*'|[^()'])*\)[,\s]*)+);", re.IGNORECASE
+)
+_COPIED = re.compile(r"(?ms)^COPY\s+(\S+)\s*\(([^()]*)\)\s+FROM\s+stdin;\s*\n(.*?)^\\\.")
+_CONSTRAINT = re.compile(r"\s*(?:PRIMARY|UNIQUE|FOREIGN|CONSTRAINT|CHECK|KEY|INDEX)\b", re.IGNORECASE)
 _VECTOR = re.compile(r"`?([\w.]+)`?\s*=\s*c\(([^()]*)\)")
 
 
@@ -62,9 +70,36 @@ def plain_rows(text: str) -> str:
             return text
         groups = [inserted[0][0], *(g for _, many in inserted for g in re.findall(r"\(([^()]*)\)", many))]
         cells = [[c.strip(" '\"`") for c in group.split(",")] for group in groups]
+    elif dumped := _dumped(text):
+        cells = dumped
     else:
         return text
     return "\n".join("\t".join(" ".join(c.split()) for c in row) for row in cells)
+
+
+def _dumped(text: str) -> list[list[str]]:
+    """Return the names and the rows of the longest table of a dump of SQL that names columns only once; else none."""
+    quotes = " '\"`[]"
+    names = {
+        table.strip(quotes): [
+            column.split()[0].strip(quotes)
+            for column in re.split(r",(?![^()]*\))", inner)
+            if column.split() and not _CONSTRAINT.match(column)
+        ]
+        for table, inner in _CREATED.findall(text)
+    }
+    found: dict[str, list[list[str]]] = {}
+    for table, many in _INSERTED.findall(text):
+        groups = re.findall(r"\(((?:'[^']*'|[^()'])*)\)", many)
+        split = [re.findall(r"\s*('[^']*'|[^,]*)(?:,|\Z)", group)[: group.count(",") + 1] for group in groups]
+        found.setdefault(table.strip(quotes), []).extend([c.strip(" '\"") for c in row] for row in split)
+    for table, inner, rows in _COPIED.findall(text):
+        names[table] = [column.strip(quotes) for column in inner.split(",")]
+        found[table] = [line.replace("\\N", "").split("\t") for line in rows.splitlines() if line.strip()]
+    longest = max(found, key=lambda table: len(found[table]), default="")
+    if not found.get(longest) or not names.get(longest):
+        return []
+    return [names[longest], *found[longest]]
 
 
 def _lines(text: str) -> list[tuple[int, str]]:

@@ -66,6 +66,21 @@ def is_prose(line: str, names: frozenset[str] | set[str] = frozenset()) -> bool:
     return bool(worded or short) and not names.intersection(words)
 
 
+def is_sentence(line: str) -> bool:
+    """Return whether a line, which stands below a table, is a sentence: words, a full stop, and at most one number.
+
+    Examples
+    --------
+    >>> is_sentence("Scan 3 was a bit harder."), is_sentence("strip 3 h=5.2 l=4."), is_sentence("S3 lost.")
+    (True, False, False)
+    """
+    words = re.findall(r"[^\W\d_]+", line)
+    return bool(
+        re.fullmatch(r"\W*[A-Z].*[.!]\W*", line) and len(words) > 3 and len(re.findall(r"\d+", line)) < 2
+        and not re.search(r"[=:|;]", line)
+    )  # fmt: skip
+
+
 @lru_cache(maxsize=2**16)
 def quantity(text: str, decimal: str = ".") -> tuple[float, str] | None:
     """Return a field's number and unit ("" where it has none); None where it is no number.

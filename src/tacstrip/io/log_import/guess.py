@@ -132,7 +132,7 @@ def left_out(table: Table, dropped: list[int]) -> list[str]:
     said = []
     if table.broken:
         shown = "; ".join(f"line {n}{_quote(table, n)}" for n in table.broken[:_SHOWN])
-        more = f" and {len(table.broken) - _SHOWN} more" if len(table.broken) > _SHOWN else ""
+        more = f"; line(s) {', '.join(map(str, rest))}" if (rest := table.broken[_SHOWN:]) else ""
         said.append(f"left out: {shown}{more}; what they say is lost")
     if dropped:
         said.append(
@@ -273,6 +273,7 @@ def _strips(clues: Clues, found: Columns) -> tuple[int, int]:
         there, all_listed = {int(what.partition(":")[0]) for what in found.readings.values()}, True
     low, high = min(there), max(there)
     base = clues.number("strip_base")
+    said = base  # by the answer, the log, or the spec
     if base is None:
         fits = [b for b in (0, 1) if low >= b and (not count or high <= b + count - 1)]
         if count and len(there) == count == high - low + 1:  # such as pins A2 to A7
@@ -295,13 +296,13 @@ def _strips(clues: Clues, found: Columns) -> tuple[int, int]:
             )
             == 1
         ):
-            base = told.pop()
+            base = said = told.pop()
             clues.because(f"strips are numbered from {base}, as the log says above them")
         elif clues.sensor and "strip_base" in (clues.stated or ()) and not clues.sensor.strip_base < low < 2:
             base = clues.sensor.strip_base
-            clues.doubt(
-                f"strips are numbered {low} to {high}, and the log does not say from where on: taken as "
-                f"strip_base = {base} of the spec; else --answer strip_base={1 - base}"
+            clues.because(
+                f"strips are numbered {low} to {high}: taken as strip_base = {base}, as the spec says; else --answer "
+                f"strip_base={1 - base}"
             )
         else:
             clues.ask(
@@ -313,6 +314,13 @@ def _strips(clues: Clues, found: Columns) -> tuple[int, int]:
             f"--answer strip_base={base:g}: strips are numbered {low} to {high}, and the sensor has {count}"
         )
     clues.because(f"strips are numbered from {int(base)}")
+    if said is None and clues.sensor and "strip_base" in (clues.stated or ()):
+        said = clues.sensor.strip_base
+    if said not in (None, base) and base < 2:
+        clues.doubt(
+            f"strips are numbered {low} to {high} in the log, so from {int(base)}, and strip_base = {said} in the "
+            f"spec: the first one, {int(base)}, is strip {said} of the readings"
+        )
     return int(base), count or high - int(base) + 1
 
 
@@ -364,7 +372,7 @@ def _missing(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> str:
     except ReadingError as error:
         if not any(said in str(error) for said in ("no line for", "lacks a value", "no column is of")):
             raise
-        if not clues.table.broken and not mapping.which and _only_touched(clues.table, mapping, rough):
+        if not clues.table.broken and _only_touched(clues.table, mapping, rough):
             clues.because(
                 "only touched strips have lines: they lie side by side, and none is without a reading"
             )
@@ -382,7 +390,12 @@ def _missing(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> str:
 def _only_touched(table: Table, mapping: ColumnMapping, rough: list[LogScan]) -> bool:
     """Return whether scans list only touched strips: side by side in each, with readings, and seldom all of them."""
     there = np.asarray(np.isfinite(np.stack([s.values for s in rough])).any(axis=2))  # (scans, strips)
-    listed = len(table.rows) - table.empty if mapping.strip and not table.absent else 0
-    touched = int(there.sum()) == listed
+    if table.varied and not mapping.strip:
+        touched = sum(map(bool, itertools.chain(*map(table.column, mapping.columns)))) == sum(
+            int(np.isfinite(s.values).sum()) for s in rough
+        )
+    else:
+        listed = len(table.rows) - table.empty if mapping.strip and not table.absent else 0
+        touched = int(there.sum()) * (2 if mapping.which else 1) == listed
     side_by_side = all(row[np.argmax(row) :][: row.sum()].all() for row in there)
     return touched and side_by_side and bool(there.all(axis=1).mean() < _MOST_COMPLETE)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import re
 from collections import Counter
@@ -23,6 +24,7 @@ _COMMA = re.compile(r"(?<![\d,.:])\d+,\d+(?![\d,.])")
 _WITH_TIME = re.compile(r"\d\s?(?:[mu]?s|min)\Z")
 _EPOCH = re.compile(r"1\d{9}(?:\.\d+|\d{3}|\d{6}|\d{9})?")  # since 1970
 _ENDED = re.compile(r"\s*(?:[,;|/)]|\Z|\S*[A-Za-z]\S*\s*[:=])")  # behind a value: a mark, or the next name
+_STRIP_NAMED = re.compile(r"(\D*?)(\d+)(.*)\Z")  # a name with a strip's number in it
 _SAMPLE = 200  # lines that tell whether all are of a kind
 _UNIT = "|".join(sorted((re.escape(u) for u in UNITS if len(u) < 8), key=len, reverse=True))
 _TOKEN = re.compile(
@@ -223,7 +225,8 @@ def _gathered(parsed: list[tuple[int, list[Item]]], texts: Mapping[int, str]) ->
     lines: list[int] = []
     labels: dict[str, str] = {}
     record: dict[str, str] = {}
-    start = 0
+    start = begin = 0
+    begins: list[int] = []  # of each record: its first line, or that of its label
     strange = []
     parts: list[tuple[int, set[str]]] = []  # of the record: its lines, and what they name
     pieces: list[list[tuple[int, set[str]]]] = []
@@ -237,6 +240,7 @@ def _gathered(parsed: list[tuple[int, list[Item]]], texts: Mapping[int, str]) ->
         if record:
             records.append(labels | record)
             lines.append(start)
+            begins.append(begin)
             pieces.append(parts)
         record, parts = {}, []
 
@@ -266,7 +270,7 @@ def _gathered(parsed: list[tuple[int, list[Item]]], texts: Mapping[int, str]) ->
         labels = labels | told
         heading |= {n: number for n in told if alone and meaning(n).role in ("scan", "time")}
         if rest := {name: f for name, f in fields.items() if name not in told}:
-            start = start if record else number
+            start, begin = (start, begin) if record else (number, min([number, *heading.values()]))
             record |= rest
             parts.append((number, {*rest}))
             heading = {}
@@ -276,9 +280,10 @@ def _gathered(parsed: list[tuple[int, list[Item]]], texts: Mapping[int, str]) ->
     kinds = Counter(frozenset(r) for r in records)
     usual, many = kinds.most_common(1)[0]
     strange += [i for i in above if any(re.search(rf"\b{re.escape(n)}\s*[:=]", texts[i]) for n in usual)]
+    varied = touched_vary(records)
     for n, (r, lines_of) in enumerate(zip(records, pieces, strict=True)):
         # A line of other names behind those of a record, as of a debugging message, is none of it.
-        other = [(i, named) for i, named in lines_of if not named & usual]
+        other = [(i, named) for i, named in lines_of if not (varied or named & usual)]
         if frozenset(r) > usual and other and {*r} - set().union(*(named for _, named in other)) == usual:
             strange += [i for i, _ in other]
             records[n] = {name: f for name, f in r.items() if name in usual}
@@ -289,7 +294,13 @@ def _gathered(parsed: list[tuple[int, list[Item]]], texts: Mapping[int, str]) ->
         ended = parsed[-1][0] > max(heading.values()) or (void and void[-1][0] == len(records))
         void += [last] if ended else []  # else it may be cut
         strange += [] if ended else [last[1]]
-    if void and not strips:
+    if void and varied:
+        for place, line, told in reversed(void):
+            records.insert(place, dict(told))
+            lines.insert(place, line)
+            begins.insert(place, line)
+            pieces.insert(place, [])
+    elif void and not strips:
         strange += [line for _, line, _ in void]
     elif void:
         shown = next(r[strips[0]] for r in records if strips[0] in r)
@@ -297,17 +308,29 @@ def _gathered(parsed: list[tuple[int, list[Item]]], texts: Mapping[int, str]) ->
             if {*told} <= usual:
                 records.insert(place, dict.fromkeys(usual, "") | told | {strips[0]: shown})
                 lines.insert(place, line)
+                pieces.insert(place, [])
                 empty += 1
             else:
                 strange.append(line)
-    if many >= _FEW_KINDS * len(records):
+    if varied:  # what a line that is not understood says of its scan is not known
+        spans = list(zip(begins, [*begins[1:], parsed[-1][0] + 1], strict=True))
+        words = {w.casefold() for n in usual for w in re.findall(r"[A-Za-z]+", n)}
+        lost = [i for i in strange if not is_prose(texts[i], words)]
+        hit = [any(a <= i < b for i in lost) for a, b in spans]
+        strange += [i for out, lines_of in zip(hit, pieces, strict=True) for i, _ in lines_of if out]
+        records = [r for r, out in zip(records, hit, strict=True) if not out]
+        lines = [i for i, out in zip(lines, hit, strict=True) if not out]
+        if not records:
+            return None
+    elif many >= _FEW_KINDS * len(records):
+        named = {i: [n for n, _ in lines_of] for i, lines_of in zip(lines, pieces, strict=True)}
         odd = [(i, r) for i, r in zip(lines, records, strict=True) if frozenset(r) != usual]
         kept = [(i, r) for i, r in zip(lines, records, strict=True) if frozenset(r) == usual]
         lines, records = [i for i, _ in kept], [r for _, r in kept]
         names = list(records[0])
         # Of other names altogether, or the end of a line in the middle of which the log begins.
         above += [i for i, r in odd if i < lines[0] and (not usual & {*r} or list(r) == names[-len(r) :])]
-        strange += [i for i, _ in odd if i not in above]
+        strange += [n for i, _ in odd if i not in above for n in named[i] or [i]]
     above = [i for i in above if i not in strange]
     words = {w.casefold() for n in usual for w in re.findall(r"[A-Za-z]+", n)}
     prose = [i for i in strange if is_prose(texts[i], words)]
@@ -322,11 +345,52 @@ def _gathered(parsed: list[tuple[int, list[Item]]], texts: Mapping[int, str]) ->
         )
     return replace(
         table,
-        broken=tuple(sorted(strange)),
+        broken=tuple(sorted({*strange})),
         preamble=tuple(texts[i] for i in above),
         quotes=quotes,
         empty=empty,
+        varied=varied > 1,
     )
+
+
+def touched_vary(records: Sequence[Mapping[str, str]]) -> int:
+    """Return whether records name other strips from one to the next, each with all of its channels.
+
+    2 if so because others are touched; 1 if strips are missing as where lines are cut, too; 0 if not, or if one record
+    is cut.
+
+    Examples
+    --------
+    >>> touched_vary([{"h1": "5", "l1": "4", "h2": "3", "l2": "2"}, {"h2": "5", "l2": "4", "h3": "3", "l3": "2"}])
+    2
+    >>> touched_vary([{"h1": "5", "l1": "4", "h2": "3", "l2": "2"}, {"h1": "5", "l1": "4", "h2": "3"}])
+    0
+    """
+    if len({frozenset(r) for r in records}) < 2:
+        return 0
+    split = {n: m.groups() for n in {*itertools.chain(*records)} if (m := _STRIP_NAMED.match(n))}
+    vary = {(a, c) for n, (a, _, c) in split.items() if not all(n in r for r in records)}
+    split = {n: (a, number, c) for n, (a, number, c) in split.items() if (a, c) in vary}
+    common = [n for n in {*itertools.chain(*records)} if n not in split]
+    ends = {(a, c) for a, _, c in split.values()}
+    sets: list[frozenset[int]] = []
+    for record in records:
+        if any(n not in record for n in common):
+            return 0
+        many_of = Counter(int(split[n][1]) for n in record if n in split)
+        if any(many != len(ends) for many in many_of.values()):
+            return 0
+        sets.append(frozenset(many_of))
+    usual = Counter(sets).most_common(1)[0][0]
+    if not usual:
+        return 0
+    cut = []
+    for n, there in enumerate(sets):
+        if there == usual:
+            continue
+        run = bool(there) and max(there) - min(there) == len(there) - 1
+        cut.append(not run or (there < usual and (n == 0 or max(there) < max(usual))))
+    return 0 if len(cut) == sum(cut) == 1 else 1 + (not all(cut))
 
 
 def of_literals(text: str, path: str | Path) -> Table | None:
@@ -363,7 +427,10 @@ def of_values(
         for record in _exploded(row) if isinstance(row, dict) else []:
             records.append(record)
             lines.append(number)
-    return replace(of_records(records, lines, ".", told), preamble=above) if records else None
+    if not records:
+        return None
+    varied = touched_vary(records) > 1 and all(all(r.values()) for r in records)
+    return replace(of_records(records, lines, ".", told), preamble=above, varied=varied)
 
 
 def _of_lists(rows: Sequence[tuple[int, Any]]) -> Table | None:

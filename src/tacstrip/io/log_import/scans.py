@@ -7,6 +7,7 @@ import re
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
+from fractions import Fraction
 
 import numpy as np
 
@@ -21,6 +22,7 @@ _DAY_S = 86400.0
 _HALF_HOUR_S = 1800.0
 _FEW_FALLS = 0.34  # of the scans: where the time falls more often, the log is unsorted
 _FEW_SCANS = 4  # of fewer, equal times tell nothing
+_LONG_AGO = 1e8  # of any unit: a time that does not count from the log's start
 _ON_PLACE = 0.05  # of the pitch: so near a strip's place is its position
 
 
@@ -150,6 +152,11 @@ def _times(table: Table, mapping: ColumnMapping) -> FloatArray | None:
     if mapping.time_bits:
         full = 2.0**mapping.time_bits
         values = values + full * np.cumsum(falls < -0.5 * full)
+    elif abs(values[0]) > _LONG_AGO:  # since 1970: the first is taken off before digits are lost
+        fields = table.column(mapping.time)
+        if all(re.fullmatch(r"\d+(?:\.\d+)?", f) for f in fields):
+            first = Fraction(fields[0])
+            values = np.array([float(Fraction(f) - first) for f in fields])
     return np.asarray((values - values[0]) * TIME_UNITS[mapping.time_unit])
 
 

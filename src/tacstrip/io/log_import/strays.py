@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -150,6 +151,7 @@ def _told(table: Table, strays: frozenset[int], texts: dict[int, str]) -> Table:
         if n > first and re.search(r"\d", texts[n]) and not is_prose(texts[n], words)
     ]  # fmt: skip
     said = _quoted(there, texts)
+    table = _without_lacking(table, broken)
     return replace(
         table,
         remarks=(f"{len(there)} line(s) set aside, for they have not the form of the others: {said}", *table.remarks),
@@ -157,3 +159,27 @@ def _told(table: Table, strays: frozenset[int], texts: dict[int, str]) -> Table:
         quotes={**table.quotes, **{n: texts[n].strip() for n in broken}},
         preamble=(*(texts[n] for n in there if n <= last), *table.preamble),
     )  # fmt: skip
+
+
+def _without_lacking(table: Table, broken: list[int]) -> Table:
+    """Return a table without the records of several lines each that a broken line may be of, if some lack values."""
+    gaps = Counter(b - a for a, b in itertools.pairwise(table.lines)).most_common(1)
+    if not (broken and table.absent and gaps and gaps[0][0] > 1):
+        return table
+    ends = [*table.lines[1:], max(table.lines[-1], *broken) + 1]
+    out = {
+        n for n, (a, b) in enumerate(zip(table.lines, ends, strict=True)) if any(a < i < b for i in broken)
+    }
+    out |= {n for n, a in enumerate(table.lines) if a - 1 in broken}
+    if not out or len(out) == len(table.rows):
+        return table
+    lines = ", ".join(str(table.lines[n]) for n in sorted(out))
+    return replace(
+        table,
+        rows=[row for n, row in enumerate(table.rows) if n not in out],
+        lines=[line for n, line in enumerate(table.lines) if n not in out],
+        doubts=(
+            *table.doubts,
+            f"{len(out)} scan(s) left out, from line(s) {lines}: a line left out is of these",
+        ),
+    )

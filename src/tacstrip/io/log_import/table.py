@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from tacstrip.errors import ReadingError
-from tacstrip.io.log_import.fields import is_prose, is_value, number_of, says_nothing, ungrouped
+from tacstrip.io.log_import.fields import is_prose, is_sentence, is_value, number_of, says_nothing, ungrouped
 from tacstrip.io.log_import.names import READING_UNITS, UNITS, meaning, meanings
 
 CLOCK = "time stamp"  # the column of what a serial monitor or a logger puts before each line
@@ -29,6 +29,7 @@ _SAID = (
     (r"(?:\w+[_ ]?)?(?:fs|rate|freq|frequency|hz|sps)", "Hz"), (r"dt|interval|period|t_?s(?:ample)?", "s"),
     (r"(?:adc[_ ]?)?(?:bits|resolution(?:[_ ]bits)?)", "bits"), (r"v_?ref|aref|vcc|vdd", "V"),
 )  # fmt: skip
+_LONG = 40  # characters of a line that are quoted
 _FEW = 2  # fields that may look like units by chance
 
 
@@ -70,6 +71,8 @@ class Table:
         Why the log is none with its stray lines.
     doubts
         What of it may be meant otherwise than it is read.
+    varied
+        Whether records name other strips from one to the next, as where they name only touched ones.
     """
 
     names: tuple[str, ...]
@@ -86,6 +89,7 @@ class Table:
     retries: Callable[[], Iterator[Table]] = field(default=lambda: iter(()), repr=False, compare=False)
     refused: ReadingError | None = None
     doubts: tuple[str, ...] = ()
+    varied: bool = False
 
     def column(self, name: str) -> list[str]:
         """Return the fields of a column."""
@@ -237,8 +241,13 @@ def headed(
     broken = tuple(
         i for i, row in below
         if len(row) != width and re.search(r"\d", "".join(row)) and not is_prose(" ".join(row), told_names)
+        and not (i > rows[-1][0] and is_sentence(" ".join(row)))
     )  # fmt: skip
     words = sum(len(row) != width for _, row in below) - len(broken)
+    numbers = [
+        f"{i} ({' '.join(row)[:_LONG]!r})" for i, row in split[: max(first - len(above), 0)]
+        if len(row) > 1 and all(is_value(c, decimal) for c in row)
+    ]  # fmt: skip
     if not rows:
         raise ReadingError("the log has no line of readings" + (", only names" if above else ""))
     names = _names(above, width)
@@ -253,7 +262,10 @@ def headed(
         names = [x for n, x in enumerate(names) if n not in again_at]
         rows = [(i, [c for n, c in enumerate(row) if n not in again_at]) for i, row in rows]
     told = [
-        f"{first - len(above)} line(s) above the table passed over" if first > len(above) > 0 else "",
+        f"{first - len(above)} line(s) above the table passed over"
+        + (f", with numbers: line(s) {', '.join(numbers)}" if numbers else "")
+        if first > len(above) > 0
+        else "",
         f"{words} line(s) without a reading passed over" if words else "",
         f"line {min(again)}: the names again; passed over" if again else "",
         f"line(s) {', '.join(map(str, sums))}: {', '.join(dict.fromkeys(sums.values()))}; passed over"

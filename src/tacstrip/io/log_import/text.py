@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import bisect
 import csv
+import itertools
 import re
 from collections import Counter
 from collections.abc import Callable
@@ -13,10 +14,11 @@ from pathlib import Path
 import numpy as np
 
 from tacstrip.errors import ReadingError
+from tacstrip.io.log_import.delimiters import of_sent, of_slashes, without_ends, without_tag
 from tacstrip.io.log_import.dialects import of_dialect, plain_rows
 from tacstrip.io.log_import.fields import STAMP, is_value, number_of, says_nothing
 from tacstrip.io.log_import.literals import one_page, unwrapped
-from tacstrip.io.log_import.names import meaning, pair_of
+from tacstrip.io.log_import.names import meaning, meanings, pair_of
 from tacstrip.io.log_import.records import STEADY, Item, is_label, items, named_values, of_literals
 from tacstrip.io.log_import.sections import in_one_table
 from tacstrip.io.log_import.shape import in_normal_form
@@ -33,7 +35,9 @@ _STAMPED = re.compile(
     rf"\s*\[?{_DAY_NAMED}(?P<stamp>{STAMP})(?: \d{{4}}(?=\]))?\]?"
     r"(?!\s*[AaPp]\.?[Mm]\b)\s*(?:->|=>|>|\||:|\t|\s)\s*(?=\S)"
 )
-_LEVEL = re.compile(r"[\[(]?(?:TRACE|DEBUG|INFO|WARN|WARNING|ERROR)[\])]?[\s:|-]\s*")
+_LEVEL = re.compile(
+    r"[\[(]?(?:TRACE|DEBUG|DBG|VERBOSE|INFO|INF|NOTICE|LOG|WARN|WARNING|WRN|ERROR|ERR|FATAL|CRITICAL)[\])]?[\s:|-]\s*"
+)
 _ARRAY = re.compile(r"(?<![\"\w])\[[\d\s.,;eE+\-naNuloNe]*\](?!\")")
 _BRACKETED = re.compile(r"\s*[\[({](.*)[\])}]\s*[,;]?\s*")  # a line such as "(20, [1, 2])"
 _PREFIX = re.compile(r"\s*(?:[A-Za-z]+:|-)\s+(?=[-+.\d])")  # such as "RX: " before the fields of each line
@@ -43,6 +47,9 @@ _PAIRED = re.compile(rf"(?<![\w./:(-])\(?({_VALUE})\s?(?:/|,\s?(?=[^()]*\))|:)\s
 _TOPIC = re.compile(r"([A-Za-z][\w.-]*(?:/[\w.-]+)+)\s+(\S+)")
 # Such as "[001200] " or "I (1200) ".
 _COUNTED = re.compile(r"\s*(?:[A-Z]\s)?[\[(]\s*(?P<stamp>\d+(?:\.\d+)?)\s*[\])]:?\s*(?=\S)")
+_ESP_IDF = re.compile(
+    r"(?m)^[EWIDV] \(\d+\) [\w.-]+: "
+)  # of which the manual says that it counts milliseconds
 _REMARK = re.compile(r"(?<=[\d\w,;])\s+(?:#|//)\s+\S.*")  # behind the fields of a line
 _SHELL = re.compile(
     r"\s*(?:>>> (?!\s*[-+\d.]).*|\[\d+ rows x \d+ columns\]\s*|\(?\d+ rows?(?: in set.*|\)\s*))"
@@ -108,7 +115,7 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
     text, messages = without_messages(
         _COLOUR.sub("", plain_rows(without(text, strays).translate(_HALF_WIDTH)))
     )
-    text = _of_two_lines(text)
+    text = _of_two_lines(of_sent(text))
     if (table := of_literals(text, path) or of_dialect(text, str(path))) is not None:
         return in_normal_form(table)
     # The empty lines in between tell where blocks begin.
@@ -119,15 +126,20 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
     if not lines:
         raise ReadingError(f"{path}: the file is empty")
     lines, stamps = _without_stamps(lines)
+    lines, doubts = without_ends(without_tag(lines) if stamps else lines)
     levels = [bool(_LEVEL.match(line)) for _, line in lines]
     if 0 < sum(levels) < 0.5 * len(levels):  # messages between the readings
         usual = next(line for (_, line), level in zip(lines[::-1], levels[::-1], strict=True) if not level)
+        every_line = lines
         bare = [(i, line[m.end() :] if (m := _LEVEL.match(line)) else line) for i, line in lines]
         lines = [
             (i, line)
             for (i, line), level in zip(bare, levels, strict=True)
             if not level or len(re.split(_BETWEEN, line)) == len(re.split(_BETWEEN, usual)) > 2
         ]
+        kept = {i for i, _ in lines}
+        out = ", ".join(str(i) for i, _ in every_line if i not in kept)
+        messages = "; ".join(filter(None, [messages, f"line(s) {out}: messages, passed over" if out else ""]))
     if sum(bool(_CHECKED.search(line)) for _, line in lines) > STEADY * len(lines):
         lines = [(i, _CHECKED.sub("", line)) for i, line in lines]
     heads = Counter(m.group() if (m := _PREFIX.match(line)) else "" for _, line in lines)
@@ -142,7 +154,7 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
         lines = [(i, _BRACKETED.sub(r"\1", line)) for i, line in lines]
     if sum(line.lstrip().startswith("#") for _, line in lines) > STEADY * len(lines):  # it numbers them
         lines = [(i, line.lstrip("# \t")) for i, line in lines]
-    lines = in_one_table(_in_pairs(_of_topics(lines)))
+    lines = in_one_table(_in_pairs(of_slashes(_of_topics(lines))))
     table = named_values([(i, line) for i, line in lines if not line.lstrip().startswith(_COMMENT)])
     if table is None:
         blank = {i for i, line in every if not line.strip() or _RULE.fullmatch(line)}
@@ -153,13 +165,17 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
         if lacks:
             raise ReadingError(f"{path}: line {lacks[0]} has no time of day before it, and most have")
         name = "time before each line" if number_of(stamps[table.lines[0]]) is not None else CLOCK
+        name += " [ms]" if name != CLOCK and len(_ESP_IDF.findall(text)) > STEADY * len(stamps) else ""
         said = (
             f"each line begins with a time, such as {stamps[table.lines[0]]}, as a serial monitor puts there"
         )
         rows = [[stamps[i], *row] for i, row in zip(table.lines, table.rows, strict=True)]
         table = replace(table, names=(name, *table.names), rows=rows, remarks=(said, *table.remarks))
-    if messages:
-        table = replace(table, remarks=(messages, *table.remarks))
+    table = replace(
+        table,
+        remarks=(*([messages] if messages else []), *table.remarks),
+        doubts=(*table.doubts, *doubts),
+    )
     return in_normal_form(table)
 
 
@@ -272,6 +288,17 @@ def _separated(lines: list[tuple[int, str]], blank: set[int], path: str | Path) 
         ]
     split = [(i, _fields(line, separator)) for i, line in data]
     split = [(i, row[:-1] if len(row) == width + 1 and not row[-1] else row) for i, row in split]
+    marks = [
+        n
+        for n in range(width)
+        if all(re.fullmatch(r"[/|:&]", row[n]) for _, row in split[1:] if len(row) == width)
+    ]
+    if 0 < len(marks) < width and sum(len(row) == width for _, row in split) > 1:  # between fields, and none
+        split = [
+            (i, [c for n, c in enumerate(row) if n not in marks] if len(row) == width else row)
+            for i, row in split
+        ]
+        width -= len(marks)
     split, width, trimmed = _untrimmed(split, width)
     split = _in_decimals(_below_an_index(split, width), width)
     line, top = split[0]
@@ -520,6 +547,10 @@ def _in_blocks(table: Table, labels: dict[int, list[Item]], blank: set[int]) -> 
             )
         rows = [[*column, *row] for column, row in zip(columns, rows, strict=True)]
         names = (*keys, *names)
+    if not labels and _scans_of(table, blocks):
+        told = f"{len(sizes)} blocks between empty lines: a scan each"
+        rows = [[str(block), *row] for block, row in zip(blocks, rows, strict=True)]
+        return replace(table, names=("scan", *names), rows=rows, remarks=(*table.remarks, told))
     if len(sizes) >= _FEW_BLOCKS and len(set(sizes.values())) == 1 and sizes[blocks[0]] > 1:
         places = [n % sizes[blocks[0]] for n in range(len(blocks))]
         rows = [[*row, str(place)] for row, place in zip(rows, places, strict=True)]
@@ -528,3 +559,17 @@ def _in_blocks(table: Table, labels: dict[int, list[Item]], blank: set[int]) -> 
         return table
     told = f"{len(sizes)} blocks" + (f", each below its {' and '.join(keys)}" if labels else "")
     return replace(table, names=names, rows=rows, remarks=(*table.remarks, told))
+
+
+def _scans_of(table: Table, blocks: list[int]) -> bool:
+    """Return whether blocks between empty lines are scans of strips: none comes twice in one, and most come again."""
+    said = meanings(table.names)
+    strips = [n for n, m in said.items() if m.role == "strip"]
+    roles = {m.role for m in said.values()}
+    if len(strips) != 1 or roles & {"time", "scan", "which"} or len(set(blocks)) < _FEW_BLOCKS:
+        return False
+    there: dict[int, list[str]] = {}
+    for block, strip in zip(blocks, table.column(strips[0]), strict=True):
+        there.setdefault(block, []).append(strip)
+    again = [bool({*a} & {*b}) for a, b in itertools.pairwise(there.values())]
+    return all(len({*s}) == len(s) for s in there.values()) and 2 * sum(again) > len(again)
