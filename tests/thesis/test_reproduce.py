@@ -9,11 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
 from tacstrip.data.published import METRICS, experiments, rows
-from tacstrip.plot.theme import save
+from tacstrip.plot.theme import save, themed
 from tacstrip.thesis.chapter5.claims import judge_claims
 from tacstrip.thesis.chapter5.tables import run_cell, summarise
 from tacstrip.thesis.chapter6.claims import judge_chapter6, most_upright_deg
@@ -30,15 +31,20 @@ LOOKED_AT = ("2_03", "3_07", "4_09", "5_02", "5_05", "6_01", "6_05", "6_30")
 
 
 def _sketch(drawn: Figure, file: Path) -> Path:
-    """Check a figure's axes and write it, all but those of `LOOKED_AT` as a point: printing all takes a minute."""
+    """Check a figure's axes and write it, all but those of `LOOKED_AT` small, not laid out and without ticks."""
     assert drawn.axes
     # Not all of chapter 6 have names.
     named = all(axes.get_xlabel() and axes.get_ylabel() for axes in drawn.axes)
     assert named or "_6_" in file.name, f"{file.name}: an axis without a name"
-    assert any(axes.has_data() for axes in drawn.axes), f"{file.name}: empty"
     if file.stem.endswith(LOOKED_AT):
         return save(drawn, file)
-    Image.new("L", (1, 1)).save(file)
+    drawn.set_dpi(40)
+    drawn.set_layout_engine("none")
+    for axes in drawn.axes:
+        axes.xaxis.set_visible(False)
+        axes.yaxis.set_visible(False)
+    with themed():
+        FigureCanvasAgg(drawn).print_png(file)  # type: ignore[no-untyped-call]
     return file
 
 
@@ -100,10 +106,9 @@ def test_report_shows_every_figure_and_table(made: tuple[Path, dict[str, Any]]) 
         assert f'id="figure-5.{number}"' in page
     pictures = sorted((out / "figures").iterdir())
     assert len(pictures) == 112
+    assert min(_levels(picture) for picture in pictures) > 50
     for number in LOOKED_AT:
-        picture = out / "figures" / f"figure_{number}.png"
-        assert _levels(picture) > 50
-        assert picture.stat().st_size > 10_000
+        assert (out / "figures" / f"figure_{number}.png").stat().st_size > 10_000
     for figure in ["2.3", "2.4", "3.3", "3.4", "3.7", "3.10", *(f"4.{n}" for n in range(1, 11))]:
         assert f'id="figure-{figure}"' in page
     for table in range(2, 15):
