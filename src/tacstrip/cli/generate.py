@@ -13,7 +13,7 @@ from rich.progress import Progress
 
 from tacstrip.cli import options, warn
 from tacstrip.dataset.batches import simulate_many
-from tacstrip.dataset.generation import DataSet, generate, parts_there
+from tacstrip.dataset.generation import DataSet, generate, parts_there, resolved
 
 _SOME, _MORE, _LOOK_S = (
     500,
@@ -74,7 +74,6 @@ def _look(data: DataSet) -> None:
             "size_mm larger, or the pitch finer"
         )
     if each_s * data.shapes.n > _LONG_S:
-        resolved = data.sensor.strip_width_mm is not None and data.model != "closed"
         wide = '; strips of strip_width_mm are resolved one by one: model = "closed" in [dataset] takes their edges'
-        why = wide if resolved else ""
+        why = wide if data.sensor.strip_width_mm is not None and resolved(data.sensor, data.model) else ""
         warn(f"this takes some {each_s * data.shapes.n / 60.0:.0f} minutes on one core{why}")

@@ -109,7 +109,7 @@ class DataSet:
             if model not in (None, "closed", "network"):
                 raise OptionError(one_of("model", model, ("closed", "network")))
             row = (5 + len(sensor.signatures)) * sensor.strips * (4 if dtype == "float32" else 8)
-            most = _RESOLVED if _resolved(sensor, model) else _PART_BYTES
+            most = _RESOLVED if resolved(sensor, model) else _PART_BYTES
             part = given.get("part_scans", max(min(_PART_BYTES // row, most), 1))
             if not isinstance(part, int) or isinstance(part, bool) or part < 1:
                 raise OptionError(f"part_scans = {part!r}: must be a whole number, 1 or more")
@@ -148,7 +148,7 @@ class DataSet:
     def blocks(self, part: Part) -> Iterator[Scans]:
         """Make a part's scans with their labels, some whole scenes at a time."""
         frames, begin, end = self.shapes.frames, part.first, part.first + part.scans
-        scenes = -(-(_RESOLVED_BLOCK if _resolved(self.sensor, self.model) else _BLOCK) // frames)
+        scenes = -(-(_RESOLVED_BLOCK if resolved(self.sensor, self.model) else _BLOCK) // frames)
         while begin < end:
             stop = min((begin // frames + scenes) * frames, end)
             yield self._simulate(begin, stop - begin)
@@ -283,9 +283,10 @@ def _in_threads(
             raise
 
 
-def _resolved(sensor: Sensor, model: str | None) -> bool:
-    """Whether scans are resolved one by one."""
-    return model == "network" or (model is None and sensor.strip_width_mm is not None)
+def resolved(sensor: Sensor, model: str | None) -> bool:
+    """Whether scans are resolved one by one: by a network, or as no closed form covers them."""
+    wide = model is None and sensor.strip_width_mm is not None
+    return model == "network" or wide or not sensor.kind.closed_form
 
 
 def _begin(out: Path, card: dict[str, Any]) -> bool:

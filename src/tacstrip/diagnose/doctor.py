@@ -41,6 +41,7 @@ _TESTS: tuple[Callable[[WorkingCopy], Iterable[Suspect]], ...] = (
 _EVEN, _LOST = 0.7, 0.01  # of the scans: that follow evenly, where so many may be missing without a word
 _TIMED = 256  # parts of a recording in which a resting contact is looked at for drift
 _FEWEST = 20  # places that determine an offset
+_EMPTY = 3  # scans of the strip's other channel that make an empty one a dead one
 _AT = 0.003  # over Vref: readings this near to a ceiling are not used
 _AT_EDGE = 0.3  # weight of a fault where neighbours stand on one side only
 _WORST = {"broken": 0, "degraded": 1, "note": 2}
@@ -89,9 +90,8 @@ def diagnose(log: Log) -> Report:
         beyond = [c.numbers["side"] * (values - c.numbers["level"]) > -_AT for c in ceiling]
         out = np.any([np.zeros(values.shape, bool), *beyond], axis=0)
         work.k[name] = np.where(out, np.nan, values / factor)
-    at_rest = bool(
-        rest_hint(log.sensor, _touched_readings(part))
-    )  # strips that nothing touches count as touched
+    # Strips that nothing touches count as touched:
+    at_rest = bool(rest_hint(log.sensor, _touched_readings(part)))
     loose, doubted = intermittent(work) if geometric and not pressed and not at_rest else ([], [])
     rows = places(work)
     tests = () if pressed else _TESTS if geometric else (never_touched, swapped_wires)
@@ -179,7 +179,7 @@ def _silent_channels(log: Log) -> Iterator[Finding]:
         if name not in log.raw or other not in log.raw or not np.isfinite(log.raw[name]).any():
             continue  # of one signature alone
         read = np.isfinite(log.raw[other]).sum(axis=0)
-        mute = ~np.isfinite(log.raw[name]).any(axis=0) & (read >= _FEWEST)
+        mute = ~np.isfinite(log.raw[name]).any(axis=0) & (read >= _EMPTY)
         for strip in np.flatnonzero(mute & ~out.get(name, np.zeros_like(mute))).tolist():
             evidence = f"empty in all {int(read[strip])} scans in which the strip's other channel reads"
             yield Finding("dead", (strip,), evidence, {"scans": float(read[strip])}, name)
