@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import tacstrip as ts
+from tacstrip.io.log_import.delimiters import without_ends
 from tacstrip.io.log_import.guess import Proposal, propose
 from tacstrip.io.log_import.questions import Unanswered
 from tacstrip.io.log_import.text import of_text
@@ -126,3 +127,21 @@ def test_messages_and_a_sentence_are_passed_over_and_a_cut_first_line_is_named()
     reasons = read("\n".join(text), untouched="0.7").reasons
     assert any("line(s) 1 ('0.7 0.1 0.7')" in reason for reason in reasons)
     assert any("5, 9" in reason and "messages" in reason for reason in reasons)
+
+
+def test_a_scan_that_is_not_ended_is_doubted() -> None:
+    lines = [
+        (1, "scan 0 begin"),
+        (2, "h=5"),
+        (3, "scan 0 end"),
+        (4, "scan 1 begin"),
+        (5, "h=6"),
+        (6, "scan 1 end"),
+    ]
+    assert without_ends(lines)[1] == []
+    for cut in (
+        lines[:-1] + [(7, "scan 2 begin"), (8, "h=7"), (9, "scan 2 end")],
+        [*lines, (7, "scan 2 begin")],
+    ):
+        (doubt,) = without_ends(cut)[1]
+        assert doubt.endswith("has no line that ends it, as others have: is the log cut there?")

@@ -19,6 +19,7 @@ _BEGIN = re.compile(
     r"\W*(?:(?:begin|start) (?:of )?)?(scan|frame|sweep|cycle)\W*(\d+)\W*(?:begin|begins|start|starts|started)?\W*",
     re.IGNORECASE,
 )
+_NO_END = "scan {} has no line that ends it, as others have: is the log cut there?"
 _COUNT = re.compile(r"\b(\d+)\s+(?:\w+ )?(?:strips?|lines?|readings?|touched)\b", re.IGNORECASE)
 _TAG = re.compile(r"([A-Za-z][\w.-]*): (?=\S)")
 _TOPIC = re.compile(
@@ -62,11 +63,12 @@ def without_ends(lines: Lines) -> tuple[Lines, list[str]]:
                 doubts.append(f"line {i} says {told[0]}, and its scan has {many} line(s): is one lost?")
             start, open_ = len(made), ""
         elif begin := _BEGIN.fullmatch(line):
+            doubts += [_NO_END.format(open_)] if open_ else []
             start, open_ = len(made), begin[2]
             made.append((i, f"{begin[1]} {begin[2]}"))
         else:
             made.append((i, line))
-    return made, doubts
+    return made, [*doubts, *([_NO_END.format(open_)] if open_ else [])]
 
 
 def without_tag(lines: Lines) -> Lines:
