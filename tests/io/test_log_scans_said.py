@@ -140,7 +140,7 @@ def test_a_scan_that_is_not_ended_is_doubted() -> None:
     ]
     assert without_ends(lines)[1] == []
     for cut in (
-        lines[:-1] + [(7, "scan 2 begin"), (8, "h=7"), (9, "scan 2 end")],
+        [*lines[:-1], (7, "scan 2 begin"), (8, "h=7"), (9, "scan 2 end")],
         [*lines, (7, "scan 2 begin")],
     ):
         (doubt,) = without_ends(cut)[1]
