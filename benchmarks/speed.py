@@ -66,25 +66,28 @@ def in_turns(jobs: dict[str, Job], budget_s: float) -> dict[str, float]:
     return {name: min(times) for name, times in took.items()}
 
 
-def batches(scans: int) -> Contest:
-    """Simulate labelled scans of 100 strips, one thread, against NumPy and JAX."""
+def batches(scans: int) -> list[Contest]:
+    """Simulate labelled scans of 100 strips: one thread against NumPy, all cores against JAX, which takes them."""
     sensor = ts.Sensor(construction="crs-crs", strips=100, pitch_mm=10.0, length_mm=1000.0, adc_bits=12)
     shapes, some = ts.Shapes(n=scans), max(scans // 20, 100)
 
-    def ours() -> ts.Scans:
-        return ts.simulate_many(sensor, shapes, NOISE, rng=1, dtype="float32", workers=1)
+    def ours(workers: int) -> ts.Scans:
+        return ts.simulate_many(sensor, shapes, NOISE, rng=1, dtype="float32", workers=workers)
 
-    result = ours()
+    result = ours(1)
     assert result.labels is not None
     arrays = [result["kh"], result["kl"], result.l, result.u, *vars(result.labels).values()]
-    others: dict[str, tuple[Job | None, int]] = {
-        "NumPy, vectorised": (peers.numpy_batch(sensor, shapes, POSITIONAL, some), some),
-        "JAX, compiled, one device": (peers.jax_batch(sensor, POSITIONAL, scans), scans),
-    }
     copy = ("copy of the result", lambda: [np.array(a) for a in arrays])
-    return Contest(
-        "`simulate_many`, 100 strips, errors and labels, float32", "scan", scans, ours, others, copy
-    )
+    cores = os.cpu_count() or 1
+    rivals: list[tuple[int, str, tuple[Job | None, int]]] = [
+        (1, "NumPy, vectorised", (peers.numpy_batch(sensor, shapes, POSITIONAL, some), some)),
+        (cores, "JAX, compiled, one device", (peers.jax_batch(sensor, POSITIONAL, scans), scans)),
+    ]
+    name = "`simulate_many`, 100 strips, errors and labels, float32"
+    return [
+        Contest(f"{name}, threads: {threads}", "scan", scans, partial(ours, threads), {peer: job}, copy)
+        for threads, peer, job in rivals
+    ]
 
 
 def footprints() -> Contest:
@@ -170,7 +173,7 @@ def sheets() -> Contest:
 
 def contests(quick: bool, folder: Path) -> list[Contest]:
     """Return all of them."""
-    return [batches(4000 if quick else 20_000), footprints(), fits(), ladders(folder), sheets()]
+    return [*batches(4000 if quick else 20_000), footprints(), fits(), ladders(folder), sheets()]
 
 
 def table(quick: bool) -> list[str]:

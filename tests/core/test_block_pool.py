@@ -47,6 +47,17 @@ def test_blocks_that_are_kept_have_a_limit_and_are_not_far_too_large() -> None:
     assert not any(np.shares_memory(small, block) for block in block_pool._free.values())
 
 
+def test_a_large_block_long_unused_makes_room_for_smaller_ones() -> None:
+    large = empty_arrays({"a": ((block_pool._KEPT - 2**22,), np.uint8)})
+    del large
+    gc.collect()
+    place = empty_arrays(SHAPES)["a"].ctypes.data  # given back at once
+    gc.collect()
+    between = np.empty(2**23, np.uint8)  # takes the memory, if it went back to the system
+    assert empty_arrays(SHAPES)["a"].ctypes.data == place
+    del between
+
+
 def test_results_of_a_batch_outlive_the_next_ones() -> None:
     sensor = ts.Sensor(construction="crs-crs", strips=100, pitch_mm=1.0, length_mm=100.0)
     shapes = ts.Shapes(n=3000)

@@ -33,8 +33,14 @@ class _Lease:
         self.__array_interface__ = block.__array_interface__
 
     def __del__(self, free: dict[int, Block] = _free) -> None:
-        if sum(block.nbytes for block in list(free.values())) + self.block.nbytes <= _KEPT:
-            free[id(self.block)] = self.block
+        if self.block.nbytes > _KEPT:
+            return
+        # The longest unused make room: else one large batch would leave none for all smaller ones after it.
+        for other in list(free):
+            if sum(block.nbytes for block in list(free.values())) + self.block.nbytes <= _KEPT:
+                break
+            free.pop(other, None)
+        free[id(self.block)] = self.block
 
 
 def empty_arrays(
