@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from docs_site import transcript
 
 import tacstrip as ts
 from tacstrip.cli import VERBS
@@ -116,6 +117,25 @@ def _snippet(page: str) -> str:
         r"```python\n(.*?)```", (ROOT / "docs" / page).read_text(encoding="utf-8"), re.DOTALL
     )
     return str(code)
+
+
+def test_the_short_answers_run_one_after_the_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    text, names = (ROOT / "docs" / "start" / "how-do-i.md").read_text(encoding="utf-8"), dict[str, Any]()
+    for kind, block in re.findall(r"```(\{transcript\}|python)\n(.*?)```", text, re.DOTALL):
+        if kind == "python":
+            exec(compile(block, "how-do-i.md", "exec"), names)
+        elif block.startswith(":file: "):
+            name, _, rest = block.removeprefix(":file: ").partition("\n")
+            Path(name).write_text(rest, encoding="utf-8")
+        else:
+            for line in re.findall(r"^\$ (.*)$", block, re.MULTILINE):
+                code, said = transcript.run(line, tmp_path)
+                assert code == 0, said
+    assert names["found"].status == names["solid"].status == "ok"
+    assert abs(names["solid"].radius_mm - 6.0) < 3.0 * names["solid"].radius_sigma_mm
+    for picture in ("shapes.png", "tracks.png", "press.png"):
+        assert Path(picture).stat().st_size > 10_000
 
 
 def test_the_doctors_snippet_runs(
