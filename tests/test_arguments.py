@@ -53,6 +53,10 @@ MISTAKES: dict[str, tuple[Callable[[], object], str]] = {
         lambda: A.fit_polygon(S, K),
         r"fit_polygon: scan and sensor are exchanged; write fit_polygon\(scan, sensor, noise, \.\.\.\)",
     ),
+    "the file last": (
+        lambda: A.write_readings(S, [], "r.csv"),
+        r"write_readings\(path, sensor, scans, \.\.\.\)",
+    ),
     "contact first": (lambda: A.simulate(C, S), r"simulate: sensor and contact are exchanged; write simulate\(sensor"),
     "contacts first": (lambda: A.footprint(C, S), r"sensor and contact are exchanged"),
     "sensor before the file": (lambda: A.read_readings(S, "r.csv"), r"sensor and path are exchanged"),

@@ -56,7 +56,8 @@ def takes(**kinds: Kind) -> Callable[[Callable[_P, _T]], Callable[_P, _T]]:
                 if value is call or _fits(value, kind) or (value is None and name in optional):
                     continue
                 given = dict(zip(places, args, strict=False)) | kwargs
-                raise ArgumentError(_explanation(function.__qualname__, places, name, kind, given, kinds))
+                needed = [n for n in places if n in kinds or parameters[n].default is inspect.Parameter.empty]
+                raise ArgumentError(_explanation(function.__qualname__, needed, name, kind, given, kinds))
             return function(*args, **kwargs)
 
         return call
@@ -83,7 +84,7 @@ def _fits(value: object, kind: Kind) -> bool:
 
 
 def _explanation(
-    function: str, places: Sequence[str], name: str, kind: Kind, given: Mapping[str, Any],
+    function: str, needed: Sequence[str], name: str, kind: Kind, given: Mapping[str, Any],
     kinds: Mapping[str, Kind],
 ) -> str:  # fmt: skip
     function = function.removesuffix(".__init__")
@@ -91,7 +92,7 @@ def _explanation(
     many = isinstance(kind, tuple) and len(kind) == 1
     for other in given:
         if other != name and _fits(given[other], kind) and (other not in kinds or _fits(value, kinds[other])):
-            order = ", ".join(p for p in places if p != "self" and (p in kinds or p == other))
+            order = ", ".join(n for n in needed if n != "self")
             return f"{function}: {name} and {other} are exchanged; write {function}({order}, ...)"
     wanted = f"a list of {one.__name__}s" if many else _with_article(one.__name__)
     return f"{function}: {name} is {_shown(value)}, not {wanted}; write {_instead(value, one, many)}"
