@@ -15,11 +15,8 @@ from tacstrip.cli import options, warn
 from tacstrip.dataset.batches import simulate_many
 from tacstrip.dataset.generation import DataSet, generate, parts_there, resolved
 
-_SOME, _MORE, _LOOK_S = (
-    500,
-    5,
-    2.0,
-)  # scans that are looked at first, from one on ever more, in so long at most
+# Scans that are looked at first, from one on ever more, in so long at most.
+_SOME, _MORE, _LOOK_S = 500, 5, 2.0
 _MUCH, _LONG_S = 0.01, 60.0  # share of scans that no strip feels, and time, that are worth a word
 
 

@@ -394,9 +394,8 @@ def collect(study: Sweep, out: Path) -> dict[str, list[Any]] | None:
     tables = []
     for batch in plan:
         table = pq.ParquetFile(_file(out, batch.name)).read()
-        numbers = pa.array(
-            range(batch.first, batch.first + batch.designs), pa.int64()
-        )  # as they are counted here
+        # As they are counted here.
+        numbers = pa.array(range(batch.first, batch.first + batch.designs), pa.int64())
         tables.append(table.set_column(0, "design", numbers).cast(schema))
     with replacing(out / "results.parquet") as new:
         pq.write_table(pa.concat_tables(tables), new)
@@ -418,9 +417,8 @@ def pareto(results: Mapping[str, Sequence[Any]], error: str) -> list[int]:
     )
     able = np.flatnonzero(np.isfinite(goals).all(axis=0))
     front: list[int] = []
-    for i in able[
-        np.lexsort(goals[:, able][::-1])
-    ]:  # by error first: later ones never beat earlier ones in it
+    # By error first: later ones never beat earlier ones in it.
+    for i in able[np.lexsort(goals[:, able][::-1])]:
         kept = goals[:, front]
         if not ((kept <= goals[:, [i]]).all(axis=0) & (kept < goals[:, [i]]).any(axis=0)).any():
             front.append(int(i))

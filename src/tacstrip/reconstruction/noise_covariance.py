@@ -169,9 +169,8 @@ def reading_covariance(
     """
     count = len(names) * len(x_mm)
     found = np.full((count, count), common_variance(noise, averaging))
-    found[np.diag_indices(count)] += (
-        own_variance(noise, sensor, averaging) + FLOOR**2
-    )  # shared alone it is singular
+    # Shared alone it is singular.
+    found[np.diag_indices(count)] += own_variance(noise, sensor, averaging) + FLOOR**2
     if not (noise.soft or noise.gain):
         return found
     if noise.soft:

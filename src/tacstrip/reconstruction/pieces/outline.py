@@ -55,9 +55,8 @@ class _Arc:
     points: FloatArray
     covariance: FloatArray
     exact: tuple[bool, bool]  # whether the piece begins, or ends, with its first and its last point
-    onward: tuple[
-        FloatArray, FloatArray
-    ]  # directions in which the outline goes on before the first, after the last
+    # Directions in which the outline goes on before the first, after the last.
+    onward: tuple[FloatArray, FloatArray]
 
 
 def shown_hull(parts: Sequence[Part], read: Read) -> FloatArray:

@@ -77,9 +77,8 @@ class RunPieces:
 
         The pieces of an inward corner touch there, and those of an overhang where both come from.
         """
-        return (
-            self.count > 1 and self.cover.gap_mm(self.read.x, self.pitch) >= self.gap
-        )  # the first is the widest
+        # The first is the widest.
+        return self.count > 1 and self.cover.gap_mm(self.read.x, self.pitch) >= self.gap
 
 
 def noise_level(k: FloatArray, sensor: Sensor) -> float:

@@ -329,9 +329,8 @@ def should_merge(left: RunFit, right: RunFit, joint: RunFit) -> bool:
         return False
     variance = max(left.sigma, right.sigma) ** 2
     n = joint.problem.readings
-    gain = per_vertex_penalty(n) * (
-        left.complexity + right.complexity + 2 - joint.complexity
-    )  # two ends become none
+    # Two ends become none.
+    gain = per_vertex_penalty(n) * (left.complexity + right.complexity + 2 - joint.complexity)
     return (joint.squares - left.squares - right.squares) / variance < gain
 
 

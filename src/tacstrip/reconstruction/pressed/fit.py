@@ -200,10 +200,8 @@ def fit_solid(
         better, its = refined(poses, draws.best[None])
         if its[0] > costs[0] - _RIVAL:
             break
-        ends, costs = (
-            np.concatenate([better, ends]),
-            np.concatenate([its, costs]),
-        )  # that no descent had found
+        # That no descent had found.
+        ends, costs = np.concatenate([better, ends]), np.concatenate([its, costs])
     mean = draws.mean
     cost = float(np.square(poses.residuals(mean[None])).sum())
     values = mean if cost - costs[0] <= _MEAN * len(mean) * scale else ends[0]
@@ -277,9 +275,8 @@ class _Scatter:
 
 def _quantiles(draws: FloatArray, share: float | tuple[float, ...]) -> FloatArray:
     """Return what another draw is below with these shares."""
-    with np.errstate(
-        invalid="ignore"
-    ):  # where a mesh sinks in deeper than the skin is thick, its force is inf
+    # Where a mesh sinks in deeper than the skin is thick, its force is inf.
+    with np.errstate(invalid="ignore"):
         return np.asarray(np.quantile(draws, share, method="weibull"))
 
 

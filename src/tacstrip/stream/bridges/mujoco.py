@@ -27,15 +27,8 @@ from tacstrip.simulation import readings
 from tacstrip.surface.skin import Skin, skin_of
 
 _MM = 1000.0  # per metre
-_KINDS = {
-    0: "plane",
-    2: "sphere",
-    3: "capsule",
-    4: "ellipsoid",
-    5: "cylinder",
-    6: "box",
-    7: "mesh",
-}  # mjtGeom
+# MuJoCo's mjtGeom.
+_KINDS = {0: "plane", 2: "sphere", 3: "capsule", 4: "ellipsoid", 5: "cylinder", 6: "box", 7: "mesh"}
 _SEGMENTS = 64  # round a cylinder or capsule that is a mesh
 _GRID = 33  # of the skin's extent
 _MARGIN_MM = 0.5  # beside the skin, within which an end is no longer far

@@ -215,10 +215,8 @@ def with_shapes(scans: Iterable[RawScan], sensor: AnySensor, method: str) -> Ite
     OptionError, SignatureError
         At the first scan: the method does not exist, or does not suit this sensor.
     """
-    from tacstrip.reconstruction.methods import (  # late: recordings are made and read without it
-        quick_options,
-        reconstruct,
-    )
+    # Late: recordings are made and read without it.
+    from tacstrip.reconstruction.methods import quick_options, reconstruct
 
     for raw in scans:
         found = reconstruct(decode(raw, sensor), sensor, method=method, **quick_options(method)).objects

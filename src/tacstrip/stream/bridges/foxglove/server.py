@@ -112,9 +112,8 @@ class FoxgloveServer(HttpServer):
         self._max_waiting = max_waiting
         self._session = str(time.time_ns())
         self._lock = threading.Lock()
-        self._viewers: frozenset[_Viewer] = (
-            frozenset()
-        )  # never changed, only replaced: other threads go through it
+        # Never changed, only replaced: other threads go through it.
+        self._viewers: frozenset[_Viewer] = frozenset()
         self.dropped = 0
         super().__init__(host, port, "Foxglove", ("--foxglove PORT", "--foxglove-host"))
 
