@@ -18,8 +18,8 @@ from tacstrip.diagnose.log import Log
 
 @click.command()
 @click.argument("file", type=options.FILE)
-@click.option("--sensor", metavar="SENSOR", help="Spec file or shipped spec; a recording holds its own.")
-@click.option("--json", "as_json", is_flag=True, help="Print the report as JSON.")
+@options.option("--sensor", metavar="SENSOR", help="Spec file or shipped spec; a recording holds its own.")
+@options.flag("--json", "as_json", help="Print the report as JSON.")
 @options.plot("Picture of every strip's health (.png, .svg, .pdf).")
 def command(file: Path, sensor: str | None, as_json: bool, plot: Path | None) -> None:
     """Say what is wrong with the hardware that made FILE: readings (CSV) or a recording (.mcap).

@@ -22,8 +22,8 @@ _MUCH, _LONG_S = 0.01, 60.0  # share of scans that no strip feels, and time, tha
 
 @click.command()
 @click.argument("study", type=options.FILE)
-@click.option("--out", type=options.FILE, required=True, help="Folder of the data set.")
-@click.option("--workers", type=options.WholeRange(1), help="Threads; by default one per core.")
+@options.file("--out", required=True, help="Folder of the data set.")
+@options.option("--workers", type=options.WholeRange(1), help="Threads; by default one per core.")
 def command(study: Path, out: Path, workers: int | None) -> None:
     """Write a labelled data set as STUDY (a TOML file) asks for, with a card that says what is in it.
 

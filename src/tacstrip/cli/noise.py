@@ -20,13 +20,13 @@ _SHOWN = (1, 16, 64)  # scans averaged
 
 @click.command()
 @click.argument("recording", type=options.FILE)
-@click.option(
+@options.option(
     "--sensor", metavar="SENSOR", help="Spec file or shipped spec; a recording (.mcap) holds its own."
 )
 @options.output("Write the spec with the noise to this file.", required=False)
-@click.option("--write", type=options.FILE, metavar="SENSOR.toml",
+@options.file("--write", metavar="SENSOR.toml",
               help="Put the noise into this spec; its other lines stay as they are.")  # fmt: skip
-@click.option("--vertices", type=options.WholeRange(3, 40), help="Of the contact, where that is known.")
+@options.option("--vertices", type=options.WholeRange(3, 40), help="Of the contact, where that is known.")
 @options.plot("Picture of the Allan deviation (.png, .svg, .pdf).")
 def command(
     recording: Path,

@@ -30,20 +30,19 @@ _MESHES = (".stl", ".obj", ".ply", ".off", ".glb")
 @options.SENSOR
 @click.argument("solid", metavar="OBJECT")
 @options.output("Readings file (CSV).")
-@click.option("--pose", type=_POSE, metavar="X Y Z DX DY DZ",
-              help="Where the object's lowest place is [mm], and the direction in which it is pressed.")  # fmt: skip
-@click.option("--path", type=options.FILE,
-              help="Poses from scan to scan (.csv: x_mm, y_mm, z_mm, dx, dy, dz, and time_s, turn_deg, depth_mm or "
-                   "force_n).")  # fmt: skip
-@click.option("--turn", type=options.NUMBER, default=0.0, metavar="DEG", help="Turn it about that direction.")
-@click.option("--depth", type=options.NUMBER, metavar="MM", help="How far, from its first touch.")
-@click.option("--force", type=options.NUMBER, metavar="N", help="How hard, by the skin's stiffness.")
-@click.option("--rate", type=options.NUMBER, default=100.0, show_default=True, callback=options.finite_above_0,
-              help="Scans a second of a path without time_s [Hz].")  # fmt: skip
-@click.option("--unit", default="mm", show_default=True, help="Of a mesh: mm, cm, m or inch.")
+@options.option("--pose", type=_POSE, metavar="X Y Z DX DY DZ",
+                help="Where the object's lowest place is [mm], and the direction in which it is pressed.")  # fmt: skip
+@options.file("--path", help="Poses from scan to scan (.csv: x_mm, y_mm, z_mm, dx, dy, dz, and time_s, turn_deg, "
+              "depth_mm or force_n).")  # fmt: skip
+@options.number("--turn", default=0.0, metavar="DEG", help="Turn it about that direction.")
+@options.number("--depth", metavar="MM", help="How far, from its first touch.")
+@options.number("--force", metavar="N", help="How hard, by the skin's stiffness.")
+@options.number("--rate", default=100.0, callback=options.finite_above_0,
+                help="Scans a second of a path without time_s [Hz].")  # fmt: skip
+@options.option("--unit", default="mm", help="Of a mesh: mm, cm, m or inch.")
 @options.noise
 @options.SEED
-@click.option("--patch", type=options.FILE, help="Write what is touched: l, u, area, force, outline (JSON).")
+@options.file("--patch", help="Write what is touched: l, u, area, force, outline (JSON).")
 @options.plot("Picture of skin, object and patch (.png, .svg, .pdf).")
 def command(
     sensor: str,
