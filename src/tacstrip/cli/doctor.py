@@ -49,11 +49,8 @@ def _lines(log: Log, report: Report) -> Iterator[str]:
     for finding in report.findings:
         yield f"{finding.kind.severity.upper()}: {_sentence(report, finding)}"
         yield f"    Check {finding.kind.check}."
-        if (
-            finding.kind.severity == "broken"
-            and log.sensor.kind.closed_form
-            and (name := report.without(finding))
-        ):
+        broken = finding.kind.severity == "broken" and log.sensor.kind.closed_form
+        if broken and (name := report.without(finding)):
             yield f'    Until then leave it out: --without {name}, or without = ["{name}"] in the spec.'
     for finding in report.notes:
         yield f"Note: {_sentence(report, finding)} {_capital(finding.kind.check)}."

@@ -167,10 +167,8 @@ def _show(found: Proposal, sensor: Sensor | None) -> None:
             continue
         for n, row in enumerate(lines):
             if n < _SHOWN_STRIPS:
-                note(
-                    f"  {number:>4}  {row[1]:>6}  {row[2]:>5}  "
-                    + "  ".join(f"{v or '-':>8}" for v in row[3:])
-                )
+                readings = "  ".join(f"{v or '-':>8}" for v in row[3:])
+                note(f"  {number:>4}  {row[1]:>6}  {row[2]:>5}  {readings}")
             elif n == _SHOWN_STRIPS:
                 note("   ...")
     values = np.concatenate([s.values[there].ravel() for s, there in zip(found.scans, strips, strict=True)])

@@ -69,11 +69,8 @@ def command(
         sys.exit(1)
     for target, text in ((write, write), (output, spec)):
         if target is not None:
-            given = (
-                Path(text).read_text(encoding="utf-8")
-                if text and Path(text).is_file()
-                else log.sensor.to_toml()
-            )
+            own = text and Path(text).is_file()
+            given = Path(text).read_text(encoding="utf-8") if text and own else log.sensor.to_toml()
             write_text(target, with_noise(given, found.noise))
             click.echo(f"{target} written")
 
@@ -93,11 +90,8 @@ def _lines(found: LearnedNoise, sensor: Sensor) -> Iterator[str]:
     yield f"White noise: {percent(noise.white, 'white')}, {100.0 * noise.white_shared:.0f} % of the variance shared"
     for sigma, time_s in noise.processes:
         slow = time_s > 10.0 * found.period_s * found.scans
-        over = (
-            "over longer than this recording, by the strips' differences"
-            if slow
-            else f"in some {time_s:.3g} s"
-        )
+        longer = "over longer than this recording, by the strips' differences"
+        over = longer if slow else f"in some {time_s:.3g} s"
         yield f"Wander of the zero {over}: {percent(sigma, 'static' if slow else 'wander')}"
     if noise.processes:
         yield f"All channels share {100.0 * noise.wander_shared:.0f} % of the wander's variance"

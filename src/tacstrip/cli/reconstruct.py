@@ -145,13 +145,8 @@ def command(
         raise OptionError(
             f"--truth {truth}: holds no polygon to compare with; a line or a point has no outline"
         )
-    source = (
-        "as given"
-        if known
-        else "the spec's [noise]"
-        if unit.noise
-        else "estimated (give it, or see tacstrip noise)"
-    )
+    source = "the spec's [noise]" if unit.noise else "estimated (give it, or see tacstrip noise)"
+    source = "as given" if known else source
     _report(results, contact, unit.width_mm if unit.closed else None, "" if chosen in _NOISELESS else source)
     if output is not None:
         write_geojson(output, results)
@@ -211,10 +206,8 @@ def _report(
     counts = Counter(o.status for r in results for o in r.objects)
     counts["no contact"] = sum(not r.objects for r in results)
     by_status = ", ".join(f"{status}: {count}" for status, count in counts.most_common() if count)
-    note(
-        f"{len(results)} scan(s), {len(lines)} object(s); {by_status}"
-        + (f"; noise: {noise}" if noise else "")
-    )
+    of_noise = f"; noise: {noise}" if noise else ""
+    note(f"{len(results)} scan(s), {len(lines)} object(s); {by_status}{of_noise}")
 
 
 def _line(

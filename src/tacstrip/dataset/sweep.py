@@ -285,11 +285,8 @@ def sweep(
         return state
     begun = time.perf_counter()
     with ExitStack() as stack:
-        pools = (
-            _dask_pools(dask, stack)
-            if dask
-            else _local_pools(workers or available_cores(), len(waiting), stack)
-        )
+        count = workers or available_cores()
+        pools = _dask_pools(dask, stack) if dask else _local_pools(count, len(waiting), stack)
         free = deque(range(len(pools)))
         running: dict[Future[tuple[list[Row], float]], tuple[Batch, int, int]] = {}
         while waiting or running:

@@ -415,18 +415,8 @@ def _placed(
     wide = sensor.strip_width_mm is not None
     if wide and k.shape[1] >= _ENOUGH:  # the outer ones may be covered in part
         there[:, :PARTIAL_STRIPS] = there[:, -PARTIAL_STRIPS:] = False
-    fit = _Fit(
-        sensor,
-        corners,
-        run,
-        sensor.x_mm[run],
-        scan.signatures,
-        np.where(there, k, 0.0),
-        there.astype(float),
-        edge_mm,
-        silent,
-        wide,
-    )
+    x, read, used = sensor.x_mm[run], np.where(there, k, 0.0), there.astype(float)
+    fit = _Fit(sensor, corners, run, x, scan.signatures, read, used, edge_mm, silent, wide)
     fit = fit.with_sigma(known or max(_GUESS, sensor.adc_step))
     coarse = fit.thinned()
     if wide:  # centre lines are as far off as that

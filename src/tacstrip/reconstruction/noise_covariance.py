@@ -115,11 +115,8 @@ def averaging_advice(noise: Noise | None, sensor: Sensor, averaging: Averaging) 
 
 def signature_advice(sensor: Sensor) -> str:
     """Say what to do where one signature leaves a shape open: some constructions have no other."""
-    return (
-        "use both signatures"
-        if len(sensor.signatures) > 1
-        else "use finer strips or two signatures (crs-crs)"
-    )
+    both = len(sensor.signatures) > 1
+    return "use both signatures" if both else "use finer strips or two signatures (crs-crs)"
 
 
 def signature_jacobians(

@@ -22,10 +22,8 @@ _MAX_REGIONS = 20  # an outline of more vertices is drawn without regions
 def sensor_json(sensor: AnySensor) -> dict[str, Any]:
     """Return the sensor's properties that the page needs: of each layer its corners (4, 2) [mm], too."""
     unit, curved = unit_of(sensor), isinstance(sensor, Sensor) and sensor.surface is not None
-    about = {
-        key: getattr(unit, key)
-        for key in ("construction", "strips", "strip_base", "adc_bits", "closed", "signatures")
-    }
+    keys = ("construction", "strips", "strip_base", "adc_bits", "closed", "signatures")
+    about = {key: getattr(unit, key) for key in keys}
     layers = sensor.layers if isinstance(sensor, LayeredSensor) else (Layer(sensor=sensor),)
     about["layers"] = [
         {key: getattr(one.sensor, key) for key in ("strips", "pitch_mm", "length_mm")}

@@ -121,11 +121,8 @@ def fit_layers(
         doubtful = bool(wrong or rivals or own)
         status: Status = "doubtful" if doubtful else "ok" if confidence is not None else "likely"
         advice = "; ".join(filter(None, [*shared[:2], own, *shared[2:]]))
-        objects.append(
-            replace(
-                made, strips=strips_under(sensor, ring), status=status, advice=advice, confidence=confidence
-            )
-        )
+        strips = strips_under(sensor, ring)
+        objects.append(replace(made, strips=strips, status=status, advice=advice, confidence=confidence))
     result = Reconstruction(
         _METHOD,
         tuple(sorted(objects, key=lambda o: float(o.vertices[:, 0].min()))),

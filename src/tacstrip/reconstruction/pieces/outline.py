@@ -122,14 +122,8 @@ def trace(parts: Sequence[Part], read: Read, others: Sequence[FloatArray], pitch
     of_hidden = np.repeat(hidden[kept], 2)
     covariance[of_hidden], covariance[:, of_hidden] = np.nan, np.nan
     whole, least = np.concatenate(largest), np.concatenate(smallest)
-    return PieceOutline(
-        ring[kept],
-        hidden[kept],
-        unseen_edges,
-        covariance,
-        least[_corners(least)],
-        whole[_corners(whole)],
-    )
+    bounds = least[_corners(least)], whole[_corners(whole)]
+    return PieceOutline(ring[kept], hidden[kept], unseen_edges, covariance, *bounds)
 
 
 def _corners(ring: FloatArray) -> IntArray:

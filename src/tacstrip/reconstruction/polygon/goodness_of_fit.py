@@ -69,10 +69,8 @@ def explains(run: RunFit, distribution: str, outline: Outline) -> bool:
     """Whether an outline that is not the least-squares one leaves no more of a run's readings than noise does."""
     residuals, readings = PolygonFit.of(outline, run.problem).residuals(run.problem), run.problem.readings
     # It follows the noise less than least squares does, so that nothing is taken off the freedom.
-    return (
-        max(chi_square_score(residuals, readings, distribution), autocorrelation_score(residuals, readings))
-        <= _ALARM
-    )
+    score = chi_square_score(residuals, readings, distribution)
+    return max(score, autocorrelation_score(residuals, readings)) <= _ALARM
 
 
 def misfit(
@@ -159,18 +157,12 @@ def second_look(
         )
         return "" if column_iou(own, np.sort(convex.ends, axis=0)) >= _NEARLY else wrong
     if wrong:
-        return (
-            wrong
-            if pieces.count == 1
-            else f"{wrong}; at least {pieces.count} convex pieces explain the readings"
-        )
+        more = f"; at least {pieces.count} convex pieces explain the readings"
+        return wrong if pieces.count == 1 else wrong + more
     jumps = [cut for _, cut in pieces.cuts if cut.kind != "corner"]
     step = max((cut.rise for cut in jumps), default=0.0)
-    at = (
-        f"an end jumps by {step:.3g} mm from one strip to the next"
-        if jumps
-        else "a gap may hide in an inward corner"
-    )
+    jump = f"an end jumps by {step:.3g} mm from one strip to the next"
+    at = jump if jumps else "a gap may hide in an inward corner"
     if apart:
         return (
             f"the contact is concave or at least two objects on the same strips: {at}; at least {pieces.count} convex "

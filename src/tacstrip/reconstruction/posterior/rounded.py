@@ -413,7 +413,5 @@ def _rounded_rectangle(
 def _cut_oval(c: FloatArray, s: FloatArray, flat: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray]:
     cut, size = 1.25 * z[:, :1] - 0.3, np.hypot(c, flat * s)
     x, over = c / size, c > cut * size
-    return (
-        np.where(over, cut, x),
-        np.where(over, flat * np.sign(s) * np.sqrt(1.0 - cut**2), flat**2 * s / size),
-    )
+    y = np.where(over, flat * np.sign(s) * np.sqrt(1.0 - cut**2), flat**2 * s / size)
+    return np.where(over, cut, x), y

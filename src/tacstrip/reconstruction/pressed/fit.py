@@ -346,11 +346,8 @@ def _result(
             f"no more readings than unknowns: nothing tells whether it is of the kind given, {kind}; press across more "
             "strips"
         )
-    if (
-        math.isfinite(force)
-        and kind in _BENT
-        and (held.bend > _STRAIGHT or (kind == "plane" and cap(poses.skin)))
-    ):
+    bent = held.bend > _STRAIGHT or (kind == "plane" and cap(poses.skin))
+    if math.isfinite(force) and kind in _BENT and bent:
         notes.append(_BENT[kind])
     if poses.noise is None and poses.readings - len(values) < 3:
         notes.append(f"the noise is taken for {100 * GUESS:g} % of Vref; give it")

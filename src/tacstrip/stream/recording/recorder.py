@@ -25,17 +25,10 @@ FORMAT = "1"
 SPEC = "sensor.toml"  # name of the attachment
 ABOUT = "tacstrip"  # name of the metadata
 SCAN_TOPIC = "/tacstrip/scan"
-POLYGON_TOPICS = {
-    "ok": "/tacstrip/polygon",
-    "likely": "/tacstrip/polygon_likely",
-    "doubtful": "/tacstrip/polygon_doubtful",
-}
+_ENDINGS = {"ok": "", "likely": "_likely", "doubtful": "_doubtful"}
+POLYGON_TOPICS = {status: f"/tacstrip/polygon{ending}" for status, ending in _ENDINGS.items()}
 TRACK_TOPIC = "/tacstrip/track"
-TRACK_POLYGON_TOPICS = {
-    "ok": "/tacstrip/track_polygon",
-    "likely": "/tacstrip/track_polygon_likely",
-    "doubtful": "/tacstrip/track_polygon_doubtful",
-}
+TRACK_POLYGON_TOPICS = {status: f"/tacstrip/track_polygon{ending}" for status, ending in _ENDINGS.items()}
 MAX_AGE_S = 0.08  # longest time that a scan waits in memory, so that a killed recorder loses less than 0.1 s
 
 

@@ -330,10 +330,8 @@ def _frame(subscription: int, time_ns: int, payload: bytes) -> bytes:
     size = 13 + len(payload)
     if size < 126:
         head = struct.pack(">BB", _BINARY, size)
+    elif size < 2**16:
+        head = struct.pack(">BBH", _BINARY, 126, size)
     else:
-        head = (
-            struct.pack(">BBH", _BINARY, 126, size)
-            if size < 2**16
-            else struct.pack(">BBQ", _BINARY, 127, size)
-        )
+        head = struct.pack(">BBQ", _BINARY, 127, size)
     return head + struct.pack("<BIQ", _DATA, subscription, time_ns) + payload
