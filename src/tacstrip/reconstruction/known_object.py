@@ -55,9 +55,8 @@ _UNLIKELY = 1e-3  # weight below which an alternative is not named
 _OVERLAP, _PROBABLE = 0.8, 0.9  # IoU with the truth that "ok" promises, and its least probability
 _DRAWS = 64  # of the posterior, for that probability
 _NEAR = 4.0  # spreads within which two descents ended in one pose
-_CEILING = (
-    0.014  # of Vref: sigma of noise of 2 %, and its estimate's error; what fits worse is another object
-)
+# Of Vref: sigma of noise of 2 %, and its estimate's error; what fits worse is another object.
+_CEILING = 0.014
 _FEWEST_READINGS = 6  # of one signature, below which ...
 _PLAUSIBLE = (
     0.0035  # ... or above which level (P.U. profile I, estimated) [Vref] another object may explain it

@@ -27,9 +27,8 @@ from tacstrip.sensor.spec import Sensor
 _ENOUGH = 4.0  # times as much variance that stays as averaging leaves of the rest: then it is enough
 _DITHER = 0.5  # of the converter's step: noise of so much sigma makes the mean of scans finer than a step
 _DETERMINED = 0.7  # of 1, the share of a parameter's certainty that readings give: the rest is a prior's
-_MOST_ALIKE = (
-    4.0  # times their variance that correlated errors may count for when corners are told from noise
-)
+# Times their variance that correlated errors may count for when corners are told from noise.
+_MOST_ALIKE = 4.0
 
 
 @dataclass(frozen=True)

@@ -42,9 +42,8 @@ _MOST_RIVALS = 3
 _NAMED = 5  # channels that advice names
 _MOST_LONE = 2  # readings left out as standing out: more are no faults but a wrong scene
 _ROUNDS = 2  # of leaving out what lies alone
-_UNKNOWN = (
-    0.3  # of sigma: an estimate from the readings that the fit corrects by more is used for another search
-)
+# Of sigma: an estimate from the readings that the fit corrects by more is used for another search.
+_UNKNOWN = 0.3
 
 
 @takes(scan=Scan, sensor=LayeredSensor, noise=Noise)

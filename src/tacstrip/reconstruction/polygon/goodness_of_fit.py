@@ -36,9 +36,8 @@ _APART = 3.0  # standard deviations of their distance in x by which two corners 
 _HIDDEN = 0.55  # of an outline, behind an overhang: more, and the shape is not known
 _NEARLY = 0.9  # IoU with convex ends that explain the readings
 _NOISIER = 3.0  # times the noise given: neighbours that differ by so much are noise, not jumps
-_SMOOTHED = (
-    0.7  # of what a polygon leaves over: neighbours that differ so little say that it follows them badly
-)
+# Of what a polygon leaves over: neighbours that differ so little say that it follows them badly.
+_SMOOTHED = 0.7
 _MOST_SIGMA = 0.02  # of Vref: no noise that is not given is larger
 _SPREAD = {"uniform": 0.8, "normal": 2.0}  # variance of a squared error over sigma^4
 

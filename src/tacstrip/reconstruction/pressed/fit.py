@@ -33,9 +33,8 @@ _SEED = 20  # of the draws: the same result for the same scan
 _REDRAWN = 3  # times that draws may find a pose far better than any before
 _LOADS = 96  # draws whose area and force are computed
 _FEW_DRAWS = 40.0  # even draws, fewer of which do not tell how well something is known
-_MEAN = (
-    1.0  # per parameter: the cost by which the draws' mean may be above the best pose's, else that is given
-)
+# Per parameter: the cost by which the draws' mean may be above the best pose's, else that is given.
+_MEAN = 1.0
 _BELIEF = 8.0  # readings that the noise given counts for, against what is left over
 _ALARM = 3.5  # standard deviations of chi square
 _BETTER = 9.0  # chi square of one by which another kind explains the readings better
