@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 import click
@@ -23,6 +24,7 @@ from tacstrip.simulation import simulate
 
 _POSE = (options.NUMBER,) * 6
 _SIZES = {"plane": 0, "sphere": 1, "cylinder": 1, "edge": 1, "cone": 1, "box": 3}  # numbers after the name
+_NUMBERS = {0: "no number", 1: "one number, as in sphere:5", 3: "three numbers, as in box:20x10x5"}
 _MESHES = (".stl", ".obj", ".ply", ".off", ".glb")
 
 
@@ -144,19 +146,13 @@ def _solid(text: str) -> Solid:
     except ValueError:
         sizes = [math.nan]
     if len(sizes) != _SIZES[name] or not np.isfinite(sizes).all():
-        wanted = {0: "no number", 1: "one number, as in sphere:5", 3: "three numbers, as in box:20x10x5"}[
-            _SIZES[name]
-        ]
-        raise OptionError(f"OBJECT {text}: a {name} has {wanted}")
-    if name == "box":
-        return Solid.box(sizes)
+        raise OptionError(f"OBJECT {text}: a {name} has {_NUMBERS[_SIZES[name]]}")
     if name in ("edge", "cone"):
         if not 0.0 < sizes[0] < 180.0:
             raise OptionError(f"OBJECT {text}: its angle is between 0 and 180 degrees, as in {name}:90")
-        return (Solid.edge if name == "edge" else Solid.cone)(math.radians(sizes[0]))
-    if name == "plane":
-        return Solid.plane()
-    return Solid.sphere(sizes[0]) if name == "sphere" else Solid.cylinder(sizes[0])
+        sizes = [math.radians(sizes[0])]
+    make: Callable[..., Solid] = getattr(Solid, name)
+    return make(sizes) if name == "box" else make(*sizes)
 
 
 def _as_json(patch: Patch) -> dict[str, object]:

@@ -116,14 +116,16 @@ class Recorder:
     def _begin(self, about: Mapping[str, str]) -> None:
         writer, now = self._file.writer, time.time_ns()
         made = datetime.fromtimestamp(now / messages.NANO, UTC).isoformat(timespec="seconds")
+
+        def schema_of(kind: str) -> int:
+            return int(writer.register_schema(kind, "ros2msg", messages.definition(kind)))
+
         with self._file.guard():
             writer.add_attachment(now, now, SPEC, "application/toml", self._sensor.to_toml().encode())
             writer.add_metadata(ABOUT, {**about, "made": made})
-            kind = messages.scan_type(self._sensor)
-            schema = writer.register_schema(kind, "ros2msg", messages.definition(kind))
+            schema = schema_of(messages.scan_type(self._sensor))
             self._scan_channel = writer.register_channel(SCAN_TOPIC, "cdr", schema)
-            kind = messages.POLYGON
-            schema = writer.register_schema(kind, "ros2msg", messages.definition(kind))
+            schema = schema_of(messages.POLYGON)
             self._polygon_channels, self._track_polygon_channels = (
                 {
                     status: writer.register_channel(topic, "cdr", schema, {"status": status, "unit": "m"})
@@ -131,9 +133,7 @@ class Recorder:
                 }
                 for topics in (POLYGON_TOPICS, TRACK_POLYGON_TOPICS)
             )
-            kind = messages.TRACK
-            schema = writer.register_schema(kind, "ros2msg", messages.definition(kind))
-            self._track_channel = writer.register_channel(TRACK_TOPIC, "cdr", schema)
+            self._track_channel = writer.register_channel(TRACK_TOPIC, "cdr", schema_of(messages.TRACK))
         self._file.flush()
 
     @property

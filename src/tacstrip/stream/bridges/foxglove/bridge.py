@@ -17,7 +17,7 @@ import numpy as np
 from tacstrip.arrays import FloatArray, plain
 from tacstrip.errors import OptionError
 from tacstrip.geometry.moments import moments, principal_angle
-from tacstrip.geometry.region import regions
+from tacstrip.geometry.region import coarse_regions
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.bridges.foxglove.server import Channel, FoxgloveServer
 from tacstrip.stream.device.protocol.decoder import Counts
@@ -29,9 +29,7 @@ from tacstrip.tracking.live_contact import LiveTrack
 from tacstrip.tracking.tracker import LiveObject
 
 PORT = 8765  # that viewers propose
-_REGION_POINTS = 20
 _REGIONS_LAST_NS = NANO // 5
-_MAX_REGIONS = 20  # an outline of more vertices is drawn without regions
 _MAX_STRIPS = 250  # of more strips the gaps are not drawn
 _LOGGED = 50  # messages of the log that a new viewer gets
 _SHAPE, _DOUBTFUL, _TRACK, _REGION = (0.76, 0.27, 0.05), (0.85, 0.6, 0.0), (0.5, 0.3, 0.75), (0.2, 0.5, 0.85)
@@ -133,12 +131,7 @@ class Foxglove:
         old = not frame.objects or abs(time_ns - self._regions_ns) > _REGIONS_LAST_NS
         if (found or old) and takes(self._regions):
             self._regions_ns = time_ns
-            rings = [
-                ring[:: max(1, len(ring) // _REGION_POINTS)]
-                for shape in found
-                if len(shape.vertices) <= _MAX_REGIONS
-                for ring in regions(shape.vertices, shape.covariance)
-            ]
+            rings = (ring for shape in found for ring in coarse_regions(shape.vertices, shape.covariance))
             lines = [self._loop(ring, _REGION, 1.5) for ring in rings]
             messages.append((self._regions, self._entity("regions", time_ns, lines)))
         self.server.publish(time_ns, *messages)
