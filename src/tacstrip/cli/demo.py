@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from tacstrip.cli import options
-from tacstrip.io.geometry import write_geojson
+from tacstrip.io.geojson import write_geojson
 from tacstrip.reconstruction.result import Reconstruction
 
 

@@ -22,7 +22,7 @@ from tacstrip.design.limits import ErrorMap, Limit, limit_map, limits, outline_o
 from tacstrip.errors import OptionError
 from tacstrip.files import write_text
 from tacstrip.geometry.outline import Outline
-from tacstrip.io.geometry import read_contact
+from tacstrip.io.geojson import read_contact
 from tacstrip.io.input_checks import unlikely_contact
 from tacstrip.reconstruction.cramer_rao import reading_sigma, vertex_rms
 from tacstrip.sensor.layers import LayeredSensor

@@ -17,7 +17,7 @@ from tacstrip.contact.noise import Noise
 from tacstrip.contact.shape import Contact
 from tacstrip.errors import OptionError, ReadingError, number
 from tacstrip.geometry.metrics import mismatch
-from tacstrip.io.geometry import feature_collection, read_contact, write_geojson
+from tacstrip.io.geojson import feature_collection, read_contact, write_geojson
 from tacstrip.io.input_checks import half_read, implausible, misread, one_reading
 from tacstrip.io.readings import read_readings
 from tacstrip.reconstruction.implausible import doubt_scale

@@ -17,7 +17,7 @@ from tacstrip.cli import check_method, load_layers, new_file, note, options, war
 from tacstrip.cli.replay import warn_of_cut
 from tacstrip.errors import OptionError, TacstripError
 from tacstrip.interrupt import deferred_interrupt
-from tacstrip.io.geometry import read_contact
+from tacstrip.io.geojson import read_contact
 from tacstrip.io.input_checks import unlikely_contact
 from tacstrip.sensor.layers import unit_of
 from tacstrip.sensor.spec import Sensor

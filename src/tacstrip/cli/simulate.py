@@ -17,7 +17,7 @@ from tacstrip.contact.noise import Noise, NoiseProcess
 from tacstrip.contact.shape import Contact
 from tacstrip.errors import OptionError
 from tacstrip.files import write_text
-from tacstrip.io.geometry import read_contact
+from tacstrip.io.geojson import read_contact
 from tacstrip.io.input_checks import unlikely_contact
 from tacstrip.io.readings import write_readings
 from tacstrip.sensor.layers import AnySensor, LayeredSensor, unit_of

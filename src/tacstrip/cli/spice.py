@@ -9,7 +9,7 @@ import click
 from tacstrip.cli import load_sensor, options, protect, warn
 from tacstrip.errors import OptionError
 from tacstrip.files import write_text
-from tacstrip.io.geometry import read_contact
+from tacstrip.io.geojson import read_contact
 from tacstrip.io.input_checks import unlikely_contact
 from tacstrip.network.crp.readings import contact_measurements
 from tacstrip.network.imperfections import Readout

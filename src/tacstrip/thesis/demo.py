@@ -14,7 +14,7 @@ from tacstrip.contact.shape import Contact
 from tacstrip.data import data_path
 from tacstrip.geometry.metrics import Mismatch, mismatch
 from tacstrip.geometry.region import regions
-from tacstrip.io.geometry import read_contact
+from tacstrip.io.geojson import read_contact
 from tacstrip.io.readings import read_readings
 from tacstrip.plot.scene import (
     draw_contact,
