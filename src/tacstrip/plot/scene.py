@@ -143,12 +143,7 @@ def draw_polygon(
         axes.plot(*ring.T, color="white", linewidth=2.6, zorder=3.9)
 
 
-def draw_piece(
-    axes: Axes,
-    piece: RecoveredObject,
-    colour: str,
-    label: str | None = None,
-) -> None:
+def draw_piece(axes: Axes, piece: RecoveredObject, colour: str, label: str | None = None) -> None:
     """Draw a piece: edges that are seen in full, hidden ones dashed with hollow corners, its bounds dotted."""
     assert piece.hidden is not None
     assert piece.hidden_edges is not None

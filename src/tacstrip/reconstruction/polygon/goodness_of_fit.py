@@ -18,11 +18,7 @@ from tacstrip.reconstruction.contact_ends import closed_ends
 from tacstrip.reconstruction.noise_covariance import CorrelatedErrors
 from tacstrip.reconstruction.pieces.chain import Cut
 from tacstrip.reconstruction.pieces.run import RunPieces, noise_level, split_run
-from tacstrip.reconstruction.polygon.convexity import (
-    fit_convex,
-    one_end_off,
-    turns_inwards,
-)
+from tacstrip.reconstruction.polygon.convexity import fit_convex, one_end_off, turns_inwards
 from tacstrip.reconstruction.polygon.run import RunFit
 from tacstrip.sensor.spec import Sensor
 
@@ -73,10 +69,7 @@ def explains(run: RunFit, distribution: str, outline: Outline) -> bool:
 
 
 def misfit(
-    run: RunFit,
-    distribution: str | None,
-    covariance: FloatArray,
-    errors: CorrelatedErrors | None = None,
+    run: RunFit, distribution: str | None, covariance: FloatArray, errors: CorrelatedErrors | None = None
 ) -> str:
     """Return advice where the outline does not explain the readings, else nothing.
 

@@ -202,11 +202,7 @@ def _ellipses(run: RunFit, count: int, seed: int) -> tuple[Ellipse, ...]:
 
 
 def _prior(
-    run: RunFit,
-    sensor: Sensor,
-    problem: FitProblem,
-    sigma_known: bool,
-    area_mm2: tuple[float, float] | None,
+    run: RunFit, sensor: Sensor, problem: FitProblem, sigma_known: bool, area_mm2: tuple[float, float] | None
 ) -> OutlinePrior:
     half = 0.5 * run.problem.pitch
     first, last = ((x - problem.origin_mm) / problem.width_mm for x in (0.0, sensor.width_mm))
