@@ -27,8 +27,8 @@ from .errors import TacstripError as TacstripError
 from .geometry.metrics import Mismatch as Mismatch
 from .geometry.metrics import mismatch as mismatch
 from .geometry.outline import Outline as Outline
-from .io.geometry import read_contact as read_contact
-from .io.geometry import write_geojson as write_geojson
+from .io.geojson import read_contact as read_contact
+from .io.geojson import write_geojson as write_geojson
 from .io.readings import read_readings as read_readings
 from .io.readings import write_readings as write_readings
 from .io.runs import Runs as Runs

@@ -99,9 +99,8 @@ def strip_paths(strips: int, pitch_mm: float, strip_width_mm: float, length_mm: 
     surface = np.array([(0.0, 0.0), (right, 0.0), (right, length_mm), (0.0, length_mm)])
     drawn = [SvgPath(surface, fill=SKIN, opacity=1.0)]
     if strips <= _MOST_STRIPS:
-        half = (
-            0.4 * pitch_mm if strip_width_mm == pitch_mm else 0.5 * strip_width_mm
-        )  # else all would be one area
+        # Else all would be one area.
+        half = 0.4 * pitch_mm if strip_width_mm == pitch_mm else 0.5 * strip_width_mm
         sides = (-half, half, half, -half)
         for x in (np.arange(strips) + 0.5) * pitch_mm:
             corners = zip(sides, (0.0, 0.0, length_mm, length_mm), strict=True)

@@ -22,10 +22,8 @@ from tacstrip.sensor.layers import LayeredSensor
 from tacstrip.sensor.left_out import leave_out
 from tacstrip.sensor.spec import Sensor
 
-_BITS, _FEWEST_BITS = (
-    16,
-    8,
-)  # of a converter that the spec does not give; of the coarsest that rounding counts of
+# Of a converter that the spec does not give; of the coarsest that rounding counts of.
+_BITS, _FEWEST_BITS = 16, 8
 _STRAY, _STRAY_COUNT = 6.0, 8  # standard deviations; scans of which a stray can be told
 _MOVED = 0.025  # of Vref: the median channel's change from the first half to the second that is no wander
 _LEAST_STRAY = 0.002  # over Vref: nearer than that is none, however quiet the converter

@@ -16,7 +16,7 @@ import tacstrip as ts
 from strategies import FIXED
 from tacstrip.arrays import FloatArray
 from tacstrip.core import polytope
-from tacstrip.io.geometry import feature_collection
+from tacstrip.io.geojson import feature_collection
 from tacstrip.reconstruction.result import RecoveredObject
 from tacstrip.reconstruction.set_membership import feasible_point as search
 from tacstrip.reconstruction.set_membership.estimate import _EFFORT

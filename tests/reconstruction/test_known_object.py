@@ -15,7 +15,7 @@ from click.testing import CliRunner
 import tacstrip as ts
 from tacstrip.arrays import FloatArray
 from tacstrip.cli import cli
-from tacstrip.io.geometry import feature_collection
+from tacstrip.io.geojson import feature_collection
 from tacstrip.reconstruction.known_object import _corners, _Fit, pose_covariance
 
 SENSOR = ts.Sensor(construction="crs-crs", strips=10, pitch_mm=10.0, length_mm=100.0)

@@ -53,17 +53,8 @@ VERBS = {
 }
 
 
-_TWO_LAYERS = (
-    "init",
-    "simulate",
-    "reconstruct",
-    "limits",
-    "record",
-    "replay",
-    "convert",
-    "recover",
-    "live",
-)  # the verbs that take a sensor of two layers
+# The verbs that take a sensor of two layers.
+_TWO_LAYERS = ("init", "simulate", "reconstruct", "limits", "record", "replay", "convert", "recover", "live")
 _LOOK_SCANS = 10_000  # of a recording, for a warning
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _COULD_NOT = (*_FULL, errno.EIO, errno.ENOMEM, errno.EMFILE, errno.ENFILE)  # whatever the input

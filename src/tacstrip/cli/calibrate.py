@@ -31,32 +31,22 @@ _MOST_LINES = 20
 @options.SENSOR
 @click.argument("data", metavar="[RUNS]", type=options.FILE, required=False)
 @options.output("Calibrated spec (.toml), or the plan (.csv).", required=False)
-@click.option("--report", type=options.FILE, help="Folder for report.html and its pictures.")
+@options.file("--report", help="Folder for report.html and its pictures.")
 @options.plot("Picture of each strip's error before and after, the worst strips first (.png, .svg, .pdf).")
-@click.option("--model", default="auto", show_default=True, metavar="auto|mean|PARTS", help="mean: the thesis' mean "
-              "offsets. PARTS: of offset, gain, fade, ratio, ratios, lambda, ends, warp8, curve8, joined "
-              "by +.")  # fmt: skip
-@click.option("--touch", type=options.FILE, help="Readings (CSV) with nothing on the sensor: learn rest_volt and "
-              "touch_volt.")  # fmt: skip
-@click.option("--unit", default="", help="Name of this very unit, kept with its calibration.")
-@click.option("--force", is_flag=True,
-              help="Take runs that say that they are of another unit, or do not fit.")  # fmt: skip
-@click.option("--plan", "planned", is_flag=True,
-              help="Print the contacts to make; -o writes them as RUNS to fill in.")  # fmt: skip
-@click.option(
-    "--wanted", type=options.NUMBER, default=0.2, show_default=True, help="For --plan: accuracy [%]."
-)
-@click.option(
-    "--noise", type=options.NUMBER, default=0.2, show_default=True, help="For --plan: +- of a reading [%]."
-)
-@click.option("--uneven", is_flag=True, help="For --plan: the rubber may vary along y.")
-@click.option(
-    "--unit-mm", type=options.NUMBER, help="For --plan: step of the places [mm]; by default L / 32.5."
-)
-@click.option("--rezero", "zeroed", is_flag=True, help="SENSOR is a calibrated spec, and in place of RUNS stand "
+@options.option("--model", default="auto", metavar="auto|mean|PARTS", help="mean: the thesis' mean offsets. PARTS: of "
+                "offset, gain, fade, ratio, ratios, lambda, ends, warp8, curve8, joined by +.")  # fmt: skip
+@options.file("--touch", help="Readings (CSV) with nothing on the sensor: learn rest_volt and touch_volt.")
+@options.option("--unit", default="", help="Name of this very unit, kept with its calibration.")
+@options.flag("--force", help="Take runs that say that they are of another unit, or do not fit.")
+@options.flag("--plan", "planned", help="Print the contacts to make; -o writes them as RUNS to fill in.")
+@options.number("--wanted", default=0.2, help="For --plan: accuracy [%].")
+@options.number("--noise", default=0.2, help="For --plan: +- of a reading [%].")
+@options.flag("--uneven", help="For --plan: the rubber may vary along y.")
+@options.number("--unit-mm", help="For --plan: step of the places [mm]; by default L / 32.5.")
+@options.flag("--rezero", "zeroed", help="SENSOR is a calibrated spec, and in place of RUNS stand "
               "readings (CSV) with nothing on the sensor: take the drift from them.")  # fmt: skip
-@click.option("--reference", type=options.POINT, metavar="L W", help="For --rezero: this contact [mm] lies on "
-              "the strips instead.")  # fmt: skip
+@options.option("--reference", type=options.POINT, metavar="L W",
+                help="For --rezero: this contact [mm] lies on the strips instead.")  # fmt: skip
 def command(
     sensor: str,
     data: Path | None,

@@ -22,7 +22,7 @@ _KINDS = (".mcap", ".csv", ".npz", ".geojson", ".toml")
 @click.command()
 @options.sensor_and_input()
 @options.output("New file: .csv, .npz, .geojson, .mcap or .toml.")
-@click.option("--codes", is_flag=True, help="A/D codes instead of volts in a .csv.")
+@options.flag("--codes", help="A/D codes instead of volts in a .csv.")
 @options.FORCE
 def command(files: tuple[str, ...], output: Path, codes: bool, force: bool) -> None:
     """Convert INPUT, a recording (.mcap) or readings (.csv), to another format.

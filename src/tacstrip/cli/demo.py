@@ -7,12 +7,12 @@ from pathlib import Path
 import click
 
 from tacstrip.cli import options
-from tacstrip.io.geometry import write_geojson
+from tacstrip.io.geojson import write_geojson
 from tacstrip.reconstruction.result import Reconstruction
 
 
 @click.command()
-@click.option("--out", type=options.FILE, default="demo", show_default=True, help="Folder to write to.")
+@options.file("--out", default="demo", help="Folder to write to.")
 @options.figure_format("Of the picture.")
 def command(out: Path, kind: str) -> None:
     """Reconstruct a rectangle from packaged volts of the ten-strip prototype, before and after calibration.

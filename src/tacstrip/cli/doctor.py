@@ -18,8 +18,8 @@ from tacstrip.diagnose.log import Log
 
 @click.command()
 @click.argument("file", type=options.FILE)
-@click.option("--sensor", metavar="SENSOR", help="Spec file or shipped spec; a recording holds its own.")
-@click.option("--json", "as_json", is_flag=True, help="Print the report as JSON.")
+@options.option("--sensor", metavar="SENSOR", help="Spec file or shipped spec; a recording holds its own.")
+@options.flag("--json", "as_json", help="Print the report as JSON.")
 @options.plot("Picture of every strip's health (.png, .svg, .pdf).")
 def command(file: Path, sensor: str | None, as_json: bool, plot: Path | None) -> None:
     """Say what is wrong with the hardware that made FILE: readings (CSV) or a recording (.mcap).
@@ -49,11 +49,8 @@ def _lines(log: Log, report: Report) -> Iterator[str]:
     for finding in report.findings:
         yield f"{finding.kind.severity.upper()}: {_sentence(report, finding)}"
         yield f"    Check {finding.kind.check}."
-        if (
-            finding.kind.severity == "broken"
-            and log.sensor.kind.closed_form
-            and (name := report.without(finding))
-        ):
+        broken = finding.kind.severity == "broken" and log.sensor.kind.closed_form
+        if broken and (name := report.without(finding)):
             yield f'    Until then leave it out: --without {name}, or without = ["{name}"] in the spec.'
     for finding in report.notes:
         yield f"Note: {_sentence(report, finding)} {_capital(finding.kind.check)}."

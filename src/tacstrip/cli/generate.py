@@ -15,18 +15,15 @@ from tacstrip.cli import options, warn
 from tacstrip.dataset.batches import simulate_many
 from tacstrip.dataset.generation import DataSet, generate, parts_there, resolved
 
-_SOME, _MORE, _LOOK_S = (
-    500,
-    5,
-    2.0,
-)  # scans that are looked at first, from one on ever more, in so long at most
+# Scans that are looked at first, from one on ever more, in so long at most.
+_SOME, _MORE, _LOOK_S = 500, 5, 2.0
 _MUCH, _LONG_S = 0.01, 60.0  # share of scans that no strip feels, and time, that are worth a word
 
 
 @click.command()
 @click.argument("study", type=options.FILE)
-@click.option("--out", type=options.FILE, required=True, help="Folder of the data set.")
-@click.option("--workers", type=options.WholeRange(1), help="Threads; by default one per core.")
+@options.file("--out", required=True, help="Folder of the data set.")
+@options.option("--workers", type=options.WholeRange(1), help="Threads; by default one per core.")
 def command(study: Path, out: Path, workers: int | None) -> None:
     """Write a labelled data set as STUDY (a TOML file) asks for, with a card that says what is in it.
 

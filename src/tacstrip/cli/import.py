@@ -35,15 +35,10 @@ _BELOW = 0.02  # of the largest reading: v_h below v_l by more is no noise
 @click.argument("log", type=options.FILE)
 @click.argument("spec", metavar="[SENSOR]", required=False)
 @options.output("New file: readings (.csv) or a recording (.mcap).")
-@click.option(
-    "--mapping",
-    "given",
-    type=options.FILE,
-    metavar="MAP.toml",
-    help="Read the log as an earlier one; else it is guessed, and written.",
-)
+@options.file("--mapping", "given", metavar="MAP.toml",
+              help="Read the log as an earlier one; else it is guessed, and written.")  # fmt: skip
 @options.ANSWERS
-@click.option("--sheet", help="Of a workbook with several.")
+@options.option("--sheet", help="Of a workbook with several.")
 @options.FORCE
 def command(
     log: Path,
@@ -172,10 +167,8 @@ def _show(found: Proposal, sensor: Sensor | None) -> None:
             continue
         for n, row in enumerate(lines):
             if n < _SHOWN_STRIPS:
-                note(
-                    f"  {number:>4}  {row[1]:>6}  {row[2]:>5}  "
-                    + "  ".join(f"{v or '-':>8}" for v in row[3:])
-                )
+                readings = "  ".join(f"{v or '-':>8}" for v in row[3:])
+                note(f"  {number:>4}  {row[1]:>6}  {row[2]:>5}  {readings}")
             elif n == _SHOWN_STRIPS:
                 note("   ...")
     values = np.concatenate([s.values[there].ravel() for s, there in zip(found.scans, strips, strict=True)])

@@ -27,23 +27,18 @@ _BITS = (8, 10, 12, 14, 16, 24)  # that converters have
 
 @click.command()
 @click.argument("file", type=options.FILE, default="sensor.toml")
-@click.option("--construction", default="crs-crs", show_default=True, help=", ".join(CONSTRUCTIONS) + ".")
-@click.option("--strips", type=options.WHOLE, default=10, show_default=True, help="Number of strips.")
-@click.option(
-    "--pitch", "pitch_mm", type=options.NUMBER, default=6.5, show_default=True, help="Strip to strip [mm]."
-)
-@click.option(
-    "--length", "length_mm", type=options.NUMBER, default=325.0, show_default=True, help="Of a strip [mm]."
-)
-@click.option("--radius", "radius_mm", type=options.NUMBER, help="Radius of the tube [mm], for cyl-crs-m.")
-@click.option("--ratio", "resistivity_ratio", type=options.NUMBER,
-              help="Resistivity of the second layer over the strips'.")  # fmt: skip
-@click.option("--lambda", "contact_lambda_mm", type=options.NUMBER,
-              help="Decay length of the contact resistance [mm].")  # fmt: skip
-@click.option("--vref", "vref_volt", type=options.NUMBER, help="Reference voltage [V].")
-@click.option("--bits", "adc_bits", type=options.WHOLE, help="Resolution of the A/D converter.")
-@click.option("--like", metavar="SPEC", help="Copy a shipped spec instead: " + ", ".join(spec_names()) + ".")
-@click.option("--from", "log", type=options.FILE, metavar="LOG",
+@options.option("--construction", default="crs-crs", help=", ".join(CONSTRUCTIONS) + ".")
+@options.whole("--strips", default=10, help="Number of strips.")
+@options.number("--pitch", "pitch_mm", default=6.5, help="Strip to strip [mm].")
+@options.number("--length", "length_mm", default=325.0, help="Of a strip [mm].")
+@options.number("--radius", "radius_mm", help="Radius of the tube [mm], for cyl-crs-m.")
+@options.number("--ratio", "resistivity_ratio", help="Resistivity of the second layer over the strips'.")
+@options.number("--lambda", "contact_lambda_mm", help="Decay length of the contact resistance [mm].")
+@options.number("--vref", "vref_volt", help="Reference voltage [V].")
+@options.whole("--bits", "adc_bits", help="Resolution of the A/D converter.")
+@options.option("--like", metavar="SPEC",
+                help="Copy a shipped spec instead: " + ", ".join(spec_names()) + ".")  # fmt: skip
+@options.file("--from", "log", metavar="LOG",
               help="Begin with what a log of any form says; what it does not is '?', to be filled in.")  # fmt: skip
 @options.ANSWERS
 @options.FORCE

@@ -22,7 +22,7 @@ from tacstrip.design.limits import ErrorMap, Limit, limit_map, limits, outline_o
 from tacstrip.errors import OptionError
 from tacstrip.files import write_text
 from tacstrip.geometry.outline import Outline
-from tacstrip.io.geometry import read_contact
+from tacstrip.io.geojson import read_contact
 from tacstrip.io.input_checks import unlikely_contact
 from tacstrip.reconstruction.cramer_rao import reading_sigma, vertex_rms
 from tacstrip.sensor.layers import LayeredSensor
@@ -43,41 +43,22 @@ _NO_NOISE = (
 @options.TURN
 @options.noise
 @options.WITHOUT
-@click.option("--bits", type=options.WHOLE, help="Resolution of the A/D converter instead of the spec's.")
-@click.option("--grid", type=options.WholeRange(2, 200), default=16, show_default=True, help="Places a side.")
+@options.whole("--bits", help="Resolution of the A/D converter instead of the spec's.")
+@options.option("--grid", type=options.WholeRange(2, 200), default=16, help="Places a side.")
 @options.plot()
 @options.output("All numbers, to a file (.json).", required=False)
-@click.option(
-    "--scans",
-    type=options.WholeRange(2),
-    metavar="N",
-    help="Also: what N scans of a moving object tell together.",
-)
-@click.option(
-    "--slide", type=options.NUMBER, default=0.0, metavar="MM", help="With --scans: its way across the strips."
-)
-@click.option(
-    "--rotate",
-    type=options.NUMBER,
-    default=0.0,
-    metavar="DEG",
-    help="With --scans: how far it turns on the way.",
-)
-@click.option("--wanted-mm", type=options.NUMBER, help="Look for designs that reach this RMS vertex error.")
-@click.option("--construction", multiple=True,
-              help="Design: try this one; repeat. Default: all flat, or all round.")  # fmt: skip
-@click.option(
-    "--pitch", type=options.NUMBER, multiple=True, metavar="MM", help="Design: try this pitch; repeat."
-)
-@click.option(
-    "--length", type=options.NUMBER, multiple=True, metavar="MM", help="Design: try this length; repeat."
-)
-@click.option("--try-bits", type=options.WHOLE, multiple=True, metavar="BITS",
-              help="Design: try this A/D converter; repeat.")  # fmt: skip
-@click.option("--picofarad", type=options.NUMBER, default=FARAD * 1e12, show_default=True,
-              help="Design: input capacitance.")  # fmt: skip
-@click.option("--conversion-us", type=options.NUMBER, default=CONVERSION_S * 1e6, show_default=True,
-              help="Design: a conversion.")  # fmt: skip
+@options.option("--scans", type=options.WholeRange(2), metavar="N",
+                help="Also: what N scans of a moving object tell together.")  # fmt: skip
+@options.number("--slide", default=0.0, metavar="MM", help="With --scans: its way across the strips.")
+@options.number("--rotate", default=0.0, metavar="DEG", help="With --scans: how far it turns on the way.")
+@options.number("--wanted-mm", help="Look for designs that reach this RMS vertex error.")
+@options.option("--construction", multiple=True,
+                help="Design: try this one; repeat. Default: all flat, or all round.")  # fmt: skip
+@options.number("--pitch", multiple=True, metavar="MM", help="Design: try this pitch; repeat.")
+@options.number("--length", multiple=True, metavar="MM", help="Design: try this length; repeat.")
+@options.whole("--try-bits", multiple=True, metavar="BITS", help="Design: try this A/D converter; repeat.")
+@options.number("--picofarad", default=FARAD * 1e12, help="Design: input capacitance.")
+@options.number("--conversion-us", default=CONVERSION_S * 1e6, help="Design: a conversion.")
 def command(
     sensor: str,
     contact: Path,

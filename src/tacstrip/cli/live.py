@@ -54,52 +54,44 @@ _RATE_HZ, _LAYERED_HZ = 1000.0, 100.0
 
 @click.command()
 @options.sensor_and_input("[[SENSOR] INPUT]", required=False)
-@click.option("--port", help="Serial port of the device, such as /dev/ttyACM0.")
-@click.option("--baud", type=options.WHOLE, default=BAUD, show_default=True, help="Speed of the line.")
-@click.option("--simulate", is_flag=True, help="A simulated device, controlled from the page.")
-@click.option("--device", is_flag=True,
-              help="Serve a simulated device on a serial port, for another program.")  # fmt: skip
-@click.option("--sensor", metavar="SENSOR", help="Spec of the device, the simulator or the recording.")
-@click.option("--rate", type=options.NUMBER, callback=options.rate,
-              help="Scan rate to ask the device for; the simulator's is 1000, of two layers 100 [Hz].")  # fmt: skip
-@click.option("--method", help="Method of reconstruction: polygon, vertex, profile or pieces.")
-@click.option(
-    "--noise", type=options.NUMBER, help="Half-width of the readings' errors over Vref, where it is known."
-)
-@click.option("--no-drift", is_flag=True, help="Do not remove the drift of a calibrated sensor.")
-@click.option("--creep", is_flag=True, help="Take the creep of contacts that are held still out.")
-@click.option(
-    "--no-tracks", is_flag=True, help="Do not fuse the scans of each object into one rigid outline."
-)
-@click.option("--watch", "watched", is_flag=True,
+@options.option("--port", help="Serial port of the device, such as /dev/ttyACM0.")
+@options.whole("--baud", default=BAUD, help="Speed of the line.")
+@options.flag("--simulate", help="A simulated device, controlled from the page.")
+@options.flag("--device", help="Serve a simulated device on a serial port, for another program.")
+@options.option("--sensor", metavar="SENSOR", help="Spec of the device, the simulator or the recording.")
+@options.number("--rate", callback=options.rate,
+                help="Scan rate to ask the device for; the simulator's is 1000, of two layers 100 [Hz].")  # fmt: skip
+@options.option("--method", help="Method of reconstruction: polygon, vertex, profile or pieces.")
+@options.number("--noise", help="Half-width of the readings' errors over Vref, where it is known.")
+@options.flag("--no-drift", help="Do not remove the drift of a calibrated sensor.")
+@options.flag("--creep", help="Take the creep of contacts that are held still out.")
+@options.flag("--no-tracks", help="Do not fuse the scans of each object into one rigid outline.")
+@options.flag("--watch", "watched",
               help="Let the doctor look on, and leave channels out while they are faulty.")  # fmt: skip
-@click.option("--speed", type=options.NUMBER, default=1.0, show_default=True, callback=options.above_0,
-              help="INPUT: speed relative to its own times.")  # fmt: skip
+@options.number("--speed", default=1.0, callback=options.above_0,
+                help="INPUT: speed relative to its own times.")  # fmt: skip
 @options.output("Record to this file (.mcap).", required=False)
 @options.FORCE
 @options.DURABLE
-@click.option("--no-view", is_flag=True, help="No page.")
-@click.option(
-    "--http", type=options.WHOLE, default=_HTTP, show_default=True, help="The page's port; 0: any free one."
-)
-@click.option("--host", default="127.0.0.1", show_default=True,
-              help="Address of the page; 0.0.0.0 lets the local network in, with a token.")  # fmt: skip
-@click.option("--json", "lines", is_flag=True, help="Objects as JSON lines on standard output.")
-@click.option("--osc", metavar="HOST:PORT", help="Objects as TUIO 1.1 blobs over UDP.")
-@click.option("--ros2", is_flag=True, help="Polygons, readings and state as topics of ROS 2, without ROS.")
-@click.option("--ros-domain", type=options.WHOLE, help="Domain id of ROS 2; else ROS_DOMAIN_ID, else 0.")
-@click.option("--ros-name", metavar="NAME", help="Namespace of the topics; else tacstrip.")
-@click.option("--ros-frame", metavar="FRAME", help="Frame id of the polygons; else the namespace.")
-@click.option("--ros-interface", metavar="INTERFACE",
-              help="Network interface for ROS 2, by name or address; auto: any. Else only this computer.")  # fmt: skip
-@click.option("--foxglove", metavar="[PORT]", type=options.WHOLE, is_flag=False, flag_value=FOXGLOVE_PORT,
-              help=f"Serve Foxglove and Lichtblick on PORT, {FOXGLOVE_PORT} by default; 0: any free one.")  # fmt: skip
-@click.option("--foxglove-host", default="127.0.0.1", show_default=True,
-              help="Address for Foxglove; 0.0.0.0 lets the local network look, without a token.")  # fmt: skip
-@click.option("--foxglove-layout", type=options.FILE, metavar="FILE",
-              help="Write a layout (.json) for Foxglove and Lichtblick.")  # fmt: skip
-@click.option("--seconds", type=options.NUMBER, default=math.inf, callback=options.above_0,
-              help="End after so many seconds.")  # fmt: skip
+@options.flag("--no-view", help="No page.")
+@options.whole("--http", default=_HTTP, help="The page's port; 0: any free one.")
+@options.option("--host", default="127.0.0.1",
+                help="Address of the page; 0.0.0.0 lets the local network in, with a token.")  # fmt: skip
+@options.flag("--json", "lines", help="Objects as JSON lines on standard output.")
+@options.option("--osc", metavar="HOST:PORT", help="Objects as TUIO 1.1 blobs over UDP.")
+@options.flag("--ros2", help="Polygons, readings and state as topics of ROS 2, without ROS.")
+@options.whole("--ros-domain", help="Domain id of ROS 2; else ROS_DOMAIN_ID, else 0.")
+@options.option("--ros-name", metavar="NAME", help="Namespace of the topics; else tacstrip.")
+@options.option("--ros-frame", metavar="FRAME", help="Frame id of the polygons; else the namespace.")
+@options.option("--ros-interface", metavar="INTERFACE", help="Network interface for ROS 2, by name or address; auto: "
+                "any. Else only this computer.")  # fmt: skip
+@options.whole("--foxglove", metavar="[PORT]", is_flag=False, flag_value=FOXGLOVE_PORT,
+               help=f"Serve Foxglove and Lichtblick on PORT, {FOXGLOVE_PORT} by default; 0: any free one.")  # fmt: skip
+@options.option("--foxglove-host", default="127.0.0.1",
+                help="Address for Foxglove; 0.0.0.0 lets the local network look, without a token.")  # fmt: skip
+@options.file("--foxglove-layout", metavar="FILE", help="Write a layout (.json) for Foxglove and Lichtblick.")
+@options.number("--seconds", default=math.inf, callback=options.above_0, show_default=False,
+                help="End after so many seconds.")  # fmt: skip
 def command(files: tuple[str, ...], **given: Any) -> None:
     """Show the shapes that touch the sensor on a page of this computer; record them and pass them on.
 

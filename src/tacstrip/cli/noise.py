@@ -20,13 +20,13 @@ _SHOWN = (1, 16, 64)  # scans averaged
 
 @click.command()
 @click.argument("recording", type=options.FILE)
-@click.option(
+@options.option(
     "--sensor", metavar="SENSOR", help="Spec file or shipped spec; a recording (.mcap) holds its own."
 )
 @options.output("Write the spec with the noise to this file.", required=False)
-@click.option("--write", type=options.FILE, metavar="SENSOR.toml",
+@options.file("--write", metavar="SENSOR.toml",
               help="Put the noise into this spec; its other lines stay as they are.")  # fmt: skip
-@click.option("--vertices", type=options.WholeRange(3, 40), help="Of the contact, where that is known.")
+@options.option("--vertices", type=options.WholeRange(3, 40), help="Of the contact, where that is known.")
 @options.plot("Picture of the Allan deviation (.png, .svg, .pdf).")
 def command(
     recording: Path,
@@ -69,11 +69,8 @@ def command(
         sys.exit(1)
     for target, text in ((write, write), (output, spec)):
         if target is not None:
-            given = (
-                Path(text).read_text(encoding="utf-8")
-                if text and Path(text).is_file()
-                else log.sensor.to_toml()
-            )
+            own = text and Path(text).is_file()
+            given = Path(text).read_text(encoding="utf-8") if text and own else log.sensor.to_toml()
             write_text(target, with_noise(given, found.noise))
             click.echo(f"{target} written")
 
@@ -93,11 +90,8 @@ def _lines(found: LearnedNoise, sensor: Sensor) -> Iterator[str]:
     yield f"White noise: {percent(noise.white, 'white')}, {100.0 * noise.white_shared:.0f} % of the variance shared"
     for sigma, time_s in noise.processes:
         slow = time_s > 10.0 * found.period_s * found.scans
-        over = (
-            "over longer than this recording, by the strips' differences"
-            if slow
-            else f"in some {time_s:.3g} s"
-        )
+        longer = "over longer than this recording, by the strips' differences"
+        over = longer if slow else f"in some {time_s:.3g} s"
         yield f"Wander of the zero {over}: {percent(sigma, 'static' if slow else 'wander')}"
     if noise.processes:
         yield f"All channels share {100.0 * noise.wander_shared:.0f} % of the wander's variance"

@@ -11,39 +11,46 @@ from typing import Any
 
 import click
 from click.core import ParameterSource
+from click.decorators import FC
 
-from tacstrip.errors import OptionError, ReadingError, is_number, number, one_of
+from tacstrip.errors import OptionError, ReadingError, is_number, one_of
 
 
-class _Number(click.types.FloatParamType):
+class _InDigits(click.ParamType):  # type: ignore[type-arg]
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        return super().convert(_in_digits(value, param, ctx), param, ctx)
+        """Return the number, or fail where it is none in the digits 0 to 9; click takes 1_0, other scripts and nan."""
+        if isinstance(value, str) and (not is_number(value) or math.isnan(float(value))):
+            raise click.BadParameter(f"{value!r} is not a number; write it in the digits 0 to 9", ctx, param)
+        return super().convert(value, param, ctx)
 
 
-class _Whole(click.types.IntParamType):
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        return super().convert(_in_digits(value, param, ctx), param, ctx)
+class _Number(_InDigits, click.types.FloatParamType):
+    pass
 
 
-class WholeRange(click.IntRange):
+class _Whole(_InDigits, click.types.IntParamType):
+    pass
+
+
+class WholeRange(_InDigits, click.IntRange):
     """Whole numbers from one to another."""
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Return the number, or fail."""
-        return super().convert(_in_digits(value, param, ctx), param, ctx)
-
-
-def _in_digits(value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-    """Return the value, or fail where it is no number in the digits 0 to 9; click takes 1_0, other scripts and nan."""
-    if isinstance(value, str) and not (is_number(value) and number(value) == number(value)):
-        raise click.BadParameter(f"{value!r} is not a number; write it in the digits 0 to 9", ctx, param)
-    return value
 
 
 _MUCH = 0.05  # of Vref: five times P.U. profile II
 NUMBER, WHOLE = _Number(), _Whole()
 FILE = click.Path(path_type=Path)
 POINT = (NUMBER, NUMBER)
+
+
+def option(*names: str, **settings: Any) -> Callable[[FC], FC]:
+    """Return an option as `click.option` does, whose help shows the default unless it is nothing."""
+    return click.option(*names, **{"show_default": bool(settings.get("default"))} | settings)
+
+
+flag = functools.partial(click.option, is_flag=True)
+number = functools.partial(option, type=NUMBER)
+whole = functools.partial(option, type=WHOLE)
+file = functools.partial(option, type=FILE)
 
 
 def given(*parameters: str) -> list[str]:
@@ -108,34 +115,31 @@ def _one_input(_: click.Context, __: click.Parameter, files: tuple[str, ...]) ->
 
 SENSOR = click.argument("sensor", metavar="SENSOR")
 CONTACT = click.argument("contact", metavar="CONTACT", type=FILE)
-FORCE = click.option("--force", is_flag=True, help="Overwrite an existing file.")
-DURABLE = click.option("--durable", is_flag=True, help="Record so that a power cut loses a second at most; "
-                       "see docs/science/recordings.md for what it costs.")  # fmt: skip
-SEED = click.option(
-    "--seed", type=WHOLE, default=0, show_default=True, callback=_seed, help="Of random errors."
-)
-TURN = click.option("--turn", type=NUMBER, default=0.0, metavar="DEG", help="Turn the contact anticlockwise.")
-AT = click.option("--at", type=POINT, metavar="X Y", help="Put the contact's centroid here [mm].")
-WITHOUT = click.option("--without", multiple=True, metavar="STRIP[:CHANNEL]",
-                       help="Leave out a dead or stuck channel, as 7:v_h, or a strip, as 7; repeat.")  # fmt: skip
-MODEL = click.option("--model", help="closed or network; by default closed where there are closed forms.")
-ELECTRODES = click.option("--electrodes", default="own", show_default=True, help="CRS-CRP: own or all.")
+FORCE = flag("--force", help="Overwrite an existing file.")
+DURABLE = flag("--durable", help="Record so that a power cut loses a second at most; "
+               "see docs/science/recordings.md for what it costs.")  # fmt: skip
+SEED = whole("--seed", default=0, callback=_seed, show_default=True, help="Of random errors.")
+TURN = number("--turn", default=0.0, metavar="DEG", help="Turn the contact anticlockwise.")
+AT = option("--at", type=POINT, metavar="X Y", help="Put the contact's centroid here [mm].")
+WITHOUT = option("--without", multiple=True, metavar="STRIP[:CHANNEL]",
+                 help="Leave out a dead or stuck channel, as 7:v_h, or a strip, as 7; repeat.")  # fmt: skip
+MODEL = option("--model", help="closed or network; by default closed where there are closed forms.")
+ELECTRODES = option("--electrodes", default="own", help="CRS-CRP: own or all.")
 
 
 def output(text: str, required: bool = True) -> Callable[..., Any]:
     """Return the option -o; `text` is its help."""
-    return click.option("-o", "--output", type=FILE, required=required, help=text)
+    return file("-o", "--output", required=required, help=text)
 
 
 def plot(text: str = "Picture to write (.png, .svg, .pdf).") -> Callable[..., Any]:
     """Return the option --plot, whose ending is checked; `text` is its help."""
-    return click.option("--plot", type=FILE, callback=_picture, help=text)
+    return file("--plot", callback=_picture, help=text)
 
 
 def figure_format(text: str) -> Callable[..., Any]:
     """Return the option --format, of figures; `text` is its help."""
-    return click.option("--format", "kind", default="png", show_default=True, callback=_format,
-                        metavar="svg|pdf|png", help=text)  # fmt: skip
+    return option("--format", "kind", default="png", callback=_format, metavar="svg|pdf|png", help=text)
 
 
 def sensor_and_input(metavar: str = "[SENSOR] INPUT", required: bool = True) -> Callable[..., Any]:
@@ -146,11 +150,11 @@ def sensor_and_input(metavar: str = "[SENSOR] INPUT", required: bool = True) -> 
 def noise(command: Callable[..., None]) -> Callable[..., None]:
     """Add --quantisation, --positional and --distribution to a verb, which takes them as one `noise`."""
 
-    @click.option("--quantisation", type=NUMBER, default=0.0,
-                  help="C.Q.E. of the readings, half-width over Vref (thesis: 0.001).")  # fmt: skip
-    @click.option("--positional", type=NUMBER, default=0.0,
-                  help="P.U. of the readings, half-width over Vref (thesis: 0.005, 0.01).")  # fmt: skip
-    @click.option("--distribution", default="uniform", show_default=True, help="uniform or normal.")
+    @number("--quantisation", default=0.0,
+            help="C.Q.E. of the readings, half-width over Vref (thesis: 0.001).")  # fmt: skip
+    @number("--positional", default=0.0,
+            help="P.U. of the readings, half-width over Vref (thesis: 0.005, 0.01).")  # fmt: skip
+    @option("--distribution", default="uniform", help="uniform or normal.")
     @functools.wraps(command)
     def call(quantisation: float, positional: float, distribution: Any, **rest: Any) -> None:
         from tacstrip.contact.noise import Noise
@@ -170,13 +174,8 @@ def noise(command: Callable[..., None]) -> Callable[..., None]:
     return call
 
 
-ANSWERS = click.option(
-    "--answer",
-    "answers",
-    multiple=True,
-    metavar="KEY=VALUE",
-    help="Answer a question, or say what a column is; repeat.",
-)
+ANSWERS = option("--answer", "answers", multiple=True, metavar="KEY=VALUE",
+                 help="Answer a question, or say what a column is; repeat.")  # fmt: skip
 
 
 def answered(texts: tuple[str, ...]) -> dict[str, str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 import click
@@ -23,6 +24,7 @@ from tacstrip.simulation import simulate
 
 _POSE = (options.NUMBER,) * 6
 _SIZES = {"plane": 0, "sphere": 1, "cylinder": 1, "edge": 1, "cone": 1, "box": 3}  # numbers after the name
+_NUMBERS = {0: "no number", 1: "one number, as in sphere:5", 3: "three numbers, as in box:20x10x5"}
 _MESHES = (".stl", ".obj", ".ply", ".off", ".glb")
 
 
@@ -30,20 +32,19 @@ _MESHES = (".stl", ".obj", ".ply", ".off", ".glb")
 @options.SENSOR
 @click.argument("solid", metavar="OBJECT")
 @options.output("Readings file (CSV).")
-@click.option("--pose", type=_POSE, metavar="X Y Z DX DY DZ",
-              help="Where the object's lowest place is [mm], and the direction in which it is pressed.")  # fmt: skip
-@click.option("--path", type=options.FILE,
-              help="Poses from scan to scan (.csv: x_mm, y_mm, z_mm, dx, dy, dz, and time_s, turn_deg, depth_mm or "
-                   "force_n).")  # fmt: skip
-@click.option("--turn", type=options.NUMBER, default=0.0, metavar="DEG", help="Turn it about that direction.")
-@click.option("--depth", type=options.NUMBER, metavar="MM", help="How far, from its first touch.")
-@click.option("--force", type=options.NUMBER, metavar="N", help="How hard, by the skin's stiffness.")
-@click.option("--rate", type=options.NUMBER, default=100.0, show_default=True, callback=options.finite_above_0,
-              help="Scans a second of a path without time_s [Hz].")  # fmt: skip
-@click.option("--unit", default="mm", show_default=True, help="Of a mesh: mm, cm, m or inch.")
+@options.option("--pose", type=_POSE, metavar="X Y Z DX DY DZ",
+                help="Where the object's lowest place is [mm], and the direction in which it is pressed.")  # fmt: skip
+@options.file("--path", help="Poses from scan to scan (.csv: x_mm, y_mm, z_mm, dx, dy, dz, and time_s, turn_deg, "
+              "depth_mm or force_n).")  # fmt: skip
+@options.number("--turn", default=0.0, metavar="DEG", help="Turn it about that direction.")
+@options.number("--depth", metavar="MM", help="How far, from its first touch.")
+@options.number("--force", metavar="N", help="How hard, by the skin's stiffness.")
+@options.number("--rate", default=100.0, callback=options.finite_above_0,
+                help="Scans a second of a path without time_s [Hz].")  # fmt: skip
+@options.option("--unit", default="mm", help="Of a mesh: mm, cm, m or inch.")
 @options.noise
 @options.SEED
-@click.option("--patch", type=options.FILE, help="Write what is touched: l, u, area, force, outline (JSON).")
+@options.file("--patch", help="Write what is touched: l, u, area, force, outline (JSON).")
 @options.plot("Picture of skin, object and patch (.png, .svg, .pdf).")
 def command(
     sensor: str,
@@ -145,19 +146,13 @@ def _solid(text: str) -> Solid:
     except ValueError:
         sizes = [math.nan]
     if len(sizes) != _SIZES[name] or not np.isfinite(sizes).all():
-        wanted = {0: "no number", 1: "one number, as in sphere:5", 3: "three numbers, as in box:20x10x5"}[
-            _SIZES[name]
-        ]
-        raise OptionError(f"OBJECT {text}: a {name} has {wanted}")
-    if name == "box":
-        return Solid.box(sizes)
+        raise OptionError(f"OBJECT {text}: a {name} has {_NUMBERS[_SIZES[name]]}")
     if name in ("edge", "cone"):
         if not 0.0 < sizes[0] < 180.0:
             raise OptionError(f"OBJECT {text}: its angle is between 0 and 180 degrees, as in {name}:90")
-        return (Solid.edge if name == "edge" else Solid.cone)(math.radians(sizes[0]))
-    if name == "plane":
-        return Solid.plane()
-    return Solid.sphere(sizes[0]) if name == "sphere" else Solid.cylinder(sizes[0])
+        sizes = [math.radians(sizes[0])]
+    make: Callable[..., Solid] = getattr(Solid, name)
+    return make(sizes) if name == "box" else make(*sizes)
 
 
 def _as_json(patch: Patch) -> dict[str, object]:

@@ -17,7 +17,7 @@ from tacstrip.contact.noise import Noise
 from tacstrip.contact.shape import Contact
 from tacstrip.errors import OptionError, ReadingError, number
 from tacstrip.geometry.metrics import mismatch
-from tacstrip.io.geometry import feature_collection, read_contact, write_geojson
+from tacstrip.io.geojson import feature_collection, read_contact, write_geojson
 from tacstrip.io.input_checks import half_read, implausible, misread, one_reading
 from tacstrip.io.readings import read_readings
 from tacstrip.reconstruction.implausible import doubt_scale
@@ -45,33 +45,26 @@ _OF_METHODS = {  # option: the methods that have it
 @options.SENSOR
 @click.argument("readings", metavar="READINGS", type=options.FILE)
 @options.output("GeoJSON file; printed if left out.", required=False)
-@click.option("--method", help="polygon (all strips, the default), vertex or profile (the thesis'), or pieces: several "
-              "objects on the same strips.")  # fmt: skip
-@click.option("--signature", help="Use one only, for polygon or vertex: kh, kl or k.")
+@options.option("--method", help="polygon (all strips, the default), vertex or profile (the thesis'), or pieces: "
+                "several objects on the same strips.")  # fmt: skip
+@options.option("--signature", help="Use one only, for polygon or vertex: kh, kl or k.")
 @options.noise
 @options.WITHOUT
-@click.option(
-    "--average",
-    type=options.WholeRange(1),
-    default=1,
-    metavar="N",
-    help="Reconstruct means of every N scans.",
-)
-@click.option(
-    "--vertices", type=options.WHOLE, help="Of each contact, for polygon, where that is known; else found."
-)
-@click.option("--assessment", default="thorough", show_default=True,
-              help="For polygon, of how sure a shape is: thorough, fast or none.")  # fmt: skip
-@click.option("--area", "area_mm2", metavar="MM2[,SIGMA]",
-              help="For polygon: area of each contact if known, to 20 % or SIGMA [mm2].")  # fmt: skip
-@click.option("--wide", is_flag=True, hidden=True)
-@click.option("--object", "known_object", type=options.FILE,
+@options.option("--average", type=options.WholeRange(1), default=1, metavar="N", show_default=False,
+                help="Reconstruct means of every N scans.")  # fmt: skip
+@options.whole("--vertices", help="Of each contact, for polygon, where that is known; else found.")
+@options.option("--assessment", default="thorough",
+                help="For polygon, of how sure a shape is: thorough, fast or none.")  # fmt: skip
+@options.option("--area", "area_mm2", metavar="MM2[,SIGMA]",
+                help="For polygon: area of each contact if known, to 20 % or SIGMA [mm2].")  # fmt: skip
+@options.flag("--wide", hidden=True)
+@options.file("--object", "known_object",
               help="A known rigid object's outline (.wkt, .geojson): its pose is fitted.")  # fmt: skip
-@click.option("--transitions", default="auto", show_default=True, metavar="RULE|X,X,..",
-              help="For vertex: auto, gradient, or the x of all vertices [mm].")  # fmt: skip
-@click.option("--convex", is_flag=True, help="For profile of CRS-CRP: every contact is convex.")
-@click.option("--reading", default="section", show_default=True, help="For vertex: section or strip.")
-@click.option("--truth", type=options.FILE,
+@options.option("--transitions", default="auto", metavar="RULE|X,X,..",
+                help="For vertex: auto, gradient, or the x of all vertices [mm].")  # fmt: skip
+@options.flag("--convex", help="For profile of CRS-CRP: every contact is convex.")
+@options.option("--reading", default="section", help="For vertex: section or strip.")
+@options.file("--truth",
               help="What touched (.wkt, .geojson): prints the mismatch, against the nearest polygon.")  # fmt: skip
 @options.plot()
 def command(
@@ -152,13 +145,8 @@ def command(
         raise OptionError(
             f"--truth {truth}: holds no polygon to compare with; a line or a point has no outline"
         )
-    source = (
-        "as given"
-        if known
-        else "the spec's [noise]"
-        if unit.noise
-        else "estimated (give it, or see tacstrip noise)"
-    )
+    source = "the spec's [noise]" if unit.noise else "estimated (give it, or see tacstrip noise)"
+    source = "as given" if known else source
     _report(results, contact, unit.width_mm if unit.closed else None, "" if chosen in _NOISELESS else source)
     if output is not None:
         write_geojson(output, results)
@@ -218,10 +206,8 @@ def _report(
     counts = Counter(o.status for r in results for o in r.objects)
     counts["no contact"] = sum(not r.objects for r in results)
     by_status = ", ".join(f"{status}: {count}" for status, count in counts.most_common() if count)
-    note(
-        f"{len(results)} scan(s), {len(lines)} object(s); {by_status}"
-        + (f"; noise: {noise}" if noise else "")
-    )
+    of_noise = f"; noise: {noise}" if noise else ""
+    note(f"{len(results)} scan(s), {len(lines)} object(s); {by_status}{of_noise}")
 
 
 def _line(

@@ -17,7 +17,7 @@ from tacstrip.cli import check_method, load_layers, new_file, note, options, war
 from tacstrip.cli.replay import warn_of_cut
 from tacstrip.errors import OptionError, TacstripError
 from tacstrip.interrupt import deferred_interrupt
-from tacstrip.io.geometry import read_contact
+from tacstrip.io.geojson import read_contact
 from tacstrip.io.input_checks import unlikely_contact
 from tacstrip.sensor.layers import unit_of
 from tacstrip.sensor.spec import Sensor
@@ -39,22 +39,19 @@ _TEXT_ROUNDING = 0.01  # steps of the converter by which the rounding of a text 
 @click.command()
 @options.sensor_and_input()
 @options.output("Recording (.mcap).")
-@click.option("--reconstruct", "method", metavar="METHOD",
-              help="Store reconstructed shapes too: vertex, profile or polygon.")  # fmt: skip
-@click.option("--paced", is_flag=True, help="In real time; otherwise as fast as possible.")
+@options.option("--reconstruct", "method", metavar="METHOD",
+                help="Store reconstructed shapes too: vertex, profile or polygon.")  # fmt: skip
+@options.flag("--paced", help="In real time; otherwise as fast as possible.")
 @options.FORCE
 @options.DURABLE
 @options.AT
 @options.TURN
-@click.option("--drag", type=options.POINT, multiple=True, metavar="X Y",
-              help="Contact: move it to here; repeat for a path.")  # fmt: skip
-@click.option(
-    "--turn-rate", type=options.NUMBER, default=0.0, metavar="DEG/S", help="Contact: keep turning it."
-)
-@click.option("--rate", type=options.NUMBER, default=100.0, show_default=True, callback=options.rate,
-              help="Contact: scan rate [Hz].")  # fmt: skip
-@click.option("--seconds", type=options.NUMBER, default=1.0, show_default=True, callback=options.finite_above_0,
-              help="Contact: duration, from the path's start to its end.")  # fmt: skip
+@options.option("--drag", type=options.POINT, multiple=True, metavar="X Y",
+                help="Contact: move it to here; repeat for a path.")  # fmt: skip
+@options.number("--turn-rate", default=0.0, metavar="DEG/S", help="Contact: keep turning it.")
+@options.number("--rate", default=100.0, callback=options.rate, help="Contact: scan rate [Hz].")
+@options.number("--seconds", default=1.0, callback=options.finite_above_0,
+                help="Contact: duration, from the path's start to its end.")  # fmt: skip
 @options.noise
 @options.MODEL
 @options.ELECTRODES

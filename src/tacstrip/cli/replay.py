@@ -23,13 +23,13 @@ from tacstrip.stream.source import RawScan, Source, paced
 
 @click.command()
 @click.argument("recording", type=options.FILE)
-@click.option("--speed", type=options.NUMBER, default=1.0, show_default=True, callback=options.above_0,
-              help="Speed relative to the recorded times.")  # fmt: skip
-@click.option("--fast", is_flag=True, help="As fast as possible.")
-@click.option("--sensor", metavar="SENSOR", help="Decode with this spec, not with the recorded one.")
-@click.option("--reconstruct", "method", metavar="METHOD",
-              help="Reconstruct anew: vertex, profile or polygon; otherwise recorded shapes are printed.")  # fmt: skip
-@click.option("--summary", "short", is_flag=True, help="Print a summary only.")
+@options.number("--speed", default=1.0, callback=options.above_0,
+                help="Speed relative to the recorded times.")  # fmt: skip
+@options.flag("--fast", help="As fast as possible.")
+@options.option("--sensor", metavar="SENSOR", help="Decode with this spec, not with the recorded one.")
+@options.option("--reconstruct", "method", metavar="METHOD", help="Reconstruct anew: vertex, profile or polygon; "
+                "otherwise recorded shapes are printed.")  # fmt: skip
+@options.flag("--summary", "short", help="Print a summary only.")
 @options.plot("Picture of the last scan in contact (.png, .svg, .pdf).")
 def command(
     recording: Path,

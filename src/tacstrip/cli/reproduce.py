@@ -12,11 +12,9 @@ from tacstrip.thesis.reproduce import inside_counts, reproduce
 
 
 @click.command()
-@click.option("--out", type=options.FILE, default="reproduction", show_default=True, help="Folder.")
-@click.option(
-    "--seeds", type=options.WholeRange(1), default=200, show_default=True, help="Draws per noisy cell."
-)
-@click.option("--workers", type=options.WholeRange(1), help="Processes; by default one per core.")
+@options.file("--out", default="reproduction", help="Folder.")
+@options.option("--seeds", type=options.WholeRange(1), default=200, help="Draws per noisy cell.")
+@options.option("--workers", type=options.WholeRange(1), help="Processes; by default one per core.")
 @options.figure_format("Of the figures; svg and pdf are written beside those that the report shows.")
 def command(out: Path, seeds: int, workers: int | None, kind: str) -> None:
     """Reproduce tables 5.2-5.14, 6.1-6.11 and the figures of chapters 2 to 6, with the printed values.

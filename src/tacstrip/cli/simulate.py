@@ -17,7 +17,7 @@ from tacstrip.contact.noise import Noise, NoiseProcess
 from tacstrip.contact.shape import Contact
 from tacstrip.errors import OptionError
 from tacstrip.files import write_text
-from tacstrip.io.geometry import read_contact
+from tacstrip.io.geojson import read_contact
 from tacstrip.io.input_checks import unlikely_contact
 from tacstrip.io.readings import write_readings
 from tacstrip.sensor.layers import AnySensor, LayeredSensor, unit_of
@@ -30,22 +30,19 @@ from tacstrip.simulation import simulate
 @options.output("Readings file (CSV).")
 @options.AT
 @options.TURN
-@click.option("--drag", type=options.POINT, multiple=True, metavar="X Y",
-              help="Drag it on to here; repeat for a path.")  # fmt: skip
-@click.option("--steps", type=options.WHOLE, default=5, show_default=True, help="Scans along the path.")
-@click.option("--still", type=options.WholeRange(1), metavar="N", help="N scans of the contact at rest.")
-@click.option(
-    "--turn-per-step", type=options.NUMBER, default=0.0, metavar="DEG", help="Turn it while dragging."
-)
-@click.option("--rate", type=options.NUMBER, default=100.0, show_default=True, callback=options.rate,
-              help="Scans a second, of several [Hz].")  # fmt: skip
+@options.option("--drag", type=options.POINT, multiple=True, metavar="X Y",
+                help="Drag it on to here; repeat for a path.")  # fmt: skip
+@options.whole("--steps", default=5, help="Scans along the path.")
+@options.option("--still", type=options.WholeRange(1), metavar="N", help="N scans of the contact at rest.")
+@options.number("--turn-per-step", default=0.0, metavar="DEG", help="Turn it while dragging.")
+@options.number("--rate", default=100.0, callback=options.rate, help="Scans a second, of several [Hz].")
 @options.noise
 @options.WITHOUT
-@click.option("--noisy", is_flag=True, help="Errors as the spec's [noise] says, lasting from scan to scan.")
+@options.flag("--noisy", help="Errors as the spec's [noise] says, lasting from scan to scan.")
 @options.MODEL
 @options.ELECTRODES
 @options.SEED
-@click.option("--placed", type=options.FILE, help="Write the contact as placed (.wkt): a --truth.")
+@options.file("--placed", help="Write the contact as placed (.wkt): a --truth.")
 @options.plot()
 def command(
     sensor: str,

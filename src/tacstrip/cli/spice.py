@@ -9,7 +9,7 @@ import click
 from tacstrip.cli import load_sensor, options, protect, warn
 from tacstrip.errors import OptionError
 from tacstrip.files import write_text
-from tacstrip.io.geometry import read_contact
+from tacstrip.io.geojson import read_contact
 from tacstrip.io.input_checks import unlikely_contact
 from tacstrip.network.crp.readings import contact_measurements
 from tacstrip.network.imperfections import Readout
@@ -21,18 +21,12 @@ from tacstrip.network.strips.measurements import measurements
 @options.SENSOR
 @options.CONTACT
 @options.output("Netlist to write (.cir).")
-@click.option("--cells", type=options.WholeRange(1), help="Cells over each piece of contact, by default 40 per lambda; "
-              "CRS-CRP: rows of the sheet, by default 4.")  # fmt: skip
-@click.option(
-    "--strip-ohm", type=options.NUMBER, default=10_000.0, show_default=True, help="A strip from end to end."
-)
-@click.option(
-    "--mux-ohm", type=options.NUMBER, default=0.0, show_default=True, help="On-resistance of a switch."
-)
-@click.option(
-    "--adc-ohm", type=options.NUMBER, default=float("inf"), show_default=True, help="Input resistance."
-)
-@click.option("--tied-grounds", is_flag=True, help="CRS-M with all ground ends joined for good.")
+@options.option("--cells", type=options.WholeRange(1), help="Cells over each piece of contact, by default 40 per "
+                "lambda; CRS-CRP: rows of the sheet, by default 4.")  # fmt: skip
+@options.number("--strip-ohm", default=10_000.0, help="A strip from end to end.")
+@options.number("--mux-ohm", default=0.0, show_default=True, help="On-resistance of a switch.")
+@options.number("--adc-ohm", default=float("inf"), help="Input resistance.")
+@options.flag("--tied-grounds", help="CRS-M with all ground ends joined for good.")
 def command(
     sensor: str, contact: Path, output: Path, cells: int | None, tied_grounds: bool, **ohms: float
 ) -> None:

@@ -27,15 +27,15 @@ def _shard(_: click.Context, __: click.Parameter, value: str | None) -> tuple[in
 
 @click.command()
 @click.argument("study", type=options.FILE)
-@click.option("--out", type=options.FILE, required=True, help="Folder of the results.")
-@click.option(
+@options.file("--out", required=True, help="Folder of the results.")
+@options.option(
     "--shard", callback=_shard, metavar="I/N", help="Only every N-th batch from the I-th on: for job arrays."
 )
-@click.option("--workers", type=options.WholeRange(1), help="Processes; by default one per core.")
-@click.option(
+@options.option("--workers", type=options.WholeRange(1), help="Processes; by default one per core.")
+@options.option(
     "--dask", metavar="ADDRESS", help="Scheduler of a Dask cluster to work on, such as tcp://host:8786."
 )
-@click.option("--plan", is_flag=True, help="Only count designs and batches, and those that are there.")
+@options.flag("--plan", help="Only count designs and batches, and those that are there.")
 def command(
     study: Path, out: Path, shard: tuple[int, int], workers: int | None, dask: str | None, plan: bool
 ) -> None:

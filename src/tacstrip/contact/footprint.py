@@ -143,17 +143,8 @@ def _area_ends(sensor: Sensor, contacts: Sequence[Contact]) -> tuple[FloatArray,
             begin = owner.searchsorted(np.arange(len(contacts) + 1))
         size = math.prod(shape)
         ends = np.empty((2, size + 4))
-        low = at(ends)
-        core(
-            at(points),
-            at(ring),
-            at(begin),
-            len(contacts),
-            sensor.pitch_mm,
-            sensor.strips,
-            low,
-            low + ends.strides[0],
-        )
+        low, high = at(ends), at(ends) + ends.strides[0]
+        core(at(points), at(ring), at(begin), len(contacts), sensor.pitch_mm, sensor.strips, low, high)
         l, u = ends[:, :size].reshape(2, *shape)
         return l, u
     l, u = np.full(shape, np.nan), np.full(shape, np.nan)

@@ -96,9 +96,8 @@ class NoiseProcess:
     @property
     def _random(self) -> np.random.Generator:
         if not isinstance(self._rng, np.random.Generator):
-            self._rng = generator(
-                self._rng
-            )  # when first used: making one takes as long as a scan's closed forms
+            # When first used: making one takes as long as a scan's closed forms.
+            self._rng = generator(self._rng)
         return self._rng
 
     def add(

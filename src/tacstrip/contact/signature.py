@@ -44,10 +44,7 @@ def signatures(sensor: Sensor, l_mm: FloatArray, u_mm: FloatArray) -> dict[str, 
     w, length = np.asarray(u - l), sensor.length_mm
     if sensor.sensing_ratio == 0.0:
         return {"k": k_metal(l, w, length, lam)}
-    return {
-        "kh": k_h(l, w, length, sensor.sensing_ratio, lam),
-        "kl": k_l(l, w, length, sensor.sensing_ratio, lam),
-    }
+    return {name: k(l, w, length, sensor.sensing_ratio, lam) for name, k in (("kh", k_h), ("kl", k_l))}
 
 
 def geometric_centre(l_mm: FloatArray, u_mm: FloatArray) -> FloatArray:

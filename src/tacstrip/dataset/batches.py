@@ -213,14 +213,9 @@ class _Run:
         if self.closed:
             by = batch_sensor(sensor)
             by.top = by.top if errors else 0.0
+            given, workers = errors or BatchErrors(), self.workers or 1
             out, shorted = batch(
-                by,
-                errors or BatchErrors(),
-                first,
-                len(contacts),
-                ends_mm=ends_mm,
-                labels=False,
-                workers=self.workers or 1,
+                by, given, first, len(contacts), ends_mm=ends_mm, labels=False, workers=workers
             )
             self._refuse(shorted, first)
             readings = dict(zip(names, out["readings"], strict=True))
@@ -311,10 +306,8 @@ def _labels_of(contacts: Sequence[Contact], objects: int, corners: int) -> Array
     """Return the labels of given contacts, as `core.batch` names them."""
     many = (len(contacts), objects)
     out: Arrays = {name: np.zeros(many, np.int64) for name in ("kind", "corners")}
-    out |= {
-        name: np.full((*many, *s), np.nan)
-        for name, s in (("pose", (3,)), ("axes", (2,)), ("vertices", (corners, 2)))
-    }
+    sizes = {"pose": (3,), "axes": (2,), "vertices": (corners, 2)}
+    out |= {name: np.full((*many, *size), np.nan) for name, size in sizes.items()}
     for i, contact in enumerate(contacts):
         for o, shape in enumerate(contact.shapes):
             one = Contact((shape,))

@@ -35,9 +35,8 @@ FORMATS = ("parquet", "zarr")
 SPLITS = ("train", "validation", "test")
 _OF_DATASET = ("formats", "split", "dtype", "part_scans", "model")
 _PART_BYTES = 2**25  # of readings and labels together, where the study gives no number of scans
-_RESOLVED = (
-    1000  # scans of a part at most where strips of some width are resolved one by one, up to seconds each
-)
+# Scans of a part at most where strips of some width are resolved one by one, up to seconds each.
+_RESOLVED = 1000
 _BLOCK, _RESOLVED_BLOCK = 4096, 1  # scans that are made between two looks whether the end was asked for
 _ROW_GROUP = 8192  # rows of a Parquet file that are read together
 _WORK, _PLAN, _CARD = ".work", "plan.json", "dataset.json"

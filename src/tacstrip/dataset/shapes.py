@@ -101,26 +101,15 @@ class Shapes:
         for name in ("size_mm", "aspect", "turn_rad", "x_mm", "y_mm"):
             if getattr(self, name) is not None:
                 self._pair(name)
+        narrow, round_ = self._pair("aspect")
         limits: tuple[tuple[str, bool, str], ...] = (
             ("size_mm", self.size_mm is None or self._pair("size_mm")[0] > 0.0, "must be above 0"),
-            (
-                "aspect",
-                self._pair("aspect")[0] > 0.0 and self._pair("aspect")[1] <= 1.0,
-                "must be above 0 to 1",
-            ),
-            (
-                "irregularity",
-                _number(self.irregularity) and 0.0 <= self.irregularity <= 1.0,
-                "must be 0 to 1",
-            ),
-            (
-                "gap_mm",
-                self.gap_mm is None or (_number(self.gap_mm) and self.gap_mm >= 0.0),
-                "must be 0 or more",
-            ),
-            ("period_s", _number(self.period_s) and self.period_s > 0.0, "must be above 0"),
-            ("travel", _number(self.travel) and 0.0 <= self.travel <= 1.0, "must be 0 to 1"),
-            ("spin_rad", _number(self.spin_rad) and self.spin_rad >= 0.0, "must be 0 or more"),
+            ("aspect", narrow > 0.0 and round_ <= 1.0, "must be above 0 to 1"),
+            ("irregularity", _within(self.irregularity, 1.0), "must be 0 to 1"),
+            ("gap_mm", self.gap_mm is None or _within(self.gap_mm), "must be 0 or more"),
+            ("period_s", _within(self.period_s) and self.period_s > 0.0, "must be above 0"),
+            ("travel", _within(self.travel, 1.0), "must be 0 to 1"),
+            ("spin_rad", _within(self.spin_rad), "must be 0 or more"),
             ("apart", isinstance(self.apart, bool), "must be True or False"),
         )
         for name, good, advice in limits:
@@ -143,7 +132,7 @@ class Shapes:
         for name, share in given.items():
             if name not in DRAWN:
                 raise OptionError(one_of("kind", name, DRAWN))
-            if not _number(share) or not 0.0 <= share < math.inf:
+            if not _within(share):
                 raise OptionError(f"kinds: the share of {name} is {share!r}; give 0 or more")
         if not (total := sum(given.values())) > 0.0:
             raise OptionError("kinds: all shares are 0")
@@ -217,6 +206,10 @@ class Shapes:
         if not _number(value) or int(value) != value or not least <= value <= most:
             limit = f"{least} to {most}" if most < 2**31 else f"{least} or more"
             raise OptionError(f"{name} = {value!r}: must be a whole number, {limit}")
+
+
+def _within(value: Any, most: float = math.inf) -> bool:
+    return _number(value) and 0.0 <= value <= most
 
 
 def _number(value: Any) -> bool:

@@ -285,11 +285,8 @@ def sweep(
         return state
     begun = time.perf_counter()
     with ExitStack() as stack:
-        pools = (
-            _dask_pools(dask, stack)
-            if dask
-            else _local_pools(workers or available_cores(), len(waiting), stack)
-        )
+        count = workers or available_cores()
+        pools = _dask_pools(dask, stack) if dask else _local_pools(count, len(waiting), stack)
         free = deque(range(len(pools)))
         running: dict[Future[tuple[list[Row], float]], tuple[Batch, int, int]] = {}
         while waiting or running:
@@ -394,9 +391,8 @@ def collect(study: Sweep, out: Path) -> dict[str, list[Any]] | None:
     tables = []
     for batch in plan:
         table = pq.ParquetFile(_file(out, batch.name)).read()
-        numbers = pa.array(
-            range(batch.first, batch.first + batch.designs), pa.int64()
-        )  # as they are counted here
+        # As they are counted here.
+        numbers = pa.array(range(batch.first, batch.first + batch.designs), pa.int64())
         tables.append(table.set_column(0, "design", numbers).cast(schema))
     with replacing(out / "results.parquet") as new:
         pq.write_table(pa.concat_tables(tables), new)
@@ -418,9 +414,8 @@ def pareto(results: Mapping[str, Sequence[Any]], error: str) -> list[int]:
     )
     able = np.flatnonzero(np.isfinite(goals).all(axis=0))
     front: list[int] = []
-    for i in able[
-        np.lexsort(goals[:, able][::-1])
-    ]:  # by error first: later ones never beat earlier ones in it
+    # By error first: later ones never beat earlier ones in it.
+    for i in able[np.lexsort(goals[:, able][::-1])]:
         kept = goals[:, front]
         if not ((kept <= goals[:, [i]]).all(axis=0) & (kept < goals[:, [i]]).any(axis=0)).any():
             front.append(int(i))

@@ -114,10 +114,8 @@ def limits(sensor: Sensor, outline: Outline, noise: Noise) -> list[Limit]:
 def places(sensor: Sensor, outline: Outline, columns: int, rows: int) -> tuple[FloatArray, FloatArray]:
     """Return how far to move an outline (columns,) and (rows,) [mm] to have it at a grid of places on the sensor."""
     low, high = outline.vertices.min(axis=0), outline.vertices.max(axis=0)
-    return (
-        np.linspace(-low[0], sensor.width_mm - high[0], columns),
-        np.linspace(-low[1], sensor.length_mm - high[1], rows),
-    )
+    across = np.linspace(-low[0], sensor.width_mm - high[0], columns)
+    return across, np.linspace(-low[1], sensor.length_mm - high[1], rows)
 
 
 def limit_map(sensor: Sensor, outline: Outline, noise: Noise, columns: int = 24, rows: int = 24) -> ErrorMap:

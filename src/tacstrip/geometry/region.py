@@ -11,6 +11,8 @@ from tacstrip.arrays import FloatArray
 from tacstrip.geometry.moments import LEVEL
 from tacstrip.notebook import BLUE, VERMILION, SvgPath
 
+_COARSE, _MOST_VERTICES = 20, 20  # corners of a region that is sent, and of an outline that has some
+
 
 def ellipse(vertex: FloatArray, covariance: FloatArray, level: float = LEVEL) -> FloatArray:
     """Return the outline (48, 2) [mm] of the region that holds a vertex with probability `level`.
@@ -39,6 +41,12 @@ def regions(vertices: FloatArray, covariance: FloatArray | None) -> list[FloatAr
     parts = [covariance[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] for i in range(len(vertices))]
     own = (ellipse(v, part) for v, part in zip(vertices, parts, strict=True))
     return [region for region in own if len(region)]
+
+
+def coarse_regions(vertices: FloatArray, covariance: FloatArray | None) -> list[FloatArray]:
+    """Return the regions of an outline as polygons of few corners, to be sent; none of an outline of many vertices."""
+    own = regions(vertices, covariance) if len(vertices) <= _MOST_VERTICES else []
+    return [region[:: max(1, len(region) // _COARSE)] for region in own]
 
 
 def outline_paths(shapes: Sequence[tuple[FloatArray, FloatArray | None]]) -> list[SvgPath]:

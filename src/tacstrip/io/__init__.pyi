@@ -1,1 +1,1 @@
-from .geometry import feature_collection as feature_collection
+from .geojson import feature_collection as feature_collection

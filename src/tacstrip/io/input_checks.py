@@ -147,14 +147,11 @@ def other_scale(sensor: Sensor, raw: Mapping[str, FloatArray]) -> str:
     if sensor.surface is not None:
         return ""  # outlines would be needed
     touched = np.flatnonzero(np.any([np.isfinite(values).any(axis=1) for values in raw.values()], axis=0))
-    some = (
-        touched[np.unique(np.linspace(0, len(touched) - 1, _SOME).astype(int))] if len(touched) else touched
-    )
-    read = apply_calibration(sensor, {name: values[some] for name, values in raw.items()})
-    scans = [
-        Scan(**{name: np.clip(values[i], 0.0, 1.0) for name, values in read.items()})
-        for i in range(len(some))
-    ]
+    if len(touched):
+        touched = touched[np.unique(np.linspace(0, len(touched) - 1, _SOME).astype(int))]
+    read = apply_calibration(sensor, {name: values[touched] for name, values in raw.items()})
+    clipped = {name: np.clip(values, 0.0, 1.0) for name, values in read.items()}
+    scans = [Scan(**{name: k[i] for name, k in clipped.items()}) for i in range(len(touched))]
     return scale_hint(scans, None, sensor)
 
 

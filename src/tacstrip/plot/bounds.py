@@ -29,12 +29,7 @@ _SHEET = 9.5  # inch
 
 @takes(sensor=Sensor, contact=Contact, noise=Noise)
 def limits(
-    sensor: Sensor,
-    contact: Contact,
-    noise: Noise | None = None,
-    *,
-    grid: int = 16,
-    ax: Axes | None = None,
+    sensor: Sensor, contact: Contact, noise: Noise | None = None, *, grid: int = 16, ax: Axes | None = None
 ) -> Axes:
     """Draw how well the corners of a contact can be located at best, with its centroid at each place of the sensor.
 

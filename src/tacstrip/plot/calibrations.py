@@ -6,7 +6,6 @@ import warnings
 from collections.abc import Mapping
 from itertools import product
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -94,13 +93,8 @@ def calibration(result: Calibrated, *, most: int = 24, ax: Axes | None = None) -
         axes.plot(at, left_out, "x", color="black", markersize=4.0, label="rows that do not count")
     for name, half in _PROFILES.items():
         sigma = half / np.sqrt(3.0)
-        look: dict[str, Any] = {
-            "color": TRUE,
-            "linewidth": 0.8,
-            "linestyle": "--" if name == "I" else ":",
-            "zorder": 0,
-        }
-        axes.axhline(sigma, label=f"error of P.U. profile {name}", **look)
+        label, dashes = f"error of P.U. profile {name}", "--" if name == "I" else ":"
+        axes.axhline(sigma, color=TRUE, linewidth=0.8, linestyle=dashes, zorder=0, label=label)
     axes.set_yscale("log")
     axes.set_xticks(at, [str(i + result.uncalibrated.strip_base) for i in shown])
     axes.set(xlabel="strip, the worst first", ylabel="error, RMS [% of Vref]", xlim=(-0.7, len(shown) - 0.3))

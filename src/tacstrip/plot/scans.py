@@ -63,10 +63,8 @@ def scan(scan: Scan | Sequence[Scan], sensor: AnySensor, *, ax: Axes | None = No
         entries = entries or axes.get_legend_handles_labels()
     if entries and shown:
         handles, labels = axes.get_legend_handles_labels()
-        entries = (
-            handles[-len(entries[0]) :],
-            labels[: len(entries[0])],
-        )  # of the last scan, which is not pale
+        # Of the last scan, which is not pale.
+        entries = (handles[-len(entries[0]) :], labels[: len(entries[0])])
     axes.set(xlabel=x_label(unit), ylabel="reading [parts of Vref]", xlim=(0.0, unit.width_mm))
     if isinstance(sensor, LayeredSensor):
         border = sensor.slices[1].start * unit.pitch_mm

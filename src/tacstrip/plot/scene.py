@@ -57,9 +57,8 @@ def fill_sheet(axes: Axes, sensor: Sensor | None = None) -> None:
             right = max(min(left + x1 - x0 + spare, sensor.width_mm + sensor.pitch_mm), x1)
             axes.set_xlim(max(min(left, right - (x1 - x0) - spare), -sensor.pitch_mm), right)
     (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
-    axes.dataLim.set_points(
-        np.array([(x0, y0), (x1, y1)])
-    )  # else what lies beyond the data (a legend) may be cut
+    # Else what lies beyond the data (a legend) may be cut.
+    axes.dataLim.set_points(np.array([(x0, y0), (x1, y1)]))
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_autoscale_on(True)  # else Matplotlib warns that it widens limits
 
@@ -144,12 +143,7 @@ def draw_polygon(
         axes.plot(*ring.T, color="white", linewidth=2.6, zorder=3.9)
 
 
-def draw_piece(
-    axes: Axes,
-    piece: RecoveredObject,
-    colour: str,
-    label: str | None = None,
-) -> None:
+def draw_piece(axes: Axes, piece: RecoveredObject, colour: str, label: str | None = None) -> None:
     """Draw a piece: edges that are seen in full, hidden ones dashed with hollow corners, its bounds dotted."""
     assert piece.hidden is not None
     assert piece.hidden_edges is not None

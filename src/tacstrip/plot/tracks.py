@@ -62,9 +62,8 @@ def track(tracks: Track | Sequence[Track], sensor: Sensor, *, ax: Axes | None = 
         seen = np.flatnonzero(one.present)
         axes.plot(*one.poses[seen[0], :2], marker, color=colour, markersize=5.0, zorder=5)
         drawn = seen[np.unique(np.linspace(0, len(seen) - 1, _DRAWN).astype(int))]
-        for order, i in enumerate(
-            reversed(drawn.tolist())
-        ):  # the last one first: it is in full, and in the legend
+        # The last one first: it is in full, and in the legend.
+        for order, i in enumerate(reversed(drawn.tolist())):
             draw_polygon(axes, one.placed(i), colour, label, doubtful=doubtful, alpha=_PALER**order)
             label = None
         axes.plot(*one.poses[list(one.joint), :2].T, "o", color=colour, markersize=2.5, fillstyle="none")

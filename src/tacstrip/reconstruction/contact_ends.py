@@ -42,9 +42,8 @@ class Ends:
     covariance: FloatArray | None = None
     strip_status: tuple[str, ...] = ()
     advice: str = ""
-    own: FloatArray | None = (
-        None  # from closed forms: variance of l, of u, covariance of both (3, strips) [mm^2]
-    )
+    # From closed forms: variance of l, of u, covariance of both (3, strips) [mm^2].
+    own: FloatArray | None = None
 
     def covariance_of(self, which: IntArray) -> FloatArray | None:
         """Return the covariance of vertices (2N, 2N) [mm^2] whose y are some of the ends, and whose x are known.

@@ -58,11 +58,8 @@ def vertex_jacobian(
     if not sensor.kind.closed_form:
         return _network_slopes(outline, sensor, names, x)
     share = (touched / touched.sum(axis=1, keepdims=True))[..., None]
-    slopes = (
-        np.nan_to_num(slope.reshape(*lines.shape, slope.shape[-1]))
-        for slope in outline.jacobian(lines.ravel())
-    )
-    by_l, by_u = ((slope * share).sum(axis=1) for slope in slopes)
+    slopes = (slope.reshape(*lines.shape, slope.shape[-1]) for slope in outline.jacobian(lines.ravel()))
+    by_l, by_u = ((np.nan_to_num(slope) * share).sum(axis=1) for slope in slopes)
     if lines.shape[1] > 1:  # of a strip that is covered in part, the mean height is all that is counted
         covered = touched.all(axis=1)
         by_l[covered], by_u[covered] = end_slopes(sensor, outline, x[covered])

@@ -99,11 +99,8 @@ def scale_hint(scans: Sequence[Scan], outlines: Sequence[FloatArray] | None, sen
         return ""
     both = sensor.kind.closed_form and sensor.surface is None and all(len(s.signatures) > 1 for s in scans)
     if both:
-        boxes = [
-            box
-            for scan in scans
-            for box in _boxes(scan, sensor, *closed_ends(sensor, scan["kh"], scan["kl"]))
-        ]
+        read = ((scan, closed_ends(sensor, scan["kh"], scan["kl"])) for scan in scans)
+        boxes = [box for scan, (l, u) in read for box in _boxes(scan, sensor, l, u)]
     elif outlines is None:
         ends = [
             [scan[n] * sensor.length_mm for n in (scan.signatures[-1], scan.signatures[0])] for scan in scans

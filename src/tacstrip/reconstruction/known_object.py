@@ -55,9 +55,8 @@ _UNLIKELY = 1e-3  # weight below which an alternative is not named
 _OVERLAP, _PROBABLE = 0.8, 0.9  # IoU with the truth that "ok" promises, and its least probability
 _DRAWS = 64  # of the posterior, for that probability
 _NEAR = 4.0  # spreads within which two descents ended in one pose
-_CEILING = (
-    0.014  # of Vref: sigma of noise of 2 %, and its estimate's error; what fits worse is another object
-)
+# Of Vref: sigma of noise of 2 %, and its estimate's error; what fits worse is another object.
+_CEILING = 0.014
 _FEWEST_READINGS = 6  # of one signature, below which ...
 _PLAUSIBLE = (
     0.0035  # ... or above which level (P.U. profile I, estimated) [Vref] another object may explain it
@@ -415,18 +414,8 @@ def _placed(
     wide = sensor.strip_width_mm is not None
     if wide and k.shape[1] >= _ENOUGH:  # the outer ones may be covered in part
         there[:, :PARTIAL_STRIPS] = there[:, -PARTIAL_STRIPS:] = False
-    fit = _Fit(
-        sensor,
-        corners,
-        run,
-        sensor.x_mm[run],
-        scan.signatures,
-        np.where(there, k, 0.0),
-        there.astype(float),
-        edge_mm,
-        silent,
-        wide,
-    )
+    x, read, used = sensor.x_mm[run], np.where(there, k, 0.0), there.astype(float)
+    fit = _Fit(sensor, corners, run, x, scan.signatures, read, used, edge_mm, silent, wide)
     fit = fit.with_sigma(known or max(_GUESS, sensor.adc_step))
     coarse = fit.thinned()
     if wide:  # centre lines are as far off as that

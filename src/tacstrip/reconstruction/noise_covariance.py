@@ -27,9 +27,8 @@ from tacstrip.sensor.spec import Sensor
 _ENOUGH = 4.0  # times as much variance that stays as averaging leaves of the rest: then it is enough
 _DITHER = 0.5  # of the converter's step: noise of so much sigma makes the mean of scans finer than a step
 _DETERMINED = 0.7  # of 1, the share of a parameter's certainty that readings give: the rest is a prior's
-_MOST_ALIKE = (
-    4.0  # times their variance that correlated errors may count for when corners are told from noise
-)
+# Times their variance that correlated errors may count for when corners are told from noise.
+_MOST_ALIKE = 4.0
 
 
 @dataclass(frozen=True)
@@ -115,11 +114,8 @@ def averaging_advice(noise: Noise | None, sensor: Sensor, averaging: Averaging) 
 
 def signature_advice(sensor: Sensor) -> str:
     """Say what to do where one signature leaves a shape open: some constructions have no other."""
-    return (
-        "use both signatures"
-        if len(sensor.signatures) > 1
-        else "use finer strips or two signatures (crs-crs)"
-    )
+    both = len(sensor.signatures) > 1
+    return "use both signatures" if both else "use finer strips or two signatures (crs-crs)"
 
 
 def signature_jacobians(
@@ -169,9 +165,8 @@ def reading_covariance(
     """
     count = len(names) * len(x_mm)
     found = np.full((count, count), common_variance(noise, averaging))
-    found[np.diag_indices(count)] += (
-        own_variance(noise, sensor, averaging) + FLOOR**2
-    )  # shared alone it is singular
+    # Shared alone it is singular.
+    found[np.diag_indices(count)] += own_variance(noise, sensor, averaging) + FLOOR**2
     if not (noise.soft or noise.gain):
         return found
     if noise.soft:

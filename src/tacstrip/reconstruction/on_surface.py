@@ -184,10 +184,8 @@ def _corners(chart: _Chart, found: RecoveredObject) -> dict[str, Any]:
     by = np.ones(2 * len(x))
     by[1::2] = 1.0 / np.maximum(slope, 1e-9)
     vertices = np.stack([x, np.where(upper, u, l)], axis=1)
-    return {
-        "vertices": vertices,
-        "covariance": None if found.covariance is None else found.covariance * by[:, None] * by,
-    }
+    covariance = None if found.covariance is None else found.covariance * by[:, None] * by
+    return {"vertices": vertices, "covariance": covariance}
 
 
 def _area_slopes(chart: _Chart, vertices: FloatArray, area: float) -> FloatArray:

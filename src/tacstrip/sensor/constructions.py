@@ -42,12 +42,10 @@ class Construction:
     keys: frozenset[str] = frozenset()  # keys of the spec that only some constructions have
     required: frozenset[str] = frozenset()
     cylindrical: bool = False
-    common_supply: bool = (
-        False  # all strips lie on Vref and ground for good; else their ends are switched in turn
-    )
-    closed_form: bool = (
-        True  # a strip's readings follow from its own l and u; else from the network of all strips
-    )
+    # All strips lie on Vref and ground for good; else their ends are switched in turn.
+    common_supply: bool = False
+    # A strip's readings follow from its own l and u; else from the network of all strips.
+    closed_form: bool = True
     wires: tuple[int, int] = (2, 2)  # connectors for all signatures: per strip, and once
     models: str  # equations or section of the thesis
 

@@ -12,10 +12,8 @@ import numpy as np
 from tacstrip.arrays import FloatArray
 
 _LEAST_S = 5.0  # a shorter press shows none
-_BLOCKS, _LEAST_BLOCKS = (
-    12,
-    8,
-)  # means over even steps of the logarithm, which correlated noise hardly correlates
+# Means over even steps of the logarithm, which correlated noise hardly correlates.
+_BLOCKS, _LEAST_BLOCKS = 12, 8
 _SURE = 5.0  # standard deviations of a channel's rate
 _MOST = 0.05  # of Vref, over the press: more is motion
 

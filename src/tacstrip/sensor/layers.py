@@ -252,10 +252,8 @@ class LayeredSensor(Drawn):
         """Return the spec file's text."""
         first = self.layers[0].sensor
         lines = ["# A resistive hybrid tactile sensor of two layers, for tacstrip. Millimetres and volts."]
-        lines += [
-            _line("format", FORMAT),
-            *(_line(k, v) for k in _SHARED if (v := getattr(first, k)) is not None),
-        ]
+        lines.append(_line("format", FORMAT))
+        lines += [_line(k, v) for k in _SHARED if (v := getattr(first, k)) is not None]
         for layer in self.layers:
             lines += ["", "[[layer]]"]
             for key in KEYS:

@@ -181,12 +181,10 @@ class Sensor(Drawn):
     @property
     def adc_variance(self) -> float:
         """Variance of the A/D converter's rounding [Vref^2], for voltages all over the range; its wide codes count."""
-        wide = (
-            1.0
-            if self.converter is None or self.adc_bits is None
-            else self.converter.mean_square(self.adc_bits)
-        )
-        return wide * self.adc_step**2 / 12.0
+        even = self.adc_step**2 / 12.0
+        if self.converter is None or self.adc_bits is None:
+            return even
+        return self.converter.mean_square(self.adc_bits) * even
 
     @property
     def adc_bound(self) -> float:

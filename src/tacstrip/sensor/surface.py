@@ -26,6 +26,7 @@ _FAR = 1e6  # mm: no skin is so large, and none so small as 1 / it
 _ROUND = ("sphere", "cylinder", "cone", "revolution")
 _ALONG = {"sheet": ("path", "extrusion")}  # of kinds; of others:
 _ALONG_ROUND = ("meridians", "parallels")
+_OF_POINTS = ("profile_mm", "path_mm")
 _PER_PIECE = 64  # points of a path's curve between two that are given
 # Keys of the table, with the comment beside them, and the kinds that have them; none: all.
 KEYS: dict[str, tuple[str, tuple[str, ...]]] = {
@@ -116,9 +117,7 @@ class Surface:
                 if not isinstance(value, bool):
                     raise SpecError(f"surface.{field.name} = {value!r}: must be true or false")
             elif (
-                field.name.endswith(("_mm", "_deg", "_mm3"))
-                and value is not None
-                and field.name not in ("profile_mm", "path_mm")
+                value is not None and isinstance(field.default, float | None) and field.name not in _OF_POINTS
             ):
                 _positive(self, field.name)
         if self.profile_mm is not None:

@@ -15,7 +15,7 @@ from tacstrip.arrays import FloatArray, plain
 from tacstrip.errors import RecordingError
 from tacstrip.files import replacing, write_text
 from tacstrip.io.columns import column_name, electrode_names, seconds
-from tacstrip.io.geometry import feature_collection
+from tacstrip.io.geojson import feature_collection
 from tacstrip.io.readings import write_scans
 from tacstrip.reconstruction.result import Reconstruction, RecoveredObject
 from tacstrip.scan import Scan

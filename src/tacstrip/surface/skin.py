@@ -93,11 +93,8 @@ class Skin:
         if not self.round:
             path = self.surface.along == "path"
             _, _, dx, dy = self.surface.path(up if path else across)
-            side, one = (
-                -1.0 if self.surface.inside else 1.0,
-                np.ones(np.broadcast_shapes(across.shape, up.shape)),
-            )
-            return _vectors(side * dy * one, -side * dx * one, 0.0)
+            side = np.full(np.broadcast_shapes(across.shape, up.shape), -1.0 if self.surface.inside else 1.0)
+            return _vectors(side * dy, -side * dx, 0.0)
         _, _, dr, dz = self.surface.meridian(up)
         out = -self.surface.outward * dz
         return _vectors(out * np.cos(across), out * np.sin(across), self.surface.outward * dr)

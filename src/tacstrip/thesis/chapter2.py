@@ -118,13 +118,9 @@ def _draw_digital(axes: Axes) -> None:
 def _draw_table(axes: Axes, sizes: Sequence[int]) -> None:
     tables = [comparison_table(n) for n in sizes]
     costs = ("samples", "wires", "scan")
-    head = [
-        "sensor",
-        *(f"n = {n:,}\n{cost}" if cost == "samples" else f"\n{cost}" for n in sizes for cost in costs),
-    ]
-    cells = [
-        [row["sensor"], *(text for t in tables for text in _costs(t[k]))] for k, row in enumerate(tables[0])
-    ]
+    head = ["sensor", *(f"n = {n:,}\n{c}" if c == "samples" else f"\n{c}" for n in sizes for c in costs)]
+    rows = zip(*tables, strict=True)  # of one sensor at all sizes
+    cells = [[row[0]["sensor"], *(text for each in row for text in _costs(each))] for row in rows]
     widths = [0.26, *([0.105, 0.063, 0.077] * len(sizes))]
     table = axes.table(cells, colLabels=head, colWidths=widths, loc="center", edges="horizontal")
     table.auto_set_font_size(False)

@@ -14,7 +14,7 @@ from tacstrip.contact.shape import Contact
 from tacstrip.data import data_path
 from tacstrip.geometry.metrics import Mismatch, mismatch
 from tacstrip.geometry.region import regions
-from tacstrip.io.geometry import read_contact
+from tacstrip.io.geojson import read_contact
 from tacstrip.io.readings import read_readings
 from tacstrip.plot.scene import (
     draw_contact,
@@ -137,8 +137,6 @@ def picture(demo: Demo) -> Figure:
     labels = [*(label.replace(": ", ":\n") for label in labels), "95 % region\nof a corner"]
     legend(key, handles=handles, labels=labels, loc="upper left")
     recovered.set_title("3. From these: its shape")
-    figure.suptitle(
-        "Simulated: closed forms, printed offsets and residual errors; no hardware was measured",
-        fontsize="small",
-    )
+    about = "Simulated: closed forms, printed offsets and residual errors; no hardware was measured"
+    figure.suptitle(about, fontsize="small")
     return figure

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from tacstrip.arrays import FloatArray, plain
-from tacstrip.geometry.region import regions
+from tacstrip.arrays import plain
+from tacstrip.geometry.region import coarse_regions
 from tacstrip.sensor.layers import AnySensor, Layer, LayeredSensor, unit_of
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.live.frame import Frame
@@ -15,17 +15,12 @@ from tacstrip.tracking.live_contact import LiveTrack
 from tacstrip.tracking.tracker import LiveObject
 from tacstrip.view.solids import KINDS, skin_json
 
-_REGION_POINTS = 20
-_MAX_REGIONS = 20  # an outline of more vertices is drawn without regions
-
 
 def sensor_json(sensor: AnySensor) -> dict[str, Any]:
     """Return the sensor's properties that the page needs: of each layer its corners (4, 2) [mm], too."""
     unit, curved = unit_of(sensor), isinstance(sensor, Sensor) and sensor.surface is not None
-    about = {
-        key: getattr(unit, key)
-        for key in ("construction", "strips", "strip_base", "adc_bits", "closed", "signatures")
-    }
+    keys = ("construction", "strips", "strip_base", "adc_bits", "closed", "signatures")
+    about = {key: getattr(unit, key) for key in keys}
     layers = sensor.layers if isinstance(sensor, LayeredSensor) else (Layer(sensor=sensor),)
     about["layers"] = [
         {key: getattr(one.sensor, key) for key in ("strips", "pitch_mm", "length_mm")}
@@ -79,14 +74,7 @@ def _object(one: LiveObject, sensor: Sensor) -> dict[str, Any]:
     if shape.found:
         area = shape.area if shape.on_skin is None else shape.on_skin.area_mm2
         drawn["area"], drawn["centroid"] = round(area, 2), plain(shape.centroid, 2)
-        drawn["regions"] = _regions(shape.vertices, shape.covariance)
+        drawn["regions"] = [plain(region, 3) for region in coarse_regions(shape.vertices, shape.covariance)]
     if shape.profile is not None:
         drawn["profile"] = plain(shape.profile, 3)
     return drawn
-
-
-def _regions(vertices: FloatArray, covariance: FloatArray | None) -> list[list[list[float]]]:
-    if len(vertices) > _MAX_REGIONS:
-        return []
-    every = regions(vertices, covariance)
-    return [plain(region[:: max(1, len(region) // _REGION_POINTS)], 3) for region in every]

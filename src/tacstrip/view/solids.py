@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from typing import Any, Self
@@ -17,7 +17,15 @@ from tacstrip.errors import ContactError, OptionError, one_of
 from tacstrip.sensor.spec import Sensor
 from tacstrip.surface.skin import Skin, skin_of
 
-KINDS = ("plane", "sphere", "cylinder", "edge", "cone", "box")
+_MADE: dict[str, Callable[[float], Solid]] = {  # of its size [mm]
+    "plane": lambda _: Solid.plane(),
+    "sphere": Solid.sphere,
+    "cylinder": Solid.cylinder,
+    "edge": lambda _: Solid.edge(),
+    "cone": lambda _: Solid.cone(),
+    "box": lambda size: Solid.box((size, 0.5 * size, 0.5 * size)),
+}
+KINDS = tuple(_MADE)
 _COLUMNS, _ROWS = 65, 10  # of the skin as it is drawn, at most across
 _OUTLINE = 48  # points of an outline
 _REACH = 0.35  # of the skin's size: how far an endless solid is drawn to either side
@@ -56,29 +64,13 @@ class Pressed:
         if raw.get("solid") not in KINDS:
             raise OptionError(one_of("solid", raw.get("solid"), KINDS))
         for name in cls.__annotations__:
-            value = raw.get(name, 0.0)
-            if name != "solid" and (
-                isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value)
-            ):
+            value = raw.get(name, 0.0) if name != "solid" else 0.0
+            if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
                 raise OptionError(f"{name} = {value!r}: must be a number")
         try:
             return cls(**raw)
         except TypeError:
             raise OptionError(f"a solid has {', '.join(cls.__annotations__)}") from None
-
-    def _made(self) -> Solid:
-        match self.solid:
-            case "sphere":
-                return Solid.sphere(self.size_mm)
-            case "cylinder":
-                return Solid.cylinder(self.size_mm)
-            case "edge":
-                return Solid.edge()
-            case "cone":
-                return Solid.cone()
-            case "box":
-                return Solid.box((self.size_mm, 0.5 * self.size_mm, 0.5 * self.size_mm))
-        return Solid.plane()
 
     def press(self, sensor: Sensor) -> Patch:
         """Press it: `ContactError` where it does not meet the skin, or sinks in too deep."""
@@ -89,8 +81,9 @@ class Pressed:
         along = min(max(self.y_mm, 0.0), float(skin.lengths_mm[min(max(round(strip), 0), sensor.strips - 1)]))
         place = skin.places(np.array(strip), np.array(along))
         normal = skin.normals(*place)
-        at = self._made().at(skin.points(*place), toward=-normal, turn_rad=math.radians(self.turn_deg))
-        return press(sensor, at, depth_mm=self.depth_mm)
+        solid, turn = _MADE[self.solid](self.size_mm), math.radians(self.turn_deg)
+        placed = solid.at(skin.points(*place), toward=-normal, turn_rad=turn)
+        return press(sensor, placed, depth_mm=self.depth_mm)
 
     def json(self, sensor: Sensor, patch: Patch) -> dict[str, Any]:
         """Return it and its patch for the page: the outline unrolled and in space, and lines of the solid."""
@@ -124,17 +117,8 @@ def first_solid(sensor: Sensor) -> list[Pressed]:
 
 def together(patches: Sequence[Patch]) -> Patch:
     """Return patches as one that touches strips from the lowest to the highest end, which is what strips read."""
-    first = patches[0]
-    l, u = (f(np.stack([getattr(p, name) for p in patches])) for f, name in ((_least, "l"), (_most, "u")))
-    return replace(first, l=l, u=u)
-
-
-def _least(ends: FloatArray) -> FloatArray:
-    return np.asarray(np.fmin.reduce(ends))
-
-
-def _most(ends: FloatArray) -> FloatArray:
-    return np.asarray(np.fmax.reduce(ends))
+    l, u = np.fmin.reduce([p.l for p in patches]), np.fmax.reduce([p.u for p in patches])
+    return replace(patches[0], l=l, u=u)
 
 
 def skin_json(sensor: Sensor) -> dict[str, Any] | None:

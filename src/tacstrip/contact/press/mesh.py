@@ -137,11 +137,8 @@ class Mesh:
         elif (on := found > 0.0).any() and self.name not in _told:
             # Its faces may all be inside out: what looks the other way than those in touch is seen through a hole.
             within = np.isfinite(distance) & (cosine * cosine[on].sum() < 0.0)
-            middle = p[on].mean(axis=0)
-            if (
-                np.linalg.norm(p[within] - middle, axis=1).min(initial=np.inf)
-                < np.linalg.norm(p[on] - middle, axis=1).max()
-            ):
+            off = np.linalg.norm(p - p[on].mean(axis=0), axis=1)  # from the middle of what is touched
+            if off[within].min(initial=np.inf) < off[on].max():
                 _told.add(self.name)
                 logging.getLogger("tacstrip").warning(
                     "%s is not closed, and the skin meets a hole in it, where nothing is touched: area and force are "

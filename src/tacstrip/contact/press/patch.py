@@ -175,11 +175,8 @@ def _one_of(depth_mm: float | None, force_n: float | None) -> float:
     if len(given) != 1:
         raise OptionError("press needs one of depth_mm, how far [mm], and force_n, how hard [N]")
     ((name, value),) = given.items()
-    if (
-        isinstance(value, bool)
-        or not isinstance(value, int | float | np.number)
-        or not 0.0 < value < math.inf
-    ):
+    number = isinstance(value, int | float | np.number) and not isinstance(value, bool)
+    if not number or not 0.0 < value < math.inf:
         raise OptionError(f"{name} = {value!r}: must be above 0")
     return float(value)
 

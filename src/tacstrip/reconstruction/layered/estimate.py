@@ -42,9 +42,8 @@ _MOST_RIVALS = 3
 _NAMED = 5  # channels that advice names
 _MOST_LONE = 2  # readings left out as standing out: more are no faults but a wrong scene
 _ROUNDS = 2  # of leaving out what lies alone
-_UNKNOWN = (
-    0.3  # of sigma: an estimate from the readings that the fit corrects by more is used for another search
-)
+# Of sigma: an estimate from the readings that the fit corrects by more is used for another search.
+_UNKNOWN = 0.3
 
 
 @takes(scan=Scan, sensor=LayeredSensor, noise=Noise)
@@ -121,11 +120,8 @@ def fit_layers(
         doubtful = bool(wrong or rivals or own)
         status: Status = "doubtful" if doubtful else "ok" if confidence is not None else "likely"
         advice = "; ".join(filter(None, [*shared[:2], own, *shared[2:]]))
-        objects.append(
-            replace(
-                made, strips=strips_under(sensor, ring), status=status, advice=advice, confidence=confidence
-            )
-        )
+        strips = strips_under(sensor, ring)
+        objects.append(replace(made, strips=strips, status=status, advice=advice, confidence=confidence))
     result = Reconstruction(
         _METHOD,
         tuple(sorted(objects, key=lambda o: float(o.vertices[:, 0].min()))),

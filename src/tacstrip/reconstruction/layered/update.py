@@ -21,10 +21,8 @@ from tacstrip.scan import Scan
 from tacstrip.sensor.layers import LayeredSensor
 
 _STEPS = 30
-_FAR = (
-    (1.0, 4.0),
-    (0.1, 6.0),
-)  # where that does not explain the readings: as soft [% of L], reach of a residual
+# Where that does not explain the readings: as soft [% of L], reach of a residual.
+_FAR = (1.0, 4.0), (0.1, 6.0)
 _SHAKES = 8  # restarts beside the kinks of the hull
 _OUTLYING = 6.0  # times the residuals' spread
 _EXCESS = 5.0  # standard deviations by which the squared residuals may exceed those that noise explains

@@ -22,12 +22,10 @@ Kind: TypeAlias = Literal["begins", "ends", "corner"]
 
 _JUMPS = 3.0  # deviations between two lines: less, and they may meet
 _FEWEST = 3  # strips of a stretch that may lose one
-_UNSURE = (
-    1.0  # pitches by which a cut may be off: lines that cross so near leave open what begins or ends there
-)
-_BESIDE_ALONE = (
-    5  # strips at either side of one that fits neither: of fewer it may be the first of another piece
-)
+# Pitches by which a cut may be off: lines that cross so near leave open what begins or ends there.
+_UNSURE = 1.0
+# Strips at either side of one that fits neither: of fewer it may be the first of another piece.
+_BESIDE_ALONE = 5
 _ROUNDS = 4  # of leaving single strips out
 
 

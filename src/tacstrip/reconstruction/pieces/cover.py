@@ -115,12 +115,8 @@ class Cover:
             for cut in (part.stretch.before, part.stretch.after)
         )
         by = 0.5 * pitch if corners else 0.0
-        hulls = [
-            shapely.MultiPoint(
-                np.concatenate([_reaching(self.parts[i], x, pitch, by) for i in piece])
-            ).convex_hull
-            for piece in self.pieces
-        ]
+        reached = ([_reaching(self.parts[i], x, pitch, by) for i in piece] for piece in self.pieces)
+        hulls = [shapely.MultiPoint(np.concatenate(points)).convex_hull for points in reached]
         return min((float(a.distance(b)) for a, b in combinations(hulls, 2)), default=math.inf)
 
 
@@ -210,10 +206,8 @@ def _of_parts(parts: list[Part], one: Callable[[Part, Part], bool]) -> list[Cove
         if found is None:
             return [Cover(parts, _first_fit(fits), fewest=most)]
         if found:
-            return [
-                Cover(parts, pieces)
-                for pieces in sorted(found, key=lambda pieces: _strangeness(pieces, parts))
-            ]
+            ranked = sorted(found, key=lambda pieces: _strangeness(pieces, parts))
+            return [Cover(parts, pieces) for pieces in ranked]
     raise AssertionError  # as many pieces as parts always do
 
 

@@ -168,11 +168,8 @@ def _runs(scan: Scan, sensor: Sensor, noise: Noise | None) -> list[tuple[slice, 
 
 def _split(scan: Scan, sensor: Sensor, strips: slice, noise: Noise | None) -> RunPieces:
     kh, kl = scan["kh"][strips], scan["kl"][strips]
-    sigma = (
-        noise_level(np.stack([kh, kl]), sensor)
-        if noise is None
-        else fit_sigma(noise, sensor, Averaging.of(scan))
-    )
+    averaging = Averaging.of(scan)
+    sigma = noise_level(np.stack([kh, kl]), sensor) if noise is None else fit_sigma(noise, sensor, averaging)
     with np.errstate(divide="ignore", invalid="ignore"):
         l, u = closed_ends(sensor, kh, kl)
     return split_run(sensor, sensor.x_mm[strips], l, u, sigma)

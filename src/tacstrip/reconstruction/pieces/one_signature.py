@@ -44,11 +44,8 @@ def pieces_of_runs(scan: Scan, sensor: Sensor, noise: Noise | None) -> list[Piec
                 "is no outline; k_h and k_l tell them"
             )
         doubted = at is not None or thing.status not in ("ok", "likely")
-        found.append(
-            _piece(
-                thing, "doubtful" if doubted else "likely", "; ".join(filter(None, (*advice, thing.advice)))
-            )
-        )
+        said = "; ".join(filter(None, (*advice, thing.advice)))
+        found.append(_piece(thing, "doubtful" if doubted else "likely", said))
     return found
 
 

@@ -55,9 +55,8 @@ class _Arc:
     points: FloatArray
     covariance: FloatArray
     exact: tuple[bool, bool]  # whether the piece begins, or ends, with its first and its last point
-    onward: tuple[
-        FloatArray, FloatArray
-    ]  # directions in which the outline goes on before the first, after the last
+    # Directions in which the outline goes on before the first, after the last.
+    onward: tuple[FloatArray, FloatArray]
 
 
 def shown_hull(parts: Sequence[Part], read: Read) -> FloatArray:
@@ -123,14 +122,8 @@ def trace(parts: Sequence[Part], read: Read, others: Sequence[FloatArray], pitch
     of_hidden = np.repeat(hidden[kept], 2)
     covariance[of_hidden], covariance[:, of_hidden] = np.nan, np.nan
     whole, least = np.concatenate(largest), np.concatenate(smallest)
-    return PieceOutline(
-        ring[kept],
-        hidden[kept],
-        unseen_edges,
-        covariance,
-        least[_corners(least)],
-        whole[_corners(whole)],
-    )
+    bounds = least[_corners(least)], whole[_corners(whole)]
+    return PieceOutline(ring[kept], hidden[kept], unseen_edges, covariance, *bounds)
 
 
 def _corners(ring: FloatArray) -> IntArray:

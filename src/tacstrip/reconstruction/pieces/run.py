@@ -53,12 +53,8 @@ class RunPieces:
     @property
     def cuts(self) -> list[tuple[int, Cut]]:
         """The cuts of l (0) and of u (1), from left to right."""
-        found = [
-            (side, s.before)
-            for side, c in enumerate(self.chains)
-            for s in c.stretches
-            if s.before is not None
-        ]
+        every = ((side, s.before) for side, chain in enumerate(self.chains) for s in chain.stretches)
+        found = [(side, cut) for side, cut in every if cut is not None]
         return sorted(found, key=lambda cut: (cut[1].strip, cut[0]))
 
     @property
@@ -77,9 +73,8 @@ class RunPieces:
 
         The pieces of an inward corner touch there, and those of an overhang where both come from.
         """
-        return (
-            self.count > 1 and self.cover.gap_mm(self.read.x, self.pitch) >= self.gap
-        )  # the first is the widest
+        # The first is the widest.
+        return self.count > 1 and self.cover.gap_mm(self.read.x, self.pitch) >= self.gap
 
 
 def noise_level(k: FloatArray, sensor: Sensor) -> float:
@@ -104,10 +99,7 @@ def split_run(
         )
     filled = [np.interp(x_mm, x_mm[known], y[known]) for y in (l_mm, u_mm)]
     sigmas = end_deviations(sensor, filled[0], filled[1], max(sigma, _EXACT))
-    chains = (
-        split_chain(x_mm, l_mm, sigmas[0], sensor.pitch_mm),
-        split_chain(x_mm, -u_mm, sigmas[1], sensor.pitch_mm),
-    )
-    read = Read.of(x_mm, chains)
     pitch, gap = sensor.pitch_mm, GAP * sensor.length_mm
+    chains = split_chain(x_mm, l_mm, sigmas[0], pitch), split_chain(x_mm, -u_mm, sigmas[1], pitch)
+    read = Read.of(x_mm, chains)
     return RunPieces(chains, read, least_cover(chains, read, pitch, gap), pitch, gap)

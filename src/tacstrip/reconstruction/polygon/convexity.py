@@ -24,9 +24,8 @@ from tacstrip.sensor.spec import Sensor
 
 _POINTS = 60  # at most, that the regression sees: a mean of a convex function's neighbours is convex too
 _ROUNDS = 3  # of l with u as it is, and u with l
-_NEAR = (
-    1.6  # pitches from an inward corner to the jump that it belongs to; nearer to an end no jump is resolved
-)
+# Pitches from an inward corner to the jump that it belongs to; nearer to an end no jump is resolved.
+_NEAR = 1.6
 _GAP = 0.02  # of L: objects nearer to each other are one
 _LEAST, _CLEAR = 0.005, 4.0  # of L, and of sigma: a jump that a polygon's ends show
 _STAYS, _RAIL = 4.0, 3.0  # deviations: an end is where it was; a reading is none of ground or Vref

@@ -208,12 +208,8 @@ class _Fitted:
 
 def _first_fits(scans: Sequence[Scan], sensor: Sensor, noise: Noise | None) -> list[_Fitted | None]:
     """Fit all runs of scans in one call of the core; None for each where runs are not fitted as they are read."""
-    if (
-        not sensor.kind.closed_form
-        or sensor.surface is not None
-        or sensor.closed
-        or sensor.strip_width_mm is not None
-    ):
+    flat = sensor.kind.closed_form and sensor.surface is None and not sensor.closed
+    if not flat or sensor.strip_width_mm is not None:
         return [None for _ in scans]
     x_mm, begun, read = sensor.x_mm, [], []
     for scan in (scan.checked(sensor) for scan in scans):
@@ -235,10 +231,8 @@ def fitted_transitions(
     """
     scan = scan.checked(sensor)
     check_closed_form(sensor.kind, "fit_polygon")
-    name, sigma = (
-        sensor.check_signature(signature),
-        _sigma(sensor.noise if noise is None else noise, scan, sensor),
-    )
+    name = sensor.check_signature(signature)
+    sigma = _sigma(sensor.noise if noise is None else noise, scan, sensor)
     found = []
     for run in scan.runs():
         of_run = fit_run(sensor, sensor.x_mm[run], {name: scan[name][run]}, sigma)

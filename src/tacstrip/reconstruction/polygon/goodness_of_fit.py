@@ -18,11 +18,7 @@ from tacstrip.reconstruction.contact_ends import closed_ends
 from tacstrip.reconstruction.noise_covariance import CorrelatedErrors
 from tacstrip.reconstruction.pieces.chain import Cut
 from tacstrip.reconstruction.pieces.run import RunPieces, noise_level, split_run
-from tacstrip.reconstruction.polygon.convexity import (
-    fit_convex,
-    one_end_off,
-    turns_inwards,
-)
+from tacstrip.reconstruction.polygon.convexity import fit_convex, one_end_off, turns_inwards
 from tacstrip.reconstruction.polygon.run import RunFit
 from tacstrip.sensor.spec import Sensor
 
@@ -36,9 +32,8 @@ _APART = 3.0  # standard deviations of their distance in x by which two corners 
 _HIDDEN = 0.55  # of an outline, behind an overhang: more, and the shape is not known
 _NEARLY = 0.9  # IoU with convex ends that explain the readings
 _NOISIER = 3.0  # times the noise given: neighbours that differ by so much are noise, not jumps
-_SMOOTHED = (
-    0.7  # of what a polygon leaves over: neighbours that differ so little say that it follows them badly
-)
+# Of what a polygon leaves over: neighbours that differ so little say that it follows them badly.
+_SMOOTHED = 0.7
 _MOST_SIGMA = 0.02  # of Vref: no noise that is not given is larger
 _SPREAD = {"uniform": 0.8, "normal": 2.0}  # variance of a squared error over sigma^4
 
@@ -69,17 +64,12 @@ def explains(run: RunFit, distribution: str, outline: Outline) -> bool:
     """Whether an outline that is not the least-squares one leaves no more of a run's readings than noise does."""
     residuals, readings = PolygonFit.of(outline, run.problem).residuals(run.problem), run.problem.readings
     # It follows the noise less than least squares does, so that nothing is taken off the freedom.
-    return (
-        max(chi_square_score(residuals, readings, distribution), autocorrelation_score(residuals, readings))
-        <= _ALARM
-    )
+    score = chi_square_score(residuals, readings, distribution)
+    return max(score, autocorrelation_score(residuals, readings)) <= _ALARM
 
 
 def misfit(
-    run: RunFit,
-    distribution: str | None,
-    covariance: FloatArray,
-    errors: CorrelatedErrors | None = None,
+    run: RunFit, distribution: str | None, covariance: FloatArray, errors: CorrelatedErrors | None = None
 ) -> str:
     """Return advice where the outline does not explain the readings, else nothing.
 
@@ -159,18 +149,12 @@ def second_look(
         )
         return "" if column_iou(own, np.sort(convex.ends, axis=0)) >= _NEARLY else wrong
     if wrong:
-        return (
-            wrong
-            if pieces.count == 1
-            else f"{wrong}; at least {pieces.count} convex pieces explain the readings"
-        )
+        more = f"; at least {pieces.count} convex pieces explain the readings"
+        return wrong if pieces.count == 1 else wrong + more
     jumps = [cut for _, cut in pieces.cuts if cut.kind != "corner"]
     step = max((cut.rise for cut in jumps), default=0.0)
-    at = (
-        f"an end jumps by {step:.3g} mm from one strip to the next"
-        if jumps
-        else "a gap may hide in an inward corner"
-    )
+    jump = f"an end jumps by {step:.3g} mm from one strip to the next"
+    at = jump if jumps else "a gap may hide in an inward corner"
     if apart:
         return (
             f"the contact is concave or at least two objects on the same strips: {at}; at least {pieces.count} convex "

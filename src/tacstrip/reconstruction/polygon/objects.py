@@ -310,9 +310,8 @@ def _refined(scan: Scan, sensor: Sensor, contact: FittedContact, noise: Noise) -
     """Return what the noise's bound leaves of the fits, fewest vertices first; None where it leaves none."""
     run = contact.run
     assert run.selection is not None
-    if (run.residuals**2).sum() > _UNIFORM * (
-        run.problem.readings + 2
-    ):  # and both ends: no outline leaves more
+    # And both ends: no outline leaves more.
+    if (run.residuals**2).sum() > _UNIFORM * (run.problem.readings + 2):
         return None
     candidates = []
     for fit, score in zip(run.selection.fits, run.selection.scores, strict=True):

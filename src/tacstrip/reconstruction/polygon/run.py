@@ -178,10 +178,8 @@ def fit_runs(
         k, weight, residuals = fitted = np.empty((3, *raw.shape))
         excluded, begin = np.empty(raw.shape, dtype=np.bool_), at(fitted)
         problem = FitProblem.of_strips(sensor, run.x_mm, tuple(run.readings), k, weight, run.margin_mm)
-        sigma, longest = (
-            0.0 if run.sigma is None else max(run.sigma, FLOOR),
-            max(longest, raw.size + 2 * len(raw[0])),
-        )
+        sigma = 0.0 if run.sigma is None else max(run.sigma, FLOOR)
+        longest = max(longest, raw.size + 2 * len(raw[0]))
         places = (begin + part * raw.nbytes for part in range(3))
         tasks[i] = RunTask(problem.compiled, sigma, first + i * RUN.itemsize, *places, at(excluded))
         tasks[i].problem.k = at(raw)
@@ -265,10 +263,8 @@ class _RunFitter:
             if run.selection is not None:
                 off = np.abs(self.raw - run.selection.chosen.readings(run.problem))
                 others.append(suspected & (off > _NEAR * start * run.residual_scale(self.sigma_known)))
-            runs = [
-                run,
-                *(self._fit_without_outliers(start, out) for out in others if (out != suspected).any()),
-            ]
+            others = [out for out in others if (out != suspected).any()]
+            runs = [run, *(self._fit_without_outliers(start, out) for out in others)]
             scale = max(
                 run.residual_scale(self.sigma_known), runs[-1].residual_scale(self.sigma_known) * _BARELY
             )
@@ -329,9 +325,8 @@ def should_merge(left: RunFit, right: RunFit, joint: RunFit) -> bool:
         return False
     variance = max(left.sigma, right.sigma) ** 2
     n = joint.problem.readings
-    gain = per_vertex_penalty(n) * (
-        left.complexity + right.complexity + 2 - joint.complexity
-    )  # two ends become none
+    # Two ends become none.
+    gain = per_vertex_penalty(n) * (left.complexity + right.complexity + 2 - joint.complexity)
     return (joint.squares - left.squares - right.squares) / variance < gain
 
 

@@ -46,10 +46,8 @@ _MISFITS = (0.5, 300.0)  # of the best rounded outline, beyond which it tells no
 _SURE_OF, _AGREE, _EXPLAINS, _TRUSTED = 0.6, 0.95, 1.5, 0.6
 _ALARM = 3.5
 _LIGHTEST, _MOST = 0.05, 4  # weight of an alternative, and how many are told
-_FIRM, _SURE = (
-    0.9,
-    0.995,
-)  # IoU of nearly all outlines that the covariance allows: nothing to sample, and what it is worth
+# IoU of nearly all outlines that the covariance allows: nothing to sample, and what it is worth.
+_FIRM, _SURE = 0.9, 0.995
 _STRIPS, _NEARLY_ALL = 12, 0.95
 _SWEPT = 1.0 - _FIRM  # of the area: what differs by no more overlaps as much
 

@@ -202,17 +202,10 @@ def _ellipses(run: RunFit, count: int, seed: int) -> tuple[Ellipse, ...]:
 
 
 def _prior(
-    run: RunFit,
-    sensor: Sensor,
-    problem: FitProblem,
-    sigma_known: bool,
-    area_mm2: tuple[float, float] | None,
+    run: RunFit, sensor: Sensor, problem: FitProblem, sigma_known: bool, area_mm2: tuple[float, float] | None
 ) -> OutlinePrior:
     half = 0.5 * run.problem.pitch
-    first, last = (
-        -problem.origin_mm / problem.width_mm,
-        (sensor.width_mm - problem.origin_mm) / problem.width_mm,
-    )
+    first, last = ((x - problem.origin_mm) / problem.width_mm for x in (0.0, sensor.width_mm))
     window = (max(-half, first), half, 1.0 - half, min(1.0 + half, last))
     share = np.array(_ENDS).reshape(2, 2)  # by the right end, by the left one
     if window[0] > -half + 1e-9:
@@ -224,13 +217,8 @@ def _prior(
     sigma = (1.0, 1.0) if sigma_known else (low / run.sigma, max(_CEILING, 2.0 * low) / run.sigma)
     unit = problem.width_mm * problem.length_mm
     area = (0.0, 0.0) if area_mm2 is None else (area_mm2[0] / unit, area_mm2[1] / unit)
-    return OutlinePrior(
-        window,
-        (ends[0], ends[1], ends[2], ends[3]),
-        -math.inf if len(problem.k) == 1 else _REFLEX,
-        sigma,
-        *area,
-    )
+    reflex = -math.inf if len(problem.k) == 1 else _REFLEX
+    return OutlinePrior(window, (ends[0], ends[1], ends[2], ends[3]), reflex, sigma, *area)
 
 
 def _starts(run: RunFit, problem: FitProblem, prior: OutlinePrior) -> list[npt.NDArray[np.void]]:
@@ -260,10 +248,8 @@ def _with_ends(fit: PolygonFit, ends: tuple[int, int], problem: FitProblem) -> P
     """Return the least-squares fit with upright ends that begins where the readings are those of `fit`."""
     if not any(ends):
         return refine(fit, problem)
-    theta, upper = (
-        fit.theta.copy(),
-        np.concatenate([[False, False, True, False, False, True], np.repeat(fit.chain == 1, 2)]),
-    )
+    theta = fit.theta.copy()
+    upper = np.concatenate([[False, False, True, False, False, True], np.repeat(fit.chain == 1, 2)])
     heights = np.ones(len(theta), dtype=bool)
     heights[[0, 3]] = heights[END_ENTRIES::2] = False
     share, narrow = float(problem.shares[0]), problem.narrow

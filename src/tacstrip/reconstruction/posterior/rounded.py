@@ -40,9 +40,8 @@ _SLANT = 0.05  # standard deviation: most of it is in the families
 _OUTSIDE = 0.02  # of the strip
 _NEVER = 1e12  # chi square of what cannot be
 _SQUARE = 0.3  # of the outlines that stand upright
-_DRAWN_AT = 0.5 - 0.5 * np.cos(
-    np.linspace(0.0, np.pi, 22)
-)  # parts of the extent where an outline has vertices
+# Parts of the extent where an outline has vertices.
+_DRAWN_AT = 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, 22))
 _CLOSED = 0.05  # of the height: a lower end is a point
 
 
@@ -414,7 +413,5 @@ def _rounded_rectangle(
 def _cut_oval(c: FloatArray, s: FloatArray, flat: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray]:
     cut, size = 1.25 * z[:, :1] - 0.3, np.hypot(c, flat * s)
     x, over = c / size, c > cut * size
-    return (
-        np.where(over, cut, x),
-        np.where(over, flat * np.sign(s) * np.sqrt(1.0 - cut**2), flat**2 * s / size),
-    )
+    y = np.where(over, flat * np.sign(s) * np.sqrt(1.0 - cut**2), flat**2 * s / size)
+    return np.where(over, cut, x), y

@@ -33,11 +33,8 @@ def refined(poses: Poses, values: FloatArray, held: str = "") -> tuple[FloatArra
 
 def descents(poses: Poses) -> tuple[FloatArray, FloatArray]:
     """Return where descents end (M, P), best first, and their costs (M,): the sum of squared residuals."""
-    rough = (
-        poses.depth_residuals
-        if poses.solid.mesh is None
-        else partial(poses.residuals, touch_mm=_FAR_MM, smooth=True)
-    )
+    by_touch = partial(poses.residuals, touch_mm=_FAR_MM, smooth=True)
+    rough = poses.depth_residuals if poses.solid.mesh is None else by_touch
     values, costs = descend(rough, _starts(poses, rough), _ROUGH)
     for touch_mm, count in zip(_TOUCHES_MM, _FOLLOWED, strict=True):
         start = _apart(poses, values, costs, count)

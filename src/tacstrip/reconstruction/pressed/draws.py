@@ -17,10 +17,8 @@ from tacstrip.reconstruction.pressed.poses import TURNS, Poses
 
 _ROUNDS, _DRAWS, _ENOUGH, _MOST_ROUNDS = 4, 240, 200.0, 12
 _CENTRES, _SHRUNK = 40, 0.6  # of later rounds; their spread over the draws' own
-_SPREAD, _LEAST_POWER = (
-    60.0,
-    0.05,
-)  # even draws that the next centres are drawn from; of weights, to get so many
+# Even draws that the next centres are drawn from; of weights, to get so many.
+_SPREAD, _LEAST_POWER = 60.0, 0.05
 _FREEDOM, _WIDER = 4.0, 1.2  # of Student's t; of the descents' ends
 _WIDEST = {"log_radius": 0.7, "turn_rad": 0.5}  # standard deviations that a descent's end is taken for
 _FAR = 25.0  # cost by which another descent's end is no centre

@@ -33,9 +33,8 @@ _SEED = 20  # of the draws: the same result for the same scan
 _REDRAWN = 3  # times that draws may find a pose far better than any before
 _LOADS = 96  # draws whose area and force are computed
 _FEW_DRAWS = 40.0  # even draws, fewer of which do not tell how well something is known
-_MEAN = (
-    1.0  # per parameter: the cost by which the draws' mean may be above the best pose's, else that is given
-)
+# Per parameter: the cost by which the draws' mean may be above the best pose's, else that is given.
+_MEAN = 1.0
 _BELIEF = 8.0  # readings that the noise given counts for, against what is left over
 _ALARM = 3.5  # standard deviations of chi square
 _BETTER = 9.0  # chi square of one by which another kind explains the readings better
@@ -200,10 +199,8 @@ def fit_solid(
         better, its = refined(poses, draws.best[None])
         if its[0] > costs[0] - _RIVAL:
             break
-        ends, costs = (
-            np.concatenate([better, ends]),
-            np.concatenate([its, costs]),
-        )  # that no descent had found
+        # That no descent had found.
+        ends, costs = np.concatenate([better, ends]), np.concatenate([its, costs])
     mean = draws.mean
     cost = float(np.square(poses.residuals(mean[None])).sum())
     values = mean if cost - costs[0] <= _MEAN * len(mean) * scale else ends[0]
@@ -277,9 +274,8 @@ class _Scatter:
 
 def _quantiles(draws: FloatArray, share: float | tuple[float, ...]) -> FloatArray:
     """Return what another draw is below with these shares."""
-    with np.errstate(
-        invalid="ignore"
-    ):  # where a mesh sinks in deeper than the skin is thick, its force is inf
+    # Where a mesh sinks in deeper than the skin is thick, its force is inf.
+    with np.errstate(invalid="ignore"):
         return np.asarray(np.quantile(draws, share, method="weibull"))
 
 
@@ -349,11 +345,8 @@ def _result(
             f"no more readings than unknowns: nothing tells whether it is of the kind given, {kind}; press across more "
             "strips"
         )
-    if (
-        math.isfinite(force)
-        and kind in _BENT
-        and (held.bend > _STRAIGHT or (kind == "plane" and cap(poses.skin)))
-    ):
+    bent = held.bend > _STRAIGHT or (kind == "plane" and cap(poses.skin))
+    if math.isfinite(force) and kind in _BENT and bent:
         notes.append(_BENT[kind])
     if poses.noise is None and poses.readings - len(values) < 3:
         notes.append(f"the noise is taken for {100 * GUESS:g} % of Vref; give it")

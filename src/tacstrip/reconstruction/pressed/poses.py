@@ -339,10 +339,8 @@ class Poses:
 
         A strip is no line: of one that is touched on one side, or at its border, places in touch lie beside its middle.
         """
-        strip, y = (
-            np.arange(self.skin.strips, dtype=float)[:, None],
-            np.concatenate([ends, y_top[..., None]], axis=2),
-        )
+        strip = np.arange(self.skin.strips, dtype=float)[:, None]
+        y = np.concatenate([ends, y_top[..., None]], axis=2)
         here, beside = (self._touch_at(touch, strip + step, y) for step in (0.0, _SHORT_MM))
         on = self._touch_at(touch, strip, ends + _SHORT_MM)
         side = (self.skin.points(*self.skin.places(strip + step, y)) for step in (0.0, _SHORT_MM))

@@ -27,15 +27,8 @@ from tacstrip.simulation import readings
 from tacstrip.surface.skin import Skin, skin_of
 
 _MM = 1000.0  # per metre
-_KINDS = {
-    0: "plane",
-    2: "sphere",
-    3: "capsule",
-    4: "ellipsoid",
-    5: "cylinder",
-    6: "box",
-    7: "mesh",
-}  # mjtGeom
+# MuJoCo's mjtGeom.
+_KINDS = {0: "plane", 2: "sphere", 3: "capsule", 4: "ellipsoid", 5: "cylinder", 6: "box", 7: "mesh"}
 _SEGMENTS = 64  # round a cylinder or capsule that is a mesh
 _GRID = 33  # of the skin's extent
 _MARGIN_MM = 0.5  # beside the skin, within which an end is no longer far
@@ -210,12 +203,8 @@ class MujocoSkin:
     def read(self, data: Any, patch: Patch | None = None) -> Scan:
         """Return what the skin reads, with the time of the simulation; of a patch that `press` has given, faster."""
         l, u = np.full(self.sensor.strips, np.nan), np.full(self.sensor.strips, np.nan)
-        ends = (
-            [strip_ends(self._skin, s) for _, s in self.solids(data)]
-            if patch is None
-            else [(patch.l, patch.u)]
-        )
-        for low, high in ends:
+        own = (strip_ends(self._skin, solid) for _, solid in self.solids(data))
+        for low, high in own if patch is None else [(patch.l, patch.u)]:
             l, u = np.fmin(l, low), np.fmax(u, high)
         read = readings(self.sensor, l, u, process=self.process, time_s=float(data.time))
         return Scan(**leave_out(self.sensor, read), time_s=float(data.time))

@@ -100,12 +100,10 @@ def check_unit(hello: Hello, first: Hello) -> None:
 def sensor_of(hello: Hello, sensor: AnySensor | None) -> AnySensor:
     """Return the sensor of a device, with its A/D bits: this spec, or a matching shipped one; else `PortError`."""
     if sensor is None:
+        wanted = hello.construction, hello.strips
         for name in spec_names():
             shipped = Sensor.load(name)
-            if isinstance(shipped, Sensor) and (shipped.construction, shipped.strips) == (
-                hello.construction,
-                hello.strips,
-            ):
+            if isinstance(shipped, Sensor) and (shipped.construction, shipped.strips) == wanted:
                 sensor = replace(shipped, adc_bits=None)
                 break
         else:

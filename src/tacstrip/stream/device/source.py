@@ -241,11 +241,8 @@ class SerialSource:
             n_same = self._clock.n_of_same_run(scans, now_s)
             prompt &= n_same == len(scans)
             if part := scans[:n_same]:
-                times = self._clock.times(part, now_s, prompt)
-                out += [
-                    replace(raw, time_s=time_s, arrival_s=now_s)
-                    for raw, time_s in zip(part, times, strict=True)
-                ]
+                timed = zip(part, self._clock.times(part, now_s, prompt), strict=True)
+                out += [replace(raw, time_s=time_s, arrival_s=now_s) for raw, time_s in timed]
             scans = scans[n_same:]
             if scans:
                 self._hold_scans()

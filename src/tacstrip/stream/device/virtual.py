@@ -81,9 +81,8 @@ class VirtualDevice:
         self._scans: Iterator[RawScan] = iter(())
         self._span_s, self._clock = span_s, clock
         self._period_us = round(1e6 / rate_hz)
-        self._start_s = self._boot_s = (
-            clock()
-        )  # Scans due since the start, sent since the reset, and skipped.
+        self._start_s = self._boot_s = clock()
+        # Scans due since the start, sent since the reset, and skipped.
         self._due = self._number = self._late = 0
         self._streaming = False
         self._decoder = Decoder()

@@ -90,8 +90,7 @@ class CreepFilter:
         if age_s - self._estimated_s >= _RATE_S:
             self._estimated_s = age_s
             ages, means = (np.array(v) for v in zip(*self._blocks, strict=True))
-            read = (
-                np.isfinite(means).mean(axis=0) > _MOSTLY
-            )  # a channel that is left out says nothing of the others
+            # A channel that is left out says nothing of the others.
+            read = np.isfinite(means).mean(axis=0) > _MOSTLY
             self._rate = np.zeros(len(read))
             self._rate[read] = creep_rate(ages, means[:, read])

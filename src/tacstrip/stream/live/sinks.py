@@ -69,9 +69,8 @@ class Sink:
 
     def _run(self) -> None:
         try:
-            while not self._queue.closed or len(self._queue):
-                if (frame := self._queue.get(0.1)) is not None:
-                    self._take(frame, self._queue.dropped)
+            for frame in self._queue:
+                self._take(frame, self._queue.dropped)
         except Exception as error:
             self.error = error
             self._queue.close()

@@ -25,17 +25,10 @@ FORMAT = "1"
 SPEC = "sensor.toml"  # name of the attachment
 ABOUT = "tacstrip"  # name of the metadata
 SCAN_TOPIC = "/tacstrip/scan"
-POLYGON_TOPICS = {
-    "ok": "/tacstrip/polygon",
-    "likely": "/tacstrip/polygon_likely",
-    "doubtful": "/tacstrip/polygon_doubtful",
-}
+_ENDINGS = {"ok": "", "likely": "_likely", "doubtful": "_doubtful"}
+POLYGON_TOPICS = {status: f"/tacstrip/polygon{ending}" for status, ending in _ENDINGS.items()}
 TRACK_TOPIC = "/tacstrip/track"
-TRACK_POLYGON_TOPICS = {
-    "ok": "/tacstrip/track_polygon",
-    "likely": "/tacstrip/track_polygon_likely",
-    "doubtful": "/tacstrip/track_polygon_doubtful",
-}
+TRACK_POLYGON_TOPICS = {status: f"/tacstrip/track_polygon{ending}" for status, ending in _ENDINGS.items()}
 MAX_AGE_S = 0.08  # longest time that a scan waits in memory, so that a killed recorder loses less than 0.1 s
 
 
@@ -123,14 +116,16 @@ class Recorder:
     def _begin(self, about: Mapping[str, str]) -> None:
         writer, now = self._file.writer, time.time_ns()
         made = datetime.fromtimestamp(now / messages.NANO, UTC).isoformat(timespec="seconds")
+
+        def schema_of(kind: str) -> int:
+            return int(writer.register_schema(kind, "ros2msg", messages.definition(kind)))
+
         with self._file.guard():
             writer.add_attachment(now, now, SPEC, "application/toml", self._sensor.to_toml().encode())
             writer.add_metadata(ABOUT, {**about, "made": made})
-            kind = messages.scan_type(self._sensor)
-            schema = writer.register_schema(kind, "ros2msg", messages.definition(kind))
+            schema = schema_of(messages.scan_type(self._sensor))
             self._scan_channel = writer.register_channel(SCAN_TOPIC, "cdr", schema)
-            kind = messages.POLYGON
-            schema = writer.register_schema(kind, "ros2msg", messages.definition(kind))
+            schema = schema_of(messages.POLYGON)
             self._polygon_channels, self._track_polygon_channels = (
                 {
                     status: writer.register_channel(topic, "cdr", schema, {"status": status, "unit": "m"})
@@ -138,9 +133,7 @@ class Recorder:
                 }
                 for topics in (POLYGON_TOPICS, TRACK_POLYGON_TOPICS)
             )
-            kind = messages.TRACK
-            schema = writer.register_schema(kind, "ros2msg", messages.definition(kind))
-            self._track_channel = writer.register_channel(TRACK_TOPIC, "cdr", schema)
+            self._track_channel = writer.register_channel(TRACK_TOPIC, "cdr", schema_of(messages.TRACK))
         self._file.flush()
 
     @property
@@ -215,10 +208,8 @@ def with_shapes(scans: Iterable[RawScan], sensor: AnySensor, method: str) -> Ite
     OptionError, SignatureError
         At the first scan: the method does not exist, or does not suit this sensor.
     """
-    from tacstrip.reconstruction.methods import (  # late: recordings are made and read without it
-        quick_options,
-        reconstruct,
-    )
+    # Late: recordings are made and read without it.
+    from tacstrip.reconstruction.methods import quick_options, reconstruct
 
     for raw in scans:
         found = reconstruct(decode(raw, sensor), sensor, method=method, **quick_options(method)).objects

@@ -140,12 +140,10 @@ def _copy(
     writer = file.writer
     with file.guard():
         schema_ids = {old: writer.register_schema(s.name, s.encoding, s.data) for old, s in schemas.items()}
-        ids = {
-            old: writer.register_channel(
-                c.topic, c.message_encoding, schema_ids.get(c.schema_id, 0), c.metadata
-            )
-            for old, c in channels.items()
-        }
+        ids = {}
+        for old, c in channels.items():
+            schema = schema_ids.get(c.schema_id, 0)
+            ids[old] = writer.register_channel(c.topic, c.message_encoding, schema, c.metadata)
     counts = {c.topic: 0 for c in channels.values()}
     times: list[int] = []
     waiting = 0

@@ -40,9 +40,5 @@ def summary(source: Recording, scans: Iterable[RawScan]) -> list[str]:
     if tracks:
         by_number = ", ".join(f"object {number} in {scans} scans" for number, scans in sorted(tracks.items()))
         lines.append(f"objects over time: {by_number}")
-    lines += [
-        f"{key}: {text}"
-        for key, text in source.about.items()
-        if key in ("source", "sensor", "method", "made")
-    ]
-    return lines
+    shown = ("source", "sensor", "method", "made")
+    return lines + [f"{key}: {text}" for key, text in source.about.items() if key in shown]

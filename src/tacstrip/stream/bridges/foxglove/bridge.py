@@ -17,7 +17,7 @@ import numpy as np
 from tacstrip.arrays import FloatArray, plain
 from tacstrip.errors import OptionError
 from tacstrip.geometry.moments import moments, principal_angle
-from tacstrip.geometry.region import regions
+from tacstrip.geometry.region import coarse_regions
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.bridges.foxglove.server import Channel, FoxgloveServer
 from tacstrip.stream.device.protocol.decoder import Counts
@@ -29,20 +29,14 @@ from tacstrip.tracking.live_contact import LiveTrack
 from tacstrip.tracking.tracker import LiveObject
 
 PORT = 8765  # that viewers propose
-_REGION_POINTS = 20
 _REGIONS_LAST_NS = NANO // 5
-_MAX_REGIONS = 20  # an outline of more vertices is drawn without regions
 _MAX_STRIPS = 250  # of more strips the gaps are not drawn
 _LOGGED = 50  # messages of the log that a new viewer gets
 _SHAPE, _DOUBTFUL, _TRACK, _REGION = (0.76, 0.27, 0.05), (0.85, 0.6, 0.0), (0.5, 0.3, 0.75), (0.2, 0.5, 0.85)
 _GREY = (0.55, 0.55, 0.55)
-_TIME = {
-    "type": "object",
-    "title": "time",
-    "properties": {"sec": {"type": "integer"}, "nsec": {"type": "integer"}},
-}
 _NUMBER, _NUMBERS = {"type": "number"}, {"type": "array", "items": {"type": "number"}}
 _WHOLE, _TEXT = {"type": "integer"}, {"type": "string"}
+_TIME = {"type": "object", "title": "time", "properties": {"sec": _WHOLE, "nsec": _WHOLE}}
 _STEPS = 100_000  # of k
 _NONE = 999_999_999  # stands for NaN
 _ENCODER = json.JSONEncoder(allow_nan=False)
@@ -137,12 +131,7 @@ class Foxglove:
         old = not frame.objects or abs(time_ns - self._regions_ns) > _REGIONS_LAST_NS
         if (found or old) and takes(self._regions):
             self._regions_ns = time_ns
-            rings = [
-                ring[:: max(1, len(ring) // _REGION_POINTS)]
-                for shape in found
-                if len(shape.vertices) <= _MAX_REGIONS
-                for ring in regions(shape.vertices, shape.covariance)
-            ]
+            rings = (ring for shape in found for ring in coarse_regions(shape.vertices, shape.covariance))
             lines = [self._loop(ring, _REGION, 1.5) for ring in rings]
             messages.append((self._regions, self._entity("regions", time_ns, lines)))
         self.server.publish(time_ns, *messages)
@@ -219,10 +208,7 @@ class Foxglove:
     def _say(self, objects: Iterable[LiveObject], time_ns: int) -> None:
         """Log what is new of the objects: those that come or go, and another status."""
         levels = self._sdk.LogLevel
-        now = {
-            one.id: f"{one.shape.status}{': ' if one.shape.advice else ''}{one.shape.advice}"
-            for one in objects
-        }
+        now = {one.id: ": ".join(filter(None, (one.shape.status, one.shape.advice))) for one in objects}
         if now == self._said:
             return
         sure = ("ok", "likely")
@@ -293,12 +279,7 @@ def _shape_fields(frame: Frame) -> bytes:
 
 def _of_object(one: LiveObject) -> dict[str, Any]:
     shape = one.shape
-    about: dict[str, Any] = {
-        "id": one.id,
-        "status": shape.status,
-        "advice": shape.advice,
-        "corners": len(shape.vertices),
-    }
+    about = _about(one.id, shape.status, shape.advice, shape.vertices)
     if shape.found:
         area, (x, y), second = moments(shape.vertices)
         area = area if shape.on_skin is None else shape.on_skin.area_mm2
@@ -309,14 +290,13 @@ def _of_object(one: LiveObject) -> dict[str, Any]:
 
 def _of_track(one: LiveTrack) -> dict[str, Any]:
     x, y, angle = plain(one.pose, 6)
-    about: dict[str, Any] = {
-        "id": one.id,
-        "status": one.status,
-        "advice": one.advice,
-        "corners": len(one.outline),
-    }
+    about = _about(one.id, one.status, one.advice, one.outline)
     return about | {"scans": one.scans, "area_mm2": _finite(one.area_mm2), "x_mm": x, "y_mm": y, "angle_rad": angle,
                     "deviation_mm": _finite(one.corner_deviation_mm)}  # fmt: skip
+
+
+def _about(number: int, status: str, advice: str, corners: FloatArray) -> dict[str, Any]:
+    return {"id": number, "status": status, "advice": advice, "corners": len(corners)}
 
 
 def _finite(value: float) -> float | None:

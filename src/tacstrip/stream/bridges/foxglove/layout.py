@@ -12,13 +12,8 @@ _FOVY_DEG = 45.0
 
 def layout_text(sensor: Sensor) -> str:
     """Return the text of a layout file for a sensor."""
-    scene, signatures, areas, health, log = (
-        "3D!sensor",
-        "Plot!signatures",
-        "Plot!areas",
-        "Plot!health",
-        "RosOut!log",
-    )
+    scene, signatures, log = "3D!sensor", "Plot!signatures", "RosOut!log"
+    areas, health = "Plot!areas", "Plot!health"
     width_m, length_m = 1e-3 * sensor.width_mm, 1e-3 * sensor.length_mm
     topics = {f"/tacstrip/{name}": {"visible": True} for name in ("sensor", "objects", "tracks", "regions")}
     size_m = max(width_m, length_m)

@@ -112,9 +112,8 @@ class FoxgloveServer(HttpServer):
         self._max_waiting = max_waiting
         self._session = str(time.time_ns())
         self._lock = threading.Lock()
-        self._viewers: frozenset[_Viewer] = (
-            frozenset()
-        )  # never changed, only replaced: other threads go through it
+        # Never changed, only replaced: other threads go through it.
+        self._viewers: frozenset[_Viewer] = frozenset()
         self.dropped = 0
         super().__init__(host, port, "Foxglove", ("--foxglove PORT", "--foxglove-host"))
 
@@ -331,10 +330,8 @@ def _frame(subscription: int, time_ns: int, payload: bytes) -> bytes:
     size = 13 + len(payload)
     if size < 126:
         head = struct.pack(">BB", _BINARY, size)
+    elif size < 2**16:
+        head = struct.pack(">BBH", _BINARY, 126, size)
     else:
-        head = (
-            struct.pack(">BBH", _BINARY, 126, size)
-            if size < 2**16
-            else struct.pack(">BBQ", _BINARY, 127, size)
-        )
+        head = struct.pack(">BBQ", _BINARY, 127, size)
     return head + struct.pack("<BIQ", _DATA, subscription, time_ns) + payload

@@ -166,15 +166,11 @@ def _feature(recovered: RecoveredObject | None, properties: dict[str, Any]) -> d
         if recovered.hidden_edges is not None:
             properties["hidden_edges"] = recovered.hidden_edges.tolist()
         if recovered.bounds is not None:
-            properties |= dict(
-                zip(("smallest_mm", "largest_mm"), (plain(b, 6) for b in recovered.bounds), strict=True)
-            )
+            properties["smallest_mm"], properties["largest_mm"] = (plain(b, 6) for b in recovered.bounds)
         if recovered.pose is not None:
             sigma = plain(np.sqrt(np.diag(recovered.pose.covariance)))
-            properties |= {
-                "pose": _pose(recovered.pose),
-                "pose_sigma": dict(zip(_POSE, sigma, strict=True)),
-            }
+            properties["pose"] = _pose(recovered.pose)
+            properties["pose_sigma"] = dict(zip(_POSE, sigma, strict=True))
     elif recovered is not None and len(recovered.points):
         geometry = {"type": "MultiPoint", "coordinates": plain(recovered.points, 9)}
         properties["point_sigma_mm"] = plain(recovered.point_deviations)
