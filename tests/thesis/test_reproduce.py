@@ -56,12 +56,12 @@ def _levels(picture: Path) -> int:
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
-    """What `tacstrip reproduce --seeds 2` makes: its folder and its tables."""
+    """What `tacstrip reproduce --seeds 4` makes: its folder and its tables."""
     out = tmp_path_factory.mktemp("reproduction")
     seen: list[tuple[int, int]] = []
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("tacstrip.thesis.reproduce.save", _sketch)  # processes are forked: they have it too
-        tables = reproduce(out, seeds=2, workers=2, progress=lambda done, total: seen.append((done, total)))
+        tables = reproduce(out, seeds=4, workers=2, progress=lambda done, total: seen.append((done, total)))
     assert seen[-1][0] == seen[-1][1]  # every task came back
     return out, tables
 
