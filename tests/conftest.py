@@ -3,8 +3,10 @@ the longest files first; signals as programs have them by default."""
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
+from pathlib import Path
 
 import pytest
 
@@ -18,11 +20,29 @@ if hasattr(
 ):  # a suite begun under nohup hangs up like any other, and so do the programs that it starts
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
-LONGEST = ("thesis/test_reproduce.py", "network/test_crp.py")  # begun last, one process would wait for them
+# Begun last, one process would wait for them; the longest first.
+LONGEST = (
+    "thesis/test_reproduce.py",
+    "view/test_page.py",
+    "firmware/test_emulated.py",
+    "diagnose/test_doctor.py",
+    "dataset/test_sweep.py",
+    "network/test_crp.py",
+    "plot/test_public.py",
+    "view/test_server.py",
+    "stream/test_recording_kill.py",
+    "stream/test_live.py",
+)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    items.sort(key=lambda item: not str(item.path).endswith(LONGEST))
+    at = {str(Path(__file__).parent / name): place for place, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: at.get(str(item.path), len(LONGEST)))
+
+
+def pytest_collection_finish() -> None:
+    """Spare the collector of garbage what stays for the whole run: modules and the tests themselves."""
+    gc.freeze()
 
 
 @pytest.fixture

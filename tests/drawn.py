@@ -58,8 +58,9 @@ def check_texts(figure: Figure) -> None:
     sheet = shapely.box(*figure.bbox.extents).buffer(1.0)
     for text, place in texts:
         assert sheet.contains(place), f"{text!r} is cut off"
-    for (one, a), (other, b) in itertools.combinations(texts, 2):
-        assert not a.buffer(-0.5).intersects(b.buffer(-0.5)), f"{one!r} over {other!r}"
+    within = [(text, place.buffer(-0.5)) for text, place in texts]
+    for (one, a), (other, b) in itertools.combinations(within, 2):
+        assert not a.intersects(b), f"{one!r} over {other!r}"
 
 
 def check_above(figure: Figure, axes: Axes | None = None) -> None:

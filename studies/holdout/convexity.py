@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.optimize import nnls
-from scipy.stats import chi2
+from scipy.special import chdtrc  # scipy.stats takes half a second to import
 
 from studies.holdout.readings import Unit
 from studies.holdout.shapes import Array
@@ -62,4 +62,4 @@ def best_convex(unit: Unit, read: Array, sigma: float, low: Array, high: Array) 
             least, at = new, tried
         if 0.0 < gain < _ENOUGH or damping > _LAST_DAMPING:
             break
-    return least, float(chi2.sf(least, max(read[:, on].size - (4 if len(unit.names) > 1 else 3), 1)))
+    return least, float(chdtrc(max(read[:, on].size - (4 if len(unit.names) > 1 else 3), 1), least))

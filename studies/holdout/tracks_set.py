@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import shapely
 from scipy.interpolate import CubicSpline
-from scipy.stats import chi2
+from scipy.special import chdtr
 
 import tacstrip as ts
 from studies.holdout.readings import Unit, white
@@ -403,7 +403,7 @@ def _shape_square(one: ts.Track, true: Array, shift: int) -> float:
     covariance = np.roll(np.roll(one.covariance, 2 * shift, axis=0), 2 * shift, axis=1)
     value, vector = np.linalg.eigh(covariance)
     off, value = (off @ vector)[3:], value[3:]
-    return float(chi2.cdf((off**2 / value).sum(), len(value)))
+    return float(chdtr(len(value), (off**2 / value).sum()))
 
 
 def _pose_square(one: ts.Track, of: Scene, shift: int, scan: int) -> float:
@@ -413,7 +413,7 @@ def _pose_square(one: ts.Track, of: Scene, shift: int, scan: int) -> float:
     a, b = own - own.mean(axis=0), true - true.mean(axis=0)
     turned = math.atan2((b[:, 0] * a[:, 1] - b[:, 1] * a[:, 0]).sum(), (a * b).sum())
     error = np.array([*(own.mean(axis=0) - true.mean(axis=0)), turned])
-    return float(chi2.cdf(error @ np.linalg.solve(one.pose_covariances[scan], error), 3))
+    return float(chdtr(3, error @ np.linalg.solve(one.pose_covariances[scan], error)))
 
 
 def line(name: str, found: list[Verdict]) -> str:

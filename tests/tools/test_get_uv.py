@@ -8,8 +8,10 @@ import platform
 import struct
 import sys
 import zipfile
+from functools import cache
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import pytest
 
@@ -29,7 +31,12 @@ def _load() -> ModuleType:
 
 
 get_uv = _load()
-LOCKED = get_uv.pinned_wheels((ROOT / "uv.lock").read_text(encoding="utf-8"))
+
+
+@cache
+def _locked() -> Any:
+    """Return the wheels that uv.lock pins; it is long, so it is not read where these tests are only collected."""
+    return get_uv.pinned_wheels((ROOT / "uv.lock").read_text(encoding="utf-8"))
 
 
 def _wheel(*members: str, text: str = SAYS_ITS_VERSION) -> bytes:
@@ -72,9 +79,9 @@ def test_no_address_is_written_into_the_script() -> None:
 
 
 def test_the_lock_names_one_version_with_full_hashes() -> None:
-    assert len({wheel.version for wheel in LOCKED}) == 1
-    assert all(len(wheel.sha256) == 64 for wheel in LOCKED)
-    assert all(wheel.name.endswith(".whl") for wheel in LOCKED)
+    assert len({wheel.version for wheel in _locked()}) == 1
+    assert all(len(wheel.sha256) == 64 for wheel in _locked())
+    assert all(wheel.name.endswith(".whl") for wheel in _locked())
 
 
 @pytest.mark.parametrize(
@@ -100,12 +107,12 @@ def test_the_lock_names_one_version_with_full_hashes() -> None:
 def test_every_platform_gets_its_wheel(
     family: str, machine: str, version: tuple[int, int], ending: str
 ) -> None:
-    wheel = get_uv.pick_wheel(LOCKED, get_uv.Platform(family, machine, version))
+    wheel = get_uv.pick_wheel(_locked(), get_uv.Platform(family, machine, version))
     assert wheel.name.removesuffix(".whl").endswith(ending)
 
 
 def test_a_32_bit_raspberry_gets_an_armv7_wheel() -> None:
-    wheel = get_uv.pick_wheel(LOCKED, get_uv.Platform("manylinux", "armv7l", (2, 36)))
+    wheel = get_uv.pick_wheel(_locked(), get_uv.Platform("manylinux", "armv7l", (2, 36)))
     assert "manylinux2014_armv7l" in wheel.tags
 
 
@@ -121,7 +128,7 @@ def test_a_32_bit_raspberry_gets_an_armv7_wheel() -> None:
 )
 def test_a_platform_without_a_wheel_is_named(family: str, machine: str, version: tuple[int, int]) -> None:
     with pytest.raises(get_uv.FetchError, match=rf"^uv\.lock has no wheel of uv for {family} {machine}$"):
-        get_uv.pick_wheel(LOCKED, get_uv.Platform(family, machine, version))
+        get_uv.pick_wheel(_locked(), get_uv.Platform(family, machine, version))
 
 
 @pytest.mark.parametrize(

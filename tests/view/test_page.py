@@ -44,7 +44,7 @@ ON_SHARED_STRIPS = [[(20.0, 20.0), (46.0, 25.0), (30.0, 50.0)], [(35.0, 60.0), (
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:
     with playwright.sync_playwright() as driver:
-        chromium = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        chromium = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"])
         yield chromium
         chromium.close()
 

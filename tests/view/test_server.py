@@ -31,8 +31,8 @@ from waiting import HANG_S, wait_until
 
 
 @pytest.fixture
-def simulator() -> Simulator:
-    return Simulator(Settings(SENSOR, 500.0, ts.Noise(positional=0.002)))
+def simulator(request: pytest.FixtureRequest) -> Simulator:
+    return Simulator(Settings(SENSOR, getattr(request, "param", 500.0), ts.Noise(positional=0.002)))
 
 
 @pytest.fixture
@@ -401,6 +401,8 @@ def test_a_contact_off_the_sensor_is_told_and_does_not_end_the_stream(
     assert live.running
 
 
+# Twice as often as the doctor keeps a scan: more cost their reconstruction while its process starts.
+@pytest.mark.parametrize("simulator", [100.0], indirect=True, ids=[""])
 def test_the_doctor_looks_at_what_was_measured(controller: Controller, live: Live) -> None:
     ring = SENSOR.x_mm[[2, 12, 12, 2]]
     places = itertools.cycle(range(0, 60, 3))

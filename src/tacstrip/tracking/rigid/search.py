@@ -9,7 +9,6 @@ from functools import cached_property
 
 import numpy as np
 import shapely
-from scipy.interpolate import CubicSpline
 
 from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.core.rigid import RigidScans, equations, fit_poses, loss
@@ -382,6 +381,8 @@ def _on_all(scans: RigidScans, chosen: IntArray, fit: Fit) -> Fit:
         knots = np.linalg.lstsq(fit.basis, poses, rcond=None)[0]
         return fitted(scans, fit.corners, basis @ knots, basis=basis)
     if len(chosen) < len(scans.k):
+        from scipy.interpolate import CubicSpline  # late: `live` would start a third of a second later
+
         poses = CubicSpline(chosen, poses)(np.arange(len(scans.k)))
         rough = fitted(scans, fit.corners, poses, 6, 0.05 * scans.sensor.pitch_mm, 5.0)
         fit = fitted(scans, rough.corners, rough.poses)

@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from tacstrip.arrays import FloatArray
 from tacstrip.core.binding import Loss
@@ -69,6 +68,8 @@ def spline_basis(at: FloatArray, knots: int) -> FloatArray:
     places = np.linspace(0.0, 1.0, knots)
     if knots < 4:
         return np.asarray(np.vander(at, knots) @ np.linalg.inv(np.vander(places, knots)))
+    from scipy.interpolate import CubicSpline  # late: `live` would start a third of a second later
+
     ends = "not-a-knot" if knots == 4 else "natural"
     return np.asarray(CubicSpline(places, np.eye(knots), bc_type=ends)(at))
 

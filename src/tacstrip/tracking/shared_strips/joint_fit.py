@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
 from tacstrip.core.binding import Loss
@@ -113,6 +112,8 @@ def pose_covariances(
     shown
         Numbers of the scans wanted.
     """
+    from scipy.linalg import cho_solve_banded, cholesky_banded  # late, as the splines of rigid objects
+
     bends = scene.bends & rows[1:-1, None] & rows[2:, None]
     found = _equations(scans, scene, loss(scans.scans))
     many, count, width = len(scene.poses), len(scene.outlines), 3 * len(scene.outlines)
@@ -195,6 +196,8 @@ def _step(
     found: Equations, scene: Scene, bends: BoolArray, slope: FloatArray, damping: float, shapes: bool
 ) -> tuple[FloatArray, FloatArray] | None:
     """Return steps of the poses (T, K, 3) and of the corners (C,); None where the equations are not definite."""
+    from scipy.linalg import cho_solve_banded, cholesky_banded
+
     band = _banded(found, scene, bends)
     band[0] += damping * band[0] + LEAST
     by = found.pose_slope.ravel() + slope.ravel()
@@ -209,7 +212,7 @@ def _step(
         size = np.arange(len(matrix))
         matrix[size, size] += damping * found.shape[size, size] + LEAST
         np.linalg.cholesky(matrix)
-    except (LinAlgError, np.linalg.LinAlgError):
+    except np.linalg.LinAlgError:
         return None
     corners = np.linalg.solve(matrix, found.shape_slope - mixed.T @ both[:, -1])
     return (both[:, -1] - both[:, :-1] @ corners).reshape(scene.poses.shape), corners
