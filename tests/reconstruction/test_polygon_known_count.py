@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from polygons import SURE
+from polygons import DRAWN, SURE
 from tacstrip.contact.noise import Noise
 from tacstrip.contact.shape import Contact
 from tacstrip.errors import OptionError
 from tacstrip.geometry.metrics import mismatch
+from tacstrip.geometry.moments import moments
 from tacstrip.reconstruction.polygon.estimate import fit_polygon
 from tacstrip.scan import Scan
 from tacstrip.sensor.spec import Sensor
@@ -91,3 +92,39 @@ def test_garbage() -> None:
         for o in fit_polygon(Scan(kh=values[0], kl=values[1]), CRS, NOISE, vertices=count).objects:
             assert o.status == "ok" or o.advice
             assert not o.found or (o.vertices[:, 1].min() >= 0.0 and o.vertices[:, 1].max() <= 100.0)
+
+
+COARSE = Sensor(construction="crs-m", strips=10, pitch_mm=9.0, length_mm=100.0)
+TETRAGON = Contact.polygon([(19.1, 29.1), (63.8, 24.3), (74.5, 54.1), (40.8, 75.2)])
+
+
+def test_six_readings_hold_four_corners_that_are_told() -> None:
+    """Two numbers a corner leave none of six over: enough to fit, and no reason to leave a reading out."""
+    noise = Noise(positional=0.002)
+    found = fit_polygon(simulate(COARSE, TETRAGON, noise, rng=0), COARSE, noise, vertices=4).objects[0]
+    assert len(found.vertices) == 4
+    assert found.status == "doubtful"
+    assert "left out" not in found.advice
+    assert "vertices, not the" not in found.advice
+    assert mismatch(TETRAGON.vertices, found.vertices).iou > 0.75
+    assert all(len(other.vertices) == 4 for other in found.alternatives)
+
+
+def test_too_few_readings_are_said_where_corners_cannot_be_told_from_faults() -> None:
+    found = fit_polygon(simulate(COARSE, TETRAGON, rng=0), COARSE).objects[0]
+    assert found.status == "doubtful"
+    assert "more corners than 6 readings can tell" in found.advice
+
+
+@pytest.mark.skipif(not DRAWN, reason="only the compiled core samples")
+def test_the_area_moves_the_outline_of_a_known_count() -> None:
+    noise, area = Noise(positional=0.005), moments(TETRAGON.vertices)[0]
+    scan = simulate(COARSE, TETRAGON, noise, rng=0)
+    off = [
+        abs(
+            moments(fit_polygon(scan, COARSE, noise, vertices=4, area_mm2=given).objects[0].vertices)[0]
+            - area
+        )
+        for given in (None, (area, 0.05 * area))
+    ]
+    assert off[1] < 0.1 * area < off[0]

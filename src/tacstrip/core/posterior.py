@@ -100,6 +100,15 @@ def chains(outline: npt.NDArray[np.void]) -> tuple[FloatArray, FloatArray]:
     return lower, upper
 
 
+def vertex_counts(outlines: npt.NDArray[np.void]) -> npt.NDArray[np.int64]:
+    """Return how many vertices each `OUTLINE` (K,) has."""
+    count, y = outlines["count"], outlines["y"]
+    each = np.arange(len(outlines))
+    last = [y[each, c, count[:, c] - 1] for c in (0, 1)]
+    upright = (y[:, 0, 0] < y[:, 1, 0]).astype(np.int64) + (last[0] < last[1])
+    return np.asarray(count.sum(axis=1) - 2 + upright, dtype=np.int64)
+
+
 def outline_record(lower: FloatArray, upper: FloatArray) -> npt.NDArray[np.void]:
     """Return two chains (M, 2), (N, 2) in units of a problem as an `OUTLINE` (1,)."""
     made = np.zeros(1, OUTLINE)

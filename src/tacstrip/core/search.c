@@ -231,7 +231,9 @@ static Polygon of_n_vertices(const Search *t, Int n_vertices) {
 Int tacstrip_fit_counts(const Problem *s, Int sigma_known, Int max_vertices, Int n_vertices, Int every, Polygon *found,
                         Int *picked, double *workspace) {
   Search t;
-  Int whole = readings_of(s), holds = (whole - 2 * s->signatures - 1) / 2, count = 0, vertical[2];
+  /* A count or a sigma that is to be found leaves a reading over to tell it by. */
+  int told = n_vertices && sigma_known;
+  Int whole = readings_of(s), holds = (whole - 2 * s->signatures - (told ? 0 : 1)) / 2, count = 0, vertical[2];
   double sigma = sigma_of(s);
   CHECK(s->n > 0 && (s->signatures == 1 || s->signatures == 2));
   t.whole = s;

@@ -19,7 +19,7 @@ from tacstrip.core.moves import ENOUGH, FIRST, GROW, ROUGH, SHRINK, improve
 from tacstrip.core.polygon_fit import PolygonFit, plain_refine
 from tacstrip.core.problem import FitProblem
 
-_PAST = 2  # counts tried past the best
+PAST = 2  # counts tried past the best
 _COARSE, _FINER = 3e-4, 30.0  # of Vref: sigma of the first stage at least, and steps down from there
 _HOPELESS = 100.0  # of chi square a reading: no polygon, so no finer stage
 _FAR = 40.0  # of the criterion: a count that is so much worse on thinned strips is so on all
@@ -97,7 +97,7 @@ def plain_fit_counts(
     n_vertices: int | None = None,
 ) -> ModelSelection:
     """Do as `fit_counts`, in NumPy."""
-    most = max((problem.readings - 2 * len(problem.k) - 1) // 2, 0)  # leaves readings over to test the fit by
+    most = most_vertices(problem, told=n_vertices is not None and sigma_known)
     search = _Search(problem, sigma_known, min(max_vertices, MAX_VERTICES, most), n_vertices)
     near = search.run()
     if n_vertices is not None:
@@ -111,6 +111,11 @@ def plain_fit_counts(
     return ModelSelection(tuple(fits), tuple(scores), int(np.argmin(scores)), search.equal())
 
 
+def most_vertices(problem: FitProblem, told: bool = False) -> int:
+    """Return how many interior vertices the readings hold; a count or a sigma not `told` needs one reading over."""
+    return max((problem.readings - 2 * len(problem.k) - (0 if told else 1)) // 2, 0)
+
+
 class _Search:
     """The best fit of each count so far, and which moves have been tried on it."""
 
@@ -118,7 +123,7 @@ class _Search:
         self, whole: FitProblem, sigma_known: bool, max_vertices: int, n_vertices: int | None
     ) -> None:
         self.whole, self.sigma_known, self.max_vertices = whole, sigma_known, max_vertices
-        self.least = 0 if n_vertices is None else n_vertices - 2 + _PAST
+        self.least = 0 if n_vertices is None else n_vertices - 2 + PAST
         # Two signatures tell both heights of an end; one does not, and only convex shapes are told apart.
         self.two_signatures = len(whole.k) > 1
         self.vertical_ends = np.full(2, int(self.two_signatures), dtype=np.int64)
@@ -146,7 +151,7 @@ class _Search:
             level = max(level / _FINER, sigma)
 
     def _count(self) -> None:
-        while self.top < min(self.max_vertices, max(self._best() + _PAST, self.least)):
+        while self.top < min(self.max_vertices, max(self._best() + PAST, self.least)):
             m = self.top
             if m == 0 and not self.two_signatures:
                 self._try(FIRST, 0)

@@ -19,7 +19,7 @@ from tacstrip.core.convex_chain import convex_regression
 from tacstrip.core.polygon_fit import PolygonFit
 from tacstrip.core.problem import FitProblem
 from tacstrip.reconstruction.contact_ends import closed_ends
-from tacstrip.reconstruction.polygon.run import RunFit
+from tacstrip.reconstruction.polygon.run import CHECKS, RunFit
 from tacstrip.sensor.spec import Sensor
 
 _POINTS = 60  # at most, that the regression sees: a mean of a convex function's neighbours is convex too
@@ -29,7 +29,6 @@ _NEAR = 1.6
 _GAP = 0.02  # of L: objects nearer to each other are one
 _LEAST, _CLEAR = 0.005, 4.0  # of L, and of sigma: a jump that a polygon's ends show
 _STAYS, _RAIL = 4.0, 3.0  # deviations: an end is where it was; a reading is none of ground or Vref
-_CHECKS = 6  # readings beyond the numbers fitted
 _OUTER = 3  # strips at either end
 _ALARM = 3.09  # deviations of chi square: p = .001
 
@@ -160,4 +159,4 @@ def one_end_off(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray])
     one = (deviations.min(axis=0) <= _STAYS) & (deviations.max(axis=0) >= 2.0 * _STAYS)
     one &= np.abs(off).max(axis=0) >= _GAP
     one[_OUTER:-_OUTER] = False
-    return bool((left_out & (one | (run.freedom < _CHECKS))).any())
+    return bool((left_out & (one | (run.freedom < CHECKS))).any())

@@ -11,6 +11,7 @@ from tacstrip.arrays import FloatArray
 from tacstrip.core.ellipse import Ellipse
 from tacstrip.core.outline_model import OutlineModel
 from tacstrip.core.polygon_fit import PolygonFit
+from tacstrip.core.search import PAST, most_vertices
 from tacstrip.geometry.metrics import column_iou
 from tacstrip.geometry.moments import moments
 from tacstrip.geometry.outline import Outline
@@ -89,7 +90,7 @@ def misfit(
         times = math.sqrt(float((residuals**2).sum()) / freedom)
         return (
             f"the readings are {times:.3g} times as far from the best outline as the noise explains: the contact "
-            "may be concave or two objects on the same strips, or the noise larger than given"
+            f"may {_more(run)}be concave or two objects on the same strips, or the noise larger than given"
         )
     if autocorrelation_score(residuals, run.problem.readings) > _ALARM:
         return (
@@ -99,9 +100,17 @@ def misfit(
     if distribution is None and run.sigma > _MOST_SIGMA:
         return (
             f"the readings are off by {100.0 * run.sigma:.2g} % of Vref from the best outline, more than noise of "
-            "a sensor that works: the contact may be concave or two objects on the same strips; or give the noise"
+            f"a sensor that works: the contact may {_more(run)}be concave or two objects on the same strips; or give "
+            "the noise"
         )
     return ""
+
+
+def _more(run: RunFit) -> str:
+    """Say that there may be more corners, where the readings are too few to have tried some more."""
+    if run.selection is None or run.selection.chosen.n_interior + PAST <= most_vertices(run.problem):
+        return ""
+    return f"have more corners than {run.problem.readings} readings can tell, "
 
 
 def second_look(

@@ -24,7 +24,7 @@ from tacstrip.reconstruction.noise_covariance import (
     signature_advice,
 )
 from tacstrip.reconstruction.polygon.goodness_of_fit import explains, misfit, second_look, weakness
-from tacstrip.reconstruction.polygon.run import RunFit
+from tacstrip.reconstruction.polygon.run import CHECKS, RunFit
 from tacstrip.reconstruction.posterior.assessment import (
     ENOUGH,
     ENOUGH_OF_ONE,
@@ -156,9 +156,12 @@ def reconstruct_object(
         wrong = (
             wrong
             or f"the readings hold {fit.n_vertices} vertices, not the {contact.known_count} that were given"
+            + ("" if noise is not None else ": with the noise given, too, they may hold more")
         )
     free = contact.known_count is None
-    assessed = assess(run, sensor, outline, covariance, noise is not None, effort, area_mm2, free)
+    assessed = assess(
+        run, sensor, outline, covariance, noise is not None, effort, area_mm2, contact.known_count
+    )
     if assessed.better is not None:
         model, guarantee, faint = assessed.better, None, False
         outline, covariance = Outline(*model.chains_mm(run.problem)), model.covariance(run.problem, sensor)
@@ -357,7 +360,11 @@ def _notes(scan: Scan, sensor: Sensor, contact: FittedContact, around: int, know
                 for s, i in np.argwhere(contact.run.excluded)
             ]
         )
-        guessed = "" if known else " Or is that noise? Then give the noise, which is only estimated here"
+        others = [
+            "a corner, for strips so few?" if contact.run.freedom < CHECKS else "",
+            "" if known else "noise? Then give the noise, which is only estimated here",
+        ]
+        guessed = "".join(f" Or is that {other}" for other in others if other)
         notes.append(
             f"strip {names} does not fit its neighbours and was left out: is a channel stuck?{guessed}"
         )

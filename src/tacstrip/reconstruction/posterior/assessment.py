@@ -88,7 +88,7 @@ def assess(
     sigma_known: bool,
     effort: Effort,
     area_mm2: tuple[float, float] | None = None,
-    replace: bool = True,
+    known_count: int | None = None,
 ) -> Assessment:
     """Compare an estimate with outlines drawn from the posterior.
 
@@ -104,14 +104,14 @@ def assess(
         "thorough", "fast", or "none": not at all.
     area_mm2
         Mean and standard deviation of the contact's area, where that is known.
-    replace
-        Whether another outline may take the estimate's place: `Assessment.better`.
+    known_count
+        Its vertices, where that is known.
     """
     if effort == "none":
         return Assessment()
     if len(run.problem.k) > 1 and area_mm2 is None and _firm(run, outline, covariance):
         return Assessment(_SURE)
-    drawn = draw(run, sensor, sigma_known, _EVALUATIONS[effort], _KEPT[effort], area_mm2)
+    drawn = draw(run, sensor, sigma_known, _EVALUATIONS[effort], _KEPT[effort], area_mm2, known_count)
     if drawn is None:
         return Assessment()
     ends = drawn.ends_of(outline.lower, outline.upper)
@@ -120,20 +120,24 @@ def assess(
     better: OutlineModel | None = None
     every = column_iou(drawn.ends[:, None], drawn.ends[None])
     rounded, best, agree = None, 0, 0.0
-    if one and effort == "thorough" and area_mm2 is None and run.problem.x.size >= _STRIPS:
+    free = area_mm2 is None and known_count is None
+    if one and effort == "thorough" and free and run.problem.x.size >= _STRIPS:
         rounded = draw_rounded(drawn.problem, drawn.window, drawn.x, ends)
         best, agree = rounded.commonest(PROMISED_IOU)
     many = isinstance(run.model, PolygonFit) and len(outline.vertices) > _PLAIN and confidence > _SURE_OF
-    if rounded is not None and replace and many and rounded.misfit < _EXPLAINS and agree > _AGREE:
+    if rounded is not None and many and rounded.misfit < _EXPLAINS and agree > _AGREE:
         better = RoundedOutline.of(rounded, best, drawn.problem.lam)
         own = drawn.overlap(rounded.ends[best]) >= PROMISED_IOU
         confidence = _TRUSTED * agree
     elif one:
-        if confidence < _RATHER_WRONG and replace:
+        fitting = drawn.fitting(known_count)
+        if (confidence < _RATHER_WRONG or area_mm2 is not None) and fitting.any():
             # The outline that overlaps the others best; the mean of them would be none that the readings allow.
-            at = int(np.argmax(np.where(drawn.few_corners, every @ drawn.weight, 0.0)))
+            at = int(np.argmax(np.where(fitting, every @ drawn.weight, 0.0)))
             near = every[at] >= PROMISED_IOU
-            if near @ drawn.weight > confidence + _BETTER:
+            if near @ drawn.weight > confidence + (
+                _BETTER if area_mm2 is None else 0.0
+            ):  # the fit knew no area
                 own, confidence, better = near, float(near @ drawn.weight), drawn.model(at, run.problem)
                 outline = Outline(*better.chains_mm(run.problem))
                 ends = drawn.ends_of(outline.lower, outline.upper)

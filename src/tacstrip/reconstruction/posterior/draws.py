@@ -21,6 +21,8 @@ from tacstrip.core.posterior import (
     outline_ends,
     outline_record,
     sample_outlines,
+    vertex_counts,
+    vertex_log_prior,
 )
 from tacstrip.core.problem import FitProblem
 from tacstrip.geometry.metrics import column_iou
@@ -38,6 +40,7 @@ _CLIPPED = 4  # corners that come with cutting an outline at the strips' ends
 _SETTLED = 0.9  # IoU with the draw that the least-squares outline near it must have
 _OPENED = 0.1  # how far pointed ends are opened along the family of outlines that read alike
 _END_KINDS = ((0, 0), (0, 1), (1, 0), (1, 1))  # which ends are upright
+_BETWEEN = 0.05  # how often counts beside the known one are met
 _INSIDE = 0.98  # of its window: where an end begins
 
 
@@ -96,11 +99,11 @@ class Draws:
         ends = self.ends_of(*settled.chains_mm(problem))
         return settled if column_iou(ends, self.ends[k]) > _SETTLED else drawn
 
-    @property
-    def few_corners(self) -> BoolArray:
-        """Which outlines (K,) a fit can have."""
-        count = self.samples.outlines["count"].sum(axis=1) - 4
-        few = count <= MAX_VERTICES - _CLIPPED
+    def fitting(self, known_count: int | None) -> BoolArray:
+        """Return which outlines (K,) a fit can have: of few corners, or of as many as are known."""
+        if known_count is not None:
+            return np.asarray(vertex_counts(self.samples.outlines) == known_count)
+        few = self.samples.outlines["count"].sum(axis=1) - 4 <= MAX_VERTICES - _CLIPPED
         return np.concatenate([few, np.ones(len(self.ellipses), dtype=bool)])
 
     def overlap(self, ends: FloatArray) -> FloatArray:
@@ -150,6 +153,7 @@ def draw(
     evaluations: int,
     kept: int,
     area_mm2: tuple[float, float] | None = None,
+    known_count: int | None = None,
     seed: int = 0,
 ) -> Draws | None:
     """Draw outlines that explain a run's readings; None without a compiled core.
@@ -166,11 +170,15 @@ def draw(
         Outlines to return.
     area_mm2
         Mean and standard deviation of the contact's area, where that is known.
+    known_count
+        Its vertices, where that is known: only outlines of so many have a weight, if there are any.
     seed
         0 or more.
     """
     problem = run.problem.thinned()
     prior = _prior(run, sensor, problem, sigma_known, area_mm2)
+    if known_count is not None:
+        prior = replace(prior, vertices=vertex_log_prior(_about(known_count)))
     heat = (1.0, 3.0, 9.0, 30.0)
     starts = _starts(run, problem, prior)
     samples = sample_outlines(problem, prior, starts, evaluations // len(heat), kept, seed, heat)
@@ -178,14 +186,23 @@ def draw(
         return None
     x = columns(problem)
     ends = outline_ends(samples.outlines, x)
-    weight = np.full(len(ends), 1.0 / len(ends))
-    ellipses = _ellipses(run, kept // 4, seed)
+    there = np.ones(len(ends), dtype=bool)
+    if known_count is not None:
+        there = vertex_counts(samples.outlines) == known_count
+        there |= not there.any()
+    weight = there / there.sum()
+    ellipses = () if known_count is not None else _ellipses(run, kept // 4, seed)
     if ellipses:
         share = 1.0 / (1.0 + math.exp(min(-0.5 * run.ellipse_advantage, 700.0)))
         round_ends = np.stack([column_ends(problem, x, *one.chains_mm(problem)) for one in ellipses])
         ends = np.concatenate([ends, round_ends])
         weight = np.concatenate([(1.0 - share) * weight, np.full(len(ellipses), share / len(ellipses))])
     return Draws(problem, x, ends, weight, samples, ellipses, prior.window)
+
+
+def _about(count: int) -> dict[int, float]:
+    """Return how often counts are met where one is known: those beside it are only ways from one outline to another."""
+    return {count - 1: _BETWEEN, count: 1.0, count + 1: _BETWEEN}
 
 
 def _ellipses(run: RunFit, count: int, seed: int) -> tuple[Ellipse, ...]:
