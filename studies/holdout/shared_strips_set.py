@@ -262,11 +262,13 @@ def main() -> None:
     )
     far = np.quantile(d[alone >= OWN], 0.95) if bool(np.any(alone >= OWN)) else math.nan
     wrong = [any(not s.solved and s.status in CLAIMS for s in ss) for _, _, ss in rows]
+    # A wrong scene of which no track is doubtful; poses that are not given are told by the track that has these scans.
+    silent = [w and all(one.status in CLAIMS for one in t) for w, (_, t, _) in zip(wrong, rows, strict=True)]
     doubted = [all(s.solved for s in ss) and any(s.status not in CLAIMS for s in ss) for _, _, ss in rows]
     counted = [len(t) == len(s.outlines) for s, t, _ in rows]
     line = (
-        f"{given.set}: {len(rows)} scenes, solved {len(good) / len(rows):.2f}, wrong and ok {np.mean(wrong):.3f}; "
-        f"of all poses silently wrong {np.concatenate([s.silent for s in every]).mean():.4f}; solved and doubtful "
+        f"{given.set}: {len(rows)} scenes, solved {len(good) / len(rows):.2f}, wrong and ok {np.mean(wrong):.3f}, "
+        f"no track doubtful {np.mean(silent):.3f}; of all poses silently wrong {np.concatenate([s.silent for s in every]).mean():.4f}; solved and doubtful "
         f"{np.mean(doubted):.2f}; count of tracks right {np.mean(counted):.2f}; solved: median {np.median(d):.3f} mm "
         f"{np.median(a):.2f} deg, 90 % {np.quantile(d, 0.9):.3f} mm, 95 % where 5 % own {far:.3f} mm; "
         f"{1e3 * spent / scans:.0f} ms a scan\n"
