@@ -45,8 +45,13 @@ def test_nothing_of_the_demo_is_cut_off(demo: Demo) -> None:
     assert drawn is not None
     assert not legend.get_window_extent().overlaps(drawn)
     texts = legend.get_texts()
-    assert [t.get_text() for t in texts] == ["true shape", "before calibration:\ndoubtful", f"after calibration:\n{AFTER}",
-                                             "95 % region\nof a corner"]  # fmt: skip
+    shown = [
+        "true shape",
+        "before calibration:\ndoubtful",
+        f"after calibration:\n{AFTER}",
+        "95 % region\nof a corner",
+    ]
+    assert [t.get_text() for t in texts] == shown
     assert not {"P.R.", "V.R."} & {text.get_text() for text in figure.findobj(Text)}
     for axes in figure.axes:
         (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
