@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -206,7 +207,8 @@ class Scan(Signatures, Drawn):
 
     def read_on(self, strips: slice) -> Scan:
         """Return it without signatures that nothing reads on these strips, as where their channels are left out."""
-        lost = [name for name in self.signatures if np.isnan(self[name][strips]).all()]
+        read = {name: self[name][strips] for name in self.signatures}
+        lost = [name for name, k in read.items() if math.isnan(k[0]) and np.isnan(k).all()]
         none: dict[str, Any] = dict.fromkeys(lost)
         return replace(self, **none) if 0 < len(lost) < len(self.signatures) else self
 

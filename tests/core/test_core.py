@@ -3,12 +3,22 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from threading import Lock
 
 import numpy as np
 import pytest
 
 from tacstrip.arrays import FloatArray, IntArray
-from tacstrip.core.binding import END_ENTRIES, MAX_VERTICES, POLYGON, at, exported, search_workspace
+from tacstrip.core.binding import (
+    END_ENTRIES,
+    MAX_VERTICES,
+    POLYGON,
+    _without_turn,
+    at,
+    exported,
+    search_workspace,
+    taking_turns,
+)
 from tacstrip.core.cost import heights, normal_equations
 from tacstrip.core.descent import descend, ordered
 from tacstrip.core.ellipse import fit_ellipse, plain_fit_ellipse
@@ -426,3 +436,18 @@ def test_threads_do_not_disturb_each_other() -> None:
         for _ in range(3):
             found = threads.map(lambda problem: fit_counts(problem).chosen.theta.tobytes(), problems)
             assert list(found) == wanted
+
+
+def test_a_turn_is_given_up_in_long_calls_alone() -> None:
+    turn = Lock()
+    locked = _without_turn(turn.locked)
+    with taking_turns(turn):
+        assert turn.locked()
+        assert not locked()
+        assert turn.locked()
+        with pytest.raises(ZeroDivisionError):
+            _without_turn(lambda: 1 // 0)()
+        assert turn.locked()
+    assert not turn.locked()
+    with turn:
+        assert locked()  # a thread that takes no turns leaves those of others alone

@@ -268,6 +268,10 @@ def test_many_scans_give_what_each_gives() -> None:
     scans = [simulate(CRS, Contact.polygon(PENTAGON), NOISE, rng=i) for i in range(60)]
     for many, scan in zip(fit_polygons(scans, CRS, NOISE, workers=2), scans, strict=True):
         np.testing.assert_array_equal(many.objects[0].vertices, _only(scan, CRS).vertices)
+    with pytest.raises(ReadingError, match="3 strips"):  # and the other thread does not wait for ever
+        fit_polygons(
+            [*scans[:3], Scan(kh=np.full(3, 0.5), kl=np.full(3, 0.4)), *scans[:4]], CRS, NOISE, workers=2
+        )
 
 
 def test_errors_name_what_is_wrong() -> None:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import tacstrip as ts
+from polygons import SURE
 from tacstrip.arrays import FloatArray
 from tacstrip.reconstruction.cramer_rao import reading_sigma
 from tacstrip.sensor import Converter
@@ -105,6 +106,6 @@ def test_with_the_table_outlines_explain_the_readings_and_without_they_do_not() 
         corners = np.column_stack([50 + 38 * np.cos(angle), 50 + 35 * np.sin(angle)])
         raw = encode(ts.simulate(SENSOR, ts.Contact.polygon(corners)), UNIT)
         for sensor in n_ok:
-            n_ok[sensor] += ts.fit_polygon(decode(raw, sensor), sensor, ts.Noise()).status == "ok"
+            n_ok[sensor] += ts.fit_polygon(decode(raw, sensor), sensor, ts.Noise()).status == SURE
     assert n_ok[UNIT] == 5
     assert n_ok[SENSOR] <= 2

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import ctypes
 import functools
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -264,8 +266,42 @@ def exported(name: str) -> Callable[..., Any] | None:
     by: ctypes.CDLL = core if name in _LONG else ctypes.PyDLL(core._name)
     function: Any = getattr(by, f"tacstrip_{name}")
     function.restype, function.argtypes = _FUNCTIONS[name]
-    found: Callable[..., Any] = function
+    found: Callable[..., Any] = _without_turn(function) if name in _LONG else function
     return found
+
+
+_own = threading.local()  # .turn: the lock of this thread's turn
+
+
+@contextmanager
+def taking_turns(turn: threading.Lock) -> Iterator[None]:
+    """Hold a lock but in the core's long calls: of the threads that share it one is in Python at a time.
+
+    NumPy gives Python's own lock away at every array of some 500 numbers, and to wake a thread that waits for it takes
+    longer than the work; so none waits for that one.
+    """
+    with turn:
+        _own.turn = turn
+        try:
+            yield
+        finally:
+            del _own.turn
+
+
+def _without_turn(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a function during which others of `taking_turns` go on."""
+
+    def call(*given: Any) -> Any:
+        turn: threading.Lock | None = getattr(_own, "turn", None)
+        if turn is None:
+            return function(*given)
+        turn.release()
+        try:
+            return function(*given)
+        finally:
+            turn.acquire()
+
+    return call
 
 
 def at(array: npt.NDArray[Any]) -> int:

@@ -265,6 +265,17 @@ def _in_threads(
     make: Callable[[Part], None], parts: list[Part], workers: int, ended: threading.Event
 ) -> None:
     """Make all parts; none is begun, and what is begun is left, once one fails or the end is asked for."""
+
+    def run(part: Part) -> None:
+        try:
+            if not ended.is_set():
+                make(part)
+        except _EndedError:
+            pass
+        except BaseException:
+            ended.set()  # here, for this thread may begin the next part before the one that waits knows
+            raise
+
     with ThreadPoolExecutor(max(workers, 1)) as threads:
         waiting: set[Future[None]] = set()
         try:
@@ -273,7 +284,7 @@ def _in_threads(
                     done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
                     for future in done:
                         future.result()
-                waiting.add(threads.submit(make, part))
+                waiting.add(threads.submit(run, part))
             for future in waiting:
                 future.result()
         except BaseException:

@@ -83,7 +83,7 @@ def result(
     --------
     >>> import tacstrip as ts
     >>> from tacstrip import plot
-    >>> sensor = ts.Sensor(construction="crs-crs", strips=20, pitch_mm=5.0, length_mm=100.0)
+    >>> sensor = ts.Sensor(construction="crs-crs", strips=50, pitch_mm=2.0, length_mm=100.0)
     >>> coin = ts.Contact.polygon([(30, 40), (60, 35), (70, 60), (40, 70)])
     >>> found = ts.reconstruct(ts.simulate(sensor, coin), sensor)
     >>> ax = plot.result(found, sensor, truth=coin)

@@ -8,13 +8,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from threading import Lock
 
 import numpy as np
 
 from tacstrip.arguments import takes
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import Noise
-from tacstrip.core.binding import MAX_VERTICES
+from tacstrip.core.binding import MAX_VERTICES, taking_turns
 from tacstrip.core.problem import FLOOR
 from tacstrip.errors import OptionError
 from tacstrip.reconstruction.implausible import doubt_implausible
@@ -182,12 +183,15 @@ def fit_polygons(
     """
     noise = sensor.noise if noise is None else noise
 
+    turn = Lock()
+
     def fit(part: Sequence[Scan]) -> list[Reconstruction]:
-        ready = _first_fits(part, sensor, noise)
-        return [
-            _fit_polygon(scan, sensor, noise, assessment=assessment, ready=of_scan)
-            for scan, of_scan in zip(part, ready, strict=True)
-        ]
+        with taking_turns(turn):
+            ready = _first_fits(part, sensor, noise)
+            return [
+                _fit_polygon(scan, sensor, noise, assessment=assessment, ready=of_scan)
+                for scan, of_scan in zip(part, ready, strict=True)
+            ]
 
     size = max(1, min(_AT_ONCE, len(scans) // (_PARTS * workers)))
     parts = [scans[i : i + size] for i in range(0, len(scans), size)]
