@@ -174,12 +174,22 @@ class Track(Drawn):
         seen = np.flatnonzero(self.present)
         shown = seen[np.unique(np.linspace(0, len(seen) - 1, _DRAWN).astype(int))] if len(seen) else seen
         outlines = [SvgPath(self.placed(int(i)), stroke=VERMILION, fill=VERMILION, width=1.0) for i in shown]
-        return [*outlines, SvgPath(self.poses[:, :2], stroke=BLUE, closed=False)]
+        return [*outlines, SvgPath(self.centroids, stroke=BLUE, closed=False)]
 
     @property
     def present(self) -> FloatArray:
         """Whether each scan shows it (T,)."""
         return np.asarray(np.isfinite(self.poses[:, 0]))
+
+    @property
+    def centroids(self) -> FloatArray:
+        """Centroid of the rigid outline on the sensor in every scan (T, 2) [mm]; NaN where it is absent."""
+        if not len(self.outline):
+            return np.full((len(self.poses), 2), np.nan)
+        own, (cos, sin) = moments(self.outline)[1], (np.cos(self.poses[:, 2]), np.sin(self.poses[:, 2]))
+        return self.poses[:, :2] + np.stack(
+            [cos * own[0] - sin * own[1], sin * own[0] + cos * own[1]], axis=1
+        )
 
     @property
     def area_mm2(self) -> float:
