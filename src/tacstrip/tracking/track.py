@@ -193,9 +193,8 @@ class Track(Drawn):
         if not len(self.outline):
             return np.full((len(self.poses), 2), np.nan)
         own, (cos, sin) = moments(self.outline)[1], (np.cos(self.poses[:, 2]), np.sin(self.poses[:, 2]))
-        return self.poses[:, :2] + np.stack(
-            [cos * own[0] - sin * own[1], sin * own[0] + cos * own[1]], axis=1
-        )
+        turned = np.stack([cos * own[0] - sin * own[1], sin * own[0] + cos * own[1]], axis=1)
+        return np.asarray(self.poses[:, :2] + turned)
 
     @property
     def area_mm2(self) -> float:
