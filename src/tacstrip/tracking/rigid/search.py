@@ -16,6 +16,7 @@ from tacstrip.core.rigid import RigidScans, equations, fit_poses, loss
 from tacstrip.geometry.pose import in_frame, placed
 from tacstrip.reconstruction.polygon.goodness_of_fit import chi_square_score
 from tacstrip.tracking.rigid.corners import (
+    FIRST,
     Fit,
     bad_scans,
     explored,
@@ -113,7 +114,7 @@ class Found:
     def of_other_count(self, least_mm: float) -> int:
         """Return how many corners the likeliest rival has that has more or fewer and is off by so much; 0: none is.
 
-        What is less likely than `_UNLIKELY` does not count.
+        What is less likely than `_UNLIKELY` does not count, nor do `FIRST` corners and more: they stand for a curve.
         """
         own = shapely.Polygon(self.fit.corners).buffer(0)
         for (fit, worse), (outline, _) in zip(self.rivals, self.others, strict=True):
@@ -121,6 +122,7 @@ class Found:
             if (
                 len(fit.corners) != len(self.fit.corners)
                 and math.exp(-0.5 * worse) > _UNLIKELY
+                and max(len(fit.corners), len(self.fit.corners)) < FIRST
                 and far > least_mm
             ):
                 return len(fit.corners)
