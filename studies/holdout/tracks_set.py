@@ -317,7 +317,10 @@ def _overlap(a: Array, b: Array) -> float:
 
 
 def bound(of: Scene) -> Array:
-    """Return the Cramer-Rao covariance (2 N, 2 N) [mm^2] of a rigid outline's corners, by differences of readings."""
+    """Return the Cramer-Rao covariance (2 N, 2 N) [mm^2] of a rigid outline's corners, by differences of readings.
+
+    Offsets of channels, where the row has some, are unknowns of which their distribution is known.
+    """
     assert of.outline is not None
     outline, step = of.outline, 1e-4
 
@@ -332,13 +335,17 @@ def bound(of: Scene) -> Array:
     poses = np.stack([slope(none, axis) for axis in np.eye(3)], axis=2)  # (T, M, 3)
     shown = ~np.isnan(of.read.reshape(len(of.read), -1))
     corners = np.stack([slope(axis.reshape(-1, 2), np.zeros(3)) for axis in np.eye(outline.size)], axis=2)
+    sigma, size = of.row.level / math.sqrt(3.0), of.outline.size
+    if "offsets" in of.row.noises:
+        corners = np.concatenate([corners, np.tile(np.eye(shown.shape[1]), (len(shown), 1, 1))], axis=2)
     poses, corners = poses * shown[..., None], corners * shown[..., None]
-    sigma = of.row.level / math.sqrt(3.0)
     own = poses.transpose(0, 2, 1) @ poses + 1e-12 * np.eye(3)
     mixed = poses.transpose(0, 2, 1) @ corners
     whole = np.einsum("tmi,tmj->ij", corners, corners) - np.einsum(
         "tpi,tpj->ij", mixed, np.linalg.solve(own, mixed)
     )
+    offsets = whole[size:, size:] + (sigma / _OFFSET) ** 2 * np.eye(len(whole) - size)
+    whole = whole[:size, :size] - whole[:size, size:] @ np.linalg.solve(offsets, whole[size:, :size])
     value, vector = np.linalg.eigh(whole)
     value, vector = value[3:], vector[:, 3:]  # moved and turned as a whole it is the same shape
     return np.asarray(sigma**2 * (vector / np.maximum(value, 1e-9)) @ vector.T)

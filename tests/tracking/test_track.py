@@ -21,6 +21,7 @@ from tacstrip.core.rigid import descend, loss
 from tacstrip.geometry.moments import moments
 from tacstrip.tracking.episodes import episodes, spanned
 from tacstrip.tracking.geojson import track_collection
+from tacstrip.tracking.rigid.corners import Fit, fitted, recounted, unstuck
 from tacstrip.tracking.rigid.covariance import covariances, information, joint_bound
 from tacstrip.tracking.rigid.smooth_path import fit_corners
 from tacstrip.tracking.track import _less_than_half_turns
@@ -365,6 +366,9 @@ def test_the_verb_writes_tracks_and_a_picture(tmp_path: Path) -> None:
     assert len(feature["properties"]["poses"]) == 20
     assert feature["geometry"]["type"] == "Polygon"
     assert (tmp_path / "t.png").stat().st_size > 10_000
+    assert CliRunner().invoke(cli, ["track", *files[:2], "-o", files[2], "--force"]).exit_code == 0
+    with pytest.raises(ts.OptionError, match="--force is for a file: -o FILE"):
+        CliRunner().invoke(cli, ["track", *files[:2], "--force"], catch_exceptions=False)
     made = str(tmp_path / "t.mcap")
     words = ["track", *files[:2], "-o", made, "--positional", "0.002"]
     assert CliRunner().invoke(cli, words).exit_code == 0
@@ -428,3 +432,48 @@ def test_angles_go_on_by_less_than_half_a_turn() -> None:
     assert np.nanmax(_less_than_half_turns(pressed_again)) < 0.04
     twice_around = np.linspace(0.0, 4.0 * np.pi, 50)
     np.testing.assert_allclose(_less_than_half_turns(twice_around % (2.0 * np.pi)), twice_around, atol=1e-9)
+
+
+def test_a_corner_too_few_and_one_too_many_are_counted_right() -> None:
+    """From an edge that cuts a corner off, the neighbours must go on; from a corner left out, an edge must bend."""
+    scans, _, poses = rigid_scene("crs-crs", 0.0, 20)
+    cut = np.insert(CORNERS, 2, CORNERS[1] + np.array([0.5, 5.0]), axis=0)
+    cut[1] += [-3.0, 1.0]
+    for start in (cut, np.delete(CORNERS, 3, axis=0)):
+        found, others = recounted(scans, fitted(scans, start, poses))
+        assert distance(found.corners, CORNERS) < 0.5  # mm
+        assert all(f.criterion(scans) > found.criterion(scans) for f in others)
+
+
+def test_a_scan_whose_pose_is_caught_is_freed() -> None:
+    scans, _, poses = rigid_scene("crs-crs", 0.0, 20)
+    fit = fitted(scans, CORNERS, poses)
+    caught = fit.poses.copy()
+    caught[7] += [2.0, -2.0, 0.1]
+    costs = fit.costs.copy()
+    costs[7] = 1e3
+    assert unstuck(scans, Fit(fit.corners, caught, costs)).cost <= fit.cost + 0.5
+
+
+def test_a_notch_that_few_strips_read_is_not_confident() -> None:
+    """A flat valley of chi square: the notch's corner 12 mm off costs 2.5, and the bound at the fit is .4 mm."""
+    of = scene("concave", 2, 12)
+    (one,) = ts.track(of.scans, of.unit.sensor, ts.Noise(positional=of.row.level))
+    assert one.status == "doubtful"
+    assert "leave a corner uncertain" in one.advice
+
+
+def test_a_count_that_the_scans_leave_open_is_said() -> None:
+    of = scene("ten, 1 %", 1, 0)  # of eight corners one is 1 mm high
+    (one,) = ts.track(of.scans, of.unit.sensor, ts.Noise(positional=of.row.level))
+    assert one.status == "doubtful"
+    assert {len(one.outline), *(len(a.vertices) for a in one.alternatives)} >= {7, 8}
+
+
+def test_the_path_is_that_of_the_centroid() -> None:
+    sensor, poses = ten_strips(), sliding(12)
+    tracks = ts.track(pressed(sensor, CORNERS, poses, NOISE), sensor, NOISE)
+    own = [moments(tracks[0].placed(i))[1] for i in range(12)]
+    np.testing.assert_allclose(tracks[0].centroids, own, atol=1e-9)
+    (feature,) = track_collection(tracks)["features"]
+    np.testing.assert_allclose([p["centroid_mm"] for p in feature["properties"]["poses"]], own, atol=1e-6)

@@ -15,8 +15,6 @@ from tacstrip.cli.replay import warn_of_cut
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError, ReadingError
 from tacstrip.files import replacing
-from tacstrip.geometry.moments import moments
-from tacstrip.geometry.pose import placed
 from tacstrip.io.input_checks import half_read, implausible, misread
 from tacstrip.io.readings import read_readings
 from tacstrip.sensor.raw import invert_calibration
@@ -49,7 +47,7 @@ def command(
     recorded = output is not None and output.suffix.lower() == ".mcap"
     if output is not None and output.suffix.lower() not in (".mcap", ".geojson", ".json"):
         raise OptionError(f"-o {output}: objects over time go into a file that ends in .geojson or .mcap")
-    options.belong(recorded, "is for a recording: -o FILE.mcap", "force")
+    options.belong(output, "is for a file: -o FILE", "force")
     if output is not None and recorded:
         new_file(output, force, *files)
     source, raws = _opened(files, recorded)
@@ -138,8 +136,7 @@ def _line(one: Track) -> str:
         text += f", {len(one.outline)} corners, {one.area_mm2:.6g} mm2"
         if np.isfinite(one.area_deviation_mm2):
             text += f" +- {one.area_deviation_mm2:.2g}"
-        centre = moments(one.outline)[1][None]
-        way = np.ptp(np.vstack([placed(centre, pose) for pose in one.poses[seen]]), axis=0)
+        way = np.ptp(one.centroids[seen], axis=0)
         text += f", its centroid moved {way[0]:.3g} mm across and {way[1]:.3g} mm along the strips"
         known = np.isfinite(spread := one.pose_covariances[seen, 2, 2])
         off = float(np.sqrt(2.0 * np.median(spread[known]))) if known.any() else 0.0  # of a difference of two

@@ -26,7 +26,7 @@ _MARKERS = "os^Dv"
 
 @takes(tracks=(Track, Track), sensor=Sensor)
 def track(tracks: Track | Sequence[Track], sensor: Sensor, *, ax: Axes | None = None) -> Axes:
-    """Draw the paths of objects over the sensor, with six outlines on each, earlier ones paler, dashed where doubtful.
+    """Draw the paths of the centroids with six outlines on each, earlier ones paler, dashed where doubtful.
 
     Parameters
     ----------
@@ -58,15 +58,15 @@ def track(tracks: Track | Sequence[Track], sensor: Sensor, *, ax: Axes | None = 
     for one, colour, marker in _coloured([tracks] if isinstance(tracks, Track) else tracks):
         doubtful = one.status not in ("ok", "likely")
         label = f"object {one.id}: {one.status}" if one.id <= _MOST_NAMED else None
-        axes.plot(*one.poses[:, :2].T, color=colour, linewidth=0.9, zorder=4)
-        seen = np.flatnonzero(one.present)
-        axes.plot(*one.poses[seen[0], :2], marker, color=colour, markersize=5.0, zorder=5)
+        path, seen = one.centroids, np.flatnonzero(one.present)
+        axes.plot(*path.T, color=colour, linewidth=0.9, zorder=4)
+        axes.plot(*path[seen[0]], marker, color=colour, markersize=5.0, zorder=5)
         drawn = seen[np.unique(np.linspace(0, len(seen) - 1, _DRAWN).astype(int))]
         # The last one first: it is in full, and in the legend.
         for order, i in enumerate(reversed(drawn.tolist())):
             draw_polygon(axes, one.placed(i), colour, label, doubtful=doubtful, alpha=_PALER**order)
             label = None
-        axes.plot(*one.poses[list(one.joint), :2].T, "o", color=colour, markersize=2.5, fillstyle="none")
+        axes.plot(*path[list(one.joint)].T, "o", color=colour, markersize=2.5, fillstyle="none")
         any_drawn = True
     if any_drawn:
         legend_above(axes)
@@ -96,7 +96,7 @@ def track_figure(sensor: Sensor, tracks: Sequence[Track]) -> Figure:
                 shape.fill(*region.T, color=colour, alpha=0.25)
         time = one.times_s if np.diff(one.times_s).any() else np.arange(len(one.times_s))
         shared[list(one.joint)] = True
-        values = (one.poses[:, 0], one.poses[:, 1], np.rad2deg(one.poses[:, 2]))
+        values = (*one.centroids.T, np.rad2deg(one.poses[:, 2]))
         for name, value, dashes in zip(("x", "y", "angle"), values, ("-", "--", ":"), strict=True):
             look: dict[str, Any] = {"color": colour, "linestyle": dashes, "marker": marker, "markersize": 3.0}
             pose.plot(time, value, markevery=max(len(time) // 8, 1), label=f"{one.id}: {name}", **look)

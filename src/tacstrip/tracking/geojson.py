@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from tacstrip.arrays import plain
+from tacstrip.arrays import FloatArray, plain
 from tacstrip.files import write_text
 from tacstrip.tracking.track import Track
 
@@ -28,7 +28,8 @@ def track_collection(tracks: Sequence[Track]) -> dict[str, Any]:
         The geometry is the outline on the sensor in the first scan that shows it, null where there is none. Properties:
         id, status, advice, area_mm2 and its sigma, outline_mm in the object's frame and vertex_sigma_mm, alternatives,
         motion, offsets over Vref, and poses: of every scan that shows it scan, time_s, x_mm, y_mm, angle_rad and their
-        sigmas, and velocity; where no rigid outline explains the scans also `outline_mm` of that scan by itself.
+        sigmas, centroid_mm of the outline on the sensor, and velocity; where no rigid outline explains the scans also
+        `outline_mm` of that scan by itself.
 
     Examples
     --------
@@ -54,6 +55,7 @@ def _feature(track: Track) -> dict[str, Any]:
     if len(track.outline) and len(seen):
         first = track.placed(int(seen[0]))
         geometry = {"type": "Polygon", "coordinates": [plain([*first, first[0]], 9)]}
+    centroids = track.centroids
     sigma = None if track.covariance is None else np.sqrt(np.diag(track.covariance)).reshape(-1, 2)
     properties = {
         "id": track.id,
@@ -69,17 +71,18 @@ def _feature(track: Track) -> dict[str, Any]:
         "joint_scans": list(track.joint),
         "motion": track.motion,
         "offsets": {name: plain(values) for name, values in track.offsets.items()},
-        "poses": [_pose(track, int(i)) for i in seen],
+        "poses": [_pose(track, int(i), centroids[i]) for i in seen],
     }
     return {"type": "Feature", "geometry": geometry, "properties": properties}
 
 
-def _pose(track: Track, scan: int) -> dict[str, Any]:
+def _pose(track: Track, scan: int, centroid: FloatArray) -> dict[str, Any]:
     names = ("x_mm", "y_mm", "angle_rad")
     sigma = np.sqrt(np.diag(track.pose_covariances[scan]))
     found: dict[str, Any] = {"scan": scan, "time_s": plain(track.times_s[scan])}
     found |= dict(zip(names, plain(track.poses[scan], 9), strict=True))
     found["sigma"] = dict(zip(names, plain(sigma), strict=True))
+    found["centroid_mm"] = plain(centroid, 9)
     if track.by_scan is not None:
         found["outline_mm"] = plain(track.placed(scan), 9)
     return found | {"velocity": plain(track.velocities[scan])}

@@ -32,6 +32,7 @@ from tacstrip.tracking.episodes import Episode, episodes, only, spanned
 from tacstrip.tracking.rigid.corners import Fit, posed, reflex
 from tacstrip.tracking.rigid.covariance import covariances, information
 from tacstrip.tracking.rigid.offsets import taken_off, with_offsets
+from tacstrip.tracking.rigid.posterior import scatter
 from tacstrip.tracking.rigid.search import (
     FEW_STRIPS,
     LEAST_STRIPS,
@@ -57,6 +58,7 @@ _MAY_BE_OFF = 0.05  # of the extent, by which no corner may be off ...
 _DEVIATIONS = 2.0  # ... within so many deviations
 _LOOKS = 3  # single scans that are asked whether strips between touched ones are dead
 _DRAWN = 6  # outlines of a track in a notebook
+_COUNTED = 0.05  # pitches, by which an outline of another count is off, for the count to matter
 _MOVED = 0.5  # pitches that corners must move where few strips are touched
 NOT_RIGID = (
     "no rigid outline explains all scans: {times:.3g} times the noise is left over; the object deforms or rolls, two "
@@ -65,6 +67,10 @@ NOT_RIGID = (
 _NOT_TOLD = (
     "the motion does not tell the shape: outlines that differ by {spread:.2g} mm explain all scans; turn the object, "
     "or slide it across the strips by more than half a pitch"
+)
+_COUNT = (
+    "the number of corners is open: an outline of {n} explains the scans nearly as well; turn the object further, or "
+    "take more scans"
 )
 _HARDLY_MOVED = (
     "in {n} scans it hardly moved across the strips or turned, so that they tell little more of the shape than one: "
@@ -174,12 +180,21 @@ class Track(Drawn):
         seen = np.flatnonzero(self.present)
         shown = seen[np.unique(np.linspace(0, len(seen) - 1, _DRAWN).astype(int))] if len(seen) else seen
         outlines = [SvgPath(self.placed(int(i)), stroke=VERMILION, fill=VERMILION, width=1.0) for i in shown]
-        return [*outlines, SvgPath(self.poses[:, :2], stroke=BLUE, closed=False)]
+        return [*outlines, SvgPath(self.centroids, stroke=BLUE, closed=False)]
 
     @property
     def present(self) -> FloatArray:
         """Whether each scan shows it (T,)."""
         return np.asarray(np.isfinite(self.poses[:, 0]))
+
+    @property
+    def centroids(self) -> FloatArray:
+        """Centroid of the rigid outline on the sensor in every scan (T, 2) [mm]; NaN where it is absent."""
+        if not len(self.outline):
+            return np.full((len(self.poses), 2), np.nan)
+        own, (cos, sin) = moments(self.outline)[1], (np.cos(self.poses[:, 2]), np.sin(self.poses[:, 2]))
+        turned = np.stack([cos * own[0] - sin * own[1], sin * own[0] + cos * own[1]], axis=1)
+        return np.asarray(self.poses[:, :2] + turned)
 
     @property
     def area_mm2(self) -> float:
@@ -306,7 +321,7 @@ def track(scans: Sequence[Scan], sensor: Sensor, noise: Noise | None = None) -> 
         found = summarised(each, read, readings, noise)
         tracks.append((int(np.argmax(found.present)), found))
     standing = STANDS if len(times) > 1 and not np.diff(times).any() else ""
-    outlines = [t.placed(int(i)) for _, t in tracks for i in np.flatnonzero(t.present)]
+    outlines = [placed(t.outline, t.poses[i]) for _, t in tracks for i in np.flatnonzero(t.present)]
     scale = scale_hint(read, outlines, sensor)
     done = []
     for i, (_, t) in enumerate(sorted(tracks, key=lambda pair: (pair[0], pair[1].poses[pair[0], 0])), 1):
@@ -682,6 +697,7 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
         advice = NOT_RIGID.format(times=times)
     if not explained:
         alone = SingleScans(scans, dict(zip(one.shown, one.runs, strict=True)), sensor, noise)
+    concave = bool(reflex(outline).any())
     loosest = math.sqrt(float(shape.diagonal().reshape(-1, 2).sum(axis=1).max()))
     spread = one.found.spread_mm
     size = float(np.ptp(outline, axis=0).max())
@@ -691,11 +707,15 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
         advice = _NOT_TOLD.format(spread=spread)
     elif not advice and _hardly_moved(one, outline, poses[np.isfinite(poses[:, 0])]):
         told, advice = False, _HARDLY_MOVED.format(n=len(one.shown))
-    elif not advice and _DEVIATIONS * loosest > unsure:
+    if not advice and concave and fit.basis is None:
+        loosest = max(loosest, scatter(one.scans, fit))
+    if not advice and _DEVIATIONS * loosest > unsure:
         told, advice = False, _LOOSE.format(far=_DEVIATIONS * loosest)
+    elif not advice and (other := one.found.of_other_count(_COUNTED * sensor.pitch_mm)):
+        told, advice = False, _COUNT.format(n=other)
     elif not advice:
         tied = fit.basis is not None and one.scans.strips_touched < FEW_STRIPS
-        concave, wander = bool(reflex(outline).any()), [_WANDERS.format(times=wider)] * (wider > 1.0)
+        wander = [_WANDERS.format(times=wider)] * (wider > 1.0)
         note = "; ".join([_CONCAVE] * concave + [_SMOOTH] * tied + wander)
     parted = bool(one.joint) and max(one.shown) > min(one.joint)
     more_advice = (

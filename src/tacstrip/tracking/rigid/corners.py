@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
-from tacstrip.core.rigid import RigidScans, descend, fit_poses, loss
+from tacstrip.core.rigid import MOST_CORNERS, RigidScans, descend, fit_poses, loss
 from tacstrip.tracking.rigid.covariance import covariances, information
 from tacstrip.tracking.rigid.smooth_path import centres, fit_corners
 
@@ -20,6 +20,10 @@ _SURE = 8.0  # times what a corner must gain: there is no need to try without it
 _HOPELESS, _MARGIN = 3.0, 300.0
 _ANGLES, _KEPT = 36, 6  # of a pose of which nothing is known: starts all round, and how many are refined
 _JIGGLES = np.array([(0, 0, 0), (0.5, 0, 0.02), (-0.5, 0, -0.02), (0, 0.5, -0.03), (0, -0.5, 0.03)])
+# Farther steps, all signs and along each axis: of .1 pitch, and 1.5 times as far of the outline's corners.
+_AROUND = 0.1 * np.vstack([2.0 * np.eye(3), -2.0 * np.eye(3), np.indices((2, 2, 2)).reshape(3, -1).T * 2 - 1])
+_ROUNDS = 4
+_SHARES, _BENT = (0.25, 0.75), 0.03  # of an edge: where a corner more may be, and how far outside it begins
 _BAD, _SPREAD = 6.0, 5.0  # chi square of a scan beyond its readings, and times its deviation
 _EXPLORED, _BEST, _SETTLED = (
     5,
@@ -135,19 +139,88 @@ def jiggles(pitch_mm: float) -> FloatArray:
     return np.asarray(_JIGGLES * (0.05 * pitch_mm, 0.05 * pitch_mm, 1.0))
 
 
-def recounted(scans: RigidScans, fit: Fit) -> Fit:
-    """Return the fit without corners that the criterion does not miss."""
-    price = 2.0 * float(np.log(scans.readings.sum())) + _PLACES
-    while len(fit.corners) > FEWEST and len(faint := np.flatnonzero(_gains(scans, fit) < _SURE * price)):
-        tries = sorted((without(scans, fit, int(i), 8) for i in faint), key=lambda f: f.cost)
-        best = min(
-            (settled(scans, fitted(scans, t.corners, t.poses, basis=t.basis)) for t in tries[:_TRIED]),
-            key=lambda f: f.cost,
-        )
-        if best.criterion(scans) >= fit.criterion(scans):
+def unstuck(scans: RigidScans, fit: Fit) -> Fit:
+    """Return the fit after descents of single poses from farther away, and of all together, in turn.
+
+    A scan's pose may rest where a corner is on the wrong side of a strip; one such scan keeps the outline wrong.
+    """
+    radius = float(np.hypot(*(fit.corners - fit.corners.mean(axis=0)).T).max())
+    far = _AROUND * scans.sensor.pitch_mm * np.array([1.0, 1.0, 1.5 / radius])
+    for _ in range(_ROUNDS if fit.basis is None else 0):
+        starts = fit.poses[:, None] + np.concatenate([jiggles(scans.sensor.pitch_mm), far])
+        poses, costs = _best(*fit_poses(scans, fit.corners, starts, loss(scans)), 1)
+        if not costs.sum() < fit.cost - 0.5:
             break
-        fit = best
+        new = settled(scans, fitted(scans, fit.corners, poses[:, 0], 15), 2)
+        if not new.cost < fit.cost - 0.5:
+            break
+        fit = new
     return fit
+
+
+def recounted(scans: RigidScans, fit: Fit) -> tuple[Fit, list[Fit]]:
+    """Return the fit with as many corners as the criterion wants, and the best of one corner fewer and of one more."""
+    while True:
+        other = [f for f in (_fewer(scans, fit), _more(scans, fit)) if f is not None]
+        best = min(other, key=lambda f: f.criterion(scans), default=fit)
+        if best.criterion(scans) >= fit.criterion(scans):
+            return fit, other
+        fit = best
+
+
+def _fewer(scans: RigidScans, fit: Fit) -> Fit | None:
+    """Return the best fit of one corner fewer, without a corner or without an edge; None where all are sure."""
+    if len(fit.corners) == FEWEST:
+        return None
+    price = 2.0 * float(np.log(scans.readings.sum())) + _PLACES
+    faint = np.flatnonzero(_gains(scans, fit) < _SURE * price)
+    tries = [without(scans, fit, int(i), 8) for i in faint]
+    for corners in _edges_removed(fit.corners)[:_TRIED]:
+        rough = fitted(scans, corners, fit.poses, 8, cauchy=8.0, basis=fit.basis)
+        if rough.cost < fit.cost + _SURE * price:
+            tries.append(rough)
+    near = sorted(tries, key=lambda f: f.cost)[:_TRIED]
+    ends = [settled(scans, fitted(scans, f.corners, f.poses, basis=f.basis)) for f in near]
+    return unstuck(scans, min(ends, key=lambda f: f.cost)) if ends else None
+
+
+def _more(scans: RigidScans, fit: Fit) -> Fit | None:
+    """Return the best fit of one corner more, from all edges; None of tied poses."""
+    if fit.basis is not None or len(fit.corners) == MOST_CORNERS:
+        return None
+    tries = [fitted(scans, start, fit.poses, 15) for start in _edges_bent(fit.corners)]
+    near = sorted(tries, key=lambda f: f.cost)[:_TRIED]
+    return min((unstuck(scans, settled(scans, f, 2)) for f in near), key=lambda f: f.cost)
+
+
+def _edges_bent(corners: FloatArray) -> list[FloatArray]:
+    """Return outlines with a corner more, a little outside of an edge, near the one and near the other end of it."""
+    along = np.roll(corners, -1, axis=0) - corners
+    x, y = corners.T
+    outside = _BENT * np.sign((x * np.roll(y, -1) - np.roll(x, -1) * y).sum())
+    out = outside * np.stack([along[:, 1], -along[:, 0]], axis=1)
+    return [
+        np.insert(corners, i + 1, corners[i] + share * along[i] + out[i], axis=0)
+        for i in range(len(corners))
+        for share in _SHARES
+    ]
+
+
+def _edges_removed(corners: FloatArray) -> list[FloatArray]:
+    """Return outlines without an edge, whose neighbours go on until they meet; those first that change least."""
+    found: list[tuple[float, FloatArray]] = []
+    for i in range(len(corners)):
+        a, b, c, d = (corners[(i + k) % len(corners)] for k in (-1, 0, 1, 2))
+        (p, q), (r, s), (u, v) = b - a, d - c, c - b
+        cross = p * s - q * r
+        on = (u * s - v * r) / cross if cross else np.inf  # of the edge before, beyond its end
+        if 0.0 < on < _FAR:
+            apex = b + on * (b - a)
+            kept = np.delete(corners, (i + 1) % len(corners), axis=0)
+            kept[min(i, len(kept) - 1)] = apex
+            change = abs(u * (apex - b)[1] - v * (apex - b)[0])
+            found.append((float(change), kept))
+    return [kept for _, kept in sorted(found, key=lambda pair: pair[0])]
 
 
 def explored(scans: RigidScans, fit: Fit) -> list[Fit]:

@@ -14,7 +14,7 @@ from tacstrip.tracking.rigid.covariance import UPRIGHT, information, without_pos
 _FEWEST = 12  # scans that tell an offset from a shape
 _FIRST, _LEAST, _MOST = 0.002, 0.0003, 0.01  # deviation of offsets [Vref]: the first guess, and its limits
 _ROUNDS = 4  # of offsets and fit in turn
-_EVIDENCE = 12.0  # twice the logarithm of how much likelier the readings are with offsets than without
+_EVIDENCE = 3.0  # twice the logarithm of how much likelier the readings are with offsets than without
 _DAMPING = 1e-4
 
 

@@ -15,6 +15,7 @@ from tacstrip.core.rigid import RigidScans, equations, fit_poses, loss
 from tacstrip.geometry.pose import in_frame, placed
 from tacstrip.reconstruction.polygon.goodness_of_fit import chi_square_score
 from tacstrip.tracking.rigid.corners import (
+    FIRST,
     Fit,
     bad_scans,
     explored,
@@ -25,6 +26,7 @@ from tacstrip.tracking.rigid.corners import (
     reflex,
     rescued,
     settled,
+    unstuck,
 )
 from tacstrip.tracking.rigid.offsets import Offsets, channel_offsets, taken_off, without_needless_corners
 from tacstrip.tracking.rigid.smooth_path import Path, centres, circle, fit_path, spline_basis
@@ -44,6 +46,7 @@ _SATISFIED = 1.15  # of the freedom: a chi square that ends the search
 _ALARM, _HARDLY_MORE = 3.5, 1.05  # deviations of chi square, and times the freedom
 _WITHIN = 8.0  # of the best criterion: fits that explain the readings as well
 _WITHIN_KINKS = 16.0  # likewise of concave ones, which seldom come to rest at their least cost
+_UNLIKELY = 0.05  # odds of another count of corners, against the best fit, that are taken for none
 _LOST = 0.5  # of the scans: a polygon that leaves more will not explain them once it is settled
 _WORTH_SETTLING = 1.6  # times the freedom: fits that may, once they are settled
 _SOFT, _HARD = 0.25, 0.1  # pitches that an end of an outline is off
@@ -106,6 +109,23 @@ class Found:
         return max(
             (float(shapely.Polygon(o).buffer(0).hausdorff_distance(own)) for o, _ in self.others), default=0.0
         )
+
+    def of_other_count(self, least_mm: float) -> int:
+        """Return how many corners the likeliest rival has that has more or fewer and is off by so much; 0: none is.
+
+        What is less likely than `_UNLIKELY` does not count, nor do `FIRST` corners and more: they stand for a curve.
+        """
+        own = shapely.Polygon(self.fit.corners).buffer(0)
+        for (fit, worse), (outline, _) in zip(self.rivals, self.others, strict=True):
+            far = float(shapely.Polygon(outline).buffer(0).hausdorff_distance(own))
+            if (
+                len(fit.corners) != len(self.fit.corners)
+                and math.exp(-0.5 * worse) > _UNLIKELY
+                and max(len(fit.corners), len(self.fit.corners)) < FIRST
+                and far > least_mm
+            ):
+                return len(fit.corners)
+        return 0
 
 
 def _carried(rival: Fit, poses: FloatArray) -> FloatArray:
@@ -320,14 +340,16 @@ def _polygons(
 def _compared(scans: RigidScans, fits: list[Fit], distribution: str) -> Found:
     """Return the best of fits of all scans, without corners that it does not need, and those that are about as good."""
     every = sorted(fits, key=lambda f: f.criterion(scans))
-    best, within = recounted(scans, every[0]), _WITHIN
-    if reflex(best.corners).any() and best.cost < _WORTH_SETTLING * best.freedom(scans):
-        first, *others = explored(scans, best)
-        best, every = recounted(scans, first), sorted([*every, *others], key=lambda f: f.criterion(scans))
-        within = _WITHIN_KINKS
-    rivals = (
-        (f, f.criterion(scans) - best.criterion(scans)) for f in every[0 if best is not every[0] else 1 :]
-    )
+    best, within = every[0], _WITHIN
+    if best.cost < _WORTH_SETTLING * best.freedom(scans):
+        best, counts = recounted(scans, best)
+        every += counts
+        if reflex(best.corners).any():
+            first, *others = explored(scans, best)
+            best, counts = recounted(scans, first)
+            every, within = [*every, *others, *counts], _WITHIN_KINKS
+    every = sorted(every, key=lambda f: f.criterion(scans))
+    rivals = ((f, f.criterion(scans) - best.criterion(scans)) for f in every if f is not best)
     likely = ((f, w) for f, w in rivals if w <= within and content(scans, f, distribution))
     return Found(best, np.arange(len(scans.k)), tuple(likely))
 
@@ -388,7 +410,7 @@ def _on_all(scans: RigidScans, chosen: IntArray, fit: Fit) -> Fit:
         fit = fitted(scans, rough.corners, rough.poses)
     else:
         fit = fitted(scans, fit.corners, poses)
-    return settled(scans, rescued(scans, fit))
+    return unstuck(scans, settled(scans, rescued(scans, fit)))
 
 
 def _without_path(scans: RigidScans) -> Fit:
@@ -417,7 +439,8 @@ def _without_path(scans: RigidScans) -> Fit:
     if len(chosen) < total:
         poses = poses_all_round(scans, best.corners, 0.05 * scans.sensor.pitch_mm)[0][:, 0]
         best = settled(scans, fitted(scans, best.corners, poses))
-    return recounted(scans, best)
+    hopeless = best.cost > _WORTH_SETTLING * best.freedom(scans)
+    return best if hopeless else recounted(scans, unstuck(scans, best))[0]
 
 
 def _wrapped(poses: FloatArray) -> FloatArray:

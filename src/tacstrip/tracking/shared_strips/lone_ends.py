@@ -28,7 +28,11 @@ def lone_ends(
             {n for j in jumps if FEWEST <= (n := total - j if from_end else j) < total}, reverse=True
         )
         parts = [n for p in _PARTS if (n := total // p) >= FEWEST and n not in cuts]
-        best = _longest(scans, [*cuts, *parts], from_end, distribution)
+        lengths = [*cuts, *parts]
+        # what explains a stretch explains its parts: where the shortest fails, all others do
+        if lengths and _longest(scans, [min(lengths)], from_end, distribution, thorough=True) is None:
+            continue
+        best = _longest(scans, lengths, from_end, distribution)
         least = 0 if best is None else len(best[0])
         if (
             least not in cuts
