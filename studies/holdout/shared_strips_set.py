@@ -268,7 +268,8 @@ def main() -> None:
     counted = [len(t) == len(s.outlines) for s, t, _ in rows]
     line = (
         f"{given.set}: {len(rows)} scenes, solved {len(good) / len(rows):.2f}, wrong and ok {np.mean(wrong):.3f}, "
-        f"no track doubtful {np.mean(silent):.3f}; of all poses silently wrong {np.concatenate([s.silent for s in every]).mean():.4f}; solved and doubtful "
+        f"no track doubtful {np.mean(silent):.3f}; "
+        f"of all poses silently wrong {np.concatenate([s.silent for s in every]).mean():.4f}; solved and doubtful "
         f"{np.mean(doubted):.2f}; count of tracks right {np.mean(counted):.2f}; solved: median {np.median(d):.3f} mm "
         f"{np.median(a):.2f} deg, 90 % {np.quantile(d, 0.9):.3f} mm, 95 % where 5 % own {far:.3f} mm; "
         f"{1e3 * spent / scans:.0f} ms a scan\n"
