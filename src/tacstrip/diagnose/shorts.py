@@ -8,15 +8,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tacstrip.arrays import BoolArray, FloatArray, IntArray
+from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.diagnose.bend_model import BendModel
 from tacstrip.diagnose.neighbour_prediction import Suspect, WorkingCopy
-from tacstrip.diagnose.regression import moved_to_and_fro
+from tacstrip.diagnose.regression import moved_to_and_fro, passes
 from tacstrip.sensor.constructions import SIGNATURES
 
 _HEIGHTS = np.linspace(0.25, 1.0, 6)  # over L, at which a bridge is looked for: of contacts on one side of it
 _CLEAR = 0.1  # over Vref: contacts this far from a bridge lie wholly on one side
-_MANY, _PASSES, _PAUSE = 25, 4, 1  # places, and times that the contact came there, after so many other places
+_MANY, _PASSES = 25, 4  # places, and times that the contact came there
 _FEWEST_PAIRS, _OTHER_PAIRS = 5, 3  # that a pair is held against
 _MOST, _WIDTH = 0.85, 1.44  # of the places; such a share of normal errors lies within so many deviations
 _GAINS = 0.05  # by which two channels' gains differ at most: a dead one differs by all of the other's reading
@@ -82,12 +82,12 @@ def _tied_sensing(work: WorkingCopy) -> Iterator[Suspect]:
                 others = others[np.isfinite(others)]
                 slope = float(_scatter(around[:, [pair]], level[:, [pair]], at[:, [pair]])[0])
                 rows = np.flatnonzero(at[:, pair] & np.isfinite(difference[:, pair]))
-                if len(others) < _OTHER_PAIRS or _passes(rows) < _BENT_PASSES:
+                if len(others) < _OTHER_PAIRS or passes(rows) < _BENT_PASSES:
                     continue
                 alike[pair] = min(
                     alike.get(pair, (np.inf, 0.0, 0)), (float(own[pair]), float(np.median(others)), len(rows))
                 )
-                if _passes(rows) < _PASSES:
+                if passes(rows) < _PASSES:
                     continue
                 least = np.fmin(float(others.min()), _SLOPE * slope)
                 ratio = float(own[pair]) / max(float(least), 1e-9)
@@ -174,11 +174,6 @@ def _columns(values: FloatArray, share: float) -> FloatArray:
     return np.asarray(ordered[(share * np.maximum(count - 1, 0)).astype(int), np.arange(values.shape[1])])
 
 
-def _passes(rows: IntArray) -> int:
-    """Return how many times a contact came, from the places (rows,) where it was there."""
-    return int(np.count_nonzero(np.diff(rows) > _PAUSE)) + 1 if len(rows) else 0
-
-
 def _held_by_a_bridge(work: WorkingCopy) -> Iterator[Suspect]:
     """Find energised pairs of which either one reads one level where a contact lies on the other alone."""
     (values,) = work.k.values()
@@ -233,7 +228,7 @@ class _Held:
         level = float(ordered[most : most + count[most]].mean())
         rows = rows[np.abs(outer[rows] - level) <= near]
         low, high = np.percentile(inner[rows], [5.0, 95.0])
-        comes = _passes(rows)
+        comes = passes(rows)
         if len(rows) < _FEW or comes < _COMES or high - low < _RISES:
             return None
         return cls(
