@@ -10,7 +10,7 @@ import numpy as np
 from tacstrip.arguments import takes
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.calibrate.fit import ModelFit, usable_rows
-from tacstrip.calibrate.goodness import Goodness, assess, assess_fit
+from tacstrip.calibrate.goodness import Goodness, assess, assess_fit, spoilt
 from tacstrip.calibrate.interpretation import misread, reversed_order
 from tacstrip.calibrate.model import apply
 from tacstrip.calibrate.model_selection import Search, Trial, fit_named, select_model
@@ -221,7 +221,7 @@ def calibrate_unit(
         parameters=_mean_parameters(done, runs) if fit is None else _parameters(done, fit),
         excluded=_excluded(runs, counted, after),
         trials=trials,
-        goodness=assess(plain, done, runs, fit),
+        goodness=replace(assess(plain, done, runs, fit), spoilt=spoilt(runs, fit)),
         changed=_changed(sensor, runs),
     )
 
