@@ -23,7 +23,10 @@ _SURELY, _SURELY_FAR = 0.008, 10.0  # the same where repeats tell the noise: ove
 _ROWS = 0.75  # of the rows must be described: the others may be spoilt
 _NAMED = 8  # lines
 _LOUD = 0.03  # over Vref: repeats further apart are no repeats
-_ALIKE, _FEWEST_STRIPS = 4.0, 5  # times what noise makes of repeats that differ in one way on all strips; strips
+_ALIKE, _FEWEST_STRIPS = (
+    4.0,
+    5,
+)  # times what noise makes of repeats that differ in one way on all strips; strips
 _QUARTILE = 1.15  # standard deviations: three quarters of normal errors are smaller
 # Of a sound unit: its strips' median offset [Vref], any strip's, median gain, ratio over the spec's, lambda / L.
 _OFFSET, _ANY_OFFSET, _GAIN, _RATIO, _LAMBDA = 0.1, 0.25, 1.25, 10.0, 0.1
@@ -43,7 +46,8 @@ class Goodness:
     residual
         Residual of the median strip, as `strips`.
     strips
-        Residual of each strip (strips,), as a standard deviation over Vref that a quarter of spoilt rows cannot raise.
+        Residual of each strip (strips,), NaN of those left out, as a standard deviation over Vref that a quarter of
+        spoilt rows cannot raise.
     implausible
         Which constant has a value that no sound unit has, in words; "" where none.
     spoilt
@@ -108,7 +112,7 @@ def assess(sensor: Sensor, calibrated: Sensor, runs: Runs, fit: ModelFit | None 
     noise = float(np.hypot(noise, max(places, default=0.0)))
     strips = np.array([_upper_quartile(column[np.isfinite(column)]) for column in row.T])
     implausible = "" if fit is None else _implausible(fit)
-    return Goodness(noise, repeats is not None, float(np.median(strips)), strips, implausible)
+    return Goodness(noise, repeats is not None, float(np.nanmedian(strips)), strips, implausible)
 
 
 def spoilt(runs: Runs, fit: ModelFit | None) -> str:
@@ -128,7 +132,9 @@ def _two_units(runs: Runs, usable: BoolArray) -> str:
 
     A bar that lies elsewhere, or slanted, differs by a line across the strips; noise differs each time.
     """
-    l, w = (np.where(np.isfinite(v), v, -1.0) for v in (runs.l_mm, runs.w_mm))
+    there = usable.any(axis=0)
+    usable, line_of = usable[:, there], runs.line[:, there]
+    l, w = (np.where(np.isfinite(v), v, -1.0)[:, there] for v in (runs.l_mm, runs.w_mm))
     press = usable.all(axis=1)
     number = np.unique(np.concatenate([l, w], axis=1)[press], axis=0, return_inverse=True)[1].ravel()
     count = np.bincount(number)
@@ -139,7 +145,7 @@ def _two_units(runs: Runs, usable: BoolArray) -> str:
     line = np.linalg.qr(np.stack([np.ones_like(across), across], axis=1))[0]
     off = []
     for values in runs.raw.values():
-        read = values[press]
+        read = values[press][:, there]
         mean = np.stack([np.bincount(number, v) / count for v in read.T], axis=1)
         different = (read - mean[number])[repeated]
         off.append(different - different @ line @ line.T)
@@ -150,7 +156,7 @@ def _two_units(runs: Runs, usable: BoolArray) -> str:
     usual = np.sqrt(rest) * (np.sqrt(free[0]) + np.sqrt(free[1]))  # of a matrix of noise
     if size[0] < _ALIKE * usual:
         return ""
-    lines = runs.line[press][repeated].min(axis=1)
+    lines = line_of[press][repeated].min(axis=1)
     other = np.abs(score[:, 0]) > 0.5 * np.abs(score[:, 0]).max()
     sides = [np.flatnonzero(other & (np.sign(score[:, 0]) == side)) for side in (-1.0, 1.0)]
     fewer = min((s for s in sides if len(s)), key=len)
@@ -171,7 +177,7 @@ def repeat_noise(runs: Runs) -> float | None:
     """Return the robust standard deviation of repeats over Vref; None where nothing was repeated."""
     deviations: list[FloatArray] = []
     usable = usable_rows(runs)
-    for strip in range(usable.shape[1]):
+    for strip in np.flatnonzero(usable.any(axis=0)):
         rows = usable[:, strip]
         place = np.stack([runs.l_mm[rows, strip], runs.w_mm[rows, strip]], axis=1)
         _, group, count = np.unique(place, axis=0, return_inverse=True, return_counts=True)
@@ -187,7 +193,7 @@ def repeat_noise(runs: Runs) -> float | None:
 
 
 def _upper_quartile(rows: FloatArray) -> float:
-    return float(np.quantile(rows, _ROWS, method="lower")) / _QUARTILE if len(rows) else 0.0
+    return float(np.quantile(rows, _ROWS, method="lower")) / _QUARTILE if len(rows) else np.nan
 
 
 def _implausible(fit: ModelFit) -> str:

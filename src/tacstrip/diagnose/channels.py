@@ -123,8 +123,8 @@ def _open_strip(
     elif always:
         where = f"; {_open_end(bool(vref.any()))}"
     evidence = (
-        f"on ground{' or untouched' * bool(len(silent))} in {on_ground} and on Vref in {int(vref.sum())} of {places} places where its neighbours "
-        f"expect 0.15 to 0.85 of Vref{where}"
+        f"on ground{' or untouched' * bool(len(silent))} in {on_ground} and on Vref in {int(vref.sum())} of {places} "
+        f"places where its neighbours expect 0.15 to 0.85 of Vref{where}"
     )
     numbers = {"places": float(places), "at_ground": float(on_ground), "at_vref": float(vref.sum())}
     yield work.suspect("open-strip", [strip], evidence, numbers, gain)

@@ -18,7 +18,9 @@ _CROSSED = 0.01  # over Vref: k_h - k_l below minus this cannot be (3.3), (3.4)
 _OFFSETS = 0.08  # over Vref: what a unit without calibration may add to k_h - k_l
 _OWN_OFFSETS = 0.01, 0.04  # over Vref: least and largest deviation of a unit's own, as its strips tell it
 _TURNS, _FALLS = 0.8, 0.5  # negative correlation of k_h - k_l with its prediction, alone and with such odds:
-_ODDS = 5.0  # logarithm of the odds of the two offsets that a strip would have, with its wires exchanged and not
+_ODDS = (
+    5.0  # logarithm of the odds of the two offsets that a strip would have, with its wires exchanged and not
+)
 _STRIPS, _SURE = 4, 5.0  # on so many strips offsets differ; standard errors of their mean
 _SHARE = 0.8  # of the places with a clear difference
 _FEW = 8  # places

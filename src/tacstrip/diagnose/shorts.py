@@ -21,7 +21,11 @@ _FEWEST_PAIRS, _OTHER_PAIRS = 5, 3  # that a pair is held against
 _MOST, _WIDTH = 0.85, 1.44  # of the places; such a share of normal errors lies within so many deviations
 _GAINS = 0.05  # by which two channels' gains differ at most: a dead one differs by all of the other's reading
 _NOISE = 1.4  # times what noise makes of a difference
-_BENT, _BENT_TIMES, _BENT_PASSES = 50.0, 2.0, 3  # such a pair's gain (below), times other pairs'; times that it is seen
+_BENT, _BENT_TIMES, _BENT_PASSES = (
+    50.0,
+    2.0,
+    3,
+)  # such a pair's gain (below), times other pairs'; times that it is seen
 _TIED, _SLOPE = (
     0.45,
     0.75,
@@ -61,7 +65,9 @@ def shorts(work: WorkingCopy) -> Iterator[Suspect]:
 def _tied_sensing(work: WorkingCopy) -> Iterator[Suspect]:
     """Find pairs whose difference is noise and offset alone, where that of all other pairs changes with the contact."""
     best: dict[int, tuple[float, Suspect]] = {}
-    alike: dict[int, tuple[float, float, int]] = {}  # pairs that differ as noise does, by what, in how many places
+    alike: dict[
+        int, tuple[float, float, int]
+    ] = {}  # pairs that differ as noise does, by what, in how many places
     for name, values in work.k.items():
         difference, level = np.diff(values, axis=1), (values[:, 1:] + values[:, :-1]) / 2.0
         pairs = difference.shape[1]
