@@ -21,6 +21,7 @@ from tacstrip.calibrate.residuals import residuals, rms_percent
 from tacstrip.data.published import offsets_volt
 from tacstrip.io.runs import Runs
 from tacstrip.network import Imperfections
+from tacstrip.sensor.converter import Converter
 from tacstrip.sensor.raw import touched
 
 CRS = ts.Sensor(construction="crs-crs", strips=3, pitch_mm=6.5, length_mm=325.0, vref_volt=6.05)
@@ -528,7 +529,7 @@ def test_what_the_spec_leaves_out_is_not_fitted() -> None:
 
 
 def test_wide_codes_of_the_converter_are_corrected_before_the_fit() -> None:
-    wide = ts.sensor.Converter(wide_codes=(1100, 1900, 2500), widths_lsb=(40.0, 60.0, 50.0))
+    wide = Converter(wide_codes=(1100, 1900, 2500), widths_lsb=(40.0, 60.0, 50.0))
     sensor, runs = _plain_unit(converter=wide)
     plain = ts.calibrate_unit(replace(sensor, converter=None), runs)
     distorted = {name: wide.distort(v, 12) for name, v in runs.raw.items()}
