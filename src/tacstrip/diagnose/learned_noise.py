@@ -33,6 +33,7 @@ from tacstrip.sensor.noise import Noise
 
 _FEWEST, _MINUTE_S = 24, 45.0  # scans; a recording that is shorter tells little of the wander
 _TOUCHED = 0.95  # of the scans
+_FAR_OUT = 10.0  # over Vref
 _GRID = 1_000_000  # even times at most
 _STRAY, _LEAST_STRAY = 6.0, 0.002  # standard deviations, and of Vref
 _MOVED = 0.025  # of Vref: the median channel's slow change that is no wander
@@ -232,6 +233,12 @@ def _series(log: Log) -> tuple[float, tuple[str, ...], FloatArray, bool]:
         raise ReadingError(
             "the scans' times do not ascend evenly: record a minute of a still press in one piece"
         )
+    for name, raw in log.raw.items():
+        if (most := float(np.nanmax(np.abs(raw), initial=0.0))) > _FAR_OUT:
+            raise ReadingError(
+                f"{SIGNATURES[name].volt_column} reads {most:.3g} times vref_volt: these are no volts of this sensor; is "
+                "vref_volt right? `tacstrip doctor` says where"
+            )
     still = log.touched.mean(axis=0) >= _TOUCHED
     if not still.any() and log.touched.any(axis=1).mean() > 1.0 - _TOUCHED:
         raise ReadingError(
