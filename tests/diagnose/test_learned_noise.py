@@ -170,7 +170,7 @@ def test_a_wander_that_neighbours_share_is_said_and_is_no_error_of_the_ends() ->
         name: ideal[name] + slow[i, -240:] + 0.002 * random.normal(size=(240, 20))
         for i, name in enumerate(("kh", "kl"))
     }
-    found = learn_noise(Log.of(SENSOR, 0.25 * np.arange(240), raw))
+    found = learn_noise(Log.of(SENSOR, 0.25 * np.arange(240.0), raw))
     assert found.noise.edge_mm == 0.0
     assert any("neighbouring strips share" in said for said in found.unidentifiable)
     own = learned(Rubber(white=0.005, lorentz=0.004, lorentz_s=60.0), 2)

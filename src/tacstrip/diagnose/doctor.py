@@ -22,7 +22,7 @@ from tacstrip.diagnose.neighbour_prediction import (
     places,
     working_copy,
 )
-from tacstrip.diagnose.noise import excess_noise, measure, quality
+from tacstrip.diagnose.noise import NoiseEstimate, excess_noise, measure, quality
 from tacstrip.diagnose.pressure import pressure
 from tacstrip.diagnose.questions import questions
 from tacstrip.diagnose.regression import moved_to_and_fro
@@ -76,9 +76,7 @@ def diagnose(log: Log) -> Report:
     """
     part = log.part(min(_MOST_SCANS, max(_MOST_READINGS // log.sensor.strips, 2000)))
     noise = measure(part)
-    sigma = max(noise.sigma if np.isfinite(noise.sigma) else 0.0, _LEAST_SIGMA)
-    if not noise.steady:  # motion, for the most part
-        sigma = min(sigma, _MOST_SIGMA)
+    sigma = working_sigma(noise)
     bits, no_bits = stuck_bits(part)
     ceiling = list(common_ceiling(part, sigma))
     geometric = log.sensor.kind.closed_form
@@ -133,6 +131,12 @@ def diagnose(log: Log) -> Report:
         scans=len(log.time_s),
         strip_base=log.sensor.strip_base,
     )
+
+
+def working_sigma(noise: NoiseEstimate) -> float:
+    """Return the standard deviation of a reading over Vref that tests count on."""
+    sigma = max(noise.sigma if np.isfinite(noise.sigma) else 0.0, _LEAST_SIGMA)
+    return sigma if noise.steady else min(sigma, _MOST_SIGMA)  # motion, for the most part
 
 
 def _questions(rows: WorkingCopy, known: set[int], moving: Sequence[Question]) -> tuple[Question, ...]:

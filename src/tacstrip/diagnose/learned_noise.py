@@ -236,8 +236,8 @@ def _series(log: Log) -> tuple[float, tuple[str, ...], FloatArray, bool]:
     for name, raw in log.raw.items():
         if (most := float(np.nanmax(np.abs(raw), initial=0.0))) > _FAR_OUT:
             raise ReadingError(
-                f"{SIGNATURES[name].volt_column} reads {most:.3g} times vref_volt: these are no volts of this sensor; is "
-                "vref_volt right? `tacstrip doctor` says where"
+                f"{SIGNATURES[name].volt_column} reads {most:.3g} times vref_volt: these are no volts of this "
+                "sensor; is vref_volt right? `tacstrip doctor` says where"
             )
     still = log.touched.mean(axis=0) >= _TOUCHED
     if not still.any() and log.touched.any(axis=1).mean() > 1.0 - _TOUCHED:
