@@ -21,12 +21,10 @@ _FAR = 5.0  # times the noise
 _MOST, _MOST_OF_STRIP = 0.02, 0.03  # over Vref: what uneven rubber and few presses leave at worst
 _SURELY, _SURELY_FAR = 0.008, 10.0  # the same where repeats tell the noise: over Vref, and times it
 _ROWS = 0.75  # of the rows must be described: the others may be spoilt
+_WHOLE, _STRIPS, _PRESSES = 0.9, 3, 0.1  # of a press's strips, of so many at least; of the presses
 _NAMED = 8  # lines
 _LOUD = 0.03  # over Vref: repeats further apart are no repeats
-_ALIKE, _FEWEST_STRIPS = (
-    4.0,
-    5,
-)  # times what noise makes of repeats that differ in one way on all strips; strips
+_ALIKE, _FEWEST_STRIPS = 4.0, 5  # times what noise makes of repeats that differ in one way; strips
 _QUARTILE = 1.15  # standard deviations: three quarters of normal errors are smaller
 # Of a sound unit: its strips' median offset [Vref], any strip's, median gain, ratio over the spec's, lambda / L.
 _OFFSET, _ANY_OFFSET, _GAIN, _RATIO, _LAMBDA = 0.1, 0.25, 1.25, 10.0, 0.1
@@ -116,13 +114,17 @@ def assess(sensor: Sensor, calibrated: Sensor, runs: Runs, fit: ModelFit | None 
 
 
 def spoilt(runs: Runs, fit: ModelFit | None) -> str:
-    """Say which rows contradict the others: presses of another unit, or more than a quarter of all; "" where none."""
+    """Say which rows contradict the others: presses, more than a quarter of all, or another unit's; "" if none."""
     usable = usable_rows(runs)
-    if fit is not None and (out := usable & ~(fit.weight > 0.0)).sum() > (1.0 - _ROWS) * usable.sum():
+    out = usable & ~(fit.weight > 0.0) if fit is not None else np.zeros_like(usable)
+    # A bar slips once; presses that no strip agrees with are of another sensor, or read in another way.
+    made = usable.sum(axis=1)
+    whole = (made >= _STRIPS) & (out.sum(axis=1) >= _WHOLE * made)
+    if whole.sum() > max(1.0, _PRESSES * np.count_nonzero(made)) or out.sum() > (1.0 - _ROWS) * usable.sum():
         lines = ", ".join(map(str, np.sort(runs.line[out])[:_NAMED]))
         return (
-            f"{out.sum()} of {usable.sum()} rows would have to be excluded for the others to agree (lines {lines}"
-            f"{' ...' if out.sum() > _NAMED else ''})"
+            f"{out.sum()} of {usable.sum()} rows would have to be excluded for the others to agree, {whole.sum()} "
+            f"presses on all strips (lines {lines}{' ...' if out.sum() > _NAMED else ''})"
         )
     return _two_units(runs, usable)
 
