@@ -175,3 +175,10 @@ def test_a_wander_that_neighbours_share_is_said_and_is_no_error_of_the_ends() ->
     assert any("neighbouring strips share" in said for said in found.unidentifiable)
     own = learned(Rubber(white=0.005, lorentz=0.004, lorentz_s=60.0), 2)
     assert not any("neighbouring strips share" in said for said in own.unidentifiable)
+
+
+def test_readings_that_are_no_volts_of_the_sensor_are_refused() -> None:
+    raw = {name: np.full((140, 20), 0.5) for name in ("kh", "kl")}
+    raw["kh"][3, 2] = 1e300
+    with pytest.raises(ReadingError, match="v_h reads 1e\\+300 times vref_volt: these are no volts"):
+        learn_noise(Log.of(SENSOR, 0.5 * np.arange(140.0), raw))
