@@ -21,6 +21,7 @@ from tacstrip.calibrate.residuals import residuals, rms_percent
 from tacstrip.data.published import offsets_volt
 from tacstrip.io.runs import Runs
 from tacstrip.network import Imperfections
+from tacstrip.sensor.converter import Converter
 from tacstrip.sensor.raw import touched
 
 CRS = ts.Sensor(construction="crs-crs", strips=3, pitch_mm=6.5, length_mm=325.0, vref_volt=6.05)
@@ -495,3 +496,74 @@ def test_a_channel_that_is_left_out_needs_no_rest_level() -> None:
     assert not touched(learned, {name: values[0] for name, values in raw.items()}).any()
     pressed = {name: np.full(4, 0.4) for name in raw}
     assert touched(learned, pressed).all()
+
+
+def _plain_unit(**keys: object) -> tuple[ts.Sensor, Runs]:
+    """Return a unit of six strips with offsets of its own and lambda = 1 mm, pressed at nine places, twice."""
+    sensor = ts.Sensor(construction="crs-crs", strips=6, pitch_mm=5.0, length_mm=100.0, adc_bits=12, **keys)  # type: ignore[arg-type]
+    places = [(l, w) for w in (0.0, 15.0, 30.0) for l in (10.0, 35.0, 60.0)]
+    contacts = grids(sensor, places)
+    ideal = ts.signatures(replace(sensor, contact_lambda_mm=1.0), contacts[0], contacts[0] + contacts[1])
+    raw = {n: ideal[n] + 0.01 * np.sin(np.arange(6.0) + i) for i, n in enumerate(("kh", "kl"))}
+    return sensor, runs_of(sensor, places, raw, 0.0005, 2)
+
+
+def test_what_the_spec_leaves_out_is_not_fitted() -> None:
+    sensor, runs = _plain_unit()
+    sound = ts.calibrate_unit(sensor, runs)
+    spoilt = {name: v.copy() for name, v in runs.raw.items()}
+    spoilt["kh"][:, 2] = 0.3  # a stuck channel
+    spoilt["kh"][:, 4], spoilt["kl"][:, 4] = 0.2, 0.9
+    without = replace(sensor, without=("2:v_h", "4"))
+    done = ts.calibrate_unit(without, replace(runs, raw=spoilt))
+    assert done.status == "ok"
+    assert not done.excluded
+    assert done.sensor.contact_lambda_mm == pytest.approx(sound.sensor.contact_lambda_mm, abs=0.1)
+    a, b = (
+        s.calibration.channel("kl").arrays["offset"] for s in (done.sensor, sound.sensor) if s.calibration
+    )
+    assert a == pytest.approx(
+        np.where(np.arange(6) == 4, 0.0, b), abs=2e-3
+    )  # strip 2 keeps its other channel's
+    assert {p.strip for p in done.parameters} == {None, 0, 1, 3, 5}
+
+
+def test_wide_codes_of_the_converter_are_corrected_before_the_fit() -> None:
+    wide = Converter(wide_codes=(1100, 1900, 2500), widths_lsb=(40.0, 60.0, 50.0))
+    sensor, runs = _plain_unit(converter=wide)
+    plain = ts.calibrate_unit(replace(sensor, converter=None), runs)
+    distorted = {name: wide.distort(v, 12) for name, v in runs.raw.items()}
+    done = ts.calibrate_unit(sensor, replace(runs, raw=distorted))
+    assert done.sensor.converter == wide == done.uncalibrated.converter
+    off = {n: np.abs(done.after[n] - plain.after[n]) for n in done.after}
+    assert max(float(np.nanmedian(v)) for v in off.values()) < 1e-4
+    again = residuals(done.sensor, replace(runs, raw=distorted))
+    assert np.nanmedian(np.abs(again["kh"] - done.after["kh"])) < 1e-12
+
+
+def test_presses_of_another_unit_are_told_by_repeats() -> None:
+    sensor, runs = _plain_unit()
+    assert ts.calibrate_unit(sensor, runs, model="offset+lambda").status == "ok"
+    other = {name: v.copy() for name, v in runs.raw.items()}
+    for values in other.values():
+        values[1::2] += 0.02 * np.cos(2.0 * np.arange(6.0))  # every second press
+    done = ts.calibrate_unit(sensor, replace(runs, raw=other), model="offset+lambda")
+    assert done.status == "doubtful"
+    assert "as those of two units do: look at the presses that begin in lines" in done.advice
+    slanted = {
+        name: v + 0.01 * np.linspace(-1.0, 1.0, 6) * (np.arange(len(v)) % 2)[:, None]
+        for name, v in runs.raw.items()
+    }
+    assert (
+        "two units" not in ts.calibrate_unit(sensor, replace(runs, raw=slanted), model="offset+lambda").advice
+    )
+
+
+def test_a_fit_that_excludes_a_quarter_of_the_rows_is_doubtful() -> None:
+    sensor, runs = _plain_unit()
+    wrong = {name: v.copy() for name, v in runs.raw.items()}
+    for values in wrong.values():
+        values[:6] += 0.1
+    done = ts.calibrate_unit(sensor, replace(runs, raw=wrong), model="offset")
+    assert done.status == "doubtful"
+    assert "rows would have to be excluded" in done.advice

@@ -293,6 +293,11 @@ EMPTY = "the contact is empty: it needs at least one polygon, line or point"
         ("", f"not well-known text: it begins with '', and must with one of {WKT_KINDS}{WKT_HELP}"),
         ("POLYGON ((0 0, 1 0, 1 1))", f"not well-known text: {NOT_CLOSED}{WKT_HELP}"),
         (
+            "POINT (0x10 5)",
+            "not well-known text: a point is two numbers with a space between, points have a comma between, a polygon "
+            f"has two pairs of brackets, and nothing follows the last bracket{WKT_HELP}",
+        ),
+        (
             "RECTANGLE (0 0, 1 1)",
             f"not well-known text: it begins with 'RECTANGLE', and must with one of {WKT_KINDS}{WKT_HELP}",
         ),

@@ -10,6 +10,7 @@ import pytest
 import tacstrip as ts
 from studies.checkup import Case, exercise, faulty, said
 from studies.faults import Defect, faulty_log
+from studies.holdout import doctor_set
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import Noise
 from tacstrip.diagnose.doctor import diagnose
@@ -367,3 +368,20 @@ def test_a_doubtful_strip_of_one_press_on_one_channel_is_asked_about() -> None:
     read[:, 5] -= 0.2
     report = diagnose(Log.of(RUBBER, log.time_s, {"kl": read}))
     assert [q.strips for q in report.questions] == [(5,)]
+
+
+@pytest.mark.parametrize(
+    ("seed", "number", "why"),
+    [
+        (2, 5, "a cut strip that counts as untouched below the cut"),
+        (12, 49, "a cut strip with an offset, so that ground is not 0"),
+        (1, 13, "tied sensing strips where the contact lies nearly straight"),
+        (5, 63, "exchanged wires of a short contact, by the unit's own offsets"),
+        (8, 71, "a wrong Vref of contacts that come to each strip's end once"),
+        (7, 79, "hum within a cycle or two of half the scan rate"),
+        (9, 79, "hum of strips that are visited in one half of the recording"),
+        (0, 73, "drift by few looks"),
+    ],
+)
+def test_faults_of_units_that_are_kept_apart_are_named(seed: int, number: int, why: str) -> None:
+    assert doctor_set.score(seed, number)["verdict"] == "named", why

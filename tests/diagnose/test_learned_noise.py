@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter1d
 
 import tacstrip as ts
 from noise_generator import Rubber
@@ -155,3 +156,29 @@ def test_a_variogram_and_its_processes_by_hand() -> None:
     assert np.average(time_s[1:], weights=variance[1:]) == pytest.approx(2.0, rel=0.5)
     lags, half, together = variogram(np.array([[0.0, 0.0], [1.0, 1.0], [0.0, 0.0], [1.0, 1.0]]))
     assert (lags.tolist(), half.tolist(), together.tolist()) == ([1, 2], [0.5, 0.0], [0.5, 0.0])
+
+
+def test_a_wander_that_neighbours_share_is_said_and_is_no_error_of_the_ends() -> None:
+    ideal = ts.simulate(SENSOR, CONTACT)
+    random, keep = np.random.default_rng(1), np.exp(-0.25 / 60.0)
+    new = gaussian_filter1d(random.normal(size=(2, 4240, 20)), 2.0, axis=2, mode="wrap")  # two strips
+    new /= new.std()
+    slow = np.zeros_like(new)
+    for t in range(1, new.shape[1]):
+        slow[:, t] = keep * slow[:, t - 1] + 0.004 * np.sqrt(1.0 - keep**2) * new[:, t]
+    raw = {
+        name: ideal[name] + slow[i, -240:] + 0.002 * random.normal(size=(240, 20))
+        for i, name in enumerate(("kh", "kl"))
+    }
+    found = learn_noise(Log.of(SENSOR, 0.25 * np.arange(240.0), raw))
+    assert found.noise.edge_mm == 0.0
+    assert any("neighbouring strips share" in said for said in found.unidentifiable)
+    own = learned(Rubber(white=0.005, lorentz=0.004, lorentz_s=60.0), 2)
+    assert not any("neighbouring strips share" in said for said in own.unidentifiable)
+
+
+def test_readings_that_are_no_volts_of_the_sensor_are_refused() -> None:
+    raw = {name: np.full((140, 20), 0.5) for name in ("kh", "kl")}
+    raw["kh"][3, 2] = 1e300
+    with pytest.raises(ReadingError, match="v_h reads 1e\\+300 times vref_volt: these are no volts"):
+        learn_noise(Log.of(SENSOR, 0.5 * np.arange(140.0), raw))

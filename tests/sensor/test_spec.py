@@ -213,6 +213,7 @@ def test_simulated_sensors_are_those_of_chapter_5(name: str) -> None:
         (FLAT, {"resistivity_ratio": 0.0}, "resistivity_ratio = 0.0: must be above 0"),
         (METAL, {"resistivity_ratio": 2}, "resistivity_ratio does not belong to a crs-m sensor, only to: {}"),
         (FLAT, {"contact_lambda_mm": -0.1}, "contact_lambda_mm = -0.1: must be 0 (ideal) or more"),
+        (FLAT, {"contact_lambda_mm": 1e-320}, "contact_lambda_mm = 1e-320: nothing is so short: 0 is ideal contact"),
         (FLAT, {"contact_lambda_mm": 1e12},
          "contact_lambda_mm = 1000000000000.0: must not exceed length_mm = 100.0; both are millimetres"),
         (FLAT, {"vref_volt": 0.0}, "vref_volt = 0.0: must be above 0"),

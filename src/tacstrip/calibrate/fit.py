@@ -101,7 +101,7 @@ def _gauss_newton(
 ) -> ModelFit:
     """Improve the constants until readings settle; the first `huber` iterations reject no row."""
     if huber:
-        constants = within_bounds(_offsets_at_median(sensor, runs, constants))
+        constants = within_bounds(offsets_at_median(sensor, runs, constants))
     usable = usable_rows(runs)
     pooled = {
         part: 0.3 * PARTS[part].prior for part in PARTS if PARTS[part].pooled and constants.model.has(part)
@@ -171,14 +171,16 @@ def _residuals(sensor: Sensor, runs: Runs, constants: Constants) -> FloatArray:
     return np.where(np.isfinite(runs.l_mm), residual, 0.0)
 
 
-def _offsets_at_median(sensor: Sensor, runs: Runs, constants: Constants) -> Constants:
+def offsets_at_median(sensor: Sensor, runs: Runs, constants: Constants) -> Constants:
     """Start offsets, or curves, at the median residual, which no single row can pull away."""
     predicted = predict(constants, sensor, runs.l_mm, runs.w_mm)
     own = constants.own.copy()
     for i, name in enumerate(constants.model.own(runs.signatures)):
         part, *rest = name.split()
         if part in ("offset", "curve"):
-            own[:, i] += np.nanmedian(runs.raw[rest[0]] - predicted[rest[0]], axis=0)
+            off = runs.raw[rest[0]] - predicted[rest[0]]
+            known = np.isfinite(off).any(axis=0)
+            own[known, i] += np.nanmedian(off[:, known], axis=0)
     return replace(constants, own=own)
 
 
@@ -328,8 +330,13 @@ class _Eliminated:
             np.concatenate([here.by[..., :shared], here.columns], axis=-1),
             np.concatenate([shared_prior, np.zeros((len(shared_prior), errors))], axis=1),
         )
+        # Strips without rows keep their constants: their own are known, and cost no evidence.
+        still = np.eye(own.shape[2]) * ~np.asarray((weight > 0.0).any(axis=0))[:, None, None]
+        still = still if still.any() else still[:, :0]
+        own = np.concatenate([own, still], axis=1)
+        common = np.pad(common, ((0, 0), (0, still.shape[1]), (0, 0)))
         lack = max(0, own.shape[2] - own.shape[1])
-        self.root, self.lack = root[..., 0], lack
+        self.root, self.lack = root[..., 0], lack + still.shape[1]
         own, common = (np.pad(v, ((0, 0), (0, lack), (0, 0))) for v in (own, common))
         self.q, self.r = np.linalg.qr(own)
         self.t = np.swapaxes(self.q, 1, 2) @ common  # (strips, own, common)
@@ -438,7 +445,7 @@ def _evidence(
     known = -sum(np.log(PARTS[name].prior) for name in c.model.shared)
     for name in c.model.own(c.signatures):
         part = name.split()[0]
-        known -= 0.0 if part in here.pooled else len(c.own) * np.log(PARTS[part].prior)
+        known -= 0.0 if part in here.pooled else usable.any(axis=0).sum() * np.log(PARTS[part].prior)
     for part, spread in here.pooled.items():
         known += len(c.own) * np.log(np.abs(np.linalg.det(pooled_precision(c.model, part) / spread)))
     return float(noise + known - 0.5 * (square + system.log_determinant()))

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tacstrip.arrays import FloatArray
+from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.calibrate.fit import ModelFit, usable_rows
 from tacstrip.calibrate.model import apply
 from tacstrip.calibrate.residuals import residuals
@@ -21,7 +21,10 @@ _FAR = 5.0  # times the noise
 _MOST, _MOST_OF_STRIP = 0.02, 0.03  # over Vref: what uneven rubber and few presses leave at worst
 _SURELY, _SURELY_FAR = 0.008, 10.0  # the same where repeats tell the noise: over Vref, and times it
 _ROWS = 0.75  # of the rows must be described: the others may be spoilt
+_WHOLE, _STRIPS, _PRESSES = 0.9, 3, 0.1  # of a press's strips, of so many at least; of the presses
+_NAMED = 8  # lines
 _LOUD = 0.03  # over Vref: repeats further apart are no repeats
+_ALIKE, _FEWEST_STRIPS = 4.0, 5  # times what noise makes of repeats that differ in one way; strips
 _QUARTILE = 1.15  # standard deviations: three quarters of normal errors are smaller
 # Of a sound unit: its strips' median offset [Vref], any strip's, median gain, ratio over the spec's, lambda / L.
 _OFFSET, _ANY_OFFSET, _GAIN, _RATIO, _LAMBDA = 0.1, 0.25, 1.25, 10.0, 0.1
@@ -41,9 +44,12 @@ class Goodness:
     residual
         Residual of the median strip, as `strips`.
     strips
-        Residual of each strip (strips,), as a standard deviation over Vref that a quarter of spoilt rows cannot raise.
+        Residual of each strip (strips,), NaN of those left out, as a standard deviation over Vref that a quarter of
+        spoilt rows cannot raise.
     implausible
         Which constant has a value that no sound unit has, in words; "" where none.
+    spoilt
+        Which rows contradict the others, in words: another unit's, or too many; "" where none.
     """
 
     noise: float
@@ -51,6 +57,7 @@ class Goodness:
     residual: float
     strips: FloatArray
     implausible: str = ""
+    spoilt: str = ""
 
     @property
     def beyond_noise(self) -> bool:
@@ -66,8 +73,8 @@ class Goodness:
     @property
     def doubt(self) -> str:
         """Why these constants must not be used, on any strip; "" where they may."""
-        if self.implausible:
-            return self.implausible
+        if self.implausible or self.spoilt:
+            return self.implausible or self.spoilt
         if self.noise > _LOUD:
             return f"repeats of one place differ by {100.0 * self.noise:.2g} % of Vref"
         if self.residual > self.most:
@@ -103,7 +110,64 @@ def assess(sensor: Sensor, calibrated: Sensor, runs: Runs, fit: ModelFit | None 
     noise = float(np.hypot(noise, max(places, default=0.0)))
     strips = np.array([_upper_quartile(column[np.isfinite(column)]) for column in row.T])
     implausible = "" if fit is None else _implausible(fit)
-    return Goodness(noise, repeats is not None, float(np.median(strips)), strips, implausible)
+    return Goodness(noise, repeats is not None, float(np.nanmedian(strips)), strips, implausible)
+
+
+def spoilt(runs: Runs, fit: ModelFit | None) -> str:
+    """Say which rows contradict the others: presses, more than a quarter of all, or another unit's; "" if none."""
+    usable = usable_rows(runs)
+    out = usable & ~(fit.weight > 0.0) if fit is not None else np.zeros_like(usable)
+    # A bar slips once; presses that no strip agrees with are of another sensor, or read in another way.
+    made = usable.sum(axis=1)
+    whole = (made >= _STRIPS) & (out.sum(axis=1) >= _WHOLE * made)
+    if whole.sum() > max(1.0, _PRESSES * np.count_nonzero(made)) or out.sum() > (1.0 - _ROWS) * usable.sum():
+        lines = ", ".join(map(str, np.sort(runs.line[out])[:_NAMED]))
+        return (
+            f"{out.sum()} of {usable.sum()} rows would have to be excluded for the others to agree, {whole.sum()} "
+            f"presses on all strips (lines {lines}{' ...' if out.sum() > _NAMED else ''})"
+        )
+    return _two_units(runs, usable)
+
+
+def _two_units(runs: Runs, usable: BoolArray) -> str:
+    """Say which presses read as another unit's: repeats of one place that differ in one way, strip by strip.
+
+    A bar that lies elsewhere, or slanted, differs by a line across the strips; noise differs each time.
+    """
+    there = usable.any(axis=0)
+    usable, line_of = usable[:, there], runs.line[:, there]
+    l, w = (np.where(np.isfinite(v), v, -1.0)[:, there] for v in (runs.l_mm, runs.w_mm))
+    press = usable.all(axis=1)
+    number = np.unique(np.concatenate([l, w], axis=1)[press], axis=0, return_inverse=True)[1].ravel()
+    count = np.bincount(number)
+    repeated = count[number] > 1
+    if usable.shape[1] < _FEWEST_STRIPS or repeated.sum() < _FEWEST_STRIPS:
+        return ""
+    across = np.linspace(-1.0, 1.0, usable.shape[1])
+    line = np.linalg.qr(np.stack([np.ones_like(across), across], axis=1))[0]
+    off = []
+    for values in runs.raw.values():
+        read = values[press][:, there]
+        mean = np.stack([np.bincount(number, v) / count for v in read.T], axis=1)
+        different = (read - mean[number])[repeated]
+        off.append(different - different @ line @ line.T)
+    rows = np.concatenate(off, axis=1)
+    free = len(rows) - len(np.unique(number[repeated])), rows.shape[1] - 2 * len(off)
+    score, size, _ = np.linalg.svd(rows, full_matrices=False)
+    rest = max(float(np.sum(size[1:] ** 2)) / max((free[0] - 1) * (free[1] - 1), 1), 1e-12)
+    usual = np.sqrt(rest) * (np.sqrt(free[0]) + np.sqrt(free[1]))  # of a matrix of noise
+    if size[0] < _ALIKE * usual:
+        return ""
+    lines = line_of[press][repeated].min(axis=1)
+    other = np.abs(score[:, 0]) > 0.5 * np.abs(score[:, 0]).max()
+    sides = [np.flatnonzero(other & (np.sign(score[:, 0]) == side)) for side in (-1.0, 1.0)]
+    fewer = min((s for s in sides if len(s)), key=len)
+    names = ", ".join(map(str, lines[fewer][:_NAMED]))
+    return (
+        f"repeats of one place differ from strip to strip in one way, by up to {100.0 * np.abs(rows).max():.2g} % of "
+        f"Vref, as those of two units do: look at the presses that begin in lines {names}"
+        f"{' ...' if len(fewer) > _NAMED else ''}"
+    )
 
 
 def assess_fit(sensor: Sensor, fit: ModelFit, runs: Runs) -> Goodness:
@@ -115,7 +179,7 @@ def repeat_noise(runs: Runs) -> float | None:
     """Return the robust standard deviation of repeats over Vref; None where nothing was repeated."""
     deviations: list[FloatArray] = []
     usable = usable_rows(runs)
-    for strip in range(usable.shape[1]):
+    for strip in np.flatnonzero(usable.any(axis=0)):
         rows = usable[:, strip]
         place = np.stack([runs.l_mm[rows, strip], runs.w_mm[rows, strip]], axis=1)
         _, group, count = np.unique(place, axis=0, return_inverse=True, return_counts=True)
@@ -131,7 +195,7 @@ def repeat_noise(runs: Runs) -> float | None:
 
 
 def _upper_quartile(rows: FloatArray) -> float:
-    return float(np.quantile(rows, _ROWS, method="lower")) / _QUARTILE if len(rows) else 0.0
+    return float(np.quantile(rows, _ROWS, method="lower")) / _QUARTILE if len(rows) else np.nan
 
 
 def _implausible(fit: ModelFit) -> str:

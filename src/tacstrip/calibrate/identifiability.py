@@ -36,7 +36,7 @@ def needs_places(model: Model, sensor: Sensor, runs: Runs) -> str:
         return ""
     part, least = ("curve", model.pieces + 2) if model.has("curve") else ("warp", (model.pieces + 1) // 2)
     usable = usable_rows(runs)
-    for strip in range(sensor.strips):
+    for strip in np.flatnonzero(np.isfinite(runs.l_mm).any(axis=0)):
         place = np.stack([runs.l_mm[usable[:, strip], strip], runs.w_mm[usable[:, strip], strip]], axis=1)
         apart = 0
         while len(place):
@@ -55,8 +55,9 @@ def unidentifiable(fit: ModelFit, sensor: Sensor, runs: Runs) -> str:
     model = fit.constants.model
     if why := needs_lengths(model, runs) or needs_places(model, sensor, runs):
         return why
+    there = np.isfinite(runs.l_mm).any(axis=0)  # strips that are not left out
     spread = dict(zip(model.shared, fit.shared_sigma, strict=True))
-    spread |= dict(zip(model.own(runs.signatures), fit.own_sigma.max(axis=0), strict=True))
+    spread |= dict(zip(model.own(runs.signatures), fit.own_sigma[there].max(axis=0), strict=True))
     # Where an offset and another part cannot be separated, name the other part.
     for name, sigma in sorted(spread.items(), key=lambda item: item[0].startswith("offset")):
         part = PARTS[kind := name.split()[0]]

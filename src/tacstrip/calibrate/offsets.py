@@ -34,8 +34,10 @@ def mean_offset_sigma(sensor: Sensor, runs: Runs, signature: str) -> FloatArray:
     """Return the standard deviation of each strip's offset (strips,) over Vref: the spread of its rows' differences."""
     plain = replace(sensor, calibration=None)
     gap = runs.raw[signature] - expected(plain, runs)[signature]
-    count = np.isfinite(gap).sum(axis=0)
-    spread = np.sqrt(np.nanmean((gap - np.nanmean(gap, axis=0)) ** 2, axis=0))
+    known = np.isfinite(gap)
+    count, gap = known.sum(axis=0), np.where(known, gap, 0.0)
+    mean = gap.sum(axis=0) / np.maximum(count, 1)
+    spread = np.sqrt(np.sum(known * (gap - mean) ** 2, axis=0) / np.maximum(count, 1))
     return np.where(count > 1, spread / np.sqrt(np.maximum(count - 1, 1)), np.inf)
 
 
@@ -43,6 +45,9 @@ def _mean_of_means(difference: FloatArray, w_mm: FloatArray) -> list[float]:
     means = []
     for strip in range(difference.shape[1]):
         there = np.isfinite(difference[:, strip])
+        if not there.any():  # left out
+            means.append(0.0)
+            continue
         gap, w = difference[there, strip], w_mm[there, strip]
         means.append(float(np.mean([gap[w == each].mean() for each in np.unique(w)])))
     return means

@@ -9,16 +9,17 @@ import numpy as np
 
 from tacstrip.arguments import takes
 from tacstrip.arrays import BoolArray, FloatArray
-from tacstrip.calibrate.fit import ModelFit, usable_rows
-from tacstrip.calibrate.goodness import Goodness, assess, assess_fit
+from tacstrip.calibrate.fit import ModelFit, offsets_at_median, usable_rows
+from tacstrip.calibrate.goodness import Goodness, assess, assess_fit, spoilt
 from tacstrip.calibrate.interpretation import misread, reversed_order
-from tacstrip.calibrate.model import apply
+from tacstrip.calibrate.model import Constants, apply
 from tacstrip.calibrate.model_selection import Search, Trial, fit_named, select_model
 from tacstrip.calibrate.offsets import mean_offset_sigma, mean_offsets
 from tacstrip.calibrate.residuals import residuals, rms_percent
 from tacstrip.errors import OptionError, ReadingError
 from tacstrip.io.runs import Runs
 from tacstrip.sensor.calibration import Calibration
+from tacstrip.sensor.left_out import leave_out, left_out
 from tacstrip.sensor.spec import Sensor
 
 _CHANGED = 0.5  # % of Vref: a unit in use stays within, but for its drift
@@ -179,11 +180,22 @@ def calibrate_unit(
     ('ok', array([ 0.02, -0.01]))
     """
     require_closed_form(sensor)
-    dead = np.flatnonzero(~usable_rows(runs).any(axis=0))
+    out = np.any([np.zeros(sensor.strips, bool), *left_out(sensor).values()], axis=0)
+    dead = np.flatnonzero(~usable_rows(runs).any(axis=0) & ~out)
     if len(dead):
         raise ReadingError(
             f"strip {dead[0] + sensor.strip_base} reads 0 or Vref in every contact: is it connected, and pressed?"
         )
+    if out.all():
+        raise ReadingError(
+            "every strip has a channel that the spec leaves out (without): nothing can be fitted"
+        )
+    every, runs, sensor, wide = (
+        runs,
+        _fitted(runs, sensor, out),
+        replace(sensor, converter=None),
+        sensor.converter,
+    )
     plain = replace(sensor, calibration=None)
     search = Search(plain, runs)
     if not force:
@@ -197,7 +209,11 @@ def calibrate_unit(
         fit, trials = select_model(plain, runs, search)
     elif model != "mean":
         fit = fit_named(model, plain, runs)
-    done = with_means if fit is None else apply(fit.constants, plain)
+    done = (
+        with_means
+        if fit is None
+        else apply(_with_halves(fit.constants, replace(plain, converter=wide), every, out), plain)
+    )
     counted = np.isfinite(runs.l_mm) if fit is None else fit.weight > 0.0
     before, after = residuals(plain, runs), residuals(done, runs)
     assert done.calibration is not None
@@ -210,20 +226,48 @@ def calibrate_unit(
         after_percent=rms_percent(after, counted),
     )
     return Calibrated(
-        sensor=replace(done, calibration=_with_rest_levels(calibration, sensor.calibration)),
-        uncalibrated=plain,
+        sensor=replace(done, calibration=_with_rest_levels(calibration, sensor.calibration), converter=wide),
+        uncalibrated=replace(plain, converter=wide),
         runs=runs,
         model=calibration.model,
         before=before,
         mean=residuals(with_means, runs),
         after=after,
         counted=counted,
-        parameters=_mean_parameters(done, runs) if fit is None else _parameters(done, fit),
+        parameters=tuple(
+            p
+            for p in (_mean_parameters(done, runs) if fit is None else _parameters(done, fit))
+            if p.strip is None or not out[p.strip]
+        ),
         excluded=_excluded(runs, counted, after),
         trials=trials,
-        goodness=assess(plain, done, runs, fit),
+        goodness=replace(assess(plain, done, runs, fit), spoilt=spoilt(runs, fit)),
         changed=_changed(sensor, runs),
     )
+
+
+def _fitted(runs: Runs, sensor: Sensor, out: BoolArray) -> Runs:
+    """Return what is fitted: readings by equal codes of the converter, none of strips with a channel left out."""
+    raw = {
+        name: v
+        if sensor.converter is None or sensor.adc_bits is None
+        else sensor.converter.correct(v, sensor.adc_bits)
+        for name, v in runs.raw.items()
+    }
+    if not out.any():
+        return replace(runs, raw=raw)
+    l, w = (np.where(out, np.nan, v) for v in (runs.l_mm, runs.w_mm))
+    return replace(runs, l_mm=l, w_mm=w, raw={name: np.where(out, np.nan, v) for name, v in raw.items()})
+
+
+def _with_halves(constants: Constants, sensor: Sensor, runs: Runs, out: BoolArray) -> Constants:
+    """Return the constants with offsets of the other channel of strips that have one left out."""
+    if not out.any():
+        return constants
+    halves = _fitted(runs, sensor, np.zeros_like(out))
+    halves = replace(halves, raw=leave_out(sensor, halves.raw))
+    own = np.where(out[:, None], offsets_at_median(sensor, halves, constants).own, constants.own)
+    return replace(constants, own=own)
 
 
 def _changed(sensor: Sensor, runs: Runs) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -92,6 +93,10 @@ class Contact(Drawn):
     def from_wkt(cls, text: str) -> Self:
         """Read well-known text: POLYGON, LINESTRING, POINT, their MULTI kinds and GEOMETRYCOLLECTION."""
         try:
+            if re.search(
+                r"\b[+-]?0x", text, re.IGNORECASE
+            ):  # GEOS reads hexadecimal numbers, if not on all systems
+                raise ValueError
             with np.errstate(over="ignore", invalid="ignore"):  # 1e999 is infinite, and refused as that
                 geometry = shapely.from_wkt(text)
         except (shapely.GEOSException, NotImplementedError, ValueError, TypeError):

@@ -23,7 +23,7 @@ _POWERS = 3  # of the level, in a strip's own error: offset, gain, a bow
 _FEWEST, _FEWEST_SQUARES = 40, 300  # rows, for terms of the shape and for their products
 _MOST_ROWS = 12_000
 _ROBUST = 2.5  # deviations, from which a row loses weight (Cauchy)
-_ROUNDS = 4  # of weighting
+_ROUNDS = 5  # of weighting
 _RIDGE = 1e-2  # of a term's sum of squares: terms that the recording does not determine stay 0
 _FAR = 3.0  # deviations at which terms of the shape are clipped
 
@@ -83,9 +83,11 @@ class BendModel:
             strip, values.shape[1], [np.stack([x**p for p in range(_POWERS)], axis=1) for x in level]
         )
         shape = _shape_terms(work, values, known, place, strip)
-        weight, residual, sigma = np.ones(len(bend)), bend, 0.0
+        weight, residual, sigma = np.ones(len(bend)), bend, np.inf
         inverse: FloatArray = np.zeros((0, 0))
         for _ in range(_ROUNDS):
+            # Before the fit: what is regressed on its residuals later needs the very weights that they come from.
+            weight = 1.0 / (1.0 + (residual / (_ROBUST * sigma)) ** 2)
             weighted = own.multiply(weight[:, None]).tocsr()
             corner = np.asarray(weighted.T @ shape)
             normal = np.block(
@@ -98,7 +100,6 @@ class BendModel:
             found = inverse @ np.concatenate([weighted.T @ bend, shape.T @ (weight * bend)])
             residual = bend - own @ found[: own.shape[1]] - shape @ found[own.shape[1] :]
             sigma = max(float(robust_sigma(residual)), 1e-6)
-            weight = 1.0 / (1.0 + (residual / (_ROBUST * sigma)) ** 2)
         return cls(place, strip, residual, weight, sigma, own, shape, inverse)
 
     def effect(self, change: FloatArray, strips: int) -> sparse.csr_matrix:

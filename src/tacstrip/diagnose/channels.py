@@ -14,6 +14,7 @@ from tacstrip.diagnose.neighbour_prediction import (
     neighbour_residuals,
     predict_from_neighbours,
 )
+from tacstrip.diagnose.regression import passes
 
 _INSIDE = 0.15  # over Vref: predictions this far from both rails do not agree with a reading on a rail
 _RAIL = 0.012  # over Vref
@@ -22,6 +23,9 @@ _ALWAYS = 0.9  # of those places: an open end shows wherever the contact is
 _SHARE = 0.4  # of those places: elsewhere the contact bridges the break
 _SPREAD = 0.05  # over Vref: what the neighbours must move for a reading that does not
 _MOVES = 0.2  # over Vref: what the neighbours must move for a reading that should, and does not
+_MOVES_OFTEN, _PASSES = 0.12, 4  # the same of contacts that came so often
+_BELOW = 0.05  # over Vref, of a contact above a cut
+_STRAYS = 2  # places
 _ALIKE = 0.7  # correlation of a strip's neighbours that are under one object
 _FEW, _SOME = 3, 8  # places
 _ONE_CONTACT = 0.2  # over Vref: strips under one contact do not differ by more
@@ -40,17 +44,15 @@ def on_rails(work: WorkingCopy) -> Iterator[Suspect]:
     # Beside one strip on a rail there may be another; not between two that are off it.
     gap = np.stack([predict_from_neighbours(work.k[n], work.there)[2] for n in names]) / 2.0
     inside = (e - gap > _INSIDE / 2.0) & (e + gap < 1.0 - _INSIDE / 2.0) & (np.abs(e - 0.5) < 0.5 - _INSIDE)
-    low, high = values <= _ground(work) + near, values >= 1.0 - near
-    # With an offset, a strip that lies on a rail reads one value next to it.
-    low, high = (
-        side | (_constant(values, near) & close).all(axis=0)
-        for side, close in ((low, values <= _ground(work) + _NEAR_RAIL), (high, values >= 1.0 - _NEAR_RAIL))
-    )
+    # With an offset, a channel that lies on a rail reads one value next to it, its lowest or highest.
+    low = values <= np.maximum(_ground(work), np.minimum(_extreme(values), _ground(work) + _NEAR_RAIL)) + near
+    high = values >= np.minimum(1.0, np.maximum(-_extreme(-values), 1.0 - _NEAR_RAIL)) - near
+    silent, level = _silent(work)
     ground, vref = (np.asarray(side.all(axis=0) & inside.any(axis=0)) for side in (low, high))
     # One channel on ground where the other is not: its wire is dead.
     off_rail = values.max(axis=0) > max(2.0 * near, _ground(work) + _NEAR_RAIL)
     single = inside & low & ~low.all(axis=0) & off_rail
-    places = inside.any(axis=0).sum(axis=0)
+    known_places = inside.any(axis=0).sum(axis=0)
     for strip in range(work.strips):
         # Of all channels together: one strip on a rail is more likely than two stuck channels.
         known = np.isfinite(r[:, :, strip]).any(axis=0).sum()
@@ -58,15 +60,28 @@ def on_rails(work: WorkingCopy) -> Iterator[Suspect]:
         channels = dict(zip(names, single[:, :, strip], strict=True))
         of = inside[:, :, strip].sum(axis=1)
         yield from _open_strip(
-            work, strip, ground[:, strip], vref[:, strip], int(places[strip]), e[0, :, strip], gain
-        )
+            work, strip, ground[:, strip], vref[:, strip], int(known_places[strip]), e[0, :, strip], gain,
+            level[silent[:, strip], strip],
+        )  # fmt: skip
         yield from _one_channel(work, strip, channels, of, gain)
 
 
-def _constant(values: FloatArray, near: float) -> BoolArray:
-    """Return which channels keep one value (signatures, 1, strips) wherever they are touched."""
-    low, high = (np.where(np.isfinite(values), values, fill) for fill in (np.inf, -np.inf))
-    return np.asarray(high.max(axis=1, keepdims=True) - low.min(axis=1, keepdims=True) <= 2.0 * near)
+def _extreme(values: FloatArray) -> FloatArray:
+    """Return what channels read at the least, but for strays, wherever they are touched (signatures, 1, strips)."""
+    ordered = np.sort(np.where(np.isfinite(values), values, np.inf), axis=1)
+    return ordered[:, min(_STRAYS, ordered.shape[1] - 1), None]
+
+
+def _silent(work: WorkingCopy) -> tuple[BoolArray, FloatArray]:
+    """Return where a strip counts as untouched between two under one contact, and at what level these are.
+
+    Both (places, strips). So does one that is cut above the contact, where what a free wire reads is near ground.
+    """
+    sides = np.pad(work.there, ((0, 0), (1, 1)))
+    gap = ~work.there & sides[:, :-2] & sides[:, 2:]
+    e, both, apart = predict_from_neighbours(next(iter(work.k.values())), work.there | gap)
+    with np.errstate(invalid="ignore"):
+        return gap & both & (apart < _ONE_CONTACT) & (np.abs(e - 0.5) < 0.5 - _INSIDE), e
 
 
 def _ground(work: WorkingCopy) -> float:
@@ -82,25 +97,36 @@ def _open_strip(
     places: int,
     level: FloatArray,
     gain: float,
+    silent: FloatArray,
 ) -> Iterator[Suspect]:
-    count = int(ground.sum() + vref.sum())
+    # A gap between two objects is at any height; one above a cut is below all contacts that read Vref.
+    cut = vref.sum() >= _FEW and len(silent) and np.median(silent) < np.quantile(level[vref], 0.1) - _BELOW
+    silent = silent[silent < np.quantile(level[vref], 0.1)] if cut else silent[:0]
+    on_ground = int(ground.sum()) + len(silent)
+    places += len(silent)
+    count = on_ground + int(vref.sum())
     always = count >= _ALWAYS * places
     # An object over the strip's end does not put two channels on one rail at every place.
     enough = _FEW if always and len(work.k) == 2 else _SOME
-    # An object that reaches over the end of one strip does so at one height.
-    if count < max(enough, _SHARE * places) or _spread(level[ground | vref]) < _MOVES:
+    # An object that reaches over the end of one strip does so at one height, or once.
+    rows = np.flatnonzero(ground | vref)
+    levels = np.concatenate([level[rows], silent])
+    if count < max(enough, _SHARE * places):
+        return
+    if _spread(levels) < (_MOVES_OFTEN if passes(rows) >= _PASSES else _MOVES):
         return
     where = ""
-    if ground.any() and vref.any():
-        y = sorted(float(v) * work.sensor.length_mm for v in (level[ground].max(), level[vref].min()))
+    if on_ground and vref.any():
+        top = max(level[ground].max(initial=0.0), silent.max(initial=0.0))
+        y = sorted(float(v) * work.sensor.length_mm for v in (top, level[vref].min()))
         where = f"; the cut lies near y = {y[0]:.4g} to {y[1]:.4g} mm"
     elif always:
         where = f"; {_open_end(bool(vref.any()))}"
     evidence = (
-        f"on ground in {int(ground.sum())} and on Vref in {int(vref.sum())} of {places} places where its neighbours "
-        f"expect 0.15 to 0.85 of Vref{where}"
+        f"on ground{' or untouched' * bool(len(silent))} in {on_ground} and on Vref in {int(vref.sum())} of {places} "
+        f"places where its neighbours expect 0.15 to 0.85 of Vref{where}"
     )
-    numbers = {"places": float(places), "at_ground": float(ground.sum()), "at_vref": float(vref.sum())}
+    numbers = {"places": float(places), "at_ground": float(on_ground), "at_vref": float(vref.sum())}
     yield work.suspect("open-strip", [strip], evidence, numbers, gain)
 
 

@@ -15,12 +15,12 @@ from tacstrip.robust import robust_sigma
 _OVER = 0.02  # over Vref: what rounding and offsets may add
 _FAR = 0.1  # over Vref: one reading so far out is enough
 _BLOCKS = 16  # different settings of the higher bits, before a bit that never changes is called stuck
-_VISITS = 2  # of the end at Vref by a strip
+_VISITS, _APART = 2, 0.03  # of the end at Vref, and the part of the recording between two
 _NO_CEILING = 0.965  # of Vref: higher, clamps and a rim that no contact reaches do the same
 _LAGS = 200  # parts of a recording: a contact that does not move in one is held, and piles up anywhere
 _ALONG, _ENOUGH = 0.4, 40  # over Vref, how far contacts move; readings of a strip
 _BEYOND = 0.15  # of the readings at a strip's highest level: more above it, and it is not the highest
-_OFTEN = 0.6  # of the strips
+_OFTEN, _SEEN = 0.6, 0.4  # of the strips along which contacts move to and fro, and of all
 _ALIKE = 0.045  # over Vref: scatter of their levels
 _PILE = 3.5  # times as dense as below
 _WHOLE = 1e-3  # of a step: rounding of printed volts
@@ -115,12 +115,15 @@ def _end_level(log: Log, sigma: float) -> float | None:
     step = np.abs(np.nan_to_num(top[lag:], nan=-1.0) - np.nan_to_num(top[:-lag], nan=-1.0))
     changed[lag:] = (step > max(0.01, 6.0 * sigma)).any(axis=1)  # a contact that is held piles up anywhere
     wide = max(0.006, 2.0 * sigma)
-    found, seen = [], 0
+    found, seen, tested = [], 0, 0
+    scans = np.zeros(len(top), dtype=bool)  # in which a strip is at its level
     for values in top.T:
-        own = values[np.isfinite(values) & changed]
+        here = np.flatnonzero(np.isfinite(values) & changed)
+        own = values[here]
         seen += len(own) >= 20
         if len(own) < _ENOUGH or not moved_to_and_fro(own, sigma, _ALONG):
             continue
+        tested += 1
         near = np.sort(own[own > np.sort(own)[-3] - 0.12])
         count = np.searchsorted(near, near + 2.0 * wide) - np.arange(len(near))
         at = int(np.argmax(count))
@@ -134,17 +137,18 @@ def _end_level(log: Log, sigma: float) -> float | None:
         if np.count_nonzero(own > level + 1.5 * wide) > _BEYOND * count[at]:
             continue
         there = np.abs(own - level) <= wide
-        found.append(
-            (level, count[at] / max(below, 1.0), np.count_nonzero(np.diff(there.astype(np.int8)) == 1))
-        )
-    if len(found) < max(4, _OFTEN * seen):
+        scans[here[there]] = True
+        found.append((level, count[at] / max(below, 1.0)))
+    if len(found) < max(4, _OFTEN * tested, _SEEN * seen):
         return None
-    level, pile, visits = np.array(found).T
+    level, pile = np.array(found).T
     middle = float(np.median(level))
     scatter = float(robust_sigma(level - middle))
     if not 0.4 < middle < _NO_CEILING - scatter / np.sqrt(len(level)) or scatter > _ALIKE:
         return None
-    return middle if np.median(pile) > _PILE and np.median(visits) >= _VISITS else None
+    # A contact at the end of one strip is not there on the next: of all strips together.
+    visits = np.count_nonzero(np.diff(np.flatnonzero(scans)) > _APART * len(top)) + 1
+    return middle if np.median(pile) > _PILE and visits >= _VISITS else None
 
 
 def common_ceiling(log: Log, sigma: float) -> Iterator[Finding]:

@@ -22,14 +22,14 @@ from tacstrip.diagnose.neighbour_prediction import (
     places,
     working_copy,
 )
-from tacstrip.diagnose.noise import excess_noise, measure, quality
+from tacstrip.diagnose.noise import NoiseEstimate, excess_noise, measure, quality
 from tacstrip.diagnose.pressure import pressure
 from tacstrip.diagnose.questions import questions
 from tacstrip.diagnose.regression import moved_to_and_fro
 from tacstrip.diagnose.shorts import shorts
 from tacstrip.io.input_checks import other_scale
 from tacstrip.sensor.left_out import channel_name, left_out, left_out_wholly
-from tacstrip.sensor.rest_level import rest_hint
+from tacstrip.sensor.rest_level import all_read_hint, rest_hint
 
 _MOST_SCANS, _MOST_READINGS = 20_000, 400_000  # of longer recordings, evenly spread stretches are examined
 _LEAST_SIGMA = 2e-4  # over Vref: no reading is trusted to less
@@ -76,9 +76,7 @@ def diagnose(log: Log) -> Report:
     """
     part = log.part(min(_MOST_SCANS, max(_MOST_READINGS // log.sensor.strips, 2000)))
     noise = measure(part)
-    sigma = max(noise.sigma if np.isfinite(noise.sigma) else 0.0, _LEAST_SIGMA)
-    if not noise.steady:  # motion, for the most part
-        sigma = min(sigma, _MOST_SIGMA)
+    sigma = working_sigma(noise)
     bits, no_bits = stuck_bits(part)
     ceiling = list(common_ceiling(part, sigma))
     geometric = log.sensor.kind.closed_form
@@ -91,7 +89,7 @@ def diagnose(log: Log) -> Report:
         out = np.any([np.zeros(values.shape, bool), *beyond], axis=0)
         work.k[name] = np.where(out, np.nan, values / factor)
     # Strips that nothing touches count as touched:
-    at_rest = bool(rest_hint(log.sensor, _touched_readings(part)))
+    at_rest = rest_hint(log.sensor, _touched_readings(part))
     loose, doubted = intermittent(work) if geometric and not pressed and not at_rest else ([], [])
     rows = places(work)
     tests = () if pressed else _TESTS if geometric else (never_touched, swapped_wires)
@@ -122,7 +120,7 @@ def diagnose(log: Log) -> Report:
     ]
     return Report(
         findings=tuple(sorted(findings, key=lambda f: (_WORST[f.kind.severity], f.strips))),
-        notes=(*together, *_notes(log, rows)),
+        notes=(*together, *_notes(log, rows, at_rest)),
         questions=_questions(rows, known, [*doubted, *moving])
         if geometric and not pressed and not ceiling
         else (),
@@ -133,6 +131,12 @@ def diagnose(log: Log) -> Report:
         scans=len(log.time_s),
         strip_base=log.sensor.strip_base,
     )
+
+
+def working_sigma(noise: NoiseEstimate) -> float:
+    """Return the standard deviation of a reading over Vref that tests count on."""
+    sigma = max(noise.sigma if np.isfinite(noise.sigma) else 0.0, _LEAST_SIGMA)
+    return sigma if noise.steady else min(sigma, _MOST_SIGMA)  # motion, for the most part
 
 
 def _questions(rows: WorkingCopy, known: set[int], moving: Sequence[Question]) -> tuple[Question, ...]:
@@ -189,7 +193,7 @@ def _touched_readings(log: Log) -> dict[str, FloatArray]:
     return {name: np.where(log.touched, values, np.nan) for name, values in log.raw.items()}
 
 
-def _notes(log: Log, work: WorkingCopy) -> Iterator[Finding]:
+def _notes(log: Log, work: WorkingCopy, at_rest: str) -> Iterator[Finding]:
     pairs = [neighbour_residuals(work, n) for n in work.k] if log.sensor.kind.closed_form else []
     # Extrapolation to the outermost strips is inaccurate.
     for strip in range(1, work.strips - 1):
@@ -200,7 +204,7 @@ def _notes(log: Log, work: WorkingCopy) -> Iterator[Finding]:
                 f"reads {100 * worst:+.2g} % of Vref off its neighbours' line", {"offset": worst},
             )  # fmt: skip
     raw = _touched_readings(log)
-    if hint := rest_hint(log.sensor, raw, failed=len(log.time_s) > 1):
+    if hint := at_rest or (all_read_hint(log.sensor, raw) if len(log.time_s) > 1 else ""):
         yield Finding("rest-level", (), hint)
     elif hint := other_scale(log.sensor, raw):
         yield Finding("scale", (), hint)

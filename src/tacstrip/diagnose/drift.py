@@ -32,7 +32,7 @@ _TERMS = 8  # functions of time: a line, and cosines of 1 to 4 periods
 _USUAL = 0.02  # over Vref: prior standard deviation of each
 _FEWEST = 24  # bends of a strip
 _PAUSE, _STEP = 2, 0.12  # rows between two looks at a strip, and over Vref, how far its contact moves in one
-_LOOKS_BESIDE, _MOST_IN_LOOK = 14, 6  # looks, and rows of one that count
+_LOOKS_BESIDE, _MOST_IN_LOOK = 9, 6  # looks, and rows of one that count
 _LEAST_CHANCE = float(np.exp(-700.0))  # that a float can hold, nearly
 _CONSTANT = 3  # numbers of a strip's constant error
 # A change stands out if it explains so much more than the next strip's does, and is certain (standard deviations).

@@ -12,10 +12,15 @@ from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.diagnose.neighbour_pairs import neighbour_pair
 from tacstrip.diagnose.neighbour_prediction import Suspect, WorkingCopy, neighbour_residuals
 from tacstrip.diagnose.regression import moved_to_and_fro
+from tacstrip.robust import robust_sigma
 
 _CROSSED = 0.01  # over Vref: k_h - k_l below minus this cannot be (3.3), (3.4)
 _OFFSETS = 0.08  # over Vref: what a unit without calibration may add to k_h - k_l
-_TURNS = 0.8  # negative correlation of k_h - k_l with its prediction
+_OWN_OFFSETS = 0.01, 0.04  # over Vref: least and largest deviation of a unit's own, as its strips tell it
+_TURNS, _FALLS = 0.8, 0.5  # negative correlation of k_h - k_l with its prediction, alone and with such odds:
+_ODDS = (
+    5.0  # logarithm of the odds of the two offsets that a strip would have, with its wires exchanged and not
+)
 _STRIPS, _SURE = 4, 5.0  # on so many strips offsets differ; standard errors of their mean
 _SHARE = 0.8  # of the places with a clear difference
 _FEW = 8  # places
@@ -41,6 +46,7 @@ def swapped_wires(work: WorkingCopy) -> Iterator[Suspect]:
     crossed = np.abs(work.pair[1] - e_h) + np.abs(work.pair[0] - e_l)
     exchanged = np.flatnonzero(clear & often).tolist()
     least = _OFFSETS if work.sensor.calibration is None else 2.0 * _CROSSED
+    spread = _spread_of_offsets(difference - e_h + e_l)
     touched = known > 0
     if len(exchanged) > max(2, 0.6 * np.count_nonzero(touched)) and _all_below(mean[touched], least):
         evidence = (
@@ -56,7 +62,7 @@ def swapped_wires(work: WorkingCopy) -> Iterator[Suspect]:
         if then > now and at.any():  # one channel alone is off, by its neighbours' prediction
             continue
         below, predicted = float(mean[strip]), (e_h - e_l)[at, strip]
-        if not _sign_reversed(difference[at, strip], predicted, below, least, work.sigma):
+        if not _sign_reversed(difference[at, strip], predicted, below, (least, spread), work.sigma):
             continue
         count, of = int(wrong[:, strip].sum()), int(clear_at[:, strip].sum())
         evidence = f"v_h lies {-100 * below:.3g} % of Vref below v_l, in {count} of {of} places with a clear difference"
@@ -74,22 +80,38 @@ def _all_below(mean: FloatArray, least: float) -> bool:
 
 
 def _sign_reversed(
-    difference: FloatArray, predicted: FloatArray, mean: float, least: float, sigma: float
+    difference: FloatArray, predicted: FloatArray, mean: float, offsets: tuple[float, float], sigma: float
 ) -> bool:
     """Whether k_h - k_l (places,) has the opposite sign of its prediction, and no offset explains that.
 
     An offset adds one number to all places. Exchanged wires reverse the sign: where the contact is long, the
-    difference lies far below 0, and where it grows the difference falls.
+    difference lies far below 0, and where it grows the difference falls. `offsets`: the largest of a unit without
+    calibration, and the deviation of this one's.
     """
+    least, spread = offsets
     if not len(predicted):
         return mean < -least
     level = float(predicted.mean())
     below = -2.0 * mean > least and mean - level < -least and -mean > level / 2.0
     grows = float(np.std(predicted))
-    if len(predicted) < _FEW or grows < max(2.0 * _CROSSED, 3.0 * sigma) or not np.ptp(difference):
+    if len(predicted) < _FEW or grows < 3.0 * sigma or not np.ptp(difference):
         return below
     along = float(np.corrcoef(predicted, difference)[0, 1])
-    return along < -_TURNS or (below and along < 0.0)
+    as_is, exchanged = mean - level, mean + level  # the offset that the strip has
+    by_offset = (as_is**2 - exchanged**2) / (2.0 * spread**2) > _ODDS and along < -_FALLS
+    if grows < 2.0 * _CROSSED:
+        return below or by_offset
+    return along < -_TURNS or (below and along < 0.0) or by_offset
+
+
+def _spread_of_offsets(off: FloatArray) -> float:
+    """Return the deviation of strips' offsets over Vref, from k_h - k_l less its prediction (places, strips)."""
+    known = np.isfinite(off)
+    enough = known.sum(axis=0) >= _FEW
+    if enough.sum() < 2 * _STRIPS:
+        return _OWN_OFFSETS[1]
+    each = np.nanmedian(off[:, enough], axis=0)
+    return float(np.clip(robust_sigma(each - np.median(each)), *_OWN_OFFSETS))
 
 
 def _swap_wires(work: WorkingCopy, strip: int) -> None:

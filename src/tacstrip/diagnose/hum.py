@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from tacstrip.arrays import FloatArray, IntArray
+from tacstrip.arrays import BoolArray, FloatArray, IntArray
 from tacstrip.diagnose.faults import Finding
 from tacstrip.diagnose.log import Log
 
@@ -59,7 +59,8 @@ def _line(log: Log, mains: float, period: float, edges: IntArray) -> tuple[Float
     strips, segments = log.sensor.strips, len(edges) - 1
     power, counts = np.zeros((2, segments, strips)), np.zeros((segments, strips))
     lasts = (edges[1] - edges[0]) * period
-    if folded * lasts < 5.0 or (rate / 2.0 - folded) * lasts < 2.0:
+    # Near half the scan rate the line's phase goes round over the segments.
+    if folded * lasts < 5.0 or (rate / 2.0 - folded) * period * len(log.time_s) < 1.0:
         return power, counts
     lag = max(1, round(rate / (2.0 * folded)))
     gain = 1.0 - np.cos(2.0 * np.pi * folded * period * lag)
@@ -127,8 +128,7 @@ def _mains_lines(
         amplitude = np.sqrt(sums[:, 0] / weight)
         ratio = sums[:, 0] / np.maximum(sums[:, 1], 1e-18)
         every = sums[:, 0].sum(axis=1) / np.maximum(sums[:, 1].sum(axis=1), 1e-18)
-        halves = np.stack([[h.sum(axis=1) for h in np.array_split(p, 2, axis=1)] for p in powers])
-        lasting = np.asarray((halves[:, :, 0] > _HALF * halves[:, :, 1]).all(axis=1))
+        lasting = np.stack([_lasting(p, c) for p, c in zip(powers, counts, strict=True)])
     once = np.stack([(c > 0.0).sum(axis=0) < 2 for c in counts])
     loud = (
         (ratio > np.where(once, _LINE_ONCE, _LINE)) & (amplitude > _HUM) & (lasting | once)
@@ -142,7 +142,9 @@ def _mains_lines(
         and np.mean(ratio[i, known] > 3.0) > 0.7
         and level > _HUM
     )
-    shared = shared and np.mean(lasting[i, known]) > 0.5
+    seen = known & ~once[i]
+    together = _lasting(powers[i].sum(axis=2)[..., None], counts[i].sum(axis=1)[:, None])
+    shared = shared and bool(np.mean(lasting[i, seen]) > 0.5 if seen.sum() > 2 else together.all())
     if known.sum() > 2 and (shared or (apart and np.sum(loud, axis=1)[i] > 0.5 * known.sum())):
         evidence = f"{MAINS[i]:g} Hz of +-{100 * level:.2g} % of Vref on all strips, "
         evidence += f"{every[i]:.3g} times the power near it"
@@ -155,3 +157,10 @@ def _mains_lines(
         size, times = amplitude[j, strip], ratio[j, strip]
         evidence = f"{MAINS[j]:g} Hz of +-{100 * size:.2g} % of Vref, {times:.3g} times the power near it"
         yield Finding("hum", (int(strip),), evidence, {"hertz": MAINS[j], "amplitude": float(size)})
+
+
+def _lasting(power: FloatArray, counts: FloatArray) -> BoolArray:
+    """Return whether a line (2, segments, strips) stands out in both halves of each strip's readings (strips,)."""
+    first = np.cumsum(counts, axis=0) - 0.5 * counts < 0.5 * counts.sum(axis=0)
+    halves = np.stack([(power * half).sum(axis=1) for half in (first, ~first)])
+    return np.asarray((halves[:, 0] > _HALF * halves[:, 1]).all(axis=0))

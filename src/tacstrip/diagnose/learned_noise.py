@@ -33,6 +33,7 @@ from tacstrip.sensor.noise import Noise
 
 _FEWEST, _MINUTE_S = 24, 45.0  # scans; a recording that is shorter tells little of the wander
 _TOUCHED = 0.95  # of the scans
+_FAR_OUT = 10.0  # over Vref
 _GRID = 1_000_000  # even times at most
 _STRAY, _LEAST_STRAY = 6.0, 0.002  # standard deviations, and of Vref
 _MOVED = 0.025  # of Vref: the median channel's slow change that is no wander
@@ -50,6 +51,11 @@ _MOST_SHARED = 0.75  # of a wander's variance
 _FREE = 5  # readings beyond the polygon's numbers, of which something can be told
 _SMALL = 0.02  # of the variance known: less is nothing
 _LEAST_SIGMA = 1e-6  # of Vref
+_APART, _ALIKE, _SURELY = (
+    5,
+    0.3,
+    5.0,
+)  # strips; correlation of neighbours, and deviations, from which it is sure
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,7 +171,14 @@ def learn_noise(log: Log, vertices: int | None = None) -> LearnedNoise:
                 f"how far the zero wanders in longer than {lasts_s / 3.0:.2g} s, but by the strips' differences"
             )
     if touched:
-        noise, more = _static(log, noise, period_s, vertices)
+        like = _like_neighbours(values, channels, white + step)
+        if like:
+            unidentifiable.append(
+                f"what of the slow change neighbouring strips share: theirs correlate by {like:.2f} more than those of "
+                "strips far apart, as of a wander that neighbours share or a contact that creeps, which [noise] cannot "
+                "describe; errors of where the contact ends are not told from it"
+            )
+        noise, more = _static(log, noise, period_s, vertices, edges=not like)
         sure |= more
         unidentifiable.append(
             "a common offset of all channels, a gain's error, and how far all ends lie too far out: press known shapes"
@@ -220,6 +233,12 @@ def _series(log: Log) -> tuple[float, tuple[str, ...], FloatArray, bool]:
         raise ReadingError(
             "the scans' times do not ascend evenly: record a minute of a still press in one piece"
         )
+    for name, raw in log.raw.items():
+        if (most := float(np.nanmax(np.abs(raw), initial=0.0))) > _FAR_OUT:
+            raise ReadingError(
+                f"{SIGNATURES[name].volt_column} reads {most:.3g} times vref_volt: these are no volts of this "
+                "sensor; is vref_volt right? `tacstrip doctor` says where"
+            )
     still = log.touched.mean(axis=0) >= _TOUCHED
     if not still.any() and log.touched.any(axis=1).mean() > 1.0 - _TOUCHED:
         raise ReadingError(
@@ -288,7 +307,41 @@ def _refuse_motion(values: FloatArray) -> None:
         )
 
 
-def _static(log: Log, noise: Noise, period_s: float, vertices: int | None) -> tuple[Noise, dict[str, float]]:
+def _like_neighbours(values: FloatArray, channels: Sequence[str], white: float) -> float:
+    """Return by how much slow changes of neighbours correlate beyond those of strips far apart; 0 if none is sure.
+
+    Of the means (blocks, channels) of the recording's parts, less their mean over time; `white` is the variance that
+    a reading brings along.
+    """
+    parts = np.array_split(values, _BLOCKS)
+    names, strips = zip(*(name.rsplit(" ", 1) for name in channels), strict=True)
+    place = np.array(strips, dtype=int)
+    near = far = own = 0.0
+    many = np.zeros(2)
+    for name in sorted(set(names)):
+        at = np.flatnonzero(np.array(names) == name)
+        if len(at) < _APART + 3:
+            continue
+        means = np.stack([np.nanmean(part[:, at], axis=0) for part in parts])
+        means = np.nan_to_num(means - means.mean(axis=0))
+        product = means.T @ means / (_BLOCKS - 1.0)  # (channels, channels)
+        gap = np.abs(place[at][:, None] - place[at])
+        near += float(product[gap == 1].sum()) / 2.0
+        far += float(product[gap >= _APART].sum()) / 2.0
+        many += np.count_nonzero(gap == 1) / 2.0, np.count_nonzero(gap >= _APART) / 2.0
+        own += float(np.trace(product)) / len(at)
+    own /= max(len(set(names)), 1)
+    if not many.all() or own <= 0.0:
+        return 0.0
+    beyond = near / many[0] - far / many[1]
+    slow = own - white * _BLOCKS / len(values)
+    sure = beyond > _SURELY * own / math.sqrt(many[0] * (_BLOCKS - 1.0))
+    return min(beyond / slow, 1.0) if sure and beyond > _ALIKE * slow > 0.0 else 0.0
+
+
+def _static(
+    log: Log, noise: Noise, period_s: float, vertices: int | None, edges: bool = True
+) -> tuple[Noise, dict[str, float]]:
     """Return the noise with what does not change in time, from the mean scan's distance from the best polygon."""
     sensor, count = replace(log.sensor, noise=None), len(log.time_s)
     seldom = log.touched.mean(axis=0) < _TOUCHED
@@ -305,7 +358,7 @@ def _static(log: Log, noise: Noise, period_s: float, vertices: int | None) -> tu
     for tried in _COUNTS if vertices is None else (vertices,):
         found = fit_polygon(scan, sensor, vertices=tried, assessment="none")
         if parts := list(_projections(log, scan, found.objects)):
-            told += _likelihoods(log, scan, noise, parts)
+            told += _likelihoods(log, scan, noise, parts, edges)
             free = free or sum(len(p.residuals) - p.slopes.shape[1] for p in parts)
     if not told:
         return noise, {}
@@ -357,7 +410,9 @@ def _projections(log: Log, scan: Scan, objects: Sequence[RecoveredObject]) -> It
             yield _Part(residuals, slopes, x, ends)
 
 
-def _likelihoods(log: Log, scan: Scan, noise: Noise, parts: list[_Part]) -> list[tuple[float, ...]]:
+def _likelihoods(
+    log: Log, scan: Scan, noise: Noise, parts: list[_Part], edges: bool
+) -> list[tuple[float, ...]]:
     """Return minus twice the log likelihood of errors that do not change in time, as (it, own, edge, length).
 
     Either each reading's own [Vref], or of the contact's ends [mm] with a correlation length [mm].
@@ -376,7 +431,7 @@ def _likelihoods(log: Log, scan: Scan, noise: Noise, parts: list[_Part]) -> list
     nothing = sum(_deviance(p, b) for p, b in zip(parts, base, strict=True))
     found: list[tuple[float, ...]] = [(nothing - 2.0 * math.log(len(_LEVELS)), 0.0, 0.0, 0.0)]
     own = [np.eye(len(b)) for b in base]
-    for pitches in (None, *_LENGTHS):
+    for pitches in (None, *(_LENGTHS if edges else ())):
         length = (pitches or 0.0) * sensor.pitch_mm
         shapes = own if pitches is None else covariances(Noise(edge_mm=1.0, edge_correlation_mm=length))
         unit = math.sqrt(float(np.mean([np.trace(s) / len(s) for s in shapes])))

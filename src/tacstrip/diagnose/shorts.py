@@ -8,19 +8,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tacstrip.arrays import BoolArray, FloatArray, IntArray
+from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.diagnose.bend_model import BendModel
 from tacstrip.diagnose.neighbour_prediction import Suspect, WorkingCopy
-from tacstrip.diagnose.regression import moved_to_and_fro
+from tacstrip.diagnose.regression import moved_to_and_fro, passes
 from tacstrip.sensor.constructions import SIGNATURES
 
 _HEIGHTS = np.linspace(0.25, 1.0, 6)  # over L, at which a bridge is looked for: of contacts on one side of it
 _CLEAR = 0.1  # over Vref: contacts this far from a bridge lie wholly on one side
-_MANY, _PASSES, _PAUSE = 25, 4, 1  # places, and times that the contact came there, after so many other places
+_MANY, _PASSES = 25, 4  # places, and times that the contact came there
 _FEWEST_PAIRS, _OTHER_PAIRS = 5, 3  # that a pair is held against
 _MOST, _WIDTH = 0.85, 1.44  # of the places; such a share of normal errors lies within so many deviations
 _GAINS = 0.05  # by which two channels' gains differ at most: a dead one differs by all of the other's reading
 _NOISE = 1.4  # times what noise makes of a difference
+_BENT, _BENT_TIMES, _BENT_PASSES = (
+    50.0,
+    2.0,
+    3,
+)  # such a pair's gain (below), times other pairs'; times that it is seen
 _TIED, _SLOPE = (
     0.45,
     0.75,
@@ -60,6 +65,9 @@ def shorts(work: WorkingCopy) -> Iterator[Suspect]:
 def _tied_sensing(work: WorkingCopy) -> Iterator[Suspect]:
     """Find pairs whose difference is noise and offset alone, where that of all other pairs changes with the contact."""
     best: dict[int, tuple[float, Suspect]] = {}
+    alike: dict[
+        int, tuple[float, float, int]
+    ] = {}  # pairs that differ as noise does, by what, in how many places
     for name, values in work.k.items():
         difference, level = np.diff(values, axis=1), (values[:, 1:] + values[:, :-1]) / 2.0
         pairs = difference.shape[1]
@@ -80,7 +88,12 @@ def _tied_sensing(work: WorkingCopy) -> Iterator[Suspect]:
                 others = others[np.isfinite(others)]
                 slope = float(_scatter(around[:, [pair]], level[:, [pair]], at[:, [pair]])[0])
                 rows = np.flatnonzero(at[:, pair] & np.isfinite(difference[:, pair]))
-                if len(others) < _OTHER_PAIRS or _passes(rows) < _PASSES:
+                if len(others) < _OTHER_PAIRS or passes(rows) < _BENT_PASSES:
+                    continue
+                alike[pair] = min(
+                    alike.get(pair, (np.inf, 0.0, 0)), (float(own[pair]), float(np.median(others)), len(rows))
+                )
+                if passes(rows) < _PASSES:
                     continue
                 least = np.fmin(float(others.min()), _SLOPE * slope)
                 ratio = float(own[pair]) / max(float(least), 1e-9)
@@ -94,6 +107,50 @@ def _tied_sensing(work: WorkingCopy) -> Iterator[Suspect]:
                 numbers = {"differ": float(own[pair]), "others": usual, "places": float(len(rows))}
                 best[pair] = ratio, work.suspect("short", [pair, pair + 1], evidence, numbers, usual)
     yield from (suspect for _, suspect in best.values())
+    if alike.keys() - best.keys():
+        yield from _flattened(work, {pair: seen for pair, seen in alike.items() if pair not in best})
+
+
+def _flattened(work: WorkingCopy, alike: Mapping[int, tuple[float, float, int]]) -> Iterator[Suspect]:
+    """Find which of the pairs that differ as noise does are flat where the signature around them is not."""
+    changes = []
+    for i in range(work.strips - 1):
+        upper, lower = _ends(work, i)
+        one = []
+        for name, values in work.k.items():
+            half = _slope(values, i)[:, None] / 2.0
+            tied = upper[:, None] < _GRID if SIGNATURES[name].at_upper_end else lower[:, None] > _GRID
+            change = np.where(tied, half, 0.0)
+            one.append({i: change, i + 1: -change})
+        changes.append(one)
+    for strip, bridge, others in _outstanding(work, changes, (_BENT, _BENT), _BENT_TIMES):
+        if strip in alike:
+            own, usual, places = alike[strip]
+            evidence = (
+                f"they read one voltage: beside their offsets they differ by {100 * own:.2g} % of Vref, as noise does, "
+                f"over {places} places, {bridge.strength:.2g} times as flat as one conductor, which explains "
+                f"{bridge.gain / max(others, 1e-9):.2g} times as much as between other strips"
+            )
+            numbers = {"differ": own, "others": usual, "places": float(places), "gain": bridge.gain}
+            yield work.suspect("short", [strip, strip + 1], evidence, numbers, usual)
+
+
+def _slope(values: FloatArray, strip: int) -> FloatArray:
+    """Return a signature's slope across two strips by the strips around them, of the next two at an edge (places,)."""
+    last = values.shape[1] - 1
+    if 0 < strip < last - 1:
+        return np.asarray((values[:, strip + 2] - values[:, strip - 1]) / 3.0)
+    a = strip + 2 if strip == 0 else strip - 2
+    return np.asarray(values[:, a + 1] - values[:, a])
+
+
+def _ends(work: WorkingCopy, strip: int) -> tuple[FloatArray, FloatArray]:
+    """Return u and l over L of the contact at two strips (places,); a signature alone stands for both."""
+    if work.pair is None:
+        (values,) = work.k.values()
+        return _level(values, strip), _level(values, strip)
+    kh, kl = (_level(values, strip) for values in work.pair)
+    return (2.0 * kh - kl) / (1.0 + kh - kl), kl / (1.0 + kh - kl)
 
 
 def _scatter(values: FloatArray, level: FloatArray, at: BoolArray) -> FloatArray:
@@ -121,11 +178,6 @@ def _columns(values: FloatArray, share: float) -> FloatArray:
     count = np.isfinite(values).sum(axis=0)
     ordered = np.sort(np.where(np.isfinite(values), values, np.inf), axis=0)
     return np.asarray(ordered[(share * np.maximum(count - 1, 0)).astype(int), np.arange(values.shape[1])])
-
-
-def _passes(rows: IntArray) -> int:
-    """Return how many times a contact came, from the places (rows,) where it was there."""
-    return int(np.count_nonzero(np.diff(rows) > _PAUSE)) + 1 if len(rows) else 0
 
 
 def _held_by_a_bridge(work: WorkingCopy) -> Iterator[Suspect]:
@@ -182,7 +234,7 @@ class _Held:
         level = float(ordered[most : most + count[most]].mean())
         rows = rows[np.abs(outer[rows] - level) <= near]
         low, high = np.percentile(inner[rows], [5.0, 95.0])
-        comes = _passes(rows)
+        comes = passes(rows)
         if len(rows) < _FEW or comes < _COMES or high - low < _RISES:
             return None
         return cls(
@@ -219,11 +271,15 @@ class _Bridge:
 
 
 def _outstanding(
-    work: WorkingCopy, changes: Sequence[Sequence[Mapping[int, FloatArray]]]
+    work: WorkingCopy,
+    changes: Sequence[Sequence[Mapping[int, FloatArray]]],
+    gains: tuple[float, float] = _GAIN,
+    times: float = _TIMES,
 ) -> Iterator[tuple[int, _Bridge, float]]:
     """Yield pairs whose bridge explains much more than any between strips further away, and the most of these.
 
-    `changes`, of each pair and signature: what alternative bridges do to each of its strips (places, alternatives).
+    `changes`, of each pair and signature: what alternative bridges do to each of its strips (places, alternatives);
+    `gains`: the least, inside and at the edges; `times`: of those of pairs further away.
     """
     models = [BendModel.of(work, name) for name in work.k]
     found = [_best(models, change) for change in changes]
@@ -231,7 +287,7 @@ def _outstanding(
         others = max((b.gain for i, b in enumerate(found) if abs(i - strip) > _APART), default=math.inf)
         near = max((b.gain for i, b in enumerate(found) if 0 < abs(i - strip) <= _APART), default=0.0)
         at_edge = strip in (0, len(found) - 1)
-        least = max(_GAIN[at_edge], _TIMES * others, near)
+        least = max(gains[at_edge], times * others, near)
         if _STRENGTH[0] < bridge.strength < _STRENGTH[1] and bridge.gain > least:
             yield strip, bridge, others
 

@@ -22,6 +22,7 @@ from tacstrip.io.column_names import nearly
 from tacstrip.io.columns import PLACE, finite, strip_index, value, value_columns
 from tacstrip.io.csv_rows import Row, csv_writer, find, read_csv
 from tacstrip.sensor.constructions import SIGNATURES
+from tacstrip.sensor.left_out import left_out
 from tacstrip.sensor.spec import Sensor
 
 _MOST_DEVIATION = 0.05  # of the length: places that are known no better calibrate nothing
@@ -137,6 +138,11 @@ def _runs(
     if misspelt := nearly(header, ["l_sd_mm", "w_sd_mm"], {*PLACE, "l_sd_mm", "w_sd_mm"}):
         raise ReadingError(misspelt)
     columns = value_columns(header, sensor)
+    left = left_out(sensor)
+    out_of = np.array(
+        [left.get(c.signature, np.zeros(sensor.strips, bool)) for c in columns]
+    )  # (columns, strips)
+    out = np.asarray(out_of.any(axis=0))
     named = {name: header.index(name) for name in ("sensor", "unit") if name in header}
     # A row is l, w, line, their deviations and the readings; of an untouched strip the readings alone.
     contacts: list[list[list[float]]] = [[] for _ in range(sensor.strips)]
@@ -157,9 +163,11 @@ def _runs(
         fields = [value(row[c.index], line, c) for c in columns]
         place = _place(row[at["l_mm"]], row[at["w_mm"]], line, sensor)
         if all(np.isnan(fields)):
-            open_rows += 1
+            open_rows += not out[strip]
             continue
-        if any(np.isnan(fields)):
+        if out[strip]:
+            fields = [np.nan if empty else v for empty, v in zip(out_of[:, strip], fields, strict=True)]
+        elif any(np.isnan(fields)):
             have, lack = (columns[i].name for i in np.argsort(np.isnan(fields), kind="stable")[[0, -1]])
             raise ReadingError(f"line {line}: {have} is there but no {lack}; give both or neither")
         if place is None:
@@ -170,7 +178,9 @@ def _runs(
     if not any(contacts) and not any(rest):
         why = f"all {open_rows} rows have empty readings" if open_rows else "it has a header and nothing else"
         raise ReadingError(f"there are no readings: {why}; press each contact and write down what it reads")
-    if lack := [i for i, made in enumerate(contacts, sensor.strip_base) if not made][:10]:
+    if lack := [
+        i for i, made in enumerate(contacts, sensor.strip_base) if not (made or out[i - sensor.strip_base])
+    ][:10]:
         names = ", ".join(map(str, lack))
         raise ReadingError(f"no contact on strip {names} has readings; every strip needs contacts of its own")
     signatures = [c.signature for c in columns]

@@ -52,9 +52,15 @@ def rest_hint(sensor: Sensor, raw: Mapping[str, FloatArray], failed: bool = Fals
         alike = np.abs(levels - middle) <= _BAND
         if alike.mean() >= _SHARE:
             return _hint(sensor, middle, [f for f, same in zip(sure, alike, strict=True) if same])
-    if failed and whole.all() and sensor.rest_volt is None:
-        return f"{_EVERY}: if untouched strips have readings too, set rest_volt and touch_volt in the spec"
-    return ""
+    return all_read_hint(sensor, raw) if failed else ""
+
+
+def all_read_hint(sensor: Sensor, raw: Mapping[str, FloatArray]) -> str:
+    """Say, with an if, that untouched strips may have readings: all strips of all scans have. Arguments likewise."""
+    values = np.stack([np.atleast_2d(v) for v in raw.values()])
+    if sensor.rest_volt is not None or values.shape[2] < _FEWEST or not np.isfinite(values).all():
+        return ""
+    return f"{_EVERY}: if untouched strips have readings too, set rest_volt and touch_volt in the spec"
 
 
 @dataclass(frozen=True)

@@ -354,6 +354,11 @@ def _check(s: Sensor) -> None:
         ("strips", 1 <= s.strips <= _MOST_STRIPS, "must be 1 to 1000000"),
         ("strip_width_mm", s.strip_width <= s.pitch_mm, f"must not exceed pitch_mm = {s.pitch_mm}"),
         ("contact_lambda_mm", s.contact_lambda_mm >= 0.0, "must be 0 (ideal) or more"),
+        (
+            "contact_lambda_mm",
+            not 0.0 < s.contact_lambda_mm < 1e-200,
+            "nothing is so short: 0 is ideal contact",
+        ),
         ("contact_lambda_mm", s.contact_lambda_mm <= s.length_mm, longer),
         ("adc_bits", s.adc_bits is None or 1 <= s.adc_bits <= 32, "must be 1 to 32"),
         ("strip_base", s.strip_base in (0, 1), "must be 0 or 1"),

@@ -1,0 +1,96 @@
+"""Whether the readings hold a drift or wander at all: a likelihood ratio test that knows its course.
+
+The hold-out units' drift and wander are drawn again, and what the fault adds over time, which no finder can know, is
+regressed on what shape and constant errors leave of each strip's bends (`diagnose.bend_model`): z standard errors on
+the strip that has it, and on those further than two strips away, which have none. What lies below the largest of the
+latter cannot be named without as many false alarms. `python -m studies.doctor_limit [last seed]`, tuning seeds from 0.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+from unittest import mock
+
+import numpy as np
+
+import tacstrip as ts
+from studies.holdout import doctor_set, logs
+from tacstrip.arrays import FloatArray
+from tacstrip.diagnose import read_log
+from tacstrip.diagnose.bend_model import BendModel
+from tacstrip.diagnose.doctor import working_sigma
+from tacstrip.diagnose.neighbour_prediction import places, working_copy
+from tacstrip.diagnose.noise import measure
+
+KINDS = ("drift of 1-3 %", "slow wander")
+_APART = 2  # strips
+_PARTS = 256  # as the doctor's
+
+
+def course_known(seed: int, number: int) -> tuple[str, float, float]:
+    """Return the verdict of the doctor, |z| on the strip at fault, and the largest on strips without a fault."""
+    random = np.random.default_rng([14, 1, seed, number])
+    kind = list(doctor_set.KINDS)[number // 2 % len(doctor_set.KINDS)]
+    caught: dict[str, Any] = {}
+    lines = logs.lines
+
+    def catch(*arguments: Any) -> Any:
+        caught["wrong"] = arguments[3]
+        return lines(*arguments)
+
+    with mock.patch.object(logs, "lines", catch):
+        one, touch, codes, (strip,) = doctor_set.faulty(random, kind)
+    with tempfile.TemporaryDirectory() as folder:
+        spec, file = Path(folder) / "sensor.toml", Path(folder) / "readings.csv"
+        spec.write_text(one.spec())
+        logs.write(file, one, codes, touch.time_s)
+        log = read_log(file, ts.Sensor.load(spec))
+    still = np.full((1, len(touch.time_s), one.unit.strips), 0.5)
+    added = caught["wrong"](still, np.broadcast_to(touch.time_s[:, None], still.shape[1:])) - still
+    work = places(working_copy(log, working_sigma(measure(log))), max(len(log.time_s) // _PARTS, 1))
+    course = np.interp(work.time_s, touch.time_s, added[0, :, strip])
+    z = np.max(
+        [_z(BendModel.fit(work, v), course - course.mean(), work.strips) for v in work.k.values()], axis=0
+    )
+    far = np.abs(np.arange(work.strips) - strip) > _APART
+    return doctor_set.score(seed, number)["verdict"], float(z[strip]), float(z[far].max(initial=0.0))
+
+
+def _z(model: BendModel | None, course: FloatArray, strips: int) -> FloatArray:
+    """Return how many standard errors of a course (places,) each strip shows (strips,)."""
+    if model is None:
+        return np.zeros(strips)
+    found = model.explain(model.effect(course[:, None], strips))
+    return np.asarray(np.abs(found.score) / np.sqrt(np.maximum(np.diag(found.power), 1e-9)) / model.sigma)
+
+
+def main(last: int) -> None:
+    """Print a table of tuning seeds 0 to `last`."""
+    every = len(doctor_set.KINDS)
+    rows = []
+    for kind in KINDS:
+        at = list(doctor_set.KINDS).index(kind)
+        rows += [
+            (kind, *course_known(s, 2 * (at + every * turn) + 1)) for s in range(last + 1) for turn in (0, 1)
+        ]
+    limit = max(row[3] for row in rows)
+    lines = [
+        f"largest |z| of a strip without a fault, in {len(rows)} recordings: {limit:.1f}",
+        "",
+        "| fault | units | named or asked | missed | of these below the limit |",
+        "| --- | --- | --- | --- | --- |",
+    ]
+    for kind in KINDS:
+        some = [row for row in rows if row[0] == kind]
+        missed = [row for row in some if row[1] == "missed"]
+        below = sum(row[2] <= limit for row in missed)
+        lines.append(f"| {kind} | {len(some)} | {len(some) - len(missed)} | {len(missed)} | {below} |")
+    lines += ["", "missed: |z| " + ", ".join(f"{row[2]:.1f}" for row in rows if row[1] == "missed")]
+    sys.stdout.write("\n".join(lines) + "\n")
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 2)
