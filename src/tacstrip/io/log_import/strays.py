@@ -12,7 +12,9 @@ from tacstrip.errors import ReadingError
 from tacstrip.io.log_import.fields import is_prose, says_nothing
 from tacstrip.io.log_import.table import ContradictionError, Table
 
-_NUMBER = re.compile(r"(?<![A-Za-z])[+-]?(?:\d+(?:[.,:/-]\d+)*|\.\d+)(?:[eE][+-]?\d+)?|\b0x[\dA-Fa-f]+\b")
+_NUMBER = re.compile(r"(?<![A-Za-z])[+-]?(?:\d+(?:[.:/-]\d+)*|\.\d+)(?:[eE][+-]?\d+)?|\b0x[\dA-Fa-f]+\b")
+_COMMA_WITHIN = re.compile(r"(?<=\d),(?=\d)")
+_BETWEEN = re.compile(r"[;\t|]|\d\s+[\d.+-]")  # fields, so that commas are within numbers
 _WORD = re.compile(r"[^\W\d_]+(?:/[^\W\d_]+)*|-{1,3}(?=[\s,;|]|\Z)")
 _FIELD = re.compile(r"\s*[,;|\t]\s*|\s+")
 _NAMES_ITSELF = re.compile(r"[^\W\d_]{2,}\d*\s*[:=]")  # a line that needs no names above it
@@ -37,7 +39,10 @@ def form_of(line: str) -> str:
     --------
     >>> form_of("S1  2.5 V, nan"), form_of("12:03:01 -> 5,,7")
     ('S0 0 V, 0', '0 -> 0,0,0')
+    >>> form_of("1,2,3.5"), form_of("1;2,5")
+    ('0,0,0', '0;0')
     """
+    line = _COMMA_WITHIN.sub(".", line) if _BETWEEN.search(line) else line
     line = re.sub(r"\d+", "0", _NUMBER.sub("0", " ".join(line.split())))
     line = _WORD.sub(lambda m: "0" if says_nothing(m.group()) else m.group(), line)
     return re.sub(r"(?<=[,;|])(?=[,;|]|\Z)", "0", line)
@@ -148,7 +153,8 @@ def _told(table: Table, strays: frozenset[int], texts: dict[int, str]) -> Table:
     there = sorted(n for n in strays if n not in table.lines)
     broken = [
         n for n in there
-        if n > first and re.search(r"\d", texts[n]) and not is_prose(texts[n], words)
+        if re.search(r"\d", texts[n]) and not is_prose(texts[n], words)
+        and (n > first or (len(form := _FIELD.split(form_of(texts[n].strip()))) > 1 and {*form} == {"0"}))
     ]  # fmt: skip
     said = _quoted(there, texts)
     table = _without_lacking(table, broken)
