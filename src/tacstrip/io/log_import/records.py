@@ -401,13 +401,19 @@ def of_literals(text: str, path: str | Path) -> Table | None:
     if "[" not in text and "{" not in text:
         return None
     found, broken = _json(text, path) if text.lstrip()[:1] in ("{", "[") else ([], [])
+    around: list[tuple[int, str]] = []
     if found is None or not any(isinstance(value, dict | list) for _, value in found):
-        found, broken = literals(text), []
+        found, around = literals(text)
+        broken = [i for i, line in around if re.search(r"\d", line) and not is_prose(line)]
     if len(found) == 1 and isinstance(found[0][1], dict):
         table = of_values(found[0][1], path)
     else:
         table = of_values(found, path, numbered=True)
-    return None if table is None else replace(table, broken=tuple(broken))
+    if table is None:
+        return None
+    above = tuple(line for i, line in around if found and i < found[0][0])
+    quotes = {i: line for i, line in around if i in broken}
+    return replace(table, broken=tuple(broken), quotes=quotes, preamble=(*above, *table.preamble))
 
 
 def of_values(

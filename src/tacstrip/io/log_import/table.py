@@ -23,6 +23,7 @@ _STATISTICS = frozenset(
     | {"maximum", "std", "stdev", "stddev", "stabw", "sd", "sigma", "sum", "summe", "total", "somme", "median", "count"}
     | {"anzahl", "rms", "var", "variance", "range", "25%", "50%", "75%"}
 )  # fmt: skip
+_UNIT_WORDS = frozenset({"unit", "units", "einheit", "einheiten"})
 _INNER = re.compile(r"(?:\[\d+\]|\.\w+)([.\[].*)")  # what is within a part of a record
 _SAID_IN = {"hz": "Hz", "s": "s", "ms": "ms", "us": "us", "v": "V", "volt": "V", "volts": "V", "mv": "mV"}
 _SAID = (
@@ -214,7 +215,8 @@ def headed(
         len(row) != width or not any(row) or _named(row, numeric, decimal, usual) > 0 for _, row in split
     ]
     first = headers.index(False) if False in headers else len(split)
-    above = [row for _, row in split[:first] if len(row) == width and any(row)][-_TALLEST_HEADER:]
+    above = [row for _, row in split[:first] if len(row) == width and any(row) and not _says_one_number(row)]
+    above = above[-_TALLEST_HEADER:]
     if first < len(split) and (_counts(split[first][1], full[-1]) or _numbers_columns(split[first][1])):
         above, first = [*above, split[first][1]], first + 1
     # What is below the names, and has numbers, is no heading, however short.
@@ -231,6 +233,8 @@ def headed(
         ]
     _check_names(split, above, width, decimal)
     again = {i for i, row in below if len(row) == width and row in above}
+    boots = {i for i, row in below if len(row) != width and row in [r for _, r in split[:first] if r not in above]}
+    below = [(i, row) for i, row in below if i not in boots]
     rows = [(i, row) for i, row in below if len(row) == width and i not in again]
     sums = {i: word for i, row in rows if (word := _statistic(row, numeric, decimal))}
     sums = sums if 2 * len(sums) < len(rows) else {}  # else these are labels
@@ -268,6 +272,7 @@ def headed(
         else "",
         f"{words} line(s) without a reading passed over" if words else "",
         f"line {min(again)}: the names again; passed over" if again else "",
+        f"line(s) {', '.join(map(str, sorted(boots)))}: as above the table; passed over" if boots else "",
         f"line(s) {', '.join(map(str, sums))}: {', '.join(dict.fromkeys(sums.values()))}; passed over"
         if sums
         else "",
@@ -330,7 +335,9 @@ def _names(above: list[list[str]], width: int) -> list[str]:
         return best
     given = [u.strip("[]() ") for u in units]
     known = [UNITS.get(u) or UNITS.get(u.lower(), "") for u in given]
-    if meaning(units[0]).role and not known[0]:  # a name beside units, as in "time [s], V, V"
+    if units[0].casefold() in _UNIT_WORDS:  # so the words of that column are of the lines above, and no name
+        best = ["", *best[1:]]
+    elif meaning(units[0]).role and not known[0]:  # a name beside units, as in "time [s], V, V"
         best = [units[0], *best[1:]]
     return [f"{n} [{u}]" if u and n and not meaning(n).unit else n for n, u in zip(best, known, strict=True)]
 
@@ -385,6 +392,12 @@ def _counts(row: list[str], other: list[str]) -> bool:
     return any(set(many) == {float(n + base) for n in range(len(many))} for base in (0, 1))
 
 
+def _says_one_number(row: Sequence[str]) -> bool:
+    """Return whether a row says the same number of each column, as "Samples, 14, 14, 14"."""
+    numbers = [cell for cell in row[1:] if cell]
+    return len(numbers) > _FEW and len(set(numbers)) == 1 and number_of(numbers[0]) is not None
+
+
 def _numbers_columns(row: Sequence[str]) -> bool:
     """Return whether a row only numbers its columns: 0, 1, 2, ... or 1, 2, 3, ..."""
     row = [cell for cell in row if cell]
@@ -398,6 +411,8 @@ def _are_units(row: list[str]) -> bool:
     ):
         return True
     rest = {UNITS.get(cell.strip("[]() ").lower(), "?") for cell in row[1:] if cell}
+    if row[0].casefold() in _UNIT_WORDS and len(rest) <= _FEW and "?" not in rest:
+        return True
     return len(rest) == 1 and rest <= set(READING_UNITS) and bool(row[0]) and sum(map(bool, row)) > _FEW
 
 

@@ -7,7 +7,7 @@ import csv
 import itertools
 import re
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -73,6 +73,8 @@ _FEW_LINES = 4  # of fewer, the length of the last number tells nothing
 _FEW_BLOCKS = 2
 _WORDED = re.compile(r"[^\dA-Za-z]*[A-Za-z][^\t;|]*(?<!,)\Z")  # and without fields
 _COLOUR = re.compile(r"\x1b\[[0-9;]*[A-Za-z]")  # of a terminal
+_GARBLED = "\ufffd"  # for what a board wrote as it was reset
+_FEW_GARBLED, _GARBLED_LINES = 3, 0.05  # places with zeros, and part of the lines: of more, a file is no text
 _CHANNEL_LINE = re.compile(
     r"\s*((?:\d+(?:\.\d+)?[\s,;]+)?)([A-Za-z_]+)\s*[:=]((?:[\s,;]+[-+\d.eEna]+)+)[\s,;]*\Z"
 )
@@ -89,9 +91,9 @@ def decoded(file: Path) -> str:
             return _in_utf16(raw, file, name)
     if raw[:40].count(0) >= len(raw[:40]) // 2 - 1 > 2:
         return _in_utf16(raw, file, "utf-16-le" if raw[1] == 0 else "utf-16-be")
-    text = raw.rstrip(b"\0")  # as where a logger was switched off
-    if b"\0" in text:
-        raise ReadingError(f"{file}: not a text file (byte {text.index(0)} is 0)")
+    text, many = re.subn(rb"\0+", _GARBLED.encode(), raw.rstrip(b"\0"))  # as where a logger was switched off
+    if many > max(_FEW_GARBLED, _GARBLED_LINES * text.count(b"\n")):
+        raise ReadingError(f"{file}: not a text file (byte {raw.index(0)} is 0)")
     try:
         return text.decode()
     except UnicodeDecodeError:
@@ -309,7 +311,7 @@ def _separated(lines: list[tuple[int, str]], blank: set[int], path: str | Path) 
         )
     full = [row for _, row in split if len(row) == width]
     _check_commas(top, width, separator, line)
-    decimal = "." if separator == "," else decimal_mark(full)
+    decimal = _decimal_of_quoted(full) if separator == "," else decimal_mark(full)
     said = {"\t": "tabs", " ": "spaces", _WIDE: "spaces"}.get(separator, repr(separator))
     remarks: tuple[str, ...] = (
         f"fields are separated by {said}" if width > 1 else "",
@@ -331,6 +333,20 @@ def _separated(lines: list[tuple[int, str]], blank: set[int], path: str | Path) 
         )
     table = headed(split, width, decimal, tuple(filter(None, remarks)), named, above)
     return _in_blocks(table, labels, blank)
+
+
+def _decimal_of_quoted(rows: Sequence[Sequence[str]]) -> str:
+    """Return the decimal mark of fields between commas: a comma where quoted numbers have one, and none a point."""
+    cells = [cell for row in rows for cell in row]
+    commas = [cell for cell in cells if re.fullmatch(r"[+-]?\d+,\d+", cell)]
+    if not commas or any(re.fullmatch(r"[+-]?[\d,]*\.\d+", cell) for cell in cells):
+        return "."
+    if all(re.fullmatch(r"[+-]?[1-9]\d{0,2},\d{3}", cell) for cell in commas):
+        raise ReadingError(
+            f"{commas[0]!r}: a decimal comma, or thousands? Write such numbers with a decimal point, "
+            "without marks in between"
+        )
+    return decimal_mark(rows)
 
 
 def _check_commas(names: list[str], width: int, separator: str, line: int) -> None:
