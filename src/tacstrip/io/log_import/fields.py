@@ -21,7 +21,9 @@ NOTHING = frozenset(
 _NO_NUMBER = re.compile(r"(?:-?nan|n/?a|-[-.]*|\.nan)\s?(?:m?V|ms|s|%|LSB)?", re.IGNORECASE)
 _PLAIN = re.compile(r"[+-]?\d+(?:\.\d+)?\Z")
 _NUMBER = re.compile(r"([+-]?)(0x[\da-f]+|[\d.,' ]*\d[.,]?)(e[+-]?\d+)?\s*([a-zµ%‰]*)\Z", re.IGNORECASE)
-_MEASURED = re.compile(rf"\d\s?(?:{'|'.join(u for u in UNITS if len(u) < 3 and u.isalpha())})\b", re.IGNORECASE)
+_MEASURED = re.compile(
+    rf"\d\s?(?:{'|'.join(u for u in UNITS if len(u) < 3 and u.isalpha())})\b", re.IGNORECASE
+)
 _OVER = re.compile(r"[+-]?9\.9[01]?0*[eE]\+?37(?:\s?V)?")  # what SCPI instruments send above their range
 _DAY_S = 86400.0
 _GROUPED = re.compile(r"(?<=\d)[ '\u2009\u202f\xa0](?=\d{3}(?!\d))")

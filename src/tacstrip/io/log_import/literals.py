@@ -59,7 +59,9 @@ def literals(text: str) -> tuple[list[tuple[int, Any]], list[tuple[int, str]]]:
     ]
     first, last = (found[0][0], found[-1][0]) if found else (0, 0)
     around = [(i, line) for i, line in lines if not first <= i <= last]
-    return (found, around) if len(found) + len(around) == len(lines) and len(found) > len(around) else ([], [])
+    return (
+        (found, around) if len(found) + len(around) == len(lines) and len(found) > len(around) else ([], [])
+    )
 
 
 def unwrapped(every: list[tuple[int, str]]) -> list[tuple[int, str]]:

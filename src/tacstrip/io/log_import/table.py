@@ -233,7 +233,9 @@ def headed(
         ]
     _check_names(split, above, width, decimal)
     again = {i for i, row in below if len(row) == width and row in above}
-    boots = {i for i, row in below if len(row) != width and row in [r for _, r in split[:first] if r not in above]}
+    boots = {
+        i for i, row in below if len(row) != width and row in [r for _, r in split[:first] if r not in above]
+    }
     below = [(i, row) for i, row in below if i not in boots]
     rows = [(i, row) for i, row in below if len(row) == width and i not in again]
     sums = {i: word for i, row in rows if (word := _statistic(row, numeric, decimal))}

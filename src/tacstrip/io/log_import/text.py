@@ -16,7 +16,7 @@ import numpy as np
 from tacstrip.errors import ReadingError
 from tacstrip.io.log_import.delimiters import of_sent, of_slashes, without_ends, without_tag
 from tacstrip.io.log_import.dialects import of_dialect, plain_rows
-from tacstrip.io.log_import.fields import STAMP, is_value, number_of, says_nothing
+from tacstrip.io.log_import.fields import STAMP, clock_seconds, is_value, number_of, says_nothing
 from tacstrip.io.log_import.literals import one_page, unwrapped
 from tacstrip.io.log_import.names import meaning, meanings, pair_of
 from tacstrip.io.log_import.records import STEADY, Item, is_label, items, named_values, of_literals
@@ -480,11 +480,11 @@ def _without_columns_of_blanks(data: list[tuple[int, str]]) -> list[tuple[int, s
     """Return lines with tabs between their fields, where these stand in columns of a fixed width and some are blank."""
     sample = [line.expandtabs() for _, line in data[len(data) // 2 :][:_SAMPLE]]
     counts = {len(line.split()) for line in sample}
-    if any(re.search(r"[,;|\t]", line) for _, line in data):
+    if sum(bool(re.search(r"[,;|\t]", line)) for _, line in data) > (1.0 - STEADY) * len(data):
         return data
     if below := _below_their_names(data):
         return below
-    if len(counts) < 2:
+    if len(counts) < 2 or any(re.search(r"[,;|\t]", line) for _, line in data):
         return data
     width = max(map(len, sample))
     blank = [all(line[n : n + 1] in ("", " ") for line in sample) for n in range(width)]
@@ -504,21 +504,43 @@ def _without_columns_of_blanks(data: list[tuple[int, str]]) -> list[tuple[int, s
 
 
 def _below_their_names(data: list[tuple[int, str]]) -> list[tuple[int, str]]:
-    """Return lines with tabs between fields that end, or begin, where their names do, if some are blank; else none."""
-    words = [list(re.finditer(r"\S+", line)) for _, line in data]
-    full = max(map(len, words))
-    if full < 3 or len(words[0]) != full or any(number_of(m.group()) is not None for m in words[0]):
+    """Return lines with tabs between fields that end, or begin, where their names do; none if blanks alone tell them.
+
+    Names may hold single blanks, and fields may be empty; lines of words around the table stay as they are.
+    """
+    words = [list(re.finditer(r"\S+", line.expandtabs())) for _, line in data]
+    bare = [len(found) > 1 and all(_is_bare(m.group()) for m in found) for found in words]
+    first = bare.index(True) if True in bare else 0
+    if not first or sum(bare) < _FEW_LINES:
         return []
-    sides: tuple[Callable[[re.Match[str]], int], ...] = (lambda m: m.end(), lambda m: m.start())
-    for side in sides:
-        places = [side(m) for m in words[0]]
-        if any(not {side(m) for m in found} <= {*places} for found in words):
+    body = [n for n, is_row in enumerate(bare) if is_row]
+    top = data[first - 1][1].expandtabs()
+    many = {len(words[n]) for n in body}
+    for names in (words[first - 1], list(re.finditer(r"\S+(?: \S+)*", top))):
+        if len(names) < max(3, *many) or any(number_of(m.group()) is not None for m in names):
             continue
-        if all(len(found) == full for found in words):
-            return []
-        at = [{side(m): m.group() for m in found} for found in words]
-        return [(i, "\t".join(row.get(p, "") for p in places)) for (i, _), row in zip(data, at, strict=True)]
+        for side in (re.Match.end, re.Match.start):
+            places = [side(m) for m in names]
+            if any(not {side(m) for m in words[n]} <= {*places} for n in body):
+                continue
+            if many == {len(words[first - 1])}:
+                return []
+            cut = _cut_row([data[n][1] for n in body]) if side is re.Match.end else False
+            made = [(i, line) for i, line in data]
+            for n in [first - 1, *(body[:-1] if cut else body)]:
+                at = {side(m): m.group() for m in (names if n < first else words[n])}
+                made[n] = (data[n][0], "\t".join(at.get(p, "") for p in places))
+            return made
     return []
+
+
+def _is_bare(word: str) -> bool:
+    return number_of(word) is not None or says_nothing(word) or clock_seconds(word) is not None
+
+
+def _cut_row(rows: list[str]) -> bool:
+    """Return whether the last row is shorter than all others, which are filled up with blanks."""
+    return len(rows[-1]) < min(map(len, rows[:-1]))
 
 
 def _below_a_preamble(
