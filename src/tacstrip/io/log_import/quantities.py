@@ -26,6 +26,7 @@ _REST = 0.05  # of the largest reading: the most that the noise of open inputs r
 _GAP = 5.0  # times: how far above that the other readings begin
 _LEAP = 2.0  # times the largest step of a strip that stays touched: a contact begins or ends
 _AT_ONCE = "strips go there and back in one step, and no other reading moves as far"
+_MEANT = 0.21  # of Vref: readings that reach it in volts are no noise of a thousandth
 _FAINT = 0.005  # of what there can be: a log that stays below was hardly made so
 # Of Vref: so far above is no offset, and so far may another Vref let readings go; and fewer that do are slips.
 _OFF_VREF, _MOST_OVER, _FEW_OVER = 0.01, 2.0, 2
@@ -409,6 +410,11 @@ def with_unit(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list[
             unit, *(u for u in ("fraction", "V") if u != unit),
         )  # fmt: skip
     if answer and top and values.max() < _FAINT * top:
+        if answer in IN_VOLTS and answer != "V" and _MEANT * vref < values.max() <= vref:
+            raise OptionError(
+                f"--answer unit={answer}: no reading is above {values.max():g} of {top:g} {answer} then; they fit V: "
+                "--answer unit=V (if they are of an untouched sensor, write unit into a --mapping)"
+            )
         clues.doubt(f"in {answer}, no reading is above {values.max():g} of {top:g}: is that the unit?")
     whole = answer == "mV" and bool((values == np.round(values)).all())
     if whole and sensor and sensor.adc_bits and _off_steps(values, vref, sensor.adc_bits):

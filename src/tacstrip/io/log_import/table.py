@@ -13,7 +13,7 @@ import numpy as np
 
 from tacstrip.errors import ReadingError
 from tacstrip.io.log_import.fields import is_prose, is_sentence, is_value, number_of, says_nothing, ungrouped
-from tacstrip.io.log_import.names import READING_UNITS, UNITS, meaning, meanings
+from tacstrip.io.log_import.names import READING_UNITS, UNITS, meaning, meanings, unknown_unit
 
 CLOCK = "time stamp"  # the column of what a serial monitor or a logger puts before each line
 ROW = "line of its block"  # where blocks of as many lines follow each other
@@ -203,7 +203,12 @@ def headed(
         for column in zip(*full[len(full) // 3 :], strict=True)
     ]
     if not any(numeric):
-        raise ReadingError("the log has no column of numbers")
+        units = (re.fullmatch(r"[-+]?\d[\d.,]*\s?([^\W\d]{1,6})", cell) for row in full for cell in row)
+        strange = next((m for m in units if m and unknown_unit(f"x [{m[1]}]")), None)
+        said = (
+            f": {strange[1]!r}, as in {strange[0]!r}, is no unit of readings that is known" if strange else ""
+        )
+        raise ReadingError(f"the log has no column of numbers{said}")
     # Words that stand for no contact come again in the lines below the names.
     lower = [
         row
@@ -233,14 +238,16 @@ def headed(
         ]
     _check_names(split, above, width, decimal)
     again = {i for i, row in below if len(row) == width and row in above}
-    boots = {
-        i for i, row in below if len(row) != width and row in [r for _, r in split[:first] if r not in above]
-    }
+    # What a board says as it starts stands above the table, and again where it was reset.
+    banner = [row for _, row in split[:first] if row not in above]
+    boots = {i for i, row in split[first:] if len(row) != width and row in banner}
     below = [(i, row) for i, row in below if i not in boots]
     rows = [(i, row) for i, row in below if len(row) == width and i not in again]
     sums = {i: word for i, row in rows if (word := _statistic(row, numeric, decimal))}
     sums = sums if 2 * len(sums) < len(rows) else {}  # else these are labels
     rows = [(i, row) for i, row in rows if i not in sums]
+    notes = {i for i, row in rows if _is_note(row, numeric, decimal)}
+    rows = [(i, row) for i, row in rows if i not in notes]
     # A line without a digit holds no reading, so none is lost with it.
     told_names = {w.casefold() for row in above for w in re.findall(r"[^\W\d_]+", " ".join(row))}
     told_names |= {w.casefold() for _, row in rows for cell in row for w in re.findall(r"[^\W\d_]{3,}", cell)}
@@ -249,7 +256,7 @@ def headed(
         if len(row) != width and re.search(r"\d", "".join(row)) and not is_prose(" ".join(row), told_names)
         and not (i > rows[-1][0] and is_sentence(" ".join(row)))
     )  # fmt: skip
-    words = sum(len(row) != width for _, row in below) - len(broken)
+    words = sum(len(row) != width for _, row in below) - len(broken) + len(notes)
     numbers = [
         f"{i} ({' '.join(row)[:_LONG]!r})" for i, row in split[: max(first - len(above), 0)]
         if len(row) > 1 and all(is_value(c, decimal) for c in row)
@@ -385,6 +392,16 @@ def _statistic(row: Sequence[str], numeric: Sequence[bool], decimal: str) -> str
     return (found or [""])[0]
 
 
+def _is_note(row: Sequence[str], numeric: Sequence[bool], decimal: str) -> bool:
+    """Return whether a row holds a few words only, in columns of numbers, as below the table of a sheet."""
+    filled = [n for n, cell in enumerate(row) if cell]
+    return 3 * len(filled) <= len(row) and not any(
+        not numeric[n] or is_value(row[n], decimal) or says_nothing(row[n])
+        or (re.search(r"\d", row[n]) and not is_prose(row[n]))
+        for n in filled
+    )  # fmt: skip
+
+
 def _counts(row: list[str], other: list[str]) -> bool:
     """Return whether a row only counts strips, all as often, beside fields that are empty there and not below."""
     counted = [n for n, cell in enumerate(row) if cell]
@@ -397,7 +414,8 @@ def _counts(row: list[str], other: list[str]) -> bool:
 def _says_one_number(row: Sequence[str]) -> bool:
     """Return whether a row says the same number of each column, as "Samples, 14, 14, 14"."""
     numbers = [cell for cell in row[1:] if cell]
-    return len(numbers) > _FEW and len(set(numbers)) == 1 and number_of(numbers[0]) is not None
+    counted = meaning(row[0]).role in ("scan", "") and len(numbers) > _FEW
+    return counted and len(set(numbers)) == 1 and numbers[0].isdecimal()
 
 
 def _numbers_columns(row: Sequence[str]) -> bool:

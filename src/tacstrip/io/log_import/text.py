@@ -249,7 +249,10 @@ def _without_cut_end(table: Table, text: str) -> Table:
         return table
     *others, last = [row[-1] for row in table.rows]
     longer = [len(cell) for cell in others if cell]
-    if not last or not longer or len(last) >= min(longer):
+    by_blanks = not re.search(
+        r"[,;|\t:=]", text[text.rstrip().rfind("\n") + 1 :]
+    )  # which end where it is cut
+    if not (by_blanks and longer) if not last else not longer or len(last) >= min(longer):
         return table
     broken = (*table.broken, table.lines[-1])
     return replace(table, rows=table.rows[:-1], lines=table.lines[:-1], broken=broken)
@@ -525,9 +528,9 @@ def _below_their_names(data: list[tuple[int, str]]) -> list[tuple[int, str]]:
                 continue
             if many == {len(words[first - 1])}:
                 return []
-            cut = _cut_row([data[n][1] for n in body]) if side is re.Match.end else False
-            made = [(i, line) for i, line in data]
-            for n in [first - 1, *(body[:-1] if cut else body)]:
+            made = list(data)
+            alone = [n for n, m in enumerate(words) if n > first and len(m) == 1 and _is_bare(m[0].group())]
+            for n in [first - 1, *body, *(n for n in alone if side(words[n][0]) in places)]:
                 at = {side(m): m.group() for m in (names if n < first else words[n])}
                 made[n] = (data[n][0], "\t".join(at.get(p, "") for p in places))
             return made
@@ -536,11 +539,6 @@ def _below_their_names(data: list[tuple[int, str]]) -> list[tuple[int, str]]:
 
 def _is_bare(word: str) -> bool:
     return number_of(word) is not None or says_nothing(word) or clock_seconds(word) is not None
-
-
-def _cut_row(rows: list[str]) -> bool:
-    """Return whether the last row is shorter than all others, which are filled up with blanks."""
-    return len(rows[-1]) < min(map(len, rows[:-1]))
 
 
 def _below_a_preamble(
