@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import io
+import itertools
 import json
 import tempfile
 from collections import Counter
@@ -19,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from studies.holdout.import_forms import A, B, BENCHES, Bench, C, D, _at, _comma, _lines, _row, _t, score
+from studies.holdout.import_forms import BENCHES, A, B, Bench, C, D, _at, _comma, _lines, _row, _t, score
 
 _SCANS = range(14)
 E = replace(B, volts=B.volts[:13])  # the last scan is cut
@@ -35,7 +36,7 @@ def _each(b: Bench, line: Callable[[int, int], str]) -> list[str]:
 
 
 def _fixed(b: Bench, number: int, end: str) -> str:
-    """A table printed with `{:>w}`, empty cells, blanks within names."""
+    """Return a table printed with `{:>w}`, empty cells, blanks within names."""
     names = ["time ms", *(f"strip {s + number} {c}".rstrip() for s in range(b.sensor.strips) for c in (("h", "l") if b.volts.shape[2] == 2 else ("",)))]
     rows = [[f"{20 * i}", *(b.text(i, s, c, ".3f", "") for s in range(b.sensor.strips) for c in range(b.volts.shape[2]))] for i in _SCANS]
     return _lines("Logger v1.2 on /dev/ttyUSB0 at 115200", "press Ctrl-C to stop", "", "".join(f"{n:>12}" for n in names),
@@ -138,6 +139,52 @@ def _forms() -> Iterator[tuple[str, str | Bench, str, str | bytes]]:
     yield "supply voltage beside", "B", ".csv", _lines("time_s,voltage," + ",".join(f"voltage{s}" for s in range(6)), *(f"{_t(i):.2f},3.301,{_row(B, i)}" for i in _SCANS))
 
 
+def _later() -> Iterator[tuple[str, str | Bench, str, str | bytes]]:
+    """Yield forms that were written after the first had been mended for, and before any of these was tried."""
+    def col(cells: list[str], widths: list[int], left: bool = False) -> str:
+        return "".join(f"{c:<{w}}" if left else f"{c:>{w}}" for c, w in zip(cells, widths, strict=True))
+
+    many = range(6)
+    yield "fixed, units and rule", "B", ".txt", _lines("Pad 3, run 7", "", col(["Time", *(f"Strip {s}" for s in many)], [10] * 7, left=True), col(["ms", *["V"] * 6], [10] * 7, left=True), "-" * 70, *(col([f"{20 * i}", *(B.text(i, s, 0) for s in many)], [10] * 7, left=True) for i in _SCANS), "(14 rows)")
+    yield "fixed, line per strip", "A", ".txt", _lines("opened COM4, 115200 baud", col(["Time (ms)", "Strip no.", "V high (V)", "V low (V)"], [12] * 4), *_each(A, lambda i, s: col([f"{20 * i}", f"{s}", A.text(i, s, 0), A.text(i, s, 1)], [12] * 4)), "^C")
+    yield "fixed, n/a, commas above", "B", ".txt", _lines("Logger, v2, 2026-03-14, room 12", "12 bits, 3.3 V, 6 strips", col(["t [s]", *(f"ch {s} [V]" for s in many)], [11] * 7), *(col([f"{_t(i):.2f}", *(B.text(i, s, 0, ".3f", "n/a") for s in many)], [11] * 7) for i in _SCANS), "KeyboardInterrupt")
+    yield "fixed, psql", "A", ".txt", _lines(" time_s | strip |  v_h  |  v_l  ", "--------+-------+-------+-------", *_each(A, lambda i, s: f" {_t(i):6.2f} | {s:5} | {A.text(i, s, 0):>5} | {A.text(i, s, 1):>5} "), "(112 rows)", "")
+    yield "book, readme first, margin", "B", ".xlsx", _book(("Readme", [["Column", "Meaning"], ["t", "time in ms"], ["s0", "strip 0, volts"], ["version", 3]], []), ("Data", [[None, "Pad test, 14 March", None], [None], [None, "t_ms", *(f"s{s}" for s in many)], *([None, 20 * i, *_cells(B, i)] for i in _SCANS)], ["B1:H1"]))
+    yield "book, date and time", "B", ".xlsx", _book(("Log", [["Date", "Time", *(f"Strip {s} [V]" for s in many)], *([_at(i).date(), _at(i).time(), *_cells(B, i)] for i in _SCANS)], []))
+    yield "book, totals and words below", "A", ".xlsx", _book(("Log", [["Time (s)", *(f"Strip {s} {c}" for s in range(8) for c in ("high", "low"))], *([_t(i), *_cells(A, i)] for i in _SCANS), [], ["Min", *[0.4] * 16], ["Max", *[4.4] * 16], [], ["Measured by JK on 14 March, checked by TR"], ["Pad 3 with 4 mm foam"]], []))
+    yield "book, remarks beside", "B", ".xlsx", _book(("Log", [["t/s", *(f"U{s}/V" for s in many), "Remark", None], *([_t(i), *_cells(B, i), "pressed 2x" if i == 4 else None, "see photo 12" if i == 9 else None] for i in _SCANS)], []))
+    js = lambda i, s: json.dumps({"h": None if np.isnan(A.volts[i, s, 0]) else round(float(A.volts[i, s, 0]), 3), "l": None if np.isnan(A.volts[i, s, 1]) else round(float(A.volts[i, s, 1]), 3)})  # noqa: E731
+    yield "mosquitto -v json", "A", ".log", _lines(*_each(A, lambda i, s: f"skin/{s} {js(i, s)}"))
+    yield "mosquitto -F scalars", "A", ".log", _lines(*(f"{_at(i):%Y-%m-%dT%H:%M:%S}.{20 * i % 1000 + 580:03d}+0100 lab/skin/{s}/{c} {A.text(i, s, n, nothing='nan')}" for i in _SCANS for s in range(8) for n, c in enumerate(("vh", "vl"))))
+    yield "bracketed time, topic, colon", "A", ".log", _lines(*_each(A, lambda i, s: f"[{_at(i):%Y-%m-%d %H:%M:%S.%f}] lab/skin/{s}: {js(i, s)}"))
+    yield "epoch, topic, two numbers", "A", ".log", _lines(*_each(A, lambda i, s: f"{1.77e9 + _t(i):.3f} skin/{s} {A.text(i, s, 0, nothing='nan')},{A.text(i, s, 1, nothing='nan')}"))
+    yield "journalctl monotonic", "A", ".log", _lines(*_each(A, lambda i, s: f"[{1234 + _t(i):12.6f}] raspi skin[812]: strip={s} {_kv(A, i, s)}"))
+    yield "zephyr", "A", ".log", _lines("*** Booting Zephyr OS build v3.5.0 ***", *_each(A, lambda i, s: f"[00:00:{1 + _t(i):06.3f},000] <inf> skin: strip {s}: h={A.text(i, s, 0, '.0f', 'nan', 1000)} mV l={A.text(i, s, 1, '.0f', 'nan', 1000)} mV"))
+    yield "esp-idf, colours, lists", "B", ".log", _lines(*(f"\x1b[0;32mI ({3800 + 20 * i}) skin: v=[{_row(B, i, ', ', nothing='nan')}]\x1b[0m" for i in _SCANS))
+    yield "plotter with constant lines", "B", ".txt", _lines(*(f"Min:0,Max:5,t_ms:{20 * i}," + ",".join(f"s{s}:{B.text(i, s, 0, nothing='nan')}" for s in many) for i in _SCANS))
+    yield "python logging", "A", ".log", _lines("2026-03-14 09:26:52,100 - skin - INFO - opened /dev/ttyACM0", *_each(A, lambda i, s: f"{_at(i):%Y-%m-%d %H:%M:%S},{580 + 20 * i if i < 21 else 0:03d} - skin - INFO - strip={s} {_kv(A, i, s)}"))
+    yield "dataclass repr", "A", ".txt", _lines(*_each(A, lambda i, s: f"Reading(t={_t(i):.2f}, strip={s}, h={A.text(i, s, 0, nothing='None')}, l={A.text(i, s, 1, nothing='None')})"))
+    yield "node-red", "A", ".jsonl", _lines(*_each(A, lambda i, s: f'{{"_msgid": "{i:04x}{s:x}c2", "topic": "skin/{s}", "ts": {1_770_000_000_000 + 20 * i}, "payload": {js(i, s)}}}'))
+    yield "influx csv", "B", ".csv", _lines("#group,false,false,false,false,true,true", "#datatype,string,long,dateTime:RFC3339Nano,double,string,string", "#default,_result,,,,,", ",result,table,_time,_value,_field,strip", *(f",,{s},{_at(i):%Y-%m-%dT%H:%M:%S.%f}Z,{B.text(i, s, 0)},volts,{s}" for s in many for i in _SCANS if not np.isnan(B.volts[i, s, 0])), "", end="\r\n")
+    yield "grafana", "B", ".csv", _lines('"Time",' + ",".join(f'"strip {s}"' for s in many), *(f'"{_at(i):%Y-%m-%d %H:%M:%S.%f}",' + ",".join(f'"{t} V"' if (t := B.text(i, s, 0)) else "" for s in many) for i in _SCANS))
+    yield "picoscope mV", "B", ".csv", _lines("Time," + ",".join(f"Channel {c}" for c in "ABCDEF"), "(ms)" + ",(mV)" * 6, "", *(f"{20 * i - 140:.8f}," + _row(B, i, ",", ".4f", "", 1000.0) for i in _SCANS), end="\r\n")
+    yield "rigol", "B", ".csv", _lines("X," + ",".join(f"CH{s + 1}" for s in many) + ",Start,Increment,", "Sequence," + ",".join(["Volt"] * 6) + ",0.000000e+00,2.000000e-02", *(f"{i}," + _row(B, i, ",", ".4e", "") + "," for i in _SCANS), end="\r\n")
+    yield "excel sep line", "B", ".csv", ("\ufeff" + _lines("sep=;", "Zeit (s);" + ";".join(f"Streifen {s + 1}" for s in many), *(_comma(f"{_t(i):.2f};{_row(B, i, ';')}") for i in _SCANS), end="\r\n")).encode()
+    yield "r write.table", "A", ".txt", _lines('"time_s" "strip" "v_h" "v_l"', *(f'"{n + 1}" {_t(n // 8):.2f} {n % 8} {A.text(n // 8, n % 8, 0, nothing="NA")} {A.text(n // 8, n % 8, 1, nothing="NA")}' for n in range(112)))
+    rows = [[f"{20 * i},{s + 1},{C.code(i, s, 0, '', 10)},{C.code(i, s, 1, '', 10)}" for s in range(7)] for i in _SCANS]
+    yield "reset with garbage", "C", ".csv", _lines("boot v1.4", "ms,strip,adc_h,adc_l", *(x for r in rows[:7] for x in r), "\xff\xfe\x80\xf8boot v1.4", "ms,strip,adc_h,adc_l", *(x for r in rows[7:] for x in r)).encode("latin-1")
+    yield "names again with blanks", "B", ".csv", _lines("time_s,v0,v1,v2,v3,v4,v5", *(f"{_t(i):.2f},{_row(B, i)}" for i in range(7)), "time_s, v0, v1, v2, v3, v4, v5", *(f"{_t(i):.2f},{_row(B, i)}" for i in range(7, 14)))
+    yield "lines with cr cr lf", "B", ".csv", _lines("time_s,v0,v1,v2,v3,v4,v5,", *(f"{_t(i):.2f},{_row(B, i)}," for i in _SCANS), end="\r\r\n").encode("utf-8-sig")
+    yield "footer, stopped and summary", "A", ".log", _lines("# skin log", *_each(A, lambda i, s: f"t={20 * i} strip={s} {_kv(A, i, s)}"), "*** logging stopped at 09:27:10 ***", "Summary: min=0.41 V max=4.38 V, 14 scans, 0 lost")
+    yield "footer, hash end", "B", ".csv", _lines("time_s,v0,v1,v2,v3,v4,v5", *(f"{_t(i):.2f},{_row(B, i)}" for i in _SCANS), "# END 14 scans", "EOF")
+    yield "footer, record count", "A", ".csv", _lines("ms;strip;v_h;v_l", *_each(A, lambda i, s: f"{20 * i};{s};{A.text(i, s, 0)};{A.text(i, s, 1)}"), "112 records written;;;")
+    # Not to be known: refused or asked is right.
+    yield "trap, candump", "B", ".log", _lines(*(f"({1.77e9 + _t(i):.6f}) can0 {0x100 + s:03X}#{int(B.code(i, s, 0)):04X}" for i in _SCANS for s in many))
+    yield "trap, kilopascals", "B", ".log", _lines(*(f"t={20 * i} strip={s} p={B.text(i, s, 0, nothing='0.0')} kPa" for i in _SCANS for s in many))
+    yield "trap, zeros in a number", "B", ".csv", _lines("time_s,v0,v1,v2,v3,v4,v5", *(f"{_t(i):.2f},{_row(B, i)}" for i in range(13)), f"0.26,{_row(B, 13)}".replace("1.9", "1.\0\0", 1))
+    yield "trap, strips from 3 on", "B", ".csv", _lines("t_ms,strip,volts", *(f"{20 * i},{s},{B.text(i, s, 0)}" for i in _SCANS for s in (3, 4)))
+
+
 def main() -> None:
     """Print what becomes of each form, and how many of each kind there are."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -146,7 +193,7 @@ def main() -> None:
     given = parser.parse_args()
     counted: Counter[str] = Counter()
     with tempfile.TemporaryDirectory() as folder:
-        for name, bench, ending, content in _forms():
+        for name, bench, ending, content in itertools.chain(_forms(), _later()):
             if given.names and name not in given.names:
                 continue
             file = (given.keep or Path(folder)) / (name.replace(" ", "-").replace(",", "") + ending)

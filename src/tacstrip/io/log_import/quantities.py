@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray
-from tacstrip.errors import ReadingError
+from tacstrip.errors import OptionError, ReadingError
 from tacstrip.io.log_import.columns import CLOCK_BITS, Columns
 from tacstrip.io.log_import.fields import clock_seconds, number_of, says_nothing
 from tacstrip.io.log_import.mapping import RESTARTS, ColumnMapping
@@ -26,7 +26,6 @@ _REST = 0.05  # of the largest reading: the most that the noise of open inputs r
 _GAP = 5.0  # times: how far above that the other readings begin
 _LEAP = 2.0  # times the largest step of a strip that stays touched: a contact begins or ends
 _AT_ONCE = "strips go there and back in one step, and no other reading moves as far"
-_MEANT = 0.21  # of Vref: readings that reach it in volts are no noise of a thousandth
 _FAINT = 0.005  # of what there can be: a log that stays below was hardly made so
 # Of Vref: so far above is no offset, and so far may another Vref let readings go; and fewer that do are slips.
 _OFF_VREF, _MOST_OVER, _FEW_OVER = 0.01, 2.0, 2
@@ -410,7 +409,7 @@ def with_unit(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list[
             unit, *(u for u in ("fraction", "V") if u != unit),
         )  # fmt: skip
     if answer and top and values.max() < _FAINT * top:
-        if answer in IN_VOLTS and answer != "V" and _MEANT * vref < values.max() <= vref:
+        if answer in IN_VOLTS and answer != "V" and _LITTLE * vref < values.max() <= vref:
             raise OptionError(
                 f"--answer unit={answer}: no reading is above {values.max():g} of {top:g} {answer} then; they fit V: "
                 "--answer unit=V (if they are of an untouched sensor, write unit into a --mapping)"
