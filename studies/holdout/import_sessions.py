@@ -131,7 +131,7 @@ def _forms() -> Iterator[tuple[str, str | Bench, str, str | bytes]]:
     clock = [[f"{20 * i},{s + 1},{C.code(i, s, 0, '', 10)},{C.code(i, s, 1, '', 10)}" for s in range(7)] for i in _SCANS]
     yield "reset without a clock's", "C", ".csv", _lines(*boot, *(x for r in clock[:7] for x in r), *boot, *(x for r in clock[7:] for x in r))
     yield "nul bytes between", "B", ".csv", _lines(wide, *rows[:6], "\0" * 37, *rows[6:])
-    yield "nul bytes at a line's start", "B", ".csv", _lines(wide, *rows[:6], "\0\0\0" + rows[6], *rows[7:])
+    yield "trap, zeros at a line's start", "B", ".csv", _lines(wide, *rows[:6], "\0\0\0" + rows[6], *rows[7:])
     yield "last line overwritten", E, ".csv", _lines(wide, *rows[:13], rows[13][:14] + rows[2][:9])
     yield "last strip cut", F, ".csv", _lines(boot[3], *(x for r in clock[:13] for x in r), *clock[13][:4]) + clock[13][4][:6]
     # Names and numbers.
@@ -147,13 +147,15 @@ def _later() -> Iterator[tuple[str, str | Bench, str, str | bytes]]:
     many = range(6)
     yield "fixed, units and rule", "B", ".txt", _lines("Pad 3, run 7", "", col(["Time", *(f"Strip {s}" for s in many)], [10] * 7, left=True), col(["ms", *["V"] * 6], [10] * 7, left=True), "-" * 70, *(col([f"{20 * i}", *(B.text(i, s, 0) for s in many)], [10] * 7, left=True) for i in _SCANS), "(14 rows)")
     yield "fixed, line per strip", "A", ".txt", _lines("opened COM4, 115200 baud", col(["Time (ms)", "Strip no.", "V high (V)", "V low (V)"], [12] * 4), *_each(A, lambda i, s: col([f"{20 * i}", f"{s}", A.text(i, s, 0), A.text(i, s, 1)], [12] * 4)), "^C")
-    yield "fixed, n/a, commas above", "B", ".txt", _lines("Logger, v2, 2026-03-14, room 12", "12 bits, 3.3 V, 6 strips", col(["t [s]", *(f"ch {s} [V]" for s in many)], [11] * 7), *(col([f"{_t(i):.2f}", *(B.text(i, s, 0, ".3f", "n/a") for s in many)], [11] * 7) for i in _SCANS), "KeyboardInterrupt")
+    yield "fixed, void, commas above", "B", ".txt", _lines("Logger, v2, 2026-03-14, room 12", "12 bits, 3.3 V, 6 strips", col(["t [s]", *(f"ch {s} [V]" for s in many)], [11] * 7), *(col([f"{_t(i):.2f}", *(B.text(i, s, 0, ".3f", "n/a") for s in many)], [11] * 7) for i in _SCANS), "KeyboardInterrupt")
     yield "fixed, psql", "A", ".txt", _lines(" time_s | strip |  v_h  |  v_l  ", "--------+-------+-------+-------", *_each(A, lambda i, s: f" {_t(i):6.2f} | {s:5} | {A.text(i, s, 0):>5} | {A.text(i, s, 1):>5} "), "(112 rows)", "")
     yield "book, readme first, margin", "B", ".xlsx", _book(("Readme", [["Column", "Meaning"], ["t", "time in ms"], ["s0", "strip 0, volts"], ["version", 3]], []), ("Data", [[None, "Pad test, 14 March", None], [None], [None, "t_ms", *(f"s{s}" for s in many)], *([None, 20 * i, *_cells(B, i)] for i in _SCANS)], ["B1:H1"]))
     yield "book, date and time", "B", ".xlsx", _book(("Log", [["Date", "Time", *(f"Strip {s} [V]" for s in many)], *([_at(i).date(), _at(i).time(), *_cells(B, i)] for i in _SCANS)], []))
     yield "book, totals and words below", "A", ".xlsx", _book(("Log", [["Time (s)", *(f"Strip {s} {c}" for s in range(8) for c in ("high", "low"))], *([_t(i), *_cells(A, i)] for i in _SCANS), [], ["Min", *[0.4] * 16], ["Max", *[4.4] * 16], [], ["Measured by JK on 14 March, checked by TR"], ["Pad 3 with 4 mm foam"]], []))
     yield "book, remarks beside", "B", ".xlsx", _book(("Log", [["t/s", *(f"U{s}/V" for s in many), "Remark", None], *([_t(i), *_cells(B, i), "pressed 2x" if i == 4 else None, "see photo 12" if i == 9 else None] for i in _SCANS)], []))
-    js = lambda i, s: json.dumps({"h": None if np.isnan(A.volts[i, s, 0]) else round(float(A.volts[i, s, 0]), 3), "l": None if np.isnan(A.volts[i, s, 1]) else round(float(A.volts[i, s, 1]), 3)})  # noqa: E731
+    def js(i: int, s: int) -> str:
+        return json.dumps({c: None if np.isnan(v) else round(float(v), 3) for c, v in zip("hl", A.volts[i, s], strict=True)})
+
     yield "mosquitto -v json", "A", ".log", _lines(*_each(A, lambda i, s: f"skin/{s} {js(i, s)}"))
     yield "mosquitto -F scalars", "A", ".log", _lines(*(f"{_at(i):%Y-%m-%dT%H:%M:%S}.{20 * i % 1000 + 580:03d}+0100 lab/skin/{s}/{c} {A.text(i, s, n, nothing='nan')}" for i in _SCANS for s in range(8) for n, c in enumerate(("vh", "vl"))))
     yield "bracketed time, topic, colon", "A", ".log", _lines(*_each(A, lambda i, s: f"[{_at(i):%Y-%m-%d %H:%M:%S.%f}] lab/skin/{s}: {js(i, s)}"))

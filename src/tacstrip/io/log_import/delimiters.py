@@ -25,9 +25,10 @@ _COUNT = re.compile(r"\b(\d+)\s+(?:\w+ )?(?:strips?|lines?|readings?|touched)\b"
 _TAG = re.compile(r"([A-Za-z][\w.-]*): (?=\S)")
 _TOPIC = re.compile(
     rf"\s*(?:[\[(]?(?P<time>{STAMP}|\d+(?:\.\d+)?)[\])]?[\s,;:]+)?(?P<topic>/?[A-Za-z][\w.-]*(?:/[\w.-]+)+)[\s:,;=]+"
-    r"(?P<sent>\{.*\}|\[.*\])\s*"
+    r"(?P<sent>\{.*\}|\[.*\]|(?=.*[. n])(?:[-+]?\d+(?:\.\d+)?|nan)(?:[,;\s]+(?:[-+]?\d+(?:\.\d+)?|nan))+)\s*"
 )
-_NAN = re.compile(r"(?<=[\[:, ])nan\b", re.IGNORECASE)
+_BETWEEN = re.compile(r"[,;\s]+")
+_NAN = re.compile(r"(?<![^\[:, ;])nan\b", re.IGNORECASE)
 _VALUE = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:\s?[A-Za-z%]{1,3})?|nan|n/a|-{1,3}"
 _SLASHED = re.compile(rf"\s*(?:\S+\s*:\s*)?(?:{_VALUE})(?:\s+/\s+(?:{_VALUE}))+\s*", re.IGNORECASE)
 
@@ -109,7 +110,10 @@ def of_sent(text: str) -> str:
     for line, m in zip(lines, found, strict=True):
         parts = m["topic"].strip("/").split("/") if m else []
         try:
-            sent = json.loads(_NAN.sub("null", m["sent"])) if m else None
+            plain = _NAN.sub("null", m["sent"]) if m else ""
+            if plain[:1] not in ("{", "["):
+                plain = "[" + ", ".join(_BETWEEN.split(plain)) + "]"
+            sent = json.loads(plain) if m else None
         except ValueError:
             sent = None
         if m is None or sent is None or len(parts) != usual:

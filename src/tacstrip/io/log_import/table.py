@@ -15,6 +15,7 @@ from tacstrip.errors import ReadingError
 from tacstrip.io.log_import.fields import is_prose, is_sentence, is_value, number_of, says_nothing, ungrouped
 from tacstrip.io.log_import.names import READING_UNITS, UNITS, meaning, meanings, unknown_unit
 
+GARBLED = "\ufffd"  # for what a board wrote as it was reset
 CLOCK = "time stamp"  # the column of what a serial monitor or a logger puts before each line
 ROW = "line of its block"  # where blocks of as many lines follow each other
 _TALLEST_HEADER = 5
@@ -242,7 +243,8 @@ def headed(
     banner = [row for _, row in split[:first] if row not in above]
     boots = {i for i, row in split[first:] if len(row) != width and row in banner}
     below = [(i, row) for i, row in below if i not in boots]
-    rows = [(i, row) for i, row in below if len(row) == width and i not in again]
+    garbled = {i for i, row in below if GARBLED in "".join(row)}
+    rows = [(i, row) for i, row in below if len(row) == width and i not in {*again, *garbled}]
     sums = {i: word for i, row in rows if (word := _statistic(row, numeric, decimal))}
     sums = sums if 2 * len(sums) < len(rows) else {}  # else these are labels
     rows = [(i, row) for i, row in rows if i not in sums]
@@ -251,12 +253,13 @@ def headed(
     # A line without a digit holds no reading, so none is lost with it.
     told_names = {w.casefold() for row in above for w in re.findall(r"[^\W\d_]+", " ".join(row))}
     told_names |= {w.casefold() for _, row in rows for cell in row for w in re.findall(r"[^\W\d_]{3,}", cell)}
+    odd = [(i, " ".join(row)) for i, row in below if len(row) != width or i in garbled]
     broken = tuple(
-        i for i, row in below
-        if len(row) != width and re.search(r"\d", "".join(row)) and not is_prose(" ".join(row), told_names)
-        and not (i > rows[-1][0] and is_sentence(" ".join(row)))
+        i for i, text in odd
+        if re.search(r"\d", text)
+        and (i in garbled or not (is_prose(text, told_names) or (i > rows[-1][0] and is_sentence(text))))
     )  # fmt: skip
-    words = sum(len(row) != width for _, row in below) - len(broken) + len(notes)
+    words = len(odd) - len(broken) + len(notes)
     numbers = [
         f"{i} ({' '.join(row)[:_LONG]!r})" for i, row in split[: max(first - len(above), 0)]
         if len(row) > 1 and all(is_value(c, decimal) for c in row)
@@ -290,7 +293,10 @@ def headed(
         tuple(_distinct(names)), [row for _, row in rows], [i for i, _ in rows], decimal, bool(above),
         (*remarks, *filter(None, told)), broken, (*preamble, *("\t".join(row) for _, row in split[:first])),
         quotes={i: " ".join(row) for i, row in below if i in broken},
-        doubts=_fewer_names(split[:first], above, width),
+        doubts=(
+            *_fewer_names(split[:first], above, width),
+            *(f"line {i} holds bytes of 0, as of a reset: what stood there is lost" for i in sorted(garbled)),
+        ),
     )  # fmt: skip
 
 

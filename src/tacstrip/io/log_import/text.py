@@ -23,7 +23,7 @@ from tacstrip.io.log_import.records import STEADY, Item, is_label, items, named_
 from tacstrip.io.log_import.sections import in_one_table
 from tacstrip.io.log_import.shape import in_normal_form
 from tacstrip.io.log_import.strays import with_retries, without, without_messages
-from tacstrip.io.log_import.table import CLOCK, ROW, ContradictionError, Table, decimal_mark, headed
+from tacstrip.io.log_import.table import CLOCK, GARBLED, ROW, ContradictionError, Table, decimal_mark, headed
 
 _WIDE = "  "  # two spaces or more
 _SEPARATORS = (";", "\t", "|", ",", _WIDE, " ")
@@ -73,7 +73,6 @@ _FEW_LINES = 4  # of fewer, the length of the last number tells nothing
 _FEW_BLOCKS = 2
 _WORDED = re.compile(r"[^\dA-Za-z]*[A-Za-z][^\t;|]*(?<!,)\Z")  # and without fields
 _COLOUR = re.compile(r"\x1b\[[0-9;]*[A-Za-z]")  # of a terminal
-_GARBLED = "\ufffd"  # for what a board wrote as it was reset
 _FEW_GARBLED, _GARBLED_LINES = 3, 0.05  # places with zeros, and part of the lines: of more, a file is no text
 _CHANNEL_LINE = re.compile(
     r"\s*((?:\d+(?:\.\d+)?[\s,;]+)?)([A-Za-z_]+)\s*[:=]((?:[\s,;]+[-+\d.eEna]+)+)[\s,;]*\Z"
@@ -91,7 +90,7 @@ def decoded(file: Path) -> str:
             return _in_utf16(raw, file, name)
     if raw[:40].count(0) >= len(raw[:40]) // 2 - 1 > 2:
         return _in_utf16(raw, file, "utf-16-le" if raw[1] == 0 else "utf-16-be")
-    text, many = re.subn(rb"\0+", _GARBLED.encode(), raw.rstrip(b"\0"))  # as where a logger was switched off
+    text, many = re.subn(rb"\0+", GARBLED.encode(), raw.rstrip(b"\0"))  # as where a logger was switched off
     if many > max(_FEW_GARBLED, _GARBLED_LINES * text.count(b"\n")):
         raise ReadingError(f"{file}: not a text file (byte {raw.index(0)} is 0)")
     try:
@@ -519,15 +518,15 @@ def _below_their_names(data: list[tuple[int, str]]) -> list[tuple[int, str]]:
     body = [n for n, is_row in enumerate(bare) if is_row]
     top = data[first - 1][1].expandtabs()
     many = {len(words[n]) for n in body}
-    for names in (words[first - 1], list(re.finditer(r"\S+(?: \S+)*", top))):
+    if many == {len(words[first - 1])}:
+        return []
+    for names in (list(re.finditer(r"\S+(?: \S+)*", top)), words[first - 1]):
         if len(names) < max(3, *many) or any(number_of(m.group()) is not None for m in names):
             continue
         for side in (re.Match.end, re.Match.start):
             places = [side(m) for m in names]
             if any(not {side(m) for m in words[n]} <= {*places} for n in body):
                 continue
-            if many == {len(words[first - 1])}:
-                return []
             made = list(data)
             alone = [n for n, m in enumerate(words) if n > first and len(m) == 1 and _is_bare(m[0].group())]
             for n in [first - 1, *body, *(n for n in alone if side(words[n][0]) in places)]:
