@@ -37,7 +37,7 @@ _COPIED = re.compile(r"(?ms)^COPY\s+(\S+)\s*\(([^()]*)\)\s+FROM\s+stdin;\s*\n(.*
 _CONSTRAINT = re.compile(r"\s*(?:PRIMARY|UNIQUE|FOREIGN|CONSTRAINT|CHECK|KEY|INDEX)\b", re.IGNORECASE)
 _VECTOR = re.compile(r"`?([\w.]+)`?\s*=\s*c\(([^()]*)\)")
 
-_MATRIX_ROW = r"(?:[ \t]*(?:[-+]?[\d.]+(?:[eE][-+]?\d+)?|NaN|NA))+[ \t]*\n"
+_MATRIX_ROW = r"(?:[ \t]*(?:[-+]?[\d.]+(?:[eE][-+]?\d+)?|(?i:nan)|NA))+[ \t]*\n"
 _MATRIX = re.compile(
     rf"(?m)^[ \t]*([A-Za-z]\w*) =[ \t]*\n\s*\n((?:{_MATRIX_ROW})+)"
 )  # as MATLAB prints a matrix

@@ -248,10 +248,12 @@ def _without_cut_end(table: Table, text: str) -> Table:
         return table
     *others, last = [row[-1] for row in table.rows]
     longer = [len(cell) for cell in others if cell]
-    by_blanks = not re.search(
-        r"[,;|\t:=]", text[text.rstrip().rfind("\n") + 1 :]
-    )  # which end where it is cut
-    if not (by_blanks and longer) if not last else not longer or len(last) >= min(longer):
+    if last or any(m.role == "strip" for m in meanings(table.names).values()):
+        cut = bool(last and longer) and len(last) < min(longer)
+    else:  # empty at the end, where the line before is not
+        end = len(list(itertools.takewhile(lambda cell: not cell, reversed(table.rows[-1]))))
+        cut = any(table.rows[-2][-end:])
+    if not cut:
         return table
     broken = (*table.broken, table.lines[-1])
     return replace(table, rows=table.rows[:-1], lines=table.lines[:-1], broken=broken)
