@@ -37,7 +37,8 @@ _COPIED = re.compile(r"(?ms)^COPY\s+(\S+)\s*\(([^()]*)\)\s+FROM\s+stdin;\s*\n(.*
 _CONSTRAINT = re.compile(r"\s*(?:PRIMARY|UNIQUE|FOREIGN|CONSTRAINT|CHECK|KEY|INDEX)\b", re.IGNORECASE)
 _VECTOR = re.compile(r"`?([\w.]+)`?\s*=\s*c\(([^()]*)\)")
 
-_MATRIX_ROW = r"(?:[ \t]*(?:[-+]?[\d.]+(?:[eE][-+]?\d+)?|(?i:nan)|NA))+[ \t]*\n"
+_ENTRY = r"(?:[-+]?\d[\d.]*(?:[eE][-+]?\d+)?|(?i:nan)|NA)"
+_MATRIX_ROW = rf"[ \t]*{_ENTRY}(?:[ \t]+{_ENTRY})*[ \t]*\n"
 _MATRIX = re.compile(
     rf"(?m)^[ \t]*([A-Za-z]\w*) =[ \t]*\n\s*\n((?:{_MATRIX_ROW})+)"
 )  # as MATLAB prints a matrix
