@@ -32,6 +32,9 @@ _SAID = (
     (r"(?:adc[_ ]?)?(?:bits|resolution(?:[_ ]bits)?)", "bits"), (r"v_?ref|aref|vcc|vdd", "V"),
 )  # fmt: skip
 _LONG = 40  # characters of a line that are quoted
+_CELLS = 100_000  # of a table, however sparse
+_SPARSEST = 256  # cells of a larger table to one that is filled: more than strips of which one is touched
+_DEEPEST = 32  # levels of records within records
 _FEW = 2  # fields that may look like units by chance
 
 
@@ -108,15 +111,20 @@ def of_records(
     """
     names = tuple(dict.fromkeys(itertools.chain.from_iterable(records)))
     parents = {parent for name in names for parent in _parents(name)}
-    void = {n for n in names if n in parents and not any(record.get(n) for record in records)}
+    filled = {n for record in records for n, text in record.items() if text}
+    void = {n for n in names if n in parents and n not in filled}
     names = tuple(n for n in names if n not in void)
-    for empty in [n for n in names if not any(record.get(n) for record in records)]:
-        # What is empty throughout has the parts that its neighbours have.
-        parent = (_parents(empty) or ["\0"])[-1]
-        beside = [found for n in names if n != empty and (found := _INNER.fullmatch(n.removeprefix(parent)))]
-        if parts := sorted({found[1] for found in beside}):
-            names = tuple(x for n in names for x in ([empty + part for part in parts] if n == empty else [n]))
-            void.add(empty)
+    lists = {n for n in names if n not in filled}
+    most = max(_CELLS, _SPARSEST * sum(map(len, records)))
+    levels = sorted({len(_parents(n)) for n in lists} - {0})
+    while levels and len(names) * len(records) <= most:
+        names = _with_parts(names, lists, levels.pop(), most // len(records))  # so what is within comes first
+    if len(names) * len(records) > most:
+        raise ReadingError(
+            f"the {len(records)} records of the log would make a table of {len(names)} columns that is nearly "
+            f"empty, with {names[0]!r} and {names[-1]!r}; name what is alike the same in each record"
+        )
+    void |= lists - {*names}
     absent = next(
         (
             i
@@ -129,19 +137,37 @@ def of_records(
     return Table(names, rows, lines, decimal, remarks=remarks, absent=absent)
 
 
+def _with_parts(names: tuple[str, ...], lists: Set[str], level: int, most: int) -> tuple[str, ...]:
+    """Return names with the parts of their neighbours in the place of those that are empty throughout, of one level.
+
+    Only the first one beyond `most`, so that what is damaged makes no more of them.
+    """
+    inner: dict[str, set[str]] = {}  # what is within the parts of a parent
+    parent_of = {n: above[level - 1] for n in names if len(above := _parents(n)) >= level}
+    for name, parent in parent_of.items():
+        if found := _INNER.fullmatch(name[len(parent) :]):
+            inner.setdefault(parent, set()).add(found[1])
+    parts = {parent: sorted(found) for parent, found in inner.items()}
+    here = {n for n in lists.intersection(parent_of) if len(_parents(n)) == level}
+    spread = ([n + p for p in parts.get(parent_of[n], [""])] if n in here else [n] for n in names)
+    return tuple(itertools.islice(itertools.chain.from_iterable(spread), most + 1))
+
+
 def _parents(name: str) -> list[str]:
     return [name[: mark.start()] for mark in re.finditer(r"[.\[]", name)]
 
 
-def flattened(name: str, value: Any) -> dict[str, str]:
+def flattened(name: str, value: Any, _level: int = 0) -> dict[str, str]:
     """Return a value of a record as fields: arrays as name[0], name[1], ..., what is within it as name.key."""
+    if _level >= _DEEPEST:
+        raise ReadingError(f"the log has records of more than {_DEEPEST} levels within each other")
     if isinstance(value, dict):
         parts = [(f"{name}.{key}" if name else str(key), v) for key, v in value.items()]
     elif isinstance(value, list | tuple):
         parts = [(f"{name}[{n}]", v) for n, v in enumerate(value)]
     else:
         return {name: text_of(value)}
-    return {key: text for part, v in parts for key, text in flattened(part, v).items()}
+    return {key: text for part, v in parts for key, text in flattened(part, v, _level + 1).items()}
 
 
 def said_above(values: Mapping[str, Any]) -> tuple[str, ...]:
