@@ -148,7 +148,7 @@ def _with_parts(names: tuple[str, ...], lists: Set[str], level: int, most: int) 
         if found := _INNER.fullmatch(name[len(parent) :]):
             inner.setdefault(parent, set()).add(found[1])
     parts = {parent: sorted(found) for parent, found in inner.items()}
-    here = {n for n in lists.intersection(parent_of) if len(_parents(n)) == level}
+    here = {n for n in lists & parent_of.keys() if len(_parents(n)) == level}
     spread = ([n + p for p in parts.get(parent_of[n], [""])] if n in here else [n] for n in names)
     return tuple(itertools.islice(itertools.chain.from_iterable(spread), most + 1))
 
