@@ -201,3 +201,32 @@ def test_names_that_do_not_fit_their_columns_are_said() -> None:
     vague = wide("# columns of strips in reversed order", both)
     with pytest.raises(Unanswered, match="strip_order=ascending or --answer strip_order=descending"):
         propose(of_text(vague), TWO, {"time_unit": "ms"}, ALL)
+
+
+@pytest.mark.parametrize("odd", [".260", "1.26", " .260"])
+def test_a_number_that_has_lost_a_digit_is_doubted(odd: str) -> None:
+    rows = [[f"{n / 50:.2f}", *(f"{1.2 + s / 10 + n / 100:.3f}" for s in range(4))] for n in range(12)]
+    whole = "\n".join(["t [s],s0,s1,s2,s3", *map(",".join, rows)])
+    assert not propose(of_text(whole), ONE, {}).doubts
+    rows[6][1] = odd
+    (doubt,) = propose(of_text("\n".join(["t [s],s0,s1,s2,s3", *map(",".join, rows)])), ONE, {}).doubts
+    assert doubt.startswith(f"line 8, s0: {odd.strip()} is not written as the other numbers")
+
+
+def test_numbers_that_are_shortened_are_not_doubted() -> None:
+    rows = [
+        [f"{n / 50:.2f}", *(repr(round(1.21 + s / 10 + n / 1000, 3)) for s in range(4))] for n in range(9)
+    ]
+    assert not propose(of_text("\n".join(["t [s],s0,s1,s2,s3", *map(",".join, rows)])), ONE, {}).doubts
+
+
+def test_a_line_of_a_fixed_width_that_is_shorter_at_the_end_is_cut() -> None:
+    rows = [f"{n * 20:8}" + "".join(f"{1.2 + s / 10 + n / 100:10.3f}" for s in range(4)) for n in range(12)]
+    text = "\n".join(
+        [
+            "    t ms        s0        s1        s2        s3",
+            *(r if n % 3 else r[:-10] + " " * 10 for n, r in enumerate(rows)),
+        ]
+    )
+    with pytest.raises(Unanswered, match=r"line\(s\) 13"):
+        propose(of_text(text[:-10]), ONE, {})

@@ -154,7 +154,7 @@ def _told(table: Table, strays: frozenset[int], texts: dict[int, str]) -> Table:
     broken = [
         n for n in there
         if re.search(r"\d", texts[n]) and not is_prose(texts[n], words)
-        and (n > first or (len(form := _FIELD.split(form_of(texts[n].strip()))) > 1 and {*form} == {"0"}))
+        and (n > first or _is_row_of_numbers(texts[n]))
     ]  # fmt: skip
     said = _quoted(there, texts)
     table = _without_lacking(table, broken)
@@ -165,6 +165,11 @@ def _told(table: Table, strays: frozenset[int], texts: dict[int, str]) -> Table:
         quotes={**table.quotes, **{n: texts[n].strip() for n in broken}},
         preamble=(*(texts[n] for n in there if n <= last), *table.preamble),
     )  # fmt: skip
+
+
+def _is_row_of_numbers(line: str) -> bool:
+    form = _FIELD.split(form_of(line.replace('"', "").strip()))
+    return len(form) > 1 and {*form} == {"0"}
 
 
 def _without_lacking(table: Table, broken: list[int]) -> Table:

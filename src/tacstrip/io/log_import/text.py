@@ -246,6 +246,8 @@ def _without_cut_end(table: Table, text: str) -> Table:
     """Return a table whose last line is a broken one, if the log ends within its last number."""
     if text.endswith(("\n", "\r")) or len(table.rows) < _FEW_LINES:
         return table
+    lines = re.split(r"\r\n|\r\r\n|\n|\r", text)
+    *padded, end_line = [lines[i - 1] for i in table.lines]
     *others, last = [row[-1] for row in table.rows]
     longer = [len(cell) for cell in others if cell]
     if last or any(m.role == "strip" for m in meanings(table.names).values()):
@@ -253,7 +255,9 @@ def _without_cut_end(table: Table, text: str) -> Table:
     else:  # empty at the end, where the line before is not
         end = len(list(itertools.takewhile(lambda cell: not cell, reversed(table.rows[-1]))))
         cut = any(table.rows[-2][-end:])
-    if not cut:
+    # Where blanks fill each line up to one width, a shorter one is cut, even behind a whole number.
+    filled = len({*map(len, padded)}) == 1 and any("  " in line for line in padded)
+    if not cut and not (filled and len(end_line) < len(padded[0])):
         return table
     broken = (*table.broken, table.lines[-1])
     return replace(table, rows=table.rows[:-1], lines=table.lines[:-1], broken=broken)
