@@ -100,3 +100,11 @@ def test_quoted_rows_above_the_first_whole_one_are_no_heading() -> None:
     text = "\n".join(['"t [s]","s0 [V]","s1 [V]","s2 [V]"', *rows])
     with pytest.raises(Unanswered, match=r"line\(s\) 3 "):
         propose(of_text(text), ONE, {})
+
+
+def test_a_log_that_ends_before_the_first_number_of_a_line_is_cut() -> None:
+    rows = [
+        f"tactile,strip={s} volt={1.2 + s / 10} {1770000000 + n}000000000" for n in range(6) for s in range(3)
+    ]
+    with pytest.raises(Unanswered, match=r"line\(s\) 19"):
+        propose(of_text("\n".join([*rows, "tactile,strip="])), ONE, {})

@@ -156,6 +156,10 @@ def _told(table: Table, strays: frozenset[int], texts: dict[int, str]) -> Table:
         if re.search(r"\d", texts[n]) and not is_prose(texts[n], words)
         and (n > first or _is_row_of_numbers(texts[n]))
     ]  # fmt: skip
+    # The log ends within a line, if only before its first number.
+    broken += [n for n in there if n == max(texts) and n not in broken and any(
+        texts[i].startswith(texts[n]) for i in table.lines if i in texts
+    )]  # fmt: skip
     said = _quoted(there, texts)
     table = _without_lacking(table, broken)
     return replace(

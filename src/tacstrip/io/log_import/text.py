@@ -43,7 +43,9 @@ _BRACKETED = re.compile(r"\s*[\[({](.*)[\])}]\s*[,;]?\s*")  # a line such as "(2
 _PREFIX = re.compile(r"\s*(?:[A-Za-z]+:|-)\s+(?=[-+.\d])")  # such as "RX: " before the fields of each line
 _CHECKED = re.compile(r"\*[\dA-Fa-f]{2}\s*\Z")  # the checksum of a sentence as of NMEA
 _VALUE = r"[+-]?(?:\d+\.?\d*|\.\d+)|nan|NaN|NA|OL|-{1,3}|\."
-_PAIRED = re.compile(rf"(?<![\w./:(-])\(?({_VALUE})\s?(?:/|,\s?(?=[^()]*\))|:)\s?({_VALUE})\)?(?![\w./:-])")
+_PAIRED = re.compile(
+    rf"(?<![\w./:(-])\(?({_VALUE})\s?(?:/|,\s?(?=[^()]{{0,999}}\))|:)\s?({_VALUE})\)?(?![\w./:-])"
+)
 _TOPIC = re.compile(r"([A-Za-z][\w.-]*(?:/[\w.-]+)+)\s+(\S+)")
 # Such as "[001200] " or "I (1200) ".
 _COUNTED = re.compile(r"\s*(?:[A-Z]\s)?[\[(]\s*(?P<stamp>\d+(?:\.\d+)?)\s*[\])]:?\s*(?=\S)")
