@@ -85,19 +85,21 @@ def test_an_offset_at_rest_is_no_reading_outside_0_to_vref(tmp_path: Path) -> No
 def test_readings_above_vref_ask_for_vref_by_name() -> None:
     with pytest.raises(Unanswered, match=r"above vref_volt = 3.3 .* vref_volt=4.096 or --answer vref_volt=5"):
         propose(of_text(touched_only(0, 2.0)), TWO, {}, ALL)
-    found = propose(of_text(touched_only(0, 2.0)), TWO, {"vref_volt": "5"}, ALL)
+    found = propose(of_text(touched_only(0, 2.0)), TWO, {"vref_volt": "5", "strip_base": "0"}, ALL)
     assert found.mapping.vref_volt == 5.0
     assert any("Vref = 5 are written as such of vref_volt = 3.3" in doubt for doubt in found.doubts)
-    faint = propose(of_text(touched_only(0, 2.0)), TWO, {"unit": "mV"}, ALL)
-    assert any("is that the unit?" in doubt for doubt in faint.doubts)
+    with pytest.raises(ts.OptionError, match=r"unit=mV: no reading is above .* of 3300 mV.*unit=V"):
+        propose(of_text(touched_only(0)), TWO, {"unit": "mV", "strip_base": "0"}, ALL)
 
 
 def test_what_the_spec_does_not_state_is_asked_and_what_it_states_is_taken() -> None:
     with pytest.raises(Unanswered, match="does not state vref_volt"):
         propose(of_text(touched_only(0)), TWO, {}, frozenset({"strip_base"}))
-    found = propose(of_text(touched_only(0)), TWO, {}, ALL)
+    with pytest.raises(Unanswered, match="strip_base=0 or"):  # 0 is what `init` writes, and proves nothing
+        propose(of_text(touched_only(0)), TWO, {}, ALL)
+    found = propose(of_text(touched_only(1)), replace(TWO, strip_base=1), {}, ALL)
     np.testing.assert_allclose(array(found)[:, :, 0], HIGH, atol=1e-3)
-    assert any("strip_base = 0, as the spec says" in reason for reason in found.reasons)
+    assert any("strip_base = 1, as the spec says" in reason for reason in found.reasons)
     assert not any("numbered" in doubt for doubt in found.doubts)
     last = propose(of_text(touched_only(1)), replace(TWO, strips=5), {}, ALL)
     assert any("strip_base = 0 in the spec" in doubt for doubt in last.doubts)
@@ -199,3 +201,32 @@ def test_names_that_do_not_fit_their_columns_are_said() -> None:
     vague = wide("# columns of strips in reversed order", both)
     with pytest.raises(Unanswered, match="strip_order=ascending or --answer strip_order=descending"):
         propose(of_text(vague), TWO, {"time_unit": "ms"}, ALL)
+
+
+@pytest.mark.parametrize("odd", [".260", "1.26", " .260"])
+def test_a_number_that_has_lost_a_digit_is_doubted(odd: str) -> None:
+    rows = [[f"{n / 50:.2f}", *(f"{1.2 + s / 10 + n / 100:.3f}" for s in range(4))] for n in range(12)]
+    whole = "\n".join(["t [s],s0,s1,s2,s3", *map(",".join, rows)])
+    assert not propose(of_text(whole), ONE, {}).doubts
+    rows[6][1] = odd
+    (doubt,) = propose(of_text("\n".join(["t [s],s0,s1,s2,s3", *map(",".join, rows)])), ONE, {}).doubts
+    assert doubt.startswith(f"line 8, s0: {odd.strip()} is not written as the other numbers")
+
+
+def test_numbers_that_are_shortened_are_not_doubted() -> None:
+    rows = [
+        [f"{n / 50:.2f}", *(repr(round(1.21 + s / 10 + n / 1000, 3)) for s in range(4))] for n in range(9)
+    ]
+    assert not propose(of_text("\n".join(["t [s],s0,s1,s2,s3", *map(",".join, rows)])), ONE, {}).doubts
+
+
+def test_a_line_of_a_fixed_width_that_is_shorter_at_the_end_is_cut() -> None:
+    rows = [f"{n * 20:8}" + "".join(f"{1.2 + s / 10 + n / 100:10.3f}" for s in range(4)) for n in range(12)]
+    text = "\n".join(
+        [
+            "    t ms        s0        s1        s2        s3",
+            *(r if n % 3 else r[:-10] + " " * 10 for n, r in enumerate(rows)),
+        ]
+    )
+    with pytest.raises(Unanswered, match=r"line\(s\) 13"):
+        propose(of_text(text[:-10]), ONE, {})

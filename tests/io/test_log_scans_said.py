@@ -31,7 +31,7 @@ def each(form: str, between: str = "\n") -> list[str]:
 
 
 def read(text: str, **answers: str) -> Proposal:
-    return propose(of_text(text), TWO, answers, STATED)
+    return propose(of_text(text), TWO, {"strip_base": "0"} | answers, STATED)
 
 
 def check(found: Proposal, scans: slice | list[int] = slice(None), rows: bool = True) -> None:

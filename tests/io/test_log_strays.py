@@ -91,3 +91,20 @@ def test_a_rare_remark_and_a_separator_that_the_log_names() -> None:
     ]
     text = "Separator\tTab\nX_Value\ts0 [V]\ts1 [V]\ts2 [V]\tComment\n" + "\n".join(rows)
     assert values(text, ONE)[3, 0, 0] == 1.311
+
+
+def test_quoted_rows_above_the_first_whole_one_are_no_heading() -> None:
+    rows = [",".join(f'"{n / 50 + s:.3f}"'.replace(".", ",") for s in range(4)) for n in range(12)]
+    rows[:3] = [row[: row.rindex('"', 0, -1)] + '""' for row in rows[:3]]  # nothing touches the last strip
+    rows[0] = rows[0].replace(",000", ",x00", 1)
+    text = "\n".join(['"t [s]","s0 [V]","s1 [V]","s2 [V]"', *rows])
+    with pytest.raises(Unanswered, match=r"line\(s\) 3 "):
+        propose(of_text(text), ONE, {})
+
+
+def test_a_log_that_ends_before_the_first_number_of_a_line_is_cut() -> None:
+    rows = [
+        f"tactile,strip={s} volt={1.2 + s / 10} {1770000000 + n}000000000" for n in range(6) for s in range(3)
+    ]
+    with pytest.raises(Unanswered, match=r"line\(s\) 19"):
+        propose(of_text("\n".join([*rows, "tactile,strip="])), ONE, {})

@@ -89,6 +89,11 @@ def _meanings(clues: Clues) -> dict[str, Meaning]:
     table = clues.table
     named = table.named or any(name in clues.answers for name in (*table.names, "readings"))
     found = meanings(table.names) if named else _unnamed(clues)
+    strips = {m.strip for m in found.values() if m.role == "reading"} - {None}
+    if clues.sensor and strips == {
+        *range(clues.sensor.strips + 1)
+    }:  # as "voltage" beside "voltage1" and so on
+        found |= {n: Meaning("") for n, m in found.items() if m.strip == 0 and not re.search(r"\d", n)}
     before = dict(found)
     for name in table.names:
         if name in (CLOCK, ROW):

@@ -8,7 +8,7 @@ import tempfile
 import zlib
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -132,8 +132,12 @@ def _of_workbook(file: Path, sheets: dict[str, list[list[Any]]], name: str | Non
         raise ReadingError(f"{file}: the workbook is empty")
     if name is not None or len(sheets) == 1:
         return _of_cells(sheets[name or next(iter(sheets))], file)
-    tables = {title: _of_cells(rows, file) for title, rows in sheets.items()}
+    tables = {}
+    for title, rows in sheets.items():
+        with suppress(ReadingError):  # as of a sheet of notes
+            tables[title] = _of_cells(rows, file)
     read = [title for title, table in tables.items() if table.named and table.rows and _holds_readings(table)]
+    read = [title for title in read if _names_strips(tables[title])] or read
     if len(read) == 2 and (both := _of_two_sheets({title: tables[title] for title in read})):
         return both
     if len(read) != 1:
@@ -158,6 +162,10 @@ def _of_two_sheets(tables: Mapping[str, Table]) -> Table | None:
 
 def _holds_readings(table: Table) -> bool:
     return any(m.role == "reading" for m in meanings(table.names).values())
+
+
+def _names_strips(table: Table) -> bool:
+    return any(m.role == "strip" or m.strip is not None for m in meanings(table.names).values())
 
 
 def _of_cells(cells: list[list[Any]], path: str | Path) -> Table:

@@ -6,6 +6,7 @@ import json
 import re
 from collections import Counter
 
+from tacstrip.io.log_import.fields import STAMP
 from tacstrip.io.log_import.names import meaning
 from tacstrip.io.log_import.records import STEADY
 
@@ -23,8 +24,11 @@ _NO_END = "scan {} has no line that ends it, as others have: is the log cut ther
 _COUNT = re.compile(r"\b(\d+)\s+(?:\w+ )?(?:strips?|lines?|readings?|touched)\b", re.IGNORECASE)
 _TAG = re.compile(r"([A-Za-z][\w.-]*): (?=\S)")
 _TOPIC = re.compile(
-    r"\s*(?:(?P<time>[^{\[/A-Za-z]*\d)[\s,;]+)?(?P<topic>/?[A-Za-z][\w.-]*(?:/[\w.-]+)+)[\s:,;=]+(?P<sent>\{.*\})\s*"
+    rf"\s*(?:[\[(]?(?P<time>{STAMP}|\d+(?:\.\d+)?)[\])]?[\s,;:]+)?(?P<topic>/?[A-Za-z][\w.-]*(?:/[\w.-]+)+)[\s:,;=]+"
+    r"(?P<sent>\{.*\}|\[.*\]|(?=.*[. n])(?:[-+]?\d+(?:\.\d+)?|nan)(?:[,;\s]+(?:[-+]?\d+(?:\.\d+)?|nan))+)\s*"
 )
+_BETWEEN = re.compile(r"[,;\s]+")
+_NAN = re.compile(r"(?<![^\[:, ;])nan\b", re.IGNORECASE)
 _VALUE = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:\s?[A-Za-z%]{1,3})?|nan|n/a|-{1,3}"
 _SLASHED = re.compile(rf"\s*(?:\S+\s*:\s*)?(?:{_VALUE})(?:\s+/\s+(?:{_VALUE}))+\s*", re.IGNORECASE)
 
@@ -106,7 +110,10 @@ def of_sent(text: str) -> str:
     for line, m in zip(lines, found, strict=True):
         parts = m["topic"].strip("/").split("/") if m else []
         try:
-            sent = json.loads(m["sent"]) if m else None
+            plain = _NAN.sub("null", m["sent"]) if m else ""
+            if plain[:1] not in ("{", "["):
+                plain = "[" + ", ".join(_BETWEEN.split(plain)) + "]"
+            sent = json.loads(plain) if m else None
         except ValueError:
             sent = None
         if m is None or sent is None or len(parts) != usual:
@@ -119,7 +126,8 @@ def of_sent(text: str) -> str:
             if numbered and name and not meaning(name).role and len(places) == 1:
                 name = "strip"
             above[name or "topic"] = numbered[2] if numbered else parts[n]
-        made.append(json.dumps({**above, **sent}))
+        name = "value" if usual - 1 in places else parts[-1]
+        made.append(json.dumps({**above, **(sent if isinstance(sent, dict) else {name: sent})}))
     return "\n".join(made)
 
 

@@ -37,6 +37,12 @@ _COPIED = re.compile(r"(?ms)^COPY\s+(\S+)\s*\(([^()]*)\)\s+FROM\s+stdin;\s*\n(.*
 _CONSTRAINT = re.compile(r"\s*(?:PRIMARY|UNIQUE|FOREIGN|CONSTRAINT|CHECK|KEY|INDEX)\b", re.IGNORECASE)
 _VECTOR = re.compile(r"`?([\w.]+)`?\s*=\s*c\(([^()]*)\)")
 
+_ENTRY = r"(?:[-+]?\d[\d.]*(?:[eE][-+]?\d+)?|(?i:nan)|NA)"
+_MATRIX_ROW = rf"[ \t]*{_ENTRY}(?:[ \t]+{_ENTRY})*[ \t]*\n"
+_MATRIX = re.compile(
+    rf"(?m)^[ \t]*([A-Za-z]\w*) =[ \t]*\n\s*\n((?:{_MATRIX_ROW})+)"
+)  # as MATLAB prints a matrix
+
 
 def of_dialect(text: str, path: str) -> Table | None:
     """Return a text of a known dialect as a table, not yet in normal form; None where it is of none."""
@@ -263,6 +269,8 @@ def _scalar(text: str) -> Any:
 def _matlab(text: str, path: str) -> Table | None:
     plain = re.sub(r"(?m)%.*$|^\s*//.*$", "", text)
     plain = re.sub(r"\.\.\.[^\n]*\n", " ", plain)
+    if len(_MATRIX.findall(plain)) > 1:
+        plain = _MATRIX.sub(r"\1 = [\2];\n", plain)
     if not re.search(r"(?m)^\s*[A-Za-z_][\w.]*\s*=\s*\[", plain):
         return None
     found = [(m[1].rpartition(".")[2], m[2].strip()) for m in _ASSIGNED.finditer(plain)]

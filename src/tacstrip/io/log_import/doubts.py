@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterator
 
 import numpy as np
@@ -19,6 +20,7 @@ _RATIOS = (30.0, 3000.0)  # of the medians of two such groups
 _AS_FAR = 2.0  # times: so far the one group, multiplied, may reach beyond the other
 _NO_VOLTS = 24.0  # nothing that large is in volts
 _FEW = 0.05  # of the readings: more are no slip of single fields
+_ALIKE = 8  # readings of a column: as many tell how its numbers are written
 _SHOWN = 3
 _SAME = 0.02  # relative: as the spec says it
 _VREF = re.compile(r"\b(?:v_?ref|aref|vcc|vdd)\b[^\d\n]{0,12}?(\d+(?:[.,]\d+)?)\s*(m?)V\b", re.IGNORECASE)
@@ -41,6 +43,7 @@ def raise_doubts(clues: Clues, mapping: ColumnMapping) -> None:
         noise = "untouched" in {*clues.answers, *(q.key for q in clues.questions)}  # small ones may be that
         _of_one_unit(clues, mapping, only_lost=noise)
         _of_known_units(mapping)
+    _written_alike(clues, mapping)
     _vref(clues)
     used = {*mapping.columns, mapping.time, mapping.scan, mapping.strip, mapping.which}
     for name in clues.table.names:
@@ -111,6 +114,31 @@ def _of_one_unit(clues: Clues, mapping: ColumnMapping, only_lost: bool) -> None:
         f"{shown}{more}: the other readings lie from {others[0]:g} to {others[-1]:g}; is a decimal point lost, or are "
         "these in another unit? Mend them, or say --answer unit=V (mV, code, ...) if all are in it as they stand"
     )
+
+
+def _written_alike(clues: Clues, mapping: ColumnMapping) -> None:
+    """Doubt a number that is written otherwise than all others of its column: a digit of it is lost, or another mark.
+
+    All have as many decimals, or a digit before the mark. That numbers are not shortened is told by a 0 at the end of
+    some.
+    """
+    decimal = clues.table.decimal
+    columns: dict[str, list[tuple[int, str]]] = {}
+    for line, name, text, _ in _readings(clues, mapping):
+        columns.setdefault(name, []).append((line, text.lstrip("+-")))
+    for name, read in columns.items():
+        usual, _ = Counter(_places(text, decimal) for _, text in read).most_common(1)[0]
+        fixed = usual > 1 and any(text.endswith("0") and _places(text, decimal) == usual for _, text in read)
+        odd = [
+            (line, text) for line, text in read
+            if text.startswith(decimal) or (fixed and _places(text, decimal) != usual)
+        ]  # fmt: skip
+        if len(read) >= _ALIKE and 0 < len(odd) <= max(1.0, _FEW * len(read)):
+            line, text = odd[0]
+            clues.doubt(
+                f"line {line}, {name}: {text} is not written as the other numbers there, such as "
+                f"{next(t for x in read if (t := x[1]) not in [o[1] for o in odd])}: is a digit lost?"
+            )
 
 
 def _places(text: str, decimal: str) -> int:

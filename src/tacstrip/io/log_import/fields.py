@@ -21,6 +21,9 @@ NOTHING = frozenset(
 _NO_NUMBER = re.compile(r"(?:-?nan|n/?a|-[-.]*|\.nan)\s?(?:m?V|ms|s|%|LSB)?", re.IGNORECASE)
 _PLAIN = re.compile(r"[+-]?\d+(?:\.\d+)?\Z")
 _NUMBER = re.compile(r"([+-]?)(0x[\da-f]+|[\d.,' ]*\d[.,]?)(e[+-]?\d+)?\s*([a-zµ%‰]*)\Z", re.IGNORECASE)
+_MEASURED = re.compile(
+    rf"\d\s?(?:{'|'.join(u for u in UNITS if len(u) < 3 and u.isalpha())})\b", re.IGNORECASE
+)
 _OVER = re.compile(r"[+-]?9\.9[01]?0*[eE]\+?37(?:\s?V)?")  # what SCPI instruments send above their range
 _DAY_S = 86400.0
 _GROUPED = re.compile(r"(?<=\d)[ '\u2009\u202f\xa0](?=\d{3}(?!\d))")
@@ -55,8 +58,10 @@ def is_prose(line: str, names: frozenset[str] | set[str] = frozenset()) -> bool:
     --------
     >>> is_prose("heap=214339, stack ok", {"h", "l"}), is_prose("strip 3 h=5?2", {"strip", "h"}), is_prose("2.5 open 1")
     (True, False, False)
+    >>> is_prose("min 0.312 V, max 2.950 V over 14 scans", {"time", "v"})  # a unit behind a number is no name
+    True
     """
-    words = [w.casefold() for w in re.findall(r"[^\W\d_]+", line)]
+    words = [w.casefold() for w in re.findall(r"[^\W\d_]+", _MEASURED.sub("0", line))]
     long = [w for w in words if len(w) > 2 and not says_nothing(w)]
     digits = sum(c.isdigit() for c in line)
     worded = len(long) > 1 and sum(map(len, long)) >= 1.5 * digits

@@ -298,8 +298,8 @@ def _strips(clues: Clues, found: Columns) -> tuple[int, int]:
         ):
             base = said = told.pop()
             clues.because(f"strips are numbered from {base}, as the log says above them")
-        elif clues.sensor and "strip_base" in (clues.stated or ()) and not clues.sensor.strip_base < low < 2:
-            base = clues.sensor.strip_base
+        elif clues.sensor and "strip_base" in (clues.stated or ()) and 0 < clues.sensor.strip_base <= low:
+            base = clues.sensor.strip_base  # which nobody writes unless it is so; 0 is what `init` writes
             clues.because(
                 f"strips are numbered {low} to {high}: taken as strip_base = {base}, as the spec says; else --answer "
                 f"strip_base={1 - base}"

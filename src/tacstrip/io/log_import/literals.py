@@ -44,20 +44,24 @@ def literal(text: str) -> Any:
         return None
 
 
-def literals(text: str) -> list[tuple[int, Any]]:
-    """Return the containers that a text, or most of its lines, write in Python's form, with their lines."""
+def literals(text: str) -> tuple[list[tuple[int, Any]], list[tuple[int, str]]]:
+    """Return the containers that a text, or its lines, write in Python's form, with their lines; lines around them."""
     whole = literal(text.strip())
     if (
         isinstance(whole, list | tuple)
         and len(whole) > 1
         and all(isinstance(r, list | tuple | dict) for r in whole)
     ):
-        return list(enumerate(whole, 1))
+        return list(enumerate(whole, 1)), []
     lines = [(i, line) for i, line in enumerate(text.splitlines(), 1) if line.strip()]
     found = [
         (i, value) for i, line in lines if isinstance(value := literal(line), list | tuple | dict) and value
     ]
-    return found if len(found) == len(lines) else []
+    first, last = (found[0][0], found[-1][0]) if found else (0, 0)
+    around = [(i, line) for i, line in lines if not first <= i <= last]
+    return (
+        (found, around) if len(found) + len(around) == len(lines) and len(found) > len(around) else ([], [])
+    )
 
 
 def unwrapped(every: list[tuple[int, str]]) -> list[tuple[int, str]]:

@@ -331,8 +331,10 @@ def _of_tokens(tokens: list[str], unit: str) -> Meaning:
     named = set(words)
     if not numbers:
         unit = unit or next((UNITS[w] for w in words if w in UNITS and w != "v"), "")
-        if named == {"x", "value"}:  # as LabVIEW writes
-            return Meaning("time", unit="s")
+        if named == {"x", "value"} or (
+            named == {"x", "axis"} and unit in TIME_UNITS
+        ):  # as LabVIEW and scopes write
+            return Meaning("time", unit=unit or "s")
         if named & {"x", "pos", "position"} and unit in (*LENGTHS_MM, "") and not named & _VALUE:
             return Meaning("position", unit=unit)
         core = [w for w in words if w not in _BESIDE] or words

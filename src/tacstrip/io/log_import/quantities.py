@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray
-from tacstrip.errors import ReadingError
+from tacstrip.errors import OptionError, ReadingError
 from tacstrip.io.log_import.columns import CLOCK_BITS, Columns
 from tacstrip.io.log_import.fields import clock_seconds, number_of, says_nothing
 from tacstrip.io.log_import.mapping import RESTARTS, ColumnMapping
@@ -409,6 +409,11 @@ def with_unit(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list[
             unit, *(u for u in ("fraction", "V") if u != unit),
         )  # fmt: skip
     if answer and top and values.max() < _FAINT * top:
+        if answer in IN_VOLTS and answer != "V" and _LITTLE * vref < values.max() <= vref:
+            raise OptionError(
+                f"--answer unit={answer}: no reading is above {values.max():g} of {top:g} {answer} then; they fit V: "
+                "--answer unit=V (if they are of an untouched sensor, write unit into a --mapping)"
+            )
         clues.doubt(f"in {answer}, no reading is above {values.max():g} of {top:g}: is that the unit?")
     whole = answer == "mV" and bool((values == np.round(values)).all())
     if whole and sensor and sensor.adc_bits and _off_steps(values, vref, sensor.adc_bits):

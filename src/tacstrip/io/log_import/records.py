@@ -27,10 +27,15 @@ _ENDED = re.compile(r"\s*(?:[,;|/)]|\Z|\S*[A-Za-z]\S*\s*[:=])")  # behind a valu
 _STRIP_NAMED = re.compile(r"(\D*?)(\d+)(.*)\Z")  # a name with a strip's number in it
 _SAMPLE = 200  # lines that tell whether all are of a kind
 _UNIT = "|".join(sorted((re.escape(u) for u in UNITS if len(u) < 8), key=len, reverse=True))
+_FOREIGN = re.compile(  # a unit that is none of readings, behind a value
+    r"\b([A-Za-z]\w*)(\s*[:=]\s*[-+]?\d[\d.]*)\s?([kMh]?Pa|m?bar|psi|[mk]?[Oo]hms?|[mnu\u00b5]?A|kV|[km]?N|[km]?g|deg[CF])"
+    r"(?![\w=:]|\s*[=:])"
+)
 _TOKEN = re.compile(
     rf"""(?P<clock>(?<![\w.])\d{{4}}-\d\d-\d\d[T ]\d\d:\d\d:\d\d(?:[.,]\d+)?(?:Z|[+-]\d\d:?\d\d)?(?!\w)
     | (?<![\w.])\d{{1,2}}:\d\d(?::\d\d(?:[.,]\d+)?|\.\d+)?(?!\d))
-    | (?P<number>(?<![\w.])(?>[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?(?:\s?(?i:{_UNIT})(?![\w=:]))?))(?![\w])
+    | (?P<number>(?<![\w.])(?>[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?
+        (?:\s?(?i:{_UNIT})(?!\w|\s*(?:[\[(][^\])]*[\])]\s*)?[=:]))?))(?![\w])
     | (?P<word>(?:\d{{1,3}}(?=[A-Za-z]{{1,5}}\b))?
         [A-Za-zµ_\u00c0-\u024f][\w/.%-]*(?:\[\d+\])*(?:\s?[\[(][^\])\d]{{0,12}}[\])](?=\s*[:=]))?)
     | (?P<sign>[:=])
@@ -61,6 +66,7 @@ def items(line: str) -> list[Item]:
         line = re.sub(r"[\s*#=~_<>-]+$", "", line[dressed.end() :])
     line = re.sub(r"\s*:\s*$", "", line)
     line = re.sub(r"\b\w+=\"[^\"]*[A-Za-z][^\"]*\"", "", line)  # a text
+    line = _FOREIGN.sub(r"\1 [\3]\2", line)
     line = re.sub(r"=(?=\s*(?:[,;|]|$|\s[A-Za-z]\w*=))", "=nan", line)  # of which nothing is said
     for listed in re.findall(r"[:=]\s*((?:[^\s,;:=]+\s*,\s*){2,}[^\s,;:=]+)", line):
         parts = [p.strip(" ()[]{}") for p in listed.split(",")]
@@ -401,13 +407,19 @@ def of_literals(text: str, path: str | Path) -> Table | None:
     if "[" not in text and "{" not in text:
         return None
     found, broken = _json(text, path) if text.lstrip()[:1] in ("{", "[") else ([], [])
+    around: list[tuple[int, str]] = []
     if found is None or not any(isinstance(value, dict | list) for _, value in found):
-        found, broken = literals(text), []
+        found, around = literals(text)
+        broken = [i for i, line in around if re.search(r"\d", line) and not is_prose(line)]
     if len(found) == 1 and isinstance(found[0][1], dict):
         table = of_values(found[0][1], path)
     else:
         table = of_values(found, path, numbered=True)
-    return None if table is None else replace(table, broken=tuple(broken))
+    if table is None:
+        return None
+    above = tuple(line for i, line in around if found and i < found[0][0])
+    quotes = {i: line for i, line in around if i in broken}
+    return replace(table, broken=tuple(broken), quotes=quotes, preamble=(*above, *table.preamble))
 
 
 def of_values(

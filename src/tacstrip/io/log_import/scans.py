@@ -171,16 +171,17 @@ def _in_order(
     for n, key in enumerate(zip(*(table.column(k) for k in keys), strict=True)):
         groups.setdefault(key, []).append(n)
     runs = list(groups.values())
+    alike = len({tuple(times[run]) for run in runs}) == 1
+    apart = all(run[-1] - run[0] == len(run) - 1 for run in runs)  # each stands in one piece
+    rising = all((np.diff(times[run]) > 0.0).all() for run in runs)
     if (
         (np.diff(times) >= 0.0).all()
         or len(runs) < 2
         or len(runs[0]) < 2
-        or len({tuple(times[run]) for run in runs}) > 1
+        or not (rising and (alike or apart))
     ):
         return table, times
-    if (np.diff(times[runs[0]]) <= 0.0).any():
-        return table, times
-    order = [run[n] for n in range(len(runs[0])) for run in runs]
+    order = [n for _, _, n in sorted((times[n], place, n) for place, run in enumerate(runs) for n in run)]
     rows, lines = [table.rows[n] for n in order], [table.lines[n] for n in order]
     return Table(table.names, rows, lines, table.decimal, broken=table.broken), times[order]
 

@@ -12,7 +12,9 @@ from tacstrip.errors import ReadingError
 from tacstrip.io.log_import.fields import is_prose, says_nothing
 from tacstrip.io.log_import.table import ContradictionError, Table
 
-_NUMBER = re.compile(r"(?<![A-Za-z])[+-]?(?:\d+(?:[.,:/-]\d+)*|\.\d+)(?:[eE][+-]?\d+)?|\b0x[\dA-Fa-f]+\b")
+_NUMBER = re.compile(r"(?<![A-Za-z])[+-]?(?:\d+(?:[.:/-]\d+)*|\.\d+)(?:[eE][+-]?\d+)?|\b0x[\dA-Fa-f]+\b")
+_COMMA_WITHIN = re.compile(r"(?<=\d),(?=\d)")
+_BETWEEN = re.compile(r"[;\t|]|\d\s+[\d.+-]")  # fields, so that commas are within numbers
 _WORD = re.compile(r"[^\W\d_]+(?:/[^\W\d_]+)*|-{1,3}(?=[\s,;|]|\Z)")
 _FIELD = re.compile(r"\s*[,;|\t]\s*|\s+")
 _NAMES_ITSELF = re.compile(r"[^\W\d_]{2,}\d*\s*[:=]")  # a line that needs no names above it
@@ -37,7 +39,10 @@ def form_of(line: str) -> str:
     --------
     >>> form_of("S1  2.5 V, nan"), form_of("12:03:01 -> 5,,7")
     ('S0 0 V, 0', '0 -> 0,0,0')
+    >>> form_of("1,2,3.5"), form_of("1;2,5")
+    ('0,0,0', '0;0')
     """
+    line = _COMMA_WITHIN.sub(".", line) if _BETWEEN.search(line) else line
     line = re.sub(r"\d+", "0", _NUMBER.sub("0", " ".join(line.split())))
     line = _WORD.sub(lambda m: "0" if says_nothing(m.group()) else m.group(), line)
     return re.sub(r"(?<=[,;|])(?=[,;|]|\Z)", "0", line)
@@ -148,8 +153,13 @@ def _told(table: Table, strays: frozenset[int], texts: dict[int, str]) -> Table:
     there = sorted(n for n in strays if n not in table.lines)
     broken = [
         n for n in there
-        if n > first and re.search(r"\d", texts[n]) and not is_prose(texts[n], words)
+        if re.search(r"\d", texts[n]) and not is_prose(texts[n], words)
+        and (n > first or _is_row_of_numbers(texts[n]))
     ]  # fmt: skip
+    # The log ends within a line, if only before its first number.
+    broken += [n for n in there if n == max(texts) and n not in broken and any(
+        texts[i].startswith(texts[n]) for i in table.lines if i in texts
+    )]  # fmt: skip
     said = _quoted(there, texts)
     table = _without_lacking(table, broken)
     return replace(
@@ -159,6 +169,11 @@ def _told(table: Table, strays: frozenset[int], texts: dict[int, str]) -> Table:
         quotes={**table.quotes, **{n: texts[n].strip() for n in broken}},
         preamble=(*(texts[n] for n in there if n <= last), *table.preamble),
     )  # fmt: skip
+
+
+def _is_row_of_numbers(line: str) -> bool:
+    form = _FIELD.split(form_of(line.replace('"', "").strip()))
+    return len(form) > 1 and {*form} == {"0"}
 
 
 def _without_lacking(table: Table, broken: list[int]) -> Table:

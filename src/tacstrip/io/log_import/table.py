@@ -13,8 +13,9 @@ import numpy as np
 
 from tacstrip.errors import ReadingError
 from tacstrip.io.log_import.fields import is_prose, is_sentence, is_value, number_of, says_nothing, ungrouped
-from tacstrip.io.log_import.names import READING_UNITS, UNITS, meaning, meanings
+from tacstrip.io.log_import.names import READING_UNITS, UNITS, meaning, meanings, unknown_unit
 
+GARBLED = "\ufffd"  # for what a board wrote as it was reset
 CLOCK = "time stamp"  # the column of what a serial monitor or a logger puts before each line
 ROW = "line of its block"  # where blocks of as many lines follow each other
 _TALLEST_HEADER = 5
@@ -23,6 +24,7 @@ _STATISTICS = frozenset(
     | {"maximum", "std", "stdev", "stddev", "stabw", "sd", "sigma", "sum", "summe", "total", "somme", "median", "count"}
     | {"anzahl", "rms", "var", "variance", "range", "25%", "50%", "75%"}
 )  # fmt: skip
+_UNIT_WORDS = frozenset({"unit", "units", "einheit", "einheiten"})
 _INNER = re.compile(r"(?:\[\d+\]|\.\w+)([.\[].*)")  # what is within a part of a record
 _SAID_IN = {"hz": "Hz", "s": "s", "ms": "ms", "us": "us", "v": "V", "volt": "V", "volts": "V", "mv": "mV"}
 _SAID = (
@@ -30,6 +32,9 @@ _SAID = (
     (r"(?:adc[_ ]?)?(?:bits|resolution(?:[_ ]bits)?)", "bits"), (r"v_?ref|aref|vcc|vdd", "V"),
 )  # fmt: skip
 _LONG = 40  # characters of a line that are quoted
+_CELLS = 100_000  # of a table, however sparse
+_SPARSEST = 256  # cells of a larger table to one that is filled: more than strips of which one is touched
+_DEEPEST = 32  # levels of records within records
 _FEW = 2  # fields that may look like units by chance
 
 
@@ -106,15 +111,20 @@ def of_records(
     """
     names = tuple(dict.fromkeys(itertools.chain.from_iterable(records)))
     parents = {parent for name in names for parent in _parents(name)}
-    void = {n for n in names if n in parents and not any(record.get(n) for record in records)}
+    filled = {n for record in records for n, text in record.items() if text}
+    void = {n for n in names if n in parents and n not in filled}
     names = tuple(n for n in names if n not in void)
-    for empty in [n for n in names if not any(record.get(n) for record in records)]:
-        # What is empty throughout has the parts that its neighbours have.
-        parent = (_parents(empty) or ["\0"])[-1]
-        beside = [found for n in names if n != empty and (found := _INNER.fullmatch(n.removeprefix(parent)))]
-        if parts := sorted({found[1] for found in beside}):
-            names = tuple(x for n in names for x in ([empty + part for part in parts] if n == empty else [n]))
-            void.add(empty)
+    lists = {n for n in names if n not in filled}
+    most = max(_CELLS, _SPARSEST * sum(map(len, records)))
+    levels = sorted({len(_parents(n)) for n in lists} - {0})
+    while levels and len(names) * len(records) <= most:
+        names = _with_parts(names, lists, levels.pop(), most // len(records))  # so what is within comes first
+    if len(names) * len(records) > most:
+        raise ReadingError(
+            f"the {len(records)} records of the log would make a table of {len(names)} columns that is nearly "
+            f"empty, with {names[0]!r} and {names[-1]!r}; name what is alike the same in each record"
+        )
+    void |= lists - {*names}
     absent = next(
         (
             i
@@ -127,19 +137,37 @@ def of_records(
     return Table(names, rows, lines, decimal, remarks=remarks, absent=absent)
 
 
+def _with_parts(names: tuple[str, ...], lists: Set[str], level: int, most: int) -> tuple[str, ...]:
+    """Return names with the parts of their neighbours in the place of those that are empty throughout, of one level.
+
+    Only the first one beyond `most`, so that what is damaged makes no more of them.
+    """
+    inner: dict[str, set[str]] = {}  # what is within the parts of a parent
+    parent_of = {n: above[level - 1] for n in names if len(above := _parents(n)) >= level}
+    for name, parent in parent_of.items():
+        if found := _INNER.fullmatch(name[len(parent) :]):
+            inner.setdefault(parent, set()).add(found[1])
+    parts = {parent: sorted(found) for parent, found in inner.items()}
+    here = {n for n in lists & parent_of.keys() if len(_parents(n)) == level}
+    spread = ([n + p for p in parts.get(parent_of[n], [""])] if n in here else [n] for n in names)
+    return tuple(itertools.islice(itertools.chain.from_iterable(spread), most + 1))
+
+
 def _parents(name: str) -> list[str]:
     return [name[: mark.start()] for mark in re.finditer(r"[.\[]", name)]
 
 
-def flattened(name: str, value: Any) -> dict[str, str]:
+def flattened(name: str, value: Any, _level: int = 0) -> dict[str, str]:
     """Return a value of a record as fields: arrays as name[0], name[1], ..., what is within it as name.key."""
+    if _level >= _DEEPEST:
+        raise ReadingError(f"the log has records of more than {_DEEPEST} levels within each other")
     if isinstance(value, dict):
         parts = [(f"{name}.{key}" if name else str(key), v) for key, v in value.items()]
     elif isinstance(value, list | tuple):
         parts = [(f"{name}[{n}]", v) for n, v in enumerate(value)]
     else:
         return {name: text_of(value)}
-    return {key: text for part, v in parts for key, text in flattened(part, v).items()}
+    return {key: text for part, v in parts for key, text in flattened(part, v, _level + 1).items()}
 
 
 def said_above(values: Mapping[str, Any]) -> tuple[str, ...]:
@@ -202,7 +230,12 @@ def headed(
         for column in zip(*full[len(full) // 3 :], strict=True)
     ]
     if not any(numeric):
-        raise ReadingError("the log has no column of numbers")
+        units = (re.fullmatch(r"[-+]?\d[\d.,]*\s?([^\W\d]{1,6})", cell) for row in full for cell in row)
+        strange = next((m for m in units if m and unknown_unit(f"x [{m[1]}]")), None)
+        said = (
+            f": {strange[1]!r}, as in {strange[0]!r}, is no unit of readings that is known" if strange else ""
+        )
+        raise ReadingError(f"the log has no column of numbers{said}")
     # Words that stand for no contact come again in the lines below the names.
     lower = [
         row
@@ -214,7 +247,8 @@ def headed(
         len(row) != width or not any(row) or _named(row, numeric, decimal, usual) > 0 for _, row in split
     ]
     first = headers.index(False) if False in headers else len(split)
-    above = [row for _, row in split[:first] if len(row) == width and any(row)][-_TALLEST_HEADER:]
+    above = [row for _, row in split[:first] if len(row) == width and any(row) and not _says_one_number(row)]
+    above = above[-_TALLEST_HEADER:]
     if first < len(split) and (_counts(split[first][1], full[-1]) or _numbers_columns(split[first][1])):
         above, first = [*above, split[first][1]], first + 1
     # What is below the names, and has numbers, is no heading, however short.
@@ -231,19 +265,27 @@ def headed(
         ]
     _check_names(split, above, width, decimal)
     again = {i for i, row in below if len(row) == width and row in above}
-    rows = [(i, row) for i, row in below if len(row) == width and i not in again]
+    # What a board says as it starts stands above the table, and again where it was reset.
+    banner = [row for _, row in split[:first] if row not in above]
+    boots = {i for i, row in split[first:] if len(row) != width and row in banner}
+    below = [(i, row) for i, row in below if i not in boots]
+    garbled = {i for i, row in below if GARBLED in "".join(row)}
+    rows = [(i, row) for i, row in below if len(row) == width and i not in {*again, *garbled}]
     sums = {i: word for i, row in rows if (word := _statistic(row, numeric, decimal))}
     sums = sums if 2 * len(sums) < len(rows) else {}  # else these are labels
     rows = [(i, row) for i, row in rows if i not in sums]
+    notes = {i for i, row in rows if _is_note(row, numeric, decimal)}
+    rows = [(i, row) for i, row in rows if i not in notes]
     # A line without a digit holds no reading, so none is lost with it.
     told_names = {w.casefold() for row in above for w in re.findall(r"[^\W\d_]+", " ".join(row))}
     told_names |= {w.casefold() for _, row in rows for cell in row for w in re.findall(r"[^\W\d_]{3,}", cell)}
+    odd = [(i, " ".join(row)) for i, row in below if len(row) != width or i in garbled]
     broken = tuple(
-        i for i, row in below
-        if len(row) != width and re.search(r"\d", "".join(row)) and not is_prose(" ".join(row), told_names)
-        and not (i > rows[-1][0] and is_sentence(" ".join(row)))
+        i for i, text in odd
+        if re.search(r"\d", text)
+        and (i in garbled or not (is_prose(text, told_names) or (i > rows[-1][0] and is_sentence(text))))
     )  # fmt: skip
-    words = sum(len(row) != width for _, row in below) - len(broken)
+    words = len(odd) - len(broken) + len(notes)
     numbers = [
         f"{i} ({' '.join(row)[:_LONG]!r})" for i, row in split[: max(first - len(above), 0)]
         if len(row) > 1 and all(is_value(c, decimal) for c in row)
@@ -268,6 +310,7 @@ def headed(
         else "",
         f"{words} line(s) without a reading passed over" if words else "",
         f"line {min(again)}: the names again; passed over" if again else "",
+        f"line(s) {', '.join(map(str, sorted(boots)))}: as above the table; passed over" if boots else "",
         f"line(s) {', '.join(map(str, sums))}: {', '.join(dict.fromkeys(sums.values()))}; passed over"
         if sums
         else "",
@@ -276,7 +319,10 @@ def headed(
         tuple(_distinct(names)), [row for _, row in rows], [i for i, _ in rows], decimal, bool(above),
         (*remarks, *filter(None, told)), broken, (*preamble, *("\t".join(row) for _, row in split[:first])),
         quotes={i: " ".join(row) for i, row in below if i in broken},
-        doubts=_fewer_names(split[:first], above, width),
+        doubts=(
+            *_fewer_names(split[:first], above, width),
+            *(f"line {i} holds bytes of 0, as of a reset: what stood there is lost" for i in sorted(garbled)),
+        ),
     )  # fmt: skip
 
 
@@ -330,7 +376,9 @@ def _names(above: list[list[str]], width: int) -> list[str]:
         return best
     given = [u.strip("[]() ") for u in units]
     known = [UNITS.get(u) or UNITS.get(u.lower(), "") for u in given]
-    if meaning(units[0]).role and not known[0]:  # a name beside units, as in "time [s], V, V"
+    if units[0].casefold() in _UNIT_WORDS:  # so the words of that column are of the lines above, and no name
+        best = ["", *best[1:]]
+    elif meaning(units[0]).role and not known[0]:  # a name beside units, as in "time [s], V, V"
         best = [units[0], *best[1:]]
     return [f"{n} [{u}]" if u and n and not meaning(n).unit else n for n, u in zip(best, known, strict=True)]
 
@@ -376,6 +424,16 @@ def _statistic(row: Sequence[str], numeric: Sequence[bool], decimal: str) -> str
     return (found or [""])[0]
 
 
+def _is_note(row: Sequence[str], numeric: Sequence[bool], decimal: str) -> bool:
+    """Return whether a row holds a few words only, in columns of numbers, as below the table of a sheet."""
+    filled = [n for n, cell in enumerate(row) if cell]
+    return 3 * len(filled) <= len(row) and not any(
+        not numeric[n] or is_value(row[n], decimal) or says_nothing(row[n])
+        or (re.search(r"\d", row[n]) and not is_prose(row[n]))
+        for n in filled
+    )  # fmt: skip
+
+
 def _counts(row: list[str], other: list[str]) -> bool:
     """Return whether a row only counts strips, all as often, beside fields that are empty there and not below."""
     counted = [n for n, cell in enumerate(row) if cell]
@@ -383,6 +441,13 @@ def _counts(row: list[str], other: list[str]) -> bool:
     if len(counted) < 2 or counted[0] == 0 or not any(other[: counted[0]]) or len(set(many.values())) > 1:
         return False
     return any(set(many) == {float(n + base) for n in range(len(many))} for base in (0, 1))
+
+
+def _says_one_number(row: Sequence[str]) -> bool:
+    """Return whether a row says the same number of each column, as "Samples, 14, 14, 14"."""
+    numbers = [cell for cell in row[1:] if cell]
+    counted = meaning(row[0]).role in ("scan", "") and len(numbers) > _FEW
+    return counted and len(set(numbers)) == 1 and numbers[0].isdecimal()
 
 
 def _numbers_columns(row: Sequence[str]) -> bool:
@@ -398,6 +463,8 @@ def _are_units(row: list[str]) -> bool:
     ):
         return True
     rest = {UNITS.get(cell.strip("[]() ").lower(), "?") for cell in row[1:] if cell}
+    if row[0].casefold() in _UNIT_WORDS and len(rest) <= _FEW and "?" not in rest:
+        return True
     return len(rest) == 1 and rest <= set(READING_UNITS) and bool(row[0]) and sum(map(bool, row)) > _FEW
 
 

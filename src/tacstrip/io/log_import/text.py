@@ -7,7 +7,7 @@ import csv
 import itertools
 import re
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,14 +16,14 @@ import numpy as np
 from tacstrip.errors import ReadingError
 from tacstrip.io.log_import.delimiters import of_sent, of_slashes, without_ends, without_tag
 from tacstrip.io.log_import.dialects import of_dialect, plain_rows
-from tacstrip.io.log_import.fields import STAMP, is_value, number_of, says_nothing
+from tacstrip.io.log_import.fields import STAMP, clock_seconds, is_value, number_of, says_nothing
 from tacstrip.io.log_import.literals import one_page, unwrapped
 from tacstrip.io.log_import.names import meaning, meanings, pair_of
 from tacstrip.io.log_import.records import STEADY, Item, is_label, items, named_values, of_literals
 from tacstrip.io.log_import.sections import in_one_table
 from tacstrip.io.log_import.shape import in_normal_form
 from tacstrip.io.log_import.strays import with_retries, without, without_messages
-from tacstrip.io.log_import.table import CLOCK, ROW, ContradictionError, Table, decimal_mark, headed
+from tacstrip.io.log_import.table import CLOCK, GARBLED, ROW, ContradictionError, Table, decimal_mark, headed
 
 _WIDE = "  "  # two spaces or more
 _SEPARATORS = (";", "\t", "|", ",", _WIDE, " ")
@@ -43,7 +43,9 @@ _BRACKETED = re.compile(r"\s*[\[({](.*)[\])}]\s*[,;]?\s*")  # a line such as "(2
 _PREFIX = re.compile(r"\s*(?:[A-Za-z]+:|-)\s+(?=[-+.\d])")  # such as "RX: " before the fields of each line
 _CHECKED = re.compile(r"\*[\dA-Fa-f]{2}\s*\Z")  # the checksum of a sentence as of NMEA
 _VALUE = r"[+-]?(?:\d+\.?\d*|\.\d+)|nan|NaN|NA|OL|-{1,3}|\."
-_PAIRED = re.compile(rf"(?<![\w./:(-])\(?({_VALUE})\s?(?:/|,\s?(?=[^()]*\))|:)\s?({_VALUE})\)?(?![\w./:-])")
+_PAIRED = re.compile(
+    rf"(?<![\w./:(-])\(?({_VALUE})\s?(?:/|,\s?(?=[^()]{{0,999}}\))|:)\s?({_VALUE})\)?(?![\w./:-])"
+)
 _TOPIC = re.compile(r"([A-Za-z][\w.-]*(?:/[\w.-]+)+)\s+(\S+)")
 # Such as "[001200] " or "I (1200) ".
 _COUNTED = re.compile(r"\s*(?:[A-Z]\s)?[\[(]\s*(?P<stamp>\d+(?:\.\d+)?)\s*[\])]:?\s*(?=\S)")
@@ -73,6 +75,7 @@ _FEW_LINES = 4  # of fewer, the length of the last number tells nothing
 _FEW_BLOCKS = 2
 _WORDED = re.compile(r"[^\dA-Za-z]*[A-Za-z][^\t;|]*(?<!,)\Z")  # and without fields
 _COLOUR = re.compile(r"\x1b\[[0-9;]*[A-Za-z]")  # of a terminal
+_FEW_GARBLED, _GARBLED_LINES = 3, 0.05  # places with zeros, and part of the lines: of more, a file is no text
 _CHANNEL_LINE = re.compile(
     r"\s*((?:\d+(?:\.\d+)?[\s,;]+)?)([A-Za-z_]+)\s*[:=]((?:[\s,;]+[-+\d.eEna]+)+)[\s,;]*\Z"
 )
@@ -89,9 +92,9 @@ def decoded(file: Path) -> str:
             return _in_utf16(raw, file, name)
     if raw[:40].count(0) >= len(raw[:40]) // 2 - 1 > 2:
         return _in_utf16(raw, file, "utf-16-le" if raw[1] == 0 else "utf-16-be")
-    text = raw.rstrip(b"\0")  # as where a logger was switched off
-    if b"\0" in text:
-        raise ReadingError(f"{file}: not a text file (byte {text.index(0)} is 0)")
+    text, many = re.subn(rb"\0+", GARBLED.encode(), raw.rstrip(b"\0"))  # as where a logger was switched off
+    if many > max(_FEW_GARBLED, _GARBLED_LINES * text.count(b"\n")):
+        raise ReadingError(f"{file}: not a text file (byte {raw.index(0)} is 0)")
     try:
         return text.decode()
     except UnicodeDecodeError:
@@ -245,9 +248,18 @@ def _without_cut_end(table: Table, text: str) -> Table:
     """Return a table whose last line is a broken one, if the log ends within its last number."""
     if text.endswith(("\n", "\r")) or len(table.rows) < _FEW_LINES:
         return table
+    lines = re.split(r"\r\n|\r\r\n|\n|\r", text)
+    *padded, end_line = [lines[i - 1] for i in table.lines]
     *others, last = [row[-1] for row in table.rows]
     longer = [len(cell) for cell in others if cell]
-    if not last or not longer or len(last) >= min(longer):
+    if last or any(m.role == "strip" for m in meanings(table.names).values()):
+        cut = bool(last and longer) and len(last) < min(longer)
+    else:  # empty at the end, where the line before is not
+        end = len(list(itertools.takewhile(lambda cell: not cell, reversed(table.rows[-1]))))
+        cut = any(table.rows[-2][-end:])
+    # Where blanks fill each line up to one width, a shorter one is cut, even behind a whole number.
+    filled = len({*map(len, padded)}) == 1 and any("  " in line for line in padded)
+    if not cut and not (filled and len(end_line) < len(padded[0])):
         return table
     broken = (*table.broken, table.lines[-1])
     return replace(table, rows=table.rows[:-1], lines=table.lines[:-1], broken=broken)
@@ -309,7 +321,7 @@ def _separated(lines: list[tuple[int, str]], blank: set[int], path: str | Path) 
         )
     full = [row for _, row in split if len(row) == width]
     _check_commas(top, width, separator, line)
-    decimal = "." if separator == "," else decimal_mark(full)
+    decimal = _decimal_of_quoted(full) if separator == "," else decimal_mark(full)
     said = {"\t": "tabs", " ": "spaces", _WIDE: "spaces"}.get(separator, repr(separator))
     remarks: tuple[str, ...] = (
         f"fields are separated by {said}" if width > 1 else "",
@@ -331,6 +343,20 @@ def _separated(lines: list[tuple[int, str]], blank: set[int], path: str | Path) 
         )
     table = headed(split, width, decimal, tuple(filter(None, remarks)), named, above)
     return _in_blocks(table, labels, blank)
+
+
+def _decimal_of_quoted(rows: Sequence[Sequence[str]]) -> str:
+    """Return the decimal mark of fields between commas: a comma where quoted numbers have one, and none a point."""
+    cells = [cell for row in rows for cell in row]
+    commas = [cell for cell in cells if re.fullmatch(r"[+-]?\d+,\d+", cell)]
+    if not commas or any(re.fullmatch(r"[+-]?[\d,]*\.\d+", cell) for cell in cells):
+        return "."
+    if all(re.fullmatch(r"[+-]?[1-9]\d{0,2},\d{3}", cell) for cell in commas):
+        raise ReadingError(
+            f"{commas[0]!r}: a decimal comma, or thousands? Write such numbers with a decimal point, "
+            "without marks in between"
+        )
+    return decimal_mark(rows)
 
 
 def _check_commas(names: list[str], width: int, separator: str, line: int) -> None:
@@ -464,11 +490,11 @@ def _without_columns_of_blanks(data: list[tuple[int, str]]) -> list[tuple[int, s
     """Return lines with tabs between their fields, where these stand in columns of a fixed width and some are blank."""
     sample = [line.expandtabs() for _, line in data[len(data) // 2 :][:_SAMPLE]]
     counts = {len(line.split()) for line in sample}
-    if any(re.search(r"[,;|\t]", line) for _, line in data):
+    if sum(bool(re.search(r"[,;|\t]", line)) for _, line in data) > (1.0 - STEADY) * len(data):
         return data
     if below := _below_their_names(data):
         return below
-    if len(counts) < 2:
+    if len(counts) < 2 or any(re.search(r"[,;|\t]", line) for _, line in data):
         return data
     width = max(map(len, sample))
     blank = [all(line[n : n + 1] in ("", " ") for line in sample) for n in range(width)]
@@ -488,21 +514,38 @@ def _without_columns_of_blanks(data: list[tuple[int, str]]) -> list[tuple[int, s
 
 
 def _below_their_names(data: list[tuple[int, str]]) -> list[tuple[int, str]]:
-    """Return lines with tabs between fields that end, or begin, where their names do, if some are blank; else none."""
-    words = [list(re.finditer(r"\S+", line)) for _, line in data]
-    full = max(map(len, words))
-    if full < 3 or len(words[0]) != full or any(number_of(m.group()) is not None for m in words[0]):
+    """Return lines with tabs between fields that end, or begin, where their names do; none if blanks alone tell them.
+
+    Names may hold single blanks, and fields may be empty; lines of words around the table stay as they are.
+    """
+    words = [list(re.finditer(r"\S+", line.expandtabs())) for _, line in data]
+    bare = [len(found) > 1 and all(_is_bare(m.group()) for m in found) for found in words]
+    first = bare.index(True) if True in bare else 0
+    if not first or sum(bare) < _FEW_LINES:
         return []
-    sides: tuple[Callable[[re.Match[str]], int], ...] = (lambda m: m.end(), lambda m: m.start())
-    for side in sides:
-        places = [side(m) for m in words[0]]
-        if any(not {side(m) for m in found} <= {*places} for found in words):
+    body = [n for n, is_row in enumerate(bare) if is_row]
+    top = data[first - 1][1].expandtabs()
+    many = {len(words[n]) for n in body}
+    if many == {len(words[first - 1])}:
+        return []
+    for names in (list(re.finditer(r"\S+(?: \S+)*", top)), words[first - 1]):
+        if len(names) < max(3, *many) or any(number_of(m.group()) is not None for m in names):
             continue
-        if all(len(found) == full for found in words):
-            return []
-        at = [{side(m): m.group() for m in found} for found in words]
-        return [(i, "\t".join(row.get(p, "") for p in places)) for (i, _), row in zip(data, at, strict=True)]
+        for side in (re.Match.end, re.Match.start):
+            places = [side(m) for m in names]
+            if any(not {side(m) for m in words[n]} <= {*places} for n in body):
+                continue
+            made = list(data)
+            alone = [n for n, m in enumerate(words) if n > first and len(m) == 1 and _is_bare(m[0].group())]
+            for n in [first - 1, *body, *(n for n in alone if side(words[n][0]) in places)]:
+                at = {side(m): m.group() for m in (names if n < first else words[n])}
+                made[n] = (data[n][0], "\t".join(at.get(p, "") for p in places))
+            return made
     return []
+
+
+def _is_bare(word: str) -> bool:
+    return number_of(word) is not None or says_nothing(word) or clock_seconds(word) is not None
 
 
 def _below_a_preamble(
