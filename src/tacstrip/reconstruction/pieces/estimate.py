@@ -17,6 +17,7 @@ from tacstrip.reconstruction.contact_ends import closed_ends
 from tacstrip.reconstruction.implausible import goes_on, implausible_hint
 from tacstrip.reconstruction.noise_covariance import Averaging, fit_sigma
 from tacstrip.reconstruction.on_surface import refuse_surface
+from tacstrip.reconstruction.pieces.bounds import piece_bounds, sure_strips
 from tacstrip.reconstruction.pieces.cover import Part
 from tacstrip.reconstruction.pieces.outline import PieceOutline, shown_hull, trace
 from tacstrip.reconstruction.pieces.run import FEW_STRIPS, GAP, RunPieces, noise_level, split_run
@@ -186,9 +187,13 @@ def _of_run(run: RunPieces, sensor: Sensor, strips: slice, before: int) -> list[
         key=lambda group: min((p.stretch.start, p.side) for p in group),
     )
     hulls = [shown_hull(group, run.read) for group in groups]
+    sure = sure_strips(run.chains[0]), sure_strips(run.chains[1])
     found = []
     for i, group in enumerate(groups):
         traced = trace(group, run.read, hulls[:i] + hulls[i + 1 :], sensor.pitch_mm)
+        bounds = piece_bounds(
+            group, groups[:i] + groups[i + 1 :], run.chains, sure, run.read, sensor.pitch_mm, sensor.length_mm
+        )
         start = min(p.stretch.start for p in group) + strips.start
         stop = max(p.stretch.stop for p in group) + strips.start
         others = tuple(
@@ -200,8 +205,8 @@ def _of_run(run: RunPieces, sensor: Sensor, strips: slice, before: int) -> list[
         status, advice = _verdict(run, traced, sensor, strips, crossed)
         found.append(
             Piece(
-                traced.vertices, traced.hidden, slice(start, stop), status, advice, traced.covariance, traced.smallest,
-                traced.largest, others, traced.hidden_edges,
+                traced.vertices, traced.hidden, slice(start, stop), status, advice, traced.covariance, bounds.smallest,
+                bounds.largest, others, traced.hidden_edges,
             )
         )  # fmt: skip
     return found
