@@ -1,8 +1,8 @@
 """What a piece must hold and where it can reach, by the readings alone.
 
-A piece is convex and holds what is surely its own, so it reaches a point only if the hull of both lies within what every
-strip reads and meets no other piece. Each reading shuts out a cone behind itself, as seen from what is held. Which strips
-are surely a piece's own follows from where else the readings would allow the cuts.
+A piece is convex and holds what is surely its own, so it reaches a point only if the hull of both lies within what
+every strip reads and meets no other piece. Each reading shuts out a cone behind itself, as seen from what is held.
+Which strips are surely a piece's own follows from where else the readings would allow the cuts.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ from tacstrip.reconstruction.pieces.chain import Chain
 from tacstrip.reconstruction.pieces.cover import Part, Read
 
 _SLACK = 3.0  # deviations of a reading
-_RAYS = 120  # evenly around
+_RAYS = 40  # evenly around
+_ROUNDS = 3  # of looking for corners between the rays
 _SAME_MM = 1e-3  # off a straight edge: no corner
-_FEWEST = 2  # ends that are surely a piece's own
 _LEAST_MM = 1e-6  # in each direction: a straight edge that is all that shows is no line
 
 
 @dataclass(frozen=True, eq=False)
 class Bounds:
-    """Outlines between which a piece lies (M, 2) [mm]; empty where no strip is surely its own."""
+    """Outlines between which a piece lies (M, 2) [mm]; `smallest` is empty where no strip is surely its own."""
 
     smallest: FloatArray
     largest: FloatArray
@@ -76,12 +76,6 @@ def piece_bounds(
         Of the strips [mm].
     """
     held = _held(group, chains, sure, read)
-    if len(held) < _FEWEST:
-        return Bounds(np.zeros((0, 2)), np.zeros((0, 2)))
-    smallest = shapely.MultiPoint(held).convex_hull
-    if smallest.geom_type != "Polygon":
-        smallest = smallest.buffer(_LEAST_MM, quad_segs=1)
-    ring = shapely.get_coordinates(shapely.normalize(smallest))[-2::-1]  # counter-clockwise
     slack_l, slack_u = _SLACK * read.l_sigma, _SLACK * read.u_sigma
     points = [
         np.column_stack([read.x, np.fmin(read.l, chains[0].y) - slack_l]),
@@ -89,6 +83,12 @@ def piece_bounds(
         *(_inside(_held(other, chains, sure, read), read, slack_l, slack_u) for other in others),
     ]
     edges = (read.x[0] - pitch, read.x[-1] + pitch, 0.0, length)
+    if not len(held):
+        return Bounds(held, shapely.get_coordinates(shapely.box(edges[0], edges[2], edges[1], edges[3]))[:-1])
+    smallest = shapely.MultiPoint(held).convex_hull
+    if smallest.geom_type != "Polygon":
+        smallest = smallest.buffer(_LEAST_MM, quad_segs=1)
+    ring = shapely.get_coordinates(shapely.normalize(smallest))[-2::-1]  # counter-clockwise
     return Bounds(ring, _reach(ring, np.concatenate(points), edges))
 
 
@@ -122,13 +122,15 @@ def _reach(ring: FloatArray, points: FloatArray, edges: tuple[float, float, floa
     middle = ring.mean(axis=0)
     to = points - middle
     to_ring = points[:, None] - ring  # (P, N, 2)
-    angle = np.arctan2(
-        to[:, None, 0] * to_ring[..., 1] - to[:, None, 1] * to_ring[..., 0],
-        to[:, None, 0] * to_ring[..., 0] + to[:, None, 1] * to_ring[..., 1],
-    )
+    across = to[:, :1] * to_ring[..., 1] - to[:, 1:] * to_ring[..., 0]
+    along = to[:, :1] * to_ring[..., 0] + to[:, 1:] * to_ring[..., 1]
+    turn = across / (np.abs(across) + np.abs(along))  # grows with the angle, -2 to 2 for -pi to pi
+    turn = np.where(along < 0.0, np.copysign(2.0, across) - turn, turn)
     rows = np.arange(len(points))
-    first, last = angle.argmin(axis=1), angle.argmax(axis=1)
-    outside = angle[rows, last] - angle[rows, first] < np.pi
+    first, last = turn.argmin(axis=1), turn.argmax(axis=1)
+    # As seen from without, what is held takes less than half a turn.
+    low, high = across[rows, first], across[rows, last]
+    outside = (low <= 0.0) & (high >= 0.0) & (turn[rows, last] - turn[rows, first] < 2.0)
     to = to[outside]
     right, left = (to_ring[rows, i][outside] for i in (first, last))  # the cone's edges
     walls = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
@@ -136,7 +138,9 @@ def _reach(ring: FloatArray, points: FloatArray, edges: tuple[float, float, floa
     # A point is in a cone where it is left of the right edge and right of the left one: (2, P) half planes.
     normals = np.concatenate(
         [
-            np.stack([np.column_stack([-right[:, 1], right[:, 0]]), np.column_stack([left[:, 1], -left[:, 0]])]),
+            np.stack(
+                [np.column_stack([-right[:, 1], right[:, 0]]), np.column_stack([left[:, 1], -left[:, 0]])]
+            ),
             np.stack([walls, walls]),
         ],
         axis=1,
@@ -148,18 +152,23 @@ def _reach(ring: FloatArray, points: FloatArray, edges: tuple[float, float, floa
     normals, gap = normals[:, kept], gap[:, kept]
     tips = to[kept[kept < len(to)]]
     theta = np.sort(np.concatenate([theta, np.arctan2(tips[:, 1], tips[:, 0])]))
-    _, active = _first_shut(theta, normals, gap)
-    # Where two lines bound what neighbouring rays reach, a corner is between.
-    now, then = active, np.roll(active, -1)
-    n, m = (normals[i % 2, i // 2][now != then] for i in (now, then))
-    a, b = (gap[i % 2, i // 2][now != then] for i in (now, then))
-    across = n[:, 0] * m[:, 1] - n[:, 1] * m[:, 0]
-    sign = np.sign(across)
-    corners = np.arctan2((n[:, 0] * b - m[:, 0] * a) * sign, (a * m[:, 1] - b * n[:, 1]) * sign)
-    theta = np.unique(np.concatenate([theta, corners[sign != 0.0]]))
-    radius, _ = _first_shut(theta, normals, gap)
+    radius, active = _first_shut(theta, normals, gap)
+    # Where two lines bound what neighbouring rays reach, a corner is between, or several.
+    for _ in range(_ROUNDS):
+        change = np.flatnonzero(active != np.roll(active, -1))
+        now, then = active[change], np.roll(active, -1)[change]
+        n, m = normals[now % 2, now // 2], normals[then % 2, then // 2]
+        a, b = gap[now % 2, now // 2], gap[then % 2, then // 2]
+        sign = np.sign(n[:, 0] * m[:, 1] - n[:, 1] * m[:, 0])
+        corners = np.arctan2((n[:, 0] * b - m[:, 0] * a) * sign, (a * m[:, 1] - b * n[:, 1]) * sign)
+        width = (np.roll(theta, -1)[change] - theta[change]) % (2.0 * np.pi)
+        after = (corners - theta[change]) % (2.0 * np.pi)
+        after = np.where((sign != 0.0) & (after < width), after, 0.5 * width)
+        theta = np.unique(np.concatenate([theta, (theta[change] + after + np.pi) % (2.0 * np.pi) - np.pi]))
+        radius, active = _first_shut(theta, normals, gap)
     reached = middle + radius[:, None] * np.column_stack([np.cos(theta), np.sin(theta)])
-    return shapely.get_coordinates(shapely.Polygon(reached).simplify(_SAME_MM, preserve_topology=False))[:-1]
+    outline = shapely.Polygon(reached).simplify(_SAME_MM, preserve_topology=False)
+    return np.asarray(shapely.get_coordinates(outline)[:-1])
 
 
 def _first_shut(theta: FloatArray, normals: FloatArray, gap: FloatArray) -> tuple[FloatArray, IntArray]:
