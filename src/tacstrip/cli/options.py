@@ -110,7 +110,7 @@ SENSOR = click.argument("sensor", metavar="SENSOR")
 CONTACT = click.argument("contact", metavar="CONTACT", type=FILE)
 FORCE = click.option("--force", is_flag=True, help="Overwrite an existing file.")
 DURABLE = click.option("--durable", is_flag=True, help="Record so that a power cut loses a second at most; "
-                       "see docs/science/recordings.md for what it costs.")  # fmt: skip
+                       "the page 'What a recording costs' says what of disk and processor.")  # fmt: skip
 SEED = click.option(
     "--seed", type=WHOLE, default=0, show_default=True, callback=_seed, help="Of random errors."
 )

@@ -133,8 +133,9 @@ def _reach(ring: FloatArray, points: FloatArray, edges: tuple[float, float, floa
     outside = (low <= 0.0) & (high >= 0.0) & (turn[rows, last] - turn[rows, first] < 2.0)
     to = to[outside]
     right, left = (to_ring[rows, i][outside] for i in (first, last))  # the cone's edges
+    low, high = np.minimum(edges[::2], ring.min(axis=0)), np.maximum(edges[1::2], ring.max(axis=0))
     walls = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
-    room = np.abs(np.array([edges[1], edges[0], edges[3], edges[2]]) - np.repeat(middle, 2))
+    room = np.abs(np.array([high[0], low[0], high[1], low[1]]) - np.repeat(middle, 2))
     # A point is in a cone where it is left of the right edge and right of the left one: (2, P) half planes.
     normals = np.concatenate(
         [
@@ -148,7 +149,8 @@ def _reach(ring: FloatArray, points: FloatArray, edges: tuple[float, float, floa
     gap = np.concatenate([(normals[:, : len(to)] * to).sum(axis=2), np.stack([room, room])], axis=1)
     theta = np.linspace(-np.pi, np.pi, _RAYS, endpoint=False)
     _, active = _first_shut(theta, normals, gap)
-    kept = np.unique(active // 2)  # others shut out less than a ray's width: without them it is the larger
+    # Of the cones those count that stop a ray; without the others it is the larger.
+    kept = np.unique(np.append(active // 2, np.arange(len(to), len(to) + len(walls))))
     normals, gap = normals[:, kept], gap[:, kept]
     tips = to[kept[kept < len(to)]]
     theta = np.sort(np.concatenate([theta, np.arctan2(tips[:, 1], tips[:, 0])]))
@@ -167,7 +169,7 @@ def _reach(ring: FloatArray, points: FloatArray, edges: tuple[float, float, floa
         theta = np.unique(np.concatenate([theta, (theta[change] + after + np.pi) % (2.0 * np.pi) - np.pi]))
         radius, active = _first_shut(theta, normals, gap)
     reached = middle + radius[:, None] * np.column_stack([np.cos(theta), np.sin(theta)])
-    outline = shapely.Polygon(reached).simplify(_SAME_MM, preserve_topology=False)
+    outline = shapely.Polygon(reached).simplify(_SAME_MM)
     return np.asarray(shapely.get_coordinates(outline)[:-1])
 
 
