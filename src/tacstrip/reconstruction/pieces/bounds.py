@@ -77,11 +77,9 @@ def piece_bounds(
     """
     held = _held(group, chains, sure, read)
     slack_l, slack_u = _SLACK * read.l_sigma, _SLACK * read.u_sigma
-    points = [
-        np.column_stack([read.x, np.fmin(read.l, chains[0].y) - slack_l]),
-        np.column_stack([read.x, np.fmax(read.u, -chains[1].y) + slack_u]),
-        *(_inside(_held(other, chains, sure, read), read, slack_l, slack_u) for other in others),
-    ]
+    below = np.column_stack([read.x, np.fmin(read.l, chains[0].y) - slack_l])
+    above = np.column_stack([read.x, np.fmax(read.u, -chains[1].y) + slack_u])
+    bodies = [_inside(_held(other, chains, sure, read), read, slack_l, slack_u) for other in others]
     edges = (read.x[0] - pitch, read.x[-1] + pitch, 0.0, length)
     if not len(held):
         return Bounds(held, shapely.get_coordinates(shapely.box(edges[0], edges[2], edges[1], edges[3]))[:-1])
@@ -89,7 +87,7 @@ def piece_bounds(
     if smallest.geom_type != "Polygon":
         smallest = smallest.buffer(_LEAST_MM, quad_segs=1)
     ring = shapely.get_coordinates(shapely.normalize(smallest))[-2::-1]  # counter-clockwise
-    return Bounds(ring, _reach(ring, np.concatenate(points), edges))
+    return Bounds(ring, _reach(ring, below, above, np.concatenate([np.zeros((0, 2)), *bodies]), edges))
 
 
 def _held(
@@ -117,11 +115,25 @@ def _inside(held: FloatArray, read: Read, slack_l: FloatArray, slack_u: FloatArr
     return np.concatenate([np.column_stack([x, low[thick]]), np.column_stack([x, high[thick]])])
 
 
-def _reach(ring: FloatArray, points: FloatArray, edges: tuple[float, float, float, float]) -> FloatArray:
-    """Return how far, seen from the middle of a convex ring (N, 2), points shut a convex body out that holds it."""
+def _reach(
+    ring: FloatArray,
+    below: FloatArray,
+    above: FloatArray,
+    bodies: FloatArray,
+    edges: tuple[float, float, float, float],
+) -> FloatArray:
+    """Return the places (M, 2) up to which a convex body may reach that holds a convex ring (N, 2).
+
+    It holds no point of `bodies` (B, 2), nor one straight below those of `below`, or above those of `above` (n, 2).
+    """
+    points = np.concatenate([below, above, bodies])
     middle = ring.mean(axis=0)
     to = points - middle
-    to_ring = points[:, None] - ring  # (P, N, 2)
+    # Directions away from the ring, and along what is shut out (P, N + 1, 2): the cone of places behind a point.
+    onward = np.concatenate(
+        [np.tile([0.0, -1.0], (len(below), 1)), np.tile([0.0, 1.0], (len(above), 1)), bodies - ring[0]]
+    )
+    to_ring = np.concatenate([points[:, None] - ring, onward[:, None]], axis=1)
     across = to[:, :1] * to_ring[..., 1] - to[:, 1:] * to_ring[..., 0]
     along = to[:, :1] * to_ring[..., 0] + to[:, 1:] * to_ring[..., 1]
     turn = across / (np.abs(across) + np.abs(along))  # grows with the angle, -2 to 2 for -pi to pi
