@@ -11,12 +11,14 @@ import time
 import numpy as np
 import shapely
 from matplotlib.figure import Figure
+from scipy.optimize import linear_sum_assignment
 from shapely.affinity import translate
 
 import tacstrip as ts
 from tacstrip.arrays import FloatArray
 from tacstrip.plot.scene import draw_contact, draw_piece
 from tacstrip.plot.theme import OTHERS, RECOVERED, new_panels
+from tacstrip.reconstruction.contact_ends import end_deviations
 from tacstrip.reconstruction.methods import reconstruct
 
 _SENSOR = ts.Sensor(construction="crs-crs", strips=100, pitch_mm=1.0, length_mm=100.0)
@@ -98,11 +100,7 @@ def score(seed: int, strips: int, count: int, cases: int, half_width: float = 0.
     random = np.random.default_rng([seed, strips, count])
     sensor = ts.Sensor(construction="crs-crs", strips=strips, pitch_mm=100.0 / strips, length_mm=100.0)
     noise = ts.Noise(positional=half_width)
-    radius = (
-        ((14.0, 22.0) if count < 3 else (9.0, 16.0))
-        if strips > 20
-        else ((20.0, 30.0) if count < 3 else (14.0, 20.0))
-    )
+    radius = _radius(strips, count)
     off, said, took_s = [], [], []
     for _ in range(cases):
         scan = ts.simulate(sensor, ts.Contact(tuple(scene(random, count, radius))), noise, rng=random)
@@ -124,6 +122,44 @@ def score(seed: int, strips: int, count: int, cases: int, half_width: float = 0.
     )
 
 
+def score_bounds(seed: int, strips: int, count: int, cases: int, half_width: float) -> str:
+    """Return a line: how often a shape leaves `largest` by a deviation and .1 mm, and is silently wrong (IoU < .8)."""
+    random = np.random.default_rng([seed, strips, count, int(half_width * 1e5)])
+    sensor = ts.Sensor(construction="crs-crs", strips=strips, pitch_mm=100.0 / strips, length_mm=100.0)
+    noise, radius = ts.Noise(positional=half_width), _radius(strips, count)
+    out, said, wrong, right, total = 0, 0, 0, 0, 0
+    for _ in range(cases):
+        shapes = scene(random, count, radius)
+        found = ts.pieces(ts.simulate(sensor, ts.Contact(tuple(shapes)), noise, rng=random), sensor, noise)
+        overlap = np.array([[ts.mismatch(s, p.outline).iou for s in map(_corners, shapes)] for p in found])
+        for i, j in zip(*linear_sum_assignment(-overlap), strict=True):
+            piece, total = found[i], total + 1
+            told = piece.status != "doubtful"
+            said, wrong = said + told, wrong + (told and overlap[i, j] < 0.8)
+            if len(found) == count:
+                right += 1
+                edge = np.array(shapely.segmentize(shapes[j].exterior, 1.0).coords)
+                off = shapely.distance(shapely.Polygon(piece.largest), shapely.points(edge))
+                y = edge[off.argmax(), 1:]
+                out += bool(
+                    off.max() > 0.1 + float(np.max(end_deviations(sensor, y, y, half_width / np.sqrt(3.0))))
+                )
+    return (
+        f"{strips} strips, {count}, +-{half_width}: out {out / max(right, 1):.3f} of {right}; ok or likely {said} of "
+        f"{total}, of these wrong {wrong}"
+    )
+
+
+def _corners(shape: shapely.Polygon) -> FloatArray:
+    return np.asarray(shape.exterior.coords)[:-1]
+
+
+def _radius(strips: int, count: int) -> tuple[float, float]:
+    if strips > 20:
+        return (14.0, 22.0) if count < 3 else (9.0, 16.0)
+    return (20.0, 30.0) if count < 3 else (14.0, 20.0)
+
+
 def main() -> None:
     """Print the table of docs/guide/several-objects.md."""
     parser = argparse.ArgumentParser(prog="python -m studies.pieces", description=__doc__)
@@ -133,6 +169,10 @@ def main() -> None:
     for strips in (100, 32, 10):
         for count in (1, 2, 3):
             print(score(asked.seed, strips, count, asked.cases), flush=True)  # noqa: T201
+    for strips in (40, 20, 10):
+        for count in (2, 3):
+            for half_width in (0.0005, 0.005):
+                print(score_bounds(asked.seed, strips, count, asked.cases, half_width), flush=True)  # noqa: T201
 
 
 if __name__ == "__main__":

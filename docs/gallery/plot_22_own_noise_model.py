@@ -25,7 +25,8 @@ def worn(k):
 
 scan = ts.Scan(kh=worn(clean.kh), kl=worn(clean.kl))
 guessed = ts.reconstruct(scan, sensor)  # the noise is estimated from the residuals
-told = ts.reconstruct(scan, sensor, ts.Noise(white=0.005))  # its typical size
+rms = np.sqrt(np.nanmean(np.square([scan.kh, scan.kl])))  # of the readings over Vref
+told = ts.reconstruct(scan, sensor, ts.Noise(white=np.hypot(0.001, 0.01 * rms)))  # its typical size
 
 # %%
 # The parts that :class:`tacstrip.Noise` knows by name need no code: white noise, wander, hum, strays, soft edges. For

@@ -139,7 +139,7 @@ def _write(name: str, data: str | bytes) -> tuple[str, bytes]:
 _SIM = ("simulate", "small.toml", "c.wkt", "-o", "r.csv")
 _REC = ("reconstruct", "small.toml", "r.csv")
 BAD = {
-    "missing column": (_REC, _write("r.csv", "scan,strip,v_h,v_l\n"), "column 'time_s' is missing"),
+    "missing column": (_REC, _write("r.csv", "time_s,strip,v_h,v_l\n"), "column 'scan' is missing"),
     "missing line": (_REC, _write("r.csv", HEAD + "0,0,0,1,1\n"), "has no line for strip 1"),
     "unknown key": (
         ("simulate", "s.toml", "rectangle.wkt", "-o", "r.csv"),

@@ -95,8 +95,8 @@ FAULTS: dict[str, tuple[str | bytes, str]] = {
         "line 2 has 7 fields and the header 5: are there decimal commas",
     ),
     "missing column": (
-        "scan,strip,v_h,v_l\n",
-        "column 'time_s' is missing; the header has: scan, strip, v_h, v_l",
+        "scan,strip,v_h,v_l\n0,0,1,1\n0,1,,\n1,0,1,1\n1,1,,\n",
+        "column 'time_s' is missing: line 4 begins a second scan, 1; give every scan its time in seconds",
     ),
     "no readings column": ("scan,time_s,strip\n", "a column of readings is missing: v_h, v_l"),
     "both kinds": ("scan,time_s,strip,v_h,code_h\n", "the header has both volts and codes"),
@@ -279,3 +279,15 @@ def test_a_time_of_a_later_strip_is_read_too(tmp_path: Path) -> None:
     (tmp_path / "r.csv").write_text("scan,time_s,strip,v_out\n0,0,0,0.5\n0,oops,1,0.5\n")
     with pytest.raises(ts.ReadingError, match="line 3: time_s is 'oops', not a number"):
         ts.read_readings(tmp_path / "r.csv", sensor)
+
+
+def test_a_single_scan_needs_no_time(tmp_path: Path) -> None:
+    sensor = ts.Sensor(construction="crs-crs", strips=2, pitch_mm=5.0, length_mm=50.0)
+    file = tmp_path / "readings.csv"
+    file.write_text("scan,strip,v_h,v_l\n0,0,0.6,0.3\n0,1,,\n")
+    (scan,) = ts.read_readings(file, sensor)
+    assert scan.time_s == 0.0
+    assert scan.touched.tolist() == [True, False]
+    file.write_text("scan,times,strip,v_h,v_l\n0,0,0,0.6,0.3\n0,0,1,,\n")
+    with pytest.raises(ts.ReadingError, match="time_s"):  # misspelt: probably meant
+        ts.read_readings(file, sensor)

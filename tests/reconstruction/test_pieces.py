@@ -52,8 +52,29 @@ def test_pieces_that_share_strips_are_counted_and_seen_corners_lie_on_them(
         x, y = piece.outline.T
         assert x @ np.roll(y, -1) > y @ np.roll(x, -1)  # counter-clockwise
         assert piece.hidden.any() == (len(shapes) > 1)
-        assert piece.status == ("ok" if len(shapes) == 1 else "likely")
+        within = np.mean([_iou(piece.outline, bound) for bound in (piece.smallest, piece.largest)])
+        assert piece.status == ("ok" if len(shapes) == 1 else "likely" if within >= 0.8 else "doubtful")
         assert ("at least" in piece.advice) == (len(shapes) > 1)
+
+
+def _iou(a: np.ndarray, b: np.ndarray) -> float:
+    return float(Polygon(a).intersection(Polygon(b)).area / Polygon(a).union(Polygon(b)).area)
+
+
+@pytest.mark.parametrize("half_width", [0.0005, 0.005])
+def test_few_strips_leave_the_true_piece_within_the_largest_outline(half_width: float) -> None:
+    # Its top edges are shown by one strip each: their slopes are open.
+    low, high = Polygon([(20, 15), (45, 20), (30, 45)]), Polygon([(35, 60), (70, 55), (60, 80)])
+    sensor = ts.Sensor(construction="crs-crs", strips=20, pitch_mm=5.0, length_mm=100.0)
+    noise = ts.Noise(positional=half_width)
+    for seed in range(4):
+        found = ts.pieces(_scan(low, high, sensor=sensor, noise=noise, rng=seed), sensor, noise)
+        first = min(found, key=lambda p: p.outline[:, 1].min())
+        assert low.difference(Polygon(first.largest).buffer(0.5)).is_empty
+        assert Polygon(first.smallest).difference(low.buffer(1.0)).is_empty
+        for piece in found:
+            if piece.status != "doubtful":
+                assert max(_iou(piece.outline, np.array(s.exterior.coords)) for s in (low, high)) >= 0.8
 
 
 def test_the_covariance_covers_what_is_seen_and_says_nothing_of_what_is_hidden() -> None:

@@ -91,6 +91,7 @@ def test_of_a_ball_on_a_ball_radius_and_force_are_not_told() -> None:
     assert found.status == "ok"
     assert math.isnan(found.radius_mm)
     assert math.isnan(found.force_n)
+    assert math.isnan(found.depth_mm)
     assert "area and direction hold; give a known radius with known_size=True" in found.advice
     assert abs(found.area_mm2 - patch.area_mm2) < 3.0 * found.area_sigma_mm2
     known = ts.fit_solid(scan, TIP, ts.Solid.sphere(6.0), NOISE, known_size=True)

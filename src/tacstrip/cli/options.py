@@ -117,7 +117,7 @@ SENSOR = click.argument("sensor", metavar="SENSOR")
 CONTACT = click.argument("contact", metavar="CONTACT", type=FILE)
 FORCE = flag("--force", help="Overwrite an existing file.")
 DURABLE = flag("--durable", help="Record so that a power cut loses a second at most; "
-               "see docs/science/recordings.md for what it costs.")  # fmt: skip
+               "the page 'What a recording costs' says what of disk and processor.")  # fmt: skip
 SEED = whole("--seed", default=0, callback=_seed, show_default=True, help="Of random errors.")
 TURN = number("--turn", default=0.0, metavar="DEG", help="Turn the contact anticlockwise.")
 AT = option("--at", type=POINT, metavar="X Y", help="Put the contact's centroid here [mm].")

@@ -42,7 +42,7 @@ def command(
     """Measure the designs that STUDY (a TOML file) lists: bounds, accuracy, right counts, coverage, speed.
 
     Ended at any point, or divided among machines that share the folder, the same command goes on; the last one writes
-    results.parquet and report.html.
+    results.parquet, results.csv and report.html.
 
     Example: tacstrip sweep study.toml --out designs --shard 3/16
     """
@@ -82,4 +82,4 @@ def command(
         )
     lack = sum(why is not None for why in results[PROBLEM])
     but = f", {lack} of them not or not wholly measured: the column {PROBLEM} says why" if lack else ""
-    click.echo(f"{page}: the report\n{out / 'results.parquet'}: all {asked.designs} designs{but}")
+    click.echo(f"{page}: the report\n{out / 'results.parquet'}, .csv: all {asked.designs} designs{but}")

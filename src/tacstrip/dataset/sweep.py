@@ -33,6 +33,7 @@ from tacstrip.dataset.study import Study, optional
 from tacstrip.errors import OptionError, SpecError, TacstripError, one_of
 from tacstrip.files import replacing
 from tacstrip.interrupt import children_end, worker_pool
+from tacstrip.io.csv_rows import csv_writer
 from tacstrip.sensor.constructions import construction
 from tacstrip.sensor.spec import KEYS as SENSOR_KEYS
 from tacstrip.sensor.spec import Sensor
@@ -383,7 +384,7 @@ def _write(study: Sweep, batch: Batch, rows: Sequence[Row], file: Path) -> None:
 
 
 def collect(study: Sweep, out: Path) -> dict[str, list[Any]] | None:
-    """Write all designs to results.parquet and return its columns; None while batches are missing."""
+    """Write all designs to results.parquet and results.csv, return the columns; None while batches are missing."""
     there, plan = batches_there(out), list(study.batches())
     if any(batch.name not in there for batch in plan):
         return None
@@ -397,6 +398,8 @@ def collect(study: Sweep, out: Path) -> dict[str, list[Any]] | None:
     with replacing(out / "results.parquet") as new:
         pq.write_table(pa.concat_tables(tables), new)
     found: dict[str, list[Any]] = pa.concat_tables(tables).to_pydict()
+    with csv_writer(out / "results.csv", list(found)) as lines:
+        lines.writerows(zip(*found.values(), strict=True))
     return found
 
 

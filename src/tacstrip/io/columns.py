@@ -11,7 +11,8 @@ from tacstrip.scan import max_rounding
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
 
-INDEX = ("scan", "time_s", "strip")
+TIME = "time_s"
+INDEX = ("scan", TIME, "strip")
 OTHER_FORM = "A log of another form? `tacstrip import LOG SENSOR -o READINGS` makes readings of it"
 LAYER = "layer"  # the column of a sensor of two layers, before that of the strip
 PLACE = (*INDEX, LAYER, "l_mm", "w_mm")  # columns that are no readings

@@ -87,7 +87,7 @@ def read_csv(
 def find(header: list[str], name: str) -> int:
     """Return the place of a column that must be there."""
     if name not in header:
-        hint = f". {OTHER_FORM}" if name in ("scan", "time_s") else ""
+        hint = f". {OTHER_FORM}" if name == "scan" else ""
         raise ReadingError(
             nearly(header, [name], PLACE)
             or f"column {name!r} is missing; the header has: {', '.join(header)}{hint}"

@@ -1,10 +1,10 @@
 """Readings as CSV: a header, then a line per strip and scan.
 
-Columns: scan, time_s, strip, and volts (v_h, v_l or v_out) or A/D codes (code_h, code_l or code); one of
-v_h and v_l alone is a single-measurement. Of a CRS-CRP sheet all electrodes may be there instead: v_l_0, v_l_1, ...
-at y = 0 and v_h_0, ... at y = L (or code_l_0, ...). Other columns are passed over, unless their
-name is nearly that of a column that is missing. Empty fields mean that nothing touches the strip; one of v_h and v_l
-alone, that the other channel is left out. Codes run from 0 to 2^adc_bits - 1, which reads Vref.
+Columns: scan, time_s (which a single scan may lack), strip, and volts (v_h, v_l or v_out) or A/D codes (code_h,
+code_l or code); one of v_h and v_l alone is a single-measurement. Of a CRS-CRP sheet all electrodes may be there
+instead: v_l_0, v_l_1, ... at y = 0 and v_h_0, ... at y = L (or code_l_0, ...). Other columns are passed over, unless
+their name is nearly that of a column that is missing. Empty fields mean that nothing touches the strip; one of v_h
+and v_l alone, that the other channel is left out. Codes run from 0 to 2^adc_bits - 1, which reads Vref.
 """
 
 from __future__ import annotations
@@ -21,10 +21,14 @@ import numpy as np
 from tacstrip.arguments import takes
 from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.errors import ReadingError
+from tacstrip.io.column_names import nearly
 from tacstrip.io.columns import (
     ELECTRODES,
     INDEX,
+    OTHER_FORM,
+    PLACE,
     POSITIONS,
+    TIME,
     Column,
     electrode_names,
     finite,
@@ -238,9 +242,14 @@ def scan_lines(
     Raises
     ------
     ReadingError
-        There is none, or a line has no time or no strip, or a strip for the second time.
+        There is none, or a line has no time or no strip, or a strip for the second time; there are several scans, and
+        no column of times.
     """
-    index, strip_of = [find(header, name) for name in INDEX], strip_reader(header, sensor)
+    if wrong := "" if TIME in header else nearly(header, [TIME], PLACE):
+        raise ReadingError(wrong)
+    number_at, strip_of = find(header, "scan"), strip_reader(header, sensor)
+    find(header, "strip")
+    time_at = header.index(TIME) if TIME in header else None  # without times: a single scan
     places = next(((name, header.index(name)) for name in POSITIONS if name in header), None)
     if isinstance(sensor, LayeredSensor):
         places = None  # of which layer they are nobody says
@@ -248,9 +257,14 @@ def scan_lines(
     scan: ScanLines | None = None
     written = ""
     for line, row in rows:
-        number, time_text = (row[i] for i in index[:-1])
+        number, time_text = row[number_at], "0" if time_at is None else row[time_at]
         if scan is None or number != scan.number:
             if scan is not None:
+                if time_at is None:
+                    raise ReadingError(
+                        f"column {TIME!r} is missing: line {line} begins a second scan, {number}; give every scan its "
+                        f"time in seconds, or one scan a file. {OTHER_FORM}"
+                    )
                 yield scan
             if first and places is not None and isinstance(sensor, Sensor):
                 _check_positions(places[0], first, sensor)

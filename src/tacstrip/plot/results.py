@@ -453,7 +453,9 @@ def _explained(
         entries.setdefault(str(label), handle)
     if with_regions and any(regions(o.found.vertices, o.found.covariance) for o in objects):
         larger = "" if magnify == 1.0 else f", {magnify:g} times larger"
-        entries[f"95 % region of a corner{larger}"] = Patch(facecolor=TRUE, alpha=0.25)
+        colours = {o.colour for o in objects}  # of several, as over time, none stands for all
+        colour = colours.pop() if len(colours) == 1 else TRUE
+        entries[f"95 % region of a corner{larger}"] = Patch(facecolor=colour, alpha=0.25)
     if any(o.found.bounds is not None for o in objects):
         entries["hidden behind another piece"] = Line2D([], [], color=TRUE, linestyle="--")
         entries["smallest and largest"] = Line2D([], [], color=TRUE, linestyle=":")

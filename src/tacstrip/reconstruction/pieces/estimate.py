@@ -17,6 +17,7 @@ from tacstrip.reconstruction.contact_ends import closed_ends
 from tacstrip.reconstruction.implausible import goes_on, implausible_hint
 from tacstrip.reconstruction.noise_covariance import Averaging, fit_sigma
 from tacstrip.reconstruction.on_surface import refuse_surface
+from tacstrip.reconstruction.pieces.bounds import Bounds, piece_bounds, sure_strips
 from tacstrip.reconstruction.pieces.cover import Part
 from tacstrip.reconstruction.pieces.outline import PieceOutline, shown_hull, trace
 from tacstrip.reconstruction.pieces.run import FEW_STRIPS, GAP, RunPieces, noise_level, split_run
@@ -49,14 +50,17 @@ class Piece(Drawn):
         On which it is seen or must be, a slice of the scan.
     status
         "ok": it is seen whole, of an IoU of .8 or more; "likely": parts are hidden, behind which there may be more, or
-        the strips are few; "doubtful": read the advice.
+        the strips are few; "doubtful": read the advice. Of one that shares strips "ok" and "likely" say, too, that
+        `outline` overlaps `smallest` and `largest` by an IoU of .8 on average.
     advice
         In words.
     covariance
         Of `outline.ravel()` (2N, 2N) [mm^2], NaN where hidden; None from one signature.
     smallest, largest
-        Outlines (M, 2) [mm]: the piece holds the hull of what it shows, and is held by its visible edges, the readings
-        and the other pieces.
+        Outlines (M, 2) [mm] between which the piece lies, where these are all the pieces. It holds the ends that are
+        surely its own, wherever the readings would allow the cuts, `smallest`; empty where none is. Every place that a
+        convex piece could reach, without a contradiction of 3 deviations to a reading or to what other pieces surely
+        hold, is in `largest`. That need not be convex: no piece reaches all of these places.
     joined
         Indices of the pieces that this one may be one concave object with.
     hidden_edges
@@ -183,9 +187,13 @@ def _of_run(run: RunPieces, sensor: Sensor, strips: slice, before: int) -> list[
         key=lambda group: min((p.stretch.start, p.side) for p in group),
     )
     hulls = [shown_hull(group, run.read) for group in groups]
+    sure = sure_strips(run.chains[0]), sure_strips(run.chains[1])
     found = []
     for i, group in enumerate(groups):
         traced = trace(group, run.read, hulls[:i] + hulls[i + 1 :], sensor.pitch_mm)
+        bounds = piece_bounds(
+            group, groups[:i] + groups[i + 1 :], run.chains, sure, run.read, sensor.pitch_mm, sensor.length_mm
+        )
         start = min(p.stretch.start for p in group) + strips.start
         stop = max(p.stretch.stop for p in group) + strips.start
         others = tuple(
@@ -194,11 +202,11 @@ def _of_run(run: RunPieces, sensor: Sensor, strips: slice, before: int) -> list[
             if j != i and (not run.apart or _meet(group, other, GAP * sensor.length_mm))
         )
         crossed = any(_overlap(hulls[i], other) > _OVERLAP for j, other in enumerate(hulls) if j != i)
-        status, advice = _verdict(run, traced, sensor, strips, crossed)
+        status, advice = _verdict(run, traced, bounds, sensor, strips, crossed)
         found.append(
             Piece(
-                traced.vertices, traced.hidden, slice(start, stop), status, advice, traced.covariance, traced.smallest,
-                traced.largest, others, traced.hidden_edges,
+                traced.vertices, traced.hidden, slice(start, stop), status, advice, traced.covariance, bounds.smallest,
+                bounds.largest, others, traced.hidden_edges,
             )
         )  # fmt: skip
     return found
@@ -217,7 +225,7 @@ def _meet(group: list[Part], other: list[Part], least: float) -> bool:
 
 
 def _verdict(
-    run: RunPieces, traced: PieceOutline, sensor: Sensor, strips: slice, crossed: bool
+    run: RunPieces, traced: PieceOutline, bounds: Bounds, sensor: Sensor, strips: slice, crossed: bool
 ) -> tuple[Status, str]:
     """Return status and advice of a piece."""
     n, count = len(run.read.x), run.count
@@ -258,11 +266,16 @@ def _verdict(
     if (off := _error(run, traced, sensor)) > 1.0 - _PROMISED:
         doubts.append(f"noise and strips leave about {100.0 * off:.0f} % of its area open: use finer strips")
     if traced.hidden.any():
-        overlap = _iou(traced.smallest, traced.largest)
         notes.append(
-            f"{int(traced.hidden.sum())} of its {len(traced.hidden)} corners are hidden behind other pieces; its "
-            f"smallest and largest outline overlap by an IoU of {overlap:.2f}"
+            f"{int(traced.hidden.sum())} of its {len(traced.hidden)} corners are hidden behind other pieces"
         )
+    if count > 1:
+        least, most = (shapely.Polygon(o).area if len(o) else 0.0 for o in (bounds.smallest, bounds.largest))
+        notes.append(f"its smallest and largest outline overlap by an IoU of {least / most:.2f}")
+        if 0.5 * sum(_iou(traced.vertices, o) for o in (bounds.smallest, bounds.largest)) < _PROMISED:
+            doubts.append(
+                "between the two its shape is open: a second layer, or scans while it moves, would tell"
+            )
     status: Status = "doubtful" if doubts else "likely" if traced.hidden.any() or n < FEW_STRIPS else "ok"
     return status, "; ".join([*notes, *doubts])
 
@@ -293,7 +306,7 @@ def _iou(inner: FloatArray, outer: FloatArray) -> float:
     if min(len(inner), len(outer)) < 3:
         return 0.0
     a, b = (p if p.is_valid else p.buffer(0.0) for p in map(shapely.Polygon, (inner, outer)))
-    shared = a.intersection(b).area
+    shared = float(a.intersection(b).area)
     union = a.area + b.area - shared
     return float(shared / union) if union else 0.0
 
@@ -310,7 +323,7 @@ def piece_reconstruction(scan: Scan, sensor: Sensor, noise: Noise | None = None)
             advice=p.advice,
             hidden=p.hidden,
             hidden_edges=p.hidden_edges,
-            bounds=(p.smallest, p.largest) if p.hidden.any() else None,
+            bounds=(p.smallest, p.largest) if p.hidden.any() and len(p.smallest) else None,
         )
         for p in pieces(scan, sensor, noise)
     )

@@ -1,7 +1,7 @@
 """The outline of a piece: what the strips show of it, and between, where another piece hides it, what may be there.
 
-Hidden parts are bounded: the piece holds the convex hull of what it shows, and is held by the lines of its visible
-edges, by what the strips read, and by the hulls of what the other pieces show.
+A hidden corner is put halfway to the furthest place that the lines of the visible edges, the readings and the other
+pieces leave to it.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from tacstrip.arrays import BoolArray, FloatArray, IntArray
 from tacstrip.core.convex_chain import lower_hull
 from tacstrip.reconstruction.pieces.cover import Part, Read
 
-_HALFWAY = 0.5  # between the smallest and the largest outline
+_HALFWAY = 0.5  # to the furthest corner
 _SLIVER = 0.01  # of the way: a piece of which one straight edge is seen is no line
 _STEPS = 24  # of looking how far an outline can reach
 _SAME = 1  # strips between the ends of l and of u that are one
@@ -35,16 +35,12 @@ class PieceOutline:
         Which of them, and which edges from each to the next one, the readings do not show (N,).
     covariance
         Of vertices.ravel() (2 N, 2 N) [mm^2]; NaN for hidden ones.
-    smallest, largest
-        Outlines (M, 2) [mm] between which it lies.
     """
 
     vertices: FloatArray
     hidden: BoolArray
     hidden_edges: BoolArray
     covariance: FloatArray
-    smallest: FloatArray
-    largest: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +81,6 @@ def trace(parts: Sequence[Part], read: Read, others: Sequence[FloatArray], pitch
     """
     arcs = _ring(parts, pitch)
     points, flags, edges, blocks = [], [], [], []
-    smallest, largest = [], []
     for i, arc in enumerate(arcs):
         following = arcs[(i + 1) % len(arcs)]
         points.append(arc.points)
@@ -93,8 +88,6 @@ def trace(parts: Sequence[Part], read: Read, others: Sequence[FloatArray], pitch
         flags[-1][[0, -1]] = [not arc.exact[0], not arc.exact[1]]
         edges.append(np.zeros(len(arc.points), dtype=np.bool_))
         blocks.append(arc.covariance)
-        smallest.append(arc.points)
-        largest.append(arc.points)
         if arc.side == following.side or not (arc.exact[1] and following.exact[0]):
             edges[-1][-1] = True
             start, end = arc.points[-1], following.points[0]
@@ -104,7 +97,6 @@ def trace(parts: Sequence[Part], read: Read, others: Sequence[FloatArray], pitch
                 flags.append(np.array([True]))
                 edges.append(np.array([True]))
                 blocks.append(np.full((2, 2), np.nan))
-                largest.append(far[None])
     ring, hidden, unseen = np.concatenate(points), np.concatenate(flags), np.concatenate(edges)
     covariance = np.zeros((2 * len(ring),) * 2)
     at = 0
@@ -121,9 +113,7 @@ def trace(parts: Sequence[Part], read: Read, others: Sequence[FloatArray], pitch
     covariance = covariance[np.ix_(both, both)]
     of_hidden = np.repeat(hidden[kept], 2)
     covariance[of_hidden], covariance[:, of_hidden] = np.nan, np.nan
-    whole, least = np.concatenate(largest), np.concatenate(smallest)
-    bounds = least[_corners(least)], whole[_corners(whole)]
-    return PieceOutline(ring[kept], hidden[kept], unseen_edges, covariance, *bounds)
+    return PieceOutline(ring[kept], hidden[kept], unseen_edges, covariance)
 
 
 def _corners(ring: FloatArray) -> IntArray:

@@ -167,7 +167,7 @@ def second_look(
     if apart:
         return (
             f"the contact is concave or at least two objects on the same strips: {at}; at least {pieces.count} convex "
-            "pieces (ts.pieces) explain the readings; if it is one object, keep this outline"
+            "pieces (`--method pieces`, ts.pieces) explain the readings; if it is one object, keep this outline"
         )
     area = moments(outline.vertices)[0]
     hidden = max((_behind(cut, pieces.read.x) / area for cut in jumps), default=0.0)

@@ -43,6 +43,7 @@ _LOST_MM = 0.1  # depth by which touch and silence may contradict the object
 _LIKELY = 0.05  # share of draws
 _RIVAL = 4.0  # chi square by which another pose is no rival
 _UNTOLD = 0.5  # relative standard deviation of a radius or force that is not told
+_ROUND = ("sphere", "cylinder")  # of a radius
 _AXES = ("cylinder", "edge", "box")  # a mesh may be alike turned about its own axis
 _BENT = {  # what rests on the kind that was given, where readings do not tell it
     "plane": "the force holds if it is flat: a ball or a cone leaves the same patch",
@@ -124,8 +125,17 @@ class SolidFit:
 
     @property
     def depth_mm(self) -> float:
-        """How deep the object's lowest place lies in the skin; NaN without contact."""
-        return math.nan if self.values is None else float(self.values[self.names.index("depth_mm")])
+        """How deep the object's lowest place lies in the skin; NaN without contact, or where the radius is not told.
+
+        The same patch is a small object's that lies deep, and a large one's that does not.
+        """
+        if (
+            self.values is None
+            or self.solid is None
+            or (self.solid.kind in _ROUND and math.isnan(self.radius_mm))
+        ):
+            return math.nan
+        return float(self.values[self.names.index("depth_mm")])
 
     def __repr__(self) -> str:
         if self.solid is None:
@@ -297,15 +307,15 @@ def _result(
     intervals = {"area_mm2": of_area} | scatter.intervals
     radius = radius_sigma = math.nan
     notes, doubtful, open_ = [], False, False
-    if kind in ("sphere", "cylinder"):
+    if kind in _ROUND:
         radius, radius_sigma, of_radius = _about(scatter.radius)
         alike = kind == "sphere" and cap(poses.skin) and not known_size
         open_ = not alike and not radius_sigma <= _RADIUS * radius
         if alike or radius_sigma > _UNTOLD * radius:
             why = "every patch of a sphere on this skin is alike" if alike else "it is open"
             notes.append(
-                f"the radius and the force cannot be told from this contact ({why}): area and direction hold; give a "
-                "known radius with known_size=True"
+                f"the radius, the depth and the force cannot be told from this contact ({why}): area and direction "
+                "hold; give a known radius with known_size=True"
             )
             radius = radius_sigma = force = force_sigma = math.nan
         else:

@@ -132,6 +132,8 @@ def _fields(frame: Frame, dropped: int) -> dict[str, Any]:
                 "id": o.id,
                 "status": o.shape.status,
                 "vertices_mm": plain(o.shape.vertices, 4),
+                "centroid_mm": plain(o.shape.centroid, 4) if len(o.shape.vertices) > 2 else None,
+                "area_mm2": round(o.shape.area, 3) if len(o.shape.vertices) > 2 else None,
                 "advice": o.shape.advice,
             }
             for o in frame.objects
