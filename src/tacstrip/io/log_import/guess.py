@@ -306,13 +306,23 @@ def _strips(clues: Clues, found: Columns) -> tuple[int, int]:
             )
         else:
             clues.ask(
-                "strip_base", f"strips are numbered {low} to {high}: is the first one 0 or 1?", "0", "1"
+                "strip_base",
+                f"strips are numbered {low} to {high}: is the first one 0 or 1?"
+                + (
+                    " (strip_base = 0 of the spec, which `init` writes of itself, tells nothing of the log)"
+                    if clues.sensor and "strip_base" in (clues.stated or ())
+                    else ""
+                ),
+                "0",
+                "1",
             )
             base = 0
     elif count and not base <= low <= high <= base + count - 1:
         raise OptionError(
             f"--answer strip_base={base:g}: strips are numbered {low} to {high}, and the sensor has {count}"
         )
+    if not found.numbered:
+        return int(base), count or high - int(base) + 1
     clues.because(f"strips are numbered from {int(base)}")
     if said is None and clues.sensor and "strip_base" in (clues.stated or ()):
         said = clues.sensor.strip_base

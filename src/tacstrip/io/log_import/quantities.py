@@ -13,7 +13,15 @@ from tacstrip.errors import OptionError, ReadingError
 from tacstrip.io.log_import.columns import CLOCK_BITS, Columns
 from tacstrip.io.log_import.fields import clock_seconds, number_of, says_nothing
 from tacstrip.io.log_import.mapping import RESTARTS, ColumnMapping
-from tacstrip.io.log_import.names import IN_VOLTS, OF_VREF, READING_UNITS, TIME_UNITS, UNITS, unknown_unit
+from tacstrip.io.log_import.names import (
+    IN_VOLTS,
+    OF_VREF,
+    READING_UNITS,
+    TIME_UNITS,
+    UNITS,
+    is_called_k,
+    unknown_unit,
+)
 from tacstrip.io.log_import.questions import Clues
 from tacstrip.io.log_import.scans import LogScan, raw_times
 from tacstrip.io.log_import.table import CLOCK, ROW
@@ -49,6 +57,9 @@ _RATE = re.compile(
 _ALARM = re.compile(
     r"err|fault|fail|sat|clip|ovf|overf|bad|invalid|miss|\?", re.IGNORECASE
 )  # not of no contact
+_OVER_RANGE = re.compile(
+    r"\++|\+?(?:over(?:range|load)?|o\.?l\.?|ovl?d|burnout|inf)", re.IGNORECASE
+)  # of loggers
 _BITS_TOLD = re.compile(r"\b(\d{1,2})[\s_-]?bits?\b", re.IGNORECASE)
 _UNIT_TOLD = re.compile(
     r"\b(?:units?|readings?|values?|voltages?|signals?|channels?|data|in|all|normali[sz]ed|ratiometric)\b[^\n,;]{0,16}?"
@@ -236,6 +247,11 @@ def words_for_nothing(clues: Clues, found: Columns) -> tuple[str, ...]:
                     raise ReadingError(
                         f"line {line}: {name} is {text!r}, which are {len(parts)} numbers, not one"
                     )
+                if re.search(r"\d[.,]\d", text) or clock_seconds(text) is not None:
+                    raise ReadingError(
+                        f"line {line}: {name} is {text!r}, which is no number; mend it, or say --answer "
+                        f"'{name}=skip' if the column holds no readings"
+                    )
                 said = {t for n in found.readings for t in table.column(n) if _is_word(t, table.decimal)}
                 if any(c.isdigit() or _ALARM.search(t) for t in said for c in t):
                     clues.ask(
@@ -256,6 +272,16 @@ def settle_words(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> 
     idle = np.isnan(values)
     if values.shape[2] == 2 and (idle[:, :, 0] == idle[:, :, 1]).all() and idle.mean() > _MANY:
         clues.because(f"{word}: no contact, for both channels of a strip have it at once, and none alone")
+        return
+    words = [w for w in mapping.untouched if _OVER_RANGE.fullmatch(w)]
+    apart = np.asarray(~idle[:, :, 0])
+    if (
+        values.shape[2] == 1 and len(words) == len(mapping.untouched) == 1 and idle.mean() > _MANY
+        and all(row[np.argmax(row) :][: row.sum()].all() for row in apart)
+    ):  # fmt: skip
+        clues.because(
+            f"{word}: no contact: an open input is over the range, and strips with readings lie side by side"
+        )
         return
     clues.ask(
         "untouched", f"{word!r} is no number; does it stand for no contact?", ",".join(mapping.untouched)
@@ -365,9 +391,10 @@ def with_unit(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list[
     told = [found.meanings[n] for n in mapping.columns]
     named = {m.unit for m in told} - {""}
     volts = any(m.volts for m in told)
-    if not named and all(
-        f[:2].casefold() == "0x" for n in mapping.columns for f in clues.table.column(n) if f
-    ):
+    if named == {"fraction"} and values.max() > 1.0 and all(map(is_called_k, mapping.columns)):
+        named = set()  # as codes of k are
+    filled = [f for n in mapping.columns for f in clues.table.column(n) if not says_nothing(f)]
+    if not named and all(f[:2].casefold() == "0x" for f in filled):
         named = {"code"}
     unit = answer or (named.pop() if len(named) == 1 else _by_size(clues, values, vref, bits, volts))
     open_unit = next((q for q in clues.questions if q.key == "unit"), None)

@@ -64,6 +64,8 @@ class Clues:
     stated: frozenset[str] | None = None  # keys that the spec's file states; None: not known
     doubts: list[str] = field(default_factory=list)  # what is read all the same, and may be meant otherwise
 
+    counted: bool = False  # whether strips are counted here, for the log gives them no numbers
+
     def __post_init__(self) -> None:
         self.reasons += self.table.remarks
         self.doubts += self.table.doubts
