@@ -22,7 +22,7 @@ from tacstrip.io.log_import.names import (
     numbered_groups,
     pair_of,
 )
-from tacstrip.io.log_import.questions import Clues
+from tacstrip.io.log_import.questions import ROLES, Clues
 from tacstrip.io.log_import.table import CLOCK, ROW
 
 _ABOVE = 0.95  # of the strips: k_h is above k_l there, and so the names are clear
@@ -50,6 +50,8 @@ _DERIVED = frozenset(
     | {"diff", "difference", "delta", "std", "var", "gain", "offset", "force", "pressure", "temp", "temperature"}
     | {"current", "resistance", "area", "load", "gap", "product", "error"}
 )  # fmt: skip
+_SENSORS = frozenset({"pad", "hand", "finger", "board", "device", "skin", "patch", "module", "gripper", "arm", "side"})
+_MOST_SENSORS = 12
 _LOGIC = re.compile("[LH]+")  # levels of logic inputs, as loggers write them
 _ROLE_NAMES = {"scan": "scan's number", "strip": "strip's number", "which": "channel's name"}
 
@@ -88,11 +90,47 @@ class Columns:
 def find_columns(clues: Clues) -> Columns:
     """Say what each column is; raises `Unanswered` where no readings can be found without an answer."""
     known = _meanings(clues)
+    _ask_for_sensor(clues, known)
     found = _find(clues, known)
     used = {*found.readings, found.time, found.scan, found.strip, found.which, ROW}
     if passed := [n for n in clues.table.names if n not in used]:
         clues.because(f"passed over: {', '.join(passed)}")
     return found
+
+
+def _ask_for_sensor(clues: Clues, known: dict[str, Meaning]) -> None:
+    """Ask which sensor's lines are meant, where a column names several: "pad", or one that tells equal lines apart."""
+    table = clues.table
+    one = {m.channel for m in known.values() if m.role == "reading"}
+    single = clues.expected == ("out",) or {"h", "l"} <= one
+    named = {n for n, m in known.items() if m.role in ("time", "scan", "strip") and n != CLOCK}
+    numbered = any(m.role == "strip" or m.strip is not None for m in known.values())
+    of = [n for n in table.names if n in named]
+    keys = list(zip(*(table.column(n) for n in of), strict=True)) if of else []
+    for name in table.names:
+        fields = table.column(name)
+        values = sorted(set(fields))
+        if (
+            known[name].role in ("time", "scan", "strip", "position", "skip") or name in (*clues.answers, ROW, CLOCK)
+            or not 1 < len(values) <= _MOST_SENSORS or not all(values) or {*values} & {*ROLES}
+            or (known[name].role == "reading" and known[name].strip is not None)
+        ):  # fmt: skip
+            continue
+        each = Counter(zip(keys, fields, strict=True)) if keys else Counter()
+        apart = (
+            single and numbered and bool(each) and set(each.values()) == {1}
+            and len(each) == len(values) * len(set(keys)) and not any(number_of(v) is not None for v in values)
+        )  # fmt: skip
+        called = _SENSORS & set(re.findall(r"[a-z]+", name.casefold()))
+        if apart or (called and single and numbered):
+            lines = [table.lines[fields.index(v)] for v in values[:2]]
+            clues.ask(
+                name,
+                f"{name!r} is {values[0]!r} on line {lines[0]} and {values[1]!r} on line {lines[1]}: are these of "
+                f"{len(values)} sensors? Then which one's lines are meant",
+                *values, *([] if apart else ["skip"]),
+            )  # fmt: skip
+            clues.stop()
 
 
 def _meanings(clues: Clues) -> dict[str, Meaning]:

@@ -182,7 +182,7 @@ def _rough(clues: Clues, found: Columns) -> tuple[ColumnMapping, list[LogScan]]:
     mapping = ColumnMapping(
         columns=found.readings, unit="V", strips=count, strip_base=base, scan=found.scan, strip=found.strip,
         which=found.which, which_h=which_h, time=found.time, strip_step=found.strip_step,
-        broken_lines=_broken(clues), untouched=quantities.words_for_nothing(clues, found), missing="untouched",
+        only=clues.only, broken_lines=_broken(clues), untouched=quantities.words_for_nothing(clues, found), missing="untouched",
     )  # fmt: skip
     clues.choice("missing", ("untouched", "error"))
     mapping = quantities.with_time(clues, mapping, found)

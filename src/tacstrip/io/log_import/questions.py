@@ -64,6 +64,7 @@ class Clues:
     stated: frozenset[str] | None = None  # keys that the spec's file states; None: not known
     doubts: list[str] = field(default_factory=list)  # what is read all the same, and may be meant otherwise
 
+    only: tuple[str, ...] = ()  # lines that are taken, as "pad=left"
     counted: bool = False  # whether strips are counted here, for the log gives them no numbers
 
     def __post_init__(self) -> None:
@@ -71,8 +72,12 @@ class Clues:
         self.doubts += self.table.doubts
         if (base := _BASES.get(self.answers.get("strips", ""))) is not None:
             self.answers = {k: v for k, v in self.answers.items() if k != "strips"} | {"strip_base": base}
-        for key, answer in self.answers.items():
+        for key, answer in list(self.answers.items()):
             named = key in self.table.names
+            if named and key not in KEYS and answer not in ROLES and answer in self.table.column(key):
+                self.only += (f"{key}={answer}",)
+                self.answers = self.answers | {key: "skip"}
+                continue
             if key not in KEYS and not named:
                 raise OptionError(
                     f"--answer {key}={answer}: no question has that key, and no column that name; "
@@ -87,6 +92,10 @@ class Clues:
                 raise OptionError(
                     f"--answer {key}={answer}: " + one_of("role of a column", answer, (*ROLES, "3:h"))
                 )
+
+        self.table = self.table.where(self.only)
+        for condition in self.only:
+            self.because(f"only lines with {condition}")
 
     def ask(self, key: str, text: str, *choices: str) -> None:
         """Ask for what cannot be known; once for each key."""

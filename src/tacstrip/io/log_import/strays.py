@@ -151,7 +151,7 @@ def _told(table: Table, strays: frozenset[int], texts: dict[int, str]) -> Table:
     """Return a table that says which lines were set aside: broken, if they may hold readings."""
     first, last = min(table.lines, default=0), max(table.lines, default=0)
     words = {w.casefold() for name in table.names for w in re.findall(r"[^\W\d_]+", name)}
-    there = sorted(n for n in strays if n not in table.lines)
+    there = sorted(strays)
     broken = [
         n for n in there
         if re.search(r"\d", texts[n]) and not is_prose(texts[n], words)

@@ -98,6 +98,20 @@ class Table:
         place = self.names.index(name)
         return [row[place] for row in self.rows]
 
+    def where(self, conditions: Sequence[str]) -> Table:
+        """Return only the rows in which columns are as such conditions as "pad=left" say; `ReadingError`: none is."""
+        table = self
+        for condition in conditions:
+            name = next((n for n in self.names if condition.startswith(f"{n}=")), "")
+            fields = table.column(name) if name else []
+            kept = [n for n, f in enumerate(fields) if f"{name}={f}" == condition]
+            if not kept:
+                raise ReadingError(f"no line has {condition}")
+            table = replace(
+                table, rows=[table.rows[n] for n in kept], lines=[table.lines[n] for n in kept]
+            )
+        return table
+
 
 def of_records(
     records: Sequence[Mapping[str, str]], lines: list[int], decimal: str = ".", *remarks: str
