@@ -50,7 +50,9 @@ _DERIVED = frozenset(
     | {"diff", "difference", "delta", "std", "var", "gain", "offset", "force", "pressure", "temp", "temperature"}
     | {"current", "resistance", "area", "load", "gap", "product", "error"}
 )  # fmt: skip
-_SENSORS = frozenset({"pad", "hand", "finger", "board", "device", "skin", "patch", "module", "gripper", "arm", "side"})
+_SENSORS = frozenset(
+    {"pad", "hand", "finger", "board", "device", "skin", "patch", "module", "gripper", "arm", "side"}
+)
 _MOST_SENSORS = 12
 _LOGIC = re.compile("[LH]+")  # levels of logic inputs, as loggers write them
 _ROLE_NAMES = {"scan": "scan's number", "strip": "strip's number", "which": "channel's name"}

@@ -162,7 +162,9 @@ def settled_time(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> 
         if "time_unit" not in clues.answers and step and not _POSSIBLE_S[0] <= step <= _POSSIBLE_S[1]:
             raw = step / TIME_UNITS.get(mapping.time_unit, 1.0)
             rates = _rates_above(clues)
-            so = [u for u in ("ms", "us", "s") if len(rates) == 1 and _is_rate(raw * TIME_UNITS[u], min(rates))]
+            so = [
+                u for u in ("ms", "us", "s") if len(rates) == 1 and _is_rate(raw * TIME_UNITS[u], min(rates))
+            ]
             clues.ask(
                 "time_unit",
                 f"{mapping.time} would rise by {step:g} s from scan to scan: in which unit is it?"
@@ -178,7 +180,11 @@ def settled_time(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> 
         if step and _RATES_HZ[0] <= 1.0 / (step * TIME_UNITS[u]) <= _RATES_HZ[1]
     ]
     strange = unknown_unit(mapping.time)
-    if len(fits) > 1 and not strange and len(told := [u for u in fits if _is_told(clues, mapping.time, u, step)]) == 1:
+    if (
+        len(fits) > 1
+        and not strange
+        and len(told := [u for u in fits if _is_told(clues, mapping.time, u, step)]) == 1
+    ):
         clues.because(f"{mapping.time} is in {told[0]}, as a line above says")
         return replace(mapping, time_unit=told[0])
     if len(fits) == 1 and not strange:
@@ -201,7 +207,9 @@ def settled_time(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> 
 def _is_told(clues: Clues, name: str, unit: str, step: float) -> bool:
     """Return whether lines above say that a time is in a unit ("t in ms"), or a rate that it has only in that."""
     text = "\n".join(clues.table.preamble)
-    said = {UNITS.get(u.lower(), u) for u in re.findall(rf"\b{re.escape(name)} in (?:the )?([a-zµ]+)\b", text)}
+    said = {
+        UNITS.get(u.lower(), u) for u in re.findall(rf"\b{re.escape(name)} in (?:the )?([a-zµ]+)\b", text)
+    }
     rates = _rates_above(clues)
     return said == {unit} or (not said and len(rates) == 1 and _is_rate(step * TIME_UNITS[unit], min(rates)))
 
@@ -418,7 +426,7 @@ def with_unit(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list[
     named = {m.unit for m in told} - {""}
     volts = any(m.volts for m in told)
     if named == {"fraction"} and values.max() > 1.0 and all(map(is_called_k, mapping.columns)):
-        named = set()  # as codes of k are
+        named = {"code"} if bits and (values == np.round(values)).all() else set()
     filled = [f for n in mapping.columns for f in clues.table.column(n) if not says_nothing(f)]
     if not named and all(f[:2].casefold() == "0x" for f in filled):
         named = {"code"}
@@ -458,7 +466,9 @@ def with_unit(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list[
         most = _most(vref)
         others = [u for u in ("V", "mV", "fraction", "percent") if u != unit and most[u] >= values.max()]
         others = [u for u in others if values.max() > _LITTLE * most[u]] or others[:2]
-        own = not (unit in IN_VOLTS and "V" in others and _LITTLE * vref < values.max())  # which would be refused
+        own = not (
+            unit in IN_VOLTS and "V" in others and _LITTLE * vref < values.max()
+        )  # which would be refused
         clues.ask(
             "unit",
             f"the log says {unit}, of which there can be {top:g}, and no reading is above {values.max():g}: is the mark "

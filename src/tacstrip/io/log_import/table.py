@@ -107,9 +107,7 @@ class Table:
             kept = [n for n, f in enumerate(fields) if f"{name}={f}" == condition]
             if not kept:
                 raise ReadingError(f"no line has {condition}")
-            table = replace(
-                table, rows=[table.rows[n] for n in kept], lines=[table.lines[n] for n in kept]
-            )
+            table = replace(table, rows=[table.rows[n] for n in kept], lines=[table.lines[n] for n in kept])
         return table
 
 
