@@ -80,9 +80,12 @@ def test_a_cut_topic_is_no_other_series() -> None:
 
 @pytest.mark.parametrize("over", ["+++++++", "OL", "BURNOUT"])
 def test_signs_blanks_and_levels_of_a_logger(over: str) -> None:
+    begun = np.where(
+        (np.arange(4) == 2) & (np.arange(12)[:, None] < 3), np.nan, HIGH - 0.4 * (np.arange(4) == 2)
+    )
     body = [
         f"{i + 1},2026/11/23 09:00:00,{20 * i:3d},"
-        + ",".join(text_of(v, "+.3f", over).replace("+2", "+  2").replace("+1", "+  1") for v in HIGH[i])
+        + ",".join(text_of(v, "+.3f", over).replace("+2", "+  2").replace("+1", "+  1") for v in begun[i])
         + ",LHLLLLLLLL,LLLL"
         for i in N
     ]
@@ -93,8 +96,15 @@ def test_signs_blanks_and_levels_of_a_logger(over: str) -> None:
         "NO.,Time,ms,V,V,V,V,A1234567890,A1234",
         *body,
     ]
-    said = check(lines, replace(ONE, strip_base=1), HIGH)
+    said = check(lines, replace(ONE, strip_base=1), begun)
     assert not any("in the log, so from" in s for s in said)
+
+
+def test_over_range_of_large_readings_is_asked() -> None:
+    rows = [
+        f"{20 * i},OL,{2.0 + 0.1 * i:.3f},{'OL' if i > 5 else f'{2.4 + 0.1 * i:.3f}'},OL" for i in range(12)
+    ]
+    assert asked(["t_ms,v0,v1,v2,v3", *rows], ONE)["untouched"] == ("OL",)
 
 
 def test_over_range_within_a_contact_is_asked_and_no_text_with_a_number_is_offered() -> None:

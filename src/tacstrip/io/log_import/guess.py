@@ -31,7 +31,7 @@ _BASE_TOLD = re.compile(
     r"|\b([01])[ -](?:based|indexed)\b|\bfirst strip\b[^\d\n]{0,20}?\b([01])\b|\bstrips ([01]) ?(?:to|-|\.\.+|bis) ?\d",
     re.IGNORECASE,
 )
-_SHOWN, _LONG = 3, 40  # broken lines, and characters of each, that are quoted
+_SHOWN, _LONG = 3, 72  # broken lines, and characters of each, that are quoted
 _FEW_BROKEN, _MOST_BROKEN = 2, 1.0 / 3.0  # lines, and part of the lines: of more, the log is of another form
 _MOST_COMPLETE = 0.5  # of the scans: if more have all strips, lines are lost where others have not
 
@@ -182,7 +182,8 @@ def _rough(clues: Clues, found: Columns) -> tuple[ColumnMapping, list[LogScan]]:
     mapping = ColumnMapping(
         columns=found.readings, unit="V", strips=count, strip_base=base, scan=found.scan, strip=found.strip,
         which=found.which, which_h=which_h, time=found.time, strip_step=found.strip_step,
-        only=clues.only, broken_lines=_broken(clues), untouched=quantities.words_for_nothing(clues, found), missing="untouched",
+        broken_lines=_broken(clues), untouched=quantities.words_for_nothing(clues, found), missing="untouched",
+        only=clues.only,
     )  # fmt: skip
     clues.choice("missing", ("untouched", "error"))
     mapping = quantities.with_time(clues, mapping, found)

@@ -49,6 +49,7 @@ _FAR = 1e5  # usual steps: no pause is as long
 _FAR_LAST = 300.0  # times the largest other step
 _JUMP = 5.0  # usual steps: so much a clock may rise where it begins anew
 _EPOCHS = {"s": 1e9, "ms": 1e12, "us": 1e15, "ns": 1e18}  # since 1970, up to 2.2 times that
+_FULL = 0.9  # of the largest reading: what becomes larger than the range goes there from above
 _SAME_RATE = 0.02  # relative: steps that are those of a rate
 _SAME_TIME = 0.5  # of the scans: if more have the time of the one before, the clock is too coarse
 _RATE = re.compile(
@@ -308,18 +309,27 @@ def settle_words(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> 
         clues.because(f"{word}: no contact, for both channels of a strip have it at once, and none alone")
         return
     words = [w for w in mapping.untouched if _OVER_RANGE.fullmatch(w)]
-    apart = np.asarray(~idle[:, :, 0])
-    if (
-        values.shape[2] == 1 and len(words) == len(mapping.untouched) == 1 and idle.mean() > _MANY
-        and all(row[np.argmax(row) :][: row.sum()].all() for row in apart)
-    ):  # fmt: skip
+    if values.shape[2] == 1 and len(words) == len(mapping.untouched) == 1 and _is_open(values[:, :, 0]):
         clues.because(
-            f"{word}: no contact: an open input is over the range, and strips with readings lie side by side"
+            f"{word}: no contact, as of open inputs: strips with readings lie side by side, and go there from readings "
+            "far below the largest"
         )
         return
     clues.ask(
         "untouched", f"{word!r} is no number; does it stand for no contact?", ",".join(mapping.untouched)
     )
+
+
+def _is_open(values: FloatArray) -> bool:
+    """Return whether inputs over the range are open ones; else readings that are too large would be near there."""
+    idle = np.asarray(np.isnan(values))
+    side_by_side = all(row[np.argmax(row) :][: row.sum()].all() for row in np.asarray(~idle))
+    beside = [values[1:][idle[:-1] & ~idle[1:]], values[:-1][idle[1:] & ~idle[:-1]]]
+    edge = np.concatenate(beside)  # the first and the last readings of contacts
+    return (
+        side_by_side and idle.mean() > _MANY and len(edge) > 0
+        and bool(np.median(edge) < _FULL * np.nanmax(values))
+    )  # fmt: skip
 
 
 def _is_word(text: str, decimal: str) -> bool:
@@ -427,6 +437,11 @@ def with_unit(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list[
     volts = any(m.volts for m in told)
     if named == {"fraction"} and values.max() > 1.0 and all(map(is_called_k, mapping.columns)):
         named = {"code"} if bits and (values == np.round(values)).all() else set()
+        if named and values.max() <= 1.0 / OF_VREF["permille"] and not answer:
+            clues.doubt(
+                f"{next(iter(mapping.columns))}, ...: whole numbers up to {values.max():g} are taken as codes of "
+                f"{bits} bits; if they are thousandths of Vref, --answer unit=permille"
+            )
     filled = [f for n in mapping.columns for f in clues.table.column(n) if not says_nothing(f)]
     if not named and all(f[:2].casefold() == "0x" for f in filled):
         named = {"code"}
@@ -471,8 +486,8 @@ def with_unit(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list[
         )  # which would be refused
         clues.ask(
             "unit",
-            f"the log says {unit}, of which there can be {top:g}, and no reading is above {values.max():g}: is the mark "
-            "in them one of thousands (then save them without), or are they in another unit?",
+            f"the log says {unit}, of which there can be {top:g}, and no reading is above {values.max():g}: is the "
+            "mark in them one of thousands (then save them without), or are they in another unit?",
             *others, *([unit] if own else []),
         )  # fmt: skip
     if answer and top and values.max() < _FAINT * top:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from tacstrip.errors import OptionError, one_of
 from tacstrip.io.log_import.fields import number_of
-from tacstrip.io.log_import.names import CHANNELS
+from tacstrip.io.log_import.names import CHANNELS, meaning
 from tacstrip.io.log_import.table import Table
 from tacstrip.sensor.spec import Sensor
 
@@ -74,7 +74,7 @@ class Clues:
             self.answers = {k: v for k, v in self.answers.items() if k != "strips"} | {"strip_base": base}
         for key, answer in list(self.answers.items()):
             named = key in self.table.names
-            if named and key not in KEYS and answer not in ROLES and answer in self.table.column(key):
+            if named and key not in KEYS and self._names_lines(key, answer):
                 self.only += (f"{key}={answer}",)
                 self.answers = self.answers | {key: "skip"}
                 continue
@@ -96,6 +96,11 @@ class Clues:
         self.table = self.table.where(self.only)
         for condition in self.only:
             self.because(f"only lines with {condition}")
+
+    def _names_lines(self, name: str, answer: str) -> bool:
+        """Return whether an answer is what stands in a column on the lines that are meant, as in "pad=left"."""
+        said = meaning(name).role in ("", "which") and answer not in ROLES
+        return said and answer in self.table.column(name)
 
     def ask(self, key: str, text: str, *choices: str) -> None:
         """Ask for what cannot be known; once for each key."""
