@@ -194,7 +194,8 @@ def test_a_comment_settles_the_order_and_the_units() -> None:
     full = np.where(np.isnan(CODES[:, :, 0]), 4095.0, CODES[:, :, 0])
     rest = replace(ONE, rest_volt=3.3, touch_volt=0.1)
     check([*above, "% order: strip 0 ... strip 3", *rows], rest, full)
-    assert "strip_order" in asked([*above, "% order: strip 0 is the last, strip 3 the first", *rows], rest)
+    for said in ("strip 0 is the last, strip 3 the first", "strip 3 is the last, strip 0 the first"):
+        assert "strip_order" in asked([*above, f"% order: {said}", *rows], rest)
     rate = asked(
         ["# sampled at 50 Hz", "t_ms,v0,v1,v2,v3", *(f"{i / 50:.2f},,2.1,{2 + i / 90:.3f}," for i in N)], ONE
     )

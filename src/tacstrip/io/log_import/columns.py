@@ -120,11 +120,11 @@ def _ask_for_sensor(clues: Clues, known: dict[str, Meaning]) -> None:
             continue
         each = Counter(zip(keys, fields, strict=True)) if keys else Counter()
         apart = (
-            single and numbered and bool(each) and set(each.values()) == {1}
-            and len(each) == len(values) * len(set(keys)) and not any(number_of(v) is not None for v in values)
-        )  # fmt: skip
+            bool(each) and set(each.values()) == {1} and len(each) >= _ALONE * len(values) * len(set(keys))
+        )
         called = _SENSORS & set(re.findall(r"[a-z]+", name.casefold()))
-        if apart or (called and single and numbered):
+        worded = not any(number_of(v) is not None for v in values)
+        if single and numbered and (called or (apart and worded)):
             lines = [table.lines[fields.index(v)] for v in values[:2]]
             clues.ask(
                 name,
@@ -713,6 +713,8 @@ def _noise(table: FloatArray) -> float:
 def _from_first(said: list[str], strips: int) -> bool:
     """Return whether a line says that strips stand in their order: its numbers rise from the first strip to the last.
 
+    Examples
+    --------
     >>> _from_first(["order: strip 0 ... strip 9"], 10), _from_first(["order: strip 0 is last, strip 9 first"], 10)
     (True, False)
     """
@@ -725,11 +727,22 @@ def _from_first(said: list[str], strips: int) -> bool:
 
 
 def _from_last(said: list[str], strips: int) -> bool:
-    """Return whether a line says that the last strip's columns stand first, by the numbers of both."""
-    numbers = [
-        [int(n) for n in re.findall(r"\b(?:strips?|s|channels?|ch)\s*#?(\d+)", t.casefold())] for t in said
-    ]
-    return len(said) == 1 and any(numbers[0] == [strips - 1 + base, base] for base in (0, 1))
+    """Return whether a line says that the last strip's columns stand first, by the numbers of both.
+
+    Examples
+    --------
+    >>> _from_last(["strip 9 first, strip 0 last"], 10), _from_last(["strip 9 is last, strip 0 first"], 10)
+    (True, False)
+    """
+    told = list(re.finditer(r"\b(?:strips?|s|channels?|ch)\s*#?(\d+)", said[0].casefold()))
+    numbers = [int(m[1]) for m in told]
+    if len(said) > 1 or not any(numbers == [strips - 1 + base, base] for base in (0, 1)):
+        return False
+    first, last = (
+        re.search(words, said[0].casefold()) for words in (r"\b(?:first|zuerst)\b", r"\b(?:last|zuletzt)\b")
+    )
+    between = told[1].start()  # else the words say the contrary of the numbers' order
+    return not (first and first.start() > between) and not (last and last.start() < between)
 
 
 def _told_order(preamble: tuple[str, ...], strips: int) -> str:

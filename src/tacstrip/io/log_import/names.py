@@ -141,7 +141,7 @@ LENGTHS_MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
 
 
 _MOST_STRIPS = 99999  # a larger number in a name is none of a strip
-_CALLED_K = re.compile(r"(?:strip|s)?[\W\d_]*k[\W_]*(?:h|l|hi|lo|high|low)?[\W\d_]*", re.IGNORECASE)
+_CALLED_K = re.compile(r"(?:strip|s)?[\W\d_]*k[\W\d_]*(?:h|l|hi|lo|high|low)?[\W\d_]*", re.IGNORECASE)
 _NAMELESS = re.compile(r"column \d+")  # what a log without names is given
 
 
