@@ -98,6 +98,8 @@ def test_signs_blanks_and_levels_of_a_logger(over: str) -> None:
     ]
     said = check(lines, replace(ONE, strip_base=1), begun)
     assert not any("in the log, so from" in s for s in said)
+    commas = [line.replace(",", ";").replace(".", ",") for line in lines]
+    check(commas, replace(ONE, strip_base=1), begun)
 
 
 def test_over_range_of_large_readings_is_asked() -> None:

@@ -52,6 +52,7 @@ _ESP_IDF = re.compile(
     r"(?m)^[EWIDV] \(\d+\) [\w.-]+: "
 )  # of which the manual says that it counts milliseconds
 _REMARK = re.compile(r"(?<=[\d\w,;])\s+(?:#|//)\s+\S.*")  # behind the fields of a line
+_SIGN_APART = re.compile(r"\A([+-])\s+(?=[\d.,])")  # as loggers write "+  2.862"
 _REMARKED = re.compile(
     r"\s+[(\[][^()\[\]]{9,}[)\]]\s*\Z|\s{2,}\S.*\Z|\s+(?:--|#|//)\s.*\Z"
 )  # behind names in a comment
@@ -278,7 +279,8 @@ def _fields(line: str, separator: str) -> list[str]:
         return [first[:-1] if others and re.fullmatch(r"\d+:", first) else first, *others]
     if "[" in line and '"' not in line:
         line = _ARRAY.sub(lambda m: f'"{m.group()}"', line)
-    return [f.strip() for f in next(csv.reader([line], delimiter=separator, skipinitialspace=True))]
+    split = next(csv.reader([line], delimiter=separator, skipinitialspace=True))
+    return [_SIGN_APART.sub(r"\1", f.strip()) for f in split]
 
 
 def _separated(lines: list[tuple[int, str]], blank: set[int], path: str | Path) -> Table:
