@@ -11,11 +11,13 @@ from tacstrip.io.log_import.strays import numbered, without
 _MOST = 0.6  # of the lines are of the strips' series
 _STEADY = 0.9  # of the lines have a series' form
 _SHOWN = 5
+_DEEP = 4  # levels at the end of a topic that may name a strip
+_MOST_SERIES = 1000  # of more names, these are no series'
 _INFLUX = re.compile(
-    r"([A-Za-z_][\w.-]*)((?:,[\w.-]+=[^\s,]+)*) ([\w.-]+=\S+(?:,[\w.-]+=\S+)*)(?: \d{10,19})?\s*"
+    r"([A-Za-z_][\w.-]*)((?:,[\w.-]+=[^\s,]+)*) ([\w.-]+=[^\s,]+(?:,[\w.-]+=[^\s,]+)*)(?: \d{10,19})?\s*"
 )
 _TOPIC = re.compile(
-    r"(?:\S*\d\S*\s+){0,3}/?([A-Za-z][\w.-]*(?:/[\w.-]+)+):?\s+(\S.*)"
+    r"(?:(?=\S*\d)\S++\s++){0,3}/?([A-Za-z][\w.-]*(?:/[\w.-]+)+):?\s+(\S.*)"
 )  # perhaps behind a time
 _KEY = re.compile(r"[A-Za-z_][\w.-]*(?=\"?\s*[:=])")
 
@@ -35,11 +37,13 @@ def without_other_series(text: str) -> tuple[str, str]:
         if len(found) < max(_STEADY * len(lines), 2):
             continue
         names = {n: m[1] for n, m in found.items()}
+        if len({*names.values()}) > _MOST_SERIES:
+            return text, ""
         of_strips = {n: keys_of(m) for n, m in found.items()}
         # A series is of strips in all of its lines, or in none.
         mixed = {names[n] for n in found if of_strips[n]} & {names[n] for n in found if not of_strips[n]}
         kept = {names[n] for n in found if of_strips[n]}  # of which the others may be cut
-        other = {name for name in names.values() if not any(k.startswith(name) for k in kept)} - mixed
+        other = {name for name in {*names.values()} if not any(k.startswith(name) for k in kept)} - mixed
         out = sorted(n for n in found if names[n] in other)
         if not out or sum(of_strips.values()) < _MOST * len(found):
             return text, ""
@@ -59,7 +63,7 @@ def _of_measurement(line: re.Match[str]) -> bool:
 
 def _of_topic(line: re.Match[str]) -> bool:
     """Return whether the end of a topic, or the keys of what it carries, name a strip, a channel, a scan or a time."""
-    parts = line[1].split("/")
+    parts = line[1].split("/")[-_DEEP:]
     ends = [" ".join(parts[n:]) for n in range(len(parts))]
     said = any(meaning(end).role and re.search(r"[A-Za-z]{2}|\b[A-Za-z]\d", end) for end in ends)
     return said or any(map(_is_of_strip, _KEY.findall(line[2])))

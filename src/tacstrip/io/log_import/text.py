@@ -54,7 +54,7 @@ _ESP_IDF = re.compile(
 _REMARK = re.compile(r"(?<=[\d\w,;])\s+(?:#|//)\s+\S.*")  # behind the fields of a line
 _SIGN_APART = re.compile(r"\A([+-])\s+(?=[\d.,])")  # as loggers write "+  2.862"
 _REMARKED = re.compile(
-    r"\s+[(\[][^()\[\]]{9,}[)\]]\s*\Z|\s{2,}\S.*\Z|\s+(?:--|#|//)\s.*\Z"
+    r"(?<!\s)(?:\s+[(\[][^()\[\]]{9,}[)\]]\s*|\s{2,}\S.*|\s+(?:--|#|//)\s.*)\Z"
 )  # behind names in a comment
 _ANNOUNCED = re.compile(r"\A(?:columns?|fields?|format|header|names?|cols?|spalten)\s*[:=]\s*", re.IGNORECASE)
 _SHELL = re.compile(
