@@ -22,7 +22,7 @@ from tacstrip.io.log_import.names import (
     numbered_groups,
     pair_of,
 )
-from tacstrip.io.log_import.questions import Clues
+from tacstrip.io.log_import.questions import ROLES, Clues
 from tacstrip.io.log_import.table import CLOCK, ROW
 
 _ABOVE = 0.95  # of the strips: k_h is above k_l there, and so the names are clear
@@ -31,10 +31,16 @@ CLOCK_BITS = (16, 32)
 _ON_PITCH = 0.02  # of the pitch
 _STEADY, _MOSTLY = 0.5, 0.7  # so far are steps of a clock from the usual one, and so many of them
 _OFTEN = 0.2  # of the readings
+_PAIRS_TOLD = 20  # pairs of readings that tell in which order columns stand
+_ALONE = 0.9  # of the readings of one end: so many have the other beside them
 _REST, _GAP = 0.05, 5.0  # of the largest reading: the most of noise; and times that: where readings begin
 _ORDER_SAID = re.compile(
     r"(?=.*\b(?:strips?|columns?|channels?|streifen|spalten)\b)"
     r".*\b(?:first|last|then|order|reversed?|descending|backwards|zuerst|zuletzt|dann|absteigend)\b",
+    re.IGNORECASE,
+)
+_FROM_AN_END = re.compile(
+    r"\b(?:first|last|reversed?|descending|backwards|zuerst|zuletzt|absteigend|not|except|without)\b",
     re.IGNORECASE,
 )
 _ALIKE = 0.02  # relative: two columns that are the same quantity in two units
@@ -44,6 +50,11 @@ _DERIVED = frozenset(
     | {"diff", "difference", "delta", "std", "var", "gain", "offset", "force", "pressure", "temp", "temperature"}
     | {"current", "resistance", "area", "load", "gap", "product", "error"}
 )  # fmt: skip
+_SENSORS = frozenset(
+    {"pad", "hand", "finger", "board", "device", "skin", "patch", "module", "gripper", "arm", "side"}
+)
+_MOST_SENSORS = 12
+_LOGIC = re.compile("[LH]+")  # levels of logic inputs, as loggers write them
 _ROLE_NAMES = {"scan": "scan's number", "strip": "strip's number", "which": "channel's name"}
 
 
@@ -63,6 +74,8 @@ class Columns:
         Whether no name tells which of two channels is v_h.
     strip_step
         From strip to strip, where the column of the strip says where it lies; else 0.
+    numbered
+        Whether the log gives strips numbers of their own; else they are counted here, from 0.
     """
 
     readings: dict[str, str]
@@ -73,16 +86,53 @@ class Columns:
     which: str = ""
     paired: bool = False
     strip_step: float = 0.0
+    numbered: bool = True
 
 
 def find_columns(clues: Clues) -> Columns:
     """Say what each column is; raises `Unanswered` where no readings can be found without an answer."""
     known = _meanings(clues)
+    _ask_for_sensor(clues, known)
     found = _find(clues, known)
     used = {*found.readings, found.time, found.scan, found.strip, found.which, ROW}
     if passed := [n for n in clues.table.names if n not in used]:
         clues.because(f"passed over: {', '.join(passed)}")
     return found
+
+
+def _ask_for_sensor(clues: Clues, known: dict[str, Meaning]) -> None:
+    """Ask which sensor's lines are meant, where a column names several: "pad", or one that tells equal lines apart."""
+    table = clues.table
+    one = {m.channel for m in known.values() if m.role == "reading"}
+    single = clues.expected == ("out",) or {"h", "l"} <= one
+    named = {n for n, m in known.items() if m.role in ("time", "scan", "strip") and n != CLOCK}
+    numbered = any(m.role == "strip" or m.strip is not None for m in known.values())
+    of = [n for n in table.names if n in named]
+    keys = list(zip(*(table.column(n) for n in of), strict=True)) if of else []
+    for name in table.names:
+        fields = table.column(name)
+        values = sorted(set(fields))
+        if (
+            known[name].role in ("time", "scan", "strip", "position", "skip") or name in (*clues.answers, ROW, CLOCK)
+            or not 1 < len(values) <= _MOST_SENSORS or not all(values) or {*values} & {*ROLES}
+            or (known[name].role == "reading" and known[name].strip is not None)
+        ):  # fmt: skip
+            continue
+        each = Counter(zip(keys, fields, strict=True)) if keys else Counter()
+        apart = (
+            bool(each) and set(each.values()) == {1} and len(each) >= _ALONE * len(values) * len(set(keys))
+        )
+        called = _SENSORS & set(re.findall(r"[a-z]+", name.casefold()))
+        worded = not any(number_of(v) is not None for v in values)
+        if single and numbered and (called or (apart and worded)):
+            lines = [table.lines[fields.index(v)] for v in values[:2]]
+            clues.ask(
+                name,
+                f"{name!r} is {values[0]!r} on line {lines[0]} and {values[1]!r} on line {lines[1]}: are these of "
+                f"{len(values)} sensors? Then which one's lines are meant",
+                *values, *([] if apart else ["skip"]),
+            )  # fmt: skip
+            clues.stop()
 
 
 def _meanings(clues: Clues) -> dict[str, Meaning]:
@@ -94,6 +144,10 @@ def _meanings(clues: Clues) -> dict[str, Meaning]:
         *range(clues.sensor.strips + 1)
     }:  # as "voltage" beside "voltage1" and so on
         found |= {n: Meaning("") for n, m in found.items() if m.strip == 0 and not re.search(r"\d", n)}
+    found |= {
+        n: Meaning("") for n, m in found.items()
+        if m.role == "reading" and all(map(_LOGIC.fullmatch, table.column(n)))
+    }  # fmt: skip
     before = dict(found)
     for name in table.names:
         if name in (CLOCK, ROW):
@@ -171,7 +225,11 @@ def _find(clues: Clues, known: dict[str, Meaning]) -> Columns:
     ]
     left = [n for n in left if strip and n not in clues.answers and len(set(clues.table.column(n))) > 1]
     columns, paired = _channels(clues, readings, which, left)
-    return Columns(columns, known | readings, time, scan if strip else "", strip, which, paired, step)
+    indexed = all(re.search(r"\[\d+\]", n) for n in readings)  # places in a list or a matrix
+    numbered = strip != ROW if strip else not (indexed or clues.counted)
+    return Columns(
+        columns, known | readings, time, scan if strip else "", strip, which, paired, step, numbered
+    )
 
 
 # Roles
@@ -381,11 +439,14 @@ def _answered_block(clues: Clues) -> list[str]:
 def _of_block(clues: Clues, block: list[str], known: dict[str, Meaning], which: str) -> dict[str, Meaning]:
     """Return columns as the readings of the strips in their order, h and l as the readings allow."""
     channels = 1 if which else max(len(clues.expected), 1)
+    clues.counted = True
     said = [line for line in clues.table.preamble if _ORDER_SAID.search(line)]
     strips = len(block) // channels
     answer = clues.choice("strip_order", ("ascending", "descending"))
     if said and not answer and not _told_order(tuple(said), strips):
-        if _from_last(said, strips):
+        if _from_first(said, strips):
+            clues.because(f"the first strip's columns stand first, as the log says: {said[0].strip()[:80]!r}")
+        elif _from_last(said, strips):
             answer = "descending"
             clues.because(f"the last strip's columns stand first, as the log says: {said[0].strip()[:80]!r}")
         else:
@@ -577,6 +638,7 @@ def _numbered(clues: Clues, readings: dict[str, Meaning], numbers: list[int]) ->
     names = [by_number[i] for i in numbers]
     order = _order(clues, names, f"{names[0]} to {names[-1]} are two for each strip")
     many = clues.sensor.strips
+    clues.counted = True
     at = [(n // 2, n % 2) if order == "alternating" else (n % many, n // many) for n in range(2 * many)]
     return {name: f"{strip}:{'hl'[end]}" for name, (strip, end) in zip(names, at, strict=True)}
 
@@ -589,7 +651,10 @@ def _order(clues: Clues, names: list[str], said: str) -> str:
         [np.nan if says_nothing(f) else number_of(f, clues.table.decimal) for f in clues.table.column(n)]
         for n in names
     ]
-    table = np.array([[np.nan if v is None or v < 0.0 else v for v in column] for column in fields]).T
+    table = np.array([[np.nan if v is None else v for v in column] for column in fields]).T
+    large = float(np.nanmax(table, initial=0.0))
+    table[table < -_REST * large] = np.nan
+    table[table < 0.0] = 0.0  # an offset, or -1 among codes
     many = Counter(table[np.isfinite(table)].tolist())
     if many and many[top := max(many)] > max(
         _OFTEN * many.total(), 2
@@ -610,6 +675,11 @@ def _order(clues: Clues, names: list[str], said: str) -> str:
         and (np.isnan(high) == np.isnan(low)).all()
         and ((high == 0.0) == (low == 0.0)).all()
     ]
+    if not holds:
+        wrong = {way: _part_below(high, low) for way, (high, low) in ways.items()}
+        good, bad = sorted(wrong, key=lambda way: wrong[way])
+        if wrong[good] == 0.0 and wrong[bad] > _OFTEN:
+            holds = [good]
     if len(holds) == 1:
         clues.because(f"columns are {holds[0]}: only so is k_h above k_l everywhere, as it must be")
         return holds[0]
@@ -622,6 +692,16 @@ def _order(clues: Clues, names: list[str], said: str) -> str:
     return "alternating"
 
 
+def _part_below(high: FloatArray, low: FloatArray) -> float:
+    """Return in which part of the readings h is below l, as none can be; 1 where mostly one of both is there alone."""
+    there = [np.isfinite(end) & (end != 0.0) for end in (high, low)]
+    both = there[0] & there[1]
+    if both.sum() < _ALONE * max(there[0].sum(), there[1].sum()) or both.sum() < _PAIRS_TOLD:
+        return 1.0
+    apart = (high - low)[both]
+    return float((apart < -_APART * np.nanmax(high)).mean()) if np.median(apart) > 0.0 else 1.0
+
+
 def _noise(table: FloatArray) -> float:
     """Return the most that the noise of untouched strips reaches, where a gap parts it from the readings; else 0."""
     values = np.unique(table[np.isfinite(table)])
@@ -630,12 +710,39 @@ def _noise(table: FloatArray) -> float:
     return float(low[-1]) if len(low) and len(high) and high[0] > _GAP * low[-1] else 0.0
 
 
+def _from_first(said: list[str], strips: int) -> bool:
+    """Return whether a line says that strips stand in their order: its numbers rise from the first strip to the last.
+
+    Examples
+    --------
+    >>> _from_first(["order: strip 0 ... strip 9"], 10), _from_first(["order: strip 0 is last, strip 9 first"], 10)
+    (True, False)
+    """
+    numbers = [int(n) for n in re.findall(r"\d+", said[0])]
+    rise = len(numbers) > 1 and all(b > a for a, b in itertools.pairwise(numbers))
+    worded = _FROM_AN_END.search(said[0])
+    return (
+        len(said) == 1 and rise and not worded and [numbers[0], numbers[-1]] in ([0, strips - 1], [1, strips])
+    )
+
+
 def _from_last(said: list[str], strips: int) -> bool:
-    """Return whether a line says that the last strip's columns stand first, by the numbers of both."""
-    numbers = [
-        [int(n) for n in re.findall(r"\b(?:strips?|s|channels?|ch)\s*#?(\d+)", t.casefold())] for t in said
-    ]
-    return len(said) == 1 and any(numbers[0] == [strips - 1 + base, base] for base in (0, 1))
+    """Return whether a line says that the last strip's columns stand first, by the numbers of both.
+
+    Examples
+    --------
+    >>> _from_last(["strip 9 first, strip 0 last"], 10), _from_last(["strip 9 is last, strip 0 first"], 10)
+    (True, False)
+    """
+    told = list(re.finditer(r"\b(?:strips?|s|channels?|ch)\s*#?(\d+)", said[0].casefold()))
+    numbers = [int(m[1]) for m in told]
+    if len(said) > 1 or not any(numbers == [strips - 1 + base, base] for base in (0, 1)):
+        return False
+    first, last = (
+        re.search(words, said[0].casefold()) for words in (r"\b(?:first|zuerst)\b", r"\b(?:last|zuletzt)\b")
+    )
+    between = told[1].start()  # else the words say the contrary of the numbers' order
+    return not (first and first.start() > between) and not (last and last.start() < between)
 
 
 def _told_order(preamble: tuple[str, ...], strips: int) -> str:
@@ -708,11 +815,12 @@ def _unnamed(clues: Clues) -> dict[str, Meaning]:
         found |= {n: Meaning("time") for n in rising[:1] if n not in block}
         return found | _of_block(clues, block, found, "".join(which[:1]))
     first = (names or list(clues.table.names))[0]
+    nameless = sum(n.startswith("column ") for n in clues.table.names)
     clues.ask(
         first,
-        f"the {len(names)} columns have no names: say what each is"
+        f"the {nameless} columns have no names: say what each is (which: the channel's name)"
         + ("" if sensor else "; or name the SENSOR, whose strips may tell"),
-        "time", "strip", "h",
+        "time", "scan", "strip", "which", *(clues.expected or ("h", "l"))[:2],
     )  # fmt: skip
     clues.stop()
     raise AssertionError

@@ -291,7 +291,9 @@ def _matlab(text: str, path: str) -> Table | None:
             arrays[name] = steps
     if not arrays:
         return None
-    return of_arrays(_in_columns(arrays), path, numbers, "a script's matrices")
+    table = of_arrays(_in_columns(arrays), path, numbers, "a script's matrices")
+    said = [line for line in text.splitlines() if re.match(r"\s*(?:>>|%|//)", line) or "%" in line]
+    return replace(table, preamble=(*table.preamble, *said))
 
 
 def _matrix(text: str) -> npt.NDArray[np.float64] | None:

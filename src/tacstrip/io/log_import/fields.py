@@ -20,7 +20,7 @@ NOTHING = frozenset(
 )  # fmt: skip
 _NO_NUMBER = re.compile(r"(?:-?nan|n/?a|-[-.]*|\.nan)\s?(?:m?V|ms|s|%|LSB)?", re.IGNORECASE)
 _PLAIN = re.compile(r"[+-]?\d+(?:\.\d+)?\Z")
-_NUMBER = re.compile(r"([+-]?)(0x[\da-f]+|[\d.,' ]*\d[.,]?)(e[+-]?\d+)?\s*([a-zµ%‰]*)\Z", re.IGNORECASE)
+_NUMBER = re.compile(r"([+-]?)\s*(0x[\da-f]+|[\d.,' ]*\d[.,]?)(e[+-]?\d+)?\s*([a-zµ%‰]*)\Z", re.IGNORECASE)
 _MEASURED = re.compile(
     rf"\d\s?(?:{'|'.join(u for u in UNITS if len(u) < 3 and u.isalpha())})\b", re.IGNORECASE
 )
@@ -108,6 +108,7 @@ def quantity(text: str, decimal: str = ".") -> tuple[float, str] | None:
     if not found:
         return None
     sign, digits, power, word = found.groups()
+    digits = digits.strip()
     unit = UNITS.get(word) or UNITS.get(word.lower(), "")
     if word and not unit:
         return None

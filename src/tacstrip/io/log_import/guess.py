@@ -31,7 +31,7 @@ _BASE_TOLD = re.compile(
     r"|\b([01])[ -](?:based|indexed)\b|\bfirst strip\b[^\d\n]{0,20}?\b([01])\b|\bstrips ([01]) ?(?:to|-|\.\.+|bis) ?\d",
     re.IGNORECASE,
 )
-_SHOWN, _LONG = 3, 40  # broken lines, and characters of each, that are quoted
+_SHOWN, _LONG = 3, 72  # broken lines, and characters of each, that are quoted
 _FEW_BROKEN, _MOST_BROKEN = 2, 1.0 / 3.0  # lines, and part of the lines: of more, the log is of another form
 _MOST_COMPLETE = 0.5  # of the scans: if more have all strips, lines are lost where others have not
 
@@ -183,6 +183,7 @@ def _rough(clues: Clues, found: Columns) -> tuple[ColumnMapping, list[LogScan]]:
         columns=found.readings, unit="V", strips=count, strip_base=base, scan=found.scan, strip=found.strip,
         which=found.which, which_h=which_h, time=found.time, strip_step=found.strip_step,
         broken_lines=_broken(clues), untouched=quantities.words_for_nothing(clues, found), missing="untouched",
+        only=clues.only,
     )  # fmt: skip
     clues.choice("missing", ("untouched", "error"))
     mapping = quantities.with_time(clues, mapping, found)
@@ -306,13 +307,23 @@ def _strips(clues: Clues, found: Columns) -> tuple[int, int]:
             )
         else:
             clues.ask(
-                "strip_base", f"strips are numbered {low} to {high}: is the first one 0 or 1?", "0", "1"
+                "strip_base",
+                f"strips are numbered {low} to {high}: is the first one 0 or 1?"
+                + (
+                    " (strip_base = 0 of the spec, which `init` writes of itself, tells nothing of the log)"
+                    if clues.sensor and "strip_base" in (clues.stated or ())
+                    else ""
+                ),
+                "0",
+                "1",
             )
             base = 0
     elif count and not base <= low <= high <= base + count - 1:
         raise OptionError(
             f"--answer strip_base={base:g}: strips are numbered {low} to {high}, and the sensor has {count}"
         )
+    if not found.numbered:
+        return int(base), count or high - int(base) + 1
     clues.because(f"strips are numbered from {int(base)}")
     if said is None and clues.sensor and "strip_base" in (clues.stated or ()):
         said = clues.sensor.strip_base

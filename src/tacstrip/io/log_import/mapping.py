@@ -12,7 +12,7 @@ from tacstrip.io.log_import.names import CHANNELS, READING_UNITS, TIME_UNITS
 
 RESTARTS = ("error", "continue", "first", "last")
 _KINDS: dict[str, type | tuple[type, ...]] = {
-    "columns": dict, "untouched": list, "strips": int, "strip_base": int, "format": int,
+    "columns": dict, "untouched": list, "only": list, "strips": int, "strip_base": int, "format": int,
     "rate_hz": (int, float), "vref_volt": (int, float), "adc_bits": int, "time_bits": int, "strip_step": (int, float),
 }  # fmt: skip
 
@@ -54,6 +54,8 @@ class ColumnMapping:
         part before or after).
     strip_step
         Where the column of the strip says instead where it lies: from strip to strip, in the column's unit; else 0.
+    only
+        Lines that are taken, where others are of other sensors: "pad=left".
     """
 
     columns: dict[str, str]
@@ -76,6 +78,7 @@ class ColumnMapping:
     time_bits: int = 0
     restart: str = "error"
     strip_step: float = 0.0
+    only: tuple[str, ...] = ()
 
     def save(self, path: str | Path) -> None:
         """Write it as TOML."""
@@ -115,7 +118,8 @@ class ColumnMapping:
             raise OptionError(f"{path}: {lack[0]} is missing; let `tacstrip import` write one to see")
         if given.get("format", 1) != 1:
             raise OptionError(f"{path}: format = {given['format']}: this version reads format 1")
-        given["untouched"] = tuple(map(str, given.get("untouched", ())))
+        for key in ("untouched", "only"):
+            given[key] = tuple(map(str, given.get(key, ())))
         made = cls(**given)
         made.check(str(path))
         return made

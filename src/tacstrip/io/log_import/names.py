@@ -140,6 +140,8 @@ OF_VREF = {"fraction": 1.0, "percent": 1e-2, "permille": 1e-3}
 LENGTHS_MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
 
 
+_MOST_STRIPS = 99999  # a larger number in a name is none of a strip
+_CALLED_K = re.compile(r"(?:strip|s)?[\W\d_]*k[\W\d_]*(?:h|l|hi|lo|high|low)?[\W\d_]*", re.IGNORECASE)
 _NAMELESS = re.compile(r"column \d+")  # what a log without names is given
 
 
@@ -328,6 +330,8 @@ def _of_tokens(tokens: list[str], unit: str) -> Meaning:
     numbers = [int(t) for t in tokens if t.isdecimal()]
     words = [t for t in tokens if not t.isdecimal()]
     words = [w for w in words if w not in _FILLER] or words
+    if any(n > _MOST_STRIPS for n in numbers):
+        return Meaning("")
     named = set(words)
     if not numbers:
         unit = unit or next((UNITS[w] for w in words if w in UNITS and w != "v"), "")
@@ -394,6 +398,17 @@ def unknown_unit(name: str) -> str:
     last = _FOREIGN_LAST.search(bare.strip())
     factor = _FACTOR.search(bare)
     return last[1] if last else factor.group() if factor else ""
+
+
+def is_called_k(name: str) -> bool:
+    """Return whether the letter k is all that makes a column one of fractions, as in "k0" or "k_h 3".
+
+    Examples
+    --------
+    >>> is_called_k("k3_h"), is_called_k("k0 [fraction]")
+    (True, False)
+    """
+    return bool(_CALLED_K.fullmatch(name))
 
 
 def pair_of(channels: set[str]) -> tuple[str, str] | None:

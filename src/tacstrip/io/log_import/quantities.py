@@ -13,7 +13,15 @@ from tacstrip.errors import OptionError, ReadingError
 from tacstrip.io.log_import.columns import CLOCK_BITS, Columns
 from tacstrip.io.log_import.fields import clock_seconds, number_of, says_nothing
 from tacstrip.io.log_import.mapping import RESTARTS, ColumnMapping
-from tacstrip.io.log_import.names import IN_VOLTS, OF_VREF, READING_UNITS, TIME_UNITS, UNITS, unknown_unit
+from tacstrip.io.log_import.names import (
+    IN_VOLTS,
+    OF_VREF,
+    READING_UNITS,
+    TIME_UNITS,
+    UNITS,
+    is_called_k,
+    unknown_unit,
+)
 from tacstrip.io.log_import.questions import Clues
 from tacstrip.io.log_import.scans import LogScan, raw_times
 from tacstrip.io.log_import.table import CLOCK, ROW
@@ -41,14 +49,19 @@ _FAR = 1e5  # usual steps: no pause is as long
 _FAR_LAST = 300.0  # times the largest other step
 _JUMP = 5.0  # usual steps: so much a clock may rise where it begins anew
 _EPOCHS = {"s": 1e9, "ms": 1e12, "us": 1e15, "ns": 1e18}  # since 1970, up to 2.2 times that
+_FULL = 0.9  # of the largest reading: what becomes larger than the range goes there from above
+_SAME_RATE = 0.02  # relative: steps that are those of a rate
 _SAME_TIME = 0.5  # of the scans: if more have the time of the one before, the clock is too coarse
 _RATE = re.compile(
-    r"\b(?:\w*(?:rate|frequenz|frequency|fs|freq|takt)\w*)\b[^\d\n]{0,20}?([\d.,]+)\s*(k?)(?:hz|sps|s/s|1/s)",
+    r"\b(?:\w*(?:rate|frequenz|frequency|fs|freq|takt|sampled|sampling|recorded|logged)\w*)\b[^\d\n]{0,20}?([\d.,]+)\s*(k?)(?:hz|sps|s/s|1/s)",
     re.IGNORECASE,
 )
 _ALARM = re.compile(
     r"err|fault|fail|sat|clip|ovf|overf|bad|invalid|miss|\?", re.IGNORECASE
 )  # not of no contact
+_OVER_RANGE = re.compile(
+    r"\++|\+?(?:over(?:range|load)?|o\.?l\.?|ovl?d|burnout|inf)", re.IGNORECASE
+)  # of loggers
 _BITS_TOLD = re.compile(r"\b(\d{1,2})[\s_-]?bits?\b", re.IGNORECASE)
 _UNIT_TOLD = re.compile(
     r"\b(?:units?|readings?|values?|voltages?|signals?|channels?|data|in|all|normali[sz]ed|ratiometric)\b[^\n,;]{0,16}?"
@@ -56,6 +69,7 @@ _UNIT_TOLD = re.compile(
     r"|to Vref|of Vref|over Vref|/ ?Vref)(?!\w)|\b(counts|codes|LSBs?)\b",
     re.IGNORECASE,
 )
+_OVER_VREF = re.compile(r"=\s*\w+\s*\.?/\s*V_?ref\b", re.IGNORECASE)  # as in "Vh = raw/Vref"
 _PERIOD = re.compile(
     r"\b(?:\w*(?:interval|period|intervall|periode|delta[ _]?[tx]|dt|time ?step|schrittweite)\w*)\b[^\d\n]{0,20}?"
     r"([\d.,]+(?:e[+-]?\d+)?)[\s,;]*(s|ms|us|µs|sec|seconds|msec)\b",
@@ -147,9 +161,15 @@ def settled_time(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> 
     step = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
     if mapping.time_unit or len(rough) < 2:
         if "time_unit" not in clues.answers and step and not _POSSIBLE_S[0] <= step <= _POSSIBLE_S[1]:
+            raw = step / TIME_UNITS.get(mapping.time_unit, 1.0)
+            rates = _rates_above(clues)
+            so = [
+                u for u in ("ms", "us", "s") if len(rates) == 1 and _is_rate(raw * TIME_UNITS[u], min(rates))
+            ]
             clues.ask(
                 "time_unit",
-                f"{mapping.time} would rise by {step:g} s from scan to scan: in which unit is it?",
+                f"{mapping.time} would rise by {step:g} s from scan to scan: in which unit is it?"
+                + (f" (A line above says {min(rates):g} Hz, as they would be in {so[0]})" if so else ""),
                 "ms",
                 "us",
                 "s",
@@ -161,6 +181,13 @@ def settled_time(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> 
         if step and _RATES_HZ[0] <= 1.0 / (step * TIME_UNITS[u]) <= _RATES_HZ[1]
     ]
     strange = unknown_unit(mapping.time)
+    if (
+        len(fits) > 1
+        and not strange
+        and len(told := [u for u in fits if _is_told(clues, mapping.time, u, step)]) == 1
+    ):
+        clues.because(f"{mapping.time} is in {told[0]}, as a line above says")
+        return replace(mapping, time_unit=told[0])
     if len(fits) == 1 and not strange:
         clues.because(f"{mapping.time} is in {fits[0]}: it rises by {step:g} from scan to scan")
         return replace(mapping, time_unit=fits[0])
@@ -176,6 +203,20 @@ def settled_time(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> 
         *(fits or ("s", "ms", "us")),
     )
     return replace(mapping, time_unit="s")
+
+
+def _is_told(clues: Clues, name: str, unit: str, step: float) -> bool:
+    """Return whether lines above say that a time is in a unit ("t in ms"), or a rate that it has only in that."""
+    text = "\n".join(clues.table.preamble)
+    said = {
+        UNITS.get(u.lower(), u) for u in re.findall(rf"\b{re.escape(name)} in (?:the )?([a-zµ]+)\b", text)
+    }
+    rates = _rates_above(clues)
+    return said == {unit} or (not said and len(rates) == 1 and _is_rate(step * TIME_UNITS[unit], min(rates)))
+
+
+def _is_rate(step_s: float, rate_hz: float) -> bool:
+    return abs(step_s * rate_hz - 1.0) < _SAME_RATE
 
 
 def _even_column(clues: Clues, mapping: ColumnMapping, scans: int) -> str:
@@ -200,6 +241,14 @@ def _even_column(clues: Clues, mapping: ColumnMapping, scans: int) -> str:
 
 def _rate_above(clues: Clues) -> float | None:
     """Return the rate that the lines above the table say, if only one."""
+    rates = _rates_above(clues)
+    if len(rates) != 1:
+        return None
+    clues.because(f"{min(rates):g} scans per second, by a line above the table")
+    return rates.pop()
+
+
+def _rates_above(clues: Clues) -> set[float]:
     text = "\n".join(clues.table.preamble)
     rates = {
         value * (1000.0 if kilo else 1.0)
@@ -211,10 +260,7 @@ def _rate_above(clues: Clues) -> float | None:
         for digits, unit in ((d, u.casefold()) for d, u in _PERIOD.findall(text))
         if (value := number_of(digits.rstrip(".,"), "," if "," in digits else "."))
     }
-    if len(rates) != 1:
-        return None
-    clues.because(f"{rates.copy().pop():g} scans per second, by a line above the table")
-    return rates.pop()
+    return rates
 
 
 # No contact
@@ -235,6 +281,11 @@ def words_for_nothing(clues: Clues, found: Columns) -> tuple[str, ...]:
                 ):
                     raise ReadingError(
                         f"line {line}: {name} is {text!r}, which are {len(parts)} numbers, not one"
+                    )
+                if re.search(r"\d[.,]\d", text) or clock_seconds(text) is not None:
+                    raise ReadingError(
+                        f"line {line}: {name} is {text!r}, which is no number; mend it, or say --answer "
+                        f"'{name}=skip' if the column holds no readings"
                     )
                 said = {t for n in found.readings for t in table.column(n) if _is_word(t, table.decimal)}
                 if any(c.isdigit() or _ALARM.search(t) for t in said for c in t):
@@ -257,9 +308,28 @@ def settle_words(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> 
     if values.shape[2] == 2 and (idle[:, :, 0] == idle[:, :, 1]).all() and idle.mean() > _MANY:
         clues.because(f"{word}: no contact, for both channels of a strip have it at once, and none alone")
         return
+    words = [w for w in mapping.untouched if _OVER_RANGE.fullmatch(w)]
+    if values.shape[2] == 1 and len(words) == len(mapping.untouched) == 1 and _is_open(values[:, :, 0]):
+        clues.because(
+            f"{word}: no contact, as of open inputs: strips with readings lie side by side, and go there from readings "
+            "far below the largest"
+        )
+        return
     clues.ask(
         "untouched", f"{word!r} is no number; does it stand for no contact?", ",".join(mapping.untouched)
     )
+
+
+def _is_open(values: FloatArray) -> bool:
+    """Return whether inputs over the range are open ones; else readings that are too large would be near there."""
+    idle = np.asarray(np.isnan(values))
+    side_by_side = all(row[np.argmax(row) :][: row.sum()].all() for row in np.asarray(~idle))
+    beside = [values[1:][idle[:-1] & ~idle[1:]], values[:-1][idle[1:] & ~idle[:-1]]]
+    edge = np.concatenate(beside)  # the first and the last readings of contacts
+    return (
+        side_by_side and idle.mean() > _MANY and len(edge) > 0
+        and bool(np.median(edge) < _FULL * np.nanmax(values))
+    )  # fmt: skip
 
 
 def _is_word(text: str, decimal: str) -> bool:
@@ -365,9 +435,15 @@ def with_unit(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list[
     told = [found.meanings[n] for n in mapping.columns]
     named = {m.unit for m in told} - {""}
     volts = any(m.volts for m in told)
-    if not named and all(
-        f[:2].casefold() == "0x" for n in mapping.columns for f in clues.table.column(n) if f
-    ):
+    if named == {"fraction"} and values.max() > 1.0 and all(map(is_called_k, mapping.columns)):
+        named = {"code"} if bits and (values == np.round(values)).all() else set()
+        if named and values.max() <= 1.0 / OF_VREF["permille"] and not answer:
+            clues.doubt(
+                f"{next(iter(mapping.columns))}, ...: whole numbers up to {values.max():g} are taken as codes of "
+                f"{bits} bits; if they are thousandths of Vref, --answer unit=permille"
+            )
+    filled = [f for n in mapping.columns for f in clues.table.column(n) if not says_nothing(f)]
+    if not named and all(f[:2].casefold() == "0x" for f in filled):
         named = {"code"}
     unit = answer or (named.pop() if len(named) == 1 else _by_size(clues, values, vref, bits, volts))
     open_unit = next((q for q in clues.questions if q.key == "unit"), None)
@@ -402,11 +478,17 @@ def with_unit(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list[
             f"(--answer unit=...) and {'adc_bits' if unit == 'code' else 'vref_volt'} in the spec"
         )
     if unit and top and values.max() < _NEAR_0 * top and not answer:
+        most = _most(vref)
+        others = [u for u in ("V", "mV", "fraction", "percent") if u != unit and most[u] >= values.max()]
+        others = [u for u in others if values.max() > _LITTLE * most[u]] or others[:2]
+        own = not (
+            unit in IN_VOLTS and "V" in others and _LITTLE * vref < values.max()
+        )  # which would be refused
         clues.ask(
             "unit",
-            f"no reading is above {values.max():g}, and there can be {top:g} {unit}: is the mark in them one of "
-            f"thousands (then save them without), or are they in another unit?",
-            unit, *(u for u in ("fraction", "V") if u != unit),
+            f"the log says {unit}, of which there can be {top:g}, and no reading is above {values.max():g}: is the "
+            "mark in them one of thousands (then save them without), or are they in another unit?",
+            *others, *([unit] if own else []),
         )  # fmt: skip
     if answer and top and values.max() < _FAINT * top:
         if answer in IN_VOLTS and answer != "V" and _LITTLE * vref < values.max() <= vref:
@@ -504,6 +586,7 @@ def _by_size(clues: Clues, values: FloatArray, vref: float, bits: int, volts: bo
     if len(likely) > 1:
         said = {w.casefold() for w in _UNIT_TOLD.findall("\n".join(clues.table.preamble)) for w in w if w}
         named = {"fraction" if w.endswith("vref") else UNITS.get(w, "") for w in said}
+        named |= {"fraction"} if any(map(_OVER_VREF.search, clues.table.preamble)) else set()
         if len(named) == 1 and named <= set(likely):
             clues.because(f"readings are in {min(named)}, as the log says above them")
             return named.pop()

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from tacstrip.errors import OptionError, one_of
 from tacstrip.io.log_import.fields import number_of
-from tacstrip.io.log_import.names import CHANNELS
+from tacstrip.io.log_import.names import CHANNELS, meaning
 from tacstrip.io.log_import.table import Table
 from tacstrip.sensor.spec import Sensor
 
@@ -64,13 +64,20 @@ class Clues:
     stated: frozenset[str] | None = None  # keys that the spec's file states; None: not known
     doubts: list[str] = field(default_factory=list)  # what is read all the same, and may be meant otherwise
 
+    only: tuple[str, ...] = ()  # lines that are taken, as "pad=left"
+    counted: bool = False  # whether strips are counted here, for the log gives them no numbers
+
     def __post_init__(self) -> None:
         self.reasons += self.table.remarks
         self.doubts += self.table.doubts
         if (base := _BASES.get(self.answers.get("strips", ""))) is not None:
             self.answers = {k: v for k, v in self.answers.items() if k != "strips"} | {"strip_base": base}
-        for key, answer in self.answers.items():
+        for key, answer in list(self.answers.items()):
             named = key in self.table.names
+            if named and key not in KEYS and self._names_lines(key, answer):
+                self.only += (f"{key}={answer}",)
+                self.answers = self.answers | {key: "skip"}
+                continue
             if key not in KEYS and not named:
                 raise OptionError(
                     f"--answer {key}={answer}: no question has that key, and no column that name; "
@@ -85,6 +92,15 @@ class Clues:
                 raise OptionError(
                     f"--answer {key}={answer}: " + one_of("role of a column", answer, (*ROLES, "3:h"))
                 )
+
+        self.table = self.table.where(self.only)
+        for condition in self.only:
+            self.because(f"only lines with {condition}")
+
+    def _names_lines(self, name: str, answer: str) -> bool:
+        """Return whether an answer is what stands in a column on the lines that are meant, as in "pad=left"."""
+        said = meaning(name).role in ("", "which") and answer not in ROLES
+        return said and answer in self.table.column(name)
 
     def ask(self, key: str, text: str, *choices: str) -> None:
         """Ask for what cannot be known; once for each key."""

@@ -25,6 +25,7 @@ _WITH_TIME = re.compile(r"\d\s?(?:[mu]?s|min)\Z")
 _EPOCH = re.compile(r"1\d{9}(?:\.\d+|\d{3}|\d{6}|\d{9})?")  # since 1970
 _ENDED = re.compile(r"\s*(?:[,;|/)]|\Z|\S*[A-Za-z]\S*\s*[:=])")  # behind a value: a mark, or the next name
 _STRIP_NAMED = re.compile(r"(\D*?)(\d+)(.*)\Z")  # a name with a strip's number in it
+_STRIP_THEN_NAME = re.compile(r"\b([A-Za-z]+\d+):\s*(?=[A-Za-z]\w*\s*[=:])")  # as "S0:" in "S0:H=512 L=300"
 _SAMPLE = 200  # lines that tell whether all are of a kind
 _UNIT = "|".join(sorted((re.escape(u) for u in UNITS if len(u) < 8), key=len, reverse=True))
 _FOREIGN = re.compile(  # a unit that is none of readings, behind a value
@@ -34,7 +35,7 @@ _FOREIGN = re.compile(  # a unit that is none of readings, behind a value
 _TOKEN = re.compile(
     rf"""(?P<clock>(?<![\w.])\d{{4}}-\d\d-\d\d[T ]\d\d:\d\d:\d\d(?:[.,]\d+)?(?:Z|[+-]\d\d:?\d\d)?(?!\w)
     | (?<![\w.])\d{{1,2}}:\d\d(?::\d\d(?:[.,]\d+)?|\.\d+)?(?!\d))
-    | (?P<number>(?<![\w.])(?>[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?
+    | (?P<number>(?<![\w.])(?>0[xX][\dA-Fa-f]+|[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?
         (?:\s?(?i:{_UNIT})(?!\w|\s*(?:[\[(][^\])]*[\])]\s*)?[=:]))?))(?![\w])
     | (?P<word>(?:\d{{1,3}}(?=[A-Za-z]{{1,5}}\b))?
         [A-Za-zµ_\u00c0-\u024f][\w/.%-]*(?:\[\d+\])*(?:\s?[\[(][^\])\d]{{0,12}}[\])](?=\s*[:=]))?)
@@ -65,6 +66,7 @@ def items(line: str) -> list[Item]:
     if dressed := re.match(r"\s*[*#=~_<>-]{2,}\s*(?=\w)", line):  # as in "--- scan 3 ---"
         line = re.sub(r"[\s*#=~_<>-]+$", "", line[dressed.end() :])
     line = re.sub(r"\s*:\s*$", "", line)
+    line = _STRIP_THEN_NAME.sub(lambda m: f"{m[1]} " if _is_strip(m[1]) else m[0], line)
     line = re.sub(r"\b\w+=\"[^\"]*[A-Za-z][^\"]*\"", "", line)  # a text
     line = _FOREIGN.sub(r"\1 [\3]\2", line)
     line = re.sub(r"=(?=\s*(?:[,;|]|$|\s[A-Za-z]\w*=))", "=nan", line)  # of which nothing is said

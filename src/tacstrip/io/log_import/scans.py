@@ -71,6 +71,7 @@ def scans(table: Table, mapping: ColumnMapping, dropped: list[int] | None = None
         raise ReadingError(
             f"line {table.absent} lacks a value that others have; if it is no contact, --answer missing=untouched"
         )
+    table = table.where(mapping.only)
     found = list(
         _scans(
             *_in_order(table, _times(table, mapping), mapping), mapping, [] if dropped is None else dropped

@@ -67,7 +67,7 @@ def stray_lines(text: str) -> list[frozenset[int]]:
     inner = [n for n in rare if common[0] < n < common[-1]]
     tried = [tail, head[:-1] + tail]
     wide = len(_FIELD.split(max(many, key=lambda form: many[form])))
-    above = form_of(dict(_numbered(text))[head[-1]]) if head else ""
+    above = form_of(dict(numbered(text))[head[-1]]) if head else ""
     names = len(_FIELD.split(above)) >= wide - 1 and re.search(r"[^\W\d_]", above)
     if not names or any(_NAMES_ITSELF.search(form) for _, form in lines if many[form] >= often):
         tried.append(head + tail)
@@ -90,7 +90,7 @@ def without_messages(text: str) -> tuple[str, str]:
     >>> without_messages("I (1) TACT: 5\nW (2) wifi: up 3\nI (3) TACT: 6\nI (4) TACT: 6")[0].split("\n")[1]
     ''
     """
-    found = {n: m for n, line in _numbered(text) if (m := _TAGGED.match(line))}
+    found = {n: m for n, line in numbered(text) if (m := _TAGGED.match(line))}
     tags = Counter(m[1] for m in found.values()).most_common(1)
     if not tags or tags[0][1] < _OFTEN or 2 * tags[0][1] <= len(found):
         return text, ""
@@ -101,10 +101,11 @@ def without_messages(text: str) -> tuple[str, str]:
 
 def without(text: str, lines: frozenset[int]) -> str:
     """Return a text with some of its lines empty, so that the others keep their numbers."""
-    return "\n".join("" if n in lines else line for n, line in _numbered(text))
+    return "\n".join("" if n in lines else line for n, line in numbered(text))
 
 
-def _numbered(text: str) -> list[tuple[int, str]]:
+def numbered(text: str) -> list[tuple[int, str]]:
+    """Return a text's lines with their numbers, from 1."""
     return list(enumerate(re.split(r"\r\n|\r\r\n|\n|\r", text), 1))
 
 
@@ -120,7 +121,7 @@ def with_retries(text: str, read: Read) -> Table:
     def retries() -> Iterator[Table]:
         for strays in stray_lines(text):
             try:
-                yield _told(read(strays), strays, dict(_numbered(text)))
+                yield _told(read(strays), strays, dict(numbered(text)))
             except ReadingError:
                 continue
 
@@ -132,7 +133,7 @@ def with_retries(text: str, read: Read) -> Table:
         others = retries()
         refused = error
         if strays := max(stray_lines(text), key=len, default=frozenset()):
-            shown = _quoted(sorted(strays), dict(_numbered(text)))
+            shown = _quoted(sorted(strays), dict(numbered(text)))
             refused = ReadingError(
                 f"{error}\n  not of the others' form: {shown}; take out what is no reading"
             )
@@ -150,7 +151,7 @@ def _told(table: Table, strays: frozenset[int], texts: dict[int, str]) -> Table:
     """Return a table that says which lines were set aside: broken, if they may hold readings."""
     first, last = min(table.lines, default=0), max(table.lines, default=0)
     words = {w.casefold() for name in table.names for w in re.findall(r"[^\W\d_]+", name)}
-    there = sorted(n for n in strays if n not in table.lines)
+    there = sorted(strays)
     broken = [
         n for n in there
         if re.search(r"\d", texts[n]) and not is_prose(texts[n], words)

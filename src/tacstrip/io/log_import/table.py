@@ -101,6 +101,18 @@ class Table:
         place = self.names.index(name)
         return [row[place] for row in self.rows]
 
+    def where(self, conditions: Sequence[str]) -> Table:
+        """Return only the rows in which columns are as such conditions as "pad=left" say; `ReadingError`: none is."""
+        table = self
+        for condition in conditions:
+            name = next((n for n in self.names if condition.startswith(f"{n}=")), "")
+            fields = table.column(name) if name else []
+            kept = [n for n, f in enumerate(fields) if f"{name}={f}" == condition]
+            if not kept:
+                raise ReadingError(f"no line has {condition}")
+            table = replace(table, rows=[table.rows[n] for n in kept], lines=[table.lines[n] for n in kept])
+        return table
+
 
 def of_records(
     records: Sequence[Mapping[str, str]], lines: list[int], decimal: str = ".", *remarks: str
@@ -372,6 +384,7 @@ def _names(above: list[list[str]], width: int) -> list[str]:
         useful = sum(m.role != "" for m in said) + sum(m.role == "reading" for m in said)
         if useful > most:
             best, most = names, useful
+    best = _labelled(above, best)
     if units is None:
         return best
     given = [u.strip("[]() ") for u in units]
@@ -381,6 +394,27 @@ def _names(above: list[list[str]], width: int) -> list[str]:
     elif meaning(units[0]).role and not known[0]:  # a name beside units, as in "time [s], V, V"
         best = [units[0], *best[1:]]
     return [f"{n} [{u}]" if u and n and not meaning(n).unit else n for n, u in zip(best, known, strict=True)]
+
+
+def _labelled(above: list[list[str]], names: list[str]) -> list[str]:
+    """Return names, or instead those of a line of labels above them that tell the ends of strips, which these do not.
+
+    As an oscilloscope's "Label,S1_H,S1_L" above "TIME,CH1,CH2".
+    """
+    if any(m.channel in ("h", "l") for m in meanings(names).values()):
+        return names
+    for row in above[:-1]:
+        labels = [names[0] if meaning(names[0]).role == "time" else row[0], *row[1:]]
+        labels = [label or name for label, name in zip(labels, names, strict=True)]
+        said = list(meanings(labels).values())
+        ends = Counter((m.strip, m.channel) for m in said if m.channel in ("h", "l"))
+        if (
+            len(ends) > 1 and {end for _, end in ends} == {"h", "l"} and set(ends.values()) == {1}
+            and None not in {strip for strip, _ in ends}
+            and sum(m.role == "reading" and not m.channel for m in said) == 0
+        ):  # fmt: skip
+            return labels
+    return names
 
 
 def _joined(rows: list[list[str]]) -> list[str]:

@@ -21,6 +21,7 @@ from tacstrip.io.log_import.literals import one_page, unwrapped
 from tacstrip.io.log_import.names import meaning, meanings, pair_of
 from tacstrip.io.log_import.records import STEADY, Item, is_label, items, named_values, of_literals
 from tacstrip.io.log_import.sections import in_one_table
+from tacstrip.io.log_import.series import without_other_series
 from tacstrip.io.log_import.shape import in_normal_form
 from tacstrip.io.log_import.strays import with_retries, without, without_messages
 from tacstrip.io.log_import.table import CLOCK, GARBLED, ROW, ContradictionError, Table, decimal_mark, headed
@@ -53,6 +54,11 @@ _ESP_IDF = re.compile(
     r"(?m)^[EWIDV] \(\d+\) [\w.-]+: "
 )  # of which the manual says that it counts milliseconds
 _REMARK = re.compile(r"(?<=[\d\w,;])\s+(?:#|//)\s+\S.*")  # behind the fields of a line
+_SIGN_APART = re.compile(r"\A([+-])\s+(?=[\d.,])")  # as loggers write "+  2.862"
+_REMARKED = re.compile(
+    r"(?<!\s)(?:\s+[(\[][^()\[\]]{9,}[)\]]\s*|\s{2,}\S.*|\s+(?:--|#|//)\s.*)\Z"
+)  # behind names in a comment
+_ANNOUNCED = re.compile(r"\A(?:columns?|fields?|format|header|names?|cols?|spalten)\s*[:=]\s*", re.IGNORECASE)
 _SHELL = re.compile(
     r"\s*(?:>>> (?!\s*[-+\d.]).*|\[\d+ rows x \d+ columns\]\s*|\(?\d+ rows?(?: in set.*|\)\s*))"
 )  # around a printed DataFrame
@@ -118,9 +124,11 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
     text, messages = without_messages(
         _COLOUR.sub("", plain_rows(without(text, strays).translate(_HALF_WIDTH)))
     )
+    text, others = without_other_series(text)
+    messages = "; ".join(filter(None, [messages, others]))
     text = _of_two_lines(of_sent(text))
     if (table := of_literals(text, path) or of_dialect(text, str(path))) is not None:
-        return in_normal_form(table)
+        return in_normal_form(replace(table, remarks=(*filter(None, [messages]), *table.remarks)))
     # The empty lines in between tell where blocks begin.
     every = [(i, line) for i, line in enumerate(re.split(r"\r\n|\r\r\n|\n|\r", text), 1)]
     every = one_page(unwrapped([(i, line) for i, line in every if i not in strays]))
@@ -277,7 +285,8 @@ def _fields(line: str, separator: str) -> list[str]:
         return [first[:-1] if others and re.fullmatch(r"\d+:", first) else first, *others]
     if "[" in line and '"' not in line:
         line = _ARRAY.sub(lambda m: f'"{m.group()}"', line)
-    return [f.strip() for f in next(csv.reader([line], delimiter=separator, skipinitialspace=True))]
+    split = next(csv.reader([line], delimiter=separator, skipinitialspace=True))
+    return [_SIGN_APART.sub(r"\1", f.strip()) for f in split]
 
 
 def _separated(lines: list[tuple[int, str]], blank: set[int], path: str | Path) -> Table:
@@ -328,7 +337,7 @@ def _separated(lines: list[tuple[int, str]], blank: set[int], path: str | Path) 
         "decimal commas" if decimal == "," else "",
         trimmed,
     )
-    named = [(i, _fields(line.lstrip("#%/! \t"), separator)) for i, line in comments]
+    named = [(i, _fields(_names_said(line, width, separator), separator)) for i, line in comments]
     if separator == _WIDE:  # names may stand nearer to each other than numbers
         named = [(i, row if len(row) == width else " ".join(row).split()) for i, row in named]
     above = [line for i, line in comments if i < split[-1][0]]
@@ -343,6 +352,23 @@ def _separated(lines: list[tuple[int, str]], blank: set[int], path: str | Path) 
         )
     table = headed(split, width, decimal, tuple(filter(None, remarks)), named, above)
     return _in_blocks(table, labels, blank)
+
+
+def _names_said(line: str, width: int, separator: str) -> str:
+    """Return a comment without what stands around as many names as there are fields: a word before, a remark behind.
+
+    As in "# columns: t strip h l" and "# scan strip volts   (touched strips only)".
+    """
+    bare = line.lstrip("#%/! \t")
+    for shorter in (
+        bare,
+        _REMARKED.sub("", bare),
+        _ANNOUNCED.sub("", bare),
+        _ANNOUNCED.sub("", _REMARKED.sub("", bare)),
+    ):
+        if len(_fields(shorter, separator)) == width:
+            return shorter
+    return bare
 
 
 def _decimal_of_quoted(rows: Sequence[Sequence[str]]) -> str:
