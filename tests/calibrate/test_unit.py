@@ -526,6 +526,9 @@ def test_what_the_spec_leaves_out_is_not_fitted() -> None:
         np.where(np.arange(6) == 4, 0.0, b), abs=2e-3
     )  # strip 2 keeps its other channel's
     assert {p.strip for p in done.parameters} == {None, 0, 1, 3, 5}
+    means = ts.calibrate_unit(without, replace(runs, raw=spoilt), model="mean").sensor.calibration
+    assert means is not None
+    assert means.channel("kl").arrays["offset"][2] == pytest.approx(b[2], abs=5e-3)
 
 
 def test_wide_codes_of_the_converter_are_corrected_before_the_fit() -> None:
@@ -537,7 +540,7 @@ def test_wide_codes_of_the_converter_are_corrected_before_the_fit() -> None:
     assert done.sensor.converter == wide == done.uncalibrated.converter
     off = {n: np.abs(done.after[n] - plain.after[n]) for n in done.after}
     assert max(float(np.nanmedian(v)) for v in off.values()) < 1e-4
-    again = residuals(done.sensor, replace(runs, raw=distorted))
+    again = residuals(done.sensor, done.runs)
     assert np.nanmedian(np.abs(again["kh"] - done.after["kh"])) < 1e-12
 
 
@@ -557,6 +560,15 @@ def test_presses_of_another_unit_are_told_by_repeats() -> None:
     assert (
         "two units" not in ts.calibrate_unit(sensor, replace(runs, raw=slanted), model="offset+lambda").advice
     )
+
+
+def test_one_spoilt_reading_is_not_of_another_unit() -> None:
+    sensor, runs = _plain_unit()
+    spoilt = {name: v.copy() for name, v in runs.raw.items()}
+    spoilt["kh"][3, 2] += 0.05
+    done = ts.calibrate_unit(sensor, replace(runs, raw=spoilt), model="offset+lambda")
+    assert done.status == "ok"
+    assert "two units" not in done.advice
 
 
 def test_a_fit_that_excludes_a_quarter_of_the_rows_is_doubtful() -> None:

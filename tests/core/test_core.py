@@ -448,6 +448,9 @@ def test_a_turn_is_given_up_in_long_calls_alone() -> None:
         with pytest.raises(ZeroDivisionError):
             _without_turn(lambda: 1 // 0)()
         assert turn.locked()
+        with taking_turns(Lock()):
+            pass
+        assert not locked()  # the outer one again
     assert not turn.locked()
     with turn:
         assert locked()  # a thread that takes no turns leaves those of others alone

@@ -230,3 +230,21 @@ def test_a_line_of_a_fixed_width_that_is_shorter_at_the_end_is_cut() -> None:
     )
     with pytest.raises(Unanswered, match=r"line\(s\) 13"):
         propose(of_text(text[:-10]), ONE, {})
+
+
+@pytest.mark.parametrize("form", ["significant digits", "no leading 0"])
+def test_numbers_to_significant_digits_or_without_a_leading_0_are_not_damaged(form: str) -> None:
+    values = [0.9120, 0.9871, 0.9900, 1.004, 0.9540, 0.9230, 0.9410, 0.9660, 0.9780, 0.9120]
+    texts = [f"{v:#.4g}" if form == "significant digits" else f"{v + 0.03:.3f}".lstrip("0") for v in values]
+    if form != "significant digits":
+        texts[1:] = [f"{v + 0.5:.3f}" for v in values[1:]]
+    lines = ["time_s,strip,v_out", *(f"{0.1 * i:.1f},{i % 2},{t}" for i, t in enumerate(texts))]
+    found = propose(of_text("\n".join(lines) + "\n"), replace(ONE, strips=2), {})
+    assert not [d for d in found.doubts if "digit" in d]
+
+
+def test_a_column_like_a_strips_beside_all_of_them_is_doubted() -> None:
+    rng = np.random.default_rng(0)
+    rows = [f"{0.02 * i:.2f}," + ",".join(f"{x:.3f}" for x in 1.2 + rng.random(3)) for i in range(12)]
+    found = propose(of_text("\n".join(["time_s,v,v1,v2", *rows]) + "\n"), replace(ONE, strips=2), {})
+    assert any("one too few" in d for d in found.doubts)

@@ -25,6 +25,7 @@ _WHOLE, _STRIPS, _PRESSES = 0.9, 3, 0.1  # of a press's strips, of so many at le
 _NAMED = 8  # lines
 _LOUD = 0.03  # over Vref: repeats further apart are no repeats
 _ALIKE, _FEWEST_STRIPS = 4.0, 5  # times what noise makes of repeats that differ in one way; strips
+_LEAST_NOISE = 2e-4  # of repeats, over Vref: an A/D converter's step
 _QUARTILE = 1.15  # standard deviations: three quarters of normal errors are smaller
 # Of a sound unit: its strips' median offset [Vref], any strip's, median gain, ratio over the spec's, lambda / L.
 _OFFSET, _ANY_OFFSET, _GAIN, _RATIO, _LAMBDA = 0.1, 0.25, 1.25, 10.0, 0.1
@@ -126,14 +127,17 @@ def spoilt(runs: Runs, fit: ModelFit | None) -> str:
             f"{out.sum()} of {usable.sum()} rows would have to be excluded for the others to agree, {whole.sum()} "
             f"presses on all strips (lines {lines}{' ...' if out.sum() > _NAMED else ''})"
         )
-    return _two_units(runs, usable)
+    return _two_units(runs, usable, out)
 
 
-def _two_units(runs: Runs, usable: BoolArray) -> str:
+def _two_units(runs: Runs, usable: BoolArray, out: BoolArray) -> str:
     """Say which presses read as another unit's: repeats of one place that differ in one way, strip by strip.
 
-    A bar that lies elsewhere, or slanted, differs by a line across the strips; noise differs each time.
+    A bar that lies elsewhere, or slanted, differs by a line across the strips; noise differs each time. Presses of
+    which the fit excludes less than half (`out`) have single readings spoilt, and do not count.
     """
+    few = out.any(axis=1) & (2 * out.sum(axis=1) < usable.sum(axis=1))
+    usable = usable & ~few[:, None]
     there = usable.any(axis=0)
     usable, line_of = usable[:, there], runs.line[:, there]
     l, w = (np.where(np.isfinite(v), v, -1.0)[:, there] for v in (runs.l_mm, runs.w_mm))
@@ -154,7 +158,7 @@ def _two_units(runs: Runs, usable: BoolArray) -> str:
     rows = np.concatenate(off, axis=1)
     free = len(rows) - len(np.unique(number[repeated])), rows.shape[1] - 2 * len(off)
     score, size, _ = np.linalg.svd(rows, full_matrices=False)
-    rest = max(float(np.sum(size[1:] ** 2)) / max((free[0] - 1) * (free[1] - 1), 1), 1e-12)
+    rest = max(float(np.sum(size[1:] ** 2)) / max((free[0] - 1) * (free[1] - 1), 1), _LEAST_NOISE**2)
     usual = np.sqrt(rest) * (np.sqrt(free[0]) + np.sqrt(free[1]))  # of a matrix of noise
     if size[0] < _ALIKE * usual:
         return ""

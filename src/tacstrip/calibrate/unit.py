@@ -190,30 +190,23 @@ def calibrate_unit(
         raise ReadingError(
             "every strip has a channel that the spec leaves out (without): nothing can be fitted"
         )
-    every, runs, sensor, wide = (
-        runs,
-        _fitted(runs, sensor, out),
-        replace(sensor, converter=None),
-        sensor.converter,
-    )
+    given, whole = runs, _fitted(runs, sensor, np.zeros_like(out))
+    halves = replace(whole, raw=leave_out(sensor, whole.raw))
+    runs, wide, sensor = _fitted(runs, sensor, out), sensor.converter, replace(sensor, converter=None)
     plain = replace(sensor, calibration=None)
     search = Search(plain, runs)
     if not force:
         as_read = assess_fit(plain, search.first(), runs)
         if why := misread(plain, runs, as_read) or reversed_order(sensor, runs):
             raise ReadingError(f"{why}. Put it right; if the runs are right as they are, give --force")
-    with_means = replace(plain, calibration=mean_offsets(plain, runs))
+    with_means = replace(plain, calibration=mean_offsets(plain, halves))
     fit: ModelFit | None = None
     trials: tuple[Trial, ...] = ()
     if model == "auto":
         fit, trials = select_model(plain, runs, search)
     elif model != "mean":
         fit = fit_named(model, plain, runs)
-    done = (
-        with_means
-        if fit is None
-        else apply(_with_halves(fit.constants, replace(plain, converter=wide), every, out), plain)
-    )
+    done = with_means if fit is None else apply(_with_halves(fit.constants, plain, halves, out), plain)
     counted = np.isfinite(runs.l_mm) if fit is None else fit.weight > 0.0
     before, after = residuals(plain, runs), residuals(done, runs)
     assert done.calibration is not None
@@ -228,7 +221,7 @@ def calibrate_unit(
     return Calibrated(
         sensor=replace(done, calibration=_with_rest_levels(calibration, sensor.calibration), converter=wide),
         uncalibrated=replace(plain, converter=wide),
-        runs=runs,
+        runs=given,
         model=calibration.model,
         before=before,
         mean=residuals(with_means, runs),
@@ -260,12 +253,10 @@ def _fitted(runs: Runs, sensor: Sensor, out: BoolArray) -> Runs:
     return replace(runs, l_mm=l, w_mm=w, raw={name: np.where(out, np.nan, v) for name, v in raw.items()})
 
 
-def _with_halves(constants: Constants, sensor: Sensor, runs: Runs, out: BoolArray) -> Constants:
+def _with_halves(constants: Constants, sensor: Sensor, halves: Runs, out: BoolArray) -> Constants:
     """Return the constants with offsets of the other channel of strips that have one left out."""
     if not out.any():
         return constants
-    halves = _fitted(runs, sensor, np.zeros_like(out))
-    halves = replace(halves, raw=leave_out(sensor, halves.raw))
     own = np.where(out[:, None], offsets_at_median(sensor, halves, constants).own, constants.own)
     return replace(constants, own=own)
 

@@ -280,12 +280,13 @@ def taking_turns(turn: threading.Lock) -> Iterator[None]:
     NumPy gives Python's own lock away at every array of some 500 numbers, and to wake a thread that waits for it takes
     longer than the work; so none waits for that one.
     """
+    before = getattr(_own, "turn", None)
     with turn:
         _own.turn = turn
         try:
             yield
         finally:
-            del _own.turn
+            _own.turn = before
 
 
 def _without_turn(function: Callable[..., Any]) -> Callable[..., Any]:

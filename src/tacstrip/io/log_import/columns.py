@@ -32,6 +32,7 @@ _ON_PITCH = 0.02  # of the pitch
 _STEADY, _MOSTLY = 0.5, 0.7  # so far are steps of a clock from the usual one, and so many of them
 _OFTEN = 0.2  # of the readings
 _PAIRS_TOLD = 20  # pairs of readings that tell in which order columns stand
+_STEADY = 0.1  # of its largest value: a supply's voltage moves by no more
 _ALONE = 0.9  # of the readings of one end: so many have the other beside them
 _REST, _GAP = 0.05, 5.0  # of the largest reading: the most of noise; and times that: where readings begin
 _ORDER_SAID = re.compile(
@@ -140,10 +141,16 @@ def _meanings(clues: Clues) -> dict[str, Meaning]:
     named = table.named or any(name in clues.answers for name in (*table.names, "readings"))
     found = meanings(table.names) if named else _unnamed(clues)
     strips = {m.strip for m in found.values() if m.role == "reading"} - {None}
-    if clues.sensor and strips == {
-        *range(clues.sensor.strips + 1)
-    }:  # as "voltage" beside "voltage1" and so on
-        found |= {n: Meaning("") for n, m in found.items() if m.strip == 0 and not re.search(r"\d", n)}
+    if clues.sensor and strips == {*range(clues.sensor.strips + 1)}:
+        extra = [n for n, m in found.items() if m.strip == 0 and not re.search(r"\d", n)]
+        found |= {n: Meaning("") for n in extra}  # as the supply, "voltage" beside "voltage1" and so on
+        for name in extra:
+            read = [v for v in map(number_of, table.column(name)) if v is not None]
+            if read and max(read) - min(read) > _STEADY * max(read):
+                clues.doubt(
+                    f"{name} is passed over, for columns 1 to {clues.sensor.strips} are one for each of the spec's "
+                    "strips; but it moves as a reading does: is it a strip, and strips in the spec one too few?"
+                )
     found |= {
         n: Meaning("") for n, m in found.items()
         if m.role == "reading" and all(map(_LOGIC.fullmatch, table.column(n)))

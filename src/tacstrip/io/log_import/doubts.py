@@ -20,6 +20,7 @@ _RATIOS = (30.0, 3000.0)  # of the medians of two such groups
 _AS_FAR = 2.0  # times: so far the one group, multiplied, may reach beyond the other
 _NO_VOLTS = 24.0  # nothing that large is in volts
 _FEW = 0.05  # of the readings: more are no slip of single fields
+_NEAR = 0.5  # of the least of the others: what may be as it stands
 _ALIKE = 8  # readings of a column: as many tell how its numbers are written
 _SHOWN = 3
 _SAME = 0.02  # relative: as the spec says it
@@ -119,19 +120,24 @@ def _of_one_unit(clues: Clues, mapping: ColumnMapping, only_lost: bool) -> None:
 def _written_alike(clues: Clues, mapping: ColumnMapping) -> None:
     """Doubt a number that is written otherwise than all others of its column: a digit of it is lost, or another mark.
 
-    All have as many decimals, or a digit before the mark. That numbers are not shortened is told by a 0 at the end of
-    some.
+    All have as many decimals, or significant digits, or a digit before the mark. That numbers are not shortened is told
+    by a 0 at the end of some.
     """
     decimal = clues.table.decimal
+    bare = not any(text.lstrip("+-").startswith(f"0{decimal}") for *_, text, _ in _readings(clues, mapping))
     columns: dict[str, list[tuple[int, str]]] = {}
     for line, name, text, _ in _readings(clues, mapping):
-        columns.setdefault(name, []).append((line, text.lstrip("+-")))
+        columns.setdefault(name, []).append((line, text.strip().lstrip("+-")))
     for name, read in columns.items():
+        whole = [float(text.replace(decimal, ".")) for _, text in read if text[0].isdigit()]
+        least = _NEAR * min(whole, default=0.0)
         usual, _ = Counter(_places(text, decimal) for _, text in read).most_common(1)[0]
         fixed = usual > 1 and any(text.endswith("0") and _places(text, decimal) == usual for _, text in read)
+        figures = {_figures(text) for _, text in read if _places(text, decimal) == usual}
         odd = [
             (line, text) for line, text in read
-            if text.startswith(decimal) or (fixed and _places(text, decimal) != usual)
+            if (text.startswith(decimal) and not (bare and float(f"0.{text[1:]}") > least))
+            or (fixed and _places(text, decimal) != usual and figures != {_figures(text)})
         ]  # fmt: skip
         if len(read) >= _ALIKE and 0 < len(odd) <= max(1.0, _FEW * len(read)):
             line, text = odd[0]
@@ -139,6 +145,11 @@ def _written_alike(clues: Clues, mapping: ColumnMapping) -> None:
                 f"line {line}, {name}: {text} is not written as the other numbers there, such as "
                 f"{next(t for x in read if (t := x[1]) not in [o[1] for o in odd])}: is a digit lost?"
             )
+
+
+def _figures(text: str) -> int:
+    """Return the significant digits that a number is written with."""
+    return len(re.sub(r"\D", "", text).lstrip("0"))
 
 
 def _places(text: str, decimal: str) -> int:

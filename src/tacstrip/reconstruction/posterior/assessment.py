@@ -135,9 +135,8 @@ def assess(
             # The outline that overlaps the others best; the mean of them would be none that the readings allow.
             at = int(np.argmax(np.where(fitting, every @ drawn.weight, 0.0)))
             near = every[at] >= PROMISED_IOU
-            if near @ drawn.weight > confidence + (
-                _BETTER if area_mm2 is None else 0.0
-            ):  # the fit knew no area
+            surer = _BETTER if area_mm2 is None else 0.0  # the fit knew no area
+            if near @ drawn.weight > confidence + surer:
                 own, confidence, better = near, float(near @ drawn.weight), drawn.model(at, run.problem)
                 outline = Outline(*better.chains_mm(run.problem))
                 ends = drawn.ends_of(outline.lower, outline.upper)
