@@ -113,10 +113,9 @@ class Search:
             if better is None:
                 break
             best = better
-        best = self._simplified(best)
+        best = self._polished(self._simplified(best))  # what lacks a corner asks for no object more
         if self.thorough and (again := self._rechecked(best)) is not None:
-            best = self._simplified(again)
-        best = self._polished(best)
+            best = self._polished(self._simplified(again))
         return self._condensed(best) if self.thorough else best
 
     def explains(self, fitted: Fitted, deviations: float = 4.0) -> bool:
@@ -135,14 +134,14 @@ class Search:
         return fitted.cost + self.per_corner * len(scene.corners) + unlikely
 
     def refined(self, problem: SceneProblem, best: Candidate) -> Candidate:
-        """Fit the best scenes again, to a problem of other readings, and return the best of these."""
+        """Fit the best scenes again, to a problem of other readings, and return the best of these and their joins."""
         self.problem = problem
         near = [c for c in self.found if c.criterion < best.criterion + _REFITTED]
         self.found = []
-        return min(
-            (self._candidate(self._shaken(c.fitted.scene, _FULL_STEPS), c.pieces) for c in near),
-            key=lambda c: c.criterion,
-        )
+        for c in near:
+            self._candidate(self._shaken(c.fitted.scene, _FULL_STEPS), c.pieces)
+        again = min(self.found, key=lambda c: c.criterion)
+        return self._polished(self._simplified(again))
 
     def _candidate(self, fitted: Fitted, pieces: list[FloatArray]) -> Candidate:
         made = Candidate(fitted, pieces, self.criterion(fitted))
