@@ -113,10 +113,15 @@ class Search:
             if better is None:
                 break
             best = better
+        best = self._settled(best)
+        return self._condensed(best) if self.thorough else best
+
+    def _settled(self, best: Candidate) -> Candidate:
+        """Return the scene with as many objects and corners as the readings pay for."""
         best = self._polished(self._simplified(best))  # what lacks a corner asks for no object more
         if self.thorough and (again := self._rechecked(best)) is not None:
             best = self._polished(self._simplified(again))
-        return self._condensed(best) if self.thorough else best
+        return best
 
     def explains(self, fitted: Fitted, deviations: float = 4.0) -> bool:
         """Whether a scene leaves no more of the readings than noise does, to so many deviations."""
@@ -140,8 +145,8 @@ class Search:
         self.found = []
         for c in near:
             self._candidate(self._shaken(c.fitted.scene, _FULL_STEPS), c.pieces)
-        again = min(self.found, key=lambda c: c.criterion)
-        return self._polished(self._simplified(again))
+        best = min(self.found, key=lambda c: c.criterion)
+        return self._settled(self._candidate(self.pruned(best.fitted.scene), best.pieces))
 
     def _candidate(self, fitted: Fitted, pieces: list[FloatArray]) -> Candidate:
         made = Candidate(fitted, pieces, self.criterion(fitted))
