@@ -352,7 +352,9 @@ def _joined(one: FloatArray, other: FloatArray, rest: list[FloatArray]) -> Itera
     """Yield outlines that hold two polygons, the whole and what the rest of the scene leaves of it."""
     both = np.concatenate([one, other])
     whole = shapely.convex_hull(shapely.MultiPoint(both))
-    left = shapely.difference(whole, shapely.union_all(shapely.buffer([shapely.Polygon(p) for p in rest], 0.0)))
+    left = shapely.difference(
+        whole, shapely.union_all(shapely.buffer([shapely.Polygon(p) for p in rest], 0.0))
+    )
     largest = max(shapely.get_parts(left), key=shapely.area, default=whole)
     made = set()
     for points in (both, shapely.get_coordinates(largest)):
