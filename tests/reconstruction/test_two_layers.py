@@ -35,6 +35,18 @@ def test_two_objects_on_shared_strips_are_told_and_placed() -> None:
     assert ts.reconstruct(scan, sensor, NOISE, assessment="fast").status == "likely"
 
 
+def test_readings_put_aside_for_the_search_and_put_back_leave_as_many_objects() -> None:
+    outlines = (
+        [(86.5, 49.5), (69.1, 32.3), (75.1, 26.0), (90.0, 27.4)],
+        [(61.2, 39.5), (74.4, 50.3), (66.6, 56.6), (60.0, 55.2)],
+        [(16.7, 53.0), (32.0, 45.5), (36.1, 54.1), (33.8, 58.3), (26.0, 61.4)],
+    )
+    sensor = square()
+    found = ts.reconstruct(ts.simulate(sensor, contact_of(*outlines), NOISE, rng=2), sensor, NOISE)
+    assert (len(found.objects), found.status) == (3, "ok")  # the third was two once
+    assert min(overlaps(found, outlines)) > 0.85
+
+
 def test_a_scene_turned_with_its_layers_is_the_same_scene() -> None:
     sensor, contact = square(), contact_of(*TRIANGLES)
     turn = 0.5

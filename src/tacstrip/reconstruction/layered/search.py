@@ -31,6 +31,7 @@ _LOOSE = 0.1  # of the strip length: deviation of a corner that nothing determin
 _MOST = 6  # polygons
 _CUTS_TRIED = 6
 _CUT_CORNERS, _LESS_CORNERS = 5, 6
+_JOINED_CORNERS, _JOINED_MOVES = (6, 8, 4), 20
 _BETTER = 4.0  # by which a scene of other pieces must be
 _OBJECT = 6.0  # what an object costs: two that touch often explain one nearly as well
 _INWARD, _CROSSED = 6.0, 50.0  # what a corner that turns inwards and an outline that crosses itself cost
@@ -112,11 +113,15 @@ class Search:
             if better is None:
                 break
             best = better
-        best = self._simplified(best)
-        if self.thorough and (again := self._rechecked(best)) is not None:
-            best = self._simplified(again)
-        best = self._polished(best)
+        best = self._settled(best)
         return self._condensed(best) if self.thorough else best
+
+    def _settled(self, best: Candidate) -> Candidate:
+        """Return the scene with as many objects and corners as the readings pay for."""
+        best = self._polished(self._simplified(best))  # what lacks a corner asks for no object more
+        if self.thorough and (again := self._rechecked(best)) is not None:
+            best = self._polished(self._simplified(again))
+        return best
 
     def explains(self, fitted: Fitted, deviations: float = 4.0) -> bool:
         """Whether a scene leaves no more of the readings than noise does, to so many deviations."""
@@ -134,14 +139,14 @@ class Search:
         return fitted.cost + self.per_corner * len(scene.corners) + unlikely
 
     def refined(self, problem: SceneProblem, best: Candidate) -> Candidate:
-        """Fit the best scenes again, to a problem of other readings, and return the best of these."""
+        """Fit the best scenes again, to a problem of other readings, and return the best of these and their joins."""
         self.problem = problem
         near = [c for c in self.found if c.criterion < best.criterion + _REFITTED]
         self.found = []
-        return min(
-            (self._candidate(self._shaken(c.fitted.scene, _FULL_STEPS), c.pieces) for c in near),
-            key=lambda c: c.criterion,
-        )
+        for c in near:
+            self._candidate(self._shaken(c.fitted.scene, _FULL_STEPS), c.pieces)
+        best = min(self.found, key=lambda c: c.criterion)
+        return self._settled(self._candidate(self.pruned(best.fitted.scene), best.pieces))
 
     def _candidate(self, fitted: Fitted, pieces: list[FloatArray]) -> Candidate:
         made = Candidate(fitted, pieces, self.criterion(fitted))
@@ -193,9 +198,12 @@ class Search:
         tried = [self._shaken(scene.with_corner(at), _STEPS) for at in range(len(scene.corners))]
         return self.pruned(min(tried, key=lambda f: f.cost).scene)
 
-    def _one_moved(self, scene: Scene) -> Fitted:
+    def _any(self, scene: Scene) -> int:
+        return int(self._random.integers(len(scene.sizes)))
+
+    def _one_moved(self, scene: Scene, k: int) -> Fitted:
         """Return a descent from a scene with the corners of one polygon moved at random, by little or by much."""
-        k, far = int(self._random.integers(len(scene.sizes))), self._random.uniform(1.0, _FARTHEST)
+        far = self._random.uniform(1.0, _FARTHEST)
         moved, own = np.zeros_like(scene.corners), slice(scene.starts[k], scene.starts[k] + scene.sizes[k])
         moved[own] = self._random.normal(0.0, far * SHAKE * self.problem.length_mm, moved[own].shape)
         return self.problem.refine(scene.moved(moved), _FULL_STEPS)
@@ -225,7 +233,7 @@ class Search:
         for _ in range(_LAST_MOVES):
             if self._well(fitted):
                 break
-            fitted = min(fitted, self._one_moved(fitted.scene), key=lambda f: f.cost)
+            fitted = min(fitted, self._one_moved(fitted.scene, self._any(fitted.scene)), key=lambda f: f.cost)
         if fitted.cost < best.fitted.cost - 1.0:
             fitted = self.pruned(fitted.scene)
         polished = self._candidate(fitted, best.pieces)
@@ -305,11 +313,11 @@ class Search:
     def _simpler(self, best: Candidate) -> Candidate | None:
         polygons = best.fitted.scene.polygons
         for i, j in itertools.combinations(range(best.count), 2):
-            joined = outline(np.concatenate([polygons[i], polygons[j]]), _LESS_CORNERS)
             rest = [p for k, p in enumerate(polygons) if k not in (i, j)]
-            tried = None if joined is None else self._near(Scene.of([*rest, joined]), best)
-            if tried is not None and tried.criterion < best.criterion:
-                return tried
+            for joined in _joined(polygons[i], polygons[j], rest):
+                tried = self._near(Scene.of([*rest, joined]), best)
+                if tried is not None and tried.criterion < best.criterion:
+                    return tried
         for k in range(best.count):
             tried = self._near(Scene.of([p for m, p in enumerate(polygons) if m != k]), best)
             if tried is not None and tried.criterion < best.criterion:
@@ -334,7 +342,27 @@ class Search:
         near = self.problem.refine(self._approached(scene).scene, _STAGE_STEPS)
         if near.cost > _PLAINLY * best.criterion:
             return None
+        near = self._shaken(near.scene, _STEPS, _LAST_SHAKES)
+        for _ in range(_JOINED_MOVES):  # two polygons as one: kinks keep its corners from their places
+            near = min(near, self._one_moved(near.scene, len(scene.sizes) - 1), key=lambda f: f.cost)
         return self._candidate(self.pruned(near.scene), best.pieces)
+
+
+def _joined(one: FloatArray, other: FloatArray, rest: list[FloatArray]) -> Iterator[FloatArray]:
+    """Yield outlines that hold two polygons, the whole and what the rest of the scene leaves of it."""
+    both = np.concatenate([one, other])
+    whole = shapely.convex_hull(shapely.MultiPoint(both))
+    left = shapely.difference(
+        whole, shapely.union_all(shapely.buffer([shapely.Polygon(p) for p in rest], 0.0))
+    )
+    largest = max(shapely.get_parts(left), key=shapely.area, default=whole)
+    made = set()
+    for points in (both, shapely.get_coordinates(largest)):
+        for corners in _JOINED_CORNERS:
+            ring = outline(points, corners)
+            if ring is not None and ring.tobytes() not in made:
+                made.add(ring.tobytes())
+                yield ring
 
 
 def _inward_corners(scene: Scene) -> int:
