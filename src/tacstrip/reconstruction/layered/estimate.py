@@ -22,7 +22,7 @@ from tacstrip.errors import OptionError
 from tacstrip.reconstruction.contact_ends import closed_ends
 from tacstrip.reconstruction.implausible import doubt_implausible
 from tacstrip.reconstruction.layered.posterior import draw_scenes, loosely_held
-from tacstrip.reconstruction.layered.search import Candidate, Search
+from tacstrip.reconstruction.layered.search import Candidate, Search, inward_corners
 from tacstrip.reconstruction.noise_covariance import Averaging, common_variance, fit_sigma
 from tacstrip.reconstruction.polygon.goodness_of_fit import chi_square_score
 from tacstrip.reconstruction.posterior.assessment import ENOUGH, PROMISED_IOU, Effort, check_effort
@@ -39,6 +39,7 @@ _HIDDEN = 0.01  # of the strip length: a corner less certain than that is hidden
 _RIVAL = 8.0  # of the criterion: a scene that is worse by less is told
 _SAME = 0.7  # IoU from which two polygons are one and the same
 _MOST_RIVALS = 3
+_MERGED = "two of its corners or more turn inwards: it may be several objects taken for one"
 _NAMED = 5  # channels that advice names
 _MOST_LONE = 2  # readings left out as standing out: more are no faults but a wrong scene
 _ROUNDS = 2  # of leaving out what lies alone
@@ -110,13 +111,14 @@ def fit_layers(
     confident = draw_scenes(problem, fitted.scene).confidence if thorough and not wrong else None
     shared = [wrong, _rivals_advice(best, rivals), *_left_out(out, sensor, scan)]
     objects = []
+    inwards = inward_corners(fitted.scene)
     for k, (ring, start) in enumerate(zip(fitted.scene.polygons, fitted.scene.starts, strict=True)):
         rows = slice(start, start + len(ring))
         made = _object(
             ring, covariance[2 * rows.start : 2 * rows.stop, 2 * rows.start : 2 * rows.stop], hidden[rows]
         )
         confidence = None if confident is None else confident(k, PROMISED_IOU)
-        own = _advice(made, confidence)
+        own = _MERGED if inwards[k] > 1 else _advice(made, confidence)
         doubtful = bool(wrong or rivals or own)
         status: Status = "doubtful" if doubtful else "ok" if confidence is not None else "likely"
         advice = "; ".join(filter(None, [*shared[:2], own, *shared[2:]]))

@@ -135,7 +135,7 @@ class Search:
         """Return the squared residuals, and what corners and objects cost: few are likelier, and convex ones."""
         scene = fitted.scene
         crossed = sum(not shapely.Polygon(ring).is_valid for ring in scene.polygons)
-        unlikely = _OBJECT * len(scene.sizes) + _INWARD * _inward_corners(scene) + _CROSSED * crossed
+        unlikely = _OBJECT * len(scene.sizes) + _INWARD * sum(inward_corners(scene)) + _CROSSED * crossed
         return fitted.cost + self.per_corner * len(scene.corners) + unlikely
 
     def refined(self, problem: SceneProblem, best: Candidate) -> Candidate:
@@ -365,13 +365,13 @@ def _joined(one: FloatArray, other: FloatArray, rest: list[FloatArray]) -> Itera
                 yield ring
 
 
-def _inward_corners(scene: Scene) -> int:
-    """Return how many corners turn inwards."""
+def inward_corners(scene: Scene) -> list[int]:
+    """Return how many corners of each polygon turn inwards."""
     to, on = (scene.corners - scene.corners[scene.before], scene.corners[scene.following] - scene.corners)
     turn = to[:, 0] * on[:, 1] - to[:, 1] * on[:, 0]
     sine = turn / np.maximum(np.hypot(*to.T) * np.hypot(*on.T), 1e-12)
     ways = [np.sign(part.sum()) * part for part in np.split(sine, scene.starts[1:])]
-    return int(sum((part < -_STRAIGHT).sum() for part in ways))
+    return [int((part < -_STRAIGHT).sum()) for part in ways]
 
 
 def _points(ring: FloatArray) -> FloatArray:
