@@ -9,6 +9,7 @@ import numpy as np
 
 from tacstrip.arguments import takes
 from tacstrip.arrays import BoolArray, FloatArray
+from tacstrip.calibrate.accuracy import accuracy_percent
 from tacstrip.calibrate.fit import ModelFit, offsets_at_median, usable_rows
 from tacstrip.calibrate.goodness import Goodness, assess, assess_fit, spoilt
 from tacstrip.calibrate.interpretation import misread, reversed_order
@@ -66,6 +67,9 @@ class Calibrated:
         Values with their uncertainty, rows that do not count, models that were tried.
     goodness
         Residual and noise.
+    accuracy_percent
+        What 95 % of corrected readings of other contacts keep, by twice their standard deviation [% of Vref], their own
+        noise not counted; NaN for mean offsets, which have no model.
     changed
         That readings are far from the calibration that the sensor had, in words; "" where it had none, or they agree.
 
@@ -94,6 +98,7 @@ class Calibrated:
     excluded: tuple[ExcludedRow, ...]
     trials: tuple[Trial, ...]
     goodness: Goodness
+    accuracy_percent: float
     changed: str = ""
 
     @property
@@ -242,6 +247,9 @@ def calibrate_unit(
         excluded=_excluded(runs, counted, after),
         trials=trials,
         goodness=replace(assess(plain, done, runs, fit), spoilt=spoilt(runs, fit)),
+        accuracy_percent=np.nan
+        if fit is None
+        else accuracy_percent(plain, replace(done, converter=None), fit),
         changed=_changed(sensor, runs),
     )
 
