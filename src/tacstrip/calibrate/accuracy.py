@@ -21,7 +21,7 @@ def accuracy_percent(sensor: Sensor, calibrated: Sensor, fit: ModelFit) -> float
     """Return what 95 % of corrected readings of other contacts keep, with 95 % [% of Vref].
 
     The readings' own noise is not counted. To the parameters' deviations comes what the correction leaves were they
-    exact: one signature says nothing of a contact's length, by which uneven rubber and resistance at the ends change it.
+    exact: one signature does not tell a contact's length, and what uneven rubber does to it depends on that.
 
     Parameters
     ----------
