@@ -1,4 +1,4 @@
-"""Accuracy: how far corrected readings of other contacts may be off, by a fit's covariance and the correction itself."""
+"""Accuracy: how far corrected readings of other contacts may be off."""
 
 from __future__ import annotations
 
