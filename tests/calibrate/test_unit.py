@@ -12,10 +12,11 @@ import pytest
 
 import tacstrip as ts
 from tacstrip.arrays import FloatArray
-from tacstrip.calibrate.fit import fit_model
+from tacstrip.calibrate.fit import fit_model, jacobian
 from tacstrip.calibrate.model import Constants, Model, apply, predict
 from tacstrip.calibrate.model_selection import fit_named, select_model
 from tacstrip.calibrate.offsets import mean_offsets
+from tacstrip.calibrate.place_errors import possible_errors
 from tacstrip.calibrate.plan import plan
 from tacstrip.calibrate.residuals import residuals, rms_percent
 from tacstrip.data.published import offsets_volt
@@ -579,3 +580,65 @@ def test_a_fit_that_excludes_a_quarter_of_the_rows_is_doubtful() -> None:
     done = ts.calibrate_unit(sensor, replace(runs, raw=wrong), model="offset")
     assert done.status == "doubtful"
     assert "rows would have to be excluded" in done.advice
+
+
+# How sure a calibration is.
+
+
+def _with_place_errors(rng: np.random.Generator, sd_mm: float) -> tuple[Constants, ts.Runs]:
+    """Return true constants and runs of six presses, each off by one error of l and one of w on all strips."""
+    sensor = ts.Sensor(construction="crs-m", strips=8, pitch_mm=6.5, length_mm=200.0)
+    model = Model(frozenset({"offset", "gain", "lambda"}))
+    own = rng.normal(0.0, 0.01, (8, 2))
+    true = Constants(model, sensor.signatures, rng.uniform(0.004, 0.012, 1), own)
+    l, w = (
+        np.repeat(np.array(v)[:, None], 8, axis=1)
+        for v in ((12.0, 60.0, 180.0, 15.0, 60.0, 120.0), (0.0, 0.0, 0.0, 60.0, 60.0, 60.0))
+    )
+    off_l, off_w = (np.full(l.shape, sd_mm) * rng.normal(size=(6, 1)) for _ in range(2))
+    raw = {
+        n: v + rng.normal(0.0, 8e-4, v.shape)
+        for n, v in predict(true, sensor, l + off_l, w + off_w * (w > 0.0)).items()
+    }
+    line = np.arange(2, 2 + l.size).reshape(l.shape)
+    sd = np.full(l.shape, sd_mm)
+    return true, ts.Runs(l, w, raw, line=line, rest={}, l_sd_mm=sd, w_sd_mm=sd * (w > 0.0))
+
+
+def test_stated_errors_of_places_are_known() -> None:
+    """Deviations are those of generalised least squares; few readings enlarge only what their noise adds."""
+    sensor = ts.Sensor(construction="crs-m", strips=8, pitch_mm=6.5, length_mm=200.0)
+    true, runs = _with_place_errors(np.random.default_rng(0), 0.6)
+    press = next(e for e in possible_errors(runs, 200.0) if e.name == "press")
+    fit = fit_model(true.model, sensor, runs, true, press)
+    by = jacobian(sensor, fit.constants, runs.l_mm, runs.w_mm)[0]  # (contacts, strips, lambda, offset, gain)
+    each = by[..., None, 1:] * np.eye(8)[:, :, None]  # (contacts, strips, strips, own)
+    rows = np.concatenate([by[..., :1], each.reshape(6, 8, 16)], axis=2).reshape(48, 17)
+    here, *moved = (
+        predict(fit.constants, sensor, runs.l_mm + l, runs.w_mm + w)["k"]
+        for l, w in ((0.0, 0.0), (1e-3, 0.0), (0.0, 1e-3))
+    )
+    noise = fit.sigma["k"] ** 2 * np.eye(48)
+    for sd, off in zip(press.sd_mm, moved, strict=True):
+        column = np.eye(6)[:, None, :] * (sd * (off - here) / 1e-3)[:, :, None]  # (contacts, strips, presses)
+        noise += np.einsum("cse,dte->csdt", column, column).reshape(48, 48)
+    sigma = np.sqrt(np.diag(np.linalg.inv(rows.T @ np.linalg.solve(noise, rows))))[1:].reshape(8, 2)
+    # Tukey's function costs 2.6 %; Student's factor for all of the variance would add another 6 %.
+    np.testing.assert_allclose(np.median(fit.own_sigma / sigma), 1.026, atol=0.03)
+
+
+def test_accuracy_is_that_of_other_readings() -> None:
+    sensor = ts.Sensor(construction="crs-m", strips=8, pitch_mm=6.5, length_mm=200.0)
+    rng, held, ratio = np.random.default_rng(1), 0, []
+    l = np.repeat(np.linspace(10.0, 120.0, 12)[:, None], 8, axis=1)
+    w = np.repeat(np.tile([0.0, 30.0, 60.0], 4)[:, None], 8, axis=1)
+    for _ in range(4):
+        true, runs = _with_place_errors(rng, 0.6)
+        done = ts.calibrate_unit(sensor, runs)
+        others = replace(runs, l_mm=l, w_mm=w, raw=predict(true, sensor, l, w), line=np.zeros(l.shape, int))
+        error = 100.0 * np.quantile(np.abs(residuals(done.sensor, others)["k"]), 0.95)
+        held += error <= done.accuracy_percent
+        ratio.append(error / done.accuracy_percent)
+    assert held >= 3
+    assert np.median(ratio) > 0.2  # not by being wide
+    assert "other corrected readings are right to +-" in done.advice

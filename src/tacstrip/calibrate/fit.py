@@ -37,8 +37,10 @@ _SETTLED = 0.05  # relative change of the spreads and of the noise
 _LEAST_SIGMA = 1e-5  # of Vref
 _LEAST_SPREAD = 1e-3  # of the largest
 _HUBER = 1.345  # standard deviations at which a row begins to lose weight; 95 % efficient for normal noise
-_TUKEY = 4.685  # standard deviations at which a row no longer counts; 95 % efficient for normal noise
+_TUKEY = 4.685  # standard deviations at which a row no longer counts
+_EFFICIENCY = 0.95  # of Tukey's function for normal noise
 _LEAST_REDUNDANCY = 0.02
+_MORE, _LEAST_SHARE = 1.01, 0.01  # times the noise, for a difference quotient; of a variance
 _FADES = (0.05, 0.15, 0.35)  # where fits with a fading offset start
 _TWO_SIGMA = 0.97725  # of a distribution: below two standard deviations of a normal one
 
@@ -63,6 +65,8 @@ class ModelFit:
         larger, the better the model.
     residual
         Measured less predicted readings over Vref (signatures, contacts, strips).
+    covariance
+        Each strip's own parameters', then the shared ones' (strips, own and shared, own and shared).
     places
         Errors of the places; None where they are exact.
     """
@@ -74,6 +78,7 @@ class ModelFit:
     weight: FloatArray
     evidence: float
     residual: FloatArray
+    covariance: FloatArray
     places: PlaceErrors | None = None
 
 
@@ -132,20 +137,69 @@ def _gauss_newton(
             break
     here = _Linear(sensor, runs, constants, sigma, pooled, places)
     system = here.eliminate(weight)
-    shared_sigma, own_sigma = system.uncertainty()
-    few = _beyond_independent(here.whiten(residual - shift), system, weight > 0.0, place_numbers(runs))
+    beyond = _beyond_independent(here.whiten(residual - shift), system, weight > 0.0, place_numbers(runs))
+    shared_sigma, own_sigma, together = _deviations(sensor, runs, here, sigma, weight, places, beyond)
     by_name = dict(zip(runs.signatures, sigma.tolist(), strict=True))
     evidence = _evidence(here, system, residual - shift, usable, errors)
     return ModelFit(
-        constants, few * shared_sigma, few * own_sigma, by_name, weight, evidence, residual - shift, places
+        constants, shared_sigma, own_sigma, by_name, weight, evidence, residual - shift, together, places
     )
 
 
-def _beyond_independent(white: FloatArray, system: _Eliminated, counts: BoolArray, places: IntArray) -> float:
-    """Return by how much standard deviations exceed those of independent readings of known noise.
+def _deviations(
+    sensor: Sensor,
+    runs: Runs,
+    here: _Linear,
+    sigma: FloatArray,
+    weight: FloatArray,
+    places: PlaceErrors | None,
+    beyond: tuple[float, float],
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the deviations of shared and of own parameters, and the covariance of own and shared, strip by strip.
+
+    The readings' noise is estimated, of `beyond` times the variance, with so many degrees of freedom; stated deviations
+    of places are known. So only the share of a variance that follows the noise is enlarged, and the fewer degrees of
+    freedom there are for the larger share, the wider the range (Student's distribution, Satterthwaite's degrees).
+    """
+    counts = (weight > 0.0).astype(float)  # what weights between cost is Tukey's efficiency
+    excess, free = beyond
+    variance, together = here.eliminate(counts).variances()
+    share, share_together = np.ones_like(variance), np.ones(together.shape[:2])
+    if places is not None and places.stated:
+        pooled = {part: _MORE * spread for part, spread in here.pooled.items()}
+        noisier = _Linear(sensor, runs, here.constants, _MORE * sigma, pooled, places)
+        more, more_together = noisier.eliminate(counts).variances()
+        share = _share(variance, more)
+        share_together = _share(_diagonal(together), _diagonal(more_together))
+
+    def factor(share: FloatArray) -> FloatArray:
+        student = stdtrit(free / np.maximum(share, _LEAST_SHARE) ** 2, _TWO_SIGMA) / 2.0
+        return np.asarray(student * np.sqrt((1.0 + share * (excess - 1.0)) / _EFFICIENCY))
+
+    root = factor(share_together)
+    together = together * root[:, :, None] * root[:, None, :]
+    own_sigma = np.sqrt(_diagonal(together)[:, : here.constants.own.shape[1]])
+    return factor(share) * np.sqrt(variance), own_sigma, together
+
+
+def _share(variance: FloatArray, more: FloatArray) -> FloatArray:
+    """Return which share of a variance follows the noise's, from that with `_MORE` times the noise."""
+    with np.errstate(all="ignore"):  # not determined: inf
+        share = (more / variance - 1.0) / (_MORE**2 - 1.0)
+    return np.clip(np.nan_to_num(share, nan=1.0), 0.0, 1.0)
+
+
+def _diagonal(matrices: FloatArray) -> FloatArray:
+    return np.diagonal(matrices, axis1=1, axis2=2)
+
+
+def _beyond_independent(
+    white: FloatArray, system: _Eliminated, counts: BoolArray, places: IntArray
+) -> tuple[float, float]:
+    """Return by how much variances exceed those of independent readings, and how many degrees of freedom say so.
 
     Repeats of a place on a strip share what the model leaves there and what the converter rounds: what counts is how
-    far their means are off. Few of them know the noise badly (Student's distribution).
+    far their means are off.
     """
     square, free, most = 0.0, 0.0, 1.0
     of_fit = system.leverages(white.shape)  # (strips, signatures, contacts, parameters)
@@ -157,7 +211,7 @@ def _beyond_independent(white: FloatArray, system: _Eliminated, counts: BoolArra
         square += float(((white[:, :, strip] @ mean.T) ** 2).sum())
         free += len(white) * len(mean) - float(((mean @ rows) ** 2).sum())
     free = max(free, 1.0)
-    return float(np.sqrt(max(square / free, 1.0 / most)) * stdtrit(free, _TWO_SIGMA) / 2.0)
+    return max(square / free, 1.0 / most), free
 
 
 def _settled(new: FloatArray, old: FloatArray) -> bool:
@@ -411,12 +465,15 @@ class _Eliminated:
         ]
         return float(2.0 * np.log(np.maximum(np.abs(np.concatenate(factors)), 1e-12)).sum())
 
-    def uncertainty(self) -> tuple[FloatArray, FloatArray]:
-        """Return the standard deviations of the shared and of the own parameters: the Cramer-Rao bound."""
+    def variances(self) -> tuple[FloatArray, FloatArray]:
+        """Return the shared parameters' variances, and the covariance of each strip's own and the shared ones.
+
+        Both by the Cramer-Rao bound; the latter (strips, own and shared, own and shared).
+        """
         own = self.r.shape[1]
         together = np.linalg.qr(np.pad(self.rest, ((0, self.shared), (0, 0))), mode="r")
-        shared_sigma = np.sqrt(np.diag(covariance(self.rest))) if self.shared else np.zeros(0)
-        own_sigma = np.zeros((len(self.r), own))
+        shared = np.diag(covariance(self.rest)) if self.shared else np.zeros(0)
+        found = np.zeros((len(self.r), own + self.shared, own + self.shared))
         below = np.concatenate([np.zeros((len(together), own)), together], axis=1)
         for strip, (r, t) in enumerate(zip(self.r, self.t, strict=True)):
             of_shared, of_errors = t[:, : self.shared], t[:, self.shared :]
@@ -424,8 +481,8 @@ class _Eliminated:
             noise = np.linalg.cholesky(np.eye(own) + of_errors @ self._errors_from(of_errors.T))
             above = np.concatenate([r, of_shared - of_errors @ self.by_shared], axis=1)
             rows = np.concatenate([np.linalg.solve(noise, above), below])
-            own_sigma[strip] = np.sqrt(np.diag(covariance(rows)))[:own]
-        return shared_sigma, own_sigma
+            found[strip] = covariance(rows)
+        return shared, found
 
 
 def _cost(here: _Linear, residual: FloatArray, constants: Constants, weight: FloatArray) -> float:

@@ -29,11 +29,14 @@ class PlaceErrors:
         Number of each contact's error in l and w (2, contacts, strips), from 0; None: each row has its own.
     name
         In words, what shares an error.
+    stated
+        Whether the runs state the deviations, or one of several was guessed.
     """
 
     sd_mm: FloatArray
     group: IntArray | None
     name: str
+    stated: bool = True
 
     @property
     def count(self) -> int:
@@ -68,7 +71,11 @@ def possible_errors(runs: Runs, length_mm: float) -> list[PlaceErrors]:
     if runs.l_sd_mm is None and runs.w_sd_mm is None:
         exact = there * np.stack([np.ones_like(l), (w > 0.0).astype(float)]) * length_mm
         group = _both(press, press)
-        return [PlaceErrors(exact * sd, group, "press") for sd in _UNKNOWN] if group.max() < _MOST else []
+        return (
+            [PlaceErrors(exact * sd, group, "press", stated=False) for sd in _UNKNOWN]
+            if group.max() < _MOST
+            else []
+        )
     zero = np.zeros_like(l)
     sd = np.stack([zero if v is None else np.where(there, v, 0.0) for v in (runs.l_sd_mm, runs.w_sd_mm)])
     found = [PlaceErrors(sd, None, "row")]

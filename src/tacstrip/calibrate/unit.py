@@ -9,6 +9,7 @@ import numpy as np
 
 from tacstrip.arguments import takes
 from tacstrip.arrays import BoolArray, FloatArray
+from tacstrip.calibrate.accuracy import accuracy_percent
 from tacstrip.calibrate.fit import ModelFit, offsets_at_median, usable_rows
 from tacstrip.calibrate.goodness import Goodness, assess, assess_fit, spoilt
 from tacstrip.calibrate.interpretation import misread, reversed_order
@@ -22,6 +23,7 @@ from tacstrip.sensor.calibration import Calibration
 from tacstrip.sensor.left_out import leave_out, left_out
 from tacstrip.sensor.spec import Sensor
 
+_ACCURATE = 0.3  # % of Vref: a calibration that leaves more says so
 _CHANGED = 0.5  # % of Vref: a unit in use stays within, but for its drift
 
 
@@ -66,6 +68,9 @@ class Calibrated:
         Values with their uncertainty, rows that do not count, models that were tried.
     goodness
         Residual and noise.
+    accuracy_percent
+        What 95 % of corrected readings of other contacts keep, with 95 % [% of Vref], their own noise not counted; NaN
+        for mean offsets, which have no model.
     changed
         That readings are far from the calibration that the sensor had, in words; "" where it had none, or they agree.
 
@@ -94,6 +99,7 @@ class Calibrated:
     excluded: tuple[ExcludedRow, ...]
     trials: tuple[Trial, ...]
     goodness: Goodness
+    accuracy_percent: float
     changed: str = ""
 
     @property
@@ -103,7 +109,7 @@ class Calibrated:
 
     @property
     def advice(self) -> str:
-        """What to do about a fit that is doubtful, or whose residual is more than noise; "" where all is well."""
+        """What to do about a fit that is doubtful or inaccurate, or leaves more than noise; "" where all is well."""
         good = self.goodness
         if good.doubt:
             return (
@@ -124,7 +130,17 @@ class Calibrated:
                 f"{100.0 * good.noise:.2g} %: is the rubber not uniform, or are places not exact? Press more places, "
                 "those of --plan --uneven; state errors of places as l_sd_mm and w_sd_mm"
             )
-        return self.changed
+        return self.changed or self._inaccurate
+
+    @property
+    def _inaccurate(self) -> str:
+        """Say that other readings are corrected less well than plans are made for; "" where they are not."""
+        if not self.accuracy_percent > _ACCURATE:
+            return ""
+        cure = "press more places, or the same ones again, and measure them more exactly"
+        if len(self.after) == 1 and "warp" in self.model:
+            cure = "the rubber is uneven, and one signature cannot correct that for long contacts"
+        return f"other corrected readings are right to +-{self.accuracy_percent:.2g} % of Vref (95 %) only: {cure}"
 
     def rms_percent(self, off: dict[str, FloatArray]) -> float:
         """Return the root mean square over the rows that count [% of Vref]."""
@@ -235,6 +251,9 @@ def calibrate_unit(
         excluded=_excluded(runs, counted, after),
         trials=trials,
         goodness=replace(assess(plain, done, runs, fit), spoilt=spoilt(runs, fit)),
+        accuracy_percent=np.nan
+        if fit is None
+        else accuracy_percent(plain, replace(done, converter=None), fit),
         changed=_changed(sensor, runs),
     )
 

@@ -170,6 +170,11 @@ def _show_result(result: Calibrated) -> None:
         f"before, {result.rms_percent(result.mean):.3g} % after mean offsets, "
         f"{result.rms_percent(result.after):.3g} % after this"
     )
+    if np.isfinite(result.accuracy_percent):
+        click.echo(
+            f"  other corrected readings lie within +-{result.accuracy_percent:.2g} % of Vref (95 %), their own noise "
+            "not counted"
+        )
     from tacstrip.report.calibration import wrongest  # late, as all that loads Matplotlib
 
     furthest = ", ".join(f"strip {strip} ({percent:.2g} %)" for strip, percent in wrongest(result, 3))
