@@ -477,3 +477,18 @@ def test_the_path_is_that_of_the_centroid() -> None:
     np.testing.assert_allclose(tracks[0].centroids, own, atol=1e-9)
     (feature,) = track_collection(tracks)["features"]
     np.testing.assert_allclose([p["centroid_mm"] for p in feature["properties"]["poses"]], own, atol=1e-6)
+
+
+def test_a_bar_does_not_jump_by_half_turns() -> None:
+    """Turned by half it reads nearly the same; the scans beside each one tell which."""
+    sensor = ts.Sensor(construction="crs-crs", strips=12, pitch_mm=8.0, length_mm=100.0)
+    noise, bar = (
+        ts.Noise(positional=0.003),
+        np.array([(-44.0, -6.0), (44.0, -6.0), (44.0, 6.0), (-44.0, 6.0)]),
+    )
+    turn = np.radians(14.4) * np.sin(2.0 * np.pi * np.arange(60) / 44.0)
+    poses = np.stack(
+        [np.full(60, 48.0), 50.0 + 25.0 * np.sin(2.0 * np.pi * np.arange(60) / 55.0), turn], axis=1
+    )
+    (one,) = ts.track(pressed(sensor, bar, poses, noise), sensor, noise)
+    assert np.ptp(one.poses[:, 2] - turn) < np.radians(1.5)

@@ -31,6 +31,9 @@ _EXPLORED, _BEST, _SETTLED = (
     7,
 )  # rounds, descents of each that are settled: the best, and with unlike ones
 _FAR = 2.5  # times a short move
+_ORDERS = (2, 4, 3)  # parts of a turn that may bring an outline onto itself
+_SMOOTH = 0.35  # radians from scan to scan, in the median: an object that moves on
+_JUMP = 12.0  # of chi square: what a jump between such poses has to explain
 _MOST_BAD = 0.8  # of all scans: with more the shape is wrong, not the poses
 
 
@@ -164,8 +167,41 @@ def recounted(scans: RigidScans, fit: Fit) -> tuple[Fit, list[Fit]]:
         other = [f for f in (_fewer(scans, fit), _more(scans, fit)) if f is not None]
         best = min(other, key=lambda f: f.criterion(scans), default=fit)
         if best.criterion(scans) >= fit.criterion(scans):
-            return fit, other
+            return continued(scans, fit), other
         fit = best
+
+
+def continued(scans: RigidScans, fit: Fit) -> Fit:
+    """Return the fit with poses of which each has turned on least from the one before.
+
+    A part of a turn brings a rectangle, and nearly a long hexagon, onto itself: which of these poses is a scan's, its
+    readings hardly tell, but the scans beside it do. Not so of an object that lies anyhow from scan to scan.
+    """
+    angle = fit.poses[:, 2]
+    steps = _within_half(np.diff(angle), 2.0 * np.pi)
+    for order in _ORDERS if fit.basis is None and len(angle) > 1 else ():
+        least = _within_half(steps, 2.0 * np.pi / order)
+        jumps = int((np.abs(steps - least) > 0.1).sum())
+        if not jumps or np.median(np.abs(least)) > _SMOOTH:
+            continue
+        own, poses = _centroid(fit.corners), fit.poses.copy()
+        poses[:, 2] = angle[0] + np.concatenate([[0.0], np.cumsum(least)])
+        poses[:, :2] += _turned(own, angle) - _turned(own, poses[:, 2])
+        new = settled(scans, posed(scans, Fit(fit.corners, poses, fit.costs)))
+        if new.cost < fit.cost + _JUMP * jumps:
+            return new
+    return fit
+
+
+def _within_half(angle: FloatArray, period: float) -> FloatArray:
+    """Return angles less whole periods, from minus half of one to half of one."""
+    return np.asarray(angle - period * np.round(angle / period))
+
+
+def _turned(point: FloatArray, angle: FloatArray) -> FloatArray:
+    """Return a point (2,) turned by angles (T,) about the origin (T, 2)."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.stack([c * point[0] - s * point[1], s * point[0] + c * point[1]], axis=1)
 
 
 def _fewer(scans: RigidScans, fit: Fit) -> Fit | None:
@@ -301,12 +337,9 @@ def poses_all_round(
     """Return poses (T, kept, 3) of a known outline, the best first, where nothing is known of them, and their costs."""
     middle, _ = centres(scans)
     own = _centroid(corners)
-    angle = np.arange(angles) * (2.0 * np.pi / angles)
-    turned = np.stack(
-        [np.cos(angle) * own[0] - np.sin(angle) * own[1], np.sin(angle) * own[0] + np.cos(angle) * own[1]]
-    )
+    angle = np.asarray(np.arange(angles) * (2.0 * np.pi / angles), dtype=np.float64)
     starts = np.empty((len(middle), angles, 3))
-    starts[..., :2], starts[..., 2] = middle[:, None] - turned.T, angle
+    starts[..., :2], starts[..., 2] = middle[:, None] - _turned(own, angle), angle
     poses, costs = fit_poses(scans, corners, starts, loss(scans, 2.0 * tolerance_mm, 3.0, 0.15), 5)
     poses = _best(poses, costs, kept)[0]
     for tolerance, cauchy, steps in ((tolerance_mm, 5.0, 8), (0.0, 0.0, 12)):
