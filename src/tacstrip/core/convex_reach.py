@@ -1,4 +1,4 @@
-"""How far a convex body may reach that holds a ring: each reading shuts out a cone behind itself, as seen from the ring."""
+"""How far a convex body may reach that holds a ring: each reading shuts out a cone behind itself."""
 
 from __future__ import annotations
 
