@@ -104,7 +104,7 @@ def _plain_reach(
         after = np.where((sign != 0.0) & (after > SAME) & (after < width - SAME), after, 0.5 * width)
         theta = np.unique(np.concatenate([theta, (theta[change] + after + np.pi) % (2.0 * np.pi) - np.pi]))
         radius, active = _first_shut(theta, normals, gap)
-    return middle + radius[:, None] * np.column_stack([np.cos(theta), np.sin(theta)])
+    return np.asarray(middle + radius[:, None] * np.column_stack([np.cos(theta), np.sin(theta)]))
 
 
 def _first_shut(theta: FloatArray, normals: FloatArray, gap: FloatArray) -> tuple[FloatArray, IntArray]:

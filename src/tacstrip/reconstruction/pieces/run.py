@@ -20,7 +20,7 @@ GAP = 0.02  # of L: objects nearer to each other are one
 FEW_STRIPS = 12  # fewer do not resolve every jump
 _LEAST_SIGMA = 5e-4  # of Vref, of noise that few strips tell
 _EXACT = 1e-5  # of Vref: no reading is taken for more exact
-_NARROW = 0.3  # of the width beside it: a strip that may show one of two objects alone
+_NARROW = 0.25  # of the width beside it: a strip that may show one of two objects alone
 _ALARM = 3.09  # deviations of chi square: p = .001
 
 
