@@ -151,9 +151,12 @@ Int tacstrip_convex_reach(const double *ring, Int corners, const double *points,
     }
     for (Int i = 0; i < more; i++) count = put(rays, count, found[i], cones, kept);
   }
-  for (Int i = 0; i < count; i++) {
-    reached[2 * i] = middle[0] + rays[i].radius * cosine(rays[i].theta);
-    reached[2 * i + 1] = middle[1] + rays[i].radius * sine(rays[i].theta);
+  Int written = 0;
+  for (Int i = 0; i < count; i++) { /* of rays that one line stops, the outer ones */
+    const Ray *ray = rays + i, *before = rays + (i ? i - 1 : count - 1), *next = rays + (i + 1) % count;
+    if (before->cone == ray->cone && before->side == ray->side && next->cone == ray->cone && next->side == ray->side) continue;
+    reached[2 * written] = middle[0] + ray->radius * cosine(ray->theta);
+    reached[2 * written++ + 1] = middle[1] + ray->radius * sine(ray->theta);
   }
-  return count;
+  return written;
 }

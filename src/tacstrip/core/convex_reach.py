@@ -104,7 +104,9 @@ def _plain_reach(
         after = np.where((sign != 0.0) & (after > SAME) & (after < width - SAME), after, 0.5 * width)
         theta = np.unique(np.concatenate([theta, (theta[change] + after + np.pi) % (2.0 * np.pi) - np.pi]))
         radius, active = _first_shut(theta, normals, gap)
-    return np.asarray(middle + radius[:, None] * np.column_stack([np.cos(theta), np.sin(theta)]))
+    # Of rays that one line stops, the outer ones.
+    outer = (active != np.roll(active, 1)) | (active != np.roll(active, -1))
+    return np.asarray(middle + (radius[:, None] * np.column_stack([np.cos(theta), np.sin(theta)]))[outer])
 
 
 def _first_shut(theta: FloatArray, normals: FloatArray, gap: FloatArray) -> tuple[FloatArray, IntArray]:

@@ -82,7 +82,7 @@ def piece_bounds(
     edges = (read.x[0] - pitch, read.x[-1] + pitch, 0.0, length)
     if not len(held):
         return Bounds(held, shapely.get_coordinates(shapely.box(edges[0], edges[2], edges[1], edges[3]))[:-1])
-    smallest = shapely.MultiPoint(held).convex_hull
+    smallest = shapely.convex_hull(shapely.linestrings(np.concatenate([held, held[:1]])))
     if smallest.geom_type != "Polygon":
         smallest = smallest.buffer(_LEAST_MM, quad_segs=1)
     ring = shapely.get_coordinates(shapely.normalize(smallest))[-2::-1]  # counter-clockwise

@@ -116,9 +116,9 @@ class Cover:
         )
         by = 0.5 * pitch if corners else 0.0
         hulls = [
-            shapely.MultiPoint(
-                np.concatenate([_reaching(self.parts[i], x, pitch, by) for i in piece])
-            ).convex_hull
+            shapely.convex_hull(
+                shapely.linestrings(np.concatenate([_reaching(self.parts[i], x, pitch, by) for i in piece]))
+            )
             for piece in self.pieces
         ]
         return min((float(a.distance(b)) for a, b in combinations(hulls, 2)), default=math.inf)
