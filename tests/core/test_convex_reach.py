@@ -35,7 +35,9 @@ def test_reach_is_that_of_numpy(readings: Readings, monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(module, "exported", lambda name: None)
     plain = shapely.Polygon(convex_reach(*readings, _EDGES))
     # At a corner rounding says which line stops a ray, and so where thin cones between readings are looked for.
-    assert compiled.symmetric_difference(plain).area < 5e-3 * plain.area
+    # By places, for the sanitizers do not bear exceptions of GEOS.
+    places = shapely.points(np.random.default_rng(1).uniform(0.0, 100.0, (2000, 2)))
+    assert (shapely.contains(compiled, places) != shapely.contains(plain, places)).mean() < 5e-3
 
 
 def test_what_is_not_reached_contradicts_a_reading_and_hardly_a_place_that_is() -> None:
