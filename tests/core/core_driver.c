@@ -201,6 +201,19 @@ static void paths_and_chains(void) {
   show("lines", lines, 5 * count * sizeof *lines);
 }
 
+/* How far a box may reach between readings. */
+static void reach(void) {
+  enum { POINTS = 2 * STRIPS + 1 };
+  static double points[2 * POINTS], reached[2 * 640], room[8 * (POINTS + 4)];
+  const double ring[8] = {40.0, 40.0, 50.0, 40.0, 50.0, 50.0, 40.0, 50.0}, edges[4] = {0.0, 100.0, 0.0, LENGTH};
+  for (int i = 0; i < POINTS; i++) {
+    points[2 * i] = i < 2 * STRIPS ? (i % STRIPS) * 100.0 / STRIPS : 60.0;
+    points[2 * i + 1] = i < STRIPS ? 10.0 + i : i < 2 * STRIPS ? 80.0 - 0.5 * (i - STRIPS) : 55.0;
+  }
+  Int count = tacstrip_convex_reach(ring, 4, points, STRIPS, STRIPS, 1, edges, reached, room);
+  show("reach", reached, 2 * count * sizeof *reached);
+}
+
 static const double BOX[8] = {-9.0, -9.0, 9.0, -9.0, 9.0, 9.0, -9.0, 9.0};
 
 /* Three boxes on the same strips: their equations, and poses by themselves. */
@@ -296,6 +309,7 @@ int main(void) {
   bounded();
   rigid();
   paths_and_chains();
+  reach();
   hulls();
   batches();
   scenes();

@@ -77,6 +77,18 @@ def test_few_strips_leave_the_true_piece_within_the_largest_outline(half_width: 
                 assert max(_iou(piece.outline, np.array(s.exterior.coords)) for s in (low, high)) >= 0.8
 
 
+def test_one_piece_that_two_objects_may_be_is_doubtful() -> None:
+    # Either end shows one of them alone on one strip: a convex hull explains all.
+    low = Polygon([(42.0, 28), (58, 9), (65, 12), (77.8, 16.3), (62.4, 42.7)])
+    high = Polygon([(44.8, 71.4), (58.4, 62.1), (75.0, 71.0), (74.2, 80.2), (65.1, 86.1)])
+    sensor = ts.Sensor(construction="crs-crs", strips=40, pitch_mm=2.5, length_mm=100.0)
+    (one,) = ts.pieces(_scan(low, high, sensor=sensor), sensor, NOISE)
+    assert one.status == "doubtful"
+    assert "two objects" in one.advice
+    (whole,) = ts.pieces(_scan(LOW, sensor=sensor), sensor, NOISE)
+    assert whole.status == "ok"
+
+
 def test_the_covariance_covers_what_is_seen_and_says_nothing_of_what_is_hidden() -> None:
     score = []
     for seed in range(12):

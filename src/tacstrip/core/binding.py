@@ -222,6 +222,7 @@ _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "convex_cuts": (_INT, (*[_POINTER] * 3, _INT, *[_POINTER] * 4)),
     "convex_polyline": (_INT, (*[_POINTER] * 3, _INT, _DOUBLE, *[_POINTER] * 5)),
     "lower_hull": (_INT, (_POINTER, _INT, _POINTER)),
+    "convex_reach": (_INT, (_POINTER, _INT, _POINTER, *[_INT] * 3, *[_POINTER] * 3)),
     "isolated_outliers": (_INT, (_POINTER, _INT, _INT, _POINTER)),
     "swept_areas": (None, (_POINTER, _POINTER, _INT, _POINTER, _INT, *[_POINTER] * 3)),
     "batch": (_INT, (*[_POINTER] * 3, _INT, _INT, *[_POINTER] * 4)),

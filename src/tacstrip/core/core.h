@@ -14,7 +14,7 @@
 #ifndef TACSTRIP_CORE_H
 #define TACSTRIP_CORE_H
 
-#define TACSTRIP_VERSION 13 /* goes up whenever a function or a struct of this file changes */
+#define TACSTRIP_VERSION 14 /* goes up whenever a function or a struct of this file changes */
 
 #define MAX_VERTICES 16        /* interior vertices of a polygon */
 #define END_ENTRIES 6          /* entries of theta before the first vertex */
@@ -399,6 +399,13 @@ EXPORTED Int tacstrip_convex_polyline(const double *x, const double *y, const do
 /* Write the lower chain of the convex hull of points (n, 2), ascending in x and, at one x, in y, to hull (n, 2) from left to
    right; return how many points. */
 EXPORTED Int tacstrip_lower_hull(const double *points, Int n, double *hull);
+
+/* Write up to where a convex body may reach that holds a ring (corners, 2), counter-clockwise, within edges (4,): left, right,
+   bottom, top. It holds none of points (below + above + bodies, 2), nor a place straight below the first `below`, or above the
+   next `above`. reached (640, 2), in the order of the angle as seen from the ring's middle; returns how many.
+   workspace (8 (below + above + bodies + 4),). */
+EXPORTED Int tacstrip_convex_reach(const double *ring, Int corners, const double *points, Int below, Int above, Int bodies,
+                                   const double *edges, double *reached, double *workspace);
 
 /* Move the vertices (count, 2) of a polygon by their covariance (2 count, 2 count) as normal (draws, 2 count) numbers say: off
    (draws, count, 2), and the area that its edges sweep at most, areas (draws,). A covariance may be singular.

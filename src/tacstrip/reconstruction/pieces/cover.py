@@ -116,7 +116,7 @@ class Cover:
         )
         by = 0.5 * pitch if corners else 0.0
         reached = ([_reaching(self.parts[i], x, pitch, by) for i in piece] for piece in self.pieces)
-        hulls = [shapely.MultiPoint(np.concatenate(points)).convex_hull for points in reached]
+        hulls = [shapely.convex_hull(shapely.linestrings(np.concatenate(points))) for points in reached]
         return min((float(a.distance(b)) for a, b in combinations(hulls, 2)), default=math.inf)
 
 

@@ -259,6 +259,11 @@ def _verdict(
     if weak:
         at = weak[0].strip + base
         doubts.append(f"the cut between strips {at - 1} and {at} hardly shows in the noise: average scans")
+    if run.may_be_two:
+        doubts.append(
+            "two objects, of which the outer strips show one alone, read the same: a second layer, or scans while it "
+            "moves, would tell"
+        )
     if run.cover.others:
         doubts.append("what is shown can be paired to as many pieces in another way")
     if crossed and run.apart:
@@ -270,9 +275,9 @@ def _verdict(
             f"{int(traced.hidden.sum())} of its {len(traced.hidden)} corners are hidden behind other pieces"
         )
     if count > 1:
-        least, most = (shapely.Polygon(o).area if len(o) else 0.0 for o in (bounds.smallest, bounds.largest))
-        notes.append(f"its smallest and largest outline overlap by an IoU of {least / most:.2f}")
-        if 0.5 * sum(_iou(traced.vertices, o) for o in (bounds.smallest, bounds.largest)) < _PROMISED:
+        areas, shared = _shared(traced.vertices, bounds)
+        notes.append(f"its smallest and largest outline overlap by an IoU of {areas[1] / areas[2]:.2f}")
+        if np.mean(shared / (areas[0] + areas[1:] - shared)) < _PROMISED:
             doubts.append(
                 "between the two its shape is open: a second layer, or scans while it moves, would tell"
             )
@@ -302,13 +307,17 @@ def _error(run: RunPieces, traced: PieceOutline, sensor: Sensor) -> float:
     return float(open_mm * width / area + 0.5 * sensor.pitch_mm / width)
 
 
-def _iou(inner: FloatArray, outer: FloatArray) -> float:
-    if min(len(inner), len(outer)) < 3:
-        return 0.0
-    a, b = (p if p.is_valid else p.buffer(0.0) for p in map(shapely.Polygon, (inner, outer)))
-    shared = float(a.intersection(b).area)
-    union = a.area + b.area - shared
-    return float(shared / union) if union else 0.0
+def _shared(outline: FloatArray, bounds: Bounds) -> tuple[FloatArray, FloatArray]:
+    """Return the areas of an outline, `smallest` and `largest` (3,), and what the first shares with the others (2,)."""
+    shapes = np.array(
+        [
+            shapely.polygons(o) if len(o) > 2 else shapely.Polygon()
+            for o in (outline, bounds.smallest, bounds.largest)
+        ]
+    )
+    if not shapely.is_valid(shapes).all():
+        shapes = shapely.buffer(shapes, 0.0)
+    return shapely.area(shapes), shapely.area(shapely.intersection(shapes[0], shapes[1:]))
 
 
 @takes(scan=Scan, sensor=Sensor, noise=Noise)

@@ -20,6 +20,7 @@ GAP = 0.02  # of L: objects nearer to each other are one
 FEW_STRIPS = 12  # fewer do not resolve every jump
 _LEAST_SIGMA = 5e-4  # of Vref, of noise that few strips tell
 _EXACT = 1e-5  # of Vref: no reading is taken for more exact
+_NARROW = 0.25  # of the width beside it: a strip that may show one of two objects alone
 _ALARM = 3.09  # deviations of chi square: p = .001
 
 
@@ -66,6 +67,22 @@ class RunPieces:
         chi_square = sum(s.chi_square for c in self.chains for s in c.stretches)
         small = 2.0 / (9.0 * freedom)
         return bool(((chi_square / freedom) ** (1.0 / 3.0) - (1.0 - small)) / math.sqrt(small) <= _ALARM)
+
+    @cached_property
+    def may_be_two(self) -> bool:
+        """Whether one piece was found that may well be two objects, of which the outer strips show one alone.
+
+        A steep edge of one object crosses its outer strip at any height. That it does so near to the other end at both
+        sides is a coincidence; that either of two objects begins and ends there by itself is not.
+        """
+        if self.count > 1 or any(len(chain.stretches) > 1 for chain in self.chains):
+            return False
+        wide = -self.chains[1].y - self.chains[0].y
+        return all(
+            wide[end] < _NARROW * wide[beside]
+            and any(chain.shed(right, self.gap) is not None for chain in self.chains)
+            for right, end, beside in ((False, 0, 1), (True, -1, -2))
+        )
 
     @cached_property
     def apart(self) -> bool:
