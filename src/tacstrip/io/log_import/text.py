@@ -340,6 +340,7 @@ def _separated(lines: list[tuple[int, str]], blank: set[int], path: str | Path) 
     named = [(i, _fields(_names_said(line, width, separator), separator)) for i, line in comments]
     if separator == _WIDE:  # names may stand nearer to each other than numbers
         named = [(i, row if len(row) == width else " ".join(row).split()) for i, row in named]
+    split, renamed = _under_first_names(split, named, width)
     above = [line for i, line in comments if i < split[-1][0]]
     out = [
         i for i, row in named
@@ -351,6 +352,7 @@ def _separated(lines: list[tuple[int, str]], blank: set[int], path: str | Path) 
             f"line(s) {', '.join(map(str, out))}: readings that are commented out; passed over",
         )
     table = headed(split, width, decimal, tuple(filter(None, remarks)), named, above)
+    table = replace(table, doubts=(*table.doubts, renamed)) if renamed else table
     return _in_blocks(table, labels, blank)
 
 
@@ -403,9 +405,11 @@ def _untrimmed(
 
     That is sure where no row ends with an empty field, and empty ones stand inside.
     """
-    wide = max(len(row) for _, row in split)
-    top = next(n for n, (_, row) in enumerate(split) if len(row) == wide)
+    wide = max(_filled(row) for _, row in split)  # lines of a preamble may be filled up with empty fields
+    top = next(n for n, (_, row) in enumerate(split) if _filled(row) == wide)
     names, below = split[top][1], split[top + 1 :]
+    if any(len(row) > wide for _, row in below):
+        return split, width, ""
     short = [row for _, row in below if len(row) < wide]
     if len(short) < 2 or not all(names) or any(is_value(cell, ".") for cell in names):
         return split, width, ""
@@ -426,6 +430,52 @@ def _untrimmed(
         return split, width, ""
     filled = [(i, row + [""] * (wide - len(row))) for i, row in below]
     return split[: top + 1] + filled, wide, f"{len(short)} line(s) end early: what is not there is empty"
+
+
+def _filled(row: list[str]) -> int:
+    """Return the fields of a row up to its last that is not empty."""
+    return max((n for n, cell in enumerate(row, 1) if cell), default=0)
+
+
+def _under_first_names(
+    split: list[tuple[int, list[str]]], named: list[tuple[int, list[str]]], width: int
+) -> tuple[list[tuple[int, list[str]]], str]:
+    """Return rows in the order of the log's first names, where a line within it names columns anew, and a doubt.
+
+    Raises
+    ------
+    ContradictionError
+        It names others.
+    """
+    heads = [(i, row) for i, row in sorted([*split, *named]) if len(row) == width and _names_columns(row)]
+    first = next((i for i, row in split if len(row) == width and sum(is_value(c, ".") for c in row) > 1), 0)
+    above = [row for i, row in heads if i < first]
+    others = [(i, row) for i, row in heads if i > first and above and row != above[-1]]
+    if not others:
+        return split, ""
+    names, (line, new) = above[-1], others[0]
+    for i, row in others:
+        if sorted(row) != sorted(names) or len({*names}) < width:
+            raise ContradictionError(
+                f"line {i} names the columns {', '.join(row)}, and those above it are {', '.join(names)}: two tables in "
+                "one log; save them as two files"
+            )
+    made, order = [], names
+    heads_at = dict(heads)
+    for i, row in sorted([*split, *((i, row) for i, row in others if (i, row) not in split)]):
+        if i > first and i in heads_at:
+            order = row
+        else:
+            made.append((i, [row[order.index(n)] for n in names] if len(row) == width else row))
+    said = f"line {line} names the columns in another order ({', '.join(new)}): taken so for the lines below it"
+    return made, said
+
+
+def _names_columns(row: list[str]) -> bool:
+    """Return whether a row is one of names: words only, at least two of which tell what a column is."""
+    if not all(row) or len({*row}) < len(row) or any(is_value(c, ".") or says_nothing(c) for c in row):
+        return False
+    return sum(m.role != "" for m in meanings(row).values()) > 1
 
 
 def _below_an_index(split: list[tuple[int, list[str]]], width: int) -> list[tuple[int, list[str]]]:
