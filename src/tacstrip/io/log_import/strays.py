@@ -180,6 +180,9 @@ def _of_lost_names(table: Table, above: list[int], texts: dict[int, str]) -> lis
     for n in () if table.named else above:
         fields = [f for f in re.split(r"[\t;,|]|\s{2,}", texts[n].strip()) if f.strip()]
         roles = [m.role for m in meanings(fields).values()]
+        strips = [int(m[1]) for f in fields if (m := re.search(r"(\d+)\D*\Z", f))]
+        if len(strips) > 1 and all(a < b for a, b in itertools.pairwise(strips)):
+            continue  # as columns without names are taken
         if len(fields) >= len(table.names) and 2 * sum(map(bool, roles)) > len(roles) > 1:
             return [f"line {n} ({texts[n].strip()[:_LONG]!r}) seems to name the columns, and is not used: are they so?"]
     return []

@@ -167,7 +167,10 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
         lines = [(i, line.lstrip("# \t")) for i, line in lines]
     lines = in_one_table(_in_pairs(of_slashes(_of_topics(lines))))
     table = named_values([(i, line) for i, line in lines if not line.lstrip().startswith(_COMMENT)])
-    if table is None:
+    if table is not None:
+        said = [line for _, line in lines if line.lstrip().startswith(_COMMENT)]
+        table = replace(table, preamble=(*table.preamble, *said))
+    else:
         blank = {i for i, line in every if not line.strip() or _RULE.fullmatch(line)}
         table = _separated(lines, blank, path)
     table = _without_cut_end(table, text)
@@ -341,7 +344,7 @@ def _separated(lines: list[tuple[int, str]], blank: set[int], path: str | Path) 
     if separator == _WIDE:  # names may stand nearer to each other than numbers
         named = [(i, row if len(row) == width else " ".join(row).split()) for i, row in named]
     split, renamed = _under_first_names(split, named, width)
-    above = [line for i, line in comments if i < split[-1][0]]
+    above = [line for _, line in comments]
     out = [
         i for i, row in named
         if i > split[0][0] and len(row) == width > 1 and all(is_value(c, decimal) or not c for c in row)
@@ -457,7 +460,7 @@ def _under_first_names(
     for i, row in others:
         if sorted(row) != sorted(names) or len({*names}) < width:
             raise ContradictionError(
-                f"line {i} names the columns {', '.join(row)}, and those above it are {', '.join(names)}: two tables in "
+                f"line {i} names the columns {', '.join(row)}, and the first names are {', '.join(names)}: two tables in "
                 "one log; save them as two files"
             )
     made, order = [], names
