@@ -32,7 +32,8 @@ _VALIDITY = re.compile(
 )
 _SCALED = re.compile(
     r"\b(?:multipl\w+|divide[dr]?|dividers?|gains?|attenuat\w+|amplif\w+|scaled? (?:by|with)|scal(?:e|ing) factor)\b"
-    r"|(?<!\w)(?:[x\u00d7] ?\d+|\d+ ?[x\u00d7]|1:\d+|\d+:1)(?!\w)",
+    r"|(?<!\w)(?:[x\u00d7] ?\d+|\d+ ?[x\u00d7]|1:\d+|\d+:1) ?probe|\bprobes?\W{0,3}"
+    r"(?:[x\u00d7] ?\d|\d+ ?[x\u00d7]|\d+:1)",
     re.IGNORECASE,
 )
 _RESOLUTION = re.compile(r"analogReadResolution\((\d+)\)|\b(\d{1,2})[\s_-]?bits?\b", re.IGNORECASE)
@@ -140,7 +141,7 @@ def _written_alike(clues: Clues, mapping: ColumnMapping) -> None:
     for line, name, text, _ in _readings(clues, mapping):
         columns.setdefault(name, []).append((line, text.strip().lstrip("+-")))
     for name, read in columns.items():
-        whole = [float(text.replace(decimal, ".")) for _, text in read if text[0].isdigit()]
+        whole = [number_of(text, decimal) or 0.0 for _, text in read if text[0].isdigit()]
         least = _NEAR * min(whole, default=0.0)
         usual, _ = Counter(_places(text, decimal) for _, text in read).most_common(1)[0]
         fixed = usual > 1 and any(text.endswith("0") and _places(text, decimal) == usual for _, text in read)
@@ -166,7 +167,8 @@ def _scaled(clues: Clues) -> None:
         numbers = [float(n) for n in re.findall(r"(?<![\w.])\d+(?:\.\d+)?(?![\w.])", text)]
         if _SCALED.search(text) and not (numbers and {*numbers} == {1.0}):
             clues.doubt(
-                f"the log says {text[:_LONGEST]!r}: readings are taken as they stand; if they must be scaled, do it first"
+                f"the log says {text[:_LONGEST]!r}: readings are taken as they stand; "
+                "if they must be scaled, do it first"
             )
         for called, said in _RESOLUTION.findall(text):
             if called or not _OF_TIME.search(text):
@@ -188,7 +190,12 @@ def _two_clocks(clues: Clues, mapping: ColumnMapping) -> None:
     own = raw_times(clues.table, mapping)
     span = (own[-1] - own[0]) * TIME_UNITS.get(mapping.time_unit, 1.0)
     for name, said in meanings(clues.table.names).items():
-        if said.role != "time" or name == mapping.time or name in clues.answers or said.unit not in TIME_UNITS:
+        if (
+            said.role != "time"
+            or name == mapping.time
+            or name in clues.answers
+            or said.unit not in TIME_UNITS
+        ):
             continue
         first, last = (clues.values(name)[n] for n in (0, -1))
         if first is None or last is None:

@@ -183,15 +183,19 @@ def _of_lost_names(table: Table, above: list[int], texts: dict[int, str]) -> lis
         strips = [int(m[1]) for f in fields if (m := re.search(r"(\d+)\D*\Z", f))]
         if len(strips) > 1 and all(a < b for a, b in itertools.pairwise(strips)):
             continue  # as columns without names are taken
-        if len(fields) >= len(table.names) and 2 * sum(map(bool, roles)) > len(roles) > 1:
-            return [f"line {n} ({texts[n].strip()[:_LONG]!r}) seems to name the columns, and is not used: are they so?"]
+        if len({*fields}) == len(fields) >= len(table.names) and 2 * sum(map(bool, roles)) > len(roles) > 1:
+            return [
+                f"line {n} ({texts[n].strip()[:_LONG]!r}) seems to name the columns, and is not used: are they so?"
+            ]
     return []
 
 
 def _is_row_of_numbers(line: str, columns: int) -> bool:
     """Return whether a line holds nothing but numbers, or as many as a table has columns beside a remark."""
     form = _FIELD.split(form_of(line.replace('"', "").strip()))
-    return len(form) > 1 and ({*form} == {"0"} or (form[:columns] == ["0"] * columns and columns > _FEW_COLUMNS))
+    return len(form) > 1 and (
+        {*form} == {"0"} or (form[:columns] == ["0"] * columns and columns > _FEW_COLUMNS)
+    )
 
 
 def _without_lacking(table: Table, broken: list[int]) -> Table:

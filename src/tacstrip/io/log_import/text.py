@@ -15,7 +15,7 @@ import numpy as np
 
 from tacstrip.errors import ReadingError
 from tacstrip.io.log_import.delimiters import of_sent, of_slashes, without_ends, without_tag
-from tacstrip.io.log_import.dialects import of_dialect, plain_rows
+from tacstrip.io.log_import.dialects import of_dialect, of_displayed_scans, plain_rows
 from tacstrip.io.log_import.fields import STAMP, clock_seconds, is_value, number_of, says_nothing
 from tacstrip.io.log_import.literals import one_page, unwrapped
 from tacstrip.io.log_import.names import meaning, meanings, pair_of
@@ -122,7 +122,7 @@ def of_text(text: str, path: str | Path = "the log") -> Table:
 def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
     """Return a text as a table in normal form, as if some of its lines were not there."""
     text, messages = without_messages(
-        _COLOUR.sub("", plain_rows(without(text, strays).translate(_HALF_WIDTH)))
+        _COLOUR.sub("", plain_rows(of_displayed_scans(without(text, strays)).translate(_HALF_WIDTH)))
     )
     text, others = without_other_series(text)
     messages = "; ".join(filter(None, [messages, others]))
@@ -460,8 +460,8 @@ def _under_first_names(
     for i, row in others:
         if sorted(row) != sorted(names) or len({*names}) < width:
             raise ContradictionError(
-                f"line {i} names the columns {', '.join(row)}, and the first names are {', '.join(names)}: two tables in "
-                "one log; save them as two files"
+                f"line {i} names the columns {', '.join(row)}, and the first names are {', '.join(names)}: two "
+                "tables in one log; save them as two files"
             )
     made, order = [], names
     heads_at = dict(heads)
@@ -470,7 +470,9 @@ def _under_first_names(
             order = row
         else:
             made.append((i, [row[order.index(n)] for n in names] if len(row) == width else row))
-    said = f"line {line} names the columns in another order ({', '.join(new)}): taken so for the lines below it"
+    said = (
+        f"line {line} names the columns in another order ({', '.join(new)}): taken so for the lines below it"
+    )
     return made, said
 
 
