@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from tacstrip.errors import ReadingError
-from tacstrip.io.log_import.delimiters import of_sent, of_slashes, without_ends, without_tag
+from tacstrip.io.log_import.delimiters import of_groups, of_sent, of_slashes, without_ends, without_tag
 from tacstrip.io.log_import.dialects import of_dialect, of_displayed_scans, plain_rows
 from tacstrip.io.log_import.fields import STAMP, clock_seconds, is_value, number_of, says_nothing
 from tacstrip.io.log_import.literals import one_page, unwrapped
@@ -165,7 +165,7 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
         lines = [(i, _BRACKETED.sub(r"\1", line)) for i, line in lines]
     if sum(line.lstrip().startswith("#") for _, line in lines) > STEADY * len(lines):  # it numbers them
         lines = [(i, line.lstrip("# \t")) for i, line in lines]
-    lines = in_one_table(_in_pairs(of_slashes(_of_topics(lines))))
+    lines = in_one_table(_in_pairs(of_groups(of_slashes(_of_topics(lines)))))
     table = named_values([(i, line) for i, line in lines if not line.lstrip().startswith(_COMMENT)])
     if table is not None:
         said = [line for _, line in lines if line.lstrip().startswith(_COMMENT)]
