@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 
+import numpy as np
 import pytest
 
 import tacstrip as ts
+from tacstrip.io.log_import.guess import propose
 from tacstrip.io.log_import.table import flattened, of_records
 from tacstrip.io.log_import.text import of_text
 
@@ -70,6 +72,7 @@ def test_groups_of_a_strip_and_two_values(said: str, turned: bool) -> None:
         f"{20 * i}ms | " + " | ".join(f"{s}: {a:.3f}V {b:.3f}V" for s, (a, b) in enumerate(row))
         for i, row in enumerate(pairs)
     ]
-    found = propose(of_text("\n".join([f"# per strip: {said}"] * bool(said) + lines)), two).scans
+    answers = {} if said else {"order": "alternating"}
+    found = propose(of_text("\n".join([f"# per strip: {said}"] * bool(said) + lines)), two, answers).scans
     np.testing.assert_allclose(found[3].values, [[2.8, 1.5], [2.8, 1.6], [2.8, 1.7]])
     assert found[3].time_s == pytest.approx(0.06)

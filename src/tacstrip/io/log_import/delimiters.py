@@ -166,12 +166,12 @@ def of_slashes(lines: Lines) -> Lines:
 
 
 def of_groups(lines: Lines) -> Lines:
-    """Return lines such as "20ms | 0: 2.5V 1.9V | 1: ..." below names, h and l in the order that a comment states.
+    r"""Return lines such as "20ms | 0: 2.5V 1.9V | 1: ..." below names, h and l in the order that a comment states.
 
     Examples
     --------
     >>> of_groups([(1, "# high, low"), (2, "5 | 0: 2.5 1.9 | 1: 2.6 1.8"), (3, "6 | 0: 2.5 1.9 | 1: 2.6 1.8")])[1:]
-    [(2, 'time\\th0\\tl0\\th1\\tl1'), (2, '5\\t2.5\\t1.9\\t2.6\\t1.8'), (3, '6\\t2.5\\t1.9\\t2.6\\t1.8')]
+    [(2, 'time\th0\tl0\th1\tl1'), (2, '5\t2.5\t1.9\t2.6\t1.8'), (3, '6\t2.5\t1.9\t2.6\t1.8')]
     """
     found = {i: m for i, line in lines if (m := _GROUPS.fullmatch(line))}
     numeric = sum(bool(_GROUP.search(line)) for _, line in lines)
@@ -199,7 +199,12 @@ def of_groups(lines: Lines) -> Lines:
     }
     first = min(found)
     made: Lines = []
+    # Of unknown order, columns without names ask for it, where strips stand in their order.
+    unnamed = ends == "ab" and [int(s) for s in strips] in (
+        [*range(len(strips))],
+        [*range(1, len(strips) + 1)],
+    )
     for i, line in lines:
-        made += [(i, "\t".join(names))] if i == first else []
+        made += [(i, "\t".join(names))] if i == first and not unnamed else []
         made.append((i, rows.get(i, line)))
     return made
