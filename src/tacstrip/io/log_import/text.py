@@ -168,8 +168,8 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
     lines = in_one_table(_in_pairs(of_groups(of_slashes(_of_topics(lines)))))
     table = named_values([(i, line) for i, line in lines if not line.lstrip().startswith(_COMMENT)])
     if table is not None:
-        said = [line for _, line in lines if line.lstrip().startswith(_COMMENT)]
-        table = replace(table, preamble=(*table.preamble, *said))
+        remarked = [line for _, line in lines if line.lstrip().startswith(_COMMENT)]
+        table = replace(table, preamble=(*table.preamble, *remarked))
     else:
         blank = {i for i, line in every if not line.strip() or _RULE.fullmatch(line)}
         table = _separated(lines, blank, path)
