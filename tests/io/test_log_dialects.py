@@ -107,3 +107,16 @@ def test_a_dialect_gives_its_readings_without_a_question(form: str) -> None:
 def test_a_damaged_dialect_is_asked_or_refused(text: str, said: str) -> None:
     with pytest.raises((Unanswered, ts.ReadingError), match=re.escape(said)):
         read(text)
+
+
+@pytest.mark.parametrize("command", [">> for i=1:6, t(i), vh=VH(i,:), vl=VL(i,:), end\n\n", ""])
+def test_scans_that_matlab_displays(command: str) -> None:
+    scan = "ans =\n\n    {t:.4f}\n\n\nvh =\n\n   2.2{i}93      NaN   2.5480\n\n\nvl =\n\n   1.7255      NaN   1.6068\n\n\n"
+    text = command + "".join(scan.format(t=i / 10, i=i) for i in range(6))
+    two = ts.Sensor(construction="crs-crs", strips=3, pitch_mm=10.0, length_mm=50.0, vref_volt=5.0)
+    if not command:
+        with pytest.raises(Unanswered, match="ans"):
+            propose(of_text(text), two)
+    found = propose(of_text(text), two, {} if command else {"ans": "time"}).scans
+    assert [s.time_s for s in found] == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.4, 0.5])
+    np.testing.assert_allclose(found[4].values[:, 0], [2.2493, np.nan, 2.548])

@@ -193,7 +193,9 @@ def test_names_that_do_not_fit_their_columns_are_said() -> None:
         propose(of_text(commas), TWO, {}, ALL)
     again = "time_s,strip,v_h [V],v_l [V]\n" + touched_only(0).partition("\n")[2]
     again += again.replace("[V]", "[mV]")
-    with pytest.raises(ts.ReadingError, match=r"line 20: .* 'v_h \[V\]' is 'v_h \[mV\]'"):
+    with pytest.raises(
+        ts.ReadingError, match=r"line 20 names .* v_h \[mV\], .* and the first names are .* v_h \[V\]"
+    ):
         propose(of_text(again), TWO, {}, ALL)
     reversed_ = wide("# columns: strip 5 first ... strip 0 last (h l each)", both)
     found = propose(of_text(reversed_), TWO, {"time_unit": "ms"}, ALL)
@@ -248,3 +250,46 @@ def test_a_column_like_a_strips_beside_all_of_them_is_doubted() -> None:
     rows = [f"{0.02 * i:.2f}," + ",".join(f"{x:.3f}" for x in 1.2 + rng.random(3)) for i in range(12)]
     found = propose(of_text("\n".join(["time_s,v,v1,v2", *rows]) + "\n"), replace(ONE, strips=2), {})
     assert any("one too few" in d for d in found.doubts)
+
+
+SHORT = [f"{i // 3 / 10},{i % 3},{2 + i / 100:.2f},{1 + i / 100:.2f}" for i in range(24)]
+
+
+@pytest.mark.parametrize(
+    ("comment", "doubts"),
+    [
+        ("behind a 2:1 divider, multiply by 2", 1),
+        ("x10 probe", 1),
+        ("gain: 1.0", 0),
+        ("6 strips, bench 2", 0),
+    ],
+)
+def test_a_comment_that_states_a_scale_is_quoted(comment: str, doubts: int) -> None:
+    text = "\n".join([f"# {comment}", "time_s,strip,v_h,v_l", *SHORT])
+    assert [comment in doubt for doubt in propose(of_text(text), TWO).doubts] == [True] * doubts
+
+
+def test_another_resolution_later_is_a_doubt() -> None:
+    rows = [f"{i // 3 / 10},{i % 3},{400 + i},{300 + i}" for i in range(24)]
+    one = ["# analogReadResolution(10)", "time_s,strip,code_h,code_l", *rows]
+    both = [*one[:14], "# analogReadResolution(12)", *one[14:]]
+    answers = {"adc_bits": "12"}
+    assert not propose(of_text("\n".join(one)), TWO, {"adc_bits": "10"}).doubts
+    assert any(
+        "(10)' and 'analogReadResolution(12)'" in d
+        for d in propose(of_text("\n".join(both)), TWO, answers).doubts
+    )
+
+
+def test_two_clocks_that_contradict_are_named() -> None:
+    rows = [f"2024-01-01T12:00:0{i // 3}.000,{i // 3 * 1000},{i % 3},2.5{i % 3},1.5" for i in range(24)]
+    for unit, contradict in (("s", True), ("ms", False)):
+        found = propose(of_text("\n".join([f"date,time_{unit},strip,v_h,v_l", *rows])), TWO)
+        assert any("'date' rises by 7 s" in d and f"'time_{unit}'" in d for d in found.doubts) == contradict
+
+
+def test_strip_numbers_in_exponent_form() -> None:
+    rows = [f"{i // 3 / 10:.18e} {i % 3:.18e} {2 + i / 100:.18e} {1 + i / 100:.18e}" for i in range(24)]
+    found = propose(of_text("\n".join(["# time_s strip v_h v_l", *rows])), TWO).scans
+    assert len(found) == 8
+    assert found[7].values[2, 0] == pytest.approx(2.23)

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 
+import numpy as np
 import pytest
 
 import tacstrip as ts
+from tacstrip.io.log_import.guess import propose
 from tacstrip.io.log_import.table import flattened, of_records
 from tacstrip.io.log_import.text import of_text
 
@@ -46,3 +48,31 @@ def _within(levels: int) -> object:
 def test_a_small_text_of_many_names_is_refused(records: list[object], said: str) -> None:
     with pytest.raises(ts.ReadingError, match=said):
         of_text("\n".join(map(json.dumps, records)))
+
+
+@pytest.mark.parametrize("word", ["untouched", "released", "no contact", "open", "none", "free"])
+def test_words_in_place_of_all_named_values(word: str) -> None:
+    two = ts.Sensor(construction="crs-crs", strips=3, pitch_mm=10.0, length_mm=50.0, vref_volt=5.0)
+    lines = [
+        f"scan={i} strip={s} " + (f"h/Vref=0.{46 + i} l/Vref=0.{31 + s}" if s < 2 else word)
+        for i in range(6)
+        for s in range(3)
+    ]
+    found = propose(of_text("\n".join(lines)), two, {"rate_hz": "10"}).scans
+    np.testing.assert_allclose(found[5].values, [[0.51, 0.31], [0.51, 0.32], [np.nan, np.nan]])
+
+
+@pytest.mark.parametrize(
+    ("said", "turned"), [("high end, low end", False), ("low end, high end", True), ("", False)]
+)
+def test_groups_of_a_strip_and_two_values(said: str, turned: bool) -> None:
+    two = ts.Sensor(construction="crs-crs", strips=3, pitch_mm=10.0, length_mm=50.0, vref_volt=5.0)
+    pairs = [[(2.5 + i / 10, 1.5 + s / 10)[:: -1 if turned else 1] for s in range(3)] for i in range(6)]
+    lines = [
+        f"{20 * i}ms | " + " | ".join(f"{s}: {a:.3f}V {b:.3f}V" for s, (a, b) in enumerate(row))
+        for i, row in enumerate(pairs)
+    ]
+    answers = {} if said else {"order": "alternating"}
+    found = propose(of_text("\n".join([f"# per strip: {said}"] * bool(said) + lines)), two, answers).scans
+    np.testing.assert_allclose(found[3].values, [[2.8, 1.5], [2.8, 1.6], [2.8, 1.7]])
+    assert found[3].time_s == pytest.approx(0.06)

@@ -108,3 +108,37 @@ def test_a_log_that_ends_before_the_first_number_of_a_line_is_cut() -> None:
     ]
     with pytest.raises(Unanswered, match=r"line\(s\) 19"):
         propose(of_text("\n".join([*rows, "tactile,strip="])), ONE, {})
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2), (2, 1, 0)])
+def test_a_filled_up_preamble_hides_neither_names_nor_first_scan(order: tuple[int, int, int]) -> None:
+    rows = [f"{i / 100:.2f}\t1.{i}11\t1.222\t1.333" + "\tpress starts" * (i == 0) for i in range(8)]
+    names = "\t".join(["X_Value", *(f"Strip {s}" for s in order), "Comment"])
+    head = [
+        "LabVIEW Measurement\t",
+        "Separator\tTab",
+        "***End_of_Header***" + "\t" * 8,
+        "Samples" + "\t8" * 3 + "\t",
+    ]
+    found = values("\n".join([*head, "***End_of_Header***" + "\t" * 8, names, *rows]), ONE)
+    assert found.shape[0] == 8
+    assert found[0, list(order), 0].tolist() == [1.011, 1.222, 1.333]
+
+
+def test_a_whole_row_beside_a_remark_is_not_set_aside_in_silence() -> None:
+    rows = [f"{i / 100:.2f}\t1.{i}11\t1.222\t1.333" for i in range(8)]
+    text = "\n".join(["log of bench 3", rows[0] + "\tpress starts\tby hand", *rows[1:]])
+    with pytest.raises(Unanswered, match=r"line\(s\) 2 \('0.00.*press"):
+        propose(of_text(text), ONE)
+
+
+def test_names_anew_hold_for_the_lines_below() -> None:
+    rows = [f"{i // 3 / 10},{i % 3},{2 + i / 100:.2f},{1 + i / 100:.2f}" for i in range(24)]
+    head = "time_s,strip,v_h,v_l"
+    turned = [f"{t},{s},{low},{high}" for t, s, high, low in (row.split(",") for row in rows[12:])]
+    whole = values("\n".join([head, *rows]), TWO)
+    found = propose(of_text("\n".join([head, *rows[:12], "time_s,strip,v_l,v_h", *turned])), TWO)
+    np.testing.assert_array_equal(np.stack([s.values for s in found.scans]), whole)
+    assert any("line 14 names the columns in another order" in doubt for doubt in found.doubts)
+    with pytest.raises(ts.ReadingError, match=r"line 14 names the columns .*temp"):
+        propose(of_text("\n".join([head, *rows[:12], "time_s,strip,v_l,temp", *turned])), TWO)

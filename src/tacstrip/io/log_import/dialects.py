@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from tacstrip.io.log_import.arrays import of_arrays
 from tacstrip.io.log_import.fields import number_of, says_nothing
+from tacstrip.io.log_import.names import meaning
 from tacstrip.io.log_import.records import of_values
 from tacstrip.io.log_import.table import Table, of_records
 
@@ -48,6 +49,36 @@ def of_dialect(text: str, path: str) -> Table | None:
     """Return a text of a known dialect as a table, not yet in normal form; None where it is of none."""
     readers: tuple[Callable[[str, str], Table | None], ...] = (_teleplot, _influx, _matlab, _of_r, _yaml)
     return next((table for read in readers if (table := read(text, path)) is not None), None)
+
+
+def of_displayed_scans(text: str) -> str:
+    r"""Return what MATLAB displays scan by scan, `ans = ...` and vectors, as lines of fields; another text as it is.
+
+    Examples
+    --------
+    >>> of_displayed_scans("ans =\n\n  0.0\n\nvh =\n\n  2.5  NaN\n\nans =\n\n  0.1\n\nvh =\n\n  2.6  NaN\n")
+    'ans\tvh 0\tvh 1\n0.0\t2.5\tNaN\n0.1\t2.6\tNaN\n'
+    """
+    found = [(m[1], m[2].split()) for m in _MATRIX.finditer(text + "\n") if "\n" not in m[2].strip()]
+    names = list(dict.fromkeys(name for name, _ in found))
+    scans = [found[n : n + len(names)] for n in range(0, len(found), len(names) or 1)]
+    usual = [(name, len(values)) for name, values in scans[0]] if scans else []
+    rest = re.sub(r"(?m)^>>.*$", "", _MATRIX.sub("", text + "\n"))
+    if len(scans) < _FEW or any([(n, len(v)) for n, v in scan] != usual for scan in scans) or rest.strip():
+        return text
+    # What has no name is that which the command does not assign, as t(i) in ">> t(i), v = V(i,:)".
+    pieces = re.split(r"[,;]\s|\n", "\n".join(re.findall(r"(?m)^>>(.*)$", text)))
+    bare = [m[1] for piece in pieces if (m := re.fullmatch(r"\s*([A-Za-z]\w*)(?:\([^()]*\))?\s*", piece))]
+    bare = [meaning(name).role for name in bare if meaning(name).role in ("time", "scan")]
+    unnamed = bare[0] if len(bare) == 1 else "ans"
+    called = [
+        unnamed if name == "ans" else name if many == 1 else f"{name} {n}"
+        for name, many in usual
+        for n in range(many)
+    ]
+    rows = [[value for _, values in scan for value in values] for scan in scans]
+    above = [line for line in text.splitlines() if line.startswith(">>") and line.strip(" >")]
+    return "\n".join([*(f"% {line}" for line in above), *("\t".join(row) for row in [called, *rows])]) + "\n"
 
 
 def plain_rows(text: str) -> str:

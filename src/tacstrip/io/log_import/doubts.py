@@ -11,9 +11,9 @@ import numpy as np
 from tacstrip.errors import ReadingError
 from tacstrip.io.log_import.fields import number_of
 from tacstrip.io.log_import.mapping import ColumnMapping
-from tacstrip.io.log_import.names import unknown_unit
+from tacstrip.io.log_import.names import TIME_UNITS, meanings, unknown_unit
 from tacstrip.io.log_import.questions import Clues
-from tacstrip.io.log_import.scans import field_value
+from tacstrip.io.log_import.scans import field_value, raw_times
 
 _APART = 5.0  # times: nothing lies between numbers of two units, or around one that lost its point
 _RATIOS = (30.0, 3000.0)  # of the medians of two such groups
@@ -30,6 +30,16 @@ _VALIDITY = re.compile(
     r"(?:is_?)?(?:valid|ok|okay|good|bad|invalid|error|err|fault|flag|quality|saturated|overrange|clipped)",
     re.IGNORECASE,
 )
+_SCALED = re.compile(
+    r"\b(?:multipl\w+|divide[dr]?|dividers?|gains?|attenuat\w+|amplif\w+|scaled? (?:by|with)|scal(?:e|ing) factor)\b"
+    r"|(?<!\w)(?:[x\u00d7] ?\d+|\d+ ?[x\u00d7]|1:\d+|\d+:1) ?probe|\bprobes?\W{0,3}"
+    r"(?:[x\u00d7] ?\d|\d+ ?[x\u00d7]|\d+:1)",
+    re.IGNORECASE,
+)
+_RESOLUTION = re.compile(r"analogReadResolution\((\d+)\)|\b(\d{1,2})[\s_-]?bits?\b", re.IGNORECASE)
+_OF_TIME = re.compile(r"time|clock|count|tick|baud", re.IGNORECASE)
+_LONGEST = 100  # characters of a comment that are quoted
+_NO_FACTOR = 1.5  # times: clocks that differ by less may drift, or begin and end at other lines
 
 
 def raise_doubts(clues: Clues, mapping: ColumnMapping) -> None:
@@ -46,6 +56,8 @@ def raise_doubts(clues: Clues, mapping: ColumnMapping) -> None:
         _of_known_units(mapping)
     _written_alike(clues, mapping)
     _vref(clues)
+    _scaled(clues)
+    _two_clocks(clues, mapping)
     used = {*mapping.columns, mapping.time, mapping.scan, mapping.strip, mapping.which}
     for name in clues.table.names:
         if name in used or name in clues.answers or not _VALIDITY.fullmatch(name.strip()):
@@ -129,7 +141,7 @@ def _written_alike(clues: Clues, mapping: ColumnMapping) -> None:
     for line, name, text, _ in _readings(clues, mapping):
         columns.setdefault(name, []).append((line, text.strip().lstrip("+-")))
     for name, read in columns.items():
-        whole = [float(text.replace(decimal, ".")) for _, text in read if text[0].isdigit()]
+        whole = [number_of(text, decimal) or 0.0 for _, text in read if text[0].isdigit()]
         least = _NEAR * min(whole, default=0.0)
         usual, _ = Counter(_places(text, decimal) for _, text in read).most_common(1)[0]
         fixed = usual > 1 and any(text.endswith("0") and _places(text, decimal) == usual for _, text in read)
@@ -144,6 +156,55 @@ def _written_alike(clues: Clues, mapping: ColumnMapping) -> None:
             clues.doubt(
                 f"line {line}, {name}: {text} is not written as the other numbers there, such as "
                 f"{next(t for x in read if (t := x[1]) not in [o[1] for o in odd])}: is a digit lost?"
+            )
+
+
+def _scaled(clues: Clues) -> None:
+    """Doubt readings of which a comment says that they are scaled, or that their resolution changes."""
+    bits: dict[int, str] = {}
+    for line in clues.table.preamble:
+        text = " ".join(line.split()).lstrip("#%/! ")
+        numbers = [float(n) for n in re.findall(r"(?<![\w.])\d+(?:\.\d+)?(?![\w.])", text)]
+        if _SCALED.search(text) and not (numbers and {*numbers} == {1.0}):
+            clues.doubt(
+                f"the log says {text[:_LONGEST]!r}: readings are taken as they stand; "
+                "if they must be scaled, do it first"
+            )
+        for called, said in _RESOLUTION.findall(text):
+            if called or not _OF_TIME.search(text):
+                bits.setdefault(int(called or said), text[:_LONGEST])
+    spec = clues.sensor.adc_bits if clues.sensor else None
+    if len(bits) > 1:
+        clues.doubt(
+            f"the log says {' and '.join(map(repr, bits.values()))}: all codes are taken as of one resolution; if it "
+            "changed, import each part of its own"
+        )
+    elif bits and spec and spec not in bits and "adc_bits" not in clues.answers:
+        clues.doubt(f"the log says {next(iter(bits.values()))!r}, and the spec adc_bits = {spec}")
+
+
+def _two_clocks(clues: Clues, mapping: ColumnMapping) -> None:
+    """Doubt the time where another column is a time, too, in a unit that it names, and runs at another rate."""
+    if not mapping.time or not mapping.time_unit:
+        return
+    own = raw_times(clues.table, mapping)
+    span = (own[-1] - own[0]) * TIME_UNITS.get(mapping.time_unit, 1.0)
+    for name, said in meanings(clues.table.names).items():
+        if (
+            said.role != "time"
+            or name == mapping.time
+            or name in clues.answers
+            or said.unit not in TIME_UNITS
+        ):
+            continue
+        first, last = (clues.values(name)[n] for n in (0, -1))
+        if first is None or last is None:
+            continue
+        other = (last - first) * TIME_UNITS[said.unit]
+        if span > 0.0 and other > 0.0 and not 1.0 / _NO_FACTOR < other / span < _NO_FACTOR:
+            clues.doubt(
+                f"{mapping.time!r} rises by {span:g} s over the log, and {name!r} by {other:g} s: {mapping.time!r} is "
+                f"taken; else --answer {name!r}=time"
             )
 
 

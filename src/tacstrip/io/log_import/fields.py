@@ -15,7 +15,7 @@ from tacstrip.io.log_import.names import UNITS
 NOTHING = frozenset(
     {"", "nan", "na", "n/a", "n.a.", "#n/a", "<na>", "nat", "-", "--", "---", "null", "none", "open", "untouched"}
     | {".", "x", "off", "idle", "free", "frei", "s/d", "s.d.", "k.a.", "n.d."}
-    | {"not touched", "no touch", "unber\u00fchrt"}
+    | {"released", "not touched", "no touch", "unber\u00fchrt"}
     | {"-nan", "nc", "n.c.", "n.v.", "no contact", "[]", "{}", "offen", "leer", "vide", "\u2013", "\u2014"}
 )  # fmt: skip
 _NO_NUMBER = re.compile(r"(?:-?nan|n/?a|-[-.]*|\.nan)\s?(?:m?V|ms|s|%|LSB)?", re.IGNORECASE)

@@ -44,6 +44,8 @@ _TOKEN = re.compile(
     | (?P<comma>(?<=\d),(?=\d))""",
     re.VERBOSE,
 )
+_STRIP_SAID = re.compile(r".*\bstrip\w*\s*=\s*\d+(?=[\s,;:|])", re.IGNORECASE)
+_NAME_SAID = re.compile(r"([^\s=,;|]+)\s*=")
 
 
 @dataclass(frozen=True)
@@ -171,8 +173,24 @@ def is_label(found: Sequence[Item]) -> bool:
     return bool(found) and roles <= _LABELS and all(len(i.values) == 1 for i in found)
 
 
+def _with_names_of_nothing(lines: list[tuple[int, str]]) -> list[tuple[int, str]]:
+    """Return lines such as "strip=3 untouched" with each name that other lines have behind the strip, as "h=nan"."""
+    named = [m for _, line in lines if (m := _STRIP_SAID.match(line)) and "=" in line[m.end() :]]
+    if not named:
+        return lines
+    behind = Counter(tuple(_NAME_SAID.findall(m.string[m.end() :])) for m in named)
+    given = " ".join(f"{name}=nan" for name in behind.most_common(1)[0][0])
+    made = []
+    for i, line in lines:
+        m = _STRIP_SAID.match(line)
+        word = line[m.end() :].strip(" ,;:|-()[]") if m else ""
+        made.append((i, f"{m.group()} {given}" if m and word and says_nothing(word) else line))
+    return made
+
+
 def named_values(lines: list[tuple[int, str]]) -> Table | None:
     """Return lines that name their values as a table; None where the log is none of that kind."""
+    lines = _with_names_of_nothing(lines)
     if len(lines) > _SAMPLE and named_values(lines[:_SAMPLE]) is None:
         return None
     parsed = [(i, items(line)) for i, line in lines]

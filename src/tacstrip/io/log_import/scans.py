@@ -24,6 +24,7 @@ _FEW_FALLS = 0.34  # of the scans: where the time falls more often, the log is u
 _FEW_SCANS = 4  # of fewer, equal times tell nothing
 _LONG_AGO = 1e8  # of any unit: a time that does not count from the log's start
 _ON_PLACE = 0.05  # of the pitch: so near a strip's place is its position
+_EXPONENT = re.compile(r"(?<=\d)[.,]\d+[eE][+-]?\d+\s*\Z")  # as numpy writes whole numbers, too
 
 
 @dataclass(eq=False)
@@ -312,7 +313,7 @@ def strip_numbers(table: Table, mapping: ColumnMapping) -> list[int]:
     texts: dict[int, str] = {}
     column = mapping.strip
     for line, text in zip(table.lines, table.column(column), strict=True):
-        digits, named = re.findall(r"\d+", text), bool(re.search("[A-Za-z#]", text))
+        digits, named = re.findall(r"\d+", text), bool(re.search("[A-Za-z#]", _EXPONENT.sub("", text)))
         letter = re.fullmatch(r"(?:\w{2,}[\s_-]+)?([A-Za-z])", text.strip())
         if letter:
             value: float | None = ord(letter[1].casefold()) - 97.0

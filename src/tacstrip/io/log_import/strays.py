@@ -10,6 +10,7 @@ from dataclasses import replace
 
 from tacstrip.errors import ReadingError
 from tacstrip.io.log_import.fields import is_prose, says_nothing
+from tacstrip.io.log_import.names import meanings
 from tacstrip.io.log_import.table import ContradictionError, Table
 
 _NUMBER = re.compile(r"(?<![A-Za-z])[+-]?(?:\d+(?:[.:/-]\d+)*|\.\d+)(?:[eE][+-]?\d+)?|\b0x[\dA-Fa-f]+\b")
@@ -27,6 +28,7 @@ _TAGGED = re.compile(
 _OTHER_TOPICS = 0.5  # times the lines of the commonest path: others are of something else
 _OFTEN, _FEW = 3, 0.05  # lines, and part of all lines, that have a form in common: fewer of one are strays
 _MOST = 0.25  # of all lines: more strays are no strays
+_FEW_COLUMNS = 2  # of fewer numbers, a line may be of anything
 _SHOWN, _LONG = 5, 40  # strays, and characters of each, that are quoted
 
 Read = Callable[[frozenset[int]], Table]
@@ -155,7 +157,7 @@ def _told(table: Table, strays: frozenset[int], texts: dict[int, str]) -> Table:
     broken = [
         n for n in there
         if re.search(r"\d", texts[n]) and not is_prose(texts[n], words)
-        and (n > first or _is_row_of_numbers(texts[n]))
+        and (n > first or _is_row_of_numbers(texts[n], len(table.names)))
     ]  # fmt: skip
     # The log ends within a line, if only before its first number.
     broken += [n for n in there if n == max(texts) and n not in broken and any(
@@ -167,14 +169,33 @@ def _told(table: Table, strays: frozenset[int], texts: dict[int, str]) -> Table:
         table,
         remarks=(f"{len(there)} line(s) set aside, for they have not the form of the others: {said}", *table.remarks),
         broken=tuple(sorted({*table.broken, *broken})),
+        doubts=(*table.doubts, *_of_lost_names(table, [n for n in there if n < first], texts)),
         quotes={**table.quotes, **{n: texts[n].strip() for n in broken}},
         preamble=(*(texts[n] for n in there if n <= last), *table.preamble),
     )  # fmt: skip
 
 
-def _is_row_of_numbers(line: str) -> bool:
+def _of_lost_names(table: Table, above: list[int], texts: dict[int, str]) -> list[str]:
+    """Return a doubt where a table has no names, and a line set aside above it is of names."""
+    for n in () if table.named else above:
+        fields = [f for f in re.split(r"[\t;,|]|\s{2,}", texts[n].strip()) if f.strip()]
+        roles = [m.role for m in meanings(fields).values()]
+        strips = [int(m[1]) for f in fields if (m := re.search(r"(\d+)\D*\Z", f))]
+        if len(strips) > 1 and all(a < b for a, b in itertools.pairwise(strips)):
+            continue  # as columns without names are taken
+        if len({*fields}) == len(fields) >= len(table.names) and 2 * sum(map(bool, roles)) > len(roles) > 1:
+            return [
+                f"line {n} ({texts[n].strip()[:_LONG]!r}) seems to name the columns, and is not used: are they so?"
+            ]
+    return []
+
+
+def _is_row_of_numbers(line: str, columns: int) -> bool:
+    """Return whether a line holds nothing but numbers, or as many as a table has columns beside a remark."""
     form = _FIELD.split(form_of(line.replace('"', "").strip()))
-    return len(form) > 1 and {*form} == {"0"}
+    return len(form) > 1 and (
+        {*form} == {"0"} or (form[:columns] == ["0"] * columns and columns > _FEW_COLUMNS)
+    )
 
 
 def _without_lacking(table: Table, broken: list[int]) -> Table:

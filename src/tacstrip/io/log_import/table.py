@@ -269,6 +269,11 @@ def headed(
         (i, row) for i, row in split[names_at + 1 : first]
         if row not in above and len(row) > 1 and sum(is_value(c, decimal) for c in row) > 0.5 * len(row)
     ]  # fmt: skip
+    if names_at == first:  # no names: what holds as many readings as the others is none either
+        cut = [
+            (i, row) for i, row in split[:first]
+            if len(row) > width > _FEW and all(c and (is_value(c, decimal) or says_nothing(c)) for c in row[:width])
+        ]  # fmt: skip
     below = cut + [(i, row) for i, row in split[first:] if any(row)]
     if not above and below:
         above = [row for i, row in comments if i < below[0][0] and len(row) == width][-1:]

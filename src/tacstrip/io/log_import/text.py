@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from tacstrip.errors import ReadingError
-from tacstrip.io.log_import.delimiters import of_sent, of_slashes, without_ends, without_tag
-from tacstrip.io.log_import.dialects import of_dialect, plain_rows
+from tacstrip.io.log_import.delimiters import of_groups, of_sent, of_slashes, without_ends, without_tag
+from tacstrip.io.log_import.dialects import of_dialect, of_displayed_scans, plain_rows
 from tacstrip.io.log_import.fields import STAMP, clock_seconds, is_value, number_of, says_nothing
 from tacstrip.io.log_import.literals import one_page, unwrapped
 from tacstrip.io.log_import.names import meaning, meanings, pair_of
@@ -122,7 +122,7 @@ def of_text(text: str, path: str | Path = "the log") -> Table:
 def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
     """Return a text as a table in normal form, as if some of its lines were not there."""
     text, messages = without_messages(
-        _COLOUR.sub("", plain_rows(without(text, strays).translate(_HALF_WIDTH)))
+        _COLOUR.sub("", plain_rows(of_displayed_scans(without(text, strays)).translate(_HALF_WIDTH)))
     )
     text, others = without_other_series(text)
     messages = "; ".join(filter(None, [messages, others]))
@@ -165,9 +165,12 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
         lines = [(i, _BRACKETED.sub(r"\1", line)) for i, line in lines]
     if sum(line.lstrip().startswith("#") for _, line in lines) > STEADY * len(lines):  # it numbers them
         lines = [(i, line.lstrip("# \t")) for i, line in lines]
-    lines = in_one_table(_in_pairs(of_slashes(_of_topics(lines))))
+    lines = in_one_table(_in_pairs(of_groups(of_slashes(_of_topics(lines)))))
     table = named_values([(i, line) for i, line in lines if not line.lstrip().startswith(_COMMENT)])
-    if table is None:
+    if table is not None:
+        remarked = [line for _, line in lines if line.lstrip().startswith(_COMMENT)]
+        table = replace(table, preamble=(*table.preamble, *remarked))
+    else:
         blank = {i for i, line in every if not line.strip() or _RULE.fullmatch(line)}
         table = _separated(lines, blank, path)
     table = _without_cut_end(table, text)
@@ -340,7 +343,8 @@ def _separated(lines: list[tuple[int, str]], blank: set[int], path: str | Path) 
     named = [(i, _fields(_names_said(line, width, separator), separator)) for i, line in comments]
     if separator == _WIDE:  # names may stand nearer to each other than numbers
         named = [(i, row if len(row) == width else " ".join(row).split()) for i, row in named]
-    above = [line for i, line in comments if i < split[-1][0]]
+    split, renamed = _under_first_names(split, named, width)
+    above = [line for _, line in comments]
     out = [
         i for i, row in named
         if i > split[0][0] and len(row) == width > 1 and all(is_value(c, decimal) or not c for c in row)
@@ -351,6 +355,7 @@ def _separated(lines: list[tuple[int, str]], blank: set[int], path: str | Path) 
             f"line(s) {', '.join(map(str, out))}: readings that are commented out; passed over",
         )
     table = headed(split, width, decimal, tuple(filter(None, remarks)), named, above)
+    table = replace(table, doubts=(*table.doubts, renamed)) if renamed else table
     return _in_blocks(table, labels, blank)
 
 
@@ -403,9 +408,11 @@ def _untrimmed(
 
     That is sure where no row ends with an empty field, and empty ones stand inside.
     """
-    wide = max(len(row) for _, row in split)
-    top = next(n for n, (_, row) in enumerate(split) if len(row) == wide)
+    wide = max(_filled(row) for _, row in split)  # lines of a preamble may be filled up with empty fields
+    top = next(n for n, (_, row) in enumerate(split) if _filled(row) == wide)
     names, below = split[top][1], split[top + 1 :]
+    if any(len(row) > wide for _, row in below):
+        return split, width, ""
     short = [row for _, row in below if len(row) < wide]
     if len(short) < 2 or not all(names) or any(is_value(cell, ".") for cell in names):
         return split, width, ""
@@ -426,6 +433,54 @@ def _untrimmed(
         return split, width, ""
     filled = [(i, row + [""] * (wide - len(row))) for i, row in below]
     return split[: top + 1] + filled, wide, f"{len(short)} line(s) end early: what is not there is empty"
+
+
+def _filled(row: list[str]) -> int:
+    """Return the fields of a row up to its last that is not empty."""
+    return max((n for n, cell in enumerate(row, 1) if cell), default=0)
+
+
+def _under_first_names(
+    split: list[tuple[int, list[str]]], named: list[tuple[int, list[str]]], width: int
+) -> tuple[list[tuple[int, list[str]]], str]:
+    """Return rows in the order of the log's first names, where a line within it names columns anew, and a doubt.
+
+    Raises
+    ------
+    ContradictionError
+        It names others.
+    """
+    heads = [(i, row) for i, row in sorted([*split, *named]) if len(row) == width and _names_columns(row)]
+    first = next((i for i, row in split if len(row) == width and sum(is_value(c, ".") for c in row) > 1), 0)
+    above = [row for i, row in heads if i < first]
+    others = [(i, row) for i, row in heads if i > first and above and row != above[-1]]
+    if not others:
+        return split, ""
+    names, (line, new) = above[-1], others[0]
+    for i, row in others:
+        if sorted(row) != sorted(names) or len({*names}) < width:
+            raise ContradictionError(
+                f"line {i} names the columns {', '.join(row)}, and the first names are {', '.join(names)}: two "
+                "tables in one log; save them as two files"
+            )
+    made, order = [], names
+    heads_at = dict(heads)
+    for i, row in sorted([*split, *((i, row) for i, row in others if (i, row) not in split)]):
+        if i > first and i in heads_at:
+            order = row
+        else:
+            made.append((i, [row[order.index(n)] for n in names] if len(row) == width else row))
+    said = (
+        f"line {line} names the columns in another order ({', '.join(new)}): taken so for the lines below it"
+    )
+    return made, said
+
+
+def _names_columns(row: list[str]) -> bool:
+    """Return whether a row is one of names: words only, at least two of which tell what a column is."""
+    if not all(row) or len({*row}) < len(row) or any(is_value(c, ".") or says_nothing(c) for c in row):
+        return False
+    return sum(m.role != "" for m in meanings(row).values()) > 1
 
 
 def _below_an_index(split: list[tuple[int, list[str]]], width: int) -> list[tuple[int, list[str]]]:
