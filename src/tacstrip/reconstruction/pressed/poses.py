@@ -351,10 +351,7 @@ class Poses:
         with np.errstate(divide="ignore", invalid="ignore"):
             slope = np.nan_to_num(np.abs(across[..., :2] / along))
             beyond = np.nan_to_num(np.abs(here[..., :2] / along))
-        # A patch is as long as the root of its depth, as a parabola: a strip hardly touched, longer beside its middle.
-        least = np.maximum(deepest, 0.1 * TOUCH_MM)
-        longer = 0.5 * (np.sqrt(1.0 + np.abs(across[..., 2]) * half / least) - 1.0)
-        most = np.maximum((ends[..., 1] - ends[..., 0]) * np.maximum(longer, 1.0), _WIDTH_MM)[..., None]
+        most = np.maximum(ends[..., 1] - ends[..., 0], _WIDTH_MM)[..., None]
         border = np.stack([ends[..., 0], self.skin.lengths_mm - ends[..., 1]], axis=-1)
         aside = np.minimum(slope * half, most)
         cut = np.square(np.maximum(aside - np.where(border > 0.0, border, beyond), 0.0)) / (
