@@ -30,6 +30,7 @@ from tacstrip.sensor.spec import Sensor
 
 _FEW = 3  # strips: fewer show no shape
 _WEAK = 30.0  # of chi square: a cut by which the fit gains less may be chance
+_NO_AREA = 1e-9  # mm2
 _PROMISED = 0.8  # IoU of an outline that is "ok"
 _OVERLAP = 0.05  # of the smaller of two hulls
 _ALIKE = 0.8  # of the mean absolute error over its deviation, of a normal error
@@ -276,8 +277,13 @@ def _verdict(
         )
     if count > 1:
         areas, shared = _shared(traced.vertices, bounds)
-        notes.append(f"its smallest and largest outline overlap by an IoU of {areas[1] / areas[2]:.2f}")
-        if np.mean(shared / (areas[0] + areas[1:] - shared)) < _PROMISED:
+        union = np.maximum(
+            areas[0] + areas[1:] - shared, _NO_AREA
+        )  # of a piece that is a line: nothing is known
+        notes.append(
+            f"its smallest and largest outline overlap by an IoU of {areas[1] / max(areas[2], _NO_AREA):.2f}"
+        )
+        if np.mean(shared / union) < _PROMISED:
             doubts.append(
                 "between the two its shape is open: a second layer, or scans while it moves, would tell"
             )
