@@ -8,6 +8,7 @@ import json
 import math
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -71,6 +72,28 @@ def test_a_loop_that_is_left_ends_the_stream_and_an_error_is_raised() -> None:
                 source=Breaks(SENSOR, still, 200.0, 5), speed=math.inf, on_message=lambda text: None
             ):
                 pass
+
+    asyncio.run(leave())
+    assert not _threads()
+
+
+def test_a_stream_whose_closing_is_cancelled_ends_all_the_same() -> None:
+    """As `asyncio.run` cancels it where its last act is to leave a loop; the pool's one thread is taken meanwhile."""
+    taken = threading.Event()
+
+    async def leave() -> None:
+        loop = asyncio.get_running_loop()
+        loop.set_default_executor(ThreadPoolExecutor(1))
+        stream = ts.live(source=_source(10_000_000), tracks=False)
+        await stream.__aenter__()
+        busy = loop.run_in_executor(None, taken.wait)
+        closing = asyncio.create_task(stream.__aexit__())
+        await asyncio.sleep(0)
+        closing.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await closing
+        taken.set()
+        await busy
 
     asyncio.run(leave())
     assert not _threads()

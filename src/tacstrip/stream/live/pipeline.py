@@ -331,9 +331,11 @@ class Live:
         return self
 
     async def __aexit__(self, *_: object) -> None:
-        from asyncio import to_thread
+        from asyncio import get_running_loop, shield
 
-        await to_thread(self.stop)  # which waits for the disk
+        # `stop` waits for the disk. It ends the stream also where this task is cancelled, as asyncio.run does with the
+        # one that closes a loop that was left.
+        await shield(get_running_loop().run_in_executor(None, self.stop))
 
     def _run(self) -> None:
         try:
