@@ -358,10 +358,17 @@ def test_the_verb_writes_tracks_and_a_picture(tmp_path: Path) -> None:
     )
     assert done.exit_code == 0, done.output
     assert "object 1: ok, 20 scans" in done.stderr
-    told = re.search(r"its centroid moved (\S+) mm across and (\S+) mm along", done.stderr)
+    told = re.search(r"moved (\S+) mm across and (\S+) mm along .*, turned (\S+) deg", done.stderr)
     assert told is not None
-    way = np.ptp([moments(at(CORNERS, pose))[1] for pose in sliding(20)], axis=0)
-    np.testing.assert_allclose([float(mm) for mm in told.groups()], way, atol=0.5)
+    centroids = [moments(at(CORNERS, pose))[1] for pose in sliding(20)]
+    turned = np.rad2deg(sliding(20)[-1][2] - sliding(20)[0][2])
+    way = [*(centroids[-1] - centroids[0]), turned]
+    np.testing.assert_allclose([float(number) for number in told.groups()], way, atol=0.5)
+    assert "apart between two scans" not in done.stderr
+    words = ["track", *files[:2], "--positional", "0.002", "--without", "3:v_h"]
+    assert "object 1: ok, 20 scans" in CliRunner().invoke(cli, words).stderr
+    with pytest.raises(ts.SpecError, match="3:v_x"):
+        CliRunner().invoke(cli, [*words[:-1], "3:v_x"], catch_exceptions=False)
     (feature,) = json.loads((tmp_path / "t.geojson").read_text())["features"]
     assert len(feature["properties"]["poses"]) == 20
     assert feature["geometry"]["type"] == "Polygon"

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import click
 import numpy as np
+import numpy.typing as npt
 
 from tacstrip.cli import load_sensor, new_file, note, one_layer, options, protect, warn, warn_of_input
 from tacstrip.cli.replay import warn_of_cut
@@ -31,9 +32,15 @@ from tacstrip.tracking.track import Track, track
 @options.output("New file, .geojson or .mcap; left out: only what is printed.", required=False)
 @options.FORCE
 @options.noise
+@options.WITHOUT
 @options.plot()
 def command(
-    files: tuple[str, ...], output: Path | None, force: bool, noise: Noise, plot: Path | None
+    files: tuple[str, ...],
+    output: Path | None,
+    force: bool,
+    noise: Noise,
+    without: tuple[str, ...],
+    plot: Path | None,
 ) -> None:
     """Recover objects over time from RECORDING: readings (CSV, with SENSOR before them) or a recording (.mcap).
 
@@ -52,6 +59,7 @@ def command(
         new_file(output, force, *files)
     source, raws = _opened(files, recorded)
     spec = source.sensor if source else load_sensor(files[0])
+    spec = replace(spec, without=(*spec.without, *without))
     decoded = [decode(raw, spec) for raw in raws] if isinstance(source, Recording) else None
     scans = read_readings(files[-1], spec) if decoded is None else decoded
     if not any(scan.touched.any() for scan in scans):
@@ -124,6 +132,24 @@ def _record(
             recorder.add(replace(raw, tracks=tuple(shown)))
 
 
+def _way(one: Track, seen: npt.NDArray[np.int_]) -> str:
+    """Say how far an object moved and turned; how far at most only where that is more than errors of poses make."""
+    path = np.column_stack([one.centroids[seen], np.rad2deg(one.poses[seen, 2])])
+    net, most = path[-1] - path[0], np.ptp(path, axis=0)
+    spread = np.sqrt(one.pose_covariances[seen][:, range(3), range(3)]) * (1.0, 1.0, np.rad2deg(1.0))
+    off = float(np.hypot(spread[0, 2], spread[-1, 2]))
+    text = (
+        f"its centroid moved {net[0]:.3g} mm across and {net[1]:.3g} mm along the strips from first to last"
+    )
+    text += f", turned {net[2]:.3g} deg"
+    if np.isfinite(off) and off > 0.0:
+        text += f" +- {off:.2g}"
+    more = most > np.abs(net) + 6.0 * np.nan_to_num(np.nanmedian(spread, axis=0)) + (0.1, 0.1, 0.1)
+    if more.any():
+        text += f" (at most {most[0]:.3g} mm, {most[1]:.3g} mm and {most[2]:.3g} deg apart between two scans)"
+    return text
+
+
 def _line(one: Track) -> str:
     """Say what is known of an object."""
     seen = np.flatnonzero(one.present)
@@ -136,12 +162,7 @@ def _line(one: Track) -> str:
         text += f", {len(one.outline)} corners, {one.area_mm2:.6g} mm2"
         if np.isfinite(one.area_deviation_mm2):
             text += f" +- {one.area_deviation_mm2:.2g}"
-        way = np.ptp(one.centroids[seen], axis=0)
-        text += f", its centroid moved {way[0]:.3g} mm across and {way[1]:.3g} mm along the strips"
-        known = np.isfinite(spread := one.pose_covariances[seen, 2, 2])
-        off = float(np.sqrt(2.0 * np.median(spread[known]))) if known.any() else 0.0  # of a difference of two
-        turned = np.rad2deg(np.ptp(one.poses[seen, 2]))
-        text += f", turned {turned:.3g} deg" + (f" +- {np.rad2deg(off):.2g}" if off > 0.0 else "")
+        text += f", {_way(one, seen)}"
     if one.motion != "free":
         text += f"; taken for {one.motion}"
     if one.offsets:
