@@ -168,6 +168,16 @@ def test_an_offset_between_the_wires_is_no_exchange_and_an_exchange_with_an_offs
         assert said(report) == ([("swapped-wires", (8,))] if crossed else [])
 
 
+@pytest.mark.parametrize("sigma", [0.0, 0.001])
+def test_tied_wires_of_one_strip_and_of_all(sigma: float) -> None:
+    log = faulty_log(RUBBER, exercise(RUBBER, np.random.default_rng(5), 240), noise=FAINT)
+    kh, kl = log.raw["kh"], log.raw["kl"].copy()
+    kl[:, 7] = kh[:, 7] + sigma * np.random.default_rng(3).standard_normal(len(kh))
+    found = _only(diagnose(Log.of(RUBBER, log.time_s, {"kh": kh, "kl": kl})), "tied-wires", 7)
+    assert found.numbers["neighbours"] > 0.05 > 0.01 > found.numbers["difference"]
+    _only(diagnose(Log.of(RUBBER, log.time_s, {"kh": kh, "kl": kh})), "tied-wires")
+
+
 def test_channels_that_do_not_move() -> None:
     assert _only(_examined(RUBBER, Defect("dead", 4, 0.0, "kl")), "dead", 4).signature == "kl"
     stuck = _only(_examined(RUBBER, Defect("stuck", 9, 0.37, "kh")), "stuck", 9)

@@ -16,7 +16,7 @@ from tacstrip.io.input_checks import (
     unlikely_contact,
     unlikely_lengths,
 )
-from tacstrip.sensor.exchanged import exchanged
+from tacstrip.sensor.exchanged import exchanged, read_twice
 
 SENSOR_KEYS = {"format": 1, "construction": "crs-crs", "strips": 24, "pitch_mm": 4.0, "length_mm": 120.0}
 SENSOR = ts.Sensor.from_dict(SENSOR_KEYS)
@@ -69,6 +69,16 @@ def test_exchanged_signatures(noise: float) -> None:
         )
     assert "of scan 1, and so in 1 scan(s) more" in _exchanged(scan, swapped, swapped)
     assert _exchanged(scan, scan, swapped) == ""
+
+
+def test_one_channel_in_both_columns() -> None:
+    scan = _scan(0.005)
+    both = {"kh": np.stack([scan["kh"]] * 2), "kl": np.stack([scan["kh"]] * 2)}
+    assert read_twice(both).startswith("v_h is v_l to the last digit in 26 of 26 readings")
+    assert read_twice({name: scan[name] for name in scan.signatures}) == read_twice({"kh": scan["kh"]}) == ""
+    found = ts.reconstruct(ts.Scan(kh=scan["kh"], kl=scan["kh"]), SENSOR)
+    assert found.status == "doubtful"
+    assert "are both columns of one channel" in found.objects[0].advice
 
 
 def test_a_line_under_noise_is_not_exchanged() -> None:

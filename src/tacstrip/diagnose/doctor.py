@@ -10,7 +10,7 @@ from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.diagnose.channels import clipped, never_touched, not_moving, on_rails
 from tacstrip.diagnose.converter import common_ceiling, stuck_bits, wrong_reference
 from tacstrip.diagnose.drift import drift
-from tacstrip.diagnose.exchanged import swapped_ends, swapped_strips, swapped_wires
+from tacstrip.diagnose.exchanged import swapped_ends, swapped_strips, swapped_wires, tied_wires
 from tacstrip.diagnose.faults import Finding, Question, Report
 from tacstrip.diagnose.hum import hum
 from tacstrip.diagnose.intermittent import intermittent
@@ -36,7 +36,7 @@ _LEAST_SIGMA = 2e-4  # over Vref: no reading is trusted to less
 _MOST_SIGMA = 0.006  # over Vref, where motion hides the noise: that of P.U. profile II
 _OFFSET = 0.02  # over Vref: what a strip may lie off its neighbours' line before calibration is advised
 _TESTS: tuple[Callable[[WorkingCopy], Iterable[Suspect]], ...] = (
-    never_touched, on_rails, not_moving, clipped, swapped_wires, swapped_ends, swapped_strips, shorts,
+    never_touched, on_rails, not_moving, clipped, swapped_wires, tied_wires, swapped_ends, swapped_strips, shorts,
 )  # fmt: skip
 _EVEN, _LOST = 0.7, 0.01  # of the scans: that follow evenly, where so many may be missing without a word
 _TIMED = 256  # parts of a recording in which a resting contact is looked at for drift

@@ -1,4 +1,4 @@
-"""Wiring faults: v_h and v_l, Vref and ground, or two strips exchanged."""
+"""Wiring faults: v_h and v_l exchanged or tied, Vref and ground or two strips exchanged."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from tacstrip.diagnose.neighbour_pairs import neighbour_pair
 from tacstrip.diagnose.neighbour_prediction import Suspect, WorkingCopy, neighbour_residuals
 from tacstrip.diagnose.regression import moved_to_and_fro
 from tacstrip.robust import robust_sigma
+from tacstrip.sensor.exchanged import read_twice
 
 _CROSSED = 0.01  # over Vref: k_h - k_l below minus this cannot be (3.3), (3.4)
 _OFFSETS = 0.08  # over Vref: what a unit without calibration may add to k_h - k_l
@@ -23,6 +24,10 @@ _ODDS = (
 )
 _STRIPS, _SURE = 4, 5.0  # on so many strips offsets differ; standard errors of their mean
 _SHARE = 0.8  # of the places with a clear difference
+_TIED, _LONG = (
+    0.004,
+    0.04,
+)  # over Vref: what k_h and k_l of tied wires differ by, and of a contact that is long
 _FEW = 8  # places
 _MOVES, _ALONG = 0.2, 0.4  # over Vref, what neighbours must move; correlation
 _OFF_LINE = 0.75  # of the slope around: largest offset of two strips from the line
@@ -69,6 +74,33 @@ def swapped_wires(work: WorkingCopy) -> Iterator[Suspect]:
         numbers = {"difference": below, "places": count, "of": of}
         explained, repair = max(now - then, 1e-3) / 2.0, partial(_swap_wires, strip=strip)
         yield work.suspect("swapped-wires", [strip], evidence, numbers, explained, repair=repair)
+
+
+def tied_wires(work: WorkingCopy) -> Iterator[Suspect]:
+    """Find strips whose k_h is k_l under contacts that their neighbours show to be long."""
+    if work.pair is None:
+        return
+    if read_twice(work.k):
+        evidence = "on every strip they are equal to the last digit, as only a line reads"
+        yield work.suspect(
+            "tied-wires", [], evidence, {}, 1.0, repair=lambda work: work.drop(*range(work.strips))
+        )
+        return
+    difference = np.abs(work.pair[0] - work.pair[1])
+    (e_h, r_h), (e_l, r_l) = (neighbour_residuals(work, name) for name in ("kh", "kl"))
+    long = np.isfinite(r_h + r_l) & (e_h - e_l > max(_LONG, 10.0 * work.sigma))
+    alike = difference <= max(_TIED, 3.0 * work.sigma)
+    for strip in range(work.strips):
+        at = long[:, strip]
+        if at.sum() < _FEW or alike[at, strip].mean() < _SHARE:
+            continue
+        most, predicted = float(difference[at, strip].max()), float((e_h - e_l)[at, strip].mean())
+        evidence = (
+            f"they differ by {100.0 * most:.2g} % of Vref at most in {at.sum()} places where the neighbours' differ by "
+            f"{100.0 * predicted:.3g} % in the mean"
+        )
+        numbers = {"difference": most, "neighbours": predicted, "places": float(at.sum())}
+        yield work.suspect("tied-wires", [strip], evidence, numbers, predicted / 2.0)
 
 
 def _all_below(mean: FloatArray, least: float) -> bool:

@@ -19,7 +19,7 @@ from tacstrip.io.readings import scan_lines
 from tacstrip.reconstruction.implausible import scale_hint
 from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import SIGNATURES
-from tacstrip.sensor.exchanged import exchanged
+from tacstrip.sensor.exchanged import exchanged, read_twice
 from tacstrip.sensor.layers import AnySensor, LayeredSensor
 from tacstrip.sensor.left_out import channel_name, left_out
 from tacstrip.sensor.raw import apply_calibration
@@ -136,7 +136,7 @@ def misread(path: str | Path, sensor: Sensor, raw: Mapping[str, FloatArray]) -> 
 
 def implausible(path: str | Path, sensor: Sensor, raw: Mapping[str, FloatArray]) -> list[str]:
     """Return warnings where readings are none of this sensor touched by something; arguments as of `misread`."""
-    return [f"{path}: {one}" for one in (exchanged(raw), rest_hint(sensor, raw)) if one]
+    return [f"{path}: {one}" for one in (exchanged(raw), read_twice(raw), rest_hint(sensor, raw)) if one]
 
 
 def other_scale(sensor: Sensor, raw: Mapping[str, FloatArray]) -> str:

@@ -13,7 +13,7 @@ from tacstrip.arrays import FloatArray
 from tacstrip.reconstruction.contact_ends import closed_ends
 from tacstrip.reconstruction.result import Reconstruction, RecoveredObject, Status
 from tacstrip.scan import Scan
-from tacstrip.sensor.exchanged import exchanged
+from tacstrip.sensor.exchanged import exchanged, read_twice
 from tacstrip.sensor.left_out import left_out_wholly
 from tacstrip.sensor.raw import invert_calibration
 from tacstrip.sensor.rest_level import rest_hint
@@ -199,6 +199,8 @@ def implausible_hint(scan: Scan, sensor: Sensor, failed: bool, outlines: Sequenc
     """
     read = {name: scan[name] for name in scan.signatures}
     hint = exchanged(read) if sensor.kind.closed_form else ""
+    if failed and not hint:
+        hint = read_twice(read)
     if scan.touched.all() and not hint:
         hint = rest_hint(sensor, invert_calibration(sensor, read), failed)
     if scan.moved:

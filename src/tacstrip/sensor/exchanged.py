@@ -1,4 +1,7 @@
-"""The signs of exchanged columns: k_h below k_l, the upper end of a contact below the lower, which no sensor reads."""
+"""The signs of columns that are exchanged or the same.
+
+No sensor reads k_h below k_l, a contact's upper end below its lower one; only under a line it reads them equal.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +13,7 @@ from tacstrip.arrays import FloatArray
 
 _NOISE = 0.005  # over Vref: P.U. profile I
 _FEW = 4  # touched strips: of fewer, noise alone can exchange most
+_ALIKE, _OFTEN = 5, 0.9  # readings; their share that is equal to the last digit
 _SURE = 3.0  # standard deviations of the mean, by the strips' own scatter: a line's k_h and k_l differ by noise alone
 
 
@@ -41,4 +45,18 @@ def exchanged(readings: Mapping[str, FloatArray]) -> str:
     return (
         f"k_h is below k_l on {below[first]} of {touched[first]} strips{which}: are the columns exchanged? "
         "Then exchange their names, or the two wires"
+    )
+
+
+def read_twice(readings: Mapping[str, FloatArray]) -> str:
+    """Return a warning where k_h is k_l to the last digit in most readings; argument as of `exchanged`."""
+    if not {"kh", "kl"} <= set(readings):
+        return ""
+    known = np.isfinite(readings["kh"]) & np.isfinite(readings["kl"])
+    equal = int((readings["kh"] == readings["kl"])[known].sum())
+    if equal < max(_ALIKE, _OFTEN * known.sum()):
+        return ""
+    return (
+        f"v_h is v_l to the last digit in {equal} of {known.sum()} readings, as only a line reads: are both columns of "
+        "one channel, or its two wires tied?"
     )
