@@ -48,7 +48,7 @@ test: setup ## run the tests, three at a time, the slow studies left out
 	@$(BIN)/pytest -m "not slow and not builds" $(or $(ARGS),-n 3 --dist loadfile --no-loadscope-reorder)
 
 docs: setup ## build the site of docs/ into docs/_build/html, with every example run; warnings are errors
-	@$(BIN)/python -m sphinx --builder html --jobs 2 --quiet --fail-on-warning --keep-going docs docs/_build/html
+	@$(BIN)/python -m sphinx --builder html --jobs 2 --quiet --fail-on-warning --keep-going --doctree-dir docs/_build/doctrees docs docs/_build/html
 	@$(BIN)/python tools/docs_site/links.py docs/_build/html & links=$$!; \
 	$(BIN)/python tools/docs_site/axe.py docs/_build/html; axe=$$?; wait $$links && exit $$axe
 	@echo "docs/_build/html/index.html: the site"
