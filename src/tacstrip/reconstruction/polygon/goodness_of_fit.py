@@ -35,7 +35,7 @@ _NEARLY = 0.9  # IoU with convex ends that explain the readings
 _NOISIER = 3.0  # times the noise given: neighbours that differ by so much are noise, not jumps
 # Of what a polygon leaves over: neighbours that differ so little say that it follows them badly.
 _SMOOTHED = 0.7
-_MOST_SIGMA = 0.02  # of Vref: no noise that is not given is larger
+MOST_SIGMA = 0.02  # of Vref: no noise that is not given is larger
 _SPREAD = {"uniform": 0.8, "normal": 2.0}  # variance of a squared error over sigma^4
 
 
@@ -97,7 +97,7 @@ def misfit(
             "what the best outline leaves over hangs together from strip to strip: the contact may be concave, "
             "curved, or two objects on the same strips"
         )
-    if distribution is None and run.sigma > _MOST_SIGMA:
+    if distribution is None and run.sigma > MOST_SIGMA:
         return (
             f"the readings are off by {100.0 * run.sigma:.2g} % of Vref from the best outline, more than noise of "
             f"a sensor that works: the contact may {_more(run)}be concave or two objects on the same strips; or give "
@@ -143,7 +143,7 @@ def second_look(
         elif level > _NOISIER * sigma:
             return wrong  # of readings that scatter more than the noise given, jumps tell nothing
     if not (wrong or run.excluded.any() or turns_inwards(fit) or sigma < _SMOOTHED * run.sigma) or (
-        distribution is None and run.sigma > _MOST_SIGMA
+        distribution is None and run.sigma > MOST_SIGMA
     ):
         return wrong
     if not np.isfinite(sum(readings.values())).any():

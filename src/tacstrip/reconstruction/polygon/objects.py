@@ -152,13 +152,6 @@ def reconstruct_object(
     slopes = covariance if guarantee is not None else _by_slopes(model, run, sensor, covariance)
     wrong = misfit(run, distribution, slopes, errors) or (_EMPTY if empty else _MANY if many else "")
     wrong = second_look(run, distribution, outline, sensor, wrong, contact.readings)
-    if contact.known_count is not None and fit.n_vertices < contact.known_count:
-        wrong = (
-            wrong
-            or f"the readings hold {fit.n_vertices} vertices, not the {contact.known_count} that were given"
-            + ("" if noise is not None else ": with the noise given, too, they may hold more")
-        )
-    free = contact.known_count is None
     assessed = assess(
         run, sensor, outline, covariance, noise is not None, effort, area_mm2, contact.known_count
     )
@@ -177,8 +170,13 @@ def reconstruct_object(
         if faint
         else weakness(run, model, outline.vertices, covariance, averaging, second)
     )
-    if assessed.explained and len(run.problem.k) == 1 and free:
-        wrong = ""  # outlines of more corners explain the readings, and the confidence counts them
+    if (
+        assessed.explained
+        and len(run.problem.k) == 1
+        and (contact.known_count is None or assessed.better is not None)
+    ):
+        wrong = ""  # outlines that the fit did not find explain the readings, and the confidence counts them
+    wrong = wrong or _uncounted(contact, fit, assessed, noise is not None)
     if area_mm2 is not None and not wrong:
         wrong = _other_area(outline, covariance, area_mm2)
     status, advice = _verdict(wrong, weak, assessed, effort, second, averaging, area_mm2 is not None)
@@ -196,6 +194,17 @@ def reconstruct_object(
         confidence=None if wrong else assessed.confidence,  # it takes the readings for explained
         alternatives=assessed.alternatives,
     )
+
+
+def _uncounted(contact: FittedContact, fit: PolygonFit, assessed: Assessment, noise_given: bool) -> str:
+    """Say that the readings do not hold as many vertices as were given; "" where they do."""
+    given = contact.known_count
+    if given is None or fit.n_vertices >= given:
+        return ""
+    held = f"the readings hold {fit.n_vertices} vertices, not the {given} that were given"
+    if assessed.better is not None:
+        return f"{held}: of many outlines with {given} that explain them this is the one that most are like"
+    return held + ("" if noise_given else ": with the noise given, too, they may hold more")
 
 
 def _other_area(outline: Outline, covariance: FloatArray, area_mm2: tuple[float, float]) -> str:

@@ -17,6 +17,7 @@ from tacstrip.errors import OptionError, one_of
 from tacstrip.geometry.metrics import column_iou
 from tacstrip.geometry.moments import area
 from tacstrip.geometry.outline import Outline
+from tacstrip.reconstruction.polygon.goodness_of_fit import MOST_SIGMA
 from tacstrip.reconstruction.polygon.run import RunFit
 from tacstrip.reconstruction.posterior.draws import Draws, column_ends, columns, draw
 from tacstrip.reconstruction.posterior.rounded import RoundedDraws, RoundedOutline, draw_rounded
@@ -131,12 +132,14 @@ def assess(
         confidence = _TRUSTED * agree
     elif one:
         fitting = drawn.fitting(known_count)
-        if (confidence < _RATHER_WRONG or area_mm2 is not None) and fitting.any():
+        short = known_count is not None and len(outline.vertices) != known_count
+        told = area_mm2 is not None or short  # what the fit does not know, or does not keep to
+        if (confidence < _RATHER_WRONG or told) and fitting.any():
             # The outline that overlaps the others best; the mean of them would be none that the readings allow.
             at = int(np.argmax(np.where(fitting, every @ drawn.weight, 0.0)))
             near = every[at] >= PROMISED_IOU
-            surer = _BETTER if area_mm2 is None else 0.0  # the fit knew no area
-            if near @ drawn.weight > confidence + surer:
+            surer = 0.0 if told else _BETTER
+            if short or near @ drawn.weight > confidence + surer:
                 own, confidence, better = near, float(near @ drawn.weight), drawn.model(at, run.problem)
                 outline = Outline(*better.chains_mm(run.problem))
                 ends = drawn.ends_of(outline.lower, outline.upper)
@@ -145,8 +148,13 @@ def assess(
         confidence = probability(doubts(expected, run, model, corners, rounded, ends), effort)
     # Chi square of the better half of the draws; that of normal errors exceeds its mean by 3.5 deviations in .02 %.
     readings = drawn.problem.readings
-    typical = float(np.median(drawn.samples.squares)) if sigma_known else np.inf
-    explained = typical < readings + _ALARM * np.sqrt(2.0 * readings)
+    allowed = (
+        readings + _ALARM * np.sqrt(2.0 * readings)
+        if sigma_known
+        else readings * (MOST_SIGMA / run.sigma) ** 2
+    )
+    counted = drawn.weight[: len(drawn.samples.outlines)] > 0.0
+    explained = float(np.median(drawn.samples.squares[counted])) < allowed
     rest = 1.0 - confidence if isinstance(better, RoundedOutline) else 1.0  # which draws know nothing of
     others = _alternatives(drawn, every >= PROMISED_IOU, own, rest)
     return Assessment(confidence, others, better, bool(explained))

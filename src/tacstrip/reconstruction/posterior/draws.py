@@ -100,9 +100,17 @@ class Draws:
         return settled if column_iou(ends, self.ends[k]) > _SETTLED else drawn
 
     def fitting(self, known_count: int | None) -> BoolArray:
-        """Return which outlines (K,) a fit can have: of few corners, or of as many as are known."""
+        """Return which outlines (K,) a fit can have: of few corners, or of as many as are known.
+
+        Those that strips' ends cut have more corners, and count only where there are no others.
+        """
         if known_count is not None:
-            return np.asarray(vertex_counts(self.samples.outlines) == known_count)
+            outlines = self.samples.outlines
+            fits = np.asarray(vertex_counts(outlines) == known_count)
+            corner = np.arange(outlines["y"].shape[2]) < outlines["count"][..., None]
+            beyond = corner & ((outlines["y"] < 0.0) | (outlines["y"] > 1.0))
+            whole = fits & ~beyond.any(axis=(1, 2))
+            return whole if whole.any() else fits
         few = self.samples.outlines["count"].sum(axis=1) - 4 <= MAX_VERTICES - _CLIPPED
         return np.concatenate([few, np.ones(len(self.ellipses), dtype=bool)])
 
