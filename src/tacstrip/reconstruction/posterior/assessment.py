@@ -154,7 +154,8 @@ def assess(
         else readings * (MOST_SIGMA / run.sigma) ** 2
     )
     counted = drawn.weight[: len(drawn.samples.outlines)] > 0.0
-    explained = float(np.median(drawn.samples.squares[counted])) < allowed
+    squares = drawn.samples.squares[counted] if counted.any() else drawn.samples.squares
+    explained = float(np.median(squares)) < allowed
     rest = 1.0 - confidence if isinstance(better, RoundedOutline) else 1.0  # which draws know nothing of
     others = _alternatives(drawn, every >= PROMISED_IOU, own, rest)
     return Assessment(confidence, others, better, bool(explained))
