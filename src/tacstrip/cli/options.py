@@ -7,13 +7,16 @@ import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 from click.core import ParameterSource
 from click.decorators import FC
 
 from tacstrip.errors import OptionError, ReadingError, is_number, one_of
+
+if TYPE_CHECKING:
+    from tacstrip.sensor.spec import Sensor
 
 
 class _InDigits(click.ParamType):  # type: ignore[type-arg]
@@ -58,6 +61,13 @@ def given(*parameters: str) -> list[str]:
     context = click.get_current_context()
     names = {p.name: p.opts[-1] for p in context.command.params}
     return [names[p] for p in parameters if context.get_parameter_source(p) is ParameterSource.COMMANDLINE]
+
+
+def noise_source(given: object, sensor: Sensor) -> str:
+    """Say where the noise that a verb counts with comes from."""
+    if given:
+        return "as given"
+    return "the spec's [noise]" if sensor.noise else "estimated (give it, or see tacstrip noise)"
 
 
 def belong(applies: object, why: str, *parameters: str) -> None:

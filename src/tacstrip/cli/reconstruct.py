@@ -145,9 +145,8 @@ def command(
         raise OptionError(
             f"--truth {truth}: holds no polygon to compare with; a line or a point has no outline"
         )
-    source = "the spec's [noise]" if unit.noise else "estimated (give it, or see tacstrip noise)"
-    source = "as given" if known else source
-    _report(results, contact, unit.width_mm if unit.closed else None, "" if chosen in _NOISELESS else source)
+    source = "" if chosen in _NOISELESS else options.noise_source(known, unit)
+    _report(results, contact, unit.width_mm if unit.closed else None, source)
     if output is not None:
         write_geojson(output, results)
         note(f"{output} written")

@@ -71,10 +71,11 @@ def command(
     else:
         warn_of_input(files[-1], source)
         warn_of_cut(source)
-    tracks = track(scans, spec, noise if options.given("quantisation", "positional") else None)
+    known = noise if options.given("quantisation", "positional") else None
+    tracks = track(scans, spec, known)
     for one in tracks:
         note(_line(one))
-    note(f"{len(scans)} scan(s), {len(tracks)} object(s)")
+    note(f"{len(scans)} scan(s), {len(tracks)} object(s); noise: {options.noise_source(known, spec)}")
     if output is not None:
         if source is not None and recorded:
             _record(output, files, source, raws, tracks)
