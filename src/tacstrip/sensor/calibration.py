@@ -101,7 +101,7 @@ class Calibration:
             raise SignatureError(one_of("signature", signature, SIGNATURES))
         return Channel(signature=signature)
 
-    def with_channels(self, new: Iterable[Channel], **keys: str) -> Self:
+    def with_channels(self, new: Iterable[Channel], **keys: Any) -> Self:
         """Return it with these channels in place of those of their signatures, and with other texts."""
         new = tuple(new)
         names = {channel.signature for channel in new}
