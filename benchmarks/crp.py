@@ -18,8 +18,10 @@ from scipy.sparse.linalg import splu
 from sheet import in_turns
 
 import tacstrip as ts
+from studies import crp_spans
 from tacstrip.arrays import FloatArray
 from tacstrip.network.crp import inversion as crp
+from tacstrip.network.crp.factored import FactoredScan
 from tacstrip.network.nodal import Factored, Network
 
 LENGTH = 100.0
@@ -50,7 +52,7 @@ def band(sensor: ts.Sensor) -> tuple[FloatArray, FloatArray]:
     return np.full(sensor.strips, 40.0), np.full(sensor.strips, 60.0)
 
 
-def one_column(scan: crp.FactoredScan, l: FloatArray, u: FloatArray) -> Network:
+def one_column(scan: FactoredScan, l: FloatArray, u: FloatArray) -> Network:
     """Return the same contact on a sheet of one column a pitch, which was the mesh before: the unit."""
     mesh, strip = scan.mesh, scan.resistors.strip
     lengths = np.maximum(mesh.hat_lengths(l[strip], u[strip]), 0.0)
@@ -103,11 +105,11 @@ def main() -> None:
         for strips, rows in ((20, 100), (25, 100), (50, 100), (100, 50), (100, 100), (100, 200), (200, 100)):
             sensor = a_sensor(strips)
             l, u = shape(sensor)
-            scan = crp.FactoredScan.of_span(sensor, l, u, rows)
+            scan = crp_spans.factored_span(sensor, l, u, rows)
             jobs = (
                 partial(Factored, scan.resistors.network, scan.factored.held),
                 superlu(one_column(scan, l, u)),
-                partial(crp.all_electrodes, sensor, l, u, rows),
+                partial(crp_spans.all_electrodes, sensor, l, u, rows),
             )
             anew, lu, whole = in_turns(jobs, 9)
             print(
@@ -118,7 +120,7 @@ def main() -> None:
     print("inversion of the disc at 0.1 % noise, default mesh of 200 rows")
     for strips in (20, 50):
         sensor, each = a_sensor(strips), np.arange(strips)
-        readings = crp.all_electrodes(sensor, *disc(sensor))
+        readings = crp_spans.all_electrodes(sensor, *disc(sensor))
         readings += 1e-3 * np.random.default_rng(0).normal(size=readings.shape)
         own = readings[each, strips + each], readings[each, each]
         for name, job in (

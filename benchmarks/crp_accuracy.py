@@ -15,10 +15,12 @@ from crp_bounds import LENGTH, SCHEMES, span, wide
 from shapely import MultiPoint, Polygon
 
 import tacstrip as ts
+from studies import crp_spans
 from studies.crp import SHAPES, SIGMA, a_sensor, end_bounds
 from studies.crp_sheet import fine_sheet, spans, wide_ends
 from tacstrip.arrays import FloatArray
 from tacstrip.network.crp import inversion as crp
+from tacstrip.network.crp.cramer_rao import Electrodes
 from tacstrip.network.crp.mesh import SheetMesh
 
 POLYGONS, TAKES = 40, 2  # random contacts, and noisy scans of each
@@ -27,7 +29,7 @@ POLYGONS, TAKES = 40, 2  # random contacts, and noisy scans of each
 def invert(
     sensor: ts.Sensor,
     readings: FloatArray,
-    electrodes: crp.Electrodes,
+    electrodes: Electrodes,
     convex: bool = False,
     rows: int | None = None,
 ) -> crp.InversionResult:
@@ -75,11 +77,11 @@ def neighbours_table() -> None:
     )
     for shape in SHAPES:
         l, u = span(sensor, shape)
-        readings = crp.all_electrodes(sensor, l, u)
+        readings = crp_spans.all_electrodes(sensor, l, u)
         shift, error = [], []
         for i in np.flatnonzero(np.isfinite(l)):
             one = only(int(i), sensor.strips)
-            lone = crp.own_electrodes(sensor, l + one, u + one)[0][i]
+            lone = crp_spans.own_electrodes(sensor, l + one, u + one)[0][i]
             shift.append(abs(lone - readings[i, sensor.strips + i]))
             found = invert(sensor, readings + one[:, None], "own")
             error.append(max(abs(found.l[i] - l[i]), abs(found.u[i] - u[i])) / LENGTH * 100.0)
@@ -127,17 +129,17 @@ class Trials:
         return float(np.sqrt(np.mean(np.concatenate(over) ** 2)))
 
 
-def try_out(electrodes: crp.Electrodes) -> Trials:
+def try_out(electrodes: Electrodes) -> Trials:
     """Invert readings of the random contacts."""
     sensor, random, trials = a_sensor(), np.random.default_rng(2), Trials()
     rows = SheetMesh.of(sensor).rows
     for l, u in random_spans():
         on = wide(l, u)
-        readings = crp.all_electrodes(sensor, l, u, rows)
+        readings = crp_spans.all_electrodes(sensor, l, u, rows)
         found = invert(sensor, readings, electrodes)
         trials.networks.append(found.iterations)
         trials.clean.append(float(off(found, l, u).max()))
-        fine = invert(sensor, crp.all_electrodes(sensor, l, u, 2 * rows), electrodes)
+        fine = invert(sensor, crp_spans.all_electrodes(sensor, l, u, 2 * rows), electrodes)
         trials.finer.append(float(off(fine, l, u).max()))
         trials.bound.append(end_bounds(sensor, l, u, electrodes)[:, on])
         error = np.empty((2, TAKES, 2, on.sum()))
@@ -196,7 +198,7 @@ def constants_table() -> None:
         for shape in SHAPES:
             l, u = span(true, shape)
             rows = SheetMesh.of(true).rows
-            readings = crp.all_electrodes(true, l, u, rows)
+            readings = crp_spans.all_electrodes(true, l, u, rows)
             for e in SCHEMES:
                 found = invert(sensor, readings, e, rows=rows)
                 out = 100.0 * np.stack([l - found.l, found.u - u])[:, wide(l, u)] / LENGTH

@@ -9,12 +9,14 @@ import numpy as np
 from _tables import head, print_asked, row
 
 import tacstrip as ts
+from studies import crp_spans
 from studies.crp import SHAPES, SIGMA, a_sensor, end_bounds
 from tacstrip.arrays import BoolArray, FloatArray
-from tacstrip.network.crp import inversion as crp
+from tacstrip.network.crp.cramer_rao import Electrodes
+from tacstrip.network.crp.mesh import Wiring
 
 LENGTH = a_sensor().length_mm
-SCHEMES: tuple[crp.Electrodes, ...] = ("own", "all")
+SCHEMES: tuple[Electrodes, ...] = ("own", "all")
 SHORT = 0.05  # of L: shorter contacts do not count
 
 
@@ -33,11 +35,11 @@ def mesh_table() -> None:
     """Compare readings with those of a mesh of 1,600 rows."""
     sensor = a_sensor()
     l, u = span(sensor, "hexagon")
-    fine = np.stack(crp.own_electrodes(sensor, l, u, 1600))
+    fine = np.stack(crp_spans.own_electrodes(sensor, l, u, 1600))
     head("rows", "largest difference [Vref]", "order")
     before = np.nan
     for rows in (50, 100, 200, 400):
-        off = float(np.nanmax(np.abs(crp.own_electrodes(sensor, l, u, rows) - fine)))
+        off = float(np.nanmax(np.abs(crp_spans.own_electrodes(sensor, l, u, rows) - fine)))
         row(rows, f"{off:.2g}", "" if np.isnan(before) else f"{np.log2(before / off):.2f}")
         before = off
 
@@ -85,10 +87,10 @@ def wirings_table() -> None:
     """Show the bound for what other strips and edges are joined to."""
     sensor = a_sensor()
     wirings = {
-        "others float, edges free": crp.Wiring(),
-        "common edge bars": crp.Wiring(common_bars=True),
-        "tied grounds": crp.Wiring("tied grounds"),
-        "other strips grounded": crp.Wiring("grounded"),
+        "others float, edges free": Wiring(),
+        "common edge bars": Wiring(common_bars=True),
+        "tied grounds": Wiring("tied grounds"),
+        "other strips grounded": Wiring("grounded"),
     }
     head("median / worst", *(f"{shape}, {e}" for shape in SHAPES for e in SCHEMES))
     for name, wiring in wirings.items():
@@ -96,7 +98,7 @@ def wirings_table() -> None:
         for shape in SHAPES:
             l, u = span(sensor, shape)
             for e in SCHEMES:
-                covariance = crp.covariance(sensor, l, u, SIGMA, e, wiring=wiring)
+                covariance = crp_spans.covariance(sensor, l, u, SIGMA, e, wiring=wiring)
                 bound = 100.0 * np.sqrt(np.diag(covariance))[np.tile(wide(l, u), 2)] / LENGTH
                 cells.append(f"{np.median(bound):.2g} / {bound.max():.2g}")
         row(name, *cells)

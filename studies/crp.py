@@ -11,10 +11,11 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
+from studies import crp_spans
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.footprint import footprint
 from tacstrip.contact.shape import Contact
-from tacstrip.network.crp import inversion as crp
+from tacstrip.network.crp.cramer_rao import Electrodes
 from tacstrip.plot.scene import draw_contact, draw_sensor
 from tacstrip.plot.theme import COLOURS, add_axes, legend, new_figure
 from tacstrip.sensor.spec import Sensor
@@ -37,10 +38,10 @@ def a_sensor(**changed: Any) -> Sensor:
 
 
 def end_bounds(
-    sensor: Sensor, l: FloatArray, u: FloatArray, electrodes: crp.Electrodes, rows: int | None = None
+    sensor: Sensor, l: FloatArray, u: FloatArray, electrodes: Electrodes, rows: int | None = None
 ) -> FloatArray:
     """Return the Cramer-Rao bound of l and of u (2, strips) at 0.1 % noise [% of L]; NaN where untouched."""
-    spread = np.sqrt(np.diag(crp.covariance(sensor, l, u, SIGMA, electrodes, rows)))
+    spread = np.sqrt(np.diag(crp_spans.covariance(sensor, l, u, SIGMA, electrodes, rows)))
     return 100.0 * spread.reshape(2, -1) / sensor.length_mm
 
 
@@ -63,7 +64,7 @@ class ErrorMap:
 
 
 def error_map(
-    electrodes: crp.Electrodes,
+    electrodes: Electrodes,
     sensor: Sensor | None = None,
     wide: int = _WIDE,
     long_percent: float = _LONG,
@@ -137,7 +138,7 @@ def strip_bounds_figure() -> Figure:
     left, right = add_axes(figure, 1, 2, 1), add_axes(figure, 1, 2, 2)
     draw_sensor(left, sensor)
     draw_contact(left, contact)
-    schemes: tuple[crp.Electrodes, ...] = ("own", "all")
+    schemes: tuple[Electrodes, ...] = ("own", "all")
     for electrodes, style, strong, shift in zip(schemes, ("-", "--"), (1.0, 0.5), (-0.8, 0.8), strict=True):
         bound = end_bounds(sensor, l, u, electrodes)
         for y, error, colour, name in zip((l, u), bound, (COLOURS["kl"], COLOURS["kh"]), "lu", strict=True):
@@ -162,7 +163,7 @@ def strip_bounds_figure() -> Figure:
 
 def sheet_potentials(strip: int, l: FloatArray, u: FloatArray, sensor: Sensor | None = None) -> FloatArray:
     """Return the sheet's potentials (strips, rows + 1) [Vref] while one strip is energised, the others floating."""
-    scan = crp.FactoredScan.of_span(sensor or a_sensor(), l, u)
+    scan = crp_spans.factored_span(sensor or a_sensor(), l, u)
     nodes, t = scan.resistors, scan.resistors.strip == strip
     sheet = np.concatenate([nodes.top[t], nodes.bottom[t], nodes.centre_node.ravel()])
     top, ground, *potentials = scan.factored.fed(nodes.top[t], nodes.bottom[t], sheet)[:, 0]

@@ -107,8 +107,9 @@ def _first(kind: Kind) -> type:
 def _instead(value: object, kind: type, many: bool) -> str:
     """Say what to write in place of a value; with the value itself where that is plain."""
     name = kind.__name__
+    make = _MAKE.get(name, f"ts.{name}(...)")
     if many:
-        return "[it], a list" if isinstance(value, kind) else f"a list of them, each as {_make(name)}"
+        return "[it], a list" if isinstance(value, kind) else f"a list of them, each as {make}"
     if name == "Sensor" and isinstance(value, str | Path):
         return f"ts.Sensor.load({str(value)!r})"
     if name == "Sensor" and type(value).__name__ == "LayeredSensor":
@@ -121,11 +122,7 @@ def _instead(value: object, kind: type, many: bool) -> str:
         return f"one {name} at a time"
     if name == "Sensor" and isinstance(value, Mapping):
         return "ts.Sensor(**keys), or ts.Sensor.from_dict(keys) for those of a spec file"
-    return _make(name)
-
-
-def _make(name: str) -> str:
-    return _MAKE.get(name, f"ts.{name}(...)")
+    return make
 
 
 def _shown(value: object) -> str:

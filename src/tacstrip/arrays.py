@@ -31,6 +31,13 @@ def numbers(values: npt.ArrayLike) -> FloatArray:
     return np.array(values, dtype=float)
 
 
+def finite_runs(points: FloatArray, least: int = 1) -> list[FloatArray]:
+    """Return the parts (N, dimensions) of a line that NaN parts, those of `least` points or more."""
+    known = np.isfinite(points).all(axis=1)
+    edges = np.flatnonzero(np.diff(known.astype(np.int8), prepend=0, append=0))
+    return [points[a:b] for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= least]
+
+
 def extent(values: FloatArray) -> str:
     """Write the range of values in a few words, such as "0.2 to 0.51"; NaN does not count."""
     known = values[np.isfinite(values)]

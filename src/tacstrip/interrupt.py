@@ -9,7 +9,7 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from multiprocessing import active_children, get_context
 from types import FrameType
 from typing import TypeVar
@@ -35,11 +35,9 @@ def _handled(handler: Callable[[int, FrameType | None], object]) -> Iterator[Non
             signal.signal(number, signal.SIG_DFL if old is None else old)
 
 
-@contextmanager
-def all_as_ctrl_c() -> Iterator[None]:
+def all_as_ctrl_c() -> AbstractContextManager[None]:
     """While entered, all that ends a program raises `KeyboardInterrupt`, so that no part of a file is left."""
-    with _handled(signal.default_int_handler):
-        yield
+    return _handled(signal.default_int_handler)
 
 
 class Stop:

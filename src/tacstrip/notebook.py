@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tacstrip.arrays import FloatArray
+from tacstrip.arrays import FloatArray, finite_runs
 
 SKIN, STRIP, GREY = "#e6e2d8", "#b9b19d", "#555555"
 VERMILION, BLUE, GREEN = "#cc5500", "#0072b2", "#007d5c"
@@ -47,7 +47,7 @@ def drawing(paths: Sequence[SvgPath], title: str) -> str:
         look = f'fill="{path.fill}" fill-opacity="{path.opacity:g}" stroke="{path.stroke}" stroke-linecap="round"'
         pieces = "".join(
             "M" + " ".join(f"{x - low[0]:.6g},{high[1] - y:.6g}" for x, y in piece) + _end(piece, path.closed)
-            for piece in _pieces(path.points)
+            for piece in finite_runs(path.points)
         )
         lines.append(
             f'<path d="{pieces}" {look} stroke-width="{path.width / scale:.6g}" fill-rule="evenodd"/>'
@@ -106,13 +106,6 @@ def strip_paths(strips: int, pitch_mm: float, strip_width_mm: float, length_mm: 
             corners = zip(sides, (0.0, 0.0, length_mm, length_mm), strict=True)
             drawn.append(SvgPath(np.array([(x + side, y) for side, y in corners]), fill=STRIP, opacity=0.6))
     return drawn
-
-
-def _pieces(points: FloatArray) -> list[FloatArray]:
-    """Return the parts (N, 2) of a line that NaN parts."""
-    known = np.isfinite(points).all(axis=1)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], known, [False]]).astype(np.int8)))
-    return [points[a:b] for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def _end(piece: FloatArray, closed: bool) -> str:

@@ -124,7 +124,7 @@ def simulate(
         strips = np.arange(sensor.strips)
         every = np.full((sensor.strips, 2 * sensor.strips), np.nan)
         if np.isfinite(footprint(sensor, contact).l).any():
-            every = contact_electrodes(sensor, contact, wiring=wiring)
+            every = contact_electrodes(sensor, contact, wiring)
         if electrodes == "all":
             return Scan.of_electrodes(_measured(process, {"all": every}, time_s)["all"], time_s)
         own = {"kh": every[strips, sensor.strips + strips], "kl": every[strips, strips]}

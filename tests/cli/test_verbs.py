@@ -285,11 +285,6 @@ BAD = {
         _write("r.csv", HEAD + "".join(f"0,0,{i},1,1\n" for i in range(3))),
         "--vertices is for --method polygon; leave it out for profile",
     ),
-    "width of a profile": (
-        (*_REC, "--method", "profile", "--wide"),
-        _write("r.csv", HEAD + "".join(f"0,0,{i},1,1\n" for i in range(3))),
-        "--wide is gone: strip_width_mm in the spec makes strips as wide; leave the option out",
-    ),
     "two vertices": (
         (*_REC, "--vertices", "2"),
         _write("r.csv", HEAD + "".join(f"0,0,{i},1,1\n" for i in range(3))),

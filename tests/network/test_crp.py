@@ -10,12 +10,15 @@ import numpy as np
 import pytest
 
 import tacstrip as ts
+from studies import crp_spans
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.errors import ContactError, NetworkError, ReadingError, SpecError
 from tacstrip.network.crp import inversion as crp
 from tacstrip.network.crp.constraints import constrained_step
-from tacstrip.network.crp.inversion import Wiring
-from tacstrip.network.crp.mesh import SheetMesh
+from tacstrip.network.crp.cramer_rao import Electrodes
+from tacstrip.network.crp.factored import FactoredScan
+from tacstrip.network.crp.mesh import SheetMesh, Wiring
+from tacstrip.network.crp.readings import contact_electrodes, measurements
 from tacstrip.network.nodal import solve, solve_measurement
 
 L = 100.0
@@ -65,10 +68,10 @@ def a_small_case() -> tuple[ts.Sensor, FloatArray, FloatArray]:
 @pytest.mark.parametrize("wiring", WIRINGS, ids=str)
 def test_a_scan_agrees_with_the_plain_solver_strip_by_strip(wiring: Wiring) -> None:
     sensor, l, u = a_small_case()
-    kh, kl = crp.own_electrodes(sensor, l, u, 30, wiring)
-    every = crp.all_electrodes(sensor, l, u, 30, wiring)
-    scan = crp.FactoredScan.of_span(sensor, l, u, 30, wiring)
-    asked = crp.measurements(scan.resistors, wiring)
+    kh, kl = crp_spans.own_electrodes(sensor, l, u, 30, wiring)
+    every = crp_spans.all_electrodes(sensor, l, u, 30, wiring)
+    scan = crp_spans.factored_span(sensor, l, u, 30, wiring)
+    asked = measurements(scan.resistors, wiring)
     assert list(asked) == np.flatnonzero(np.isfinite(l)).tolist()
     for i, measurement in asked.items():
         plain = solve_measurement(measurement)
@@ -87,7 +90,7 @@ def test_one_strip_worked_by_hand() -> None:
     # Half of the antisymmetric ladder: the middle is at 1/2. From an end at 0: rung, then r1 h to the middle.
     rung, along = 1.0 / (g * (50.0 - inwards) ** 2 / 100.0), r1 * 50.0
     expected = 0.5 * rung / (rung + along)
-    kh, kl = crp.own_electrodes(sensor, np.array([0.0]), np.array([L]), rows=2)
+    kh, kl = crp_spans.own_electrodes(sensor, np.array([0.0]), np.array([L]), rows=2)
     assert kl[0] == pytest.approx(expected, abs=1e-14)
     assert kh[0] == pytest.approx(1.0 - expected, abs=1e-14)
 
@@ -95,8 +98,8 @@ def test_one_strip_worked_by_hand() -> None:
 def test_a_mirrored_contact_reads_mirrored() -> None:
     sensor = a_sensor()
     l, u = span(sensor)
-    kh, kl = crp.own_electrodes(sensor, l, u)
-    kh2, kl2 = crp.own_electrodes(sensor, L - u[::-1], L - l[::-1])
+    kh, kl = crp_spans.own_electrodes(sensor, l, u)
+    kh2, kl2 = crp_spans.own_electrodes(sensor, L - u[::-1], L - l[::-1])
     np.testing.assert_allclose(kh2, 1.0 - kl[::-1], rtol=0, atol=1e-11)
     np.testing.assert_allclose(kl2, 1.0 - kh[::-1], rtol=0, atol=1e-11)
 
@@ -106,15 +109,17 @@ def test_a_point_reads_its_place_whatever_the_sheet() -> None:
     sensor = a_sensor()
     l = np.full(20, np.nan)
     l[7] = 31.4
-    every = crp.all_electrodes(sensor, l, l)
+    every = crp_spans.all_electrodes(sensor, l, l)
     np.testing.assert_allclose(every[7], 0.314, rtol=0, atol=1e-6)
 
 
 def test_readings_converge_with_the_square_of_the_cell() -> None:
     sensor = a_sensor(contact_lambda_mm=8.0)
     l, u = span(sensor)
-    fine = np.stack(crp.own_electrodes(sensor, l, u, 1600))
-    error = [np.nanmax(np.abs(crp.own_electrodes(sensor, l, u, rows) - fine)) for rows in (25, 50, 100, 200)]
+    fine = np.stack(crp_spans.own_electrodes(sensor, l, u, 1600))
+    error = [
+        np.nanmax(np.abs(crp_spans.own_electrodes(sensor, l, u, rows) - fine)) for rows in (25, 50, 100, 200)
+    ]
     order = np.log2(np.array(error[:-1]) / error[1:])
     assert np.all((order > 1.7) & (order < 2.4)), order
 
@@ -124,13 +129,13 @@ def test_two_pieces_on_a_strip_count_as_two() -> None:
     both = ts.Contact.from_wkt(
         "MULTIPOLYGON(((10 10,90 10,90 30,10 30,10 10)),((10 60,90 60,90 80,10 80,10 60)))"
     )
-    hull = crp.all_electrodes(sensor, *ts.footprint(sensor, both))
-    pieces = crp.contact_electrodes(sensor, both)
+    hull = crp_spans.all_electrodes(sensor, *ts.footprint(sensor, both))
+    pieces = contact_electrodes(sensor, both)
     assert np.nanmax(np.abs(hull - pieces)) > 1e-3
     one = ts.Contact.polygon(SHAPES["triangle"])
     np.testing.assert_allclose(
-        crp.contact_electrodes(sensor, one),
-        crp.all_electrodes(sensor, *ts.footprint(sensor, one)),
+        contact_electrodes(sensor, one),
+        crp_spans.all_electrodes(sensor, *ts.footprint(sensor, one)),
         atol=1e-13,
     )
 
@@ -138,11 +143,11 @@ def test_two_pieces_on_a_strip_count_as_two() -> None:
 def test_neighbours_shift_readings_by_a_tenth_of_vref() -> None:
     sensor = a_sensor()
     l, u = span(sensor)
-    kh, _ = crp.own_electrodes(sensor, l, u)
+    kh, _ = crp_spans.own_electrodes(sensor, l, u)
     alone = np.full(20, np.nan)
     for i in np.flatnonzero(np.isfinite(l)):
         only = np.where(np.arange(20) == i, 0.0, np.nan)
-        alone[i] = crp.own_electrodes(sensor, l + only, u + only)[0][i]
+        alone[i] = crp_spans.own_electrodes(sensor, l + only, u + only)[0][i]
     assert 0.05 < np.nanmax(np.abs(kh - alone)) < 0.3
 
 
@@ -154,14 +159,15 @@ def test_the_adjoint_jacobian_agrees_with_differences(wiring: Wiring) -> None:
     sensor, l, u = a_small_case()
     l[3], u[4] = 2.0, 97.0  # differences need room on both sides
     touched = np.flatnonzero(np.isfinite(l))
-    scan = crp.FactoredScan.of_span(sensor, l, u, 30, wiring)
+    scan = crp_spans.factored_span(sensor, l, u, 30, wiring)
     slope = scan.jacobian(np.r_[l[touched], u[touched]], np.tile(np.arange(16), (7, 1)))
     assert slope.shape == (7, 16, 14)
     for at in range(14):
         step = np.zeros((2, 8))
         step[at // 7, touched[at % 7]] = 1e-4
         after, before = (
-            crp.all_electrodes(sensor, l + sign * step[0], u + sign * step[1], 30, wiring) for sign in (1, -1)
+            crp_spans.all_electrodes(sensor, l + sign * step[0], u + sign * step[1], 30, wiring)
+            for sign in (1, -1)
         )
         np.testing.assert_allclose(slope[:, :, at], (after - before)[touched] / 2e-4, rtol=0, atol=1e-9)
 
@@ -173,7 +179,7 @@ def test_slopes_do_not_jump_where_an_end_passes_a_node() -> None:
 
     def at(end: float) -> FloatArray:
         l[0] = end
-        return crp.FactoredScan.of_span(sensor, l, u, 50).jacobian(np.r_[l[touched], u[touched]], columns)
+        return crp_spans.factored_span(sensor, l, u, 50).jacobian(np.r_[l[touched], u[touched]], columns)
 
     before, on, after = (at(20.0 + d) for d in (-1e-7, 0.0, 1e-7))
     np.testing.assert_allclose(before, after, rtol=0, atol=1e-8)
@@ -194,8 +200,8 @@ def error(sensor: ts.Sensor, found: crp.InversionResult, l: FloatArray, u: Float
 def test_clean_readings_give_l_and_u_back(shape: str, convex: bool) -> None:
     sensor = a_sensor()
     l, u = span(sensor, shape)
-    own = crp.invert(sensor, *crp.own_electrodes(sensor, l, u, 60), convex=convex, rows=60)
-    every = crp.invert_all(sensor, crp.all_electrodes(sensor, l, u, 60), convex=convex, rows=60)
+    own = crp.invert(sensor, *crp_spans.own_electrodes(sensor, l, u, 60), convex=convex, rows=60)
+    every = crp.invert_all(sensor, crp_spans.all_electrodes(sensor, l, u, 60), convex=convex, rows=60)
     for found in (own, every):
         assert np.nanmax(error(sensor, found, l, u)) < 1e-9
         assert "not converged" not in found.status
@@ -209,12 +215,12 @@ def test_most_of_the_way_is_gone_on_a_coarser_mesh(
 ) -> None:
     sensor = a_sensor(contact_lambda_mm=contact_lambda_mm)
     l, u = span(sensor, "triangle")
-    kh, kl = crp.own_electrodes(sensor, l, u)
+    kh, kl = crp_spans.own_electrodes(sensor, l, u)
     rows: list[int] = []
 
-    def counted(mesh: SheetMesh, *rest: Any) -> crp.FactoredScan:
+    def counted(mesh: SheetMesh, *rest: Any) -> FactoredScan:
         rows.append(mesh.rows)
-        return crp.FactoredScan(mesh, *rest)
+        return FactoredScan(mesh, *rest)
 
     monkeypatch.setattr("tacstrip.network.crp.descent.FactoredScan", counted)
     found = crp.invert(sensor, kh, kl)
@@ -227,7 +233,7 @@ def test_most_of_the_way_is_gone_on_a_coarser_mesh(
 def test_other_wirings_invert_too(wiring: Wiring) -> None:
     sensor = a_sensor()
     l, u = span(sensor)
-    readings = crp.all_electrodes(sensor, l, u, 40, wiring)
+    readings = crp_spans.all_electrodes(sensor, l, u, 40, wiring)
     found = crp.invert_all(sensor, readings, rows=40, wiring=wiring)
     assert np.nanmax(error(sensor, found, l, u)) < 1e-9
 
@@ -237,7 +243,7 @@ def test_readings_of_a_mesh_twice_as_fine(shape: str) -> None:
     sensor = a_sensor(contact_lambda_mm=3.0)
     l, u = span(sensor, shape)
     rows = SheetMesh.of(sensor).rows
-    found = crp.invert(sensor, *crp.own_electrodes(sensor, l, u, 2 * rows))
+    found = crp.invert(sensor, *crp_spans.own_electrodes(sensor, l, u, 2 * rows))
     assert np.nanmax(error(sensor, found, l, u)) < 1e-3
 
 
@@ -245,7 +251,7 @@ def test_strip_by_strip_fails() -> None:
     """Each strip alone on the sheet, neighbours ignored: wrong by far more than noise would explain."""
     sensor = a_sensor()
     l, u = span(sensor)
-    kh, kl = crp.own_electrodes(sensor, l, u, 50)
+    kh, kl = crp_spans.own_electrodes(sensor, l, u, 50)
     alone = np.full(20, np.nan)
     for i in np.flatnonzero(np.isfinite(kh)):
         only = np.where(np.arange(20) == i, 0.0, np.nan)
@@ -259,14 +265,14 @@ def test_strip_by_strip_fails() -> None:
 
 @cache
 def noise_over_bound(
-    shape: str, electrodes: crp.Electrodes, trials: int, rows: int = 50
+    shape: str, electrodes: Electrodes, trials: int, rows: int = 50
 ) -> tuple[FloatArray, FloatArray]:
     """Errors (trials, ends) and the bound (ends,) of strips with w >= 5 % of L, at 0.1 % noise."""
     sensor, sigma, random = a_sensor(contact_lambda_mm=4.0), 1e-3, np.random.default_rng(5)
     l, u = span(sensor, shape)
     wide: BoolArray = np.tile(u - l >= 0.05 * L, 2)
-    bound = np.sqrt(np.diag(crp.covariance(sensor, l, u, sigma, electrodes, rows)))[wide]
-    clean = crp.all_electrodes(sensor, l, u, rows)
+    bound = np.sqrt(np.diag(crp_spans.covariance(sensor, l, u, sigma, electrodes, rows)))[wide]
+    clean = crp_spans.all_electrodes(sensor, l, u, rows)
     each, errors = np.arange(20), []
     for _ in range(trials):
         k = clean + sigma * random.normal(size=clean.shape)
@@ -279,7 +285,7 @@ def noise_over_bound(
 
 
 @pytest.mark.parametrize("electrodes", ["own", "all"])
-def test_noise_costs_what_the_bound_says(electrodes: crp.Electrodes) -> None:
+def test_noise_costs_what_the_bound_says(electrodes: Electrodes) -> None:
     errors, bound = noise_over_bound("hexagon", electrodes, 30, rows=25)
     over = np.sqrt((errors**2).mean(axis=0)) / bound
     assert 0.8 < np.sqrt((over**2).mean()) < 1.25
@@ -289,7 +295,7 @@ def test_noise_costs_what_the_bound_says(electrodes: crp.Electrodes) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize("electrodes", ["own", "all"])
-def test_noise_costs_what_the_bound_says_end_by_end(shape: str, electrodes: crp.Electrodes) -> None:
+def test_noise_costs_what_the_bound_says_end_by_end(shape: str, electrodes: Electrodes) -> None:
     errors, bound = noise_over_bound(shape, electrodes, 200)
     over = np.sqrt((errors**2).mean(axis=0)) / bound
     assert over.max() < 1.25
@@ -304,7 +310,7 @@ def test_all_electrodes_of_a_wide_contact_reach_half_a_permille() -> None:
 def test_convexity_helps() -> None:
     sensor, random = a_sensor(contact_lambda_mm=4.0), np.random.default_rng(3)
     l, u = span(sensor, "slanted band")
-    clean = np.stack(crp.own_electrodes(sensor, l, u, 50))
+    clean = np.stack(crp_spans.own_electrodes(sensor, l, u, 50))
     total = {False: 0.0, True: 0.0}
     for _ in range(6):
         kh, kl = clean + 1e-3 * random.normal(size=clean.shape)
@@ -321,7 +327,7 @@ def test_convexity_helps() -> None:
 def test_a_wrong_lambda_moves_both_ends_outwards_or_inwards() -> None:
     sensor = a_sensor()
     l, u = span(sensor, "triangle")
-    kh, kl = crp.own_electrodes(sensor, l, u, 50)
+    kh, kl = crp_spans.own_electrodes(sensor, l, u, 50)
     for wrong in (0.9, 1.1):
         found = crp.invert(a_sensor(contact_lambda_mm=2.0 * wrong), kh, kl, rows=50)
         shift = np.nanmedian(np.stack([l - found.l, found.u - u]), axis=1)
@@ -333,7 +339,7 @@ def test_floating_strips_and_free_edges_are_the_best_wiring() -> None:
     sensor = a_sensor()
     l, u = span(sensor)
     bound = [
-        np.nanmedian(np.diag(crp.covariance(sensor, l, u, rows=50, wiring=wiring))) ** 0.5
+        np.nanmedian(np.diag(crp_spans.covariance(sensor, l, u, rows=50, wiring=wiring))) ** 0.5
         for wiring in (Wiring(), Wiring(common_bars=True), Wiring("grounded"))
     ]
     assert 2.0 * bound[0] < bound[1] < bound[2] / 2.0
@@ -342,7 +348,7 @@ def test_floating_strips_and_free_edges_are_the_best_wiring() -> None:
 def test_a_point_has_a_bound_that_is_large_and_finite() -> None:
     sensor = a_sensor(strips=5)
     l = np.full(5, 40.0)
-    bound = np.diag(crp.covariance(sensor, l, l, rows=50))
+    bound = np.diag(crp_spans.covariance(sensor, l, l, rows=50))
     assert np.isfinite(bound).all()
     assert bound.min() > L**2
 
@@ -353,7 +359,7 @@ def test_short_contacts_say_so() -> None:
     l[3:16] = 40.0
     u[3:16] = 60.0
     u[3] = 42.0
-    found = crp.invert(sensor, *crp.own_electrodes(sensor, l, u, 50), rows=50)
+    found = crp.invert(sensor, *crp_spans.own_electrodes(sensor, l, u, 50), rows=50)
     assert found.status[2:5] == ("no contact", "short contact", "ok")
     assert found.advice.startswith("1 strips have a contact shorter than 5 % of their length")
     sigma = np.sqrt(np.diag(found.covariance)[:20])
@@ -363,8 +369,8 @@ def test_short_contacts_say_so() -> None:
 def test_the_covariance_is_that_of_the_noise() -> None:
     sensor = a_sensor()
     l, u = span(sensor)
-    found = crp.invert(sensor, *crp.own_electrodes(sensor, l, u, 50), sigma=2e-3, rows=50)
-    expected = crp.covariance(sensor, l, u, 2e-3, "own", 50)
+    found = crp.invert(sensor, *crp_spans.own_electrodes(sensor, l, u, 50), sigma=2e-3, rows=50)
+    expected = crp_spans.covariance(sensor, l, u, 2e-3, "own", 50)
     expected += SheetMesh.of(sensor, 50).error_mm ** 2 * np.eye(40)
     assert found.covariance.shape == (40, 40)
     np.testing.assert_allclose(found.covariance, expected, rtol=1e-5)
@@ -406,7 +412,7 @@ def test_a_step_within_limits_is_the_best_one() -> None:
 )
 def test_contacts_that_cannot_be(l: list[float], u: list[float], message: str) -> None:
     with pytest.raises(ContactError, match=re.escape(message)):
-        crp.own_electrodes(a_sensor(strips=3), np.array(l, dtype=float), np.array(u, dtype=float))
+        crp_spans.own_electrodes(a_sensor(strips=3), np.array(l, dtype=float), np.array(u, dtype=float))
 
 
 def test_sensors_that_cannot_be() -> None:
@@ -415,15 +421,15 @@ def test_sensors_that_cannot_be() -> None:
         a_sensor(contact_lambda_mm=0.0)
     ideal = ts.Sensor(construction="crs-crs", strips=1, pitch_mm=1.0, length_mm=L)
     with pytest.raises(SpecError, match=r"contact_lambda_mm = 0.0: .*set it above 0"):
-        crp.own_electrodes(ideal, l, u)
+        crp_spans.own_electrodes(ideal, l, u)
     metal = ts.Sensor(construction="crs-m", strips=1, pitch_mm=1.0, length_mm=L, contact_lambda_mm=1.0)
     with pytest.raises(SpecError, match=r"resistivity_ratio = 0.0: .*metal is a CRS-M sensor"):
-        crp.own_electrodes(metal, l, u)
+        crp_spans.own_electrodes(metal, l, u)
     for ratio in (0.0, -2.0):
         with pytest.raises(SpecError, match="resistivity_ratio"):
             a_sensor(resistivity_ratio=ratio)
     with pytest.raises(SpecError, match="rows = 1: a mesh needs 2"):
-        crp.own_electrodes(a_sensor(strips=1), l, u, rows=1)
+        crp_spans.own_electrodes(a_sensor(strips=1), l, u, rows=1)
 
 
 def test_readings_that_cannot_be() -> None:
@@ -446,4 +452,4 @@ def test_options_that_do_not_exist() -> None:
     sensor = a_sensor(strips=2)
     l, u = np.array([10.0, np.nan]), np.array([30.0, np.nan])
     with pytest.raises(NetworkError, match="electrodes 'some' does not exist; choose one of: own, all"):
-        crp.covariance(sensor, l, u, electrodes="some")  # type: ignore[arg-type]
+        crp_spans.covariance(sensor, l, u, electrodes="some")  # type: ignore[arg-type]

@@ -11,9 +11,9 @@ import pytest
 from click.testing import CliRunner
 
 import tacstrip as ts
+from studies.crp_spans import own_electrodes
 from tacstrip.cli import cli
 from tacstrip.network import Imperfections
-from tacstrip.network.crp.inversion import own_electrodes
 
 SHEET = ts.Sensor(
     construction="crs-crp", strips=20, pitch_mm=5, length_mm=100, resistivity_ratio=100, contact_lambda_mm=2

@@ -13,9 +13,11 @@ import numpy as np
 import pytest
 
 import tacstrip as ts
+from studies import crp_spans
 from studies.digital_array import array_measurements
 from tacstrip.network import ArrayWiring, Imperfections, Readout, Short, scan_array
-from tacstrip.network.crp import inversion as crp
+from tacstrip.network.crp.mesh import Wiring
+from tacstrip.network.crp.readings import measurements as sheet_measurements
 from tacstrip.network.devices.digital_array import ISOLATIONS
 from tacstrip.network.nodal import Measurement, Network, solve_measurement
 from tacstrip.network.spice import deck
@@ -129,10 +131,10 @@ def test_ngspice_agrees_on_the_digital_array(tmp_path: Path, isolation: str, wir
 @needs_ngspice
 @pytest.mark.parametrize(
     "wiring",
-    [crp.Wiring(), crp.Wiring("tied grounds"), crp.Wiring("grounded"), crp.Wiring(common_bars=True)],
+    [Wiring(), Wiring("tied grounds"), Wiring("grounded"), Wiring(common_bars=True)],
     ids=lambda wiring: f"{wiring.others}, bars {wiring.common_bars}",
 )
-def test_ngspice_agrees_on_strips_over_a_resistive_sheet(tmp_path: Path, wiring: crp.Wiring) -> None:
+def test_ngspice_agrees_on_strips_over_a_resistive_sheet(tmp_path: Path, wiring: Wiring) -> None:
     sensor = ts.Sensor(
         construction="crs-crp",
         strips=6,
@@ -145,9 +147,9 @@ def test_ngspice_agrees_on_strips_over_a_resistive_sheet(tmp_path: Path, wiring:
     )
     contact = ts.Contact.polygon([(3, 12), (26, 20), (20, 50), (6, 40)])
     l, u = ts.footprint(sensor, contact)
-    kh, kl = crp.own_electrodes(sensor, l, u, 30, wiring)
+    kh, kl = crp_spans.own_electrodes(sensor, l, u, 30, wiring)
     touched = np.flatnonzero(~np.isnan(l))
-    asked = crp.measurements(crp.FactoredScan.of_span(sensor, l, u, 30, wiring).resistors, wiring)
+    asked = sheet_measurements(crp_spans.factored_span(sensor, l, u, 30, wiring).resistors, wiring)
     printed = _run(tmp_path, deck("crs-crp", {str(s): m for s, m in asked.items()}, sensor.vref_volt))
     assert len(printed) == 2 * len(touched) > 6
     for name, values in (("vh", kh), ("vl", kl)):

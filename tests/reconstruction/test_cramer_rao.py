@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 import tacstrip as ts
 from polygons import convex_polygon, from_left
 from strategies import FIXED, ratios, spans
+from studies.crp_spans import own_electrodes
 from tacstrip.arrays import FloatArray
 from tacstrip.errors import ContactError, ReadingError, SignatureError
 from tacstrip.fisher import covariance
 from tacstrip.geometry.outline import Outline
-from tacstrip.network.crp.readings import own_electrodes
 from tacstrip.reconstruction.cramer_rao import (
     reading_sigma,
     vertex_covariance,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from studies import crp_spans
 from studies.crp import (
     FIGURES,
     SHAPES,
@@ -15,7 +16,6 @@ from studies.crp import (
     sheet_potentials,
 )
 from tacstrip.contact.footprint import footprint
-from tacstrip.network.crp import inversion as crp
 
 
 def test_the_map_is_its_own_mirror_image() -> None:
@@ -32,7 +32,7 @@ def test_a_map_of_one_position_is_that_contact_s_bound() -> None:
     small = a_sensor(strips=4)
     found = error_map("all", small, wide=4, long_percent=30.0, places=3, rows=25)
     l, u = np.full(4, 35.0), np.full(4, 65.0)
-    covariance = crp.covariance(small, l, u, SIGMA, "all", 25)
+    covariance = crp_spans.covariance(small, l, u, SIGMA, "all", 25)
     np.testing.assert_allclose(np.r_[found.l[:, 1], found.u[:, 1]], np.sqrt(np.diag(covariance)), rtol=1e-9)
 
 
@@ -55,7 +55,7 @@ def test_bounds_are_nan_beside_the_contact() -> None:
 def test_the_sheet_ends_in_what_the_electrodes_read() -> None:
     sensor = a_sensor()
     l, u = footprint(sensor, SHAPES["hexagon"])
-    kh, kl = crp.own_electrodes(sensor, l, u)
+    kh, kl = crp_spans.own_electrodes(sensor, l, u)
     sheet = sheet_potentials(7, l, u)
     assert (sheet[7, 0], sheet[7, -1]) == pytest.approx((kl[7], kh[7]), rel=1e-12)
     # A current flows through the sheet from the contact's upper end to its lower one, and nowhere else in or out.

@@ -21,10 +21,8 @@ from tacstrip.sensor.raw import invert_calibration, touched
 from tacstrip.sensor.spec import Sensor
 
 _FURTHEST = 0.05  # of Vref: a strip that moved more is touched, or broken
-_MOST_STEP, _LEAST_NOISE = (
-    3.0,
-    1e-3,
-)  # standard deviations of the noise that a reading counts, and the least [Vref]
+# Standard deviations of the noise that a reading counts, and the least [Vref].
+_MOST_STEP, _LEAST_NOISE = 3.0, 1e-3
 _RESTLESS = 5.0  # times the learned noise: a strip that varies more is touched
 
 
@@ -91,9 +89,8 @@ def rezero(
 def with_drift(sensor: Sensor, drift: Mapping[str, FloatArray], source: str) -> Sensor:
     """Return the sensor with the given drift by signature (strips,) over Vref, and where it comes from."""
     old = sensor.calibration or Calibration(sensor=sensor.fingerprint)
-    kept = [c for c in old.channels if c.signature not in drift]
-    new = [replace(old.channel(name), drift=tuple(values)) for name, values in drift.items()]
-    return replace(sensor, calibration=replace(old, channels=(*kept, *new), zeroed=source))
+    new = (replace(old.channel(name), drift=tuple(values)) for name, values in drift.items())
+    return replace(sensor, calibration=old.with_channels(new, zeroed=source))
 
 
 def _readings_without_drift(

@@ -264,11 +264,8 @@ def _sigma(
     """
     white = here.whiten(residual)
     if first or not (weight > 0.0).any():
-        return np.maximum(
-            _LEAST_SIGMA,
-            old
-            * [float(robust_sigma((e / r)[weight > 0.0])) for e, r in zip(white, redundancy, strict=True)],
-        )
+        scale = [float(robust_sigma((e / r)[weight > 0.0])) for e, r in zip(white, redundancy, strict=True)]
+        return np.maximum(_LEAST_SIGMA, old * scale)
     counts = weight > 0.0
     square = [
         float((e[counts] ** 2).sum() / max((r[counts] ** 2).sum(), 1e-9))

@@ -17,9 +17,8 @@ from tacstrip.io.runs import Runs
 from tacstrip.sensor.spec import Sensor
 
 _FAR_BETTER = 1.0 / 3.0  # of the residual as the runs are read: another interpretation must leave less
-_HOPELESS = (
-    2.0  # times the residual of a usable fit: where the planned model leaves more, no part of it is usable
-)
+# Times the residual of a usable fit: where the planned model leaves more, no part of it is usable.
+_HOPELESS = 2.0
 _LEAST = 0.003  # over Vref: a residual below this is no misreading
 _UNITS = {
     10.0: "centimetres",

@@ -71,11 +71,8 @@ def possible_errors(runs: Runs, length_mm: float) -> list[PlaceErrors]:
     if runs.l_sd_mm is None and runs.w_sd_mm is None:
         exact = there * np.stack([np.ones_like(l), (w > 0.0).astype(float)]) * length_mm
         group = _both(press, press)
-        return (
-            [PlaceErrors(exact * sd, group, "press", stated=False) for sd in _UNKNOWN]
-            if group.max() < _MOST
-            else []
-        )
+        tried = _UNKNOWN if group.max() < _MOST else ()
+        return [PlaceErrors(exact * sd, group, "press", stated=False) for sd in tried]
     zero = np.zeros_like(l)
     sd = np.stack([zero if v is None else np.where(there, v, 0.0) for v in (runs.l_sd_mm, runs.w_sd_mm)])
     found = [PlaceErrors(sd, None, "row")]

@@ -24,9 +24,8 @@ _MOST = 400  # contacts; more than five times the thesis' 81 and a long day
 _TOP = 14.0 / 15.0  # of the length
 _LENGTHS = (0, 5, 10)  # units, as in 6.1.1
 _OTHER_LENGTHS = (0, 5, 10, 15)  # units: of contacts that shall be read well
-_REDUNDANT = (
-    2  # readings of a strip for each parameter, at least: a spoilt row then stands out from the others
-)
+# Readings of a strip for each parameter, at least: a spoilt row then stands out from the others.
+_REDUNDANT = 2
 _UNEVEN = 0.06  # spread of the resistivity along y that `uneven` is planned for, over its mean
 
 
@@ -113,14 +112,8 @@ def plan(
         _reading_jacobian(sensor, parts, p) / sigma  # (places, signatures, parameters)
         for p in (places, _places(sensor, step, _OTHER_LENGTHS))
     )
-    counts, worst, spread = _design(
-        by,
-        other,
-        len(parts.shared),
-        sensor.strips,
-        0.01 * wanted_percent / sigma,
-        _prior_information(parts, sensor),
-    )
+    wanted, prior = 0.01 * wanted_percent / sigma, _prior_information(parts, sensor)
+    counts, worst, spread = _design(by, other, len(parts.shared), sensor.strips, wanted, prior)
     names = (*parts.shared, *parts.own(sensor.signatures))
     contacts = tuple((float(l), float(w), counts[i]) for i, (l, w) in enumerate(places) if counts[i])
     return Plan(

@@ -55,11 +55,10 @@ def learn_touch(sensor: Sensor, raw: Mapping[str, FloatArray], *, source: str = 
     """
     levels = {name: _untouched_level(sensor, name, values) for name, values in _filled(sensor, raw).items()}
     calibration = sensor.calibration or Calibration(sensor=sensor.fingerprint)
-    new = [
+    new = (
         replace(calibration.channel(name), rest=tuple(rest), noise=tuple(noise), drift=())
         for name, (rest, noise, _) in levels.items()
-    ]
-    kept = [c for c in calibration.channels if c.signature not in levels]
+    )
     rest = float(np.median([rest for rest, _, _ in levels.values()]))
     touch = max(
         max(_SIGMAS * float(noise.max()), _MARGIN * far, 2.0 * sensor.adc_step)
@@ -69,7 +68,7 @@ def learn_touch(sensor: Sensor, raw: Mapping[str, FloatArray], *, source: str = 
         sensor,
         rest_volt=float(np.clip(rest, 0.0, 1.0)) * sensor.vref_volt,
         touch_volt=max(touch, 1e-6) * sensor.vref_volt,
-        calibration=replace(calibration, channels=(*kept, *new), touch=source),
+        calibration=calibration.with_channels(new, touch=source),
     )
 
 
@@ -115,11 +114,8 @@ def _untouched_level(sensor: Sensor, name: str, values: FloatArray) -> tuple[Flo
     with np.errstate(invalid="ignore"), warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # five lost readings
         lasting = np.nanmedian(windows, axis=-1)
-    return (
-        np.where(clipped, level, np.nanmean(near, axis=0)),
-        noise,
-        float(np.nanmax(np.abs(lasting - level))),
-    )
+    furthest = float(np.nanmax(np.abs(lasting - level)))
+    return np.where(clipped, level, np.nanmean(near, axis=0)), noise, furthest
 
 
 def undetectable_mm(sensor: Sensor) -> tuple[FloatArray, FloatArray]:

@@ -21,6 +21,7 @@ from tacstrip.errors import OptionError, ReadingError
 from tacstrip.io.runs import Runs
 from tacstrip.sensor.calibration import Calibration
 from tacstrip.sensor.left_out import leave_out, left_out
+from tacstrip.sensor.raw import with_equal_codes
 from tacstrip.sensor.spec import Sensor
 
 _ACCURATE = 0.3  # % of Vref: a calibration that leaves more says so
@@ -260,12 +261,7 @@ def calibrate_unit(
 
 def _fitted(runs: Runs, sensor: Sensor, out: BoolArray) -> Runs:
     """Return what is fitted: readings by equal codes of the converter, none of strips with a channel left out."""
-    raw = {
-        name: v
-        if sensor.converter is None or sensor.adc_bits is None
-        else sensor.converter.correct(v, sensor.adc_bits)
-        for name, v in runs.raw.items()
-    }
+    raw = with_equal_codes(sensor, runs.raw)
     if not out.any():
         return replace(runs, raw=raw)
     l, w = (np.where(out, np.nan, v) for v in (runs.l_mm, runs.w_mm))

@@ -188,9 +188,7 @@ def load_layers(spec: str | Path, without: Sequence[str] = ()) -> AnySensor:
     sensor: AnySensor = Sensor.load(spec)
     if isinstance(sensor, Sensor):
         sensor = replace(sensor, without=(*sensor.without, *without))
-        warn(unlikely_lengths(sensor), file=spec)
-        return sensor
-    if without:
+    elif without:
         raise OptionError(
             f"--without {without[0]}: of two layers write it into the spec: without = {list(without)!r} in a [[layer]]"
         )

@@ -149,7 +149,7 @@ def _of_layers(sensor: LayeredSensor, contact: Contact, noise: Noise) -> None:
         for x, y in outline:
             pairs = [limit.sigma[row] for limit in found]
             row += 1
-            text = "".join(f"{_short(a):>12}{_short(b):>8}" for a, b in pairs)
+            text = "".join(f"{a:>12.3g}{b:>8.3g}" for a, b in pairs)
             click.echo(f"{number:>6} {x:9.5g} {y:9.5g}{text}")
     seen = [int(np.isfinite(limit.sigma).all(axis=1).sum()) for limit in found]
     told = ", ".join(f"{name} {count}" for name, count in zip(names, seen, strict=True))
@@ -163,8 +163,8 @@ def _show_limits(outline: Outline, found: list[Limit]) -> None:
     click.echo(f"{'x':>9} {'y':>9}" + "".join(f"{'x':>11}{'y':>9}" for _ in names))
     for i, (x, y) in enumerate(outline.vertices):
         pairs = [limit.sigma[i] for limit in found]
-        click.echo(f"{x:9.6g} {y:9.6g}" + "".join(f"{_short(a):>11}{_short(b):>9}" for a, b in pairs))
-    click.echo("RMS over vertices  " + "".join(f"{_short(limit.rms):>20}" for limit in found))
+        click.echo(f"{x:9.6g} {y:9.6g}" + "".join(f"{a:>11.3g}{b:>9.3g}" for a, b in pairs))
+    click.echo("RMS over vertices  " + "".join(f"{limit.rms:>20.3g}" for limit in found))
     if not all(math.isfinite(limit.rms) for limit in found):
         click.echo("inf: the strips in contact do not determine it; a finer pitch or a wider contact would")
 
@@ -176,15 +176,15 @@ def _show_joint(
     rms = vertex_rms(joint_bound(sensor, outline.vertices, scans, slide_mm, turn, sigma))
     click.echo(
         f"{scans} scans in which it slides {slide_mm:g} mm across the strips and turns {math.degrees(turn):g} deg, all "
-        f"signatures: {_short(rms)} mm RMS of the shape (`tacstrip track`)"
+        f"signatures: {rms:.3g} mm RMS of the shape (`tacstrip track`)"
     )
 
 
 def _show_map(over: ErrorMap) -> None:
     best, worst = over.rms_mm.min(), over.rms_mm.max()
     click.echo(
-        f"Over the sensor, {over.rms_mm.size} places, all signatures: {_short(best)} to {_short(worst)} mm RMS, "
-        f"median {_short(float(np.median(over.rms_mm)))}"
+        f"Over the sensor, {over.rms_mm.size} places, all signatures: {best:.3g} to {worst:.3g} mm RMS, "
+        f"median {np.median(over.rms_mm):.3g}"
     )
 
 
@@ -217,17 +217,13 @@ def _show_designs(reached: list[Design], others: list[Design], tried: int, wante
         s = d.sensor
         click.echo(
             f"{s.construction:<13}{s.strips:>7}{s.pitch_mm:>8.4g}{s.length_mm:>8.4g}{s.adc_bits:>5}"
-            f"{_short(d.error_mm):>9}{100.0 * d.noise:>9.3g}  {', '.join(d.unmet) or 'none'}"
+            f"{d.error_mm:>9.3g}{100.0 * d.noise:>9.3g}  {', '.join(d.unmet) or 'none'}"
         )
     if len(reached) > _MOST_LINES:
         click.echo(f"... and {len(reached) - _MOST_LINES} more; -o writes all of them")
     click.echo(
         "`fails` are of Harmon's requirements (table 2.1); surface and sensitivity are not in the model"
     )
-
-
-def _short(value: float) -> str:
-    return f"{value:.3g}"
 
 
 def _record(

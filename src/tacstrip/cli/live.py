@@ -50,6 +50,10 @@ _POLL_S = 0.1
 # The simulator's, where no spec is given.
 _SENSOR = Sensor(construction="crs-crs", strips=50, pitch_mm=2.0, length_mm=100.0, adc_bits=12)
 _RATE_HZ, _LAYERED_HZ = 1000.0, 100.0
+_LOCAL_READERS = (
+    "; readers on this computer find them if they look there: ROS_LOCALHOST_ONLY=1, from Iron on "
+    "ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST, or give --ros-interface auto here"
+)
 
 
 @click.command()
@@ -252,14 +256,7 @@ def _sinks(live: Live, given: dict[str, Any]) -> Iterator[Sink]:
         chosen = {key: given[option] for option, key in _ROS2.items() if given[option] is not None}
         yield ros2_sink(live, **chosen)
         name = chosen.get("name", "tacstrip")
-        here = (
-            ""
-            if "interface" in chosen
-            else (
-                "; readers on this computer find them if they look there: ROS_LOCALHOST_ONLY=1, from Iron on "
-                "ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST, or give --ros-interface auto here"
-            )
-        )
+        here = "" if "interface" in chosen else _LOCAL_READERS
         note(f"ROS 2: topics below /{name}, on {chosen.get('interface', 'this computer alone')}{here}")
     if given["foxglove"] is not None:
         host = given["foxglove_host"]

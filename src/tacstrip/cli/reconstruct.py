@@ -57,7 +57,6 @@ _OF_METHODS = {  # option: the methods that have it
                 help="For polygon, of how sure a shape is: thorough, fast or none.")  # fmt: skip
 @options.option("--area", "area_mm2", metavar="MM2[,SIGMA]",
                 help="For polygon: area of each contact if known, to 20 % or SIGMA [mm2].")  # fmt: skip
-@options.flag("--wide", hidden=True)
 @options.file("--object", "known_object",
               help="A known rigid object's outline (.wkt, .geojson): its pose is fitted.")  # fmt: skip
 @options.option("--transitions", default="auto", metavar="RULE|X,X,..",
@@ -74,7 +73,6 @@ def command(
     method: str | None,
     noise: Noise,
     without: tuple[str, ...],
-    wide: bool,
     known_object: Path | None,
     average: int,
     truth: Path | None,
@@ -87,10 +85,6 @@ def command(
 
     Example: tacstrip reconstruct sensor.toml readings.csv -o shapes.geojson --plot shapes.png
     """
-    if wide:
-        raise OptionError(
-            "--wide is gone: strip_width_mm in the spec makes strips as wide; leave the option out"
-        )
     protect(output, sensor, readings, truth, known_object)
     protect(plot, sensor, readings, truth, known_object, output)
     why = "is not for a known object; leave it or --object out"

@@ -93,9 +93,8 @@ class Contact(Drawn):
     def from_wkt(cls, text: str) -> Self:
         """Read well-known text: POLYGON, LINESTRING, POINT, their MULTI kinds and GEOMETRYCOLLECTION."""
         try:
-            if re.search(
-                r"\b[+-]?0x", text, re.IGNORECASE
-            ):  # GEOS reads hexadecimal numbers, if not on all systems
+            # GEOS reads hexadecimal numbers, if not on all systems.
+            if re.search(r"\b[+-]?0x", text, re.IGNORECASE):
                 raise ValueError
             with np.errstate(over="ignore", invalid="ignore"):  # 1e999 is infinite, and refused as that
                 geometry = shapely.from_wkt(text)

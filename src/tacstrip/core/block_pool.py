@@ -15,9 +15,8 @@ import numpy.typing as npt
 
 _PAGE = 2**21  # bytes of a large page
 _ALIGNED = 64  # bytes at a multiple of which every array begins
-_SMALL = (
-    2**17
-)  # bytes that an allocator has at hand; more it takes from the system, and gives back, every time
+# Bytes that an allocator has at hand; more it takes from the system, and gives back, every time.
+_SMALL = 2**17
 _KEPT = 128 * 2**20  # bytes that are kept for later at most
 _WASTE = 2  # times what is wanted, that a block may have
 

@@ -207,9 +207,8 @@ def _plain_best_lines(
     sums = np.zeros((6, n + 1))
     np.cumsum(weight * np.stack([np.ones(n), x, x * x, y, x * y, y * y]), axis=1, out=sums[:, 1:])
     best, back = np.zeros(n + 1), np.zeros(n + 1, dtype=np.int64)
-    s, sx, sxx, sy, sxy, syy = (
-        sums[:, None, :] - sums[:, :, None]
-    )  # from the row's strip to before the column's
+    # From the row's strip to before the column's.
+    s, sx, sxx, sy, sxy, syy = sums[:, None, :] - sums[:, :, None]
     with np.errstate(divide="ignore", invalid="ignore"):
         own = s * sxx - sx * sx
         cost = syy - sy * sy / s - np.where(own > 1e-12 * s * sxx, (s * sxy - sx * sy) ** 2 / (own * s), 0.0)

@@ -58,9 +58,8 @@ def plain_lowest(
             multiplier = np.linalg.solve(root, shares)
             worst = int(multiplier.argmin()) if len(met) else 0
             if not len(met) or multiplier[worst] >= -_ROUNDING * scale:
-                return -float(
-                    np.maximum(multiplier, 0.0) @ slack[met]
-                )  # of the dual: a bound despite rounding
+                # Of the dual: a bound despite rounding.
+                return -float(np.maximum(multiplier, 0.0) @ slack[met])
             active[:] = [*np.delete(met, worst), *[-1] * (size - len(met) + 1)]
             continue
         along, room = a @ direction, np.maximum(slack - a @ at, 0.0)

@@ -139,9 +139,8 @@ def _runs(
         raise ReadingError(misspelt)
     columns = value_columns(header, sensor)
     left = left_out(sensor)
-    out_of = np.array(
-        [left.get(c.signature, np.zeros(sensor.strips, bool)) for c in columns]
-    )  # (columns, strips)
+    none = np.zeros(sensor.strips, bool)
+    out_of = np.array([left.get(c.signature, none) for c in columns])  # (columns, strips)
     out = np.asarray(out_of.any(axis=0))
     named = {name: header.index(name) for name in ("sensor", "unit") if name in header}
     # A row is l, w, line, their deviations and the readings; of an untouched strip the readings alone.

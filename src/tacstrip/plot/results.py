@@ -399,9 +399,8 @@ def _draw_shapes(
                 draw_object(axes, drawn)
             continue
         if found.found:
-            doubtful = found.status not in ("ok", "likely")
             if found.hidden is None:
-                draw_polygon(axes, found.vertices, colour, drawn.label, doubtful=doubtful)
+                draw_polygon(axes, found.vertices, colour, drawn.label, status=found.status)
             else:
                 draw_piece(axes, found, colour, drawn.label)
             for k, other in enumerate(found.alternatives if with_regions else ()):
@@ -411,7 +410,7 @@ def _draw_shapes(
                 axes.plot(*ring.T, color=colour, linestyle=dashes, linewidth=1.0, label=label, zorder=3.5)
             if sensor.closed and found.vertices[:, 0].max() > sensor.width_mm:  # it goes on beyond the seam
                 again = found.vertices - (sensor.width_mm, 0.0)
-                draw_polygon(axes, again, colour, doubtful=doubtful)
+                draw_polygon(axes, again, colour, status=found.status)
             if with_regions:
                 around = _regions(found.vertices, found.covariance, magnify)
                 draw_regions(axes, sensor, around, colour)

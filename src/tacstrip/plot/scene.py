@@ -124,14 +124,14 @@ def draw_polygon(
     colour: str,
     label: str | None = None,
     dashed: bool = False,
-    doubtful: bool = False,
+    status: str = "ok",
     alpha: float = 1.0,
 ) -> None:
     """Draw a recovered polygon's outline and corners; a raw profile's many corners stay unmarked.
 
     A doubtful one is dashed on white, with hollow corners: dashes alone vanish on the true shape's line.
     """
-    ring = np.asarray(vertices, dtype=float)
+    ring, doubtful = np.asarray(vertices, dtype=float), status not in ("ok", "likely")
     ring = np.concatenate([ring, ring[:1]])
     marker = "o" if len(ring) < 25 else ""
     axes.plot(

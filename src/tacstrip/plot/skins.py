@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from tacstrip.arguments import takes
-from tacstrip.arrays import FloatArray
+from tacstrip.arrays import FloatArray, finite_runs
 from tacstrip.contact.press.patch import Patch
 from tacstrip.contact.press.solid import Solid
 from tacstrip.plot.scene import draw_sensor, number_strips, x_label
@@ -118,19 +118,13 @@ def _draw_flat(flat: Axes, sensor: Sensor, skin: Skin, patch: Patch) -> None:
     lengths = skin.lengths_mm
     if lengths.min() < lengths.max():
         flat.plot(sensor.x_mm, lengths, ".", color=TRUE, markersize=3.0, label="end of the strip")
-    for i, ring in enumerate(_rings(patch.outline_xyz)):
+    for i, ring in enumerate(finite_runs(patch.outline_xyz, 2)):
         flat.plot(*skin.unrolled(ring).T, color=OTHERS[0], linewidth=1.2, label=None if i else "outline")
     if sensor.closed:
         for x in (0.0, sensor.width_mm):
             flat.axvline(x, color=TRUE, linewidth=0.8, linestyle=":", label=None if x else "seam")
     flat.set(xlabel=x_label(sensor, "unrolled: strip times pitch [mm]"))
     flat.set_title(f"{patch.area_mm2:.4g} mm$^2$, {patch.force_n:.3g} N")
-
-
-def _rings(outline: FloatArray) -> list[FloatArray]:
-    """Return the pieces (N, 3) of an outline that NaN parts."""
-    cuts = np.flatnonzero(np.isnan(outline[:, 0]))
-    return [r[~np.isnan(r[:, 0])] for r in np.split(outline, cuts) if len(r) > 1]
 
 
 def _draw_space(axes: Any, skin: Skin, patch: Patch | None) -> None:
@@ -148,7 +142,7 @@ def _draw_space(axes: Any, skin: Skin, patch: Patch | None) -> None:
             axes.plot(*line.T, color=RECOVERED if touched else TRUE, linewidth=1.4 if touched else 0.5)
     if patch is not None:
         _draw_object(axes, patch.solid, float(np.ptp(surface.reshape(-1, 3), axis=0).max()))
-        for ring in _rings(patch.outline_xyz):
+        for ring in finite_runs(patch.outline_xyz, 2):
             axes.plot(*ring.T, color=OTHERS[0], linewidth=2.0, zorder=10)
     points = surface.reshape(-1, 3)
     low, high = points.min(axis=0), points.max(axis=0)

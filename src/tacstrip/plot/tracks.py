@@ -56,7 +56,6 @@ def track(tracks: Track | Sequence[Track], sensor: Sensor, *, ax: Axes | None = 
     axes = on_sensor(sensor, ax)
     any_drawn = False
     for one, colour, marker in _coloured([tracks] if isinstance(tracks, Track) else tracks):
-        doubtful = one.status not in ("ok", "likely")
         label = f"object {one.id}: {one.status}" if one.id <= _MOST_NAMED else None
         path, seen = one.centroids, np.flatnonzero(one.present)
         axes.plot(*path.T, color=colour, linewidth=0.9, zorder=4)
@@ -64,7 +63,7 @@ def track(tracks: Track | Sequence[Track], sensor: Sensor, *, ax: Axes | None = 
         drawn = seen[np.unique(np.linspace(0, len(seen) - 1, _DRAWN).astype(int))]
         # The last one first: it is in full, and in the legend.
         for order, i in enumerate(reversed(drawn.tolist())):
-            draw_polygon(axes, one.placed(i), colour, label, doubtful=doubtful, alpha=_PALER**order)
+            draw_polygon(axes, one.placed(i), colour, label, status=one.status, alpha=_PALER**order)
             label = None
         axes.plot(*path[list(one.joint)].T, "o", color=colour, markersize=2.5, fillstyle="none")
         any_drawn = True
@@ -86,8 +85,7 @@ def track_figure(sensor: Sensor, tracks: Sequence[Track]) -> Figure:
     pose.set(xlabel="time [s]", ylabel="[mm], and [deg] dotted", title="x, y and angle")
     shared, marked = np.zeros(len(tracks[0].times_s) if tracks else 0, dtype=bool), False
     for one, colour, marker in _coloured(tracks):
-        doubtful = one.status not in ("ok", "likely")
-        draw_polygon(shape, one.outline, colour, f"{one.id}: {one.status}", doubtful=doubtful)
+        draw_polygon(shape, one.outline, colour, f"{one.id}: {one.status}", status=one.status)
         for other in one.alternatives:
             ring = np.concatenate([other.vertices, other.vertices[:1]])
             shape.plot(*ring.T, color=colour, linestyle="--", linewidth=0.8, label=f"or: {other.weight:.2f}")

@@ -58,9 +58,8 @@ _NEAR = 4.0  # spreads within which two descents ended in one pose
 # Of Vref: sigma of noise of 2 %, and its estimate's error; what fits worse is another object.
 _CEILING = 0.014
 _FEWEST_READINGS = 6  # of one signature, below which ...
-_PLAUSIBLE = (
-    0.0035  # ... or above which level (P.U. profile I, estimated) [Vref] another object may explain it
-)
+# ... or above which level (P.U. profile I, estimated) [Vref] another object may explain it.
+_PLAUSIBLE = 0.0035
 _RAIL = 0.05  # of Vref: nearer to ground or Vref the contact may lie over the border
 _GUESS = 0.005  # of Vref: noise of the search where none is given
 _CHANCE, _LEAST_FREEDOM = 1e-3, 3  # of the F test, and of a polygon that it is made with

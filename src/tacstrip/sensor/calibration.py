@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, fields, replace
 from typing import Any, Self
 
 import numpy as np
@@ -100,6 +100,13 @@ class Calibration:
         if signature not in SIGNATURES:
             raise SignatureError(one_of("signature", signature, SIGNATURES))
         return Channel(signature=signature)
+
+    def with_channels(self, new: Iterable[Channel], **keys: Any) -> Self:
+        """Return it with these channels in place of those of their signatures, and with other texts."""
+        new = tuple(new)
+        names = {channel.signature for channel in new}
+        kept = (channel for channel in self.channels if channel.signature not in names)
+        return replace(self, channels=(*kept, *new), **keys)
 
     def correct(self, signature: str, k: npt.ArrayLike) -> FloatArray:
         """Return the corrected readings of raw ones, one signature on its own.

@@ -81,10 +81,8 @@ CONSTRUCTIONS: dict[str, Construction] = {
             keys=frozenset({"resistivity_ratio"}),
             required=frozenset({"contact_lambda_mm"}),
             closed_form=False,
-            wires=(
-                4,
-                0,
-            ),  # both ends of a strip, and an electrode on either edge of the sheet in line with it
+            # Both ends of a strip, and an electrode on either edge of the sheet in line with it.
+            wires=(4, 0),
             models="3.3",
         ),
         Construction(

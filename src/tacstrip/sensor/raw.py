@@ -46,9 +46,7 @@ def apply_calibration(sensor: Sensor, raw: Mapping[str, FloatArray]) -> dict[str
     """
     there = touched(sensor, raw)
     values = {name: np.where(there, v, np.nan) for name, v in leave_out(sensor, raw).items()}
-    if sensor.converter is not None and sensor.adc_bits is not None:
-        values = {name: sensor.converter.correct(v, sensor.adc_bits) for name, v in values.items()}
-    calibration = sensor.calibration
+    values, calibration = with_equal_codes(sensor, values), sensor.calibration
     if calibration is None:
         return values
     return _by_pairs(values, sensor, calibration.correct_pair, calibration.correct)
@@ -63,6 +61,13 @@ def invert_calibration(sensor: Sensor, readings: Mapping[str, FloatArray]) -> di
     if sensor.converter is not None and sensor.adc_bits is not None:
         raw = {name: sensor.converter.distort(v, sensor.adc_bits) for name, v in raw.items()}
     return raw
+
+
+def with_equal_codes(sensor: Sensor, raw: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+    """Return raw readings as a converter would give them whose codes are all equally wide."""
+    if sensor.converter is None or sensor.adc_bits is None:
+        return dict(raw)
+    return {name: sensor.converter.correct(v, sensor.adc_bits) for name, v in raw.items()}
 
 
 def _by_pairs(

@@ -349,26 +349,21 @@ def _check(s: Sensor) -> None:
         here, missing = ("touch_volt", "rest_volt") if s.rest_volt is None else ("rest_volt", "touch_volt")
         raise SpecError(f"{here} is set and {missing} is not: give both or neither")
     longer = f"must not exceed length_mm = {s.length_mm}; both are millimetres"
+    furthest = s.vref_volt if s.rest_volt is None else max(s.rest_volt, s.vref_volt - s.rest_volt)
+    never = f"no reading is so far from rest_volt = {s.rest_volt}, so nothing would count as touched; both are volts"
+    vanishing = 0.0 < s.contact_lambda_mm < 1e-200
     limits: tuple[tuple[str, bool, str], ...] = (
         ("format", s.format == FORMAT, f"this tacstrip reads format {FORMAT}"),
         ("strips", 1 <= s.strips <= _MOST_STRIPS, "must be 1 to 1000000"),
         ("strip_width_mm", s.strip_width <= s.pitch_mm, f"must not exceed pitch_mm = {s.pitch_mm}"),
         ("contact_lambda_mm", s.contact_lambda_mm >= 0.0, "must be 0 (ideal) or more"),
-        (
-            "contact_lambda_mm",
-            not 0.0 < s.contact_lambda_mm < 1e-200,
-            "nothing is so short: 0 is ideal contact",
-        ),
+        ("contact_lambda_mm", not vanishing, "nothing is so short: 0 is ideal contact"),
         ("contact_lambda_mm", s.contact_lambda_mm <= s.length_mm, longer),
         ("adc_bits", s.adc_bits is None or 1 <= s.adc_bits <= 32, "must be 1 to 32"),
         ("strip_base", s.strip_base in (0, 1), "must be 0 or 1"),
         ("rest_volt", s.rest_volt is None or 0 <= s.rest_volt <= s.vref_volt, "must be 0 to vref_volt"),
         ("touch_volt", s.touch_volt is None or s.touch_volt > 0.0, "must be above 0"),
-        (
-            "touch_volt",
-            s.rest_volt is None or (s.touch_volt or 0.0) <= max(s.rest_volt, s.vref_volt - s.rest_volt),
-            f"no reading is so far from rest_volt = {s.rest_volt}, so nothing would count as touched; both are volts",
-        ),
+        ("touch_volt", s.rest_volt is None or (s.touch_volt or 0.0) <= furthest, never),
     )
     for key, good, advice in limits:
         if not good:

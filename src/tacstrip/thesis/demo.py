@@ -124,10 +124,8 @@ def picture(demo: Demo) -> Figure:
     for name, colour in _COLOURS.items():
         found = fits[name]
         draw_regions(recovered, demo.sensor, regions(found.vertices, found.covariance), colour)
-        doubtful = found.status not in ("ok", "likely")
-        draw_polygon(
-            recovered, found.vertices, colour, f"{name} calibration: {found.status}", doubtful=doubtful
-        )
+        label = f"{name} calibration: {found.status}"
+        draw_polygon(recovered, found.vertices, colour, label, status=found.status)
     corners = [demo.contact.vertices, *(found.vertices for found in fits.values())]
     zoom(recovered, np.concatenate(corners), demo.sensor, 0.1)
     handles, labels = recovered.get_legend_handles_labels()

@@ -193,19 +193,16 @@ def sensor_of(construction: str, strips: Any, like: Sensor) -> Sensor:
     if not isinstance(strips, int) or not 2 <= strips <= MAX_STRIPS:
         raise OptionError(f"strips = {strips}: must be 2 to {MAX_STRIPS}")
     count = min(strips, max_count)
-    if (surface := like.surface) is not None:
-        return Sensor(
-            construction=construction, strips=count, pitch_mm=surface.pitch_mm(count),
-            length_mm=surface.length_mm(count), vref_volt=like.vref_volt, adc_bits=like.adc_bits, surface=surface,
-        )  # fmt: skip
-    pitch = like.width_mm / count
+    pitch, length = like.width_mm / count, like.length_mm
     given: dict[str, Any] = {}
+    if (surface := like.surface) is not None:
+        pitch, length, given = surface.pitch_mm(count), surface.length_mm(count), {"surface": surface}
     if "radius_mm" in kind.keys:
         given["radius_mm"] = like.width_mm / 3.0
     if not kind.closed_form:
         given |= {"contact_lambda_mm": 0.02 * like.length_mm, "resistivity_ratio": 100.0}
     return Sensor(
-        construction=construction, strips=count, pitch_mm=pitch, length_mm=like.length_mm,
+        construction=construction, strips=count, pitch_mm=pitch, length_mm=length,
         vref_volt=like.vref_volt, adc_bits=like.adc_bits, **given,
     )  # fmt: skip
 

@@ -10,7 +10,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from tacstrip.arrays import FloatArray, plain
+from tacstrip.arrays import FloatArray, finite_runs, plain
 from tacstrip.contact.press.patch import Patch, press
 from tacstrip.contact.press.solid import Solid
 from tacstrip.errors import ContactError, OptionError, one_of
@@ -89,13 +89,13 @@ class Pressed:
         """Return it and its patch for the page: the outline unrolled and in space, and lines of the solid."""
         skin, outline = skin_of(sensor), patch.outline_xyz
         outline = outline[:: max(1, len(outline) // _OUTLINE)] if len(outline) else np.full((1, 3), np.nan)
-        rings = [skin.unrolled(piece) for piece in _parted(np.concatenate([outline, outline[:1]]))]
+        rings = [skin.unrolled(piece) for piece in finite_runs(np.concatenate([outline, outline[:1]]), 2)]
         size = float(np.ptp(_grid(skin)[0].reshape(-1, 3), axis=0).max())
         solid = patch.solid
         lines = [line @ solid.axes + solid.position_mm for line in _wire(solid, _REACH * size)]
         return {
             **asdict(self),
-            "rings": [plain(part, 2) for ring in rings for part in _parted(ring)],
+            "rings": [plain(part, 2) for ring in rings for part in finite_runs(ring, 2)],
             "lines": [plain(line, 2) for line in lines],
             "area_mm2": round(patch.area_mm2, 2), "force_n": round(patch.force_n, 3),
         }  # fmt: skip
@@ -145,12 +145,6 @@ def _grid(skin: Skin) -> tuple[FloatArray, FloatArray, int]:
     facing = np.cross(points[c + 1, r] - points[c, r], points[c, r + 1] - points[c, r])
     across, up = (v[c, r] for v in np.broadcast_arrays(*place))
     return points, lengths, 1 if float(facing @ skin.normals(across, up)) > 0.0 else -1
-
-
-def _parted(points: FloatArray) -> list[FloatArray]:
-    """Return the pieces of a line (N, K) that NaN parts."""
-    cuts = np.flatnonzero(np.isnan(points[:, 0]))
-    return [piece for part in np.split(points, cuts) if len(piece := part[~np.isnan(part[:, 0])]) > 1]
 
 
 def _wire(solid: Solid, reach: float) -> list[FloatArray]:

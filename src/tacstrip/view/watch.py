@@ -37,9 +37,7 @@ class Verdicts:
 
     def update(self, report: Mapping[str, Any]) -> list[str]:
         """Take another report of the doctor, as JSON; return what changed, a line each."""
-        faults = {
-            name: finding["fault"] for finding in report["findings"] for name in _channels(finding)
-        }  # fmt: skip
+        faults = {name: finding["fault"] for finding in report["findings"] for name in _channels(finding)}
         if len({name.partition(":")[0] for name in faults}) > _MOST * len(report["strips"]):
             return []
         looked_at = {str(row["strip"]) for row in report["strips"] if row["touched_scans"]}

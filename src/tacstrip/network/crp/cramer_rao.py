@@ -1,4 +1,4 @@
-"""The Cramer-Rao bound of l and u from the readings of a CRS-CRP sensor."""
+"""How the readings of a CRS-CRP sensor change with l and u: what its Cramer-Rao bound is made of."""
 
 from __future__ import annotations
 
@@ -8,34 +8,12 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.errors import NetworkError, one_of
-from tacstrip.fisher import checked_sigma
-from tacstrip.fisher import covariance as covariance_bound
 from tacstrip.network.crp.factored import FactoredScan
 from tacstrip.network.crp.mesh import SheetMesh, Wiring, checked_span
 from tacstrip.sensor.spec import Sensor
 
 Electrodes: TypeAlias = Literal["own", "all"]
 _ELECTRODES = ("own", "all")
-
-
-def covariance(
-    sensor: Sensor,
-    l: FloatArray,
-    u: FloatArray,
-    sigma: float = 1e-3,
-    electrodes: Electrodes = "own",
-    rows: int | None = None,
-    wiring: Wiring | None = None,
-) -> FloatArray:
-    """Return the Cramer-Rao bound of l of all strips, then u (2 strips, 2 strips) [mm^2]; NaN where untouched.
-
-    Its diagonal's square root is the least standard error that any unbiased method can have when every reading
-    has independent normal noise of `sigma` [Vref]; inf where the readings do not identify an end.
-    Other arguments and errors as for `own_electrodes`.
-    """
-    strip, by_ends = jacobian(sensor, l, u, electrodes, rows, wiring)
-    scaled = by_ends.reshape(-1, 2 * len(strip)) / checked_sigma(sigma)
-    return embed_touched(covariance_bound(scaled), strip, sensor.strips)
 
 
 def jacobian(
@@ -48,8 +26,8 @@ def jacobian(
 ) -> tuple[IntArray, FloatArray]:
     """Return the touched strips (T,), and d readings / d (l, u) of them (T, E, 2 T) [1/mm].
 
-    Own electrodes are k_h, then k_l; all of them are in the order of `all_electrodes`. Arguments and errors as
-    for `covariance`.
+    Own electrodes are k_h, then k_l; all of them are in the order of `contact_electrodes`, as are the other arguments
+    and errors. l and u (strips,) [mm] are NaN where nothing touches; `rows` are cells of the mesh over the length.
     """
     if electrodes not in _ELECTRODES:
         raise NetworkError(one_of("electrodes", electrodes, _ELECTRODES))

@@ -16,9 +16,8 @@ from functools import cached_property
 import numpy as np
 
 from tacstrip.arrays import FloatArray, IntArray
-from tacstrip.network.crp.mesh import SheetMesh, Wiring, checked_span, contact_network
+from tacstrip.network.crp.mesh import SheetMesh, contact_network
 from tacstrip.network.nodal import Factored
-from tacstrip.sensor.spec import Sensor
 
 
 class FactoredScan:
@@ -45,20 +44,6 @@ class FactoredScan:
         ends = np.concatenate([resistors.electrode, resistors.bottom, resistors.top])
         self._kept = np.unique(np.concatenate([ends, self._beside_ends(lengths)]))
 
-    @classmethod
-    def of_span(
-        cls,
-        sensor: Sensor,
-        l: FloatArray,
-        u: FloatArray,
-        rows: int | None = None,
-        wiring: Wiring | None = None,
-    ) -> FactoredScan:
-        """Prepare the scan of a contact from l to u (strips,) [mm]; see `own_electrodes`."""
-        mesh = SheetMesh.of(sensor, rows, wiring)
-        strip, low, high = checked_span(mesh, l, u)
-        return cls(mesh, strip, mesh.hat_lengths(low, high))
-
     def _beside_ends(self, lengths: FloatArray) -> IntArray:
         """Return the nodes in the rows beside the outer ends of the contact, and one row further."""
         touched = lengths > 0.0
@@ -82,6 +67,12 @@ class FactoredScan:
         """Return what all electrodes read while each touched strip is energised (T, 2 strips) [Vref]."""
         read, (ground, drop) = self.phi[self._place(self.resistors.electrode)], self._ends()
         return np.asarray((read.T - ground[:, None]) / drop[:, None])
+
+    def all_readings(self) -> FloatArray:
+        """Return the readings of all strips (strips, 2 strips) [Vref], NaN where nothing touches."""
+        readings = np.full((self.mesh.strips, 2 * self.mesh.strips), np.nan)
+        readings[self.resistors.strip] = self.readings()
+        return readings
 
     def _ends(self) -> tuple[FloatArray, FloatArray]:
         """Return the potential of each energised strip's grounded end, and of its other end over that (T,)."""

@@ -16,16 +16,9 @@ import numpy as np
 from tacstrip.arrays import FloatArray
 from tacstrip.errors import ReadingError
 from tacstrip.fisher import covariance as covariance_bound
-from tacstrip.network.crp.cramer_rao import Electrodes as Electrodes
-from tacstrip.network.crp.cramer_rao import covariance as covariance
 from tacstrip.network.crp.cramer_rao import embed_touched
 from tacstrip.network.crp.descent import POOR_FIT, InversionProblem
-from tacstrip.network.crp.factored import FactoredScan as FactoredScan
-from tacstrip.network.crp.mesh import Wiring as Wiring
-from tacstrip.network.crp.readings import all_electrodes as all_electrodes
-from tacstrip.network.crp.readings import contact_electrodes as contact_electrodes
-from tacstrip.network.crp.readings import measurements as measurements
-from tacstrip.network.crp.readings import own_electrodes as own_electrodes
+from tacstrip.network.crp.mesh import Wiring
 from tacstrip.sensor.spec import Sensor
 
 StripStatus: TypeAlias = Literal["ok", "no contact", "short contact", "not converged"]
@@ -87,7 +80,8 @@ def invert(
     convex
         Whether each run of touched strips is taken for one convex contact: l(x) bends up only, u(x) down only.
     rows, wiring
-        Mesh and wiring, as for `own_electrodes`.
+        Cells of the mesh over the length, by default 4 per lambda, 100 to 400; what the other strips and the sheet's
+        edges are joined to, nothing by default.
     max_networks
         Networks to factor at most, for each of three starts.
 
@@ -116,7 +110,7 @@ def invert_all(
 ) -> InversionResult:
     """Find l and u of all strips from all electrodes, read while each strip is energised.
 
-    `readings` (strips, 2 strips) [Vref] are in the order of `all_electrodes`, a row of NaN where a strip is
+    `readings` (strips, 2 strips) [Vref] are in the order of `contact_electrodes`, a row of NaN where a strip is
     untouched. The rest is as for `invert`.
     """
     readings = np.asarray(readings, dtype=float)

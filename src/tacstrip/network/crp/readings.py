@@ -1,4 +1,4 @@
-"""What the electrodes of a CRS-CRP sensor read: strip by strip, for spans or for shapes."""
+"""What the electrodes of a CRS-CRP sensor read of a shape, and the networks behind."""
 
 from __future__ import annotations
 
@@ -20,20 +20,18 @@ from tacstrip.network.nodal import Measurement
 from tacstrip.sensor.spec import Sensor
 
 
-def own_electrodes(
-    sensor: Sensor, l: FloatArray, u: FloatArray, rows: int | None = None, wiring: Wiring | None = None
-) -> tuple[FloatArray, FloatArray]:
-    """Return k_h and k_l (strips,) [Vref]: the electrodes in line with each energised strip, at y = L and y = 0.
+def contact_electrodes(sensor: Sensor, contact: Contact, wiring: Wiring | None = None) -> FloatArray:
+    """Return what all electrodes read while each strip is energised (strips, 2 strips) [Vref].
+
+    Columns: the electrodes at y = 0 in the order of the strips, then those at y = L. Each of the shape's separate
+    pieces on a strip counts.
 
     Parameters
     ----------
     sensor
         Its strips, pitch, strip width, length, `resistivity_ratio` (sheet over strips) and `contact_lambda_mm`.
-    l, u
-        Ends of the contact on each strip (strips,) [mm]; NaN where untouched, and so are the readings there.
-        A contact shorter than 1e-6 L is taken as one of 1e-6 L.
-    rows
-        Cells of the mesh over the length; by default 4 per lambda, 100 to 400.
+    contact
+        What touches.
     wiring
         What the other strips and the sheet's edges are joined to; nothing by default.
 
@@ -42,30 +40,10 @@ def own_electrodes(
     SpecError
         The sensor cannot be: ratio or lambda is not above 0.
     ContactError
-        Nothing is touched, or l and u are not on the sensor.
+        Nothing is touched.
     """
-    readings = all_electrodes(sensor, l, u, rows, wiring)
-    each = np.arange(sensor.strips)
-    return readings[each, sensor.strips + each], readings[each, each]
-
-
-def all_electrodes(
-    sensor: Sensor, l: FloatArray, u: FloatArray, rows: int | None = None, wiring: Wiring | None = None
-) -> FloatArray:
-    """Return what all electrodes read while each strip is energised (strips, 2 strips) [Vref].
-
-    Columns: the electrodes at y = 0 in the order of the strips, then those at y = L. Arguments and errors as
-    for `own_electrodes`.
-    """
-    return _expand(sensor, FactoredScan.of_span(sensor, l, u, rows, wiring))
-
-
-def contact_electrodes(
-    sensor: Sensor, contact: Contact, rows: int | None = None, wiring: Wiring | None = None
-) -> FloatArray:
-    """Return what `all_electrodes` does for a shape; each of its separate pieces on a strip counts."""
-    mesh = SheetMesh.of(sensor, rows, wiring)
-    return _expand(sensor, FactoredScan(mesh, *_pieces(mesh, sensor, contact)))
+    mesh = SheetMesh.of(sensor, wiring=wiring)
+    return FactoredScan(mesh, *_pieces(mesh, sensor, contact)).all_readings()
 
 
 def _pieces(mesh: SheetMesh, sensor: Sensor, contact: Contact) -> tuple[IntArray, FloatArray]:
@@ -81,12 +59,6 @@ def _pieces(mesh: SheetMesh, sensor: Sensor, contact: Contact) -> tuple[IntArray
         l = np.full(sensor.strips, np.nan)
         checked_span(mesh, l, l)
     return touched, lengths
-
-
-def _expand(sensor: Sensor, scan: FactoredScan) -> FloatArray:
-    readings = np.full((sensor.strips, 2 * sensor.strips), np.nan)
-    readings[scan.resistors.strip] = scan.readings()
-    return readings
 
 
 def contact_measurements(sensor: Sensor, contact: Contact, rows: int | None = None) -> dict[int, Measurement]:

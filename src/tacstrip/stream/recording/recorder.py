@@ -156,7 +156,7 @@ class Recorder:
             self._reference, self._first_s, self._since = raw.codes, raw.time_s, time.monotonic()
         parts = [(self._scan_channel, messages.scan_message(raw, self._sensor, self._reference, now_ns))]
         for shape in raw.shapes:
-            channel = self._polygon_channels[shape.status if shape.status in POLYGON_TOPICS else "doubtful"]
+            channel = self._polygon_channels.get(shape.status, self._polygon_channels["doubtful"])
             parts.append((channel, messages.polygon_message(shape.vertices, now_ns)))
         for track in raw.tracks:
             parts.append((self._track_channel, messages.track_message(track, now_ns)))

@@ -88,21 +88,18 @@ def residual_rows() -> list[dict[str, Any]]:
 
 def prototype_rows() -> list[dict[str, Any]]:
     """Return the geometry of the shipped specs under the keys of the printed one."""
-    rows = []
-    for name in PROTOTYPES:
-        s = twin(name)
-        rows.append(
-            {
-                "strips": s.strips,
-                "strip_width_cm": s.strip_width / 10.0,
-                "strip_length_cm": s.length_mm / 10.0,
-                "digital_extent_cm": s.width_mm / 10.0,
-                "elements_per_cm": 10.0 / s.pitch_mm,
-                "radius_cm": None if s.radius_mm is None else s.radius_mm / 10.0,
-                "spec": PROTOTYPES[name],
-            }
-        )
-    return rows
+    return [
+        {
+            "strips": s.strips,
+            "strip_width_cm": s.strip_width / 10.0,
+            "strip_length_cm": s.length_mm / 10.0,
+            "digital_extent_cm": s.width_mm / 10.0,
+            "elements_per_cm": 10.0 / s.pitch_mm,
+            "radius_cm": None if s.radius_mm is None else s.radius_mm / 10.0,
+            "spec": spec,
+        }
+        for s, spec in ((twin(name), spec) for name, spec in PROTOTYPES.items())
+    ]
 
 
 def recovered_points() -> tuple[FloatArray, FloatArray, FloatArray]:
