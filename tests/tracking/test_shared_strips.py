@@ -115,3 +115,29 @@ def test_a_jump_that_a_quick_search_stays_short_of_is_searched_thoroughly(
     found = lone_ends.lone_ends(RigidScans(ten_strips(), ("kh", "kl"), k, 0.003), "uniform", (False,))
     assert [(some, str(one)) for some, one in found] == [(range(8), "found")]
     assert asked == [(5, True), (8, False), (5, False), (8, True)]
+
+
+def test_where_nothing_comes_or_goes_no_end_is_searched(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One object that deforms changes the readings smoothly; what is put down beside one makes them jump."""
+    asked = []
+
+    def stretch(scans: RigidScans, distribution: str, *, thorough: bool = False) -> None:
+        asked.append(len(scans.k))
+
+    monkeypatch.setattr(lone_ends, "rigid_stretch", stretch)
+    smooth = 0.3 + 0.2 * np.linspace(0.0, 1.0, 18)[:, None, None] ** 2 + np.zeros((18, 2, 10))
+    smooth[:, :, 8:] = np.nan
+    smooth[:10, :, 7] = np.nan  # one strip more is touched than before
+    jumps, spreads = smooth.copy(), smooth.copy()
+    jumps[9:, 1, 3] += 0.1
+    spreads[9:, :, :] = 0.4
+
+    def searched(k: FloatArray, *, both: bool = False) -> list[int]:
+        asked.clear()
+        lone_ends.lone_ends(RigidScans(ten_strips(), ("kh", "kl"), k, 0.003), "uniform", both=both)
+        return asked.copy()
+
+    assert searched(smooth) == []
+    assert len(searched(jumps)) == 2
+    assert len(searched(jumps, both=True)) == 1  # the first end has none: the last one would be of no use
+    assert len(searched(spreads)) == 2
