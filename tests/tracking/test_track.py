@@ -218,6 +218,7 @@ def test_offsets_of_channels_are_found_along_with_the_shape() -> None:
     (one,) = ts.track(scans, sensor, NOISE)
     assert (one.status, len(one.outline)) == ("ok", 5)
     assert distance(one.outline, CORNERS) < 0.4
+    assert Offsets(off, 0.003, told=8.0).upper == pytest.approx(0.0045)  # known from eight: 25 % uncertain
     often = np.isfinite(np.stack([s["kh"] for s in scans])).mean(axis=0) > 0.8
     for name, true in zip(("kh", "kl"), off, strict=True):
         assert np.std(one.offsets[name][often] - true[often]) < 0.5 * np.std(true[often])

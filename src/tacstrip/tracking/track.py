@@ -683,7 +683,7 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
     outline, spin = _turned(corners - middle, angle), _turned(np.eye(2), angle)
     equations = information(one.scans, corners, fit.poses)
     offsets = one.found.offsets
-    deviation = offsets.deviation if offsets else not_ruled_out(one.scans, fit)
+    deviation = offsets.upper if offsets else not_ruled_out(one.scans, fit)
     if deviation:
         equations = with_offsets(one.scans, fit, equations, deviation)
     shape, of_poses = covariances(equations, corners, fit.poses, freer_spline(fit.basis))

@@ -31,11 +31,19 @@ class Offsets:
         Standard deviation of offsets among the channels [Vref].
     price
         How much narrower the readings make them than this, as twice a logarithm: Occam's factor.
+    told
+        How many channels' offsets the readings tell, each counted by how far: what the deviation is known from.
     """
 
     values: FloatArray
     deviation: float
     price: float = 0.0
+    told: float = np.inf
+
+    @property
+    def upper(self) -> float:
+        """The deviation, and two of what it is uncertain by itself [Vref]: what regions must allow for."""
+        return self.deviation * (1.0 + float(np.sqrt(2.0 / max(self.told, 1.0))))
 
     @property
     def cost(self) -> float:
@@ -70,10 +78,10 @@ def channel_offsets(
             return None
         values = values + step.reshape(values.shape)
         fit = fitted(replace(scans, k=scans.k - values), fit.corners, fit.poses, 10, basis=fit.basis)
-        own, prior = values.ravel()[touched], deviation
-        deviation = float(np.sqrt((own**2 + np.linalg.inv(known_of).diagonal()).mean()))
+        own, spread, prior = values.ravel()[touched], np.linalg.inv(known_of).diagonal(), deviation
+        deviation = float(np.sqrt((own**2 + spread).mean()))
         deviation = min(max(deviation, _LEAST), _MOST)
-    found_now = Offsets(values, prior, price)
+    found_now = Offsets(values, prior, price, float((1.0 - spread / prior**2).sum()))
     asked_for = known or before - fit.cost - found_now.cost > _EVIDENCE
     return (found_now, fit) if asked_for else None
 
@@ -87,7 +95,8 @@ def _alone(
     slope = found.shape_slope.copy()
     slope[size:] -= values.ravel() / deviation**2
     matrix, slope, _, _ = without_poses(replace(found, shape_slope=slope), fit.basis, _DAMPING)
-    outline = np.linalg.solve(matrix[:size, :size], np.column_stack([matrix[:size, size:], slope[:size]]))
+    own = np.linalg.pinv(matrix[:size, :size], hermitian=True)  # a corner that no reading sees has none
+    outline = own @ np.column_stack([matrix[:size, size:], slope[:size]])
     known_of = matrix[size:, size:] - matrix[size:, :size] @ outline[:, :-1]
     return known_of, slope[size:] - matrix[size:, :size] @ outline[:, -1]
 
